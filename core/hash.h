@@ -1,0 +1,12 @@
+#ifndef KN_CORE_HASH_H
+#define KN_CORE_HASH_H
+// 64-bit hash of plain bytes: four independent multiply lanes over 32-byte blocks, then a mix. About 8 bytes per ns,
+// so a whole state can be hashed inside a tick. Not cryptographic. Same value on every little-endian machine.
+#include <stddef.h>
+#include <stdint.h>
+
+#define KN_HASH_SEED 0x9e3779b97f4a7c15u
+
+uint64_t kn_hash_bytes(uint64_t seed, const void *bytes, size_t size);
+
+#endif

@@ -1,0 +1,56 @@
+#ifndef KN_CORE_LAW_H
+#define KN_CORE_LAW_H
+// The constitutive law of one implicit step: one increasing function per material and time step.
+//
+// In stress units every edge of every length obeys the same law. With strain u = (p - p0)/(gamma L0) of the Voigt part and
+// rate w = L'/(gamma L0) of the whole edge, backward Euler gives for the stress s = t/(gamma kappa L0)
+//
+//     s + A g(s) = b,     A = c1 + dt k1,     b = A w + k1 u,     g(s) = s/c2(|s|)                       (1)
+//
+// g is odd and increasing, so there is exactly one s, sign(s) = sign(b), |s| <= |b|: s = T(b), a fixed function.
+// c2 is never taken at the previous stress: that chatters with period 2 at every time step (52 % force error).
+// Then u += dt (s - k1 u)/A, and the slope the solver needs, ds/dw, is A/(1 + A g') (tangent) or A/(1 + A/c2) (secant).
+//
+// Table. y = |b|/b0 with b0 = T^-1(p0). Below y = 1 and above yh = T^-1(p1)/b0 the law is a straight line, between them 16
+// cubics in y whose index is read off the float's exponent and top mantissa bits, which fit one vector register each.
+// sqrt(slope) is a quadratic on the same segments. Kinks are exact: s = max(sh y, min(sl y, P(min(y, yh)))).
+#include "core/material.h"
+#include <stdbool.h>
+
+#define KN_LAW_SEGMENTS 16
+
+typedef enum kn_law_kind {
+    KN_LAW_VOIGT,  // no damper: s = A w + k1 u with u from the length itself; no state per edge
+    KN_LAW_LINEAR, // constant c2: s = b / (1 + A/c2)
+    KN_LAW_TABLE,  // force-dependent c2 through the table
+    KN_LAW_EXACT   // force-dependent c2 by Newton per edge: F64, and laws too wide for the table
+} kn_law_kind;
+
+typedef struct kn_law {
+    kn_material mat;
+    kn_law_kind kind;
+    double dt_s;
+    double a_pa_s; // A
+    // Voigt and linear: one slope for all b; also the two ends of the table
+    double slope_rest; // ds/db for |b| <= b0 (anywhere, when linear): 1/(1 + A/c2(0))
+    double slope_flow; // ds/db for |b| >= bh: 1/(1 + A/c2(inf))
+    double b0_pa, bh_pa;
+    // table, in y = |b|/b0; segment of y in [1, yh]: (bits(y) - bits(1)) >> shift of an IEEE f32
+    int shift;
+    float cubic[4][KN_LAW_SEGMENTS];      // s/b0 = c0 + y (c1 + y (c2 + y c3))
+    float slope[3][3][KN_LAW_SEGMENTS];   // [linearization] sqrt(ds/db) = c0 + y (c1 + y c2)
+    float slope_sqrt_flow[3];             // [linearization] for y > yh
+    double table_error; // largest |table - exact| / exact of s over the whole range, measured when built
+} kn_law;
+
+// Builds the law for one step length; exact = true asks for KN_LAW_EXACT where the damper depends on force.
+// A range of b wider than the table can hold to 1e-3 also becomes KN_LAW_EXACT. dt_s >= 0 (0: an explicit method's law).
+void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact);
+
+// s = T(b) to rounding: closed form outside [p0, p1], safeguarded Newton on ln(s (1 + A/c2)/b) inside. The oracle of the table.
+double kn_law_stress(const kn_law *law, double b_pa);
+
+// ds/db at stress s: index as kn_linearization (0 blend, 1 secant, 2 tangent). ds/dw = A times this.
+double kn_law_slope(const kn_law *law, double stress_pa, int linearization);
+
+#endif

@@ -1,0 +1,98 @@
+#ifndef KN_CORE_MODEL_H
+#define KN_CORE_MODEL_H
+// The model: everything about an object and its solver that does not change while it is touched.
+// Fill a kn_model_def (kn_model_def_default gives a sensible one), build, share among any number of states and threads.
+// Nothing here is written after kn_model_build; only build allocates.
+#include "core/grid.h"
+#include "core/law.h"
+#include "core/material.h"
+
+#define KN_PROBES_MAX 4
+#define KN_NAME_MAX 24 // bytes with the NUL: KNEAD_CONTACT_<name> must fit LCM's 63-byte channel names
+
+typedef enum kn_support {
+    KN_SUPPORT_BONDED,       // the base is glued to the table
+    KN_SUPPORT_FRICTIONLESS, // the base stays in its plane and slides freely (held in tension too)
+    KN_SUPPORT_NONE          // free body
+} kn_support;
+
+typedef enum kn_probe_shape {
+    KN_PROBE_PLATE, // level rectangle, sticks to the top nodes it touches and lets go in tension
+    KN_PROBE_SPHERE // rigid ball, frictionless foundation contact
+} kn_probe_shape;
+
+typedef struct kn_probe_def {
+    char name[KN_NAME_MAX]; // channel suffix: KNEAD_POSE_<name>; [a-z0-9_]+
+    kn_probe_shape shape;
+    double size_m[2];       // PLATE: extent along x and y
+    double radius_m;        // SPHERE: >= spacing (refused below), >= 1.5 spacing advised
+    double foundation_n_m3; // SPHERE: contact stiffness per area; 0 = default (2.5e7, see contact.h)
+} kn_probe_def;
+
+typedef enum kn_solver { KN_SOLVER_IMPLICIT, KN_SOLVER_RK4 } kn_solver;
+typedef enum kn_precision { KN_PRECISION_F32, KN_PRECISION_F64 } kn_precision;
+typedef enum kn_linearization { KN_LINEARIZATION_BLEND, KN_LINEARIZATION_SECANT, KN_LINEARIZATION_TANGENT } kn_linearization;
+
+// Instruction sets with the same 16 logical lanes and the same bits. AUTO takes the best the processor has.
+typedef enum kn_isa { KN_ISA_AUTO, KN_ISA_BASE, KN_ISA_AVX2, KN_ISA_AVX512 } kn_isa;
+
+typedef struct kn_solver_def {
+    kn_solver kind;
+    kn_precision precision; // RK4 is always F64
+    kn_linearization linearization;
+    kn_isa isa;
+    double dt_s;        // step, s
+    int iterations;     // CG iterations that every step gets
+    int iterations_max; // hard cap, reached only while the residual is above the tolerance
+    double tolerance;   // preconditioned residual, relative to the largest of the recent steps; 0 = never extend
+    int passes;         // linearisations per step; 1 in real time, 3-5 with SECANT for a converged reference
+    double mass_scale;  // >= 1; RK4's way to a stable step, stated in the scene, never chosen silently
+} kn_solver_def;
+
+typedef struct kn_model_def {
+    kn_material material;
+    double density_kg_m3; // > 0
+    double gravity_m_s2;  // downwards, >= 0
+    int nodes[3];         // along x, y, z
+    double spacing_m;
+    kn_structure structure;
+    kn_support support;
+    int probe_count; // 0 .. KN_PROBES_MAX
+    kn_probe_def probe[KN_PROBES_MAX];
+    kn_solver_def solver;
+} kn_model_def;
+
+typedef struct kn_face { // one flat side of the block as a grid of nodes, for contact and drawing
+    int origin;          // node id of its (0,0)
+    int step[2];         // node id step along u and v; u x v points outwards
+    int len[2];          // nodes along u and v
+} kn_face;
+
+struct kn_kernels; // the loops chosen for this model's precision, law and processor (core/kernel.h)
+
+typedef struct kn_model {
+    kn_model_def def;
+    kn_grid grid;
+    kn_law law;
+    const struct kn_kernels *kernels;
+    kn_isa isa;          // what AUTO became
+    void *tables;        // constants of the kernels in the model's precision, one block
+    int face_count;      // faces that a probe can touch: top, four sides, base when the support is NONE
+    kn_face face[6];     // face[0] is the top
+    double *node_mass_kg; // [nodes]
+    kn_edge *edges;      // RK4 only, else NULL
+    int edge_count;
+    double rk4_limit_s;  // RK4 only: largest stable step at rest, 2.785 / lambda_max(C/M) by power iteration
+    size_t state_bytes;  // of one kn_state with its arrays
+} kn_model;
+
+// Defaults: dough of the first paper, 5 x 5 x 3 cm, h = 1 cm, bonded, no probe; implicit F32 blend, 1 ms, 8..24 iterations.
+kn_model_def kn_model_def_default(void);
+
+// Builds, or returns NULL and one sentence in error (which names RK4's limit when its step is unstable). Allocates once.
+kn_model *kn_model_build(const kn_model_def *def, char *error, size_t error_size);
+void kn_model_destroy(kn_model *model); // NULL is fine
+
+double kn_model_mass(const kn_model *model); // kg, without mass_scale
+
+#endif

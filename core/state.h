@@ -1,0 +1,52 @@
+#ifndef KN_CORE_STATE_H
+#define KN_CORE_STATE_H
+// The state: everything that changes. One allocation; copying it is a snapshot, hashing it is a test.
+#include "core/model.h"
+#include <stdint.h>
+
+// What a probe is to the lattice.
+typedef struct kn_probe_state {
+    double position_m[3];   // where the model's probe is (it follows the pose, see contact.h)
+    double velocity_m_s[3]; // over the last step
+    double work_j;          // done by the probe on the object since it was attached
+    int32_t attached;       // 0: the probe is lifted out of the model and touches nothing
+    int32_t contacts;       // nodes (plate) or samples (sphere) that carried load in the last step
+} kn_probe_state;
+
+// Saved and hashed, in this order: name, type, components. Node fields have 3, edge fields 13 reals per lane.
+#define KN_STATE_FIELDS(X)                                                                                              \
+    X(displacement, 3) /* m, from rest: keeps 1e-9 m in f32 where a coordinate could not */                             \
+    X(velocity, 3)     /* m/s, over the last step */                                                                    \
+    X(strain, KN_FORWARD) /* u of each forward edge, before the last step; absent (NULL) under KN_LAW_VOIGT */
+
+typedef struct kn_state {
+    int64_t tick; // steps since reset
+    kn_probe_state probe[KN_PROBES_MAX];
+    // chatter watch: sign changes of the force's increment in the last 64 steps; secant until secant_until
+    uint64_t chatter_bits;
+    double last_force_n, last_delta_n;
+    double residual_scale; // largest preconditioned residual norm of the recent steps, decaying over 1 s
+    int64_t secant_until;
+    int32_t bad; // 1 after a non-finite force or displacement: kn_step then does nothing until reset
+#define KN_FIELD(name, components) void *name; // float or double, as the model's precision says
+    KN_STATE_FIELDS(KN_FIELD)
+#undef KN_FIELD
+    uint8_t *held; // [KN_PROBES_MAX][top nodes] 1 where a plate holds the node
+    void *scratch; // solver vectors; not saved, not hashed
+    size_t bytes;  // of the arena that starts at this struct
+} kn_state;
+
+kn_state *kn_state_create(const kn_model *model); // reset already; NULL when memory is short
+void kn_state_destroy(kn_state *state);           // NULL is fine
+void kn_state_reset(const kn_model *model, kn_state *state); // object at rest, undeformed
+void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src);
+
+// 64-bit hash of everything saved. Equal across compilers, optimisation levels and instruction sets. Real-time safe.
+uint64_t kn_state_hash(const kn_model *model, const kn_state *state);
+
+// Position of a node now, m. Real-time safe.
+void kn_state_position(const kn_model *model, const kn_state *state, int node, double x_m[3]);
+// Velocity of a node over the last step, m/s. Real-time safe.
+void kn_state_velocity(const kn_model *model, const kn_state *state, int node, double v_m_s[3]);
+
+#endif

@@ -1,0 +1,44 @@
+#ifndef KN_CORE_STEP_H
+#define KN_CORE_STEP_H
+// One tick of the physics. No allocation, lock, clock or I/O; every loop has a bound known when the model was built.
+#include "core/state.h"
+
+typedef struct kn_probe_input {
+    bool attached;          // false: the probe is not in the model (no session, latched, fading finished)
+    double position_m[3];   // tool pose, scene frame
+    double velocity_m_s[3]; // as the device reports it, never a difference of poses
+} kn_probe_input;
+
+typedef struct kn_input {
+    kn_probe_input probe[KN_PROBES_MAX];
+    double top_load_n; // dead load spread evenly over the top face, downwards (creep tests)
+} kn_input;
+
+typedef struct kn_probe_output {
+    double force_n[3];      // what the object does to the probe
+    double torque_n_m[3];   // about the probe's position
+    double position_m[3];   // of the model's probe (proxy)
+    double work_j;          // done on the object since the probe was attached
+    int contacts;           // nodes (plate) or samples (sphere) under load
+} kn_probe_output;
+
+typedef struct kn_output {
+    kn_probe_output probe[KN_PROBES_MAX];
+    double residual; // |P^1/2 r| left / at start of the solve: how far the solver got
+    int iterations;  // CG iterations used
+    bool capped;     // stopped by iterations_max with the residual above the tolerance
+    bool secant;     // the secant fallback was in force
+} kn_output;
+
+typedef enum kn_status {
+    KN_OK,
+    KN_DIVERGED // a non-finite number: forces are zero and stay zero until kn_state_reset
+} kn_status;
+
+// Advances the state by model->def.solver.dt_s.
+kn_status kn_step(const kn_model *model, kn_state *state, const kn_input *input, kn_output *output);
+
+// Distance of a pose of probe p from the object, m: > 0 clear of it, <= 0 in contact or inside. Real-time safe.
+double kn_clearance(const kn_model *model, const kn_state *state, int p, const double position_m[3]);
+
+#endif
