@@ -1,0 +1,1 @@
+// hash: see hash.h

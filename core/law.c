@@ -1,0 +1,1 @@
+// law: see law.h

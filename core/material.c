@@ -1,0 +1,1 @@
+// material: see material.h

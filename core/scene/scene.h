@@ -1,0 +1,31 @@
+#ifndef KN_CORE_SCENE_H
+#define KN_CORE_SCENE_H
+// A scene: YAML text with units in its values -> definitions the model and the servo are built from.
+// Parse, then validate; every complaint is one line, `file:line:col: what is wrong, what was expected`.
+#include "core/model.h"
+#include "core/safety.h"
+#include <stdint.h>
+
+typedef struct kn_scene {
+    char name[64];          // file name without folder
+    int version;            // the format's, 1
+    kn_model_def model;
+    char device[16];        // profile: touch (default limits), bench (virtual hand, 40 N clamp)
+    kn_safety_limits limits;
+    double mesh_hz;         // 30..60
+    char *text;             // canonical YAML of the whole scene in SI, every default and override written out:
+                            // parsing it gives the same scene. Owned.
+    uint64_t text_hash;     // kn_hash_bytes of text
+} kn_scene;
+
+// Loads a file, or parses text that a log or a test holds. sets[] are "key=value" as given to --set, applied over the file.
+// NULL and one line in error when anything is wrong.
+kn_scene *kn_scene_load(const char *path, const char *const *sets, int set_count, char *error, size_t error_size);
+kn_scene *kn_scene_parse(const char *name, const char *text, size_t size, const char *const *sets, int set_count,
+                         char *error, size_t error_size);
+void kn_scene_destroy(kn_scene *scene); // NULL is fine
+
+// The table of every key: path, unit, range, default, meaning; NULL-terminated lines for `knead check --keys`.
+const char *const *kn_scene_keys(void);
+
+#endif

@@ -1,0 +1,1 @@
+// solver_rk4: see solver_rk4.h

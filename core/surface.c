@@ -1,0 +1,1 @@
+// surface: see surface.h

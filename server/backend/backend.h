@@ -1,0 +1,27 @@
+#ifndef KN_SERVER_BACKEND_H
+#define KN_SERVER_BACKEND_H
+// The servo's only way to the lattice. A backend steps the model somewhere: on this processor, in fixed point, on a board.
+// submit never blocks; wait returns by the deadline whatever happened, so the servo never hangs on a device.
+#include "core/step.h"
+#include <stdint.h>
+
+typedef enum kn_backend_status {
+    KN_BACKEND_OK,
+    KN_BACKEND_LATE,    // no answer by the deadline; output is the last one
+    KN_BACKEND_DIVERGED // physics gone bad: zero forces until reset
+} kn_backend_status;
+
+typedef struct kn_backend {
+    const char *name; // "cpu"
+    void *self;
+    void (*submit)(void *self, const kn_input *input);
+    kn_backend_status (*wait)(void *self, int64_t deadline_ns, kn_output *output); // CLOCK_MONOTONIC deadline
+    const kn_state *(*state)(void *self); // the lattice as it stands after the last wait; valid until the next submit
+    void (*reset)(void *self);            // object as new
+    void (*destroy)(void *self);
+} kn_backend;
+
+// On this processor, in the caller's thread: submit steps, wait returns at once. False when memory is short. Borrows model.
+bool kn_backend_cpu(kn_backend *backend, const kn_model *model);
+
+#endif

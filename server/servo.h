@@ -1,0 +1,78 @@
+#ifndef KN_SERVER_SERVO_H
+#define KN_SERVER_SERVO_H
+// The tick as a pure function: no clock, thread or socket, so the daemon, `knead replay`, tests and bench run the very same.
+//
+//     read     which probes have a session, a fresh pose, a pose clear of the object
+//     watch    silence, ramps, latches: is each probe in the model?          (core/safety.h)
+//     step     the lattice                                                   (backend)
+//     guard    finite -> impulse guard -> clamp -> gain, per probe           (core/safety.h)
+//     account  counters, events, histogram                                   (the caller publishes)
+//
+// A tick is a function of (state, tick number, missed cycles, the poses it used) and nothing else: a log that holds the
+// forces holds, by their echoes, all of these, and replays to the bit.
+#include "core/safety.h"
+#include "core/scene/scene.h"
+#include "server/backend/backend.h"
+#include <stdint.h>
+
+typedef struct kn_pose { // a validated pose: finite, unit quaternion, inside the workspace, newer than the last one
+    int64_t session, seq, sent_ns, utime;
+    double position_m[3], orientation_wxyz[4], velocity_m_s[3];
+    int32_t buttons;
+} kn_pose;
+
+typedef struct kn_tick_in {
+    int64_t tick;                 // on the 1 ms grid
+    int32_t missed;               // cycles skipped just before this tick
+    bool stop;                    // shutting down: ramp to zero
+    bool reset;                   // before this tick: object as new, probes detached
+    bool recover;                 // operator's recover
+    const kn_pose *pose[KN_PROBES_MAX]; // the latest pose of each probe, NULL: no session (none yet, or silent for 1 s)
+    bool fresh[KN_PROBES_MAX];          // that pose was not used by an earlier tick
+} kn_tick_in;
+
+typedef struct kn_force { // one probe's answer; everything contact_force_t needs but the clocks
+    bool live;            // there is a session to answer
+    int64_t session, seq, sent_ns;
+    double contact_force_n[3], contact_torque_n_m[3];
+    double force_n[3], torque_n_m[3];
+    double proxy_position_m[3];
+    double gain, energy_j, residual;
+    int32_t contacts, flags, fault;
+} kn_force;
+
+#define KN_EVENTS_PER_TICK 16
+typedef struct kn_event {
+    int64_t tick, session;
+    uint64_t state_hash; // before this tick's step
+    double arg[8];
+    int32_t kind, probe;
+} kn_event;
+
+typedef struct kn_tick_out {
+    int64_t tick;
+    int32_t missed;
+    int probes;
+    kn_force force[KN_PROBES_MAX];
+    int event_count;
+    kn_event event[KN_EVENTS_PER_TICK];
+    bool capped;
+    bool stopped; // every gain is zero after stop was asked: the loop may end
+} kn_tick_out;
+
+typedef struct kn_servo { // plain data but for the backend
+    const kn_scene *scene;
+    const kn_model *model;
+    kn_backend *backend;
+    kn_safety safety[KN_PROBES_MAX];
+    kn_pose last[KN_PROBES_MAX]; // last pose used, session 0: none
+    int64_t ticks;               // executed
+    int64_t capped;
+} kn_servo;
+
+void kn_servo_init(kn_servo *servo, const kn_scene *scene, const kn_model *model, kn_backend *backend);
+
+// One tick. Real-time safe: no allocation, lock or I/O.
+void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out);
+
+#endif
