@@ -1,1 +1,129 @@
-// grid: see grid.h
+#include "core/grid.h"
+
+// Work for one row of len nodes, in lanes: what the choice of the row axis minimises.
+static long padded(const int n[3], int along)
+{
+    long vectors = (n[along] + KN_LANES - 1) / KN_LANES;
+    return vectors * KN_LANES * ((long)n[0] * n[1] * n[2] / n[along]);
+}
+
+static void choose_axes(kn_grid *g)
+{
+    int best = 0; // ties go to x, then y: the same layout on every machine
+    for (int a = 1; a < 3; a++)
+        if (padded(g->n, a) < padded(g->n, best)) best = a;
+    g->axis[0] = best;
+    g->axis[1] = best == 0 ? 1 : 0;
+    g->axis[2] = best == 2 ? 1 : 2;
+}
+
+void kn_grid_init(kn_grid *g, const int n[3], double spacing_m, kn_structure structure)
+{
+    for (int a = 0; a < 3; a++) g->n[a] = n[a];
+    g->spacing_m = spacing_m;
+    g->structure = structure;
+    choose_axes(g);
+    for (int a = 0; a < 3; a++) g->len[a] = n[g->axis[a]];
+    g->vectors = (g->len[0] + KN_LANES - 1) / KN_LANES;
+    g->rows = g->len[1] * g->len[2];
+    g->nodes = n[0] * n[1] * n[2];
+    // E = 2.7 k/h and gamma fitted to the 1-D creep curve with all diagonals; both exact and 1 for sides alone
+    g->kappa_m = structure == KN_STRUCTURE_DIAGONALS ? spacing_m / 2.7 : spacing_m;
+    g->gamma = structure == KN_STRUCTURE_DIAGONALS ? 0.46 : 1.0;
+}
+
+int kn_grid_node(const kn_grid *g, int ix, int iy, int iz) { return (iz * g->n[1] + iy) * g->n[0] + ix; }
+
+void kn_grid_coords(const kn_grid *g, int node, int ixyz[3])
+{
+    ixyz[0] = node % g->n[0];
+    ixyz[1] = node / g->n[0] % g->n[1];
+    ixyz[2] = node / (g->n[0] * g->n[1]);
+}
+
+static void lattice_coords(const kn_grid *g, int node, int abc[3])
+{
+    int ixyz[3];
+    kn_grid_coords(g, node, ixyz);
+    for (int k = 0; k < 3; k++) abc[k] = ixyz[g->axis[k]];
+}
+
+static size_t row_slot(const kn_grid *g, int row, int components, int component, int a)
+{
+    size_t vector = ((size_t)row * (size_t)components + (size_t)component) * (size_t)g->vectors + (size_t)(a % g->vectors);
+    return vector * KN_LANES + (size_t)(a / g->vectors);
+}
+
+size_t kn_grid_offset(const kn_grid *g, int node)
+{
+    int abc[3];
+    lattice_coords(g, node, abc);
+    return row_slot(g, abc[2] * g->len[1] + abc[1], 3, 0, abc[0]);
+}
+
+void kn_grid_rest(const kn_grid *g, int node, double x_m[3])
+{
+    int ixyz[3];
+    kn_grid_coords(g, node, ixyz);
+    x_m[0] = (ixyz[0] - 0.5 * (g->n[0] - 1)) * g->spacing_m;
+    x_m[1] = (ixyz[1] - 0.5 * (g->n[1] - 1)) * g->spacing_m;
+    x_m[2] = ixyz[2] * g->spacing_m;
+}
+
+// Share of a cell layer at index i of n along one axis: half at the ends. A single layer (bar, sheet) is whole.
+static double end_share(int i, int n) { return n > 1 && (i == 0 || i == n - 1) ? 0.5 : 1.0; }
+
+double kn_grid_share(const kn_grid *g, int node)
+{
+    int ixyz[3];
+    kn_grid_coords(g, node, ixyz);
+    double share = 1;
+    for (int k = 0; k < 3; k++) share *= end_share(ixyz[k], g->n[k]);
+    return share;
+}
+
+const int kn_grid_forward[KN_FORWARD][3] = {
+    {1, 0, 0},  {-1, 1, 0}, {0, 1, 0}, {1, 1, 0},  {-1, -1, 1}, {0, -1, 1}, {1, -1, 1},
+    {-1, 0, 1}, {0, 0, 1},  {1, 0, 1}, {-1, 1, 1}, {0, 1, 1},   {1, 1, 1},
+};
+
+static int node_at(const kn_grid *g, const int abc[3])
+{
+    int ixyz[3];
+    for (int k = 0; k < 3; k++) ixyz[g->axis[k]] = abc[k];
+    return kn_grid_node(g, ixyz[0], ixyz[1], ixyz[2]);
+}
+
+// Fills *edge with forward edge e of a node; false when the lattice has no such edge.
+static bool edge_at(const kn_grid *g, int node, int e, kn_edge *edge)
+{
+    int abc[3], to[3], steps = 0;
+    lattice_coords(g, node, abc);
+    double weight = 1;
+    for (int k = 0; k < 3; k++) {
+        to[k] = abc[k] + kn_grid_forward[e][k];
+        if (to[k] < 0 || to[k] >= g->len[k]) return false;
+        if (kn_grid_forward[e][k] != 0) steps++;
+        else weight *= end_share(abc[k], g->len[k]); // layers of cells on either side that hold this edge
+    }
+    if (g->structure == KN_STRUCTURE_AXIS && steps > 1) return false;
+    edge->i = node;
+    edge->j = node_at(g, to);
+    edge->slot = (int)row_slot(g, abc[2] * g->len[1] + abc[1], KN_FORWARD, e, abc[0]);
+    edge->weight = weight;
+    edge->rest_m = g->spacing_m * (steps == 1 ? 1.0 : steps == 2 ? 1.4142135623730951 : 1.7320508075688772);
+    return true;
+}
+
+int kn_grid_edges(const kn_grid *g, kn_edge *out)
+{
+    int count = 0;
+    for (int node = 0; node < g->nodes; node++)
+        for (int e = 0; e < KN_FORWARD; e++) {
+            kn_edge edge;
+            if (!edge_at(g, node, e, &edge)) continue;
+            if (out) out[count] = edge;
+            count++;
+        }
+    return count;
+}

@@ -54,6 +54,9 @@ typedef struct kn_edge {
     double rest_m;  // L0
 } kn_edge;
 
+// Steps of forward edge e along a, b, c.
+extern const int kn_grid_forward[KN_FORWARD][3];
+
 // Chooses the row axis and fills the derived numbers. n[] >= 1; spacing_m > 0.
 void kn_grid_init(kn_grid *g, const int n[3], double spacing_m, kn_structure structure);
 

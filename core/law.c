@@ -1,1 +1,165 @@
-// law: see law.h
+#include "core/law.h"
+
+#include <math.h>
+#include <string.h>
+
+// ds/db where the damper is a constant c2: 1/(1 + A/c2); 1/c2 = 0 needs no special case.
+static double slope_of(const kn_law *law, double c2) { return 1.0 / (1.0 + law->a_pa_s / c2); }
+
+double kn_law_stress(const kn_law *law, double b_pa)
+{
+    double b = fabs(b_pa), s;
+    if (b <= law->b0_pa || law->kind == KN_LAW_VOIGT || law->kind == KN_LAW_LINEAR) {
+        s = law->slope_rest * b;
+    } else if (b >= law->bh_pa) {
+        s = law->slope_flow * b;
+    } else {
+        // Newton on ln(s (1 + A/c2(s)) / b), nearly straight in ln s; it stays inside [lo, hi] whatever happens
+        double lo = law->s0_pa, hi = law->s1_pa;
+        s = fmin(fmax(0.5 * (law->slope_rest + law->slope_flow) * b, lo), hi);
+        for (int i = 0; i < 60; i++) {
+            double r = law->a_pa_s / kn_material_c2(&law->mat, s);
+            double f = log(s * (1.0 + r) / b);
+            if (f > 0) hi = s;
+            else lo = s;
+            double next = s - f / (1.0 / s + law->mat.beta_per_pa * r / (1.0 + r));
+            if (!(next > lo && next < hi)) next = 0.5 * (lo + hi);
+            double moved = fabs(next - s);
+            s = next;
+            if (moved <= 1e-15 * s) break;
+        }
+    }
+    return copysign(s, b_pa);
+}
+
+double kn_law_slope(const kn_law *law, double stress_pa, kn_linearization how)
+{
+    double s = fabs(stress_pa);
+    if (law->kind == KN_LAW_VOIGT || law->kind == KN_LAW_LINEAR || s <= law->s0_pa) return law->slope_rest;
+    if (s >= law->s1_pa) return law->slope_flow;
+    double r = law->a_pa_s / kn_material_c2(&law->mat, s);
+    double secant = 1.0 / (1.0 + r);
+    double tangent = 1.0 / (1.0 + r * (1.0 + law->mat.beta_per_pa * s)); // g' = (1 + beta s)/c2
+    switch (how) {
+    case KN_LINEARIZATION_SECANT: return secant;
+    case KN_LINEARIZATION_TANGENT: return tangent;
+    default: return 0.5 * (secant + tangent);
+    }
+}
+
+static float float_of(unsigned bits)
+{
+    float f;
+    memcpy(&f, &bits, sizeof f);
+    return f;
+}
+
+static unsigned bits_of(float f)
+{
+    unsigned bits;
+    memcpy(&bits, &f, sizeof bits);
+    return bits;
+}
+
+#define ONE_BITS 0x3f800000u // bits(1.0f)
+
+// The polynomial of `degree` through (at, value), as monomials.
+static void fit(int degree, const double *value, const double *at, double *monomial)
+{
+    double newton[4], product[5] = {1};
+    for (int i = 0; i <= degree; i++) newton[i] = value[i];
+    for (int level = 1; level <= degree; level++)
+        for (int i = degree; i >= level; i--) newton[i] = (newton[i] - newton[i - 1]) / (at[i] - at[i - level]);
+    for (int i = 0; i <= degree; i++) monomial[i] = 0;
+    for (int i = 0; i <= degree; i++) {
+        for (int k = 0; k <= i; k++) monomial[k] += newton[i] * product[k];
+        for (int k = i + 1; k > 0; k--) product[k] = product[k - 1] - at[i] * product[k];
+        product[0] *= -at[i];
+    }
+}
+
+// Chebyshev-Lobatto points of [y0, y1]: they hold both ends, so neighbouring segments join.
+static void lobatto(int degree, double y0, double y1, double *at)
+{
+    static const double cubic[4] = {-1, -0.5, 0.5, 1}, quadratic[3] = {-1, 0, 1};
+    const double *node = degree == 3 ? cubic : quadratic;
+    for (int i = 0; i <= degree; i++) at[i] = 0.5 * (y0 + y1) + 0.5 * (y1 - y0) * node[i];
+}
+
+static void fit_segment(kn_law *law, int segment, double y0, double y1)
+{
+    double at[4], value[4], monomial[4];
+    lobatto(3, y0, y1, at);
+    for (int i = 0; i < 4; i++) value[i] = kn_law_stress(law, at[i] * law->b0_pa) / law->b0_pa;
+    fit(3, value, at, monomial);
+    for (int k = 0; k < 4; k++) law->cubic[k][segment] = (float)monomial[k];
+    lobatto(2, y0, y1, at);
+    for (unsigned how = 0; how < 3; how++) {
+        for (int i = 0; i < 3; i++) {
+            // just inside the middle branch, whose slope jumps at both kinks
+            double s = kn_law_stress(law, at[i] * law->b0_pa);
+            s = fmin(fmax(s, law->s0_pa * (1 + 1e-12)), law->s1_pa * (1 - 1e-12));
+            value[i] = sqrt(kn_law_slope(law, s, (kn_linearization)how));
+        }
+        fit(2, value, at, monomial);
+        for (int k = 0; k < 3; k++) law->slope[how][k][segment] = (float)monomial[k];
+    }
+}
+
+// The table as the kernels read it, for measuring its error.
+static double table_stress(const kn_law *law, double b)
+{
+    float yh = (float)(law->bh_pa / law->b0_pa), y = (float)(b / law->b0_pa);
+    float yc = fminf(fmaxf(y, 1.0f), yh);
+    unsigned i = (bits_of(yc) - ONE_BITS) >> law->shift;
+    float p = law->cubic[0][i] + yc * (law->cubic[1][i] + yc * (law->cubic[2][i] + yc * law->cubic[3][i]));
+    return law->b0_pa * fmax(law->slope_flow * (double)y, fmin(law->slope_rest * (double)y, (double)p));
+}
+
+// Half an octave a segment holds 8 octaves of b; wider laws take whole octaves, or two or four at a time.
+static void build_table(kn_law *law)
+{
+    float yh = (float)(law->bh_pa / law->b0_pa);
+    law->shift = 22;
+    while (law->shift < 25 && (bits_of(yh) - ONE_BITS) >> law->shift >= KN_LAW_SEGMENTS) law->shift++;
+    unsigned used = ((bits_of(yh) - ONE_BITS) >> law->shift) + 1;
+    if (used > KN_LAW_SEGMENTS) {
+        law->table_error = 1;
+        return;
+    }
+    for (unsigned i = 0; i < used; i++) {
+        double y0 = float_of(ONE_BITS + (i << law->shift)), y1 = float_of(ONE_BITS + ((i + 1) << law->shift));
+        fit_segment(law, (int)i, y0, fmin(y1, yh));
+    }
+    for (int i = 0; i <= 4000; i++) {
+        double b = law->b0_pa * pow(law->bh_pa / law->b0_pa, i / 4000.0);
+        double exact = kn_law_stress(law, b);
+        law->table_error = fmax(law->table_error, fabs(table_stress(law, b) - exact) / exact);
+    }
+}
+
+void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact)
+{
+    *law = (kn_law){.mat = *mat, .dt_s = dt_s, .a_pa_s = mat->c1_pa_s + dt_s * mat->k1_pa};
+    law->slope_rest = law->slope_flow = slope_of(law, kn_material_c2(mat, 0));
+    if (mat->damper == KN_DAMPER_NONE) {
+        law->kind = KN_LAW_VOIGT;
+        return;
+    }
+    if (mat->damper == KN_DAMPER_CONSTANT || mat->beta_per_pa == 0 || law->a_pa_s == 0) {
+        law->kind = KN_LAW_LINEAR;
+        return;
+    }
+    law->kind = KN_LAW_EXACT;
+    law->slope_flow = slope_of(law, kn_material_c2(mat, mat->p1_pa));
+    law->s1_pa = mat->p1_pa;
+    law->bh_pa = law->s1_pa / law->slope_flow;
+    // p0 = 0 leaves no straight branch; below beta s = 1e-4 the exponential is one to 1e-4
+    law->s0_pa = fmin(fmax(mat->p0_pa, 1e-4 / mat->beta_per_pa), 0.5 * mat->p1_pa);
+    if (mat->p0_pa >= law->s0_pa) law->s0_pa = mat->p0_pa;
+    law->b0_pa = law->s0_pa / slope_of(law, kn_material_c2(mat, law->s0_pa));
+    law->slope_rest = law->s0_pa / law->b0_pa;
+    if (exact) return;
+    build_table(law);
+    if (law->table_error <= 1e-3) law->kind = KN_LAW_TABLE;
+}

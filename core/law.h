@@ -13,7 +13,7 @@
 //
 // Table. y = |b|/b0 with b0 = T^-1(p0). Below y = 1 and above yh = T^-1(p1)/b0 the law is a straight line, between them 16
 // cubics in y whose index is read off the float's exponent and top mantissa bits, which fit one vector register each.
-// sqrt(slope) is a quadratic on the same segments. Kinks are exact: s = max(sh y, min(sl y, P(min(y, yh)))).
+// sqrt(slope) is a quadratic on the same segments. Kinks are exact: s = max(sh y, min(sl y, P(clamp(y, 1, yh)))).
 #include "core/material.h"
 #include <stdbool.h>
 
@@ -26,21 +26,28 @@ typedef enum kn_law_kind {
     KN_LAW_EXACT   // force-dependent c2 by Newton per edge: F64, and laws too wide for the table
 } kn_law_kind;
 
+// How the solver linearises the law around its guess.
+typedef enum kn_linearization {
+    KN_LINEARIZATION_BLEND,  // mean of the two: accurate and does not chatter up to a few thousand nodes
+    KN_LINEARIZATION_SECANT, // s/b: never chatters, a little less accurate
+    KN_LINEARIZATION_TANGENT // chatters from about 2 500 nodes
+} kn_linearization;
+
 typedef struct kn_law {
     kn_material mat;
     kn_law_kind kind;
     double dt_s;
     double a_pa_s; // A
-    // Voigt and linear: one slope for all b; also the two ends of the table
-    double slope_rest; // ds/db for |b| <= b0 (anywhere, when linear): 1/(1 + A/c2(0))
-    double slope_flow; // ds/db for |b| >= bh: 1/(1 + A/c2(inf))
-    double b0_pa, bh_pa;
-    // table, in y = |b|/b0; segment of y in [1, yh]: (bits(y) - bits(1)) >> shift of an IEEE f32
+    // The two straight ends, where tangent and secant agree; one and the same for a linear law.
+    double slope_rest;    // ds/db for |b| <= b0
+    double slope_flow;    // ds/db for |b| >= bh
+    double s0_pa, b0_pa;  // end of the resting branch (p0 of the material; a small stress when p0 = 0)
+    double s1_pa, bh_pa;  // begin of the flowing branch (p1)
+    // Table, in y = |b|/b0; the segment of y in [1, yh] is (bits(y) - bits(1)) >> shift of an IEEE f32.
     int shift;
-    float cubic[4][KN_LAW_SEGMENTS];      // s/b0 = c0 + y (c1 + y (c2 + y c3))
-    float slope[3][3][KN_LAW_SEGMENTS];   // [linearization] sqrt(ds/db) = c0 + y (c1 + y c2)
-    float slope_sqrt_flow[3];             // [linearization] for y > yh
-    double table_error; // largest |table - exact| / exact of s over the whole range, measured when built
+    float cubic[4][KN_LAW_SEGMENTS];    // s/b0 = c0 + y (c1 + y (c2 + y c3))
+    float slope[3][3][KN_LAW_SEGMENTS]; // [kn_linearization]: sqrt(ds/db) = c0 + y (c1 + y c2)
+    double table_error; // largest |table - exact|/exact of s over [b0, bh], measured when built; 0 without a table
 } kn_law;
 
 // Builds the law for one step length; exact = true asks for KN_LAW_EXACT where the damper depends on force.
@@ -50,7 +57,7 @@ void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact);
 // s = T(b) to rounding: closed form outside [p0, p1], safeguarded Newton on ln(s (1 + A/c2)/b) inside. The oracle of the table.
 double kn_law_stress(const kn_law *law, double b_pa);
 
-// ds/db at stress s: index as kn_linearization (0 blend, 1 secant, 2 tangent). ds/dw = A times this.
-double kn_law_slope(const kn_law *law, double stress_pa, int linearization);
+// ds/db at stress s; ds/dw is A times this.
+double kn_law_slope(const kn_law *law, double stress_pa, kn_linearization how);
 
 #endif

@@ -7,7 +7,7 @@
 //          +--- c1 ---+
 //
 // All three are moduli, i.e. per unit strain: a cube of side h made of this material has the stiffness k1*h.
-// One law covers three kinds of object (Tokuni & Hirai, "unified" model):
+// One law covers three kinds of object:
 //     viscoelastic  damper NONE                the deformation is lost wholly
 //     plastic       k1 = 0, c1 = c2 = 2c       the deformation stays wholly; c is the viscosity of the pair
 //     rheological   everything finite          a part comes back, the rest stays

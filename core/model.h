@@ -31,7 +31,6 @@ typedef struct kn_probe_def {
 
 typedef enum kn_solver { KN_SOLVER_IMPLICIT, KN_SOLVER_RK4 } kn_solver;
 typedef enum kn_precision { KN_PRECISION_F32, KN_PRECISION_F64 } kn_precision;
-typedef enum kn_linearization { KN_LINEARIZATION_BLEND, KN_LINEARIZATION_SECANT, KN_LINEARIZATION_TANGENT } kn_linearization;
 
 // Instruction sets with the same 16 logical lanes and the same bits. AUTO takes the best the processor has.
 typedef enum kn_isa { KN_ISA_AUTO, KN_ISA_BASE, KN_ISA_AVX2, KN_ISA_AVX512 } kn_isa;
