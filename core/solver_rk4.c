@@ -1,1 +1,204 @@
-// solver_rk4: see solver_rk4.h
+#include "core/solver_rk4.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+// Everything integrated is one flat vector y = [x: 3 per node][v: 3 per node][u: 1 per edge], nodes and edges in the order
+// of their ids; the padded fields of the state are gathered into it and scattered back, once per step.
+typedef struct shape {
+    size_t x, v, u, count; // where each part starts; reals in y
+} shape;
+
+static shape shape_of(const kn_model *model)
+{
+    size_t nodes = 3 * (size_t)model->grid.nodes;
+    size_t strains = model->law.kind == KN_LAW_VOIGT ? 0 : (size_t)model->edge_count;
+    return (shape){.x = 0, .v = nodes, .u = 2 * nodes, .count = 2 * nodes + strains};
+}
+
+size_t kn_rk4_scratch(const kn_model *model)
+{
+    size_t reals = 4 * shape_of(model).count + 3 * (size_t)model->grid.nodes; // y0, y, y', sum and the rest positions
+    return (reals * sizeof(double) + 63) / 64 * 64;
+}
+
+static void gather(const kn_model *model, const void *field, double *out)
+{
+    size_t stride = kn_grid_stride(&model->grid);
+    for (int i = 0; i < model->grid.nodes; i++)
+        for (size_t k = 0; k < 3; k++) *out++ = ((const double *)field)[kn_grid_offset(&model->grid, i) + k * stride];
+}
+
+static void scatter(const kn_model *model, const double *in, void *field)
+{
+    size_t stride = kn_grid_stride(&model->grid);
+    for (int i = 0; i < model->grid.nodes; i++)
+        for (size_t k = 0; k < 3; k++) ((double *)field)[kn_grid_offset(&model->grid, i) + k * stride] = *in++;
+}
+
+// Edge from i to j: unit vector, length, and how fast it grows.
+static double edge_geometry(const double *rest, const double *x, const double *v, const kn_edge *e, double n[3],
+                            double *rate)
+{
+    const size_t i = 3 * (size_t)e->i, j = 3 * (size_t)e->j;
+    double square = 0;
+    for (size_t k = 0; k < 3; k++) {
+        n[k] = (rest[j + k] - rest[i + k]) + (x[j + k] - x[i + k]);
+        square += n[k] * n[k];
+    }
+    double length = sqrt(square);
+    *rate = 0;
+    for (size_t k = 0; k < 3; k++) {
+        n[k] = length > 0 ? n[k] / length : 0; // two nodes in one place pull nowhere
+        *rate += n[k] * (v[j + k] - v[i + k]);
+    }
+    return length;
+}
+
+// Adds every edge's pull to f[3 per node] and writes u'.
+static void edge_forces(const kn_model *model, shape at, const double *rest, const double *y, double *f, double *du)
+{
+    const kn_law *law = &model->law;
+    bool voigt = law->kind == KN_LAW_VOIGT;
+    for (int e = 0; e < model->edge_count; e++) {
+        const kn_edge *edge = &model->edges[e];
+        double n[3], rate;
+        double length = edge_geometry(rest, y + at.x, y + at.v, edge, n, &rate);
+        double per_m = 1.0 / (model->grid.gamma * edge->rest_m); // length to strain
+        double w = rate * per_m;
+        double u = voigt ? (length - edge->rest_m) * per_m : y[at.u + (size_t)e];
+        double s = kn_law_stress(law, law->a_pa_s * w + law->mat.k1_pa * u);
+        if (!voigt) du[e] = w - kn_material_flow(&law->mat, s);
+        double tension = s * model->grid.kappa_m * edge->weight / per_m;
+        for (size_t k = 0; k < 3; k++) {
+            f[3 * (size_t)edge->i + k] += tension * n[k];
+            f[3 * (size_t)edge->j + k] -= tension * n[k];
+        }
+    }
+}
+
+// dy = y'. At fixed components the force left over, times share, goes into the reaction.
+static void derivative(const kn_model *model, const kn_boundary *b, const double *rest, const double *y, double *dy,
+                       double share)
+{
+    shape at = shape_of(model);
+    size_t nodes = (size_t)model->grid.nodes;
+    double *f = dy + at.v;
+    for (size_t i = 0; i < nodes; i++)
+        for (size_t k = 0; k < 3; k++) f[3 * i + k] = b->force_n ? b->force_n[i][k] : 0.0;
+    for (size_t i = 0; i < nodes; i++) f[3 * i + 2] -= model->node_mass_kg[i] * model->def.gravity_m_s2;
+    edge_forces(model, at, rest, y, f, dy + at.u);
+    for (size_t i = 0; i < nodes; i++)
+        for (size_t k = 0; k < 3; k++) {
+            double *acceleration = &f[3 * i + k];
+            if (b->fixed[i] >> k & 1) {
+                b->reaction_n[i][k] -= share * *acceleration;
+                *acceleration = 0;
+            } else {
+                *acceleration /= model->node_mass_kg[i] * model->def.solver.mass_scale;
+            }
+        }
+    memcpy(dy + at.x, y + at.v, 3 * nodes * sizeof *dy);
+}
+
+// Fixed components take their velocity now; the push that takes is part of the reaction.
+static void prescribe(const kn_model *model, const kn_boundary *b, double *v)
+{
+    for (size_t i = 0; i < (size_t)model->grid.nodes; i++)
+        for (size_t k = 0; k < 3; k++) {
+            b->reaction_n[i][k] = 0;
+            if (!(b->fixed[i] >> k & 1)) continue;
+            double mass = model->node_mass_kg[i] * model->def.solver.mass_scale;
+            b->reaction_n[i][k] = mass * (b->velocity_m_s[i][k] - v[3 * i + k]) / model->def.solver.dt_s;
+            v[3 * i + k] = b->velocity_m_s[i][k];
+        }
+}
+
+void kn_rk4_step(const kn_model *model, kn_state *state, const kn_boundary *boundary, void *scratch)
+{
+    static const double reach[4] = {0, 0.5, 0.5, 1}, share[4] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6};
+    shape at = shape_of(model);
+    double dt = model->def.solver.dt_s;
+    double *y0 = scratch, *y = y0 + at.count, *dy = y + at.count, *sum = dy + at.count, *rest = sum + at.count;
+
+    for (int i = 0; i < model->grid.nodes; i++) kn_grid_rest(&model->grid, i, rest + 3 * i);
+    gather(model, state->displacement, y0 + at.x);
+    gather(model, state->velocity, y0 + at.v);
+    double *strain = state->strain;
+    if (at.count > at.u)
+        for (int e = 0; e < model->edge_count; e++) y0[at.u + (size_t)e] = strain[model->edges[e].slot];
+    prescribe(model, boundary, y0 + at.v);
+
+    memset(sum, 0, at.count * sizeof *sum);
+    memset(dy, 0, at.count * sizeof *dy);
+    for (int stage = 0; stage < 4; stage++) {
+        for (size_t i = 0; i < at.count; i++) y[i] = y0[i] + reach[stage] * dt * dy[i];
+        derivative(model, boundary, rest, y, dy, share[stage]);
+        for (size_t i = 0; i < at.count; i++) sum[i] += share[stage] * dy[i];
+    }
+    for (size_t i = 0; i < at.count; i++) y0[i] += dt * sum[i];
+
+    scatter(model, y0 + at.x, state->displacement);
+    scatter(model, y0 + at.v, state->velocity);
+    if (at.count > at.u)
+        for (int e = 0; e < model->edge_count; e++) strain[model->edges[e].slot] = y0[at.u + (size_t)e];
+}
+
+// q = M^-1/2 (sum kappa weight n n^T) M^-1/2 d at rest, without support: holding nodes can only slow the fastest mode.
+static void apply_rest(const kn_model *model, const double *rest, const double *root, const double *zero,
+                       const double *d, double *q)
+{
+    memset(q, 0, 3 * (size_t)model->grid.nodes * sizeof *q);
+    for (int e = 0; e < model->edge_count; e++) {
+        const kn_edge *edge = &model->edges[e];
+        size_t i = (size_t)edge->i, j = (size_t)edge->j;
+        double n[3], rate, along = 0;
+        edge_geometry(rest, zero, zero, edge, n, &rate);
+        for (size_t k = 0; k < 3; k++) along += n[k] * (d[3 * j + k] / root[j] - d[3 * i + k] / root[i]);
+        along *= model->grid.kappa_m * edge->weight;
+        for (size_t k = 0; k < 3; k++) {
+            q[3 * i + k] -= along * n[k] / root[i];
+            q[3 * j + k] += along * n[k] / root[j];
+        }
+    }
+}
+
+// Largest eigenvalue of the lattice with k = kappa * weight on every edge, m. work holds 13 reals per node.
+static double largest_eigenvalue(const kn_model *model, double *work)
+{
+    size_t nodes = (size_t)model->grid.nodes;
+    double *rest = work, *zero = rest + 3 * nodes, *d = zero + 3 * nodes, *q = d + 3 * nodes, *root = q + 3 * nodes;
+    memset(zero, 0, 3 * nodes * sizeof *zero);
+    for (size_t i = 0; i < nodes; i++) {
+        kn_grid_rest(&model->grid, (int)i, rest + 3 * i);
+        root[i] = sqrt(model->node_mass_kg[i] * model->def.solver.mass_scale);
+    }
+    // the fastest mode alternates from node to node: start there, unevenly, so that no symmetry hides it
+    for (size_t i = 0; i < 3 * nodes; i++) d[i] = (double)((i * 2654435761u >> 7) % 1000) / 500.0 - 1.0;
+    double eigenvalue = 0;
+    for (int turn = 0; turn < 200; turn++) { // 200 turns agree with 2000 within 0.5 % on blocks of 144 to 5 733 nodes
+        double norm = 0;
+        for (size_t i = 0; i < 3 * nodes; i++) norm += d[i] * d[i];
+        norm = sqrt(norm);
+        for (size_t i = 0; i < 3 * nodes; i++) d[i] /= norm;
+        apply_rest(model, rest, root, zero, d, q);
+        eigenvalue = 0;
+        for (size_t i = 0; i < 3 * nodes; i++) eigenvalue += d[i] * q[i];
+        memcpy(d, q, 3 * nodes * sizeof *d);
+    }
+    return eigenvalue;
+}
+
+double kn_rk4_limit(const kn_model *model)
+{
+    const kn_law *law = &model->law;
+    double *work = malloc(13 * (size_t)model->grid.nodes * sizeof *work);
+    if (!work) return -1;
+    double lattice = largest_eigenvalue(model, work);
+    free(work);
+    double damping = lattice * law->a_pa_s * law->slope_rest;
+    double ringing = sqrt(lattice * law->mat.k1_pa);
+    double creep = law->mat.k1_pa / (law->mat.c1_pa_s + kn_material_c2(&law->mat, INFINITY)); // the Voigt part's own rate
+    return 2.785 / fmax(damping, fmax(ringing, creep));
+}

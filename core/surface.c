@@ -1,1 +1,100 @@
-// surface: see surface.h
+#include "core/surface.h"
+
+#include <stdlib.h>
+
+// Side of the block across axis a: u x v points outwards.
+//
+//     v ^   3---2      counter-clockwise from outside; the diagonals of the quads alternate like a chequerboard, so that
+//       |   | / |      no direction is favoured
+//       +-> 0---1
+//         u
+typedef struct side {
+    int a, u, v; // axes
+    int at;      // index of the side's nodes along a
+} side;
+
+static side side_of(const kn_grid *g, int number)
+{
+    int a = number / 2, u = (a + 1) % 3, v = (a + 2) % 3; // u x v = +a
+    if (number % 2) return (side){a, u, v, g->n[a] - 1};
+    return (side){a, v, u, 0};
+}
+
+static int side_node(const kn_grid *g, const side *s, int iu, int iv)
+{
+    int ixyz[3];
+    ixyz[s->a] = s->at;
+    ixyz[s->u] = iu;
+    ixyz[s->v] = iv;
+    return kn_grid_node(g, ixyz[0], ixyz[1], ixyz[2]);
+}
+
+static bool on_skin(const kn_grid *g, int node)
+{
+    int ixyz[3];
+    kn_grid_coords(g, node, ixyz);
+    for (int k = 0; k < 3; k++)
+        if (ixyz[k] == 0 || ixyz[k] == g->n[k] - 1) return true;
+    return false;
+}
+
+// Writes every triangle as node ids when out is not NULL; returns their number.
+static int triangles(const kn_grid *g, int (*out)[3])
+{
+    static const int split[2][2][3] = {{{0, 1, 2}, {0, 2, 3}}, {{0, 1, 3}, {1, 2, 3}}};
+    int count = 0;
+    for (int number = 0; number < 6; number++) {
+        side s = side_of(g, number);
+        for (int iv = 0; iv + 1 < g->n[s.v]; iv++)
+            for (int iu = 0; iu + 1 < g->n[s.u]; iu++)
+                for (int t = 0; t < 2; t++, count++) {
+                    if (!out) continue;
+                    int corner[4] = {side_node(g, &s, iu, iv), side_node(g, &s, iu + 1, iv),
+                                     side_node(g, &s, iu + 1, iv + 1), side_node(g, &s, iu, iv + 1)};
+                    for (int k = 0; k < 3; k++) out[count][k] = corner[split[(iu + iv) & 1][t][k]];
+                }
+    }
+    return count;
+}
+
+kn_surface *kn_surface_create(const kn_model *model)
+{
+    const kn_grid *g = &model->grid;
+    kn_surface *s = calloc(1, sizeof *s);
+    int *vertex = malloc((size_t)g->nodes * sizeof *vertex); // of a node
+    if (!s || !vertex) goto fail;
+    s->triangle_count = triangles(g, NULL);
+    s->node = malloc((size_t)g->nodes * sizeof *s->node);
+    s->triangle = malloc(((size_t)s->triangle_count * 3 + 1) * sizeof *s->triangle);
+    if (!s->node || !s->triangle) goto fail;
+    for (int node = 0; node < g->nodes; node++)
+        if (on_skin(g, node)) {
+            vertex[node] = s->vertex_count;
+            s->node[s->vertex_count++] = node;
+        }
+    triangles(g, (int(*)[3])s->triangle);
+    for (int i = 0; i < 3 * s->triangle_count; i++) s->triangle[i] = vertex[s->triangle[i]];
+    free(vertex);
+    return s;
+fail:
+    free(vertex);
+    kn_surface_destroy(s);
+    return NULL;
+}
+
+void kn_surface_destroy(kn_surface *s)
+{
+    if (!s) return;
+    free(s->node);
+    free(s->triangle);
+    free(s);
+}
+
+void kn_surface_positions(const kn_surface *s, const kn_model *model, const kn_state *state, float *xyz)
+{
+    for (int i = 0; i < s->vertex_count; i++) {
+        double x_m[3];
+        kn_state_position(model, state, s->node[i], x_m);
+        for (int k = 0; k < 3; k++) xyz[3 * i + k] = (float)x_m[k];
+    }
+}
