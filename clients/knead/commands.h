@@ -1,0 +1,23 @@
+#ifndef KN_CLIENTS_COMMANDS_H
+#define KN_CLIENTS_COMMANDS_H
+// `knead SUBCOMMAND ...`: one line here is all that a subcommand needs besides its file, kn_<name>_main in <name>.c.
+//
+//     X(name, "what it does, as `knead --help` says it")
+//
+// argv[0] of kn_<name>_main is the subcommand's name. Every subcommand answers --help itself, on stdout, exit 0;
+// `knead NAME --version` is answered here. Results go to stdout, complaints to stderr, one line each.
+#define KN_COMMANDS(X)
+
+enum { // exit codes of every program of this project
+    KN_EXIT_OK = 0,
+    KN_EXIT_FAILED = 1,    // the check that was asked for failed: --verify, a stated contract
+    KN_EXIT_USAGE = 2,     // bad input: an option, a scene, a log
+    KN_EXIT_DEVICE = 3,    // device, transport or environment
+    KN_EXIT_INTERNAL = 70  // our own fault
+};
+
+#define KN_COMMAND(name, summary) int kn_##name##_main(int argc, char **argv);
+KN_COMMANDS(KN_COMMAND)
+#undef KN_COMMAND
+
+#endif

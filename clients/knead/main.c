@@ -1,0 +1,49 @@
+// knead: everything around the daemon, one command with a file per subcommand. See commands.h.
+#include "clients/knead/commands.h"
+#include <stdbool.h>
+#include <stdio.h>
+#include <string.h>
+
+typedef struct command {
+    const char *name, *summary;
+    int (*main)(int argc, char **argv);
+} command;
+
+static const command commands[] = {
+#define KN_COMMAND(name, summary) {#name, summary, kn_##name##_main},
+    KN_COMMANDS(KN_COMMAND)
+#undef KN_COMMAND
+    {NULL, NULL, NULL}};
+
+static void print_help(FILE *out)
+{
+    fprintf(out, "knead: feel, record and replay objects that are kneaded. The daemon that serves them is kneadd.\n\n"
+                 "usage: knead SUBCOMMAND [OPTION]...\n\n");
+    for (const command *c = commands; c->name; c++) fprintf(out, "  %-8s %s\n", c->name, c->summary);
+    fprintf(out, "\n`knead SUBCOMMAND --help` tells the rest; `knead --version` the version.\n"
+                 "Exit codes: 0 ok, 1 the check asked for failed, 2 bad input, 3 device or transport, 70 internal.\n");
+}
+
+int main(int argc, char **argv)
+{
+    const char *name = argc > 1 ? argv[1] : "";
+    if (!strcmp(name, "--help") || !strcmp(name, "-h")) {
+        print_help(stdout);
+        return KN_EXIT_OK;
+    }
+    bool known = false;
+    for (const command *c = commands; c->name; c++) {
+        if (strcmp(name, c->name)) continue;
+        if (argc != 3 || strcmp(argv[2], "--version")) return c->main(argc - 1, argv + 1);
+        known = true;
+    }
+    if (known || !strcmp(name, "--version")) {
+        printf("knead %s\n", KN_VERSION);
+        return KN_EXIT_OK;
+    }
+    if (!*name)
+        print_help(stderr);
+    else
+        fprintf(stderr, "knead: no subcommand `%s`; knead --help lists them\n", name);
+    return KN_EXIT_USAGE;
+}
