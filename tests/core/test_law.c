@@ -1,0 +1,241 @@
+#include "core/law.h"
+#include "tests/check.h"
+
+#define GF_CM2 98.0665 // Pa; in the lab's units a modulus in gf/cm^3 acts over 1 cm, so it is gf/cm^2 per unit strain
+
+static const kn_material dough = {.k1_pa = 470 * GF_CM2, .c1_pa_s = 2500 * GF_CM2, .damper = KN_DAMPER_EXPONENTIAL,
+    .alpha_pa_s = 8.16e4 * GF_CM2, .beta_per_pa = 0.0815 / GF_CM2, .p0_pa = 9 * GF_CM2, .p1_pa = 80 * GF_CM2};
+
+// The oracle: s + A s/c2(s) = b by bisection on [0, |b|] until the interval is two neighbouring doubles. Shares nothing with
+// the law but the damper's formula, written out here once more.
+static double damper(const kn_material *m, double s)
+{
+    if (m->damper == KN_DAMPER_CONSTANT) return m->c2_pa_s;
+    double clamped = s < m->p0_pa ? m->p0_pa : s > m->p1_pa ? m->p1_pa : s;
+    return m->alpha_pa_s * exp(-m->beta_per_pa * clamped);
+}
+
+static double bisect(const kn_material *m, double a, double b)
+{
+    double lo = 0, hi = fabs(b);
+    for (;;) {
+        double s = 0.5 * (lo + hi);
+        if (s <= lo || s >= hi) return copysign(s, b);
+        if (s + a * s / damper(m, s) > fabs(b)) hi = s;
+        else lo = s;
+    }
+}
+
+static double worst_against_bisection(const kn_law *law, double from, double to)
+{
+    double worst = 0;
+    for (int i = 0; i <= 1000; i++) {
+        double b = from * pow(to / from, i / 1000.0), exact = bisect(&law->mat, law->a_pa_s, b);
+        worst = fmax(worst, fabs(kn_law_stress(law, b) - exact) / exact);
+    }
+    return worst;
+}
+
+// What the kernels compute from the table, in f32 as they do.
+static float table(const kn_law *law, float b)
+{
+    float y = b / (float)law->b0_pa, yh = (float)(law->bh_pa / law->b0_pa), one = 1, in = fminf(fmaxf(y, 1), yh);
+    unsigned bits, unit;
+    memcpy(&bits, &in, 4);
+    memcpy(&unit, &one, 4);
+    unsigned i = (bits - unit) >> law->shift;
+    float p = law->cubic[0][i] + in * (law->cubic[1][i] + in * (law->cubic[2][i] + in * law->cubic[3][i]));
+    return (float)law->b0_pa * fmaxf((float)law->slope_flow * y, fminf((float)law->slope_rest * y, p));
+}
+
+static float table_slope(const kn_law *law, float y, int how)
+{
+    unsigned bits;
+    memcpy(&bits, &y, 4);
+    unsigned i = (bits - 0x3f800000u) >> law->shift;
+    float root = law->slope[how][0][i] + y * (law->slope[how][1][i] + y * law->slope[how][2][i]);
+    return root * root;
+}
+
+TEST("the stress of a flowing edge solves s + A g(s) = b, as bisection finds it, to 1e-12 over twelve decades")
+{
+    static const double dt[] = {0, 1e-5, 1e-3, 0.1};
+    for (int i = 0; i < 4; i++) {
+        kn_law law;
+        kn_law_build(&law, &dough, dt[i], true);
+        CHECK(law.kind == KN_LAW_EXACT);
+        CHECK_NEAR(law.a_pa_s, dough.c1_pa_s + dt[i] * dough.k1_pa, 1e-9 * law.a_pa_s);
+        CHECK_NEAR(worst_against_bisection(&law, 1e-3, 1e9), 0, 1e-12);
+    }
+}
+
+TEST("the table of the identified dough follows the exact law within 1e-4, and says its own error")
+{
+    kn_law law;
+    kn_law_build(&law, &dough, 1e-3, false);
+    CHECK(law.kind == KN_LAW_TABLE);
+    double worst = 0;
+    for (int i = 0; i <= 20000; i++) {
+        double b = law.b0_pa * 0.01 * pow(1e4 * law.bh_pa / law.b0_pa, i / 20000.0);
+        double exact = bisect(&dough, law.a_pa_s, b);
+        worst = fmax(worst, fabs((double)table(&law, (float)b) - exact) / exact);
+    }
+    CHECK_NEAR(worst, 0, 1e-4);
+    CHECK(worst <= 1.1 * law.table_error + 1e-6);
+    CHECK(law.table_error < 1e-4);
+}
+
+TEST("the law is odd and increasing, exact or by table")
+{
+    for (int exact = 0; exact < 2; exact++) {
+        kn_law law;
+        kn_law_build(&law, &dough, 1e-3, exact);
+        double before = 0;
+        float table_before = 0;
+        for (int i = 0; i <= 5000; i++) {
+            double b = 1.0 * pow(1e7, i / 5000.0), s = kn_law_stress(&law, b);
+            CHECK(s > before && s <= b);
+            CHECK(kn_law_stress(&law, -b) == -s);
+            before = s;
+            if (exact) continue;
+            float t = table(&law, (float)b);
+            CHECK(t > table_before);
+            table_before = t;
+        }
+        CHECK(kn_law_stress(&law, 0) == 0);
+    }
+}
+
+TEST("the kinks are exact: at p0 the resting line ends, at p1 the flowing line begins")
+{
+    kn_law law;
+    kn_law_build(&law, &dough, 1e-3, false);
+    CHECK_NEAR(law.s0_pa, dough.p0_pa, 0);
+    CHECK_NEAR(law.b0_pa, dough.p0_pa * (1 + law.a_pa_s / damper(&dough, dough.p0_pa)), 1e-9 * law.b0_pa);
+    CHECK_NEAR(law.bh_pa, dough.p1_pa * (1 + law.a_pa_s / damper(&dough, dough.p1_pa)), 1e-9 * law.bh_pa);
+    CHECK_NEAR(kn_law_stress(&law, law.b0_pa), dough.p0_pa, 1e-9 * dough.p0_pa);
+    CHECK_NEAR(kn_law_stress(&law, law.bh_pa), dough.p1_pa, 1e-9 * dough.p1_pa);
+    for (double eps = 1e-3; eps > 1e-7; eps /= 10) { // no jump on either side
+        double step0 = kn_law_stress(&law, law.b0_pa * (1 + eps)) - kn_law_stress(&law, law.b0_pa * (1 - eps));
+        double step1 = kn_law_stress(&law, law.bh_pa * (1 + eps)) - kn_law_stress(&law, law.bh_pa * (1 - eps));
+        CHECK(step0 <= 2.01 * eps * law.b0_pa && step1 <= 2.01 * eps * law.bh_pa);
+    }
+    CHECK_NEAR(table(&law, (float)law.b0_pa), dough.p0_pa, 1e-5 * dough.p0_pa);
+    CHECK_NEAR(table(&law, (float)law.bh_pa), dough.p1_pa, 1e-4 * dough.p1_pa);
+}
+
+TEST("the secant is s/b, the tangent is the derivative, the blend is half way")
+{
+    kn_law law;
+    kn_law_build(&law, &dough, 1e-3, false);
+    for (int i = 0; i <= 200; i++) {
+        double b = 10 * pow(1e5, i / 200.0), s = kn_law_stress(&law, b);
+        if (fabs(b / law.b0_pa - 1) < 1e-3 || fabs(b / law.bh_pa - 1) < 1e-3) continue; // the derivative jumps here
+        double secant = kn_law_slope(&law, s, KN_LINEARIZATION_SECANT);
+        double tangent = kn_law_slope(&law, s, KN_LINEARIZATION_TANGENT);
+        double blend = kn_law_slope(&law, s, KN_LINEARIZATION_BLEND);
+        double h = 1e-5 * b, difference = (bisect(&dough, law.a_pa_s, b + h) - bisect(&dough, law.a_pa_s, b - h)) / (2 * h);
+        CHECK_NEAR(secant, s / b, 1e-9 * secant);
+        CHECK_NEAR(tangent, difference, 1e-6 * tangent);
+        CHECK_NEAR(blend, 0.5 * (secant + tangent), 1e-12);
+        CHECK(0 < tangent && tangent <= secant * (1 + 1e-12) && secant <= 1);
+        CHECK(kn_law_slope(&law, -s, KN_LINEARIZATION_BLEND) == blend);
+    }
+}
+
+TEST("the slopes of the table stay within 2 % of the exact ones and are never negative")
+{
+    kn_law law;
+    kn_law_build(&law, &dough, 1e-3, false);
+    double worst = 0;
+    for (int how = 0; how < 3; how++)
+        for (int i = 1; i < 5000; i++) {
+            double y = pow(law.bh_pa / law.b0_pa, i / 5000.0);
+            double exact = kn_law_slope(&law, kn_law_stress(&law, y * law.b0_pa), (kn_linearization)how);
+            double slope = (double)table_slope(&law, (float)y, how);
+            CHECK(slope > 0 && slope <= 1);
+            worst = fmax(worst, fabs(slope - exact) / exact);
+        }
+    CHECK_NEAR(worst, 0, 0.02);
+}
+
+TEST("without a damper the law is the Voigt line s = b")
+{
+    kn_material jelly = {.k1_pa = 5e3, .c1_pa_s = 20, .damper = KN_DAMPER_NONE};
+    kn_law law;
+    kn_law_build(&law, &jelly, 1e-3, false);
+    CHECK(law.kind == KN_LAW_VOIGT);
+    CHECK(kn_law_stress(&law, 123.5) == 123.5 && kn_law_stress(&law, -123.5) == -123.5);
+    CHECK(kn_law_slope(&law, 50, KN_LINEARIZATION_BLEND) == 1);
+}
+
+TEST("a constant damper gives the line of c1 + dt k1 in series with c2; k1 = 0 and c1 = 0 are ordinary cases of it")
+{
+    kn_material clay = {.c1_pa_s = 4e4, .damper = KN_DAMPER_CONSTANT, .c2_pa_s = 4e4};
+    kn_law law;
+    kn_law_build(&law, &clay, 1e-3, false);
+    CHECK(law.kind == KN_LAW_LINEAR);
+    CHECK_NEAR(kn_law_stress(&law, 1000), 500, 1e-9); // c1 = c2 = 2c: half
+
+    kn_material maxwell = {.k1_pa = 3e4, .damper = KN_DAMPER_CONSTANT, .c2_pa_s = 60};
+    kn_law_build(&law, &maxwell, 1e-3, false);
+    CHECK_NEAR(law.a_pa_s, 30, 1e-12);
+    CHECK_NEAR(kn_law_stress(&law, 90), 60, 1e-9);
+
+    kn_law_build(&law, &maxwell, 0, false); // the explicit law of a spring alone: s = k1 u
+    CHECK_NEAR(kn_law_stress(&law, 90), 90, 1e-12);
+    kn_material soft = dough;
+    soft.c1_pa_s = 0;
+    kn_law_build(&law, &soft, 0, true);
+    CHECK_NEAR(kn_law_stress(&law, 5e3), 5e3, 1e-9);
+}
+
+TEST("laws too wide for sixteen segments are solved exactly instead")
+{
+    kn_material wide = dough;
+    wide.beta_per_pa *= 10; // c2 falls by e^58
+    kn_law law;
+    kn_law_build(&law, &wide, 1e-3, false);
+    CHECK(law.kind == KN_LAW_EXACT);
+    CHECK_NEAR(worst_against_bisection(&law, 1e-3, 1e12), 0, 1e-12);
+}
+
+TEST("every law that is given a table keeps the promised 1e-3, over four decades of each parameter")
+{
+    int tables = 0, exacts = 0;
+    for (int i = 0; i < 5 * 5 * 5 * 5; i++) {
+        static const double scale[5] = {1e-4, 1e-2, 1, 1e2, 1e4};
+        kn_material m = dough;
+        m.k1_pa *= scale[i % 5];
+        m.c1_pa_s *= scale[i / 5 % 5];
+        m.alpha_pa_s *= scale[i / 25 % 5];
+        m.p1_pa = m.p0_pa * (1.5 + 4 * (i / 125));
+        kn_law law;
+        kn_law_build(&law, &m, 1e-3, false);
+        if (law.kind != KN_LAW_TABLE) {
+            exacts++;
+            CHECK_NEAR(worst_against_bisection(&law, 1, 1e8), 0, 1e-12);
+            continue;
+        }
+        tables++;
+        double worst = 0;
+        for (int k = 0; k <= 2000; k++) {
+            double b = 0.5 * law.b0_pa * pow(4 * law.bh_pa / law.b0_pa, k / 2000.0), exact = bisect(&m, law.a_pa_s, b);
+            worst = fmax(worst, fabs((double)table(&law, (float)b) - exact) / exact);
+        }
+        CHECK_NEAR(worst, 0, 1.05e-3);
+    }
+    CHECK(tables > 100);
+    printf("     %d tables, %d solved exactly\n", tables, exacts);
+}
+
+TEST("a damper that starts to thin at zero stress (p0 = 0) is followed within 1e-4")
+{
+    kn_material m = dough;
+    m.p0_pa = 0;
+    kn_law law;
+    kn_law_build(&law, &m, 1e-3, true);
+    CHECK_NEAR(worst_against_bisection(&law, 1e-3, 1e8), 0, 1e-4);
+}
+
+TESTS_MAIN

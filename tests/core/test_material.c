@@ -1,0 +1,83 @@
+#include "core/material.h"
+#include "tests/check.h"
+
+#define GF_CM2 98.0665 // Pa
+
+static const kn_material dough = {.k1_pa = 470 * GF_CM2, .c1_pa_s = 2500 * GF_CM2, .damper = KN_DAMPER_EXPONENTIAL,
+    .alpha_pa_s = 8.16e4 * GF_CM2, .beta_per_pa = 0.0815 / GF_CM2, .p0_pa = 9 * GF_CM2, .p1_pa = 80 * GF_CM2};
+
+TEST("the identified dough's damper falls from 39 190 to 120 gf s/cm^3, through 8 330 at 28 gf/cm^2 and 1 387 at 50")
+{
+    CHECK_NEAR(kn_material_c2(&dough, 0) / GF_CM2, 39190, 10);
+    CHECK_NEAR(kn_material_c2(&dough, 9 * GF_CM2) / GF_CM2, 39190, 10);
+    CHECK_NEAR(kn_material_c2(&dough, 28 * GF_CM2) / GF_CM2, 8330, 5);
+    CHECK_NEAR(kn_material_c2(&dough, 50 * GF_CM2) / GF_CM2, 1387, 1);
+    CHECK_NEAR(kn_material_c2(&dough, 80 * GF_CM2) / GF_CM2, 120.3, 0.1);
+    CHECK_NEAR(kn_material_c2(&dough, 1e9) / GF_CM2, 120.3, 0.1);
+}
+
+TEST("the damper does not care for the sign of the stress; its flow does")
+{
+    for (double s = 1; s < 1e6; s *= 3) {
+        CHECK(kn_material_c2(&dough, -s) == kn_material_c2(&dough, s));
+        CHECK(kn_material_flow(&dough, -s) == -kn_material_flow(&dough, s));
+        CHECK_NEAR(kn_material_flow(&dough, s) * kn_material_c2(&dough, s), s, 1e-12 * s);
+    }
+}
+
+TEST("more stress flows faster, without a jump at p0 or p1")
+{
+    double before = 0;
+    for (int i = 1; i <= 20000; i++) {
+        double s = i * 0.5, flow = kn_material_flow(&dough, s);
+        CHECK(flow > before);
+        if (i > 1) CHECK(flow < before * (1 + 3 / s + 5e-3));
+        before = flow;
+    }
+}
+
+TEST("a rigid damper does not flow; a constant one flows in proportion")
+{
+    kn_material m = {.k1_pa = 1e3, .damper = KN_DAMPER_NONE};
+    CHECK(isinf(kn_material_c2(&m, 5)) && kn_material_flow(&m, 1e6) == 0);
+    m.damper = KN_DAMPER_CONSTANT;
+    m.c2_pa_s = 250;
+    CHECK(kn_material_c2(&m, 1e6) == 250);
+    CHECK_NEAR(kn_material_flow(&m, 1000), 4, 1e-12);
+}
+
+static const char *spoilt(double *field, kn_material *m, double value)
+{
+    double was = *field;
+    *field = value;
+    const char *complaint = kn_material_check(m);
+    *field = was;
+    return complaint;
+}
+
+TEST("every parameter that cannot be simulated is named, the dough and the limits of its law are accepted")
+{
+    kn_material m = dough;
+    CHECK(!kn_material_check(&m));
+    double *fields[] = {&m.k1_pa, &m.c1_pa_s, &m.alpha_pa_s, &m.beta_per_pa, &m.p0_pa, &m.p1_pa};
+    const char *names[] = {"k1", "c1", "alpha", "beta", "p0", "p1"};
+    for (int i = 0; i < 6; i++) {
+        double bad[] = {-1, (double)NAN, (double)INFINITY};
+        for (int k = 0; k < 3; k++) {
+            const char *complaint = spoilt(fields[i], &m, bad[k]);
+            CHECK(complaint && strstr(complaint, names[i]));
+        }
+    }
+    CHECK(spoilt(&m.alpha_pa_s, &m, 0));
+    CHECK(spoilt(&m.p1_pa, &m, m.p0_pa));
+    CHECK(!spoilt(&m.k1_pa, &m, 0) && !spoilt(&m.c1_pa_s, &m, 0) && !spoilt(&m.beta_per_pa, &m, 0));
+    CHECK(!spoilt(&m.p0_pa, &m, 0));
+    m.k1_pa = m.c1_pa_s = 0;
+    CHECK(kn_material_check(&m));
+    kn_material constant = {.k1_pa = 1, .damper = KN_DAMPER_CONSTANT};
+    CHECK(kn_material_check(&constant)); // c2 = 0
+    constant.c2_pa_s = 1;
+    CHECK(!kn_material_check(&constant));
+}
+
+TESTS_MAIN
