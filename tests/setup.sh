@@ -1,0 +1,70 @@
+# What tests/run and server/run share: say what will be changed on this machine, ask once, install. Sourced by bash.
+#
+#     setup_missing run|test     names of the packages in tests/packages that are not installed ("run": without test:)
+#     setup_consent YES LINE...  shows the lines; YES=1 goes on, a terminal is asked, anything else exits 2
+#     setup_install NAME...      as root or through sudo; otherwise prints the commands and exits 3
+#     setup_build PRESET         configures and builds into build/PRESET; shows the compiler's words only when it fails
+
+setup_root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+
+setup_packages() {
+    local name why
+    while IFS='#' read -r name why; do
+        name=${name//[[:space:]]/}
+        [ -n "$name" ] || continue
+        [ "$1" = run ] && [[ $why == " test:"* ]] && continue
+        echo "$name"
+    done <"$setup_root/tests/packages"
+}
+
+setup_missing() {
+    command -v dpkg-query >/dev/null || return 0 # not Debian: cmake will name what it does not find
+    local name
+    for name in $(setup_packages "$1"); do
+        case $(dpkg-query -W -f '${db:Status-Abbrev}' "$name" 2>/dev/null) in
+        ?i*) ;;
+        *) echo "$name" ;;
+        esac
+    done
+}
+
+setup_consent() {
+    local yes=$1 answer
+    shift
+    [ $# -gt 0 ] || return 0
+    printf '%s\n' "$@"
+    [ "$yes" = 1 ] && return 0
+    if [ ! -t 0 ] || [ ! -t 1 ]; then
+        echo "no terminal to ask on: run again with --yes to agree"
+        exit 2
+    fi
+    read -r -p "Go on? [y/N] " answer
+    [[ $answer == [yY]* ]] || exit 2
+}
+
+setup_install() {
+    [ $# -gt 0 ] || return 0
+    local as=()
+    if [ "$(id -u)" != 0 ]; then
+        if command -v sudo >/dev/null && { sudo -n true 2>/dev/null || { [ -t 0 ] && sudo -v; }; }; then
+            as=(sudo)
+        else
+            printf 'packages are missing and this user is neither root nor may use sudo. As root:\n'
+            printf '    apt-get update\n    apt-get install -y --no-install-recommends %s\n' "$*"
+            exit 3
+        fi
+    fi
+    local apt=("${as[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -q -o Dpkg::Use-Pty=0)
+    if ! "${apt[@]}" update </dev/null >/dev/null || ! "${apt[@]}" install -y --no-install-recommends "$@" </dev/null; then
+        echo "apt could not install: $*"
+        exit 3
+    fi
+}
+
+setup_build() {
+    local log=$setup_root/build/$1/build.log
+    mkdir -p "${log%/*}"
+    (cd "$setup_root" && cmake --preset "$1" && cmake --build --preset "$1" -j "$(nproc)") </dev/null >"$log" 2>&1 && return 0
+    cat "$log"
+    return 1
+}
