@@ -1,0 +1,36 @@
+#!/usr/bin/env bash
+# Dependencies run one way: core <- server, clients; proto <- server, clients; everything <- tests, bench.
+# The includes say what the source reaches for, the symbols say what the object code really calls.
+set -u
+cd "$KN_SOURCE" || exit 1
+fail=0
+
+# includes FOLDER PATTERN: every project include of the folder's files matches the pattern
+includes() {
+    local found
+    found=$(grep -rnE '^ *# *include +"' --include='*.[ch]' "$1" | grep -vE "include +\"($2)")
+    [ -z "$found" ] && echo "ok   $1 includes only $2" && return
+    printf 'FAIL %s may include only %s\n%s\n' "$1" "$2" "$found" && fail=1
+}
+includes core 'core/'
+includes server 'core/|proto/|server/'
+includes clients 'core/|proto/|server/|clients/'
+
+# C library headers of core: nothing that knows a clock, a thread, a socket or a file. The scene parser alone knows YAML.
+system='assert|errno|float|immintrin|inttypes|limits|math|stdalign|stdarg|stdbool|stddef|stdint|stdio|stdlib|string'
+found=$(grep -rnE '^ *# *include +<' --include='*.[ch]' core | grep -vE "<($system)\.h>" | grep -vE '^core/scene/[^:]*:[0-9]+: *#include <(yaml|ctype)\.h>')
+[ -z "$found" ] && echo "ok   core includes no clock, thread, socket or file header" || { printf 'FAIL %s\n' "$found" && fail=1; }
+
+# What libknead.a calls outside itself: libm, and these of libc. (Names with __ are the compiler's: assertions, sanitizers.)
+libc='abort|aligned_alloc|calloc|free|malloc|memcmp|memcpy|memmove|memset|qsort|snprintf|strcmp|strlen|strncmp'
+symbols() { nm "$@" | awk 'NF == 2 && $1 == "U" || NF == 3 { sub(/@.*/, "", $NF); print $NF }'; }
+lib=$KN_BUILD/core/libknead.a
+known() { symbols --defined-only "$lib" && symbols -D --defined-only "$(cc -print-file-name=libm.so.6)"; }
+foreign=$(comm -23 <(symbols --undefined-only "$lib" | sort -u) <(known | sort -u) |
+    grep -vE "^(__|_GLOBAL_OFFSET_TABLE_|($libc)\$)")
+[ -z "$foreign" ] && echo "ok   libknead calls libm, memory and strings" || { printf 'FAIL libknead calls %s\n' $foreign && fail=1; }
+
+# The servo reaches the lattice through server/backend/backend.h alone.
+found=$(grep -rnE '\b(kn_step|kn_state_create|kn_state_reset) *\(' --include='*.c' server | grep -v '^server/backend/')
+[ -z "$found" ] && echo "ok   only server/backend steps the lattice" || { printf 'FAIL %s\n' "$found" && fail=1; }
+exit $fail
