@@ -1,1 +1,324 @@
-// safety: see safety.h
+#include "core/safety.h"
+#include <math.h>
+#include <string.h>
+
+static const int guard_window = 20;     // ticks in which three guard hits are a fault
+static const double brake_release = 0.9; // braking ends below this share of brake_m_s, so that noise does not toggle it
+static const double ramp_up_ms = 200.0;  // of the device watchdog
+
+static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+static void zero(double v[3]) { v[0] = v[1] = v[2] = 0.0; }
+static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
+
+// v shortened to at most limit; true if it had to be. The norm is rounded, so a second look keeps |v| <= limit to the bit.
+static bool shorten(double v[3], double limit)
+{
+    if (norm(v) <= limit) return false;
+    // scaled by the largest component first: the square of a wild value may overflow
+    double m = fmax(fabs(v[0]), fmax(fabs(v[1]), fabs(v[2])));
+    for (int i = 0; i < 3; i++) v[i] /= m;
+    double n = norm(v);
+    for (int i = 0; i < 3; i++) v[i] *= limit / n;
+    while (norm(v) > limit)
+        for (int i = 0; i < 3; i++) v[i] *= 1.0 - 1e-15;
+    return true;
+}
+
+// Moves v towards target by at most step; true when it has arrived.
+static bool approach(double v[3], const double target[3], double step)
+{
+    double d[3] = {target[0] - v[0], target[1] - v[1], target[2] - v[2]};
+    if (!shorten(d, step)) {
+        memcpy(v, target, sizeof d);
+        return true;
+    }
+    for (int i = 0; i < 3; i++) v[i] += d[i];
+    return false;
+}
+
+const char *kn_fault_name(kn_fault fault)
+{
+    static const char *const names[] = {"none", "pose silence", "impulse", "non-finite", "emergency stop", "stopping"};
+    return (unsigned)fault < sizeof names / sizeof *names ? names[fault] : "unknown fault";
+}
+
+const char *kn_fault_remedy(kn_fault fault)
+{
+    static const char *const remedies[] = {
+        "nothing to do",
+        "lift the tool clear of the object while poses flow",
+        "open a new session with the tool clear of the object, or recover and lift",
+        "reset the object, then lift the tool clear of it",
+        "recover, then lift the tool clear of the object",
+        "start the server again",
+    };
+    return (unsigned)fault < sizeof remedies / sizeof *remedies ? remedies[fault] : "restart the server";
+}
+
+static double positive_or(double value, double otherwise) { return value > 0.0 ? value : otherwise; }
+
+void kn_safety_init(kn_safety *s, const kn_safety_limits *limits)
+{
+    memset(s, 0, sizeof *s);
+    kn_safety_limits *l = &s->limits;
+    *l = *limits;
+    l->clamp_n = positive_or(l->clamp_n, 3.3);
+    l->torque_clamp_n_m = positive_or(l->torque_clamp_n_m, l->clamp_n * 0.05); // a stylus is gripped about 5 cm from its tip
+    l->guard_n_per_ms = positive_or(l->guard_n_per_ms, 4.0);
+    l->brake_m_s = positive_or(l->brake_m_s, 1.2);
+    l->brake_n_s_per_m = positive_or(l->brake_n_s_per_m, 1.5);
+    if (l->hold_ms <= 0) l->hold_ms = 3;
+    if (l->zero_ms <= l->hold_ms) l->zero_ms = l->hold_ms + 17;
+    if (l->ramp_up_ms < 200) l->ramp_up_ms = 200;
+    if (l->flow_ms <= 0) l->flow_ms = 200;
+    s->guard_age[0] = s->guard_age[1] = guard_window;
+}
+
+static double ramp_down_ms(const kn_safety_limits *l) { return (double)(l->zero_ms - l->hold_ms); }
+
+double kn_safety_slope(const kn_safety_limits *limits) { return fmax(0.5, limits->clamp_n / ramp_down_ms(limits)); }
+
+void kn_safety_trip(kn_safety *s, kn_fault fault)
+{
+    if (s->latched && s->fault >= fault) return;
+    s->fault = fault;
+    s->latched = true;
+    s->faults += fault != KN_FAULT_STOPPING;
+}
+
+static void clear_fault(kn_safety *s)
+{
+    s->fault = KN_FAULT_NONE;
+    s->latched = false;
+}
+
+// A new hand starts without the faults of the last one; whatever still fades goes on fading.
+static void open_session(kn_safety *s)
+{
+    if (s->fault == KN_FAULT_POSE_SILENCE || s->fault == KN_FAULT_IMPULSE) clear_fault(s);
+    s->attached = false;
+    s->silent_ms = s->flowing_ms = 0;
+}
+
+// Counts silence and flow; returns how many of the elapsed ms the gain has to fade for want of poses.
+static int listen(kn_safety *s, bool fresh, int ms)
+{
+    const kn_safety_limits *l = &s->limits;
+    int before = s->silent_ms < l->zero_ms ? s->silent_ms : l->zero_ms;
+    int silent = before + ms - fresh; // a fresh pose came within the last ms, however late this tick is
+    int faded_from = before > l->hold_ms ? before : l->hold_ms;
+    s->silent_ms = fresh ? 0 : silent;
+
+    if (silent >= l->zero_ms) { // the deadline wins over every ramp
+        if (s->attached) kn_safety_trip(s, KN_FAULT_POSE_SILENCE);
+        s->gain = 0.0;
+        zero(s->brake_n);
+        s->flowing_ms = 0;
+    }
+    if (s->flowing_ms > 0) s->flowing_ms += ms;
+    else if (fresh) s->flowing_ms = 1;
+    if (s->flowing_ms > l->flow_ms) s->flowing_ms = l->flow_ms;
+    return silent > faded_from ? silent - faded_from : 0;
+}
+
+static void take_commands(kn_safety *s, const kn_safety_in *in)
+{
+    if (in->reset) {
+        s->attached = false;
+        if (s->fault == KN_FAULT_NONFINITE) clear_fault(s);
+    }
+    if (in->recover && s->fault != KN_FAULT_NONFINITE && s->fault != KN_FAULT_STOPPING) clear_fault(s);
+    if (in->stop) kn_safety_trip(s, KN_FAULT_STOPPING);
+}
+
+static bool braked(const kn_safety *s) { return s->brake_n[0] != 0.0 || s->brake_n[1] != 0.0 || s->brake_n[2] != 0.0; }
+
+// Is contact what the hand is to feel in this tick? If not, the last force stands (hold) or fades.
+static bool rendering(const kn_safety *s)
+{
+    return s->attached && !s->latched && !s->braking && !braked(s) && s->silent_ms == 0;
+}
+
+static void move_gain(kn_safety *s, int silence_ms, int ms)
+{
+    const kn_safety_limits *l = &s->limits;
+    int fade_ms = s->latched || s->braking || !s->attached ? ms : silence_ms;
+    double before = s->gain;
+    if (fade_ms > 0) {
+        s->gain -= fade_ms / ramp_down_ms(l);
+        s->rejoining = true;
+    } else if (rendering(s)) {
+        s->gain += 1.0 / l->ramp_up_ms; // not by ms: a skipped cycle was not felt
+    }
+    // 1/17 and 1/200 do not add up to 1 exactly
+    if (s->gain < 1e-9) s->gain = 0.0;
+    if (s->gain > 1.0 - 1e-9) s->gain = 1.0;
+    s->gain_drop = fmax(0.0, before - s->gain);
+}
+
+static bool may_engage(const kn_safety *s, const kn_safety_in *in)
+{
+    bool way_back = !s->latched || s->fault == KN_FAULT_POSE_SILENCE;
+    bool settled = s->gain == 0.0 && s->gain_drop == 0.0 && !braked(s) && !s->braking;
+    return way_back && settled && in->live && in->fresh && in->clear && s->flowing_ms >= s->limits.flow_ms;
+}
+
+static void engage(kn_safety *s)
+{
+    clear_fault(s);
+    s->attached = true;
+    s->rejoining = false;
+    s->gap_ms = 0;
+    s->guard_age[0] = s->guard_age[1] = guard_window;
+    zero(s->force_n);
+    zero(s->torque_n_m);
+}
+
+bool kn_safety_watch(kn_safety *s, const kn_safety_in *in)
+{
+    const kn_safety_limits *l = &s->limits;
+    int ms = in->elapsed_ms < 1 ? 1 : in->elapsed_ms < l->zero_ms + 1 ? in->elapsed_ms : l->zero_ms + 1;
+    bool fresh = in->live && in->fresh;
+    for (int i = 0; i < 2; i++)
+        if (s->guard_age[i] < guard_window) s->guard_age[i]++;
+    s->gap_ms = s->gap_ms < l->zero_ms ? s->gap_ms + ms : l->zero_ms;
+
+    if (in->opened) open_session(s);
+    int silence_ms = listen(s, fresh, ms);
+    take_commands(s, in);
+    // a silence that only fades is named, too, and forgotten when the poses are back in time
+    if (!s->latched) s->fault = s->attached && s->silent_ms > l->hold_ms ? KN_FAULT_POSE_SILENCE : KN_FAULT_NONE;
+    double brake_above = l->brake_m_s * (s->braking ? brake_release : 1.0);
+    s->braking = !s->latched && in->live && s->flowing_ms >= l->flow_ms && norm(in->velocity_m_s) > brake_above;
+
+    move_gain(s, silence_ms, ms);
+    if (s->gain == 0.0 && (s->latched || s->braking)) s->attached = false;
+    if (!s->attached && may_engage(s, in)) engage(s);
+    return s->attached;
+}
+
+// The impulse guard. It is meant not to act: one wild value is limited and counted; three in 20 ticks, two that point
+// against each other, or one above twice the limit are the physics chattering, and the last good force fades instead.
+static int guard(kn_safety *s, const double force_n[3])
+{
+    // after ticks without a pose the same slope spans a longer gap
+    int ms = s->gap_ms < 1 ? 1 : s->gap_ms < s->limits.hold_ms ? s->gap_ms : s->limits.hold_ms;
+    double allowed = s->limits.guard_n_per_ms * ms;
+    double step[3];
+    for (int i = 0; i < 3; i++) step[i] = force_n[i] - s->force_n[i];
+    double asked = norm(step);
+    if (asked <= allowed) {
+        memcpy(s->force_n, force_n, sizeof s->force_n);
+        return 0;
+    }
+    s->guards++;
+    bool alternates = s->guard_age[0] < guard_window && dot(step, s->guard_step_n) < 0.0;
+    if (asked > 2.0 * allowed || alternates || s->guard_age[1] < guard_window) {
+        kn_safety_trip(s, KN_FAULT_IMPULSE);
+        return KN_FLAG_GUARD;
+    }
+    memcpy(s->guard_step_n, step, sizeof step);
+    s->guard_age[1] = s->guard_age[0];
+    s->guard_age[0] = 0;
+    approach(s->force_n, force_n, allowed);
+    return KN_FLAG_GUARD;
+}
+
+// Renews force_n and torque_n_m from the contact.
+static int render(kn_safety *s, const double force_n[3], const double torque_n_m[3])
+{
+    int flags = 0;
+    if (s->rejoining) // together with the rising gain no faster than any other transition
+        s->rejoining = !approach(s->force_n, force_n, kn_safety_slope(&s->limits) - s->limits.clamp_n / s->limits.ramp_up_ms);
+    else
+        flags = guard(s, force_n);
+    if (flags == 0) memcpy(s->torque_n_m, torque_n_m, sizeof s->torque_n_m);
+    s->gap_ms = 0;
+    return flags;
+}
+
+// The damping force changes no faster than the room that the fading contact leaves under the common slope.
+static void brake(kn_safety *s, const kn_safety_in *in, double contact_n)
+{
+    double target[3] = {0};
+    if (s->braking && s->silent_ms <= s->limits.hold_ms)
+        for (int i = 0; i < 3; i++) target[i] = -s->limits.brake_n_s_per_m * in->velocity_m_s[i];
+    shorten(target, s->limits.clamp_n);
+    approach(s->brake_n, target, fmax(0.0, kn_safety_slope(&s->limits) - s->gain_drop * contact_n));
+}
+
+static int flags_of(const kn_safety *s, const kn_safety_in *in)
+{
+    int flags = 0;
+    bool lifting_helps = !s->latched || s->fault == KN_FAULT_POSE_SILENCE;
+    if (s->attached && s->gain == 1.0 && !s->latched) flags |= KN_FLAG_ENGAGED;
+    if (s->gain > 0.0 ? s->gain < 1.0 || s->latched : s->attached) flags |= KN_FLAG_RAMPING;
+    if (s->latched) flags |= KN_FLAG_LATCHED;
+    if (s->braking) flags |= KN_FLAG_BRAKE;
+    if (!in->fresh) flags |= KN_FLAG_STALE;
+    if (in->live && !s->attached && s->flowing_ms > 0 && !in->clear && lifting_helps) flags |= KN_FLAG_REENGAGE_LIFT;
+    return flags;
+}
+
+int kn_safety_filter(kn_safety *s, const kn_safety_in *in, const double force_n[3], const double torque_n_m[3],
+                     double out_force_n[3], double out_torque_n_m[3])
+{
+    int acted = 0;
+    if (!finite3(force_n) || !finite3(torque_n_m)) kn_safety_trip(s, KN_FAULT_NONFINITE);
+    else if (rendering(s)) acted = render(s, force_n, torque_n_m);
+
+    double force[3], torque[3];
+    memcpy(force, s->force_n, sizeof force);
+    memcpy(torque, s->torque_n_m, sizeof torque);
+    bool clamped = shorten(force, s->limits.clamp_n);
+    clamped |= shorten(torque, s->limits.torque_clamp_n_m);
+    if (clamped && s->gain > 0.0) {
+        s->clamps++;
+        acted |= KN_FLAG_CLAMPED;
+    }
+    if (s->braking || braked(s)) brake(s, in, norm(force));
+
+    for (int i = 0; i < 3; i++) {
+        out_force_n[i] = s->gain * force[i] + s->brake_n[i];
+        out_torque_n_m[i] = s->gain * torque[i];
+    }
+    shorten(out_force_n, s->limits.clamp_n);
+    return acted | flags_of(s, in);
+}
+
+void kn_watchdog_init(kn_watchdog *w, int hold_ms, int zero_ms)
+{
+    memset(w, 0, sizeof *w);
+    w->hold_ms = hold_ms > 0 ? hold_ms : 3;
+    w->zero_ms = zero_ms > w->hold_ms ? zero_ms : w->hold_ms + 17;
+}
+
+void kn_watchdog_rearm(kn_watchdog *w)
+{
+    w->tripped = w->armed = false;
+    w->silent_ms = 0;
+    w->factor = 0.0;
+}
+
+double kn_watchdog_tick(kn_watchdog *w, bool fresh, int elapsed_ms)
+{
+    if (w->tripped) return 0.0;
+    if (!w->armed) {
+        w->armed = fresh;
+        w->silent_ms = 0;
+        return w->factor = fresh ? 1.0 : 0.0; // the server's own ramp starts at zero force
+    }
+    int ms = elapsed_ms < 1 ? 1 : elapsed_ms < w->zero_ms + 1 ? elapsed_ms : w->zero_ms + 1;
+    int silent = w->silent_ms + ms - fresh;
+    int faded_from = w->silent_ms > w->hold_ms ? w->silent_ms : w->hold_ms;
+    w->silent_ms = fresh ? 0 : silent;
+    if (silent >= w->zero_ms) {
+        w->tripped = true;
+        w->trips++;
+        return w->factor = 0.0;
+    }
+    if (silent > faded_from) w->factor -= (silent - faded_from) / (double)(w->zero_ms - w->hold_ms);
+    else if (fresh) w->factor += 1.0 / ramp_up_ms;
+    return w->factor = fmin(fmax(w->factor, 0.0), 1.0);
+}

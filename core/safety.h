@@ -6,19 +6,29 @@
 //     pose --> kn_safety_watch --> [ lattice step, if attached ] --> kn_safety_filter --> force
 //              silence, speed,                                       finite -> impulse guard -> clamp -> gain
 //              ramp, latch
+//
+//     gain 1 |------------.                               .----     hold, then down to 0 at zero_ms (17 ms), then up in
+//            |   contact   \                          . '           ramp_up_ms once poses have flowed for flow_ms AND the
+//          0 |              '------------------- . '                tool is clear of the object: it always enters in air
+//            +---pose lost--+hold--20 ms--poses, lift------> t
+//
+// Transitions ramp the gain and never limit the slew of contact: a rate limiter in the contact loop is negative damping
+// and causes limit cycles. Whenever the force is not live contact it changes by at most
+//     kn_safety_slope(limits) = max(0.5 N, clamp / 17) per ms,
+// because what fades is the last force that was given, frozen, not the contact's. In contact it changes by at most guard_n_per_ms.
 #include <stdbool.h>
 #include <stdint.h>
 
 typedef struct kn_safety_limits { // the scene's `device:` profile; 0 in a field = its default
-    double clamp_n;          // default 3.3 N; profile bench 40 N. |force| never exceeds it
+    double clamp_n;          // default 3.3 N (smallest common desktop devices); profile bench 40 N. |force| never exceeds it
     double torque_clamp_n_m; // default clamp_n * 0.05 m
-    double guard_n_per_ms;   // default 4 N/ms: impulse guard of one tick
+    double guard_n_per_ms;   // default 4 N/ms: impulse guard of one tick, above any first touch below 1 m/s
     double brake_m_s;        // default 1.2 m/s: faster, the hand is only damped
     double brake_n_s_per_m;  // default 1.5 N s/m: that damping
     int hold_ms;             // default 3: the last force may stand this long without a pose
     int zero_ms;             // default 20: force is zero this long after the last pose
     int ramp_up_ms;          // default 200, never less
-    int flow_ms;             // default 200: poses must have flowed this long before a re-engagement
+    int flow_ms;             // default 200: poses must have flowed this long before an engagement
 } kn_safety_limits;
 
 // Same numbers as contact_force_t's FLAG_* and FAULT_* (the server asserts it).
@@ -26,8 +36,13 @@ enum {
     KN_FLAG_ENGAGED = 1, KN_FLAG_RAMPING = 2, KN_FLAG_LATCHED = 4, KN_FLAG_REENGAGE_LIFT = 8, KN_FLAG_CLAMPED = 16,
     KN_FLAG_GUARD = 32, KN_FLAG_BRAKE = 64, KN_FLAG_STALE = 128
 };
-typedef enum kn_fault {
-    KN_FAULT_NONE, KN_FAULT_POSE_SILENCE, KN_FAULT_IMPULSE, KN_FAULT_NONFINITE, KN_FAULT_ESTOP, KN_FAULT_STOPPING
+typedef enum kn_fault { // a later one replaces an earlier one
+    KN_FAULT_NONE,
+    KN_FAULT_POSE_SILENCE, // cleared by lifting with poses flowing, a new session, recover
+    KN_FAULT_IMPULSE,      // cleared by a new session or recover, then lifting
+    KN_FAULT_NONFINITE,    // cleared by reset, then lifting
+    KN_FAULT_ESTOP,        // cleared by recover, then lifting
+    KN_FAULT_STOPPING
 } kn_fault;
 
 const char *kn_fault_name(kn_fault fault);   // "pose silence"
@@ -35,50 +50,63 @@ const char *kn_fault_remedy(kn_fault fault); // "lift the tool clear of the obje
 
 typedef struct kn_safety { // one probe's; plain data, part of the servo's state
     kn_safety_limits limits;
-    double gain, gain_slope; // slope per ms, signed
-    double last_force_n[3];  // before the gain: what the guard compares with
-    double hold_force_n[3];
-    int silent_ms;   // since the last fresh pose
-    int flowing_ms;  // since the first pose after a silence
-    int attached;    // the probe is in the model
-    int latched;
-    int guard_hits[3]; // ages of the last hits, in ticks
-    double guard_last_sign;
-    kn_fault fault;
+    double gain;            // 0..1
+    double gain_drop;       // how far it came down in this tick
+    double force_n[3];      // last contact force that passed the guard, before clamp and gain; frozen when not rendering
+    double torque_n_m[3];
+    double brake_n[3];      // damping force that stands in for contact above brake_m_s
+    double guard_step_n[3]; // what the last guard hit asked for: two that point against each other are a fault
+    int guard_age[2];       // ticks since the last and the last but one hit
+    int silent_ms;          // since the last fresh pose
+    int flowing_ms;         // since the first pose after a silence of zero_ms; stops counting at flow_ms
+    int gap_ms;             // since force_n was last renewed
+    bool attached;          // the probe is in the model
+    bool latched;           // fault stands until its way back is taken; false while a silence is only fading
+    bool braking;
+    bool rejoining;         // force_n was frozen longer than hold_ms and walks back to the contact's
+    kn_fault fault;         // why the force is latched or fading
     int64_t clamps, guards, faults; // counters since init
 } kn_safety;
 
 typedef struct kn_safety_in {
-    bool live;       // a session owns the probe
-    bool fresh;      // a new pose arrived for this tick
-    bool clear;      // that pose is clear of the object
-    bool stop;       // the server is stopping: ramp down and latch
-    bool recover;    // operator's recover command
-    int elapsed_ms;  // 1 + missed cycles
-    double speed_m_s;
-    double velocity_m_s[3];
+    bool live;    // a session owns the probe
+    bool opened;  // its first tick
+    bool fresh;   // a new pose arrived for this tick
+    bool clear;   // the pose is clear of the object; looked at only while the probe is not attached
+    bool stop;    // the server is stopping: ramp down and latch
+    bool reset;   // the object is as new: the probe leaves the model at once, the force it gave fades
+    bool recover; // operator's recover command
+    int elapsed_ms;         // 1 + missed cycles: time since the last tick
+    double velocity_m_s[3]; // of the tool
 } kn_safety_in;
 
-// Fills zero fields of limits with defaults and starts latched-free, detached, gain 0.
+// Fills zero fields of limits with defaults and starts without a fault, detached, gain 0.
 void kn_safety_init(kn_safety *s, const kn_safety_limits *limits);
+double kn_safety_slope(const kn_safety_limits *limits); // N/ms, limits with defaults filled in
 
-// Before the step: advances watchdog, latch and gain ramp by elapsed_ms. Returns whether the probe is in the model this tick.
-// A probe enters the model only clear of the object; it leaves it when the gain has come down to 0.
+// Before the step: advances watchdog, latch and gain by elapsed_ms. Returns whether the probe is in the model this tick.
+// A probe enters the model only clear of the object; it leaves it when the gain has come down to 0 for good.
 bool kn_safety_watch(kn_safety *s, const kn_safety_in *in);
 
-// After the step: what the hand is given. force and torque are the contact's; out is zero when anything is not finite.
-// Returns KN_FLAG_* bits of this tick.
+// After the step: what the hand is given. force and torque are the contact's. Returns KN_FLAG_* bits of this tick.
+// A non-finite number never gets through: it latches NONFINITE and the last good force fades in its place.
 int kn_safety_filter(kn_safety *s, const kn_safety_in *in, const double force_n[3], const double torque_n_m[3],
                      double out_force_n[3], double out_torque_n_m[3]);
 
-// The device's own watchdog: hold <= hold_ms after the last message, zero by zero_ms, latched until rearmed.
+// Latches a fault from outside (ESTOP, diverged physics): the force fades from the next watch on.
+void kn_safety_trip(kn_safety *s, kn_fault fault);
+
+// The device's own watchdog, since a killed server cannot ramp anything down: the last force is held for hold_ms after
+// its message, is zero by zero_ms, and stays zero until rearmed. A message that comes in between is ramped in again.
 typedef struct kn_watchdog {
     int hold_ms, zero_ms;
     int silent_ms;
+    double factor;
+    bool armed; // a message has come since init or rearm
     bool tripped;
     int64_t trips;
 } kn_watchdog;
-void kn_watchdog_init(kn_watchdog *w, int hold_ms, int zero_ms);
+void kn_watchdog_init(kn_watchdog *w, int hold_ms, int zero_ms); // 0 = 3 and 20
 // Called every ms. Factor 0..1 that multiplies the last received force.
 double kn_watchdog_tick(kn_watchdog *w, bool fresh, int elapsed_ms);
 void kn_watchdog_rearm(kn_watchdog *w);

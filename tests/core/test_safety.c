@@ -1,0 +1,401 @@
+#include "core/safety.h"
+#include "tests/check.h"
+
+typedef struct rig { // a probe in the hands of a test: one call is one tick
+    kn_safety s;
+    kn_safety_in in;
+    double contact_n[3], torque_n_m[3];
+    double out_n[3], out_n_m[3];
+    int flags;
+} rig;
+
+static rig rig_make(double clamp_n)
+{
+    rig r = {.in = {.live = true, .fresh = true, .clear = true, .elapsed_ms = 1}};
+    kn_safety_limits limits = {.clamp_n = clamp_n};
+    kn_safety_init(&r.s, &limits);
+    return r;
+}
+
+static void tick(rig *r)
+{
+    kn_safety_watch(&r->s, &r->in);
+    r->flags = kn_safety_filter(&r->s, &r->in, r->contact_n, r->torque_n_m, r->out_n, r->out_n_m);
+}
+
+static double length(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
+static void ticks(rig *r, int n)
+{
+    for (int i = 0; i < n; i++) tick(r);
+}
+
+// In contact with full gain under a force along z that was reached in small steps.
+static rig rig_pressing(double clamp_n, double force_n)
+{
+    rig r = rig_make(clamp_n);
+    ticks(&r, 401);
+    for (int i = 1; i <= 20; i++) {
+        r.contact_n[2] = force_n * i / 20.0;
+        tick(&r);
+    }
+    return r;
+}
+
+TEST("a probe engages after 200 ms of poses, in air, and its gain takes 200 ms to reach 1")
+{
+    rig r = rig_make(40.0);
+    ticks(&r, 199);
+    CHECK(!r.s.attached && r.s.gain == 0.0);
+    tick(&r);
+    CHECK(r.s.attached);
+    r.contact_n[2] = 3.0; // no real contact could start here; the gain alone is looked at
+    for (int i = 1; i <= 200; i++) {
+        tick(&r);
+        CHECK_NEAR(r.out_n[2], 3.0 * i / 200.0, 1e-12);
+        CHECK(!(r.flags & KN_FLAG_ENGAGED) == (i < 200));
+    }
+}
+
+TEST("a tool that starts inside the object gets no force until it has been lifted")
+{
+    rig r = rig_make(40.0);
+    r.in.clear = false;
+    r.contact_n[2] = 2.0;
+    ticks(&r, 1000);
+    CHECK(!r.s.attached && length(r.out_n) == 0.0);
+    CHECK(r.flags & KN_FLAG_REENGAGE_LIFT);
+    r.in.clear = true;
+    tick(&r);
+    CHECK(r.s.attached && !(r.flags & KN_FLAG_REENGAGE_LIFT));
+}
+
+TEST("without poses the force stands for 3 ms, falls on a line, is zero at 20 ms and stays zero")
+{
+    rig r = rig_pressing(40.0, 8.5);
+    r.in.fresh = false;
+    for (int ms = 1; ms <= 100; ms++) {
+        r.contact_n[2] = 8.5 + ms; // what the physics says meanwhile does not matter
+        tick(&r);
+        double gain = ms <= 3 ? 1.0 : ms >= 20 ? 0.0 : (20 - ms) / 17.0;
+        CHECK_NEAR(r.out_n[2], 8.5 * gain, 1e-12);
+        CHECK(r.flags & KN_FLAG_STALE);
+        if (ms > 3) CHECK(r.s.fault == KN_FAULT_POSE_SILENCE);
+        CHECK(!(r.flags & KN_FLAG_LATCHED) == (ms < 20));
+        if (ms >= 20) CHECK(r.out_n[2] == 0.0 && !r.s.attached);
+    }
+    CHECK(r.s.faults == 1);
+}
+
+TEST("a silence that ends before the deadline fades and ramps in again without a latch")
+{
+    rig r = rig_pressing(3.3, 3.0);
+    r.in.fresh = false;
+    ticks(&r, 10);
+    CHECK_NEAR(r.s.gain, 10.0 / 17.0, 1e-12);
+    r.in.fresh = true;
+    double before = r.out_n[2];
+    r.contact_n[2] = 1.0; // the contact has changed meanwhile: the hand walks there, it does not jump
+    tick(&r);
+    CHECK(r.s.fault == KN_FAULT_NONE && r.s.faults == 0);
+    CHECK(fabs(r.out_n[2] - before) <= kn_safety_slope(&r.s.limits));
+    ticks(&r, 200);
+    CHECK_NEAR(r.out_n[2], 1.0, 1e-12);
+}
+
+TEST("a latched silence clears by lifting while poses flow, not by poses alone")
+{
+    rig r = rig_pressing(40.0, 5.0);
+    r.in.fresh = false;
+    ticks(&r, 50);
+    r.in.fresh = true;
+    r.in.clear = false;
+    ticks(&r, 1000);
+    CHECK((r.flags & KN_FLAG_LATCHED) && (r.flags & KN_FLAG_REENGAGE_LIFT) && length(r.out_n) == 0.0);
+    r.in.clear = true;
+    r.contact_n[2] = 0.0;
+    ticks(&r, 201);
+    CHECK(r.s.fault == KN_FAULT_NONE && (r.flags & KN_FLAG_ENGAGED));
+}
+
+TEST("cycles that the server missed count as silence, and a stall past the deadline latches")
+{
+    rig r = rig_pressing(40.0, 5.0);
+    r.in.elapsed_ms = 9; // the fresh pose may have come at the end of these 9 ms: 8 silent, 5 of them past the hold
+    tick(&r);
+    CHECK_NEAR(r.s.gain, 1.0 - 5.0 / 17.0, 1e-12);
+    rig q = rig_pressing(40.0, 5.0);
+    q.in.elapsed_ms = 50;
+    tick(&q);
+    CHECK(q.s.fault == KN_FAULT_POSE_SILENCE && q.s.latched && length(q.out_n) == 0.0);
+}
+
+TEST("a first touch of 1.2 N/ms, steeper than a dough press makes, never meets the guard")
+{
+    rig r = rig_make(40.0);
+    ticks(&r, 401);
+    for (int i = 0; i < 30; i++) {
+        r.contact_n[2] += 1.2;
+        tick(&r);
+    }
+    CHECK(r.s.guards == 0 && r.s.fault == KN_FAULT_NONE);
+    CHECK_NEAR(r.out_n[2], 36.0, 1e-12);
+}
+
+TEST("the guard limits one wild value to 4 N/ms and counts it")
+{
+    rig r = rig_pressing(40.0, 5.0);
+    r.contact_n[2] = 11.0;
+    tick(&r);
+    CHECK_NEAR(r.out_n[2], 9.0, 1e-12);
+    CHECK((r.flags & KN_FLAG_GUARD) && r.s.guards == 1 && r.s.fault == KN_FAULT_NONE);
+    tick(&r);
+    CHECK_NEAR(r.out_n[2], 11.0, 1e-12);
+    CHECK(!(r.flags & KN_FLAG_GUARD));
+}
+
+TEST("three hits in 20 ticks, an alternating pair or one request above twice the guard fade to zero in 17 ms, latched")
+{
+    static const double patterns[3][4] = {{6.0, 6.0, 6.0, 6.0}, {6.0, -6.0, 0.0, 0.0}, {8.5, 0.0, 0.0, 0.0}};
+    for (int p = 0; p < 3; p++) {
+        rig r = rig_pressing(40.0, 5.0);
+        for (int i = 0; i < 3 && !r.s.latched; i++) {
+            r.contact_n[2] = r.s.force_n[2] + patterns[p][i];
+            double before = r.out_n[2];
+            tick(&r);
+            if (r.s.latched) CHECK(r.out_n[2] == before); // the tick that trips leaves the output alone
+        }
+        CHECK(r.s.fault == KN_FAULT_IMPULSE && r.s.latched && r.s.guards == 3 - p);
+        double from = r.out_n[2];
+        r.contact_n[2] = 1e9;
+        for (int i = 1; i <= 17; i++) {
+            tick(&r);
+            CHECK_NEAR(r.out_n[2], from * (17 - i) / 17.0, 1e-9);
+        }
+        CHECK(length(r.out_n) == 0.0 && !r.s.attached);
+    }
+}
+
+TEST("hits further apart than 20 ticks are no fault")
+{
+    rig r = rig_pressing(40.0, 0.0);
+    for (int i = 0; i < 100; i++) {
+        r.contact_n[0] += 5.0; // 5 N in one ms, then 25 ms of rest
+        ticks(&r, 25);
+    }
+    CHECK(r.s.guards == 100 && r.s.fault == KN_FAULT_NONE);
+}
+
+TEST("an impulse fault stays through lifting and clears by a new session or by recover")
+{
+    for (int way = 0; way < 2; way++) {
+        rig r = rig_pressing(40.0, 5.0);
+        r.contact_n[2] = 100.0;
+        tick(&r);
+        r.contact_n[2] = 0.0;
+        ticks(&r, 1000);
+        CHECK(r.s.fault == KN_FAULT_IMPULSE && !r.s.attached);
+        if (way) r.in.recover = true;
+        else r.in.opened = true;
+        tick(&r);
+        r.in.recover = r.in.opened = false;
+        ticks(&r, 400);
+        CHECK(r.s.fault == KN_FAULT_NONE && (r.flags & KN_FLAG_ENGAGED));
+    }
+}
+
+TEST("a non-finite force never leaves; the last good one fades, and only a reset is a way back")
+{
+    rig r = rig_pressing(40.0, 5.0);
+    r.contact_n[1] = NAN;
+    tick(&r);
+    CHECK(r.out_n[2] == 5.0 && r.s.fault == KN_FAULT_NONFINITE);
+    ticks(&r, 17);
+    CHECK(length(r.out_n) == 0.0);
+    r.contact_n[1] = 0.0;
+    r.contact_n[2] = 0.0;
+    r.in.recover = true;
+    ticks(&r, 500);
+    CHECK(r.s.fault == KN_FAULT_NONFINITE && !r.s.attached);
+    r.in.recover = false;
+    r.in.reset = true;
+    tick(&r);
+    r.in.reset = false;
+    ticks(&r, 300);
+    CHECK(r.s.fault == KN_FAULT_NONE && r.s.attached);
+}
+
+TEST("a reset under the hand takes the probe out at once and fades what it felt")
+{
+    rig r = rig_pressing(40.0, 8.5);
+    r.in.reset = true;
+    r.contact_n[2] = 0.0;
+    tick(&r);
+    r.in.reset = false;
+    CHECK(!r.s.attached);
+    CHECK_NEAR(r.out_n[2], 8.0, 1e-12);
+    ticks(&r, 16);
+    CHECK(length(r.out_n) == 0.0);
+}
+
+TEST("stopping ramps to zero in 17 ms and nothing brings the force back")
+{
+    rig r = rig_pressing(40.0, 8.5);
+    r.in.stop = true;
+    for (int i = 1; i <= 17; i++) {
+        tick(&r);
+        CHECK_NEAR(r.out_n[2], 8.5 * (17 - i) / 17.0, 1e-12);
+    }
+    r.in.stop = false;
+    r.in.recover = r.in.reset = true;
+    ticks(&r, 500);
+    CHECK(r.s.fault == KN_FAULT_STOPPING && length(r.out_n) == 0.0 && r.s.faults == 0);
+}
+
+TEST("above 1.2 m/s the hand is only damped, and contact comes back through the ramp, in air")
+{
+    rig r = rig_pressing(3.3, 3.0);
+    r.in.velocity_m_s[0] = 2.0;
+    r.in.clear = false;
+    ticks(&r, 40);
+    CHECK((r.flags & KN_FLAG_BRAKE) && r.s.fault == KN_FAULT_NONE && !r.s.attached);
+    CHECK_NEAR(r.out_n[0], -3.0, 1e-12);
+    CHECK_NEAR(r.out_n[2], 0.0, 0.0);
+    r.in.velocity_m_s[0] = 1.1; // not yet: noise about the limit must not toggle it
+    ticks(&r, 40);
+    CHECK(r.flags & KN_FLAG_BRAKE);
+    r.in.velocity_m_s[0] = 0.5;
+    ticks(&r, 40);
+    CHECK(!(r.flags & KN_FLAG_BRAKE) && (r.flags & KN_FLAG_REENGAGE_LIFT) && length(r.out_n) == 0.0);
+    r.in.clear = true;
+    ticks(&r, 100);
+    CHECK(r.s.gain < 1.0 && r.s.gain > 0.0);
+    ticks(&r, 101);
+    CHECK(r.s.gain == 1.0);
+}
+
+TEST("force and torque are clamped by their norm and share one gain")
+{
+    rig r = rig_make(3.3);
+    ticks(&r, 300);
+    r.contact_n[0] = r.contact_n[1] = r.contact_n[2] = 2.2;
+    r.torque_n_m[0] = 1.0;
+    tick(&r);
+    CHECK_NEAR(length(r.out_n), 3.3 * r.s.gain, 1e-12);
+    CHECK_NEAR(r.out_n[0], r.out_n[2], 1e-12);
+    CHECK_NEAR(r.out_n_m[0], 0.165 * r.s.gain, 1e-12);
+    CHECK((r.flags & KN_FLAG_CLAMPED) && r.s.clamps == 1);
+}
+
+static unsigned long long seed = 1;
+static double uniform(void) // [0, 1)
+{
+    seed = seed * 6364136223846793005u + 1442695040888963407u;
+    return (double)(seed >> 11) / 9007199254740992.0;
+}
+
+static bool braked(const kn_safety *s) { return length(s->brake_n) != 0.0; }
+
+// A tick of anything that can happen: bursts of lost poses, missed cycles, wild forces, fast hands, commands.
+static void random_tick(rig *r, int *burst)
+{
+    if (*burst > 0) (*burst)--;
+    else if (uniform() < 0.003) *burst = (int)(uniform() * uniform() * 60.0);
+    r->in.fresh = *burst == 0;
+    r->in.clear = uniform() < 0.5;
+    r->in.elapsed_ms = uniform() < 0.001 ? 1 + (int)(uniform() * 30.0) : 1;
+    r->in.reset = uniform() < 0.0005;
+    r->in.recover = uniform() < 0.01;
+    r->in.opened = r->in.fresh && uniform() < 0.0002;
+    double walk = uniform() < 0.0002 ? 20.0 : 0.5, pull = 0.999;
+    for (int i = 0; i < 3; i++) {
+        if (!isfinite(r->contact_n[i])) r->contact_n[i] = 0.0;
+        r->contact_n[i] = pull * r->contact_n[i] + walk * (2.0 * uniform() - 1.0);
+        r->in.velocity_m_s[i] = 0.998 * r->in.velocity_m_s[i] + 0.04 * (2.0 * uniform() - 1.0);
+    }
+    if (uniform() < 0.0001) r->contact_n[1] = uniform() < 0.5 ? (double)NAN : 1e300;
+}
+
+// Property, over a million ticks: the clamp, the deadline and the slope hold whatever happens.
+static void anything(double clamp_n, unsigned long long from)
+{
+    rig r = rig_make(clamp_n);
+    const kn_safety_limits *l = &r.s.limits;
+    double slope = kn_safety_slope(l);
+    long contact = 0, other = 0, silent = 0, over_clamp = 0, over_slope = 0, over_guard = 0, after_deadline = 0;
+    int burst = 0, since_pose = 0;
+    seed = from;
+    for (long n = 0; n < 500000; n++) {
+        double before[3] = {r.out_n[0], r.out_n[1], r.out_n[2]}, change[3];
+        random_tick(&r, &burst);
+        kn_safety_watch(&r.s, &r.in);
+        bool live_contact = r.s.attached && !r.s.latched && !r.s.braking && !braked(&r.s) && r.in.fresh && !r.s.rejoining;
+        int gap = r.s.gap_ms < 1 ? 1 : r.s.gap_ms < l->hold_ms ? r.s.gap_ms : l->hold_ms;
+        r.flags = kn_safety_filter(&r.s, &r.in, r.contact_n, r.torque_n_m, r.out_n, r.out_n_m);
+
+        for (int i = 0; i < 3; i++) change[i] = r.out_n[i] - before[i];
+        double given = length(r.out_n), step = length(change) / r.in.elapsed_ms;
+        over_clamp += !(given <= l->clamp_n); // a NaN counts
+        since_pose = r.in.fresh ? 0 : since_pose + r.in.elapsed_ms;
+        silent += since_pose >= l->zero_ms;
+        after_deadline += since_pose >= l->zero_ms && given != 0.0;
+        bool forced = since_pose >= l->zero_ms || r.in.elapsed_ms > 1; // the hand had no force in a skipped cycle
+        if (live_contact) {
+            contact++;
+            over_guard += step > l->guard_n_per_ms * gap + l->clamp_n / l->ramp_up_ms + 1e-9;
+        } else if (!forced) {
+            other++;
+            over_slope += step > slope + 1e-9;
+        }
+    }
+    CHECK(over_clamp == 0);
+    CHECK(over_slope == 0);
+    CHECK(over_guard == 0);
+    CHECK(after_deadline == 0);
+    // and the run was worth having
+    CHECK(contact > 50000 && other > 50000 && silent > 500);
+    CHECK(r.s.guards > 100 && r.s.faults > 100);
+}
+
+TEST("whatever happens: |force| <= clamp, zero 20 ms after silence, transitions within the slope (touch, 3.3 N)")
+{
+    anything(3.3, 20261121);
+}
+TEST("the same on the bench profile (40 N)") { anything(40.0, 7); }
+
+TEST("a device whose server was killed holds 3 ms, is at zero by 20 ms and stays there until rearmed")
+{
+    kn_watchdog w;
+    kn_watchdog_init(&w, 0, 0);
+    CHECK(kn_watchdog_tick(&w, false, 1) == 0.0); // nothing has come yet: no force, no trip
+    for (int i = 0; i < 100; i++) CHECK(kn_watchdog_tick(&w, true, 1) == 1.0);
+    for (int ms = 1; ms <= 100; ms++) {
+        double gain = ms <= 3 ? 1.0 : ms >= 20 ? 0.0 : (20 - ms) / 17.0;
+        CHECK_NEAR(kn_watchdog_tick(&w, false, 1), gain, 1e-12);
+    }
+    CHECK(w.tripped && w.trips == 1);
+    CHECK(kn_watchdog_tick(&w, true, 1) == 0.0);
+    kn_watchdog_rearm(&w);
+    CHECK(kn_watchdog_tick(&w, true, 1) == 1.0);
+}
+
+TEST("a device that was itself asleep past the deadline trips, too; a short gap is ramped in again")
+{
+    kn_watchdog w;
+    kn_watchdog_init(&w, 3, 20);
+    kn_watchdog_tick(&w, true, 1);
+    for (int i = 0; i < 10; i++) kn_watchdog_tick(&w, false, 1);
+    double faded = w.factor;
+    CHECK(faded < 0.6);
+    CHECK_NEAR(kn_watchdog_tick(&w, true, 1), faded + 1.0 / 200.0, 1e-12);
+    CHECK(kn_watchdog_tick(&w, true, 25) == 0.0);
+    CHECK(w.tripped);
+}
+
+TEST("every fault has a name and a way back")
+{
+    for (int f = KN_FAULT_NONE; f <= KN_FAULT_STOPPING; f++)
+        CHECK(strlen(kn_fault_name((kn_fault)f)) > 3 && strlen(kn_fault_remedy((kn_fault)f)) > 3);
+}
+
+TESTS_MAIN
