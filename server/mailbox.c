@@ -1,0 +1,29 @@
+#include "server/mailbox.h"
+
+enum { SLOT = 3, UNSEEN = 4 };
+
+void kn_mailbox_init(kn_mailbox *box, void *memory, size_t size)
+{
+    for (int i = 0; i < 3; i++) box->slot[i] = (char *)memory + (size_t)i * size;
+    box->back = 0;
+    box->front = 2;
+    atomic_init(&box->shared, 1);
+}
+
+void *kn_mailbox_back(kn_mailbox *box)
+{
+    return box->slot[box->back];
+}
+
+// release: the reader that takes this slot sees what was written into it; acquire: the slot that comes back is no longer read
+void kn_mailbox_post(kn_mailbox *box)
+{
+    box->back = atomic_exchange_explicit(&box->shared, box->back | UNSEEN, memory_order_acq_rel) & SLOT;
+}
+
+const void *kn_mailbox_latest(kn_mailbox *box, bool *fresh)
+{
+    *fresh = atomic_load_explicit(&box->shared, memory_order_relaxed) & UNSEEN;
+    if (*fresh) box->front = atomic_exchange_explicit(&box->shared, box->front, memory_order_acq_rel) & SLOT;
+    return box->slot[box->front];
+}

@@ -1,0 +1,64 @@
+#include "server/ring.h"
+#include "tests/check.h"
+#include <pthread.h>
+#include <sched.h>
+#include <stdint.h>
+
+TEST("records come out in the order they went in; a full ring refuses and keeps what it has")
+{
+    kn_ring ring;
+    CHECK(kn_ring_init(&ring, 4, sizeof(int)));
+    CHECK(kn_ring_front(&ring) == NULL);
+    for (int n = 0; n < 4; n++) CHECK(kn_ring_push(&ring, &n));
+    int refused = 99;
+    CHECK(!kn_ring_push(&ring, &refused));
+    for (int n = 0; n < 10; n++) { // round the end several times
+        const int *front = kn_ring_front(&ring);
+        CHECK(front && *front == n);
+        kn_ring_pop(&ring);
+        int next = n + 4;
+        CHECK(kn_ring_push(&ring, &next));
+    }
+    kn_ring_free(&ring);
+}
+
+enum { RECORDS = 200000 };
+typedef struct record {
+    uint64_t n, copy[15];
+} record;
+
+static void *push_records(void *ring)
+{
+    for (uint64_t n = 0; n < RECORDS; n++) {
+        record r = {.n = n};
+        for (int i = 0; i < 15; i++) r.copy[i] = n;
+        while (!kn_ring_push(ring, &r)) sched_yield();
+    }
+    return NULL;
+}
+
+TEST("between two threads every record arrives once, whole and in order")
+{
+    kn_ring ring;
+    CHECK(kn_ring_init(&ring, 64, sizeof(record)));
+    pthread_t writer;
+    CHECK(pthread_create(&writer, NULL, push_records, &ring) == 0);
+    uint64_t wrong = 0;
+    for (uint64_t n = 0; n < RECORDS;) {
+        const record *r = kn_ring_front(&ring);
+        if (!r) {
+            sched_yield();
+            continue;
+        }
+        wrong += r->n != n;
+        for (int i = 0; i < 15; i++) wrong += r->copy[i] != n;
+        kn_ring_pop(&ring);
+        n++;
+    }
+    pthread_join(writer, NULL);
+    CHECK(wrong == 0);
+    CHECK(kn_ring_front(&ring) == NULL);
+    kn_ring_free(&ring);
+}
+
+TESTS_MAIN
