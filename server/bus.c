@@ -1,0 +1,117 @@
+#include "server/bus.h"
+#include <arpa/inet.h>
+#include <errno.h>
+#include <linux/sock_diag.h>
+#include <net/if.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+bool kn_bus_parse(kn_bus *bus, const char *url, char *error, size_t error_size)
+{
+    char address[16], end = 0;
+    unsigned port = 0;
+    memset(bus, 0, sizeof *bus);
+    bus->url = url;
+    int fields = sscanf(url, "udpm://%15[0-9.]:%5u%c", address, &port, &end);
+    if (fields < 2 || (fields == 3 && end != '?') || inet_pton(AF_INET, address, &bus->group.sin_addr) != 1 ||
+        !IN_MULTICAST(ntohl(bus->group.sin_addr.s_addr)) || port == 0 || port > 65535) {
+        snprintf(error, error_size, "%s: expected udpm://GROUP:PORT?ttl=0 with a multicast group; "
+                 "LCM's other providers are not served", url);
+        return false;
+    }
+    const char *ttl = strstr(url, "ttl=");
+    if (ttl && strtol(ttl + 4, NULL, 10) != 0) {
+        snprintf(error, error_size, "%s: expected ttl=0: anyone who hears a bus can move the tool, so it stays on this machine",
+                 url);
+        return false;
+    }
+    bus->group.sin_family = AF_INET;
+    bus->group.sin_port = htons((uint16_t)port);
+    return true;
+}
+
+bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size)
+{
+    // Connecting a UDP socket sends nothing; it makes the kernel choose route and source address, which then can be asked.
+    struct sockaddr_in from = {0};
+    socklen_t size = sizeof from;
+    int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    bool routed = fd >= 0 && connect(fd, (const struct sockaddr *)&bus->group, sizeof bus->group) == 0 &&
+                  getsockname(fd, (struct sockaddr *)&from, &size) == 0;
+    if (fd >= 0) close(fd);
+    if (routed && ntohl(from.sin_addr.s_addr) >> 24 == IN_LOOPBACKNET) return true;
+
+    char group[16], source[16];
+    inet_ntop(AF_INET, &bus->group.sin_addr, group, sizeof group);
+    inet_ntop(AF_INET, &from.sin_addr, source, sizeof source);
+    snprintf(error, error_size, "%s: the group's route is not loopback (%s%s); as root: ip link set lo up; "
+             "ip route add %s/32 dev lo", bus->url, routed ? "it leaves from " : "there is none", routed ? source : "", group);
+    return false;
+}
+
+// The largest buffer we can get: at 1 MiB it holds about 1 300 poses. Only root may pass net.core.rmem_max.
+static void enlarge_buffer(int fd)
+{
+    int size = 1 << 20;
+    if (setsockopt(fd, SOL_SOCKET, SO_RCVBUFFORCE, &size, sizeof size) != 0)
+        setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &size, sizeof size);
+}
+
+int kn_bus_listen(const kn_bus *bus, char *error, size_t error_size)
+{
+    const int on = 1, off = 0;
+    struct ip_mreqn group = {.imr_multiaddr = bus->group.sin_addr, .imr_ifindex = (int)if_nametoindex("lo")};
+    int fd = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    if (fd >= 0 && setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) == 0 &&
+        setsockopt(fd, IPPROTO_IP, IP_PKTINFO, &on, sizeof on) == 0 &&
+        setsockopt(fd, IPPROTO_IP, IP_MULTICAST_ALL, &off, sizeof off) == 0 &&
+        bind(fd, (const struct sockaddr *)&bus->group, sizeof bus->group) == 0 &&
+        setsockopt(fd, IPPROTO_IP, IP_ADD_MEMBERSHIP, &group, sizeof group) == 0) {
+        enlarge_buffer(fd);
+        return fd;
+    }
+    snprintf(error, error_size, "%s: cannot listen: %s", bus->url, strerror(errno));
+    if (fd >= 0) close(fd);
+    return -1;
+}
+
+static bool came_over_lo(struct msghdr *header)
+{
+    enum { LO = 1 }; // Linux gives lo this number in every namespace (LOOPBACK_IFINDEX)
+    for (struct cmsghdr *c = CMSG_FIRSTHDR(header); c; c = CMSG_NXTHDR(header, c)) {
+        if (c->cmsg_level != IPPROTO_IP || c->cmsg_type != IP_PKTINFO) continue;
+        struct in_pktinfo info;
+        memcpy(&info, CMSG_DATA(c), sizeof info);
+        return info.ipi_ifindex == LO;
+    }
+    return false;
+}
+
+void kn_bus_read(int fd, int limit, kn_batch *batch)
+{
+    struct mmsghdr header[KN_BATCH] = {0};
+    struct iovec vector[KN_BATCH];
+    _Alignas(struct cmsghdr) char control[KN_BATCH][CMSG_SPACE(sizeof(struct in_pktinfo))];
+    for (int i = 0; i < limit; i++) {
+        vector[i] = (struct iovec){batch->datagram[i].bytes, KN_DATAGRAM_MAX};
+        header[i].msg_hdr = (struct msghdr){
+            .msg_iov = &vector[i], .msg_iovlen = 1, .msg_control = control[i], .msg_controllen = sizeof control[i]};
+    }
+    int count = recvmmsg(fd, header, (unsigned)limit, 0, NULL);
+    batch->count = count > 0 ? count : 0;
+    for (int i = 0; i < batch->count; i++) {
+        kn_datagram *datagram = &batch->datagram[i];
+        datagram->size = header[i].msg_len;
+        datagram->truncated = header[i].msg_hdr.msg_flags & MSG_TRUNC;
+        datagram->loopback = came_over_lo(&header[i].msg_hdr);
+    }
+}
+
+uint32_t kn_bus_drops(int fd)
+{
+    uint32_t info[SK_MEMINFO_VARS] = {0};
+    socklen_t size = sizeof info;
+    return getsockopt(fd, SOL_SOCKET, SO_MEMINFO, info, &size) == 0 ? info[SK_MEMINFO_DROPS] : 0;
+}

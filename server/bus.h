@@ -1,0 +1,51 @@
+#ifndef KN_SERVER_BUS_H
+#define KN_SERVER_BUS_H
+// A bus: an LCM URL, the multicast group behind it, and a socket that hears it.
+//
+// Everything stays on this machine. A group whose route is not loopback is refused before anything joins it, because the
+// join itself (IGMP) would already leave through the network card, even with ttl 0. The socket is bound to the group's own
+// address (stock liblcm binds any address and hears every group of its port), joins it on lo, and tells of each datagram
+// whether it came over lo.
+#include <netinet/in.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <sys/socket.h>
+
+#define KN_DATAGRAM_MAX 512 // bytes kept of one datagram: a pose has less than 200, what is larger is only counted
+#define KN_BATCH 32         // datagrams taken per wake
+
+typedef struct kn_bus {
+    const char *url; // borrowed
+    struct sockaddr_in group;
+} kn_bus;
+
+typedef struct kn_datagram {
+    size_t size;    // bytes kept
+    bool loopback;  // it arrived over lo
+    bool truncated; // it was longer than KN_DATAGRAM_MAX
+    unsigned char bytes[KN_DATAGRAM_MAX];
+} kn_datagram;
+
+typedef struct kn_batch { // what one wake brought
+    int count;
+    kn_datagram datagram[KN_BATCH];
+} kn_batch;
+
+// udpm://GROUP:PORT[?ttl=0&recv_buf_size=N]. False and one line in error for anything else.
+bool kn_bus_parse(kn_bus *bus, const char *url, char *error, size_t error_size);
+
+// Whether the kernel would send to the group over lo. False and one line in error that names the cure.
+bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size);
+
+// A non-blocking socket that hears the group over lo, beside any number of others; -1 and one line in error.
+int kn_bus_listen(const kn_bus *bus, char *error, size_t error_size);
+
+// Takes what waits, at most limit (<= KN_BATCH) datagrams. Neither blocks nor allocates.
+void kn_bus_read(int fd, int limit, kn_batch *batch);
+
+// Datagrams the kernel dropped because this socket's buffer was full, since it was opened, modulo 2^32: the number that
+// SO_RXQ_OVFL attaches to datagrams, asked for directly, so that drops after the last datagram count as well.
+uint32_t kn_bus_drops(int fd);
+
+#endif

@@ -1,0 +1,170 @@
+#include "server/receiver.h"
+#include "proto/knead_probe_pose_t.h"
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#define LC02 0x4c433032u
+#define LC03 0x4c433033u
+#define HEADER_SIZE 8         // magic, sequence
+#define CHANNEL_MAX 64        // with its NUL, LCM's own limit
+#define CHANNEL_PREFIX "KNEAD_POSE_"
+
+#define QUATERNION_BOUND 1e-3 // of a device that sends floats; worse is not a rotation
+#define WORKSPACE_M 1.0       // no haptic device reaches further
+#define SPEED_MAX_M_S 5.0     // no hand on a device is faster; from 1.2 m/s on the servo only damps
+#define SPEED_WINDOW_US 1000  // the servo looks once per ms, so a step below 5 mm is no jump however close its stamps are
+#define SILENCE_NS 1000000000
+#define COST_NS 200000        // of one pose: 5 kHz
+#define CREDIT_NS 50000000    // a sender that was held up may catch up 250 poses at once
+
+const char *kn_verdict_name(kn_verdict verdict)
+{
+    static const char *const names[] = {
+#define KN_REJECT(name, text, meaning) text,
+        KN_REJECTS(KN_REJECT)
+#undef KN_REJECT
+    };
+    return verdict == KN_ACCEPTED ? "accepted" : names[verdict];
+}
+
+_Static_assert(KN_REJECT_COUNT <= 24, "status_t.rejected has 24 places");
+
+void kn_receiver_init(kn_receiver *r, const kn_model_def *def)
+{
+    memset(r, 0, sizeof *r);
+    r->probes = def->probe_count;
+    for (int p = 0; p < r->probes; p++)
+        snprintf(r->channel[p], sizeof r->channel[p], CHANNEL_PREFIX "%s", def->probe[p].name);
+}
+
+static uint32_t big_endian_32(const unsigned char *bytes)
+{
+    return (uint32_t)bytes[0] << 24 | (uint32_t)bytes[1] << 16 | (uint32_t)bytes[2] << 8 | bytes[3];
+}
+
+static int64_t big_endian_64(const unsigned char *bytes)
+{
+    return (int64_t)((uint64_t)big_endian_32(bytes) << 32 | big_endian_32(bytes + 4));
+}
+
+// The bounds, before any field is looked at.
+static kn_verdict unpack(const kn_receiver *r, const kn_datagram *datagram, int *probe, knead_probe_pose_t *message)
+{
+    const unsigned char *bytes = datagram->bytes;
+    if (!datagram->loopback) return KN_REJECT_INTERFACE;
+    if (datagram->size < HEADER_SIZE) return KN_REJECT_RUNT;
+    uint32_t magic = big_endian_32(bytes);
+    if (magic != LC02) return magic == LC03 ? KN_REJECT_FRAGMENT : KN_REJECT_MAGIC;
+
+    const char *channel = (const char *)bytes + HEADER_SIZE;
+    size_t left = datagram->size - HEADER_SIZE;
+    const char *end = memchr(channel, 0, left < CHANNEL_MAX ? left : CHANNEL_MAX);
+    if (!end) return KN_REJECT_CHANNEL_END;
+    if (strncmp(channel, CHANNEL_PREFIX, strlen(CHANNEL_PREFIX)) != 0) return KN_REJECT_CHANNEL;
+    for (*probe = 0; *probe < r->probes && strcmp(channel, r->channel[*probe]) != 0;) ++*probe;
+    if (*probe == r->probes) return KN_REJECT_PROBE;
+
+    const unsigned char *payload = (const unsigned char *)end + 1;
+    size_t size = datagram->size - (size_t)(payload - bytes);
+    if (datagram->truncated || size != (size_t)knead_probe_pose_t_encoded_size(message)) return KN_REJECT_LENGTH;
+    if (big_endian_64(payload) != __knead_probe_pose_t_get_hash()) return KN_REJECT_TYPE;
+    return knead_probe_pose_t_decode(payload, 0, (int)size, message) == (int)size ? KN_ACCEPTED : KN_REJECT_LENGTH;
+}
+
+static bool all_finite(const double *value, int count)
+{
+    for (int i = 0; i < count; i++)
+        if (!isfinite(value[i])) return false;
+    return true;
+}
+
+static double length(const double *value, int count)
+{
+    double sum = 0;
+    for (int i = 0; i < count; i++) sum += value[i] * value[i];
+    return sqrt(sum); // of huge values infinite, and so out of every bound
+}
+
+static kn_verdict check_fields(const knead_probe_pose_t *m)
+{
+    if (m->frame != KNEAD_PROBE_POSE_T_FRAME_SCENE) return KN_REJECT_FRAME;
+    if (!all_finite(m->position_m, 3) || !all_finite(m->orientation_wxyz, 4) || !all_finite(m->velocity_m_s, 3))
+        return KN_REJECT_NONFINITE;
+    if (fabs(length(m->orientation_wxyz, 4) - 1) > QUATERNION_BOUND) return KN_REJECT_QUATERNION;
+    if (length(m->position_m, 3) > WORKSPACE_M) return KN_REJECT_WORKSPACE;
+    if (m->session == 0) return KN_REJECT_SESSION_ZERO;
+    return KN_ACCEPTED;
+}
+
+// Against what the session sent before. A rejected jump does not become the new place to measure from, but the time since
+// the old one grows, so that a tool that really is elsewhere is believed once its way there could have been walked.
+static kn_verdict check_motion(const kn_source *source, const knead_probe_pose_t *m)
+{
+    if (length(m->velocity_m_s, 3) > SPEED_MAX_M_S) return KN_REJECT_JUMP;
+    if (source->last.session == 0) return KN_ACCEPTED;
+    if (m->seq <= source->last.seq) return KN_REJECT_STALE;
+    if (m->utime < source->last.utime) return KN_REJECT_CLOCK;
+
+    double way_m[3];
+    for (int i = 0; i < 3; i++) way_m[i] = m->position_m[i] - source->reference.position_m[i];
+    uint64_t elapsed_us = (uint64_t)m->utime - (uint64_t)source->reference.utime; // not signed: stamps may span more than that
+    if (elapsed_us < SPEED_WINDOW_US) elapsed_us = SPEED_WINDOW_US;
+    return length(way_m, 3) > SPEED_MAX_M_S * 1e-6 * (double)elapsed_us ? KN_REJECT_JUMP : KN_ACCEPTED;
+}
+
+static bool afford(kn_source *source, int64_t now_ns)
+{
+    int64_t credit_ns = source->last.session == 0 ? CREDIT_NS : source->credit_ns + (now_ns - source->heard_ns);
+    if (credit_ns > CREDIT_NS) credit_ns = CREDIT_NS;
+    if (credit_ns < COST_NS) return false;
+    source->credit_ns = credit_ns - COST_NS;
+    return true;
+}
+
+static bool expired(const kn_source *source, int64_t now_ns)
+{
+    return source->last.session != 0 && now_ns - source->heard_ns >= SILENCE_NS;
+}
+
+static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns, kn_pose *pose)
+{
+    if (expired(source, now_ns)) source->last.session = 0;
+    if (source->last.session != 0 && source->last.session != m->session) return KN_REJECT_SESSION;
+    kn_verdict verdict = check_motion(source, m);
+    if (verdict != KN_ACCEPTED) return verdict;
+    if (!afford(source, now_ns)) return KN_REJECT_RATE;
+
+    *pose = (kn_pose){.session = m->session, .seq = m->seq, .sent_ns = m->sent_ns, .utime = m->utime, .buttons = m->buttons};
+    memcpy(pose->position_m, m->position_m, sizeof pose->position_m);
+    memcpy(pose->orientation_wxyz, m->orientation_wxyz, sizeof pose->orientation_wxyz);
+    memcpy(pose->velocity_m_s, m->velocity_m_s, sizeof pose->velocity_m_s);
+    if (source->last.session == 0 || (uint64_t)m->utime - (uint64_t)source->reference.utime >= SPEED_WINDOW_US)
+        source->reference = *pose;
+    source->last = *pose;
+    source->heard_ns = now_ns;
+    return KN_ACCEPTED;
+}
+
+kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_t now_ns, int *probe, kn_pose *pose)
+{
+    knead_probe_pose_t message = {0};
+    kn_verdict verdict = unpack(r, datagram, probe, &message);
+    if (verdict == KN_ACCEPTED) verdict = check_fields(&message);
+    if (verdict == KN_ACCEPTED) verdict = admit(&r->source[*probe], &message, now_ns, pose);
+    r->received++;
+    if (verdict == KN_ACCEPTED) r->accepted++;
+    else r->rejected[verdict]++;
+    return verdict;
+}
+
+unsigned kn_receiver_expire(kn_receiver *r, int64_t now_ns)
+{
+    unsigned ended = 0;
+    for (int p = 0; p < r->probes; p++) {
+        if (!expired(&r->source[p], now_ns)) continue;
+        r->source[p].last.session = 0;
+        ended |= 1u << p;
+    }
+    return ended;
+}

@@ -1,0 +1,313 @@
+#include "server/receiver.h"
+#include "tests/check.h"
+#include "tests/server/datagram.h"
+
+#define MS INT64_C(1000000)
+#define START_NS (5 * 1000 * MS)
+
+static kn_receiver receiver;
+static int64_t now_ns;
+
+static void start(void)
+{
+    kn_model_def def = {.probe_count = 2, .probe = {{.name = "hand"}, {.name = "thumb"}}};
+    kn_receiver_init(&receiver, &def);
+    now_ns = START_NS;
+}
+
+static knead_probe_pose_t good_pose(int64_t session, int64_t seq) // one per ms, at rest
+{
+    return (knead_probe_pose_t){.utime = 1000 * seq, .session = session, .seq = seq, .sent_ns = 7, .position_m = {0, 0, 0.1},
+                                .orientation_wxyz = {1, 0, 0, 0}, .buttons = 3};
+}
+
+static kn_verdict judge(const kn_datagram *datagram)
+{
+    int probe;
+    kn_pose pose;
+    return kn_receiver_judge(&receiver, datagram, now_ns, &probe, &pose);
+}
+
+static kn_datagram datagram_of(const char *channel, const knead_probe_pose_t *pose)
+{
+    kn_datagram datagram = {.loopback = true};
+    datagram.size = kn_pose_datagram(datagram.bytes, sizeof datagram.bytes, channel, pose);
+    return datagram;
+}
+
+static kn_verdict send_pose(knead_probe_pose_t pose)
+{
+    kn_datagram datagram = datagram_of("KNEAD_POSE_hand", &pose);
+    return judge(&datagram);
+}
+
+#define CHECK_VERDICT(value, expected) CHECK_STR(kn_verdict_name(value), kn_verdict_name(expected))
+
+TEST("a good pose is accepted, every field as it was sent")
+{
+    start();
+    knead_probe_pose_t sent = good_pose(42, 1);
+    sent.velocity_m_s[1] = -0.5;
+    kn_datagram datagram = datagram_of("KNEAD_POSE_thumb", &sent);
+    int probe = -1;
+    kn_pose pose;
+    CHECK_VERDICT(kn_receiver_judge(&receiver, &datagram, now_ns, &probe, &pose), KN_ACCEPTED);
+    CHECK(probe == 1 && pose.session == 42 && pose.seq == 1 && pose.utime == 1000 && pose.sent_ns == 7 && pose.buttons == 3);
+    CHECK(pose.position_m[2] == 0.1 && pose.orientation_wxyz[0] == 1 && pose.velocity_m_s[1] == -0.5);
+    CHECK(receiver.received == 1 && receiver.accepted == 1);
+}
+
+TEST("what is not a pose message is told apart")
+{
+    start();
+    knead_probe_pose_t pose = good_pose(1, 1);
+    kn_datagram good = datagram_of("KNEAD_POSE_hand", &pose), bad = good;
+    bad.loopback = false;
+    CHECK_VERDICT(judge(&bad), KN_REJECT_INTERFACE);
+    bad = good, bad.size = 7;
+    CHECK_VERDICT(judge(&bad), KN_REJECT_RUNT);
+    bad = good, bad.size = 0;
+    CHECK_VERDICT(judge(&bad), KN_REJECT_RUNT);
+    bad = good, bad.bytes[0] = 'l';
+    CHECK_VERDICT(judge(&bad), KN_REJECT_MAGIC);
+    bad = good, bad.bytes[3] = '3';
+    CHECK_VERDICT(judge(&bad), KN_REJECT_FRAGMENT);
+    bad = datagram_of("KNEAD_FORCE_hand", &pose);
+    CHECK_VERDICT(judge(&bad), KN_REJECT_CHANNEL);
+    bad = datagram_of("KNEAD_POSE_foot", &pose);
+    CHECK_VERDICT(judge(&bad), KN_REJECT_PROBE);
+    bad = datagram_of("KNEAD_POSE_hand2", &pose);
+    CHECK_VERDICT(judge(&bad), KN_REJECT_PROBE);
+    bad = good, bad.bytes[8 + sizeof "KNEAD_POSE_hand"] ^= 1;
+    CHECK_VERDICT(judge(&bad), KN_REJECT_TYPE);
+}
+
+TEST("a channel name must end inside the datagram and within 64 bytes")
+{
+    start();
+    kn_datagram d = {.loopback = true, .size = 8 + 12};
+    memcpy(d.bytes, "LC02\0\0\0\0KNEAD_POSE_h", 20); // the NUL would be the next byte
+    CHECK_VERDICT(judge(&d), KN_REJECT_CHANNEL_END);
+    d.size = 8;
+    CHECK_VERDICT(judge(&d), KN_REJECT_CHANNEL_END);
+    memset(d.bytes + 8, 'K', sizeof d.bytes - 8);
+    d.size = sizeof d.bytes;
+    CHECK_VERDICT(judge(&d), KN_REJECT_CHANNEL_END);
+    d.bytes[8 + 63] = 0;
+    CHECK_VERDICT(judge(&d), KN_REJECT_CHANNEL);
+}
+
+TEST("only the exact length of a pose will do")
+{
+    start();
+    knead_probe_pose_t pose = good_pose(1, 1);
+    kn_datagram good = datagram_of("KNEAD_POSE_hand", &pose), bad = good;
+    for (bad.size = 8 + sizeof "KNEAD_POSE_hand"; bad.size <= KN_DATAGRAM_MAX; bad.size++)
+        if (bad.size != good.size) CHECK_VERDICT(judge(&bad), KN_REJECT_LENGTH);
+    bad = good, bad.truncated = true;
+    CHECK_VERDICT(judge(&bad), KN_REJECT_LENGTH);
+    CHECK_VERDICT(judge(&good), KN_ACCEPTED);
+}
+
+TEST("fields are judged before anyone sees them")
+{
+    start();
+    knead_probe_pose_t bad;
+    bad = good_pose(1, 1), bad.frame = 1;
+    CHECK_VERDICT(send_pose(bad), KN_REJECT_FRAME);
+    const double poison[] = {NAN, INFINITY, -INFINITY};
+    for (int k = 0; k < 3; k++) {
+        for (int i = 0; i < 3; i++) {
+            bad = good_pose(1, 1), bad.position_m[i] = poison[k];
+            CHECK_VERDICT(send_pose(bad), KN_REJECT_NONFINITE);
+            bad = good_pose(1, 1), bad.velocity_m_s[i] = poison[k];
+            CHECK_VERDICT(send_pose(bad), KN_REJECT_NONFINITE);
+        }
+        for (int i = 0; i < 4; i++) {
+            bad = good_pose(1, 1), bad.orientation_wxyz[i] = poison[k];
+            CHECK_VERDICT(send_pose(bad), KN_REJECT_NONFINITE);
+        }
+    }
+    bad = good_pose(1, 1), bad.orientation_wxyz[0] = 1.0011;
+    CHECK_VERDICT(send_pose(bad), KN_REJECT_QUATERNION);
+    bad = good_pose(1, 1), bad.orientation_wxyz[0] = 0;
+    CHECK_VERDICT(send_pose(bad), KN_REJECT_QUATERNION);
+    bad = good_pose(1, 1), bad.position_m[2] = 1.001;
+    CHECK_VERDICT(send_pose(bad), KN_REJECT_WORKSPACE);
+    bad = good_pose(1, 1), bad.position_m[1] = -1e308;
+    CHECK_VERDICT(send_pose(bad), KN_REJECT_WORKSPACE);
+    CHECK_VERDICT(send_pose(good_pose(0, 1)), KN_REJECT_SESSION_ZERO);
+    CHECK(receiver.accepted == 0 && receiver.source[0].last.session == 0);
+}
+
+TEST("late, repeated and replayed poses are stale; a clock that runs backwards is refused")
+{
+    start();
+    CHECK_VERDICT(send_pose(good_pose(1, 10)), KN_ACCEPTED);
+    CHECK_VERDICT(send_pose(good_pose(1, 10)), KN_REJECT_STALE);
+    CHECK_VERDICT(send_pose(good_pose(1, 9)), KN_REJECT_STALE);
+    knead_probe_pose_t pose = good_pose(1, 12);
+    pose.seq = INT64_MIN;
+    CHECK_VERDICT(send_pose(pose), KN_REJECT_STALE);
+    pose = good_pose(1, 12), pose.utime = 9999;
+    CHECK_VERDICT(send_pose(pose), KN_REJECT_CLOCK);
+    pose.utime = 10000; // the same microsecond is no reason
+    CHECK_VERDICT(send_pose(pose), KN_ACCEPTED);
+    CHECK_VERDICT(send_pose(good_pose(1, 14)), KN_ACCEPTED); // losses are no reason either
+}
+
+TEST("the first session owns its probe until it has been silent for a second; other probes are free")
+{
+    start();
+    CHECK_VERDICT(send_pose(good_pose(1, 100)), KN_ACCEPTED);
+    CHECK_VERDICT(send_pose(good_pose(2, 101)), KN_REJECT_SESSION);
+    knead_probe_pose_t pose = good_pose(2, 1);
+    kn_datagram other = datagram_of("KNEAD_POSE_thumb", &pose);
+    CHECK_VERDICT(judge(&other), KN_ACCEPTED);
+
+    now_ns += 600 * MS;
+    CHECK_VERDICT(send_pose(good_pose(1, 700)), KN_ACCEPTED);
+    now_ns += 999 * MS;
+    CHECK(kn_receiver_expire(&receiver, now_ns) == 2); // thumb only
+    CHECK_VERDICT(send_pose(good_pose(2, 1)), KN_REJECT_SESSION);
+    now_ns += 1 * MS;
+    CHECK(kn_receiver_expire(&receiver, now_ns) == 1);
+    CHECK(kn_receiver_expire(&receiver, now_ns) == 0);
+    CHECK_VERDICT(send_pose(good_pose(1, 1)), KN_ACCEPTED); // the same number from the start: a log played again
+    now_ns += 1000 * MS;
+    CHECK_VERDICT(send_pose(good_pose(2, 1)), KN_ACCEPTED); // judged by arrival, even when nobody called expire
+}
+
+TEST("rejected poses do not keep a session alive")
+{
+    start();
+    CHECK_VERDICT(send_pose(good_pose(1, 5)), KN_ACCEPTED);
+    for (int i = 0; i < 9; i++, now_ns += 100 * MS) CHECK_VERDICT(send_pose(good_pose(1, 5)), KN_REJECT_STALE);
+    now_ns += 100 * MS;
+    CHECK(kn_receiver_expire(&receiver, now_ns) == 1);
+}
+
+TEST("a tool does not jump: 5 m/s by its own velocity or by its way")
+{
+    start();
+    knead_probe_pose_t pose = good_pose(1, 1);
+    pose.velocity_m_s[0] = 5.001;
+    CHECK_VERDICT(send_pose(pose), KN_REJECT_JUMP);
+    pose.velocity_m_s[0] = 4.999;
+    CHECK_VERDICT(send_pose(pose), KN_ACCEPTED);
+    pose = good_pose(1, 2), pose.position_m[0] = 0.0051;
+    CHECK_VERDICT(send_pose(pose), KN_REJECT_JUMP);
+    pose = good_pose(1, 3), pose.position_m[0] = 0.0099; // 2 ms after the last accepted one
+    CHECK_VERDICT(send_pose(pose), KN_ACCEPTED);
+    pose = good_pose(1, 4), pose.position_m[0] = 0.3;
+    for (; pose.seq < 62; pose.seq++, pose.utime += 1000) CHECK_VERDICT(send_pose(pose), KN_REJECT_JUMP);
+    CHECK_VERDICT(send_pose(pose), KN_ACCEPTED); // 0.29 m in 59 ms: it may have walked there
+    pose = good_pose(1, 63), pose.utime = INT64_MAX;
+    CHECK_VERDICT(send_pose(pose), KN_ACCEPTED);
+}
+
+TEST("poses close in time: one small step is no jump, many of them are")
+{
+    start();
+    knead_probe_pose_t pose = good_pose(1, 1);
+    CHECK_VERDICT(send_pose(pose), KN_ACCEPTED);
+    pose.seq++, pose.utime += 10, pose.position_m[0] = 0.001; // a held-up sender catching up: 100 m/s by the stamps
+    CHECK_VERDICT(send_pose(pose), KN_ACCEPTED);
+    int accepted = 0;
+    for (int i = 0; i < 50; i++) {
+        pose.seq++, pose.utime += 10, pose.position_m[0] += 0.003;
+        accepted += send_pose(pose) == KN_ACCEPTED;
+    }
+    CHECK(accepted == 1); // 5 mm within the millisecond and not more
+}
+
+TEST("a probe takes 5 000 poses per second and lets a late sender catch up; a flood by others costs its owner nothing")
+{
+    start();
+    int64_t seq = 0;
+    int burst = 0, second = 0;
+    while (burst < 10000 && send_pose(good_pose(1, ++seq)) == KN_ACCEPTED) burst++;
+    CHECK(burst == 250);
+    for (int i = 0; i < 100000; i++) { // 100 kHz for 1 s
+        now_ns += MS / 100;
+        send_pose(good_pose(2, ++seq));
+        second += send_pose(good_pose(1, seq)) == KN_ACCEPTED;
+    }
+    CHECK(second == 5000);
+    CHECK(receiver.rejected[KN_REJECT_SESSION] == 100000);
+    CHECK(receiver.rejected[KN_REJECT_RATE] == 1 + 95000);
+}
+
+// A seeded mix: a good datagram with bytes overwritten, cut, grown, fields poisoned or left alone.
+static uint64_t random_state;
+static uint64_t random_bits(void) // splitmix64
+{
+    uint64_t z = random_state += 0x9e3779b97f4a7c15u;
+    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ z >> 27) * 0x94d049bb133111ebu;
+    return z ^ z >> 31;
+}
+
+static kn_datagram random_datagram(int64_t seq)
+{
+    knead_probe_pose_t sent = good_pose(random_bits() % 64 ? 1 : 2, seq);
+    double *field[] = {sent.position_m, sent.orientation_wxyz, sent.velocity_m_s};
+    uint64_t bits = random_bits();
+    if (random_bits() % 4 == 0) memcpy(field[random_bits() % 3] + random_bits() % 3, &bits, 8);
+    if (random_bits() % 64 == 0) sent.position_m[0] = 0.5;
+    if (random_bits() % 64 == 0) sent.seq -= (int64_t)(random_bits() % 100);
+    if (random_bits() % 64 == 0) sent.utime -= (int64_t)(random_bits() % 100000);
+    kn_datagram d = datagram_of(random_bits() % 8 ? "KNEAD_POSE_hand" : "KNEAD_POSE_thumb", &sent);
+    d.loopback = random_bits() % 32;
+    for (int n = random_bits() % 4 ? 0 : (int)(random_bits() % 9); n > 0; n--)
+        d.bytes[random_bits() % d.size] = (unsigned char)random_bits();
+    if (random_bits() % 8 == 0) d.size = random_bits() % (KN_DATAGRAM_MAX + 1);
+    return d;
+}
+
+static double norm(const double *v, int count)
+{
+    double sum = 0;
+    for (int i = 0; i < count; i++) sum += v[i] * v[i];
+    return sqrt(sum);
+}
+
+TEST("whatever arrives, each datagram ends in one counter, and what is accepted is a pose")
+{
+    start();
+    random_state = 1;
+    enum { COUNT = 300000 };
+    for (int64_t n = 0; n < COUNT; n++, now_ns += MS / 10) {
+        kn_datagram d = random_datagram(n % 500); // the sender starts anew now and then
+        if (n % 500 == 0) now_ns += 1000 * MS;
+        int probe = -1;
+        kn_pose pose;
+        memset(&pose, 0xff, sizeof pose); // NaN everywhere
+        if (kn_receiver_judge(&receiver, &d, now_ns, &probe, &pose) != KN_ACCEPTED) continue;
+        CHECK(fabs(norm(pose.orientation_wxyz, 4) - 1) <= 1e-3);
+        CHECK(norm(pose.position_m, 3) <= 1 && norm(pose.velocity_m_s, 3) <= 5);
+        CHECK(pose.session != 0 && (probe == 0 || probe == 1));
+    }
+    int64_t sum = receiver.accepted;
+    for (int i = 0; i < KN_REJECT_COUNT; i++) sum += receiver.rejected[i];
+    CHECK(receiver.received == COUNT && sum == COUNT);
+    CHECK(receiver.accepted > COUNT / 20);
+    for (int i = 0; i < KN_REJECT_COUNT; i++) // the mix reaches every reason but those that need more than luck
+        if (i != KN_REJECT_RATE && i != KN_REJECT_SESSION_ZERO && receiver.rejected[i] == 0)
+            KN_TEST_FAIL("the mix never reached '%s'", kn_verdict_name((kn_verdict)i));
+}
+
+TEST("every reason stands in the README under its index in status_t.rejected")
+{
+    static char text[100000];
+    FILE *file = fopen(KN_SOURCE_DIR "/server/README.md", "r");
+    CHECK(file && fread(text, 1, sizeof text - 1, file) > 0);
+    if (file) fclose(file);
+    for (int i = 0; i < KN_REJECT_COUNT; i++) {
+        char row[64];
+        snprintf(row, sizeof row, "| %d | %s |", i, kn_verdict_name((kn_verdict)i));
+        if (!strstr(text, row)) KN_TEST_FAIL("not in server/README.md: %s", row);
+    }
+}
+
+TESTS_MAIN
