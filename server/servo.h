@@ -27,6 +27,7 @@ typedef struct kn_tick_in {
     bool stop;                    // shutting down: ramp to zero
     bool reset;                   // before this tick: object as new, probes detached
     bool recover;                 // operator's recover
+    int64_t deadline_ns;          // CLOCK_MONOTONIC: by then the backend answers or its last answer stands; 0 under a virtual clock
     const kn_pose *pose[KN_PROBES_MAX]; // the latest pose of each probe, NULL: no session (none yet, or silent for 1 s)
     bool fresh[KN_PROBES_MAX];          // that pose was not used by an earlier tick
 } kn_tick_in;
@@ -41,12 +42,12 @@ typedef struct kn_force { // one probe's answer; everything contact_force_t need
     int32_t contacts, flags, fault;
 } kn_force;
 
-#define KN_EVENTS_PER_TICK 16
+#define KN_EVENTS_PER_TICK 28 // 4 probes x (END, OPEN, DETACH, ATTACH, FAULT) and 5 of the tick itself never overflow it
 typedef struct kn_event {
     int64_t tick, session;
-    uint64_t state_hash; // before this tick's step
-    double arg[8];
-    int32_t kind, probe;
+    uint64_t state_hash; // before this tick's step; 0, not taken: a FAULT found after the step
+    double arg[8];       // CHECKPOINT: [0] cycles missed just before this tick, when no force record tells them
+    int32_t kind, probe; // event_t's KIND_*; index in the scene, -1 none
 } kn_event;
 
 typedef struct kn_tick_out {
@@ -66,10 +67,14 @@ typedef struct kn_servo { // plain data but for the backend
     kn_backend *backend;
     kn_safety safety[KN_PROBES_MAX];
     kn_pose last[KN_PROBES_MAX]; // last pose used, session 0: none
-    int64_t ticks;               // executed
-    int64_t capped;
+    int64_t ticks;               // executed; the counters below are since init, too
+    int64_t capped;              // solver stopped at its iteration cap
+    int64_t late;                // backend missed its deadline
+    int64_t diverged;            // ticks that the physics answered with non-finite numbers
+    bool stopping;
 } kn_servo;
 
+// Borrows all three. The backend's object is as new; ticks may start at any number.
 void kn_servo_init(kn_servo *servo, const kn_scene *scene, const kn_model *model, kn_backend *backend);
 
 // One tick. Real-time safe: no allocation, lock or I/O.

@@ -21,7 +21,11 @@ typedef struct kn_backend {
     void (*destroy)(void *self);
 } kn_backend;
 
-// On this processor, in the caller's thread: submit steps, wait returns at once. False when memory is short. Borrows model.
+// Steps of dt_s that make up one tick of 1 ms; 0 when no whole number of them does.
+int kn_backend_steps(double dt_s);
+
+// On this processor, in the caller's thread: submit takes the steps of one tick, wait returns at once. Borrows model.
+// False when memory is short or kn_backend_steps(model's dt) is 0.
 bool kn_backend_cpu(kn_backend *backend, const kn_model *model);
 
 #endif

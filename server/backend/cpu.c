@@ -1,0 +1,78 @@
+#include "server/backend/backend.h"
+#include <math.h>
+#include <stdlib.h>
+
+#define PERIOD_S 1e-3
+
+typedef struct cpu {
+    const kn_model *model;
+    kn_state *state;
+    int steps; // of the model in one tick
+    kn_output output;
+    kn_backend_status status;
+} cpu;
+
+int kn_backend_steps(double dt_s)
+{
+    double n = PERIOD_S / dt_s;
+    if (!(n >= 0.999 && n < 1e6)) return 0;
+    int steps = (int)lround(n);
+    return fabs(n - steps) < 1e-6 * n ? steps : 0;
+}
+
+// The input stands for the whole tick: a probe follows its velocity between poses, so shorter steps need no other pose.
+static void cpu_submit(void *self, const kn_input *input)
+{
+    cpu *c = self;
+    double residual = 0.0;
+    bool capped = false;
+    kn_status status = KN_OK;
+    for (int i = 0; i < c->steps && status == KN_OK; i++) {
+        status = kn_step(c->model, c->state, input, &c->output);
+        residual = fmax(residual, c->output.residual);
+        capped |= c->output.capped;
+    }
+    c->output.residual = residual;
+    c->output.capped = capped;
+    c->status = status == KN_OK ? KN_BACKEND_OK : KN_BACKEND_DIVERGED;
+}
+
+static kn_backend_status cpu_wait(void *self, int64_t deadline_ns, kn_output *output)
+{
+    (void)deadline_ns; // submit has done the work
+    cpu *c = self;
+    *output = c->output;
+    return c->status;
+}
+
+static const kn_state *cpu_state(void *self) { return ((cpu *)self)->state; }
+
+static void cpu_reset(void *self)
+{
+    cpu *c = self;
+    kn_state_reset(c->model, c->state);
+}
+
+static void cpu_destroy(void *self)
+{
+    cpu *c = self;
+    kn_state_destroy(c->state);
+    free(c);
+}
+
+bool kn_backend_cpu(kn_backend *backend, const kn_model *model)
+{
+    int steps = kn_backend_steps(model->def.solver.dt_s);
+    cpu *c = calloc(1, sizeof *c);
+    kn_state *state = steps > 0 && c ? kn_state_create(model) : NULL;
+    if (!state) {
+        free(c);
+        return false;
+    }
+    c->model = model;
+    c->state = state;
+    c->steps = steps;
+    *backend = (kn_backend){.name = "cpu", .self = c, .submit = cpu_submit, .wait = cpu_wait, .state = cpu_state,
+                            .reset = cpu_reset, .destroy = cpu_destroy};
+    return true;
+}

@@ -1,0 +1,209 @@
+#include "server/servo.h"
+#include "proto/knead_contact_force_t.h"
+#include "proto/knead_event_t.h"
+#include <assert.h>
+#include <math.h>
+#include <string.h>
+
+#define SAME_FLAG(name) static_assert(KN_FLAG_##name == KNEAD_CONTACT_FORCE_T_FLAG_##name, "flags of core and of the wire")
+#define SAME_FAULT(name) static_assert((int)KN_FAULT_##name == KNEAD_CONTACT_FORCE_T_FAULT_##name, "faults of core and of the wire")
+SAME_FLAG(ENGAGED);
+SAME_FLAG(RAMPING);
+SAME_FLAG(LATCHED);
+SAME_FLAG(REENGAGE_LIFT);
+SAME_FLAG(CLAMPED);
+SAME_FLAG(GUARD);
+SAME_FLAG(BRAKE);
+SAME_FLAG(STALE);
+SAME_FAULT(NONE);
+SAME_FAULT(POSE_SILENCE);
+SAME_FAULT(IMPULSE);
+SAME_FAULT(NONFINITE);
+SAME_FAULT(ESTOP);
+SAME_FAULT(STOPPING);
+static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 5, "every event of a tick has room");
+
+// What one tick works on. Lives on the stack of kn_servo_tick.
+typedef struct tick {
+    kn_servo *servo;
+    const kn_tick_in *in;
+    kn_tick_out *out;
+    kn_safety_in watch[KN_PROBES_MAX];
+    kn_input input;
+    kn_output output;
+    kn_fault fault[KN_PROBES_MAX]; // that stood before the step
+    bool stepped, diverged, hashed;
+    uint64_t hash; // before the step, taken when the first event asks for it
+} tick;
+
+void kn_servo_init(kn_servo *servo, const kn_scene *scene, const kn_model *model, kn_backend *backend)
+{
+    memset(servo, 0, sizeof *servo);
+    servo->scene = scene;
+    servo->model = model;
+    servo->backend = backend;
+    for (int p = 0; p < KN_PROBES_MAX; p++) kn_safety_init(&servo->safety[p], &scene->limits);
+}
+
+static kn_event *tell(tick *t, int kind, int probe)
+{
+    kn_servo *servo = t->servo;
+    if (!t->hashed && !t->stepped) {
+        t->hash = kn_state_hash(servo->model, servo->backend->state(servo->backend->self));
+        t->hashed = true;
+    }
+    kn_event *e = &t->out->event[t->out->event_count++];
+    *e = (kn_event){.tick = t->in->tick, .kind = kind, .probe = probe, .state_hash = t->hash};
+    if (probe >= 0) e->session = servo->last[probe].session;
+    return e;
+}
+
+// Who holds which probe in this tick, and what was commanded.
+static void read_probe(tick *t, int p)
+{
+    kn_pose *last = &t->servo->last[p];
+    const kn_pose *pose = t->in->pose[p];
+    kn_safety_in *w = &t->watch[p];
+    bool same = pose && pose->session == last->session;
+    if (last->session && !same) {
+        tell(t, KNEAD_EVENT_T_KIND_SESSION_END, p);
+        last->session = 0; // its position stays: the probe may still be fading in the model
+    }
+    w->live = pose != NULL;
+    w->opened = pose && !same;
+    w->fresh = pose && (t->in->fresh[p] || w->opened);
+    w->stop = t->in->stop;
+    w->reset = t->in->reset;
+    w->recover = t->in->recover;
+    w->elapsed_ms = t->in->missed < 1000 ? 1 + t->in->missed : 1000;
+    if (w->fresh) *last = *pose;
+    if (w->opened) tell(t, KNEAD_EVENT_T_KIND_SESSION_OPEN, p);
+    memcpy(w->velocity_m_s, last->velocity_m_s, sizeof w->velocity_m_s);
+}
+
+static void read_all(tick *t)
+{
+    kn_servo *servo = t->servo;
+    int64_t before = t->in->tick - 1 - t->in->missed; // number of the last tick
+    if (servo->ticks == 0) tell(t, KNEAD_EVENT_T_KIND_START, -1);
+    if (t->in->reset) {
+        servo->backend->reset(servo->backend->self);
+        t->hashed = false;
+        tell(t, KNEAD_EVENT_T_KIND_RESET, -1);
+    }
+    if (t->in->recover) tell(t, KNEAD_EVENT_T_KIND_RECOVER, -1);
+    if (t->in->stop && !servo->stopping) tell(t, KNEAD_EVENT_T_KIND_STOP, -1);
+    servo->stopping = t->in->stop;
+
+    bool any = false;
+    for (int p = 0; p < t->out->probes; p++) {
+        read_probe(t, p);
+        any |= t->watch[p].live;
+    }
+    // a log must tell every executed tick: without a force record the checkpoint says what was skipped
+    bool untold = t->in->missed > 0 && !any;
+    if (t->in->tick / 1000 != before / 1000 || t->in->tick == 0 || untold)
+        tell(t, KNEAD_EVENT_T_KIND_CHECKPOINT, -1)->arg[0] = untold ? t->in->missed : 0;
+}
+
+static kn_fault latched(const kn_safety *s) { return s->latched ? s->fault : KN_FAULT_NONE; }
+
+static void watch_probe(tick *t, int p)
+{
+    kn_servo *servo = t->servo;
+    kn_safety *s = &servo->safety[p];
+    const kn_pose *last = &servo->last[p];
+    bool was_attached = s->attached;
+    kn_fault before = latched(s);
+    if (t->watch[p].live && !s->attached)
+        t->watch[p].clear =
+            kn_clearance(servo->model, servo->backend->state(servo->backend->self), p, last->position_m) > 0.0;
+
+    kn_probe_input *input = &t->input.probe[p];
+    input->attached = kn_safety_watch(s, &t->watch[p]);
+    memcpy(input->position_m, last->position_m, sizeof input->position_m);
+    // a probe that is no longer heard stays where it was last seen
+    if (s->silent_ms <= s->limits.hold_ms) memcpy(input->velocity_m_s, last->velocity_m_s, sizeof input->velocity_m_s);
+
+    if (was_attached && !s->attached) tell(t, KNEAD_EVENT_T_KIND_DETACH, p);
+    if (!was_attached && s->attached) tell(t, KNEAD_EVENT_T_KIND_ATTACH, p);
+    t->fault[p] = latched(s);
+    if (t->fault[p] && t->fault[p] != before) tell(t, KNEAD_EVENT_T_KIND_FAULT, p)->arg[0] = t->fault[p];
+}
+
+static void step(tick *t)
+{
+    kn_backend *b = t->servo->backend;
+    b->submit(b->self, &t->input);
+    t->stepped = true;
+    switch (b->wait(b->self, t->in->deadline_ns, &t->output)) {
+    case KN_BACKEND_OK: break;
+    case KN_BACKEND_LATE: t->servo->late++; break;
+    case KN_BACKEND_DIVERGED:
+        t->servo->diverged++;
+        t->diverged = true;
+        for (int p = 0; p < t->out->probes; p++) kn_safety_trip(&t->servo->safety[p], KN_FAULT_NONFINITE);
+        break;
+    }
+    t->out->capped = t->output.capped;
+    t->servo->capped += t->output.capped;
+}
+
+static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
+
+static void guard_probe(tick *t, int p)
+{
+    static const double none[3] = {0};
+    kn_safety *s = &t->servo->safety[p];
+    const kn_probe_output *contact = &t->output.probe[p];
+    const kn_pose *last = &t->servo->last[p];
+    kn_force *f = &t->out->force[p];
+    // the filter sees what came, the wire only what is a number
+    bool sane = !t->diverged && finite3(contact->force_n) && finite3(contact->torque_n_m) && finite3(contact->position_m) &&
+                isfinite(contact->work_j);
+    const double *force = t->diverged ? none : contact->force_n, *torque = t->diverged ? none : contact->torque_n_m;
+    f->flags = kn_safety_filter(s, &t->watch[p], force, torque, f->force_n, f->torque_n_m);
+    if (latched(s) && latched(s) != t->fault[p]) tell(t, KNEAD_EVENT_T_KIND_FAULT, p)->arg[0] = s->fault;
+    f->live = t->watch[p].live;
+    f->session = last->session;
+    f->seq = last->seq;
+    f->sent_ns = last->sent_ns;
+    f->gain = s->gain;
+    f->fault = (int32_t)s->fault;
+    memcpy(f->proxy_position_m, last->position_m, sizeof f->proxy_position_m);
+    if (s->attached && sane) {
+        memcpy(f->contact_force_n, contact->force_n, sizeof f->contact_force_n);
+        memcpy(f->contact_torque_n_m, contact->torque_n_m, sizeof f->contact_torque_n_m);
+        memcpy(f->proxy_position_m, contact->position_m, sizeof f->proxy_position_m);
+        f->energy_j = contact->work_j;
+        f->contacts = contact->contacts;
+    }
+    f->residual = isfinite(t->output.residual) ? t->output.residual : 0.0;
+    if (t->output.secant) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_SECANT;
+    if (t->output.capped) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_CAPPED;
+    if (t->in->stop) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_STOPPING;
+}
+
+static bool at_rest(const kn_safety *s)
+{
+    return s->gain == 0.0 && s->brake_n[0] == 0.0 && s->brake_n[1] == 0.0 && s->brake_n[2] == 0.0;
+}
+
+void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out)
+{
+    memset(out, 0, sizeof *out);
+    out->tick = in->tick;
+    out->missed = in->missed;
+    out->probes = servo->model->def.probe_count;
+    tick t = {.servo = servo, .in = in, .out = out};
+
+    read_all(&t);
+    for (int p = 0; p < out->probes; p++) watch_probe(&t, p);
+    step(&t);
+    out->stopped = in->stop;
+    for (int p = 0; p < out->probes; p++) {
+        guard_probe(&t, p);
+        out->stopped &= at_rest(&servo->safety[p]);
+    }
+    servo->ticks++;
+}
