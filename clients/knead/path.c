@@ -1,0 +1,187 @@
+#include "clients/knead/path.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double rest_s = 1.0; // after a withdrawal: what comes back at once has come back
+
+static double distance(const double a[3], const double b[3])
+{
+    return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
+}
+
+static kn_piece *add(kn_path *path, kn_piece_kind kind, const char *name, const kn_path_point *from, double duration_s)
+{
+    kn_piece *p = &path->piece[path->count++];
+    *p = (kn_piece){.kind = kind, .name = name, .from = *from, .to = *from};
+    p->start_s = path->duration_s;
+    p->duration_s = duration_s;
+    path->duration_s += duration_s;
+    return p;
+}
+
+// Short ways keep the ramp and lower the speed: never more than speed / ramp of acceleration.
+static void add_line(kn_path *path, const char *name, const kn_path_point *from, const kn_path_point *to,
+                     double speed_m_s)
+{
+    double way_m = distance(from->position_m, to->position_m);
+    double cruise_s = fmax(0.0, way_m / speed_m_s - KN_PATH_RAMP_S);
+    add(path, KN_PIECE_LINE, name, from, way_m > 0.0 ? cruise_s + 2.0 * KN_PATH_RAMP_S : 0.0)->to = *to;
+}
+
+static kn_path *create(int pieces)
+{
+    kn_path *path = calloc(1, sizeof *path + (size_t)pieces * sizeof(kn_piece));
+    if (path) path->piece = (kn_piece *)(path + 1);
+    return path;
+}
+
+void kn_path_destroy(kn_path *path) { free(path); }
+
+static kn_path_point at_height(double z_m)
+{
+    return (kn_path_point){.position_m = {0, 0, z_m}, .orientation_wxyz = {1, 0, 0, 0}};
+}
+
+static double or_default(double value, double otherwise) { return value > 0.0 ? value : otherwise; }
+static double hold_of(const kn_path_def *def) { return def->hold_s < 0.0 ? 4.0 : def->hold_s; }
+
+static kn_path_point above(const kn_path_def *def)
+{
+    return at_height(def->touch_z_m + or_default(def->clear_m, 0.02));
+}
+
+kn_path *kn_path_press(const kn_path_def *def)
+{
+    kn_path *path = create(5);
+    if (!path) return NULL;
+    double speed_m_s = or_default(def->speed_m_s, 0.01);
+    kn_path_point air = above(def), touch = at_height(def->touch_z_m);
+    kn_path_point bottom = at_height(def->touch_z_m - or_default(def->depth_m, 0.01));
+    add_line(path, "approach", &air, &touch, KN_PATH_AIR_M_S);
+    add_line(path, "press", &touch, &bottom, speed_m_s);
+    add(path, KN_PIECE_STAND, "hold", &bottom, hold_of(def));
+    path->hold_end_s = path->duration_s;
+    add_line(path, "withdraw", &bottom, &air, speed_m_s);
+    add(path, KN_PIECE_STAND, "rest", &air, rest_s);
+    return path;
+}
+
+kn_path *kn_path_poke(const kn_path_def *def)
+{
+    kn_path *path = create(3);
+    if (!path) return NULL;
+    double speed_m_s = or_default(def->speed_m_s, 0.05);
+    kn_path_point air = above(def), bottom = at_height(def->touch_z_m - or_default(def->depth_m, 0.003));
+    add_line(path, "poke", &air, &bottom, speed_m_s);
+    add_line(path, "withdraw", &bottom, &air, speed_m_s);
+    add(path, KN_PIECE_STAND, "rest", &air, rest_s);
+    return path;
+}
+
+kn_path *kn_path_sine(const kn_path_def *def)
+{
+    kn_path *path = create(4);
+    if (!path) return NULL;
+    double frequency_hz = or_default(def->frequency_hz, 2.0), periods = fmax(1.0, round(hold_of(def) * frequency_hz));
+    kn_path_point air = above(def), touch = at_height(def->touch_z_m);
+    add_line(path, "approach", &air, &touch, KN_PATH_AIR_M_S);
+    kn_piece *swing = add(path, KN_PIECE_SINE, "swing", &touch, periods / frequency_hz);
+    swing->to = at_height(def->touch_z_m - or_default(def->depth_m, 0.001));
+    swing->periods = periods;
+    add_line(path, "withdraw", &touch, &air, KN_PATH_AIR_M_S);
+    add(path, KN_PIECE_STAND, "rest", &air, rest_s);
+    return path;
+}
+
+// Tangents by the difference over both neighbours (Catmull and Rom); rest at both ends, where the hand stands.
+kn_path *kn_path_through(int count, const double time_s[], kn_path_point point[])
+{
+    kn_path *path = create(count - 1);
+    if (!path) return NULL;
+    for (int n = 0; n < count; n++)
+        for (int i = 0; i < 3; i++)
+            point[n].velocity_m_s[i] = n == 0 || n == count - 1 ? 0.0
+                                       : (point[n + 1].position_m[i] - point[n - 1].position_m[i]) /
+                                             (time_s[n + 1] - time_s[n - 1]);
+    for (int n = 0; n + 1 < count; n++)
+        add(path, KN_PIECE_CURVE, "path", &point[n], time_s[n + 1] - time_s[n])->to = point[n + 1];
+    return path;
+}
+
+void kn_path_retreat(kn_path *path, kn_piece piece[4], const kn_path_point *from, double z_m, const kn_path_point *to)
+{
+    *path = (kn_path){.piece = piece};
+    kn_path_point still = *from, up;
+    for (int i = 0; i < 3; i++) still.position_m[i] += 0.5 * KN_PATH_RAMP_S * from->velocity_m_s[i];
+    memset(still.velocity_m_s, 0, sizeof still.velocity_m_s);
+    up = still;
+    up.position_m[2] = fmax(z_m, still.position_m[2]);
+    add(path, KN_PIECE_CURVE, "stop", from, KN_PATH_RAMP_S)->to = still;
+    add_line(path, "lift", &still, &up, KN_PATH_AIR_M_S);
+    add_line(path, "return", &up, to, KN_PATH_AIR_M_S);
+    add(path, KN_PIECE_STAND, "wait", to, 0.0);
+}
+
+// Share of the way and its rate after t of a LINE: trapezoid of the speed, its peak the one that covers the whole way.
+static void trapezoid(double t, double duration_s, double *share, double *rate)
+{
+    double r = KN_PATH_RAMP_S, peak = 1.0 / (duration_s - r), left = duration_s - t;
+    if (t < r) *share = 0.5 * peak * t * t / r, *rate = peak * t / r;
+    else if (left < r) *share = 1.0 - 0.5 * peak * left * left / r, *rate = peak * left / r;
+    else *share = peak * (t - 0.5 * r), *rate = peak;
+}
+
+static void curve(const kn_piece *p, double t, kn_path_point *out)
+{
+    double d = p->duration_s, u = t / d;
+    double h00 = (1 + 2 * u) * (1 - u) * (1 - u), h10 = u * (1 - u) * (1 - u); // and g = dh/du
+    double h01 = u * u * (3 - 2 * u), h11 = u * u * (u - 1);
+    double g00 = 6 * u * (u - 1), g10 = (1 - u) * (1 - 3 * u), g11 = u * (3 * u - 2);
+    for (int i = 0; i < 3; i++) {
+        double a = p->from.position_m[i], va = p->from.velocity_m_s[i];
+        double b = p->to.position_m[i], vb = p->to.velocity_m_s[i];
+        out->position_m[i] = h00 * a + h10 * d * va + h01 * b + h11 * d * vb;
+        out->velocity_m_s[i] = g00 * (a - b) / d + g10 * va + g11 * vb;
+    }
+}
+
+static void turn(const kn_piece *p, double u, double q[4])
+{
+    const double *a = p->from.orientation_wxyz, *b = p->to.orientation_wxyz;
+    double same = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] < 0.0 ? -1.0 : 1.0, n = 0.0;
+    for (int i = 0; i < 4; i++) q[i] = (1 - u) * a[i] + u * same * b[i], n += q[i] * q[i];
+    for (int i = 0; i < 4; i++) q[i] /= sqrt(n);
+}
+
+const kn_piece *kn_path_at(const kn_path *path, double t_s, kn_path_point *out)
+{
+    int low = 0, high = path->count - 1; // the last piece that starts at or before t_s
+    while (low < high) {
+        int middle = (low + high + 1) / 2;
+        if (path->piece[middle].start_s <= t_s) low = middle;
+        else high = middle - 1;
+    }
+    const kn_piece *p = &path->piece[low];
+    double t = fmin(fmax(t_s - p->start_s, 0.0), p->duration_s), share = 0.0, rate = 0.0;
+    *out = p->from;
+    memset(out->velocity_m_s, 0, sizeof out->velocity_m_s);
+    if (p->kind == KN_PIECE_STAND || p->duration_s == 0.0) return p;
+    turn(p, t / p->duration_s, out->orientation_wxyz);
+    if (p->kind == KN_PIECE_CURVE) {
+        curve(p, t, out);
+        return p;
+    }
+    if (p->kind == KN_PIECE_LINE) {
+        trapezoid(t, p->duration_s, &share, &rate);
+    } else {
+        double w = 2.0 * M_PI * p->periods / p->duration_s;
+        share = 0.5 * (1.0 - cos(w * t)), rate = 0.5 * w * sin(w * t);
+    }
+    for (int i = 0; i < 3; i++) {
+        double way_m = p->to.position_m[i] - p->from.position_m[i];
+        out->position_m[i] += share * way_m;
+        out->velocity_m_s[i] = rate * way_m;
+    }
+    return p;
+}

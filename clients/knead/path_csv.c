@@ -1,0 +1,140 @@
+// Paths from a CSV file; see path.h. Parse and check row by row, so that every complaint has its line and column.
+#include "clients/knead/path.h"
+#include <errno.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double workspace_m = 1.0;   // kneadd refuses poses outside it,
+static const double speed_max_m_s = 5.0; // and faster ones
+
+static double distance(const double a[3], const double b[3])
+{
+    return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
+}
+
+typedef struct reader {
+    const char *file;
+    int line;
+    char *error;
+    size_t error_size;
+} reader;
+
+__attribute__((format(printf, 3, 4))) static bool complain(const reader *r, int column, const char *format, ...)
+{
+    int n = snprintf(r->error, r->error_size, "%s:%d:%d: ", r->file, r->line, column);
+    va_list args;
+    va_start(args, format);
+    if (n >= 0 && (size_t)n < r->error_size) vsnprintf(r->error + n, r->error_size - (size_t)n, format, args);
+    va_end(args);
+    return false;
+}
+
+// Fields of one line into value[]; the column of field i into column[i].
+static bool read_row(const reader *r, const char *line, int fields, double value[8], int column[8])
+{
+    const char *at = line;
+    for (int i = 0; i < fields; i++) {
+        column[i] = (int)(at - line) + 1;
+        if (!*at && i > 0) return complain(r, column[i], "%d fields, expected %d", i, fields);
+        char *end;
+        value[i] = strtod(at, &end);
+        if (end == at || !isfinite(value[i])) return complain(r, column[i], "expected a finite number");
+        while (*end == ' ' || *end == '\t') end++;
+        if (*end && *end != ',') return complain(r, (int)(end - line) + 1, "expected a comma after the number");
+        if (*end == ',' && i == fields - 1) return complain(r, (int)(end - line) + 1, "more than %d fields", fields);
+        at = *end ? end + 1 : end;
+    }
+    return true;
+}
+
+typedef struct rows {
+    int count, room;
+    double *time_s;
+    kn_path_point *point;
+} rows;
+
+static bool grow(rows *all)
+{
+    if (all->count < all->room) return true;
+    int room = all->room ? 2 * all->room : 1024;
+    double *time_s = realloc(all->time_s, (size_t)room * sizeof *time_s);
+    if (time_s) all->time_s = time_s;
+    kn_path_point *point = realloc(all->point, (size_t)room * sizeof *point);
+    if (point) all->point = point;
+    if (!time_s || !point) return false;
+    all->room = room;
+    return true;
+}
+
+static bool take_row(const reader *r, rows *all, int fields, const double value[8], const int column[8])
+{
+    kn_path_point p = {.orientation_wxyz = {1, 0, 0, 0}};
+    double length = 0.0;
+    memcpy(p.position_m, value + 1, sizeof p.position_m);
+    if (distance(p.position_m, (const double[3]){0}) > workspace_m)
+        return complain(r, column[1], "further than %g m from the origin; are these metres?", workspace_m);
+    for (int i = 4; i < fields; i++) length += value[i] * value[i];
+    if (fields == 8 && fabs(sqrt(length) - 1.0) > 1e-3)
+        return complain(r, column[4], "quaternion of length %.4g, expected 1 within 0.001", sqrt(length));
+    for (int i = 4; i < fields; i++) p.orientation_wxyz[i - 4] = value[i] / sqrt(length);
+    if (all->count > 0) {
+        double span_s = value[0] - all->time_s[all->count - 1];
+        double way_m = distance(p.position_m, all->point[all->count - 1].position_m);
+        if (span_s <= 0.0) return complain(r, column[0], "time does not rise");
+        if (way_m > speed_max_m_s * span_s)
+            return complain(r, column[1], "%.3g m/s since the row before, expected at most %g", way_m / span_s,
+                            speed_max_m_s);
+    }
+    if (!grow(all)) return complain(r, 1, "out of memory");
+    all->time_s[all->count] = value[0];
+    all->point[all->count++] = p;
+    return true;
+}
+
+static bool read_rows(reader *r, FILE *in, rows *all)
+{
+    static const char *const headers[] = {"time_s,x_m,y_m,z_m", "time_s,x_m,y_m,z_m,qw,qx,qy,qz"};
+    char *line = NULL;
+    size_t room = 0;
+    int fields = 0;
+    bool ok = true;
+    double value[8];
+    int column[8];
+    for (r->line = 1; ok && getline(&line, &room, in) > 0; r->line++) {
+        size_t length = strcspn(line, "\r\n");
+        line[length] = 0;
+        if (r->line == 1) {
+            fields = !strcmp(line, headers[0]) ? 4 : !strcmp(line, headers[1]) ? 8 : 0;
+            if (!fields) ok = complain(r, 1, "expected the header `%s` or `%s`", headers[0], headers[1]);
+        } else if (length > 0) {
+            ok = read_row(r, line, fields, value, column) && take_row(r, all, fields, value, column);
+        }
+    }
+    free(line);
+    if (ok && all->count < 2) ok = complain(r, 1, "%d rows, expected at least 2", all->count);
+    return ok;
+}
+
+kn_path *kn_path_load(const char *file, char *error, size_t error_size)
+{
+    reader r = {.file = file, .line = 1, .error = error, .error_size = error_size};
+    FILE *in = fopen(file, "r");
+    if (!in) {
+        snprintf(error, error_size, "%s: %s", file, strerror(errno));
+        return NULL;
+    }
+    rows all = {0};
+    kn_path *path = NULL;
+    if (read_rows(&r, in, &all)) {
+        path = kn_path_through(all.count, all.time_s, all.point);
+        if (!path) complain(&r, 1, "out of memory");
+    }
+    fclose(in);
+    free(all.time_s);
+    free(all.point);
+    return path;
+}
