@@ -18,8 +18,8 @@ typedef struct kn_scene {
     uint64_t text_hash;     // kn_hash_bytes of text
 } kn_scene;
 
-// Loads a file, or parses text that a log or a test holds. sets[] are "key=value" as given to --set, applied over the file.
-// NULL and one line in error when anything is wrong.
+// Loads a file, or parses text that a log or a test holds. sets[] are "key=value" as given to --set, applied over the
+// file in their order. NULL and one line in error when anything is wrong.
 kn_scene *kn_scene_load(const char *path, const char *const *sets, int set_count, char *error, size_t error_size);
 kn_scene *kn_scene_parse(const char *name, const char *text, size_t size, const char *const *sets, int set_count,
                          char *error, size_t error_size);

@@ -1,0 +1,258 @@
+#include "core/scene/draft.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+// More nodes than any processor steps in a millisecond by a factor of 100, and their memory (below 4 GiB in f64) still
+// fits a workstation: beyond it a typing error is likelier than a wish.
+enum { NODES_MAX = 1 << 22 };
+#define SPACING_TOLERANCE 1e-6 // of a spacing, per extent: 5 cm / 3.3333333333333333 mm passes, / 3.333 mm does not
+
+void *kn_draft_field(kn_draft *draft, int slot, kn_key_id id)
+{
+    char *base = slot == 0 ? (char *)draft : (char *)&draft->scene.model.probe[slot - 1];
+    return base + kn_keys[id].offset;
+}
+
+static bool of_probe(kn_key_id id) { return id >= KN_KEY_PROBE_NAME; }
+
+const char *kn_draft_path(kn_draft *draft, int slot, kn_key_id id, char path[KN_LINE_MAX])
+{
+    const char *name = slot > 0 ? draft->scene.model.probe[slot - 1].name : "";
+    if (slot == 0) snprintf(path, KN_LINE_MAX, "%s", kn_keys[id].path);
+    else if (*name) snprintf(path, KN_LINE_MAX, "probes.%s%s", name, strrchr(kn_keys[id].path, '.'));
+    else snprintf(path, KN_LINE_MAX, "probes[%d]%s", slot - 1, strrchr(kn_keys[id].path, '.'));
+    return path;
+}
+
+bool kn_draft_complain(kn_draft *draft, kn_mark mark, const char *format, ...)
+{
+    char where[160], what[512];
+    if (mark.source < 0) snprintf(where, sizeof where, "%.120s:%d:%d", draft->file, mark.line, mark.col);
+    else snprintf(where, sizeof where, "--set %.*s", (int)strspn(draft->sets[mark.source], KN_PATH_CHARACTERS),
+                  draft->sets[mark.source]);
+    va_list args;
+    va_start(args, format);
+    vsnprintf(what, sizeof what, format, args);
+    va_end(args);
+    snprintf(draft->error, draft->error_size, "%s: %s", where, what);
+    return false;
+}
+
+void kn_draft_init(kn_draft *draft, const char *file, const char *const *sets, char *error, size_t error_size)
+{
+    *draft = (kn_draft){.file = file, .sets = sets, .error = error, .error_size = error_size};
+    for (int slot = 0; slot < KN_SLOTS; slot++)
+        for (kn_key_id id = 0; id < KN_KEY_COUNT; id++) {
+            const char *fallback = kn_keys[id].fallback;
+            char problem[KN_LINE_MAX];
+            draft->at[slot][id] = (kn_mark){.source = KN_SOURCE_DEFAULT, .line = 1, .col = 1};
+            draft->group[slot][id] = (kn_mark){.source = KN_SOURCE_FILE, .line = 1, .col = 1};
+            if (of_probe(id) != (slot > 0) || !fallback || *fallback == '\0' || *fallback == '(') continue;
+            kn_key_read(&kn_keys[id], kn_draft_field(draft, slot, id), &fallback, 1, NULL, problem);
+        }
+}
+
+static bool given(const kn_draft *draft, int slot, kn_key_id id)
+{
+    return draft->at[slot][id].source != KN_SOURCE_DEFAULT;
+}
+
+// The mark to blame when two values do not fit: the one written last, in the file's order and then the --sets'.
+static kn_mark later(const kn_draft *draft, kn_key_id a, kn_key_id b)
+{
+    kn_mark x = draft->at[0][a], y = draft->at[0][b];
+    if (x.source != y.source) return x.source > y.source ? x : y;
+    return x.line > y.line || (x.line == y.line && x.col > y.col) ? x : y;
+}
+
+static bool relevant(const kn_draft *draft, int slot, kn_key_id id)
+{
+    const kn_model_def *def = &draft->scene.model;
+    switch (kn_keys[id].when) {
+    case KN_WHEN_CONSTANT: return def->material.damper == KN_DAMPER_CONSTANT;
+    case KN_WHEN_EXPONENTIAL: return def->material.damper == KN_DAMPER_EXPONENTIAL;
+    case KN_WHEN_PLATE: return def->probe[slot - 1].shape == KN_PROBE_PLATE;
+    case KN_WHEN_SPHERE: return def->probe[slot - 1].shape == KN_PROBE_SPHERE;
+    default: return true;
+    }
+}
+
+// The key that says whether key id is relevant.
+static kn_key_id chooser(kn_key_id id) { return of_probe(id) ? KN_KEY_PROBE_SHAPE : KN_KEY_DAMPER; }
+
+static bool require(kn_draft *draft, int slot, kn_key_id id)
+{
+    char path[KN_LINE_MAX], expects[KN_LINE_MAX];
+    if (kn_keys[id].fallback || given(draft, slot, id)) return true;
+    return kn_draft_complain(draft, draft->group[slot][id], "%s is missing, expected %s",
+                             kn_draft_path(draft, slot, id, path), kn_key_expects(&kn_keys[id], expects));
+}
+
+// What belongs to another damper or shape is an error in the file, and is dropped when --set made the choice.
+static bool drop(kn_draft *draft, int slot, kn_key_id id)
+{
+    char path[KN_LINE_MAX], choice[KN_LINE_MAX];
+    kn_key_id by = chooser(id);
+    size_t size = (size_t)kn_keys[id].count * (kn_keys[id].type == KN_TYPE_CHOICE ? sizeof(int) : sizeof(double));
+    memset(kn_draft_field(draft, slot, id), 0, size);
+    if (!given(draft, slot, id) || draft->at[slot][by].source > draft->at[slot][id].source) return true;
+    return kn_draft_complain(draft, draft->at[slot][id], "%s means nothing here, expected it only without '%s: %s'",
+                             kn_draft_path(draft, slot, id, path), strrchr(kn_keys[by].path, '.') + 1,
+                             kn_key_print(&kn_keys[by], kn_draft_field(draft, slot, by), choice));
+}
+
+static bool check_presence(kn_draft *draft)
+{
+    for (int slot = 0; slot <= draft->scene.model.probe_count; slot++)
+        for (kn_key_id id = 0; id < KN_KEY_COUNT; id++)
+            if (of_probe(id) == (slot > 0) && !(relevant(draft, slot, id) ? require : drop)(draft, slot, id))
+                return false;
+    return true;
+}
+
+static bool finish_modulus(kn_draft *draft, kn_key_id id)
+{
+    char expects[KN_LINE_MAX];
+    const kn_key *key = &kn_keys[id];
+    double *value = kn_draft_field(draft, 0, id);
+    kn_mark at = draft->at[0][id];
+    if (at.per_height && !given(draft, 0, KN_KEY_SPECIMEN_HEIGHT))
+        return kn_draft_complain(draft, at, "%s is per height of a specimen (%s/m), expected %s too, e.g. 1 cm",
+                                 key->path, key->unit, kn_keys[KN_KEY_SPECIMEN_HEIGHT].path);
+    if (at.per_height) *value *= draft->specimen_height_m;
+    if (*value >= key->least && *value <= key->most) return true;
+    return kn_draft_complain(draft, at, "%s is %g %s, out of range, expected %s", key->path, *value, key->unit,
+                             kn_key_expects(key, expects));
+}
+
+static bool finish_material(kn_draft *draft)
+{
+    const kn_material *mat = &draft->scene.model.material;
+    for (kn_key_id id = 0; id < KN_KEY_COUNT; id++)
+        if (kn_keys[id].type == KN_TYPE_MODULUS && relevant(draft, 0, id) && !finish_modulus(draft, id)) return false;
+    if (mat->damper == KN_DAMPER_EXPONENTIAL && mat->p0_pa >= mat->p1_pa)
+        return kn_draft_complain(draft, later(draft, KN_KEY_P0, KN_KEY_P1),
+                                 "material.p0 is %g Pa, expected less than p1, %g Pa", mat->p0_pa, mat->p1_pa);
+    const char *problem = kn_material_check(mat);
+    return !problem || kn_draft_complain(draft, later(draft, KN_KEY_K1, KN_KEY_C1), "material: %s", problem);
+}
+
+static bool finish_object(kn_draft *draft)
+{
+    static const char axis[3] = {'x', 'y', 'z'};
+    kn_model_def *def = &draft->scene.model;
+    kn_mark at = later(draft, KN_KEY_SIZE, KN_KEY_SPACING);
+    double nodes = 1;
+    for (int k = 0; k < 3; k++) {
+        double cells = draft->size_m[k] / def->spacing_m, whole = round(cells);
+        if (whole < 1 || !(fabs(cells - whole) <= SPACING_TOLERANCE))
+            return kn_draft_complain(draft, at, "object.size along %c, %g m, is %.8g spacings of %g m, "
+                                     "expected a whole number (%.17g m would be)", axis[k], draft->size_m[k], cells,
+                                     def->spacing_m, draft->size_m[k] / fmax(whole, 1));
+        def->nodes[k] = whole > NODES_MAX ? NODES_MAX + 1 : (int)whole + 1;
+        nodes *= def->nodes[k];
+    }
+    if (nodes > NODES_MAX)
+        return kn_draft_complain(draft, at, "object: size and spacing make %.4g nodes, expected at most %d", nodes,
+                                 NODES_MAX);
+    return true;
+}
+
+static bool finish_probe(kn_draft *draft, int slot)
+{
+    const kn_model_def *def = &draft->scene.model;
+    const kn_probe_def *probe = &def->probe[slot - 1];
+    for (int other = 1; other < slot; other++)
+        if (strcmp(def->probe[other - 1].name, probe->name) == 0)
+            return kn_draft_complain(draft, draft->at[slot][KN_KEY_PROBE_NAME],
+                                     "probe '%s' is there already, expected another name", probe->name);
+    // a ball between the sample points of the surface would slip through it
+    if (probe->shape == KN_PROBE_SPHERE && probe->radius_m < def->spacing_m)
+        return kn_draft_complain(draft, draft->at[slot][KN_KEY_PROBE_RADIUS],
+                                 "probes.%s.radius is %g m, expected at least object.spacing, %g m", probe->name,
+                                 probe->radius_m, def->spacing_m);
+    return true;
+}
+
+static bool finish_solver(kn_draft *draft)
+{
+    kn_solver_def *solver = &draft->scene.model.solver;
+    if (solver->iterations_max < solver->iterations)
+        return kn_draft_complain(draft, later(draft, KN_KEY_ITERATIONS, KN_KEY_ITERATIONS_MAX),
+                                 "solver.iterations_max is %d, expected at least solver.iterations, %d",
+                                 solver->iterations_max, solver->iterations);
+    if (solver->kind != KN_SOLVER_RK4) return true;
+    if (given(draft, 0, KN_KEY_PRECISION) && solver->precision != KN_PRECISION_F64)
+        return kn_draft_complain(draft, later(draft, KN_KEY_PRECISION, KN_KEY_KIND),
+                                 "solver.precision is f32, expected f64 with 'kind: rk4'");
+    solver->precision = KN_PRECISION_F64;
+    return true;
+}
+
+static void finish_device(kn_draft *draft)
+{
+    kn_scene *scene = &draft->scene;
+    snprintf(scene->device, sizeof scene->device, "%s", draft->profile ? "bench" : "touch");
+    if (!given(draft, 0, KN_KEY_CLAMP)) scene->limits.clamp_n = draft->profile ? 40.0 : 3.3;
+    if (!given(draft, 0, KN_KEY_TORQUE_CLAMP)) scene->limits.torque_clamp_n_m = 0.05 * scene->limits.clamp_n;
+}
+
+bool kn_draft_finish(kn_draft *draft)
+{
+    kn_model_def *def = &draft->scene.model;
+    memset(&def->probe[def->probe_count], 0, sizeof def->probe[0] * (size_t)(KN_PROBES_MAX - def->probe_count));
+    if (!check_presence(draft) || !finish_material(draft) || !finish_object(draft)) return false;
+    for (int slot = 1; slot <= def->probe_count; slot++)
+        if (!finish_probe(draft, slot)) return false;
+    finish_device(draft);
+    // the canonical size: equal lattices have equal texts, however the size was rounded in the file
+    for (int k = 0; k < 3; k++) draft->size_m[k] = (def->nodes[k] - 1) * def->spacing_m;
+    return finish_solver(draft);
+}
+
+typedef struct page { // the canonical text as it grows; about 2 kB
+    char text[8192];
+    size_t used;
+    char group[KN_LINE_MAX]; // mapping that is open
+} page;
+
+static void put(page *out, const char *format, ...) __attribute__((format(printf, 2, 3)));
+static void put(page *out, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    int n = vsnprintf(out->text + out->used, sizeof out->text - out->used, format, args);
+    va_end(args);
+    out->used += (size_t)n;
+}
+
+static void put_key(page *out, kn_draft *draft, int slot, kn_key_id id)
+{
+    const kn_key *key = &kn_keys[id];
+    char value[KN_LINE_MAX];
+    const char *dot = strrchr(key->path, '.');
+    bool optional = key->fallback && *key->fallback == '\0';
+    if (!relevant(draft, slot, id) || (optional && !given(draft, slot, id))) return;
+    size_t group = dot ? (size_t)(dot - key->path) : 0;
+    if (slot == 0 && group > 0 && strncmp(out->group, key->path, group + 1) != 0) {
+        snprintf(out->group, sizeof out->group, "%.*s.", (int)group, key->path);
+        put(out, "%.*s:\n", (int)group, key->path);
+    }
+    const char *indent = slot == 0 ? (dot ? "  " : "") : id == KN_KEY_PROBE_NAME ? "  - " : "    ";
+    put(out, "%s%s: %s\n", indent, dot ? dot + 1 : key->path,
+        kn_key_print(key, kn_draft_field(draft, slot, id), value));
+}
+
+char *kn_draft_format(kn_draft *draft)
+{
+    page out = {.used = 0};
+    for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++) put_key(&out, draft, 0, id);
+    if (draft->scene.model.probe_count > 0) put(&out, "probes:\n");
+    for (int slot = 1; slot <= draft->scene.model.probe_count; slot++)
+        for (kn_key_id id = KN_KEY_PROBE_NAME; id < KN_KEY_COUNT; id++) put_key(&out, draft, slot, id);
+    return strdup(out.text);
+}

@@ -1,0 +1,48 @@
+#ifndef KN_CORE_SCENE_DRAFT_H
+#define KN_CORE_SCENE_DRAFT_H
+// A scene while it is read: the values as written, and where each was written, so that a rule between two keys can
+// still point at a line. Reading fills it (scene.c), then kn_draft_finish checks the rules and works out what follows.
+#include "core/scene/keys.h"
+#include "core/scene/scene.h"
+
+enum { KN_SOURCE_DEFAULT = -2, KN_SOURCE_FILE = -1 }; // 0, 1, ...: number of the --set
+
+typedef struct kn_mark {
+    int source;
+    int line, col;   // in the file, from 1
+    bool per_height; // the value is per metre of specimen height
+} kn_mark;
+
+#define KN_PATH_CHARACTERS "abcdefghijklmnopqrstuvwxyz0123456789_." // of the key in --set key=value
+#define KN_SLOTS (1 + KN_PROBES_MAX) // 0: the scene's keys; 1 + p: those of probe p
+
+typedef struct kn_draft {
+    kn_scene scene;
+    double size_m[3];
+    double specimen_height_m;
+    int profile;                            // 0 touch, 1 bench
+    kn_mark at[KN_SLOTS][KN_KEY_COUNT];     // where each key's value was written
+    kn_mark group[KN_SLOTS][KN_KEY_COUNT];  // where the mapping stands that holds or should hold the key
+    const char *file;                       // for complaints
+    const char *const *sets;
+    char *error;
+    size_t error_size;
+} kn_draft;
+
+// Everything at its default, nothing written.
+void kn_draft_init(kn_draft *draft, const char *file, const char *const *sets, char *error, size_t error_size);
+
+void *kn_draft_field(kn_draft *draft, int slot, kn_key_id id);
+// "probes.plate.size", or "probes[0].size" before the name is known.
+const char *kn_draft_path(kn_draft *draft, int slot, kn_key_id id, char path[KN_LINE_MAX]);
+
+// Writes "file:line:col: ..." or "--set key: ..." into error. Always false.
+bool kn_draft_complain(kn_draft *draft, kn_mark mark, const char *format, ...) __attribute__((format(printf, 3, 4)));
+
+// The rules between keys, then everything that follows from the values. False after a complaint.
+bool kn_draft_finish(kn_draft *draft);
+
+// The canonical text of a finished draft; NULL when memory is short.
+char *kn_draft_format(kn_draft *draft);
+
+#endif

@@ -1,0 +1,248 @@
+#include "core/scene/keys.h"
+#include "core/scene/draft.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+_Static_assert(sizeof(kn_damper) == sizeof(int) && sizeof(kn_solver) == sizeof(int), "a CHOICE is stored as an int");
+
+#define ROW(parent, id, when_, path_, type_, count_, unit_, least_, most_, fallback_, member, meaning_)                \
+    [KN_KEY_##id] = {KN_WHEN_##when_, path_, KN_TYPE_##type_, count_, unit_, least_, most_, fallback_,                 \
+                     offsetof(parent, member), meaning_},
+#define SCENE_ROW(...) ROW(kn_draft, __VA_ARGS__)
+#define PROBE_ROW(...) ROW(kn_probe_def, __VA_ARGS__)
+const kn_key kn_keys[KN_KEY_COUNT] = {KN_SCENE_KEYS(SCENE_ROW) KN_PROBE_KEYS(PROBE_ROW)};
+
+static kn_unit unit_of(const kn_key *key)
+{
+    kn_unit unit = {0};
+    char error[KN_LINE_MAX];
+    if (*key->unit) kn_unit_parse(&unit, key->unit, error, sizeof error);
+    return unit;
+}
+
+// Number of the word in "a|b|c", -1 if it is none of them.
+static int choice_of(const char *words, const char *word)
+{
+    size_t size = strlen(word);
+    for (int i = 0;; i++) {
+        size_t n = strcspn(words, "|");
+        if (n == size && memcmp(words, word, n) == 0) return i;
+        if (words[n] == '\0') return -1;
+        words += n + 1;
+    }
+}
+
+static bool read_number(const kn_key *key, double *value, const char *text, bool *per_height, char problem[KN_LINE_MAX])
+{
+    kn_quantity q;
+    kn_unit unit = unit_of(key), per_metre = unit;
+    per_metre.m -= 1;
+    if (!kn_quantity_parse(&q, text, problem, KN_LINE_MAX)) return false;
+    *value = kn_quantity_in(&q, &unit);
+    bool modulus = key->type == KN_TYPE_MODULUS;
+    if (modulus) *per_height = false;
+    if (q.bare && *key->unit && *value != 0) {
+        snprintf(problem, KN_LINE_MAX, "'%.24s' has no unit", text);
+    } else if (modulus && !q.bare && kn_unit_same_dimension(&q.unit, &per_metre)) {
+        *per_height = true;
+        return true;
+    } else if (!q.bare && !kn_unit_same_dimension(&q.unit, &unit)) {
+        if (*key->unit) snprintf(problem, KN_LINE_MAX, "'%.24s' is not a quantity in %s", text, key->unit);
+        else snprintf(problem, KN_LINE_MAX, "'%.24s' has a unit", text);
+    } else if (!modulus && !(*value >= key->least && *value <= key->most)) {
+        snprintf(problem, KN_LINE_MAX, "%.24s is out of range", text);
+    } else if (key->type == KN_TYPE_INTEGER && *value != floor(*value)) {
+        snprintf(problem, KN_LINE_MAX, "%.24s is not a whole number", text);
+    } else {
+        return true;
+    }
+    return false;
+}
+
+static bool read_name(char *field, const char *text, char problem[KN_LINE_MAX])
+{
+    size_t size = strlen(text);
+    bool fits = size > 0 && size < KN_NAME_MAX && strspn(text, "abcdefghijklmnopqrstuvwxyz0123456789_") == size;
+    if (fits) memcpy(field, text, size + 1);
+    else snprintf(problem, KN_LINE_MAX, "'%.24s' is not a name", text);
+    return fits;
+}
+
+static bool read_choice(const kn_key *key, int *field, const char *text, char problem[KN_LINE_MAX])
+{
+    *field = choice_of(key->unit, text);
+    if (*field < 0) snprintf(problem, KN_LINE_MAX, "'%.24s' is unknown", text);
+    return *field >= 0;
+}
+
+bool kn_key_read(const kn_key *key, void *field, const char *const *text, int count, bool *per_height,
+                 char problem[KN_LINE_MAX])
+{
+    if (count != key->count) {
+        snprintf(problem, KN_LINE_MAX, "%d value%s given", count, count == 1 ? "" : "s");
+        return false;
+    }
+    for (int i = 0; i < count; i++) {
+        double value;
+        if (*text[i] == '\0') {
+            snprintf(problem, KN_LINE_MAX, "has no value");
+            return false;
+        }
+        if (key->type == KN_TYPE_CHOICE) return read_choice(key, field, text[i], problem);
+        if (key->type == KN_TYPE_NAME) return read_name(field, text[i], problem);
+        if (!read_number(key, &value, text[i], per_height, problem)) return false;
+        if (key->type == KN_TYPE_INTEGER) *(int *)field = (int)value;
+        else ((double *)field)[i] = value;
+    }
+    return true;
+}
+
+const char *kn_key_expects(const kn_key *key, char text[KN_LINE_MAX])
+{
+    char range[64];
+    snprintf(range, sizeof range, "from %g to %g", key->least, key->most);
+    switch (key->type) {
+    case KN_TYPE_CHOICE: snprintf(text, KN_LINE_MAX, "%s", key->unit); break;
+    case KN_TYPE_NAME: snprintf(text, KN_LINE_MAX, "1 to %d of a-z 0-9 _", KN_NAME_MAX - 1); break;
+    case KN_TYPE_INTEGER:
+        if (key->least == key->most) snprintf(text, KN_LINE_MAX, "%g", key->least);
+        else snprintf(text, KN_LINE_MAX, "a whole number %s%s%s", range, *key->unit ? " " : "", key->unit);
+        break;
+    case KN_TYPE_MODULUS:
+        snprintf(text, KN_LINE_MAX, "a number %s %s (or %s/m with a specimen_height)", range, key->unit, key->unit);
+        break;
+    case KN_TYPE_REAL:
+        if (key->count > 1) snprintf(text, KN_LINE_MAX, "a list of %d, each %s %s", key->count, range, key->unit);
+        else snprintf(text, KN_LINE_MAX, "a number %s%s%s", range, *key->unit ? " " : "", key->unit);
+        break;
+    }
+    return text;
+}
+
+// Fewest digits that read back as the same bits.
+static int digits_of(double value)
+{
+    char text[40];
+    for (int digits = 15; digits < 17; digits++) {
+        snprintf(text, sizeof text, "%.*g", digits, value);
+        if (strtod(text, NULL) == value) return digits;
+    }
+    return 17;
+}
+
+const char *kn_key_print(const kn_key *key, const void *field, char text[KN_LINE_MAX])
+{
+    const char *space = *key->unit ? " " : "", *unit = key->unit;
+    if (key->type == KN_TYPE_NAME) {
+        snprintf(text, KN_LINE_MAX, "%s", (const char *)field);
+    } else if (key->type == KN_TYPE_INTEGER) {
+        snprintf(text, KN_LINE_MAX, "%d%s%s", *(const int *)field, space, unit);
+    } else if (key->type == KN_TYPE_CHOICE) {
+        for (int i = *(const int *)field; i > 0; i--) unit += strcspn(unit, "|") + 1;
+        snprintf(text, KN_LINE_MAX, "%.*s", (int)strcspn(unit, "|"), unit);
+    } else {
+        const double *value = field;
+        int n = snprintf(text, KN_LINE_MAX, key->count > 1 ? "[" : "");
+        for (int i = 0; i < key->count; i++)
+            n += snprintf(text + n, KN_LINE_MAX - (size_t)n, "%s%.*g%s%s", i ? ", " : "", digits_of(value[i]), value[i],
+                          space, unit);
+        if (key->count > 1) snprintf(text + n, KN_LINE_MAX - (size_t)n, "]");
+    }
+    return text;
+}
+
+const kn_key *kn_key_find(const char *path, bool *is_group)
+{
+    size_t size = strlen(path);
+    *is_group = false;
+    for (const kn_key *key = kn_keys; size > 0 && key < kn_keys + KN_KEY_COUNT; key++) {
+        if (strcmp(key->path, path) == 0) return key;
+        if (strncmp(key->path, path, size) == 0 && key->path[size] == '.') *is_group = true;
+    }
+    return NULL;
+}
+
+// Edits that turn a into b (Levenshtein); names are short.
+static int distance(const char *a, const char *b)
+{
+    int row[64];
+    int n = (int)strlen(b);
+    if (n >= 64) return 64;
+    for (int j = 0; j <= n; j++) row[j] = j;
+    for (int i = 1; *a; i++, a++) {
+        int diagonal = row[0];
+        row[0] = i;
+        for (int j = 1; j <= n; j++) {
+            int replaced = diagonal + (*a != b[j - 1]), shorter = row[j - 1] < row[j] ? row[j - 1] : row[j];
+            diagonal = row[j];
+            row[j] = replaced < shorter + 1 ? replaced : shorter + 1;
+        }
+    }
+    return row[n];
+}
+
+static const char *leaf_of(const char *path) { return strrchr(path, '.') ? strrchr(path, '.') + 1 : path; }
+
+// The names below a mapping, each once: "k1, c1, damper".
+static void list_below(const char *parent, size_t size, char text[KN_LINE_MAX])
+{
+    const char *last = "";
+    int n = snprintf(text, KN_LINE_MAX, "expected one of:");
+    for (const kn_key *key = kn_keys; key < kn_keys + KN_KEY_COUNT && n < KN_LINE_MAX; key++) {
+        const char *name = key->path + size;
+        if (strncmp(key->path, parent, size) != 0) continue;
+        size_t length = strcspn(name, ".");
+        if (strncmp(last, name, length + (name[length] == '.')) == 0) continue;
+        n += snprintf(text + n, KN_LINE_MAX - (size_t)n, "%s %.*s", *last ? "," : "", (int)length, name);
+        last = name;
+    }
+}
+
+const char *kn_key_suggest(const char *path, char text[KN_LINE_MAX])
+{
+    size_t parent = (size_t)(leaf_of(path) - path);
+    const char *best = NULL;
+    int least = strlen(leaf_of(path)) > 4 ? 3 : 2; // edits from which on a name is another one
+    size_t length = 0;
+    for (const kn_key *key = kn_keys; key < kn_keys + KN_KEY_COUNT; key++) {
+        char name[KN_LINE_MAX];
+        bool sibling = strncmp(key->path, path, parent) == 0;
+        const char *candidate = sibling ? key->path + parent : leaf_of(key->path);
+        size_t size = strcspn(candidate, ".");
+        snprintf(name, sizeof name, "%.*s", (int)size, candidate);
+        int edits = distance(leaf_of(path), name) + !sibling; // a key of another mapping must fit better
+        if (edits >= least) continue;
+        least = edits;
+        best = key->path;
+        length = (size_t)(candidate - key->path) + size;
+    }
+    if (best) snprintf(text, KN_LINE_MAX, "did you mean %.*s?", (int)length, best);
+    else list_below(path, parent, text);
+    return text;
+}
+
+static void describe(const kn_key *key, char *line, size_t size)
+{
+    char range[64] = "", value[64];
+    const char *unit = key->type == KN_TYPE_CHOICE ? "" : key->unit;
+    if (key->type == KN_TYPE_CHOICE) snprintf(value, sizeof value, "%s", key->unit);
+    else if (key->type == KN_TYPE_NAME) snprintf(value, sizeof value, "a-z 0-9 _");
+    else if (key->count > 1) snprintf(value, sizeof value, "%d x %s", key->count, unit);
+    else snprintf(value, sizeof value, "%s", *unit ? unit : "number");
+    if (key->most > 0) snprintf(range, sizeof range, "%g .. %g", key->least, key->most);
+    snprintf(line, size, "%-24s %-26s %-15s %-22s %s", key->path, value, range,
+             !key->fallback ? "required" : *key->fallback == '\0' ? "none" : key->fallback, key->meaning);
+}
+
+const char *const *kn_scene_keys(void)
+{
+    static char line[KN_KEY_COUNT + 1][KN_LINE_MAX];
+    static const char *lines[KN_KEY_COUNT + 2];
+    snprintf(line[0], KN_LINE_MAX, "%-24s %-26s %-15s %-22s %s", "key", "value", "range", "default", "meaning");
+    for (int id = 0; id < KN_KEY_COUNT; id++) describe(&kn_keys[id], line[id + 1], KN_LINE_MAX);
+    for (int i = 0; i <= KN_KEY_COUNT; i++) lines[i] = line[i];
+    return lines;
+}

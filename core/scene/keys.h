@@ -1,0 +1,159 @@
+#ifndef KN_CORE_SCENE_KEYS_H
+#define KN_CORE_SCENE_KEYS_H
+// Every key of a scene in one table: it drives reading, checking, `knead check --keys` and the canonical text.
+// A new key is one line here; what a rule between keys needs stands in draft.c.
+//
+//     id, when, path, type, count, unit, least, most, default, member, meaning
+//
+// when     the object it belongs to: a damper's parameters mean nothing to another damper, a radius nothing to a plate
+// count    1, or the length of a list [a, b, c]
+// unit     of the member and of the canonical text; any unit of the same dimension is read. "" is a bare number
+// default  text as a file would say it; NULL: required; "": may be absent; "(...)": worked out in draft.c
+// member   of kn_draft, or of kn_probe_def for the keys of one probe
+#include "core/scene/units.h"
+#include <stddef.h>
+
+// clang-format off
+#define KN_SCENE_KEYS(X)                                                                                              \
+  X(VERSION, ALWAYS, "version", INTEGER, 1, "", 1, 1, NULL,                                                           \
+    scene.version, "of this format")                                                                                  \
+  X(SIZE, ALWAYS, "object.size", REAL, 3, "m", 1e-5, 10, NULL,                                                        \
+    size_m, "block along x, y, z: each a whole number of spacings")                                                   \
+  X(SPACING, ALWAYS, "object.spacing", REAL, 1, "m", 1e-5, 1, NULL,                                                   \
+    scene.model.spacing_m, "side of a lattice cell")                                                                  \
+  X(STRUCTURE, ALWAYS, "object.structure", CHOICE, 1, "diagonals|axis", 0, 0, "diagonals",                            \
+    scene.model.structure, "edges of a cell: with face and body diagonals, or sides only")                            \
+  X(K1, ALWAYS, "material.k1", MODULUS, 1, "Pa", 0, 1e9, NULL,                                                        \
+    scene.model.material.k1_pa, "spring of the Voigt part")                                                           \
+  X(C1, ALWAYS, "material.c1", MODULUS, 1, "Pa*s", 0, 1e9, NULL,                                                      \
+    scene.model.material.c1_pa_s, "dashpot of the Voigt part")                                                        \
+  X(DAMPER, ALWAYS, "material.damper", CHOICE, 1, "none|constant|exponential", 0, 0, NULL,                            \
+    scene.model.material.damper, "in series with the Voigt part: what stays")                                         \
+  X(C2, CONSTANT, "material.c2", MODULUS, 1, "Pa*s", 1e-6, 1e12, NULL,                                                \
+    scene.model.material.c2_pa_s, "the damper")                                                                       \
+  X(ALPHA, EXPONENTIAL, "material.alpha", MODULUS, 1, "Pa*s", 1e-6, 1e15, NULL,                                       \
+    scene.model.material.alpha_pa_s, "the damper is alpha exp(-beta |stress|) ...")                                   \
+  X(BETA, EXPONENTIAL, "material.beta", REAL, 1, "1/Pa", 0, 1, NULL,                                                  \
+    scene.model.material.beta_per_pa, "... the more stress, the softer ...")                                          \
+  X(P0, EXPONENTIAL, "material.p0", REAL, 1, "Pa", 0, 1e9, NULL,                                                      \
+    scene.model.material.p0_pa, "... constant below this stress")                                                     \
+  X(P1, EXPONENTIAL, "material.p1", REAL, 1, "Pa", 1e-6, 1e9, NULL,                                                   \
+    scene.model.material.p1_pa, "... and above this one")                                                             \
+  X(SPECIMEN_HEIGHT, ALWAYS, "material.specimen_height", REAL, 1, "m", 1e-4, 10, "",                                  \
+    specimen_height_m, "k1 c1 c2 alpha given per height (Pa/m, gf/cm^3) are times this")                              \
+  X(DENSITY, ALWAYS, "density", REAL, 1, "kg/m^3", 1, 3e4, NULL,                                                      \
+    scene.model.density_kg_m3, "of the object")                                                                       \
+  X(GRAVITY, ALWAYS, "gravity", REAL, 1, "m/s^2", 0, 100, "0 m/s^2",                                                  \
+    scene.model.gravity_m_s2, "downwards, along -z")                                                                  \
+  X(SUPPORT, ALWAYS, "support", CHOICE, 1, "bonded|frictionless|none", 0, 0, NULL,                                    \
+    scene.model.support, "the base is glued, slides on the table, or is free")                                        \
+  X(PROFILE, ALWAYS, "device.profile", CHOICE, 1, "touch|bench", 0, 0, NULL,                                          \
+    profile, "limits of a hand's device or of the virtual hand; short: device: touch")                                \
+  X(CLAMP, ALWAYS, "device.clamp", REAL, 1, "N", 0.1, 100, "(3.3 touch, 40 bench)",                                   \
+    scene.limits.clamp_n, "most force a hand is given")                                                               \
+  X(TORQUE_CLAMP, ALWAYS, "device.torque_clamp", REAL, 1, "N*m", 1e-3, 10, "(0.05 m * clamp)",                        \
+    scene.limits.torque_clamp_n_m, "most torque a hand is given")                                                     \
+  X(GUARD, ALWAYS, "device.guard", REAL, 1, "N/ms", 0.1, 100, "4 N/ms",                                               \
+    scene.limits.guard_n_per_ms, "impulse guard: most change of force in a tick")                                     \
+  X(BRAKE_SPEED, ALWAYS, "device.brake_speed", REAL, 1, "m/s", 0.05, 5, "1.2 m/s",                                    \
+    scene.limits.brake_m_s, "a faster hand is only damped")                                                           \
+  X(BRAKE_DAMPING, ALWAYS, "device.brake_damping", REAL, 1, "N*s/m", 0.01, 10, "1.5 N*s/m",                           \
+    scene.limits.brake_n_s_per_m, "that damping")                                                                     \
+  X(HOLD, ALWAYS, "device.hold", INTEGER, 1, "ms", 1, 3, "3 ms",                                                      \
+    scene.limits.hold_ms, "a force stands this long without a pose")                                                  \
+  X(ZERO, ALWAYS, "device.zero", INTEGER, 1, "ms", 4, 20, "20 ms",                                                    \
+    scene.limits.zero_ms, "force is 0 this long after the last pose")                                                 \
+  X(RAMP, ALWAYS, "device.ramp", INTEGER, 1, "ms", 200, 5000, "200 ms",                                               \
+    scene.limits.ramp_up_ms, "gain 0 to 1 at engagement")                                                             \
+  X(FLOW, ALWAYS, "device.flow", INTEGER, 1, "ms", 200, 5000, "200 ms",                                               \
+    scene.limits.flow_ms, "poses must have flowed this long before that")                                             \
+  X(KIND, ALWAYS, "solver.kind", CHOICE, 1, "implicit|rk4", 0, 0, "implicit",                                         \
+    scene.model.solver.kind, "rk4: the papers' method, refused above its stable step")                                \
+  X(PRECISION, ALWAYS, "solver.precision", CHOICE, 1, "f32|f64", 0, 0, "(f32; rk4 f64)",                              \
+    scene.model.solver.precision, "of the lattice")                                                                   \
+  X(LINEARIZATION, ALWAYS, "solver.linearization", CHOICE, 1, "blend|secant|tangent", 0, 0, "blend",                  \
+    scene.model.solver.linearization, "of the material law in a step")                                                \
+  X(ISA, ALWAYS, "solver.isa", CHOICE, 1, "auto|base|avx2|avx512", 0, 0, "auto",                                      \
+    scene.model.solver.isa, "instruction set; all give the same bits")                                                \
+  X(DT, ALWAYS, "solver.dt", REAL, 1, "s", 1e-9, 0.1, "1 ms",                                                         \
+    scene.model.solver.dt_s, "step")                                                                                  \
+  X(ITERATIONS, ALWAYS, "solver.iterations", INTEGER, 1, "", 1, 1000, "8",                                            \
+    scene.model.solver.iterations, "CG iterations of every step")                                                     \
+  X(ITERATIONS_MAX, ALWAYS, "solver.iterations_max", INTEGER, 1, "", 1, 1000, "24",                                   \
+    scene.model.solver.iterations_max, "hard cap, used while the residual is above the tolerance")                    \
+  X(TOLERANCE, ALWAYS, "solver.tolerance", REAL, 1, "", 0, 1, "1e-3",                                                 \
+    scene.model.solver.tolerance, "of the residual, to the largest of the recent steps; 0 never extends")             \
+  X(PASSES, ALWAYS, "solver.passes", INTEGER, 1, "", 1, 20, "1",                                                      \
+    scene.model.solver.passes, "linearisations per step")                                                             \
+  X(MASS_SCALE, ALWAYS, "solver.mass_scale", REAL, 1, "", 1, 1e9, "1",                                                \
+    scene.model.solver.mass_scale, "inertia times this, weight as it is: rk4's way to a stable step")                 \
+  X(MESH_RATE, ALWAYS, "mesh.rate", REAL, 1, "Hz", 30, 60, "30 Hz",                                                   \
+    scene.mesh_hz, "meshes published per second")
+
+#define KN_PROBE_KEYS(X)                                                                                              \
+  X(PROBE_NAME, ALWAYS, "probes.NAME.name", NAME, 1, "", 0, 0, NULL,                                                  \
+    name, "channels are KNEAD_POSE_NAME, KNEAD_FORCE_NAME; at most 4 probes")                                         \
+  X(PROBE_SHAPE, ALWAYS, "probes.NAME.shape", CHOICE, 1, "plate|sphere", 0, 0, NULL,                                  \
+    shape, "level rectangle, or ball")                                                                                \
+  X(PROBE_SIZE, PLATE, "probes.NAME.size", REAL, 2, "m", 1e-4, 10, NULL,                                              \
+    size_m, "plate along x and y")                                                                                    \
+  X(PROBE_RADIUS, SPHERE, "probes.NAME.radius", REAL, 1, "m", 1e-4, 1, NULL,                                          \
+    radius_m, "sphere; at least one spacing, 1.5 advised")                                                            \
+  X(PROBE_FOUNDATION, SPHERE, "probes.NAME.foundation", REAL, 1, "N/m^3", 1e3, 1e12, "2.5e7 N/m^3",                   \
+    foundation_n_m3, "stiffness of the contact per area")
+// clang-format on
+
+#define KN_KEY_ID(id, ...) KN_KEY_##id,
+typedef enum kn_key_id { KN_SCENE_KEYS(KN_KEY_ID) KN_PROBE_KEYS(KN_KEY_ID) KN_KEY_COUNT } kn_key_id;
+#undef KN_KEY_ID
+
+typedef enum kn_key_when {
+    KN_WHEN_ALWAYS,
+    KN_WHEN_CONSTANT,    // material.damper: constant
+    KN_WHEN_EXPONENTIAL, // material.damper: exponential
+    KN_WHEN_PLATE,       // shape: plate
+    KN_WHEN_SPHERE       // shape: sphere
+} kn_key_when;
+
+typedef enum kn_key_type {
+    KN_TYPE_REAL,    // double
+    KN_TYPE_MODULUS, // double; also read per metre of specimen height, and then its range is checked after multiplying
+    KN_TYPE_INTEGER, // int
+    KN_TYPE_CHOICE,  // enum or int, the number of the word in unit
+    KN_TYPE_NAME     // char[KN_NAME_MAX], [a-z0-9_]+
+} kn_key_type;
+
+typedef struct kn_key {
+    kn_key_when when;
+    const char *path;
+    kn_key_type type;
+    int count;
+    const char *unit; // of a CHOICE: its words
+    double least, most;
+    const char *fallback;
+    size_t offset; // of the member
+    const char *meaning;
+} kn_key;
+
+extern const kn_key kn_keys[KN_KEY_COUNT];
+
+#define KN_LINE_MAX 256 // bytes of a clause or a key's description, with the NUL
+
+// Reads count texts into the member at field. On failure false and the problem without the expectation: "'7' has no
+// unit". per_height (MODULUS only, else may be NULL): whether the value must still be multiplied by the height.
+bool kn_key_read(const kn_key *key, void *field, const char *const *text, int count, bool *per_height,
+                 char problem[KN_LINE_MAX]);
+
+// "3 values in m, each from 1e-05 to 10": what the key expects.
+const char *kn_key_expects(const kn_key *key, char text[KN_LINE_MAX]);
+
+// The member as canonical text: "[0.05 m, 0.05 m, 0.03 m]", with as many digits as give the same bits when read.
+const char *kn_key_print(const kn_key *key, const void *field, char text[KN_LINE_MAX]);
+
+// The key at a path ("material.k1"), NULL if there is none. is_group: becomes whether keys stand below that path.
+const kn_key *kn_key_find(const char *path, bool *is_group);
+
+// What the writer of an unknown path may have meant: "did you mean material.k1?" or "expected one of: k1, c1".
+const char *kn_key_suggest(const char *path, char text[KN_LINE_MAX]);
+
+#endif

@@ -1,0 +1,311 @@
+#include "core/scene/scene.h"
+#include "core/hash.h"
+#include "core/scene/draft.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <yaml.h>
+
+enum { FILE_MAX_BYTES = 1 << 20, NAME_MAX_BYTES = 32, VALUE_MAX_BYTES = 64 };
+
+// One pass over the events of libyaml. Keys decide what may follow, so nothing nests deeper than the table does and an
+// unknown key ends the reading: no input makes this slow or large.
+typedef struct reader {
+    kn_draft *draft;
+    int source; // KN_SOURCE_FILE or number of the --set
+    int slot;   // 0, or 1 + the probe whose mapping is read
+    yaml_parser_t parser;
+    yaml_event_t event; // the one being looked at
+    const char *text;
+    size_t size;
+} reader;
+
+static kn_mark mark_of(const reader *r, yaml_mark_t m)
+{
+    return (kn_mark){.source = r->source, .line = (int)m.line + 1, .col = (int)m.column + 1};
+}
+
+static kn_mark here(const reader *r) { return mark_of(r, r->event.start_mark); }
+
+// libyaml gives no mark for bytes it cannot decode, only their offset
+static kn_mark mark_at(const reader *r, size_t offset)
+{
+    kn_mark mark = {.source = r->source, .line = 1, .col = 1};
+    for (size_t i = 0; i < offset && i < r->size; i++) {
+        mark.col++;
+        if (r->text[i] == '\n') mark = (kn_mark){.source = r->source, .line = mark.line + 1, .col = 1};
+    }
+    return mark;
+}
+
+static bool complain_yaml(reader *r)
+{
+    const yaml_parser_t *p = &r->parser;
+    if (p->error == YAML_READER_ERROR)
+        return kn_draft_complain(r->draft, mark_at(r, p->problem_offset), "not UTF-8 text: %s, expected a YAML scene",
+                                 p->problem);
+    return kn_draft_complain(r->draft, mark_of(r, p->problem_mark), "not YAML: %s, expected 'key: value'",
+                             p->problem ? p->problem : "out of memory");
+}
+
+// Aliases, anchors and tags have no use in a scene and are refused before they can multiply.
+static bool plain(const yaml_event_t *e)
+{
+    switch (e->type) {
+    case YAML_ALIAS_EVENT: return false;
+    case YAML_SCALAR_EVENT: return !e->data.scalar.anchor && !e->data.scalar.tag;
+    case YAML_SEQUENCE_START_EVENT: return !e->data.sequence_start.anchor && !e->data.sequence_start.tag;
+    case YAML_MAPPING_START_EVENT: return !e->data.mapping_start.anchor && !e->data.mapping_start.tag;
+    default: return true;
+    }
+}
+
+// Moves on to the next event.
+static bool next(reader *r)
+{
+    yaml_event_delete(&r->event);
+    if (!yaml_parser_parse(&r->parser, &r->event)) return complain_yaml(r);
+    return plain(&r->event) ||
+           kn_draft_complain(r->draft, here(r), "anchors, aliases and tags are not read, expected a plain value");
+}
+
+static const char *kind_of(const reader *r)
+{
+    if (r->event.type == YAML_MAPPING_START_EVENT) return "a mapping";
+    return r->event.type == YAML_SEQUENCE_START_EVENT ? "a list" : "a value";
+}
+
+// The scalar at hand, if it is short printable ASCII; else NULL.
+static const char *scalar(const reader *r, size_t most)
+{
+    if (r->event.type != YAML_SCALAR_EVENT || r->event.data.scalar.length >= most) return NULL;
+    const char *s = (const char *)r->event.data.scalar.value;
+    for (size_t i = 0; i < r->event.data.scalar.length; i++)
+        if (s[i] < ' ' || s[i] > '~') return NULL;
+    return s;
+}
+
+static bool complain_key(reader *r, kn_mark mark, const kn_key *key, const char *problem)
+{
+    char path[KN_LINE_MAX], expects[KN_LINE_MAX];
+    return kn_draft_complain(r->draft, mark, "%s: %s, expected %s",
+                             kn_draft_path(r->draft, r->slot, (kn_key_id)(key - kn_keys), path), problem,
+                             kn_key_expects(key, expects));
+}
+
+// Copies the scalar at hand into text.
+static bool take_value(reader *r, const kn_key *key, char text[VALUE_MAX_BYTES])
+{
+    const char *s = scalar(r, VALUE_MAX_BYTES);
+    if (s) memcpy(text, s, strlen(s) + 1);
+    else if (r->event.type == YAML_SCALAR_EVENT) return complain_key(r, here(r), key, "not short ASCII text");
+    else return complain_key(r, here(r), key, kind_of(r));
+    return true;
+}
+
+static bool read_leaf(reader *r, const kn_key *key)
+{
+    enum { LIST_MAX = 4 };
+    char text[LIST_MAX][VALUE_MAX_BYTES], problem[KN_LINE_MAX];
+    const char *texts[LIST_MAX] = {text[0], text[1], text[2], text[3]};
+    kn_mark mark = here(r);
+    int count = 0;
+    if (r->event.type == YAML_SEQUENCE_START_EVENT) {
+        if (key->count == 1) return complain_key(r, mark, key, "a list");
+        if (!next(r)) return false;
+        while (r->event.type != YAML_SEQUENCE_END_EVENT) {
+            if (count == LIST_MAX) return complain_key(r, here(r), key, "too many values");
+            if (!take_value(r, key, text[count++]) || !next(r)) return false;
+        }
+    } else if (!take_value(r, key, text[count++])) {
+        return false;
+    }
+    kn_key_id id = (kn_key_id)(key - kn_keys);
+    if (!kn_key_read(key, kn_draft_field(r->draft, r->slot, id), texts, count, &mark.per_height, problem))
+        return complain_key(r, mark, key, problem);
+    r->draft->at[r->slot][id] = mark;
+    return true;
+}
+
+static bool read_node(reader *r, const char *path);
+
+// Remembers where the mapping of a group stands: a key missing in it is reported there.
+static void mark_group(reader *r, const char *path)
+{
+    size_t size = strlen(path);
+    for (kn_key_id id = 0; id < KN_KEY_COUNT; id++)
+        if (size > 0 && strncmp(kn_keys[id].path, path, size) == 0 && kn_keys[id].path[size] == '.')
+            r->draft->group[r->slot][id] = here(r);
+}
+
+static bool read_mapping(reader *r, const char *path)
+{
+    char seen[KN_KEY_COUNT][NAME_MAX_BYTES], below[KN_LINE_MAX], hint[KN_LINE_MAX];
+    int lines[KN_KEY_COUNT], count = 0;
+    mark_group(r, path);
+    for (;;) {
+        if (!next(r)) return false;
+        if (r->event.type == YAML_MAPPING_END_EVENT) return true;
+        kn_mark mark = here(r);
+        const char *name = scalar(r, NAME_MAX_BYTES);
+        if (!name) return kn_draft_complain(r->draft, mark, "not a key, expected a short name");
+        for (int i = 0; i < count; i++)
+            if (strcmp(seen[i], name) == 0)
+                return kn_draft_complain(r->draft, mark, "'%s' is there already, in line %d, expected it once", name,
+                                         lines[i]);
+        snprintf(below, sizeof below, "%s%s%s", path, *path ? "." : "", name);
+        bool is_group;
+        if (strchr(name, '.') || (!kn_key_find(below, &is_group) && !is_group))
+            return kn_draft_complain(r->draft, mark, "unknown key '%s', %s", name, kn_key_suggest(below, hint));
+        snprintf(seen[count], NAME_MAX_BYTES, "%s", name); // known names only, so count stays below KN_KEY_COUNT
+        lines[count++] = mark.line;
+        if (!next(r) || !read_node(r, below)) return false;
+    }
+}
+
+static bool read_probes(reader *r)
+{
+    if (r->source >= 0)
+        return kn_draft_complain(r->draft, here(r), "expected one key of one probe, e.g. probes.plate.size");
+    if (r->event.type != YAML_SEQUENCE_START_EVENT)
+        return kn_draft_complain(r->draft, here(r), "probes: %s, expected a list of mappings", kind_of(r));
+    for (;;) {
+        if (!next(r)) return false;
+        if (r->event.type == YAML_SEQUENCE_END_EVENT) return true;
+        if (r->event.type != YAML_MAPPING_START_EVENT)
+            return kn_draft_complain(r->draft, here(r), "probes: %s, expected a mapping with name and shape",
+                                     kind_of(r));
+        if (r->draft->scene.model.probe_count == KN_PROBES_MAX)
+            return kn_draft_complain(r->draft, here(r), "probes: one too many, expected at most %d", KN_PROBES_MAX);
+        r->slot = ++r->draft->scene.model.probe_count;
+        if (!read_mapping(r, "probes.NAME")) return false;
+        r->slot = 0;
+    }
+}
+
+// Reads what stands at a path that exists: a value, a mapping, the list of probes.
+static bool read_node(reader *r, const char *path)
+{
+    bool is_group;
+    const kn_key *key = kn_key_find(path, &is_group);
+    if (key) return read_leaf(r, key);
+    if (strcmp(path, "probes") == 0) return read_probes(r);
+    if (strcmp(path, "device") == 0 && r->event.type == YAML_SCALAR_EVENT)
+        return read_leaf(r, &kn_keys[KN_KEY_PROFILE]);
+    if (r->event.type == YAML_MAPPING_START_EVENT) return read_mapping(r, path);
+    return kn_draft_complain(r->draft, here(r), "%s: %s, expected a mapping", path, kind_of(r));
+}
+
+static bool read_document(reader *r, const char *path)
+{
+    do // stream start, document start
+        if (!next(r)) return false;
+    while (r->event.type == YAML_STREAM_START_EVENT || r->event.type == YAML_DOCUMENT_START_EVENT);
+    if (r->event.type == YAML_STREAM_END_EVENT)
+        return kn_draft_complain(r->draft, here(r), "empty, expected a scene that begins with 'version: 1'");
+    bool mapping = r->event.type == YAML_MAPPING_START_EVENT;
+    if (*path == '\0' && !mapping)
+        return kn_draft_complain(r->draft, here(r), "%s, expected a scene that begins with 'version: 1'", kind_of(r));
+    if (!(*path ? read_node(r, path) : read_mapping(r, path))) return false;
+    if (!next(r) || !next(r)) return false; // document end, stream end
+    return r->event.type == YAML_STREAM_END_EVENT ||
+           kn_draft_complain(r->draft, here(r), "a second document, expected one scene per file");
+}
+
+static bool read_text(kn_draft *draft, int source, int slot, const char *path, const char *text, size_t size)
+{
+    reader r = {.draft = draft, .source = source, .slot = slot, .text = text, .size = size};
+    if (!yaml_parser_initialize(&r.parser))
+        return kn_draft_complain(draft, (kn_mark){.source = source}, "out of memory");
+    yaml_parser_set_encoding(&r.parser, YAML_UTF8_ENCODING);
+    yaml_parser_set_input_string(&r.parser, (const unsigned char *)text, size);
+    bool ok = read_document(&r, path);
+    yaml_event_delete(&r.event);
+    yaml_parser_delete(&r.parser);
+    return ok;
+}
+
+// "probes.plate.size" -> "probes.NAME.size" and the slot of that probe.
+static bool find_probe(kn_draft *draft, kn_mark mark, char path[KN_LINE_MAX], int *slot)
+{
+    const kn_model_def *def = &draft->scene.model;
+    const char *name = path + strlen("probes."), *rest = strchr(name, '.');
+    if (strncmp(path, "probes.", strlen("probes.")) != 0 || !rest) return true;
+    size_t size = (size_t)(rest - name);
+    for (int i = 0; i < def->probe_count; i++)
+        if (strlen(def->probe[i].name) == size && memcmp(def->probe[i].name, name, size) == 0) *slot = i + 1;
+    if (*slot == 0)
+        return kn_draft_complain(draft, mark, "no probe '%.*s', expected one that the scene has", (int)size, name);
+    char generic[KN_LINE_MAX];
+    snprintf(generic, sizeof generic, "probes.NAME%s", rest);
+    memcpy(path, generic, sizeof generic);
+    return true;
+}
+
+static bool read_set(kn_draft *draft, int number)
+{
+    const char *set = draft->sets[number], *equals = strchr(set, '=');
+    kn_mark mark = {.source = number};
+    char path[KN_LINE_MAX], hint[KN_LINE_MAX];
+    if (!equals || equals - set >= 128 || strspn(set, KN_PATH_CHARACTERS) != (size_t)(equals - set))
+        return kn_draft_complain(draft, mark, "expected key=value, e.g. material.k1='300 gf/cm^3'");
+    snprintf(path, sizeof path, "%.*s", (int)(equals - set), set);
+    int slot = 0;
+    if (!find_probe(draft, mark, path, &slot)) return false;
+    bool is_group;
+    if (!kn_key_find(path, &is_group) && !is_group)
+        return kn_draft_complain(draft, mark, "unknown key, %s", kn_key_suggest(path, hint));
+    return read_text(draft, number, slot, path, equals + 1, strlen(equals + 1));
+}
+
+static const char *base_name(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash ? slash + 1 : path;
+}
+
+kn_scene *kn_scene_parse(const char *name, const char *text, size_t size, const char *const *sets, int set_count,
+                         char *error, size_t error_size)
+{
+    kn_draft draft;
+    kn_draft_init(&draft, name, sets, error, error_size);
+    kn_mark start = draft.group[0][KN_KEY_VERSION];
+    bool ok = size <= FILE_MAX_BYTES || kn_draft_complain(&draft, start, "larger than 1 MiB, expected a scene");
+    ok = ok && read_text(&draft, KN_SOURCE_FILE, 0, "", text, size);
+    for (int i = 0; ok && i < set_count; i++) ok = read_set(&draft, i);
+    if (!ok || !kn_draft_finish(&draft)) return NULL;
+    snprintf(draft.scene.name, sizeof draft.scene.name, "%s", base_name(name));
+    kn_scene *scene = malloc(sizeof *scene);
+    draft.scene.text = kn_draft_format(&draft);
+    if (!scene || !draft.scene.text) {
+        kn_draft_complain(&draft, start, "out of memory");
+        free(scene);
+        free(draft.scene.text);
+        return NULL;
+    }
+    *scene = draft.scene;
+    scene->text_hash = kn_hash_bytes(KN_HASH_SEED, scene->text, strlen(scene->text));
+    return scene;
+}
+
+kn_scene *kn_scene_load(const char *path, const char *const *sets, int set_count, char *error, size_t error_size)
+{
+    FILE *file = fopen(path, "rb");
+    char *text = file ? malloc(FILE_MAX_BYTES + 1) : NULL;
+    size_t size = text ? fread(text, 1, FILE_MAX_BYTES + 1, file) : 0;
+    kn_scene *scene = NULL;
+    if (!text || ferror(file)) snprintf(error, error_size, "%s:1:1: %s, expected a scene file", path, strerror(errno));
+    else scene = kn_scene_parse(path, text, size, sets, set_count, error, error_size);
+    if (file) fclose(file);
+    free(text);
+    return scene;
+}
+
+void kn_scene_destroy(kn_scene *scene)
+{
+    if (!scene) return;
+    free(scene->text);
+    free(scene);
+}

@@ -1,0 +1,39 @@
+#ifndef KN_CORE_SCENE_UNITS_H
+#define KN_CORE_SCENE_UNITS_H
+// Quantities as people write them: "470 gf/cm^3", "2500 gf s/cm^3", "5 mm", "9.81 m/s^2", "8.3e-4 1/Pa".
+//
+//     quantity = number [unit]
+//     unit     = factor { ("*" | " " | "/") factor }        left to right: "gf/cm^2*s" is (gf/cm^2) s
+//     factor   = ("1" | name) ["^" integer]
+//
+// A space multiplies only before the first "/": "kg/m s^2" means two things to two readers and is refused.
+// Names, case-sensitive: m cm mm um, s ms us, Hz, kg g, N mN gf kgf, Pa kPa MPa.  1 gf = 9.80665e-3 N exactly.
+//
+// Every unit but gf and kgf is a power of ten of its SI unit, so the power is added to the number's exponent before the
+// one rounding of strtod: "5 mm", "0.5 cm" and "0.005 m" are the same bits, and so are files in cm and in m.
+#include <stdbool.h>
+#include <stddef.h>
+
+typedef struct kn_unit { // 10^ten 9.80665^gf  m^m kg^kg s^s
+    int m, kg, s;
+    int ten;
+    int gf;
+} kn_unit;
+
+typedef struct kn_quantity {
+    char digits[48]; // sign, digits, point; without the exponent
+    int exponent;    // of ten, as written
+    bool bare;       // a number without a unit
+    kn_unit unit;    // dimensionless when bare
+} kn_quantity;
+
+// False and one clause in error, e.g. "unknown unit 'kpa'": what is wrong with the text.
+bool kn_unit_parse(kn_unit *unit, const char *text, char *error, size_t error_size);
+bool kn_quantity_parse(kn_quantity *q, const char *text, char *error, size_t error_size);
+
+bool kn_unit_same_dimension(const kn_unit *a, const kn_unit *b);
+
+// The quantity in multiples of unit, which must have its dimension (or q is bare). Infinite beyond a double's range.
+double kn_quantity_in(const kn_quantity *q, const kn_unit *unit);
+
+#endif
