@@ -1,0 +1,126 @@
+#include "clients/knead/hand.h"
+#include <math.h>
+#include <string.h>
+
+static const int answer_ms = 3000;  // engaging takes 0.4 s: 200 ms of poses, 200 ms of ramp
+static const int clear_ms = 1000;   // for a fault to be taken back after the lift
+static const int silence_ms = 1200; // a session ends after 1 s without poses
+
+static kn_hand_try *current(kn_hand *h) { return &h->try_[h->tries - 1]; }
+
+static void enter(kn_hand *h, kn_hand_mode mode)
+{
+    h->mode = mode;
+    h->mode_ms = 0;
+}
+
+static void open_try(kn_hand *h)
+{
+    h->tries++;
+    current(h)->session = h->def.session + h->tries - 1;
+    h->force = (kn_hand_force){.session = current(h)->session};
+    h->engaged_n = 0.0;
+    h->path_s = 0.0;
+    h->piece = "engage";
+    kn_path_at(h->def.path, 0.0, &h->point);
+    kn_watchdog_rearm(&h->watchdog);
+    enter(h, KN_HAND_ENGAGE);
+}
+
+void kn_hand_init(kn_hand *h, const kn_hand_def *def)
+{
+    memset(h, 0, sizeof *h);
+    h->def = *def;
+    kn_watchdog_init(&h->watchdog, 0, 0);
+    open_try(h);
+}
+
+static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
+static void give_up(kn_hand *h, kn_hand_trouble trouble)
+{
+    h->trouble = trouble;
+    enter(h, KN_HAND_GAVE_UP);
+}
+
+static void trip(kn_hand *h, int elapsed_ms)
+{
+    kn_path_point home;
+    h->trip[h->trips++] = (kn_trip){
+        .piece = h->piece,
+        .time_s = h->path_s,
+        .force_n = h->engaged_n,
+        .own = h->watchdog.tripped,
+        .silent_ms = h->watchdog.silent_ms,
+        .stalled_ms = elapsed_ms - 1,
+        .fault = (kn_fault)h->force.fault,
+    };
+    kn_path_at(h->def.path, 0.0, &home);
+    kn_path_retreat(&h->way_out, h->way_out_piece, &h->point, h->def.clear_z_m, &home);
+    h->path_s = 0.0;
+    enter(h, KN_HAND_RETREAT);
+}
+
+// What the device does with the message, whatever the hand is doing.
+static void feel(kn_hand *h, const kn_hand_force *force, int elapsed_ms)
+{
+    bool fresh = force && force->session == current(h)->session;
+    if (fresh) h->force = *force;
+    if (fresh && (force->flags & KN_FLAG_ENGAGED)) h->engaged_n = norm(force->force_n);
+    double factor = kn_watchdog_tick(&h->watchdog, fresh, elapsed_ms);
+    for (int i = 0; i < 3; i++) h->given_n[i] = factor * h->force.force_n[i];
+}
+
+static void engage(kn_hand *h)
+{
+    if (h->force.flags & KN_FLAG_ENGAGED) {
+        current(h)->play_seq = current(h)->sent + 1;
+        enter(h, KN_HAND_PLAY);
+    } else if (h->mode_ms >= answer_ms) {
+        give_up(h, h->watchdog.armed ? KN_HAND_NOT_ENGAGED : KN_HAND_NO_ANSWER);
+    }
+}
+
+static void retreat(kn_hand *h)
+{
+    bool latched = h->force.flags & KN_FLAG_LATCHED;
+    double wait_ms = 1e3 * h->way_out.duration_s + (latched ? clear_ms : 0);
+    if (h->mode_ms < wait_ms) return;
+    h->trip[h->trips - 1].cleared = !h->watchdog.tripped && !latched;
+    if (h->trips == KN_HAND_TRIES) give_up(h, KN_HAND_SPOILT);
+    else enter(h, KN_HAND_SILENT);
+}
+
+// Mode changes of this ms, before anything is sent.
+static void decide(kn_hand *h, int elapsed_ms)
+{
+    bool playing = h->mode == KN_HAND_ENGAGE || h->mode == KN_HAND_PLAY;
+    if (playing && (h->watchdog.tripped || (h->force.flags & KN_FLAG_LATCHED))) trip(h, elapsed_ms);
+    if (h->mode == KN_HAND_ENGAGE) engage(h);
+    else if (h->mode == KN_HAND_RETREAT) retreat(h);
+    else if (h->mode == KN_HAND_SILENT && h->mode_ms >= silence_ms) open_try(h);
+    if (h->mode == KN_HAND_PLAY && h->path_s > h->def.path->duration_s) enter(h, KN_HAND_DONE);
+}
+
+static bool dropping(kn_hand *h)
+{
+    bool drop = h->mode == KN_HAND_PLAY && h->tries == 1 && h->dropped_ms < h->def.drop_ms &&
+                h->path_s >= 1e-3 * h->def.drop_at_ms;
+    h->dropped_ms += drop;
+    return drop;
+}
+
+kn_hand_out kn_hand_tick(kn_hand *h, const kn_hand_force *force, int elapsed_ms)
+{
+    feel(h, force, elapsed_ms);
+    decide(h, elapsed_ms);
+    h->mode_ms++;
+    if (h->mode == KN_HAND_SILENT || h->mode == KN_HAND_DONE || h->mode == KN_HAND_GAVE_UP || dropping(h))
+        return (kn_hand_out){.send = false};
+    if (h->mode != KN_HAND_ENGAGE) {
+        const kn_path *path = h->mode == KN_HAND_PLAY ? h->def.path : &h->way_out;
+        h->piece = kn_path_at(path, h->path_s, &h->point)->name;
+        h->path_s += 1e-3;
+    }
+    return (kn_hand_out){.send = true, .session = current(h)->session, .seq = ++current(h)->sent, .point = h->point};
+}

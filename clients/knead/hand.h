@@ -1,0 +1,98 @@
+#ifndef KN_CLIENTS_HAND_H
+#define KN_CLIENTS_HAND_H
+// A virtual hand with a device of its own watchdog: plays a path, engages first, gets out of the way after a trip, and
+// tries again. One call per ms; pure, so that a test can play the server.
+//
+//     ENGAGE --engaged--> PLAY --path ended--> DONE
+//        ^                 |  server latched a fault, or no force for 20 ms
+//        |                 v
+//        +--1.2 s-- SILENT <-- RETREAT            after the third trip, or when nobody answers: GAVE_UP
+//        new session          stop, lift, return
+//
+// Path time advances by exactly 1 ms per pose sent: a stall of this process stretches the path, it never makes a jump.
+#include "clients/knead/path.h"
+#include "core/safety.h"
+#include <stdbool.h>
+#include <stdint.h>
+
+#define KN_HAND_TRIES 3
+
+typedef enum kn_hand_mode {
+    KN_HAND_ENGAGE,
+    KN_HAND_PLAY,
+    KN_HAND_RETREAT,
+    KN_HAND_SILENT,
+    KN_HAND_DONE,
+    KN_HAND_GAVE_UP
+} kn_hand_mode;
+
+typedef enum kn_hand_trouble { // why it gave up
+    KN_HAND_NO_TROUBLE,
+    KN_HAND_NO_ANSWER,   // not one force in 3 s
+    KN_HAND_NOT_ENGAGED, // forces came, but not FLAG_ENGAGED, for 3 s
+    KN_HAND_SPOILT       // as many trips as tries
+} kn_hand_trouble;
+
+typedef struct kn_hand_def {
+    const kn_path *path; // borrowed
+    double clear_z_m;    // a retreat lifts to here before it goes sideways
+    int64_t session;     // of the first try; the next ones count up
+    int drop_at_ms;      // fault injection: at this time of the first try's path no pose is sent
+    int drop_ms;         // for so long
+} kn_hand_def;
+
+typedef struct kn_hand_force { // of contact_force_t: the newest one
+    int64_t session;
+    double force_n[3];
+    int32_t flags, fault;
+} kn_hand_force;
+
+typedef struct kn_trip {
+    const char *piece; // of the path, "engage" before it began
+    double time_s;     // of the path
+    double force_n;    // the last one given while all was well
+    bool own;          // by the own watchdog: no force for silent_ms; else the server latched fault
+    int silent_ms;
+    int stalled_ms;    // of them this process itself did not run
+    kn_fault fault;
+    bool cleared;      // the server took the fault back when the tool was lifted
+} kn_trip;
+
+typedef struct kn_hand_try { // pose numbers, for whoever reads the forces' echoes
+    int64_t session;
+    int64_t play_seq; // of the path's first point; 0: never engaged
+    int64_t sent;     // poses
+} kn_hand_try;
+
+typedef struct kn_hand { // read only for the caller
+    kn_hand_def def;
+    kn_hand_mode mode;
+    kn_hand_trouble trouble;
+    kn_watchdog watchdog;
+    kn_hand_force force; // newest of this session
+    double given_n[3];   // what the device gives to the hand now
+    double engaged_n;    // |force| of the last message with FLAG_ENGAGED
+    double path_s;
+    const char *piece;
+    kn_path_point point;
+    int mode_ms, dropped_ms;
+    int tries, trips;
+    kn_hand_try try_[KN_HAND_TRIES];
+    kn_trip trip[KN_HAND_TRIES];
+    kn_path way_out;
+    kn_piece way_out_piece[4];
+} kn_hand;
+
+typedef struct kn_hand_out {
+    bool send; // point, as pose seq of session
+    int64_t session, seq;
+    kn_path_point point;
+} kn_hand_out;
+
+void kn_hand_init(kn_hand *hand, const kn_hand_def *def);
+
+// One ms. force: the newest message since the last call, NULL when there was none; of another session counts as none.
+// elapsed_ms: 1 + cycles that this process missed.
+kn_hand_out kn_hand_tick(kn_hand *hand, const kn_hand_force *force, int elapsed_ms);
+
+#endif
