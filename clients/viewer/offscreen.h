@@ -1,0 +1,37 @@
+#ifndef KN_CLIENTS_VIEWER_OFFSCREEN_H
+#define KN_CLIENTS_VIEWER_OFFSCREEN_H
+// A place to draw without a window: an OpenGL 3.3 core context, a frame buffer of a given size, and its pixels.
+//
+// One back end so far, OSMesa (offscreen_osmesa.c): Mesa's software rasteriser, no display, no GPU, no root. Mesa 25.1
+// dropped it; EGL's surfaceless platform is the successor, and since all drawing goes into the frame buffer of gl.h it
+// only has to make a context. Not thread safe: one thread opens, draws, reads and closes.
+//
+// libOSMesa is loaded when the first picture is wanted, not when the program starts: it brings 117 MB of LLVM, which
+// `knead probe` must neither wait for (25 ms) nor lock into memory.
+//
+// LP_NUM_THREADS, the number of rasteriser threads, is set to 1 when the environment does not say: the servo has the
+// other core. Pictures do not depend on it.
+#include "clients/viewer/gl.h"
+
+#define KN_OFFSCREEN_MIN 16
+#define KN_OFFSCREEN_MAX 4096 // pixels on a side: 4 samples of colour and depth are 32 bytes per pixel
+
+typedef struct kn_offscreen kn_offscreen;
+
+// NULL and one sentence in error: size out of range, library missing, context refused.
+kn_offscreen *kn_offscreen_open(int width, int height, char *error, size_t error_size);
+
+// Makes the context current and returns the functions to draw with; what is drawn has 4 samples per pixel and depth.
+const kn_gl *kn_offscreen_begin(kn_offscreen *screen);
+
+// Resolves to one sample per pixel, alpha being the share that was covered. What is drawn from here on has no depth; it
+// goes over the picture, or behind it (blending by the alpha that is there).
+void kn_offscreen_resolve(kn_offscreen *screen);
+
+// Waits for the drawing to end and copies out what resolve left: [height][width][4] bytes, top row first.
+void kn_offscreen_read_rgba(kn_offscreen *screen, uint8_t *rgba);
+
+kn_gl_proc kn_offscreen_get_proc(const char *name); // NULL before the first open or when there is no such function
+void kn_offscreen_close(kn_offscreen *screen);      // NULL is fine
+
+#endif

@@ -1,0 +1,451 @@
+#include "clients/viewer/renderer.h"
+#include "clients/viewer/offscreen.h"
+#include "clients/viewer/shaders.h"
+#include "clients/viewer/skin.h"
+#include "clients/viewer/vec.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define SHADOW_SIZE 1024         // texels: 0.2 mm on a 5 cm block
+#define TAN_HALF_VIEW 0.2217f    // 25 degrees from top to bottom: a telephoto's calm perspective
+#define FILL 0.86f               // of the picture's height or width, by the box that the camera frames
+#define HEADROOM 0.45f           // of the object's height, above it, framed for a lifted probe and its arrow
+#define PLATE_THICKNESS_M 0.002
+#define ARROW_SQUARES_PER_N 0.2f
+#define ARROW_LEAST_N 0.05f
+
+static const float table_color[3] = {0.925f, 0.93f, 0.935f}; // the background too: the table fades into it
+static const float tool_color[3] = {0.45f, 0.52f, 0.60f};
+static const float arrow_color[3] = {0.86f, 0.30f, 0.12f};
+
+typedef struct shape { // triangles ready to be drawn
+    GLuint array, buffer, sides;
+    int corners;
+} shape;
+
+struct kn_renderer {
+    kn_offscreen *screen;
+    const kn_gl *gl;
+    GLuint depth, solid, table; // programs
+    GLuint shadow_frame, shadow_map;
+    shape box, ball, rod, cone, square, object;
+    kn_skin *skin;
+    float *corners; // [triangle_count][3][6]
+    int width, height;
+    float eye[3], right[3], up[3], back[3], key[3];
+    float camera[16], light[16];
+    float square_m;
+};
+
+kn_view_scene kn_view_scene_default(void)
+{
+    return (kn_view_scene){
+        .color = {0.90f, 0.78f, 0.58f}, .azimuth_deg = 28, .elevation_deg = 27, .lines = true};
+}
+
+// ---- shapes
+
+static shape shape_create(const kn_gl *gl)
+{
+    shape s = {0};
+    gl->GenVertexArrays(1, &s.array);
+    gl->BindVertexArray(s.array);
+    gl->GenBuffers(1, &s.buffer);
+    gl->BindBuffer(GL_ARRAY_BUFFER, s.buffer);
+    for (GLuint i = 0; i < 2; i++) {
+        gl->VertexAttribPointer(i, 3, GL_FLOAT, GL_FALSE, 6 * sizeof(float), (const void *)(i * 3 * sizeof(float)));
+        gl->EnableVertexAttribArray(i);
+    }
+    gl->GenBuffers(1, &s.sides);
+    return s;
+}
+
+static void shape_corners(const kn_gl *gl, shape *s, int corners, const float *data, GLenum usage)
+{
+    s->corners = corners;
+    gl->BindBuffer(GL_ARRAY_BUFFER, s->buffer);
+    gl->BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)((size_t)corners * 6 * sizeof *data), data, usage);
+}
+
+// A solid of revolution about z: profile[i] is {radius, z} from the bottom up. Four segments make a box of radius sqrt(1/2).
+static shape shape_turn(const kn_gl *gl, int count, const float (*profile)[2], int segments)
+{
+    enum { RINGS = 17, SEGMENTS = 32 };
+    float xyz[RINGS * SEGMENTS][3], corners[2 * RINGS * SEGMENTS * 18];
+    int triangle[2 * RINGS * SEGMENTS][3], triangles = 0;
+    for (int i = 0; i < count; i++) {
+        for (int j = 0; j < segments; j++) {
+            float angle = 6.2831853f * ((float)j + 0.5f) / (float)segments;
+            int next = (j + 1) % segments, a = i * segments + j, b = i * segments + next;
+            xyz[a][0] = profile[i][0] * cosf(angle);
+            xyz[a][1] = profile[i][0] * sinf(angle);
+            xyz[a][2] = profile[i][1];
+            if (i + 1 == count) continue;
+            int c = b + segments, d = a + segments;
+            if (profile[i][0] > 0) memcpy(triangle[triangles++], (int[]){a, b, c}, sizeof *triangle);
+            if (profile[i + 1][0] > 0) memcpy(triangle[triangles++], (int[]){a, c, d}, sizeof *triangle);
+        }
+    }
+    shape s = shape_create(gl);
+    kn_skin *skin = kn_skin_create(count * segments, (const float(*)[3])xyz, triangles, (const int(*)[3])triangle);
+    if (!skin) return s; // out of memory: nothing is drawn
+    kn_skin_corners(skin, (const float(*)[3])xyz, corners);
+    kn_skin_destroy(skin);
+    shape_corners(gl, &s, 3 * triangles, corners, GL_STATIC_DRAW);
+    return s;
+}
+
+static void create_shapes(kn_renderer *r)
+{
+    static const float box[][2] = {{0, 0}, {0.70710678f, 0}, {0.70710678f, 1}, {0, 1}};
+    static const float rod[][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}}, cone[][2] = {{0, 0}, {1, 0}, {0, 1}};
+    static const float square[] = {-1, -1, 0, 0, 0, 1, 1, -1, 0, 0, 0, 1, 1,  1, 0, 0, 0, 1,
+                                   -1, -1, 0, 0, 0, 1, 1, 1,  0, 0, 0, 1, -1, 1, 0, 0, 0, 1};
+    float ball[17][2];
+    for (int i = 0; i < 17; i++) {
+        ball[i][0] = i % 16 == 0 ? 0 : sinf(3.1415927f * (float)i / 16);
+        ball[i][1] = -cosf(3.1415927f * (float)i / 16);
+    }
+    r->box = shape_turn(r->gl, 4, box, 4);
+    r->rod = shape_turn(r->gl, 4, rod, 24);
+    r->cone = shape_turn(r->gl, 3, cone, 24);
+    r->ball = shape_turn(r->gl, 17, (const float(*)[2])ball, 32);
+    r->square = shape_create(r->gl);
+    shape_corners(r->gl, &r->square, 6, square, GL_STATIC_DRAW);
+    r->object = shape_create(r->gl);
+}
+
+// ---- open, mesh, close
+
+static bool create_shadow_map(kn_renderer *r)
+{
+    const kn_gl *gl = r->gl;
+    gl->GenTextures(1, &r->shadow_map);
+    gl->BindTexture(GL_TEXTURE_2D, r->shadow_map);
+    gl->TexImage2D(GL_TEXTURE_2D, 0, GL_DEPTH_COMPONENT24, SHADOW_SIZE, SHADOW_SIZE, 0, GL_DEPTH_COMPONENT, GL_FLOAT, NULL);
+    gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+    gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_COMPARE_MODE, GL_COMPARE_REF_TO_TEXTURE);
+    gl->GenFramebuffers(1, &r->shadow_frame);
+    gl->BindFramebuffer(GL_FRAMEBUFFER, r->shadow_frame);
+    gl->FramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, r->shadow_map, 0);
+    gl->DrawBuffer(GL_NONE);
+    gl->ReadBuffer(GL_NONE);
+    return gl->CheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
+}
+
+static bool create(kn_renderer *r, char *error, size_t error_size)
+{
+    r->screen = kn_offscreen_open(r->width, r->height, error, error_size);
+    if (!r->screen) return false;
+    const kn_gl *gl = r->gl = kn_offscreen_begin(r->screen);
+    r->depth = kn_gl_program(gl, kn_shader_depth_vertex, kn_shader_depth_fragment, error, error_size);
+    r->solid = kn_gl_program(gl, kn_shader_solid_vertex, kn_shader_solid_fragment, error, error_size);
+    r->table = kn_gl_program(gl, kn_shader_table_vertex, kn_shader_table_fragment, error, error_size);
+    if (!r->depth || !r->solid || !r->table) return false;
+    create_shapes(r);
+    if (create_shadow_map(r)) return true;
+    snprintf(error, error_size, "OpenGL makes no shadow map of %d x %d", SHADOW_SIZE, SHADOW_SIZE);
+    return false;
+}
+
+kn_renderer *kn_renderer_open(int width, int height, char *error, size_t error_size)
+{
+    kn_renderer *r = calloc(1, sizeof *r);
+    if (!r) {
+        snprintf(error, error_size, "out of memory");
+        return NULL;
+    }
+    r->width = width;
+    r->height = height;
+    if (create(r, error, error_size)) return r;
+    kn_renderer_close(r);
+    return NULL;
+}
+
+void kn_renderer_close(kn_renderer *r)
+{
+    if (!r) return;
+    kn_offscreen_close(r->screen);
+    kn_skin_destroy(r->skin);
+    free(r->corners);
+    free(r);
+}
+
+bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], int triangle_count,
+                      const int (*triangle)[3])
+{
+    const kn_gl *gl = kn_offscreen_begin(r->screen);
+    kn_skin_destroy(r->skin);
+    free(r->corners);
+    r->corners = NULL;
+    r->skin = kn_skin_create(vertex_count, rest, triangle_count, triangle);
+    if (!r->skin) return false;
+    size_t corners = 3 * (size_t)triangle_count;
+    r->corners = calloc(corners, 6 * sizeof *r->corners);
+    if (!r->corners) return false;
+    for (size_t i = 0; i < corners; i++) // barycentric; a side that is no line is far from everywhere
+        for (size_t side = 0; side < 3; side++)
+            r->corners[3 * i + side] = i % 3 == side || !r->skin->line[i - i % 3 + side];
+    gl->BindVertexArray(r->object.array);
+    gl->BindBuffer(GL_ARRAY_BUFFER, r->object.sides);
+    gl->BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)(corners * 3 * sizeof *r->corners), r->corners, GL_STATIC_DRAW);
+    gl->VertexAttribPointer(2, 3, GL_FLOAT, GL_FALSE, 0, NULL);
+    gl->EnableVertexAttribArray(2);
+    return true;
+}
+
+// ---- camera and light
+
+static float scale_of(const kn_skin *s) // the object's longest side
+{
+    float longest = 1e-6f;
+    for (int i = 0; i < 3; i++) longest = fmaxf(longest, s->rest_high[i] - s->rest_low[i]);
+    return longest;
+}
+
+// Axes of someone who looks at the object from azimuth and elevation.
+static void axes(double azimuth_deg, double elevation_deg, float right[3], float up[3], float back[3])
+{
+    float a = (float)(azimuth_deg * M_PI / 180), e = (float)(elevation_deg * M_PI / 180);
+    memcpy(right, (float[]){cosf(a), sinf(a), 0}, 3 * sizeof *right);
+    memcpy(back, (float[]){sinf(a) * cosf(e), -cosf(a) * cosf(e), sinf(e)}, 3 * sizeof *back);
+    kn_cross(up, back, right);
+}
+
+// The nearest distance from which the whole framed box is inside the picture.
+static void aim(kn_renderer *r, const kn_view_scene *scene)
+{
+    const float *low = r->skin->rest_low, *high = r->skin->rest_high;
+    float *right = r->right, *up = r->up, *back = r->back, target[3], aspect = (float)r->width / (float)r->height, distance = 0;
+    float top = high[2] + HEADROOM * (high[2] - low[2]);
+    axes(scene->azimuth_deg, scene->elevation_deg, right, up, back);
+    for (int i = 0; i < 3; i++) target[i] = 0.5f * (low[i] + (i == 2 ? top : high[i]));
+    for (int corner = 0; corner < 8; corner++) {
+        float p[3] = {corner & 1 ? high[0] : low[0], corner & 2 ? high[1] : low[1], corner & 4 ? top : low[2]};
+        kn_sub(p, p, target);
+        float x = fabsf(kn_dot(p, right)) / aspect, y = fabsf(kn_dot(p, up));
+        distance = fmaxf(distance, kn_dot(p, back) + fmaxf(x, y) / (FILL * TAN_HALF_VIEW));
+    }
+    for (int i = 0; i < 3; i++) r->eye[i] = target[i] + distance * back[i];
+    float view[16], perspective[16], scale = scale_of(r->skin);
+    kn_mat_view(view, right, up, back, r->eye);
+    kn_mat_perspective(perspective, TAN_HALF_VIEW, aspect, 0.1f * distance, distance + 20 * scale);
+    kn_mat_mul(r->camera, perspective, view);
+}
+
+// From the upper left of whoever looks, whatever the azimuth.
+static void light_up(kn_renderer *r, const kn_view_scene *scene)
+{
+    float right[3], up[3], back[3], eye[3], view[16], box[16], radius = 1.6f * scale_of(r->skin);
+    axes(scene->azimuth_deg - 52, 48, right, up, back);
+    memcpy(r->key, back, sizeof r->key);
+    for (int i = 0; i < 3; i++)
+        eye[i] = 0.5f * (r->skin->rest_low[i] + r->skin->rest_high[i]) + 2 * radius * back[i];
+    kn_mat_view(view, right, up, back, eye);
+    kn_mat_orthographic(box, radius, 0.5f * radius, 4 * radius);
+    kn_mat_mul(r->light, box, view);
+}
+
+// ---- drawing
+
+static void set_matrix(const kn_gl *gl, GLuint program, const char *name, const float m[16])
+{
+    gl->UniformMatrix4fv(gl->GetUniformLocation(program, name), 1, GL_FALSE, m);
+}
+
+static void set_vector(const kn_gl *gl, GLuint program, const char *name, const float v[3])
+{
+    gl->Uniform3fv(gl->GetUniformLocation(program, name), 1, v);
+}
+
+static void set_color(const kn_gl *gl, GLuint program, const float color[3])
+{
+    set_vector(gl, program, "u_color", (float[]){color[0] * color[0], color[1] * color[1], color[2] * color[2]});
+}
+
+static void set_number(const kn_gl *gl, GLuint program, const char *name, float value)
+{
+    gl->Uniform1f(gl->GetUniformLocation(program, name), value);
+}
+
+// Unit shape to world: z along direction (unit), its sides stretched by sx, sy, sz.
+static void place(float m[16], const float at[3], const float direction[3], float sx, float sy, float sz)
+{
+    float x[3] = {1, 0, 0}, y[3];
+    if (fabsf(direction[0]) > 0.9f) memcpy(x, (float[]){0, 1, 0}, sizeof x);
+    kn_cross(y, direction, x);
+    kn_normalize(y);
+    kn_cross(x, y, direction);
+    for (int i = 0; i < 3; i++) {
+        m[i] = sx * x[i];
+        m[4 + i] = sy * y[i];
+        m[8 + i] = sz * direction[i];
+        m[12 + i] = at[i];
+        m[4 * i + 3] = 0;
+    }
+    m[15] = 1;
+}
+
+static void draw_shape(const kn_renderer *r, GLuint program, const shape *s, const float model[16], const float color[3],
+                       float gloss, float lines)
+{
+    const kn_gl *gl = r->gl;
+    if (s->corners == 0) return;
+    set_matrix(gl, program, "u_model", model);
+    if (program == r->solid) {
+        set_color(gl, program, color);
+        set_number(gl, program, "u_gloss", gloss);
+        set_number(gl, program, "u_lines", lines);
+    }
+    gl->BindVertexArray(s->array);
+    gl->DrawArrays(GL_TRIANGLES, 0, s->corners);
+}
+
+static void draw_arrow(const kn_renderer *r, GLuint program, const float from[3], const double force_n[3])
+{
+    float direction[3] = {(float)force_n[0], (float)force_n[1], (float)force_n[2]}, m[16], at[3];
+    float newton = kn_normalize(direction);
+    if (!(newton >= ARROW_LEAST_N) || !isfinite(newton)) return;
+    float width = 0.08f * r->square_m, head = 3 * width, length = fmaxf(ARROW_SQUARES_PER_N * newton * r->square_m, head);
+    // beyond the tool whichever way it points: a pull ends at the tool
+    for (int i = 0; i < 3; i++) at[i] = from[i] - (direction[2] < 0 ? length * direction[i] : 0);
+    place(m, at, direction, width, width, length - head);
+    draw_shape(r, program, &r->rod, m, arrow_color, 0.1f, 0);
+    for (int i = 0; i < 3; i++) at[i] += (length - head) * direction[i];
+    place(m, at, direction, 2 * width, 2 * width, head);
+    draw_shape(r, program, &r->cone, m, arrow_color, 0.1f, 0);
+}
+
+static void draw_probe(const kn_renderer *r, GLuint program, const kn_view_probe *p)
+{
+    static const float up[3] = {0, 0, 1};
+    float at[3] = {(float)p->position_m[0], (float)p->position_m[1], (float)p->position_m[2]}, m[16];
+    if (!isfinite(at[0] + at[1] + at[2])) return;
+    if (p->def.shape == KN_PROBE_PLATE) {
+        place(m, at, up, (float)p->def.size_m[0], (float)p->def.size_m[1], (float)PLATE_THICKNESS_M);
+        draw_shape(r, program, &r->box, m, tool_color, 0.25f, 0);
+        at[2] += (float)PLATE_THICKNESS_M;
+    } else {
+        float radius = (float)p->def.radius_m;
+        place(m, at, up, radius, radius, radius);
+        draw_shape(r, program, &r->ball, m, tool_color, 0.5f, 0);
+        at[2] += radius;
+    }
+    draw_arrow(r, program, at, p->force_n);
+}
+
+static void draw_solids(const kn_renderer *r, GLuint program, const kn_view_scene *scene)
+{
+    static const float here[3] = {0, 0, 0}, up[3] = {0, 0, 1};
+    float m[16];
+    place(m, here, up, 1, 1, 1);
+    draw_shape(r, program, &r->object, m, scene->color, 0.06f, scene->lines ? 0.30f : 0);
+    for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++) draw_probe(r, program, &scene->probe[i]);
+}
+
+static void draw_shadow_map(const kn_renderer *r, const kn_view_scene *scene)
+{
+    const kn_gl *gl = r->gl;
+    gl->BindFramebuffer(GL_FRAMEBUFFER, r->shadow_frame);
+    gl->Viewport(0, 0, SHADOW_SIZE, SHADOW_SIZE);
+    gl->Clear(GL_DEPTH_BUFFER_BIT);
+    gl->UseProgram(r->depth);
+    set_matrix(gl, r->depth, "u_light", r->light);
+    draw_solids(r, r->depth, scene);
+}
+
+// What both lit programs need: eye, light, shadow map.
+static void use_lit(const kn_renderer *r, GLuint program)
+{
+    static const float half[16] = {0.5f, 0, 0, 0, 0, 0.5f, 0, 0, 0, 0, 0.5f, 0, 0.5f, 0.5f, 0.5f, 1}; // -1..1 to 0..1
+    const kn_gl *gl = r->gl;
+    float shadow[16];
+    kn_mat_mul(shadow, half, r->light);
+    gl->UseProgram(program);
+    gl->BindTexture(GL_TEXTURE_2D, r->shadow_map);
+    gl->Uniform1i(gl->GetUniformLocation(program, "u_shadow"), 0);
+    set_matrix(gl, program, "u_camera", r->camera);
+    set_matrix(gl, program, "u_light", shadow);
+    set_vector(gl, program, "u_eye", r->eye);
+    set_vector(gl, program, "u_key", r->key);
+    set_number(gl, program, "u_height", r->skin->rest_high[2] - r->skin->rest_low[2]);
+}
+
+// Where the object stands on the table now: the box around what is in its lowest quarter.
+static void footprint(const kn_skin *s, const float (*xyz)[3], float foot[4])
+{
+    float quarter = s->rest_low[2] + 0.25f * (s->rest_high[2] - s->rest_low[2]);
+    memcpy(foot, (float[]){INFINITY, INFINITY, -INFINITY, -INFINITY}, 4 * sizeof *foot);
+    for (int v = 0; v < s->vertex_count; v++) {
+        if (!(xyz[v][2] <= quarter)) continue;
+        for (int i = 0; i < 2; i++) {
+            foot[i] = fminf(foot[i], xyz[v][i]);
+            foot[2 + i] = fmaxf(foot[2 + i], xyz[v][i]);
+        }
+    }
+}
+
+static void draw_table(const kn_renderer *r, const kn_view_scene *scene)
+{
+    const kn_gl *gl = r->gl;
+    const float *low = r->skin->rest_low, tan_half_x = TAN_HALF_VIEW * (float)r->width / (float)r->height;
+    float s = r->square_m, front = low[1] - 1.5f * s, bar[4] = {low[0], front, low[0] + s, front + 0.12f * s}, foot[4];
+    float sight[3][3];
+    for (int i = 0; i < 3; i++) {
+        sight[0][i] = tan_half_x * r->right[i];
+        sight[1][i] = TAN_HALF_VIEW * r->up[i];
+        sight[2][i] = -r->back[i];
+    }
+    use_lit(r, r->table);
+    footprint(r->skin, scene->xyz, foot);
+    set_color(gl, r->table, table_color);
+    set_vector(gl, r->table, "u_right", sight[0]);
+    set_vector(gl, r->table, "u_up", sight[1]);
+    set_vector(gl, r->table, "u_forward", sight[2]);
+    gl->Uniform4fv(gl->GetUniformLocation(r->table, "u_foot"), 1, foot);
+    gl->Uniform4fv(gl->GetUniformLocation(r->table, "u_bar"), 1, bar);
+    set_number(gl, r->table, "u_square", s);
+    set_number(gl, r->table, "u_reach", 4 * scale_of(r->skin));
+    set_number(gl, r->table, "u_level", low[2] - 1e-3f * scale_of(r->skin));
+    gl->BindVertexArray(r->square.array);
+    gl->DrawArrays(GL_TRIANGLES, 0, r->square.corners);
+}
+
+static void upload(kn_renderer *r, const kn_view_scene *scene)
+{
+    kn_skin_corners(r->skin, scene->xyz, r->corners);
+    shape_corners(r->gl, &r->object, 3 * r->skin->triangle_count, r->corners, GL_STREAM_DRAW);
+}
+
+void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
+{
+    const kn_gl *gl = kn_offscreen_begin(r->screen);
+    float scale = scale_of(r->skin);
+    r->square_m = powf(10, floorf(log10f(scale / 2)));
+    aim(r, scene);
+    light_up(r, scene);
+    upload(r, scene);
+    gl->Enable(GL_DEPTH_TEST);
+    draw_shadow_map(r, scene);
+
+    kn_offscreen_begin(r->screen); // back from the shadow map
+    gl->Enable(GL_CULL_FACE);
+    gl->ClearColor(0, 0, 0, 0);
+    gl->Clear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+    use_lit(r, r->solid);
+    set_number(gl, r->solid, "u_bias", 3.2f * scale / SHADOW_SIZE * 1.5f);
+    draw_solids(r, r->solid, scene);
+    gl->Disable(GL_CULL_FACE);
+
+    kn_offscreen_resolve(r->screen);
+    gl->Disable(GL_DEPTH_TEST);
+    gl->Enable(GL_BLEND);
+    gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE);
+    draw_table(r, scene);
+    gl->Disable(GL_BLEND);
+    kn_offscreen_read_rgba(r->screen, rgba);
+}

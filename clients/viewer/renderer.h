@@ -1,0 +1,48 @@
+#ifndef KN_CLIENTS_VIEWER_RENDERER_H
+#define KN_CLIENTS_VIEWER_RENDERER_H
+// A picture of an object: its skin, lit from the left of whoever looks, with a cast shadow and the lines of the lattice;
+// the probes and an arrow for what the hand feels; a table with squares of 1 cm (or the power of ten that fits).
+//
+//     kn_renderer_open -> kn_renderer_mesh -> kn_renderer_draw, as often as positions come -> kn_renderer_close
+//
+// The same input gives the same bytes on the same Mesa. Frame: scene frame of proto/README.md, metres, z up.
+// One thread; everything is allocated by open and mesh, nothing by draw (Mesa itself may).
+#include "core/model.h"
+#include <stdint.h>
+
+typedef struct kn_renderer kn_renderer;
+
+typedef struct kn_view_probe {
+    kn_probe_def def;      // shape and size
+    double position_m[3];  // plate: centre of the face that touches; sphere: centre
+    double force_n[3];     // on the tool; drawn beyond the tool, one square of the table per 5 N; none below 0.05 N
+} kn_view_probe;
+
+typedef struct kn_view_scene {
+    const float (*xyz)[3];       // [vertex_count] m, now
+    float color[3];              // of the object, sRGB 0..1
+    int probe_count;             // 0 .. KN_PROBES_MAX
+    kn_view_probe probe[KN_PROBES_MAX];
+    double azimuth_deg;          // 0: from the front (-y), 90: from the right (+x)
+    double elevation_deg;        // 0: level, 90: from above
+    bool lines;                  // draw the lattice on the skin
+} kn_view_scene;
+
+// Front above, so that both the top and the profile of a dent across the block show; dough's colour; lines; no probe.
+kn_view_scene kn_view_scene_default(void);
+
+// NULL and one sentence in error (see offscreen.h: size, library).
+kn_renderer *kn_renderer_open(int width, int height, char *error, size_t error_size);
+
+// The object's topology and its shape at rest, which decides creases (skin.h) and frames the camera: it stands still while
+// the object is deformed. May be called again. False: not a mesh (skin.h) or out of memory; the old one is gone then.
+bool kn_renderer_mesh(kn_renderer *renderer, int vertex_count, const float (*rest)[3], int triangle_count,
+                      const int (*triangle)[3]);
+
+// Draws and reads back: rgba [height][width][4], top row first. A mesh must have been given. Triangles with a
+// vertex that is not finite are left out.
+void kn_renderer_draw(kn_renderer *renderer, const kn_view_scene *scene, uint8_t *rgba);
+
+void kn_renderer_close(kn_renderer *renderer); // NULL is fine
+
+#endif

@@ -1,0 +1,274 @@
+// Pictures of a block: 5 x 5 x 3 cm in cells of 5 mm, at rest and with a dent of 1 cm across its top.
+#include "clients/viewer/image.h"
+#include "clients/viewer/offscreen.h"
+#include "clients/viewer/renderer.h"
+#include "clients/viewer/skin.h"
+#include "core/surface.h"
+#include "tests/check.h"
+#include <png.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+enum { WIDTH = 640, HEIGHT = 360, PIXELS = WIDTH * HEIGHT };
+
+typedef struct block {
+    kn_surface *surface;
+    float (*rest)[3], (*dented)[3];
+} block;
+
+static const int (*triangles(const block *b))[3] { return (const int(*)[3])b->surface->triangle; }
+
+static block block_create(void)
+{
+    kn_model model = {0}; // of which the skin looks at the grid only
+    kn_grid_init(&model.grid, (int[]){11, 11, 7}, 0.005, KN_STRUCTURE_DIAGONALS);
+    block b = {.surface = kn_surface_create(&model)};
+    size_t n = (size_t)b.surface->vertex_count;
+    b.rest = calloc(n, sizeof *b.rest);
+    b.dented = calloc(n, sizeof *b.dented);
+    for (size_t i = 0; i < n; i++) {
+        double x_m[3];
+        kn_grid_rest(&model.grid, b.surface->node[i], x_m);
+        double height = x_m[2] / 0.03, beside = fmax(0, fabs(x_m[0]) - 0.005);
+        for (int k = 0; k < 3; k++) b.rest[i][k] = b.dented[i][k] = (float)x_m[k];
+        b.dented[i][2] -= (float)(0.01 * height * height * exp(-beside / 0.003));
+    }
+    return b;
+}
+
+static void block_destroy(block *b)
+{
+    kn_surface_destroy(b->surface);
+    free(b->rest);
+    free(b->dented);
+}
+
+// A renderer that knows the block, or the end of the test where there is no OpenGL.
+static kn_renderer *open_renderer(const block *b)
+{
+    char error[300];
+    kn_renderer *r = kn_renderer_open(WIDTH, HEIGHT, error, sizeof error);
+    if (!r) SKIP("%s", error);
+    const float (*rest)[3] = (const float(*)[3])b->rest;
+    CHECK(kn_renderer_mesh(r, b->surface->vertex_count, rest, b->surface->triangle_count, triangles(b)));
+    return r;
+}
+
+static uint8_t *draw(kn_renderer *r, kn_view_scene scene, float (*xyz)[3])
+{
+    uint8_t *rgba = malloc(PIXELS * 4);
+    scene.xyz = (const float(*)[3])xyz;
+    kn_renderer_draw(r, &scene, rgba);
+    return rgba;
+}
+
+static bool is_dough(const uint8_t *p) { return p[0] > p[2] + 25 && p[0] < p[2] + 120; } // warm; table and tools are not
+static bool is_arrow(const uint8_t *p) { return p[0] > 2 * p[2] + 60 && p[0] > 2 * p[1]; }
+
+static int count(const uint8_t *rgba, bool (*is)(const uint8_t *))
+{
+    int n = 0;
+    for (int i = 0; i < PIXELS; i++) n += is(rgba + 4 * i);
+    return n;
+}
+
+// Pixels that differ visibly between two pictures, inside the given rows and columns.
+static int changed(const uint8_t *a, const uint8_t *b, int left, int top, int right, int bottom)
+{
+    int n = 0;
+    for (int y = top; y < bottom; y++)
+        for (int x = left; x < right; x++)
+            for (int k = 0, i = 4 * (y * WIDTH + x); k < 3; k++)
+                if (abs(a[i + k] - b[i + k]) > 8) {
+                    n++;
+                    break;
+                }
+    return n;
+}
+
+TEST("a block has six smooth faces, sharp edges, and lines around its quads")
+{
+    block b = block_create();
+    kn_skin *s = kn_skin_create(b.surface->vertex_count, (const float(*)[3])b.rest, b.surface->triangle_count, triangles(&b));
+    CHECK(s != NULL);
+    CHECK(s->group_count == 2 * (11 * 11 + 11 * 7 + 11 * 7)); // a normal per node and face
+    int diagonals = 0;
+    for (int i = 0; i < 3 * s->triangle_count; i++) diagonals += !s->line[i];
+    CHECK(diagonals == s->triangle_count); // each triangle has one side inside its quad
+
+    float *corner = malloc((size_t)s->triangle_count * 18 * sizeof *corner);
+    kn_skin_corners(s, (const float(*)[3])b.rest, corner);
+    int axis_aligned = 0, outward = 0;
+    for (int i = 0; i < 3 * s->triangle_count; i++) {
+        float *p = corner + 6 * i, *n = p + 3;
+        axis_aligned += fabsf(fabsf(n[0]) + fabsf(n[1]) + fabsf(n[2]) - 1) < 1e-5f;
+        outward += p[0] * n[0] + p[1] * n[1] + (p[2] - 0.015f) * n[2] > 0;
+    }
+    CHECK(axis_aligned == 3 * s->triangle_count);
+    CHECK(outward == 3 * s->triangle_count);
+
+    kn_skin_corners(s, (const float(*)[3])b.dented, corner);
+    int sloped = 0;
+    for (int i = 0; i < 3 * s->triangle_count; i++) sloped += corner[6 * i + 5] > 0.3f && corner[6 * i + 5] < 0.95f;
+    CHECK(sloped > 0); // the flanks of the dent, which stay one surface with the top
+    free(corner);
+    kn_skin_destroy(s);
+    block_destroy(&b);
+}
+
+TEST("what is not a mesh is refused")
+{
+    static const float xyz[3][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    static const int good[1][3] = {{0, 1, 2}}, beyond[1][3] = {{0, 1, 3}}, negative[1][3] = {{0, -1, 2}};
+    kn_skin *s = kn_skin_create(3, xyz, 1, good);
+    CHECK(s != NULL);
+    kn_skin_destroy(s);
+    CHECK(kn_skin_create(3, xyz, 1, beyond) == NULL);
+    CHECK(kn_skin_create(3, xyz, 1, negative) == NULL);
+    CHECK(kn_skin_create(3, xyz, 0, good) == NULL);
+    CHECK(kn_skin_create(2, xyz, 1, good) == NULL);
+    CHECK(kn_skin_create(KN_SKIN_VERTICES_MAX + 1, xyz, 1, good) == NULL);
+}
+
+TEST("absurd sizes are refused with the sizes that are not")
+{
+    static const int size[][2] = {{0, 720}, {1280, 0}, {-1, 720}, {15, 16}, {4097, 16}, {1280, 1 << 30}};
+    for (size_t i = 0; i < sizeof size / sizeof *size; i++) {
+        char error[300] = "";
+        CHECK(kn_renderer_open(size[i][0], size[i][1], error, sizeof error) == NULL);
+        CHECK(strstr(error, "16..4096") != NULL);
+    }
+}
+
+TEST("a PNG holds the pixels it was given, appears at once, and says why it cannot")
+{
+    static uint8_t rgba[PIXELS * 4], back[PIXELS * 4];
+    for (size_t i = 0; i < sizeof rgba; i++) rgba[i] = i % 4 == 3 ? 255 : (uint8_t)(i * 2654435761u >> 24);
+    char error[300] = "", folder[] = "viewer.XXXXXX", path[64], tmp[80];
+    CHECK(mkdtemp(folder) != NULL);
+    snprintf(path, sizeof path, "%s/a.png", folder);
+    snprintf(tmp, sizeof tmp, "%s.tmp", path);
+    CHECK(kn_image_write_png(path, WIDTH, HEIGHT, rgba, error, sizeof error));
+    CHECK(access(tmp, F_OK) != 0);
+
+    png_image image = {.version = PNG_IMAGE_VERSION};
+    CHECK(png_image_begin_read_from_file(&image, path));
+    CHECK(image.width == WIDTH && image.height == HEIGHT);
+    image.format = PNG_FORMAT_RGBA;
+    CHECK(png_image_finish_read(&image, NULL, back, 0, NULL));
+    CHECK(memcmp(rgba, back, sizeof rgba) == 0);
+
+    CHECK(!kn_image_write_png("viewer.missing/a.png", WIDTH, HEIGHT, rgba, error, sizeof error));
+    CHECK(strstr(error, "viewer.missing/a.png: No such file") != NULL);
+    CHECK(!kn_image_write_png("/dev/null/a.png", WIDTH, HEIGHT, rgba, error, sizeof error));
+    unlink(path);
+    rmdir(folder);
+}
+
+TEST("the block fills a good part of the picture and stands clear of its border")
+{
+    block b = block_create();
+    kn_renderer *r = open_renderer(&b);
+    uint8_t *rest = draw(r, kn_view_scene_default(), b.rest);
+    double share = (double)count(rest, is_dough) / PIXELS;
+    CHECK(share > 0.12 && share < 0.45);
+    int border = 0;
+    for (int i = 0; i < PIXELS; i++) {
+        int x = i % WIDTH, y = i / WIDTH;
+        if (x < 8 || y < 8 || x >= WIDTH - 8 || y >= HEIGHT - 8) border += is_dough(rest + 4 * i);
+    }
+    CHECK(border == 0);
+    int opaque = 0;
+    for (int i = 0; i < PIXELS; i++) opaque += rest[4 * i + 3] == 255;
+    CHECK(opaque == PIXELS);
+    free(rest);
+    kn_renderer_close(r);
+    block_destroy(&b);
+}
+
+TEST("a dent across the top shows, and only there; its profile shows from the front")
+{
+    block b = block_create();
+    kn_renderer *r = open_renderer(&b);
+    kn_view_scene scene = kn_view_scene_default();
+    uint8_t *rest = draw(r, scene, b.rest), *dented = draw(r, scene, b.dented);
+    int all = changed(rest, dented, 0, 0, WIDTH, HEIGHT);
+    CHECK(all > count(rest, is_dough) / 10);
+    CHECK(changed(rest, dented, WIDTH / 4, HEIGHT / 5, 3 * WIDTH / 4, HEIGHT) > all * 9 / 10);
+    free(rest);
+    free(dented);
+
+    // straight from the front the groove takes dough out of the silhouette: 1 cm deep, between 1 and 2 cm wide
+    scene.azimuth_deg = scene.elevation_deg = 0;
+    rest = draw(r, scene, b.rest), dented = draw(r, scene, b.dented);
+    double left = (double)count(dented, is_dough) / count(rest, is_dough);
+    CHECK_NEAR(left, 1 - 1.5 * 1.0 / (5 * 3), 0.04);
+    free(rest);
+    free(dented);
+    kn_renderer_close(r);
+    block_destroy(&b);
+}
+
+TEST("the same input gives the same bytes, in the next picture and in the next renderer")
+{
+    block b = block_create();
+    kn_view_scene scene = kn_view_scene_default();
+    scene.probe_count = 1;
+    scene.probe[0] = (kn_view_probe){.def = {.shape = KN_PROBE_SPHERE, .radius_m = 0.01}, .position_m = {0, 0, 0.04},
+                                     .force_n = {1, 0, 3}};
+    kn_renderer *r = open_renderer(&b), *other = open_renderer(&b);
+    uint8_t *first = draw(r, scene, b.dented), *between = draw(r, kn_view_scene_default(), b.rest);
+    uint8_t *second = draw(r, scene, b.dented), *third = draw(other, scene, b.dented);
+    CHECK(memcmp(first, between, PIXELS * 4) != 0);
+    CHECK(memcmp(first, second, PIXELS * 4) == 0);
+    CHECK(memcmp(first, third, PIXELS * 4) == 0);
+    free(first);
+    free(between);
+    free(second);
+    free(third);
+    kn_renderer_close(r);
+    kn_renderer_close(other);
+    block_destroy(&b);
+}
+
+TEST("a plate hides dough; its arrow grows with the force and is absent without one")
+{
+    block b = block_create();
+    kn_renderer *r = open_renderer(&b);
+    kn_view_scene scene = kn_view_scene_default();
+    uint8_t *bare = draw(r, scene, b.rest);
+    scene.probe_count = 1;
+    scene.probe[0] = (kn_view_probe){.def = {.shape = KN_PROBE_PLATE, .size_m = {0.01, 0.05}}, .position_m = {0, 0, 0.03}};
+    int arrow[3];
+    for (int i = 0; i < 3; i++) {
+        scene.probe[0].force_n[2] = 5 * i;
+        uint8_t *picture = draw(r, scene, b.rest);
+        arrow[i] = count(picture, is_arrow);
+        if (i == 0) CHECK(count(picture, is_dough) < count(bare, is_dough) * 95 / 100);
+        free(picture);
+    }
+    CHECK(arrow[0] == 0);
+    CHECK(arrow[1] > 100 && arrow[2] > arrow[1] * 3 / 2);
+    free(bare);
+    kn_renderer_close(r);
+    block_destroy(&b);
+}
+
+TEST("positions that are not finite leave a hole and hurt nothing else")
+{
+    block b = block_create();
+    kn_renderer *r = open_renderer(&b);
+    uint8_t *whole = draw(r, kn_view_scene_default(), b.rest);
+    int vertex = b.surface->vertex_count - 1; // a corner of the top
+    b.rest[vertex][0] = NAN;
+    b.rest[vertex - 1][2] = INFINITY;
+    uint8_t *holed = draw(r, kn_view_scene_default(), b.rest);
+    int lost = changed(whole, holed, 0, 0, WIDTH, HEIGHT);
+    CHECK(lost > 0 && lost < PIXELS / 50);
+    free(whole);
+    free(holed);
+    kn_renderer_close(r);
+    block_destroy(&b);
+}
+
+TESTS_MAIN
