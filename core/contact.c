@@ -1,1 +1,317 @@
-// contact: see contact.h
+#include "core/contact.h"
+#include "core/kernel.h"
+
+#include <math.h>
+#include <string.h>
+
+// Samples per node patch and axis: spaced <= r/8 keeps the ripple of a sliding sphere at 0.3 % per ms, h/4 at most.
+static int samples_per_patch(const kn_model *model, const kn_probe_def *probe)
+{
+    return probe->radius_m > 4 * model->def.spacing_m ? 2 : 4;
+}
+
+// Samples that a sphere can have under it: its whole lower half pressed into the skin, and a patch around.
+static int samples_max(const kn_model *model)
+{
+    double count = 0, h = model->def.spacing_m;
+    for (int p = 0; p < model->def.probe_count; p++) {
+        const kn_probe_def *probe = &model->def.probe[p];
+        double reach = (probe->radius_m + h) / h * samples_per_patch(model, probe);
+        if (probe->shape == KN_PROBE_SPHERE) count += 2 * 3.1416 * reach * reach;
+    }
+    return (int)fmin(count, 16384);
+}
+
+static int top_nodes(const kn_model *model) { return model->face[0].len[0] * model->face[0].len[1]; }
+
+size_t kn_contact_bytes(const kn_model *model)
+{
+    return (size_t)top_nodes(model) * sizeof(kn_hold) + (size_t)samples_max(model) * sizeof(kn_sample);
+}
+
+void kn_contact_init(const kn_model *model, kn_contact *contact, void *memory)
+{
+    *contact = (kn_contact){.hold_max = top_nodes(model), .sample_max = samples_max(model)};
+    contact->sample = memory;
+    contact->hold = (kn_hold *)(void *)(contact->sample + contact->sample_max);
+}
+
+static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static void cross(const double a[3], const double b[3], double out[3])
+{
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static int face_node(const kn_face *face, int u, int v) { return face->origin + u * face->step[0] + v * face->step[1]; }
+
+// --- following ------------------------------------------------------------------------------------------------------
+
+static void follow(kn_probe_state *probe, const kn_probe_input *in)
+{
+    if (!in->attached) {
+        *probe = (kn_probe_state){0};
+        return;
+    }
+    if (!probe->attached) {
+        *probe = (kn_probe_state){.attached = 1};
+        memcpy(probe->position_m, in->position_m, sizeof probe->position_m);
+    }
+    for (int k = 0; k < 3; k++)
+        probe->velocity_m_s[k] = in->velocity_m_s[k] + (in->position_m[k] - probe->position_m[k]) / KN_FOLLOW_S;
+}
+
+// --- plate ----------------------------------------------------------------------------------------------------------
+
+// A node on the very edge of the plate is under it whatever the last digits say.
+static bool under_plate(const kn_model *model, const kn_probe_def *def, const double plate[3], const double x[3])
+{
+    double slack = 0.1 * model->def.spacing_m;
+    return fabs(x[0] - plate[0]) <= 0.5 * def->size_m[0] + slack && fabs(x[1] - plate[1]) <= 0.5 * def->size_m[1] + slack;
+}
+
+static void find_holds(const kn_model *model, kn_state *state, int p, kn_contact *contact)
+{
+    const kn_face *top = &model->face[0];
+    const kn_probe_state *probe = &state->probe[p];
+    double dt = model->def.solver.dt_s, plane = probe->position_m[2] + dt * probe->velocity_m_s[2];
+    uint8_t *held = state->held + (size_t)p * (size_t)top_nodes(model);
+    for (int v = 0, t = 0; v < top->len[1]; v++)
+        for (int u = 0; u < top->len[0]; u++, t++) {
+            int node = face_node(top, u, v);
+            kn_hold hold = {.node = node, .top = t, .probe = p};
+            memcpy(hold.velocity_m_s, probe->velocity_m_s, sizeof hold.velocity_m_s);
+            if (!held[t]) {
+                double x[3];
+                kn_state_position(model, state, node, x);
+                if (x[2] <= plane || !under_plate(model, &model->def.probe[p], probe->position_m, x)) continue;
+                // first touch: the node only has to get out of the way, so it moves by what is left of the step
+                hold.velocity_m_s[2] = (plane - x[2]) / dt;
+                held[t] = 1;
+            }
+            if (contact->hold_count < contact->hold_max) contact->hold[contact->hold_count++] = hold;
+        }
+}
+
+// --- sphere ---------------------------------------------------------------------------------------------------------
+
+// Quadratic B-spline weights of the nodes at -1, 0, +1 for t in [-1/2, 1/2] around node i of n. Where a neighbour is
+// missing the skin goes on straight (x_-1 = 2 x_0 - x_1), so it ends at the edge of the block.
+static void spline(double t, int i, int n, double w[3])
+{
+    w[0] = 0.5 * (0.5 - t) * (0.5 - t);
+    w[1] = 0.75 - t * t;
+    w[2] = 0.5 * (0.5 + t) * (0.5 + t);
+    if (i == 0) w[1] += 2 * w[0], w[2] -= w[0], w[0] = 0;
+    if (i == n - 1) w[1] += 2 * w[2], w[0] -= w[2], w[2] = 0;
+}
+
+typedef struct patch { // the 3 x 3 nodes around one node of a face
+    const kn_face *face;
+    int u, v;
+    int node[9];
+    double x[9][3];
+} patch;
+
+static int clamp(int i, int n) { return i < 0 ? 0 : i >= n ? n - 1 : i; }
+
+static void load_patch(const kn_model *model, const kn_state *state, patch *p)
+{
+    for (int dv = -1, a = 0; dv <= 1; dv++)
+        for (int du = -1; du <= 1; du++, a++) {
+            p->node[a] = face_node(p->face, clamp(p->u + du, p->face->len[0]), clamp(p->v + dv, p->face->len[1]));
+            kn_state_position(model, state, p->node[a], p->x[a]);
+        }
+}
+
+// Point (tu, tv) of a patch; false outside the block, where half a patch at the rim hangs over.
+static bool patch_point(const patch *p, double tu, double tv, double weight[9], double point[3])
+{
+    const int *len = p->face->len;
+    if ((tu < 0 && p->u == 0) || (tu > 0 && p->u == len[0] - 1)) return false;
+    if ((tv < 0 && p->v == 0) || (tv > 0 && p->v == len[1] - 1)) return false;
+    double wu[3], wv[3];
+    spline(tu, p->u, len[0], wu);
+    spline(tv, p->v, len[1], wv);
+    for (int k = 0; k < 3; k++) point[k] = 0;
+    for (int a = 0; a < 9; a++) {
+        weight[a] = wu[a % 3] * wv[a / 3];
+        for (int k = 0; k < 3; k++) point[k] += weight[a] * p->x[a][k];
+    }
+    return true;
+}
+
+// Outward normal of the skin at a patch's node, not unit.
+static void patch_normal(const patch *p, double normal[3])
+{
+    double du[3], dv[3];
+    for (int k = 0; k < 3; k++) du[k] = p->x[5][k] - p->x[3][k], dv[k] = p->x[7][k] - p->x[1][k];
+    cross(du, dv, normal);
+}
+
+static void sample_patch(const kn_model *model, const kn_state *state, int probe, const patch *p, kn_contact *contact)
+{
+    const kn_probe_def *def = &model->def.probe[probe];
+    const double *centre = state->probe[probe].position_m;
+    int per = samples_per_patch(model, def);
+    double h = model->def.spacing_m, outwards[3];
+    double stiffness = (def->foundation_n_m3 > 0 ? def->foundation_n_m3 : KN_FOUNDATION_N_M3) * h * h / (per * per);
+    patch_normal(p, outwards);
+    for (int i = 0; i < per * per; i++) {
+        kn_sample s = {.probe = probe, .face = (int)(p->face - model->face), .stiffness_n_m = stiffness};
+        double point[3], away[3];
+        if (!patch_point(p, (i % per + 0.5) / per - 0.5, (i / per + 0.5) / per - 0.5, s.weight, point)) continue;
+        for (int k = 0; k < 3; k++) away[k] = point[k] - centre[k];
+        double distance = sqrt(dot(away, away));
+        s.depth_m = def->radius_m - distance;
+        // a candidate when it may touch within this step; the far side of a thin block faces away and never does
+        if (s.depth_m < -0.1 * h || distance == 0 || dot(away, outwards) > 0) continue;
+        for (int k = 0; k < 3; k++) s.normal[k] = away[k] / distance;
+        memcpy(s.node, p->node, sizeof s.node);
+        if (contact->sample_count < contact->sample_max) contact->sample[contact->sample_count++] = s;
+        else contact->samples_lost++;
+    }
+}
+
+static void find_samples(const kn_model *model, const kn_state *state, int probe, kn_contact *contact)
+{
+    double reach = model->def.probe[probe].radius_m + 1.5 * model->def.spacing_m;
+    for (int f = 0; f < model->face_count; f++)
+        for (int v = 0; v < model->face[f].len[1]; v++)
+            for (int u = 0; u < model->face[f].len[0]; u++) {
+                double x[3];
+                kn_state_position(model, state, face_node(&model->face[f], u, v), x);
+                for (int k = 0; k < 3; k++) x[k] -= state->probe[probe].position_m[k];
+                if (dot(x, x) > reach * reach) continue;
+                patch p = {.face = &model->face[f], .u = u, .v = v};
+                load_patch(model, state, &p);
+                sample_patch(model, state, probe, &p, contact);
+            }
+}
+
+double kn_sample_gap_rate(const kn_model *model, const kn_state *state, const kn_sample *s, const void *field)
+{
+    size_t stride = kn_grid_stride(&model->grid);
+    double rate = -dot(s->normal, state->probe[s->probe].velocity_m_s);
+    for (int a = 0; a < 9; a++) {
+        if (s->weight[a] == 0) continue;
+        size_t o = kn_grid_offset(&model->grid, s->node[a]);
+        for (int k = 0; k < 3; k++)
+            rate += s->weight[a] * s->normal[k] * kn_real_get(model, field, o + (size_t)k * stride);
+    }
+    return rate;
+}
+
+// --- the step's two ends --------------------------------------------------------------------------------------------
+
+void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact)
+{
+    contact->hold_count = contact->sample_count = 0;
+    for (int p = 0; p < model->def.probe_count; p++) {
+        follow(&state->probe[p], &input->probe[p]);
+        if (!state->probe[p].attached) {
+            memset(state->held + (size_t)p * (size_t)top_nodes(model), 0, (size_t)top_nodes(model));
+            continue;
+        }
+        if (model->def.probe[p].shape == KN_PROBE_PLATE) find_holds(model, state, p, contact);
+        else find_samples(model, state, p, contact);
+    }
+}
+
+static void add_force(kn_probe_output *out, const double at[3], const double force[3])
+{
+    double arm[3], torque[3];
+    for (int k = 0; k < 3; k++) arm[k] = at[k] - out->position_m[k];
+    cross(arm, force, torque);
+    for (int k = 0; k < 3; k++) out->force_n[k] += force[k], out->torque_n_m[k] += torque[k];
+    out->contacts++;
+}
+
+static void end_hold(const kn_model *model, kn_state *state, const kn_hold *hold, kn_output *output)
+{
+    if (!(hold->force_n[2] >= 0)) { // it pulls: let go
+        state->held[(size_t)hold->probe * (size_t)top_nodes(model) + (size_t)hold->top] = 0;
+        return;
+    }
+    double x[3];
+    kn_state_position(model, state, hold->node, x);
+    add_force(&output->probe[hold->probe], x, hold->force_n);
+}
+
+static void end_sample(const kn_model *model, const kn_state *state, const kn_sample *s, kn_output *output)
+{
+    if (!(s->force_n > 0)) return;
+    double at[3], force[3];
+    for (int k = 0; k < 3; k++) {
+        at[k] = state->probe[s->probe].position_m[k] + s->normal[k] * (model->def.probe[s->probe].radius_m - s->depth_m);
+        force[k] = -s->force_n * s->normal[k];
+    }
+    add_force(&output->probe[s->probe], at, force);
+}
+
+void kn_contact_end(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact, kn_output *output)
+{
+    double dt = model->def.solver.dt_s;
+    for (int p = 0; p < model->def.probe_count; p++) {
+        const double *at = state->probe[p].attached ? state->probe[p].position_m : input->probe[p].position_m;
+        memcpy(output->probe[p].position_m, at, sizeof output->probe[p].position_m);
+    }
+    for (int i = 0; i < contact->hold_count; i++) end_hold(model, state, &contact->hold[i], output);
+    for (int i = 0; i < contact->sample_count; i++) end_sample(model, state, &contact->sample[i], output);
+    for (int p = 0; p < model->def.probe_count; p++) {
+        kn_probe_state *probe = &state->probe[p];
+        kn_probe_output *out = &output->probe[p];
+        if (!probe->attached) continue;
+        probe->work_j -= dt * dot(out->force_n, probe->velocity_m_s);
+        probe->contacts = out->contacts;
+        for (int k = 0; k < 3; k++) out->position_m[k] = probe->position_m[k] += dt * probe->velocity_m_s[k];
+        out->work_j = probe->work_j;
+    }
+}
+
+// --- clearance ------------------------------------------------------------------------------------------------------
+
+static double plate_clearance(const kn_model *model, const kn_state *state, const kn_probe_def *def, const double at[3])
+{
+    const kn_face *top = &model->face[0];
+    double clear = INFINITY, x[3];
+    for (int v = 0; v < top->len[1]; v++)
+        for (int u = 0; u < top->len[0]; u++) {
+            kn_state_position(model, state, face_node(top, u, v), x);
+            if (under_plate(model, def, at, x)) clear = fmin(clear, at[2] - x[2]);
+        }
+    return clear;
+}
+
+static double sphere_clearance(const kn_model *model, const kn_state *state, const kn_probe_def *def, const double at[3])
+{
+    double nearest = INFINITY, weight[9], point[3], away[3], outwards[3], sign = 1;
+    for (int f = 0; f < model->face_count; f++)
+        for (int v = 0; v < model->face[f].len[1]; v++)
+            for (int u = 0; u < model->face[f].len[0]; u++) {
+                patch p = {.face = &model->face[f], .u = u, .v = v};
+                kn_state_position(model, state, face_node(p.face, u, v), point);
+                for (int k = 0; k < 3; k++) away[k] = at[k] - point[k];
+                if (sqrt(dot(away, away)) > nearest + 2 * model->def.spacing_m) continue;
+                load_patch(model, state, &p);
+                for (int i = 0; i < 9; i++) {
+                    if (!patch_point(&p, 0.5 * (i % 3 - 1), 0.5 * (i / 3 - 1), weight, point)) continue;
+                    for (int k = 0; k < 3; k++) away[k] = at[k] - point[k];
+                    double distance = sqrt(dot(away, away));
+                    if (distance >= nearest) continue;
+                    nearest = distance;
+                    patch_normal(&p, outwards);
+                    sign = dot(away, outwards) < 0 ? -1 : 1; // the centre is under the skin
+                }
+            }
+    return sign * nearest - def->radius_m;
+}
+
+double kn_clearance(const kn_model *model, const kn_state *state, int p, const double position_m[3])
+{
+    const kn_probe_def *def = &model->def.probe[p];
+    return def->shape == KN_PROBE_PLATE ? plate_clearance(model, state, def, position_m)
+                                        : sphere_clearance(model, state, def, position_m);
+}

@@ -1,1 +1,604 @@
-// kernel: see kernel.h
+// One source for three instruction sets and two precisions; see kernel.h for what the loops do and grid.h for the layout.
+#include "core/kernel.h"
+#include "core/lanes.h"
+
+// Constants of a model in its precision. The same for every instruction set.
+typedef struct tables {
+    float cubic[4][KN_LAW_SEGMENTS]; // first: 64-byte aligned with the block
+    float slope[3][3][KN_LAW_SEGMENTS];
+    real direction[KN_FORWARD][3]; // rest vector of forward edge e, m
+    real inverse[KN_FORWARD];      // 1/(gamma L0): rate to strain rate, 1/m
+    real area[KN_FORWARD];         // gamma kappa L0: stress to force, m^2
+    real root;                     // sqrt(kappa A): sqrt(ds/db) to sqrt of force per rate
+    real a, k1, keep, gain;        // A; k1; u <- keep u + gain s
+    real dt, half_dt, shortest2;   // shortest2: squared length below which n is no longer scaled up, m^2
+    real inverse_b0, b0, yh, rest, flow, root_rest, root_flow; // the law's ends: slopes and their square roots
+    real mass_dt, weight;          // of a whole share: kg/s; downward force, N
+    int shift;
+    int vectors, rows, row_count, planes; // K, rows per plane, rows in all, planes
+    real *lane_share;      // [K][16] share along the row, 0 in padding
+    real *lane_mass;       // the same, 1 in padding so that no block is singular
+    real *lane_near[3];    // [K][16] weight of an edge shifted by -1, 0, +1: 1 (0: its share) where it exists
+    real *lane_near_root[3];
+    real *lane_here[3];    // 1 where it exists, else 0
+    real *row_share, *row_root, *plane_share, *plane_root; // shares and their square roots across the row
+    real diagonal;         // 1 with diagonals, 0 without
+} tables;
+
+static size_t tables_size(const kn_model *model)
+{
+    size_t stride = kn_grid_stride(&model->grid);
+    size_t reals = 11 * stride + 2 * (size_t)(model->grid.len[1] + model->grid.len[2]);
+    return (sizeof(tables) + 63) / 64 * 64 + reals * sizeof(real) + 64;
+}
+
+static real *take(real **next, size_t count)
+{
+    real *p = *next;
+    *next += count;
+    return p;
+}
+
+static double end_share(int i, int n) { return n > 1 && (i == 0 || i == n - 1) ? 0.5 : 1.0; }
+
+static void build_lanes(tables *t, const kn_grid *g, real **next)
+{
+    size_t stride = kn_grid_stride(g);
+    t->lane_share = take(next, stride);
+    t->lane_mass = take(next, stride);
+    for (int s = 0; s < 3; s++) {
+        t->lane_near[s] = take(next, stride);
+        t->lane_near_root[s] = take(next, stride);
+        t->lane_here[s] = take(next, stride);
+    }
+    bool diagonals = g->structure == KN_STRUCTURE_DIAGONALS;
+    for (int k = 0; k < g->vectors; k++)
+        for (int l = 0; l < KN_LANES; l++) {
+            int a = l * g->vectors + k, at = k * KN_LANES + l;
+            double share = a < g->len[0] ? end_share(a, g->len[0]) : 0;
+            t->lane_share[at] = (real)share;
+            t->lane_mass[at] = (real)(share > 0 ? share : 1);
+            for (int s = 0; s < 3; s++) {
+                bool here = a < g->len[0] && a + s - 1 >= 0 && a + s - 1 < g->len[0];
+                double weight = !here ? 0 : s == 1 ? share : 1;
+                t->lane_near[s][at] = (real)weight;
+                t->lane_near_root[s][at] = (real)sqrt(weight);
+                t->lane_here[s][at] = here ? 1 : 0;
+            }
+        }
+    t->diagonal = diagonals ? 1 : 0;
+}
+
+static void build_rows(tables *t, const kn_grid *g, real **next)
+{
+    t->row_share = take(next, (size_t)g->len[1]);
+    t->row_root = take(next, (size_t)g->len[1]);
+    t->plane_share = take(next, (size_t)g->len[2]);
+    t->plane_root = take(next, (size_t)g->len[2]);
+    for (int b = 0; b < g->len[1]; b++) {
+        t->row_share[b] = (real)end_share(b, g->len[1]);
+        t->row_root[b] = (real)sqrt(end_share(b, g->len[1]));
+    }
+    for (int c = 0; c < g->len[2]; c++) {
+        t->plane_share[c] = (real)end_share(c, g->len[2]);
+        t->plane_root[c] = (real)sqrt(end_share(c, g->len[2]));
+    }
+}
+
+static void build_law(tables *t, const kn_law *law)
+{
+    memcpy(t->cubic, law->cubic, sizeof t->cubic);
+    memcpy(t->slope, law->slope, sizeof t->slope);
+    t->shift = law->shift;
+    t->a = (real)law->a_pa_s;
+    t->k1 = (real)law->mat.k1_pa;
+    t->keep = (real)(1.0 - law->dt_s * law->mat.k1_pa / law->a_pa_s);
+    t->gain = (real)(law->dt_s / law->a_pa_s);
+    t->dt = (real)law->dt_s;
+    t->half_dt = (real)(0.5 * law->dt_s);
+    t->rest = (real)law->slope_rest;
+    t->flow = (real)law->slope_flow;
+    t->root_rest = (real)sqrt(law->slope_rest);
+    t->root_flow = (real)sqrt(law->slope_flow);
+    bool table = law->kind == KN_LAW_TABLE;
+    t->b0 = (real)law->b0_pa;
+    t->inverse_b0 = (real)(table ? 1.0 / law->b0_pa : 0);
+    t->yh = (real)(table ? (double)(float)(law->bh_pa / law->b0_pa) : 0);
+}
+
+static void tables_build(const kn_model *model, void *block)
+{
+    const kn_grid *g = &model->grid;
+    const kn_solver_def *solver = &model->def.solver;
+    tables *t = block;
+    real *next = (real *)((char *)block + (sizeof(tables) + 63) / 64 * 64);
+    build_law(t, &model->law);
+    build_lanes(t, g, &next);
+    build_rows(t, g, &next);
+    for (int e = 0; e < KN_FORWARD; e++) {
+        const int *step = kn_grid_forward[e];
+        double length = g->spacing_m * sqrt((double)(step[0] * step[0] + step[1] * step[1] + step[2] * step[2]));
+        for (int k = 0; k < 3; k++) t->direction[e][g->axis[k]] = (real)(g->spacing_m * step[k]);
+        t->inverse[e] = (real)(1.0 / (g->gamma * length));
+        t->area[e] = (real)(g->gamma * g->kappa_m * length);
+    }
+    t->root = (real)sqrt(g->kappa_m * model->law.a_pa_s);
+    t->shortest2 = (real)(1e-12 * g->spacing_m * g->spacing_m);
+    double mass = model->def.density_kg_m3 * g->spacing_m * g->spacing_m * g->spacing_m;
+    t->mass_dt = (real)(mass * solver->mass_scale / solver->dt_s);
+    t->weight = (real)(mass * model->def.gravity_m_s2);
+    t->vectors = g->vectors;
+    t->rows = g->len[1];
+    t->row_count = g->rows;
+    t->planes = g->len[2];
+}
+
+// --- addressing -----------------------------------------------------------------------------------------------------
+
+// Vector k of component c of a row, in a field of C components.
+LANES_INLINE size_t at(const tables *t, int row, int C, int c, int k)
+{
+    return (((size_t)row * (size_t)C + (size_t)c) * (size_t)t->vectors + (size_t)k) * KN_LANES;
+}
+
+// Component c of the nodes one step s (-1, 0, +1) along the row from those of vector k.
+LANES_INLINE lanes near(const tables *t, const real *field, int row, int c, int k, int s)
+{
+    int to = k + s;
+    if (to >= 0 && to < t->vectors) return lanes_load(field + at(t, row, 3, c, to));
+    if (s > 0) return lanes_next(lanes_load(field + at(t, row, 3, c, 0)));
+    return lanes_prev(lanes_load(field + at(t, row, 3, c, t->vectors - 1)));
+}
+
+// Where the neighbours of vector k live, and the same turn for what is added to them.
+LANES_INLINE int near_vector(const tables *t, int k, int s)
+{
+    int to = k + s;
+    return to < 0 ? t->vectors - 1 : to < t->vectors ? to : 0;
+}
+LANES_INLINE lanes turn(const tables *t, lanes a, int k, int s)
+{
+    int to = k + s;
+    if (to >= 0 && to < t->vectors) return a;
+    return s > 0 ? lanes_prev(a) : lanes_next(a);
+}
+
+LANES_INLINE void store_add(real *p, lanes a) { lanes_store(p, lanes_add(lanes_load(p), a)); }
+
+// Rows of group g of a row, or -1: see the drawing in grid.h. Group -1 is the row itself.
+LANES_INLINE int group_row(const tables *t, int row, int b, int c, int g)
+{
+    switch (g) {
+    case -1: return row;
+    case 0: return b + 1 < t->rows ? row + 1 : -1;
+    case 1: return c + 1 < t->planes && b > 0 ? row + t->rows - 1 : -1;
+    case 2: return c + 1 < t->planes ? row + t->rows : -1;
+    default: return c + 1 < t->planes && b + 1 < t->rows ? row + t->rows + 1 : -1;
+    }
+}
+
+// Share of the cells around an edge of group g that lies across the row, or its root.
+LANES_INLINE real group_share(real row, real plane, real diagonal, int g)
+{
+    switch (g) {
+    case -1: return row * plane;
+    case 0: return plane;
+    case 2: return row;
+    default: return diagonal;
+    }
+}
+
+// --- the law --------------------------------------------------------------------------------------------------------
+
+// s = T(b) and root = sqrt(ds/db).
+static void law_exact(const kn_law *law, kn_linearization how, lanes b, lanes *s, lanes *root)
+{
+    _Alignas(64) real at_b[KN_LANES], at_s[KN_LANES], at_root[KN_LANES];
+    lanes_store(at_b, b);
+    for (int i = 0; i < KN_LANES; i++) {
+        double stress = kn_law_stress(law, (double)at_b[i]);
+        at_s[i] = (real)stress;
+        at_root[i] = (real)sqrt(kn_law_slope(law, stress, how));
+    }
+    *s = lanes_load(at_s);
+    *root = lanes_load(at_root);
+}
+
+#if KN_KERNEL_F32
+LANES_INLINE void law_table(const tables *t, kn_linearization how, lanes b, lanes *s, lanes *root)
+{
+    const lanes one = lanes_set(1), zero = lanes_set(0), yh = lanes_set(t->yh);
+    lanes y = lanes_mul(lanes_max(b, lanes_sub(zero, b)), lanes_set(t->inverse_b0));
+    lanes inside = lanes_min(lanes_max(y, one), yh);
+    segment i = segment_of(inside, t->shift);
+    lanes p = lanes_table(t->cubic[3], i);
+    for (int k = 2; k >= 0; k--) p = lanes_fma(p, inside, lanes_table(t->cubic[k], i));
+    p = lanes_max(lanes_mul(lanes_set(t->flow), y), lanes_min(lanes_mul(lanes_set(t->rest), y), p));
+    p = lanes_mul(p, lanes_set(t->b0));
+    *s = lanes_less(b, zero, lanes_sub(zero, p), p);
+    lanes c = lanes_table(t->slope[how][2], i);
+    for (int k = 1; k >= 0; k--) c = lanes_fma(c, inside, lanes_table(t->slope[how][k], i));
+    c = lanes_less(yh, y, lanes_set(t->root_flow), c);
+    *root = lanes_less(y, one, lanes_set(t->root_rest), c);
+}
+#endif
+
+LANES_INLINE void law_of(const kn_model *model, const tables *t, kn_law_kind kind, kn_linearization how, lanes b, lanes *s,
+                         lanes *root)
+{
+    if (kind == KN_LAW_EXACT) {
+        law_exact(&model->law, how, b, s, root);
+#if KN_KERNEL_F32
+    } else if (kind == KN_LAW_TABLE) {
+        law_table(t, how, b, s, root);
+#endif
+    } else {
+        *s = lanes_mul(b, lanes_set(t->rest)); // 1 for a Voigt part alone
+        *root = lanes_set(t->root_rest);
+    }
+}
+
+// --- the edge pass --------------------------------------------------------------------------------------------------
+
+typedef struct fields { // the arrays of a state, typed
+    const real *x, *v;
+    real *u, *guess, *r, *q, *d, *z, *p, *g;
+    const real *free;
+} fields;
+
+static fields fields_of(const kn_state *state)
+{
+    const kn_work *w = kn_state_work(state);
+    return (fields){state->displacement, state->velocity, state->strain, w->guess, w->r, w->q, w->d, w->z, w->p, w->g, w->free};
+}
+
+LANES_INLINE lanes dot(const lanes a[3], const lanes b[3])
+{
+    return lanes_fma(a[2], b[2], lanes_fma(a[1], b[1], lanes_mul(a[0], b[0])));
+}
+
+// Sixteen edges: nodes of vector k to their neighbours s along in another (or the same) row.
+typedef struct edges {
+    int row, to, k, s, e; // from row, to row, vector, shift, forward edge number
+    bool moved;           // a prescribed velocity changed at either end
+    real share, root;     // across the row
+} edges;
+
+// Unit vectors, stress at the linearisation point and root of its slope; advances the strain unless `again`.
+LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields *f, const edges *x, kn_law_kind kind,
+                           kn_linearization how, bool again, lanes n[3], lanes *stress, lanes *root)
+{
+    lanes d[3], shift[3], dv[3];
+    for (int c = 0; c < 3; c++) {
+        shift[c] = lanes_sub(near(t, f->x, x->to, c, x->k, x->s), lanes_load(f->x + at(t, x->row, 3, c, x->k)));
+        d[c] = lanes_add(lanes_set(t->direction[x->e][c]), shift[c]);
+        dv[c] = lanes_sub(near(t, f->v, x->to, c, x->k, x->s), lanes_load(f->v + at(t, x->row, 3, c, x->k)));
+    }
+    lanes length2 = lanes_max(dot(d, d), lanes_set(t->shortest2));
+    lanes inverse = lanes_div(lanes_set(1), lanes_sqrt(length2));
+    for (int c = 0; c < 3; c++) n[c] = lanes_mul(d[c], inverse);
+
+    lanes scale = lanes_set(t->inverse[x->e]), a = lanes_set(t->a), k1 = lanes_set(t->k1), u, b, s;
+    lanes rate = dot(n, dv), wanted = rate;
+    if (x->moved || again) {
+        lanes dg[3];
+        for (int c = 0; c < 3; c++)
+            dg[c] = lanes_sub(near(t, f->guess, x->to, c, x->k, x->s), lanes_load(f->guess + at(t, x->row, 3, c, x->k)));
+        wanted = dot(n, dg);
+    }
+    if (kind == KN_LAW_VOIGT) {
+        // strain from the length itself: L - L0 = (d + d0).(d - d0)/(L + L0) keeps all digits
+        lanes twice[3];
+        for (int c = 0; c < 3; c++) twice[c] = lanes_add(d[c], lanes_set(t->direction[x->e][c]));
+        lanes rest = lanes_div(lanes_set(1), lanes_mul(scale, lanes_set((real)model->grid.gamma)));
+        lanes stretch = lanes_div(dot(twice, shift), lanes_add(lanes_mul(length2, inverse), rest));
+        u = lanes_mul(stretch, scale);
+        law_of(model, t, kind, how, lanes_fma(a, lanes_mul(wanted, scale), lanes_mul(k1, u)), stress, root);
+        return;
+    }
+    real *strain = f->u + at(t, x->row, KN_FORWARD, x->e, x->k);
+    u = lanes_load(strain);
+    if (!again) {
+        // what the edge really did in the last step, to second order from velocities: differences of lengths in f32 lose
+        // 4 digits. (L_new - L_old)/dt = Ld - dt/2 (|dv|^2 - Ld^2)/L
+        lanes across2 = lanes_fnma(rate, rate, dot(dv, dv));
+        lanes done = lanes_fnma(lanes_mul(lanes_set(t->half_dt), across2), inverse, rate);
+        b = lanes_fma(a, lanes_mul(done, scale), lanes_mul(k1, u));
+        law_of(model, t, kind, how, b, &s, root);
+        u = lanes_fma(lanes_set(t->gain), s, lanes_mul(lanes_set(t->keep), u));
+        u = lanes_mul(u, lanes_load(t->lane_here[x->s + 1] + (size_t)x->k * KN_LANES));
+        lanes_store(strain, u);
+    }
+    lanes sought = lanes_fma(a, lanes_mul(wanted, scale), lanes_mul(k1, u));
+    if (x->moved || again) {
+        law_of(model, t, kind, how, sought, stress, root);
+    } else {
+        // one evaluation serves both: the guess is the last velocity, so b moved only by k1 du and the second-order term
+        *stress = lanes_fma(lanes_mul(*root, *root), lanes_sub(sought, b), s);
+    }
+}
+
+typedef struct sums { // of the row's own ends, in registers until its edges are done
+    lanes pull[3], block[6];
+} sums;
+
+// Adds what the edges do to the residual and the diagonal blocks of both ends, and keeps g for the products.
+LANES_INLINE void edge_add(const kn_model *model, const tables *t, const fields *f, const edges *x, kn_law_kind kind,
+                           kn_linearization how, bool again, sums *own)
+{
+    lanes n[3], stress, root;
+    edge_law(model, t, f, x, kind, how, again, n, &stress, &root);
+    size_t lane = (size_t)x->k * KN_LANES;
+    lanes tension = lanes_mul(stress, lanes_mul(lanes_set(t->area[x->e] * x->share), lanes_load(t->lane_near[x->s + 1] + lane)));
+    root = lanes_mul(root, lanes_mul(lanes_set(t->root * x->root), lanes_load(t->lane_near_root[x->s + 1] + lane)));
+    int to = near_vector(t, x->k, x->s);
+    lanes g[3], far[3];
+    for (int c = 0; c < 3; c++) {
+        g[c] = lanes_mul(root, n[c]);
+        lanes_store(f->g + at(t, x->row, 3 * KN_FORWARD, 3 * x->e + c, x->k), g[c]);
+        far[c] = turn(t, g[c], x->k, x->s);
+        lanes pull = lanes_mul(tension, n[c]);
+        own->pull[c] = lanes_add(own->pull[c], pull);
+        real *other = f->r + at(t, x->to, 3, c, to);
+        lanes_store(other, lanes_sub(lanes_load(other), turn(t, pull, x->k, x->s)));
+    }
+    for (int c = 0, m = 0; c < 3; c++)
+        for (int k = c; k < 3; k++, m++) {
+            real *other = f->p + at(t, x->to, 6, m, to);
+            own->block[m] = lanes_fma(g[c], g[k], own->block[m]);
+            lanes_store(other, lanes_fma(far[c], far[k], lanes_load(other)));
+        }
+}
+
+LANES_INLINE lanes multiply_block(const lanes p[6], const lanes r[3], lanes z[3])
+{
+    z[0] = lanes_fma(p[2], r[2], lanes_fma(p[1], r[1], lanes_mul(p[0], r[0])));
+    z[1] = lanes_fma(p[4], r[2], lanes_fma(p[3], r[1], lanes_mul(p[1], r[0])));
+    z[2] = lanes_fma(p[5], r[2], lanes_fma(p[4], r[1], lanes_mul(p[2], r[0])));
+    return dot(r, z);
+}
+
+// Inverse of a symmetric 3x3 block by cofactors.
+LANES_INLINE void invert_block(const lanes m[6], lanes p[6])
+{
+    p[0] = lanes_fnma(m[4], m[4], lanes_mul(m[3], m[5]));
+    p[1] = lanes_fnma(m[1], m[5], lanes_mul(m[2], m[4]));
+    p[2] = lanes_fnma(m[2], m[3], lanes_mul(m[1], m[4]));
+    p[3] = lanes_fnma(m[2], m[2], lanes_mul(m[0], m[5]));
+    p[4] = lanes_fnma(m[0], m[4], lanes_mul(m[1], m[2]));
+    p[5] = lanes_fnma(m[1], m[1], lanes_mul(m[0], m[3]));
+    lanes determinant = lanes_fma(m[2], p[2], lanes_fma(m[1], p[1], lanes_mul(m[0], p[0])));
+    lanes inverse = lanes_div(lanes_set(1), determinant);
+    for (int i = 0; i < 6; i++) p[i] = lanes_mul(p[i], inverse);
+}
+
+LANES_INLINE lanes mass_of(const tables *t, int b, int c, int k)
+{
+    return lanes_mul(lanes_set(t->mass_dt * t->row_share[b] * t->plane_share[c]),
+                     lanes_load(t->lane_mass + (size_t)k * KN_LANES));
+}
+
+// A row whose edges are all in: mass, weight, constraints, inverse block, z. Returns r.z by lanes.
+LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *work, int row, int b, int c, int k, bool again)
+{
+    lanes m[6], p[6], r[3], z[3], mass = mass_of(t, b, c, k);
+    for (int i = 0; i < 3; i++) r[i] = lanes_load(f->r + at(t, row, 3, i, k));
+    for (int i = 0; i < 6; i++) m[i] = lanes_load(f->p + at(t, row, 6, i, k));
+    m[0] = lanes_add(m[0], mass);
+    m[3] = lanes_add(m[3], mass);
+    m[5] = lanes_add(m[5], mass);
+    if (t->weight != 0) {
+        lanes share = lanes_load(t->lane_share + (size_t)k * KN_LANES);
+        r[2] = lanes_fnma(lanes_set(t->weight * t->row_share[b] * t->plane_share[c]), share, r[2]);
+    }
+    if (work->row_moved[row] || again) // inertia of a guess that is not the last velocity
+        for (int i = 0; i < 3; i++) {
+            size_t o = at(t, row, 3, i, k);
+            r[i] = lanes_fma(mass, lanes_sub(lanes_load(f->v + o), lanes_load(f->guess + o)), r[i]);
+        }
+    if (work->row_held[row]) {
+        static const int diagonal[3] = {0, 3, 5}, pair[3][3] = {{1, 0, 1}, {2, 0, 2}, {4, 1, 2}};
+        lanes loose[3], one = lanes_set(1);
+        for (int i = 0; i < 3; i++) loose[i] = lanes_load(f->free + at(t, row, 3, i, k));
+        for (int i = 0; i < 3; i++) {
+            int o = pair[i][0];
+            m[o] = lanes_mul(m[o], lanes_mul(loose[pair[i][1]], loose[pair[i][2]]));
+            m[diagonal[i]] = lanes_fma(lanes_sub(m[diagonal[i]], one), loose[i], one);
+        }
+        invert_block(m, p);
+        for (int i = 0; i < 3; i++) p[diagonal[i]] = lanes_mul(p[diagonal[i]], loose[i]);
+    } else {
+        invert_block(m, p);
+    }
+    lanes rz = multiply_block(p, r, z);
+    for (int i = 0; i < 3; i++) {
+        lanes_store(f->r + at(t, row, 3, i, k), r[i]);
+        lanes_store(f->z + at(t, row, 3, i, k), z[i]);
+    }
+    for (int i = 0; i < 6; i++) lanes_store(f->p + at(t, row, 6, i, k), p[i]);
+    return rz;
+}
+
+// All forward edges of the nodes of vector k of a row.
+LANES_INLINE void edge_row(const kn_model *model, const tables *t, const fields *f, const kn_work *work, int row, int b,
+                           int c, int k, kn_law_kind kind, kn_linearization how, bool again)
+{
+    sums own;
+    for (int i = 0; i < 3; i++) own.pull[i] = lanes_set(0);
+    for (int i = 0; i < 6; i++) own.block[i] = lanes_set(0);
+    for (int g = -1; g < 4; g++) {
+        int to = group_row(t, row, b, c, g);
+        if (to < 0) continue;
+        edges x = {.row = row, .to = to, .k = k, .moved = work->row_moved[row] || work->row_moved[to],
+                   .share = group_share(t->row_share[b], t->plane_share[c], t->diagonal, g),
+                   .root = group_share(t->row_root[b], t->plane_root[c], t->diagonal, g)};
+        for (x.s = g < 0 ? 1 : -1; x.s <= 1; x.s++) {
+            x.e = g < 0 ? 0 : 1 + 3 * g + x.s + 1;
+            edge_add(model, t, f, &x, kind, how, again, &own);
+        }
+    }
+    for (int i = 0; i < 3; i++) store_add(f->r + at(t, row, 3, i, k), own.pull[i]);
+    for (int i = 0; i < 6; i++) store_add(f->p + at(t, row, 6, i, k), own.block[i]);
+}
+
+LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kind kind, kn_linearization how, bool again)
+{
+    const tables *t = model->tables;
+    const kn_work *work = kn_state_work(state);
+    fields f = fields_of(state);
+    double sum = 0;
+    for (int c = 0, row = 0; c < t->planes; c++) {
+        lanes plane = lanes_set(0);
+        for (int b = 0; b < t->rows; b++, row++) {
+            for (int k = 0; k < t->vectors; k++) edge_row(model, t, &f, work, row, b, c, k, kind, how, again);
+            for (int k = 0; k < t->vectors; k++) plane = lanes_add(plane, finish_row(t, &f, work, row, b, c, k, again));
+        }
+        sum += lanes_sum(plane);
+    }
+    return sum;
+}
+
+static double edge(const kn_model *model, kn_state *state, kn_linearization how, bool again)
+{
+    switch (model->law.kind) {
+    case KN_LAW_VOIGT: return edge_pass(model, state, KN_LAW_VOIGT, how, again);
+    case KN_LAW_LINEAR: return edge_pass(model, state, KN_LAW_LINEAR, how, again);
+#if KN_KERNEL_F32
+    case KN_LAW_TABLE: return edge_pass(model, state, KN_LAW_TABLE, how, again);
+#endif
+    default: return edge_pass(model, state, KN_LAW_EXACT, how, again);
+    }
+}
+
+// --- conjugate gradients --------------------------------------------------------------------------------------------
+
+LANES_INLINE void next_direction(const tables *t, const fields *f, int row, real beta)
+{
+    for (int i = 0; i < 3 * t->vectors; i++) {
+        size_t o = at(t, row, 3, 0, i);
+        lanes_store(f->d + o, lanes_fma(lanes_set(beta), lanes_load(f->d + o), lanes_load(f->z + o)));
+    }
+}
+
+LANES_INLINE void product_edges(const tables *t, const fields *f, int row, int to, int k, int s, int e, const lanes own[3],
+                                lanes sum[3])
+{
+    lanes g[3], gap[3];
+    for (int c = 0; c < 3; c++) {
+        g[c] = lanes_load(f->g + at(t, row, 3 * KN_FORWARD, 3 * e + c, k));
+        gap[c] = lanes_sub(own[c], near(t, f->d, to, c, k, s));
+    }
+    lanes force = dot(g, gap);
+    int vector = near_vector(t, k, s);
+    for (int c = 0; c < 3; c++) {
+        lanes push = lanes_mul(g[c], force);
+        real *other = f->q + at(t, to, 3, c, vector);
+        sum[c] = lanes_add(sum[c], push);
+        lanes_store(other, lanes_sub(lanes_load(other), turn(t, push, k, s)));
+    }
+}
+
+static double apply(const kn_model *model, kn_state *state, double beta_)
+{
+    const tables *t = model->tables;
+    fields f = fields_of(state);
+    const real beta = (real)beta_;
+    double total = 0;
+    int ready = 0; // rows whose direction is up to date: one plane and a row ahead of the products
+    for (int c = 0, row = 0; c < t->planes; c++) {
+        lanes plane = lanes_set(0);
+        for (int b = 0; b < t->rows; b++, row++) {
+            for (; ready < t->row_count && ready <= row + t->rows + 1; ready++) next_direction(t, &f, ready, beta);
+            for (int k = 0; k < t->vectors; k++) {
+                lanes own[3], sum[3];
+                for (int i = 0; i < 3; i++) own[i] = lanes_load(f.d + at(t, row, 3, i, k)), sum[i] = lanes_set(0);
+                product_edges(t, &f, row, row, k, 1, 0, own, sum);
+                for (int g = 0; g < 4; g++) {
+                    int to = group_row(t, row, b, c, g);
+                    if (to < 0) continue;
+                    for (int s = -1; s <= 1; s++) product_edges(t, &f, row, to, k, s, 1 + 3 * g + s + 1, own, sum);
+                }
+                for (int i = 0; i < 3; i++) store_add(f.q + at(t, row, 3, i, k), sum[i]);
+            }
+            for (int k = 0; k < t->vectors; k++) {
+                lanes mass = mass_of(t, b, c, k);
+                for (int i = 0; i < 3; i++) {
+                    size_t o = at(t, row, 3, i, k);
+                    lanes d = lanes_load(f.d + o), q = lanes_fma(mass, d, lanes_load(f.q + o));
+                    lanes_store(f.q + o, q);
+                    plane = lanes_fma(d, q, plane);
+                }
+            }
+        }
+        total += lanes_sum(plane);
+    }
+    return total;
+}
+
+static double update(const kn_model *model, kn_state *state, double alpha)
+{
+    const tables *t = model->tables;
+    fields f = fields_of(state);
+    const lanes a = lanes_set((real)alpha), zero = lanes_set(0);
+    double total = 0;
+    for (int c = 0, row = 0; c < t->planes; c++) {
+        lanes plane = zero;
+        for (int b = 0; b < t->rows; b++, row++)
+            for (int k = 0; k < t->vectors; k++) {
+                lanes p[6], r[3], z[3];
+                for (int i = 0; i < 6; i++) p[i] = lanes_load(f.p + at(t, row, 6, i, k));
+                for (int i = 0; i < 3; i++) {
+                    size_t o = at(t, row, 3, i, k);
+                    lanes_store(f.guess + o, lanes_fma(a, lanes_load(f.d + o), lanes_load(f.guess + o)));
+                    r[i] = lanes_fnma(a, lanes_load(f.q + o), lanes_load(f.r + o));
+                    lanes_store(f.r + o, r[i]);
+                    lanes_store(f.q + o, zero); // ready to be summed into again
+                }
+                plane = lanes_add(plane, multiply_block(p, r, z));
+                for (int i = 0; i < 3; i++) lanes_store(f.z + at(t, row, 3, i, k), z[i]);
+            }
+        total += lanes_sum(plane);
+    }
+    return total;
+}
+
+static void integrate(const kn_model *model, kn_state *state)
+{
+    const tables *t = model->tables;
+    real *x = state->displacement, *v = state->velocity;
+    const real *guess = kn_state_work(state)->guess;
+    size_t reals = (size_t)t->row_count * 3 * (size_t)t->vectors * KN_LANES;
+    for (size_t o = 0; o < reals; o += KN_LANES) {
+        lanes g = lanes_load(guess + o);
+        lanes_store(v + o, g);
+        lanes_store(x + o, lanes_fma(lanes_set(t->dt), g, lanes_load(x + o)));
+    }
+}
+
+#if KN_KERNEL_AVX512
+#define ISA avx512
+#elif KN_KERNEL_AVX2
+#define ISA avx2
+#else
+#define ISA base
+#endif
+#if KN_KERNEL_F32
+#define PRECISION f32
+#else
+#define PRECISION f64
+#endif
+#define SYMBOL3(isa, precision) kn_kernels_##isa##_##precision
+#define SYMBOL2(isa, precision) SYMBOL3(isa, precision)
+#define NAME3(isa, precision) #isa " " #precision
+#define NAME2(isa, precision) NAME3(isa, precision)
+
+const kn_kernels SYMBOL2(ISA, PRECISION) = {
+    .name = NAME2(ISA, PRECISION),
+    .real_size = sizeof(real),
+    .tables_size = tables_size,
+    .tables_build = tables_build,
+    .edge = edge,
+    .apply = apply,
+    .update = update,
+    .integrate = integrate,
+};

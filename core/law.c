@@ -6,6 +6,32 @@
 // ds/db where the damper is a constant c2: 1/(1 + A/c2); 1/c2 = 0 needs no special case.
 static double slope_of(const kn_law *law, double c2) { return 1.0 / (1.0 + law->a_pa_s / c2); }
 
+static float float_of(unsigned bits)
+{
+    float f;
+    memcpy(&f, &bits, sizeof f);
+    return f;
+}
+
+static unsigned bits_of(float f)
+{
+    unsigned bits;
+    memcpy(&bits, &f, sizeof bits);
+    return bits;
+}
+
+#define ONE_BITS 0x3f800000u // bits(1.0f)
+
+// The table as the kernels read it: measures its error and starts Newton.
+static double table_stress(const kn_law *law, double b)
+{
+    float yh = (float)(law->bh_pa / law->b0_pa), y = (float)(b / law->b0_pa);
+    float yc = fminf(fmaxf(y, 1.0f), yh);
+    unsigned i = (bits_of(yc) - ONE_BITS) >> law->shift;
+    float p = law->cubic[0][i] + yc * (law->cubic[1][i] + yc * (law->cubic[2][i] + yc * law->cubic[3][i]));
+    return law->b0_pa * fmax(law->slope_flow * (double)y, fmin(law->slope_rest * (double)y, (double)p));
+}
+
 double kn_law_stress(const kn_law *law, double b_pa)
 {
     double b = fabs(b_pa), s;
@@ -16,7 +42,7 @@ double kn_law_stress(const kn_law *law, double b_pa)
     } else {
         // Newton on ln(s (1 + A/c2(s)) / b), nearly straight in ln s; it stays inside [lo, hi] whatever happens
         double lo = law->s0_pa, hi = law->s1_pa;
-        s = fmin(fmax(0.5 * (law->slope_rest + law->slope_flow) * b, lo), hi);
+        s = fmin(fmax(law->seeded ? table_stress(law, b) : 0.5 * (law->slope_rest + law->slope_flow) * b, lo), hi);
         for (int i = 0; i < 60; i++) {
             double r = law->a_pa_s / kn_material_c2(&law->mat, s);
             double f = log(s * (1.0 + r) / b);
@@ -46,22 +72,6 @@ double kn_law_slope(const kn_law *law, double stress_pa, kn_linearization how)
     default: return 0.5 * (secant + tangent);
     }
 }
-
-static float float_of(unsigned bits)
-{
-    float f;
-    memcpy(&f, &bits, sizeof f);
-    return f;
-}
-
-static unsigned bits_of(float f)
-{
-    unsigned bits;
-    memcpy(&bits, &f, sizeof bits);
-    return bits;
-}
-
-#define ONE_BITS 0x3f800000u // bits(1.0f)
 
 // The polynomial of `degree` through (at, value), as monomials.
 static void fit(int degree, const double *value, const double *at, double *monomial)
@@ -104,16 +114,6 @@ static void fit_segment(kn_law *law, int segment, double y0, double y1)
         fit(2, value, at, monomial);
         for (int k = 0; k < 3; k++) law->slope[how][k][segment] = (float)monomial[k];
     }
-}
-
-// The table as the kernels read it, for measuring its error.
-static double table_stress(const kn_law *law, double b)
-{
-    float yh = (float)(law->bh_pa / law->b0_pa), y = (float)(b / law->b0_pa);
-    float yc = fminf(fmaxf(y, 1.0f), yh);
-    unsigned i = (bits_of(yc) - ONE_BITS) >> law->shift;
-    float p = law->cubic[0][i] + yc * (law->cubic[1][i] + yc * (law->cubic[2][i] + yc * law->cubic[3][i]));
-    return law->b0_pa * fmax(law->slope_flow * (double)y, fmin(law->slope_rest * (double)y, (double)p));
 }
 
 // Half an octave a segment holds 8 octaves of b; wider laws take whole octaves, or two or four at a time.
@@ -159,7 +159,7 @@ void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact)
     if (mat->p0_pa >= law->s0_pa) law->s0_pa = mat->p0_pa;
     law->b0_pa = law->s0_pa / slope_of(law, kn_material_c2(mat, law->s0_pa));
     law->slope_rest = law->s0_pa / law->b0_pa;
-    if (exact) return;
     build_table(law);
-    if (law->table_error <= 1e-3) law->kind = KN_LAW_TABLE;
+    law->seeded = law->table_error <= 1e-3;
+    if (law->seeded && !exact) law->kind = KN_LAW_TABLE;
 }

@@ -47,7 +47,8 @@ typedef struct kn_law {
     int shift;
     float cubic[4][KN_LAW_SEGMENTS];    // s/b0 = c0 + y (c1 + y (c2 + y c3))
     float slope[3][3][KN_LAW_SEGMENTS]; // [kn_linearization]: sqrt(ds/db) = c0 + y (c1 + y c2)
-    double table_error; // largest |table - exact|/exact of s over [b0, bh], measured when built; 0 without a table
+    bool seeded;        // the table is good to 1e-3: the kernels may use it, and Newton starts from it
+    double table_error; // largest |table - exact|/exact of s over [b0, bh], measured when built
 } kn_law;
 
 // Builds the law for one step length; exact = true asks for KN_LAW_EXACT where the damper depends on force.

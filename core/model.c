@@ -1,1 +1,190 @@
-// model: see model.h
+#include "core/model.h"
+#include "core/kernel.h"
+#include "core/solver_rk4.h"
+#include "core/state.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define NODES_MAX (1 << 22) // 4 M nodes: 3 GB of state; keeps every index far from overflow
+
+kn_model_def kn_model_def_default(void)
+{
+    const double gf_cm2 = 98.0665; // Pa
+    return (kn_model_def){
+        // the first paper's dough, per cm of specimen height
+        .material = {.k1_pa = 470 * gf_cm2, .c1_pa_s = 2500 * gf_cm2, .damper = KN_DAMPER_EXPONENTIAL,
+                     .alpha_pa_s = 8.16e4 * gf_cm2, .beta_per_pa = 0.0815 / gf_cm2, .p0_pa = 9 * gf_cm2, .p1_pa = 80 * gf_cm2},
+        .density_kg_m3 = 1200,
+        .nodes = {6, 6, 4},
+        .spacing_m = 0.01,
+        .solver = {.dt_s = 1e-3, .iterations = 8, .iterations_max = 24, .tolerance = 1e-3, .passes = 1, .mass_scale = 1},
+    };
+}
+
+static const char *check_probe(const kn_model_def *def, const kn_probe_def *p)
+{
+    if (p->shape == KN_PROBE_PLATE && !(p->size_m[0] > 0 && p->size_m[1] > 0 && isfinite(p->size_m[0] + p->size_m[1])))
+        return "a plate needs two positive sizes";
+    if (p->shape == KN_PROBE_SPHERE && !(p->radius_m >= def->spacing_m && isfinite(p->radius_m)))
+        return "a sphere's radius must be at least the lattice spacing, or it falls between the nodes";
+    if (!(p->foundation_n_m3 >= 0 && isfinite(p->foundation_n_m3))) return "a foundation stiffness must not be negative";
+    return NULL;
+}
+
+static const char *check_lattice(const kn_model_def *def)
+{
+    double nodes = 1;
+    for (int k = 0; k < 3; k++) {
+        if (def->nodes[k] < 1) return "needs at least one node along every axis";
+        if (def->structure == KN_STRUCTURE_DIAGONALS && def->nodes[k] < 2) return "a lattice with diagonals needs two nodes along every axis";
+        nodes *= def->nodes[k];
+    }
+    if (nodes > NODES_MAX) return "more than 4194304 nodes";
+    if (!(def->spacing_m > 0 && isfinite(def->spacing_m))) return "spacing must be positive";
+    if (!(def->density_kg_m3 > 0 && isfinite(def->density_kg_m3))) return "density must be positive";
+    if (!(def->gravity_m_s2 >= 0 && isfinite(def->gravity_m_s2))) return "gravity must not be negative";
+    return NULL;
+}
+
+static const char *check_solver(const kn_solver_def *s)
+{
+    if (!(s->dt_s > 0 && s->dt_s <= 0.1)) return "dt must be in (0, 0.1] s";
+    if (!(s->mass_scale >= 1 && isfinite(s->mass_scale))) return "mass_scale must be at least 1";
+    if (s->kind == KN_SOLVER_RK4) return s->precision == KN_PRECISION_F64 ? NULL : "rk4 runs in f64 only";
+    if (s->iterations < 1 || s->iterations_max < s->iterations || s->iterations_max > 100000) return "needs 1 <= iterations <= iterations_max <= 100000";
+    if (!(s->tolerance >= 0 && s->tolerance < 1)) return "tolerance must be in [0, 1)";
+    if (s->passes < 1 || s->passes > 100) return "passes must be in 1..100";
+    return NULL;
+}
+
+static const char *check(const kn_model_def *def)
+{
+    const char *wrong = kn_material_check(&def->material);
+    if (!wrong) wrong = check_lattice(def);
+    if (!wrong) wrong = check_solver(&def->solver);
+    if (!wrong && (def->probe_count < 0 || def->probe_count > KN_PROBES_MAX)) wrong = "too many probes";
+    for (int p = 0; p < def->probe_count && !wrong; p++) wrong = check_probe(def, &def->probe[p]);
+    return wrong;
+}
+
+// The faces a probe can touch, each with u x v pointing outwards.
+static void build_faces(kn_model *m)
+{
+    const int *n = m->grid.n, x = 1, y = n[0], z = n[0] * n[1];
+    const kn_face face[6] = {
+        {(n[2] - 1) * z, {x, y}, {n[0], n[1]}},   {(n[0] - 1) * x, {y, z}, {n[1], n[2]}}, {0, {z, y}, {n[2], n[1]}},
+        {(n[1] - 1) * y, {z, x}, {n[2], n[0]}},   {0, {x, z}, {n[0], n[2]}},              {0, {y, x}, {n[1], n[0]}},
+    };
+    memcpy(m->face, face, sizeof face);
+    m->face_count = m->def.support == KN_SUPPORT_NONE ? 6 : 5;
+}
+
+static bool supports(kn_isa isa)
+{
+#if defined(__x86_64__)
+    if (isa == KN_ISA_AVX512)
+        return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq");
+    if (isa == KN_ISA_AVX2) return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+#endif
+    return isa == KN_ISA_BASE;
+}
+
+bool kn_isa_supported(kn_isa isa) { return isa == KN_ISA_AUTO || supports(isa); }
+
+static bool choose_kernels(kn_model *m)
+{
+    static const kn_kernels *const set[3][2] = {{&kn_kernels_base_f32, &kn_kernels_base_f64},
+                                                {&kn_kernels_avx2_f32, &kn_kernels_avx2_f64},
+                                                {&kn_kernels_avx512_f32, &kn_kernels_avx512_f64}};
+    m->isa = m->def.solver.isa;
+    if (m->isa == KN_ISA_AUTO) m->isa = supports(KN_ISA_AVX512) ? KN_ISA_AVX512 : supports(KN_ISA_AVX2) ? KN_ISA_AVX2 : KN_ISA_BASE;
+    m->kernels = set[m->isa - KN_ISA_BASE][m->def.solver.precision];
+    return supports(m->isa);
+}
+
+static bool build_masses(kn_model *m)
+{
+    m->node_mass_kg = calloc((size_t)m->grid.nodes, sizeof(double));
+    if (!m->node_mass_kg) return false;
+    double h = m->grid.spacing_m, whole = m->def.density_kg_m3 * h * h * h;
+    for (int i = 0; i < m->grid.nodes; i++) m->node_mass_kg[i] = whole * kn_grid_share(&m->grid, i);
+    return true;
+}
+
+static bool build_tables(kn_model *m)
+{
+    size_t bytes = (m->kernels->tables_size(m) + 63) / 64 * 64;
+    m->tables = aligned_alloc(64, bytes);
+    if (!m->tables) return false;
+    memset(m->tables, 0, bytes);
+    m->kernels->tables_build(m, m->tables);
+    return true;
+}
+
+static bool build_edges(kn_model *m)
+{
+    m->edge_count = kn_grid_edges(&m->grid, NULL);
+    m->edges = calloc((size_t)m->edge_count + 1, sizeof(kn_edge));
+    if (!m->edges) return false;
+    kn_grid_edges(&m->grid, m->edges);
+    m->rk4_limit_s = kn_rk4_limit(m);
+    return m->rk4_limit_s >= 0;
+}
+
+static bool fail(char *error, size_t size, const char *text)
+{
+    if (size > 0) snprintf(error, size, "%s", text);
+    return false;
+}
+
+static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size)
+{
+    bool rk4 = def->solver.kind == KN_SOLVER_RK4;
+    m->def = *def;
+    kn_grid_init(&m->grid, def->nodes, def->spacing_m, def->structure);
+    kn_law_build(&m->law, &def->material, rk4 ? 0 : def->solver.dt_s, def->solver.precision == KN_PRECISION_F64);
+    build_faces(m);
+    if (!choose_kernels(m)) return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
+    if (!build_masses(m) || (rk4 ? !build_edges(m) : !build_tables(m))) return fail(error, size, "not enough memory for the model");
+    if (rk4 && def->solver.dt_s > m->rk4_limit_s) {
+        if (size > 0)
+            snprintf(error, size, "rk4 is stable up to dt = %.3g s here and dt = %.3g s was asked for; solver.mass_scale = %.3g would allow it",
+                     m->rk4_limit_s, def->solver.dt_s, ceil(def->solver.mass_scale * def->solver.dt_s / m->rk4_limit_s * 1.05));
+        return false;
+    }
+    m->state_bytes = kn_state_size(m);
+    return true;
+}
+
+kn_model *kn_model_build(const kn_model_def *def, char *error, size_t error_size)
+{
+    const char *wrong = check(def);
+    if (wrong) {
+        fail(error, error_size, wrong);
+        return NULL;
+    }
+    kn_model *m = calloc(1, sizeof *m);
+    if (m && build(m, def, error, error_size)) return m;
+    if (!m) fail(error, error_size, "not enough memory for the model");
+    kn_model_destroy(m);
+    return NULL;
+}
+
+void kn_model_destroy(kn_model *model)
+{
+    if (!model) return;
+    free(model->tables);
+    free(model->node_mass_kg);
+    free(model->edges);
+    free(model);
+}
+
+double kn_model_mass(const kn_model *model)
+{
+    double mass = 0;
+    for (int i = 0; i < model->grid.nodes; i++) mass += model->node_mass_kg[i];
+    return mass;
+}

@@ -92,6 +92,9 @@ kn_model_def kn_model_def_default(void);
 kn_model *kn_model_build(const kn_model_def *def, char *error, size_t error_size);
 void kn_model_destroy(kn_model *model); // NULL is fine
 
+// Whether this processor can run the kernels of an instruction set.
+bool kn_isa_supported(kn_isa isa);
+
 double kn_model_mass(const kn_model *model); // kg, without mass_scale
 
 #endif

@@ -1,1 +1,164 @@
-// state: see state.h
+#include "core/scratch.h"
+#include "core/hash.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+// Hands out pieces of an arena, 64-byte aligned. With base NULL it only measures.
+typedef struct arena {
+    char *base;
+    size_t used;
+} arena;
+
+static void *take(arena *a, size_t bytes)
+{
+    void *p = a->base ? a->base + a->used : NULL;
+    a->used += (bytes + 63) / 64 * 64;
+    return p;
+}
+
+static size_t top_nodes(const kn_model *m) { return (size_t)m->face[0].len[0] * (size_t)m->face[0].len[1]; }
+
+static size_t real_size(const kn_model *m) { return m->def.solver.precision == KN_PRECISION_F32 ? sizeof(float) : sizeof(double); }
+
+static size_t field_bytes(const kn_model *m, int components)
+{
+    bool absent = components == KN_FORWARD && m->law.kind == KN_LAW_VOIGT; // its strain is read off the length
+    return absent ? 0 : kn_grid_field(&m->grid, components) * real_size(m);
+}
+
+static void layout_implicit(const kn_model *m, arena *a, kn_scratch *s)
+{
+    kn_work *w = &s->work;
+    struct {
+        void **field;
+        int components;
+    } list[] = {{&w->guess, 3}, {&w->r, 3}, {&w->q, 3}, {&w->d, 3}, {&w->z, 3}, {&w->p, 6}, {&w->g, 3 * KN_FORWARD}, {&w->free, 3}};
+    for (size_t i = 0; i < sizeof list / sizeof list[0]; i++)
+        *list[i].field = take(a, kn_grid_field(&m->grid, list[i].components) * real_size(m));
+    w->row_held = take(a, (size_t)m->grid.rows);
+    w->row_moved = take(a, (size_t)m->grid.rows);
+    s->row_base = take(a, (size_t)m->grid.rows);
+    s->last_held = take(a, top_nodes(m) * sizeof(int));
+}
+
+static void layout_rk4(const kn_model *m, arena *a, kn_scratch *s)
+{
+    size_t nodes = (size_t)m->grid.nodes;
+    s->fixed = take(a, nodes);
+    s->velocity = take(a, nodes * sizeof *s->velocity);
+    s->force = take(a, nodes * sizeof *s->force);
+    s->reaction = take(a, nodes * sizeof *s->reaction);
+    s->stages = take(a, kn_rk4_scratch(m));
+    s->boundary = (kn_boundary){s->fixed, (const double(*)[3])s->velocity, (const double(*)[3])s->force, s->reaction};
+}
+
+// One description of the arena for measuring and for handing out.
+static size_t layout(const kn_model *m, char *base)
+{
+    arena a = {.base = base};
+    kn_state unused_state, *state = base ? (kn_state *)(void *)base : &unused_state;
+    kn_scratch unused_scratch, *scratch = &unused_scratch;
+    take(&a, sizeof *state);
+#define KN_FIELD(name, components)                                                                                      \
+    state->name = take(&a, field_bytes(m, components));                                                                 \
+    if (field_bytes(m, components) == 0) state->name = NULL;
+    KN_STATE_FIELDS(KN_FIELD)
+#undef KN_FIELD
+    state->held = take(&a, KN_PROBES_MAX * top_nodes(m));
+    state->scratch = take(&a, sizeof *scratch);
+    if (base) scratch = state->scratch;
+    void *contact = take(&a, kn_contact_bytes(m));
+    if (base) kn_contact_init(m, &scratch->contact, contact);
+    if (m->def.solver.kind == KN_SOLVER_IMPLICIT) layout_implicit(m, &a, scratch);
+    else layout_rk4(m, &a, scratch);
+    if (base) state->bytes = a.used;
+    return a.used;
+}
+
+size_t kn_state_size(const kn_model *model) { return layout(model, NULL); }
+
+kn_state *kn_state_create(const kn_model *model)
+{
+    size_t bytes = model->state_bytes;
+    kn_state *state = aligned_alloc(64, bytes);
+    if (!state) return NULL;
+    memset(state, 0, bytes); // touches every page before a tick does
+    layout(model, (char *)state);
+    kn_state_reset(model, state);
+    return state;
+}
+
+void kn_state_destroy(kn_state *state) { free(state); }
+
+static void reset_implicit(const kn_model *m, kn_scratch *s)
+{
+    kn_work *w = &s->work;
+    memset(w->guess, 0, kn_grid_field(&m->grid, 3) * real_size(m));
+    memset(w->q, 0, kn_grid_field(&m->grid, 3) * real_size(m));
+    memset(w->d, 0, kn_grid_field(&m->grid, 3) * real_size(m));
+    memset(w->g, 0, kn_grid_field(&m->grid, 3 * KN_FORWARD) * real_size(m)); // edges that do not exist are never written
+    memset(s->row_base, 0, (size_t)m->grid.rows);
+    memset(w->row_moved, 0, (size_t)m->grid.rows);
+    s->last_held_count = 0;
+    size_t stride = kn_grid_stride(&m->grid);
+    for (size_t i = 0; i < kn_grid_field(&m->grid, 3); i++) kn_real_set(m, w->free, i, 1);
+    for (int node = 0; node < m->grid.n[0] * m->grid.n[1]; node++) {
+        size_t o = kn_grid_offset(&m->grid, node);
+        int mask = kn_support_mask(m, node);
+        if (mask) s->row_base[o / (3 * stride)] = 1;
+        for (int k = 0; k < 3; k++) kn_real_set(m, w->free, o + (size_t)k * stride, mask >> k & 1 ? 0 : 1);
+    }
+    memcpy(w->row_held, s->row_base, (size_t)m->grid.rows);
+}
+
+void kn_state_reset(const kn_model *model, kn_state *state)
+{
+    memset(state, 0, offsetof(kn_state, displacement));
+#define KN_FIELD(name, components)                                                                                      \
+    if (state->name) memset(state->name, 0, field_bytes(model, components));
+    KN_STATE_FIELDS(KN_FIELD)
+#undef KN_FIELD
+    memset(state->held, 0, KN_PROBES_MAX * top_nodes(model));
+    if (model->def.solver.kind == KN_SOLVER_IMPLICIT) reset_implicit(model, kn_state_scratch(state));
+}
+
+void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src)
+{
+    memcpy(dst, src, offsetof(kn_state, displacement));
+#define KN_FIELD(name, components)                                                                                      \
+    if (src->name) memcpy(dst->name, src->name, field_bytes(model, components));
+    KN_STATE_FIELDS(KN_FIELD)
+#undef KN_FIELD
+    memcpy(dst->held, src->held, KN_PROBES_MAX * top_nodes(model));
+}
+
+uint64_t kn_state_hash(const kn_model *model, const kn_state *state)
+{
+    // the plain part ends with `bad`; what follows up to the first pointer is padding
+    uint64_t h = kn_hash_bytes(KN_HASH_SEED, state, offsetof(kn_state, bad) + sizeof state->bad);
+#define KN_FIELD(name, components)                                                                                      \
+    if (state->name) h = kn_hash_bytes(h, state->name, field_bytes(model, components));
+    KN_STATE_FIELDS(KN_FIELD)
+#undef KN_FIELD
+    return kn_hash_bytes(h, state->held, KN_PROBES_MAX * top_nodes(model));
+}
+
+static void node_vector(const kn_model *m, const void *field, int node, double out[3])
+{
+    size_t o = kn_grid_offset(&m->grid, node), stride = kn_grid_stride(&m->grid);
+    for (size_t k = 0; k < 3; k++) out[k] = kn_real_get(m, field, o + k * stride);
+}
+
+void kn_state_position(const kn_model *model, const kn_state *state, int node, double x_m[3])
+{
+    double moved[3];
+    node_vector(model, state->displacement, node, moved);
+    kn_grid_rest(&model->grid, node, x_m);
+    for (int k = 0; k < 3; k++) x_m[k] += moved[k];
+}
+
+void kn_state_velocity(const kn_model *model, const kn_state *state, int node, double v_m_s[3])
+{
+    node_vector(model, state->velocity, node, v_m_s);
+}

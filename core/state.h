@@ -36,6 +36,7 @@ typedef struct kn_state {
     size_t bytes;  // of the arena that starts at this struct
 } kn_state;
 
+size_t kn_state_size(const kn_model *model); // bytes of a state, arena and all; what kn_model_build stores
 kn_state *kn_state_create(const kn_model *model); // reset already; NULL when memory is short
 void kn_state_destroy(kn_state *state);           // NULL is fine
 void kn_state_reset(const kn_model *model, kn_state *state); // object at rest, undeformed

@@ -1,1 +1,102 @@
-// step: see step.h
+#include "core/step.h"
+#include "core/scratch.h"
+#include "core/solver_implicit.h"
+
+#include <math.h>
+#include <string.h>
+
+// --- RK4's boundary -------------------------------------------------------------------------------------------------
+
+static void fill_boundary(const kn_model *m, const kn_input *input, kn_scratch *s)
+{
+    const kn_face *top = &m->face[0];
+    int top_count = top->len[0] * top->len[1];
+    double shares = 0;
+    for (int i = 0; i < m->grid.nodes; i++) s->fixed[i] = (uint8_t)kn_support_mask(m, i);
+    memset(s->velocity, 0, (size_t)m->grid.nodes * sizeof *s->velocity);
+    memset(s->force, 0, (size_t)m->grid.nodes * sizeof *s->force);
+    for (int pass = 0; pass < 2 && input->top_load_n != 0; pass++)
+        for (int i = 0; i < top_count; i++) {
+            int node = top->origin + i % top->len[0] * top->step[0] + i / top->len[0] * top->step[1];
+            if (pass == 0) shares += kn_grid_share(&m->grid, node);
+            else s->force[node][2] -= input->top_load_n * kn_grid_share(&m->grid, node) / shares;
+        }
+}
+
+static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
+{
+    kn_scratch *s = kn_state_scratch(state);
+    fill_boundary(m, input, s);
+    for (int i = 0; i < s->contact.hold_count; i++) {
+        const kn_hold *hold = &s->contact.hold[i];
+        for (int k = 0; k < 3; k++)
+            if (!(s->fixed[hold->node] >> k & 1)) s->velocity[hold->node][k] = hold->velocity_m_s[k];
+        s->fixed[hold->node] = 7;
+    }
+    for (int i = 0; i < s->contact.sample_count; i++) { // explicit: pressure at the depth of now
+        kn_sample *sample = &s->contact.sample[i];
+        sample->force_n = fmax(0, sample->stiffness_n_m * sample->depth_m);
+        for (int a = 0; a < 9; a++)
+            for (int k = 0; k < 3; k++) s->force[sample->node[a]][k] += sample->weight[a] * sample->force_n * sample->normal[k];
+    }
+    kn_rk4_step(m, state, &s->boundary, s->stages);
+    for (int i = 0; i < s->contact.hold_count; i++)
+        for (int k = 0; k < 3; k++) s->contact.hold[i].force_n[k] = -s->reaction[s->contact.hold[i].node][k];
+}
+
+// --- watch ----------------------------------------------------------------------------------------------------------
+
+// A force that goes up and down by turns is the linearisation chattering: half a second of secants calms it.
+#define CHATTER_SHARE 24    // sign changes in the last 64 steps
+#define CHATTER_SIZE 0.005  // of the force: smaller ones are rounding
+#define CHATTER_REST 500    // steps
+
+static void watch_chatter(const kn_model *m, kn_state *state, const kn_output *output)
+{
+    double force = 0;
+    for (int p = 0; p < m->def.probe_count; p++)
+        for (int k = 0; k < 3; k++) force += fabs(output->probe[p].force_n[k]);
+    double delta = force - state->last_force_n;
+    bool turned = delta * state->last_delta_n < 0 && fabs(delta) > CHATTER_SIZE * force;
+    state->chatter_bits = state->chatter_bits << 1 | turned;
+    state->last_force_n = force;
+    state->last_delta_n = delta;
+    if (__builtin_popcountll(state->chatter_bits) < CHATTER_SHARE) return;
+    state->secant_until = state->tick + CHATTER_REST;
+    state->chatter_bits = 0;
+}
+
+static bool all_finite(const kn_model *m, const kn_output *output)
+{
+    double sum = output->residual;
+    for (int p = 0; p < m->def.probe_count; p++)
+        for (int k = 0; k < 3; k++) sum += output->probe[p].force_n[k] + output->probe[p].torque_n_m[k];
+    return isfinite(sum);
+}
+
+// --- the step -------------------------------------------------------------------------------------------------------
+
+kn_status kn_step(const kn_model *model, kn_state *state, const kn_input *input, kn_output *output)
+{
+    kn_contact *contact = &kn_state_scratch(state)->contact;
+    memset(output, 0, sizeof *output);
+    if (state->bad) return KN_DIVERGED;
+    bool rk4 = model->def.solver.kind == KN_SOLVER_RK4;
+
+    // who touches what, at the positions of now
+    kn_contact_find(model, state, input, contact);
+    // velocities of the lattice under these constraints; forces on holds and samples
+    if (rk4) solve_rk4(model, state, input);
+    else kn_solve_implicit(model, state, input, output);
+    // forces on the probes; they move, and so does the lattice
+    kn_contact_end(model, state, input, contact, output);
+    if (!rk4) kn_advance_implicit(model, state);
+    watch_chatter(model, state, output);
+    state->tick++;
+
+    if (all_finite(model, output)) return KN_OK;
+    state->bad = 1;
+    memset(output, 0, sizeof *output);
+    return KN_DIVERGED;
+}
+

@@ -1,0 +1,33 @@
+#ifndef KN_CORE_SCRATCH_H
+#define KN_CORE_SCRATCH_H
+// What the solvers keep between the two ends of a step, in the state's arena but neither saved nor hashed.
+#include "core/contact.h"
+#include "core/kernel.h"
+#include "core/solver_rk4.h"
+
+typedef struct kn_scratch {
+    kn_work work; // implicit: first, kernels find it at state->scratch
+    kn_contact contact;
+    int *last_held; // implicit: nodes whose components the last step prescribed
+    int last_held_count;
+    uint8_t *row_base;    // implicit: [rows] 1 where the support holds a node of the row
+    kn_boundary boundary; // RK4: its arrays below
+    uint8_t *fixed;
+    double (*velocity)[3], (*force)[3], (*reaction)[3];
+    void *stages; // RK4
+} kn_scratch;
+
+static inline kn_scratch *kn_state_scratch(const kn_state *state) { return state->scratch; }
+
+// Components of a node that the support holds: bit k set = component k stands still.
+static inline int kn_support_mask(const kn_model *model, int node)
+{
+    if (node >= model->grid.n[0] * model->grid.n[1]) return 0; // ids count z slowest: the base comes first
+    switch (model->def.support) {
+    case KN_SUPPORT_BONDED: return 7;
+    case KN_SUPPORT_FRICTIONLESS: return 4;
+    default: return 0;
+    }
+}
+
+#endif

@@ -1,0 +1,204 @@
+#include "core/solver_implicit.h"
+
+#include <math.h>
+#include <string.h>
+
+typedef struct node_at { // where a node's three components are
+    size_t offset, stride;
+} node_at;
+
+static node_at locate(const kn_model *m, int node) { return (node_at){kn_grid_offset(&m->grid, node), kn_grid_stride(&m->grid)}; }
+
+// --- boundary -------------------------------------------------------------------------------------------------------
+
+static void free_last_held(const kn_model *m, kn_scratch *s)
+{
+    for (int i = 0; i < s->last_held_count; i++) {
+        node_at n = locate(m, s->last_held[i]);
+        int mask = kn_support_mask(m, s->last_held[i]);
+        for (size_t k = 0; k < 3; k++) kn_real_set(m, s->work.free, n.offset + k * n.stride, mask >> k & 1 ? 0 : 1);
+    }
+    s->last_held_count = 0;
+    memcpy(s->work.row_held, s->row_base, (size_t)m->grid.rows);
+    memset(s->work.row_moved, 0, (size_t)m->grid.rows);
+}
+
+static void hold_node(const kn_model *m, const kn_state *state, kn_scratch *s, const kn_hold *hold)
+{
+    node_at n = locate(m, hold->node);
+    size_t row = n.offset / (3 * n.stride);
+    int mask = kn_support_mask(m, hold->node);
+    for (size_t k = 0; k < 3; k++) {
+        size_t o = n.offset + k * n.stride;
+        kn_real_set(m, s->work.free, o, 0);
+        if (mask >> k & 1) continue;
+        kn_real_set(m, s->work.guess, o, hold->velocity_m_s[k]);
+        if (kn_real_get(m, s->work.guess, o) != kn_real_get(m, state->velocity, o)) s->work.row_moved[row] = 1;
+    }
+    s->work.row_held[row] = 1;
+    s->last_held[s->last_held_count++] = hold->node;
+}
+
+static void prescribe(const kn_model *m, kn_state *state, kn_scratch *s)
+{
+    size_t bytes = kn_grid_field(&m->grid, 3) * m->kernels->real_size;
+    free_last_held(m, s);
+    memcpy(s->work.guess, state->velocity, bytes);
+    for (int i = 0; i < s->contact.hold_count; i++) hold_node(m, state, s, &s->contact.hold[i]);
+}
+
+// --- loads and samples ----------------------------------------------------------------------------------------------
+
+static void add_top_load(const kn_model *m, kn_scratch *s, double load_n)
+{
+    const kn_face *top = &m->face[0];
+    double shares = 0;
+    for (int pass = 0; pass < 2; pass++)
+        for (int i = 0; i < top->len[0] * top->len[1]; i++) {
+            int node = top->origin + i % top->len[0] * top->step[0] + i / top->len[0] * top->step[1];
+            double share = kn_grid_share(&m->grid, node);
+            node_at n = locate(m, node);
+            if (pass == 0) shares += share;
+            else kn_real_add(m, s->work.r, n.offset + 2 * n.stride, -load_n * share / shares);
+        }
+}
+
+static double end_depth(const kn_model *m, const kn_state *state, const kn_sample *sample)
+{
+    return sample->depth_m - m->def.solver.dt_s * kn_sample_gap_rate(m, state, sample, kn_state_work(state)->guess);
+}
+
+// Pushes a sample's nodes by force n, and puts its stiffness on their diagonal blocks.
+static void add_sample(const kn_model *m, kn_scratch *s, const kn_sample *sample, double force_n, double stiffness)
+{
+    for (int a = 0; a < 9; a++) {
+        double w = sample->weight[a];
+        if (w == 0) continue;
+        node_at n = locate(m, sample->node[a]);
+        size_t blocks = n.offset / (3 * n.stride) * 6 * n.stride + n.offset % (3 * n.stride); // same row and lane, 6 components
+        for (size_t i = 0, c = 0; i < 3; i++) {
+            kn_real_add(m, s->work.r, n.offset + i * n.stride, w * force_n * sample->normal[i]);
+            for (size_t k = i; k < 3; k++, c++)
+                if (stiffness > 0) kn_real_add(m, s->work.p, blocks + c * n.stride, w * w * stiffness * sample->normal[i] * sample->normal[k]);
+        }
+    }
+}
+
+static void add_external(const kn_model *m, kn_state *state, kn_scratch *s, const kn_input *input)
+{
+    memset(s->work.r, 0, kn_grid_field(&m->grid, 3) * m->kernels->real_size);
+    memset(s->work.p, 0, kn_grid_field(&m->grid, 6) * m->kernels->real_size);
+    if (input->top_load_n != 0) add_top_load(m, s, input->top_load_n);
+    for (int i = 0; i < s->contact.sample_count; i++) {
+        kn_sample *sample = &s->contact.sample[i];
+        double depth = end_depth(m, state, sample);
+        sample->active = depth > 0;
+        if (sample->active) add_sample(m, s, sample, sample->stiffness_n_m * depth, m->def.solver.dt_s * sample->stiffness_n_m);
+    }
+}
+
+// Samples that the solution shows on the wrong side change it; returns how many.
+static int change_active_set(const kn_model *m, kn_state *state, kn_scratch *s)
+{
+    int changed = 0;
+    for (int i = 0; i < s->contact.sample_count; i++) {
+        kn_sample *sample = &s->contact.sample[i];
+        double depth = end_depth(m, state, sample);
+        if ((depth > 0) == sample->active) continue;
+        double force = sample->stiffness_n_m * depth;
+        add_sample(m, s, sample, sample->active ? -force : force, 0);
+        sample->active = !sample->active;
+        changed++;
+    }
+    return changed;
+}
+
+// q += sum k dt n n' d over active samples; returns their share of d.q.
+static double apply_samples(const kn_model *m, kn_scratch *s)
+{
+    double sum = 0;
+    for (int i = 0; i < s->contact.sample_count; i++) {
+        const kn_sample *sample = &s->contact.sample[i];
+        if (!sample->active) continue;
+        double rate = 0, k = m->def.solver.dt_s * sample->stiffness_n_m;
+        node_at n[9];
+        for (int a = 0; a < 9; a++) {
+            n[a] = locate(m, sample->node[a]);
+            for (size_t c = 0; c < 3; c++)
+                rate += sample->weight[a] * sample->normal[c] * kn_real_get(m, s->work.d, n[a].offset + c * n[a].stride);
+        }
+        for (int a = 0; a < 9; a++)
+            for (size_t c = 0; c < 3; c++)
+                kn_real_add(m, s->work.q, n[a].offset + c * n[a].stride, k * rate * sample->weight[a] * sample->normal[c]);
+        sum += k * rate * rate;
+    }
+    return sum;
+}
+
+// --- conjugate gradients --------------------------------------------------------------------------------------------
+
+// From r.z of the residual in place; returns r.z at the end.
+static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double rz, int wanted, kn_output *output)
+{
+    const kn_solver_def *solver = &m->def.solver;
+    double enough = solver->tolerance * solver->tolerance * state->residual_scale;
+    double nothing = 1e-24 * state->residual_scale; // the object rests: nothing to solve
+    double beta = 0;
+    for (int i = 0; output->iterations < solver->iterations_max; i++, output->iterations++) {
+        if ((i >= wanted && rz <= enough) || !(rz > nothing)) return rz;
+        if (i >= wanted && solver->tolerance == 0) return rz;
+        double dq = m->kernels->apply(m, state, beta) + apply_samples(m, s);
+        if (!(dq > 0)) return rz;
+        double next = m->kernels->update(m, state, rz / dq);
+        beta = next / rz;
+        rz = next;
+    }
+    output->capped = solver->tolerance > 0 && rz > enough;
+    return rz;
+}
+
+static double solve_linear(const kn_model *m, kn_state *state, kn_scratch *s, double rz, kn_output *output)
+{
+    int wanted = m->def.solver.iterations;
+    rz = iterate(m, state, s, rz, wanted, output);
+    for (int again = 0; again < 2; again++) {
+        if (change_active_set(m, state, s) == 0) break;
+        rz = iterate(m, state, s, m->kernels->update(m, state, 0), (wanted + 1) / 2, output);
+    }
+    return rz;
+}
+
+static void read_forces(const kn_model *m, kn_state *state, kn_scratch *s)
+{
+    for (int i = 0; i < s->contact.hold_count; i++) {
+        kn_hold *hold = &s->contact.hold[i];
+        node_at n = locate(m, hold->node);
+        for (size_t k = 0; k < 3; k++) hold->force_n[k] = kn_real_get(m, s->work.r, n.offset + k * n.stride);
+    }
+    for (int i = 0; i < s->contact.sample_count; i++) {
+        kn_sample *sample = &s->contact.sample[i];
+        sample->force_n = sample->active ? fmax(0, sample->stiffness_n_m * end_depth(m, state, sample)) : 0;
+    }
+}
+
+void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *input, kn_output *output)
+{
+    kn_scratch *s = kn_state_scratch(state);
+    const kn_solver_def *solver = &model->def.solver;
+    output->secant = state->tick < state->secant_until;
+    kn_linearization how = output->secant ? KN_LINEARIZATION_SECANT : solver->linearization;
+    prescribe(model, state, s);
+    double rz = 0;
+    for (int pass = 0; pass < solver->passes; pass++) {
+        add_external(model, state, s, input);
+        rz = model->kernels->edge(model, state, how, pass > 0);
+        // decays over a second: what is a large residual now is measured against the recent past
+        if (pass == 0) state->residual_scale = fmax(rz, state->residual_scale * (1 - fmin(1, solver->dt_s)));
+        output->iterations = 0;
+        rz = solve_linear(model, state, s, rz, output);
+    }
+    output->residual = state->residual_scale > 0 ? sqrt(rz / state->residual_scale) : 0;
+    read_forces(model, state, s);
+}
+
+void kn_advance_implicit(const kn_model *model, kn_state *state) { model->kernels->integrate(model, state); }
