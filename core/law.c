@@ -46,13 +46,13 @@ double kn_law_stress(const kn_law *law, double b_pa)
         for (int i = 0; i < 60; i++) {
             double r = law->a_pa_s / kn_material_c2(&law->mat, s);
             double f = log(s * (1.0 + r) / b);
+            if (fabs(f) <= 4e-16) break; // two roundings of the logarithm's argument
             if (f > 0) hi = s;
             else lo = s;
             double next = s - f / (1.0 / s + law->mat.beta_per_pa * r / (1.0 + r));
             if (!(next > lo && next < hi)) next = 0.5 * (lo + hi);
-            double moved = fabs(next - s);
+            if (next == s) break;
             s = next;
-            if (moved <= 1e-15 * s) break;
         }
     }
     return copysign(s, b_pa);
