@@ -185,7 +185,7 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
 {
     kn_scratch *s = kn_state_scratch(state);
     const kn_solver_def *solver = &model->def.solver;
-    output->secant = state->tick < state->secant_until;
+    output->secant = state->secant_steps > 0;
     kn_linearization how = output->secant ? KN_LINEARIZATION_SECANT : solver->linearization;
     prescribe(model, state, s);
     double rz = 0;

@@ -135,8 +135,9 @@ void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src)
 
 uint64_t kn_state_hash(const kn_model *model, const kn_state *state)
 {
-    // the plain part ends with `bad`; what follows up to the first pointer is padding
-    uint64_t h = kn_hash_bytes(KN_HASH_SEED, state, offsetof(kn_state, bad) + sizeof state->bad);
+    // the plain part runs from behind the tick to `bad`; what follows up to the first pointer is padding
+    size_t from = offsetof(kn_state, probe), to = offsetof(kn_state, bad) + sizeof state->bad;
+    uint64_t h = kn_hash_bytes(KN_HASH_SEED, (const char *)state + from, to - from);
 #define KN_FIELD(name, components)                                                                                      \
     if (state->name) h = kn_hash_bytes(h, state->name, field_bytes(model, components));
     KN_STATE_FIELDS(KN_FIELD)

@@ -20,13 +20,13 @@ typedef struct kn_probe_state {
     X(strain, KN_FORWARD) /* u of each forward edge, before the last step; absent (NULL) under KN_LAW_VOIGT */
 
 typedef struct kn_state {
-    int64_t tick; // steps since reset
+    int64_t tick; // steps since reset; not hashed: an object that nobody touched is the same at every tick
     kn_probe_state probe[KN_PROBES_MAX];
-    // chatter watch: sign changes of the force's increment in the last 64 steps; secant until secant_until
+    // chatter watch: sign changes of the force's increment in the last 64 steps; steps left on the secant
     uint64_t chatter_bits;
     double last_force_n, last_delta_n;
     double residual_scale; // largest preconditioned residual norm of the recent steps, decaying over 1 s
-    int64_t secant_until;
+    int64_t secant_steps;
     int32_t bad; // 1 after a non-finite force or displacement: kn_step then does nothing until reset
 #define KN_FIELD(name, components) void *name; // float or double, as the model's precision says
     KN_STATE_FIELDS(KN_FIELD)
@@ -42,7 +42,7 @@ void kn_state_destroy(kn_state *state);           // NULL is fine
 void kn_state_reset(const kn_model *model, kn_state *state); // object at rest, undeformed
 void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src);
 
-// 64-bit hash of everything saved. Equal across compilers, optimisation levels and instruction sets. Real-time safe.
+// 64-bit hash of everything saved but the tick. Equal across compilers, optimisation levels and instruction sets. Real-time safe.
 uint64_t kn_state_hash(const kn_model *model, const kn_state *state);
 
 // Position of a node now, m. Real-time safe.

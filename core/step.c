@@ -62,7 +62,7 @@ static void watch_chatter(const kn_model *m, kn_state *state, const kn_output *o
     state->last_force_n = force;
     state->last_delta_n = delta;
     if (__builtin_popcountll(state->chatter_bits) < CHATTER_SHARE) return;
-    state->secant_until = state->tick + CHATTER_REST;
+    state->secant_steps = CHATTER_REST;
     state->chatter_bits = 0;
 }
 
@@ -91,6 +91,7 @@ kn_status kn_step(const kn_model *model, kn_state *state, const kn_input *input,
     // forces on the probes; they move, and so does the lattice
     kn_contact_end(model, state, input, contact, output);
     if (!rk4) kn_advance_implicit(model, state);
+    if (state->secant_steps > 0) state->secant_steps--;
     watch_chatter(model, state, output);
     state->tick++;
 
