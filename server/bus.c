@@ -1,12 +1,15 @@
 #include "server/bus.h"
 #include <arpa/inet.h>
 #include <errno.h>
+#include <linux/rtnetlink.h>
 #include <linux/sock_diag.h>
 #include <net/if.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
+
+enum { LO = 1 }; // Linux gives lo this number in every namespace (LOOPBACK_IFINDEX)
 
 bool kn_bus_parse(kn_bus *bus, const char *url, char *error, size_t error_size)
 {
@@ -32,22 +35,40 @@ bool kn_bus_parse(kn_bus *bus, const char *url, char *error, size_t error_size)
     return true;
 }
 
+// The kernel's own answer, as `ip route get` has it. Connecting a socket and asking for its source address tells less: on a
+// route over lo that was added with link scope the source is 0.0.0.0, as on a card that has no address. 0: no route.
+static int route_device(struct in_addr group)
+{
+    struct {
+        struct nlmsghdr header;
+        struct rtmsg route;
+        struct rtattr attribute;
+        struct in_addr destination;
+    } ask = {.header = {.nlmsg_len = sizeof ask, .nlmsg_type = RTM_GETROUTE, .nlmsg_flags = NLM_F_REQUEST},
+             .route = {.rtm_family = AF_INET, .rtm_dst_len = 32},
+             .attribute = {.rta_len = RTA_LENGTH(sizeof group), .rta_type = RTA_DST}, .destination = group};
+    _Alignas(struct nlmsghdr) char answer[2048];
+    int device = 0, fd = socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC, NETLINK_ROUTE);
+    if (fd < 0) return 0;
+    ssize_t size = send(fd, &ask, sizeof ask, 0) == sizeof ask ? recv(fd, answer, sizeof answer, 0) : -1;
+    close(fd);
+    const struct nlmsghdr *header = (const struct nlmsghdr *)answer;
+    if (size < (ssize_t)NLMSG_LENGTH(sizeof ask.route) || header->nlmsg_type != RTM_NEWROUTE) return 0;
+    unsigned left = header->nlmsg_len - (unsigned)NLMSG_LENGTH(sizeof ask.route);
+    for (struct rtattr *a = RTM_RTA((struct rtmsg *)NLMSG_DATA(header)); RTA_OK(a, left); a = RTA_NEXT(a, left))
+        if (a->rta_type == RTA_OIF) memcpy(&device, RTA_DATA(a), sizeof device);
+    return device;
+}
+
 bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size)
 {
-    // Connecting a UDP socket sends nothing; it makes the kernel choose route and source address, which then can be asked.
-    struct sockaddr_in from = {0};
-    socklen_t size = sizeof from;
-    int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-    bool routed = fd >= 0 && connect(fd, (const struct sockaddr *)&bus->group, sizeof bus->group) == 0 &&
-                  getsockname(fd, (struct sockaddr *)&from, &size) == 0;
-    if (fd >= 0) close(fd);
-    if (routed && ntohl(from.sin_addr.s_addr) >> 24 == IN_LOOPBACKNET) return true;
-
-    char group[16], source[16];
+    int device = route_device(bus->group.sin_addr);
+    if (device == LO) return true;
+    char name[IF_NAMESIZE] = "", group[16];
     inet_ntop(AF_INET, &bus->group.sin_addr, group, sizeof group);
-    inet_ntop(AF_INET, &from.sin_addr, source, sizeof source);
+    bool named = device != 0 && if_indextoname((unsigned)device, name);
     snprintf(error, error_size, "%s: the group's route is not loopback (%s%s); as root: ip link set lo up; "
-             "ip route add %s/32 dev lo", bus->url, routed ? "it leaves from " : "there is none", routed ? source : "", group);
+             "ip route add %s/32 dev lo", bus->url, named ? "it leaves by " : "there is none", name, group);
     return false;
 }
 
@@ -62,7 +83,7 @@ static void enlarge_buffer(int fd)
 int kn_bus_listen(const kn_bus *bus, char *error, size_t error_size)
 {
     const int on = 1, off = 0;
-    struct ip_mreqn group = {.imr_multiaddr = bus->group.sin_addr, .imr_ifindex = (int)if_nametoindex("lo")};
+    const struct ip_mreqn group = {.imr_multiaddr = bus->group.sin_addr, .imr_ifindex = LO};
     int fd = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (fd >= 0 && setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) == 0 &&
         setsockopt(fd, IPPROTO_IP, IP_PKTINFO, &on, sizeof on) == 0 &&
@@ -79,7 +100,6 @@ int kn_bus_listen(const kn_bus *bus, char *error, size_t error_size)
 
 static bool came_over_lo(struct msghdr *header)
 {
-    enum { LO = 1 }; // Linux gives lo this number in every namespace (LOOPBACK_IFINDEX)
     for (struct cmsghdr *c = CMSG_FIRSTHDR(header); c; c = CMSG_NXTHDR(header, c)) {
         if (c->cmsg_level != IPPROTO_IP || c->cmsg_type != IP_PKTINFO) continue;
         struct in_pktinfo info;

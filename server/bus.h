@@ -35,7 +35,7 @@ typedef struct kn_batch { // what one wake brought
 // udpm://GROUP:PORT[?ttl=0&recv_buf_size=N]. False and one line in error for anything else.
 bool kn_bus_parse(kn_bus *bus, const char *url, char *error, size_t error_size);
 
-// Whether the kernel would send to the group over lo. False and one line in error that names the cure.
+// Whether the kernel would route the group over lo. False and one line in error that names the cure.
 bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size);
 
 // A non-blocking socket that hears the group over lo, beside any number of others; -1 and one line in error.

@@ -15,7 +15,7 @@
 #include "server/bus.h"
 #include "server/servo.h"
 
-// One per line of status_t.rejected, same order; the names stand in server/README.md. Append only: logs hold the indices.
+// One per line of status_t.rejected, same order; they stand in proto/README.md too. Append only: logs hold the indices.
 #define KN_REJECTS(X)                                                                                                   \
     X(INTERFACE, "interface", "did not arrive over lo")                                                                 \
     X(RUNT, "runt", "shorter than an LCM header")                                                                       \

@@ -297,16 +297,16 @@ TEST("whatever arrives, each datagram ends in one counter, and what is accepted 
             KN_TEST_FAIL("the mix never reached '%s'", kn_verdict_name((kn_verdict)i));
 }
 
-TEST("every reason stands in the README under its index in status_t.rejected")
+TEST("every reason stands in the page of the wire under its index in status_t.rejected")
 {
     static char text[100000];
-    FILE *file = fopen(KN_SOURCE_DIR "/server/README.md", "r");
+    FILE *file = fopen(KN_SOURCE_DIR "/proto/README.md", "r");
     CHECK(file && fread(text, 1, sizeof text - 1, file) > 0);
     if (file) fclose(file);
     for (int i = 0; i < KN_REJECT_COUNT; i++) {
         char row[64];
         snprintf(row, sizeof row, "| %d | %s |", i, kn_verdict_name((kn_verdict)i));
-        if (!strstr(text, row)) KN_TEST_FAIL("not in server/README.md: %s", row);
+        if (!strstr(text, row)) KN_TEST_FAIL("not in proto/README.md: %s", row);
     }
 }
 
