@@ -1,0 +1,113 @@
+#include "server/rt.h"
+#include <errno.h>
+#include <sched.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+
+#define STACK_BYTES (512 << 10) // the tick keeps its arrays in the state; this is generous, and all of it gets locked
+
+bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode)
+{
+    static const char *const names[] = {[KN_RT_AUTO] = "auto", [KN_RT_REQUIRE] = "require", [KN_RT_OFF] = "off"};
+    for (int i = 0; i < 3; i++) {
+        if (strcmp(name, names[i]) != 0) continue;
+        *mode = (kn_rt_mode)i;
+        return true;
+    }
+    return false;
+}
+
+static void add_missing(kn_rt *rt, const char *what, const char *why, const char *cure)
+{
+    size_t used = strlen(rt->missing);
+    snprintf(rt->missing + used, sizeof rt->missing - used, "%s%s (%s%s%s)", used ? "; " : "", what, why, *cure ? ": " : "", cure);
+}
+
+static int set_priority(int priority)
+{
+    struct sched_param param = {.sched_priority = priority};
+    return pthread_setschedparam(pthread_self(), SCHED_FIFO, &param);
+}
+
+void kn_rt_enter(kn_rt *rt, kn_rt_mode mode)
+{
+    *rt = (kn_rt){.mode = mode};
+    if (mode == KN_RT_OFF) return;
+    int error = set_priority(KN_RT_SERVO); // the highest first: RLIMIT_RTPRIO may grant only a part
+    if (!error) error = set_priority(KN_RT_MAIN);
+    rt->fifo = !error;
+    if (error) add_missing(rt, "no SCHED_FIFO", strerror(error), "root, CAP_SYS_NICE or ulimit -r 80");
+}
+
+typedef struct thread_start {
+    void *(*run)(void *);
+    void *arg;
+} thread_start;
+
+// Touched once, the pages are there before the first deadline. volatile: or the compiler removes it.
+static void touch_stack(void)
+{
+    volatile char page[STACK_BYTES / 2];
+    for (size_t i = 0; i < sizeof page; i += 4096) page[i] = 0;
+}
+
+static void *thread_main(void *memory)
+{
+    thread_start start = *(thread_start *)memory;
+    free(memory);
+    touch_stack();
+    return start.run(start.arg);
+}
+
+// The last one: interrupts and the kernel's own work gather on the first.
+static void pin(pthread_attr_t *attr)
+{
+    cpu_set_t may, last;
+    if (sched_getaffinity(0, sizeof may, &may) != 0) return;
+    size_t cpu = CPU_SETSIZE - 1;
+    while (cpu > 0 && !CPU_ISSET(cpu, &may)) cpu--;
+    CPU_ZERO(&last);
+    CPU_SET(cpu, &last);
+    pthread_attr_setaffinity_np(attr, sizeof last, &last);
+}
+
+int kn_rt_thread(const kn_rt *rt, pthread_t *thread, int priority, bool pinned, void *(*run)(void *), void *arg)
+{
+    bool fifo = rt->fifo && priority != KN_RT_NORMAL;
+    struct sched_param param = {.sched_priority = fifo ? priority : 0};
+    pthread_attr_t attr;
+    thread_start *start = malloc(sizeof *start);
+    if (!start) return ENOMEM;
+    *start = (thread_start){run, arg};
+    pthread_attr_init(&attr);
+    pthread_attr_setstacksize(&attr, STACK_BYTES);
+    pthread_attr_setinheritsched(&attr, PTHREAD_EXPLICIT_SCHED);
+    pthread_attr_setschedpolicy(&attr, fifo ? SCHED_FIFO : SCHED_OTHER);
+    pthread_attr_setschedparam(&attr, &param);
+    if (pinned) pin(&attr);
+    sigset_t all, before; // signals are the main thread's: none may interrupt a tick
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    int error = pthread_create(thread, &attr, thread_main, start);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    pthread_attr_destroy(&attr);
+    if (error) free(start);
+    return error;
+}
+
+void kn_rt_lock_memory(kn_rt *rt)
+{
+    if (rt->mode == KN_RT_OFF) return;
+#ifdef KN_SANITIZED
+    add_missing(rt, "memory not locked", "sanitizer build", "");
+#else
+    struct rlimit limit;
+    bool unlimited = getrlimit(RLIMIT_MEMLOCK, &limit) == 0 && limit.rlim_cur == RLIM_INFINITY;
+    rt->locked = mlockall(unlimited ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0;
+    if (!rt->locked) add_missing(rt, "memory not locked", strerror(errno), "root, CAP_IPC_LOCK or ulimit -l unlimited");
+#endif
+}

@@ -1,0 +1,59 @@
+#include "server/sentinel.h"
+
+bool kn_sentinel_init(kn_sentinel *s)
+{
+    *s = (kn_sentinel){0};
+    return kn_ring_init(&s->stalls, KN_SENTINEL_RECENT, sizeof(kn_stall));
+}
+
+void kn_sentinel_free(kn_sentinel *s)
+{
+    kn_ring_free(&s->stalls);
+}
+
+void *kn_sentinel_run(void *sentinel)
+{
+    kn_sentinel *s = sentinel;
+    while (!atomic_load_explicit(&s->stop, memory_order_relaxed)) {
+        kn_wake wake = kn_clock_wait(&s->clock);
+        kn_stall stall = {wake.due_ns, wake.now_ns};
+        if (wake.now_ns - wake.due_ns >= KN_SENTINEL_STALL_NS) kn_ring_push(&s->stalls, &stall); // full: the oldest do
+    }
+    return NULL;
+}
+
+static void take_stalls(kn_sentinel *s)
+{
+    for (const kn_stall *stall; (stall = kn_ring_front(&s->stalls)); kn_ring_pop(&s->stalls))
+        s->recent[s->recent_count++ % KN_SENTINEL_RECENT] = *stall;
+}
+
+static bool explained(const kn_sentinel *s, const kn_wake *wake)
+{
+    if (wake->overrun) return false;
+    unsigned count = s->recent_count < KN_SENTINEL_RECENT ? s->recent_count : KN_SENTINEL_RECENT;
+    for (unsigned i = 0; i < count; i++)
+        if (s->recent[i].from_ns - KN_SENTINEL_MARGIN_NS <= wake->now_ns &&
+            wake->due_ns <= s->recent[i].to_ns + KN_SENTINEL_MARGIN_NS)
+            return true;
+    return false;
+}
+
+void kn_sentinel_missed(kn_sentinel *s, const kn_wake *wake)
+{
+    if (s->pending_count == KN_SENTINEL_RECENT) kn_sentinel_judge(s, INT64_MAX);
+    s->pending[s->pending_count++] = *wake;
+}
+
+int64_t kn_sentinel_judge(kn_sentinel *s, int64_t now_ns)
+{
+    int left = 0;
+    take_stalls(s);
+    for (int i = 0; i < s->pending_count; i++) {
+        const kn_wake *wake = &s->pending[i];
+        if (now_ns - wake->now_ns <= KN_SENTINEL_MARGIN_NS) s->pending[left++] = *wake;
+        else if (explained(s, wake)) s->explained += wake->missed;
+    }
+    s->pending_count = left;
+    return s->explained;
+}

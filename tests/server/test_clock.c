@@ -1,0 +1,51 @@
+#include "server/clock.h"
+#include "tests/check.h"
+
+#define MS KN_PERIOD_NS
+#define START (70 * (int64_t)MS)
+
+TEST("ticks on time follow one another and miss nothing")
+{
+    kn_clock clock;
+    kn_clock_start(&clock, START);
+    for (int n = 0; n < 5; n++) {
+        kn_wake wake = kn_clock_wake(&clock, START + (n - 1) * MS + 200000, START + n * MS + 999999);
+        CHECK(wake.tick == n && wake.missed == 0 && !wake.overrun && wake.due_ns == START + n * MS && wake.late_ns == 999999);
+    }
+}
+
+TEST("cycles that passed are counted and skipped, and the next deadline is ahead")
+{
+    kn_clock clock;
+    kn_clock_start(&clock, START);
+    kn_wake wake = kn_clock_wake(&clock, START - 1, START + 10);
+    wake = kn_clock_wake(&clock, START + 200000, START + 37 * MS + 5); // asleep for 36 ms too long
+    CHECK(wake.tick == 37 && wake.missed == 36 && !wake.overrun && wake.late_ns == 36 * MS + 5);
+    wake = kn_clock_wake(&clock, START + 37 * MS + 300000, START + 38 * MS + 5);
+    CHECK(wake.tick == 38 && wake.missed == 0 && wake.due_ns == START + 38 * MS);
+}
+
+TEST("a thread that was busy past its deadline has itself to blame")
+{
+    kn_clock clock;
+    kn_clock_start(&clock, START);
+    kn_wake wake = kn_clock_wake(&clock, START - 1, START);
+    wake = kn_clock_wake(&clock, START + 2 * MS + 400000, START + 2 * MS + 400030); // tick 0 took 2.4 ms
+    CHECK(wake.tick == 2 && wake.missed == 1 && wake.overrun && wake.late_ns == 30);
+}
+
+TEST("waiting never wakes before the deadline and loses no tick from the count")
+{
+    kn_clock clock;
+    kn_clock_start(&clock, kn_now_ns() + 2 * MS);
+    int64_t early = 0, expected = 0;
+    for (int n = 0; n < 50; n++) {
+        kn_wake wake = kn_clock_wait(&clock);
+        early += wake.now_ns < clock.start_ns + wake.tick * MS || wake.late_ns < 0;
+        CHECK(wake.tick == expected + wake.missed);
+        expected = wake.tick + 1;
+    }
+    CHECK(early == 0);
+}
+
+TESTS_MAIN
