@@ -1,0 +1,67 @@
+#include "server/publisher.h"
+#include "server/wire.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define ROOM_FIXED 2048 // status_t, the largest of the fixed types, has about 1 kB
+_Static_assert(sizeof(knead_status_t) + 64 <= ROOM_FIXED, "a status fits");
+
+bool kn_publisher_open(kn_publisher *p, const char *url, const kn_scene *scene, uint64_t initial_hash, char *error,
+                       size_t error_size)
+{
+    *p = (kn_publisher){.scene = scene, .initial_hash = initial_hash};
+    for (int i = 0; i < scene->model.probe_count; i++)
+        snprintf(p->force_channel[i], sizeof p->force_channel[i], "KNEAD_FORCE_%s", scene->model.probe[i].name);
+    knead_scene_t message;
+    kn_wire_scene(&message, scene, initial_hash, 0);
+    p->room = ROOM_FIXED + knead_scene_t_encoded_size(&message);
+    p->bytes = malloc((size_t)p->room);
+    p->lcm = p->bytes ? lcm_create(url) : NULL;
+    if (p->lcm) return true;
+    snprintf(error, error_size, "%s: %s", url, p->bytes ? "LCM refused this URL" : "out of memory");
+    kn_publisher_close(p);
+    return false;
+}
+
+void kn_publisher_close(kn_publisher *p)
+{
+    if (p->lcm) lcm_destroy(p->lcm);
+    free(p->bytes);
+    p->lcm = NULL;
+    p->bytes = NULL;
+}
+
+static void send_bytes(kn_publisher *p, const char *channel, int size)
+{
+    bool sent = size > 0 && lcm_publish(p->lcm, channel, p->bytes, (unsigned)size) == 0;
+    p->published += sent;
+    p->failed += !sent;
+}
+
+void kn_publisher_record(kn_publisher *p, const kn_record *record)
+{
+    for (int i = 0; i < record->out.event_count; i++) {
+        knead_event_t message;
+        kn_wire_event(&message, &record->out.event[i], record->utime);
+        send_bytes(p, "KNEAD_EVENT", knead_event_t_encode(p->bytes, 0, p->room, &message));
+    }
+    for (int i = 0; i < record->out.probes; i++) {
+        if (!record->out.force[i].live) continue;
+        knead_contact_force_t message;
+        kn_wire_force(&message, &record->out, i, record->utime, record->execution_ns);
+        send_bytes(p, p->force_channel[i], knead_contact_force_t_encode(p->bytes, 0, p->room, &message));
+    }
+}
+
+void kn_publisher_scene(kn_publisher *p, int64_t utime)
+{
+    knead_scene_t message;
+    kn_wire_scene(&message, p->scene, p->initial_hash, utime);
+    send_bytes(p, "KNEAD_SCENE", knead_scene_t_encode(p->bytes, 0, p->room, &message));
+}
+
+void kn_publisher_status(kn_publisher *p, const knead_status_t *status)
+{
+    send_bytes(p, "KNEAD_STATUS", knead_status_t_encode(p->bytes, 0, p->room, status));
+}
