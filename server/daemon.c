@@ -1,0 +1,364 @@
+#include "server/daemon.h"
+#include "server/bus.h"
+#include "server/loop.h"
+#include "server/publisher.h"
+#include "server/receiver.h"
+#include "server/sentinel.h"
+#include <ev.h>
+#include <inttypes.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#define DATAGRAMS_PER_TICK 256 // 256 kHz; at 1-2 us each a flood takes at most half of this thread's millisecond
+#define START_DELAY_NS 20000000 // until tick 0: by then every thread has left the barrier and sleeps
+#define SIGNALS 3
+
+typedef struct server {
+    kn_scene *scene;
+    kn_model *model;
+    kn_backend backend;
+    kn_bus bus, mesh_bus;
+    int fd;
+    kn_receiver receiver;
+    kn_batch batch;
+    kn_publisher publisher;
+    kn_skin skin;
+    kn_loop loop;
+    kn_sentinel sentinel;
+    kn_rt rt;
+    pthread_t servo_thread, sentinel_thread, mesh_thread;
+    pthread_barrier_t go; // threads wait here until their stacks are locked with everything else
+    atomic_bool stop_mesh;
+    struct ev_loop *ev;
+    ev_io readable;
+    ev_async ticked;
+    ev_timer status_due, scene_due;
+    ev_signal signals[SIGNALS];
+    bool stopping;
+    int budget; // datagrams that may still be read in this tick
+    int64_t start_ns;
+    int32_t mode_told;
+    int64_t invalid_told;
+    uint32_t drops_seen; // the kernel's counter, which wraps
+    int64_t kernel_drops;
+} server;
+
+static int64_t wall_clock_us(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_REALTIME, &t);
+    return t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000;
+}
+
+// --- main thread -----------------------------------------------------------------------------------------------------------
+
+static void take_datagrams(server *d, int limit)
+{
+    kn_bus_read(d->fd, limit < KN_BATCH ? limit : KN_BATCH, &d->batch);
+    int64_t now_ns = kn_now_ns();
+    for (int i = 0; i < d->batch.count; i++) {
+        int probe;
+        kn_pose pose;
+        if (kn_receiver_judge(&d->receiver, &d->batch.datagram[i], now_ns, &probe, &pose) == KN_ACCEPTED)
+            kn_loop_post(&d->loop, probe, &pose);
+    }
+}
+
+static void on_readable(struct ev_loop *ev, ev_io *w, int events)
+{
+    (void)events;
+    server *d = w->data;
+    take_datagrams(d, d->budget);
+    d->budget -= d->batch.count;
+    if (d->budget <= 0) ev_io_stop(ev, w); // until the next tick
+}
+
+static int64_t kernel_drops(server *d)
+{
+    uint32_t now = kn_bus_drops(d->fd);
+    d->kernel_drops += (uint32_t)(now - d->drops_seen);
+    d->drops_seen = now;
+    return d->kernel_drops;
+}
+
+static void tell_status(server *d)
+{
+    knead_status_t status = {.utime = wall_clock_us(), .uptime_ms = (kn_now_ns() - d->start_ns) / 1000000};
+    const kn_receiver *r = &d->receiver;
+    kn_account_status(&d->loop.account, &status);
+    status.missed_explained = kn_sentinel_judge(&d->sentinel, kn_now_ns());
+    status.received = r->received;
+    status.accepted = r->accepted;
+    memcpy(status.rejected, r->rejected, sizeof r->rejected);
+    status.kernel_drops = kernel_drops(d);
+    status.published = d->publisher.published;
+    status.snapshot_age_ms = -1;
+    status.probes = d->model->def.probe_count;
+    if (!d->rt.fifo) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FIFO;
+    if (!d->rt.locked) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_MLOCK;
+    if (d->model->isa == KN_ISA_BASE) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FMA;
+    status.backend = KNEAD_STATUS_T_BACKEND_CPU;
+
+    int64_t invalid = r->rejected[KN_REJECT_NONFINITE] + r->rejected[KN_REJECT_QUATERNION] +
+                      r->rejected[KN_REJECT_WORKSPACE] + r->rejected[KN_REJECT_JUMP];
+    if (invalid > d->invalid_told) status.current_errors |= KNEAD_STATUS_T_ERROR_POSE_INVALID;
+    d->invalid_told = invalid;
+    d->mode_told = status.mode;
+    kn_publisher_status(&d->publisher, &status);
+}
+
+static void publish_records(server *d)
+{
+    for (const kn_record *record; (record = kn_ring_front(&d->loop.records)); kn_ring_pop(&d->loop.records)) {
+        kn_publisher_record(&d->publisher, record);
+        if (record->wake.missed) kn_sentinel_missed(&d->sentinel, &record->wake);
+    }
+}
+
+static void on_ticked(struct ev_loop *ev, ev_async *w, int events)
+{
+    (void)events;
+    server *d = w->data;
+    bool done = atomic_load_explicit(&d->loop.done, memory_order_acquire); // before the records: then they hold the last
+    publish_records(d);
+    kn_sentinel_judge(&d->sentinel, kn_now_ns());
+
+    unsigned ended = kn_receiver_expire(&d->receiver, kn_now_ns());
+    for (int p = 0; ended >> p; p++)
+        if (ended >> p & 1) kn_loop_post(&d->loop, p, NULL);
+    d->budget = DATAGRAMS_PER_TICK;
+    if (!ev_is_active(&d->readable)) ev_io_start(ev, &d->readable);
+    if (atomic_load_explicit(&d->loop.account.mode, memory_order_relaxed) != d->mode_told) tell_status(d);
+    if (done) ev_break(ev, EVBREAK_ALL);
+}
+
+static void on_status_due(struct ev_loop *ev, ev_timer *w, int events)
+{
+    (void)ev, (void)events;
+    tell_status(w->data);
+}
+
+static void on_scene_due(struct ev_loop *ev, ev_timer *w, int events)
+{
+    (void)ev, (void)events;
+    kn_publisher_scene(&((server *)w->data)->publisher, wall_clock_us());
+}
+
+static void on_signal(struct ev_loop *ev, ev_signal *w, int events)
+{
+    (void)ev, (void)events;
+    server *d = w->data;
+    if (d->stopping) { // the second one: at once, as if we had never caught it
+        signal(w->signum, SIG_DFL);
+        raise(w->signum);
+    }
+    d->stopping = true;
+    atomic_store(&d->loop.stop, true);
+}
+
+static void notify(void *arg) // in the servo thread: one write to an eventfd, and none while one is pending
+{
+    server *d = arg;
+    ev_async_send(d->ev, &d->ticked);
+}
+
+static bool watch_events(server *d)
+{
+    static const int signals[SIGNALS] = {SIGINT, SIGTERM, SIGHUP};
+    d->ev = ev_default_loop(EVFLAG_AUTO);
+    if (!d->ev) return false;
+    ev_io_init(&d->readable, on_readable, d->fd, EV_READ);
+    ev_async_init(&d->ticked, on_ticked);
+    ev_timer_init(&d->status_due, on_status_due, 1, 1);
+    ev_timer_init(&d->scene_due, on_scene_due, 0, 5);
+    d->readable.data = d->ticked.data = d->status_due.data = d->scene_due.data = d;
+    ev_set_priority(&d->ticked, EV_MAXPRI); // forces before whatever else is due
+    ev_async_start(d->ev, &d->ticked);
+    ev_io_start(d->ev, &d->readable);
+    ev_timer_start(d->ev, &d->status_due);
+    ev_timer_start(d->ev, &d->scene_due);
+    for (int i = 0; i < SIGNALS; i++) {
+        ev_signal_init(&d->signals[i], on_signal, signals[i]);
+        d->signals[i].data = d;
+        ev_signal_start(d->ev, &d->signals[i]);
+    }
+    return true;
+}
+
+// --- other threads ---------------------------------------------------------------------------------------------------------
+
+static void *servo_main(void *arg)
+{
+    server *d = arg;
+    pthread_barrier_wait(&d->go);
+    return kn_loop_run(&d->loop);
+}
+
+static void *sentinel_main(void *arg)
+{
+    server *d = arg;
+    pthread_barrier_wait(&d->go);
+    return kn_sentinel_run(&d->sentinel);
+}
+
+// In ros2_control's words, which operators and their scripts know. At most one line per second; the count holds them all.
+static void tell_overruns(server *d, int64_t *told)
+{
+    int64_t missed = atomic_load_explicit(&d->loop.account.missed, memory_order_relaxed);
+    if (missed == *told) return;
+    double loop_ms = 1e-6 * (double)atomic_load_explicit(&d->loop.account.late_loop_ns, memory_order_relaxed);
+    fprintf(stderr, "Overrun detected! The servo loop missed its desired rate of 1000 Hz. The loop took %.3f ms "
+            "(missed cycles : %" PRId64 ").\n", loop_ms, missed - *told);
+    *told = missed;
+}
+
+static void *mesh_main(void *arg)
+{
+    server *d = arg;
+    pthread_barrier_wait(&d->go);
+    struct timespec period = {.tv_nsec = d->skin.period_ticks * (long)KN_PERIOD_NS};
+    int64_t second_ns = 0, missed_told = 0;
+    while (!atomic_load_explicit(&d->stop_mesh, memory_order_relaxed)) {
+        if (kn_now_ns() - second_ns >= 1000000000) {
+            second_ns = kn_now_ns();
+            kn_skin_publish_topology(&d->skin, wall_clock_us());
+            tell_overruns(d, &missed_told);
+        }
+        kn_skin_publish(&d->skin, wall_clock_us());
+        nanosleep(&period, NULL);
+    }
+    return NULL;
+}
+
+// --- start and stop --------------------------------------------------------------------------------------------------------
+
+static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_size)
+{
+    if (!kn_bus_parse(&d->bus, def->lcm_url ? def->lcm_url : KN_LCM_URL, error, error_size) ||
+        !kn_bus_parse(&d->mesh_bus, def->mesh_url ? def->mesh_url : KN_MESH_URL, error, error_size))
+        return false;
+    d->scene = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
+    if (!d->scene) return false;
+    char why[256];
+    d->model = kn_model_build(&d->scene->model, why, sizeof why);
+    if (!d->model) {
+        snprintf(error, error_size, "%s: %s", def->scene_path, why);
+        return false;
+    }
+    if (kn_backend_cpu(&d->backend, d->model)) return true;
+    snprintf(error, error_size, "%s: the object's %zu bytes do not fit into memory, or its step into the 1 ms tick",
+             def->scene_path, d->model->state_bytes);
+    return false;
+}
+
+static bool open_buses(server *d, char *error, size_t error_size)
+{
+    if (!kn_bus_check_route(&d->bus, error, error_size) || !kn_bus_check_route(&d->mesh_bus, error, error_size)) return false;
+    d->fd = kn_bus_listen(&d->bus, error, error_size);
+    if (d->fd < 0) return false;
+    uint64_t hash = kn_state_hash(d->model, d->backend.state(d->backend.self));
+    kn_receiver_init(&d->receiver, &d->model->def);
+    if (!kn_publisher_open(&d->publisher, d->bus.url, d->scene, hash, error, error_size) ||
+        !kn_skin_open(&d->skin, d->mesh_bus.url, d->model, d->scene->mesh_hz, d->scene->text_hash, error, error_size))
+        return false;
+    if (kn_loop_init(&d->loop, d->scene, d->model, &d->backend, &d->skin) && kn_sentinel_init(&d->sentinel) && watch_events(d))
+        return true;
+    snprintf(error, error_size, "out of memory or file descriptors");
+    return false;
+}
+
+static bool start_threads(server *d, char *error, size_t error_size)
+{
+    d->loop.notify = notify;
+    d->loop.notify_arg = d;
+    pthread_barrier_init(&d->go, NULL, 4);
+    int failed = kn_rt_thread(&d->rt, &d->servo_thread, KN_RT_SERVO, true, servo_main, d);
+    if (!failed) failed = kn_rt_thread(&d->rt, &d->sentinel_thread, KN_RT_SENTINEL, true, sentinel_main, d);
+    if (!failed) failed = kn_rt_thread(&d->rt, &d->mesh_thread, KN_RT_NORMAL, false, mesh_main, d);
+    if (!failed) kn_rt_lock_memory(&d->rt);
+    if (failed) snprintf(error, error_size, "cannot start a thread: %s", strerror(failed));
+    else if (d->rt.mode == KN_RT_REQUIRE && *d->rt.missing) snprintf(error, error_size, "not real time: %s", d->rt.missing);
+    else {
+        d->start_ns = kn_now_ns() + START_DELAY_NS;
+        kn_clock_start(&d->loop.clock, d->start_ns);
+        kn_clock_start(&d->sentinel.clock, d->start_ns + KN_SENTINEL_OFFSET_NS);
+        d->budget = DATAGRAMS_PER_TICK;
+        pthread_barrier_wait(&d->go);
+        return true;
+    }
+    return false; // whatever waits at the barrier ends with the process
+}
+
+static void tell_ready(const server *d)
+{
+    printf("kneadd: serving %s, %d nodes", d->scene->name, d->model->grid.nodes);
+    for (int p = 0; p < d->model->def.probe_count; p++) printf(", probe %s", d->model->def.probe[p].name);
+    printf(", on %s, meshes on %s; %s, %s\n", d->bus.url, d->mesh_bus.url, d->rt.fifo ? "SCHED_FIFO" : "normal priority",
+           d->rt.locked ? "memory locked" : "memory not locked");
+    if (*d->rt.missing) printf("kneadd: not real time: %s\n", d->rt.missing);
+    if (d->model->isa == KN_ISA_BASE) printf("kneadd: not real time: fused multiply-add in software\n");
+    fflush(stdout);
+}
+
+static void tell_summary(server *d)
+{
+    kn_account *a = &d->loop.account;
+    const kn_receiver *r = &d->receiver;
+    printf("kneadd: stopped after %" PRId64 " ticks, %" PRId64 " missed (%" PRId64 " explained by the machine), %" PRId64
+           " overruns; %" PRId64 " published, %" PRId64 " not queued\n",
+           a->ticks, a->missed, kn_sentinel_judge(&d->sentinel, INT64_MAX), a->overruns, d->publisher.published, a->unpublished);
+    printf("kneadd: %" PRId64 " datagrams: %" PRId64 " accepted", r->received, r->accepted);
+    for (int i = 0; i < KN_REJECT_COUNT; i++)
+        if (r->rejected[i]) printf(", %" PRId64 " %s", r->rejected[i], kn_verdict_name((kn_verdict)i));
+    printf("; %" PRId64 " dropped by the kernel\n", kernel_drops(d));
+}
+
+static void stop_threads(server *d)
+{
+    atomic_store(&d->stop_mesh, true);
+    atomic_store(&d->sentinel.stop, true);
+    pthread_join(d->servo_thread, NULL);
+    pthread_join(d->sentinel_thread, NULL);
+    pthread_join(d->mesh_thread, NULL);
+    pthread_barrier_destroy(&d->go);
+    tell_status(d);
+    for (int i = 0; i < 1000 && (i == 0 || d->batch.count > 0); i++) take_datagrams(d, KN_BATCH); // so that the counts close
+}
+
+static void free_all(server *d)
+{
+    if (d->ev) ev_loop_destroy(d->ev);
+    kn_sentinel_free(&d->sentinel);
+    kn_loop_free(&d->loop);
+    kn_skin_close(&d->skin);
+    kn_publisher_close(&d->publisher);
+    if (d->fd >= 0) close(d->fd);
+    if (d->backend.destroy) d->backend.destroy(d->backend.self);
+    kn_model_destroy(d->model);
+    kn_scene_destroy(d->scene);
+}
+
+int kn_daemon_run(const kn_daemon_def *def)
+{
+    static server d;
+    char error[512];
+    int code = 2;
+    d = (server){.fd = -1};
+    kn_rt_enter(&d.rt, def->realtime);
+    if (load(&d, def, error, sizeof error)) {
+        code = 3;
+        if (open_buses(&d, error, sizeof error) && start_threads(&d, error, sizeof error)) {
+            tell_ready(&d);
+            ev_run(d.ev, 0);
+            stop_threads(&d);
+            tell_summary(&d);
+            code = 0;
+        }
+    }
+    if (code) fprintf(stderr, "%s%s\n", code == 2 ? "" : "kneadd: ", error); // bad input: its file or URL stands first
+    free_all(&d);
+    return code;
+}

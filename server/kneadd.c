@@ -1,0 +1,60 @@
+// kneadd: serves one object to hands. The command line; everything else is daemon.h's.
+#include "server/daemon.h"
+#include <getopt.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char usage[] =
+    "usage: kneadd --scene FILE [--lcm-url URL] [--mesh-url URL] [--realtime auto|require|off] [--set KEY=VALUE]... [--backend cpu]\n"
+    "\n"
+    "  --scene FILE      the object and its probes (YAML); knead check FILE tells what it costs\n"
+    "  --set KEY=VALUE   overrides a key of the scene, e.g. --set material.k1='300 gf/cm^3'; knead check --keys lists them\n"
+    "  --lcm-url URL     bus of poses, forces, status; default " KN_LCM_URL "\n"
+    "  --mesh-url URL    bus of meshes; default " KN_MESH_URL "\n"
+    "  --realtime MODE   auto: what the machine grants, and say what is missing; require: all of it or exit 3; off\n"
+    "  --backend cpu     where the lattice is stepped\n"
+    "  --help, --version\n"
+    "\n"
+    "SIGINT or SIGTERM: forces go to zero, then exit 0. Exit: 2 bad input, 3 the machine refuses.\n";
+
+static int bad(const char *what, const char *expected)
+{
+    fprintf(stderr, "kneadd: %s: expected %s\n", what, expected);
+    return 2;
+}
+
+int main(int argc, char **argv)
+{
+    static const struct option options[] = {
+        {"scene", required_argument, NULL, 's'},    {"set", required_argument, NULL, 'k'},
+        {"lcm-url", required_argument, NULL, 'l'},  {"mesh-url", required_argument, NULL, 'm'},
+        {"realtime", required_argument, NULL, 'r'}, {"backend", required_argument, NULL, 'b'},
+        {"help", no_argument, NULL, 'h'},           {"version", no_argument, NULL, 'v'}, {0}};
+    kn_daemon_def def = {.realtime = KN_RT_AUTO};
+    const char **sets = calloc((size_t)argc, sizeof *sets);
+    if (!sets) return 70;
+    for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
+        switch (option) {
+        case 's': def.scene_path = optarg; break;
+        case 'k': sets[def.set_count++] = optarg; break;
+        case 'l': def.lcm_url = optarg; break;
+        case 'm': def.mesh_url = optarg; break;
+        case 'r':
+            if (!kn_rt_mode_parse(optarg, &def.realtime)) return bad(optarg, "--realtime auto, require or off");
+            break;
+        case 'b':
+            if (strcmp(optarg, "cpu") != 0) return bad(optarg, "--backend cpu");
+            break;
+        case 'h': fputs(usage, stdout); return 0;
+        case 'v': puts("kneadd " KN_VERSION); return 0;
+        default: return 2; // getopt has said which
+        }
+    }
+    if (optind < argc) return bad(argv[optind], "options only, the scene as --scene FILE");
+    if (!def.scene_path) return bad("no scene", "--scene FILE");
+    def.sets = sets;
+    int code = kn_daemon_run(&def);
+    free(sets);
+    return code;
+}
