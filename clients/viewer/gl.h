@@ -45,6 +45,7 @@
     X(PFNGLGETSTRINGPROC, GetString)                                                                                    \
     X(PFNGLGETUNIFORMLOCATIONPROC, GetUniformLocation)                                                                  \
     X(PFNGLLINKPROGRAMPROC, LinkProgram)                                                                                \
+    X(PFNGLPOLYGONOFFSETPROC, PolygonOffset)                                                                            \
     X(PFNGLREADBUFFERPROC, ReadBuffer)                                                                                  \
     X(PFNGLREADPIXELSPROC, ReadPixels)                                                                                  \
     X(PFNGLRENDERBUFFERSTORAGEMULTISAMPLEPROC, RenderbufferStorageMultisample)                                          \

@@ -310,7 +310,8 @@ static void draw_arrow(const kn_renderer *r, GLuint program, const float from[3]
     float direction[3] = {(float)force_n[0], (float)force_n[1], (float)force_n[2]}, m[16], at[3];
     float newton = kn_normalize(direction);
     if (!(newton >= ARROW_LEAST_N) || !isfinite(newton)) return;
-    float width = 0.08f * r->square_m, head = 3 * width, length = fmaxf(ARROW_SQUARES_PER_N * newton * r->square_m, head);
+    float length = ARROW_SQUARES_PER_N * newton * r->square_m;
+    float width = fminf(0.08f * r->square_m, length / 4.5f), head = 3 * width; // a short arrow is small, not stubby
     // beyond the tool whichever way it points: a pull ends at the tool
     for (int i = 0; i < 3; i++) at[i] = from[i] - (direction[2] < 0 ? length * direction[i] : 0);
     place(m, at, direction, width, width, length - head);
@@ -355,7 +356,10 @@ static void draw_shadow_map(const kn_renderer *r, const kn_view_scene *scene)
     gl->Clear(GL_DEPTH_BUFFER_BIT);
     gl->UseProgram(r->depth);
     set_matrix(gl, r->depth, "u_light", r->light);
+    gl->Enable(GL_POLYGON_OFFSET_FILL);
+    gl->PolygonOffset(3, 4); // away from the light: no surface shades itself
     draw_solids(r, r->depth, scene);
+    gl->Disable(GL_POLYGON_OFFSET_FILL);
 }
 
 // What both lit programs need: eye, light, shadow map.

@@ -20,19 +20,23 @@ static const int (*triangles(const block *b))[3] { return (const int(*)[3])b->su
 
 static block block_create(void)
 {
-    kn_model model = {0}; // of which the skin looks at the grid only
-    kn_grid_init(&model.grid, (int[]){11, 11, 7}, 0.005, KN_STRUCTURE_DIAGONALS);
-    block b = {.surface = kn_surface_create(&model)};
+    char error[300];
+    kn_model_def def = kn_model_def_default();
+    memcpy(def.nodes, (int[]){11, 11, 7}, sizeof def.nodes);
+    def.spacing_m = 0.005;
+    kn_model *model = kn_model_build(&def, error, sizeof error);
+    block b = {.surface = kn_surface_create(model)};
     size_t n = (size_t)b.surface->vertex_count;
     b.rest = calloc(n, sizeof *b.rest);
     b.dented = calloc(n, sizeof *b.dented);
     for (size_t i = 0; i < n; i++) {
         double x_m[3];
-        kn_grid_rest(&model.grid, b.surface->node[i], x_m);
+        kn_grid_rest(&model->grid, b.surface->node[i], x_m);
         double height = x_m[2] / 0.03, beside = fmax(0, fabs(x_m[0]) - 0.005);
         for (int k = 0; k < 3; k++) b.rest[i][k] = b.dented[i][k] = (float)x_m[k];
         b.dented[i][2] -= (float)(0.01 * height * height * exp(-beside / 0.003));
     }
+    kn_model_destroy(model);
     return b;
 }
 
