@@ -23,6 +23,10 @@ SAME_FAULT(ESTOP);
 SAME_FAULT(STOPPING);
 static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 5, "every event of a tick has room");
 
+// A tool is lifted when it is this far above the object, m: a plate that lost its poses ran on for 3 ms, and dough stays
+// where it was pushed, so a tool that never moved would look clear by that way.
+#define LIFTED_M 5e-4
+
 // What one tick works on. Lives on the stack of kn_servo_tick.
 typedef struct tick {
     kn_servo *servo;
@@ -117,13 +121,17 @@ static void watch_probe(tick *t, int p)
     kn_fault before = latched(s);
     if (t->watch[p].live && !s->attached)
         t->watch[p].clear =
-            kn_clearance(servo->model, servo->backend->state(servo->backend->self), p, last->position_m) > 0.0;
+            kn_clearance(servo->model, servo->backend->state(servo->backend->self), p, last->position_m) > LIFTED_M;
 
     kn_probe_input *input = &t->input.probe[p];
     input->attached = kn_safety_watch(s, &t->watch[p]);
-    memcpy(input->position_m, last->position_m, sizeof input->position_m);
-    // a probe that is no longer heard stays where it was last seen
-    if (s->silent_ms <= s->limits.hold_ms) memcpy(input->velocity_m_s, last->velocity_m_s, sizeof input->velocity_m_s);
+    // without a pose the hand is taken to move on for as long as its force stands; then it stays where it got to
+    bool held = s->silent_ms <= s->limits.hold_ms;
+    double ahead_s = 1e-3 * (held ? s->silent_ms : s->limits.hold_ms);
+    for (int i = 0; i < 3; i++) {
+        input->position_m[i] = last->position_m[i] + ahead_s * last->velocity_m_s[i];
+        input->velocity_m_s[i] = held ? last->velocity_m_s[i] : 0.0;
+    }
 
     if (was_attached && !s->attached) tell(t, KNEAD_EVENT_T_KIND_DETACH, p);
     if (!was_attached && s->attached) tell(t, KNEAD_EVENT_T_KIND_ATTACH, p);

@@ -1,0 +1,295 @@
+#include "server/servo.h"
+#include "proto/knead_contact_force_t.h"
+#include "proto/knead_event_t.h"
+#include "tests/check.h"
+
+// A servo on the small dough, one call per tick, poses straight from the test.
+typedef struct rig {
+    kn_scene *scene;
+    kn_model *model;
+    kn_backend backend;
+    kn_servo servo;
+    kn_pose pose[KN_PROBES_MAX];
+    kn_tick_in in;
+    kn_tick_out out;
+    int kinds[16]; // events seen so far
+} rig;
+
+static rig *rig_make(const char *set)
+{
+    char error[256] = "";
+    rig *r = calloc(1, sizeof *r);
+    r->scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", &set, set ? 1 : 0, error, sizeof error);
+    r->model = r->scene ? kn_model_build(&r->scene->model, error, sizeof error) : NULL;
+    if (!r->model || !kn_backend_cpu(&r->backend, r->model)) {
+        printf("%s\n", error);
+        exit(1);
+    }
+    kn_servo_init(&r->servo, r->scene, r->model, &r->backend);
+    r->in.tick = -1;
+    for (int p = 0; p < KN_PROBES_MAX; p++) r->pose[p] = (kn_pose){.orientation_wxyz = {1}, .position_m = {0, 0, 0.08}};
+    return r;
+}
+
+static void rig_free(rig *r)
+{
+    r->backend.destroy(r->backend.self);
+    kn_model_destroy(r->model);
+    kn_scene_destroy(r->scene);
+    free(r);
+}
+
+static void tick(rig *r)
+{
+    r->in.tick += 1 + r->in.missed;
+    kn_servo_tick(&r->servo, &r->in, &r->out);
+    for (int i = 0; i < r->out.event_count; i++) r->kinds[r->out.event[i].kind]++;
+    memset(r->in.fresh, 0, sizeof r->in.fresh);
+    r->in.reset = r->in.recover = false;
+    r->in.missed = 0;
+}
+
+// A tick with a new pose of probe p, moved by velocity.
+static void move(rig *r, int p, double vz_m_s)
+{
+    kn_pose *pose = &r->pose[p];
+    if (!pose->session) pose->session = 100 + p;
+    pose->seq++;
+    pose->position_m[2] += 1e-3 * vz_m_s;
+    pose->velocity_m_s[2] = vz_m_s;
+    r->in.pose[p] = pose;
+    r->in.fresh[p] = true;
+    tick(r);
+}
+
+static void hover(rig *r, int p, int ms)
+{
+    for (int i = 0; i < ms; i++) move(r, p, 0.0);
+}
+
+// From air to depth below the top with the plate: touch at rest, 0 -> 1 cm/s in 50 ms, as the paper presses. Ends in motion.
+static void press(rig *r, double depth_m)
+{
+    r->pose[0].position_m[2] = 0.031;
+    hover(r, 0, 401);
+    r->pose[0].position_m[2] = 0.03;
+    hover(r, 0, 300); // the model's plate follows within 20 ms; it must not arrive with any speed
+    double v = 0.0;
+    while (r->pose[0].position_m[2] > 0.03 - depth_m) {
+        v = v > -0.0098 ? v - 0.0002 : -0.01;
+        move(r, 0, v);
+    }
+}
+
+static double pushed(const rig *r) { return r->out.force[0].contact_force_n[2]; }
+
+TEST("a press at 1 cm/s is felt in full: the guard never acts, contact and given force agree at gain 1")
+{
+    rig *r = rig_make(NULL);
+    double peak = 0.0, jump = 0.0, last = 0.0;
+    press(r, 0.0);
+    for (int i = 0; i < 1050; i++) {
+        double v = i < 50 ? -0.0002 * i : i < 1000 ? -0.01 : -0.01 + 0.0002 * (i - 1000);
+        move(r, 0, v);
+        peak = fmax(peak, pushed(r));
+        jump = fmax(jump, fabs(pushed(r) - last));
+        last = pushed(r);
+        CHECK(r->out.force[0].force_n[2] == pushed(r));
+    }
+    printf("     peak %.2f N, steepest %.2f N/ms\n", peak, jump);
+    CHECK(r->servo.safety[0].guards == 0 && r->servo.safety[0].faults == 0);
+    CHECK(peak > 5.0 && peak < 40.0);
+    rig_free(r);
+}
+
+TEST("a tool that appears inside the object is not in it until it has been lifted out")
+{
+    rig *r = rig_make(NULL);
+    r->pose[0].position_m[2] = 0.025;
+    hover(r, 0, 500);
+    CHECK(pushed(r) == 0.0 && !r->servo.safety[0].attached);
+    CHECK(r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_REENGAGE_LIFT);
+    r->pose[0].position_m[2] = 0.04;
+    hover(r, 0, 201);
+    CHECK(r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_ENGAGED);
+    CHECK(r->kinds[KNEAD_EVENT_T_KIND_ATTACH] == 1);
+    rig_free(r);
+}
+
+TEST("without poses the force is zero by 20 ms, says why, and comes back by lifting")
+{
+    rig *r = rig_make(NULL);
+    press(r, 0.005);
+    double held = r->out.force[0].force_n[2];
+    CHECK(held > 1.0);
+    for (int ms = 1; ms <= 30; ms++) {
+        tick(r);
+        double f = r->out.force[0].force_n[2];
+        if (ms <= 3) CHECK(f == held);
+        if (ms >= 20) CHECK(f == 0.0);
+        CHECK(r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_STALE);
+        CHECK(r->out.force[0].seq == r->pose[0].seq);
+    }
+    CHECK(r->out.force[0].fault == KN_FAULT_POSE_SILENCE);
+    CHECK(r->kinds[KNEAD_EVENT_T_KIND_FAULT] == 1 && r->kinds[KNEAD_EVENT_T_KIND_DETACH] == 1);
+    hover(r, 0, 300);
+    CHECK(r->out.force[0].fault == KN_FAULT_POSE_SILENCE);
+    r->pose[0].position_m[2] = 0.05;
+    hover(r, 0, 201);
+    CHECK(r->out.force[0].fault == KN_FAULT_NONE && (r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_ENGAGED));
+    rig_free(r);
+}
+
+TEST("a probe without a session neither pushes nor answers, and another may push meanwhile")
+{
+    rig *r = rig_make(NULL);
+    press(r, 0.003);
+    CHECK(r->out.probes == 2 && r->out.force[0].live && !r->out.force[1].live);
+    CHECK(r->out.force[1].contact_force_n[2] == 0.0);
+    r->in.pose[0] = NULL; // the daemon ends a session after 1 s of silence
+    tick(r);
+    CHECK(!r->out.force[0].live && r->kinds[KNEAD_EVENT_T_KIND_SESSION_END] == 1);
+    rig_free(r);
+}
+
+TEST("a new session number is a new hand: it has to engage again")
+{
+    rig *r = rig_make(NULL);
+    press(r, 0.003);
+    r->pose[0].session = 7;
+    move(r, 0, 0.0);
+    CHECK(!r->servo.safety[0].attached);
+    CHECK(r->kinds[KNEAD_EVENT_T_KIND_SESSION_END] == 1 && r->kinds[KNEAD_EVENT_T_KIND_SESSION_OPEN] == 2);
+    hover(r, 0, 20);
+    CHECK(r->out.force[0].force_n[2] == 0.0);
+    rig_free(r);
+}
+
+TEST("late, repeated and dropped poses cost no more than a few per cent of the contact force")
+{
+    double peak[2], turned[2];
+    for (int lossy = 0; lossy < 2; lossy++) {
+        rig *r = rig_make(NULL);
+        press(r, 0.0);
+        double last = 0.0, z = r->pose[0].position_m[2];
+        peak[lossy] = turned[lossy] = 0.0;
+        for (int i = 0; i < 900; i++) {
+            double v = i < 50 ? -0.0002 * i : -0.01;
+            z += 1e-3 * v;
+            r->pose[0].position_m[2] = z;
+            if (lossy && i % 50 >= 47) tick(r); // three in a row, every 50
+            else {
+                r->pose[0].position_m[2] -= 1e-3 * v;
+                move(r, 0, v);
+            }
+            peak[lossy] = fmax(peak[lossy], pushed(r));
+            turned[lossy] += fabs(pushed(r) - last);
+            last = pushed(r);
+        }
+        rig_free(r);
+    }
+    printf("     peak %.3f and %.3f N, total variation %.3f and %.3f N\n", peak[0], peak[1], turned[0], turned[1]);
+    CHECK_NEAR(peak[1] / peak[0], 1.0, 0.05);
+    CHECK_NEAR(turned[1] / turned[0], 1.0, 0.10);
+}
+
+TEST("a reset makes the object new and takes the probe out of it")
+{
+    rig *r = rig_make(NULL);
+    uint64_t rest = kn_state_hash(r->model, r->backend.state(r->backend.self));
+    press(r, 0.005);
+    double held = r->out.force[0].force_n[2];
+    r->in.reset = true;
+    move(r, 0, -0.01);
+    CHECK(r->kinds[KNEAD_EVENT_T_KIND_RESET] == 1 && r->out.event[0].state_hash == rest);
+    CHECK(pushed(r) == 0.0);
+    CHECK_NEAR(r->out.force[0].force_n[2], held * 16.0 / 17.0, 1e-9);
+    hover(r, 0, 20);
+    CHECK(r->out.force[0].force_n[2] == 0.0 && !r->servo.safety[0].attached);
+    rig_free(r);
+}
+
+TEST("stopping takes every force to zero before the loop may end")
+{
+    rig *r = rig_make(NULL);
+    press(r, 0.005);
+    r->in.stop = true;
+    int ms = 0;
+    do move(r, 0, -0.01);
+    while (!r->out.stopped && ++ms < 100);
+    CHECK(ms == 16);
+    CHECK(r->out.force[0].force_n[2] == 0.0 && r->kinds[KNEAD_EVENT_T_KIND_STOP] == 1);
+    CHECK(r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_STOPPING);
+    rig_free(r);
+}
+
+// A backend that goes bad on demand, in front of the real one.
+static kn_backend real_backend;
+static bool diverge;
+static kn_backend_status bad_wait(void *self, int64_t deadline_ns, kn_output *output)
+{
+    kn_backend_status status = real_backend.wait(self, deadline_ns, output);
+    if (!diverge) return status;
+    output->probe[0].force_n[2] = (double)NAN;
+    return KN_BACKEND_DIVERGED;
+}
+
+TEST("when the physics diverges every probe is latched, nothing but numbers goes out, and only a reset helps")
+{
+    rig *r = rig_make(NULL);
+    real_backend = r->backend;
+    r->backend.wait = bad_wait;
+    press(r, 0.005);
+    double held = r->out.force[0].force_n[2];
+    diverge = true;
+    move(r, 0, -0.01);
+    CHECK(r->out.force[0].fault == KN_FAULT_NONFINITE && r->kinds[KNEAD_EVENT_T_KIND_FAULT] == 2);
+    CHECK(pushed(r) == 0.0 && r->out.force[0].force_n[2] == held);
+    hover(r, 0, 17);
+    CHECK(r->out.force[0].force_n[2] == 0.0 && r->kinds[KNEAD_EVENT_T_KIND_FAULT] == 2);
+    CHECK(r->servo.diverged == 18);
+    diverge = false;
+    r->pose[0].position_m[2] = 0.05;
+    hover(r, 0, 300);
+    CHECK(r->out.force[0].fault == KN_FAULT_NONFINITE);
+    r->in.reset = true;
+    hover(r, 0, 300);
+    CHECK(r->out.force[0].fault == KN_FAULT_NONE && r->servo.safety[0].attached);
+    rig_free(r);
+}
+
+TEST("a checkpoint comes every 1000 ticks, and whenever cycles were missed that no force record tells")
+{
+    rig *r = rig_make(NULL);
+    for (int i = 0; i < 2500; i++) tick(r);
+    CHECK(r->kinds[KNEAD_EVENT_T_KIND_CHECKPOINT] == 3 && r->kinds[KNEAD_EVENT_T_KIND_START] == 1);
+    r->in.missed = 4;
+    tick(r);
+    CHECK(r->out.event_count == 1 && r->out.event[0].arg[0] == 4.0);
+    hover(r, 0, 1);
+    r->in.missed = 4;
+    tick(r);
+    CHECK(r->out.event_count == 0 && r->out.missed == 4);
+    r->in.missed = 800; // across the thousand
+    tick(r);
+    CHECK(r->out.event_count >= 1 && r->out.event[0].kind == KNEAD_EVENT_T_KIND_CHECKPOINT && r->out.event[0].arg[0] == 0.0);
+    rig_free(r);
+}
+
+TEST("steps shorter than a tick are taken as often as fits, and other steps are refused")
+{
+    CHECK(kn_backend_steps(1e-3) == 1 && kn_backend_steps(1e-3 / 16) == 16 && kn_backend_steps(1e-3 / 3) == 3);
+    CHECK(kn_backend_steps(0.7e-3) == 0 && kn_backend_steps(2e-3) == 0 && kn_backend_steps(0.0) == 0);
+    double force[2];
+    const char *sets[] = {NULL, "solver.dt=0.25 ms"};
+    for (int i = 0; i < 2; i++) {
+        rig *r = rig_make(sets[i]);
+        press(r, 0.005);
+        CHECK(r->backend.state(r->backend.self)->tick == r->servo.ticks * (i ? 4 : 1));
+        force[i] = pushed(r);
+        rig_free(r);
+    }
+    CHECK_NEAR(force[1] / force[0], 1.0, 0.05);
+}
+
+TESTS_MAIN
