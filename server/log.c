@@ -1,0 +1,192 @@
+#include "server/log.h"
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#define MAGIC 0xEDA1DA01u
+#define HEADER_SIZE 28
+#define CHANNEL_MAX 63         // LCM's
+#define DATA_MAX (1 << 28)     // LCM's largest message
+#define MAC_SIZE 16            // a message authentication code may follow the payload; decoders ignore it
+
+static uint32_t big_endian_32(const unsigned char *bytes)
+{
+    return (uint32_t)bytes[0] << 24 | (uint32_t)bytes[1] << 16 | (uint32_t)bytes[2] << 8 | bytes[3];
+}
+
+static int64_t big_endian_64(const unsigned char *bytes)
+{
+    return (int64_t)((uint64_t)big_endian_32(bytes) << 32 | big_endian_32(bytes + 4));
+}
+
+bool kn_log_open(kn_log *log, const char *path, char *error, size_t error_size)
+{
+    memset(log, 0, sizeof *log);
+    struct stat status;
+    const char *what = NULL;
+    if (stat(path, &status) != 0) what = strerror(errno);
+    else if (!S_ISREG(status.st_mode)) what = "not a regular file";
+    else if (!(log->file = fopen(path, "rb"))) what = strerror(errno);
+    if (what) {
+        snprintf(error, error_size, "%s: %s, expected an LCM event log", path, what);
+        return false;
+    }
+    log->size = status.st_size;
+    return true;
+}
+
+static void forget_scene(kn_log *log)
+{
+    if (log->has_scene) knead_scene_t_decode_cleanup(&log->scene);
+    log->has_scene = false;
+}
+
+void kn_log_close(kn_log *log)
+{
+    forget_scene(log);
+    free(log->buffer);
+    if (log->file) fclose(log->file);
+    memset(log, 0, sizeof *log);
+}
+
+static bool damaged(kn_log *log, const char *what)
+{
+    snprintf(log->damage, sizeof log->damage, "%s at byte %lld of %lld, after %lld complete records", what,
+             (long long)log->offset, (long long)log->size, (long long)log->records);
+    return false;
+}
+
+static bool reserve(kn_log *log, size_t size)
+{
+    if (size <= log->capacity) return true;
+    unsigned char *buffer = realloc(log->buffer, size);
+    if (!buffer) return false;
+    log->buffer = buffer;
+    log->capacity = size;
+    return true;
+}
+
+// The next record's bytes: channel, a NUL of ours, data. Sizes are checked against the file first.
+static bool fetch(kn_log *log, kn_log_record *r)
+{
+    unsigned char h[HEADER_SIZE];
+    int64_t left = log->size - log->offset;
+    if (left == 0 || log->damage[0]) return false;
+    size_t got = fread(h, 1, sizeof h, log->file);
+    if (got >= 4 && big_endian_32(h) != MAGIC) return damaged(log, "no record of an LCM event log");
+    if (got < HEADER_SIZE) return damaged(log, "cut within a record");
+    int64_t channel = (int32_t)big_endian_32(h + 20), data = (int32_t)big_endian_32(h + 24);
+    if (channel < 1 || channel > CHANNEL_MAX) return damaged(log, "channel name of a length that LCM does not have");
+    if (data < 0 || data > DATA_MAX) return damaged(log, "message of a size that LCM does not have");
+    if (HEADER_SIZE + channel + data > left) return damaged(log, "cut within a record");
+
+    if (!reserve(log, (size_t)(channel + 1 + data))) return damaged(log, "record larger than memory");
+    unsigned char *body = log->buffer + channel + 1;
+    bool whole = fread(log->buffer, 1, (size_t)channel, log->file) == (size_t)channel &&
+                 fread(body, 1, (size_t)data, log->file) == (size_t)data;
+    if (!whole) return damaged(log, "cannot be read");
+    log->buffer[channel] = 0;
+    r->utime = big_endian_64(h + 12);
+    r->channel = (const char *)log->buffer;
+    r->data = body;
+    r->size = (size_t)data;
+    log->offset += HEADER_SIZE + channel + data;
+    log->records++;
+    return true;
+}
+
+static bool all_finite(const double *value, int count)
+{
+    for (int i = 0; i < count; i++)
+        if (!isfinite(value[i])) return false;
+    return true;
+}
+
+// size is that of a fixed-size type, or that and a MAC.
+static bool fits(const kn_log_record *r, int encoded_size, int64_t hash)
+{
+    size_t size = (size_t)encoded_size;
+    return (r->size == size || r->size == size + MAC_SIZE) && big_endian_64(r->data) == hash;
+}
+
+static kn_log_kind read_force(kn_log_record *r)
+{
+    int size = knead_contact_force_t_encoded_size(&r->force);
+    if (!fits(r, size, __knead_contact_force_t_get_hash())) return KN_LOG_MALFORMED;
+    if (knead_contact_force_t_decode(r->data, 0, size, &r->force) != size) return KN_LOG_MALFORMED;
+    const knead_contact_force_t *f = &r->force;
+    bool sane = all_finite(f->contact_force_n, 3) && all_finite(f->force_n, 3) && isfinite(f->gain) && f->tick >= 0 &&
+                f->missed_cycles >= 0 && f->missed_cycles <= f->tick;
+    return sane ? KN_LOG_FORCE : KN_LOG_MALFORMED;
+}
+
+static kn_log_kind read_event(kn_log_record *r)
+{
+    int size = knead_event_t_encoded_size(&r->event);
+    if (!fits(r, size, __knead_event_t_get_hash())) return KN_LOG_MALFORMED;
+    if (knead_event_t_decode(r->data, 0, size, &r->event) != size) return KN_LOG_MALFORMED;
+    return r->event.tick >= 0 && all_finite(r->event.arg, 8) ? KN_LOG_EVENT : KN_LOG_MALFORMED;
+}
+
+// hash, three int64, one int32, then three strings: an int32 length that counts the closing NUL, and the bytes.
+static bool scene_fits(const unsigned char *bytes, size_t size)
+{
+    size_t at = 8 + 3 * 8 + 4;
+    if (size < at || big_endian_64(bytes) != __knead_scene_t_get_hash()) return false;
+    for (int i = 0; i < 3; i++) {
+        if (size - at < 4) return false;
+        size_t length = big_endian_32(bytes + at);
+        at += 4;
+        if (length < 1 || length > size - at) return false;
+        if (memchr(bytes + at, 0, length) != bytes + at + length - 1) return false;
+        at += length;
+    }
+    return at == size || at + MAC_SIZE == size;
+}
+
+static kn_log_kind read_scene(kn_log *log, kn_log_record *r)
+{
+    if (!scene_fits(r->data, r->size)) return KN_LOG_MALFORMED;
+    log->has_scene = knead_scene_t_decode(r->data, 0, (int)r->size, &log->scene) > 0;
+    r->scene = log->scene;
+    return log->has_scene ? KN_LOG_SCENE : KN_LOG_MALFORMED;
+}
+
+static const char *after(const char *channel, const char *prefix)
+{
+    size_t n = strlen(prefix);
+    return strncmp(channel, prefix, n) == 0 && channel[n] ? channel + n : NULL;
+}
+
+static kn_log_kind classify(kn_log *log, kn_log_record *r)
+{
+    bool ours = after(r->channel, "KNEAD_") != NULL;
+    if (ours && r->size < 8) return KN_LOG_MALFORMED; // not even a type hash
+    if ((r->probe = after(r->channel, "KNEAD_POSE_"))) return KN_LOG_POSE;
+    if ((r->probe = after(r->channel, "KNEAD_FORCE_"))) return read_force(r);
+    if (strcmp(r->channel, "KNEAD_EVENT") == 0) return read_event(r);
+    if (strcmp(r->channel, "KNEAD_SCENE") == 0) return read_scene(log, r);
+    return KN_LOG_OTHER;
+}
+
+kn_log_kind kn_log_read(kn_log *log, kn_log_record *record)
+{
+    forget_scene(log);
+    memset(record, 0, sizeof *record);
+    return record->kind = fetch(log, record) ? classify(log, record) : KN_LOG_END;
+}
+
+bool kn_log_write(lcm_eventlog_t *file, int64_t utime, const char *channel, void *data, size_t size)
+{
+    lcm_eventlog_event_t event = {
+        .timestamp = utime,
+        .channellen = (int32_t)strlen(channel),
+        .datalen = (int32_t)size,
+        .channel = (char *)channel,
+        .data = data,
+    };
+    return lcm_eventlog_write_event(file, &event) == 0;
+}

@@ -1,0 +1,508 @@
+#include "server/replay.h"
+#include "proto/knead_event_t.h"
+#include "server/log.h"
+#include "server/receiver.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#define POSES 4096             // remembered per probe, a power of two: a force may come this many poses after its own
+#define LONGEST_PAUSE 3600000  // ms without a record that a replay steps through; more is a broken clock
+
+typedef struct kn_replay_private { // `v` below: the reading of the log
+    kn_log log;
+    int64_t end_offset; // where the part that is replayed ends
+    kn_log_record record;
+    bool held; // record has been read and not been used yet
+    kn_receiver receiver;
+    kn_pose *poses[KN_PROBES_MAX]; // [POSES], slot seq % POSES
+
+    // found by the first reading
+    knead_event_t *events;
+    size_t event_count, event_capacity, next_event;
+    char *scene_name, *scene_text;
+    uint64_t scene_hash;
+    int64_t forces, records;
+    int64_t first_tick, last_tick, first_force_tick; // -1: none
+    int64_t first_utime, last_utime, first_pose_utime, origin_utime;
+    bool started; // the log begins with the server's start
+
+    // forces of one tick
+    knead_contact_force_t force[KN_PROBES_MAX];
+    bool has[KN_PROBES_MAX];
+    bool grouped;
+    int64_t group_tick;
+
+    int64_t tick; // last one executed, -1: none
+    bool live[KN_PROBES_MAX];
+    bool touched, resting; // a session has begun; none has and the object lies still
+    uint64_t rest_hash;
+} reading;
+
+// ---- first reading: what is in the log
+
+static bool keep_event(reading *v, const knead_event_t *e)
+{
+    if (v->event_count == v->event_capacity) {
+        size_t capacity = v->event_capacity ? 2 * v->event_capacity : 256;
+        knead_event_t *events = realloc(v->events, capacity * sizeof *events);
+        if (!events) return false;
+        v->events = events;
+        v->event_capacity = capacity;
+    }
+    v->events[v->event_count++] = *e;
+    return true;
+}
+
+static bool keep_scene(reading *v, const knead_scene_t *s)
+{
+    v->scene_name = strdup(s->name);
+    v->scene_text = strdup(s->text);
+    v->scene_hash = (uint64_t)s->text_hash;
+    return v->scene_name && v->scene_text;
+}
+
+// A tick number from a force or an event. Why the replay has to end before it, or NULL.
+static const char *see_tick(reading *v, int64_t tick, int64_t utime)
+{
+    if (v->first_tick < 0) {
+        v->first_tick = v->last_tick = tick;
+        v->origin_utime = utime - 1000 * tick;
+    }
+    if (tick > v->last_tick + LONGEST_PAUSE) return "a jump of more than an hour";
+    if (tick > v->last_tick) v->last_tick = tick;
+    return NULL;
+}
+
+// Takes note of a record. Why the part that can be replayed ends before it, or NULL.
+static const char *survey(kn_replay *r, const kn_log_record *record)
+{
+    reading *v = r->private;
+    bool first = v->first_tick < 0;
+    switch (record->kind) {
+    case KN_LOG_FORCE:
+        v->forces++;
+        if (v->first_force_tick < 0) v->first_force_tick = record->force.tick;
+        return see_tick(v, record->force.tick, record->utime);
+    case KN_LOG_EVENT:
+        if (record->event.kind == KNEAD_EVENT_T_KIND_START) {
+            if (!first) return "a second run of the server";
+            v->started = true;
+        }
+        if (!keep_event(v, &record->event)) return "more events than memory";
+        return see_tick(v, record->event.tick, record->utime);
+    case KN_LOG_SCENE:
+        if (v->scene_text) return (uint64_t)record->scene.text_hash == v->scene_hash ? NULL : "a second scene";
+        return keep_scene(v, &record->scene) ? NULL : "a scene larger than memory";
+    case KN_LOG_POSE:
+        if (v->first_pose_utime < 0) v->first_pose_utime = record->utime;
+        return NULL;
+    case KN_LOG_MALFORMED: r->tally.malformed++; return NULL;
+    case KN_LOG_OTHER:
+    case KN_LOG_END: break;
+    }
+    return NULL;
+}
+
+static bool scan(kn_replay *r, const char *path, char *error, size_t error_size)
+{
+    reading *v = r->private;
+    kn_log log;
+    kn_log_record record;
+    if (!kn_log_open(&log, path, error, error_size)) return false;
+    v->first_tick = v->last_tick = v->first_force_tick = v->first_pose_utime = v->tick = -1;
+    for (int64_t at = 0; kn_log_read(&log, &record) != KN_LOG_END; at = log.offset) {
+        const char *ends = survey(r, &record);
+        if (!ends && v->records > 0 && record.utime > v->last_utime + 1000 * (int64_t)LONGEST_PAUSE)
+            ends = "a jump of more than an hour";
+        if (ends) {
+            snprintf(r->damage, sizeof r->damage, "%s begins at byte %lld, after %lld records", ends, (long long)at,
+                     (long long)v->records);
+            break;
+        }
+        if (v->records++ == 0) v->first_utime = v->last_utime = record.utime;
+        if (record.utime > v->last_utime) v->last_utime = record.utime;
+        v->end_offset = log.offset;
+    }
+    if (log.damage[0]) snprintf(r->damage, sizeof r->damage, "%s", log.damage);
+    r->forces_logged = v->forces > 0;
+    kn_log_close(&log);
+    if (v->forces > 0 || v->first_pose_utime >= 0) return true;
+    snprintf(error, error_size, "%s: %s%sholds no poses and no forces (%lld records)", path, r->damage, r->damage[0] ? "; " : "",
+             (long long)v->records);
+    return false;
+}
+
+// ---- what it is replayed on
+
+static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
+{
+    reading *v = r->private;
+    if (def->scene_path) r->scene = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
+    else if (!v->scene_text) snprintf(error, error_size, "%s: holds no KNEAD_SCENE record, name the scene", def->log_path);
+    else
+        r->scene = kn_scene_parse(v->scene_name, v->scene_text, strlen(v->scene_text), def->sets, def->set_count, error,
+                                  error_size);
+    if (!r->scene) return false;
+    r->same = v->scene_text && r->scene->text_hash == v->scene_hash;
+    if (r->same || !v->scene_text || def->set_count > 0) return true;
+    if (!def->scene_path) {
+        snprintf(error, error_size, "%s: its scene '%s' means something else to this version", def->log_path, v->scene_name);
+        return false;
+    }
+    snprintf(error, error_size, "%s: the log was recorded with another scene, '%s': leave the scene out, or say with --set, "
+             "--solver, --precision or --dt what is to be different", def->scene_path, v->scene_name);
+    return false;
+}
+
+static bool build(kn_replay *r, char *error, size_t error_size)
+{
+    char why[200];
+    r->model = kn_model_build(&r->scene->model, why, sizeof why);
+    if (!r->model) {
+        snprintf(error, error_size, "%s: %s", r->scene->name, why);
+        return false;
+    }
+    if (kn_backend_steps(r->scene->model.solver.dt_s) == 0) {
+        snprintf(error, error_size, "%s: solver.dt is %g s, expected 1 ms divided by a whole number", r->scene->name,
+                 r->scene->model.solver.dt_s);
+        return false;
+    }
+    if (!kn_backend_cpu(&r->backend, r->model)) {
+        snprintf(error, error_size, "%s: not enough memory", r->scene->name);
+        return false;
+    }
+    kn_servo_init(&r->servo, r->scene, r->model, &r->backend);
+    return true;
+}
+
+// A log that does not begin with the server's start must begin with an untouched object.
+static bool check_untouched(kn_replay *r, const char *path, char *error, size_t error_size)
+{
+    reading *v = r->private;
+    if (!r->same || v->started) return true;
+    for (size_t i = 0; i < v->event_count; i++) {
+        const knead_event_t *e = &v->events[i];
+        if (e->kind == KNEAD_EVENT_T_KIND_RESET || e->state_hash == 0) continue;
+        if ((uint64_t)e->state_hash == kn_state_hash(r->model, kn_replay_state(r))) return true;
+        snprintf(error, error_size, "%s: the object had been kneaded before this log begins, expected a log from the server's "
+                 "start, or from an untouched object, on", path);
+        return false;
+    }
+    return true;
+}
+
+static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
+{
+    reading *v = r->private;
+    if (!scan(r, def->log_path, error, error_size) || !choose_scene(r, def, error, error_size) ||
+        !build(r, error, error_size) || !check_untouched(r, def->log_path, error, error_size) ||
+        !kn_log_open(&v->log, def->log_path, error, error_size))
+        return false;
+    kn_receiver_init(&v->receiver, &r->model->def);
+    for (int p = 0; p < r->model->def.probe_count; p++) {
+        v->poses[p] = calloc(POSES, sizeof *v->poses[p]);
+        if (!v->poses[p]) {
+            snprintf(error, error_size, "%s: not enough memory", def->log_path);
+            return false;
+        }
+    }
+    r->tally.first_gap = r->tally.first_mismatch = -1;
+    r->tally.ticks_total = r->forces_logged ? v->last_tick - v->first_tick + 1
+                                            : (v->last_utime - v->first_pose_utime) / 1000 + 1;
+    return true;
+}
+
+kn_replay *kn_replay_create(const kn_replay_def *def, char *error, size_t error_size)
+{
+    kn_replay *r = calloc(1, sizeof *r);
+    if (r) r->private = calloc(1, sizeof *r->private);
+    if (!r || !r->private) snprintf(error, error_size, "%s: not enough memory", def->log_path);
+    else if (prepare(r, def, error, error_size)) return r;
+    kn_replay_destroy(r);
+    return NULL;
+}
+
+void kn_replay_destroy(kn_replay *r)
+{
+    if (!r) return;
+    reading *v = r->private;
+    if (v) {
+        kn_log_close(&v->log);
+        for (int p = 0; p < KN_PROBES_MAX; p++) free(v->poses[p]);
+        free(v->events);
+        free(v->scene_name);
+        free(v->scene_text);
+    }
+    free(v);
+    if (r->backend.destroy) r->backend.destroy(r->backend.self);
+    kn_model_destroy(r->model);
+    kn_scene_destroy(r->scene);
+    free(r);
+}
+
+const kn_state *kn_replay_state(kn_replay *r) { return r->backend.state(r->backend.self); }
+
+// ---- second reading: tick by tick
+
+static int probe_of(const kn_replay *r, const char *name)
+{
+    for (int p = 0; p < r->model->def.probe_count; p++)
+        if (strcmp(r->model->def.probe[p].name, name) == 0) return p;
+    return -1;
+}
+
+// The next record of the part that is replayed, until it is used up; false at the end.
+static bool next_record(reading *v)
+{
+    if (v->held) return true;
+    if (v->log.offset >= v->end_offset || kn_log_read(&v->log, &v->record) == KN_LOG_END) return false;
+    return v->held = true;
+}
+
+static kn_verdict judge(reading *v, int64_t now_ns, int *probe, kn_pose *pose)
+{
+    const kn_log_record *record = &v->record;
+    kn_datagram d = {.loopback = true};
+    size_t name = strlen(record->channel) + 1, size = 8 + name + record->size;
+    if (size > sizeof d.bytes) return KN_REJECT_LENGTH;
+    memcpy(d.bytes, "LC02\0\0\0\0", 8);
+    memcpy(d.bytes + 8, record->channel, name);
+    memcpy(d.bytes + 8 + name, record->data, record->size);
+    d.size = size;
+    return kn_receiver_judge(&v->receiver, &d, now_ns, probe, pose);
+}
+
+// With forces: the daemon has judged in its time; here a pose has only to be one.
+static void remember_pose(kn_replay *r)
+{
+    reading *v = r->private;
+    int p;
+    kn_pose pose;
+    memset(v->receiver.source, 0, sizeof v->receiver.source);
+    kn_verdict verdict = judge(v, 0, &p, &pose);
+    if (verdict == KN_ACCEPTED) v->poses[p][(uint64_t)pose.seq % POSES] = pose;
+    else if (verdict == KN_REJECT_LENGTH || verdict == KN_REJECT_TYPE) r->tally.malformed++;
+}
+
+static const kn_pose *find_pose(const reading *v, int p, int64_t session, int64_t seq)
+{
+    const kn_pose *pose = &v->poses[p][(uint64_t)seq % POSES];
+    return session != 0 && pose->session == session && pose->seq == seq ? pose : NULL;
+}
+
+// Reads on until all forces of the next tick are together.
+static void gather(kn_replay *r)
+{
+    reading *v = r->private;
+    if (v->grouped) return;
+    for (; next_record(v); v->held = false) {
+        if (v->record.kind == KN_LOG_POSE) remember_pose(r);
+        if (v->record.kind != KN_LOG_FORCE) continue;
+        const knead_contact_force_t *f = &v->record.force;
+        int p = probe_of(r, v->record.probe);
+        bool late = f->tick <= v->tick || (v->grouped && (f->tick < v->group_tick || (f->tick == v->group_tick && v->has[p < 0 ? 0 : p])));
+        if (p < 0 || f->session == 0 || late) {
+            r->tally.malformed++;
+            continue;
+        }
+        if (v->grouped && f->tick > v->group_tick) return;
+        v->grouped = true;
+        v->group_tick = f->tick;
+        v->force[p] = *f;
+        v->has[p] = true;
+    }
+}
+
+// Cycles that were skipped just before a tick, by its forces or else by its checkpoint.
+static int32_t missed_before(const reading *v, int64_t tick)
+{
+    for (int p = 0; v->grouped && v->group_tick == tick && p < KN_PROBES_MAX; p++)
+        if (v->has[p]) return v->force[p].missed_cycles;
+    for (size_t i = v->next_event; i < v->event_count && v->events[i].tick == tick; i++)
+        if (v->events[i].kind == KNEAD_EVENT_T_KIND_CHECKPOINT && v->events[i].arg[0] > 0 && v->events[i].arg[0] <= (double)tick)
+            return (int32_t)v->events[i].arg[0];
+    return 0;
+}
+
+static bool anyone_live(const reading *v)
+{
+    bool any = false;
+    for (int p = 0; p < KN_PROBES_MAX; p++) any |= v->live[p];
+    return any;
+}
+
+// Number of the tick to run and cycles missed before it; false at the end of the log.
+static bool choose_tick(kn_replay *r, kn_tick_in *in)
+{
+    reading *v = r->private;
+    gather(r);
+    while (v->next_event < v->event_count && v->events[v->next_event].tick <= v->tick) v->next_event++;
+    bool event = v->next_event < v->event_count;
+    if (!v->grouped && !event) return false;
+    int64_t known = v->grouped ? v->group_tick : v->events[v->next_event].tick;
+    if (event && v->events[v->next_event].tick < known) known = v->events[v->next_event].tick;
+    int32_t missed = missed_before(v, known);
+
+    // between two ticks that left a trace every other one ran, too; an untouched object that lies still can be left alone
+    bool idle = v->tick >= 0 && v->tick + 1 + missed < known && !v->resting;
+    in->tick = idle ? v->tick + 1 : known;
+    in->missed = idle ? 0 : missed;
+    return true;
+}
+
+static void count_gap(kn_replay *r, int64_t tick)
+{
+    if (r->tally.gaps++ == 0) r->tally.first_gap = tick;
+}
+
+// No force tells which pose this tick used: most likely the next one.
+static void guess_pose(kn_replay *r, int p)
+{
+    reading *v = r->private;
+    kn_pose *pose = &r->tick.pose[p];
+    const kn_pose *next = find_pose(v, p, pose->session, pose->seq + 1);
+    count_gap(r, r->tick.in.tick);
+    r->tick.in.fresh[p] = next != NULL;
+    if (next) *pose = *next;
+}
+
+static void take_pose(kn_replay *r, int p)
+{
+    reading *v = r->private;
+    const knead_contact_force_t *f = r->tick.logged[p] = &v->force[p];
+    kn_pose *pose = &r->tick.pose[p];
+    r->tally.forces++;
+    const kn_pose *found = find_pose(v, p, f->session, f->seq);
+    bool held = v->live[p] && pose->session == f->session && pose->seq == f->seq;
+    r->tick.in.fresh[p] = !(f->flags & KNEAD_CONTACT_FORCE_T_FLAG_STALE);
+    v->live[p] = v->live[p] || found;
+    if (found) *pose = *found;
+    else if (!held) guess_pose(r, p);
+}
+
+static void apply_events(kn_replay *r, kn_tick_in *in)
+{
+    reading *v = r->private;
+    for (size_t i = v->next_event; i < v->event_count && v->events[i].tick == in->tick; i++) {
+        const knead_event_t *e = &v->events[i];
+        switch (e->kind) {
+        case KNEAD_EVENT_T_KIND_RESET: in->reset = true; break;
+        case KNEAD_EVENT_T_KIND_RECOVER: in->recover = true; break;
+        case KNEAD_EVENT_T_KIND_STOP: in->stop = true; break;
+        case KNEAD_EVENT_T_KIND_SESSION_END:
+            if (e->probe >= 0 && e->probe < KN_PROBES_MAX) v->live[e->probe] = false;
+            break;
+        default: // a change that this version does not make cannot be made again
+            if (e->kind < KNEAD_EVENT_T_KIND_ESTOP) break;
+            r->same = false;
+            snprintf(r->damage, sizeof r->damage, "an event of unknown kind %d at tick %lld", e->kind, (long long)e->tick);
+        }
+    }
+}
+
+// The log's state hashes against those of the events that this tick told by itself.
+static void check_hashes(kn_replay *r)
+{
+    reading *v = r->private;
+    const kn_tick_out *out = &r->tick.out;
+    if (!r->same) return;
+    for (size_t i = v->next_event; i < v->event_count && v->events[i].tick == out->tick; i++) {
+        const knead_event_t *e = &v->events[i];
+        bool met = false;
+        for (int k = 0; k < out->event_count && !met; k++)
+            met = out->event[k].kind == e->kind && out->event[k].probe == e->probe &&
+                  out->event[k].state_hash == (uint64_t)e->state_hash;
+        r->tally.checkpoints++;
+        if (!met && r->tally.mismatches++ == 0) r->tally.first_mismatch = e->tick;
+    }
+}
+
+static int64_t now_ns(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return 1000000000 * (int64_t)t.tv_sec + t.tv_nsec;
+}
+
+static void run_tick(kn_replay *r)
+{
+    int64_t start_ns = now_ns();
+    kn_servo_tick(&r->servo, &r->tick.in, &r->tick.out);
+    r->tick.execution_ns = now_ns() - start_ns;
+    r->private->tick = r->tick.in.tick;
+}
+
+static bool step_by_forces(kn_replay *r)
+{
+    reading *v = r->private;
+    kn_tick_in *in = &r->tick.in;
+    bool stop = in->stop;
+    *in = (kn_tick_in){.stop = stop};
+    memset(r->tick.logged, 0, sizeof r->tick.logged);
+    if (!choose_tick(r, in)) return false;
+
+    bool grouped = v->grouped && v->group_tick == in->tick;
+    apply_events(r, in);
+    for (int p = 0; p < r->model->def.probe_count; p++) {
+        if (grouped && v->has[p]) take_pose(r, p);
+        else if (v->live[p]) guess_pose(r, p);
+        in->pose[p] = v->live[p] ? &r->tick.pose[p] : NULL;
+        v->touched |= v->live[p];
+    }
+    if (grouped) {
+        v->grouped = false;
+        memset(v->has, 0, sizeof v->has);
+    }
+    r->tick.utime = v->origin_utime + 1000 * in->tick;
+    r->tick.time_s = 1e-3 * (double)(in->tick - v->first_force_tick);
+    run_tick(r);
+    check_hashes(r);
+
+    uint64_t hash = v->touched ? 0 : kn_state_hash(r->model, kn_replay_state(r));
+    v->resting = !v->touched && !anyone_live(v) && v->rest_hash == hash;
+    v->rest_hash = hash;
+    return true;
+}
+
+static bool step_by_time(kn_replay *r)
+{
+    reading *v = r->private;
+    kn_tick_in *in = &r->tick.in;
+    *in = (kn_tick_in){.tick = v->tick + 1};
+    r->tick.utime = v->first_pose_utime + 1000 * in->tick;
+    r->tick.time_s = 1e-3 * (double)in->tick;
+    // half a period after its own time, so that the jitter of a sender on the same period moves no pose to another tick
+    int64_t until = r->tick.utime + 500;
+    for (; next_record(v) && v->record.utime < until; v->held = false) {
+        int p;
+        kn_pose pose;
+        if (v->record.kind == KN_LOG_EVENT) {
+            in->reset |= v->record.event.kind == KNEAD_EVENT_T_KIND_RESET;
+            in->recover |= v->record.event.kind == KNEAD_EVENT_T_KIND_RECOVER;
+        }
+        if (v->record.kind != KN_LOG_POSE) continue;
+        if (judge(v, 1000 * v->record.utime, &p, &pose) != KN_ACCEPTED) {
+            r->tally.refused++;
+            continue;
+        }
+        r->tick.pose[p] = pose;
+        in->fresh[p] = v->live[p] = true;
+    }
+    if (!v->held && r->tick.utime > v->last_utime) return false;
+    unsigned ended = kn_receiver_expire(&v->receiver, 1000 * until);
+    for (int p = 0; p < r->model->def.probe_count; p++) {
+        if (ended >> p & 1) v->live[p] = false;
+        in->pose[p] = v->live[p] ? &r->tick.pose[p] : NULL;
+    }
+    run_tick(r);
+    return true;
+}
+
+bool kn_replay_step(kn_replay *r)
+{
+    bool more = r->forces_logged ? step_by_forces(r) : step_by_time(r);
+    r->tally.ticks += more;
+    return more;
+}
