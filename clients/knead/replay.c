@@ -1,0 +1,404 @@
+// knead replay: a log through the daemon's own servo under a virtual clock. The replay is server/replay.h's; here is what
+// is written of it, and what is said about it.
+#include "clients/knead/commands.h"
+#include "core/hash.h"
+#include "server/log.h"
+#include "server/replay.h"
+#include "server/wire.h"
+#include <errno.h>
+#include <getopt.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+static const char help[] =
+    "usage: knead replay [SCENE] LOG [OPTION]...\n\n"
+    "Plays an LCM event log (lcm-logger, knead probe --record) through the daemon's servo under a virtual clock. The same\n"
+    "log gives the same forces, to the bit. The scene comes from the log when none is named.\n\n"
+    "  --csv FILE        one row per tick and live probe\n"
+    "  --out FILE        what the daemon would have said, as a log: scene, poses, forces, events\n"
+    "  --hash            print one number of all forces and the final state\n"
+    "  --verify          compare with the forces in the log, bit for bit; exit 1 at the first that differs\n"
+    "  --speed max|real  as fast as it goes (the default), or 1000 ticks per second\n"
+    "another computation than the log's (and then no --verify):\n"
+    "  --solver S        implicit, rk4, blend, secant or tangent\n"
+    "  --precision P     f32 or f64\n"
+    "  --dt TIME         step, 1 ms divided by a whole number, e.g. '62.5 us'\n"
+    "  --set KEY=VALUE   any key of the scene; knead check --keys lists them\n\n"
+    "Exit codes: 0 ok, 1 --verify failed or cannot be made, 2 bad input, 3 a file cannot be written.\n";
+
+static const char columns[] = "tick,time_s,probe,x_m,y_m,z_m,contact_fx_n,contact_fy_n,contact_fz_n,fx_n,fy_n,fz_n,"
+                              "tx_n_m,ty_n_m,tz_n_m,contacts,residual,execution_ns\n";
+
+#define SETS_MAX 64
+#define SET_SIZE 80 // "solver.dt=" and a time
+
+typedef struct replay_options {
+    kn_replay_def def;
+    const char *sets[SETS_MAX];
+    char made[SETS_MAX][SET_SIZE];
+    const char *csv_path, *out_path;
+    bool hash, verify, real_time;
+} replay_options;
+
+typedef struct replay_run {
+    const replay_options *opt;
+    kn_replay *replay;
+    FILE *csv;
+    lcm_eventlog_t *out;
+    bool out_failed;
+    uint64_t initial_hash, hash; // of the object before the first tick; of the forces so far
+    int64_t verified;
+    bool probes[KN_PROBES_MAX]; // verified
+    bool differs;
+    char difference[200];
+    double peak_n;
+    int64_t clock_ns, shown_ns; // of real time, of the progress bar
+} replay_run;
+
+// ---- options
+
+static int bad(const char *option, const char *value, const char *expected)
+{
+    fprintf(stderr, "knead replay: --%s %s: expected %s\n", option, value, expected);
+    return KN_EXIT_USAGE;
+}
+
+static int add_set(replay_options *opt, const char *key, const char *value, const char *unit)
+{
+    int i = opt->def.set_count;
+    if (i == SETS_MAX) return bad("set", value, "at most 64 of them");
+    if (!key) opt->sets[i] = value;
+    else if (snprintf(opt->made[i], SET_SIZE, "%s=%s%s", key, value, unit) >= SET_SIZE) return bad(key, value, "something shorter");
+    else opt->sets[i] = opt->made[i];
+    opt->def.set_count++;
+    return KN_EXIT_OK;
+}
+
+static int set_solver(replay_options *opt, const char *name)
+{
+    if (!strcmp(name, "implicit") || !strcmp(name, "rk4")) return add_set(opt, "solver.kind", name, "");
+    if (!strcmp(name, "blend") || !strcmp(name, "secant") || !strcmp(name, "tangent"))
+        return add_set(opt, "solver.linearization", name, "");
+    return bad("solver", name, "implicit, rk4, blend, secant or tangent");
+}
+
+static int set_dt(replay_options *opt, const char *text)
+{
+    char *end;
+    strtod(text, &end);
+    return add_set(opt, "solver.dt", text, end != text && *end == '\0' ? " s" : "");
+}
+
+static int take_option(replay_options *opt, int option, const char *value)
+{
+    switch (option) {
+    case 'c': opt->csv_path = value; return KN_EXIT_OK;
+    case 'o': opt->out_path = value; return KN_EXIT_OK;
+    case 'H': opt->hash = true; return KN_EXIT_OK;
+    case 'v': opt->verify = true; return KN_EXIT_OK;
+    case 'r':
+        opt->real_time = !strcmp(value, "real");
+        return opt->real_time || !strcmp(value, "max") ? KN_EXIT_OK : bad("speed", value, "max or real");
+    case 's': return set_solver(opt, value);
+    case 'p':
+        if (strcmp(value, "f32") && strcmp(value, "f64")) return bad("precision", value, "f32 or f64");
+        return add_set(opt, "solver.precision", value, "");
+    case 'd': return set_dt(opt, value);
+    case 'k': return add_set(opt, NULL, value, "");
+    default: return KN_EXIT_USAGE; // getopt has said why
+    }
+}
+
+static int parse(replay_options *opt, int argc, char **argv, bool *done)
+{
+    static const struct option options[] = {
+        {"csv", required_argument, NULL, 'c'},    {"out", required_argument, NULL, 'o'},       {"hash", no_argument, NULL, 'H'},
+        {"verify", no_argument, NULL, 'v'},       {"speed", required_argument, NULL, 'r'},     {"solver", required_argument, NULL, 's'},
+        {"precision", required_argument, NULL, 'p'}, {"dt", required_argument, NULL, 'd'},     {"set", required_argument, NULL, 'k'},
+        {"help", no_argument, NULL, 'h'},         {NULL, 0, NULL, 0}};
+    optind = 0; // a test calls this more than once
+    for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
+        if (option == 'h') {
+            fputs(help, stdout);
+            *done = true;
+            return KN_EXIT_OK;
+        }
+        int code = take_option(opt, option, optarg);
+        if (code != KN_EXIT_OK) return code;
+    }
+    int files = argc - optind;
+    if (files != 1 && files != 2) {
+        fputs("knead replay: expected [SCENE] LOG; knead replay --help tells the rest\n", stderr);
+        return KN_EXIT_USAGE;
+    }
+    if (files == 2) opt->def.scene_path = argv[optind];
+    opt->def.log_path = argv[argc - 1];
+    opt->def.sets = opt->sets;
+    return KN_EXIT_OK;
+}
+
+// ---- what is written
+
+static void write_row(replay_run *run, int p)
+{
+    const kn_replay_tick *t = &run->replay->tick;
+    const kn_force *f = &t->out.force[p];
+    const double *x = t->pose[p].position_m;
+    fprintf(run->csv, "%lld,%.3f,%s,%.9g,%.9g,%.9g", (long long)t->out.tick, t->time_s,
+            run->replay->model->def.probe[p].name, x[0], x[1], x[2]);
+    const double *vectors[] = {f->contact_force_n, f->force_n, f->torque_n_m};
+    for (int i = 0; i < 3; i++) fprintf(run->csv, ",%.9g,%.9g,%.9g", vectors[i][0], vectors[i][1], vectors[i][2]);
+    fprintf(run->csv, ",%d,%.3g,%lld\n", f->contacts, f->residual, (long long)t->execution_ns);
+}
+
+static void log_bytes(replay_run *run, int64_t utime, const char *prefix, const char *probe, void *bytes, int size)
+{
+    char channel[64];
+    snprintf(channel, sizeof channel, "%s%.*s", prefix, KN_NAME_MAX, probe);
+    if (size < 0 || !kn_log_write(run->out, utime, channel, bytes, (size_t)size)) run->out_failed = true;
+}
+
+static void log_scene(replay_run *run, int64_t utime)
+{
+    knead_scene_t message;
+    kn_wire_scene(&message, run->replay->scene, run->initial_hash, utime);
+    int size = knead_scene_t_encoded_size(&message);
+    void *bytes = malloc((size_t)size);
+    if (bytes) log_bytes(run, utime, "KNEAD_SCENE", "", bytes, knead_scene_t_encode(bytes, 0, size, &message));
+    else run->out_failed = true;
+    free(bytes);
+}
+
+// As on the bus: the poses, then the events, then the forces of a tick.
+static void log_tick(replay_run *run)
+{
+    const kn_replay *r = run->replay;
+    const kn_replay_tick *t = &r->tick;
+    const kn_probe_def *probe = r->model->def.probe;
+    uint8_t bytes[512];
+    for (int p = 0; p < t->out.probes; p++) {
+        if (!t->in.pose[p] || !t->in.fresh[p]) continue;
+        knead_probe_pose_t message;
+        kn_wire_pose(&message, t->in.pose[p]);
+        log_bytes(run, t->utime, "KNEAD_POSE_", probe[p].name, bytes, knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &message));
+    }
+    for (int i = 0; i < t->out.event_count; i++) {
+        knead_event_t message;
+        kn_wire_event(&message, &t->out.event[i], t->utime);
+        log_bytes(run, t->utime, "KNEAD_EVENT", "", bytes, knead_event_t_encode(bytes, 0, sizeof bytes, &message));
+    }
+    for (int p = 0; p < t->out.probes; p++) {
+        if (!t->out.force[p].live) continue;
+        knead_contact_force_t message;
+        kn_wire_force(&message, &t->out, p, t->utime, t->execution_ns);
+        log_bytes(run, t->utime, "KNEAD_FORCE_", probe[p].name, bytes, knead_contact_force_t_encode(bytes, 0, sizeof bytes, &message));
+    }
+}
+
+// Of the bytes on the wire, which are the same on every machine, without the two fields that come from a clock.
+static void hash_force(replay_run *run, int p)
+{
+    knead_contact_force_t message;
+    uint8_t bytes[512];
+    kn_wire_force(&message, &run->replay->tick.out, p, 0, 0);
+    int size = knead_contact_force_t_encode(bytes, 0, sizeof bytes, &message);
+    run->hash = kn_hash_bytes(run->hash, bytes, (size_t)size);
+}
+
+// ---- verification
+
+static void differ(replay_run *run, int p, const char *what, double logged, double replayed)
+{
+    run->differs = true;
+    snprintf(run->difference, sizeof run->difference, "tick %lld, probe %s: %s is %.17g in the log and %.17g in the replay",
+             (long long)run->replay->tick.out.tick, run->replay->model->def.probe[p].name, what, logged, replayed);
+}
+
+static bool same_bits(double a, double b) { return memcmp(&a, &b, sizeof a) == 0; }
+
+static void verify_force(replay_run *run, int p)
+{
+    static const char *const contact[] = {"contact_force_n[0]", "contact_force_n[1]", "contact_force_n[2]"};
+    static const char *const given[] = {"force_n[0]", "force_n[1]", "force_n[2]"};
+    const kn_force *f = &run->replay->tick.out.force[p];
+    const knead_contact_force_t *log = run->replay->tick.logged[p];
+    if (!log || run->differs) return;
+    run->verified++;
+    run->probes[p] = true;
+    if (f->flags != log->flags) differ(run, p, "flags", log->flags, f->flags);
+    if (!same_bits(f->gain, log->gain)) differ(run, p, "gain", log->gain, f->gain);
+    for (int i = 0; i < 3; i++) {
+        if (!same_bits(f->force_n[i], log->force_n[i])) differ(run, p, given[i], log->force_n[i], f->force_n[i]);
+        if (!same_bits(f->contact_force_n[i], log->contact_force_n[i]))
+            differ(run, p, contact[i], log->contact_force_n[i], f->contact_force_n[i]);
+    }
+}
+
+static int verdict(const replay_run *run)
+{
+    const kn_replay_tally *tally = &run->replay->tally;
+    const char *log = run->opt->def.log_path;
+    int probes = 0;
+    for (int p = 0; p < KN_PROBES_MAX; p++) probes += run->probes[p];
+    if (tally->gaps > 0)
+        fprintf(stderr, "%s: cannot be verified: %lld ticks ran whose force or pose is not in the log, the first is tick %lld\n",
+                log, (long long)tally->gaps, (long long)tally->first_gap);
+    else if (run->differs)
+        fprintf(stderr, "%s: differs after %lld equal forces: %s\n", log, (long long)run->verified - 1, run->difference);
+    else if (tally->mismatches > 0)
+        fprintf(stderr, "%s: %lld of %lld events have another state hash, the first at tick %lld\n", log,
+                (long long)tally->mismatches, (long long)tally->checkpoints, (long long)tally->first_mismatch);
+    else {
+        printf("verified %lld forces, %d probe%s\n", (long long)run->verified, probes, probes == 1 ? "" : "s");
+        return KN_EXIT_OK;
+    }
+    return KN_EXIT_FAILED;
+}
+
+// Why there is nothing to verify with, before any time is spent on it.
+static int refuse_verify(const replay_run *run)
+{
+    const char *log = run->opt->def.log_path;
+    if (!run->replay->forces_logged) {
+        fprintf(stderr, "%s: cannot be verified: the log holds no forces\n", log);
+        return KN_EXIT_FAILED;
+    }
+    if (!run->replay->same) {
+        fprintf(stderr, "%s: --verify expects the log's own scene and computation, not what --set, --solver, --precision or --dt "
+                "ask for\n", log);
+        return KN_EXIT_USAGE;
+    }
+    return KN_EXIT_OK;
+}
+
+// ---- the run
+
+static int64_t now_ns(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return 1000000000 * (int64_t)t.tv_sec + t.tv_nsec;
+}
+
+static void keep_pace(replay_run *run)
+{
+    run->clock_ns += 1000000;
+    struct timespec t = {run->clock_ns / 1000000000, run->clock_ns % 1000000000};
+    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL) == EINTR) continue;
+}
+
+static void show_progress(replay_run *run, bool last)
+{
+    static const char bar[] = "########################################";
+    const kn_replay_tally *tally = &run->replay->tally;
+    int64_t now = now_ns();
+    if (!isatty(STDERR_FILENO) || (!last && now - run->shown_ns < 100000000)) return;
+    run->shown_ns = now;
+    double share = tally->ticks_total > 0 ? fmin(1.0, (double)tally->ticks / (double)tally->ticks_total) : 1.0;
+    if (last) fprintf(stderr, "\r%60s\r", "");
+    else fprintf(stderr, "\r[%-40.*s] %3.0f %%  %.1f s", (int)(40 * share), bar, 100 * share, run->replay->tick.time_s);
+}
+
+static void take_tick(replay_run *run)
+{
+    const kn_tick_out *out = &run->replay->tick.out;
+    for (int p = 0; p < out->probes; p++) {
+        const double *f = out->force[p].contact_force_n;
+        if (!out->force[p].live) continue;
+        run->peak_n = fmax(run->peak_n, sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]));
+        hash_force(run, p);
+        if (run->csv) write_row(run, p);
+        if (run->opt->verify) verify_force(run, p);
+    }
+    if (run->out) log_tick(run);
+}
+
+static void tell(const replay_run *run)
+{
+    const kn_replay *r = run->replay;
+    const kn_replay_tally *t = &r->tally;
+    const char *log = run->opt->def.log_path;
+    if (r->damage[0]) fprintf(stderr, "%s: %s: what stands before it was used\n", log, r->damage);
+    if (t->malformed) fprintf(stderr, "%s: %lld malformed records were left out\n", log, (long long)t->malformed);
+    if (t->refused) fprintf(stderr, "%s: %lld poses were refused, as kneadd refuses them\n", log, (long long)t->refused);
+    if (t->gaps && !run->opt->verify)
+        fprintf(stderr, "%s: %lld ticks ran whose force or pose is not in the log, the first is tick %lld: replayed with the next "
+                "pose\n", log, (long long)t->gaps, (long long)t->first_gap);
+    if (t->mismatches && !run->opt->verify)
+        fprintf(stderr, "%s: %lld of %lld events have another state hash, the first at tick %lld\n", log,
+                (long long)t->mismatches, (long long)t->checkpoints, (long long)t->first_mismatch);
+}
+
+static int open_outputs(replay_run *run)
+{
+    const replay_options *opt = run->opt;
+    const char *path = NULL;
+    if (opt->csv_path && !(run->csv = fopen(opt->csv_path, "w"))) path = opt->csv_path;
+    else if (opt->out_path && !(run->out = lcm_eventlog_create(opt->out_path, "w"))) path = opt->out_path;
+    if (path) {
+        fprintf(stderr, "%s: %s, expected a file that can be written\n", path, strerror(errno));
+        return KN_EXIT_DEVICE;
+    }
+    if (run->csv) fputs(columns, run->csv);
+    return KN_EXIT_OK;
+}
+
+static int close_outputs(replay_run *run)
+{
+    const char *path = NULL;
+    if (run->out) {
+        if (fflush(run->out->f) != 0 || run->out_failed) path = run->opt->out_path;
+        lcm_eventlog_destroy(run->out);
+    }
+    if (run->csv && (ferror(run->csv) | fclose(run->csv)) != 0) path = run->opt->csv_path;
+    if (path) fprintf(stderr, "%s: could not be written to its end\n", path);
+    return path ? KN_EXIT_DEVICE : KN_EXIT_OK;
+}
+
+static int play(replay_run *run)
+{
+    kn_replay *r = run->replay;
+    int code = run->opt->verify ? refuse_verify(run) : KN_EXIT_OK;
+    if (code == KN_EXIT_OK) code = open_outputs(run);
+    if (code != KN_EXIT_OK) return code;
+    run->clock_ns = now_ns();
+    run->hash = KN_HASH_SEED;
+    run->initial_hash = kn_state_hash(r->model, kn_replay_state(r));
+    bool first = true;
+    while (kn_replay_step(r)) {
+        if (first && run->out) log_scene(run, r->tick.utime);
+        first = false;
+        take_tick(run);
+        show_progress(run, false);
+        if (run->opt->real_time) keep_pace(run);
+    }
+    show_progress(run, true);
+    tell(run);
+    code = close_outputs(run);
+    if (code != KN_EXIT_OK) return code;
+    printf("replayed %lld ticks, peak contact force %.3f N\n", (long long)r->tally.ticks, run->peak_n);
+    uint64_t state = kn_state_hash(r->model, kn_replay_state(r));
+    if (run->opt->hash) printf("hash 0x%016llx\n", (unsigned long long)kn_hash_bytes(run->hash, &state, sizeof state));
+    return run->opt->verify ? verdict(run) : KN_EXIT_OK;
+}
+
+int kn_replay_main(int argc, char **argv)
+{
+    replay_options opt = {0};
+    bool done = false;
+    char error[512] = "";
+    int code = parse(&opt, argc, argv, &done);
+    if (code != KN_EXIT_OK || done) return code;
+    replay_run run = {.opt = &opt, .replay = kn_replay_create(&opt.def, error, sizeof error)};
+    if (!run.replay) {
+        fprintf(stderr, "%s\n", error);
+        return KN_EXIT_USAGE;
+    }
+    code = play(&run);
+    kn_replay_destroy(run.replay);
+    return code;
+}
