@@ -2,6 +2,17 @@
 #include "core/kernel.h"
 #include "core/lanes.h"
 
+// The three shifts along a row must be unrolled to be constants; gcc leaves them rolled (+18 % of the edge pass).
+#define PRAGMA(x) _Pragma(#x)
+// Not where it only costs compile time.
+#if KN_KERNEL_BASE || KN_KERNEL_F64
+#define UNROLL(n)
+#elif defined(__clang__)
+#define UNROLL(n) PRAGMA(unroll(n))
+#else
+#define UNROLL(n) PRAGMA(GCC unroll n)
+#endif
+
 // Constants of a model in its precision. The same for every instruction set.
 typedef struct tables {
     float cubic[4][KN_LAW_SEGMENTS]; // first: 64-byte aligned with the block
@@ -136,30 +147,30 @@ static void tables_build(const kn_model *model, void *block)
 // --- addressing -----------------------------------------------------------------------------------------------------
 
 // Vector k of component c of a row, in a field of C components.
-LANES_INLINE size_t at(const tables *t, int row, int C, int c, int k)
+LANES_INLINE size_t at(int K, int row, int C, int c, int k)
 {
-    return (((size_t)row * (size_t)C + (size_t)c) * (size_t)t->vectors + (size_t)k) * KN_LANES;
+    return (((size_t)row * (size_t)C + (size_t)c) * (size_t)K + (size_t)k) * KN_LANES;
 }
 
 // Component c of the nodes one step s (-1, 0, +1) along the row from those of vector k.
-LANES_INLINE lanes near(const tables *t, const real *field, int row, int c, int k, int s)
+LANES_INLINE lanes near(int K, const real *field, int row, int c, int k, int s)
 {
     int to = k + s;
-    if (to >= 0 && to < t->vectors) return lanes_load(field + at(t, row, 3, c, to));
-    if (s > 0) return lanes_next(lanes_load(field + at(t, row, 3, c, 0)));
-    return lanes_prev(lanes_load(field + at(t, row, 3, c, t->vectors - 1)));
+    if (to >= 0 && to < K) return lanes_load(field + at(K, row, 3, c, to));
+    if (s > 0) return lanes_next(lanes_load(field + at(K, row, 3, c, 0)));
+    return lanes_prev(lanes_load(field + at(K, row, 3, c, K - 1)));
 }
 
 // Where the neighbours of vector k live, and the same turn for what is added to them.
-LANES_INLINE int near_vector(const tables *t, int k, int s)
+LANES_INLINE int near_vector(int K, int k, int s)
 {
     int to = k + s;
-    return to < 0 ? t->vectors - 1 : to < t->vectors ? to : 0;
+    return to < 0 ? K - 1 : to < K ? to : 0;
 }
-LANES_INLINE lanes turn(const tables *t, lanes a, int k, int s)
+LANES_INLINE lanes turn(int K, lanes a, int k, int s)
 {
     int to = k + s;
-    if (to >= 0 && to < t->vectors) return a;
+    if (to >= 0 && to < K) return a;
     return s > 0 ? lanes_prev(a) : lanes_next(a);
 }
 
@@ -238,18 +249,26 @@ LANES_INLINE void law_of(const kn_model *model, const tables *t, kn_law_kind kin
     }
 }
 
+// The second evaluation, for the few edges beside prescribed nodes: out of line, to keep the first one's loop small.
+static __attribute__((noinline)) void law_again(const kn_model *model, const tables *t, kn_law_kind kind, kn_linearization how,
+                                                const lanes *b, lanes *s, lanes *root)
+{
+    law_of(model, t, kind, how, *b, s, root);
+}
+
 // --- the edge pass --------------------------------------------------------------------------------------------------
 
 typedef struct fields { // the arrays of a state, typed
+    int K; // vectors per row: a constant 1 where the caller knows it, which frees the loops of its branches
     const real *x, *v;
     real *u, *guess, *r, *q, *d, *z, *p, *g;
     const real *free;
 } fields;
 
-static fields fields_of(const kn_state *state)
+LANES_INLINE fields fields_of(const kn_state *state, int K)
 {
     const kn_work *w = kn_state_work(state);
-    return (fields){state->displacement, state->velocity, state->strain, w->guess, w->r, w->q, w->d, w->z, w->p, w->g, w->free};
+    return (fields){K, state->displacement, state->velocity, state->strain, w->guess, w->r, w->q, w->d, w->z, w->p, w->g, w->free};
 }
 
 LANES_INLINE lanes dot(const lanes a[3], const lanes b[3])
@@ -270,9 +289,9 @@ LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields 
 {
     lanes d[3], shift[3], dv[3];
     for (int c = 0; c < 3; c++) {
-        shift[c] = lanes_sub(near(t, f->x, x->to, c, x->k, x->s), lanes_load(f->x + at(t, x->row, 3, c, x->k)));
+        shift[c] = lanes_sub(near(f->K, f->x, x->to, c, x->k, x->s), lanes_load(f->x + at(f->K, x->row, 3, c, x->k)));
         d[c] = lanes_add(lanes_set(t->direction[x->e][c]), shift[c]);
-        dv[c] = lanes_sub(near(t, f->v, x->to, c, x->k, x->s), lanes_load(f->v + at(t, x->row, 3, c, x->k)));
+        dv[c] = lanes_sub(near(f->K, f->v, x->to, c, x->k, x->s), lanes_load(f->v + at(f->K, x->row, 3, c, x->k)));
     }
     lanes length2 = lanes_max(dot(d, d), lanes_set(t->shortest2));
     lanes inverse = lanes_div(lanes_set(1), lanes_sqrt(length2));
@@ -283,7 +302,7 @@ LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields 
     if (x->moved || again) {
         lanes dg[3];
         for (int c = 0; c < 3; c++)
-            dg[c] = lanes_sub(near(t, f->guess, x->to, c, x->k, x->s), lanes_load(f->guess + at(t, x->row, 3, c, x->k)));
+            dg[c] = lanes_sub(near(f->K, f->guess, x->to, c, x->k, x->s), lanes_load(f->guess + at(f->K, x->row, 3, c, x->k)));
         wanted = dot(n, dg);
     }
     if (kind == KN_LAW_VOIGT) {
@@ -296,7 +315,7 @@ LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields 
         law_of(model, t, kind, how, lanes_fma(a, lanes_mul(wanted, scale), lanes_mul(k1, u)), stress, root);
         return;
     }
-    real *strain = f->u + at(t, x->row, KN_FORWARD, x->e, x->k);
+    real *strain = f->u + at(f->K, x->row, KN_FORWARD, x->e, x->k);
     u = lanes_load(strain);
     if (!again) {
         // what the edge really did in the last step, to second order from velocities: differences of lengths in f32 lose
@@ -311,7 +330,7 @@ LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields 
     }
     lanes sought = lanes_fma(a, lanes_mul(wanted, scale), lanes_mul(k1, u));
     if (x->moved || again) {
-        law_of(model, t, kind, how, sought, stress, root);
+        law_again(model, t, kind, how, &sought, stress, root);
     } else {
         // one evaluation serves both: the guess is the last velocity, so b moved only by k1 du and the second-order term
         *stress = lanes_fma(lanes_mul(*root, *root), lanes_sub(sought, b), s);
@@ -331,20 +350,20 @@ LANES_INLINE void edge_add(const kn_model *model, const tables *t, const fields 
     size_t lane = (size_t)x->k * KN_LANES;
     lanes tension = lanes_mul(stress, lanes_mul(lanes_set(t->area[x->e] * x->share), lanes_load(t->lane_near[x->s + 1] + lane)));
     root = lanes_mul(root, lanes_mul(lanes_set(t->root * x->root), lanes_load(t->lane_near_root[x->s + 1] + lane)));
-    int to = near_vector(t, x->k, x->s);
+    int to = near_vector(f->K, x->k, x->s);
     lanes g[3], far[3];
     for (int c = 0; c < 3; c++) {
         g[c] = lanes_mul(root, n[c]);
-        lanes_store(f->g + at(t, x->row, 3 * KN_FORWARD, 3 * x->e + c, x->k), g[c]);
-        far[c] = turn(t, g[c], x->k, x->s);
+        lanes_store(f->g + at(f->K, x->row, 3 * KN_FORWARD, 3 * x->e + c, x->k), g[c]);
+        far[c] = turn(f->K, g[c], x->k, x->s);
         lanes pull = lanes_mul(tension, n[c]);
         own->pull[c] = lanes_add(own->pull[c], pull);
-        real *other = f->r + at(t, x->to, 3, c, to);
-        lanes_store(other, lanes_sub(lanes_load(other), turn(t, pull, x->k, x->s)));
+        real *other = f->r + at(f->K, x->to, 3, c, to);
+        lanes_store(other, lanes_sub(lanes_load(other), turn(f->K, pull, x->k, x->s)));
     }
     for (int c = 0, m = 0; c < 3; c++)
         for (int k = c; k < 3; k++, m++) {
-            real *other = f->p + at(t, x->to, 6, m, to);
+            real *other = f->p + at(f->K, x->to, 6, m, to);
             own->block[m] = lanes_fma(g[c], g[k], own->block[m]);
             lanes_store(other, lanes_fma(far[c], far[k], lanes_load(other)));
         }
@@ -382,8 +401,8 @@ LANES_INLINE lanes mass_of(const tables *t, int b, int c, int k)
 LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *work, int row, int b, int c, int k, bool again)
 {
     lanes m[6], p[6], r[3], z[3], mass = mass_of(t, b, c, k);
-    for (int i = 0; i < 3; i++) r[i] = lanes_load(f->r + at(t, row, 3, i, k));
-    for (int i = 0; i < 6; i++) m[i] = lanes_load(f->p + at(t, row, 6, i, k));
+    for (int i = 0; i < 3; i++) r[i] = lanes_load(f->r + at(f->K, row, 3, i, k));
+    for (int i = 0; i < 6; i++) m[i] = lanes_load(f->p + at(f->K, row, 6, i, k));
     m[0] = lanes_add(m[0], mass);
     m[3] = lanes_add(m[3], mass);
     m[5] = lanes_add(m[5], mass);
@@ -393,13 +412,13 @@ LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *w
     }
     if (work->row_moved[row] || again) // inertia of a guess that is not the last velocity
         for (int i = 0; i < 3; i++) {
-            size_t o = at(t, row, 3, i, k);
+            size_t o = at(f->K, row, 3, i, k);
             r[i] = lanes_fma(mass, lanes_sub(lanes_load(f->v + o), lanes_load(f->guess + o)), r[i]);
         }
     if (work->row_held[row]) {
         static const int diagonal[3] = {0, 3, 5}, pair[3][3] = {{1, 0, 1}, {2, 0, 2}, {4, 1, 2}};
         lanes loose[3], one = lanes_set(1);
-        for (int i = 0; i < 3; i++) loose[i] = lanes_load(f->free + at(t, row, 3, i, k));
+        for (int i = 0; i < 3; i++) loose[i] = lanes_load(f->free + at(f->K, row, 3, i, k));
         for (int i = 0; i < 3; i++) {
             int o = pair[i][0];
             m[o] = lanes_mul(m[o], lanes_mul(loose[pair[i][1]], loose[pair[i][2]]));
@@ -412,10 +431,10 @@ LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *w
     }
     lanes rz = multiply_block(p, r, z);
     for (int i = 0; i < 3; i++) {
-        lanes_store(f->r + at(t, row, 3, i, k), r[i]);
-        lanes_store(f->z + at(t, row, 3, i, k), z[i]);
+        lanes_store(f->r + at(f->K, row, 3, i, k), r[i]);
+        lanes_store(f->z + at(f->K, row, 3, i, k), z[i]);
     }
-    for (int i = 0; i < 6; i++) lanes_store(f->p + at(t, row, 6, i, k), p[i]);
+    for (int i = 0; i < 6; i++) lanes_store(f->p + at(f->K, row, 6, i, k), p[i]);
     return rz;
 }
 
@@ -432,26 +451,28 @@ LANES_INLINE void edge_row(const kn_model *model, const tables *t, const fields 
         edges x = {.row = row, .to = to, .k = k, .moved = work->row_moved[row] || work->row_moved[to],
                    .share = group_share(t->row_share[b], t->plane_share[c], t->diagonal, g),
                    .root = group_share(t->row_root[b], t->plane_root[c], t->diagonal, g)};
+        UNROLL(3)
         for (x.s = g < 0 ? 1 : -1; x.s <= 1; x.s++) {
             x.e = g < 0 ? 0 : 1 + 3 * g + x.s + 1;
             edge_add(model, t, f, &x, kind, how, again, &own);
         }
     }
-    for (int i = 0; i < 3; i++) store_add(f->r + at(t, row, 3, i, k), own.pull[i]);
-    for (int i = 0; i < 6; i++) store_add(f->p + at(t, row, 6, i, k), own.block[i]);
+    for (int i = 0; i < 3; i++) store_add(f->r + at(f->K, row, 3, i, k), own.pull[i]);
+    for (int i = 0; i < 6; i++) store_add(f->p + at(f->K, row, 6, i, k), own.block[i]);
 }
 
-LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kind kind, kn_linearization how, bool again)
+LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kind kind, kn_linearization how, bool again,
+                              int K)
 {
     const tables *t = model->tables;
     const kn_work *work = kn_state_work(state);
-    fields f = fields_of(state);
+    fields f = fields_of(state, K);
     double sum = 0;
     for (int c = 0, row = 0; c < t->planes; c++) {
         lanes plane = lanes_set(0);
         for (int b = 0; b < t->rows; b++, row++) {
-            for (int k = 0; k < t->vectors; k++) edge_row(model, t, &f, work, row, b, c, k, kind, how, again);
-            for (int k = 0; k < t->vectors; k++) plane = lanes_add(plane, finish_row(t, &f, work, row, b, c, k, again));
+            for (int k = 0; k < f.K; k++) edge_row(model, t, &f, work, row, b, c, k, kind, how, again);
+            for (int k = 0; k < f.K; k++) plane = lanes_add(plane, finish_row(t, &f, work, row, b, c, k, again));
         }
         sum += lanes_sum(plane);
     }
@@ -460,70 +481,74 @@ LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kin
 
 static double edge(const kn_model *model, kn_state *state, kn_linearization how, bool again)
 {
+    int K = model->grid.vectors;
     switch (model->law.kind) {
-    case KN_LAW_VOIGT: return edge_pass(model, state, KN_LAW_VOIGT, how, again);
-    case KN_LAW_LINEAR: return edge_pass(model, state, KN_LAW_LINEAR, how, again);
+    case KN_LAW_VOIGT: return edge_pass(model, state, KN_LAW_VOIGT, how, again, K);
+    case KN_LAW_LINEAR: return edge_pass(model, state, KN_LAW_LINEAR, how, again, K);
 #if KN_KERNEL_F32
-    case KN_LAW_TABLE: return edge_pass(model, state, KN_LAW_TABLE, how, again);
+    case KN_LAW_TABLE:
+        if (K == 1 && !again) return edge_pass(model, state, KN_LAW_TABLE, how, false, 1);
+        return edge_pass(model, state, KN_LAW_TABLE, how, again, K);
 #endif
-    default: return edge_pass(model, state, KN_LAW_EXACT, how, again);
+    default: return edge_pass(model, state, KN_LAW_EXACT, how, again, K);
     }
 }
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
 
-LANES_INLINE void next_direction(const tables *t, const fields *f, int row, real beta)
+LANES_INLINE void next_direction(const fields *f, int row, real beta)
 {
-    for (int i = 0; i < 3 * t->vectors; i++) {
-        size_t o = at(t, row, 3, 0, i);
+    for (int i = 0; i < 3 * f->K; i++) {
+        size_t o = at(f->K, row, 3, 0, i);
         lanes_store(f->d + o, lanes_fma(lanes_set(beta), lanes_load(f->d + o), lanes_load(f->z + o)));
     }
 }
 
-LANES_INLINE void product_edges(const tables *t, const fields *f, int row, int to, int k, int s, int e, const lanes own[3],
+LANES_INLINE void product_edges(const fields *f, int row, int to, int k, int s, int e, const lanes own[3],
                                 lanes sum[3])
 {
     lanes g[3], gap[3];
     for (int c = 0; c < 3; c++) {
-        g[c] = lanes_load(f->g + at(t, row, 3 * KN_FORWARD, 3 * e + c, k));
-        gap[c] = lanes_sub(own[c], near(t, f->d, to, c, k, s));
+        g[c] = lanes_load(f->g + at(f->K, row, 3 * KN_FORWARD, 3 * e + c, k));
+        gap[c] = lanes_sub(own[c], near(f->K, f->d, to, c, k, s));
     }
     lanes force = dot(g, gap);
-    int vector = near_vector(t, k, s);
+    int vector = near_vector(f->K, k, s);
     for (int c = 0; c < 3; c++) {
         lanes push = lanes_mul(g[c], force);
-        real *other = f->q + at(t, to, 3, c, vector);
+        real *other = f->q + at(f->K, to, 3, c, vector);
         sum[c] = lanes_add(sum[c], push);
-        lanes_store(other, lanes_sub(lanes_load(other), turn(t, push, k, s)));
+        lanes_store(other, lanes_sub(lanes_load(other), turn(f->K, push, k, s)));
     }
 }
 
-static double apply(const kn_model *model, kn_state *state, double beta_)
+LANES_INLINE double apply_rows(const kn_model *model, kn_state *state, double beta_, int K)
 {
     const tables *t = model->tables;
-    fields f = fields_of(state);
+    fields f = fields_of(state, K);
     const real beta = (real)beta_;
     double total = 0;
     int ready = 0; // rows whose direction is up to date: one plane and a row ahead of the products
     for (int c = 0, row = 0; c < t->planes; c++) {
         lanes plane = lanes_set(0);
         for (int b = 0; b < t->rows; b++, row++) {
-            for (; ready < t->row_count && ready <= row + t->rows + 1; ready++) next_direction(t, &f, ready, beta);
-            for (int k = 0; k < t->vectors; k++) {
+            for (; ready < t->row_count && ready <= row + t->rows + 1; ready++) next_direction(&f, ready, beta);
+            for (int k = 0; k < f.K; k++) {
                 lanes own[3], sum[3];
-                for (int i = 0; i < 3; i++) own[i] = lanes_load(f.d + at(t, row, 3, i, k)), sum[i] = lanes_set(0);
-                product_edges(t, &f, row, row, k, 1, 0, own, sum);
+                for (int i = 0; i < 3; i++) own[i] = lanes_load(f.d + at(f.K, row, 3, i, k)), sum[i] = lanes_set(0);
+                product_edges(&f, row, row, k, 1, 0, own, sum);
                 for (int g = 0; g < 4; g++) {
                     int to = group_row(t, row, b, c, g);
                     if (to < 0) continue;
-                    for (int s = -1; s <= 1; s++) product_edges(t, &f, row, to, k, s, 1 + 3 * g + s + 1, own, sum);
+                    UNROLL(3)
+                    for (int s = -1; s <= 1; s++) product_edges(&f, row, to, k, s, 1 + 3 * g + s + 1, own, sum);
                 }
-                for (int i = 0; i < 3; i++) store_add(f.q + at(t, row, 3, i, k), sum[i]);
+                for (int i = 0; i < 3; i++) store_add(f.q + at(f.K, row, 3, i, k), sum[i]);
             }
-            for (int k = 0; k < t->vectors; k++) {
+            for (int k = 0; k < f.K; k++) {
                 lanes mass = mass_of(t, b, c, k);
                 for (int i = 0; i < 3; i++) {
-                    size_t o = at(t, row, 3, i, k);
+                    size_t o = at(f.K, row, 3, i, k);
                     lanes d = lanes_load(f.d + o), q = lanes_fma(mass, d, lanes_load(f.q + o));
                     lanes_store(f.q + o, q);
                     plane = lanes_fma(d, q, plane);
@@ -535,31 +560,43 @@ static double apply(const kn_model *model, kn_state *state, double beta_)
     return total;
 }
 
-static double update(const kn_model *model, kn_state *state, double alpha)
+static double apply(const kn_model *model, kn_state *state, double beta)
+{
+    int K = model->grid.vectors;
+    return K == 1 ? apply_rows(model, state, beta, 1) : apply_rows(model, state, beta, K);
+}
+
+LANES_INLINE double update_rows(const kn_model *model, kn_state *state, double alpha, int K)
 {
     const tables *t = model->tables;
-    fields f = fields_of(state);
+    fields f = fields_of(state, K);
     const lanes a = lanes_set((real)alpha), zero = lanes_set(0);
     double total = 0;
     for (int c = 0, row = 0; c < t->planes; c++) {
         lanes plane = zero;
         for (int b = 0; b < t->rows; b++, row++)
-            for (int k = 0; k < t->vectors; k++) {
+            for (int k = 0; k < f.K; k++) {
                 lanes p[6], r[3], z[3];
-                for (int i = 0; i < 6; i++) p[i] = lanes_load(f.p + at(t, row, 6, i, k));
+                for (int i = 0; i < 6; i++) p[i] = lanes_load(f.p + at(f.K, row, 6, i, k));
                 for (int i = 0; i < 3; i++) {
-                    size_t o = at(t, row, 3, i, k);
+                    size_t o = at(f.K, row, 3, i, k);
                     lanes_store(f.guess + o, lanes_fma(a, lanes_load(f.d + o), lanes_load(f.guess + o)));
                     r[i] = lanes_fnma(a, lanes_load(f.q + o), lanes_load(f.r + o));
                     lanes_store(f.r + o, r[i]);
                     lanes_store(f.q + o, zero); // ready to be summed into again
                 }
                 plane = lanes_add(plane, multiply_block(p, r, z));
-                for (int i = 0; i < 3; i++) lanes_store(f.z + at(t, row, 3, i, k), z[i]);
+                for (int i = 0; i < 3; i++) lanes_store(f.z + at(f.K, row, 3, i, k), z[i]);
             }
         total += lanes_sum(plane);
     }
     return total;
+}
+
+static double update(const kn_model *model, kn_state *state, double alpha)
+{
+    int K = model->grid.vectors;
+    return K == 1 ? update_rows(model, state, alpha, 1) : update_rows(model, state, alpha, K);
 }
 
 static void integrate(const kn_model *model, kn_state *state)

@@ -82,7 +82,11 @@ typedef struct lanes {
 } lanes;
 
 #define EACH for (int i = 0; i < PARTS; i++)
+#if KN_KERNEL_BASE // sixteen scalars per operation: inlined everywhere they would take a compiler minutes and gain nothing
+#define LANES_INLINE static inline
+#else
 #define LANES_INLINE static inline __attribute__((always_inline))
+#endif
 
 LANES_INLINE lanes lanes_set(real a)
 {
