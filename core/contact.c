@@ -112,6 +112,7 @@ typedef struct patch { // the 3 x 3 nodes around one node of a face
     const kn_face *face;
     int u, v;
     int node[9];
+    size_t offset[9];
     double x[9][3];
 } patch;
 
@@ -123,6 +124,7 @@ static void load_patch(const kn_model *model, const kn_state *state, patch *p)
         for (int du = -1; du <= 1; du++, a++) {
             p->node[a] = face_node(p->face, clamp(p->u + du, p->face->len[0]), clamp(p->v + dv, p->face->len[1]));
             kn_state_position(model, state, p->node[a], p->x[a]);
+            p->offset[a] = kn_grid_offset(&model->grid, p->node[a]);
         }
 }
 
@@ -170,6 +172,7 @@ static void sample_patch(const kn_model *model, const kn_state *state, int probe
         if (s.depth_m < -0.1 * h || distance == 0 || dot(away, outwards) > 0) continue;
         for (int k = 0; k < 3; k++) s.normal[k] = away[k] / distance;
         memcpy(s.node, p->node, sizeof s.node);
+        memcpy(s.offset, p->offset, sizeof s.offset);
         if (contact->sample_count < contact->sample_max) contact->sample[contact->sample_count++] = s;
         else contact->samples_lost++;
     }
@@ -195,12 +198,9 @@ double kn_sample_gap_rate(const kn_model *model, const kn_state *state, const kn
 {
     size_t stride = kn_grid_stride(&model->grid);
     double rate = -dot(s->normal, state->probe[s->probe].velocity_m_s);
-    for (int a = 0; a < 9; a++) {
-        if (s->weight[a] == 0) continue;
-        size_t o = kn_grid_offset(&model->grid, s->node[a]);
-        for (int k = 0; k < 3; k++)
-            rate += s->weight[a] * s->normal[k] * kn_real_get(model, field, o + (size_t)k * stride);
-    }
+    for (int a = 0; a < 9; a++)
+        for (size_t k = 0; k < 3; k++)
+            rate += s->weight[a] * s->normal[k] * kn_real_get(model, field, s->offset[a] + k * stride);
     return rate;
 }
 
@@ -231,6 +231,8 @@ static void add_force(kn_probe_output *out, const double at[3], const double for
 
 static void end_hold(const kn_model *model, kn_state *state, const kn_hold *hold, kn_output *output)
 {
+    // work goes by the node's own motion: other than the plate's at first touch, and done on a node that pulls, too
+    state->probe[hold->probe].work_j -= model->def.solver.dt_s * dot(hold->force_n, hold->velocity_m_s);
     if (!(hold->force_n[2] >= 0)) { // it pulls: let go
         state->held[(size_t)hold->probe * (size_t)top_nodes(model) + (size_t)hold->top] = 0;
         return;
@@ -240,9 +242,10 @@ static void end_hold(const kn_model *model, kn_state *state, const kn_hold *hold
     add_force(&output->probe[hold->probe], x, hold->force_n);
 }
 
-static void end_sample(const kn_model *model, const kn_state *state, const kn_sample *s, kn_output *output)
+static void end_sample(const kn_model *model, kn_state *state, const kn_sample *s, kn_output *output)
 {
     if (!(s->force_n > 0)) return;
+    state->probe[s->probe].work_j += model->def.solver.dt_s * s->force_n * dot(s->normal, state->probe[s->probe].velocity_m_s);
     double at[3], force[3];
     for (int k = 0; k < 3; k++) {
         at[k] = state->probe[s->probe].position_m[k] + s->normal[k] * (model->def.probe[s->probe].radius_m - s->depth_m);
@@ -264,7 +267,6 @@ void kn_contact_end(const kn_model *model, kn_state *state, const kn_input *inpu
         kn_probe_state *probe = &state->probe[p];
         kn_probe_output *out = &output->probe[p];
         if (!probe->attached) continue;
-        probe->work_j -= dt * dot(out->force_n, probe->velocity_m_s);
         probe->contacts = out->contacts;
         for (int k = 0; k < 3; k++) out->position_m[k] = probe->position_m[k] += dt * probe->velocity_m_s[k];
         out->work_j = probe->work_j;

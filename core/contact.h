@@ -27,6 +27,7 @@ typedef struct kn_hold { // a node held by a plate in this step
 typedef struct kn_sample { // a point of the skin near a sphere
     int probe, face;
     int node[9];
+    size_t offset[9];       // of each node's x component, see kn_grid_offset
     double weight[9];
     double normal[3];       // unit, from the sphere's centre to the point: the way the sphere pushes
     double depth_m;         // now; > 0 inside

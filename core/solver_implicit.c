@@ -74,7 +74,7 @@ static void add_sample(const kn_model *m, kn_scratch *s, const kn_sample *sample
     for (int a = 0; a < 9; a++) {
         double w = sample->weight[a];
         if (w == 0) continue;
-        node_at n = locate(m, sample->node[a]);
+        node_at n = {sample->offset[a], kn_grid_stride(&m->grid)};
         size_t blocks = n.offset / (3 * n.stride) * 6 * n.stride + n.offset % (3 * n.stride); // same row and lane, 6 components
         for (size_t i = 0, c = 0; i < 3; i++) {
             kn_real_add(m, s->work.r, n.offset + i * n.stride, w * force_n * sample->normal[i]);
@@ -116,20 +116,18 @@ static int change_active_set(const kn_model *m, kn_state *state, kn_scratch *s)
 // q += sum k dt n n' d over active samples; returns their share of d.q.
 static double apply_samples(const kn_model *m, kn_scratch *s)
 {
+    const size_t stride = kn_grid_stride(&m->grid);
     double sum = 0;
     for (int i = 0; i < s->contact.sample_count; i++) {
         const kn_sample *sample = &s->contact.sample[i];
         if (!sample->active) continue;
         double rate = 0, k = m->def.solver.dt_s * sample->stiffness_n_m;
-        node_at n[9];
-        for (int a = 0; a < 9; a++) {
-            n[a] = locate(m, sample->node[a]);
-            for (size_t c = 0; c < 3; c++)
-                rate += sample->weight[a] * sample->normal[c] * kn_real_get(m, s->work.d, n[a].offset + c * n[a].stride);
-        }
         for (int a = 0; a < 9; a++)
             for (size_t c = 0; c < 3; c++)
-                kn_real_add(m, s->work.q, n[a].offset + c * n[a].stride, k * rate * sample->weight[a] * sample->normal[c]);
+                rate += sample->weight[a] * sample->normal[c] * kn_real_get(m, s->work.d, sample->offset[a] + c * stride);
+        for (int a = 0; a < 9; a++)
+            for (size_t c = 0; c < 3; c++)
+                kn_real_add(m, s->work.q, sample->offset[a] + c * stride, k * rate * sample->weight[a] * sample->normal[c]);
         sum += k * rate * rate;
     }
     return sum;
