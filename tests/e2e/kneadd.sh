@@ -1,0 +1,26 @@
+# Sourced by the end-to-end tests that talk to a kneadd of their own (inside tests/netns, in an empty working directory).
+PATH=$KN_BUILD/tests/tools:$PATH
+failed=0
+check() { # check SENTENCE COMMAND...: one line, like tests/check.h
+    local sentence=$1
+    shift
+    if "$@"; then echo "ok   $sentence"; else echo "FAIL $sentence: $*" && failed=1; fi
+}
+start_kneadd() { # start_kneadd SCENE OPTION...: returns once it serves
+    kneadd --scene "$KN_SOURCE/core/scenes/$1" --realtime "$KN_REALTIME" "${@:2}" >kneadd.log 2>kneadd.err &
+    server=$!
+    for _ in $(seq 200); do
+        grep -q serving kneadd.log && return
+        kill -0 "$server" 2>/dev/null || break
+        sleep 0.05
+    done
+    echo "FAIL kneadd did not come up:" && cat kneadd.log kneadd.err && exit 1
+}
+stop_kneadd() { # sets status to its exit code; its summary is in kneadd.log
+    kill -TERM "$server"
+    wait "$server"
+    status=$?
+    grep kneadd: kneadd.log
+}
+# counter NAME: the number before NAME in the summary, 0 when it is not told
+counter() { grep -oE "[0-9]+ $1\b" kneadd.log | head -1 | grep -oE '^[0-9]+' || echo 0; }

@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# What a kneadd accepts and refuses, over the bus, counted to the datagram: stale, replayed, jumping, non-finite poses, a second
+# publisher, a session that starts anew.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+start_kneadd dough-small.yaml
+sent=$(send plate <<EOF
+poses 100 session=7 seq=1
+poses 10 session=7 seq=91
+poses 5 session=7 seq=100 step=0
+poses 20 session=8 seq=1000
+poses 6 session=7 seq=101 x=nan
+poses 7 session=7 seq=101 vz=inf
+poses 8 session=7 seq=101 x=0.5
+poses 9 session=7 seq=101 z=1.5
+poses 11 session=7 seq=101 vz=-6
+poses 12 session=7 seq=101 utime=1
+poses 13 session=0 seq=101
+poses 50 session=7 seq=101
+sleep 1300
+poses 40 session=7 seq=1
+sleep 1300
+poses 30 session=8 seq=1
+EOF
+)
+nobody=$(send thumb <<<"poses 14 session=1 seq=1")
+stop_kneadd
+check "kneadd ended well" [ "$status" = 0 ]
+check "the good ones are accepted, a session that starts anew and the next owner included" [ "$(counter accepted)" = 220 ]
+check "late and repeated ones are stale" [ "$(counter stale)" = 15 ]
+check "a second publisher is refused" [ "$(counter session)" = 20 ]
+check "NaN and infinity are refused" [ "$(counter nonfinite)" = 13 ]
+check "jumps are refused, by way and by velocity" [ "$(counter jump)" = 19 ]
+check "outside the workspace is refused" [ "$(counter workspace)" = 9 ]
+check "a clock that runs backwards is refused" [ "$(counter clock)" = 12 ]
+check "session 0 is refused" [ "$(counter session_zero)" = 13 ]
+check "a probe the scene does not have is refused" [ "$(counter probe)" = "$nobody" ]
+check "every datagram is in one counter" [ "$(counter datagrams)" = $((sent + nobody + $(counter published))) ]
+check "the kernel dropped none" [ "$(counter 'dropped by the kernel')" = 0 ]
+exit $failed

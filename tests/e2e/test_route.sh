@@ -1,0 +1,55 @@
+#!/usr/bin/env bash
+# Nothing leaves the machine: without a loopback route kneadd refuses before it joins the group; with the narrowest one it
+# runs beside stock LCM tools and not one multicast or IGMP datagram leaves by the network card.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+ip route del 224.0.0.0/4 dev lo
+if ! ip link add card type veth peer name cable 2>why && ! ip tuntap add card mode tap 2>why; then
+    echo "skipped: no network card to be had in a namespace here: $(cat why)"
+    exit 77
+fi
+ip addr add 10.9.0.1/24 dev card && ip link set card up
+ip link set cable up 2>/dev/null
+ip route add default via 10.9.0.2 dev card || exit 3
+sniff_start() {
+    sniff card >sniffed &
+    sniffer=$!
+    for _ in $(seq 100); do grep -q ready sniffed && return; sleep 0.05; done
+    echo "skipped: this user may not listen to a network card" && exit 77
+}
+sniff_stop() { # sets left to the number of datagrams that left
+    sleep 0.2
+    kill -TERM $sniffer
+    wait $sniffer
+    left=$(tail -1 sniffed)
+}
+
+sniff_start
+kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime "$KN_REALTIME" >refused 2>&1
+code=$?
+sniff_stop
+cat refused
+check "a route by the network card is refused with exit 3" [ $code = 3 ]
+check "in one line" [ "$(wc -l <refused)" = 1 ]
+check "that names the cure" grep -q 'ip route add 239.255.76.67/32 dev lo' refused
+check "and nothing left" [ "$left" = 0 ]
+
+ip route add 239.255.76.67/32 dev lo
+sniff_start
+start_kneadd dough-small.yaml
+lcm-logger -q -f bus.lcmlog >/dev/null 2>&1 &
+logger=$!
+sleep 0.3
+send plate <<<"poses 500 session=7 seq=1" >/dev/null
+kill -INT $logger
+wait $logger 2>/dev/null
+stop_kneadd
+sniff_stop
+check "with the cure it serves" [ "$status" = 0 -a "$(counter accepted)" = 500 ]
+check "and nothing leaves by the network card" [ "$left" = 0 ]
+
+ip route del 239.255.76.67/32 dev lo # last: IGMP repeats itself for seconds
+sniff_start
+timeout 1 lcm-logger -q -f stock.lcmlog >/dev/null 2>&1
+sniff_stop
+check "stock LCM without the route does leak its join, so this test sees what it looks for" [ "$left" -gt 0 ]
+exit $failed
