@@ -30,15 +30,22 @@ const char *kn_draft_path(kn_draft *draft, int slot, kn_key_id id, char path[KN_
 
 bool kn_draft_complain(kn_draft *draft, kn_mark mark, const char *format, ...)
 {
-    char where[160], what[512];
-    if (mark.source < 0) snprintf(where, sizeof where, "%.120s:%d:%d", draft->file, mark.line, mark.col);
-    else snprintf(where, sizeof where, "--set %.*s", (int)strspn(draft->sets[mark.source], KN_PATH_CHARACTERS),
-                  draft->sets[mark.source]);
+    char what[512];
     va_list args;
     va_start(args, format);
     vsnprintf(what, sizeof what, format, args);
     va_end(args);
-    snprintf(draft->error, draft->error_size, "%s: %s", where, what);
+    if (mark.source < 0) {
+        snprintf(draft->error, draft->error_size, "%s:%d:%d: %s", draft->file, mark.line, mark.col, what);
+    } else {
+        const char *set = draft->sets[mark.source];
+        int size = 0;
+        while (set[size] > ' ' && set[size] <= '~' && set[size] != '=' && size < 128) size++;
+        // a complaint that begins with the key itself need not say it twice
+        bool twice = size > 0 && strncmp(what, set, (size_t)size) == 0 && what[size] == ':';
+        snprintf(draft->error, draft->error_size, "--set %.*s%s", size, set, twice ? what + size : ": ");
+        if (!twice) strncat(draft->error, what, draft->error_size - strlen(draft->error) - 1);
+    }
     return false;
 }
 
@@ -62,33 +69,36 @@ static bool given(const kn_draft *draft, int slot, kn_key_id id)
 }
 
 // The mark to blame when two values do not fit: the one written last, in the file's order and then the --sets'.
-static kn_mark later(const kn_draft *draft, kn_key_id a, kn_key_id b)
+static kn_mark later_of(kn_mark x, kn_mark y)
 {
-    kn_mark x = draft->at[0][a], y = draft->at[0][b];
     if (x.source != y.source) return x.source > y.source ? x : y;
     return x.line > y.line || (x.line == y.line && x.col > y.col) ? x : y;
 }
 
-static bool relevant(const kn_draft *draft, int slot, kn_key_id id)
+static kn_mark later(const kn_draft *draft, kn_key_id a, kn_key_id b)
 {
-    const kn_model_def *def = &draft->scene.model;
-    switch (kn_keys[id].when) {
-    case KN_WHEN_CONSTANT: return def->material.damper == KN_DAMPER_CONSTANT;
-    case KN_WHEN_EXPONENTIAL: return def->material.damper == KN_DAMPER_EXPONENTIAL;
-    case KN_WHEN_PLATE: return def->probe[slot - 1].shape == KN_PROBE_PLATE;
-    case KN_WHEN_SPHERE: return def->probe[slot - 1].shape == KN_PROBE_SPHERE;
-    default: return true;
-    }
+    return later_of(draft->at[0][a], draft->at[0][b]);
 }
 
 // The key that says whether key id is relevant.
 static kn_key_id chooser(kn_key_id id) { return of_probe(id) ? KN_KEY_PROBE_SHAPE : KN_KEY_DAMPER; }
 
+static bool relevant(kn_draft *draft, int slot, kn_key_id id)
+{
+    static const int chosen[] = {[KN_WHEN_CONSTANT] = KN_DAMPER_CONSTANT, [KN_WHEN_EXPONENTIAL] = KN_DAMPER_EXPONENTIAL,
+                                 [KN_WHEN_PLATE] = KN_PROBE_PLATE, [KN_WHEN_SPHERE] = KN_PROBE_SPHERE};
+    kn_key_when when = kn_keys[id].when;
+    return when == KN_WHEN_ALWAYS || *(const int *)kn_draft_field(draft, slot, chooser(id)) == chosen[when];
+}
+
 static bool require(kn_draft *draft, int slot, kn_key_id id)
 {
     char path[KN_LINE_MAX], expects[KN_LINE_MAX];
     if (kn_keys[id].fallback || given(draft, slot, id)) return true;
-    return kn_draft_complain(draft, draft->group[slot][id], "%s is missing, expected %s",
+    // the choice that made it necessary, when --set made it; else the mapping it is missing in
+    bool chosen = kn_keys[id].when != KN_WHEN_ALWAYS && draft->at[slot][chooser(id)].source >= 0;
+    return kn_draft_complain(draft, chosen ? draft->at[slot][chooser(id)] : draft->group[slot][id],
+                             "%s is missing, expected %s",
                              kn_draft_path(draft, slot, id, path), kn_key_expects(&kn_keys[id], expects));
 }
 
@@ -100,7 +110,7 @@ static bool drop(kn_draft *draft, int slot, kn_key_id id)
     size_t size = (size_t)kn_keys[id].count * (kn_keys[id].type == KN_TYPE_CHOICE ? sizeof(int) : sizeof(double));
     memset(kn_draft_field(draft, slot, id), 0, size);
     if (!given(draft, slot, id) || draft->at[slot][by].source > draft->at[slot][id].source) return true;
-    return kn_draft_complain(draft, draft->at[slot][id], "%s means nothing here, expected it only without '%s: %s'",
+    return kn_draft_complain(draft, draft->at[slot][id], "%s means nothing with '%s: %s', expected it left out",
                              kn_draft_path(draft, slot, id, path), strrchr(kn_keys[by].path, '.') + 1,
                              kn_key_print(&kn_keys[by], kn_draft_field(draft, slot, by), choice));
 }
@@ -151,7 +161,7 @@ static bool finish_object(kn_draft *draft)
         double cells = draft->size_m[k] / def->spacing_m, whole = round(cells);
         if (whole < 1 || !(fabs(cells - whole) <= SPACING_TOLERANCE))
             return kn_draft_complain(draft, at, "object.size along %c, %g m, is %.8g spacings of %g m, "
-                                     "expected a whole number (%.17g m would be)", axis[k], draft->size_m[k], cells,
+                                     "expected a whole number (%.10g m would be)", axis[k], draft->size_m[k], cells,
                                      def->spacing_m, draft->size_m[k] / fmax(whole, 1));
         def->nodes[k] = whole > NODES_MAX ? NODES_MAX + 1 : (int)whole + 1;
         nodes *= def->nodes[k];
@@ -166,13 +176,14 @@ static bool finish_probe(kn_draft *draft, int slot)
 {
     const kn_model_def *def = &draft->scene.model;
     const kn_probe_def *probe = &def->probe[slot - 1];
+    const kn_mark *at = draft->at[slot];
     for (int other = 1; other < slot; other++)
         if (strcmp(def->probe[other - 1].name, probe->name) == 0)
-            return kn_draft_complain(draft, draft->at[slot][KN_KEY_PROBE_NAME],
+            return kn_draft_complain(draft, later_of(at[KN_KEY_PROBE_NAME], draft->at[other][KN_KEY_PROBE_NAME]),
                                      "probe '%s' is there already, expected another name", probe->name);
     // a ball between the sample points of the surface would slip through it
     if (probe->shape == KN_PROBE_SPHERE && probe->radius_m < def->spacing_m)
-        return kn_draft_complain(draft, draft->at[slot][KN_KEY_PROBE_RADIUS],
+        return kn_draft_complain(draft, later_of(at[KN_KEY_PROBE_RADIUS], draft->at[0][KN_KEY_SPACING]),
                                  "probes.%s.radius is %g m, expected at least object.spacing, %g m", probe->name,
                                  probe->radius_m, def->spacing_m);
     return true;

@@ -13,7 +13,6 @@ typedef struct kn_mark {
     bool per_height; // the value is per metre of specimen height
 } kn_mark;
 
-#define KN_PATH_CHARACTERS "abcdefghijklmnopqrstuvwxyz0123456789_." // of the key in --set key=value
 #define KN_SLOTS (1 + KN_PROBES_MAX) // 0: the scene's keys; 1 + p: those of probe p
 
 typedef struct kn_draft {

@@ -201,31 +201,38 @@ static void list_below(const char *parent, size_t size, char text[KN_LINE_MAX])
     }
 }
 
+// Takes candidate as the best hint if it is fewer edits away than the best one so far.
+static void consider(const char *name, const char *path, size_t size, int handicap, int *least, char text[KN_LINE_MAX])
+{
+    char candidate[KN_LINE_MAX];
+    const char *last = path + size;
+    while (last > path && last[-1] != '.') last--;
+    snprintf(candidate, sizeof candidate, "%.*s", (int)(path + size - last), last);
+    int edits = distance(name, candidate) + handicap;
+    if (edits >= *least) return;
+    *least = edits;
+    snprintf(text, KN_LINE_MAX, "did you mean %.*s?", (int)size, path);
+}
+
 const char *kn_key_suggest(const char *path, char text[KN_LINE_MAX])
 {
-    size_t parent = (size_t)(leaf_of(path) - path);
-    const char *best = NULL;
-    int least = strlen(leaf_of(path)) > 4 ? 3 : 2; // edits from which on a name is another one
-    size_t length = 0;
+    const char *name = leaf_of(path);
+    size_t parent = (size_t)(name - path);
+    const int another = strlen(name) > 4 ? 3 : 2; // edits from which on a name is another one
+    int least = another;
     for (const kn_key *key = kn_keys; key < kn_keys + KN_KEY_COUNT; key++) {
-        char name[KN_LINE_MAX];
         bool sibling = strncmp(key->path, path, parent) == 0;
-        const char *candidate = sibling ? key->path + parent : leaf_of(key->path);
-        size_t size = strcspn(candidate, ".");
-        snprintf(name, sizeof name, "%.*s", (int)size, candidate);
-        int edits = distance(leaf_of(path), name) + !sibling; // a key of another mapping must fit better
-        if (edits >= least) continue;
-        least = edits;
-        best = key->path;
-        length = (size_t)(candidate - key->path) + size;
+        if (sibling) consider(name, key->path, parent + strcspn(key->path + parent, "."), 0, &least, text);
+        consider(name, key->path, strlen(key->path), 1, &least, text); // one of another mapping must fit better
     }
-    if (best) snprintf(text, KN_LINE_MAX, "did you mean %.*s?", (int)length, best);
-    else list_below(path, parent, text);
+    if (least == another) list_below(path, parent, text);
     return text;
 }
 
 static void describe(const kn_key *key, char *line, size_t size)
 {
+    static const char *const required[] = {"required", "required if constant", "required if exponential",
+                                           "required if plate", "required if sphere"};
     char range[64] = "", value[64];
     const char *unit = key->type == KN_TYPE_CHOICE ? "" : key->unit;
     if (key->type == KN_TYPE_CHOICE) snprintf(value, sizeof value, "%s", key->unit);
@@ -233,15 +240,15 @@ static void describe(const kn_key *key, char *line, size_t size)
     else if (key->count > 1) snprintf(value, sizeof value, "%d x %s", key->count, unit);
     else snprintf(value, sizeof value, "%s", *unit ? unit : "number");
     if (key->most > 0) snprintf(range, sizeof range, "%g .. %g", key->least, key->most);
-    snprintf(line, size, "%-24s %-26s %-15s %-22s %s", key->path, value, range,
-             !key->fallback ? "required" : *key->fallback == '\0' ? "none" : key->fallback, key->meaning);
+    const char *fallback = !key->fallback ? required[key->when] : *key->fallback ? key->fallback : "none";
+    snprintf(line, size, "%-24s %-26s %-15s %-23s %s", key->path, value, range, fallback, key->meaning);
 }
 
 const char *const *kn_scene_keys(void)
 {
     static char line[KN_KEY_COUNT + 1][KN_LINE_MAX];
     static const char *lines[KN_KEY_COUNT + 2];
-    snprintf(line[0], KN_LINE_MAX, "%-24s %-26s %-15s %-22s %s", "key", "value", "range", "default", "meaning");
+    snprintf(line[0], KN_LINE_MAX, "%-24s %-26s %-15s %-23s %s", "key", "value", "range", "default", "meaning");
     for (int id = 0; id < KN_KEY_COUNT; id++) describe(&kn_keys[id], line[id + 1], KN_LINE_MAX);
     for (int i = 0; i <= KN_KEY_COUNT; i++) lines[i] = line[i];
     return lines;

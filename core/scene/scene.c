@@ -8,6 +8,7 @@
 #include <string.h>
 #include <yaml.h>
 
+#define PATH_CHARACTERS "abcdefghijklmnopqrstuvwxyz0123456789_." // of the key in --set key=value
 enum { FILE_MAX_BYTES = 1 << 20, NAME_MAX_BYTES = 32, VALUE_MAX_BYTES = 64 };
 
 // One pass over the events of libyaml. Keys decide what may follow, so nothing nests deeper than the table does and an
@@ -44,7 +45,7 @@ static bool complain_yaml(reader *r)
 {
     const yaml_parser_t *p = &r->parser;
     if (p->error == YAML_READER_ERROR)
-        return kn_draft_complain(r->draft, mark_at(r, p->problem_offset), "not UTF-8 text: %s, expected a YAML scene",
+        return kn_draft_complain(r->draft, mark_at(r, p->problem_offset), "not UTF-8 text: %s, expected a scene",
                                  p->problem);
     return kn_draft_complain(r->draft, mark_of(r, p->problem_mark), "not YAML: %s, expected 'key: value'",
                              p->problem ? p->problem : "out of memory");
@@ -157,7 +158,9 @@ static bool read_mapping(reader *r, const char *path)
                                          lines[i]);
         snprintf(below, sizeof below, "%s%s%s", path, *path ? "." : "", name);
         bool is_group;
-        if (strchr(name, '.') || (!kn_key_find(below, &is_group) && !is_group))
+        if (strchr(name, '.'))
+            return kn_draft_complain(r->draft, mark, "'%s' has a dot, expected a mapping (dots are for --set)", name);
+        if (!kn_key_find(below, &is_group) && !is_group)
             return kn_draft_complain(r->draft, mark, "unknown key '%s', %s", name, kn_key_suggest(below, hint));
         snprintf(seen[count], NAME_MAX_BYTES, "%s", name); // known names only, so count stays below KN_KEY_COUNT
         lines[count++] = mark.line;
@@ -203,6 +206,8 @@ static bool read_document(reader *r, const char *path)
     do // stream start, document start
         if (!next(r)) return false;
     while (r->event.type == YAML_STREAM_START_EVENT || r->event.type == YAML_DOCUMENT_START_EVENT);
+    if (r->event.type == YAML_STREAM_END_EVENT && *path)
+        return kn_draft_complain(r->draft, here(r), "no value, expected key=value");
     if (r->event.type == YAML_STREAM_END_EVENT)
         return kn_draft_complain(r->draft, here(r), "empty, expected a scene that begins with 'version: 1'");
     bool mapping = r->event.type == YAML_MAPPING_START_EVENT;
@@ -249,7 +254,7 @@ static bool read_set(kn_draft *draft, int number)
     const char *set = draft->sets[number], *equals = strchr(set, '=');
     kn_mark mark = {.source = number};
     char path[KN_LINE_MAX], hint[KN_LINE_MAX];
-    if (!equals || equals - set >= 128 || strspn(set, KN_PATH_CHARACTERS) != (size_t)(equals - set))
+    if (!equals || equals - set >= 128 || strspn(set, PATH_CHARACTERS) != (size_t)(equals - set))
         return kn_draft_complain(draft, mark, "expected key=value, e.g. material.k1='300 gf/cm^3'");
     snprintf(path, sizeof path, "%.*s", (int)(equals - set), set);
     int slot = 0;

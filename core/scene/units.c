@@ -80,7 +80,7 @@ bool kn_unit_parse(kn_unit *unit, const char *text, char *error, size_t error_si
         size_t size = 0;
         while (isalnum((unsigned char)p[size])) size++;
         const kn_unit *found = find(p, size);
-        if (size == 0) return fail(error, error_size, "no name of a unit at '%.*s'", p, 24);
+        if (size == 0) return fail(error, error_size, "a unit's name is missing in '%.*s'", text, 24);
         if (!found) return fail(error, error_size, "unknown unit '%.*s'", p, (int)size);
         if (factor == FACTORS_MAX) return fail(error, error_size, "too many factors in the unit '%.*s'", text, 24);
         const char *name = p;
