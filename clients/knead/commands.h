@@ -7,6 +7,7 @@
 // argv[0] of kn_<name>_main is the subcommand's name. Every subcommand answers --help itself, on stdout, exit 0;
 // `knead NAME --version` is answered here. Results go to stdout, complaints to stderr, one line each.
 #define KN_COMMANDS(X)                                                                                                 \
+    X(check, "says what a scene is, what it costs, what to watch for; --keys: every key there is")                     \
     X(replay, "plays a log through the daemon's own servo: the same forces, to the bit; CSV, hash, --verify")
 
 enum { // exit codes of every program of this project

@@ -1,0 +1,178 @@
+// knead check: reads a scene as everything else does and says what it is, what it costs and what to watch for.
+#include "clients/knead/commands.h"
+#include "core/kernel.h"
+#include "core/scene/scene.h"
+#include "core/solver_rk4.h"
+#include <getopt.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+// Time of a tick per lane of the padded lattice, AVX-512, f32: the edge and integrate passes, and one CG iteration.
+// A rule of thumb from bench/ on one machine; twice as much in f64, half as much again on AVX2.
+#define PASS_NS 30.0
+#define ITERATION_NS 4.0
+
+static const char usage[] =
+    "usage: knead check SCENE [--set KEY=VALUE]...   say what a scene is, what it costs, what to watch for\n"
+    "       knead check --keys                       every key of a scene: unit, range, default, meaning\n"
+    "       knead check SCENE --text                 the scene with every value written out, in SI\n"
+    "\n"
+    "A scene that cannot be used gives one line, file:line:col: what is wrong, what was expected, and exit 2.\n";
+
+static const char *word(const char *const *words, int i) { return words[i]; }
+
+static void print_object(const kn_scene *scene, const kn_model *model)
+{
+    const kn_model_def *def = &scene->model;
+    static const char *const support[] = {"bonded", "frictionless", "none"}, *const structure[] = {"diagonals", "axis"};
+    double h = def->spacing_m;
+    const int *n = def->nodes;
+    printf("object    %g x %g x %g mm, spacing %g mm: %d x %d x %d = %d nodes, %d edges (%s), %.4g kg\n",
+           1e3 * h * (n[0] - 1), 1e3 * h * (n[1] - 1), 1e3 * h * (n[2] - 1), 1e3 * h, n[0], n[1], n[2],
+           model->grid.nodes, kn_grid_edges(&model->grid, NULL), word(structure, (int)def->structure),
+           kn_model_mass(model));
+    printf("frame     scene: right-handed, z up, metres, origin at the centre of the object's base\n");
+    printf("support   %s; gravity %g m/s^2 along -z\n", word(support, (int)def->support), def->gravity_m_s2);
+}
+
+static void print_material(const kn_model *model)
+{
+    static const char *const law[] = {"voigt, no state per edge", "linear", "table", "exact, Newton per edge"};
+    const kn_material *m = &model->law.mat;
+    printf("material  k1 %.4g Pa, c1 %.4g Pa s", m->k1_pa, m->c1_pa_s);
+    if (m->k1_pa > 0) printf(" (c1/k1 = %.3g s)", m->c1_pa_s / m->k1_pa);
+    if (m->damper == KN_DAMPER_NONE) printf("; no damper: nothing stays\n");
+    else
+        printf("; c2 %.4g Pa s at rest, %.4g Pa s from %.4g Pa on\n", kn_material_c2(m, 0),
+               kn_material_c2(m, m->p1_pa), m->p1_pa);
+    printf("law       %s", word(law, (int)model->law.kind));
+    if (model->law.kind == KN_LAW_TABLE)
+        printf(" of %d segments, error at most %.1e", KN_LAW_SEGMENTS, model->law.table_error);
+    printf("\nlattice   E = k1; an inner edge has k = kappa E with kappa = %.4g m, stress area gamma kappa L0 with "
+           "gamma = %.2g\n",
+           model->grid.kappa_m, model->grid.gamma);
+}
+
+static size_t model_bytes(const kn_model *model)
+{
+    size_t bytes =
+        sizeof *model + (size_t)model->grid.nodes * sizeof(double) + (size_t)model->edge_count * sizeof(kn_edge);
+    return bytes + (model->tables ? model->kernels->tables_size(model) : 0);
+}
+
+static double estimate_us(const kn_model *model, int iterations)
+{
+    double lanes = (double)kn_grid_field(&model->grid, 1), slower = model->isa == KN_ISA_AVX512 ? 1 : 1.5;
+    if (model->def.solver.precision == KN_PRECISION_F64) slower *= 2;
+    return 1e-3 * lanes * slower * (PASS_NS + ITERATION_NS * iterations) * model->def.solver.passes;
+}
+
+static void print_solver(const kn_model *model)
+{
+    static const char *const how[] = {"blend", "secant", "tangent"};
+    const kn_solver_def *s = &model->def.solver;
+    const char *precision = s->precision == KN_PRECISION_F64 ? "f64" : "f32";
+    if (s->kind == KN_SOLVER_RK4) {
+        printf("solver    rk4 %s, dt %g s, mass scale %g; stable up to %.3g s\n", precision, s->dt_s, s->mass_scale,
+               model->rk4_limit_s);
+    } else {
+        printf("solver    implicit %s, dt %g s, %s, %d to %d CG iterations (tolerance %g), %d pass%s\n", precision,
+               s->dt_s, word(how, (int)s->linearization), s->iterations, s->iterations_max, s->tolerance, s->passes,
+               s->passes > 1 ? "es" : "");
+        printf("kernels   %s\n", model->kernels->name);
+        printf("cost      estimate %.0f us a step, %.0f us at the cap, of %g us\n", estimate_us(model, s->iterations),
+               estimate_us(model, s->iterations_max), 1e6 * s->dt_s);
+        if (model->isa == KN_ISA_BASE)
+            printf("warning   no fused multiply-add: the same bits in software, far from real time\n");
+    }
+    printf("memory    state %zu bytes, model %zu bytes\n", model->state_bytes, model_bytes(model));
+}
+
+static void print_device(const kn_scene *scene)
+{
+    const kn_safety_limits *l = &scene->limits;
+    printf("device    %s: clamp %g N and %g N m, guard %g N/ms, brake above %g m/s with %g N s/m\n", scene->device,
+           l->clamp_n, l->torque_clamp_n_m, l->guard_n_per_ms, l->brake_m_s, l->brake_n_s_per_m);
+    printf("          without poses: hold %d ms, zero by %d ms; back after %d ms of poses, gain up in %d ms\n",
+           l->hold_ms, l->zero_ms, l->flow_ms, l->ramp_up_ms);
+    printf("mesh      %g Hz\n", scene->mesh_hz);
+}
+
+static void print_probe(const kn_model_def *def, const kn_probe_def *p)
+{
+    double h = def->spacing_m;
+    if (p->shape == KN_PROBE_PLATE) {
+        printf("probe     %s: plate %g x %g mm\n", p->name, 1e3 * p->size_m[0], 1e3 * p->size_m[1]);
+        if (p->size_m[0] < h || p->size_m[1] < h)
+            printf("warning   %s is narrower than the spacing: it may pass between nodes\n", p->name);
+    } else {
+        printf("probe     %s: sphere of radius %g mm, foundation %g N/m^3\n", p->name, 1e3 * p->radius_m,
+               p->foundation_n_m3);
+        if (p->radius_m < 1.5 * h * (1 - 1e-9))
+            printf("warning   %s is smaller than 1.5 spacings (%g mm): it feels the cells\n", p->name, 1.5e3 * h);
+    }
+}
+
+static void print_scene(const kn_scene *scene, const kn_model *model)
+{
+    const kn_model_def *def = &scene->model;
+    printf("scene     %s, version %d, hash %016llx\n", scene->name, scene->version,
+           (unsigned long long)scene->text_hash);
+    print_object(scene, model);
+    print_material(model);
+    print_solver(model);
+    print_device(scene);
+    for (int p = 0; p < def->probe_count; p++) print_probe(def, &def->probe[p]);
+    if (def->probe_count == 0) printf("warning   no probe: nothing can touch the object\n");
+    if (def->support == KN_SUPPORT_NONE && def->gravity_m_s2 > 0)
+        printf("warning   nothing holds the object: it falls\n");
+    if (def->structure == KN_STRUCTURE_AXIS) printf("warning   a lattice without diagonals cannot keep its shape\n");
+}
+
+static int check(const char *path, const char *const *sets, int count, bool text)
+{
+    char error[512];
+    kn_scene *scene = kn_scene_load(path, sets, count, error, sizeof error);
+    if (!scene) {
+        fprintf(stderr, "%s\n", error);
+        return KN_EXIT_USAGE;
+    }
+    kn_model *model = kn_model_build(&scene->model, error, sizeof error);
+    if (!model) fprintf(stderr, "%s:1:1: %s\n", path, error);
+    else if (text) fputs(scene->text, stdout);
+    else print_scene(scene, model);
+    kn_model_destroy(model);
+    kn_scene_destroy(scene);
+    return model ? KN_EXIT_OK : KN_EXIT_USAGE;
+}
+
+int kn_check_main(int argc, char **argv)
+{
+    static const struct option options[] = {{"help", no_argument, NULL, 'h'},
+                                            {"keys", no_argument, NULL, 'k'},
+                                            {"text", no_argument, NULL, 't'},
+                                            {"set", required_argument, NULL, 's'},
+                                            {0}};
+    const char **sets = calloc((size_t)argc, sizeof *sets);
+    int count = 0, status = -1;
+    bool text = false;
+    if (!sets) return KN_EXIT_INTERNAL;
+    for (int c; status < 0 && (c = getopt_long(argc, argv, "h", options, NULL)) != -1;) {
+        if (c == 's') sets[count++] = optarg;
+        else if (c == 't') text = true;
+        else if (c == 'h') status = fputs(usage, stdout) < 0;
+        else if (c == 'k') {
+            for (const char *const *line = kn_scene_keys(); *line; line++) puts(*line);
+            status = KN_EXIT_OK;
+        } else status = KN_EXIT_USAGE; // getopt has said what
+    }
+    if (status < 0 && argc - optind != 1) {
+        fprintf(stderr, "knead check: expected one scene file; --help tells the rest\n");
+        status = KN_EXIT_USAGE;
+    }
+    if (status < 0) status = check(argv[optind], sets, count, text);
+    free(sets);
+    return status;
+}
