@@ -1,0 +1,75 @@
+#!/usr/bin/env bash
+# knead check: the scenes we ship are good and described; every bad file gives its one line, file:line:col, and exit 2.
+set -u
+failed=0
+fail() { echo "FAIL $1"; failed=1; }
+
+# refuses EXPECTED-LINE ARGUMENT...: exactly that line on stderr, nothing on stdout, exit 2
+refuses() {
+    local expected=$1
+    shift
+    knead check "$@" >out 2>err
+    local status=$?
+    [ $status = 2 ] && [ ! -s out ] && [ "$(cat err)" = "$expected" ] && [ "$(wc -l <err)" = 1 ] && return
+    fail "knead check $*: exit $status, expected 2 and: $expected"
+    cat err
+}
+
+# the first line of each bad file holds what must be said about it
+bad=$KN_SOURCE/tests/core/scenes_bad
+count=0
+for file in "$bad"/*.yaml; do
+    read -r line <"$file"
+    refuses "$file:${line#\# }" "$file"
+    count=$((count + 1))
+done
+[ $count -ge 40 ] || fail "only $count bad scenes in $bad"
+
+# what cannot well be kept as a file
+mkdir folder
+: >empty.yaml
+printf 'version: 1\ndensity: \xff\xfe\n' >bytes.yaml
+printf 'version: 1\0' >nul.yaml
+printf 'v\0e\0r\0' >utf16.yaml
+head -c 1048577 /dev/zero | tr '\0' ' ' >large.yaml
+(head -c 1000000 /dev/zero | tr '\0' '[') >deep.yaml
+(for i in $(seq 20000); do echo "? k$i"; done) >keys.yaml
+refuses "folder:1:1: Is a directory, expected a scene file" folder
+refuses "missing.yaml:1:1: No such file or directory, expected a scene file" missing.yaml
+refuses "empty.yaml:1:1: empty, expected a scene that begins with 'version: 1'" empty.yaml
+refuses "bytes.yaml:2:10: not UTF-8 text: invalid leading UTF-8 octet, expected a scene" bytes.yaml
+refuses "nul.yaml:1:11: not UTF-8 text: control characters are not allowed, expected a scene" nul.yaml
+refuses "utf16.yaml:1:2: not UTF-8 text: control characters are not allowed, expected a scene" utf16.yaml
+refuses "large.yaml:1:1: larger than 1 MiB, expected a scene" large.yaml
+refuses "deep.yaml:1:1: a list, expected a scene that begins with 'version: 1'" deep.yaml
+refuses "keys.yaml:1:3: unknown key 'k1', did you mean material.k1?" keys.yaml
+
+dough=$KN_SOURCE/core/scenes/dough.yaml
+refuses "--set material.k1: '300' has no unit, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
+    "$dough" --set material.k1=300
+refuses "knead check: expected one scene file; --help tells the rest"
+
+# an unstable Runge-Kutta step is refused with its limit
+knead check "$dough" --set solver.kind=rk4 >out 2>err
+[ $? = 2 ] && grep -q "^$dough:1:1: rk4 is stable up to dt = .* s here" err || fail "rk4 outside its limit: $(cat err)"
+knead check "$dough" --set solver.kind=rk4 --set solver.dt='20 ns' >out 2>&1
+[ $? = 2 ] && grep -q "unknown unit 'ns'" out || fail "ns: $(cat out)"
+knead check "$dough" --set solver.kind=rk4 --set solver.dt='0.02 us' >out || fail "rk4 inside its limit is refused"
+grep -q "^solver *rk4 f64, dt 2e-08 s, mass scale 1; stable up to" out || fail "rk4: $(cat out)"
+
+for scene in dough dough-small jelly clay; do
+    knead check "$KN_SOURCE/core/scenes/$scene.yaml" >out 2>err || fail "$scene: $(cat err)"
+    grep -q "^scene *$scene.yaml, version 1" out && grep -q "^kernels" out && ! grep -q "^warning" out || fail "$scene: $(cat out)"
+done
+knead check "$dough" | grep -q "^object .*11 x 11 x 7 = 847 nodes, 8706 edges" || fail "nodes and edges of dough"
+knead check "$dough" --set object.spacing='3.3333333333333333 mm' | grep -q "16 x 16 x 10 = 2560 nodes" || fail "2560 nodes"
+knead check "$dough" --set probes.finger.radius='6 mm' | grep -q "^warning *finger is smaller than 1.5 spacings" ||
+    fail "a small ball is not warned of"
+
+# the text written out is the scene
+knead check "$dough" --text >dough.yaml && knead check dough.yaml --text | cmp -s - dough.yaml || fail "--text is no fixed point"
+[ "$(knead check "$dough")" = "$(knead check dough.yaml)" ] || fail "--text is another scene"
+
+knead check --keys | grep -q "^material.k1 *Pa *0 .. 1e+09 *required" || fail "--keys"
+knead check --help | grep -q "^usage: knead check SCENE" || fail "--help"
+exit $failed

@@ -1,0 +1,270 @@
+#include "core/contact.h"
+#include "core/scene/scene.h"
+#include "tests/check.h"
+
+#define SCENES KN_SOURCE_DIR "/core/scenes/"
+static const char *const scenes[] = {SCENES "dough.yaml", SCENES "dough-small.yaml", SCENES "jelly.yaml",
+                                     SCENES "clay.yaml"};
+static char error[512];
+
+static kn_scene *load(const char *path, const char *set)
+{
+    kn_scene *scene = kn_scene_load(path, &set, set != NULL, error, sizeof error);
+    if (!scene) KN_TEST_FAIL("%s", error);
+    return scene;
+}
+
+static kn_scene *parse(const char *text, const char *const *sets, int count)
+{
+    snprintf(error, sizeof error, "%s", "");
+    return kn_scene_parse("test.yaml", text, strlen(text), sets, count, error, sizeof error);
+}
+
+// The complaint about dough.yaml with that --set.
+static const char *complaint(const char *set)
+{
+    snprintf(error, sizeof error, "%s", "");
+    kn_scene_destroy(kn_scene_load(scenes[0], &set, 1, error, sizeof error));
+    return error;
+}
+
+static int same(const kn_scene *a, const kn_scene *b)
+{
+    return strcmp(a->text, b->text) == 0 && a->text_hash == b->text_hash &&
+           memcmp(&a->model, &b->model, sizeof a->model) == 0 &&
+           memcmp(&a->limits, &b->limits, sizeof a->limits) == 0 && a->mesh_hz == b->mesh_hz &&
+           strcmp(a->device, b->device) == 0 && a->version == b->version;
+}
+
+TEST("the text of a scene is the scene: reading it gives the same bits and the same text")
+{
+    for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++) {
+        kn_scene *scene = load(scenes[i], NULL), *again = parse(scene->text, NULL, 0);
+        CHECK(again && same(scene, again));
+        kn_scene_destroy(again);
+        kn_scene_destroy(scene);
+    }
+}
+
+TEST("every scene can be built")
+{
+    for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++) {
+        kn_scene *scene = load(scenes[i], NULL);
+        kn_model *model = kn_model_build(&scene->model, error, sizeof error);
+        CHECK_STR(scene->name, strrchr(scenes[i], '/') + 1);
+        CHECK(model != NULL);
+        CHECK(scene->model.probe_count == 2);
+        kn_model_destroy(model);
+        kn_scene_destroy(scene);
+    }
+}
+
+TEST("dough is the identified material of the first paper, per centimetre of specimen")
+{
+    kn_scene *scene = load(scenes[0], NULL);
+    const kn_model_def *def = &scene->model;
+    const kn_model_def paper = kn_model_def_default();
+    CHECK_NEAR(def->material.k1_pa / paper.material.k1_pa, 1, 1e-15);
+    CHECK_NEAR(def->material.c1_pa_s / paper.material.c1_pa_s, 1, 1e-15);
+    CHECK_NEAR(def->material.alpha_pa_s / paper.material.alpha_pa_s, 1, 1e-15);
+    CHECK_NEAR(def->material.beta_per_pa / paper.material.beta_per_pa, 1, 1e-15);
+    CHECK_NEAR(def->material.p0_pa / paper.material.p0_pa, 1, 1e-15);
+    CHECK_NEAR(def->material.p1_pa / paper.material.p1_pa, 1, 1e-15);
+    CHECK(def->nodes[0] * def->nodes[1] * def->nodes[2] == 847);
+    CHECK(def->density_kg_m3 == 1200 && def->gravity_m_s2 == 0 && def->support == KN_SUPPORT_BONDED);
+    CHECK(scene->limits.clamp_n == 40 && strcmp(scene->device, "bench") == 0);
+    kn_scene_destroy(scene);
+    scene = load(scenes[1], NULL);
+    CHECK(scene->model.nodes[0] * scene->model.nodes[1] * scene->model.nodes[2] == 144);
+    kn_scene_destroy(scene);
+}
+
+static const char in_cm[] = "version: 1\n"
+                            "object: {size: [5 cm, 5 cm, 3 cm], spacing: 5 mm}\n"
+                            "material: {k1: 5 kPa, c1: 0.05 kPa s, damper: constant, c2: 2e3 Pa s}\n"
+                            "density: 1.05 g/cm^3\nsupport: none\n"
+                            "device: {profile: touch, guard: 3 N/ms}\n"
+                            "probes: [{name: ball, shape: sphere, radius: 12 mm, foundation: 20 N/cm^3}]\n";
+static const char in_si[] = "version: 1\n"
+                            "object: {size: [0.05 m, 0.05 m, 0.03 m], spacing: 0.005 m}\n"
+                            "material: {k1: 5000 Pa, c1: 50 Pa s, damper: constant, c2: 2000 Pa s}\n"
+                            "density: 1050 kg/m^3\nsupport: none\n"
+                            "device: {profile: touch, guard: 3000 N/s}\n"
+                            "probes: [{name: ball, shape: sphere, radius: 0.012 m, foundation: 2e7 N/m^3}]\n";
+
+TEST("a scene in centimetres and one in metres are the same bits")
+{
+    kn_scene *a = parse(in_cm, NULL, 0), *b = parse(in_si, NULL, 0);
+    CHECK(a && b && same(a, b));
+    CHECK(a->limits.guard_n_per_ms == 3);
+    kn_scene_destroy(a);
+    kn_scene_destroy(b);
+}
+
+TEST("what a scene leaves out has the core's defaults")
+{
+    kn_scene *scene = parse(in_cm, NULL, 0);
+    const kn_solver_def core = kn_model_def_default().solver;
+    CHECK(scene && memcmp(&scene->model.solver, &core, sizeof core) == 0);
+    kn_safety safety;
+    kn_safety_init(&safety, &(kn_safety_limits){.guard_n_per_ms = 3});
+    CHECK(memcmp(&scene->limits, &safety.limits, sizeof safety.limits) == 0);
+    kn_scene_destroy(scene);
+    const char *without = "probes.ball.foundation=2.5e7 N/m^3";
+    scene = parse(in_cm, &without, 1);
+    CHECK(scene->model.probe[0].foundation_n_m3 == KN_FOUNDATION_N_M3);
+    kn_scene_destroy(scene);
+}
+
+TEST("every key can be set")
+{
+    static const char *const set[] = {"version=1",
+                                      "object.size=[6 cm, 4 cm, 2 cm]",
+                                      "object.spacing=1 cm",
+                                      "object.structure=axis",
+                                      "material.k1=1 Pa",
+                                      "material.c1=2 Pa s",
+                                      "material.damper=exponential",
+                                      "material.alpha=3 Pa s",
+                                      "material.beta=0.5 1/MPa",
+                                      "material.p0=5 Pa",
+                                      "material.p1=6 Pa",
+                                      "material.specimen_height=2 cm",
+                                      "density=7 kg/m^3",
+                                      "gravity=8 m/s^2",
+                                      "support=frictionless",
+                                      "device.profile=bench",
+                                      "device.clamp=9 N",
+                                      "device.torque_clamp=0.1 N*m",
+                                      "device.guard=1.5 N/ms",
+                                      "device.brake_speed=1 m/s",
+                                      "device.brake_damping=2 N*s/m",
+                                      "device.hold=2 ms",
+                                      "device.zero=15 ms",
+                                      "device.ramp=0.3 s",
+                                      "device.flow=250 ms",
+                                      "solver.kind=rk4",
+                                      "solver.precision=f64",
+                                      "solver.linearization=secant",
+                                      "solver.isa=base",
+                                      "solver.dt=2 ms",
+                                      "solver.iterations=5",
+                                      "solver.iterations_max=50",
+                                      "solver.tolerance=0",
+                                      "solver.passes=3",
+                                      "solver.mass_scale=1e3",
+                                      "mesh.rate=60 Hz",
+                                      "probes.ball.shape=plate",
+                                      "probes.ball.size=[1 cm, 2 cm]",
+                                      "probes.ball.name=slab"};
+    kn_scene *scene = parse(in_cm, set, sizeof set / sizeof *set);
+    if (!scene) KN_TEST_FAIL("%s", error);
+    if (!scene) return;
+    CHECK_STR(scene->text,
+              "version: 1\n"
+              "object:\n  size: [0.06 m, 0.04 m, 0.02 m]\n  spacing: 0.01 m\n  structure: axis\n"
+              "material:\n  k1: 1 Pa\n  c1: 2 Pa*s\n  damper: exponential\n  alpha: 3 Pa*s\n  beta: 5e-07 1/Pa\n"
+              "  p0: 5 Pa\n  p1: 6 Pa\n  specimen_height: 0.02 m\n"
+              "density: 7 kg/m^3\ngravity: 8 m/s^2\nsupport: frictionless\n"
+              "device:\n  profile: bench\n  clamp: 9 N\n  torque_clamp: 0.1 N*m\n  guard: 1.5 N/ms\n"
+              "  brake_speed: 1 m/s\n  brake_damping: 2 N*s/m\n  hold: 2 ms\n  zero: 15 ms\n  ramp: 300 ms\n"
+              "  flow: 250 ms\n"
+              "solver:\n  kind: rk4\n  precision: f64\n  linearization: secant\n  isa: base\n  dt: 0.002 s\n"
+              "  iterations: 5\n  iterations_max: 50\n  tolerance: 0\n  passes: 3\n  mass_scale: 1000\n"
+              "mesh:\n  rate: 60 Hz\n"
+              "probes:\n  - name: slab\n    shape: plate\n    size: [0.01 m, 0.02 m]\n");
+    CHECK(scene->model.material.c2_pa_s == 0 &&
+          scene->model.probe[0].radius_m == 0); // of the damper and shape that were
+    kn_scene_destroy(scene);
+}
+
+TEST("moduli per height are times the specimen's height, also one set later")
+{
+    static const char *const set[] = {"material.k1=470 gf/cm^3", "material.specimen_height=2 cm"};
+    kn_scene *scene = parse(in_cm, set, 2);
+    CHECK_NEAR(scene->model.material.k1_pa, 470 * 9806.65 * 0.02, 1e-10);
+    CHECK(scene->model.material.c1_pa_s == 50); // a plain modulus is left alone
+    kn_scene_destroy(scene);
+    const char *later = "material.k1=300 gf/cm^3"; // the canonical text still knows the height
+    kn_scene *dough = load(scenes[0], NULL), *softer = parse(dough->text, &later, 1);
+    CHECK_NEAR(softer->model.material.k1_pa, 300 * 98.0665, 1e-10);
+    CHECK(softer->text_hash != dough->text_hash);
+    kn_scene_destroy(dough);
+    kn_scene_destroy(softer);
+}
+
+TEST("--set takes mappings, the short form of device, and the last of two")
+{
+    static const char *const set[] = {"device=bench", "device={clamp: 7 N, hold: 1 ms}", "material.k1=1 Pa",
+                                      "material.k1=2 Pa"};
+    kn_scene *scene = parse(in_cm, set, 4);
+    CHECK(scene && scene->limits.clamp_n == 7 && scene->limits.hold_ms == 1 && strcmp(scene->device, "bench") == 0);
+    CHECK(scene && scene->model.material.k1_pa == 2);
+    kn_scene_destroy(scene);
+}
+
+TEST("a size is a whole number of spacings to a millionth, and the grid alone is what counts")
+{
+    kn_scene *third = load(scenes[0], "object.spacing=3.3333333333333333 mm");
+    CHECK(third->model.nodes[0] == 16 && third->model.nodes[1] == 16 && third->model.nodes[2] == 10);
+    kn_scene *again = parse(third->text, NULL, 0);
+    CHECK(again && same(third, again));
+    kn_scene_destroy(again);
+    kn_scene_destroy(third);
+    kn_scene *dough = load(scenes[0], NULL), *nearly = load(scenes[0], "object.size=[50.000001 mm, 5 cm, 3 cm]");
+    CHECK(dough->text_hash == nearly->text_hash);
+    kn_scene_destroy(dough);
+    kn_scene_destroy(nearly);
+    CHECK_STR(complaint("object.spacing=3.333 mm"),
+              "--set object.spacing: object.size along x, 0.05 m, is 15.0015 spacings of 0.003333 m, "
+              "expected a whole number (0.003333333333 m would be)");
+}
+
+TEST("a bad --set is told by its key")
+{
+    static const char *const bad[][2] = {
+        {"material.k1=300", "'300' has no unit, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)"},
+        {"material.k1=-1 Pa",
+         "material.k1 is -1 Pa, out of range, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)"},
+        {"material.k1=", "no value, expected key=value"},
+        {"material.k1=[1 Pa]", "a list, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)"},
+        {"material.k9=1 Pa", "unknown key, did you mean material.k1?"},
+        {"spacing=1 cm", "unknown key, did you mean object.spacing?"},
+        {"material.damper=constant",
+         "material.c2 is missing, expected a number from 1e-06 to 1e+12 Pa*s (or Pa*s/m with a specimen_height)"},
+        {"material.c2=1 Pa s", "material.c2 means nothing with 'damper: exponential', expected it left out"},
+        {"probes.plate.size=1 cm", "1 value given, expected a list of 2, each from 0.0001 to 10 m"},
+        {"probes.plum.size=1 cm", "no probe 'plum', expected one that the scene has"},
+        {"probes.plate.name=finger", "probe 'finger' is there already, expected another name"},
+        {"object={size: [6 cm, 6 cm, 4 cm], spacing: 2 cm}",
+         "probes.finger.radius is 0.015 m, expected at least object.spacing, 0.02 m"},
+        {"probes=[]", "expected one key of one probe, e.g. probes.plate.size"},
+        {"solver.iterations=25", "solver.iterations_max is 24, expected at least solver.iterations, 25"},
+        {"object.spacing=1e-5 m", "object: size and spacing make 7.506e+10 nodes, expected at most 4194304"},
+        {"material={k1: 1 Pa, k1: 2 Pa}", "'k1' is there already, in line 1, expected it once"},
+        {"density=*a", "anchors, aliases and tags are not read, expected a plain value"},
+        {"K1=3", "expected key=value, e.g. material.k1='300 gf/cm^3'"},
+        {"density", "expected key=value, e.g. material.k1='300 gf/cm^3'"},
+    };
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        char expected[512];
+        snprintf(expected, sizeof expected, "--set %.*s: %s", (int)strcspn(bad[i][0], "="), bad[i][0], bad[i][1]);
+        CHECK_STR(complaint(bad[i][0]), expected);
+    }
+}
+
+TEST("the README lists every key as knead check --keys does")
+{
+    static char readme[1 << 16];
+    FILE *file = fopen(SCENES "README.md", "r");
+    CHECK(file != NULL);
+    if (!file) return;
+    readme[fread(readme, 1, sizeof readme - 1, file)] = '\0';
+    fclose(file);
+    int lines = 0;
+    for (const char *const *line = kn_scene_keys(); *line; line++, lines++)
+        if (!strstr(readme, *line)) KN_TEST_FAIL("not in the README: %s", *line);
+    CHECK(lines > 40);
+}
+
+TESTS_MAIN
