@@ -1,0 +1,40 @@
+// libFuzzer target: any bytes are either one line of complaint or a scene whose text is the scene.
+// What follows the first NUL is a --set.
+#include "core/scene/scene.h"
+#include <stdlib.h>
+#include <string.h>
+
+static void require(int condition)
+{
+    if (!condition) abort();
+}
+
+// One line, "f.yaml:line:col: ..." or "--set key: ...", printable but for the file's own bytes, none of which are quoted.
+static void check_complaint(const char *error)
+{
+    require(strncmp(error, "f.yaml:", 7) == 0 || strncmp(error, "--set ", 6) == 0);
+    require(strstr(error, ": ") != NULL);
+    for (; *error; error++) require(*error >= ' ' && *error <= '~');
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    char error[512] = "";
+    const uint8_t *nul = size > 0 ? memchr(data, 0, size) : NULL;
+    size_t text = nul ? (size_t)(nul - data) : size;
+    char *set = nul ? strndup((const char *)nul + 1, size - text - 1) : NULL;
+    kn_scene *scene = kn_scene_parse("f.yaml", (const char *)data, text, (const char *const *)&set, set != NULL, error,
+                                     sizeof error);
+    free(set);
+    if (!scene) {
+        check_complaint(error);
+        return 0;
+    }
+    kn_scene *again = kn_scene_parse("f.yaml", scene->text, strlen(scene->text), NULL, 0, error, sizeof error);
+    require(again && strcmp(again->text, scene->text) == 0 && again->text_hash == scene->text_hash);
+    require(memcmp(&again->model, &scene->model, sizeof scene->model) == 0);
+    kn_scene_destroy(again);
+    kn_scene_destroy(scene);
+    return 0;
+}
