@@ -14,46 +14,67 @@ const char *kn_gl_load(kn_gl *gl, kn_gl_get_proc get_proc)
     return NULL;
 }
 
-static void attach(const kn_gl *gl, GLuint buffer, GLenum point, GLenum format, int samples, int width, int height)
+static void attach(const kn_gl *gl, GLuint buffer, GLenum point, GLenum format, int samples, const kn_gl_target *t)
 {
     gl->BindRenderbuffer(GL_RENDERBUFFER, buffer);
-    gl->RenderbufferStorageMultisample(GL_RENDERBUFFER, samples, format, width, height);
+    gl->RenderbufferStorageMultisample(GL_RENDERBUFFER, samples, format, t->width, t->height);
     gl->FramebufferRenderbuffer(GL_FRAMEBUFFER, point, GL_RENDERBUFFER, buffer);
+}
+
+static bool create_frame(const kn_gl *gl, kn_gl_target *t, GLuint *frame, GLuint color, GLuint depth, int samples)
+{
+    gl->GenFramebuffers(1, frame);
+    gl->BindFramebuffer(GL_FRAMEBUFFER, *frame);
+    attach(gl, color, GL_COLOR_ATTACHMENT0, GL_RGBA8, samples, t);
+    if (depth) attach(gl, depth, GL_DEPTH_ATTACHMENT, GL_DEPTH_COMPONENT24, samples, t);
+    return gl->CheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
 }
 
 bool kn_gl_target_create(const kn_gl *gl, kn_gl_target *t, int width, int height)
 {
     *t = (kn_gl_target){.width = width, .height = height};
-    gl->GenFramebuffers(1, &t->draw);
-    gl->GenFramebuffers(1, &t->resolve);
-    gl->GenRenderbuffers(3, t->buffer);
-    gl->BindFramebuffer(GL_FRAMEBUFFER, t->draw);
-    attach(gl, t->buffer[0], GL_COLOR_ATTACHMENT0, GL_RGBA8, SAMPLES, width, height);
-    attach(gl, t->buffer[1], GL_DEPTH_ATTACHMENT, GL_DEPTH_COMPONENT24, SAMPLES, width, height);
-    bool ok = gl->CheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
-    gl->BindFramebuffer(GL_FRAMEBUFFER, t->resolve);
-    attach(gl, t->buffer[2], GL_COLOR_ATTACHMENT0, GL_RGBA8, 0, width, height);
-    ok = ok && gl->CheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
-    return ok && gl->GetError() == GL_NO_ERROR;
+    gl->GenRenderbuffers(4, t->buffer);
+    return create_frame(gl, t, &t->backdrop, t->buffer[0], 0, 0) &&
+           create_frame(gl, t, &t->solids, t->buffer[1], t->buffer[2], SAMPLES) &&
+           create_frame(gl, t, &t->picture, t->buffer[3], 0, 0) && gl->GetError() == GL_NO_ERROR;
 }
 
-void kn_gl_target_bind(const kn_gl *gl, const kn_gl_target *t)
+void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *t)
 {
-    gl->BindFramebuffer(GL_FRAMEBUFFER, t->draw);
+    gl->BindFramebuffer(GL_FRAMEBUFFER, t->backdrop);
     gl->Viewport(0, 0, t->width, t->height);
+    gl->Disable(GL_SCISSOR_TEST);
 }
 
-void kn_gl_target_resolve(const kn_gl *gl, const kn_gl_target *t)
+void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *t, kn_gl_region region)
 {
-    gl->BindFramebuffer(GL_READ_FRAMEBUFFER, t->draw);
-    gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, t->resolve);
-    gl->BlitFramebuffer(0, 0, t->width, t->height, 0, 0, t->width, t->height, GL_COLOR_BUFFER_BIT, GL_NEAREST);
-    gl->BindFramebuffer(GL_FRAMEBUFFER, t->resolve);
+    gl->BindFramebuffer(GL_FRAMEBUFFER, t->solids);
+    gl->Viewport(0, 0, t->width, t->height);
+    gl->Enable(GL_SCISSOR_TEST);
+    gl->Scissor(region.x, region.y, region.width, region.height);
+    gl->Clear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+}
+
+static void copy(const kn_gl *gl, GLuint from, GLuint to, kn_gl_region r)
+{
+    gl->BindFramebuffer(GL_READ_FRAMEBUFFER, from);
+    gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, to);
+    gl->BlitFramebuffer(r.x, r.y, r.x + r.width, r.y + r.height, r.x, r.y, r.x + r.width, r.y + r.height,
+                        GL_COLOR_BUFFER_BIT, GL_NEAREST);
+}
+
+void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *t, kn_gl_region region)
+{
+    gl->Disable(GL_SCISSOR_TEST);
+    copy(gl, t->backdrop, t->picture, (kn_gl_region){0, 0, t->width, t->height});
+    copy(gl, t->solids, t->picture, region);
+    gl->BindFramebuffer(GL_FRAMEBUFFER, t->picture);
+    gl->Enable(GL_SCISSOR_TEST);
 }
 
 void kn_gl_target_read(const kn_gl *gl, const kn_gl_target *t, uint8_t *rgba)
 {
-    gl->BindFramebuffer(GL_FRAMEBUFFER, t->resolve);
+    gl->BindFramebuffer(GL_FRAMEBUFFER, t->picture);
     gl->ReadPixels(0, 0, t->width, t->height, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
     // OpenGL counts rows from the bottom
     size_t row = (size_t)t->width * 4;

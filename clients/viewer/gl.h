@@ -21,7 +21,6 @@
     X(PFNGLBUFFERDATAPROC, BufferData)                                                                                  \
     X(PFNGLCHECKFRAMEBUFFERSTATUSPROC, CheckFramebufferStatus)                                                          \
     X(PFNGLCLEARPROC, Clear)                                                                                            \
-    X(PFNGLCLEARCOLORPROC, ClearColor)                                                                                  \
     X(PFNGLCOMPILESHADERPROC, CompileShader)                                                                            \
     X(PFNGLCREATEPROGRAMPROC, CreateProgram)                                                                            \
     X(PFNGLCREATESHADERPROC, CreateShader)                                                                              \
@@ -49,6 +48,7 @@
     X(PFNGLREADBUFFERPROC, ReadBuffer)                                                                                  \
     X(PFNGLREADPIXELSPROC, ReadPixels)                                                                                  \
     X(PFNGLRENDERBUFFERSTORAGEMULTISAMPLEPROC, RenderbufferStorageMultisample)                                          \
+    X(PFNGLSCISSORPROC, Scissor)                                                                                        \
     X(PFNGLSHADERSOURCEPROC, ShaderSource)                                                                              \
     X(PFNGLTEXIMAGE2DPROC, TexImage2D)                                                                                  \
     X(PFNGLTEXPARAMETERIPROC, TexParameteri)                                                                            \
@@ -73,17 +73,27 @@ typedef struct kn_gl {
 // Fills the table from the current context; NULL, or the name of the first function that it does not have.
 const char *kn_gl_load(kn_gl *gl, kn_gl_get_proc get_proc);
 
-// Colour and depth with 4 samples per pixel, and the single-sample picture that they are resolved into. It goes with its
-// context, as everything made in one does: nothing here is deleted singly.
+// Three frame buffers of one size: the backdrop, drawn once for many pictures; the solids, with depth and 4 samples per
+// pixel; and the picture, in which the solids are resolved over the backdrop. They go with their context, as everything
+// made in one does: nothing here is deleted singly.
 typedef struct kn_gl_target {
     int width, height;
-    GLuint draw, resolve; // frame buffers
-    GLuint buffer[3];     // render buffers: colour, depth, resolved colour
+    GLuint backdrop, solids, picture;
+    GLuint buffer[4]; // render buffers: backdrop, colour and depth of the solids, picture
 } kn_gl_target;
 
+typedef struct kn_gl_region { // pixels, from the lower left corner of the picture
+    int x, y, width, height;
+} kn_gl_region;
+
 bool kn_gl_target_create(const kn_gl *gl, kn_gl_target *target, int width, int height); // false: refused by the context
-void kn_gl_target_bind(const kn_gl *gl, const kn_gl_target *target);    // to draw with 4 samples
-void kn_gl_target_resolve(const kn_gl *gl, const kn_gl_target *target); // 4 -> 1, and to draw with one from here on
+void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *target); // what is drawn from here on is the backdrop
+// Empties the region of the solids (four samples are the dearest part of a picture: no more of them than needed); what is
+// drawn from here on goes there.
+void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region);
+// The picture becomes the backdrop with, inside the region, the solids in its place; alpha is there the share of a pixel
+// that they cover. What is drawn from here on goes into that region of the picture.
+void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region);
 void kn_gl_target_read(const kn_gl *gl, const kn_gl_target *target, uint8_t *rgba); // [height][width][4], top row first
 
 // Compiles and links; 0 and the compiler's words in error (our shader is wrong, or the context is not OpenGL 3.3).

@@ -1,10 +1,10 @@
 #ifndef KN_CLIENTS_VIEWER_OFFSCREEN_H
 #define KN_CLIENTS_VIEWER_OFFSCREEN_H
-// A place to draw without a window: an OpenGL 3.3 core context, a frame buffer of a given size, and its pixels.
+// A place to draw without a window: an OpenGL 3.3 core context, frame buffers of a given size, and their pixels.
 //
 // One back end so far, OSMesa (offscreen_osmesa.c): Mesa's software rasteriser, no display, no GPU, no root. Mesa 25.1
-// dropped it; EGL's surfaceless platform is the successor, and since all drawing goes into the frame buffer of gl.h it
-// only has to make a context. Not thread safe: one thread opens, draws, reads and closes.
+// dropped it; EGL's surfaceless platform is the successor, and since all drawing goes into the frame buffers of gl.h
+// it only has to make a context. Not thread safe: one thread opens, draws, reads and closes.
 //
 // libOSMesa is loaded when the first picture is wanted, not when the program starts: it brings 117 MB of LLVM, which
 // `knead probe` must neither wait for (25 ms) nor lock into memory.
@@ -21,14 +21,11 @@ typedef struct kn_offscreen kn_offscreen;
 // NULL and one sentence in error: size out of range, library missing, context refused.
 kn_offscreen *kn_offscreen_open(int width, int height, char *error, size_t error_size);
 
-// Makes the context current and returns the functions to draw with; what is drawn has 4 samples per pixel and depth.
+// Makes the context current and returns the functions to draw with.
 const kn_gl *kn_offscreen_begin(kn_offscreen *screen);
+const kn_gl_target *kn_offscreen_target(const kn_offscreen *screen); // where to
 
-// Resolves to one sample per pixel, alpha being the share that was covered. What is drawn from here on has no depth; it
-// goes over the picture, or behind it (blending by the alpha that is there).
-void kn_offscreen_resolve(kn_offscreen *screen);
-
-// Waits for the drawing to end and copies out what resolve left: [height][width][4] bytes, top row first.
+// Waits for the drawing to end and copies the picture out: [height][width][4] bytes, top row first.
 void kn_offscreen_read_rgba(kn_offscreen *screen, uint8_t *rgba);
 
 kn_gl_proc kn_offscreen_get_proc(const char *name); // NULL before the first open or when there is no such function

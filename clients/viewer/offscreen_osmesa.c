@@ -85,11 +85,10 @@ kn_offscreen *kn_offscreen_open(int width, int height, char *error, size_t error
 const kn_gl *kn_offscreen_begin(kn_offscreen *screen)
 {
     mesa.make_current(screen->context, screen->window, GL_UNSIGNED_BYTE, KN_OFFSCREEN_MIN, KN_OFFSCREEN_MIN);
-    kn_gl_target_bind(&screen->gl, &screen->target);
     return &screen->gl;
 }
 
-void kn_offscreen_resolve(kn_offscreen *screen) { kn_gl_target_resolve(&screen->gl, &screen->target); }
+const kn_gl_target *kn_offscreen_target(const kn_offscreen *screen) { return &screen->target; }
 
 void kn_offscreen_read_rgba(kn_offscreen *screen, uint8_t *rgba)
 {

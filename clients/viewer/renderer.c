@@ -7,7 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SHADOW_SIZE 1024         // texels: 0.2 mm on a 5 cm block
+#define SHADOW_SIZE 1024         // texels: 0.16 mm each on a 5 cm block
+#define LIT_RADIUS 1.6f          // of the object's longest side, around it: where shadows are cast
+#define SHADOW_BIAS 3.0f         // 1.5 texels off the surface
 #define TAN_HALF_VIEW 0.2217f    // 25 degrees from top to bottom: a telephoto's calm perspective
 #define FILL 0.86f               // of the picture's height or width, by the box that the camera frames
 #define HEADROOM 0.45f           // of the object's height, above it, framed for a lifted probe and its arrow
@@ -35,6 +37,7 @@ struct kn_renderer {
     int width, height;
     float eye[3], right[3], up[3], back[3], key[3];
     float camera[16], light[16];
+    float backdrop_camera[16]; // that the backdrop was drawn for; zero: none yet
     float square_m;
 };
 
@@ -118,6 +121,13 @@ static void create_shapes(kn_renderer *r)
 
 // ---- open, mesh, close
 
+static float scale_of(const kn_skin *s) // the object's longest side
+{
+    float longest = 1e-6f;
+    for (int i = 0; i < 3; i++) longest = fmaxf(longest, s->rest_high[i] - s->rest_low[i]);
+    return longest;
+}
+
 static bool create_shadow_map(kn_renderer *r)
 {
     const kn_gl *gl = r->gl;
@@ -179,6 +189,7 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
                       const int (*triangle)[3])
 {
     const kn_gl *gl = kn_offscreen_begin(r->screen);
+    memset(r->backdrop_camera, 0, sizeof r->backdrop_camera);
     kn_skin_destroy(r->skin);
     free(r->corners);
     r->corners = NULL;
@@ -187,6 +198,7 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
     size_t corners = 3 * (size_t)triangle_count;
     r->corners = calloc(corners, 6 * sizeof *r->corners);
     if (!r->corners) return false;
+    r->square_m = powf(10, floorf(log10f(scale_of(r->skin) / 2)));
     for (size_t i = 0; i < corners; i++) // barycentric; a side that is no line is far from everywhere
         for (size_t side = 0; side < 3; side++)
             r->corners[3 * i + side] = i % 3 == side || !r->skin->line[i - i % 3 + side];
@@ -199,13 +211,6 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
 }
 
 // ---- camera and light
-
-static float scale_of(const kn_skin *s) // the object's longest side
-{
-    float longest = 1e-6f;
-    for (int i = 0; i < 3; i++) longest = fmaxf(longest, s->rest_high[i] - s->rest_low[i]);
-    return longest;
-}
 
 // Axes of someone who looks at the object from azimuth and elevation.
 static void axes(double azimuth_deg, double elevation_deg, float right[3], float up[3], float back[3])
@@ -240,7 +245,7 @@ static void aim(kn_renderer *r, const kn_view_scene *scene)
 // From the upper left of whoever looks, whatever the azimuth.
 static void light_up(kn_renderer *r, const kn_view_scene *scene)
 {
-    float right[3], up[3], back[3], eye[3], view[16], box[16], radius = 1.6f * scale_of(r->skin);
+    float right[3], up[3], back[3], eye[3], view[16], box[16], radius = LIT_RADIUS * scale_of(r->skin);
     axes(scene->azimuth_deg - 52, 48, right, up, back);
     memcpy(r->key, back, sizeof r->key);
     for (int i = 0; i < 3; i++)
@@ -305,38 +310,49 @@ static void draw_shape(const kn_renderer *r, GLuint program, const shape *s, con
     gl->DrawArrays(GL_TRIANGLES, 0, s->corners);
 }
 
-static void draw_arrow(const kn_renderer *r, GLuint program, const float from[3], const double force_n[3])
+typedef struct arrow {
+    float tail[3], direction[3], length; // length 0: none
+} arrow;
+
+// Beyond the tool whichever way it points: a push into the hand begins at the tool's back, a pull ends there.
+static arrow arrow_of(const kn_renderer *r, const kn_view_probe *p)
 {
-    float direction[3] = {(float)force_n[0], (float)force_n[1], (float)force_n[2]}, m[16], at[3];
-    float newton = kn_normalize(direction);
-    if (!(newton >= ARROW_LEAST_N) || !isfinite(newton)) return;
-    float length = ARROW_SQUARES_PER_N * newton * r->square_m;
-    float width = fminf(0.08f * r->square_m, length / 4.5f), head = 3 * width; // a short arrow is small, not stubby
-    // beyond the tool whichever way it points: a pull ends at the tool
-    for (int i = 0; i < 3; i++) at[i] = from[i] - (direction[2] < 0 ? length * direction[i] : 0);
-    place(m, at, direction, width, width, length - head);
+    arrow a = {.direction = {(float)p->force_n[0], (float)p->force_n[1], (float)p->force_n[2]}};
+    float newton = kn_normalize(a.direction);
+    if (!(newton >= ARROW_LEAST_N) || !isfinite(newton)) return (arrow){0};
+    a.length = ARROW_SQUARES_PER_N * newton * r->square_m;
+    for (int i = 0; i < 3; i++) a.tail[i] = (float)p->position_m[i] - (a.direction[2] < 0 ? a.length * a.direction[i] : 0);
+    a.tail[2] += (float)(p->def.shape == KN_PROBE_PLATE ? PLATE_THICKNESS_M : p->def.radius_m);
+    return a;
+}
+
+static void draw_arrow(const kn_renderer *r, GLuint program, const arrow *a)
+{
+    float m[16], at[3];
+    float width = fminf(0.08f * r->square_m, a->length / 4.5f), head = 3 * width; // a short arrow is small, not stubby
+    place(m, a->tail, a->direction, width, width, a->length - head);
     draw_shape(r, program, &r->rod, m, arrow_color, 0.1f, 0);
-    for (int i = 0; i < 3; i++) at[i] += (length - head) * direction[i];
-    place(m, at, direction, 2 * width, 2 * width, head);
+    for (int i = 0; i < 3; i++) at[i] = a->tail[i] + (a->length - head) * a->direction[i];
+    place(m, at, a->direction, 2 * width, 2 * width, head);
     draw_shape(r, program, &r->cone, m, arrow_color, 0.1f, 0);
+}
+
+static bool somewhere(const kn_view_probe *p) // finite
+{
+    return isfinite(p->position_m[0] + p->position_m[1] + p->position_m[2]);
 }
 
 static void draw_probe(const kn_renderer *r, GLuint program, const kn_view_probe *p)
 {
     static const float up[3] = {0, 0, 1};
     float at[3] = {(float)p->position_m[0], (float)p->position_m[1], (float)p->position_m[2]}, m[16];
-    if (!isfinite(at[0] + at[1] + at[2])) return;
-    if (p->def.shape == KN_PROBE_PLATE) {
-        place(m, at, up, (float)p->def.size_m[0], (float)p->def.size_m[1], (float)PLATE_THICKNESS_M);
-        draw_shape(r, program, &r->box, m, tool_color, 0.25f, 0);
-        at[2] += (float)PLATE_THICKNESS_M;
-    } else {
-        float radius = (float)p->def.radius_m;
-        place(m, at, up, radius, radius, radius);
-        draw_shape(r, program, &r->ball, m, tool_color, 0.5f, 0);
-        at[2] += radius;
-    }
-    draw_arrow(r, program, at, p->force_n);
+    float radius = (float)p->def.radius_m;
+    bool plate = p->def.shape == KN_PROBE_PLATE;
+    if (plate) place(m, at, up, (float)p->def.size_m[0], (float)p->def.size_m[1], (float)PLATE_THICKNESS_M);
+    else place(m, at, up, radius, radius, radius);
+    draw_shape(r, program, plate ? &r->box : &r->ball, m, tool_color, plate ? 0.25f : 0.5f, 0);
+    arrow a = arrow_of(r, p);
+    if (a.length > 0) draw_arrow(r, program, &a);
 }
 
 static void draw_solids(const kn_renderer *r, GLuint program, const kn_view_scene *scene)
@@ -345,15 +361,23 @@ static void draw_solids(const kn_renderer *r, GLuint program, const kn_view_scen
     float m[16];
     place(m, here, up, 1, 1, 1);
     draw_shape(r, program, &r->object, m, scene->color, 0.06f, scene->lines ? 0.30f : 0);
-    for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++) draw_probe(r, program, &scene->probe[i]);
+    for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
+        if (somewhere(&scene->probe[i])) draw_probe(r, program, &scene->probe[i]);
+}
+
+static void clear_shadow_map(const kn_renderer *r)
+{
+    const kn_gl *gl = r->gl;
+    gl->Disable(GL_SCISSOR_TEST);
+    gl->BindFramebuffer(GL_FRAMEBUFFER, r->shadow_frame);
+    gl->Viewport(0, 0, SHADOW_SIZE, SHADOW_SIZE);
+    gl->Clear(GL_DEPTH_BUFFER_BIT);
 }
 
 static void draw_shadow_map(const kn_renderer *r, const kn_view_scene *scene)
 {
     const kn_gl *gl = r->gl;
-    gl->BindFramebuffer(GL_FRAMEBUFFER, r->shadow_frame);
-    gl->Viewport(0, 0, SHADOW_SIZE, SHADOW_SIZE);
-    gl->Clear(GL_DEPTH_BUFFER_BIT);
+    clear_shadow_map(r);
     gl->UseProgram(r->depth);
     set_matrix(gl, r->depth, "u_light", r->light);
     gl->Enable(GL_POLYGON_OFFSET_FILL);
@@ -393,11 +417,13 @@ static void footprint(const kn_skin *s, const float (*xyz)[3], float foot[4])
     }
 }
 
-static void draw_table(const kn_renderer *r, const kn_view_scene *scene)
+static float level_of(const kn_renderer *r) { return r->skin->rest_low[2] - 1e-3f * scale_of(r->skin); } // of the table
+
+static void draw_table(const kn_renderer *r, const float foot[4])
 {
     const kn_gl *gl = r->gl;
     const float *low = r->skin->rest_low, tan_half_x = TAN_HALF_VIEW * (float)r->width / (float)r->height;
-    float s = r->square_m, front = low[1] - 1.5f * s, bar[4] = {low[0], front, low[0] + s, front + 0.12f * s}, foot[4];
+    float s = r->square_m, front = low[1] - 1.5f * s, bar[4] = {low[0], front, low[0] + s, front + 0.12f * s};
     float sight[3][3];
     for (int i = 0; i < 3; i++) {
         sight[0][i] = tan_half_x * r->right[i];
@@ -405,7 +431,6 @@ static void draw_table(const kn_renderer *r, const kn_view_scene *scene)
         sight[2][i] = -r->back[i];
     }
     use_lit(r, r->table);
-    footprint(r->skin, scene->xyz, foot);
     set_color(gl, r->table, table_color);
     set_vector(gl, r->table, "u_right", sight[0]);
     set_vector(gl, r->table, "u_up", sight[1]);
@@ -414,9 +439,91 @@ static void draw_table(const kn_renderer *r, const kn_view_scene *scene)
     gl->Uniform4fv(gl->GetUniformLocation(r->table, "u_bar"), 1, bar);
     set_number(gl, r->table, "u_square", s);
     set_number(gl, r->table, "u_reach", 4 * scale_of(r->skin));
-    set_number(gl, r->table, "u_level", low[2] - 1e-3f * scale_of(r->skin));
+    set_number(gl, r->table, "u_level", level_of(r));
     gl->BindVertexArray(r->square.array);
     gl->DrawArrays(GL_TRIANGLES, 0, r->square.corners);
+}
+
+// The table without an object is the same as long as nobody moves the camera.
+static void draw_backdrop(kn_renderer *r)
+{
+    static const float nobody[4] = {1e9f, 1e9f, 1e9f, 1e9f};
+    if (memcmp(r->camera, r->backdrop_camera, sizeof r->camera) == 0) return;
+    memcpy(r->backdrop_camera, r->camera, sizeof r->camera);
+    clear_shadow_map(r);
+    kn_gl_target_backdrop(r->gl, kn_offscreen_target(r->screen));
+    draw_table(r, nobody);
+}
+
+// ---- the part of the picture that an object, its probes and their shadows take up
+
+typedef struct extent {
+    float low[2], high[2]; // -1..1 across the picture
+} extent;
+
+static void cover(const kn_renderer *r, extent *e, const float p[3])
+{
+    const float *m = r->camera;
+    float w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
+    for (int i = 0; i < 2; i++) {
+        float at = (m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i]) / w;
+        bool known = w > 0; // behind the camera it may come out anywhere
+        e->low[i] = fminf(e->low[i], known ? at : -1);
+        e->high[i] = fmaxf(e->high[i], known ? at : 1);
+    }
+}
+
+// A box about p, half of its sides given, and its shadow on the table.
+static void cover_box(const kn_renderer *r, extent *e, const float p[3], float x, float y, float z)
+{
+    for (int corner = 0; corner < 8; corner++) {
+        float q[3] = {p[0] + (corner & 1 ? x : -x), p[1] + (corner & 2 ? y : -y), p[2] + (corner & 4 ? z : -z)};
+        cover(r, e, q);
+        float down = fmaxf(0, q[2] - level_of(r)) / r->key[2];
+        for (int i = 0; i < 3; i++) q[i] -= down * r->key[i];
+        cover(r, e, q);
+        if (x == 0 && y == 0 && z == 0) return; // a point
+    }
+}
+
+static void cover_probe(const kn_renderer *r, extent *e, const kn_view_probe *p)
+{
+    float at[3] = {(float)p->position_m[0], (float)p->position_m[1], (float)p->position_m[2]}, tip[3];
+    float half[2] = {0.5f * (float)p->def.size_m[0], 0.5f * (float)p->def.size_m[1]}, radius = (float)p->def.radius_m;
+    if (p->def.shape == KN_PROBE_PLATE) cover_box(r, e, at, half[0], half[1], (float)PLATE_THICKNESS_M);
+    else cover_box(r, e, at, radius, radius, radius);
+    arrow a = arrow_of(r, p);
+    if (!(a.length > 0)) return;
+    for (int i = 0; i < 3; i++) tip[i] = a.tail[i] + a.length * a.direction[i];
+    float wide = 0.2f * r->square_m; // more than the head
+    cover_box(r, e, a.tail, wide, wide, wide);
+    cover_box(r, e, tip, wide, wide, wide);
+}
+
+static int pixel(float at, int size, int margin) // of -1..1, inside the picture
+{
+    float p = 0.5f * (at + 1) * (float)size + (float)margin;
+    return (int)fminf(fmaxf(p, 0), (float)size);
+}
+
+static kn_gl_region region_of(const kn_renderer *r, const kn_view_scene *scene, const float foot[4])
+{
+    extent e = {{INFINITY, INFINITY}, {-INFINITY, -INFINITY}};
+    for (int v = 0; v < r->skin->vertex_count; v++) {
+        const float *p = scene->xyz[v];
+        if (isfinite(p[0] + p[1] + p[2])) cover_box(r, &e, p, 0, 0, 0);
+    }
+    for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
+        if (somewhere(&scene->probe[i])) cover_probe(r, &e, &scene->probe[i]);
+    float dim = 0.6f * (r->skin->rest_high[2] - r->skin->rest_low[2]); // where the darkening of the table ends
+    for (int corner = 0; corner < 4 && foot[0] <= foot[2]; corner++) {
+        float p[3] = {corner & 1 ? foot[2] + dim : foot[0] - dim, corner & 2 ? foot[3] + dim : foot[1] - dim, level_of(r)};
+        cover(r, &e, p);
+    }
+    kn_gl_region g = {pixel(e.low[0], r->width, -2), pixel(e.low[1], r->height, -2), 0, 0};
+    g.width = pixel(e.high[0], r->width, 3) - g.x;
+    g.height = pixel(e.high[1], r->height, 3) - g.y;
+    return g.width > 0 && g.height > 0 ? g : (kn_gl_region){0};
 }
 
 static void upload(kn_renderer *r, const kn_view_scene *scene)
@@ -428,28 +535,29 @@ static void upload(kn_renderer *r, const kn_view_scene *scene)
 void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
 {
     const kn_gl *gl = kn_offscreen_begin(r->screen);
-    float scale = scale_of(r->skin);
-    r->square_m = powf(10, floorf(log10f(scale / 2)));
+    const kn_gl_target *target = kn_offscreen_target(r->screen);
+    float foot[4];
     aim(r, scene);
     light_up(r, scene);
+    footprint(r->skin, scene->xyz, foot);
+    kn_gl_region region = region_of(r, scene, foot);
     upload(r, scene);
+    draw_backdrop(r);
+
     gl->Enable(GL_DEPTH_TEST);
     draw_shadow_map(r, scene);
-
-    kn_offscreen_begin(r->screen); // back from the shadow map
+    kn_gl_target_solids(gl, target, region);
     gl->Enable(GL_CULL_FACE);
-    gl->ClearColor(0, 0, 0, 0);
-    gl->Clear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
     use_lit(r, r->solid);
-    set_number(gl, r->solid, "u_bias", 3.2f * scale / SHADOW_SIZE * 1.5f);
+    set_number(gl, r->solid, "u_bias", SHADOW_BIAS * LIT_RADIUS * scale_of(r->skin) / SHADOW_SIZE);
     draw_solids(r, r->solid, scene);
     gl->Disable(GL_CULL_FACE);
-
-    kn_offscreen_resolve(r->screen);
     gl->Disable(GL_DEPTH_TEST);
+
+    kn_gl_target_picture(gl, target, region);
     gl->Enable(GL_BLEND);
-    gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE);
-    draw_table(r, scene);
+    gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE); // behind what is there
+    draw_table(r, foot);
     gl->Disable(GL_BLEND);
     kn_offscreen_read_rgba(r->screen, rgba);
 }

@@ -95,7 +95,7 @@ static const char *const kn_shader_table_fragment = KN_GLSL KN_GLSL_SHADOW
     "    vec2 pixel = fwidth(p.xy) / u_square;\n"
     "    float fade = 1.0 - smoothstep(0.35, 1.0, length(p.xy) / u_reach);\n"
     "    float lines = max(0.16 * grid(p.xy / u_square, pixel, 0.6), 0.30 * grid(p.xy / (5.0 * u_square), pixel / 5.0, 0.8));\n"
-    "    float hidden = 0.45 * exp(-away(p.xy, u_foot) / (0.2 * u_height));\n"
+    "    float near = max(1.0 - away(p.xy, u_foot) / (0.6 * u_height), 0.0), hidden = 0.45 * near * near * near;\n"
     "    float shade = (1.0 - lines) * (1.0 - hidden) * mix(0.62, 1.0, lit((u_light * vec4(p, 1.0)).xyz));\n"
     "    float bar = clamp(1.0 - away(p.xy, u_bar) / (u_square * max(pixel.x, pixel.y)), 0.0, 1.0);\n"
     "    o_color = vec4(sqrt(u_color * mix(1.0, mix(shade, 0.03, bar), fade)), 1.0);\n"
