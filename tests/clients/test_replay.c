@@ -1,0 +1,473 @@
+#include "clients/knead/commands.h"
+#include "proto/knead_event_t.h"
+#include "server/log.h"
+#include "server/replay.h"
+#include "server/wire.h"
+#include "tests/check.h"
+#include <sys/wait.h>
+#include <unistd.h>
+
+// A daemon without clock and bus: the servo on the small dough, whose poses, events and forces go into a log in the order
+// they would have on the bus. Everything that happens to a real one happens: late and lost poses, missed cycles, sessions
+// that end and come again, two tools, a reset, a stop.
+typedef struct recorder {
+    kn_scene *scene;
+    kn_model *model;
+    kn_backend backend;
+    kn_servo servo;
+    kn_tick_in in;
+    kn_tick_out out;
+    kn_pose hand[2], mailbox[2];
+    lcm_eventlog_t *log;
+    int64_t utime, start_utime;
+    bool mute; // before the logger was started
+    int skip_force_at, skipped; // a force record that the logger lost
+} recorder;
+
+static unsigned long long seed;
+static double uniform(void)
+{
+    seed = seed * 6364136223846793005u + 1442695040888963407u;
+    return (double)(seed >> 11) / 9007199254740992.0;
+}
+
+static void put(recorder *r, const char *channel, void *bytes, int size)
+{
+    if (!r->mute) CHECK(kn_log_write(r->log, r->utime, channel, bytes, (size_t)size));
+}
+
+static void put_scene(recorder *r)
+{
+    static uint8_t bytes[16384];
+    knead_scene_t m;
+    kn_wire_scene(&m, r->scene, 0, r->utime);
+    put(r, "KNEAD_SCENE", bytes, knead_scene_t_encode(bytes, 0, sizeof bytes, &m));
+}
+
+static recorder *record(const char *path)
+{
+    char error[256];
+    recorder *r = calloc(1, sizeof *r);
+    r->scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", NULL, 0, error, sizeof error);
+    r->model = kn_model_build(&r->scene->model, error, sizeof error);
+    r->log = lcm_eventlog_create(path, "w");
+    if (!r->model || !r->log || !kn_backend_cpu(&r->backend, r->model)) exit(1);
+    kn_servo_init(&r->servo, r->scene, r->model, &r->backend);
+    r->in.tick = -1;
+    r->utime = r->start_utime = 1700000000000000;
+    r->skip_force_at = -1;
+    for (int p = 0; p < 2; p++)
+        r->hand[p] = (kn_pose){.orientation_wxyz = {1}, .position_m = {0.02 * p, 0, 0.07}};
+    put_scene(r);
+    return r;
+}
+
+static void record_end(recorder *r)
+{
+    lcm_eventlog_destroy(r->log);
+    r->backend.destroy(r->backend.self);
+    kn_model_destroy(r->model);
+    kn_scene_destroy(r->scene);
+    free(r);
+}
+
+// A pose onto the bus, and, if it is not late, into the mailbox.
+static void publish(recorder *r, int p)
+{
+    static const char *const channels[] = {"KNEAD_POSE_plate", "KNEAD_POSE_finger"};
+    uint8_t bytes[512];
+    knead_probe_pose_t m;
+    r->hand[p].seq++;
+    r->hand[p].utime = r->utime;
+    kn_wire_pose(&m, &r->hand[p]);
+    put(r, channels[p], bytes, knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &m));
+    r->mailbox[p] = r->hand[p];
+    r->in.pose[p] = &r->mailbox[p];
+    r->in.fresh[p] = true;
+}
+
+static void tick(recorder *r)
+{
+    static const char *const channels[] = {"KNEAD_FORCE_plate", "KNEAD_FORCE_finger"};
+    uint8_t bytes[512];
+    r->in.tick += 1 + r->in.missed;
+    r->utime = r->start_utime + 1000 * r->in.tick + (int64_t)(300 * uniform());
+    kn_servo_tick(&r->servo, &r->in, &r->out);
+    for (int i = 0; i < r->out.event_count; i++) {
+        knead_event_t m;
+        kn_wire_event(&m, &r->out.event[i], r->utime);
+        put(r, "KNEAD_EVENT", bytes, knead_event_t_encode(bytes, 0, sizeof bytes, &m));
+    }
+    for (int p = 0; p < 2; p++) {
+        knead_contact_force_t m;
+        if (!r->out.force[p].live || (r->in.tick == r->skip_force_at && ++r->skipped)) continue;
+        kn_wire_force(&m, &r->out, p, r->utime, 12345);
+        put(r, channels[p], bytes, knead_contact_force_t_encode(bytes, 0, sizeof bytes, &m));
+    }
+    memset(r->in.fresh, 0, sizeof r->in.fresh);
+    r->in.reset = r->in.recover = false;
+    r->in.missed = 0;
+}
+
+// ms of a hand that goes to z at most at 1 cm/s (2 cm/s in air), with a share of poses lost and of cycles missed.
+static void move(recorder *r, int p, double z_m, int ms, double trouble)
+{
+    double v = 0.0;
+    for (int i = 0; i < ms; i++) {
+        kn_pose *hand = &r->hand[p];
+        double way = z_m - hand->position_m[2], most = 0.02;
+        double target = fmax(-most, fmin(most, 20.0 * way));
+        v += fmax(-2e-4, fmin(2e-4, target - v));
+        hand->position_m[2] += 1e-3 * v;
+        hand->velocity_m_s[2] = v;
+        if (uniform() < trouble) r->in.missed = 1 + (int)(3.0 * uniform());
+        if (uniform() < trouble) hand->seq++; // lost on its way
+        else publish(r, p);
+        if (uniform() < trouble) publish(r, p); // two in one tick: the later one counts
+        tick(r);
+    }
+}
+
+static void quiet(recorder *r, int ms)
+{
+    for (int i = 0; i < ms; i++) tick(r);
+}
+
+static void end_session(recorder *r, int p)
+{
+    r->in.pose[p] = NULL;
+}
+
+// The story all tests tell. Plate presses, loses its poses, comes back as another session; finger meanwhile; reset; stop.
+static void story(recorder *r, double trouble)
+{
+    r->hand[0].session = 11;
+    r->hand[1].session = 22;
+    move(r, 0, 0.030, 2700, trouble); // touch at rest
+    move(r, 0, 0.0295, 600, trouble);
+    move(r, 0, 0.028, 300, trouble);
+    quiet(r, 30); // a trip
+    move(r, 0, 0.036, 800, trouble);
+    move(r, 0, 0.029, 500, trouble);
+    quiet(r, 1000);
+    end_session(r, 0);
+    quiet(r, 321);
+    r->in.missed = 7; // nobody is there to be told
+    quiet(r, 200);
+    r->hand[0].session = 12;
+    r->hand[0].position_m[2] = 0.04;
+    for (int i = 0; i < 1200; i++) { // both tools at once
+        double v0 = i < 500 ? 0.0 : -0.01, v1 = i < 300 ? 0.0 : -0.03;
+        r->hand[0].velocity_m_s[2] = v0;
+        r->hand[1].velocity_m_s[2] = v1;
+        r->hand[0].position_m[2] += 1e-3 * v0;
+        r->hand[1].position_m[2] += 1e-3 * v1;
+        publish(r, 0);
+        if (i % 3) publish(r, 1);
+        tick(r);
+    }
+    r->in.reset = true;
+    quiet(r, 5);
+    r->in.recover = true;
+    move(r, 1, 0.06, 700, trouble);
+    r->in.stop = true;
+    quiet(r, 30);
+}
+
+// knead replay with these arguments in a process of its own; its exit code, what it said in out[] and err[].
+static char out[4096], err[4096];
+
+static void slurp(const char *path, char *text, size_t size)
+{
+    FILE *f = fopen(path, "r");
+    size_t n = f ? fread(text, 1, size - 1, f) : 0;
+    text[n] = '\0';
+    if (f) fclose(f);
+}
+
+static int replay(const char *const *arguments)
+{
+    char *argv[16] = {"replay"};
+    int argc = 1;
+    for (; arguments[argc - 1]; argc++) argv[argc] = (char *)arguments[argc - 1];
+    fflush(NULL);
+    pid_t child = fork();
+    if (child == 0) {
+        if (!freopen("replay.out", "w", stdout) || !freopen("replay.err", "w", stderr)) _exit(99);
+        int code = kn_replay_main(argc, argv);
+        fflush(NULL);
+        _exit(code);
+    }
+    int status = 0;
+    waitpid(child, &status, 0);
+    slurp("replay.out", out, sizeof out);
+    slurp("replay.err", err, sizeof err);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128;
+}
+#define REPLAY(...) replay((const char *const[]){__VA_ARGS__, NULL})
+
+static long long hash_in(const char *text)
+{
+    const char *at = strstr(text, "hash 0x");
+    return at ? (long long)strtoull(at + 5, NULL, 16) : 0;
+}
+
+static char folder[] = "/tmp/knead_replay.XXXXXX";
+
+static void remove_folder(void)
+{
+    char command[64];
+    snprintf(command, sizeof command, "rm -rf %s", folder);
+    if (system(command) != 0) fprintf(stderr, "%s stays behind\n", folder);
+}
+
+static void scratch(void) // tests write files: in a folder of their own
+{
+    if (folder[strlen(folder) - 1] != 'X') return;
+    if (!mkdtemp(folder) || chdir(folder) != 0) SKIP("no scratch folder");
+    atexit(remove_folder);
+}
+
+static void tell_story(const char *path, double trouble, unsigned long long from)
+{
+    scratch();
+    seed = from;
+    recorder *r = record(path);
+    story(r, trouble);
+    record_end(r);
+}
+
+TEST("a log with its forces replays to the very forces it holds, whatever went wrong while it was recorded")
+{
+    for (int i = 0; i < 3; i++) {
+        tell_story("story.lcmlog", i * 0.03, 5 + (unsigned)i);
+        CHECK(REPLAY("story.lcmlog", "--verify") == KN_EXIT_OK);
+        CHECK(strstr(out, "verified ") && strstr(out, "forces, 2 probes"));
+        CHECK_STR(err, "");
+    }
+}
+
+TEST("the log that a replay writes verifies, and replays to the same hash")
+{
+    tell_story("story.lcmlog", 0.02, 9);
+    CHECK(REPLAY("story.lcmlog", "--hash", "--out", "again.lcmlog") == KN_EXIT_OK);
+    long long first = hash_in(out);
+    CHECK(REPLAY("again.lcmlog", "--hash", "--verify") == KN_EXIT_OK);
+    CHECK(first != 0 && hash_in(out) == first);
+    CHECK(REPLAY(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", "story.lcmlog", "--hash") == KN_EXIT_OK);
+    CHECK(hash_in(out) == first);
+}
+
+TEST("the CSV has the columns it promises, one row per force, and contact before the device's limits")
+{
+    tell_story("story.lcmlog", 0.0, 3);
+    CHECK(REPLAY("story.lcmlog", "--csv", "a.csv") == KN_EXIT_OK);
+    FILE *f = fopen("a.csv", "r");
+    char line[512];
+    CHECK(f && fgets(line, sizeof line, f));
+    CHECK_STR(line, "tick,time_s,probe,x_m,y_m,z_m,contact_fx_n,contact_fy_n,contact_fz_n,fx_n,fy_n,fz_n,tx_n_m,ty_n_m,tz_n_m,"
+                    "contacts,residual,execution_ns\n");
+    int rows = 0, commas = 0, pressed = 0;
+    double t, first = -1.0;
+    char probe[32];
+    for (; fgets(line, sizeof line, f); rows++) {
+        double x[12];
+        long long tick_number;
+        commas = 0;
+        for (const char *c = line; *c; c++) commas += *c == ',';
+        CHECK(commas == 17);
+        CHECK(sscanf(line, "%lld,%lf,%31[^,],%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf", &tick_number, &t, probe, x, x + 1, x + 2, x + 3,
+                     x + 4, x + 5, x + 6, x + 7, x + 8) == 12);
+        if (rows == 0) first = t;
+        pressed += x[5] > 1.0;
+    }
+    fclose(f);
+    CHECK(rows > 5000 && pressed > 100);
+    CHECK_NEAR(first, 0.0, 1e-9);
+}
+
+TEST("a lost force record is a gap: replayed with a word, refused by --verify")
+{
+    scratch();
+    seed = 4;
+    recorder *r = record("gap.lcmlog");
+    r->skip_force_at = 2000;
+    story(r, 0.0);
+    CHECK(r->skipped == 1);
+    record_end(r);
+    CHECK(REPLAY("gap.lcmlog", "--hash") == KN_EXIT_OK);
+    CHECK(strstr(err, "the first is tick 2000"));
+    CHECK(REPLAY("gap.lcmlog", "--verify") == KN_EXIT_FAILED);
+    CHECK(strstr(err, "cannot be verified") && strstr(err, "tick 2000") && !strstr(out, "verified"));
+}
+
+TEST("a log cut within a record is good up to there, says so, and the complete part verifies")
+{
+    tell_story("story.lcmlog", 0.0, 3);
+    char *bytes = malloc(1 << 24);
+    FILE *f = fopen("story.lcmlog", "rb");
+    size_t size = fread(bytes, 1, 1 << 24, f);
+    fclose(f);
+    for (int cut = 1; cut < 60; cut += 13) {
+        f = fopen("cut.lcmlog", "wb");
+        fwrite(bytes, 1, size / 2 - (size_t)cut, f);
+        fclose(f);
+        CHECK(REPLAY("cut.lcmlog", "--verify") == KN_EXIT_OK);
+        CHECK(strstr(err, "complete records: what stands before it was used") || !*err);
+        CHECK(strstr(out, "verified "));
+    }
+    free(bytes);
+}
+
+TEST("one flipped bit of a force is found and named")
+{
+    scratch();
+    seed = 3;
+    recorder *r = record("flip.lcmlog");
+    r->hand[0].session = 11;
+    move(r, 0, 0.035, 2500, 0.0);
+    r->in.tick = 2499;
+    uint8_t bytes[512];
+    knead_contact_force_t m;
+    publish(r, 0);
+    kn_tick_out good;
+    r->in.tick++;
+    kn_servo_tick(&r->servo, &r->in, &good);
+    good.force[0].gain = 0.999999;
+    kn_wire_force(&m, &good, 0, r->utime, 1);
+    put(r, "KNEAD_FORCE_plate", bytes, knead_contact_force_t_encode(bytes, 0, sizeof bytes, &m));
+    record_end(r);
+    CHECK(REPLAY("flip.lcmlog", "--verify") == KN_EXIT_FAILED);
+    CHECK(strstr(err, "tick 2500, probe plate: gain is 0.99999") && strstr(err, "1 in the replay"));
+}
+
+TEST("a log that begins on an untouched object replays; one of an object already kneaded is refused in plain words")
+{
+    for (int late = 0; late < 2; late++) {
+        scratch();
+        seed = 8;
+        recorder *r = record("late.lcmlog");
+        r->mute = true;
+        quiet(r, 1234);
+        r->hand[0].session = 11;
+        if (late) {
+            move(r, 0, 0.030, 2700, 0.0);
+            move(r, 0, 0.029, 900, 0.0);
+            quiet(r, 1001);
+            end_session(r, 0);
+            quiet(r, 10);
+        }
+        r->mute = false;
+        r->hand[0].session = 12;
+        r->hand[0].position_m[2] = 0.05;
+        move(r, 0, 0.033, 1500, 0.01);
+        record_end(r);
+        CHECK(REPLAY("late.lcmlog", "--verify") == (late ? KN_EXIT_USAGE : KN_EXIT_OK));
+        CHECK(!late || strstr(err, "had been kneaded before this log begins"));
+    }
+}
+
+TEST("another scene is refused by name, another computation may be asked for, but then nothing can be verified")
+{
+    tell_story("story.lcmlog", 0.0, 3);
+    CHECK(REPLAY(KN_SOURCE_DIR "/core/scenes/jelly.yaml", "story.lcmlog") == KN_EXIT_USAGE);
+    CHECK(strstr(err, "jelly.yaml") && strstr(err, "dough-small.yaml"));
+    CHECK(REPLAY("story.lcmlog", "--precision", "f64", "--verify") == KN_EXIT_USAGE);
+    CHECK(strstr(err, "--verify expects the log's own scene"));
+    long long hashes[4];
+    CHECK(REPLAY("story.lcmlog", "--hash") == KN_EXIT_OK);
+    hashes[0] = hash_in(out);
+    CHECK(REPLAY("story.lcmlog", "--hash", "--precision", "f64", "--solver", "secant") == KN_EXIT_OK);
+    hashes[1] = hash_in(out);
+    CHECK(REPLAY("story.lcmlog", "--hash", "--dt", "0.0005") == KN_EXIT_OK);
+    hashes[2] = hash_in(out);
+    CHECK(REPLAY("story.lcmlog", "--hash", "--set", "material.k1=300 gf/cm^2") == KN_EXIT_OK);
+    hashes[3] = hash_in(out);
+    for (int i = 0; i < 4; i++)
+        for (int k = 0; k < i; k++) CHECK(hashes[i] != hashes[k]);
+    CHECK(REPLAY("story.lcmlog", "--dt", "0.7 ms") == KN_EXIT_USAGE);
+    CHECK(strstr(err, "1 ms divided by a whole number"));
+    CHECK(REPLAY("story.lcmlog", "--solver", "rk4") == KN_EXIT_USAGE); // its limit is named, not walked into
+    CHECK(strlen(err) > 20);
+}
+
+TEST("poses alone are judged as the receiver judges them and put on the grid by log time: same story within a few per cent")
+{
+    double peak[2];
+    scratch();
+    seed = 6;
+    recorder *r = record("full.lcmlog");
+    r->hand[0].session = 11;
+    move(r, 0, 0.030, 2700, 0.0);
+    move(r, 0, 0.027, 900, 0.0);
+    record_end(r);
+    kn_log log;
+    kn_log_record record;
+    CHECK(kn_log_open(&log, "full.lcmlog", err, sizeof err));
+    lcm_eventlog_t *poses = lcm_eventlog_create("poses.lcmlog", "w");
+    while (kn_log_read(&log, &record) != KN_LOG_END)
+        if (record.kind == KN_LOG_POSE || record.kind == KN_LOG_SCENE)
+            CHECK(kn_log_write(poses, record.utime, record.channel, (void *)record.data, record.size));
+    kn_log_close(&log);
+    lcm_eventlog_destroy(poses);
+    for (int i = 0; i < 2; i++) {
+        CHECK(REPLAY(i ? "poses.lcmlog" : "full.lcmlog") == KN_EXIT_OK);
+        const char *at = strstr(out, "peak contact force ");
+        peak[i] = at ? atof(at + 19) : NAN;
+    }
+    CHECK(peak[0] > 3.0);
+    CHECK_NEAR(peak[1] / peak[0], 1.0, 0.05);
+    CHECK(REPLAY("poses.lcmlog", "--verify") == KN_EXIT_FAILED);
+    CHECK(strstr(err, "holds no forces"));
+}
+
+TEST("no byte of a log can hurt: every flipped one of the first records, and records that lie about their sizes")
+{
+    scratch();
+    seed = 2;
+    recorder *r = record("small.lcmlog");
+    r->hand[0].session = 11;
+    move(r, 0, 0.06, 12, 0.0);
+    record_end(r);
+    static uint8_t bytes[1 << 16];
+    FILE *f = fopen("small.lcmlog", "rb");
+    size_t size = fread(bytes, 1, sizeof bytes, f);
+    fclose(f);
+    CHECK(size > 4000 && size < sizeof bytes);
+    int64_t records = 0;
+    for (size_t i = 0; i < size; i++) {
+        uint8_t was = bytes[i];
+        bytes[i] = (uint8_t)(uniform() * 256.0);
+        f = fopen("bad.lcmlog", "wb");
+        fwrite(bytes, 1, size, f);
+        fclose(f);
+        kn_log log;
+        kn_log_record record;
+        CHECK(kn_log_open(&log, "bad.lcmlog", err, sizeof err));
+        while (kn_log_read(&log, &record) != KN_LOG_END) records++;
+        kn_log_close(&log);
+        if (i % 37 == 0) { // all the way through
+            kn_replay_def def = {.log_path = "bad.lcmlog"};
+            kn_replay *replay_ = kn_replay_create(&def, err, sizeof err);
+            int64_t ticks = 0;
+            while (replay_ && ticks++ < 100000 && kn_replay_step(replay_)) continue;
+            kn_replay_destroy(replay_);
+        }
+        bytes[i] = was;
+    }
+    CHECK(records > (int64_t)size);
+}
+
+TEST("what cannot be opened, is no log, or cannot be written is one line and its exit code")
+{
+    scratch();
+    CHECK(REPLAY("none.lcmlog") == KN_EXIT_USAGE && strstr(err, "No such file"));
+    CHECK(REPLAY(KN_SOURCE_DIR "/README.md") == KN_EXIT_USAGE && strstr(err, "no record of an LCM event log"));
+    CHECK(REPLAY(".") == KN_EXIT_USAGE && strstr(err, "not a regular file"));
+    tell_story("story.lcmlog", 0.0, 3);
+    CHECK(REPLAY("story.lcmlog", "--csv", "/nonexistent/a.csv") == KN_EXIT_DEVICE);
+    CHECK(REPLAY("story.lcmlog", "--speed", "slow") == KN_EXIT_USAGE && strstr(err, "max or real"));
+    CHECK(REPLAY("--help") == KN_EXIT_OK && strstr(out, "usage: knead replay"));
+}
+
+TESTS_MAIN
