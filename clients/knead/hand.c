@@ -1,4 +1,5 @@
 #include "clients/knead/hand.h"
+#include <assert.h>
 #include <math.h>
 #include <string.h>
 
@@ -31,6 +32,7 @@ void kn_hand_init(kn_hand *h, const kn_hand_def *def)
 {
     memset(h, 0, sizeof *h);
     h->def = *def;
+    if (h->def.tries <= 0 || h->def.tries > KN_HAND_TRIES) h->def.tries = KN_HAND_TRIES;
     kn_watchdog_init(&h->watchdog, 0, 0);
     open_try(h);
 }
@@ -87,7 +89,7 @@ static void retreat(kn_hand *h)
     double wait_ms = 1e3 * h->way_out.duration_s + (latched ? clear_ms : 0);
     if (h->mode_ms < wait_ms) return;
     h->trip[h->trips - 1].cleared = !h->watchdog.tripped && !latched;
-    if (h->trips == KN_HAND_TRIES) give_up(h, KN_HAND_SPOILT);
+    if (h->trips == h->def.tries) give_up(h, KN_HAND_SPOILT);
     else enter(h, KN_HAND_SILENT);
 }
 
@@ -100,6 +102,12 @@ static void decide(kn_hand *h, int elapsed_ms)
     else if (h->mode == KN_HAND_RETREAT) retreat(h);
     else if (h->mode == KN_HAND_SILENT && h->mode_ms >= silence_ms) open_try(h);
     if (h->mode == KN_HAND_PLAY && h->path_s > h->def.path->duration_s) enter(h, KN_HAND_DONE);
+}
+
+void kn_hand_take_path(kn_hand *h, const kn_path *path)
+{
+    assert(h->mode == KN_HAND_SILENT);
+    h->def.path = path;
 }
 
 static bool dropping(kn_hand *h)

@@ -37,6 +37,7 @@ typedef struct kn_hand_def {
     const kn_path *path; // borrowed
     double clear_z_m;    // a retreat lifts to here before it goes sideways
     int64_t session;     // of the first try; the next ones count up
+    int tries;           // 1 .. KN_HAND_TRIES, 0 = KN_HAND_TRIES
     int drop_at_ms;      // fault injection: at this time of the first try's path no pose is sent
     int drop_ms;         // for so long
 } kn_hand_def;
@@ -94,5 +95,8 @@ void kn_hand_init(kn_hand *hand, const kn_hand_def *def);
 // One ms. force: the newest message since the last call, NULL when there was none; of another session counts as none.
 // elapsed_ms: 1 + cycles that this process missed.
 kn_hand_out kn_hand_tick(kn_hand *hand, const kn_hand_force *force, int elapsed_ms);
+
+// The path of the next try, since a spoilt one may have left a dent. Only while the hand is SILENT.
+void kn_hand_take_path(kn_hand *hand, const kn_path *path);
 
 #endif

@@ -4,6 +4,7 @@
 #include <string.h>
 
 static const double rest_s = 1.0; // after a withdrawal: what comes back at once has come back
+static const double landing_m = 1e-3, landing_s = 1.0, settling_s = 0.2, flushing_m_s = 5e-4; // see add_landing
 
 static double distance(const double a[3], const double b[3])
 {
@@ -51,14 +52,29 @@ static kn_path_point above(const kn_path_def *def)
     return at_height(def->touch_z_m + or_default(def->clear_m, 0.02));
 }
 
+// Down through the air to a touch at rest, at less than 0.1 mm/s when it comes: a plate that lands on dough, which is a
+// wall until it flows, meets some 2 N per mm/s in its first ms, and kneadd follows a pose within some um only.
+static kn_path_point add_landing(kn_path *path, const kn_path_def *def)
+{
+    kn_path_point air = above(def), near = at_height(def->touch_z_m + landing_m), touch = at_height(def->touch_z_m);
+    add_line(path, "approach", &air, &near, KN_PATH_AIR_M_S);
+    add(path, KN_PIECE_CURVE, "touch", &near, landing_s)->to = touch;
+    add(path, KN_PIECE_STAND, "touch", &touch, settling_s);
+    if (def->uneven_m > 0.0) {
+        kn_path_point flush = at_height(def->touch_z_m - def->uneven_m);
+        add_line(path, "flush", &touch, &flush, flushing_m_s);
+        touch = flush;
+    }
+    return touch;
+}
+
 kn_path *kn_path_press(const kn_path_def *def)
 {
-    kn_path *path = create(5);
+    kn_path *path = create(8);
     if (!path) return NULL;
     double speed_m_s = or_default(def->speed_m_s, 0.01);
-    kn_path_point air = above(def), touch = at_height(def->touch_z_m);
+    kn_path_point air = above(def), touch = add_landing(path, def);
     kn_path_point bottom = at_height(def->touch_z_m - or_default(def->depth_m, 0.01));
-    add_line(path, "approach", &air, &touch, KN_PATH_AIR_M_S);
     add_line(path, "press", &touch, &bottom, speed_m_s);
     add(path, KN_PIECE_STAND, "hold", &bottom, hold_of(def));
     path->hold_end_s = path->duration_s;
@@ -81,11 +97,10 @@ kn_path *kn_path_poke(const kn_path_def *def)
 
 kn_path *kn_path_sine(const kn_path_def *def)
 {
-    kn_path *path = create(4);
+    kn_path *path = create(7);
     if (!path) return NULL;
     double frequency_hz = or_default(def->frequency_hz, 2.0), periods = fmax(1.0, round(hold_of(def) * frequency_hz));
-    kn_path_point air = above(def), touch = at_height(def->touch_z_m);
-    add_line(path, "approach", &air, &touch, KN_PATH_AIR_M_S);
+    kn_path_point air = above(def), touch = add_landing(path, def);
     kn_piece *swing = add(path, KN_PIECE_SINE, "swing", &touch, periods / frequency_hz);
     swing->to = at_height(def->touch_z_m - or_default(def->depth_m, 0.001));
     swing->periods = periods;

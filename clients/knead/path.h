@@ -35,6 +35,7 @@ typedef struct kn_path {
 
 typedef struct kn_path_def { // 0 in a field = its default
     double touch_z_m;    // the tool's z when it just touches the top of the object
+    double uneven_m;     // >= 0: how much lower the lowest place under a flat tool is; it is reached slowly
     double clear_m;      // default 20 mm: height above touch_z_m where a path begins and ends
     double depth_m;      // default press 10 mm, poke 3 mm, sine 1 mm
     double speed_m_s;    // default press 10 mm/s, poke 50 mm/s: in the object; through the air a path goes at 30 mm/s
@@ -46,7 +47,7 @@ typedef struct kn_path_def { // 0 in a field = its default
 #define KN_PATH_AIR_M_S 0.03
 
 // Allocate; NULL when memory is short.
-// press: down through the air, touch at rest, press, hold, withdraw, rest 1 s.  poke: fast down and up, rest 1 s.
+// press: down through the air, touch at rest, press, hold, withdraw, rest 1 s.  poke: fast from the air, out, rest 1 s.
 // sine: touch at rest, swing between the surface and depth_m below it, withdraw, rest 1 s.
 kn_path *kn_path_press(const kn_path_def *def);
 kn_path *kn_path_poke(const kn_path_def *def);

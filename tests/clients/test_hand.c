@@ -125,7 +125,7 @@ TEST("when the server dies the own watchdog holds 3 ms, is at zero by 20 ms, and
     CHECK(r.hand.mode == KN_HAND_RETREAT && r.hand.trips == 1);
     const kn_trip *trip = &r.hand.trip[0];
     CHECK(trip->own && trip->silent_ms == 20 && trip->stalled_ms == 0 && trip->force_n == 5);
-    CHECK_STR(trip->piece, "hold");
+    CHECK_STR(trip->piece, "press");
     play(&r, 20000);
     CHECK(r.hand.trouble == KN_HAND_NO_ANSWER && r.hand.tries == 2 && !trip->cleared);
     CHECK(r.hand.point.position_m[2] == 0.05 && r.largest_step_m <= step_limit_m);

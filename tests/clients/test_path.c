@@ -51,6 +51,8 @@ TEST("a press comes to rest on the surface, goes 1 cm deep at 1 cm/s, holds, and
     kn_path_at(path, press->start_s, &p);
     CHECK_NEAR(p.position_m[2], 0.03, 1e-12);
     CHECK_NEAR(p.velocity_m_s[2], 0, 1e-12);
+    kn_path_at(path, press->start_s - 0.01, &p);
+    CHECK_NEAR(p.position_m[2], 0.03, 1e-12);
     kn_path_at(path, press->start_s + 0.025, &p); // 0 -> 1 cm/s in 50 ms
     CHECK_NEAR(p.velocity_m_s[2], -0.005, 1e-9);
     kn_path_at(path, press->start_s + 0.05, &p);
@@ -63,6 +65,20 @@ TEST("a press comes to rest on the surface, goes 1 cm deep at 1 cm/s, holds, and
     kn_path_at(path, path->duration_s, &p);
     CHECK_NEAR(p.position_m[2], 0.05, 1e-12);
     CHECK_NEAR(named(path, "rest")->duration_s, 1, 1e-12);
+    kn_path_destroy(path);
+}
+
+TEST("a landing is slower than 0.1 mm/s in the last micrometre above the surface")
+{
+    kn_path *path = kn_path_press(&dough);
+    kn_path_point p;
+    double fastest_m_s = 0;
+    for (double t = 0; t < named(path, "press")->start_s; t += 1e-4) {
+        kn_path_at(path, t, &p);
+        CHECK(p.position_m[2] >= 0.03 - 1e-12);
+        if (p.position_m[2] < 0.03 + 5e-7) fastest_m_s = fmax(fastest_m_s, speed(&p));
+    }
+    CHECK(fastest_m_s > 0 && fastest_m_s < 1e-4);
     kn_path_destroy(path);
 }
 
@@ -147,8 +163,6 @@ TEST("a retreat of a tool that is already there is no motion")
         CHECK(speed(&p) == 0);
     }
 }
-
-// --- CSV
 
 static char file[] = "/tmp/knead_path_XXXXXX";
 

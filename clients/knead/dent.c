@@ -1,0 +1,65 @@
+#include "clients/knead/dent.h"
+#include "core/surface.h"
+
+bool kn_dent_height(const kn_mesh *mesh, double x_m, double y_m, double *z_m)
+{
+    bool found = false;
+    for (int32_t t = 0; mesh->whole && t < mesh->triangle_count; t++) {
+        const float *a = mesh->positions_m + 3 * mesh->triangles[3 * t];
+        const float *b = mesh->positions_m + 3 * mesh->triangles[3 * t + 1];
+        const float *c = mesh->positions_m + 3 * mesh->triangles[3 * t + 2];
+        // barycentric coordinates of (x, y) in the triangle seen from above; a wall has no area there
+        double ux = b[0] - a[0], uy = b[1] - a[1], vx = c[0] - a[0], vy = c[1] - a[1], px = x_m - a[0], py = y_m - a[1];
+        double area = ux * vy - uy * vx;
+        if (area == 0.0) continue;
+        double u = (px * vy - py * vx) / area, v = (ux * py - uy * px) / area;
+        if (u < -1e-9 || v < -1e-9 || u + v > 1.0 + 1e-9) continue;
+        double z = a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2]);
+        if (!found || z > *z_m) *z_m = z;
+        found = true;
+    }
+    return found;
+}
+
+bool kn_dent_touch(const kn_mesh *mesh, const uint8_t *top, double spacing_m, const kn_probe_def *tool, double x_m,
+                   double y_m, double *first_m, double *last_m)
+{
+    bool plate = tool->shape == KN_PROBE_PLATE;
+    double r2 = tool->radius_m * tool->radius_m, slack_m = 0.1 * spacing_m; // as the server's plate has it
+    double reach_m[2] = {0.5 * tool->size_m[0] + slack_m, 0.5 * tool->size_m[1] + slack_m};
+    *first_m = -INFINITY, *last_m = INFINITY;
+    for (int32_t v = 0; mesh->whole && v < mesh->vertex_count; v++) {
+        const float *at = mesh->positions_m + 3 * v;
+        double dx = fabs(at[0] - x_m), dy = fabs(at[1] - y_m), z = at[2], d2 = dx * dx + dy * dy;
+        if (plate && (!top[v] || dx > reach_m[0] || dy > reach_m[1])) continue;
+        if (!plate && d2 > r2) continue;
+        if (!plate) z += sqrt(r2 - d2);
+        *first_m = fmax(*first_m, z);
+        *last_m = fmin(*last_m, z);
+    }
+    if (!plate) *last_m = *first_m;
+    return isfinite(*first_m);
+}
+
+uint8_t *kn_dent_top(const kn_model_def *def, int *vertex_count)
+{
+    char error[256];
+    kn_model *model = kn_model_build(def, error, sizeof error);
+    kn_surface *surface = model ? kn_surface_create(model) : NULL;
+    uint8_t *of_node = model ? calloc((size_t)model->grid.nodes, 1) : NULL;
+    uint8_t *top = surface ? calloc((size_t)surface->vertex_count, 1) : NULL;
+    if (of_node && top) {
+        const kn_face *face = &model->face[0];
+        for (int u = 0; u < face->len[0]; u++)
+            for (int v = 0; v < face->len[1]; v++) of_node[face->origin + u * face->step[0] + v * face->step[1]] = 1;
+        for (int v = 0; v < surface->vertex_count; v++) top[v] = of_node[surface->node[v]];
+        *vertex_count = surface->vertex_count;
+    } else {
+        free(top);
+        top = NULL;
+    }
+    free(of_node);
+    kn_surface_destroy(surface);
+    kn_model_destroy(model);
+    return top;
+}

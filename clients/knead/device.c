@@ -1,0 +1,129 @@
+#include "clients/knead/device.h"
+#include "clients/knead/join.h"
+#include "proto/knead_contact_force_t.h"
+#include "proto/knead_probe_pose_t.h"
+#include "server/clock.h"
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+static const int device_priority = 60; // below kneadd's threads: a device has a processor of its own
+
+static int64_t real_time_ns(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_REALTIME, &t);
+    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
+}
+
+static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
+{
+    (void)channel;
+    kn_device *d = self;
+    knead_contact_force_t f;
+    if (knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &f) < 0) return;
+    d->force = (kn_hand_force){.session = f.session, .flags = f.flags, .fault = f.fault};
+    memcpy(d->force.force_n, f.force_n, sizeof d->force.force_n);
+    d->fresh = true;
+}
+
+static void publish(kn_device *d, const kn_hand_out *out)
+{
+    uint8_t bytes[256];
+    knead_probe_pose_t pose = {.utime = real_time_ns() / 1000, .session = out->session, .seq = out->seq};
+    memcpy(pose.position_m, out->point.position_m, sizeof pose.position_m);
+    memcpy(pose.velocity_m_s, out->point.velocity_m_s, sizeof pose.velocity_m_s);
+    memcpy(pose.orientation_wxyz, out->point.orientation_wxyz, sizeof pose.orientation_wxyz);
+    pose.frame = KNEAD_PROBE_POSE_T_FRAME_SCENE;
+    pose.sent_ns = kn_now_ns();
+    int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &pose);
+    lcm_publish(d->lcm, d->pose_channel, bytes, (unsigned)size); // a lost pose is what watchdogs are for
+}
+
+static void tell(kn_device *d)
+{
+    const double *f = d->hand.given_n;
+    atomic_store(&d->path_ms, (int)lround(1e3 * d->hand.path_s));
+    atomic_store(&d->given_mn, (int)lround(1e3 * sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])));
+    atomic_store(&d->piece, d->hand.piece);
+    atomic_store(&d->tries, d->hand.tries);
+    atomic_store(&d->trips, d->hand.trips);
+    atomic_store(&d->mode, (int)d->hand.mode); // last: what it stands for is in place
+}
+
+static bool open_bus(kn_device *d)
+{
+    d->lcm = kn_join(d->url, KN_FORCE_URL, d->error, d->error_size);
+    if (!d->lcm) return false;
+    lcm_subscription_t *forces = lcm_subscribe(d->lcm, d->force_channel, on_force, d);
+    if (!forces) {
+        snprintf(d->error, d->error_size, "LCM refuses the subscription to %s", d->force_channel);
+        return false;
+    }
+    lcm_subscription_set_queue_capacity(forces, 2); // a full queue drops the newest: keep it short, drain it every ms
+    return true;
+}
+
+static void *run(void *self)
+{
+    kn_device *d = self;
+    d->priority_error = kn_join_priority(device_priority); // before the subscription: LCM's receive thread inherits it
+    bool ok = open_bus(d);
+    if (!ok) atomic_store(&d->stop, true);
+    sem_post(&d->ready);
+
+    kn_clock clock;
+    kn_clock_start(&clock, kn_now_ns());
+    while (!atomic_load(&d->stop) && !kn_device_done(d)) {
+        int missed = kn_clock_wait(&clock).missed;
+        atomic_fetch_add(&d->missed, missed);
+
+        if (d->hand.mode == KN_HAND_SILENT && atomic_load(&d->next_path))
+            kn_hand_take_path(&d->hand, atomic_exchange(&d->next_path, NULL));
+        d->fresh = false;
+        for (int n = 0; n < 8 && lcm_handle_timeout(d->lcm, 0) > 0; n++); // the newest one stays
+        kn_hand_out out = kn_hand_tick(&d->hand, d->fresh ? &d->force : NULL, 1 + missed);
+        if (out.send) publish(d, &out);
+        tell(d);
+    }
+    return NULL;
+}
+
+bool kn_device_start(kn_device *d, const kn_hand_def *def, const char *url, const char *probe, char *error,
+                     size_t error_size)
+{
+    kn_hand_init(&d->hand, def);
+    tell(d);
+    d->url = url;
+    d->error = error;
+    d->error_size = error_size;
+    snprintf(d->pose_channel, sizeof d->pose_channel, "KNEAD_POSE_%s", probe);
+    snprintf(d->force_channel, sizeof d->force_channel, "KNEAD_FORCE_%s", probe);
+    sem_init(&d->ready, 0, 0);
+    if (pthread_create(&d->thread, NULL, run, d) != 0) {
+        snprintf(error, error_size, "no thread for the device");
+        return false;
+    }
+    while (sem_wait(&d->ready) != 0); // a signal
+    if (!atomic_load(&d->stop)) return true;
+    kn_device_stop(d);
+    return false;
+}
+
+int kn_device_priority_error(const kn_device *d) { return d->priority_error; }
+
+bool kn_device_done(const kn_device *d)
+{
+    int mode = atomic_load(&d->mode);
+    return mode == KN_HAND_DONE || mode == KN_HAND_GAVE_UP;
+}
+
+void kn_device_stop(kn_device *d)
+{
+    atomic_store(&d->stop, true);
+    pthread_join(d->thread, NULL);
+    if (d->lcm) lcm_destroy(d->lcm);
+    d->lcm = NULL;
+    sem_destroy(&d->ready);
+}

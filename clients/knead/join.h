@@ -1,0 +1,19 @@
+#ifndef KN_CLIENTS_JOIN_H
+#define KN_CLIENTS_JOIN_H
+// A client's way onto an LCM bus: stock liblcm behind the same check of the route as the daemon's, because already the
+// joining of a group whose route is not loopback would go out to the network.
+#include <lcm/lcm.h>
+#include <stddef.h>
+
+#define KN_FORCE_URL "udpm://239.255.76.67:7667?ttl=0" // poses, forces, scene, events, status
+#define KN_MESH_URL "udpm://239.255.76.67:7668?ttl=0"
+
+// url NULL: LCM_DEFAULT_URL if it is set and `otherwise` is KN_FORCE_URL, else `otherwise`. The receive buffer is as
+// large as the kernel allows, up to 4 MiB: what a full one loses is lost silently. NULL and one line in error.
+// LCM's hidden receive thread gets the scheduling class of the thread that makes the first subscription.
+lcm_t *kn_join(const char *url, const char *otherwise, char *error, size_t error_size);
+
+// SCHED_FIFO for the calling thread, or back to SCHED_OTHER for priority 0. 0, or the errno of the refusal.
+int kn_join_priority(int priority);
+
+#endif

@@ -1,0 +1,355 @@
+// knead probe: a virtual haptic device at 1 kHz. The hand is hand.h's, its thread device.h's; here is the order of
+// things and what is said about them.
+#include "clients/knead/commands.h"
+#include "clients/knead/dent.h"
+#include "clients/knead/device.h"
+#include "clients/knead/join.h"
+#include "clients/knead/probe_options.h"
+#include "clients/knead/report.h"
+#include "core/scene/scene.h"
+#include "server/clock.h"
+#include <errno.h>
+#include <math.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/random.h>
+#include <unistd.h>
+
+static const int scene_wait_ms = 6000; // KNEAD_SCENE comes every 5 s
+static const double press_m = 0.01;  // the first paper's
+static const double lift_m = 0.02;   // above the top: clear of whatever was pushed up there
+static const double even_m = 1e-5, most_uneven_m = 2e-3; // below: no dent; above: 4 s of creeping are enough
+static const double thinnest = 0.1;  // of the block's height must stay: thinner cells turn inside out
+static const int64_t mesh_wait_ns = 3000000000; // KNEAD_MESH_INIT comes every 1 s
+
+typedef struct probe {
+    kn_probe_options opt;
+    kn_scene *scene;
+    const kn_probe_def *tool;
+    kn_path *path[KN_HAND_TRIES]; // of each try; a path from a file serves all
+    bool regenerate;
+    bool no_way; // there is no path for the next try
+    kn_record *record;
+    lcm_t *mesh_bus;
+    kn_mesh mesh;
+    uint8_t *top; // vertices of the mesh's top face
+    kn_device device;
+    double x_m, y_m;  // where the path is deepest: the dent is measured there
+    double before_m;  // height of the object there; NAN: it is beside the object
+    char error[512];
+} probe;
+
+static volatile sig_atomic_t interrupted;
+
+static void on_signal(int number)
+{
+    (void)number;
+    interrupted = 1;
+}
+
+static int complain(int code, const char *what)
+{
+    fprintf(stderr, "knead probe: %s\n", what);
+    return code;
+}
+
+// A press takes the scene's first tool, everything faster the first ball: a flat plate that hits dough is a hammer on a
+// wall and trips the impulse guard.
+static int find_tool(probe *p)
+{
+    const kn_model_def *def = &p->scene->model;
+    bool ball = !p->opt.probe && strcmp(p->opt.path, "press") != 0;
+    for (int i = 0; i < def->probe_count && !p->tool; i++)
+        if (ball ? def->probe[i].shape == KN_PROBE_SPHERE : !p->opt.probe || !strcmp(p->opt.probe, def->probe[i].name))
+            p->tool = &def->probe[i];
+    if (!p->tool && ball && def->probe_count > 0) p->tool = &def->probe[0];
+    if (p->tool) return KN_EXIT_OK;
+    int n = snprintf(p->error, sizeof p->error, "%s has no probe `%s`; it has:", p->scene->name,
+                     p->opt.probe ? p->opt.probe : "");
+    for (int i = 0; i < def->probe_count && n > 0 && (size_t)n < sizeof p->error; i++)
+        n += snprintf(p->error + n, sizeof p->error - (size_t)n, " %s", def->probe[i].name);
+    return complain(KN_EXIT_USAGE, p->error);
+}
+
+static int find_scene(probe *p)
+{
+    p->record = kn_record_open(p->opt.lcm_url, p->opt.record, p->error, sizeof p->error);
+    if (!p->record) return complain(KN_EXIT_DEVICE, p->error);
+    if (!kn_record_scene(p->record, scene_wait_ms))
+        return complain(KN_EXIT_DEVICE, "no KNEAD_SCENE for 6 s: is kneadd running on this bus? "
+                                        "(server/run, or kneadd --scene core/scenes/dough.yaml)");
+    const char *text = p->record->scene_text;
+    p->scene = kn_scene_parse(p->record->scene_name, text, strlen(text), NULL, 0, p->error, sizeof p->error);
+    return p->scene ? find_tool(p) : complain(KN_EXIT_USAGE, p->error);
+}
+
+static void on_mesh(const lcm_recv_buf_t *buf, const char *channel, void *self)
+{
+    probe *p = self;
+    if (!strcmp(channel, "KNEAD_MESH_INIT")) kn_mesh_init(&p->mesh, buf->data, buf->data_size);
+    else kn_mesh_update(&p->mesh, buf->data, buf->data_size);
+}
+
+// Waits for a mesh of after_tick.
+static bool look(probe *p, int64_t after_tick)
+{
+    for (int64_t end_ns = kn_now_ns() + mesh_wait_ns; kn_now_ns() < end_ns && !interrupted;) {
+        lcm_handle_timeout(p->mesh_bus, 50);
+        if (p->mesh.whole && p->mesh.tick > after_tick) return true;
+    }
+    return false;
+}
+
+static int open_mesh(probe *p)
+{
+    p->mesh_bus = kn_join(p->opt.mesh_url, KN_MESH_URL, p->error, sizeof p->error);
+    if (!p->mesh_bus) return complain(KN_EXIT_DEVICE, p->error);
+    lcm_subscription_t *meshes = lcm_subscribe(p->mesh_bus, "KNEAD_MESH_(INIT|UPDATE)", on_mesh, p);
+    if (!meshes) return complain(KN_EXIT_DEVICE, "LCM refuses the subscription to meshes");
+    if (!look(p, -1)) return complain(KN_EXIT_DEVICE, "no mesh for 3 s; is --mesh-url kneadd's?");
+    int vertices = 0;
+    p->top = kn_dent_top(&p->scene->model, &vertices);
+    if (!p->top) return complain(KN_EXIT_INTERNAL, "out of memory");
+    if (vertices == p->mesh.vertex_count) return KN_EXIT_OK;
+    return complain(KN_EXIT_DEVICE, "the mesh is not that of the scene; is --mesh-url that of the same kneadd?");
+}
+
+static void find_deepest(probe *p)
+{
+    double lowest_m = INFINITY;
+    for (double t = 0.0; t <= p->path[0]->duration_s; t += 1e-3) {
+        kn_path_point point;
+        kn_path_at(p->path[0], t, &point);
+        if (point.position_m[2] >= lowest_m) continue;
+        lowest_m = point.position_m[2];
+        p->x_m = point.position_m[0];
+        p->y_m = point.position_m[1];
+    }
+}
+
+// A press goes to a depth below the top of the untouched block, everything else below where the tool touches now. Where
+// it touches depends on what was kneaded before, so a path is made for the mesh of now. NULL after one line.
+static kn_path *generate(probe *p)
+{
+    const kn_model_def *def = &p->scene->model;
+    kn_path_def shape = p->opt.shape;
+    double height_m = def->spacing_m * (def->nodes[2] - 1), lowest_touch_m;
+    double tool_m = p->tool->shape == KN_PROBE_SPHERE ? p->tool->radius_m : 0.0;
+    bool press = !strcmp(p->opt.path, "press");
+    if (!kn_dent_touch(&p->mesh, p->top, def->spacing_m, p->tool, 0.0, 0.0, &shape.touch_z_m, &lowest_touch_m)) {
+        complain(KN_EXIT_DEVICE, "the object has left the place under the tool");
+        return NULL;
+    }
+    if (press) shape.depth_m = shape.touch_z_m - tool_m - height_m + (shape.depth_m > 0.0 ? shape.depth_m : press_m);
+    double bottom_m = shape.touch_z_m - tool_m - shape.depth_m, dent_m = height_m + tool_m - shape.touch_z_m;
+    if (bottom_m < thinnest * height_m) {
+        fprintf(stderr, "knead probe: --depth: expected at most %.1f mm here\n",
+                1e3 * ((1.0 - thinnest) * height_m - (press ? 0.0 : dent_m)));
+        return NULL;
+    }
+    if (press && shape.depth_m < 1e-4) {
+        fprintf(stderr, "knead probe: the dent under the tool is %.1f mm deep already, expected a larger --depth\n",
+                1e3 * dent_m);
+        return NULL;
+    }
+    double uneven_m = shape.touch_z_m - lowest_touch_m;
+    if (press && uneven_m > even_m) shape.uneven_m = fmin(fmin(uneven_m, most_uneven_m), 0.5 * shape.depth_m);
+    kn_path *path = press ? kn_path_press(&shape)
+                    : !strcmp(p->opt.path, "sine") ? kn_path_sine(&shape) : kn_path_poke(&shape);
+    if (!path) complain(KN_EXIT_INTERNAL, "out of memory");
+    return path;
+}
+
+static int make_path(probe *p)
+{
+    bool named = !strcmp(p->opt.path, "press") || !strcmp(p->opt.path, "sine") || !strcmp(p->opt.path, "poke");
+    if (named) {
+        p->path[0] = generate(p);
+    } else {
+        p->path[0] = kn_path_load(p->opt.path, p->error, sizeof p->error);
+        if (!p->path[0]) complain(KN_EXIT_USAGE, p->error);
+    }
+    p->regenerate = named;
+    if (!p->path[0]) return KN_EXIT_USAGE;
+    find_deepest(p);
+    if (!kn_dent_height(&p->mesh, p->x_m, p->y_m, &p->before_m)) p->before_m = NAN; // deepest beside the object
+    return KN_EXIT_OK;
+}
+
+static int64_t random_session(void)
+{
+    int64_t session = 0;
+    if (getrandom(&session, sizeof session, 0) != sizeof session) session = kn_now_ns() ^ (int64_t)getpid() << 32;
+    return (session & INT64_MAX) | 1 << 8; // > 0, and room to count up
+}
+
+static int start(probe *p)
+{
+    kn_path_point begin;
+    kn_path_at(p->path[0], 0.0, &begin);
+    kn_hand_def def = {.path = p->path[0], .session = random_session(), .tries = p->opt.tries,
+                       .drop_at_ms = p->opt.drop_at_ms, .drop_ms = p->opt.drop_ms};
+    double top_m = p->scene->model.spacing_m * (p->scene->model.nodes[2] - 1) + p->tool->radius_m;
+    def.clear_z_m = fmax(begin.position_m[2], top_m + lift_m);
+    if (!kn_record_start(p->record, p->tool->name)) return complain(KN_EXIT_DEVICE, "no thread for the record");
+    if (!kn_device_start(&p->device, &def, p->opt.lcm_url, p->tool->name, p->error, sizeof p->error))
+        return complain(KN_EXIT_DEVICE, p->error);
+    int refused = kn_device_priority_error(&p->device);
+    if (refused)
+        fprintf(stderr, "knead probe: no real-time priority (%s): poses may come late\n", strerror(refused));
+    return KN_EXIT_OK;
+}
+
+static void say_trip(probe *p, int n)
+{
+    const kn_trip *t = &p->device.hand.trip[n];
+    fprintf(stderr, "knead probe: %s, %.2f s, %.2f N taken to 0 N: ", t->piece, t->time_s, t->force_n);
+    if (t->own && t->stalled_ms > 0)
+        fprintf(stderr, "own watchdog: no force for %d ms, in %d of which this process did not run\n", t->silent_ms,
+                t->stalled_ms);
+    else if (t->own)
+        fprintf(stderr, "own watchdog: no force for %d ms\n", t->silent_ms);
+    else
+        fprintf(stderr, "kneadd latched: %s; way back: %s\n", kn_fault_name(t->fault), kn_fault_remedy(t->fault));
+}
+
+static void say_lifted(probe *p, int n)
+{
+    const kn_trip *t = &p->device.hand.trip[n];
+    fprintf(stderr, "knead probe: tool lifted%s%s\n", t->cleared ? ", fault cleared" : "",
+            n + 1 < p->device.hand.def.tries ? "; once more in a new session" : "");
+}
+
+static void show_progress(probe *p)
+{
+    char bar[31] = {0};
+    double done = 1e-3 * atomic_load(&p->device.path_ms), all = p->path[0]->duration_s;
+    bool playing = atomic_load(&p->device.mode) == KN_HAND_PLAY;
+    for (int i = 0; i < 30; i++) bar[i] = playing && i < 30 * done / all ? '#' : '.';
+    fprintf(stderr, "\r[%s] %-8s %5.1f of %.1f s %7.2f N ", bar, (const char *)atomic_load(&p->device.piece),
+            playing ? done : 0.0, all, 1e-3 * atomic_load(&p->device.given_mn));
+}
+
+static void clear_progress(void) { fprintf(stderr, "\r%78s\r", ""); }
+
+// After n trips: the next try's path, for the object as it is now.
+static void prepare_try(probe *p, int n)
+{
+    p->path[n] = generate(p);
+    if (p->path[n]) atomic_store(&p->device.next_path, p->path[n]);
+    else p->no_way = true;
+}
+
+static void attend(probe *p)
+{
+    bool bar = !p->opt.quiet && isatty(STDERR_FILENO);
+    int told = 0, lifted = 0;
+    for (bool done = false; !done && !interrupted && !p->no_way;) {
+        lcm_handle_timeout(p->mesh_bus, 50); // keeps the mesh young
+        done = kn_device_done(&p->device);
+        int trips = atomic_load(&p->device.trips), mode = atomic_load(&p->device.mode);
+        bool news = trips > told || (trips > lifted && mode != KN_HAND_RETREAT);
+        if (bar && news) clear_progress();
+        for (; told < trips; told++) say_trip(p, told);
+        for (; lifted < trips && mode != KN_HAND_RETREAT; lifted++) say_lifted(p, lifted);
+        if (mode == KN_HAND_SILENT && p->regenerate && trips < KN_HAND_TRIES && !p->path[trips]) prepare_try(p, trips);
+        if (bar && !done) show_progress(p);
+    }
+    if (bar) clear_progress();
+}
+
+static int write_csv(probe *p)
+{
+    FILE *out = fopen(p->opt.csv, "w");
+    if (out) kn_report_csv(out, &p->device.hand, p->record, p->tool->name);
+    bool ok = out && !ferror(out);
+    if (out && fclose(out) != 0) ok = false;
+    if (ok) return KN_EXIT_OK;
+    snprintf(p->error, sizeof p->error, "%s: %s", p->opt.csv, strerror(errno));
+    return complain(KN_EXIT_DEVICE, p->error);
+}
+
+static int verdict(const probe *p)
+{
+    const kn_hand *h = &p->device.hand;
+    const kn_trip *last = h->trips ? &h->trip[h->trips - 1] : NULL;
+    if (h->mode == KN_HAND_DONE) return KN_EXIT_OK;
+    switch (h->trouble) {
+    case KN_HAND_NO_TROUBLE:
+        if (!p->no_way) fprintf(stderr, "knead probe: interrupted\n");
+        break;
+    case KN_HAND_NO_ANSWER:
+        fprintf(stderr, "knead probe: no force for 3 s: kneadd has ended, or another hand holds `%s`\n", p->tool->name);
+        break;
+    case KN_HAND_NOT_ENGAGED:
+        fprintf(stderr, "knead probe: kneadd answers but does not engage (%s): begin clear of the object\n",
+                h->force.fault ? kn_fault_name((kn_fault)h->force.fault) : "no fault");
+        break;
+    case KN_HAND_SPOILT:
+        fprintf(stderr, "knead probe: %s spoilt %d times, at last by %s\n", p->opt.path, h->trips,
+                last->own ? "missing forces" : kn_fault_name(last->fault));
+    }
+    return KN_EXIT_DEVICE;
+}
+
+static int finish(probe *p)
+{
+    kn_report report;
+    double after_m;
+    kn_device_stop(&p->device);
+    int code = verdict(p);
+    bool written = kn_record_stop(p->record, p->error, sizeof p->error);
+    if (!written || p->record->out_of_memory) code = complain(KN_EXIT_DEVICE, written ? "out of memory" : p->error);
+    kn_report_make(&report, &p->device.hand, p->record);
+    int64_t last_tick = p->record->force_count ? p->record->force[p->record->force_count - 1].force.tick : -1;
+    if (code == KN_EXIT_OK && !isnan(p->before_m)) {
+        if (look(p, last_tick) && kn_dent_height(&p->mesh, p->x_m, p->y_m, &after_m))
+            report.residual_m = p->before_m - after_m;
+        else
+            code = complain(KN_EXIT_DEVICE, "no mesh after the withdrawal: the depth of the dent is not known");
+    }
+    if (p->device.hand.mode == KN_HAND_DONE && !p->opt.quiet) {
+        printf("%s of %s, tool %s\n", p->opt.path, p->scene->name, p->tool->name);
+        kn_report_print(stdout, &report, &p->device.hand, p->scene->limits.clamp_n);
+        printf("  cycles missed   %8lld      by kneadd, %d here\n", (long long)report.missed,
+               atomic_load(&p->device.missed));
+    }
+    if (p->opt.record && report.lost)
+        fprintf(stderr, "knead probe: %s has gaps: %lld records were lost\n", p->opt.record, (long long)report.lost);
+    if (p->opt.csv && write_csv(p) != KN_EXIT_OK) code = KN_EXIT_DEVICE;
+    return code;
+}
+
+static int run(probe *p)
+{
+    int code = find_scene(p);
+    if (code == KN_EXIT_OK) code = open_mesh(p);
+    if (code == KN_EXIT_OK) code = make_path(p);
+    if (code == KN_EXIT_OK) code = start(p);
+    if (code != KN_EXIT_OK) return code;
+    attend(p);
+    return finish(p);
+}
+
+int kn_probe_main(int argc, char **argv)
+{
+    bool done = false;
+    probe *p = calloc(1, sizeof *p);
+    if (!p) return complain(KN_EXIT_INTERNAL, "out of memory");
+    int code = kn_probe_options_parse(&p->opt, argc, argv, &done);
+    if (code == KN_EXIT_OK && !done) {
+        struct sigaction action = {.sa_handler = on_signal};
+        sigaction(SIGINT, &action, NULL);
+        sigaction(SIGTERM, &action, NULL);
+        code = run(p);
+    }
+    if (p->mesh_bus) lcm_destroy(p->mesh_bus);
+    kn_mesh_free(&p->mesh);
+    free(p->top);
+    kn_record_destroy(p->record);
+    for (int i = 0; i < KN_HAND_TRIES; i++) kn_path_destroy(p->path[i]);
+    kn_scene_destroy(p->scene);
+    free(p);
+    return code;
+}

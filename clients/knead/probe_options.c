@@ -1,0 +1,109 @@
+#include "clients/knead/probe_options.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/hand.h"
+#include "clients/knead/join.h"
+#include "core/scene/units.h"
+#include <getopt.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char help[] =
+    "usage: knead probe [--path press|sine|poke|FILE.csv] [OPTION]...\n\n"
+    "A virtual haptic device at 1 kHz: engages in air, plays a path on the object that kneadd serves, prints a force\n"
+    "table. It has a watchdog of its own: 0 N 20 ms after the last force. After a trip, its own or kneadd's, it says\n"
+    "why, lifts the tool, opens a new session and repeats, three tries in all.\n\n"
+    "  --path press     touch at rest, at 1 cm/s to 1 cm below the top of the block, hold, withdraw (the default)\n"
+    "  --path sine      touch at rest, swing 1 mm deep\n"
+    "  --path poke      3 mm deep at 5 cm/s and out again\n"
+    "  --path FILE.csv  rows time_s,x_m,y_m,z_m or time_s,x_m,y_m,z_m,qw,qx,qy,qz under such a header; metres, z up,\n"
+    "                   origin under the object's centre; begin clear of the object\n"
+    "  --probe NAME     tool of the scene (press: the first; else the first sphere: dough is a wall to a fast plate)\n"
+    "  --hold TIME      press: at the lowest point; sine: how long ('4 s')\n"
+    "  --depth LENGTH   press: below the top of the untouched block; else below where the tool touches ('10 mm')\n"
+    "  --speed SPEED    in the object ('1 cm/s')\n"
+    "  --frequency F    of the sine ('2 Hz')\n"
+    "  --record FILE    the session as an LCM event log: knead replay FILE --verify gives the same forces\n"
+    "  --csv FILE       one row per force, the columns of knead replay --csv\n"
+    "  --tries N        1 to 3 (3)\n"
+    "  --drop-at S:MS   fault injection: S seconds into the first try no pose is sent for MS milliseconds\n"
+    "  --lcm-url URL    poses and forces (LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
+    "  --mesh-url URL   meshes (" KN_MESH_URL ")\n"
+    "  --quiet          no progress, no table\n\n"
+    "Exit codes: 0 the path was played to its end, 2 bad input, 3 no answer, or three tries were spoilt.\n";
+
+static bool quantity(const char *option, const char *text, const char *unit_text, const char *example, double *value)
+{
+    kn_unit unit;
+    kn_quantity q;
+    char why[128];
+    if (!kn_unit_parse(&unit, unit_text, why, sizeof why)) return false;
+    if (kn_quantity_parse(&q, text, why, sizeof why) && !q.bare && kn_unit_same_dimension(&q.unit, &unit)) {
+        *value = kn_quantity_in(&q, &unit);
+        if (isfinite(*value) && (*value > 0.0 || (*value == 0.0 && !strcmp(option, "hold")))) return true;
+    }
+    fprintf(stderr, "knead probe: --%s %s: expected something like '%s'\n", option, text, example);
+    return false;
+}
+
+static bool tries(const char *text, int *value)
+{
+    char *end;
+    long n = strtol(text, &end, 10);
+    *value = (int)n;
+    if (end != text && !*end && n >= 1 && n <= KN_HAND_TRIES) return true;
+    fprintf(stderr, "knead probe: --tries %s: expected 1 to %d\n", text, KN_HAND_TRIES);
+    return false;
+}
+
+static bool drop(const char *text, kn_probe_options *opt)
+{
+    double at_s;
+    int ms;
+    char rest;
+    if (sscanf(text, "%lf:%d%c", &at_s, &ms, &rest) == 2 && at_s >= 0.0 && at_s < 1e6 && ms > 0) {
+        opt->drop_at_ms = (int)lround(1e3 * at_s);
+        opt->drop_ms = ms;
+        return true;
+    }
+    fprintf(stderr, "knead probe: --drop-at %s: expected SECONDS:MILLISECONDS like 1.5:30\n", text);
+    return false;
+}
+
+int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *done)
+{
+    enum { PATH = 256, PROBE, HOLD, DEPTH, SPEED, FREQUENCY, RECORD, CSV, TRIES, DROP, LCM_URL, MESH_URL, QUIET, HELP };
+    static const struct option list[] = {
+        {"path", 1, 0, PATH},       {"probe", 1, 0, PROBE},         {"hold", 1, 0, HOLD},       {"depth", 1, 0, DEPTH},
+        {"speed", 1, 0, SPEED},     {"frequency", 1, 0, FREQUENCY}, {"record", 1, 0, RECORD},   {"csv", 1, 0, CSV},
+        {"tries", 1, 0, TRIES},     {"drop-at", 1, 0, DROP},        {"lcm-url", 1, 0, LCM_URL}, {"quiet", 0, 0, QUIET},
+        {"help", 0, 0, HELP},       {"mesh-url", 1, 0, MESH_URL},   {0, 0, 0, 0}};
+    *opt = (kn_probe_options){.path = "press", .shape.hold_s = -1.0};
+    optind = 1;
+    bool ok = true;
+    for (int c; ok && (c = getopt_long(argc, argv, "", list, NULL)) != -1;) {
+        switch (c) {
+        case PATH: opt->path = optarg; break;
+        case PROBE: opt->probe = optarg; break;
+        case HOLD: ok = quantity("hold", optarg, "s", "4 s", &opt->shape.hold_s); break;
+        case DEPTH: ok = quantity("depth", optarg, "m", "10 mm", &opt->shape.depth_m); break;
+        case SPEED: ok = quantity("speed", optarg, "m/s", "1 cm/s", &opt->shape.speed_m_s); break;
+        case FREQUENCY: ok = quantity("frequency", optarg, "Hz", "2 Hz", &opt->shape.frequency_hz); break;
+        case RECORD: opt->record = optarg; break;
+        case CSV: opt->csv = optarg; break;
+        case TRIES: ok = tries(optarg, &opt->tries); break;
+        case DROP: ok = drop(optarg, opt); break;
+        case LCM_URL: opt->lcm_url = optarg; break;
+        case MESH_URL: opt->mesh_url = optarg; break;
+        case QUIET: opt->quiet = true; break;
+        case HELP: *done = true; fputs(help, stdout); return KN_EXIT_OK;
+        default: ok = false;
+        }
+    }
+    if (ok && optind < argc) {
+        fprintf(stderr, "knead probe: `%s`: expected options only; knead probe --help lists them\n", argv[optind]);
+        ok = false;
+    }
+    return ok ? KN_EXIT_OK : KN_EXIT_USAGE;
+}

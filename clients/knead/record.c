@@ -1,0 +1,168 @@
+#include "clients/knead/record.h"
+#include "clients/knead/join.h"
+#include "proto/knead_scene_t.h"
+#include "server/clock.h"
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+static const int reader_priority = 40; // of LCM's receive thread: below everything that has a deadline, above the rest
+static const int64_t last_words_ns = 50000000;
+
+static int64_t real_time_ns(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_REALTIME, &t);
+    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
+}
+
+static void write_log(kn_record *r, const lcm_recv_buf_t *buf, const char *channel)
+{
+    if (!r->log || *r->log_error) return;
+    lcm_eventlog_event_t event = {.timestamp = buf->recv_utime, .channellen = (int32_t)strlen(channel),
+                                  .datalen = (int32_t)buf->data_size, .channel = (char *)channel, .data = buf->data};
+    if (lcm_eventlog_write_event(r->log, &event) != 0)
+        snprintf(r->log_error, sizeof r->log_error, "%s", strerror(errno));
+}
+
+// Room for one more in an array that doubles.
+static bool grow(void **array, int count, int *room, size_t size)
+{
+    if (count < *room) return true;
+    int more = *room ? 2 * *room : 1 << 14;
+    void *bigger = realloc(*array, (size_t)more * size);
+    if (!bigger) return false;
+    *array = bigger, *room = more;
+    return true;
+}
+
+static void hear_force(kn_record *r, const lcm_recv_buf_t *buf)
+{
+    if (!grow((void **)&r->force, r->force_count, &r->force_room, sizeof *r->force)) {
+        r->out_of_memory = true;
+        return;
+    }
+    kn_heard_force *heard = &r->force[r->force_count];
+    heard->arrived_ns = buf->recv_utime * 1000 - r->clock_offset_ns;
+    r->force_count += knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &heard->force) >= 0;
+}
+
+static void hear_pose(kn_record *r, const lcm_recv_buf_t *buf)
+{
+    if (!grow((void **)&r->pose, r->pose_count, &r->pose_room, sizeof *r->pose)) {
+        r->out_of_memory = true;
+        return;
+    }
+    r->pose_count += knead_probe_pose_t_decode(buf->data, 0, (int)buf->data_size, &r->pose[r->pose_count]) >= 0;
+}
+
+static void hear_scene(kn_record *r, const lcm_recv_buf_t *buf)
+{
+    knead_scene_t scene;
+    if (r->scene_text || knead_scene_t_decode(buf->data, 0, (int)buf->data_size, &scene) < 0) return;
+    r->scene_name = strdup(scene.name);
+    r->scene_text = strdup(scene.text);
+    knead_scene_t_decode_cleanup(&scene);
+}
+
+static void on_message(const lcm_recv_buf_t *buf, const char *channel, void *self)
+{
+    kn_record *r = self;
+    bool scene = !strcmp(channel, "KNEAD_SCENE");
+    if (scene) hear_scene(r, buf);
+    if (!scene && !r->started) return;
+    write_log(r, buf, channel);
+    if (!strcmp(channel, r->force_channel)) hear_force(r, buf);
+    else if (!strcmp(channel, r->pose_channel)) hear_pose(r, buf);
+}
+
+static bool open_log(kn_record *r, const char *path, char *error, size_t error_size)
+{
+    r->log_path = path;
+    r->log = lcm_eventlog_create(path, "w");
+    if (r->log) return true;
+    snprintf(error, error_size, "%s: %s", path, strerror(errno));
+    return false;
+}
+
+kn_record *kn_record_open(const char *url, const char *log_path, char *error, size_t error_size)
+{
+    kn_record *r = calloc(1, sizeof *r);
+    if (!r) {
+        snprintf(error, error_size, "out of memory");
+        return NULL;
+    }
+    r->clock_offset_ns = real_time_ns() - kn_now_ns();
+    r->lcm = kn_join(url, KN_FORCE_URL, error, error_size);
+    if (!r->lcm || (log_path && !open_log(r, log_path, error, error_size))) {
+        kn_record_destroy(r);
+        return NULL;
+    }
+    kn_join_priority(reader_priority); // refused: the buffer has to do
+    lcm_subscription_t *all = lcm_subscribe(r->lcm, "KNEAD_(SCENE|EVENT|POSE_.*|FORCE_.*)", on_message, r);
+    kn_join_priority(0);
+    if (!all) {
+        snprintf(error, error_size, "LCM refuses the subscription");
+        kn_record_destroy(r);
+        return NULL;
+    }
+    lcm_subscription_set_queue_capacity(all, 0); // 0: no limit
+    return r;
+}
+
+bool kn_record_scene(kn_record *r, int timeout_ms)
+{
+    int64_t end_ns = kn_now_ns() + (int64_t)timeout_ms * 1000000;
+    while (!r->scene_text && kn_now_ns() < end_ns) lcm_handle_timeout(r->lcm, 50);
+    return r->scene_text && r->scene_name;
+}
+
+static void *run(void *self)
+{
+    kn_record *r = self;
+    while (!atomic_load(&r->stop)) lcm_handle_timeout(r->lcm, 20);
+    // what is on its way; kneadd goes on answering the last pose, so there is no silence to wait for
+    for (int64_t end_ns = kn_now_ns() + last_words_ns; kn_now_ns() < end_ns;)
+        lcm_handle_timeout(r->lcm, 5);
+    return NULL;
+}
+
+bool kn_record_start(kn_record *r, const char *probe)
+{
+    snprintf(r->force_channel, sizeof r->force_channel, "KNEAD_FORCE_%s", probe);
+    snprintf(r->pose_channel, sizeof r->pose_channel, "KNEAD_POSE_%s", probe);
+    while (lcm_handle_timeout(r->lcm, 0) > 0); // what was said before is not part of it
+    r->started = true;
+    if (pthread_create(&r->thread, NULL, run, r) != 0) r->started = false;
+    return r->started;
+}
+
+bool kn_record_stop(kn_record *r, char *error, size_t error_size)
+{
+    if (r->started) {
+        atomic_store(&r->stop, true);
+        pthread_join(r->thread, NULL);
+        r->started = false;
+    }
+    if (!r->log) return true;
+    if (fflush(r->log->f) != 0 && !*r->log_error) snprintf(r->log_error, sizeof r->log_error, "%s", strerror(errno));
+    lcm_eventlog_destroy(r->log);
+    r->log = NULL;
+    if (!*r->log_error) return true;
+    snprintf(error, error_size, "%s: %s", r->log_path, r->log_error);
+    return false;
+}
+
+void kn_record_destroy(kn_record *r)
+{
+    char error[256];
+    if (!r) return;
+    kn_record_stop(r, error, sizeof error);
+    if (r->lcm) lcm_destroy(r->lcm);
+    free(r->scene_name);
+    free(r->scene_text);
+    free(r->force);
+    free(r->pose);
+    free(r);
+}

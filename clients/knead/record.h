@@ -1,0 +1,48 @@
+#ifndef KN_CLIENTS_RECORD_H
+#define KN_CLIENTS_RECORD_H
+// All that a session says, heard on a thread of its own with a queue without limit: the hand wants the newest force and
+// skips what it missed, a log and a force table want every one. Written as an LCM event log on the way, if asked:
+// KNEAD_SCENE first, then every pose, force and event from the moment the record starts.
+//
+//     kn_record_open -> kn_record_scene -> kn_record_start -> ... the session ... -> kn_record_stop
+#include "proto/knead_contact_force_t.h"
+#include "proto/knead_probe_pose_t.h"
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stdio.h>
+
+typedef struct kn_heard_force {
+    knead_contact_force_t force;
+    int64_t arrived_ns; // CLOCK_MONOTONIC, at LCM's receive thread
+} kn_heard_force;
+
+typedef struct kn_record {
+    char *scene_name, *scene_text; // after kn_record_scene
+    // after kn_record_stop, in order of arrival:
+    kn_heard_force *force;
+    knead_probe_pose_t *pose;
+    int force_count, pose_count;
+    bool out_of_memory;
+    // private
+    lcm_t *lcm;
+    struct _lcm_eventlog_t *log;
+    const char *log_path;
+    char log_error[128]; // first failed write
+    char force_channel[64], pose_channel[64];
+    int force_room, pose_room;
+    int64_t clock_offset_ns; // real time - monotonic
+    bool started;
+    atomic_bool stop;
+    pthread_t thread;
+} kn_record;
+
+// Joins and listens from now on. log_path NULL: no log. NULL and one line in error.
+kn_record *kn_record_open(const char *url, const char *log_path, char *error, size_t error_size);
+bool kn_record_scene(kn_record *record, int timeout_ms); // false: no KNEAD_SCENE came in time
+bool kn_record_start(kn_record *record, const char *probe);
+// Hears out what is on its way, closes the log. False and one line in error if anything of it could not be written.
+bool kn_record_stop(kn_record *record, char *error, size_t error_size);
+void kn_record_destroy(kn_record *record); // NULL is fine; stops first
+
+#endif

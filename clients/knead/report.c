@@ -1,0 +1,122 @@
+#include "clients/knead/report.h"
+#include <math.h>
+#include <stdlib.h>
+
+static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
+// The try whose pose this force echoes, NULL for none.
+static const kn_hand_try *try_of(const kn_hand *hand, const knead_contact_force_t *f)
+{
+    for (int i = 0; i < hand->tries; i++) {
+        const kn_hand_try *t = &hand->try_[i];
+        if (f->session == t->session && f->seq >= 1 && f->seq <= t->sent) return t;
+    }
+    return NULL;
+}
+
+// Time along the path of the pose that the force echoes; the path begins with play_seq and has 1 ms per pose.
+static double path_time(const kn_hand_try *t, const knead_contact_force_t *f)
+{
+    return 1e-3 * (double)(f->seq - t->play_seq);
+}
+
+static void add_to_table(kn_report *r, const kn_hand *hand, const kn_hand_try *t, const knead_contact_force_t *f)
+{
+    double s = path_time(t, f), contact_n = norm(f->contact_force_n);
+    if (!t->play_seq || s < 0.0 || (f->seq == t->sent && (f->flags & KN_FLAG_STALE))) return;
+    r->gain_min = fmin(r->gain_min, f->gain);
+    r->given_peak_n = fmax(r->given_peak_n, norm(f->force_n));
+    if (s <= hand->def.path->hold_end_s) r->hold_end_n = contact_n;
+    if (!f->contacts) return;
+    if (r->contact_s == 0.0) r->contact_from_s = s;
+    r->contact_s = s - r->contact_from_s + 1e-3;
+    if (contact_n > r->peak_n) r->peak_n = contact_n, r->peak_s = s;
+}
+
+static int by_value(const void *a, const void *b)
+{
+    int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
+    return (x > y) - (x < y);
+}
+
+void kn_report_make(kn_report *r, const kn_hand *hand, const kn_record *record)
+{
+    const kn_hand_try *last = &hand->try_[hand->tries - 1];
+    int64_t *trip_ns = malloc(sizeof *trip_ns * ((size_t)record->force_count + 1)), trips = 0;
+    *r = (kn_report){.gain_min = 1.0, .hold_end_n = NAN, .residual_m = NAN};
+    r->round_trip_p50_ms = r->round_trip_p99_ms = NAN;
+    for (int i = 0; i < hand->tries; i++) r->sent += hand->try_[i].sent;
+    for (int i = 0; i < record->force_count; i++) {
+        const knead_contact_force_t *f = &record->force[i].force;
+        const knead_contact_force_t *before = i > 0 ? &record->force[i - 1].force : NULL;
+        const kn_hand_try *t = try_of(hand, f);
+        r->forces++;
+        r->matched += t != NULL;
+        r->strange += t == NULL;
+        r->missed += f->missed_cycles;
+        if (before && before->session == f->session) r->lost += f->tick - before->tick - 1 - f->missed_cycles;
+        if (!t) continue;
+        if (f->flags & KN_FLAG_STALE) r->stale += f->seq < t->sent; // after the last one there is nothing newer
+        else if (trip_ns) trip_ns[trips++] = record->force[i].arrived_ns - f->sent_ns;
+        if (t == last) add_to_table(r, hand, t, f);
+    }
+    if (hand->def.path->hold_end_s == 0.0) r->hold_end_n = NAN;
+    if (trips > 0) {
+        qsort(trip_ns, (size_t)trips, sizeof *trip_ns, by_value);
+        r->round_trip_p50_ms = 1e-6 * (double)trip_ns[trips / 2];
+        r->round_trip_p99_ms = 1e-6 * (double)trip_ns[trips * 99 / 100];
+    }
+    free(trip_ns);
+}
+
+void kn_report_print(FILE *out, const kn_report *r, const kn_hand *hand, double clamp_n)
+{
+    if (hand->tries > 1) fprintf(out, "  try %d: the object has kept what the spoilt ones left\n", hand->tries);
+    if (r->contact_s > 0.0) {
+        fprintf(out, "  contact         %8.2f s    from %.2f s on\n", r->contact_s, r->contact_from_s);
+        fprintf(out, "  peak            %8.2f N    %.2f s after touch\n", r->peak_n, r->peak_s - r->contact_from_s);
+    } else {
+        fprintf(out, "  contact             none\n");
+    }
+    if (!isnan(r->hold_end_n)) fprintf(out, "  end of hold     %8.2f N\n", r->hold_end_n);
+    if (!isnan(r->residual_m)) fprintf(out, "  residual depth  %8.2f mm   1 s after withdrawal\n", 1e3 * r->residual_m);
+    if (r->given_peak_n < 0.999 * r->peak_n)
+        fprintf(out, "  given to hand   %8.2f N    at most; the device's limit is %.1f N\n", r->given_peak_n, clamp_n);
+    if (r->gain_min < 1.0)
+        fprintf(out, "  poses were late: what the hand was given was faded to %.0f %%\n", 100.0 * r->gain_min);
+    fprintf(out, "  poses sent      %8lld\n  forces received %8lld      %lld lost\n", (long long)r->sent,
+            (long long)r->forces, (long long)r->lost);
+    fprintf(out, "  echoes matched  %8lld      %lld of them an older pose again, %lld forces answer somebody else\n",
+            (long long)r->matched, (long long)r->stale, (long long)r->strange);
+    fprintf(out, "  round trip      %8.2f ms   median; p99 %.2f ms\n", r->round_trip_p50_ms, r->round_trip_p99_ms);
+}
+
+static int by_number(const void *a, const void *b)
+{
+    const knead_probe_pose_t *x = a, *y = b;
+    if (x->session != y->session) return x->session < y->session ? -1 : 1;
+    return (x->seq > y->seq) - (x->seq < y->seq);
+}
+
+static void print_vector(FILE *out, const double v[3]) { fprintf(out, ",%.9g,%.9g,%.9g", v[0], v[1], v[2]); }
+
+void kn_report_csv(FILE *out, const kn_hand *hand, const kn_record *record, const char *probe)
+{
+    fprintf(out, "tick,time_s,probe,x_m,y_m,z_m,contact_fx_n,contact_fy_n,contact_fz_n,fx_n,fy_n,fz_n,"
+                 "tx_n_m,ty_n_m,tz_n_m,contacts,residual,execution_ns\n");
+    qsort(record->pose, (size_t)record->pose_count, sizeof *record->pose, by_number); // they came in order, tries apart
+    int64_t first_tick = record->force_count ? record->force[0].force.tick : 0;
+    for (int i = 0; i < record->force_count; i++) {
+        const knead_contact_force_t *f = &record->force[i].force;
+        knead_probe_pose_t key = {.session = f->session, .seq = f->seq};
+        const knead_probe_pose_t *pose =
+            bsearch(&key, record->pose, (size_t)record->pose_count, sizeof *record->pose, by_number);
+        if (!try_of(hand, f) || !pose) continue;
+        fprintf(out, "%lld,%.3f,%s", (long long)f->tick, 1e-3 * (double)(f->tick - first_tick), probe);
+        print_vector(out, pose->position_m);
+        print_vector(out, f->contact_force_n);
+        print_vector(out, f->force_n);
+        print_vector(out, f->torque_n_m);
+        fprintf(out, ",%d,%.3g,%lld\n", f->contacts, f->residual, (long long)f->execution_ns);
+    }
+}
