@@ -2,17 +2,16 @@
 #include "clients/knead/commands.h"
 #include "core/kernel.h"
 #include "core/scene/scene.h"
-#include "core/solver_rk4.h"
 #include <getopt.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
+#include <unistd.h>
 
-// Time of a tick per lane of the padded lattice, AVX-512, f32: the edge and integrate passes, and one CG iteration.
-// A rule of thumb from bench/ on one machine; twice as much in f64, half as much again on AVX2.
+// Time of a tick per lane of the padded lattice, AVX-512, f32: the passes over edges and nodes, and one CG iteration.
+// A rule of thumb from one Zen 4 core, where dough under the plate took 23, 85 and 200 us at 144, 847 and 2 560 nodes;
+// twice as much in f64, half as much again on AVX2. Contact with a ball comes on top.
 #define PASS_NS 30.0
-#define ITERATION_NS 4.0
+#define ITERATION_NS 5.0
 
 static const char usage[] =
     "usage: knead check SCENE [--set KEY=VALUE]...   say what a scene is, what it costs, what to watch for\n"
@@ -20,8 +19,6 @@ static const char usage[] =
     "       knead check SCENE --text                 the scene with every value written out, in SI\n"
     "\n"
     "A scene that cannot be used gives one line, file:line:col: what is wrong, what was expected, and exit 2.\n";
-
-static const char *word(const char *const *words, int i) { return words[i]; }
 
 static void print_object(const kn_scene *scene, const kn_model *model)
 {
@@ -31,10 +28,10 @@ static void print_object(const kn_scene *scene, const kn_model *model)
     const int *n = def->nodes;
     printf("object    %g x %g x %g mm, spacing %g mm: %d x %d x %d = %d nodes, %d edges (%s), %.4g kg\n",
            1e3 * h * (n[0] - 1), 1e3 * h * (n[1] - 1), 1e3 * h * (n[2] - 1), 1e3 * h, n[0], n[1], n[2],
-           model->grid.nodes, kn_grid_edges(&model->grid, NULL), word(structure, (int)def->structure),
+           model->grid.nodes, kn_grid_edges(&model->grid, NULL), structure[def->structure],
            kn_model_mass(model));
     printf("frame     scene: right-handed, z up, metres, origin at the centre of the object's base\n");
-    printf("support   %s; gravity %g m/s^2 along -z\n", word(support, (int)def->support), def->gravity_m_s2);
+    printf("support   %s; gravity %g m/s^2 along -z\n", support[def->support], def->gravity_m_s2);
 }
 
 static void print_material(const kn_model *model)
@@ -47,7 +44,7 @@ static void print_material(const kn_model *model)
     else
         printf("; c2 %.4g Pa s at rest, %.4g Pa s from %.4g Pa on\n", kn_material_c2(m, 0),
                kn_material_c2(m, m->p1_pa), m->p1_pa);
-    printf("law       %s", word(law, (int)model->law.kind));
+    printf("law       %s", law[model->law.kind]);
     if (model->law.kind == KN_LAW_TABLE)
         printf(" of %d segments, error at most %.1e", KN_LAW_SEGMENTS, model->law.table_error);
     printf("\nlattice   E = k1; an inner edge has k = kappa E with kappa = %.4g m, stress area gamma kappa L0 with "
@@ -79,15 +76,19 @@ static void print_solver(const kn_model *model)
                model->rk4_limit_s);
     } else {
         printf("solver    implicit %s, dt %g s, %s, %d to %d CG iterations (tolerance %g), %d pass%s\n", precision,
-               s->dt_s, word(how, (int)s->linearization), s->iterations, s->iterations_max, s->tolerance, s->passes,
+               s->dt_s, how[s->linearization], s->iterations, s->iterations_max, s->tolerance, s->passes,
                s->passes > 1 ? "es" : "");
         printf("kernels   %s\n", model->kernels->name);
         printf("cost      estimate %.0f us a step, %.0f us at the cap, of %g us\n", estimate_us(model, s->iterations),
                estimate_us(model, s->iterations_max), 1e6 * s->dt_s);
+        if (estimate_us(model, s->iterations) > 1e6 * s->dt_s) printf("warning   slower than real time\n");
         if (model->isa == KN_ISA_BASE)
             printf("warning   no fused multiply-add: the same bits in software, far from real time\n");
     }
+    double bytes = (double)model->state_bytes + (double)model_bytes(model);
     printf("memory    state %zu bytes, model %zu bytes\n", model->state_bytes, model_bytes(model));
+    if (bytes > (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE))
+        printf("warning   more than this machine's memory\n");
 }
 
 static void print_device(const kn_scene *scene)
