@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Everything integrated is one flat vector y = [x: 3 per node][v: 3 per node][u: 1 per edge], nodes and edges in the order
-// of their ids; the padded fields of the state are gathered into it and scattered back, once per step.
+// Everything integrated is one flat vector y = [x: 3 per node][v: 3 per node][u: 1 per edge], nodes and edges in the
+// order of their ids; the padded fields of the state are gathered into it and scattered back, once per step.
 typedef struct shape {
     size_t x, v, u, count; // where each part starts; reals in y
 } shape;
@@ -199,6 +199,7 @@ double kn_rk4_limit(const kn_model *model)
     free(work);
     double damping = lattice * law->a_pa_s * law->slope_rest;
     double ringing = sqrt(lattice * law->mat.k1_pa);
-    double creep = law->mat.k1_pa / (law->mat.c1_pa_s + kn_material_c2(&law->mat, INFINITY)); // the Voigt part's own rate
+    double creep =
+        law->mat.k1_pa / (law->mat.c1_pa_s + kn_material_c2(&law->mat, INFINITY)); // the Voigt part's own rate
     return 2.785 / fmax(damping, fmax(ringing, creep));
 }

@@ -17,24 +17,25 @@
 
 // What holds and pushes the nodes during one step. Arrays are the caller's, indexed by node id.
 typedef struct kn_boundary {
-    const uint8_t *fixed;         // [nodes] bit k set: component k follows velocity_m_s instead of the forces
+    const uint8_t *fixed;            // [nodes] bit k set: component k follows velocity_m_s instead of the forces
     const double (*velocity_m_s)[3]; // [nodes] of fixed components, constant over the step; others are ignored
-    const double (*force_n)[3];   // [nodes] load and contact forces, constant over the step; NULL = none
-    double (*reaction_n)[3];      // [nodes] out: mean force over the step by which fixed components are held, 0 elsewhere;
-                                  // it holds m dv/dt when velocity_m_s changes. What a probe feels is minus the sum.
+    const double (*force_n)[3];      // [nodes] load and contact forces, constant over the step; NULL = none
+    double (*reaction_n)[3]; // [nodes] out: mean force over the step by which fixed components are held, 0 elsewhere;
+                             // it holds m dv/dt when velocity_m_s changes. What a probe feels is minus the sum.
 } kn_boundary;
 
 // Largest stable step at rest, s: 2.785 / fastest rate of the lattice. That is the largest eigenvalue of C/M by power
-// iteration with C = c1/(1 + c1/c2(0)) per edge (or sqrt of K/M's, or the Voigt part's own rate where these are faster).
-// "At rest" is the stiffest state. Up to 20 times above it the flowing damper bounds the instability: no NaN, wrong forces.
-// Reads def, grid, law, edges and node_mass_kg. Allocates while it works; -1 when memory is short.
+// iteration with C = c1/(1 + c1/c2(0)) per edge (or sqrt of K/M's, or the Voigt part's own rate where these are
+// faster). "At rest" is the stiffest state. Up to 20 times above it the flowing damper bounds the instability: no NaN,
+// wrong forces. Reads def, grid, law, edges and node_mass_kg. Allocates while it works; -1 when memory is short.
 double kn_rk4_limit(const kn_model *model);
 
 // Bytes of scratch a step needs, 64-byte granular.
 size_t kn_rk4_scratch(const kn_model *model);
 
-// Advances displacement, velocity and strain by def.solver.dt_s. Nothing else in the state changes (tick is the caller's).
-// Real-time safe in the sense of no allocation and bounded loops; scratch is 8-byte aligned, kn_rk4_scratch bytes.
+// Advances displacement, velocity and strain by def.solver.dt_s. Nothing else in the state changes (tick is the
+// caller's). Real-time safe in the sense of no allocation and bounded loops; scratch is 8-byte aligned, kn_rk4_scratch
+// bytes.
 void kn_rk4_step(const kn_model *model, kn_state *state, const kn_boundary *boundary, void *scratch);
 
 #endif

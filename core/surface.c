@@ -4,8 +4,8 @@
 
 // Side of the block across axis a: u x v points outwards.
 //
-//     v ^   3---2      counter-clockwise from outside; the diagonals of the quads alternate like a chequerboard, so that
-//       |   | / |      no direction is favoured
+//     v ^   3---2      counter-clockwise from outside; the diagonals of the quads alternate like a chequerboard,
+//       |   | / |      so no direction is favoured
 //       +-> 0---1
 //         u
 typedef struct side {
