@@ -30,8 +30,8 @@ static int steps_between(const kn_grid *g, int i, int j)
 }
 
 // One block per choice of row axis and per number of vectors in a row, bars and sheets among them.
-static const int blocks[][3] = {{6, 6, 4}, {11, 11, 7}, {4, 6, 16}, {5, 15, 3}, {17, 3, 2}, {3, 32, 2}, {2, 3, 33},
-    {40, 2, 2}, {1, 1, 2}, {1, 1, 20}, {7, 1, 5}, {2, 1, 1}, {1, 1, 1}, {29, 29, 3}};
+static const int blocks[][3] = {{6, 6, 4},  {11, 11, 7}, {4, 6, 16}, {5, 15, 3}, {17, 3, 2}, {3, 32, 2}, {2, 3, 33},
+                                {40, 2, 2}, {1, 1, 2},   {1, 1, 20}, {7, 1, 5},  {2, 1, 1},  {1, 1, 1},  {29, 29, 3}};
 #define BLOCKS (int)(sizeof blocks / sizeof blocks[0])
 
 TEST("a block of 847 nodes has 8 706 edges: 2 266 sides, 4 040 face and 2 400 body diagonals; 144 nodes have 1 208")
@@ -95,8 +95,10 @@ TEST("every edge has a strain slot and every node an offset of its own, inside t
 
 TEST("rows run along the axis that fills sixteen lanes best, for every axis and one to three vectors")
 {
-    static const struct { int n[3], axis, vectors; } cases[] = {
-        {{16, 5, 3}, 0, 1}, {{5, 15, 3}, 1, 1}, {{4, 6, 16}, 2, 1}, {{32, 3, 3}, 0, 2}, {{3, 31, 3}, 1, 2},
+    static const struct {
+        int n[3], axis, vectors;
+    } cases[] = {
+        {{16, 5, 3}, 0, 1}, {{5, 15, 3}, 1, 1}, {{4, 6, 16}, 2, 1},  {{32, 3, 3}, 0, 2},   {{3, 31, 3}, 1, 2},
         {{3, 3, 47}, 2, 3}, {{48, 3, 3}, 0, 3}, {{11, 11, 7}, 0, 1}, {{29, 29, 20}, 0, 2},
     };
     for (int t = 0; t < (int)(sizeof cases / sizeof cases[0]); t++) {
@@ -164,7 +166,8 @@ TEST("shares of the nodes add up to the volume, shares of the edges to those of 
         int count;
         kn_edge *edges = edges_of(&g, &count);
         for (int e = 0; e < count; e++) weight[steps_between(&g, edges[e].i, edges[e].j)] += edges[e].weight;
-        CHECK_NEAR(weight[1], 3 * cells, 1e-9 * cells); // 12 sides by 1/4, 12 face diagonals by 1/2, 4 body diagonals by 1
+        // 12 sides by 1/4, 12 face diagonals by 1/2, 4 body diagonals by 1
+        CHECK_NEAR(weight[1], 3 * cells, 1e-9 * cells);
         CHECK_NEAR(weight[2], 6 * cells, 1e-9 * cells);
         CHECK_NEAR(weight[3], 4 * cells, 1e-9 * cells);
         free(edges);
@@ -189,7 +192,7 @@ TEST("an edge inside weighs 1, on a face 1/2, at a corner side 1/4; diagonals in
     CHECK(kn_grid_edges(&g, &bar) == 1 && bar.weight == 1);
 }
 
-TEST("stiffness calibration: k = E h/2.7 with diagonals, E h without; the stress area of all diagonals is 0.46 of the share")
+TEST("stiffness calibration: k = E h/2.7 with diagonals, E h without; stress area 0.46 of the share with diagonals")
 {
     kn_grid g = grid_of(4, 4, 4, KN_STRUCTURE_DIAGONALS);
     CHECK_NEAR(g.kappa_m, 0.005 / 2.7, 1e-15);

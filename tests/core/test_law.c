@@ -3,11 +3,16 @@
 
 #define GF_CM2 98.0665 // Pa; in the lab's units a modulus in gf/cm^3 acts over 1 cm, so it is gf/cm^2 per unit strain
 
-static const kn_material dough = {.k1_pa = 470 * GF_CM2, .c1_pa_s = 2500 * GF_CM2, .damper = KN_DAMPER_EXPONENTIAL,
-    .alpha_pa_s = 8.16e4 * GF_CM2, .beta_per_pa = 0.0815 / GF_CM2, .p0_pa = 9 * GF_CM2, .p1_pa = 80 * GF_CM2};
+static const kn_material dough = {.k1_pa = 470 * GF_CM2,
+                                  .c1_pa_s = 2500 * GF_CM2,
+                                  .damper = KN_DAMPER_EXPONENTIAL,
+                                  .alpha_pa_s = 8.16e4 * GF_CM2,
+                                  .beta_per_pa = 0.0815 / GF_CM2,
+                                  .p0_pa = 9 * GF_CM2,
+                                  .p1_pa = 80 * GF_CM2};
 
-// The oracle: s + A s/c2(s) = b by bisection on [0, |b|] until the interval is two neighbouring doubles. Shares nothing with
-// the law but the damper's formula, written out here once more.
+// The oracle: s + A s/c2(s) = b by bisection on [0, |b|] until the interval is two neighbouring doubles. Shares nothing
+// with the law but the damper's formula, written out here once more.
 static double damper(const kn_material *m, double s)
 {
     if (m->damper == KN_DAMPER_CONSTANT) return m->c2_pa_s;
@@ -21,8 +26,10 @@ static double bisect(const kn_material *m, double a, double b)
     for (;;) {
         double s = 0.5 * (lo + hi);
         if (s <= lo || s >= hi) return copysign(s, b);
-        if (s + a * s / damper(m, s) > fabs(b)) hi = s;
-        else lo = s;
+        if (s + a * s / damper(m, s) > fabs(b))
+            hi = s;
+        else
+            lo = s;
     }
 }
 
@@ -134,7 +141,8 @@ TEST("the secant is s/b, the tangent is the derivative, the blend is half way")
         double secant = kn_law_slope(&law, s, KN_LINEARIZATION_SECANT);
         double tangent = kn_law_slope(&law, s, KN_LINEARIZATION_TANGENT);
         double blend = kn_law_slope(&law, s, KN_LINEARIZATION_BLEND);
-        double h = 1e-5 * b, difference = (bisect(&dough, law.a_pa_s, b + h) - bisect(&dough, law.a_pa_s, b - h)) / (2 * h);
+        double h = 1e-5 * b,
+               difference = (bisect(&dough, law.a_pa_s, b + h) - bisect(&dough, law.a_pa_s, b - h)) / (2 * h);
         CHECK_NEAR(secant, s / b, 1e-9 * secant);
         CHECK_NEAR(tangent, difference, 1e-6 * tangent);
         CHECK_NEAR(blend, 0.5 * (secant + tangent), 1e-12);

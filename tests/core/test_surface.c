@@ -1,0 +1,79 @@
+#include "core/surface.h"
+#include "tests/check.h"
+
+static kn_model *block(int nx, int ny, int nz)
+{
+    char error[256];
+    kn_model_def def = kn_model_def_default();
+    def.probe_count = 0;
+    def.nodes[0] = nx, def.nodes[1] = ny, def.nodes[2] = nz;
+    def.spacing_m = 0.01;
+    kn_model *model = kn_model_build(&def, error, sizeof error);
+    if (!model) fprintf(stderr, "%s\n", error), exit(1);
+    return model;
+}
+
+TEST("the skin holds every outer node once and is closed: each side of a triangle is met once the other way round")
+{
+    kn_model *model = block(6, 5, 4);
+    kn_surface *s = kn_surface_create(model);
+    CHECK(s->vertex_count == 6 * 5 * 4 - 4 * 3 * 2);
+    CHECK(s->triangle_count == 2 * 2 * (5 * 4 + 5 * 3 + 4 * 3));
+    CHECK(s->vertex_count - 3 * s->triangle_count / 2 + s->triangle_count == 2); // Euler
+    int *way = calloc((size_t)(s->vertex_count * s->vertex_count), sizeof *way);
+    for (int t = 0; t < s->triangle_count; t++)
+        for (int k = 0; k < 3; k++) way[s->triangle[3 * t + k] * s->vertex_count + s->triangle[3 * t + (k + 1) % 3]]++;
+    for (int i = 0; i < s->vertex_count; i++)
+        for (int j = 0; j < s->vertex_count; j++) {
+            int here = way[i * s->vertex_count + j];
+            CHECK(here <= 1 && here == way[j * s->vertex_count + i]);
+        }
+    free(way);
+    kn_surface_destroy(s);
+    kn_model_destroy(model);
+}
+
+TEST("triangles turn counter-clockwise from outside: together they enclose the volume of the block")
+{
+    kn_model *model = block(6, 5, 4);
+    kn_state *state = kn_state_create(model);
+    kn_surface *s = kn_surface_create(model);
+    float *x = malloc((size_t)s->vertex_count * 3 * sizeof *x);
+    kn_surface_positions(s, model, state, x);
+    double volume = 0;
+    for (int t = 0; t < s->triangle_count; t++) {
+        const float *a = x + 3 * s->triangle[3 * t], *b = x + 3 * s->triangle[3 * t + 1],
+                    *c = x + 3 * s->triangle[3 * t + 2];
+        double det = 0;
+        for (int k = 0; k < 3; k++) {
+            int m = (k + 1) % 3, n = (k + 2) % 3;
+            det += (double)a[k] * ((double)b[m] * (double)c[n] - (double)b[n] * (double)c[m]);
+        }
+        volume += det / 6;
+    }
+    CHECK_NEAR(volume, 0.05 * 0.04 * 0.03, 1e-10);
+    free(x);
+    kn_surface_destroy(s);
+    kn_state_destroy(state);
+    kn_model_destroy(model);
+}
+
+TEST("positions follow the nodes")
+{
+    kn_model *model = block(3, 3, 3);
+    kn_state *state = kn_state_create(model);
+    kn_surface *s = kn_surface_create(model);
+    float x[3 * 27];
+    CHECK(s->vertex_count == 26);
+    kn_surface_positions(s, model, state, x);
+    for (int i = 0; i < s->vertex_count; i++) {
+        double rest[3];
+        kn_grid_rest(&model->grid, s->node[i], rest);
+        for (int k = 0; k < 3; k++) CHECK_NEAR(x[3 * i + k], rest[k], 1e-8);
+    }
+    kn_surface_destroy(s);
+    kn_state_destroy(state);
+    kn_model_destroy(model);
+}
+
+TESTS_MAIN
