@@ -1,0 +1,75 @@
+// How the answer depends on the time step and on the calibration of the lattice.
+#include "tests/check.h"
+#include "tests/physics/press.h"
+
+TEST("the step is of first order: half the step, half the error of force and shape")
+{
+    press p = {.depth_m = 0.002, .hold_s = 0.05};
+    kn_model_def def = converged(press_def(1));
+    run r[4];
+    for (int i = 0; i < 4; i++) { // 2, 1, 0.5 ms against 0.0625 ms; without the very touch
+        def.solver.dt_s = i < 3 ? 2e-3 / (1 << i) : 6.25e-5;
+        r[i] = press_run(&def, &p, 0.3, 2e-3);
+        memset(r[i].force_n, 0, 5 * sizeof *r[i].force_n);
+    }
+    double force[3], shape[3];
+    for (int i = 0; i < 3; i++) {
+        force[i] = force_error(&r[i], &r[3]);
+        shape[i] = shape_error(&r[i], &r[3]);
+        printf("     %g ms: force %.3f %%, shape %.4f %%\n", 2.0 / (1 << i), 100 * force[i], 100 * shape[i]);
+    }
+    // at 1 ms, of a press whose every tick speeds up or slows down half of the time
+    CHECK(force[1] < 2e-2 && shape[1] < 2e-3);
+    for (int i = 0; i < 2; i++) { // 1/8 of the finest step's error is left in the reference: 2.1 to 2.3
+        CHECK(force[i] / force[i + 1] > 1.8 && force[i] / force[i + 1] < 2.6);
+        CHECK(shape[i] / shape[i + 1] > 1.6 && shape[i] / shape[i + 1] < 2.6);
+    }
+    for (int i = 0; i < 4; i++) run_free(&r[i]);
+}
+
+// Settled strain of a block under a small spread load: along z, and sideways along x.
+static void patch(kn_model_def def, double stress_pa, double *along, double *sideways)
+{
+    def.material = (kn_material){.k1_pa = 1e4, .c1_pa_s = 100, .damper = KN_DAMPER_NONE}; // settles in 10 ms
+    def.support = KN_SUPPORT_FRICTIONLESS;
+    def.probe_count = 0;
+    def.solver.precision = KN_PRECISION_F64;
+    def.solver.tolerance = 1e-12;
+    def.solver.iterations_max = 500;
+    kn_model *model = build(&def);
+    kn_state *state = kn_state_create(model);
+    double h = def.spacing_m, area = (def.nodes[0] - 1) * (def.nodes[1] - 1) * h * h;
+    kn_input in = {.top_load_n = stress_pa * area};
+    kn_output out;
+    for (int i = 0; i < 400; i++) kn_step(model, state, &in, &out);
+    double low[3], high[3];
+    displacement(model, state, 0, low);
+    displacement(model, state, model->grid.nodes - 1, high);
+    *along = (high[2] - low[2]) / ((def.nodes[2] - 1) * h);
+    *sideways = (high[0] - low[0]) / ((def.nodes[0] - 1) * h);
+    // uniform: every node moves as its place says
+    for (int i = 0; i < model->grid.nodes; i++) {
+        double x[3], u[3];
+        kn_grid_rest(&model->grid, i, x);
+        displacement(model, state, i, u);
+        CHECK_NEAR(u[2], *along * x[2], 1e-4 * fabs(*along) * 0.01);
+    }
+    kn_state_destroy(state);
+    kn_model_destroy(model);
+}
+
+TEST("uniaxial patch test: any block with diagonals has the material's modulus exactly, E = 2.7 k/h, and nu = 0.35")
+{
+    static const int blocks[3][3] = {{6, 6, 4}, {3, 4, 5}, {2, 2, 2}};
+    for (int t = 0; t < 3; t++) {
+        kn_model_def def = press_def(1);
+        memcpy(def.nodes, blocks[t], sizeof def.nodes);
+        def.spacing_m = 0.01 / (t + 1);
+        double along, sideways;
+        patch(def, 0.1, &along, &sideways); // strain 1e-5
+        CHECK_NEAR(along, -1e-5, 1e-9);
+        CHECK_NEAR(-sideways / along, 0.35, 1e-3);
+    }
+}
+
+TESTS_MAIN
