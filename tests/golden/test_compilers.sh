@@ -1,0 +1,43 @@
+#!/bin/sh
+# Same bits from gcc and clang at -O1 and -O3: builds the core and the golden presses four times and compares what they print.
+set -eu
+out=$(mktemp -d)
+trap 'rm -rf "$out"' EXIT
+cd "$KN_SOURCE"
+
+compilers=
+for cc in gcc clang; do
+    if command -v $cc >/dev/null; then compilers="$compilers $cc"; else echo "no $cc here"; fi
+done
+test -n "$compilers" || { echo "skipped: no compiler"; exit 77; }
+
+# One line per object file, the flags as in CMakeLists.txt; all compiled together, as many at a time as there are processors.
+for cc in $compilers; do
+    for level in -O1 -O3; do
+        mkdir "$out/$cc$level"
+        command="$cc -std=c17 -D_GNU_SOURCE -I. -ffp-contract=off $level"
+        for file in core/*.c tests/golden/test_golden.c; do
+            test "$file" = core/kernel.c || echo "$command -c $file -o $out/$cc$level/$(basename "$file" .c).o"
+        done
+        for precision in F32 F64; do
+            kernel="-c core/kernel.c -DKN_KERNEL_$precision=1 -o $out/$cc$level/kernel_$precision"
+            echo "$command $kernel.base.o -DKN_KERNEL_BASE=1"
+            echo "$command $kernel.avx2.o -DKN_KERNEL_AVX2=1 -mavx2 -mfma"
+            echo "$command $kernel.avx512.o -DKN_KERNEL_AVX512=1 -mavx512f -mavx512vl -mavx512dq -mfma"
+        done
+    done
+done | xargs -P "$(nproc)" -I{} sh -c '{}'
+
+reference=
+for cc in $compilers; do
+    for level in -O1 -O3; do
+        $cc -o "$out/$cc$level/golden" "$out/$cc$level"/*.o -lm
+        # the numbers pinned in test_golden.c do not matter here, only that all builds agree
+        "$out/$cc$level/golden" 2>/dev/null | grep '^ *golden ' >"$out/$cc$level.txt" || true
+        test "$(wc -l <"$out/$cc$level.txt")" -eq 6 || { echo "$cc $level: did not run to its end"; exit 1; }
+        reference=${reference:-$out/$cc$level.txt}
+        diff "$reference" "$out/$cc$level.txt" || { echo "$cc $level gives other bits than $(basename "$reference" .txt)"; exit 1; }
+        echo "$cc $level: same bits"
+    done
+done
+cat "$reference"
