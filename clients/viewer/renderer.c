@@ -19,6 +19,7 @@
 
 static const float table_color[3] = {0.925f, 0.93f, 0.935f}; // the background too: the table fades into it
 static const float tool_color[3] = {0.45f, 0.52f, 0.60f};
+static const float outside_color[3] = {0.74f, 0.77f, 0.80f};
 static const float arrow_color[3] = {0.86f, 0.30f, 0.12f};
 
 typedef struct shape { // triangles ready to be drawn
@@ -348,9 +349,10 @@ static void draw_probe(const kn_renderer *r, GLuint program, const kn_view_probe
     float at[3] = {(float)p->position_m[0], (float)p->position_m[1], (float)p->position_m[2]}, m[16];
     float radius = (float)p->def.radius_m;
     bool plate = p->def.shape == KN_PROBE_PLATE;
+    if (p->outside && program == r->depth) return;
     if (plate) place(m, at, up, (float)p->def.size_m[0], (float)p->def.size_m[1], (float)PLATE_THICKNESS_M);
     else place(m, at, up, radius, radius, radius);
-    draw_shape(r, program, plate ? &r->box : &r->ball, m, tool_color, plate ? 0.25f : 0.5f, 0);
+    draw_shape(r, program, plate ? &r->box : &r->ball, m, p->outside ? outside_color : tool_color, plate ? 0.25f : 0.5f, 0);
     arrow a = arrow_of(r, p);
     if (a.length > 0) draw_arrow(r, program, &a);
 }

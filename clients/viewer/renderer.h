@@ -16,6 +16,7 @@ typedef struct kn_view_probe {
     kn_probe_def def;      // shape and size
     double position_m[3];  // plate: centre of the face that touches; sphere: centre
     double force_n[3];     // on the tool; drawn beyond the tool, one square of the table per 5 N; none below 0.05 N
+    bool outside;          // not in the model (no session yet, or latched): drawn pale and without a shadow
 } kn_view_probe;
 
 typedef struct kn_view_scene {
