@@ -1,0 +1,140 @@
+#include "clients/knead/live.h"
+#include "proto/knead_contact_force_t.h"
+#include "proto/knead_scene_t.h"
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+#define FORGET_MS 200 // forces come every ms: a hand that was silent this long is gone
+#define FORCE "KNEAD_FORCE_"
+
+int64_t kn_live_now_ms(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec * 1000 + now.tv_nsec / 1000000;
+}
+
+static bool starts_with_hash(const uint8_t *data, size_t size, int64_t hash)
+{
+    uint64_t value = 0;
+    if (size < 8) return false;
+    for (int i = 0; i < 8; i++) value = value << 8 | data[i];
+    return value == (uint64_t)hash;
+}
+
+// scene_t without its decoder, which believes the lengths in a message: hash, three int64, one int32, then version, name and
+// text, each a length that counts the closing NUL, and the bytes.
+static bool scene_strings(const uint8_t *data, size_t size, const char *string[3])
+{
+    size_t at = 8 + 3 * 8 + 4;
+    if (size < at || !starts_with_hash(data, size, __knead_scene_t_get_hash())) return false;
+    for (int i = 0; i < 3; i++) {
+        if (size - at < 4) return false;
+        int64_t length = kn_mesh_int(data, (int)at);
+        at += 4;
+        if (length < 1 || (uint64_t)length > size - at) return false;
+        string[i] = (const char *)data + at;
+        at += (size_t)length;
+        if (memchr(string[i], 0, (size_t)length) != data + at - 1) return false;
+    }
+    return true;
+}
+
+static void on_scene(const lcm_recv_buf_t *buffer, const char *channel, void *user)
+{
+    kn_live *live = user;
+    const char *string[3];
+    (void)channel;
+    if (!scene_strings(buffer->data, buffer->data_size, string)) return;
+    live->heard[0]++;
+    if (live->scene && strcmp(live->scene->text, string[2]) == 0) return;
+    kn_scene *scene = kn_scene_parse(string[1], string[2], strlen(string[2]), NULL, 0, live->scene_error,
+                                     sizeof live->scene_error);
+    if (!scene) return;
+    live->scene_error[0] = 0;
+    kn_scene_destroy(live->scene);
+    live->scene = scene;
+}
+
+static kn_live_probe *slot(kn_live *live, const char *name)
+{
+    for (int i = 0; i < live->probe_count; i++)
+        if (strcmp(live->probe[i].name, name) == 0) return &live->probe[i];
+    if (live->probe_count == KN_PROBES_MAX || strlen(name) >= KN_NAME_MAX) return NULL;
+    kn_live_probe *p = &live->probe[live->probe_count++];
+    strcpy(p->name, name);
+    return p;
+}
+
+static void on_force(const lcm_recv_buf_t *buffer, const char *channel, void *user)
+{
+    kn_live *live = user;
+    knead_contact_force_t force;
+    if (knead_contact_force_t_decode(buffer->data, 0, (int)buffer->data_size, &force) < 0) return;
+    live->heard[0]++;
+    kn_live_probe *p = slot(live, channel + strlen(FORCE));
+    if (!p) return;
+    memcpy(p->position_m, force.proxy_position_m, sizeof p->position_m);
+    memcpy(p->force_n, force.force_n, sizeof p->force_n);
+    p->gain = force.gain;
+    p->heard_ms = kn_live_now_ms();
+}
+
+static void on_mesh_init(const lcm_recv_buf_t *buffer, const char *channel, void *user)
+{
+    kn_live *live = user;
+    (void)channel;
+    live->heard[1]++;
+    kn_mesh_init(&live->mesh, buffer->data, buffer->data_size);
+}
+
+static void on_mesh_update(const lcm_recv_buf_t *buffer, const char *channel, void *user)
+{
+    kn_live *live = user;
+    (void)channel;
+    live->heard[1]++;
+    live->meshes += kn_mesh_update(&live->mesh, buffer->data, buffer->data_size);
+}
+
+bool kn_live_open(kn_live *live, const char *url, const char *mesh_url, char *error, size_t error_size)
+{
+    *live = (kn_live){.bus = kn_join(url, KN_FORCE_URL, error, error_size)};
+    if (live->bus) live->mesh_bus = kn_join(mesh_url, KN_MESH_URL, error, error_size);
+    if (!live->mesh_bus) {
+        kn_live_close(live);
+        return false;
+    }
+    lcm_subscribe(live->bus, "KNEAD_SCENE", on_scene, live);
+    lcm_subscribe(live->bus, FORCE "[a-z0-9_]+", on_force, live);
+    lcm_subscribe(live->mesh_bus, "KNEAD_MESH_INIT", on_mesh_init, live);
+    lcm_subscribe(live->mesh_bus, "KNEAD_MESH_UPDATE", on_mesh_update, live);
+    return true;
+}
+
+void kn_live_listen(kn_live *live, int timeout_ms)
+{
+    struct pollfd wait[2] = {{.fd = lcm_get_fileno(live->bus), .events = POLLIN},
+                             {.fd = lcm_get_fileno(live->mesh_bus), .events = POLLIN}};
+    if (poll(wait, 2, timeout_ms) <= 0) return;
+    if (wait[0].revents & POLLIN) lcm_handle(live->bus);
+    if (wait[1].revents & POLLIN) lcm_handle(live->mesh_bus);
+}
+
+const kn_live_probe *kn_live_find(const kn_live *live, const char *name)
+{
+    for (int i = 0; i < live->probe_count; i++)
+        if (strcmp(live->probe[i].name, name) == 0 && kn_live_now_ms() - live->probe[i].heard_ms <= FORGET_MS)
+            return &live->probe[i];
+    return NULL;
+}
+
+void kn_live_close(kn_live *live)
+{
+    if (live->bus) lcm_destroy(live->bus);
+    if (live->mesh_bus) lcm_destroy(live->mesh_bus);
+    kn_mesh_free(&live->mesh);
+    kn_scene_destroy(live->scene);
+    *live = (kn_live){0};
+}

@@ -1,0 +1,328 @@
+// knead view: a picture of an object, from the bus, from a recording, or at rest.
+#include "clients/knead/commands.h"
+#include "clients/knead/live.h"
+#include "clients/viewer/image.h"
+#include "clients/viewer/offscreen.h"
+#include "clients/viewer/renderer.h"
+#include "core/surface.h"
+#include "server/replay.h"
+#include <getopt.h>
+#include <inttypes.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define SETTLE_MS 50 // after the first whole mesh: the probes' forces, and a mesh that is not older than they are
+
+static const char help[] =
+    "usage: knead view --png FILE [OPTION]...             what a running kneadd serves\n"
+    "       knead view --png FILE [OPTION]... LOG         a recording, stepped to its end or to --at\n"
+    "       knead view --png FILE [OPTION]... --scene F   a scene's object at rest\n\n"
+    "Draws the object, its tools and the force on the hand, without a screen.\n\n"
+    "  --at SECONDS|end   moment of the recording, since its first session began (end)\n"
+    "  --size WxH         pixels, 16..4096 each (1280x720)\n"
+    "  --azimuth DEG      where from: 0 the front, 90 the right (28)\n"
+    "  --elevation DEG    0 level .. 90 from above (27)\n"
+    "  --no-lines         without the lines of the lattice\n"
+    "  --wait SECONDS     how long to listen for the server, 0..3600 (6: its scene comes every 5)\n"
+    "  --lcm-url URL      poses, forces, scene ($LCM_DEFAULT_URL, " KN_FORCE_URL ")\n"
+    "  --mesh-url URL     meshes (" KN_MESH_URL ")\n\n"
+    "Squares on the table, and the black bar: 1 cm, for an object of 2 to 20 cm. Arrow: one square per 5 N.\n"
+    "Exit codes: 0 ok, 2 bad input, 3 nothing heard, no OpenGL, or the picture cannot be written.\n";
+
+typedef struct options {
+    const char *png, *log, *scene, *url, *mesh_url;
+    double at_s; // INFINITY: end
+    double wait_s;
+    int width, height;
+    kn_view_scene look; // azimuth, elevation, lines
+    bool help;
+} options;
+
+typedef struct still { // what is drawn; all arrays are owned
+    int vertex_count, triangle_count;
+    float (*rest)[3], (*now)[3];
+    int (*triangle)[3];
+    kn_view_scene view;
+    char caption[128];
+} still;
+
+__attribute__((format(printf, 2, 3))) static int fail(int code, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    fputs("knead view: ", stderr);
+    vfprintf(stderr, format, args);
+    fputc('\n', stderr);
+    va_end(args);
+    return code;
+}
+
+// ---- options
+
+static bool number(const char *text, double low, double high, double *value)
+{
+    char *end;
+    *value = strtod(text, &end);
+    return end != text && !*end && *value >= low && *value <= high;
+}
+
+static bool size(const char *text, options *o)
+{
+    char end = 0;
+    return sscanf(text, "%5dx%5d%c", &o->width, &o->height, &end) == 2 && o->width >= KN_OFFSCREEN_MIN &&
+           o->width <= KN_OFFSCREEN_MAX && o->height >= KN_OFFSCREEN_MIN && o->height <= KN_OFFSCREEN_MAX;
+}
+
+static const char *take(options *o, char option, const char *text) // NULL, or what was expected
+{
+    switch (option) {
+    case 'p': o->png = text; return NULL;
+    case 'S': o->scene = text; return NULL;
+    case 'l': o->url = text; return NULL;
+    case 'm': o->mesh_url = text; return NULL;
+    case 'n': o->look.lines = false; return NULL;
+    case 't': return strcmp(text, "end") == 0 || number(text, -1e9, 1e9, &o->at_s) ? NULL : "seconds, or end";
+    case 's': return size(text, o) ? NULL : "WxH, 16..4096 pixels on each side, e.g. 1280x720";
+    case 'a': return number(text, -360, 360, &o->look.azimuth_deg) ? NULL : "degrees, -360..360";
+    case 'e': return number(text, 0, 90, &o->look.elevation_deg) ? NULL : "degrees, 0..90";
+    default: return number(text, 0, 3600, &o->wait_s) ? NULL : "seconds, 0..3600";
+    }
+}
+
+static int parse(int argc, char **argv, options *o)
+{
+    static const struct option names[] = {
+        {"png", 1, NULL, 'p'},       {"at", 1, NULL, 't'},       {"size", 1, NULL, 's'},    {"azimuth", 1, NULL, 'a'},
+        {"elevation", 1, NULL, 'e'}, {"no-lines", 0, NULL, 'n'}, {"scene", 1, NULL, 'S'},   {"wait", 1, NULL, 'w'},
+        {"lcm-url", 1, NULL, 'l'},   {"mesh-url", 1, NULL, 'm'}, {"help", 0, NULL, 'h'},    {NULL, 0, NULL, 0}};
+    int option, which = 0;
+    opterr = 0; // our own words
+    while ((option = getopt_long(argc, argv, ":h", names, &which)) != -1) {
+        const char *word = argv[optind - 1];
+        if (option == ':') return fail(KN_EXIT_USAGE, "%s: expected a value", word);
+        if (option == '?') return fail(KN_EXIT_USAGE, "%s: no such option; knead view --help lists them", word);
+        if (option == 'h') return o->help = true, KN_EXIT_OK;
+        const char *expected = take(o, (char)option, optarg);
+        if (expected) return fail(KN_EXIT_USAGE, "--%s %s: expected %s", names[which].name, optarg, expected);
+    }
+    if (optind < argc) o->log = argv[optind++];
+    if (optind < argc) return fail(KN_EXIT_USAGE, "%s: expected one log", argv[optind]);
+    if (!o->png) return fail(KN_EXIT_USAGE, "expected --png FILE");
+    if (o->log && o->scene) return fail(KN_EXIT_USAGE, "--scene %s: expected a log or a scene; a log holds its own", o->scene);
+    if (!o->log && isfinite(o->at_s)) return fail(KN_EXIT_USAGE, "--at: expected a log to step");
+    return KN_EXIT_OK;
+}
+
+// ---- what is drawn
+
+static void still_free(still *s)
+{
+    free(s->rest);
+    free(s->now);
+    free(s->triangle);
+    memset(s, 0, sizeof *s);
+}
+
+static bool still_fill(still *s, int vertex_count, const float *now, int triangle_count, const int *triangle)
+{
+    s->vertex_count = vertex_count;
+    s->triangle_count = triangle_count;
+    s->rest = malloc(((size_t)vertex_count + 1) * sizeof *s->rest);
+    s->now = malloc(((size_t)vertex_count + 1) * sizeof *s->now);
+    s->triangle = malloc(((size_t)triangle_count + 1) * sizeof *s->triangle);
+    if (!s->rest || !s->now || !s->triangle) return false;
+    memcpy(s->now, now, (size_t)vertex_count * sizeof *s->now);
+    memcpy(s->rest, now, (size_t)vertex_count * sizeof *s->rest);
+    memcpy(s->triangle, triangle, (size_t)triangle_count * sizeof *s->triangle);
+    return true;
+}
+
+// Colour tells the three kinds of material apart: dough, jelly, clay.
+static void paint(kn_view_scene *view, const kn_material *m)
+{
+    static const float jelly[3] = {0.80f, 0.33f, 0.40f}, clay[3] = {0.74f, 0.47f, 0.36f};
+    if (m->damper == KN_DAMPER_NONE) memcpy(view->color, jelly, sizeof jelly);
+    else if (m->k1_pa == 0) memcpy(view->color, clay, sizeof clay);
+}
+
+static bool rest_shape(still *s, const kn_model *model, const kn_surface *surface)
+{
+    if (surface->vertex_count != s->vertex_count || surface->triangle_count != s->triangle_count) return false;
+    if (memcmp(surface->triangle, s->triangle, (size_t)s->triangle_count * sizeof *s->triangle) != 0) return false;
+    for (int v = 0; v < s->vertex_count; v++) {
+        double x_m[3];
+        kn_grid_rest(&model->grid, surface->node[v], x_m);
+        for (int i = 0; i < 3; i++) s->rest[v][i] = (float)x_m[i];
+    }
+    return true;
+}
+
+static bool still_state(still *s, const kn_model *model, const kn_state *state)
+{
+    kn_surface *surface = kn_surface_create(model);
+    float *xyz = surface ? calloc((size_t)surface->vertex_count, 3 * sizeof *xyz) : NULL;
+    bool ok = xyz != NULL;
+    if (ok) kn_surface_positions(surface, model, state, xyz);
+    ok = ok && still_fill(s, surface->vertex_count, xyz, surface->triangle_count, surface->triangle) &&
+         rest_shape(s, model, surface);
+    paint(&s->view, &model->def.material);
+    free(xyz);
+    kn_surface_destroy(surface);
+    return ok;
+}
+
+static void add_probe(kn_view_scene *view, const kn_probe_def *def, const double position_m[3], const double force_n[3],
+                      double gain)
+{
+    kn_view_probe *p = &view->probe[view->probe_count++];
+    p->def = *def;
+    p->outside = gain == 0;
+    memcpy(p->position_m, position_m, sizeof p->position_m);
+    memcpy(p->force_n, force_n, sizeof p->force_n);
+}
+
+// ---- at rest
+
+static int from_scene(const options *o, still *s)
+{
+    char error[400];
+    kn_scene *scene = kn_scene_load(o->scene, NULL, 0, error, sizeof error);
+    if (!scene) return fprintf(stderr, "%s\n", error), KN_EXIT_USAGE;
+    int code = KN_EXIT_OK;
+    kn_model *model = kn_model_build(&scene->model, error, sizeof error);
+    kn_state *state = model ? kn_state_create(model) : NULL;
+    if (!model) code = fail(KN_EXIT_USAGE, "%s: %s", o->scene, error);
+    else if (!state || !still_state(s, model, state)) code = fail(KN_EXIT_DEVICE, "out of memory");
+    snprintf(s->caption, sizeof s->caption, "%s at rest", scene->name);
+    kn_state_destroy(state);
+    kn_model_destroy(model);
+    kn_scene_destroy(scene);
+    return code;
+}
+
+// ---- a recording
+
+static int step_to(kn_replay *r, const options *o)
+{
+    double last_s = -INFINITY;
+    while (kn_replay_step(r)) {
+        last_s = r->tick.time_s;
+        if (last_s >= o->at_s - 0.0005) return KN_EXIT_OK; // the tick nearest to it
+    }
+    if (isinf(last_s)) return fail(KN_EXIT_USAGE, "%s: not one tick in it, expected a recorded session", o->log);
+    if (isinf(o->at_s)) return KN_EXIT_OK;
+    return fail(KN_EXIT_USAGE, "--at %g: %s ends at %.3f s", o->at_s, o->log, last_s);
+}
+
+static int from_log(const options *o, still *s)
+{
+    char error[400];
+    kn_replay *r = kn_replay_create(&(kn_replay_def){.log_path = o->log}, error, sizeof error);
+    if (!r) return fail(KN_EXIT_USAGE, "%s", error);
+    int code = step_to(r, o);
+    if (code == KN_EXIT_OK && !still_state(s, r->model, kn_replay_state(r))) code = fail(KN_EXIT_DEVICE, "out of memory");
+    for (int i = 0; code == KN_EXIT_OK && i < r->tick.out.probes; i++) {
+        const kn_force *f = &r->tick.out.force[i];
+        if (f->live) add_probe(&s->view, &r->model->def.probe[i], f->proxy_position_m, f->force_n, f->gain);
+    }
+    snprintf(s->caption, sizeof s->caption, "%s at %.3f s", r->scene->name, r->tick.time_s);
+    if (r->damage[0]) fprintf(stderr, "knead view: %s: %s; what stands before it was used\n", o->log, r->damage);
+    kn_replay_destroy(r);
+    return code;
+}
+
+// ---- the bus
+
+static int unheard(const options *o, const kn_live *live)
+{
+    const char *what = live->heard[0] ? "a server, but no mesh" : live->heard[1] ? "no whole mesh" : "nothing";
+    return fail(KN_EXIT_DEVICE,
+                "heard %s in %g s: is kneadd running, in this network namespace, with these --lcm-url and --mesh-url?", what,
+                o->wait_s);
+}
+
+static void add_live(still *s, const kn_live *live)
+{
+    char error[400];
+    kn_model *model = live->scene ? kn_model_build(&live->scene->model, error, sizeof error) : NULL;
+    kn_surface *surface = model ? kn_surface_create(model) : NULL;
+    if (!surface || !rest_shape(s, model, surface)) {
+        fprintf(stderr, "knead view: %s%s; drawn without probes, with the edges of the shape as it is\n",
+                live->scene ? "the mesh is not of the scene that was heard" : "no scene was heard",
+                live->scene_error[0] ? live->scene_error : "");
+    } else {
+        paint(&s->view, &model->def.material);
+        for (int i = 0; i < model->def.probe_count; i++) {
+            const kn_live_probe *p = kn_live_find(live, model->def.probe[i].name);
+            if (p) add_probe(&s->view, &model->def.probe[i], p->position_m, p->force_n, p->gain);
+        }
+    }
+    kn_surface_destroy(surface);
+    kn_model_destroy(model);
+}
+
+static int from_bus(const options *o, still *s)
+{
+    char error[400];
+    kn_live live;
+    if (!kn_live_open(&live, o->url, o->mesh_url, error, sizeof error)) return fail(KN_EXIT_DEVICE, "%s", error);
+    int64_t end_ms = kn_live_now_ms() + (int64_t)(o->wait_s * 1000), now_ms;
+    bool settling = false;
+    while ((now_ms = kn_live_now_ms()) < end_ms) {
+        kn_live_listen(&live, (int)(end_ms - now_ms));
+        if (settling || !live.mesh.whole || !live.scene) continue;
+        settling = true;
+        end_ms = kn_live_now_ms() + SETTLE_MS;
+    }
+    int code = KN_EXIT_OK;
+    if (!live.mesh.whole) code = unheard(o, &live);
+    else if (!still_fill(s, live.mesh.vertex_count, live.mesh.positions_m, live.mesh.triangle_count, live.mesh.triangles))
+        code = fail(KN_EXIT_DEVICE, "out of memory");
+    else add_live(s, &live);
+    snprintf(s->caption, sizeof s->caption, "%s live, tick %" PRId64, live.scene ? live.scene->name : "an object",
+             live.mesh.tick);
+    kn_live_close(&live);
+    return code;
+}
+
+// ---- the picture
+
+static int draw(const options *o, still *s)
+{
+    char error[400];
+    kn_renderer *r = kn_renderer_open(o->width, o->height, error, sizeof error);
+    if (!r) return fail(KN_EXIT_DEVICE, "%s", error);
+    uint8_t *rgba = malloc((size_t)o->width * (size_t)o->height * 4);
+    int code = KN_EXIT_OK;
+    s->view.xyz = (const float(*)[3])s->now;
+    if (!rgba) code = fail(KN_EXIT_DEVICE, "out of memory");
+    else if (!kn_renderer_mesh(r, s->vertex_count, (const float(*)[3])s->rest, s->triangle_count,
+                               (const int(*)[3])s->triangle))
+        code = fail(KN_EXIT_DEVICE, "a mesh of %d vertices and %d triangles cannot be drawn", s->vertex_count,
+                    s->triangle_count);
+    else {
+        kn_renderer_draw(r, &s->view, rgba);
+        if (!kn_image_write_png(o->png, o->width, o->height, rgba, error, sizeof error))
+            code = fail(KN_EXIT_DEVICE, "%s", error);
+        else printf("%s: %d x %d, %s\n", o->png, o->width, o->height, s->caption);
+    }
+    free(rgba);
+    kn_renderer_close(r);
+    return code;
+}
+
+int kn_view_main(int argc, char **argv)
+{
+    options o = {.at_s = INFINITY, .wait_s = 6, .width = 1280, .height = 720, .look = kn_view_scene_default()};
+    int code = parse(argc, argv, &o);
+    if (o.help) fputs(help, stdout);
+    if (o.help || code != KN_EXIT_OK) return code;
+    still s = {.view = o.look};
+    code = o.scene ? from_scene(&o, &s) : o.log ? from_log(&o, &s) : from_bus(&o, &s);
+    if (code == KN_EXIT_OK) code = draw(&o, &s);
+    still_free(&s);
+    return code;
+}

@@ -1,0 +1,52 @@
+#!/usr/bin/env bash
+# knead view: an object at rest, what a server serves, a recording; and what it says when there is nothing to see.
+. "$KN_SOURCE/tests/e2e/kneadd.sh"
+# expect SENTENCE EXIT PATTERN COMMAND...: exit code, and the one line on stderr (empty: ^$)
+expect() {
+    local sentence=$1 code=$2 pattern=$3 got
+    shift 3
+    "$@" >out 2>err
+    got=$?
+    check "$sentence ($(cat out err))" eval '[ $got = $code ] && [ $(wc -l <err) -le 1 ] && [[ $(cat err) =~ $pattern ]]'
+}
+# picture FILE WIDTH HEIGHT: a PNG of that size (bytes 17 to 24 of the file)
+picture() {
+    local size
+    size=$(printf '%08x%08x' "$2" "$3")
+    check "$1 is a picture of $2 x $3" [ "$(od -An -tx1 -j16 -N8 "$1" | tr -d ' \n')" = "$size" ]
+}
+scene=$KN_SOURCE/core/scenes/dough-small.yaml
+knead view --scene "$scene" --png rest.png 2>&1 | grep 'install the package libosmesa6' && echo "skipped: no OpenGL" && exit 77
+
+expect "a scene at rest" 0 '^$' knead view --scene "$scene" --png rest.png --size 320x180
+picture rest.png 320 180
+expect "no server: says what to look at" 3 'heard nothing in 0.3 s: is kneadd running' knead view --png x.png --wait 0.3
+check "no picture of nothing" [ ! -e x.png ]
+expect "no picture asked for" 2 'expected --png' knead view
+expect "a size that is none" 2 '^knead view: --size 9x9: expected WxH, 16..4096' knead view --png x.png --size 9x9
+expect "a scene that is none" 2 'nosuch.yaml:1:1: ' knead view --png x.png --scene nosuch.yaml
+expect "a log that is none" 2 'expected an LCM event log' knead view --png x.png nosuch.lcmlog
+expect "a folder that is none" 3 'nosuch/x.png: No such file' knead view --png nosuch/x.png --scene "$scene"
+
+lcm-logger --quiet press.lcmlog &
+logger=$!
+start_kneadd dough-small.yaml
+hand plate >hand.out 2>&1 &
+hand=$!
+sleep 1
+expect "what a server serves" 0 '^$' knead view --png live.png --size 320x180 --wait 20
+check "names the scene and the tick" grep -q 'dough-small.yaml live, tick' out
+picture live.png 320 180
+kill $hand
+stop_kneadd
+check "kneadd ends well" [ $status = 0 ]
+sleep 0.3
+kill $logger
+wait
+
+expect "a moment of a recording" 0 '^$' knead view press.lcmlog --at 0.5 --png a.png --size 320x180
+expect "the same again" 0 '^$' knead view press.lcmlog --at 0.5 --png b.png --size 320x180
+check "a moment is a picture, to the byte" cmp a.png b.png
+expect "its end" 0 '^$' knead view press.lcmlog --png end.png --size 320x180
+expect "a moment after it" 2 'ends at [0-9.]+ s$' knead view press.lcmlog --at 1e6 --png x.png
+exit $failed
