@@ -18,6 +18,7 @@
 
 static const int scene_wait_ms = 6000; // KNEAD_SCENE comes every 5 s
 static const double press_m = 0.01;  // the first paper's
+static const double shallowest_m = 1e-4; // less is no press
 static const double lift_m = 0.02;   // above the top: clear of whatever was pushed up there
 static const double even_m = 1e-5, most_uneven_m = 2e-3; // below: no dent; above: 4 s of creeping are enough
 static const double thinnest = 0.1;  // of the block's height must stay: thinner cells turn inside out
@@ -70,6 +71,17 @@ static int find_tool(probe *p)
     for (int i = 0; i < def->probe_count && n > 0 && (size_t)n < sizeof p->error; i++)
         n += snprintf(p->error + n, sizeof p->error - (size_t)n, " %s", def->probe[i].name);
     return complain(KN_EXIT_USAGE, p->error);
+}
+
+// A path from a file needs no scene: its mistakes are told before the wait for one.
+static int load_path(probe *p)
+{
+    const char *path = p->opt.path;
+    if (!strcmp(path, "press") || !strcmp(path, "sine") || !strcmp(path, "poke")) return KN_EXIT_OK;
+    p->path[0] = kn_path_load(path, p->error, sizeof p->error);
+    if (p->path[0]) return KN_EXIT_OK;
+    fprintf(stderr, "%s\n", p->error);
+    return KN_EXIT_USAGE;
 }
 
 static int find_scene(probe *p)
@@ -130,7 +142,7 @@ static void find_deepest(probe *p)
 
 // A press goes to a depth below the top of the untouched block, everything else below where the tool touches now. Where
 // it touches depends on what was kneaded before, so a path is made for the mesh of now. NULL after one line.
-static kn_path *generate(probe *p)
+static kn_path *generate(probe *p, bool again)
 {
     const kn_model_def *def = &p->scene->model;
     kn_path_def shape = p->opt.shape;
@@ -148,7 +160,8 @@ static kn_path *generate(probe *p)
                 1e3 * ((1.0 - thinnest) * height_m - (press ? 0.0 : dent_m)));
         return NULL;
     }
-    if (press && shape.depth_m < 1e-4) {
+    if (again) shape.depth_m = fmax(shape.depth_m, shallowest_m); // the spoilt try got there, but its hold is wanted, too
+    if (press && shape.depth_m < shallowest_m) {
         fprintf(stderr, "knead probe: the dent under the tool is %.1f mm deep already, expected a larger --depth\n",
                 1e3 * dent_m);
         return NULL;
@@ -163,14 +176,10 @@ static kn_path *generate(probe *p)
 
 static int make_path(probe *p)
 {
-    bool named = !strcmp(p->opt.path, "press") || !strcmp(p->opt.path, "sine") || !strcmp(p->opt.path, "poke");
-    if (named) {
-        p->path[0] = generate(p);
-    } else {
-        p->path[0] = kn_path_load(p->opt.path, p->error, sizeof p->error);
-        if (!p->path[0]) complain(KN_EXIT_USAGE, p->error);
+    if (!p->path[0]) {
+        p->path[0] = generate(p, false);
+        p->regenerate = true;
     }
-    p->regenerate = named;
     if (!p->path[0]) return KN_EXIT_USAGE;
     find_deepest(p);
     if (!kn_dent_height(&p->mesh, p->x_m, p->y_m, &p->before_m)) p->before_m = NAN; // deepest beside the object
@@ -236,7 +245,7 @@ static void clear_progress(void) { fprintf(stderr, "\r%78s\r", ""); }
 // After n trips: the next try's path, for the object as it is now.
 static void prepare_try(probe *p, int n)
 {
-    p->path[n] = generate(p);
+    p->path[n] = generate(p, true);
     if (p->path[n]) atomic_store(&p->device.next_path, p->path[n]);
     else p->no_way = true;
 }
@@ -323,7 +332,8 @@ static int finish(probe *p)
 
 static int run(probe *p)
 {
-    int code = find_scene(p);
+    int code = load_path(p);
+    if (code == KN_EXIT_OK) code = find_scene(p);
     if (code == KN_EXIT_OK) code = open_mesh(p);
     if (code == KN_EXIT_OK) code = make_path(p);
     if (code == KN_EXIT_OK) code = start(p);

@@ -82,7 +82,7 @@ int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *d
     *opt = (kn_probe_options){.path = "press", .shape.hold_s = -1.0};
     optind = 1;
     bool ok = true;
-    for (int c; ok && (c = getopt_long(argc, argv, "", list, NULL)) != -1;) {
+    for (int c; ok && (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
         switch (c) {
         case PATH: opt->path = optarg; break;
         case PROBE: opt->probe = optarg; break;
@@ -98,7 +98,10 @@ int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *d
         case MESH_URL: opt->mesh_url = optarg; break;
         case QUIET: opt->quiet = true; break;
         case HELP: *done = true; fputs(help, stdout); return KN_EXIT_OK;
-        default: ok = false;
+        default:
+            fprintf(stderr, "knead probe: %s: %s\n", argv[optind - 1],
+                    c == ':' ? "expected a value" : "unknown option; knead probe --help lists them");
+            ok = false;
         }
     }
     if (ok && optind < argc) {

@@ -1,0 +1,52 @@
+#!/bin/sh
+# The command line of `knead`: help for newcomers, one line for every mistake, the exit codes that are promised.
+set -u
+failures=0
+fail() { echo "FAIL $*"; failures=$((failures + 1)); }
+
+# expect CODE 'first words of the one line on stderr' COMMAND...
+expect() {
+    code=$1 words=$2
+    shift 2
+    "$@" >out 2>err
+    got=$?
+    [ $got -eq "$code" ] || fail "$*: exit $got, expected $code"
+    [ "$(wc -l <err)" -eq 1 ] || fail "$*: $(wc -l <err) lines on stderr, expected 1"
+    case $(cat err) in "$words"*) ;; *) fail "$*: said '$(cat err)', expected '$words...'" ;; esac
+    [ ! -s out ] || fail "$*: something on stdout"
+}
+
+knead --help >help || fail "knead --help: exit $?"
+for name in $(sed -n 's/^  \([a-z]*\) .*/\1/p' help); do
+    knead "$name" --help >out 2>err || fail "knead $name --help: exit $?"
+    grep -q "^usage: knead $name" out || fail "knead $name --help does not begin with its usage"
+    [ ! -s err ] || fail "knead $name --help: something on stderr"
+    [ "$(knead "$name" --version)" = "$(knead --version)" ] || fail "knead $name --version"
+done
+grep -q '^  probe ' help || fail "knead --help does not list probe"
+knead >out 2>err && fail "knead without a subcommand: exit 0"
+[ -s err ] && [ ! -s out ] || fail "knead without a subcommand: help belongs on stderr"
+
+expect 2 'knead: no subcommand `need`' knead need
+expect 2 'knead: no subcommand `need`' knead need --version
+expect 2 "knead probe: --depth 10: expected something like '10 mm'" knead probe --depth 10
+expect 2 "knead probe: --depth 5 s: expected something like '10 mm'" knead probe --depth '5 s'
+expect 2 "knead probe: --depth 0 mm: expected" knead probe --depth '0 mm'
+expect 2 "knead probe: --speed -1 cm/s: expected" knead probe --speed '-1 cm/s'
+expect 2 "knead probe: --hold 1e999 s: expected" knead probe --hold '1e999 s'
+expect 2 "knead probe: --drop-at 1.5: expected SECONDS:MILLISECONDS" knead probe --drop-at 1.5
+expect 2 "knead probe: --tries 4: expected 1 to 3" knead probe --tries 4
+expect 2 'knead probe: `press`: expected options only' knead probe press
+expect 2 'knead probe: --wood: unknown option' knead probe --wood
+expect 2 'knead probe: --hold: expected a value' knead probe --hold
+expect 2 'nowhere.csv: No such file or directory' knead probe --path nowhere.csv
+printf 'time_s,x_m,y_m,z_m\n0,0,0,0.05\n1,0,zero,0.05\n' >bad.csv
+expect 2 'bad.csv:3:5: expected a finite number' knead probe --path bad.csv
+
+# a bus that would leave the machine is refused before it is joined; a bus of another kind, too
+expect 3 'knead probe: tcpq://127.0.0.1:7700: expected udpm://GROUP:PORT' knead probe --lcm-url tcpq://127.0.0.1:7700
+ip route del 224.0.0.0/4 dev lo
+expect 3 'knead probe: udpm://239.255.76.67:7667?ttl=0: the group' knead probe
+
+[ $failures -eq 0 ] && echo "the command line is as promised"
+exit $((failures > 0))
