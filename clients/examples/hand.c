@@ -4,7 +4,7 @@
 //     mkdir -p build/hand/proto
 //     lcm-gen -c --c-cpath build/hand/proto --c-hpath build/hand/proto proto/probe_pose_t.lcm proto/contact_force_t.lcm
 //     cc -O2 -Ibuild/hand -o build/hand/hand clients/examples/hand.c build/hand/proto/*.c -llcm -lm
-//     build/hand/hand [PROBE]          the scene's name for the tool, default plate; Ctrl-C ends it
+//     build/hand/hand [PROBE]          the scene's name for the tool, default finger; Ctrl-C ends it
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include <math.h>
@@ -34,8 +34,8 @@ static int64_t now_ns(clockid_t clock)
 int main(int argc, char **argv)
 {
     char pose_channel[64], force_channel[64];
-    snprintf(pose_channel, sizeof pose_channel, "KNEAD_POSE_%s", argc > 1 ? argv[1] : "plate");
-    snprintf(force_channel, sizeof force_channel, "KNEAD_FORCE_%s", argc > 1 ? argv[1] : "plate");
+    snprintf(pose_channel, sizeof pose_channel, "KNEAD_POSE_%s", argc > 1 ? argv[1] : "finger");
+    snprintf(force_channel, sizeof force_channel, "KNEAD_FORCE_%s", argc > 1 ? argv[1] : "finger");
     lcm_t *lcm = lcm_create(NULL);
     if (!lcm) return fprintf(stderr, "hand: no LCM; is there a multicast route? README.md says how\n"), 3;
     int64_t session = now_ns(CLOCK_REALTIME), tick_ns = now_ns(CLOCK_MONOTONIC);
@@ -49,9 +49,9 @@ int main(int argc, char **argv)
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL);
         if (now_ns(CLOCK_MONOTONIC) - tick_ns > 1000000) tick_ns = now_ns(CLOCK_MONOTONIC); // late: never catch up
 
-        // (2) read your device here: m and m/s, z up, origin under the object's centre. This pokes: 50 to 27 mm in 4 s
+        // (2) read your device here: m and m/s, z up, origin under the object's centre. This pokes: 60 to 37 mm in 4 s
         double w = 2 * M_PI / 4, phase = w * 1e-3 * (double)n;
-        pose.position_m[2] = 0.0385 + 0.0115 * cos(phase);
+        pose.position_m[2] = 0.0485 + 0.0115 * cos(phase);
         pose.velocity_m_s[2] = -0.0115 * w * sin(phase);
 
         if (silent_ms == 0) {

@@ -160,7 +160,7 @@ static kn_path *generate(probe *p, bool again)
                 1e3 * ((1.0 - thinnest) * height_m - (press ? 0.0 : dent_m)));
         return NULL;
     }
-    if (again) shape.depth_m = fmax(shape.depth_m, shallowest_m); // the spoilt try got there, but its hold is wanted, too
+    if (again) shape.depth_m = fmax(shape.depth_m, shallowest_m); // the spoilt try got there; its hold is wanted, too
     if (press && shape.depth_m < shallowest_m) {
         fprintf(stderr, "knead probe: the dent under the tool is %.1f mm deep already, expected a larger --depth\n",
                 1e3 * dent_m);

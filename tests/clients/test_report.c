@@ -24,7 +24,8 @@ static void play(void)
         *pose = (knead_probe_pose_t){.session = 40, .seq = seq, .sent_ns = 1000000 * seq};
         memcpy(pose->position_m, p.position_m, sizeof pose->position_m);
         kn_heard_force *f = &record.force[record.force_count++];
-        f->force = (knead_contact_force_t){.session = 40, .seq = seq, .tick = 5000 + seq, .sent_ns = 1000000 * seq, .gain = 1};
+        f->force = (knead_contact_force_t){.session = 40, .seq = seq, .tick = 5000 + seq, .gain = 1};
+        f->force.sent_ns = 1000000 * seq;
         f->arrived_ns = 1000000 * seq + 500000 + (seq == 7 ? 9000000 : 0);
         double depth_m = 0.03 - p.position_m[2];
         if (depth_m > 0) f->force.contacts = 3, f->force.contact_force_n[2] = 1e3 * depth_m;
@@ -41,8 +42,8 @@ static void forget(void)
 
 static void drop(int index)
 {
-    memmove(&record.force[index], &record.force[index + 1], sizeof *record.force * (size_t)(record.force_count - index - 1));
     record.force_count--;
+    for (int i = index; i < record.force_count; i++) record.force[i] = record.force[i + 1];
 }
 
 TEST("a press: contact from touch to withdrawal, its peak, the end of the hold, what the hand was given")
