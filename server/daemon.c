@@ -275,9 +275,9 @@ static bool start_threads(server *d, char *error, size_t error_size)
     d->loop.notify = notify;
     d->loop.notify_arg = d;
     pthread_barrier_init(&d->go, NULL, 4);
-    int failed = kn_rt_thread(&d->rt, &d->servo_thread, KN_RT_SERVO, true, servo_main, d);
-    if (!failed) failed = kn_rt_thread(&d->rt, &d->sentinel_thread, KN_RT_SENTINEL, true, sentinel_main, d);
-    if (!failed) failed = kn_rt_thread(&d->rt, &d->mesh_thread, KN_RT_NORMAL, false, mesh_main, d);
+    int failed = kn_rt_thread(&d->rt, &d->servo_thread, "servo", KN_RT_SERVO, true, servo_main, d);
+    if (!failed) failed = kn_rt_thread(&d->rt, &d->sentinel_thread, "sentinel", KN_RT_SENTINEL, true, sentinel_main, d);
+    if (!failed) failed = kn_rt_thread(&d->rt, &d->mesh_thread, "mesh", KN_RT_NORMAL, false, mesh_main, d);
     if (!failed) kn_rt_lock_memory(&d->rt);
     if (failed) snprintf(error, error_size, "cannot start a thread: %s", strerror(failed));
     else if (d->rt.mode == KN_RT_REQUIRE && *d->rt.missing) snprintf(error, error_size, "not real time: %s", d->rt.missing);

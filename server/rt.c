@@ -75,7 +75,8 @@ static void pin(pthread_attr_t *attr)
     pthread_attr_setaffinity_np(attr, sizeof last, &last);
 }
 
-int kn_rt_thread(const kn_rt *rt, pthread_t *thread, int priority, bool pinned, void *(*run)(void *), void *arg)
+int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int priority, bool pinned, void *(*run)(void *),
+                 void *arg)
 {
     bool fifo = rt->fifo && priority != KN_RT_NORMAL;
     struct sched_param param = {.sched_priority = fifo ? priority : 0};
@@ -96,6 +97,7 @@ int kn_rt_thread(const kn_rt *rt, pthread_t *thread, int priority, bool pinned, 
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     pthread_attr_destroy(&attr);
     if (error) free(start);
+    else pthread_setname_np(*thread, name);
     return error;
 }
 

@@ -34,8 +34,9 @@ bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode); // auto, require, off
 void kn_rt_enter(kn_rt *rt, kn_rt_mode mode);
 
 // A thread with a small stack, touched before run is called, and without signals. pinned: on the last processor we may use.
-// Returns pthread_create's error.
-int kn_rt_thread(const kn_rt *rt, pthread_t *thread, int priority, bool pinned, void *(*run)(void *), void *arg);
+// name: what ps and top -H show, <= 15 bytes. Returns pthread_create's error.
+int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int priority, bool pinned, void *(*run)(void *),
+                 void *arg);
 
 // Locks what is mapped now, and what will be when memlock is unlimited: below a limit every later mmap could fail instead.
 // Sanitizer builds never lock: their shadow memory is terabytes. After all allocations and thread creations.

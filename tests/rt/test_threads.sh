@@ -1,0 +1,38 @@
+#!/usr/bin/env bash
+# The threads of a running kneadd as the kernel sees them: their priorities, their core, and that the servo touches no page
+# that is not there already.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+KN_REALTIME=auto # also where netns knows that it will be refused: what is said then is part of the test
+start_kneadd dough-small.yaml
+cat kneadd.log
+thread() { grep -l "^$1\$" "/proc/$server/task/"*/comm | head -1 | xargs -r dirname; }
+# proc(5) stat, counted after the name: 8 minor faults, 10 major faults, 37 processor, 38 real-time priority, 39 policy (1 FIFO)
+field() { sed 's/.*) //' "$(thread "$1")/stat" | cut -d' ' -f"$2"; }
+
+if grep -q '; SCHED_FIFO' kneadd.log; then
+    for pair in servo:80 sentinel:79 kneadd:70; do
+        name=${pair%:*}
+        check "$name has FIFO ${pair#*:}" [ "$(field "$name" 39) $(field "$name" 38)" = "1 ${pair#*:}" ]
+    done
+else
+    check "what is missing is said" grep -q 'not real time: no SCHED_FIFO (.*: .*)' kneadd.log
+fi
+check "meshes have no priority" [ "$(field mesh 39)" = 0 ]
+check "the sentinel stands on the servo's core" [ "$(field sentinel 37)" = "$(field servo 37)" ]
+
+if grep -q ', memory locked' kneadd.log; then
+    send plate <<<"poses 300 session=7 seq=1" >/dev/null
+    before="$(field servo 8) $(field servo 10)"
+    send plate <<<"poses 3000 session=7 seq=301" >/dev/null
+    check "3000 ticks of a session fault no page" [ "$(field servo 8) $(field servo 10)" = "$before" ]
+fi
+stop_kneadd
+check "kneadd ended well" [ "$status" = 0 ]
+
+kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime sometimes 2>refused
+check "--realtime knows its words" [ $? = 2 -a "$(wc -l <refused)" = 1 ]
+if ! grep -q '; SCHED_FIFO' kneadd.log; then
+    kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime require 2>refused
+    check "--realtime require refuses what is less" [ $? = 3 -a "$(wc -l <refused)" = 1 ]
+fi
+exit $failed

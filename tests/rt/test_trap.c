@@ -1,0 +1,246 @@
+// What the servo thread must never do between start and stop: allocate, take a lock, call the kernel but to sleep and to wake
+// the main thread. malloc and its kin and the mutex are interposed here and count while a thread is armed; in the live run the
+// kernel itself reports every other system call (seccomp).
+#include "clients/knead/path.h"
+#include "server/loop.h"
+#include "tests/check.h"
+#include <dlfcn.h>
+#include <errno.h>
+#include <ev.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stddef.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+
+static _Thread_local bool armed;
+static atomic_long allocations, locks, calls, last_call;
+
+#if defined(KN_SANITIZED)
+#define INTERPOSED 0 // the sanitizers own malloc
+#else
+#define INTERPOSED 1
+void *__libc_malloc(size_t size); // glibc's own, under the names it keeps for interposers
+void *__libc_calloc(size_t count, size_t size);
+void *__libc_realloc(void *memory, size_t size);
+void *__libc_memalign(size_t alignment, size_t size);
+void __libc_free(void *memory);
+static int (*real_lock)(pthread_mutex_t *);
+
+void *malloc(size_t size)
+{
+    allocations += armed;
+    return __libc_malloc(size);
+}
+void *calloc(size_t count, size_t size)
+{
+    allocations += armed;
+    return __libc_calloc(count, size);
+}
+void *realloc(void *memory, size_t size)
+{
+    allocations += armed;
+    return __libc_realloc(memory, size);
+}
+void *aligned_alloc(size_t alignment, size_t size)
+{
+    allocations += armed;
+    return __libc_memalign(alignment, size);
+}
+void free(void *memory)
+{
+    allocations += armed;
+    __libc_free(memory);
+}
+
+int pthread_mutex_lock(pthread_mutex_t *mutex)
+{
+    locks += armed;
+    if (!real_lock) *(void **)&real_lock = dlsym(RTLD_NEXT, "pthread_mutex_lock");
+    return real_lock(mutex);
+}
+#endif
+
+typedef struct rig { // what kneadd lends a loop
+    kn_scene *scene;
+    kn_model *model;
+    kn_backend backend;
+    kn_skin skin;
+    kn_loop loop;
+    kn_path *path;
+    int64_t forces, pressed, ticks;
+} rig;
+
+static void rig_open(rig *r)
+{
+    char error[256] = "";
+    memset(r, 0, sizeof *r);
+    r->scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", NULL, 0, error, sizeof error);
+    r->model = r->scene ? kn_model_build(&r->scene->model, error, sizeof error) : NULL;
+    if (!r->model || !kn_backend_cpu(&r->backend, r->model) ||
+        !kn_skin_open(&r->skin, "memq://", r->model, 60, 1, error, sizeof error) ||
+        !kn_loop_init(&r->loop, r->scene, r->model, &r->backend, &r->skin) ||
+        !(r->path = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .clear_m = 0.005, .depth_m = 0.008, .hold_s = 0.3}))) {
+        fprintf(stderr, "%s\n", error);
+        exit(1);
+    }
+}
+
+static void rig_close(rig *r)
+{
+    kn_path_destroy(r->path);
+    kn_loop_free(&r->loop);
+    kn_skin_close(&r->skin);
+    r->backend.destroy(r->backend.self);
+    kn_model_destroy(r->model);
+    kn_scene_destroy(r->scene);
+}
+
+static void rig_drain(rig *r)
+{
+    for (const kn_record *record; (record = kn_ring_front(&r->loop.records)); kn_ring_pop(&r->loop.records)) {
+        r->ticks++;
+        r->forces += record->out.force[0].live;
+        r->pressed += record->out.force[0].contacts > 0;
+    }
+}
+
+enum { ROUND = 6000 };
+
+// The hand in a round of 6 s: engages in air, touches at rest, presses 8 mm deep, stalls for 50 ms (a fault), withdraws,
+// engages again, falls silent, and its session ends.
+static void play(rig *r, int64_t round, int ms)
+{
+    double stall_ms = 500 + 1e3 * r->path->hold_end_s - 100;
+    kn_path_point point;
+    kn_path_at(r->path, 1e-3 * (ms - 500), &point);
+    if (ms == 5900) kn_loop_post(&r->loop, 0, NULL);
+    if ((ms >= stall_ms && ms < stall_ms + 50) || ms >= 5700) return;
+    kn_pose pose = {.session = 1 + round, .seq = 1 + ms, .orientation_wxyz = {1}};
+    memcpy(pose.position_m, point.position_m, sizeof pose.position_m);
+    memcpy(pose.velocity_m_s, point.velocity_m_s, sizeof pose.velocity_m_s);
+    kn_loop_post(&r->loop, 0, &pose);
+}
+
+TEST("1e5 ticks of touching, faults, recoveries and sessions allocate nothing and take no lock")
+{
+    static rig r;
+    rig_open(&r);
+    if (!INTERPOSED) SKIP("the sanitizers own malloc");
+    enum { TICKS = 100000 };
+    for (int64_t n = 0; n < TICKS; n++) {
+        play(&r, n / ROUND, (int)(n % ROUND));
+        if (n % ROUND == 0) r.backend.reset(r.backend.self); // or the dent would keep later rounds from touching
+        kn_wake wake = {.tick = n + n / 997, .missed = n > 0 && n % 997 == 0, .now_ns = kn_now_ns()};
+        armed = true;
+        kn_loop_tick(&r.loop, &wake);
+        armed = false;
+        rig_drain(&r);
+    }
+    CHECK(allocations == 0);
+    CHECK(locks == 0);
+    CHECK(r.ticks == TICKS && r.forces > TICKS / 2 && r.pressed > TICKS / 10); // it was about something
+    CHECK(r.loop.account.faults >= TICKS / ROUND); // and went wrong in between
+    rig_close(&r);
+}
+
+// The trap itself, or the counts above would prove nothing.
+TEST("the trap sees an allocation and a lock")
+{
+    if (!INTERPOSED) return;
+    pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
+    long a = allocations, l = locks;
+    armed = true;
+    void *volatile memory = malloc(1);
+    free(memory);
+    pthread_mutex_lock(&mutex);
+    armed = false;
+    pthread_mutex_unlock(&mutex);
+    CHECK(allocations == a + 2 && locks == l + 1);
+}
+
+static void on_sigsys(int number, siginfo_t *info, void *context)
+{
+    (void)number, (void)context;
+    last_call = info->si_syscall;
+    calls++;
+}
+
+// From here on this thread may sleep and write (the wake of the main thread is an eventfd); anything else becomes a SIGSYS.
+static bool forbid_calls(void)
+{
+    struct sock_filter allow[] = {
+        BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_clock_nanosleep, 3, 0),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_write, 2, 0),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_rt_sigreturn, 1, 0),
+        BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_TRAP),
+        BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
+    };
+    struct sock_fprog program = {sizeof allow / sizeof *allow, allow};
+    sigaction(SIGSYS, &(struct sigaction){.sa_sigaction = on_sigsys, .sa_flags = SA_SIGINFO}, NULL);
+    return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 && prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
+}
+
+static struct ev_loop *events;
+static ev_async ticked;
+static atomic_int finished; // 1 done, -1 no seccomp here
+
+static void *servo_main(void *arg)
+{
+    rig *r = arg;
+    if (!forbid_calls()) {
+        finished = -1;
+        return NULL;
+    }
+    armed = true;
+    kn_loop_run(&r->loop);
+    armed = false;
+    long during = calls;
+    syscall(SYS_getppid); // the trap itself
+    calls = calls == during + 1 ? during : -1;
+    finished = 1;
+    for (;;) clock_nanosleep(CLOCK_MONOTONIC, 0, &(struct timespec){.tv_sec = 1}, NULL); // it may not even end
+}
+
+static void notify(void *arg) { ev_async_send(events, arg); }
+
+static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
+{
+    (void)revents;
+    rig *r = w->data;
+    bool done = r->loop.done;
+    rig_drain(r);
+    play(r, 0, (int)(r->ticks % ROUND));
+    if (r->ticks >= 4000) r->loop.stop = true;
+    if (done) ev_break(loop, EVBREAK_ALL);
+}
+
+TEST("a live servo thread calls the kernel only to sleep and to wake the main thread")
+{
+    static rig r;
+    rig_open(&r);
+    events = ev_default_loop(0);
+    ev_async_init(&ticked, on_ticked);
+    ticked.data = &r;
+    ev_async_start(events, &ticked);
+    r.loop.notify = notify;
+    r.loop.notify_arg = &ticked;
+    kn_clock_start(&r.loop.clock, kn_now_ns() + 20 * KN_PERIOD_NS);
+    allocations = locks = calls = 0;
+    pthread_t thread;
+    CHECK(pthread_create(&thread, NULL, servo_main, &r) == 0);
+    while (!finished && !r.loop.done) ev_run(events, EVRUN_ONCE);
+    while (!finished) {}
+    rig_drain(&r);
+    if (finished < 0) SKIP("no seccomp here: %s", strerror(errno));
+    if (calls != 0) KN_TEST_FAIL("%ld system calls that the tick must not make, the last one number %ld", (long)calls, (long)last_call);
+    CHECK(allocations == 0);
+    CHECK(locks == 0);
+    CHECK(r.ticks >= 4000 && r.pressed > 500);
+}
+
+TESTS_MAIN
