@@ -82,6 +82,8 @@ static bool fetch(kn_log *log, kn_log_record *r)
     if (channel < 1 || channel > CHANNEL_MAX) return damaged(log, "channel name of a length that LCM does not have");
     if (data < 0 || data > DATA_MAX) return damaged(log, "message of a size that LCM does not have");
     if (HEADER_SIZE + channel + data > left) return damaged(log, "cut within a record");
+    r->utime = big_endian_64(h + 12);
+    if (r->utime < 0 || r->utime > KN_LOG_UTIME_MAX) return damaged(log, "a time that no clock shows");
 
     if (!reserve(log, (size_t)(channel + 1 + data))) return damaged(log, "record larger than memory");
     unsigned char *body = log->buffer + channel + 1;
@@ -89,7 +91,6 @@ static bool fetch(kn_log *log, kn_log_record *r)
                  fread(body, 1, (size_t)data, log->file) == (size_t)data;
     if (!whole) return damaged(log, "cannot be read");
     log->buffer[channel] = 0;
-    r->utime = big_endian_64(h + 12);
     r->channel = (const char *)log->buffer;
     r->data = body;
     r->size = (size_t)data;
@@ -119,7 +120,7 @@ static kn_log_kind read_force(kn_log_record *r)
     if (knead_contact_force_t_decode(r->data, 0, size, &r->force) != size) return KN_LOG_MALFORMED;
     const knead_contact_force_t *f = &r->force;
     bool sane = all_finite(f->contact_force_n, 3) && all_finite(f->force_n, 3) && isfinite(f->gain) && f->tick >= 0 &&
-                f->missed_cycles >= 0 && f->missed_cycles <= f->tick;
+                f->tick <= KN_LOG_TICK_MAX && f->missed_cycles >= 0 && f->missed_cycles <= f->tick;
     return sane ? KN_LOG_FORCE : KN_LOG_MALFORMED;
 }
 
@@ -128,7 +129,8 @@ static kn_log_kind read_event(kn_log_record *r)
     int size = knead_event_t_encoded_size(&r->event);
     if (!fits(r, size, __knead_event_t_get_hash())) return KN_LOG_MALFORMED;
     if (knead_event_t_decode(r->data, 0, size, &r->event) != size) return KN_LOG_MALFORMED;
-    return r->event.tick >= 0 && all_finite(r->event.arg, 8) ? KN_LOG_EVENT : KN_LOG_MALFORMED;
+    bool sane = r->event.tick >= 0 && r->event.tick <= KN_LOG_TICK_MAX && all_finite(r->event.arg, 8);
+    return sane ? KN_LOG_EVENT : KN_LOG_MALFORMED;
 }
 
 // hash, three int64, one int32, then three strings: an int32 length that counts the closing NUL, and the bytes.

@@ -2,6 +2,7 @@
 #include "proto/knead_event_t.h"
 #include "server/log.h"
 #include "server/receiver.h"
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -302,12 +303,12 @@ static void gather(kn_replay *r)
         if (v->record.kind != KN_LOG_FORCE) continue;
         const knead_contact_force_t *f = &v->record.force;
         int p = probe_of(r, v->record.probe);
-        bool late = f->tick <= v->tick || (v->grouped && (f->tick < v->group_tick || (f->tick == v->group_tick && v->has[p < 0 ? 0 : p])));
-        if (p < 0 || f->session == 0 || late) {
+        if (v->grouped && f->tick > v->group_tick) return;
+        bool late = f->tick <= v->tick || (v->grouped && f->tick < v->group_tick);
+        if (p < 0 || f->session == 0 || late || v->has[p]) {
             r->tally.malformed++;
             continue;
         }
-        if (v->grouped && f->tick > v->group_tick) return;
         v->grouped = true;
         v->group_tick = f->tick;
         v->force[p] = *f;
@@ -321,8 +322,8 @@ static int32_t missed_before(const reading *v, int64_t tick)
     for (int p = 0; v->grouped && v->group_tick == tick && p < KN_PROBES_MAX; p++)
         if (v->has[p]) return v->force[p].missed_cycles;
     for (size_t i = v->next_event; i < v->event_count && v->events[i].tick == tick; i++)
-        if (v->events[i].kind == KNEAD_EVENT_T_KIND_CHECKPOINT && v->events[i].arg[0] > 0 && v->events[i].arg[0] <= (double)tick)
-            return (int32_t)v->events[i].arg[0];
+        if (v->events[i].kind == KNEAD_EVENT_T_KIND_CHECKPOINT && v->events[i].arg[0] > 0)
+            return (int32_t)fmin(v->events[i].arg[0], fmin((double)tick, LONGEST_PAUSE));
     return 0;
 }
 
@@ -362,7 +363,7 @@ static void guess_pose(kn_replay *r, int p)
 {
     reading *v = r->private;
     kn_pose *pose = &r->tick.pose[p];
-    const kn_pose *next = find_pose(v, p, pose->session, pose->seq + 1);
+    const kn_pose *next = find_pose(v, p, pose->session, (int64_t)((uint64_t)pose->seq + 1));
     count_gap(r, r->tick.in.tick);
     r->tick.in.fresh[p] = next != NULL;
     if (next) *pose = *next;
