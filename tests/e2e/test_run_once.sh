@@ -1,0 +1,60 @@
+#!/usr/bin/env bash
+# server/run --once on a machine that would route multicast out: asks before it changes anything, plays the press, leaves no trace.
+# The machine: a default route through one end of a veth pair, no loopback route for LCM's group. The far end counts what leaves.
+set -u
+source "$KN_SOURCE/tests/e2e/kneadd.sh" # check
+
+ip route del 224.0.0.0/4 dev lo
+ip link add out0 type veth peer name far0 || { echo "skipped: no veth devices in this kernel" && exit 77; }
+for device in out0 far0; do # IPv6 would chat on its own
+    echo 1 >"/proc/sys/net/ipv6/conf/$device/disable_ipv6" || { echo "skipped: /proc/sys is read-only" && exit 77; }
+    ip link set $device up
+done
+ip addr add 192.0.2.1/24 dev out0
+ip route add default via 192.0.2.2
+left() { awk '$1 == "far0:" { print $3 }' /proc/net/dev; } # packets that arrived at the far end
+routes() { ip -4 route show table all; }
+before=$(routes)
+
+# The counter counts: joining a group on this machine as it is sends IGMP.
+joins() { ip addr add 239.255.76.67/32 dev out0 autojoin && sleep 1 && ip addr del 239.255.76.67/32 dev out0 && [ "$(left)" -gt 0 ]; }
+check "without the route a join leaves the machine" joins
+sleep 1 # the reports repeat
+sent=$(left)
+
+"$KN_SOURCE/server/run" --once </dev/null >refused.log 2>&1
+check "without a terminal and without --yes it exits 2" [ $? = 2 ]
+check "having said which route it would add" grep -q '239.255.76.67/32 dev lo' refused.log
+check "and changed nothing" [ "$(routes)" = "$before" ]
+
+status=$(git -C "$KN_SOURCE" status --porcelain 2>/dev/null)
+"$KN_SOURCE/server/run" --once --yes </dev/null >press.log 2>&1
+check "with --yes it plays the press and exits 0" [ $? = 0 ]
+row() { grep -qE "^ +$1 +-?[0-9.]+ $2" press.log; }
+check "contact is in the table" row contact s
+check "so is the peak" row peak N
+check "the end of the hold" row 'end of hold' N
+check "and the residual depth" row 'residual depth' mm
+png() { head -c 8 "$KN_SOURCE/out/$1" | cmp -s - <(printf '\211PNG\r\n\032\n'); }
+check "press.png is a picture" png press.png
+check "dent.png is one" png dent.png
+check "press.csv has a row per ms" [ "$(wc -l <"$KN_SOURCE/out/press.csv")" -gt 5000 ]
+check "the tree is as it was" [ "$(git -C "$KN_SOURCE" status --porcelain 2>/dev/null)" = "$status" ]
+check "the route is gone" [ "$(routes)" = "$before" ]
+check "no packet left the machine" [ "$(left)" = "$sent" ]
+
+# Up until Ctrl-C, which leaves nothing behind either.
+set -m # its own process group, as a terminal would give it; a background job would ignore Ctrl-C
+"$KN_SOURCE/server/run" --yes </dev/null >up.log 2>&1 &
+run=$!
+set +m
+for _ in $(seq 300); do grep -q 'Ctrl-C ends it' up.log || sleep 0.2; done
+check "without --once it serves on" grep -q 'serving a fresh block' up.log
+check "on the loopback route" [ "$(ip -4 route get 239.255.76.67 | grep -c 'dev lo')" = 1 ]
+kill -INT -- -$run
+wait $run
+check "Ctrl-C ends it with exit 0" [ $? = 0 ]
+check "and takes the route away" [ "$(routes)" = "$before" ]
+check "still no packet left" [ "$(left)" = "$sent" ]
+[ $failed = 0 ] || tail -n 30 press.log up.log
+exit $failed
