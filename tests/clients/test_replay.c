@@ -421,7 +421,7 @@ TEST("poses alone are judged as the receiver judges them and put on the grid by 
     CHECK(strstr(err, "holds no forces"));
 }
 
-TEST("no byte of a log can hurt: every flipped one of the first records, and records that lie about their sizes")
+TEST("no byte of a log can hurt: bytes flipped everywhere in its first records are read past or reported")
 {
     scratch();
     seed = 2;
@@ -435,7 +435,7 @@ TEST("no byte of a log can hurt: every flipped one of the first records, and rec
     fclose(f);
     CHECK(size > 4000 && size < sizeof bytes);
     int64_t records = 0;
-    for (size_t i = 0; i < size; i++) {
+    for (size_t i = 0; i < size; i += 11) { // every one is fuzz_log's affair
         uint8_t was = bytes[i];
         bytes[i] = (uint8_t)(uniform() * 256.0);
         f = fopen("bad.lcmlog", "wb");
@@ -446,7 +446,7 @@ TEST("no byte of a log can hurt: every flipped one of the first records, and rec
         CHECK(kn_log_open(&log, "bad.lcmlog", err, sizeof err));
         while (kn_log_read(&log, &record) != KN_LOG_END) records++;
         kn_log_close(&log);
-        if (i % 37 == 0) { // all the way through
+        if (i % 5 == 0) { // all the way through
             kn_replay_def def = {.log_path = "bad.lcmlog"};
             kn_replay *replay_ = kn_replay_create(&def, err, sizeof err);
             int64_t ticks = 0;
@@ -455,7 +455,7 @@ TEST("no byte of a log can hurt: every flipped one of the first records, and rec
         }
         bytes[i] = was;
     }
-    CHECK(records > (int64_t)size);
+    CHECK(records > (int64_t)size / 11);
 }
 
 TEST("what cannot be opened, is no log, or cannot be written is one line and its exit code")
