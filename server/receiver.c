@@ -16,7 +16,7 @@
 #define SPEED_WINDOW_US 1000  // the servo looks once per ms, so a step below 5 mm is no jump however close its stamps are
 #define SILENCE_NS 1000000000
 #define COST_NS 200000        // of one pose: 5 kHz
-#define CREDIT_NS 50000000    // a sender that was held up may catch up 250 poses at once
+#define CREDIT_NS 200000000   // 1 000 poses at once: a 1 kHz sender that was held up for as long as its session may live
 
 const char *kn_verdict_name(kn_verdict verdict)
 {

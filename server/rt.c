@@ -8,7 +8,8 @@
 #include <sys/mman.h>
 #include <sys/resource.h>
 
-#define STACK_BYTES (512 << 10) // the tick keeps its arrays in the state; this is generous, and all of it gets locked
+#define STACK_BYTES (512 << 10) // all of it gets locked; the tick's arrays are in the state and its stack stays below 32 kB
+#define TOUCHED_BYTES (128 << 10)
 
 bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode)
 {
@@ -51,7 +52,7 @@ typedef struct thread_start {
 // Touched once, the pages are there before the first deadline. volatile: or the compiler removes it.
 static void touch_stack(void)
 {
-    volatile char page[STACK_BYTES / 2];
+    volatile char page[TOUCHED_BYTES];
     for (size_t i = 0; i < sizeof page; i += 4096) page[i] = 0;
 }
 
@@ -85,7 +86,9 @@ int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int prior
     if (!start) return ENOMEM;
     *start = (thread_start){run, arg};
     pthread_attr_init(&attr);
+#ifndef KN_SANITIZED // which keep hundreds of kB of their own there
     pthread_attr_setstacksize(&attr, STACK_BYTES);
+#endif
     pthread_attr_setinheritsched(&attr, PTHREAD_EXPLICIT_SCHED);
     pthread_attr_setschedpolicy(&attr, fifo ? SCHED_FIFO : SCHED_OTHER);
     pthread_attr_setschedparam(&attr, &param);

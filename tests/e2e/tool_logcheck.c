@@ -1,6 +1,6 @@
 // logcheck LOG: a log of the pose bus, read by liblcm and lcm-gen's decoders as any client would, in numbers for a script:
 //
-//     poses N forces N echoed N events N scenes N statuses N undecodable N     echoed: forces whose session and seq a pose had
+//     poses N forces N echoed N events N scenes N statuses N undecodable N     echoed: forces that answer a pose, see below
 //     received N accepted N rejected N kernel_drops N ticks N missed N hist N  of the last status; hist: sum of wakeup_hist
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
@@ -10,14 +10,16 @@
 #include <inttypes.h>
 #include <stdbool.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
-typedef struct echo {
-    int64_t session, seq;
-} echo;
+// The poses of one session so far. A force echoes one of them when its seq lies between the first and the last: a logger may
+// lose a pose that kneadd heard.
+typedef struct stream {
+    int64_t session, first, last;
+} stream;
 
-static echo *poses;
+static stream streams[16];
+static int stream_count;
 static int64_t pose_count, forces, echoed, events, scenes, statuses, undecodable;
 static knead_status_t status;
 
@@ -33,8 +35,11 @@ static void take_pose(const lcm_eventlog_event_t *e)
         undecodable++;
         return;
     }
-    if (pose_count % 4096 == 0) poses = realloc(poses, (size_t)(pose_count + 4096) * sizeof *poses);
-    poses[pose_count++] = (echo){m.session, m.seq};
+    pose_count++;
+    int i = 0;
+    while (i < stream_count && streams[i].session != m.session) i++;
+    if (i == stream_count && stream_count < 16) streams[stream_count++] = (stream){m.session, m.seq, m.seq};
+    if (i < stream_count && m.seq > streams[i].last) streams[i].last = m.seq;
 }
 
 static void take_force(const lcm_eventlog_event_t *e)
@@ -45,11 +50,8 @@ static void take_force(const lcm_eventlog_event_t *e)
         return;
     }
     forces++;
-    for (int64_t i = pose_count - 1; i >= 0; i--) { // the answer is to one of the last few
-        if (poses[i].session != m.session || poses[i].seq != m.seq) continue;
-        echoed++;
-        return;
-    }
+    for (int i = 0; i < stream_count; i++)
+        echoed += streams[i].session == m.session && streams[i].first <= m.seq && m.seq <= streams[i].last;
 }
 
 static void take(const lcm_eventlog_event_t *e)
@@ -80,6 +82,5 @@ int main(int argc, char **argv)
     printf("received %" PRId64 " accepted %" PRId64 " rejected %" PRId64 " kernel_drops %" PRId64 " ticks %" PRId64
            " missed %" PRId64 " hist %" PRId64 "\n", status.received, status.accepted, rejected, status.kernel_drops,
            status.tick, status.missed_cycles, hist);
-    free(poses);
     return 0;
 }
