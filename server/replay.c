@@ -11,7 +11,7 @@
 #define POSES 4096             // remembered per probe, a power of two: a force may come this many poses after its own
 #define LONGEST_PAUSE 3600000  // ms without a record that a replay steps through; more is a broken clock
 
-typedef struct kn_replay_private { // `v` below: the reading of the log
+typedef struct kn_replay_private { // `v` below
     kn_log log;
     int64_t end_offset; // where the part that is replayed ends
     kn_log_record record;

@@ -11,6 +11,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -333,10 +334,20 @@ static void tell(const replay_run *run)
                 (long long)t->mismatches, (long long)t->checkpoints, (long long)t->first_mismatch);
 }
 
+static bool same_file(const char *a, const char *b)
+{
+    struct stat x, y;
+    return a && stat(a, &x) == 0 && stat(b, &y) == 0 && x.st_dev == y.st_dev && x.st_ino == y.st_ino;
+}
+
 static int open_outputs(replay_run *run)
 {
     const replay_options *opt = run->opt;
     const char *path = NULL;
+    if (same_file(opt->csv_path, opt->def.log_path) || same_file(opt->out_path, opt->def.log_path)) {
+        fprintf(stderr, "%s: is being read, expected another file to write\n", opt->def.log_path);
+        return KN_EXIT_USAGE;
+    }
     if (opt->csv_path && !(run->csv = fopen(opt->csv_path, "w"))) path = opt->csv_path;
     else if (opt->out_path && !(run->out = lcm_eventlog_create(opt->out_path, "w"))) path = opt->out_path;
     if (path) {

@@ -466,6 +466,7 @@ TEST("what cannot be opened, is no log, or cannot be written is one line and its
     CHECK(REPLAY(".") == KN_EXIT_USAGE && strstr(err, "not a regular file"));
     tell_story("story.lcmlog", 0.0, 3);
     CHECK(REPLAY("story.lcmlog", "--csv", "/nonexistent/a.csv") == KN_EXIT_DEVICE);
+    CHECK(REPLAY("story.lcmlog", "--out", "./story.lcmlog") == KN_EXIT_USAGE && strstr(err, "is being read"));
     CHECK(REPLAY("story.lcmlog", "--speed", "slow") == KN_EXIT_USAGE && strstr(err, "max or real"));
     CHECK(REPLAY("--help") == KN_EXIT_OK && strstr(out, "usage: knead replay"));
 }
