@@ -7,7 +7,7 @@ static const int answer_ms = 3000;  // engaging takes 0.4 s: 200 ms of poses, 20
 static const int clear_ms = 1000;   // for a fault to be taken back after the lift
 static const int silence_ms = 1200; // a session ends after 1 s without poses
 
-static kn_hand_try *current(kn_hand *h) { return &h->try_[h->tries - 1]; }
+static kn_attempt *current(kn_hand *h) { return &h->attempt[h->tries - 1]; }
 
 static void enter(kn_hand *h, kn_hand_mode mode)
 {
@@ -15,7 +15,7 @@ static void enter(kn_hand *h, kn_hand_mode mode)
     h->mode_ms = 0;
 }
 
-static void open_try(kn_hand *h)
+static void open_attempt(kn_hand *h)
 {
     h->tries++;
     current(h)->session = h->def.session + h->tries - 1;
@@ -34,7 +34,7 @@ void kn_hand_init(kn_hand *h, const kn_hand_def *def)
     h->def = *def;
     if (h->def.tries <= 0 || h->def.tries > KN_HAND_TRIES) h->def.tries = KN_HAND_TRIES;
     kn_watchdog_init(&h->watchdog, 0, 0);
-    open_try(h);
+    open_attempt(h);
 }
 
 static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
@@ -100,7 +100,7 @@ static void decide(kn_hand *h, int elapsed_ms)
     if (playing && (h->watchdog.tripped || (h->force.flags & KN_FLAG_LATCHED))) trip(h, elapsed_ms);
     if (h->mode == KN_HAND_ENGAGE) engage(h);
     else if (h->mode == KN_HAND_RETREAT) retreat(h);
-    else if (h->mode == KN_HAND_SILENT && h->mode_ms >= silence_ms) open_try(h);
+    else if (h->mode == KN_HAND_SILENT && h->mode_ms >= silence_ms) open_attempt(h);
     if (h->mode == KN_HAND_PLAY && h->path_s > h->def.path->duration_s) enter(h, KN_HAND_DONE);
 }
 

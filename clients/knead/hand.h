@@ -59,11 +59,11 @@ typedef struct kn_trip {
     bool cleared;      // the server took the fault back when the tool was lifted
 } kn_trip;
 
-typedef struct kn_hand_try { // pose numbers, for whoever reads the forces' echoes
+typedef struct kn_attempt { // pose numbers, for whoever reads the forces' echoes
     int64_t session;
     int64_t play_seq; // of the path's first point; 0: never engaged
     int64_t sent;     // poses
-} kn_hand_try;
+} kn_attempt;
 
 typedef struct kn_hand { // read only for the caller
     kn_hand_def def;
@@ -78,7 +78,7 @@ typedef struct kn_hand { // read only for the caller
     kn_path_point point;
     int mode_ms, dropped_ms;
     int tries, trips;
-    kn_hand_try try_[KN_HAND_TRIES];
+    kn_attempt attempt[KN_HAND_TRIES];
     kn_trip trip[KN_HAND_TRIES];
     kn_path way_out;
     kn_piece way_out_piece[4];

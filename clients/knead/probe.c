@@ -16,13 +16,14 @@
 #include <sys/random.h>
 #include <unistd.h>
 
-static const int scene_wait_ms = 6000; // KNEAD_SCENE comes every 5 s
-static const double press_m = 0.01;  // the first paper's
-static const double shallowest_m = 1e-4; // less is no press
-static const double lift_m = 0.02;   // above the top: clear of whatever was pushed up there
-static const double even_m = 1e-5, most_uneven_m = 2e-3; // below: no dent; above: 4 s of creeping are enough
-static const double thinnest = 0.1;  // of the block's height must stay: thinner cells turn inside out
+static const int scene_wait_ms = 6000;          // KNEAD_SCENE comes every 5 s
 static const int64_t mesh_wait_ns = 3000000000; // KNEAD_MESH_INIT comes every 1 s
+static const double press_m = 0.01;             // the first paper's
+static const double shallowest_m = 1e-4;        // less is no press
+static const double thinnest = 0.1;             // of the block's height must stay: thinner cells turn inside out
+static const double lift_m = 0.02;              // above the top: clear of whatever was pushed up there
+static const double even_m = 1e-5;              // less is no dent
+static const double most_uneven_m = 2e-3;       // 4 s of creeping into a dent are enough
 
 typedef struct probe {
     kn_probe_options opt;
@@ -195,6 +196,9 @@ static int64_t random_session(void)
 
 static int start(probe *p)
 {
+    struct sigaction action = {.sa_handler = on_signal}; // from now on there is something to bring to an end
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
     kn_path_point begin;
     kn_path_at(p->path[0], 0.0, &begin);
     kn_hand_def def = {.path = p->path[0], .session = random_session(), .tries = p->opt.tries,
@@ -320,7 +324,9 @@ static int finish(probe *p)
     }
     if (p->device.hand.mode == KN_HAND_DONE && !p->opt.quiet) {
         printf("%s of %s, tool %s\n", p->opt.path, p->scene->name, p->tool->name);
-        kn_report_print(stdout, &report, &p->device.hand, p->scene->limits.clamp_n);
+        kn_safety limited; // fills in the defaults
+        kn_safety_init(&limited, &p->scene->limits);
+        kn_report_print(stdout, &report, &p->device.hand, limited.limits.clamp_n);
         printf("  cycles missed   %8lld      by kneadd, %d here\n", (long long)report.missed,
                atomic_load(&p->device.missed));
     }
@@ -348,12 +354,7 @@ int kn_probe_main(int argc, char **argv)
     probe *p = calloc(1, sizeof *p);
     if (!p) return complain(KN_EXIT_INTERNAL, "out of memory");
     int code = kn_probe_options_parse(&p->opt, argc, argv, &done);
-    if (code == KN_EXIT_OK && !done) {
-        struct sigaction action = {.sa_handler = on_signal};
-        sigaction(SIGINT, &action, NULL);
-        sigaction(SIGTERM, &action, NULL);
-        code = run(p);
-    }
+    if (code == KN_EXIT_OK && !done) code = run(p);
     if (p->mesh_bus) lcm_destroy(p->mesh_bus);
     kn_mesh_free(&p->mesh);
     free(p->top);

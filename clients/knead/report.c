@@ -5,22 +5,22 @@
 static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
 // The try whose pose this force echoes, NULL for none.
-static const kn_hand_try *try_of(const kn_hand *hand, const knead_contact_force_t *f)
+static const kn_attempt *attempt_of(const kn_hand *hand, const knead_contact_force_t *f)
 {
     for (int i = 0; i < hand->tries; i++) {
-        const kn_hand_try *t = &hand->try_[i];
+        const kn_attempt *t = &hand->attempt[i];
         if (f->session == t->session && f->seq >= 1 && f->seq <= t->sent) return t;
     }
     return NULL;
 }
 
 // Time along the path of the pose that the force echoes; the path begins with play_seq and has 1 ms per pose.
-static double path_time(const kn_hand_try *t, const knead_contact_force_t *f)
+static double path_time(const kn_attempt *t, const knead_contact_force_t *f)
 {
     return 1e-3 * (double)(f->seq - t->play_seq);
 }
 
-static void add_to_table(kn_report *r, const kn_hand *hand, const kn_hand_try *t, const knead_contact_force_t *f)
+static void add_to_table(kn_report *r, const kn_hand *hand, const kn_attempt *t, const knead_contact_force_t *f)
 {
     double s = path_time(t, f), contact_n = norm(f->contact_force_n);
     if (!t->play_seq || s < 0.0 || (f->seq == t->sent && (f->flags & KN_FLAG_STALE))) return;
@@ -41,15 +41,15 @@ static int by_value(const void *a, const void *b)
 
 void kn_report_make(kn_report *r, const kn_hand *hand, const kn_record *record)
 {
-    const kn_hand_try *last = &hand->try_[hand->tries - 1];
+    const kn_attempt *last = &hand->attempt[hand->tries - 1];
     int64_t *trip_ns = malloc(sizeof *trip_ns * ((size_t)record->force_count + 1)), trips = 0;
     *r = (kn_report){.gain_min = 1.0, .hold_end_n = NAN, .residual_m = NAN};
     r->round_trip_p50_ms = r->round_trip_p99_ms = NAN;
-    for (int i = 0; i < hand->tries; i++) r->sent += hand->try_[i].sent;
+    for (int i = 0; i < hand->tries; i++) r->sent += hand->attempt[i].sent;
     for (int i = 0; i < record->force_count; i++) {
         const knead_contact_force_t *f = &record->force[i].force;
         const knead_contact_force_t *before = i > 0 ? &record->force[i - 1].force : NULL;
-        const kn_hand_try *t = try_of(hand, f);
+        const kn_attempt *t = attempt_of(hand, f);
         r->forces++;
         r->matched += t != NULL;
         r->strange += t == NULL;
@@ -80,10 +80,9 @@ void kn_report_print(FILE *out, const kn_report *r, const kn_hand *hand, double 
     }
     if (!isnan(r->hold_end_n)) fprintf(out, "  end of hold     %8.2f N\n", r->hold_end_n);
     if (!isnan(r->residual_m)) fprintf(out, "  residual depth  %8.2f mm   1 s after withdrawal\n", 1e3 * r->residual_m);
-    if (r->given_peak_n < 0.999 * r->peak_n)
-        fprintf(out, "  given to hand   %8.2f N    at most; the device's limit is %.1f N\n", r->given_peak_n, clamp_n);
+    if (r->peak_n > clamp_n) fprintf(out, "  given to hand   %8.2f N    the device's limit\n", r->given_peak_n);
     if (r->gain_min < 1.0)
-        fprintf(out, "  poses were late: what the hand was given was faded to %.0f %%\n", 100.0 * r->gain_min);
+        fprintf(out, "  poses were late: what the hand was given faded to %.0f %%\n", 100.0 * r->gain_min);
     fprintf(out, "  poses sent      %8lld\n  forces received %8lld      %lld lost\n", (long long)r->sent,
             (long long)r->forces, (long long)r->lost);
     fprintf(out, "  echoes matched  %8lld      %lld of them an older pose again, %lld forces answer somebody else\n",
@@ -111,7 +110,7 @@ void kn_report_csv(FILE *out, const kn_hand *hand, const kn_record *record, cons
         knead_probe_pose_t key = {.session = f->session, .seq = f->seq};
         const knead_probe_pose_t *pose =
             bsearch(&key, record->pose, (size_t)record->pose_count, sizeof *record->pose, by_number);
-        if (!try_of(hand, f) || !pose) continue;
+        if (!attempt_of(hand, f) || !pose) continue;
         fprintf(out, "%lld,%.3f,%s", (long long)f->tick, 1e-3 * (double)(f->tick - first_tick), probe);
         print_vector(out, pose->position_m);
         print_vector(out, f->contact_force_n);

@@ -85,8 +85,8 @@ TEST("a press engages in air, plays its path once and is done")
     CHECK(r.hand.mode == KN_HAND_DONE && r.hand.tries == 1 && r.hand.trips == 0);
     CHECK_NEAR(r.lowest_m, 0.02, 1e-9);
     CHECK(r.largest_step_m <= step_limit_m);
-    CHECK(r.hand.try_[0].play_seq > 400);
-    CHECK_NEAR((double)(r.hand.try_[0].sent - r.hand.try_[0].play_seq), path->duration_s * 1e3, 1.5);
+    CHECK(r.hand.attempt[0].play_seq > 400);
+    CHECK_NEAR((double)(r.hand.attempt[0].sent - r.hand.attempt[0].play_seq), path->duration_s * 1e3, 1.5);
 }
 
 TEST("without a server it gives up and has not moved")
@@ -139,7 +139,7 @@ TEST("lost poses latch a fault that lifting clears; the press is repeated in a n
     CHECK(r.hand.mode == KN_HAND_DONE && r.hand.tries == 2 && r.hand.trips == 1);
     CHECK(!r.hand.trip[0].own && r.hand.trip[0].fault == KN_FAULT_POSE_SILENCE && r.hand.trip[0].cleared);
     CHECK_NEAR(r.hand.trip[0].time_s, 1.5, 0.03);
-    CHECK(r.hand.try_[1].session == 101 && r.server.session == 101);
+    CHECK(r.hand.attempt[1].session == 101 && r.server.session == 101);
     CHECK_NEAR(r.lowest_m, 0.02, 1e-9);
     CHECK(r.largest_step_m <= step_limit_m);
 }

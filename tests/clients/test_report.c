@@ -13,7 +13,7 @@ static void play(void)
     path = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .hold_s = 0.5});
     kn_hand_init(&hand, &(kn_hand_def){.path = path, .session = 40});
     int64_t sent = 100 + (int64_t)(1e3 * path->duration_s);
-    hand.try_[0] = (kn_hand_try){.session = 40, .play_seq = 101, .sent = sent};
+    hand.attempt[0] = (kn_attempt){.session = 40, .play_seq = 101, .sent = sent};
     record.force = calloc((size_t)sent, sizeof *record.force);
     record.pose = calloc((size_t)sent, sizeof *record.pose);
     for (int64_t seq = 1; seq <= sent; seq++) {
@@ -65,7 +65,7 @@ TEST("every force that echoes a pose counts; a lost one, a strange one and an ol
     kn_report r;
     play();
     kn_report_make(&r, &hand, &record);
-    int64_t all = hand.try_[0].sent;
+    int64_t all = hand.attempt[0].sent;
     CHECK(r.sent == all && r.forces == all && r.matched == all && r.strange == 0 && r.stale == 0 && r.lost == 0);
     CHECK_NEAR(r.round_trip_p50_ms, 0.5, 1e-9);
     CHECK_NEAR(r.round_trip_p99_ms, 0.5, 1e-9); // one of 1000s was late
