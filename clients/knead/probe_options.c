@@ -20,7 +20,7 @@ static const char help[] =
     "  --path FILE.csv  rows time_s,x_m,y_m,z_m or time_s,x_m,y_m,z_m,qw,qx,qy,qz under such a header; metres, z up,\n"
     "                   origin under the object's centre; begin clear of the object\n"
     "  --probe NAME     tool of the scene (press: the first; else the first sphere: dough is a wall to a fast plate)\n"
-    "  --hold TIME      press: at the lowest point; sine: how long ('4 s'); bare numbers are SI\n"
+    "  --hold TIME      press: at the lowest point; sine: how long ('4 s' or 4)\n"
     "  --depth LENGTH   press: below the top of the untouched block; else below where the tool touches ('10 mm')\n"
     "  --speed SPEED    in the object ('1 cm/s')\n"
     "  --frequency F    of the sine ('2 Hz')\n"
@@ -33,13 +33,14 @@ static const char help[] =
     "  --quiet          no progress, no table\n\n"
     "Exit codes: 0 the path was played to its end, 2 bad input, 3 no answer, or three tries were spoilt.\n";
 
+// Seconds may come bare, as everywhere; a length without a unit is more likely millimetres than metres.
 static bool quantity(const char *option, const char *text, const char *unit_text, const char *example, double *value)
 {
     kn_unit unit;
     kn_quantity q;
     char why[128];
     if (!kn_unit_parse(&unit, unit_text, why, sizeof why)) return false;
-    if (kn_quantity_parse(&q, text, why, sizeof why) && (q.bare || kn_unit_same_dimension(&q.unit, &unit))) {
+    if (kn_quantity_parse(&q, text, why, sizeof why) && ((q.bare && !strcmp(unit_text, "s")) || (!q.bare && kn_unit_same_dimension(&q.unit, &unit)))) {
         *value = kn_quantity_in(&q, &unit);
         if (isfinite(*value) && (*value > 0.0 || (*value == 0.0 && !strcmp(option, "hold")))) return true;
     }
