@@ -91,4 +91,83 @@ TEST("Runge-Kutta is of fourth order: half the step, a sixteenth of the error")
     CHECK_NEAR(order, 4, 0.3);
 }
 
+// Height of a bar after 0.2 s under a load, by either method.
+static double loaded_bar(kn_material material, kn_solver kind, double dt_s)
+{
+    kn_model_def def = rk4_def(dt_s, 200);
+    def.solver.kind = kind;
+    def.material = material;
+    def.nodes[0] = def.nodes[1] = 1;
+    def.nodes[2] = 2;
+    def.structure = KN_STRUCTURE_AXIS;
+    def.probe_count = 0;
+    kn_model *model = build(&def);
+    kn_state *state = kn_state_create(model);
+    kn_input in = {.top_load_n = 0.3};
+    kn_output out;
+    double x[3];
+    for (int step = 0; step < (int)lround(0.2 / dt_s); step++) CHECK(kn_step(model, state, &in, &out) == KN_OK);
+    kn_state_position(model, state, 1, x);
+    kn_state_destroy(state);
+    kn_model_destroy(model);
+    return x[2];
+}
+
+TEST("in every limit of the law - no damper, k1 = 0, c1 = 0, thinning - it gives what the implicit step converges to")
+{
+    kn_material m[5] = {
+        jelly(), clay(), {.k1_pa = 2e4, .damper = KN_DAMPER_CONSTANT, .c2_pa_s = 5e3}, dough(), dough()};
+    m[1].c1_pa_s = m[1].c2_pa_s = 4e3;
+    m[4].c1_pa_s = 0;
+    for (int t = 0; t < 5; t++) {
+        double exact = loaded_bar(m[t], KN_SOLVER_RK4, 2e-5), coarse = loaded_bar(m[t], KN_SOLVER_IMPLICIT, 2e-5),
+               fine = loaded_bar(m[t], KN_SOLVER_IMPLICIT, 1e-5);
+        CHECK(exact < 0.01 - 1e-7);
+        CHECK_NEAR(2 * fine - coarse, exact, 1e-3 * (0.01 - exact)); // extrapolated to a step of nothing
+    }
+}
+
+TEST("reactions, loads and weight account for every change of momentum")
+{
+    enum { NODES = 4 * 3 * 3 };
+    kn_model_def def = rk4_def(1e-5, 100);
+    def.nodes[0] = 4;
+    def.nodes[1] = def.nodes[2] = 3;
+    def.support = KN_SUPPORT_NONE;
+    def.gravity_m_s2 = 9.81;
+    def.probe_count = 0;
+    kn_model *model = build(&def);
+    kn_state *state = kn_state_create(model);
+    void *scratch = malloc(kn_rk4_scratch(model));
+    static uint8_t fixed[NODES];
+    static double velocity[NODES][3], force[NODES][3], reaction[NODES][3];
+    for (int i = 0; i < NODES; i++) { // some held in some directions and moved, all pushed
+        fixed[i] = (uint8_t)(i % 5 == 0 ? i % 8 : 0);
+        for (int k = 0; k < 3; k++) velocity[i][k] = 1e-3 * (i % 7 - k), force[i][k] = 0.01 * (i % 3 - k);
+    }
+    kn_boundary b = {.fixed = fixed, .velocity_m_s = velocity, .force_n = force, .reaction_n = reaction};
+    double before[3] = {0};
+    for (int step = 0; step < 200; step++) {
+        kn_rk4_step(model, state, &b, scratch);
+        double after[3] = {0}, sum[3] = {0};
+        for (int i = 0; i < NODES; i++) {
+            double v[3], mass = model->node_mass_kg[i] * 100;
+            kn_state_velocity(model, state, i, v);
+            for (int k = 0; k < 3; k++) {
+                after[k] += mass * v[k];
+                sum[k] += reaction[i][k] + force[i][k] - (k == 2 ? model->node_mass_kg[i] * 9.81 : 0);
+                CHECK(fixed[i] >> k & 1 || reaction[i][k] == 0);
+                CHECK(!(fixed[i] >> k & 1) || v[k] == velocity[i][k]);
+            }
+        }
+        for (int k = 0; k < 3; k++) {
+            CHECK_NEAR((after[k] - before[k]) / 1e-5, sum[k], 1e-6 * (fabs(sum[k]) + 1));
+            before[k] = after[k];
+        }
+    }
+    free(scratch);
+    kn_state_destroy(state);
+    kn_model_destroy(model);
+}
+
 TESTS_MAIN
