@@ -72,4 +72,30 @@ TEST("uniaxial patch test: any block with diagonals has the material's modulus e
     }
 }
 
+TEST("its own weight shortens a column by rho g H^2 / (2 E), whatever its mass scale")
+{
+    for (int scaled = 0; scaled < 2; scaled++) {
+        kn_model_def def = press_def(1);
+        def.material = (kn_material){.k1_pa = 1e4, .c1_pa_s = 300, .damper = KN_DAMPER_NONE};
+        def.structure = KN_STRUCTURE_AXIS;
+        def.nodes[0] = def.nodes[1] = 1;
+        def.nodes[2] = 5;
+        def.gravity_m_s2 = 0.01; // small strains
+        def.probe_count = 0;
+        def.solver.precision = KN_PRECISION_F64;
+        def.solver.mass_scale = scaled ? 10 : 1;
+        kn_model *model = build(&def);
+        kn_state *state = kn_state_create(model);
+        kn_input in = {0};
+        kn_output out;
+        double u[3], height = 0.04;
+        for (int i = 0; i < 2000; i++) kn_step(model, state, &in, &out);
+        displacement(model, state, 4, u);
+        double expected = -def.density_kg_m3 * def.gravity_m_s2 * height * height / (2 * def.material.k1_pa);
+        CHECK_NEAR(u[2], expected, 1e-4 * fabs(expected));
+        kn_state_destroy(state);
+        kn_model_destroy(model);
+    }
+}
+
 TESTS_MAIN
