@@ -1,0 +1,2 @@
+# Empty dependencies file for knead_viewer.
+# This may be replaced when dependencies are built.

@@ -1,0 +1,2 @@
+# Empty compiler generated dependencies file for knead_scene.
+# This may be replaced when dependencies are built.

@@ -1,0 +1,43 @@
+file(REMOVE_RECURSE
+  "CMakeFiles/knead_server.dir/account.c.o"
+  "CMakeFiles/knead_server.dir/account.c.o.d"
+  "CMakeFiles/knead_server.dir/backend/cpu.c.o"
+  "CMakeFiles/knead_server.dir/backend/cpu.c.o.d"
+  "CMakeFiles/knead_server.dir/bus.c.o"
+  "CMakeFiles/knead_server.dir/bus.c.o.d"
+  "CMakeFiles/knead_server.dir/clock.c.o"
+  "CMakeFiles/knead_server.dir/clock.c.o.d"
+  "CMakeFiles/knead_server.dir/daemon.c.o"
+  "CMakeFiles/knead_server.dir/daemon.c.o.d"
+  "CMakeFiles/knead_server.dir/log.c.o"
+  "CMakeFiles/knead_server.dir/log.c.o.d"
+  "CMakeFiles/knead_server.dir/loop.c.o"
+  "CMakeFiles/knead_server.dir/loop.c.o.d"
+  "CMakeFiles/knead_server.dir/mailbox.c.o"
+  "CMakeFiles/knead_server.dir/mailbox.c.o.d"
+  "CMakeFiles/knead_server.dir/publisher.c.o"
+  "CMakeFiles/knead_server.dir/publisher.c.o.d"
+  "CMakeFiles/knead_server.dir/receiver.c.o"
+  "CMakeFiles/knead_server.dir/receiver.c.o.d"
+  "CMakeFiles/knead_server.dir/replay.c.o"
+  "CMakeFiles/knead_server.dir/replay.c.o.d"
+  "CMakeFiles/knead_server.dir/ring.c.o"
+  "CMakeFiles/knead_server.dir/ring.c.o.d"
+  "CMakeFiles/knead_server.dir/rt.c.o"
+  "CMakeFiles/knead_server.dir/rt.c.o.d"
+  "CMakeFiles/knead_server.dir/sentinel.c.o"
+  "CMakeFiles/knead_server.dir/sentinel.c.o.d"
+  "CMakeFiles/knead_server.dir/servo.c.o"
+  "CMakeFiles/knead_server.dir/servo.c.o.d"
+  "CMakeFiles/knead_server.dir/skin.c.o"
+  "CMakeFiles/knead_server.dir/skin.c.o.d"
+  "CMakeFiles/knead_server.dir/wire.c.o"
+  "CMakeFiles/knead_server.dir/wire.c.o.d"
+  "libknead_server.a"
+  "libknead_server.pdb"
+)
+
+# Per-language clean rules from dependency scanning.
+foreach(lang C)
+  include(CMakeFiles/knead_server.dir/cmake_clean_${lang}.cmake OPTIONAL)
+endforeach()

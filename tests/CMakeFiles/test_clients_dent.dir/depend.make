@@ -1,0 +1,2 @@
+# Empty dependencies file for test_clients_dent.
+# This may be replaced when dependencies are built.

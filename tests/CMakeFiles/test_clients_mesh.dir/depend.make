@@ -1,0 +1,2 @@
+# Empty dependencies file for test_clients_mesh.
+# This may be replaced when dependencies are built.

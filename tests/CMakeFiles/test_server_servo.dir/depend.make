@@ -1,0 +1,2 @@
+# Empty dependencies file for test_server_servo.
+# This may be replaced when dependencies are built.

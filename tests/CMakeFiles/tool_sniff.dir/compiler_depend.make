@@ -1,0 +1,2 @@
+# Empty compiler generated dependencies file for tool_sniff.
+# This may be replaced when dependencies are built.
