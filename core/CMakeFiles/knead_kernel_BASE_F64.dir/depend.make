@@ -1,2 +1,0 @@
-# Empty dependencies file for knead_kernel_BASE_F64.
-# This may be replaced when dependencies are built.

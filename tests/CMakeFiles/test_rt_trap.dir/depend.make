@@ -1,2 +1,0 @@
-# Empty dependencies file for test_rt_trap.
-# This may be replaced when dependencies are built.
