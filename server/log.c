@@ -1,4 +1,5 @@
 #include "server/log.h"
+#include "server/wire.h"
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -10,7 +11,6 @@
 #define HEADER_SIZE 28
 #define CHANNEL_MAX 63         // LCM's
 #define DATA_MAX (1 << 28)     // LCM's largest message
-#define MAC_SIZE 16            // a message authentication code may follow the payload; decoders ignore it
 
 static uint32_t big_endian_32(const unsigned char *bytes)
 {
@@ -110,7 +110,7 @@ static bool all_finite(const double *value, int count)
 static bool fits(const kn_log_record *r, int encoded_size, int64_t hash)
 {
     size_t size = (size_t)encoded_size;
-    return (r->size == size || r->size == size + MAC_SIZE) && big_endian_64(r->data) == hash;
+    return (r->size == size || r->size == size + KN_WIRE_MAC) && big_endian_64(r->data) == hash;
 }
 
 static kn_log_kind read_force(kn_log_record *r)
@@ -133,25 +133,9 @@ static kn_log_kind read_event(kn_log_record *r)
     return sane ? KN_LOG_EVENT : KN_LOG_MALFORMED;
 }
 
-// hash, three int64, one int32, then three strings: an int32 length that counts the closing NUL, and the bytes.
-static bool scene_fits(const unsigned char *bytes, size_t size)
-{
-    size_t at = 8 + 3 * 8 + 4;
-    if (size < at || big_endian_64(bytes) != __knead_scene_t_get_hash()) return false;
-    for (int i = 0; i < 3; i++) {
-        if (size - at < 4) return false;
-        size_t length = big_endian_32(bytes + at);
-        at += 4;
-        if (length < 1 || length > size - at) return false;
-        if (memchr(bytes + at, 0, length) != bytes + at + length - 1) return false;
-        at += length;
-    }
-    return at == size || at + MAC_SIZE == size;
-}
-
 static kn_log_kind read_scene(kn_log *log, kn_log_record *r)
 {
-    if (!scene_fits(r->data, r->size)) return KN_LOG_MALFORMED;
+    if (!kn_wire_scene_fits(r->data, r->size)) return KN_LOG_MALFORMED;
     log->has_scene = knead_scene_t_decode(r->data, 0, (int)r->size, &log->scene) > 0;
     r->scene = log->scene;
     return log->has_scene ? KN_LOG_SCENE : KN_LOG_MALFORMED;

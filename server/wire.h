@@ -15,4 +15,10 @@ void kn_wire_pose(knead_probe_pose_t *message, const kn_pose *pose);
 // initial_hash: kn_state_hash of the object before anything touched it.
 void kn_wire_scene(knead_scene_t *message, const kn_scene *scene, uint64_t initial_hash, int64_t utime);
 
+#define KN_WIRE_MAC 16 // bytes of a message authentication code that may follow a payload; decoders ignore them
+
+// Whether the bytes of a scene_t hold the strings they say. The generated decoder believes their lengths and crashes on a
+// negative one: ask first, in every program that hears a bus or reads a log.
+bool kn_wire_scene_fits(const void *data, size_t size);
+
 #endif

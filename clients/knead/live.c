@@ -1,6 +1,7 @@
 #include "clients/knead/live.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_scene_t.h"
+#include "server/wire.h"
 #include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -16,42 +17,19 @@ int64_t kn_live_now_ms(void)
     return (int64_t)now.tv_sec * 1000 + now.tv_nsec / 1000000;
 }
 
-static bool starts_with_hash(const uint8_t *data, size_t size, int64_t hash)
-{
-    uint64_t value = 0;
-    if (size < 8) return false;
-    for (int i = 0; i < 8; i++) value = value << 8 | data[i];
-    return value == (uint64_t)hash;
-}
-
-// scene_t without its decoder, which believes the lengths in a message: hash, three int64, one int32, then version, name and
-// text, each a length that counts the closing NUL, and the bytes.
-static bool scene_strings(const uint8_t *data, size_t size, const char *string[3])
-{
-    size_t at = 8 + 3 * 8 + 4;
-    if (size < at || !starts_with_hash(data, size, __knead_scene_t_get_hash())) return false;
-    for (int i = 0; i < 3; i++) {
-        if (size - at < 4) return false;
-        int64_t length = kn_mesh_int(data, (int)at);
-        at += 4;
-        if (length < 1 || (uint64_t)length > size - at) return false;
-        string[i] = (const char *)data + at;
-        at += (size_t)length;
-        if (memchr(string[i], 0, (size_t)length) != data + at - 1) return false;
-    }
-    return true;
-}
-
 static void on_scene(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     kn_live *live = user;
-    const char *string[3];
+    knead_scene_t message;
     (void)channel;
-    if (!scene_strings(buffer->data, buffer->data_size, string)) return;
+    if (!kn_wire_scene_fits(buffer->data, buffer->data_size)) return;
+    if (knead_scene_t_decode(buffer->data, 0, (int)buffer->data_size, &message) < 0) return;
     live->heard[0]++;
-    if (live->scene && strcmp(live->scene->text, string[2]) == 0) return;
-    kn_scene *scene = kn_scene_parse(string[1], string[2], strlen(string[2]), NULL, 0, live->scene_error,
-                                     sizeof live->scene_error);
+    kn_scene *scene = NULL;
+    if (!live->scene || strcmp(live->scene->text, message.text) != 0)
+        scene = kn_scene_parse(message.name, message.text, strlen(message.text), NULL, 0, live->scene_error,
+                               sizeof live->scene_error);
+    knead_scene_t_decode_cleanup(&message);
     if (!scene) return;
     live->scene_error[0] = 0;
     kn_scene_destroy(live->scene);

@@ -2,6 +2,7 @@
 #include "clients/knead/join.h"
 #include "proto/knead_scene_t.h"
 #include "server/clock.h"
+#include "server/wire.h"
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -61,7 +62,7 @@ static void hear_scene(kn_record *r, const lcm_recv_buf_t *buf)
 {
     knead_scene_t scene;
     if (r->scene_text || knead_scene_t_decode(buf->data, 0, (int)buf->data_size, &scene) < 0) return;
-    r->scene_name = strdup(scene.name);
+    r->scene_name = strdup(scene.name); // NULL is told as no scene
     r->scene_text = strdup(scene.text);
     knead_scene_t_decode_cleanup(&scene);
 }
@@ -70,6 +71,7 @@ static void on_message(const lcm_recv_buf_t *buf, const char *channel, void *sel
 {
     kn_record *r = self;
     bool scene = !strcmp(channel, "KNEAD_SCENE");
+    if (scene && !kn_wire_scene_fits(buf->data, buf->data_size)) return;
     if (scene) hear_scene(r, buf);
     if (!scene && !r->started) return;
     write_log(r, buf, channel);
@@ -93,6 +95,9 @@ kn_record *kn_record_open(const char *url, const char *log_path, char *error, si
         snprintf(error, error_size, "out of memory");
         return NULL;
     }
+    // lcm-gen works out a type's hash at its first use, without a lock: here, while there is one thread
+    __knead_contact_force_t_get_hash();
+    __knead_probe_pose_t_get_hash();
     r->clock_offset_ns = real_time_ns() - kn_now_ns();
     r->lcm = kn_join(url, KN_FORCE_URL, error, error_size);
     if (!r->lcm || (log_path && !open_log(r, log_path, error, error_size))) {
