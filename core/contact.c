@@ -10,16 +10,17 @@ static int samples_per_patch(const kn_model *model, const kn_probe_def *probe)
     return probe->radius_m > 4 * model->def.spacing_m ? 2 : 4;
 }
 
-// Samples that a sphere can have under it: its whole lower half pressed into the skin, and a patch around.
+// Samples that a sphere can have under it: its whole lower half pressed into the skin, and a patch around; at most all.
 static int samples_max(const kn_model *model)
 {
-    double count = 0, h = model->def.spacing_m;
+    double count = 0, h = model->def.spacing_m, patches = 0;
+    for (int f = 0; f < model->face_count; f++) patches += (double)model->face[f].len[0] * model->face[f].len[1];
     for (int p = 0; p < model->def.probe_count; p++) {
         const kn_probe_def *probe = &model->def.probe[p];
-        double reach = (probe->radius_m + h) / h * samples_per_patch(model, probe);
-        if (probe->shape == KN_PROBE_SPHERE) count += 2 * 3.1416 * reach * reach;
+        double per = samples_per_patch(model, probe), reach = (probe->radius_m + h) / h * per;
+        if (probe->shape == KN_PROBE_SPHERE) count += fmin(2 * 3.1416 * reach * reach, patches * per * per);
     }
-    return (int)fmin(count, 16384);
+    return (int)fmin(count, 1e8);
 }
 
 static int top_nodes(const kn_model *model) { return model->face[0].len[0] * model->face[0].len[1]; }
@@ -72,6 +73,14 @@ static bool under_plate(const kn_model *model, const kn_probe_def *def, const do
     return fabs(x[0] - plate[0]) <= 0.5 * def->size_m[0] + slack && fabs(x[1] - plate[1]) <= 0.5 * def->size_m[1] + slack;
 }
 
+// A node goes with one plate: the first that touched it.
+static bool held_by_other(const kn_model *model, const kn_state *state, int p, int t)
+{
+    for (int q = 0; q < model->def.probe_count; q++)
+        if (q != p && state->held[(size_t)q * (size_t)top_nodes(model) + (size_t)t]) return true;
+    return false;
+}
+
 static void find_holds(const kn_model *model, kn_state *state, int p, kn_contact *contact)
 {
     const kn_face *top = &model->face[0];
@@ -87,6 +96,7 @@ static void find_holds(const kn_model *model, kn_state *state, int p, kn_contact
                 double x[3];
                 kn_state_position(model, state, node, x);
                 if (x[2] <= plane || !under_plate(model, &model->def.probe[p], probe->position_m, x)) continue;
+                if (held_by_other(model, state, p, t)) continue;
                 // first touch: the node only has to get out of the way, so it moves by what is left of the step
                 hold.velocity_m_s[2] = (plane - x[2]) / dt;
                 held[t] = 1;

@@ -5,7 +5,7 @@
 // The three shifts along a row must be unrolled to be constants; gcc leaves them rolled (+18 % of the edge pass).
 #define PRAGMA(x) _Pragma(#x)
 // Not where it only costs compile time.
-#if KN_KERNEL_BASE || KN_KERNEL_F64
+#if KN_KERNEL_BASE || KN_KERNEL_F64 || KN_SANITIZED
 #define UNROLL(n)
 #elif defined(__clang__)
 #define UNROLL(n) PRAGMA(unroll(n))
@@ -422,7 +422,7 @@ LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *w
         for (int i = 0; i < 3; i++) {
             int o = pair[i][0];
             m[o] = lanes_mul(m[o], lanes_mul(loose[pair[i][1]], loose[pair[i][2]]));
-            m[diagonal[i]] = lanes_fma(lanes_sub(m[diagonal[i]], one), loose[i], one);
+            m[diagonal[i]] = lanes_less(loose[i], lanes_set((real)0.5), one, m[diagonal[i]]); // 1 where prescribed, to the bit
         }
         invert_block(m, p);
         for (int i = 0; i < 3; i++) p[diagonal[i]] = lanes_mul(p[diagonal[i]], loose[i]);

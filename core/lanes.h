@@ -5,7 +5,7 @@
 // Every instruction set gets the same 16 logical lanes, IEEE division and square root, and fused operations only where
 // lanes_fma is written, so all of them give the same bits: a native vector N of W lanes is repeated PARTS = 16/W times.
 //
-//     KN_KERNEL_AVX512  f32 1 x 16   f64 2 x 8        KN_KERNEL_BASE  16 x 1, fma() from libm: in software where the
+//     KN_KERNEL_AVX512  f32 1 x 16   f64 2 x 8        KN_KERNEL_BASE  1 x 16, fma() from libm: in software where the
 //     KN_KERNEL_AVX2    f32 2 x 8    f64 4 x 4                        processor has none (right, not real time)
 #include "core/grid.h"
 #include <math.h>
@@ -20,6 +20,12 @@ typedef double real;
 
 #if KN_KERNEL_AVX512 || KN_KERNEL_AVX2
 #include <immintrin.h>
+#endif
+
+#if KN_KERNEL_BASE || KN_SANITIZED // not fast anyway: inlined everywhere they would take a compiler minutes
+#define LANES_INLINE static inline
+#else
+#define LANES_INLINE static inline __attribute__((always_inline))
 #endif
 
 #if KN_KERNEL_AVX512 && KN_KERNEL_F32
@@ -51,28 +57,43 @@ typedef __m256d native;
 #define N_MAX(a, b) _mm256_max_pd(a, b)
 #define N_LESS(a, b, x, y) _mm256_blendv_pd(y, x, _mm256_cmp_pd(a, b, _CMP_LT_OQ))
 #else
-typedef real native;
-#define PARTS 16
+// GNU vectors of all 16 lanes: the compiler makes of them what the processor has. Fused operations and roots go lane by lane.
+typedef real native __attribute__((vector_size(KN_LANES * sizeof(real)), may_alias));
+typedef __typeof__((native){0} < (native){0}) native_mask;
+#define PARTS 1
 #define N(op) base_##op
-static inline real base_set1(real a) { return a; }
-static inline real base_load(const real *p) { return *p; }
-static inline void base_store(real *p, real a) { *p = a; }
-static inline real base_add(real a, real b) { return a + b; }
-static inline real base_sub(real a, real b) { return a - b; }
-static inline real base_mul(real a, real b) { return a * b; }
-static inline real base_div(real a, real b) { return a / b; }
-#if KN_KERNEL_F32
-static inline real base_sqrt(real a) { return sqrtf(a); }
-static inline real base_fmadd(real a, real b, real c) { return fmaf(a, b, c); }
-static inline real base_fnmadd(real a, real b, real c) { return fmaf(-a, b, c); }
-#else
-static inline real base_sqrt(real a) { return sqrt(a); }
-static inline real base_fmadd(real a, real b, real c) { return fma(a, b, c); }
-static inline real base_fnmadd(real a, real b, real c) { return fma(-a, b, c); }
-#endif
-#define N_MIN(a, b) ((a) < (b) ? (a) : (b)) // as minps: the second when unordered
-#define N_MAX(a, b) ((a) > (b) ? (a) : (b))
-#define N_LESS(a, b, x, y) ((a) < (b) ? (x) : (y))
+LANES_INLINE native base_set1(real a) { return a - (native){0}; }
+LANES_INLINE native base_load(const real *p) { return *(const native *)(const void *)p; }
+LANES_INLINE void base_store(real *p, native a) { *(native *)(void *)p = a; }
+LANES_INLINE native base_add(native a, native b) { return a + b; }
+LANES_INLINE native base_sub(native a, native b) { return a - b; }
+LANES_INLINE native base_mul(native a, native b) { return a * b; }
+LANES_INLINE native base_div(native a, native b) { return a / b; }
+LANES_INLINE native base_sqrt(native a)
+{
+    for (int i = 0; i < KN_LANES; i++) a[i] = sizeof(real) == sizeof(float) ? (real)sqrtf((float)a[i]) : (real)sqrt((double)a[i]);
+    return a;
+}
+static __attribute__((noinline)) void base_fuse(const native *a, const native *b, native *c)
+{
+    for (int i = 0; i < KN_LANES; i++)
+        (*c)[i] = sizeof(real) == sizeof(float) ? (real)fmaf((float)(*a)[i], (float)(*b)[i], (float)(*c)[i])
+                                                : (real)fma((double)(*a)[i], (double)(*b)[i], (double)(*c)[i]);
+}
+LANES_INLINE native base_fmadd(native a, native b, native c)
+{
+    base_fuse(&a, &b, &c);
+    return c;
+}
+LANES_INLINE native base_fnmadd(native a, native b, native c) { return base_fmadd(-a, b, c); }
+LANES_INLINE native base_less(native a, native b, native x, native y)
+{
+    native_mask m = a < b;
+    return (native)((m & (native_mask)x) | (~m & (native_mask)y));
+}
+#define N_MIN(a, b) base_less(a, b, a, b) // as minps: the second when unordered
+#define N_MAX(a, b) base_less(b, a, a, b)
+#define N_LESS(a, b, x, y) base_less(a, b, x, y)
 #endif
 
 #define W (KN_LANES / PARTS)
@@ -82,11 +103,6 @@ typedef struct lanes {
 } lanes;
 
 #define EACH for (int i = 0; i < PARTS; i++)
-#if KN_KERNEL_BASE // sixteen scalars per operation: inlined everywhere they would take a compiler minutes and gain nothing
-#define LANES_INLINE static inline
-#else
-#define LANES_INLINE static inline __attribute__((always_inline))
-#endif
 
 LANES_INLINE lanes lanes_set(real a)
 {
@@ -188,15 +204,11 @@ LANES_INLINE lanes lanes_prev(lanes a)
 #else
 LANES_INLINE lanes lanes_next(lanes a)
 {
-    lanes r;
-    EACH r.part[i] = a.part[(i + 1) % PARTS];
-    return r;
+    return (lanes){{__builtin_shufflevector(a.part[0], a.part[0], 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 0)}};
 }
 LANES_INLINE lanes lanes_prev(lanes a)
 {
-    lanes r;
-    EACH r.part[i] = a.part[(i + PARTS - 1) % PARTS];
-    return r;
+    return (lanes){{__builtin_shufflevector(a.part[0], a.part[0], 15, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14)}};
 }
 #endif
 
@@ -253,14 +265,14 @@ typedef struct segment {
 LANES_INLINE segment segment_of(lanes y, int shift)
 {
     segment s;
-    memcpy(s.index, y.part, sizeof s.index);
+    memcpy(s.index, y.part, sizeof s.index); // float bits
     for (int i = 0; i < KN_LANES; i++) s.index[i] = ((s.index[i] - 0x3f800000u) >> shift) & (16 - 1);
     return s;
 }
 LANES_INLINE lanes lanes_table(const float *table, segment s)
 {
     lanes r;
-    EACH r.part[i] = table[s.index[i]];
+    for (int i = 0; i < KN_LANES; i++) r.part[0][i] = table[s.index[i]];
     return r;
 }
 #endif

@@ -191,11 +191,12 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
         add_external(model, state, s, input);
         rz = model->kernels->edge(model, state, how, pass > 0);
         // decays over a second: what is a large residual now is measured against the recent past
-        if (pass == 0) state->residual_scale = fmax(rz, state->residual_scale * (1 - fmin(1, solver->dt_s)));
+        double faded = state->residual_scale * (1 - fmin(1, solver->dt_s));
+        if (pass == 0) state->residual_scale = rz <= faded ? faded : rz; // a NaN stays one
         output->iterations = 0;
         rz = solve_linear(model, state, s, rz, output);
     }
-    output->residual = state->residual_scale > 0 ? sqrt(rz / state->residual_scale) : 0;
+    output->residual = rz == 0 ? 0 : sqrt(rz / state->residual_scale); // not a number when the physics has gone bad
     read_forces(model, state, s);
 }
 

@@ -66,9 +66,12 @@ static void watch_chatter(const kn_model *m, kn_state *state, const kn_output *o
     state->chatter_bits = 0;
 }
 
-static bool all_finite(const kn_model *m, const kn_output *output)
+// The implicit solve's residual sums every node; Runge-Kutta has none, so its velocities are summed.
+static bool all_finite(const kn_model *m, const kn_state *state, const kn_output *output)
 {
     double sum = output->residual;
+    if (m->def.solver.kind == KN_SOLVER_RK4)
+        for (size_t i = 0; i < kn_grid_field(&m->grid, 3); i++) sum += kn_real_get(m, state->velocity, i);
     for (int p = 0; p < m->def.probe_count; p++)
         for (int k = 0; k < 3; k++) sum += output->probe[p].force_n[k] + output->probe[p].torque_n_m[k];
     return isfinite(sum);
@@ -95,7 +98,7 @@ kn_status kn_step(const kn_model *model, kn_state *state, const kn_input *input,
     watch_chatter(model, state, output);
     state->tick++;
 
-    if (all_finite(model, output)) return KN_OK;
+    if (all_finite(model, state, output)) return KN_OK;
     state->bad = 1;
     memset(output, 0, sizeof *output);
     return KN_DIVERGED;

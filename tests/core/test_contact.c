@@ -91,6 +91,46 @@ TEST("a plate holds the top nodes it reaches, and no others")
     bench_close(&b);
 }
 
+TEST("two plates in the same place share the nodes, not the force")
+{
+    kn_model_def def = kn_model_def_default();
+    char error[200];
+    bench b = {0};
+    def.probe_count = 2;
+    for (int p = 0; p < 2; p++) def.probe[p] = (kn_probe_def){.shape = KN_PROBE_PLATE, .size_m = {0.2, 0.2}};
+    b.model = kn_model_build(&def, error, sizeof error);
+    b.state = kn_state_create(b.model);
+    put(&b, 0, 0, 0, 0.0299, 0);
+    put(&b, 1, 0, 0, 0.0299, 0);
+    CHECK(kn_step(b.model, b.state, &b.input, &b.output) == KN_OK);
+    CHECK(kn_state_scratch(b.state)->contact.hold_count == 36);
+    CHECK(b.output.probe[0].force_n[2] > 0 && b.output.probe[1].force_n[2] == 0);
+    bench_close(&b);
+}
+
+TEST("a block far lighter than its viscosity still solves in f32: held rows keep their blocks")
+{
+    double force[2];
+    for (int heavy = 0; heavy < 2; heavy++) {
+        kn_model_def def = kn_model_def_default();
+        char error[200];
+        bench b = {0};
+        def.material = (kn_material){.k1_pa = 1000, .c1_pa_s = 10, .damper = KN_DAMPER_NONE};
+        def.spacing_m = 1e-4, def.density_kg_m3 = heavy ? 1200 : 30;
+        def.probe_count = 1;
+        def.probe[0] = (kn_probe_def){.shape = KN_PROBE_PLATE, .size_m = {1e-4, 1e-3}};
+        b.model = kn_model_build(&def, error, sizeof error);
+        b.state = kn_state_create(b.model);
+        put(&b, 0, 0, 0, 3e-4, -1e-4);
+        for (int i = 0; i < 200; i++, b.input.probe[0].position_m[2] -= 1e-7)
+            CHECK(kn_step(b.model, b.state, &b.input, &b.output) == KN_OK);
+        force[heavy] = b.output.probe[0].force_n[2];
+        bench_close(&b);
+    }
+    CHECK(force[1] > 0);
+    CHECK_NEAR(force[0], force[1], 0.02 * force[1]);
+}
+
 TEST("a node touched in mid-step moves by what is left of the step")
 {
     bench b = bench_open();
