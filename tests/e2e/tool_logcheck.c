@@ -12,8 +12,8 @@
 #include <stdio.h>
 #include <string.h>
 
-// The poses of one session so far. A force echoes one of them when its seq lies between the first and the last: a logger may
-// lose a pose that kneadd heard.
+// The poses of one session. A force echoes one of them when its seq lies between the first and the last: a logger may lose a
+// pose that kneadd heard.
 typedef struct stream {
     int64_t session, first, last;
 } stream;
@@ -58,8 +58,7 @@ static void take(const lcm_eventlog_event_t *e)
 {
     knead_event_t event;
     knead_scene_t scene;
-    if (begins(e, "KNEAD_POSE_")) take_pose(e);
-    else if (begins(e, "KNEAD_FORCE_")) take_force(e);
+    if (begins(e, "KNEAD_FORCE_")) take_force(e);
     else if (begins(e, "KNEAD_EVENT")) *(knead_event_t_decode(e->data, 0, e->datalen, &event) < 0 ? &undecodable : &events) += 1;
     else if (begins(e, "KNEAD_STATUS")) *(knead_status_t_decode(e->data, 0, e->datalen, &status) < 0 ? &undecodable : &statuses) += 1;
     else if (begins(e, "KNEAD_SCENE")) {
@@ -70,10 +69,15 @@ static void take(const lcm_eventlog_event_t *e)
 
 int main(int argc, char **argv)
 {
-    lcm_eventlog_t *log = argc == 2 ? lcm_eventlog_create(argv[1], "r") : NULL;
-    if (!log) return 3;
-    for (lcm_eventlog_event_t *e; (e = lcm_eventlog_read_next_event(log)); lcm_eventlog_free_event(e)) take(e);
-    lcm_eventlog_destroy(log);
+    for (int pass = 0; pass < 2; pass++) { // poses first
+        lcm_eventlog_t *log = argc == 2 ? lcm_eventlog_create(argv[1], "r") : NULL;
+        if (!log) return 3;
+        for (lcm_eventlog_event_t *e; (e = lcm_eventlog_read_next_event(log)); lcm_eventlog_free_event(e)) {
+            if (pass == 1) take(e);
+            else if (begins(e, "KNEAD_POSE_")) take_pose(e);
+        }
+        lcm_eventlog_destroy(log);
+    }
     int64_t rejected = 0, hist = 0;
     for (int i = 0; i < 24; i++) rejected += status.rejected[i];
     for (int i = 0; i < 32; i++) hist += status.wakeup_hist[i];
