@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 enum { LO = 1 }; // Linux gives lo this number in every namespace (LOOPBACK_IFINDEX)
@@ -70,6 +71,21 @@ bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size)
     snprintf(error, error_size, "%s: the group's route is not loopback (%s%s); as root: ip link set lo up; "
              "ip route add %s/32 dev lo", bus->url, named ? "it leaves by " : "there is none", name, group);
     return false;
+}
+
+int kn_bus_claim(const kn_bus *bus, char *error, size_t error_size)
+{
+    struct sockaddr_un name = {.sun_family = AF_UNIX}; // sun_path[0] == 0: abstract
+    char group[16];
+    inet_ntop(AF_INET, &bus->group.sin_addr, group, sizeof group);
+    int n = snprintf(name.sun_path + 1, sizeof name.sun_path - 1, "kneadd %s:%u", group, ntohs(bus->group.sin_port));
+    socklen_t size = (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + (size_t)n);
+    int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    if (fd >= 0 && bind(fd, (const struct sockaddr *)&name, size) == 0) return fd;
+    if (fd >= 0 && errno == EADDRINUSE) snprintf(error, error_size, "another kneadd serves %s", bus->url);
+    else snprintf(error, error_size, "%s: cannot be claimed: %s", bus->url, strerror(errno));
+    if (fd >= 0) close(fd);
+    return -1;
 }
 
 // The largest buffer we can get: at 1 MiB it holds about 1 300 poses. Only root may pass net.core.rmem_max.

@@ -38,6 +38,11 @@ bool kn_bus_parse(kn_bus *bus, const char *url, char *error, size_t error_size);
 // Whether the kernel would route the group over lo. False and one line in error that names the cure.
 bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size);
 
+// Takes the bus for one server: a second one would answer the same hands. The claim is an abstract AF_UNIX name, so the
+// kernel gives it back with the process, however that ends, and every network namespace has its own, as it has its own lo.
+// The descriptor that holds it; -1 and one line in error when another server has it.
+int kn_bus_claim(const kn_bus *bus, char *error, size_t error_size);
+
 // A non-blocking socket that hears the group over lo, beside any number of others; -1 and one line in error.
 int kn_bus_listen(const kn_bus *bus, char *error, size_t error_size);
 

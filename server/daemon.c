@@ -21,7 +21,7 @@ typedef struct server {
     kn_model *model;
     kn_backend backend;
     kn_bus bus, mesh_bus;
-    int fd;
+    int claim, fd; // of the bus; what is heard on it
     kn_receiver receiver;
     kn_batch batch;
     kn_publisher publisher;
@@ -257,7 +257,8 @@ static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_
 static bool open_buses(server *d, char *error, size_t error_size)
 {
     if (!kn_bus_check_route(&d->bus, error, error_size) || !kn_bus_check_route(&d->mesh_bus, error, error_size)) return false;
-    d->fd = kn_bus_listen(&d->bus, error, error_size);
+    d->claim = kn_bus_claim(&d->bus, error, error_size);
+    d->fd = d->claim < 0 ? -1 : kn_bus_listen(&d->bus, error, error_size);
     if (d->fd < 0) return false;
     uint64_t hash = kn_state_hash(d->model, d->backend.state(d->backend.self));
     kn_receiver_init(&d->receiver, &d->model->def);
@@ -336,6 +337,7 @@ static void free_all(server *d)
     kn_skin_close(&d->skin);
     kn_publisher_close(&d->publisher);
     if (d->fd >= 0) close(d->fd);
+    if (d->claim >= 0) close(d->claim);
     if (d->backend.destroy) d->backend.destroy(d->backend.self);
     kn_model_destroy(d->model);
     kn_scene_destroy(d->scene);
@@ -346,7 +348,7 @@ int kn_daemon_run(const kn_daemon_def *def)
     static server d;
     char error[512];
     int code = 2;
-    d = (server){.fd = -1};
+    d = (server){.claim = -1, .fd = -1};
     kn_rt_enter(&d.rt, def->realtime);
     if (load(&d, def, error, sizeof error)) {
         code = 3;

@@ -3,6 +3,9 @@
 # publisher, a session that starts anew.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 start_kneadd dough-small.yaml
+kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime off >/dev/null 2>second.err
+check "a second kneadd on the bus ends with exit 3" [ $? = 3 ]
+check "and says whose the bus is, in one line" [ "$(cat second.err)" = "kneadd: another kneadd serves udpm://239.255.76.67:7667?ttl=0" ]
 sent=$(send plate <<EOF
 poses 100 session=7 seq=1
 poses 10 session=7 seq=91
