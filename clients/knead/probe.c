@@ -87,7 +87,7 @@ static int load_path(probe *p)
 
 static int find_scene(probe *p)
 {
-    p->record = kn_record_open(p->opt.lcm_url, p->opt.record, p->error, sizeof p->error);
+    p->record = kn_record_open(p->opt.lcm_url, p->error, sizeof p->error);
     if (!p->record) return complain(KN_EXIT_DEVICE, p->error);
     if (!kn_record_scene(p->record, scene_wait_ms))
         return complain(KN_EXIT_DEVICE, "no KNEAD_SCENE for 6 s: is kneadd running on this bus? "
@@ -205,7 +205,8 @@ static int start(probe *p)
                        .drop_at_ms = p->opt.drop_at_ms, .drop_ms = p->opt.drop_ms};
     double top_m = p->scene->model.spacing_m * (p->scene->model.nodes[2] - 1) + p->tool->radius_m;
     def.clear_z_m = fmax(begin.position_m[2], top_m + lift_m);
-    if (!kn_record_start(p->record, p->tool->name)) return complain(KN_EXIT_DEVICE, "no thread for the record");
+    if (!kn_record_start(p->record, p->tool->name, p->opt.record, p->error, sizeof p->error))
+        return complain(KN_EXIT_DEVICE, p->error);
     if (!kn_device_start(&p->device, &def, p->opt.lcm_url, p->tool->name, p->error, sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
     int refused = kn_device_priority_error(&p->device);

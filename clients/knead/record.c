@@ -18,11 +18,11 @@ static int64_t real_time_ns(void)
     return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
 }
 
-static void write_log(kn_record *r, const lcm_recv_buf_t *buf, const char *channel)
+static void write_log(kn_record *r, const char *channel, int64_t utime, void *data, int size)
 {
     if (!r->log || *r->log_error) return;
-    lcm_eventlog_event_t event = {.timestamp = buf->recv_utime, .channellen = (int32_t)strlen(channel),
-                                  .datalen = (int32_t)buf->data_size, .channel = (char *)channel, .data = buf->data};
+    lcm_eventlog_event_t event = {.timestamp = utime, .channellen = (int32_t)strlen(channel), .datalen = size,
+                                  .channel = (char *)channel, .data = data};
     if (lcm_eventlog_write_event(r->log, &event) != 0)
         snprintf(r->log_error, sizeof r->log_error, "%s", strerror(errno));
 }
@@ -65,6 +65,10 @@ static void hear_scene(kn_record *r, const lcm_recv_buf_t *buf)
     r->scene_name = strdup(scene.name); // NULL is told as no scene
     r->scene_text = strdup(scene.text);
     knead_scene_t_decode_cleanup(&scene);
+    r->scene_utime = buf->recv_utime;
+    r->scene_size = (int)buf->data_size;
+    r->scene_bytes = malloc(buf->data_size);
+    if (r->scene_bytes) memcpy(r->scene_bytes, buf->data, buf->data_size);
 }
 
 static void on_message(const lcm_recv_buf_t *buf, const char *channel, void *self)
@@ -74,7 +78,7 @@ static void on_message(const lcm_recv_buf_t *buf, const char *channel, void *sel
     if (scene && !kn_wire_scene_fits(buf->data, buf->data_size)) return;
     if (scene) hear_scene(r, buf);
     if (!scene && !r->started) return;
-    write_log(r, buf, channel);
+    write_log(r, channel, buf->recv_utime, buf->data, (int)buf->data_size);
     if (!strcmp(channel, r->force_channel)) hear_force(r, buf);
     else if (!strcmp(channel, r->pose_channel)) hear_pose(r, buf);
 }
@@ -83,12 +87,15 @@ static bool open_log(kn_record *r, const char *path, char *error, size_t error_s
 {
     r->log_path = path;
     r->log = lcm_eventlog_create(path, "w");
-    if (r->log) return true;
+    if (r->log) {
+        write_log(r, "KNEAD_SCENE", r->scene_utime, r->scene_bytes, r->scene_size);
+        return true;
+    }
     snprintf(error, error_size, "%s: %s", path, strerror(errno));
     return false;
 }
 
-kn_record *kn_record_open(const char *url, const char *log_path, char *error, size_t error_size)
+kn_record *kn_record_open(const char *url, char *error, size_t error_size)
 {
     kn_record *r = calloc(1, sizeof *r);
     if (!r) {
@@ -100,7 +107,7 @@ kn_record *kn_record_open(const char *url, const char *log_path, char *error, si
     __knead_probe_pose_t_get_hash();
     r->clock_offset_ns = real_time_ns() - kn_now_ns();
     r->lcm = kn_join(url, KN_FORCE_URL, error, error_size);
-    if (!r->lcm || (log_path && !open_log(r, log_path, error, error_size))) {
+    if (!r->lcm) {
         kn_record_destroy(r);
         return NULL;
     }
@@ -120,7 +127,7 @@ bool kn_record_scene(kn_record *r, int timeout_ms)
 {
     int64_t end_ns = kn_now_ns() + (int64_t)timeout_ms * 1000000;
     while (!r->scene_text && kn_now_ns() < end_ns) lcm_handle_timeout(r->lcm, 50);
-    return r->scene_text && r->scene_name;
+    return r->scene_text && r->scene_name && r->scene_bytes;
 }
 
 static void *run(void *self)
@@ -133,14 +140,17 @@ static void *run(void *self)
     return NULL;
 }
 
-bool kn_record_start(kn_record *r, const char *probe)
+bool kn_record_start(kn_record *r, const char *probe, const char *log_path, char *error, size_t error_size)
 {
     snprintf(r->force_channel, sizeof r->force_channel, "KNEAD_FORCE_%s", probe);
     snprintf(r->pose_channel, sizeof r->pose_channel, "KNEAD_POSE_%s", probe);
     while (lcm_handle_timeout(r->lcm, 0) > 0); // what was said before is not part of it
+    if (log_path && !open_log(r, log_path, error, error_size)) return false;
     r->started = true;
-    if (pthread_create(&r->thread, NULL, run, r) != 0) r->started = false;
-    return r->started;
+    if (pthread_create(&r->thread, NULL, run, r) == 0) return true;
+    r->started = false;
+    snprintf(error, error_size, "no thread for the record");
+    return false;
 }
 
 bool kn_record_stop(kn_record *r, char *error, size_t error_size)
@@ -167,6 +177,7 @@ void kn_record_destroy(kn_record *r)
     if (r->lcm) lcm_destroy(r->lcm);
     free(r->scene_name);
     free(r->scene_text);
+    free(r->scene_bytes);
     free(r->force);
     free(r->pose);
     free(r);

@@ -2,7 +2,8 @@
 #define KN_CLIENTS_RECORD_H
 // All that a session says, heard on a thread of its own with a queue without limit: the hand wants the newest force and
 // skips what it missed, a log and a force table want every one. Written as an LCM event log on the way, if asked:
-// KNEAD_SCENE first, then every pose, force and event from the moment the record starts.
+// KNEAD_SCENE first, then every pose, force and event from the moment the record starts. Only then is the file opened: a
+// record that never begins leaves an older one whole.
 //
 //     kn_record_open -> kn_record_scene -> kn_record_start -> ... the session ... -> kn_record_stop
 #include "proto/knead_contact_force_t.h"
@@ -27,7 +28,10 @@ typedef struct kn_record {
     // private
     lcm_t *lcm;
     struct _lcm_eventlog_t *log;
-    const char *log_path;
+    const char *log_path; // borrowed
+    void *scene_bytes; // the message as it came, first record of the log
+    int scene_size;
+    int64_t scene_utime;
     char log_error[128]; // first failed write
     char force_channel[64], pose_channel[64];
     int force_room, pose_room;
@@ -37,10 +41,11 @@ typedef struct kn_record {
     pthread_t thread;
 } kn_record;
 
-// Joins and listens from now on. log_path NULL: no log. NULL and one line in error.
-kn_record *kn_record_open(const char *url, const char *log_path, char *error, size_t error_size);
+// Joins and listens from now on. NULL and one line in error.
+kn_record *kn_record_open(const char *url, char *error, size_t error_size);
 bool kn_record_scene(kn_record *record, int timeout_ms); // false: no KNEAD_SCENE came in time
-bool kn_record_start(kn_record *record, const char *probe);
+// log_path NULL: no log. False and one line in error.
+bool kn_record_start(kn_record *record, const char *probe, const char *log_path, char *error, size_t error_size);
 // Hears out what is on its way, closes the log. False and one line in error if anything of it could not be written.
 bool kn_record_stop(kn_record *record, char *error, size_t error_size);
 void kn_record_destroy(kn_record *record); // NULL is fine; stops first
