@@ -12,6 +12,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #define SETTLE_MS 50 // after the first whole mesh: the probes' forces, and a mesh that is not older than they are
@@ -92,6 +93,12 @@ static const char *take(options *o, char option, const char *text) // NULL, or w
     }
 }
 
+static bool same_file(const char *a, const char *b)
+{
+    struct stat x, y;
+    return a && stat(a, &x) == 0 && stat(b, &y) == 0 && x.st_dev == y.st_dev && x.st_ino == y.st_ino;
+}
+
 static int parse(int argc, char **argv, options *o)
 {
     static const struct option names[] = {
@@ -111,6 +118,8 @@ static int parse(int argc, char **argv, options *o)
     if (optind < argc) o->log = argv[optind++];
     if (optind < argc) return fail(KN_EXIT_USAGE, "%s: expected one log", argv[optind]);
     if (!o->png) return fail(KN_EXIT_USAGE, "expected --png FILE");
+    if (same_file(o->log, o->png) || same_file(o->scene, o->png))
+        return fail(KN_EXIT_USAGE, "--png %s: is being read, expected another file to write", o->png);
     if (o->log && o->scene) return fail(KN_EXIT_USAGE, "--scene %s: expected a log or a scene; a log holds its own", o->scene);
     if (!o->log && isfinite(o->at_s)) return fail(KN_EXIT_USAGE, "--at: expected a log to step");
     return KN_EXIT_OK;

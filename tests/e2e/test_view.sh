@@ -26,6 +26,10 @@ expect "no picture asked for" 2 'expected --png' knead view
 expect "a size that is none" 2 '^knead view: --size 9x9: expected WxH, 16..4096' knead view --png x.png --size 9x9
 expect "a scene that is none" 2 'nosuch.yaml:1:1: ' knead view --png x.png --scene nosuch.yaml
 expect "a log that is none" 2 'expected an LCM event log' knead view --png x.png nosuch.lcmlog
+expect "a picture over a device" 3 '/dev/null: is no regular file' knead view --png /dev/null --scene "$scene"
+cp "$scene" own.yaml
+expect "a picture over its own scene" 2 'own.yaml: is being read' knead view --png own.yaml --scene own.yaml
+check "the scene is whole" cmp -s "$scene" own.yaml
 expect "a folder that is none" 3 'nosuch/x.png: No such file' knead view --png nosuch/x.png --scene "$scene"
 
 lcm-logger --quiet press.lcmlog &
