@@ -22,7 +22,7 @@ static const char help[] =
     "  --csv FILE        one row per tick and live probe\n"
     "  --out FILE        what the daemon would have said, as a log: scene, poses, forces, events\n"
     "  --hash            print one number of all forces and the final state\n"
-    "  --verify          compare with the forces in the log, bit for bit; exit 1 at the first that differs\n"
+    "  --verify          compare with the forces in the log, bit for bit; exit 1 when one differs, or the log is not whole\n"
     "  --speed max|real  as fast as it goes (the default), or 1000 ticks per second\n"
     "another computation than the log's (and then no --verify):\n"
     "  --solver S        implicit, rk4, blend, secant or tangent\n"
@@ -253,6 +253,12 @@ static int verdict(const replay_run *run)
     else if (tally->mismatches > 0)
         fprintf(stderr, "%s: %lld of %lld events have another state hash, the first at tick %lld\n", log,
                 (long long)tally->mismatches, (long long)tally->checkpoints, (long long)tally->first_mismatch);
+    else if (run->replay->damage[0])
+        fprintf(stderr, "%s: cannot be verified whole: %s; %lld forces before it are equal\n", log, run->replay->damage,
+                (long long)run->verified);
+    else if (tally->malformed > 0)
+        fprintf(stderr, "%s: cannot be verified whole: %lld malformed records were left out; %lld forces are equal\n", log,
+                (long long)tally->malformed, (long long)run->verified);
     else {
         printf("verified %lld forces, %d probe%s\n", (long long)run->verified, probes, probes == 1 ? "" : "s");
         return KN_EXIT_OK;
@@ -323,8 +329,9 @@ static void tell(const replay_run *run)
     const kn_replay *r = run->replay;
     const kn_replay_tally *t = &r->tally;
     const char *log = run->opt->def.log_path;
-    if (r->damage[0]) fprintf(stderr, "%s: %s: what stands before it was used\n", log, r->damage);
-    if (t->malformed) fprintf(stderr, "%s: %lld malformed records were left out\n", log, (long long)t->malformed);
+    if (r->damage[0] && !run->opt->verify) fprintf(stderr, "%s: %s: what stands before it was used\n", log, r->damage);
+    if (t->malformed && !run->opt->verify)
+        fprintf(stderr, "%s: %lld malformed records were left out\n", log, (long long)t->malformed);
     if (t->refused) fprintf(stderr, "%s: %lld poses were refused, as kneadd refuses them\n", log, (long long)t->refused);
     if (t->gaps && !run->opt->verify)
         fprintf(stderr, "%s: %lld ticks ran whose force or pose is not in the log, the first is tick %lld: replayed with the next "

@@ -301,7 +301,7 @@ TEST("a lost force record is a gap: replayed with a word, refused by --verify")
     CHECK(strstr(err, "cannot be verified") && strstr(err, "tick 2000") && !strstr(out, "verified"));
 }
 
-TEST("a log cut within a record is good up to there, says so, and the complete part verifies")
+TEST("a log cut within a record is good up to there, says so, and does not pass for a whole one")
 {
     tell_story("story.lcmlog", 0.0, 3);
     char *bytes = malloc(1 << 24);
@@ -312,11 +312,28 @@ TEST("a log cut within a record is good up to there, says so, and the complete p
         f = fopen("cut.lcmlog", "wb");
         fwrite(bytes, 1, size / 2 - (size_t)cut, f);
         fclose(f);
-        CHECK(REPLAY("cut.lcmlog", "--verify") == KN_EXIT_OK);
-        CHECK(strstr(err, "complete records: what stands before it was used") || !*err);
-        CHECK(strstr(out, "verified "));
+        CHECK(REPLAY("cut.lcmlog") == KN_EXIT_OK);
+        CHECK(strstr(err, "complete records: what stands before it was used"));
+        CHECK(REPLAY("cut.lcmlog", "--verify") == KN_EXIT_FAILED);
+        CHECK(strstr(err, "cannot be verified whole: cut within a record") && strstr(err, "forces before it are equal"));
+        CHECK(!strstr(out, "verified"));
     }
     free(bytes);
+}
+
+TEST("two logs in one file are no log that verifies")
+{
+    tell_story("story.lcmlog", 0.0, 3);
+    char *bytes = malloc(1 << 24);
+    FILE *f = fopen("story.lcmlog", "rb");
+    size_t size = fread(bytes, 1, 1 << 24, f);
+    fclose(f);
+    f = fopen("twice.lcmlog", "wb");
+    for (int i = 0; i < 2; i++) fwrite(bytes, 1, size, f);
+    fclose(f);
+    free(bytes);
+    CHECK(REPLAY("twice.lcmlog", "--verify") == KN_EXIT_FAILED);
+    CHECK(strstr(err, "begins at byte") && !strstr(out, "verified"));
 }
 
 TEST("one flipped bit of a force is found and named")
