@@ -42,7 +42,7 @@ typedef struct replay_options {
     const char *sets[SETS_MAX];
     char made[SETS_MAX][SET_SIZE];
     const char *csv_path, *out_path;
-    bool hash, verify, real_time;
+    bool hash, verify, real_time, rk4;
 } replay_options;
 
 typedef struct replay_run {
@@ -81,7 +81,8 @@ static int add_set(replay_options *opt, const char *key, const char *value, cons
 
 static int set_solver(replay_options *opt, const char *name)
 {
-    if (!strcmp(name, "implicit") || !strcmp(name, "rk4")) return add_set(opt, "solver.kind", name, "");
+    opt->rk4 = !strcmp(name, "rk4");
+    if (!strcmp(name, "implicit") || opt->rk4) return add_set(opt, "solver.kind", name, "");
     if (!strcmp(name, "blend") || !strcmp(name, "secant") || !strcmp(name, "tangent"))
         return add_set(opt, "solver.linearization", name, "");
     return bad("solver", name, "implicit, rk4, blend, secant or tangent");
@@ -92,6 +93,15 @@ static int set_dt(replay_options *opt, const char *text)
     char *end;
     strtod(text, &end);
     return add_set(opt, "solver.dt", text, end != text && *end == '\0' ? " s" : "");
+}
+
+// RK4 has only doubles: without a word about precision it gets them, so that a refusal names its limit.
+static int complete_solver(replay_options *opt)
+{
+    static const char key[] = "solver.precision=";
+    for (int i = 0; i < opt->def.set_count; i++)
+        if (!strncmp(opt->sets[i], key, sizeof key - 1)) return KN_EXIT_OK;
+    return opt->rk4 ? add_set(opt, "solver.precision", "f64", "") : KN_EXIT_OK;
 }
 
 static int take_option(replay_options *opt, int option, const char *value)
@@ -139,7 +149,7 @@ static int parse(replay_options *opt, int argc, char **argv, bool *done)
     if (files == 2) opt->def.scene_path = argv[optind];
     opt->def.log_path = argv[argc - 1];
     opt->def.sets = opt->sets;
-    return KN_EXIT_OK;
+    return complete_solver(opt);
 }
 
 // ---- what is written
