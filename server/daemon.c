@@ -235,6 +235,33 @@ static void *mesh_main(void *arg)
 
 // --- start and stop --------------------------------------------------------------------------------------------------------
 
+// /proc/meminfo's MemAvailable: what may be had without swapping. SIZE_MAX where it is not told.
+static size_t memory_available(void)
+{
+    unsigned long long kib = 0;
+    char line[128];
+    FILE *file = fopen("/proc/meminfo", "r");
+    while (file && !kib && fgets(line, sizeof line, file)) sscanf(line, "MemAvailable: %llu kB", &kib);
+    if (file) fclose(file);
+    return kib ? (size_t)kib * 1024 : SIZE_MAX;
+}
+
+// Linux grants what it does not have and kills whoever touches it; a locked state is touched at once.
+static bool check_memory(size_t bytes, const char *what, const char *path, char *error, size_t error_size)
+{
+    size_t available = memory_available();
+    if (bytes <= available) return true;
+    snprintf(error, error_size, "%s: %s needs %zu MiB and %zu MiB of memory are free, expected fewer nodes", path, what,
+             (bytes >> 20) + 1, available >> 20);
+    return false;
+}
+
+// A node has at least its mass in the model, and position and velocity in the state.
+static size_t least_bytes(const kn_model_def *def)
+{
+    return (size_t)def->nodes[0] * (size_t)def->nodes[1] * (size_t)def->nodes[2] * (sizeof(double) + 6 * sizeof(float));
+}
+
 static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
     if (!kn_bus_parse(&d->bus, def->lcm_url ? def->lcm_url : KN_LCM_URL, error, error_size) ||
@@ -242,15 +269,21 @@ static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_
         return false;
     d->scene = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
     if (!d->scene) return false;
+    if (kn_backend_steps(d->scene->model.solver.dt_s) == 0) {
+        snprintf(error, error_size, "%s: solver.dt is %g s, expected the 1 ms tick divided by a whole number", def->scene_path,
+                 d->scene->model.solver.dt_s);
+        return false;
+    }
+    if (!check_memory(least_bytes(&d->scene->model), "the object", def->scene_path, error, error_size)) return false;
     char why[256];
     d->model = kn_model_build(&d->scene->model, why, sizeof why);
     if (!d->model) {
         snprintf(error, error_size, "%s: %s", def->scene_path, why);
         return false;
     }
+    if (!check_memory(d->model->state_bytes, "the object's state", def->scene_path, error, error_size)) return false;
     if (kn_backend_cpu(&d->backend, d->model)) return true;
-    snprintf(error, error_size, "%s: the object's %zu bytes do not fit into memory, or its step into the 1 ms tick",
-             def->scene_path, d->model->state_bytes);
+    snprintf(error, error_size, "%s: not enough memory for the object's %zu bytes", def->scene_path, d->model->state_bytes);
     return false;
 }
 
