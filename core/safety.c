@@ -48,9 +48,9 @@ const char *kn_fault_remedy(kn_fault fault)
     static const char *const remedies[] = {
         "nothing to do",
         "lift the tool clear of the object while poses flow",
-        "open a new session with the tool clear of the object, or recover and lift",
-        "reset the object, then lift the tool clear of it",
-        "recover, then lift the tool clear of the object",
+        "open a new session with the tool clear of the object",
+        "restart kneadd",
+        "restart kneadd",
         "start the server again",
     };
     return (unsigned)fault < sizeof remedies / sizeof *remedies ? remedies[fault] : "restart the server";
