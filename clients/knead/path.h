@@ -37,13 +37,15 @@ typedef struct kn_path_def { // 0 in a field = its default
     double touch_z_m;    // the tool's z when it just touches the top of the object
     double uneven_m;     // >= 0: how much lower the lowest place under a flat tool is; it is reached slowly
     double clear_m;      // default 20 mm: height above touch_z_m where a path begins and ends
-    double depth_m;      // default press 10 mm, poke 3 mm, sine 1 mm
+    double depth_m;      // default press 10 mm, poke 3 mm, sine KN_PATH_SWING_M
     double speed_m_s;    // default press 10 mm/s, poke 50 mm/s: in the object; through the air a path goes at 30 mm/s
     double hold_s;       // press: at the lowest point; sine: how long it swings. Here < 0 is the default, 4 s
-    double frequency_hz; // sine: default 2 Hz
+    double frequency_hz; // sine: default KN_PATH_SWING_HZ
 } kn_path_def;
 
 #define KN_PATH_RAMP_S 0.05
+#define KN_PATH_SWING_M 0.001
+#define KN_PATH_SWING_HZ 2.0
 #define KN_PATH_AIR_M_S 0.03
 
 // Allocate; NULL when memory is short.

@@ -33,6 +33,8 @@ static const char help[] =
     "  --quiet          no progress, no table\n\n"
     "Exit codes: 0 the path was played to its end, 2 bad input, 3 no answer, or three tries were spoilt.\n";
 
+static const double fastest_m_s = 1.2; // kneadd's brake_m_s by default: what is faster is damped, not rendered
+
 // Seconds may come bare, as everywhere; a length without a unit is more likely millimetres than metres.
 static bool quantity(const char *option, const char *text, const char *unit_text, const char *example, double *value)
 {
@@ -69,6 +71,17 @@ static bool drop(const char *text, kn_probe_options *opt)
         return true;
     }
     fprintf(stderr, "knead probe: --drop-at %s: expected SECONDS:MILLISECONDS like 1.5:30\n", text);
+    return false;
+}
+
+// A swing of depth d at frequency f is d/2 (1 - cos 2 pi f t): at most pi f d fast.
+static bool swing_is_slow(const kn_path_def *shape)
+{
+    double f = shape->frequency_hz > 0.0 ? shape->frequency_hz : KN_PATH_SWING_HZ;
+    double d = shape->depth_m > 0.0 ? shape->depth_m : KN_PATH_SWING_M, peak_m_s = acos(-1.0) * f * d;
+    if (peak_m_s <= fastest_m_s) return true;
+    fprintf(stderr, "knead probe: a sine of %g Hz and %g mm is %.3g m/s fast, expected at most %g m/s: %.3g Hz at this depth\n", f,
+            1e3 * d, peak_m_s, fastest_m_s, fastest_m_s / (acos(-1.0) * d));
     return false;
 }
 
@@ -109,5 +122,6 @@ int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *d
         fprintf(stderr, "knead probe: `%s`: expected options only; knead probe --help lists them\n", argv[optind]);
         ok = false;
     }
+    if (ok && !strcmp(opt->path, "sine")) ok = swing_is_slow(&opt->shape);
     return ok ? KN_EXIT_OK : KN_EXIT_USAGE;
 }

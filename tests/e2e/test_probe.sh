@@ -40,6 +40,9 @@ check "with those it has" grep -q 'has no probe `spoon`; it has: plate finger' s
 knead probe --depth '29 mm' 2>deep.err
 check "so is a press into the table" [ $? = 2 ]
 check "with what may be asked" grep -q 'expected at most 27.0 mm' deep.err
+knead probe --path sine --frequency '1000 Hz' 2>fast.err
+check "so is a swing faster than a hand is rendered" [ $? = 2 ]
+check "with what may be swung" grep -q 'is 3.14 m/s fast, expected at most 1.2 m/s: 382 Hz' fast.err
 stop_kneadd
 
 # A record verifies from an untouched object on. The hand waits for the scene, so it is there from the first tick.
