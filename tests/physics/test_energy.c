@@ -81,17 +81,17 @@ static double kinetic(const kn_model *model, const kn_state *state)
     return sum;
 }
 
-// Presses for a second and lifts off; returns (W - E - D)/W at the end.
+// Presses, holds and lifts off; returns (W - E - D)/W at the end.
 static double imbalance(kn_model_def def, double dt)
 {
     def.solver.dt_s = dt;
-    press p = {.depth_m = 0.005, .hold_s = 0.3};
+    press p = {.depth_m = 0.003, .hold_s = 0.1};
     kn_model *model = build(&def);
     kn_state *state = kn_state_create(model);
     audit a = audit_start(model, state);
     double work = 0;
     kn_output out;
-    for (int i = 1; i <= (int)lround(1.6 / dt); i++) {
+    for (int i = 1; i <= (int)lround(0.6 / dt); i++) {
         kn_input in = press_input(model, &p, i * dt);
         CHECK(kn_step(model, state, &in, &out) == KN_OK);
         audit_step(&a, state);
@@ -127,13 +127,13 @@ TEST("while the hand is still, stored energy falls and the force relaxes, at eve
     for (int m = 0; m < 3; m++) {
         kn_model_def def = converged(press_def(1));
         def.material = materials[m];
-        press p = {.depth_m = 0.003, .hold_s = 5};
+        press p = {.depth_m = 0.001, .hold_s = 5};
         kn_model *model = build(&def);
         kn_state *state = kn_state_create(model);
         audit a = audit_start(model, state);
         double energy = 0, force = 0;
         int still = (int)lround(press_down_s(&p) * 1000) + 20; // the blow of the last slowing down is over
-        for (int i = 1; i <= still + 500; i++) {
+        for (int i = 1; i <= still + 200; i++) {
             kn_input in = press_input(model, &p, i * 1e-3);
             kn_output out;
             kn_step(model, state, &in, &out);
@@ -160,8 +160,8 @@ TEST("the plate pushes and never pulls: it lets go in tension while it is lifted
         kn_model_def def = press_def(1);
         def.material = materials[t / 2];
         def.solver.precision = (kn_precision)(t % 2);
-        press p = {.depth_m = 0.006, .hold_s = 0.2};
-        run r = press_run(&def, &p, press_up_s(&p) + 1, 1e-3);
+        press p = {.depth_m = 0.004, .hold_s = 0.1};
+        run r = press_run(&def, &p, press_up_s(&p) + 0.5, 1e-3);
         double lowest = 0;
         for (int i = 0; i < r.samples; i++) lowest = fmin(lowest, r.force_n[i][2]);
         CHECK(lowest >= -0.01 * peak_n(&r));
