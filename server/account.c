@@ -4,7 +4,7 @@
 #include <string.h>
 
 // One writer: a load and a store are enough, and cheaper than a locked add.
-#define ADD(counter, n) \
+#define ADD(counter, n)                                                                                                \
     atomic_store_explicit(counter, atomic_load_explicit(counter, memory_order_relaxed) + (n), memory_order_relaxed)
 #define SET(value, to) atomic_store_explicit(value, to, memory_order_relaxed)
 #define GET(value) atomic_load_explicit(value, memory_order_relaxed)
@@ -81,8 +81,8 @@ static void account_success(kn_account *a, const kn_tick_in *in, const kn_wake *
     SET(&a->success_rate, (double)a->good_count / (double)(cycles < KN_RECENT_TICKS ? cycles : KN_RECENT_TICKS));
 }
 
-void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in, const kn_tick_out *out, const kn_wake *wake,
-                     int64_t execution_ns, bool published)
+void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in, const kn_tick_out *out,
+                     const kn_wake *wake, int64_t execution_ns, bool published)
 {
     SET(&a->tick, wake->tick);
     ADD(&a->ticks, 1);

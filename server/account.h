@@ -1,14 +1,14 @@
 #ifndef KN_SERVER_ACCOUNT_H
 #define KN_SERVER_ACCOUNT_H
 // What the servo did, in numbers: written by the servo thread in its tick, readable from any thread at any time.
-// Plain stores of one writer through relaxed atomics: a reader may see one counter a tick ahead of another, never half a
-// number. Fields are those of status_t, where their meaning stands.
+// Plain stores of one writer through relaxed atomics: a reader may see one counter a tick ahead of another, never
+// half a number. Fields are those of status_t, where their meaning stands.
 #include "proto/knead_status_t.h"
 #include "server/clock.h"
 #include "server/servo.h"
 #include <stdatomic.h>
 
-#define KN_HISTOGRAM 32    // bucket n: < 2^n us; the last one holds all that is later
+#define KN_HISTOGRAM 32     // bucket n: < 2^n us; the last one holds all that is later
 #define KN_RECENT_TICKS 100 // that success_rate speaks of
 
 typedef struct kn_account {
@@ -27,8 +27,8 @@ typedef struct kn_account {
 void kn_account_init(kn_account *a);
 
 // After a tick: published says whether its record was queued, execution_ns how long all of it took. Real-time safe.
-void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in, const kn_tick_out *out, const kn_wake *wake,
-                     int64_t execution_ns, bool published);
+void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in, const kn_tick_out *out,
+                     const kn_wake *wake, int64_t execution_ns, bool published);
 
 // Fills the servo's fields of status; takes the errors, so that each is told once.
 void kn_account_status(kn_account *a, knead_status_t *status);

@@ -21,14 +21,16 @@ bool kn_bus_parse(kn_bus *bus, const char *url, char *error, size_t error_size)
     int fields = sscanf(url, "udpm://%15[0-9.]:%5u%c", address, &port, &end);
     if (fields < 2 || (fields == 3 && end != '?') || inet_pton(AF_INET, address, &bus->group.sin_addr) != 1 ||
         !IN_MULTICAST(ntohl(bus->group.sin_addr.s_addr)) || port == 0 || port > 65535) {
-        snprintf(error, error_size, "%s: expected udpm://GROUP:PORT?ttl=0 with a multicast group; "
-                 "LCM's other providers are not served", url);
+        snprintf(error, error_size,
+                 "%s: expected udpm://GROUP:PORT?ttl=0 with a multicast group; "
+                 "LCM's other providers are not served",
+                 url);
         return false;
     }
     const char *ttl = strstr(url, "ttl=");
     if (ttl && strtol(ttl + 4, NULL, 10) != 0) {
-        snprintf(error, error_size, "%s: expected ttl=0: anyone who hears a bus can move the tool, so it stays on this machine",
-                 url);
+        snprintf(error, error_size,
+                 "%s: expected ttl=0: anyone who hears a bus can move the tool, so it stays on this machine", url);
         return false;
     }
     bus->group.sin_family = AF_INET;
@@ -36,8 +38,9 @@ bool kn_bus_parse(kn_bus *bus, const char *url, char *error, size_t error_size)
     return true;
 }
 
-// The kernel's own answer, as `ip route get` has it. Connecting a socket and asking for its source address tells less: on a
-// route over lo that was added with link scope the source is 0.0.0.0, as on a card that has no address. 0: no route.
+// The kernel's own answer, as `ip route get` has it. Connecting a socket and asking for its source address tells
+// less: on a route over lo that was added with link scope the source is 0.0.0.0, as on a card without address.
+// Returns 0 when there is no route.
 static int route_device(struct in_addr group)
 {
     struct {
@@ -47,7 +50,8 @@ static int route_device(struct in_addr group)
         struct in_addr destination;
     } ask = {.header = {.nlmsg_len = sizeof ask, .nlmsg_type = RTM_GETROUTE, .nlmsg_flags = NLM_F_REQUEST},
              .route = {.rtm_family = AF_INET, .rtm_dst_len = 32},
-             .attribute = {.rta_len = RTA_LENGTH(sizeof group), .rta_type = RTA_DST}, .destination = group};
+             .attribute = {.rta_len = RTA_LENGTH(sizeof group), .rta_type = RTA_DST},
+             .destination = group};
     _Alignas(struct nlmsghdr) char answer[2048];
     int device = 0, fd = socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC, NETLINK_ROUTE);
     if (fd < 0) return 0;
@@ -68,8 +72,10 @@ bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size)
     char name[IF_NAMESIZE] = "", group[16];
     inet_ntop(AF_INET, &bus->group.sin_addr, group, sizeof group);
     bool named = device != 0 && if_indextoname((unsigned)device, name);
-    snprintf(error, error_size, "%s: the group's route is not loopback (%s%s); as root: ip link set lo up; "
-             "ip route add %s/32 dev lo", bus->url, named ? "it leaves by " : "there is none", name, group);
+    snprintf(error, error_size,
+             "%s: the group's route is not loopback (%s%s); as root: ip link set lo up; "
+             "ip route add %s/32 dev lo",
+             bus->url, named ? "it leaves by " : "there is none", name, group);
     return false;
 }
 
@@ -82,8 +88,10 @@ int kn_bus_claim(const kn_bus *bus, char *error, size_t error_size)
     socklen_t size = (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + (size_t)n);
     int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
     if (fd >= 0 && bind(fd, (const struct sockaddr *)&name, size) == 0) return fd;
-    if (fd >= 0 && errno == EADDRINUSE) snprintf(error, error_size, "another kneadd serves %s", bus->url);
-    else snprintf(error, error_size, "%s: cannot be claimed: %s", bus->url, strerror(errno));
+    if (fd >= 0 && errno == EADDRINUSE)
+        snprintf(error, error_size, "another kneadd serves %s", bus->url);
+    else
+        snprintf(error, error_size, "%s: cannot be claimed: %s", bus->url, strerror(errno));
     if (fd >= 0) close(fd);
     return -1;
 }

@@ -2,10 +2,10 @@
 #define KN_SERVER_BUS_H
 // A bus: an LCM URL, the multicast group behind it, and a socket that hears it.
 //
-// Everything stays on this machine. A group whose route is not loopback is refused before anything joins it, because the
-// join itself (IGMP) would already leave through the network card, even with ttl 0. The socket is bound to the group's own
-// address (stock liblcm binds any address and hears every group of its port), joins it on lo, and tells of each datagram
-// whether it came over lo.
+// Everything stays on this machine. A group whose route is not loopback is refused before anything joins it, because
+// the join itself (IGMP) would already leave through the network card, even with ttl 0. The socket is bound to the
+// group's own address (stock liblcm binds any address and hears every group of its port), joins it on lo, and tells
+// of each datagram whether it came over lo.
 #include <netinet/in.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -39,8 +39,8 @@ bool kn_bus_parse(kn_bus *bus, const char *url, char *error, size_t error_size);
 bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size);
 
 // Takes the bus for one server: a second one would answer the same hands. The claim is an abstract AF_UNIX name, so the
-// kernel gives it back with the process, however that ends, and every network namespace has its own, as it has its own lo.
-// The descriptor that holds it; -1 and one line in error when another server has it.
+// kernel gives it back with the process, however that ends, and every network namespace has its own, as it has its own
+// lo. The descriptor that holds it; -1 and one line in error when another server has it.
 int kn_bus_claim(const kn_bus *bus, char *error, size_t error_size);
 
 // A non-blocking socket that hears the group over lo, beside any number of others; -1 and one line in error.

@@ -18,8 +18,11 @@ kn_wake kn_clock_wake(kn_clock *clock, int64_t asked_ns, int64_t now_ns)
 {
     int64_t due_ns = clock->start_ns + (clock->tick + 1) * KN_PERIOD_NS;
     int64_t late_ns = now_ns - due_ns;
-    kn_wake wake = {.tick = clock->tick + 1 + late_ns / KN_PERIOD_NS, .missed = (int32_t)(late_ns / KN_PERIOD_NS),
-                    .overrun = asked_ns > due_ns, .due_ns = due_ns, .now_ns = now_ns,
+    kn_wake wake = {.tick = clock->tick + 1 + late_ns / KN_PERIOD_NS,
+                    .missed = (int32_t)(late_ns / KN_PERIOD_NS),
+                    .overrun = asked_ns > due_ns,
+                    .due_ns = due_ns,
+                    .now_ns = now_ns,
                     .late_ns = now_ns - (asked_ns > due_ns ? asked_ns : due_ns)};
     clock->tick = wake.tick;
     return wake;
@@ -31,7 +34,8 @@ kn_wake kn_clock_wait(kn_clock *clock)
     int64_t due_ns = clock->start_ns + (clock->tick + 1) * KN_PERIOD_NS;
     struct timespec due = {.tv_sec = due_ns / 1000000000, .tv_nsec = due_ns % 1000000000};
     do {
-        while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL) == EINTR) {}
+        while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL) == EINTR) {
+        }
         now_ns = kn_now_ns();
     } while (now_ns < due_ns);
     return kn_clock_wake(clock, asked_ns, now_ns);

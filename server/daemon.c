@@ -8,12 +8,14 @@
 #include <inttypes.h>
 #include <signal.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
 
-#define DATAGRAMS_PER_TICK 256 // 256 kHz; at 1-2 us each a flood takes at most half of this thread's millisecond
+#define DATAGRAMS_PER_TICK 256  // 256 kHz; at 1-2 us each a flood takes at most half of this thread's millisecond
 #define START_DELAY_NS 20000000 // until tick 0: by then every thread has left the barrier and sleeps
+#define PATIENCE_NS 300000000   // timeout(1) and shells send the first signal twice; a stop takes 100 ms at most
 #define SIGNALS 3
 
 typedef struct server {
@@ -37,8 +39,8 @@ typedef struct server {
     ev_async ticked;
     ev_timer status_due, scene_due;
     ev_signal signals[SIGNALS];
-    bool stopping;
-    int budget; // datagrams that may still be read in this tick
+    int64_t stop_ns; // when the first signal came, 0: none has
+    int budget;      // datagrams that may still be read in this tick
     int64_t start_ns;
     int32_t mode_told;
     int64_t invalid_told;
@@ -53,7 +55,7 @@ static int64_t wall_clock_us(void)
     return t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000;
 }
 
-// --- main thread -----------------------------------------------------------------------------------------------------------
+// --- main thread ---
 
 static void take_datagrams(server *d, int limit)
 {
@@ -122,7 +124,7 @@ static void on_ticked(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)events;
     server *d = w->data;
-    bool done = atomic_load_explicit(&d->loop.done, memory_order_acquire); // before the records: then they hold the last
+    bool done = atomic_load_explicit(&d->loop.done, memory_order_acquire); // first: then the records hold the last one
     publish_records(d);
     kn_sentinel_judge(&d->sentinel, kn_now_ns());
 
@@ -151,11 +153,12 @@ static void on_signal(struct ev_loop *ev, ev_signal *w, int events)
 {
     (void)ev, (void)events;
     server *d = w->data;
-    if (d->stopping) { // the second one: at once, as if we had never caught it
+    int64_t now_ns = kn_now_ns();
+    if (d->stop_ns && now_ns - d->stop_ns > PATIENCE_NS) { // meant: at once, as if we had never caught it
         signal(w->signum, SIG_DFL);
         raise(w->signum);
     }
-    d->stopping = true;
+    if (!d->stop_ns) d->stop_ns = now_ns;
     atomic_store(&d->loop.stop, true);
 }
 
@@ -188,7 +191,7 @@ static bool watch_events(server *d)
     return true;
 }
 
-// --- other threads ---------------------------------------------------------------------------------------------------------
+// --- other threads ---
 
 static void *servo_main(void *arg)
 {
@@ -204,14 +207,16 @@ static void *sentinel_main(void *arg)
     return kn_sentinel_run(&d->sentinel);
 }
 
-// In ros2_control's words, which operators and their scripts know. At most one line per second; the count holds them all.
+// In ros2_control's words, which operators and their scripts know. At most one line per second, which counts all.
 static void tell_overruns(server *d, int64_t *told)
 {
     int64_t missed = atomic_load_explicit(&d->loop.account.missed, memory_order_relaxed);
     if (missed == *told) return;
     double loop_ms = 1e-6 * (double)atomic_load_explicit(&d->loop.account.late_loop_ns, memory_order_relaxed);
-    fprintf(stderr, "Overrun detected! The servo loop missed its desired rate of 1000 Hz. The loop took %.3f ms "
-            "(missed cycles : %" PRId64 ").\n", loop_ms, missed - *told);
+    fprintf(stderr,
+            "Overrun detected! The servo loop missed its desired rate of 1000 Hz. The loop took %.3f ms "
+            "(missed cycles : %" PRId64 ").\n",
+            loop_ms, missed - *told);
     *told = missed;
 }
 
@@ -233,7 +238,7 @@ static void *mesh_main(void *arg)
     return NULL;
 }
 
-// --- start and stop --------------------------------------------------------------------------------------------------------
+// --- start and stop ---
 
 // /proc/meminfo's MemAvailable: what may be had without swapping. SIZE_MAX where it is not told.
 static size_t memory_available(void)
@@ -264,14 +269,15 @@ static size_t least_bytes(const kn_model_def *def)
 
 static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
-    if (!kn_bus_parse(&d->bus, def->lcm_url ? def->lcm_url : KN_LCM_URL, error, error_size) ||
+    const char *url = def->lcm_url ? def->lcm_url : getenv("LCM_DEFAULT_URL"); // as every LCM client has it
+    if (!kn_bus_parse(&d->bus, url && *url ? url : KN_LCM_URL, error, error_size) ||
         !kn_bus_parse(&d->mesh_bus, def->mesh_url ? def->mesh_url : KN_MESH_URL, error, error_size))
         return false;
     d->scene = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
     if (!d->scene) return false;
     if (kn_backend_steps(d->scene->model.solver.dt_s) == 0) {
-        snprintf(error, error_size, "%s: solver.dt is %g s, expected the 1 ms tick divided by a whole number", def->scene_path,
-                 d->scene->model.solver.dt_s);
+        snprintf(error, error_size, "%s: solver.dt is %g s, expected the 1 ms tick divided by a whole number",
+                 def->scene_path, d->scene->model.solver.dt_s);
         return false;
     }
     if (!check_memory(least_bytes(&d->scene->model), "the object", def->scene_path, error, error_size)) return false;
@@ -283,13 +289,15 @@ static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_
     }
     if (!check_memory(d->model->state_bytes, "the object's state", def->scene_path, error, error_size)) return false;
     if (kn_backend_cpu(&d->backend, d->model)) return true;
-    snprintf(error, error_size, "%s: not enough memory for the object's %zu bytes", def->scene_path, d->model->state_bytes);
+    snprintf(error, error_size, "%s: not enough memory for the object's %zu bytes", def->scene_path,
+             d->model->state_bytes);
     return false;
 }
 
 static bool open_buses(server *d, char *error, size_t error_size)
 {
-    if (!kn_bus_check_route(&d->bus, error, error_size) || !kn_bus_check_route(&d->mesh_bus, error, error_size)) return false;
+    if (!kn_bus_check_route(&d->bus, error, error_size) || !kn_bus_check_route(&d->mesh_bus, error, error_size))
+        return false;
     d->claim = kn_bus_claim(&d->bus, error, error_size);
     d->fd = d->claim < 0 ? -1 : kn_bus_listen(&d->bus, error, error_size);
     if (d->fd < 0) return false;
@@ -298,7 +306,8 @@ static bool open_buses(server *d, char *error, size_t error_size)
     if (!kn_publisher_open(&d->publisher, d->bus.url, d->scene, hash, error, error_size) ||
         !kn_skin_open(&d->skin, d->mesh_bus.url, d->model, d->scene->mesh_hz, d->scene->text_hash, error, error_size))
         return false;
-    if (kn_loop_init(&d->loop, d->scene, d->model, &d->backend, &d->skin) && kn_sentinel_init(&d->sentinel) && watch_events(d))
+    if (kn_loop_init(&d->loop, d->scene, d->model, &d->backend, &d->skin) && kn_sentinel_init(&d->sentinel) &&
+        watch_events(d))
         return true;
     snprintf(error, error_size, "out of memory or file descriptors");
     return false;
@@ -313,8 +322,10 @@ static bool start_threads(server *d, char *error, size_t error_size)
     if (!failed) failed = kn_rt_thread(&d->rt, &d->sentinel_thread, "sentinel", KN_RT_SENTINEL, true, sentinel_main, d);
     if (!failed) failed = kn_rt_thread(&d->rt, &d->mesh_thread, "mesh", KN_RT_NORMAL, false, mesh_main, d);
     if (!failed) kn_rt_lock_memory(&d->rt);
-    if (failed) snprintf(error, error_size, "cannot start a thread: %s", strerror(failed));
-    else if (d->rt.mode == KN_RT_REQUIRE && *d->rt.missing) snprintf(error, error_size, "not real time: %s", d->rt.missing);
+    if (failed)
+        snprintf(error, error_size, "cannot start a thread: %s", strerror(failed));
+    else if (d->rt.mode == KN_RT_REQUIRE && *d->rt.missing)
+        snprintf(error, error_size, "not real time: %s", d->rt.missing);
     else {
         d->start_ns = kn_now_ns() + START_DELAY_NS;
         kn_clock_start(&d->loop.clock, d->start_ns);
@@ -330,8 +341,8 @@ static void tell_ready(const server *d)
 {
     printf("kneadd: serving %s, %d nodes", d->scene->name, d->model->grid.nodes);
     for (int p = 0; p < d->model->def.probe_count; p++) printf(", probe %s", d->model->def.probe[p].name);
-    printf(", on %s, meshes on %s; %s, %s\n", d->bus.url, d->mesh_bus.url, d->rt.fifo ? "SCHED_FIFO" : "normal priority",
-           d->rt.locked ? "memory locked" : "memory not locked");
+    printf(", on %s, meshes on %s; %s, %s\n", d->bus.url, d->mesh_bus.url,
+           d->rt.fifo ? "SCHED_FIFO" : "normal priority", d->rt.locked ? "memory locked" : "memory not locked");
     if (*d->rt.missing) printf("kneadd: not real time: %s\n", d->rt.missing);
     if (d->model->isa == KN_ISA_BASE) printf("kneadd: not real time: fused multiply-add in software\n");
     fflush(stdout);
@@ -341,9 +352,10 @@ static void tell_summary(server *d)
 {
     kn_account *a = &d->loop.account;
     const kn_receiver *r = &d->receiver;
-    printf("kneadd: stopped after %" PRId64 " ticks, %" PRId64 " missed (%" PRId64 " explained by the machine), %" PRId64
-           " overruns; %" PRId64 " published, %" PRId64 " not queued\n",
-           a->ticks, a->missed, kn_sentinel_judge(&d->sentinel, INT64_MAX), a->overruns, d->publisher.published, a->unpublished);
+    printf("kneadd: stopped after %" PRId64 " ticks, %" PRId64 " missed (%" PRId64
+           " explained by the machine), %" PRId64 " overruns; %" PRId64 " published, %" PRId64 " not queued\n",
+           a->ticks, a->missed, kn_sentinel_judge(&d->sentinel, INT64_MAX), a->overruns, d->publisher.published,
+           a->unpublished);
     printf("kneadd: %" PRId64 " datagrams: %" PRId64 " accepted", r->received, r->accepted);
     for (int i = 0; i < KN_REJECT_COUNT; i++)
         if (r->rejected[i]) printf(", %" PRId64 " %s", r->rejected[i], kn_verdict_name((kn_verdict)i));
@@ -359,7 +371,8 @@ static void stop_threads(server *d)
     pthread_join(d->mesh_thread, NULL);
     pthread_barrier_destroy(&d->go);
     tell_status(d);
-    for (int i = 0; i < 1000 && (i == 0 || d->batch.count > 0); i++) take_datagrams(d, KN_BATCH); // so that the counts close
+    for (int i = 0; i < 1000 && (i == 0 || d->batch.count > 0); i++)
+        take_datagrams(d, KN_BATCH); // so that the counts close
 }
 
 static void free_all(server *d)

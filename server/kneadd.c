@@ -6,11 +6,12 @@
 #include <string.h>
 
 static const char usage[] =
-    "usage: kneadd --scene FILE [--lcm-url URL] [--mesh-url URL] [--realtime auto|require|off] [--set KEY=VALUE]... [--backend cpu]\n"
+    "usage: kneadd --scene FILE [--set KEY=VALUE]... [--lcm-url URL] [--mesh-url URL] [--realtime auto|require|off]\n"
+    "              [--backend cpu]\n"
     "\n"
     "  --scene FILE      the object and its probes (YAML); knead check FILE tells what it costs\n"
-    "  --set KEY=VALUE   overrides a key of the scene, e.g. --set material.k1='300 gf/cm^3'; knead check --keys lists them\n"
-    "  --lcm-url URL     bus of poses, forces, status; default " KN_LCM_URL "\n"
+    "  --set KEY=VALUE   overrides a key of the scene, as in --set material.k1='300 gf/cm^3'; see knead check --keys\n"
+    "  --lcm-url URL     bus of poses, forces, status; default LCM_DEFAULT_URL, else " KN_LCM_URL "\n"
     "  --mesh-url URL    bus of meshes; default " KN_MESH_URL "\n"
     "  --realtime MODE   auto: what the machine grants, and say what is missing; require: all of it or exit 3; off\n"
     "  --backend cpu     where the lattice is stepped\n"

@@ -22,8 +22,10 @@ void kn_loop_free(kn_loop *loop)
 void kn_loop_post(kn_loop *loop, int probe, const kn_pose *pose)
 {
     kn_pose *back = kn_mailbox_back(&loop->pose[probe]);
-    if (pose) *back = *pose;
-    else back->session = 0;
+    if (pose)
+        *back = *pose;
+    else
+        back->session = 0;
     kn_mailbox_post(&loop->pose[probe]);
 }
 
@@ -44,7 +46,9 @@ static int64_t wall_clock_us(void)
 
 bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
 {
-    kn_tick_in in = {.tick = wake->tick, .missed = wake->missed, .deadline_ns = wake->now_ns + KN_PERIOD_NS,
+    kn_tick_in in = {.tick = wake->tick,
+                     .missed = wake->missed,
+                     .deadline_ns = wake->now_ns + KN_PERIOD_NS,
                      .stop = atomic_load_explicit(&loop->stop, memory_order_relaxed)};
     kn_record record = {.wake = *wake};
     kn_backend *backend = loop->servo.backend;
@@ -52,7 +56,8 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     read_poses(loop, &in);
     kn_servo_tick(&loop->servo, &in, &record.out); // step, guard
 
-    bool last = record.out.stopped || (in.stop && ++loop->stop_ticks >= KN_LOOP_STOP_TICKS);
+    if (!in.stop) loop->running_tick = wake->tick;
+    bool last = record.out.stopped || wake->tick - loop->running_tick > KN_LOOP_STOP_TICKS;
     record.utime = wall_clock_us();
     record.execution_ns = kn_now_ns() - wake->now_ns;
     bool published = kn_ring_push(&loop->records, &record);

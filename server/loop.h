@@ -15,7 +15,7 @@
 #include "server/servo.h"
 #include "server/skin.h"
 
-#define KN_LOOP_STOP_TICKS 100 // forces come down within 20 ms; longer than this nobody waits
+#define KN_LOOP_STOP_TICKS 100 // ms. Forces come down within 20; longer than this nobody waits
 
 typedef struct kn_record { // one tick, for whoever publishes it
     kn_tick_out out;
@@ -34,9 +34,9 @@ typedef struct kn_loop {
     kn_pose pose_slots[KN_PROBES_MAX][3];
     void (*notify)(void *arg); // called after each tick: wakes the main thread. Must be real-time safe
     void *notify_arg;
-    atomic_bool stop; // set by anyone: forces ramp to zero, then the thread ends
-    atomic_bool done; // its last record is in the ring
-    int stop_ticks;
+    atomic_bool stop;     // set by anyone: forces ramp to zero, then the thread ends
+    atomic_bool done;     // its last record is in the ring
+    int64_t running_tick; // last one before stop was asked
 } kn_loop;
 
 // Borrows all; skin may be NULL. False when memory is short.

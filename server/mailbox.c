@@ -15,7 +15,8 @@ void *kn_mailbox_back(kn_mailbox *box)
     return box->slot[box->back];
 }
 
-// release: the reader that takes this slot sees what was written into it; acquire: the slot that comes back is no longer read
+// release: the reader that takes this slot sees what was written into it; acquire: the slot that comes back is no
+// longer read
 void kn_mailbox_post(kn_mailbox *box)
 {
     box->back = atomic_exchange_explicit(&box->shared, box->back | UNSEEN, memory_order_acq_rel) & SLOT;

@@ -1,7 +1,7 @@
 #ifndef KN_SERVER_MAILBOX_H
 #define KN_SERVER_MAILBOX_H
-// The latest value from one thread to one other: what was not looked at in time is overwritten, never queued. A pose that
-// waited in a queue would be an old pose, and the servo has no use for one.
+// The latest value from one thread to one other: what was not looked at in time is overwritten, never queued. A pose
+// that waited in a queue would be an old pose, and the servo has no use for one.
 //
 //     writer fills  back          three slots change hands by swapping indices; nobody waits, nobody copies,
 //                    |  exchange  and a value is never seen half written
@@ -28,8 +28,8 @@ void kn_mailbox_init(kn_mailbox *box, void *memory, size_t size);
 void *kn_mailbox_back(kn_mailbox *box);
 void kn_mailbox_post(kn_mailbox *box);
 
-// Reader: the latest posted value, the same one again when nothing new came (fresh tells), the initial bytes of the memory
-// before the first. Valid until the next call.
+// Reader: the latest posted value, the same one again when nothing new came (fresh tells), the initial bytes of the
+// memory before the first. Valid until the next call.
 const void *kn_mailbox_latest(kn_mailbox *box, bool *fresh);
 
 #endif

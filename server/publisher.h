@@ -1,8 +1,8 @@
 #ifndef KN_SERVER_PUBLISHER_H
 #define KN_SERVER_PUBLISHER_H
 // What leaves on the bus of poses: forces, events, the scene, the status. One thread, one lcm_t, which only transmits
-// (liblcm's receiving half is not to be trusted with the bus, see receiver.h). Messages are encoded into memory of our own;
-// lcm-gen's X_publish would allocate for each.
+// (liblcm's receiving half is not to be trusted with the bus, see receiver.h). Messages are encoded into memory of
+// our own; lcm-gen's X_publish would allocate for each.
 #include "proto/knead_status_t.h"
 #include "server/loop.h"
 #include <lcm/lcm.h>
@@ -12,7 +12,7 @@ typedef struct kn_publisher {
     const kn_scene *scene;
     uint64_t initial_hash;
     char force_channel[KN_PROBES_MAX][64]; // KNEAD_FORCE_<probe>
-    uint8_t *bytes; // room for the largest message, which is the scene
+    uint8_t *bytes;                        // room for the largest message, which is the scene
     int room;
     int64_t published; // datagrams handed to LCM
     int64_t failed;    // refused by it

@@ -6,17 +6,18 @@
 
 #define LC02 0x4c433032u
 #define LC03 0x4c433033u
-#define HEADER_SIZE 8         // magic, sequence
-#define CHANNEL_MAX 64        // with its NUL, LCM's own limit
+#define HEADER_SIZE 8  // magic, sequence
+#define CHANNEL_MAX 64 // with its NUL, LCM's own limit
 #define CHANNEL_PREFIX "KNEAD_POSE_"
 
 #define QUATERNION_BOUND 1e-3 // of a device that sends floats; worse is not a rotation
 #define WORKSPACE_M 1.0       // no haptic device reaches further
 #define SPEED_MAX_M_S 5.0     // no hand on a device is faster; from 1.2 m/s on the servo only damps
-#define SPEED_WINDOW_US 1000  // the servo looks once per ms, so a step below 5 mm is no jump however close its stamps are
+#define SPEED_WINDOW_US                                                                                                \
+    1000 // the servo looks once per ms, so a step below 5 mm is no jump however close its stamps are
 #define SILENCE_NS 1000000000
-#define COST_NS 200000        // of one pose: 5 kHz
-#define CREDIT_NS 200000000   // 1 000 poses at once: a 1 kHz sender that was held up for as long as its session may live
+#define COST_NS 200000      // of one pose: 5 kHz
+#define CREDIT_NS 200000000 // 1 000 poses at once: a 1 kHz sender that was held up for as long as its session may live
 
 const char *kn_verdict_name(kn_verdict verdict)
 {
@@ -97,8 +98,9 @@ static kn_verdict check_fields(const knead_probe_pose_t *m)
     return KN_ACCEPTED;
 }
 
-// Against what the session sent before. A rejected jump does not become the new place to measure from, but the time since
-// the old one grows, so that a tool that really is elsewhere is believed once its way there could have been walked.
+// Against what the session sent before. A rejected jump does not become the new place to measure from, but the time
+// since the old one grows, so that a tool that really is elsewhere is believed once its way there could have been
+// walked.
 static kn_verdict check_motion(const kn_source *source, const knead_probe_pose_t *m)
 {
     if (length(m->velocity_m_s, 3) > SPEED_MAX_M_S) return KN_REJECT_JUMP;
@@ -108,7 +110,8 @@ static kn_verdict check_motion(const kn_source *source, const knead_probe_pose_t
 
     double way_m[3];
     for (int i = 0; i < 3; i++) way_m[i] = m->position_m[i] - source->reference.position_m[i];
-    uint64_t elapsed_us = (uint64_t)m->utime - (uint64_t)source->reference.utime; // not signed: stamps may span more than that
+    // not signed: stamps may lie further apart than an int64_t reaches
+    uint64_t elapsed_us = (uint64_t)m->utime - (uint64_t)source->reference.utime;
     if (elapsed_us < SPEED_WINDOW_US) elapsed_us = SPEED_WINDOW_US;
     return length(way_m, 3) > SPEED_MAX_M_S * 1e-6 * (double)elapsed_us ? KN_REJECT_JUMP : KN_ACCEPTED;
 }
@@ -135,7 +138,8 @@ static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t 
     if (verdict != KN_ACCEPTED) return verdict;
     if (!afford(source, now_ns)) return KN_REJECT_RATE;
 
-    *pose = (kn_pose){.session = m->session, .seq = m->seq, .sent_ns = m->sent_ns, .utime = m->utime, .buttons = m->buttons};
+    *pose = (kn_pose){
+        .session = m->session, .seq = m->seq, .sent_ns = m->sent_ns, .utime = m->utime, .buttons = m->buttons};
     memcpy(pose->position_m, m->position_m, sizeof pose->position_m);
     memcpy(pose->orientation_wxyz, m->orientation_wxyz, sizeof pose->orientation_wxyz);
     memcpy(pose->velocity_m_s, m->velocity_m_s, sizeof pose->velocity_m_s);
@@ -153,8 +157,10 @@ kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_
     if (verdict == KN_ACCEPTED) verdict = check_fields(&message);
     if (verdict == KN_ACCEPTED) verdict = admit(&r->source[*probe], &message, now_ns, pose);
     r->received++;
-    if (verdict == KN_ACCEPTED) r->accepted++;
-    else r->rejected[verdict]++;
+    if (verdict == KN_ACCEPTED)
+        r->accepted++;
+    else
+        r->rejected[verdict]++;
     return verdict;
 }
 

@@ -1,12 +1,14 @@
 #ifndef KN_SERVER_RECEIVER_H
 #define KN_SERVER_RECEIVER_H
-// Bytes of a datagram -> a pose the servo may trust, or the reason why not. Pure: the socket is bus.h's, the time comes in.
+// Bytes of a datagram -> a pose the servo may trust, or the reason why not. Pure: the socket is bus.h's, the time
+// comes in.
 //
 // Any LCM sender works unchanged: one LC02 message per datagram, which is
 //     "LC02" | sequence u32 | channel, NUL | type hash i64 | fields of probe_pose_t, big-endian
-// We do not receive through liblcm: its reassembly and its variable-length decoders write out of bounds on datagrams made
-// for it (1.3.1 and 1.5 alike), and multicast on lo is open to every user of the machine. Here the bounds come first, every
-// type has a fixed size, fragments are refused, and nothing is allocated. Each datagram ends in exactly one counter:
+// We do not receive through liblcm: its reassembly and its variable-length decoders write out of bounds on datagrams
+// made for it (1.3.1 and 1.5 alike), and multicast on lo is open to every user of the machine. Here the bounds come
+// first, every type has a fixed size, fragments are refused, and nothing is allocated. Each datagram ends in exactly
+// one counter:
 //     received = accepted + sum(rejected)
 //
 // A probe belongs to the first session that sends it a good pose, until that session has been silent for 1 s; then any
@@ -16,25 +18,25 @@
 #include "server/servo.h"
 
 // One per line of status_t.rejected, same order; they stand in proto/README.md too. Append only: logs hold the indices.
-#define KN_REJECTS(X)                                                                                                   \
-    X(INTERFACE, "interface", "did not arrive over lo")                                                                 \
-    X(RUNT, "runt", "shorter than an LCM header")                                                                       \
-    X(MAGIC, "magic", "neither LC02 nor LC03")                                                                          \
-    X(FRAGMENT, "fragment", "LC03: part of a larger message")                                                           \
-    X(CHANNEL_END, "channel_end", "channel name without its NUL within 64 bytes")                                       \
-    X(CHANNEL, "channel", "not a pose: our own forces and everyone else's traffic")                                     \
-    X(PROBE, "probe", "KNEAD_POSE_ of a probe the scene does not have")                                                 \
-    X(LENGTH, "length", "not the length of probe_pose_t")                                                               \
-    X(TYPE, "type", "the type hash of something else")                                                                  \
-    X(FRAME, "frame", "a frame other than the scene's")                                                                 \
-    X(NONFINITE, "nonfinite", "a NaN or an infinity")                                                                   \
-    X(QUATERNION, "quaternion", "orientation not of length 1 +- 0.001")                                                 \
-    X(WORKSPACE, "workspace", "further than 1 m from the origin")                                                       \
-    X(SESSION_ZERO, "session_zero", "session 0, which means none")                                                      \
-    X(SESSION, "session", "another session owns the probe: a second publisher")                                         \
-    X(STALE, "stale", "seq not above the last one: late, repeated or played again")                                     \
-    X(CLOCK, "clock", "utime before the last one's")                                                                    \
-    X(JUMP, "jump", "faster than 5 m/s, by its own velocity or by its way since the last pose")                         \
+#define KN_REJECTS(X)                                                                                                  \
+    X(INTERFACE, "interface", "did not arrive over lo")                                                                \
+    X(RUNT, "runt", "shorter than an LCM header")                                                                      \
+    X(MAGIC, "magic", "neither LC02 nor LC03")                                                                         \
+    X(FRAGMENT, "fragment", "LC03: part of a larger message")                                                          \
+    X(CHANNEL_END, "channel_end", "channel name without its NUL within 64 bytes")                                      \
+    X(CHANNEL, "channel", "not a pose: our own forces and everyone else's traffic")                                    \
+    X(PROBE, "probe", "KNEAD_POSE_ of a probe the scene does not have")                                                \
+    X(LENGTH, "length", "not the length of probe_pose_t")                                                              \
+    X(TYPE, "type", "the type hash of something else")                                                                 \
+    X(FRAME, "frame", "a frame other than the scene's")                                                                \
+    X(NONFINITE, "nonfinite", "a NaN or an infinity")                                                                  \
+    X(QUATERNION, "quaternion", "orientation not of length 1 +- 0.001")                                                \
+    X(WORKSPACE, "workspace", "further than 1 m from the origin")                                                      \
+    X(SESSION_ZERO, "session_zero", "session 0, which means none")                                                     \
+    X(SESSION, "session", "another session owns the probe: a second publisher")                                        \
+    X(STALE, "stale", "seq not above the last one: late, repeated or played again")                                    \
+    X(CLOCK, "clock", "utime before the last one's")                                                                   \
+    X(JUMP, "jump", "faster than 5 m/s, by its own velocity or by its way since the last pose")                        \
     X(RATE, "rate", "more than 5 000 per second")
 
 typedef enum kn_verdict {
@@ -48,10 +50,10 @@ typedef enum kn_verdict {
 const char *kn_verdict_name(kn_verdict verdict); // "stale"; "accepted"
 
 typedef struct kn_source { // who moves one probe
-    kn_pose last;      // accepted; session 0: nobody owns the probe
-    kn_pose reference; // accepted; speeds are measured from here. Moves on to last when that is >= 1 ms newer
-    int64_t heard_ns;  // when last was accepted
-    int64_t credit_ns; // time not yet spent on poses, each of which costs 0.2 ms
+    kn_pose last;          // accepted; session 0: nobody owns the probe
+    kn_pose reference;     // accepted; speeds are measured from here. Moves on to last when that is >= 1 ms newer
+    int64_t heard_ns;      // when last was accepted
+    int64_t credit_ns;     // time not yet spent on poses, each of which costs 0.2 ms
 } kn_source;
 
 typedef struct kn_receiver {

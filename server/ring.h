@@ -1,7 +1,7 @@
 #ifndef KN_SERVER_RING_H
 #define KN_SERVER_RING_H
-// Every value in order from one thread to one other, through a fixed number of equal records. Full: push refuses and the
-// caller counts; the servo never waits for a reader. Real-time safe on both sides but for create and destroy.
+// Every value in order from one thread to one other, through a fixed number of equal records. Full: push refuses and
+// the caller counts; the servo never waits for a reader. Real-time safe on both sides but for create and destroy.
 #include <stdatomic.h>
 #include <stdbool.h>
 #include <stddef.h>

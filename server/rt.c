@@ -8,7 +8,7 @@
 #include <sys/mman.h>
 #include <sys/resource.h>
 
-#define STACK_BYTES (512 << 10) // all of it gets locked; the tick's arrays are in the state and its stack stays below 32 kB
+#define STACK_BYTES (512 << 10) // all of it gets locked; the tick needs less than 32 kB, its arrays are in the state
 #define TOUCHED_BYTES (128 << 10)
 
 bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode)
@@ -25,7 +25,8 @@ bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode)
 static void add_missing(kn_rt *rt, const char *what, const char *why, const char *cure)
 {
     size_t used = strlen(rt->missing);
-    snprintf(rt->missing + used, sizeof rt->missing - used, "%s%s (%s%s%s)", used ? "; " : "", what, why, *cure ? ": " : "", cure);
+    snprintf(rt->missing + used, sizeof rt->missing - used, "%s%s (%s%s%s)", used ? "; " : "", what, why,
+             *cure ? ": " : "", cure);
 }
 
 static int set_priority(int priority)
@@ -99,8 +100,10 @@ int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int prior
     int error = pthread_create(thread, &attr, thread_main, start);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     pthread_attr_destroy(&attr);
-    if (error) free(start);
-    else pthread_setname_np(*thread, name);
+    if (error)
+        free(start);
+    else
+        pthread_setname_np(*thread, name);
     return error;
 }
 

@@ -23,8 +23,8 @@ enum { KN_RT_NORMAL = 0, KN_RT_MAIN = 70, KN_RT_SENTINEL = 79, KN_RT_SERVO = 80 
 
 typedef struct kn_rt {
     kn_rt_mode mode;
-    bool fifo;   // threads get their real-time priority
-    bool locked; // memory is locked
+    bool fifo;         // threads get their real-time priority
+    bool locked;       // memory is locked
     char missing[256]; // what is not granted, why, and the cure; "" when nothing is missing or wanted
 } kn_rt;
 
@@ -33,13 +33,13 @@ bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode); // auto, require, off
 // Moves the calling thread to KN_RT_MAIN if priorities up to KN_RT_SERVO are granted. First of all.
 void kn_rt_enter(kn_rt *rt, kn_rt_mode mode);
 
-// A thread with a small stack, touched before run is called, and without signals. pinned: on the last processor we may use.
-// name: what ps and top -H show, <= 15 bytes. Returns pthread_create's error.
+// A thread with a small stack, touched before run is called, and without signals. pinned: on the last processor we
+// may use. name: what ps and top -H show, <= 15 bytes. Returns pthread_create's error.
 int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int priority, bool pinned, void *(*run)(void *),
                  void *arg);
 
-// Locks what is mapped now, and what will be when memlock is unlimited: below a limit every later mmap could fail instead.
-// Sanitizer builds never lock: their shadow memory is terabytes. After all allocations and thread creations.
+// Locks what is mapped now, and what will be when memlock is unlimited: below a limit every later mmap could fail
+// instead. Sanitizer builds never lock: their shadow memory is terabytes. After all allocations and thread creations.
 void kn_rt_lock_memory(kn_rt *rt);
 
 #endif

@@ -51,8 +51,10 @@ int64_t kn_sentinel_judge(kn_sentinel *s, int64_t now_ns)
     take_stalls(s);
     for (int i = 0; i < s->pending_count; i++) {
         const kn_wake *wake = &s->pending[i];
-        if (now_ns - wake->now_ns <= KN_SENTINEL_MARGIN_NS) s->pending[left++] = *wake;
-        else if (explained(s, wake)) s->explained += wake->missed;
+        if (now_ns - wake->now_ns <= KN_SENTINEL_MARGIN_NS)
+            s->pending[left++] = *wake;
+        else if (explained(s, wake))
+            s->explained += wake->missed;
     }
     s->pending_count = left;
     return s->explained;

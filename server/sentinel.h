@@ -1,8 +1,9 @@
 #ifndef KN_SERVER_SENTINEL_H
 #define KN_SERVER_SENTINEL_H
-// Who is to blame for a late tick. A second periodic thread, on the servo's core, one priority below, half a period beside:
-// when the machine stalls (a hypervisor, firmware, an interrupt storm) it stalls both; when our own code is late, only us.
-// Measured on a busy virtual machine: 61 of 61 wakes that came >= 1 ms late had such a witness within 2 ms.
+// Who is to blame for a late tick. A second periodic thread, on the servo's core, one priority below, half a period
+// beside: when the machine stalls (a hypervisor, firmware, an interrupt storm) it stalls both; when our own code is
+// late, only us. Measured on a busy virtual machine: 61 of 61 wakes that came >= 1 ms late had such a witness within
+// 2 ms.
 //
 // It runs below the servo, so a long tick delays it as well: misses after a tick that overran are never excused.
 #include "server/clock.h"
@@ -20,7 +21,7 @@ typedef struct kn_stall {
 typedef struct kn_sentinel {
     kn_clock clock;
     atomic_bool stop;
-    kn_ring stalls; // from the sentinel to whoever judges
+    kn_ring stalls;                      // from the sentinel to whoever judges
     kn_stall recent[KN_SENTINEL_RECENT]; // the judge's, as all below
     unsigned recent_count;
     kn_wake pending[KN_SENTINEL_RECENT]; // late wakes of the servo, not judged yet

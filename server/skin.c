@@ -11,14 +11,18 @@
 static knead_mesh_init_t topology_message(const kn_skin *skin, int64_t utime)
 {
     const kn_surface *s = skin->surface;
-    return (knead_mesh_init_t){.utime = utime, .mesh_id = skin->mesh_id, .topology_hash = skin->topology_hash,
-                               .vertex_count = s->vertex_count, .triangle_count = s->triangle_count,
-                               .index_count = 3 * s->triangle_count, .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE,
+    return (knead_mesh_init_t){.utime = utime,
+                               .mesh_id = skin->mesh_id,
+                               .topology_hash = skin->topology_hash,
+                               .vertex_count = s->vertex_count,
+                               .triangle_count = s->triangle_count,
+                               .index_count = 3 * s->triangle_count,
+                               .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE,
                                .triangles = s->triangle};
 }
 
-bool kn_skin_open(kn_skin *skin, const char *url, const kn_model *model, double mesh_hz, uint64_t text_hash, char *error,
-                  size_t error_size)
+bool kn_skin_open(kn_skin *skin, const char *url, const kn_model *model, double mesh_hz, uint64_t text_hash,
+                  char *error, size_t error_size)
 {
     memset(skin, 0, sizeof *skin);
     skin->model = model;
@@ -81,10 +85,17 @@ void kn_skin_publish(kn_skin *skin, int64_t utime)
     int vertices = skin->surface->vertex_count, chunks = (vertices + KN_SKIN_CHUNK - 1) / KN_SKIN_CHUNK;
     for (int i = 0; fresh && i < chunks; i++) {
         int first = i * KN_SKIN_CHUNK, count = vertices - first < KN_SKIN_CHUNK ? vertices - first : KN_SKIN_CHUNK;
-        knead_mesh_update_t message = {
-            .utime = utime, .mesh_id = skin->mesh_id, .tick = frame->tick, .chunk = i, .chunks = chunks, .first = first,
-            .count = count, .position_count = 3 * count, .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE,
-            .positions_m = (float *)frame->xyz_m + 3 * first}; // lcm-gen's arrays are not const; encoding only reads
+        knead_mesh_update_t message = {.utime = utime,
+                                       .mesh_id = skin->mesh_id,
+                                       .tick = frame->tick,
+                                       .chunk = i,
+                                       .chunks = chunks,
+                                       .first = first,
+                                       .count = count,
+                                       .position_count = 3 * count,
+                                       .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE,
+                                       // lcm-gen's arrays are not const; encoding only reads
+                                       .positions_m = (float *)frame->xyz_m + 3 * first};
         int size = knead_mesh_update_t_encode(skin->update, 0, sizeof skin->update, &message);
         if (size > 0) lcm_publish(skin->lcm, "KNEAD_MESH_UPDATE", skin->update, (unsigned)size);
         // back to back, larger meshes would overflow the usual 208 kB receive buffer of the screens

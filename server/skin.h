@@ -1,9 +1,9 @@
 #ifndef KN_SERVER_SKIN_H
 #define KN_SERVER_SKIN_H
-// The object's surface on its way to the screens: KNEAD_MESH_INIT and KNEAD_MESH_UPDATE on the mesh bus.
-// The servo copies positions into a mailbox at the mesh rate; encoding and sending happen in the mesh thread, which may be
-// late and then shows the latest surface only. Meshes have a port of their own, so that their bulk never fills the
-// socket buffers in which poses and forces wait.
+// The object's surface on its way to the screens: KNEAD_MESH_INIT and KNEAD_MESH_UPDATE on the mesh bus. The servo
+// copies positions into a mailbox at the mesh rate; encoding and sending happen in the mesh thread, which may be late
+// and then shows the latest surface only. Meshes have a port of their own, so that their bulk never fills the socket
+// buffers in which poses and forces wait.
 #include "core/surface.h"
 #include "server/mailbox.h"
 #include <lcm/lcm.h>
@@ -31,8 +31,8 @@ typedef struct kn_skin {
 } kn_skin;
 
 // text_hash tells scenes apart, so that a mesh_id never means two things. False and one line in error.
-bool kn_skin_open(kn_skin *skin, const char *url, const kn_model *model, double mesh_hz, uint64_t text_hash, char *error,
-                  size_t error_size);
+bool kn_skin_open(kn_skin *skin, const char *url, const kn_model *model, double mesh_hz, uint64_t text_hash,
+                  char *error, size_t error_size);
 void kn_skin_close(kn_skin *skin);
 
 // Servo thread, every tick; copies when a frame is due. Real-time safe.

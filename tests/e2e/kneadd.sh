@@ -1,4 +1,5 @@
-# Sourced by the end-to-end tests that talk to a kneadd of their own (inside tests/netns, in an empty working directory).
+# Sourced by the end-to-end tests that talk to a kneadd of their own (inside tests/netns, in an empty working
+# directory).
 PATH=$KN_BUILD/tests/tools:$PATH
 failed=0
 check() { # check SENTENCE COMMAND...: one line, like tests/check.h
@@ -24,3 +25,5 @@ stop_kneadd() { # sets status to its exit code; its summary is in kneadd.log
 }
 # counter NAME: the number before NAME in the summary, 0 when it is not told
 counter() { grep -oE "[0-9]+ $1\b" kneadd.log | head -1 | grep -oE '^[0-9]+' || echo 0; }
+# number NAME FILE: the number after NAME in what logcheck printed
+number() { grep -oE "\b$1 -?[0-9.]+" "$2" | grep -oE '[0-9.-]+$'; }

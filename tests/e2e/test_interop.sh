@@ -1,9 +1,7 @@
 #!/usr/bin/env bash
-# Stock LCM tools beside a kneadd: lcm-logger records what liblcm can decode; lcm-logplayer plays its poses into a kneadd,
-# twice, and they are as good as a hand's.
+# Stock LCM tools beside a kneadd: lcm-logger records what liblcm can decode; lcm-logplayer plays its poses into a
+# kneadd, twice, and they are as good as a hand's.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-number() { grep -oE "\b$1 -?[0-9]+" "$2" | grep -oE '[0-9-]+$'; }
-
 lcm-logger -q -f one.lcmlog >/dev/null 2>&1 & # first, so that it hears the scene that is told at the start
 logger=$!
 sleep 0.3
@@ -18,7 +16,8 @@ poses=$(number poses one) forces=$(number forces one)
 check "the logger heard the poses" [ "$poses" -ge 2970 ]
 check "and a force for each millisecond of the session" [ "$forces" -ge 2900 ]
 check "every force carries the echo of a pose" [ "$(number echoed one)" = "$forces" ]
-check "events, scenes and statuses are there" [ "$(number events one)" -gt 3 -a "$(number scenes one)" -ge 1 -a "$(number statuses one)" -ge 6 ]
+check "events, scenes and statuses are there" \
+    [ "$(number events one)" -gt 3 -a "$(number scenes one)" -ge 1 -a "$(number statuses one)" -ge 6 ]
 check "liblcm decodes everything" [ "$(number undecodable one)" = 0 ]
 check "the status adds up: received = accepted + rejected" \
     [ "$(number received one)" = $(($(number accepted one) + $(number rejected one))) ]
@@ -31,6 +30,7 @@ sleep 1.3 # the session ends, its number may come again
 lcm-logplayer -e 'KNEAD_POSE.*' one.lcmlog >/dev/null 2>&1
 stop_kneadd
 accepted=$(counter accepted)
-check "a log played twice is heard twice" [ "$accepted" -ge $((poses * 2 * 99 / 100)) -a "$accepted" -le $((poses * 2)) ]
+check "a log played twice is heard twice" \
+    [ "$accepted" -ge $((poses * 2 * 99 / 100)) -a "$accepted" -le $((poses * 2)) ]
 check "and nothing of it is stale" [ "$(counter stale)" = 0 ]
 exit $failed

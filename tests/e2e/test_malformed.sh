@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# 1e5 malformed datagrams while a hand sends its 1 kHz: the daemon lives, every datagram is in one counter, the hand is heard.
+# 1e5 malformed datagrams while a hand sends its 1 kHz: the daemon lives, every datagram is in one counter, the hand
+# is heard.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 start_kneadd dough-small.yaml
 memory() { awk '/VmRSS/ { print $2 }' "/proc/$server/status"; }

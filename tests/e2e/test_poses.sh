@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# What a kneadd accepts and refuses, over the bus, counted to the datagram: stale, replayed, jumping, non-finite poses, a second
-# publisher, a session that starts anew.
+# What a kneadd accepts and refuses, over the bus, counted to the datagram: stale, replayed, jumping, non-finite
+# poses, a second publisher, a session that starts anew.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 start_kneadd dough-small.yaml
 kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime off >/dev/null 2>second.err
@@ -28,7 +28,8 @@ EOF
 nobody=$(send thumb <<<"poses 14 session=1 seq=1")
 stop_kneadd
 check "kneadd ended well" [ "$status" = 0 ]
-check "the good ones are accepted, a session that starts anew and the next owner included" [ "$(counter accepted)" = 220 ]
+check "the good ones are accepted, a session that starts anew and the next owner included" \
+    [ "$(counter accepted)" = 220 ]
 check "late and repeated ones are stale" [ "$(counter stale)" = 15 ]
 check "a second publisher is refused" [ "$(counter session)" = 20 ]
 check "NaN and infinity are refused" [ "$(counter nonfinite)" = 13 ]
@@ -37,6 +38,7 @@ check "outside the workspace is refused" [ "$(counter workspace)" = 9 ]
 check "a clock that runs backwards is refused" [ "$(counter clock)" = 12 ]
 check "session 0 is refused" [ "$(counter session_zero)" = 13 ]
 check "a probe the scene does not have is refused" [ "$(counter probe)" = "$nobody" ]
-check "every datagram is in one counter" [ "$(counter datagrams)" = $((sent + nobody + $(counter published))) ]
+check "every datagram is in one counter" \
+    [ "$(counter datagrams)" = $((sent + nobody + $(counter published))) ]
 check "the kernel dropped none" [ "$(counter 'dropped by the kernel')" = 0 ]
 exit $failed

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Nothing leaves the machine: without a loopback route kneadd refuses before it joins the group; with the narrowest one it
-# runs beside stock LCM tools and not one multicast or IGMP datagram leaves by the network card.
+# Nothing leaves the machine: without a loopback route kneadd refuses before it joins the group; with the narrowest
+# one it runs beside stock LCM tools and not one multicast or IGMP datagram leaves by the network card.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 ip route del 224.0.0.0/4 dev lo
 if ! ip link add card type veth peer name cable 2>why && ! ip tuntap add card mode tap 2>why; then

@@ -1,19 +1,23 @@
-// logcheck LOG: a log of the pose bus, read by liblcm and lcm-gen's decoders as any client would, in numbers for a script:
+// logcheck LOG: a log of the pose bus, read by liblcm and lcm-gen's decoders as any client would, in numbers:
 //
-//     poses N forces N echoed N events N scenes N statuses N undecodable N     echoed: forces that answer a pose, see below
-//     received N accepted N rejected N kernel_drops N ticks N missed N hist N  of the last status; hist: sum of wakeup_hist
+//     poses N forces N echoed N events N scenes N statuses N undecodable N         echoed: forces that answer a pose
+//     peak_n F steepest_n F last_n F stopping N                                    of the forces given to the hand
+//     received N accepted N rejected N kernel_drops N ticks N missed N hist N      of the last status
+//
+// stopping counts the forces under FLAG_STOPPING, steepest_n is their largest change per ms; hist sums wakeup_hist.
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include "proto/knead_scene_t.h"
 #include "proto/knead_status_t.h"
 #include <inttypes.h>
+#include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
 
-// The poses of one session. A force echoes one of them when its seq lies between the first and the last: a logger may lose a
-// pose that kneadd heard.
+// The poses of one session. A force echoes one of them when its seq lies between the first and the last: a logger may
+// lose a pose that kneadd heard.
 typedef struct stream {
     int64_t session, first, last;
 } stream;
@@ -21,6 +25,8 @@ typedef struct stream {
 static stream streams[16];
 static int stream_count;
 static int64_t pose_count, forces, echoed, events, scenes, statuses, undecodable;
+static double given_n[3], peak_n, steepest_n, last_n;
+static int64_t stopping;
 static knead_status_t status;
 
 static bool begins(const lcm_eventlog_event_t *e, const char *prefix)
@@ -50,6 +56,18 @@ static void take_force(const lcm_eventlog_event_t *e)
         return;
     }
     forces++;
+    double size = 0, step = 0;
+    for (int i = 0; i < 3; i++) {
+        size += m.force_n[i] * m.force_n[i];
+        step += (m.force_n[i] - given_n[i]) * (m.force_n[i] - given_n[i]);
+        given_n[i] = m.force_n[i];
+    }
+    last_n = sqrt(size);
+    peak_n = fmax(peak_n, last_n);
+    if (m.flags & KNEAD_CONTACT_FORCE_T_FLAG_STOPPING) {
+        stopping++;
+        steepest_n = fmax(steepest_n, sqrt(step) / (1 + m.missed_cycles));
+    }
     for (int i = 0; i < stream_count; i++)
         echoed += streams[i].session == m.session && streams[i].first <= m.seq && m.seq <= streams[i].last;
 }
@@ -58,12 +76,17 @@ static void take(const lcm_eventlog_event_t *e)
 {
     knead_event_t event;
     knead_scene_t scene;
-    if (begins(e, "KNEAD_FORCE_")) take_force(e);
-    else if (begins(e, "KNEAD_EVENT")) *(knead_event_t_decode(e->data, 0, e->datalen, &event) < 0 ? &undecodable : &events) += 1;
-    else if (begins(e, "KNEAD_STATUS")) *(knead_status_t_decode(e->data, 0, e->datalen, &status) < 0 ? &undecodable : &statuses) += 1;
+    if (begins(e, "KNEAD_FORCE_"))
+        take_force(e);
+    else if (begins(e, "KNEAD_EVENT"))
+        *(knead_event_t_decode(e->data, 0, e->datalen, &event) < 0 ? &undecodable : &events) += 1;
+    else if (begins(e, "KNEAD_STATUS"))
+        *(knead_status_t_decode(e->data, 0, e->datalen, &status) < 0 ? &undecodable : &statuses) += 1;
     else if (begins(e, "KNEAD_SCENE")) {
-        if (knead_scene_t_decode(e->data, 0, e->datalen, &scene) < 0) undecodable++;
-        else scenes++, knead_scene_t_decode_cleanup(&scene);
+        if (knead_scene_t_decode(e->data, 0, e->datalen, &scene) < 0)
+            undecodable++;
+        else
+            scenes++, knead_scene_t_decode_cleanup(&scene);
     }
 }
 
@@ -73,18 +96,22 @@ int main(int argc, char **argv)
         lcm_eventlog_t *log = argc == 2 ? lcm_eventlog_create(argv[1], "r") : NULL;
         if (!log) return 3;
         for (lcm_eventlog_event_t *e; (e = lcm_eventlog_read_next_event(log)); lcm_eventlog_free_event(e)) {
-            if (pass == 1) take(e);
-            else if (begins(e, "KNEAD_POSE_")) take_pose(e);
+            if (pass == 1)
+                take(e);
+            else if (begins(e, "KNEAD_POSE_"))
+                take_pose(e);
         }
         lcm_eventlog_destroy(log);
     }
     int64_t rejected = 0, hist = 0;
     for (int i = 0; i < 24; i++) rejected += status.rejected[i];
     for (int i = 0; i < 32; i++) hist += status.wakeup_hist[i];
-    printf("poses %" PRId64 " forces %" PRId64 " echoed %" PRId64 " events %" PRId64 " scenes %" PRId64 " statuses %" PRId64
-           " undecodable %" PRId64 "\n", pose_count, forces, echoed, events, scenes, statuses, undecodable);
+    printf("poses %" PRId64 " forces %" PRId64 " echoed %" PRId64 " events %" PRId64 " scenes %" PRId64
+           " statuses %" PRId64 " undecodable %" PRId64 "\n",
+           pose_count, forces, echoed, events, scenes, statuses, undecodable);
+    printf("peak_n %.6f steepest_n %.6f last_n %.6f stopping %" PRId64 "\n", peak_n, steepest_n, last_n, stopping);
     printf("received %" PRId64 " accepted %" PRId64 " rejected %" PRId64 " kernel_drops %" PRId64 " ticks %" PRId64
-           " missed %" PRId64 " hist %" PRId64 "\n", status.received, status.accepted, rejected, status.kernel_drops,
-           status.tick, status.missed_cycles, hist);
+           " missed %" PRId64 " hist %" PRId64 "\n",
+           status.received, status.accepted, rejected, status.kernel_drops, status.tick, status.missed_cycles, hist);
     return 0;
 }

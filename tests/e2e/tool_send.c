@@ -1,10 +1,11 @@
-// send PROBE <<EOF: what a test wants a kneadd to hear, from a socket of its own, so that nothing is too malformed to send.
+// send PROBE <<EOF: what a test wants a kneadd to hear, from a socket of its own, so that it can send anything.
 //
-//     poses COUNT session=S seq=Q [step=1] [rate=1000] [utime=U] [z=0.2] [x=0] [vz=0]    seq rises by step, utime is seq ms
-//     flood COUNT seed=S [rate=50000]                                                    kn_random_datagram's relatives
+//     poses COUNT session=S seq=Q [step=1] [rate=1000] [utime=U] [x=0] [z=0.2] [vz=0]
+//     flood COUNT seed=S [rate=50000]
 //     sleep MS
 //
-// Flooded datagrams carry sessions of their own. Prints how many datagrams it sent.
+// poses: seq rises by step, utime is seq in ms. flood: relatives of poses (kn_random_datagram), each of its own session.
+// Prints how many datagrams it sent.
 #include "tests/server/datagram.h"
 #include <arpa/inet.h>
 #include <inttypes.h>
@@ -47,7 +48,8 @@ static void send_poses(const char *line, int64_t count)
 {
     int64_t seq = (int64_t)option(line, " seq=", 1), step = (int64_t)option(line, " step=", 1), start_us = now_us();
     int64_t utime = (int64_t)option(line, " utime=", 0);
-    knead_probe_pose_t pose = {.session = (int64_t)option(line, " session=", 1), .orientation_wxyz = {1, 0, 0, 0},
+    knead_probe_pose_t pose = {.session = (int64_t)option(line, " session=", 1),
+                               .orientation_wxyz = {1, 0, 0, 0},
                                .position_m = {option(line, " x=", 0), 0, option(line, " z=", 0.2)},
                                .velocity_m_s = {0, 0, option(line, " vz=", 0)}};
     for (int64_t n = 0; n < count; n++, seq += step) {
@@ -67,8 +69,8 @@ static void flood(const char *line, int64_t count)
     for (int64_t n = 0; n < count; n++) {
         unsigned char bytes[KN_TEST_DATAGRAM];
         if (n % 64 == 0) pace(start_us, n, option(line, " rate=", 50000));
-        knead_probe_pose_t pose = {.session = 1000000 + n, .seq = n, .utime = n, .orientation_wxyz = {1, 0, 0, 0},
-                                   .position_m = {0, 0, 0.2}};
+        knead_probe_pose_t pose = {
+            .session = 1000000 + n, .seq = n, .utime = n, .orientation_wxyz = {1, 0, 0, 0}, .position_m = {0, 0, 0.2}};
         send_bytes(bytes, kn_random_datagram(bytes, &random, channel, pose));
     }
 }
@@ -86,10 +88,14 @@ int main(int argc, char **argv)
         char verb[16] = "";
         long count = 0;
         if (sscanf(line, "%15s %ld", verb, &count) != 2) return 2;
-        if (strcmp(verb, "poses") == 0) send_poses(line, count);
-        else if (strcmp(verb, "flood") == 0) flood(line, count);
-        else if (strcmp(verb, "sleep") == 0) nanosleep(&(struct timespec){count / 1000, count % 1000 * 1000000}, NULL);
-        else return 2;
+        if (strcmp(verb, "poses") == 0)
+            send_poses(line, count);
+        else if (strcmp(verb, "flood") == 0)
+            flood(line, count);
+        else if (strcmp(verb, "sleep") == 0)
+            nanosleep(&(struct timespec){count / 1000, count % 1000 * 1000000}, NULL);
+        else
+            return 2;
     }
     printf("%" PRId64 "\n", sent);
     return 0;

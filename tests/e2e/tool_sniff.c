@@ -1,5 +1,5 @@
-// sniff DEVICE: counts the IPv4 multicast datagrams and IGMP messages that leave by DEVICE until SIGTERM, then prints the
-// number. "ready" first, once it hears.
+// sniff DEVICE: counts the IPv4 multicast datagrams and IGMP messages that leave by DEVICE until SIGTERM, then prints
+// the number. "ready" first, once it hears.
 #include <arpa/inet.h>
 #include <linux/if_packet.h>
 #include <net/ethernet.h>
@@ -10,7 +10,10 @@
 #include <sys/socket.h>
 
 static volatile sig_atomic_t stop;
-static void on_term(int number) { stop = number; }
+static void on_term(int number)
+{
+    stop = number;
+}
 
 int main(int argc, char **argv)
 {

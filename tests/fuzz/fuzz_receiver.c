@@ -1,6 +1,6 @@
 // libFuzzer target: whatever a sequence of datagrams holds, each ends in one counter, and what is accepted is a pose.
-// A record of the input is a control byte, then a datagram: as it is, or a good pose with bytes of it overwritten, since
-// chance alone finds neither the type hash nor a quaternion of length one.
+// A record of the input is a control byte, then a datagram: as it is, or a good pose with bytes of it overwritten,
+// since chance alone finds neither the type hash nor a quaternion of length one.
 #include "server/receiver.h"
 #include "tests/server/datagram.h"
 #include <math.h>

@@ -1,6 +1,6 @@
-// What the servo thread must never do between start and stop: allocate, take a lock, call the kernel but to sleep and to wake
-// the main thread. malloc and its kin and the mutex are interposed here and count while a thread is armed; in the live run the
-// kernel itself reports every other system call (seccomp).
+// What the servo thread must never do between start and stop: allocate, take a lock, call the kernel but to sleep and
+// to wake the main thread. malloc and its kin and the mutex are interposed here and count while a thread is armed; in
+// the live run the kernel itself reports every other system call (seccomp).
 #include "clients/knead/path.h"
 #include "server/loop.h"
 #include "tests/check.h"
@@ -83,7 +83,8 @@ static void rig_open(rig *r)
     if (!r->model || !kn_backend_cpu(&r->backend, r->model) ||
         !kn_skin_open(&r->skin, "memq://", r->model, 60, 1, error, sizeof error) ||
         !kn_loop_init(&r->loop, r->scene, r->model, &r->backend, &r->skin) ||
-        !(r->path = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .clear_m = 0.005, .depth_m = 0.008, .hold_s = 0.3}))) {
+        !(r->path =
+              kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .clear_m = 0.005, .depth_m = 0.008, .hold_s = 0.3}))) {
         fprintf(stderr, "%s\n", error);
         exit(1);
     }
@@ -110,8 +111,8 @@ static void rig_drain(rig *r)
 
 enum { ROUND = 6000 };
 
-// The hand in a round of 6 s: engages in air, touches at rest, presses 8 mm deep, stalls for 50 ms (a fault), withdraws,
-// engages again, falls silent, and its session ends.
+// The hand in a round of 6 s: engages in air, touches at rest, presses 8 mm deep, stalls for 50 ms (a fault),
+// withdraws, engages again, falls silent, and its session ends.
 static void play(rig *r, int64_t round, int ms)
 {
     double stall_ms = 500 + 1e3 * r->path->hold_end_s - 100;
@@ -143,7 +144,7 @@ TEST("1e5 ticks of touching, faults, recoveries and sessions allocate nothing an
     CHECK(allocations == 0);
     CHECK(locks == 0);
     CHECK(r.ticks == TICKS && r.forces > TICKS / 2 && r.pressed > TICKS / 10); // it was about something
-    CHECK(r.loop.account.faults >= TICKS / ROUND); // and went wrong in between
+    CHECK(r.loop.account.faults >= TICKS / ROUND);                             // and went wrong in between
     rig_close(&r);
 }
 
@@ -169,7 +170,8 @@ static void on_sigsys(int number, siginfo_t *info, void *context)
     calls++;
 }
 
-// From here on this thread may sleep and write (the wake of the main thread is an eventfd); anything else becomes a SIGSYS.
+// From here on this thread may sleep and write (the wake of the main thread is an eventfd); anything else becomes a
+// SIGSYS.
 static bool forbid_calls(void)
 {
     struct sock_filter allow[] = {
@@ -206,7 +208,10 @@ static void *servo_main(void *arg)
     for (;;) clock_nanosleep(CLOCK_MONOTONIC, 0, &(struct timespec){.tv_sec = 1}, NULL); // it may not even end
 }
 
-static void notify(void *arg) { ev_async_send(events, arg); }
+static void notify(void *arg)
+{
+    ev_async_send(events, arg);
+}
 
 static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
 {
@@ -234,10 +239,13 @@ TEST("a live servo thread calls the kernel only to sleep and to wake the main th
     pthread_t thread;
     CHECK(pthread_create(&thread, NULL, servo_main, &r) == 0);
     while (!finished && !r.loop.done) ev_run(events, EVRUN_ONCE);
-    while (!finished) {}
+    while (!finished) {
+    }
     rig_drain(&r);
     if (finished < 0) SKIP("no seccomp here: %s", strerror(errno));
-    if (calls != 0) KN_TEST_FAIL("%ld system calls that the tick must not make, the last one number %ld", (long)calls, (long)last_call);
+    if (calls != 0)
+        KN_TEST_FAIL("%ld system calls that the tick must not make, the last one number %ld", (long)calls,
+                     (long)last_call);
     CHECK(allocations == 0);
     CHECK(locks == 0);
     CHECK(r.ticks >= 4000 && r.pressed > 500);

@@ -8,7 +8,8 @@
 #define KN_TEST_DATAGRAM 600 // room, beyond what the receiver keeps
 
 // "LC02" | sequence | channel, NUL | payload; returns the size, 0 when it does not fit
-static inline size_t kn_lc02(unsigned char *bytes, size_t room, const char *channel, const void *payload, size_t payload_size)
+static inline size_t kn_lc02(unsigned char *bytes, size_t room, const char *channel, const void *payload,
+                             size_t payload_size)
 {
     size_t name = strlen(channel) + 1, size = 8 + name + payload_size;
     if (size > room) return 0;
@@ -18,7 +19,8 @@ static inline size_t kn_lc02(unsigned char *bytes, size_t room, const char *chan
     return size;
 }
 
-static inline size_t kn_pose_datagram(unsigned char *bytes, size_t room, const char *channel, const knead_probe_pose_t *pose)
+static inline size_t kn_pose_datagram(unsigned char *bytes, size_t room, const char *channel,
+                                      const knead_probe_pose_t *pose)
 {
     unsigned char payload[256];
     int size = knead_probe_pose_t_encode(payload, 0, sizeof payload, pose);
@@ -33,8 +35,8 @@ static inline uint64_t kn_random_bits(uint64_t *state) // splitmix64
     return z ^ z >> 31;
 }
 
-// Of the pose's datagram a relative that differs somewhere or nowhere: a poisoned field, a jump, an old seq or stamp, bytes
-// overwritten, another magic, no NUL, cut or grown. Structure-aware, so that every later check is reached too.
+// Of the pose's datagram a relative that differs somewhere or nowhere: a poisoned field, a jump, an old seq or stamp,
+// bytes overwritten, another magic, no NUL, cut or grown. Structure-aware, so that every later check is reached too.
 static inline size_t kn_random_datagram(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, const char *channel,
                                         knead_probe_pose_t pose)
 {

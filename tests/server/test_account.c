@@ -43,8 +43,11 @@ TEST("ticks and misses add up to the place on the grid")
 
 TEST("bucket n of a histogram holds what is below 2^n us, the last one all that is later")
 {
-    const struct { int64_t ns; int bucket; } cases[] = {
-        {0, 0}, {999, 0}, {1000, 1}, {1999, 1}, {2000, 2}, {1023999, 10}, {1024000, 11}, {INT64_C(4000000000000000), 31}};
+    const struct {
+        int64_t ns;
+        int bucket;
+    } cases[] = {{0, 0},    {999, 0},      {1000, 1},     {1999, 1},
+                 {2000, 2}, {1023999, 10}, {1024000, 11}, {INT64_C(4000000000000000), 31}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         start();
         tick(0, cases[i].ns, 5);

@@ -20,10 +20,22 @@ TEST("a multicast group and a port are a bus")
 
 TEST("anything else is refused in one line that names what was expected")
 {
-    const char *bad[] = {"", "udpm://", "tcpq://localhost:7700", "memq://", "file://a.lcmlog", "mpudpm://239.255.76.67:7667",
-                         "udpm://127.0.0.1:7667", "udpm://10.0.0.1:7667", "udpm://239.255.76.67", "udpm://239.255.76.67:0",
-                         "udpm://239.255.76.67:65536", "udpm://239.255.76.67:7667x", "udpm://239.255.76.67:7667/",
-                         "udpm://239.255.76.300:7667", "udpm://239.255.76.67:7667?ttl=1", "udpm://239.255.76.67:7667?a=b&ttl=255"};
+    const char *bad[] = {"",
+                         "udpm://",
+                         "tcpq://localhost:7700",
+                         "memq://",
+                         "file://a.lcmlog",
+                         "mpudpm://239.255.76.67:7667",
+                         "udpm://127.0.0.1:7667",
+                         "udpm://10.0.0.1:7667",
+                         "udpm://239.255.76.67",
+                         "udpm://239.255.76.67:0",
+                         "udpm://239.255.76.67:65536",
+                         "udpm://239.255.76.67:7667x",
+                         "udpm://239.255.76.67:7667/",
+                         "udpm://239.255.76.300:7667",
+                         "udpm://239.255.76.67:7667?ttl=1",
+                         "udpm://239.255.76.67:7667?a=b&ttl=255"};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         kn_bus bus;
         char error[256] = "";

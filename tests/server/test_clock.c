@@ -10,7 +10,8 @@ TEST("ticks on time follow one another and miss nothing")
     kn_clock_start(&clock, START);
     for (int n = 0; n < 5; n++) {
         kn_wake wake = kn_clock_wake(&clock, START + (n - 1) * MS + 200000, START + n * MS + 999999);
-        CHECK(wake.tick == n && wake.missed == 0 && !wake.overrun && wake.due_ns == START + n * MS && wake.late_ns == 999999);
+        CHECK(wake.tick == n && wake.missed == 0 && !wake.overrun && wake.due_ns == START + n * MS &&
+              wake.late_ns == 999999);
     }
 }
 

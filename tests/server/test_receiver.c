@@ -17,8 +17,13 @@ static void start(void)
 
 static knead_probe_pose_t good_pose(int64_t session, int64_t seq) // one per ms, at rest
 {
-    return (knead_probe_pose_t){.utime = 1000 * seq, .session = session, .seq = seq, .sent_ns = 7, .position_m = {0, 0, 0.1},
-                                .orientation_wxyz = {1, 0, 0, 0}, .buttons = 3};
+    return (knead_probe_pose_t){.utime = 1000 * seq,
+                                .session = session,
+                                .seq = seq,
+                                .sent_ns = 7,
+                                .position_m = {0, 0, 0.1},
+                                .orientation_wxyz = {1, 0, 0, 0},
+                                .buttons = 3};
 }
 
 static kn_verdict judge(const kn_datagram *datagram)
@@ -52,7 +57,8 @@ TEST("a good pose is accepted, every field as it was sent")
     int probe = -1;
     kn_pose pose;
     CHECK_VERDICT(kn_receiver_judge(&receiver, &datagram, now_ns, &probe, &pose), KN_ACCEPTED);
-    CHECK(probe == 1 && pose.session == 42 && pose.seq == 1 && pose.utime == 1000 && pose.sent_ns == 7 && pose.buttons == 3);
+    CHECK(probe == 1 && pose.session == 42 && pose.seq == 1 && pose.utime == 1000 && pose.sent_ns == 7 &&
+          pose.buttons == 3);
     CHECK(pose.position_m[2] == 0.1 && pose.orientation_wxyz[0] == 1 && pose.velocity_m_s[1] == -0.5);
     CHECK(receiver.received == 1 && receiver.accepted == 1);
 }
@@ -251,11 +257,13 @@ TEST("whatever arrives, each datagram ends in one counter, and what is accepted 
     enum { COUNT = 300000 };
     uint64_t random = 1;
     for (int64_t n = 0; n < COUNT; n++, now_ns += MS / 10) {
-        if (n % 500 == 0) now_ns += 1000 * MS; // the sender starts anew: one accepted seq far ahead makes all later ones stale
+        if (n % 500 == 0)
+            now_ns += 1000 * MS; // the sender starts anew: one accepted seq far ahead makes all later ones stale
         unsigned char bytes[KN_TEST_DATAGRAM];
         size_t size = kn_random_datagram(bytes, &random, n % 8 ? "KNEAD_POSE_hand" : "KNEAD_POSE_thumb",
                                          good_pose(n % 64 ? 1 : 2, n % 500));
-        kn_datagram d = {.size = size < sizeof d.bytes ? size : sizeof d.bytes, .truncated = size > sizeof d.bytes,
+        kn_datagram d = {.size = size < sizeof d.bytes ? size : sizeof d.bytes,
+                         .truncated = size > sizeof d.bytes,
                          .loopback = n % 32 != 5};
         memcpy(d.bytes, bytes, d.size);
         int probe = -1;

@@ -25,9 +25,9 @@ TEST("a miss is explained when the machine stalled the sentinel too, within 2 ms
     kn_sentinel_missed(&sentinel, &wake);
     wake = late(300, 2);
     kn_sentinel_missed(&sentinel, &wake);
-    stall(101, 105);  // in the middle of the first
-    stall(210, 215);  // 3 ms after the second
-    stall(295, 298);  // 2 ms before the third
+    stall(101, 105); // in the middle of the first
+    stall(210, 215); // 3 ms after the second
+    stall(295, 298); // 2 ms before the third
     CHECK(kn_sentinel_judge(&sentinel, 1000 * MS) == 5 + 2);
     CHECK(kn_sentinel_judge(&sentinel, 2000 * MS) == 5 + 2); // each is judged once
     kn_sentinel_free(&sentinel);

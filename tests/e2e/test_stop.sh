@@ -1,0 +1,28 @@
+#!/usr/bin/env bash
+# SIGTERM while a hand presses: the force it is given comes down to zero at a bounded slope, then kneadd ends with 0.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+lcm-logger -q -f stop.lcmlog >/dev/null 2>&1 &
+logger=$!
+sleep 0.3
+start_kneadd dough-small.yaml
+knead probe --path press --hold '20 s' --quiet >/dev/null 2>&1 &
+hand=$!
+for _ in $(seq 100); do # until the hand presses, by what the log holds
+    sleep 0.2
+    logcheck stop.lcmlog >so_far 2>/dev/null && [ "$(number peak_n so_far | cut -d. -f1)" -ge 5 ] && break
+done
+stop_kneadd
+kill $hand
+sleep 0.2
+kill -INT $logger
+wait $logger 2>/dev/null
+logcheck stop.lcmlog | tee stopped
+within() { awk -v a="$1" -v b="$2" 'BEGIN { exit !(a <= b) }'; }
+check "kneadd ended with 0" [ "$status" = 0 ]
+check "the hand was being pushed" within 5 "$(number peak_n stopped)"
+check "the stop is told in the forces, for at most 100 ms" \
+    [ "$(number stopping stopped)" -gt 0 -a "$(number stopping stopped)" -le 101 ]
+check "the last force is zero" within "$(number last_n stopped)" 0
+# the gain takes 17 ms for the whole of the clamp, 40 N in profile bench
+check "it came down by at most 2.4 N/ms" within "$(number steepest_n stopped)" 2.4
+exit $failed
