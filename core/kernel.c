@@ -5,7 +5,7 @@
 // The three shifts along a row must be unrolled to be constants; gcc leaves them rolled (+18 % of the edge pass).
 #define PRAGMA(x) _Pragma(#x)
 // Not where it only costs compile time.
-#if KN_KERNEL_BASE || KN_KERNEL_F64 || KN_SANITIZED
+#if KN_KERNEL_BASE || KN_KERNEL_F64 || KN_KERNEL_CHECKED
 #define UNROLL(n)
 #elif defined(__clang__)
 #define UNROLL(n) PRAGMA(unroll(n))

@@ -22,7 +22,7 @@ typedef double real;
 #include <immintrin.h>
 #endif
 
-#if KN_KERNEL_BASE || KN_SANITIZED // not fast anyway: inlined everywhere they would take a compiler minutes
+#if KN_KERNEL_BASE || KN_KERNEL_CHECKED // not fast anyway: inlined everywhere they would take a compiler minutes
 #define LANES_INLINE static inline
 #else
 #define LANES_INLINE static inline __attribute__((always_inline))
