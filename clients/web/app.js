@@ -1,0 +1,294 @@
+// The page of knead web: draws what comes, and tells where the pointer is. The wire is described in web.h.
+'use strict';
+const $ = (id) => document.getElementById(id);
+const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
+const picture = $('picture'), trace = $('trace'), slider = $('depth');
+
+// What tests and bench read: latency holds, for the last 2000 events, the ms from the event's handler to the first
+// drawn frame that has its effect.
+const knead = window.knead = { latency: [], events: 0, frames: 0, now: null };
+
+// ---- the wire
+
+const POINTER = 1, SEEN = 2, RESET = 3, RETRY_MS = 2000;
+let socket = null, waiting = []; // events whose effect has not been drawn: {number, at}
+
+function send(kind, number, pressed = 0, u = 0, v = 0, depth_m = 0) {
+    if (socket?.readyState !== WebSocket.OPEN) return;
+    const bytes = new DataView(new ArrayBuffer(20));
+    bytes.setUint32(0, number, true);
+    bytes.setUint8(4, kind);
+    bytes.setUint8(5, pressed);
+    [u, v, depth_m].forEach((x, i) => bytes.setFloat32(8 + 4 * i, x, true));
+    socket.send(bytes);
+}
+
+function connect() {
+    const token = location.hash.slice(1);
+    if (!token) return say('fault', 'open the address that knead web printed: this one has no token');
+    const mine = socket = new WebSocket(`ws://${location.host}/ws`, 'knead');
+    let drawn = 0; // frame number
+    mine.binaryType = 'arraybuffer';
+    mine.onopen = () => mine.send(token);
+    mine.onmessage = async ({ data }) => {
+        const size = new DataView(data).getUint32(0, true);
+        const now = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, size)));
+        if (data.byteLength > 4 + size) {
+            const bitmap = await createImageBitmap(new Blob([new Uint8Array(data, 4 + size)], { type: 'image/jpeg' }));
+            // drawn when newer than what is there, not only when it is the newest to have come: two in flight that
+            // always overtake each other would never be drawn
+            if (mine === socket && now.frame > drawn) draw(bitmap, now);
+            bitmap.close();
+        }
+        if (mine !== socket) return;
+        send(SEEN, now.frame);
+        record(now.tick, now.trace);
+        if (now.frame > drawn) show(now);
+        drawn = Math.max(drawn, now.frame);
+    };
+    mine.onclose = ({ code, reason }) => {
+        if (mine !== socket) return;
+        letGo();
+        waiting = [];
+        picture.classList.add('stale');
+        $('reset').disabled = true;
+        const again = code !== 4401; // a wrong token stays wrong
+        say(again ? 'wait' : 'fault', (reason || 'knead web has ended') + (again ? ': trying again every 2 s' : ''));
+        if (again) setTimeout(connect, RETRY_MS);
+    };
+}
+
+// ---- what comes
+
+function fit(canvas, width, height) { // to give it its size would clear it
+    if (canvas.width !== width) canvas.width = width;
+    if (canvas.height !== height) canvas.height = height;
+}
+
+function draw(bitmap, now) {
+    fit(picture, bitmap.width, bitmap.height);
+    picture.getContext('2d', { alpha: false }).drawImage(bitmap, 0, 0);
+    picture.classList.remove('stale');
+    const at = performance.now();
+    knead.frames++;
+    while (waiting.length && waiting[0].number <= now.event)
+        if (knead.latency.push(at - waiting.shift().at) > 2000) knead.latency.shift();
+}
+
+function write(id, text) { // only what is new: a screen reader reads every change of the status
+    if ($(id).textContent !== text) $(id).textContent = text;
+}
+
+function say(level, words) {
+    $('status').dataset.level = level;
+    write('level', { ok: 'Live', wait: 'Waiting', fault: 'Stopped' }[level]);
+    write('words', words);
+}
+
+function show(now) {
+    knead.now = now;
+    say(now.level, now.status);
+    write('names', [now.scene, now.tool].filter(Boolean).join(' · '));
+    write('force', now.force_n.toFixed(now.force_n < 9.995 ? 2 : 1));
+    write('pressed', now.depth_mm.toFixed(1));
+    write('contact', now.contact ? 'touching' : 'none');
+    $('readings').classList.toggle('touching', now.contact);
+    $('reset').disabled = !now.resets;
+    slider.max = now.deepest_mm;
+    showDepth();
+    drawTrace();
+}
+
+// ---- the force trace: one sample per tick (ms), NaN where none was heard
+
+const SPAN = 10000, RING = 12000; // ticks; the ring has room for a column that is not full yet
+const ring = new Float32Array(RING).fill(NaN);
+let tick = 0;
+
+function record(now, samples) {
+    if (now < tick || now - tick > SPAN) { // another server, or the first message
+        ring.fill(NaN);
+        tick = now;
+    }
+    for (let t = tick + 1; t <= now; t++) ring[t % RING] = NaN;
+    samples.forEach((newtons, i) => { ring[(now - samples.length + 1 + i + RING) % RING] = newtons; });
+    tick = now;
+}
+
+// Columns are whole numbers of ticks from tick 0, so that a peak keeps its shape while it moves left.
+function columnsOf(count) {
+    const per = SPAN / count, last = Math.floor(tick / per), columns = [];
+    for (let c = last - count; c < last; c++) {
+        let low = Infinity, high = -Infinity;
+        for (let t = Math.max(0, Math.ceil(c * per)); t < (c + 1) * per; t++) {
+            const newtons = ring[t % RING];
+            if (newtons < low) low = newtons; // false for NaN
+            if (newtons > high) high = newtons;
+        }
+        columns.push([low, high]);
+    }
+    return columns;
+}
+
+function drawTrace() {
+    const ratio = devicePixelRatio, width = trace.clientWidth, height = trace.clientHeight;
+    const left = 40, right = width - 12, top = 14, bottom = height - 24;
+    fit(trace, Math.round(width * ratio), Math.round(height * ratio));
+    const columns = columnsOf(Math.max(1, Math.floor((right - left) * ratio)));
+    let newtons = 1; // top of the scale: 1, 2, 5, 10, 20, 50 ...
+    for (let i = 0; columns.some(([, high]) => high > newtons); i++) newtons *= [2, 2.5, 2][i % 3];
+    const x = (c) => left + (c + 0.5) / columns.length * (right - left);
+    const y = (force) => bottom - force / newtons * (bottom - top);
+    const style = getComputedStyle(trace), color = (name) => style.getPropertyValue(name);
+    const ctx = trace.getContext('2d');
+    ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
+    ctx.clearRect(0, 0, width, height);
+
+    ctx.font = `12px ${style.fontFamily}`;
+    ctx.fillStyle = color('--quiet');
+    ctx.strokeStyle = color('--rule');
+    ctx.lineWidth = 1;
+    ctx.beginPath();
+    ctx.textAlign = 'right';
+    for (const force of [0, newtons / 2, newtons]) {
+        ctx.fillText(force === newtons ? `${force} N` : force, left - 8, y(force) + 4);
+        ctx.moveTo(left, Math.round(y(force)) + 0.5);
+        ctx.lineTo(right, Math.round(y(force)) + 0.5);
+    }
+    ctx.stroke();
+    for (let s = -10; s <= 0; s += 2) {
+        ctx.textAlign = s === 0 ? 'right' : s === -10 ? 'left' : 'center';
+        ctx.fillText(s === 0 ? 'now' : `−${-s} s`, left + (s + 10) / 10 * (right - left), height - 6);
+    }
+
+    ctx.strokeStyle = ctx.fillStyle = color('--force');
+    ctx.lineWidth = 1.75;
+    ctx.lineJoin = 'round';
+    let from = -1;
+    for (let c = 0; c <= columns.length; c++) { // one line, with an area below, per run of columns that have samples
+        const heard = c < columns.length && columns[c][0] <= columns[c][1];
+        if (heard && from < 0) {
+            from = c;
+            ctx.beginPath();
+        }
+        if (heard) columns[c].forEach((force) => ctx.lineTo(x(c), y(force)));
+        if (heard || from < 0) continue;
+        ctx.stroke();
+        ctx.lineTo(x(c - 1), y(0));
+        ctx.lineTo(x(from), y(0));
+        ctx.globalAlpha = 0.13;
+        ctx.fill();
+        ctx.globalAlpha = 1;
+        from = -1;
+    }
+}
+
+// ---- the hand: where it points, who presses (a pointer's id, 'key', or null), how deep
+
+const REPEAT_MS = 50, DRAG_MM = 0.1, WHEEL_MM = 0.005, KEY_MM = 0.5, KEY_STEP = 0.015; // mm per px; of the picture
+const hand = { u: 0.5, v: 0.5, holder: null, depth_mm: 5, from_y: 0, drag_mm: 0 };
+let soon = 0, soonAt = 0; // the animation frame that will tell, and the first handler that asked for it
+
+const depthNow = () => clamp(hand.depth_mm + hand.drag_mm, 0, Number(slider.max));
+function sayPointer() {
+    send(POINTER, ++knead.events, hand.holder === null ? 0 : 1, hand.u, hand.v, Math.min(0.0999, depthNow() / 1000));
+}
+
+function tell() { // now
+    cancelAnimationFrame(soon);
+    if (waiting.push({ number: knead.events + 1, at: soon ? soonAt : performance.now() }) > 500) waiting.shift();
+    soon = 0;
+    sayPointer();
+}
+
+function tellSoon() { // with the next animation frame, however many moves come until then
+    if (soon) return;
+    soonAt = performance.now();
+    soon = requestAnimationFrame(tell);
+}
+
+function showDepth() {
+    slider.value = depthNow();
+    write('depth-now', `${depthNow().toFixed(1)} mm`);
+}
+
+function setDepth(mm, drag_mm = hand.drag_mm) {
+    hand.depth_mm = clamp(mm, 0, Number(slider.max));
+    hand.drag_mm = drag_mm;
+    showDepth();
+    if (hand.holder !== null) tellSoon();
+}
+
+function press(holder) {
+    if (hand.holder !== null) return;
+    hand.holder = holder;
+    tell();
+}
+
+function letGo() {
+    if (hand.holder === null) return;
+    hand.holder = null;
+    setDepth(hand.depth_mm, 0); // a drag is for one press: the next begins at the slider's depth
+    tell();
+}
+
+function aim(event) {
+    const box = picture.getBoundingClientRect();
+    hand.u = clamp((event.clientX - box.left) / box.width, 0, 1);
+    hand.v = clamp((event.clientY - box.top) / box.height, 0, 1);
+}
+
+picture.addEventListener('pointerdown', (event) => {
+    if (event.button !== 0 || hand.holder !== null) return;
+    picture.setPointerCapture(event.pointerId);
+    aim(event);
+    hand.from_y = event.clientY;
+    press(event.pointerId);
+});
+picture.addEventListener('pointermove', (event) => {
+    if (hand.holder !== null || !event.isPrimary) return;
+    aim(event);
+    tellSoon();
+});
+// On the window, where whoever holds is heard with and without the capture, which Chromium takes back when the layout
+// changes under a mouse that is driven by its debugging protocol.
+window.addEventListener('pointermove', (event) => {
+    if (hand.holder !== event.pointerId) return;
+    if (event.buttons & 1) setDepth(hand.depth_mm, (event.clientY - hand.from_y) * DRAG_MM);
+    else letGo(); // released while another button was down: no pointerup tells of that
+});
+for (const end of ['pointerup', 'pointercancel'])
+    window.addEventListener(end, (event) => { if (hand.holder === event.pointerId) letGo(); });
+picture.addEventListener('wheel', (event) => {
+    if (event.ctrlKey) return; // zooms the page
+    event.preventDefault();
+    setDepth(hand.depth_mm + event.deltaY * (event.deltaMode ? 33 : 1) * WHEEL_MM);
+}, { passive: false });
+picture.addEventListener('contextmenu', (event) => event.preventDefault());
+picture.addEventListener('blur', letGo);
+window.addEventListener('blur', letGo);
+document.addEventListener('visibilitychange', () => { if (document.hidden) letGo(); });
+
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+const DEEPER = { '+': 1, '=': 1, PageDown: 1, '-': -1, PageUp: -1 };
+picture.addEventListener('keydown', (event) => {
+    const { key } = event;
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    if (ARROWS[key] && hand.holder === null) {
+        hand.u = clamp(hand.u + ARROWS[key][0] * KEY_STEP, 0, 1);
+        hand.v = clamp(hand.v + ARROWS[key][1] * KEY_STEP, 0, 1);
+        tellSoon();
+    } else if (key in DEEPER) setDepth(hand.depth_mm + DEEPER[key] * KEY_MM);
+    else if (key === ' ' || key === 'Enter') press('key');
+    else if (key === 'Escape') letGo();
+    else if (key === 'r' || key === 'R') $('reset').click();
+    else if (!ARROWS[key]) return;
+    event.preventDefault();
+});
+picture.addEventListener('keyup', ({ key }) => { if ((key === ' ' || key === 'Enter') && hand.holder === 'key') letGo(); });
+slider.addEventListener('input', () => setDepth(Number(slider.value), 0));
+$('reset').addEventListener('click', () => { letGo(); send(RESET, 0); });
+setInterval(() => { if (hand.holder !== null) sayPointer(); }, REPEAT_MS); // the other end lets go when it hears nothing
+window.addEventListener('resize', drawTrace);
+window.addEventListener('hashchange', () => location.reload());
+connect();
