@@ -49,6 +49,7 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     kn_tick_in in = {.tick = wake->tick,
                      .missed = wake->missed,
                      .deadline_ns = wake->now_ns + KN_PERIOD_NS,
+                     .reset = atomic_exchange_explicit(&loop->reset, false, memory_order_relaxed),
                      .stop = atomic_load_explicit(&loop->stop, memory_order_relaxed)};
     kn_record record = {.wake = *wake};
     kn_backend *backend = loop->servo.backend;
@@ -64,7 +65,7 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     if (last) atomic_store_explicit(&loop->done, true, memory_order_release);
     if (loop->notify) loop->notify(loop->notify_arg);
 
-    if (loop->skin) kn_skin_capture(loop->skin, backend->state(backend->self), wake->tick);
+    if (loop->skin) kn_skin_capture(loop->skin, backend->state(backend->self), wake->tick, loop->servo.generation);
     kn_account_tick(&loop->account, &loop->servo, &in, &record.out, wake, kn_now_ns() - wake->now_ns, published);
     return !last;
 }

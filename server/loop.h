@@ -3,6 +3,7 @@
 // The servo thread: kn_servo_tick on a real clock, with the poses that came in and the answers going out.
 //
 //     main thread --- kn_loop_post ---> mailbox per probe --+
+//     anyone -------- reset, stop ----> flags --------------+
 //                                                           v
 //                                   wait . read . step . guard . publish . account
 //                                                           |
@@ -35,6 +36,7 @@ typedef struct kn_loop {
     void (*notify)(void *arg); // called after each tick: wakes the main thread. Must be real-time safe
     void *notify_arg;
     atomic_bool stop;     // set by anyone: forces ramp to zero, then the thread ends
+    atomic_bool reset;    // set by anyone, taken by the next tick: the object is as new. Several before it are one
     atomic_bool done;     // its last record is in the ring
     int64_t running_tick; // last one before stop was asked
 } kn_loop;

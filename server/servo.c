@@ -92,6 +92,7 @@ static void read_all(tick *t)
     if (servo->ticks == 0) tell(t, KNEAD_EVENT_T_KIND_START, -1);
     if (t->in->reset) {
         servo->backend->reset(servo->backend->self);
+        servo->generation++;
         t->hashed = false;
         tell(t, KNEAD_EVENT_T_KIND_RESET, -1);
     }

@@ -71,6 +71,7 @@ typedef struct kn_servo { // plain data but for the backend
     int64_t capped;              // solver stopped at its iteration cap
     int64_t late;                // backend missed its deadline
     int64_t diverged;            // ticks that the physics answered with non-finite numbers
+    int32_t generation;          // of the object: counts its resets
     bool stopping;
 } kn_servo;
 

@@ -61,12 +61,13 @@ void kn_skin_close(kn_skin *skin)
     memset(skin, 0, sizeof *skin);
 }
 
-void kn_skin_capture(kn_skin *skin, const kn_state *state, int64_t tick)
+void kn_skin_capture(kn_skin *skin, const kn_state *state, int64_t tick, int32_t generation)
 {
     if (tick < skin->next_tick) return;
     skin->next_tick = tick + skin->period_ticks;
     kn_skin_frame *frame = kn_mailbox_back(&skin->frames);
     frame->tick = tick;
+    frame->generation = generation;
     kn_surface_positions(skin->surface, skin->model, state, frame->xyz_m);
     kn_mailbox_post(&skin->frames);
 }
@@ -88,6 +89,7 @@ void kn_skin_publish(kn_skin *skin, int64_t utime)
         knead_mesh_update_t message = {.utime = utime,
                                        .mesh_id = skin->mesh_id,
                                        .tick = frame->tick,
+                                       .generation = frame->generation,
                                        .chunk = i,
                                        .chunks = chunks,
                                        .first = first,

@@ -13,6 +13,7 @@
 
 typedef struct kn_skin_frame {
     int64_t tick;
+    int32_t generation;
     float xyz_m[]; // [vertex_count][3]
 } kn_skin_frame;
 
@@ -35,8 +36,9 @@ bool kn_skin_open(kn_skin *skin, const char *url, const kn_model *model, double 
                   char *error, size_t error_size);
 void kn_skin_close(kn_skin *skin);
 
-// Servo thread, every tick; copies when a frame is due. Real-time safe.
-void kn_skin_capture(kn_skin *skin, const kn_state *state, int64_t tick);
+// Servo thread, every tick; copies when a frame is due. generation is the servo's: it tells the surfaces before and
+// after a reset apart. Real-time safe.
+void kn_skin_capture(kn_skin *skin, const kn_state *state, int64_t tick, int32_t generation);
 
 // Mesh thread.
 void kn_skin_publish_topology(kn_skin *skin, int64_t utime);
