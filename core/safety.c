@@ -49,7 +49,7 @@ const char *kn_fault_remedy(kn_fault fault)
         "nothing to do",
         "lift the tool clear of the object while poses flow",
         "open a new session with the tool clear of the object",
-        "restart kneadd",
+        "reset the object, then lift the tool clear of it",
         "restart kneadd",
         "start the server again",
     };

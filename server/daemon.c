@@ -1,11 +1,13 @@
 #include "server/daemon.h"
 #include "server/bus.h"
+#include "server/command.h"
 #include "server/loop.h"
 #include "server/publisher.h"
 #include "server/receiver.h"
 #include "server/sentinel.h"
 #include <ev.h>
 #include <inttypes.h>
+#include <poll.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -28,6 +30,7 @@ typedef struct server {
     kn_batch batch;
     kn_publisher publisher;
     kn_skin skin;
+    kn_command command;
     kn_loop loop;
     kn_sentinel sentinel;
     kn_rt rt;
@@ -233,7 +236,8 @@ static void *mesh_main(void *arg)
             tell_overruns(d, &missed_told);
         }
         kn_skin_publish(&d->skin, wall_clock_us());
-        nanosleep(&period, NULL);
+        struct pollfd pipe = {.fd = d->command.fd, .events = POLLIN}; // -1: poll only sleeps
+        if (ppoll(&pipe, 1, &period, NULL) > 0 && kn_command_read(&d->command)) atomic_store(&d->loop.reset, true);
     }
     return NULL;
 }
@@ -270,7 +274,8 @@ static size_t least_bytes(const kn_model_def *def)
 static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
     const char *url = def->lcm_url ? def->lcm_url : getenv("LCM_DEFAULT_URL"); // as every LCM client has it
-    if (!kn_bus_parse(&d->bus, url && *url ? url : KN_LCM_URL, error, error_size) ||
+    if (!kn_command_open(&d->command, def->command_fd, error, error_size) || // first: nothing of ours is open yet
+        !kn_bus_parse(&d->bus, url && *url ? url : KN_LCM_URL, error, error_size) ||
         !kn_bus_parse(&d->mesh_bus, def->mesh_url ? def->mesh_url : KN_MESH_URL, error, error_size))
         return false;
     d->scene = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
@@ -384,6 +389,7 @@ static void free_all(server *d)
     kn_publisher_close(&d->publisher);
     if (d->fd >= 0) close(d->fd);
     if (d->claim >= 0) close(d->claim);
+    kn_command_close(&d->command);
     if (d->backend.destroy) d->backend.destroy(d->backend.self);
     kn_model_destroy(d->model);
     kn_scene_destroy(d->scene);
@@ -394,7 +400,7 @@ int kn_daemon_run(const kn_daemon_def *def)
     static server d;
     char error[512];
     int code = 2;
-    d = (server){.claim = -1, .fd = -1};
+    d = (server){.claim = -1, .fd = -1, .command = {.fd = -1}};
     kn_rt_enter(&d.rt, def->realtime);
     if (load(&d, def, error, sizeof error)) {
         code = 3;

@@ -1,7 +1,8 @@
 #ifndef KN_SERVER_DAEMON_H
 #define KN_SERVER_DAEMON_H
-// The threads of kneadd put together: main (poses in, forces out, on libev), servo, sentinel, mesh. From start to the
-// end of the last thread; every other module is told here what it is lent.
+// The threads of kneadd put together: main (poses in, forces out, on libev), servo, sentinel, mesh (and commands, since
+// nothing waits for that thread). From start to the end of the last thread; every other module is told here what it is
+// lent.
 #include "server/rt.h"
 
 #define KN_LCM_URL "udpm://239.255.76.67:7667?ttl=0"  // LCM's own group
@@ -11,8 +12,9 @@ typedef struct kn_daemon_def {
     const char *scene_path;
     const char *const *sets; // "key=value" over the scene
     int set_count;
-    const char *lcm_url;  // NULL: LCM_DEFAULT_URL of the environment, else KN_LCM_URL
-    const char *mesh_url; // NULL: KN_MESH_URL
+    const char *lcm_url;    // NULL: LCM_DEFAULT_URL of the environment, else KN_LCM_URL
+    const char *mesh_url;   // NULL: KN_MESH_URL
+    const char *command_fd; // number of an inherited pipe (command.h), NULL: none
     kn_rt_mode realtime;
 } kn_daemon_def;
 

@@ -7,7 +7,7 @@
 
 static const char usage[] =
     "usage: kneadd --scene FILE [--set KEY=VALUE]... [--lcm-url URL] [--mesh-url URL] [--realtime auto|require|off]\n"
-    "              [--backend cpu]\n"
+    "              [--backend cpu] [--command-fd N]\n"
     "\n"
     "  --scene FILE      the object and its probes (YAML); knead check FILE tells what it costs\n"
     "  --set KEY=VALUE   overrides a key of the scene, as in --set material.k1='300 gf/cm^3'; see knead check --keys\n"
@@ -15,6 +15,7 @@ static const char usage[] =
     "  --mesh-url URL    bus of meshes; default " KN_MESH_URL "\n"
     "  --realtime MODE   auto: what the machine grants, and say what is missing; require: all of it or exit 3; off\n"
     "  --backend cpu     where the lattice is stepped\n"
+    "  --command-fd N    reads commands, one per line, from the inherited pipe N: reset (the object is as new)\n"
     "  --help, --version\n"
     "\n"
     "SIGINT or SIGTERM: forces go to zero, then exit 0. Exit: 2 bad input, 3 the machine refuses.\n";
@@ -31,6 +32,7 @@ int main(int argc, char **argv)
         {"scene", required_argument, NULL, 's'},    {"set", required_argument, NULL, 'k'},
         {"lcm-url", required_argument, NULL, 'l'},  {"mesh-url", required_argument, NULL, 'm'},
         {"realtime", required_argument, NULL, 'r'}, {"backend", required_argument, NULL, 'b'},
+        {"command-fd", required_argument, NULL, 'c'},
         {"help", no_argument, NULL, 'h'},           {"version", no_argument, NULL, 'v'}, {0}};
     kn_daemon_def def = {.realtime = KN_RT_AUTO};
     const char **sets = calloc((size_t)argc, sizeof *sets);
@@ -47,6 +49,7 @@ int main(int argc, char **argv)
         case 'b':
             if (strcmp(optarg, "cpu") != 0) return bad(optarg, "--backend cpu");
             break;
+        case 'c': def.command_fd = optarg; break;
         case 'h': fputs(usage, stdout); return 0;
         case 'v': puts("kneadd " KN_VERSION); return 0;
         default: return 2; // getopt has said which

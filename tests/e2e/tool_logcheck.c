@@ -2,9 +2,12 @@
 //
 //     poses N forces N echoed N events N scenes N statuses N undecodable N         echoed: forces that answer a pose
 //     peak_n F steepest_n F last_n F stopping N                                    of the forces given to the hand
+//     resets N as_new N faded_n F again_n F        as_new: whose state hash is that of KNEAD_SCENE's untouched object
 //     received N accepted N rejected N kernel_drops N ticks N missed N hist N      of the last status
 //
-// stopping counts the forces under FLAG_STOPPING, steepest_n is their largest change per ms; hist sums wakeup_hist.
+// stopping counts the forces under FLAG_STOPPING; steepest_n is the largest change per ms among them and the forces of
+// the 20 ms after a reset; faded_n is the largest force in the 20 ms after these, again_n since the last reset's; hist
+// sums wakeup_hist.
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include "proto/knead_probe_pose_t.h"
@@ -27,6 +30,9 @@ static int stream_count;
 static int64_t pose_count, forces, echoed, events, scenes, statuses, undecodable;
 static double given_n[3], peak_n, steepest_n, last_n;
 static int64_t stopping;
+#define FADE_TICKS 20
+static int64_t resets, as_new, initial_hash, reset_tick = -1;
+static double faded_n, again_n;
 static knead_status_t status;
 
 static bool begins(const lcm_eventlog_event_t *e, const char *prefix)
@@ -64,29 +70,45 @@ static void take_force(const lcm_eventlog_event_t *e)
     }
     last_n = sqrt(size);
     peak_n = fmax(peak_n, last_n);
-    if (m.flags & KNEAD_CONTACT_FORCE_T_FLAG_STOPPING) {
-        stopping++;
-        steepest_n = fmax(steepest_n, sqrt(step) / (1 + m.missed_cycles));
-    }
+    bool fading = reset_tick >= 0 && m.tick < reset_tick + FADE_TICKS,
+         stops = m.flags & KNEAD_CONTACT_FORCE_T_FLAG_STOPPING;
+    stopping += stops;
+    if (stops || fading) steepest_n = fmax(steepest_n, sqrt(step) / (1 + m.missed_cycles));
+    if (reset_tick >= 0 && !fading && m.tick < reset_tick + 2 * FADE_TICKS) faded_n = fmax(faded_n, last_n);
+    if (reset_tick >= 0 && !fading) again_n = fmax(again_n, last_n);
     for (int i = 0; i < stream_count; i++)
         echoed += streams[i].session == m.session && streams[i].first <= m.seq && m.seq <= streams[i].last;
 }
 
+static void take_event(const lcm_eventlog_event_t *e)
+{
+    knead_event_t m;
+    if (knead_event_t_decode(e->data, 0, e->datalen, &m) < 0) {
+        undecodable++;
+        return;
+    }
+    events++;
+    if (m.kind != KNEAD_EVENT_T_KIND_RESET) return;
+    resets++;
+    as_new += m.state_hash == initial_hash;
+    reset_tick = m.tick;
+    again_n = 0.0;
+}
+
 static void take(const lcm_eventlog_event_t *e)
 {
-    knead_event_t event;
     knead_scene_t scene;
     if (begins(e, "KNEAD_FORCE_"))
         take_force(e);
     else if (begins(e, "KNEAD_EVENT"))
-        *(knead_event_t_decode(e->data, 0, e->datalen, &event) < 0 ? &undecodable : &events) += 1;
+        take_event(e);
     else if (begins(e, "KNEAD_STATUS"))
         *(knead_status_t_decode(e->data, 0, e->datalen, &status) < 0 ? &undecodable : &statuses) += 1;
     else if (begins(e, "KNEAD_SCENE")) {
         if (knead_scene_t_decode(e->data, 0, e->datalen, &scene) < 0)
             undecodable++;
         else
-            scenes++, knead_scene_t_decode_cleanup(&scene);
+            scenes++, initial_hash = scene.initial_hash, knead_scene_t_decode_cleanup(&scene);
     }
 }
 
@@ -110,6 +132,7 @@ int main(int argc, char **argv)
            " statuses %" PRId64 " undecodable %" PRId64 "\n",
            pose_count, forces, echoed, events, scenes, statuses, undecodable);
     printf("peak_n %.6f steepest_n %.6f last_n %.6f stopping %" PRId64 "\n", peak_n, steepest_n, last_n, stopping);
+    printf("resets %" PRId64 " as_new %" PRId64 " faded_n %.6f again_n %.6f\n", resets, as_new, faded_n, again_n);
     printf("received %" PRId64 " accepted %" PRId64 " rejected %" PRId64 " kernel_drops %" PRId64 " ticks %" PRId64
            " missed %" PRId64 " hist %" PRId64 "\n",
            status.received, status.accepted, rejected, status.kernel_drops, status.tick, status.missed_cycles, hist);
