@@ -42,7 +42,7 @@ function connect() {
         }
         if (mine !== socket) return;
         send(SEEN, now.frame);
-        record(now.tick, now.trace);
+        record(now.trace);
         if (now.frame > drawn) show(now);
         drawn = Math.max(drawn, now.frame);
     };
@@ -99,20 +99,16 @@ function show(now) {
     drawTrace();
 }
 
-// ---- the force trace: one sample per tick (ms), NaN where none was heard
+// ---- the force trace: a sample per ms on the page's own clock, NaN where none was heard
 
-const SPAN = 10000, RING = 12000; // ticks; the ring has room for a column that is not full yet
+const SPAN = 10000, RING = 12000, LATE = 250; // ms shown; kept, so that no column loses its oldest; longer is a gap
 const ring = new Float32Array(RING).fill(NaN);
 let tick = 0;
 
-function record(now, samples) {
-    if (now < tick || now - tick > SPAN) { // another server, or the first message
-        ring.fill(NaN);
-        tick = now;
-    }
-    for (let t = tick + 1; t <= now; t++) ring[t % RING] = NaN;
-    samples.forEach((newtons, i) => { ring[(now - samples.length + 1 + i + RING) % RING] = newtons; });
-    tick = now;
+function record(samples) {
+    let late = Math.round(performance.now()) - tick - samples.length;
+    if (late > LATE) while (late-- > 0) ring[tick++ % RING] = NaN;
+    for (const newtons of samples) ring[tick++ % RING] = newtons;
 }
 
 // Columns are whole numbers of ticks from tick 0, so that a peak keeps its shape while it moves left.
