@@ -1,10 +1,9 @@
 // knead view: a picture of an object, from the bus, from a recording, or at rest.
 #include "clients/knead/commands.h"
-#include "clients/knead/live.h"
+#include "clients/knead/still.h"
 #include "clients/viewer/image.h"
 #include "clients/viewer/offscreen.h"
 #include "clients/viewer/renderer.h"
-#include "core/surface.h"
 #include "server/replay.h"
 #include <getopt.h>
 #include <inttypes.h>
@@ -41,14 +40,6 @@ typedef struct options {
     kn_view_scene look; // azimuth, elevation, lines
     bool help;
 } options;
-
-typedef struct still { // what is drawn; all arrays are owned
-    int vertex_count, triangle_count;
-    float (*rest)[3], (*now)[3];
-    int (*triangle)[3];
-    kn_view_scene view;
-    char caption[128];
-} still;
 
 __attribute__((format(printf, 2, 3))) static int fail(int code, const char *format, ...)
 {
@@ -125,77 +116,9 @@ static int parse(int argc, char **argv, options *o)
     return KN_EXIT_OK;
 }
 
-// ---- what is drawn
-
-static void still_free(still *s)
-{
-    free(s->rest);
-    free(s->now);
-    free(s->triangle);
-    memset(s, 0, sizeof *s);
-}
-
-static bool still_fill(still *s, int vertex_count, const float *now, int triangle_count, const int *triangle)
-{
-    s->vertex_count = vertex_count;
-    s->triangle_count = triangle_count;
-    s->rest = malloc(((size_t)vertex_count + 1) * sizeof *s->rest);
-    s->now = malloc(((size_t)vertex_count + 1) * sizeof *s->now);
-    s->triangle = malloc(((size_t)triangle_count + 1) * sizeof *s->triangle);
-    if (!s->rest || !s->now || !s->triangle) return false;
-    memcpy(s->now, now, (size_t)vertex_count * sizeof *s->now);
-    memcpy(s->rest, now, (size_t)vertex_count * sizeof *s->rest);
-    memcpy(s->triangle, triangle, (size_t)triangle_count * sizeof *s->triangle);
-    return true;
-}
-
-// Colour tells the three kinds of material apart: dough, jelly, clay.
-static void paint(kn_view_scene *view, const kn_material *m)
-{
-    static const float jelly[3] = {0.80f, 0.33f, 0.40f}, clay[3] = {0.74f, 0.47f, 0.36f};
-    if (m->damper == KN_DAMPER_NONE) memcpy(view->color, jelly, sizeof jelly);
-    else if (m->k1_pa == 0) memcpy(view->color, clay, sizeof clay);
-}
-
-static bool rest_shape(still *s, const kn_model *model, const kn_surface *surface)
-{
-    if (surface->vertex_count != s->vertex_count || surface->triangle_count != s->triangle_count) return false;
-    if (memcmp(surface->triangle, s->triangle, (size_t)s->triangle_count * sizeof *s->triangle) != 0) return false;
-    for (int v = 0; v < s->vertex_count; v++) {
-        double x_m[3];
-        kn_grid_rest(&model->grid, surface->node[v], x_m);
-        for (int i = 0; i < 3; i++) s->rest[v][i] = (float)x_m[i];
-    }
-    return true;
-}
-
-static bool still_state(still *s, const kn_model *model, const kn_state *state)
-{
-    kn_surface *surface = kn_surface_create(model);
-    float *xyz = surface ? calloc((size_t)surface->vertex_count, 3 * sizeof *xyz) : NULL;
-    bool ok = xyz != NULL;
-    if (ok) kn_surface_positions(surface, model, state, xyz);
-    ok = ok && still_fill(s, surface->vertex_count, xyz, surface->triangle_count, surface->triangle) &&
-         rest_shape(s, model, surface);
-    paint(&s->view, &model->def.material);
-    free(xyz);
-    kn_surface_destroy(surface);
-    return ok;
-}
-
-static void add_probe(kn_view_scene *view, const kn_probe_def *def, const double position_m[3], const double force_n[3],
-                      double gain)
-{
-    kn_view_probe *p = &view->probe[view->probe_count++];
-    p->def = *def;
-    p->outside = gain == 0;
-    memcpy(p->position_m, position_m, sizeof p->position_m);
-    memcpy(p->force_n, force_n, sizeof p->force_n);
-}
-
 // ---- at rest
 
-static int from_scene(const options *o, still *s)
+static int from_scene(const options *o, kn_still *s)
 {
     char error[400];
     kn_scene *scene = kn_scene_load(o->scene, NULL, 0, error, sizeof error);
@@ -204,7 +127,7 @@ static int from_scene(const options *o, still *s)
     kn_model *model = kn_model_build(&scene->model, error, sizeof error);
     kn_state *state = model ? kn_state_create(model) : NULL;
     if (!model) code = fail(KN_EXIT_USAGE, "%s: %s", o->scene, error);
-    else if (!state || !still_state(s, model, state)) code = fail(KN_EXIT_DEVICE, "out of memory");
+    else if (!state || !kn_still_state(s, model, state)) code = fail(KN_EXIT_DEVICE, "out of memory");
     snprintf(s->caption, sizeof s->caption, "%s at rest", scene->name);
     kn_state_destroy(state);
     kn_model_destroy(model);
@@ -226,16 +149,16 @@ static int step_to(kn_replay *r, const options *o)
     return fail(KN_EXIT_USAGE, "--at %g: %s ends at %.3f s", o->at_s, o->log, last_s);
 }
 
-static int from_log(const options *o, still *s)
+static int from_log(const options *o, kn_still *s)
 {
     char error[400];
     kn_replay *r = kn_replay_create(&(kn_replay_def){.log_path = o->log}, error, sizeof error);
     if (!r) return fail(KN_EXIT_USAGE, "%s", error);
     int code = step_to(r, o);
-    if (code == KN_EXIT_OK && !still_state(s, r->model, kn_replay_state(r))) code = fail(KN_EXIT_DEVICE, "out of memory");
+    if (code == KN_EXIT_OK && !kn_still_state(s, r->model, kn_replay_state(r))) code = fail(KN_EXIT_DEVICE, "out of memory");
     for (int i = 0; code == KN_EXIT_OK && i < r->tick.out.probes; i++) {
         const kn_force *f = &r->tick.out.force[i];
-        if (f->live) add_probe(&s->view, &r->model->def.probe[i], f->proxy_position_m, f->force_n, f->gain);
+        if (f->live) kn_still_probe(s, &r->model->def.probe[i], f->proxy_position_m, f->force_n, f->gain);
     }
     snprintf(s->caption, sizeof s->caption, "%s at %.3f s", r->scene->name, r->tick.time_s);
     if (r->damage[0]) fprintf(stderr, "knead view: %s: %s; what stands before it was used\n", o->log, r->damage);
@@ -253,27 +176,7 @@ static int unheard(const options *o, const kn_live *live)
                 o->wait_s);
 }
 
-static void add_live(still *s, const kn_live *live)
-{
-    char error[400];
-    kn_model *model = live->scene ? kn_model_build(&live->scene->model, error, sizeof error) : NULL;
-    kn_surface *surface = model ? kn_surface_create(model) : NULL;
-    if (!surface || !rest_shape(s, model, surface)) {
-        fprintf(stderr, "knead view: %s%s; drawn without probes, with the edges of the shape as it is\n",
-                live->scene ? "the mesh is not of the scene that was heard" : "no scene was heard",
-                live->scene_error[0] ? live->scene_error : "");
-    } else {
-        paint(&s->view, &model->def.material);
-        for (int i = 0; i < model->def.probe_count; i++) {
-            const kn_live_probe *p = kn_live_find(live, model->def.probe[i].name);
-            if (p) add_probe(&s->view, &model->def.probe[i], p->position_m, p->force_n, p->gain);
-        }
-    }
-    kn_surface_destroy(surface);
-    kn_model_destroy(model);
-}
-
-static int from_bus(const options *o, still *s)
+static int from_bus(const options *o, kn_still *s)
 {
     char error[400];
     kn_live live;
@@ -288,9 +191,8 @@ static int from_bus(const options *o, still *s)
     }
     int code = KN_EXIT_OK;
     if (!live.mesh.whole) code = unheard(o, &live);
-    else if (!still_fill(s, live.mesh.vertex_count, live.mesh.positions_m, live.mesh.triangle_count, live.mesh.triangles))
-        code = fail(KN_EXIT_DEVICE, "out of memory");
-    else add_live(s, &live);
+    else if (!kn_still_live(s, &live, error, sizeof error)) code = fail(KN_EXIT_DEVICE, "%s", error);
+    else if (error[0]) fprintf(stderr, "knead view: %s; drawn without probes, with the edges of the shape as it is\n", error);
     snprintf(s->caption, sizeof s->caption, "%s live, tick %" PRId64, live.scene ? live.scene->name : "an object",
              live.mesh.tick);
     kn_live_close(&live);
@@ -299,7 +201,7 @@ static int from_bus(const options *o, still *s)
 
 // ---- the picture
 
-static int draw(const options *o, still *s)
+static int draw(const options *o, kn_still *s)
 {
     char error[400];
     kn_renderer *r = kn_renderer_open(o->width, o->height, error, sizeof error);
@@ -329,9 +231,9 @@ int kn_view_main(int argc, char **argv)
     int code = parse(argc, argv, &o);
     if (o.help) fputs(help, stdout);
     if (o.help || code != KN_EXIT_OK) return code;
-    still s = {.view = o.look};
+    kn_still s = {.view = o.look};
     code = o.scene ? from_scene(&o, &s) : o.log ? from_log(&o, &s) : from_bus(&o, &s);
     if (code == KN_EXIT_OK) code = draw(&o, &s);
-    still_free(&s);
+    kn_still_free(&s);
     return code;
 }

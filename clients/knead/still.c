@@ -1,0 +1,102 @@
+#include "clients/knead/still.h"
+#include "core/surface.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+void kn_still_free(kn_still *s)
+{
+    free(s->rest);
+    free(s->now);
+    free(s->triangle);
+    memset(s, 0, sizeof *s);
+}
+
+static bool fill(kn_still *s, int vertex_count, const float *now, int triangle_count, const int *triangle)
+{
+    s->vertex_count = vertex_count;
+    s->triangle_count = triangle_count;
+    s->rest = malloc(((size_t)vertex_count + 1) * sizeof *s->rest);
+    s->now = malloc(((size_t)vertex_count + 1) * sizeof *s->now);
+    s->triangle = malloc(((size_t)triangle_count + 1) * sizeof *s->triangle);
+    if (!s->rest || !s->now || !s->triangle) return false;
+    memcpy(s->now, now, (size_t)vertex_count * sizeof *s->now);
+    memcpy(s->rest, now, (size_t)vertex_count * sizeof *s->rest);
+    memcpy(s->triangle, triangle, (size_t)triangle_count * sizeof *s->triangle);
+    return true;
+}
+
+// Colour tells the three kinds of material apart: dough, jelly, clay.
+static void paint(kn_view_scene *view, const kn_material *m)
+{
+    static const float jelly[3] = {0.80f, 0.33f, 0.40f}, clay[3] = {0.74f, 0.47f, 0.36f};
+    if (m->damper == KN_DAMPER_NONE) memcpy(view->color, jelly, sizeof jelly);
+    else if (m->k1_pa == 0) memcpy(view->color, clay, sizeof clay);
+}
+
+static bool rest_shape(kn_still *s, const kn_model *model, const kn_surface *surface)
+{
+    if (surface->vertex_count != s->vertex_count || surface->triangle_count != s->triangle_count) return false;
+    if (memcmp(surface->triangle, s->triangle, (size_t)s->triangle_count * sizeof *s->triangle) != 0) return false;
+    for (int v = 0; v < s->vertex_count; v++) {
+        double x_m[3];
+        kn_grid_rest(&model->grid, surface->node[v], x_m);
+        for (int i = 0; i < 3; i++) s->rest[v][i] = (float)x_m[i];
+    }
+    return true;
+}
+
+bool kn_still_state(kn_still *s, const kn_model *model, const kn_state *state)
+{
+    kn_surface *surface = kn_surface_create(model);
+    float *xyz = surface ? calloc((size_t)surface->vertex_count, 3 * sizeof *xyz) : NULL;
+    bool ok = xyz != NULL;
+    if (ok) kn_surface_positions(surface, model, state, xyz);
+    ok = ok && fill(s, surface->vertex_count, xyz, surface->triangle_count, surface->triangle) &&
+         rest_shape(s, model, surface);
+    paint(&s->view, &model->def.material);
+    free(xyz);
+    kn_surface_destroy(surface);
+    return ok;
+}
+
+void kn_still_probe(kn_still *s, const kn_probe_def *def, const double position_m[3], const double force_n[3],
+                    double gain)
+{
+    kn_view_probe *p = &s->view.probe[s->view.probe_count++];
+    p->def = *def;
+    p->outside = gain == 0;
+    memcpy(p->position_m, position_m, sizeof p->position_m);
+    memcpy(p->force_n, force_n, sizeof p->force_n);
+}
+
+bool kn_still_live(kn_still *s, const kn_live *live, char *error, size_t error_size)
+{
+    char why[400];
+    snprintf(error, error_size, "out of memory");
+    if (!fill(s, live->mesh.vertex_count, live->mesh.positions_m, live->mesh.triangle_count, live->mesh.triangles))
+        return false;
+    error[0] = 0;
+    kn_model *model = live->scene ? kn_model_build(&live->scene->model, why, sizeof why) : NULL;
+    kn_surface *surface = model ? kn_surface_create(model) : NULL;
+    bool known = surface && rest_shape(s, model, surface);
+    if (!known)
+        snprintf(error, error_size, "%s%s",
+                 live->scene ? "the mesh is not of the scene that was heard" : "no scene was heard", live->scene_error);
+    if (known) paint(&s->view, &model->def.material);
+    if (known) kn_still_update(s, live);
+    kn_surface_destroy(surface);
+    kn_model_destroy(model);
+    return true;
+}
+
+void kn_still_update(kn_still *s, const kn_live *live)
+{
+    const kn_model_def *def = &live->scene->model;
+    memcpy(s->now, live->mesh.positions_m, (size_t)s->vertex_count * sizeof *s->now);
+    s->view.probe_count = 0;
+    for (int i = 0; i < def->probe_count; i++) {
+        const kn_live_probe *p = kn_live_find(live, def->probe[i].name);
+        if (p) kn_still_probe(s, &def->probe[i], p->position_m, p->force_n, p->gain);
+    }
+}
