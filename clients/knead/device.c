@@ -3,7 +3,6 @@
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include "server/clock.h"
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
@@ -23,7 +22,8 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
     kn_device *d = self;
     knead_contact_force_t f;
     if (knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &f) < 0) return;
-    d->force = (kn_hand_force){.session = f.session, .flags = f.flags, .fault = f.fault};
+    d->force = (kn_hand_force){.session = f.session, .seq = f.seq, .tick = f.tick, .flags = f.flags, .fault = f.fault,
+                               .contacts = f.contacts};
     memcpy(d->force.force_n, f.force_n, sizeof d->force.force_n);
     d->fresh = true;
 }
@@ -39,17 +39,6 @@ static void publish(kn_device *d, const kn_hand_out *out)
     pose.sent_ns = kn_now_ns();
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &pose);
     lcm_publish(d->lcm, d->pose_channel, bytes, (unsigned)size); // a lost pose is what watchdogs are for
-}
-
-static void tell(kn_device *d)
-{
-    const double *f = d->hand.given_n;
-    atomic_store(&d->path_ms, (int)lround(1e3 * d->hand.path_s));
-    atomic_store(&d->given_mn, (int)lround(1e3 * sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])));
-    atomic_store(&d->piece, d->hand.piece);
-    atomic_store(&d->tries, d->hand.tries);
-    atomic_store(&d->trips, d->hand.trips);
-    atomic_store(&d->mode, (int)d->hand.mode); // last: what it stands for is in place
 }
 
 static bool open_bus(kn_device *d)
@@ -75,26 +64,25 @@ static void *run(void *self)
 
     kn_clock clock;
     kn_clock_start(&clock, kn_now_ns());
-    while (!atomic_load(&d->stop) && !kn_device_done(d)) {
+    for (bool end = false; !atomic_load(&d->stop) && !end;) {
         int missed = kn_clock_wait(&clock).missed;
         atomic_fetch_add(&d->missed, missed);
 
-        if (d->hand.mode == KN_HAND_SILENT && atomic_load(&d->next_path))
-            kn_hand_take_path(&d->hand, atomic_exchange(&d->next_path, NULL));
         d->fresh = false;
         for (int n = 0; n < 8 && lcm_handle_timeout(d->lcm, 0) > 0; n++); // the newest one stays
-        kn_hand_out out = kn_hand_tick(&d->hand, d->fresh ? &d->force : NULL, 1 + missed);
+        kn_hand_out out = d->hand(d->self, d->fresh ? &d->force : NULL, 1 + missed);
         if (out.send) publish(d, &out);
-        tell(d);
+        end = out.end;
     }
+    atomic_store(&d->done, true);
     return NULL;
 }
 
-bool kn_device_start(kn_device *d, const kn_hand_def *def, const char *url, const char *probe, char *error,
+bool kn_device_start(kn_device *d, kn_device_hand *hand, void *self, const char *url, const char *probe, char *error,
                      size_t error_size)
 {
-    kn_hand_init(&d->hand, def);
-    tell(d);
+    d->hand = hand;
+    d->self = self;
     d->url = url;
     d->error = error;
     d->error_size = error_size;
@@ -112,12 +100,6 @@ bool kn_device_start(kn_device *d, const kn_hand_def *def, const char *url, cons
 }
 
 int kn_device_priority_error(const kn_device *d) { return d->priority_error; }
-
-bool kn_device_done(const kn_device *d)
-{
-    int mode = atomic_load(&d->mode);
-    return mode == KN_HAND_DONE || mode == KN_HAND_GAVE_UP;
-}
 
 void kn_device_stop(kn_device *d)
 {

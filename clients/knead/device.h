@@ -1,22 +1,23 @@
 #ifndef KN_CLIENTS_DEVICE_H
 #define KN_CLIENTS_DEVICE_H
-// The virtual device: a real-time thread that moves a hand at 1 kHz, publishes its poses and feels the newest force,
-// through stock liblcm.
+// The virtual device: a real-time thread that asks a hand every millisecond where the tool is, publishes that pose and
+// gives the hand the newest force, through stock liblcm. Whose hand it is (a path's, a pointer's) it does not know.
 #include "clients/knead/hand.h"
 #include <lcm/lcm.h>
 #include <pthread.h>
 #include <semaphore.h>
 #include <stdatomic.h>
 
+// One millisecond of the hand `self`, in the device's thread. force: the newest since the last call, NULL when there was none;
+// elapsed_ms: 1 + cycles that this thread came too late for.
+typedef kn_hand_out kn_device_hand(void *self, const kn_hand_force *force, int elapsed_ms);
+
 typedef struct kn_device {
-    kn_hand hand; // the thread's; after kn_device_stop the caller's. Before that, hand.trip[0 .. trips-1] may be read
-    // news of the thread, at any time:
-    _Atomic(int) mode, trips, tries; // kn_hand_mode; a trip's `cleared` is known when mode has left RETREAT
-    _Atomic(int) path_ms, given_mn;
-    _Atomic(const char *) piece;
-    _Atomic(int) missed;             // cycles this thread came too late for
-    _Atomic(const kn_path *) next_path; // for the thread: taken before the next try begins, NULL then
+    _Atomic(int) missed; // cycles this thread came too late for
+    atomic_bool done;    // the hand has said so, and the thread has ended
     // private
+    kn_device_hand *hand;
+    void *self;
     const char *url;
     char pose_channel[64], force_channel[64], *error;
     size_t error_size;
@@ -30,11 +31,10 @@ typedef struct kn_device {
 } kn_device;
 
 // Joins the bus and starts moving. False and one line in error. device must be zeroed and stays where it is.
-bool kn_device_start(kn_device *device, const kn_hand_def *def, const char *url, const char *probe, char *error,
+bool kn_device_start(kn_device *device, kn_device_hand *hand, void *self, const char *url, const char *probe, char *error,
                      size_t error_size);
 // 0, or why there is no SCHED_FIFO (errno).
 int kn_device_priority_error(const kn_device *device);
-bool kn_device_done(const kn_device *device); // the hand is DONE or GAVE_UP
-void kn_device_stop(kn_device *device);       // and joins; the tool stops where it is
+void kn_device_stop(kn_device *device); // and joins; the tool stops where it is
 
 #endif

@@ -123,8 +123,8 @@ kn_hand_out kn_hand_tick(kn_hand *h, const kn_hand_force *force, int elapsed_ms)
     feel(h, force, elapsed_ms);
     decide(h, elapsed_ms);
     h->mode_ms++;
-    if (h->mode == KN_HAND_SILENT || h->mode == KN_HAND_DONE || h->mode == KN_HAND_GAVE_UP || dropping(h))
-        return (kn_hand_out){.send = false};
+    bool end = h->mode == KN_HAND_DONE || h->mode == KN_HAND_GAVE_UP;
+    if (h->mode == KN_HAND_SILENT || end || dropping(h)) return (kn_hand_out){.end = end};
     if (h->mode != KN_HAND_ENGAGE) {
         const kn_path *path = h->mode == KN_HAND_PLAY ? h->def.path : &h->way_out;
         h->piece = kn_path_at(path, h->path_s, &h->point)->name;

@@ -43,9 +43,9 @@ typedef struct kn_hand_def {
 } kn_hand_def;
 
 typedef struct kn_hand_force { // of contact_force_t: the newest one
-    int64_t session;
+    int64_t session, seq, tick;
     double force_n[3];
-    int32_t flags, fault;
+    int32_t flags, fault, contacts;
 } kn_hand_force;
 
 typedef struct kn_trip {
@@ -85,6 +85,7 @@ typedef struct kn_hand { // read only for the caller
 } kn_hand;
 
 typedef struct kn_hand_out {
+    bool end;  // nothing will come any more
     bool send; // point, as pose seq of session
     int64_t session, seq;
     kn_path_point point;

@@ -1,9 +1,9 @@
-// knead probe: a virtual haptic device at 1 kHz. The hand is hand.h's, its thread device.h's; here is the order of
-// things and what is said about them.
+// knead probe: a virtual haptic device at 1 kHz. The hand is hand.h's, its news player.h's, its thread device.h's; here is
+// the order of things and what is said about them.
 #include "clients/knead/commands.h"
 #include "clients/knead/dent.h"
-#include "clients/knead/device.h"
 #include "clients/knead/join.h"
+#include "clients/knead/player.h"
 #include "clients/knead/probe_options.h"
 #include "clients/knead/report.h"
 #include "core/scene/scene.h"
@@ -36,6 +36,7 @@ typedef struct probe {
     lcm_t *mesh_bus;
     kn_mesh mesh;
     uint8_t *top; // vertices of the mesh's top face
+    kn_player player;
     kn_device device;
     double x_m, y_m;  // where the path is deepest: the dent is measured there
     double before_m;  // height of the object there; NAN: it is beside the object
@@ -207,7 +208,8 @@ static int start(probe *p)
     def.clear_z_m = fmax(begin.position_m[2], top_m + lift_m);
     if (!kn_record_start(p->record, p->tool->name, p->opt.record, p->error, sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
-    if (!kn_device_start(&p->device, &def, p->opt.lcm_url, p->tool->name, p->error, sizeof p->error))
+    kn_player_init(&p->player, &def);
+    if (!kn_device_start(&p->device, kn_player_tick, &p->player, p->opt.lcm_url, p->tool->name, p->error, sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
     int refused = kn_device_priority_error(&p->device);
     if (refused)
@@ -217,7 +219,7 @@ static int start(probe *p)
 
 static void say_trip(probe *p, int n)
 {
-    const kn_trip *t = &p->device.hand.trip[n];
+    const kn_trip *t = &p->player.hand.trip[n];
     fprintf(stderr, "knead probe: %s, %.2f s, %.2f N taken to 0 N: ", t->piece, t->time_s, t->force_n);
     if (t->own && t->stalled_ms > 0)
         fprintf(stderr, "own watchdog: no force for %d ms, in %d of which this process did not run\n", t->silent_ms,
@@ -230,19 +232,19 @@ static void say_trip(probe *p, int n)
 
 static void say_lifted(probe *p, int n)
 {
-    const kn_trip *t = &p->device.hand.trip[n];
+    const kn_trip *t = &p->player.hand.trip[n];
     fprintf(stderr, "knead probe: tool lifted%s%s\n", t->cleared ? ", fault cleared" : "",
-            n + 1 < p->device.hand.def.tries ? "; once more in a new session" : "");
+            n + 1 < p->player.hand.def.tries ? "; once more in a new session" : "");
 }
 
 static void show_progress(probe *p)
 {
     char bar[31] = {0};
-    double done = 1e-3 * atomic_load(&p->device.path_ms), all = p->path[0]->duration_s;
-    bool playing = atomic_load(&p->device.mode) == KN_HAND_PLAY;
+    double done = 1e-3 * atomic_load(&p->player.path_ms), all = p->path[0]->duration_s;
+    bool playing = atomic_load(&p->player.mode) == KN_HAND_PLAY;
     for (int i = 0; i < 30; i++) bar[i] = playing && i < 30 * done / all ? '#' : '.';
-    fprintf(stderr, "\r[%s] %-8s %5.1f of %.1f s %7.2f N ", bar, (const char *)atomic_load(&p->device.piece),
-            playing ? done : 0.0, all, 1e-3 * atomic_load(&p->device.given_mn));
+    fprintf(stderr, "\r[%s] %-8s %5.1f of %.1f s %7.2f N ", bar, (const char *)atomic_load(&p->player.piece),
+            playing ? done : 0.0, all, 1e-3 * atomic_load(&p->player.given_mn));
 }
 
 static void clear_progress(void) { fprintf(stderr, "\r%78s\r", ""); }
@@ -251,7 +253,7 @@ static void clear_progress(void) { fprintf(stderr, "\r%78s\r", ""); }
 static void prepare_try(probe *p, int n)
 {
     p->path[n] = generate(p, true);
-    if (p->path[n]) atomic_store(&p->device.next_path, p->path[n]);
+    if (p->path[n]) atomic_store(&p->player.next_path, p->path[n]);
     else p->no_way = true;
 }
 
@@ -261,8 +263,8 @@ static void attend(probe *p)
     int told = 0, lifted = 0;
     for (bool done = false; !done && !interrupted && !p->no_way;) {
         lcm_handle_timeout(p->mesh_bus, 50); // keeps the mesh young
-        done = kn_device_done(&p->device);
-        int trips = atomic_load(&p->device.trips), mode = atomic_load(&p->device.mode);
+        done = atomic_load(&p->device.done);
+        int trips = atomic_load(&p->player.trips), mode = atomic_load(&p->player.mode);
         bool news = trips > told || (trips > lifted && mode != KN_HAND_RETREAT);
         if (bar && news) clear_progress();
         for (; told < trips; told++) say_trip(p, told);
@@ -276,7 +278,7 @@ static void attend(probe *p)
 static int write_csv(probe *p)
 {
     FILE *out = fopen(p->opt.csv, "w");
-    if (out) kn_report_csv(out, &p->device.hand, p->record, p->tool->name);
+    if (out) kn_report_csv(out, &p->player.hand, p->record, p->tool->name);
     bool ok = out && !ferror(out);
     if (out && fclose(out) != 0) ok = false;
     if (ok) return KN_EXIT_OK;
@@ -286,7 +288,7 @@ static int write_csv(probe *p)
 
 static int verdict(const probe *p)
 {
-    const kn_hand *h = &p->device.hand;
+    const kn_hand *h = &p->player.hand;
     const kn_trip *last = h->trips ? &h->trip[h->trips - 1] : NULL;
     if (h->mode == KN_HAND_DONE) return KN_EXIT_OK;
     switch (h->trouble) {
@@ -315,7 +317,7 @@ static int finish(probe *p)
     int code = verdict(p);
     bool written = kn_record_stop(p->record, p->error, sizeof p->error);
     if (!written || p->record->out_of_memory) code = complain(KN_EXIT_DEVICE, written ? "out of memory" : p->error);
-    kn_report_make(&report, &p->device.hand, p->record);
+    kn_report_make(&report, &p->player.hand, p->record);
     int64_t last_tick = p->record->force_count ? p->record->force[p->record->force_count - 1].force.tick : -1;
     if (code == KN_EXIT_OK && !isnan(p->before_m)) {
         if (look(p, last_tick) && kn_dent_height(&p->mesh, p->x_m, p->y_m, &after_m))
@@ -323,11 +325,11 @@ static int finish(probe *p)
         else
             code = complain(KN_EXIT_DEVICE, "no mesh after the withdrawal: the depth of the dent is not known");
     }
-    if (p->device.hand.mode == KN_HAND_DONE && !p->opt.quiet) {
+    if (p->player.hand.mode == KN_HAND_DONE && !p->opt.quiet) {
         printf("%s of %s, tool %s\n", p->opt.path, p->scene->name, p->tool->name);
         kn_safety limited; // fills in the defaults
         kn_safety_init(&limited, &p->scene->limits);
-        kn_report_print(stdout, &report, &p->device.hand, limited.limits.clamp_n);
+        kn_report_print(stdout, &report, &p->player.hand, limited.limits.clamp_n);
         printf("  cycles missed   %8lld      by kneadd, %d here\n", (long long)report.missed,
                atomic_load(&p->device.missed));
     }
