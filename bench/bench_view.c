@@ -23,7 +23,7 @@ static int ascending(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static void bench(int per_cm, int width, int height)
+static void bench(int per_cm, int width, int height, int samples)
 {
     char error[300];
     kn_model_def def = kn_model_def_default();
@@ -32,7 +32,7 @@ static void bench(int per_cm, int width, int height)
     kn_model *model = kn_model_build(&def, error, sizeof error);
     kn_state *state = model ? kn_state_create(model) : NULL;
     kn_surface *s = state ? kn_surface_create(model) : NULL;
-    kn_renderer *r = s ? kn_renderer_open(width, height, error, sizeof error) : NULL;
+    kn_renderer *r = s ? kn_renderer_open(width, height, samples, error, sizeof error) : NULL;
     if (!r) {
         fprintf(stderr, "bench_view: %s\n", error);
         exit(3);
@@ -57,7 +57,7 @@ static void bench(int per_cm, int width, int height)
     }
     qsort(cpu, PICTURES, sizeof *cpu, ascending);
     qsort(wall, PICTURES, sizeof *wall, ascending);
-    printf("| %5d | %4d x %-4d | %6.1f | %6.1f | %6.1f | %6.1f |\n", model->grid.nodes, width, height, cpu[PICTURES / 2],
+    printf("| %5d | %4d x %-4d | %7d | %6.1f | %6.1f | %6.1f | %6.1f |\n", model->grid.nodes, width, height, samples, cpu[PICTURES / 2],
            cpu[PICTURES * 9 / 10], wall[PICTURES / 2], wall[PICTURES * 9 / 10]);
     fflush(stdout);
     kn_renderer_close(r);
@@ -75,10 +75,12 @@ int main(void)
     setenv("LP_NUM_THREADS", "1", 0);
     printf("%s %s, compiler %s, LP_NUM_THREADS=%s\n\n", machine.sysname, machine.machine, __VERSION__,
            getenv("LP_NUM_THREADS"));
-    printf("| nodes | picture     | cpu ms | p90    | wall   | p90    |\n|---|---|---|---|---|---|\n");
-    bench(1, 1280, 720);
-    bench(2, 640, 360);
-    bench(2, 1280, 720);
-    bench(3, 1280, 720);
+    printf("| nodes | picture     | samples | cpu ms | p90    | wall   | p90    |\n|---|---|---|---|---|---|---|\n");
+    bench(1, 1280, 720, 4);
+    bench(2, 640, 360, 4);
+    bench(2, 1280, 720, 4);
+    bench(2, 960, 540, 4);
+    bench(2, 960, 540, 1); // a frame of the live page
+    bench(3, 1280, 720, 4);
     return 0;
 }

@@ -204,7 +204,7 @@ static int from_bus(const options *o, kn_still *s)
 static int draw(const options *o, kn_still *s)
 {
     char error[400];
-    kn_renderer *r = kn_renderer_open(o->width, o->height, error, sizeof error);
+    kn_renderer *r = kn_renderer_open(o->width, o->height, 4, error, sizeof error);
     if (!r) return fail(KN_EXIT_DEVICE, "%s", error);
     uint8_t *rgba = malloc((size_t)o->width * (size_t)o->height * 4);
     int code = KN_EXIT_OK;

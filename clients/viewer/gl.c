@@ -2,8 +2,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#define SAMPLES 4 // what every software Mesa has; the edges of a block at 720 lines need no more
-
 const char *kn_gl_load(kn_gl *gl, kn_gl_get_proc get_proc)
 {
 #define LOAD(type, name)                                                                                                \
@@ -30,12 +28,12 @@ static bool create_frame(const kn_gl *gl, kn_gl_target *t, GLuint *frame, GLuint
     return gl->CheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
 }
 
-bool kn_gl_target_create(const kn_gl *gl, kn_gl_target *t, int width, int height)
+bool kn_gl_target_create(const kn_gl *gl, kn_gl_target *t, int width, int height, int samples)
 {
     *t = (kn_gl_target){.width = width, .height = height};
     gl->GenRenderbuffers(4, t->buffer);
     return create_frame(gl, t, &t->backdrop, t->buffer[0], 0, 0) &&
-           create_frame(gl, t, &t->solids, t->buffer[1], t->buffer[2], SAMPLES) &&
+           create_frame(gl, t, &t->solids, t->buffer[1], t->buffer[2], samples > 1 ? samples : 0) &&
            create_frame(gl, t, &t->picture, t->buffer[3], 0, 0) && gl->GetError() == GL_NO_ERROR;
 }
 

@@ -73,8 +73,8 @@ typedef struct kn_gl {
 // Fills the table from the current context; NULL, or the name of the first function that it does not have.
 const char *kn_gl_load(kn_gl *gl, kn_gl_get_proc get_proc);
 
-// Three frame buffers of one size: the backdrop, drawn once for many pictures; the solids, with depth and 4 samples per
-// pixel; and the picture, in which the solids are resolved over the backdrop. They go with their context, as everything
+// Three frame buffers of one size: the backdrop, drawn once for many pictures; the solids, with depth and up to 4 samples
+// per pixel; and the picture, in which the solids are resolved over the backdrop. They go with their context, as everything
 // made in one does: nothing here is deleted singly.
 typedef struct kn_gl_target {
     int width, height;
@@ -86,7 +86,8 @@ typedef struct kn_gl_region { // pixels, from the lower left corner of the pictu
     int x, y, width, height;
 } kn_gl_region;
 
-bool kn_gl_target_create(const kn_gl *gl, kn_gl_target *target, int width, int height); // false: refused by the context
+bool kn_gl_target_create(const kn_gl *gl, kn_gl_target *target, int width, int height,
+                         int samples); // false: refused by the context
 void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *target); // what is drawn from here on is the backdrop
 // Empties the region of the solids (four samples are the dearest part of a picture: no more of them than needed); what is
 // drawn from here on goes there.

@@ -18,8 +18,8 @@
 
 typedef struct kn_offscreen kn_offscreen;
 
-// NULL and one sentence in error: size out of range, library missing, context refused.
-kn_offscreen *kn_offscreen_open(int width, int height, char *error, size_t error_size);
+// samples: 1..4 per pixel. NULL and one sentence in error: size out of range, library missing, context refused.
+kn_offscreen *kn_offscreen_open(int width, int height, int samples, char *error, size_t error_size);
 
 // Makes the context current and returns the functions to draw with.
 const kn_gl *kn_offscreen_begin(kn_offscreen *screen);

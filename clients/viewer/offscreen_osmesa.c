@@ -47,7 +47,7 @@ static bool load(char *error, size_t error_size)
 
 kn_gl_proc kn_offscreen_get_proc(const char *name) { return mesa.get_proc ? mesa.get_proc(name) : NULL; }
 
-static bool open_context(kn_offscreen *screen, int width, int height, char *error, size_t error_size)
+static bool open_context(kn_offscreen *screen, int width, int height, int samples, char *error, size_t error_size)
 {
     static const int attributes[] = {
         OSMESA_FORMAT, OSMESA_RGBA, OSMESA_PROFILE, OSMESA_CORE_PROFILE,
@@ -64,12 +64,12 @@ static bool open_context(kn_offscreen *screen, int width, int height, char *erro
         snprintf(error, error_size, "OSMesa has no %s", missing);
         return false;
     }
-    if (kn_gl_target_create(&screen->gl, &screen->target, width, height)) return true;
-    snprintf(error, error_size, "OSMesa makes no frame buffer of %d x %d with 4 samples", width, height);
+    if (kn_gl_target_create(&screen->gl, &screen->target, width, height, samples)) return true;
+    snprintf(error, error_size, "OSMesa makes no frame buffer of %d x %d with %d samples", width, height, samples);
     return false;
 }
 
-kn_offscreen *kn_offscreen_open(int width, int height, char *error, size_t error_size)
+kn_offscreen *kn_offscreen_open(int width, int height, int samples, char *error, size_t error_size)
 {
     if (width < KN_OFFSCREEN_MIN || width > KN_OFFSCREEN_MAX || height < KN_OFFSCREEN_MIN || height > KN_OFFSCREEN_MAX) {
         snprintf(error, error_size, "a picture of %d x %d pixels, expected %d..%d on each side", width, height,
@@ -82,7 +82,7 @@ kn_offscreen *kn_offscreen_open(int width, int height, char *error, size_t error
         snprintf(error, error_size, "out of memory");
         return NULL;
     }
-    if (open_context(screen, width, height, error, error_size)) return screen;
+    if (open_context(screen, width, height, samples, error, error_size)) return screen;
     kn_offscreen_close(screen);
     return NULL;
 }

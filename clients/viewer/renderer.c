@@ -1,4 +1,5 @@
 #include "clients/viewer/renderer.h"
+#include "clients/viewer/camera.h"
 #include "clients/viewer/offscreen.h"
 #include "clients/viewer/shaders.h"
 #include "clients/viewer/skin.h"
@@ -10,9 +11,6 @@
 #define SHADOW_SIZE 1024         // texels: 0.16 mm each on a 5 cm block
 #define LIT_RADIUS 1.6f          // of the object's longest side, around it: where shadows are cast
 #define SHADOW_BIAS 3.0f         // 1.5 texels off the surface
-#define TAN_HALF_VIEW 0.2217f    // 25 degrees from top to bottom: a telephoto's calm perspective
-#define FILL 0.86f               // of the picture's height or width, by the box that the camera frames
-#define HEADROOM 0.45f           // of the object's height, above it, framed for a lifted probe and its arrow
 #define PLATE_THICKNESS_M 0.002
 #define ARROW_SQUARES_PER_N 0.2f
 #define ARROW_LEAST_N 0.05f
@@ -35,9 +33,9 @@ struct kn_renderer {
     shape box, ball, rod, cone, square, object;
     kn_skin *skin;
     float *corners; // [triangle_count][3][6]
-    int width, height;
-    float eye[3], right[3], up[3], back[3], key[3];
-    float camera[16], light[16];
+    int width, height, samples;
+    kn_camera camera;
+    float key[3], light[16];
     float backdrop_camera[16]; // that the backdrop was drawn for; zero: none yet
     float square_m;
 };
@@ -150,7 +148,7 @@ static bool create_shadow_map(kn_renderer *r)
 
 static bool create(kn_renderer *r, char *error, size_t error_size)
 {
-    r->screen = kn_offscreen_open(r->width, r->height, error, error_size);
+    r->screen = kn_offscreen_open(r->width, r->height, r->samples, error, error_size);
     if (!r->screen) return false;
     const kn_gl *gl = r->gl = kn_offscreen_begin(r->screen);
     r->depth = kn_gl_program(gl, kn_shader_depth_vertex, kn_shader_depth_fragment, error, error_size);
@@ -163,7 +161,7 @@ static bool create(kn_renderer *r, char *error, size_t error_size)
     return false;
 }
 
-kn_renderer *kn_renderer_open(int width, int height, char *error, size_t error_size)
+kn_renderer *kn_renderer_open(int width, int height, int samples, char *error, size_t error_size)
 {
     kn_renderer *r = calloc(1, sizeof *r);
     if (!r) {
@@ -172,6 +170,7 @@ kn_renderer *kn_renderer_open(int width, int height, char *error, size_t error_s
     }
     r->width = width;
     r->height = height;
+    r->samples = samples;
     if (create(r, error, error_size)) return r;
     kn_renderer_close(r);
     return NULL;
@@ -213,41 +212,17 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
 
 // ---- camera and light
 
-// Axes of someone who looks at the object from azimuth and elevation.
-static void axes(double azimuth_deg, double elevation_deg, float right[3], float up[3], float back[3])
-{
-    float a = (float)(azimuth_deg * M_PI / 180), e = (float)(elevation_deg * M_PI / 180);
-    memcpy(right, (float[]){cosf(a), sinf(a), 0}, 3 * sizeof *right);
-    memcpy(back, (float[]){sinf(a) * cosf(e), -cosf(a) * cosf(e), sinf(e)}, 3 * sizeof *back);
-    kn_cross(up, back, right);
-}
-
-// The nearest distance from which the whole framed box is inside the picture.
 static void aim(kn_renderer *r, const kn_view_scene *scene)
 {
-    const float *low = r->skin->rest_low, *high = r->skin->rest_high;
-    float *right = r->right, *up = r->up, *back = r->back, target[3], aspect = (float)r->width / (float)r->height, distance = 0;
-    float top = high[2] + HEADROOM * (high[2] - low[2]);
-    axes(scene->azimuth_deg, scene->elevation_deg, right, up, back);
-    for (int i = 0; i < 3; i++) target[i] = 0.5f * (low[i] + (i == 2 ? top : high[i]));
-    for (int corner = 0; corner < 8; corner++) {
-        float p[3] = {corner & 1 ? high[0] : low[0], corner & 2 ? high[1] : low[1], corner & 4 ? top : low[2]};
-        kn_sub(p, p, target);
-        float x = fabsf(kn_dot(p, right)) / aspect, y = fabsf(kn_dot(p, up));
-        distance = fmaxf(distance, kn_dot(p, back) + fmaxf(x, y) / (FILL * TAN_HALF_VIEW));
-    }
-    for (int i = 0; i < 3; i++) r->eye[i] = target[i] + distance * back[i];
-    float view[16], perspective[16], scale = scale_of(r->skin);
-    kn_mat_view(view, right, up, back, r->eye);
-    kn_mat_perspective(perspective, TAN_HALF_VIEW, aspect, 0.1f * distance, distance + 20 * scale);
-    kn_mat_mul(r->camera, perspective, view);
+    kn_camera_aim(&r->camera, r->skin->rest_low, r->skin->rest_high, scene->azimuth_deg, scene->elevation_deg,
+                  (float)r->width / (float)r->height);
 }
 
 // From the upper left of whoever looks, whatever the azimuth.
 static void light_up(kn_renderer *r, const kn_view_scene *scene)
 {
     float right[3], up[3], back[3], eye[3], view[16], box[16], radius = LIT_RADIUS * scale_of(r->skin);
-    axes(scene->azimuth_deg - 52, 48, right, up, back);
+    kn_camera_axes(scene->azimuth_deg - 52, 48, right, up, back);
     memcpy(r->key, back, sizeof r->key);
     for (int i = 0; i < 3; i++)
         eye[i] = 0.5f * (r->skin->rest_low[i] + r->skin->rest_high[i]) + 2 * radius * back[i];
@@ -398,9 +373,9 @@ static void use_lit(const kn_renderer *r, GLuint program)
     gl->UseProgram(program);
     gl->BindTexture(GL_TEXTURE_2D, r->shadow_map);
     gl->Uniform1i(gl->GetUniformLocation(program, "u_shadow"), 0);
-    set_matrix(gl, program, "u_camera", r->camera);
+    set_matrix(gl, program, "u_camera", r->camera.matrix);
     set_matrix(gl, program, "u_light", shadow);
-    set_vector(gl, program, "u_eye", r->eye);
+    set_vector(gl, program, "u_eye", r->camera.eye);
     set_vector(gl, program, "u_key", r->key);
     set_number(gl, program, "u_height", r->skin->rest_high[2] - r->skin->rest_low[2]);
 }
@@ -424,13 +399,13 @@ static float level_of(const kn_renderer *r) { return r->skin->rest_low[2] - 1e-3
 static void draw_table(const kn_renderer *r, const float foot[4])
 {
     const kn_gl *gl = r->gl;
-    const float *low = r->skin->rest_low, tan_half_x = TAN_HALF_VIEW * (float)r->width / (float)r->height;
+    const float *low = r->skin->rest_low, tan_half_x = KN_CAMERA_TAN_HALF * (float)r->width / (float)r->height;
     float s = r->square_m, front = low[1] - 1.5f * s, bar[4] = {low[0], front, low[0] + s, front + 0.12f * s};
     float sight[3][3];
     for (int i = 0; i < 3; i++) {
-        sight[0][i] = tan_half_x * r->right[i];
-        sight[1][i] = TAN_HALF_VIEW * r->up[i];
-        sight[2][i] = -r->back[i];
+        sight[0][i] = tan_half_x * r->camera.right[i];
+        sight[1][i] = KN_CAMERA_TAN_HALF * r->camera.up[i];
+        sight[2][i] = -r->camera.back[i];
     }
     use_lit(r, r->table);
     set_color(gl, r->table, table_color);
@@ -450,8 +425,8 @@ static void draw_table(const kn_renderer *r, const float foot[4])
 static void draw_backdrop(kn_renderer *r)
 {
     static const float nobody[4] = {1e9f, 1e9f, 1e9f, 1e9f};
-    if (memcmp(r->camera, r->backdrop_camera, sizeof r->camera) == 0) return;
-    memcpy(r->backdrop_camera, r->camera, sizeof r->camera);
+    if (memcmp(r->camera.matrix, r->backdrop_camera, sizeof r->backdrop_camera) == 0) return;
+    memcpy(r->backdrop_camera, r->camera.matrix, sizeof r->backdrop_camera);
     clear_shadow_map(r);
     kn_gl_target_backdrop(r->gl, kn_offscreen_target(r->screen));
     draw_table(r, nobody);
@@ -465,7 +440,7 @@ typedef struct extent {
 
 static void cover(const kn_renderer *r, extent *e, const float p[3])
 {
-    const float *m = r->camera;
+    const float *m = r->camera.matrix;
     float w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
     for (int i = 0; i < 2; i++) {
         float at = (m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i]) / w;

@@ -32,8 +32,9 @@ typedef struct kn_view_scene {
 // Front above, so that both the top and the profile of a dent across the block show; dough's colour; lines; no probe.
 kn_view_scene kn_view_scene_default(void);
 
-// NULL and one sentence in error (see offscreen.h: size, library).
-kn_renderer *kn_renderer_open(int width, int height, char *error, size_t error_size);
+// samples: of the solids, per pixel; 4 smooths their outlines, 1 halves the time. NULL and one sentence in error (see
+// offscreen.h: size, library).
+kn_renderer *kn_renderer_open(int width, int height, int samples, char *error, size_t error_size);
 
 // The object's topology and its shape at rest, which decides creases (skin.h) and frames the camera: it stands still while
 // the object is deformed. May be called again. False: not a mesh (skin.h) or out of memory; the old one is gone then.

@@ -51,7 +51,7 @@ static void block_destroy(block *b)
 static kn_renderer *open_renderer(const block *b)
 {
     char error[300];
-    kn_renderer *r = kn_renderer_open(WIDTH, HEIGHT, error, sizeof error);
+    kn_renderer *r = kn_renderer_open(WIDTH, HEIGHT, 4, error, sizeof error);
     if (!r) SKIP("%s", error);
     const float (*rest)[3] = (const float(*)[3])b->rest;
     CHECK(kn_renderer_mesh(r, b->surface->vertex_count, rest, b->surface->triangle_count, triangles(b)));
@@ -139,7 +139,7 @@ TEST("absurd sizes are refused with the sizes that are not")
     static const int size[][2] = {{0, 720}, {1280, 0}, {-1, 720}, {15, 16}, {4097, 16}, {1280, 1 << 30}};
     for (size_t i = 0; i < sizeof size / sizeof *size; i++) {
         char error[300] = "";
-        CHECK(kn_renderer_open(size[i][0], size[i][1], error, sizeof error) == NULL);
+        CHECK(kn_renderer_open(size[i][0], size[i][1], 4, error, sizeof error) == NULL);
         CHECK(strstr(error, "16..4096") != NULL);
     }
 }

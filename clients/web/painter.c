@@ -1,0 +1,92 @@
+#include "clients/web/painter.h"
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <turbojpeg.h>
+#include <unistd.h>
+
+#define QUALITY 82 // of JPEG: the squares of the table stay clean
+
+static void draw(kn_painter *p, kn_renderer *r, tjhandle packer, uint8_t *rgba)
+{
+    kn_still *s = &p->still;
+    unsigned long size = 0;
+    bool ready = !p->fresh || kn_renderer_mesh(r, s->vertex_count, (const float(*)[3])s->rest, s->triangle_count,
+                                               (const int(*)[3])s->triangle);
+    p->fresh = !ready; // a mesh that cannot be drawn is tried again, and its pictures are empty
+    if (ready) {
+        s->view.xyz = (const float(*)[3])s->now;
+        kn_renderer_draw(r, &s->view, rgba);
+        if (tjCompress2(packer, rgba, p->width, 0, p->height, TJPF_RGBX, &p->jpeg, &size, TJSAMP_420, QUALITY,
+                        TJFLAG_NOREALLOC) != 0)
+            size = 0;
+    }
+    p->size = size;
+}
+
+static void *run(void *self)
+{
+    kn_painter *p = self;
+    setpriority(PRIO_PROCESS, (id_t)gettid(), 10); // Linux: of this thread, and of Mesa's, which it starts
+    kn_renderer *r = kn_renderer_open(p->width, p->height, 1, p->error, p->error_size);
+    tjhandle packer = tjInitCompress();
+    uint8_t *rgba = malloc((size_t)p->width * (size_t)p->height * 4);
+    p->jpeg = tjAlloc((int)tjBufSize(p->width, p->height, TJSAMP_420));
+    bool ok = r && packer && rgba && p->jpeg;
+    if (r && !ok) snprintf(p->error, p->error_size, "out of memory");
+    if (!ok) atomic_store(&p->stop, true);
+    sem_post(&p->opened);
+    while (sem_wait(&p->wake) != 0 || !atomic_load(&p->stop)) { // a signal
+        if (!atomic_load(&p->busy)) continue;
+        draw(p, r, packer, rgba);
+        atomic_store(&p->busy, false);
+        p->done(p->arg);
+    }
+    kn_renderer_close(r);
+    if (packer) tjDestroy(packer);
+    free(rgba);
+    return NULL;
+}
+
+bool kn_painter_open(kn_painter *p, int width, int height, void (*done)(void *arg), void *arg, char *error,
+                     size_t error_size)
+{
+    p->width = width;
+    p->height = height;
+    p->done = done;
+    p->arg = arg;
+    p->error = error;
+    p->error_size = error_size;
+    p->fresh = true;
+    sem_init(&p->wake, 0, 0);
+    sem_init(&p->opened, 0, 0);
+    if (pthread_create(&p->thread, NULL, run, p) != 0) {
+        snprintf(error, error_size, "no thread to draw in");
+        return false;
+    }
+    while (sem_wait(&p->opened) != 0); // a signal
+    if (!atomic_load(&p->stop)) return true;
+    kn_painter_close(p);
+    return false;
+}
+
+bool kn_painter_idle(const kn_painter *p) { return !atomic_load(&p->busy); }
+
+void kn_painter_draw(kn_painter *p)
+{
+    atomic_store(&p->busy, true);
+    sem_post(&p->wake);
+}
+
+void kn_painter_close(kn_painter *p)
+{
+    atomic_store(&p->stop, true);
+    sem_post(&p->wake);
+    pthread_join(p->thread, NULL);
+    sem_destroy(&p->wake);
+    sem_destroy(&p->opened);
+    tjFree(p->jpeg);
+    kn_still_free(&p->still);
+}

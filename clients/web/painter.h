@@ -1,0 +1,35 @@
+#ifndef KN_CLIENTS_PAINTER_H
+#define KN_CLIENTS_PAINTER_H
+// A thread that draws: one still in, one JPEG out, while the caller goes on with its messages. It opens, draws and closes
+// OpenGL by itself, since a context belongs to one thread, and runs at nice 10: pictures may be late, forces not.
+//
+//     kn_painter_idle -> fill painter->still -> kn_painter_draw ... done(arg), in the painter's thread -> jpeg, size
+#include "clients/knead/still.h"
+#include <pthread.h>
+#include <semaphore.h>
+#include <stdatomic.h>
+
+typedef struct kn_painter {
+    kn_still still; // the caller's while idle; a new vertex_count or mesh_id needs fresh = true
+    bool fresh;     // still's topology or rest shape is another one
+    uint8_t *jpeg;  // of the last drawing; the caller's while idle
+    unsigned long size; // 0: it could not be drawn
+    // private
+    int width, height;
+    void (*done)(void *arg);
+    void *arg;
+    atomic_bool busy, stop;
+    sem_t wake, opened;
+    char *error;
+    size_t error_size;
+    pthread_t thread;
+} kn_painter;
+
+// painter: zeroed but for still.view, and stays where it is. False and one line in error: no OpenGL.
+bool kn_painter_open(kn_painter *painter, int width, int height, void (*done)(void *arg), void *arg, char *error,
+                     size_t error_size);
+bool kn_painter_idle(const kn_painter *painter);
+void kn_painter_draw(kn_painter *painter); // only when idle
+void kn_painter_close(kn_painter *painter);
+
+#endif

@@ -1,0 +1,162 @@
+#include "clients/web/pointer.h"
+#include <math.h>
+#include <string.h>
+
+static const double air_m_s = 0.15, sideways_m_s = 0.4;  // a hand's unhurried speeds
+static const double air_m_s2 = 3.0, sideways_m_s2 = 6.0;
+static const double press_m_s[2] = {0.03, 0.01};         // ball, plate
+static const double touch_m_s[2] = {0.03, 1e-4};         // see path.c's landing
+static const double object_m_s2 = 0.2;                   // 0 to 1 cm/s in 50 ms: dough's 1 kN s/m answers with 0.2 N/ms
+static const double landing_m = 1e-3, landing_m_s2 = 2e-3; // a plate's last millimetre takes a second
+static const double clear_m = 1e-3, there_m = 2e-4;
+static const int clear_ms = 300;    // for a fault to be taken back after the lift: 200 ms of poses and some
+static const int silence_ms = 1200; // a session ends after 1 s without poses
+
+void kn_pointer_init(kn_pointer *p, kn_probe_shape shape, int64_t session)
+{
+    *p = (kn_pointer){.plate = shape == KN_PROBE_PLATE, .session = session, .mode_ms = silence_ms};
+    p->point.orientation_wxyz[0] = 1.0;
+    kn_watchdog_init(&p->watchdog, 0, 0);
+}
+
+static void enter(kn_pointer *p, kn_pointer_mode mode)
+{
+    p->mode = mode;
+    p->mode_ms = 0;
+}
+
+static void open_session(kn_pointer *p)
+{
+    p->session++;
+    p->seq = 0;
+    p->asked_event = 0;
+    p->force = (kn_hand_force){.session = p->session};
+    kn_watchdog_rearm(&p->watchdog);
+}
+
+static void feel(kn_pointer *p, const kn_hand_force *force, int elapsed_ms)
+{
+    kn_pointer_news *n = &p->news;
+    bool fresh = force && force->session == p->session && p->mode != KN_POINTER_ABSENT && p->mode != KN_POINTER_SILENT;
+    if (fresh) p->force = *force;
+    double factor = kn_watchdog_tick(&p->watchdog, fresh, elapsed_ms), *f = p->force.force_n;
+    if (fresh && p->asked_event && force->seq >= p->asked_seq) {
+        n->event = p->asked_event;
+        n->tick = force->tick;
+        p->asked_event = 0;
+    }
+    n->heard = p->watchdog.armed && p->watchdog.silent_ms < p->watchdog.zero_ms;
+    n->flags = n->heard ? p->force.flags : 0;
+    n->fault = n->heard ? p->force.fault : 0;
+    n->contact = n->heard && p->force.contacts > 0;
+    n->force_n = factor * sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
+}
+
+static bool lifted(const kn_pointer *p) { return p->point.position_m[2] >= p->wish.hover_z_m - clear_m; }
+
+static void decide(kn_pointer *p)
+{
+    bool trouble = p->watchdog.tripped || (p->force.flags & KN_FLAG_LATCHED);
+    switch (p->mode) {
+    case KN_POINTER_ABSENT:
+        if (!p->wish.held) break;
+        if (p->mode_ms >= silence_ms) open_session(p); // else kneadd still holds the one that fell silent
+        enter(p, KN_POINTER_FOLLOW);
+        break;
+    case KN_POINTER_FOLLOW:
+        if (trouble) p->barred = p->wish.pressed, enter(p, KN_POINTER_LET_GO);
+        else if (!p->wish.held && lifted(p)) enter(p, KN_POINTER_ABSENT);
+        break;
+    case KN_POINTER_LET_GO:
+        if (!lifted(p)) p->mode_ms = 0;
+        else if (!trouble) enter(p, KN_POINTER_FOLLOW);
+        else if (p->mode_ms >= clear_ms) enter(p, KN_POINTER_SILENT);
+        break;
+    case KN_POINTER_SILENT:
+        if (p->mode_ms < silence_ms) break;
+        open_session(p);
+        enter(p, p->wish.held ? KN_POINTER_FOLLOW : KN_POINTER_ABSENT);
+        break;
+    }
+    p->barred = p->barred && p->wish.pressed;
+}
+
+// Speed at which a tool that may change it by a_m_s2 still comes to end_m_s within way_m.
+static double braking(double way_m, double a_m_s2, double end_m_s)
+{
+    return sqrt(end_m_s * end_m_s + 2.0 * a_m_s2 * fmax(0.0, way_m));
+}
+
+static double toward(double speed, double wanted, double most) { return speed + fmin(fmax(wanted - speed, -most), most); }
+
+static void move_down(kn_pointer *p, double goal_m, double dt_s)
+{
+    double *z = &p->point.position_m[2], *v = &p->point.velocity_m_s[2], above_m = *z - p->wish.touch_z_m;
+    bool inside = above_m <= 0.0;
+    double speed = braking(*z - goal_m, object_m_s2, 0.0); // to rest at the goal
+    if (inside) {
+        speed = fmin(speed, press_m_s[p->plate]);
+    } else if (p->plate && above_m < landing_m) {
+        speed = braking(above_m, landing_m_s2, touch_m_s[1]);
+    } else {
+        double end_m_s = p->plate ? braking(landing_m, landing_m_s2, touch_m_s[1]) : touch_m_s[0];
+        speed = fmin(air_m_s, braking(above_m - p->plate * landing_m, 0.5 * air_m_s2, end_m_s));
+    }
+    *v = toward(*v, -speed, (inside ? object_m_s2 : air_m_s2) * dt_s);
+    *z = fmax(*z + *v * dt_s, goal_m);
+    if (*z == goal_m) *v = 0.0;
+}
+
+static void move_up(kn_pointer *p, double goal_m, double dt_s)
+{
+    double *z = &p->point.position_m[2], *v = &p->point.velocity_m_s[2], way_m = goal_m - *z;
+    bool inside = p->news.contact;
+    double most = inside ? press_m_s[p->plate] : air_m_s, speed = fmin(most, braking(fabs(way_m), 0.5 * object_m_s2, 0.0));
+    *v = toward(*v, copysign(speed, way_m), (inside ? object_m_s2 : air_m_s2) * dt_s);
+    if (fabs(way_m) < 1e-5 && fabs(*v) < 1e-2) *z = goal_m, *v = 0.0;
+    *z += *v * dt_s;
+}
+
+static void move_sideways(kn_pointer *p, double dt_s)
+{
+    double way[2], far_m, *v = p->point.velocity_m_s;
+    for (int i = 0; i < 2; i++) way[i] = p->wish.at_m[i] - p->point.position_m[i];
+    far_m = hypot(way[0], way[1]);
+    double speed = lifted(p) ? fmin(sideways_m_s, braking(far_m, 0.5 * sideways_m_s2, 0.0)) : 0.0;
+    for (int i = 0; i < 2; i++) {
+        v[i] = toward(v[i], far_m > 0.0 ? speed * way[i] / far_m : 0.0, sideways_m_s2 * dt_s);
+        if (far_m < 1e-5 && lifted(p)) p->point.position_m[i] = p->wish.at_m[i], v[i] = 0.0;
+        p->point.position_m[i] += v[i] * dt_s;
+    }
+}
+
+static void follow(kn_pointer *p)
+{
+    const double dt_s = 1e-3; // per pose sent: a stall of this process never makes a jump
+    double *x = p->point.position_m;
+    if (!p->placed) memcpy(x, (double[]){p->wish.at_m[0], p->wish.at_m[1], p->wish.hover_z_m}, 3 * sizeof *x);
+    p->placed = true;
+    bool over = hypot(p->wish.at_m[0] - x[0], p->wish.at_m[1] - x[1]) < there_m;
+    bool engaged = p->news.flags & KN_FLAG_ENGAGED;
+    bool press = p->mode == KN_POINTER_FOLLOW && p->wish.held && p->wish.pressed && !p->barred && engaged && over;
+    double goal_m = press ? p->wish.touch_z_m - p->wish.depth_m : p->wish.hover_z_m;
+    move_sideways(p, dt_s);
+    if (press && x[2] > goal_m) move_down(p, goal_m, dt_s);
+    else move_up(p, goal_m, dt_s);
+    p->news.depth_m = p->wish.pressed ? fmax(0.0, p->wish.touch_z_m - x[2]) : 0.0;
+}
+
+kn_hand_out kn_pointer_tick(kn_pointer *p, const kn_pointer_wish *wish, const kn_hand_force *force, int elapsed_ms)
+{
+    p->wish = *wish;
+    feel(p, force, elapsed_ms);
+    decide(p);
+    p->mode_ms += elapsed_ms;
+    p->news.mode = p->mode;
+    p->news.released = !p->barred;
+    if (p->mode == KN_POINTER_ABSENT || p->mode == KN_POINTER_SILENT) return (kn_hand_out){.send = false};
+    follow(p);
+    p->seq++;
+    if (!p->asked_event && wish->event != p->news.event) p->asked_event = wish->event, p->asked_seq = p->seq;
+    return (kn_hand_out){.send = true, .session = p->session, .seq = p->seq, .point = p->point};
+}
