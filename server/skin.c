@@ -79,7 +79,7 @@ void kn_skin_publish_topology(kn_skin *skin, int64_t utime)
     if (size > 0) lcm_publish(skin->lcm, "KNEAD_MESH_INIT", skin->topology, (unsigned)size);
 }
 
-void kn_skin_publish(kn_skin *skin, int64_t utime)
+bool kn_skin_publish(kn_skin *skin, int64_t utime)
 {
     bool fresh;
     const kn_skin_frame *frame = kn_mailbox_latest(&skin->frames, &fresh);
@@ -103,4 +103,5 @@ void kn_skin_publish(kn_skin *skin, int64_t utime)
         // back to back, larger meshes would overflow the usual 208 kB receive buffer of the screens
         if (i + 1 < chunks) nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
     }
+    return fresh;
 }

@@ -42,6 +42,6 @@ void kn_skin_capture(kn_skin *skin, const kn_state *state, int64_t tick, int32_t
 
 // Mesh thread.
 void kn_skin_publish_topology(kn_skin *skin, int64_t utime);
-void kn_skin_publish(kn_skin *skin, int64_t utime); // nothing when no new frame is there
+bool kn_skin_publish(kn_skin *skin, int64_t utime); // false: no new frame is there
 
 #endif
