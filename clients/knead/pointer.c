@@ -1,4 +1,4 @@
-#include "clients/web/pointer.h"
+#include "clients/knead/pointer.h"
 #include <math.h>
 #include <string.h>
 

@@ -1,0 +1,303 @@
+#include "clients/web/gateway.h"
+#include <arpa/inet.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <libwebsockets.h>
+#include <math.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/random.h>
+#include <unistd.h>
+
+#define CONNECTIONS 256 // at once, idle ones included: they end after PATIENCE_S
+#define PATIENCE_S 5
+#define TOO_BIG 1009
+#define PROTOCOL 1002
+#define UNKNOWN 4401    // ours
+#define FULL 4429
+
+// The three files are part of the program: nothing to find at run time, nothing that a page could ask for beside them.
+#define EMBED(name, file)                                                                                               \
+    extern const char name[], name##_end[];                                                                             \
+    __asm__(".section .rodata\n" #name ": .incbin \"" KN_WEB_DIR "/" file "\"\n" #name "_end: .byte 0\n.previous\n")
+EMBED(page_html, "page.html");
+EMBED(app_js, "app.js");
+EMBED(style_css, "style.css");
+
+static const struct {
+    const char *path, *type, *begin, *end;
+} files[] = {{"/", "text/html; charset=utf-8", page_html, page_html_end},
+             {"/app.js", "text/javascript; charset=utf-8", app_js, app_js_end},
+             {"/style.css", "text/css; charset=utf-8", style_css, style_css_end}};
+
+typedef struct session { // libwebsockets keeps one per connection
+    int page;            // -1: the token has not been shown
+    size_t length;
+    uint8_t message[KN_GATEWAY_TOKEN];
+} session;
+
+static void tell_refusal(kn_gateway *g, const char *why)
+{
+    g->refused++;
+    int64_t now_ms = (int64_t)(ev_now(g->ev) * 1e3);
+    if (now_ms - g->told_ms < 1000) return; // at most a line per second: whoever knocks must not fill the log
+    g->told_ms = now_ms;
+    fprintf(stderr, "knead web: refused: %s (%lld so far)\n", why, (long long)g->refused);
+}
+
+static int hang_up(kn_gateway *g, struct lws *wsi, int code, const char *why)
+{
+    tell_refusal(g, why);
+    lws_close_reason(wsi, (enum lws_close_status)code, (unsigned char *)(uintptr_t)why, strlen(why));
+    return -1;
+}
+
+// ---- HTTP
+
+static bool header_is(struct lws *wsi, enum lws_token_indexes header, const char *expected)
+{
+    char value[128];
+    return lws_hdr_copy(wsi, value, sizeof value, header) > 0 && strcmp(value, expected) == 0;
+}
+
+static int answer(struct lws *wsi, const char *type, const char *body, size_t size, unsigned status)
+{
+    uint8_t buffer[LWS_PRE + 1024], *at = buffer + LWS_PRE, *end = buffer + sizeof buffer;
+    if (lws_add_http_common_headers(wsi, status, type, size, &at, end) ||
+        lws_add_http_header_by_name(wsi, (const uint8_t *)"cache-control:", (const uint8_t *)"no-store", 8, &at, end) ||
+        lws_finalize_write_http_header(wsi, buffer + LWS_PRE, &at, end))
+        return -1;
+    uint8_t *copy = malloc(LWS_PRE + size);
+    if (!copy) return -1;
+    memcpy(copy + LWS_PRE, body, size);
+    int written = lws_write(wsi, copy + LWS_PRE, size, LWS_WRITE_HTTP_FINAL);
+    free(copy);
+    return written < 0;
+}
+
+static int refuse(kn_gateway *g, struct lws *wsi, unsigned status, const char *why)
+{
+    char body[256];
+    tell_refusal(g, why);
+    int size = snprintf(body, sizeof body, "knead web: %s\n", why);
+    return answer(wsi, "text/plain; charset=utf-8", body, (size_t)size, status);
+}
+
+static int serve(kn_gateway *g, struct lws *wsi, const char *path)
+{
+    int bad = -1;
+    if (!header_is(wsi, WSI_TOKEN_HOST, g->host)) bad = refuse(g, wsi, 403, "wrong Host: expected the address that was printed");
+    for (size_t i = 0; bad < 0 && i < sizeof files / sizeof *files; i++)
+        if (strcmp(path, files[i].path) == 0)
+            bad = answer(wsi, files[i].type, files[i].begin, (size_t)(files[i].end - files[i].begin), 200);
+    if (bad < 0) bad = refuse(g, wsi, 404, "no such file");
+    return bad || lws_http_transaction_completed(wsi) ? -1 : 0;
+}
+
+static int confirm(kn_gateway *g, struct lws *wsi)
+{
+    char origin[48];
+    snprintf(origin, sizeof origin, "http://%s", g->host);
+    const char *why = !header_is(wsi, WSI_TOKEN_HOST, g->host) ? "wrong Host: expected the address that was printed"
+                      : !header_is(wsi, WSI_TOKEN_ORIGIN, origin) ? "wrong Origin: expected the page of the address that was printed"
+                      : !header_is(wsi, WSI_TOKEN_PROTOCOL, "knead") ? "wrong subprotocol: expected knead" : NULL;
+    if (!why) return 0;
+    return refuse(g, wsi, 403, why) ? -1 : 1;
+}
+
+// ---- WebSocket
+
+static int admit(kn_gateway *g, struct lws *wsi, session *s)
+{
+    unsigned differ = s->length != KN_GATEWAY_TOKEN || lws_frame_is_binary(wsi);
+    for (size_t i = 0; i < KN_GATEWAY_TOKEN; i++) differ |= (unsigned)(s->message[i] ^ (uint8_t)g->token[i]);
+    if (differ) return hang_up(g, wsi, UNKNOWN, "wrong token: open the address that knead web printed");
+    for (int i = 0; i < KN_GATEWAY_PAGES; i++) {
+        if (g->page[i].wsi) continue;
+        g->page[i] = (kn_web_page){.wsi = wsi, .news = true};
+        s->page = i;
+        lws_set_timer_usecs(wsi, LWS_SET_TIMER_USEC_CANCEL);
+        lws_callback_on_writable(wsi);
+        return 0;
+    }
+    return hang_up(g, wsi, FULL, "four pages are open already");
+}
+
+static uint32_t u32(const uint8_t *at) { return at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24; }
+
+static float f32(const uint8_t *at)
+{
+    uint32_t bits = u32(at);
+    float value;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+static bool within(float value, float most) { return value >= 0 && value <= most; } // not a NaN
+
+static int take(kn_gateway *g, struct lws *wsi, session *s)
+{
+    char why[80];
+    kn_web_page *page = &g->page[s->page];
+    if (!lws_frame_is_binary(wsi)) return hang_up(g, wsi, PROTOCOL, "a text, expected 20 bytes");
+    snprintf(why, sizeof why, "a message of %zu bytes, expected 20", s->length);
+    if (s->length != 20) return hang_up(g, wsi, PROTOCOL, why);
+    kn_web_message m = {.number = u32(s->message), .kind = s->message[4], .pressed = s->message[5],
+                        .u = f32(s->message + 8), .v = f32(s->message + 12), .depth_m = f32(s->message + 16)};
+    if (m.kind < KN_WEB_POINTER || m.kind > KN_WEB_RESET) return hang_up(g, wsi, PROTOCOL, "a kind of message that there is not");
+    if (!within(m.u, 1) || !within(m.v, 1) || !within(m.depth_m, 0.1f) || s->message[5] > 1)
+        return hang_up(g, wsi, PROTOCOL, "a pointer outside the picture, expected 0..1 and a depth of 0..0.1 m");
+    if (m.kind != KN_WEB_SEEN) g->on_message(g->arg, s->page, &m);
+    else if (m.number - page->seen <= page->sent - page->seen) page->seen = m.number;
+    if (page->news) lws_callback_on_writable(wsi);
+    return 0;
+}
+
+// A message may come in pieces; one that is longer than any of ours is not waited for.
+static int receive(kn_gateway *g, struct lws *wsi, session *s, const void *bytes, size_t size)
+{
+    if (lws_is_first_fragment(wsi)) s->length = 0;
+    if (size > sizeof s->message - s->length) return hang_up(g, wsi, TOO_BIG, "a message that is too large, expected 20 bytes");
+    memcpy(s->message + s->length, bytes, size);
+    s->length += size;
+    if (!lws_is_final_fragment(wsi)) return 0;
+    return s->page < 0 ? admit(g, wsi, s) : take(g, wsi, s);
+}
+
+static int write_page(kn_gateway *g, struct lws *wsi, const session *s)
+{
+    kn_web_page *page = s->page < 0 ? NULL : &g->page[s->page];
+    if (!page || !page->news || page->sent - page->seen >= KN_GATEWAY_IN_FLIGHT) return 0;
+    page->news = false;
+    page->sent++;
+    size_t size = g->write(g->arg, s->page, g->buffer + LWS_PRE, g->buffer_size);
+    if (size == 0) return page->sent--, 0;
+    return lws_write(wsi, g->buffer + LWS_PRE, size, LWS_WRITE_BINARY) < (int)size ? -1 : 0;
+}
+
+static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in, size_t size)
+{
+    kn_gateway *g = lws_context_user(lws_get_context(wsi));
+    session *s = user;
+    switch ((int)reason) {
+    case LWS_CALLBACK_WSI_CREATE: g->connections++; return 0;
+    case LWS_CALLBACK_WSI_DESTROY: g->connections--; return 0;
+    case LWS_CALLBACK_HTTP: return serve(g, wsi, in);
+    case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE: return confirm(g, wsi);
+    case LWS_CALLBACK_ESTABLISHED:
+        *s = (session){.page = -1};
+        lws_set_timer_usecs(wsi, PATIENCE_S * LWS_USEC_PER_SEC);
+        return 0;
+    case LWS_CALLBACK_TIMER: return s->page >= 0 ? 0 : hang_up(g, wsi, UNKNOWN, "no token: open the address that knead web printed");
+    case LWS_CALLBACK_RECEIVE: return receive(g, wsi, s, in, size);
+    case LWS_CALLBACK_SERVER_WRITEABLE: return write_page(g, wsi, s);
+    case LWS_CALLBACK_CLOSED:
+        if (s->page < 0) return 0;
+        g->page[s->page].wsi = NULL;
+        g->on_gone(g->arg, s->page);
+        return 0;
+    default: return lws_callback_http_dummy(wsi, reason, user, in, size);
+    }
+}
+
+// ---- listening
+
+int kn_gateway_listen(int port, char *error, size_t error_size)
+{
+    struct sockaddr_in at = {.sin_family = AF_INET, .sin_port = htons((uint16_t)port), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    int fd = socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0), on = 1;
+    if (fd >= 0 && !setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) &&
+        !bind(fd, (struct sockaddr *)&at, sizeof at) && !listen(fd, 32))
+        return fd;
+    snprintf(error, error_size, "127.0.0.1:%d: %s%s", port, strerror(errno),
+             errno == EADDRINUSE ? "; --port 0 takes a free one" : "");
+    if (fd >= 0) close(fd);
+    return -1;
+}
+
+static void on_acceptable(struct ev_loop *ev, ev_io *w, int events)
+{
+    (void)ev, (void)events;
+    kn_gateway *g = w->data;
+    int fd = accept4(g->fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC), on = 1;
+    if (fd < 0) return;
+    if (g->connections >= CONNECTIONS) {
+        tell_refusal(g, "too many connections");
+        close(fd);
+        return;
+    }
+    setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    lws_adopt_socket(g->context, fd); // closes it when it fails
+}
+
+static bool read_address_back(kn_gateway *g, char *error, size_t error_size)
+{
+    struct sockaddr_in at = {0};
+    socklen_t size = sizeof at;
+    uint8_t random[KN_GATEWAY_TOKEN / 2];
+    if (getsockname(g->fd, (struct sockaddr *)&at, &size) != 0 || at.sin_family != AF_INET ||
+        at.sin_addr.s_addr != htonl(INADDR_LOOPBACK)) {
+        snprintf(error, error_size, "the socket to listen on is not at 127.0.0.1");
+        return false;
+    }
+    if (getrandom(random, sizeof random, 0) != sizeof random) {
+        snprintf(error, error_size, "no random numbers for a token");
+        return false;
+    }
+    for (size_t i = 0; i < sizeof random; i++) sprintf(g->token + 2 * i, "%02x", random[i]);
+    snprintf(g->host, sizeof g->host, "127.0.0.1:%d", ntohs(at.sin_port));
+    snprintf(g->address, sizeof g->address, "http://%s/#%s", g->host, g->token);
+    return true;
+}
+
+bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, int port, int fd, size_t largest, char *error, size_t error_size)
+{
+    static const struct lws_protocols protocols[] = {{"http", on_event, sizeof(session), 64, 0, NULL, 0},
+                                                     {"knead", on_event, sizeof(session), 64, 0, NULL, 0},
+                                                     {NULL, NULL, 0, 0, 0, NULL, 0}};
+    void *loops[1] = {ev};
+    g->ev = ev;
+    g->fd = fd >= 0 ? fd : kn_gateway_listen(port, error, error_size);
+    if (g->fd < 0 || !read_address_back(g, error, error_size)) return false;
+    g->buffer_size = largest;
+    g->buffer = malloc(LWS_PRE + largest);
+    lws_set_log_level(LLL_ERR, NULL);
+    struct lws_context_creation_info info = {
+        .port = CONTEXT_PORT_NO_LISTEN_SERVER, .protocols = protocols, .user = g, .foreign_loops = loops,
+        .timeout_secs = PATIENCE_S, .keepalive_timeout = PATIENCE_S,
+        .options = LWS_SERVER_OPTION_LIBEV | LWS_SERVER_OPTION_DISABLE_IPV6 |
+                   LWS_SERVER_OPTION_HTTP_HEADERS_SECURITY_BEST_PRACTICES_ENFORCE};
+    g->context = g->buffer ? lws_create_context(&info) : NULL;
+    if (!g->context) {
+        snprintf(error, error_size, "libwebsockets does not start on libev: install the package libwebsockets-evlib-ev");
+        return false;
+    }
+    ev_io_init(&g->acceptable, on_acceptable, g->fd, EV_READ);
+    g->acceptable.data = g;
+    ev_io_start(ev, &g->acceptable);
+    return true;
+}
+
+int kn_gateway_pages(const kn_gateway *g)
+{
+    int pages = 0;
+    for (int i = 0; i < KN_GATEWAY_PAGES; i++) pages += g->page[i].wsi != NULL;
+    return pages;
+}
+
+void kn_gateway_wake(kn_gateway *g)
+{
+    for (int i = 0; i < KN_GATEWAY_PAGES; i++)
+        if (g->page[i].wsi && g->page[i].news) lws_callback_on_writable(g->page[i].wsi);
+}
+
+void kn_gateway_close(kn_gateway *g)
+{
+    if (g->context) ev_io_stop(g->ev, &g->acceptable);
+    if (g->context) lws_context_destroy(g->context);
+    if (g->fd >= 0) close(g->fd);
+    free(g->buffer);
+}

@@ -1,0 +1,69 @@
+#ifndef KN_CLIENTS_GATEWAY_H
+#define KN_CLIENTS_GATEWAY_H
+// The page's way in and out: HTTP for three files, one WebSocket per page, libwebsockets on the caller's libev loop.
+//
+//     browser -- token -->  gateway  -- what the page wants -->  on_message        wire: README.md of this folder
+//             <- state and picture --  write(page, ...)    <--  whoever has news: kn_gateway_wake
+//
+// Only 127.0.0.1 is listened on, by a socket that is bound here and read back (libwebsockets 4.1 ignores an interface given
+// as an address and listens on all of them). The page must come from there (Origin, Host) and must know the token, so
+// that no other page and no other user of this machine gets at the tool. Whoever is refused is told why, in words.
+#include <ev.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define KN_GATEWAY_PAGES 4
+#define KN_GATEWAY_TOKEN 32 // hex digits
+#define KN_GATEWAY_IN_FLIGHT 2 // messages a page has not acknowledged: more would be an old picture waiting in a buffer
+
+typedef enum kn_web_kind { KN_WEB_POINTER = 1, KN_WEB_SEEN, KN_WEB_RESET } kn_web_kind;
+
+typedef struct kn_web_message { // checked: finite, u v 0..1, depth_m 0..0.1
+    kn_web_kind kind;
+    uint32_t number; // of the pointer's event, of the message seen
+    bool pressed;
+    float u, v, depth_m;
+} kn_web_message;
+
+typedef struct kn_web_page { // one that has shown the token
+    uint32_t sent, seen; // messages; sent - seen are in flight
+    bool news;           // there is something to write
+    uint32_t picture;    // the last one it was sent; the caller's
+    uint32_t event;      // the last pointer event
+    int64_t pointed_ms;  // when; CLOCK_MONOTONIC
+    uint64_t told;       // samples of the force it has been told
+    struct lws *wsi;     // NULL: free
+} kn_web_page;
+
+typedef struct kn_gateway {
+    char address[96];    // http://127.0.0.1:PORT/#TOKEN
+    kn_web_page page[KN_GATEWAY_PAGES];
+    int64_t refused;
+    // the caller's
+    void (*on_message)(void *arg, int page, const kn_web_message *message);
+    void (*on_gone)(void *arg, int page);
+    // Fills the next message of a page: at most size bytes; 0: nothing to say.
+    size_t (*write)(void *arg, int page, uint8_t *bytes, size_t size);
+    void *arg;
+    // private
+    struct lws_context *context;
+    struct ev_loop *ev;
+    ev_io acceptable;
+    int fd, connections;
+    int64_t told_ms; // of the last refusal
+    char token[KN_GATEWAY_TOKEN + 1], host[32];
+    uint8_t *buffer;
+    size_t buffer_size;
+} kn_gateway;
+
+// port 0: a free one; fd >= 0: a listening socket that is already there, port is not looked at. largest: bytes of a message.
+// The callbacks must be set. False and one line in error.
+bool kn_gateway_open(kn_gateway *gateway, struct ev_loop *ev, int port, int fd, size_t largest, char *error,
+                     size_t error_size);
+int kn_gateway_listen(int port, char *error, size_t error_size); // on 127.0.0.1; -1 and one line in error
+int kn_gateway_pages(const kn_gateway *gateway);
+void kn_gateway_wake(kn_gateway *gateway); // pages with news are written to as soon as they can take it
+void kn_gateway_close(kn_gateway *gateway);
+
+#endif
