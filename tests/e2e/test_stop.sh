@@ -25,4 +25,14 @@ check "the stop is told in the forces, for at most 100 ms" \
 check "the last force is zero" within "$(number last_n stopped)" 0
 # the gain takes 17 ms for the whole of the clamp, 40 N in profile bench
 check "it came down by at most 2.4 N/ms" within "$(number steepest_n stopped)" 2.4
+
+# what is too large for this machine is served all the same, with a warning
+kneadd --scene "$KN_SOURCE/core/scenes/dough.yaml" --set object.spacing='1 mm' --realtime off >large 2>&1 &
+server=$!
+for _ in $(seq 200); do grep -q serving large && break; sleep 0.1; done
+sleep 0.3
+kill -TERM $server
+wait $server
+check "a scene beyond real time serves and ends well" [ $? = 0 ]
+check "it says so at start" grep -q '^kneadd: not real time: a tick takes .* ms here' large
 exit $failed
