@@ -16,12 +16,22 @@ static int buffer_bytes(void)
     return allowed < most ? allowed : most;
 }
 
-lcm_t *kn_join(const char *url, const char *otherwise, char *error, size_t error_size)
+static const char *choose(const char *url, const char *otherwise)
 {
     const char *set = strcmp(otherwise, KN_FORCE_URL) ? NULL : getenv("LCM_DEFAULT_URL");
+    return url ? url : set && *set ? set : otherwise;
+}
+
+bool kn_join_check(const char *url, const char *otherwise, char *error, size_t error_size)
+{
+    return kn_bus_parse(&(kn_bus){0}, choose(url, otherwise), error, error_size);
+}
+
+lcm_t *kn_join(const char *url, const char *otherwise, char *error, size_t error_size)
+{
     char full[256];
     kn_bus bus;
-    if (!url) url = set && *set ? set : otherwise;
+    url = choose(url, otherwise);
     if (!kn_bus_parse(&bus, url, error, error_size) || !kn_bus_check_route(&bus, error, error_size)) return NULL;
     snprintf(full, sizeof full, strstr(url, "recv_buf_size=") ? "%s" : strchr(url, '?') ? "%s&recv_buf_size=%d" :
              "%s?recv_buf_size=%d", url, buffer_bytes());

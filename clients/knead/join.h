@@ -3,10 +3,15 @@
 // A client's way onto an LCM bus: stock liblcm behind the same check of the route as the daemon's, because already the
 // joining of a group whose route is not loopback would go out to the network.
 #include <lcm/lcm.h>
+#include <stdbool.h>
 #include <stddef.h>
 
 #define KN_FORCE_URL "udpm://239.255.76.67:7667?ttl=0" // poses, forces, scene, events, status
 #define KN_MESH_URL "udpm://239.255.76.67:7668?ttl=0"
+
+// Whether kn_join would understand the URL; nothing is opened. False and one line in error: bad input, where a failing
+// kn_join is the machine's refusal.
+bool kn_join_check(const char *url, const char *otherwise, char *error, size_t error_size);
 
 // url NULL: LCM_DEFAULT_URL if it is set and `otherwise` is KN_FORCE_URL, else `otherwise`. The receive buffer is as
 // large as the kernel allows, up to 4 MiB: what a full one loses is lost silently. NULL and one line in error.

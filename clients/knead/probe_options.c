@@ -85,6 +85,15 @@ static bool swing_is_slow(const kn_path_def *shape)
     return false;
 }
 
+static bool urls_are_known(const kn_probe_options *opt)
+{
+    char error[256];
+    bool known = kn_join_check(opt->lcm_url, KN_FORCE_URL, error, sizeof error) &&
+                 kn_join_check(opt->mesh_url, KN_MESH_URL, error, sizeof error);
+    if (!known) fprintf(stderr, "knead probe: %s\n", error);
+    return known;
+}
+
 int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *done)
 {
     enum { PATH = 256, PROBE, HOLD, DEPTH, SPEED, FREQUENCY, RECORD, CSV, TRIES, DROP, LCM_URL, MESH_URL, QUIET, HELP };
@@ -123,5 +132,6 @@ int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *d
         ok = false;
     }
     if (ok && !strcmp(opt->path, "sine")) ok = swing_is_slow(&opt->shape);
+    if (ok) ok = urls_are_known(opt);
     return ok ? KN_EXIT_OK : KN_EXIT_USAGE;
 }

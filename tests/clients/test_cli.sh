@@ -43,8 +43,10 @@ expect 2 'nowhere.csv: No such file or directory' knead probe --path nowhere.csv
 printf 'time_s,x_m,y_m,z_m\n0,0,0,0.05\n1,0,zero,0.05\n' >bad.csv
 expect 2 'bad.csv:3:5: expected a finite number' knead probe --path bad.csv
 
-# a bus that would leave the machine is refused before it is joined; a bus of another kind, too
-expect 3 'knead probe: tcpq://127.0.0.1:7700: expected udpm://GROUP:PORT' knead probe --lcm-url tcpq://127.0.0.1:7700
+# a bus of another kind is bad input; one that would leave the machine is the machine's refusal, before it is joined
+expect 2 'knead probe: tcpq://127.0.0.1:7700: expected udpm://GROUP:PORT' knead probe --lcm-url tcpq://127.0.0.1:7700
+expect 2 'knead probe: udpm://: expected udpm://GROUP:PORT' knead probe --mesh-url udpm://
+expect 2 'knead probe: file://x: expected udpm://GROUP:PORT' env LCM_DEFAULT_URL=file://x knead probe
 ip route del 224.0.0.0/4 dev lo
 expect 3 'knead probe: udpm://239.255.76.67:7667?ttl=0: the group' knead probe
 
