@@ -3,11 +3,13 @@
 #include "clients/knead/hand.h"
 #include "clients/knead/join.h"
 #include "core/scene/units.h"
+#include <errno.h>
 #include <getopt.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 static const char help[] =
     "usage: knead probe [--path press|sine|poke|FILE.csv] [OPTION]...\n\n"
@@ -85,6 +87,13 @@ static bool swing_is_slow(const kn_path_def *shape)
     return false;
 }
 
+static bool path_is_known(const char *path)
+{
+    if (!strcmp(path, "press") || !strcmp(path, "sine") || !strcmp(path, "poke") || access(path, R_OK) == 0) return true;
+    fprintf(stderr, "knead probe: --path %s: expected press, sine, poke or a CSV file (%s)\n", path, strerror(errno));
+    return false;
+}
+
 static bool urls_are_known(const kn_probe_options *opt)
 {
     char error[256];
@@ -132,6 +141,6 @@ int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *d
         ok = false;
     }
     if (ok && !strcmp(opt->path, "sine")) ok = swing_is_slow(&opt->shape);
-    if (ok) ok = urls_are_known(opt);
+    if (ok) ok = path_is_known(opt->path) && urls_are_known(opt);
     return ok ? KN_EXIT_OK : KN_EXIT_USAGE;
 }

@@ -39,7 +39,7 @@ expect 2 "knead probe: --tries 4: expected 1 to 3" knead probe --tries 4
 expect 2 'knead probe: `press`: expected options only' knead probe press
 expect 2 'knead probe: --wood: unknown option' knead probe --wood
 expect 2 'knead probe: --hold: expected a value' knead probe --hold
-expect 2 'nowhere.csv: No such file or directory' knead probe --path nowhere.csv
+expect 2 'knead probe: --path nope: expected press, sine, poke or a CSV file (No such file or directory)' knead probe --path nope
 printf 'time_s,x_m,y_m,z_m\n0,0,0,0.05\n1,0,zero,0.05\n' >bad.csv
 expect 2 'bad.csv:3:5: expected a finite number' knead probe --path bad.csv
 
