@@ -25,6 +25,7 @@ typedef struct kn_replay_private { // `v` below
     char *scene_name, *scene_text;
     uint64_t scene_hash;
     int64_t forces, records;
+    char felt[KN_PROBES_MAX][64]; // probes that have forces
     int64_t first_tick, last_tick, first_force_tick; // -1: none
     int64_t first_utime, last_utime, first_pose_utime, origin_utime;
     bool started; // the log begins with the server's start
@@ -76,6 +77,14 @@ static const char *see_tick(reading *v, int64_t tick, int64_t utime)
     return NULL;
 }
 
+static void keep_probe(reading *v, const char *name)
+{
+    for (int i = 0; i < KN_PROBES_MAX; i++) {
+        if (!*v->felt[i]) snprintf(v->felt[i], sizeof v->felt[i], "%s", name);
+        if (!strcmp(v->felt[i], name)) return;
+    }
+}
+
 // Takes note of a record. Why the part that can be replayed ends before it, or NULL.
 static const char *survey(kn_replay *r, const kn_log_record *record)
 {
@@ -84,6 +93,7 @@ static const char *survey(kn_replay *r, const kn_log_record *record)
     switch (record->kind) {
     case KN_LOG_FORCE:
         v->forces++;
+        keep_probe(v, record->probe);
         if (v->first_force_tick < 0) v->first_force_tick = record->force.tick;
         return see_tick(v, record->force.tick, record->utime);
     case KN_LOG_EVENT:
@@ -178,6 +188,28 @@ static bool build(kn_replay *r, char *error, size_t error_size)
     return true;
 }
 
+static int probe_of(const kn_replay *r, const char *name)
+{
+    for (int p = 0; p < r->model->def.probe_count; p++)
+        if (strcmp(r->model->def.probe[p].name, name) == 0) return p;
+    return -1;
+}
+
+// Another scene than the log's must keep its probes: their forces could only be called malformed.
+static bool check_probes(const kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
+{
+    const char *set = NULL;
+    for (int i = 0; i < def->set_count; i++)
+        if (strstr(def->sets[i], ".name=")) set = def->sets[i];
+    for (int i = 0; !r->same && i < KN_PROBES_MAX && *r->private->felt[i]; i++) {
+        if (probe_of(r, r->private->felt[i]) >= 0) continue;
+        snprintf(error, error_size, "%s%s: leaves no probe `%s`, whose forces are in the log, expected to keep that name",
+                 set ? "--set " : "", set ? set : r->scene->name, r->private->felt[i]);
+        return false;
+    }
+    return true;
+}
+
 // A log that does not begin with the server's start must begin with an untouched object.
 static bool check_untouched(kn_replay *r, const char *path, char *error, size_t error_size)
 {
@@ -198,7 +230,8 @@ static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t 
 {
     reading *v = r->private;
     if (!scan(r, def->log_path, error, error_size) || !choose_scene(r, def, error, error_size) ||
-        !build(r, error, error_size) || !check_untouched(r, def->log_path, error, error_size) ||
+        !build(r, error, error_size) || !check_probes(r, def, error, error_size) ||
+        !check_untouched(r, def->log_path, error, error_size) ||
         !kn_log_open(&v->log, def->log_path, error, error_size))
         return false;
     kn_receiver_init(&v->receiver, &r->model->def);
@@ -246,13 +279,6 @@ void kn_replay_destroy(kn_replay *r)
 const kn_state *kn_replay_state(kn_replay *r) { return r->backend.state(r->backend.self); }
 
 // ---- second reading: tick by tick
-
-static int probe_of(const kn_replay *r, const char *name)
-{
-    for (int p = 0; p < r->model->def.probe_count; p++)
-        if (strcmp(r->model->def.probe[p].name, name) == 0) return p;
-    return -1;
-}
 
 // The next record of the part that is replayed, until it is used up; false at the end.
 static bool next_record(reading *v)

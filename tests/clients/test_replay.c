@@ -408,6 +408,13 @@ TEST("another scene is refused by name, another computation may be asked for, bu
     CHECK(strstr(err, "rk4 is stable up to"));
 }
 
+TEST("a probe that --set or the scene leaves out is their fault, not the log's")
+{
+    tell_story("story.lcmlog", 0.0, 3);
+    CHECK(REPLAY("story.lcmlog", "--set", "density=1 g/cm^3", "--set", "probes.plate.name=stamp") == KN_EXIT_USAGE);
+    CHECK(strstr(err, "--set probes.plate.name=stamp: leaves no probe `plate`") && !strstr(err, "malformed"));
+}
+
 TEST("poses alone are judged as the receiver judges them and put on the grid by log time: same story within a few per cent")
 {
     double peak[2];
