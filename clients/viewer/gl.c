@@ -32,9 +32,11 @@ bool kn_gl_target_create(const kn_gl *gl, kn_gl_target *t, int width, int height
 {
     *t = (kn_gl_target){.width = width, .height = height};
     gl->GenRenderbuffers(4, t->buffer);
-    return create_frame(gl, t, &t->backdrop, t->buffer[0], 0, 0) &&
-           create_frame(gl, t, &t->solids, t->buffer[1], t->buffer[2], samples > 1 ? samples : 0) &&
-           create_frame(gl, t, &t->picture, t->buffer[3], 0, 0) && gl->GetError() == GL_NO_ERROR;
+    bool ok = create_frame(gl, t, &t->backdrop, t->buffer[0], 0, 0) &&
+              create_frame(gl, t, &t->picture, t->buffer[3], samples > 1 ? 0 : t->buffer[2], 0);
+    t->solids = t->picture;
+    if (samples > 1) ok = ok && create_frame(gl, t, &t->solids, t->buffer[1], t->buffer[2], samples);
+    return ok && gl->GetError() == GL_NO_ERROR;
 }
 
 void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *t)
@@ -42,15 +44,6 @@ void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *t)
     gl->BindFramebuffer(GL_FRAMEBUFFER, t->backdrop);
     gl->Viewport(0, 0, t->width, t->height);
     gl->Disable(GL_SCISSOR_TEST);
-}
-
-void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *t, kn_gl_region region)
-{
-    gl->BindFramebuffer(GL_FRAMEBUFFER, t->solids);
-    gl->Viewport(0, 0, t->width, t->height);
-    gl->Enable(GL_SCISSOR_TEST);
-    gl->Scissor(region.x, region.y, region.width, region.height);
-    gl->Clear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
 }
 
 static void copy(const kn_gl *gl, GLuint from, GLuint to, kn_gl_region r)
@@ -61,10 +54,22 @@ static void copy(const kn_gl *gl, GLuint from, GLuint to, kn_gl_region r)
                         GL_COLOR_BUFFER_BIT, GL_NEAREST);
 }
 
-void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *t, kn_gl_region region)
+void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *t, kn_gl_region region)
 {
+    bool direct = t->solids == t->picture;
     gl->Disable(GL_SCISSOR_TEST);
     copy(gl, t->backdrop, t->picture, (kn_gl_region){0, 0, t->width, t->height});
+    gl->BindFramebuffer(GL_FRAMEBUFFER, t->solids);
+    gl->Viewport(0, 0, t->width, t->height);
+    gl->Enable(GL_SCISSOR_TEST);
+    gl->Scissor(region.x, region.y, region.width, region.height);
+    gl->Clear(GL_DEPTH_BUFFER_BIT | (direct ? 0 : GL_COLOR_BUFFER_BIT));
+}
+
+void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *t, kn_gl_region region)
+{
+    if (t->solids == t->picture) return;
+    gl->Disable(GL_SCISSOR_TEST);
     copy(gl, t->solids, t->picture, region);
     gl->BindFramebuffer(GL_FRAMEBUFFER, t->picture);
     gl->Enable(GL_SCISSOR_TEST);

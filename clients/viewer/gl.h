@@ -73,9 +73,9 @@ typedef struct kn_gl {
 // Fills the table from the current context; NULL, or the name of the first function that it does not have.
 const char *kn_gl_load(kn_gl *gl, kn_gl_get_proc get_proc);
 
-// Three frame buffers of one size: the backdrop, drawn once for many pictures; the solids, with depth and up to 4 samples
-// per pixel; and the picture, in which the solids are resolved over the backdrop. They go with their context, as everything
-// made in one does: nothing here is deleted singly.
+// Frame buffers of one size: the backdrop, drawn once for many pictures; the solids, with depth and several samples per
+// pixel; and the picture, in which the solids are resolved over the backdrop. With one sample per pixel the solids are drawn
+// into the picture itself. They go with their context, as everything made in one does: nothing here is deleted singly.
 typedef struct kn_gl_target {
     int width, height;
     GLuint backdrop, solids, picture;
@@ -89,11 +89,11 @@ typedef struct kn_gl_region { // pixels, from the lower left corner of the pictu
 bool kn_gl_target_create(const kn_gl *gl, kn_gl_target *target, int width, int height,
                          int samples); // false: refused by the context
 void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *target); // what is drawn from here on is the backdrop
-// Empties the region of the solids (four samples are the dearest part of a picture: no more of them than needed); what is
-// drawn from here on goes there.
+// Empties the region of the solids (several samples are the dearest part of a picture: no more of them than needed) and makes
+// the picture the backdrop; what is drawn from here on goes to the solids.
 void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region);
-// The picture becomes the backdrop with, inside the region, the solids in its place; alpha is there the share of a pixel
-// that they cover. What is drawn from here on goes into that region of the picture.
+// The solids take their place in the picture. What is drawn from here on goes into that region of it: behind the solids where
+// alpha, the share of a pixel that they cover, leaves room or, with one sample, where their depth does.
 void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region);
 void kn_gl_target_read(const kn_gl *gl, const kn_gl_target *target, uint8_t *rgba); // [height][width][4], top row first
 

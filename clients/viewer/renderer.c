@@ -529,12 +529,14 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     set_number(gl, r->solid, "u_bias", SHADOW_BIAS * LIT_RADIUS * scale_of(r->skin) / SHADOW_SIZE);
     draw_solids(r, r->solid, scene);
     gl->Disable(GL_CULL_FACE);
-    gl->Disable(GL_DEPTH_TEST);
 
+    bool soft = r->samples > 1; // the solids' edges are half there
     kn_gl_target_picture(gl, target, region);
-    gl->Enable(GL_BLEND);
+    if (soft) gl->Disable(GL_DEPTH_TEST);
+    if (soft) gl->Enable(GL_BLEND);
     gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE); // behind what is there
     draw_table(r, foot);
     gl->Disable(GL_BLEND);
+    gl->Disable(GL_DEPTH_TEST);
     kn_offscreen_read_rgba(r->screen, rgba);
 }

@@ -70,7 +70,7 @@ static const char *const kn_shader_table_vertex = KN_GLSL
     "void main()\n"
     "{\n"
     "    v_sight = u_forward + a_position.x * u_right + a_position.y * u_up;\n"
-    "    gl_Position = vec4(a_position, 1.0);\n"
+    "    gl_Position = vec4(a_position.xy, 0.999999, 1.0);\n" // behind everything
     "}\n";
 
 // Squares of u_square metres, every fifth line stronger; a bar as long as one square; fades into the background. Beside
