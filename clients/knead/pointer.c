@@ -7,6 +7,7 @@ static const double air_m_s2 = 3.0, sideways_m_s2 = 6.0;
 static const double press_m_s[2] = {0.03, 0.01};         // ball, plate
 static const double touch_m_s[2] = {0.03, 1e-4};         // see path.c's landing
 static const double object_m_s2 = 0.2;                   // 0 to 1 cm/s in 50 ms: dough's 1 kN s/m answers with 0.2 N/ms
+static const double flushing_m_s = 5e-4;                 // a plate, from the first touch until it lies flat
 static const double landing_m = 1e-3, landing_m_s2 = 2e-3; // a plate's last millimetre takes a second
 static const double clear_m = 1e-3, there_m = 2e-4;
 static const int clear_ms = 300;    // for a fault to be taken back after the lift: 200 ms of poses and some
@@ -60,7 +61,8 @@ static void decide(kn_pointer *p)
     switch (p->mode) {
     case KN_POINTER_ABSENT:
         if (!p->wish.held) break;
-        if (p->mode_ms >= silence_ms) open_session(p); // else kneadd still holds the one that fell silent
+        if (p->mode_ms >= silence_ms) open_session(p);
+        else kn_watchdog_rearm(&p->watchdog); // kneadd still holds the session that fell silent
         enter(p, KN_POINTER_FOLLOW);
         break;
     case KN_POINTER_FOLLOW:
@@ -91,11 +93,11 @@ static double toward(double speed, double wanted, double most) { return speed + 
 
 static void move_down(kn_pointer *p, double goal_m, double dt_s)
 {
-    double *z = &p->point.position_m[2], *v = &p->point.velocity_m_s[2], above_m = *z - p->wish.touch_z_m;
-    bool inside = above_m <= 0.0;
-    double speed = braking(*z - goal_m, object_m_s2, 0.0); // to rest at the goal
+    double *z = &p->point.position_m[2], *v = &p->point.velocity_m_s[2], above_m = *z - p->ground_m;
+    bool inside = above_m <= 0.0 || p->news.contact;
+    double speed = braking(*z - goal_m, 0.5 * object_m_s2, 0.0); // to rest at the goal; half, so as to keep up with it
     if (inside) {
-        speed = fmin(speed, press_m_s[p->plate]);
+        speed = fmin(speed, p->plate && *z > p->wish.flush_z_m ? flushing_m_s : press_m_s[p->plate]);
     } else if (p->plate && above_m < landing_m) {
         speed = braking(above_m, landing_m_s2, touch_m_s[1]);
     } else {
@@ -140,6 +142,7 @@ static void follow(kn_pointer *p)
     bool engaged = p->news.flags & KN_FLAG_ENGAGED;
     bool press = p->mode == KN_POINTER_FOLLOW && p->wish.held && p->wish.pressed && !p->barred && engaged && over;
     double goal_m = press ? p->wish.touch_z_m - p->wish.depth_m : p->wish.hover_z_m;
+    p->ground_m = press ? fmin(fmin(p->ground_m, p->wish.touch_z_m), x[2]) : INFINITY; // what was pushed down stays there
     move_sideways(p, dt_s);
     if (press && x[2] > goal_m) move_down(p, goal_m, dt_s);
     else move_up(p, goal_m, dt_s);

@@ -19,6 +19,7 @@ typedef struct kn_pointer_wish { // of the page; positions are the tool's
     double at_m[2];   // x and y
     double hover_z_m; // clear of the object everywhere
     double touch_z_m; // where the tool touches the object at at_m; looked at while pressed
+    double flush_z_m; // <= touch_z_m: where a plate lies on all that is under it
     double depth_m;   // >= 0, below touch_z_m
     int32_t event;    // number of the wish, rising; 0: none yet
 } kn_pointer_wish;
@@ -50,6 +51,7 @@ typedef struct kn_pointer {
     kn_path_point point;
     int64_t session, seq;
     int mode_ms;
+    double ground_m; // where this press has met the object, or has pushed it to; INFINITY: no press
     bool placed, barred; // position is known; the button was down when a fault came
     int32_t asked_event; // wish of pose asked_seq, not answered yet; 0: none
     int64_t asked_seq;

@@ -30,7 +30,8 @@
 #define UNHEARD_MS 1000    // without a mesh: nobody serves
 #define HOVER_M 0.004      // above the highest point of the object
 #define BESIDE_M 0.02      // how far beside the object the tool may go
-#define DEEPEST 0.6        // of the block's height: thinner cells turn inside out
+#define UNEVEN_M 2e-3      // more of a dent is not waited for
+#define THINNEST 0.5       // of the block's height must stay under the tool
 
 static const char help[] =
     "usage: knead web [OPTION]...\n"
@@ -147,10 +148,13 @@ static void take_scene(web *w)
 static double tool_radius(const web *w) { return w->tool->shape == KN_PROBE_SPHERE ? w->tool->radius_m : 0; }
 static double height_of(const kn_model_def *def) { return def->spacing_m * (def->nodes[2] - 1); }
 
+// Below where the tool touches, that it may go: thinner cells turn inside out.
 static double deepest(const web *w)
 {
-    double height_m = DEEPEST * height_of(&w->live.scene->model), radius_m = tool_radius(w);
-    return radius_m > 0 ? fmin(height_m, radius_m) : height_m;
+    double height_m = height_of(&w->live.scene->model), radius_m = tool_radius(w);
+    double from_m = w->wish.pressed ? w->wish.touch_z_m - radius_m : height_m;
+    double most_m = fmax(0, from_m - THINNEST * height_m);
+    return radius_m > 0 ? fmin(most_m, radius_m) : most_m;
 }
 
 static void take_mesh(web *w)
@@ -189,9 +193,9 @@ static void aim(web *w, const kn_web_message *m)
 
 static void press(web *w)
 {
-    double low_m;
     w->beside = !kn_dent_touch(&w->live.mesh, w->top, w->live.scene->model.spacing_m, w->tool, w->wish.at_m[0],
-                               w->wish.at_m[1], &w->wish.touch_z_m, &low_m);
+                               w->wish.at_m[1], &w->wish.touch_z_m, &w->wish.flush_z_m);
+    w->wish.flush_z_m = fmax(w->wish.flush_z_m, w->wish.touch_z_m - UNEVEN_M);
     w->wish.pressed = !w->beside;
 }
 

@@ -1,0 +1,243 @@
+// The hand behind a pointer, played against kneadd's own servo on dough: what a visitor may do with a mouse must neither trip a
+// guard nor jump.
+#include "clients/knead/dent.h"
+#include "clients/knead/pointer.h"
+#include "core/surface.h"
+#include "server/servo.h"
+#include "tests/check.h"
+
+enum { PLATE, FINGER };
+
+typedef struct bench {
+    kn_scene *scene;
+    kn_model *model;
+    kn_backend backend;
+    kn_servo servo;
+    kn_surface *surface;
+    kn_mesh mesh;
+    uint8_t *top;
+    int probe;
+    kn_pointer pointer;
+    kn_pointer_wish wish;
+    kn_hand_force force;
+    bool answered, deaf; // force is on its way; kneadd hears nothing
+    kn_tick_out out;
+    int64_t tick;
+    double peak_n, lowest_m, slip_m, fastest_m_s;
+    int sent, faults, contact_ms;
+} bench;
+
+static void look(bench *b)
+{
+    kn_surface_positions(b->surface, b->model, b->backend.state(b->backend.self), b->mesh.positions_m);
+}
+
+static void setup(bench *b, const char *scene, int probe)
+{
+    char path[512], error[300];
+    int vertices;
+    memset(b, 0, sizeof *b);
+    snprintf(path, sizeof path, KN_SOURCE_DIR "/core/scenes/%s", scene);
+    b->scene = kn_scene_load(path, NULL, 0, error, sizeof error);
+    b->model = kn_model_build(&b->scene->model, error, sizeof error);
+    kn_backend_cpu(&b->backend, b->model);
+    kn_servo_init(&b->servo, b->scene, b->model, &b->backend);
+    b->surface = kn_surface_create(b->model);
+    b->top = kn_dent_top(&b->scene->model, &vertices);
+    b->mesh = (kn_mesh){.whole = true, .vertex_count = vertices, .triangle_count = b->surface->triangle_count,
+                        .triangles = b->surface->triangle, .positions_m = calloc((size_t)vertices, 3 * sizeof(float))};
+    look(b);
+    b->probe = probe;
+    const kn_probe_def *tool = &b->model->def.probe[probe];
+    kn_pointer_init(&b->pointer, tool->shape, 7);
+    double height_m = b->model->def.spacing_m * (b->model->def.nodes[2] - 1);
+    b->wish = (kn_pointer_wish){.held = true, .hover_z_m = height_m + tool->radius_m + 0.004};
+    b->lowest_m = 1;
+}
+
+static void teardown(bench *b)
+{
+    free(b->mesh.positions_m);
+    free(b->top);
+    kn_surface_destroy(b->surface);
+    b->backend.destroy(b->backend.self);
+    kn_model_destroy(b->model);
+    kn_scene_destroy(b->scene);
+}
+
+static void run(bench *b, int ms)
+{
+    static kn_pose pose; // the session's last
+    for (int i = 0; i < ms; i++) {
+        kn_path_point before = b->pointer.point;
+        bool moved = b->sent > 0;
+        kn_hand_out hand = kn_pointer_tick(&b->pointer, &b->wish, b->answered ? &b->force : NULL, 1);
+        const double *x = hand.point.position_m, *v = hand.point.velocity_m_s;
+        for (int k = 0; hand.send && moved && k < 3; k++) {
+            b->slip_m = fmax(b->slip_m, fabs(x[k] - before.position_m[k] - 1e-3 * v[k]));
+            b->fastest_m_s = fmax(b->fastest_m_s, fabs(v[k]));
+        }
+        if (hand.send) {
+            b->sent++;
+            b->lowest_m = fmin(b->lowest_m, x[2]);
+            pose = (kn_pose){.session = hand.session, .seq = hand.seq, .orientation_wxyz = {1, 0, 0, 0}};
+            memcpy(pose.position_m, x, sizeof pose.position_m);
+            memcpy(pose.velocity_m_s, v, sizeof pose.velocity_m_s);
+        }
+        kn_tick_in in = {.tick = b->tick++};
+        bool fresh = hand.send && !b->deaf;
+        if (b->sent > 0 && !b->deaf) in.pose[b->probe] = &pose;
+        in.fresh[b->probe] = fresh;
+        kn_servo_tick(&b->servo, &in, &b->out);
+        const kn_force *f = &b->out.force[b->probe];
+        b->answered = f->live;
+        b->force = (kn_hand_force){.session = f->session, .seq = f->seq, .tick = b->out.tick, .flags = f->flags,
+                                   .fault = f->fault, .contacts = f->contacts};
+        memcpy(b->force.force_n, f->force_n, sizeof b->force.force_n);
+        b->peak_n = fmax(b->peak_n, fabs(f->force_n[2]));
+        b->faults += f->fault != 0;
+        b->contact_ms += f->contacts > 0;
+    }
+}
+
+static void press(bench *b, double x_m, double y_m, double depth_m, int ms)
+{
+    look(b);
+    b->wish.at_m[0] = x_m;
+    b->wish.at_m[1] = y_m;
+    CHECK(kn_dent_touch(&b->mesh, b->top, b->model->def.spacing_m, &b->model->def.probe[b->probe], x_m, y_m,
+                        &b->wish.touch_z_m, &b->wish.flush_z_m));
+    double height_m = b->model->def.spacing_m * (b->model->def.nodes[2] - 1), radius_m = b->model->def.probe[b->probe].radius_m;
+    b->wish.depth_m = fmin(depth_m, fmax(0, b->wish.touch_z_m - radius_m - 0.5 * height_m));
+    b->wish.pressed = true;
+    run(b, ms);
+}
+
+static void let_go(bench *b, int ms)
+{
+    b->wish.pressed = false;
+    run(b, ms);
+}
+
+static double dent(const bench *b) // m below the rest height, in the middle
+{
+    double z_m = NAN;
+    kn_dent_height(&b->mesh, 0, 0, &z_m);
+    return b->model->def.spacing_m * (b->model->def.nodes[2] - 1) - z_m;
+}
+
+TEST("a press goes to the depth that is asked, is felt, and leaves its dent when let go")
+{
+    bench b;
+    setup(&b, "dough.yaml", FINGER);
+    run(&b, 600);
+    CHECK(b.pointer.news.flags & KN_FLAG_ENGAGED);
+    CHECK(b.peak_n == 0);
+    press(&b, 0, 0, 0.006, 1200);
+    CHECK_NEAR(b.pointer.news.depth_m, 0.006, 1e-6);
+    CHECK(b.pointer.news.contact && b.peak_n > 1);
+    CHECK_NEAR(b.lowest_m, b.wish.touch_z_m - 0.006, 1e-6);
+    let_go(&b, 600);
+    CHECK(!b.pointer.news.contact && b.pointer.news.force_n == 0);
+    CHECK_NEAR(b.pointer.point.position_m[2], b.wish.hover_z_m, 1e-4);
+    look(&b);
+    CHECK(dent(&b) > 0.003);
+    CHECK(b.faults == 0);
+    teardown(&b);
+}
+
+TEST("whatever a mouse does, ball or plate, down to half of dough, jelly or clay: the pose never jumps, no guard trips")
+{
+    static const char *const scenes[] = {"dough.yaml", "jelly.yaml", "clay.yaml"};
+    for (int s = 0; s < 3; s++)
+        for (int probe = 0; probe < 2; probe++) {
+            bench b;
+            setup(&b, scenes[s], 0);
+            if (probe >= b.model->def.probe_count) {
+                teardown(&b);
+                continue;
+            }
+            teardown(&b);
+            setup(&b, scenes[s], probe);
+            double radius_m = b.model->def.probe[probe].radius_m;
+            uint32_t random = 1;
+            for (int i = 0; i < 16; i++) {
+                random = random * 1664525 + 1013904223;
+                double x_m = 0.02 * ((random >> 8 & 255) / 127.5 - 1), y_m = 0.02 * ((random >> 16 & 255) / 127.5 - 1);
+                if (i % 3 == 0) x_m = y_m = 0; // again and again into the same dent
+                press(&b, x_m, y_m, 0.001 + 0.00003 * (random >> 24), i % 6 == 3 ? 2500 : 60 + (int)(random >> 20) % 500);
+                if (i % 2) b.wish.depth_m *= 0.5, run(&b, 100); // the wheel, back and forth
+                if (i % 2) b.wish.depth_m *= 2, run(&b, 100);
+                let_go(&b, (int)(random >> 12) % 400);
+                double highest_m = 0;
+                look(&b);
+                for (int v = 0; v < b.mesh.vertex_count; v++) highest_m = fmax(highest_m, b.mesh.positions_m[3 * v + 2]);
+                b.wish.hover_z_m = highest_m + radius_m + 0.004;
+            }
+            CHECK(b.faults == 0);
+            CHECK(b.servo.safety[probe].guards == 0);
+            CHECK(b.slip_m < 5e-5);
+            CHECK(b.fastest_m_s < 0.5);
+            CHECK(b.peak_n > 0.1);
+            CHECK(b.contact_ms > 1000);
+            teardown(&b);
+        }
+}
+
+TEST("without a page it lifts, and then kneadd hears no more of it; the next page finds the same hand")
+{
+    bench b;
+    setup(&b, "dough-small.yaml", 0);
+    run(&b, 600);
+    press(&b, 0, 0, 0.003, 2500);
+    CHECK(b.pointer.news.contact);
+    b.wish.held = false; // its tab was closed, the button still down
+    run(&b, 800);
+    CHECK(b.pointer.mode == KN_POINTER_ABSENT && b.pointer.news.force_n == 0);
+    int sent = b.sent;
+    run(&b, 100);
+    CHECK(b.sent == sent);
+    b.wish.pressed = false, b.wish.held = true;
+    run(&b, 1200);
+    CHECK(b.pointer.mode == KN_POINTER_FOLLOW && b.sent > sent);
+    teardown(&b);
+}
+
+TEST("a silent kneadd: force to zero in 20 ms, lifted, and pressed again only after the button was up, in a new session")
+{
+    bench b;
+    setup(&b, "dough.yaml", FINGER);
+    run(&b, 600);
+    press(&b, 0, 0, 0.005, 600);
+    int64_t session = b.pointer.session;
+    CHECK(b.pointer.news.force_n > 0);
+    b.deaf = true;
+    b.answered = false;
+    for (int i = 0; i < 21; i++) kn_pointer_tick(&b.pointer, &b.wish, NULL, 1);
+    CHECK(b.pointer.news.force_n == 0);
+    CHECK(b.pointer.mode == KN_POINTER_LET_GO && !b.pointer.news.released);
+    run(&b, 1000);
+    b.deaf = false;
+    run(&b, 2500);
+    CHECK(b.pointer.session > session);
+    CHECK(b.pointer.mode == KN_POINTER_FOLLOW && (b.pointer.news.flags & KN_FLAG_ENGAGED));
+    CHECK(!b.pointer.news.contact); // the button is down, and it keeps clear
+    let_go(&b, 50);
+    press(&b, 0, 0, 0.005, 600);
+    CHECK(b.pointer.news.contact);
+    teardown(&b);
+}
+
+TEST("the newest wish that kneadd has answered is told with the tick that did")
+{
+    bench b;
+    setup(&b, "dough-small.yaml", 0);
+    run(&b, 500);
+    b.wish.event = 5;
+    int64_t tick = b.tick;
+    run(&b, 3);
+    CHECK(b.pointer.news.event == 5 && b.pointer.news.tick == tick);
+    teardown(&b);
+}
+
+TESTS_MAIN
