@@ -160,14 +160,15 @@ function drawTrace() {
     ctx.strokeStyle = ctx.fillStyle = color('--force');
     ctx.lineWidth = 1.75;
     ctx.lineJoin = 'round';
-    let from = -1;
+    let from = -1, end = 0;
     for (let c = 0; c <= columns.length; c++) { // one line, with an area below, per run of columns that have samples
-        const heard = c < columns.length && columns[c][0] <= columns[c][1];
-        if (heard && from < 0) {
-            from = c;
-            ctx.beginPath();
+        const [low, high] = columns[c] ?? [1, 0], heard = low <= high;
+        if (heard && from < 0) ctx.beginPath(), from = c;
+        if (heard) { // from the nearer end to the other, aslant: else slopes are saws and stairs
+            const falls = Math.abs(high - end) < Math.abs(low - end);
+            ctx.lineTo(x(c - 0.25), y(falls ? high : low));
+            ctx.lineTo(x(c + 0.25), y(end = falls ? low : high));
         }
-        if (heard) columns[c].forEach((force) => ctx.lineTo(x(c), y(force)));
         if (heard || from < 0) continue;
         ctx.stroke();
         ctx.lineTo(x(c - 1), y(0));
