@@ -1,9 +1,6 @@
 #include "clients/web/gateway.h"
-#include <arpa/inet.h>
 #include <errno.h>
-#include <fcntl.h>
 #include <libwebsockets.h>
-#include <math.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <stdio.h>
@@ -14,10 +11,7 @@
 
 #define CONNECTIONS 256 // at once, idle ones included: they end after PATIENCE_S
 #define PATIENCE_S 5
-#define TOO_BIG 1009
-#define PROTOCOL 1002
-#define UNKNOWN 4401    // ours
-#define FULL 4429
+enum { PROTOCOL = 1002, TOO_BIG = 1009, UNKNOWN = 4401, FULL = 4429 }; // WebSocket close codes; from 4000 on they are ours
 
 // The three files are part of the program: nothing to find at run time, nothing that a page could ask for beside them.
 #define EMBED(name, file)                                                                                               \
@@ -48,13 +42,6 @@ static void tell_refusal(kn_gateway *g, const char *why)
     fprintf(stderr, "knead web: refused: %s (%lld so far)\n", why, (long long)g->refused);
 }
 
-static int hang_up(kn_gateway *g, struct lws *wsi, int code, const char *why)
-{
-    tell_refusal(g, why);
-    lws_close_reason(wsi, (enum lws_close_status)code, (unsigned char *)(uintptr_t)why, strlen(why));
-    return -1;
-}
-
 // ---- HTTP
 
 static bool header_is(struct lws *wsi, enum lws_token_indexes header, const char *expected)
@@ -63,52 +50,50 @@ static bool header_is(struct lws *wsi, enum lws_token_indexes header, const char
     return lws_hdr_copy(wsi, value, sizeof value, header) > 0 && strcmp(value, expected) == 0;
 }
 
-static int answer(struct lws *wsi, const char *type, const char *body, size_t size, unsigned status)
+static int answer(struct lws *wsi, unsigned status, const char *type, const char *body, size_t size)
 {
-    uint8_t buffer[LWS_PRE + 1024], *at = buffer + LWS_PRE, *end = buffer + sizeof buffer;
-    if (lws_add_http_common_headers(wsi, status, type, size, &at, end) ||
-        lws_add_http_header_by_name(wsi, (const uint8_t *)"cache-control:", (const uint8_t *)"no-store", 8, &at, end) ||
-        lws_finalize_write_http_header(wsi, buffer + LWS_PRE, &at, end))
-        return -1;
-    uint8_t *copy = malloc(LWS_PRE + size);
-    if (!copy) return -1;
-    memcpy(copy + LWS_PRE, body, size);
-    int written = lws_write(wsi, copy + LWS_PRE, size, LWS_WRITE_HTTP_FINAL);
-    free(copy);
-    return written < 0;
+    uint8_t *buffer = malloc(LWS_PRE + 1024 + size), *head = buffer + LWS_PRE, *at = head;
+    bool ok = buffer && !lws_add_http_common_headers(wsi, status, type, size, &at, head + 1024) &&
+              !lws_finalize_write_http_header(wsi, head, &at, head + 1024);
+    if (ok) memcpy(head, body, size);
+    ok = ok && lws_write(wsi, head, size, LWS_WRITE_HTTP_FINAL) == (int)size;
+    free(buffer);
+    return ok && !lws_http_transaction_completed(wsi) ? 0 : -1;
 }
 
 static int refuse(kn_gateway *g, struct lws *wsi, unsigned status, const char *why)
 {
-    char body[256];
     tell_refusal(g, why);
-    int size = snprintf(body, sizeof body, "knead web: %s\n", why);
-    return answer(wsi, "text/plain; charset=utf-8", body, (size_t)size, status);
+    return answer(wsi, status, "text/plain; charset=utf-8", why, strlen(why));
 }
 
 static int serve(kn_gateway *g, struct lws *wsi, const char *path)
 {
-    int bad = -1;
-    if (!header_is(wsi, WSI_TOKEN_HOST, g->host)) bad = refuse(g, wsi, 403, "wrong Host: expected the address that was printed");
-    for (size_t i = 0; bad < 0 && i < sizeof files / sizeof *files; i++)
+    if (!header_is(wsi, WSI_TOKEN_HOST, g->origin + 7)) return refuse(g, wsi, 403, "wrong Host: open the address that knead web printed");
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++)
         if (strcmp(path, files[i].path) == 0)
-            bad = answer(wsi, files[i].type, files[i].begin, (size_t)(files[i].end - files[i].begin), 200);
-    if (bad < 0) bad = refuse(g, wsi, 404, "no such file");
-    return bad || lws_http_transaction_completed(wsi) ? -1 : 0;
+            return answer(wsi, 200, files[i].type, files[i].begin, (size_t)(files[i].end - files[i].begin));
+    return refuse(g, wsi, 404, "no such file");
 }
 
 static int confirm(kn_gateway *g, struct lws *wsi)
 {
-    char origin[48];
-    snprintf(origin, sizeof origin, "http://%s", g->host);
-    const char *why = !header_is(wsi, WSI_TOKEN_HOST, g->host) ? "wrong Host: expected the address that was printed"
-                      : !header_is(wsi, WSI_TOKEN_ORIGIN, origin) ? "wrong Origin: expected the page of the address that was printed"
-                      : !header_is(wsi, WSI_TOKEN_PROTOCOL, "knead") ? "wrong subprotocol: expected knead" : NULL;
+    const char *why = NULL;
+    if (!header_is(wsi, WSI_TOKEN_PROTOCOL, "knead")) why = "wrong subprotocol: expected knead";
+    if (!header_is(wsi, WSI_TOKEN_ORIGIN, g->origin)) why = "wrong Origin: open the address that knead web printed";
+    if (!header_is(wsi, WSI_TOKEN_HOST, g->origin + 7)) why = "wrong Host: open the address that knead web printed";
     if (!why) return 0;
     return refuse(g, wsi, 403, why) ? -1 : 1;
 }
 
 // ---- WebSocket
+
+static int hang_up(kn_gateway *g, struct lws *wsi, int code, const char *why)
+{
+    tell_refusal(g, why);
+    lws_close_reason(wsi, (enum lws_close_status)code, (unsigned char *)(uintptr_t)why, strlen(why));
+    return -1;
+}
 
 static int admit(kn_gateway *g, struct lws *wsi, session *s)
 {
@@ -119,7 +104,6 @@ static int admit(kn_gateway *g, struct lws *wsi, session *s)
         if (g->page[i].wsi) continue;
         g->page[i] = (kn_web_page){.wsi = wsi, .news = true};
         s->page = i;
-        lws_set_timer_usecs(wsi, LWS_SET_TIMER_USEC_CANCEL);
         lws_callback_on_writable(wsi);
         return 0;
     }
@@ -128,28 +112,22 @@ static int admit(kn_gateway *g, struct lws *wsi, session *s)
 
 static uint32_t u32(const uint8_t *at) { return at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24; }
 
-static float f32(const uint8_t *at)
+static bool f32(const uint8_t *at, float most, float *value) // false: not of 0..most
 {
     uint32_t bits = u32(at);
-    float value;
-    memcpy(&value, &bits, sizeof value);
-    return value;
+    memcpy(value, &bits, sizeof bits);
+    return *value >= 0 && *value <= most;
 }
-
-static bool within(float value, float most) { return value >= 0 && value <= most; } // not a NaN
 
 static int take(kn_gateway *g, struct lws *wsi, session *s)
 {
-    char why[80];
+    const uint8_t *b = s->message;
     kn_web_page *page = &g->page[s->page];
-    if (!lws_frame_is_binary(wsi)) return hang_up(g, wsi, PROTOCOL, "a text, expected 20 bytes");
-    snprintf(why, sizeof why, "a message of %zu bytes, expected 20", s->length);
-    if (s->length != 20) return hang_up(g, wsi, PROTOCOL, why);
-    kn_web_message m = {.number = u32(s->message), .kind = s->message[4], .pressed = s->message[5],
-                        .u = f32(s->message + 8), .v = f32(s->message + 12), .depth_m = f32(s->message + 16)};
-    if (m.kind < KN_WEB_POINTER || m.kind > KN_WEB_RESET) return hang_up(g, wsi, PROTOCOL, "a kind of message that there is not");
-    if (!within(m.u, 1) || !within(m.v, 1) || !within(m.depth_m, 0.1f) || s->message[5] > 1)
-        return hang_up(g, wsi, PROTOCOL, "a pointer outside the picture, expected 0..1 and a depth of 0..0.1 m");
+    kn_web_message m = {.number = u32(b), .kind = b[4], .pressed = b[5]};
+    if (!lws_frame_is_binary(wsi) || s->length != 20) return hang_up(g, wsi, PROTOCOL, "malformed message: expected 20 bytes, binary");
+    if (m.kind < KN_WEB_POINTER || m.kind > KN_WEB_RESET) return hang_up(g, wsi, PROTOCOL, "malformed message: no such kind");
+    if (b[5] > 1 || !f32(b + 8, 1, &m.u) || !f32(b + 12, 1, &m.v) || !f32(b + 16, 0.1f, &m.depth_m))
+        return hang_up(g, wsi, PROTOCOL, "malformed message: expected a pointer of 0..1 and a depth of 0..0.1 m");
     if (m.kind != KN_WEB_SEEN) g->on_message(g->arg, s->page, &m);
     else if (m.number - page->seen <= page->sent - page->seen) page->seen = m.number;
     if (page->news) lws_callback_on_writable(wsi);
@@ -160,21 +138,22 @@ static int take(kn_gateway *g, struct lws *wsi, session *s)
 static int receive(kn_gateway *g, struct lws *wsi, session *s, const void *bytes, size_t size)
 {
     if (lws_is_first_fragment(wsi)) s->length = 0;
-    if (size > sizeof s->message - s->length) return hang_up(g, wsi, TOO_BIG, "a message that is too large, expected 20 bytes");
+    if (size > sizeof s->message - s->length) return hang_up(g, wsi, TOO_BIG, "too large a message: expected 20 bytes");
     memcpy(s->message + s->length, bytes, size);
     s->length += size;
     if (!lws_is_final_fragment(wsi)) return 0;
     return s->page < 0 ? admit(g, wsi, s) : take(g, wsi, s);
 }
 
+static bool room(const kn_web_page *p) { return p->wsi && p->sent - p->seen < KN_GATEWAY_IN_FLIGHT; }
+
 static int write_page(kn_gateway *g, struct lws *wsi, const session *s)
 {
-    kn_web_page *page = s->page < 0 ? NULL : &g->page[s->page];
-    if (!page || !page->news || page->sent - page->seen >= KN_GATEWAY_IN_FLIGHT) return 0;
+    kn_web_page *page = &g->page[s->page < 0 ? 0 : s->page];
+    if (s->page < 0 || !page->news || !room(page)) return 0;
     page->news = false;
     page->sent++;
     size_t size = g->write(g->arg, s->page, g->buffer + LWS_PRE, g->buffer_size);
-    if (size == 0) return page->sent--, 0;
     return lws_write(wsi, g->buffer + LWS_PRE, size, LWS_WRITE_BINARY) < (int)size ? -1 : 0;
 }
 
@@ -183,12 +162,12 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
     kn_gateway *g = lws_context_user(lws_get_context(wsi));
     session *s = user;
     switch ((int)reason) {
-    case LWS_CALLBACK_WSI_CREATE: g->connections++; return 0;
-    case LWS_CALLBACK_WSI_DESTROY: g->connections--; return 0;
+    case LWS_CALLBACK_WSI_CREATE: return g->connections++, 0;
+    case LWS_CALLBACK_WSI_DESTROY: return g->connections--, 0;
     case LWS_CALLBACK_HTTP: return serve(g, wsi, in);
     case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE: return confirm(g, wsi);
     case LWS_CALLBACK_ESTABLISHED:
-        *s = (session){.page = -1};
+        s->page = -1;
         lws_set_timer_usecs(wsi, PATIENCE_S * LWS_USEC_PER_SEC);
         return 0;
     case LWS_CALLBACK_TIMER: return s->page >= 0 ? 0 : hang_up(g, wsi, UNKNOWN, "no token: open the address that knead web printed");
@@ -212,8 +191,7 @@ int kn_gateway_listen(int port, char *error, size_t error_size)
     if (fd >= 0 && !setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) &&
         !bind(fd, (struct sockaddr *)&at, sizeof at) && !listen(fd, 32))
         return fd;
-    snprintf(error, error_size, "127.0.0.1:%d: %s%s", port, strerror(errno),
-             errno == EADDRINUSE ? "; --port 0 takes a free one" : "");
+    snprintf(error, error_size, "127.0.0.1:%d: %s%s", port, strerror(errno), port ? "; --port 0 takes a free one" : "");
     if (fd >= 0) close(fd);
     return -1;
 }
@@ -224,32 +202,27 @@ static void on_acceptable(struct ev_loop *ev, ev_io *w, int events)
     kn_gateway *g = w->data;
     int fd = accept4(g->fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC), on = 1;
     if (fd < 0) return;
-    if (g->connections >= CONNECTIONS) {
-        tell_refusal(g, "too many connections");
-        close(fd);
+    setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    if (g->connections < CONNECTIONS) {
+        lws_adopt_socket(g->context, fd); // closes it when it fails
         return;
     }
-    setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-    lws_adopt_socket(g->context, fd); // closes it when it fails
+    tell_refusal(g, "too many connections");
+    close(fd);
 }
 
-static bool read_address_back(kn_gateway *g, char *error, size_t error_size)
+// The address as the kernel has it: whatever was meant, nobody but this machine must be able to connect.
+static bool make_address(kn_gateway *g)
 {
     struct sockaddr_in at = {0};
     socklen_t size = sizeof at;
     uint8_t random[KN_GATEWAY_TOKEN / 2];
     if (getsockname(g->fd, (struct sockaddr *)&at, &size) != 0 || at.sin_family != AF_INET ||
-        at.sin_addr.s_addr != htonl(INADDR_LOOPBACK)) {
-        snprintf(error, error_size, "the socket to listen on is not at 127.0.0.1");
+        at.sin_addr.s_addr != htonl(INADDR_LOOPBACK) || getrandom(random, sizeof random, 0) != sizeof random)
         return false;
-    }
-    if (getrandom(random, sizeof random, 0) != sizeof random) {
-        snprintf(error, error_size, "no random numbers for a token");
-        return false;
-    }
     for (size_t i = 0; i < sizeof random; i++) sprintf(g->token + 2 * i, "%02x", random[i]);
-    snprintf(g->host, sizeof g->host, "127.0.0.1:%d", ntohs(at.sin_port));
-    snprintf(g->address, sizeof g->address, "http://%s/#%s", g->host, g->token);
+    snprintf(g->origin, sizeof g->origin, "http://127.0.0.1:%d", ntohs(at.sin_port));
+    snprintf(g->address, sizeof g->address, "%s/#%s", g->origin, g->token);
     return true;
 }
 
@@ -259,22 +232,22 @@ bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, int port, int fd, size_t
                                                      {"knead", on_event, sizeof(session), 64, 0, NULL, 0},
                                                      {NULL, NULL, 0, 0, 0, NULL, 0}};
     void *loops[1] = {ev};
-    g->ev = ev;
-    g->fd = fd >= 0 ? fd : kn_gateway_listen(port, error, error_size);
-    if (g->fd < 0 || !read_address_back(g, error, error_size)) return false;
-    g->buffer_size = largest;
-    g->buffer = malloc(LWS_PRE + largest);
-    lws_set_log_level(LLL_ERR, NULL);
     struct lws_context_creation_info info = {
         .port = CONTEXT_PORT_NO_LISTEN_SERVER, .protocols = protocols, .user = g, .foreign_loops = loops,
         .timeout_secs = PATIENCE_S, .keepalive_timeout = PATIENCE_S,
         .options = LWS_SERVER_OPTION_LIBEV | LWS_SERVER_OPTION_DISABLE_IPV6 |
                    LWS_SERVER_OPTION_HTTP_HEADERS_SECURITY_BEST_PRACTICES_ENFORCE};
+    g->ev = ev;
+    g->fd = fd >= 0 ? fd : kn_gateway_listen(port, error, error_size);
+    if (g->fd < 0) return false;
+    snprintf(error, error_size, "--listen-fd %d: expected a socket that listens on 127.0.0.1", fd);
+    if (!make_address(g)) return false;
+    lws_set_log_level(LLL_ERR, NULL);
+    g->buffer_size = largest;
+    g->buffer = malloc(LWS_PRE + largest);
     g->context = g->buffer ? lws_create_context(&info) : NULL;
-    if (!g->context) {
-        snprintf(error, error_size, "libwebsockets does not start on libev: install the package libwebsockets-evlib-ev");
-        return false;
-    }
+    snprintf(error, error_size, "libwebsockets does not start on libev: install the package libwebsockets-evlib-ev");
+    if (!g->context) return false;
     ev_io_init(&g->acceptable, on_acceptable, g->fd, EV_READ);
     g->acceptable.data = g;
     ev_io_start(ev, &g->acceptable);
@@ -288,10 +261,19 @@ int kn_gateway_pages(const kn_gateway *g)
     return pages;
 }
 
-void kn_gateway_wake(kn_gateway *g)
+bool kn_gateway_wants(const kn_gateway *g)
 {
-    for (int i = 0; i < KN_GATEWAY_PAGES; i++)
-        if (g->page[i].wsi && g->page[i].news) lws_callback_on_writable(g->page[i].wsi);
+    bool wants = false;
+    for (int i = 0; i < KN_GATEWAY_PAGES; i++) wants |= room(&g->page[i]);
+    return wants;
+}
+
+void kn_gateway_news(kn_gateway *g)
+{
+    for (int i = 0; i < KN_GATEWAY_PAGES; i++) {
+        g->page[i].news = true;
+        if (g->page[i].wsi) lws_callback_on_writable(g->page[i].wsi);
+    }
 }
 
 void kn_gateway_close(kn_gateway *g)
@@ -300,4 +282,5 @@ void kn_gateway_close(kn_gateway *g)
     if (g->context) lws_context_destroy(g->context);
     if (g->fd >= 0) close(g->fd);
     free(g->buffer);
+    *g = (kn_gateway){.fd = -1};
 }

@@ -3,7 +3,7 @@
 // The page's way in and out: HTTP for three files, one WebSocket per page, libwebsockets on the caller's libev loop.
 //
 //     browser -- token -->  gateway  -- what the page wants -->  on_message        wire: README.md of this folder
-//             <- state and picture --  write(page, ...)    <--  whoever has news: kn_gateway_wake
+//             <- state and picture --  write(page, ...)    <--  whoever has news: kn_gateway_news
 //
 // Only 127.0.0.1 is listened on, by a socket that is bound here and read back (libwebsockets 4.1 ignores an interface given
 // as an address and listens on all of them). The page must come from there (Origin, Host) and must know the token, so
@@ -43,7 +43,7 @@ typedef struct kn_gateway {
     // the caller's
     void (*on_message)(void *arg, int page, const kn_web_message *message);
     void (*on_gone)(void *arg, int page);
-    // Fills the next message of a page: at most size bytes; 0: nothing to say.
+    // Fills the next message of a page: at most size bytes.
     size_t (*write)(void *arg, int page, uint8_t *bytes, size_t size);
     void *arg;
     // private
@@ -52,7 +52,7 @@ typedef struct kn_gateway {
     ev_io acceptable;
     int fd, connections;
     int64_t told_ms; // of the last refusal
-    char token[KN_GATEWAY_TOKEN + 1], host[32];
+    char token[KN_GATEWAY_TOKEN + 1], origin[40]; // http://127.0.0.1:PORT
     uint8_t *buffer;
     size_t buffer_size;
 } kn_gateway;
@@ -63,7 +63,8 @@ bool kn_gateway_open(kn_gateway *gateway, struct ev_loop *ev, int port, int fd, 
                      size_t error_size);
 int kn_gateway_listen(int port, char *error, size_t error_size); // on 127.0.0.1; -1 and one line in error
 int kn_gateway_pages(const kn_gateway *gateway);
-void kn_gateway_wake(kn_gateway *gateway); // pages with news are written to as soon as they can take it
+bool kn_gateway_wants(const kn_gateway *gateway); // some page would take a picture now
+void kn_gateway_news(kn_gateway *gateway);        // every page is written to as soon as it can take it
 void kn_gateway_close(kn_gateway *gateway);
 
 #endif

@@ -9,6 +9,8 @@
 
 #define QUALITY 82 // of JPEG: the squares of the table stay clean
 
+size_t kn_painter_largest(int width, int height) { return tjBufSize(width, height, TJSAMP_420); }
+
 static void draw(kn_painter *p, kn_renderer *r, tjhandle packer, uint8_t *rgba)
 {
     kn_still *s = &p->still;
@@ -33,7 +35,7 @@ static void *run(void *self)
     kn_renderer *r = kn_renderer_open(p->width, p->height, 1, p->error, p->error_size);
     tjhandle packer = tjInitCompress();
     uint8_t *rgba = malloc((size_t)p->width * (size_t)p->height * 4);
-    p->jpeg = tjAlloc((int)tjBufSize(p->width, p->height, TJSAMP_420));
+    p->jpeg = tjAlloc((int)kn_painter_largest(p->width, p->height));
     bool ok = r && packer && rgba && p->jpeg;
     if (r && !ok) snprintf(p->error, p->error_size, "out of memory");
     if (!ok) atomic_store(&p->stop, true);
@@ -82,6 +84,7 @@ void kn_painter_draw(kn_painter *p)
 
 void kn_painter_close(kn_painter *p)
 {
+    if (!p->width) return; // never opened
     atomic_store(&p->stop, true);
     sem_post(&p->wake);
     pthread_join(p->thread, NULL);
@@ -89,4 +92,5 @@ void kn_painter_close(kn_painter *p)
     sem_destroy(&p->opened);
     tjFree(p->jpeg);
     kn_still_free(&p->still);
+    p->width = 0;
 }

@@ -28,6 +28,7 @@ typedef struct kn_painter {
 // painter: zeroed but for still.view, and stays where it is. False and one line in error: no OpenGL.
 bool kn_painter_open(kn_painter *painter, int width, int height, void (*done)(void *arg), void *arg, char *error,
                      size_t error_size);
+size_t kn_painter_largest(int width, int height); // bytes that a JPEG of this size may have
 bool kn_painter_idle(const kn_painter *painter);
 void kn_painter_draw(kn_painter *painter); // only when idle
 void kn_painter_close(kn_painter *painter);

@@ -1,0 +1,62 @@
+#include "clients/knead/reach.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double hover_m = 0.004;  // above the highest point of the object
+static const double beside_m = 0.02;  // how far beside the object the tool may go
+static const double uneven_m = 2e-3;  // more of a dent is not waited for
+static const double thinnest = 0.5;   // of the block's height must stay under the tool: thinner cells turn inside out
+
+static double height(const kn_reach *r) { return r->def->spacing_m * (r->def->nodes[2] - 1); }
+
+bool kn_reach_open(kn_reach *r, const kn_model_def *def, const kn_probe_def *tool, double azimuth_deg,
+                   double elevation_deg, float aspect)
+{
+    int vertices;
+    float low[3] = {0}, high[3];
+    *r = (kn_reach){.def = def, .tool = tool, .top = kn_dent_top(def, &vertices)};
+    for (int i = 0; i < 3; i++) high[i] = (float)(def->spacing_m * (def->nodes[i] - 1) * (i == 2 ? 1.0 : 0.5));
+    for (int i = 0; i < 2; i++) low[i] = -high[i];
+    kn_camera_aim(&r->camera, low, high, azimuth_deg, elevation_deg, aspect);
+    return r->top != NULL;
+}
+
+void kn_reach_close(kn_reach *r)
+{
+    free(r->top);
+    memset(r, 0, sizeof *r);
+}
+
+void kn_reach_hover(const kn_reach *r, const kn_mesh *mesh, kn_pointer_wish *wish)
+{
+    double highest_m = 0;
+    for (int v = 0; v < mesh->vertex_count; v++) highest_m = fmax(highest_m, mesh->positions_m[3 * v + 2]);
+    wish->hover_z_m = highest_m + r->tool->radius_m + hover_m;
+}
+
+void kn_reach_aim(const kn_reach *r, double u, double v, kn_pointer_wish *wish)
+{
+    double at_m[2];
+    if (!kn_camera_pick(&r->camera, u, v, height(r), at_m)) return;
+    for (int i = 0; i < 2; i++) {
+        double most_m = 0.5 * r->def->spacing_m * (r->def->nodes[i] - 1) + beside_m;
+        wish->at_m[i] = fmin(fmax(at_m[i], -most_m), most_m);
+    }
+}
+
+bool kn_reach_touch(const kn_reach *r, const kn_mesh *mesh, kn_pointer_wish *wish)
+{
+    if (!kn_dent_touch(mesh, r->top, r->def->spacing_m, r->tool, wish->at_m[0], wish->at_m[1], &wish->touch_z_m,
+                       &wish->flush_z_m))
+        return false;
+    wish->flush_z_m = fmax(wish->flush_z_m, wish->touch_z_m - uneven_m);
+    return true;
+}
+
+double kn_reach_deepest(const kn_reach *r, const kn_pointer_wish *wish)
+{
+    double from_m = wish->pressed ? wish->touch_z_m - r->tool->radius_m : height(r);
+    double most_m = fmax(0, from_m - thinnest * height(r));
+    return r->tool->radius_m > 0 ? fmin(most_m, r->tool->radius_m) : most_m;
+}
