@@ -1,5 +1,6 @@
 // knead check: reads a scene as everything else does and says what it is, what it costs and what to watch for.
 #include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
 #include "core/kernel.h"
 #include "core/scene/scene.h"
 #include <getopt.h>
@@ -136,12 +137,9 @@ static int check(const char *path, const char *const *sets, int count, bool text
 {
     char error[512];
     kn_scene *scene = kn_scene_load(path, sets, count, error, sizeof error);
-    if (!scene) {
-        fprintf(stderr, "%s\n", error);
-        return KN_EXIT_USAGE;
-    }
+    if (!scene) return kn_complain("check", KN_EXIT_USAGE, "%s", error);
     kn_model *model = kn_model_build(&scene->model, error, sizeof error);
-    if (!model) fprintf(stderr, "%s:1:1: %s\n", path, error);
+    if (!model) kn_complain("check", KN_EXIT_USAGE, "%s:1:1: %s", path, error);
     else if (text) fputs(scene->text, stdout);
     else print_scene(scene, model);
     kn_model_destroy(model);
@@ -169,10 +167,8 @@ int kn_check_main(int argc, char **argv)
             status = KN_EXIT_OK;
         } else status = KN_EXIT_USAGE; // getopt has said what
     }
-    if (status < 0 && argc - optind != 1) {
-        fprintf(stderr, "knead check: expected one scene file; --help tells the rest\n");
-        status = KN_EXIT_USAGE;
-    }
+    if (status < 0 && argc - optind != 1)
+        status = kn_complain("check", KN_EXIT_USAGE, "expected one scene file; --help tells the rest");
     if (status < 0) status = check(argv[optind], sets, count, text);
     free(sets);
     return status;

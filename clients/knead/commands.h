@@ -4,7 +4,7 @@
 //
 //     X(name, "what it does, as `knead --help` says it")
 //
-// argv[0] of kn_<name>_main is the subcommand's name. Every subcommand answers --help itself, on stdout, exit 0;
+// argv[0] of kn_<name>_main is "knead <name>". Every subcommand answers --help itself, on stdout, exit 0;
 // `knead NAME --version` is answered here. Results go to stdout, complaints to stderr, one line each.
 #define KN_COMMANDS(X)                                                                                                 \
     X(check, "says what a scene is, what it costs, what to watch for; --keys: every key there is")                     \

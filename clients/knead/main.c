@@ -34,7 +34,12 @@ int main(int argc, char **argv)
     bool known = false;
     for (const command *c = commands; c->name; c++) {
         if (strcmp(name, c->name)) continue;
-        if (argc != 3 || strcmp(argv[2], "--version")) return c->main(argc - 1, argv + 1);
+        if (argc != 3 || strcmp(argv[2], "--version")) {
+            char full[32]; // what getopt begins its complaints with
+            snprintf(full, sizeof full, "knead %s", c->name);
+            argv[1] = full;
+            return c->main(argc - 1, argv + 1);
+        }
         known = true;
     }
     if (known || !strcmp(name, "--version")) {

@@ -1,6 +1,7 @@
 // knead replay: a log through the daemon's own servo under a virtual clock. The replay is server/replay.h's; here is what
 // is written of it, and what is said about it.
 #include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
 #include "core/hash.h"
 #include "server/log.h"
 #include "server/replay.h"
@@ -64,8 +65,7 @@ typedef struct replay_run {
 
 static int bad(const char *option, const char *value, const char *expected)
 {
-    fprintf(stderr, "knead replay: --%s %s: expected %s\n", option, value, expected);
-    return KN_EXIT_USAGE;
+    return kn_complain("replay", KN_EXIT_USAGE, "--%s %s: expected %s", option, value, expected);
 }
 
 static int add_set(replay_options *opt, const char *key, const char *value, const char *unit)
@@ -142,10 +142,8 @@ static int parse(replay_options *opt, int argc, char **argv, bool *done)
         if (code != KN_EXIT_OK) return code;
     }
     int files = argc - optind;
-    if (files != 1 && files != 2) {
-        fputs("knead replay: expected [SCENE] LOG; knead replay --help tells the rest\n", stderr);
-        return KN_EXIT_USAGE;
-    }
+    if (files != 1 && files != 2)
+        return kn_complain("replay", KN_EXIT_USAGE, "expected [SCENE] LOG; knead replay --help tells the rest");
     if (files == 2) opt->def.scene_path = argv[optind];
     opt->def.log_path = argv[argc - 1];
     opt->def.sets = opt->sets;
@@ -256,39 +254,32 @@ static int verdict(const replay_run *run)
     int probes = 0;
     for (int p = 0; p < KN_PROBES_MAX; p++) probes += run->probes[p];
     if (tally->gaps > 0)
-        fprintf(stderr, "%s: cannot be verified: %lld ticks ran whose force or pose is not in the log, the first is tick %lld\n",
-                log, (long long)tally->gaps, (long long)tally->first_gap);
-    else if (run->differs)
-        fprintf(stderr, "%s: differs after %lld equal forces: %s\n", log, (long long)run->verified - 1, run->difference);
-    else if (tally->mismatches > 0)
-        fprintf(stderr, "%s: %lld of %lld events have another state hash, the first at tick %lld\n", log,
-                (long long)tally->mismatches, (long long)tally->checkpoints, (long long)tally->first_mismatch);
-    else if (run->replay->damage[0])
-        fprintf(stderr, "%s: cannot be verified whole: %s; %lld forces before it are equal\n", log, run->replay->damage,
-                (long long)run->verified);
-    else if (tally->malformed > 0)
-        fprintf(stderr, "%s: cannot be verified whole: %lld malformed records were left out; %lld forces are equal\n", log,
-                (long long)tally->malformed, (long long)run->verified);
-    else {
-        printf("verified %lld forces, %d probe%s\n", (long long)run->verified, probes, probes == 1 ? "" : "s");
-        return KN_EXIT_OK;
-    }
-    return KN_EXIT_FAILED;
+        return kn_complain("replay", KN_EXIT_FAILED, "%s: cannot be verified: %lld ticks ran whose force or pose is not in the log, the first is tick %lld",
+                    log, (long long)tally->gaps, (long long)tally->first_gap);
+    if (run->differs)
+        return kn_complain("replay", KN_EXIT_FAILED, "%s: differs after %lld equal forces: %s", log, (long long)run->verified - 1, run->difference);
+    if (tally->mismatches > 0)
+        return kn_complain("replay", KN_EXIT_FAILED, "%s: %lld of %lld events have another state hash, the first at tick %lld", log,
+                    (long long)tally->mismatches, (long long)tally->checkpoints, (long long)tally->first_mismatch);
+    if (run->replay->damage[0])
+        return kn_complain("replay", KN_EXIT_FAILED, "%s: cannot be verified whole: %s; %lld forces before it are equal", log, run->replay->damage,
+                    (long long)run->verified);
+    if (tally->malformed > 0)
+        return kn_complain("replay", KN_EXIT_FAILED, "%s: cannot be verified whole: %lld malformed records were left out; %lld forces are equal", log,
+                    (long long)tally->malformed, (long long)run->verified);
+    printf("verified %lld forces, %d probe%s\n", (long long)run->verified, probes, probes == 1 ? "" : "s");
+    return KN_EXIT_OK;
 }
 
 // Why there is nothing to verify with, before any time is spent on it.
 static int refuse_verify(const replay_run *run)
 {
     const char *log = run->opt->def.log_path;
-    if (!run->replay->forces_logged) {
-        fprintf(stderr, "%s: cannot be verified: the log holds no forces\n", log);
-        return KN_EXIT_FAILED;
-    }
-    if (!run->replay->same) {
-        fprintf(stderr, "%s: --verify expects the log's own scene and computation, not what --set, --solver, --precision or --dt "
-                "ask for\n", log);
-        return KN_EXIT_USAGE;
-    }
+    if (!run->replay->forces_logged)
+        return kn_complain("replay", KN_EXIT_FAILED, "%s: cannot be verified: the log holds no forces", log);
+    if (!run->replay->same)
+        return kn_complain("replay", KN_EXIT_USAGE, "%s: --verify expects the log's own scene and computation, not what "
+                           "--set, --solver, --precision or --dt ask for", log);
     return KN_EXIT_OK;
 }
 
@@ -339,16 +330,16 @@ static void tell(const replay_run *run)
     const kn_replay *r = run->replay;
     const kn_replay_tally *t = &r->tally;
     const char *log = run->opt->def.log_path;
-    if (r->damage[0] && !run->opt->verify) fprintf(stderr, "%s: %s: what stands before it was used\n", log, r->damage);
-    if (t->malformed && !run->opt->verify)
-        fprintf(stderr, "%s: %lld malformed records were left out\n", log, (long long)t->malformed);
-    if (t->refused) fprintf(stderr, "%s: %lld poses were refused, as kneadd refuses them\n", log, (long long)t->refused);
-    if (t->gaps && !run->opt->verify)
-        fprintf(stderr, "%s: %lld ticks ran whose force or pose is not in the log, the first is tick %lld: replayed with the next "
-                "pose\n", log, (long long)t->gaps, (long long)t->first_gap);
-    if (t->mismatches && !run->opt->verify)
-        fprintf(stderr, "%s: %lld of %lld events have another state hash, the first at tick %lld\n", log,
-                (long long)t->mismatches, (long long)t->checkpoints, (long long)t->first_mismatch);
+    if (t->refused) kn_complain("replay", KN_EXIT_OK, "%s: %lld poses were refused, as kneadd refuses them", log, (long long)t->refused);
+    if (run->opt->verify) return; // and says the rest itself
+    if (r->damage[0]) kn_complain("replay", KN_EXIT_OK, "%s: %s: what stands before it was used", log, r->damage);
+    if (t->malformed) kn_complain("replay", KN_EXIT_OK, "%s: %lld malformed records were left out", log, (long long)t->malformed);
+    if (t->gaps)
+        kn_complain("replay", KN_EXIT_OK, "%s: %lld ticks ran whose force or pose is not in the log, the first is tick %lld: replayed with the next "
+                    "pose", log, (long long)t->gaps, (long long)t->first_gap);
+    if (t->mismatches)
+        kn_complain("replay", KN_EXIT_OK, "%s: %lld of %lld events have another state hash, the first at tick %lld", log,
+                    (long long)t->mismatches, (long long)t->checkpoints, (long long)t->first_mismatch);
 }
 
 static bool same_file(const char *a, const char *b)
@@ -361,16 +352,12 @@ static int open_outputs(replay_run *run)
 {
     const replay_options *opt = run->opt;
     const char *path = NULL;
-    if (same_file(opt->csv_path, opt->def.log_path) || same_file(opt->out_path, opt->def.log_path)) {
-        fprintf(stderr, "%s: is being read, expected another file to write\n", opt->def.log_path);
-        return KN_EXIT_USAGE;
-    }
+    if (same_file(opt->csv_path, opt->def.log_path) || same_file(opt->out_path, opt->def.log_path))
+        return kn_complain("replay", KN_EXIT_USAGE, "%s: is being read, expected another file to write", opt->def.log_path);
     if (opt->csv_path && !(run->csv = fopen(opt->csv_path, "w"))) path = opt->csv_path;
     else if (opt->out_path && !(run->out = lcm_eventlog_create(opt->out_path, "w"))) path = opt->out_path;
-    if (path) {
-        fprintf(stderr, "%s: %s, expected a file that can be written\n", path, strerror(errno));
-        return KN_EXIT_DEVICE;
-    }
+    if (path)
+        return kn_complain("replay", KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", path, strerror(errno));
     if (run->csv) fputs(columns, run->csv);
     return KN_EXIT_OK;
 }
@@ -383,8 +370,7 @@ static int close_outputs(replay_run *run)
         lcm_eventlog_destroy(run->out);
     }
     if (run->csv && (ferror(run->csv) | fclose(run->csv)) != 0) path = run->opt->csv_path;
-    if (path) fprintf(stderr, "%s: could not be written to its end\n", path);
-    return path ? KN_EXIT_DEVICE : KN_EXIT_OK;
+    return path ? kn_complain("replay", KN_EXIT_DEVICE, "%s: could not be written to its end", path) : KN_EXIT_OK;
 }
 
 static int play(replay_run *run)
@@ -422,10 +408,7 @@ int kn_replay_main(int argc, char **argv)
     int code = parse(&opt, argc, argv, &done);
     if (code != KN_EXIT_OK || done) return code;
     replay_run run = {.opt = &opt, .replay = kn_replay_create(&opt.def, error, sizeof error)};
-    if (!run.replay) {
-        fprintf(stderr, "%s\n", error);
-        return KN_EXIT_USAGE;
-    }
+    if (!run.replay) return kn_complain("replay", KN_EXIT_USAGE, "%s", error);
     code = play(&run);
     kn_replay_destroy(run.replay);
     return code;

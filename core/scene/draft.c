@@ -40,7 +40,8 @@ bool kn_draft_complain(kn_draft *draft, kn_mark mark, const char *format, ...)
     } else {
         const char *set = draft->sets[mark.source];
         int size = 0;
-        while (set[size] > ' ' && set[size] <= '~' && set[size] != '=' && size < 128) size++;
+        bool keyless = *set == '=';
+        while (set[size] > ' ' && set[size] <= '~' && (set[size] != '=' || keyless) && size < 128) size++;
         // a complaint that begins with the key itself need not say it twice
         bool twice = size > 0 && strncmp(what, set, (size_t)size) == 0 && what[size] == ':';
         snprintf(draft->error, draft->error_size, "--set %.*s%s", size, set, twice ? what + size : ": ");

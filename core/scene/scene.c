@@ -254,7 +254,7 @@ static bool read_set(kn_draft *draft, int number)
     const char *set = draft->sets[number], *equals = strchr(set, '=');
     kn_mark mark = {.source = number};
     char path[KN_LINE_MAX], hint[KN_LINE_MAX];
-    if (!equals || equals - set >= 128 || strspn(set, PATH_CHARACTERS) != (size_t)(equals - set))
+    if (!equals || equals == set || equals - set >= 128 || strspn(set, PATH_CHARACTERS) != (size_t)(equals - set))
         return kn_draft_complain(draft, mark, "expected key=value, e.g. material.k1='300 gf/cm^3'");
     snprintf(path, sizeof path, "%.*s", (int)(equals - set), set);
     int slot = 0;
@@ -297,6 +297,7 @@ kn_scene *kn_scene_parse(const char *name, const char *text, size_t size, const 
 
 kn_scene *kn_scene_load(const char *path, const char *const *sets, int set_count, char *error, size_t error_size)
 {
+    if (!*path) return snprintf(error, error_size, "'': expected the name of a scene file"), NULL;
     FILE *file = fopen(path, "rb");
     char *text = file ? malloc(FILE_MAX_BYTES + 1) : NULL;
     size_t size = text ? fread(text, 1, FILE_MAX_BYTES + 1, file) : 0;

@@ -45,8 +45,11 @@ refuses "deep.yaml:1:1: a list, expected a scene that begins with 'version: 1'" 
 refuses "keys.yaml:1:3: unknown key 'k1', did you mean material.k1?" keys.yaml
 
 dough=$KN_SOURCE/core/scenes/dough.yaml
-refuses "--set material.k1: '300' has no unit, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
+refuses "knead check: --set material.k1: '300' has no unit, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
     "$dough" --set material.k1=300
+refuses "knead check: --set =3: expected key=value, e.g. material.k1='300 gf/cm^3'" "$dough" --set =3
+refuses "knead check: '': expected the name of a scene file" ''
+refuses "knead check: unrecognized option '--wood'" "$dough" --wood
 refuses "knead check: expected one scene file; --help tells the rest"
 
 # an unstable Runge-Kutta step is refused with its limit
