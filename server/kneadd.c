@@ -26,7 +26,7 @@ static int bad(const char *what, const char *expected)
     return 2;
 }
 
-int main(int argc, char **argv)
+static int run(int argc, char **argv)
 {
     static const struct option options[] = {
         {"scene", required_argument, NULL, 's'},    {"set", required_argument, NULL, 'k'},
@@ -61,4 +61,12 @@ int main(int argc, char **argv)
     int code = kn_daemon_run(&def);
     free(sets);
     return code;
+}
+
+int main(int argc, char **argv)
+{
+    int code = run(argc, argv);
+    if (!(fflush(stdout) | ferror(stdout))) return code; // both: what failed on the way is not told by the last flush
+    fputs("kneadd: standard output could not be written to its end\n", stderr);
+    return code ? code : 3;
 }

@@ -161,8 +161,10 @@ int kn_check_main(int argc, char **argv)
     for (int c; status < 0 && (c = getopt_long(argc, argv, "h", options, NULL)) != -1;) {
         if (c == 's') sets[count++] = optarg;
         else if (c == 't') text = true;
-        else if (c == 'h') status = fputs(usage, stdout) < 0;
-        else if (c == 'k') {
+        else if (c == 'h') {
+            fputs(usage, stdout);
+            status = KN_EXIT_OK;
+        } else if (c == 'k') {
             for (const char *const *line = kn_scene_keys(); *line; line++) puts(*line);
             status = KN_EXIT_OK;
         } else status = KN_EXIT_USAGE; // getopt has said what

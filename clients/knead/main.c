@@ -24,7 +24,7 @@ static void print_help(FILE *out)
                  "Exit codes: 0 ok, 1 the check asked for failed, 2 bad input, 3 device or transport, 70 internal.\n");
 }
 
-int main(int argc, char **argv)
+static int run(int argc, char **argv)
 {
     const char *name = argc > 1 ? argv[1] : "";
     if (!strcmp(name, "--help") || !strcmp(name, "-h")) {
@@ -51,4 +51,12 @@ int main(int argc, char **argv)
     else
         fprintf(stderr, "knead: no subcommand `%s`; knead --help lists them\n", name);
     return KN_EXIT_USAGE;
+}
+
+int main(int argc, char **argv)
+{
+    int code = run(argc, argv);
+    if (!(fflush(stdout) | ferror(stdout))) return code; // both: what failed on the way is not told by the last flush
+    fputs("knead: standard output could not be written to its end\n", stderr);
+    return code == KN_EXIT_OK ? KN_EXIT_DEVICE : code;
 }

@@ -24,6 +24,11 @@ for name in $(sed -n 's/^  \([a-z]*\) .*/\1/p' help); do
     [ "$(knead "$name" --version)" = "$(knead --version)" ] || fail "knead $name --version"
 done
 grep -q '^  probe ' help || fail "knead --help does not list probe"
+for command in "knead --help" "knead --version" "knead check --keys" "knead check $KN_SOURCE/core/scenes/dough.yaml" "kneadd --help"; do
+    $command >/dev/full 2>err
+    got=$?
+    [ $got -eq 3 ] && [ "$(wc -l <err)" -eq 1 ] || fail "$command on a full disk: exit $got, $(cat err)"
+done
 knead >out 2>err && fail "knead without a subcommand: exit 0"
 [ -s err ] && [ ! -s out ] || fail "knead without a subcommand: help belongs on stderr"
 
