@@ -150,7 +150,8 @@ static void print_machine(void)
     const char *level = "NOT optimised";
 #endif
     printf("machine   %s\ncompiler  %s, %s\n", model, compiler, level);
-    printf("block     5 x 5 x 3 cm of dough, 1 cm x 5 cm plate, 1 cm/s to 1 cm, held %g s, withdrawn; 1 ms steps, one core\n\n",
+    printf("block     5 x 5 x 3 cm of dough, 1 cm x 5 cm plate, 1 cm/s to 1 cm, held %g s, withdrawn; 1 ms steps, "
+           "one core\n\n",
            path.hold_s);
 }
 
@@ -223,8 +224,10 @@ int main(int argc, char **argv)
     row rows[18];
     int count = 0;
     print_machine();
-    puts("| nodes | kernel      | us median |   us p90 | ns/node |  force % |  shape % | TV/pk | its   | secant | target |");
-    puts("|------:|-------------|----------:|---------:|-------:|---------:|---------:|------:|------:|-------:|-------:|");
+    puts("| nodes | kernel      | us median |   us p90 | ns/node |  force % |  shape % | TV/pk | its   | secant "
+         "| target |");
+    puts("|------:|-------------|----------:|---------:|-------:|---------:|---------:|------:|------:|-------:"
+         "|-------:|");
     for (int b = 0; b < (o.quick ? 2 : 3); b++) bench_block(blocks[b].per_cm, blocks[b].target_us, rows, &count);
     print_time_step_error();
     int failed = 0;

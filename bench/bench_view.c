@@ -1,5 +1,5 @@
-// Time of a picture: the dough block with its lines, a plate and an arrow, drawn and read back. cpu: all threads of this
-// process together; wall: what a caller waits, which on a busy machine holds other people's work too.
+// Time of a picture: the dough block with its lines, a plate and an arrow, drawn and read back. cpu: all threads of
+// this process together; wall: what a caller waits, which on a busy machine holds other people's work too.
 #include "clients/viewer/renderer.h"
 #include "core/surface.h"
 #include <stdio.h>
@@ -45,8 +45,8 @@ static void bench(int per_cm, int width, int height, int samples)
     kn_view_scene scene = kn_view_scene_default();
     scene.xyz = (const float(*)[3])xyz;
     scene.probe_count = 1;
-    scene.probe[0] = (kn_view_probe){.def = {.shape = KN_PROBE_PLATE, .size_m = {0.01, 0.06}}, .position_m = {0, 0, 0.03},
-                                     .force_n = {0, 0, 10}};
+    scene.probe[0] = (kn_view_probe){
+        .def = {.shape = KN_PROBE_PLATE, .size_m = {0.01, 0.06}}, .position_m = {0, 0, 0.03}, .force_n = {0, 0, 10}};
     double cpu[PICTURES], wall[PICTURES];
     for (int i = -WARM_UP; i < PICTURES; i++) {
         double cpu_ms = clock_ms(CLOCK_PROCESS_CPUTIME_ID), wall_ms = clock_ms(CLOCK_MONOTONIC);
@@ -57,8 +57,8 @@ static void bench(int per_cm, int width, int height, int samples)
     }
     qsort(cpu, PICTURES, sizeof *cpu, ascending);
     qsort(wall, PICTURES, sizeof *wall, ascending);
-    printf("| %5d | %4d x %-4d | %7d | %6.1f | %6.1f | %6.1f | %6.1f |\n", model->grid.nodes, width, height, samples, cpu[PICTURES / 2],
-           cpu[PICTURES * 9 / 10], wall[PICTURES / 2], wall[PICTURES * 9 / 10]);
+    printf("| %5d | %4d x %-4d | %7d | %6.1f | %6.1f | %6.1f | %6.1f |\n", model->grid.nodes, width, height, samples,
+           cpu[PICTURES / 2], cpu[PICTURES * 9 / 10], wall[PICTURES / 2], wall[PICTURES * 9 / 10]);
     fflush(stdout);
     kn_renderer_close(r);
     free(xyz);

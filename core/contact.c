@@ -70,7 +70,8 @@ static void follow(kn_probe_state *probe, const kn_probe_input *in)
 static bool under_plate(const kn_model *model, const kn_probe_def *def, const double plate[3], const double x[3])
 {
     double slack = 0.1 * model->def.spacing_m;
-    return fabs(x[0] - plate[0]) <= 0.5 * def->size_m[0] + slack && fabs(x[1] - plate[1]) <= 0.5 * def->size_m[1] + slack;
+    return fabs(x[0] - plate[0]) <= 0.5 * def->size_m[0] + slack &&
+           fabs(x[1] - plate[1]) <= 0.5 * def->size_m[1] + slack;
 }
 
 // A node goes with one plate: the first that touched it.
@@ -255,16 +256,19 @@ static void end_hold(const kn_model *model, kn_state *state, const kn_hold *hold
 static void end_sample(const kn_model *model, kn_state *state, const kn_sample *s, kn_output *output)
 {
     if (!(s->force_n > 0)) return;
-    state->probe[s->probe].work_j += model->def.solver.dt_s * s->force_n * dot(s->normal, state->probe[s->probe].velocity_m_s);
+    state->probe[s->probe].work_j +=
+        model->def.solver.dt_s * s->force_n * dot(s->normal, state->probe[s->probe].velocity_m_s);
     double at[3], force[3];
     for (int k = 0; k < 3; k++) {
-        at[k] = state->probe[s->probe].position_m[k] + s->normal[k] * (model->def.probe[s->probe].radius_m - s->depth_m);
+        at[k] =
+            state->probe[s->probe].position_m[k] + s->normal[k] * (model->def.probe[s->probe].radius_m - s->depth_m);
         force[k] = -s->force_n * s->normal[k];
     }
     add_force(&output->probe[s->probe], at, force);
 }
 
-void kn_contact_end(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact, kn_output *output)
+void kn_contact_end(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact,
+                    kn_output *output)
 {
     double dt = model->def.solver.dt_s;
     for (int p = 0; p < model->def.probe_count; p++) {
@@ -297,7 +301,8 @@ static double plate_clearance(const kn_model *model, const kn_state *state, cons
     return clear;
 }
 
-static double sphere_clearance(const kn_model *model, const kn_state *state, const kn_probe_def *def, const double at[3])
+static double sphere_clearance(const kn_model *model, const kn_state *state, const kn_probe_def *def,
+                               const double at[3])
 {
     double nearest = INFINITY, weight[9], point[3], away[3], outwards[3], sign = 1;
     for (int f = 0; f < model->face_count; f++)

@@ -2,8 +2,8 @@
 #define KN_CORE_CONTACT_H
 // Rigid probes against the block. Geometry only: what is held and what presses, for either solver to use.
 //
-// Following. The model's probe never jumps to a pose. It moves with v = velocity_m_s + (position_m - x)/20 ms, so a late
-// or repeated pose costs a per cent of force where a probe pinned to the last pose would lose all of it.
+// Following. The model's probe never jumps to a pose. It moves with v = velocity_m_s + (position_m - x)/20 ms, so a
+// late or repeated pose costs a per cent of force where a probe pinned to the last pose would lose all of it.
 //
 // Plate. Top nodes that it reaches are held: their velocity is the plate's (it sticks), what the lattice's residual
 // leaves on them is the contact force, unfiltered. A node that would pull is let go.
@@ -55,6 +55,7 @@ void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *inp
 double kn_sample_gap_rate(const kn_model *model, const kn_state *state, const kn_sample *s, const void *field);
 
 // Sums forces on each probe, releases nodes that pull, advances the probes by one step.
-void kn_contact_end(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact, kn_output *output);
+void kn_contact_end(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact,
+                    kn_output *output);
 
 #endif

@@ -50,7 +50,8 @@ static void lattice_coords(const kn_grid *g, int node, int abc[3])
 
 static size_t row_slot(const kn_grid *g, int row, int components, int component, int a)
 {
-    size_t vector = ((size_t)row * (size_t)components + (size_t)component) * (size_t)g->vectors + (size_t)(a % g->vectors);
+    size_t vector =
+        ((size_t)row * (size_t)components + (size_t)component) * (size_t)g->vectors + (size_t)(a % g->vectors);
     return vector * KN_LANES + (size_t)(a / g->vectors);
 }
 

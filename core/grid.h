@@ -3,10 +3,11 @@
 // The regular lattice: where its nodes and edges stand in memory, and how stiff each edge is.
 //
 // Nodes are the corners of n-1 cubic cells along x, y, z. Every cell has 12 sides, 12 face diagonals, 4 body diagonals;
-// each is an edge with the whole material law. Edges are assembled per cell: a side gets 1/4, a face diagonal 1/2, a body
-// diagonal 1 from each cell that holds it, so edges on the surface carry their share and no more, and the uniaxial patch
-// test is exact on any block. With equal k on all of them E = 2.7 k/h, i.e. kappa = k/E = h/2.7 metres. The stress
-// that the damper sees is |f|/(gamma kappa L0): gamma = 0.46 makes a lattice creep as the 1-D element does within 3-7 % (20-70 gf/cm^2, 60 s).
+// each is an edge with the whole material law. Edges are assembled per cell: a side gets 1/4, a face diagonal 1/2, a
+// body diagonal 1 from each cell that holds it, so edges on the surface carry their share and no more, and the uniaxial
+// patch test is exact on any block. With equal k on all of them E = 2.7 k/h, i.e. kappa = k/E = h/2.7 metres. The
+// stress that the damper sees is |f|/(gamma kappa L0): gamma = 0.46 makes a lattice creep as the 1-D element does
+// within 3-7 % (20-70 gf/cm^2, 60 s).
 //
 // Memory. Rows run along the axis that fills 16 lanes best; a row has K = ceil(n/16) vectors, INTERLEAVED: lane l of
 // vector k is the node l*K + k of the row. So the neighbour at +1 is the next vector, and only the last one needs a

@@ -1,4 +1,4 @@
-// One source for three instruction sets and two precisions; see kernel.h for what the loops do and grid.h for the layout.
+// One source for three instruction sets and two precisions; kernel.h says what the loops do, grid.h the layout.
 #include "core/kernel.h"
 #include "core/lanes.h"
 
@@ -234,8 +234,8 @@ LANES_INLINE void law_table(const tables *t, kn_linearization how, lanes b, lane
 }
 #endif
 
-LANES_INLINE void law_of(const kn_model *model, const tables *t, kn_law_kind kind, kn_linearization how, lanes b, lanes *s,
-                         lanes *root)
+LANES_INLINE void law_of(const kn_model *model, const tables *t, kn_law_kind kind, kn_linearization how, lanes b,
+                         lanes *s, lanes *root)
 {
     if (kind == KN_LAW_EXACT) {
         law_exact(&model->law, how, b, s, root);
@@ -250,8 +250,8 @@ LANES_INLINE void law_of(const kn_model *model, const tables *t, kn_law_kind kin
 }
 
 // The second evaluation, for the few edges beside prescribed nodes: out of line, to keep the first one's loop small.
-static __attribute__((noinline)) void law_again(const kn_model *model, const tables *t, kn_law_kind kind, kn_linearization how,
-                                                const lanes *b, lanes *s, lanes *root)
+static __attribute__((noinline)) void law_again(const kn_model *model, const tables *t, kn_law_kind kind,
+                                                kn_linearization how, const lanes *b, lanes *s, lanes *root)
 {
     law_of(model, t, kind, how, *b, s, root);
 }
@@ -268,7 +268,8 @@ typedef struct fields { // the arrays of a state, typed
 LANES_INLINE fields fields_of(const kn_state *state, int K)
 {
     const kn_work *w = kn_state_work(state);
-    return (fields){K, state->displacement, state->velocity, state->strain, w->guess, w->r, w->q, w->d, w->z, w->p, w->g, w->free};
+    return (fields){
+        K, state->displacement, state->velocity, state->strain, w->guess, w->r, w->q, w->d, w->z, w->p, w->g, w->free};
 }
 
 LANES_INLINE lanes dot(const lanes a[3], const lanes b[3])
@@ -302,7 +303,8 @@ LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields 
     if (x->moved || again) {
         lanes dg[3];
         for (int c = 0; c < 3; c++)
-            dg[c] = lanes_sub(near(f->K, f->guess, x->to, c, x->k, x->s), lanes_load(f->guess + at(f->K, x->row, 3, c, x->k)));
+            dg[c] = lanes_sub(near(f->K, f->guess, x->to, c, x->k, x->s),
+                              lanes_load(f->guess + at(f->K, x->row, 3, c, x->k)));
         wanted = dot(n, dg);
     }
     if (kind == KN_LAW_VOIGT) {
@@ -318,8 +320,8 @@ LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields 
     real *strain = f->u + at(f->K, x->row, KN_FORWARD, x->e, x->k);
     u = lanes_load(strain);
     if (!again) {
-        // what the edge really did in the last step, to second order from velocities: differences of lengths in f32 lose
-        // 4 digits. (L_new - L_old)/dt = Ld - dt/2 (|dv|^2 - Ld^2)/L
+        // what the edge really did in the last step, to second order from velocities: differences of lengths in f32
+        // lose 4 digits. (L_new - L_old)/dt = Ld - dt/2 (|dv|^2 - Ld^2)/L
         lanes across2 = lanes_fnma(rate, rate, dot(dv, dv));
         lanes done = lanes_fnma(lanes_mul(lanes_set(t->half_dt), across2), inverse, rate);
         b = lanes_fma(a, lanes_mul(done, scale), lanes_mul(k1, u));
@@ -332,7 +334,7 @@ LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields 
     if (x->moved || again) {
         law_again(model, t, kind, how, &sought, stress, root);
     } else {
-        // one evaluation serves both: the guess is the last velocity, so b moved only by k1 du and the second-order term
+        // one evaluation serves both: the guess is the last velocity, b moved only by k1 du and the second-order term
         *stress = lanes_fma(lanes_mul(*root, *root), lanes_sub(sought, b), s);
     }
 }
@@ -348,7 +350,8 @@ LANES_INLINE void edge_add(const kn_model *model, const tables *t, const fields 
     lanes n[3], stress, root;
     edge_law(model, t, f, x, kind, how, again, n, &stress, &root);
     size_t lane = (size_t)x->k * KN_LANES;
-    lanes tension = lanes_mul(stress, lanes_mul(lanes_set(t->area[x->e] * x->share), lanes_load(t->lane_near[x->s + 1] + lane)));
+    lanes tension =
+        lanes_mul(stress, lanes_mul(lanes_set(t->area[x->e] * x->share), lanes_load(t->lane_near[x->s + 1] + lane)));
     root = lanes_mul(root, lanes_mul(lanes_set(t->root * x->root), lanes_load(t->lane_near_root[x->s + 1] + lane)));
     int to = near_vector(f->K, x->k, x->s);
     lanes g[3], far[3];
@@ -398,7 +401,8 @@ LANES_INLINE lanes mass_of(const tables *t, int b, int c, int k)
 }
 
 // A row whose edges are all in: mass, weight, constraints, inverse block, z. Returns r.z by lanes.
-LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *work, int row, int b, int c, int k, bool again)
+LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *work, int row, int b, int c, int k,
+                              bool again)
 {
     lanes m[6], p[6], r[3], z[3], mass = mass_of(t, b, c, k);
     for (int i = 0; i < 3; i++) r[i] = lanes_load(f->r + at(f->K, row, 3, i, k));
@@ -422,7 +426,8 @@ LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *w
         for (int i = 0; i < 3; i++) {
             int o = pair[i][0];
             m[o] = lanes_mul(m[o], lanes_mul(loose[pair[i][1]], loose[pair[i][2]]));
-            m[diagonal[i]] = lanes_less(loose[i], lanes_set((real)0.5), one, m[diagonal[i]]); // 1 where prescribed, to the bit
+            // 1 where prescribed, to the bit
+            m[diagonal[i]] = lanes_less(loose[i], lanes_set((real)0.5), one, m[diagonal[i]]);
         }
         invert_block(m, p);
         for (int i = 0; i < 3; i++) p[diagonal[i]] = lanes_mul(p[diagonal[i]], loose[i]);
@@ -461,8 +466,8 @@ LANES_INLINE void edge_row(const kn_model *model, const tables *t, const fields 
     for (int i = 0; i < 6; i++) store_add(f->p + at(f->K, row, 6, i, k), own.block[i]);
 }
 
-LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kind kind, kn_linearization how, bool again,
-                              int K)
+LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kind kind, kn_linearization how,
+                              bool again, int K)
 {
     const tables *t = model->tables;
     const kn_work *work = kn_state_work(state);

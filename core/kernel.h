@@ -1,15 +1,15 @@
 #ifndef KN_CORE_KERNEL_H
 #define KN_CORE_KERNEL_H
-// The hot loops of the implicit step. kernel.c is compiled once per instruction set and precision; a model points at the
-// set it was built for. All of them visit rows in memory order and sum in the same order: the same bits everywhere.
+// The hot loops of the implicit step. kernel.c is compiled once per instruction set and precision; a model points at
+// the set it was built for. All of them visit rows in memory order and sum in the same order: the same bits everywhere.
 //
-//     edge        law of every edge -> residual r, sqrt(slope) vectors g, block-Jacobi inverse P, z = P r     [once a step]
-//     apply       d = z + beta d;  q = (M/dt + sum g g^T) d;  returns d.q                                      [per iteration]
-//     update      guess += a d;  r -= a q;  z = P r;  returns r.z                                              [per iteration]
-//     integrate   displacement += dt guess;  velocity = guess                                                  [once a step]
+//     edge       law of every edge -> residual r, sqrt(slope) vectors g, block-Jacobi inverse P, z = P r  [step]
+//     apply      d = z + beta d;  q = (M/dt + sum g g^T) d;  returns d.q                                 [iteration]
+//     update     guess += a d;  r -= a q;  z = P r;  returns r.z                                         [iteration]
+//     integrate  displacement += dt guess;  velocity = guess                                             [step]
 //
-// Constrained components have zero rows and columns in P, so their guess never moves and r keeps what they carry: at the
-// end r there is the force that the lattice exerts on whatever holds the node. Contact force for free.
+// Constrained components have zero rows and columns in P, so their guess never moves and r keeps what they carry: at
+// the end r there is the force that the lattice exerts on whatever holds the node. Contact force for free.
 #include "core/state.h"
 
 // Solver vectors in the scratch part of a state, in the model's precision. r and P must be zero (or hold contact terms)
@@ -47,7 +47,8 @@ static inline kn_work *kn_state_work(const kn_state *state) { return state->scra
 // Element i of a field in the model's precision, for the few scalar places (contact, output).
 static inline double kn_real_get(const kn_model *model, const void *field, size_t i)
 {
-    return model->def.solver.precision == KN_PRECISION_F32 ? (double)((const float *)field)[i] : ((const double *)field)[i];
+    bool single = model->def.solver.precision == KN_PRECISION_F32;
+    return single ? (double)((const float *)field)[i] : ((const double *)field)[i];
 }
 static inline void kn_real_set(const kn_model *model, void *field, size_t i, double value)
 {

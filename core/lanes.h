@@ -57,7 +57,7 @@ typedef __m256d native;
 #define N_MAX(a, b) _mm256_max_pd(a, b)
 #define N_LESS(a, b, x, y) _mm256_blendv_pd(y, x, _mm256_cmp_pd(a, b, _CMP_LT_OQ))
 #else
-// GNU vectors of all 16 lanes: the compiler makes of them what the processor has. Fused operations and roots go lane by lane.
+// GNU vectors of all 16 lanes: the compiler makes of them what the processor has. Fused operations and roots: by lane.
 typedef real native __attribute__((vector_size(KN_LANES * sizeof(real)), may_alias));
 typedef __typeof__((native){0} < (native){0}) native_mask;
 #define PARTS 1
@@ -71,7 +71,8 @@ LANES_INLINE native base_mul(native a, native b) { return a * b; }
 LANES_INLINE native base_div(native a, native b) { return a / b; }
 LANES_INLINE native base_sqrt(native a)
 {
-    for (int i = 0; i < KN_LANES; i++) a[i] = sizeof(real) == sizeof(float) ? (real)sqrtf((float)a[i]) : (real)sqrt((double)a[i]);
+    for (int i = 0; i < KN_LANES; i++)
+        a[i] = sizeof(real) == sizeof(float) ? (real)sqrtf((float)a[i]) : (real)sqrt((double)a[i]);
     return a;
 }
 static __attribute__((noinline)) void base_fuse(const native *a, const native *b, native *c)
@@ -118,12 +119,12 @@ LANES_INLINE lanes lanes_load(const real *p)
 }
 LANES_INLINE void lanes_store(real *p, lanes a) { EACH N(store)(p + W * i, a.part[i]); }
 
-#define LANES_2(name, expression)                                                                                       \
-    LANES_INLINE lanes lanes_##name(lanes a, lanes b)                                                                   \
-    {                                                                                                                   \
-        lanes r;                                                                                                        \
-        EACH r.part[i] = expression;                                                                                    \
-        return r;                                                                                                       \
+#define LANES_2(name, expression)                                                                                      \
+    LANES_INLINE lanes lanes_##name(lanes a, lanes b)                                                                  \
+    {                                                                                                                  \
+        lanes r;                                                                                                       \
+        EACH r.part[i] = expression;                                                                                   \
+        return r;                                                                                                      \
     }
 LANES_2(add, N(add)(a.part[i], b.part[i]))
 LANES_2(sub, N(sub)(a.part[i], b.part[i]))
@@ -159,7 +160,7 @@ LANES_INLINE lanes lanes_less(lanes a, lanes b, lanes x, lanes y) // a < b ? x :
 
 // Lane l takes lane l+1 (next) or l-1 (prev); the row's end wraps, where the edge that uses it has weight 0.
 #if KN_KERNEL_AVX512 && KN_KERNEL_F32
-#define ROTATE(v, n)                                                                                                    \
+#define ROTATE(v, n)                                                                                                   \
     _mm512_castsi512_ps(_mm512_alignr_epi32(_mm512_castps_si512((v).part[0]), _mm512_castps_si512((v).part[0]), n))
 LANES_INLINE lanes lanes_next(lanes a) { return (lanes){{ROTATE(a, 1)}}; }
 LANES_INLINE lanes lanes_prev(lanes a) { return (lanes){{ROTATE(a, 15)}}; }
@@ -204,11 +205,13 @@ LANES_INLINE lanes lanes_prev(lanes a)
 #else
 LANES_INLINE lanes lanes_next(lanes a)
 {
-    return (lanes){{__builtin_shufflevector(a.part[0], a.part[0], 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 0)}};
+    native v = a.part[0];
+    return (lanes){{__builtin_shufflevector(v, v, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 0)}};
 }
 LANES_INLINE lanes lanes_prev(lanes a)
 {
-    return (lanes){{__builtin_shufflevector(a.part[0], a.part[0], 15, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14)}};
+    native v = a.part[0];
+    return (lanes){{__builtin_shufflevector(v, v, 15, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14)}};
 }
 #endif
 
@@ -254,7 +257,8 @@ LANES_INLINE lanes lanes_table(const float *table, segment s)
     __m256 low = _mm256_load_ps(table), high = _mm256_load_ps(table + 8);
     lanes r;
     for (int i = 0; i < 2; i++) // bit 3 of the index, moved to the sign, chooses the half
-        r.part[i] = _mm256_blendv_ps(_mm256_permutevar8x32_ps(low, s.part[i]), _mm256_permutevar8x32_ps(high, s.part[i]),
+        r.part[i] = _mm256_blendv_ps(_mm256_permutevar8x32_ps(low, s.part[i]),
+                                     _mm256_permutevar8x32_ps(high, s.part[i]),
                                      _mm256_castsi256_ps(_mm256_slli_epi32(s.part[i], 28)));
     return r;
 }

@@ -2,8 +2,8 @@
 #define KN_CORE_LAW_H
 // The constitutive law of one implicit step: one increasing function per material and time step.
 //
-// In stress units every edge of every length obeys the same law. With strain u = (p - p0)/(gamma L0) of the Voigt part and
-// rate w = L'/(gamma L0) of the whole edge, backward Euler gives for the stress s = t/(gamma kappa L0)
+// In stress units every edge of every length obeys the same law. With strain u = (p - p0)/(gamma L0) of the Voigt part
+// and rate w = L'/(gamma L0) of the whole edge, backward Euler gives for the stress s = t/(gamma kappa L0)
 //
 //     s + A g(s) = b,     A = c1 + dt k1,     b = A w + k1 u,     g(s) = s/c2(|s|)                       (1)
 //
@@ -11,9 +11,9 @@
 // c2 is never taken at the previous stress: that chatters with period 2 at every time step (52 % force error).
 // Then u += dt (s - k1 u)/A, and the slope the solver needs, ds/dw, is A/(1 + A g') (tangent) or A/(1 + A/c2) (secant).
 //
-// Table. y = |b|/b0 with b0 = T^-1(p0). Below y = 1 and above yh = T^-1(p1)/b0 the law is a straight line, between them 16
-// cubics in y whose index is read off the float's exponent and top mantissa bits, which fit one vector register each.
-// sqrt(slope) is a quadratic on the same segments. Kinks are exact: s = max(sh y, min(sl y, P(clamp(y, 1, yh)))).
+// Table. y = |b|/b0 with b0 = T^-1(p0). Below y = 1 and above yh = T^-1(p1)/b0 the law is a straight line, between them
+// 16 cubics in y whose index is read off the float's exponent and top mantissa bits, which fit one vector register
+// each. sqrt(slope) is a quadratic on the same segments. Kinks are exact: s = max(sh y, min(sl y, P(clamp(y, 1, yh)))).
 #include "core/material.h"
 #include <stdbool.h>
 
@@ -52,10 +52,12 @@ typedef struct kn_law {
 } kn_law;
 
 // Builds the law for one step length; exact = true asks for KN_LAW_EXACT where the damper depends on force.
-// A range of b wider than the table can hold to 1e-3 also becomes KN_LAW_EXACT. dt_s >= 0 (0: an explicit method's law).
+// A range of b wider than the table can hold to 1e-3 also becomes KN_LAW_EXACT. dt_s >= 0 (0: for an explicit
+// method).
 void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact);
 
-// s = T(b) to rounding: closed form outside [p0, p1], safeguarded Newton on ln(s (1 + A/c2)/b) inside. The oracle of the table.
+// s = T(b) to rounding: closed form outside [p0, p1], safeguarded Newton on ln(s (1 + A/c2)/b) inside: the table's
+// oracle.
 double kn_law_stress(const kn_law *law, double b_pa);
 
 // ds/db at stress s; ds/dw is A times this.

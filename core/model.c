@@ -15,12 +15,18 @@ kn_model_def kn_model_def_default(void)
     const double gf_cm2 = 98.0665; // Pa
     return (kn_model_def){
         // the first paper's dough, per cm of specimen height
-        .material = {.k1_pa = 470 * gf_cm2, .c1_pa_s = 2500 * gf_cm2, .damper = KN_DAMPER_EXPONENTIAL,
-                     .alpha_pa_s = 8.16e4 * gf_cm2, .beta_per_pa = 0.0815 / gf_cm2, .p0_pa = 9 * gf_cm2, .p1_pa = 80 * gf_cm2},
+        .material = {.k1_pa = 470 * gf_cm2,
+                     .c1_pa_s = 2500 * gf_cm2,
+                     .damper = KN_DAMPER_EXPONENTIAL,
+                     .alpha_pa_s = 8.16e4 * gf_cm2,
+                     .beta_per_pa = 0.0815 / gf_cm2,
+                     .p0_pa = 9 * gf_cm2,
+                     .p1_pa = 80 * gf_cm2},
         .density_kg_m3 = 1200,
         .nodes = {6, 6, 4},
         .spacing_m = 0.01,
-        .solver = {.dt_s = 1e-3, .iterations = 8, .iterations_max = 24, .tolerance = 1e-3, .passes = 1, .mass_scale = 1},
+        .solver =
+            {.dt_s = 1e-3, .iterations = 8, .iterations_max = 24, .tolerance = 1e-3, .passes = 1, .mass_scale = 1},
     };
 }
 
@@ -30,7 +36,8 @@ static const char *check_probe(const kn_model_def *def, const kn_probe_def *p)
         return "a plate needs two positive sizes";
     if (p->shape == KN_PROBE_SPHERE && !(p->radius_m >= def->spacing_m && isfinite(p->radius_m)))
         return "a sphere's radius must be at least the lattice spacing, or it falls between the nodes";
-    if (!(p->foundation_n_m3 >= 0 && isfinite(p->foundation_n_m3))) return "a foundation stiffness must not be negative";
+    if (!(p->foundation_n_m3 >= 0 && isfinite(p->foundation_n_m3)))
+        return "a foundation stiffness must not be negative";
     return NULL;
 }
 
@@ -39,7 +46,8 @@ static const char *check_lattice(const kn_model_def *def)
     double nodes = 1;
     for (int k = 0; k < 3; k++) {
         if (def->nodes[k] < 1) return "needs at least one node along every axis";
-        if (def->structure == KN_STRUCTURE_DIAGONALS && def->nodes[k] < 2) return "a lattice with diagonals needs two nodes along every axis";
+        if (def->structure == KN_STRUCTURE_DIAGONALS && def->nodes[k] < 2)
+            return "a lattice with diagonals needs two nodes along every axis";
         nodes *= def->nodes[k];
     }
     if (nodes > NODES_MAX) return "more than 4194304 nodes";
@@ -54,7 +62,8 @@ static const char *check_solver(const kn_solver_def *s)
     if (!(s->dt_s > 0 && s->dt_s <= 0.1)) return "dt must be in (0, 0.1] s";
     if (!(s->mass_scale >= 1 && isfinite(s->mass_scale))) return "mass_scale must be at least 1";
     if (s->kind == KN_SOLVER_RK4) return s->precision == KN_PRECISION_F64 ? NULL : "rk4 runs in f64 only";
-    if (s->iterations < 1 || s->iterations_max < s->iterations || s->iterations_max > 100000) return "needs 1 <= iterations <= iterations_max <= 100000";
+    if (s->iterations < 1 || s->iterations_max < s->iterations || s->iterations_max > 100000)
+        return "needs 1 <= iterations <= iterations_max <= 100000";
     if (!(s->tolerance >= 0 && s->tolerance < 1)) return "tolerance must be in [0, 1)";
     if (s->passes < 1 || s->passes > 100) return "passes must be in 1..100";
     return NULL;
@@ -86,7 +95,8 @@ static bool supports(kn_isa isa)
 {
 #if defined(__x86_64__)
     if (isa == KN_ISA_AVX512)
-        return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq");
+        return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+               __builtin_cpu_supports("avx512dq");
     if (isa == KN_ISA_AVX2) return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
 #endif
     return isa == KN_ISA_BASE;
@@ -100,7 +110,8 @@ static bool choose_kernels(kn_model *m)
                                                 {&kn_kernels_avx2_f32, &kn_kernels_avx2_f64},
                                                 {&kn_kernels_avx512_f32, &kn_kernels_avx512_f64}};
     m->isa = m->def.solver.isa;
-    if (m->isa == KN_ISA_AUTO) m->isa = supports(KN_ISA_AVX512) ? KN_ISA_AVX512 : supports(KN_ISA_AVX2) ? KN_ISA_AVX2 : KN_ISA_BASE;
+    if (m->isa == KN_ISA_AUTO)
+        m->isa = supports(KN_ISA_AVX512) ? KN_ISA_AVX512 : supports(KN_ISA_AVX2) ? KN_ISA_AVX2 : KN_ISA_BASE;
     m->kernels = set[m->isa - KN_ISA_BASE][m->def.solver.precision];
     return supports(m->isa);
 }
@@ -147,12 +158,17 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
     kn_grid_init(&m->grid, def->nodes, def->spacing_m, def->structure);
     kn_law_build(&m->law, &def->material, rk4 ? 0 : def->solver.dt_s, def->solver.precision == KN_PRECISION_F64);
     build_faces(m);
-    if (!choose_kernels(m)) return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
-    if (!build_masses(m) || (rk4 ? !build_edges(m) : !build_tables(m))) return fail(error, size, "not enough memory for the model");
+    if (!choose_kernels(m))
+        return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
+    if (!build_masses(m) || (rk4 ? !build_edges(m) : !build_tables(m)))
+        return fail(error, size, "not enough memory for the model");
     if (rk4 && def->solver.dt_s > m->rk4_limit_s) {
         if (size > 0)
-            snprintf(error, size, "rk4 is stable up to dt = %.3g s here and dt = %.3g s was asked for; solver.mass_scale = %.3g would allow it",
-                     m->rk4_limit_s, def->solver.dt_s, ceil(def->solver.mass_scale * def->solver.dt_s / m->rk4_limit_s * 1.05));
+            snprintf(error, size,
+                     "rk4 is stable up to dt = %.3g s here and dt = %.3g s was asked for; solver.mass_scale = %.3g "
+                     "would allow it",
+                     m->rk4_limit_s, def->solver.dt_s,
+                     ceil(def->solver.mass_scale * def->solver.dt_s / m->rk4_limit_s * 1.05));
         return false;
     }
     m->state_bytes = kn_state_size(m);

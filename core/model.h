@@ -85,10 +85,12 @@ typedef struct kn_model {
     size_t state_bytes;  // of one kn_state with its arrays
 } kn_model;
 
-// Defaults: dough of the first paper, 5 x 5 x 3 cm, h = 1 cm, bonded, no probe; implicit F32 blend, 1 ms, 8..24 iterations.
+// Defaults: dough of the first paper, 5 x 5 x 3 cm, h = 1 cm, bonded, no probe; implicit F32 blend, 1 ms, 8..24
+// CG iterations.
 kn_model_def kn_model_def_default(void);
 
-// Builds, or returns NULL and one sentence in error (which names RK4's limit when its step is unstable). Allocates once.
+// Builds, or returns NULL and one sentence in error (which names RK4's limit when its step is unstable).
+// Allocates once.
 kn_model *kn_model_build(const kn_model_def *def, char *error, size_t error_size);
 void kn_model_destroy(kn_model *model); // NULL is fine
 

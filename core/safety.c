@@ -11,7 +11,7 @@ static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a
 static void zero(double v[3]) { v[0] = v[1] = v[2] = 0.0; }
 static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
 
-// v shortened to at most limit; true if it had to be. The norm is rounded, so a second look keeps |v| <= limit to the bit.
+// v shortened to at most limit; true if it had to be. The norm is rounded: a second look keeps |v| <= limit to the bit.
 static bool shorten(double v[3], double limit)
 {
     if (norm(v) <= limit) return false;
@@ -64,7 +64,8 @@ void kn_safety_init(kn_safety *s, const kn_safety_limits *limits)
     kn_safety_limits *l = &s->limits;
     *l = *limits;
     l->clamp_n = positive_or(l->clamp_n, 3.3);
-    l->torque_clamp_n_m = positive_or(l->torque_clamp_n_m, l->clamp_n * 0.05); // a stylus is gripped about 5 cm from its tip
+    // a stylus is gripped about 5 cm from its tip
+    l->torque_clamp_n_m = positive_or(l->torque_clamp_n_m, l->clamp_n * 0.05);
     l->guard_n_per_ms = positive_or(l->guard_n_per_ms, 4.0);
     l->brake_m_s = positive_or(l->brake_m_s, 1.2);
     l->brake_n_s_per_m = positive_or(l->brake_n_s_per_m, 1.5);
@@ -230,7 +231,8 @@ static int render(kn_safety *s, const double force_n[3], const double torque_n_m
 {
     int flags = 0;
     if (s->rejoining) // together with the rising gain no faster than any other transition
-        s->rejoining = !approach(s->force_n, force_n, kn_safety_slope(&s->limits) - s->limits.clamp_n / s->limits.ramp_up_ms);
+        s->rejoining =
+            !approach(s->force_n, force_n, kn_safety_slope(&s->limits) - s->limits.clamp_n / s->limits.ramp_up_ms);
     else
         flags = guard(s, force_n);
     if (flags == 0) memcpy(s->torque_n_m, torque_n_m, sizeof s->torque_n_m);

@@ -1,26 +1,27 @@
 #ifndef KN_CORE_SAFETY_H
 #define KN_CORE_SAFETY_H
-// The output stage between physics and a hand, and the watch over the poses that feed it. Pure: time comes in as ticks of
-// 1 ms. The server runs one per probe; every client that drives a device runs kn_watchdog on the forces it receives.
+// The output stage between physics and a hand, and the watch over the poses that feed it. Pure: time comes in as ticks
+// of 1 ms. The server runs one per probe; every client that drives a device runs kn_watchdog on the forces it receives.
 //
 //     pose --> kn_safety_watch --> [ lattice step, if attached ] --> kn_safety_filter --> force
 //              silence, speed,                                       finite -> impulse guard -> clamp -> gain
 //              ramp, latch
 //
 //     gain 1 |------------.                               .----     hold, then down to 0 at zero_ms (17 ms), then up in
-//            |   contact   \                          . '           ramp_up_ms once poses have flowed for flow_ms AND the
-//          0 |              '------------------- . '                tool is clear of the object: it always enters in air
+//            |   contact   \                          . '           ramp_up_ms once poses have flowed for flow_ms
+//          0 |              '------------------- . '                AND the tool is clear: it always enters in air
 //            +---pose lost--+hold--20 ms--poses, lift------> t
 //
 // Transitions ramp the gain and never limit the slew of contact: a rate limiter in the contact loop is negative damping
 // and causes limit cycles. Whenever the force is not live contact it changes by at most
 //     kn_safety_slope(limits) = max(0.5 N, clamp / 17) per ms,
-// because what fades is the last force that was given, frozen, not the contact's. In contact it changes by at most guard_n_per_ms.
+// because what fades is the last force that was given, frozen, not the contact's. In contact it changes by at most
+// guard_n_per_ms.
 #include <stdbool.h>
 #include <stdint.h>
 
 typedef struct kn_safety_limits { // the scene's `device:` profile; 0 in a field = its default
-    double clamp_n;          // default 3.3 N (smallest common desktop devices); profile bench 40 N. |force| never exceeds it
+    double clamp_n;          // default 3.3 N (smallest common desktop devices), profile bench 40 N: most of |force|
     double torque_clamp_n_m; // default clamp_n * 0.05 m
     double guard_n_per_ms;   // default 4 N/ms: impulse guard of one tick, above any first touch below 1 m/s
     double brake_m_s;        // default 1.2 m/s: faster, the hand is only damped
@@ -52,7 +53,7 @@ typedef struct kn_safety { // one probe's; plain data, part of the servo's state
     kn_safety_limits limits;
     double gain;            // 0..1
     double gain_drop;       // how far it came down in this tick
-    double force_n[3];      // last contact force that passed the guard, before clamp and gain; frozen when not rendering
+    double force_n[3];      // last contact force past the guard, before clamp and gain; frozen when not rendering
     double torque_n_m[3];
     double brake_n[3];      // damping force that stands in for contact above brake_m_s
     double guard_step_n[3]; // what the last guard hit asked for: two that point against each other are a fault
@@ -84,8 +85,8 @@ typedef struct kn_safety_in {
 void kn_safety_init(kn_safety *s, const kn_safety_limits *limits);
 double kn_safety_slope(const kn_safety_limits *limits); // N/ms, limits with defaults filled in
 
-// Before the step: advances watchdog, latch and gain by elapsed_ms. Returns whether the probe is in the model this tick.
-// A probe enters the model only clear of the object; it leaves it when the gain has come down to 0 for good.
+// Before the step: advances watchdog, latch and gain by elapsed_ms. Returns whether the probe is in the model this
+// tick. A probe enters the model only clear of the object; it leaves it when the gain has come down to 0 for good.
 bool kn_safety_watch(kn_safety *s, const kn_safety_in *in);
 
 // After the step: what the hand is given. force and torque are the contact's. Returns KN_FLAG_* bits of this tick.

@@ -7,7 +7,10 @@ typedef struct node_at { // where a node's three components are
     size_t offset, stride;
 } node_at;
 
-static node_at locate(const kn_model *m, int node) { return (node_at){kn_grid_offset(&m->grid, node), kn_grid_stride(&m->grid)}; }
+static node_at locate(const kn_model *m, int node)
+{
+    return (node_at){kn_grid_offset(&m->grid, node), kn_grid_stride(&m->grid)};
+}
 
 // --- boundary -------------------------------------------------------------------------------------------------------
 
@@ -75,11 +78,14 @@ static void add_sample(const kn_model *m, kn_scratch *s, const kn_sample *sample
         double w = sample->weight[a];
         if (w == 0) continue;
         node_at n = {sample->offset[a], kn_grid_stride(&m->grid)};
-        size_t blocks = n.offset / (3 * n.stride) * 6 * n.stride + n.offset % (3 * n.stride); // same row and lane, 6 components
+        // same row and lane, 6 components
+        size_t blocks = n.offset / (3 * n.stride) * 6 * n.stride + n.offset % (3 * n.stride);
         for (size_t i = 0, c = 0; i < 3; i++) {
             kn_real_add(m, s->work.r, n.offset + i * n.stride, w * force_n * sample->normal[i]);
             for (size_t k = i; k < 3; k++, c++)
-                if (stiffness > 0) kn_real_add(m, s->work.p, blocks + c * n.stride, w * w * stiffness * sample->normal[i] * sample->normal[k]);
+                if (stiffness > 0)
+                    kn_real_add(m, s->work.p, blocks + c * n.stride,
+                                w * w * stiffness * sample->normal[i] * sample->normal[k]);
         }
     }
 }
@@ -93,7 +99,8 @@ static void add_external(const kn_model *m, kn_state *state, kn_scratch *s, cons
         kn_sample *sample = &s->contact.sample[i];
         double depth = end_depth(m, state, sample);
         sample->active = depth > 0;
-        if (sample->active) add_sample(m, s, sample, sample->stiffness_n_m * depth, m->def.solver.dt_s * sample->stiffness_n_m);
+        if (sample->active)
+            add_sample(m, s, sample, sample->stiffness_n_m * depth, m->def.solver.dt_s * sample->stiffness_n_m);
     }
 }
 
@@ -124,10 +131,12 @@ static double apply_samples(const kn_model *m, kn_scratch *s)
         double rate = 0, k = m->def.solver.dt_s * sample->stiffness_n_m;
         for (int a = 0; a < 9; a++)
             for (size_t c = 0; c < 3; c++)
-                rate += sample->weight[a] * sample->normal[c] * kn_real_get(m, s->work.d, sample->offset[a] + c * stride);
+                rate +=
+                    sample->weight[a] * sample->normal[c] * kn_real_get(m, s->work.d, sample->offset[a] + c * stride);
         for (int a = 0; a < 9; a++)
             for (size_t c = 0; c < 3; c++)
-                kn_real_add(m, s->work.q, sample->offset[a] + c * stride, k * rate * sample->weight[a] * sample->normal[c]);
+                kn_real_add(m, s->work.q, sample->offset[a] + c * stride,
+                            k * rate * sample->weight[a] * sample->normal[c]);
         sum += k * rate * rate;
     }
     return sum;

@@ -19,7 +19,10 @@ static void *take(arena *a, size_t bytes)
 
 static size_t top_nodes(const kn_model *m) { return (size_t)m->face[0].len[0] * (size_t)m->face[0].len[1]; }
 
-static size_t real_size(const kn_model *m) { return m->def.solver.precision == KN_PRECISION_F32 ? sizeof(float) : sizeof(double); }
+static size_t real_size(const kn_model *m)
+{
+    return m->def.solver.precision == KN_PRECISION_F32 ? sizeof(float) : sizeof(double);
+}
 
 static size_t field_bytes(const kn_model *m, int components)
 {
@@ -33,7 +36,8 @@ static void layout_implicit(const kn_model *m, arena *a, kn_scratch *s)
     struct {
         void **field;
         int components;
-    } list[] = {{&w->guess, 3}, {&w->r, 3}, {&w->q, 3}, {&w->d, 3}, {&w->z, 3}, {&w->p, 6}, {&w->g, 3 * KN_FORWARD}, {&w->free, 3}};
+    } list[] = {{&w->guess, 3},          {&w->r, 3},   {&w->q, 3}, {&w->d, 3}, {&w->z, 3}, {&w->p, 6},
+                {&w->g, 3 * KN_FORWARD}, {&w->free, 3}};
     for (size_t i = 0; i < sizeof list / sizeof list[0]; i++)
         *list[i].field = take(a, kn_grid_field(&m->grid, list[i].components) * real_size(m));
     w->row_held = take(a, (size_t)m->grid.rows);
@@ -60,8 +64,8 @@ static size_t layout(const kn_model *m, char *base)
     kn_state unused_state, *state = base ? (kn_state *)(void *)base : &unused_state;
     kn_scratch unused_scratch, *scratch = &unused_scratch;
     take(&a, sizeof *state);
-#define KN_FIELD(name, components)                                                                                      \
-    state->name = take(&a, field_bytes(m, components));                                                                 \
+#define KN_FIELD(name, components)                                                                                     \
+    state->name = take(&a, field_bytes(m, components));                                                                \
     if (field_bytes(m, components) == 0) state->name = NULL;
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
@@ -97,7 +101,8 @@ static void reset_implicit(const kn_model *m, kn_scratch *s)
     memset(w->guess, 0, kn_grid_field(&m->grid, 3) * real_size(m));
     memset(w->q, 0, kn_grid_field(&m->grid, 3) * real_size(m));
     memset(w->d, 0, kn_grid_field(&m->grid, 3) * real_size(m));
-    memset(w->g, 0, kn_grid_field(&m->grid, 3 * KN_FORWARD) * real_size(m)); // edges that do not exist are never written
+    // edges that do not exist are never written
+    memset(w->g, 0, kn_grid_field(&m->grid, 3 * KN_FORWARD) * real_size(m));
     memset(s->row_base, 0, (size_t)m->grid.rows);
     memset(w->row_moved, 0, (size_t)m->grid.rows);
     s->last_held_count = 0;
@@ -115,7 +120,7 @@ static void reset_implicit(const kn_model *m, kn_scratch *s)
 void kn_state_reset(const kn_model *model, kn_state *state)
 {
     memset(state, 0, offsetof(kn_state, displacement));
-#define KN_FIELD(name, components)                                                                                      \
+#define KN_FIELD(name, components)                                                                                     \
     if (state->name) memset(state->name, 0, field_bytes(model, components));
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
@@ -126,7 +131,7 @@ void kn_state_reset(const kn_model *model, kn_state *state)
 void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src)
 {
     memcpy(dst, src, offsetof(kn_state, displacement));
-#define KN_FIELD(name, components)                                                                                      \
+#define KN_FIELD(name, components)                                                                                     \
     if (src->name) memcpy(dst->name, src->name, field_bytes(model, components));
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
@@ -138,7 +143,7 @@ uint64_t kn_state_hash(const kn_model *model, const kn_state *state)
     // the plain part runs from behind the tick to `bad`; what follows up to the first pointer is padding
     size_t from = offsetof(kn_state, probe), to = offsetof(kn_state, bad) + sizeof state->bad;
     uint64_t h = kn_hash_bytes(KN_HASH_SEED, (const char *)state + from, to - from);
-#define KN_FIELD(name, components)                                                                                      \
+#define KN_FIELD(name, components)                                                                                     \
     if (state->name) h = kn_hash_bytes(h, state->name, field_bytes(model, components));
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD

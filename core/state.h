@@ -14,9 +14,9 @@ typedef struct kn_probe_state {
 } kn_probe_state;
 
 // Saved and hashed, in this order: name, type, components. Node fields have 3, edge fields 13 reals per lane.
-#define KN_STATE_FIELDS(X)                                                                                              \
-    X(displacement, 3) /* m, from rest: keeps 1e-9 m in f32 where a coordinate could not */                             \
-    X(velocity, 3)     /* m/s, over the last step */                                                                    \
+#define KN_STATE_FIELDS(X)                                                                                             \
+    X(displacement, 3) /* m, from rest: keeps 1e-9 m in f32 where a coordinate could not */                            \
+    X(velocity, 3)     /* m/s, over the last step */                                                                   \
     X(strain, KN_FORWARD) /* u of each forward edge, before the last step; absent (NULL) under KN_LAW_VOIGT */
 
 typedef struct kn_state {
@@ -42,7 +42,8 @@ void kn_state_destroy(kn_state *state);           // NULL is fine
 void kn_state_reset(const kn_model *model, kn_state *state); // object at rest, undeformed
 void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src);
 
-// 64-bit hash of everything saved but the tick. Equal across compilers, optimisation levels and instruction sets. Real-time safe.
+// 64-bit hash of everything saved but the tick. Equal across compilers, optimisation levels and instruction sets.
+// Real-time safe.
 uint64_t kn_state_hash(const kn_model *model, const kn_state *state);
 
 // Position of a node now, m. Real-time safe.

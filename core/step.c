@@ -37,7 +37,8 @@ static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
         kn_sample *sample = &s->contact.sample[i];
         sample->force_n = fmax(0, sample->stiffness_n_m * sample->depth_m);
         for (int a = 0; a < 9; a++)
-            for (int k = 0; k < 3; k++) s->force[sample->node[a]][k] += sample->weight[a] * sample->force_n * sample->normal[k];
+            for (int k = 0; k < 3; k++)
+                s->force[sample->node[a]][k] += sample->weight[a] * sample->force_n * sample->normal[k];
     }
     kn_rk4_step(m, state, &s->boundary, s->stages);
     for (int i = 0; i < s->contact.hold_count; i++)

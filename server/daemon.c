@@ -229,7 +229,8 @@ static void *mesh_main(void *arg)
 {
     server *d = arg;
     pthread_barrier_wait(&d->go);
-    struct timespec tick = {.tv_nsec = KN_PERIOD_NS}, rest = {.tv_nsec = (d->skin.period_ticks - 1) * (long)KN_PERIOD_NS};
+    struct timespec tick = {.tv_nsec = KN_PERIOD_NS},
+                    rest = {.tv_nsec = (d->skin.period_ticks - 1) * (long)KN_PERIOD_NS};
     int64_t second_ns = 0, missed_told = 0;
     while (!atomic_load_explicit(&d->stop_mesh, memory_order_relaxed)) {
         if (kn_now_ns() - second_ns >= 1000000000) {
@@ -237,7 +238,7 @@ static void *mesh_main(void *arg)
             kn_skin_publish_topology(&d->skin, wall_clock_us());
             tell_overruns(d, &missed_told);
         }
-        // until just before the next frame is due, then looking every ms: on a grid of its own it would be up to a period late
+        // until just before the next frame is due, then every ms: on a grid of its own it would be a period late
         bool published = kn_skin_publish(&d->skin, wall_clock_us());
         struct pollfd pipe = {.fd = d->command.fd, .events = POLLIN}; // -1: poll only sleeps
         if (ppoll(&pipe, 1, published ? &rest : &tick, NULL) > 0 && kn_command_read(&d->command))

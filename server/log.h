@@ -2,13 +2,13 @@
 #define KN_SERVER_LOG_H
 // LCM event logs, nothing else: lcm-logger writes them, lcm-logplayer plays them.
 //
-//     magic u32 | number i64 | timestamp i64 us | channel length i32 | data length i32 | channel | data       big-endian
+//     magic u32 | number i64 | timestamp i64 us | channel length i32 | data length i32 | channel | data     big-endian
 //
-// A log is a file somebody gave us. The header of every record is checked against the rest of the file before anything is
-// allocated, and every payload against its type's size before a generated decoder (which trusts its counts) sees it. A log
-// that was cut, or is damaged somewhere, is good up to there. We do not read through lcm_eventlog_read_next_event: it
-// allocates what a damaged header asks for, drops the good record before the damage and cannot tell damage from the end.
-// Not real-time.
+// A log is a file somebody gave us. The header of every record is checked against the rest of the file before anything
+// is allocated, and every payload against its type's size before a generated decoder (which trusts its counts) sees it.
+// A log that was cut, or is damaged somewhere, is good up to there. lcm_eventlog_read_next_event is not for us: it
+// allocates what a damaged header asks for, drops the good record before the damage and cannot tell damage from the
+// end. Not real-time.
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include "proto/knead_scene_t.h"

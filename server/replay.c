@@ -140,8 +140,8 @@ static bool scan(kn_replay *r, const char *path, char *error, size_t error_size)
     r->forces_logged = v->forces > 0;
     kn_log_close(&log);
     if (v->forces > 0 || v->first_pose_utime >= 0) return true;
-    snprintf(error, error_size, "%s: %s%sholds no poses and no forces (%lld records)", path, r->damage, r->damage[0] ? "; " : "",
-             (long long)v->records);
+    snprintf(error, error_size, "%s: %s%sholds no poses and no forces (%lld records)", path, r->damage,
+             r->damage[0] ? "; " : "", (long long)v->records);
     return false;
 }
 
@@ -151,7 +151,8 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
 {
     reading *v = r->private;
     if (def->scene_path) r->scene = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
-    else if (!v->scene_text) snprintf(error, error_size, "%s: holds no KNEAD_SCENE record, name the scene", def->log_path);
+    else if (!v->scene_text)
+        snprintf(error, error_size, "%s: holds no KNEAD_SCENE record, name the scene", def->log_path);
     else
         r->scene = kn_scene_parse(v->scene_name, v->scene_text, strlen(v->scene_text), def->sets, def->set_count, error,
                                   error_size);
@@ -159,11 +160,14 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
     r->same = v->scene_text && r->scene->text_hash == v->scene_hash;
     if (r->same || !v->scene_text || def->set_count > 0) return true;
     if (!def->scene_path) {
-        snprintf(error, error_size, "%s: its scene '%s' means something else to this version", def->log_path, v->scene_name);
+        snprintf(error, error_size, "%s: its scene '%s' means something else to this version", def->log_path,
+                 v->scene_name);
         return false;
     }
-    snprintf(error, error_size, "%s: the log was recorded with another scene, '%s': leave the scene out, or say with --set, "
-             "--solver, --precision or --dt what is to be different", def->scene_path, v->scene_name);
+    snprintf(error, error_size,
+             "%s: the log was recorded with another scene, '%s': leave the scene out, or say with --set, "
+             "--solver, --precision or --dt what is to be different",
+             def->scene_path, v->scene_name);
     return false;
 }
 
@@ -203,7 +207,8 @@ static bool check_probes(const kn_replay *r, const kn_replay_def *def, char *err
         if (strstr(def->sets[i], ".name=")) set = def->sets[i];
     for (int i = 0; !r->same && i < KN_PROBES_MAX && *r->private->felt[i]; i++) {
         if (probe_of(r, r->private->felt[i]) >= 0) continue;
-        snprintf(error, error_size, "%s%s: leaves no probe `%s`, whose forces are in the log, expected to keep that name",
+        snprintf(error, error_size,
+                 "%s%s: leaves no probe `%s`, whose forces are in the log, expected to keep that name",
                  set ? "--set " : "", set ? set : r->scene->name, r->private->felt[i]);
         return false;
     }
@@ -219,8 +224,10 @@ static bool check_untouched(kn_replay *r, const char *path, char *error, size_t 
         const knead_event_t *e = &v->events[i];
         if (e->kind == KNEAD_EVENT_T_KIND_RESET || e->state_hash == 0) continue;
         if ((uint64_t)e->state_hash == kn_state_hash(r->model, kn_replay_state(r))) return true;
-        snprintf(error, error_size, "%s: the object had been kneaded before this log begins, expected a log from the server's "
-                 "start, or from an untouched object, on", path);
+        snprintf(error, error_size,
+                 "%s: the object had been kneaded before this log begins, "
+                 "expected a log from the server's start, or from an untouched object, on",
+                 path);
         return false;
     }
     return true;
@@ -372,7 +379,7 @@ static bool choose_tick(kn_replay *r, kn_tick_in *in)
     if (event && v->events[v->next_event].tick < known) known = v->events[v->next_event].tick;
     int32_t missed = missed_before(v, known);
 
-    // between two ticks that left a trace every other one ran, too; an untouched object that lies still can be left alone
+    // between two ticks that left a trace every other one ran, too; an untouched one that lies still can be left alone
     bool idle = v->tick >= 0 && v->tick + 1 + missed < known && !v->resting;
     in->tick = idle ? v->tick + 1 : known;
     in->missed = idle ? 0 : missed;
@@ -424,7 +431,8 @@ static void apply_events(kn_replay *r, kn_tick_in *in)
         default: // a change that this version does not make cannot be made again
             if (e->kind < KNEAD_EVENT_T_KIND_ESTOP) break;
             r->same = false;
-            snprintf(r->damage, sizeof r->damage, "an event of unknown kind %d at tick %lld", e->kind, (long long)e->tick);
+            snprintf(r->damage, sizeof r->damage, "an event of unknown kind %d at tick %lld", e->kind,
+                     (long long)e->tick);
         }
     }
 }

@@ -8,12 +8,12 @@
 //     kn_replay_destroy(r);
 //
 // With forces in the log, a tick used exactly the poses that its force records echo (session, seq), fresh or stale as
-// FLAG_STALE says, after the missed_cycles they tell; resets, stops and the ends of sessions come from the events. That is
-// all a tick depends on, so the replay gives the same bits. A tick that must have run and has no record is a gap: it is
-// counted, and replayed with the next pose in sequence. Without forces, poses are judged and assigned to 1 ms ticks by log
-// time, as the receiver would have done it.
+// FLAG_STALE says, after the missed_cycles they tell; resets, stops and the ends of sessions come from the events. That
+// is all a tick depends on, so the replay gives the same bits. A tick that must have run and has no record is a gap: it
+// is counted, and replayed with the next pose in sequence. Without forces, poses are judged and assigned to 1 ms ticks
+// by log time, as the receiver would have done it.
 //
-// Reads the log twice and keeps only the last poses in memory, so a log may be larger than that. Allocates in create alone.
+// Reads the log twice and keeps only the last poses in memory, so a log may be larger. Allocates in create alone.
 #include "proto/knead_contact_force_t.h"
 #include "server/servo.h"
 
@@ -60,7 +60,7 @@ typedef struct kn_replay {
     struct kn_replay_private *private;
 } kn_replay;
 
-// NULL and one line in error: no such log, no scene in it, another scene, or an object that was kneaded before the log began.
+// NULL and one line in error: no such log, no scene in it, another scene, or an object kneaded before the log began.
 kn_replay *kn_replay_create(const kn_replay_def *def, char *error, size_t error_size);
 
 // Runs one tick; false at the end of the log.

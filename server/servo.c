@@ -5,8 +5,10 @@
 #include <math.h>
 #include <string.h>
 
-#define SAME_FLAG(name) static_assert(KN_FLAG_##name == KNEAD_CONTACT_FORCE_T_FLAG_##name, "flags of core and of the wire")
-#define SAME_FAULT(name) static_assert((int)KN_FAULT_##name == KNEAD_CONTACT_FORCE_T_FAULT_##name, "faults of core and of the wire")
+#define SAME_FLAG(name)                                                                                                \
+    static_assert(KN_FLAG_##name == KNEAD_CONTACT_FORCE_T_FLAG_##name, "flags of core and of the wire")
+#define SAME_FAULT(name)                                                                                               \
+    static_assert((int)KN_FAULT_##name == KNEAD_CONTACT_FORCE_T_FAULT_##name, "faults of core and of the wire")
 SAME_FLAG(ENGAGED);
 SAME_FLAG(RAMPING);
 SAME_FLAG(LATCHED);
@@ -23,8 +25,8 @@ SAME_FAULT(ESTOP);
 SAME_FAULT(STOPPING);
 static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 5, "every event of a tick has room");
 
-// A tool is lifted when it is this far above the object, m: a plate that lost its poses ran on for 3 ms, and dough stays
-// where it was pushed, so a tool that never moved would look clear by that way.
+// A tool is lifted when it is this far above the object, m: a plate that lost its poses ran on for 3 ms, and dough
+// stays where it was pushed, so a tool that never moved would look clear by that way.
 #define LIFTED_M 5e-4
 
 // What one tick works on. Lives on the stack of kn_servo_tick.
@@ -168,8 +170,8 @@ static void guard_probe(tick *t, int p)
     const kn_pose *last = &t->servo->last[p];
     kn_force *f = &t->out->force[p];
     // the filter sees what came, the wire only what is a number
-    bool sane = !t->diverged && finite3(contact->force_n) && finite3(contact->torque_n_m) && finite3(contact->position_m) &&
-                isfinite(contact->work_j);
+    bool sane = !t->diverged && finite3(contact->force_n) && finite3(contact->torque_n_m) &&
+                finite3(contact->position_m) && isfinite(contact->work_j);
     const double *force = t->diverged ? none : contact->force_n, *torque = t->diverged ? none : contact->torque_n_m;
     f->flags = kn_safety_filter(s, &t->watch[p], force, torque, f->force_n, f->torque_n_m);
     if (latched(s) && latched(s) != t->fault[p]) tell(t, KNEAD_EVENT_T_KIND_FAULT, p)->arg[0] = s->fault;

@@ -1,6 +1,6 @@
 #ifndef KN_SERVER_SERVO_H
 #define KN_SERVER_SERVO_H
-// The tick as a pure function: no clock, thread or socket, so the daemon, `knead replay`, tests and bench run the very same.
+// The tick as a pure function: no clock, thread or socket, so the daemon, `knead replay`, tests and bench run the same.
 //
 //     read     which probes have a session, a fresh pose, a pose clear of the object
 //     watch    silence, ramps, latches: is each probe in the model?          (core/safety.h)
@@ -27,7 +27,7 @@ typedef struct kn_tick_in {
     bool stop;                    // shutting down: ramp to zero
     bool reset;                   // before this tick: object as new, probes detached
     bool recover;                 // operator's recover
-    int64_t deadline_ns;          // CLOCK_MONOTONIC: by then the backend answers or its last answer stands; 0 under a virtual clock
+    int64_t deadline_ns;          // CLOCK_MONOTONIC: by then the backend answers or its last answer stands; 0: no clock
     const kn_pose *pose[KN_PROBES_MAX]; // the latest pose of each probe, NULL: no session (none yet, or silent for 1 s)
     bool fresh[KN_PROBES_MAX];          // that pose was not used by an earlier tick
 } kn_tick_in;
@@ -42,7 +42,7 @@ typedef struct kn_force { // one probe's answer; everything contact_force_t need
     int32_t contacts, flags, fault;
 } kn_force;
 
-#define KN_EVENTS_PER_TICK 28 // 4 probes x (END, OPEN, DETACH, ATTACH, FAULT) and 5 of the tick itself never overflow it
+#define KN_EVENTS_PER_TICK 28 // enough: 4 probes x (END, OPEN, DETACH, ATTACH, FAULT) and 5 of the tick itself
 typedef struct kn_event {
     int64_t tick, session;
     uint64_t state_hash; // before this tick's step; 0, not taken: a FAULT found after the step

@@ -1,7 +1,8 @@
 #include "server/wire.h"
 #include <string.h>
 
-void kn_wire_force(knead_contact_force_t *message, const kn_tick_out *tick, int probe, int64_t utime, int64_t execution_ns)
+void kn_wire_force(knead_contact_force_t *message, const kn_tick_out *tick, int probe, int64_t utime,
+                   int64_t execution_ns)
 {
     const kn_force *f = &tick->force[probe];
     *message = (knead_contact_force_t){

@@ -2,8 +2,8 @@
 #define KN_TESTS_CHECK_H
 // A test program is a list of sentences:
 //
-//     TEST("the damper flows faster under more stress") { CHECK(kn_material_flow(&m, 2.0) > kn_material_flow(&m, 1.0)); }
-//     TESTS_MAIN
+//     TEST("the damper flows faster under more stress") { CHECK(kn_material_flow(&m, 2.0) > kn_material_flow(&m, 1.0));
+//     } TESTS_MAIN
 //
 // Every failed CHECK prints file:line and its values and the program goes on; exit 1 if any failed, 77 after SKIP.
 #include <math.h>
@@ -29,59 +29,59 @@ static inline void kn_test_add(kn_test_case *t)
 #define KN_TEST_CAT2(a, b) a##b
 #define KN_TEST_CAT(a, b) KN_TEST_CAT2(a, b)
 #define TEST(sentence_) KN_TEST_DEFINE(sentence_, __LINE__)
-#define KN_TEST_DEFINE(sentence_, line)                                                                                 \
-    static void KN_TEST_CAT(kn_test_run_, line)(void);                                                                  \
-    __attribute__((constructor)) static void KN_TEST_CAT(kn_test_register_, line)(void)                                 \
-    {                                                                                                                   \
-        static kn_test_case t = {sentence_, KN_TEST_CAT(kn_test_run_, line), NULL};                                     \
-        kn_test_add(&t);                                                                                                \
-    }                                                                                                                   \
+#define KN_TEST_DEFINE(sentence_, line)                                                                                \
+    static void KN_TEST_CAT(kn_test_run_, line)(void);                                                                 \
+    __attribute__((constructor)) static void KN_TEST_CAT(kn_test_register_, line)(void)                                \
+    {                                                                                                                  \
+        static kn_test_case t = {sentence_, KN_TEST_CAT(kn_test_run_, line), NULL};                                    \
+        kn_test_add(&t);                                                                                               \
+    }                                                                                                                  \
     static void KN_TEST_CAT(kn_test_run_, line)(void)
 
-#define KN_TEST_FAIL(...)                                                                                               \
-    do {                                                                                                                \
-        fprintf(stderr, "%s:%d: ", __FILE__, __LINE__);                                                                 \
-        fprintf(stderr, __VA_ARGS__);                                                                                   \
-        fputc('\n', stderr);                                                                                            \
-        kn_test_failures++;                                                                                             \
+#define KN_TEST_FAIL(...)                                                                                              \
+    do {                                                                                                               \
+        fprintf(stderr, "%s:%d: ", __FILE__, __LINE__);                                                                \
+        fprintf(stderr, __VA_ARGS__);                                                                                  \
+        fputc('\n', stderr);                                                                                           \
+        kn_test_failures++;                                                                                            \
     } while (0)
-#define CHECK(condition)                                                                                                \
-    do {                                                                                                                \
-        if (!(condition)) KN_TEST_FAIL("not true: %s", #condition);                                                     \
+#define CHECK(condition)                                                                                               \
+    do {                                                                                                               \
+        if (!(condition)) KN_TEST_FAIL("not true: %s", #condition);                                                    \
     } while (0)
 // |value - expected| <= bound; a NaN fails
-#define CHECK_NEAR(value, expected, bound)                                                                              \
-    do {                                                                                                                \
-        double kn_v = (double)(value), kn_e = (double)(expected), kn_b = (double)(bound);                               \
-        if (!(fabs(kn_v - kn_e) <= kn_b))                                                                               \
-            KN_TEST_FAIL("%s is %.9g, expected %.9g within %.3g", #value, kn_v, kn_e, kn_b);                            \
+#define CHECK_NEAR(value, expected, bound)                                                                             \
+    do {                                                                                                               \
+        double kn_v = (double)(value), kn_e = (double)(expected), kn_b = (double)(bound);                              \
+        if (!(fabs(kn_v - kn_e) <= kn_b))                                                                              \
+            KN_TEST_FAIL("%s is %.9g, expected %.9g within %.3g", #value, kn_v, kn_e, kn_b);                           \
     } while (0)
-#define CHECK_STR(value, expected)                                                                                      \
-    do {                                                                                                                \
-        const char *kn_v = (value), *kn_e = (expected);                                                                 \
-        if (!kn_v || strcmp(kn_v, kn_e) != 0)                                                                           \
-            KN_TEST_FAIL("%s is \"%s\", expected \"%s\"", #value, kn_v ? kn_v : "(null)", kn_e);                        \
+#define CHECK_STR(value, expected)                                                                                     \
+    do {                                                                                                               \
+        const char *kn_v = (value), *kn_e = (expected);                                                                \
+        if (!kn_v || strcmp(kn_v, kn_e) != 0)                                                                          \
+            KN_TEST_FAIL("%s is \"%s\", expected \"%s\"", #value, kn_v ? kn_v : "(null)", kn_e);                       \
     } while (0)
-#define SKIP(...)                                                                                                       \
-    do {                                                                                                                \
-        printf("skipped: " __VA_ARGS__);                                                                                \
-        putchar('\n');                                                                                                  \
-        exit(77);                                                                                                       \
+#define SKIP(...)                                                                                                      \
+    do {                                                                                                               \
+        printf("skipped: " __VA_ARGS__);                                                                               \
+        putchar('\n');                                                                                                 \
+        exit(77);                                                                                                      \
     } while (0)
 
-#define TESTS_MAIN                                                                                                      \
-    int main(void)                                                                                                      \
-    {                                                                                                                   \
-        int failed = 0, count = 0;                                                                                      \
-        for (kn_test_case *t = kn_test_first; t; t = t->next, count++) {                                                \
-            int before = kn_test_failures;                                                                              \
-            t->run();                                                                                                   \
-            printf("%s %s\n", kn_test_failures == before ? "ok  " : "FAIL", t->sentence);                               \
-            fflush(stdout);                                                                                             \
-            failed += kn_test_failures != before;                                                                       \
-        }                                                                                                               \
-        printf("%d passed, %d failed\n", count - failed, failed);                                                       \
-        return failed != 0;                                                                                             \
+#define TESTS_MAIN                                                                                                     \
+    int main(void)                                                                                                     \
+    {                                                                                                                  \
+        int failed = 0, count = 0;                                                                                     \
+        for (kn_test_case *t = kn_test_first; t; t = t->next, count++) {                                               \
+            int before = kn_test_failures;                                                                             \
+            t->run();                                                                                                  \
+            printf("%s %s\n", kn_test_failures == before ? "ok  " : "FAIL", t->sentence);                              \
+            fflush(stdout);                                                                                            \
+            failed += kn_test_failures != before;                                                                      \
+        }                                                                                                              \
+        printf("%d passed, %d failed\n", count - failed, failed);                                                      \
+        return failed != 0;                                                                                            \
     }
 
 #endif

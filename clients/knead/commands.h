@@ -9,8 +9,8 @@
 #define KN_COMMANDS(X)                                                                                                 \
     X(check, "says what a scene is, what it costs, what to watch for; --keys: every key there is")                     \
     X(probe, "a virtual hand: press, poke or swing a tool on a running kneadd; force table, recording")                \
-    X(replay, "plays a log through the daemon's own servo: the same forces, to the bit; CSV, hash, --verify")           \
-    X(view, "draws the object, live, recorded or at rest, without a screen: --png FILE")                           \
+    X(replay, "plays a log through the daemon's own servo: the same forces, to the bit; CSV, hash, --verify")          \
+    X(view, "draws the object, live, recorded or at rest, without a screen: --png FILE")                               \
     X(web, "a page that shows the object live, with a tool in the visitor's hand; prints its address")
 
 enum { // exit codes of every program of this project

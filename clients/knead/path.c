@@ -99,7 +99,8 @@ kn_path *kn_path_sine(const kn_path_def *def)
 {
     kn_path *path = create(7);
     if (!path) return NULL;
-    double frequency_hz = or_default(def->frequency_hz, KN_PATH_SWING_HZ), periods = fmax(1.0, round(hold_of(def) * frequency_hz));
+    double frequency_hz = or_default(def->frequency_hz, KN_PATH_SWING_HZ),
+           periods = fmax(1.0, round(hold_of(def) * frequency_hz));
     kn_path_point air = above(def), touch = add_landing(path, def);
     kn_piece *swing = add(path, KN_PIECE_SINE, "swing", &touch, periods / frequency_hz);
     swing->to = at_height(def->touch_z_m - or_default(def->depth_m, KN_PATH_SWING_M));

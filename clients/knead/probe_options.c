@@ -44,7 +44,8 @@ static bool quantity(const char *option, const char *text, const char *unit_text
     kn_quantity q;
     char why[128];
     if (!kn_unit_parse(&unit, unit_text, why, sizeof why)) return false;
-    if (kn_quantity_parse(&q, text, why, sizeof why) && ((q.bare && !strcmp(unit_text, "s")) || (!q.bare && kn_unit_same_dimension(&q.unit, &unit)))) {
+    if (kn_quantity_parse(&q, text, why, sizeof why) &&
+        ((q.bare && !strcmp(unit_text, "s")) || (!q.bare && kn_unit_same_dimension(&q.unit, &unit)))) {
         *value = kn_quantity_in(&q, &unit);
         if (isfinite(*value) && (*value > 0.0 || (*value == 0.0 && !strcmp(option, "hold")))) return true;
     }
@@ -82,14 +83,16 @@ static bool swing_is_slow(const kn_path_def *shape)
     double f = shape->frequency_hz > 0.0 ? shape->frequency_hz : KN_PATH_SWING_HZ;
     double d = shape->depth_m > 0.0 ? shape->depth_m : KN_PATH_SWING_M, peak_m_s = acos(-1.0) * f * d;
     if (peak_m_s <= fastest_m_s) return true;
-    fprintf(stderr, "knead probe: a sine of %g Hz and %g mm is %.3g m/s fast, expected at most %g m/s: %.3g Hz at this depth\n", f,
-            1e3 * d, peak_m_s, fastest_m_s, fastest_m_s / (acos(-1.0) * d));
+    fprintf(stderr,
+            "knead probe: a sine of %g Hz and %g mm is %.3g m/s fast, expected at most %g m/s: %.3g Hz at this depth\n",
+            f, 1e3 * d, peak_m_s, fastest_m_s, fastest_m_s / (acos(-1.0) * d));
     return false;
 }
 
 static bool path_is_known(const char *path)
 {
-    if (!strcmp(path, "press") || !strcmp(path, "sine") || !strcmp(path, "poke") || access(path, R_OK) == 0) return true;
+    if (!strcmp(path, "press") || !strcmp(path, "sine") || !strcmp(path, "poke") || access(path, R_OK) == 0)
+        return true;
     fprintf(stderr, "knead probe: --path %s: expected press, sine, poke or a CSV file (%s)\n", path, strerror(errno));
     return false;
 }

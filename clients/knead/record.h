@@ -2,8 +2,8 @@
 #define KN_CLIENTS_RECORD_H
 // All that a session says, heard on a thread of its own with a queue without limit: the hand wants the newest force and
 // skips what it missed, a log and a force table want every one. Written as an LCM event log on the way, if asked:
-// KNEAD_SCENE first, then every pose, force and event from the moment the record starts. Only then is the file opened: a
-// record that never begins leaves an older one whole.
+// KNEAD_SCENE first, then every pose, force and event from the moment the record starts. Only then is the file opened:
+// a record that never begins leaves an older one whole.
 //
 //     kn_record_open -> kn_record_scene -> kn_record_start -> ... the session ... -> kn_record_stop
 #include "proto/knead_contact_force_t.h"

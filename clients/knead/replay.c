@@ -1,5 +1,5 @@
-// knead replay: a log through the daemon's own servo under a virtual clock. The replay is server/replay.h's; here is what
-// is written of it, and what is said about it.
+// knead replay: a log through the daemon's own servo under a virtual clock. The replay is server/replay.h's; here is
+// what is written of it, and what is said about it.
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "core/hash.h"
@@ -18,12 +18,12 @@
 
 static const char help[] =
     "usage: knead replay [SCENE] LOG [OPTION]...\n\n"
-    "Plays an LCM event log (lcm-logger, knead probe --record) through the daemon's servo under a virtual clock. The same\n"
-    "log gives the same forces, to the bit. The scene comes from the log when none is named.\n\n"
+    "Plays an LCM event log (lcm-logger, knead probe --record) through the daemon's servo under a virtual clock. The\n"
+    "same log gives the same forces, to the bit. The scene comes from the log when none is named.\n\n"
     "  --csv FILE        one row per tick and live probe\n"
     "  --out FILE        what the daemon would have said, as a log: scene, poses, forces, events\n"
     "  --hash            print one number of all forces and the final state\n"
-    "  --verify          compare with the forces in the log, bit for bit; exit 1 when one differs, or the log is not whole\n"
+    "  --verify          compare with the log's forces, bit for bit; exit 1 if one differs, or the log is not whole\n"
     "  --speed max|real  as fast as it goes (the default), or 1000 ticks per second\n"
     "another computation than the log's (and then no --verify):\n"
     "  --solver S        implicit, rk4, blend, secant or tangent\n"
@@ -73,7 +73,8 @@ static int add_set(replay_options *opt, const char *key, const char *value, cons
     int i = opt->def.set_count;
     if (i == SETS_MAX) return bad("set", value, "at most 64 of them");
     if (!key) opt->sets[i] = value;
-    else if (snprintf(opt->made[i], SET_SIZE, "%s=%s%s", key, value, unit) >= SET_SIZE) return bad(key, value, "something shorter");
+    else if (snprintf(opt->made[i], SET_SIZE, "%s=%s%s", key, value, unit) >= SET_SIZE)
+        return bad(key, value, "something shorter");
     else opt->sets[i] = opt->made[i];
     opt->def.set_count++;
     return KN_EXIT_OK;
@@ -126,11 +127,17 @@ static int take_option(replay_options *opt, int option, const char *value)
 
 static int parse(replay_options *opt, int argc, char **argv, bool *done)
 {
-    static const struct option options[] = {
-        {"csv", required_argument, NULL, 'c'},    {"out", required_argument, NULL, 'o'},       {"hash", no_argument, NULL, 'H'},
-        {"verify", no_argument, NULL, 'v'},       {"speed", required_argument, NULL, 'r'},     {"solver", required_argument, NULL, 's'},
-        {"precision", required_argument, NULL, 'p'}, {"dt", required_argument, NULL, 'd'},     {"set", required_argument, NULL, 'k'},
-        {"help", no_argument, NULL, 'h'},         {NULL, 0, NULL, 0}};
+    static const struct option options[] = {{"csv", required_argument, NULL, 'c'},
+                                            {"out", required_argument, NULL, 'o'},
+                                            {"hash", no_argument, NULL, 'H'},
+                                            {"verify", no_argument, NULL, 'v'},
+                                            {"speed", required_argument, NULL, 'r'},
+                                            {"solver", required_argument, NULL, 's'},
+                                            {"precision", required_argument, NULL, 'p'},
+                                            {"dt", required_argument, NULL, 'd'},
+                                            {"set", required_argument, NULL, 'k'},
+                                            {"help", no_argument, NULL, 'h'},
+                                            {NULL, 0, NULL, 0}};
     optind = 0; // a test calls this more than once
     for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (option == 'h') {
@@ -193,7 +200,8 @@ static void log_tick(replay_run *run)
         if (!t->in.pose[p] || !t->in.fresh[p]) continue;
         knead_probe_pose_t message;
         kn_wire_pose(&message, t->in.pose[p]);
-        log_bytes(run, t->utime, "KNEAD_POSE_", probe[p].name, bytes, knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &message));
+        log_bytes(run, t->utime, "KNEAD_POSE_", probe[p].name, bytes,
+                  knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &message));
     }
     for (int i = 0; i < t->out.event_count; i++) {
         knead_event_t message;
@@ -204,7 +212,8 @@ static void log_tick(replay_run *run)
         if (!t->out.force[p].live) continue;
         knead_contact_force_t message;
         kn_wire_force(&message, &t->out, p, t->utime, t->execution_ns);
-        log_bytes(run, t->utime, "KNEAD_FORCE_", probe[p].name, bytes, knead_contact_force_t_encode(bytes, 0, sizeof bytes, &message));
+        log_bytes(run, t->utime, "KNEAD_FORCE_", probe[p].name, bytes,
+                  knead_contact_force_t_encode(bytes, 0, sizeof bytes, &message));
     }
 }
 
@@ -223,7 +232,8 @@ static void hash_force(replay_run *run, int p)
 static void differ(replay_run *run, int p, const char *what, double logged, double replayed)
 {
     run->differs = true;
-    snprintf(run->difference, sizeof run->difference, "tick %lld, probe %s: %s is %.17g in the log and %.17g in the replay",
+    snprintf(run->difference, sizeof run->difference,
+             "tick %lld, probe %s: %s is %.17g in the log and %.17g in the replay",
              (long long)run->replay->tick.out.tick, run->replay->model->def.probe[p].name, what, logged, replayed);
 }
 
@@ -254,19 +264,25 @@ static int verdict(const replay_run *run)
     int probes = 0;
     for (int p = 0; p < KN_PROBES_MAX; p++) probes += run->probes[p];
     if (tally->gaps > 0)
-        return kn_complain("replay", KN_EXIT_FAILED, "%s: cannot be verified: %lld ticks ran whose force or pose is not in the log, the first is tick %lld",
-                    log, (long long)tally->gaps, (long long)tally->first_gap);
+        return kn_complain(
+            "replay", KN_EXIT_FAILED,
+            "%s: cannot be verified: %lld ticks ran whose force or pose is not in the log, the first is tick %lld", log,
+            (long long)tally->gaps, (long long)tally->first_gap);
     if (run->differs)
-        return kn_complain("replay", KN_EXIT_FAILED, "%s: differs after %lld equal forces: %s", log, (long long)run->verified - 1, run->difference);
+        return kn_complain("replay", KN_EXIT_FAILED, "%s: differs after %lld equal forces: %s", log,
+                           (long long)run->verified - 1, run->difference);
     if (tally->mismatches > 0)
-        return kn_complain("replay", KN_EXIT_FAILED, "%s: %lld of %lld events have another state hash, the first at tick %lld", log,
-                    (long long)tally->mismatches, (long long)tally->checkpoints, (long long)tally->first_mismatch);
+        return kn_complain(
+            "replay", KN_EXIT_FAILED, "%s: %lld of %lld events have another state hash, the first at tick %lld", log,
+            (long long)tally->mismatches, (long long)tally->checkpoints, (long long)tally->first_mismatch);
     if (run->replay->damage[0])
-        return kn_complain("replay", KN_EXIT_FAILED, "%s: cannot be verified whole: %s; %lld forces before it are equal", log, run->replay->damage,
-                    (long long)run->verified);
+        return kn_complain("replay", KN_EXIT_FAILED,
+                           "%s: cannot be verified whole: %s; %lld forces before it are equal", log,
+                           run->replay->damage, (long long)run->verified);
     if (tally->malformed > 0)
-        return kn_complain("replay", KN_EXIT_FAILED, "%s: cannot be verified whole: %lld malformed records were left out; %lld forces are equal", log,
-                    (long long)tally->malformed, (long long)run->verified);
+        return kn_complain("replay", KN_EXIT_FAILED,
+                           "%s: cannot be verified whole: %lld malformed records were left out; %lld forces are equal",
+                           log, (long long)tally->malformed, (long long)run->verified);
     printf("verified %lld forces, %d probe%s\n", (long long)run->verified, probes, probes == 1 ? "" : "s");
     return KN_EXIT_OK;
 }
@@ -278,8 +294,10 @@ static int refuse_verify(const replay_run *run)
     if (!run->replay->forces_logged)
         return kn_complain("replay", KN_EXIT_FAILED, "%s: cannot be verified: the log holds no forces", log);
     if (!run->replay->same)
-        return kn_complain("replay", KN_EXIT_USAGE, "%s: --verify expects the log's own scene and computation, not what "
-                           "--set, --solver, --precision or --dt ask for", log);
+        return kn_complain("replay", KN_EXIT_USAGE,
+                           "%s: --verify expects the log's own scene and computation, not what "
+                           "--set, --solver, --precision or --dt ask for",
+                           log);
     return KN_EXIT_OK;
 }
 
@@ -330,16 +348,22 @@ static void tell(const replay_run *run)
     const kn_replay *r = run->replay;
     const kn_replay_tally *t = &r->tally;
     const char *log = run->opt->def.log_path;
-    if (t->refused) kn_complain("replay", KN_EXIT_OK, "%s: %lld poses were refused, as kneadd refuses them", log, (long long)t->refused);
+    if (t->refused)
+        kn_complain("replay", KN_EXIT_OK, "%s: %lld poses were refused, as kneadd refuses them", log,
+                    (long long)t->refused);
     if (run->opt->verify) return; // and says the rest itself
     if (r->damage[0]) kn_complain("replay", KN_EXIT_OK, "%s: %s: what stands before it was used", log, r->damage);
-    if (t->malformed) kn_complain("replay", KN_EXIT_OK, "%s: %lld malformed records were left out", log, (long long)t->malformed);
+    if (t->malformed)
+        kn_complain("replay", KN_EXIT_OK, "%s: %lld malformed records were left out", log, (long long)t->malformed);
     if (t->gaps)
-        kn_complain("replay", KN_EXIT_OK, "%s: %lld ticks ran whose force or pose is not in the log, the first is tick %lld: replayed with the next "
-                    "pose", log, (long long)t->gaps, (long long)t->first_gap);
+        kn_complain(
+            "replay", KN_EXIT_OK,
+            "%s: %lld ticks ran whose force or pose is not in the log, the first is tick %lld: replayed "
+            "with the next pose",
+            log, (long long)t->gaps, (long long)t->first_gap);
     if (t->mismatches)
-        kn_complain("replay", KN_EXIT_OK, "%s: %lld of %lld events have another state hash, the first at tick %lld", log,
-                    (long long)t->mismatches, (long long)t->checkpoints, (long long)t->first_mismatch);
+        kn_complain("replay", KN_EXIT_OK, "%s: %lld of %lld events have another state hash, the first at tick %lld",
+                    log, (long long)t->mismatches, (long long)t->checkpoints, (long long)t->first_mismatch);
 }
 
 static bool same_file(const char *a, const char *b)
@@ -353,11 +377,13 @@ static int open_outputs(replay_run *run)
     const replay_options *opt = run->opt;
     const char *path = NULL;
     if (same_file(opt->csv_path, opt->def.log_path) || same_file(opt->out_path, opt->def.log_path))
-        return kn_complain("replay", KN_EXIT_USAGE, "%s: is being read, expected another file to write", opt->def.log_path);
+        return kn_complain("replay", KN_EXIT_USAGE, "%s: is being read, expected another file to write",
+                           opt->def.log_path);
     if (opt->csv_path && !(run->csv = fopen(opt->csv_path, "w"))) path = opt->csv_path;
     else if (opt->out_path && !(run->out = lcm_eventlog_create(opt->out_path, "w"))) path = opt->out_path;
     if (path)
-        return kn_complain("replay", KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", path, strerror(errno));
+        return kn_complain("replay", KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", path,
+                           strerror(errno));
     if (run->csv) fputs(columns, run->csv);
     return KN_EXIT_OK;
 }

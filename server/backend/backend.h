@@ -1,7 +1,7 @@
 #ifndef KN_SERVER_BACKEND_H
 #define KN_SERVER_BACKEND_H
-// The servo's only way to the lattice. A backend steps the model somewhere: on this processor, in fixed point, on a board.
-// submit never blocks; wait returns by the deadline whatever happened, so the servo never hangs on a device.
+// The servo's only way to the lattice. A backend steps the model somewhere: on this processor, in fixed point, on a
+// board. submit never blocks; wait returns by the deadline whatever happened, so the servo never hangs on a device.
 #include "core/step.h"
 #include <stdint.h>
 

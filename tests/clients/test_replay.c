@@ -7,9 +7,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-// A daemon without clock and bus: the servo on the small dough, whose poses, events and forces go into a log in the order
-// they would have on the bus. Everything that happens to a real one happens: late and lost poses, missed cycles, sessions
-// that end and come again, two tools, a reset, a stop.
+// A daemon without clock and bus: the servo on the small dough, whose poses, events and forces go into a log in the
+// order they would have on the bus. Everything that happens to a real one happens: late and lost poses, missed cycles,
+// sessions that end and come again, two tools, a reset, a stop.
 typedef struct recorder {
     kn_scene *scene;
     kn_model *model;
@@ -138,7 +138,7 @@ static void end_session(recorder *r, int p)
     r->in.pose[p] = NULL;
 }
 
-// The story all tests tell. Plate presses, loses its poses, comes back as another session; finger meanwhile; reset; stop.
+// The story all tests tell. Plate presses, loses its poses, comes back as another session; finger, too; reset; stop.
 static void story(recorder *r, double trouble)
 {
     r->hand[0].session = 11;
@@ -265,8 +265,10 @@ TEST("the CSV has the columns it promises, one row per force, and contact before
     FILE *f = fopen("a.csv", "r");
     char line[512];
     CHECK(f && fgets(line, sizeof line, f));
-    CHECK_STR(line, "tick,time_s,probe,x_m,y_m,z_m,contact_fx_n,contact_fy_n,contact_fz_n,fx_n,fy_n,fz_n,tx_n_m,ty_n_m,tz_n_m,"
-                    "contacts,residual,execution_ns\n");
+    CHECK_STR(
+        line,
+        "tick,time_s,probe,x_m,y_m,z_m,contact_fx_n,contact_fy_n,contact_fz_n,fx_n,fy_n,fz_n,tx_n_m,ty_n_m,tz_n_m,"
+        "contacts,residual,execution_ns\n");
     int rows = 0, commas = 0, pressed = 0;
     double t, first = -1.0;
     char probe[32];
@@ -276,8 +278,8 @@ TEST("the CSV has the columns it promises, one row per force, and contact before
         commas = 0;
         for (const char *c = line; *c; c++) commas += *c == ',';
         CHECK(commas == 17);
-        CHECK(sscanf(line, "%lld,%lf,%31[^,],%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf", &tick_number, &t, probe, x, x + 1, x + 2, x + 3,
-                     x + 4, x + 5, x + 6, x + 7, x + 8) == 12);
+        CHECK(sscanf(line, "%lld,%lf,%31[^,],%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf", &tick_number, &t, probe, x, x + 1,
+                     x + 2, x + 3, x + 4, x + 5, x + 6, x + 7, x + 8) == 12);
         if (rows == 0) first = t;
         pressed += x[5] > 1.0;
     }
@@ -315,7 +317,8 @@ TEST("a log cut within a record is good up to there, says so, and does not pass 
         CHECK(REPLAY("cut.lcmlog") == KN_EXIT_OK);
         CHECK(strstr(err, "complete records: what stands before it was used"));
         CHECK(REPLAY("cut.lcmlog", "--verify") == KN_EXIT_FAILED);
-        CHECK(strstr(err, "cannot be verified whole: cut within a record") && strstr(err, "forces before it are equal"));
+        CHECK(strstr(err, "cannot be verified whole: cut within a record") &&
+              strstr(err, "forces before it are equal"));
         CHECK(!strstr(out, "verified"));
     }
     free(bytes);
@@ -415,7 +418,8 @@ TEST("a probe that --set or the scene leaves out is their fault, not the log's")
     CHECK(strstr(err, "--set probes.plate.name=stamp: leaves no probe `plate`") && !strstr(err, "malformed"));
 }
 
-TEST("poses alone are judged as the receiver judges them and put on the grid by log time: same story within a few per cent")
+TEST("poses alone are judged as the receiver judges them and put on the grid by log time: same story "
+     "within a few per cent")
 {
     double peak[2];
     scratch();

@@ -66,7 +66,8 @@ static uint8_t *draw(kn_renderer *r, kn_view_scene scene, float (*xyz)[3])
     return rgba;
 }
 
-static bool is_dough(const uint8_t *p) { return p[0] > p[2] + 25 && p[0] < p[2] + 120; } // warm; table and tools are not
+// warm; table and tools are not
+static bool is_dough(const uint8_t *p) { return p[0] > p[2] + 25 && p[0] < p[2] + 120; }
 static bool is_arrow(const uint8_t *p) { return p[0] > 2 * p[2] + 60 && p[0] > 2 * p[1]; }
 
 static int count(const uint8_t *rgba, bool (*is)(const uint8_t *))
@@ -93,7 +94,8 @@ static int changed(const uint8_t *a, const uint8_t *b, int left, int top, int ri
 TEST("a block has six smooth faces, sharp edges, and lines around its quads")
 {
     block b = block_create();
-    kn_skin *s = kn_skin_create(b.surface->vertex_count, (const float(*)[3])b.rest, b.surface->triangle_count, triangles(&b));
+    kn_skin *s =
+        kn_skin_create(b.surface->vertex_count, (const float(*)[3])b.rest, b.surface->triangle_count, triangles(&b));
     CHECK(s != NULL);
     CHECK(s->group_count == 2 * (11 * 11 + 11 * 7 + 11 * 7)); // a normal per node and face
     int diagonals = 0;
@@ -244,7 +246,8 @@ TEST("a plate hides dough; its arrow grows with the force and is absent without 
     kn_view_scene scene = kn_view_scene_default();
     uint8_t *bare = draw(r, scene, b.rest);
     scene.probe_count = 1;
-    scene.probe[0] = (kn_view_probe){.def = {.shape = KN_PROBE_PLATE, .size_m = {0.01, 0.05}}, .position_m = {0, 0, 0.03}};
+    scene.probe[0] =
+        (kn_view_probe){.def = {.shape = KN_PROBE_PLATE, .size_m = {0.01, 0.05}}, .position_m = {0, 0, 0.03}};
     int arrow[3];
     for (int i = 0; i < 3; i++) {
         scene.probe[0].force_n[2] = 5 * i;
@@ -267,8 +270,8 @@ TEST("what moves far away is drawn whole: only what nothing touches is kept from
     kn_view_scene scene = kn_view_scene_default();
     for (int v = 0; v < b.surface->vertex_count; v++) b.dented[v][0] += 0.04f; // slid to the right
     scene.probe_count = 1;
-    scene.probe[0] = (kn_view_probe){.def = {.shape = KN_PROBE_SPHERE, .radius_m = 0.01}, .position_m = {-0.06, 0, 0.02},
-                                     .force_n = {-20, 0, 5}};
+    scene.probe[0] = (kn_view_probe){
+        .def = {.shape = KN_PROBE_SPHERE, .radius_m = 0.01}, .position_m = {-0.06, 0, 0.02}, .force_n = {-20, 0, 5}};
     uint8_t *before = draw(r, kn_view_scene_default(), b.rest);
     uint8_t *after = draw(r, scene, b.dented), *at_once = draw(fresh, scene, b.dented);
     CHECK(memcmp(after, at_once, PIXELS * 4) == 0);

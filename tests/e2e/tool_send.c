@@ -4,8 +4,8 @@
 //     flood COUNT seed=S [rate=50000]
 //     sleep MS
 //
-// poses: seq rises by step, utime is seq in ms. flood: relatives of poses (kn_random_datagram), each of its own session.
-// Prints how many datagrams it sent.
+// poses: seq rises by step, utime is seq in ms. flood: relatives of poses (kn_random_datagram), each of its own
+// session. Prints how many datagrams it sent.
 #include "tests/server/datagram.h"
 #include <arpa/inet.h>
 #include <inttypes.h>

@@ -29,7 +29,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 
     if (worth > 0) {
         const char *set = "solver.iterations=1"; // another computation than any log's: its scene does not matter
-        kn_replay_def def = {.log_path = path, .scene_path = KN_SOURCE_DIR "/core/scenes/dough-small.yaml", .sets = &set,
+        kn_replay_def def = {.log_path = path,
+                             .scene_path = KN_SOURCE_DIR "/core/scenes/dough-small.yaml",
+                             .sets = &set,
                              .set_count = 1};
         kn_replay *replay = kn_replay_create(&def, error, sizeof error);
         require(replay || (error[0] && !strchr(error, '\n')));

@@ -9,7 +9,7 @@ static void require(int condition)
     if (!condition) abort();
 }
 
-// One line, "f.yaml:line:col: ..." or "--set key: ...", printable but for the file's own bytes, none of which are quoted.
+// One line, "f.yaml:line:col: ..." or "--set key: ...", printable: none of the file's own bytes are quoted.
 static void check_complaint(const char *error)
 {
     require(strncmp(error, "f.yaml:", 7) == 0 || strncmp(error, "--set ", 6) == 0);

@@ -67,7 +67,7 @@ static void hover(rig *r, int p, int ms)
     for (int i = 0; i < ms; i++) move(r, p, 0.0);
 }
 
-// From air to depth below the top with the plate: touch at rest, 0 -> 1 cm/s in 50 ms, as the paper presses. Ends in motion.
+// The plate from air to depth below the top: touch at rest, 0 -> 1 cm/s in 50 ms, as the paper does. Ends in motion.
 static void press(rig *r, double depth_m)
 {
     r->pose[0].position_m[2] = 0.031;
@@ -272,7 +272,8 @@ TEST("a checkpoint comes every 1000 ticks, and whenever cycles were missed that 
     CHECK(r->out.event_count == 0 && r->out.missed == 4);
     r->in.missed = 800; // across the thousand
     tick(r);
-    CHECK(r->out.event_count >= 1 && r->out.event[0].kind == KNEAD_EVENT_T_KIND_CHECKPOINT && r->out.event[0].arg[0] == 0.0);
+    CHECK(r->out.event_count >= 1 && r->out.event[0].kind == KNEAD_EVENT_T_KIND_CHECKPOINT &&
+          r->out.event[0].arg[0] == 0.0);
     rig_free(r);
 }
 
