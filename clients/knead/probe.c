@@ -303,8 +303,8 @@ static int verdict(const probe *p)
                 h->force.fault ? kn_fault_name((kn_fault)h->force.fault) : "no fault");
         break;
     case KN_HAND_SPOILT:
-        fprintf(stderr, "knead probe: %s spoilt %d times, at last by %s\n", p->opt.path, h->trips,
-                last->own ? "missing forces" : kn_fault_name(last->fault));
+        fprintf(stderr, "knead probe: %s spoilt %d time%s, at last by %s\n", p->opt.path, h->trips,
+                h->trips == 1 ? "" : "s", last->own ? "missing forces" : kn_fault_name(last->fault));
     }
     return KN_EXIT_DEVICE;
 }

@@ -180,6 +180,9 @@ static int from_bus(const options *o, kn_still *s)
 {
     char error[400];
     kn_live live;
+    if (!kn_join_check(o->url, KN_FORCE_URL, error, sizeof error) ||
+        !kn_join_check(o->mesh_url, KN_MESH_URL, error, sizeof error))
+        return fail(KN_EXIT_USAGE, "%s", error);
     if (!kn_live_open(&live, o->url, o->mesh_url, error, sizeof error)) return fail(KN_EXIT_DEVICE, "%s", error);
     int64_t end_ms = kn_live_now_ms() + (int64_t)(o->wait_s * 1000), now_ms;
     bool settling = false;

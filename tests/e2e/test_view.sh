@@ -22,6 +22,7 @@ expect "a scene at rest" 0 '^$' knead view --scene "$scene" --png rest.png --siz
 picture rest.png 320 180
 expect "no server: says what to look at" 3 'heard nothing in 0.3 s: is kneadd running' knead view --png x.png --wait 0.3
 check "no picture of nothing" [ ! -e x.png ]
+expect "a bus that is none" 2 'knead view: nosuch://1: expected udpm://GROUP:PORT' knead view --png x.png --lcm-url nosuch://1
 expect "no picture asked for" 2 'expected --png' knead view
 expect "a size that is none" 2 '^knead view: --size 9x9: expected WxH, 16..4096' knead view --png x.png --size 9x9
 expect "a scene that is none" 2 'nosuch.yaml:1:1: ' knead view --png x.png --scene nosuch.yaml
