@@ -11,6 +11,7 @@
 
 #define CONNECTIONS 256 // at once, idle ones included: they end after PATIENCE_S
 #define PATIENCE_S 5
+#define AT_ONCE (1 << 24) // bytes to the kernel: by default as many as may be received, and a picture goes in 500 pieces
 enum { PROTOCOL = 1002, TOO_BIG = 1009, UNKNOWN = 4401, FULL = 4429 }; // WebSocket close codes; from 4000 on they are ours
 
 // The three files are part of the program: nothing to find at run time, nothing that a page could ask for beside them.
@@ -31,6 +32,7 @@ typedef struct session { // libwebsockets keeps one per connection
     int page;            // -1: the token has not been shown
     size_t length;
     uint8_t message[KN_GATEWAY_TOKEN];
+    bool closing;        // nothing may be written after the reason: it would end the connection before it is sent
 } session;
 
 static void tell_refusal(kn_gateway *g, const char *why)
@@ -90,6 +92,7 @@ static int confirm(kn_gateway *g, struct lws *wsi)
 
 static int hang_up(kn_gateway *g, struct lws *wsi, int code, const char *why)
 {
+    ((session *)lws_wsi_user(wsi))->closing = true;
     tell_refusal(g, why);
     lws_close_reason(wsi, (enum lws_close_status)code, (unsigned char *)(uintptr_t)why, strlen(why));
     return -1;
@@ -150,7 +153,7 @@ static bool room(const kn_web_page *p) { return p->wsi && p->sent - p->seen < KN
 static int write_page(kn_gateway *g, struct lws *wsi, const session *s)
 {
     kn_web_page *page = &g->page[s->page < 0 ? 0 : s->page];
-    if (s->page < 0 || !page->news || !room(page)) return 0;
+    if (s->page < 0 || s->closing || !page->news || !room(page)) return 0;
     page->news = false;
     page->sent++;
     size_t size = g->write(g->arg, s->page, g->buffer + LWS_PRE, g->buffer_size);
@@ -228,8 +231,8 @@ static bool make_address(kn_gateway *g)
 
 bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, int port, int fd, size_t largest, char *error, size_t error_size)
 {
-    static const struct lws_protocols protocols[] = {{"http", on_event, sizeof(session), 64, 0, NULL, 0},
-                                                     {"knead", on_event, sizeof(session), 64, 0, NULL, 0},
+    static const struct lws_protocols protocols[] = {{"http", on_event, sizeof(session), 64, 0, NULL, AT_ONCE},
+                                                     {"knead", on_event, sizeof(session), 64, 0, NULL, AT_ONCE},
                                                      {NULL, NULL, 0, 0, 0, NULL, 0}};
     void *loops[1] = {ev};
     struct lws_context_creation_info info = {
