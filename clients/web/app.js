@@ -94,7 +94,7 @@ function show(now) {
     write('contact', now.contact ? 'touching' : 'none');
     $('readings').classList.toggle('touching', now.contact);
     $('reset').disabled = !now.resets;
-    slider.max = now.deepest_mm;
+    if (hand.holder === null && !now.contact) slider.max = now.deepest_mm; // in a press: what is left below this place
     showDepth();
     drawTrace();
 }
@@ -225,7 +225,8 @@ function press(holder) {
 function letGo() {
     if (hand.holder === null) return;
     hand.holder = null;
-    setDepth(hand.depth_mm, 0); // a drag is for one press: the next begins at the slider's depth
+    hand.drag_mm = 0; // a drag is for one press: the next begins at the slider's depth
+    showDepth();
     tell();
 }
 
