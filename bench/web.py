@@ -1,0 +1,92 @@
+#!/usr/bin/python3
+# Pointer event to drawn frame, in headless Chromium on a live page: the time from the page's handler of a pointer event to
+# the first drawn frame that has its effect (not to photons). Every event of the run counts.
+#
+#     cmake --preset release && cmake --build --preset release -j
+#     PATH=$PWD/build/release/bin:$PATH KN_SOURCE=$PWD tests/netns bench/web.py [--seconds N] [--scene FILE] [--rate HZ]
+import argparse
+import math
+import os
+import platform
+import random
+import sys
+import time
+sys.path.insert(0, os.environ["KN_SOURCE"] + "/tests/e2e")
+from served import Browser, Bus, Served, cpu_s, until
+
+
+def family(name):  # processes of that name
+    found = []
+    for pid in filter(str.isdigit, os.listdir("/proc")):
+        try:
+            if open(f"/proc/{pid}/comm").read().strip() == name:
+                found.append(int(pid))
+        except OSError:
+            pass
+    return found
+
+
+def browser_cpu_s():
+    return sum(cpu_s(pid) for pid in family("chromium"))
+
+
+def percentile(sorted_ms, share):
+    return sorted_ms[min(len(sorted_ms) - 1, math.ceil(share * len(sorted_ms)) - 1)] if sorted_ms else math.nan
+
+
+def play(page, seconds, press):  # a circle over the block, an event every 25 to 45 ms; in a press the depth, 0.1 mm per pixel
+    pace, end, i = random.Random(1), time.monotonic() + seconds, 0
+    x, y = page.place(0.5, 0.42)
+    while (now := time.monotonic()) < end:
+        phase = 2 * math.pi * i / 90
+        if press:
+            page.mouse("Moved", x, y + 20 * math.sin(phase))
+        else:
+            page.mouse("Moved", x + 60 * math.cos(phase), y + 25 * math.sin(phase), held=0)
+        i += 1
+        time.sleep(max(0, now + pace.uniform(0.025, 0.045) - time.monotonic()))
+
+
+def measure(name, page, server, seconds, press):
+    page.hover(0.5, 0.42)
+    until(lambda: page.now()["status"].startswith("ready"))
+    if press:
+        page.mouse("Pressed", page.x, page.y)
+        until(lambda: page.now()["contact"])
+    page.run("knead.latency.length = 0")
+    events, frames = page.run("return [knead.events, knead.frames]")
+    begin, web, kneadd, browser = time.monotonic(), server.cpu_s(), cpu_s(server.kneadd.pid), browser_cpu_s()
+    play(page, seconds, press)
+    elapsed = time.monotonic() - begin
+    cpu = [(after - before) / elapsed * 100 for after, before in
+           ((server.cpu_s(), web), (browser_cpu_s(), browser), (cpu_s(server.kneadd.pid), kneadd))]
+    latency, frames = sorted(page.run("return knead.latency")), page.run("return knead.frames") - frames
+    page.release() if press else None
+    print(f"| {name:7} | {len(latency):6} | {frames / elapsed:5.1f} | {percentile(latency, 0.5):6.1f} | {percentile(latency, 0.95):6.1f} | "
+          f"{percentile(latency, 0.99):6.1f} | {cpu[0]:9.0f} | {cpu[1]:7.0f} | {cpu[2]:6.0f} |", flush=True)
+
+
+def main():
+    options = argparse.ArgumentParser()
+    options.add_argument("--seconds", type=float, default=20, help="per row (20)")
+    options.add_argument("--scene", default="dough.yaml", help="of core/scenes (dough.yaml)")
+    options.add_argument("--rate", default="30", help="pictures per second (30)")
+    o = options.parse_args()
+    os.environ.setdefault("KN_REALTIME", "auto")
+    model = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), "?")
+    print(f"machine   {model}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}, {platform.release()}")
+    server, bus, page = Served(o.scene, "--rate", o.rate), Bus(), Browser()
+    if not page.open(server.address):
+        sys.exit("bench/web.py: the page draws nothing: " + page.text("status"))
+    print(f"browser   Chromium {page.driver.capabilities['browserVersion']}, headless, drawing in software\n"
+          f"scene     {o.scene}, {o.rate} pictures/s asked, {page.run('return `${picture.width} x ${picture.height}`')}\n")
+    print("| pointer | events |   fps | p50 ms | p95 ms | p99 ms | web cpu % | browser | kneadd |")
+    print("|---------|-------:|------:|-------:|-------:|-------:|----------:|--------:|-------:|")
+    measure("hovers", page, server, o.seconds, press=False)
+    measure("presses", page, server, o.seconds, press=True)
+    print(f"\nmissed cycles {bus.missed}, of these not explained by the machine {bus.unexplained}")
+    page.driver.quit()
+    server.stop()
+
+
+main()

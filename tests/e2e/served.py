@@ -1,0 +1,179 @@
+# kneadd and knead web as a script needs them: started, listened to on LCM, and (Browser) looked at by Chromium. Inside
+# tests/netns, with the build's bin first in PATH, by /usr/bin/python3, whose modules come from Debian's packages.
+import os
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+
+failed = False
+
+
+def check(sentence, holds, *seen):  # one line, like tests/check.h
+    global failed
+    failed = failed or not holds
+    print("ok   " + sentence if holds else f"FAIL {sentence}: {', '.join(map(str, seen))}", flush=True)
+    return holds
+
+
+def until(what, seconds=10):  # what()'s first true answer, or its last false one
+    end = time.monotonic() + seconds
+    while not (got := what()) and time.monotonic() < end:
+        time.sleep(0.02)
+    return got
+
+
+class Served:
+    """kneadd on a scene of the source tree, and knead web beside it, joined by a command pipe."""
+
+    def __init__(self, scene, *options):
+        reads, writes = os.pipe()
+        self.kneadd = self.start("kneadd", ["kneadd", "--scene", f"{os.environ['KN_SOURCE']}/core/scenes/{scene}",
+                                            "--realtime", os.environ["KN_REALTIME"], "--command-fd", str(reads)], reads, "serving")
+        self.web = self.start("web", ["knead", "web", "--command-fd", str(writes), *options], writes, "http://")
+        self.address = next(word for word in open("web.log").read().split() if word.startswith("http://"))
+        self.port = int(self.address.split(":")[2].split("/")[0])
+        self.token = self.address.split("#")[1]
+        os.close(reads), os.close(writes)
+
+    def start(self, name, command, fd, word):  # returns once it has said the word
+        log = open(f"{name}.log", "w")
+        process = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, pass_fds=[fd])
+        if not until(lambda: word in open(f"{name}.log").read() or process.poll() is not None) or process.poll() is not None:
+            told = open(f"{name}.log").read().strip()
+            if "libosmesa" in told:
+                print(f"skipped: {told}")
+                sys.exit(77)
+            sys.exit(f"FAIL {name} did not come up: {told}")
+        return process
+
+    def memory_kb(self):
+        return int(next(line for line in open(f"/proc/{self.web.pid}/status") if line.startswith("VmRSS")).split()[1])
+
+    def cpu_s(self):
+        return cpu_s(self.web.pid)
+
+    def stop(self):  # both end well, knead web first
+        for name, process in ("knead web", self.web), ("kneadd", self.kneadd):
+            process.terminate()
+            check(f"{name} ends with 0", process.wait(10) == 0, process.returncode)
+
+
+def cpu_s(pid):  # user and system time, of all its threads
+    fields = open(f"/proc/{pid}/stat").read().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+class Bus(threading.Thread):
+    """The newest force, status and shape that kneadd told, by its LCM messages: proto/*.lcm, big endian."""
+
+    def __init__(self):
+        super().__init__(daemon=True)
+        self.force_n = self.mesh_tick = self.ticks = self.missed = self.unexplained = self.generation = 0
+        self.rest = self.now = None  # heights of the vertices
+        self.sockets = [self.join(port) for port in (7667, 7668)]
+        self.start()
+
+    @staticmethod
+    def join(port):
+        s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        s.bind(("239.255.76.67", port))
+        s.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton("239.255.76.67") + socket.inet_aton("127.0.0.1"))
+        return s
+
+    def run(self):
+        threading.Thread(target=self.listen, args=[self.sockets[1]], daemon=True).start()
+        self.listen(self.sockets[0])
+
+    def listen(self, s):
+        while True:
+            datagram = s.recv(65536)
+            channel, _, payload = datagram[8:].partition(b"\0")
+            if channel.startswith(b"KNEAD_FORCE_"):
+                self.force_n = sum(f * f for f in struct.unpack_from(">3d", payload, 104)) ** 0.5
+            elif channel == b"KNEAD_STATUS":
+                self.ticks, self.missed, explained = struct.unpack_from(">3q", payload, 24)
+                self.unexplained = self.missed - explained
+            elif channel == b"KNEAD_MESH_UPDATE":
+                self.mesh_tick = struct.unpack_from(">q", payload, 24)[0]
+                self.generation, _, chunks, first, count = struct.unpack_from(">5i", payload, 32)
+                if chunks == 1:  # true of the small scene
+                    self.now = struct.unpack_from(f">{3 * count}f", payload, 65)[2::3]
+                    self.rest = self.rest or self.now
+
+    def dent_mm(self):  # how far below its place at rest the lowest-pressed vertex is
+        return 1e3 * max(rest - now for rest, now in zip(self.rest, self.now)) if self.now else 0
+
+
+class Browser:
+    """Headless Chromium on one page, driven by real pointer, touch and key events."""
+
+    def __init__(self, width=1280, height=800):
+        from selenium import webdriver
+        from selenium.webdriver.chrome.service import Service
+        options = webdriver.ChromeOptions()
+        options.binary_location = "/usr/bin/chromium"
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        for flag in ("headless=new", "no-sandbox", "disable-gpu", "disable-quic", "no-first-run", "disable-background-networking",
+                     "disable-component-update", "disable-sync", "hide-scrollbars", f"window-size={width},{height}",
+                     f"user-data-dir={os.getcwd()}/chromium"):
+            options.add_argument("--" + flag)
+        self.driver = webdriver.Chrome(service=Service("/usr/bin/chromedriver"), options=options)
+        self.run = self.driver.execute_script
+        self.x = self.y = 0
+
+    def devtools(self, command, **arguments):
+        return self.driver.execute_cdp_cmd(command, arguments)
+
+    def open(self, address):
+        self.driver.get(address)
+        return until(lambda: self.run("return knead.frames > 3"), 20)
+
+    def now(self):  # the newest state that the page was told
+        return self.run("return knead.now") or {}
+
+    def text(self, id):
+        return self.run("return document.getElementById(arguments[0]).textContent", id)
+
+    def place(self, u, v):  # pixels in the window of a point of the picture
+        x, y, w, h = self.run("const b = picture.getBoundingClientRect(); return [b.x, b.y, b.width, b.height]")
+        return x + u * w, y + v * h
+
+    def mouse(self, kind, x, y, button="left", held=1):
+        self.x, self.y = x, y
+        self.devtools("Input.dispatchMouseEvent", type="mouse" + kind, x=x, y=y, clickCount=int(kind != "Moved"),
+                      button="none" if kind == "Moved" else button, buttons=held)
+
+    def hover(self, u, v):
+        self.mouse("Moved", *self.place(u, v), held=0)
+
+    def press(self, u, v):
+        self.hover(u, v)
+        self.mouse("Pressed", self.x, self.y)
+
+    def release(self):
+        self.mouse("Released", self.x, self.y, held=0)
+
+    def key(self, kind, key, code=None, text=""):
+        self.devtools("Input.dispatchKeyEvent", type="key" + kind, key=key, code=code or key, text=text if kind == "Down" else "")
+
+    def complaints(self):  # of our page, on the console
+        return [line for line in self.driver.get_log("browser") if not line["message"].startswith("chrome://")]
+
+    def screenshot(self, path):
+        self.driver.save_screenshot(path)
+
+    def keep(self, name):  # the picture, to compare with
+        self.run("""const copy = Object.assign(document.createElement('canvas'), { width: picture.width, height: picture.height });
+            const ctx = copy.getContext('2d', { willReadFrequently: true });
+            ctx.drawImage(picture, 0, 0);
+            (window.kept ??= {})[arguments[0]] = ctx.getImageData(0, 0, copy.width, copy.height).data""", name)
+
+    def changed(self, a, b):  # pixels of picture b that differ from a's by more than JPEG's grain
+        return self.run("""let [a, b] = [...arguments].map((n) => kept[n]), count = 0;
+            for (let i = 0; i < a.length; i += 4) count += Math.abs(a[i] - b[i]) + Math.abs(a[i + 1] - b[i + 1]) > 24;
+            return count""", a, b)

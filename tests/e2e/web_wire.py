@@ -1,0 +1,337 @@
+# The wire of knead web, by hand: every refusal, every bad message, slow and idle clients. web_wire.py [--minutes N]: how
+# long the memory is watched (20 s). Driven by test_web_wire.sh.
+import json
+import os
+import socket
+import struct
+import sys
+import threading
+import time
+from served import Bus, Served, check, until
+import served as results
+
+TEXT, BINARY, CLOSE = 1, 2, 8
+POINTER, SEEN, RESET = 1, 2, 3
+
+
+def message(kind, number=1, pressed=0, u=0.5, v=0.4, depth_m=0.005):
+    return struct.pack("<IBBHfff", number, kind, pressed, 0, u, v, depth_m)
+
+
+class Wire:
+    """A WebSocket that may do everything wrong. status: of the HTTP answer, 101 when it was let in."""
+
+    def __init__(self, server, token=None, host=None, origin=None, protocol="knead", path="/ws"):
+        good = f"127.0.0.1:{server.port}"
+        self.s = socket.create_connection(("127.0.0.1", server.port), timeout=10)
+        lines = [f"GET {path} HTTP/1.1", f"Host: {good if host is None else host}", "Upgrade: websocket", "Connection: Upgrade",
+                 "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==", "Sec-WebSocket-Version: 13"]
+        lines += [f"Origin: {f'http://{good}' if origin is None else origin}"] if origin != "" else []
+        lines += [f"Sec-WebSocket-Protocol: {protocol}"] if protocol else []
+        self.s.sendall("\r\n".join(lines + ["", ""]).encode())
+        self.got, self.seen, self.number = b"", 0, 0
+        head = self.read_until(b"\r\n\r\n").decode(errors="replace")
+        self.status = int(head.split()[1]) if head else 0
+        self.body = "" if self.status == 101 else self.rest().decode(errors="replace")
+        if self.status == 101 and token != "":
+            self.send(TEXT, (token or server.token).encode())
+
+    def fill(self):
+        more = self.s.recv(65536)
+        self.got += more
+        return more
+
+    def read_until(self, end):
+        while end not in self.got and self.fill():
+            pass
+        head, _, self.got = self.got.partition(end)
+        return head
+
+    def rest(self):
+        self.s.settimeout(1)
+        try:
+            while self.fill():
+                pass
+        except OSError:
+            pass
+        return self.got
+
+    def send(self, kind, payload, last=True):
+        size = struct.pack(">B", 128 | len(payload)) if len(payload) < 126 else struct.pack(">BQ", 255, len(payload))
+        self.s.sendall(struct.pack(">B", 128 * last | kind) + size + b"\0\0\0\0" + payload)  # a mask of zeros
+
+    def receive(self):  # (kind, payload); None: nothing within 10 s, or hung up
+        try:
+            while len(self.got) < 2 or len(self.got) < self.frame()[1]:
+                if not self.fill():
+                    return None
+        except OSError:
+            return None
+        begin, end = self.frame()
+        kind, payload, self.got = self.got[0] & 15, self.got[begin:end], self.got[end:]
+        return kind, payload
+
+    def frame(self):  # where the payload of the first frame begins and ends
+        size = self.got[1] & 127
+        form, begin = {126: (">H", 4), 127: (">Q", 10)}.get(size, (None, 2))
+        if form and len(self.got) >= begin:
+            size = struct.unpack_from(form, self.got, 2)[0]
+        return begin, begin + size
+
+    def state(self, see=True):  # the next message: (what it says, bytes of the picture)
+        got = self.receive()
+        if got is None or got[0] != BINARY:
+            return None, 0
+        size = struct.unpack_from("<I", got[1])[0]
+        now = json.loads(got[1][4:4 + size])
+        if see:
+            self.send(BINARY, message(SEEN, now["frame"]))
+        return now, len(got[1]) - 4 - size
+
+    def point(self, **where):
+        self.number += 1
+        self.send(BINARY, message(POINTER, self.number, **where))
+
+    def closed(self):  # (code, words) of how it was closed, after whatever came before
+        while got := self.receive():
+            if got[0] == CLOSE:
+                return struct.unpack_from(">H", got[1])[0], got[1][2:].decode()
+        return 0, "hung up"
+
+    def close(self):
+        self.s.close()
+
+
+class Page(threading.Thread):
+    """A good page: draws what comes, hovers, presses for two of every four seconds, until it is told to stop."""
+
+    def __init__(self, server, presses):
+        super().__init__(daemon=True)
+        self.wire, self.presses, self.frames, self.pictures, self.going, self.now = Wire(server), presses, 0, 0, True, None
+        self.start()
+
+    def run(self):
+        begin = time.monotonic()
+        while self.going:
+            now, picture = self.wire.state()
+            if now is None:
+                return
+            self.now, self.frames, self.pictures = now, self.frames + 1, self.pictures + (picture > 0)
+            elapsed = time.monotonic() - begin
+            press = self.presses and elapsed % 4 > 2
+            self.wire.point(pressed=int(press), u=0.45 + 0.02 * (int(elapsed / 4) % 6), depth_m=0.003)
+        self.wire.close()
+
+    def stop(self):
+        self.going = False
+        self.join()
+
+
+def listens_on(server):  # addresses, from the kernel
+    found = []
+    for table in "/proc/net/tcp", "/proc/net/tcp6":
+        for line in open(table).readlines()[1:]:
+            local, state = line.split()[1], line.split()[3]
+            if state == "0A" and int(local.split(":")[1], 16) == server.port:
+                found.append(local.split(":")[0])
+    return found
+
+
+def files(server):
+    def get(path, host=None):
+        with socket.create_connection(("127.0.0.1", server.port), timeout=10) as s:
+            s.sendall(f"GET {path} HTTP/1.1\r\nHost: {host or f'127.0.0.1:{server.port}'}\r\nConnection: close\r\n\r\n".encode())
+            got = b""
+            while more := s.recv(65536):
+                got += more
+        head, _, body = got.partition(b"\r\n\r\n")
+        return int(head.split()[1]), head.decode().lower(), body
+
+    for path, name in ("/", "page.html"), ("/app.js", "app.js"), ("/style.css", "style.css"):
+        status, head, body = get(path)
+        same = body == open(f"{os.environ['KN_SOURCE']}/clients/web/{name}", "rb").read()
+        check(f"{path} is {name}, under a policy that lets nothing else in", status == 200 and same and "default-src 'none'" in head, status, head)
+    for path in "/nosuch", "/../../../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/page.html/":
+        status, _, body = get(path)
+        check(f"{path} is no file", status in (400, 403, 404) and b"root:" not in body, status, body)
+    status, _, body = get("/", host="evil.example")
+    check("the page of another host's name is refused", status == 403 and b"wrong Host" in body, status, body)
+
+
+def refusals(server):
+    port = server.port
+    for sentence, how, words in [
+            ("another origin", {"origin": "http://evil.example"}, "wrong Origin"),
+            ("the same host by another name", {"origin": f"http://localhost:{port}"}, "wrong Origin"),
+            ("no origin", {"origin": ""}, "wrong Origin"),
+            ("another host", {"host": "evil.example"}, "wrong Host"),
+            ("no port in the host", {"host": "127.0.0.1"}, "wrong Host"),
+            ("another subprotocol", {"protocol": "chat"}, "wrong subprotocol"),
+            ("no subprotocol", {"protocol": ""}, "wrong subprotocol")]:
+        wire = Wire(server, **how)
+        check(f"{sentence}: refused in words", wire.status == 403 and words in wire.body, wire.status, wire.body)
+        wire.close()
+    for sentence, token in ("a wrong token", "0" * 32), ("a short token", server.token[:31]), ("a long token", server.token + "0"):
+        wire = Wire(server, token)
+        code, words = wire.closed()
+        check(f"{sentence}: refused in words", code in (4401, 1009) and ("token" in words or code == 1009), code, words)
+        wire.close()
+    wire = Wire(server, token="")
+    wire.send(BINARY, message(POINTER, pressed=1))
+    code, words = wire.closed()
+    check("a press before the token: refused in words", code == 4401 and "token" in words, code, words)
+    wire.close()
+    silent = Wire(server, token="")
+    code, words = silent.closed()
+    check("no token: closed in words after a while", code == 4401 and "token" in words, code, words)
+    silent.close()
+
+
+def bad_messages(server):
+    nan, infinite = float("nan"), float("inf")
+    for sentence, send, code, words in [
+            ("7 bytes", lambda w: w.send(BINARY, b"1234567"), 1002, "expected 20 bytes"),
+            ("no bytes", lambda w: w.send(BINARY, b""), 1002, "expected 20 bytes"),
+            ("21 bytes", lambda w: w.send(BINARY, bytes(21)), 1002, "expected 20 bytes"),
+            ("a text", lambda w: w.send(TEXT, b"x" * 20), 1002, "binary"),
+            ("an unknown kind", lambda w: w.send(BINARY, message(9)), 1002, "kind"),
+            ("half pressed", lambda w: w.send(BINARY, message(POINTER, pressed=2)), 1002, "0..1"),
+            ("u not a number", lambda w: w.send(BINARY, message(POINTER, u=nan)), 1002, "0..1"),
+            ("v infinite", lambda w: w.send(BINARY, message(POINTER, v=infinite)), 1002, "0..1"),
+            ("v outside of the picture", lambda w: w.send(BINARY, message(POINTER, v=1.01)), 1002, "0..1"),
+            ("a depth of a metre", lambda w: w.send(BINARY, message(POINTER, depth_m=1)), 1002, "0.1 m"),
+            ("a negative depth", lambda w: w.send(BINARY, message(POINTER, depth_m=-0.001)), 1002, "0.1 m"),
+            ("65 bytes", lambda w: w.send(BINARY, bytes(65)), 1009, "too large"),
+            ("a megabyte", lambda w: w.send(BINARY, bytes(1 << 20)), 1009, "too large"),
+            ("five fragments of 16 bytes",
+             lambda w: [w.send(0 if i else BINARY, bytes(16), last=i == 4) for i in range(5)], 1009, "too large"),
+            ("a reserved opcode", lambda w: w.send(3, bytes(20)), 1002, "")]:
+        wire = Wire(server)
+        wire.state()
+        try:
+            send(wire)
+        except OSError:
+            pass  # closed while the megabyte was on its way
+        got, told = wire.closed()
+        check(f"{sentence}: closed with {code} and in words", got == code and words in told, got, told)
+        wire.close()
+    wire = Wire(server)
+    wire.state()
+    whole = message(POINTER, number=1)
+    wire.send(BINARY, whole[:7], last=False), wire.send(0, whole[7:])
+    check("a good message in two pieces is taken", all(wire.state()[0] for _ in range(5)))
+    wire.close()
+
+
+def slow(server, bus):
+    wire, before = Wire(server), server.memory_kb()
+    wire.state(see=False)
+    time.sleep(5)
+    first, _ = wire.state()
+    old = 1
+    while first and (now := wire.state()[0]) and bus.mesh_tick - now["tick"] > 1000:
+        old += 1
+    check("a client that slept for 5 s finds at most two old pictures", first and now and old <= 2, old)
+    check("which nobody kept for it", server.memory_kb() - before < 1024, before, server.memory_kb())
+    for i in range(3000):  # says that it has seen everything, and reads nothing
+        wire.send(BINARY, message(SEEN, (now["frame"] + i) & 0xffffffff))
+        time.sleep(0.001)
+    check("one that lies about it costs no more", server.memory_kb() - before < 2048, before, server.memory_kb())
+    wire.close()
+
+
+def crowds(server, page):
+    for _ in range(10):
+        wire = Wire(server)
+        seen = [wire.state() for _ in range(2)]
+        wire.close()
+        if not check("connected again: it is told at once, with a picture", seen[0][0] and any(picture for _, picture in seen), seen):
+            break
+    more = [Wire(server) for _ in range(3)]
+    check("four pages at once are served", all(wire.state()[0] for wire in more))
+    fifth = Wire(server)
+    code, words = fifth.closed()
+    check("the fifth is told", code == 4429 and "four pages" in words, code, words)
+    for wire in [*more, fifth]:
+        wire.close()
+    idle = [socket.create_connection(("127.0.0.1", server.port), timeout=10) for _ in range(100)]
+    frames = page.frames
+    wire = Wire(server)
+    check("beside 100 idle connections a page gets in", wire.state()[0] is not None)
+    wire.close()
+    check("and the one that is there goes on", until(lambda: page.frames > frames + 15), frames, page.frames)
+    for s in idle:
+        s.close()
+
+
+def dead_man(server, bus):
+    wire = Wire(server)
+
+    def told(**where):
+        wire.point(**where)
+        return wire.state()[0]["status"]
+    for _ in range(3):  # a machine that stands still for 20 ms spoils a press
+        until(lambda: told().startswith("ready"))
+        if until(lambda: told(pressed=1) and bus.force_n > 0.5, 3):
+            break
+    check("a page presses", bus.force_n > 0.5, bus.force_n, told())
+    check("it falls silent, its connection stays: the force goes to zero", until(lambda: bus.force_n == 0, 5), bus.force_n)
+    dent = bus.dent_mm()
+    time.sleep(0.5)
+    check("the dent stays", dent > 0.5 and bus.dent_mm() > 0.5, dent, bus.dent_mm())
+    wire.send(BINARY, message(RESET, 0))
+    check("reset: as new", until(lambda: bus.dent_mm() < 0.01), bus.dent_mm())
+    wire.close()
+
+
+def misses(bus, during):  # (ticks, missed ones that the machine does not explain) meanwhile
+    time.sleep(1.1)  # a status comes every second
+    ticks, missed = bus.ticks, bus.unexplained
+    during()
+    time.sleep(1.1)
+    return bus.ticks - ticks, bus.unexplained - missed
+
+
+def memory(server, seconds):
+    page = Page(server, presses=True)
+    time.sleep(5)
+    before, end, worst = server.memory_kb(), time.monotonic() + seconds, 0
+    while time.monotonic() < end:
+        for token in None, "0" * 32:
+            wire = Wire(server, token)
+            wire.state()
+            wire.close()
+        time.sleep(0.2)
+        worst = max(worst, server.memory_kb() - before)
+    page.stop()
+    print(f"     {page.pictures} pictures in {seconds + 5:.0f} s; memory {before} kB, grown by at most {worst} kB")
+    check(f"memory is flat over {seconds:.0f} s", worst < 1024, worst)
+    check("while pictures came", page.pictures > 5 * seconds, page.pictures)
+
+
+def main():
+    seconds = 60 * float(sys.argv[2]) if sys.argv[1:2] == ["--minutes"] else 20
+    server, bus = Served("dough-small.yaml"), Bus()
+    check("it listens on 127.0.0.1 and nowhere else", listens_on(server) == ["0100007F"], listens_on(server))
+    until(lambda: bus.now)
+    page = Page(server, presses=False)
+    until(lambda: page.pictures > 10)
+    frames, begin, calm, storm = page.frames, time.monotonic(), [0, 0], [0, 0]
+    for trouble in ((lambda: files(server)), (lambda: refusals(server)), (lambda: bad_messages(server)),
+                    (lambda: crowds(server, page)), (lambda: slow(server, bus))):
+        # in turns, since a machine's other work comes and goes
+        for total, during in (calm, lambda: time.sleep(3)), (storm, trouble):
+            total[:] = map(sum, zip(total, misses(bus, during)))
+    rate = (page.frames - frames) / (time.monotonic() - begin)
+    check("the page that was there all the time was served all the time", page.is_alive() and rate > 5, rate)
+    calm_rate, storm_rate = 1000 * calm[1] / calm[0], 1000 * storm[1] / storm[0]
+    print(f"     {rate:.1f} messages/s to it; {calm_rate:.2f} unexplained misses per 1000 ticks in peace, {storm_rate:.2f} in trouble")
+    check("the servo does not notice", storm_rate <= 2 * calm_rate + 2, calm, storm)
+    page.stop()
+    dead_man(server, bus)
+    memory(server, seconds)
+    server.stop()
+    sys.exit(results.failed)
+
+
+main()
