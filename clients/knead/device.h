@@ -8,8 +8,8 @@
 #include <semaphore.h>
 #include <stdatomic.h>
 
-// One millisecond of the hand `self`, in the device's thread. force: the newest since the last call, NULL when there was none;
-// elapsed_ms: 1 + cycles that this thread came too late for.
+// One millisecond of the hand `self`, in the device's thread. force: the newest since the last call, NULL when there
+// was none; elapsed_ms: 1 + cycles that this thread came too late for.
 typedef kn_hand_out kn_device_hand(void *self, const kn_hand_force *force, int elapsed_ms);
 
 typedef struct kn_device {
@@ -31,8 +31,8 @@ typedef struct kn_device {
 } kn_device;
 
 // Joins the bus and starts moving. False and one line in error. device must be zeroed and stays where it is.
-bool kn_device_start(kn_device *device, kn_device_hand *hand, void *self, const char *url, const char *probe, char *error,
-                     size_t error_size);
+bool kn_device_start(kn_device *device, kn_device_hand *hand, void *self, const char *url, const char *probe,
+                     char *error, size_t error_size);
 // 0, or why there is no SCHED_FIFO (errno).
 int kn_device_priority_error(const kn_device *device);
 void kn_device_stop(kn_device *device); // and joins; the tool stops where it is

@@ -1,7 +1,8 @@
 #ifndef KN_CLIENTS_LIVE_H
 #define KN_CLIENTS_LIVE_H
 // What is being served right now, as somebody who looks on needs it: the scene, the newest whole mesh, where the probes
-// are and what their hands are given. Only listens; stock liblcm on both ports, every message held against its size first.
+// are and what their hands are given. Only listens; stock liblcm on both ports, every message held against its size
+// first.
 //
 //     kn_live_open -> kn_live_listen, as often as there is time -> look at the fields -> kn_live_close
 #include "clients/knead/join.h"

@@ -4,7 +4,8 @@
 #include "clients/knead/device.h"
 
 typedef struct kn_player {
-    kn_hand hand; // the device's thread's; once that has ended the caller's. Before that, hand.trip[0 .. trips-1] may be read
+    kn_hand hand; // the device's thread's; once that has ended the caller's. Before that, hand.trip[0 .. trips-1] may
+                  // be read
     _Atomic(int) mode, trips, tries; // kn_hand_mode; a trip's `cleared` is known when mode has left RETREAT
     _Atomic(int) path_ms, given_mn;
     _Atomic(const char *) piece;

@@ -89,7 +89,10 @@ static double braking(double way_m, double a_m_s2, double end_m_s)
     return sqrt(end_m_s * end_m_s + 2.0 * a_m_s2 * fmax(0.0, way_m));
 }
 
-static double toward(double speed, double wanted, double most) { return speed + fmin(fmax(wanted - speed, -most), most); }
+static double toward(double speed, double wanted, double most)
+{
+    return speed + fmin(fmax(wanted - speed, -most), most);
+}
 
 static void move_down(kn_pointer *p, double goal_m, double dt_s)
 {
@@ -113,7 +116,8 @@ static void move_up(kn_pointer *p, double goal_m, double dt_s)
 {
     double *z = &p->point.position_m[2], *v = &p->point.velocity_m_s[2], way_m = goal_m - *z;
     bool inside = p->news.contact;
-    double most = inside ? press_m_s[p->plate] : air_m_s, speed = fmin(most, braking(fabs(way_m), 0.5 * object_m_s2, 0.0));
+    double most = inside ? press_m_s[p->plate] : air_m_s,
+           speed = fmin(most, braking(fabs(way_m), 0.5 * object_m_s2, 0.0));
     *v = toward(*v, copysign(speed, way_m), (inside ? object_m_s2 : air_m_s2) * dt_s);
     if (fabs(way_m) < 1e-5 && fabs(*v) < 1e-2) *z = goal_m, *v = 0.0;
     *z += *v * dt_s;
@@ -142,7 +146,8 @@ static void follow(kn_pointer *p)
     bool engaged = p->news.flags & KN_FLAG_ENGAGED;
     bool press = p->mode == KN_POINTER_FOLLOW && p->wish.held && p->wish.pressed && !p->barred && engaged && over;
     double goal_m = press ? p->wish.touch_z_m - p->wish.depth_m : p->wish.hover_z_m;
-    p->ground_m = press ? fmin(fmin(p->ground_m, p->wish.touch_z_m), x[2]) : INFINITY; // what was pushed down stays there
+    p->ground_m =
+        press ? fmin(fmin(p->ground_m, p->wish.touch_z_m), x[2]) : INFINITY; // what was pushed down stays there
     move_sideways(p, dt_s);
     if (press && x[2] > goal_m) move_down(p, goal_m, dt_s);
     else move_up(p, goal_m, dt_s);

@@ -61,6 +61,7 @@ typedef struct kn_pointer {
 void kn_pointer_init(kn_pointer *pointer, kn_probe_shape shape, int64_t session);
 
 // One ms. wish: the newest, may be the same again. force, elapsed_ms: as kn_device_hand. News are in pointer->news.
-kn_hand_out kn_pointer_tick(kn_pointer *pointer, const kn_pointer_wish *wish, const kn_hand_force *force, int elapsed_ms);
+kn_hand_out kn_pointer_tick(kn_pointer *pointer, const kn_pointer_wish *wish, const kn_hand_force *force,
+                            int elapsed_ms);
 
 #endif

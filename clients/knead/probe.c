@@ -1,5 +1,5 @@
-// knead probe: a virtual haptic device at 1 kHz. The hand is hand.h's, its news player.h's, its thread device.h's; here is
-// the order of things and what is said about them.
+// knead probe: a virtual haptic device at 1 kHz. The hand is hand.h's, its news player.h's, its thread device.h's; here
+// is the order of things and what is said about them.
 #include "clients/knead/commands.h"
 #include "clients/knead/dent.h"
 #include "clients/knead/join.h"
@@ -209,7 +209,8 @@ static int start(probe *p)
     if (!kn_record_start(p->record, p->tool->name, p->opt.record, p->error, sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
     kn_player_init(&p->player, &def);
-    if (!kn_device_start(&p->device, kn_player_tick, &p->player, p->opt.lcm_url, p->tool->name, p->error, sizeof p->error))
+    if (!kn_device_start(&p->device, kn_player_tick, &p->player, p->opt.lcm_url, p->tool->name, p->error,
+                         sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
     int refused = kn_device_priority_error(&p->device);
     if (refused)

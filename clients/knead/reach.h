@@ -1,6 +1,7 @@
 #ifndef KN_CLIENTS_REACH_H
 #define KN_CLIENTS_REACH_H
-// What a pointer in a picture means for a tool over an object: where it hangs, where it would touch, how deep it may go.
+// What a pointer in a picture means for a tool over an object: where it hangs, where it would touch, how deep it may
+// go.
 #include "clients/knead/dent.h"
 #include "clients/knead/pointer.h"
 #include "clients/viewer/camera.h"
@@ -19,7 +20,9 @@ void kn_reach_close(kn_reach *reach);
 
 void kn_reach_hover(const kn_reach *reach, const kn_mesh *mesh, kn_pointer_wish *wish);  // fills hover_z_m
 void kn_reach_aim(const kn_reach *reach, double u, double v, kn_pointer_wish *wish);     // fills at_m
-bool kn_reach_touch(const kn_reach *reach, const kn_mesh *mesh, kn_pointer_wish *wish);  // fills touch, flush; false: beside
-double kn_reach_deepest(const kn_reach *reach, const kn_pointer_wish *wish); // m below where it touches, or would on a whole top
+bool kn_reach_touch(const kn_reach *reach, const kn_mesh *mesh,
+                    kn_pointer_wish *wish); // fills touch, flush; false: beside
+double kn_reach_deepest(const kn_reach *reach,
+                        const kn_pointer_wish *wish); // m below where it touches, or would on a whole top
 
 #endif

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_STILL_H
 #define KN_CLIENTS_STILL_H
-// An object at one moment, complete for the renderer: shape at rest, shape now, triangles, tools. Filled from a state that
-// was stepped here, or from what is heard on the bus.
+// An object at one moment, complete for the renderer: shape at rest, shape now, triangles, tools. Filled from a state
+// that was stepped here, or from what is heard on the bus.
 #include "clients/knead/live.h"
 #include "clients/viewer/renderer.h"
 #include "core/state.h"
@@ -17,8 +17,8 @@ typedef struct kn_still {
 // All return false when memory is short. still: zeroed but for view.
 bool kn_still_state(kn_still *still, const kn_model *model, const kn_state *state);
 
-// What live has heard; live->mesh must be whole. error says what is missing when the scene does not go with the mesh, "" else:
-// then there are no tools, and the shape of now stands for that at rest.
+// What live has heard; live->mesh must be whole. error says what is missing when the scene does not go with the mesh,
+// "" else: then there are no tools, and the shape of now stands for that at rest.
 bool kn_still_live(kn_still *still, const kn_live *live, char *error, size_t error_size);
 
 // The same mesh at its newest tick, with the tools that somebody holds. Allocates nothing.

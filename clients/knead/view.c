@@ -111,7 +111,8 @@ static int parse(int argc, char **argv, options *o)
     if (!o->png) return fail(KN_EXIT_USAGE, "expected --png FILE");
     if (same_file(o->log, o->png) || same_file(o->scene, o->png))
         return fail(KN_EXIT_USAGE, "--png %s: is being read, expected another file to write", o->png);
-    if (o->log && o->scene) return fail(KN_EXIT_USAGE, "--scene %s: expected a log or a scene; a log holds its own", o->scene);
+    if (o->log && o->scene)
+        return fail(KN_EXIT_USAGE, "--scene %s: expected a log or a scene; a log holds its own", o->scene);
     if (!o->log && isfinite(o->at_s)) return fail(KN_EXIT_USAGE, "--at: expected a log to step");
     return KN_EXIT_OK;
 }
@@ -155,7 +156,8 @@ static int from_log(const options *o, kn_still *s)
     kn_replay *r = kn_replay_create(&(kn_replay_def){.log_path = o->log}, error, sizeof error);
     if (!r) return fail(KN_EXIT_USAGE, "%s", error);
     int code = step_to(r, o);
-    if (code == KN_EXIT_OK && !kn_still_state(s, r->model, kn_replay_state(r))) code = fail(KN_EXIT_DEVICE, "out of memory");
+    if (code == KN_EXIT_OK && !kn_still_state(s, r->model, kn_replay_state(r)))
+        code = fail(KN_EXIT_DEVICE, "out of memory");
     for (int i = 0; code == KN_EXIT_OK && i < r->tick.out.probes; i++) {
         const kn_force *f = &r->tick.out.force[i];
         if (f->live) kn_still_probe(s, &r->model->def.probe[i], f->proxy_position_m, f->force_n, f->gain);
@@ -172,8 +174,8 @@ static int unheard(const options *o, const kn_live *live)
 {
     const char *what = live->heard[0] ? "a server, but no mesh" : live->heard[1] ? "no whole mesh" : "nothing";
     return fail(KN_EXIT_DEVICE,
-                "heard %s in %g s: is kneadd running, in this network namespace, with these --lcm-url and --mesh-url?", what,
-                o->wait_s);
+                "heard %s in %g s: is kneadd running, in this network namespace, with these --lcm-url and --mesh-url?",
+                what, o->wait_s);
 }
 
 static int from_bus(const options *o, kn_still *s)
@@ -195,7 +197,8 @@ static int from_bus(const options *o, kn_still *s)
     int code = KN_EXIT_OK;
     if (!live.mesh.whole) code = unheard(o, &live);
     else if (!kn_still_live(s, &live, error, sizeof error)) code = fail(KN_EXIT_DEVICE, "%s", error);
-    else if (error[0]) fprintf(stderr, "knead view: %s; drawn without probes, with the edges of the shape as it is\n", error);
+    else if (error[0])
+        fprintf(stderr, "knead view: %s; drawn without probes, with the edges of the shape as it is\n", error);
     snprintf(s->caption, sizeof s->caption, "%s live, tick %" PRId64, live.scene ? live.scene->name : "an object",
              live.mesh.tick);
     kn_live_close(&live);

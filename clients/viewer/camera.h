@@ -15,8 +15,8 @@ typedef struct kn_camera {
 void kn_camera_aim(kn_camera *camera, const float low[3], const float high[3], double azimuth_deg, double elevation_deg,
                    float aspect);
 
-// Where the sight line through (u, v) of the picture, 0..1 from its upper left corner, meets the plane z = z_m. False: not in
-// front of the eye.
+// Where the sight line through (u, v) of the picture, 0..1 from its upper left corner, meets the plane z = z_m. False:
+// not in front of the eye.
 bool kn_camera_pick(const kn_camera *camera, double u, double v, double z_m, double at_m[2]);
 
 // Axes of someone who looks from there.

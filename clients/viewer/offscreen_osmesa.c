@@ -71,7 +71,8 @@ static bool open_context(kn_offscreen *screen, int width, int height, int sample
 
 kn_offscreen *kn_offscreen_open(int width, int height, int samples, char *error, size_t error_size)
 {
-    if (width < KN_OFFSCREEN_MIN || width > KN_OFFSCREEN_MAX || height < KN_OFFSCREEN_MIN || height > KN_OFFSCREEN_MAX) {
+    if (width < KN_OFFSCREEN_MIN || width > KN_OFFSCREEN_MAX || height < KN_OFFSCREEN_MIN ||
+        height > KN_OFFSCREEN_MAX) {
         snprintf(error, error_size, "a picture of %d x %d pixels, expected %d..%d on each side", width, height,
                  KN_OFFSCREEN_MIN, KN_OFFSCREEN_MAX);
         return NULL;

@@ -70,7 +70,8 @@ static void shape_corners(const kn_gl *gl, shape *s, int corners, const float *d
     gl->BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)((size_t)corners * 6 * sizeof *data), data, usage);
 }
 
-// A solid of revolution about z: profile[i] is {radius, z} from the bottom up. Four segments make a box of radius sqrt(1/2).
+// A solid of revolution about z: profile[i] is {radius, z} from the bottom up. Four segments make a box of radius
+// sqrt(1/2).
 static shape shape_turn(const kn_gl *gl, int count, const float (*profile)[2], int segments)
 {
     enum { RINGS = 17, SEGMENTS = 32 };
@@ -132,7 +133,8 @@ static bool create_shadow_map(kn_renderer *r)
     const kn_gl *gl = r->gl;
     gl->GenTextures(1, &r->shadow_map);
     gl->BindTexture(GL_TEXTURE_2D, r->shadow_map);
-    gl->TexImage2D(GL_TEXTURE_2D, 0, GL_DEPTH_COMPONENT24, SHADOW_SIZE, SHADOW_SIZE, 0, GL_DEPTH_COMPONENT, GL_FLOAT, NULL);
+    gl->TexImage2D(GL_TEXTURE_2D, 0, GL_DEPTH_COMPONENT24, SHADOW_SIZE, SHADOW_SIZE, 0, GL_DEPTH_COMPONENT, GL_FLOAT,
+                   NULL);
     gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
     gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
     gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
@@ -271,8 +273,8 @@ static void place(float m[16], const float at[3], const float direction[3], floa
     m[15] = 1;
 }
 
-static void draw_shape(const kn_renderer *r, GLuint program, const shape *s, const float model[16], const float color[3],
-                       float gloss, float lines)
+static void draw_shape(const kn_renderer *r, GLuint program, const shape *s, const float model[16],
+                       const float color[3], float gloss, float lines)
 {
     const kn_gl *gl = r->gl;
     if (s->corners == 0) return;
@@ -297,7 +299,8 @@ static arrow arrow_of(const kn_renderer *r, const kn_view_probe *p)
     float newton = kn_normalize(a.direction);
     if (!(newton >= ARROW_LEAST_N) || !isfinite(newton)) return (arrow){0};
     a.length = ARROW_SQUARES_PER_N * newton * r->square_m;
-    for (int i = 0; i < 3; i++) a.tail[i] = (float)p->position_m[i] - (a.direction[2] < 0 ? a.length * a.direction[i] : 0);
+    for (int i = 0; i < 3; i++)
+        a.tail[i] = (float)p->position_m[i] - (a.direction[2] < 0 ? a.length * a.direction[i] : 0);
     a.tail[2] += (float)(p->def.shape == KN_PROBE_PLATE ? PLATE_THICKNESS_M : p->def.radius_m);
     return a;
 }
@@ -327,7 +330,8 @@ static void draw_probe(const kn_renderer *r, GLuint program, const kn_view_probe
     if (p->outside && program == r->depth) return;
     if (plate) place(m, at, up, (float)p->def.size_m[0], (float)p->def.size_m[1], (float)PLATE_THICKNESS_M);
     else place(m, at, up, radius, radius, radius);
-    draw_shape(r, program, plate ? &r->box : &r->ball, m, p->outside ? outside_color : tool_color, plate ? 0.25f : 0.5f, 0);
+    draw_shape(r, program, plate ? &r->box : &r->ball, m, p->outside ? outside_color : tool_color, plate ? 0.25f : 0.5f,
+               0);
     arrow a = arrow_of(r, p);
     if (a.length > 0) draw_arrow(r, program, &a);
 }
@@ -494,7 +498,8 @@ static kn_gl_region region_of(const kn_renderer *r, const kn_view_scene *scene, 
         if (somewhere(&scene->probe[i])) cover_probe(r, &e, &scene->probe[i]);
     float dim = 0.6f * (r->skin->rest_high[2] - r->skin->rest_low[2]); // where the darkening of the table ends
     for (int corner = 0; corner < 4 && foot[0] <= foot[2]; corner++) {
-        float p[3] = {corner & 1 ? foot[2] + dim : foot[0] - dim, corner & 2 ? foot[3] + dim : foot[1] - dim, level_of(r)};
+        float p[3] = {corner & 1 ? foot[2] + dim : foot[0] - dim, corner & 2 ? foot[3] + dim : foot[1] - dim,
+                      level_of(r)};
         cover(r, &e, p);
     }
     kn_gl_region g = {pixel(e.low[0], r->width, -2), pixel(e.low[1], r->height, -2), 0, 0};

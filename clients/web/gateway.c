@@ -11,12 +11,17 @@
 
 #define CONNECTIONS 256 // at once, idle ones included: they end after PATIENCE_S
 #define PATIENCE_S 5
-#define AT_ONCE (1 << 24) // bytes to the kernel: by default as many as may be received, and a picture goes in 500 pieces
-enum { PROTOCOL = 1002, TOO_BIG = 1009, UNKNOWN = 4401, FULL = 4429 }; // WebSocket close codes; from 4000 on they are ours
+#define AT_ONCE (1 << 24) // bytes to the kernel: as many as may be received is the default, a picture in 500 pieces
+enum {
+    PROTOCOL = 1002,
+    TOO_BIG = 1009,
+    UNKNOWN = 4401,
+    FULL = 4429
+}; // WebSocket close codes; from 4000 on they are ours
 
 // The three files are part of the program: nothing to find at run time, nothing that a page could ask for beside them.
-#define EMBED(name, file)                                                                                               \
-    extern const char name[], name##_end[];                                                                             \
+#define EMBED(name, file)                                                                                              \
+    extern const char name[], name##_end[];                                                                            \
     __asm__(".section .rodata\n" #name ": .incbin \"" KN_WEB_DIR "/" file "\"\n" #name "_end: .byte 0\n.previous\n")
 EMBED(page_html, "page.html");
 EMBED(app_js, "app.js");
@@ -71,7 +76,8 @@ static int refuse(kn_gateway *g, struct lws *wsi, unsigned status, const char *w
 
 static int serve(kn_gateway *g, struct lws *wsi, const char *path)
 {
-    if (!header_is(wsi, WSI_TOKEN_HOST, g->origin + 7)) return refuse(g, wsi, 403, "wrong Host: open the address that knead web printed");
+    if (!header_is(wsi, WSI_TOKEN_HOST, g->origin + 7))
+        return refuse(g, wsi, 403, "wrong Host: open the address that knead web printed");
     for (size_t i = 0; i < sizeof files / sizeof *files; i++)
         if (strcmp(path, files[i].path) == 0)
             return answer(wsi, 200, files[i].type, files[i].begin, (size_t)(files[i].end - files[i].begin));
@@ -113,7 +119,10 @@ static int admit(kn_gateway *g, struct lws *wsi, session *s)
     return hang_up(g, wsi, FULL, "four pages are open already");
 }
 
-static uint32_t u32(const uint8_t *at) { return at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24; }
+static uint32_t u32(const uint8_t *at)
+{
+    return at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24;
+}
 
 static bool f32(const uint8_t *at, float most, float *value) // false: not of 0..most
 {
@@ -127,8 +136,10 @@ static int take(kn_gateway *g, struct lws *wsi, session *s)
     const uint8_t *b = s->message;
     kn_web_page *page = &g->page[s->page];
     kn_web_message m = {.number = u32(b), .kind = b[4], .pressed = b[5]};
-    if (!lws_frame_is_binary(wsi) || s->length != 20) return hang_up(g, wsi, PROTOCOL, "malformed message: expected 20 bytes, binary");
-    if (m.kind < KN_WEB_POINTER || m.kind > KN_WEB_RESET) return hang_up(g, wsi, PROTOCOL, "malformed message: no such kind");
+    if (!lws_frame_is_binary(wsi) || s->length != 20)
+        return hang_up(g, wsi, PROTOCOL, "malformed message: expected 20 bytes, binary");
+    if (m.kind < KN_WEB_POINTER || m.kind > KN_WEB_RESET)
+        return hang_up(g, wsi, PROTOCOL, "malformed message: no such kind");
     if (b[5] > 1 || !f32(b + 8, 1, &m.u) || !f32(b + 12, 1, &m.v) || !f32(b + 16, 0.1f, &m.depth_m))
         return hang_up(g, wsi, PROTOCOL, "malformed message: expected a pointer of 0..1 and a depth of 0..0.1 m");
     if (m.kind != KN_WEB_SEEN) g->on_message(g->arg, s->page, &m);
@@ -173,7 +184,8 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
         s->page = -1;
         lws_set_timer_usecs(wsi, PATIENCE_S * LWS_USEC_PER_SEC);
         return 0;
-    case LWS_CALLBACK_TIMER: return s->page >= 0 ? 0 : hang_up(g, wsi, UNKNOWN, "no token: open the address that knead web printed");
+    case LWS_CALLBACK_TIMER:
+        return s->page >= 0 ? 0 : hang_up(g, wsi, UNKNOWN, "no token: open the address that knead web printed");
     case LWS_CALLBACK_RECEIVE: return receive(g, wsi, s, in, size);
     case LWS_CALLBACK_SERVER_WRITEABLE: return write_page(g, wsi, s);
     case LWS_CALLBACK_CLOSED:
@@ -189,7 +201,8 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
 
 int kn_gateway_listen(int port, char *error, size_t error_size)
 {
-    struct sockaddr_in at = {.sin_family = AF_INET, .sin_port = htons((uint16_t)port), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    struct sockaddr_in at = {
+        .sin_family = AF_INET, .sin_port = htons((uint16_t)port), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
     int fd = socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0), on = 1;
     if (fd >= 0 && !setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) &&
         !bind(fd, (struct sockaddr *)&at, sizeof at) && !listen(fd, 32))
@@ -229,7 +242,8 @@ static bool make_address(kn_gateway *g)
     return true;
 }
 
-bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, int port, int fd, size_t largest, char *error, size_t error_size)
+bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, int port, int fd, size_t largest, char *error,
+                     size_t error_size)
 {
     static const struct lws_protocols protocols[] = {{"http", on_event, sizeof(session), 64, 0, NULL, AT_ONCE},
                                                      {"knead", on_event, sizeof(session), 64, 0, NULL, AT_ONCE},

@@ -5,9 +5,10 @@
 //     browser -- token -->  gateway  -- what the page wants -->  on_message        wire: README.md of this folder
 //             <- state and picture --  write(page, ...)    <--  whoever has news: kn_gateway_news
 //
-// Only 127.0.0.1 is listened on, by a socket that is bound here and read back (libwebsockets 4.1 ignores an interface given
-// as an address and listens on all of them). The page must come from there (Origin, Host) and must know the token, so
-// that no other page and no other user of this machine gets at the tool. Whoever is refused is told why, in words.
+// Only 127.0.0.1 is listened on, by a socket that is bound here and read back (libwebsockets 4.1 ignores an interface
+// given as an address and listens on all of them). The page must come from there (Origin, Host) and must know the
+// token, so that no other page and no other user of this machine gets at the tool. Whoever is refused is told why, in
+// words.
 #include <ev.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -57,8 +58,8 @@ typedef struct kn_gateway {
     size_t buffer_size;
 } kn_gateway;
 
-// port 0: a free one; fd >= 0: a listening socket that is already there, port is not looked at. largest: bytes of a message.
-// The callbacks must be set. False and one line in error.
+// port 0: a free one; fd >= 0: a listening socket that is already there, port is not looked at. largest: bytes of a
+// message. The callbacks must be set. False and one line in error.
 bool kn_gateway_open(kn_gateway *gateway, struct ev_loop *ev, int port, int fd, size_t largest, char *error,
                      size_t error_size);
 int kn_gateway_listen(int port, char *error, size_t error_size); // on 127.0.0.1; -1 and one line in error

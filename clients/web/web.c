@@ -1,5 +1,5 @@
-// knead web: the object in a browser, and a tool in the visitor's hand. Three threads: this one, on libev, for messages;
-// the device's, 1 kHz, for poses; the painter's.
+// knead web: the object in a browser, and a tool in the visitor's hand. Three threads: this one, on libev, for
+// messages; the device's, 1 kHz, for poses; the painter's.
 #include "clients/knead/commands.h"
 #include "clients/knead/device.h"
 #include "clients/knead/reach.h"
@@ -28,8 +28,10 @@
 static const char help[] =
     "usage: knead web [OPTION]...\n"
     "       knead web [--port N] --bind COMMAND...\n\n"
-    "Serves a page that shows what a running kneadd serves, and on which the pointer presses. Prints its address, and runs\n"
-    "until SIGINT or SIGTERM. Only this machine reaches it (another one: ssh -L N:127.0.0.1:N), and only with the token in\n"
+    "Serves a page that shows what a running kneadd serves, and on which the pointer presses. Prints its address, and "
+    "runs\n"
+    "until SIGINT or SIGTERM. Only this machine reaches it (another one: ssh -L N:127.0.0.1:N), and only with the "
+    "token in\n"
     "the address.\n\n"
     "  --probe NAME       the tool in hand (the scene's first sphere, else its first probe)\n"
     "  --port N           0..65535; 0: a free one (0)\n"
@@ -38,7 +40,8 @@ static const char help[] =
     "  --command-fd N     the open pipe that is kneadd's --command-fd, for Reset (none: no Reset)\n"
     "  --lcm-url URL      poses, forces, scene ($LCM_DEFAULT_URL, " KN_FORCE_URL ")\n"
     "  --mesh-url URL     meshes (" KN_MESH_URL ")\n"
-    "  --bind COMMAND...  opens the page's socket as descriptor 3 and becomes COMMAND, whose knead web --listen-fd 3 serves\n"
+    "  --bind COMMAND...  opens the page's socket as descriptor 3 and becomes COMMAND, whose knead web --listen-fd 3 "
+    "serves\n"
     "                     it: from inside a network namespace, which no browser outside reaches\n"
     "  --listen-fd N      see --bind\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 no bus, no socket or no OpenGL.\n";
@@ -55,7 +58,8 @@ typedef struct web {
     kn_gateway gateway;
     kn_painter painter;
     kn_live live;
-    int64_t meshes, mesh_ms, frame_ms, mesh_id; // seen; when the last came; when the last drawing began; of the painter's still
+    int64_t meshes, mesh_ms, frame_ms,
+        mesh_id; // seen; when the last came; when the last drawing began; of the painter's still
     uint64_t scene_hash;                        // of the scene that tool and reach are of
     const kn_probe_def *tool;
     kn_reach reach;
@@ -111,7 +115,8 @@ static const kn_probe_def *choose_tool(const web *w)
 {
     const kn_model_def *def = &w->live.scene->model;
     for (int i = 0; i < def->probe_count; i++)
-        if (w->probe ? !strcmp(def->probe[i].name, w->probe) : def->probe[i].shape == KN_PROBE_SPHERE) return &def->probe[i];
+        if (w->probe ? !strcmp(def->probe[i].name, w->probe) : def->probe[i].shape == KN_PROBE_SPHERE)
+            return &def->probe[i];
     return w->probe || def->probe_count == 0 ? NULL : &def->probe[0];
 }
 
@@ -171,7 +176,8 @@ static void on_message(void *self, int page, const kn_web_message *m)
 {
     web *w = self;
     if (m->kind == KN_WEB_POINTER) point(w, page, m);
-    else if (w->command_fd >= 0 && write(w->command_fd, "reset\n", 6) != 6) fail(0, "kneadd's command pipe takes nothing");
+    else if (w->command_fd >= 0 && write(w->command_fd, "reset\n", 6) != 6)
+        fail(0, "kneadd's command pipe takes nothing");
 }
 
 static void on_gone(void *self, int page)
@@ -188,17 +194,22 @@ static const char *status(const web *w, int page, char *words, size_t size)
     const kn_pointer_news *n = &w->news;
 #define SAY(level, ...) return snprintf(words, size, __VA_ARGS__), level
     if (w->live.scene_error[0]) SAY("fault", "the scene that is served cannot be read: %s", w->live.scene_error);
-    if (kn_live_now_ms() - w->mesh_ms > UNHEARD_MS || !w->live.scene) SAY("wait", "waiting for kneadd: nothing is served");
+    if (kn_live_now_ms() - w->mesh_ms > UNHEARD_MS || !w->live.scene)
+        SAY("wait", "waiting for kneadd: nothing is served");
     if (!w->tool) SAY("fault", "the scene has no probe%s%s", w->probe ? " " : "", w->probe ? w->probe : "");
     if (!w->moving) SAY("fault", "no device: %.300s", w->error);
     if (w->owner >= 0 && w->owner != page) SAY("wait", "another page holds the tool");
     if (n->mode == KN_POINTER_SILENT) SAY("fault", "force is zero; a new session begins in a moment");
     if (n->fault || n->mode == KN_POINTER_LET_GO)
-        SAY("fault", "force taken to zero: %s. %s", n->fault ? kn_fault_name((kn_fault)n->fault) : "kneadd silent for 20 ms",
-            n->fault == KN_FAULT_NONFINITE ? "Reset makes the object as new" : "The tool lifts; let go, then press again");
-    if (!n->heard && n->mode == KN_POINTER_FOLLOW) SAY("wait", "no force from kneadd: does another hand hold %s?", w->tool->name);
+        SAY("fault", "force taken to zero: %s. %s",
+            n->fault ? kn_fault_name((kn_fault)n->fault) : "kneadd silent for 20 ms",
+            n->fault == KN_FAULT_NONFINITE ? "Reset makes the object as new"
+                                           : "The tool lifts; let go, then press again");
+    if (!n->heard && n->mode == KN_POINTER_FOLLOW)
+        SAY("wait", "no force from kneadd: does another hand hold %s?", w->tool->name);
     if (!n->released) SAY("fault", "let go, then press again");
-    if (!(n->flags & KN_FLAG_ENGAGED)) SAY("wait", n->contact ? "poses were late: the force fades and returns" : "taking hold");
+    if (!(n->flags & KN_FLAG_ENGAGED))
+        SAY("wait", n->contact ? "poses were late: the force fades and returns" : "taking hold");
     if (w->beside) SAY("wait", "nothing is under the tool here");
     if (n->flags & KN_FLAG_CLAMPED) SAY("ok", "in contact; the force is at the device's limit");
     SAY("ok", "%s", n->contact ? "in contact" : "ready: press on the object");
@@ -232,8 +243,11 @@ static size_t write_page(void *self, int page, uint8_t *bytes, size_t size)
     json t = {begin, (char *)bytes + size - w->jpeg_size};
     const char *level = status(w, page, words, sizeof words);
     uint32_t event = w->event[w->shown % EVENTS].page == page ? w->event[w->shown % EVENTS].number : 0;
-    put(&t, "{\"frame\":%u,\"event\":%u,\"tick\":%" PRId64 ",\"force_n\":%.3f,\"depth_mm\":%.2f,\"deepest_mm\":%.1f,\"contact\":%s,"
-        "\"mine\":%s,\"resets\":%s,\"level\":\"%s\"", p->sent, event, w->live.mesh.tick, w->news.force_n, 1e3 * w->news.depth_m,
+    put(&t,
+        "{\"frame\":%u,\"event\":%u,\"tick\":%" PRId64
+        ",\"force_n\":%.3f,\"depth_mm\":%.2f,\"deepest_mm\":%.1f,\"contact\":%s,"
+        "\"mine\":%s,\"resets\":%s,\"level\":\"%s\"",
+        p->sent, event, w->live.mesh.tick, w->news.force_n, 1e3 * w->news.depth_m,
         w->moving ? 1e3 * kn_reach_deepest(&w->reach, &w->wish) : 0, w->news.contact ? "true" : "false",
         w->owner == page ? "true" : "false", w->command_fd >= 0 ? "true" : "false", level);
     put_words(&t, "status", words);
@@ -254,7 +268,8 @@ static size_t write_page(void *self, int page, uint8_t *bytes, size_t size)
 
 // ---- pictures
 
-// The painter's still becomes the newest mesh. False: the mesh is not of the scene that was heard; that comes every 5 s.
+// The painter's still becomes the newest mesh. False: the mesh is not of the scene that was heard; that comes every 5
+// s.
 static bool fill_still(web *w)
 {
     kn_still *s = &w->painter.still;
@@ -272,8 +287,10 @@ static bool fill_still(web *w)
 static void paint(web *w)
 {
     int64_t now_ms = kn_live_now_ms();
-    bool due = (double)(now_ms - w->frame_ms) * w->rate_hz > 900; // a mesh that is a tenth of a period early is not skipped
-    if (!due || !w->live.scene || !kn_gateway_wants(&w->gateway) || !kn_painter_idle(&w->painter) || !fill_still(w)) return;
+    bool due =
+        (double)(now_ms - w->frame_ms) * w->rate_hz > 900; // a mesh that is a tenth of a period early is not skipped
+    if (!due || !w->live.scene || !kn_gateway_wants(&w->gateway) || !kn_painter_idle(&w->painter) || !fill_still(w))
+        return;
     w->frame_ms = now_ms;
     take_samples(w);
     for (int32_t n = w->wish.event; n > w->painting && n > w->wish.event - EVENTS; n--)
@@ -281,7 +298,10 @@ static void paint(web *w)
     kn_painter_draw(&w->painter);
 }
 
-static void call_back(void *self) { ev_async_send(((web *)self)->ev, &((web *)self)->painted); } // in the painter's thread
+static void call_back(void *self)
+{
+    ev_async_send(((web *)self)->ev, &((web *)self)->painted);
+} // in the painter's thread
 
 static void on_painted(struct ev_loop *ev, ev_async *a, int events)
 {
@@ -368,7 +388,8 @@ static void close_all(web *w)
 {
     kn_gateway_close(&w->gateway); // and with it the pages: nobody holds the tool any more
     post_wish(w);
-    for (int i = 0; w->moving && i < 50 && w->news.mode != KN_POINTER_ABSENT; i++) usleep(10000), take_samples(w); // it lifts
+    for (int i = 0; w->moving && i < 50 && w->news.mode != KN_POINTER_ABSENT; i++)
+        usleep(10000), take_samples(w); // it lifts
     if (w->moving) kn_device_stop(&w->device);
     kn_painter_close(&w->painter);
     kn_live_close(&w->live);
@@ -407,8 +428,12 @@ static const char *take(web *w, int option, const char *text) // NULL, or what w
     case 'm': w->mesh_url = text; return NULL;
     case 'p': return integer(text, 0, 65535, &w->port) ? NULL : "a port, 0..65535";
     case 'r': return integer(text, 5, 60, &w->rate_hz) ? NULL : "pictures per second, 5..60";
-    case 'c': return integer(text, 0, 1 << 20, &w->command_fd) && fcntl(w->command_fd, F_GETFD) >= 0 ? NULL : "an open descriptor";
-    case 'f': return integer(text, 0, 1 << 20, &w->listen_fd) && fcntl(w->listen_fd, F_GETFD) >= 0 ? NULL : "an open descriptor";
+    case 'c':
+        return integer(text, 0, 1 << 20, &w->command_fd) && fcntl(w->command_fd, F_GETFD) >= 0 ? NULL
+                                                                                               : "an open descriptor";
+    case 'f':
+        return integer(text, 0, 1 << 20, &w->listen_fd) && fcntl(w->listen_fd, F_GETFD) >= 0 ? NULL
+                                                                                             : "an open descriptor";
     case 's':
         return sscanf(text, "%4dx%4d%c", &w->width, &w->height, &end) == 2 && w->width >= 160 && w->width <= 1920 &&
                w->height >= 160 && w->height <= 1920 ? NULL : "WxH, 160..1920 pixels on each side, e.g. 960x540";
@@ -423,7 +448,8 @@ int kn_web_main(int argc, char **argv)
         {"probe", 1, NULL, 'P'}, {"port", 1, NULL, 'p'},       {"rate", 1, NULL, 'r'},     {"size", 1, NULL, 's'},
         {"bind", 0, NULL, 'b'},  {"command-fd", 1, NULL, 'c'}, {"lcm-url", 1, NULL, 'l'},  {"mesh-url", 1, NULL, 'm'},
         {"help", 0, NULL, 'h'},  {"listen-fd", 1, NULL, 'f'},  {NULL, 0, NULL, 0}};
-    static web w = {.width = 960, .height = 540, .listen_fd = -1, .command_fd = -1, .rate_hz = 30, .owner = -1, .gateway.fd = -1};
+    static web w = {
+        .width = 960, .height = 540, .listen_fd = -1, .command_fd = -1, .rate_hz = 30, .owner = -1, .gateway.fd = -1};
     opterr = 0; // our own words
     for (int option; (option = getopt_long(argc, argv, "+:h", names, NULL)) != -1;) {
         const char *expected = take(&w, option, optarg);
@@ -433,6 +459,9 @@ int kn_web_main(int argc, char **argv)
     if (w.bind && optind < argc) return bind_and_become(&w, argv + optind);
     if (w.bind) return fail(KN_EXIT_USAGE, "--bind: expected a command");
     if (optind < argc) return fprintf(stderr, "knead web: %s: expected an option\n", argv[optind]), KN_EXIT_USAGE;
+    if (!kn_join_check(w.url, KN_FORCE_URL, w.error, sizeof w.error) ||
+        !kn_join_check(w.mesh_url, KN_MESH_URL, w.error, sizeof w.error))
+        return fail(KN_EXIT_USAGE, w.error);
     int code = open_all(&w) ? KN_EXIT_OK : fail(KN_EXIT_DEVICE, w.error);
     if (code == KN_EXIT_OK) {
         printf("knead web: open %s\n", w.gateway.address);

@@ -1,5 +1,5 @@
-// The hand behind a pointer, played against kneadd's own servo on dough: what a visitor may do with a mouse must neither trip a
-// guard nor jump.
+// The hand behind a pointer, played against kneadd's own servo on dough: what a visitor may do with a mouse must
+// neither trip a guard nor jump.
 #include "clients/knead/dent.h"
 #include "clients/knead/pointer.h"
 #include "core/surface.h"
@@ -107,7 +107,8 @@ static void press(bench *b, double x_m, double y_m, double depth_m, int ms)
     b->wish.at_m[1] = y_m;
     CHECK(kn_dent_touch(&b->mesh, b->top, b->model->def.spacing_m, &b->model->def.probe[b->probe], x_m, y_m,
                         &b->wish.touch_z_m, &b->wish.flush_z_m));
-    double height_m = b->model->def.spacing_m * (b->model->def.nodes[2] - 1), radius_m = b->model->def.probe[b->probe].radius_m;
+    double height_m = b->model->def.spacing_m * (b->model->def.nodes[2] - 1),
+           radius_m = b->model->def.probe[b->probe].radius_m;
     b->wish.depth_m = fmin(depth_m, fmax(0, b->wish.touch_z_m - radius_m - 0.5 * height_m));
     b->wish.pressed = true;
     run(b, ms);
@@ -165,13 +166,15 @@ TEST("whatever a mouse does, ball or plate, down to half of dough, jelly or clay
                 random = random * 1664525 + 1013904223;
                 double x_m = 0.02 * ((random >> 8 & 255) / 127.5 - 1), y_m = 0.02 * ((random >> 16 & 255) / 127.5 - 1);
                 if (i % 3 == 0) x_m = y_m = 0; // again and again into the same dent
-                press(&b, x_m, y_m, 0.001 + 0.00003 * (random >> 24), i % 6 == 3 ? 2500 : 60 + (int)(random >> 20) % 500);
+                press(&b, x_m, y_m, 0.001 + 0.00003 * (random >> 24),
+                      i % 6 == 3 ? 2500 : 60 + (int)(random >> 20) % 500);
                 if (i % 2) b.wish.depth_m *= 0.5, run(&b, 100); // the wheel, back and forth
                 if (i % 2) b.wish.depth_m *= 2, run(&b, 100);
                 let_go(&b, (int)(random >> 12) % 400);
                 double highest_m = 0;
                 look(&b);
-                for (int v = 0; v < b.mesh.vertex_count; v++) highest_m = fmax(highest_m, b.mesh.positions_m[3 * v + 2]);
+                for (int v = 0; v < b.mesh.vertex_count; v++)
+                    highest_m = fmax(highest_m, b.mesh.positions_m[3 * v + 2]);
                 b.wish.hover_z_m = highest_m + radius_m + 0.004;
             }
             CHECK(b.faults == 0);
@@ -203,7 +206,8 @@ TEST("without a page it lifts, and then kneadd hears no more of it; the next pag
     teardown(&b);
 }
 
-TEST("a silent kneadd: force to zero in 20 ms, lifted, and pressed again only after the button was up, in a new session")
+TEST(
+    "a silent kneadd: force to zero in 20 ms, lifted, and pressed again only after the button was up, in a new session")
 {
     bench b;
     setup(&b, "dough.yaml", FINGER);
