@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-# Pointer event to drawn frame, in headless Chromium on a live page: the time from the page's handler of a pointer event to
-# the first drawn frame that has its effect (not to photons). Every event of the run counts.
+# Pointer event to drawn frame, in headless Chromium on a live page: the time from the page's handler of a pointer event
+# to the first drawn frame that has its effect (not to photons). Every event of the run counts.
 #
 #     cmake --preset release && cmake --build --preset release -j
 #     PATH=$PWD/build/release/bin:$PATH KN_SOURCE=$PWD tests/netns bench/web.py [--seconds N] [--scene FILE] [--rate HZ]
@@ -15,26 +15,24 @@ sys.path.insert(0, os.environ["KN_SOURCE"] + "/tests/e2e")
 from served import Browser, Bus, Served, cpu_s, until
 
 
-def family(name):  # processes of that name
-    found = []
-    for pid in filter(str.isdigit, os.listdir("/proc")):
-        try:
-            if open(f"/proc/{pid}/comm").read().strip() == name:
-                found.append(int(pid))
-        except OSError:
-            pass
-    return found
+def children(pid):
+    return [int(child) for thread in os.listdir(f"/proc/{pid}/task")
+            for child in open(f"/proc/{pid}/task/{thread}/children").read().split()]
 
 
-def browser_cpu_s():
-    return sum(cpu_s(pid) for pid in family("chromium"))
+def family_cpu_s(pid):
+    return cpu_s(pid) + sum(family_cpu_s(child) for child in children(pid))
+
+
+def browser_cpu_s(page):  # all its processes, but not chromedriver
+    return sum(family_cpu_s(pid) for pid in children(page.driver.service.process.pid))
 
 
 def percentile(sorted_ms, share):
     return sorted_ms[min(len(sorted_ms) - 1, math.ceil(share * len(sorted_ms)) - 1)] if sorted_ms else math.nan
 
 
-def play(page, seconds, press):  # a circle over the block, an event every 25 to 45 ms; in a press the depth, 0.1 mm per pixel
+def play(page, seconds, press):  # an event every 25 to 45 ms: a circle over the block; in a press its depth +- 2 mm
     pace, end, i = random.Random(1), time.monotonic() + seconds, 0
     x, y = page.place(0.5, 0.42)
     while (now := time.monotonic()) < end:
@@ -55,15 +53,16 @@ def measure(name, page, server, seconds, press):
         until(lambda: page.now()["contact"])
     page.run("knead.latency.length = 0")
     events, frames = page.run("return [knead.events, knead.frames]")
-    begin, web, kneadd, browser = time.monotonic(), server.cpu_s(), cpu_s(server.kneadd.pid), browser_cpu_s()
+    begin, web, kneadd, browser = time.monotonic(), server.cpu_s(), cpu_s(server.kneadd.pid), browser_cpu_s(page)
     play(page, seconds, press)
     elapsed = time.monotonic() - begin
     cpu = [(after - before) / elapsed * 100 for after, before in
-           ((server.cpu_s(), web), (browser_cpu_s(), browser), (cpu_s(server.kneadd.pid), kneadd))]
+           ((server.cpu_s(), web), (browser_cpu_s(page), browser), (cpu_s(server.kneadd.pid), kneadd))]
     latency, frames = sorted(page.run("return knead.latency")), page.run("return knead.frames") - frames
     page.release() if press else None
-    print(f"| {name:7} | {len(latency):6} | {frames / elapsed:5.1f} | {percentile(latency, 0.5):6.1f} | {percentile(latency, 0.95):6.1f} | "
-          f"{percentile(latency, 0.99):6.1f} | {cpu[0]:9.0f} | {cpu[1]:7.0f} | {cpu[2]:6.0f} |", flush=True)
+    p50, p95, p99 = (percentile(latency, share) for share in (0.5, 0.95, 0.99))
+    print(f"| {name:7} | {len(latency):6} | {frames / elapsed:5.1f} | {p50:6.1f} | {p95:6.1f} | {p99:6.1f} | "
+          f"{cpu[0]:9.0f} | {cpu[1]:7.0f} | {cpu[2]:6.0f} |", flush=True)
 
 
 def main():
@@ -78,8 +77,9 @@ def main():
     server, bus, page = Served(o.scene, "--rate", o.rate), Bus(), Browser()
     if not page.open(server.address):
         sys.exit("bench/web.py: the page draws nothing: " + page.text("status"))
+    size = page.run("return `${picture.width} x ${picture.height}`")
     print(f"browser   Chromium {page.driver.capabilities['browserVersion']}, headless, drawing in software\n"
-          f"scene     {o.scene}, {o.rate} pictures/s asked, {page.run('return `${picture.width} x ${picture.height}`')}\n")
+          f"scene     {o.scene}, {o.rate} pictures/s asked, {size}\n")
     print("| pointer | events |   fps | p50 ms | p95 ms | p99 ms | web cpu % | browser | kneadd |")
     print("|---------|-------:|------:|-------:|-------:|-------:|----------:|--------:|-------:|")
     measure("hovers", page, server, o.seconds, press=False)

@@ -1,4 +1,4 @@
-// The page of knead web: draws what comes, and tells where the pointer is. The wire is described in web.h.
+// The page of knead web: draws what comes, and tells where the pointer is. The wire: README.md, beside this.
 'use strict';
 const $ = (id) => document.getElementById(id);
 const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
@@ -263,8 +263,7 @@ picture.addEventListener('wheel', (event) => {
     setDepth(hand.depth_mm + event.deltaY * (event.deltaMode ? 33 : 1) * WHEEL_MM);
 }, { passive: false });
 picture.addEventListener('contextmenu', (event) => event.preventDefault());
-picture.addEventListener('blur', letGo);
-window.addEventListener('blur', letGo);
+for (const place of [picture, window]) place.addEventListener('blur', letGo);
 document.addEventListener('visibilitychange', () => { if (document.hidden) letGo(); });
 
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -283,10 +282,10 @@ picture.addEventListener('keydown', (event) => {
     else if (!ARROWS[key]) return;
     event.preventDefault();
 });
-picture.addEventListener('keyup', ({ key }) => { if ((key === ' ' || key === 'Enter') && hand.holder === 'key') letGo(); });
+picture.addEventListener('keyup', ({ key }) => { if ([' ', 'Enter'].includes(key) && hand.holder === 'key') letGo(); });
 slider.addEventListener('input', () => setDepth(Number(slider.value), 0));
 $('reset').addEventListener('click', () => { letGo(); send(RESET, 0); });
-setInterval(() => { if (hand.holder !== null) sayPointer(); }, REPEAT_MS); // the other end lets go when it hears nothing
+setInterval(() => { if (hand.holder !== null) sayPointer(); }, REPEAT_MS); // silence lets go, over there
 window.addEventListener('resize', drawTrace);
 window.addEventListener('hashchange', () => location.reload());
 connect();

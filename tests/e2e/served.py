@@ -30,8 +30,9 @@ class Served:
 
     def __init__(self, scene, *options):
         reads, writes = os.pipe()
-        self.kneadd = self.start("kneadd", ["kneadd", "--scene", f"{os.environ['KN_SOURCE']}/core/scenes/{scene}",
-                                            "--realtime", os.environ["KN_REALTIME"], "--command-fd", str(reads)], reads, "serving")
+        kneadd = ["kneadd", "--scene", f"{os.environ['KN_SOURCE']}/core/scenes/{scene}"]
+        kneadd += ["--realtime", os.environ["KN_REALTIME"], "--command-fd", str(reads)]
+        self.kneadd = self.start("kneadd", kneadd, reads, "serving")
         self.web = self.start("web", ["knead", "web", "--command-fd", str(writes), *options], writes, "http://")
         self.address = next(word for word in open("web.log").read().split() if word.startswith("http://"))
         self.port = int(self.address.split(":")[2].split("/")[0])
@@ -41,8 +42,9 @@ class Served:
     def start(self, name, command, fd, word):  # returns once it has said the word
         log = open(f"{name}.log", "w")
         process = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, pass_fds=[fd])
-        if not until(lambda: word in open(f"{name}.log").read() or process.poll() is not None) or process.poll() is not None:
-            told = open(f"{name}.log").read().strip()
+        said = lambda: open(f"{name}.log").read().strip()
+        if not until(lambda: word in said() or process.poll() is not None) or process.poll() is not None:
+            told = said()
             if "libosmesa" in told:
                 print(f"skipped: {told}")
                 sys.exit(77)
@@ -84,7 +86,8 @@ class Bus(threading.Thread):
         s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
         s.bind(("239.255.76.67", port))
-        s.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton("239.255.76.67") + socket.inet_aton("127.0.0.1"))
+        membership = socket.inet_aton("239.255.76.67") + socket.inet_aton("127.0.0.1")
+        s.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
         return s
 
     def run(self):
@@ -99,7 +102,8 @@ class Bus(threading.Thread):
                 self.force_n = sum(f * f for f in struct.unpack_from(">3d", payload, 104)) ** 0.5
             elif channel == b"KNEAD_STATUS":
                 self.missed, explained = struct.unpack_from(">2q", payload, 32)
-                self.statuses, self.spoilt = self.statuses + 1, self.spoilt + (self.missed - explained > self.unexplained)
+                self.statuses += 1
+                self.spoilt += self.missed - explained > self.unexplained
                 self.unexplained = self.missed - explained
             elif channel == b"KNEAD_MESH_UPDATE":
                 self.mesh_tick = struct.unpack_from(">q", payload, 24)[0]
@@ -121,9 +125,9 @@ class Browser:
         options = webdriver.ChromeOptions()
         options.binary_location = "/usr/bin/chromium"
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-        for flag in ("headless=new", "no-sandbox", "disable-gpu", "disable-quic", "no-first-run", "disable-background-networking",
-                     "disable-component-update", "disable-sync", "hide-scrollbars", f"window-size={width},{height}",
-                     f"user-data-dir={os.getcwd()}/chromium"):
+        for flag in ("headless=new", "no-sandbox", "disable-gpu", "disable-quic", "no-first-run", "disable-sync",
+                     "disable-background-networking", "disable-component-update", "hide-scrollbars",
+                     f"window-size={width},{height}", f"user-data-dir={os.getcwd()}/chromium"):
             options.add_argument("--" + flag)
         self.driver = webdriver.Chrome(service=Service("/usr/bin/chromedriver"), options=options)
         self.run = self.driver.execute_script
@@ -162,7 +166,8 @@ class Browser:
         self.mouse("Released", self.x, self.y, held=0)
 
     def key(self, kind, key, code=None, text=""):
-        self.devtools("Input.dispatchKeyEvent", type="key" + kind, key=key, code=code or key, text=text if kind == "Down" else "")
+        self.devtools("Input.dispatchKeyEvent", type="key" + kind, key=key, code=code or key,
+                      text=text if kind == "Down" else "")
 
     def complaints(self):  # of our page, on the console
         return [line for line in self.driver.get_log("browser") if not line["message"].startswith("chrome://")]
@@ -171,10 +176,11 @@ class Browser:
         self.driver.save_screenshot(path)
 
     def keep(self, name):  # the picture, to compare with
-        self.run("""const copy = Object.assign(document.createElement('canvas'), { width: picture.width, height: picture.height });
+        self.run("""const { width, height } = picture;
+            const copy = Object.assign(document.createElement('canvas'), { width, height });
             const ctx = copy.getContext('2d', { willReadFrequently: true });
             ctx.drawImage(picture, 0, 0);
-            (window.kept ??= {})[arguments[0]] = ctx.getImageData(0, 0, copy.width, copy.height).data""", name)
+            (window.kept ??= {})[arguments[0]] = ctx.getImageData(0, 0, width, height).data""", name)
 
     def changed(self, a, b):  # pixels of picture b that differ from a's by more than JPEG's grain
         return self.run("""let [a, b] = [...arguments].map((n) => kept[n]), count = 0;

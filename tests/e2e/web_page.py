@@ -10,14 +10,18 @@ TOP = (0.5, 0.4)  # of the picture: on the top of the block
 # What must be legible against what it is on (WCAG 2.1 AA), for whatever is shown.
 CONTRAST = """
 const channels = (c) => c.match(/[\\d.]+/g).map(Number);
-const light = (c) => channels(c).slice(0, 3).map((x) => x / 255).map((x) => x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4)
-    .reduce((sum, x, i) => sum + x * [0.2126, 0.7152, 0.0722][i], 0);
-const ground = (e) => { for (; e; e = e.parentElement) { const c = getComputedStyle(e).backgroundColor; if (channels(c)[3] !== 0) return c; } };
-const ratio = (a, b) => { const [low, high] = [light(a), light(b)].sort((x, y) => x - y); return (high + 0.05) / (low + 0.05); };
+const linear = (x) => x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4;
+const light = (c) => [0.2126, 0.7152, 0.0722].reduce((sum, k, i) => sum + k * linear(channels(c)[i] / 255), 0);
+const ground = (e) => {
+    const c = getComputedStyle(e).backgroundColor;
+    return channels(c)[3] === 0 ? ground(e.parentElement) : c;
+};
+const ratio = (a, b) => (Math.max(light(a), light(b)) + 0.05) / (Math.min(light(a), light(b)) + 0.05);
 return [...document.querySelectorAll('body *')]
     .filter((e) => e.offsetParent && [...e.childNodes].some((n) => n.nodeType === 3 && n.data.trim()))
     .map((e) => [ratio(getComputedStyle(e).color, ground(e)), e.id || e.tagName])
-    .concat([[1.5 * ratio(getComputedStyle(reset).borderColor, ground(reset)), 'edge of reset']]).sort((a, b) => a[0] - b[0])"""
+    .concat([[1.5 * ratio(getComputedStyle(reset).borderColor, ground(reset)), 'edge of reset']]) // 3 is enough for it
+    .sort((a, b) => a[0] - b[0])"""
 
 
 def pressed(page, bus, sentence, begin, end):  # begins a press, watches it, ends it
@@ -29,7 +33,8 @@ def pressed(page, bus, sentence, begin, end):  # begins a press, watches it, end
     check(f"{sentence}: the page says so in words", page.text("contact") == "touching" and page.text("level") == "Live",
           page.text("contact"), page.text("status"))
     end()
-    check(f"{sentence}: let go, the force is zero", until(lambda: page.now()["force_n"] == 0 and not page.now()["contact"]), page.now())
+    check(f"{sentence}: let go, the force is zero",
+          until(lambda: page.now()["force_n"] == 0 and not page.now()["contact"]), page.now())
     check(f"{sentence}: the dent stays", until(lambda: bus.dent_mm() > bus_before + 0.5), bus_before, bus.dent_mm())
 
 
@@ -81,7 +86,8 @@ def by_keys(page, bus):
     before = page.text("depth-now")
     for _ in range(2):
         page.key("Down", "-", "Minus", "-"), page.key("Up", "-", "Minus")
-    check("minus makes it less deep", before == "6.0 mm" and page.text("depth-now") == "5.0 mm", before, page.text("depth-now"))
+    after = page.text("depth-now")
+    check("minus makes it less deep", before == "6.0 mm" and after == "5.0 mm", before, after)
     for _ in range(3):
         page.key("Down", "ArrowLeft"), page.key("Up", "ArrowLeft")
         time.sleep(0.05)
@@ -102,8 +108,8 @@ def by_keys(page, bus):
 
 def by_finger(page, bus):
     x, y = page.place(*TOP)
-    pressed(page, bus, "finger", lambda: page.devtools("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": x, "y": y}]),
-            lambda: page.devtools("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[]))
+    touch = lambda kind, *points: page.devtools("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+    pressed(page, bus, "finger", lambda: touch("touchStart", {"x": x, "y": y}), lambda: touch("touchEnd"))
 
 
 def looks(page):
@@ -112,11 +118,13 @@ def looks(page):
         least = page.run(CONTRAST)[0]
         check(f"{scheme}: everything is legible", least[0] >= 4.5, least)
     for width in 360, 1600:
-        page.devtools("Emulation.setDeviceMetricsOverride", width=width, height=800, deviceScaleFactor=1, mobile=width < 500)
+        page.devtools("Emulation.setDeviceMetricsOverride", width=width, height=800, deviceScaleFactor=1,
+                      mobile=width < 500)
         wide = page.run("return document.documentElement.scrollWidth")
         check(f"{width} px: nothing is cut off", wide <= width, wide)
     page.devtools("Emulation.clearDeviceMetricsOverride")
-    unnamed = page.run("return [...document.querySelectorAll('input, button')].filter((e) => !e.labels[0] && !e.textContent).length")
+    unnamed = page.run("""return [...document.querySelectorAll('input, button')]
+        .filter((e) => !e.labels[0] && !e.textContent).length""")
     check("every control has a label", unnamed == 0, unnamed)
 
 
@@ -125,7 +133,8 @@ def two_tabs(page, bus, address):
     page.hover(*TOP)
     driver.switch_to.new_window("window")
     page.open(address)
-    check("a second page is told that another one holds the tool", until(lambda: "another page" in page.text("words")), page.text("words"))
+    check("a second page is told that another one holds the tool",
+          until(lambda: "another page" in page.text("words")), page.text("words"))
     check("as something to wait for", page.text("level") == "Waiting", page.text("level"))
     driver.close()
     driver.switch_to.window(first)
@@ -136,7 +145,8 @@ def two_tabs(page, bus, address):
     time.sleep(0.5)
     before = bus.dent_mm()
     page.press(*TOP)
-    check("it presses once the first is idle", until(lambda: bus.force_n > 0.5 and bus.dent_mm() > before + 1), bus.force_n, page.now())
+    check("it presses once the first is idle",
+          until(lambda: bus.force_n > 0.5 and bus.dent_mm() > before + 1), bus.force_n, page.now())
     driver.close()
     check("closed in mid-press: the force goes to zero", until(lambda: bus.force_n == 0), bus.force_n)
     time.sleep(1)
@@ -146,10 +156,13 @@ def two_tabs(page, bus, address):
 
 def goodbye(page, server):
     server.kneadd.terminate()
-    check("kneadd ended: the page says what it waits for", until(lambda: "waiting for kneadd" in page.text("words")), page.text("words"))
+    check("kneadd ended: the page says what it waits for",
+          until(lambda: "waiting for kneadd" in page.text("words")), page.text("words"))
     server.web.terminate()
-    check("knead web ended: the page says so", until(lambda: "knead web has ended" in page.text("words")), page.text("words"))
-    check("both ended with 0", server.web.wait(10) == 0 and server.kneadd.wait(10) == 0, server.web.returncode, server.kneadd.returncode)
+    check("knead web ended: the page says so",
+          until(lambda: "knead web has ended" in page.text("words")), page.text("words"))
+    codes = server.web.wait(10), server.kneadd.wait(10)
+    check("both ended with 0", codes == (0, 0), codes)
 
 
 def main():

@@ -1,5 +1,5 @@
-# The wire of knead web, by hand: every refusal, every bad message, slow and idle clients. web_wire.py [--minutes N]: how
-# long the memory is watched (20 s). Driven by test_web_wire.sh.
+# The wire of knead web, by hand: every refusal, every bad message, slow and idle clients. Driven by test_web_wire.sh;
+# web_wire.py --minutes N watches the memory for longer than its 20 s.
 import json
 import os
 import socket
@@ -24,8 +24,8 @@ class Wire:
     def __init__(self, server, token=None, host=None, origin=None, protocol="knead", path="/ws"):
         good = f"127.0.0.1:{server.port}"
         self.s = socket.create_connection(("127.0.0.1", server.port), timeout=10)
-        lines = [f"GET {path} HTTP/1.1", f"Host: {good if host is None else host}", "Upgrade: websocket", "Connection: Upgrade",
-                 "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==", "Sec-WebSocket-Version: 13"]
+        lines = [f"GET {path} HTTP/1.1", f"Host: {good if host is None else host}", "Upgrade: websocket",
+                 "Connection: Upgrade", "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==", "Sec-WebSocket-Version: 13"]
         lines += [f"Origin: {f'http://{good}' if origin is None else origin}"] if origin != "" else []
         lines += [f"Sec-WebSocket-Protocol: {protocol}"] if protocol else []
         self.s.sendall("\r\n".join(lines + ["", ""]).encode())
@@ -107,7 +107,7 @@ class Page(threading.Thread):
 
     def __init__(self, server, presses):
         super().__init__(daemon=True)
-        self.wire, self.presses, self.frames, self.pictures, self.going, self.now = Wire(server), presses, 0, 0, True, None
+        self.wire, self.presses, self.frames, self.pictures, self.going = Wire(server), presses, 0, 0, True
         self.start()
 
     def run(self):
@@ -116,7 +116,7 @@ class Page(threading.Thread):
             now, picture = self.wire.state()
             if now is None:
                 return
-            self.now, self.frames, self.pictures = now, self.frames + 1, self.pictures + (picture > 0)
+            self.frames, self.pictures = self.frames + 1, self.pictures + (picture > 0)
             elapsed = time.monotonic() - begin
             press = self.presses and elapsed % 4 > 2
             self.wire.point(pressed=int(press), u=0.45 + 0.02 * (int(elapsed / 4) % 6), depth_m=0.003)
@@ -140,7 +140,8 @@ def listens_on(server):  # addresses, from the kernel
 def files(server):
     def get(path, host=None):
         with socket.create_connection(("127.0.0.1", server.port), timeout=10) as s:
-            s.sendall(f"GET {path} HTTP/1.1\r\nHost: {host or f'127.0.0.1:{server.port}'}\r\nConnection: close\r\n\r\n".encode())
+            host = host or f"127.0.0.1:{server.port}"
+            s.sendall(f"GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n".encode())
             got = b""
             while more := s.recv(65536):
                 got += more
@@ -150,7 +151,8 @@ def files(server):
     for path, name in ("/", "page.html"), ("/app.js", "app.js"), ("/style.css", "style.css"):
         status, head, body = get(path)
         same = body == open(f"{os.environ['KN_SOURCE']}/clients/web/{name}", "rb").read()
-        check(f"{path} is {name}, under a policy that lets nothing else in", status == 200 and same and "default-src 'none'" in head, status, head)
+        check(f"{path} is {name}, under a policy that lets nothing else in",
+              status == 200 and same and "default-src 'none'" in head, status, head)
     for path in "/nosuch", "/../../../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/page.html/":
         status, _, body = get(path)
         check(f"{path} is no file", status in (400, 403, 404) and b"root:" not in body, status, body)
@@ -171,7 +173,8 @@ def refusals(server):
         wire = Wire(server, **how)
         check(f"{sentence}: refused in words", wire.status == 403 and words in wire.body, wire.status, wire.body)
         wire.close()
-    for sentence, token in ("a wrong token", "0" * 32), ("a short token", server.token[:31]), ("a long token", server.token + "0"):
+    for sentence, token in [("a wrong token", "0" * 32), ("a short token", server.token[:31]),
+                            ("a long token", server.token + "0")]:
         wire = Wire(server, token)
         code, words = wire.closed()
         check(f"{sentence}: refused in words", code in (4401, 1009) and ("token" in words or code == 1009), code, words)
@@ -245,7 +248,8 @@ def crowds(server, page):
         wire = Wire(server)
         seen = [wire.state() for _ in range(2)]
         wire.close()
-        if not check("connected again: it is told at once, with a picture", seen[0][0] and any(picture for _, picture in seen), seen):
+        if not check("connected again: it is told at once, with a picture",
+                     seen[0][0] and any(picture for _, picture in seen), seen):
             break
     more = [Wire(server) for _ in range(3)]
     check("four pages at once are served", all(wire.state()[0] for wire in more))
@@ -275,7 +279,8 @@ def dead_man(server, bus):
         if until(lambda: told(pressed=1) and bus.force_n > 0.5, 3):
             break
     check("a page presses", bus.force_n > 0.5, bus.force_n, told())
-    check("it falls silent, its connection stays: the force goes to zero", until(lambda: bus.force_n == 0, 5), bus.force_n)
+    check("it falls silent, its connection stays: the force goes to zero",
+          until(lambda: bus.force_n == 0, 5), bus.force_n)
     dent = bus.dent_mm()
     time.sleep(0.5)
     check("the dent stays", dent > 0.5 and bus.dent_mm() > 0.5, dent, bus.dent_mm())
@@ -324,7 +329,8 @@ def main():
             total[:] = map(sum, zip(total, spoilt(bus, during)))
     rate = (page.frames - frames) / (time.monotonic() - begin)
     check("the page that was there all the time was served all the time", page.is_alive() and rate > 5, rate)
-    print(f"     {rate:.1f} messages/s to it; seconds with unexplained misses: {calm[1]} of {calm[0]} in peace, {storm[1]} of {storm[0]} in trouble")
+    print(f"     {rate:.1f} messages/s to it; seconds with unexplained misses: {calm[1]} of {calm[0]} in peace, "
+          f"{storm[1]} of {storm[0]} in trouble")
     # seconds, not cycles: one standstill that its sentinel overlooks is 30 cycles at once
     check("the servo does not notice", storm[1] / storm[0] <= 2 * calm[1] / calm[0] + 0.2, calm, storm)
     page.stop()
