@@ -8,6 +8,7 @@
 // `knead NAME --version` is answered here. Results go to stdout, complaints to stderr, one line each.
 #define KN_COMMANDS(X)                                                                                                 \
     X(check, "says what a scene is, what it costs, what to watch for; --keys: every key there is")                     \
+    X(element, "springs and dampers in series and parallel: what they do by the papers' rules, and what is so")         \
     X(probe, "a virtual hand: press, poke or swing a tool on a running kneadd; force table, recording")                \
     X(replay, "plays a log through the daemon's own servo: the same forces, to the bit; CSV, hash, --verify")          \
     X(view, "draws the object, live, recorded or at rest, without a screen: --png FILE")                               \

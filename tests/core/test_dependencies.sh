@@ -17,12 +17,12 @@ includes server 'core/|proto/|server/'
 includes clients 'core/|proto/|server/|clients/'
 
 # C library headers of core: nothing that knows a clock, a thread, a socket or a file. The scene parser alone knows YAML.
-system='assert|errno|float|immintrin|inttypes|limits|math|stdalign|stdarg|stdbool|stddef|stdint|stdio|stdlib|string'
+system='assert|complex|errno|float|immintrin|inttypes|limits|math|stdalign|stdarg|stdbool|stddef|stdint|stdio|stdlib|string'
 found=$(grep -rnE '^ *# *include +<' --include='*.[ch]' core | grep -vE "<($system)\.h>" | grep -vE '^core/scene/[^:]*:[0-9]+: *#include <(yaml|ctype)\.h>')
 [ -z "$found" ] && echo "ok   core includes no clock, thread, socket or file header" || { printf 'FAIL %s\n' "$found" && fail=1; }
 
 # What libknead.a calls outside itself: libm, and these of libc. (Names with __ are the compiler's: assertions, sanitizers.)
-libc='abort|aligned_alloc|calloc|free|malloc|memcmp|memcpy|memmove|memset|qsort|snprintf|strcmp|strlen|strncmp'
+libc='abort|aligned_alloc|calloc|free|malloc|memcmp|memcpy|memmove|memset|qsort|snprintf|strcmp|strlen|strncmp|strspn'
 symbols() { nm "$@" | awk 'NF == 2 && $1 == "U" || NF == 3 { sub(/@.*/, "", $NF); print $NF }'; }
 lib=$KN_BUILD/core/libknead.a
 known() { symbols --defined-only "$lib" && symbols -D --defined-only "$(cc -print-file-name=libm.so.6)"; }

@@ -1,0 +1,201 @@
+#include "core/oneport.h"
+
+#include <complex.h>
+#include <stdint.h>
+#include <string.h>
+
+// ---- polynomials in p with the derivative by every parameter, in integers modulo a prime
+
+#define PRIME UINT64_C(2147483647) // 2^31 - 1: products fit 64 bits; a rank is missed with a chance of some 1e-8
+
+enum { TERMS = KN_ELEMENT_MAX + 1, DUALS = KN_ELEMENT_MAX + 1 }; // dual 0: the value; 1 + i: derivative by leaf i
+
+typedef struct poly {
+    int degree; // -1: zero
+    uint64_t c[TERMS][DUALS];
+} poly;
+
+typedef struct ratio {
+    poly n, d;
+} ratio;
+
+static uint64_t times(uint64_t a, uint64_t b)
+{
+    return a * b % PRIME;
+}
+
+// f += a b
+static void accumulate(poly *f, const poly *a, const poly *b)
+{
+    for (int i = 0; i <= a->degree; i++)
+        for (int j = 0; j <= b->degree; j++) {
+            uint64_t *to = f->c[i + j];
+            const uint64_t *x = a->c[i], *y = b->c[j];
+            to[0] = (to[0] + times(x[0], y[0])) % PRIME;
+            for (int k = 1; k < DUALS; k++) to[k] = (to[k] + times(x[0], y[k]) + times(x[k], y[0])) % PRIME;
+        }
+    if (a->degree >= 0 && b->degree >= 0 && a->degree + b->degree > f->degree) f->degree = a->degree + b->degree;
+}
+
+// p is the only factor that two networks without a common parameter can share
+static void cancel(ratio *z)
+{
+    while (z->n.c[0][0] == 0 && z->d.c[0][0] == 0) {
+        memmove(z->n.c, z->n.c + 1, sizeof z->n.c - sizeof *z->n.c);
+        memmove(z->d.c, z->d.c + 1, sizeof z->d.c - sizeof *z->d.c);
+        memset(z->n.c[TERMS - 1], 0, sizeof *z->n.c);
+        memset(z->d.c[TERMS - 1], 0, sizeof *z->d.c);
+        z->n.degree--;
+        z->d.degree--;
+    }
+}
+
+static void connect(ratio *z, const ratio *with, kn_element_kind kind)
+{
+    ratio sum = {.n.degree = -1, .d.degree = -1};
+    poly *cross = kind == KN_ELEMENT_SERIES ? &sum.d : &sum.n;
+    accumulate(cross, &z->n, &with->d);
+    accumulate(cross, &with->n, &z->d);
+    if (kind == KN_ELEMENT_SERIES)
+        accumulate(&sum.n, &z->n, &with->n);
+    else
+        accumulate(&sum.d, &z->d, &with->d);
+    cancel(&sum);
+    *z = sum;
+}
+
+static void impedance(const kn_element *e, int node, ratio *z)
+{
+    const kn_element_node *g = &e->node[node];
+    if (g->kind < KN_ELEMENT_SERIES) { // k, or c p, over 1
+        int power = g->kind == KN_ELEMENT_DAMPER;
+        *z = (ratio){.n.degree = power, .d.degree = 0};
+        z->d.c[0][0] = 1;
+        z->n.c[power][0] = (UINT64_C(48271) * (uint64_t)(g->leaf + 1) * (uint64_t)(g->leaf + 7919)) % PRIME;
+        z->n.c[power][1 + g->leaf] = 1;
+        return;
+    }
+    impedance(e, g->child[0], z);
+    for (int i = 1; i < g->count; i++) {
+        ratio next;
+        impedance(e, g->child[i], &next);
+        connect(z, &next, g->kind);
+    }
+}
+
+// ---- rank
+
+static uint64_t inverse(uint64_t a) // a^(PRIME - 2)
+{
+    uint64_t result = 1;
+    for (uint64_t power = PRIME - 2; power; power >>= 1, a = times(a, a))
+        if (power & 1) result = times(result, a);
+    return result;
+}
+
+static int rank(uint64_t (*row)[2 * TERMS], int rows)
+{
+    int found = 0;
+    for (int column = 0; column < 2 * TERMS && found < rows; column++) {
+        int pivot = found;
+        while (pivot < rows && row[pivot][column] == 0) pivot++;
+        if (pivot == rows) continue;
+        uint64_t spare[2 * TERMS];
+        memcpy(spare, row[pivot], sizeof spare);
+        memcpy(row[pivot], row[found], sizeof spare);
+        memcpy(row[found], spare, sizeof spare);
+        uint64_t scale = inverse(spare[column]);
+        for (int i = found + 1; i < rows; i++) {
+            uint64_t factor = PRIME - times(row[i][column], scale);
+            for (int k = column; k < 2 * TERMS; k++) row[i][k] = (row[i][k] + times(factor, spare[k])) % PRIME;
+        }
+        found++;
+    }
+    return found;
+}
+
+// Directions in which N and D change with the parameters; to change both by one factor changes nothing.
+static int identifiable(const ratio *z, int leaves)
+{
+    uint64_t row[DUALS][2 * TERMS];
+    for (int k = 0; k <= leaves; k++)
+        for (int i = 0; i < TERMS; i++) {
+            row[k][i] = z->n.c[i][k];
+            row[k][TERMS + i] = z->d.c[i][k];
+        }
+    return rank(row, leaves + 1) - 1;
+}
+
+// ---- the class
+
+kn_oneport kn_oneport_of(const kn_element *e)
+{
+    ratio z;
+    impedance(e, e->root, &z);
+    kn_oneport o = {.degree_n = z.n.degree, .degree_d = z.d.degree};
+    o.fluid = z.n.c[0][0] == 0;
+    o.elastic = z.n.degree == z.d.degree;
+    o.relaxation = z.d.degree;
+    o.retardation = z.n.degree - o.fluid;
+    o.parameters = identifiable(&z, e->leaves);
+    return o;
+}
+
+bool kn_oneport_equal(const kn_oneport *a, const kn_oneport *b)
+{
+    return a->fluid == b->fluid && a->elastic == b->elastic && a->relaxation == b->relaxation;
+}
+
+static void append(char text[KN_ELEMENT_TEXT], char mark, const char *part)
+{
+    size_t at = strlen(text), size = strlen(part);
+    if (at) text[at++] = mark;
+    memcpy(text + at, part, size + 1);
+}
+
+void kn_oneport_maxwell(const kn_oneport *o, char text[KN_ELEMENT_TEXT])
+{
+    bool alone = o->fluid && o->elastic && o->relaxation == 1; // one group needs no parentheses
+    *text = '\0';
+    for (int i = 0; i < o->relaxation; i++) append(text, '|', alone ? "s-d" : "(s-d)");
+    if (!o->fluid) append(text, '|', "s");
+    if (!o->elastic) append(text, '|', "d");
+}
+
+void kn_oneport_voigt(const kn_oneport *o, char text[KN_ELEMENT_TEXT])
+{
+    bool alone = !o->fluid && !o->elastic && o->retardation == 1;
+    *text = '\0';
+    for (int i = 0; i < o->retardation; i++) append(text, '-', alone ? "s|d" : "(s|d)");
+    if (o->elastic) append(text, '-', "s");
+    if (o->fluid) append(text, '-', "d");
+}
+
+const char *kn_oneport_name(const kn_oneport *o)
+{
+    static const char *const name[3][2][2] = {// [relaxation][fluid][elastic]
+                                              {{"Voigt", "spring"}, {"damper", NULL}},
+                                              {{NULL, "standard linear solid"}, {"Jeffreys", "Maxwell"}},
+                                              {{NULL, NULL}, {NULL, "Burgers"}}};
+    return o->relaxation < 3 ? name[o->relaxation][o->fluid][o->elastic] : NULL;
+}
+
+static double complex modulus(const kn_element *e, int node, const double *moduli, double omega)
+{
+    const kn_element_node *g = &e->node[node];
+    if (g->kind == KN_ELEMENT_SPRING) return moduli[g->leaf];
+    if (g->kind == KN_ELEMENT_DAMPER) return I * omega * moduli[g->leaf];
+    double complex sum = 0;
+    for (int i = 0; i < g->count; i++) {
+        double complex part = modulus(e, g->child[i], moduli, omega);
+        sum += g->kind == KN_ELEMENT_SERIES ? 1 / part : part;
+    }
+    return g->kind == KN_ELEMENT_SERIES ? 1 / sum : sum;
+}
+
+void kn_oneport_modulus(const kn_element *e, const double *moduli, double omega, double *storage, double *loss)
+{
+    double complex z = modulus(e, e->root, moduli, omega);
+    *storage = creal(z);
+    *loss = cimag(z);
+}

@@ -1,0 +1,49 @@
+#!/usr/bin/env bash
+# knead element: the paper's verdicts on its figure 2, the mechanics beside them, one line for a wrong expression.
+set -u
+failed=0
+fail() { echo "FAIL $1"; failed=1; }
+
+# says EXPRESSION LINE...: every line is in what is said of the expression
+says() {
+    local expression=$1
+    shift
+    knead element "$expression" >out 2>err || fail "$expression: exit $?: $(cat err)"
+    for line; do grep -qF -- "$line" out || fail "$expression: not said: $line"; done
+}
+refuses() { # refuses EXPECTED-LINE ARGUMENT...
+    local expected=$1
+    shift
+    knead element "$@" >out 2>err
+    local status=$?
+    [ $status = 2 ] && [ ! -s out ] && [ "$(cat err)" = "$expected" ] && return
+    fail "knead element $*: exit $status, expected 2 and: $expected"
+    cat err
+}
+having() { awk -v n="$1" -v word="$2" '/^\(/ && $n == word { printf "%s", substr($1, 2, 1) }' catalogue; }
+
+knead element --catalogue >catalogue || fail "--catalogue: exit $?"
+[ "$(having 3 yes)" = bdfghjk ] || fail "residual: $(having 3 yes)"
+[ "$(having 4 yes)" = abcdefghijk ] || fail "bouncing: $(having 4 yes)"
+[ "$(having 5 decreases)" = adefgik ] || fail "vibration decreases: $(having 5 decreases)"
+[ "$(having 6 yes)" = dfgk ] || fail "all three: $(having 6 yes)"
+[ "$(grep -c '^(.* forced: ' catalogue)" = 6 ] && [ "$(grep -c '^(.* one of [24]: ' catalogue)" = 5 ] || fail "provenance"
+grep -q "^All three with the fewest parts: (d) and (f)\." catalogue || fail "(d) and (f) are not named"
+
+says 'd-(d|s)' 'element     (s|d)-d, jeffreys: 1 spring, 2 dampers; figure 2 (d)' \
+    's|d          no, in parallel one that has none takes it back (Table 1b): s' \
+    'every part of the series has a damper: s|d, d' 'has all three properties of a rheological object' \
+    'impedance   Z(p) = (b1 p + b2 p^2) / (1 + a1 p)' 'at last     fluid' 'at once     dashpot' \
+    'parameters  3 of 3' 'as Maxwell units side by side (s-d)|d' "of the paper's figure 2: d f;"
+says zener 'at last     solid' 'at once     spring' 'class       standard linear solid' \
+    'the rule says "decreases" here and "remains" of (s|d)-s, the same one-port'
+says 's-(s|d)' 'the rule says "remains" here and "decreases" of (s-d)|s, the same one-port'
+says '((s-d)|d)-d' 'parameters  3 of 4 can be identified: it is more complicated than what it does' 'class       Jeffreys'
+says s 'not rheological: no residual deformation, vibration remains' 'swings for ever'
+
+refuses "EXPR:1:3: unknown element 'x', expected s, d, a name like voigt, or (" 's-x'
+refuses "EXPR:1:1: ends here, expected s, d, a name like voigt, or (" ''
+refuses "knead element: expected one expression like '(s|d)-d', or --catalogue; --help tells the rest"
+refuses "knead element: expected one expression like '(s|d)-d', or --catalogue; --help tells the rest" --catalogue s
+refuses "knead element: unrecognized option '--wood'" --wood
+exit $failed
