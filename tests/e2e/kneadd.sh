@@ -17,6 +17,18 @@ start_kneadd() { # start_kneadd SCENE OPTION...: returns once it serves
     done
     echo "FAIL kneadd did not come up:" && cat kneadd.log kneadd.err && exit 1
 }
+# lcm-logger that does not run for 0.1 s loses records: ahead of everything but kneadd
+start_logger() { # start_logger FILE
+    local ahead=
+    [ "$KN_REALTIME" = off ] || ! chrt -f 50 true 2>/dev/null || ahead="chrt -f 50"
+    $ahead lcm-logger -q -f "$1" >/dev/null 2>&1 &
+    logger=$!
+    sleep 0.3
+}
+stop_logger() {
+    kill -INT "$logger"
+    wait "$logger" 2>/dev/null
+}
 stop_kneadd() { # sets status to its exit code; its summary is in kneadd.log
     kill -TERM "$server"
     wait "$server"

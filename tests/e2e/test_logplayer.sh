@@ -13,14 +13,12 @@ knead probe --path press --hold '0.3 s' --record hand.lcmlog --quiet || exit 1
 stop_kneadd
 
 play() { # into a fresh kneadd; played.csv holds what it answered
-    lcm-logger -q -f played.lcmlog >/dev/null 2>&1 &
-    local logger=$! player=(lcm-logplayer)
+    start_logger played.lcmlog
+    local player=(lcm-logplayer)
     chrt -f 60 true 2>/dev/null && player=(chrt -f 60 lcm-logplayer)
-    sleep 0.3
     start_kneadd dough-small.yaml
     "${player[@]}" -e 'KNEAD_POSE.*' hand.lcmlog >/dev/null 2>&1
-    kill -INT $logger
-    wait $logger 2>/dev/null
+    stop_logger
     stop_kneadd
     knead replay played.lcmlog --csv played.csv >/dev/null && rm played.lcmlog
 }

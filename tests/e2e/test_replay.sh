@@ -6,17 +6,14 @@ peak() { sed -n 's/.*peak contact force \([0-9.]*\) N.*/\1/p' "$1"; }
 within() { awk -v a="$1" -v b="$2" -v r="$3" 'BEGIN { exit !(a > 0 && b > 0 && a / b < 1 + r && b / a < 1 + r) }'; }
 verifies() { knead replay "$1" --verify >"$1.said" 2>"$1.err" || { cat "$1.said" "$1.err"; return 1; }; }
 
-lcm-logger -q -f bus.lcmlog >/dev/null 2>&1 & # first, so that it hears the server's start
-logger=$!
-sleep 0.3
+start_logger bus.lcmlog # first, so that it hears the server's start
 start_kneadd dough-small.yaml
 knead probe --path press --hold '500 ms' --record press.lcmlog --quiet || { echo "FAIL knead probe: exit $?"; exit 1; }
 sleep 1.2 # the session ends
 knead probe --path press --hold '500 ms' --record second.lcmlog --quiet || { echo "FAIL knead probe: exit $?"; exit 1; }
 sleep 0.2
 stop_kneadd
-kill -INT $logger
-wait $logger 2>/dev/null
+stop_logger
 
 check "the hand's own recording verifies" verifies press.lcmlog
 check "so does lcm-logger's, from the server's start to its stop, over two sessions" verifies bus.lcmlog
@@ -32,15 +29,12 @@ check "of as many rows as forces" [ $(($(wc -l <a.csv) - 1)) = "$(sed -n 's/veri
 
 # a stall of the machine may spoil a run: late by more than 20 ms, the server lets go
 for try in 1 2 3; do
-    lcm-logger -q -f played.lcmlog >/dev/null 2>&1 &
-    logger=$!
-    sleep 0.3
+    start_logger played.lcmlog
     start_kneadd dough-small.yaml
     lcm-logplayer -e 'KNEAD_POSE.*' press.lcmlog >/dev/null 2>&1
     sleep 0.2
     stop_kneadd
-    kill -INT $logger
-    wait $logger 2>/dev/null
+    stop_logger
     verifies played.lcmlog || failed=1
     within "$(peak played.lcmlog.said)" "$(peak press.lcmlog.said)" 0.05 && break
     echo "try $try: peaks $(peak played.lcmlog.said) and $(peak press.lcmlog.said) N"

@@ -15,11 +15,7 @@ expect "a descriptor that is not open" '--command-fd 77: not open, expected' --c
 expect "one that cannot be read" '--command-fd 9: not open for reading' --command-fd 9 9> >(cat)
 expect "one that is no pipe" '--command-fd 9: not a pipe' --command-fd 9 9</dev/null
 expect "one that is no number" '--command-fd nine: no such number' --command-fd nine
-# a logger that does not run for 0.1 s loses records: ahead of everything but kneadd, and once more after a gap
-ahead=
-[ "$KN_REALTIME" = off ] || ! chrt -f 50 true 2>/dev/null || ahead="chrt -f 50"
-log() { $ahead lcm-logger -q -f "$1" >/dev/null 2>&1 & logger=$!; sleep 0.3; }
-end() { stop_kneadd; kill -INT $logger; wait $logger 2>/dev/null; } # the log, too
+end() { stop_kneadd; stop_logger; } # the log, too
 mkfifo commands
 exec 9<>commands
 
@@ -28,7 +24,7 @@ printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.8,0,0,0.045 1,0,0,0.041 5,0,0,0.04
     6.5,0,0,0.06 7.3,0,0,0.045 7.5,0,0,0.041 8,0,0,0.041 8.5,0,0,0.06 >path.csv
 for try in 1 2 3; do
     rm -f reset.lcmlog
-    log reset.lcmlog
+    start_logger reset.lcmlog
     start_kneadd dough-small.yaml --command-fd 9
     knead probe --path poke --quiet >/dev/null 2>hand.err
     echo reset >&9 # over the dent, with nobody there
@@ -63,7 +59,7 @@ check "and nothing else" [ "$(grep -vc -e '^kneadd: command' -e '^Overrun' knead
 # a hand in the air, every 10 ms a reset or nothing: as many ticks are in time (else 200 would be late)
 late() { echo $(($(counter missed) + $(counter overruns))); }
 hold() { # hold COMMAND LOG: sets lost
-    log "$2"
+    start_logger "$2"
     start_kneadd dough-small.yaml --command-fd 9
     send plate >/dev/null <<<"poses 4000 session=7 seq=1" &
     hand=$!
