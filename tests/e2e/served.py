@@ -122,6 +122,7 @@ class Browser:
     def __init__(self, width=1280, height=800):
         from selenium import webdriver
         from selenium.webdriver.chrome.service import Service
+        os.environ["HOME"] = os.getcwd()  # what it leaves behind goes with the scratch folder
         options = webdriver.ChromeOptions()
         options.binary_location = "/usr/bin/chromium"
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
