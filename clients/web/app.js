@@ -33,6 +33,7 @@ function connect() {
     mine.onmessage = async ({ data }) => {
         const size = new DataView(data).getUint32(0, true);
         const now = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, size)));
+        record(now.trace); // before the wait for the picture, in which the next message may come
         if (data.byteLength > 4 + size) {
             const bitmap = await createImageBitmap(new Blob([new Uint8Array(data, 4 + size)], { type: 'image/jpeg' }));
             // drawn when newer than what is there, not only when it is the newest to have come: two in flight that
@@ -42,7 +43,6 @@ function connect() {
         }
         if (mine !== socket) return;
         send(SEEN, now.frame);
-        record(now.trace);
         if (now.frame > drawn) show(now);
         drawn = Math.max(drawn, now.frame);
     };
