@@ -29,9 +29,12 @@ static void on_scene(const lcm_recv_buf_t *buffer, const char *channel, void *us
     if (!live->scene || strcmp(live->scene->text, message.text) != 0)
         scene = kn_scene_parse(message.name, message.text, strlen(message.text), NULL, 0, live->scene_error,
                                sizeof live->scene_error);
+    else
+        live->scene_error[0] = 0; // a bad one between has passed
     knead_scene_t_decode_cleanup(&message);
     if (!scene) return;
     live->scene_error[0] = 0;
+    live->probe_count = 0; // it may have other names
     kn_scene_destroy(live->scene);
     live->scene = scene;
 }

@@ -38,7 +38,8 @@ static void open_session(kn_pointer *p)
 static void feel(kn_pointer *p, const kn_hand_force *force, int elapsed_ms)
 {
     kn_pointer_news *n = &p->news;
-    bool fresh = force && force->session == p->session && p->mode != KN_POINTER_ABSENT && p->mode != KN_POINTER_SILENT;
+    bool sane = force && isfinite(force->force_n[0] + force->force_n[1] + force->force_n[2]);
+    bool fresh = sane && force->session == p->session && p->mode != KN_POINTER_ABSENT && p->mode != KN_POINTER_SILENT;
     if (fresh) p->force = *force;
     double factor = kn_watchdog_tick(&p->watchdog, fresh, elapsed_ms), *f = p->force.force_n;
     if (fresh && p->asked_event && force->seq >= p->asked_seq) {
@@ -80,7 +81,7 @@ static void decide(kn_pointer *p)
         enter(p, p->wish.held ? KN_POINTER_FOLLOW : KN_POINTER_ABSENT);
         break;
     }
-    p->barred = p->barred && p->wish.pressed;
+    p->barred = (p->barred || p->wish.stale) && p->wish.pressed;
 }
 
 // Speed at which a tool that may change it by a_m_s2 still comes to end_m_s within way_m.

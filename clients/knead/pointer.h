@@ -22,6 +22,7 @@ typedef struct kn_pointer_wish { // of the page; positions are the tool's
     double flush_z_m; // <= touch_z_m: where a plate lies on all that is under it
     double depth_m;   // >= 0, below touch_z_m
     int32_t event;    // number of the wish, rising; 0: none yet
+    bool stale;       // nobody has renewed it for long: a tool that presses lets go until the button has come up
 } kn_pointer_wish;
 
 typedef enum kn_pointer_mode {

@@ -13,9 +13,9 @@ static double height(const kn_reach *r) { return r->def->spacing_m * (r->def->no
 bool kn_reach_open(kn_reach *r, const kn_model_def *def, const kn_probe_def *tool, double azimuth_deg,
                    double elevation_deg, float aspect)
 {
-    int vertices;
     float low[3] = {0}, high[3];
-    *r = (kn_reach){.def = def, .tool = tool, .top = kn_dent_top(def, &vertices)};
+    *r = (kn_reach){.def = def, .tool = tool};
+    r->top = kn_dent_top(def, &r->vertices);
     for (int i = 0; i < 3; i++) high[i] = (float)(def->spacing_m * (def->nodes[i] - 1) * (i == 2 ? 1.0 : 0.5));
     for (int i = 0; i < 2; i++) low[i] = -high[i];
     kn_camera_aim(&r->camera, low, high, azimuth_deg, elevation_deg, aspect);
@@ -26,6 +26,11 @@ void kn_reach_close(kn_reach *r)
 {
     free(r->top);
     memset(r, 0, sizeof *r);
+}
+
+bool kn_reach_fits(const kn_reach *r, const kn_mesh *mesh)
+{
+    return mesh->whole && r->top && mesh->vertex_count == r->vertices;
 }
 
 void kn_reach_hover(const kn_reach *r, const kn_mesh *mesh, kn_pointer_wish *wish)

@@ -10,6 +10,7 @@ typedef struct kn_reach {
     const kn_model_def *def; // of the scene; borrowed, as the tool
     const kn_probe_def *tool;
     uint8_t *top;
+    int vertices;     // of the scene's mesh
     kn_camera camera; // of the picture
 } kn_reach;
 
@@ -18,6 +19,8 @@ bool kn_reach_open(kn_reach *reach, const kn_model_def *def, const kn_probe_def 
                    double elevation_deg, float aspect);
 void kn_reach_close(kn_reach *reach);
 
+bool kn_reach_fits(const kn_reach *reach, const kn_mesh *mesh); // false: not yet, or another scene's
+// With a mesh that fits:
 void kn_reach_hover(const kn_reach *reach, const kn_mesh *mesh, kn_pointer_wish *wish);  // fills hover_z_m
 void kn_reach_aim(const kn_reach *reach, double u, double v, kn_pointer_wish *wish);     // fills at_m
 bool kn_reach_touch(const kn_reach *reach, const kn_mesh *mesh,

@@ -9,7 +9,7 @@
 #include <sys/random.h>
 #include <unistd.h>
 
-#define CONNECTIONS 256 // at once, idle ones included: they end after PATIENCE_S
+#define CONNECTIONS 256 // at once, idle ones included: libwebsockets ends those after half a minute
 #define PATIENCE_S 5
 #define AT_ONCE (1 << 24) // bytes to the kernel: as many as may be received is the default, a picture in 500 pieces
 enum {
@@ -78,6 +78,7 @@ static int serve(kn_gateway *g, struct lws *wsi, const char *path)
 {
     if (!header_is(wsi, WSI_TOKEN_HOST, g->origin + 7))
         return refuse(g, wsi, 403, "wrong Host: open the address that knead web printed");
+    if (lws_hdr_total_length(wsi, WSI_TOKEN_GET_URI) == 0) return refuse(g, wsi, 405, "expected GET");
     for (size_t i = 0; i < sizeof files / sizeof *files; i++)
         if (strcmp(path, files[i].path) == 0)
             return answer(wsi, 200, files[i].type, files[i].begin, (size_t)(files[i].end - files[i].begin));

@@ -66,6 +66,7 @@ bool kn_painter_open(kn_painter *p, int width, int height, void (*done)(void *ar
     sem_init(&p->opened, 0, 0);
     if (pthread_create(&p->thread, NULL, run, p) != 0) {
         snprintf(error, error_size, "no thread to draw in");
+        p->width = 0;
         return false;
     }
     while (sem_wait(&p->opened) != 0); // a signal

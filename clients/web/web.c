@@ -12,16 +12,20 @@
 #include <getopt.h>
 #include <inttypes.h>
 #include <math.h>
+#include <poll.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/random.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #define TRACE 256       // ms of force that wait for a page
 #define EVENTS 64       // of the pointer, on their way through kneadd
-#define LET_GO_MS 400   // a pressing page that is silent this long is gone: it speaks every 50 ms
+#define LET_GO_MS 400   // a pressing page that is silent this long is gone: it speaks every 50 ms; so is this thread
+#define RESET_MS 250    // resets come no faster
 #define IDLE_MS 2000    // after so long another page may take the tool
 #define UNHEARD_MS 1000 // without a mesh: nobody serves
 
@@ -45,6 +49,8 @@ static const char help[] =
     "                     it: from inside a network namespace, which no browser outside reaches\n"
     "  --listen-fd N      see --bind\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 no bus, no socket or no OpenGL.\n";
+
+typedef enum button { UP, PRESSES, BESIDE, BARRED } button; // BESIDE: where nothing is; BARRED: it must come up first
 
 typedef struct web {
     const char *probe, *url, *mesh_url;
@@ -76,9 +82,12 @@ typedef struct web {
     size_t jpeg_size;
     uint32_t pictures;
     int owner;             // the page that has the tool, -1: none
-    bool beside;           // it pressed where nothing is
+    button button;         // of that page
+    int64_t reset_ms;      // the last reset
     struct { uint32_t number; int page; int64_t tick; } event[EVENTS]; // tick of kneadd's answer, INT64_MAX: not yet
     int32_t painting, shown; // newest event in the picture that is being drawn, that was drawn
+    bool drawing;            // from the painter's begin until its picture has been taken
+    int stale_ms;            // the device thread's: since the last wish
     char error[512];
 } web;
 
@@ -90,14 +99,19 @@ static kn_hand_out move(void *self, const kn_hand_force *force, int elapsed_ms) 
 {
     web *w = self;
     bool fresh;
-    kn_hand_out out = kn_pointer_tick(&w->pointer, kn_mailbox_latest(&w->wishes, &fresh), force, elapsed_ms);
+    kn_pointer_wish wish = *(const kn_pointer_wish *)kn_mailbox_latest(&w->wishes, &fresh);
+    w->stale_ms =
+        fresh ? 0 : w->stale_ms + elapsed_ms; // a wish comes every 100 ms, unless the main thread stands still
+    wish.stale = w->stale_ms > LET_GO_MS;
+    kn_hand_out out = kn_pointer_tick(&w->pointer, &wish, force, elapsed_ms);
     kn_ring_push(&w->samples, &w->pointer.news); // a full one loses trace, nothing else
     return out;
 }
 
 static void post_wish(web *w)
 {
-    w->wish.held = kn_gateway_pages(&w->gateway) > 0 && w->live.mesh.whole && w->tool;
+    w->wish.held = kn_gateway_pages(&w->gateway) > 0 && w->moving && w->wish.hover_z_m > 0;
+    w->wish.pressed = w->button == PRESSES;
     *(kn_pointer_wish *)kn_mailbox_back(&w->wishes) = w->wish;
     kn_mailbox_post(&w->wishes);
 }
@@ -105,7 +119,7 @@ static void post_wish(web *w)
 static void take_samples(web *w)
 {
     for (const kn_pointer_news *n; (n = kn_ring_front(&w->samples)); kn_ring_pop(&w->samples)) {
-        if (n->event != w->news.event) w->event[n->event % EVENTS].tick = n->tick;
+        if (n->event && n->event != w->news.event) w->event[n->event % EVENTS].tick = n->tick;
         w->news = *n;
         w->trace_n[w->traced++ % TRACE] = (float)n->force_n;
     }
@@ -129,6 +143,10 @@ static void take_scene(web *w)
     if (w->moving) kn_device_stop(&w->device);
     kn_reach_close(&w->reach);
     w->moving = false;
+    if (w->button != UP) w->button = BARRED;
+    w->wish = (kn_pointer_wish){
+        .event = w->wish.event}; // nothing of the old object is true of this one; no hover_z_m: no tool
+    post_wish(w);
     w->scene_hash = w->live.scene->text_hash;
     w->mesh_id = 0;
     w->tool = choose_tool(w);
@@ -149,13 +167,17 @@ static void point(web *w, int page, const kn_web_message *m)
     kn_web_page *p = &w->gateway.page[page];
     int64_t now_ms = kn_live_now_ms();
     if (w->owner >= 0 && w->owner != page && now_ms - w->gateway.page[w->owner].pointed_ms <= IDLE_MS) return;
-    bool again = w->owner == page && (w->wish.pressed || w->beside); // the button was down before
+    if (w->owner != page) w->button = UP;
     w->owner = page;
     p->pointed_ms = now_ms;
-    if (!w->moving || !w->live.mesh.whole) return;
-    if (!again) kn_reach_aim(&w->reach, m->u, m->v, &w->wish);
-    if (m->pressed && !again) w->beside = !kn_reach_touch(&w->reach, &w->live.mesh, &w->wish);
-    w->wish.pressed = m->pressed && !(w->beside &= m->pressed);
+    if (!w->moving || !kn_reach_fits(&w->reach, &w->live.mesh)) {
+        if (m->pressed) w->button = BARRED;
+        return;
+    }
+    if (w->button == UP) kn_reach_aim(&w->reach, m->u, m->v, &w->wish);
+    if (!m->pressed) w->button = UP;
+    else if (w->button == UP) w->button = kn_reach_touch(&w->reach, &w->live.mesh, &w->wish) ? PRESSES : BESIDE;
+    w->wish.pressed = w->button == PRESSES;
     w->wish.depth_m = fmin(m->depth_m, kn_reach_deepest(&w->reach, &w->wish));
     if (m->number != p->event) {
         int32_t n = ++w->wish.event % EVENTS;
@@ -166,24 +188,33 @@ static void point(web *w, int page, const kn_web_message *m)
     post_wish(w);
 }
 
-static void let_go(web *w)
+static void reset(web *w)
 {
-    w->wish.pressed = w->beside = false;
-    post_wish(w);
+    struct pollfd pipe = {.fd = w->command_fd, .events = POLLOUT}; // never waits: kneadd may have stopped reading
+    int64_t now_ms = kn_live_now_ms();
+    if (w->command_fd < 0 || now_ms - w->reset_ms < RESET_MS) return;
+    w->reset_ms = now_ms;
+    if (poll(&pipe, 1, 0) == 1 && !(pipe.revents & POLLERR) && write(w->command_fd, "reset\n", 6) == 6) return;
+    fail(0, "nobody reads kneadd's command pipe: no Reset any more");
+    w->command_fd = -1;
 }
 
 static void on_message(void *self, int page, const kn_web_message *m)
 {
     web *w = self;
     if (m->kind == KN_WEB_POINTER) point(w, page, m);
-    else if (w->command_fd >= 0 && write(w->command_fd, "reset\n", 6) != 6)
-        fail(0, "kneadd's command pipe takes nothing");
+    else reset(w);
 }
 
 static void on_gone(void *self, int page)
 {
     web *w = self;
-    if (w->owner == page) w->owner = -1, let_go(w);
+    for (int i = 0; i < EVENTS; i++)
+        if (w->event[i].page == page) w->event[i].page = -1; // not the next one's in that place
+    if (w->owner != page) return;
+    w->owner = -1;
+    w->button = UP;
+    post_wish(w);
 }
 
 // ---- what a page is told
@@ -194,25 +225,30 @@ static const char *status(const web *w, int page, char *words, size_t size)
     const kn_pointer_news *n = &w->news;
 #define SAY(level, ...) return snprintf(words, size, __VA_ARGS__), level
     if (w->live.scene_error[0]) SAY("fault", "the scene that is served cannot be read: %s", w->live.scene_error);
-    if (kn_live_now_ms() - w->mesh_ms > UNHEARD_MS || !w->live.scene)
-        SAY("wait", "waiting for kneadd: nothing is served");
+    if (kn_live_now_ms() - w->mesh_ms > UNHEARD_MS) SAY("wait", "waiting for kneadd: nothing is served");
+    if (!w->live.scene) SAY("wait", "waiting for the scene");
     if (!w->tool) SAY("fault", "the scene has no probe%s%s", w->probe ? " " : "", w->probe ? w->probe : "");
     if (!w->moving) SAY("fault", "no device: %.300s", w->error);
+    if (!kn_reach_fits(&w->reach, &w->live.mesh)) SAY("wait", "waiting for the mesh of this scene");
     if (w->owner >= 0 && w->owner != page) SAY("wait", "another page holds the tool");
     if (n->mode == KN_POINTER_SILENT) SAY("fault", "force is zero; a new session begins in a moment");
+    if (n->fault > KN_FAULT_IMPULSE)
+        SAY("fault", "force taken to zero: %s. Way back: %s", kn_fault_name((kn_fault)n->fault),
+            kn_fault_remedy((kn_fault)n->fault));
     if (n->fault || n->mode == KN_POINTER_LET_GO)
-        SAY("fault", "force taken to zero: %s. %s",
-            n->fault ? kn_fault_name((kn_fault)n->fault) : "kneadd silent for 20 ms",
-            n->fault == KN_FAULT_NONFINITE ? "Reset makes the object as new"
-                                           : "The tool lifts; let go, then press again");
+        SAY("fault", "force taken to zero: %s. The tool lifts; let go, then press again",
+            n->fault ? kn_fault_name((kn_fault)n->fault) : "none came for 20 ms");
     if (!n->heard && n->mode == KN_POINTER_FOLLOW)
         SAY("wait", "no force from kneadd: does another hand hold %s?", w->tool->name);
-    if (!n->released) SAY("fault", "let go, then press again");
+    if (!n->released || w->button == BARRED) SAY("wait", "let go, then press again");
     if (!(n->flags & KN_FLAG_ENGAGED))
         SAY("wait", n->contact ? "poses were late: the force fades and returns" : "taking hold");
-    if (w->beside) SAY("wait", "nothing is under the tool here");
+    if (w->button == BESIDE) SAY("wait", "nothing is under the tool here");
     if (n->flags & KN_FLAG_CLAMPED) SAY("ok", "in contact; the force is at the device's limit");
-    SAY("ok", "%s", n->contact ? "in contact" : "ready: press on the object");
+    if (n->contact) SAY("ok", "in contact");
+    SAY("ok", w->button == UP  ? "ready: press on the object"
+              : n->depth_m > 0 ? "held: nothing pushes back"
+                               : "coming down");
 #undef SAY
 }
 
@@ -242,7 +278,8 @@ static size_t write_page(void *self, int page, uint8_t *bytes, size_t size)
     char words[400], *begin = (char *)bytes + 4;
     json t = {begin, (char *)bytes + size - w->jpeg_size};
     const char *level = status(w, page, words, sizeof words);
-    uint32_t event = w->event[w->shown % EVENTS].page == page ? w->event[w->shown % EVENTS].number : 0;
+    bool own = w->shown > w->wish.event - EVENTS && w->event[w->shown % EVENTS].page == page;
+    uint32_t event = own ? w->event[w->shown % EVENTS].number : 0;
     put(&t,
         "{\"frame\":%u,\"event\":%u,\"tick\":%" PRId64
         ",\"force_n\":%.3f,\"depth_mm\":%.2f,\"deepest_mm\":%.1f,\"contact\":%s,"
@@ -289,12 +326,13 @@ static void paint(web *w)
     int64_t now_ms = kn_live_now_ms();
     bool due =
         (double)(now_ms - w->frame_ms) * w->rate_hz > 900; // a mesh that is a tenth of a period early is not skipped
-    if (!due || !w->live.scene || !kn_gateway_wants(&w->gateway) || !kn_painter_idle(&w->painter) || !fill_still(w))
+    if (!due || !w->live.scene || !kn_gateway_wants(&w->gateway) || w->drawing || !fill_still(w))
         return;
     w->frame_ms = now_ms;
     take_samples(w);
     for (int32_t n = w->wish.event; n > w->painting && n > w->wish.event - EVENTS; n--)
         if (w->event[n % EVENTS].tick <= w->live.mesh.tick) w->painting = n;
+    w->drawing = true;
     kn_painter_draw(&w->painter);
 }
 
@@ -310,6 +348,7 @@ static void on_painted(struct ev_loop *ev, ev_async *a, int events)
     w->jpeg_size = w->painter.size;
     memcpy(w->jpeg, w->painter.jpeg, w->jpeg_size);
     w->shown = w->painting;
+    w->drawing = false;
     w->pictures++;
     take_samples(w);
     kn_gateway_news(&w->gateway);
@@ -324,7 +363,7 @@ static void on_readable(struct ev_loop *ev, ev_io *io, int events)
     if (w->live.meshes == w->meshes) return;
     w->meshes = w->live.meshes;
     w->mesh_ms = kn_live_now_ms();
-    if (w->moving) kn_reach_hover(&w->reach, &w->live.mesh, &w->wish);
+    if (w->moving && kn_reach_fits(&w->reach, &w->live.mesh)) kn_reach_hover(&w->reach, &w->live.mesh, &w->wish);
     post_wish(w);
     paint(w);
 }
@@ -335,7 +374,9 @@ static void on_due(struct ev_loop *ev, ev_timer *t, int events) // ten times a s
     web *w = t->data;
     int64_t now_ms = kn_live_now_ms();
     take_samples(w);
-    if (w->wish.pressed && (w->owner < 0 || now_ms - w->gateway.page[w->owner].pointed_ms > LET_GO_MS)) let_go(w);
+    bool silent = w->owner >= 0 && now_ms - w->gateway.page[w->owner].pointed_ms > LET_GO_MS;
+    if (silent && w->button != UP) w->button = BARRED;
+    post_wish(w);
     if (now_ms - w->frame_ms > 200) kn_gateway_news(&w->gateway);
 }
 
@@ -411,15 +452,29 @@ static int bind_and_become(const web *w, char **command)
 
 static bool integer(const char *word, int low, int high, int *value)
 {
-    char *end;
-    long n = strtol(word, &end, 10);
-    *value = (int)n;
-    return end != word && !*end && n >= low && n <= high;
+    char end = 0;
+    return *word >= '0' && *word <= '9' && sscanf(word, "%7d%c", value, &end) == 1 && *value >= low && *value <= high;
+}
+
+static bool pixels(const char *word, int *width, int *height)
+{
+    char end = 0;
+    return *word >= '0' && *word <= '9' && sscanf(word, "%4dx%4d%c", width, height, &end) == 2 && *width >= 160 &&
+           *width <= 1920 && *height >= 160 && *height <= 1920;
+}
+
+static bool descriptor(const char *word, bool listens, int *fd) // of a pipe to write to, or of a socket that listens
+{
+    struct stat kind;
+    int yes = 0;
+    socklen_t size = sizeof yes;
+    if (!integer(word, 0, 1 << 20, fd) || fstat(*fd, &kind) != 0) return false;
+    if (listens) return getsockopt(*fd, SOL_SOCKET, SO_ACCEPTCONN, &yes, &size) == 0 && yes;
+    return S_ISFIFO(kind.st_mode) && (fcntl(*fd, F_GETFL) & O_ACCMODE) != O_RDONLY;
 }
 
 static const char *take(web *w, int option, const char *text) // NULL, or what was expected
 {
-    char end = 0;
     switch (option) {
     case 'h': w->help = true; return NULL;
     case 'b': w->bind = true; return NULL;
@@ -428,44 +483,52 @@ static const char *take(web *w, int option, const char *text) // NULL, or what w
     case 'm': w->mesh_url = text; return NULL;
     case 'p': return integer(text, 0, 65535, &w->port) ? NULL : "a port, 0..65535";
     case 'r': return integer(text, 5, 60, &w->rate_hz) ? NULL : "pictures per second, 5..60";
-    case 'c':
-        return integer(text, 0, 1 << 20, &w->command_fd) && fcntl(w->command_fd, F_GETFD) >= 0 ? NULL
-                                                                                               : "an open descriptor";
-    case 'f':
-        return integer(text, 0, 1 << 20, &w->listen_fd) && fcntl(w->listen_fd, F_GETFD) >= 0 ? NULL
-                                                                                             : "an open descriptor";
-    case 's':
-        return sscanf(text, "%4dx%4d%c", &w->width, &w->height, &end) == 2 && w->width >= 160 && w->width <= 1920 &&
-               w->height >= 160 && w->height <= 1920 ? NULL : "WxH, 160..1920 pixels on each side, e.g. 960x540";
-    case ':': return "a value";
-    default: return "an option of knead web --help";
+    case 's': return pixels(text, &w->width, &w->height) ? NULL : "WxH, 160..1920 pixels on each side, e.g. 960x540";
+    case 'c': return descriptor(text, false, &w->command_fd) ? NULL : "an open pipe to write to";
+    default: return descriptor(text, true, &w->listen_fd) ? NULL : "a socket that listens";
     }
 }
 
-int kn_web_main(int argc, char **argv)
+static int parse(web *w, int argc, char **argv)
 {
     static const struct option names[] = {
         {"probe", 1, NULL, 'P'}, {"port", 1, NULL, 'p'},       {"rate", 1, NULL, 'r'},     {"size", 1, NULL, 's'},
         {"bind", 0, NULL, 'b'},  {"command-fd", 1, NULL, 'c'}, {"lcm-url", 1, NULL, 'l'},  {"mesh-url", 1, NULL, 'm'},
         {"help", 0, NULL, 'h'},  {"listen-fd", 1, NULL, 'f'},  {NULL, 0, NULL, 0}};
-    static web w = {
-        .width = 960, .height = 540, .listen_fd = -1, .command_fd = -1, .rate_hz = 30, .owner = -1, .gateway.fd = -1};
     opterr = 0; // our own words
-    for (int option; (option = getopt_long(argc, argv, "+:h", names, NULL)) != -1;) {
-        const char *expected = take(&w, option, optarg);
-        if (expected) return fprintf(stderr, "knead web: %s: expected %s\n", argv[optind - 1], expected), KN_EXIT_USAGE;
+    for (int option, which = 0; (option = getopt_long(argc, argv, "+:h", names, &which)) != -1;) {
+        const char *word = argv[optind - 1], *expected = option == ':' ? "a value" : "an option of knead web --help";
+        if (option == ':' || option == '?')
+            return fprintf(stderr, "knead web: %s: expected %s\n", word, expected), KN_EXIT_USAGE;
+        if ((expected = take(w, option, optarg)))
+            return fprintf(stderr, "knead web: --%s %s: expected %s\n", names[which].name, optarg, expected),
+                   KN_EXIT_USAGE;
     }
-    if (w.help) return fputs(help, stdout), KN_EXIT_OK;
-    if (w.bind && optind < argc) return bind_and_become(&w, argv + optind);
-    if (w.bind) return fail(KN_EXIT_USAGE, "--bind: expected a command");
-    if (optind < argc) return fprintf(stderr, "knead web: %s: expected an option\n", argv[optind]), KN_EXIT_USAGE;
-    if (!kn_join_check(w.url, KN_FORCE_URL, w.error, sizeof w.error) ||
-        !kn_join_check(w.mesh_url, KN_MESH_URL, w.error, sizeof w.error))
-        return fail(KN_EXIT_USAGE, w.error);
-    int code = open_all(&w) ? KN_EXIT_OK : fail(KN_EXIT_DEVICE, w.error);
+    if (w->help) return KN_EXIT_OK;
+    if (w->bind && optind == argc) return fail(KN_EXIT_USAGE, "--bind: expected a command");
+    if (!w->bind && optind < argc)
+        return fprintf(stderr, "knead web: %s: expected an option\n", argv[optind]), KN_EXIT_USAGE;
+    if (!kn_join_check(w->url, KN_FORCE_URL, w->error, sizeof w->error) ||
+        !kn_join_check(w->mesh_url, KN_MESH_URL, w->error, sizeof w->error))
+        return fail(KN_EXIT_USAGE, w->error);
+    return KN_EXIT_OK;
+}
+
+int kn_web_main(int argc, char **argv)
+{
+    static web w = {.width = 960, .height = 540, .listen_fd = -1, .command_fd = -1, .rate_hz = 30, .owner = -1,
+                    .gateway.fd = -1};
+    int code = parse(&w, argc, argv);
+    if (code == KN_EXIT_OK && w.help) return fputs(help, stdout), KN_EXIT_OK;
+    if (code != KN_EXIT_OK) return code;
+    if (w.bind) return bind_and_become(&w, argv + optind);
+    code = open_all(&w) ? KN_EXIT_OK : fail(KN_EXIT_DEVICE, w.error);
     if (code == KN_EXIT_OK) {
         printf("knead web: open %s\n", w.gateway.address);
-        fflush(stdout);
+        if (fflush(stdout) != 0)
+            code = fail(KN_EXIT_DEVICE, "nobody can read the page's address: standard output is broken");
+    }
+    if (code == KN_EXIT_OK) {
         watch(&w);
         ev_run(w.ev, 0);
     }

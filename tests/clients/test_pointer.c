@@ -232,6 +232,38 @@ TEST(
     teardown(&b);
 }
 
+TEST("wishes that nobody renews let go, and a button that was never up presses no more")
+{
+    bench b;
+    setup(&b, "dough.yaml", FINGER);
+    run(&b, 600);
+    press(&b, 0, 0, 0.005, 600);
+    CHECK(b.pointer.news.contact);
+    b.wish.stale = true;
+    run(&b, 500);
+    CHECK(!b.pointer.news.contact && b.pointer.news.force_n == 0);
+    b.wish.stale = false;
+    run(&b, 500);
+    CHECK(!b.pointer.news.contact && !b.pointer.news.released);
+    let_go(&b, 50);
+    press(&b, 0, 0, 0.005, 600);
+    CHECK(b.pointer.news.contact);
+    teardown(&b);
+}
+
+TEST("a force that is no number is no force")
+{
+    bench b;
+    setup(&b, "dough-small.yaml", 0);
+    run(&b, 600);
+    b.force.force_n[2] = NAN;
+    kn_pointer_tick(&b.pointer, &b.wish, &b.force, 1);
+    CHECK(b.pointer.news.force_n == 0);
+    for (int i = 0; i < 25; i++) kn_pointer_tick(&b.pointer, &b.wish, &b.force, 1);
+    CHECK(b.pointer.mode == KN_POINTER_LET_GO);
+    teardown(&b);
+}
+
 TEST("the newest wish that kneadd has answered is told with the tick that did")
 {
     bench b;
