@@ -193,9 +193,10 @@ static double complex modulus(const kn_element *e, int node, const double *modul
     return g->kind == KN_ELEMENT_SERIES ? 1 / sum : sum;
 }
 
-void kn_oneport_modulus(const kn_element *e, const double *moduli, double omega, double *storage, double *loss)
+void kn_oneport_modulus(const kn_element *e, int node, const double *moduli, double omega, double *storage,
+                        double *loss)
 {
-    double complex z = modulus(e, e->root, moduli, omega);
+    double complex z = modulus(e, node, moduli, omega);
     *storage = creal(z);
     *loss = cimag(z);
 }

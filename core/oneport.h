@@ -48,7 +48,9 @@ void kn_oneport_voigt(const kn_oneport *o, char text[KN_ELEMENT_TEXT]);
 // "Burgers", "standard linear solid", ...: how the field calls the class, NULL when it has no name for it.
 const char *kn_oneport_name(const kn_oneport *o);
 
-// Z at p = i omega by the same composition, from moduli by leaf number (Pa, Pa s): storage and loss modulus, Pa.
-void kn_oneport_modulus(const kn_element *e, const double *moduli, double omega, double *storage, double *loss);
+// Z of the tree under a node at p = i omega by the same composition, from moduli by leaf number (Pa, Pa s): storage and
+// loss modulus, Pa.
+void kn_oneport_modulus(const kn_element *e, int node, const double *moduli, double omega, double *storage,
+                        double *loss);
 
 #endif

@@ -284,13 +284,14 @@ TEST("the standard linear solid in both forms, with parameters re-mapped, has on
     b[2] = a[2] * g * g / (a[1] * a[1]);
     for (double omega = 1e-3; omega < 1e5; omega *= 10) {
         double one[2], two[2];
-        kn_oneport_modulus(&zener, a, omega, &one[0], &one[1]);
-        kn_oneport_modulus(&kelvin, b, omega, &two[0], &two[1]);
+        kn_oneport_modulus(&zener, zener.root, a, omega, &one[0], &one[1]);
+        kn_oneport_modulus(&kelvin, kelvin.root, b, omega, &two[0], &two[1]);
         CHECK_NEAR(two[0], one[0], 1e-12 * one[0]);
         CHECK_NEAR(two[1], one[1], 1e-9 * one[1]);
     }
     double storage, loss;
-    kn_oneport_modulus(&zener, a, 1 / (a[2] / a[1]), &storage, &loss); // omega tau = 1: G' = ke + k1/2, G'' = k1/2
+    kn_oneport_modulus(&zener, zener.root, a, 1 / (a[2] / a[1]), &storage,
+                       &loss); // omega tau = 1: G' = ke + k1/2, G'' = k1/2
     CHECK_NEAR(storage, 2.5e4, 1e-9);
     CHECK_NEAR(loss, 1.5e4, 1e-9);
 }

@@ -1,0 +1,379 @@
+#include "core/network.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { NODES = 2 * KN_ELEMENT_MAX, STAGES = 5, NEWTON_MAX = 80 };
+
+// ---- the parts
+
+static double flow(const kn_part *p, double s, double *slope)
+{
+    double a = fabs(s), inside = fmin(fmax(a, p->p0_pa), p->p1_pa);
+    double c = p->beta_per_pa > 0 ? p->modulus * exp(-p->beta_per_pa * inside) : p->modulus;
+    *slope = (a > p->p0_pa && a <= p->p1_pa ? 1 + p->beta_per_pa * a : 1) / c;
+    return s / c;
+}
+
+double kn_part_modulus(const kn_network *net, int leaf, double stress_pa)
+{
+    const kn_part *p = &net->part[leaf];
+    return p->modulus * exp(-p->beta_per_pa * fmin(fmax(fabs(stress_pa), p->p0_pa), p->p1_pa));
+}
+
+static bool is_spring(const kn_element *e, int leaf)
+{
+    for (int i = 0; i < e->nodes; i++)
+        if (e->node[i].kind == KN_ELEMENT_SPRING && e->node[i].leaf == leaf) return true;
+    return false;
+}
+
+const char *kn_network_check(const kn_network *net, int *leaf)
+{
+    for (int i = 0; i < net->element.leaves; i++) {
+        const kn_part *p = &net->part[i];
+        *leaf = i;
+        if (!(isfinite(p->modulus) && p->modulus > 0)) return "needs a finite modulus above 0";
+        if (!(isfinite(p->beta_per_pa) && p->beta_per_pa >= 0)) return "needs a finite beta, not negative";
+        if (p->beta_per_pa == 0) continue;
+        if (is_spring(&net->element, i)) return "is a spring: only a damper can depend on the stress";
+        if (!(isfinite(p->p1_pa) && p->p0_pa >= 0 && p->p0_pa < p->p1_pa)) return "needs 0 <= p0 < p1, finite";
+        if (p->beta_per_pa * p->p1_pa > 600) return "has a beta * p1 above 600, beyond the range of a double";
+    }
+    return NULL;
+}
+
+// ---- one stage: the tree as lines D = slope s + offset
+
+typedef struct line {
+    double slope, offset;
+} line;
+
+typedef struct stage {
+    const kn_network *net;
+    double h;
+    double base[KN_ELEMENT_MAX];  // x at the start of the stage
+    double guess[KN_ELEMENT_MAX]; // stress around which a damper is taken as straight
+    double stress[KN_ELEMENT_MAX];
+    double taken[KN_ELEMENT_MAX]; // D
+    line at[NODES];
+} stage;
+
+static line leaf_line(const stage *g, const kn_element_node *n)
+{
+    const kn_part *p = &g->net->part[n->leaf];
+    if (n->kind == KN_ELEMENT_SPRING) return (line){1 / p->modulus, -g->base[n->leaf]};
+    double slope, s = g->guess[n->leaf], rate = flow(p, s, &slope);
+    return (line){g->h * slope, g->h * (rate - slope * s)};
+}
+
+static line compose(stage *g, int node)
+{
+    const kn_element_node *n = &g->net->element.node[node];
+    line sum = {0, 0}, rigid = {0, 0};
+    bool held = false;
+    for (int i = 0; i < n->count; i++) {
+        line child = compose(g, n->child[i]);
+        if (n->kind == KN_ELEMENT_SERIES) {
+            sum.slope += child.slope;
+            sum.offset += child.offset;
+        } else if (child.slope == 0) {
+            held = true;
+            rigid = child;
+        } else {
+            sum.slope += 1 / child.slope;
+            sum.offset += child.offset / child.slope;
+        }
+    }
+    if (n->kind < KN_ELEMENT_SERIES)
+        sum = leaf_line(g, n);
+    else if (held)
+        sum = rigid;
+    else if (n->kind == KN_ELEMENT_PARALLEL)
+        sum = (line){1 / sum.slope, sum.offset / sum.slope};
+    return g->at[node] = sum;
+}
+
+static void hand_down(stage *g, int node, double s)
+{
+    const kn_element_node *n = &g->net->element.node[node];
+    double taken = g->at[node].slope * s + g->at[node].offset, left = s;
+    if (n->kind < KN_ELEMENT_SERIES) {
+        g->stress[n->leaf] = s;
+        g->taken[n->leaf] = taken;
+    }
+    int rigid = -1;
+    for (int i = 0; i < n->count; i++) {
+        line child = g->at[n->child[i]];
+        double share = s;
+        if (n->kind == KN_ELEMENT_PARALLEL) {
+            if (child.slope == 0 && rigid < 0) {
+                rigid = n->child[i]; // carries what the others leave
+                continue;
+            }
+            share = child.slope == 0 ? 0 : (taken - child.offset) / child.slope;
+            left -= share;
+        }
+        hand_down(g, n->child[i], share);
+    }
+    if (rigid >= 0) hand_down(g, rigid, left);
+}
+
+static double strain_of(const kn_element *e, int node, const double *x)
+{
+    const kn_element_node *n = &e->node[node];
+    if (n->kind < KN_ELEMENT_SERIES) return x[n->leaf];
+    if (n->kind == KN_ELEMENT_PARALLEL) return strain_of(e, n->child[0], x);
+    double sum = 0;
+    for (int i = 0; i < n->count; i++) sum += strain_of(e, n->child[i], x);
+    return sum;
+}
+
+// Newton's next point. g is convex up to p1 and has a concave kink there; stepping over the kink from below would
+// cycle.
+static double next_guess(const kn_part *p, double guess, double stress)
+{
+    if (fabs(guess) < p->p1_pa && fabs(stress) > p->p1_pa) return copysign(p->p1_pa, stress);
+    return stress;
+}
+
+// What the bench asks of one stage: stress = fixed - gives * D, or D = taken.
+typedef struct demand {
+    bool strain;
+    double taken, fixed, gives;
+} demand;
+
+static bool solve(stage *g, const demand *want, double *root_stress)
+{
+    const kn_element *e = &g->net->element;
+    for (int i = 0; i < NEWTON_MAX; i++) {
+        line all = compose(g, e->root);
+        double s = want->strain ? (want->taken - all.offset) / all.slope
+                                : (want->fixed - want->gives * all.offset) / (1 + want->gives * all.slope);
+        if (want->strain && all.slope == 0) s = 0; // rigid, and not to be moved
+        if (!isfinite(s)) return false;
+        hand_down(g, e->root, s);
+        double change = 0, size = 0;
+        for (int k = 0; k < e->leaves; k++) {
+            const kn_part *p = &g->net->part[k];
+            size = fmax(size, fabs(g->stress[k]));
+            if (p->beta_per_pa == 0) continue;
+            double next = next_guess(p, g->guess[k], g->stress[k]);
+            change = fmax(change, fmax(fabs(next - g->guess[k]), fabs(next - g->stress[k])));
+            g->guess[k] = next;
+        }
+        *root_stress = s;
+        if (change <= 1e-12 * size || g->h == 0) return true; // at h = 0 there is nothing to iterate
+    }
+    return false;
+}
+
+// ---- the bench
+
+static double drive_strain(const kn_drive *d, double t)
+{
+    double since = t - d->start_s;
+    return d->value + d->rate_per_s * since + d->amplitude * sin(d->omega * since);
+}
+
+static double drive_strain_rate(const kn_drive *d, double t)
+{
+    return d->rate_per_s + d->amplitude * d->omega * cos(d->omega * (t - d->start_s));
+}
+
+// A strain is prescribed by its rate: then the parts obey an ordinary differential equation whichever they are. By its
+// value, dashpots that answer at once would get their rates from differences, and the order would fall.
+static demand demand_at(const stage *g, const kn_drive *d, double t)
+{
+    const kn_element *e = &g->net->element;
+    double strain = strain_of(e, e->root, g->base);
+    if (d->kind == KN_DRIVE_STRAIN)
+        return (demand){.strain = true,
+                        .taken = g->h > 0 ? g->h * drive_strain_rate(d, t) : drive_strain(d, t) - strain};
+    if (d->kind == KN_DRIVE_LOAD) return (demand){.fixed = d->value * (1 - strain), .gives = d->value};
+    return (demand){.fixed = d->value};
+}
+
+static stage stage_from(const kn_network *net, const kn_network_state *state, double h)
+{
+    stage g = {.net = net, .h = h};
+    memcpy(g.base, state->part_strain, sizeof g.base);
+    memcpy(g.guess, state->part_stress, sizeof g.guess);
+    return g;
+}
+
+// Strain and stress between the ends from the strains of the parts. Where a dashpot answers a strain at once the stress
+// belongs to the rate: a stage too short to change anything finds it.
+static bool observe(const kn_network *net, kn_network_state *state, const kn_drive *drive)
+{
+    const double instant = 1e-15; // s: below 1e-9 of any time of a material, above what underflows
+    stage g = stage_from(net, state, instant);
+    demand want = demand_at(&g, drive, state->time_s);
+    state->strain = strain_of(&net->element, net->element.root, g.base);
+    return solve(&g, &want, &state->stress_pa);
+}
+
+bool kn_network_jump(const kn_network *net, kn_network_state *state, const kn_drive *drive)
+{
+    stage g = stage_from(net, state, 0);
+    demand want = demand_at(&g, drive, state->time_s);
+    kn_network_state before = *state;
+    double s;
+    bool rigid = compose(&g, net->element.root).slope == 0;
+    if (rigid && want.strain && fabs(want.taken) > 1e-12) return false;
+    if (!solve(&g, &want, &s)) return false;
+    for (int i = 0; i < net->element.leaves; i++) state->part_strain[i] += g.taken[i];
+    state->step_s = 0;
+    if (observe(net, state, drive)) return true;
+    *state = before;
+    return false;
+}
+
+// ---- time
+
+#define GAMMA 0.25
+static const double along[STAGES] = {1. / 4, 3. / 4, 11. / 20, 1. / 2, 1};
+static const double row[STAGES][STAGES] = {{0},
+                                           {1. / 2},
+                                           {17. / 50, -1. / 25},
+                                           {371. / 1360, -137. / 2720, 15. / 544},
+                                           {25. / 24, -49. / 48, 125. / 16, -85. / 12}};
+static const double against[STAGES] = {-3. / 16, -27. / 32, 25. / 32, 0, 1. / 4}; // order 4 less order 3
+
+// The local error of what is integrated: the dampers' strains, and the prescribed one. Springs follow from these.
+static double error_of(const kn_network *net, const kn_network_state *state, kn_network_state *next,
+                       const kn_drive *drive, double (*taken)[KN_ELEMENT_MAX])
+{
+    const kn_element *e = &net->element;
+    double error = 0;
+    for (int n = 0; n < e->nodes; n++) {
+        int i = e->node[n].leaf;
+        double difference = 0;
+        if (e->node[n].kind >= KN_ELEMENT_SERIES) continue;
+        next->largest = fmax(next->largest, fabs(next->part_strain[i]));
+        if (e->node[n].kind == KN_ELEMENT_SPRING) continue;
+        for (int j = 0; j < STAGES; j++) difference += against[j] / GAMMA * taken[j][i];
+        error = fmax(error, fabs(difference));
+    }
+    if (drive->kind == KN_DRIVE_STRAIN) {
+        double made = strain_of(e, e->root, next->part_strain) - strain_of(e, e->root, state->part_strain);
+        error = fmax(error, fabs(made - (drive_strain(drive, next->time_s) - drive_strain(drive, state->time_s))));
+    }
+    return error > 0 ? error / next->largest : 0;
+}
+
+// One step of length h into next; returns its local error of the largest strain, infinite when Newton fails.
+static double step(const kn_network *net, const kn_network_state *state, const kn_drive *drive, double h,
+                   kn_network_state *next)
+{
+    double taken[STAGES][KN_ELEMENT_MAX] = {0}; // GAMMA h times the rate of each stage
+    stage g = stage_from(net, state, GAMMA * h);
+    for (int j = 0; j < STAGES; j++) {
+        for (int i = 0; i < net->element.leaves; i++) {
+            g.base[i] = state->part_strain[i];
+            for (int m = 0; m < j; m++) g.base[i] += row[j][m] / GAMMA * taken[m][i];
+        }
+        demand want = demand_at(&g, drive, state->time_s + along[j] * h);
+        if (!solve(&g, &want, &next->stress_pa)) return INFINITY;
+        memcpy(taken[j], g.taken, sizeof g.taken);
+    }
+    for (int i = 0; i < net->element.leaves; i++) next->part_strain[i] = g.base[i] + g.taken[i];
+    memcpy(next->part_stress, g.stress, sizeof g.stress);
+    next->time_s = state->time_s + h;
+    return error_of(net, state, next, drive, taken);
+}
+
+bool kn_network_advance(const kn_network *net, kn_network_state *state, const kn_drive *drive, double until_s,
+                        double tolerance)
+{
+    const double shortest = 1e-14 * fmax(until_s, 1e-3);
+    if (state->step_s <= 0) state->step_s = 1e-6 * (until_s - state->time_s);
+    while (until_s - state->time_s > shortest) {
+        double h = fmin(state->step_s, until_s - state->time_s);
+        kn_network_state next = *state;
+        double error = step(net, state, drive, h, &next) / tolerance;
+        double factor = fmin(fmax(0.9 * pow(error, -0.25), 0.1), 4);
+        if (error > 1) {
+            if (h <= shortest) return false;
+            state->step_s = h * factor;
+            state->rejected++;
+            continue;
+        }
+        // a step cut short by `until` says nothing against the longer one that was planned
+        next.step_s = fmax(h * factor, h < state->step_s ? state->step_s : 0);
+        next.steps = state->steps + 1;
+        next.rejected = state->rejected;
+        *state = next;
+    }
+    state->time_s = until_s;
+    return observe(net, state, drive);
+}
+
+// ---- the papers' material
+
+static kn_network from_text(const char *text)
+{
+    kn_network net = {0};
+    char error[64];
+    kn_element_parse(&net.element, text, error, sizeof error); // one of the texts below
+    return net;
+}
+
+kn_network kn_network_of(const kn_material *mat)
+{
+    static const char *const text[2][4] = {{"", "s", "d", "s|d"}, {"", "s-d", "d-d", "(s|d)-d"}};
+    bool damper = mat->damper != KN_DAMPER_NONE;
+    kn_network net = from_text(text[damper][(mat->k1_pa > 0) + 2 * (mat->c1_pa_s > 0)]);
+    int at = 0;
+    if (mat->k1_pa > 0) net.part[at++].modulus = mat->k1_pa;
+    if (mat->c1_pa_s > 0) net.part[at++].modulus = mat->c1_pa_s;
+    if (mat->damper == KN_DAMPER_CONSTANT) net.part[at].modulus = mat->c2_pa_s;
+    if (mat->damper == KN_DAMPER_EXPONENTIAL)
+        net.part[at] = (kn_part){mat->alpha_pa_s, mat->beta_per_pa, mat->p0_pa, mat->p1_pa};
+    return net;
+}
+
+static void set_damper(kn_material *mat, const kn_part *p)
+{
+    mat->damper = p->beta_per_pa > 0 ? KN_DAMPER_EXPONENTIAL : KN_DAMPER_CONSTANT;
+    mat->c2_pa_s = mat->alpha_pa_s = p->modulus;
+    mat->beta_per_pa = p->beta_per_pa;
+    mat->p0_pa = p->p0_pa;
+    mat->p1_pa = p->p1_pa;
+}
+
+// Takes a spring into k1 or a linear damper into c1, each once.
+static bool take_voigt(const kn_network *net, const kn_element_node *n, kn_material *mat)
+{
+    double *to = n->kind == KN_ELEMENT_SPRING ? &mat->k1_pa : &mat->c1_pa_s;
+    if (n->kind >= KN_ELEMENT_SERIES || *to > 0 || net->part[n->leaf].beta_per_pa > 0) return false;
+    *to = net->part[n->leaf].modulus;
+    return true;
+}
+
+// A spring, a linear damper, or the two side by side.
+static bool take_part(const kn_network *net, int node, kn_material *mat)
+{
+    const kn_element_node *n = &net->element.node[node];
+    if (n->kind != KN_ELEMENT_PARALLEL) return take_voigt(net, n, mat);
+    for (int i = 0; i < n->count; i++)
+        if (!take_voigt(net, &net->element.node[n->child[i]], mat)) return false;
+    return true;
+}
+
+bool kn_network_material(const kn_network *net, kn_material *mat)
+{
+    const kn_element *e = &net->element;
+    const kn_element_node *n = &e->node[e->root];
+    *mat = (kn_material){.damper = KN_DAMPER_NONE};
+    if (n->kind != KN_ELEMENT_SERIES) return take_part(net, e->root, mat);
+    if (n->count != 2) return false;
+    for (int last = 1; last >= 0; last--) { // the free damper is the last damper of the two that leaves the rest a part
+        const kn_element_node *d = &e->node[n->child[last]];
+        *mat = (kn_material){.damper = KN_DAMPER_NONE};
+        if (d->kind != KN_ELEMENT_DAMPER || !take_part(net, n->child[!last], mat)) continue;
+        set_damper(mat, &net->part[d->leaf]);
+        return true;
+    }
+    return false;
+}
