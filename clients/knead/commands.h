@@ -8,18 +8,22 @@
 // `knead NAME --version` is answered here. Results go to stdout, complaints to stderr, one line each.
 #define KN_COMMANDS(X)                                                                                                 \
     X(check, "says what a scene is, what it costs, what to watch for; --keys: every key there is")                     \
-    X(element, "springs and dampers in series and parallel: what they do by the papers' rules, and what is so")         \
+    X(creep, "virtual rheometer: a weight on a specimen, then not; height, what comes back, what stays")               \
+    X(element, "springs and dampers in series and parallel: what they do by the papers' rules, and what is so")        \
     X(probe, "a virtual hand: press, poke or swing a tool on a running kneadd; force table, recording")                \
+    X(relax, "virtual rheometer: a specimen is compressed and held; how its stress falls")                             \
     X(replay, "plays a log through the daemon's own servo: the same forces, to the bit; CSV, hash, --verify")          \
+    X(sweep, "virtual rheometer: a specimen is swung; storage and loss modulus against frequency")                     \
+    X(tpa, "virtual rheometer: two bites; hardness, cohesiveness, springiness, resilience")                            \
     X(view, "draws the object, live, recorded or at rest, without a screen: --png FILE")                               \
     X(web, "a page that shows the object live, with a tool in the visitor's hand; prints its address")
 
 enum { // exit codes of every program of this project
     KN_EXIT_OK = 0,
-    KN_EXIT_FAILED = 1,    // the check that was asked for failed: --verify, a stated contract
-    KN_EXIT_USAGE = 2,     // bad input: an option, a scene, a log
-    KN_EXIT_DEVICE = 3,    // device, transport or environment
-    KN_EXIT_INTERNAL = 70  // our own fault
+    KN_EXIT_FAILED = 1,   // the check that was asked for failed: --verify, a stated contract
+    KN_EXIT_USAGE = 2,    // bad input: an option, a scene, a log
+    KN_EXIT_DEVICE = 3,   // device, transport or environment
+    KN_EXIT_INTERNAL = 70 // our own fault
 };
 
 #define KN_COMMAND(name, summary) int kn_##name##_main(int argc, char **argv);

@@ -1,0 +1,352 @@
+#include "clients/knead/bench.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "core/scene/units.h"
+#include <getopt.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+// ---- what the specimen is
+
+static const char missing[] = "EXPR:1:1: unknown element";
+
+// "dough" is core/scenes/dough.yaml: beside an installed program in share, or in the tree that a build folder is in.
+static bool find_shipped(const char *name, char path[4096])
+{
+    static const char *const from[] = {"../share/knead/scenes", "../../../core/scenes"};
+    char self[2048];
+    ssize_t size = readlink("/proc/self/exe", self, sizeof self - 1);
+    if (size <= 0 || strspn(name, "abcdefghijklmnopqrstuvwxyz0123456789-_") != strlen(name)) return false;
+    self[size] = '\0';
+    char *slash = strrchr(self, '/');
+    if (!slash) return false;
+    *slash = '\0';
+    for (size_t i = 0; i < sizeof from / sizeof *from; i++) {
+        snprintf(path, 4096, "%s/%s/%s.yaml", self, from[i], name);
+        if (access(path, R_OK) == 0) return true;
+    }
+    return false;
+}
+
+static bool is_scene(const char *text, char path[4096])
+{
+    const char *dot = strrchr(text, '.');
+    if (!strchr(text, '/') && !(dot && (!strcmp(dot, ".yaml") || !strcmp(dot, ".yml"))))
+        return find_shipped(text, path);
+    snprintf(path, 4096, "%s", text);
+    return true;
+}
+
+// ---- parameters of an expression
+
+// A modulus per strain, or per length of the specimen times its height.
+static bool read_modulus(const char *text, const char *unit_text, double *value, char why[160])
+{
+    kn_unit unit;
+    kn_quantity q;
+    if (!kn_unit_parse(&unit, unit_text, why, 160) || !kn_quantity_parse(&q, text, why, 160)) return false;
+    kn_unit per_height = unit;
+    per_height.m--;
+    bool per = !q.bare && kn_unit_same_dimension(&q.unit, &per_height);
+    if (q.bare || !(per || kn_unit_same_dimension(&q.unit, &unit))) {
+        snprintf(why, 160, q.bare ? "'%.40s' has no unit" : "'%.40s' has another dimension", text);
+        return false;
+    }
+    *value = per ? kn_quantity_in(&q, &per_height) * KN_BENCH_HEIGHT_M : kn_quantity_in(&q, &unit);
+    return true;
+}
+
+static bool read_plain(const char *text, const char *unit_text, double *value, char why[160])
+{
+    kn_unit unit;
+    kn_quantity q;
+    if (!kn_unit_parse(&unit, unit_text, why, 160) || !kn_quantity_parse(&q, text, why, 160)) return false;
+    if (q.bare || !kn_unit_same_dimension(&q.unit, &unit)) {
+        snprintf(why, 160, q.bare ? "'%.40s' has no unit" : "'%.40s' has another dimension", text);
+        return false;
+    }
+    *value = kn_quantity_in(&q, &unit);
+    return true;
+}
+
+// "exp(alpha, beta, p0, p1)"
+static bool read_exponential(const char *text, kn_part *part, char why[160])
+{
+    char field[4][64];
+    int used = 0;
+    if (sscanf(text, "exp ( %63[^,)] , %63[^,)] , %63[^,)] , %63[^,)] ) %n", field[0], field[1], field[2], field[3],
+               &used) != 4 ||
+        used == 0 || text[used]) {
+        snprintf(why, 160, "'%.40s' is not exp(alpha, beta, p0, p1)", text);
+        return false;
+    }
+    return read_modulus(field[0], "Pa*s", &part->modulus, why) &&
+           read_plain(field[1], "1/Pa", &part->beta_per_pa, why) && read_plain(field[2], "Pa", &part->p0_pa, why) &&
+           read_plain(field[3], "Pa", &part->p1_pa, why);
+}
+
+static const char *const example[2] = {"245 kPa*s", "46 kPa"}; // [is a spring]
+
+static int read_param(kn_bench *b, const char *text, bool *given)
+{
+    const char *subcommand = b->opt->subcommand, *equals = strchr(text, '=');
+    char name[8], why[160];
+    for (int i = 0; equals && kn_element_leaf_name(&b->net.element, i, name); i++) {
+        if (strlen(name) != (size_t)(equals - text) || strncmp(name, text, strlen(name)) != 0) continue;
+        bool spring = name[0] == 's', exponential = !spring && !strncmp(equals + 1, "exp", 3), good;
+        if (exponential)
+            good = read_exponential(equals + 1, &b->net.part[i], why);
+        else
+            good = read_modulus(equals + 1, spring ? "Pa" : "Pa*s", &b->net.part[i].modulus, why);
+        given[i] = true;
+        if (good) return KN_EXIT_OK;
+        return kn_complain(subcommand, KN_EXIT_USAGE, "--param %s: %s, expected something like %s='%s'", text, why,
+                           name, exponential ? "exp(8e6 Pa*s, 8.3e-4 1/Pa, 883 Pa, 7845 Pa)" : example[spring]);
+    }
+    char parts[KN_ELEMENT_TEXT];
+    kn_element_print(&b->net.element, b->net.element.root, true, parts);
+    return kn_complain(subcommand, KN_EXIT_USAGE, "--param %s: expected PART=VALUE with a part of %s", text, parts);
+}
+
+static int take_expression(kn_bench *b)
+{
+    const kn_bench_options *opt = b->opt;
+    char error[200], parts[KN_ELEMENT_TEXT], name[8];
+    bool given[KN_ELEMENT_MAX] = {false};
+    int leaf;
+    if (opt->set_count > 0)
+        return kn_complain(opt->subcommand, KN_EXIT_USAGE,
+                           "--set %s: %s is an expression, expected --param, or a scene", opt->sets[0], opt->specimen);
+    if (!kn_element_parse(&b->net.element, opt->specimen, error, sizeof error))
+        return kn_complain(
+            opt->subcommand, KN_EXIT_USAGE, "%s%s", error,
+            strncmp(error, missing, sizeof missing - 1) ? "" : "; or a scene: clay, dough, dough-small, jelly, a file");
+    kn_element_print(&b->net.element, b->net.element.root, true, parts);
+    for (int i = 0; i < opt->param_count; i++) {
+        int code = read_param(b, opt->params[i], given);
+        if (code != KN_EXIT_OK) return code;
+    }
+    for (int i = 0; kn_element_leaf_name(&b->net.element, i, name); i++)
+        if (!given[i])
+            return kn_complain(opt->subcommand, KN_EXIT_USAGE, "%s: %s has no value, expected --param %s='%s'", parts,
+                               name, name, name[0] == 's' ? "46 kPa" : "245 kPa*s");
+    const char *wrong = kn_network_check(&b->net, &leaf);
+    if (wrong && kn_element_leaf_name(&b->net.element, leaf, name))
+        return kn_complain(opt->subcommand, KN_EXIT_USAGE, "--param %s: %s %s", name, name, wrong);
+    snprintf(b->title, sizeof b->title, "%s", parts);
+    return KN_EXIT_OK;
+}
+
+// ---- the lattice: the scene's law on N x N x N cells of the cube
+
+static int build_lattice(kn_bench *b, const kn_model_def *scene)
+{
+    const kn_bench_options *opt = b->opt;
+    kn_model_def def = scene ? *scene : kn_model_def_default();
+    char error[256], text[KN_ELEMENT_TEXT];
+    if (!scene && !kn_network_material(&b->net, &def.material)) {
+        kn_element normal = b->net.element;
+        kn_element_normalize(&normal);
+        kn_element_print(&normal, normal.root, false, text);
+        const char *name = kn_element_name(&normal);
+        return kn_complain(
+            opt->subcommand, KN_EXIT_USAGE,
+            "--lattice: an edge cannot be %s%s%s%s, expected s|d, s-d, d or (s|d)-d, force-dependent only in "
+            "series; without --lattice any element runs",
+            text, name ? " (" : "", name ? name : "", name ? ")" : "");
+    }
+    def.spacing_m = KN_BENCH_HEIGHT_M / opt->lattice[2];
+    for (int k = 0; k < 3; k++) def.nodes[k] = opt->lattice[k] + 1;
+    def.gravity_m_s2 = 0;
+    def.support = KN_SUPPORT_FRICTIONLESS;
+    def.probe_count = 1;
+    def.probe[0] = (kn_probe_def){.name = "plate", .shape = KN_PROBE_PLATE};
+    for (int k = 0; k < 2; k++) def.probe[0].size_m[k] = 3 * def.spacing_m * opt->lattice[k];
+    def.solver.kind = KN_SOLVER_IMPLICIT;
+    def.solver.precision = KN_PRECISION_F64;
+    def.solver.linearization = KN_LINEARIZATION_BLEND;
+    def.solver.dt_s = 1e-2; // creep takes seconds
+    def.solver.iterations_max = 100;
+    def.solver.tolerance = 1e-4;
+    if (!(b->model = kn_model_build(&def, error, sizeof error)))
+        return kn_complain(opt->subcommand, KN_EXIT_USAGE, "--lattice: %s", error);
+    b->lattice = kn_state_create(b->model);
+    return b->lattice ? KN_EXIT_OK : kn_complain(opt->subcommand, KN_EXIT_DEVICE, "out of memory");
+}
+
+static double area_m2(const kn_bench *b)
+{
+    if (!b->model) return KN_BENCH_AREA_M2;
+    return b->model->def.spacing_m * b->model->def.spacing_m * b->opt->lattice[0] * b->opt->lattice[1];
+}
+
+// Height of the top face, the mean of its nodes by their share of it.
+static double lattice_strain(const kn_bench *b)
+{
+    const kn_grid *g = &b->model->grid;
+    double sum = 0, weight = 0, x[3];
+    for (int iy = 0; iy < g->n[1]; iy++)
+        for (int ix = 0; ix < g->n[0]; ix++) {
+            int node = kn_grid_node(g, ix, iy, g->n[2] - 1);
+            kn_state_position(b->model, b->lattice, node, x);
+            sum += kn_grid_share(g, node) * x[2];
+            weight += kn_grid_share(g, node);
+        }
+    return 1 - sum / (weight * KN_BENCH_HEIGHT_M);
+}
+
+int kn_bench_open(kn_bench *b, const kn_bench_options *opt)
+{
+    memset(b, 0, sizeof *b);
+    b->opt = opt;
+    char path[4096], error[512];
+    int code = KN_EXIT_OK;
+    if (!is_scene(opt->specimen, path)) {
+        code = take_expression(b);
+        if (code == KN_EXIT_OK && opt->lattice[0]) code = build_lattice(b, NULL);
+    } else if (opt->param_count > 0) {
+        return kn_complain(opt->subcommand, KN_EXIT_USAGE, "--param %s: %s is a scene, expected --set KEY=VALUE",
+                           opt->params[0], opt->specimen);
+    } else {
+        kn_scene *scene = kn_scene_load(path, opt->sets, opt->set_count, error, sizeof error);
+        if (!scene) return kn_complain(opt->subcommand, KN_EXIT_USAGE, "%s", error);
+        b->net = kn_network_of(&scene->model.material);
+        char parts[KN_ELEMENT_TEXT];
+        kn_element_print(&b->net.element, b->net.element.root, true, parts);
+        snprintf(b->title, sizeof b->title, "%s: %s", scene->name, parts);
+        if (opt->lattice[0]) code = build_lattice(b, &scene->model);
+        kn_scene_destroy(scene);
+    }
+    return code;
+}
+
+void kn_bench_close(kn_bench *b)
+{
+    kn_state_destroy(b->lattice);
+    kn_model_destroy(b->model);
+}
+
+void kn_bench_fresh(kn_bench *b)
+{
+    b->now = (kn_network_state){0};
+    b->time_s = b->strain = b->stress_pa = b->force_n = 0;
+    b->step = 0;
+    if (b->model) kn_state_reset(b->model, b->lattice);
+}
+
+// ---- the experiment
+
+static double grown(const kn_bench *b)
+{
+    return b->opt->constant_area ? 1 : 1 - b->strain;
+} // S0/S
+
+static void read_element(kn_bench *b)
+{
+    b->time_s = b->now.time_s;
+    b->strain = b->now.strain;
+    b->stress_pa = b->now.stress_pa;
+    b->force_n = b->stress_pa * KN_BENCH_AREA_M2 / grown(b);
+}
+
+static int take_drive(kn_bench *b, kn_drive drive)
+{
+    drive.start_s = b->time_s;
+    b->drive = drive;
+    if (b->model && drive.kind == KN_DRIVE_STRAIN && fabs(drive.value - b->strain) > 1e-3)
+        return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
+                           "--lattice: a plate cannot jump, expected --ramp RATE, e.g. --ramp 10%%/s");
+    if (b->model) return KN_EXIT_OK; // follows with the next step
+    if (!kn_network_jump(&b->net, &b->now, &drive))
+        return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
+                           "%s: answers at once with a dashpot, so a step of strain needs an infinite stress, expected "
+                           "--ramp RATE, e.g. --ramp 10%%/s",
+                           b->title);
+    read_element(b);
+    return KN_EXIT_OK;
+}
+
+int kn_bench_load(kn_bench *b, double load_n)
+{
+    kn_drive_kind kind = b->opt->constant_area ? KN_DRIVE_STRESS : KN_DRIVE_LOAD;
+    return take_drive(b, (kn_drive){.kind = kind, .value = load_n / area_m2(b)});
+}
+
+int kn_bench_strain(kn_bench *b, double from, double rate_per_s)
+{
+    return take_drive(b, (kn_drive){.kind = KN_DRIVE_STRAIN, .value = from, .rate_per_s = rate_per_s});
+}
+
+int kn_bench_swing(kn_bench *b, double amplitude, double omega)
+{
+    return take_drive(b, (kn_drive){.kind = KN_DRIVE_STRAIN, .amplitude = amplitude, .omega = omega});
+}
+
+// What one step of the lattice is told: a weight on its top, or where the plate is and how fast.
+static kn_input lattice_input(const kn_bench *b)
+{
+    const kn_drive *d = &b->drive;
+    kn_input in = {0};
+    if (d->kind == KN_DRIVE_STRAIN) {
+        in.probe[0].attached = true;
+        in.probe[0].position_m[2] = KN_BENCH_HEIGHT_M * (1 - d->value - d->rate_per_s * (b->time_s - d->start_s));
+        in.probe[0].velocity_m_s[2] = -KN_BENCH_HEIGHT_M * d->rate_per_s;
+    } else
+        in.top_load_n = d->value * area_m2(b) * (d->kind == KN_DRIVE_LOAD ? 1 - b->strain : 1);
+    return in;
+}
+
+// Over S0 the weight W h/h0 is the stress W h/(S0 h0) of the element's bench (equation 4).
+static int step_lattice(kn_bench *b)
+{
+    kn_input in = lattice_input(b);
+    kn_output out;
+    if (kn_step(b->model, b->lattice, &in, &out) != KN_OK)
+        return kn_complain(b->opt->subcommand, KN_EXIT_FAILED,
+                           "--lattice: the block came apart at %.3g s; fewer cells or a smaller load", b->time_s);
+    b->step++;
+    b->time_s = (double)b->step * b->model->def.solver.dt_s;
+    b->strain = lattice_strain(b);
+    double carried = in.probe[0].attached ? out.probe[0].force_n[2] : in.top_load_n;
+    b->stress_pa = carried / area_m2(b);
+    b->force_n = b->stress_pa * area_m2(b) / grown(b);
+    return KN_EXIT_OK;
+}
+
+int kn_bench_advance(kn_bench *b, double until_s)
+{
+    int code = KN_EXIT_OK;
+    if (b->model) {
+        while (code == KN_EXIT_OK && b->time_s < until_s - 0.5 * b->model->def.solver.dt_s) code = step_lattice(b);
+        return code;
+    }
+    if (!kn_network_advance(&b->net, &b->now, &b->drive, until_s, KN_BENCH_TOLERANCE))
+        return kn_complain(b->opt->subcommand, KN_EXIT_FAILED, "%s: no step converges at %.6g s", b->title,
+                           b->now.time_s);
+    read_element(b);
+    return KN_EXIT_OK;
+}
+
+void kn_bench_print(const kn_bench *b)
+{
+    printf("specimen  %s, 1 cm cube%s\n", b->title,
+           b->opt->constant_area ? ", constant area" : "; its section grows as its height falls");
+    printf("parts    ");
+    char name[8];
+    for (int i = 0; kn_element_leaf_name(&b->net.element, i, name); i++) {
+        const kn_part *p = &b->net.part[i];
+        printf("%s %s %.4g %s", i ? "," : "", name, p->modulus, name[0] == 's' ? "Pa" : "Pa s");
+        if (p->beta_per_pa > 0)
+            printf(" at no stress (%.4g to %.4g Pa s)", kn_part_modulus(&b->net, i, 0),
+                   kn_part_modulus(&b->net, i, p->p1_pa));
+    }
+    if (b->model)
+        printf("\nbench     lattice of %d x %d x %d cells, diagonals, sliding on the table; step %g s, f64\n",
+               b->opt->lattice[0], b->opt->lattice[1], b->opt->lattice[2], b->model->def.solver.dt_s);
+    else
+        printf("\nbench     one element in one dimension, integrated to %g of its strain per step\n",
+               KN_BENCH_TOLERANCE);
+}

@@ -1,0 +1,127 @@
+// knead creep: a weight on a specimen, for a time, and then not; the first paper's section 4 as a bench.
+#include "clients/knead/bench.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/table.h"
+#include <stdio.h>
+
+static const char help[] =
+    "usage: knead creep MATERIAL|EXPR [OPTION]...\n\n"
+    "Puts a weight on a specimen, takes it off, and tells how it creeps and recovers: the height against time, what "
+    "has\n"
+    "come back and what stays. By default the first paper's test: 50 gf for 60 s, then 70 s of rest.\n\n"
+    "    knead creep dough\n"
+    "    knead creep dough --load 10gf,30gf,50gf,70gf,90gf --png creep.png\n"
+    "    knead creep burgers --param s1='50 kPa' --param d1='4 MPa*s' --param s2='46 kPa' --param d2='245 kPa*s'\n\n"
+    "  --load W[,W]...   weights, each on a fresh specimen (50gf)\n"
+    "  --hold TIME       under the weight (60 s)\n"
+    "  --rest TIME       after it (70 s)\n"
+    "  --lattice NxNxN   a block of that many cells over the height of the cube, through the solver that serves "
+    "scenes,\n"
+    "                    beside the element\n"
+    "  --csv FILE        load_n,time_s,strain,height_m,stress_pa\n"
+    "  --png FILE        the curves, by gnuplot\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
+    "Stress is W h/(S0 h0): it falls while the specimen creeps. Exit codes: 0 ok, 2 bad input, 3 a file cannot be "
+    "written.\n";
+
+static const char *const columns[] = {"load_n", "time_s", "strain", "height_m", "stress_pa", NULL};
+
+typedef struct reading {
+    double stress_pa, strain, residual; // at release; at the end
+} reading;
+
+static void add(kn_table *t, const kn_bench *b, double load_n)
+{
+    kn_table_add(t, (double[]){load_n, b->time_s, b->strain, KN_BENCH_HEIGHT_M * (1 - b->strain), b->stress_pa});
+}
+
+static int watch(kn_bench *b, kn_table *t, double load_n, double until_s)
+{
+    enum { SAMPLES = 300 };
+    double from = b->time_s;
+    int code = KN_EXIT_OK;
+    for (int i = 1; i <= SAMPLES && code == KN_EXIT_OK; i++) {
+        code = kn_bench_advance(b, i == SAMPLES ? until_s : from + (until_s - from) * i / SAMPLES);
+        add(t, b, load_n);
+    }
+    return code;
+}
+
+static int creep(kn_bench *b, kn_table *t, double load_n, reading *r)
+{
+    const kn_bench_options *opt = b->opt;
+    char label[40];
+    snprintf(label, sizeof label, "%g gf%s", load_n / KN_GF_N, b->model ? ", lattice" : "");
+    kn_bench_fresh(b);
+    kn_table_series(t, label);
+    add(t, b, load_n);
+    int code = kn_bench_load(b, load_n);
+    if (code == KN_EXIT_OK) add(t, b, load_n);
+    if (code == KN_EXIT_OK) code = watch(b, t, load_n, opt->hold_s);
+    r->stress_pa = b->stress_pa;
+    r->strain = b->strain;
+    if (code == KN_EXIT_OK) code = kn_bench_load(b, 0);
+    if (code == KN_EXIT_OK && opt->rest_s > 0) code = watch(b, t, load_n, opt->hold_s + opt->rest_s);
+    r->residual = b->strain;
+    return code;
+}
+
+static void print_row(const char *name, double load_n, const reading *r)
+{
+    printf("%8.4g %-8s %9.4g %9.2f %9.4f %9.4f %9.4f %9.4f\n", load_n / KN_GF_N, name, r->stress_pa / 1e3,
+           r->stress_pa / KN_GF_CM2_PA, 1e2 * KN_BENCH_HEIGHT_M * (1 - r->strain), r->strain, r->strain - r->residual,
+           r->residual);
+}
+
+static int run(kn_bench *b, kn_table *t)
+{
+    const kn_bench_options *opt = b->opt;
+    kn_model *model = b->model;
+    kn_bench_print(b);
+    printf("\n%44s %-19s   after %g s of rest\n%8s %8s %9s %9s %9s %9s %9s %9s\n", "", "at release", opt->rest_s,
+           "load gf", "", "kPa", "gf/cm^2", "height cm", "strain", "recovered", "residual");
+    for (int i = 0; i < opt->loads; i++) {
+        reading r;
+        for (int lattice = 0; lattice <= (model != NULL); lattice++) {
+            b->model = lattice ? model : NULL; // the element first, to compare with
+            int code = creep(b, t, opt->load_n[i], &r);
+            b->model = model;
+            if (code != KN_EXIT_OK) return code;
+            print_row(lattice ? "lattice" : "element", opt->load_n[i], &r);
+        }
+    }
+    printf("\nrecovered and residual are shares of the height, 1 cm\n");
+    return KN_EXIT_OK;
+}
+
+static int finish(const kn_bench *b, const kn_table *t)
+{
+    static const kn_axes axes[] = {
+        {.x_label = "time, s", .y_label = "displacement, cm", .x = 1, .y = 2, .x_scale = 1, .y_scale = 1},
+        {.x_label = "time, s", .y_label = "stress, gf/cm²", .x = 1, .y = 4, .x_scale = 1, .y_scale = 1 / KN_GF_CM2_PA}};
+    const kn_bench_options *opt = b->opt;
+    char title[500];
+    snprintf(title, sizeof title, "creep of %s, 1 cm cube: %g s loaded, %g s not", b->title, opt->hold_s, opt->rest_s);
+    int code = opt->csv ? kn_table_write(t, "creep", opt->csv) : KN_EXIT_OK;
+    if (code == KN_EXIT_OK && opt->png) code = kn_table_draw(t, "creep", opt->png, title, axes, 2);
+    return code;
+}
+
+int kn_creep_main(int argc, char **argv)
+{
+    kn_bench_options opt = {.load_n = {50 * KN_GF_N}, .loads = 1, .hold_s = 60, .rest_s = 70};
+    kn_bench b = {0};
+    kn_table t;
+    bool done = false;
+    kn_table_init(&t, columns);
+    int code = kn_bench_options_parse(&opt, "creep", help, argc, argv, &done);
+    if (code == KN_EXIT_OK && !done) {
+        code = kn_bench_open(&b, &opt);
+        if (code == KN_EXIT_OK) code = run(&b, &t);
+        if (code == KN_EXIT_OK) code = finish(&b, &t);
+        kn_bench_close(&b);
+    }
+    kn_table_free(&t);
+    kn_bench_options_free(&opt);
+    return code;
+}

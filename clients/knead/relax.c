@@ -1,0 +1,164 @@
+// knead relax: a specimen is compressed and held; how its stress falls.
+#include "clients/knead/bench.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/table.h"
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+static const char help[] =
+    "usage: knead relax MATERIAL|EXPR [--strain S] [--ramp RATE] [OPTION]...\n\n"
+    "Compresses a specimen by a share of its height, holds it there, and tells how the stress relaxes.\n\n"
+    "    knead relax dough --strain 30% --ramp 10%/s --hold 200 --png relax.png\n"
+    "    knead relax zener --param s1='46 kPa' --param d1='245 kPa*s' --param s2='20 kPa' --strain 10%\n\n"
+    "  --strain S        share of the height, 10% or 0.1 (10 %)\n"
+    "  --ramp RATE       strain per second, 10%/s, or a speed, '1 mm/s'; without it the strain is a step, which an\n"
+    "                    element that answers at once with a dashpot (dough) does not allow\n"
+    "  --hold TIME       at that strain (100 s)\n"
+    "  --lattice NxNxN   a block of that many cells over the height of the cube, through the solver that serves "
+    "scenes,\n"
+    "                    beside the element; needs --ramp\n"
+    "  --csv FILE        time_s,held_s,strain,stress_pa,modulus_pa,force_n; held_s is negative during the ramp\n"
+    "  --png FILE        the curves, by gnuplot\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
+    "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
+
+static const char *const columns[] = {"time_s", "held_s", "strain", "stress_pa", "modulus_pa", "force_n", NULL};
+
+enum { RAMP_SAMPLES = 100, SAMPLES_PER_DECADE = 40, DECADES = 5 };
+
+static void add(kn_table *t, const kn_bench *b, double begin_s)
+{
+    kn_table_add(t, (double[]){b->time_s, b->time_s - begin_s, b->strain, b->stress_pa,
+                               b->strain > 0 ? b->stress_pa / b->strain : 0, b->force_n});
+}
+
+static int press(kn_bench *b, kn_table *t, double *begin_s)
+{
+    const kn_bench_options *opt = b->opt;
+    *begin_s = opt->ramp_per_s > 0 ? opt->strain / opt->ramp_per_s : 0;
+    if (*begin_s == 0) return kn_bench_strain(b, opt->strain, 0);
+    int code = kn_bench_strain(b, 0, opt->ramp_per_s);
+    for (int i = 1; i <= RAMP_SAMPLES && code == KN_EXIT_OK; i++) {
+        code = kn_bench_advance(b, *begin_s * i / RAMP_SAMPLES);
+        add(t, b, *begin_s);
+    }
+    return code;
+}
+
+// What the table and the terminal say of one run: stress when the strain is reached, just after, and down to 1/2, 1/e,
+// 1/10 of that.
+typedef struct reading {
+    double peak_pa, begin_pa, end_pa, fallen_s[3];
+} reading;
+
+static const double share[3] = {0.5, 0.36787944117144233, 0.1};
+
+static void fall(reading *r, double from_s, double from_pa, double to_s, double to_pa)
+{
+    for (int i = 0; i < 3; i++) {
+        double level = share[i] * r->begin_pa;
+        if (from_pa > level && to_pa <= level && to_pa > 0) // between two samples it falls exponentially
+            r->fallen_s[i] = from_s + (to_s - from_s) * log(from_pa / level) / log(from_pa / to_pa);
+    }
+}
+
+static int relax(kn_bench *b, kn_table *t, reading *r)
+{
+    const kn_bench_options *opt = b->opt;
+    double begin_s;
+    kn_bench_fresh(b);
+    kn_table_series(t, b->model ? "lattice" : "element");
+    int code = press(b, t, &begin_s);
+    *r = (reading){.peak_pa = b->stress_pa, .fallen_s = {NAN, NAN, NAN}};
+    if (code == KN_EXIT_OK) code = kn_bench_strain(b, opt->strain, 0);
+    // the block's own mass swings for a few steps when the plate stops
+    if (b->model && code == KN_EXIT_OK) code = kn_bench_advance(b, b->time_s + 10 * b->model->def.solver.dt_s);
+    r->begin_pa = b->stress_pa;
+    add(t, b, begin_s);
+    for (int i = 0; i <= SAMPLES_PER_DECADE * DECADES && code == KN_EXIT_OK; i++) {
+        double from_s = b->time_s, from_pa = b->stress_pa;
+        double held = opt->hold_s * pow(10, (double)i / SAMPLES_PER_DECADE - DECADES);
+        if (begin_s + held <= from_s) continue;
+        code = kn_bench_advance(b, begin_s + held);
+        if (b->time_s <= from_s) continue; // less than a step of the lattice
+        fall(r, from_s - begin_s, from_pa, b->time_s - begin_s, b->stress_pa);
+        add(t, b, begin_s);
+    }
+    r->end_pa = b->stress_pa;
+    return code;
+}
+
+static void print_row(const char *name, const reading *r)
+{
+    printf("%-8s %11.5g %11.5g %11.5g", name, r->peak_pa, r->begin_pa, r->end_pa);
+    for (int i = 0; i < 3; i++)
+        if (isnan(r->fallen_s[i]))
+            printf(" %9s", "-");
+        else
+            printf(" %9.4g", r->fallen_s[i]);
+    printf("\n");
+}
+
+static int run(kn_bench *b, kn_table *t)
+{
+    const kn_bench_options *opt = b->opt;
+    kn_model *model = b->model;
+    kn_bench_print(b);
+    if (opt->ramp_per_s > 0)
+        printf("test      to %g %% at %g %%/s, held %g s\n", 100 * opt->strain, 100 * opt->ramp_per_s, opt->hold_s);
+    else
+        printf("test      a step to %g %%, held %g s\n", 100 * opt->strain, opt->hold_s);
+    printf("\n%8s %35s   s until it has fallen to\n%-8s %11s %11s %11s %9s %9s %9s\n", "", "stress, Pa", "",
+           "at the end", "held", "at last", "1/2", "1/e", "1/10");
+    for (int lattice = 0; lattice <= (model != NULL); lattice++) {
+        reading r;
+        b->model = lattice ? model : NULL;
+        int code = relax(b, t, &r);
+        b->model = model;
+        if (code != KN_EXIT_OK) return code;
+        print_row(lattice ? "lattice" : "element", &r);
+    }
+    printf("\nheld: just after the ramp has ended%s; what a dashpot carries for its speed is gone at once\n",
+           model ? " (lattice: ten steps)" : "");
+    return KN_EXIT_OK;
+}
+
+static int finish(const kn_bench *b, const kn_table *t)
+{
+    static const kn_axes axes[] = {
+        {.x_label = "time, s", .y_label = "stress, kPa", .x = 0, .y = 3, .x_scale = 1, .y_scale = 1e-3},
+        {.x_label = "time held, s",
+         .y_label = "stress, Pa",
+         .x = 1,
+         .y = 3,
+         .x_scale = 1,
+         .y_scale = 1,
+         .log_x = true,
+         .log_y = true}};
+    const kn_bench_options *opt = b->opt;
+    char title[500];
+    snprintf(title, sizeof title, "relaxation of %s, 1 cm cube, held at %g %%", b->title, 100 * opt->strain);
+    int code = opt->csv ? kn_table_write(t, "relax", opt->csv) : KN_EXIT_OK;
+    if (code == KN_EXIT_OK && opt->png) code = kn_table_draw(t, "relax", opt->png, title, axes, 2);
+    return code;
+}
+
+int kn_relax_main(int argc, char **argv)
+{
+    kn_bench_options opt = {.strain = 0.1, .hold_s = 100};
+    kn_bench b = {0};
+    kn_table t;
+    bool done = false;
+    kn_table_init(&t, columns);
+    int code = kn_bench_options_parse(&opt, "relax", help, argc, argv, &done);
+    if (code == KN_EXIT_OK && !done) {
+        code = kn_bench_open(&b, &opt);
+        if (code == KN_EXIT_OK) code = run(&b, &t);
+        if (code == KN_EXIT_OK) code = finish(&b, &t);
+        kn_bench_close(&b);
+    }
+    kn_table_free(&t);
+    kn_bench_options_free(&opt);
+    return code;
+}

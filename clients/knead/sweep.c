@@ -1,0 +1,184 @@
+// knead sweep: a specimen is swung; storage and loss modulus against frequency.
+#include "clients/knead/bench.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/table.h"
+#include "core/oneport.h"
+#include <math.h>
+#include <stdio.h>
+
+static const char help[] =
+    "usage: knead sweep MATERIAL|EXPR [--freq LOW:HIGH[:NUMBER]] [OPTION]...\n\n"
+    "Swings a specimen and tells its storage modulus G' and loss modulus G'' (stress over strain in compression, in "
+    "phase\n"
+    "and a quarter ahead) at frequencies that are equally far apart on a logarithmic scale.\n\n"
+    "    knead sweep dough --freq 0.001:10 --png sweep.png\n"
+    "    knead sweep dough --freq 0.01:1:5 --amplitude 1%\n"
+    "    knead sweep maxwell --param s1='10 kPa' --param d1='2 kPa*s'\n\n"
+    "  --freq L:H[:N]    N frequencies from L to H, Hz (0.001:100:26)\n"
+    "  --amplitude A     swings that far, 1% or 0.01, and takes the fundamental of the stress once it repeats\n"
+    "  --csv FILE        frequency_hz,storage_pa,loss_pa,loss_tangent,linear_strain,harmonics\n"
+    "  --png FILE        the curves, by gnuplot\n" KN_BENCH_HELP "\n"
+    "Without --amplitude the moduli are those of a swing of no size: a damper that depends on the stress has the\n"
+    "viscosity that it has at rest, and linear_strain is the largest amplitude for which that is exact (its stress "
+    "stays\n"
+    "below p0 in every such damper). With it the test is made as on an instrument, and harmonics is the share of the\n"
+    "stress that is not of the fundamental. The area is constant: moduli are per S0.\n"
+    "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
+
+static const char *const columns[] = {"frequency_hz",  "storage_pa", "loss_pa", "loss_tangent",
+                                      "linear_strain", "harmonics",  NULL};
+
+// Smallest p0/|stress per unit strain| over the dampers that depend on stress; infinite without one. `stress`:
+// amplitude at this node per unit strain at the ends.
+static double linear_strain(const kn_network *net, const double *moduli, double omega, int node, double stress)
+{
+    const kn_element *e = &net->element;
+    const kn_element_node *n = &e->node[node];
+    double least = INFINITY, whole[2];
+    if (n->kind < KN_ELEMENT_SERIES)
+        return net->part[n->leaf].beta_per_pa > 0 ? net->part[n->leaf].p0_pa / stress : INFINITY;
+    kn_oneport_modulus(e, node, moduli, omega, &whole[0], &whole[1]);
+    for (int i = 0; i < n->count; i++) {
+        double part[2], share = stress;
+        kn_oneport_modulus(e, n->child[i], moduli, omega, &part[0], &part[1]);
+        if (n->kind == KN_ELEMENT_PARALLEL)
+            share *= hypot(part[0], part[1]) / hypot(whole[0], whole[1]); // by stiffness
+        least = fmin(least, linear_strain(net, moduli, omega, n->child[i], share));
+    }
+    return least;
+}
+
+static void linear(const kn_bench *b, double hz, double row[6])
+{
+    double moduli[KN_ELEMENT_MAX], omega = 2 * acos(-1.0) * hz;
+    const kn_element *e = &b->net.element;
+    for (int i = 0; i < e->leaves; i++) moduli[i] = kn_part_modulus(&b->net, i, 0);
+    kn_oneport_modulus(e, e->root, moduli, omega, &row[1], &row[2]);
+    row[4] = linear_strain(&b->net, moduli, omega, e->root, hypot(row[1], row[2]));
+    row[5] = 0;
+}
+
+// One period: Fourier sums of the stress over the strain. rms: of the whole stress, without its mean.
+static int swing_once(kn_bench *b, double hz, int period, double row[6])
+{
+    enum { SAMPLES = 64 };
+    double sine = 0, cosine = 0, mean = 0, square = 0;
+    for (int i = 1; i <= SAMPLES; i++) {
+        int code = kn_bench_advance(b, (period + (double)i / SAMPLES) / hz);
+        if (code != KN_EXIT_OK) return code;
+        double phase = 2 * acos(-1.0) * i / SAMPLES;
+        sine += 2 * b->stress_pa * sin(phase) / SAMPLES;
+        cosine += 2 * b->stress_pa * cos(phase) / SAMPLES;
+        mean += b->stress_pa / SAMPLES;
+        square += b->stress_pa * b->stress_pa / SAMPLES;
+    }
+    double all = square - mean * mean, fundamental = (sine * sine + cosine * cosine) / 2;
+    row[1] = sine / b->opt->amplitude;
+    row[2] = cosine / b->opt->amplitude;
+    row[5] = all > fundamental ? sqrt(1 - fundamental / all) : 0;
+    return KN_EXIT_OK;
+}
+
+static int measured(kn_bench *b, double hz, double row[6], bool *repeats)
+{
+    enum { PERIODS = 500 };
+    double before[2] = {0, 0}, size = 0;
+    kn_bench_fresh(b);
+    int code = kn_bench_swing(b, b->opt->amplitude, 2 * acos(-1.0) * hz);
+    *repeats = false;
+    for (int i = 0; i < PERIODS && code == KN_EXIT_OK && !*repeats; i++) {
+        code = swing_once(b, hz, i, row);
+        size = hypot(row[1], row[2]);
+        *repeats = i > 0 && hypot(row[1] - before[0], row[2] - before[1]) <= 1e-5 * size;
+        before[0] = row[1];
+        before[1] = row[2];
+    }
+    return code;
+}
+
+static int run(kn_bench *b, kn_table *t)
+{
+    const kn_bench_options *opt = b->opt;
+    bool any_nonlinear = false;
+    kn_bench_print(b);
+    if (opt->amplitude > 0)
+        printf("test      swings of %g %%, the fundamental once it repeats within 1e-5\n", 100 * opt->amplitude);
+    else
+        printf("test      linear: dampers as at rest\n");
+    printf("\n%12s %12s %12s %9s %s\n", "frequency Hz", "G' Pa", "G'' Pa", "G''/G'",
+           opt->amplitude > 0 ? "harmonics" : "linear up to a strain of");
+    kn_table_series(t, "G");
+    for (int i = 0; i < opt->frequencies; i++) {
+        double row[6] = {opt->low_hz * pow(opt->high_hz / opt->low_hz, i / (opt->frequencies - 1.0))};
+        bool repeats = true;
+        linear(b, row[0], row);
+        any_nonlinear |= isfinite(row[4]);
+        int code = opt->amplitude > 0 ? measured(b, row[0], row, &repeats) : KN_EXIT_OK;
+        if (code != KN_EXIT_OK) return code;
+        row[3] = row[2] / row[1];
+        kn_table_add(t, row);
+        printf("%12.5g %12.5g %12.5g %9.4g ", row[0], row[1], row[2], row[3]);
+        if (opt->amplitude > 0)
+            printf("%.2g%s\n", row[5], repeats ? "" : "  not yet periodic after 500 swings");
+        else if (isfinite(row[4]))
+            printf("%.3g\n", row[4]);
+        else
+            printf("any\n");
+    }
+    if (any_nonlinear && opt->amplitude == 0)
+        printf("\na damper depends on the stress: larger swings meet a softer specimen, see --amplitude\n");
+    return KN_EXIT_OK;
+}
+
+static int finish(const kn_bench *b, const kn_table *t)
+{
+    static const kn_axes axes[] = {{.x_label = "frequency, Hz",
+                                    .y_label = "modulus, Pa",
+                                    .x = 0,
+                                    .y = 1,
+                                    .y2 = 2,
+                                    .y_name = "G'",
+                                    .y2_name = "G''",
+                                    .x_scale = 1,
+                                    .y_scale = 1,
+                                    .log_x = true,
+                                    .log_y = true,
+                                    .points = true},
+                                   {.x_label = "frequency, Hz",
+                                    .y_label = "loss tangent",
+                                    .x = 0,
+                                    .y = 3,
+                                    .y_name = "G''/G'",
+                                    .x_scale = 1,
+                                    .y_scale = 1,
+                                    .log_x = true,
+                                    .log_y = true,
+                                    .points = true}};
+    const kn_bench_options *opt = b->opt;
+    char title[500], size[40] = "linear";
+    if (opt->amplitude > 0) snprintf(size, sizeof size, "swings of %g %%", 100 * opt->amplitude);
+    snprintf(title, sizeof title, "sweep of %s, %s", b->title, size);
+    int code = opt->csv ? kn_table_write(t, "sweep", opt->csv) : KN_EXIT_OK;
+    if (code == KN_EXIT_OK && opt->png) code = kn_table_draw(t, "sweep", opt->png, title, axes, 2);
+    return code;
+}
+
+int kn_sweep_main(int argc, char **argv)
+{
+    kn_bench_options opt = {.low_hz = 1e-3, .high_hz = 100, .frequencies = 26, .constant_area = true};
+    kn_bench b = {0};
+    kn_table t;
+    bool done = false;
+    kn_table_init(&t, columns);
+    int code = kn_bench_options_parse(&opt, "sweep", help, argc, argv, &done);
+    if (code == KN_EXIT_OK && !done) {
+        code = kn_bench_open(&b, &opt);
+        if (code == KN_EXIT_OK) code = run(&b, &t);
+        if (code == KN_EXIT_OK) code = finish(&b, &t);
+        kn_bench_close(&b);
+    }
+    kn_table_free(&t);
+    kn_bench_options_free(&opt);
+    return code;
+}

@@ -1,0 +1,220 @@
+// knead tpa: texture profile analysis, two bites by a plate wider than the specimen (Bourne 1978).
+//
+//     force        F1                        hardness      F1, most force of the first bite
+//       |         /|                         cohesiveness  (A3 + A4)/(A1 + A2)
+//       |        / |\          F2            springiness   way of the second bite / way of the first, from touch to
+//       depth |   A1  /A |  \        /|            resilience    A2/A1 |      / 2 |   \  A3  / |A4          areas:
+//       force over the way of the plate, down or up, while it touches
+//       +-----/----+----\----/--+----- time
+//            down   up   wait
+#include "clients/knead/bench.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/table.h"
+#include <math.h>
+#include <stdio.h>
+
+static const char help[] =
+    "usage: knead tpa MATERIAL|EXPR [--strain S] [--speed V] [--wait TIME] [OPTION]...\n\n"
+    "Texture profile analysis: a plate bites twice, and what food laboratories read off the two peaks is told: "
+    "hardness,\n"
+    "cohesiveness, springiness, resilience. Adhesiveness is not: the plate does not stick, so no force ever pulls.\n\n"
+    "    knead tpa dough --strain 50% --speed 1mm/s --wait 5 --png tpa.png\n"
+    "    knead tpa jelly --strain 30%\n\n"
+    "  --strain S        depth of both bites, share of the height of the untouched specimen (50 %)\n"
+    "  --speed V         of the plate, down and up (1 mm/s)\n"
+    "  --wait TIME       between the bites, the plate at the height of the untouched specimen (5 s)\n"
+    "  --csv FILE        bite,time_s,plate_m,strain,force_n,stress_pa; plate_m: how far the plate is below that "
+    "height\n"
+    "  --png FILE        the curves, by gnuplot\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
+    "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
+
+static const char *const columns[] = {"bite", "time_s", "plate_m", "strain", "force_n", "stress_pa", NULL};
+
+typedef struct plate {
+    kn_bench *b;
+    kn_table *t;
+    int bite;
+    bool touches;
+    double from, rate_per_s, start_s; // where it is, as a strain of the untouched specimen
+    double peak_n, area_j, touched;   // of this stroke; strain at which it touched, negative before
+} plate;
+
+static double place(const plate *p, double t)
+{
+    return p->from + p->rate_per_s * (t - p->start_s);
+}
+
+static void add(plate *p)
+{
+    const kn_bench *b = p->b;
+    kn_table_add(p->t, (double[]){p->bite, b->time_s, KN_BENCH_HEIGHT_M * fmax(place(p, b->time_s), 0), b->strain,
+                                  b->force_n, b->stress_pa});
+    p->peak_n = fmax(p->peak_n, b->force_n);
+}
+
+static int touch(plate *p)
+{
+    p->touches = true;
+    if (p->touched < 0) p->touched = p->b->strain;
+    return kn_bench_strain(p->b, p->b->strain, p->rate_per_s);
+}
+
+static int let_go(plate *p)
+{
+    p->touches = false;
+    return kn_bench_load(p->b, 0);
+}
+
+// Whether the plate must let go or touch now: it does not pull, and it does not go through.
+static bool changes(const plate *p)
+{
+    if (p->touches) return p->b->stress_pa < 0;
+    return p->rate_per_s > 0 && place(p, p->b->time_s) >= p->b->strain;
+}
+
+// Finds the moment of the change between `before`, the bench as it was, and now; the bench stands just after it.
+static int find_change(plate *p, const kn_bench *before)
+{
+    double low = before->time_s, high = p->b->time_s;
+    int code = KN_EXIT_OK;
+    for (int i = 0; i < 50 && code == KN_EXIT_OK && high - low > 1e-12 * high; i++) {
+        double middle = 0.5 * (low + high);
+        *p->b = *before;
+        code = kn_bench_advance(p->b, middle);
+        if (changes(p))
+            high = middle;
+        else
+            low = middle;
+    }
+    *p->b = *before;
+    return code == KN_EXIT_OK ? kn_bench_advance(p->b, high) : code;
+}
+
+static int go(plate *p, double until_s)
+{
+    kn_bench *b = p->b, before = *b;
+    double force_n = b->force_n;
+    int code = kn_bench_advance(b, until_s);
+    bool change = code == KN_EXIT_OK && changes(p);
+    if (change) code = find_change(p, &before);
+    double way = KN_BENCH_HEIGHT_M * fabs(p->rate_per_s);
+    p->area_j += 0.5 * (force_n + fmax(b->force_n, 0)) * way * (b->time_s - before.time_s);
+    if (change && code == KN_EXIT_OK) {
+        code = p->touches ? let_go(p) : touch(p);
+        add(p);
+        if (code == KN_EXIT_OK && until_s > b->time_s + 1e-9) return go(p, until_s);
+    }
+    return code;
+}
+
+// One way of the plate, or its rest (rate 0).
+static int stroke(plate *p, double from, double rate_per_s, double seconds)
+{
+    enum { SAMPLES = 250 };
+    int code = KN_EXIT_OK;
+    p->from = from;
+    p->rate_per_s = rate_per_s;
+    p->start_s = p->b->time_s;
+    p->peak_n = p->area_j = 0;
+    if (p->touches) { // it turns round
+        code = kn_bench_strain(p->b, p->b->strain, rate_per_s);
+        if (code == KN_EXIT_OK && changes(p)) code = let_go(p);
+    } else if (changes(p))
+        code = touch(p);
+    if (code == KN_EXIT_OK) add(p);
+    for (int i = 1; i <= SAMPLES && code == KN_EXIT_OK && seconds > 0; i++) {
+        code = go(p, p->start_s + seconds * i / SAMPLES);
+        add(p);
+    }
+    return code;
+}
+
+typedef struct bite {
+    double peak_n, down_j, up_j, touched;
+} bite;
+
+static int take_bite(plate *p, int number, double wait_s, bite *r)
+{
+    const kn_bench_options *opt = p->b->opt;
+    double rate = opt->speed_m_s / KN_BENCH_HEIGHT_M, seconds = opt->strain / rate;
+    char label[24];
+    p->bite = number;
+    p->touched = -1;
+    snprintf(label, sizeof label, "%s bite", number == 1 ? "first" : "second");
+    kn_table_series(p->t, label);
+    int code = stroke(p, 0, rate, seconds);
+    *r = (bite){.peak_n = p->peak_n, .down_j = p->area_j, .touched = p->touched < 0 ? opt->strain : p->touched};
+    if (code == KN_EXIT_OK) code = stroke(p, opt->strain, -rate, seconds);
+    r->up_j = p->area_j;
+    if (code == KN_EXIT_OK && p->touches) code = let_go(p); // it has come up as far as the specimen was high
+    return code == KN_EXIT_OK && wait_s > 0 ? stroke(p, 0, 0, wait_s) : code;
+}
+
+static void print(const kn_bench *b, const bite r[2])
+{
+    const kn_bench_options *opt = b->opt;
+    double first_j = r[0].down_j + r[0].up_j, second_j = r[1].down_j + r[1].up_j;
+    kn_bench_print(b);
+    printf("test      twice to %g %% at %g mm/s, %g s between\n\n", 100 * opt->strain, 1e3 * opt->speed_m_s,
+           opt->wait_s);
+    printf("%-10s %10s %10s %12s %12s\n", "", "peak N", "touch mm", "down N mm", "up N mm");
+    for (int i = 0; i < 2; i++)
+        printf("%-10s %10.4g %10.3f %12.5g %12.5g\n", i ? "second" : "first", r[i].peak_n,
+               1e3 * KN_BENCH_HEIGHT_M * r[i].touched, 1e3 * r[i].down_j, 1e3 * r[i].up_j);
+    printf("\nhardness      %.4g N (%.4g gf), the first peak; the second %.4g N\n", r[0].peak_n, r[0].peak_n / KN_GF_N,
+           r[1].peak_n);
+    printf("cohesiveness  %.4f, area of the second bite over the first\n", second_j / first_j);
+    printf("springiness   %.4f, way of the second bite over the first\n", (opt->strain - r[1].touched) / opt->strain);
+    printf("resilience    %.4f, area of the first bite's way up over its way down\n", r[0].up_j / r[0].down_j);
+    printf("adhesiveness  not modelled: the plate does not stick\n");
+}
+
+static int finish(const kn_bench *b, const kn_table *t)
+{
+    static const kn_axes axes[] = {
+        {.x_label = "time, s", .y_label = "force, N", .x = 1, .y = 4, .x_scale = 1, .y_scale = 1},
+        {.x_label = "plate below the untouched top, mm",
+         .y_label = "force, N",
+         .x = 2,
+         .y = 4,
+         .x_scale = 1e3,
+         .y_scale = 1}};
+    const kn_bench_options *opt = b->opt;
+    char title[500];
+    snprintf(title, sizeof title, "texture profile of %s, 1 cm cube: to %g %% at %g mm/s, %g s between", b->title,
+             100 * opt->strain, 1e3 * opt->speed_m_s, opt->wait_s);
+    int code = opt->csv ? kn_table_write(t, "tpa", opt->csv) : KN_EXIT_OK;
+    if (code == KN_EXIT_OK && opt->png) code = kn_table_draw(t, "tpa", opt->png, title, axes, 2);
+    return code;
+}
+
+static int run(kn_bench *b, kn_table *t)
+{
+    plate p = {.b = b, .t = t};
+    bite r[2];
+    kn_bench_fresh(b);
+    int code = take_bite(&p, 1, b->opt->wait_s, &r[0]);
+    if (code == KN_EXIT_OK) code = take_bite(&p, 2, 0, &r[1]);
+    if (code == KN_EXIT_OK) print(b, r);
+    return code;
+}
+
+int kn_tpa_main(int argc, char **argv)
+{
+    kn_bench_options opt = {.strain = 0.5, .speed_m_s = 1e-3, .wait_s = 5};
+    kn_bench b = {0};
+    kn_table t;
+    bool done = false;
+    kn_table_init(&t, columns);
+    int code = kn_bench_options_parse(&opt, "tpa", help, argc, argv, &done);
+    if (code == KN_EXIT_OK && !done) {
+        code = kn_bench_open(&b, &opt);
+        if (code == KN_EXIT_OK) code = run(&b, &t);
+        if (code == KN_EXIT_OK) code = finish(&b, &t);
+        kn_bench_close(&b);
+    }
+    kn_table_free(&t);
+    kn_bench_options_free(&opt);
+    return code;
+}

@@ -1,0 +1,67 @@
+#!/usr/bin/env bash
+# knead creep: the paper's dough under its loads, an expression with the same parts, a lattice beside it, CSV and PNG;
+# one line for whatever cannot be put on the bench.
+set -u
+failed=0
+fail() { echo "FAIL $1"; failed=1; }
+
+refuses() { # refuses CODE EXPECTED-LINE ARGUMENT...: exactly that line on stderr
+    local code=$1 expected=$2
+    shift 2
+    knead "$@" >out 2>err
+    local status=$?
+    [ $status = "$code" ] && [ "$(cat err)" = "$expected" ] && return
+    fail "knead $*: exit $status, expected $code and: $expected"
+    cat err
+}
+# value ROW COLUMN: of the table on stdout
+value() { awk -v row="$1" -v column="$2" '$1 == row && $2 == "element" { print $column }' out; }
+
+knead creep dough --load 10gf,30gf,50gf,70gf,90gf --csv creep.csv --png creep.png >out || fail "creep dough: exit $?"
+[ "$(value 50 4)" = 26.33 ] || fail "50 gf end at $(value 50 4) gf/cm^2"
+[ "$(value 50 5)" = 0.5266 ] || fail "50 gf leave $(value 50 5) cm"
+for row in "10 9.64 0.0363 0.0205 0.0158" "30 23.70 0.2099 0.0511 0.1588" "70 24.64 0.6480 0.0541 0.5938" \
+    "90 22.82 0.7464 0.0502 0.6962"; do # an integration by hand, to its digits: 0.0363 0.210 0.648 0.746 ...
+    set -- $row
+    [ "$(value "$1" 4) $(value "$1" 6) $(value "$1" 7) $(value "$1" 8)" = "$2 $3 $4 $5" ] || fail "$1 gf: $(grep "^ *$1 " out)"
+done
+head -c 8 creep.png | od -An -c | grep -q 'P   N   G' || fail "no PNG"
+[ "$(head -n 1 creep.csv)" = load_n,time_s,strain,height_m,stress_pa ] || fail "columns: $(head -n 1 creep.csv)"
+[ "$(wc -l <creep.csv)" = $((1 + 5 * 602)) ] || fail "rows: $(wc -l <creep.csv)"
+
+# by default it is the paper's test; the scene's file and the same parts as an expression give the same
+knead creep dough | grep -v '^specimen' >named
+knead creep "$KN_SOURCE/core/scenes/dough.yaml" --load 50gf --hold 60 --rest 70 | grep -v '^specimen' | cmp -s - named || fail "by file"
+knead creep '(s|d)-d' --param s1='470 gf/cm^3' --param d1='2500 gf s/cm^3' \
+    --param d2='exp(8.16e4 gf s/cm^3, 0.0815 cm^2/gf, 9 gf/cm^2, 80 gf/cm^2)' | grep -v '^specimen' | cmp -s - named || fail "by parts"
+knead creep dough --set material.k1='940 gf/cm^3' >out && [ "$(value 50 7)" = 0.0285 ] || fail "--set: a spring twice as stiff brings back $(value 50 7)"
+knead creep s --param s1='1 kPa' --load 0.05N --area constant >out && [ "$(value 5.099 6)" = 0.5000 ] || fail "a spring: $(cat out)"
+
+# small strain: a block of the same material does the same
+knead creep dough --lattice 2x2x2 --load 2gf --hold 10 --rest 0 >out || fail "lattice: exit $?"
+awk '$2 == "element" { e = $6 } $2 == "lattice" { l = $6 } END { exit !(l > 0.97 * e && l < 1.03 * e) }' out || fail "lattice: $(cat out)"
+
+refuses 2 "EXPR:1:1: unknown element 'dogh', expected s, d, a name like voigt, or (; or a scene: clay, dough, dough-small, jelly, a file" creep dogh
+refuses 2 "knead creep: s1: s1 has no value, expected --param s1='46 kPa'" creep s
+refuses 2 "knead creep: --param s1=5: '5' has no unit, expected something like s1='46 kPa'" creep s --param s1=5
+refuses 2 "knead creep: --param d1=3Pa: '3Pa' has another dimension, expected something like d1='245 kPa*s'" creep d --param d1=3Pa
+refuses 2 "knead creep: --param k=5kPa: expected PART=VALUE with a part of s1|d1" creep voigt --param k=5kPa
+refuses 2 "knead creep: --param d1: d1 needs 0 <= p0 < p1, finite" creep d --param d1='exp(1 kPa*s, 1 1/Pa, 9 Pa, 8 Pa)'
+refuses 2 "knead creep: --param s1: s1 needs a finite modulus above 0" creep s --param s1='0 Pa'
+refuses 2 "knead creep: --param s1=1Pa: dough is a scene, expected --set KEY=VALUE" creep dough --param s1=1Pa
+refuses 2 "knead creep: --set x=1: s is an expression, expected --param, or a scene" creep s --set x=1
+refuses 2 "knead creep: --load 50: expected weights above 0 like 50gf or 10gf,30gf,0.5N" creep dough --load 50
+refuses 2 "knead creep: --hold 0: expected a time like 60 or '1000 ms'" creep dough --hold 0
+refuses 2 "knead creep: --strain: unknown option; --help lists them" creep dough --strain 10%
+refuses 2 "knead creep: --lattice 3x3: expected cells along x, y, z like 4x4x4, at most 64 each" creep dough --lattice 3x3
+refuses 2 "knead creep: --lattice: an edge cannot be (s-d)|s (zener), expected s|d, s-d, d or (s|d)-d, force-dependent only in series; without --lattice any element runs" \
+    creep zener --param s1=1kPa --param d1='1 kPa*s' --param s2=1kPa --lattice 2x2x2
+refuses 2 "missing.yaml:1:1: No such file or directory, expected a scene file" creep missing.yaml
+refuses 2 "knead creep: expected one specimen, a material like dough or an expression like '(s|d)-d'; --help tells the rest" creep
+refuses 3 "knead creep: folder: Is a directory, expected a file that can be written" creep dough --csv "$(mkdir folder && echo folder)"
+refuses 3 "knead creep: folder: Is a directory, expected a file that can be written" creep dough --png folder
+mkdir bare && ln -s "$(command -v sh)" bare/sh
+knead=$(command -v knead)
+PATH=$PWD/bare "$knead" creep dough --png none.png >out 2>err
+[ $? = 3 ] && [ "$(cat err)" = "knead creep: none.png: not drawn, gnuplot is not installed; --csv writes the numbers" ] || fail "no gnuplot: $(cat err)"
+exit $failed

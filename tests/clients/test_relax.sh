@@ -1,0 +1,63 @@
+#!/usr/bin/env bash
+# knead relax, sweep and tpa against what is known in closed form, and the one line each for what they refuse.
+set -u
+failed=0
+fail() { echo "FAIL $1"; failed=1; }
+refuses() { # refuses EXPECTED-LINE ARGUMENT...: exit 2
+    local expected=$1
+    shift
+    knead "$@" >out 2>err
+    local status=$?
+    [ $status = 2 ] && [ "$(cat err)" = "$expected" ] && return
+    fail "knead $*: exit $status, expected 2 and: $expected"
+    cat err
+}
+near() { awk -v a="$1" -v b="$2" -v bound="${3:-1e-4}" 'BEGIN { d = a / b - 1; exit !(d < bound && d > -bound) }'; }
+
+# a Maxwell unit: E e^(-t/tau), tau = 2 s; half of it after 1.386 s, and tan = 1/(omega tau)
+maxwell=(maxwell --param s1='10 kPa' --param d1='20 kPa*s')
+knead relax "${maxwell[@]}" --strain 10% --hold 20 --csv relax.csv --png relax.png >out || fail "relax maxwell: exit $?"
+read -r _ peak held last half e tenth < <(grep '^element' out)
+near "$peak" 1000 && near "$held" 1000 && near "$half" 1.386 1e-3 && near "$e" 2 1e-3 && near "$tenth" 4.605 1e-3 || fail "maxwell: $(grep '^element' out)"
+near "$last" "$(awk 'BEGIN { print 1000 * exp(-10) }')" || fail "maxwell ends at $last"
+awk -F, 'NR > 1 { e = 1000 * exp(-$2 / 2); if ($4 < e * (1 - 2e-6) || $4 > e * (1 + 2e-6)) exit 1 }' relax.csv || fail "the curve of maxwell"
+knead sweep "${maxwell[@]}" --freq 0.01:1:3 --csv sweep.csv --png sweep.png >out || fail "sweep maxwell: exit $?"
+knead sweep "${maxwell[@]}" --freq 0.01:1:3 --amplitude 1% --csv swung.csv >out || fail "swung maxwell: exit $?"
+for file in sweep.csv swung.csv; do
+    awk -F, -v pi=3.14159265358979 'NR > 1 { x = 4 * pi * $1; s = 1e4 * x * x / (1 + x * x); l = 1e4 * x / (1 + x * x)
+        if ($2 < s * 0.9999 || $2 > s * 1.0001 || $3 < l * 0.9999 || $3 > l * 1.0001) exit 1 }' $file || fail "$file: $(cat $file)"
+done
+for png in relax.png sweep.png; do head -c 8 $png | od -An -c | grep -q 'P   N   G' || fail "$png"; done
+
+# dough: small swings are linear, larger ones thin it
+knead sweep dough --freq 0.01:1:3 --amplitude 1e-4 >small && knead sweep dough --freq 0.01:1:3 >linear || fail "sweep dough"
+paste <(grep '^ *[0-9]' small) <(grep '^ *[0-9]' linear) >both # side by side: 5 columns of each
+[ "$(wc -l <both)" = 3 ] && awk '{ a = $2 / $7 - 1; b = $3 / $8 - 1; if (a * a > 1e-6 || b * b > 1e-6) exit 1 }' both || fail "small swings are not linear: $(cat both)"
+knead sweep dough --freq 1:2:2 --amplitude 1% >out
+awk '$1 == "1" { thin = $3 } END { exit !(thin < 1e6) }' out || fail "dough does not thin: $(cat out)"
+refuses "knead relax: dough.yaml: (s1|d1)-d2: answers at once with a dashpot, so a step of strain needs an infinite stress, expected --ramp RATE, e.g. --ramp 10%/s" relax dough
+refuses "knead relax: --ramp 5: expected a strain per second like 10%/s, or a speed like '1 mm/s'" relax dough --ramp 5
+refuses "knead relax: --strain 150%: expected a share of the height between 0 and 100 %, like 10%" relax dough --strain 150%
+refuses "knead relax: --lattice: a plate cannot jump, expected --ramp RATE, e.g. --ramp 10%/s" relax s --param s1=1kPa --lattice 2x2x2
+refuses "knead sweep: --freq 5:1: expected LOW:HIGH or LOW:HIGH:NUMBER like 0.01:100:25, in Hz, LOW below HIGH, NUMBER 2 to 1000" sweep dough --freq 5:1
+refuses "knead sweep: --lattice: unknown option; --help lists them" sweep dough --lattice 2x2x2
+knead relax dough --strain 5% --ramp 5%/s --hold 5 --lattice 2x2x2 >out || fail "relax on a lattice: exit $?"
+near "$(awk '$1 == "lattice" { print $3 }' out)" "$(awk '$1 == "element" { print $3 }' out)" 0.06 || fail "lattice: $(cat out)"
+
+# texture: a spring gives everything back, clay nothing, dough a little
+says() { grep -q "^$1 *$2" out || fail "$3: $1 is not $2: $(grep "^$1" out)"; }
+knead tpa s --param s1='10 kPa' --area constant >out || fail "tpa of a spring"
+says hardness '0.5 N' spring
+says cohesiveness 1.0000 spring
+says springiness 1.0000 spring
+says resilience 1.0000 spring
+says adhesiveness 'not modelled' spring
+knead tpa clay --png tpa.png --csv tpa.csv >out || fail "tpa of clay"
+says cohesiveness 0.0000 clay
+says springiness 0.0000 clay
+says resilience 0.0000 clay
+says hardness '0.3 N' clay # 15 kPa s, 0.1 /s, on 1 cm^2 that has become 2
+knead tpa dough --strain 50% --speed 1mm/s --wait 5 >out || fail "tpa of dough"
+awk '/^cohesiveness/ { c = $2 + 0 } /^springiness/ { s = $2 + 0 } END { exit !(c > 0.1 && c < 0.3 && s > 0.1 && s < 0.2) }' out || fail "dough: $(cat out)"
+[ "$(head -n 1 tpa.csv)" = bite,time_s,plate_m,strain,force_n,stress_pa ] || fail "columns of tpa"
+exit $failed
