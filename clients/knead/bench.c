@@ -132,7 +132,7 @@ static int take_expression(kn_bench *b)
     for (int i = 0; kn_element_leaf_name(&b->net.element, i, name); i++)
         if (!given[i])
             return kn_complain(opt->subcommand, KN_EXIT_USAGE, "%s: %s has no value, expected --param %s='%s'", parts,
-                               name, name, name[0] == 's' ? "46 kPa" : "245 kPa*s");
+                               name, name, example[name[0] == 's']);
     const char *wrong = kn_network_check(&b->net, &leaf);
     if (wrong && kn_element_leaf_name(&b->net.element, leaf, name))
         return kn_complain(opt->subcommand, KN_EXIT_USAGE, "--param %s: %s %s", name, name, wrong);
@@ -177,10 +177,11 @@ static int build_lattice(kn_bench *b, const kn_model_def *scene)
     return b->lattice ? KN_EXIT_OK : kn_complain(opt->subcommand, KN_EXIT_DEVICE, "out of memory");
 }
 
+// S0: that of the cube, or of the block that has its height
 static double area_m2(const kn_bench *b)
 {
-    if (!b->model) return KN_BENCH_AREA_M2;
-    return b->model->def.spacing_m * b->model->def.spacing_m * b->opt->lattice[0] * b->opt->lattice[1];
+    const int *n = b->opt->lattice;
+    return n[0] ? KN_BENCH_AREA_M2 * n[0] * n[1] / (n[2] * n[2]) : KN_BENCH_AREA_M2;
 }
 
 // Height of the top face, the mean of its nodes by their share of it.
@@ -249,7 +250,7 @@ static void read_element(kn_bench *b)
     b->time_s = b->now.time_s;
     b->strain = b->now.strain;
     b->stress_pa = b->now.stress_pa;
-    b->force_n = b->stress_pa * KN_BENCH_AREA_M2 / grown(b);
+    b->force_n = b->stress_pa * area_m2(b) / grown(b);
 }
 
 static int take_drive(kn_bench *b, kn_drive drive)
@@ -305,8 +306,9 @@ static int step_lattice(kn_bench *b)
     kn_input in = lattice_input(b);
     kn_output out;
     if (kn_step(b->model, b->lattice, &in, &out) != KN_OK)
-        return kn_complain(b->opt->subcommand, KN_EXIT_FAILED,
-                           "--lattice: the block came apart at %.3g s; fewer cells or a smaller load", b->time_s);
+        return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
+                           "--lattice: the block came apart at %.3g s, expected a smaller load or a slower ramp",
+                           b->time_s);
     b->step++;
     b->time_s = (double)b->step * b->model->def.solver.dt_s;
     b->strain = lattice_strain(b);
@@ -324,16 +326,21 @@ int kn_bench_advance(kn_bench *b, double until_s)
         return code;
     }
     if (!kn_network_advance(&b->net, &b->now, &b->drive, until_s, KN_BENCH_TOLERANCE))
-        return kn_complain(b->opt->subcommand, KN_EXIT_FAILED, "%s: no step converges at %.6g s", b->title,
-                           b->now.time_s);
+        return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
+                           "%s: no step converges at %.6g s, expected numbers of this world", b->title, b->now.time_s);
     read_element(b);
     return KN_EXIT_OK;
 }
 
 void kn_bench_print(const kn_bench *b)
 {
-    printf("specimen  %s, 1 cm cube%s\n", b->title,
-           b->opt->constant_area ? ", constant area" : "; its section grows as its height falls");
+    const int *n = b->opt->lattice;
+    printf("specimen  %s, ", b->title);
+    if (n[0] != n[2] || n[1] != n[2])
+        printf("%.3g x %.3g x 1 cm", (double)n[0] / n[2], (double)n[1] / n[2]);
+    else
+        printf("1 cm cube");
+    printf("%s\n", b->opt->constant_area ? ", constant area" : "; its section grows as its height falls");
     printf("parts    ");
     char name[8];
     for (int i = 0; kn_element_leaf_name(&b->net.element, i, name); i++) {

@@ -77,18 +77,15 @@ static int take_loads(kn_bench_options *opt, const char *text)
 
 static int take_frequencies(kn_bench_options *opt, const char *text)
 {
-    char part[3][48] = {"", "", ""}, *end;
-    int parts = sscanf(text, "%47[^:]:%47[^:]:%47[^:]", part[0], part[1], part[2]);
     static const char expected[] =
-        "LOW:HIGH or LOW:HIGH:NUMBER like 0.01:100:25, in Hz, LOW below HIGH, NUMBER 2 to 1000";
-    if (parts < 2 || !read_quantity(part[0], "Hz", true, &opt->low_hz) ||
-        !read_quantity(part[1], "Hz", true, &opt->high_hz))
-        return bad(opt, "freq", text, expected);
-    long number = parts == 3 ? strtol(part[2], &end, 10) : 25;
-    if ((parts == 3 && (*end || end == part[2])) || number < 2 || number > 1000 ||
-        !(opt->low_hz > 0 && opt->high_hz > opt->low_hz))
-        return bad(opt, "freq", text, expected);
-    opt->frequencies = (int)number;
+        "LOW:HIGH or LOW:HIGH:NUMBER like 0.01:100:25, 1e-9 to 1e9 Hz, LOW below HIGH, NUMBER 2 to 1000";
+    char low[48], high[48], rest;
+    int number = 25, parts = sscanf(text, "%47[^:]:%47[^:]:%d%c", low, high, &number, &rest);
+    bool good = (parts == 2 || parts == 3) && read_quantity(low, "Hz", true, &opt->low_hz) &&
+                read_quantity(high, "Hz", true, &opt->high_hz);
+    good = good && opt->low_hz >= 1e-9 && opt->high_hz > opt->low_hz && opt->high_hz <= 1e9;
+    if (!good || number < 2 || number > 1000) return bad(opt, "freq", text, expected);
+    opt->frequencies = number;
     return KN_EXIT_OK;
 }
 

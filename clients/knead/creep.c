@@ -101,7 +101,7 @@ static int finish(const kn_bench *b, const kn_table *t)
         {.x_label = "time, s", .y_label = "stress, gf/cm²", .x = 1, .y = 4, .x_scale = 1, .y_scale = 1 / KN_GF_CM2_PA}};
     const kn_bench_options *opt = b->opt;
     char title[500];
-    snprintf(title, sizeof title, "creep of %s, 1 cm cube: %g s loaded, %g s not", b->title, opt->hold_s, opt->rest_s);
+    snprintf(title, sizeof title, "creep of %s: %g s loaded, %g s not", b->title, opt->hold_s, opt->rest_s);
     int code = opt->csv ? kn_table_write(t, "creep", opt->csv) : KN_EXIT_OK;
     if (code == KN_EXIT_OK && opt->png) code = kn_table_draw(t, "creep", opt->png, title, axes, 2);
     return code;

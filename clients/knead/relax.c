@@ -138,7 +138,7 @@ static int finish(const kn_bench *b, const kn_table *t)
          .log_y = true}};
     const kn_bench_options *opt = b->opt;
     char title[500];
-    snprintf(title, sizeof title, "relaxation of %s, 1 cm cube, held at %g %%", b->title, 100 * opt->strain);
+    snprintf(title, sizeof title, "relaxation of %s, held at %g %%", b->title, 100 * opt->strain);
     int code = opt->csv ? kn_table_write(t, "relax", opt->csv) : KN_EXIT_OK;
     if (code == KN_EXIT_OK && opt->png) code = kn_table_draw(t, "relax", opt->png, title, axes, 2);
     return code;

@@ -41,6 +41,9 @@ knead creep s --param s1='1 kPa' --load 0.05N --area constant >out && [ "$(value
 knead creep dough --lattice 2x2x2 --load 2gf --hold 10 --rest 0 >out || fail "lattice: exit $?"
 awk '$2 == "element" { e = $6 } $2 == "lattice" { l = $6 } END { exit !(l > 0.97 * e && l < 1.03 * e) }' out || fail "lattice: $(cat out)"
 
+knead creep dough --lattice 3x2x1 --load 6gf --hold 1 --rest 0 >out || fail "a wide block: exit $?" # of 6 cm^2: 1 gf/cm^2
+grep -q "3 x 2 x 1 cm" out && [ "$(value 6 4)" = 1.00 ] || fail "a wide block: $(cat out)"
+
 refuses 2 "EXPR:1:1: unknown element 'dogh', expected s, d, a name like voigt, or (; or a scene: clay, dough, dough-small, jelly, a file" creep dogh
 refuses 2 "knead creep: s1: s1 has no value, expected --param s1='46 kPa'" creep s
 refuses 2 "knead creep: --param s1=5: '5' has no unit, expected something like s1='46 kPa'" creep s --param s1=5

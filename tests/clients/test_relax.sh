@@ -39,7 +39,8 @@ refuses "knead relax: dough.yaml: (s1|d1)-d2: answers at once with a dashpot, so
 refuses "knead relax: --ramp 5: expected a strain per second like 10%/s, or a speed like '1 mm/s'" relax dough --ramp 5
 refuses "knead relax: --strain 150%: expected a share of the height between 0 and 100 %, like 10%" relax dough --strain 150%
 refuses "knead relax: --lattice: a plate cannot jump, expected --ramp RATE, e.g. --ramp 10%/s" relax s --param s1=1kPa --lattice 2x2x2
-refuses "knead sweep: --freq 5:1: expected LOW:HIGH or LOW:HIGH:NUMBER like 0.01:100:25, in Hz, LOW below HIGH, NUMBER 2 to 1000" sweep dough --freq 5:1
+refuses "knead sweep: --freq 5:1: expected LOW:HIGH or LOW:HIGH:NUMBER like 0.01:100:25, 1e-9 to 1e9 Hz, LOW below HIGH, NUMBER 2 to 1000" sweep dough --freq 5:1
+refuses "knead sweep: --freq 1:2:3x: expected LOW:HIGH or LOW:HIGH:NUMBER like 0.01:100:25, 1e-9 to 1e9 Hz, LOW below HIGH, NUMBER 2 to 1000" sweep dough --freq 1:2:3x
 refuses "knead sweep: --lattice: unknown option; --help lists them" sweep dough --lattice 2x2x2
 knead relax dough --strain 5% --ramp 5%/s --hold 5 --lattice 2x2x2 >out || fail "relax on a lattice: exit $?"
 near "$(awk '$1 == "lattice" { print $3 }' out)" "$(awk '$1 == "element" { print $3 }' out)" 0.06 || fail "lattice: $(cat out)"
