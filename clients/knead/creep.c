@@ -77,6 +77,7 @@ static int run(kn_bench *b, kn_table *t)
 {
     const kn_bench_options *opt = b->opt;
     kn_model *model = b->model;
+    t->pairs = model;
     kn_bench_print(b);
     printf("\n%44s %-19s   after %g s of rest\n%8s %8s %9s %9s %9s %9s %9s %9s\n", "", "at release", opt->rest_s,
            "load gf", "", "kPa", "gf/cm^2", "height cm", "strain", "recovered", "residual");

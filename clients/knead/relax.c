@@ -104,6 +104,7 @@ static int run(kn_bench *b, kn_table *t)
 {
     const kn_bench_options *opt = b->opt;
     kn_model *model = b->model;
+    t->pairs = model;
     kn_bench_print(b);
     if (opt->ramp_per_s > 0)
         printf("test      to %g %% at %g %%/s, held %g s\n", 100 * opt->strain, 100 * opt->ramp_per_s, opt->hold_s);

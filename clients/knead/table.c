@@ -94,19 +94,19 @@ static void write_curve(FILE *f, const kn_table *t, const kn_axes *a, int series
 {
     static const char *const colour[] = {"0b6b6b", "d9822b", "5b3a8c", "b02a37",
                                          "2f7d32", "1f4e9c", "7a7a7a", "b8860b"};
-    bool second = y == a->y2;
+    bool dashed = y == a->y2 || (t->pairs && series % 2);
+    int hue = t->series == 1 ? y == a->y2 : t->pairs ? series / 2 : series;
     char title[100];
     snprintf(title, sizeof title, "%s%s%s", name ? name : "", name && t->series > 1 ? ", " : "",
              !name || t->series > 1 ? t->label[series] : "");
     fprintf(f, "$series%d using ($%d*%g):($%d*%g) with %s lw 2 %s lc rgb '#%s' title ", series, a->x + 1, a->x_scale,
-            y + 1, a->y_scale, a->points ? "linespoints pt 7 ps 0.6" : "lines", second ? "dt 2" : "",
-            colour[(t->series > 1 ? series : second) % 8]);
+            y + 1, a->y_scale, a->points ? "linespoints pt 7 ps 0.6" : "lines", dashed ? "dt 2" : "", colour[hue % 8]);
     quote(f, title);
 }
 
 static void write_axes(FILE *f, const kn_table *t, const kn_axes *a)
 {
-    fprintf(f, "unset logscale\nset format '%%g'\nset xlabel ");
+    fprintf(f, "unset logscale\nset format '%%g'\nset xlabel offset 0,0.5 ");
     quote(f, a->x_label);
     fprintf(f, "\nset ylabel ");
     quote(f, a->y_label);
@@ -130,7 +130,7 @@ static void write_axes(FILE *f, const kn_table *t, const kn_axes *a)
 static void write_script(FILE *f, const kn_table *t, const char *title, const kn_axes *axes, int count)
 {
     fprintf(f, "set terminal pngcairo noenhanced size %d,480 font 'sans,11'\n", 600 * count);
-    fprintf(f, "set grid\nset tmargin 5\nset key outside top center horizontal\n");
+    fprintf(f, "set grid\nset key bmargin center horizontal\n");
     for (int s = 0; s < t->series; s++) write_data(f, t, s);
     fprintf(f, "set multiplot layout 1,%d title ", count);
     quote(f, title);

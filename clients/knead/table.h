@@ -3,7 +3,7 @@
 // Curves of an experiment: rows of numbers, in series that each have a label. Written as CSV, drawn by gnuplot.
 #include <stdbool.h>
 
-#define KN_SERIES_MAX 16
+#define KN_SERIES_MAX 32
 
 typedef struct kn_table {
     const char *const *columns; // names with units, "time_s", NULL-terminated; the caller's
@@ -12,6 +12,7 @@ typedef struct kn_table {
     int rows, capacity;
     int series, start[KN_SERIES_MAX]; // first row of each
     char label[KN_SERIES_MAX][40];
+    bool pairs; // every second series belongs to the one before it and is drawn dashed
     bool short_of_memory;
 } kn_table;
 
