@@ -188,13 +188,14 @@ LANES_INLINE int group_row(const tables *t, int row, int b, int c, int g)
     }
 }
 
-// Share of the cells around an edge of group g that lies across the row, or its root.
-LANES_INLINE real group_share(real row, real plane, real diagonal, int g)
+// Share of the cells around an edge of group g and shift s that lies across the row, or its root. Of the groups 0 and 2 the
+// edge without a shift is a side, the others and all of 1 and 3 are diagonals.
+LANES_INLINE real group_share(real row, real plane, real diagonal, int g, int s)
 {
     switch (g) {
     case -1: return row * plane;
-    case 0: return plane;
-    case 2: return row;
+    case 0: return s == 0 ? plane : plane * diagonal;
+    case 2: return s == 0 ? row : row * diagonal;
     default: return diagonal;
     }
 }
@@ -453,12 +454,12 @@ LANES_INLINE void edge_row(const kn_model *model, const tables *t, const fields 
     for (int g = -1; g < 4; g++) {
         int to = group_row(t, row, b, c, g);
         if (to < 0) continue;
-        edges x = {.row = row, .to = to, .k = k, .moved = work->row_moved[row] || work->row_moved[to],
-                   .share = group_share(t->row_share[b], t->plane_share[c], t->diagonal, g),
-                   .root = group_share(t->row_root[b], t->plane_root[c], t->diagonal, g)};
+        edges x = {.row = row, .to = to, .k = k, .moved = work->row_moved[row] || work->row_moved[to]};
         UNROLL(3)
         for (x.s = g < 0 ? 1 : -1; x.s <= 1; x.s++) {
             x.e = g < 0 ? 0 : 1 + 3 * g + x.s + 1;
+            x.share = group_share(t->row_share[b], t->plane_share[c], t->diagonal, g, x.s);
+            x.root = group_share(t->row_root[b], t->plane_root[c], t->diagonal, g, x.s);
             edge_add(model, t, f, &x, kind, how, again, &own);
         }
     }

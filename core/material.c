@@ -19,6 +19,13 @@ double kn_material_flow(const kn_material *mat, double stress_pa)
     return mat->damper == KN_DAMPER_NONE ? 0.0 : stress_pa / kn_material_c2(mat, stress_pa);
 }
 
+double kn_material_compliance(const kn_material *mat, double seconds)
+{
+    double voigt = mat->k1_pa > 0 ? 1 / mat->k1_pa : seconds / mat->c1_pa_s;
+    if (mat->k1_pa > 0 && mat->c1_pa_s > 0) voigt *= -expm1(-mat->k1_pa / mat->c1_pa_s * seconds);
+    return voigt + seconds / kn_material_c2(mat, 0);
+}
+
 const char *kn_material_check(const kn_material *mat)
 {
     if (!(isfinite(mat->k1_pa) && mat->k1_pa >= 0)) return "k1 must be finite and not negative";

@@ -35,6 +35,9 @@ double kn_material_c2(const kn_material *mat, double stress_pa);
 // Flow rate of the damper g(s) = s / c2(|s|), 1/s: odd and increasing, 0 for KN_DAMPER_NONE.
 double kn_material_flow(const kn_material *mat, double stress_pa);
 
+// Creep compliance after that long under a stress so small that the damper stays as stiff as at rest, 1/Pa.
+double kn_material_compliance(const kn_material *mat, double seconds);
+
 // NULL if the parameters can be simulated, else one sentence that says which cannot.
 const char *kn_material_check(const kn_material *mat);
 
