@@ -35,11 +35,11 @@ function connect() {
         const now = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, size)));
         record(now.trace); // before the wait for the picture, in which the next message may come
         if (data.byteLength > 4 + size) {
-            const bitmap = await createImageBitmap(new Blob([new Uint8Array(data, 4 + size)], { type: 'image/jpeg' }));
-            // drawn when newer than what is there, not only when it is the newest to have come: two in flight that
-            // always overtake each other would never be drawn
-            if (mine === socket && now.frame > drawn) draw(bitmap, now);
-            bitmap.close();
+            const jpeg = new Blob([new Uint8Array(data, 4 + size)], { type: 'image/jpeg' });
+            const bitmap = await createImageBitmap(jpeg).catch(() => null); // a bad one must not stop the next
+            // when newer than what is there, not only when the newest: two that overtake each other would never be drawn
+            if (bitmap && mine === socket && now.frame > drawn) draw(bitmap, now);
+            bitmap?.close();
         }
         if (mine !== socket) return;
         send(SEEN, now.frame);
