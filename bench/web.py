@@ -67,7 +67,7 @@ def measure(name, page, server, seconds, press):
     page.release() if press else None
     p50, p95, p99 = (percentile(latency, share) for share in (0.5, 0.95, 0.99))
     print(f"| {name:7} | {len(latency):6} | {frames / elapsed:5.1f} | {p50:6.1f} | {p95:6.1f} | {p99:6.1f} | "
-          f"{cpu[0]:9.0f} | {cpu[1]:7.0f} | {cpu[2]:6.0f} | {cpu[3] - sum(cpu[:3]):4.0f} |", flush=True)
+          f"{cpu[0]:9.0f} | {cpu[1]:7.0f} | {cpu[2]:6.0f} | {max(0, cpu[3] - sum(cpu[:3])):4.0f} |", flush=True)
 
 
 def main():
