@@ -30,18 +30,20 @@ class Served:
 
     def __init__(self, scene, *options):
         reads, writes = os.pipe()
-        kneadd = ["kneadd", "--scene", f"{os.environ['KN_SOURCE']}/core/scenes/{scene}"]
-        kneadd += ["--realtime", os.environ["KN_REALTIME"], "--command-fd", str(reads)]
-        self.kneadd = self.start("kneadd", kneadd, reads, "serving")
-        self.web = self.start("web", ["knead", "web", "--command-fd", str(writes), *options], writes, "http://")
+        self.serve(scene, ["--command-fd", str(reads)], [reads])
+        self.web = self.start("web", ["knead", "web", "--command-fd", str(writes), *options], [writes], "http://")
         self.address = next(word for word in open("web.log").read().split() if word.startswith("http://"))
         self.port = int(self.address.split(":")[2].split("/")[0])
         self.token = self.address.split("#")[1]
         os.close(reads), os.close(writes)
 
-    def start(self, name, command, fd, word):  # returns once it has said the word
+    def serve(self, scene, options=(), fds=()):
+        kneadd = ["kneadd", "--scene", f"{os.environ['KN_SOURCE']}/core/scenes/{scene}"]
+        self.kneadd = self.start("kneadd", [*kneadd, "--realtime", os.environ["KN_REALTIME"], *options], fds, "serving")
+
+    def start(self, name, command, fds, word):  # returns once it has said the word
         log = open(f"{name}.log", "w")
-        process = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, pass_fds=[fd])
+        process = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, pass_fds=fds)
         said = lambda: open(f"{name}.log").read().strip()
         if not until(lambda: word in said() or process.poll() is not None) or process.poll() is not None:
             told = said()

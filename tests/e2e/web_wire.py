@@ -289,6 +289,29 @@ def dead_man(server, bus):
     wire.close()
 
 
+def another_scene(server, bus):
+    wire = Wire(server)
+
+    def told(**where):
+        wire.point(**where)
+        return wire.state()[0]["status"]
+    for _ in range(3):
+        until(lambda: told().startswith("ready"))
+        if until(lambda: told(pressed=1) and bus.force_n > 0.5, 3):
+            break
+    check("a page presses again", bus.force_n > 0.5, bus.force_n, told())
+    server.kneadd.terminate()
+    server.kneadd.wait(10)
+    server.serve("jelly.yaml")  # another height, another tool; the button stays down
+    check("another scene is served under its tool: it must let go first",
+          until(lambda: told(pressed=1).startswith("let go"), 15), told(pressed=1))
+    forces = [bus.force_n for _ in range(40) if told(pressed=1)]
+    check("until then there is no force", not any(forces), max(forces))
+    until(lambda: told().startswith("ready"))
+    check("then it may press", until(lambda: told(pressed=1) and bus.force_n > 0.01, 8), bus.force_n, told(pressed=1))
+    wire.close()
+
+
 def spoilt(bus, during):  # (seconds, those in which the servo missed a cycle that the machine does not explain)
     time.sleep(1.1)  # a status comes every second
     before = bus.statuses, bus.spoilt
@@ -335,6 +358,7 @@ def main():
     check("the servo does not notice", storm[1] / storm[0] <= 2 * calm[1] / calm[0] + 0.2, calm, storm)
     page.stop()
     dead_man(server, bus)
+    another_scene(server, bus)
     memory(server, seconds)
     server.stop()
     sys.exit(results.failed)
