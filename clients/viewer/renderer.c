@@ -442,6 +442,10 @@ typedef struct extent {
     float low[2], high[2]; // -1..1 across the picture
 } extent;
 
+typedef struct parts { // everything that stands on the table, and what of the table is not as without it
+    extent all, table;
+} parts;
+
 static void cover(const kn_renderer *r, extent *e, const float p[3])
 {
     const float *m = r->camera.matrix;
@@ -455,19 +459,20 @@ static void cover(const kn_renderer *r, extent *e, const float p[3])
 }
 
 // A box about p, half of its sides given, and its shadow on the table.
-static void cover_box(const kn_renderer *r, extent *e, const float p[3], float x, float y, float z)
+static void cover_box(const kn_renderer *r, parts *e, const float p[3], float x, float y, float z)
 {
     for (int corner = 0; corner < 8; corner++) {
         float q[3] = {p[0] + (corner & 1 ? x : -x), p[1] + (corner & 2 ? y : -y), p[2] + (corner & 4 ? z : -z)};
-        cover(r, e, q);
+        cover(r, &e->all, q);
         float down = fmaxf(0, q[2] - level_of(r)) / r->key[2];
         for (int i = 0; i < 3; i++) q[i] -= down * r->key[i];
-        cover(r, e, q);
+        cover(r, &e->all, q);
+        cover(r, &e->table, q);
         if (x == 0 && y == 0 && z == 0) return; // a point
     }
 }
 
-static void cover_probe(const kn_renderer *r, extent *e, const kn_view_probe *p)
+static void cover_probe(const kn_renderer *r, parts *e, const kn_view_probe *p)
 {
     float at[3] = {(float)p->position_m[0], (float)p->position_m[1], (float)p->position_m[2]}, tip[3];
     float half[2] = {0.5f * (float)p->def.size_m[0], 0.5f * (float)p->def.size_m[1]}, radius = (float)p->def.radius_m;
@@ -487,9 +492,19 @@ static int pixel(float at, int size, int margin) // of -1..1, inside the picture
     return (int)fminf(fmaxf(p, 0), (float)size);
 }
 
-static kn_gl_region region_of(const kn_renderer *r, const kn_view_scene *scene, const float foot[4])
+static kn_gl_region around(const kn_renderer *r, const extent *e)
 {
-    extent e = {{INFINITY, INFINITY}, {-INFINITY, -INFINITY}};
+    kn_gl_region g = {pixel(e->low[0], r->width, -2), pixel(e->low[1], r->height, -2), 0, 0};
+    g.width = pixel(e->high[0], r->width, 3) - g.x;
+    g.height = pixel(e->high[1], r->height, 3) - g.y;
+    return g.width > 0 && g.height > 0 ? g : (kn_gl_region){0};
+}
+
+static void find_regions(const kn_renderer *r, const kn_view_scene *scene, const float foot[4], kn_gl_region *all,
+                         kn_gl_region *table)
+{
+    static const extent nothing = {{INFINITY, INFINITY}, {-INFINITY, -INFINITY}};
+    parts e = {nothing, nothing};
     for (int v = 0; v < r->skin->vertex_count; v++) {
         const float *p = scene->xyz[v];
         if (isfinite(p[0] + p[1] + p[2])) cover_box(r, &e, p, 0, 0, 0);
@@ -500,12 +515,11 @@ static kn_gl_region region_of(const kn_renderer *r, const kn_view_scene *scene, 
     for (int corner = 0; corner < 4 && foot[0] <= foot[2]; corner++) {
         float p[3] = {corner & 1 ? foot[2] + dim : foot[0] - dim, corner & 2 ? foot[3] + dim : foot[1] - dim,
                       level_of(r)};
-        cover(r, &e, p);
+        cover(r, &e.all, p);
+        cover(r, &e.table, p);
     }
-    kn_gl_region g = {pixel(e.low[0], r->width, -2), pixel(e.low[1], r->height, -2), 0, 0};
-    g.width = pixel(e.high[0], r->width, 3) - g.x;
-    g.height = pixel(e.high[1], r->height, 3) - g.y;
-    return g.width > 0 && g.height > 0 ? g : (kn_gl_region){0};
+    *all = around(r, &e.all);
+    *table = around(r, &e.table);
 }
 
 static void upload(kn_renderer *r, const kn_view_scene *scene)
@@ -522,7 +536,8 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     aim(r, scene);
     light_up(r, scene);
     footprint(r->skin, scene->xyz, foot);
-    kn_gl_region region = region_of(r, scene, foot);
+    kn_gl_region region, table;
+    find_regions(r, scene, foot, &region, &table);
     upload(r, scene);
     draw_backdrop(r);
 
@@ -537,6 +552,7 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
 
     bool soft = r->samples > 1; // the solids' edges are half there
     kn_gl_target_picture(gl, target, region);
+    if (!soft) gl->Scissor(table.x, table.y, table.width, table.height); // above it the backdrop is there already
     if (soft) gl->Disable(GL_DEPTH_TEST);
     if (soft) gl->Enable(GL_BLEND);
     gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE); // behind what is there

@@ -48,15 +48,17 @@ static void block_destroy(block *b)
 }
 
 // A renderer that knows the block, or the end of the test where there is no OpenGL.
-static kn_renderer *open_renderer(const block *b)
+static kn_renderer *open_with(const block *b, int samples)
 {
     char error[300];
-    kn_renderer *r = kn_renderer_open(WIDTH, HEIGHT, 4, error, sizeof error);
+    kn_renderer *r = kn_renderer_open(WIDTH, HEIGHT, samples, error, sizeof error);
     if (!r) SKIP("%s", error);
     const float (*rest)[3] = (const float(*)[3])b->rest;
     CHECK(kn_renderer_mesh(r, b->surface->vertex_count, rest, b->surface->triangle_count, triangles(b)));
     return r;
 }
+
+static kn_renderer *open_renderer(const block *b) { return open_with(b, 4); }
 
 static uint8_t *draw(kn_renderer *r, kn_view_scene scene, float (*xyz)[3])
 {
@@ -189,6 +191,26 @@ TEST("the block fills a good part of the picture and stands clear of its border"
     CHECK(opaque == PIXELS);
     free(rest);
     kn_renderer_close(r);
+    block_destroy(&b);
+}
+
+TEST("with one sample per pixel nothing but outlines differs, shadows and table included, picture after picture")
+{
+    block b = block_create();
+    kn_renderer *fine = open_with(&b, 4), *coarse = open_with(&b, 1);
+    kn_view_scene scene = kn_view_scene_default();
+    scene.probe_count = 1;
+    scene.probe[0] = (kn_view_probe){.def = {.shape = KN_PROBE_SPHERE, .radius_m = 0.015}, .force_n = {0, 0, 8}};
+    for (int i = 0; i < 4; i++) { // what an earlier picture left must not show
+        scene.probe[0].position_m[0] = 0.02 * (i - 1.5);
+        scene.probe[0].position_m[2] = 0.045 + 0.01 * (i % 2);
+        uint8_t *a = draw(fine, scene, i % 2 ? b.dented : b.rest), *z = draw(coarse, scene, i % 2 ? b.dented : b.rest);
+        CHECK(changed(a, z, 0, 0, WIDTH, HEIGHT) < PIXELS / 50);
+        free(a);
+        free(z);
+    }
+    kn_renderer_close(fine);
+    kn_renderer_close(coarse);
     block_destroy(&b);
 }
 
