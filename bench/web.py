@@ -75,7 +75,7 @@ def main():
     options.add_argument("--seconds", type=float, default=20, help="per row (20)")
     options.add_argument("--scene", default="dough.yaml", help="of core/scenes (dough.yaml)")
     options.add_argument("--rate", default="30", help="pictures per second (30)")
-    options.add_argument("--size", default="960x540", help="of a picture (960x540)")
+    options.add_argument("--size", default="800x450", help="of a picture (960x540)")
     o = options.parse_args()
     os.environ.setdefault("KN_REALTIME", "auto")
     model = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), "?")

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SHADOW_SIZE 1024         // texels: 0.16 mm each on a 5 cm block
+#define SHADOW_SIZE(r) ((r)->samples > 1 ? 1024 : 512) // texels: 0.16 mm each on a 5 cm block, or twice that
 #define LIT_RADIUS 1.6f          // of the object's longest side, around it: where shadows are cast
 #define SHADOW_BIAS 3.0f         // 1.5 texels off the surface
 #define PLATE_THICKNESS_M 0.002
@@ -133,8 +133,8 @@ static bool create_shadow_map(kn_renderer *r)
     const kn_gl *gl = r->gl;
     gl->GenTextures(1, &r->shadow_map);
     gl->BindTexture(GL_TEXTURE_2D, r->shadow_map);
-    gl->TexImage2D(GL_TEXTURE_2D, 0, GL_DEPTH_COMPONENT24, SHADOW_SIZE, SHADOW_SIZE, 0, GL_DEPTH_COMPONENT, GL_FLOAT,
-                   NULL);
+    gl->TexImage2D(GL_TEXTURE_2D, 0, GL_DEPTH_COMPONENT24, SHADOW_SIZE(r), SHADOW_SIZE(r), 0, GL_DEPTH_COMPONENT,
+                   GL_FLOAT, NULL);
     gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
     gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
     gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
@@ -159,7 +159,7 @@ static bool create(kn_renderer *r, char *error, size_t error_size)
     if (!r->depth || !r->solid || !r->table) return false;
     create_shapes(r);
     if (create_shadow_map(r)) return true;
-    snprintf(error, error_size, "OpenGL makes no shadow map of %d x %d", SHADOW_SIZE, SHADOW_SIZE);
+    snprintf(error, error_size, "OpenGL makes no shadow map of %d x %d", SHADOW_SIZE(r), SHADOW_SIZE(r));
     return false;
 }
 
@@ -351,7 +351,7 @@ static void clear_shadow_map(const kn_renderer *r)
     const kn_gl *gl = r->gl;
     gl->Disable(GL_SCISSOR_TEST);
     gl->BindFramebuffer(GL_FRAMEBUFFER, r->shadow_frame);
-    gl->Viewport(0, 0, SHADOW_SIZE, SHADOW_SIZE);
+    gl->Viewport(0, 0, SHADOW_SIZE(r), SHADOW_SIZE(r));
     gl->Clear(GL_DEPTH_BUFFER_BIT);
 }
 
@@ -546,7 +546,7 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     kn_gl_target_solids(gl, target, region);
     gl->Enable(GL_CULL_FACE);
     use_lit(r, r->solid);
-    set_number(gl, r->solid, "u_bias", SHADOW_BIAS * LIT_RADIUS * scale_of(r->skin) / SHADOW_SIZE);
+    set_number(gl, r->solid, "u_bias", SHADOW_BIAS * LIT_RADIUS * scale_of(r->skin) / (float)SHADOW_SIZE(r));
     draw_solids(r, r->solid, scene);
     gl->Disable(GL_CULL_FACE);
 

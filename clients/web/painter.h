@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_PAINTER_H
 #define KN_CLIENTS_PAINTER_H
 // A thread that draws: one still in, one JPEG out, while the caller goes on with its messages. It opens, draws and
-// closes OpenGL by itself, since a context belongs to one thread, and runs at nice 10: pictures may be late, forces
+// closes OpenGL by itself, since a context belongs to one thread, and runs at nice 5: pictures may be late, forces
 // not.
 //
 //     kn_painter_idle -> fill painter->still -> kn_painter_draw ... done(arg), in the painter's thread -> jpeg, size

@@ -26,6 +26,7 @@
 #define EVENTS 64       // of the pointer, on their way through kneadd
 #define LET_GO_MS 400   // a pressing page that is silent this long is gone: it speaks every 50 ms; so is this thread
 #define RESET_MS 250    // resets come no faster
+#define MOVES_MS 200    // a pointer that was heard of so recently
 #define IDLE_MS 2000    // after so long another page may take the tool
 #define UNHEARD_MS 1000 // without a mesh: nobody serves
 
@@ -40,7 +41,7 @@ static const char help[] =
     "  --probe NAME       the tool in hand (the scene's first sphere, else its first probe)\n"
     "  --port N           0..65535; 0: a free one (0)\n"
     "  --rate HZ          pictures per second, 5..60, at most the scene's mesh.rate (30)\n"
-    "  --size WxH         of a picture, 160..1920 pixels each (960x540)\n"
+    "  --size WxH         of a picture, 160..1920 pixels each (800x450)\n"
     "  --command-fd N     the open pipe that is kneadd's --command-fd, for Reset (none: no Reset)\n"
     "  --lcm-url URL      poses, forces, scene ($LCM_DEFAULT_URL, " KN_FORCE_URL ")\n"
     "  --mesh-url URL     meshes (" KN_MESH_URL ")\n"
@@ -321,17 +322,27 @@ static bool fill_still(web *w)
     return w->painter.fresh = true;
 }
 
+// The newest event that kneadd had answered when this mesh was.
+static int32_t answered(const web *w)
+{
+    for (int32_t n = w->wish.event; n > w->painting && n > w->wish.event - EVENTS; n--)
+        if (w->event[n % EVENTS].tick <= w->live.mesh.tick) return n;
+    return w->painting;
+}
+
+// Pictures come at the asked rate. While a pointer moves, one that shows nothing new of it comes later, at two thirds of that
+// rate, so that the painter is free when something does.
 static void paint(web *w)
 {
-    int64_t now_ms = kn_live_now_ms();
-    bool due =
-        (double)(now_ms - w->frame_ms) * w->rate_hz > 900; // a mesh that is a tenth of a period early is not skipped
-    if (!due || !w->live.scene || !kn_gateway_wants(&w->gateway) || w->drawing || !fill_still(w))
-        return;
-    w->frame_ms = now_ms;
+    if (!w->live.scene || !kn_gateway_wants(&w->gateway) || w->drawing) return;
     take_samples(w);
-    for (int32_t n = w->wish.event; n > w->painting && n > w->wish.event - EVENTS; n--)
-        if (w->event[n % EVENTS].tick <= w->live.mesh.tick) w->painting = n;
+    int64_t now_ms = kn_live_now_ms();
+    int32_t newest = answered(w);
+    bool moves = w->owner >= 0 && now_ms - w->gateway.page[w->owner].pointed_ms < MOVES_MS && newest == w->painting;
+    // a tenth of a period early is not skipped
+    if ((double)(now_ms - w->frame_ms) * w->rate_hz < (moves ? 1400 : 900) || !fill_still(w)) return;
+    w->frame_ms = now_ms;
+    w->painting = newest;
     w->drawing = true;
     kn_painter_draw(&w->painter);
 }
@@ -516,7 +527,7 @@ static int parse(web *w, int argc, char **argv)
 
 int kn_web_main(int argc, char **argv)
 {
-    static web w = {.width = 960, .height = 540, .listen_fd = -1, .command_fd = -1, .rate_hz = 30, .owner = -1,
+    static web w = {.width = 800, .height = 450, .listen_fd = -1, .command_fd = -1, .rate_hz = 30, .owner = -1,
                     .gateway.fd = -1};
     int code = parse(&w, argc, argv);
     if (code == KN_EXIT_OK && w.help) return fputs(help, stdout), KN_EXIT_OK;
