@@ -26,7 +26,7 @@ static int bad(const char *what, const char *expected)
     return 2;
 }
 
-static int run(int argc, char **argv)
+static int run(int argc, char **argv, const char **sets) // sets: room for argc
 {
     static const struct option options[] = {
         {"scene", required_argument, NULL, 's'},    {"set", required_argument, NULL, 'k'},
@@ -34,9 +34,7 @@ static int run(int argc, char **argv)
         {"realtime", required_argument, NULL, 'r'}, {"backend", required_argument, NULL, 'b'},
         {"command-fd", required_argument, NULL, 'c'},
         {"help", no_argument, NULL, 'h'},           {"version", no_argument, NULL, 'v'}, {0}};
-    kn_daemon_def def = {.realtime = KN_RT_AUTO};
-    const char **sets = calloc((size_t)argc, sizeof *sets);
-    if (!sets) return 70;
+    kn_daemon_def def = {.realtime = KN_RT_AUTO, .sets = sets};
     for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         switch (option) {
         case 's': def.scene_path = optarg; break;
@@ -57,15 +55,14 @@ static int run(int argc, char **argv)
     }
     if (optind < argc) return bad(argv[optind], "options only, the scene as --scene FILE");
     if (!def.scene_path) return bad("no scene", "--scene FILE");
-    def.sets = sets;
-    int code = kn_daemon_run(&def);
-    free(sets);
-    return code;
+    return kn_daemon_run(&def);
 }
 
 int main(int argc, char **argv)
 {
-    int code = run(argc, argv);
+    const char **sets = calloc((size_t)argc, sizeof *sets);
+    int code = sets ? run(argc, argv, sets) : 70;
+    free(sets);
     if (!(fflush(stdout) | ferror(stdout))) return code; // both: what failed on the way is not told by the last flush
     fputs("kneadd: standard output could not be written to its end\n", stderr);
     return code ? code : 3;
