@@ -45,7 +45,7 @@ static void check_creep(const char *text, const double *moduli,
 {
     kn_network net = network(text, moduli);
     kn_network_state state = {0};
-    kn_drive load = {KN_DRIVE_STRESS, .value = 7e3}, rest = {KN_DRIVE_STRESS};
+    kn_drive load = {KN_DRIVE_STRESS, .value = 7e3}, rest = {.kind = KN_DRIVE_STRESS};
     double most = 0;
     take(&net, &state, &load);
     CHECK_NEAR(state.strain, strain(moduli, 7e3, 0, 5), 1e-12);
@@ -201,7 +201,7 @@ static creep dough_creep(double load_gf, double rest_s)
     kn_material mat = dough();
     kn_network net = kn_network_of(&mat);
     kn_network_state state = {0};
-    kn_drive load = {KN_DRIVE_LOAD, .value = load_gf * GF_CM2}, rest = {KN_DRIVE_STRESS};
+    kn_drive load = {KN_DRIVE_LOAD, .value = load_gf * GF_CM2}, rest = {.kind = KN_DRIVE_STRESS};
     take(&net, &state, &load);
     follow(&net, &state, &load, 60);
     creep c = {.stress_pa = state.stress_pa, .height = 1 - state.strain};
