@@ -357,3 +357,21 @@ void kn_bench_print(const kn_bench *b)
         printf("\nbench     one element in one dimension, integrated to %g of its strain per step\n",
                KN_BENCH_TOLERANCE);
 }
+
+int kn_bench_main(const kn_experiment *x, kn_bench_options opt, int argc, char **argv)
+{
+    kn_bench b = {0};
+    kn_table t;
+    bool done = false;
+    kn_table_init(&t, x->columns);
+    int code = kn_bench_options_parse(&opt, x->name, x->help, argc, argv, &done);
+    if (code == KN_EXIT_OK && !done) {
+        code = kn_bench_open(&b, &opt);
+        if (code == KN_EXIT_OK) code = x->run(&b, &t);
+        if (code == KN_EXIT_OK) code = x->finish(&b, &t);
+        kn_bench_close(&b);
+    }
+    kn_table_free(&t);
+    kn_bench_options_free(&opt);
+    return code;
+}

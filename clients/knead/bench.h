@@ -9,6 +9,7 @@
 //         ///////////// table       first paper, equation 4) unless --area constant
 //
 // Compression is positive. SI inside; gf and cm are for reading.
+#include "clients/knead/table.h"
 #include "core/network.h"
 #include "core/scene/scene.h"
 #include "core/step.h"
@@ -64,6 +65,16 @@ int kn_bench_swing(kn_bench *b, double amplitude, double omega);
 int kn_bench_advance(kn_bench *b, double until_s);
 
 void kn_bench_print(const kn_bench *b); // the lines that begin every report
+
+// An experiment as a subcommand, from its command line to its exit code: run measures, prints and fills the table, finish
+// writes what --csv and --png ask for. opt: the defaults.
+typedef struct kn_experiment {
+    const char *name, *help;
+    const char *const *columns;
+    int (*run)(kn_bench *b, kn_table *t);
+    int (*finish)(const kn_bench *b, const kn_table *t);
+} kn_experiment;
+int kn_bench_main(const kn_experiment *experiment, kn_bench_options opt, int argc, char **argv);
 
 // The common end of the report's help, the same for all four.
 #define KN_BENCH_HELP                                                                                                  \

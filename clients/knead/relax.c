@@ -147,19 +147,6 @@ static int finish(const kn_bench *b, const kn_table *t)
 
 int kn_relax_main(int argc, char **argv)
 {
-    kn_bench_options opt = {.strain = 0.1, .hold_s = 100};
-    kn_bench b = {0};
-    kn_table t;
-    bool done = false;
-    kn_table_init(&t, columns);
-    int code = kn_bench_options_parse(&opt, "relax", help, argc, argv, &done);
-    if (code == KN_EXIT_OK && !done) {
-        code = kn_bench_open(&b, &opt);
-        if (code == KN_EXIT_OK) code = run(&b, &t);
-        if (code == KN_EXIT_OK) code = finish(&b, &t);
-        kn_bench_close(&b);
-    }
-    kn_table_free(&t);
-    kn_bench_options_free(&opt);
-    return code;
+    static const kn_experiment experiment = {"relax", help, columns, run, finish};
+    return kn_bench_main(&experiment, (kn_bench_options){.strain = 0.1, .hold_s = 100}, argc, argv);
 }

@@ -202,19 +202,6 @@ static int run(kn_bench *b, kn_table *t)
 
 int kn_tpa_main(int argc, char **argv)
 {
-    kn_bench_options opt = {.strain = 0.5, .speed_m_s = 1e-3, .wait_s = 5};
-    kn_bench b = {0};
-    kn_table t;
-    bool done = false;
-    kn_table_init(&t, columns);
-    int code = kn_bench_options_parse(&opt, "tpa", help, argc, argv, &done);
-    if (code == KN_EXIT_OK && !done) {
-        code = kn_bench_open(&b, &opt);
-        if (code == KN_EXIT_OK) code = run(&b, &t);
-        if (code == KN_EXIT_OK) code = finish(&b, &t);
-        kn_bench_close(&b);
-    }
-    kn_table_free(&t);
-    kn_bench_options_free(&opt);
-    return code;
+    static const kn_experiment experiment = {"tpa", help, columns, run, finish};
+    return kn_bench_main(&experiment, (kn_bench_options){.strain = 0.5, .speed_m_s = 1e-3, .wait_s = 5}, argc, argv);
 }
