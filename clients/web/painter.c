@@ -41,10 +41,10 @@ static void *run(void *self)
     if (r && !ok) snprintf(p->error, p->error_size, "out of memory");
     if (!ok) atomic_store(&p->stop, true);
     sem_post(&p->opened);
-    while (sem_wait(&p->wake) != 0 || !atomic_load(&p->stop)) { // a signal
-        if (!atomic_load(&p->busy)) continue;
+    for (;;) {
+        while (sem_wait(&p->wake) != 0); // a signal
+        if (atomic_load(&p->stop)) break;
         draw(p, r, packer, rgba);
-        atomic_store(&p->busy, false);
         p->done(p->arg);
     }
     kn_renderer_close(r);
@@ -76,13 +76,7 @@ bool kn_painter_open(kn_painter *p, int width, int height, void (*done)(void *ar
     return false;
 }
 
-bool kn_painter_idle(const kn_painter *p) { return !atomic_load(&p->busy); }
-
-void kn_painter_draw(kn_painter *p)
-{
-    atomic_store(&p->busy, true);
-    sem_post(&p->wake);
-}
+void kn_painter_draw(kn_painter *p) { sem_post(&p->wake); }
 
 void kn_painter_close(kn_painter *p)
 {

@@ -4,22 +4,22 @@
 // closes OpenGL by itself, since a context belongs to one thread, and runs at nice 5: pictures may be late, forces
 // not.
 //
-//     kn_painter_idle -> fill painter->still -> kn_painter_draw ... done(arg), in the painter's thread -> jpeg, size
+//     fill painter->still -> kn_painter_draw ... done(arg), in the painter's thread -> jpeg, size -> and again
 #include "clients/knead/still.h"
 #include <pthread.h>
 #include <semaphore.h>
 #include <stdatomic.h>
 
 typedef struct kn_painter {
-    kn_still still; // the caller's while idle; a new vertex_count or mesh_id needs fresh = true
+    kn_still still; // the caller's between drawings; a new vertex_count or mesh_id needs fresh = true
     bool fresh;     // still's topology or rest shape is another one
-    uint8_t *jpeg;  // of the last drawing; the caller's while idle
+    uint8_t *jpeg;  // of the last drawing; the caller's between drawings
     unsigned long size; // 0: it could not be drawn
     // private
     int width, height;
     void (*done)(void *arg);
     void *arg;
-    atomic_bool busy, stop;
+    atomic_bool stop;
     sem_t wake, opened;
     char *error;
     size_t error_size;
@@ -30,8 +30,8 @@ typedef struct kn_painter {
 bool kn_painter_open(kn_painter *painter, int width, int height, void (*done)(void *arg), void *arg, char *error,
                      size_t error_size);
 size_t kn_painter_largest(int width, int height); // bytes that a JPEG of this size may have
-bool kn_painter_idle(const kn_painter *painter);
-void kn_painter_draw(kn_painter *painter); // only when idle
+void kn_painter_draw(
+    kn_painter *painter); // from here until the caller has heard of done, still and jpeg are the painter's
 void kn_painter_close(kn_painter *painter);
 
 #endif

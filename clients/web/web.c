@@ -65,8 +65,9 @@ typedef struct web {
     kn_gateway gateway;
     kn_painter painter;
     kn_live live;
-    int64_t meshes, mesh_ms, frame_ms,
-        mesh_id; // seen; when the last came; when the last drawing began; of the painter's still
+    int64_t meshes, mesh_ms; // seen; when the last came
+    int64_t mesh_id;         // of the painter's still
+    int64_t frame_ms;        // when the last drawing began
     uint64_t scene_hash;                        // of the scene that tool and reach are of
     const kn_probe_def *tool;
     kn_reach reach;
@@ -330,8 +331,8 @@ static int32_t answered(const web *w)
     return w->painting;
 }
 
-// Pictures come at the asked rate. While a pointer moves, one that shows nothing new of it comes later, at two thirds of that
-// rate, so that the painter is free when something does.
+// Pictures come at the asked rate. While a pointer moves, one that shows nothing new of it comes later, at two thirds
+// of that rate, so that the painter is free when something does.
 static void paint(web *w)
 {
     if (!w->live.scene || !kn_gateway_wants(&w->gateway) || w->drawing) return;
