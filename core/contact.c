@@ -23,16 +23,14 @@ static int samples_max(const kn_model *model)
     return (int)fmin(count, 1e8);
 }
 
-static int top_nodes(const kn_model *model) { return model->face[0].len[0] * model->face[0].len[1]; }
-
 size_t kn_contact_bytes(const kn_model *model)
 {
-    return (size_t)top_nodes(model) * sizeof(kn_hold) + (size_t)samples_max(model) * sizeof(kn_sample);
+    return (size_t)model->top_count * sizeof(kn_hold) + (size_t)samples_max(model) * sizeof(kn_sample);
 }
 
 void kn_contact_init(const kn_model *model, kn_contact *contact, void *memory)
 {
-    *contact = (kn_contact){.hold_max = top_nodes(model), .sample_max = samples_max(model)};
+    *contact = (kn_contact){.hold_max = model->top_count, .sample_max = samples_max(model)};
     contact->sample = memory;
     contact->hold = (kn_hold *)(void *)(contact->sample + contact->sample_max);
 }
@@ -78,32 +76,29 @@ static bool under_plate(const kn_model *model, const kn_probe_def *def, const do
 static bool held_by_other(const kn_model *model, const kn_state *state, int p, int t)
 {
     for (int q = 0; q < model->def.probe_count; q++)
-        if (q != p && state->held[(size_t)q * (size_t)top_nodes(model) + (size_t)t]) return true;
+        if (q != p && state->held[(size_t)q * (size_t)model->top_count + (size_t)t]) return true;
     return false;
 }
 
 static void find_holds(const kn_model *model, kn_state *state, int p, kn_contact *contact)
 {
-    const kn_face *top = &model->face[0];
     const kn_probe_state *probe = &state->probe[p];
     double dt = model->def.solver.dt_s, plane = probe->position_m[2] + dt * probe->velocity_m_s[2];
-    uint8_t *held = state->held + (size_t)p * (size_t)top_nodes(model);
-    for (int v = 0, t = 0; v < top->len[1]; v++)
-        for (int u = 0; u < top->len[0]; u++, t++) {
-            int node = face_node(top, u, v);
-            kn_hold hold = {.node = node, .top = t, .probe = p};
-            memcpy(hold.velocity_m_s, probe->velocity_m_s, sizeof hold.velocity_m_s);
-            if (!held[t]) {
-                double x[3];
-                kn_state_position(model, state, node, x);
-                if (x[2] <= plane || !under_plate(model, &model->def.probe[p], probe->position_m, x)) continue;
-                if (held_by_other(model, state, p, t)) continue;
-                // first touch: the node only has to get out of the way, so it moves by what is left of the step
-                hold.velocity_m_s[2] = (plane - x[2]) / dt;
-                held[t] = 1;
-            }
-            if (contact->hold_count < contact->hold_max) contact->hold[contact->hold_count++] = hold;
+    uint8_t *held = state->held + (size_t)p * (size_t)model->top_count;
+    for (int t = 0; t < model->top_count; t++) {
+        kn_hold hold = {.node = model->top[t], .top = t, .probe = p};
+        memcpy(hold.velocity_m_s, probe->velocity_m_s, sizeof hold.velocity_m_s);
+        if (!held[t]) {
+            double x[3];
+            kn_state_position(model, state, hold.node, x);
+            if (x[2] <= plane || !under_plate(model, &model->def.probe[p], probe->position_m, x)) continue;
+            if (held_by_other(model, state, p, t)) continue;
+            // first touch: the node only has to get out of the way, so it moves by what is left of the step
+            hold.velocity_m_s[2] = (plane - x[2]) / dt;
+            held[t] = 1;
         }
+        if (contact->hold_count < contact->hold_max) contact->hold[contact->hold_count++] = hold;
+    }
 }
 
 // --- sphere ---------------------------------------------------------------------------------------------------------
@@ -135,7 +130,7 @@ static void load_patch(const kn_model *model, const kn_state *state, patch *p)
         for (int du = -1; du <= 1; du++, a++) {
             p->node[a] = face_node(p->face, clamp(p->u + du, p->face->len[0]), clamp(p->v + dv, p->face->len[1]));
             kn_state_position(model, state, p->node[a], p->x[a]);
-            p->offset[a] = kn_grid_offset(&model->grid, p->node[a]);
+            p->offset[a] = model->offset[p->node[a]];
         }
 }
 
@@ -207,7 +202,7 @@ static void find_samples(const kn_model *model, const kn_state *state, int probe
 
 double kn_sample_gap_rate(const kn_model *model, const kn_state *state, const kn_sample *s, const void *field)
 {
-    size_t stride = kn_grid_stride(&model->grid);
+    size_t stride = model->stride;
     double rate = -dot(s->normal, state->probe[s->probe].velocity_m_s);
     for (int a = 0; a < 9; a++)
         for (size_t k = 0; k < 3; k++)
@@ -223,7 +218,7 @@ void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *inp
     for (int p = 0; p < model->def.probe_count; p++) {
         follow(&state->probe[p], &input->probe[p]);
         if (!state->probe[p].attached) {
-            memset(state->held + (size_t)p * (size_t)top_nodes(model), 0, (size_t)top_nodes(model));
+            memset(state->held + (size_t)p * (size_t)model->top_count, 0, (size_t)model->top_count);
             continue;
         }
         if (model->def.probe[p].shape == KN_PROBE_PLATE) find_holds(model, state, p, contact);
@@ -245,7 +240,7 @@ static void end_hold(const kn_model *model, kn_state *state, const kn_hold *hold
     // work goes by the node's own motion: other than the plate's at first touch, and done on a node that pulls, too
     state->probe[hold->probe].work_j -= model->def.solver.dt_s * dot(hold->force_n, hold->velocity_m_s);
     if (!(hold->force_n[2] >= 0)) { // it pulls: let go
-        state->held[(size_t)hold->probe * (size_t)top_nodes(model) + (size_t)hold->top] = 0;
+        state->held[(size_t)hold->probe * (size_t)model->top_count + (size_t)hold->top] = 0;
         return;
     }
     double x[3];
@@ -291,13 +286,11 @@ void kn_contact_end(const kn_model *model, kn_state *state, const kn_input *inpu
 
 static double plate_clearance(const kn_model *model, const kn_state *state, const kn_probe_def *def, const double at[3])
 {
-    const kn_face *top = &model->face[0];
     double clear = INFINITY, x[3];
-    for (int v = 0; v < top->len[1]; v++)
-        for (int u = 0; u < top->len[0]; u++) {
-            kn_state_position(model, state, face_node(top, u, v), x);
-            if (under_plate(model, def, at, x)) clear = fmin(clear, at[2] - x[2]);
-        }
+    for (int t = 0; t < model->top_count; t++) {
+        kn_state_position(model, state, model->top[t], x);
+        if (under_plate(model, def, at, x)) clear = fmin(clear, at[2] - x[2]);
+    }
     return clear;
 }
 

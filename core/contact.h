@@ -18,7 +18,7 @@
 #define KN_FOUNDATION_N_M3 2.5e7 // default stiffness: dough's yield pressure 7.8 kPa takes 0.3 mm of it
 
 typedef struct kn_hold { // a node held by a plate in this step
-    int node, top;       // node id; number within the top face
+    int node, top;       // node id; number within model->top
     int probe;
     double velocity_m_s[3];
     double force_n[3]; // out of the solver: what the node does to the plate
@@ -27,7 +27,7 @@ typedef struct kn_hold { // a node held by a plate in this step
 typedef struct kn_sample { // a point of the skin near a sphere
     int probe, face;
     int node[9];
-    size_t offset[9];       // of each node's x component, see kn_grid_offset
+    size_t offset[9];       // of each node's x component, see kn_model.offset
     double weight[9];
     double normal[3];       // unit, from the sphere's centre to the point: the way the sphere pushes
     double depth_m;         // now; > 0 inside

@@ -312,7 +312,7 @@ LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields 
         // strain from the length itself: L - L0 = (d + d0).(d - d0)/(L + L0) keeps all digits
         lanes twice[3];
         for (int c = 0; c < 3; c++) twice[c] = lanes_add(d[c], lanes_set(t->direction[x->e][c]));
-        lanes rest = lanes_div(lanes_set(1), lanes_mul(scale, lanes_set((real)model->grid.gamma)));
+        lanes rest = lanes_div(lanes_set(1), lanes_mul(scale, lanes_set((real)model->gamma)));
         lanes stretch = lanes_div(dot(twice, shift), lanes_add(lanes_mul(length2, inverse), rest));
         u = lanes_mul(stretch, scale);
         law_of(model, t, kind, how, lanes_fma(a, lanes_mul(wanted, scale), lanes_mul(k1, u)), stress, root);

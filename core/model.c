@@ -116,12 +116,53 @@ static bool choose_kernels(kn_model *m)
     return supports(m->isa);
 }
 
-static bool build_masses(kn_model *m)
+static bool take_nodes(kn_model *m, int nodes, int top)
 {
-    m->node_mass_kg = calloc((size_t)m->grid.nodes, sizeof(double));
-    if (!m->node_mass_kg) return false;
-    double h = m->grid.spacing_m, whole = m->def.density_kg_m3 * h * h * h;
-    for (int i = 0; i < m->grid.nodes; i++) m->node_mass_kg[i] = whole * kn_grid_share(&m->grid, i);
+    m->node_count = nodes;
+    m->top_count = top;
+    m->offset = calloc((size_t)nodes, sizeof *m->offset);
+    m->rest_m = calloc((size_t)nodes, sizeof *m->rest_m);
+    m->node_mass_kg = calloc((size_t)nodes, sizeof *m->node_mass_kg);
+    m->support = calloc((size_t)nodes, 1);
+    m->top = calloc((size_t)top + 1, sizeof *m->top);
+    m->top_share = calloc((size_t)top + 1, sizeof *m->top_share);
+    return m->offset && m->rest_m && m->node_mass_kg && m->support && m->top && m->top_share;
+}
+
+static uint8_t support_mask(kn_support support)
+{
+    return support == KN_SUPPORT_BONDED ? 7 : support == KN_SUPPORT_FRICTIONLESS ? 4 : 0;
+}
+
+static void build_top(kn_model *m)
+{
+    const kn_face *top = &m->face[0];
+    double shares = 0;
+    for (int t = 0; t < m->top_count; t++) {
+        m->top[t] = top->origin + t % top->len[0] * top->step[0] + t / top->len[0] * top->step[1];
+        m->top_share[t] = kn_grid_share(&m->grid, m->top[t]);
+        shares += m->top_share[t];
+    }
+    for (int t = 0; t < m->top_count; t++) m->top_share[t] /= shares;
+}
+
+static bool build_block(kn_model *m)
+{
+    const kn_grid *g = &m->grid;
+    build_faces(m);
+    if (!take_nodes(m, g->nodes, m->face[0].len[0] * m->face[0].len[1])) return false;
+    m->row_count = g->rows;
+    m->stride = kn_grid_stride(g);
+    m->kappa_m = g->kappa_m;
+    m->gamma = g->gamma;
+    double h = g->spacing_m, whole = m->def.density_kg_m3 * h * h * h;
+    for (int i = 0; i < g->nodes; i++) {
+        m->offset[i] = kn_grid_offset(g, i);
+        kn_grid_rest(g, i, m->rest_m[i]);
+        m->node_mass_kg[i] = whole * kn_grid_share(g, i);
+        if (i < g->n[0] * g->n[1]) m->support[i] = support_mask(m->def.support); // ids count z slowest
+    }
+    build_top(m);
     return true;
 }
 
@@ -157,10 +198,9 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
     m->def = *def;
     kn_grid_init(&m->grid, def->nodes, def->spacing_m, def->structure);
     kn_law_build(&m->law, &def->material, rk4 ? 0 : def->solver.dt_s, def->solver.precision == KN_PRECISION_F64);
-    build_faces(m);
     if (!choose_kernels(m))
         return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
-    if (!build_masses(m) || (rk4 ? !build_edges(m) : !build_tables(m)))
+    if (!build_block(m) || (rk4 ? !build_edges(m) : !build_tables(m)))
         return fail(error, size, "not enough memory for the model");
     if (rk4 && def->solver.dt_s > m->rk4_limit_s) {
         if (size > 0)
@@ -193,7 +233,12 @@ void kn_model_destroy(kn_model *model)
 {
     if (!model) return;
     free(model->tables);
+    free(model->offset);
+    free(model->rest_m);
     free(model->node_mass_kg);
+    free(model->support);
+    free(model->top);
+    free(model->top_share);
     free(model->edges);
     free(model);
 }
@@ -201,6 +246,6 @@ void kn_model_destroy(kn_model *model)
 double kn_model_mass(const kn_model *model)
 {
     double mass = 0;
-    for (int i = 0; i < model->grid.nodes; i++) mass += model->node_mass_kg[i];
+    for (int i = 0; i < model->node_count; i++) mass += model->node_mass_kg[i];
     return mass;
 }

@@ -6,6 +6,7 @@
 #include "core/grid.h"
 #include "core/law.h"
 #include "core/material.h"
+#include <stdint.h>
 
 #define KN_PROBES_MAX 4
 #define KN_NAME_MAX 24 // bytes with the NUL: KNEAD_CONTACT_<name> must fit LCM's 63-byte channel names
@@ -73,12 +74,24 @@ typedef struct kn_model {
     kn_model_def def;
     kn_grid grid;
     kn_law law;
+    // the lattice as solver, contact and drawing see it: a field of C components is [row][C][stride]
+    int node_count;
+    int row_count;
+    size_t stride;        // reals of one component in a row, a multiple of KN_LANES
+    size_t *offset;       // [nodes] of the node's x component in a 3-component field; y and z follow after a stride each
+    double (*rest_m)[3];  // [nodes] undeformed position: right-handed, z up
+    double *node_mass_kg; // [nodes]
+    uint8_t *support;     // [nodes] bit k set: the support holds component k
+    int top_count;        // nodes that a plate can hold
+    int *top;             // [top_count] their ids
+    double *top_share;    // [top_count] of a load spread evenly over the top; sums to 1
+    double kappa_m;       // k of an edge of weight 1 / E of the material
+    double gamma;         // stress area of an edge / (kappa weight L0)
     const struct kn_kernels *kernels;
     kn_isa isa;          // what AUTO became
     void *tables;        // constants of the kernels in the model's precision, one block
     int face_count;      // faces that a probe can touch: top, four sides, base when the support is NONE
     kn_face face[6];     // face[0] is the top
-    double *node_mass_kg; // [nodes]
     kn_edge *edges;      // RK4 only, else NULL
     int edge_count;
     double rk4_limit_s;  // RK4 only: largest stable step at rest, 2.785 / lambda_max(C/M) by power iteration
@@ -98,5 +111,11 @@ void kn_model_destroy(kn_model *model); // NULL is fine
 bool kn_isa_supported(kn_isa isa);
 
 double kn_model_mass(const kn_model *model); // kg, without mass_scale
+
+// Reals in a field of that many components, padding included.
+static inline size_t kn_model_field(const kn_model *model, int components)
+{
+    return (size_t)model->row_count * (size_t)components * model->stride;
+}
 
 #endif

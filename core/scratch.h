@@ -19,15 +19,4 @@ typedef struct kn_scratch {
 
 static inline kn_scratch *kn_state_scratch(const kn_state *state) { return state->scratch; }
 
-// Components of a node that the support holds: bit k set = component k stands still.
-static inline int kn_support_mask(const kn_model *model, int node)
-{
-    if (node >= model->grid.n[0] * model->grid.n[1]) return 0; // ids count z slowest: the base comes first
-    switch (model->def.support) {
-    case KN_SUPPORT_BONDED: return 7;
-    case KN_SUPPORT_FRICTIONLESS: return 4;
-    default: return 0;
-    }
-}
-
 #endif

@@ -9,7 +9,7 @@ typedef struct node_at { // where a node's three components are
 
 static node_at locate(const kn_model *m, int node)
 {
-    return (node_at){kn_grid_offset(&m->grid, node), kn_grid_stride(&m->grid)};
+    return (node_at){m->offset[node], m->stride};
 }
 
 // --- boundary -------------------------------------------------------------------------------------------------------
@@ -18,19 +18,19 @@ static void free_last_held(const kn_model *m, kn_scratch *s)
 {
     for (int i = 0; i < s->last_held_count; i++) {
         node_at n = locate(m, s->last_held[i]);
-        int mask = kn_support_mask(m, s->last_held[i]);
+        int mask = m->support[s->last_held[i]];
         for (size_t k = 0; k < 3; k++) kn_real_set(m, s->work.free, n.offset + k * n.stride, mask >> k & 1 ? 0 : 1);
     }
     s->last_held_count = 0;
-    memcpy(s->work.row_held, s->row_base, (size_t)m->grid.rows);
-    memset(s->work.row_moved, 0, (size_t)m->grid.rows);
+    memcpy(s->work.row_held, s->row_base, (size_t)m->row_count);
+    memset(s->work.row_moved, 0, (size_t)m->row_count);
 }
 
 static void hold_node(const kn_model *m, const kn_state *state, kn_scratch *s, const kn_hold *hold)
 {
     node_at n = locate(m, hold->node);
     size_t row = n.offset / (3 * n.stride);
-    int mask = kn_support_mask(m, hold->node);
+    int mask = m->support[hold->node];
     for (size_t k = 0; k < 3; k++) {
         size_t o = n.offset + k * n.stride;
         kn_real_set(m, s->work.free, o, 0);
@@ -44,7 +44,7 @@ static void hold_node(const kn_model *m, const kn_state *state, kn_scratch *s, c
 
 static void prescribe(const kn_model *m, kn_state *state, kn_scratch *s)
 {
-    size_t bytes = kn_grid_field(&m->grid, 3) * m->kernels->real_size;
+    size_t bytes = kn_model_field(m, 3) * m->kernels->real_size;
     free_last_held(m, s);
     memcpy(s->work.guess, state->velocity, bytes);
     for (int i = 0; i < s->contact.hold_count; i++) hold_node(m, state, s, &s->contact.hold[i]);
@@ -54,16 +54,8 @@ static void prescribe(const kn_model *m, kn_state *state, kn_scratch *s)
 
 static void add_top_load(const kn_model *m, kn_scratch *s, double load_n)
 {
-    const kn_face *top = &m->face[0];
-    double shares = 0;
-    for (int pass = 0; pass < 2; pass++)
-        for (int i = 0; i < top->len[0] * top->len[1]; i++) {
-            int node = top->origin + i % top->len[0] * top->step[0] + i / top->len[0] * top->step[1];
-            double share = kn_grid_share(&m->grid, node);
-            node_at n = locate(m, node);
-            if (pass == 0) shares += share;
-            else kn_real_add(m, s->work.r, n.offset + 2 * n.stride, -load_n * share / shares);
-        }
+    for (int t = 0; t < m->top_count; t++)
+        kn_real_add(m, s->work.r, m->offset[m->top[t]] + 2 * m->stride, -load_n * m->top_share[t]);
 }
 
 static double end_depth(const kn_model *m, const kn_state *state, const kn_sample *sample)
@@ -77,7 +69,7 @@ static void add_sample(const kn_model *m, kn_scratch *s, const kn_sample *sample
     for (int a = 0; a < 9; a++) {
         double w = sample->weight[a];
         if (w == 0) continue;
-        node_at n = {sample->offset[a], kn_grid_stride(&m->grid)};
+        node_at n = {sample->offset[a], m->stride};
         // same row and lane, 6 components
         size_t blocks = n.offset / (3 * n.stride) * 6 * n.stride + n.offset % (3 * n.stride);
         for (size_t i = 0, c = 0; i < 3; i++) {
@@ -92,8 +84,8 @@ static void add_sample(const kn_model *m, kn_scratch *s, const kn_sample *sample
 
 static void add_external(const kn_model *m, kn_state *state, kn_scratch *s, const kn_input *input)
 {
-    memset(s->work.r, 0, kn_grid_field(&m->grid, 3) * m->kernels->real_size);
-    memset(s->work.p, 0, kn_grid_field(&m->grid, 6) * m->kernels->real_size);
+    memset(s->work.r, 0, kn_model_field(m, 3) * m->kernels->real_size);
+    memset(s->work.p, 0, kn_model_field(m, 6) * m->kernels->real_size);
     if (input->top_load_n != 0) add_top_load(m, s, input->top_load_n);
     for (int i = 0; i < s->contact.sample_count; i++) {
         kn_sample *sample = &s->contact.sample[i];
@@ -123,7 +115,7 @@ static int change_active_set(const kn_model *m, kn_state *state, kn_scratch *s)
 // q += sum k dt n n' d over active samples; returns their share of d.q.
 static double apply_samples(const kn_model *m, kn_scratch *s)
 {
-    const size_t stride = kn_grid_stride(&m->grid);
+    const size_t stride = m->stride;
     double sum = 0;
     for (int i = 0; i < s->contact.sample_count; i++) {
         const kn_sample *sample = &s->contact.sample[i];

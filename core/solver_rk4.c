@@ -12,29 +12,27 @@ typedef struct shape {
 
 static shape shape_of(const kn_model *model)
 {
-    size_t nodes = 3 * (size_t)model->grid.nodes;
+    size_t nodes = 3 * (size_t)model->node_count;
     size_t strains = model->law.kind == KN_LAW_VOIGT ? 0 : (size_t)model->edge_count;
     return (shape){.x = 0, .v = nodes, .u = 2 * nodes, .count = 2 * nodes + strains};
 }
 
 size_t kn_rk4_scratch(const kn_model *model)
 {
-    size_t reals = 4 * shape_of(model).count + 3 * (size_t)model->grid.nodes; // y0, y, y', sum and the rest positions
+    size_t reals = 4 * shape_of(model).count + 3 * (size_t)model->node_count; // y0, y, y', sum and the rest positions
     return (reals * sizeof(double) + 63) / 64 * 64;
 }
 
 static void gather(const kn_model *model, const void *field, double *out)
 {
-    size_t stride = kn_grid_stride(&model->grid);
-    for (int i = 0; i < model->grid.nodes; i++)
-        for (size_t k = 0; k < 3; k++) *out++ = ((const double *)field)[kn_grid_offset(&model->grid, i) + k * stride];
+    for (int i = 0; i < model->node_count; i++)
+        for (size_t k = 0; k < 3; k++) *out++ = ((const double *)field)[model->offset[i] + k * model->stride];
 }
 
 static void scatter(const kn_model *model, const double *in, void *field)
 {
-    size_t stride = kn_grid_stride(&model->grid);
-    for (int i = 0; i < model->grid.nodes; i++)
-        for (size_t k = 0; k < 3; k++) ((double *)field)[kn_grid_offset(&model->grid, i) + k * stride] = *in++;
+    for (int i = 0; i < model->node_count; i++)
+        for (size_t k = 0; k < 3; k++) ((double *)field)[model->offset[i] + k * model->stride] = *in++;
 }
 
 // Edge from i to j: unit vector, length, and how fast it grows.
@@ -65,12 +63,12 @@ static void edge_forces(const kn_model *model, shape at, const double *rest, con
         const kn_edge *edge = &model->edges[e];
         double n[3], rate;
         double length = edge_geometry(rest, y + at.x, y + at.v, edge, n, &rate);
-        double per_m = 1.0 / (model->grid.gamma * edge->rest_m); // length to strain
+        double per_m = 1.0 / (model->gamma * edge->rest_m); // length to strain
         double w = rate * per_m;
         double u = voigt ? (length - edge->rest_m) * per_m : y[at.u + (size_t)e];
         double s = kn_law_stress(law, law->a_pa_s * w + law->mat.k1_pa * u);
         if (!voigt) du[e] = w - kn_material_flow(&law->mat, s);
-        double tension = s * model->grid.kappa_m * edge->weight / per_m;
+        double tension = s * model->kappa_m * edge->weight / per_m;
         for (size_t k = 0; k < 3; k++) {
             f[3 * (size_t)edge->i + k] += tension * n[k];
             f[3 * (size_t)edge->j + k] -= tension * n[k];
@@ -83,7 +81,7 @@ static void derivative(const kn_model *model, const kn_boundary *b, const double
                        double share)
 {
     shape at = shape_of(model);
-    size_t nodes = (size_t)model->grid.nodes;
+    size_t nodes = (size_t)model->node_count;
     double *f = dy + at.v;
     for (size_t i = 0; i < nodes; i++)
         for (size_t k = 0; k < 3; k++) f[3 * i + k] = b->force_n ? b->force_n[i][k] : 0.0;
@@ -105,7 +103,7 @@ static void derivative(const kn_model *model, const kn_boundary *b, const double
 // Fixed components take their velocity now; the push that takes is part of the reaction.
 static void prescribe(const kn_model *model, const kn_boundary *b, double *v)
 {
-    for (size_t i = 0; i < (size_t)model->grid.nodes; i++)
+    for (size_t i = 0; i < (size_t)model->node_count; i++)
         for (size_t k = 0; k < 3; k++) {
             b->reaction_n[i][k] = 0;
             if (!(b->fixed[i] >> k & 1)) continue;
@@ -122,7 +120,7 @@ void kn_rk4_step(const kn_model *model, kn_state *state, const kn_boundary *boun
     double dt = model->def.solver.dt_s;
     double *y0 = scratch, *y = y0 + at.count, *dy = y + at.count, *sum = dy + at.count, *rest = sum + at.count;
 
-    for (int i = 0; i < model->grid.nodes; i++) kn_grid_rest(&model->grid, i, rest + 3 * i);
+    memcpy(rest, model->rest_m, (size_t)model->node_count * sizeof *model->rest_m);
     gather(model, state->displacement, y0 + at.x);
     gather(model, state->velocity, y0 + at.v);
     double *strain = state->strain;
@@ -149,14 +147,14 @@ void kn_rk4_step(const kn_model *model, kn_state *state, const kn_boundary *boun
 static void apply_rest(const kn_model *model, const double *rest, const double *root, const double *zero,
                        const double *d, double *q)
 {
-    memset(q, 0, 3 * (size_t)model->grid.nodes * sizeof *q);
+    memset(q, 0, 3 * (size_t)model->node_count * sizeof *q);
     for (int e = 0; e < model->edge_count; e++) {
         const kn_edge *edge = &model->edges[e];
         size_t i = (size_t)edge->i, j = (size_t)edge->j;
         double n[3], rate, along = 0;
         edge_geometry(rest, zero, zero, edge, n, &rate);
         for (size_t k = 0; k < 3; k++) along += n[k] * (d[3 * j + k] / root[j] - d[3 * i + k] / root[i]);
-        along *= model->grid.kappa_m * edge->weight;
+        along *= model->kappa_m * edge->weight;
         for (size_t k = 0; k < 3; k++) {
             q[3 * i + k] -= along * n[k] / root[i];
             q[3 * j + k] += along * n[k] / root[j];
@@ -167,11 +165,11 @@ static void apply_rest(const kn_model *model, const double *rest, const double *
 // Largest eigenvalue of the lattice with k = kappa * weight on every edge, m. work holds 13 reals per node.
 static double largest_eigenvalue(const kn_model *model, double *work)
 {
-    size_t nodes = (size_t)model->grid.nodes;
+    size_t nodes = (size_t)model->node_count;
     double *rest = work, *zero = rest + 3 * nodes, *d = zero + 3 * nodes, *q = d + 3 * nodes, *root = q + 3 * nodes;
     memset(zero, 0, 3 * nodes * sizeof *zero);
     for (size_t i = 0; i < nodes; i++) {
-        kn_grid_rest(&model->grid, (int)i, rest + 3 * i);
+        memcpy(rest + 3 * i, model->rest_m[i], sizeof model->rest_m[i]);
         root[i] = sqrt(model->node_mass_kg[i] * model->def.solver.mass_scale);
     }
     // the fastest mode alternates from node to node: start there, unevenly, so that no symmetry hides it
@@ -193,7 +191,7 @@ static double largest_eigenvalue(const kn_model *model, double *work)
 double kn_rk4_limit(const kn_model *model)
 {
     const kn_law *law = &model->law;
-    double *work = malloc(13 * (size_t)model->grid.nodes * sizeof *work);
+    double *work = malloc(13 * (size_t)model->node_count * sizeof *work);
     if (!work) return -1;
     double lattice = largest_eigenvalue(model, work);
     free(work);

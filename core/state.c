@@ -17,8 +17,6 @@ static void *take(arena *a, size_t bytes)
     return p;
 }
 
-static size_t top_nodes(const kn_model *m) { return (size_t)m->face[0].len[0] * (size_t)m->face[0].len[1]; }
-
 static size_t real_size(const kn_model *m)
 {
     return m->def.solver.precision == KN_PRECISION_F32 ? sizeof(float) : sizeof(double);
@@ -27,7 +25,7 @@ static size_t real_size(const kn_model *m)
 static size_t field_bytes(const kn_model *m, int components)
 {
     bool absent = components == KN_FORWARD && m->law.kind == KN_LAW_VOIGT; // its strain is read off the length
-    return absent ? 0 : kn_grid_field(&m->grid, components) * real_size(m);
+    return absent ? 0 : kn_model_field(m, components) * real_size(m);
 }
 
 static void layout_implicit(const kn_model *m, arena *a, kn_scratch *s)
@@ -39,16 +37,16 @@ static void layout_implicit(const kn_model *m, arena *a, kn_scratch *s)
     } list[] = {{&w->guess, 3},          {&w->r, 3},   {&w->q, 3}, {&w->d, 3}, {&w->z, 3}, {&w->p, 6},
                 {&w->g, 3 * KN_FORWARD}, {&w->free, 3}};
     for (size_t i = 0; i < sizeof list / sizeof list[0]; i++)
-        *list[i].field = take(a, kn_grid_field(&m->grid, list[i].components) * real_size(m));
-    w->row_held = take(a, (size_t)m->grid.rows);
-    w->row_moved = take(a, (size_t)m->grid.rows);
-    s->row_base = take(a, (size_t)m->grid.rows);
-    s->last_held = take(a, top_nodes(m) * sizeof(int));
+        *list[i].field = take(a, kn_model_field(m, list[i].components) * real_size(m));
+    w->row_held = take(a, (size_t)m->row_count);
+    w->row_moved = take(a, (size_t)m->row_count);
+    s->row_base = take(a, (size_t)m->row_count);
+    s->last_held = take(a, (size_t)m->top_count * sizeof(int));
 }
 
 static void layout_rk4(const kn_model *m, arena *a, kn_scratch *s)
 {
-    size_t nodes = (size_t)m->grid.nodes;
+    size_t nodes = (size_t)m->node_count;
     s->fixed = take(a, nodes);
     s->velocity = take(a, nodes * sizeof *s->velocity);
     s->force = take(a, nodes * sizeof *s->force);
@@ -69,7 +67,7 @@ static size_t layout(const kn_model *m, char *base)
     if (field_bytes(m, components) == 0) state->name = NULL;
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
-    state->held = take(&a, KN_PROBES_MAX * top_nodes(m));
+    state->held = take(&a, KN_PROBES_MAX * (size_t)m->top_count);
     state->scratch = take(&a, sizeof *scratch);
     if (base) scratch = state->scratch;
     void *contact = take(&a, kn_contact_bytes(m));
@@ -98,23 +96,21 @@ void kn_state_destroy(kn_state *state) { free(state); }
 static void reset_implicit(const kn_model *m, kn_scratch *s)
 {
     kn_work *w = &s->work;
-    memset(w->guess, 0, kn_grid_field(&m->grid, 3) * real_size(m));
-    memset(w->q, 0, kn_grid_field(&m->grid, 3) * real_size(m));
-    memset(w->d, 0, kn_grid_field(&m->grid, 3) * real_size(m));
+    memset(w->guess, 0, kn_model_field(m, 3) * real_size(m));
+    memset(w->q, 0, kn_model_field(m, 3) * real_size(m));
+    memset(w->d, 0, kn_model_field(m, 3) * real_size(m));
     // edges that do not exist are never written
-    memset(w->g, 0, kn_grid_field(&m->grid, 3 * KN_FORWARD) * real_size(m));
-    memset(s->row_base, 0, (size_t)m->grid.rows);
-    memset(w->row_moved, 0, (size_t)m->grid.rows);
+    memset(w->g, 0, kn_model_field(m, 3 * KN_FORWARD) * real_size(m));
+    memset(s->row_base, 0, (size_t)m->row_count);
+    memset(w->row_moved, 0, (size_t)m->row_count);
     s->last_held_count = 0;
-    size_t stride = kn_grid_stride(&m->grid);
-    for (size_t i = 0; i < kn_grid_field(&m->grid, 3); i++) kn_real_set(m, w->free, i, 1);
-    for (int node = 0; node < m->grid.n[0] * m->grid.n[1]; node++) {
-        size_t o = kn_grid_offset(&m->grid, node);
-        int mask = kn_support_mask(m, node);
-        if (mask) s->row_base[o / (3 * stride)] = 1;
-        for (int k = 0; k < 3; k++) kn_real_set(m, w->free, o + (size_t)k * stride, mask >> k & 1 ? 0 : 1);
+    for (size_t i = 0; i < kn_model_field(m, 3); i++) kn_real_set(m, w->free, i, 1);
+    for (int node = 0; node < m->node_count; node++) {
+        size_t o = m->offset[node];
+        if (m->support[node]) s->row_base[o / (3 * m->stride)] = 1;
+        for (size_t k = 0; k < 3; k++) kn_real_set(m, w->free, o + k * m->stride, m->support[node] >> k & 1 ? 0 : 1);
     }
-    memcpy(w->row_held, s->row_base, (size_t)m->grid.rows);
+    memcpy(w->row_held, s->row_base, (size_t)m->row_count);
 }
 
 void kn_state_reset(const kn_model *model, kn_state *state)
@@ -124,7 +120,7 @@ void kn_state_reset(const kn_model *model, kn_state *state)
     if (state->name) memset(state->name, 0, field_bytes(model, components));
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
-    memset(state->held, 0, KN_PROBES_MAX * top_nodes(model));
+    memset(state->held, 0, KN_PROBES_MAX * (size_t)model->top_count);
     if (model->def.solver.kind == KN_SOLVER_IMPLICIT) reset_implicit(model, kn_state_scratch(state));
 }
 
@@ -135,7 +131,7 @@ void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src)
     if (src->name) memcpy(dst->name, src->name, field_bytes(model, components));
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
-    memcpy(dst->held, src->held, KN_PROBES_MAX * top_nodes(model));
+    memcpy(dst->held, src->held, KN_PROBES_MAX * (size_t)model->top_count);
 }
 
 uint64_t kn_state_hash(const kn_model *model, const kn_state *state)
@@ -147,21 +143,19 @@ uint64_t kn_state_hash(const kn_model *model, const kn_state *state)
     if (state->name) h = kn_hash_bytes(h, state->name, field_bytes(model, components));
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
-    return kn_hash_bytes(h, state->held, KN_PROBES_MAX * top_nodes(model));
+    return kn_hash_bytes(h, state->held, KN_PROBES_MAX * (size_t)model->top_count);
 }
 
 static void node_vector(const kn_model *m, const void *field, int node, double out[3])
 {
-    size_t o = kn_grid_offset(&m->grid, node), stride = kn_grid_stride(&m->grid);
-    for (size_t k = 0; k < 3; k++) out[k] = kn_real_get(m, field, o + k * stride);
+    for (size_t k = 0; k < 3; k++) out[k] = kn_real_get(m, field, m->offset[node] + k * m->stride);
 }
 
 void kn_state_position(const kn_model *model, const kn_state *state, int node, double x_m[3])
 {
     double moved[3];
     node_vector(model, state->displacement, node, moved);
-    kn_grid_rest(&model->grid, node, x_m);
-    for (int k = 0; k < 3; k++) x_m[k] += moved[k];
+    for (int k = 0; k < 3; k++) x_m[k] = model->rest_m[node][k] + moved[k];
 }
 
 void kn_state_velocity(const kn_model *model, const kn_state *state, int node, double v_m_s[3])

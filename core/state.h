@@ -31,7 +31,7 @@ typedef struct kn_state {
 #define KN_FIELD(name, components) void *name; // float or double, as the model's precision says
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
-    uint8_t *held; // [KN_PROBES_MAX][top nodes] 1 where a plate holds the node
+    uint8_t *held; // [KN_PROBES_MAX][top_count] 1 where a plate holds the node
     void *scratch; // solver vectors; not saved, not hashed
     size_t bytes;  // of the arena that starts at this struct
 } kn_state;

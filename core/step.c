@@ -9,18 +9,10 @@
 
 static void fill_boundary(const kn_model *m, const kn_input *input, kn_scratch *s)
 {
-    const kn_face *top = &m->face[0];
-    int top_count = top->len[0] * top->len[1];
-    double shares = 0;
-    for (int i = 0; i < m->grid.nodes; i++) s->fixed[i] = (uint8_t)kn_support_mask(m, i);
-    memset(s->velocity, 0, (size_t)m->grid.nodes * sizeof *s->velocity);
-    memset(s->force, 0, (size_t)m->grid.nodes * sizeof *s->force);
-    for (int pass = 0; pass < 2 && input->top_load_n != 0; pass++)
-        for (int i = 0; i < top_count; i++) {
-            int node = top->origin + i % top->len[0] * top->step[0] + i / top->len[0] * top->step[1];
-            if (pass == 0) shares += kn_grid_share(&m->grid, node);
-            else s->force[node][2] -= input->top_load_n * kn_grid_share(&m->grid, node) / shares;
-        }
+    memcpy(s->fixed, m->support, (size_t)m->node_count);
+    memset(s->velocity, 0, (size_t)m->node_count * sizeof *s->velocity);
+    memset(s->force, 0, (size_t)m->node_count * sizeof *s->force);
+    for (int t = 0; t < m->top_count; t++) s->force[m->top[t]][2] -= input->top_load_n * m->top_share[t];
 }
 
 static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
@@ -72,7 +64,7 @@ static bool all_finite(const kn_model *m, const kn_state *state, const kn_output
 {
     double sum = output->residual;
     if (m->def.solver.kind == KN_SOLVER_RK4)
-        for (size_t i = 0; i < kn_grid_field(&m->grid, 3); i++) sum += kn_real_get(m, state->velocity, i);
+        for (size_t i = 0; i < kn_model_field(m, 3); i++) sum += kn_real_get(m, state->velocity, i);
     for (int p = 0; p < m->def.probe_count; p++)
         for (int k = 0; k < 3; k++) sum += output->probe[p].force_n[k] + output->probe[p].torque_n_m[k];
     return isfinite(sum);

@@ -369,7 +369,7 @@ static bool start_threads(server *d, char *error, size_t error_size)
 
 static void tell_ready(const server *d)
 {
-    printf("kneadd: serving %s, %d nodes", d->scene->name, d->model->grid.nodes);
+    printf("kneadd: serving %s, %d nodes", d->scene->name, d->model->node_count);
     for (int p = 0; p < d->model->def.probe_count; p++) printf(", probe %s", d->model->def.probe[p].name);
     printf(", on %s, meshes on %s; %s, %s\n", d->bus.url, d->mesh_bus.url,
            d->rt.fifo ? "SCHED_FIFO" : "normal priority", d->rt.locked ? "memory locked" : "memory not locked");

@@ -187,16 +187,12 @@ static double area_m2(const kn_bench *b)
 // Height of the top face, the mean of its nodes by their share of it.
 static double lattice_strain(const kn_bench *b)
 {
-    const kn_grid *g = &b->model->grid;
-    double sum = 0, weight = 0, x[3];
-    for (int iy = 0; iy < g->n[1]; iy++)
-        for (int ix = 0; ix < g->n[0]; ix++) {
-            int node = kn_grid_node(g, ix, iy, g->n[2] - 1);
-            kn_state_position(b->model, b->lattice, node, x);
-            sum += kn_grid_share(g, node) * x[2];
-            weight += kn_grid_share(g, node);
-        }
-    return 1 - sum / (weight * KN_BENCH_HEIGHT_M);
+    double sum = 0, x[3];
+    for (int t = 0; t < b->model->top_count; t++) {
+        kn_state_position(b->model, b->lattice, b->model->top[t], x);
+        sum += b->model->top_share[t] * x[2];
+    }
+    return 1 - sum / KN_BENCH_HEIGHT_M;
 }
 
 int kn_bench_open(kn_bench *b, const kn_bench_options *opt)

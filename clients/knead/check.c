@@ -30,7 +30,7 @@ static void print_object(const kn_scene *scene, const kn_model *model)
     const int *n = def->nodes;
     printf("object    %g x %g x %g mm, spacing %g mm: %d x %d x %d = %d nodes, %d edges (%s), %.4g kg\n",
            1e3 * h * (n[0] - 1), 1e3 * h * (n[1] - 1), 1e3 * h * (n[2] - 1), 1e3 * h, n[0], n[1], n[2],
-           model->grid.nodes, kn_grid_edges(&model->grid, NULL), structure[def->structure],
+           model->node_count, kn_grid_edges(&model->grid, NULL), structure[def->structure],
            kn_model_mass(model));
     printf("frame     scene: right-handed, z up, metres, origin at the centre of the object's base\n");
     printf("support   %s; gravity %g m/s^2 along -z\n", support[def->support], def->gravity_m_s2);
@@ -51,19 +51,19 @@ static void print_material(const kn_model *model)
         printf(" of %d segments, error at most %.1e", KN_LAW_SEGMENTS, model->law.table_error);
     printf("\nlattice   E = k1; an inner edge has k = kappa E with kappa = %.4g m, stress area gamma kappa L0 with "
            "gamma = %.2g\n",
-           model->grid.kappa_m, model->grid.gamma);
+           model->kappa_m, model->gamma);
 }
 
 static size_t model_bytes(const kn_model *model)
 {
     size_t bytes =
-        sizeof *model + (size_t)model->grid.nodes * sizeof(double) + (size_t)model->edge_count * sizeof(kn_edge);
+        sizeof *model + (size_t)model->node_count * sizeof(double) + (size_t)model->edge_count * sizeof(kn_edge);
     return bytes + (model->tables ? model->kernels->tables_size(model) : 0);
 }
 
 static double estimate_us(const kn_model *model, int iterations)
 {
-    double lanes = (double)kn_grid_field(&model->grid, 1), slower = model->isa == KN_ISA_AVX512 ? 1 : 1.5;
+    double lanes = (double)kn_model_field(model, 1), slower = model->isa == KN_ISA_AVX512 ? 1 : 1.5;
     if (model->def.solver.precision == KN_PRECISION_F64) slower *= 2;
     return 1e-3 * lanes * slower * (PASS_NS + ITERATION_NS * iterations) * model->def.solver.passes;
 }

@@ -46,12 +46,10 @@ uint8_t *kn_dent_top(const kn_model_def *def, int *vertex_count)
     char error[256];
     kn_model *model = kn_model_build(def, error, sizeof error);
     kn_surface *surface = model ? kn_surface_create(model) : NULL;
-    uint8_t *of_node = model ? calloc((size_t)model->grid.nodes, 1) : NULL;
+    uint8_t *of_node = model ? calloc((size_t)model->node_count, 1) : NULL;
     uint8_t *top = surface ? calloc((size_t)surface->vertex_count, 1) : NULL;
     if (of_node && top) {
-        const kn_face *face = &model->face[0];
-        for (int u = 0; u < face->len[0]; u++)
-            for (int v = 0; v < face->len[1]; v++) of_node[face->origin + u * face->step[0] + v * face->step[1]] = 1;
+        for (int t = 0; t < model->top_count; t++) of_node[model->top[t]] = 1;
         for (int v = 0; v < surface->vertex_count; v++) top[v] = of_node[surface->node[v]];
         *vertex_count = surface->vertex_count;
     } else {
