@@ -28,16 +28,16 @@ typedef struct kn_simplices {
 kn_simplices *kn_simplices_create(int dimension, int node_count, int element_count);
 void kn_simplices_destroy(kn_simplices *s);
 
-#define KN_SIMPLICES_NODES_MAX (1 << 20) // a hundred times what any processor steps in a millisecond
-#define KN_SIMPLICES_ELEMENTS_MAX (1 << 23)
-#define KN_SIMPLICES_QUALITY_MIN 0.01   // below it an element is degenerate: a thousandth of the volume its edges could hold
-#define KN_SIMPLICES_COINCIDENT 1e-9    // of the mesh's diagonal: nodes that close are one node written twice
-#define KN_SIMPLICES_EXTENT_MAX_M 10.0  // a larger object is one whose unit was forgotten
+#define KN_SIMPLICES_NODES_MAX (1 << 18) // forty times what any processor steps in a millisecond
+#define KN_SIMPLICES_ELEMENTS_MAX (1 << 21)
+#define KN_SIMPLICES_QUALITY_MIN 0.01    // below it degenerate: a thousandth of the volume that its edges could hold
+#define KN_SIMPLICES_COINCIDENT 1e-9     // of the diagonal of the box: nodes that close are one node written twice
+#define KN_SIMPLICES_EXTENT_MAX_M 10.0   // a larger object is one whose unit was forgotten
 
-// Whether a lattice can be made of it. False, and one clause that names element numbers, for the first of: counts out of
-// their limits, node numbers that do not exist, coordinates that are no numbers, an element inverted or degenerate,
-// nodes that no element has, different nodes in one place, the same element twice, a face (2-D: an edge) of three elements
-// or with both of its elements on one side, parts that share no face (a shared node or edge alone is a hinge).
+// Whether a lattice can be made of it. False, and one clause that names element numbers, for the first of: counts out
+// of their limits, node numbers that do not exist, coordinates that are no numbers, an element inverted or degenerate,
+// nodes that no element has, different nodes in one place, the same element twice, a face (2-D: an edge) of three
+// elements or with both of its elements on one side, parts that share no face (a shared node or edge alone is a hinge).
 // Time n log n. blame, when not NULL, becomes the index of an element that the clause names, -1 if it names none.
 bool kn_simplices_check(const kn_simplices *s, char *error, size_t size);
 bool kn_simplices_blame(const kn_simplices *s, int *blame, char *error, size_t size);

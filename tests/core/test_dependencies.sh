@@ -22,7 +22,7 @@ found=$(grep -rnE '^ *# *include +<' --include='*.[ch]' core | grep -vE "<($syst
 [ -z "$found" ] && echo "ok   core includes no clock, thread, socket or file header" || { printf 'FAIL %s\n' "$found" && fail=1; }
 
 # What libknead.a calls outside itself: libm, and these of libc. (Names with __ are the compiler's: assertions, sanitizers.)
-libc='abort|aligned_alloc|calloc|free|malloc|memcmp|memcpy|memmove|memset|qsort|snprintf|strcmp|strlen|strncmp|strspn'
+libc='abort|aligned_alloc|calloc|free|malloc|memcmp|memcpy|memmove|memset|qsort|snprintf|strcmp|strlen|strncmp|strspn|vsnprintf'
 symbols() { nm "$@" | awk 'NF == 2 && $1 == "U" || NF == 3 { sub(/@.*/, "", $NF); print $NF }'; }
 lib=$KN_BUILD/core/libknead.a
 known() { symbols --defined-only "$lib" && symbols -D --defined-only "$(cc -print-file-name=libm.so.6)"; }
