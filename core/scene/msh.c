@@ -1,0 +1,439 @@
+#include "core/scene/msh.h"
+#include "core/hash.h"
+#include "core/scene/words.h"
+
+#include <errno.h>
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { FILE_MAX_BYTES = 256 << 20 };
+
+typedef struct tagged { // a node's number in the file, and where it is in memory
+    long tag;
+    int index;
+} tagged;
+
+typedef struct found { // a triangle (node[3] is -1) or tetrahedron
+    int node[4];
+    long tag;
+    size_t at; // where the file has it
+} found;
+
+typedef struct reader {
+    kn_words words;
+    int version; // 2 or 4; 0 before $MeshFormat
+    int node_count, found_count, left_out;
+    double (*x)[3];
+    tagged *tag;
+    found *found;
+} reader;
+
+#define complain(r, ...) kn_words_complain(&(r)->words, __VA_ARGS__)
+#define integer(r, ...) kn_words_integer(&(r)->words, __VA_ARGS__)
+static const kn_width INT = KN_WIDTH_INT, LONG = KN_WIDTH_LONG; // of the format's int and size_t
+
+// ---- sections
+
+static bool read_format(reader *r)
+{
+    char text[KN_WORD_MAX];
+    long binary, bytes, one = 1;
+    if (kn_words_next(&r->words, text) == 0)
+        return complain(r, r->words.at, "the file ends here, expected the version");
+    bool known = strcmp(text, "2.2") == 0 || strcmp(text, "4.1") == 0;
+    if (!known) {
+        bool number = strspn(text, "0123456789.") == strlen(text) && strlen(text) < 8;
+        return complain(r, r->words.begun,
+                        "MSH version %s, expected 2.2 or 4.1: gmsh -0 IN.msh -save -format msh41 -o OUT.msh",
+                        number ? text : "unknown");
+    }
+    int version = *text - '0';
+    if (!integer(r, INT, 0, 1, &binary, "0 for ASCII or 1 for binary,") ||
+        !integer(r, INT, 8, 8, &bytes, "the size of a real,"))
+        return false;
+    r->words.binary = binary == 1;
+    if (r->words.binary &&
+        (!kn_words_line_end(&r->words) || !integer(r, INT, LONG_MIN, LONG_MAX, &one, "the number 1")))
+        return false;
+    if (one != 1)
+        return complain(r, r->words.begun,
+                        "the bytes are in another machine's order, expected little-endian: "
+                        "gmsh -0 IN.msh -save -format msh41 -o OUT.msh there");
+    r->version = version;
+    return kn_words_section_end(&r->words);
+}
+
+static int by_tag(const void *a, const void *b)
+{
+    const tagged *p = a, *q = b;
+    return p->tag < q->tag ? -1 : p->tag > q->tag;
+}
+
+static bool make_nodes(reader *r, long count, size_t each)
+{
+    if (!kn_words_room(&r->words, count, each, "nodes")) return false;
+    r->x = malloc(((size_t)count + 1) * sizeof *r->x);
+    r->tag = malloc(((size_t)count + 1) * sizeof *r->tag);
+    return (r->x && r->tag) || complain(r, r->words.begun, "not enough memory for %ld nodes", count);
+}
+
+static bool take_place(reader *r, int node, int parameters)
+{
+    double ignored;
+    for (int k = 0; k < 3 + parameters; k++)
+        if (!kn_words_real(&r->words, k < 3 ? &r->x[node][k] : &ignored)) return false;
+    return true;
+}
+
+static bool take_node_tag(reader *r, kn_width width, int node)
+{
+    r->tag[node].index = node;
+    return integer(r, width, 0, LONG_MAX, &r->tag[node].tag, "a node's number");
+}
+
+static bool read_nodes_2(reader *r)
+{
+    long count;
+    bool binary = r->words.binary;
+    r->words.binary = false; // the count is a line of text in either
+    bool counted = integer(r, INT, 1, KN_SIMPLICES_NODES_MAX, &count, "the number of nodes");
+    r->words.binary = binary;
+    if (!counted || !kn_words_line_end(&r->words) || !make_nodes(r, count, binary ? 28 : sizeof "1 0 0 0\n" - 1))
+        return false;
+    for (; r->node_count < count; r->node_count++)
+        if (!take_node_tag(r, INT, r->node_count) || !take_place(r, r->node_count, 0)) return false;
+    return true;
+}
+
+static bool read_nodes_4(reader *r)
+{
+    long blocks, count, least, most, dimension, entity, parametric, here;
+    if (!kn_words_line_end(&r->words) || !integer(r, LONG, 0, LONG_MAX, &blocks, "the number of blocks") ||
+        !integer(r, LONG, 1, KN_SIMPLICES_NODES_MAX, &count, "the number of nodes") ||
+        !make_nodes(r, count, r->words.binary ? 32 : sizeof "1\n0 0 0\n" - 1) ||
+        !integer(r, LONG, 0, LONG_MAX, &least, "the least number of a node") ||
+        !integer(r, LONG, 0, LONG_MAX, &most, "the largest number of a node"))
+        return false;
+    while (blocks-- > 0) {
+        if (!integer(r, INT, 0, 3, &dimension, "a dimension") ||
+            !integer(r, INT, LONG_MIN, LONG_MAX, &entity, "an entity's number") ||
+            !integer(r, INT, 0, 1, &parametric, "0 or 1 for parametric") ||
+            !integer(r, LONG, 0, count - r->node_count, &here, "the number of nodes in this block"))
+            return false;
+        for (int i = 0; i < here; i++)
+            if (!take_node_tag(r, LONG, r->node_count + i)) return false;
+        for (; here > 0; here--, r->node_count++)
+            if (!take_place(r, r->node_count, parametric ? (int)dimension : 0)) return false;
+    }
+    return r->node_count == count ||
+           complain(r, r->words.at, "the blocks have %d nodes, expected the %ld that were declared", r->node_count,
+                    count);
+}
+
+static bool read_nodes(reader *r)
+{
+    if (r->x) return complain(r, r->words.begun, "a second $Nodes, expected one");
+    if (!(r->version == 2 ? read_nodes_2 : read_nodes_4)(r)) return false;
+    qsort(r->tag, (size_t)r->node_count, sizeof *r->tag, by_tag);
+    for (int i = 1; i < r->node_count; i++)
+        if (r->tag[i - 1].tag == r->tag[i].tag)
+            return complain(r, r->words.at, "two nodes have the number %ld, expected different ones", r->tag[i].tag);
+    return kn_words_section_end(&r->words);
+}
+
+// Index of the node with that number, -1 if there is none. Numbers mostly run from 1 without a gap.
+static int find_node(const reader *r, long tag)
+{
+    if (tag >= 1 && tag <= r->node_count && r->tag[tag - 1].tag == tag) return r->tag[tag - 1].index;
+    const tagged *t = bsearch(&(tagged){.tag = tag}, r->tag, (size_t)r->node_count, sizeof *r->tag, by_tag);
+    return t ? t->index : -1;
+}
+
+enum { LINE = 1, TRIANGLE = 2, TETRAHEDRON = 4, POINT = 15 };
+
+static bool refuse_type(reader *r, size_t at, long tag, long type)
+{
+    static const char *const solid[] = {[3] = "quadrangle", [5] = "hexahedron", [6] = "prism", [7] = "pyramid"};
+    static const char *const curved[] = {
+        [8] = "3-node line", [9] = "6-node triangle", [10] = "9-node quadrangle", [11] = "10-node tetrahedron"};
+    if (type >= 3 && type <= 7)
+        return complain(r, at, "element %ld is a %s, expected 4-node tetrahedra, or 3-node triangles alone", tag,
+                        solid[type]);
+    if (type >= 8 && type <= 11)
+        return complain(r, at, "element %ld is a %s, expected elements of first order: gmsh -3 -order 1", tag,
+                        curved[type]);
+    return complain(r, at, "element %ld is of type %ld, expected 2, 3-node triangle, or 4, 4-node tetrahedron", tag,
+                    type);
+}
+
+// The nodes of element tag, which begins at byte at.
+static bool take_element(reader *r, kn_width width, size_t at, long tag, long type)
+{
+    static const int nodes[] = {[LINE] = 2, [TRIANGLE] = 3, [TETRAHEDRON] = 4, [POINT] = 1};
+    found *f = &r->found[r->found_count];
+    if (type != POINT && type != LINE && type != TRIANGLE && type != TETRAHEDRON) return refuse_type(r, at, tag, type);
+    *f = (found){.node = {-1, -1, -1, -1}, .tag = tag, .at = at};
+    for (int k = 0; k < nodes[type]; k++) {
+        long node;
+        if (!integer(r, width, 0, LONG_MAX, &node, "a node's number")) return false;
+        f->node[k] = find_node(r, node);
+        if (f->node[k] < 0)
+            return complain(r, r->words.begun, "element %ld has node %ld, expected one of those in $Nodes", tag, node);
+    }
+    if (nodes[type] < 3) r->left_out++;
+    else r->found_count++;
+    return true;
+}
+
+static bool make_elements(reader *r, long count, size_t each)
+{
+    if (!kn_words_room(&r->words, count, each, "elements")) return false;
+    r->found = malloc(((size_t)count + 1) * sizeof *r->found);
+    return r->found || complain(r, r->words.begun, "not enough memory for %ld elements", count);
+}
+
+// 2.2: text has  number type tags... nodes  per element; binary has blocks of  type count tags, then elements.
+static bool read_elements_2(reader *r)
+{
+    long total, tag = 0, type, tags, ignored;
+    bool binary = r->words.binary;
+    r->words.binary = false;
+    bool counted = integer(r, INT, 1, KN_SIMPLICES_ELEMENTS_MAX, &total, "the number of elements");
+    r->words.binary = binary;
+    if (!counted || !kn_words_line_end(&r->words) || !make_elements(r, total, binary ? 8 : sizeof "1 15 0 1\n" - 1))
+        return false;
+    for (long count = 1; total > 0; total -= count) {
+        if (!binary && !integer(r, INT, 0, LONG_MAX, &tag, "an element's number")) return false;
+        size_t at = r->words.begun;
+        if (!integer(r, INT, 1, LONG_MAX, &type, "an element's type") ||
+            (binary && !integer(r, INT, 1, total, &count, "the number of elements in this block")) ||
+            !integer(r, INT, 0, LONG_MAX, &tags, "the number of tags"))
+            return false;
+        for (long i = 0; i < count; i++) {
+            if (binary && !integer(r, INT, 0, LONG_MAX, &tag, "an element's number")) return false;
+            if (binary) at = r->words.begun;
+            for (long k = 0; k < tags; k++)
+                if (!integer(r, INT, LONG_MIN, LONG_MAX, &ignored, "a tag")) return false;
+            if (!take_element(r, INT, at, tag, type)) return false;
+        }
+    }
+    return true;
+}
+
+static bool read_elements_4(reader *r)
+{
+    long blocks, total, least, most, dimension, entity, type, here, tag, done = 0;
+    if (!kn_words_line_end(&r->words) || !integer(r, LONG, 0, LONG_MAX, &blocks, "the number of blocks") ||
+        !integer(r, LONG, 1, KN_SIMPLICES_ELEMENTS_MAX, &total, "the number of elements") ||
+        !make_elements(r, total, r->words.binary ? 16 : sizeof "1 1\n" - 1) ||
+        !integer(r, LONG, 0, LONG_MAX, &least, "the least number of an element") ||
+        !integer(r, LONG, 0, LONG_MAX, &most, "the largest number of an element"))
+        return false;
+    while (blocks-- > 0) {
+        if (!integer(r, INT, 0, 3, &dimension, "a dimension") ||
+            !integer(r, INT, LONG_MIN, LONG_MAX, &entity, "an entity's number") ||
+            !integer(r, INT, 1, LONG_MAX, &type, "an element's type") ||
+            !integer(r, LONG, 0, total - done, &here, "the number of elements in this block"))
+            return false;
+        for (done += here; here > 0; here--) {
+            if (!integer(r, LONG, 0, LONG_MAX, &tag, "an element's number") ||
+                !take_element(r, LONG, r->words.begun, tag, type))
+                return false;
+        }
+    }
+    return done == total ||
+           complain(r, r->words.at, "the blocks have %ld elements, expected the %ld that were declared", done, total);
+}
+
+static bool read_elements(reader *r)
+{
+    if (!r->x) return complain(r, r->words.begun, "$Elements before $Nodes, expected it after");
+    if (r->found) return complain(r, r->words.begun, "a second $Elements, expected one");
+    return (r->version == 2 ? read_elements_2 : read_elements_4)(r) && kn_words_section_end(&r->words);
+}
+
+// Past the end of a section that has no say here: $PhysicalNames, $Entities, $Periodic, ...
+static bool skip_section(reader *r, const char *name)
+{
+    char end[KN_WORD_MAX + 4];
+    size_t begin = r->words.begun, length = (size_t)snprintf(end, sizeof end, "$End%s", name + 1);
+    for (; r->words.at + length <= r->words.size; r->words.at++)
+        if (r->words.bytes[r->words.at] == '$' && memcmp(r->words.bytes + r->words.at, end, length) == 0) {
+            r->words.at += length;
+            return true;
+        }
+    return complain(r, begin, "a section without its end, expected $End... with the same name");
+}
+
+static bool read_sections(reader *r)
+{
+    char name[KN_WORD_MAX];
+    while (kn_words_next(&r->words, name) > 0) {
+        bool format = strcmp(name, "$MeshFormat") == 0, good;
+        if (r->version == 0 && !format)
+            return complain(r, r->words.begun,
+                            "no Gmsh mesh, expected $MeshFormat (knead mesh makes one of a surface)");
+        if (r->version != 0 && format) return complain(r, r->words.begun, "a second $MeshFormat, expected one");
+        if (*name != '$') return complain(r, r->words.begun, "text between sections, expected $Nodes or $Elements");
+        r->words.section = format ? "$MeshFormat" : strcmp(name, "$Nodes") == 0 ? "$Nodes" : "$Elements";
+        if (format) good = read_format(r);
+        else if (strcmp(name, "$Nodes") == 0) good = read_nodes(r);
+        else if (strcmp(name, "$Elements") == 0) good = read_elements(r);
+        else good = skip_section(r, name);
+        if (!good) return false;
+    }
+    if (r->version == 0) return complain(r, 0, "empty, expected a Gmsh mesh that begins with $MeshFormat");
+    return (r->found != NULL) || complain(r, r->words.size, "the file has no %s", r->x ? "$Elements" : "$Nodes");
+}
+
+// ---- what was read -> simplices
+
+// Tetrahedra make triangles mere skin. Returns the dimension, 0 when there is neither.
+static int choose_elements(reader *r)
+{
+    int kept = 0, solid = 0;
+    for (int i = 0; i < r->found_count; i++) solid += r->found[i].node[3] >= 0;
+    for (int i = 0; i < r->found_count; i++)
+        if (solid == 0 || r->found[i].node[3] >= 0) r->found[kept++] = r->found[i];
+    r->left_out += r->found_count - kept;
+    r->found_count = kept;
+    return kept == 0 ? 0 : solid > 0 ? 3 : 2;
+}
+
+// Numbers the nodes that elements have, in the order of the file; returns how many there are.
+static int number_nodes(const reader *r, int *number)
+{
+    int count = 0, corners = r->found[0].node[3] < 0 ? 3 : 4;
+    for (int i = 0; i < r->node_count; i++) number[i] = -1;
+    for (int e = 0; e < r->found_count; e++)
+        for (int k = 0; k < corners; k++) number[r->found[e].node[k]] = 0;
+    for (int i = 0; i < r->node_count; i++)
+        if (number[i] == 0) number[i] = count++;
+    return count;
+}
+
+// The spread of the nodes along an axis.
+static double spread(const kn_simplices *s, int axis)
+{
+    double low = INFINITY, high = -INFINITY;
+    for (int i = 0; i < s->node_count; i++) {
+        low = fmin(low, s->x_m[i][axis]);
+        high = fmax(high, s->x_m[i][axis]);
+    }
+    return high - low;
+}
+
+// Into the x-z plane, turned so that most triangles are positive.
+static bool lay_flat(reader *r, kn_simplices *s)
+{
+    double wide[3] = {spread(s, 0), spread(s, 1), spread(s, 2)}, area = 0;
+    double thin = 1e-9 * fmax(wide[0], fmax(wide[1], wide[2]));
+    if (wide[2] > thin && wide[1] > thin)
+        return complain(r, r->found[0].at,
+                        "triangles alone, and not in one plane: expected tetrahedra (knead mesh fills a "
+                        "closed surface with them), or a plane z = const or y = const");
+    for (int i = 0; i < s->node_count; i++) {
+        if (wide[2] <= thin) s->x_m[i][2] = s->x_m[i][1];
+        s->x_m[i][1] = 0;
+    }
+    for (int e = 0; e < s->element_count; e++) {
+        const double *a = s->x_m[s->element[e][0]], *b = s->x_m[s->element[e][1]], *c = s->x_m[s->element[e][2]];
+        double twice = (b[0] - a[0]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[0] - a[0]);
+        area += twice < 0 ? -1 : 1;
+    }
+    for (int e = 0; e < s->element_count && area < 0; e++) {
+        int swap = s->element[e][1];
+        s->element[e][1] = s->element[e][2];
+        s->element[e][2] = swap;
+    }
+    return true;
+}
+
+static void fill(const reader *r, kn_simplices *s, const int *number, double units_per_m)
+{
+    for (int i = 0; i < r->node_count; i++)
+        for (int k = 0; k < 3 && number[i] >= 0; k++) s->x_m[number[i]][k] = r->x[i][k] / units_per_m;
+    for (int e = 0; e < s->element_count; e++) {
+        s->tag[e] = r->found[e].tag;
+        for (int k = 0; k < 4; k++) s->element[e][k] = r->found[e].node[k] < 0 ? -1 : number[r->found[e].node[k]];
+    }
+}
+
+static bool check(reader *r, const kn_simplices *s)
+{
+    char what[256];
+    int blame;
+    if (kn_simplices_blame(s, &blame, what, sizeof what)) return true;
+    return complain(r, blame >= 0 ? r->found[blame].at : 0, "%s", what);
+}
+
+static kn_simplices *build(reader *r, double units_per_m, kn_msh_facts *facts)
+{
+    int dimension = choose_elements(r), *number = malloc(((size_t)r->node_count + 1) * sizeof *number);
+    kn_simplices *s = NULL;
+    if (dimension == 0)
+        complain(r, 0, "neither tetrahedra nor triangles, expected a mesh: gmsh -3");
+    else if (number)
+        s = kn_simplices_create(dimension, number_nodes(r, number), r->found_count);
+    if (dimension > 0 && !s) complain(r, 0, "not enough memory for the mesh");
+    if (s) fill(r, s, number, units_per_m);
+    free(number);
+    if (s && ((dimension == 2 && !lay_flat(r, s)) || !check(r, s))) {
+        kn_simplices_destroy(s);
+        return NULL;
+    }
+    static const char *const format[2][2] = {{"2.2 ASCII", "2.2 binary"}, {"4.1 ASCII", "4.1 binary"}};
+    if (s && facts)
+        *facts = (kn_msh_facts){.format = format[r->version == 4][r->words.binary],
+                                .left_out = r->left_out,
+                                .loose = r->node_count - s->node_count,
+                                .hash = kn_hash_bytes(KN_HASH_SEED, r->words.bytes, r->words.size)};
+    return s;
+}
+
+kn_simplices *kn_msh_read(const char *name, const void *bytes, size_t size, double units_per_m, kn_msh_facts *facts,
+                          char *error, size_t error_size)
+{
+    reader r = {.words = {.name = name, .bytes = bytes, .size = size, .error = error, .error_size = error_size}};
+    kn_simplices *s = read_sections(&r) ? build(&r, units_per_m, facts) : NULL;
+    free(r.x);
+    free(r.tag);
+    free(r.found);
+    return s;
+}
+
+// Grows with what there is to read: the size of a pipe is not known.
+static unsigned char *read_file(FILE *file, size_t *size)
+{
+    unsigned char *bytes = NULL;
+    size_t room = 0;
+    for (*size = 0; *size <= FILE_MAX_BYTES && !feof(file) && !ferror(file);) {
+        room = room ? 2 * room : 1 << 16;
+        unsigned char *more = realloc(bytes, room);
+        if (!more) break;
+        bytes = more;
+        *size += fread(bytes + *size, 1, room - *size, file);
+    }
+    if (feof(file) && *size <= FILE_MAX_BYTES) return bytes;
+    if (!ferror(file)) errno = *size > FILE_MAX_BYTES ? EFBIG : ENOMEM;
+    free(bytes);
+    return NULL;
+}
+
+kn_simplices *kn_msh_load(const char *path, double units_per_m, kn_msh_facts *facts, char *error, size_t error_size)
+{
+    FILE *file = fopen(path, "rb");
+    size_t size = 0;
+    unsigned char *bytes = file ? read_file(file, &size) : NULL;
+    kn_simplices *s = NULL;
+    if (bytes)
+        s = kn_msh_read(path, bytes, size, units_per_m, facts, error, error_size);
+    else
+        snprintf(error, error_size, "%s:1:1: %s, expected a Gmsh mesh of at most 256 MiB", path, strerror(errno));
+    if (file) fclose(file);
+    free(bytes);
+    return s;
+}
