@@ -44,6 +44,7 @@ static const char *check_probe(const kn_model_def *def, const kn_probe_def *p)
 static const char *check_lattice(const kn_model_def *def)
 {
     double nodes = 1;
+    if (def->mesh) return "an object of triangles or tetrahedra cannot be stepped yet, expected a block";
     for (int k = 0; k < 3; k++) {
         if (def->nodes[k] < 1) return "needs at least one node along every axis";
         if (def->structure == KN_STRUCTURE_DIAGONALS && def->nodes[k] < 2)

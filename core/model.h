@@ -6,6 +6,7 @@
 #include "core/grid.h"
 #include "core/law.h"
 #include "core/material.h"
+#include "core/simplices.h"
 #include <stdint.h>
 
 #define KN_PROBES_MAX 4
@@ -53,8 +54,9 @@ typedef struct kn_model_def {
     kn_material material;
     double density_kg_m3; // > 0
     double gravity_m_s2;  // downwards, >= 0
-    int nodes[3];         // along x, y, z
-    double spacing_m;
+    const kn_simplices *mesh; // checked, in the scene's frame, not owned: outlives the model. NULL: a block
+    int nodes[3];         // of a block, along x, y, z
+    double spacing_m;     // of a mesh: its mean edge
     kn_structure structure;
     kn_support support;
     int probe_count; // 0 .. KN_PROBES_MAX

@@ -154,8 +154,8 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
     else if (!v->scene_text)
         snprintf(error, error_size, "%s: holds no KNEAD_SCENE record, name the scene", def->log_path);
     else
-        r->scene = kn_scene_parse(v->scene_name, v->scene_text, strlen(v->scene_text), def->sets, def->set_count, error,
-                                  error_size);
+        r->scene = kn_scene_parse_beside(def->log_path, v->scene_name, v->scene_text, strlen(v->scene_text), def->sets,
+                                         def->set_count, error, error_size);
     if (!r->scene) return false;
     r->same = v->scene_text && r->scene->text_hash == v->scene_hash;
     if (r->same || !v->scene_text || def->set_count > 0) return true;

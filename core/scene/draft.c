@@ -82,13 +82,19 @@ static kn_mark later(const kn_draft *draft, kn_key_id a, kn_key_id b)
 }
 
 // The key that says whether key id is relevant.
-static kn_key_id chooser(kn_key_id id) { return of_probe(id) ? KN_KEY_PROBE_SHAPE : KN_KEY_DAMPER; }
+static kn_key_id chooser(kn_key_id id)
+{
+    kn_key_when when = kn_keys[id].when;
+    if (when == KN_WHEN_BLOCK || when == KN_WHEN_MESH) return KN_KEY_MESH;
+    return of_probe(id) ? KN_KEY_PROBE_SHAPE : KN_KEY_DAMPER;
+}
 
 static bool relevant(kn_draft *draft, int slot, kn_key_id id)
 {
     static const int chosen[] = {[KN_WHEN_CONSTANT] = KN_DAMPER_CONSTANT, [KN_WHEN_EXPONENTIAL] = KN_DAMPER_EXPONENTIAL,
                                  [KN_WHEN_PLATE] = KN_PROBE_PLATE, [KN_WHEN_SPHERE] = KN_PROBE_SPHERE};
     kn_key_when when = kn_keys[id].when;
+    if (chooser(id) == KN_KEY_MESH) return (when == KN_WHEN_MESH) == (*draft->mesh_path != '\0');
     return when == KN_WHEN_ALWAYS || *(const int *)kn_draft_field(draft, slot, chooser(id)) == chosen[when];
 }
 
@@ -111,6 +117,9 @@ static bool drop(kn_draft *draft, int slot, kn_key_id id)
     size_t size = (size_t)kn_keys[id].count * (kn_keys[id].type == KN_TYPE_CHOICE ? sizeof(int) : sizeof(double));
     memset(kn_draft_field(draft, slot, id), 0, size);
     if (!given(draft, slot, id) || draft->at[slot][by].source > draft->at[slot][id].source) return true;
+    if (by == KN_KEY_MESH)
+        return kn_draft_complain(draft, draft->at[slot][id], "%s means nothing with%s object.mesh, expected it left out",
+                                 kn_keys[id].path, *draft->mesh_path ? "" : "out");
     return kn_draft_complain(draft, draft->at[slot][id], "%s means nothing with '%s: %s', expected it left out",
                              kn_draft_path(draft, slot, id, path), strrchr(kn_keys[by].path, '.') + 1,
                              kn_key_print(&kn_keys[by], kn_draft_field(draft, slot, by), choice));
@@ -158,6 +167,7 @@ static bool finish_object(kn_draft *draft)
     kn_model_def *def = &draft->scene.model;
     kn_mark at = later(draft, KN_KEY_SIZE, KN_KEY_SPACING);
     double nodes = 1;
+    if (*draft->mesh_path) return kn_draft_mesh(draft);
     for (int k = 0; k < 3; k++) {
         double cells = draft->size_m[k] / def->spacing_m, whole = round(cells);
         if (whole < 1 || !(fabs(cells - whole) <= SPACING_TOLERANCE))
@@ -185,8 +195,8 @@ static bool finish_probe(kn_draft *draft, int slot)
     // a ball between the sample points of the surface would slip through it
     if (probe->shape == KN_PROBE_SPHERE && probe->radius_m < def->spacing_m)
         return kn_draft_complain(draft, later_of(at[KN_KEY_PROBE_RADIUS], draft->at[0][KN_KEY_SPACING]),
-                                 "probes.%s.radius is %g m, expected at least object.spacing, %g m", probe->name,
-                                 probe->radius_m, def->spacing_m);
+                                 "probes.%s.radius is %g m, expected at least %s, %g m", probe->name, probe->radius_m,
+                                 def->mesh ? "the mesh's mean edge" : "object.spacing", def->spacing_m);
     return true;
 }
 
@@ -242,6 +252,14 @@ static void put(page *out, const char *format, ...)
     out->used += (size_t)n;
 }
 
+// Between quotes, in which only the quote itself is doubled.
+static void put_path(page *out, const char *path)
+{
+    put(out, "'");
+    for (; *path; path++) put(out, *path == '\'' ? "''" : "%c", *path);
+    put(out, "'\n");
+}
+
 static void put_key(page *out, kn_draft *draft, int slot, kn_key_id id)
 {
     const kn_key *key = &kn_keys[id];
@@ -255,8 +273,9 @@ static void put_key(page *out, kn_draft *draft, int slot, kn_key_id id)
         put(out, "%.*s:\n", (int)group, key->path);
     }
     const char *indent = slot == 0 ? (dot ? "  " : "") : id == KN_KEY_PROBE_NAME ? "  - " : "    ";
-    put(out, "%s%s: %s\n", indent, dot ? dot + 1 : key->path,
-        kn_key_print(key, kn_draft_field(draft, slot, id), value));
+    put(out, "%s%s: ", indent, dot ? dot + 1 : key->path);
+    if (key->type == KN_TYPE_PATH) put_path(out, kn_draft_field(draft, slot, id));
+    else put(out, "%s\n", kn_key_print(key, kn_draft_field(draft, slot, id), value));
 }
 
 char *kn_draft_format(kn_draft *draft)

@@ -20,9 +20,13 @@ typedef struct kn_draft {
     double size_m[3];
     double specimen_height_m;
     int profile;                            // 0 touch, 1 bench
+    char mesh_path[KN_PATH_MAX];            // as written; absolute once it has been read. "": a block
+    int mesh_unit;                          // number of the word in the key's table
+    uint64_t mesh_hash;
     kn_mark at[KN_SLOTS][KN_KEY_COUNT];     // where each key's value was written
     kn_mark group[KN_SLOTS][KN_KEY_COUNT];  // where the mapping stands that holds or should hold the key
-    const char *file;                       // for complaints
+    const char *file;                       // for complaints; its folder is where a mesh is looked for
+    const char *beside;                     // another file in whose folder it may be, NULL: none
     const char *const *sets;
     char *error;
     size_t error_size;
@@ -40,6 +44,9 @@ bool kn_draft_complain(kn_draft *draft, kn_mark mark, const char *format, ...) _
 
 // The rules between keys, then everything that follows from the values. False after a complaint.
 bool kn_draft_finish(kn_draft *draft);
+
+// Reads the mesh that the draft names (draft_mesh.c). False after a complaint.
+bool kn_draft_mesh(kn_draft *draft);
 
 // The canonical text of a finished draft; NULL when memory is short.
 char *kn_draft_format(kn_draft *draft);

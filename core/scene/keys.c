@@ -1,6 +1,7 @@
 #include "core/scene/keys.h"
 #include "core/scene/draft.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -71,6 +72,49 @@ static bool read_name(char *field, const char *text, char problem[KN_LINE_MAX])
     return fits;
 }
 
+// The code point at *s, which moves on to the next; 0 if it is no UTF-8.
+static unsigned decode(const unsigned char **s)
+{
+    static const unsigned least[] = {0, 0x80, 0x800, 0x10000};
+    const unsigned char *p = *s;
+    int more = *p < 0x80 ? 0 : *p >> 5 == 6 ? 1 : *p >> 4 == 14 ? 2 : *p >> 3 == 30 ? 3 : -1;
+    if (more < 0) return 0;
+    unsigned code = more == 0 ? *p : *p & (0x3fu >> more);
+    for (int k = 1; k <= more; k++) {
+        if (p[k] >> 6 != 2) return 0;
+        code = code << 6 | (p[k] & 0x3fu);
+    }
+    *s = p + more + 1;
+    return code >= least[more] ? code : 0;
+}
+
+bool kn_key_quotable(const char *text)
+{
+    for (const unsigned char *s = (const unsigned char *)text; *s;) {
+        unsigned c = decode(&s);
+        if (c < ' ' || (c >= 0x7f && c < 0xa0) || c == 0x2028 || c == 0x2029 || c == 0xfeff) return false;
+        if ((c >= 0xd800 && c < 0xe000) || c == 0xfffe || c == 0xffff || c > 0x10ffff) return false;
+    }
+    return true;
+}
+
+static bool read_path(char *field, const char *text, char problem[KN_LINE_MAX])
+{
+    size_t size = strlen(text);
+    bool fits = size > 4 && size < KN_PATH_MAX && strcmp(text + size - 4, ".msh") == 0 && kn_key_quotable(text);
+    if (fits) memcpy(field, text, size + 1);
+    else snprintf(problem, KN_LINE_MAX, "not the name of a mesh");
+    return fits;
+}
+
+static bool read_hash(uint64_t *field, const char *text, char problem[KN_LINE_MAX])
+{
+    bool fits = strlen(text) == 16 && strspn(text, "0123456789abcdef") == 16;
+    if (fits) *field = strtoull(text, NULL, 16);
+    else snprintf(problem, KN_LINE_MAX, "'%.24s' is not a hash", text);
+    return fits;
+}
+
 static bool read_choice(const kn_key *key, int *field, const char *text, char problem[KN_LINE_MAX])
 {
     *field = choice_of(key->unit, text);
@@ -93,6 +137,8 @@ bool kn_key_read(const kn_key *key, void *field, const char *const *text, int co
         }
         if (key->type == KN_TYPE_CHOICE) return read_choice(key, field, text[i], problem);
         if (key->type == KN_TYPE_NAME) return read_name(field, text[i], problem);
+        if (key->type == KN_TYPE_PATH) return read_path(field, text[i], problem);
+        if (key->type == KN_TYPE_HASH) return read_hash(field, text[i], problem);
         if (!read_number(key, &value, text[i], per_height, problem)) return false;
         if (key->type == KN_TYPE_INTEGER) *(int *)field = (int)value;
         else ((double *)field)[i] = value;
@@ -107,6 +153,8 @@ const char *kn_key_expects(const kn_key *key, char text[KN_LINE_MAX])
     switch (key->type) {
     case KN_TYPE_CHOICE: snprintf(text, KN_LINE_MAX, "%s", key->unit); break;
     case KN_TYPE_NAME: snprintf(text, KN_LINE_MAX, "1 to %d of a-z 0-9 _", KN_NAME_MAX - 1); break;
+    case KN_TYPE_PATH: snprintf(text, KN_LINE_MAX, "a file name that ends in .msh"); break;
+    case KN_TYPE_HASH: snprintf(text, KN_LINE_MAX, "16 hexadecimal digits"); break;
     case KN_TYPE_INTEGER:
         if (key->least == key->most) snprintf(text, KN_LINE_MAX, "%g", key->least);
         else snprintf(text, KN_LINE_MAX, "a whole number %s%s%s", range, *key->unit ? " " : "", key->unit);
@@ -138,6 +186,8 @@ const char *kn_key_print(const kn_key *key, const void *field, char text[KN_LINE
     const char *space = *key->unit ? " " : "", *unit = key->unit;
     if (key->type == KN_TYPE_NAME) {
         snprintf(text, KN_LINE_MAX, "%s", (const char *)field);
+    } else if (key->type == KN_TYPE_HASH) {
+        snprintf(text, KN_LINE_MAX, "%016" PRIx64, *(const uint64_t *)field);
     } else if (key->type == KN_TYPE_INTEGER) {
         snprintf(text, KN_LINE_MAX, "%d%s%s", *(const int *)field, space, unit);
     } else if (key->type == KN_TYPE_CHOICE) {
@@ -231,12 +281,14 @@ const char *kn_key_suggest(const char *path, char text[KN_LINE_MAX])
 
 static void describe(const kn_key *key, char *line, size_t size)
 {
-    static const char *const required[] = {"required", "required if constant", "required if exponential",
+    static const char *const required[] = {"required", "required if no mesh", "required if mesh", "required if constant", "required if exponential",
                                            "required if plate", "required if sphere"};
     char range[64] = "", value[64];
     const char *unit = key->type == KN_TYPE_CHOICE ? "" : key->unit;
     if (key->type == KN_TYPE_CHOICE) snprintf(value, sizeof value, "%s", key->unit);
     else if (key->type == KN_TYPE_NAME) snprintf(value, sizeof value, "a-z 0-9 _");
+    else if (key->type == KN_TYPE_PATH) snprintf(value, sizeof value, "FILE.msh");
+    else if (key->type == KN_TYPE_HASH) snprintf(value, sizeof value, "16 hexadecimal digits");
     else if (key->count > 1) snprintf(value, sizeof value, "%d x %s", key->count, unit);
     else snprintf(value, sizeof value, "%s", *unit ? unit : "number");
     if (key->most > 0) snprintf(range, sizeof range, "%g .. %g", key->least, key->most);

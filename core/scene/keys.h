@@ -12,15 +12,22 @@
 // member   of kn_draft, or of kn_probe_def for the keys of one probe
 #include "core/scene/units.h"
 #include <stddef.h>
+#include <stdint.h>
 
 // clang-format off
 #define KN_SCENE_KEYS(X)                                                                                              \
   X(VERSION, ALWAYS, "version", INTEGER, 1, "", 1, 1, NULL,                                                           \
     scene.version, "of this format")                                                                                  \
-  X(SIZE, ALWAYS, "object.size", REAL, 3, "m", 1e-5, 10, NULL,                                                        \
+  X(SIZE, BLOCK, "object.size", REAL, 3, "m", 1e-5, 10, NULL,                                                        \
     size_m, "block along x, y, z: each a whole number of spacings")                                                   \
-  X(SPACING, ALWAYS, "object.spacing", REAL, 1, "m", 1e-5, 1, NULL,                                                   \
+  X(SPACING, BLOCK, "object.spacing", REAL, 1, "m", 1e-5, 1, NULL,                                                   \
     scene.model.spacing_m, "side of a lattice cell")                                                                  \
+  X(MESH, ALWAYS, "object.mesh", PATH, 1, "", 0, 0, "",                                                               \
+    mesh_path, "Gmsh file of tetrahedra, or of flat triangles, instead of a block; seen from the scene's folder")     \
+  X(MESH_UNIT, MESH, "object.mesh_unit", CHOICE, 1, "m|cm|mm|um", 0, 0, NULL,                                         \
+    mesh_unit, "of its coordinates")                                                                                  \
+  X(MESH_HASH, MESH, "object.mesh_hash", HASH, 1, "", 0, 0, "",                                                       \
+    mesh_hash, "of the file; another one is refused")                                                                 \
   X(STRUCTURE, ALWAYS, "object.structure", CHOICE, 1, "diagonals|axis", 0, 0, "diagonals",                            \
     scene.model.structure, "edges of a cell: with face and body diagonals, or sides only")                            \
   X(K1, ALWAYS, "material.k1", MODULUS, 1, "Pa", 0, 1e9, NULL,                                                        \
@@ -109,6 +116,8 @@ typedef enum kn_key_id { KN_SCENE_KEYS(KN_KEY_ID) KN_PROBE_KEYS(KN_KEY_ID) KN_KE
 
 typedef enum kn_key_when {
     KN_WHEN_ALWAYS,
+    KN_WHEN_BLOCK,       // no object.mesh
+    KN_WHEN_MESH,        // object.mesh
     KN_WHEN_CONSTANT,    // material.damper: constant
     KN_WHEN_EXPONENTIAL, // material.damper: exponential
     KN_WHEN_PLATE,       // shape: plate
@@ -120,7 +129,9 @@ typedef enum kn_key_type {
     KN_TYPE_MODULUS, // double; also read per metre of specimen height, and then its range is checked after multiplying
     KN_TYPE_INTEGER, // int
     KN_TYPE_CHOICE,  // enum or int, the number of the word in unit
-    KN_TYPE_NAME     // char[KN_NAME_MAX], [a-z0-9_]+
+    KN_TYPE_NAME,    // char[KN_NAME_MAX], [a-z0-9_]+
+    KN_TYPE_PATH,    // char[KN_PATH_MAX], printable UTF-8 that ends in .msh
+    KN_TYPE_HASH     // uint64_t, 16 hexadecimal digits
 } kn_key_type;
 
 typedef struct kn_key {
@@ -137,6 +148,7 @@ typedef struct kn_key {
 
 extern const kn_key kn_keys[KN_KEY_COUNT];
 
+#define KN_PATH_MAX 1024
 #define KN_LINE_MAX 256 // bytes of a clause or a key's description, with the NUL
 
 // Reads count texts into the member at field. On failure false and the problem without the expectation: "'7' has no
@@ -144,10 +156,14 @@ extern const kn_key kn_keys[KN_KEY_COUNT];
 bool kn_key_read(const kn_key *key, void *field, const char *const *text, int count, bool *per_height,
                  char problem[KN_LINE_MAX]);
 
+// Whether YAML holds the text between quotes as it is: UTF-8 without control characters and line breaks.
+bool kn_key_quotable(const char *text);
+
 // "3 values in m, each from 1e-05 to 10": what the key expects.
 const char *kn_key_expects(const kn_key *key, char text[KN_LINE_MAX]);
 
 // The member as canonical text: "[0.05 m, 0.05 m, 0.03 m]", with as many digits as give the same bits when read.
+// Not of a PATH, which may be longer.
 const char *kn_key_print(const kn_key *key, const void *field, char text[KN_LINE_MAX]);
 
 // The key at a path ("material.k1"), NULL if there is none. is_group: becomes whether keys stand below that path.

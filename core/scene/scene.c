@@ -106,8 +106,27 @@ static bool take_value(reader *r, const kn_key *key, char text[VALUE_MAX_BYTES])
     return true;
 }
 
+// A path may be longer than other values, and have letters beyond ASCII.
+static bool read_path(reader *r, const kn_key *key)
+{
+    char path[KN_PATH_MAX], problem[KN_LINE_MAX];
+    const char *text = path;
+    kn_mark mark = here(r);
+    if (r->event.type != YAML_SCALAR_EVENT) return complain_key(r, mark, key, kind_of(r));
+    size_t size = r->event.data.scalar.length;
+    if (size >= sizeof path) return complain_key(r, mark, key, "too long");
+    memcpy(path, r->event.data.scalar.value, size + 1);
+    kn_key_id id = (kn_key_id)(key - kn_keys);
+    if (strlen(path) != size) return complain_key(r, mark, key, "not text");
+    if (!kn_key_read(key, kn_draft_field(r->draft, r->slot, id), &text, 1, NULL, problem))
+        return complain_key(r, mark, key, problem);
+    r->draft->at[r->slot][id] = mark;
+    return true;
+}
+
 static bool read_leaf(reader *r, const kn_key *key)
 {
+    if (key->type == KN_TYPE_PATH) return read_path(r, key);
     enum { LIST_MAX = 4 };
     char text[LIST_MAX][VALUE_MAX_BYTES], problem[KN_LINE_MAX];
     const char *texts[LIST_MAX] = {text[0], text[1], text[2], text[3]};
@@ -271,16 +290,34 @@ static const char *base_name(const char *path)
     return slash ? slash + 1 : path;
 }
 
+// Of the text without the line that says where the mesh lies.
+static uint64_t hash_text(const char *text)
+{
+    const char *from = strstr(text, "\n  mesh: "), *to = from ? strchr(from + 1, '\n') : NULL;
+    if (!to) return kn_hash_bytes(KN_HASH_SEED, text, strlen(text));
+    return kn_hash_bytes(kn_hash_bytes(KN_HASH_SEED, text, (size_t)(from - text)), to, strlen(to));
+}
+
 kn_scene *kn_scene_parse(const char *name, const char *text, size_t size, const char *const *sets, int set_count,
                          char *error, size_t error_size)
 {
+    return kn_scene_parse_beside(name, name, text, size, sets, set_count, error, error_size);
+}
+
+kn_scene *kn_scene_parse_beside(const char *beside, const char *name, const char *text, size_t size,
+                                const char *const *sets, int set_count, char *error, size_t error_size)
+{
     kn_draft draft;
     kn_draft_init(&draft, name, sets, error, error_size);
+    draft.beside = beside;
     kn_mark start = draft.group[0][KN_KEY_VERSION];
     bool ok = size <= FILE_MAX_BYTES || kn_draft_complain(&draft, start, "larger than 1 MiB, expected a scene");
     ok = ok && read_text(&draft, KN_SOURCE_FILE, 0, "", text, size);
     for (int i = 0; ok && i < set_count; i++) ok = read_set(&draft, i);
-    if (!ok || !kn_draft_finish(&draft)) return NULL;
+    if (!ok || !kn_draft_finish(&draft)) {
+        kn_simplices_destroy(draft.scene.mesh);
+        return NULL;
+    }
     snprintf(draft.scene.name, sizeof draft.scene.name, "%s", base_name(name));
     kn_scene *scene = malloc(sizeof *scene);
     draft.scene.text = kn_draft_format(&draft);
@@ -288,10 +325,11 @@ kn_scene *kn_scene_parse(const char *name, const char *text, size_t size, const 
         kn_draft_complain(&draft, start, "out of memory");
         free(scene);
         free(draft.scene.text);
+        kn_simplices_destroy(draft.scene.mesh);
         return NULL;
     }
     *scene = draft.scene;
-    scene->text_hash = kn_hash_bytes(KN_HASH_SEED, scene->text, strlen(scene->text));
+    scene->text_hash = hash_text(scene->text);
     return scene;
 }
 
@@ -313,5 +351,6 @@ void kn_scene_destroy(kn_scene *scene)
 {
     if (!scene) return;
     free(scene->text);
+    kn_simplices_destroy(scene->mesh);
     free(scene);
 }

@@ -10,12 +10,13 @@ typedef struct kn_scene {
     char name[64];          // file name without folder
     int version;            // the format's, 1
     kn_model_def model;
+    kn_simplices *mesh;     // what model.mesh points at, owned; NULL: a block
     char device[16];        // profile: touch (default limits), bench (virtual hand, 40 N clamp)
     kn_safety_limits limits;
     double mesh_hz;         // 30..60
     char *text;             // canonical YAML of the whole scene in SI, every default and override written out:
                             // parsing it gives the same scene. Owned.
-    uint64_t text_hash;     // kn_hash_bytes of text
+    uint64_t text_hash;     // kn_hash_bytes of text but for the line that says where the mesh lies: text has its hash
 } kn_scene;
 
 // Loads a file, or parses text that a log or a test holds. sets[] are "key=value" as given to --set, applied over the
@@ -23,6 +24,10 @@ typedef struct kn_scene {
 kn_scene *kn_scene_load(const char *path, const char *const *sets, int set_count, char *error, size_t error_size);
 kn_scene *kn_scene_parse(const char *name, const char *text, size_t size, const char *const *sets, int set_count,
                          char *error, size_t error_size);
+// The same of a text that the file `beside` holds: a mesh that is not (or no longer is) where the text says is looked for
+// by its base name in that file's folder too. kn_scene_parse looks beside name.
+kn_scene *kn_scene_parse_beside(const char *beside, const char *name, const char *text, size_t size,
+                                const char *const *sets, int set_count, char *error, size_t error_size);
 void kn_scene_destroy(kn_scene *scene); // NULL is fine
 
 // The table of every key: path, unit, range, default, meaning; NULL-terminated lines for `knead check --keys`.
