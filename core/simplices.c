@@ -161,8 +161,8 @@ static bool check_shapes(checker *c)
         if (s->dimension == 3) flat *= 0.01 * edge; // rounding leaves a flat element a volume of either sign
         if (volume < -flat)
             return fault(c, e,
-                         "element %ld is inverted (%s %.3g), expected its nodes in the order that makes it positive",
-                         s->tag[e], s->dimension == 3 ? "volume in m^3" : "area in m^2", volume);
+                         "element %ld is inverted (%.3g %s), expected its nodes in the order that makes it positive",
+                         s->tag[e], volume, s->dimension == 3 ? "m^3" : "m^2");
         return fault(c, e, "element %ld is degenerate (quality %.2g of 1), expected at least %g", s->tag[e], quality,
                      KN_SIMPLICES_QUALITY_MIN);
     }
@@ -226,8 +226,8 @@ static int coincident(const kn_simplices *s, const record *r, int i, const int c
     return -1;
 }
 
-// Cells of twice the tolerance: a node looks into its own and those within the tolerance, 8 at most and nearly
-// always 1.
+// Cells of twice the tolerance: what is within the tolerance of a node is in the cells of its eight corners at that
+// distance, which mostly are one cell.
 static bool check_places(checker *c, record *r)
 {
     const kn_simplices *s = c->s;
@@ -241,19 +241,16 @@ static bool check_places(checker *c, record *r)
     }
     qsort(r, (size_t)s->node_count, sizeof *r, by_key);
     for (int i = 0; i < s->node_count; i++)
-        for (int near = 0; near < 8; near++) {
-            int key[4] = {0}, own = 0;
-            for (int k = 0; k < 3; k++) {
-                double from = s->x_m[i][k] - low[k], to = near >> k & 1 ? from + tolerance : from - tolerance;
-                key[k] = (int)floor(to / cell);
-                own += near >> k & 1 && key[k] == (int)floor((from - tolerance) / cell);
-            }
-            int other = own > 0 ? -1 : coincident(s, r, i, key, tolerance); // own: looked into already
-            if (other >= 0)
-                return fault(c, c->owner[i],
-                             "elements %ld and %ld have different nodes in one place, expected one node "
-                             "there",
-                             s->tag[c->owner[other]], s->tag[c->owner[i]]);
+        for (int corner = 0; corner < 8; corner++) {
+            int key[4] = {0};
+            for (int k = 0; k < 3; k++)
+                key[k] = (int)floor((s->x_m[i][k] - low[k] + (corner >> k & 1 ? tolerance : -tolerance)) / cell);
+            int other = coincident(s, r, i, key, tolerance);
+            if (other < 0) continue;
+            int a = c->owner[i], b = c->owner[other];
+            if (a > b) a = c->owner[other], b = c->owner[i];
+            return fault(c, b, "elements %ld and %ld have different nodes in one place, expected one", s->tag[a],
+                         s->tag[b]);
         }
     return true;
 }

@@ -51,9 +51,10 @@ static bool read_format(reader *r)
                         number ? text : "unknown");
     }
     int version = *text - '0';
-    if (!integer(r, INT, 0, 1, &binary, "0 for ASCII or 1 for binary,") ||
-        !integer(r, INT, 8, 8, &bytes, "the size of a real,"))
+    if (!integer(r, INT, 0, 1, &binary, "0 for text or 1 for binary") ||
+        !integer(r, INT, LONG_MIN, LONG_MAX, &bytes, "the bytes of a real"))
         return false;
+    if (bytes != 8) return complain(r, r->words.begun, "reals of %ld bytes, expected 8", bytes);
     r->words.binary = binary == 1;
     if (r->words.binary &&
         (!kn_words_line_end(&r->words) || !integer(r, INT, LONG_MIN, LONG_MAX, &one, "the number 1")))
@@ -120,7 +121,7 @@ static bool read_nodes_4(reader *r)
     while (blocks-- > 0) {
         if (!integer(r, INT, 0, 3, &dimension, "a dimension") ||
             !integer(r, INT, LONG_MIN, LONG_MAX, &entity, "an entity's number") ||
-            !integer(r, INT, 0, 1, &parametric, "0 or 1 for parametric") ||
+            !integer(r, INT, 0, 1, &parametric, "whether there are parameters") ||
             !integer(r, LONG, 0, count - r->node_count, &here, "the number of nodes in this block"))
             return false;
         for (int i = 0; i < here; i++)

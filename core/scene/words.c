@@ -1,5 +1,6 @@
 #include "core/scene/words.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdint.h>
@@ -79,8 +80,8 @@ bool kn_words_integer(kn_words *w, kn_width width, long least, long most, long *
 {
     if (!(w->binary ? raw_integer(w, width, value, what) : written_integer(w, value, what))) return false;
     if (*value >= least && *value <= most) return true;
-    return kn_words_complain(w, w->begun, "%ld is out of range, expected %s from %ld to %ld", *value, what, least,
-                             most);
+    if (most == LONG_MAX) return kn_words_complain(w, w->begun, "%ld, expected %s, at least %ld", *value, what, least);
+    return kn_words_complain(w, w->begun, "%ld, expected %s, %ld to %ld", *value, what, least, most);
 }
 
 bool kn_words_real(kn_words *w, double *value)
