@@ -2,14 +2,11 @@
 #include "core/hash.h"
 #include "core/scene/words.h"
 
-#include <errno.h>
 #include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-enum { FILE_MAX_BYTES = 256 << 20 };
 
 typedef struct tagged { // a node's number in the file, and where it is in memory
     long tag;
@@ -286,7 +283,7 @@ static bool read_sections(reader *r)
         else good = skip_section(r, name);
         if (!good) return false;
     }
-    if (r->version == 0) return complain(r, 0, "empty, expected a Gmsh mesh that begins with $MeshFormat");
+    if (r->version == 0) return complain(r, 0, "nothing but white space, expected a Gmsh mesh");
     return (r->found != NULL) || complain(r, r->words.size, "the file has no %s", r->x ? "$Elements" : "$Nodes");
 }
 
@@ -399,42 +396,20 @@ kn_simplices *kn_msh_read(const char *name, const void *bytes, size_t size, doub
                           char *error, size_t error_size)
 {
     reader r = {.words = {.name = name, .bytes = bytes, .size = size, .error = error, .error_size = error_size}};
-    kn_simplices *s = read_sections(&r) ? build(&r, units_per_m, facts) : NULL;
+    kn_simplices *s = NULL;
+    if (size == 0) complain(&r, 0, "empty, expected a Gmsh mesh that begins with $MeshFormat");
+    else if (read_sections(&r)) s = build(&r, units_per_m, facts);
     free(r.x);
     free(r.tag);
     free(r.found);
     return s;
 }
 
-// Grows with what there is to read: the size of a pipe is not known.
-static unsigned char *read_file(FILE *file, size_t *size)
-{
-    unsigned char *bytes = NULL;
-    size_t room = 0;
-    for (*size = 0; *size <= FILE_MAX_BYTES && !feof(file) && !ferror(file);) {
-        room = room ? 2 * room : 1 << 16;
-        unsigned char *more = realloc(bytes, room);
-        if (!more) break;
-        bytes = more;
-        *size += fread(bytes + *size, 1, room - *size, file);
-    }
-    if (feof(file) && *size <= FILE_MAX_BYTES) return bytes;
-    if (!ferror(file)) errno = *size > FILE_MAX_BYTES ? EFBIG : ENOMEM;
-    free(bytes);
-    return NULL;
-}
-
 kn_simplices *kn_msh_load(const char *path, double units_per_m, kn_msh_facts *facts, char *error, size_t error_size)
 {
-    FILE *file = fopen(path, "rb");
-    size_t size = 0;
-    unsigned char *bytes = file ? read_file(file, &size) : NULL;
-    kn_simplices *s = NULL;
-    if (bytes)
-        s = kn_msh_read(path, bytes, size, units_per_m, facts, error, error_size);
-    else
-        snprintf(error, error_size, "%s:1:1: %s, expected a Gmsh mesh of at most 256 MiB", path, strerror(errno));
-    if (file) fclose(file);
+    size_t size;
+    unsigned char *bytes = kn_words_load(path, &size, error, error_size);
+    kn_simplices *s = bytes ? kn_msh_read(path, bytes, size, units_per_m, facts, error, error_size) : NULL;
     free(bytes);
     return s;
 }

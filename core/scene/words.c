@@ -1,5 +1,6 @@
 #include "core/scene/words.h"
 
+#include <errno.h>
 #include <limits.h>
 #include <math.h>
 #include <stdarg.h>
@@ -7,6 +8,33 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+// Grows with what there is to read: the size of a pipe is not known.
+static unsigned char *read_all(FILE *file, size_t *size)
+{
+    unsigned char *bytes = NULL;
+    size_t room = 0;
+    for (*size = 0; *size <= KN_WORDS_MAX_BYTES && !feof(file) && !ferror(file);) {
+        room = room ? 2 * room : 1 << 16;
+        unsigned char *more = realloc(bytes, room);
+        if (!more) break;
+        bytes = more;
+        *size += fread(bytes + *size, 1, room - *size, file);
+    }
+    if (feof(file) && *size <= KN_WORDS_MAX_BYTES) return bytes;
+    if (!ferror(file)) errno = *size > KN_WORDS_MAX_BYTES ? EFBIG : ENOMEM;
+    free(bytes);
+    return NULL;
+}
+
+unsigned char *kn_words_load(const char *path, size_t *size, char *error, size_t error_size)
+{
+    FILE *file = fopen(path, "rb");
+    unsigned char *bytes = file ? read_all(file, size) : NULL;
+    if (!bytes) snprintf(error, error_size, "%s:1:1: %s, expected a file of at most 256 MiB", path, strerror(errno));
+    if (file) fclose(file);
+    return bytes;
+}
 
 bool kn_words_complain(kn_words *w, size_t at, const char *format, ...)
 {

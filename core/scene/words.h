@@ -20,6 +20,11 @@ typedef struct kn_words {
 
 typedef enum kn_width { KN_WIDTH_INT = 4, KN_WIDTH_LONG = 8 } kn_width; // bytes of an integer in a binary file
 
+#define KN_WORDS_MAX_BYTES (256 << 20) // of a file
+
+// The bytes of a file, or of a pipe; the caller frees them. NULL and one line in error when it cannot be read.
+unsigned char *kn_words_load(const char *path, size_t *size, char *error, size_t error_size);
+
 // "name:line:col: ..." of byte at; "name:1:1: byte at: ..." in a binary file. Always false.
 __attribute__((format(printf, 3, 4))) bool kn_words_complain(kn_words *w, size_t at, const char *format, ...);
 

@@ -170,9 +170,9 @@ TEST("5 mm, 0.5 cm and 0.005 m are the same bits")
 TEST("a file that cannot be read is one line")
 {
     CHECK(!kn_msh_load("/nowhere/x.msh", 1, NULL, error, sizeof error));
-    CHECK_STR(error, "/nowhere/x.msh:1:1: No such file or directory, expected a Gmsh mesh of at most 256 MiB");
+    CHECK_STR(error, "/nowhere/x.msh:1:1: No such file or directory, expected a file of at most 256 MiB");
     CHECK(!kn_msh_load("/", 1, NULL, error, sizeof error));
-    CHECK_STR(error, "/:1:1: Is a directory, expected a Gmsh mesh of at most 256 MiB");
+    CHECK_STR(error, "/:1:1: Is a directory, expected a file of at most 256 MiB");
 }
 
 TESTS_MAIN
