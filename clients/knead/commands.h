@@ -10,6 +10,7 @@
     X(check, "says what a scene is, what it costs, what to watch for; --keys: every key there is")                     \
     X(creep, "virtual rheometer: a weight on a specimen, then not; height, what comes back, what stays")               \
     X(element, "springs and dampers in series and parallel: what they do by the papers' rules, and what is so")        \
+    X(mesh, "fills a closed surface, OBJ or STL, with tetrahedra for a scene; checks a mesh and says what it has")         \
     X(probe, "a virtual hand: press, poke or swing a tool on a running kneadd; force table, recording")                \
     X(relax, "virtual rheometer: a specimen is compressed and held; how its stress falls")                             \
     X(replay, "plays a log through the daemon's own servo: the same forces, to the bit; CSV, hash, --verify")          \

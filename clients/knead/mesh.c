@@ -1,0 +1,220 @@
+// knead mesh: makes a mesh of a closed surface, or says what a mesh is.
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/mesher.h"
+#include "core/scene/msh.h"
+#include "core/scene/units.h"
+#include <errno.h>
+#include <getopt.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+static const char help[] =
+    "usage: knead mesh IN.obj|IN.stl -o OUT.msh --size LENGTH [OPTION]...\n"
+    "       knead mesh IN.msh [--unit UNIT]\n\n"
+    "Fills a closed surface with tetrahedra, for a scene's object.mesh; or checks a mesh that there is, and says what it\n"
+    "has: nodes, edges, volume, spacing, quality (1 is the regular tetrahedron or triangle).\n\n"
+    "    knead mesh bun.stl -o bun.msh --size 5mm\n\n"
+    "  -o OUT.msh          the mesh, in Gmsh's format 4.1, in the unit of the surface\n"
+    "  --size LENGTH       of an edge, about: 5mm, '0.5 cm'\n"
+    "  --tool gmsh|tetgen  the program that does it (gmsh). gmsh meshes the surface anew; tetgen keeps it and adds to it\n"
+    "  --unit m|cm|mm|um   of the coordinates in the file (mm)\n\n"
+    "A surface with holes, with edges of three triangles, or of two pieces is refused, file:line:col: what is wrong.\n"
+    "Exit codes: 0 ok, 2 bad input, 3 the program is not installed, or the mesh cannot be written.\n";
+
+#define THIN 0.1 // quality from which on an element is worth a warning: a tenth of the volume it could have is a third of it
+
+typedef struct options {
+    const char *in, *out;
+    double size_m, units_per_m;
+    const char *unit;
+    kn_mesher tool;
+    bool help, tool_given;
+} options;
+
+static const char mesh[] = "mesh"; // for complaints
+
+// ---- options
+
+static bool take_unit(options *o, const char *text)
+{
+    static const struct {
+        const char *name;
+        double per_m;
+    } unit[] = {{"m", 1}, {"cm", 1e2}, {"mm", 1e3}, {"um", 1e6}};
+    for (size_t i = 0; i < sizeof unit / sizeof *unit; i++)
+        if (strcmp(text, unit[i].name) == 0) {
+            o->unit = unit[i].name;
+            o->units_per_m = unit[i].per_m;
+            return true;
+        }
+    return false;
+}
+
+static bool take_size(options *o, const char *text)
+{
+    kn_quantity q;
+    kn_unit metre;
+    char problem[128];
+    kn_unit_parse(&metre, "m", problem, sizeof problem);
+    if (!kn_quantity_parse(&q, text, problem, sizeof problem) || q.bare || !kn_unit_same_dimension(&q.unit, &metre))
+        return false;
+    o->size_m = kn_quantity_in(&q, &metre);
+    return o->size_m >= 1e-5 && o->size_m <= 1;
+}
+
+static bool take_tool(options *o, const char *text)
+{
+    o->tool_given = true;
+    o->tool = strcmp(text, "tetgen") == 0 ? KN_MESHER_TETGEN : KN_MESHER_GMSH;
+    return strcmp(text, "tetgen") == 0 || strcmp(text, "gmsh") == 0;
+}
+
+static bool ends_in_msh(const char *path)
+{
+    size_t size = strlen(path);
+    return size > 4 && strcmp(path + size - 4, ".msh") == 0;
+}
+
+static int check_options(const options *o)
+{
+    bool surface = kn_shell_named(o->in);
+    if (!surface && !ends_in_msh(o->in))
+        return kn_complain(mesh, KN_EXIT_USAGE, "'%s': expected a file that ends in .obj, .stl or .msh", o->in);
+    if (!surface && (o->out || o->size_m > 0 || o->tool_given))
+        return kn_complain(mesh, KN_EXIT_USAGE, "-o, --size and --tool make a mesh of a surface, expected .obj or .stl");
+    if (surface && !(o->size_m > 0)) return kn_complain(mesh, KN_EXIT_USAGE, "expected --size LENGTH, e.g. --size 5mm");
+    if (surface && (!o->out || !ends_in_msh(o->out))) return kn_complain(mesh, KN_EXIT_USAGE, "expected -o OUT.msh");
+    return KN_EXIT_OK;
+}
+
+static int take_options(int argc, char **argv, options *o)
+{
+    static const struct option known[] = {{"help", no_argument, NULL, 'h'},
+                                          {"output", required_argument, NULL, 'o'},
+                                          {"size", required_argument, NULL, 's'},
+                                          {"tool", required_argument, NULL, 't'},
+                                          {"unit", required_argument, NULL, 'u'},
+                                          {0}};
+    for (int c; (c = getopt_long(argc, argv, "ho:", known, NULL)) != -1;) {
+        if (c == 'h') o->help = true;
+        else if (c == 'o') o->out = optarg;
+        else if (c == 's' && !take_size(o, optarg))
+            return kn_complain(mesh, KN_EXIT_USAGE, "--size %s: expected a length from 1e-05 to 1 m, e.g. 5mm", optarg);
+        else if (c == 't' && !take_tool(o, optarg))
+            return kn_complain(mesh, KN_EXIT_USAGE, "--tool %s: expected gmsh or tetgen", optarg);
+        else if (c == 'u' && !take_unit(o, optarg))
+            return kn_complain(mesh, KN_EXIT_USAGE, "--unit %s: expected m, cm, mm or um", optarg);
+        else if (c == '?') return KN_EXIT_USAGE; // getopt has said what
+    }
+    if (o->help) return KN_EXIT_OK;
+    if (argc - optind != 1)
+        return kn_complain(mesh, KN_EXIT_USAGE, "expected one .obj, .stl or .msh file; --help tells the rest");
+    o->in = argv[optind];
+    return check_options(o);
+}
+
+// ---- report
+
+static void print_mesh(const options *o, const char *file, const char *format, const kn_simplices *s)
+{
+    kn_simplices_measures m;
+    if (!kn_simplices_measure(s, &m)) return;
+    bool flat = s->dimension == 2;
+    const char *base = strrchr(file, '/') ? strrchr(file, '/') + 1 : file;
+    printf("mesh      %s: Gmsh %s, %d nodes, %d %s, %d edges\n", file, format, s->node_count, s->element_count,
+           flat ? "triangles" : "tetrahedra", m.edges);
+    printf("size      %.4g", 1e3 * (m.high_m[0] - m.low_m[0]));
+    if (!flat) printf(" x %.4g", 1e3 * (m.high_m[1] - m.low_m[1]));
+    printf(" x %.4g mm, %s %.4g %s\n", 1e3 * (m.high_m[2] - m.low_m[2]), flat ? "area" : "volume",
+           m.volume * (flat ? 1e4 : 1e6), flat ? "cm^2" : "cm^3");
+    printf("spacing   edges of %.3g mm in the mean, %.3g to %.3g mm\n", 1e3 * m.edge_mean_m, 1e3 * m.edge_min_m,
+           1e3 * m.edge_max_m);
+    printf("quality   %.2f in the mean, %.2f at worst (element %ld); 1 is the regular %s\n", m.quality_mean, m.quality_min,
+           s->tag[m.worst], flat ? "triangle" : "tetrahedron");
+    if (m.quality_min < THIN) printf("warning   element %ld is thin: it hardly carries and may turn over\n", s->tag[m.worst]);
+    printf("scene     object: { mesh: %s, mesh_unit: %s }\n", base, o->unit);
+}
+
+static int check_mesh(const options *o, const char *file)
+{
+    char error[512];
+    kn_msh_facts facts;
+    kn_simplices *s = kn_msh_load(file, o->units_per_m, &facts, error, sizeof error);
+    if (!s) return kn_complain(mesh, KN_EXIT_USAGE, "%s", error);
+    print_mesh(o, file, facts.format, s);
+    if (facts.left_out > 0) printf("left out  %d points, lines or triangles beside the elements\n", facts.left_out);
+    if (facts.loose > 0) printf("left out  %d nodes that no element has\n", facts.loose);
+    kn_simplices_destroy(s);
+    return KN_EXIT_OK;
+}
+
+// ---- a mesh of a surface
+
+static void write_mesh(FILE *f, const kn_simplices *s, double units_per_m)
+{
+    fprintf(f, "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 %d 1 %d\n3 1 0 %d\n", s->node_count, s->node_count,
+            s->node_count);
+    for (int i = 0; i < s->node_count; i++) fprintf(f, "%d\n", i + 1);
+    for (int i = 0; i < s->node_count; i++) // 12 digits hide that the unit was divided out and in
+        fprintf(f, "%.12g %.12g %.12g\n", units_per_m * s->x_m[i][0], units_per_m * s->x_m[i][1],
+                units_per_m * s->x_m[i][2]);
+    fprintf(f, "$EndNodes\n$Elements\n1 %d 1 %d\n3 1 4 %d\n", s->element_count, s->element_count, s->element_count);
+    for (int e = 0; e < s->element_count; e++) {
+        const int *node = s->element[e];
+        fprintf(f, "%d %d %d %d %d\n", e + 1, node[0] + 1, node[1] + 1, node[2] + 1, node[3] + 1);
+    }
+    fprintf(f, "$EndElements\n");
+}
+
+// Whole or not at all: what was there before stands until the new one is complete.
+static int save_mesh(const options *o, const kn_simplices *s)
+{
+    char part[4096];
+    snprintf(part, sizeof part, "%s.part", o->out);
+    FILE *f = fopen(part, "w");
+    if (f) write_mesh(f, s, o->units_per_m);
+    bool good = f && !ferror(f);
+    if (f) good = fclose(f) == 0 && good;
+    if (good && rename(part, o->out) == 0) return KN_EXIT_OK;
+    int why = errno;
+    if (f) unlink(part);
+    return kn_complain(mesh, KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", o->out, strerror(why));
+}
+
+static int fill(const options *o, const kn_shell *shell)
+{
+    char error[512];
+    kn_simplices *s = NULL;
+    double size = o->size_m * o->units_per_m, count = shell->volume / (0.08 * size * size * size);
+    if (count > KN_SIMPLICES_ELEMENTS_MAX)
+        return kn_complain(mesh, KN_EXIT_USAGE, "--size: %g mm would make about %.1g tetrahedra, expected at most %d",
+                           1e3 * o->size_m, count, KN_SIMPLICES_ELEMENTS_MAX);
+    if (isatty(STDERR_FILENO)) fprintf(stderr, "about %.2g tetrahedra ...\r", fmax(count, 1));
+    int code = kn_mesher_run(o->tool, shell, size, o->units_per_m, &s, error, sizeof error);
+    if (code != KN_EXIT_OK) return kn_complain(mesh, code, "%s: %s", o->in, error);
+    code = save_mesh(o, s);
+    kn_simplices_destroy(s);
+    if (code != KN_EXIT_OK) return code;
+    printf("surface   %s: %d triangles, closed, %.4g cm^3 inside\n", o->in, shell->triangle_count,
+           shell->volume * pow(1e2 / o->units_per_m, 3));
+    return check_mesh(o, o->out); // as a scene will find it
+}
+
+int kn_mesh_main(int argc, char **argv)
+{
+    options o = {.unit = "mm", .units_per_m = 1e3};
+    char error[512];
+    int code = take_options(argc, argv, &o);
+    if (o.help) fputs(help, stdout);
+    if (code != KN_EXIT_OK || o.help) return code;
+    if (!kn_shell_named(o.in)) return check_mesh(&o, o.in);
+    kn_shell *shell = kn_shell_load(o.in, error, sizeof error);
+    if (!shell) return kn_complain(mesh, KN_EXIT_USAGE, "%s", error);
+    code = fill(&o, shell);
+    kn_shell_destroy(shell);
+    return code;
+}

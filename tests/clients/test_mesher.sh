@@ -1,0 +1,135 @@
+#!/usr/bin/env bash
+# knead mesh: says what a mesh has, refuses broken ones and surfaces that do not hold water, and has gmsh or tetgen fill
+# those that do; without these programs it says which package is missing.
+set -u
+failed=0
+fail() { echo "FAIL $1"; failed=1; }
+
+# refuses STATUS EXPECTED-LINE ARGUMENT...: exactly that line on stderr, nothing on stdout
+refuses() {
+    local expected_status=$1 expected=$2
+    shift 2
+    knead mesh "$@" >out 2>err
+    local status=$?
+    [ $status = "$expected_status" ] && [ ! -s out ] && [ "$(<err)" = "$expected" ] && return
+    fail "knead mesh $*: exit $status, expected $expected_status and: $expected"
+    cat err
+}
+
+# ---- a mesh there is
+meshes=$KN_SOURCE/core/scenes/meshes
+knead mesh "$meshes/block.msh" >out || fail "block.msh is refused"
+grep -q "block.msh: Gmsh 4.1 ASCII, 169 nodes, 481 tetrahedra, 799 edges$" out || fail "what block.msh has"
+grep -q "^size *50 x 50 x 30 mm, volume 75 cm^3$" out || fail "size and volume of block.msh"
+grep -q "^warning" out && fail "block.msh warns of itself"
+knead mesh "$meshes/block.msh" --unit cm | grep -q "^size *500 x 500 x 300 mm" || fail "--unit"
+knead mesh "$meshes/disc.msh" | grep -q "Gmsh 2.2 ASCII, 175 nodes, 308 triangles" || fail "disc.msh"
+count=0
+bad=$KN_SOURCE/tests/core/meshes_bad
+while read -r line; do
+    refuses 2 "$bad/$line" "$bad/${line%%:*}"
+    count=$((count + 1))
+done <"$bad/expected"
+[ $count -ge 70 ] || fail "only $count bad meshes"
+
+# ---- what was asked for
+surface=$KN_SOURCE/tests/clients/surfaces/block.obj
+refuses 2 "knead mesh: expected one .obj, .stl or .msh file; --help tells the rest"
+refuses 2 "knead mesh: 'dough.yaml': expected a file that ends in .obj, .stl or .msh" dough.yaml
+refuses 2 "knead mesh: -o, --size and --tool make a mesh of a surface, expected .obj or .stl" "$meshes/block.msh" --size 5mm
+refuses 2 "knead mesh: expected --size LENGTH, e.g. --size 5mm" "$surface" -o x.msh
+refuses 2 "knead mesh: expected -o OUT.msh" "$surface" --size 5mm
+refuses 2 "knead mesh: expected -o OUT.msh" "$surface" --size 5mm -o x.stl
+refuses 2 "knead mesh: --size 5: expected a length from 1e-05 to 1 m, e.g. 5mm" "$surface" --size 5 -o x.msh
+refuses 2 "knead mesh: --unit inch: expected m, cm, mm or um" "$surface" --unit inch
+refuses 2 "knead mesh: --tool mesher: expected gmsh or tetgen" "$surface" --tool mesher
+refuses 2 "knead mesh: --size: 0.1 mm would make about 9e+08 tetrahedra, expected at most 2097152" "$surface" \
+    --size 0.1mm -o x.msh
+refuses 2 "missing.msh:1:1: No such file or directory, expected a file of at most 256 MiB" missing.msh
+knead mesh --help | grep -q "^usage: knead mesh IN.obj|IN.stl -o OUT.msh --size LENGTH" || fail "--help"
+
+# ---- surfaces that cannot be filled
+sed '$d' "$surface" >hole.obj
+(cat "$surface" && echo "v 99 0 0" && echo "f 1 5 9") >three.obj
+sed '$d' "$surface" | (cat && echo "f 6 8 4 2") >turned.obj
+(cat "$surface" && sed -n 's/^v /v 1/p' "$surface" && echo "f -8 -6 -5 -7" && echo "f -4 -3 -1 -2" &&
+    echo "f -8 -7 -3 -4" && echo "f -6 -2 -1 -5" && echo "f -8 -4 -2 -6" && echo "f -7 -5 -1 -3") >two.obj
+echo "v 0 0 0" >points.obj
+printf 'v 0 0 0\nf 1 2 3\n' >number.obj
+printf 'v 0 0 0\nv 0 0 x\n' >text.obj
+printf 'v 0 0 0\nf 1 1\n' >face.obj
+: >empty.stl
+echo "one solid block" >prose.stl
+printf 'solid\nfacet\nvertex 0 0 0\nvertex 1 0 0\nendfacet\n' >corner.stl
+head -c 200 "$KN_SOURCE/tests/clients/surfaces/block-binary.stl" >cut.stl
+refused() { refuses 2 "$1:$2" "$1" --size 1cm -o x.msh; }
+refused hole.obj "11:1: the surface has holes: 4 edges belong to one triangle only, the first to triangle 2; expected a closed surface"
+refused three.obj "15:1: triangles 6, 9 and 13 share one edge, expected two at every edge"
+refused turned.obj "16:1: triangles 5 and 12 face opposite ways, expected all to face outwards"
+refused two.obj "25:1: 2 closed surfaces, expected one: triangle 13 is not of the first"
+refused points.obj "1:1: no triangles, expected a closed surface"
+refused number.obj "2:5: no vertex so far with this number, expected 1 to 1"
+refused text.obj "2:7: not a finite number, expected a coordinate"
+refused face.obj "2:1: a face of 2 corners, expected 3 or more"
+refused empty.stl "1:1: empty, expected a closed surface"
+refused prose.stl "1:1: no STL: neither binary nor text, expected 'solid'"
+refused corner.stl "5:1: a facet of 2 corners, expected 3"
+refused cut.stl "1:1: byte 80: 12 triangles are declared, expected 684 bytes for them, not 200"
+[ -e x.msh ] && fail "a mesh of a surface that was refused"
+
+# ---- without the programs
+mkdir empty
+PATH=$(dirname "$(command -v knead)") refuses 3 \
+    "knead mesh: $surface: gmsh is not installed, expected it: apt-get install gmsh" "$surface" --size 1cm -o x.msh
+PATH=$(dirname "$(command -v knead)") refuses 3 \
+    "knead mesh: $surface: tetgen is not installed, expected it: apt-get install tetgen" "$surface" --size 1cm -o x.msh \
+    --tool tetgen
+[ $failed = 0 ] || exit 1
+for tool in gmsh tetgen; do
+    command -v $tool >/dev/null || { echo "skipped: $tool is not installed"; exit 77; }
+done
+
+# ---- with them
+export TMPDIR=$PWD/tmp
+mkdir "$TMPDIR"
+for tool in gmsh tetgen; do
+    for file in block.obj block.stl block-binary.stl; do
+        knead mesh "$KN_SOURCE/tests/clients/surfaces/$file" -o block.msh --size 1cm --tool $tool >out 2>err ||
+            fail "$tool, $file: $(cat err)"
+        grep -q "^surface .*12 triangles, closed, 75 cm^3 inside" out || fail "$tool, $file: $(cat out)"
+        grep -q "^size *50 x 50 x 30 mm, volume 75 cm^3" out || fail "$tool, $file: $(cat out)"
+        awk '/^spacing/ && $4 > 7 && $4 < 14 { good = 1 } END { exit !good }' out || fail "$tool: $(grep spacing out)"
+        knead mesh block.msh | cmp -s - <(grep -v ^surface out) || fail "$tool: what was made is not what is read"
+    done
+    cp block.msh first.msh
+    knead mesh "$KN_SOURCE/tests/clients/surfaces/block-binary.stl" -o block.msh --size 1cm --tool $tool >/dev/null
+    cmp -s first.msh block.msh || fail "$tool makes another mesh the second time"
+done
+knead mesh "$surface" -o metre.msh --size 20cm --unit cm | grep -q "^size *500 x 500 x 300 mm" || fail "a surface in cm"
+
+# a corner pushed through the opposite side: the program's own words, in one line
+sed 's/^v 50 50 30/v 25 24 -20/' "$surface" >cross.obj
+refuses 2 "knead mesh: cross.obj: tetgen cannot fill this surface: Facet #1 intersects facet #4 at triangles:" cross.obj \
+    --size 6mm -o x.msh --tool tetgen
+knead mesh cross.obj --size 6mm -o x.msh >out 2>err
+[ $? = 2 ] && [ "$(wc -l <err)" = 1 ] && grep -q "^knead mesh: cross.obj: gmsh cannot fill this surface: .*intersect" err ||
+    fail "a surface that crosses itself: $(cat err)"
+refuses 3 "knead mesh: /nowhere/x.msh: No such file or directory, expected a file that can be written" "$surface" \
+    --size 2cm -o /nowhere/x.msh
+[ -e x.msh ] && fail "a mesh of a surface that crosses itself"
+
+# stopped: nothing is left, neither files nor the program
+knead mesh "$surface" --size 1mm -o stopped.msh >out 2>err &
+child=$!
+for _ in $(seq 200); do
+    log=$(echo "$TMPDIR"/*/log)
+    [ -s "$log" ] && break
+    sleep 0.02
+done
+[ -s "$log" ] || fail "no program was started within 4 s"
+kill -TERM $child
+wait $child
+[ $? = 143 ] || fail "knead mesh does not die of SIGTERM"
+[ -e stopped.msh ] && fail "a mesh although stopped"
+[ -z "$(ls -A "$TMPDIR")" ] || fail "left behind: $(ls -A "$TMPDIR")"
+exit $failed
