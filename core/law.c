@@ -49,7 +49,7 @@ double kn_law_stress(const kn_law *law, double b_pa)
             if (fabs(f) <= 4e-16) break; // two roundings of the logarithm's argument
             if (f > 0) hi = s;
             else lo = s;
-            double next = s - f / (1.0 / s + law->mat.beta_per_pa * r / (1.0 + r));
+            double next = s - f / (1.0 / s + kn_material_thinning(&law->mat, s) * r / (1.0 + r));
             if (!(next > lo && next < hi)) next = 0.5 * (lo + hi);
             if (next == s) break;
             s = next;
@@ -65,12 +65,20 @@ double kn_law_slope(const kn_law *law, double stress_pa, kn_linearization how)
     if (s >= law->s1_pa) return law->slope_flow;
     double r = law->a_pa_s / kn_material_c2(&law->mat, s);
     double secant = 1.0 / (1.0 + r);
-    double tangent = 1.0 / (1.0 + r * (1.0 + law->mat.beta_per_pa * s)); // g' = (1 + beta s)/c2
+    double tangent = 1.0 / (1.0 + r * (1.0 + kn_material_thinning(&law->mat, s) * s)); // g' = (1 - s dlnc2/ds)/c2
     switch (how) {
     case KN_LINEARIZATION_SECANT: return secant;
     case KN_LINEARIZATION_TANGENT: return tangent;
     default: return 0.5 * (secant + tangent);
     }
+}
+
+double kn_law_stop(const kn_law *law, double stress_pa, double b_pa, double inwards, double outwards)
+{
+    double per_strain = law->a_pa_s / law->dt_s;
+    double in = inwards > KN_LAW_STROKE_ENDS ? per_strain * inwards : 0;
+    double out = outwards > KN_LAW_STROKE_ENDS ? per_strain * outwards : 0;
+    return fmax(b_pa - out, fmin(stress_pa, b_pa + in));
 }
 
 // The polynomial of `degree` through (at, value), as monomials.
@@ -142,11 +150,13 @@ void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact)
 {
     *law = (kn_law){.mat = *mat, .dt_s = dt_s, .a_pa_s = mat->c1_pa_s + dt_s * mat->k1_pa};
     law->slope_rest = law->slope_flow = slope_of(law, kn_material_c2(mat, 0));
-    if (mat->damper == KN_DAMPER_NONE) {
+    if (kn_material_stroke(mat, &law->in, &law->out)) {
         law->kind = KN_LAW_VOIGT;
         return;
     }
-    if (mat->damper == KN_DAMPER_CONSTANT || mat->beta_per_pa == 0 || law->a_pa_s == 0) {
+    law->stroke = mat->stroke[1] > 0;
+    double thinning = kn_material_thinning(mat, mat->p0_pa);
+    if (mat->damper == KN_DAMPER_CONSTANT || thinning == 0 || law->a_pa_s == 0) {
         law->kind = KN_LAW_LINEAR;
         return;
     }
@@ -155,7 +165,7 @@ void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact)
     law->s1_pa = mat->p1_pa;
     law->bh_pa = law->s1_pa / law->slope_flow;
     // p0 = 0 leaves no straight branch; below beta s = 1e-4 the exponential is one to 1e-4
-    law->s0_pa = fmin(fmax(mat->p0_pa, 1e-4 / mat->beta_per_pa), 0.5 * mat->p1_pa);
+    law->s0_pa = fmin(fmax(mat->p0_pa, 1e-4 / thinning), 0.5 * mat->p1_pa);
     if (mat->p0_pa >= law->s0_pa) law->s0_pa = mat->p0_pa;
     law->b0_pa = law->s0_pa / slope_of(law, kn_material_c2(mat, law->s0_pa));
     law->slope_rest = law->s0_pa / law->b0_pa;

@@ -17,6 +17,8 @@ static double damper(const kn_material *m, double s)
 {
     if (m->damper == KN_DAMPER_CONSTANT) return m->c2_pa_s;
     double clamped = s < m->p0_pa ? m->p0_pa : s > m->p1_pa ? m->p1_pa : s;
+    if (m->damper == KN_DAMPER_RAMP)
+        return m->c_max_pa_s - (m->c_max_pa_s - m->c_min_pa_s) * (clamped - m->p0_pa) / (m->p1_pa - m->p0_pa);
     return m->alpha_pa_s * exp(-m->beta_per_pa * clamped);
 }
 
@@ -244,6 +246,45 @@ TEST("a damper that starts to thin at zero stress (p0 = 0) is followed within 1e
     kn_law law;
     kn_law_build(&law, &m, 1e-3, true);
     CHECK_NEAR(worst_against_bisection(&law, 1e-3, 1e8), 0, 1e-4);
+}
+
+// The dough's ends joined by a straight line.
+static kn_material ramp(double c_max, double c_min, double p0, double p1)
+{
+    kn_material m = dough;
+    m.damper = KN_DAMPER_RAMP;
+    m.c_max_pa_s = c_max * GF_CM2;
+    m.c_min_pa_s = c_min * GF_CM2;
+    m.p0_pa = p0 * GF_CM2;
+    m.p1_pa = p1 * GF_CM2;
+    return m;
+}
+
+TEST("a ramp is followed as an exponential is: to 1e-12 exactly, by its table to the promised 1e-3, increasing and with its kinks")
+{
+    const kn_material m[] = {ramp(39190, 120, 9, 80), ramp(39190, 20000, 9, 80), ramp(3919, 120, 0, 80), ramp(500, 499, 1, 2)};
+    for (int i = 0; i < 4; i++) {
+        kn_law exact, fast;
+        kn_law_build(&exact, &m[i], 1e-3, true);
+        CHECK(exact.kind == KN_LAW_EXACT);
+        // p0 = 0 has no resting line: below 1e-4 of the ramp it is taken for one
+        CHECK_NEAR(worst_against_bisection(&exact, 1e-3, 1e9), 0, m[i].p0_pa > 0 ? 1e-12 : 1e-4);
+        kn_law_build(&fast, &m[i], 1e-3, false);
+        printf("     ramp %d: %s, table error %.1e\n", i, fast.kind == KN_LAW_TABLE ? "table" : "exact", fast.table_error);
+        double worst = 0, before = 0, slope_off = 0;
+        for (int k = 0; k <= 4000; k++) {
+            double b = 0.5 * fast.b0_pa * pow(4 * fast.bh_pa / fast.b0_pa, k / 4000.0), s = kn_law_stress(&fast, b);
+            CHECK(s > before);
+            before = s;
+            if (fast.kind == KN_LAW_TABLE) worst = fmax(worst, fabs((double)table(&fast, (float)b) - s) / s);
+            if (fabs(b / fast.b0_pa - 1) < 1e-3 || fabs(b / fast.bh_pa - 1) < 1e-3) continue;
+            double h = 1e-6 * b, rise = (kn_law_stress(&exact, b + h) - kn_law_stress(&exact, b - h)) / (2 * h);
+            slope_off = fmax(slope_off, fabs(kn_law_slope(&exact, s, KN_LINEARIZATION_TANGENT) / rise - 1));
+        }
+        CHECK_NEAR(worst, 0, 1.05e-3);
+        CHECK_NEAR(slope_off, 0, 1e-4);
+        CHECK_NEAR(kn_law_stress(&fast, fast.bh_pa), m[i].p1_pa, 1e-9 * m[i].p1_pa);
+    }
 }
 
 TESTS_MAIN

@@ -85,4 +85,60 @@ TEST("every parameter that cannot be simulated is named, the dough and the limit
     CHECK(!kn_material_check(&constant));
 }
 
+static const kn_material ramp = {.k1_pa = 470 * GF_CM2,
+                                 .c1_pa_s = 2500 * GF_CM2,
+                                 .damper = KN_DAMPER_RAMP,
+                                 .c_max_pa_s = 39190 * GF_CM2,
+                                 .c_min_pa_s = 120 * GF_CM2,
+                                 .p0_pa = 9 * GF_CM2,
+                                 .p1_pa = 80 * GF_CM2};
+
+TEST("a ramp falls from c_max at p0 to c_min at p1, half way between them half way, and is constant outside")
+{
+    CHECK(kn_material_c2(&ramp, 0) == ramp.c_max_pa_s && kn_material_c2(&ramp, -9 * GF_CM2) == ramp.c_max_pa_s);
+    CHECK_NEAR(kn_material_c2(&ramp, 44.5 * GF_CM2) / GF_CM2, (39190 + 120) / 2.0, 1e-6);
+    CHECK_NEAR(kn_material_c2(&ramp, 80 * GF_CM2) / GF_CM2, 120, 1e-6);
+    CHECK_NEAR(kn_material_c2(&ramp, 1e9) / GF_CM2, 120, 1e-6);
+}
+
+TEST("thinning is -d ln c2/d stress of both, and 0 where the damper is constant")
+{
+    const kn_material *m[] = {&dough, &ramp};
+    for (int i = 0; i < 2; i++)
+        for (double s = 10 * GF_CM2; s < 79 * GF_CM2; s += 100) {
+            double fall = log(kn_material_c2(m[i], s - 0.1) / kn_material_c2(m[i], s + 0.1)) / 0.2;
+            CHECK_NEAR(kn_material_thinning(m[i], s) / fall, 1, 1e-5);
+        }
+    CHECK(kn_material_thinning(&dough, 0) == 0 && kn_material_thinning(&ramp, 81 * GF_CM2) == 0);
+}
+
+TEST("a ramp that rises is refused")
+{
+    kn_material m = ramp;
+    m.c_min_pa_s = 1.1 * m.c_max_pa_s;
+    CHECK(kn_material_check(&m) && strstr(kn_material_check(&m), "c_min <= c_max"));
+    m.c_min_pa_s = 0;
+    CHECK(kn_material_check(&m));
+}
+
+TEST("stops limit the permanent strain to a0/a_max - 1 and a0/a_min - 1; equal ones make the damper rigid")
+{
+    kn_material m = dough;
+    double in, out;
+    CHECK(!kn_material_stroke(&m, &in, &out) && isinf(in) && isinf(out));
+    m.ratio = 0.2;
+    m.stroke[0] = 0.02;
+    m.stroke[1] = 0.98;
+    CHECK(!kn_material_check(&m) && !kn_material_stroke(&m, &in, &out));
+    CHECK_NEAR(in, 0.2 / 0.98 - 1, 1e-12);
+    CHECK_NEAR(out, 9, 1e-12);
+    m.ratio = 0.99; // outside
+    CHECK(kn_material_check(&m) && strstr(kn_material_check(&m), "ratio"));
+    m.ratio = m.stroke[0] = m.stroke[1] = 1;
+    CHECK(!kn_material_check(&m) && kn_material_stroke(&m, &in, &out));
+    CHECK(isinf(kn_material_c2(&m, 0)) && kn_material_flow(&m, 1e6) == 0);
+    m.stroke[0] = 1.1;
+    CHECK(kn_material_check(&m) && strstr(kn_material_check(&m), "stroke"));
+}
+
 TESTS_MAIN
