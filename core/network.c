@@ -7,18 +7,31 @@ enum { NODES = 2 * KN_ELEMENT_MAX, STAGES = 5, NEWTON_MAX = 80 };
 
 // ---- the parts
 
+bool kn_part_thins(const kn_part *p) { return p->beta_per_pa > 0 || p->c_min_pa_s > 0; }
+
+// c at a stress, and how much its logarithm falls per stress there.
+static double viscosity(const kn_part *p, double a, double *thinning)
+{
+    *thinning = 0;
+    if (!kn_part_thins(p)) return p->modulus;
+    bool ramp = p->c_min_pa_s > 0;
+    double inside = fmin(fmax(a, p->p0_pa), p->p1_pa), fall = (p->modulus - p->c_min_pa_s) / (p->p1_pa - p->p0_pa);
+    double c = ramp ? p->modulus - fall * (inside - p->p0_pa) : p->modulus * exp(-p->beta_per_pa * inside);
+    if (a > p->p0_pa && a <= p->p1_pa) *thinning = ramp ? fall / c : p->beta_per_pa;
+    return c;
+}
+
 static double flow(const kn_part *p, double s, double *slope)
 {
-    double a = fabs(s), inside = fmin(fmax(a, p->p0_pa), p->p1_pa);
-    double c = p->beta_per_pa > 0 ? p->modulus * exp(-p->beta_per_pa * inside) : p->modulus;
-    *slope = (a > p->p0_pa && a <= p->p1_pa ? 1 + p->beta_per_pa * a : 1) / c;
+    double thinning, c = viscosity(p, fabs(s), &thinning);
+    *slope = (1 + thinning * fabs(s)) / c;
     return s / c;
 }
 
 double kn_part_modulus(const kn_network *net, int leaf, double stress_pa)
 {
-    const kn_part *p = &net->part[leaf];
-    return p->modulus * exp(-p->beta_per_pa * fmin(fmax(fabs(stress_pa), p->p0_pa), p->p1_pa));
+    double thinning;
+    return viscosity(&net->part[leaf], fabs(stress_pa), &thinning);
 }
 
 static bool is_spring(const kn_element *e, int leaf)
@@ -35,7 +48,7 @@ const char *kn_network_check(const kn_network *net, int *leaf)
         *leaf = i;
         if (!(isfinite(p->modulus) && p->modulus > 0)) return "needs a finite modulus above 0";
         if (!(isfinite(p->beta_per_pa) && p->beta_per_pa >= 0)) return "needs a finite beta, not negative";
-        if (p->beta_per_pa == 0) continue;
+        if (!kn_part_thins(p)) continue;
         if (is_spring(&net->element, i)) return "is a spring: only a damper can depend on the stress";
         if (!(isfinite(p->p1_pa) && p->p0_pa >= 0 && p->p0_pa < p->p1_pa)) return "needs 0 <= p0 < p1, finite";
         if (p->beta_per_pa * p->p1_pa > 600) return "has a beta * p1 above 600, beyond the range of a double";
@@ -56,6 +69,7 @@ typedef struct stage {
     double guess[KN_ELEMENT_MAX]; // stress around which a damper is taken as straight
     double stress[KN_ELEMENT_MAX];
     double taken[KN_ELEMENT_MAX]; // D
+    int8_t at_stop[KN_ELEMENT_MAX];
     line at[NODES];
 } stage;
 
@@ -63,6 +77,7 @@ static line leaf_line(const stage *g, const kn_element_node *n)
 {
     const kn_part *p = &g->net->part[n->leaf];
     if (n->kind == KN_ELEMENT_SPRING) return (line){1 / p->modulus, -g->base[n->leaf]};
+    if (g->at_stop[n->leaf]) return (line){0, 0};
     double slope, s = g->guess[n->leaf], rate = flow(p, s, &slope);
     return (line){g->h * slope, g->h * (rate - slope * s)};
 }
@@ -157,7 +172,7 @@ static bool solve(stage *g, const demand *want, double *root_stress)
         for (int k = 0; k < e->leaves; k++) {
             const kn_part *p = &g->net->part[k];
             size = fmax(size, fabs(g->stress[k]));
-            if (p->beta_per_pa == 0) continue;
+            if (!kn_part_thins(p) || g->at_stop[k]) continue;
             double next = next_guess(p, g->guess[k], g->stress[k]);
             change = fmax(change, fmax(fabs(next - g->guess[k]), fabs(next - g->stress[k])));
             g->guess[k] = next;
@@ -166,6 +181,43 @@ static bool solve(stage *g, const demand *want, double *root_stress)
         if (change <= 1e-12 * size || g->h == 0) return true; // at h = 0 there is nothing to iterate
     }
     return false;
+}
+
+// ---- stops
+
+#define ARRIVED 1e-12 // of the specimen's height
+
+// Share of a step after which the first damper would pass a stop, or its stress has turned while it stood at one; 1: none.
+static double first_event(const kn_network *net, const kn_network_state *from, const kn_network_state *to)
+{
+    double first = 1;
+    for (int i = 0; i < net->element.leaves; i++) {
+        const kn_part *p = &net->part[i];
+        double x0 = from->part_strain[i], x1 = to->part_strain[i], s0 = from->part_stress[i], s1 = to->part_stress[i];
+        if (!p->stroke) continue;
+        if (from->at_stop[i] == 0 && x1 > p->stop[1] + ARRIVED) first = fmin(first, (p->stop[1] - x0) / (x1 - x0));
+        if (from->at_stop[i] == 0 && x1 < p->stop[0] - ARRIVED) first = fmin(first, (p->stop[0] - x0) / (x1 - x0));
+        if (from->at_stop[i] * s1 < 0) first = fmin(first, from->at_stop[i] * s0 > 0 ? s0 / (s0 - s1) : 0);
+    }
+    return fmax(first, 0);
+}
+
+// Dampers that have come to a stop stand there; those whose stress has turned are free. True when any did.
+static bool settle(const kn_network *net, kn_network_state *state)
+{
+    bool changed = false;
+    for (int i = 0; i < net->element.leaves; i++) {
+        const kn_part *p = &net->part[i];
+        double *x = &state->part_strain[i], s = state->part_stress[i];
+        int8_t was = state->at_stop[i];
+        if (!p->stroke) continue;
+        if (was * s < 0) state->at_stop[i] = 0;
+        if (s > 0 && *x >= p->stop[1] - ARRIVED) state->at_stop[i] = 1;
+        if (s < 0 && *x <= p->stop[0] + ARRIVED) state->at_stop[i] = -1;
+        if (state->at_stop[i]) *x = p->stop[state->at_stop[i] > 0];
+        changed = changed || state->at_stop[i] != was;
+    }
+    return changed;
 }
 
 // ---- the bench
@@ -199,6 +251,7 @@ static stage stage_from(const kn_network *net, const kn_network_state *state, do
     stage g = {.net = net, .h = h};
     memcpy(g.base, state->part_strain, sizeof g.base);
     memcpy(g.guess, state->part_stress, sizeof g.guess);
+    memcpy(g.at_stop, state->at_stop, sizeof g.at_stop);
     return g;
 }
 
@@ -210,7 +263,10 @@ static bool observe(const kn_network *net, kn_network_state *state, const kn_dri
     stage g = stage_from(net, state, instant);
     demand want = demand_at(&g, drive, state->time_s);
     state->strain = strain_of(&net->element, net->element.root, g.base);
-    return solve(&g, &want, &state->stress_pa);
+    if (!solve(&g, &want, &state->stress_pa)) return false;
+    for (int i = 0; i < net->element.leaves; i++)
+        if (net->part[i].stroke) state->part_stress[i] = g.stress[i]; // a new drive may have turned it
+    return true;
 }
 
 bool kn_network_jump(const kn_network *net, kn_network_state *state, const kn_drive *drive)
@@ -224,7 +280,7 @@ bool kn_network_jump(const kn_network *net, kn_network_state *state, const kn_dr
     if (!solve(&g, &want, &s)) return false;
     for (int i = 0; i < net->element.leaves; i++) state->part_strain[i] += g.taken[i];
     state->step_s = 0;
-    if (observe(net, state, drive)) return true;
+    if (observe(net, state, drive) && (!settle(net, state) || observe(net, state, drive))) return true;
     *state = before;
     return false;
 }
@@ -299,6 +355,12 @@ bool kn_network_advance(const kn_network *net, kn_network_state *state, const kn
             state->rejected++;
             continue;
         }
+        double event = first_event(net, state, &next);
+        if (event < 1 - 1e-6 && h > shortest) {
+            state->step_s = fmax(h * event, shortest);
+            continue;
+        }
+        settle(net, &next);
         // a step cut short by `until` says nothing against the longer one that was planned
         next.step_s = fmax(h * factor, h < state->step_s ? state->step_s : 0);
         next.steps = state->steps + 1;
@@ -307,73 +369,4 @@ bool kn_network_advance(const kn_network *net, kn_network_state *state, const kn
     }
     state->time_s = until_s;
     return observe(net, state, drive);
-}
-
-// ---- the papers' material
-
-static kn_network from_text(const char *text)
-{
-    kn_network net = {0};
-    char error[64];
-    kn_element_parse(&net.element, text, error, sizeof error); // one of the texts below
-    return net;
-}
-
-kn_network kn_network_of(const kn_material *mat)
-{
-    static const char *const text[2][4] = {{"", "s", "d", "s|d"}, {"", "s-d", "d-d", "(s|d)-d"}};
-    bool damper = mat->damper != KN_DAMPER_NONE;
-    kn_network net = from_text(text[damper][(mat->k1_pa > 0) + 2 * (mat->c1_pa_s > 0)]);
-    int at = 0;
-    if (mat->k1_pa > 0) net.part[at++].modulus = mat->k1_pa;
-    if (mat->c1_pa_s > 0) net.part[at++].modulus = mat->c1_pa_s;
-    if (mat->damper == KN_DAMPER_CONSTANT) net.part[at].modulus = mat->c2_pa_s;
-    if (mat->damper == KN_DAMPER_EXPONENTIAL)
-        net.part[at] = (kn_part){mat->alpha_pa_s, mat->beta_per_pa, mat->p0_pa, mat->p1_pa};
-    return net;
-}
-
-static void set_damper(kn_material *mat, const kn_part *p)
-{
-    mat->damper = p->beta_per_pa > 0 ? KN_DAMPER_EXPONENTIAL : KN_DAMPER_CONSTANT;
-    mat->c2_pa_s = mat->alpha_pa_s = p->modulus;
-    mat->beta_per_pa = p->beta_per_pa;
-    mat->p0_pa = p->p0_pa;
-    mat->p1_pa = p->p1_pa;
-}
-
-// Takes a spring into k1 or a linear damper into c1, each once.
-static bool take_voigt(const kn_network *net, const kn_element_node *n, kn_material *mat)
-{
-    double *to = n->kind == KN_ELEMENT_SPRING ? &mat->k1_pa : &mat->c1_pa_s;
-    if (n->kind >= KN_ELEMENT_SERIES || *to > 0 || net->part[n->leaf].beta_per_pa > 0) return false;
-    *to = net->part[n->leaf].modulus;
-    return true;
-}
-
-// A spring, a linear damper, or the two side by side.
-static bool take_part(const kn_network *net, int node, kn_material *mat)
-{
-    const kn_element_node *n = &net->element.node[node];
-    if (n->kind != KN_ELEMENT_PARALLEL) return take_voigt(net, n, mat);
-    for (int i = 0; i < n->count; i++)
-        if (!take_voigt(net, &net->element.node[n->child[i]], mat)) return false;
-    return true;
-}
-
-bool kn_network_material(const kn_network *net, kn_material *mat)
-{
-    const kn_element *e = &net->element;
-    const kn_element_node *n = &e->node[e->root];
-    *mat = (kn_material){.damper = KN_DAMPER_NONE};
-    if (n->kind != KN_ELEMENT_SERIES) return take_part(net, e->root, mat);
-    if (n->count != 2) return false;
-    for (int last = 1; last >= 0; last--) { // the free damper is the last damper of the two that leaves the rest a part
-        const kn_element_node *d = &e->node[n->child[last]];
-        *mat = (kn_material){.damper = KN_DAMPER_NONE};
-        if (d->kind != KN_ELEMENT_DAMPER || !take_part(net, n->child[!last], mat)) continue;
-        set_damper(mat, &net->part[d->leaf]);
-        return true;
-    }
-    return false;
 }

@@ -6,6 +6,9 @@
 //
 //     spring  s = k (x + D)              damper  D = h g(s),  g(s) = s / (c exp(-beta clamp(|s|, p0, p1)))          (1)
 //
+// (or a ramp from c to c_min between p0 and p1 for the exponential). A damper may have a stroke, x between two stops: steps
+// end where one is met, from then on it is rigid (D = 0), and steps end again where its stress turns.
+//
 // parts in a row carry one s and add their D, parts side by side share one D and add their s, and the bench prescribes
 // s, or D, or how they belong together. (1) is linear but for dampers with beta > 0, which Newton takes as straight
 // lines; so the tree is composed upwards to one line D = slope s + offset, met with the bench, and the stresses are
@@ -20,10 +23,14 @@
 // height falls and the volume stays: P = W h/(S0 h0), i.e. stress = load (1 - strain) (first paper, equation 4).
 #include "core/element.h"
 #include "core/material.h"
+#include <stdint.h>
 
 typedef struct kn_part {
     double modulus;                   // > 0; spring: k, Pa. damper: c at no stress, Pa s
     double beta_per_pa, p0_pa, p1_pa; // damper: as in core/material.h; beta 0: constant
+    double c_min_pa_s;                // damper: 0, or the end of a ramp from modulus, with beta 0
+    bool stroke;                      // damper: it has stops
+    double stop[2];                   // least and most x, <= 0 and >= 0; x > 0 is compressed
 } kn_part;
 
 typedef struct kn_network {
@@ -48,6 +55,7 @@ typedef struct kn_network_state { // a plain value: a copy is a snapshot; all ze
     double strain, stress_pa;           // between the two ends, at time_s
     double part_strain[KN_ELEMENT_MAX]; // x
     double part_stress[KN_ELEMENT_MAX]; // at the end of the last stage; Newton starts from it
+    int8_t at_stop[KN_ELEMENT_MAX];     // 1: at its most compressed, -1: at its most drawn
     double largest;                     // strain of a part so far, of which an error is a share
     double step_s;                      // that the error allowed last
     long steps, rejected;
@@ -62,6 +70,8 @@ bool kn_network_material(const kn_network *net, kn_material *mat);
 
 // NULL, or one sentence about the part that cannot be simulated; *leaf is its number.
 const char *kn_network_check(const kn_network *net, int *leaf);
+
+bool kn_part_thins(const kn_part *part); // whether it is a damper that depends on the stress
 
 // c of a damper at a stress of either sign, Pa s; k of a spring.
 double kn_part_modulus(const kn_network *net, int leaf, double stress_pa);

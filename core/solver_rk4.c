@@ -54,6 +54,12 @@ static double edge_geometry(const double *rest, const double *x, const double *v
     return length;
 }
 
+// Whether a damper that went inwards by so much, as a share of the rest length, stands at the stop that s drives it to.
+static bool at_stop(const kn_law *law, double s, double inwards)
+{
+    return s < 0 ? -inwards <= law->in + KN_LAW_STROKE_ENDS : -inwards >= law->out - KN_LAW_STROKE_ENDS;
+}
+
 // Adds every edge's pull to f[3 per node] and writes u'.
 static void edge_forces(const kn_model *model, shape at, const double *rest, const double *y, double *f, double *du)
 {
@@ -66,8 +72,10 @@ static void edge_forces(const kn_model *model, shape at, const double *rest, con
         double per_m = 1.0 / (model->gamma * edge->rest_m); // length to strain
         double w = rate * per_m;
         double u = voigt ? (length - edge->rest_m) * per_m : y[at.u + (size_t)e];
-        double s = kn_law_stress(law, law->a_pa_s * w + law->mat.k1_pa * u);
-        if (!voigt) du[e] = w - kn_material_flow(&law->mat, s);
+        double b = law->a_pa_s * w + law->mat.k1_pa * u, s = kn_law_stress(law, b);
+        bool still = law->stroke && at_stop(law, s, model->gamma * (u + (edge->rest_m - length) * per_m));
+        if (still) s = b;
+        if (!voigt) du[e] = still ? w : w - kn_material_flow(&law->mat, s);
         double tension = s * model->kappa_m * edge->weight / per_m;
         for (size_t k = 0; k < 3; k++) {
             f[3 * (size_t)edge->i + k] += tension * n[k];

@@ -342,9 +342,10 @@ void kn_bench_print(const kn_bench *b)
     for (int i = 0; kn_element_leaf_name(&b->net.element, i, name); i++) {
         const kn_part *p = &b->net.part[i];
         printf("%s %s %.4g %s", i ? "," : "", name, p->modulus, name[0] == 's' ? "Pa" : "Pa s");
-        if (p->beta_per_pa > 0)
+        if (kn_part_thins(p))
             printf(" at no stress (%.4g to %.4g Pa s)", kn_part_modulus(&b->net, i, 0),
                    kn_part_modulus(&b->net, i, p->p1_pa));
+        if (p->stroke) printf(", stopped at a strain of %.3g and %.3g", p->stop[0], p->stop[1]);
     }
     if (b->model)
         printf("\nbench     lattice of %d x %d x %d cells, diagonals, sliding on the table; step %g s, f64\n",

@@ -37,7 +37,7 @@ static double linear_strain(const kn_network *net, const double *moduli, double 
     const kn_element_node *n = &e->node[node];
     double least = INFINITY, whole[2];
     if (n->kind < KN_ELEMENT_SERIES)
-        return net->part[n->leaf].beta_per_pa > 0 ? net->part[n->leaf].p0_pa / stress : INFINITY;
+        return kn_part_thins(&net->part[n->leaf]) ? net->part[n->leaf].p0_pa / stress : INFINITY;
     kn_oneport_modulus(e, node, moduli, omega, &whole[0], &whole[1]);
     for (int i = 0; i < n->count; i++) {
         double part[2], share = stress;

@@ -267,7 +267,7 @@ TEST("a damper alone of any force dependence carries the one stress at which it 
 {
     kn_material m = dough();
     kn_network net = network("d", (const double[]){1});
-    net.part[0] = (kn_part){m.alpha_pa_s, m.beta_per_pa, m.p0_pa, m.p1_pa};
+    net.part[0] = (kn_part){.modulus = m.alpha_pa_s, .beta_per_pa = m.beta_per_pa, .p0_pa = m.p0_pa, .p1_pa = m.p1_pa};
     for (double stress = 1; stress < 200; stress += 1) { // across both kinks, from a specimen at rest every time
         kn_drive pressed = {KN_DRIVE_STRAIN, .rate_per_s = kn_material_flow(&m, stress * GF_CM2)};
         kn_network_state state = {0};
