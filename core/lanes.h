@@ -1,6 +1,6 @@
 #ifndef KN_CORE_LANES_H
 #define KN_CORE_LANES_H
-// Sixteen lanes of float or double on whatever the file is compiled for. Private to the kernels.
+// Sixteen lanes of float or double on whatever the file is compiled for. Private to kernel.c.
 //
 // Every instruction set gets the same 16 logical lanes, IEEE division and square root, and fused operations only where
 // lanes_fma is written, so all of them give the same bits: a native vector N of W lanes is repeated PARTS = 16/W times.

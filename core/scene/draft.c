@@ -92,10 +92,13 @@ static kn_key_id chooser(kn_key_id id)
 static bool relevant(kn_draft *draft, int slot, kn_key_id id)
 {
     static const int chosen[] = {[KN_WHEN_CONSTANT] = KN_DAMPER_CONSTANT, [KN_WHEN_EXPONENTIAL] = KN_DAMPER_EXPONENTIAL,
+                                 [KN_WHEN_RAMP] = KN_DAMPER_RAMP,         [KN_WHEN_FORCE] = KN_DAMPER_EXPONENTIAL,
                                  [KN_WHEN_PLATE] = KN_PROBE_PLATE, [KN_WHEN_SPHERE] = KN_PROBE_SPHERE};
     kn_key_when when = kn_keys[id].when;
     if (chooser(id) == KN_KEY_MESH) return (when == KN_WHEN_MESH) == (*draft->mesh_path != '\0');
-    return when == KN_WHEN_ALWAYS || *(const int *)kn_draft_field(draft, slot, chooser(id)) == chosen[when];
+    if (when == KN_WHEN_ALWAYS) return true;
+    int choice = *(const int *)kn_draft_field(draft, slot, chooser(id));
+    return choice == chosen[when] || (when == KN_WHEN_FORCE && choice == KN_DAMPER_RAMP);
 }
 
 static bool require(kn_draft *draft, int slot, kn_key_id id)
@@ -149,16 +152,70 @@ static bool finish_modulus(kn_draft *draft, kn_key_id id)
                              kn_key_expects(key, expects));
 }
 
+// An exponential damper may be written by its ends: c_max and c_min for alpha and beta. Before anything is missed.
+static bool take_ends(kn_draft *draft)
+{
+    static const kn_key_id ends[2] = {KN_KEY_C_MAX, KN_KEY_C_MIN}, curve[2] = {KN_KEY_ALPHA, KN_KEY_BETA};
+    kn_material *mat = &draft->scene.model.material;
+    kn_mark at = later(draft, KN_KEY_C_MAX, KN_KEY_C_MIN);
+    if (mat->damper != KN_DAMPER_EXPONENTIAL || !(given(draft, 0, ends[0]) || given(draft, 0, ends[1]))) return true;
+    if (!given(draft, 0, KN_KEY_P0) || !given(draft, 0, KN_KEY_P1)) // that is what is missing
+        return require(draft, 0, given(draft, 0, KN_KEY_P0) ? KN_KEY_P1 : KN_KEY_P0);
+    for (int i = 0; i < 2; i++) {
+        if (!given(draft, 0, ends[i]))
+            return kn_draft_complain(draft, at, "%s is missing, expected it beside %s", kn_keys[ends[i]].path,
+                                     kn_keys[ends[!i]].path);
+        if (given(draft, 0, curve[i]) && draft->at[0][curve[i]].source >= at.source)
+            return kn_draft_complain(draft, draft->at[0][curve[i]], "%s beside c_max and c_min, expected either pair",
+                                     kn_keys[curve[i]].path);
+        if (!finish_modulus(draft, ends[i])) return false;
+        draft->at[0][curve[i]] = (kn_mark){at.source, at.line, at.col, false};
+        draft->at[0][ends[i]].source = KN_SOURCE_DEFAULT;
+    }
+    bool rising = mat->p0_pa < mat->p1_pa; // else that is told later
+    mat->beta_per_pa = rising ? log(mat->c_max_pa_s / mat->c_min_pa_s) / (mat->p1_pa - mat->p0_pa) : 0;
+    mat->alpha_pa_s = mat->c_max_pa_s * exp(mat->beta_per_pa * mat->p0_pa);
+    if (mat->c_min_pa_s <= mat->c_max_pa_s) return true;
+    return kn_draft_complain(draft, at, "material.c_min is %g Pa s, expected at most c_max, %g Pa s", mat->c_min_pa_s,
+                             mat->c_max_pa_s);
+}
+
+// The ratio that a stroke has by default: what keeps its shape as made (Voigt), or its ratio when pressed (two dampers).
+static bool finish_stroke(kn_draft *draft)
+{
+    kn_material *mat = &draft->scene.model.material;
+    kn_mark at = later(draft, KN_KEY_STROKE, KN_KEY_RATIO);
+    bool stroke = given(draft, 0, KN_KEY_STROKE), ratio = given(draft, 0, KN_KEY_RATIO);
+    if (ratio && !stroke)
+        return kn_draft_complain(draft, at, "material.ratio means nothing without a stroke, expected it left out");
+    if (stroke && mat->stroke[1] == 0)
+        return kn_draft_complain(draft, at, "material.stroke ends at 0, expected [a_min, a_max] with a_max above 0");
+    if (stroke && !ratio) {
+        double c2 = kn_material_c2(mat, 0), share = mat->k1_pa > 0 || isinf(c2) ? 0.2 : c2 / (mat->c1_pa_s + c2);
+        mat->ratio = mat->stroke[0] == mat->stroke[1] ? mat->stroke[1] : share;
+        draft->at[0][KN_KEY_RATIO] = at;
+    }
+    const char *problem = kn_material_check(mat);
+    return !problem || kn_draft_complain(draft, at, "material: %s", problem);
+}
+
 static bool finish_material(kn_draft *draft)
 {
     const kn_material *mat = &draft->scene.model.material;
     for (kn_key_id id = 0; id < KN_KEY_COUNT; id++)
         if (kn_keys[id].type == KN_TYPE_MODULUS && relevant(draft, 0, id) && !finish_modulus(draft, id)) return false;
-    if (mat->damper == KN_DAMPER_EXPONENTIAL && mat->p0_pa >= mat->p1_pa)
+    if (relevant(draft, 0, KN_KEY_P0) && mat->p0_pa >= mat->p1_pa)
         return kn_draft_complain(draft, later(draft, KN_KEY_P0, KN_KEY_P1),
                                  "material.p0 is %g Pa, expected less than p1, %g Pa", mat->p0_pa, mat->p1_pa);
-    const char *problem = kn_material_check(mat);
-    return !problem || kn_draft_complain(draft, later(draft, KN_KEY_K1, KN_KEY_C1), "material: %s", problem);
+    if (mat->damper == KN_DAMPER_RAMP && mat->c_min_pa_s > mat->c_max_pa_s)
+        return kn_draft_complain(draft, later(draft, KN_KEY_C_MAX, KN_KEY_C_MIN),
+                                 "material.c_min is %g Pa s, expected at most c_max, %g Pa s", mat->c_min_pa_s,
+                                 mat->c_max_pa_s);
+    kn_material bare = *mat;
+    bare.stroke[0] = bare.stroke[1] = 0;
+    const char *problem = kn_material_check(&bare);
+    if (problem) return kn_draft_complain(draft, later(draft, KN_KEY_K1, KN_KEY_C1), "material: %s", problem);
+    return finish_stroke(draft);
 }
 
 static bool finish_object(kn_draft *draft)
@@ -227,7 +284,7 @@ bool kn_draft_finish(kn_draft *draft)
 {
     kn_model_def *def = &draft->scene.model;
     memset(&def->probe[def->probe_count], 0, sizeof def->probe[0] * (size_t)(KN_PROBES_MAX - def->probe_count));
-    if (!check_presence(draft) || !finish_material(draft) || !finish_object(draft)) return false;
+    if (!take_ends(draft) || !check_presence(draft) || !finish_material(draft) || !finish_object(draft)) return false;
     for (int slot = 1; slot <= def->probe_count; slot++)
         if (!finish_probe(draft, slot)) return false;
     finish_device(draft);

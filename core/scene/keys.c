@@ -163,7 +163,7 @@ const char *kn_key_expects(const kn_key *key, char text[KN_LINE_MAX])
         snprintf(text, KN_LINE_MAX, "a number %s %s (or %s/m with a specimen_height)", range, key->unit, key->unit);
         break;
     case KN_TYPE_REAL:
-        if (key->count > 1) snprintf(text, KN_LINE_MAX, "a list of %d, each %s %s", key->count, range, key->unit);
+        if (key->count > 1) snprintf(text, KN_LINE_MAX, "a list of %d, each %s%s%s", key->count, range, *key->unit ? " " : "", key->unit);
         else snprintf(text, KN_LINE_MAX, "a number %s%s%s", range, *key->unit ? " " : "", key->unit);
         break;
     }
@@ -281,15 +281,16 @@ const char *kn_key_suggest(const char *path, char text[KN_LINE_MAX])
 
 static void describe(const kn_key *key, char *line, size_t size)
 {
-    static const char *const required[] = {"required", "required if no mesh", "required if mesh", "required if constant", "required if exponential",
-                                           "required if plate", "required if sphere"};
+    static const char *const required[] = {
+        "required",         "required if no mesh",   "required if mesh",  "required if constant", "required if exponential",
+        "required if ramp", "required if exp., ramp", "required if plate", "required if sphere"};
     char range[64] = "", value[64];
     const char *unit = key->type == KN_TYPE_CHOICE ? "" : key->unit;
     if (key->type == KN_TYPE_CHOICE) snprintf(value, sizeof value, "%s", key->unit);
     else if (key->type == KN_TYPE_NAME) snprintf(value, sizeof value, "a-z 0-9 _");
     else if (key->type == KN_TYPE_PATH) snprintf(value, sizeof value, "FILE.msh");
     else if (key->type == KN_TYPE_HASH) snprintf(value, sizeof value, "16 hexadecimal digits");
-    else if (key->count > 1) snprintf(value, sizeof value, "%d x %s", key->count, unit);
+    else if (key->count > 1) snprintf(value, sizeof value, "%d x %s", key->count, *unit ? unit : "number");
     else snprintf(value, sizeof value, "%s", *unit ? unit : "number");
     if (key->most > 0) snprintf(range, sizeof range, "%g .. %g", key->least, key->most);
     const char *fallback = !key->fallback ? required[key->when] : *key->fallback ? key->fallback : "none";

@@ -34,7 +34,7 @@
     scene.model.material.k1_pa, "spring of the Voigt part")                                                           \
   X(C1, ALWAYS, "material.c1", MODULUS, 1, "Pa*s", 0, 1e9, NULL,                                                      \
     scene.model.material.c1_pa_s, "dashpot of the Voigt part")                                                        \
-  X(DAMPER, ALWAYS, "material.damper", CHOICE, 1, "none|constant|exponential", 0, 0, NULL,                            \
+  X(DAMPER, ALWAYS, "material.damper", CHOICE, 1, "none|constant|exponential|ramp", 0, 0, NULL,                            \
     scene.model.material.damper, "in series with the Voigt part: what stays")                                         \
   X(C2, CONSTANT, "material.c2", MODULUS, 1, "Pa*s", 1e-6, 1e12, NULL,                                                \
     scene.model.material.c2_pa_s, "the damper")                                                                       \
@@ -42,12 +42,20 @@
     scene.model.material.alpha_pa_s, "the damper is alpha exp(-beta |stress|) ...")                                   \
   X(BETA, EXPONENTIAL, "material.beta", REAL, 1, "1/Pa", 0, 1, NULL,                                                  \
     scene.model.material.beta_per_pa, "... the more stress, the softer ...")                                          \
-  X(P0, EXPONENTIAL, "material.p0", REAL, 1, "Pa", 0, 1e9, NULL,                                                      \
+  X(C_MAX, RAMP, "material.c_max", MODULUS, 1, "Pa*s", 1e-6, 1e15, NULL,                                              \
+    scene.model.material.c_max_pa_s, "the damper is this up to p0 ...")                  \
+  X(C_MIN, RAMP, "material.c_min", MODULUS, 1, "Pa*s", 1e-6, 1e15, NULL,                                              \
+    scene.model.material.c_min_pa_s, "... and this from p1 on; exponential may have these two for alpha, beta")         \
+  X(P0, FORCE, "material.p0", REAL, 1, "Pa", 0, 1e9, NULL,                                                      \
     scene.model.material.p0_pa, "... constant below this stress")                                                     \
-  X(P1, EXPONENTIAL, "material.p1", REAL, 1, "Pa", 1e-6, 1e9, NULL,                                                   \
+  X(P1, FORCE, "material.p1", REAL, 1, "Pa", 1e-6, 1e9, NULL,                                                   \
     scene.model.material.p1_pa, "... and above this one")                                                             \
+  X(STROKE, ALWAYS, "material.stroke", REAL, 2, "", 0, 1, "",                                                          \
+    scene.model.material.stroke, "a_min, a_max: stops of the damper, see core/material.h; none: it goes any way")      \
+  X(RATIO, ALWAYS, "material.ratio", REAL, 1, "", 0, 1, "",                                                            \
+    scene.model.material.ratio, "a0, of the Voigt part as made; with a stroke 0.2, without k1 c2/(c1 + c2)")           \
   X(SPECIMEN_HEIGHT, ALWAYS, "material.specimen_height", REAL, 1, "m", 1e-4, 10, "",                                  \
-    specimen_height_m, "k1 c1 c2 alpha given per height (Pa/m, gf/cm^3) are times this")                              \
+    specimen_height_m, "k1 c1 c2 alpha c_max c_min given per height (Pa/m, gf/cm^3) are times this")                              \
   X(DENSITY, ALWAYS, "density", REAL, 1, "kg/m^3", 1, 3e4, NULL,                                                      \
     scene.model.density_kg_m3, "of the object")                                                                       \
   X(GRAVITY, ALWAYS, "gravity", REAL, 1, "m/s^2", 0, 100, "0 m/s^2",                                                  \
@@ -120,6 +128,8 @@ typedef enum kn_key_when {
     KN_WHEN_MESH,        // object.mesh
     KN_WHEN_CONSTANT,    // material.damper: constant
     KN_WHEN_EXPONENTIAL, // material.damper: exponential
+    KN_WHEN_RAMP,        // material.damper: ramp
+    KN_WHEN_FORCE,       // either of the two
     KN_WHEN_PLATE,       // shape: plate
     KN_WHEN_SPHERE       // shape: sphere
 } kn_key_when;

@@ -178,6 +178,58 @@ TEST("every key can be set")
     kn_scene_destroy(scene);
 }
 
+// A scene of in_cm with this damper instead.
+static kn_scene *damped(const char *a, const char *b, const char *c)
+{
+    const char *const set[] = {a, b, c};
+    kn_scene *scene = parse(in_cm, set, c ? 3 : b ? 2 : 1);
+    if (!scene) KN_TEST_FAIL("%s", error);
+    return scene;
+}
+
+TEST("an exponential damper by its ends is the one by alpha and beta, in the canonical text too; a ramp keeps its ends")
+{
+    kn_scene *dough = load(scenes[0], NULL);
+    static const char *const ends = "material={k1: 470 gf/cm^3, c1: 2500 gf s/cm^3, damper: exponential, c_max: 39187 gf "
+                                    "s/cm^3, c_min: 120.25 gf s/cm^3, p0: 9 gf/cm^2, p1: 80 gf/cm^2}";
+    static const char *const height = "material.specimen_height=1 cm";
+    kn_scene *same = damped(ends, height, NULL);
+    const kn_material *a = &dough->model.material, *b = &same->model.material;
+    for (double s = 100; s < 1e4; s += 100) CHECK_NEAR(kn_material_c2(b, s) / kn_material_c2(a, s), 1, 1e-3);
+    CHECK(strstr(same->text, "alpha: ") && !strstr(same->text, "c_max"));
+    kn_scene *ramp = damped(ends, height, "material.damper=ramp");
+    CHECK_NEAR(ramp->model.material.c_max_pa_s, 39187 * 98.0665, 1e-6);
+    CHECK(ramp->model.material.alpha_pa_s == 0 && strstr(ramp->text, "damper: ramp\n  c_max: ") && !strstr(ramp->text, "beta"));
+    kn_scene *again = parse(ramp->text, NULL, 0);
+    CHECK_STR(again->text, ramp->text);
+    kn_scene_destroy(dough);
+    kn_scene_destroy(same);
+    kn_scene_destroy(ramp);
+    kn_scene_destroy(again);
+}
+
+TEST("a stroke has a ratio: 0.2, its own when it leaves no way, c2/(c1 + c2) without a spring; text without one has neither")
+{
+    kn_scene *scene = damped("material.stroke=[0.02, 0.98]", NULL, NULL);
+    CHECK(scene->model.material.ratio == 0.2 && strstr(scene->text, "stroke: [0.02, 0.98]\n  ratio: 0.2\n"));
+    kn_scene *again = parse(scene->text, NULL, 0);
+    CHECK_STR(again->text, scene->text);
+    kn_scene_destroy(again);
+    kn_scene_destroy(scene);
+    scene = damped("material.stroke=[1, 1]", NULL, NULL);
+    CHECK(scene->model.material.ratio == 1);
+    kn_scene_destroy(scene);
+    scene = damped("material={k1: 0 Pa, c1: 30 kPa s, damper: constant, c2: 10 kPa s, stroke: [0, 1]}", NULL, NULL);
+    CHECK_NEAR(scene->model.material.ratio, 0.25, 1e-15);
+    kn_scene_destroy(scene);
+    scene = damped("material.stroke=[0.3, 0.7]", "material.ratio=0.5", NULL);
+    CHECK(scene->model.material.ratio == 0.5 && scene->model.material.stroke[1] == 0.7);
+    kn_scene_destroy(scene);
+    scene = parse(in_cm, NULL, 0);
+    CHECK(!strstr(scene->text, "stroke") && !strstr(scene->text, " ratio"));
+    kn_scene_destroy(scene);
+}
+
 TEST("moduli per height are times the specimen's height, also one set later")
 {
     static const char *const set[] = {"material.k1=470 gf/cm^3", "material.specimen_height=2 cm"};
@@ -233,6 +285,20 @@ TEST("a bad --set is told by its key")
         {"material.damper=constant",
          "material.c2 is missing, expected a number from 1e-06 to 1e+12 Pa*s (or Pa*s/m with a specimen_height)"},
         {"material.c2=1 Pa s", "material.c2 means nothing with 'damper: exponential', expected it left out"},
+        {"material.c_max=1 Pa s", "material.c_min is missing, expected it beside material.c_max"},
+        {"material={c_max: 1 Pa s, c_min: 2 Pa s}", "material.c_min is 2 Pa s, expected at most c_max, 1 Pa s"},
+        {"material={c_max: 3 Pa s, c_min: 2 Pa s, beta: 1 1/MPa}",
+         "material.beta beside c_max and c_min, expected either pair"},
+        {"material={damper: ramp, c_max: 1 Pa s, c_min: 2 Pa s}",
+         "material.c_min is 2 Pa s, expected at most c_max, 1 Pa s"},
+        {"material={damper: constant, c2: 1 Pa s, c_max: 1 Pa s}",
+         "material.c_max means nothing with 'damper: constant', expected it left out"},
+        {"material.ratio=0.5", "material.ratio means nothing without a stroke, expected it left out"},
+        {"material.stroke=[0.3, 0.7]",
+         "material: ratio must be within the stroke, a_min <= a0 <= a_max, and above 0"},
+        {"material.stroke=[0.7, 0.3]", "material: stroke needs 0 <= a_min <= a_max <= 1, a_max > 0"},
+        {"material.stroke=[0, 0]", "material.stroke ends at 0, expected [a_min, a_max] with a_max above 0"},
+        {"material.stroke=[0.5, 1.5]", "1.5 is out of range, expected a list of 2, each from 0 to 1"},
         {"probes.plate.size=1 cm", "1 value given, expected a list of 2, each from 0.0001 to 10 m"},
         {"probes.plum.size=1 cm", "no probe 'plum', expected one that the scene has"},
         {"probes.plate.name=finger", "probe 'finger' is there already, expected another name"},
