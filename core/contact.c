@@ -15,6 +15,7 @@ static int samples_max(const kn_model *model)
 {
     double count = 0, h = model->def.spacing_m, patches = 0;
     for (int f = 0; f < model->face_count; f++) patches += (double)model->face[f].len[0] * model->face[f].len[1];
+    patches += model->skin_count;
     for (int p = 0; p < model->def.probe_count; p++) {
         const kn_probe_def *probe = &model->def.probe[p];
         double per = samples_per_patch(model, probe), reach = (probe->radius_m + h) / h * per;
@@ -184,8 +185,113 @@ static void sample_patch(const kn_model *model, const kn_state *state, int probe
     }
 }
 
+// --- sphere on a net ------------------------------------------------------------------------------------------------
+
+// Corners of a triangle of the skin, and its normal, not unit; its size is twice the area.
+static void load_triangle(const kn_model *model, const kn_state *state, const int node[3], double x[3][3],
+                          double normal[3])
+{
+    double u[3], v[3];
+    for (int c = 0; c < 3; c++) kn_state_position(model, state, node[c], x[c]);
+    for (int k = 0; k < 3; k++) u[k] = x[1][k] - x[0][k], v[k] = x[2][k] - x[0][k];
+    cross(u, v, normal);
+}
+
+static double rest_area(const kn_model *model, const int node[3])
+{
+    double u[3], v[3], n[3];
+    for (int k = 0; k < 3; k++) {
+        u[k] = model->rest_m[node[1]][k] - model->rest_m[node[0]][k];
+        v[k] = model->rest_m[node[2]][k] - model->rest_m[node[0]][k];
+    }
+    cross(u, v, n);
+    return 0.5 * sqrt(dot(n, n));
+}
+
+// Barycentric weights of the centre of small triangle i of the per^2 that a triangle is cut into.
+static void small_centre(int i, int per, double weight[3])
+{
+    int row = 0;
+    while ((row + 1) * (row + 1) <= i) row++;
+    int at = i - row * row, upward = at % 2 == 0; // a row holds 2 row + 1, in turn upright and upside down
+    double third = upward ? 1.0 / 3 : 2.0 / 3;
+    weight[1] = (at / 2 + third) / per;
+    weight[2] = (per - 1 - row + (upward ? 1.0 / 3 : 2.0 / 3)) / per;
+    weight[0] = 1 - weight[1] - weight[2];
+}
+
+static void sample_triangle(const kn_model *model, const kn_state *state, int probe, const int node[3],
+                            kn_contact *contact)
+{
+    const kn_probe_def *def = &model->def.probe[probe];
+    const double *centre = state->probe[probe].position_m;
+    double x[3][3], outwards[3], h = model->def.spacing_m;
+    int per = samples_per_patch(model, def);
+    double pressure = def->foundation_n_m3 > 0 ? def->foundation_n_m3 : KN_FOUNDATION_N_M3;
+    load_triangle(model, state, node, x, outwards);
+    for (int i = 0; i < per * per; i++) {
+        kn_sample s = {.probe = probe, .stiffness_n_m = pressure * rest_area(model, node) / (per * per)};
+        double away[3];
+        small_centre(i, per, s.weight);
+        for (int k = 0; k < 3; k++)
+            away[k] = s.weight[0] * x[0][k] + s.weight[1] * x[1][k] + s.weight[2] * x[2][k] - centre[k];
+        double distance = sqrt(dot(away, away));
+        s.depth_m = def->radius_m - distance;
+        if (s.depth_m < -0.1 * h || distance == 0 || dot(away, outwards) > 0) continue;
+        for (int k = 0; k < 3; k++) s.normal[k] = away[k] / distance;
+        for (int a = 0; a < 9; a++) s.node[a] = node[a % 3], s.offset[a] = model->offset[node[a % 3]];
+        if (contact->sample_count < contact->sample_max) contact->sample[contact->sample_count++] = s;
+        else contact->samples_lost++;
+    }
+}
+
+static void find_on_net(const kn_model *model, const kn_state *state, int probe, kn_contact *contact)
+{
+    for (int f = 0; f < model->skin_count; f++) {
+        const int *node = model->skin[f];
+        double x[3] = {0}, side = 0;
+        for (int k = 0; k < 3; k++) { // longest side as it is now bounds how far the triangle reaches from a corner
+            double a[3], b[3];
+            kn_state_position(model, state, node[k], a);
+            kn_state_position(model, state, node[(k + 1) % 3], b);
+            for (int c = 0; c < 3; c++) b[c] -= a[c];
+            side = fmax(side, dot(b, b));
+            if (k == 0) memcpy(x, a, sizeof x);
+        }
+        double reach = model->def.probe[probe].radius_m + sqrt(side) + 0.1 * model->def.spacing_m;
+        for (int k = 0; k < 3; k++) x[k] -= state->probe[probe].position_m[k];
+        if (dot(x, x) <= reach * reach) sample_triangle(model, state, probe, node, contact);
+    }
+}
+
+static double net_clearance(const kn_model *model, const kn_state *state, const kn_probe_def *def, const double at[3])
+{
+    double nearest = INFINITY, sign = 1;
+    for (int f = 0; f < model->skin_count; f++) {
+        double x[3][3], outwards[3], away[3];
+        load_triangle(model, state, model->skin[f], x, outwards);
+        for (int i = 0; i < 7; i++) { // corners, middles of the sides, centre
+            for (int k = 0; k < 3; k++) {
+                double point = i < 3   ? x[i][k]
+                               : i < 6 ? 0.5 * (x[i - 3][k] + x[(i - 2) % 3][k])
+                                       : (x[0][k] + x[1][k] + x[2][k]) / 3;
+                away[k] = at[k] - point;
+            }
+            double distance = sqrt(dot(away, away));
+            if (distance >= nearest) continue;
+            nearest = distance;
+            sign = dot(away, outwards) < 0 ? -1 : 1; // the centre is under the skin
+        }
+    }
+    return sign * nearest - def->radius_m;
+}
+
 static void find_samples(const kn_model *model, const kn_state *state, int probe, kn_contact *contact)
 {
+    if (model->skin_count > 0) {
+        find_on_net(model, state, probe, contact);
+        return;
+    }
     double reach = model->def.probe[probe].radius_m + 1.5 * model->def.spacing_m;
     for (int f = 0; f < model->face_count; f++)
         for (int v = 0; v < model->face[f].len[1]; v++)
@@ -322,6 +428,7 @@ static double sphere_clearance(const kn_model *model, const kn_state *state, con
 double kn_clearance(const kn_model *model, const kn_state *state, int p, const double position_m[3])
 {
     const kn_probe_def *def = &model->def.probe[p];
-    return def->shape == KN_PROBE_PLATE ? plate_clearance(model, state, def, position_m)
-                                        : sphere_clearance(model, state, def, position_m);
+    if (def->shape == KN_PROBE_PLATE) return plate_clearance(model, state, def, position_m);
+    return model->skin_count > 0 ? net_clearance(model, state, def, position_m)
+                                 : sphere_clearance(model, state, def, position_m);
 }

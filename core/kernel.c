@@ -1,6 +1,5 @@
 // One source for three instruction sets and two precisions; kernel.h says what the loops do, grid.h the layout.
-#include "core/kernel.h"
-#include "core/lanes.h"
+#include "core/kernel_law.h"
 
 // The three shifts along a row must be unrolled to be constants; gcc leaves them rolled (+18 % of the edge pass).
 #define PRAGMA(x) _Pragma(#x)
@@ -15,18 +14,12 @@
 
 // Constants of a model in its precision. The same for every instruction set.
 typedef struct tables {
-    float cubic[4][KN_LAW_SEGMENTS]; // first: 64-byte aligned with the block
-    float slope[3][3][KN_LAW_SEGMENTS];
+    law_tables law; // first: its tables are 64-byte aligned with the block
     real direction[KN_FORWARD][3]; // rest vector of forward edge e, m
     real inverse[KN_FORWARD];      // 1/(gamma L0): rate to strain rate, 1/m
     real area[KN_FORWARD];         // gamma kappa L0: stress to force, m^2
     real root;                     // sqrt(kappa A): sqrt(ds/db) to sqrt of force per rate
-    real a, k1, keep, gain;        // A; k1; u <- keep u + gain s
-    real dt, half_dt, shortest2;   // shortest2: squared length below which n is no longer scaled up, m^2
-    real inverse_b0, b0, yh, rest, flow, root_rest, root_flow; // the law's ends: slopes and their square roots
     real mass_dt, weight;          // of a whole share: kg/s; downward force, N
-    real inwards, outwards, stop_per_strain, stroke_ends; // z_in, z_out; A/dt; where a stroke counts as used up
-    int shift;
     int vectors, rows, row_count, planes; // K, rows per plane, rows in all, planes
     real *lane_share;      // [K][16] share along the row, 0 in padding
     real *lane_mass;       // the same, 1 in padding so that no block is singular
@@ -97,45 +90,13 @@ static void build_rows(tables *t, const kn_grid *g, real **next)
     }
 }
 
-static void build_law(tables *t, const kn_law *law)
-{
-    memcpy(t->cubic, law->cubic, sizeof t->cubic);
-    memcpy(t->slope, law->slope, sizeof t->slope);
-    t->shift = law->shift;
-    t->a = (real)law->a_pa_s;
-    t->k1 = (real)law->mat.k1_pa;
-    t->keep = (real)(1.0 - law->dt_s * law->mat.k1_pa / law->a_pa_s);
-    t->gain = (real)(law->dt_s / law->a_pa_s);
-    t->dt = (real)law->dt_s;
-    t->half_dt = (real)(0.5 * law->dt_s);
-    t->rest = (real)law->slope_rest;
-    t->flow = (real)law->slope_flow;
-    t->root_rest = (real)sqrt(law->slope_rest);
-    t->root_flow = (real)sqrt(law->slope_flow);
-    bool table = law->kind == KN_LAW_TABLE;
-    t->b0 = (real)law->b0_pa;
-    t->inverse_b0 = (real)(table ? 1.0 / law->b0_pa : 0);
-    t->yh = (real)(table ? (double)(float)(law->bh_pa / law->b0_pa) : 0);
-}
-
-// Strains are read off displacements, which are exact to a share of the whole block.
-static void build_stroke(tables *t, const kn_model *model)
-{
-    const int *n = model->grid.n;
-    double across = fmax(fmax(n[0], n[1]), n[2]) / model->gamma, rounding = sizeof(real) == sizeof(float) ? 0x1p-23 : 0;
-    t->inwards = (real)(model->law.in / model->gamma);
-    t->outwards = (real)(model->law.out / model->gamma);
-    t->stop_per_strain = (real)(model->law.a_pa_s / model->law.dt_s);
-    t->stroke_ends = (real)fmax(KN_LAW_STROKE_ENDS, across * rounding);
-}
-
 static void tables_build(const kn_model *model, void *block)
 {
     const kn_grid *g = &model->grid;
     const kn_solver_def *solver = &model->def.solver;
     tables *t = block;
     real *next = (real *)((char *)block + (sizeof(tables) + 63) / 64 * 64);
-    build_law(t, &model->law);
+    law_tables_build(&t->law, model);
     build_lanes(t, g, &next);
     build_rows(t, g, &next);
     for (int e = 0; e < KN_FORWARD; e++) {
@@ -146,8 +107,6 @@ static void tables_build(const kn_model *model, void *block)
         t->area[e] = (real)(g->gamma * g->kappa_m * length);
     }
     t->root = (real)sqrt(g->kappa_m * model->law.a_pa_s);
-    build_stroke(t, model);
-    t->shortest2 = (real)(1e-12 * g->spacing_m * g->spacing_m);
     double mass = model->def.density_kg_m3 * g->spacing_m * g->spacing_m * g->spacing_m;
     t->mass_dt = (real)(mass * solver->mass_scale / solver->dt_s);
     t->weight = (real)(mass * model->def.gravity_m_s2);
@@ -213,74 +172,6 @@ LANES_INLINE real group_share(real row, real plane, real diagonal, int g, int s)
     }
 }
 
-// --- the law --------------------------------------------------------------------------------------------------------
-
-// s = T(b) and root = sqrt(ds/db).
-static void law_exact(const kn_law *law, kn_linearization how, lanes b, lanes *s, lanes *root)
-{
-    _Alignas(64) real at_b[KN_LANES], at_s[KN_LANES], at_root[KN_LANES];
-    lanes_store(at_b, b);
-    for (int i = 0; i < KN_LANES; i++) {
-        double stress = kn_law_stress(law, (double)at_b[i]);
-        at_s[i] = (real)stress;
-        at_root[i] = (real)sqrt(kn_law_slope(law, stress, how));
-    }
-    *s = lanes_load(at_s);
-    *root = lanes_load(at_root);
-}
-
-#if KN_KERNEL_F32
-LANES_INLINE void law_table(const tables *t, kn_linearization how, lanes b, lanes *s, lanes *root)
-{
-    const lanes one = lanes_set(1), zero = lanes_set(0), yh = lanes_set(t->yh);
-    lanes y = lanes_mul(lanes_max(b, lanes_sub(zero, b)), lanes_set(t->inverse_b0));
-    lanes inside = lanes_min(lanes_max(y, one), yh);
-    segment i = segment_of(inside, t->shift);
-    lanes p = lanes_table(t->cubic[3], i);
-    for (int k = 2; k >= 0; k--) p = lanes_fma(p, inside, lanes_table(t->cubic[k], i));
-    p = lanes_max(lanes_mul(lanes_set(t->flow), y), lanes_min(lanes_mul(lanes_set(t->rest), y), p));
-    p = lanes_mul(p, lanes_set(t->b0));
-    *s = lanes_less(b, zero, lanes_sub(zero, p), p);
-    lanes c = lanes_table(t->slope[how][2], i);
-    for (int k = 1; k >= 0; k--) c = lanes_fma(c, inside, lanes_table(t->slope[how][k], i));
-    c = lanes_less(yh, y, lanes_set(t->root_flow), c);
-    *root = lanes_less(y, one, lanes_set(t->root_rest), c);
-}
-#endif
-
-LANES_INLINE void law_of(const kn_model *model, const tables *t, kn_law_kind kind, kn_linearization how, lanes b,
-                         lanes *s, lanes *root)
-{
-    if (kind == KN_LAW_EXACT) {
-        law_exact(&model->law, how, b, s, root);
-#if KN_KERNEL_F32
-    } else if (kind == KN_LAW_TABLE) {
-        law_table(t, how, b, s, root);
-#endif
-    } else {
-        *s = lanes_mul(b, lanes_set(t->rest)); // 1 for a Voigt part alone
-        *root = lanes_set(t->root_rest);
-    }
-}
-
-// The second evaluation, for the few edges beside prescribed nodes: out of line, to keep the first one's loop small.
-static __attribute__((noinline)) void law_again(const kn_model *model, const tables *t, kn_law_kind kind,
-                                                kn_linearization how, const lanes *b, lanes *s, lanes *root)
-{
-    law_of(model, t, kind, how, *b, s, root);
-}
-
-// (2) in law.h: what the stops make of s = T(b). z: strain of the damper before the step.
-LANES_INLINE void law_stop(const tables *t, lanes b, lanes z, lanes *s, lanes *root)
-{
-    lanes zero = lanes_set(0), ends = lanes_set(t->stroke_ends), per_strain = lanes_set(t->stop_per_strain);
-    lanes in = lanes_sub(z, lanes_set(t->inwards)), out = lanes_sub(lanes_set(t->outwards), z);
-    lanes most = lanes_add(b, lanes_less(ends, in, lanes_mul(per_strain, in), zero));
-    lanes least = lanes_sub(b, lanes_less(ends, out, lanes_mul(per_strain, out), zero));
-    *root = lanes_less(most, *s, lanes_set(1), lanes_less(*s, least, lanes_set(1), *root));
-    *s = lanes_max(least, lanes_min(*s, most));
-}
-
 // --- the edge pass --------------------------------------------------------------------------------------------------
 
 typedef struct fields { // the arrays of a state, typed
@@ -297,11 +188,6 @@ LANES_INLINE fields fields_of(const kn_state *state, int K)
         K, state->displacement, state->velocity, state->strain, w->guess, w->r, w->q, w->d, w->z, w->p, w->g, w->free};
 }
 
-LANES_INLINE lanes dot(const lanes a[3], const lanes b[3])
-{
-    return lanes_fma(a[2], b[2], lanes_fma(a[1], b[1], lanes_mul(a[0], b[0])));
-}
-
 // Sixteen edges: nodes of vector k to their neighbours s along in another (or the same) row.
 typedef struct edges {
     int row, to, k, s, e; // from row, to row, vector, shift, forward edge number
@@ -309,71 +195,31 @@ typedef struct edges {
     real share, root;     // across the row
 } edges;
 
-// Strain from the length itself: L - L0 = (d + d0).(d - d0)/(L + L0) keeps all digits.
-LANES_INLINE lanes strain_of(const kn_model *model, const tables *t, const edges *x, const lanes d[3],
-                             const lanes shift[3], lanes length)
-{
-    lanes twice[3], scale = lanes_set(t->inverse[x->e]);
-    for (int c = 0; c < 3; c++) twice[c] = lanes_add(d[c], lanes_set(t->direction[x->e][c]));
-    lanes rest = lanes_div(lanes_set(1), lanes_mul(scale, lanes_set((real)model->gamma)));
-    return lanes_mul(lanes_div(dot(twice, shift), lanes_add(length, rest)), scale);
-}
-
 // Unit vectors, stress at the linearisation point and root of its slope; advances the strain unless `again`.
 LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields *f, const edges *x, kn_law_kind kind,
                            bool stroke, kn_linearization how, bool again, lanes n[3], lanes *stress, lanes *root)
 {
-    lanes d[3], shift[3], dv[3];
+    bars x16;
+    x16.scale = lanes_set(t->inverse[x->e]);
     for (int c = 0; c < 3; c++) {
-        shift[c] = lanes_sub(near(f->K, f->x, x->to, c, x->k, x->s), lanes_load(f->x + at(f->K, x->row, 3, c, x->k)));
-        d[c] = lanes_add(lanes_set(t->direction[x->e][c]), shift[c]);
-        dv[c] = lanes_sub(near(f->K, f->v, x->to, c, x->k, x->s), lanes_load(f->v + at(f->K, x->row, 3, c, x->k)));
+        x16.rest[c] = lanes_set(t->direction[x->e][c]);
+        x16.shift[c] =
+            lanes_sub(near(f->K, f->x, x->to, c, x->k, x->s), lanes_load(f->x + at(f->K, x->row, 3, c, x->k)));
+        x16.dv[c] = lanes_sub(near(f->K, f->v, x->to, c, x->k, x->s), lanes_load(f->v + at(f->K, x->row, 3, c, x->k)));
     }
-    lanes length2 = lanes_max(dot(d, d), lanes_set(t->shortest2));
-    lanes inverse = lanes_div(lanes_set(1), lanes_sqrt(length2));
-    for (int c = 0; c < 3; c++) n[c] = lanes_mul(d[c], inverse);
-
-    lanes scale = lanes_set(t->inverse[x->e]), a = lanes_set(t->a), k1 = lanes_set(t->k1), u, b, s = lanes_set(0);
-    lanes rate = dot(n, dv), wanted = rate;
+    bars_direct(&t->law, &x16);
+    lanes wanted = x16.rate;
     if (x->moved || again) {
         lanes dg[3];
         for (int c = 0; c < 3; c++)
             dg[c] = lanes_sub(near(f->K, f->guess, x->to, c, x->k, x->s),
                               lanes_load(f->guess + at(f->K, x->row, 3, c, x->k)));
-        wanted = dot(n, dg);
+        wanted = dot(x16.n, dg);
     }
-    if (kind == KN_LAW_VOIGT) {
-        u = strain_of(model, t, x, d, shift, lanes_mul(length2, inverse));
-        law_of(model, t, kind, how, lanes_fma(a, lanes_mul(wanted, scale), lanes_mul(k1, u)), stress, root);
-        return;
-    }
-    real *strain = f->u + at(f->K, x->row, KN_FORWARD, x->e, x->k);
-    u = lanes_load(strain);
-    lanes whole = stroke ? strain_of(model, t, x, d, shift, lanes_mul(length2, inverse)) : u;
-    if (!again) {
-        // what the edge really did in the last step, to second order from velocities: differences of lengths in f32
-        // lose 4 digits. (L_new - L_old)/dt = Ld - dt/2 (|dv|^2 - Ld^2)/L
-        lanes across2 = lanes_fnma(rate, rate, dot(dv, dv));
-        lanes done = lanes_fnma(lanes_mul(lanes_set(t->half_dt), across2), inverse, rate);
-        b = lanes_fma(a, lanes_mul(done, scale), lanes_mul(k1, u));
-        law_of(model, t, kind, how, b, &s, root);
-        u = lanes_fma(lanes_set(t->gain), s, lanes_mul(lanes_set(t->keep), u));
-        if (stroke)
-            u = lanes_max(lanes_sub(whole, lanes_set(t->outwards)),
-                          lanes_min(lanes_sub(whole, lanes_set(t->inwards)), u));
-        u = lanes_mul(u, lanes_load(t->lane_here[x->s + 1] + (size_t)x->k * KN_LANES));
-        lanes_store(strain, u);
-    }
-    lanes sought = lanes_fma(a, lanes_mul(wanted, scale), lanes_mul(k1, u));
-    if (stroke) {
-        law_of(model, t, kind, how, sought, stress, root);
-        law_stop(t, sought, lanes_sub(whole, u), stress, root);
-    } else if (x->moved || again) {
-        law_again(model, t, kind, how, &sought, stress, root);
-    } else {
-        // one evaluation serves both: the guess is the last velocity, b moved only by k1 du and the second-order term
-        *stress = lanes_fma(lanes_mul(*root, *root), lanes_sub(sought, b), s);
-    }
+    real *strain = kind == KN_LAW_VOIGT ? NULL : f->u + at(f->K, x->row, KN_FORWARD, x->e, x->k);
+    bars_law(model, &t->law, &x16, kind, stroke, how, wanted, x->moved || again, again,
+             t->lane_here[x->s + 1] + (size_t)x->k * KN_LANES, strain, stress, root);
+    for (int c = 0; c < 3; c++) n[c] = x16.n[c];
 }
 
 typedef struct sums { // of the row's own ends, in registers until its edges are done
@@ -651,29 +497,12 @@ static void integrate(const kn_model *model, kn_state *state)
     for (size_t o = 0; o < reals; o += KN_LANES) {
         lanes g = lanes_load(guess + o);
         lanes_store(v + o, g);
-        lanes_store(x + o, lanes_fma(lanes_set(t->dt), g, lanes_load(x + o)));
+        lanes_store(x + o, lanes_fma(lanes_set(t->law.dt), g, lanes_load(x + o)));
     }
 }
 
-#if KN_KERNEL_AVX512
-#define ISA avx512
-#elif KN_KERNEL_AVX2
-#define ISA avx2
-#else
-#define ISA base
-#endif
-#if KN_KERNEL_F32
-#define PRECISION f32
-#else
-#define PRECISION f64
-#endif
-#define SYMBOL3(isa, precision) kn_kernels_##isa##_##precision
-#define SYMBOL2(isa, precision) SYMBOL3(isa, precision)
-#define NAME3(isa, precision) #isa " " #precision
-#define NAME2(isa, precision) NAME3(isa, precision)
-
-const kn_kernels SYMBOL2(ISA, PRECISION) = {
-    .name = NAME2(ISA, PRECISION),
+const kn_kernels KN_KERNELS(grid) = {
+    .name = KN_KERNELS_NAME,
     .real_size = sizeof(real),
     .tables_size = tables_size,
     .tables_build = tables_build,

@@ -1,6 +1,6 @@
 #ifndef KN_CORE_KERNEL_H
 #define KN_CORE_KERNEL_H
-// The hot loops of the implicit step. kernel.c is compiled once per instruction set and precision; a model points at
+// The hot loops of the implicit step: kernel.c of a grid, kernel_net.c of any lattice; compiled once per instruction set and precision; a model points at
 // the set it was built for. All of them visit rows in memory order and sum in the same order: the same bits everywhere.
 //
 //     edge       law of every edge -> residual r, sqrt(slope) vectors g, block-Jacobi inverse P, z = P r  [step]
@@ -21,7 +21,7 @@ typedef struct kn_work {
     void *d;            // 3   search direction
     void *z;            // 3   preconditioned residual
     void *p;            // 6   xx xy xz yy yz zz: accumulated blocks, then their inverses
-    void *g;            // 39  sqrt(kappa W ds/dw) n of every forward edge: 13 x (x, y, z)
+    void *g;            // sqrt(kappa W ds/dw) n of every edge: [row][13][x y z][stride], a net's [edge][x y z]
     void *free;         // 3   1 free, 0 prescribed
     uint8_t *row_held;  // [rows] 1: some component in the row is prescribed
     uint8_t *row_moved; // [rows] 1: a prescribed velocity in the row differs from the last one: evaluate the law twice
@@ -39,8 +39,10 @@ typedef struct kn_kernels {
     void (*integrate)(const kn_model *model, kn_state *state);
 } kn_kernels;
 
-extern const kn_kernels kn_kernels_base_f32, kn_kernels_base_f64, kn_kernels_avx2_f32, kn_kernels_avx2_f64,
-    kn_kernels_avx512_f32, kn_kernels_avx512_f64;
+extern const kn_kernels kn_kernels_grid_base_f32, kn_kernels_grid_base_f64, kn_kernels_grid_avx2_f32,
+    kn_kernels_grid_avx2_f64, kn_kernels_grid_avx512_f32, kn_kernels_grid_avx512_f64;
+extern const kn_kernels kn_kernels_net_base_f32, kn_kernels_net_base_f64, kn_kernels_net_avx2_f32,
+    kn_kernels_net_avx2_f64, kn_kernels_net_avx512_f32, kn_kernels_net_avx512_f64;
 
 static inline kn_work *kn_state_work(const kn_state *state) { return state->scratch; }
 

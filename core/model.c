@@ -1,5 +1,6 @@
 #include "core/model.h"
 #include "core/kernel.h"
+#include "core/net.h"
 #include "core/solver_rk4.h"
 #include "core/state.h"
 
@@ -44,8 +45,11 @@ static const char *check_probe(const kn_model_def *def, const kn_probe_def *p)
 static const char *check_lattice(const kn_model_def *def)
 {
     double nodes = 1;
-    if (def->mesh) return "an object of triangles or tetrahedra cannot be stepped yet, expected a block";
-    for (int k = 0; k < 3; k++) {
+    bool flat = def->mesh && def->mesh->dimension == 2;
+    if (flat && !(def->thickness_m > 0 && isfinite(def->thickness_m))) return "a flat mesh needs a positive thickness";
+    for (int p = 0; flat && p < def->probe_count; p++)
+        if (def->probe[p].shape == KN_PROBE_SPHERE) return "a sphere needs a solid object, a flat one takes plates";
+    for (int k = 0; k < 3 && !def->mesh; k++) {
         if (def->nodes[k] < 1) return "needs at least one node along every axis";
         if (def->structure == KN_STRUCTURE_DIAGONALS && def->nodes[k] < 2)
             return "a lattice with diagonals needs two nodes along every axis";
@@ -107,17 +111,20 @@ bool kn_isa_supported(kn_isa isa) { return isa == KN_ISA_AUTO || supports(isa); 
 
 static bool choose_kernels(kn_model *m)
 {
-    static const kn_kernels *const set[3][2] = {{&kn_kernels_base_f32, &kn_kernels_base_f64},
-                                                {&kn_kernels_avx2_f32, &kn_kernels_avx2_f64},
-                                                {&kn_kernels_avx512_f32, &kn_kernels_avx512_f64}};
+    static const kn_kernels *const set[2][3][2] = {{{&kn_kernels_grid_base_f32, &kn_kernels_grid_base_f64},
+                                                    {&kn_kernels_grid_avx2_f32, &kn_kernels_grid_avx2_f64},
+                                                    {&kn_kernels_grid_avx512_f32, &kn_kernels_grid_avx512_f64}},
+                                                   {{&kn_kernels_net_base_f32, &kn_kernels_net_base_f64},
+                                                    {&kn_kernels_net_avx2_f32, &kn_kernels_net_avx2_f64},
+                                                    {&kn_kernels_net_avx512_f32, &kn_kernels_net_avx512_f64}}};
     m->isa = m->def.solver.isa;
     if (m->isa == KN_ISA_AUTO)
         m->isa = supports(KN_ISA_AVX512) ? KN_ISA_AVX512 : supports(KN_ISA_AVX2) ? KN_ISA_AVX2 : KN_ISA_BASE;
-    m->kernels = set[m->isa - KN_ISA_BASE][m->def.solver.precision];
+    m->kernels = set[m->def.mesh != NULL][m->isa - KN_ISA_BASE][m->def.solver.precision];
     return supports(m->isa);
 }
 
-static bool take_nodes(kn_model *m, int nodes, int top)
+bool kn_model_nodes(kn_model *m, int nodes, int top)
 {
     m->node_count = nodes;
     m->top_count = top;
@@ -130,7 +137,7 @@ static bool take_nodes(kn_model *m, int nodes, int top)
     return m->offset && m->rest_m && m->node_mass_kg && m->support && m->top && m->top_share;
 }
 
-static uint8_t support_mask(kn_support support)
+uint8_t kn_support_mask(kn_support support)
 {
     return support == KN_SUPPORT_BONDED ? 7 : support == KN_SUPPORT_FRICTIONLESS ? 4 : 0;
 }
@@ -151,17 +158,19 @@ static bool build_block(kn_model *m)
 {
     const kn_grid *g = &m->grid;
     build_faces(m);
-    if (!take_nodes(m, g->nodes, m->face[0].len[0] * m->face[0].len[1])) return false;
+    if (!kn_model_nodes(m, g->nodes, m->face[0].len[0] * m->face[0].len[1])) return false;
     m->row_count = g->rows;
     m->stride = kn_grid_stride(g);
+    m->edge_reals = kn_grid_field(g, KN_FORWARD);
     m->kappa_m = g->kappa_m;
     m->gamma = g->gamma;
+    m->size_m = fmax(fmax(g->n[0], g->n[1]), g->n[2]) * g->spacing_m;
     double h = g->spacing_m, whole = m->def.density_kg_m3 * h * h * h;
     for (int i = 0; i < g->nodes; i++) {
         m->offset[i] = kn_grid_offset(g, i);
         kn_grid_rest(g, i, m->rest_m[i]);
         m->node_mass_kg[i] = whole * kn_grid_share(g, i);
-        if (i < g->n[0] * g->n[1]) m->support[i] = support_mask(m->def.support); // ids count z slowest
+        if (i < g->n[0] * g->n[1]) m->support[i] = kn_support_mask(m->def.support); // ids count z slowest
     }
     build_top(m);
     return true;
@@ -177,12 +186,14 @@ static bool build_tables(kn_model *m)
     return true;
 }
 
-static bool build_edges(kn_model *m)
+static bool build_rk4(kn_model *m)
 {
-    m->edge_count = kn_grid_edges(&m->grid, NULL);
-    m->edges = calloc((size_t)m->edge_count + 1, sizeof(kn_edge));
-    if (!m->edges) return false;
-    kn_grid_edges(&m->grid, m->edges);
+    if (!m->def.mesh) {
+        m->edge_count = kn_grid_edges(&m->grid, NULL);
+        m->edges = calloc((size_t)m->edge_count + 1, sizeof(kn_edge));
+        if (!m->edges) return false;
+        kn_grid_edges(&m->grid, m->edges);
+    }
     m->rk4_limit_s = kn_rk4_limit(m);
     return m->rk4_limit_s >= 0;
 }
@@ -197,11 +208,12 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
 {
     bool rk4 = def->solver.kind == KN_SOLVER_RK4;
     m->def = *def;
-    kn_grid_init(&m->grid, def->nodes, def->spacing_m, def->structure);
+    if (!def->mesh) kn_grid_init(&m->grid, def->nodes, def->spacing_m, def->structure);
     kn_law_build(&m->law, &def->material, rk4 ? 0 : def->solver.dt_s, def->solver.precision == KN_PRECISION_F64);
     if (!choose_kernels(m))
         return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
-    if (!build_block(m) || (rk4 ? !build_edges(m) : !build_tables(m)))
+    bool placed = def->mesh ? kn_net_build(m) : build_block(m);
+    if (!placed || (rk4 ? !build_rk4(m) : !build_tables(m)))
         return fail(error, size, "not enough memory for the model");
     if (rk4 && def->solver.dt_s > m->rk4_limit_s) {
         if (size > 0)
@@ -241,6 +253,7 @@ void kn_model_destroy(kn_model *model)
     free(model->top);
     free(model->top_share);
     free(model->edges);
+    free(model->skin);
     free(model);
 }
 

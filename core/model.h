@@ -57,6 +57,7 @@ typedef struct kn_model_def {
     const kn_simplices *mesh; // checked, in the scene's frame, not owned: outlives the model. NULL: a block
     int nodes[3];         // of a block, along x, y, z
     double spacing_m;     // of a mesh: its mean edge
+    double thickness_m;   // > 0: a flat object in the x-z plane, nodes[1] = 1, in plane stress; else 0
     kn_structure structure;
     kn_support support;
     int probe_count; // 0 .. KN_PROBES_MAX
@@ -79,7 +80,8 @@ typedef struct kn_model {
     // the lattice as solver, contact and drawing see it: a field of C components is [row][C][stride]
     int node_count;
     int row_count;
-    size_t stride;        // reals of one component in a row, a multiple of KN_LANES
+    size_t stride;        // reals of one component in a row: whole vectors, or 1 in a net, whose rows are nodes
+    size_t edge_reals;    // in a field of one real per edge, padding included
     size_t *offset;       // [nodes] of the node's x component in a 3-component field; y and z follow after a stride each
     double (*rest_m)[3];  // [nodes] undeformed position: right-handed, z up
     double *node_mass_kg; // [nodes]
@@ -87,11 +89,14 @@ typedef struct kn_model {
     int top_count;        // nodes that a plate can hold
     int *top;             // [top_count] their ids
     double *top_share;    // [top_count] of a load spread evenly over the top; sums to 1
+    double size_m;        // longest extent
     double kappa_m;       // k of an edge of weight 1 / E of the material
     double gamma;         // stress area of an edge / (kappa weight L0)
     const struct kn_kernels *kernels;
     kn_isa isa;          // what AUTO became
     void *tables;        // constants of the kernels in the model's precision, one block
+    int skin_count;      // a net's outside, else 0
+    int (*skin)[3];      // [skin_count] triangles of nodes, counter-clockwise from outside
     int face_count;      // faces that a probe can touch: top, four sides, base when the support is NONE
     kn_face face[6];     // face[0] is the top
     kn_edge *edges;      // RK4 only, else NULL

@@ -24,8 +24,9 @@ static size_t real_size(const kn_model *m)
 
 static size_t field_bytes(const kn_model *m, int components)
 {
-    bool absent = components == KN_FORWARD && m->law.kind == KN_LAW_VOIGT; // its strain is read off the length
-    return absent ? 0 : kn_model_field(m, components) * real_size(m);
+    if (components != KN_FORWARD) return kn_model_field(m, components) * real_size(m);
+    // of edges; a Voigt part's strain is read off the length
+    return m->law.kind == KN_LAW_VOIGT ? 0 : m->edge_reals * real_size(m);
 }
 
 static void layout_implicit(const kn_model *m, arena *a, kn_scratch *s)
@@ -35,9 +36,10 @@ static void layout_implicit(const kn_model *m, arena *a, kn_scratch *s)
         void **field;
         int components;
     } list[] = {{&w->guess, 3},          {&w->r, 3},   {&w->q, 3}, {&w->d, 3}, {&w->z, 3}, {&w->p, 6},
-                {&w->g, 3 * KN_FORWARD}, {&w->free, 3}};
+                {&w->free, 3}};
     for (size_t i = 0; i < sizeof list / sizeof list[0]; i++)
         *list[i].field = take(a, kn_model_field(m, list[i].components) * real_size(m));
+    w->g = take(a, 3 * m->edge_reals * real_size(m));
     w->row_held = take(a, (size_t)m->row_count);
     w->row_moved = take(a, (size_t)m->row_count);
     s->row_base = take(a, (size_t)m->row_count);
@@ -100,7 +102,7 @@ static void reset_implicit(const kn_model *m, kn_scratch *s)
     memset(w->q, 0, kn_model_field(m, 3) * real_size(m));
     memset(w->d, 0, kn_model_field(m, 3) * real_size(m));
     // edges that do not exist are never written
-    memset(w->g, 0, kn_model_field(m, 3 * KN_FORWARD) * real_size(m));
+    memset(w->g, 0, 3 * m->edge_reals * real_size(m));
     memset(s->row_base, 0, (size_t)m->row_count);
     memset(w->row_moved, 0, (size_t)m->row_count);
     s->last_held_count = 0;

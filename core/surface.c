@@ -1,6 +1,7 @@
 #include "core/surface.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 // Side of the block across axis a: u x v points outwards.
 //
@@ -29,15 +30,6 @@ static int side_node(const kn_grid *g, const side *s, int iu, int iv)
     return kn_grid_node(g, ixyz[0], ixyz[1], ixyz[2]);
 }
 
-static bool on_skin(const kn_grid *g, int node)
-{
-    int ixyz[3];
-    kn_grid_coords(g, node, ixyz);
-    for (int k = 0; k < 3; k++)
-        if (ixyz[k] == 0 || ixyz[k] == g->n[k] - 1) return true;
-    return false;
-}
-
 // Writes every triangle as node ids when out is not NULL; returns their number.
 static int triangles(const kn_grid *g, int (*out)[3])
 {
@@ -60,19 +52,22 @@ static int triangles(const kn_grid *g, int (*out)[3])
 kn_surface *kn_surface_create(const kn_model *model)
 {
     const kn_grid *g = &model->grid;
+    bool block = model->skin_count == 0;
     kn_surface *s = calloc(1, sizeof *s);
-    int *vertex = malloc((size_t)g->nodes * sizeof *vertex); // of a node
+    int *vertex = calloc((size_t)model->node_count, sizeof *vertex); // of a node; 0: inside
     if (!s || !vertex) goto fail;
-    s->triangle_count = triangles(g, NULL);
-    s->node = malloc((size_t)g->nodes * sizeof *s->node);
+    s->triangle_count = block ? triangles(g, NULL) : model->skin_count;
+    s->node = malloc((size_t)model->node_count * sizeof *s->node);
     s->triangle = malloc(((size_t)s->triangle_count * 3 + 1) * sizeof *s->triangle);
     if (!s->node || !s->triangle) goto fail;
-    for (int node = 0; node < g->nodes; node++)
-        if (on_skin(g, node)) {
+    if (block) triangles(g, (int(*)[3])s->triangle);
+    else memcpy(s->triangle, model->skin, (size_t)s->triangle_count * sizeof *model->skin);
+    for (int i = 0; i < 3 * s->triangle_count; i++) vertex[s->triangle[i]] = 1;
+    for (int node = 0; node < model->node_count; node++)
+        if (vertex[node]) {
             vertex[node] = s->vertex_count;
             s->node[s->vertex_count++] = node;
         }
-    triangles(g, (int(*)[3])s->triangle);
     for (int i = 0; i < 3 * s->triangle_count; i++) s->triangle[i] = vertex[s->triangle[i]];
     free(vertex);
     return s;

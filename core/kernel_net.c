@@ -1,0 +1,279 @@
+// The loops of kernel.h over an irregular lattice: sixteen edges at a time where the law is worked out, one at a time
+// where they are summed into nodes. Edges stand by their lower node, so half of every sum stays in registers.
+// Where there are no lanes all is plain arithmetic in a fixed order: the same bits everywhere.
+#include "core/kernel_law.h"
+
+typedef struct tables {
+    law_tables law;  // first: its tables are 64-byte aligned with the block
+    int nodes, edges, batches;
+    int (*ends)[2];  // [edges] lower node, upper node
+    int *first;      // [nodes + 1] first edge whose lower node is this one
+    real *rest;      // [batches][3][16] rest vector, m; a unit vector in the padding
+    real *scale;     // [batches][16] 1/(gamma L0), 1/m
+    real *area;      // gamma kappa weight L0: stress to force, m^2; 0 in the padding
+    real *root;      // sqrt(kappa weight A)
+    real *here;      // 1, in the padding 0
+    real *mass_dt;   // [nodes] m/dt, kg/s
+    real *weight;    // [nodes] downward force, N
+} tables;
+
+static size_t padded(size_t bytes) { return (bytes + 63) / 64 * 64; }
+
+static size_t tables_size(const kn_model *m)
+{
+    size_t nodes = (size_t)m->node_count;
+    return padded(sizeof(tables)) + padded((nodes + 1) * sizeof(int)) +
+           padded(m->edge_reals * 2 * sizeof(int)) + 7 * padded(m->edge_reals * sizeof(real)) +
+           2 * padded(nodes * sizeof(real));
+}
+
+static void *take(char **next, size_t bytes)
+{
+    void *p = *next;
+    *next += padded(bytes);
+    return p;
+}
+
+static void fill_edges(const kn_model *m, tables *t)
+{
+    double a = m->law.a_pa_s;
+    for (size_t e = 0; e < m->edge_reals; e++) {
+        const kn_edge *edge = &m->edges[e < (size_t)m->edge_count ? e : 0];
+        bool here = e < (size_t)m->edge_count;
+        for (size_t k = 0; k < 3; k++)
+            t->rest[e / KN_LANES * 3 * KN_LANES + k * KN_LANES + e % KN_LANES] =
+                (real)(m->rest_m[edge->j][k] - m->rest_m[edge->i][k]);
+        t->ends[e][0] = edge->i, t->ends[e][1] = edge->j;
+        t->scale[e] = (real)(1 / (m->gamma * edge->rest_m));
+        t->area[e] = (real)(here ? m->gamma * m->kappa_m * edge->weight * edge->rest_m : 0);
+        t->root[e] = (real)(here ? sqrt(m->kappa_m * edge->weight * a) : 0);
+        t->here[e] = here ? 1 : 0;
+    }
+}
+
+static void tables_build(const kn_model *m, void *block)
+{
+    tables *t = block;
+    size_t nodes = (size_t)m->node_count, edges = m->edge_reals * sizeof(real);
+    char *next = (char *)block + padded(sizeof *t);
+    law_tables_build(&t->law, m);
+    t->nodes = m->node_count;
+    t->edges = m->edge_count;
+    t->batches = (int)(m->edge_reals / KN_LANES);
+    t->ends = take(&next, m->edge_reals * sizeof *t->ends);
+    t->first = take(&next, (nodes + 1) * sizeof(int));
+    t->rest = take(&next, 3 * edges);
+    t->scale = take(&next, edges);
+    t->area = take(&next, edges);
+    t->root = take(&next, edges);
+    t->here = take(&next, edges);
+    t->mass_dt = take(&next, nodes * sizeof(real));
+    t->weight = take(&next, nodes * sizeof(real));
+    fill_edges(m, t);
+    for (int i = 0, e = 0; i <= m->node_count; i++) {
+        while (e < m->edge_count && m->edges[e].i < i) e++;
+        t->first[i] = e;
+    }
+    for (int i = 0; i < m->node_count; i++) {
+        t->mass_dt[i] = (real)(m->node_mass_kg[i] * m->def.solver.mass_scale / m->def.solver.dt_s);
+        t->weight[i] = (real)(m->node_mass_kg[i] * m->def.gravity_m_s2);
+    }
+}
+
+// --- the edge pass --------------------------------------------------------------------------------------------------
+
+// Far end minus near end of a 3-component field, for sixteen edges.
+LANES_INLINE void gather(const int (*edge)[2], int count, const real *field, lanes out[3])
+{
+    _Alignas(64) real gap[3][KN_LANES] = {{0}};
+    for (int l = 0; l < count; l++)
+        for (int k = 0; k < 3; k++) gap[k][l] = field[3 * edge[l][1] + k] - field[3 * edge[l][0] + k];
+    for (int k = 0; k < 3; k++) out[k] = lanes_load(gap[k]);
+}
+
+static void block_add(real p[6], const real g[3])
+{
+    for (int c = 0, m = 0; c < 3; c++)
+        for (int k = c; k < 3; k++, m++) p[m] += g[c] * g[k];
+}
+
+// What sixteen edges do to the residual and the diagonal blocks of both ends; keeps g for the products.
+static void scatter(const kn_work *work, const int (*edge)[2], int count, int at, const lanes n[3], lanes tension,
+                    lanes root)
+{
+    _Alignas(64) real unit[3][KN_LANES], pull[KN_LANES], g_[KN_LANES];
+    real *r = work->r, *p = work->p;
+    for (int k = 0; k < 3; k++) lanes_store(unit[k], n[k]);
+    lanes_store(pull, tension);
+    lanes_store(g_, root);
+    for (int l = 0; l < count; l++) {
+        real *g = (real *)work->g + 3 * (at + l);
+        for (int k = 0; k < 3; k++) {
+            g[k] = g_[l] * unit[k][l];
+            r[3 * edge[l][0] + k] += pull[l] * unit[k][l];
+            r[3 * edge[l][1] + k] -= pull[l] * unit[k][l];
+        }
+        block_add(p + 6 * edge[l][0], g);
+        block_add(p + 6 * edge[l][1], g);
+    }
+}
+
+LANES_INLINE void edge_batch(const kn_model *model, kn_state *state, const tables *t, int batch, kn_law_kind kind,
+                             bool stroke, kn_linearization how, bool again)
+{
+    const kn_work *work = kn_state_work(state);
+    size_t at = (size_t)batch * KN_LANES;
+    const int(*edge)[2] = (const int(*)[2])t->ends + at;
+    int count = t->edges - (int)at < KN_LANES ? t->edges - (int)at : KN_LANES;
+    bool afresh = again;
+    for (int l = 0; l < count; l++) afresh = afresh || work->row_moved[edge[l][0]] || work->row_moved[edge[l][1]];
+
+    bars x16;
+    x16.scale = lanes_load(t->scale + at);
+    for (int k = 0; k < 3; k++) x16.rest[k] = lanes_load(t->rest + 3 * at + (size_t)k * KN_LANES);
+    gather(edge, count, state->displacement, x16.shift);
+    gather(edge, count, state->velocity, x16.dv);
+    bars_direct(&t->law, &x16);
+    lanes wanted = x16.rate;
+    if (afresh) {
+        lanes dg[3];
+        gather(edge, count, work->guess, dg);
+        wanted = dot(x16.n, dg);
+    }
+    lanes stress, root;
+    real *strain = kind == KN_LAW_VOIGT ? NULL : (real *)state->strain + at;
+    bars_law(model, &t->law, &x16, kind, stroke, how, wanted, afresh, again, t->here + at, strain, &stress, &root);
+    scatter(work, edge, count, (int)at, x16.n, lanes_mul(stress, lanes_load(t->area + at)),
+            lanes_mul(root, lanes_load(t->root + at)));
+}
+
+static real multiply_block(const real p[6], const real r[3], real z[3])
+{
+    z[0] = p[0] * r[0] + p[1] * r[1] + p[2] * r[2];
+    z[1] = p[1] * r[0] + p[3] * r[1] + p[4] * r[2];
+    z[2] = p[2] * r[0] + p[4] * r[1] + p[5] * r[2];
+    return z[0] * r[0] + z[1] * r[1] + z[2] * r[2];
+}
+
+// In place, by cofactors.
+static void invert_block(real m[6])
+{
+    real p[6] = {m[3] * m[5] - m[4] * m[4], m[2] * m[4] - m[1] * m[5], m[1] * m[4] - m[2] * m[3],
+                 m[0] * m[5] - m[2] * m[2], m[1] * m[2] - m[0] * m[4], m[0] * m[3] - m[1] * m[1]};
+    real inverse = 1 / (m[0] * p[0] + m[1] * p[1] + m[2] * p[2]);
+    for (int k = 0; k < 6; k++) m[k] = p[k] * inverse;
+}
+
+// A node whose edges are all in: mass, weight, constraints, inverse block, z. Returns r.z.
+static double finish_node(const kn_state *state, const tables *t, int node, bool again)
+{
+    static const int diagonal[3] = {0, 3, 5}, pair[3][3] = {{1, 0, 1}, {2, 0, 2}, {4, 1, 2}};
+    const kn_work *work = kn_state_work(state);
+    const real *v = (const real *)state->velocity + 3 * node, *guess = (const real *)work->guess + 3 * node;
+    const real *loose = (const real *)work->free + 3 * node;
+    real *r = (real *)work->r + 3 * node, *z = (real *)work->z + 3 * node, *p = (real *)work->p + 6 * node;
+    for (int k = 0; k < 3; k++) p[diagonal[k]] += t->mass_dt[node];
+    r[2] -= t->weight[node];
+    if (work->row_moved[node] || again) // inertia of a guess that is not the last velocity
+        for (int k = 0; k < 3; k++) r[k] += t->mass_dt[node] * (v[k] - guess[k]);
+    if (work->row_held[node])
+        for (int k = 0; k < 3; k++) {
+            p[pair[k][0]] *= loose[pair[k][1]] * loose[pair[k][2]];
+            if (loose[k] < (real)0.5) p[diagonal[k]] = 1;
+        }
+    invert_block(p);
+    if (work->row_held[node])
+        for (int k = 0; k < 3; k++) p[diagonal[k]] *= loose[k];
+    return (double)multiply_block(p, r, z);
+}
+
+LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kind kind, bool stroke,
+                              kn_linearization how, bool again)
+{
+    const tables *t = model->tables;
+    double sum = 0;
+    for (int b = 0; b < t->batches; b++) edge_batch(model, state, t, b, kind, stroke, how, again);
+    for (int i = 0; i < t->nodes; i++) sum += finish_node(state, t, i, again);
+    return sum;
+}
+
+static double edge(const kn_model *model, kn_state *state, kn_linearization how, bool again)
+{
+    if (model->law.stroke) return edge_pass(model, state, model->law.kind, true, how, again);
+    switch (model->law.kind) {
+    case KN_LAW_VOIGT: return edge_pass(model, state, KN_LAW_VOIGT, false, how, again);
+    case KN_LAW_LINEAR: return edge_pass(model, state, KN_LAW_LINEAR, false, how, again);
+#if KN_KERNEL_F32
+    case KN_LAW_TABLE: return edge_pass(model, state, KN_LAW_TABLE, false, how, again);
+#endif
+    default: return edge_pass(model, state, KN_LAW_EXACT, false, how, again);
+    }
+}
+
+// --- conjugate gradients --------------------------------------------------------------------------------------------
+
+static double apply(const kn_model *model, kn_state *state, double beta)
+{
+    const tables *t = model->tables;
+    const kn_work *work = kn_state_work(state);
+    real *d = work->d, *q = work->q;
+    const real *g = work->g, *z = work->z;
+    for (int i = 0; i < 3 * t->nodes; i++) d[i] = z[i] + (real)beta * d[i];
+    double sum = 0;
+    for (int i = 0; i < t->nodes; i++) {
+        const real own[3] = {d[3 * i], d[3 * i + 1], d[3 * i + 2]};
+        real mine[3] = {t->mass_dt[i] * own[0], t->mass_dt[i] * own[1], t->mass_dt[i] * own[2]};
+        for (int e = t->first[i]; e < t->first[i + 1]; e++) {
+            const real *n = g + 3 * e, *far = d + 3 * t->ends[e][1];
+            real force = n[0] * (own[0] - far[0]) + n[1] * (own[1] - far[1]) + n[2] * (own[2] - far[2]);
+            real *other = q + 3 * t->ends[e][1];
+            for (int k = 0; k < 3; k++) {
+                mine[k] += n[k] * force;
+                other[k] -= n[k] * force;
+            }
+        }
+        for (int k = 0; k < 3; k++) { // every lower node has been: this sum is whole
+            q[3 * i + k] += mine[k];
+            sum += (double)(own[k] * q[3 * i + k]);
+        }
+    }
+    return sum;
+}
+
+static double update(const kn_model *model, kn_state *state, double alpha)
+{
+    const tables *t = model->tables;
+    const kn_work *work = kn_state_work(state);
+    const real a = (real)alpha, *d = work->d, *p = work->p;
+    real *guess = work->guess, *r = work->r, *q = work->q, *z = work->z;
+    double sum = 0;
+    for (int i = 0; i < 3 * t->nodes; i++) {
+        guess[i] += a * d[i];
+        r[i] -= a * q[i];
+        q[i] = 0; // ready to be summed into again
+    }
+    for (int i = 0; i < t->nodes; i++) sum += (double)multiply_block(p + 6 * i, r + 3 * i, z + 3 * i);
+    return sum;
+}
+
+static void integrate(const kn_model *model, kn_state *state)
+{
+    const tables *t = model->tables;
+    const real *guess = kn_state_work(state)->guess;
+    real *x = state->displacement, *v = state->velocity;
+    for (int i = 0; i < 3 * t->nodes; i++) {
+        v[i] = guess[i];
+        x[i] += t->law.dt * guess[i];
+    }
+}
+
+const kn_kernels KN_KERNELS(net) = {
+    .name = KN_KERNELS_NAME,
+    .real_size = sizeof(real),
+    .tables_size = tables_size,
+    .tables_build = tables_build,
+    .edge = edge,
+    .apply = apply,
+    .update = update,
+    .integrate = integrate,
+};

@@ -1,0 +1,240 @@
+#include "core/net.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void difference(const double a[3], const double b[3], double out[3])
+{
+    for (int k = 0; k < 3; k++) out[k] = a[k] - b[k];
+}
+
+static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static void cross(const double a[3], const double b[3], double out[3])
+{
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+// --- edges ----------------------------------------------------------------------------------------------------------
+
+typedef struct side { // of an element, or what merged ones share
+    int i, j, element;
+    double kappa_m;
+} side;
+
+// By ends, then by element: sums come out the same whatever qsort does with equals.
+static int by_ends(const void *a, const void *b)
+{
+    const side *x = a, *y = b;
+    if (x->i != y->i) return x->i < y->i ? -1 : 1;
+    if (x->j != y->j) return x->j < y->j ? -1 : 1;
+    return (x->element > y->element) - (x->element < y->element);
+}
+
+// Volume of an element, of a flat one with its thickness, m^3.
+static double volume_of(const kn_model *m, const int element[4])
+{
+    const kn_simplices *s = m->def.mesh;
+    double a[3], b[3], c[3], ab[3];
+    difference(s->x_m[element[1]], s->x_m[element[0]], a);
+    difference(s->x_m[element[2]], s->x_m[element[0]], b);
+    cross(a, b, ab);
+    if (s->dimension == 2) return 0.5 * sqrt(dot(ab, ab)) * m->def.thickness_m;
+    difference(s->x_m[element[3]], s->x_m[element[0]], c);
+    return dot(ab, c) / 6;
+}
+
+static int list_sides(const kn_model *m, side *sides)
+{
+    const kn_simplices *s = m->def.mesh;
+    int count = 0;
+    for (int e = 0; e < s->element_count; e++) {
+        double volume = volume_of(m, s->element[e]);
+        for (int a = 0; a <= s->dimension; a++)
+            for (int b = a + 1; b <= s->dimension; b++) {
+                int i = s->element[e][a], j = s->element[e][b];
+                double d[3];
+                difference(s->x_m[i], s->x_m[j], d);
+                sides[count++] = (side){i < j ? i : j, i < j ? j : i, e, volume / dot(d, d)};
+            }
+    }
+    return count;
+}
+
+static bool build_edges(kn_model *m)
+{
+    const kn_simplices *s = m->def.mesh;
+    side *sides = malloc((size_t)s->element_count * (s->dimension == 2 ? 3 : 6) * sizeof *sides);
+    if (!sides) return false;
+    int count = list_sides(m, sides), merged = 0;
+    qsort(sides, (size_t)count, sizeof *sides, by_ends);
+    for (int k = 0; k < count; k++) {
+        bool same = merged > 0 && sides[merged - 1].i == sides[k].i && sides[merged - 1].j == sides[k].j;
+        if (same) sides[merged - 1].kappa_m += sides[k].kappa_m;
+        else sides[merged++] = sides[k];
+    }
+    m->edges = calloc((size_t)merged, sizeof *m->edges);
+    m->edge_count = m->edges ? merged : 0;
+    m->kappa_m = 0;
+    for (int k = 0; k < m->edge_count; k++) m->kappa_m += sides[k].kappa_m / merged;
+    for (int k = 0; k < m->edge_count; k++) {
+        double d[3];
+        difference(s->x_m[sides[k].i], s->x_m[sides[k].j], d);
+        m->edges[k] = (kn_edge){sides[k].i, sides[k].j, k, sides[k].kappa_m / m->kappa_m, sqrt(dot(d, d))};
+    }
+    free(sides);
+    return m->edges != NULL;
+}
+
+// --- skin -----------------------------------------------------------------------------------------------------------
+
+typedef struct facet { // a face of one element: corners as they turn seen from outside; a flat one's third is -1
+    int corner[3], sorted[3];
+} facet;
+
+static int by_corners(const void *a, const void *b)
+{
+    return memcmp(((const facet *)a)->sorted, ((const facet *)b)->sorted, sizeof((const facet *)a)->sorted);
+}
+
+static facet facet_of(int a, int b, int c)
+{
+    facet f = {{a, b, c}, {a, b, c}};
+    for (int pass = 0; pass < 2; pass++)
+        for (int k = 0; k < 2; k++)
+            if (f.sorted[k] > f.sorted[k + 1]) {
+                int swap = f.sorted[k];
+                f.sorted[k] = f.sorted[k + 1];
+                f.sorted[k + 1] = swap;
+            }
+    return f;
+}
+
+// The facets that only one element has; their number. NULL when memory is short.
+static facet *outer_facets(const kn_simplices *s, int *count)
+{
+    static const int solid[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}, flat[3][2] = {{0, 1}, {1, 2}, {2, 0}};
+    int per = s->dimension + 1, all = 0;
+    facet *f = malloc((size_t)s->element_count * (size_t)per * sizeof *f);
+    if (!f) return NULL;
+    for (int e = 0; e < s->element_count; e++)
+        for (int k = 0; k < per; k++) {
+            const int *x = s->element[e];
+            f[all++] = s->dimension == 3 ? facet_of(x[solid[k][0]], x[solid[k][1]], x[solid[k][2]])
+                                         : facet_of(x[flat[k][0]], x[flat[k][1]], -1);
+        }
+    qsort(f, (size_t)all, sizeof *f, by_corners);
+    *count = 0;
+    for (int k = 0; k < all; k++) {
+        bool lone = (k == 0 || by_corners(&f[k - 1], &f[k])) && (k + 1 == all || by_corners(&f[k + 1], &f[k]));
+        if (lone) f[(*count)++] = f[k];
+    }
+    return f;
+}
+
+// Area of a facet as a vector outwards, m^2; a flat one's with the thickness.
+static void facet_area(const kn_model *m, const facet *f, double area_m2[3])
+{
+    const kn_simplices *s = m->def.mesh;
+    double a[3], b[3];
+    difference(s->x_m[f->corner[1]], s->x_m[f->corner[0]], a);
+    if (s->dimension == 2) { // triangles turn from x to z, so outwards is right of the way
+        area_m2[0] = a[2] * m->def.thickness_m;
+        area_m2[1] = 0;
+        area_m2[2] = -a[0] * m->def.thickness_m;
+        return;
+    }
+    difference(s->x_m[f->corner[2]], s->x_m[f->corner[0]], b);
+    cross(a, b, area_m2);
+    for (int k = 0; k < 3; k++) area_m2[k] *= 0.5;
+}
+
+// Facets that look up by more than 60 degrees from the horizon's plane are the top: a plate comes from above.
+#define TOP_COSINE 0.5
+
+static void build_top(kn_model *m, const facet *facets, int count)
+{
+    double *share = m->top_share, sum = 0; // by node until the top is listed
+    for (int f = 0; f < count; f++) {
+        double area[3];
+        facet_area(m, &facets[f], area);
+        if (area[2] < TOP_COSINE * sqrt(dot(area, area))) continue;
+        for (int k = 0; k < m->def.mesh->dimension; k++) share[facets[f].corner[k]] += area[2];
+        sum += area[2] * m->def.mesh->dimension;
+    }
+    m->top_count = 0;
+    for (int node = 0; node < m->node_count; node++) {
+        if (share[node] == 0) continue;
+        m->top_share[m->top_count] = share[node] / sum;
+        m->top[m->top_count++] = node;
+    }
+}
+
+// A flat object shows its triangles on both sides.
+static bool build_skin(kn_model *m, const facet *facets, int count)
+{
+    const kn_simplices *s = m->def.mesh;
+    m->skin_count = s->dimension == 3 ? count : 2 * s->element_count;
+    m->skin = malloc((size_t)m->skin_count * sizeof *m->skin);
+    if (!m->skin) return false;
+    for (int k = 0; k < m->skin_count; k++) {
+        if (s->dimension == 3) {
+            memcpy(m->skin[k], facets[k].corner, sizeof *m->skin);
+        } else {
+            const int *e = s->element[k / 2];
+            for (int c = 0; c < 3; c++) m->skin[k][c] = e[k % 2 ? 2 - c : c];
+        }
+    }
+    return true;
+}
+
+// --- nodes ----------------------------------------------------------------------------------------------------------
+
+static void build_masses(kn_model *m)
+{
+    const kn_simplices *s = m->def.mesh;
+    for (int e = 0; e < s->element_count; e++) {
+        double mass = m->def.density_kg_m3 * volume_of(m, s->element[e]) / (s->dimension + 1);
+        for (int k = 0; k <= s->dimension; k++) m->node_mass_kg[s->element[e][k]] += mass;
+    }
+}
+
+// The lowest nodes stand on the table; a flat object stays in its plane.
+static void build_support(kn_model *m)
+{
+    const kn_simplices *s = m->def.mesh;
+    double low = INFINITY, high = -INFINITY;
+    for (int i = 0; i < s->node_count; i++) {
+        low = fmin(low, s->x_m[i][2]), high = fmax(high, s->x_m[i][2]);
+        for (int k = 0; k < 3; k++) m->size_m = fmax(m->size_m, 2 * fabs(s->x_m[i][k]));
+    }
+    for (int i = 0; i < s->node_count; i++) {
+        bool base = s->x_m[i][2] <= low + 1e-6 * (high - low);
+        m->support[i] = (uint8_t)((base ? kn_support_mask(m->def.support) : 0) | (s->dimension == 2 ? 2 : 0));
+    }
+}
+
+bool kn_net_build(kn_model *m)
+{
+    const kn_simplices *s = m->def.mesh;
+    int count = 0;
+    facet *facets = outer_facets(s, &count);
+    bool ok = facets && kn_model_nodes(m, s->node_count, s->node_count) && build_edges(m) &&
+              build_skin(m, facets, count);
+    if (ok) {
+        m->row_count = s->node_count;
+        m->stride = 1;
+        m->edge_reals = (size_t)(m->edge_count + KN_LANES - 1) / KN_LANES * KN_LANES;
+        m->gamma = 0.65;
+        for (int i = 0; i < s->node_count; i++) m->offset[i] = 3 * (size_t)i;
+        memcpy(m->rest_m, s->x_m, (size_t)s->node_count * sizeof *m->rest_m);
+        build_masses(m);
+        build_support(m);
+        build_top(m, facets, count);
+    }
+    free(facets);
+    return ok;
+}
