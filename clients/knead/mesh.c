@@ -15,17 +15,17 @@
 static const char help[] =
     "usage: knead mesh IN.obj|IN.stl -o OUT.msh --size LENGTH [OPTION]...\n"
     "       knead mesh IN.msh [--unit UNIT]\n\n"
-    "Fills a closed surface with tetrahedra, for a scene's object.mesh; or checks a mesh that there is, and says what it\n"
-    "has: nodes, edges, volume, spacing, quality (1 is the regular tetrahedron or triangle).\n\n"
+    "Fills a closed surface with tetrahedra, for a scene's object.mesh; or checks a mesh that there is, and says what\n"
+    "it has: nodes, edges, volume, spacing, quality (1 is the regular tetrahedron or triangle).\n\n"
     "    knead mesh bun.stl -o bun.msh --size 5mm\n\n"
     "  -o OUT.msh          the mesh, in Gmsh's format 4.1, in the unit of the surface\n"
     "  --size LENGTH       of an edge, about: 5mm, '0.5 cm'\n"
-    "  --tool gmsh|tetgen  the program that does it (gmsh). gmsh meshes the surface anew; tetgen keeps it and adds to it\n"
+    "  --tool gmsh|tetgen  the program (gmsh): gmsh meshes the surface anew, tetgen keeps it and adds to it\n"
     "  --unit m|cm|mm|um   of the coordinates in the file (mm)\n\n"
     "A surface with holes, with edges of three triangles, or of two pieces is refused, file:line:col: what is wrong.\n"
     "Exit codes: 0 ok, 2 bad input, 3 the program is not installed, or the mesh cannot be written.\n";
 
-#define THIN 0.1 // quality from which on an element is worth a warning: a tenth of the volume it could have is a third of it
+#define THIN 0.1 // quality below which an element is worth a warning: 3 % of the volume that its edges could hold
 
 typedef struct options {
     const char *in, *out;
@@ -85,9 +85,11 @@ static int check_options(const options *o)
     if (!surface && !ends_in_msh(o->in))
         return kn_complain(mesh, KN_EXIT_USAGE, "'%s': expected a file that ends in .obj, .stl or .msh", o->in);
     if (!surface && (o->out || o->size_m > 0 || o->tool_given))
-        return kn_complain(mesh, KN_EXIT_USAGE, "-o, --size and --tool make a mesh of a surface, expected .obj or .stl");
-    if (surface && !(o->size_m > 0)) return kn_complain(mesh, KN_EXIT_USAGE, "expected --size LENGTH, e.g. --size 5mm");
-    if (surface && (!o->out || !ends_in_msh(o->out))) return kn_complain(mesh, KN_EXIT_USAGE, "expected -o OUT.msh");
+        return kn_complain(mesh, KN_EXIT_USAGE,
+                           "-o, --size and --tool make a mesh of a surface, expected .obj or .stl");
+    if (!surface) return KN_EXIT_OK;
+    if (!(o->size_m > 0)) return kn_complain(mesh, KN_EXIT_USAGE, "expected --size LENGTH, e.g. --size 5mm");
+    if (!o->out || !ends_in_msh(o->out)) return kn_complain(mesh, KN_EXIT_USAGE, "expected -o OUT.msh");
     return KN_EXIT_OK;
 }
 
@@ -133,9 +135,10 @@ static void print_mesh(const options *o, const char *file, const char *format, c
            m.volume * (flat ? 1e4 : 1e6), flat ? "cm^2" : "cm^3");
     printf("spacing   edges of %.3g mm in the mean, %.3g to %.3g mm\n", 1e3 * m.edge_mean_m, 1e3 * m.edge_min_m,
            1e3 * m.edge_max_m);
-    printf("quality   %.2f in the mean, %.2f at worst (element %ld); 1 is the regular %s\n", m.quality_mean, m.quality_min,
-           s->tag[m.worst], flat ? "triangle" : "tetrahedron");
-    if (m.quality_min < THIN) printf("warning   element %ld is thin: it hardly carries and may turn over\n", s->tag[m.worst]);
+    printf("quality   %.2f in the mean, %.2f at worst (element %ld); 1 is the regular %s\n", m.quality_mean,
+           m.quality_min, s->tag[m.worst], flat ? "triangle" : "tetrahedron");
+    if (m.quality_min < THIN)
+        printf("warning   element %ld is thin: it hardly carries and may turn over\n", s->tag[m.worst]);
     printf("scene     object: { mesh: %s, mesh_unit: %s }\n", base, o->unit);
 }
 

@@ -14,7 +14,7 @@
 #include <unistd.h>
 
 #define ANGLE_DEG 40 // between triangles of one smooth piece: gmsh's own examples; a ball of 24 x 12 facets has 15
-// Largest volume of a tetrahedron for tetgen, size^3: with quality 1.4 the mean edge is 1.06 size (a block of 5 x 5 x 3 cm).
+// Largest volume of a tetrahedron for tetgen, size^3: at quality 1.4 the mean edge is 1.06 size (5 x 5 x 3 cm, 6 mm).
 #define TETGEN_VOLUME 0.3
 enum { EXIT_NO_PROGRAM = 127, LINE_BYTES = 200 };
 
@@ -133,7 +133,8 @@ static int judge(const job *j, int status)
     char reason[LINE_BYTES];
     if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return KN_EXIT_OK;
     if (WIFEXITED(status) && WEXITSTATUS(status) == EXIT_NO_PROGRAM) {
-        snprintf(j->error, j->error_size, "%s is not installed, expected it: apt-get install %s", j->program, j->program);
+        snprintf(j->error, j->error_size, "%s is not installed, expected it: apt-get install %s", j->program,
+                 j->program);
         return KN_EXIT_DEVICE;
     }
     find_reason(j, reason);
@@ -189,11 +190,12 @@ static int run_gmsh(job *j, const kn_shell *shell, double size, double units_per
 
 // ---- tetgen: in.1.node is  count 3 0 0,  then  number x y z;  in.1.ele is  count 4 0,  then  number and four nodes
 
-static bool read_count(kn_words *w, long most, long width, long *count)
+static bool read_count(kn_words *w, long most, int others, long *count)
 {
     long ignored;
-    for (long i = 0; i <= width; i++)
-        if (!kn_words_integer(w, KN_WIDTH_INT, 0, i == 0 ? most : LONG_MAX, i == 0 ? count : &ignored, "a count")) return false;
+    if (!kn_words_integer(w, KN_WIDTH_INT, 1, most, count, "how many there are")) return false;
+    while (others-- > 0)
+        if (!kn_words_integer(w, KN_WIDTH_INT, 0, LONG_MAX, &ignored, "a number")) return false;
     return true;
 }
 
@@ -240,7 +242,8 @@ static kn_simplices *read_tetgen(const job *j, double units_per_m, char *error, 
         s = kn_simplices_create(3, (int)node_count, (int)element_count);
         if (!s) snprintf(error, size, "not enough memory for the mesh");
     }
-    if (s && (!read_nodes(&node, s, units_per_m) || !read_elements(&element, s) || !kn_simplices_check(s, error, size))) {
+    bool good = s && read_nodes(&node, s, units_per_m) && read_elements(&element, s) && kn_simplices_check(s, error, size);
+    if (!good) {
         kn_simplices_destroy(s);
         s = NULL;
     }
@@ -252,10 +255,10 @@ static kn_simplices *read_tetgen(const job *j, double units_per_m, char *error, 
 static int run_tetgen(job *j, const kn_shell *shell, double size, double units_per_m, kn_simplices **mesh)
 {
     char options[64], what[512];
-    snprintf(options, sizeof options, "-pq1.4a%.17fQ", TETGEN_VOLUME * size * size * size); // it reads no exponent
+    snprintf(options, sizeof options, "-pq1.4a%.9gQ", TETGEN_VOLUME * size * size * size);
     char *const argv[] = {"tetgen", options, "in.off", NULL};
     if (!kn_shell_write_off(shell, in_folder(j, "in.off"))) return unwritten(j);
-    char *const crossings[] = {"tetgen", "-d", "in.off", NULL}; // it dies without a word on a surface that crosses itself
+    char *const crossings[] = {"tetgen", "-d", "in.off", NULL}; // of a surface that crosses itself it dies without a word
     int status = run(j, argv);
     if (WIFSIGNALED(status) && !stopped) run(j, crossings);
     int code = judge(j, status);

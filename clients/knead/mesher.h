@@ -11,8 +11,8 @@
 
 typedef enum kn_mesher { KN_MESHER_GMSH, KN_MESHER_TETGEN } kn_mesher;
 
-// size: wanted length of an edge in the surface's unit, of which units_per_m make a metre; the mesh is in metres and has
-// passed kn_simplices_check. Returns one of KN_EXIT_*; one line in error unless it is OK.
+// size: wanted length of an edge in the surface's unit, of which units_per_m make a metre; the mesh is in metres and
+// has passed kn_simplices_check. Returns one of KN_EXIT_*; one line in error unless it is OK.
 int kn_mesher_run(kn_mesher mesher, const kn_shell *shell, double size, double units_per_m, kn_simplices **mesh,
                   char *error, size_t error_size);
 

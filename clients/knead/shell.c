@@ -71,8 +71,8 @@ static bool read_binary_stl(reader *r)
     r->words.binary = true;
     if (r->words.size >= STL_HEAD) memcpy(&count, r->words.bytes + STL_HEAD - sizeof count, sizeof count);
     if (r->words.size < STL_HEAD || r->words.size - STL_HEAD != STL_EACH * (size_t)count)
-        return complain(r, STL_HEAD - sizeof count, "%u triangles are declared, expected %zu bytes for them, not %zu", count,
-                        STL_HEAD + STL_EACH * (size_t)count, r->words.size);
+        return complain(r, STL_HEAD - sizeof count, "%u triangles are declared, expected %zu bytes for them, not %zu",
+                        count, STL_HEAD + STL_EACH * (size_t)count, r->words.size);
     for (size_t at = STL_HEAD; at < r->words.size; at += STL_EACH) {
         float corners[9];
         double x[3][3];
@@ -106,7 +106,8 @@ static bool read_text_stl(reader *r)
             if (!kn_words_real(&r->words, &x[corners][k])) return false;
         if (++corners == 3 && !add(r, at, x)) return false;
     }
-    return corners == 0 || corners == 3 || complain(r, r->words.size, "the file ends within a facet, expected 3 corners");
+    if (corners == 0 || corners == 3) return true;
+    return complain(r, r->words.size, "the file ends within a facet, expected 3 corners");
 }
 
 // ---- OBJ
@@ -261,8 +262,8 @@ static bool check_edges(reader *r, const kn_shell *s, const edge *e, int *parent
             return complain(r, q->at, "triangles %d, %d and %d share one edge, expected two at every edge", p->number,
                             q->number, r->place[e[i + 2].triangle].number);
         if (n == 2 && e[i].forward == e[i + 1].forward)
-            return complain(r, q->at, "triangles %d and %d face opposite ways, expected all to face outwards", p->number,
-                            q->number);
+            return complain(r, q->at, "triangles %d and %d face opposite ways, expected all to face outwards",
+                            p->number, q->number);
         if (n == 1 && (open++ == 0 || a < first)) first = a;
         parent[root_of(parent, b)] = root_of(parent, a);
     }
@@ -310,11 +311,14 @@ static void measure(kn_shell *s)
         }
     s->extent = fmax(high[0] - low[0], fmax(high[1] - low[1], high[2] - low[2]));
     for (int t = 0; t < s->triangle_count; t++) {
-        double d[3][3];
-        for (int c = 0; c < 3; c++)
-            for (int k = 0; k < 3; k++) d[c][k] = s->x[s->triangle[t][c]][k] - low[k];
-        s->volume += (d[0][0] * (d[1][1] * d[2][2] - d[1][2] * d[2][1]) + d[0][1] * (d[1][2] * d[2][0] - d[1][0] * d[2][2]) +
-                      d[0][2] * (d[1][0] * d[2][1] - d[1][1] * d[2][0])) / 6;
+        double a[3], b[3], c[3]; // corners seen from the box: the triangle's tetrahedron with its low corner
+        for (int k = 0; k < 3; k++) {
+            a[k] = s->x[s->triangle[t][0]][k] - low[k];
+            b[k] = s->x[s->triangle[t][1]][k] - low[k];
+            c[k] = s->x[s->triangle[t][2]][k] - low[k];
+        }
+        s->volume += (a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) +
+                      a[2] * (b[0] * c[1] - b[1] * c[0])) / 6;
     }
     s->volume = fabs(s->volume); // inside out is closed too
 }
@@ -386,7 +390,8 @@ bool kn_shell_write_off(const kn_shell *s, const char *path)
 {
     FILE *f = fopen(path, "w");
     if (f) fprintf(f, "OFF\n%d %d 0\n", s->vertex_count, s->triangle_count);
-    for (int i = 0; f && i < s->vertex_count; i++) fprintf(f, "%.17g %.17g %.17g\n", s->x[i][0], s->x[i][1], s->x[i][2]);
+    for (int i = 0; f && i < s->vertex_count; i++)
+        fprintf(f, "%.17g %.17g %.17g\n", s->x[i][0], s->x[i][1], s->x[i][2]);
     for (int t = 0; f && t < s->triangle_count; t++)
         fprintf(f, "3 %d %d %d\n", s->triangle[t][0], s->triangle[t][1], s->triangle[t][2]);
     return finish(f);

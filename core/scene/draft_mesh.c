@@ -22,7 +22,8 @@ static void as_written(const kn_draft *draft, path_text path)
 {
     bool from_folder = *draft->mesh_path != '/' && draft->at[0][KN_KEY_MESH].source == KN_SOURCE_FILE;
     size_t folder = from_folder ? folder_of(draft->file) : 0;
-    snprintf(path, sizeof(path_text), "%.*s%s", (int)(folder < KN_PATH_MAX ? folder : 0), draft->file, draft->mesh_path);
+    snprintf(path, sizeof(path_text), "%.*s%s", (int)(folder < KN_PATH_MAX ? folder : 0), draft->file,
+             draft->mesh_path);
 }
 
 // Beside the file that holds the text: a log and its mesh are moved together.

@@ -1,9 +1,10 @@
 #ifndef KN_CORE_SCENE_MSH_H
 #define KN_CORE_SCENE_MSH_H
-// Meshes as Gmsh writes them: .msh 2.2 and 4.1, ASCII and binary (https://gmsh.info/doc/texinfo/gmsh.html#MSH-file-format).
-// Four-node tetrahedra make an object in three dimensions; the points, lines and surface triangles that Gmsh saves beside
-// them are left out. Three-node triangles alone make one in two: all in a plane z = const, whose y becomes our z, or
-// in a plane y = const; seen from behind they are turned round together. Other elements are refused by name.
+// Meshes as Gmsh writes them: .msh 2.2 and 4.1, ASCII and binary, https://gmsh.info/doc/texinfo/gmsh.html#MSH-file-format
+//
+// Four-node tetrahedra make an object in three dimensions; the points, lines and surface triangles that Gmsh saves
+// beside them are left out. Three-node triangles alone make one in two: all in a plane z = const, whose y becomes our z,
+// or in a plane y = const; seen from behind they are turned round together. Other elements are refused by name.
 // Nodes that no element has (centres of arcs) are left out. What is left passes kn_simplices_check.
 //
 // Every complaint is one line, `file:line:col: what is wrong, what was expected`; in a binary file it is

@@ -141,8 +141,8 @@ TEST("triangles stand up from the plane they were drawn in, and from behind they
     static const char *const element[] = {"1 2 3", "3 2 1"};
     for (int i = 0; i < 4; i++) {
         char text[512];
-        snprintf(text, sizeof text, HEAD "$Nodes\n3\n%s$EndNodes\n$Elements\n1\n1 2 2 1 1 %s\n$EndElements\n", nodes[i / 2],
-                 element[i % 2]);
+        snprintf(text, sizeof text, HEAD "$Nodes\n3\n%s$EndNodes\n$Elements\n1\n1 2 2 1 1 %s\n$EndElements\n",
+                 nodes[i / 2], element[i % 2]);
         kn_simplices *s = read_text(text, NULL);
         kn_simplices_measures m = {.volume = 0};
         CHECK_STR(error, "");

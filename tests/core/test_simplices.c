@@ -8,7 +8,8 @@ static char error[256];
 // A block of n[0] x n[1] x n[2] cells of side h, six tetrahedra each along one diagonal (Kuhn).
 static kn_simplices *block(int nx, int ny, int nz, double h)
 {
-    static const int path[6][2] = {{1, 3}, {1, 5}, {2, 3}, {2, 6}, {4, 5}, {4, 6}}; // corners of a cell: bit k is axis k
+    // corners between 0 and 7, the ends of the diagonal: bit k is axis k
+    static const int path[6][2] = {{1, 3}, {1, 5}, {2, 3}, {2, 6}, {4, 5}, {4, 6}};
     int sx = nx + 1, sxy = sx * (ny + 1), e = 0;
     kn_simplices *s = kn_simplices_create(3, sxy * (nz + 1), 6 * nx * ny * nz);
     if (!s) return NULL;
