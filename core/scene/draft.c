@@ -1,4 +1,5 @@
 #include "core/scene/draft.h"
+#include "core/scene/library.h"
 
 #include <math.h>
 #include <stdarg.h>
@@ -169,7 +170,8 @@ static bool take_ends(kn_draft *draft)
             return kn_draft_complain(draft, draft->at[0][curve[i]], "%s beside c_max and c_min, expected either pair",
                                      kn_keys[curve[i]].path);
         if (!finish_modulus(draft, ends[i])) return false;
-        draft->at[0][curve[i]] = (kn_mark){at.source, at.line, at.col, false};
+        draft->at[0][curve[i]] = at;
+        draft->at[0][curve[i]].per_height = false;
         draft->at[0][ends[i]].source = KN_SOURCE_DEFAULT;
     }
     bool rising = mat->p0_pa < mat->p1_pa; // else that is told later
@@ -211,6 +213,7 @@ static bool finish_material(kn_draft *draft)
         return kn_draft_complain(draft, later(draft, KN_KEY_C_MAX, KN_KEY_C_MIN),
                                  "material.c_min is %g Pa s, expected at most c_max, %g Pa s", mat->c_min_pa_s,
                                  mat->c_max_pa_s);
+    if (!kn_library_vary(draft)) return false;
     kn_material bare = *mat;
     bare.stroke[0] = bare.stroke[1] = 0;
     const char *problem = kn_material_check(&bare);
@@ -324,6 +327,7 @@ static void put_key(page *out, kn_draft *draft, int slot, kn_key_id id)
     const char *dot = strrchr(key->path, '.');
     bool optional = key->fallback && *key->fallback == '\0';
     if (!relevant(draft, slot, id) || (optional && !given(draft, slot, id))) return;
+    if (slot == 0 && id == KN_KEY_VARIANT) return; // it has been made
     size_t group = dot ? (size_t)(dot - key->path) : 0;
     if (slot == 0 && group > 0 && strncmp(out->group, key->path, group + 1) != 0) {
         snprintf(out->group, sizeof out->group, "%.*s.", (int)group, key->path);

@@ -11,6 +11,7 @@ typedef struct kn_mark {
     int source;
     int line, col;   // in the file, from 1
     bool per_height; // the value is per metre of specimen height
+    bool library;    // it came with a named material
 } kn_mark;
 
 #define KN_SLOTS (1 + KN_PROBES_MAX) // 0: the scene's keys; 1 + p: those of probe p
@@ -19,6 +20,8 @@ typedef struct kn_draft {
     kn_scene scene;
     double size_m[3];
     double specimen_height_m;
+    int variant; // 0 rheological, 1 viscoelastic, 2 plastic
+    bool is_material; // it is the file of a named material that is read, not a scene
     int profile;                            // 0 touch, 1 bench
     char mesh_path[KN_PATH_MAX];            // as written; absolute once it has been read. "": a block
     int mesh_unit;                          // number of the word in the key's table

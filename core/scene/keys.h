@@ -30,6 +30,8 @@
     mesh_hash, "of the file; another one is refused")                                                                 \
   X(STRUCTURE, ALWAYS, "object.structure", CHOICE, 1, "diagonals|axis", 0, 0, "diagonals",                            \
     scene.model.structure, "edges of a cell: with face and body diagonals, or sides only")                            \
+  X(VARIANT, ALWAYS, "material.variant", CHOICE, 1, "rheological|viscoelastic|plastic", 0, 0, "rheological",           \
+    variant, "the material as written, or what follows by the second paper's rules; short: material: NAME")           \
   X(K1, ALWAYS, "material.k1", MODULUS, 1, "Pa", 0, 1e9, NULL,                                                        \
     scene.model.material.k1_pa, "spring of the Voigt part")                                                           \
   X(C1, ALWAYS, "material.c1", MODULUS, 1, "Pa*s", 0, 1e9, NULL,                                                      \

@@ -1,6 +1,7 @@
 #include "core/scene/scene.h"
 #include "core/hash.h"
 #include "core/scene/draft.h"
+#include "core/scene/library.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -22,6 +23,27 @@ typedef struct reader {
     const char *text;
     size_t size;
 } reader;
+
+static const char *base_name(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash ? slash + 1 : path;
+}
+
+// The bytes of a file, one more than are read of any if it is too large. NULL and one line in error.
+static char *load_file(const char *path, size_t *size, char *error, size_t error_size)
+{
+    FILE *file = fopen(path, "rb");
+    char *text = file ? malloc(FILE_MAX_BYTES + 1) : NULL;
+    *size = text ? fread(text, 1, FILE_MAX_BYTES + 1, file) : 0;
+    if (!text || ferror(file)) {
+        snprintf(error, error_size, "%s:1:1: %s, expected a scene file", path, strerror(errno));
+        free(text);
+        text = NULL;
+    }
+    if (file) fclose(file);
+    return text;
+}
 
 static kn_mark mark_of(const reader *r, yaml_mark_t m)
 {
@@ -150,6 +172,7 @@ static bool read_leaf(reader *r, const kn_key *key)
 }
 
 static bool read_node(reader *r, const char *path);
+static bool read_text(kn_draft *draft, int source, int slot, const char *path, const char *text, size_t size);
 
 // Remembers where the mapping of a group stands: a key missing in it is reported there.
 static void mark_group(reader *r, const char *path)
@@ -207,6 +230,43 @@ static bool read_probes(reader *r)
     }
 }
 
+static bool take_material(reader *r, const char *file, const char *text, size_t size, int variant, kn_mark mark)
+{
+    kn_draft material;
+    kn_draft_init(&material, file, NULL, r->draft->error, r->draft->error_size);
+    material.is_material = true;
+    return read_text(&material, KN_SOURCE_FILE, 0, "", text, size) &&
+           kn_library_take(r->draft, &material, variant, mark);
+}
+
+// A material of the user's, seen from the scene's folder, or from the working directory when --set names it.
+static bool read_material_file(reader *r, const char *name, kn_mark mark)
+{
+    char path[KN_PATH_MAX + VALUE_MAX_BYTES], error[KN_PATH_MAX + 200];
+    size_t folder = (size_t)(base_name(r->draft->file) - r->draft->file), size;
+    bool beside = r->source == KN_SOURCE_FILE && *name != '/' && folder < KN_PATH_MAX;
+    snprintf(path, sizeof path, "%.*s%s", beside ? (int)folder : 0, r->draft->file, name);
+    char *text = load_file(path, &size, error, sizeof error);
+    if (!text) return kn_draft_complain(r->draft, mark, "material: %s", error);
+    bool ok = take_material(r, path, text, size, -1, mark);
+    free(text);
+    return ok;
+}
+
+// A material by its name.
+static bool read_material(reader *r)
+{
+    int variant;
+    char names[KN_LINE_MAX];
+    kn_mark mark = here(r);
+    const char *name = scalar(r, VALUE_MAX_BYTES), *dot = name ? strrchr(name, '.') : NULL;
+    if (dot && strcmp(dot, ".yaml") == 0 && !r->draft->is_material) return read_material_file(r, name, mark);
+    const kn_library_entry *entry = name && !r->draft->is_material ? kn_library_find(name, &variant) : NULL;
+    if (entry) return take_material(r, entry->name, entry->text, strlen(entry->text), variant, mark);
+    return kn_draft_complain(r->draft, mark, "material: '%.40s' is unknown, expected a mapping, a file.yaml, or %s (with "
+                             "-rheological, -viscoelastic, -plastic)", name ? name : "", kn_library_names(names));
+}
+
 // Reads what stands at a path that exists: a value, a mapping, the list of probes.
 static bool read_node(reader *r, const char *path)
 {
@@ -216,6 +276,7 @@ static bool read_node(reader *r, const char *path)
     if (strcmp(path, "probes") == 0) return read_probes(r);
     if (strcmp(path, "device") == 0 && r->event.type == YAML_SCALAR_EVENT)
         return read_leaf(r, &kn_keys[KN_KEY_PROFILE]);
+    if (strcmp(path, "material") == 0 && r->event.type == YAML_SCALAR_EVENT) return read_material(r);
     if (r->event.type == YAML_MAPPING_START_EVENT) return read_mapping(r, path);
     return kn_draft_complain(r->draft, here(r), "%s: %s, expected a mapping", path, kind_of(r));
 }
@@ -284,12 +345,6 @@ static bool read_set(kn_draft *draft, int number)
     return read_text(draft, number, slot, path, equals + 1, strlen(equals + 1));
 }
 
-static const char *base_name(const char *path)
-{
-    const char *slash = strrchr(path, '/');
-    return slash ? slash + 1 : path;
-}
-
 // Of the text without the line that says where the mesh lies.
 static uint64_t hash_text(const char *text)
 {
@@ -336,13 +391,9 @@ kn_scene *kn_scene_parse_beside(const char *beside, const char *name, const char
 kn_scene *kn_scene_load(const char *path, const char *const *sets, int set_count, char *error, size_t error_size)
 {
     if (!*path) return snprintf(error, error_size, "'': expected the name of a scene file"), NULL;
-    FILE *file = fopen(path, "rb");
-    char *text = file ? malloc(FILE_MAX_BYTES + 1) : NULL;
-    size_t size = text ? fread(text, 1, FILE_MAX_BYTES + 1, file) : 0;
-    kn_scene *scene = NULL;
-    if (!text || ferror(file)) snprintf(error, error_size, "%s:1:1: %s, expected a scene file", path, strerror(errno));
-    else scene = kn_scene_parse(path, text, size, sets, set_count, error, error_size);
-    if (file) fclose(file);
+    size_t size;
+    char *text = load_file(path, &size, error, error_size);
+    kn_scene *scene = text ? kn_scene_parse(path, text, size, sets, set_count, error, error_size) : NULL;
     free(text);
     return scene;
 }

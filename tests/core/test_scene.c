@@ -1,4 +1,5 @@
 #include "core/contact.h"
+#include "core/scene/library.h"
 #include "core/scene/scene.h"
 #include "tests/check.h"
 
@@ -230,6 +231,63 @@ TEST("a stroke has a ratio: 0.2, its own when it leaves no way, c2/(c1 + c2) wit
     kn_scene_destroy(scene);
 }
 
+TEST("a material by its name has its density and the canonical text writes all of it out; what the scene says itself stays")
+{
+    static const char named[] = "version: 1\nobject: {size: [2 cm, 2 cm, 2 cm], spacing: 1 cm}\nmaterial: dough\n"
+                                "support: bonded\ndevice: touch\n";
+    static const char heavy[] = "version: 1\nobject: {size: [2 cm, 2 cm, 2 cm], spacing: 1 cm}\ndensity: 2 g/cm^3\n"
+                                "material: dough\nsupport: bonded\ndevice: touch\n";
+    static const char *const softer[] = {"material.k1=300 gf/cm^3"}, *const other[] = {"material.k1=1 Pa", "material=clay"};
+    kn_scene *a = parse(named, NULL, 0), *again = parse(a->text, NULL, 0), *dough = load(scenes[0], NULL);
+    CHECK(memcmp(&a->model.material, &dough->model.material, sizeof a->model.material) == 0);
+    CHECK(a->model.density_kg_m3 == 1200 && strstr(a->text, "material:\n  k1: 46091."));
+    CHECK_STR(again->text, a->text);
+    kn_scene *b = parse(heavy, NULL, 0), *c = parse(named, softer, 1), *d = parse(named, other, 2);
+    CHECK(b->model.density_kg_m3 == 2000 && b->model.material.k1_pa == a->model.material.k1_pa);
+    CHECK_NEAR(c->model.material.k1_pa, 300 * 98.0665, 1e-9);
+    CHECK(d->model.material.k1_pa == 0 && d->model.density_kg_m3 == 1800 && !strstr(d->text, "alpha"));
+    kn_scene *all[] = {a, again, dough, b, c, d};
+    for (int i = 0; i < 6; i++) kn_scene_destroy(all[i]);
+}
+
+static kn_material variant(const char *name)
+{
+    char set[80];
+    const char *sets[] = {set};
+    snprintf(set, sizeof set, "material=%s", name);
+    kn_scene *scene = parse(in_cm, sets, 1);
+    if (!scene) KN_TEST_FAIL("%s: %s", name, error);
+    kn_material mat = scene->model.material;
+    kn_scene_destroy(scene);
+    return mat;
+}
+
+TEST("every named material has its three variants, by the second paper's rules")
+{
+    int count = 0;
+    for (const kn_library_entry *e = kn_library; e->name; e++, count++) {
+        char name[80];
+        double in, out;
+        snprintf(name, sizeof name, "%s-rheological", e->name);
+        kn_material r = variant(name);
+        snprintf(name, sizeof name, "%s-viscoelastic", e->name);
+        kn_material v = variant(name);
+        snprintf(name, sizeof name, "%s-plastic", e->name);
+        kn_material p = variant(name);
+        CHECK(!kn_material_check(&r) && !kn_material_check(&v) && !kn_material_check(&p));
+        CHECK(r.k1_pa > 0 && r.c1_pa_s > 0 && !kn_material_stroke(&r, &in, &out));
+        CHECK(v.k1_pa == r.k1_pa && v.ratio == 1 && kn_material_stroke(&v, &in, &out));
+        CHECK(p.k1_pa == 0 && !kn_material_stroke(&p, &in, &out));
+        for (double s = 0; s < 1e4; s += 100) { // the pair is the damper of the rheological one
+            double c2 = kn_material_c2(&p, s), c = p.c1_pa_s * c2 / (p.c1_pa_s + c2);
+            CHECK_NEAR(c / kn_material_c2(&r, s), 1, p.damper == KN_DAMPER_CONSTANT ? 1e-12 : 0.05);
+        }
+        kn_material own = variant(e->name); // one of the three
+        CHECK(own.k1_pa == 0 || own.ratio == 1 || own.stroke[1] == 0);
+    }
+    CHECK(count == 6);
+}
+
 TEST("moduli per height are times the specimen's height, also one set later")
 {
     static const char *const set[] = {"material.k1=470 gf/cm^3", "material.specimen_height=2 cm"};
@@ -293,6 +351,10 @@ TEST("a bad --set is told by its key")
          "material.c_min is 2 Pa s, expected at most c_max, 1 Pa s"},
         {"material={damper: constant, c2: 1 Pa s, c_max: 1 Pa s}",
          "material.c_max means nothing with 'damper: constant', expected it left out"},
+        {"material={k1: 1 Pa, c1: 1 Pa s, damper: none, variant: plastic}",
+         "material.variant is plastic, expected a damper that can move"},
+        {"material=mud", "'mud' is unknown, expected a mapping, a file.yaml, or clay, dough, fibrotic-liver, jelly, "
+                         "liver, putty (with -rheological, -viscoelastic, -plastic)"},
         {"material.ratio=0.5", "material.ratio means nothing without a stroke, expected it left out"},
         {"material.stroke=[0.3, 0.7]",
          "material: ratio must be within the stroke, a_min <= a0 <= a_max, and above 0"},
