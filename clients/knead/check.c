@@ -36,16 +36,36 @@ static void print_object(const kn_scene *scene, const kn_model *model)
     printf("support   %s; gravity %g m/s^2 along -z\n", support[def->support], def->gravity_m_s2);
 }
 
+// Second paper, equations 6 and 8: two dampers in series are one, c = c1 c2/(c1 + c2), and c1 hardly counts where it is much
+// the larger. c/c2 - 1 = -c2/(c1 + c2) is largest where c2 is, at rest.
+static void print_plastic(const kn_material *m)
+{
+    double c2 = kn_material_c2(m, 0), share = m->c1_pa_s / (m->c1_pa_s + c2), off = 1 - share;
+    printf("plastic   no spring: everything stays; c1 and c2 are one damper of %.4g Pa s at rest", c2 * share);
+    bool depends = kn_material_thinning(m, m->p0_pa) > 0;
+    printf(depends ? ", c2 within %.2g %% at every stress\n" : "\n", 100 * off);
+    if (depends && off > 0.05)
+        printf("warning   |c/c2 - 1| is up to %.2g %%, above 5 %%: c1 is not much larger than c2 at rest, it hides how c2 depends "
+               "on the stress\n", 100 * off);
+}
+
 static void print_material(const kn_model *model)
 {
     static const char *const law[] = {"voigt, no state per edge", "linear", "table", "exact, Newton per edge"};
     const kn_material *m = &model->law.mat;
     printf("material  k1 %.4g Pa, c1 %.4g Pa s", m->k1_pa, m->c1_pa_s);
     if (m->k1_pa > 0) printf(" (c1/k1 = %.3g s)", m->c1_pa_s / m->k1_pa);
+    double in, out;
+    bool rigid = kn_material_stroke(m, &in, &out);
     if (m->damper == KN_DAMPER_NONE) printf("; no damper: nothing stays\n");
+    else if (rigid) printf("; a damper without a way to go: nothing stays\n");
     else
         printf("; c2 %.4g Pa s at rest, %.4g Pa s from %.4g Pa on\n", kn_material_c2(m, 0),
                kn_material_c2(m, m->p1_pa), m->p1_pa);
+    if (!rigid && m->stroke[1] > 0)
+        printf("stroke    a %g to %g around %.3g: left alone an edge is %.4g to %.4g times as long as it was made\n",
+               m->stroke[0], m->stroke[1], m->ratio, 1 + in, 1 + out);
+    if (!rigid && m->k1_pa == 0) print_plastic(m);
     printf("law       %s", law[model->law.kind]);
     if (model->law.kind == KN_LAW_TABLE)
         printf(" of %d segments, error at most %.1e", KN_LAW_SEGMENTS, model->law.table_error);

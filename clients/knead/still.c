@@ -31,7 +31,8 @@ static void paint(kn_view_scene *view, const kn_material *m)
 {
     static const float jelly[3] = {0.80f, 0.33f, 0.40f}, clay[3] = {0.74f, 0.47f, 0.36f};
     memcpy(view->color, kn_view_scene_default().color, sizeof view->color);
-    if (m->damper == KN_DAMPER_NONE) memcpy(view->color, jelly, sizeof jelly);
+    double in, out;
+    if (kn_material_stroke(m, &in, &out)) memcpy(view->color, jelly, sizeof jelly);
     else if (m->k1_pa == 0) memcpy(view->color, clay, sizeof clay);
 }
 

@@ -70,6 +70,27 @@ knead check "$dough" --set object.spacing='3.3333333333333333 mm' | grep -q "16 
 knead check "$dough" --set probes.finger.radius='6 mm' | grep -q "^warning *finger is smaller than 1.5 spacings" ||
     fail "a small ball is not warned of"
 
+# a material of one's own, seen from the scene's folder, or from here when --set names it; the complaint names its line
+printf '# mine\nmaterial: {k1: 5 kPa, c1: 1 kPa s, damper: constant, c2: 1 MPa s}\ndensity: 1.5 g/cm^3\n' >folder/mine.yaml
+sed 's/^material: .*/material: mine.yaml/' "$dough" >folder/own.yaml
+knead check folder/own.yaml | grep -q "^material *k1 5000 Pa" || fail "a material beside the scene"
+knead check "$dough" --set material=folder/mine.yaml --text | grep -q "^density: 1500 kg/m^3" || fail "its density"
+sed 's/k1: 5 kPa/k1: 5/' folder/mine.yaml >folder/bad.yaml
+refuses "folder/bad.yaml:2:16: material.k1: '5' has no unit, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
+    "$dough" --set material=folder/bad.yaml
+sed 's/k1: 5 kPa, //' folder/mine.yaml >folder/bad.yaml
+refuses "knead check: --set material: material.k1 is missing, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
+    "$dough" --set material=folder/bad.yaml
+echo 'support: none' >>folder/mine.yaml
+refuses "folder/own.yaml:9:11: support stands in folder/mine.yaml, expected a material and its density alone" folder/own.yaml
+
+# plastic: one damper in effect, or warned of; a stroke says what it leaves
+knead check "$dough" --set material=dough-plastic >out && grep -q "^plastic .* c2 within 3.8 % at every stress" out || fail "plastic"
+! grep -q "^warning.*c/c2" out || fail "dough-plastic warns of itself"
+knead check "$dough" --set material.k1='0 Pa' | grep -q "^warning *|c/c2 - 1| is up to 94 %, above 5 %" || fail "c1 too small"
+knead check "$dough" --set material.stroke='[0.02, 0.98]' |
+    grep -q "^stroke *a 0.02 to 0.98 around 0.2: left alone an edge is 0.2041 to 10 times as long" || fail "stroke"
+
 # the text written out is the scene
 knead check "$dough" --text >dough.yaml && knead check dough.yaml --text | cmp -s - dough.yaml || fail "--text is no fixed point"
 [ "$(knead check "$dough")" = "$(knead check dough.yaml)" ] || fail "--text is another scene"

@@ -76,6 +76,21 @@ TEST("with a linear damper of the viscosity that a press meets it slumps to less
     kn_scene_destroy(scene);
 }
 
+TEST("a plastic block holds its shape too by its force-dependent damper, and flows away with a linear one")
+{
+    kn_scene *scene = weighed((const char *const[]){"material=dough-plastic"}, 1);
+    double holds = sag_after(scene, 300, 0);
+    kn_scene_destroy(scene);
+    scene = weighed((const char *const[]){"material={k1: 0 Pa, c1: 2774 gf s/cm^3, damper: constant, c2: 2774 gf s/cm^3}",
+                                          "material.specimen_height=1 cm"},
+                    2);
+    double flows = sag_after(scene, 300, 0);
+    kn_scene_destroy(scene);
+    printf("     plastic: %.2f %%, with a linear damper of 1387 gf s/cm^3 %.0f %%\n", 100 * holds, 100 * flows);
+    CHECK_NEAR(holds, 0.012, 0.001);
+    CHECK_NEAR(flows, 0.52, 0.05);
+}
+
 TEST("leaning by 2 % it stands with diagonals, and without them lies down within a second")
 {
     kn_scene *scene = weighed(NULL, 0);
