@@ -1,43 +1,31 @@
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "core/scene/library.h"
 #include "core/scene/units.h"
 #include <getopt.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 // ---- what the specimen is
 
 static const char missing[] = "EXPR:1:1: unknown element";
 
-// "dough" is core/scenes/dough.yaml: beside an installed program in share, or in the tree that a build folder is in.
-static bool find_shipped(const char *name, char path[4096])
+// A scene with the specimen's material, NULL with a complaint in error; *other: it is neither a file nor a material.
+static kn_scene *load_scene(const kn_bench_options *opt, bool *other, char error[512])
 {
-    static const char *const from[] = {"../share/knead/scenes", "../../../core/scenes"};
-    char self[2048];
-    ssize_t size = readlink("/proc/self/exe", self, sizeof self - 1);
-    if (size <= 0 || strspn(name, "abcdefghijklmnopqrstuvwxyz0123456789-_") != strlen(name)) return false;
-    self[size] = '\0';
-    char *slash = strrchr(self, '/');
-    if (!slash) return false;
-    *slash = '\0';
-    for (size_t i = 0; i < sizeof from / sizeof *from; i++) {
-        snprintf(path, 4096, "%s/%s/%s.yaml", self, from[i], name);
-        if (access(path, R_OK) == 0) return true;
-    }
-    return false;
-}
-
-static bool is_scene(const char *text, char path[4096])
-{
-    const char *dot = strrchr(text, '.');
-    if (!strchr(text, '/') && !(dot && (!strcmp(dot, ".yaml") || !strcmp(dot, ".yml"))))
-        return find_shipped(text, path);
-    snprintf(path, 4096, "%s", text);
-    return true;
+    const char *dot = strrchr(opt->specimen, '.');
+    int variant;
+    char text[300];
+    bool file = strchr(opt->specimen, '/') || (dot && (!strcmp(dot, ".yaml") || !strcmp(dot, ".yml")));
+    *other = !file && !kn_library_find(opt->specimen, &variant);
+    if (*other) return NULL;
+    if (file) return kn_scene_load(opt->specimen, opt->sets, opt->set_count, error, 512);
+    int size = snprintf(text, sizeof text, "version: 1\nobject: {size: [1 cm, 1 cm, 1 cm], spacing: 1 cm}\nmaterial: %.60s\n"
+                        "support: frictionless\ndevice: bench\n", opt->specimen);
+    return kn_scene_parse(opt->specimen, text, (size_t)size, opt->sets, opt->set_count, error, 512);
 }
 
 // ---- parameters of an expression
@@ -114,16 +102,17 @@ static int read_param(kn_bench *b, const char *text, bool *given)
 static int take_expression(kn_bench *b)
 {
     const kn_bench_options *opt = b->opt;
-    char error[200], parts[KN_ELEMENT_TEXT], name[8];
+    char error[200], parts[KN_ELEMENT_TEXT], name[8], names[KN_LINE_MAX];
     bool given[KN_ELEMENT_MAX] = {false};
     int leaf;
     if (opt->set_count > 0)
         return kn_complain(opt->subcommand, KN_EXIT_USAGE,
                            "--set %s: %s is an expression, expected --param, or a scene", opt->sets[0], opt->specimen);
-    if (!kn_element_parse(&b->net.element, opt->specimen, error, sizeof error))
-        return kn_complain(
-            opt->subcommand, KN_EXIT_USAGE, "%s%s", error,
-            strncmp(error, missing, sizeof missing - 1) ? "" : "; or a scene: clay, dough, dough-small, jelly, a file");
+    if (!kn_element_parse(&b->net.element, opt->specimen, error, sizeof error)) {
+        bool unknown = strncmp(error, missing, sizeof missing - 1) == 0;
+        return kn_complain(opt->subcommand, KN_EXIT_USAGE, "%s%s%s%s", error, unknown ? "; or a material: " : "",
+                           unknown ? kn_library_names(names) : "", unknown ? "; or the file of a scene" : "");
+    }
     kn_element_print(&b->net.element, b->net.element.root, true, parts);
     for (int i = 0; i < opt->param_count; i++) {
         int code = read_param(b, opt->params[i], given);
@@ -199,24 +188,26 @@ int kn_bench_open(kn_bench *b, const kn_bench_options *opt)
 {
     memset(b, 0, sizeof *b);
     b->opt = opt;
-    char path[4096], error[512];
+    char error[512];
     int code = KN_EXIT_OK;
-    if (!is_scene(opt->specimen, path)) {
+    bool other;
+    kn_scene *scene = load_scene(opt, &other, error);
+    if (other) {
         code = take_expression(b);
         if (code == KN_EXIT_OK && opt->lattice[0]) code = build_lattice(b, NULL);
+    } else if (!scene) {
+        return kn_complain(opt->subcommand, KN_EXIT_USAGE, "%s", error);
     } else if (opt->param_count > 0) {
-        return kn_complain(opt->subcommand, KN_EXIT_USAGE, "--param %s: %s is a scene, expected --set KEY=VALUE",
+        code = kn_complain(opt->subcommand, KN_EXIT_USAGE, "--param %s: %s is no expression, expected --set KEY=VALUE",
                            opt->params[0], opt->specimen);
     } else {
-        kn_scene *scene = kn_scene_load(path, opt->sets, opt->set_count, error, sizeof error);
-        if (!scene) return kn_complain(opt->subcommand, KN_EXIT_USAGE, "%s", error);
         b->net = kn_network_of(&scene->model.material);
         char parts[KN_ELEMENT_TEXT];
         kn_element_print(&b->net.element, b->net.element.root, true, parts);
         snprintf(b->title, sizeof b->title, "%s: %s", scene->name, parts);
         if (opt->lattice[0]) code = build_lattice(b, &scene->model);
-        kn_scene_destroy(scene);
     }
+    kn_scene_destroy(scene);
     return code;
 }
 

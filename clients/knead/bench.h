@@ -52,7 +52,7 @@ int kn_bench_options_parse(kn_bench_options *opt, const char *subcommand, const 
                            bool *done);
 void kn_bench_options_free(kn_bench_options *opt);
 
-// Finds out what the specimen is, a scene (file, or name of a shipped one) or an expression, and builds it.
+// Finds out what the specimen is, a material (by name, or that of a scene's file) or an expression, and builds it.
 int kn_bench_open(kn_bench *b, const kn_bench_options *opt);
 void kn_bench_close(kn_bench *b);
 void kn_bench_fresh(kn_bench *b); // an untouched specimen at time 0
@@ -79,9 +79,9 @@ int kn_bench_main(const kn_experiment *experiment, kn_bench_options opt, int arg
 // The common end of the report's help, the same for all four.
 #define KN_BENCH_HELP                                                                                                  \
     "the specimen, a 1 cm cube:\n"                                                                                     \
-    "  MATERIAL          the material of a scene: its file, or the name of a shipped one: clay, dough, dough-small,\n" \
-    "                    jelly\n"                                                                                      \
-    "  --set KEY=VALUE   any key of that scene, e.g. material.k1='300 gf/cm^3'\n"                                      \
+    "  MATERIAL          clay, dough, fibrotic-liver, jelly, liver, putty, as they are or with -rheological,\n"        \
+    "                    -viscoelastic, -plastic; or the file of a scene, for its material\n"                           \
+    "  --set KEY=VALUE   any key of a scene, e.g. material.k1='300 gf/cm^3'\n"                                         \
     "  EXPR              springs and dampers, e.g. '(s|d)-d', burgers; knead element --help tells how to write them\n" \
     "  --param P=VALUE   one for each part of EXPR; parts are s1, s2, .. d1, d2, .. in order of appearance:\n"         \
     "                    s1='46 kPa' or '470 gf/cm^3' (per cm of the cube), d1='245 kPa*s' or '2500 gf s/cm^3', and\n" \

@@ -44,14 +44,14 @@ awk '$2 == "element" { e = $6 } $2 == "lattice" { l = $6 } END { exit !(l > 0.97
 knead creep dough --lattice 3x2x1 --load 6gf --hold 1 --rest 0 >out || fail "a wide block: exit $?" # of 6 cm^2: 1 gf/cm^2
 grep -q "3 x 2 x 1 cm" out && [ "$(value 6 4)" = 1.00 ] || fail "a wide block: $(cat out)"
 
-refuses 2 "EXPR:1:1: unknown element 'dogh', expected s, d, a name like voigt, or (; or a scene: clay, dough, dough-small, jelly, a file" creep dogh
+refuses 2 "EXPR:1:1: unknown element 'dogh', expected s, d, a name like voigt, or (; or a material: clay, dough, fibrotic-liver, jelly, liver, putty; or the file of a scene" creep dogh
 refuses 2 "knead creep: s1: s1 has no value, expected --param s1='46 kPa'" creep s
 refuses 2 "knead creep: --param s1=5: '5' has no unit, expected something like s1='46 kPa'" creep s --param s1=5
 refuses 2 "knead creep: --param d1=3Pa: '3Pa' has another dimension, expected something like d1='245 kPa*s'" creep d --param d1=3Pa
 refuses 2 "knead creep: --param k=5kPa: expected PART=VALUE with a part of s1|d1" creep voigt --param k=5kPa
 refuses 2 "knead creep: --param d1: d1 needs 0 <= p0 < p1, finite" creep d --param d1='exp(1 kPa*s, 1 1/Pa, 9 Pa, 8 Pa)'
 refuses 2 "knead creep: --param s1: s1 needs a finite modulus above 0" creep s --param s1='0 Pa'
-refuses 2 "knead creep: --param s1=1Pa: dough is a scene, expected --set KEY=VALUE" creep dough --param s1=1Pa
+refuses 2 "knead creep: --param s1=1Pa: dough is no expression, expected --set KEY=VALUE" creep dough --param s1=1Pa
 refuses 2 "knead creep: --set x=1: s is an expression, expected --param, or a scene" creep s --set x=1
 refuses 2 "knead creep: --load 50: expected weights above 0 like 50gf or 10gf,30gf,0.5N" creep dough --load 50
 refuses 2 "knead creep: --hold 0: expected a time like 60 or '1000 ms'" creep dough --hold 0
