@@ -65,6 +65,12 @@ typedef struct kn_model_def {
     kn_solver_def solver;
 } kn_model_def;
 
+typedef struct kn_net_moduli { // of a net whose E was made 1
+    double young[3];           // along x, y, z; a flat one's y is 0
+    double poisson;            // mean of the axes
+    double shear;              // mean of the planes; E/2(1 + nu) if it were isotropic
+} kn_net_moduli;
+
 typedef struct kn_face { // one flat side of the block as a grid of nodes, for contact and drawing
     int origin;          // node id of its (0,0)
     int step[2];         // node id step along u and v; u x v points outwards
@@ -91,6 +97,8 @@ typedef struct kn_model {
     double *top_share;    // [top_count] of a load spread evenly over the top; sums to 1
     double size_m;        // longest extent
     double kappa_m;       // k of an edge of weight 1 / E of the material
+    kn_net_moduli moduli; // of a net, else 0
+    double creep_error;   // of a net: what the fit of gamma left, relative
     double gamma;         // stress area of an edge / (kappa weight L0)
     const struct kn_kernels *kernels;
     kn_isa isa;          // what AUTO became

@@ -1,4 +1,5 @@
 #include "core/net.h"
+#include "core/net_fit.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -217,6 +218,133 @@ static void build_support(kn_model *m)
     }
 }
 
+// --- fit ------------------------------------------------------------------------------------------------------------
+
+#define CREEP_NODES_MAX 1000 // of the part that creeps in the fit of gamma: some tenths of a second
+
+// Outward area of the nodes of a specimen, and its volume.
+static double areas(const kn_model *m, const facet *facets, int count, double (*area_m2)[3])
+{
+    const kn_simplices *s = m->def.mesh;
+    double volume = 0;
+    for (int f = 0; f < count; f++) {
+        double area[3];
+        facet_area(m, &facets[f], area);
+        for (int c = 0; c < s->dimension; c++)
+            for (int k = 0; k < 3; k++) area_m2[facets[f].corner[c]][k] += area[k] / s->dimension;
+    }
+    for (int e = 0; e < s->element_count; e++) volume += volume_of(m, s->element[e]);
+    return volume;
+}
+
+typedef struct near {
+    double square;
+    int element;
+} near;
+
+static int by_distance(const void *a, const void *b)
+{
+    const near *x = a, *y = b;
+    if (x->square != y->square) return x->square < y->square ? -1 : 1;
+    return (x->element > y->element) - (x->element < y->element);
+}
+
+// Elements in order of their distance from the middle.
+static near *from_middle(const kn_simplices *s)
+{
+    near *order = malloc((size_t)s->element_count * sizeof *order);
+    double middle[3] = {0};
+    for (int i = 0; i < s->node_count; i++)
+        for (int k = 0; k < 3; k++) middle[k] += s->x_m[i][k] / s->node_count;
+    for (int e = 0; order && e < s->element_count; e++) {
+        double d[3] = {-middle[0], -middle[1], -middle[2]};
+        for (int c = 0; c <= s->dimension; c++)
+            for (int k = 0; k < 3; k++) d[k] += s->x_m[s->element[e][c]][k] / (s->dimension + 1);
+        order[e] = (near){dot(d, d), e};
+    }
+    if (order) qsort(order, (size_t)s->element_count, sizeof *order, by_distance);
+    return order;
+}
+
+// The middle of a mesh, as many nodes as the fit can afford. NULL when memory is short.
+static kn_simplices *middle_of(const kn_simplices *s)
+{
+    near *order = from_middle(s);
+    int *number = calloc((size_t)s->node_count, sizeof *number); // from 1; 0: not taken
+    kn_simplices *part = kn_simplices_create(s->dimension, CREEP_NODES_MAX, s->element_count);
+    if (order && number && part) {
+        part->node_count = part->element_count = 0;
+        for (int e = 0; e < s->element_count && part->node_count + 4 <= CREEP_NODES_MAX; e++) {
+            const int *from = s->element[order[e].element];
+            int *to = part->element[part->element_count++];
+            to[3] = -1;
+            for (int c = 0; c <= s->dimension; c++) {
+                if (number[from[c]] == 0) {
+                    memcpy(part->x_m[part->node_count], s->x_m[from[c]], sizeof *s->x_m);
+                    number[from[c]] = ++part->node_count;
+                }
+                to[c] = number[from[c]] - 1;
+            }
+        }
+    }
+    free(order);
+    free(number);
+    return part;
+}
+
+static kn_specimen specimen_of(const kn_model *m, const double (*area_m2)[3], double volume)
+{
+    const kn_simplices *s = m->def.mesh;
+    return (kn_specimen){s->node_count, m->edge_count, s->dimension == 2, (const double(*)[3])s->x_m, area_m2,
+                         m->edges, m->kappa_m, volume};
+}
+
+// E of the body is that of the material by one factor; gamma by creep, of a large body's middle.
+static bool fit(kn_model *m, const facet *facets, int count)
+{
+    const kn_simplices *s = m->def.mesh;
+    double(*area)[3] = calloc((size_t)s->node_count, sizeof *area);
+    if (!area) return false;
+    double volume = areas(m, facets, count, area);
+    kn_specimen specimen = specimen_of(m, (const double(*)[3])area, volume);
+    kn_net_moduli *own = &m->moduli;
+    bool ok = kn_specimen_moduli(&specimen, own);
+    if (ok) {
+        double mean = s->dimension == 3 ? (own->young[0] + own->young[1] + own->young[2]) / 3
+                                        : (own->young[0] + own->young[2]) / 2;
+        m->kappa_m /= mean;
+        for (int k = 0; k < 3; k++) own->young[k] /= mean;
+        own->shear /= mean;
+        specimen.kappa_m = m->kappa_m;
+        ok = s->node_count > CREEP_NODES_MAX ||
+             kn_specimen_gamma(&specimen, &m->def.material, &m->gamma, &m->creep_error);
+    }
+    free(area);
+    return ok;
+}
+
+// The middle of a large mesh stands for it in the fit of gamma.
+static bool fit_middle(kn_model *m)
+{
+    kn_simplices *part = middle_of(m->def.mesh);
+    kn_model *specimen = calloc(1, sizeof *specimen);
+    int count = 0;
+    facet *facets = part ? outer_facets(part, &count) : NULL;
+    bool ok = facets && specimen;
+    if (ok) {
+        specimen->def = m->def;
+        specimen->def.mesh = part;
+        ok = build_edges(specimen) && fit(specimen, facets, count);
+        m->gamma = specimen->gamma;
+        m->creep_error = specimen->creep_error;
+        free(specimen->edges);
+    }
+    free(facets);
+    free(specimen);
+    kn_simplices_destroy(part);
+    return ok;
+}
+
 bool kn_net_build(kn_model *m)
 {
     const kn_simplices *s = m->def.mesh;
@@ -228,12 +356,12 @@ bool kn_net_build(kn_model *m)
         m->row_count = s->node_count;
         m->stride = 1;
         m->edge_reals = (size_t)(m->edge_count + KN_LANES - 1) / KN_LANES * KN_LANES;
-        m->gamma = 0.65;
         for (int i = 0; i < s->node_count; i++) m->offset[i] = 3 * (size_t)i;
         memcpy(m->rest_m, s->x_m, (size_t)s->node_count * sizeof *m->rest_m);
         build_masses(m);
         build_support(m);
         build_top(m, facets, count);
+        ok = fit(m, facets, count) && (s->node_count <= CREEP_NODES_MAX || fit_middle(m));
     }
     free(facets);
     return ok;

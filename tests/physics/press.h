@@ -118,7 +118,7 @@ static inline double press_depth(const press *p, double t)
 static inline kn_input press_input(const kn_model *model, const press *p, double t)
 {
     double dt = model->def.solver.dt_s, depth = press_depth(p, t - dt);
-    double top = (model->grid.n[2] - 1) * model->grid.spacing_m;
+    double top = model->rest_m[model->top[0]][2];
     double offset =
         model->def.probe[0].shape == KN_PROBE_SPHERE ? model->def.probe[0].radius_m : 0; // centre above its foot
     kn_input in = {0};
@@ -141,10 +141,8 @@ typedef struct run {
 
 static inline void displacement(const kn_model *model, const kn_state *state, int node, double u_m[3])
 {
-    double rest[3];
     kn_state_position(model, state, node, u_m);
-    kn_grid_rest(&model->grid, node, rest);
-    for (int k = 0; k < 3; k++) u_m[k] -= rest[k];
+    for (int k = 0; k < 3; k++) u_m[k] -= model->rest_m[node][k];
 }
 
 // Runs `seconds` of a press and samples the force every sample_s (a multiple of the step).
@@ -153,7 +151,7 @@ static inline run press_run(const kn_model_def *def, const press *p, double seco
     kn_model *model = build(def);
     kn_state *state = kn_state_create(model);
     int every = (int)lround(sample_s / def->solver.dt_s), steps = (int)lround(seconds / def->solver.dt_s);
-    run r = {.nodes = model->grid.nodes, .samples = steps / every};
+    run r = {.nodes = model->node_count, .samples = steps / every};
     r.force_n = calloc((size_t)r.samples, sizeof *r.force_n);
     r.shape_m = calloc((size_t)r.nodes, sizeof *r.shape_m);
     if (!state || !r.force_n || !r.shape_m) abort();

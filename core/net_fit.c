@@ -1,0 +1,204 @@
+#include "core/net_fit.h"
+#include "core/law.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+// Vectors of a solve, three reals a node; and per edge its unit vector, its stiffness, and the strain u of its law.
+typedef struct bench {
+    const kn_specimen *s;
+    double *x, *r, *z, *d, *q, *jacobi, *f;
+    double *n, *k, *u;
+    double *memory;
+} bench;
+
+static bool bench_open(bench *b, const kn_specimen *s)
+{
+    size_t reals = 3 * (size_t)s->nodes, edges = (size_t)s->edges;
+    b->s = s;
+    b->memory = calloc(7 * reals + 5 * edges, sizeof *b->memory);
+    if (!b->memory) return false;
+    double **field[] = {&b->x, &b->r, &b->z, &b->d, &b->q, &b->jacobi, &b->f};
+    for (size_t i = 0; i < 7; i++) *field[i] = b->memory + i * reals;
+    b->n = b->memory + 7 * reals;
+    b->k = b->n + 3 * edges;
+    b->u = b->k + edges;
+    for (size_t e = 0; e < edges; e++)
+        for (size_t c = 0; c < 3; c++)
+            b->n[3 * e + c] = (s->x_m[s->edge[e].j][c] - s->x_m[s->edge[e].i][c]) / s->edge[e].rest_m;
+    return true;
+}
+
+static double growth(const bench *b, int e, const double *x)
+{
+    const double *n = b->n + 3 * e, *i = x + 3 * b->s->edge[e].i, *j = x + 3 * b->s->edge[e].j;
+    return n[0] * (j[0] - i[0]) + n[1] * (j[1] - i[1]) + n[2] * (j[2] - i[2]);
+}
+
+// Both ends of an edge get its pull.
+static void pull(const bench *b, int e, double tension, double *f)
+{
+    const double *n = b->n + 3 * e;
+    for (int c = 0; c < 3; c++) {
+        f[3 * b->s->edge[e].i + c] += tension * n[c];
+        f[3 * b->s->edge[e].j + c] -= tension * n[c];
+    }
+}
+
+static double inner(const double *a, const double *b, int count)
+{
+    double sum = 0;
+    for (int i = 0; i < count; i++) sum += a[i] * b[i];
+    return sum;
+}
+
+static double precondition(bench *b)
+{
+    int count = 3 * b->s->nodes;
+    for (int i = 0; i < count; i++) b->z[i] = b->jacobi[i] > 0 ? b->r[i] / b->jacobi[i] : 0;
+    return inner(b->r, b->z, count);
+}
+
+// x += K^-1 r to a part of the residual at the start. K is singular against rigid motion, but loads are in balance.
+static void solve(bench *b, double part)
+{
+    int count = 3 * b->s->nodes, most = 20 * (int)cbrt((double)count) + 200;
+    memset(b->jacobi, 0, (size_t)count * sizeof *b->jacobi);
+    for (int e = 0; e < b->s->edges; e++)
+        for (int c = 0; c < 3; c++) {
+            double stiff = b->k[e] * b->n[3 * e + c] * b->n[3 * e + c];
+            b->jacobi[3 * b->s->edge[e].i + c] += stiff;
+            b->jacobi[3 * b->s->edge[e].j + c] += stiff;
+        }
+    double rz = precondition(b), enough = part * part * rz, beta = 0;
+    for (int i = 0; i < most && rz > enough; i++) {
+        for (int k = 0; k < count; k++) b->d[k] = b->z[k] + beta * b->d[k];
+        memset(b->q, 0, (size_t)count * sizeof *b->q);
+        for (int e = 0; e < b->s->edges; e++) pull(b, e, -b->k[e] * growth(b, e, b->d), b->q);
+        double dq = inner(b->d, b->q, count);
+        if (!(dq > 0)) break;
+        double alpha = rz / dq;
+        for (int k = 0; k < count; k++) {
+            b->x[k] += alpha * b->d[k];
+            b->r[k] -= alpha * b->q[k];
+        }
+        double next = precondition(b);
+        beta = next / rz;
+        rz = next;
+    }
+}
+
+// Traction of stress component (a, c), symmetric.
+static void load(bench *b, int a, int c, double stress)
+{
+    memset(b->f, 0, 3 * (size_t)b->s->nodes * sizeof *b->f);
+    for (int i = 0; i < b->s->nodes; i++) {
+        b->f[3 * i + a] += stress * b->s->area_m2[i][c];
+        if (a != c) b->f[3 * i + c] += stress * b->s->area_m2[i][a];
+    }
+}
+
+// Mean of a component of the strain that displacements x make.
+static double strain(const bench *b, const double *x, int a, int c)
+{
+    double sum = 0;
+    for (int i = 0; i < b->s->nodes; i++)
+        sum += 0.5 * (x[3 * i + a] * b->s->area_m2[i][c] + x[3 * i + c] * b->s->area_m2[i][a]);
+    return sum / b->s->volume_m3;
+}
+
+bool kn_specimen_moduli(const kn_specimen *s, kn_net_moduli *out)
+{
+    bench b;
+    if (!bench_open(&b, s)) return false;
+    int step = s->flat ? 2 : 1, axes = s->flat ? 2 : 3, planes = s->flat ? 1 : 3;
+    *out = (kn_net_moduli){.poisson = 0};
+    for (int e = 0; e < s->edges; e++) b.k[e] = s->kappa_m * s->edge[e].weight;
+    bool ok = true;
+    for (int a = 0; a < 3 && ok; a += step)
+        for (int c = a; c < 3 && ok; c += step) {
+            memset(b.x, 0, 3 * (size_t)s->nodes * sizeof *b.x);
+            load(&b, a, c, 1);
+            memcpy(b.r, b.f, 3 * (size_t)s->nodes * sizeof *b.r);
+            solve(&b, 1e-5);
+            double along = strain(&b, b.x, a, c);
+            ok = along > 0;
+            if (a != c) {
+                out->shear += 0.5 / along / planes;
+                continue;
+            }
+            out->young[a] = 1 / along;
+            for (int k = 0; k < 3; k += step)
+                if (k != a) out->poisson -= strain(&b, b.x, k, k) / along / (axes * (axes - 1));
+        }
+    free(b.memory);
+    return ok;
+}
+
+#define CREEP_S 60.0
+#define CREEP_STEPS 12
+
+// Tension of an edge and how it changes with its growth per second.
+static double tension(const bench *b, const kn_law *law, double gamma, int e, double rate, double *slope)
+{
+    const kn_edge *edge = &b->s->edge[e];
+    double length = gamma * edge->rest_m, area = length * b->s->kappa_m * edge->weight;
+    double stress = kn_law_stress(law, law->a_pa_s * rate / length + law->mat.k1_pa * b->u[e]);
+    *slope = area / length * law->a_pa_s * kn_law_slope(law, stress, KN_LINEARIZATION_BLEND);
+    return area * stress;
+}
+
+double kn_specimen_creep(const kn_specimen *s, const kn_material *mat, double gamma, double stress_pa)
+{
+    bench b;
+    kn_law law;
+    if (!bench_open(&b, s)) return -1;
+    double dt = CREEP_S / CREEP_STEPS, crept = 0, slope;
+    kn_law_build(&law, mat, dt, true);
+    load(&b, 2, 2, stress_pa);
+    double whole = sqrt(inner(b.f, b.f, 3 * s->nodes));
+    for (int step = 0; step < CREEP_STEPS; step++) {
+        for (int pass = 0; pass < 30; pass++) { // x: velocity; warm from the last step
+            memcpy(b.r, b.f, 3 * (size_t)s->nodes * sizeof *b.r);
+            for (int e = 0; e < s->edges; e++) pull(&b, e, tension(&b, &law, gamma, e, growth(&b, e, b.x), &b.k[e]), b.r);
+            if (sqrt(inner(b.r, b.r, 3 * s->nodes)) < 1e-3 * whole) break;
+            solve(&b, 0.05);
+        }
+        for (int e = 0; e < s->edges; e++) {
+            double length = gamma * s->edge[e].rest_m, area = length * s->kappa_m * s->edge[e].weight;
+            double stress = tension(&b, &law, gamma, e, growth(&b, e, b.x), &slope) / area;
+            b.u[e] += dt * (stress - mat->k1_pa * b.u[e]) / law.a_pa_s;
+        }
+        crept += dt * strain(&b, b.x, 2, 2);
+    }
+    free(b.memory);
+    return crept;
+}
+
+double kn_element_creep(const kn_material *mat, double stress_pa)
+{
+    double dt = CREEP_S / CREEP_STEPS, a = mat->c1_pa_s + dt * mat->k1_pa, u = 0;
+    for (int step = 0; step < CREEP_STEPS; step++) u += dt * (stress_pa - mat->k1_pa * u) / a;
+    return u + CREEP_S * kn_material_flow(mat, stress_pa);
+}
+
+bool kn_specimen_gamma(const kn_specimen *s, const kn_material *mat, double *gamma, double *error)
+{
+    *gamma = 1;
+    *error = 0;
+    if (mat->damper == KN_DAMPER_NONE || mat->damper == KN_DAMPER_CONSTANT) return true;
+    double stress = mat->p0_pa > 0 ? sqrt(mat->p0_pa * mat->p1_pa) : 0.3 * mat->p1_pa;
+    double target = kn_element_creep(mat, stress), low = 0.2, high = 1.5;
+    // the larger gamma, the less stress a damper sees, the less it creeps
+    for (int i = 0; i < 9; i++) {
+        *gamma = sqrt(low * high);
+        double crept = kn_specimen_creep(s, mat, *gamma, stress);
+        if (crept < 0) return false;
+        *error = crept / target - 1;
+        if (fabs(*error) < 2e-3) break;
+        if (*error > 0) low = *gamma;
+        else high = *gamma;
+    }
+    return true;
+}
