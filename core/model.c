@@ -31,6 +31,16 @@ kn_model_def kn_model_def_default(void)
     };
 }
 
+void kn_model_def_extent(const kn_model_def *def, double extent_m[3])
+{
+    for (int k = 0; k < 3; k++) {
+        extent_m[k] = def->mesh ? 0 : def->spacing_m * (def->nodes[k] - 1);
+        for (int i = 0; def->mesh && i < def->mesh->node_count; i++)
+            extent_m[k] = fmax(extent_m[k], (k == 2 ? 1 : 2) * fabs(def->mesh->x_m[i][k]));
+    }
+    extent_m[1] = fmax(extent_m[1], def->thickness_m);
+}
+
 static const char *check_probe(const kn_model_def *def, const kn_probe_def *p)
 {
     if (p->shape == KN_PROBE_PLATE && !(p->size_m[0] > 0 && p->size_m[1] > 0 && isfinite(p->size_m[0] + p->size_m[1])))

@@ -117,6 +117,9 @@ typedef struct kn_model {
 // CG iterations.
 kn_model_def kn_model_def_default(void);
 
+// Of the box around the undeformed object, whose base is centred over the origin, m.
+void kn_model_def_extent(const kn_model_def *def, double extent_m[3]);
+
 // Builds, or returns NULL and one sentence in error (which names RK4's limit when its step is unstable).
 // Allocates once.
 kn_model *kn_model_build(const kn_model_def *def, char *error, size_t error_size);

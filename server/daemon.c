@@ -273,7 +273,9 @@ static bool check_memory(size_t bytes, const char *what, const char *path, char 
 // A node has at least its mass in the model, and position and velocity in the state.
 static size_t least_bytes(const kn_model_def *def)
 {
-    return (size_t)def->nodes[0] * (size_t)def->nodes[1] * (size_t)def->nodes[2] * (sizeof(double) + 6 * sizeof(float));
+    size_t nodes = def->mesh ? (size_t)def->mesh->node_count
+                             : (size_t)def->nodes[0] * (size_t)def->nodes[1] * (size_t)def->nodes[2];
+    return nodes * (sizeof(double) + 6 * sizeof(float));
 }
 
 // The best of a few: what the machine did meanwhile is not the scene's. Of one that takes long, one is enough.

@@ -14,6 +14,8 @@
 // twice as much in f64, half as much again on AVX2. Contact with a ball comes on top.
 #define PASS_NS 30.0
 #define ITERATION_NS 5.0
+#define EDGE_NS 35.0 // of a net: per edge
+#define EDGE_ITERATION_NS 5.0
 
 static const char usage[] =
     "usage: knead check SCENE [--set KEY=VALUE]...   say what a scene is, what it costs, what to watch for\n"
@@ -22,16 +24,42 @@ static const char usage[] =
     "\n"
     "A scene that cannot be used gives one line, file:line:col: what is wrong, what was expected, and exit 2.\n";
 
-static void print_object(const kn_scene *scene, const kn_model *model)
+// A net's own elastic constants, measured when it was built: what the springs make of the material.
+static void print_net(const kn_model *model)
+{
+    const kn_simplices *mesh = model->def.mesh;
+    const kn_net_moduli *own = &model->moduli;
+    bool flat = mesh->dimension == 2;
+    double extent_m[3], isotropic = 1 / (2 * (1 + own->poisson));
+    kn_model_def_extent(&model->def, extent_m);
+    printf("object    %g x %g x %g mm, mean edge %.3g mm: %d nodes, %d %s, %d edges, %.4g kg\n", 1e3 * extent_m[0],
+           1e3 * extent_m[1], 1e3 * extent_m[2], 1e3 * model->def.spacing_m, model->node_count, mesh->element_count,
+           flat ? "triangles" : "tetrahedra", model->edge_count, kn_model_mass(model));
+    printf("springs   E %.3f %.3f", own->young[0], own->young[flat ? 2 : 1]);
+    if (!flat) printf(" %.3f", own->young[2]);
+    printf(" of k1 along %s, nu %.3f, G %.2f of an isotropic body's; creep under the middle load %+.1f %%\n",
+           flat ? "x z" : "x y z", own->poisson, own->shear / isotropic, 100 * model->creep_error);
+    if (own->shear < 0.7 * isotropic) printf("warning   the mesh's directions leave it soft in shear\n");
+}
+
+static void print_block(const kn_scene *scene, const kn_model *model)
 {
     const kn_model_def *def = &scene->model;
-    static const char *const support[] = {"bonded", "frictionless", "none"}, *const structure[] = {"diagonals", "axis"};
+    static const char *const structure[] = {"diagonals", "axis"};
     double h = def->spacing_m;
     const int *n = def->nodes;
     printf("object    %g x %g x %g mm, spacing %g mm: %d x %d x %d = %d nodes, %d edges (%s), %.4g kg\n",
            1e3 * h * (n[0] - 1), 1e3 * h * (n[1] - 1), 1e3 * h * (n[2] - 1), 1e3 * h, n[0], n[1], n[2],
            model->node_count, kn_grid_edges(&model->grid, NULL), structure[def->structure],
            kn_model_mass(model));
+}
+
+static void print_object(const kn_scene *scene, const kn_model *model)
+{
+    const kn_model_def *def = &scene->model;
+    static const char *const support[] = {"bonded", "frictionless", "none"};
+    if (def->mesh) print_net(model);
+    else print_block(scene, model);
     printf("frame     scene: right-handed, z up, metres, origin at the centre of the object's base\n");
     printf("support   %s; gravity %g m/s^2 along -z\n", support[def->support], def->gravity_m_s2);
 }
@@ -83,6 +111,8 @@ static size_t model_bytes(const kn_model *model)
 
 static double estimate_us(const kn_model *model, int iterations)
 {
+    if (model->def.mesh) // measured at 800 and 12 700 edges
+        return 1e-3 * model->edge_count * (EDGE_NS + EDGE_ITERATION_NS * iterations) * model->def.solver.passes;
     double lanes = (double)kn_model_field(model, 1), slower = model->isa == KN_ISA_AVX512 ? 1 : 1.5;
     if (model->def.solver.precision == KN_PRECISION_F64) slower *= 2;
     return 1e-3 * lanes * slower * (PASS_NS + ITERATION_NS * iterations) * model->def.solver.passes;
@@ -94,7 +124,9 @@ static void print_sag(const kn_model_def *def)
 {
     static const double seconds = 300, earth_m_s2 = 9.81;
     double g = def->gravity_m_s2 > 0 ? def->gravity_m_s2 : earth_m_s2, base = def->support == KN_SUPPORT_BONDED ? 0.85 : 1;
-    double weight_pa = def->density_kg_m3 * g * def->spacing_m * (def->nodes[2] - 1);
+    double extent_m[3];
+    kn_model_def_extent(def, extent_m);
+    double weight_pa = def->density_kg_m3 * g * extent_m[2];
     double sag = base * 0.5 * weight_pa * kn_material_compliance(&def->material, seconds);
     if (def->structure == KN_STRUCTURE_AXIS || def->support == KN_SUPPORT_NONE) return; // it falls
     double flown = sag - base * 0.5 * weight_pa * kn_material_compliance(&def->material, 1); // what it goes on losing

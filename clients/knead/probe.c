@@ -148,7 +148,9 @@ static kn_path *generate(probe *p, bool again)
 {
     const kn_model_def *def = &p->scene->model;
     kn_path_def shape = p->opt.shape;
-    double height_m = def->spacing_m * (def->nodes[2] - 1), lowest_touch_m;
+    double extent_m[3], lowest_touch_m;
+    kn_model_def_extent(def, extent_m);
+    double height_m = extent_m[2];
     double tool_m = p->tool->shape == KN_PROBE_SPHERE ? p->tool->radius_m : 0.0;
     bool press = !strcmp(p->opt.path, "press");
     if (!kn_dent_touch(&p->mesh, p->top, def->spacing_m, p->tool, 0.0, 0.0, &shape.touch_z_m, &lowest_touch_m)) {
@@ -204,8 +206,9 @@ static int start(probe *p)
     kn_path_at(p->path[0], 0.0, &begin);
     kn_hand_def def = {.path = p->path[0], .session = random_session(), .tries = p->opt.tries,
                        .drop_at_ms = p->opt.drop_at_ms, .drop_ms = p->opt.drop_ms};
-    double top_m = p->scene->model.spacing_m * (p->scene->model.nodes[2] - 1) + p->tool->radius_m;
-    def.clear_z_m = fmax(begin.position_m[2], top_m + lift_m);
+    double extent_m[3];
+    kn_model_def_extent(&p->scene->model, extent_m);
+    def.clear_z_m = fmax(begin.position_m[2], extent_m[2] + p->tool->radius_m + lift_m);
     if (!kn_record_start(p->record, p->tool->name, p->opt.record, p->error, sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
     kn_player_init(&p->player, &def);

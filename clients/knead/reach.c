@@ -8,15 +8,14 @@ static const double beside_m = 0.02;  // how far beside the object the tool may 
 static const double uneven_m = 2e-3;  // more of a dent is not waited for
 static const double thinnest = 0.5;   // of the block's height must stay under the tool: thinner cells turn inside out
 
-static double height(const kn_reach *r) { return r->def->spacing_m * (r->def->nodes[2] - 1); }
-
 bool kn_reach_open(kn_reach *r, const kn_model_def *def, const kn_probe_def *tool, double azimuth_deg,
                    double elevation_deg, float aspect)
 {
     float low[3] = {0}, high[3];
     *r = (kn_reach){.def = def, .tool = tool};
     r->top = kn_dent_top(def, &r->vertices);
-    for (int i = 0; i < 3; i++) high[i] = (float)(def->spacing_m * (def->nodes[i] - 1) * (i == 2 ? 1.0 : 0.5));
+    kn_model_def_extent(def, r->extent_m);
+    for (int i = 0; i < 3; i++) high[i] = (float)(r->extent_m[i] * (i == 2 ? 1.0 : 0.5));
     for (int i = 0; i < 2; i++) low[i] = -high[i];
     kn_camera_aim(&r->camera, low, high, azimuth_deg, elevation_deg, aspect);
     return r->top != NULL;
@@ -43,9 +42,9 @@ void kn_reach_hover(const kn_reach *r, const kn_mesh *mesh, kn_pointer_wish *wis
 void kn_reach_aim(const kn_reach *r, double u, double v, kn_pointer_wish *wish)
 {
     double at_m[2];
-    if (!kn_camera_pick(&r->camera, u, v, height(r), at_m)) return;
+    if (!kn_camera_pick(&r->camera, u, v, r->extent_m[2], at_m)) return;
     for (int i = 0; i < 2; i++) {
-        double most_m = 0.5 * r->def->spacing_m * (r->def->nodes[i] - 1) + beside_m;
+        double most_m = 0.5 * r->extent_m[i] + beside_m;
         wish->at_m[i] = fmin(fmax(at_m[i], -most_m), most_m);
     }
 }
@@ -61,7 +60,7 @@ bool kn_reach_touch(const kn_reach *r, const kn_mesh *mesh, kn_pointer_wish *wis
 
 double kn_reach_deepest(const kn_reach *r, const kn_pointer_wish *wish)
 {
-    double from_m = wish->pressed ? wish->touch_z_m - r->tool->radius_m : height(r);
-    double most_m = fmax(0, from_m - thinnest * height(r));
+    double from_m = wish->pressed ? wish->touch_z_m - r->tool->radius_m : r->extent_m[2];
+    double most_m = fmax(0, from_m - thinnest * r->extent_m[2]);
     return r->tool->radius_m > 0 ? fmin(most_m, r->tool->radius_m) : most_m;
 }

@@ -11,6 +11,7 @@ typedef struct kn_reach {
     const kn_probe_def *tool;
     uint8_t *top;
     int vertices;     // of the scene's mesh
+    double extent_m[3]; // of the undeformed object
     kn_camera camera; // of the picture
 } kn_reach;
 

@@ -1,0 +1,181 @@
+// Lattices of tetrahedra and triangles: their elasticity and creep against the element's, their step against
+// Runge-Kutta, their laws of conservation, and a press beside that of the regular block.
+#include "tests/check.h"
+#include "tests/physics/bcc.h"
+#include "tests/physics/press.h"
+
+#include <stdint.h>
+
+// The block of press.h, of tetrahedra with 1/per_cm cm between corners.
+static kn_model_def net_def(kn_simplices **mesh, int per_cm)
+{
+    kn_model_def def = press_def(per_cm);
+    *mesh = bcc_block((const int[3]){5 * per_cm, 5 * per_cm, 3 * per_cm}, def.spacing_m);
+    def.mesh = *mesh;
+    return def;
+}
+
+static double top_height(const kn_model *model, const kn_state *state)
+{
+    double sum = 0, x[3];
+    for (int t = 0; t < model->top_count; t++) {
+        kn_state_position(model, state, model->top[t], x);
+        sum += model->top_share[t] * x[2];
+    }
+    return sum;
+}
+
+// Strain of a block with a free base and sides under a load that stays, after so many steps of dt.
+static double strain_under(kn_model_def def, double stress_pa, double dt_s, int steps)
+{
+    def.support = KN_SUPPORT_FRICTIONLESS;
+    def.probe_count = 0;
+    def.solver.dt_s = dt_s;
+    def = converged(def);
+    kn_model *model = build(&def);
+    kn_state *state = kn_state_create(model);
+    double extent[3];
+    kn_model_def_extent(&def, extent);
+    kn_input in = {.top_load_n = stress_pa * extent[0] * extent[1]};
+    kn_output out;
+    for (int i = 0; i < steps; i++) CHECK(kn_step(model, state, &in, &out) == KN_OK);
+    double strain = 1 - top_height(model, state) / extent[2];
+    kn_state_destroy(state);
+    kn_model_destroy(model);
+    return strain;
+}
+
+TEST("a block of tetrahedra under a small load yields by load over k1 and its own E along z, within 1 %")
+{
+    for (int per_cm = 1; per_cm <= 2; per_cm++) {
+        kn_simplices *mesh;
+        kn_model_def def = net_def(&mesh, per_cm);
+        def.material = jelly();
+        kn_model *model = build(&def);
+        double strain = strain_under(def, 20, 0.05, 60), own = model->moduli.young[2];
+        printf("     %d per cm: %.4f %%, element %.4f %%, E along z %.4f\n", per_cm, 100 * strain,
+               100 * 20 / def.material.k1_pa, own);
+        CHECK_NEAR(strain * own * def.material.k1_pa / 20, 1, 0.01);
+        CHECK_NEAR(own, 1, 0.06);
+        kn_model_destroy(model);
+        kn_simplices_destroy(mesh);
+    }
+}
+
+// Directions of the springs and E V/L^2 give C11 = 10/9, C12 = C44 = 4/9 of E.
+TEST("a body-centred lattice has the constants of its directions: nu 2/7, shear 4/3 of an isotropic body's, within 3 %")
+{
+    kn_simplices *mesh;
+    kn_model_def def = net_def(&mesh, 2);
+    kn_model *model = build(&def);
+    const kn_net_moduli *own = &model->moduli;
+    printf("     E %.3f %.3f %.3f, nu %.3f, G/Giso %.3f, gamma %.3f\n", own->young[0], own->young[1], own->young[2],
+           own->poisson, own->shear * 2 * (1 + own->poisson), model->gamma);
+    for (int k = 0; k < 3; k++) CHECK_NEAR(own->young[k], 1, 0.04);
+    CHECK_NEAR(own->poisson, 2.0 / 7, 0.01);
+    CHECK_NEAR(own->shear * 2 * (1 + own->poisson), 4.0 / 3, 0.04);
+    kn_model_destroy(model);
+    kn_simplices_destroy(mesh);
+}
+
+// 60 s of the element under a constant stress: p and then the damper, in small steps.
+static double element_strain(const kn_material *m, double stress_pa)
+{
+    return stress_pa / m->k1_pa * -expm1(-60 * m->k1_pa / m->c1_pa_s) + 60 * kn_material_flow(m, stress_pa);
+}
+
+TEST("dough of tetrahedra creeps in 60 s as the element does, within 10 % at 20 and 30 gf/cm^2")
+{
+    kn_simplices *mesh;
+    kn_model_def def = net_def(&mesh, 1);
+    for (double gf = 20; gf <= 30; gf += 10) {
+        // the load is small against k1, so that the block's own area hardly changes: a tenth of the modulus everywhere
+        kn_model_def stiff = def;
+        stiff.material.k1_pa *= 20, stiff.material.c1_pa_s *= 20, stiff.material.alpha_pa_s *= 20;
+        double strain = strain_under(stiff, gf * GF_CM2, 0.05, 1200), element = element_strain(&stiff.material, gf * GF_CM2);
+        printf("     %2.0f gf/cm^2: %.5f, element %.5f, %+.1f %%\n", gf, strain, element, 100 * (strain / element - 1));
+        CHECK_NEAR(strain / element, 1, 0.10);
+    }
+    kn_simplices_destroy(mesh);
+}
+
+TEST("internal forces add up to nothing: a free net thrown about keeps its momentum to 1e-6 in 200 steps")
+{
+    kn_simplices *mesh;
+    kn_model_def def = net_def(&mesh, 1);
+    def.support = KN_SUPPORT_NONE;
+    def.probe_count = 0;
+    def.solver.precision = KN_PRECISION_F64;
+    def.solver.tolerance = 1e-10;
+    def.solver.iterations_max = 500;
+    kn_model *model = build(&def);
+    kn_state *state = kn_state_create(model);
+    double before[3] = {0}, after[3] = {0}, size = 0;
+    for (int i = 0; i < model->node_count; i++)
+        for (size_t k = 0; k < 3; k++) {
+            double v = 0.05 * sin(1.7 * i + 2.9 * (double)k + 0.01 * i * i);
+            ((double *)state->velocity)[model->offset[i] + k] = v;
+            before[k] += model->node_mass_kg[i] * v;
+            size += model->node_mass_kg[i] * fabs(v);
+        }
+    kn_input in = {0};
+    kn_output out;
+    for (int i = 0; i < 200; i++) kn_step(model, state, &in, &out);
+    for (int i = 0; i < model->node_count; i++)
+        for (size_t k = 0; k < 3; k++)
+            after[k] += model->node_mass_kg[i] * ((double *)state->velocity)[model->offset[i] + k];
+    for (int k = 0; k < 3; k++) CHECK_NEAR(after[k], before[k], 1e-6 * size);
+    kn_state_destroy(state);
+    kn_model_destroy(model);
+    kn_simplices_destroy(mesh);
+}
+
+TEST("a net has the same bits on every instruction set, and a copy of its state goes on with them")
+{
+    kn_simplices *mesh;
+    kn_model_def def = net_def(&mesh, 1);
+    press p = {.depth_m = 0.004, .hold_s = 0.05};
+    for (int precision = 0; precision < 2; precision++) {
+        def.solver.precision = (kn_precision)precision;
+        def.solver.isa = KN_ISA_BASE;
+        run base = press_run(&def, &p, 0.3, 0.1);
+        for (kn_isa isa = KN_ISA_AVX2; isa <= KN_ISA_AVX512; isa++) {
+            def.solver.isa = isa;
+            if (!kn_isa_supported(isa)) continue;
+            run other = press_run(&def, &p, 0.3, 0.1);
+            CHECK(other.hash == base.hash && peak_n(&base) > 1);
+            run_free(&other);
+        }
+        run_free(&base);
+    }
+    kn_simplices_destroy(mesh);
+}
+
+TEST("under a plate and under a ball a net's implicit step agrees with Runge-Kutta within 1 %")
+{
+    for (int ball = 0; ball < 2; ball++) {
+        kn_simplices *mesh;
+        kn_model_def implicit = net_def(&mesh, 1), exact;
+        if (ball) implicit.probe[0] = ball_def(1).probe[0];
+        implicit.solver.mass_scale = 1000;
+        exact = implicit;
+        exact.solver.kind = KN_SOLVER_RK4;
+        exact.solver.precision = KN_PRECISION_F64;
+        exact.solver.dt_s = 4e-5;
+        implicit.solver.dt_s = 5e-4;
+        implicit = converged(implicit);
+        press p = {.depth_m = 0.001, .hold_s = 0.03};
+        run oracle = press_run(&exact, &p, 0.16, 1e-2), fast = press_run(&implicit, &p, 0.16, 1e-2);
+        CHECK(oracle.status == KN_OK && fast.status == KN_OK);
+        printf("     %s: peak %.4f N, Runge-Kutta %.4f N; force %.3f %%, dent %.3f %% apart\n", implicit.probe[0].name,
+               peak_n(&fast), peak_n(&oracle), 100 * force_error(&fast, &oracle), 100 * shape_error(&fast, &oracle));
+        CHECK(peak_n(&oracle) > 0.1);
+        CHECK_NEAR(force_error(&fast, &oracle), 0, 0.01);
+        CHECK_NEAR(shape_error(&fast, &oracle), 0, 0.01);
+        run_free(&oracle);
+        run_free(&fast);
+        kn_simplices_destroy(mesh);
+    }
+}
+
+TESTS_MAIN
