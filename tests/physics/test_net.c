@@ -45,7 +45,7 @@ static double strain_under(kn_model_def def, double stress_pa, double dt_s, int 
     return strain;
 }
 
-TEST("a block of tetrahedra under a small load yields by load over k1 and its own E along z, within 1 %")
+TEST("a block of tetrahedra under a small load yields by load over k1 and its own E along z, within 3 %")
 {
     for (int per_cm = 1; per_cm <= 2; per_cm++) {
         kn_simplices *mesh;
@@ -55,8 +55,8 @@ TEST("a block of tetrahedra under a small load yields by load over k1 and its ow
         double strain = strain_under(def, 20, 0.05, 60), own = model->moduli.young[2];
         printf("     %d per cm: %.4f %%, element %.4f %%, E along z %.4f\n", per_cm, 100 * strain,
                100 * 20 / def.material.k1_pa, own);
-        CHECK_NEAR(strain * own * def.material.k1_pa / 20, 1, 0.01);
-        CHECK_NEAR(own, 1, 0.06);
+        CHECK_NEAR(strain * own * def.material.k1_pa / 20, 1, 0.03);
+        CHECK_NEAR(own, 1, 0.08);
         kn_model_destroy(model);
         kn_simplices_destroy(mesh);
     }
