@@ -384,8 +384,9 @@ static void use_lit(const kn_renderer *r, GLuint program)
     set_number(gl, program, "u_height", r->skin->rest_high[2] - r->skin->rest_low[2]);
 }
 
-// Where the object stands on the table now: the box around what is in its lowest quarter.
-static void footprint(const kn_skin *s, const float (*xyz)[3], float foot[4])
+// Where the object stands on the table now: the box around what is in its lowest quarter, and the radius of its corners:
+// |x| + |y| reaches 2 half sides in a rectangle and sqrt 2 of them in an ellipse.
+static float footprint(const kn_skin *s, const float (*xyz)[3], float foot[4])
 {
     float quarter = s->rest_low[2] + 0.25f * (s->rest_high[2] - s->rest_low[2]);
     memcpy(foot, (float[]){INFINITY, INFINITY, -INFINITY, -INFINITY}, 4 * sizeof *foot);
@@ -396,11 +397,17 @@ static void footprint(const kn_skin *s, const float (*xyz)[3], float foot[4])
             foot[2 + i] = fmaxf(foot[2 + i], xyz[v][i]);
         }
     }
+    float half[2] = {0.5f * (foot[2] - foot[0]), 0.5f * (foot[3] - foot[1])}, most = 0;
+    for (int v = 0; v < s->vertex_count && half[0] > 0 && half[1] > 0; v++)
+        if (xyz[v][2] <= quarter)
+            most = fmaxf(most, fabsf(xyz[v][0] - foot[0] - half[0]) / half[0] +
+                                   fabsf(xyz[v][1] - foot[1] - half[1]) / half[1]);
+    return most > 0 ? fminf(fmaxf((2 - most) / (2 - 1.4142136f), 0), 1) * fminf(half[0], half[1]) : 0;
 }
 
 static float level_of(const kn_renderer *r) { return r->skin->rest_low[2] - 1e-3f * scale_of(r->skin); } // of the table
 
-static void draw_table(const kn_renderer *r, const float foot[4])
+static void draw_table(const kn_renderer *r, const float foot[4], float corner)
 {
     const kn_gl *gl = r->gl;
     const float *low = r->skin->rest_low, tan_half_x = KN_CAMERA_TAN_HALF * (float)r->width / (float)r->height;
@@ -417,6 +424,7 @@ static void draw_table(const kn_renderer *r, const float foot[4])
     set_vector(gl, r->table, "u_up", sight[1]);
     set_vector(gl, r->table, "u_forward", sight[2]);
     gl->Uniform4fv(gl->GetUniformLocation(r->table, "u_foot"), 1, foot);
+    set_number(gl, r->table, "u_corner", corner);
     gl->Uniform4fv(gl->GetUniformLocation(r->table, "u_bar"), 1, bar);
     set_number(gl, r->table, "u_square", s);
     set_number(gl, r->table, "u_reach", 4 * scale_of(r->skin));
@@ -433,7 +441,7 @@ static void draw_backdrop(kn_renderer *r)
     memcpy(r->backdrop_camera, r->camera.matrix, sizeof r->backdrop_camera);
     clear_shadow_map(r);
     kn_gl_target_backdrop(r->gl, kn_offscreen_target(r->screen));
-    draw_table(r, nobody);
+    draw_table(r, nobody, 0);
 }
 
 // ---- the part of the picture that an object, its probes and their shadows take up
@@ -535,7 +543,7 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     float foot[4];
     aim(r, scene);
     light_up(r, scene);
-    footprint(r->skin, scene->xyz, foot);
+    float corner = footprint(r->skin, scene->xyz, foot);
     kn_gl_region region, table;
     find_regions(r, scene, foot, &region, &table);
     upload(r, scene);
@@ -556,7 +564,7 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     if (soft) gl->Disable(GL_DEPTH_TEST);
     if (soft) gl->Enable(GL_BLEND);
     gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE); // behind what is there
-    draw_table(r, foot);
+    draw_table(r, foot, corner);
     gl->Disable(GL_BLEND);
     gl->Disable(GL_DEPTH_TEST);
     kn_offscreen_read_rgba(r->screen, rgba);

@@ -74,13 +74,13 @@ static const char *const kn_shader_table_vertex = KN_GLSL
     "}\n";
 
 // Squares of u_square metres, every fifth line stronger; a bar as long as one square; fades into the background. Beside
-// the object, u_height tall, the sky is hidden by it: darker near its footprint u_foot (low x, low y, high x, high y).
+// the object, u_height tall, the sky is hidden by it: darker near its footprint u_foot (low x, low y, high x, high y), whose corners are rounded by u_corner.
 static const char *const kn_shader_table_fragment = KN_GLSL KN_GLSL_SHADOW
     "in vec3 v_sight;\n"
     "uniform vec3 u_color, u_eye;\n"
     "uniform mat4 u_light;\n"
     "uniform vec4 u_foot, u_bar;\n"
-    "uniform float u_square, u_reach, u_height, u_level;\n"
+    "uniform float u_corner, u_square, u_reach, u_height, u_level;\n"
     "out vec4 o_color;\n"
     "float grid(vec2 p, vec2 pixel, float width)\n"
     "{\n"
@@ -95,7 +95,8 @@ static const char *const kn_shader_table_fragment = KN_GLSL KN_GLSL_SHADOW
     "    vec2 pixel = fwidth(p.xy) / u_square;\n"
     "    float fade = 1.0 - smoothstep(0.35, 1.0, length(p.xy) / u_reach);\n"
     "    float lines = max(0.16 * grid(p.xy / u_square, pixel, 0.6), 0.30 * grid(p.xy / (5.0 * u_square), pixel / 5.0, 0.8));\n"
-    "    float near = max(1.0 - away(p.xy, u_foot) / (0.6 * u_height), 0.0), hidden = 0.45 * near * near * near;\n"
+    "    vec4 inner = u_foot + vec4(u_corner, u_corner, -u_corner, -u_corner);\n"
+    "    float near = max(1.0 - max(away(p.xy, inner) - u_corner, 0.0) / (0.6 * u_height), 0.0), hidden = 0.45 * near * near * near;\n"
     "    float shade = (1.0 - lines) * (1.0 - hidden) * mix(0.62, 1.0, lit((u_light * vec4(p, 1.0)).xyz));\n"
     "    float bar = clamp(1.0 - away(p.xy, u_bar) / (u_square * max(pixel.x, pixel.y)), 0.0, 1.0);\n"
     "    o_color = vec4(sqrt(u_color * mix(1.0, mix(shade, 0.03, bar), fade)), 1.0);\n"
