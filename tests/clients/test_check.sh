@@ -60,7 +60,7 @@ knead check "$dough" --set solver.kind=rk4 --set solver.dt='20 ns' >out 2>&1
 knead check "$dough" --set solver.kind=rk4 --set solver.dt='0.02 us' >out || fail "rk4 inside its limit is refused"
 grep -q "^solver *rk4 f64, dt 2e-08 s, mass scale 1; stable up to" out || fail "rk4: $(cat out)"
 
-for scene in dough dough-small jelly clay; do
+for scene in dough dough-small bun jelly clay; do
     knead check "$KN_SOURCE/core/scenes/$scene.yaml" >out 2>err || fail "$scene: $(cat err)"
     grep -q "^scene *$scene.yaml, version 1" out && grep -q "^kernels" out || fail "$scene: $(cat out)"
     grep "^warning" out | grep -v -e "multiply-add" -e "real time" && fail "$scene warns of itself"
