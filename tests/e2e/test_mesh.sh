@@ -1,0 +1,24 @@
+#!/usr/bin/env bash
+# An object from a mesh is served, pressed and recorded like a block; its log replays to the bit while the mesh is where it
+# was or beside the log, and is refused once the mesh has been edited.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+mkdir here there
+cp "$KN_SOURCE/core/scenes/meshes/block.msh" here/bread.msh
+start_kneadd dough-small.yaml --set object.mesh="$PWD/here/bread.msh" --set object.mesh_unit=mm
+knead probe --path press --hold '300 ms' --record press.lcmlog --quiet || { echo "FAIL knead probe: exit $?"; exit 1; }
+sleep 0.2
+stop_kneadd
+verifies() { knead replay "$1" --verify >said 2>err || { cat said err; return 1; }; }
+refused() { knead replay press.lcmlog >out 2>err; [ $? = 2 ] && [ ! -s out ] && [ "$(wc -l <err)" = 1 ] && grep -q "$1" err; }
+
+check "the log verifies" verifies press.lcmlog
+check "and the hand felt something" awk '/peak contact force/ { for (i = 1; i < NF; i++) if ($(i + 1) == "N") { exit !($i > 1) } }' said
+mv here/bread.msh there
+check "it is refused without its mesh" refused "object.mesh: No such file or directory, expected a Gmsh mesh$"
+cp press.lcmlog there
+check "with the mesh beside the log it verifies" verifies there/press.lcmlog
+sed 's/^-25 -25 0$/-25.5 -25 0/' there/bread.msh >here/bread.msh
+cmp -s here/bread.msh there/bread.msh && echo "FAIL the mesh was not edited" && failed=1
+check "an edited mesh is refused" refused "object.mesh_hash is .*: it was changed since"
+check "but beside the log the old one is found" verifies there/press.lcmlog
+exit $failed
