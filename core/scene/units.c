@@ -6,7 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define GF_NEWTON 9.80665 // of 1 kgf, N: standard gravity, exact by definition
+#define GF_NEWTON 9.80665   // of 1 kgf, N: standard gravity, exact by definition
+#define ATM_PASCAL 1.01325 // of 1 atm, 1e5 Pa: exact by definition
 
 enum { FACTORS_MAX = 8, EXPONENT_MAX = 9999 }; // far beyond any real quantity; they keep every int small
 
@@ -31,6 +32,7 @@ static const struct {
     {"Pa", {.m = -1, .kg = 1, .s = -2}},
     {"kPa", {.m = -1, .kg = 1, .s = -2, .ten = 3}},
     {"MPa", {.m = -1, .kg = 1, .s = -2, .ten = 6}},
+    {"atm", {.m = -1, .kg = 1, .s = -2, .ten = 5, .atm = 1}},
 };
 
 static void multiply(kn_unit *u, const kn_unit *by, int power)
@@ -40,6 +42,7 @@ static void multiply(kn_unit *u, const kn_unit *by, int power)
     u->s += by->s * power;
     u->ten += by->ten * power;
     u->gf += by->gf * power;
+    u->atm += by->atm * power;
 }
 
 static const kn_unit *find(const char *name, size_t size)
@@ -145,5 +148,7 @@ double kn_quantity_in(const kn_quantity *q, const kn_unit *unit)
     double value = strtod(number, NULL);
     for (int i = q->unit.gf - unit->gf; i > 0; i--) value *= GF_NEWTON;
     for (int i = q->unit.gf - unit->gf; i < 0; i++) value /= GF_NEWTON;
+    for (int i = q->unit.atm - unit->atm; i > 0; i--) value *= ATM_PASCAL;
+    for (int i = q->unit.atm - unit->atm; i < 0; i++) value /= ATM_PASCAL;
     return value;
 }
