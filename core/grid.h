@@ -5,9 +5,15 @@
 // Nodes are the corners of n-1 cubic cells along x, y, z. Every cell has 12 sides, 12 face diagonals, 4 body diagonals;
 // each is an edge with the whole material law. Edges are assembled per cell: a side gets 1/4, a face diagonal 1/2, a
 // body diagonal 1 from each cell that holds it, so edges on the surface carry their share and no more, and the uniaxial
-// patch test is exact on any block. With equal k on all of them E = 2.7 k/h, i.e. kappa = k/E = h/2.7 metres. The
-// stress that the damper sees is |f|/(gamma kappa L0): gamma = 0.46 makes a lattice creep as the 1-D element does
-// within 3-7 % (20-70 gf/cm^2, 60 s).
+// patch test is exact on any block. Diagonals may be e times as stiff as the sides, 0 <= e <= 1; then kappa = k/E of a
+// side, from C11 - 2 C12^2/(C11 + C12) in 3-D and C11 - C12^2/C11 in plane stress, is
+//
+//     block   kappa = h (3 + 17 e)/(3 (1 + e)(1 + 8 e)):  h/2.7 with e = 1      flat   kappa = t (1 + e)/(1 + 2 e)
+//
+// The stress that the damper sees is |f|/(gamma kappa weight L0). gamma makes a lattice creep as the 1-D element does:
+// 1 without diagonals, 0.46 with full ones, in between by a table that was fitted.
+//
+// A flat object is one layer of nodes in the x-z plane, t thick, in plane stress: nothing moves along y.
 //
 // Memory. Rows run along the axis that fills 16 lanes best; a row has K = ceil(n/16) vectors, INTERLEAVED: lane l of
 // vector k is the node l*K + k of the row. So the neighbour at +1 is the next vector, and only the last one needs a
@@ -29,21 +35,18 @@
 #define KN_LANES 16   // lanes of every vector on every machine: the same sums in the same order everywhere
 #define KN_FORWARD 13 // forward edges of a node
 
-typedef enum kn_structure {
-    KN_STRUCTURE_DIAGONALS, // sides, face and body diagonals, equal k: E' = 2.7, gamma = 0.46
-    KN_STRUCTURE_AXIS       // sides only: E' = 1, gamma = 1. Cannot keep its shape in 3-D; exact for a single bar.
-} kn_structure;
-
 typedef struct kn_grid {
     int n[3];         // nodes along x, y, z, >= 1
     double spacing_m; // side h of a cell
-    kn_structure structure;
+    bool flat;        // one layer across y, in plane stress
+    double depth_m;   // of a cell along y: thickness of a flat object, else h
+    double diagonal;  // e: stiffness of a diagonal / that of a side, 0 .. 1
     int axis[3];     // world axis (0 x, 1 y, 2 z) that a (along the row), b (rows), c (planes) run along
     int len[3];      // n along a, b, c
     int vectors;     // K, vectors per row
     int rows;        // len[1] * len[2]
     int nodes;       // n[0] * n[1] * n[2]
-    double kappa_m;  // k of an inner edge / E of the material = h/2.7 (1/E' in general)
+    double kappa_m;  // k of an inner side / E of the material
     double gamma;    // stress area of an edge / (kappa L0)
 } kn_grid;
 
@@ -51,15 +54,16 @@ typedef struct kn_grid {
 typedef struct kn_edge {
     int i, j;       // node ids; the edge runs from i to j
     int slot;       // index of its strain in the field [row][13][K][16]
-    double weight;  // share of an inner edge, 1/4 .. 1: scales k1, c1, c2 and the stress area alike
+    double weight;  // share of an inner side, of a diagonal times e: scales k1, c1, c2 and the stress area alike
     double rest_m;  // L0
 } kn_edge;
 
 // Steps of forward edge e along a, b, c.
 extern const int kn_grid_forward[KN_FORWARD][3];
 
-// Chooses the row axis and fills the derived numbers. n[] >= 1; spacing_m > 0.
-void kn_grid_init(kn_grid *g, const int n[3], double spacing_m, kn_structure structure);
+// Chooses the row axis and fills the derived numbers. n[] >= 1; spacing_m > 0; thickness_m > 0 makes a flat object of
+// n[1] = 1, 0 a block (or a bar or sheet as deep as a cell); diagonal = 0 leaves the diagonals out.
+void kn_grid_init(kn_grid *g, const int n[3], double spacing_m, double thickness_m, double diagonal);
 
 // Node ids count x fastest, then y, then z: id = (iz*ny + iy)*nx + ix.
 int kn_grid_node(const kn_grid *g, int ix, int iy, int iz);
@@ -77,7 +81,7 @@ static inline size_t kn_grid_field(const kn_grid *g, int components)
 // Rest position, m: right-handed, z up, origin at the centre of the block's base.
 void kn_grid_rest(const kn_grid *g, int node, double x_m[3]);
 
-// Share of the material around a node that belongs to it, 1/8 (corner) .. 1 (inside): mass = rho h^3 share.
+// Share of the material around a node that belongs to it, 1/8 (corner) .. 1 (inside): mass = rho h^2 depth share.
 double kn_grid_share(const kn_grid *g, int node);
 
 // Fills out[] (NULL: only counts) with every edge; returns their number. Fixed order.

@@ -27,7 +27,11 @@ typedef struct tables {
     real *lane_near_root[3];
     real *lane_here[3];    // 1 where it exists, else 0
     real *row_share, *row_root, *plane_share, *plane_root; // shares and their square roots across the row
-    real diagonal;         // 1 with diagonals, 0 without
+    real diagonal, diagonal_root; // stiffness of a diagonal / that of a side, and its root
+    // pressure: cells; 1/h; P0 dV/dx, dt dJ/dt and sqrt(dt P0/V0) dV/dx of a unit slope; components and rows of a cell
+    int cell_count;
+    real cell_inverse_h, cell_push, cell_rate, cell_root;
+    int cell_axis[3], cell_to[4];
 } tables;
 
 static size_t tables_size(const kn_model *model)
@@ -56,7 +60,6 @@ static void build_lanes(tables *t, const kn_grid *g, real **next)
         t->lane_near_root[s] = take(next, stride);
         t->lane_here[s] = take(next, stride);
     }
-    bool diagonals = g->structure == KN_STRUCTURE_DIAGONALS;
     for (int k = 0; k < g->vectors; k++)
         for (int l = 0; l < KN_LANES; l++) {
             int a = l * g->vectors + k, at = k * KN_LANES + l;
@@ -71,7 +74,8 @@ static void build_lanes(tables *t, const kn_grid *g, real **next)
                 t->lane_here[s][at] = here ? 1 : 0;
             }
         }
-    t->diagonal = diagonals ? 1 : 0;
+    t->diagonal = (real)g->diagonal;
+    t->diagonal_root = (real)sqrt(g->diagonal);
 }
 
 static void build_rows(tables *t, const kn_grid *g, real **next)
@@ -90,6 +94,8 @@ static void build_rows(tables *t, const kn_grid *g, real **next)
     }
 }
 
+static void build_cells(tables *t, const kn_model *model); // kernel_cells.h
+
 static void tables_build(const kn_model *model, void *block)
 {
     const kn_grid *g = &model->grid;
@@ -107,13 +113,14 @@ static void tables_build(const kn_model *model, void *block)
         t->area[e] = (real)(g->gamma * g->kappa_m * length);
     }
     t->root = (real)sqrt(g->kappa_m * model->law.a_pa_s);
-    double mass = model->def.density_kg_m3 * g->spacing_m * g->spacing_m * g->spacing_m;
+    double mass = model->def.density_kg_m3 * g->spacing_m * g->spacing_m * g->depth_m;
     t->mass_dt = (real)(mass * solver->mass_scale / solver->dt_s);
     t->weight = (real)(mass * model->def.gravity_m_s2);
     t->vectors = g->vectors;
     t->rows = g->len[1];
     t->row_count = g->rows;
     t->planes = g->len[2];
+    build_cells(t, model);
 }
 
 // --- addressing -----------------------------------------------------------------------------------------------------
@@ -341,7 +348,7 @@ LANES_INLINE void edge_row(const kn_model *model, const tables *t, const fields 
         for (x.s = g < 0 ? 1 : -1; x.s <= 1; x.s++) {
             x.e = g < 0 ? 0 : 1 + 3 * g + x.s + 1;
             x.share = group_share(t->row_share[b], t->plane_share[c], t->diagonal, g, x.s);
-            x.root = group_share(t->row_root[b], t->plane_root[c], t->diagonal, g, x.s);
+            x.root = group_share(t->row_root[b], t->plane_root[c], t->diagonal_root, g, x.s);
             edge_add(model, t, f, &x, kind, stroke, how, again, &own);
         }
     }
@@ -367,9 +374,12 @@ LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kin
     return sum;
 }
 
+#include "core/kernel_cells.h"
+
 static double edge(const kn_model *model, kn_state *state, kn_linearization how, bool again)
 {
     int K = model->grid.vectors;
+    if (model->def.pressure != KN_PRESSURE_NONE) pressure_add(model, state);
     if (model->law.stroke) return edge_pass(model, state, model->law.kind, true, how, again, K); // one loop for all laws
     switch (model->law.kind) {
     case KN_LAW_VOIGT: return edge_pass(model, state, KN_LAW_VOIGT, false, how, again, K);
@@ -452,7 +462,8 @@ LANES_INLINE double apply_rows(const kn_model *model, kn_state *state, double be
 static double apply(const kn_model *model, kn_state *state, double beta)
 {
     int K = model->grid.vectors;
-    return K == 1 ? apply_rows(model, state, beta, 1) : apply_rows(model, state, beta, K);
+    double dq = K == 1 ? apply_rows(model, state, beta, 1) : apply_rows(model, state, beta, K);
+    return model->def.pressure == KN_PRESSURE_NONE ? dq : dq + pressure_product(model, state);
 }
 
 LANES_INLINE double update_rows(const kn_model *model, kn_state *state, double alpha, int K)

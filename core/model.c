@@ -26,6 +26,8 @@ kn_model_def kn_model_def_default(void)
         .density_kg_m3 = 1200,
         .nodes = {6, 6, 4},
         .spacing_m = 0.01,
+        .diagonal_stiffness = 1,
+        .inside_pressure_pa = 101325, // 1 atm
         .solver =
             {.dt_s = 1e-3, .iterations = 8, .iterations_max = 24, .tolerance = 1e-3, .passes = 1, .mass_scale = 1},
     };
@@ -52,20 +54,42 @@ static const char *check_probe(const kn_model_def *def, const kn_probe_def *p)
     return NULL;
 }
 
-static const char *check_lattice(const kn_model_def *def)
+static const char *check_block(const kn_model_def *def)
 {
+    const bool flat = def->thickness_m > 0;
     double nodes = 1;
-    bool flat = def->mesh && def->mesh->dimension == 2;
-    if (flat && !(def->thickness_m > 0 && isfinite(def->thickness_m))) return "a flat mesh needs a positive thickness";
-    for (int p = 0; flat && p < def->probe_count; p++)
-        if (def->probe[p].shape == KN_PROBE_SPHERE) return "a sphere needs a solid object, a flat one takes plates";
-    for (int k = 0; k < 3 && !def->mesh; k++) {
+    if (!(def->thickness_m >= 0 && isfinite(def->thickness_m))) return "thickness must not be negative";
+    if (flat && def->nodes[1] != 1) return "a flat object has one layer of nodes along y";
+    for (int k = 0; k < 3; k++) {
+        const bool thin = def->nodes[k] < 2 && !(flat && k == 1);
         if (def->nodes[k] < 1) return "needs at least one node along every axis";
-        if (def->structure == KN_STRUCTURE_DIAGONALS && def->nodes[k] < 2)
+        if (def->structure == KN_STRUCTURE_DIAGONALS && thin)
             return "a lattice with diagonals needs two nodes along every axis";
+        if (def->pressure != KN_PRESSURE_NONE && thin) return "pressure needs two nodes along every axis";
         nodes *= def->nodes[k];
     }
     if (nodes > NODES_MAX) return "more than 4194304 nodes";
+    if (def->structure == KN_STRUCTURE_DIAGONALS && !(def->diagonal_stiffness > 0 && def->diagonal_stiffness <= 1))
+        return "diagonal_stiffness must be in (0, 1]";
+    return NULL;
+}
+
+static const char *check_mesh(const kn_model_def *def)
+{
+    const bool flat = def->mesh->dimension == 2;
+    if (flat && !(def->thickness_m > 0 && isfinite(def->thickness_m))) return "a flat mesh needs a positive thickness";
+    for (int p = 0; flat && p < def->probe_count; p++)
+        if (def->probe[p].shape == KN_PROBE_SPHERE) return "a sphere needs a solid object, a flat one takes plates";
+    if (def->pressure != KN_PRESSURE_NONE) return "pressure needs the cells of a block, and this is a mesh";
+    return NULL;
+}
+
+static const char *check_lattice(const kn_model_def *def)
+{
+    const char *wrong = def->mesh ? check_mesh(def) : check_block(def);
+    if (wrong) return wrong;
+    if (def->pressure != KN_PRESSURE_NONE && !(def->inside_pressure_pa > 0 && isfinite(def->inside_pressure_pa)))
+        return "the pressure inside must be positive";
     if (!(def->spacing_m > 0 && isfinite(def->spacing_m))) return "spacing must be positive";
     if (!(def->density_kg_m3 > 0 && isfinite(def->density_kg_m3))) return "density must be positive";
     if (!(def->gravity_m_s2 >= 0 && isfinite(def->gravity_m_s2))) return "gravity must not be negative";
@@ -104,6 +128,10 @@ static void build_faces(kn_model *m)
     };
     memcpy(m->face, face, sizeof face);
     m->face_count = m->def.support == KN_SUPPORT_NONE ? 6 : 5;
+    if (!m->grid.flat) return;
+    m->face[2] = face[2]; // top and two ends: what lies along the plane is not touched
+    m->face[3] = face[5];
+    m->face_count -= 2;
 }
 
 static bool supports(kn_isa isa)
@@ -175,12 +203,13 @@ static bool build_block(kn_model *m)
     m->kappa_m = g->kappa_m;
     m->gamma = g->gamma;
     m->size_m = fmax(fmax(g->n[0], g->n[1]), g->n[2]) * g->spacing_m;
-    double h = g->spacing_m, whole = m->def.density_kg_m3 * h * h * h;
+    double h = g->spacing_m, whole = m->def.density_kg_m3 * h * h * g->depth_m;
     for (int i = 0; i < g->nodes; i++) {
         m->offset[i] = kn_grid_offset(g, i);
         kn_grid_rest(g, i, m->rest_m[i]);
         m->node_mass_kg[i] = whole * kn_grid_share(g, i);
         if (i < g->n[0] * g->n[1]) m->support[i] = kn_support_mask(m->def.support); // ids count z slowest
+        if (g->flat) m->support[i] |= 2; // nothing leaves the plane
     }
     build_top(m);
     return true;
@@ -203,6 +232,12 @@ static bool build_rk4(kn_model *m)
         m->edges = calloc((size_t)m->edge_count + 1, sizeof(kn_edge));
         if (!m->edges) return false;
         kn_grid_edges(&m->grid, m->edges);
+        if (m->def.pressure != KN_PRESSURE_NONE) {
+            m->cell_count = kn_grid_cells(&m->grid, NULL);
+            m->cells = calloc((size_t)m->cell_count, sizeof(kn_cell));
+            if (!m->cells) return false;
+            kn_grid_cells(&m->grid, m->cells);
+        }
     }
     m->rk4_limit_s = kn_rk4_limit(m);
     return m->rk4_limit_s >= 0;
@@ -218,7 +253,9 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
 {
     bool rk4 = def->solver.kind == KN_SOLVER_RK4;
     m->def = *def;
-    if (!def->mesh) kn_grid_init(&m->grid, def->nodes, def->spacing_m, def->structure);
+    if (!def->mesh)
+        kn_grid_init(&m->grid, def->nodes, def->spacing_m, def->thickness_m,
+                     def->structure == KN_STRUCTURE_AXIS ? 0 : def->diagonal_stiffness);
     kn_law_build(&m->law, &def->material, rk4 ? 0 : def->solver.dt_s, def->solver.precision == KN_PRECISION_F64);
     if (!choose_kernels(m))
         return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
@@ -264,6 +301,7 @@ void kn_model_destroy(kn_model *model)
     free(model->top_share);
     free(model->edges);
     free(model->skin);
+    free(model->cells);
     free(model);
 }
 

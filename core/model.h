@@ -3,6 +3,7 @@
 // The model: everything about an object and its solver that does not change while it is touched.
 // Fill a kn_model_def (kn_model_def_default gives a sensible one), build, share among any number of states and threads.
 // Nothing here is written after kn_model_build; only build allocates.
+#include "core/cell.h"
 #include "core/grid.h"
 #include "core/law.h"
 #include "core/material.h"
@@ -11,6 +12,11 @@
 
 #define KN_PROBES_MAX 4
 #define KN_NAME_MAX 24 // bytes with the NUL: KNEAD_CONTACT_<name> must fit LCM's 63-byte channel names
+
+typedef enum kn_structure {
+    KN_STRUCTURE_DIAGONALS, // sides, face and body diagonals
+    KN_STRUCTURE_AXIS       // sides only: a block of them cannot keep its shape; exact for a single bar
+} kn_structure;
 
 typedef enum kn_support {
     KN_SUPPORT_BONDED,       // the base is glued to the table
@@ -59,6 +65,9 @@ typedef struct kn_model_def {
     double spacing_m;     // of a mesh: its mean edge
     double thickness_m;   // > 0: a flat object in the x-z plane, nodes[1] = 1, in plane stress; else 0
     kn_structure structure;
+    double diagonal_stiffness; // of a diagonal / that of a side, in (0, 1]; ignored without diagonals
+    kn_pressure pressure;
+    double inside_pressure_pa; // absolute, at rest; > 0 with pressure
     kn_support support;
     int probe_count; // 0 .. KN_PROBES_MAX
     kn_probe_def probe[KN_PROBES_MAX];
@@ -109,6 +118,8 @@ typedef struct kn_model {
     kn_face face[6];     // face[0] is the top
     kn_edge *edges;      // RK4 only, else NULL
     int edge_count;
+    kn_cell *cells; // RK4 with pressure only, else NULL
+    int cell_count;
     double rk4_limit_s;  // RK4 only: largest stable step at rest, 2.785 / lambda_max(C/M) by power iteration
     size_t state_bytes;  // of one kn_state with its arrays
 } kn_model;

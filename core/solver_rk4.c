@@ -84,6 +84,41 @@ static void edge_forces(const kn_model *model, shape at, const double *rest, con
     }
 }
 
+// Corners of cell c at rest + x.
+static void corners_of(const kn_model *model, int c, const double *rest, const double *x, double corner[8][3])
+{
+    for (int i = 0; i < 8; i++) {
+        int node = model->cells[c].corner[i];
+        for (int k = 0; k < 3; k++) corner[i][k] = node < 0 ? 0 : rest[3 * node + k] + x[3 * node + k];
+    }
+}
+
+// Adds force_pa dV/dx of a cell's corners to f.
+static void push_corners(const kn_cell *cell, double force_pa, const double gradient[8][3], double *f)
+{
+    for (int i = 0; i < 8 && cell->corner[i] >= 0; i++)
+        for (int k = 0; k < 3; k++) f[3 * cell->corner[i] + k] += force_pa * gradient[i][k];
+}
+
+// Adds what the gas in the cells does, each at its own pressure or all at that of the sum.
+static void cell_forces(const kn_model *model, const double *rest, const double *x, double *f)
+{
+    const kn_grid *g = &model->grid;
+    double corner[8][3], gradient[8][3], slope, sum = 0, v0 = g->spacing_m * g->spacing_m * g->depth_m;
+    bool whole = model->def.pressure == KN_PRESSURE_OBJECT;
+    for (int pass = whole ? 0 : 1; pass < 2; pass++)
+        for (int c = 0; c < model->cell_count; c++) {
+            corners_of(model, c, rest, x, corner);
+            double volume = kn_cell_volume(g, (const double(*)[3])corner, gradient);
+            if (pass == 0) {
+                sum += volume;
+                continue;
+            }
+            double over = kn_cell_pressure(whole ? sum / (v0 * model->cell_count) : volume / v0, &slope);
+            push_corners(&model->cells[c], over * model->def.inside_pressure_pa, (const double(*)[3])gradient, f);
+        }
+}
+
 // dy = y'. At fixed components the force left over, times share, goes into the reaction.
 static void derivative(const kn_model *model, const kn_boundary *b, const double *rest, const double *y, double *dy,
                        double share)
@@ -95,6 +130,7 @@ static void derivative(const kn_model *model, const kn_boundary *b, const double
         for (size_t k = 0; k < 3; k++) f[3 * i + k] = b->force_n ? b->force_n[i][k] : 0.0;
     for (size_t i = 0; i < nodes; i++) f[3 * i + 2] -= model->node_mass_kg[i] * model->def.gravity_m_s2;
     edge_forces(model, at, rest, y, f, dy + at.u);
+    cell_forces(model, rest, y + at.x, f);
     for (size_t i = 0; i < nodes; i++)
         for (size_t k = 0; k < 3; k++) {
             double *acceleration = &f[3 * i + k];
@@ -151,6 +187,24 @@ void kn_rk4_step(const kn_model *model, kn_state *state, const kn_boundary *boun
         for (int e = 0; e < model->edge_count; e++) strain[model->edges[e].slot] = y0[at.u + (size_t)e];
 }
 
+// q = M^-1/2 (sum (1/V0) G G^T over the cells, G = dV/dx) M^-1/2 d at rest: what a pascal of gas adds.
+static void apply_cells(const kn_model *model, const double *rest, const double *root, const double *zero,
+                        const double *d, double *q)
+{
+    const kn_grid *g = &model->grid;
+    memset(q, 0, 3 * (size_t)model->node_count * sizeof *q);
+    for (int c = 0; c < model->cell_count; c++) {
+        const int *node = model->cells[c].corner;
+        double corner[8][3], gradient[8][3], rate = 0;
+        corners_of(model, c, rest, zero, corner);
+        double volume = kn_cell_volume(g, (const double(*)[3])corner, gradient);
+        for (int i = 0; i < 8 && node[i] >= 0; i++)
+            for (int k = 0; k < 3; k++) rate += gradient[i][k] * d[3 * node[i] + k] / root[node[i]];
+        for (int i = 0; i < 8 && node[i] >= 0; i++)
+            for (int k = 0; k < 3; k++) q[3 * node[i] + k] += gradient[i][k] * rate / (volume * root[node[i]]);
+    }
+}
+
 // q = M^-1/2 (sum kappa weight n n^T) M^-1/2 d at rest, without support: holding nodes can only slow the fastest mode.
 static void apply_rest(const kn_model *model, const double *rest, const double *root, const double *zero,
                        const double *d, double *q)
@@ -170,8 +224,9 @@ static void apply_rest(const kn_model *model, const double *rest, const double *
     }
 }
 
-// Largest eigenvalue of the lattice with k = kappa * weight on every edge, m. work holds 13 reals per node.
-static double largest_eigenvalue(const kn_model *model, double *work)
+// Largest eigenvalue of the lattice with k = kappa * weight on every edge, or of the cells with one pascal, m/kg. work
+// holds 13 reals per node.
+static double largest_eigenvalue(const kn_model *model, bool of_cells, double *work)
 {
     size_t nodes = (size_t)model->node_count;
     double *rest = work, *zero = rest + 3 * nodes, *d = zero + 3 * nodes, *q = d + 3 * nodes, *root = q + 3 * nodes;
@@ -188,7 +243,7 @@ static double largest_eigenvalue(const kn_model *model, double *work)
         for (size_t i = 0; i < 3 * nodes; i++) norm += d[i] * d[i];
         norm = sqrt(norm);
         for (size_t i = 0; i < 3 * nodes; i++) d[i] /= norm;
-        apply_rest(model, rest, root, zero, d, q);
+        (of_cells ? apply_cells : apply_rest)(model, rest, root, zero, d, q);
         eigenvalue = 0;
         for (size_t i = 0; i < 3 * nodes; i++) eigenvalue += d[i] * q[i];
         memcpy(d, q, 3 * nodes * sizeof *d);
@@ -201,10 +256,12 @@ double kn_rk4_limit(const kn_model *model)
     const kn_law *law = &model->law;
     double *work = malloc(13 * (size_t)model->node_count * sizeof *work);
     if (!work) return -1;
-    double lattice = largest_eigenvalue(model, work);
+    double lattice = largest_eigenvalue(model, false, work);
+    // one pressure for the object is softer than a pressure per cell
+    double gas = model->cell_count == 0 ? 0 : model->def.inside_pressure_pa * largest_eigenvalue(model, true, work);
     free(work);
     double damping = lattice * law->a_pa_s * law->slope_rest;
-    double ringing = sqrt(lattice * law->mat.k1_pa);
+    double ringing = sqrt(lattice * law->mat.k1_pa + gas);
     double creep =
         law->mat.k1_pa / (law->mat.c1_pa_s + kn_material_c2(&law->mat, INFINITY)); // the Voigt part's own rate
     return 2.785 / fmax(damping, fmax(ringing, creep));

@@ -1,10 +1,10 @@
 #include "core/grid.h"
 #include "tests/check.h"
 
-static kn_grid grid_of(int nx, int ny, int nz, kn_structure structure)
+static kn_grid grid_of(int nx, int ny, int nz, double diagonal)
 {
     kn_grid g;
-    kn_grid_init(&g, (const int[3]){nx, ny, nz}, 0.005, structure);
+    kn_grid_init(&g, (const int[3]){nx, ny, nz}, 0.005, 0, diagonal);
     return g;
 }
 
@@ -36,23 +36,23 @@ static const int blocks[][3] = {{6, 6, 4},  {11, 11, 7}, {4, 6, 16}, {5, 15, 3},
 
 TEST("a block of 847 nodes has 8 706 edges: 2 266 sides, 4 040 face and 2 400 body diagonals; 144 nodes have 1 208")
 {
-    kn_grid g = grid_of(11, 11, 7, KN_STRUCTURE_DIAGONALS);
+    kn_grid g = grid_of(11, 11, 7, 1);
     int count, kinds[4] = {0};
     kn_edge *edges = edges_of(&g, &count);
     for (int e = 0; e < count; e++) kinds[steps_between(&g, edges[e].i, edges[e].j)]++;
     CHECK(g.nodes == 847 && count == 8706);
     CHECK(kinds[1] == 2266 && kinds[2] == 4040 && kinds[3] == 2400);
     free(edges);
-    g = grid_of(6, 6, 4, KN_STRUCTURE_DIAGONALS);
+    g = grid_of(6, 6, 4, 1);
     CHECK(kn_grid_edges(&g, NULL) == 1208);
-    g = grid_of(11, 11, 7, KN_STRUCTURE_AXIS);
+    g = grid_of(11, 11, 7, 0);
     CHECK(kn_grid_edges(&g, NULL) == 2266);
 }
 
 TEST("the edges are all pairs of neighbours, each once, with the right length, whatever the shape of the block")
 {
     for (int t = 0; t < BLOCKS; t++) {
-        kn_grid g = grid_of(blocks[t][0], blocks[t][1], blocks[t][2], KN_STRUCTURE_DIAGONALS);
+        kn_grid g = grid_of(blocks[t][0], blocks[t][1], blocks[t][2], 1);
         int count, expected = 0;
         kn_edge *edges = edges_of(&g, &count);
         unsigned char *seen = calloc((size_t)g.nodes * (size_t)g.nodes, 1);
@@ -73,7 +73,7 @@ TEST("the edges are all pairs of neighbours, each once, with the right length, w
 TEST("every edge has a strain slot and every node an offset of its own, inside the field")
 {
     for (int t = 0; t < BLOCKS; t++) {
-        kn_grid g = grid_of(blocks[t][0], blocks[t][1], blocks[t][2], KN_STRUCTURE_DIAGONALS);
+        kn_grid g = grid_of(blocks[t][0], blocks[t][1], blocks[t][2], 1);
         int count;
         kn_edge *edges = edges_of(&g, &count);
         unsigned char *slot = calloc(kn_grid_field(&g, KN_FORWARD), 1), *real = calloc(kn_grid_field(&g, 3), 1);
@@ -103,7 +103,7 @@ TEST("rows run along the axis that fills sixteen lanes best, for every axis and 
     };
     for (int t = 0; t < (int)(sizeof cases / sizeof cases[0]); t++) {
         kn_grid g;
-        kn_grid_init(&g, cases[t].n, 0.01, KN_STRUCTURE_DIAGONALS);
+        kn_grid_init(&g, cases[t].n, 0.01, 0, 1);
         CHECK(g.axis[0] == cases[t].axis && g.vectors == cases[t].vectors);
         CHECK(g.axis[0] + g.axis[1] + g.axis[2] == 3 && g.len[0] * g.len[1] * g.len[2] == g.nodes);
         CHECK(kn_grid_stride(&g) == (size_t)g.vectors * KN_LANES);
@@ -113,7 +113,7 @@ TEST("rows run along the axis that fills sixteen lanes best, for every axis and 
 TEST("lane l of vector k is node l K + k of its row; components are a stride apart, rows follow one another")
 {
     for (int t = 0; t < BLOCKS; t++) {
-        kn_grid g = grid_of(blocks[t][0], blocks[t][1], blocks[t][2], KN_STRUCTURE_DIAGONALS);
+        kn_grid g = grid_of(blocks[t][0], blocks[t][1], blocks[t][2], 1);
         for (int i = 0; i < g.nodes; i++) {
             int ixyz[3];
             kn_grid_coords(&g, i, ixyz);
@@ -128,7 +128,7 @@ TEST("lane l of vector k is node l K + k of its row; components are a stride apa
 TEST("forward edges lead from lane to lane as the header draws them, and never to an earlier row")
 {
     for (int t = 0; t < BLOCKS; t++) {
-        kn_grid g = grid_of(blocks[t][0], blocks[t][1], blocks[t][2], KN_STRUCTURE_DIAGONALS);
+        kn_grid g = grid_of(blocks[t][0], blocks[t][1], blocks[t][2], 1);
         static const int group[4][2] = {{1, 0}, {-1, 1}, {0, 1}, {1, 1}}; // steps along b, c
         int count;
         kn_edge *edges = edges_of(&g, &count);
@@ -152,7 +152,7 @@ TEST("forward edges lead from lane to lane as the header draws them, and never t
 TEST("shares of the nodes add up to the volume, shares of the edges to those of whole cells")
 {
     for (int t = 0; t < BLOCKS; t++) {
-        kn_grid g = grid_of(blocks[t][0], blocks[t][1], blocks[t][2], KN_STRUCTURE_DIAGONALS);
+        kn_grid g = grid_of(blocks[t][0], blocks[t][1], blocks[t][2], 1);
         double cells = 1, sum = 0;
         bool solid = true;
         for (int k = 0; k < 3; k++) {
@@ -176,7 +176,7 @@ TEST("shares of the nodes add up to the volume, shares of the edges to those of 
 
 TEST("an edge inside weighs 1, on a face 1/2, at a corner side 1/4; diagonals inside a face 1/2; a lone bar 1")
 {
-    kn_grid g = grid_of(4, 4, 4, KN_STRUCTURE_DIAGONALS);
+    kn_grid g = grid_of(4, 4, 4, 1);
     int count;
     kn_edge *edges = edges_of(&g, &count);
     for (int e = 0; e < count; e++) {
@@ -187,24 +187,24 @@ TEST("an edge inside weighs 1, on a face 1/2, at a corner side 1/4; diagonals in
         CHECK_NEAR(edges[e].weight, outside == 0 ? 1 : outside == 1 ? 0.5 : 0.25, 0);
     }
     free(edges);
-    g = grid_of(1, 1, 2, KN_STRUCTURE_AXIS);
+    g = grid_of(1, 1, 2, 0);
     kn_edge bar;
     CHECK(kn_grid_edges(&g, &bar) == 1 && bar.weight == 1);
 }
 
 TEST("stiffness calibration: k = E h/2.7 with diagonals, E h without; stress area 0.46 of the share with diagonals")
 {
-    kn_grid g = grid_of(4, 4, 4, KN_STRUCTURE_DIAGONALS);
+    kn_grid g = grid_of(4, 4, 4, 1);
     CHECK_NEAR(g.kappa_m, 0.005 / 2.7, 1e-15);
     CHECK_NEAR(g.gamma, 0.46, 0);
-    g = grid_of(4, 4, 4, KN_STRUCTURE_AXIS);
+    g = grid_of(4, 4, 4, 0);
     CHECK_NEAR(g.kappa_m, 0.005, 1e-15);
     CHECK_NEAR(g.gamma, 1, 0);
 }
 
 TEST("the origin is the centre of the base, z points up")
 {
-    kn_grid g = grid_of(11, 11, 7, KN_STRUCTURE_DIAGONALS);
+    kn_grid g = grid_of(11, 11, 7, 1);
     double low[3], high[3];
     kn_grid_rest(&g, 0, low);
     kn_grid_rest(&g, g.nodes - 1, high);

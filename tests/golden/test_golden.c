@@ -53,6 +53,23 @@ TEST("dough-small under a plate in f64")
     check_golden("dough-small-plate-f64", def, 0xdaeb6cc7e29691f5);
 }
 
+TEST("dough-pressure under a plate")
+{
+    kn_model_def def = press_def(2);
+    def.pressure = KN_PRESSURE_CELLS;
+    check_golden("dough-pressure-plate", def, 0xb07437cb7e7e089b);
+}
+
+TEST("a flat block of dough with weak diagonals and one pressure under a plate")
+{
+    kn_model_def def = press_def(2);
+    def.nodes[1] = 1;
+    def.thickness_m = 0.05;
+    def.diagonal_stiffness = 0.1;
+    def.pressure = KN_PRESSURE_OBJECT;
+    check_golden("flat-pressure-plate", def, 0xab47c2315cdc2cd3);
+}
+
 TEST("dough-small by Runge-Kutta, 300 steps of 10 us with the mass times 100")
 {
     kn_model_def def = press_def(1);

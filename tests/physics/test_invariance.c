@@ -75,7 +75,7 @@ TEST("a press in the middle leaves a dent that is its own mirror image")
         kn_model_def def = press_def(1);
         def.solver.precision = (kn_precision)precision;
         kn_grid g;
-        kn_grid_init(&g, def.nodes, def.spacing_m, def.structure);
+        kn_grid_init(&g, def.nodes, def.spacing_m, 0, 1);
         run r = press_run(&def, &p, 1, 1e-3);
         double worst = 0;
         for (int i = 0; i < r.nodes; i++) {

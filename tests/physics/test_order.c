@@ -38,7 +38,8 @@ static void patch(kn_model_def def, double stress_pa, double *along, double *sid
     def.solver.iterations_max = 500;
     kn_model *model = build(&def);
     kn_state *state = kn_state_create(model);
-    double h = def.spacing_m, area = (def.nodes[0] - 1) * (def.nodes[1] - 1) * h * h;
+    double h = def.spacing_m, depth = def.thickness_m > 0 ? def.thickness_m : (def.nodes[1] - 1) * h;
+    double area = (def.nodes[0] - 1) * h * depth;
     kn_input in = {.top_load_n = stress_pa * area};
     kn_output out;
     for (int i = 0; i < 400; i++) kn_step(model, state, &in, &out);
@@ -70,6 +71,26 @@ TEST("uniaxial patch test: any block with diagonals has the material's modulus e
         CHECK_NEAR(along, -1e-5, 1e-9);
         CHECK_NEAR(-sideways / along, 0.35, 1e-3);
     }
+}
+
+TEST("with weak diagonals or none E is the material's too, and nu = 7 e/(3 + 17 e); flat, in plane stress, e/(1 + e)")
+{
+    static const double stiffness[] = {1, 0.5, 0.1, 0.02};
+    for (int t = 0; t < 8; t++) {
+        kn_model_def def = press_def(1);
+        double e = def.diagonal_stiffness = stiffness[t / 2], along, sideways;
+        bool flat = t % 2;
+        if (flat) def.nodes[1] = 1, def.thickness_m = 0.02;
+        patch(def, 0.1, &along, &sideways);
+        CHECK_NEAR(along, -1e-5, 2e-9);
+        CHECK_NEAR(-sideways / along, flat ? e / (1 + e) : 7 * e / (3 + 17 * e), 1e-3);
+    }
+    kn_model_def def = press_def(1);
+    double along, sideways;
+    def.structure = KN_STRUCTURE_AXIS;
+    patch(def, 0.1, &along, &sideways);
+    CHECK_NEAR(along, -1e-5, 2e-9);
+    CHECK_NEAR(sideways / along, 0, 1e-3);
 }
 
 TEST("its own weight shortens a column by rho g H^2 / (2 E), whatever its mass scale")

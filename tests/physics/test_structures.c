@@ -1,0 +1,352 @@
+// The first paper's structures: diagonals, and gas in the cells or in the object, in a block and in a flat object.
+#include "tests/check.h"
+#include "tests/physics/press.h"
+
+static kn_model_def flat(kn_model_def def)
+{
+    def.nodes[1] = 1;
+    def.thickness_m = 0.05;
+    return def;
+}
+
+static kn_model_def with_gas(kn_model_def def, kn_pressure pressure, double diagonal)
+{
+    def.pressure = pressure;
+    def.diagonal_stiffness = diagonal;
+    return def;
+}
+
+typedef struct shape {
+    double peak_n, end_n, dip_n; // dip: most that the force has fallen while the plate goes down
+    double bulge_m[2];           // farthest that a side along x, y has come out
+    double grown, least;         // of the object's volume; smallest V/V0 of a cell that was seen
+    bool stayed;                 // in its plane
+} shape;
+
+static void measure_cells(const kn_model *m, const kn_state *state, const kn_cell *cells, int count, shape *s)
+{
+    double v0 = m->grid.spacing_m * m->grid.spacing_m * m->grid.depth_m, sum = 0;
+    for (int c = 0; c < count; c++) {
+        double corner[8][3] = {{0}}, gradient[8][3];
+        for (int i = 0; i < 8 && cells[c].corner[i] >= 0; i++)
+            kn_state_position(m, state, cells[c].corner[i], corner[i]);
+        double volume = kn_cell_volume(&m->grid, (const double(*)[3])corner, gradient);
+        s->least = fmin(s->least, volume / v0);
+        sum += volume;
+    }
+    s->grown = sum / (v0 * count) - 1;
+}
+
+static void measure_sides(const kn_model *m, const kn_state *state, shape *s)
+{
+    s->stayed = true;
+    for (int i = 0; i < m->node_count; i++) {
+        double u[3];
+        displacement(m, state, i, u);
+        if (u[1] != 0) s->stayed = false;
+        for (int k = 0; k < 2; k++) {
+            double rest = m->rest_m[i][k], half = 0.5 * (m->grid.n[k] - 1) * m->grid.spacing_m;
+            if (half > 0 && fabs(rest) > half - 1e-9) s->bulge_m[k] = fmax(s->bulge_m[k], rest > 0 ? u[k] : -u[k]);
+        }
+    }
+}
+
+// Down by 1 cm at 1 cm/s and held.
+static shape press_shape(kn_model_def def, double hold_s)
+{
+    const press p = {.depth_m = 0.01, .hold_s = hold_s};
+    kn_model *m = build(&def);
+    kn_state *state = kn_state_create(m);
+    int count = kn_grid_cells(&m->grid, NULL);
+    kn_cell *cells = malloc((size_t)count * sizeof *cells);
+    if (!state || !cells) abort();
+    kn_grid_cells(&m->grid, cells);
+    shape s = {.least = 1};
+    for (int i = 1; i <= (int)lround(press_up_s(&p) * 1000); i++) {
+        kn_input in = press_input(m, &p, i * 1e-3);
+        kn_output out;
+        CHECK(kn_step(m, state, &in, &out) == KN_OK);
+        s.end_n = out.probe[0].force_n[2];
+        s.peak_n = fmax(s.peak_n, s.end_n);
+        if (i * 1e-3 < press_down_s(&p) - PRESS_RAMP) s.dip_n = fmax(s.dip_n, s.peak_n - s.end_n);
+        if (i % 50 == 0) measure_cells(m, state, cells, count, &s);
+    }
+    measure_cells(m, state, cells, count, &s);
+    measure_sides(m, state, &s);
+    free(cells);
+    kn_state_destroy(state);
+    kn_model_destroy(m);
+    printf("     peak %.2f N, end %.2f N, dip %.3f N; out by %.2f and %.2f mm; volume %+.2f %%, least V/V0 %.2f\n", s.peak_n,
+           s.end_n, s.dip_n, 1e3 * s.bulge_m[0], 1e3 * s.bulge_m[1], 100 * s.grown, s.least);
+    return s;
+}
+
+TEST("pressed 1 cm and held 30 s (847 nodes): gas makes the sides bulge, keeps the volume, and no cell inverts")
+{
+    shape a = press_shape(press_def(2), 30);
+    shape b = press_shape(with_gas(press_def(2), KN_PRESSURE_CELLS, 0.02), 30);
+    shape c = press_shape(with_gas(press_def(2), KN_PRESSURE_CELLS, 1), 30);
+    for (int k = 0; k < 2; k++) CHECK(b.bulge_m[k] >= 3 * a.bulge_m[k] && c.bulge_m[k] >= 2 * a.bulge_m[k]);
+    CHECK(fabs(b.grown) <= 0.015 && fabs(c.grown) <= 0.03 && a.grown < -0.08);
+    CHECK(b.dip_n <= 0.01 * b.peak_n && c.dip_n <= 0.01 * c.peak_n);
+    CHECK(b.least > 0.5 && c.least > 0.5);
+    CHECK(c.peak_n > 23 && c.peak_n < 27);
+    // what it is for: without gas cells beside the plate turn inside out and the force falls on the way down
+    CHECK(a.least < 0 && a.dip_n > 0.3 * a.peak_n);
+}
+
+TEST("one pressure for the whole object keeps its volume too, not that of the cells beside the plate")
+{
+    shape a = press_shape(press_def(1), 10);
+    shape s = press_shape(with_gas(press_def(1), KN_PRESSURE_OBJECT, 1), 10);
+    CHECK(fabs(s.grown) < 0.03 && fabs(s.grown) < 0.25 * fabs(a.grown));
+    CHECK(s.least < 0.5);
+}
+
+TEST("a flat object bulges by its structure as a block does, stays in its plane, and feels twice as much twice as thick")
+{
+    shape a = press_shape(flat(press_def(2)), 5);
+    shape b = press_shape(with_gas(flat(press_def(2)), KN_PRESSURE_CELLS, 0.02), 5);
+    shape c = press_shape(with_gas(flat(press_def(2)), KN_PRESSURE_CELLS, 1), 5);
+    CHECK(b.bulge_m[0] >= 3 * a.bulge_m[0] && c.bulge_m[0] >= 2 * a.bulge_m[0]);
+    CHECK(fabs(b.grown) <= 0.03 && fabs(c.grown) <= 0.05 && b.least > 0.5 && c.least > 0.5);
+    CHECK(a.stayed && b.stayed && c.stayed);
+    kn_model_def thick = with_gas(flat(press_def(2)), KN_PRESSURE_CELLS, 1);
+    thick.thickness_m *= 2; // a power of two: every bit
+    shape d = press_shape(thick, 5);
+    CHECK_NEAR(d.peak_n, 2 * c.peak_n, 1e-6 * d.peak_n);
+    CHECK_NEAR(d.bulge_m[0], c.bulge_m[0], 1e-6 * c.bulge_m[0]);
+}
+
+// --- against Runge-Kutta --------------------------------------------------------------------------------------------
+
+static void compare(const char *name, kn_model_def implicit)
+{
+    const press p = {.depth_m = 0.002, .hold_s = 0.03};
+    kn_model_def exact = implicit;
+    exact.solver.kind = KN_SOLVER_RK4;
+    exact.solver.precision = KN_PRECISION_F64;
+    exact.solver.mass_scale = implicit.solver.mass_scale = 100;
+    exact.solver.dt_s = 1.5e-5;
+    implicit.solver.dt_s = 2.5e-4;
+    kn_model_def loose = implicit;
+    loose.pressure = KN_PRESSURE_NONE;
+    run oracle = press_run(&exact, &p, 0.33, 9e-3), fast = press_run(&implicit, &p, 0.33, 9e-3);
+    implicit = converged(implicit);
+    run best = press_run(&implicit, &p, 0.33, 9e-3), without = press_run(&loose, &p, 0.33, 9e-3);
+    printf("     %s: peak %.3f N, Runge-Kutta %.3f N, without gas %.3f N; force %.2f %% (f32, blend %.2f %%), dent "
+           "%.2f %% apart\n",
+           name, peak_n(&best), peak_n(&oracle), peak_n(&without), 100 * force_error(&best, &oracle),
+           100 * force_error(&fast, &oracle), 100 * shape_error(&best, &oracle));
+    CHECK(oracle.status == KN_OK && best.status == KN_OK && fast.status == KN_OK);
+    CHECK(peak_n(&oracle) > 1.05 * peak_n(&without));
+    CHECK_NEAR(force_error(&best, &oracle), 0, 0.01);
+    CHECK_NEAR(shape_error(&best, &oracle), 0, 0.01);
+    CHECK_NEAR(force_error(&fast, &oracle), 0, 0.02);
+    run_free(&oracle);
+    run_free(&best);
+    run_free(&fast);
+    run_free(&without);
+}
+
+TEST("with gas the implicit step agrees with explicit Runge-Kutta within 1 %, per cell and per object, block and flat")
+{
+    compare("cells, block", with_gas(press_def(1), KN_PRESSURE_CELLS, 1));
+    compare("object, block", with_gas(press_def(1), KN_PRESSURE_OBJECT, 1));
+    compare("cells, weak diagonals", with_gas(press_def(1), KN_PRESSURE_CELLS, 0.1));
+    compare("cells, flat", with_gas(flat(press_def(1)), KN_PRESSURE_CELLS, 1));
+    compare("object, flat", with_gas(flat(press_def(1)), KN_PRESSURE_OBJECT, 1));
+}
+
+// --- what must not matter -------------------------------------------------------------------------------------------
+
+static double random_unit(uint64_t *seed)
+{
+    *seed = *seed * 6364136223846793005u + 1442695040888963407u;
+    return (double)(*seed >> 11) / (double)(1ull << 53) * 2 - 1;
+}
+
+static double *component(const kn_model *m, void *field, int node, int k)
+{
+    return (double *)field + m->offset[node] + (size_t)k * m->stride;
+}
+
+static kn_model_def free_body(kn_pressure pressure)
+{
+    kn_model_def def = with_gas(press_def(1), pressure, 0.3);
+    def.support = KN_SUPPORT_NONE;
+    def.probe_count = 0;
+    def.nodes[0] = 5, def.nodes[1] = 4, def.nodes[2] = 6;
+    def.solver.precision = KN_PRECISION_F64;
+    def.solver.tolerance = 1e-12;
+    def.solver.iterations_max = 500;
+    return def;
+}
+
+TEST("gas pushes nothing away: a free body thrown about keeps its momentum to 1e-6 in 200 steps")
+{
+    for (kn_pressure pressure = KN_PRESSURE_CELLS; pressure <= KN_PRESSURE_OBJECT; pressure++) {
+        kn_model_def def = free_body(pressure);
+        kn_model *m = build(&def);
+        kn_state *state = kn_state_create(m);
+        uint64_t seed = 7;
+        double before[3] = {0}, after[3] = {0}, size = 0;
+        for (int i = 0; i < m->node_count; i++)
+            for (int k = 0; k < 3; k++) {
+                double v = *component(m, state->velocity, i, k) = 0.2 * random_unit(&seed);
+                before[k] += m->node_mass_kg[i] * v;
+                size += m->node_mass_kg[i] * fabs(v);
+            }
+        kn_input in = {0};
+        kn_output out;
+        for (int i = 0; i < 200; i++) kn_step(m, state, &in, &out);
+        for (int i = 0; i < m->node_count; i++)
+            for (int k = 0; k < 3; k++) after[k] += m->node_mass_kg[i] * *component(m, state->velocity, i, k);
+        for (int k = 0; k < 3; k++) CHECK_NEAR(after[k], before[k], 1e-6 * size);
+        kn_state_destroy(state);
+        kn_model_destroy(m);
+    }
+}
+
+// A general rotation, by Rodrigues about (1, 2, 3).
+static void rotate(const double x[3], double out[3])
+{
+    const double angle = 0.7, axis[3] = {1 / sqrt(14), 2 / sqrt(14), 3 / sqrt(14)};
+    double along = axis[0] * x[0] + axis[1] * x[1] + axis[2] * x[2];
+    for (int k = 0; k < 3; k++) {
+        int u = (k + 1) % 3, v = (k + 2) % 3;
+        out[k] = cos(angle) * x[k] + sin(angle) * (axis[u] * x[v] - axis[v] * x[u]) + (1 - cos(angle)) * along * axis[k];
+    }
+}
+
+TEST("a block with gas that is turned by a general rotation moves as it would have moved, turned, to 1e-10 m")
+{
+    for (kn_pressure pressure = KN_PRESSURE_CELLS; pressure <= KN_PRESSURE_OBJECT; pressure++) {
+        kn_model_def def = free_body(pressure);
+        kn_model *m = build(&def);
+        kn_state *state[2] = {kn_state_create(m), kn_state_create(m)};
+        uint64_t seed = 11;
+        for (int i = 0; i < m->node_count; i++) {
+            double v[3], turned[3], place[3];
+            for (int k = 0; k < 3; k++) v[k] = 0.1 * random_unit(&seed);
+            rotate(v, turned);
+            rotate(m->rest_m[i], place);
+            for (int k = 0; k < 3; k++) {
+                *component(m, state[0]->velocity, i, k) = v[k];
+                *component(m, state[1]->velocity, i, k) = turned[k];
+                *component(m, state[1]->displacement, i, k) = place[k] - m->rest_m[i][k];
+            }
+        }
+        kn_input in = {0};
+        kn_output out;
+        for (int i = 0; i < 300; i++)
+            for (int s = 0; s < 2; s++) CHECK(kn_step(m, state[s], &in, &out) == KN_OK);
+        double worst = 0, farthest = 0;
+        for (int i = 0; i < m->node_count; i++) {
+            double x[2][3], turned[3];
+            for (int s = 0; s < 2; s++) kn_state_position(m, state[s], i, x[s]);
+            rotate(x[0], turned);
+            for (int k = 0; k < 3; k++) {
+                worst = fmax(worst, fabs(turned[k] - x[1][k]));
+                farthest = fmax(farthest, fabs(x[0][k] - m->rest_m[i][k]));
+            }
+        }
+        printf("     moved by %.2f mm, apart by %.1e m\n", 1e3 * farthest, worst);
+        CHECK(farthest > 1e-4 && worst < 1e-10);
+        for (int s = 0; s < 2; s++) kn_state_destroy(state[s]);
+        kn_model_destroy(m);
+    }
+}
+
+TEST("an object with gas that nobody touches stays as it is, to the bit")
+{
+    for (int t = 0; t < 4; t++) {
+        kn_model_def def = with_gas(press_def(2), t & 1 ? KN_PRESSURE_OBJECT : KN_PRESSURE_CELLS, 1);
+        if (t & 2) def = flat(def);
+        kn_model *m = build(&def);
+        kn_state *state = kn_state_create(m);
+        uint64_t hash = kn_state_hash(m, state);
+        kn_input in = {0};
+        kn_output out;
+        for (int i = 0; i < 20; i++) kn_step(m, state, &in, &out);
+        CHECK(kn_state_hash(m, state) == hash);
+        kn_state_destroy(state);
+        kn_model_destroy(m);
+    }
+}
+
+TEST("every instruction set gives the same bits with gas, in rows of one, two and three vectors, block and flat")
+{
+    static const int blocks[][3] = {{6, 5, 4}, {20, 3, 3}, {3, 3, 40}, {6, 1, 5}, {3, 1, 20}, {20, 1, 3}};
+    const press p = {.depth_m = 0.003, .hold_s = 0.02};
+    for (int t = 0; t < 6 * 2 * 2; t++) {
+        kn_model_def def = with_gas(press_def(1), t / 6 % 2 ? KN_PRESSURE_OBJECT : KN_PRESSURE_CELLS, 0.1);
+        memcpy(def.nodes, blocks[t % 6], sizeof def.nodes);
+        if (def.nodes[1] == 1) def.thickness_m = 0.02;
+        def.solver.precision = (kn_precision)(t / 12);
+        def.solver.isa = KN_ISA_BASE;
+        run base = press_run(&def, &p, 0.1, 1e-3);
+        CHECK(base.status == KN_OK && peak_n(&base) > 0.1);
+        for (int isa = KN_ISA_AVX2; isa <= KN_ISA_AVX512; isa++) {
+            if (!kn_isa_supported((kn_isa)isa)) continue;
+            def.solver.isa = (kn_isa)isa;
+            run other = press_run(&def, &p, 0.1, 1e-3);
+            CHECK(other.hash == base.hash);
+            run_free(&other);
+        }
+        run_free(&base);
+    }
+}
+
+TEST("a press turned by a quarter about z gives the same force with gas, although memory runs along another axis")
+{
+    const press p = {.depth_m = 0.004, .hold_s = 0.1};
+    kn_model_def along = with_gas(press_def(1), KN_PRESSURE_CELLS, 0.1), across = along;
+    along.nodes[0] = 7, along.nodes[1] = 5;
+    along.probe[0].size_m[0] = 0.01, along.probe[0].size_m[1] = 0.04;
+    across.nodes[0] = 5, across.nodes[1] = 7;
+    across.probe[0].size_m[0] = 0.04, across.probe[0].size_m[1] = 0.01;
+    along.solver.precision = across.solver.precision = KN_PRECISION_F64;
+    run a = press_run(&along, &p, 1, 1e-3), b = press_run(&across, &p, 1, 1e-3);
+    CHECK(peak_n(&a) > 1);
+    CHECK_NEAR(force_error(&a, &b), 0, 1e-9);
+    run_free(&a);
+    run_free(&b);
+}
+
+// Mean number of CG iterations that a step takes to 1e-4 of the residual it started from.
+static double iterations(kn_model_def def)
+{
+    const press p = {.depth_m = 0.01, .hold_s = 1};
+    def.solver.precision = KN_PRECISION_F64;
+    def.solver.iterations = 1;
+    def.solver.iterations_max = 1000;
+    def.solver.tolerance = 1e-4;
+    kn_model *m = build(&def);
+    kn_state *state = kn_state_create(m);
+    double sum = 0;
+    int steps = 1500;
+    for (int i = 1; i <= steps; i++) {
+        kn_input in = press_input(m, &p, i * 1e-3);
+        kn_output out;
+        state->residual_scale = 0; // of this step alone
+        kn_step(m, state, &in, &out);
+        sum += out.iterations;
+    }
+    kn_state_destroy(state);
+    kn_model_destroy(m);
+    return sum / steps;
+}
+
+TEST("gas asks for no more CG iterations while there are full diagonals, and for many more where there are none")
+{
+    double without = iterations(press_def(1)), full = iterations(with_gas(press_def(1), KN_PRESSURE_CELLS, 1));
+    double weak = iterations(with_gas(press_def(1), KN_PRESSURE_CELLS, 0.02));
+    kn_model_def sides = with_gas(press_def(1), KN_PRESSURE_CELLS, 1);
+    sides.structure = KN_STRUCTURE_AXIS;
+    double none = iterations(sides);
+    printf("     without gas %.1f, with it %.1f; diagonals of 2 %% %.1f, none %.1f\n", without, full, weak, none);
+    CHECK(full < 1.1 * without && weak < 2 * without && none > 3 * without);
+}
+
+TESTS_MAIN
