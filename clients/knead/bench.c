@@ -149,6 +149,10 @@ static int build_lattice(kn_bench *b, const kn_model_def *scene)
     }
     def.spacing_m = KN_BENCH_HEIGHT_M / opt->lattice[2];
     for (int k = 0; k < 3; k++) def.nodes[k] = opt->lattice[k] + 1;
+    if (def.thickness_m > 0) { // a flat object stays flat
+        def.nodes[1] = 1;
+        def.thickness_m = def.spacing_m * opt->lattice[1];
+    }
     def.gravity_m_s2 = 0;
     def.support = KN_SUPPORT_FRICTIONLESS;
     def.probe_count = 1;

@@ -83,23 +83,37 @@ static kn_mark later(const kn_draft *draft, kn_key_id a, kn_key_id b)
 }
 
 // The key that says whether key id is relevant.
-static kn_key_id chooser(kn_key_id id)
+static kn_key_id chooser(const kn_draft *draft, kn_key_id id)
 {
-    kn_key_when when = kn_keys[id].when;
-    if (when == KN_WHEN_BLOCK || when == KN_WHEN_MESH) return KN_KEY_MESH;
-    return of_probe(id) ? KN_KEY_PROBE_SHAPE : KN_KEY_DAMPER;
+    switch (kn_keys[id].when) {
+    case KN_WHEN_BLOCK:
+    case KN_WHEN_MESH: return KN_KEY_MESH;
+    case KN_WHEN_DIAGONALS: return *draft->mesh_path ? KN_KEY_MESH : KN_KEY_STRUCTURE;
+    case KN_WHEN_PRESSURE: return KN_KEY_PRESSURE;
+    case KN_WHEN_PLATE:
+    case KN_WHEN_SPHERE: return KN_KEY_PROBE_SHAPE;
+    default: return KN_KEY_DAMPER;
+    }
 }
 
 static bool relevant(kn_draft *draft, int slot, kn_key_id id)
 {
-    static const int chosen[] = {[KN_WHEN_CONSTANT] = KN_DAMPER_CONSTANT, [KN_WHEN_EXPONENTIAL] = KN_DAMPER_EXPONENTIAL,
-                                 [KN_WHEN_RAMP] = KN_DAMPER_RAMP,         [KN_WHEN_FORCE] = KN_DAMPER_EXPONENTIAL,
-                                 [KN_WHEN_PLATE] = KN_PROBE_PLATE, [KN_WHEN_SPHERE] = KN_PROBE_SPHERE};
-    kn_key_when when = kn_keys[id].when;
-    if (chooser(id) == KN_KEY_MESH) return (when == KN_WHEN_MESH) == (*draft->mesh_path != '\0');
-    if (when == KN_WHEN_ALWAYS) return true;
-    int choice = *(const int *)kn_draft_field(draft, slot, chooser(id));
-    return choice == chosen[when] || (when == KN_WHEN_FORCE && choice == KN_DAMPER_RAMP);
+    const kn_model_def *def = &draft->scene.model;
+    const bool mesh = *draft->mesh_path != '\0';
+    switch (kn_keys[id].when) {
+    case KN_WHEN_BLOCK: return !mesh;
+    case KN_WHEN_MESH: return mesh;
+    case KN_WHEN_DIAGONALS: return !mesh && def->structure == KN_STRUCTURE_DIAGONALS;
+    case KN_WHEN_PRESSURE: return def->pressure != KN_PRESSURE_NONE;
+    case KN_WHEN_CONSTANT: return def->material.damper == KN_DAMPER_CONSTANT;
+    case KN_WHEN_RAMP: return def->material.damper == KN_DAMPER_RAMP;
+    case KN_WHEN_FORCE:
+        return def->material.damper == KN_DAMPER_EXPONENTIAL || def->material.damper == KN_DAMPER_RAMP;
+    case KN_WHEN_EXPONENTIAL: return def->material.damper == KN_DAMPER_EXPONENTIAL;
+    case KN_WHEN_PLATE: return def->probe[slot - 1].shape == KN_PROBE_PLATE;
+    case KN_WHEN_SPHERE: return def->probe[slot - 1].shape == KN_PROBE_SPHERE;
+    default: return true;
+    }
 }
 
 static bool require(kn_draft *draft, int slot, kn_key_id id)
@@ -107,8 +121,8 @@ static bool require(kn_draft *draft, int slot, kn_key_id id)
     char path[KN_LINE_MAX], expects[KN_LINE_MAX];
     if (kn_keys[id].fallback || given(draft, slot, id)) return true;
     // the choice that made it necessary, when --set made it; else the mapping it is missing in
-    bool chosen = kn_keys[id].when != KN_WHEN_ALWAYS && draft->at[slot][chooser(id)].source >= 0;
-    return kn_draft_complain(draft, chosen ? draft->at[slot][chooser(id)] : draft->group[slot][id],
+    bool chosen = kn_keys[id].when != KN_WHEN_ALWAYS && draft->at[slot][chooser(draft, id)].source >= 0;
+    return kn_draft_complain(draft, chosen ? draft->at[slot][chooser(draft, id)] : draft->group[slot][id],
                              "%s is missing, expected %s",
                              kn_draft_path(draft, slot, id, path), kn_key_expects(&kn_keys[id], expects));
 }
@@ -117,7 +131,7 @@ static bool require(kn_draft *draft, int slot, kn_key_id id)
 static bool drop(kn_draft *draft, int slot, kn_key_id id)
 {
     char path[KN_LINE_MAX], choice[KN_LINE_MAX];
-    kn_key_id by = chooser(id);
+    kn_key_id by = chooser(draft, id);
     size_t size = (size_t)kn_keys[id].count * (kn_keys[id].type == KN_TYPE_CHOICE ? sizeof(int) : sizeof(double));
     memset(kn_draft_field(draft, slot, id), 0, size);
     if (!given(draft, slot, id) || draft->at[slot][by].source > draft->at[slot][id].source) return true;
@@ -221,14 +235,38 @@ static bool finish_material(kn_draft *draft)
     return finish_stroke(draft);
 }
 
+// A flat object, of two extents or of triangles, has a thickness; a solid one does not.
+static bool finish_thickness(kn_draft *draft, bool flat)
+{
+    char expects[KN_LINE_MAX];
+    const kn_key_id by = *draft->mesh_path ? KN_KEY_MESH : KN_KEY_SIZE;
+    const kn_mark at = draft->at[0][KN_KEY_THICKNESS], what = draft->at[0][by];
+    if (given(draft, 0, KN_KEY_THICKNESS) == flat) return true;
+    if (flat)
+        return kn_draft_complain(draft, later_of(draft->group[0][KN_KEY_THICKNESS], what),
+                                 "object.thickness is missing, expected %s as %s",
+                                 kn_key_expects(&kn_keys[KN_KEY_THICKNESS], expects),
+                                 by == KN_KEY_MESH ? "object.mesh is flat" : "object.size has two values");
+    draft->scene.model.thickness_m = 0;
+    draft->at[0][KN_KEY_THICKNESS].source = KN_SOURCE_DEFAULT;
+    if (what.source > at.source) return true; // --set made it solid
+    return kn_draft_complain(draft, at, "object.thickness means nothing with %s, expected it left out",
+                             by == KN_KEY_MESH ? "a mesh of tetrahedra" : "an object.size of three values");
+}
+
 static bool finish_object(kn_draft *draft)
 {
     static const char axis[3] = {'x', 'y', 'z'};
     kn_model_def *def = &draft->scene.model;
     kn_mark at = later(draft, KN_KEY_SIZE, KN_KEY_SPACING);
     double nodes = 1;
-    if (*draft->mesh_path) return kn_draft_mesh(draft);
+    if (*draft->mesh_path) return kn_draft_mesh(draft) && finish_thickness(draft, def->mesh->dimension == 2);
+    if (!finish_thickness(draft, draft->size_m[1] == 0)) return false;
     for (int k = 0; k < 3; k++) {
+        if (draft->size_m[k] == 0) {
+            def->nodes[k] = 1; // across a flat object
+            continue;
+        }
         double cells = draft->size_m[k] / def->spacing_m, whole = round(cells);
         if (whole < 1 || !(fabs(cells - whole) <= SPACING_TOLERANCE))
             return kn_draft_complain(draft, at, "object.size along %c, %g m, is %.8g spacings of %g m, "

@@ -125,7 +125,8 @@ static bool read_choice(const kn_key *key, int *field, const char *text, char pr
 bool kn_key_read(const kn_key *key, void *field, const char *const *text, int count, bool *per_height,
                  char problem[KN_LINE_MAX])
 {
-    if (count != key->count) {
+    bool flat = key->type == KN_TYPE_EXTENT && count == 2;
+    if (count != key->count && !flat) {
         snprintf(problem, KN_LINE_MAX, "%d value%s given", count, count == 1 ? "" : "s");
         return false;
     }
@@ -141,8 +142,9 @@ bool kn_key_read(const kn_key *key, void *field, const char *const *text, int co
         if (key->type == KN_TYPE_HASH) return read_hash(field, text[i], problem);
         if (!read_number(key, &value, text[i], per_height, problem)) return false;
         if (key->type == KN_TYPE_INTEGER) *(int *)field = (int)value;
-        else ((double *)field)[i] = value;
+        else ((double *)field)[flat ? 2 * i : i] = value;
     }
+    if (flat) ((double *)field)[1] = 0;
     return true;
 }
 
@@ -161,6 +163,9 @@ const char *kn_key_expects(const kn_key *key, char text[KN_LINE_MAX])
         break;
     case KN_TYPE_MODULUS:
         snprintf(text, KN_LINE_MAX, "a number %s %s (or %s/m with a specimen_height)", range, key->unit, key->unit);
+        break;
+    case KN_TYPE_EXTENT:
+        snprintf(text, KN_LINE_MAX, "a list of 3 (2 for a flat object), each %s %s", range, key->unit);
         break;
     case KN_TYPE_REAL:
         if (key->count > 1) snprintf(text, KN_LINE_MAX, "a list of %d, each %s%s%s", key->count, range, *key->unit ? " " : "", key->unit);
@@ -197,7 +202,7 @@ const char *kn_key_print(const kn_key *key, const void *field, char text[KN_LINE
         const double *value = field;
         int n = snprintf(text, KN_LINE_MAX, key->count > 1 ? "[" : "");
         for (int i = 0; i < key->count; i++)
-            n += snprintf(text + n, KN_LINE_MAX - (size_t)n, "%s%.*g%s%s", i ? ", " : "", digits_of(value[i]), value[i],
+            if (key->type != KN_TYPE_EXTENT || value[i] != 0) n += snprintf(text + n, KN_LINE_MAX - (size_t)n, "%s%.*g%s%s", i ? ", " : "", digits_of(value[i]), value[i],
                           space, unit);
         if (key->count > 1) snprintf(text + n, KN_LINE_MAX - (size_t)n, "]");
     }
@@ -282,14 +287,17 @@ const char *kn_key_suggest(const char *path, char text[KN_LINE_MAX])
 static void describe(const kn_key *key, char *line, size_t size)
 {
     static const char *const required[] = {
-        "required",         "required if no mesh",   "required if mesh",  "required if constant", "required if exponential",
-        "required if ramp", "required if exp., ramp", "required if plate", "required if sphere"};
+        [KN_WHEN_ALWAYS] = "required", [KN_WHEN_BLOCK] = "required if no mesh", [KN_WHEN_MESH] = "required if mesh",
+        [KN_WHEN_CONSTANT] = "required if constant", [KN_WHEN_EXPONENTIAL] = "required if exponential",
+        [KN_WHEN_RAMP] = "required if ramp", [KN_WHEN_FORCE] = "required if exp., ramp",
+        [KN_WHEN_PLATE] = "required if plate", [KN_WHEN_SPHERE] = "required if sphere"};
     char range[64] = "", value[64];
     const char *unit = key->type == KN_TYPE_CHOICE ? "" : key->unit;
     if (key->type == KN_TYPE_CHOICE) snprintf(value, sizeof value, "%s", key->unit);
     else if (key->type == KN_TYPE_NAME) snprintf(value, sizeof value, "a-z 0-9 _");
     else if (key->type == KN_TYPE_PATH) snprintf(value, sizeof value, "FILE.msh");
     else if (key->type == KN_TYPE_HASH) snprintf(value, sizeof value, "16 hexadecimal digits");
+    else if (key->type == KN_TYPE_EXTENT) snprintf(value, sizeof value, "%d or %d x %s", key->count - 1, key->count, unit);
     else if (key->count > 1) snprintf(value, sizeof value, "%d x %s", key->count, *unit ? unit : "number");
     else snprintf(value, sizeof value, "%s", *unit ? unit : "number");
     if (key->most > 0) snprintf(range, sizeof range, "%g .. %g", key->least, key->most);

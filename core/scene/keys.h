@@ -6,7 +6,7 @@
 //     id, when, path, type, count, unit, least, most, default, member, meaning
 //
 // when     the object it belongs to: a damper's parameters mean nothing to another damper, a radius nothing to a plate
-// count    1, or the length of a list [a, b, c]
+// count    1, or the length of a list [a, b, c]; an EXTENT may leave out the one along y
 // unit     of the member and of the canonical text; any unit of the same dimension is read. "" is a bare number
 // default  text as a file would say it; NULL: required; "": may be absent; "(...)": worked out in draft.c
 // member   of kn_draft, or of kn_probe_def for the keys of one probe
@@ -18,9 +18,9 @@
 #define KN_SCENE_KEYS(X)                                                                                              \
   X(VERSION, ALWAYS, "version", INTEGER, 1, "", 1, 1, NULL,                                                           \
     scene.version, "of this format")                                                                                  \
-  X(SIZE, BLOCK, "object.size", REAL, 3, "m", 1e-5, 10, NULL,                                                        \
-    size_m, "block along x, y, z: each a whole number of spacings")                                                   \
-  X(SPACING, BLOCK, "object.spacing", REAL, 1, "m", 1e-5, 1, NULL,                                                   \
+  X(SIZE, BLOCK, "object.size", EXTENT, 3, "m", 1e-5, 10, NULL,                                                       \
+    size_m, "block along x, y, z, flat object along x, z: each a whole number of spacings")                           \
+  X(SPACING, BLOCK, "object.spacing", REAL, 1, "m", 1e-5, 1, NULL,                                                    \
     scene.model.spacing_m, "side of a lattice cell")                                                                  \
   X(MESH, ALWAYS, "object.mesh", PATH, 1, "", 0, 0, "",                                                               \
     mesh_path, "Gmsh file of tetrahedra, or of flat triangles, instead of a block; seen from the scene's folder")     \
@@ -28,8 +28,16 @@
     mesh_unit, "of its coordinates")                                                                                  \
   X(MESH_HASH, MESH, "object.mesh_hash", HASH, 1, "", 0, 0, "",                                                       \
     mesh_hash, "of the file; another one is refused")                                                                 \
-  X(STRUCTURE, ALWAYS, "object.structure", CHOICE, 1, "diagonals|axis", 0, 0, "diagonals",                            \
+  X(THICKNESS, ALWAYS, "object.thickness", REAL, 1, "m", 1e-5, 10, "",                                                \
+    scene.model.thickness_m, "of a flat object, along y")                                                             \
+  X(STRUCTURE, BLOCK, "object.structure", CHOICE, 1, "diagonals|axis", 0, 0, "diagonals",                             \
     scene.model.structure, "edges of a cell: with face and body diagonals, or sides only")                            \
+  X(DIAGONAL_STIFFNESS, DIAGONALS, "object.diagonal_stiffness", REAL, 1, "", 0.003, 1, "1",                           \
+    scene.model.diagonal_stiffness, "of a diagonal, to that of a side")                                               \
+  X(PRESSURE, ALWAYS, "object.pressure", CHOICE, 1, "none|cells|object", 0, 0, "none",                                \
+    scene.model.pressure, "gas closed in each cell, or in the object as a whole: keeps its volume")                   \
+  X(INSIDE_PRESSURE, PRESSURE, "object.inside_pressure", REAL, 1, "Pa", 100, 1e8, "1 atm",                            \
+    scene.model.inside_pressure_pa, "of that gas at rest, absolute")                                                  \
   X(VARIANT, ALWAYS, "material.variant", CHOICE, 1, "rheological|viscoelastic|plastic", 0, 0, "rheological",           \
     variant, "the material as written, or what follows by the second paper's rules; short: material: NAME")           \
   X(K1, ALWAYS, "material.k1", MODULUS, 1, "Pa", 0, 1e9, NULL,                                                        \
@@ -128,6 +136,8 @@ typedef enum kn_key_when {
     KN_WHEN_ALWAYS,
     KN_WHEN_BLOCK,       // no object.mesh
     KN_WHEN_MESH,        // object.mesh
+    KN_WHEN_DIAGONALS,   // object.structure: diagonals
+    KN_WHEN_PRESSURE,    // object.pressure: not none
     KN_WHEN_CONSTANT,    // material.damper: constant
     KN_WHEN_EXPONENTIAL, // material.damper: exponential
     KN_WHEN_RAMP,        // material.damper: ramp
@@ -139,6 +149,7 @@ typedef enum kn_key_when {
 typedef enum kn_key_type {
     KN_TYPE_REAL,    // double
     KN_TYPE_MODULUS, // double; also read per metre of specimen height, and then its range is checked after multiplying
+    KN_TYPE_EXTENT,  // double[3]; read from two values x, z the y is 0
     KN_TYPE_INTEGER, // int
     KN_TYPE_CHOICE,  // enum or int, the number of the word in unit
     KN_TYPE_NAME,    // char[KN_NAME_MAX], [a-z0-9_]+

@@ -60,7 +60,7 @@ knead check "$dough" --set solver.kind=rk4 --set solver.dt='20 ns' >out 2>&1
 knead check "$dough" --set solver.kind=rk4 --set solver.dt='0.02 us' >out || fail "rk4 inside its limit is refused"
 grep -q "^solver *rk4 f64, dt 2e-08 s, mass scale 1; stable up to" out || fail "rk4: $(cat out)"
 
-for scene in dough dough-small bun jelly clay; do
+for scene in dough dough-pressure dough-small bun jelly clay; do
     knead check "$KN_SOURCE/core/scenes/$scene.yaml" >out 2>err || fail "$scene: $(cat err)"
     grep -q "^scene *$scene.yaml, version 1" out && grep -q "^kernels" out || fail "$scene: $(cat out)"
     grep "^warning" out | grep -v -e "multiply-add" -e "real time" && fail "$scene warns of itself"
@@ -90,6 +90,22 @@ knead check "$dough" --set material=dough-plastic >out && grep -q "^plastic .* c
 knead check "$dough" --set material.k1='0 Pa' | grep -q "^warning *|c/c2 - 1| is up to 94 %, above 5 %" || fail "c1 too small"
 knead check "$dough" --set material.stroke='[0.02, 0.98]' |
     grep -q "^stroke *a 0.02 to 0.98 around 0.2: left alone an edge is 0.2041 to 10 times as long" || fail "stroke"
+
+# structure, gas, and what they cannot do
+pressure=$KN_SOURCE/core/scenes/dough-pressure.yaml
+knead check "$pressure" | grep -q "^pressure *600 cells, each closed, 101325 Pa" || fail "the gas is not told"
+knead check "$pressure" --set object.diagonal_stiffness=0.02 >out
+grep -q "(diagonals, 0.02 as stiff as the sides)" out || fail "weak diagonals are not told"
+grep -q "^warning" out && fail "diagonals of 2 % are warned of"
+knead check "$pressure" --set object.diagonal_stiffness=0.005 | grep -q "^warning *gas does not resist shear" ||
+    fail "diagonals too weak for gas are not warned of"
+knead check "$pressure" --set object.structure=axis >out || fail "sides and gas are refused"
+grep -q "^warning *a lattice without diagonals cannot keep its shape" out || fail "sides alone are not warned of"
+grep -q "^warning *gas does not resist shear" out || fail "gas in sides alone is not warned of"
+knead check "$pressure" --set object.pressure=object | grep -q "^warning *one pressure for the object" ||
+    fail "one pressure is not warned of"
+knead check "$dough" --set object.size='[5 cm, 3 cm]' --set object.thickness='1 cm' |
+    grep -q "^object *flat, 50 x 30 mm, 10 mm thick, spacing 5 mm: 11 x 7 = 77 nodes, 256 edges" || fail "flat dough"
 
 # the text written out is the scene
 knead check "$dough" --text >dough.yaml && knead check dough.yaml --text | cmp -s - dough.yaml || fail "--text is no fixed point"

@@ -5,7 +5,7 @@
 
 #define SCENES KN_SOURCE_DIR "/core/scenes/"
 static const char *const scenes[] = {SCENES "dough.yaml", SCENES "dough-small.yaml", SCENES "jelly.yaml",
-                                     SCENES "clay.yaml"};
+                                     SCENES "clay.yaml", SCENES "dough-pressure.yaml"};
 static char error[512];
 
 static kn_scene *load(const char *path, const char *set)
@@ -164,6 +164,7 @@ TEST("every key can be set")
     CHECK_STR(scene->text,
               "version: 1\n"
               "object:\n  size: [0.06 m, 0.04 m, 0.02 m]\n  spacing: 0.01 m\n  structure: axis\n"
+              "  pressure: none\n"
               "material:\n  k1: 1 Pa\n  c1: 2 Pa*s\n  damper: exponential\n  alpha: 3 Pa*s\n  beta: 5e-07 1/Pa\n"
               "  p0: 5 Pa\n  p1: 6 Pa\n  specimen_height: 0.02 m\n"
               "density: 7 kg/m^3\ngravity: 8 m/s^2\nsupport: frictionless\n"
@@ -286,6 +287,31 @@ TEST("every named material has its three variants, by the second paper's rules")
         CHECK(own.k1_pa == 0 || own.ratio == 1 || own.stroke[1] == 0);
     }
     CHECK(count == 6);
+}
+
+TEST("the keys of structure and gas can be set, and a size of two values with a thickness makes a flat object")
+{
+    static const char *const set[] = {"object.size=[6 cm, 3 cm]", "object.thickness=2 cm",
+                                      "object.diagonal_stiffness=0.02", "object.pressure=object",
+                                      "object.inside_pressure=0.5 atm"};
+    kn_scene *dough = load(scenes[0], NULL), *scene = parse(dough->text, set, 5);
+    if (!scene) KN_TEST_FAIL("%s", error);
+    if (!scene) return;
+    CHECK(strstr(scene->text, "object:\n  size: [0.06 m, 0.03 m]\n  spacing: 0.005 m\n  thickness: 0.02 m\n"
+                              "  structure: diagonals\n  diagonal_stiffness: 0.02\n  pressure: object\n"
+                              "  inside_pressure: 50662.5 Pa\n") != NULL);
+    CHECK(scene->model.nodes[0] == 13 && scene->model.nodes[1] == 1 && scene->model.nodes[2] == 7);
+    CHECK(scene->model.thickness_m == 0.02 && scene->model.pressure == KN_PRESSURE_OBJECT);
+    // read again it is the same; made a block by --set, its thickness goes; made of sides, its diagonals go
+    static const char *const back[] = {"object.size=[6 cm, 4 cm, 3 cm]", "object.structure=axis", "object.pressure=none"};
+    kn_scene *again = parse(scene->text, NULL, 0), *block = parse(scene->text, back, 3);
+    CHECK(again && again->text_hash == scene->text_hash);
+    CHECK(block && block->model.nodes[1] == 9 && block->model.thickness_m == 0);
+    CHECK(block && block->model.diagonal_stiffness == 0 && block->model.inside_pressure_pa == 0);
+    kn_scene_destroy(scene);
+    kn_scene_destroy(dough);
+    kn_scene_destroy(again);
+    kn_scene_destroy(block);
 }
 
 TEST("moduli per height are times the specimen's height, also one set later")
