@@ -380,7 +380,8 @@ static double edge(const kn_model *model, kn_state *state, kn_linearization how,
 {
     int K = model->grid.vectors;
     if (model->def.pressure != KN_PRESSURE_NONE) pressure_add(model, state);
-    if (model->law.stroke) return edge_pass(model, state, model->law.kind, true, how, again, K); // one loop for all laws
+    // one loop for all laws
+    if (model->law.stroke) return edge_pass(model, state, model->law.kind, true, how, again, K);
     switch (model->law.kind) {
     case KN_LAW_VOIGT: return edge_pass(model, state, KN_LAW_VOIGT, false, how, again, K);
     case KN_LAW_LINEAR: return edge_pass(model, state, KN_LAW_LINEAR, false, how, again, K);

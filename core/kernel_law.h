@@ -39,7 +39,8 @@ typedef struct law_tables {
 // Strains are read off displacements, which are exact to a share of the whole object.
 static void build_stroke(law_tables *t, const kn_model *model)
 {
-    double across = model->size_m / model->def.spacing_m / model->gamma, rounding = sizeof(real) == sizeof(float) ? 0x1p-23 : 0;
+    double across = model->size_m / model->def.spacing_m / model->gamma;
+    double rounding = sizeof(real) == sizeof(float) ? 0x1p-23 : 0;
     t->inwards = (real)(model->law.in / model->gamma);
     t->outwards = (real)(model->law.out / model->gamma);
     t->stop_per_strain = (real)(model->law.a_pa_s / model->law.dt_s);

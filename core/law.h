@@ -11,10 +11,10 @@
 // c2 is never taken at the previous stress: that chatters with period 2 at every time step (52 % force error).
 // Then u += dt (s - k1 u)/A, and the slope the solver needs, ds/dw, is A/(1 + A g') (tangent) or A/(1 + A/c2) (secant).
 //
-// Stroke. With strain l = (L - L0)/(gamma L0) of the edge after the step, the damper's is z = l - u, and stops hold it in
-// z_in <= z <= z_out. The step with the stop in it, solved and not projected, is
+// Stroke. With strain l = (L - L0)/(gamma L0) of the edge after the step, the damper's is z = l - u, and stops hold it
+// in z_in <= z <= z_out. The step with the stop in it, solved and not projected, is
 //
-//     s = max(b - (A/dt) (z_out - z), min(T(b), b + (A/dt) (z - z_in))),    u <- max(l - z_out, min(l - z_in, u_T))   (2)
+//     s = max(b - (A/dt) (z_out - z), min(T(b), b + (A/dt) (z - z_in))),   u <- max(l - z_out, min(l - z_in, u_T))  (2)
 //
 // z before the step and u_T what T would make of u: the free law where the damper stays between its stops, and where it
 // would not just so much that it lands on one. It is increasing in b, and at a stop s = b, rigid: no flow, no work.
@@ -28,7 +28,7 @@
 #define KN_LAW_SEGMENTS 16
 
 typedef enum kn_law_kind {
-    KN_LAW_VOIGT,  // no damper, or one that cannot move: s = A w + k1 u with u from the length itself; no state per edge
+    KN_LAW_VOIGT,  // no damper, or one that cannot move: s = A w + k1 u, u from the length itself; no state per edge
     KN_LAW_LINEAR, // constant c2: s = b / (1 + A/c2)
     KN_LAW_TABLE,  // force-dependent c2 through the table
     KN_LAW_EXACT   // force-dependent c2 by Newton per edge: F64, and laws too wide for the table
@@ -70,8 +70,8 @@ void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact);
 // oracle.
 double kn_law_stress(const kn_law *law, double b_pa);
 
-// (2): what a stop makes of the stress s = T(b), where the damper could go inwards by the strain z - z_in and outwards by
-// z_out - z before the step; used up below KN_LAW_STROKE_ENDS. For dt > 0.
+// (2): what a stop makes of the stress s = T(b), where the damper could go inwards by the strain z - z_in and outwards
+// by z_out - z before the step; used up below KN_LAW_STROKE_ENDS. For dt > 0.
 #define KN_LAW_STROKE_ENDS 1e-9
 double kn_law_stop(const kn_law *law, double stress_pa, double b_pa, double inwards, double outwards);
 

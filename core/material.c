@@ -53,7 +53,8 @@ static const char *check_stroke(const kn_material *mat)
 {
     double least = mat->stroke[0], most = mat->stroke[1];
     if (least == 0 && most == 0) return NULL;
-    if (!(least >= 0 && least <= most && most > 0 && most <= 1)) return "stroke needs 0 <= a_min <= a_max <= 1, a_max > 0";
+    if (!(least >= 0 && least <= most && most > 0 && most <= 1))
+        return "stroke needs 0 <= a_min <= a_max <= 1, a_max > 0";
     if (!(mat->ratio > 0 && mat->ratio >= least && mat->ratio <= most))
         return "ratio must be within the stroke, a_min <= a0 <= a_max, and above 0";
     return NULL;
@@ -62,9 +63,10 @@ static const char *check_stroke(const kn_material *mat)
 static const char *check_damper(const kn_material *mat)
 {
     if (mat->damper == KN_DAMPER_NONE) return NULL;
-    if (mat->damper == KN_DAMPER_CONSTANT)
-        return isfinite(mat->c2_pa_s) && mat->c2_pa_s > 0 ? NULL
-                                                          : "c2 must be finite and positive (damper: none makes it rigid)";
+    if (mat->damper == KN_DAMPER_CONSTANT) {
+        if (isfinite(mat->c2_pa_s) && mat->c2_pa_s > 0) return NULL;
+        return "c2 must be finite and positive (damper: none makes it rigid)";
+    }
     if (!(isfinite(mat->p1_pa) && mat->p0_pa >= 0 && mat->p0_pa < mat->p1_pa)) return "needs 0 <= p0 < p1, finite";
     if (mat->damper == KN_DAMPER_RAMP) {
         if (!(isfinite(mat->c_max_pa_s) && mat->c_min_pa_s > 0 && mat->c_min_pa_s <= mat->c_max_pa_s))

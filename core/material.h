@@ -13,18 +13,18 @@
 //                   or c1 >> c2(s)                  then c is c2(s) within c2/(c1 + c2) of it (equation 8)
 //     rheological   everything finite               a part comes back, the rest stays
 //
-// Damper (second paper, equation 7): c_max up to the stress p0, c_min from p1 on, and between them, continuously,
-// alpha exp(-beta |s|) (first paper, equation 6: c_max = alpha exp(-beta p0), c_min = alpha exp(-beta p1)) or a straight
+// Damper (second paper, equation 7): c_max up to the stress p0, c_min from p1 on, and between them, continuously, alpha
+// exp(-beta |s|) (first paper, equation 6: c_max = alpha exp(-beta p0), c_min = alpha exp(-beta p1)) or a straight
 // line. The paper's text leaves the middle open; the exponential is the same authors' identified one.
 //
-// Stroke. The second paper bounds the ratio a = p/L of the Voigt part's length to the edge's by a_min <= a <= a_max. Here
-// the damper has end stops, where the ratio of an edge whose Voigt part has relaxed to its own length a0 L0 would be a_max
-// (damper pushed in) or a_min (pulled out): it moves within q_min <= q <= q_max and neither farther. So an edge that is
-// left alone is a0/a_max to a0/a_min times as long as when it was made: the bounds are the limit of the permanent strain,
-// and a_min = a_max leaves none. A damper at its stop is rigid until it is pushed the other way.
-// Rejected: setting a back into its bounds after the step, as the paper says, with the force of the free damper: 26 times
-// too soft where c2 is small, with 29 times the work in the balance; and stops on a = p/L itself: they hold and let go
-// with every step (900 times in 16 s, force up and down 30-fold), because p moves too.
+// Stroke. The second paper bounds the ratio a = p/L of the Voigt part's length to the edge's by a_min <= a <= a_max.
+// Here the damper has end stops, where the ratio of an edge whose Voigt part has relaxed to its own length a0 L0 would
+// be a_max (damper pushed in) or a_min (pulled out): it moves within q_min <= q <= q_max and neither farther. So an
+// edge that is left alone is a0/a_max to a0/a_min times as long as when it was made: the bounds are the limit of the
+// permanent strain, and a_min = a_max leaves none. A damper at its stop is rigid until it is pushed the other way.
+// Rejected: setting a back into its bounds after the step, as the paper says, with the force of the free damper: 26
+// times too soft where c2 is small, with 29 times the work in the balance; and stops on a = p/L itself: they hold and
+// let go with every step (900 times in 16 s, force up and down 30-fold), because p moves too.
 
 #include <stdbool.h>
 
@@ -59,8 +59,9 @@ double kn_material_flow(const kn_material *mat, double stress_pa);
 // -d ln c2/d|s| at a stress >= 0, 1/Pa; between p0 and p1 both included, 0 outside.
 double kn_material_thinning(const kn_material *mat, double stress_pa);
 
-// How far the damper can go from where it was made, as shares of an edge's rest length: in <= 0 <= out; these are the limits
-// of the permanent strain, a0/a_max - 1 and a0/a_min - 1. Infinite without a stroke. True when it cannot go at all.
+// How far the damper can go from where it was made, as shares of an edge's rest length: in <= 0 <= out; these are the
+// limits of the permanent strain, a0/a_max - 1 and a0/a_min - 1. Infinite without a stroke. True when it cannot go at
+// all.
 bool kn_material_stroke(const kn_material *mat, double *in, double *out);
 
 // Creep compliance after that long under a stress so small that the damper stays as stiff as at rest, 1/Pa.

@@ -187,7 +187,8 @@ static bool solve(stage *g, const demand *want, double *root_stress)
 
 #define ARRIVED 1e-12 // of the specimen's height
 
-// Share of a step after which the first damper would pass a stop, or its stress has turned while it stood at one; 1: none.
+// Share of a step after which the first damper would pass a stop, or its stress has turned while it stood at one; 1:
+// none.
 static double first_event(const kn_network *net, const kn_network_state *from, const kn_network_state *to)
 {
     double first = 1;

@@ -6,8 +6,8 @@
 //
 //     spring  s = k (x + D)              damper  D = h g(s),  g(s) = s / (c exp(-beta clamp(|s|, p0, p1)))          (1)
 //
-// (or a ramp from c to c_min between p0 and p1 for the exponential). A damper may have a stroke, x between two stops: steps
-// end where one is met, from then on it is rigid (D = 0), and steps end again where its stress turns.
+// (or a ramp from c to c_min between p0 and p1 for the exponential). A damper may have a stroke, x between two stops:
+// steps end where one is met, from then on it is rigid (D = 0), and steps end again where its stress turns.
 //
 // parts in a row carry one s and add their D, parts side by side share one D and add their s, and the bench prescribes
 // s, or D, or how they belong together. (1) is linear but for dampers with beta > 0, which Newton takes as straight

@@ -21,15 +21,11 @@ kn_network kn_network_of(const kn_material *mat)
     if (!damper) return net;
     if (mat->damper == KN_DAMPER_CONSTANT) net.part[at].modulus = mat->c2_pa_s;
     if (mat->damper == KN_DAMPER_EXPONENTIAL)
-        net.part[at] = (kn_part){.modulus = mat->alpha_pa_s,
-                                  .beta_per_pa = mat->beta_per_pa,
-                                  .p0_pa = mat->p0_pa,
-                                  .p1_pa = mat->p1_pa};
+        net.part[at] = (kn_part){
+            .modulus = mat->alpha_pa_s, .beta_per_pa = mat->beta_per_pa, .p0_pa = mat->p0_pa, .p1_pa = mat->p1_pa};
     if (mat->damper == KN_DAMPER_RAMP)
-        net.part[at] = (kn_part){.modulus = mat->c_max_pa_s,
-                                  .p0_pa = mat->p0_pa,
-                                  .p1_pa = mat->p1_pa,
-                                  .c_min_pa_s = mat->c_min_pa_s};
+        net.part[at] = (kn_part){
+            .modulus = mat->c_max_pa_s, .p0_pa = mat->p0_pa, .p1_pa = mat->p1_pa, .c_min_pa_s = mat->c_min_pa_s};
     net.part[at].stroke = mat->stroke[1] > 0;
     if (net.part[at].stroke) net.part[at].stop[0] = -out, net.part[at].stop[1] = -in;
     return net;

@@ -86,8 +86,8 @@ static void print_plastic(const kn_material *m)
     bool depends = kn_material_thinning(m, m->p0_pa) > 0;
     printf(depends ? ", c2 within %.2g %% at every stress\n" : "\n", 100 * off);
     if (depends && off > 0.05)
-        printf("warning   |c/c2 - 1| is up to %.2g %%, above 5 %%: c1 is not much larger than c2 at rest, it hides how c2 depends "
-               "on the stress\n", 100 * off);
+        printf("warning   |c/c2 - 1| is up to %.2g %%, above 5 %%: c1 is not much larger than c2 at rest, it hides how "
+               "c2 depends on the stress\n", 100 * off);
 }
 
 static void print_material(const kn_model *model)

@@ -196,7 +196,8 @@ static bool take_ends(kn_draft *draft)
                              mat->c_max_pa_s);
 }
 
-// The ratio that a stroke has by default: what keeps its shape as made (Voigt), or its ratio when pressed (two dampers).
+// The ratio that a stroke has by default: what keeps its shape as made (Voigt), or its ratio when pressed (two
+// dampers).
 static bool finish_stroke(kn_draft *draft)
 {
     kn_material *mat = &draft->scene.model.material;

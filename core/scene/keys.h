@@ -38,13 +38,13 @@
     scene.model.pressure, "gas closed in each cell, or in the object as a whole: keeps its volume")                   \
   X(INSIDE_PRESSURE, PRESSURE, "object.inside_pressure", REAL, 1, "Pa", 100, 1e8, "1 atm",                            \
     scene.model.inside_pressure_pa, "of that gas at rest, absolute")                                                  \
-  X(VARIANT, ALWAYS, "material.variant", CHOICE, 1, "rheological|viscoelastic|plastic", 0, 0, "rheological",           \
+  X(VARIANT, ALWAYS, "material.variant", CHOICE, 1, "rheological|viscoelastic|plastic", 0, 0, "rheological",          \
     variant, "the material as written, or what follows by the second paper's rules; short: material: NAME")           \
   X(K1, ALWAYS, "material.k1", MODULUS, 1, "Pa", 0, 1e9, NULL,                                                        \
     scene.model.material.k1_pa, "spring of the Voigt part")                                                           \
   X(C1, ALWAYS, "material.c1", MODULUS, 1, "Pa*s", 0, 1e9, NULL,                                                      \
     scene.model.material.c1_pa_s, "dashpot of the Voigt part")                                                        \
-  X(DAMPER, ALWAYS, "material.damper", CHOICE, 1, "none|constant|exponential|ramp", 0, 0, NULL,                            \
+  X(DAMPER, ALWAYS, "material.damper", CHOICE, 1, "none|constant|exponential|ramp", 0, 0, NULL,                       \
     scene.model.material.damper, "in series with the Voigt part: what stays")                                         \
   X(C2, CONSTANT, "material.c2", MODULUS, 1, "Pa*s", 1e-6, 1e12, NULL,                                                \
     scene.model.material.c2_pa_s, "the damper")                                                                       \
@@ -55,17 +55,17 @@
   X(C_MAX, RAMP, "material.c_max", MODULUS, 1, "Pa*s", 1e-6, 1e15, NULL,                                              \
     scene.model.material.c_max_pa_s, "the damper is this up to p0 ...")                  \
   X(C_MIN, RAMP, "material.c_min", MODULUS, 1, "Pa*s", 1e-6, 1e15, NULL,                                              \
-    scene.model.material.c_min_pa_s, "... and this from p1 on; exponential may have these two for alpha, beta")         \
+    scene.model.material.c_min_pa_s, "... and this from p1 on; exponential may have these two for alpha, beta")       \
   X(P0, FORCE, "material.p0", REAL, 1, "Pa", 0, 1e9, NULL,                                                      \
     scene.model.material.p0_pa, "... constant below this stress")                                                     \
   X(P1, FORCE, "material.p1", REAL, 1, "Pa", 1e-6, 1e9, NULL,                                                   \
     scene.model.material.p1_pa, "... and above this one")                                                             \
-  X(STROKE, ALWAYS, "material.stroke", REAL, 2, "", 0, 1, "",                                                          \
-    scene.model.material.stroke, "a_min, a_max: stops of the damper, see core/material.h; none: it goes any way")      \
-  X(RATIO, ALWAYS, "material.ratio", REAL, 1, "", 0, 1, "",                                                            \
-    scene.model.material.ratio, "a0, of the Voigt part as made; with a stroke 0.2, without k1 c2/(c1 + c2)")           \
+  X(STROKE, ALWAYS, "material.stroke", REAL, 2, "", 0, 1, "",                                                         \
+    scene.model.material.stroke, "a_min, a_max: stops of the damper, see core/material.h; none: it goes any way")     \
+  X(RATIO, ALWAYS, "material.ratio", REAL, 1, "", 0, 1, "",                                                           \
+    scene.model.material.ratio, "a0, of the Voigt part as made; with a stroke 0.2, without k1 c2/(c1 + c2)")          \
   X(SPECIMEN_HEIGHT, ALWAYS, "material.specimen_height", REAL, 1, "m", 1e-4, 10, "",                                  \
-    specimen_height_m, "k1 c1 c2 alpha c_max c_min given per height (Pa/m, gf/cm^3) are times this")                              \
+    specimen_height_m, "k1 c1 c2 alpha c_max c_min given per height (Pa/m, gf/cm^3) are times this")                  \
   X(DENSITY, ALWAYS, "density", REAL, 1, "kg/m^3", 1, 3e4, NULL,                                                      \
     scene.model.density_kg_m3, "of the object")                                                                       \
   X(GRAVITY, ALWAYS, "gravity", REAL, 1, "m/s^2", 0, 100, "0 m/s^2",                                                  \

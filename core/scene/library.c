@@ -32,9 +32,15 @@ const char *kn_library_names(char text[KN_LINE_MAX])
     return text;
 }
 
-static bool of_material(kn_key_id id) { return strncmp(kn_keys[id].path, "material.", strlen("material.")) == 0; }
+static bool of_material(kn_key_id id)
+{
+    return strncmp(kn_keys[id].path, "material.", strlen("material.")) == 0;
+}
 
-static bool given(const kn_draft *draft, kn_key_id id) { return draft->at[0][id].source != KN_SOURCE_DEFAULT; }
+static bool given(const kn_draft *draft, kn_key_id id)
+{
+    return draft->at[0][id].source != KN_SOURCE_DEFAULT;
+}
 
 static void take_key(kn_draft *draft, const kn_draft *from, kn_key_id id, kn_mark mark)
 {
@@ -55,7 +61,8 @@ bool kn_library_take(kn_draft *draft, const kn_draft *from, int variant, kn_mark
             return kn_draft_complain(draft, mark, "%s stands in %s, expected a material and its density alone",
                                      kn_keys[id].path, from->file);
     if (from->scene.model.probe_count > 0)
-        return kn_draft_complain(draft, mark, "probes stand in %s, expected a material and its density alone", from->file);
+        return kn_draft_complain(draft, mark, "probes stand in %s, expected a material and its density alone",
+                                 from->file);
     for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++)
         if (of_material(id)) take_key(draft, from, id, mark);
     bool own = given(draft, KN_KEY_DENSITY) && !draft->at[0][KN_KEY_DENSITY].library;

@@ -263,8 +263,9 @@ static bool read_material(reader *r)
     if (dot && strcmp(dot, ".yaml") == 0 && !r->draft->is_material) return read_material_file(r, name, mark);
     const kn_library_entry *entry = name && !r->draft->is_material ? kn_library_find(name, &variant) : NULL;
     if (entry) return take_material(r, entry->name, entry->text, strlen(entry->text), variant, mark);
-    return kn_draft_complain(r->draft, mark, "material: '%.40s' is unknown, expected a mapping, a file.yaml, or %s (with "
-                             "-rheological, -viscoelastic, -plastic)", name ? name : "", kn_library_names(names));
+    return kn_draft_complain(r->draft, mark,
+                             "material: '%.40s' is unknown, expected a mapping, a file.yaml, or %s (with -rheological, "
+                             "-viscoelastic, -plastic)", name ? name : "", kn_library_names(names));
 }
 
 // Reads what stands at a path that exists: a value, a mapping, the list of probes.

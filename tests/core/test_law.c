@@ -260,9 +260,11 @@ static kn_material ramp(double c_max, double c_min, double p0, double p1)
     return m;
 }
 
-TEST("a ramp is followed as an exponential is: to 1e-12 exactly, by its table to the promised 1e-3, increasing and with its kinks")
+TEST("a ramp is followed as an exponential is: to 1e-12 exactly, by its table to the promised 1e-3, increasing and "
+     "with its kinks")
 {
-    const kn_material m[] = {ramp(39190, 120, 9, 80), ramp(39190, 20000, 9, 80), ramp(3919, 120, 0, 80), ramp(500, 499, 1, 2)};
+    const kn_material m[] = {ramp(39190, 120, 9, 80), ramp(39190, 20000, 9, 80), ramp(3919, 120, 0, 80),
+                             ramp(500, 499, 1, 2)};
     for (int i = 0; i < 4; i++) {
         kn_law exact, fast;
         kn_law_build(&exact, &m[i], 1e-3, true);
@@ -270,7 +272,8 @@ TEST("a ramp is followed as an exponential is: to 1e-12 exactly, by its table to
         // p0 = 0 has no resting line: below 1e-4 of the ramp it is taken for one
         CHECK_NEAR(worst_against_bisection(&exact, 1e-3, 1e9), 0, m[i].p0_pa > 0 ? 1e-12 : 1e-4);
         kn_law_build(&fast, &m[i], 1e-3, false);
-        printf("     ramp %d: %s, table error %.1e\n", i, fast.kind == KN_LAW_TABLE ? "table" : "exact", fast.table_error);
+        printf("     ramp %d: %s, table error %.1e\n", i, fast.kind == KN_LAW_TABLE ? "table" : "exact",
+               fast.table_error);
         double worst = 0, before = 0, slope_off = 0;
         for (int k = 0; k <= 4000; k++) {
             double b = 0.5 * fast.b0_pa * pow(4 * fast.bh_pa / fast.b0_pa, k / 4000.0), s = kn_law_stress(&fast, b);

@@ -192,8 +192,9 @@ static kn_scene *damped(const char *a, const char *b, const char *c)
 TEST("an exponential damper by its ends is the one by alpha and beta, in the canonical text too; a ramp keeps its ends")
 {
     kn_scene *dough = load(scenes[0], NULL);
-    static const char *const ends = "material={k1: 470 gf/cm^3, c1: 2500 gf s/cm^3, damper: exponential, c_max: 39187 gf "
-                                    "s/cm^3, c_min: 120.25 gf s/cm^3, p0: 9 gf/cm^2, p1: 80 gf/cm^2}";
+    static const char *const ends =
+        "material={k1: 470 gf/cm^3, c1: 2500 gf s/cm^3, damper: exponential, c_max: 39187 gf "
+        "s/cm^3, c_min: 120.25 gf s/cm^3, p0: 9 gf/cm^2, p1: 80 gf/cm^2}";
     static const char *const height = "material.specimen_height=1 cm";
     kn_scene *same = damped(ends, height, NULL);
     const kn_material *a = &dough->model.material, *b = &same->model.material;
@@ -201,7 +202,8 @@ TEST("an exponential damper by its ends is the one by alpha and beta, in the can
     CHECK(strstr(same->text, "alpha: ") && !strstr(same->text, "c_max"));
     kn_scene *ramp = damped(ends, height, "material.damper=ramp");
     CHECK_NEAR(ramp->model.material.c_max_pa_s, 39187 * 98.0665, 1e-6);
-    CHECK(ramp->model.material.alpha_pa_s == 0 && strstr(ramp->text, "damper: ramp\n  c_max: ") && !strstr(ramp->text, "beta"));
+    CHECK(ramp->model.material.alpha_pa_s == 0 && strstr(ramp->text, "damper: ramp\n  c_max: ") &&
+          !strstr(ramp->text, "beta"));
     kn_scene *again = parse(ramp->text, NULL, 0);
     CHECK_STR(again->text, ramp->text);
     kn_scene_destroy(dough);
@@ -210,7 +212,8 @@ TEST("an exponential damper by its ends is the one by alpha and beta, in the can
     kn_scene_destroy(again);
 }
 
-TEST("a stroke has a ratio: 0.2, its own when it leaves no way, c2/(c1 + c2) without a spring; text without one has neither")
+TEST("a stroke has a ratio: 0.2, its own when it leaves no way, c2/(c1 + c2) without a spring; text without one has "
+     "neither")
 {
     kn_scene *scene = damped("material.stroke=[0.02, 0.98]", NULL, NULL);
     CHECK(scene->model.material.ratio == 0.2 && strstr(scene->text, "stroke: [0.02, 0.98]\n  ratio: 0.2\n"));
@@ -232,13 +235,15 @@ TEST("a stroke has a ratio: 0.2, its own when it leaves no way, c2/(c1 + c2) wit
     kn_scene_destroy(scene);
 }
 
-TEST("a material by its name has its density and the canonical text writes all of it out; what the scene says itself stays")
+TEST("a material by its name has its density and the canonical text writes all of it out; what the scene says itself "
+     "stays")
 {
     static const char named[] = "version: 1\nobject: {size: [2 cm, 2 cm, 2 cm], spacing: 1 cm}\nmaterial: dough\n"
                                 "support: bonded\ndevice: touch\n";
     static const char heavy[] = "version: 1\nobject: {size: [2 cm, 2 cm, 2 cm], spacing: 1 cm}\ndensity: 2 g/cm^3\n"
                                 "material: dough\nsupport: bonded\ndevice: touch\n";
-    static const char *const softer[] = {"material.k1=300 gf/cm^3"}, *const other[] = {"material.k1=1 Pa", "material=clay"};
+    static const char *const softer[] = {"material.k1=300 gf/cm^3"}, *const other[] = {"material.k1=1 Pa",
+                                                                                       "material=clay"};
     kn_scene *a = parse(named, NULL, 0), *again = parse(a->text, NULL, 0), *dough = load(scenes[0], NULL);
     CHECK(memcmp(&a->model.material, &dough->model.material, sizeof a->model.material) == 0);
     CHECK(a->model.density_kg_m3 == 1200 && strstr(a->text, "material:\n  k1: 46091."));
@@ -382,8 +387,7 @@ TEST("a bad --set is told by its key")
         {"material=mud", "'mud' is unknown, expected a mapping, a file.yaml, or clay, dough, fibrotic-liver, jelly, "
                          "liver, putty (with -rheological, -viscoelastic, -plastic)"},
         {"material.ratio=0.5", "material.ratio means nothing without a stroke, expected it left out"},
-        {"material.stroke=[0.3, 0.7]",
-         "material: ratio must be within the stroke, a_min <= a0 <= a_max, and above 0"},
+        {"material.stroke=[0.3, 0.7]", "material: ratio must be within the stroke, a_min <= a0 <= a_max, and above 0"},
         {"material.stroke=[0.7, 0.3]", "material: stroke needs 0 <= a_min <= a_max <= 1, a_max > 0"},
         {"material.stroke=[0, 0]", "material.stroke ends at 0, expected [a_min, a_max] with a_max above 0"},
         {"material.stroke=[0.5, 1.5]", "1.5 is out of range, expected a list of 2, each from 0 to 1"},

@@ -165,7 +165,7 @@ TEST("with gas in the cells nothing is created either, and 5e-4 is missing of a 
     CHECK_NEAR(whole / half, 2, 0.2);
 }
 
-TEST("so it is with dampers that come to their stops: no edge's is negative and none leaves its permanent strain's limits")
+TEST("so it is with dampers that come to their stops: no edge gives energy or leaves the limits of its permanent strain")
 {
     kn_model_def def = converged(press_def(1));
     def.material.ratio = 0.5;

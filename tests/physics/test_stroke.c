@@ -1,6 +1,8 @@
-// End stops of the damper: one edge driven by hand, by the referee (law.h), by every kernel and by Runge-Kutta; then blocks.
+// End stops of the damper: one edge driven by hand, by the referee (law.h), by every kernel and by Runge-Kutta; then
+// blocks.
 #include "core/kernel.h"
 #include "core/network.h"
+#include "core/scene/scene.h"
 #include "core/scratch.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
@@ -26,11 +28,11 @@ static kn_material element(double c2, double a0, double a_min, double a_max)
 }
 
 typedef struct edge_run {
-    double peak_pa, missing;      // of the work: neither stored nor dissipated
-    double least_rate_w;          // smallest dissipation of a step, W per unit volume
-    double shortest, longest;     // length the edge would relax to, of its rest length
-    double invariant[2];          // least and most of (a - c2/(c1 + c2)) L
-    int turns;                    // times the damper stopped or came free
+    double peak_pa, missing;                // of the work: neither stored nor dissipated
+    double least_rate_w;                    // smallest dissipation of a step, W per unit volume
+    double shortest, longest;               // length the edge would relax to, of its rest length
+    double invariant[2];                    // least and most of (a - c2/(c1 + c2)) L
+    int turns;                              // times the damper stopped or came free
     double stress_pa[16001], strain[16001]; // s, u of each step
 } edge_run;
 
@@ -73,16 +75,17 @@ static edge_run *drive_referee(const kn_material *mat, double dt)
 
 static const struct {
     double c2, a0, a_min, a_max, peak;
-} cycles[] = {{8330, 0.5, 0.3, 0.7, 385}, {8330, 0.9, 0.05, 0.95, 523}, {8330, 1, 0, 1, 548},    {8330, 1, 1, 1, 548},
+} cycles[] = {{8330, 0.5, 0.3, 0.7, 385}, {8330, 0.9, 0.05, 0.95, 523}, {8330, 1, 0, 1, 548}, {8330, 1, 1, 1, 548},
               {100, 0.5, 0.3, 0.7, 413},  {100, 0.5, 0.1, 0.9, 339},    {100, 1, 1, 1, 548}};
 
-TEST("an edge with stops is as stiff as they make it, its balance closes to 1e-6 of the work, and it never gives energy")
+TEST(
+    "an edge with stops is as stiff as they make it, its balance closes to 1e-6 of the work, and it never gives energy")
 {
     for (size_t i = 0; i < sizeof cycles / sizeof *cycles; i++) {
         kn_material mat = element(cycles[i].c2, cycles[i].a0, cycles[i].a_min, cycles[i].a_max);
         edge_run *r = drive_referee(&mat, 1e-3);
-        printf("     c2 %.0f, a %.2f in %.2f..%.2f: peak %.0f gf/cm^2, %d turns, %.1e of the work missing\n", cycles[i].c2,
-               cycles[i].a0, cycles[i].a_min, cycles[i].a_max, r->peak_pa / GF_CM2, r->turns, r->missing);
+        printf("     c2 %.0f, a %.2f in %.2f..%.2f: peak %.0f gf/cm^2, %d turns, %.1e of the work missing\n",
+               cycles[i].c2, cycles[i].a0, cycles[i].a_min, cycles[i].a_max, r->peak_pa / GF_CM2, r->turns, r->missing);
         CHECK_NEAR(r->peak_pa / GF_CM2, cycles[i].peak, 1);
         CHECK(r->missing <= 1e-6);
         CHECK(r->least_rate_w >= 0);
@@ -104,9 +107,11 @@ TEST("the permanent strain never leaves a0/a_max .. a0/a_min of the rest length"
 
 TEST("with a_min = a_max the edge is a Voigt edge; with a stroke of 1e-10 it is one to 1e-6")
 {
-    kn_material bare = element(100, 0, 0, 0), rigid = element(100, 1, 1, 1), tight = element(100, 0.999, 0.999 - 1e-10, 0.999);
+    kn_material bare = element(100, 0, 0, 0), rigid = element(100, 1, 1, 1),
+                tight = element(100, 0.999, 0.999 - 1e-10, 0.999);
     bare.damper = KN_DAMPER_NONE;
-    edge_run *voigt = drive_referee(&bare, 1e-3), *one = drive_referee(&rigid, 1e-3), *almost = drive_referee(&tight, 1e-3);
+    edge_run *voigt = drive_referee(&bare, 1e-3), *one = drive_referee(&rigid, 1e-3),
+             *almost = drive_referee(&tight, 1e-3);
     double worst = 0;
     for (int i = 0; i < 16000; i++) {
         CHECK(one->stress_pa[i] == voigt->stress_pa[i]);
@@ -152,8 +157,8 @@ static void keep_largest(double error[3], double one)
         }
 }
 
-// Largest difference of a kernel's stress from the referee's, of its peak, in all steps but `but`. Positions and velocities
-// are prescribed.
+// Largest difference of a kernel's stress from the referee's, of its peak, in all steps but `but`. Positions and
+// velocities are prescribed.
 static double kernel_error(const kn_material *mat, kn_precision precision, kn_isa isa, int but)
 {
     double error[3] = {0}; // the largest ones, falling
@@ -267,6 +272,79 @@ TEST("the bench's integrator meets the same stops: the implicit step at 1 ms wit
         CHECK_NEAR(error[2], 0, 1e-4);
         free(r);
     }
+}
+
+// ---- blocks and meshes
+
+// Force of a plate that goes 3 mm into an object and stays; the object of a scene, as this material.
+static double *press_scene(const char *object, const char *material, const char *precision, int steps)
+{
+    char text[600], error[512];
+    snprintf(text, sizeof text,
+             "version: 1\nobject: %s\nmaterial: %s\ndensity: 1.2 g/cm^3\nsupport: bonded\ndevice: bench\n"
+             "solver: {precision: %s, linearization: secant, passes: 5, tolerance: 1e-8, iterations_max: 1000}\n"
+             "probes: [{name: plate, shape: plate, size: [1 cm, 6 cm]}]\n",
+             object, material, precision);
+    kn_scene *scene =
+        kn_scene_parse(KN_SOURCE_DIR "/core/scenes/pressed.yaml", text, strlen(text), NULL, 0, error, sizeof error);
+    if (!scene) KN_TEST_FAIL("%s", error);
+    kn_model *model = build(&scene->model);
+    kn_state *state = kn_state_create(model);
+    double *force = calloc((size_t)steps, sizeof *force), top = 0;
+    for (int i = 0; i < model->node_count; i++) top = fmax(top, model->rest_m[i][2]);
+    for (int i = 0; i < steps; i++) {
+        double depth = fmin(0.01 * (i + 1) * 1e-3, 0.003);
+        kn_input in = {0};
+        kn_output out;
+        in.probe[0].attached = true;
+        in.probe[0].position_m[2] = top - depth;
+        in.probe[0].velocity_m_s[2] = depth < 0.003 ? -0.01 : 0;
+        CHECK(kn_step(model, state, &in, &out) == KN_OK);
+        force[i] = out.probe[0].force_n[2];
+    }
+    kn_state_destroy(state);
+    kn_model_destroy(model);
+    kn_scene_destroy(scene);
+    return force;
+}
+
+static double largest_gap(const double *a, const double *b, int steps)
+{
+    double gap = 0, peak = 0;
+    for (int i = 0; i < steps; i++) {
+        gap = fmax(gap, fabs(a[i] - b[i]));
+        peak = fmax(peak, fabs(a[i]));
+    }
+    CHECK(peak > 0.1);
+    return gap / peak;
+}
+
+TEST("blocks and meshes meet them: with a stroke of nothing, or of 1e-10 and 1e-7 in f32, they press back as Voigt "
+     "bodies do")
+{
+    static const char *const object[] = {"{size: [4 cm, 4 cm, 2 cm], spacing: 1 cm}",
+                                         "{mesh: meshes/bun.msh, mesh_unit: mm}"};
+    enum { STEPS = 400 };
+    for (int o = 0; o < 2; o++)
+        for (int f32 = 0; f32 < 2; f32++) {
+            static const char *const tight[] = {"[0.9999999999, 1]", "[0.9999999, 1]"}, *const precision[] = {"f64",
+                                                                                                              "f32"};
+            char material[200];
+            double *voigt = press_scene(object[o], "{k1: 46 kPa, c1: 245 kPa s, damper: none}", precision[f32], STEPS);
+            double *rigid = press_scene(object[o], "dough-viscoelastic", precision[f32], STEPS);
+            snprintf(material, sizeof material,
+                     "{k1: 46 kPa, c1: 245 kPa s, damper: constant, c2: 10 kPa s, stroke: %s, "
+                     "ratio: 1}",
+                     tight[f32]);
+            double *almost = press_scene(object[o], material, precision[f32], STEPS);
+            double gap = largest_gap(voigt, almost, STEPS);
+            printf("     %s %s: %.1e of the force\n", o ? "mesh" : "block", precision[f32], gap);
+            CHECK_NEAR(gap, 0, f32 ? 1e-3 : 1e-6);
+            CHECK_NEAR(largest_gap(voigt, rigid, STEPS), 0, 0.01); // of 46 against 46.09 kPa
+            free(voigt);
+            free(rigid);
+            free(almost);
+        }
 }
 
 TESTS_MAIN
