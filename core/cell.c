@@ -78,6 +78,24 @@ double kn_cell_volume(const kn_grid *g, const double corner_m[8][3], double grad
     return block_volume((const double(*)[3])near_origin, gradient_m2);
 }
 
+double kn_simplex_volume(double depth_m, const double x[8][3], double d[8][3])
+{
+    double side[3][3] = {{0}};
+    memset(d, 0, 8 * sizeof d[0]);
+    for (int i = 0; i < (depth_m > 0 ? 2 : 3); i++)
+        for (int k = 0; k < 3; k++) side[i][k] = x[i + 1][k] - x[0][k];
+    if (depth_m > 0) side[2][1] = -3 * depth_m; // a third of a parallelepiped that deep; triangles turn from x to z
+    double volume = 0;
+    for (int i = 0; i < (depth_m > 0 ? 2 : 3); i++)
+        for (int k = 0; k < 3; k++) {
+            const double *a = side[(i + 1) % 3], *b = side[(i + 2) % 3];
+            d[i + 1][k] = (a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3]) / 6;
+            d[0][k] -= d[i + 1][k];
+            if (i == 0) volume += side[0][k] * d[1][k];
+        }
+    return volume;
+}
+
 double kn_cell_pressure(double j, double *slope)
 {
     double held = fmax(j, KN_CELL_LEAST);

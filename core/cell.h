@@ -2,7 +2,7 @@
 #define KN_CORE_CELL_H
 // Cells filled with gas: what keeps an object's volume, which edges alone do not.
 //
-// A cell is a cube of the lattice (of a flat object a square times its thickness), closed, and holds a gas at constant
+// A cell is a cube of the lattice, of a flat object a square times its thickness, of a mesh an element; it is closed and holds a gas at constant
 // temperature. At rest it has the pressure P0 of the outside; then P V = P0 V0 (Boyle), and node i of the cell feels
 //
 //     f_i = (P - P0) dV/dx_i                     energy  P0 (V - V0) - P0 V0 ln(V/V0)
@@ -35,7 +35,7 @@ typedef enum kn_pressure {
 } kn_pressure;
 
 typedef struct kn_cell {
-    int corner[8]; // node ids: dx + 2 dy + 4 dz; of a flat cell dx + 2 dz, then -1
+    int corner[8]; // node ids: dx + 2 dy + 4 dz; of a flat cell dx + 2 dz, then -1; a mesh's in its element's order
 } kn_cell;
 
 #define KN_CELL_LEAST 0.1 // V/V0 from which on the law goes straight
@@ -45,6 +45,9 @@ int kn_grid_cells(const kn_grid *g, kn_cell *out);
 
 // Volume, m^3, < 0 inside out, and its derivative by each corner, m^2. A flat cell's corners move in x and z only.
 double kn_cell_volume(const kn_grid *g, const double corner_m[8][3], double gradient_m2[8][3]);
+
+// The same of a tetrahedron, or, when depth_m > 0, of a flat triangle that thick.
+double kn_simplex_volume(double depth_m, const double corner_m[8][3], double gradient_m2[8][3]);
 
 // (P - P0)/P0 at J = V/V0; *slope becomes -d(P/P0)/dJ, > 0.
 double kn_cell_pressure(double j, double *slope);

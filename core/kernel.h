@@ -23,8 +23,8 @@ typedef struct kn_work {
     void *p;            // 6   xx xy xz yy yz zz: accumulated blocks, then their inverses
     void *g;            // sqrt(kappa W ds/dw) n of every edge: [row][13][x y z][stride], a net's [edge][x y z]
     void *free;         // 3   1 free, 0 prescribed
-    void *cell;         // pressure, else NULL: sqrt(-dt dP/dV) dV/dx of the corners of every cell, 24 (flat 8); of the
-                        // whole object, 3
+    void *cell;         // pressure, else NULL: sqrt(-dt dP/dV) dV/dx of the corners of every cell, 24 (flat 8; a net's 12);
+                        // of the                        // whole object, 3
     uint8_t *row_held;  // [rows] 1: some component in the row is prescribed
     uint8_t *row_moved; // [rows] 1: a prescribed velocity in the row differs from the last one: evaluate the law twice
 } kn_work;

@@ -15,6 +15,13 @@ typedef struct tables {
     real *here;      // 1, in the padding 0
     real *mass_dt;   // [nodes] m/dt, kg/s
     real *weight;    // [nodes] downward force, N
+    // pressure, else no cells: corners of a cell, sides from its first corner at rest, 1/V0; P0; 1/6 or half the thickness
+    int cells, sides;
+    bool flat;
+    int (*corner)[4];
+    real *side, *inverse_volume;
+    real outside, sixth;
+    double volume;   // of the whole object
 } tables;
 
 static size_t padded(size_t bytes) { return (bytes + 63) / 64 * 64; }
@@ -24,7 +31,8 @@ static size_t tables_size(const kn_model *m)
     size_t nodes = (size_t)m->node_count;
     return padded(sizeof(tables)) + padded((nodes + 1) * sizeof(int)) +
            padded(m->edge_reals * 2 * sizeof(int)) + 7 * padded(m->edge_reals * sizeof(real)) +
-           2 * padded(nodes * sizeof(real));
+           2 * padded(nodes * sizeof(real)) + padded((size_t)m->cell_count * 4 * sizeof(int)) +
+           padded((size_t)m->cell_count * 9 * sizeof(real)) + padded((size_t)m->cell_count * sizeof(real));
 }
 
 static void *take(char **next, size_t bytes)
@@ -51,6 +59,27 @@ static void fill_edges(const kn_model *m, tables *t)
     }
 }
 
+static void fill_cells(const kn_model *m, tables *t, char **next)
+{
+    t->cells = m->cell_count;
+    t->sides = m->def.mesh->dimension;
+    t->flat = t->sides == 2;
+    t->outside = (real)m->def.inside_pressure_pa;
+    t->sixth = (real)(t->flat ? 0.5 * m->def.thickness_m : 1.0 / 6);
+    t->corner = take(next, (size_t)t->cells * 4 * sizeof(int));
+    t->side = take(next, (size_t)t->cells * 9 * sizeof(real));
+    t->inverse_volume = take(next, (size_t)t->cells * sizeof(real));
+    for (int c = 0; c < t->cells; c++) {
+        for (int i = 0; i < 4; i++) t->corner[c][i] = m->cells[c].corner[i];
+        for (int i = 0; i < t->sides; i++)
+            for (int k = 0; k < 3; k++)
+                t->side[9 * c + 3 * i + k] =
+                    (real)(m->rest_m[t->corner[c][i + 1]][k] - m->rest_m[t->corner[c][0]][k]);
+        t->inverse_volume[c] = (real)(1 / m->cell_volume[c]);
+        t->volume += m->cell_volume[c];
+    }
+}
+
 static void tables_build(const kn_model *m, void *block)
 {
     tables *t = block;
@@ -70,6 +99,7 @@ static void tables_build(const kn_model *m, void *block)
     t->mass_dt = take(&next, nodes * sizeof(real));
     t->weight = take(&next, nodes * sizeof(real));
     fill_edges(m, t);
+    fill_cells(m, t, &next);
     for (int i = 0, e = 0; i <= m->node_count; i++) {
         while (e < m->edge_count && m->edges[e].i < i) e++;
         t->first[i] = e;
@@ -197,8 +227,13 @@ LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kin
     return sum;
 }
 
+#include "core/kernel_net_cells.h"
+
 static double edge(const kn_model *model, kn_state *state, kn_linearization how, bool again)
 {
+    const tables *t = model->tables;
+    if (model->def.pressure == KN_PRESSURE_CELLS) cells_add(kn_state_work(state), t, state->displacement);
+    if (model->def.pressure == KN_PRESSURE_OBJECT) object_add(kn_state_work(state), t, state->displacement);
     if (model->law.stroke) return edge_pass(model, state, model->law.kind, true, how, again);
     switch (model->law.kind) {
     case KN_LAW_VOIGT: return edge_pass(model, state, KN_LAW_VOIGT, false, how, again);
@@ -237,6 +272,8 @@ static double apply(const kn_model *model, kn_state *state, double beta)
             sum += (double)(own[k] * q[3 * i + k]);
         }
     }
+    if (model->def.pressure == KN_PRESSURE_CELLS) sum += cells_product(work, t);
+    if (model->def.pressure == KN_PRESSURE_OBJECT) sum += object_product(work, t);
     return sum;
 }
 

@@ -80,7 +80,6 @@ static const char *check_mesh(const kn_model_def *def)
     if (flat && !(def->thickness_m > 0 && isfinite(def->thickness_m))) return "a flat mesh needs a positive thickness";
     for (int p = 0; flat && p < def->probe_count; p++)
         if (def->probe[p].shape == KN_PROBE_SPHERE) return "a sphere needs a solid object, a flat one takes plates";
-    if (def->pressure != KN_PRESSURE_NONE) return "pressure needs the cells of a block, and this is a mesh";
     return NULL;
 }
 
@@ -175,6 +174,14 @@ bool kn_model_nodes(kn_model *m, int nodes, int top)
     return m->offset && m->rest_m && m->node_mass_kg && m->support && m->top && m->top_share;
 }
 
+bool kn_model_cells(kn_model *m, int cells)
+{
+    m->cell_count = cells;
+    m->cells = calloc((size_t)cells + 1, sizeof *m->cells);
+    m->cell_volume = calloc((size_t)cells + 1, sizeof *m->cell_volume);
+    return m->cells && m->cell_volume;
+}
+
 uint8_t kn_support_mask(kn_support support)
 {
     return support == KN_SUPPORT_BONDED ? 7 : support == KN_SUPPORT_FRICTIONLESS ? 4 : 0;
@@ -225,6 +232,15 @@ static bool build_tables(kn_model *m)
     return true;
 }
 
+static bool build_cells(kn_model *m)
+{
+    const kn_grid *g = &m->grid;
+    if (!kn_model_cells(m, kn_grid_cells(g, NULL))) return false;
+    kn_grid_cells(g, m->cells);
+    for (int c = 0; c < m->cell_count; c++) m->cell_volume[c] = g->spacing_m * g->spacing_m * g->depth_m;
+    return true;
+}
+
 static bool build_rk4(kn_model *m)
 {
     if (!m->def.mesh) {
@@ -232,12 +248,7 @@ static bool build_rk4(kn_model *m)
         m->edges = calloc((size_t)m->edge_count + 1, sizeof(kn_edge));
         if (!m->edges) return false;
         kn_grid_edges(&m->grid, m->edges);
-        if (m->def.pressure != KN_PRESSURE_NONE) {
-            m->cell_count = kn_grid_cells(&m->grid, NULL);
-            m->cells = calloc((size_t)m->cell_count, sizeof(kn_cell));
-            if (!m->cells) return false;
-            kn_grid_cells(&m->grid, m->cells);
-        }
+        if (m->def.pressure != KN_PRESSURE_NONE && !build_cells(m)) return false;
     }
     m->rk4_limit_s = kn_rk4_limit(m);
     return m->rk4_limit_s >= 0;
@@ -302,6 +313,7 @@ void kn_model_destroy(kn_model *model)
     free(model->edges);
     free(model->skin);
     free(model->cells);
+    free(model->cell_volume);
     free(model);
 }
 

@@ -118,7 +118,8 @@ typedef struct kn_model {
     kn_face face[6];     // face[0] is the top
     kn_edge *edges;      // RK4 only, else NULL
     int edge_count;
-    kn_cell *cells; // RK4 with pressure only, else NULL
+    kn_cell *cells;       // with pressure, of a net or under RK4, else NULL
+    double *cell_volume;  // [cell_count] at rest, m^3
     int cell_count;
     double rk4_limit_s;  // RK4 only: largest stable step at rest, 2.785 / lambda_max(C/M) by power iteration
     size_t state_bytes;  // of one kn_state with its arrays

@@ -218,6 +218,20 @@ static void build_support(kn_model *m)
     }
 }
 
+// Every element is a cell.
+static bool build_cells(kn_model *m)
+{
+    const kn_simplices *s = m->def.mesh;
+    if (m->def.pressure == KN_PRESSURE_NONE) return true;
+    if (!kn_model_cells(m, s->element_count)) return false;
+    for (int c = 0; c < m->cell_count; c++) {
+        for (int i = 0; i < 8; i++) m->cells[c].corner[i] = -1;
+        memcpy(m->cells[c].corner, s->element[c], sizeof s->element[c]); // a triangle's fourth is -1
+        m->cell_volume[c] = volume_of(m, s->element[c]);
+    }
+    return true;
+}
+
 // --- fit ------------------------------------------------------------------------------------------------------------
 
 #define CREEP_NODES_MAX 1000 // of the part that creeps in the fit of gamma: some tenths of a second
@@ -351,7 +365,7 @@ bool kn_net_build(kn_model *m)
     int count = 0;
     facet *facets = outer_facets(s, &count);
     bool ok = facets && kn_model_nodes(m, s->node_count, s->node_count) && build_edges(m) &&
-              build_skin(m, facets, count);
+              build_skin(m, facets, count) && build_cells(m);
     if (ok) {
         m->row_count = s->node_count;
         m->stride = 1;

@@ -93,6 +93,12 @@ static void corners_of(const kn_model *model, int c, const double *rest, const d
     }
 }
 
+static double volume_of(const kn_model *model, const double corner[8][3], double gradient[8][3])
+{
+    return model->def.mesh ? kn_simplex_volume(model->def.thickness_m, corner, gradient)
+                           : kn_cell_volume(&model->grid, corner, gradient);
+}
+
 // Adds force_pa dV/dx of a cell's corners to f.
 static void push_corners(const kn_cell *cell, double force_pa, const double gradient[8][3], double *f)
 {
@@ -103,18 +109,18 @@ static void push_corners(const kn_cell *cell, double force_pa, const double grad
 // Adds what the gas in the cells does, each at its own pressure or all at that of the sum.
 static void cell_forces(const kn_model *model, const double *rest, const double *x, double *f)
 {
-    const kn_grid *g = &model->grid;
-    double corner[8][3], gradient[8][3], slope, sum = 0, v0 = g->spacing_m * g->spacing_m * g->depth_m;
+    double corner[8][3], gradient[8][3], slope, sum = 0, sum0 = 0;
     bool whole = model->def.pressure == KN_PRESSURE_OBJECT;
     for (int pass = whole ? 0 : 1; pass < 2; pass++)
         for (int c = 0; c < model->cell_count; c++) {
             corners_of(model, c, rest, x, corner);
-            double volume = kn_cell_volume(g, (const double(*)[3])corner, gradient);
+            double volume = volume_of(model, (const double(*)[3])corner, gradient);
             if (pass == 0) {
+                sum0 += model->cell_volume[c];
                 sum += volume;
                 continue;
             }
-            double over = kn_cell_pressure(whole ? sum / (v0 * model->cell_count) : volume / v0, &slope);
+            double over = kn_cell_pressure(whole ? sum / sum0 : volume / model->cell_volume[c], &slope);
             push_corners(&model->cells[c], over * model->def.inside_pressure_pa, (const double(*)[3])gradient, f);
         }
 }
@@ -191,13 +197,12 @@ void kn_rk4_step(const kn_model *model, kn_state *state, const kn_boundary *boun
 static void apply_cells(const kn_model *model, const double *rest, const double *root, const double *zero,
                         const double *d, double *q)
 {
-    const kn_grid *g = &model->grid;
     memset(q, 0, 3 * (size_t)model->node_count * sizeof *q);
     for (int c = 0; c < model->cell_count; c++) {
         const int *node = model->cells[c].corner;
         double corner[8][3], gradient[8][3], rate = 0;
         corners_of(model, c, rest, zero, corner);
-        double volume = kn_cell_volume(g, (const double(*)[3])corner, gradient);
+        double volume = volume_of(model, (const double(*)[3])corner, gradient);
         for (int i = 0; i < 8 && node[i] >= 0; i++)
             for (int k = 0; k < 3; k++) rate += gradient[i][k] * d[3 * node[i] + k] / root[node[i]];
         for (int i = 0; i < 8 && node[i] >= 0; i++)

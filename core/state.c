@@ -29,10 +29,11 @@ static size_t field_bytes(const kn_model *m, int components)
     return m->law.kind == KN_LAW_VOIGT ? 0 : m->edge_reals * real_size(m);
 }
 
-// Kept of a cell's pressure: see kn_work.cell.
-static int cell_components(const kn_model *m)
+// Kept of the cells' pressure: see kn_work.cell.
+static size_t cell_reals(const kn_model *m)
 {
-    return m->def.pressure == KN_PRESSURE_OBJECT ? 3 : m->grid.flat ? 8 : 24;
+    if (m->def.pressure == KN_PRESSURE_OBJECT) return kn_model_field(m, 3);
+    return m->def.mesh ? 12 * (size_t)m->cell_count : kn_model_field(m, m->grid.flat ? 8 : 24);
 }
 
 static void layout_implicit(const kn_model *m, arena *a, kn_scratch *s)
@@ -47,7 +48,7 @@ static void layout_implicit(const kn_model *m, arena *a, kn_scratch *s)
         *list[i].field = take(a, kn_model_field(m, list[i].components) * real_size(m));
     w->g = take(a, 3 * m->edge_reals * real_size(m));
     w->cell = NULL;
-    if (m->def.pressure != KN_PRESSURE_NONE) w->cell = take(a, kn_model_field(m, cell_components(m)) * real_size(m));
+    if (m->def.pressure != KN_PRESSURE_NONE) w->cell = take(a, cell_reals(m) * real_size(m));
     w->row_held = take(a, (size_t)m->row_count);
     w->row_moved = take(a, (size_t)m->row_count);
     s->row_base = take(a, (size_t)m->row_count);

@@ -1,0 +1,121 @@
+// Pressure in the elements of a net, one at a time: part of kernel_net.c, which includes it. core/cell.h has the
+// equations. Volumes are products of an element's three sides, as edges are: rest vector plus what has changed.
+#include "core/cell.h"
+
+typedef struct element { // of one cell as it stands
+    real slope[4][3];    // dV/dx of its corners, m^2
+    real j;              // V/V0
+} element;
+
+// sixth (a flat element: half the thickness) of a x b, written and subtracted from the first corner's.
+LANES_INLINE void add_slope(element *x, int corner, const real a[3], const real b[3], real factor)
+{
+    for (int k = 0; k < 3; k++) {
+        int u = (k + 1) % 3, v = (k + 2) % 3;
+        x->slope[corner][k] = factor * (a[u] * b[v] - a[v] * b[u]);
+        x->slope[0][k] -= x->slope[corner][k];
+    }
+}
+
+LANES_INLINE element element_of(const tables *t, const real *displacement, int cell)
+{
+    static const real across[3] = {0, -1, 0}; // a flat element's third side: triangles turn from x to z
+    const int *corner = t->corner[cell];
+    real side[3][3];
+    element x = {.slope = {{0}}};
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++)
+            side[i][k] = t->flat && i == 2 ? across[k]
+                                           : t->side[9 * cell + 3 * i + k] + displacement[3 * corner[i + 1] + k] -
+                                                 displacement[3 * corner[0] + k];
+    add_slope(&x, 1, side[1], side[2], t->sixth);
+    add_slope(&x, 2, side[2], side[0], t->sixth);
+    if (!t->flat) add_slope(&x, 3, side[0], side[1], t->sixth);
+    real volume = 0;
+    for (int k = 0; k < 3; k++) volume += side[0][k] * x.slope[1][k];
+    x.j = volume * t->inverse_volume[cell];
+    return x;
+}
+
+// Pressure over that of the outside at the end of the step, and how it falls with J, both by P0.
+static void gas(const tables *t, real j, real rate, real *over, real *slope)
+{
+    real held = j > (real)KN_CELL_LEAST ? j : (real)KN_CELL_LEAST;
+    *slope = 1 / (held * held);
+    *over = (1 - held) / held + (held - j) * *slope - t->law.dt * rate * *slope;
+}
+
+// Pushes the corners by the pressure at the end of the step and puts its slope on their blocks; keeps the gradient.
+static void cells_add(const kn_work *work, const tables *t, const real *displacement)
+{
+    real *r = work->r, *p = work->p, *kept = work->cell;
+    const real *guess = work->guess;
+    for (int c = 0; c < t->cells; c++) {
+        element x = element_of(t, displacement, c);
+        real rate = 0, over, slope;
+        for (int i = 0; i <= t->sides; i++)
+            for (int k = 0; k < 3; k++) rate += x.slope[i][k] * guess[3 * t->corner[c][i] + k];
+        gas(t, x.j, rate * t->inverse_volume[c], &over, &slope);
+        real root = (real)sqrt((double)(t->law.dt * t->outside * slope * t->inverse_volume[c]));
+        for (int i = 0; i <= t->sides; i++) {
+            real *g = kept + 12 * c + 3 * i;
+            for (int k = 0; k < 3; k++) {
+                g[k] = root * x.slope[i][k];
+                r[3 * t->corner[c][i] + k] += t->outside * over * x.slope[i][k];
+            }
+            block_add(p + 6 * t->corner[c][i], g);
+        }
+    }
+}
+
+// One skin around all: volumes and gradients summed first, [nodes][3] in work->cell.
+static void object_add(const kn_work *work, const tables *t, const real *displacement)
+{
+    real *r = work->r, *p = work->p, *kept = work->cell;
+    const real *guess = work->guess;
+    double volume = 0, rate = 0;
+    real over, slope;
+    memset(kept, 0, 3 * (size_t)t->nodes * sizeof *kept);
+    for (int c = 0; c < t->cells; c++) {
+        element x = element_of(t, displacement, c);
+        volume += (double)x.j / (double)t->inverse_volume[c];
+        for (int i = 0; i <= t->sides; i++)
+            for (int k = 0; k < 3; k++) kept[3 * t->corner[c][i] + k] += x.slope[i][k];
+    }
+    for (int i = 0; i < 3 * t->nodes; i++) rate += (double)(kept[i] * guess[i]);
+    gas(t, (real)(volume / t->volume), (real)(rate / t->volume), &over, &slope);
+    real root = (real)sqrt((double)(t->law.dt * t->outside * slope) / t->volume);
+    for (int i = 0; i < 3 * t->nodes; i++) {
+        r[i] += t->outside * over * kept[i];
+        kept[i] *= root;
+    }
+    for (int i = 0; i < t->nodes; i++) block_add(p + 6 * i, kept + 3 * i);
+}
+
+// q += kept kept' d; returns its share of d.q.
+static double cells_product(const kn_work *work, const tables *t)
+{
+    const real *d = work->d, *kept = work->cell;
+    real *q = work->q;
+    double sum = 0;
+    for (int c = 0; c < t->cells; c++) {
+        const real *g = kept + 12 * c;
+        real rate = 0;
+        for (int i = 0; i <= t->sides; i++)
+            for (int k = 0; k < 3; k++) rate += g[3 * i + k] * d[3 * t->corner[c][i] + k];
+        for (int i = 0; i <= t->sides; i++)
+            for (int k = 0; k < 3; k++) q[3 * t->corner[c][i] + k] += g[3 * i + k] * rate;
+        sum += (double)rate * (double)rate;
+    }
+    return sum;
+}
+
+static double object_product(const kn_work *work, const tables *t)
+{
+    const real *d = work->d, *kept = work->cell;
+    real *q = work->q;
+    double rate = 0;
+    for (int i = 0; i < 3 * t->nodes; i++) rate += (double)(kept[i] * d[i]);
+    for (int i = 0; i < 3 * t->nodes; i++) q[i] += kept[i] * (real)rate;
+    return rate * rate;
+}
