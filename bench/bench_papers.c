@@ -393,5 +393,6 @@ int main(int argc, char **argv)
     if (x.curve) fclose(x.curve);
     print(&x);
     close_experiment(&x);
+    if (x.m.status != KN_OK) fprintf(stderr, "bench_papers: %s diverged\n", o.scene);
     return x.m.status == KN_OK ? 0 : 1;
 }
