@@ -153,12 +153,22 @@ static bool patch_point(const patch *p, double tu, double tv, double weight[9], 
     return true;
 }
 
-// Outward normal of the skin at a patch's node, not unit.
+// Outward normal of the skin at a patch's node, not unit. A face of one node across goes straight along y.
 static void patch_normal(const patch *p, double normal[3])
 {
     double du[3], dv[3];
-    for (int k = 0; k < 3; k++) du[k] = p->x[5][k] - p->x[3][k], dv[k] = p->x[7][k] - p->x[1][k];
+    for (int k = 0; k < 3; k++) {
+        du[k] = p->face->len[0] == 1 ? (k == 1) : p->x[5][k] - p->x[3][k];
+        dv[k] = p->face->len[1] == 1 ? (k == 1) : p->x[7][k] - p->x[1][k];
+    }
     cross(du, dv, normal);
+}
+
+// From the centre of a sphere to a point; what presses a flat object is a disc, wherever along y it is held.
+static void away_from(const kn_model *model, const double centre[3], const double point[3], double away[3])
+{
+    for (int k = 0; k < 3; k++) away[k] = point[k] - centre[k];
+    if (model->grid.flat) away[1] = 0;
 }
 
 static void sample_patch(const kn_model *model, const kn_state *state, int probe, const patch *p, kn_contact *contact)
@@ -168,12 +178,19 @@ static void sample_patch(const kn_model *model, const kn_state *state, int probe
     int per = samples_per_patch(model, def);
     double h = model->def.spacing_m, outwards[3];
     double stiffness = (def->foundation_n_m3 > 0 ? def->foundation_n_m3 : KN_FOUNDATION_N_M3) * h * h / (per * per);
+    int per_u = per, per_v = per; // one across a flat object, for all of its thickness
+    if (model->grid.flat) {
+        stiffness *= model->grid.depth_m / h * per;
+        if (p->face->len[0] == 1) per_u = 1;
+        else per_v = 1;
+    }
     patch_normal(p, outwards);
-    for (int i = 0; i < per * per; i++) {
+    for (int i = 0; i < per_u * per_v; i++) {
         kn_sample s = {.probe = probe, .face = (int)(p->face - model->face), .stiffness_n_m = stiffness};
         double point[3], away[3];
-        if (!patch_point(p, (i % per + 0.5) / per - 0.5, (i / per + 0.5) / per - 0.5, s.weight, point)) continue;
-        for (int k = 0; k < 3; k++) away[k] = point[k] - centre[k];
+        double tu = (i % per_u + 0.5) / per_u - 0.5, tv = (i / per_u + 0.5) / per_v - 0.5;
+        if (!patch_point(p, tu, tv, s.weight, point)) continue;
+        away_from(model, centre, point, away);
         double distance = sqrt(dot(away, away));
         s.depth_m = def->radius_m - distance;
         // a candidate when it may touch within this step; the far side of a thin block faces away and never does
@@ -297,10 +314,10 @@ static void find_samples(const kn_model *model, const kn_state *state, int probe
     for (int f = 0; f < model->face_count; f++)
         for (int v = 0; v < model->face[f].len[1]; v++)
             for (int u = 0; u < model->face[f].len[0]; u++) {
-                double x[3];
+                double x[3], away[3];
                 kn_state_position(model, state, face_node(&model->face[f], u, v), x);
-                for (int k = 0; k < 3; k++) x[k] -= state->probe[probe].position_m[k];
-                if (dot(x, x) > reach * reach) continue;
+                away_from(model, state->probe[probe].position_m, x, away);
+                if (dot(away, away) > reach * reach) continue;
                 patch p = {.face = &model->face[f], .u = u, .v = v};
                 load_patch(model, state, &p);
                 sample_patch(model, state, probe, &p, contact);
@@ -410,12 +427,12 @@ static double sphere_clearance(const kn_model *model, const kn_state *state, con
             for (int u = 0; u < model->face[f].len[0]; u++) {
                 patch p = {.face = &model->face[f], .u = u, .v = v};
                 kn_state_position(model, state, face_node(p.face, u, v), point);
-                for (int k = 0; k < 3; k++) away[k] = at[k] - point[k];
+                away_from(model, point, at, away);
                 if (sqrt(dot(away, away)) > nearest + 2 * model->def.spacing_m) continue;
                 load_patch(model, state, &p);
                 for (int i = 0; i < 9; i++) {
                     if (!patch_point(&p, 0.5 * (i % 3 - 1), 0.5 * (i / 3 - 1), weight, point)) continue;
-                    for (int k = 0; k < 3; k++) away[k] = at[k] - point[k];
+                    away_from(model, point, at, away);
                     double distance = sqrt(dot(away, away));
                     if (distance >= nearest) continue;
                     nearest = distance;

@@ -26,7 +26,7 @@ typedef enum kn_support {
 
 typedef enum kn_probe_shape {
     KN_PROBE_PLATE, // level rectangle, sticks to the top nodes it touches and lets go in tension
-    KN_PROBE_SPHERE // rigid ball, frictionless foundation contact
+    KN_PROBE_SPHERE // rigid ball, a disc to a flat block; frictionless foundation contact
 } kn_probe_shape;
 
 typedef struct kn_probe_def {

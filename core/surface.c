@@ -51,22 +51,26 @@ static int triangles(const kn_grid *g, int (*out)[3])
 
 kn_surface *kn_surface_create(const kn_model *model)
 {
-    const kn_grid *g = &model->grid;
+    kn_grid g = model->grid;
     bool block = model->skin_count == 0;
+    if (g.flat) g.n[1] = 2; // the front and the back of its one layer
+    size_t nodes = (size_t)model->node_count * (g.flat ? 2 : 1);
     kn_surface *s = calloc(1, sizeof *s);
-    int *vertex = calloc((size_t)model->node_count, sizeof *vertex); // of a node; 0: inside
+    int *vertex = calloc(nodes, sizeof *vertex); // of a node; 0: inside
     if (!s || !vertex) goto fail;
-    s->triangle_count = block ? triangles(g, NULL) : model->skin_count;
-    s->node = malloc((size_t)model->node_count * sizeof *s->node);
+    s->triangle_count = block ? triangles(&g, NULL) : model->skin_count;
+    s->node = malloc(nodes * sizeof *s->node);
+    s->across_m = calloc(nodes, sizeof *s->across_m);
     s->triangle = malloc(((size_t)s->triangle_count * 3 + 1) * sizeof *s->triangle);
-    if (!s->node || !s->triangle) goto fail;
-    if (block) triangles(g, (int(*)[3])s->triangle);
+    if (!s->node || !s->across_m || !s->triangle) goto fail;
+    if (block) triangles(&g, (int(*)[3])s->triangle);
     else memcpy(s->triangle, model->skin, (size_t)s->triangle_count * sizeof *model->skin);
     for (int i = 0; i < 3 * s->triangle_count; i++) vertex[s->triangle[i]] = 1;
-    for (int node = 0; node < model->node_count; node++)
+    for (int node = 0; node < (int)nodes; node++)
         if (vertex[node]) {
-            vertex[node] = s->vertex_count;
-            s->node[s->vertex_count++] = node;
+            int v = vertex[node] = s->vertex_count++, row = node / g.n[0];
+            s->node[v] = g.flat ? row / 2 * g.n[0] + node % g.n[0] : node;
+            if (g.flat) s->across_m[v] = (row % 2 - 0.5) * g.depth_m;
         }
     for (int i = 0; i < 3 * s->triangle_count; i++) s->triangle[i] = vertex[s->triangle[i]];
     free(vertex);
@@ -81,8 +85,15 @@ void kn_surface_destroy(kn_surface *s)
 {
     if (!s) return;
     free(s->node);
+    free(s->across_m);
     free(s->triangle);
     free(s);
+}
+
+void kn_surface_rest(const kn_surface *s, const kn_model *model, int vertex, double x_m[3])
+{
+    memcpy(x_m, model->rest_m[s->node[vertex]], 3 * sizeof *x_m);
+    x_m[1] += s->across_m[vertex];
 }
 
 void kn_surface_positions(const kn_surface *s, const kn_model *model, const kn_state *state, float *xyz)
@@ -90,6 +101,7 @@ void kn_surface_positions(const kn_surface *s, const kn_model *model, const kn_s
     for (int i = 0; i < s->vertex_count; i++) {
         double x_m[3];
         kn_state_position(model, state, s->node[i], x_m);
+        x_m[1] += s->across_m[i];
         for (int k = 0; k < 3; k++) xyz[3 * i + k] = (float)x_m[k];
     }
 }

@@ -41,7 +41,9 @@ static bool rest_shape(kn_still *s, const kn_model *model, const kn_surface *sur
     if (surface->vertex_count != s->vertex_count || surface->triangle_count != s->triangle_count) return false;
     if (memcmp(surface->triangle, s->triangle, (size_t)s->triangle_count * sizeof *s->triangle) != 0) return false;
     for (int v = 0; v < s->vertex_count; v++) {
-        for (int i = 0; i < 3; i++) s->rest[v][i] = (float)model->rest_m[surface->node[v]][i];
+        double x_m[3];
+        kn_surface_rest(surface, model, v, x_m);
+        for (int i = 0; i < 3; i++) s->rest[v][i] = (float)x_m[i];
     }
     return true;
 }

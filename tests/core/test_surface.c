@@ -7,19 +7,16 @@ static kn_model *block(int nx, int ny, int nz)
     kn_model_def def = kn_model_def_default();
     def.probe_count = 0;
     def.nodes[0] = nx, def.nodes[1] = ny, def.nodes[2] = nz;
+    if (ny == 1) def.thickness_m = 0.02;
     def.spacing_m = 0.01;
     kn_model *model = kn_model_build(&def, error, sizeof error);
     if (!model) fprintf(stderr, "%s\n", error), exit(1);
     return model;
 }
 
-TEST("the skin holds every outer node once and is closed: each side of a triangle is met once the other way round")
+// Each side of a triangle is met once the other way round.
+static void check_closed(const kn_surface *s)
 {
-    kn_model *model = block(6, 5, 4);
-    kn_surface *s = kn_surface_create(model);
-    CHECK(s->vertex_count == 6 * 5 * 4 - 4 * 3 * 2);
-    CHECK(s->triangle_count == 2 * 2 * (5 * 4 + 5 * 3 + 4 * 3));
-    CHECK(s->vertex_count - 3 * s->triangle_count / 2 + s->triangle_count == 2); // Euler
     int *way = calloc((size_t)(s->vertex_count * s->vertex_count), sizeof *way);
     for (int t = 0; t < s->triangle_count; t++)
         for (int k = 0; k < 3; k++) way[s->triangle[3 * t + k] * s->vertex_count + s->triangle[3 * t + (k + 1) % 3]]++;
@@ -29,15 +26,10 @@ TEST("the skin holds every outer node once and is closed: each side of a triangl
             CHECK(here <= 1 && here == way[j * s->vertex_count + i]);
         }
     free(way);
-    kn_surface_destroy(s);
-    kn_model_destroy(model);
 }
 
-TEST("triangles turn counter-clockwise from outside: together they enclose the volume of the block")
+static double enclosed(const kn_surface *s, const kn_model *model, const kn_state *state)
 {
-    kn_model *model = block(6, 5, 4);
-    kn_state *state = kn_state_create(model);
-    kn_surface *s = kn_surface_create(model);
     float *x = malloc((size_t)s->vertex_count * 3 * sizeof *x);
     kn_surface_positions(s, model, state, x);
     double volume = 0;
@@ -51,8 +43,50 @@ TEST("triangles turn counter-clockwise from outside: together they enclose the v
         }
         volume += det / 6;
     }
-    CHECK_NEAR(volume, 0.05 * 0.04 * 0.03, 1e-10);
     free(x);
+    return volume;
+}
+
+TEST("the skin holds every outer node once and is closed: each side of a triangle is met once the other way round")
+{
+    kn_model *model = block(6, 5, 4);
+    kn_surface *s = kn_surface_create(model);
+    CHECK(s->vertex_count == 6 * 5 * 4 - 4 * 3 * 2);
+    CHECK(s->triangle_count == 2 * 2 * (5 * 4 + 5 * 3 + 4 * 3));
+    CHECK(s->vertex_count - 3 * s->triangle_count / 2 + s->triangle_count == 2); // Euler
+    check_closed(s);
+    kn_surface_destroy(s);
+    kn_model_destroy(model);
+}
+
+TEST("triangles turn counter-clockwise from outside: together they enclose the volume of the block")
+{
+    kn_model *model = block(6, 5, 4);
+    kn_state *state = kn_state_create(model);
+    kn_surface *s = kn_surface_create(model);
+    CHECK_NEAR(enclosed(s, model, state), 0.05 * 0.04 * 0.03, 1e-10);
+    kn_surface_destroy(s);
+    kn_state_destroy(state);
+    kn_model_destroy(model);
+}
+
+TEST("a flat block's skin is closed too, as thick as it is, with a vertex in front of every node and one behind")
+{
+    kn_model *model = block(6, 1, 4);
+    kn_state *state = kn_state_create(model);
+    kn_surface *s = kn_surface_create(model);
+    CHECK(s->vertex_count == 2 * 6 * 4);
+    check_closed(s);
+    CHECK_NEAR(enclosed(s, model, state), 0.05 * 0.02 * 0.03, 1e-10);
+    int behind = 0;
+    for (int v = 0; v < s->vertex_count; v++) {
+        double x[3];
+        kn_surface_rest(s, model, v, x);
+        CHECK_NEAR(x[0], model->rest_m[s->node[v]][0], 0);
+        CHECK_NEAR(fabs(x[1]), 0.01, 1e-15);
+        behind += x[1] > 0;
+    }
+    CHECK(behind == 6 * 4);
     kn_surface_destroy(s);
     kn_state_destroy(state);
     kn_model_destroy(model);

@@ -118,6 +118,46 @@ TEST("a flat object bulges by its structure as a block does, stays in its plane,
     CHECK_NEAR(d.bulge_m[0], c.bulge_m[0], 1e-6 * c.bulge_m[0]);
 }
 
+// Force of a disc of 1.5 cm radius that presses the middle 5 mm deep at 1 cm/s, held by a hand that far off the plane.
+static run press_disc(double thickness_m, double aside_m)
+{
+    kn_model_def def = flat(ball_def(2));
+    def.thickness_m = thickness_m;
+    def.probe[0].radius_m = 0.015;
+    const press p = {.depth_m = 0.005, .hold_s = 0.2};
+    kn_model *m = build(&def);
+    kn_state *state = kn_state_create(m);
+    run r = {.samples = 700};
+    r.force_n = calloc((size_t)r.samples, sizeof *r.force_n);
+    if (!state || !r.force_n) abort();
+    for (int i = 0; i < r.samples; i++) {
+        kn_input in = press_input(m, &p, (i + 1) * 1e-3);
+        kn_output out;
+        in.probe[0].position_m[1] = aside_m;
+        if (i == 0) CHECK_NEAR(kn_clearance(m, state, 0, in.probe[0].position_m), 0, 1e-9);
+        CHECK(kn_step(m, state, &in, &out) == KN_OK);
+        memcpy(r.force_n[i], out.probe[0].force_n, sizeof *r.force_n);
+        CHECK(out.probe[0].force_n[1] == 0 && out.probe[0].force_n[2] >= 0);
+    }
+    kn_state_destroy(state);
+    kn_model_destroy(m);
+    return r;
+}
+
+TEST("to a flat object a ball is a disc: it presses wherever along y it is held, twice as hard an object twice as thick")
+{
+    run thin = press_disc(0.01, 0), thick = press_disc(0.02, 0), aside = press_disc(0.01, 0.05);
+    printf("     peak %.3f N, total variation %.2f of it\n", peak_n(&thin), variation(&thin));
+    CHECK(peak_n(&thin) > 0.3 && variation(&thin) < 2.2);
+    for (int i = 0; i < thin.samples; i++) {
+        CHECK_NEAR(thick.force_n[i][2], 2 * thin.force_n[i][2], 1e-4 * peak_n(&thick));
+        CHECK_NEAR(aside.force_n[i][2], thin.force_n[i][2], 0);
+    }
+    run_free(&thin);
+    run_free(&thick);
+    run_free(&aside);
+}
+
 // --- against Runge-Kutta --------------------------------------------------------------------------------------------
 
 static void compare(const char *name, kn_model_def implicit)
