@@ -82,23 +82,31 @@ static void print_row(const row *r)
     fflush(stdout);
 }
 
-// One block in every instruction set and precision; rows are appended at *count.
-static void bench_block(int per_cm, double target_us, row *rows, int *count)
+static kn_model_def block_def(int per_cm, kn_pressure pressure)
+{
+    kn_model_def def = press_def(per_cm);
+    def.pressure = pressure;
+    return def;
+}
+
+// One block in every instruction set and precision, with gas in its cells only in f32; rows are appended at *count.
+static void bench_block(int per_cm, kn_pressure pressure, double target_us, row *rows, int *count)
 {
     static const char *isas[] = {"", "base", "avx2", "avx512"};
-    kn_model_def def = converged(press_def(per_cm));
-    fprintf(stderr, "reference for %d nodes (f64, secant, 5 passes, CG to 1e-8) ...\n",
-            def.nodes[0] * def.nodes[1] * def.nodes[2]);
+    const bool gas = pressure != KN_PRESSURE_NONE;
+    kn_model_def def = converged(block_def(per_cm, pressure));
+    fprintf(stderr, "reference for %d nodes%s (f64, secant, 5 passes, CG to 1e-8) ...\n",
+            def.nodes[0] * def.nodes[1] * def.nodes[2], gas ? " with gas" : "");
     run reference = press_run(&def, &path, SECONDS, 1e-3);
     for (int isa = KN_ISA_AVX512; isa >= KN_ISA_BASE; isa--)
-        for (int p = KN_PRECISION_F32; p <= KN_PRECISION_F64; p++) {
-            def = press_def(per_cm);
+        for (int p = KN_PRECISION_F32; p <= (gas ? KN_PRECISION_F32 : KN_PRECISION_F64); p++) {
+            def = block_def(per_cm, pressure);
             def.solver.isa = (kn_isa)isa;
             def.solver.precision = (kn_precision)p;
             if (!available(&def)) continue;
             row *r = &rows[(*count)++];
             *r = (row){.nodes = reference.nodes, .force = -1};
-            snprintf(r->name, sizeof r->name, "%s %s", isas[isa], p ? "f64" : "f32");
+            snprintf(r->name, sizeof r->name, "%s %s", isas[isa], gas ? "gas" : p ? "f64" : "f32");
             if (p == KN_PRECISION_F32 && isa == KN_ISA_AVX512) r->target_us = target_us;
             if (p == KN_PRECISION_F32 && isa == KN_ISA_AVX2) r->target_us = 1.6 * target_us;
             // without FMA: the same bits as the others, but so slow that its first 300 ticks must do
@@ -218,17 +226,20 @@ int main(int argc, char **argv)
 {
     static const struct {
         int per_cm;
+        kn_pressure pressure;
         double target_us;
-    } blocks[3] = {{1, 30}, {2, 150}, {3, 450}};
+    } blocks[4] = {{1, KN_PRESSURE_NONE, 30}, {2, KN_PRESSURE_NONE, 150}, {2, KN_PRESSURE_CELLS, 0},
+                   {3, KN_PRESSURE_NONE, 450}};
     options o = parse(argc, argv);
-    row rows[18];
+    row rows[21];
     int count = 0;
     print_machine();
     puts("| nodes | kernel      | us median |   us p90 | ns/node |  force % |  shape % | TV/pk | its   | secant "
          "| target |");
     puts("|------:|-------------|----------:|---------:|-------:|---------:|---------:|------:|------:|-------:"
          "|-------:|");
-    for (int b = 0; b < (o.quick ? 2 : 3); b++) bench_block(blocks[b].per_cm, blocks[b].target_us, rows, &count);
+    for (int b = 0; b < (o.quick ? 3 : 4); b++)
+        bench_block(blocks[b].per_cm, blocks[b].pressure, blocks[b].target_us, rows, &count);
     print_time_step_error();
     int failed = 0;
     if (o.csv) failed |= write_file(o.csv, print_csv, rows, count);
