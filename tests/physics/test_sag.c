@@ -35,7 +35,7 @@ static double top_after(const kn_scene *scene, double seconds, double leaning, i
     lean(model, state, leaning);
     kn_input input = {0};
     kn_output output;
-    for (int i = 0; i < (int)(seconds * 1e3); i++)
+    for (int i = 0; i < (int)(seconds / model->def.solver.dt_s); i++)
         if (kn_step(model, state, &input, &output) != KN_OK) break;
     double sum_m = 0;
     for (int t = 0; t < model->top_count; t++) {
@@ -131,17 +131,14 @@ TEST("gas in the cells does not stop a lattice of sides from leaning over; diago
     kn_scene_destroy(scene);
 }
 
-TEST("with gas it sags by 1 %, and weak diagonals hold it as well as full ones")
+TEST("with gas it sags by 1 %, however weak the diagonals")
 {
-    static const char *const full[] = {"object.pressure=cells", "object.diagonal_stiffness=1"};
-    static const char *const weak[] = {"object.pressure=cells", "object.diagonal_stiffness=0.02"};
-    for (int t = 0; t < 2; t++) {
-        kn_scene *scene = weighed(t ? weak : full, 2);
-        double sag = sag_after(scene, 300, 0);
-        printf("     with gas %.2f %%\n", 100 * sag);
-        CHECK_NEAR(sag, 0.01, 0.001);
-        kn_scene_destroy(scene);
-    }
+    static const char *const weak[] = {"object.pressure=cells", "object.diagonal_stiffness=0.02", "solver.dt=2 ms"};
+    kn_scene *scene = weighed(weak, 3);
+    double sag = sag_after(scene, 300, 0);
+    printf("     with gas %.2f %%\n", 100 * sag);
+    CHECK_NEAR(sag, 0.01, 0.001);
+    kn_scene_destroy(scene);
 }
 
 TESTS_MAIN
