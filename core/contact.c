@@ -93,8 +93,9 @@ static void find_holds(const kn_model *model, kn_state *state, int p, kn_contact
             double x[3];
             kn_state_position(model, state, hold.node, x);
             if (x[2] <= plane || !under_plate(model, &model->def.probe[p], probe->position_m, x)) continue;
-            // deep past the plane at once it came from the side, risen beside the plate: the foot is not what it meets
-            if (x[2] - plane > 0.25 * model->def.spacing_m || held_by_other(model, state, p, t)) continue;
+            // deeper past the foot than this step takes the plate it came from the side, risen beside it
+            double deepest = 0.25 * model->def.spacing_m + dt * fmax(0, -probe->velocity_m_s[2]);
+            if (x[2] - plane > deepest || held_by_other(model, state, p, t)) continue;
             // first touch: the node only has to get out of the way, so it moves by what is left of the step
             hold.velocity_m_s[2] = (plane - x[2]) / dt;
             held[t] = 1;

@@ -153,7 +153,7 @@ static void facet_area(const kn_model *m, const facet *f, double area_m2[3])
     for (int k = 0; k < 3; k++) area_m2[k] *= 0.5;
 }
 
-// Facets that look up by more than 60 degrees from the horizon's plane are the top: a plate comes from above.
+// Facets that look up by at least 30 degrees above the horizon are the top: a plate comes from above.
 #define TOP_COSINE 0.5
 
 static void build_top(kn_model *m, const facet *facets, int count)

@@ -147,6 +147,11 @@ static int build_lattice(kn_bench *b, const kn_model_def *scene)
             "series; without --lattice any element runs",
             text, name ? " (" : "", name ? name : "", name ? ")" : "");
     }
+    if (def.mesh) { // of an object that is no block only the material goes on the bench
+        def.mesh = NULL;
+        def.diagonal_stiffness = 1;
+        def.thickness_m = 0;
+    }
     def.spacing_m = KN_BENCH_HEIGHT_M / opt->lattice[2];
     for (int k = 0; k < 3; k++) def.nodes[k] = opt->lattice[k] + 1;
     if (def.thickness_m > 0) { // a flat object stays flat

@@ -10,6 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -76,6 +77,8 @@ static int remove_one(const char *path, const struct stat *status, int kind, str
 // With what the programs leave in their home (gmsh: preferences of its toolkit).
 static void remove_folder(const job *j) { nftw(j->folder, remove_one, 8, FTW_DEPTH | FTW_PHYS); }
 
+enum { WORK_S = 300 }; // of a processor; a million tetrahedra take a third of it
+
 // In the child: the folder is its home too, so that nobody's settings change the mesh.
 static void become(const job *j, char *const *argv)
 {
@@ -86,6 +89,7 @@ static void become(const job *j, char *const *argv)
     dup2(log, STDOUT_FILENO);
     dup2(log, STDERR_FILENO);
     setenv("HOME", j->folder, 1);
+    setrlimit(RLIMIT_CPU, &(struct rlimit){WORK_S, WORK_S + 5}); // gmsh goes round and round on a plain tetrahedron
     execvp(argv[0], argv);
     _exit(errno == ENOENT ? EXIT_NO_PROGRAM : 1);
 }
@@ -137,7 +141,9 @@ static int judge(const job *j, int status)
                  j->program);
         return KN_EXIT_DEVICE;
     }
-    find_reason(j, reason);
+    bool endless = WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU;
+    if (endless) snprintf(reason, sizeof reason, "not done after %d s, expected --tool tetgen or another size", WORK_S);
+    else find_reason(j, reason);
     snprintf(j->error, j->error_size, "%s cannot fill this surface: %s", j->program, reason);
     return KN_EXIT_USAGE;
 }
