@@ -17,13 +17,16 @@ for cc in $compilers; do
         mkdir "$out/$cc$level"
         command="$cc -w -Wno-psabi -std=c17 -D_GNU_SOURCE -I. -ffp-contract=off $level"
         for file in core/*.c tests/golden/test_golden.c; do
-            test "$file" = core/kernel.c || echo "$command -c $file -o $out/$cc$level/$(basename "$file" .c).o"
+            case $file in core/kernel*.c) continue ;; esac
+            echo "$command -c $file -o $out/$cc$level/$(basename "$file" .c).o"
         done
         for precision in F32 F64; do
-            kernel="-c core/kernel.c -DKN_KERNEL_$precision=1 -o $out/$cc$level/kernel_$precision"
-            echo "$command $kernel.base.o -DKN_KERNEL_BASE=1"
-            echo "$command $kernel.avx2.o -DKN_KERNEL_AVX2=1 -mavx2 -mfma"
-            echo "$command $kernel.avx512.o -DKN_KERNEL_AVX512=1 -mavx512f -mavx512vl -mavx512dq -mfma"
+            for file in core/kernel*.c; do
+                kernel="-c $file -DKN_KERNEL_$precision=1 -o $out/$cc$level/$(basename "$file" .c)_$precision"
+                echo "$command $kernel.base.o -DKN_KERNEL_BASE=1"
+                echo "$command $kernel.avx2.o -DKN_KERNEL_AVX2=1 -mavx2 -mfma"
+                echo "$command $kernel.avx512.o -DKN_KERNEL_AVX512=1 -mavx512f -mavx512vl -mavx512dq -mfma"
+            done
         done
     done
 done | xargs -P "$(nproc)" -I{} sh -c '{}'
