@@ -270,9 +270,9 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
     kn_law_build(&m->law, &def->material, rk4 ? 0 : def->solver.dt_s, def->solver.precision == KN_PRECISION_F64);
     if (!choose_kernels(m))
         return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
-    bool placed = def->mesh ? kn_net_build(m) : build_block(m);
-    if (!placed || (rk4 ? !build_rk4(m) : !build_tables(m)))
-        return fail(error, size, "not enough memory for the model");
+    const char *wrong = def->mesh ? kn_net_build(m) : build_block(m) ? NULL : KN_NO_MEMORY;
+    if (!wrong && (rk4 ? !build_rk4(m) : !build_tables(m))) wrong = KN_NO_MEMORY;
+    if (wrong) return fail(error, size, wrong);
     if (rk4 && def->solver.dt_s > m->rk4_limit_s) {
         if (size > 0)
             snprintf(error, size,
@@ -295,7 +295,7 @@ kn_model *kn_model_build(const kn_model_def *def, char *error, size_t error_size
     }
     kn_model *m = calloc(1, sizeof *m);
     if (m && build(m, def, error, error_size)) return m;
-    if (!m) fail(error, error_size, "not enough memory for the model");
+    if (!m) fail(error, error_size, KN_NO_MEMORY);
     kn_model_destroy(m);
     return NULL;
 }

@@ -301,9 +301,12 @@ static kn_simplices *middle_of(const kn_simplices *s)
             }
         }
     }
+    bool ok = order && number && part;
     free(order);
     free(number);
-    return part;
+    if (ok) return part;
+    kn_simplices_destroy(part);
+    return NULL;
 }
 
 static kn_specimen specimen_of(const kn_model *m, const double (*area_m2)[3], double volume)
@@ -314,41 +317,43 @@ static kn_specimen specimen_of(const kn_model *m, const double (*area_m2)[3], do
 }
 
 // E of the body is that of the material by one factor; gamma by creep, of a large body's middle.
-static bool fit(kn_model *m, const facet *facets, int count)
+// NULL, or what is wrong.
+static const char *fit(kn_model *m, const facet *facets, int count)
 {
     const kn_simplices *s = m->def.mesh;
     double(*area)[3] = calloc((size_t)s->node_count, sizeof *area);
-    if (!area) return false;
+    if (!area) return KN_NO_MEMORY;
     double volume = areas(m, facets, count, area);
     kn_specimen specimen = specimen_of(m, (const double(*)[3])area, volume);
     kn_net_moduli *own = &m->moduli;
-    bool ok = kn_specimen_moduli(&specimen, own);
-    if (ok) {
+    const char *wrong = kn_specimen_moduli(&specimen, own);
+    if (!wrong) {
         double mean = s->dimension == 3 ? (own->young[0] + own->young[1] + own->young[2]) / 3
                                         : (own->young[0] + own->young[2]) / 2;
         m->kappa_m /= mean;
         for (int k = 0; k < 3; k++) own->young[k] /= mean;
         own->shear /= mean;
         specimen.kappa_m = m->kappa_m;
-        ok = s->node_count > CREEP_NODES_MAX ||
-             kn_specimen_gamma(&specimen, &m->def.material, &m->gamma, &m->creep_error);
+        if (s->node_count <= CREEP_NODES_MAX &&
+            !kn_specimen_gamma(&specimen, &m->def.material, &m->gamma, &m->creep_error))
+            wrong = KN_NO_MEMORY;
     }
     free(area);
-    return ok;
+    return wrong;
 }
 
 // The middle of a large mesh stands for it in the fit of gamma.
-static bool fit_middle(kn_model *m)
+static const char *fit_middle(kn_model *m)
 {
     kn_simplices *part = middle_of(m->def.mesh);
     kn_model *specimen = calloc(1, sizeof *specimen);
     int count = 0;
     facet *facets = part ? outer_facets(part, &count) : NULL;
-    bool ok = facets && specimen;
-    if (ok) {
+    const char *wrong = KN_NO_MEMORY;
+    if (facets && specimen) {
         specimen->def = m->def;
         specimen->def.mesh = part;
-        ok = build_edges(specimen) && fit(specimen, facets, count);
+        if (build_edges(specimen)) wrong = fit(specimen, facets, count);
         m->gamma = specimen->gamma;
         m->creep_error = specimen->creep_error;
         free(specimen->edges);
@@ -356,17 +361,17 @@ static bool fit_middle(kn_model *m)
     free(facets);
     free(specimen);
     kn_simplices_destroy(part);
-    return ok;
+    return wrong;
 }
 
-bool kn_net_build(kn_model *m)
+const char *kn_net_build(kn_model *m)
 {
     const kn_simplices *s = m->def.mesh;
     int count = 0;
     facet *facets = outer_facets(s, &count);
-    bool ok = facets && kn_model_nodes(m, s->node_count, s->node_count) && build_edges(m) &&
-              build_skin(m, facets, count) && build_cells(m);
-    if (ok) {
+    const char *wrong = KN_NO_MEMORY;
+    if (facets && kn_model_nodes(m, s->node_count, s->node_count) && build_edges(m) && build_skin(m, facets, count) &&
+        build_cells(m)) {
         m->row_count = s->node_count;
         m->stride = 1;
         m->edge_reals = (size_t)(m->edge_count + KN_LANES - 1) / KN_LANES * KN_LANES;
@@ -375,8 +380,9 @@ bool kn_net_build(kn_model *m)
         build_masses(m);
         build_support(m);
         build_top(m, facets, count);
-        ok = fit(m, facets, count) && (s->node_count <= CREEP_NODES_MAX || fit_middle(m));
+        wrong = fit(m, facets, count);
+        if (!wrong && s->node_count > CREEP_NODES_MAX) wrong = fit_middle(m);
     }
     free(facets);
-    return ok;
+    return wrong;
 }

@@ -13,12 +13,15 @@
 // Memory. A row is one node, its components beside each other; edges stand by their lower node.
 #include "core/model.h"
 
-// What model.c lends: room for that many nodes and top nodes, for that many cells, and the components that a support holds of a base node.
+#define KN_NO_MEMORY "not enough memory for the model"
+
+// What model.c lends: room for that many nodes and top nodes, for that many cells, and the components that a support
+// holds of a base node.
 bool kn_model_nodes(kn_model *model, int nodes, int top);
 bool kn_model_cells(kn_model *model, int cells);
 uint8_t kn_support_mask(kn_support support);
 
-// Fills what a model says about its nodes, edges, skin and top from def.mesh. False when memory is short.
-bool kn_net_build(kn_model *model);
+// Fills what a model says about its nodes, edges, skin and top from def.mesh. NULL, or what is wrong.
+const char *kn_net_build(kn_model *model);
 
 #endif

@@ -1,4 +1,5 @@
 #include "core/net_fit.h"
+#include "core/net.h"
 #include "core/law.h"
 
 #include <math.h>
@@ -108,10 +109,10 @@ static double strain(const bench *b, const double *x, int a, int c)
     return sum / b->s->volume_m3;
 }
 
-bool kn_specimen_moduli(const kn_specimen *s, kn_net_moduli *out)
+const char *kn_specimen_moduli(const kn_specimen *s, kn_net_moduli *out)
 {
     bench b;
-    if (!bench_open(&b, s)) return false;
+    if (!bench_open(&b, s)) return KN_NO_MEMORY;
     int step = s->flat ? 2 : 1, axes = s->flat ? 2 : 3, planes = s->flat ? 1 : 3;
     *out = (kn_net_moduli){.poisson = 0};
     for (int e = 0; e < s->edges; e++) b.k[e] = s->kappa_m * s->edge[e].weight;
@@ -133,20 +134,27 @@ bool kn_specimen_moduli(const kn_specimen *s, kn_net_moduli *out)
                 if (k != a) out->poisson -= strain(&b, b.x, k, k) / along / (axes * (axes - 1));
         }
     free(b.memory);
-    return ok;
+    return ok ? NULL : "the springs of this mesh do not hold it together";
 }
 
 #define CREEP_S 60.0
 #define CREEP_STEPS 12
 
-// Tension of an edge and how it changes with its growth per second.
-static double tension(const bench *b, const kn_law *law, double gamma, int e, double rate, double *slope)
+// Stress of an edge at the velocities of now.
+static double stress_of(const bench *b, const kn_law *law, double gamma, int e)
 {
-    const kn_edge *edge = &b->s->edge[e];
-    double length = gamma * edge->rest_m, area = length * b->s->kappa_m * edge->weight;
-    double stress = kn_law_stress(law, law->a_pa_s * rate / length + law->mat.k1_pa * b->u[e]);
-    *slope = area / length * law->a_pa_s * kn_law_slope(law, stress, KN_LINEARIZATION_BLEND);
-    return area * stress;
+    double rate = growth(b, e, b->x) / (gamma * b->s->edge[e].rest_m);
+    return kn_law_stress(law, law->a_pa_s * rate + law->mat.k1_pa * b->u[e]);
+}
+
+// Adds the edges' pull to the residual and sets their stiffness.
+static void pull_all(bench *b, const kn_law *law, double gamma)
+{
+    for (int e = 0; e < b->s->edges; e++) {
+        double stress = stress_of(b, law, gamma, e), spring = b->s->kappa_m * b->s->edge[e].weight;
+        b->k[e] = spring * law->a_pa_s * kn_law_slope(law, stress, KN_LINEARIZATION_BLEND);
+        pull(b, e, gamma * b->s->edge[e].rest_m * spring * stress, b->r);
+    }
 }
 
 double kn_specimen_creep(const kn_specimen *s, const kn_material *mat, double gamma, double stress_pa)
@@ -154,22 +162,19 @@ double kn_specimen_creep(const kn_specimen *s, const kn_material *mat, double ga
     bench b;
     kn_law law;
     if (!bench_open(&b, s)) return -1;
-    double dt = CREEP_S / CREEP_STEPS, crept = 0, slope;
+    double dt = CREEP_S / CREEP_STEPS, crept = 0;
     kn_law_build(&law, mat, dt, true);
     load(&b, 2, 2, stress_pa);
     double whole = sqrt(inner(b.f, b.f, 3 * s->nodes));
     for (int step = 0; step < CREEP_STEPS; step++) {
         for (int pass = 0; pass < 30; pass++) { // x: velocity; warm from the last step
             memcpy(b.r, b.f, 3 * (size_t)s->nodes * sizeof *b.r);
-            for (int e = 0; e < s->edges; e++) pull(&b, e, tension(&b, &law, gamma, e, growth(&b, e, b.x), &b.k[e]), b.r);
+            pull_all(&b, &law, gamma);
             if (sqrt(inner(b.r, b.r, 3 * s->nodes)) < 1e-3 * whole) break;
             solve(&b, 0.05);
         }
-        for (int e = 0; e < s->edges; e++) {
-            double length = gamma * s->edge[e].rest_m, area = length * s->kappa_m * s->edge[e].weight;
-            double stress = tension(&b, &law, gamma, e, growth(&b, e, b.x), &slope) / area;
-            b.u[e] += dt * (stress - mat->k1_pa * b.u[e]) / law.a_pa_s;
-        }
+        for (int e = 0; e < s->edges; e++)
+            b.u[e] += dt * (stress_of(&b, &law, gamma, e) - mat->k1_pa * b.u[e]) / law.a_pa_s;
         crept += dt * strain(&b, b.x, 2, 2);
     }
     free(b.memory);

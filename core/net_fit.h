@@ -15,8 +15,8 @@ typedef struct kn_specimen { // small strains: directions and areas are those at
     double kappa_m, volume_m3;
 } kn_specimen;
 
-// False when memory is short or the net cannot carry a load.
-bool kn_specimen_moduli(const kn_specimen *s, kn_net_moduli *out);
+// NULL, or what is wrong: memory is short, or the net cannot carry a load.
+const char *kn_specimen_moduli(const kn_specimen *s, kn_net_moduli *out);
 
 // Strain along z after 60 s under a constant stress, as the net creeps and as the 1-D element does, both by twelve
 // implicit steps. Negative when memory is short.
