@@ -56,6 +56,14 @@ typedef struct kn_solver_def {
     double mass_scale;  // >= 1; RK4's way to a stable step, stated in the scene, never chosen silently
 } kn_solver_def;
 
+// The part of a kn_solver_def that may change from step to step: it costs time, and no memory knows it.
+typedef struct kn_effort {
+    int iterations, iterations_max; // iterations 0: all of it is the model's own
+    double tolerance;
+    int passes;
+    kn_linearization linearization;
+} kn_effort;
+
 typedef struct kn_model_def {
     kn_material material;
     double density_kg_m3; // > 0

@@ -1,4 +1,5 @@
 // kneadd: serves one object to hands. The command line; everything else is daemon.h's.
+#include "core/scene/scene.h"
 #include "server/daemon.h"
 #include <getopt.h>
 #include <stdio.h>
@@ -7,10 +8,11 @@
 
 static const char usage[] =
     "usage: kneadd --scene FILE [--set KEY=VALUE]... [--lcm-url URL] [--mesh-url URL] [--realtime auto|require|off]\n"
-    "              [--backend cpu] [--command-fd N]\n"
+    "              [--quality NAME] [--backend cpu] [--command-fd N]\n"
     "\n"
     "  --scene FILE      the object and its probes (YAML); knead check FILE tells what it costs\n"
     "  --set KEY=VALUE   overrides a key of the scene, as in --set material.k1='300 gf/cm^3'; see knead check --keys\n"
+    "  --quality NAME    takes the scene's point fast, balanced or accurate: speed against accuracy; own: none of them\n"
     "  --lcm-url URL     bus of poses, forces, status; default LCM_DEFAULT_URL, else " KN_LCM_URL "\n"
     "  --mesh-url URL    bus of meshes; default " KN_MESH_URL "\n"
     "  --realtime MODE   auto: what the machine grants, and say what is missing; require: all of it or exit 3; off\n"
@@ -32,13 +34,16 @@ static int run(int argc, char **argv, const char **sets) // sets: room for argc
         {"scene", required_argument, NULL, 's'},    {"set", required_argument, NULL, 'k'},
         {"lcm-url", required_argument, NULL, 'l'},  {"mesh-url", required_argument, NULL, 'm'},
         {"realtime", required_argument, NULL, 'r'}, {"backend", required_argument, NULL, 'b'},
-        {"command-fd", required_argument, NULL, 'c'},
+        {"command-fd", required_argument, NULL, 'c'}, {"quality", required_argument, NULL, 'q'},
         {"help", no_argument, NULL, 'h'},           {"version", no_argument, NULL, 'v'}, {0}};
     kn_daemon_def def = {.realtime = KN_RT_AUTO, .sets = sets};
     for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         switch (option) {
         case 's': def.scene_path = optarg; break;
         case 'k': sets[def.set_count++] = optarg; break;
+        case 'q':
+            if (!(sets[def.set_count++] = kn_quality_set(optarg))) return bad(optarg, kn_quality_names);
+            break;
         case 'l': def.lcm_url = optarg; break;
         case 'm': def.mesh_url = optarg; break;
         case 'r':

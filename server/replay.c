@@ -166,7 +166,7 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
     }
     snprintf(error, error_size,
              "%s: the log was recorded with another scene, '%s': leave the scene out, or say with --set, "
-             "--solver, --precision or --dt what is to be different",
+             "--quality, --solver, --precision or --dt what is to be different",
              def->scene_path, v->scene_name);
     return false;
 }

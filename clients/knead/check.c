@@ -22,6 +22,7 @@ static const double gas_pass_ns[] = {0, 6, 4}, gas_iteration_ns[] = {0, 1.8, 0.5
 
 static const char usage[] =
     "usage: knead check SCENE [--set KEY=VALUE]...   say what a scene is, what it costs, what to watch for\n"
+    "       knead check SCENE --quality NAME         the same with its point fast, balanced or accurate; own: none\n"
     "       knead check --keys                       every key of a scene: unit, range, default, meaning\n"
     "       knead check SCENE --text                 the scene with every value written out, in SI\n"
     "\n"
@@ -185,6 +186,22 @@ static void print_solver(const kn_model *model)
         printf("warning   more than this machine's memory\n");
 }
 
+// The points of speed against accuracy that the scene names.
+static void print_quality(const kn_scene *scene, const kn_model *model)
+{
+    for (int q = 0; q < KN_QUALITY_OWN; q++) {
+        const kn_effort *e = &scene->point[q].effort;
+        if (!scene->point[q].defined) continue;
+        printf("quality   %s: %d to %d CG iterations, %d pass%s", kn_quality_name((kn_quality)q), e->iterations,
+               e->iterations_max, e->passes, e->passes > 1 ? "es" : "");
+        if (scene->point[q].live)
+            printf(", estimate %.0f us", estimate_us(model, e->iterations) * e->passes / model->def.solver.passes);
+        else
+            printf(", another lattice or precision: not while it runs");
+        printf(scene->quality == (kn_quality)q ? "; in force\n" : "\n");
+    }
+}
+
 static void print_device(const kn_scene *scene)
 {
     const kn_safety_limits *l = &scene->limits;
@@ -231,6 +248,7 @@ static void print_scene(const kn_scene *scene, const kn_model *model)
     print_material(model);
     print_sag(def);
     print_solver(model);
+    print_quality(scene, model);
     print_device(scene);
     for (int p = 0; p < def->probe_count; p++) print_probe(def, &def->probe[p]);
     if (def->probe_count == 0) printf("warning   no probe: nothing can touch the object\n");
@@ -259,6 +277,7 @@ int kn_check_main(int argc, char **argv)
                                             {"keys", no_argument, NULL, 'k'},
                                             {"text", no_argument, NULL, 't'},
                                             {"set", required_argument, NULL, 's'},
+                                            {"quality", required_argument, NULL, 'q'},
                                             {0}};
     const char **sets = calloc((size_t)argc, sizeof *sets);
     int count = 0, status = -1;
@@ -267,6 +286,10 @@ int kn_check_main(int argc, char **argv)
     for (int c; status < 0 && (c = getopt_long(argc, argv, "h", options, NULL)) != -1;) {
         if (c == 's') sets[count++] = optarg;
         else if (c == 't') text = true;
+        else if (c == 'q') {
+            if (!(sets[count++] = kn_quality_set(optarg)))
+                status = kn_complain("check", KN_EXIT_USAGE, "--quality %s: expected %s", optarg, kn_quality_names);
+        }
         else if (c == 'h') {
             fputs(usage, stdout);
             status = KN_EXIT_OK;

@@ -29,7 +29,8 @@ static const char help[] =
     "  --solver S        implicit, rk4, blend, secant or tangent\n"
     "  --precision P     f32 or f64\n"
     "  --dt TIME         step, 1 ms divided by a whole number, e.g. '62.5 us'\n"
-    "  --set KEY=VALUE   any key of the scene; knead check --keys lists them\n\n"
+    "  --set KEY=VALUE   any key of the scene; knead check --keys lists them\n"
+    "  --quality NAME    the scene's point fast, balanced or accurate; own: none of them\n\n"
     "Exit codes: 0 ok, 1 --verify failed or cannot be made, 2 bad input, 3 a file cannot be written.\n";
 
 static const char columns[] = "tick,time_s,probe,x_m,y_m,z_m,contact_fx_n,contact_fy_n,contact_fz_n,fx_n,fy_n,fz_n,"
@@ -120,6 +121,9 @@ static int take_option(replay_options *opt, int option, const char *value)
         if (strcmp(value, "f32") && strcmp(value, "f64")) return bad("precision", value, "f32 or f64");
         return add_set(opt, "solver.precision", value, "");
     case 'd': return set_dt(opt, value);
+    case 'q':
+        if (!kn_quality_set(value)) return bad("quality", value, kn_quality_names);
+        return add_set(opt, NULL, kn_quality_set(value), "");
     case 'k': return add_set(opt, NULL, value, "");
     default: return KN_EXIT_USAGE; // getopt has said why
     }
@@ -136,6 +140,7 @@ static int parse(replay_options *opt, int argc, char **argv, bool *done)
                                             {"precision", required_argument, NULL, 'p'},
                                             {"dt", required_argument, NULL, 'd'},
                                             {"set", required_argument, NULL, 'k'},
+                                            {"quality", required_argument, NULL, 'q'},
                                             {"help", no_argument, NULL, 'h'},
                                             {NULL, 0, NULL, 0}};
     optind = 0; // a test calls this more than once
@@ -296,7 +301,7 @@ static int refuse_verify(const replay_run *run)
     if (!run->replay->same)
         return kn_complain("replay", KN_EXIT_USAGE,
                            "%s: --verify expects the log's own scene and computation, not what "
-                           "--set, --solver, --precision or --dt ask for",
+                           "--set, --quality, --solver, --precision or --dt ask for",
                            log);
     return KN_EXIT_OK;
 }

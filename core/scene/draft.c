@@ -10,6 +10,7 @@
 // More nodes than any processor steps in a millisecond by a factor of 100, and their memory (below 4 GiB in f64) still
 // fits a workstation: beyond it a typing error is likelier than a wish.
 enum { NODES_MAX = 1 << 22 };
+#define LETTERS "abcdefghijklmnopqrstuvwxyz"
 #define SPACING_TOLERANCE 1e-6 // of a spacing, per extent: 5 cm / 3.3333333333333333 mm passes, / 3.333 mm does not
 
 void *kn_draft_field(kn_draft *draft, int slot, kn_key_id id)
@@ -32,15 +33,21 @@ const char *kn_draft_path(kn_draft *draft, int slot, kn_key_id id, char path[KN_
 bool kn_draft_complain(kn_draft *draft, kn_mark mark, const char *format, ...)
 {
     char what[512];
+    int used = draft->point ? snprintf(what, sizeof what, "quality.%s: ", draft->point) : 0;
     va_list args;
     va_start(args, format);
-    vsnprintf(what, sizeof what, format, args);
+    vsnprintf(what + used, sizeof what - (size_t)used, format, args);
     va_end(args);
     if (mark.source < 0) {
         snprintf(draft->error, draft->error_size, "%s:%d:%d: %s", draft->file, mark.line, mark.col, what);
     } else {
         const char *set = draft->sets[mark.source];
         int size = 0;
+        bool point = strncmp(set, "quality=", 8) == 0 && set[8] && set[8 + strspn(set + 8, LETTERS)] == '\0';
+        if (point) { // as it was given
+            snprintf(draft->error, draft->error_size, "--quality %.24s: %s", set + 8, what);
+            return false;
+        }
         bool keyless = *set == '=';
         while (set[size] > ' ' && set[size] <= '~' && (set[size] != '=' || keyless) && size < 128) size++;
         // a complaint that begins with the key itself need not say it twice
@@ -110,8 +117,8 @@ static bool relevant(kn_draft *draft, int slot, kn_key_id id)
     case KN_WHEN_FORCE:
         return def->material.damper == KN_DAMPER_EXPONENTIAL || def->material.damper == KN_DAMPER_RAMP;
     case KN_WHEN_EXPONENTIAL: return def->material.damper == KN_DAMPER_EXPONENTIAL;
-    case KN_WHEN_PLATE: return def->probe[slot - 1].shape == KN_PROBE_PLATE;
-    case KN_WHEN_SPHERE: return def->probe[slot - 1].shape == KN_PROBE_SPHERE;
+    case KN_WHEN_PLATE: return slot > 0 && def->probe[slot - 1].shape == KN_PROBE_PLATE;
+    case KN_WHEN_SPHERE: return slot > 0 && def->probe[slot - 1].shape == KN_PROBE_SPHERE;
     default: return true;
     }
 }
@@ -322,6 +329,14 @@ static void finish_device(kn_draft *draft)
     if (!given(draft, 0, KN_KEY_TORQUE_CLAMP)) scene->limits.torque_clamp_n_m = 0.05 * scene->limits.clamp_n;
 }
 
+bool kn_draft_finish_point(kn_draft *draft)
+{
+    if (!*draft->mesh_path && !finish_object(draft)) return false; // a mesh has been read, and no point changes it
+    for (int slot = 1; slot <= draft->scene.model.probe_count; slot++)
+        if (!finish_probe(draft, slot)) return false;
+    return finish_solver(draft);
+}
+
 bool kn_draft_finish(kn_draft *draft)
 {
     kn_model_def *def = &draft->scene.model;
@@ -332,13 +347,13 @@ bool kn_draft_finish(kn_draft *draft)
     finish_device(draft);
     // the canonical size: equal lattices have equal texts, however the size was rounded in the file
     for (int k = 0; k < 3; k++) draft->size_m[k] = (def->nodes[k] - 1) * def->spacing_m;
-    return finish_solver(draft);
+    return finish_solver(draft) && kn_draft_quality(draft);
 }
 
 typedef struct page { // the canonical text as it grows; about 2 kB
     char text[8192];
     size_t used;
-    char group[KN_LINE_MAX]; // mapping that is open
+    char group[KN_LINE_MAX]; // mapping that is open, "quality.fast."
 } page;
 
 static void put(page *out, const char *format, ...) __attribute__((format(printf, 2, 3)));
@@ -359,6 +374,22 @@ static void put_path(page *out, const char *path)
     put(out, "'\n");
 }
 
+// Opens the mappings above a key; returns how many there are.
+static int open_groups(page *out, const char *path)
+{
+    int depth = 0;
+    size_t at = 0;
+    for (const char *dot; (dot = strchr(path + at, '.')); depth++) {
+        size_t end = (size_t)(dot + 1 - path);
+        if (strncmp(out->group, path, end) != 0) {
+            snprintf(out->group, sizeof out->group, "%.*s", (int)end, path);
+            put(out, "%*s%.*s:\n", 2 * depth, "", (int)(end - 1 - at), path + at);
+        }
+        at = end;
+    }
+    return depth;
+}
+
 static void put_key(page *out, kn_draft *draft, int slot, kn_key_id id)
 {
     const kn_key *key = &kn_keys[id];
@@ -367,13 +398,9 @@ static void put_key(page *out, kn_draft *draft, int slot, kn_key_id id)
     bool optional = key->fallback && *key->fallback == '\0';
     if (!relevant(draft, slot, id) || (optional && !given(draft, slot, id))) return;
     if (slot == 0 && id == KN_KEY_VARIANT) return; // it has been made
-    size_t group = dot ? (size_t)(dot - key->path) : 0;
-    if (slot == 0 && group > 0 && strncmp(out->group, key->path, group + 1) != 0) {
-        snprintf(out->group, sizeof out->group, "%.*s.", (int)group, key->path);
-        put(out, "%.*s:\n", (int)group, key->path);
-    }
-    const char *indent = slot == 0 ? (dot ? "  " : "") : id == KN_KEY_PROBE_NAME ? "  - " : "    ";
-    put(out, "%s%s: ", indent, dot ? dot + 1 : key->path);
+    if (slot == 0) put(out, "%*s", 2 * open_groups(out, key->path), "");
+    else put(out, id == KN_KEY_PROBE_NAME ? "  - " : "    ");
+    put(out, "%s: ", dot ? dot + 1 : key->path);
     if (key->type == KN_TYPE_PATH) put_path(out, kn_draft_field(draft, slot, id));
     else put(out, "%s\n", kn_key_print(key, kn_draft_field(draft, slot, id), value));
 }

@@ -16,6 +16,13 @@ typedef struct kn_mark {
 
 #define KN_SLOTS (1 + KN_PROBES_MAX) // 0: the scene's keys; 1 + p: those of probe p
 
+typedef struct kn_draft_point { // what quality.NAME says
+    int iterations, iterations_max, passes;
+    double tolerance, spacing_m;
+    kn_linearization linearization;
+    kn_precision precision;
+} kn_draft_point;
+
 typedef struct kn_draft {
     kn_scene scene;
     double size_m[3];
@@ -23,6 +30,10 @@ typedef struct kn_draft {
     int variant; // 0 rheological, 1 viscoelastic, 2 plastic
     bool is_material; // it is the file of a named material that is read, not a scene
     int profile;                            // 0 touch, 1 bench
+    int chosen;                             // kn_quality
+    kn_draft_point fast, balanced, accurate;
+    kn_model_def built;                     // scene.model with the chosen point in its place
+    const char *point;                      // NULL, or name of the point that stands in scene.model
     char mesh_path[KN_PATH_MAX];            // as written; absolute once it has been read. "": a block
     int mesh_unit;                          // number of the word in the key's table
     uint64_t mesh_hash;
@@ -45,8 +56,15 @@ const char *kn_draft_path(kn_draft *draft, int slot, kn_key_id id, char path[KN_
 // Writes "file:line:col: ..." or "--set key: ..." into error. Always false.
 bool kn_draft_complain(kn_draft *draft, kn_mark mark, const char *format, ...) __attribute__((format(printf, 3, 4)));
 
-// The rules between keys, then everything that follows from the values. False after a complaint.
+// The rules between keys, then everything that follows from the values. False after a complaint. scene.model is then
+// what object and solver say, which the canonical text holds; built is what the chosen point of quality makes of it.
 bool kn_draft_finish(kn_draft *draft);
+
+// The rules of those keys that a point of quality may change. False after a complaint.
+bool kn_draft_finish_point(kn_draft *draft);
+
+// The points of quality, and built (draft_quality.c). False after a complaint.
+bool kn_draft_quality(kn_draft *draft);
 
 // Reads the mesh that the draft names (draft_mesh.c). False after a complaint.
 bool kn_draft_mesh(kn_draft *draft);

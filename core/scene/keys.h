@@ -15,6 +15,23 @@
 #include <stdint.h>
 
 // clang-format off
+// A named point of speed against accuracy: what it says stands in the place of solver.KEY, and of object.spacing.
+#define KN_QUALITY_KEYS(X, POINT, path, member)                                                                       \
+  X(POINT##_ITERATIONS, ALWAYS, path "iterations", INTEGER, 1, "", 1, 1000, "",                                       \
+    member.iterations, "instead of solver.iterations")                                                                \
+  X(POINT##_ITERATIONS_MAX, ALWAYS, path "iterations_max", INTEGER, 1, "", 1, 1000, "",                               \
+    member.iterations_max, "instead of solver.iterations_max")                                                        \
+  X(POINT##_TOLERANCE, ALWAYS, path "tolerance", REAL, 1, "", 0, 1, "",                                               \
+    member.tolerance, "instead of solver.tolerance")                                                                  \
+  X(POINT##_PASSES, ALWAYS, path "passes", INTEGER, 1, "", 1, 20, "",                                                 \
+    member.passes, "instead of solver.passes")                                                                        \
+  X(POINT##_LINEARIZATION, ALWAYS, path "linearization", CHOICE, 1, "blend|secant|tangent", 0, 0, "",                 \
+    member.linearization, "instead of solver.linearization")                                                          \
+  X(POINT##_PRECISION, ALWAYS, path "precision", CHOICE, 1, "f32|f64", 0, 0, "",                                      \
+    member.precision, "instead of solver.precision")                                                                  \
+  X(POINT##_SPACING, BLOCK, path "spacing", REAL, 1, "m", 1e-5, 1, "",                                                \
+    member.spacing_m, "instead of object.spacing")
+
 #define KN_SCENE_KEYS(X)                                                                                              \
   X(VERSION, ALWAYS, "version", INTEGER, 1, "", 1, 1, NULL,                                                           \
     scene.version, "of this format")                                                                                  \
@@ -112,6 +129,11 @@
     scene.model.solver.passes, "linearisations per step")                                                             \
   X(MASS_SCALE, ALWAYS, "solver.mass_scale", REAL, 1, "", 1, 1e9, "1",                                                \
     scene.model.solver.mass_scale, "inertia times this, weight as it is: rk4's way to a stable step")                 \
+  X(CHOSEN, ALWAYS, "quality.chosen", CHOICE, 1, "fast|balanced|accurate|own", 0, 0, "",                              \
+    chosen, "the point in force; own: as solver says; short: quality: NAME, --quality NAME")                          \
+  KN_QUALITY_KEYS(X, FAST, "quality.fast.", fast)                                                                     \
+  KN_QUALITY_KEYS(X, BALANCED, "quality.balanced.", balanced)                                                         \
+  KN_QUALITY_KEYS(X, ACCURATE, "quality.accurate.", accurate)                                                         \
   X(MESH_RATE, ALWAYS, "mesh.rate", REAL, 1, "Hz", 30, 60, "30 Hz",                                                   \
     scene.mesh_hz, "meshes published per second")
 

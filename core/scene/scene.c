@@ -277,6 +277,8 @@ static bool read_node(reader *r, const char *path)
     if (strcmp(path, "probes") == 0) return read_probes(r);
     if (strcmp(path, "device") == 0 && r->event.type == YAML_SCALAR_EVENT)
         return read_leaf(r, &kn_keys[KN_KEY_PROFILE]);
+    if (strcmp(path, "quality") == 0 && r->event.type == YAML_SCALAR_EVENT)
+        return read_leaf(r, &kn_keys[KN_KEY_CHOSEN]);
     if (strcmp(path, "material") == 0 && r->event.type == YAML_SCALAR_EVENT) return read_material(r);
     if (r->event.type == YAML_MAPPING_START_EVENT) return read_mapping(r, path);
     return kn_draft_complain(r->draft, here(r), "%s: %s, expected a mapping", path, kind_of(r));
@@ -385,6 +387,7 @@ kn_scene *kn_scene_parse_beside(const char *beside, const char *name, const char
         return NULL;
     }
     *scene = draft.scene;
+    scene->model = draft.built;
     scene->text_hash = hash_text(scene->text);
     return scene;
 }

@@ -6,11 +6,23 @@
 #include "core/safety.h"
 #include <stdint.h>
 
+// Named points of speed against accuracy, the cheaper first. OWN: what the scene's solver says, without any of them.
+typedef enum kn_quality { KN_QUALITY_FAST, KN_QUALITY_BALANCED, KN_QUALITY_ACCURATE, KN_QUALITY_OWN } kn_quality;
+#define KN_QUALITIES 4
+
+typedef struct kn_point {
+    bool defined;     // the scene names it; OWN always is
+    bool live;        // same lattice and precision as the chosen point: a server may take it while it runs
+    kn_effort effort; // what a step is then given
+} kn_point;
+
 typedef struct kn_scene {
     char name[64];          // file name without folder
     int version;            // the format's, 1
     kn_model_def model;
     kn_simplices *mesh;     // what model.mesh points at, owned; NULL: a block
+    kn_point point[KN_QUALITIES];
+    kn_quality quality;     // the chosen one, which model is built with
     char device[16];        // profile: touch (default limits), bench (virtual hand, 40 N clamp)
     kn_safety_limits limits;
     double mesh_hz;         // 30..60
@@ -29,6 +41,11 @@ kn_scene *kn_scene_parse(const char *name, const char *text, size_t size, const 
 kn_scene *kn_scene_parse_beside(const char *beside, const char *name, const char *text, size_t size,
                                 const char *const *sets, int set_count, char *error, size_t error_size);
 void kn_scene_destroy(kn_scene *scene); // NULL is fine
+
+const char *kn_quality_name(kn_quality quality); // "fast", "balanced", "accurate", "own"
+// What --quality NAME is among the sets: "quality=NAME". NULL: there is no such name; kn_quality_names are expected.
+const char *kn_quality_set(const char *name);
+extern const char kn_quality_names[]; // "fast, balanced, accurate or own"
 
 // The table of every key: path, unit, range, default, meaning; NULL-terminated lines for `knead check --keys`.
 const char *const *kn_scene_keys(void);

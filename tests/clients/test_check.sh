@@ -47,6 +47,10 @@ refuses "keys.yaml:1:3: unknown key 'k1', did you mean material.k1?" keys.yaml
 dough=$KN_SOURCE/core/scenes/dough.yaml
 refuses "knead check: --set material.k1: '300' has no unit, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
     "$dough" --set material.k1=300
+refuses "knead check: --quality quick: expected fast, balanced, accurate or own" "$dough" --quality quick
+refuses "knead check: --quality fast: the scene names no point of quality, expected this left out" \
+    "$KN_SOURCE/core/scenes/jelly.yaml" --quality fast
+knead check "$dough" --quality fast | grep -q "^quality *fast: .*; in force" || fail "the point in force"
 refuses "knead check: --set =3: expected key=value, e.g. material.k1='300 gf/cm^3'" "$dough" --set =3
 refuses "knead check: '': expected the name of a scene file" ''
 refuses "knead check: unrecognized option '--wood'" "$dough" --wood

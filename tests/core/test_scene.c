@@ -180,6 +180,52 @@ TEST("every key can be set")
     kn_scene_destroy(scene);
 }
 
+static const char points[] =
+    "quality={fast: {iterations: 5, iterations_max: 9}, balanced: {spacing: 1 cm, precision: f64}, "
+    "accurate: {passes: 2, tolerance: 1e-4, linearization: secant}}";
+
+TEST("a named point of quality stands in the place of solver's keys, and is in the text and its hash")
+{
+    const char *sets[] = {points, kn_quality_set("fast"), "solver.tolerance=0.01"};
+    kn_scene *none = parse(in_cm, sets, 0), *own = parse(in_cm, sets, 1), *fast = parse(in_cm, sets, 3);
+    CHECK(none && own && fast);
+    CHECK(memcmp(&none->model, &own->model, sizeof own->model) == 0 && own->quality == KN_QUALITY_OWN);
+    CHECK(fast->model.solver.iterations == 5 && fast->model.solver.iterations_max == 9);
+    CHECK(fast->model.solver.tolerance == 0.01 && fast->model.solver.passes == 1);
+    CHECK(strstr(fast->text, "  iterations: 8\n"));
+    CHECK(strstr(fast->text, "\nquality:\n  chosen: fast\n  fast:\n    iterations: 5\n"));
+    kn_scene *again = parse(fast->text, NULL, 0), *back = parse(fast->text, (const char *[]){"quality=own"}, 1);
+    CHECK(again && same(again, fast));
+    CHECK(back && back->model.solver.iterations == 8 && !strstr(back->text, "chosen"));
+    kn_scene *all[] = {none, own, fast, again, back};
+    for (int i = 0; i < 5; i++) kn_scene_destroy(all[i]);
+}
+
+TEST("only points with the chosen one's lattice and precision can be taken later")
+{
+    const char *sets[] = {points, "quality=balanced"};
+    kn_scene *own = parse(in_cm, sets, 1), *balanced = parse(in_cm, sets, 2);
+    CHECK(own && balanced && balanced->model.nodes[0] == 6 && balanced->model.solver.precision == KN_PRECISION_F64);
+    for (int q = 0; q < KN_QUALITIES; q++) {
+        CHECK(own->point[q].defined && own->point[q].live == (q != KN_QUALITY_BALANCED));
+        CHECK(balanced->point[q].defined && balanced->point[q].live == (q == KN_QUALITY_BALANCED));
+    }
+    const kn_effort *e = &own->point[KN_QUALITY_ACCURATE].effort;
+    CHECK(e->passes == 2 && e->tolerance == 1e-4 && e->linearization == KN_LINEARIZATION_SECANT && e->iterations == 8);
+    kn_scene_destroy(own);
+    kn_scene_destroy(balanced);
+}
+
+TEST("a --set of a key that the chosen point has is meant, whichever came first")
+{
+    const char *sets[] = {points, "solver.iterations=7", "quality=fast", "quality.fast.iterations_max=8"};
+    kn_scene *scene = parse(in_cm, sets, 4), *again = scene ? parse(scene->text, NULL, 0) : NULL;
+    CHECK(scene && scene->model.solver.iterations == 7 && scene->model.solver.iterations_max == 8);
+    CHECK(again && same(scene, again));
+    kn_scene_destroy(again);
+    kn_scene_destroy(scene);
+}
+
 // A scene of in_cm with this damper instead.
 static kn_scene *damped(const char *a, const char *b, const char *c)
 {
@@ -398,6 +444,11 @@ TEST("a bad --set is told by its key")
          "probes.finger.radius is 0.015 m, expected at least object.spacing, 0.02 m"},
         {"probes=[]", "expected one key of one probe, e.g. probes.plate.size"},
         {"solver.iterations=25", "solver.iterations_max is 24, expected at least solver.iterations, 25"},
+        {"quality.fast.iterations=11",
+         "quality.fast: solver.iterations_max is 10, expected at least solver.iterations, 11"},
+        {"quality.fast.spacing=7 mm", "quality.fast: object.size along x, 0.05 m, is 7.1428571 spacings of 0.007 m, "
+                                      "expected a whole number (0.007142857143 m would be)"},
+        {"quality.slow.passes=1", "unknown key, did you mean solver.passes?"},
         {"object.spacing=1e-5 m", "object: size and spacing make 7.506e+10 nodes, expected at most 4194304"},
         {"material={k1: 1 Pa, k1: 2 Pa}", "'k1' is there already, in line 1, expected it once"},
         {"density=*a", "anchors, aliases and tags are not read, expected a plain value"},
@@ -409,6 +460,17 @@ TEST("a bad --set is told by its key")
         snprintf(expected, sizeof expected, "--set %.*s: %s", (int)strcspn(bad[i][0], "="), bad[i][0], bad[i][1]);
         CHECK_STR(complaint(bad[i][0]), expected);
     }
+}
+
+TEST("a point that the scene has not is told by --quality")
+{
+    CHECK_STR(complaint("quality=quick"),
+              "--quality quick: quality.chosen: 'quick' is unknown, expected fast|balanced|accurate|own");
+    kn_scene *scene = parse(in_cm, (const char *[]){"quality.balanced.passes=2", "quality=fast"}, 2);
+    CHECK_STR(error, "--quality fast: the scene has no quality.fast, expected balanced, or own");
+    CHECK(!scene && !parse(in_cm, (const char *[]){"quality=fast"}, 1));
+    CHECK_STR(error, "--quality fast: the scene names no point of quality, expected this left out");
+    CHECK(!kn_quality_set("quick"));
 }
 
 TEST("the README lists every key as knead check --keys does")

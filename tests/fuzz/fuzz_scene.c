@@ -9,10 +9,11 @@ static void require(int condition)
     if (!condition) abort();
 }
 
-// One line, "f.yaml:line:col: ..." or "--set key: ...", printable: none of the file's own bytes are quoted.
+// One line, "f.yaml:line:col: ...", "--set key: ..." or "--quality name: ...", printable: none of the file's own bytes are quoted.
 static void check_complaint(const char *error)
 {
-    require(strncmp(error, "f.yaml:", 7) == 0 || strncmp(error, "--set ", 6) == 0);
+    require(strncmp(error, "f.yaml:", 7) == 0 || strncmp(error, "--set ", 6) == 0 ||
+            strncmp(error, "--quality ", 10) == 0);
     require(strstr(error, ": ") != NULL);
     for (; *error; error++) require(*error >= ' ' && *error <= '~');
 }
