@@ -131,6 +131,7 @@ static void take_commands(kn_safety *s, const kn_safety_in *in)
     }
     if (in->recover && s->fault != KN_FAULT_NONFINITE && s->fault != KN_FAULT_STOPPING) clear_fault(s);
     if (in->stop) kn_safety_trip(s, KN_FAULT_STOPPING);
+    if (in->change) s->yielding = s->gain > 0.0;
 }
 
 static bool braked(const kn_safety *s) { return s->brake_n[0] != 0.0 || s->brake_n[1] != 0.0 || s->brake_n[2] != 0.0; }
@@ -138,13 +139,13 @@ static bool braked(const kn_safety *s) { return s->brake_n[0] != 0.0 || s->brake
 // Is contact what the hand is to feel in this tick? If not, the last force stands (hold) or fades.
 static bool rendering(const kn_safety *s)
 {
-    return s->attached && !s->latched && !s->braking && !braked(s) && s->silent_ms == 0;
+    return s->attached && !s->latched && !s->braking && !s->yielding && !braked(s) && s->silent_ms == 0;
 }
 
 static void move_gain(kn_safety *s, int silence_ms, int ms)
 {
     const kn_safety_limits *l = &s->limits;
-    int fade_ms = s->latched || s->braking || !s->attached ? ms : silence_ms;
+    int fade_ms = s->latched || s->braking || s->yielding || !s->attached ? ms : silence_ms;
     double before = s->gain;
     if (fade_ms > 0) {
         s->gain -= fade_ms / ramp_down_ms(l);
@@ -156,6 +157,7 @@ static void move_gain(kn_safety *s, int silence_ms, int ms)
     if (s->gain < 1e-9) s->gain = 0.0;
     if (s->gain > 1.0 - 1e-9) s->gain = 1.0;
     s->gain_drop = fmax(0.0, before - s->gain);
+    if (s->gain == 0.0) s->yielding = false;
 }
 
 static bool may_engage(const kn_safety *s, const kn_safety_in *in)

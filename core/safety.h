@@ -64,6 +64,7 @@ typedef struct kn_safety { // one probe's; plain data, part of the servo's state
     bool attached;          // the probe is in the model
     bool latched;           // fault stands until its way back is taken; false while a silence is only fading
     bool braking;
+    bool yielding;          // to a change of the physics: the force fades to 0 and then comes back
     bool rejoining;         // force_n was frozen longer than hold_ms and walks back to the contact's
     kn_fault fault;         // why the force is latched or fading
     int64_t clamps, guards, faults; // counters since init
@@ -77,6 +78,7 @@ typedef struct kn_safety_in {
     bool stop;    // the server is stopping: ramp down and latch
     bool reset;   // the object is as new: the probe leaves the model at once, the force it gave fades
     bool recover; // operator's recover command
+    bool change;  // the physics is another from this tick on: what the hand feels goes through 0, the probe stays
     int elapsed_ms;         // 1 + missed cycles: time since the last tick
     double velocity_m_s[3]; // of the tool
 } kn_safety_in;

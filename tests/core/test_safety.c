@@ -238,6 +238,25 @@ TEST("a reset under the hand takes the probe out at once and fades what it felt"
     CHECK(length(r.out_n) == 0.0);
 }
 
+TEST("a change of the physics takes the force to zero in 17 ms and back in 200, and the probe stays in the model")
+{
+    rig r = rig_pressing(40.0, 8.0);
+    double slope = kn_safety_slope(&r.s.limits);
+    r.in.change = true;
+    r.contact_n[2] = 9.0; // as the other physics has it
+    for (int ms = 1; ms <= 217; ms++) {
+        double before = r.out_n[2];
+        tick(&r);
+        r.in.change = false;
+        CHECK(r.s.attached && fabs(r.out_n[2] - before) <= slope);
+        if (ms <= 17) CHECK_NEAR(r.out_n[2], 8.0 * (17 - ms) / 17.0, 1e-12);
+        if (ms == 17) CHECK(r.out_n[2] == 0.0);
+        CHECK(!(r.flags & KN_FLAG_RAMPING) == (ms == 217));
+    }
+    CHECK_NEAR(r.out_n[2], 9.0, 1e-12);
+    CHECK(r.s.faults == 0 && r.s.guards == 0);
+}
+
 TEST("stopping ramps to zero in 17 ms and nothing brings the force back")
 {
     rig r = rig_pressing(40.0, 8.5);
@@ -328,9 +347,11 @@ static void anything(double clamp_n, unsigned long long from)
     for (long n = 0; n < 500000; n++) {
         double before[3] = {r.out_n[0], r.out_n[1], r.out_n[2]}, change[3];
         random_tick(&r, &burst);
+        r.in.change = n % 997 == 0;
         kn_safety_watch(&r.s, &r.in);
         bool live_contact =
-            r.s.attached && !r.s.latched && !r.s.braking && !braked(&r.s) && r.in.fresh && !r.s.rejoining;
+            r.s.attached && !r.s.latched && !r.s.braking && !braked(&r.s) && r.in.fresh && !r.s.rejoining &&
+            !r.s.yielding;
         int gap = r.s.gap_ms < 1 ? 1 : r.s.gap_ms < l->hold_ms ? r.s.gap_ms : l->hold_ms;
         r.flags = kn_safety_filter(&r.s, &r.in, r.contact_n, r.torque_n_m, r.out_n, r.out_n_m);
 
