@@ -8,6 +8,7 @@
 typedef struct kn_scratch {
     kn_work work; // implicit: first, kernels find it at state->scratch
     kn_contact contact;
+    kn_effort effort; // implicit: of this step
     int *last_held; // implicit: nodes whose components the last step prescribed
     int last_held_count;
     uint8_t *row_base;    // implicit: [rows] 1 where the support holds a node of the row

@@ -139,7 +139,7 @@ static double apply_samples(const kn_model *m, kn_scratch *s)
 // From r.z of the residual in place; returns r.z at the end.
 static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double rz, int wanted, kn_output *output)
 {
-    const kn_solver_def *solver = &m->def.solver;
+    const kn_effort *solver = &s->effort;
     double enough = solver->tolerance * solver->tolerance * state->residual_scale;
     double nothing = 1e-24 * state->residual_scale; // the object rests: nothing to solve
     double beta = 0;
@@ -158,7 +158,7 @@ static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double 
 
 static double solve_linear(const kn_model *m, kn_state *state, kn_scratch *s, double rz, kn_output *output)
 {
-    int wanted = m->def.solver.iterations;
+    int wanted = s->effort.iterations;
     rz = iterate(m, state, s, rz, wanted, output);
     for (int again = 0; again < 2; again++) {
         if (change_active_set(m, state, s) == 0) break;
@@ -180,19 +180,26 @@ static void read_forces(const kn_model *m, kn_state *state, kn_scratch *s)
     }
 }
 
+static kn_effort effort_of(const kn_model *m, const kn_input *input)
+{
+    const kn_solver_def *own = &m->def.solver;
+    if (input->effort.iterations > 0) return input->effort;
+    return (kn_effort){own->iterations, own->iterations_max, own->tolerance, own->passes, own->linearization};
+}
+
 void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *input, kn_output *output)
 {
     kn_scratch *s = kn_state_scratch(state);
-    const kn_solver_def *solver = &model->def.solver;
+    s->effort = effort_of(model, input);
     output->secant = state->secant_steps > 0;
-    kn_linearization how = output->secant ? KN_LINEARIZATION_SECANT : solver->linearization;
+    kn_linearization how = output->secant ? KN_LINEARIZATION_SECANT : s->effort.linearization;
     prescribe(model, state, s);
     double rz = 0;
-    for (int pass = 0; pass < solver->passes; pass++) {
+    for (int pass = 0; pass < s->effort.passes; pass++) {
         add_external(model, state, s, input);
         rz = model->kernels->edge(model, state, how, pass > 0);
         // decays over a second: what is a large residual now is measured against the recent past
-        double faded = state->residual_scale * (1 - fmin(1, solver->dt_s));
+        double faded = state->residual_scale * (1 - fmin(1, model->def.solver.dt_s));
         if (pass == 0) state->residual_scale = rz <= faded ? faded : rz; // a NaN stays one
         output->iterations = 0;
         rz = solve_linear(model, state, s, rz, output);

@@ -12,6 +12,7 @@ typedef struct kn_probe_input {
 typedef struct kn_input {
     kn_probe_input probe[KN_PROBES_MAX];
     double top_load_n; // dead load spread evenly over the top face, downwards (creep tests)
+    kn_effort effort;  // IMPLICIT: what this step is given; zero: the model's own
 } kn_input;
 
 typedef struct kn_probe_output {
