@@ -112,6 +112,9 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
     SET(&a->faults, faults);
     SET(&a->capped, servo->capped);
     SET(&a->mode, mode_of(in, out));
+    SET(&a->quality, (int32_t)servo->quality);
+    SET(&a->asked, (int32_t)servo->asked);
+    SET(&a->exhausted, servo->exhausted);
     if (errors) atomic_fetch_or_explicit(&a->errors, errors, memory_order_relaxed);
 }
 
@@ -133,6 +136,7 @@ void kn_account_status(kn_account *a, knead_status_t *status)
     status->faults = GET(&a->faults);
     status->solver_capped = GET(&a->capped);
     status->mode = GET(&a->mode);
+    if (GET(&a->quality) != GET(&a->asked)) status->degraded |= KNEAD_STATUS_T_DEGRADED_REDUCED;
     status->current_errors = atomic_exchange_explicit(&a->errors, 0, memory_order_relaxed);
     status->last_errors = GET(&a->last_errors);
 }

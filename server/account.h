@@ -17,6 +17,8 @@ typedef struct kn_account {
     _Atomic int64_t late_loop_ns; // how long the latest loop that missed cycles took
     _Atomic double force_max_n, force_step_max_n, success_rate;
     _Atomic int32_t mode;
+    _Atomic int32_t quality, asked; // kn_quality: in force; asked for
+    atomic_bool exhausted;          // over its budget at the lowest point
     _Atomic int32_t errors; // ERROR_* bits since they were last taken
     _Atomic int32_t last_errors;
     double last_force_n[KN_PROBES_MAX][3]; // the servo's own, as all below

@@ -225,6 +225,40 @@ static void tell_overruns(server *d, int64_t *told)
     *told = missed;
 }
 
+// A point taken, or that there is none left to take; what the log says in KNEAD_EVENT.
+static void tell_quality(server *d, kn_quality *told, bool *told_exhausted)
+{
+    kn_account *a = &d->loop.account;
+    kn_quality now = (kn_quality)atomic_load_explicit(&a->quality, memory_order_relaxed),
+               asked = (kn_quality)atomic_load_explicit(&a->asked, memory_order_relaxed);
+    bool exhausted = atomic_load_explicit(&a->exhausted, memory_order_relaxed);
+    double budget_ms = 1e3 * d->scene->budget_s;
+    if (now != *told)
+        fprintf(stderr, "kneadd: quality %s -> %s", kn_quality_name(*told), kn_quality_name(now));
+    if (now != *told && now == asked) fprintf(stderr, ", as commanded\n");
+    else if (now != *told)
+        fprintf(stderr, ": %d ticks running took more than %g ms; the command 'quality %s' goes back\n", KN_OVER_TICKS,
+                budget_ms, kn_quality_name(asked));
+    if (exhausted && !*told_exhausted)
+        fprintf(stderr, "kneadd: %d ticks running took more than %g ms; the scene has no point of quality below %s\n",
+                KN_OVER_TICKS, budget_ms, kn_quality_name(now));
+    *told = now;
+    *told_exhausted = exhausted;
+}
+
+static void take_orders(server *d, const kn_orders *orders)
+{
+    if (orders->reset) atomic_store(&d->loop.reset, true);
+    if (!orders->take) return;
+    const kn_point *point = &d->scene->point[orders->quality];
+    const char *name = kn_quality_name(orders->quality);
+    if (point->live) atomic_store(&d->loop.quality, (int)orders->quality);
+    else if (!point->defined) fprintf(stderr, "kneadd: command 'quality %s': the scene does not name it\n", name);
+    else
+        fprintf(stderr, "kneadd: command 'quality %s': another lattice or precision, expected --quality %s at the start\n",
+                name, name);
+}
+
 static void *mesh_main(void *arg)
 {
     server *d = arg;
@@ -232,17 +266,22 @@ static void *mesh_main(void *arg)
     struct timespec tick = {.tv_nsec = KN_PERIOD_NS},
                     rest = {.tv_nsec = (d->skin.period_ticks - 1) * (long)KN_PERIOD_NS};
     int64_t second_ns = 0, missed_told = 0;
+    kn_quality quality_told = d->scene->quality;
+    bool exhausted_told = false;
     while (!atomic_load_explicit(&d->stop_mesh, memory_order_relaxed)) {
         if (kn_now_ns() - second_ns >= 1000000000) {
             second_ns = kn_now_ns();
             kn_skin_publish_topology(&d->skin, wall_clock_us());
             tell_overruns(d, &missed_told);
+            tell_quality(d, &quality_told, &exhausted_told);
         }
         // until just before the next frame is due, then every ms: on a grid of its own it would be a period late
         bool published = kn_skin_publish(&d->skin, wall_clock_us());
         struct pollfd pipe = {.fd = d->command.fd, .events = POLLIN}; // -1: poll only sleeps
-        if (ppoll(&pipe, 1, published ? &rest : &tick, NULL) > 0 && kn_command_read(&d->command))
-            atomic_store(&d->loop.reset, true);
+        if (ppoll(&pipe, 1, published ? &rest : &tick, NULL) > 0) {
+            kn_orders orders = kn_command_read(&d->command);
+            take_orders(d, &orders);
+        }
     }
     return NULL;
 }

@@ -9,8 +9,11 @@ bool kn_loop_init(kn_loop *loop, const kn_scene *scene, const kn_model *model, k
     memset(loop, 0, sizeof *loop);
     kn_servo_init(&loop->servo, scene, model, backend);
     kn_account_init(&loop->account);
+    atomic_init(&loop->account.quality, (int32_t)scene->quality);
+    atomic_init(&loop->account.asked, (int32_t)scene->quality);
     for (int p = 0; p < KN_PROBES_MAX; p++) kn_mailbox_init(&loop->pose[p], loop->pose_slots[p], sizeof(kn_pose));
     loop->skin = skin;
+    atomic_init(&loop->quality, -1);
     return kn_ring_init(&loop->records, RECORDS, sizeof(kn_record));
 }
 
@@ -48,9 +51,12 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
 {
     kn_tick_in in = {.tick = wake->tick,
                      .missed = wake->missed,
+                     .execution_ns = loop->execution_ns,
                      .deadline_ns = wake->now_ns + KN_PERIOD_NS,
                      .reset = atomic_exchange_explicit(&loop->reset, false, memory_order_relaxed),
                      .stop = atomic_load_explicit(&loop->stop, memory_order_relaxed)};
+    int quality = atomic_exchange_explicit(&loop->quality, -1, memory_order_relaxed);
+    if (quality >= 0) in.take = KN_TAKE_COMMAND, in.quality = (kn_quality)quality;
     kn_record record = {.wake = *wake};
     kn_backend *backend = loop->servo.backend;
 
@@ -60,7 +66,7 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     if (!in.stop) loop->running_tick = wake->tick;
     bool last = record.out.stopped || wake->tick - loop->running_tick > KN_LOOP_STOP_TICKS;
     record.utime = wall_clock_us();
-    record.execution_ns = kn_now_ns() - wake->now_ns;
+    record.execution_ns = loop->execution_ns = kn_now_ns() - wake->now_ns;
     bool published = kn_ring_push(&loop->records, &record);
     if (last) atomic_store_explicit(&loop->done, true, memory_order_release);
     if (loop->notify) loop->notify(loop->notify_arg);

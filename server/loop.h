@@ -37,7 +37,9 @@ typedef struct kn_loop {
     void *notify_arg;
     atomic_bool stop;     // set by anyone: forces ramp to zero, then the thread ends
     atomic_bool reset;    // set by anyone, taken by the next tick: the object is as new. Several before it are one
+    atomic_int quality;   // set by anyone, taken by the next tick: a live point of the scene's; -1: none asked for
     atomic_bool done;     // its last record is in the ring
+    int64_t execution_ns; // of the last tick
     int64_t running_tick; // last one before stop was asked
 } kn_loop;
 

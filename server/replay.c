@@ -416,6 +416,21 @@ static void take_pose(kn_replay *r, int p)
     else if (!held) guess_pose(r, p);
 }
 
+// A log's machine was too slow for its point, or an operator chose; another computation has a choice of its own.
+static void apply_quality(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
+{
+    double to = e->arg[1];
+    if (!r->same) return;
+    if (to >= 0 && to < KN_QUALITIES && r->scene->point[(int)to].live) {
+        in->take = e->arg[2] != 0 ? KN_TAKE_COMMAND : KN_TAKE_BUDGET;
+        in->quality = (kn_quality)to;
+        return;
+    }
+    r->same = false;
+    snprintf(r->damage, sizeof r->damage, "a point of quality that the scene has not, at tick %lld",
+             (long long)e->tick);
+}
+
 static void apply_events(kn_replay *r, kn_tick_in *in)
 {
     reading *v = r->private;
@@ -425,6 +440,7 @@ static void apply_events(kn_replay *r, kn_tick_in *in)
         case KNEAD_EVENT_T_KIND_RESET: in->reset = true; break;
         case KNEAD_EVENT_T_KIND_RECOVER: in->recover = true; break;
         case KNEAD_EVENT_T_KIND_STOP: in->stop = true; break;
+        case KNEAD_EVENT_T_KIND_QUALITY: apply_quality(r, in, e); break;
         case KNEAD_EVENT_T_KIND_SESSION_END:
             if (e->probe >= 0 && e->probe < KN_PROBES_MAX) v->live[e->probe] = false;
             break;
@@ -516,6 +532,7 @@ static bool step_by_time(kn_replay *r)
         if (v->record.kind == KN_LOG_EVENT) {
             in->reset |= v->record.event.kind == KNEAD_EVENT_T_KIND_RESET;
             in->recover |= v->record.event.kind == KNEAD_EVENT_T_KIND_RECOVER;
+            if (v->record.event.kind == KNEAD_EVENT_T_KIND_QUALITY) apply_quality(r, in, &v->record.event);
         }
         if (v->record.kind != KN_LOG_POSE) continue;
         if (judge(v, 1000 * v->record.utime, &p, &pose) != KN_ACCEPTED) {

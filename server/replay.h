@@ -8,7 +8,8 @@
 //     kn_replay_destroy(r);
 //
 // With forces in the log, a tick used exactly the poses that its force records echo (session, seq), fresh or stale as
-// FLAG_STALE says, after the missed_cycles they tell; resets, stops and the ends of sessions come from the events. That
+// FLAG_STALE says, after the missed_cycles they tell; resets, stops, points of quality and the ends of sessions come
+// from the events, never from how long a tick takes here. That
 // is all a tick depends on, so the replay gives the same bits. A tick that must have run and has no record is a gap: it
 // is counted, and replayed with the next pose in sequence. Without forces, poses are judged and assigned to 1 ms ticks
 // by log time, as the receiver would have done it.

@@ -17,13 +17,14 @@ SAME_FLAG(CLAMPED);
 SAME_FLAG(GUARD);
 SAME_FLAG(BRAKE);
 SAME_FLAG(STALE);
+static_assert(KN_QUALITY_FAST == 0 && KN_QUALITY_OWN == 3, "numbers of KIND_QUALITY");
 SAME_FAULT(NONE);
 SAME_FAULT(POSE_SILENCE);
 SAME_FAULT(IMPULSE);
 SAME_FAULT(NONFINITE);
 SAME_FAULT(ESTOP);
 SAME_FAULT(STOPPING);
-static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 5, "every event of a tick has room");
+static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 6, "every event of a tick has room");
 
 // A tool is lifted when it is this far above the object, m: a plate that lost its poses ran on for 3 ms, and dough
 // stays where it was pushed, so a tool that never moved would look clear by that way.
@@ -39,6 +40,7 @@ typedef struct tick {
     kn_output output;
     kn_fault fault[KN_PROBES_MAX]; // that stood before the step
     bool stepped, diverged, hashed;
+    bool change; // of the effort
     uint64_t hash; // before the step, taken when the first event asks for it
 } tick;
 
@@ -48,6 +50,7 @@ void kn_servo_init(kn_servo *servo, const kn_scene *scene, const kn_model *model
     servo->scene = scene;
     servo->model = model;
     servo->backend = backend;
+    servo->quality = servo->asked = scene->quality;
     for (int p = 0; p < KN_PROBES_MAX; p++) kn_safety_init(&servo->safety[p], &scene->limits);
 }
 
@@ -81,10 +84,61 @@ static void read_probe(tick *t, int p)
     w->stop = t->in->stop;
     w->reset = t->in->reset;
     w->recover = t->in->recover;
+    w->change = t->change;
     w->elapsed_ms = t->in->missed < 1000 ? 1 + t->in->missed : 1000;
     if (w->fresh) *last = *pose;
     if (w->opened) tell(t, KNEAD_EVENT_T_KIND_SESSION_OPEN, p);
     memcpy(w->velocity_m_s, last->velocity_m_s, sizeof w->velocity_m_s);
+}
+
+static bool cheaper(const kn_effort *a, const kn_effort *b)
+{
+    int every[2] = {a->passes * a->iterations, b->passes * b->iterations};
+    int most[2] = {a->passes * a->iterations_max, b->passes * b->iterations_max};
+    return every[0] < every[1] || (every[0] == every[1] && most[0] < most[1]);
+}
+
+// The next point below that costs less and keeps lattice and precision; the one in force when there is none.
+static kn_quality next_lower(const kn_servo *servo)
+{
+    const kn_point *point = servo->scene->point;
+    for (int q = (int)servo->quality - 1; q >= 0; q--)
+        if (point[q].live && cheaper(&point[q].effort, &point[servo->quality].effort)) return (kn_quality)q;
+    return servo->quality;
+}
+
+static bool has_points(const kn_scene *scene)
+{
+    return scene->point[KN_QUALITY_FAST].defined || scene->point[KN_QUALITY_BALANCED].defined ||
+           scene->point[KN_QUALITY_ACCURATE].defined;
+}
+
+static void take_point(tick *t, kn_quality to, bool commanded)
+{
+    kn_servo *servo = t->servo;
+    kn_event *e = tell(t, KNEAD_EVENT_T_KIND_QUALITY, -1);
+    e->arg[0] = servo->quality;
+    e->arg[1] = to;
+    e->arg[2] = commanded;
+    t->change = to != servo->quality;
+    servo->exhausted = !commanded && !t->change;
+    servo->quality = to;
+    if (commanded) servo->asked = to;
+    servo->over = 0;
+}
+
+static void judge_time(tick *t)
+{
+    kn_servo *servo = t->servo;
+    bool over = (double)t->in->execution_ns > 1e9 * servo->scene->budget_s;
+    if (!over) servo->over = 0;
+    else if (servo->over < KN_OVER_TICKS) servo->over++;
+    if (t->in->take != KN_TAKE_NONE) {
+        take_point(t, t->in->quality, t->in->take == KN_TAKE_COMMAND);
+    } else if (servo->over == KN_OVER_TICKS && !t->in->stop && has_points(servo->scene)) {
+        kn_quality to = next_lower(servo);
+        if (to != servo->quality || !servo->exhausted) take_point(t, to, false);
+    }
 }
 
 static void read_all(tick *t)
@@ -101,6 +155,7 @@ static void read_all(tick *t)
     if (t->in->recover) tell(t, KNEAD_EVENT_T_KIND_RECOVER, -1);
     if (t->in->stop && !servo->stopping) tell(t, KNEAD_EVENT_T_KIND_STOP, -1);
     servo->stopping = t->in->stop;
+    judge_time(t);
 
     bool any = false;
     for (int p = 0; p < t->out->probes; p++) {
@@ -145,6 +200,8 @@ static void watch_probe(tick *t, int p)
 static void step(tick *t)
 {
     kn_backend *b = t->servo->backend;
+    const kn_scene *scene = t->servo->scene; // whose model was built with its own point
+    if (t->servo->quality != scene->quality) t->input.effort = scene->point[t->servo->quality].effort;
     b->submit(b->self, &t->input);
     t->stepped = true;
     switch (b->wait(b->self, t->in->deadline_ns, &t->output)) {
@@ -192,6 +249,7 @@ static void guard_probe(tick *t, int p)
     f->residual = isfinite(t->output.residual) ? t->output.residual : 0.0;
     if (t->output.secant) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_SECANT;
     if (t->output.capped) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_CAPPED;
+    if (t->servo->quality != t->servo->asked) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_REDUCED;
     if (t->in->stop) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_STOPPING;
 }
 

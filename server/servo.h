@@ -2,14 +2,16 @@
 #define KN_SERVER_SERVO_H
 // The tick as a pure function: no clock, thread or socket, so the daemon, `knead replay`, tests and bench run the same.
 //
-//     read     which probes have a session, a fresh pose, a pose clear of the object
+//     read     which probes have a session, a fresh pose, a pose clear of the object; is the time enough?
 //     watch    silence, ramps, latches: is each probe in the model?          (core/safety.h)
 //     step     the lattice                                                   (backend)
 //     guard    finite -> impulse guard -> clamp -> gain, per probe           (core/safety.h)
 //     account  counters, events, histogram                                   (the caller publishes)
 //
 // A tick is a function of (state, tick number, missed cycles, the poses it used) and nothing else: a log that holds the
-// forces holds, by their echoes, all of these, and replays to the bit.
+// forces holds, by their echoes, all of these, and replays to the bit. One thing depends on a clock: KN_OVER_TICKS
+// ticks running that took longer than the scene's budget_s make the next one take the next lower point of quality. That
+// tick says so in an event, by which a replay does the same without a clock. No point is taken back by itself.
 #include "core/safety.h"
 #include "core/scene/scene.h"
 #include "server/backend/backend.h"
@@ -21,12 +23,23 @@ typedef struct kn_pose { // a validated pose: finite, unit quaternion, inside th
     int32_t buttons;
 } kn_pose;
 
+#define KN_OVER_TICKS 10 // a slow tick or two are the machine's; ten running are too much work for it
+
+typedef enum kn_take { // whether a tick is to take a point of quality
+    KN_TAKE_NONE,
+    KN_TAKE_COMMAND, // an operator's, which becomes the point asked for
+    KN_TAKE_BUDGET   // a log's: what was over its budget there
+} kn_take;
+
 typedef struct kn_tick_in {
     int64_t tick;                 // on the 1 ms grid
     int32_t missed;               // cycles skipped just before this tick
     bool stop;                    // shutting down: ramp to zero
     bool reset;                   // before this tick: object as new, probes detached
     bool recover;                 // operator's recover
+    kn_take take;
+    kn_quality quality;           // to take; one of the scene's live points
+    int64_t execution_ns;         // of the last tick, read to publish; 0: no clock, nothing is judged by it
     int64_t deadline_ns;          // CLOCK_MONOTONIC: by then the backend answers or its last answer stands; 0: no clock
     const kn_pose *pose[KN_PROBES_MAX]; // the latest pose of each probe, NULL: no session (none yet, or silent for 1 s)
     bool fresh[KN_PROBES_MAX];          // that pose was not used by an earlier tick
@@ -42,7 +55,7 @@ typedef struct kn_force { // one probe's answer; everything contact_force_t need
     int32_t contacts, flags, fault;
 } kn_force;
 
-#define KN_EVENTS_PER_TICK 28 // enough: 4 probes x (END, OPEN, DETACH, ATTACH, FAULT) and 5 of the tick itself
+#define KN_EVENTS_PER_TICK 28 // enough: 4 probes x (END, OPEN, DETACH, ATTACH, FAULT) and 6 of the tick itself
 typedef struct kn_event {
     int64_t tick, session;
     uint64_t state_hash; // before this tick's step; 0, not taken: a FAULT found after the step
@@ -72,6 +85,9 @@ typedef struct kn_servo { // plain data but for the backend
     int64_t late;                // backend missed its deadline
     int64_t diverged;            // ticks that the physics answered with non-finite numbers
     int32_t generation;          // of the object: counts its resets
+    kn_quality quality, asked;   // point in force; the one that the scene or an operator asked for
+    int over;                    // ticks running that took longer than the budget
+    bool exhausted;              // there is no lower point, and an event has said so
     bool stopping;
 } kn_servo;
 

@@ -10,6 +10,7 @@
 // More nodes than any processor steps in a millisecond by a factor of 100, and their memory (below 4 GiB in f64) still
 // fits a workstation: beyond it a typing error is likelier than a wish.
 enum { NODES_MAX = 1 << 22 };
+#define BUDGET_S 0.8e-3        // of the 1 ms tick: the rest is for the poses, the surface and the machine
 #define LETTERS "abcdefghijklmnopqrstuvwxyz"
 #define SPACING_TOLERANCE 1e-6 // of a spacing, per extent: 5 cm / 3.3333333333333333 mm passes, / 3.333 mm does not
 
@@ -345,6 +346,7 @@ bool kn_draft_finish(kn_draft *draft)
     for (int slot = 1; slot <= def->probe_count; slot++)
         if (!finish_probe(draft, slot)) return false;
     finish_device(draft);
+    if (!given(draft, 0, KN_KEY_BUDGET)) draft->scene.budget_s = BUDGET_S;
     // the canonical size: equal lattices have equal texts, however the size was rounded in the file
     for (int k = 0; k < 3; k++) draft->size_m[k] = (def->nodes[k] - 1) * def->spacing_m;
     return finish_solver(draft) && kn_draft_quality(draft);

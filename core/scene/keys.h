@@ -129,6 +129,8 @@
     scene.model.solver.passes, "linearisations per step")                                                             \
   X(MASS_SCALE, ALWAYS, "solver.mass_scale", REAL, 1, "", 1, 1e9, "1",                                                \
     scene.model.solver.mass_scale, "inertia times this, weight as it is: rk4's way to a stable step")                 \
+  X(BUDGET, ALWAYS, "solver.budget", REAL, 1, "s", 1e-5, 1e-3, "",                                                    \
+    scene.budget_s, "of a tick: 10 running above it, and the server takes a lower point; none: 0.8 ms")               \
   X(CHOSEN, ALWAYS, "quality.chosen", CHOICE, 1, "fast|balanced|accurate|own", 0, 0, "",                              \
     chosen, "the point in force; own: as solver says; short: quality: NAME, --quality NAME")                          \
   KN_QUALITY_KEYS(X, FAST, "quality.fast.", fast)                                                                     \

@@ -23,6 +23,7 @@ typedef struct kn_scene {
     kn_simplices *mesh;     // what model.mesh points at, owned; NULL: a block
     kn_point point[KN_QUALITIES];
     kn_quality quality;     // the chosen one, which model is built with
+    double budget_s;        // of a tick, read to publish: see servo.h
     char device[16];        // profile: touch (default limits), bench (virtual hand, 40 N clamp)
     kn_safety_limits limits;
     double mesh_hz;         // 30..60

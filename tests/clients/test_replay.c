@@ -44,11 +44,11 @@ static void put_scene(recorder *r)
     put(r, "KNEAD_SCENE", bytes, knead_scene_t_encode(bytes, 0, sizeof bytes, &m));
 }
 
-static recorder *record(const char *path)
+static recorder *record_with(const char *path, const char *set)
 {
     char error[256];
     recorder *r = calloc(1, sizeof *r);
-    r->scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", NULL, 0, error, sizeof error);
+    r->scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", &set, set != NULL, error, sizeof error);
     r->model = kn_model_build(&r->scene->model, error, sizeof error);
     r->log = lcm_eventlog_create(path, "w");
     if (!r->model || !r->log || !kn_backend_cpu(&r->backend, r->model)) exit(1);
@@ -61,6 +61,8 @@ static recorder *record(const char *path)
     put_scene(r);
     return r;
 }
+
+static recorder *record(const char *path) { return record_with(path, NULL); }
 
 static void record_end(recorder *r)
 {
@@ -106,6 +108,7 @@ static void tick(recorder *r)
     }
     memset(r->in.fresh, 0, sizeof r->in.fresh);
     r->in.reset = r->in.recover = false;
+    r->in.take = KN_TAKE_NONE;
     r->in.missed = 0;
 }
 
@@ -409,6 +412,66 @@ TEST("another scene is refused by name, another computation may be asked for, bu
     CHECK(strstr(err, "1 ms divided by a whole number"));
     CHECK(REPLAY("story.lcmlog", "--solver", "rk4") == KN_EXIT_USAGE); // its limit is named, not walked into
     CHECK(strstr(err, "rk4 is stable up to"));
+}
+
+// A machine that was too slow for the chosen point, twice, and an operator who did not mind.
+static void tell_slow_story(const char *path)
+{
+    scratch();
+    recorder *r = record_with(path, "quality={chosen: accurate, accurate: {passes: 2}, balanced: {iterations: 7}, "
+                                    "fast: {iterations: 4, iterations_max: 6}}");
+    r->hand[0].session = 11;
+    move(r, 0, 0.030, 2700, 0.0);
+    r->in.execution_ns = 900000;
+    move(r, 0, 0.0285, 12, 0.0);
+    r->in.execution_ns = 300000;
+    move(r, 0, 0.0285, 500, 0.02);
+    r->in.execution_ns = 900000;
+    move(r, 0, 0.0285, 30, 0.0);
+    r->in.execution_ns = 300000;
+    r->in.take = KN_TAKE_COMMAND;
+    r->in.quality = KN_QUALITY_OWN;
+    move(r, 0, 0.028, 600, 0.0);
+    CHECK(r->servo.quality == KN_QUALITY_OWN && r->servo.safety[0].gain == 1.0);
+    record_end(r);
+}
+
+TEST("points of quality are taken at the log's ticks and never by the time of the replay")
+{
+    tell_slow_story("slow.lcmlog");
+    CHECK(REPLAY("slow.lcmlog", "--verify") == KN_EXIT_OK);
+    CHECK(REPLAY("slow.lcmlog", "--hash", "--out", "again.lcmlog") == KN_EXIT_OK);
+    long long hash = hash_in(out);
+    CHECK(REPLAY("again.lcmlog", "--verify", "--hash") == KN_EXIT_OK && hash_in(out) == hash);
+    kn_replay_def def = {.log_path = "slow.lcmlog"};
+    kn_replay *r = kn_replay_create(&def, err, sizeof err);
+    int taken = 0, reduced = 0;
+    while (r && kn_replay_step(r)) {
+        CHECK(r->tick.in.execution_ns == 0);
+        for (int i = 0; i < r->tick.out.event_count; i++)
+            taken += r->tick.out.event[i].kind == KNEAD_EVENT_T_KIND_QUALITY;
+        reduced += (r->tick.out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_REDUCED) != 0;
+    }
+    CHECK(taken == 4 && reduced > 500 && r->tally.checkpoints > 4 && r->tally.mismatches == 0); // the third: none below
+    kn_replay_destroy(r);
+}
+
+TEST("--quality replays a log with another of its points, and what its machine did is then not repeated")
+{
+    static const char *const names[] = {"fast", "balanced", "accurate", "own"};
+    long long hashes[4];
+    tell_slow_story("slow.lcmlog");
+    for (int i = 0; i < 4; i++) {
+        CHECK(REPLAY("slow.lcmlog", "--hash", "--quality", names[i]) == KN_EXIT_OK);
+        hashes[i] = hash_in(out);
+        for (int k = 0; k < i; k++) CHECK(hashes[i] != hashes[k]);
+    }
+    CHECK(REPLAY("slow.lcmlog", "--quality", "fast", "--verify") == KN_EXIT_USAGE);
+    CHECK(REPLAY("slow.lcmlog", "--quality", "quick") == KN_EXIT_USAGE);
+    CHECK_STR(err, "knead replay: --quality quick: expected fast, balanced, accurate or own\n");
+    tell_story("story.lcmlog", 0.0, 3);
+    CHECK(REPLAY("story.lcmlog", "--quality", "fast") == KN_EXIT_USAGE);
+    CHECK(strstr(err, "--quality fast: the scene names no point of quality"));
 }
 
 TEST("a probe that --set or the scene leaves out is their fault, not the log's")

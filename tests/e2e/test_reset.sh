@@ -53,7 +53,7 @@ check "what the finger felt faded by at most 2.4 N/ms" within "$(number steepest
 check "to zero in 20 ms" within "$(number faded_n reset.txt)" 0
 check "lifted, it felt the new dough" within 0.3 "$(number again_n reset.txt)"
 check "the log replays over the resets to the bit" verifies reset.lcmlog
-check "four other lines were told, one each" [ "$(grep -c "^kneadd: command '.*': expected reset" kneadd.err)" = 4 ]
+check "four other lines were told, one each" [ "$(grep -c "^kneadd: command '.*': expected reset," kneadd.err)" = 4 ]
 check "and nothing else" [ "$(grep -vc -e '^kneadd: command' -e '^Overrun' kneadd.err)" = 0 ]
 
 # a hand in the air, every 10 ms a reset or nothing: as many ticks are in time (else 200 would be late)

@@ -3,11 +3,13 @@
 //     poses N forces N echoed N events N scenes N statuses N undecodable N         echoed: forces that answer a pose
 //     peak_n F steepest_n F last_n F stopping N                                    of the forces given to the hand
 //     resets N as_new N faded_n F again_n F        as_new: whose state hash is that of KNEAD_SCENE's untouched object
+//     stepped N commanded N lowest_gain F reduced N mistaken N       points of quality: taken over the budget, or told
 //     received N accepted N rejected N kernel_drops N ticks N missed N hist N      of the last status
 //
 // stopping counts the forces under FLAG_STOPPING; steepest_n is the largest change per ms among them and the forces of
-// the 20 ms after a reset; faded_n is the largest force in the 20 ms after these, again_n since the last reset's; hist
-// sums wakeup_hist.
+// the 20 ms after a reset; faded_n is the largest force in the 20 ms after these, again_n since the last reset's.
+// lowest_gain is of the forces within 40 ms of a point taken; mistaken counts those whose FLAG_REDUCED is not what the
+// events say. hist sums wakeup_hist.
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include "proto/knead_probe_pose_t.h"
@@ -33,6 +35,9 @@ static int64_t stopping;
 #define FADE_TICKS 20
 static int64_t resets, as_new, initial_hash, reset_tick = -1;
 static double faded_n, again_n;
+static int64_t stepped, commanded, reduced, mistaken, quality_tick = -1;
+static double lowest_gain = 1.0;
+static bool is_reduced; // by the events so far
 static knead_status_t status;
 
 static bool begins(const lcm_eventlog_event_t *e, const char *prefix)
@@ -76,6 +81,10 @@ static void take_force(const lcm_eventlog_event_t *e)
     if (stops || fading) steepest_n = fmax(steepest_n, sqrt(step) / (1 + m.missed_cycles));
     if (reset_tick >= 0 && !fading && m.tick < reset_tick + 2 * FADE_TICKS) faded_n = fmax(faded_n, last_n);
     if (reset_tick >= 0 && !fading) again_n = fmax(again_n, last_n);
+    bool says = m.flags & KNEAD_CONTACT_FORCE_T_FLAG_REDUCED;
+    reduced += says;
+    mistaken += says != is_reduced;
+    if (quality_tick >= 0 && m.tick <= quality_tick + 40) lowest_gain = fmin(lowest_gain, m.gain);
     for (int i = 0; i < stream_count; i++)
         echoed += streams[i].session == m.session && streams[i].first <= m.seq && m.seq <= streams[i].last;
 }
@@ -88,6 +97,13 @@ static void take_event(const lcm_eventlog_event_t *e)
         return;
     }
     events++;
+    if (m.kind == KNEAD_EVENT_T_KIND_QUALITY) {
+        bool told = m.arg[2] != 0, other = m.arg[0] != m.arg[1];
+        commanded += told;
+        stepped += !told && other;
+        is_reduced = !told && (other || is_reduced);
+        if (other) quality_tick = m.tick;
+    }
     if (m.kind != KNEAD_EVENT_T_KIND_RESET) return;
     resets++;
     as_new += m.state_hash == initial_hash;
@@ -133,6 +149,8 @@ int main(int argc, char **argv)
            pose_count, forces, echoed, events, scenes, statuses, undecodable);
     printf("peak_n %.6f steepest_n %.6f last_n %.6f stopping %" PRId64 "\n", peak_n, steepest_n, last_n, stopping);
     printf("resets %" PRId64 " as_new %" PRId64 " faded_n %.6f again_n %.6f\n", resets, as_new, faded_n, again_n);
+    printf("stepped %" PRId64 " commanded %" PRId64 " lowest_gain %.6f reduced %" PRId64 " mistaken %" PRId64 "\n",
+           stepped, commanded, lowest_gain, reduced, mistaken);
     printf("received %" PRId64 " accepted %" PRId64 " rejected %" PRId64 " kernel_drops %" PRId64 " ticks %" PRId64
            " missed %" PRId64 " hist %" PRId64 "\n",
            status.received, status.accepted, rejected, status.kernel_drops, status.tick, status.missed_cycles, hist);

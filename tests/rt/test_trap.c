@@ -78,7 +78,8 @@ static void rig_open(rig *r)
 {
     char error[256] = "";
     memset(r, 0, sizeof *r);
-    r->scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", NULL, 0, error, sizeof error);
+    const char *set = "quality={fast: {iterations: 5}, accurate: {passes: 2}}";
+    r->scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", &set, 1, error, sizeof error);
     r->model = r->scene ? kn_model_build(&r->scene->model, error, sizeof error) : NULL;
     if (!r->model || !kn_backend_cpu(&r->backend, r->model) ||
         !kn_skin_open(&r->skin, "memq://", r->model, 60, 1, error, sizeof error) ||
@@ -126,7 +127,7 @@ static void play(rig *r, int64_t round, int ms)
     kn_loop_post(&r->loop, 0, &pose);
 }
 
-TEST("1e5 ticks of touching, faults, recoveries, sessions and resets allocate nothing and take no lock")
+TEST("1e5 ticks of touching, faults, recoveries, sessions, resets, points of quality allocate nothing, take no lock")
 {
     static rig r;
     rig_open(&r);
@@ -135,6 +136,7 @@ TEST("1e5 ticks of touching, faults, recoveries, sessions and resets allocate no
     for (int64_t n = 0; n < TICKS; n++) {
         play(&r, n / ROUND, (int)(n % ROUND));
         if (n % ROUND == 0) r.loop.reset = true; // or the dent would keep later rounds from touching
+        if (n % ROUND == 2000) r.loop.quality = n / ROUND % 2 ? KN_QUALITY_FAST : KN_QUALITY_ACCURATE;
         kn_wake wake = {.tick = n + n / 997, .missed = n > 0 && n % 997 == 0, .now_ns = kn_now_ns()};
         armed = true;
         kn_loop_tick(&r.loop, &wake);

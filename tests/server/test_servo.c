@@ -223,6 +223,123 @@ TEST("stopping takes every force to zero before the loop may end")
     rig_free(r);
 }
 
+#define POINTS                                                                                                         \
+    "fast: {iterations: 3, iterations_max: 5}, balanced: {iterations: 6, iterations_max: 9}, "                         \
+    "accurate: {iterations: 12, passes: 2}"
+#define OVER_NS 900000 // the budget is 0.8 ms
+
+// Still, in the dough, n ticks that each came after one of that length.
+static void hold(rig *r, int n, int64_t execution_ns)
+{
+    for (int i = 0; i < n; i++) {
+        r->in.execution_ns = execution_ns;
+        move(r, 0, 0.0);
+    }
+}
+
+static void press_and_rest(rig *r)
+{
+    press(r, 0.003);
+    for (double v = -0.01; v < 0.0; v += 0.0002) move(r, 0, v);
+}
+
+static int told(const rig *r) { return r->kinds[KNEAD_EVENT_T_KIND_QUALITY]; }
+
+TEST("ten ticks running over the budget take the next lower point, through zero force, by a flag and an event")
+{
+    rig *r = rig_make("quality={chosen: accurate, " POINTS "}");
+    press_and_rest(r);
+    hold(r, 200, 700000);
+    for (int i = 0; i < 20; i++) hold(r, 9, OVER_NS), hold(r, 1, 700000); // never ten running
+    CHECK(told(r) == 0 && r->servo.quality == KN_QUALITY_ACCURATE);
+    double before = r->out.force[0].force_n[2], slope = kn_safety_slope(&r->servo.safety[0].limits);
+    CHECK(before > 0.3 && !(r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_REDUCED));
+
+    hold(r, 9, OVER_NS);
+    CHECK(told(r) == 0);
+    hold(r, 1, OVER_NS);
+    const kn_event *e = &r->out.event[0];
+    CHECK(told(r) == 1 && e->kind == KNEAD_EVENT_T_KIND_QUALITY && e->tick == r->in.tick && e->probe == -1);
+    CHECK(e->arg[0] == KN_QUALITY_ACCURATE && e->arg[1] == KN_QUALITY_BALANCED && e->arg[2] == 0 && e->state_hash);
+    double lowest = before, last = before, steepest = 0;
+    for (int ms = 1; ms <= 217; ms++) {
+        double f = r->out.force[0].force_n[2];
+        steepest = fmax(steepest, fabs(f - last));
+        lowest = fmin(lowest, f);
+        last = f;
+        CHECK(r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_REDUCED);
+        CHECK(!(r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_RAMPING) == (ms == 217));
+        if (ms < 217) hold(r, 1, 700000);
+    }
+    CHECK(lowest == 0 && steepest <= slope && last == pushed(r) && last > 0.5 * before);
+    hold(r, 2000, 700000);
+    CHECK(told(r) == 1 && r->servo.quality == KN_QUALITY_BALANCED && r->kinds[KNEAD_EVENT_T_KIND_DETACH] == 0);
+    rig_free(r);
+}
+
+TEST("it goes down point by point, says once that there is none below, and comes back only when it is told")
+{
+    rig *r = rig_make("quality={chosen: accurate, " POINTS "}");
+    press_and_rest(r);
+    hold(r, 10, OVER_NS);
+    hold(r, 10, OVER_NS);
+    CHECK(told(r) == 2 && r->servo.quality == KN_QUALITY_FAST);
+    hold(r, 10, OVER_NS);
+    CHECK(told(r) == 3 && r->out.event[0].arg[0] == KN_QUALITY_FAST && r->out.event[0].arg[1] == KN_QUALITY_FAST);
+    hold(r, 100, OVER_NS);
+    CHECK(told(r) == 3 && (r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_REDUCED));
+
+    r->in.take = KN_TAKE_COMMAND;
+    r->in.quality = KN_QUALITY_OWN;
+    hold(r, 1, OVER_NS);
+    r->in.take = KN_TAKE_NONE;
+    CHECK(told(r) == 4 && r->out.event[0].arg[1] == KN_QUALITY_OWN && r->out.event[0].arg[2] == 1);
+    CHECK(!(r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_REDUCED));
+    CHECK(r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_RAMPING);
+    hold(r, 9, OVER_NS);
+    CHECK(told(r) == 4);
+    hold(r, 1, OVER_NS);
+    CHECK(told(r) == 5 && r->servo.quality == KN_QUALITY_BALANCED); // 8 iterations: accurate would cost more
+    r->in.stop = true;
+    hold(r, 100, OVER_NS);
+    CHECK(told(r) == 5);
+    rig_free(r);
+}
+
+TEST("points of another lattice or precision are passed over, and a scene without points has nothing to say")
+{
+    rig *r = rig_make("quality={accurate: {iterations: 9}, balanced: {spacing: 5 mm, iterations: 2}, "
+                      "fast: {iterations: 2, precision: f64}}");
+    press_and_rest(r);
+    hold(r, 50, OVER_NS);
+    CHECK(told(r) == 1 && r->servo.quality == KN_QUALITY_OWN && !(r->out.force[0].flags & 2048));
+    rig_free(r);
+    r = rig_make(NULL);
+    press_and_rest(r);
+    hold(r, 50, OVER_NS);
+    CHECK(told(r) == 0);
+    rig_free(r);
+}
+
+TEST("a point taken while it runs gives the bits of a servo that began with it")
+{
+    static const char *const names[] = {"fast", "balanced", "accurate"};
+    for (int q = 0; q < KN_QUALITY_OWN; q++) {
+        char chosen[256];
+        snprintf(chosen, sizeof chosen, "quality={chosen: %s, " POINTS "}", names[q]);
+        rig *began = rig_make(chosen), *took = rig_make("quality={" POINTS "}"), *own = rig_make(NULL);
+        took->in.take = KN_TAKE_COMMAND;
+        took->in.quality = (kn_quality)q;
+        press(took, 0.004);
+        press(began, 0.004);
+        press(own, 0.004);
+        CHECK(pushed(began) == pushed(took) && pushed(own) != pushed(took));
+        CHECK(kn_state_hash(began->model, began->backend.state(began->backend.self)) ==
+              kn_state_hash(took->model, took->backend.state(took->backend.self)));
+        rig_free(began), rig_free(took), rig_free(own);
+    }
+}
+
 // A backend that goes bad on demand, in front of the real one.
 static kn_backend real_backend;
 static bool diverge;

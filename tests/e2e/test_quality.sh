@@ -1,0 +1,60 @@
+#!/usr/bin/env bash
+# kneadd whose time is stolen takes a lower point of quality, says so in the force, in an event and on stderr, and comes
+# back when it is told; the log replays over it to the bit. Refused points end with 2 and one line.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+[ "$KN_REALTIME" != off ] && chrt -f 90 true 2>/dev/null || { echo "skipped: no SCHED_FIFO here" && exit 77; }
+verifies() { knead replay "$1" --verify >"$1.said" 2>"$1.err" || { cat "$1.said" "$1.err"; return 1; }; }
+whole() { verifies "$1" || ! grep -q 'ticks ran whose force or pose is not in the log' "$1.err"; }
+expect() { # expect PATTERN OPTION...: kneadd ends with 2 and one line
+    kneadd --scene "$KN_SOURCE/core/scenes/jelly.yaml" "${@:2}" >out 2>err
+    local code=$?
+    check "refused: $(cat err)" [ "$code $(cat out err | wc -l) $(grep -c -e "$1" err)" = "2 1 1" ]
+}
+expect '--quality fast: the scene names no point' --quality fast
+expect 'quick: expected fast, balanced, accurate or own' --quality quick
+mkfifo commands
+exec 9<>commands
+
+# a finger presses and goes on slowly; meanwhile the servo's time is stolen for 0.8 s
+printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.8,0,0,0.045 1,0,0,0.041 6,0,0,0.038 6.5,0,0,0.06 >path.csv
+affordable='{iterations: 10, iterations_max: 12, passes: 1}' # far below the budget: it is the thief who exceeds it
+pressed() { awk -v f="$(number last_n before.txt)" 'BEGIN { exit !(f > 0.3) }'; }
+press() { # sets stole, the exit code of the thief, and early, the points taken before it came
+    start_logger "$1"
+    start_kneadd dough.yaml --quality accurate --set quality.accurate="$affordable" --command-fd 9
+    knead probe --path path.csv --quiet >/dev/null 2>hand.err &
+    hand=$!
+    for _ in $(seq 150); do
+        sleep 0.1
+        logcheck "$1" >before.txt 2>/dev/null && pressed && break
+    done
+    early=$(number stepped before.txt)
+    steal "$server"
+    stole=$?
+    sleep 1
+    printf 'quality balanced\nquality accurate\nquality best\n' >&9
+    wait $hand
+    stop_kneadd
+    stop_logger
+}
+for try in 1 2 3; do
+    rm -f slow.lcmlog
+    press slow.lcmlog
+    [ $stole = 0 ] || exit $stole
+    [ "$early" = 0 ] && whole slow.lcmlog && break
+    echo "try $try: $early points taken before any time was stolen" && cat hand.err kneadd.err
+done
+[ "$early" = 0 ] || { echo "skipped: this machine is too slow for dough at its accurate point" && exit 77; }
+logcheck slow.lcmlog | tee slow.txt
+check "a hand pressed when the time was stolen" pressed
+check "kneadd took a lower point" [ "$(number stepped slow.txt)" -ge 1 ]
+check "through zero force" [ "$(number lowest_gain slow.txt)" = 0.000000 ]
+check "every force since then, and no other, says so" [ "$(number reduced slow.txt)" -gt 500 -a "$(number mistaken slow.txt)" = 0 ]
+check "it came back once, when it was told" [ "$(number commanded slow.txt)" = 1 ]
+check "stderr has the way down" \
+    grep -q "^kneadd: quality accurate -> .* ticks running took more than 0.8 ms" kneadd.err
+check "and the way back" [ "$(grep -c "^kneadd: quality .* -> accurate, as commanded" kneadd.err)" = 1 ]
+grep '^kneadd:' kneadd.err
+check "the log replays over it to the bit" verifies slow.lcmlog
+check "kneadd ended with 0" [ "$status" = 0 ]
+exit $failed
