@@ -1,27 +1,14 @@
 // Time of a picture: the dough block with its lines, a plate and an arrow, drawn and read back. cpu: all threads of
 // this process together; wall: what a caller waits, which on a busy machine holds other people's work too.
+#include "bench/bench.h"
 #include "clients/viewer/renderer.h"
 #include "core/surface.h"
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/utsname.h>
-#include <time.h>
 
 enum { PICTURES = 60, WARM_UP = 3 }; // Mesa compiles its shaders during the first
 
-static double clock_ms(clockid_t clock)
-{
-    struct timespec t;
-    clock_gettime(clock, &t);
-    return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
-}
-
-static int ascending(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
+static double clock_ms(clockid_t clock) { return clock_us(clock) * 1e-3; }
 
 static void bench(int per_cm, int width, int height, int samples)
 {

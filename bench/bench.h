@@ -1,0 +1,44 @@
+#ifndef KN_BENCH_BENCH_H
+#define KN_BENCH_BENCH_H
+// What every bench prints first and measures with.
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+// us on a clock: CLOCK_THREAD_CPUTIME_ID leaves out what the machine does for others meanwhile.
+static inline double clock_us(clockid_t clock)
+{
+    struct timespec t;
+    clock_gettime(clock, &t);
+    return (double)t.tv_sec * 1e6 + (double)t.tv_nsec * 1e-3;
+}
+
+static inline double thread_us(void) { return clock_us(CLOCK_THREAD_CPUTIME_ID); }
+
+static inline int ascending(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static inline void print_machine(void)
+{
+    char line[256], model[200] = "unknown processor";
+    FILE *f = fopen("/proc/cpuinfo", "r");
+    while (f && fgets(line, sizeof line, f))
+        if (sscanf(line, "model name : %199[^\n]", model) == 1) break;
+    if (f) fclose(f);
+#ifdef __clang__
+    const char *compiler = "clang " __clang_version__;
+#else
+    const char *compiler = "gcc " __VERSION__;
+#endif
+#ifdef __OPTIMIZE__
+    const char *level = "optimised";
+#else
+    const char *level = "NOT optimised";
+#endif
+    printf("machine   %s\ncompiler  %s, %s\n", model, compiler, level);
+}
+
+#endif

@@ -1,0 +1,148 @@
+// What the step costs, beside what the machine can do, in one run. bench/README.md explains the tables.
+#include "bench/bench.h"
+#include "bench/throughput.h"
+
+#include <getopt.h>
+#include <limits.h>
+#include <string.h>
+
+// --- numbers for files ----------------------------------------------------------------------------------------------
+
+typedef struct entry {
+    char table[16], object[48], kernel[16], name[40];
+    double value;
+} entry;
+
+static entry entries[2000];
+static int entry_count;
+
+void note(const char *table, const char *object, const char *kernel, const char *name, double value)
+{
+    if (entry_count == sizeof entries / sizeof *entries) abort();
+    entry *e = &entries[entry_count++];
+    snprintf(e->table, sizeof e->table, "%s", table);
+    snprintf(e->object, sizeof e->object, "%s", object);
+    snprintf(e->kernel, sizeof e->kernel, "%s", kernel);
+    snprintf(e->name, sizeof e->name, "%s", name);
+    e->value = value;
+}
+
+static void print_csv(FILE *f)
+{
+    fprintf(f, "table,object,kernel,name,value\n");
+    for (int i = 0; i < entry_count; i++)
+        fprintf(f, "%s,\"%s\",%s,%s,%.6g\n", entries[i].table, entries[i].object, entries[i].kernel, entries[i].name,
+                entries[i].value);
+}
+
+static void print_json(FILE *f)
+{
+    fprintf(f, "[\n");
+    for (int i = 0; i < entry_count; i++)
+        fprintf(f, "  {\"table\": \"%s\", \"object\": \"%s\", \"kernel\": \"%s\", \"name\": \"%s\", \"value\": %.6g}%s\n",
+                entries[i].table, entries[i].object, entries[i].kernel, entries[i].name, entries[i].value,
+                i + 1 < entry_count ? "," : "");
+    fprintf(f, "]\n");
+}
+
+static int write_file(const char *path, void (*print)(FILE *))
+{
+    FILE *f = path ? fopen(path, "w") : NULL;
+    if (!path) return 0;
+    if (f) print(f);
+    if (f && !fclose(f)) return 0;
+    perror(path);
+    return 3;
+}
+
+// --- the command ----------------------------------------------------------------------------------------------------
+
+static const char usage[] =
+    "usage: bench/throughput [options]\n"
+    "  --only TABLES  some of ceilings,lattices,nets,features,peer,errors\n"
+    "  --all          errors too, whose references take minutes\n"
+    "  --nodes N      leave out larger lattices and nets (20000)\n"
+    "  --quick        fewer rounds, and no more than 2560 nodes\n"
+    "  --csv FILE     every number of the tables, a line each\n"
+    "  --json FILE    the same\n";
+
+typedef struct options {
+    throughput_options tables;
+    const char *only, *csv, *json;
+} options;
+
+static const char *const table_name[] = {"ceilings", "lattices", "nets", "features", "peer", "errors"};
+enum { TABLES = sizeof table_name / sizeof *table_name };
+
+static int bad(const char *what, const char *value, const char *expected)
+{
+    fprintf(stderr, "bench_throughput: %s: '%s', expected %s\n", what, value, expected);
+    return 2;
+}
+
+static bool wanted(const char *only, const char *table)
+{
+    size_t length = strlen(table);
+    for (const char *p = only; p; p = strchr(p, ',') ? strchr(p, ',') + 1 : NULL)
+        if (strncmp(p, table, length) == 0 && (p[length] == ',' || p[length] == 0)) return true;
+    return false;
+}
+
+static int check_only(const char *only)
+{
+    int known = 0, asked = 1;
+    for (int i = 0; i < TABLES; i++) known += wanted(only, table_name[i]);
+    for (const char *p = only; *p; p++) asked += *p == ',';
+    return known == asked ? 0 : bad("--only", only, "some of ceilings,lattices,nets,features,peer,errors");
+}
+
+// 0, or the exit code; -1 for help.
+static int parse(int argc, char **argv, options *o)
+{
+    static const struct option longs[] = {
+        {"only", required_argument, 0, 'o'}, {"nodes", required_argument, 0, 'n'}, {"quick", no_argument, 0, 'q'},
+        {"csv", required_argument, 0, 'c'},  {"json", required_argument, 0, 'j'},  {"help", no_argument, 0, 'h'},
+        {"all", no_argument, 0, 'a'},        {0, 0, 0, 0}};
+    char *end;
+    *o = (options){.only = "ceilings,lattices,nets,features,peer", .tables.nodes_max = 20000};
+    for (int c; (c = getopt_long(argc, argv, "", longs, NULL)) != -1;) switch (c) {
+        case 'o': o->only = optarg; break;
+        case 'n': {
+            long n = strtol(optarg, &end, 10);
+            if (*end || n < 1 || n > INT_MAX) return bad("--nodes", optarg, "a whole number from 1 on");
+            o->tables.nodes_max = (int)n;
+            break;
+        }
+        case 'a': o->only = "ceilings,lattices,nets,features,peer,errors"; break;
+        case 'q': o->tables.quick = true; break;
+        case 'c': o->csv = optarg; break;
+        case 'j': o->json = optarg; break;
+        case 'h': return -1;
+        default: return 2;
+        }
+    if (optind < argc) return bad("argument", argv[optind], "options only");
+    if (o->tables.quick && o->tables.nodes_max > 2560) o->tables.nodes_max = 2560;
+    return check_only(o->only);
+}
+
+int main(int argc, char **argv)
+{
+    options o;
+    int failed = parse(argc, argv, &o);
+    if (failed == -1) return fputs(usage, stdout), 0;
+    if (failed) return failed;
+    setvbuf(stdout, NULL, _IOLBF, 0);
+    puts("# What a step costs\n\n```");
+    print_machine();
+    puts("block     5 x 5 x 3 cm of dough, 1 cm x 5 cm plate, 1 cm/s to 1 cm, held 0.5 s, withdrawn; 1 ms steps\n"
+         "time      the thread's own on one core, of each tick the least of some rounds, in turns\n```\n");
+    ceilings c = ceilings_measure();
+    if (wanted(o.only, "ceilings")) table_ceilings(&c);
+    if (wanted(o.only, "lattices")) table_lattices(&c, &o.tables);
+    if (wanted(o.only, "nets")) table_nets(&o.tables);
+    if (wanted(o.only, "features")) table_features(&o.tables);
+    if (wanted(o.only, "peer")) table_peer(&o.tables);
+    if (wanted(o.only, "errors")) table_errors(&o.tables);
+    failed = write_file(o.csv, print_csv);
+    return write_file(o.json, print_json) || failed ? 3 : 0;
+}

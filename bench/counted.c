@@ -1,0 +1,103 @@
+// Compiled once per precision, as a kernel is.
+#define KN_KERNEL_BASE 1
+#include "core/lanes.h"
+
+#include "bench/counted.h"
+#include <stdlib.h>
+
+static counted now;           // of the loop that runs
+static unsigned char *line;   // [line_count] of the state: 1 touched
+static const char *line_base; // the state
+static size_t line_count;
+
+static void add_operations(int operations, int flops)
+{
+    now.operations += operations * KN_LANES;
+    now.flops += flops * KN_LANES;
+}
+
+static void touch(const real *p)
+{
+    size_t first = (size_t)((const char *)p - line_base) / 64; // below the state it wraps: far above
+    for (size_t i = first; i < first + KN_LANES * sizeof(real) / 64; i++)
+        if (i < line_count && !line[i]) {
+            line[i] = 1;
+            now.bytes += 64;
+        }
+}
+
+// A macro's own name within it is the function.
+#define lanes_add(a, b) (add_operations(1, 1), lanes_add(a, b))
+#define lanes_sub(a, b) (add_operations(1, 1), lanes_sub(a, b))
+#define lanes_mul(a, b) (add_operations(1, 1), lanes_mul(a, b))
+#define lanes_div(a, b) (add_operations(1, 1), lanes_div(a, b))
+#define lanes_sqrt(a) (add_operations(1, 1), lanes_sqrt(a))
+#define lanes_min(a, b) (add_operations(1, 0), lanes_min(a, b))
+#define lanes_max(a, b) (add_operations(1, 0), lanes_max(a, b))
+#define lanes_less(a, b, x, y) (add_operations(2, 0), lanes_less(a, b, x, y))
+#define lanes_fma(a, b, c) (add_operations(1, 2), lanes_fma(a, b, c))
+#define lanes_fnma(a, b, c) (add_operations(1, 2), lanes_fnma(a, b, c))
+#define lanes_load(p) (touch(p), lanes_load(p))
+#define lanes_store(p, a) (touch(p), lanes_store(p, a))
+
+#if KN_KERNEL_F32
+#define kn_kernels_grid_base_f32 counted_grid_f32
+#define counted_step counted_step_f32
+#else
+#define kn_kernels_grid_base_f64 counted_grid_f64
+#define counted_step counted_step_f64
+#endif
+#include "core/kernel.c"
+
+static counted *edge_now, *iteration_now;
+
+static void begin(void)
+{
+    now = (counted){0};
+    memset(line, 0, line_count);
+}
+
+static double counted_edge(const kn_model *model, kn_state *state, kn_linearization how, bool again)
+{
+    begin();
+    double rz = KN_KERNELS(grid).edge(model, state, how, again);
+    *edge_now = now;
+    return rz;
+}
+
+static double counted_apply(const kn_model *model, kn_state *state, double beta)
+{
+    begin();
+    double dq = KN_KERNELS(grid).apply(model, state, beta);
+    *iteration_now = now;
+    return dq;
+}
+
+static double counted_update(const kn_model *model, kn_state *state, double alpha)
+{
+    begin();
+    double rz = KN_KERNELS(grid).update(model, state, alpha);
+    iteration_now->operations += now.operations;
+    iteration_now->flops += now.flops;
+    iteration_now->bytes += now.bytes;
+    return rz;
+}
+
+void counted_step(kn_model *model, kn_state *state, const kn_input *input, counted *edge_, counted *iteration)
+{
+    kn_kernels counting = KN_KERNELS(grid);
+    const kn_kernels *before = model->kernels;
+    counting.edge = counted_edge;
+    counting.apply = counted_apply;
+    counting.update = counted_update;
+    edge_now = edge_, iteration_now = iteration;
+    line_base = (const char *)state;
+    line_count = state->bytes / 64;
+    line = calloc(line_count, 1);
+    if (!line) abort();
+    model->kernels = &counting;
+    kn_output out;
+    kn_step(model, state, input, &out);
+    model->kernels = before;
+    free(line);
+}

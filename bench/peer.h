@@ -1,0 +1,37 @@
+#ifndef KN_BENCH_PEER_H
+#define KN_BENCH_PEER_H
+// The same block in another engine: nodes, links between them, one stiffness and one damping for all of them, as such
+// engines have it. Nodes that are held stand still or move as they are told.
+#include <stdbool.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct peer_block {
+    int node_count, link_count;
+    const double (*x_m)[3];   // [node_count]
+    const int (*link)[2];     // [link_count]
+    const bool *held;         // [node_count]
+    double mass_kg;           // of each node
+    double stiffness_n_m;     // of each link
+    double damping_n_s_m;
+    bool axial;               // damping along the link; else of the whole relative velocity
+    double dt_s;
+} peer_block;
+
+typedef struct peer peer;
+
+extern const char peer_name[]; // with its version
+
+peer *peer_create(const peer_block *block); // copies it
+void peer_destroy(peer *p);
+void peer_hold(peer *p, int node, const double x_m[3], const double v_m_s[3]); // for the next step
+void peer_step(peer *p);
+void peer_position(const peer *p, int node, double x_m[3]);
+void peer_velocity(const peer *p, int node, double v_m_s[3]);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

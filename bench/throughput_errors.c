@@ -1,0 +1,71 @@
+// How far the default settings are from an f64 run of the same program at the same step: secant, five linearisations,
+// conjugate gradients to 1e-8.
+#include "bench/throughput.h"
+#include "tests/physics/press.h"
+
+static const press path = {.depth_m = 0.01, .hold_s = 0.5};
+#define SECONDS (PRESS_TICKS * 1e-3)
+
+static void print_error(const char *object, const char *kernel, const run *fast, const run *reference)
+{
+    double force = 100 * force_error(fast, reference), shape = 100 * shape_error(fast, reference);
+    printf("| %-9s | %-9s | %8.3f | %8.3f | %5.2f | %5.1f | %6ld |\n", object, kernel, force, shape, variation(fast),
+           fast->mean_iterations, fast->secant_steps);
+    note("errors", object, kernel, "force_percent", force);
+    note("errors", object, kernel, "shape_percent", shape);
+    note("errors", object, kernel, "variation_over_peak", variation(fast));
+    note("errors", object, kernel, "iterations_mean", fast->mean_iterations);
+    note("errors", object, kernel, "secant_steps", (double)fast->secant_steps);
+}
+
+// f32, and f64 where there is no gas.
+static void measure_errors(const kn_model_def *def)
+{
+    char object[32];
+    const bool gas = def->pressure != KN_PRESSURE_NONE;
+    snprintf(object, sizeof object, "%d%s", def->nodes[0] * def->nodes[1] * def->nodes[2], gas ? " gas" : "");
+    fprintf(stderr, "reference of %s nodes ...\n", object);
+    kn_model_def exact = converged(*def), fast = *def;
+    run reference = press_run(&exact, &path, SECONDS, 1e-3);
+    for (int p = 0; p < (gas ? 1 : 2); p++) {
+        fast.solver.precision = (kn_precision)p;
+        run r = press_run(&fast, &path, SECONDS, 1e-3);
+        print_error(object, p ? "f64" : "f32", &r, &reference);
+        run_free(&r);
+    }
+    printf("| %-9s | reference | peak %9.3f N    | %5.2f | %5.1f |      - |\n", object, peak_n(&reference),
+           variation(&reference), reference.mean_iterations);
+    fflush(stdout);
+    run_free(&reference);
+}
+
+// What the step length itself costs: the converged run at 1 ms against one at 1/16 ms.
+static void print_time_step_error(void)
+{
+    kn_model_def def = converged(press_def(1));
+    run coarse = press_run(&def, &path, SECONDS, 1e-3);
+    def.solver.dt_s = 1e-3 / 16;
+    run fine = press_run(&def, &path, SECONDS, 1e-3);
+    double force = 100 * force_error(&coarse, &fine), shape = 100 * shape_error(&coarse, &fine);
+    printf("\nThe 1 ms step itself (144 nodes, against 1/16 ms): force %.3f %%, shape %.3f %%.\n", force, shape);
+    note("errors", "step 1 ms", "", "force_percent", force);
+    note("errors", "step 1 ms", "", "shape_percent", shape);
+    run_free(&coarse);
+    run_free(&fine);
+}
+
+void table_errors(const throughput_options *o)
+{
+    puts("\nErrors of the default settings over the press, relative L2 against a converged f64 run; TV/pk: the force's total\n"
+         "variation over its peak.\n");
+    puts("| nodes     | precision |  force % |  shape % | TV/pk | its   | secant |");
+    puts("|----------:|-----------|---------:|---------:|------:|------:|-------:|");
+    for (int per_cm = 1; per_cm <= 4; per_cm++) {
+        kn_model_def def = press_def(per_cm);
+        if (def.nodes[0] * def.nodes[1] * def.nodes[2] > o->nodes_max) break;
+        measure_errors(&def);
+        def.pressure = KN_PRESSURE_CELLS;
+        if (per_cm == 2) measure_errors(&def);
+    }
+    print_time_step_error();
+}
