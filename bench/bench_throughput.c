@@ -39,7 +39,8 @@ static void print_json(FILE *f)
 {
     fprintf(f, "[\n");
     for (int i = 0; i < entry_count; i++)
-        fprintf(f, "  {\"table\": \"%s\", \"object\": \"%s\", \"kernel\": \"%s\", \"name\": \"%s\", \"value\": %.6g}%s\n",
+        fprintf(f,
+                "  {\"table\": \"%s\", \"object\": \"%s\", \"kernel\": \"%s\", \"name\": \"%s\", \"value\": %.6g}%s\n",
                 entries[i].table, entries[i].object, entries[i].kernel, entries[i].name, entries[i].value,
                 i + 1 < entry_count ? "," : "");
     fprintf(f, "]\n");

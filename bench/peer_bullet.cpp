@@ -1,6 +1,6 @@
-// Bullet's deformable body (btDeformableMultiBodyDynamicsWorld with btDeformableMassSpringForce), as Debian builds it: float,
-// elasticity explicit, damping implicit by conjugate gradients, all settings its own but gravity, contact and sleep, which are off.
-// C++ because Bullet is; nothing else of the project is.
+// Bullet's deformable body (btDeformableMultiBodyDynamicsWorld with btDeformableMassSpringForce), as Debian builds it:
+// float, elasticity explicit, damping implicit by conjugate gradients, all settings its own but gravity, contact and
+// sleep, which are off. C++ because Bullet is; nothing else of the project is.
 #include "bench/peer.h"
 
 #include <BulletCollision/BroadphaseCollision/btDbvtBroadphase.h>

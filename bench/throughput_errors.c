@@ -56,8 +56,8 @@ static void print_time_step_error(void)
 
 void table_errors(const throughput_options *o)
 {
-    puts("\nErrors of the default settings over the press, relative L2 against a converged f64 run; TV/pk: the force's total\n"
-         "variation over its peak.\n");
+    puts("\nErrors of the default settings over the press, relative L2 against a converged f64 run; TV/pk: the\n"
+         "force's total variation over its peak.\n");
     puts("| nodes     | precision |  force % |  shape % | TV/pk | its   | secant |");
     puts("|----------:|-----------|---------:|---------:|------:|------:|-------:|");
     for (int per_cm = 1; per_cm <= 4; per_cm++) {

@@ -108,11 +108,11 @@ static void print_apart(const ceilings *c, const measured *m)
     const double edge_us = m->took.edge_us, us = m->took.iteration_us;
     const int level = ceiling_of(c, m->state_bytes);
     const double gb_s = m->iteration.bytes / us * 1e-3, most = c->level[level].gb_s[width_of(m)];
-    printf("| %5d | %-10s |%6.1f |%6.1f |%6.1f |%4.0f |%6.2f |%5.2f |%5.2f |%6.3f |%4.0f |%5.0f |%5.1f | %-6s %3.0f |\n",
-           m->nodes, kernel_name(&m->def), edge_us, edge_us * 1e3 / m->nodes, edge_us * 1e3 / m->lanes,
-           pipe_share(c, m, &m->edge, edge_us), us, us * 1e3 / m->nodes, us * 1e3 / m->lanes, us * 1e3 / m->edges,
-           pipe_share(c, m, &m->iteration, us), m->iteration.flops / us * 1e-3, gb_s, ceiling_level[level],
-           100 * gb_s / most);
+    printf("| %5d | %-10s |%6.1f |%6.1f |%6.1f |%4.0f |", m->nodes, kernel_name(&m->def), edge_us,
+           edge_us * 1e3 / m->nodes, edge_us * 1e3 / m->lanes, pipe_share(c, m, &m->edge, edge_us));
+    printf("%6.2f |%5.2f |%5.2f |%6.3f |%4.0f |%5.0f |%5.1f | %-6s %3.0f |\n", us, us * 1e3 / m->nodes,
+           us * 1e3 / m->lanes, us * 1e3 / m->edges, pipe_share(c, m, &m->iteration, us),
+           m->iteration.flops / us * 1e-3, gb_s, ceiling_level[level], 100 * gb_s / most);
     const char *kernel = kernel_name(&m->def);
     note("lattices", m->object, kernel, "edge_us", edge_us);
     note("lattices", m->object, kernel, "edge_pipe_percent", pipe_share(c, m, &m->edge, edge_us));
@@ -129,8 +129,9 @@ static void print_work(const measured *m, int count)
 {
     printf("\nPer lane of %d nodes, operations, flops and bytes:", m->nodes);
     for (int i = 0; i < count && i < 2; i++) // by precision
-        printf(" %s edge pass %.0f, %.0f, %.0f, iteration %.0f, %.0f, %.0f%s", m[i].def.solver.precision ? "f64" : "f32",
-               m[i].edge.operations / m[i].lanes, m[i].edge.flops / m[i].lanes, m[i].edge.bytes / m[i].lanes,
+        printf(" %s edge pass %.0f, %.0f, %.0f, iteration %.0f, %.0f, %.0f%s",
+               m[i].def.solver.precision ? "f64" : "f32", m[i].edge.operations / m[i].lanes,
+               m[i].edge.flops / m[i].lanes, m[i].edge.bytes / m[i].lanes,
                m[i].iteration.operations / m[i].lanes, m[i].iteration.flops / m[i].lanes,
                m[i].iteration.bytes / m[i].lanes, i ? ".\n" : ";");
 }
@@ -139,7 +140,8 @@ static void print_pressed(const measured *m)
 {
     const summary *s = &m->pressed;
     printf("| %5d | %-10s | %5.1f | %3d | %8.1f | %8.1f | %8.1f | %6.1f |", m->nodes, kernel_name(&m->def),
-           s->mean_iterations, s->median_iterations, s->median_us, s->mean_us, s->p90_us, s->median_us * 1e3 / m->nodes);
+           s->mean_iterations, s->median_iterations, s->median_us, s->mean_us, s->p90_us,
+           s->median_us * 1e3 / m->nodes);
     if (m->target_us > 0) printf(" %4.0f %-6s |\n", m->target_us, s->median_us <= m->target_us ? "met" : "MISSED");
     else printf("          - |\n");
     const char *kernel = kernel_name(&m->def);
@@ -198,10 +200,12 @@ void table_lattices(const ceilings *c, const throughput_options *o)
         puts("\nNo lattice: this processor has no AVX2, or --nodes leaves none.");
         return;
     }
-    puts("\nA step taken apart: the edge pass, with all that is done once, and one iteration. ns per node, per lane with the\n"
-         "padding, per edge; pipe: arithmetic operations against the ceiling's; GB/s: the state read and written once.\n");
-    puts("| nodes | kernel     |edge us|ns/node|ns/lane|pipe%|iter us|/node |/lane | /edge |pipe%|Gfl/s | GB/s | of       % |");
-    puts("|------:|------------|------:|------:|------:|----:|------:|-----:|-----:|------:|----:|-----:|-----:|-----------:|");
+    puts("\nA step taken apart: the edge pass, with all that is done once, and one iteration. ns per node, per lane\n"
+         "with padding, per edge; pipe: arithmetic operations against the ceiling's; GB/s: the state, once per loop.\n");
+    puts("| nodes | kernel     |edge us|ns/node|ns/lane|pipe%|"
+         "iter us|/node |/lane | /edge |pipe%|Gfl/s | GB/s | of       % |");
+    puts("|------:|------------|------:|------:|------:|----:|"
+         "------:|-----:|-----:|------:|----:|-----:|-----:|-----------:|");
     for (int l = 0; l < lattice_count; l++)
         for (int i = 0; i < count[l]; i++) print_apart(c, &m[l][i]);
     print_work(m[lattice_count - 1], count[lattice_count - 1]);

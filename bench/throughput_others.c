@@ -85,10 +85,12 @@ void table_nets(const throughput_options *o)
                   net_of("disc.msh", shipped("disc.msh")),
                   net_of("bcc 5 mm", bcc_block((const int[3]){10, 10, 6}, 0.005)),
                   net_of("bcc 2.5mm", bcc_block((const int[3]){20, 20, 12}, 0.0025))};
-    puts("\nNets: tetrahedra (disc.msh: triangles), under the same press; edge pass, iteration, and the step with the default\n"
-         "settings over its first 0.7 s.\n");
-    puts("| net       | nodes | edges | kernel     | edge us| /node | /edge | iter us| /node | /edge | its   | median us|");
-    puts("|-----------|------:|------:|------------|-------:|------:|------:|-------:|------:|------:|------:|---------:|");
+    puts("\nNets: tetrahedra (disc.msh: triangles), under the same press; edge pass, iteration, and the step with the\n"
+         "default settings over its first 0.7 s.\n");
+    puts("| net       | nodes | edges | kernel     | "
+         "edge us| /node | /edge | iter us| /node | /edge | its   | median us|");
+    puts("|-----------|------:|------:|------------|"
+         "-------:|------:|------:|-------:|------:|------:|------:|---------:|");
     for (size_t i = 0; i < sizeof nets / sizeof *nets; i++) {
         if (nets[i].mesh->node_count <= o->nodes_max) measure_net(&nets[i], o->quick ? 3 : 8);
         kn_simplices_destroy(nets[i].mesh);
@@ -173,8 +175,8 @@ void table_features(const throughput_options *o)
         kn_state_destroy(start);
     }
     turns_run(r, FEATURES, TICKS, o->quick ? 5 : 20);
-    puts("\nWhat a scene declares is what it pays for: 847 nodes, the best kernel in f32, 8 iterations, under a load that\n"
-         "comes and goes; each feature alone, in turns.\n");
+    puts("\nWhat a scene declares is what it pays for: 847 nodes, the best kernel in f32, 8 iterations, under a load\n"
+         "that comes and goes; each feature alone, in turns.\n");
     puts("| feature                            | us     | more   | state KiB |");
     puts("|------------------------------------|-------:|-------:|----------:|");
     for (int i = 0; i < FEATURES; i++) {

@@ -47,8 +47,9 @@ static void copy_lattice(rival *r, const kn_model *m)
     }
     memcpy(r->x_m, m->rest_m, (size_t)nodes * sizeof *r->x_m);
     for (int i = 0; i < nodes; i++) r->held[i] = m->support[i] != 0;
+    double half_m = 0.5 * m->def.probe[0].size_m[0] + 1e-9;
     for (int t = 0; t < m->top_count; t++)
-        r->held[m->top[t]] = r->plate[m->top[t]] = fabs(m->rest_m[m->top[t]][0]) <= 0.5 * m->def.probe[0].size_m[0] + 1e-9;
+        r->held[m->top[t]] = r->plate[m->top[t]] = fabs(m->rest_m[m->top[t]][0]) <= half_m;
     free(edges);
     // one stiffness for all links: the mean of ours, so that their sum is the same
     r->block = (peer_block){.node_count = nodes, .link_count = links, .x_m = (const double(*)[3])r->x_m,
@@ -153,7 +154,7 @@ void table_peer(const throughput_options *o)
     const double peaks[2] = {our_peak(&dough_def), our_peak(&voigt)};
     turns_run(r, PEERS, PEER_TICKS, o->quick ? 1 : 3);
     printf("\n%s's deformable body on the same block: %d nodes, %d links, one stiffness %.1f N/m, damped by %.2f s\n"
-           "of it, the first 0.3 s of the press, 1 ms a tick, knead with its default settings; peak: of the plate's force.\n\n",
+           "of it, the first 0.3 s of the press, 1 ms a tick, knead with its default settings; peak: of the force.\n\n",
            peer_name, rivals[0].block.node_count, rivals[0].block.link_count, rivals[0].block.stiffness_n_m, tau_s);
     puts("|                                | us     | of knead's law | peak N  | aim >= 10x |");
     puts("|--------------------------------|-------:|---------------:|--------:|-----------:|");
