@@ -93,12 +93,17 @@ the course of time, with the force-dependent one (eq. 7) they keep it. Ours: the
 LATTICES = """## The same press on a grid and on tetrahedra
 
 Ours alone, no paper has it; `lattices.png`. Peak force of the press above (diagonals, no gas, bonded), which comes
-0.3 mm down. Regular: six tetrahedra to each cube of the grid, on the grid's nodes. Free: tetrahedra as Gmsh likes
-them, with lines where the plate's edges are. A net's moduli are nu, and G over that of an isotropic body of its E
-and nu; the grid's, all its springs being alike, are 0.35 and 2.3. All have one E but each its own nu and G, so they
-have no force in common to converge to; free nets do not converge steadily either, each being another net.{none}
+0.3 mm down. All these lattices have one E, but each its own nu, and its own G over that of an isotropic body of its E
+and nu; only those that agree in these, too, have a force in common to converge to. So each net stands beside the grid
+that is most like it.{none}
 
-{table}
+A grid whose springs are all alike (nu 0.35, G 2.3 times isotropic) and regular tetrahedra, six to each of its cubes:
+
+{regular}
+A grid whose diagonals are 3/11 as stiff as its sides (nu 1/4, G isotropic: the only such grid), and tetrahedra as Gmsh
+likes them, with lines where the plate's edges are. Each free net is another net, so it does not converge steadily:
+
+{free}
 {gas}"""
 
 GAS = """And with gas, (c), pressed 1 cm, where the force is greatest. Tetrahedra lock: the gas of each holds its own
@@ -230,32 +235,45 @@ def monotone(peaks):  # and by ever smaller steps
     return all(s > 0 for s in steps) and all(b < a for a, b in zip(steps, steps[1:]))
 
 
-def lattices(done, facts, claims):
-    peak = {kind: [done[f"lattice-{kind}-{n}"]["peak_n"] for n in range(1, 5) if f"lattice-{kind}-{n}" in done]
-            for kind in ("grid", "regular", "free")}
-    rows = []
-    for n, grid in enumerate(peak["grid"], 1):
-        row = [f"{10 / n:.3g} mm", done[f"lattice-grid-{n}"]["nodes"], f"{grid:.2f}"]
-        for kind in ("regular", "free"):
-            key = f"lattice-{kind}-{n}"
-            if key in done:
-                d = done[key]
-                row += [d["nodes"], f"{d['peak_n']:.2f} ({100 * (d['peak_n'] / grid - 1):+.1f} %)",
-                        ", ".join(facts["moduli"][key])]
-            else:
-                row += ["-"] * 3
+def pair(done, facts, grid, net):  # table of the two, peaks of both, and how far the net's are from the grid's
+    rows, peaks, net_peaks, apart = [], [], [], []
+    for n in range(1, 5):
+        g, d = done.get(f"lattice-{grid}-{n}"), done.get(f"lattice-{net}-{n}")
+        if not g:
+            continue
+        peaks.append(g["peak_n"])
+        row = [f"{10 / n:.3g} mm", g["nodes"], f"{g['peak_n']:.2f}"] + ["-"] * 4
+        if d:
+            net_peaks.append(d["peak_n"])
+            apart.append(d["peak_n"] / g["peak_n"] - 1)
+            row[3:] = [d["nodes"], f"{d['peak_n']:.2f}", f"{100 * apart[-1]:+.1f} %",
+                       ", ".join(facts["moduli"][f"lattice-{net}-{n}"])]
         rows.append(row)
-    if peak["regular"]:
-        apart = [r / g - 1 for r, g in zip(peak["regular"], peak["grid"])]
+    head = ["spacing", "grid nodes", "peak N", "net nodes", "peak N", "to the grid", "nu, G"]
+    return table(head, rows), peaks, net_peaks, apart
+
+
+def refined(claims, name, peaks):
+    if len(peaks) > 2:
+        claims.add(f"peak of refined {name} converges, monotonically", ", ".join(f"{p:.2f}" for p in peaks) + " N",
+                   monotone(peaks))
+
+
+def lattices(done, facts, claims):
+    regular, alike, net, apart = pair(done, facts, "grid", "regular")
+    if apart:
         claims.add("peak of tetrahedra on the grid's nodes within 10 % of the grid's", ", ".join(map(percent, apart)),
                    max(map(abs, apart)) <= 0.1)
-    for kind, name in (("grid", "grids"), ("regular", "regular tetrahedra")):
-        if len(peak[kind]) > 2:
-            claims.add(f"peak of refined {name} converges, monotonically",
-                       ", ".join(f"{p:.2f}" for p in peak[kind]) + " N", monotone(peak[kind]))
+    refined(claims, "grids", alike)
+    refined(claims, "regular tetrahedra", net)
+    free, even, _, apart = pair(done, facts, "isotropic", "free")
+    if apart:
+        claims.add("peak of free tetrahedra within 10 % of the isotropic grid's, nearer with every refinement",
+                   ", ".join(map(percent, apart)),
+                   abs(apart[0]) <= 0.1 and all(abs(b) < abs(a) for a, b in zip(apart, apart[1:])))
+    refined(claims, "isotropic grids", even)
     none = "" if facts["gmsh"] else " Gmsh is not installed here: grids only."
-    return LATTICES.format(none=none, gas=gas(done), table=table(
-        ["spacing", "grid nodes", "peak N", "regular nodes", "peak N", "nu, G", "free nodes", "peak N", "nu, G"], rows))
+    return LATTICES.format(none=none, gas=gas(done), regular=regular, free=free)
 
 
 def gas(done):
