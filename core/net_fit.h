@@ -2,8 +2,8 @@
 #define KN_CORE_NET_FIT_H
 // What a net is made of when it is pulled: its own elastic constants, and the gamma that lets it creep as the element
 // does. The body, whatever its shape, is loaded on its whole outside by a uniform stress, traction = sigma . normal;
-// its mean strain is read off the outside again, 1/V sum of u (x) area. That is the frictionless tension test of a
-// block, and needs no flat ends.
+// its mean strain is read off the outside again, 1/V sum of u (x) area; what it crept is read off all its nodes by the
+// linear map that fits them best. That is the frictionless tension test of a block, and needs no flat ends.
 #include "core/model.h"
 
 typedef struct kn_specimen { // small strains: directions and areas are those at rest
