@@ -26,14 +26,16 @@
 
 // Constants of the law in the model's precision. The same for every instruction set.
 typedef struct law_tables {
-    float cubic[4][KN_LAW_SEGMENTS]; // first: 64-byte aligned with the block
-    float slope[3][3][KN_LAW_SEGMENTS];
+    real cubic[4][KN_LAW_SEGMENTS]; // first: 64-byte aligned with the block
+    real slope[3][3][KN_LAW_SEGMENTS];
     real a, k1, keep, gain;      // A; k1; u <- keep u + gain s
     real dt, half_dt, shortest2; // shortest2: squared length below which n is no longer scaled up, m^2
     real inverse_b0, b0, yh, rest, flow, root_rest, root_flow; // the law's ends: slopes and their square roots
     real inwards, outwards, stop_per_strain, stroke_ends; // z_in, z_out; A/dt; where a stroke counts as used up
     real gamma;
+    real beta, r0, bh; // r = A/c2(s) = r0 exp(beta s); begin of the flowing branch
     int shift;
+    bool halley; // f64: the exponential damper in lanes
 } law_tables;
 
 // Strains are read off displacements, which are exact to a share of the whole object.
@@ -50,9 +52,17 @@ static void build_stroke(law_tables *t, const kn_model *model)
 static void law_tables_build(law_tables *t, const kn_model *model)
 {
     const kn_law *law = &model->law;
-    memcpy(t->cubic, law->cubic, sizeof t->cubic);
-    memcpy(t->slope, law->slope, sizeof t->slope);
+    for (int i = 0; i < KN_LAW_SEGMENTS; i++) {
+        for (int k = 0; k < 4; k++) t->cubic[k][i] = law->cubic[k][i];
+        for (int k = 0; k < 9; k++) t->slope[k / 3][k % 3][i] = law->slope[k / 3][k % 3][i];
+    }
     t->shift = law->shift;
+    t->beta = (real)law->mat.beta_per_pa;
+    t->r0 = (real)(law->a_pa_s / law->mat.alpha_pa_s);
+    t->bh = (real)law->bh_pa;
+    // one step from the table does where the exponent it starts from is right to a thousandth
+    t->halley = law->kind == KN_LAW_EXACT && law->seeded && law->mat.damper == KN_DAMPER_EXPONENTIAL &&
+                law->table_error * law->mat.beta_per_pa * law->s1_pa < 1e-3;
     t->a = (real)law->a_pa_s;
     t->k1 = (real)law->mat.k1_pa;
     t->keep = (real)(1.0 - law->dt_s * law->mat.k1_pa / law->a_pa_s);
@@ -63,10 +73,11 @@ static void law_tables_build(law_tables *t, const kn_model *model)
     t->flow = (real)law->slope_flow;
     t->root_rest = (real)sqrt(law->slope_rest);
     t->root_flow = (real)sqrt(law->slope_flow);
-    bool table = law->kind == KN_LAW_TABLE;
+    bool table = law->kind == KN_LAW_TABLE || t->halley;
     t->b0 = (real)law->b0_pa;
     t->inverse_b0 = (real)(table ? 1.0 / law->b0_pa : 0);
-    t->yh = (real)(table ? (double)(float)(law->bh_pa / law->b0_pa) : 0);
+    double yh = law->bh_pa / law->b0_pa;
+    t->yh = (real)(table ? yh : 0);
     t->shortest2 = (real)(1e-12 * model->def.spacing_m * model->def.spacing_m);
     t->gamma = (real)model->gamma;
     build_stroke(t, model);
@@ -86,6 +97,14 @@ static void law_exact(const kn_law *law, kn_linearization how, lanes b, lanes *s
     *root = lanes_load(at_root);
 }
 
+// s/b0 of y = |b|/b0 by the table alone, and where it was looked up.
+LANES_INLINE lanes law_cubic(const law_tables *t, lanes inside, segment i)
+{
+    lanes p = lanes_table(t->cubic[3], i);
+    for (int k = 2; k >= 0; k--) p = lanes_fma(p, inside, lanes_table(t->cubic[k], i));
+    return p;
+}
+
 #if KN_KERNEL_F32
 LANES_INLINE void law_table(const law_tables *t, kn_linearization how, lanes b, lanes *s, lanes *root)
 {
@@ -93,8 +112,7 @@ LANES_INLINE void law_table(const law_tables *t, kn_linearization how, lanes b, 
     lanes y = lanes_mul(lanes_max(b, lanes_sub(zero, b)), lanes_set(t->inverse_b0));
     lanes inside = lanes_min(lanes_max(y, one), yh);
     segment i = segment_of(inside, t->shift);
-    lanes p = lanes_table(t->cubic[3], i);
-    for (int k = 2; k >= 0; k--) p = lanes_fma(p, inside, lanes_table(t->cubic[k], i));
+    lanes p = law_cubic(t, inside, i);
     p = lanes_max(lanes_mul(lanes_set(t->flow), y), lanes_min(lanes_mul(lanes_set(t->rest), y), p));
     p = lanes_mul(p, lanes_set(t->b0));
     *s = lanes_less(b, zero, lanes_sub(zero, p), p);
@@ -103,12 +121,47 @@ LANES_INLINE void law_table(const law_tables *t, kn_linearization how, lanes b, 
     c = lanes_less(yh, y, lanes_set(t->root_flow), c);
     *root = lanes_less(y, one, lanes_set(t->root_rest), c);
 }
+#else
+// From the table's s by one of Halley's steps on s (1 + r) = b, r = r0 exp(beta s): the cube of the table's error is below 1e-10.
+static __attribute__((noinline)) void law_halley(const law_tables *t, kn_linearization how, const lanes *of, lanes *s,
+                                                 lanes *root)
+{
+    const lanes b = *of, one = lanes_set(1), zero = lanes_set(0), beta = lanes_set(t->beta), half = lanes_set(0.5);
+    lanes size = lanes_max(b, lanes_sub(zero, b)), y = lanes_mul(size, lanes_set(t->inverse_b0));
+    lanes inside = lanes_min(lanes_max(y, one), lanes_set(t->yh)), sought = lanes_mul(inside, lanes_set(t->b0));
+    lanes p = lanes_mul(law_cubic(t, inside, segment_of(inside, t->shift)), lanes_set(t->b0));
+    lanes r = lanes_mul(lanes_set(t->r0), lanes_exp(lanes_mul(beta, p)));
+    lanes over = lanes_sub(lanes_fma(p, r, p), sought), thin = lanes_fma(beta, p, one);
+    lanes slope = lanes_fma(r, thin, one), bend = lanes_mul(lanes_mul(r, beta), lanes_add(thin, one));
+    lanes step = lanes_div(lanes_mul(over, slope), lanes_fnma(lanes_mul(half, over), bend, lanes_mul(slope, slope)));
+    p = lanes_sub(p, step);
+    // r exp(-x), |x| < 1e-3
+    lanes x = lanes_mul(beta, step), decay = lanes_fnma(lanes_set(1.0 / 6), x, half);
+    decay = lanes_fnma(lanes_fnma(decay, x, one), x, one);
+    r = lanes_mul(r, decay);
+    slope = lanes_fma(r, lanes_fma(beta, p, one), one);
+    lanes secant = lanes_add(one, r), c; // 1/secant, 1/slope or their mean
+    if (how == KN_LINEARIZATION_BLEND)
+        c = lanes_div(lanes_mul(half, lanes_add(secant, slope)), lanes_mul(secant, slope));
+    else c = lanes_div(one, how == KN_LINEARIZATION_TANGENT ? slope : secant);
+    p = lanes_less(y, one, lanes_mul(size, lanes_set(t->rest)), p);
+    p = lanes_less(lanes_set(t->bh), size, lanes_mul(size, lanes_set(t->flow)), p);
+    *s = lanes_less(b, zero, lanes_sub(zero, p), p);
+    c = lanes_less(y, one, lanes_set(t->root_rest), lanes_sqrt(c));
+    *root = lanes_less(lanes_set(t->bh), size, lanes_set(t->root_flow), c);
+}
 #endif
 
 LANES_INLINE void law_of(const kn_model *model, const law_tables *t, kn_law_kind kind, kn_linearization how, lanes b,
                          lanes *s, lanes *root)
 {
     if (kind == KN_LAW_EXACT) {
+#if !KN_KERNEL_F32
+        if (t->halley) {
+            law_halley(t, how, &b, s, root);
+            return;
+        }
+#endif
         law_exact(&model->law, how, b, s, root);
 #if KN_KERNEL_F32
     } else if (kind == KN_LAW_TABLE) {

@@ -99,119 +99,110 @@ LANES_INLINE native base_less(native a, native b, native x, native y)
 
 #define W (KN_LANES / PARTS)
 
+// The parts are members, not an array, and never looped over: gcc keeps an array of vectors in memory unless it has
+// unrolled all loops around it before it looks for scalars, which it does not, and the edge pass took three times as long.
+#if PARTS == 1
+#define EACH(part) part(0)
 typedef struct lanes {
-    native part[PARTS];
+    native p0;
 } lanes;
+#elif PARTS == 2
+#define EACH(part) part(0) part(1)
+typedef struct lanes {
+    native p0, p1;
+} lanes;
+#else
+#define EACH(part) part(0) part(1) part(2) part(3)
+typedef struct lanes {
+    native p0, p1, p2, p3;
+} lanes;
+#endif
 
-#define EACH for (int i = 0; i < PARTS; i++)
+#define SET(i) N(set1)(a),
+#define LOAD(i) N(load)(p + W * i),
+#define STORE(i) N(store)(p + W * i, a.p##i);
+LANES_INLINE lanes lanes_set(real a) { return (lanes){EACH(SET)}; }
+LANES_INLINE lanes lanes_load(const real *p) { return (lanes){EACH(LOAD)}; }
+LANES_INLINE void lanes_store(real *p, lanes a) { EACH(STORE) }
 
-LANES_INLINE lanes lanes_set(real a)
-{
-    lanes r;
-    EACH r.part[i] = N(set1)(a);
-    return r;
-}
-LANES_INLINE lanes lanes_load(const real *p)
-{
-    lanes r;
-    EACH r.part[i] = N(load)(p + W * i);
-    return r;
-}
-LANES_INLINE void lanes_store(real *p, lanes a) { EACH N(store)(p + W * i, a.part[i]); }
-
-#define LANES_2(name, expression)                                                                                      \
-    LANES_INLINE lanes lanes_##name(lanes a, lanes b)                                                                  \
-    {                                                                                                                  \
-        lanes r;                                                                                                       \
-        EACH r.part[i] = expression;                                                                                   \
-        return r;                                                                                                      \
-    }
-LANES_2(add, N(add)(a.part[i], b.part[i]))
-LANES_2(sub, N(sub)(a.part[i], b.part[i]))
-LANES_2(mul, N(mul)(a.part[i], b.part[i]))
-LANES_2(div, N(div)(a.part[i], b.part[i]))
-LANES_2(min, N_MIN(a.part[i], b.part[i]))
-LANES_2(max, N_MAX(a.part[i], b.part[i]))
-
-LANES_INLINE lanes lanes_fma(lanes a, lanes b, lanes c) // a b + c
-{
-    lanes r;
-    EACH r.part[i] = N(fmadd)(a.part[i], b.part[i], c.part[i]);
-    return r;
-}
-LANES_INLINE lanes lanes_fnma(lanes a, lanes b, lanes c) // c - a b
-{
-    lanes r;
-    EACH r.part[i] = N(fnmadd)(a.part[i], b.part[i], c.part[i]);
-    return r;
-}
-LANES_INLINE lanes lanes_sqrt(lanes a)
-{
-    lanes r;
-    EACH r.part[i] = N(sqrt)(a.part[i]);
-    return r;
-}
-LANES_INLINE lanes lanes_less(lanes a, lanes b, lanes x, lanes y) // a < b ? x : y
-{
-    lanes r;
-    EACH r.part[i] = N_LESS(a.part[i], b.part[i], x.part[i], y.part[i]);
-    return r;
-}
+#define ADD(i) N(add)(a.p##i, b.p##i),
+#define SUB(i) N(sub)(a.p##i, b.p##i),
+#define MUL(i) N(mul)(a.p##i, b.p##i),
+#define DIV(i) N(div)(a.p##i, b.p##i),
+#define MIN(i) N_MIN(a.p##i, b.p##i),
+#define MAX(i) N_MAX(a.p##i, b.p##i),
+#define FMA(i) N(fmadd)(a.p##i, b.p##i, c.p##i),
+#define FNMA(i) N(fnmadd)(a.p##i, b.p##i, c.p##i),
+#define SQRT(i) N(sqrt)(a.p##i),
+#define LESS(i) N_LESS(a.p##i, b.p##i, x.p##i, y.p##i),
+LANES_INLINE lanes lanes_add(lanes a, lanes b) { return (lanes){EACH(ADD)}; }
+LANES_INLINE lanes lanes_sub(lanes a, lanes b) { return (lanes){EACH(SUB)}; }
+LANES_INLINE lanes lanes_mul(lanes a, lanes b) { return (lanes){EACH(MUL)}; }
+LANES_INLINE lanes lanes_div(lanes a, lanes b) { return (lanes){EACH(DIV)}; }
+LANES_INLINE lanes lanes_min(lanes a, lanes b) { return (lanes){EACH(MIN)}; }
+LANES_INLINE lanes lanes_max(lanes a, lanes b) { return (lanes){EACH(MAX)}; }
+LANES_INLINE lanes lanes_sqrt(lanes a) { return (lanes){EACH(SQRT)}; }
+LANES_INLINE lanes lanes_fma(lanes a, lanes b, lanes c) { return (lanes){EACH(FMA)}; }   // a b + c
+LANES_INLINE lanes lanes_fnma(lanes a, lanes b, lanes c) { return (lanes){EACH(FNMA)}; } // c - a b
+LANES_INLINE lanes lanes_less(lanes a, lanes b, lanes x, lanes y) { return (lanes){EACH(LESS)}; } // a < b ? x : y
 
 // Lane l takes lane l+1 (next) or l-1 (prev); the row's end wraps, where the edge that uses it has weight 0.
 #if KN_KERNEL_AVX512 && KN_KERNEL_F32
 #define ROTATE(v, n)                                                                                                   \
-    _mm512_castsi512_ps(_mm512_alignr_epi32(_mm512_castps_si512((v).part[0]), _mm512_castps_si512((v).part[0]), n))
-LANES_INLINE lanes lanes_next(lanes a) { return (lanes){{ROTATE(a, 1)}}; }
-LANES_INLINE lanes lanes_prev(lanes a) { return (lanes){{ROTATE(a, 15)}}; }
+    _mm512_castsi512_ps(_mm512_alignr_epi32(_mm512_castps_si512((v).p0), _mm512_castps_si512((v).p0), n))
+LANES_INLINE lanes lanes_next(lanes a) { return (lanes){ROTATE(a, 1)}; }
+LANES_INLINE lanes lanes_prev(lanes a) { return (lanes){ROTATE(a, 15)}; }
 #elif KN_KERNEL_AVX512
 #define ROTATE(hi, lo, n) _mm512_castsi512_pd(_mm512_alignr_epi64(_mm512_castpd_si512(hi), _mm512_castpd_si512(lo), n))
 LANES_INLINE lanes lanes_next(lanes a)
 {
-    return (lanes){{ROTATE(a.part[1], a.part[0], 1), ROTATE(a.part[0], a.part[1], 1)}};
+    return (lanes){ROTATE(a.p1, a.p0, 1), ROTATE(a.p0, a.p1, 1)};
 }
 LANES_INLINE lanes lanes_prev(lanes a)
 {
-    return (lanes){{ROTATE(a.part[0], a.part[1], 7), ROTATE(a.part[1], a.part[0], 7)}};
+    return (lanes){ROTATE(a.p0, a.p1, 7), ROTATE(a.p1, a.p0, 7)};
 }
 #elif KN_KERNEL_AVX2 && KN_KERNEL_F32
 LANES_INLINE lanes lanes_next(lanes a)
 {
     const __m256i turn = _mm256_setr_epi32(1, 2, 3, 4, 5, 6, 7, 0);
-    __m256 lo = _mm256_permutevar8x32_ps(a.part[0], turn), hi = _mm256_permutevar8x32_ps(a.part[1], turn);
-    return (lanes){{_mm256_blend_ps(lo, hi, 0x80), _mm256_blend_ps(hi, lo, 0x80)}};
+    __m256 lo = _mm256_permutevar8x32_ps(a.p0, turn), hi = _mm256_permutevar8x32_ps(a.p1, turn);
+    return (lanes){_mm256_blend_ps(lo, hi, 0x80), _mm256_blend_ps(hi, lo, 0x80)};
 }
 LANES_INLINE lanes lanes_prev(lanes a)
 {
     const __m256i turn = _mm256_setr_epi32(7, 0, 1, 2, 3, 4, 5, 6);
-    __m256 lo = _mm256_permutevar8x32_ps(a.part[0], turn), hi = _mm256_permutevar8x32_ps(a.part[1], turn);
-    return (lanes){{_mm256_blend_ps(lo, hi, 0x01), _mm256_blend_ps(hi, lo, 0x01)}};
+    __m256 lo = _mm256_permutevar8x32_ps(a.p0, turn), hi = _mm256_permutevar8x32_ps(a.p1, turn);
+    return (lanes){_mm256_blend_ps(lo, hi, 0x01), _mm256_blend_ps(hi, lo, 0x01)};
 }
 #elif KN_KERNEL_AVX2
+#define TURN(i) __m256d t##i = _mm256_permute4x64_pd(a.p##i, WHICH);
 LANES_INLINE lanes lanes_next(lanes a)
 {
-    lanes t, r;
-    EACH t.part[i] = _mm256_permute4x64_pd(a.part[i], 0x39);
-    EACH r.part[i] = _mm256_blend_pd(t.part[i], t.part[(i + 1) % PARTS], 0x8);
-    return r;
+#define WHICH 0x39
+    EACH(TURN)
+#undef WHICH
+    return (lanes){_mm256_blend_pd(t0, t1, 0x8), _mm256_blend_pd(t1, t2, 0x8), _mm256_blend_pd(t2, t3, 0x8),
+                   _mm256_blend_pd(t3, t0, 0x8)};
 }
 LANES_INLINE lanes lanes_prev(lanes a)
 {
-    lanes t, r;
-    EACH t.part[i] = _mm256_permute4x64_pd(a.part[i], 0x93);
-    EACH r.part[i] = _mm256_blend_pd(t.part[i], t.part[(i + PARTS - 1) % PARTS], 0x1);
-    return r;
+#define WHICH 0x93
+    EACH(TURN)
+#undef WHICH
+    return (lanes){_mm256_blend_pd(t0, t3, 0x1), _mm256_blend_pd(t1, t0, 0x1), _mm256_blend_pd(t2, t1, 0x1),
+                   _mm256_blend_pd(t3, t2, 0x1)};
 }
 #else
 LANES_INLINE lanes lanes_next(lanes a)
 {
-    native v = a.part[0];
-    return (lanes){{__builtin_shufflevector(v, v, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 0)}};
+    native v = a.p0;
+    return (lanes){__builtin_shufflevector(v, v, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 0)};
 }
 LANES_INLINE lanes lanes_prev(lanes a)
 {
-    native v = a.part[0];
-    return (lanes){{__builtin_shufflevector(v, v, 15, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14)}};
+    native v = a.p0;
+    return (lanes){__builtin_shufflevector(v, v, 15, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14)};
 }
 #endif
 
@@ -227,59 +218,106 @@ LANES_INLINE double lanes_sum(lanes a)
     return sum[0];
 }
 
-// Look-up in a table of 16 floats by (bits(y) - bits(1)) >> shift, y in [1, end of table].
+// Look-up in a table of 16 reals by (bits(y) - bits(1)) >> shift, y in [1, end of table]; shift is for a float's bits.
 #if KN_KERNEL_F32
-#if KN_KERNEL_AVX512
-typedef __m512i segment;
-LANES_INLINE segment segment_of(lanes y, int shift)
-{
-    __m512i bits = _mm512_sub_epi32(_mm512_castps_si512(y.part[0]), _mm512_set1_epi32(0x3f800000));
-    return _mm512_srl_epi32(bits, _mm_cvtsi32_si128(shift));
-}
-LANES_INLINE lanes lanes_table(const float *table, segment s)
-{
-    return (lanes){{_mm512_permutexvar_ps(s, _mm512_load_ps(table))}};
-}
+#define TABLE_ONE 0x3f800000
+#define TABLE_SHIFT(shift) (shift)
+#else
+#define TABLE_ONE 0x3ff0000000000000
+#define TABLE_SHIFT(shift) ((shift) + 29)
+#endif
+#if KN_KERNEL_AVX512 && KN_KERNEL_F32
+typedef __m512i index_native;
+#define SEGMENT(i)                                                                                                     \
+    _mm512_srl_epi32(_mm512_sub_epi32(_mm512_castps_si512(y.p##i), _mm512_set1_epi32(TABLE_ONE)), by),
+#define LOOK(i) _mm512_permutexvar_ps(s.p##i, _mm512_load_ps(table)),
+#elif KN_KERNEL_AVX512
+typedef __m512i index_native;
+#define SEGMENT(i)                                                                                                     \
+    _mm512_srl_epi64(_mm512_sub_epi64(_mm512_castpd_si512(y.p##i), _mm512_set1_epi64(TABLE_ONE)), by),
+#define LOOK(i) _mm512_permutex2var_pd(_mm512_load_pd(table), s.p##i, _mm512_load_pd(table + 8)),
+#elif KN_KERNEL_AVX2 && KN_KERNEL_F32
+typedef __m256i index_native;
+#define SEGMENT(i)                                                                                                     \
+    _mm256_srl_epi32(_mm256_sub_epi32(_mm256_castps_si256(y.p##i), _mm256_set1_epi32(TABLE_ONE)), by),
+// bit 3 of the index, moved to the sign, chooses the half
+#define LOOK(i)                                                                                                        \
+    _mm256_blendv_ps(_mm256_permutevar8x32_ps(_mm256_load_ps(table), s.p##i),                                          \
+                     _mm256_permutevar8x32_ps(_mm256_load_ps(table + 8), s.p##i),                                      \
+                     _mm256_castsi256_ps(_mm256_slli_epi32(s.p##i, 28))),
 #elif KN_KERNEL_AVX2
+typedef __m256i index_native;
+#define SEGMENT(i)                                                                                                     \
+    _mm256_srl_epi64(_mm256_sub_epi64(_mm256_castpd_si256(y.p##i), _mm256_set1_epi64x(TABLE_ONE)), by),
+#define LOOK(i) _mm256_i64gather_pd(table, s.p##i, 8),
+#endif
+#if KN_KERNEL_AVX512 || KN_KERNEL_AVX2
+#define MEMBER(i) index_native p##i;
 typedef struct segment {
-    __m256i part[2];
+    EACH(MEMBER)
 } segment;
 LANES_INLINE segment segment_of(lanes y, int shift)
 {
-    segment s;
-    for (int i = 0; i < 2; i++)
-        s.part[i] = _mm256_srl_epi32(
-            _mm256_sub_epi32(_mm256_castps_si256(y.part[i]), _mm256_set1_epi32(0x3f800000)), _mm_cvtsi32_si128(shift));
-    return s;
+    const __m128i by = _mm_cvtsi32_si128(TABLE_SHIFT(shift));
+    return (segment){EACH(SEGMENT)};
 }
-LANES_INLINE lanes lanes_table(const float *table, segment s)
-{
-    __m256 low = _mm256_load_ps(table), high = _mm256_load_ps(table + 8);
-    lanes r;
-    for (int i = 0; i < 2; i++) // bit 3 of the index, moved to the sign, chooses the half
-        r.part[i] = _mm256_blendv_ps(_mm256_permutevar8x32_ps(low, s.part[i]),
-                                     _mm256_permutevar8x32_ps(high, s.part[i]),
-                                     _mm256_castsi256_ps(_mm256_slli_epi32(s.part[i], 28)));
-    return r;
-}
+LANES_INLINE lanes lanes_table(const real *table, segment s) { return (lanes){EACH(LOOK)}; }
 #else
 typedef struct segment {
-    uint32_t index[KN_LANES];
+    int index[KN_LANES];
 } segment;
+#if KN_KERNEL_F32
+typedef uint32_t real_bits;
+#else
+typedef uint64_t real_bits;
+#endif
 LANES_INLINE segment segment_of(lanes y, int shift)
 {
+    real_bits bits[KN_LANES];
     segment s;
-    memcpy(s.index, y.part, sizeof s.index); // float bits
-    for (int i = 0; i < KN_LANES; i++) s.index[i] = ((s.index[i] - 0x3f800000u) >> shift) & (16 - 1);
+    memcpy(bits, &y, sizeof bits);
+    for (int i = 0; i < KN_LANES; i++) s.index[i] = (int)((bits[i] - TABLE_ONE) >> TABLE_SHIFT(shift)) & (16 - 1);
     return s;
 }
-LANES_INLINE lanes lanes_table(const float *table, segment s)
+LANES_INLINE lanes lanes_table(const real *table, segment s)
 {
     lanes r;
-    for (int i = 0; i < KN_LANES; i++) r.part[0][i] = table[s.index[i]];
+    for (int i = 0; i < KN_LANES; i++) r.p0[i] = table[s.index[i]];
     return r;
 }
 #endif
+
+#if !KN_KERNEL_F32
+// 2^k, where the last bits of the number are those of k + 1023.
+#if KN_KERNEL_AVX512
+#define POWER(i) _mm512_castsi512_pd(_mm512_slli_epi64(_mm512_castpd_si512(a.p##i), 52)),
+LANES_INLINE lanes lanes_power(lanes a) { return (lanes){EACH(POWER)}; }
+#elif KN_KERNEL_AVX2
+#define POWER(i) _mm256_castsi256_pd(_mm256_slli_epi64(_mm256_castpd_si256(a.p##i), 52)),
+LANES_INLINE lanes lanes_power(lanes a) { return (lanes){EACH(POWER)}; }
+#else
+LANES_INLINE lanes lanes_power(lanes a)
+{
+    uint64_t bits[KN_LANES];
+    memcpy(bits, &a, sizeof bits);
+    for (int i = 0; i < KN_LANES; i++) bits[i] <<= 52;
+    memcpy(&a, bits, sizeof bits);
+    return a;
+}
+#endif
+
+// exp(x) for 0 <= x <= 700 to 1e-12: 2^k exp(f), |f| <= ln 2/2, by Taylor to f^10.
+LANES_INLINE lanes lanes_exp(lanes x)
+{
+    static const double inverse_factorial[11] = {1,         1,         1.0 / 2,    1.0 / 6,     1.0 / 24,     1.0 / 120,
+                                                 1.0 / 720, 1.0 / 5040, 1.0 / 40320, 1.0 / 362880, 1.0 / 3628800};
+    const lanes magic = lanes_set(0x1.8p52 + 1023); // adding it leaves a whole number in the last bits
+    lanes bits = lanes_fma(x, lanes_set(0x1.71547652b82fep+0), magic), k = lanes_sub(bits, magic);
+    lanes f = lanes_fnma(k, lanes_set(0x1.abc9e3b39803fp-56), lanes_fnma(k, lanes_set(0x1.62e42fefa39efp-1), x));
+    lanes sum = lanes_set(inverse_factorial[10]);
+    for (int i = 9; i >= 0; i--) sum = lanes_fma(sum, f, lanes_set(inverse_factorial[i]));
+    return lanes_mul(sum, lanes_power(bits));
+}
 #endif
 
 #endif
