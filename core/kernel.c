@@ -4,7 +4,7 @@
 // The three shifts along a row must be unrolled to be constants; gcc leaves them rolled (+18 % of the edge pass).
 #define PRAGMA(x) _Pragma(#x)
 // Not where it only costs compile time.
-#if KN_KERNEL_BASE || KN_KERNEL_F64 || KN_KERNEL_CHECKED
+#if KN_KERNEL_BASE || KN_KERNEL_CHECKED
 #define UNROLL(n)
 #elif defined(__clang__)
 #define UNROLL(n) PRAGMA(unroll(n))
@@ -390,11 +390,35 @@ static double edge(const kn_model *model, kn_state *state, kn_linearization how,
         if (K == 1 && !again) return edge_pass(model, state, KN_LAW_TABLE, false, how, false, 1);
         return edge_pass(model, state, KN_LAW_TABLE, false, how, again, K);
 #endif
-    default: return edge_pass(model, state, KN_LAW_EXACT, false, how, again, K);
+    default:
+#if !KN_KERNEL_F32
+        if (K == 1 && !again) return edge_pass(model, state, KN_LAW_EXACT, false, how, false, 1);
+#endif
+        return edge_pass(model, state, KN_LAW_EXACT, false, how, again, K);
     }
 }
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
+
+static double recall(const kn_model *model, kn_state *state)
+{
+    const tables *t = model->tables;
+    const kn_work *work = kn_state_work(state);
+    const real *change = state->change, *r = work->r, *free = work->free;
+    real *z = work->z;
+    const size_t plane = (size_t)t->rows * 3 * (size_t)t->vectors * KN_LANES;
+    double total = 0;
+    for (int c = 0; c < t->planes; c++) {
+        lanes sum = lanes_set(0);
+        for (size_t o = (size_t)c * plane; o < (size_t)(c + 1) * plane; o += KN_LANES) {
+            lanes d = lanes_mul(lanes_load(change + o), lanes_load(free + o));
+            lanes_store(z + o, d);
+            sum = lanes_fma(d, lanes_load(r + o), sum);
+        }
+        total += lanes_sum(sum);
+    }
+    return total;
+}
 
 LANES_INLINE void next_direction(const fields *f, int row, real beta)
 {
@@ -503,11 +527,12 @@ static double update(const kn_model *model, kn_state *state, double alpha)
 static void integrate(const kn_model *model, kn_state *state)
 {
     const tables *t = model->tables;
-    real *x = state->displacement, *v = state->velocity;
+    real *x = state->displacement, *v = state->velocity, *change = state->change;
     const real *guess = kn_state_work(state)->guess;
     size_t reals = (size_t)t->row_count * 3 * (size_t)t->vectors * KN_LANES;
     for (size_t o = 0; o < reals; o += KN_LANES) {
         lanes g = lanes_load(guess + o);
+        lanes_store(change + o, lanes_sub(g, lanes_load(v + o)));
         lanes_store(v + o, g);
         lanes_store(x + o, lanes_fma(lanes_set(t->law.dt), g, lanes_load(x + o)));
     }
@@ -519,6 +544,7 @@ const kn_kernels KN_KERNELS(grid) = {
     .tables_size = tables_size,
     .tables_build = tables_build,
     .edge = edge,
+    .recall = recall,
     .apply = apply,
     .update = update,
     .integrate = integrate,

@@ -4,9 +4,10 @@
 // the set it was built for. All of them visit rows in memory order and sum in the same order: the same bits everywhere.
 //
 //     edge       law of every edge -> residual r, sqrt(slope) vectors g, block-Jacobi inverse P, z = P r  [step]
+//     recall     z = the last step's change of velocity, where free; returns r.z                              [step]
 //     apply      d = z + beta d;  q = (M/dt + sum g g^T) d;  returns d.q                                 [iteration]
 //     update     guess += a d;  r -= a q;  z = P r;  returns r.z                                         [iteration]
-//     integrate  displacement += dt guess;  velocity = guess                                             [step]
+//     integrate  displacement += dt guess;  change = guess - velocity;  velocity = guess                                             [step]
 //
 // Constrained components have zero rows and columns in P, so their guess never moves and r keeps what they carry: at
 // the end r there is the force that the lattice exerts on whatever holds the node. Contact force for free.
@@ -36,6 +37,7 @@ typedef struct kn_kernels {
     void (*tables_build)(const kn_model *model, void *tables);
     // again: linearise once more around the guess, without advancing the edges' strain. Returns r.z.
     double (*edge)(const kn_model *model, kn_state *state, kn_linearization how, bool again);
+    double (*recall)(const kn_model *model, kn_state *state);
     double (*apply)(const kn_model *model, kn_state *state, double beta);
     double (*update)(const kn_model *model, kn_state *state, double alpha);
     void (*integrate)(const kn_model *model, kn_state *state);

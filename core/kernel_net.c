@@ -247,6 +247,20 @@ static double edge(const kn_model *model, kn_state *state, kn_linearization how,
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
 
+static double recall(const kn_model *model, kn_state *state)
+{
+    const tables *t = model->tables;
+    const kn_work *work = kn_state_work(state);
+    const real *change = state->change, *r = work->r, *free = work->free;
+    real *z = work->z;
+    double sum = 0;
+    for (int i = 0; i < 3 * t->nodes; i++) {
+        z[i] = change[i] * free[i];
+        sum += (double)(r[i] * z[i]);
+    }
+    return sum;
+}
+
 static double apply(const kn_model *model, kn_state *state, double beta)
 {
     const tables *t = model->tables;
@@ -297,8 +311,9 @@ static void integrate(const kn_model *model, kn_state *state)
 {
     const tables *t = model->tables;
     const real *guess = kn_state_work(state)->guess;
-    real *x = state->displacement, *v = state->velocity;
+    real *x = state->displacement, *v = state->velocity, *change = state->change;
     for (int i = 0; i < 3 * t->nodes; i++) {
+        change[i] = guess[i] - v[i];
         v[i] = guess[i];
         x[i] += t->law.dt * guess[i];
     }
@@ -310,6 +325,7 @@ const kn_kernels KN_KERNELS(net) = {
     .tables_size = tables_size,
     .tables_build = tables_build,
     .edge = edge,
+    .recall = recall,
     .apply = apply,
     .update = update,
     .integrate = integrate,

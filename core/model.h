@@ -133,7 +133,7 @@ typedef struct kn_model {
     size_t state_bytes;  // of one kn_state with its arrays
 } kn_model;
 
-// Defaults: dough of the first paper, 5 x 5 x 3 cm, h = 1 cm, bonded, no probe; implicit F32 blend, 1 ms, 8..24
+// Defaults: dough of the first paper, 5 x 5 x 3 cm, h = 1 cm, bonded, no probe; implicit F32 blend, 1 ms, 4..24
 // CG iterations.
 kn_model_def kn_model_def_default(void);
 

@@ -17,6 +17,7 @@ typedef struct kn_probe_state {
 #define KN_STATE_FIELDS(X)                                                                                             \
     X(displacement, 3) /* m, from rest: keeps 1e-9 m in f32 where a coordinate could not */                            \
     X(velocity, 3)     /* m/s, over the last step */                                                                   \
+    X(change, 3)       /* m/s, of the velocity in the last step */                                                     \
     X(strain, KN_FORWARD) /* u of each forward edge, before the last step; absent (NULL) under KN_LAW_VOIGT */
 
 typedef struct kn_state {

@@ -119,7 +119,7 @@
     scene.model.solver.isa, "instruction set; all give the same bits")                                                \
   X(DT, ALWAYS, "solver.dt", REAL, 1, "s", 1e-9, 0.1, "1 ms",                                                         \
     scene.model.solver.dt_s, "step")                                                                                  \
-  X(ITERATIONS, ALWAYS, "solver.iterations", INTEGER, 1, "", 1, 1000, "8",                                            \
+  X(ITERATIONS, ALWAYS, "solver.iterations", INTEGER, 1, "", 1, 1000, "4",                                            \
     scene.model.solver.iterations, "CG iterations of every step")                                                     \
   X(ITERATIONS_MAX, ALWAYS, "solver.iterations_max", INTEGER, 1, "", 1, 1000, "24",                                   \
     scene.model.solver.iterations_max, "hard cap, used while the residual is above the tolerance")                    \

@@ -28,36 +28,36 @@ static void check_golden(const char *name, kn_model_def def, uint64_t expected)
 
 TEST("dough-small (144 nodes) under a plate")
 {
-    check_golden("dough-small-plate", press_def(1), 0x2f7b80a6cdfca7ac);
+    check_golden("dough-small-plate", press_def(1), 0x2e7e723783abf25d);
 }
 
 TEST("dough-small under a ball")
 {
-    check_golden("dough-small-ball", ball_def(1), 0x27faacdc31528ddd);
+    check_golden("dough-small-ball", ball_def(1), 0x4b9e722813f8ed68);
 }
 
 TEST("dough (847 nodes) under a plate")
 {
-    check_golden("dough-plate", press_def(2), 0x1805a22b38bc55c0);
+    check_golden("dough-plate", press_def(2), 0x82b99cdcf4f9705c);
 }
 
 TEST("dough under a ball")
 {
-    check_golden("dough-ball", ball_def(2), 0xdf01ba69e6632d81);
+    check_golden("dough-ball", ball_def(2), 0xcac3a3f3fa6ca298);
 }
 
 TEST("dough-small under a plate in f64")
 {
     kn_model_def def = press_def(1);
     def.solver.precision = KN_PRECISION_F64;
-    check_golden("dough-small-plate-f64", def, 0xdaeb6cc7e29691f5);
+    check_golden("dough-small-plate-f64", def, 0x59f7c1fadd540770);
 }
 
 TEST("dough-pressure under a plate")
 {
     kn_model_def def = press_def(2);
     def.pressure = KN_PRESSURE_CELLS;
-    check_golden("dough-pressure-plate", def, 0xb07437cb7e7e089b);
+    check_golden("dough-pressure-plate", def, 0x06cbfcffbe84e22d);
 }
 
 TEST("a flat block of dough with weak diagonals and one pressure under a plate")
@@ -67,7 +67,7 @@ TEST("a flat block of dough with weak diagonals and one pressure under a plate")
     def.thickness_m = 0.05;
     def.diagonal_stiffness = 0.1;
     def.pressure = KN_PRESSURE_OBJECT;
-    check_golden("flat-pressure-plate", def, 0xab47c2315cdc2cd3);
+    check_golden("flat-pressure-plate", def, 0xde20870edbf890f4);
 }
 
 TEST("dough-small by Runge-Kutta, 300 steps of 10 us with the mass times 100")
@@ -88,7 +88,7 @@ TEST("dough-small by Runge-Kutta, 300 steps of 10 us with the mass times 100")
     uint64_t hash = kn_hash_bytes(kn_state_hash(model, state), out.probe[0].force_n, sizeof out.probe[0].force_n);
     printf("     golden dough-small-rk4 %016llx\n", (unsigned long long)hash);
     CHECK(out.probe[0].force_n[2] > 0);
-    CHECK(hash == 0xd4cd0701fa94e7e4);
+    CHECK(hash == 0x9935c08eee9a133b);
     kn_state_destroy(state);
     kn_model_destroy(model);
 }

@@ -12,6 +12,10 @@ TEST("a press on a block turned by a quarter about z gives the same force, altho
     across.probe[0].size_m[0] = 0.04, across.probe[0].size_m[1] = 0.01;
     for (int precision = 0; precision < 2; precision++) {
         along.solver.precision = across.solver.precision = (kn_precision)precision;
+        if (precision) { // else a rounding may decide whether a step takes one iteration more
+            along.solver.tolerance = across.solver.tolerance = 1e-12;
+            along.solver.iterations_max = across.solver.iterations_max = 400;
+        }
         run a = press_run(&along, &p, 1, 1e-3), b = press_run(&across, &p, 1, 1e-3);
         CHECK(peak_n(&a) > 1);
         CHECK_NEAR(force_error(&a, &b), 0, precision ? 1e-9 : 1e-4);
@@ -127,7 +131,7 @@ TEST("internal forces add up to nothing: a free body thrown about keeps its mome
     def.support = KN_SUPPORT_NONE;
     def.probe_count = 0;
     def.solver.precision = KN_PRECISION_F64;
-    def.solver.tolerance = 1e-10;
+    def.solver.tolerance = 1e-12;
     def.solver.iterations_max = 500;
     kn_model *model = build(&def);
     kn_state *state = kn_state_create(model);

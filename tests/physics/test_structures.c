@@ -112,10 +112,10 @@ TEST("a flat object bulges by its structure as a block does, stays in its plane,
     CHECK(fabs(b.grown) <= 0.03 && fabs(c.grown) <= 0.05 && b.least > 0.5 && c.least > 0.5);
     CHECK(a.stayed && b.stayed && c.stayed);
     kn_model_def thick = with_gas(flat(press_def(2)), KN_PRESSURE_CELLS, 1);
-    thick.thickness_m *= 2; // a power of two: every bit
+    thick.thickness_m *= 2; // roots of 2 are rounded, and a rounding may decide whether a step takes one iteration more
     shape d = press_shape(thick, 5);
-    CHECK_NEAR(d.peak_n, 2 * c.peak_n, 1e-6 * d.peak_n);
-    CHECK_NEAR(d.bulge_m[0], c.bulge_m[0], 1e-6 * c.bulge_m[0]);
+    CHECK_NEAR(d.peak_n, 2 * c.peak_n, 1e-4 * d.peak_n);
+    CHECK_NEAR(d.bulge_m[0], c.bulge_m[0], 1e-4 * c.bulge_m[0]);
 }
 
 // Force of a disc of 1.5 cm radius that presses the middle 5 mm deep at 1 cm/s, held by a hand that far off the plane.
@@ -347,6 +347,8 @@ TEST("a press turned by a quarter about z gives the same force with gas, althoug
     across.nodes[0] = 5, across.nodes[1] = 7;
     across.probe[0].size_m[0] = 0.04, across.probe[0].size_m[1] = 0.01;
     along.solver.precision = across.solver.precision = KN_PRECISION_F64;
+    along.solver.tolerance = across.solver.tolerance = 1e-12;
+    along.solver.iterations_max = across.solver.iterations_max = 400;
     run a = press_run(&along, &p, 1, 1e-3), b = press_run(&across, &p, 1, 1e-3);
     CHECK(peak_n(&a) > 1);
     CHECK_NEAR(force_error(&a, &b), 0, 1e-9);
