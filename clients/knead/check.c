@@ -1,6 +1,7 @@
 // knead check: reads a scene as everything else does and says what it is, what it costs and what to watch for.
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/cost.h"
 #include "core/kernel.h"
 #include "core/scene/scene.h"
 #include <getopt.h>
@@ -8,17 +9,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <unistd.h>
-
-// Time of a tick per lane of the padded lattice, AVX-512, f32: the passes over edges and nodes, and one CG iteration.
-// A rule of thumb from one Zen 4 core, where dough under the plate took 23, 85 and 200 us at 144, 847 and 2 560 nodes;
-// twice as much in f64, half as much again on AVX2. Contact with a ball comes on top.
-#define PASS_NS 30.0
-#define ITERATION_NS 5.0
-#define EDGE_NS 35.0 // of a net: per edge
-#define EDGE_ITERATION_NS 5.0
-
-// What gas adds to either, by kn_pressure; measured on 847 nodes.
-static const double gas_pass_ns[] = {0, 6, 4}, gas_iteration_ns[] = {0, 1.8, 0.5};
 
 static const char usage[] =
     "usage: knead check SCENE [--set KEY=VALUE]...   say what a scene is, what it costs, what to watch for\n"
@@ -129,17 +119,21 @@ static size_t model_bytes(const kn_model *model)
     return bytes + (model->tables ? model->kernels->tables_size(model) : 0);
 }
 
-static double estimate_us(const kn_model *model, int iterations)
+static void print_cost(const kn_model *model)
 {
-    if (model->def.mesh) { // measured at 800 and 12 700 edges; an element with gas is worth two of them
-        double pieces = model->edge_count + (model->def.pressure == KN_PRESSURE_NONE ? 0 : 2 * model->def.mesh->element_count);
-        return 1e-3 * pieces * (EDGE_NS + EDGE_ITERATION_NS * iterations) * model->def.solver.passes;
+    const kn_solver_def *s = &model->def.solver;
+    kn_cost_part part[KN_COST_PARTS];
+    int count = kn_cost_parts(model, part), usual = s->iterations < s->iterations_max ? s->iterations + 1 : s->iterations;
+    printf("cost      predicted, one core                  kB  kflop     us; each CG iteration:  kB  kflop     us\n");
+    for (int i = 0; i < count; i++) {
+        const kn_cost *o = &part[i].once, *n = &part[i].iteration;
+        printf("          %-32s %7.0f %6.0f %6.1f %27.0f %6.0f %6.1f\n", part[i].name, 1e-3 * o->bytes, 1e-3 * o->flops,
+               o->us, 1e-3 * n->bytes, 1e-3 * n->flops, n->us);
     }
-    double lanes = (double)kn_model_field(model, 1), slower = model->isa == KN_ISA_AVX512 ? 1 : 1.5;
-    if (model->def.solver.precision == KN_PRECISION_F64) slower *= 2;
-    double pass_ns = PASS_NS + gas_pass_ns[model->def.pressure];
-    double iteration_ns = ITERATION_NS + gas_iteration_ns[model->def.pressure];
-    return 1e-3 * lanes * slower * (pass_ns + iteration_ns * iterations) * model->def.solver.passes;
+    double us = kn_cost_us(model, usual, s->passes), most = kn_cost_us(model, s->iterations_max, s->passes);
+    printf("          with one probe pressing: %.0f us at %d iterations, %.0f us at the cap, of %g us\n", us, usual, most,
+           1e6 * s->dt_s);
+    if (us > 1e6 * s->dt_s) printf("warning   slower than real time\n");
 }
 
 // What of its height an object loses to its own weight: the mean of its column, the base carrying rho g H and the top
@@ -174,9 +168,7 @@ static void print_solver(const kn_model *model)
                s->dt_s, how[s->linearization], s->iterations, s->iterations_max, s->tolerance, s->passes,
                s->passes > 1 ? "es" : "");
         printf("kernels   %s\n", model->kernels->name);
-        printf("cost      estimate %.0f us a step, %.0f us at the cap, of %g us\n", estimate_us(model, s->iterations),
-               estimate_us(model, s->iterations_max), 1e6 * s->dt_s);
-        if (estimate_us(model, s->iterations) > 1e6 * s->dt_s) printf("warning   slower than real time\n");
+        print_cost(model);
         if (model->isa == KN_ISA_BASE)
             printf("warning   no fused multiply-add: the same bits in software, far from real time\n");
     }
@@ -195,7 +187,7 @@ static void print_quality(const kn_scene *scene, const kn_model *model)
         printf("quality   %s: %d to %d CG iterations, %d pass%s", kn_quality_name((kn_quality)q), e->iterations,
                e->iterations_max, e->passes, e->passes > 1 ? "es" : "");
         if (scene->point[q].live)
-            printf(", estimate %.0f us", estimate_us(model, e->iterations) * e->passes / model->def.solver.passes);
+            printf(", estimate %.0f us", kn_cost_us(model, e->iterations, e->passes));
         else
             printf(", another lattice or precision: not while it runs");
         printf(scene->quality == (kn_quality)q ? "; in force\n" : "\n");

@@ -1,0 +1,107 @@
+#include "clients/knead/cost.h"
+#include "core/contact.h"
+
+#include <math.h>
+#include <stdio.h>
+
+// ns per lane of the padded lattice, by instruction set (base, avx2, avx512) and precision: edges once, a CG iteration.
+// Measured on one core of a Sapphire Rapids; without fused operations in the processor they run in software.
+static const double once_ns[3][2] = {{1200, 2500}, {65, 150}, {34, 110}};
+static const double iteration_ns[3][2] = {{100, 170}, {7.2, 15}, {4.3, 8.7}};
+
+// A net's, per edge; with gas an element is worth two edges.
+#define EDGE_NS 35.0
+#define EDGE_ITERATION_NS 5.0
+
+// Share of the edges' time that a law needs, and what gas adds per lane (by kn_pressure).
+static const double law_share[] = {[KN_LAW_VOIGT] = 0.85, [KN_LAW_LINEAR] = 0.8, [KN_LAW_TABLE] = 1, [KN_LAW_EXACT] = 1};
+static const double gas_ns[] = {0, 6, 4}, gas_iteration_ns[] = {0, 1.8, 0.5};
+
+// Operations and reals moved per edge and per node, counted in core/kernel*.[ch].
+enum {
+    EDGE_FLOPS = 95, LAW_FLOPS = 27, NODE_FLOPS = 60, EDGE_REALS = 5, NODE_REALS = 27,
+    EDGE_ITERATION_FLOPS = 17, NODE_ITERATION_FLOPS = 50, EDGE_ITERATION_REALS = 3, NODE_ITERATION_REALS = 42,
+    GAS_FLOPS = 420, GAS_ITERATION_FLOPS = 100, GAS_REALS = 24
+};
+
+static int isa_of(const kn_model *m)
+{
+    return m->isa == KN_ISA_AVX512 ? 2 : m->isa == KN_ISA_AVX2 ? 1 : 0;
+}
+
+static kn_cost_part edges(const kn_model *m)
+{
+    static const char *const law[] = {"no damper", "constant damper", "damper by table", "damper by Newton"};
+    kn_cost_part p = {.name = ""};
+    bool f64 = m->def.solver.precision == KN_PRECISION_F64, table = m->law.kind >= KN_LAW_TABLE;
+    double size = f64 ? 8 : 4, nodes = (double)kn_model_field(m, 1), edges = (double)m->edge_reals;
+    snprintf(p.name, sizeof p.name, "edges, %s%s", law[m->law.kind], m->law.stroke ? " with stops" : "");
+    p.once.flops = edges * (EDGE_FLOPS + (table ? LAW_FLOPS : 0)) + nodes * NODE_FLOPS;
+    p.once.bytes = size * (edges * (EDGE_REALS - (m->law.kind == KN_LAW_VOIGT ? 2 : 0)) + nodes * NODE_REALS);
+    p.iteration.flops = edges * EDGE_ITERATION_FLOPS + nodes * NODE_ITERATION_FLOPS;
+    p.iteration.bytes = size * (edges * EDGE_ITERATION_REALS + nodes * NODE_ITERATION_REALS);
+    if (m->def.mesh) {
+        p.once.us = 1e-3 * m->edge_count * EDGE_NS;
+        p.iteration.us = 1e-3 * m->edge_count * EDGE_ITERATION_NS;
+    } else {
+        p.once.us = 1e-3 * nodes * once_ns[isa_of(m)][f64] * law_share[m->law.kind];
+        p.iteration.us = 1e-3 * nodes * iteration_ns[isa_of(m)][f64];
+    }
+    return p;
+}
+
+static kn_cost_part gas(const kn_model *m)
+{
+    bool f64 = m->def.solver.precision == KN_PRECISION_F64, cells = m->def.pressure == KN_PRESSURE_CELLS;
+    double slower = once_ns[isa_of(m)][f64] / once_ns[2][0], nodes = (double)kn_model_field(m, 1);
+    double count = m->def.mesh ? m->def.mesh->element_count : nodes;
+    kn_cost_part p = {.once = {.flops = count * GAS_FLOPS, .bytes = count * GAS_REALS * (f64 ? 8 : 4)}};
+    snprintf(p.name, sizeof p.name, "gas in %s", cells ? "the cells" : "the object");
+    p.iteration = (kn_cost){p.once.bytes, count * GAS_ITERATION_FLOPS, 1e-3 * count * gas_iteration_ns[m->def.pressure] * slower};
+    p.once.us = 1e-3 * count * gas_ns[m->def.pressure] * slower;
+    if (m->def.mesh) {
+        p.once.us = 2e-3 * count * EDGE_NS;
+        p.iteration.us = 2e-3 * count * EDGE_ITERATION_NS;
+    }
+    return p;
+}
+
+// A plate costs what finding its nodes does, and the second law of the edges on them. A ball: its samples, when it is
+// pressed in by half its radius.
+static kn_cost_part contact(const kn_model *m, const kn_probe_def *probe)
+{
+    kn_cost_part p = {.name = ""};
+    double h = m->def.spacing_m, r = probe->radius_m;
+    if (probe->shape == KN_PROBE_PLATE) {
+        snprintf(p.name, sizeof p.name, "plate %s", probe->name);
+        p.once = (kn_cost){24.0 * m->top_count, 12.0 * m->top_count, 0.02 * m->top_count};
+        return p;
+    }
+    double per = r > 4 * h ? 2 : 4, samples = 3.1416 * 0.75 * r * r / (h * h) * per * per;
+    snprintf(p.name, sizeof p.name, "ball %s, half in: %.0f samples", probe->name, samples);
+    p.once = (kn_cost){samples * sizeof(kn_sample), samples * 250, samples * 0.2};
+    p.iteration = (kn_cost){samples * sizeof(kn_sample), samples * 108, samples * 0.018};
+    return p;
+}
+
+int kn_cost_parts(const kn_model *model, kn_cost_part part[KN_COST_PARTS])
+{
+    int count = 0;
+    part[count++] = edges(model);
+    if (model->def.pressure != KN_PRESSURE_NONE) part[count++] = gas(model);
+    for (int p = 0; p < model->def.probe_count; p++) part[count++] = contact(model, &model->def.probe[p]);
+    return count;
+}
+
+double kn_cost_us(const kn_model *model, int iterations, int passes)
+{
+    kn_cost_part part[KN_COST_PARTS];
+    double us = 0, dearest = 0; // probes seldom press all at once: the dearest one
+    for (int i = kn_cost_parts(model, part) - 1; i >= 0; i--) {
+        double own = part[i].once.us + iterations * part[i].iteration.us;
+        bool object = i < 1 + (model->def.pressure != KN_PRESSURE_NONE);
+        if (object) us += own;
+        else dearest = fmax(dearest, own);
+    }
+    return passes * us + dearest;
+}
