@@ -224,7 +224,7 @@ TEST("stopping takes every force to zero before the loop may end")
 }
 
 #define POINTS                                                                                                         \
-    "fast: {iterations: 3, iterations_max: 5}, balanced: {iterations: 6, iterations_max: 9}, "                         \
+    "fast: {iterations: 2, iterations_max: 5}, balanced: {iterations: 3, iterations_max: 9}, "                         \
     "accurate: {iterations: 12, passes: 2}"
 #define OVER_NS 900000 // the budget is 0.8 ms
 
@@ -299,7 +299,7 @@ TEST("it goes down point by point, says once that there is none below, and comes
     hold(r, 9, OVER_NS);
     CHECK(told(r) == 4);
     hold(r, 1, OVER_NS);
-    CHECK(told(r) == 5 && r->servo.quality == KN_QUALITY_BALANCED); // 8 iterations: accurate would cost more
+    CHECK(told(r) == 5 && r->servo.quality == KN_QUALITY_BALANCED); // 4 iterations: accurate would cost more
     r->in.stop = true;
     hold(r, 100, OVER_NS);
     CHECK(told(r) == 5);
