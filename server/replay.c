@@ -470,18 +470,19 @@ static void check_hashes(kn_replay *r)
     }
 }
 
-static int64_t now_ns(void)
+static int64_t read_ns(clockid_t clock)
 {
     struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
+    clock_gettime(clock, &t);
     return 1000000000 * (int64_t)t.tv_sec + t.tv_nsec;
 }
 
 static void run_tick(kn_replay *r)
 {
-    int64_t start_ns = now_ns();
+    int64_t start_ns = read_ns(CLOCK_MONOTONIC), start_cpu_ns = read_ns(CLOCK_THREAD_CPUTIME_ID);
     kn_servo_tick(&r->servo, &r->tick.in, &r->tick.out);
-    r->tick.execution_ns = now_ns() - start_ns;
+    r->tick.cpu_ns = read_ns(CLOCK_THREAD_CPUTIME_ID) - start_cpu_ns;
+    r->tick.execution_ns = read_ns(CLOCK_MONOTONIC) - start_ns;
     r->private->tick = r->tick.in.tick;
 }
 

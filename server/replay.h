@@ -32,7 +32,7 @@ typedef struct kn_replay_tick { // what the last step did
     const knead_contact_force_t *logged[KN_PROBES_MAX]; // the log's force of this tick, NULL: none
     int64_t utime;                                      // log time of this tick, us
     double time_s;                                      // since the first tick with a session (negative before)
-    int64_t execution_ns;                               // of the servo, here and now; nothing depends on it
+    int64_t execution_ns, cpu_ns; // of the servo, here and now, by the clock and of this thread; nothing depends on it
 } kn_replay_tick;
 
 typedef struct kn_replay_tally { // honest about what could not be used
