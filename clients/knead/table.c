@@ -1,14 +1,12 @@
 #include "clients/knead/table.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/plot.h"
 #include <errno.h>
-#include <fcntl.h>
 #include <math.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 void kn_table_init(kn_table *t, const char *const *columns)
 {
@@ -67,20 +65,7 @@ int kn_table_write(const kn_table *t, const char *subcommand, const char *path)
     return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: could not be written to its end", path);
 }
 
-// ---- gnuplot: its script with the data inside, through a pipe
-
-// In single quotes gnuplot takes everything as it is, but them: a prime stands for one.
-static void quote(FILE *f, const char *text)
-{
-    fputc('\'', f);
-    for (; *text; text++) {
-        if (*text == '\'')
-            fputs("\u2032", f);
-        else
-            fputc(*text, f);
-    }
-    fputc('\'', f);
-}
+// ---- gnuplot
 
 static void write_data(FILE *f, const kn_table *t, int series)
 {
@@ -101,15 +86,15 @@ static void write_curve(FILE *f, const kn_table *t, const kn_axes *a, int series
              !name || t->series > 1 ? t->label[series] : "");
     fprintf(f, "$series%d using ($%d*%g):($%d*%g) with %s lw 2 %s lc rgb '#%s' title ", series, a->x + 1, a->x_scale,
             y + 1, a->y_scale, a->points ? "linespoints pt 7 ps 0.6" : "lines", dashed ? "dt 2" : "", colour[hue % 8]);
-    quote(f, title);
+    kn_plot_quote(f, title);
 }
 
 static void write_axes(FILE *f, const kn_table *t, const kn_axes *a)
 {
     fprintf(f, "unset logscale\nset format '%%g'\nset xlabel offset 0,0.5 ");
-    quote(f, a->x_label);
+    kn_plot_quote(f, a->x_label);
     fprintf(f, "\nset ylabel ");
-    quote(f, a->y_label);
+    kn_plot_quote(f, a->y_label);
     if (a->log_x) fprintf(f, "\nset logscale x\nset format x '%%g'");
     if (a->log_y)
         fprintf(f, "\nset logscale y\nset format y '%%g'");
@@ -133,7 +118,7 @@ static void write_script(FILE *f, const kn_table *t, const char *title, const kn
     fprintf(f, "set grid\nset key bmargin center horizontal\n");
     for (int s = 0; s < t->series; s++) write_data(f, t, s);
     fprintf(f, "set multiplot layout 1,%d title ", count);
-    quote(f, title);
+    kn_plot_quote(f, title);
     fprintf(f, "\n");
     for (int i = 0; i < count; i++) write_axes(f, t, &axes[i]);
     fprintf(f, "unset multiplot\n");
@@ -143,23 +128,9 @@ int kn_table_draw(const kn_table *t, const char *subcommand, const char *path, c
                   int count)
 {
     if (t->short_of_memory) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
-    if (system("command -v gnuplot >/dev/null 2>&1") != 0)
-        return kn_complain(subcommand, KN_EXIT_DEVICE,
-                           "%s: not drawn, gnuplot is not installed; --csv writes the numbers", path);
-    fflush(stdout);
-    int image = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666), terminal = dup(STDOUT_FILENO);
-    if (image < 0 || terminal < 0)
-        return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", path,
-                           strerror(errno));
-    // gnuplot inherits the file as its standard output: no shell and no script ever sees the path
-    void (*before)(int) = signal(SIGPIPE, SIG_IGN);
-    dup2(image, STDOUT_FILENO);
-    FILE *f = popen("gnuplot 2>/dev/null", "w");
-    dup2(terminal, STDOUT_FILENO);
-    close(image);
-    close(terminal);
-    if (f) write_script(f, t, title, axes, count);
-    int code = f ? pclose(f) : -1;
-    signal(SIGPIPE, before);
-    return code == 0 ? KN_EXIT_OK : kn_complain(subcommand, KN_EXIT_DEVICE, "%s: gnuplot could not draw it", path);
+    int code;
+    FILE *f = kn_plot_open(subcommand, path, &code);
+    if (!f) return code;
+    write_script(f, t, title, axes, count);
+    return kn_plot_close(f, subcommand, path);
 }
