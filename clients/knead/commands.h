@@ -16,6 +16,7 @@
     X(replay, "plays a log through the daemon's own servo: the same forces, to the bit; CSV, hash, --verify")          \
     X(sweep, "virtual rheometer: a specimen is swung; storage and loss modulus against frequency")                     \
     X(tpa, "virtual rheometer: two bites; hardness, cohesiveness, springiness, resilience")                            \
+    X(tradeoff, "speed against accuracy under a recorded hand; picks for a budget, finds fast, balanced, accurate")       \
     X(view, "draws the object, live, recorded or at rest, without a screen: --png FILE")                               \
     X(web, "a page that shows the object live, with a tool in the visitor's hand; prints its address")
 

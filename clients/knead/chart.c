@@ -1,0 +1,283 @@
+#include "clients/knead/chart.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/plot.h"
+#include <math.h>
+#include <string.h>
+
+// ---- the table
+
+static const char head[] = "lattice    step   solver      CG iterations  where   us p50    p90 | force % of            "
+                           "  | shape % of  |  peak    "
+                           "lag  depth  jump  TV/pk\n"
+                           "                                                                  | solver  step   all     "
+                           " | solver   all |     %     "
+                           "ms     mm  N/ms\n";
+
+static void put_percent(double share, int width, int digits)
+{
+    if (isfinite(share)) printf(" %*.*f", width, digits, 100 * share);
+    else printf(" %*s", width, "-");
+}
+
+static const char *lattice_of(const kn_run *run, char text[16])
+{
+    if (run->spacing_m > 0) snprintf(text, 16, "%.4g mm", 1e3 * run->spacing_m);
+    else snprintf(text, 16, "mesh");
+    return text;
+}
+
+static void print_row(const kn_row *r, const kn_row *const named[KN_QUALITY_OWN])
+{
+    char lattice[16], effort[32];
+    const kn_run *run = r->run;
+    printf("%-8s %5.4g ms %-7s %s  %-14s cpu  %8.1f %6.1f |", lattice_of(run, lattice), 1e3 * run->dt_s,
+           kn_method_name(run->method), run->precision == KN_PRECISION_F64 ? "f64" : "f32", kn_run_effort(run, effort),
+           r->median_us, r->p90_us);
+    put_percent(r->force.solver, 6, 3);
+    put_percent(r->force.step, 5, 2);
+    put_percent(r->force.all, 6, 2);
+    putchar(r->front ? '*' : ' ');
+    printf("    |");
+    put_percent(r->shape.solver, 6, 3);
+    put_percent(r->shape.all, 5, 2);
+    printf("%c|", r->shape_front ? '*' : ' ');
+    printf(" %+6.2f", 100 * r->peak);
+    if (isfinite(r->lag_s)) printf(" %+6.2f", 1e3 * r->lag_s);
+    else printf(" %6s", "-");
+    printf(" %+6.3f %5.2f %6.2f", 1e3 * r->depth_m, r->jump_n, r->variation);
+    if (r->chatters) printf("  chatters");
+    if (r->latched) printf("  latched");
+    if (run->own) printf("  scene");
+    for (kn_quality q = 0; q < KN_QUALITY_OWN; q++)
+        if (named[q] == r) printf("  %s", kn_quality_name(q));
+    putchar('\n');
+}
+
+static void print_lattice(const kn_front *front, const kn_row *r)
+{
+    char lattice[16];
+    printf("-- %s, %d nodes: a converged press of it jumps by %.2f N/ms, TV/pk %.2f", lattice_of(r->run, lattice),
+           r->run->nodes, r->reference_jump_n, r->reference_variation);
+    if (r->run->spacing_m == 0) puts("; how far a mesh is from a finer one is not known");
+    else if (r->force.lattice == 0) puts("; the finest here");
+    else
+        printf("; force %.2f %%, shape %.2f %% from that of %.4g mm\n", 100 * r->force.lattice,
+               100 * r->shape.lattice, 1e3 * front->finest_m);
+}
+
+void kn_chart_print(const kn_front *front, const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN])
+{
+    fputs(head, stdout);
+    for (int i = 0; i < front->count; i++) {
+        const kn_row *r = &front->row[i];
+        if (i == 0 || r->run->nodes != r[-1].run->nodes) print_lattice(front, r);
+        print_row(r, named);
+    }
+    printf("solver: against f64, same step, secant, 5 linearisations, CG to 1e-8; ");
+    if (plan->fine) puts("step: that against f64 at 1/16 of the scene's step;");
+    else puts("step: not measured (--quick);");
+    puts("all: against the latter plus what the lattice itself is off. * nothing cheaper is nearer. The rest: a "
+         "hand's.");
+    for (int i = 0; i < plan->notes; i++) puts(plan->note[i]);
+}
+
+// ---- the picture
+
+enum { LATTICES = 6 };
+static const char *const hues[LATTICES] = {"d9822b", "0b6b6b", "5b3a8c", "b02a37", "2f7d32", "1f4e9c"};
+
+typedef struct marker { // what a point looks like, by what it is
+    int type;
+    const char *name;
+} marker;
+
+static const marker markers[] = {{7, "blend"}, {9, "secant"}, {11, "tangent"},
+                                 {15, "rk4"},  {5, "f64"},    {13, "smaller step"}};
+enum { MARKERS = sizeof markers / sizeof *markers };
+
+static int marker_of(const kn_row *r, const kn_plan *plan)
+{
+    if (r->run->method == KN_METHOD_RK4) return 3;
+    if (r->run->dt_s < plan->scene->model.solver.dt_s) return 5;
+    if (r->run->precision == KN_PRECISION_F64) return 4;
+    return (int)r->run->method;
+}
+
+static bool usable(const kn_row *r) { return !r->chatters && !r->latched; }
+
+typedef struct panel {
+    const char *title;
+    bool shape, all, named;
+} panel;
+
+static const panel panels[] = {{"contact force: left by the solver", .named = true},
+                               {"shape that stays: left by the solver", .shape = true, .named = true},
+                               {"contact force: with step and lattice", .all = true}};
+enum { PANELS = sizeof panels / sizeof *panels };
+
+typedef struct picture {
+    const kn_front *front;
+    const kn_plan *plan;
+    const kn_row *const *named;
+    int lattices, nodes[LATTICES];
+    bool used[LATTICES][MARKERS], any_bad;
+} picture;
+
+static double height(const panel *p, const kn_row *r)
+{
+    const kn_errors *e = p->shape ? &r->shape : &r->force;
+    return 100 * (p->all ? e->all : e->solver);
+}
+
+static int lattice_number(const picture *pic, const kn_row *r)
+{
+    int l = 0;
+    while (l < pic->lattices - 1 && pic->nodes[l] != r->run->nodes) l++;
+    return l;
+}
+
+// A front as a staircase from left to right: of a lattice, or (lattice < 0) of all.
+static void write_front(FILE *f, const picture *pic, int panel_number, int lattice)
+{
+    const panel *p = &panels[panel_number];
+    fprintf(f, "$front%d_%d << END\n", panel_number, lattice + 1);
+    for (double us = -1, least = INFINITY;;) {
+        const kn_row *next = NULL;
+        for (int i = 0; i < pic->front->count; i++) {
+            const kn_row *r = &pic->front->row[i];
+            if ((lattice >= 0 && r->run->nodes != pic->nodes[lattice]) || !usable(r)) continue;
+            if (r->median_us <= us || !(height(p, r) < least)) continue;
+            if (!next || r->median_us < next->median_us) next = r;
+        }
+        if (!next) break;
+        us = next->median_us;
+        least = height(p, next);
+        fprintf(f, "%.6g %.6g\n", us, least);
+    }
+    fprintf(f, "END\n");
+}
+
+// us, %, lattice, marker, whether it may not be used
+static void write_points(FILE *f, const picture *pic, int panel_number)
+{
+    fprintf(f, "$points%d << END\n", panel_number);
+    for (int i = 0; i < pic->front->count; i++) {
+        const kn_row *r = &pic->front->row[i];
+        fprintf(f, "%.6g %.6g %d %d %d\n", r->median_us, height(&panels[panel_number], r), lattice_number(pic, r),
+                marker_of(r, pic->plan), !usable(r));
+    }
+    fprintf(f, "END\n");
+}
+
+// Round numbers on logarithmic axes, and a little air.
+static void write_ranges(FILE *f, const picture *pic, const panel *p)
+{
+    double us[2] = {INFINITY, 0}, error[2] = {INFINITY, 0};
+    for (int i = 0; i < pic->front->count; i++) {
+        const kn_row *r = &pic->front->row[i];
+        us[0] = fmin(us[0], r->median_us), us[1] = fmax(us[1], r->median_us);
+        if (height(p, r) > 0) error[0] = fmin(error[0], height(p, r)), error[1] = fmax(error[1], height(p, r));
+    }
+    fprintf(f, "set xrange [%g:%g]\nset yrange [%g:%g]\nset xtics (1", us[0] / 1.5, us[1] * 1.5, error[0] / 1.8,
+            error[1] * 1.5);
+    for (double ten = 1; ten < 1e5; ten *= 10) fprintf(f, ", %g, %g, %g", 2 * ten, 5 * ten, 10 * ten);
+    fprintf(f, ")\nset ytics (0.001");
+    for (double ten = 0.001; ten < 100; ten *= 10) fprintf(f, ", %g, %g, %g", 2 * ten, 5 * ten, 10 * ten);
+    fprintf(f, ")\n");
+}
+
+static void write_names(FILE *f, const picture *pic, const panel *p)
+{
+    static const char *const place[KN_QUALITY_OWN] = {"right offset -1.4,-0.6", "center offset 0,-1.3",
+                                                      "center offset 0,1.3"};
+    for (kn_quality q = 0; q < KN_QUALITY_OWN; q++) {
+        const kn_row *r = pic->named[q];
+        if (!r || !p->named) continue;
+        fprintf(f, "set label %d '%s' at %g,%g %s point pt 6 ps 2.2 lw 2 lc rgb 'black' front\n", (int)q + 1,
+                kn_quality_name(q), r->median_us, height(p, r), place[q]);
+    }
+}
+
+static void write_panel(FILE *f, const picture *pic, int number)
+{
+    const panel *p = &panels[number];
+    fprintf(f, "unset label\nset title '%s' offset 0,-0.4\nset ylabel '%s' offset 0.8,0\n", p->title,
+            number == 0 ? "error, %, relative L2" : "");
+    fprintf(f, "set origin %g,0.19\nset size %g,0.74\n", (double)number / PANELS, 1.0 / PANELS);
+    write_ranges(f, pic, p);
+    write_names(f, pic, p);
+    fprintf(f, "plot ");
+    for (int l = p->all ? -1 : 0; l < (p->all ? 0 : pic->lattices); l++)
+        fprintf(f, "$front%d_%d using 1:2 with steps lw 2.5 lc rgb '#90%s' notitle, ", number, l + 1,
+                l < 0 ? "000000" : hues[l]);
+    for (int l = 0; l < pic->lattices; l++)
+        for (int m = 0; m < MARKERS; m++)
+            if (pic->used[l][m])
+                fprintf(f,
+                        "$points%d using ($3==%d && $4==%d ? $1 : NaN):2 with points pt %d ps 1.2 "
+                        "lc rgb '#%s' notitle, ", number, l, m, markers[m].type, hues[l]);
+    if (pic->any_bad)
+        fprintf(f, "$points%d using ($5 ? $1 : NaN):2 with points pt 2 ps 1.8 lw 2 lc rgb '#cc0000' notitle, ", number);
+    fprintf(f, "NaN notitle\n");
+}
+
+// Below the panels, of a plot without axes.
+static void write_legend(FILE *f, const picture *pic)
+{
+    fprintf(f, "unset title\nunset xlabel\nunset ylabel\nunset border\nunset tics\nunset grid\nunset logscale\n"
+               "unset label\nset key at screen 0.5,0.01 center bottom maxrows 3 Left reverse samplen 1.5 width 1 "
+               "spacing 1.3\nset origin 0,0\nset size 1,0.19\nset xrange [0:1]\nset yrange [0:1]\nplot ");
+    for (int l = 0; l < pic->lattices; l++) {
+        const kn_row *r = pic->front->row;
+        char text[100] = "", off[48] = "";
+        while (r->run->nodes != pic->nodes[l]) r++;
+        if (r->run->spacing_m > 0) snprintf(text, sizeof text, "%.3g mm, ", 1e3 * r->run->spacing_m);
+        if (r->force.lattice > 0)
+            snprintf(off, sizeof off, ": force %.1f %% from %.3g mm", 100 * r->force.lattice,
+                     1e3 * pic->front->finest_m);
+        fprintf(f, "NaN with lines lw 5 lc rgb '#%s' title '%s%d nodes%s', ", hues[l], text, pic->nodes[l], off);
+    }
+    for (int m = 0; m < MARKERS; m++) {
+        bool any = false;
+        for (int l = 0; l < pic->lattices; l++) any |= pic->used[l][m];
+        if (any)
+            fprintf(f, "NaN with points pt %d ps 1.3 lc rgb '#555555' title '%s', ", markers[m].type, markers[m].name);
+    }
+    if (pic->any_bad) fprintf(f, "NaN with points pt 2 ps 1.6 lw 2 lc rgb '#cc0000' title 'chatters or latched', ");
+    fprintf(f, "NaN notitle\n");
+}
+
+static void write_script(FILE *f, const picture *pic)
+{
+    char title[200];
+    for (int p = 0; p < PANELS; p++) {
+        for (int l = -1; l < pic->lattices; l++) write_front(f, pic, p, l);
+        write_points(f, pic, p);
+    }
+    snprintf(title, sizeof title, "%s: processor time of a tick against its error, one core", pic->plan->scene->name);
+    fprintf(f, "set terminal pngcairo noenhanced size 1280,560 font 'sans,10'\nset multiplot title ");
+    kn_plot_quote(f, title);
+    fprintf(f, " font 'sans,12'\nset grid lt 1 lc rgb '#dddddd'\nset logscale xy\nset tics nomirror\n"
+               "set lmargin 9\nset rmargin 1\nset xlabel 'median of a 1 ms tick under the tool, µs' offset 0,0.4\n");
+    for (int p = 0; p < PANELS; p++) write_panel(f, pic, p);
+    write_legend(f, pic);
+    fprintf(f, "unset multiplot\n");
+}
+
+int kn_chart_draw(const kn_front *front, const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN],
+                  const char *path)
+{
+    int code;
+    picture pic = {.front = front, .plan = plan, .named = named};
+    for (int i = 0; i < front->count; i++) {
+        const kn_row *r = &front->row[i];
+        bool begins = i == 0 || r->run->nodes != r[-1].run->nodes;
+        if (begins && pic.lattices < LATTICES) pic.nodes[pic.lattices++] = r->run->nodes;
+        pic.used[lattice_number(&pic, r)][marker_of(r, plan)] = true;
+        pic.any_bad |= !usable(r);
+    }
+    FILE *f = kn_plot_open("tradeoff", path, &code);
+    if (!f) return code;
+    write_script(f, &pic);
+    return kn_plot_close(f, "tradeoff", path);
+}

@@ -1,0 +1,341 @@
+#include "clients/knead/crew.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/job.h"
+#include "core/hash.h"
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/prctl.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+static volatile sig_atomic_t stopped;
+
+static void on_signal(int number) { stopped = number; }
+
+static const char *in_folder(const kn_crew *c, const char *name, const char *ending, char path[PATH_MAX])
+{
+    if (snprintf(path, PATH_MAX, "%s/%s%s", c->folder, name, ending) >= PATH_MAX) *path = '\0';
+    return path;
+}
+
+static void show(const kn_crew *c, int done, int all, const kn_run *run)
+{
+    char name[96] = "";
+    if (!isatty(STDERR_FILENO)) return;
+    fprintf(stderr, "\r%100s\r", "");
+    if (done >= all) return;
+    fprintf(stderr, "[%-30.*s] %d of %d", 30 * done / all, "##############################", done, all);
+    if (run) fprintf(stderr, "  %s", kn_run_name(run, name));
+    else fprintf(stderr, "  by GNU parallel, %s", c->hosts ? c->hosts : "on this machine");
+}
+
+// ---- the folder
+
+// Whether a run must still be played: for its trace, or (times) for its times.
+static bool is_missing(const kn_crew *c, const kn_run *run, bool times)
+{
+    char path[PATH_MAX];
+    kn_trace t;
+    bool missing = kn_trace_load(&t, in_folder(c, run->id, ".trace", path), c->program) != KN_TRACE_FOUND;
+    missing |= times && run->role == KN_ROLE_POINT && t.sitting == 0;
+    kn_trace_free(&t);
+    return missing;
+}
+
+// What of an earlier sweep this one cannot go on with, or NULL.
+static const char *compare(const uint64_t now[3], const char *text)
+{
+    static const char *const what[] = {"program", "scene", "log"};
+    unsigned long long then[3];
+    if (sscanf(text, "knead sweep 1\nprogram %llx\nscene %llx\nlog %llx\n", &then[0], &then[1], &then[2]) != 3)
+        return "kind";
+    for (int i = 0; i < 3; i++)
+        if (then[i] != now[i]) return what[i];
+    return NULL;
+}
+
+static bool is_empty(const char *folder)
+{
+    DIR *d = opendir(folder);
+    bool empty = d;
+    for (struct dirent *e; d && (e = readdir(d));) empty &= !strcmp(e->d_name, ".") || !strcmp(e->d_name, "..");
+    if (d) closedir(d);
+    return empty;
+}
+
+// Opens folder/sweep and locks it: two sweeps would play every run twice.
+static int enter(kn_crew *c, const uint64_t now[3])
+{
+    char path[PATH_MAX], text[200] = "";
+    bool fresh = is_empty(c->folder);
+    if (!fresh && access(in_folder(c, "sweep", "", path), F_OK) != 0)
+        return kn_complain("tradeoff", KN_EXIT_USAGE,
+                           "%s: is not a sweep's, expected an empty folder or one of --resume", c->folder);
+    c->lock = open(in_folder(c, "sweep", "", path), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+    if (c->lock < 0 || flock(c->lock, LOCK_EX | LOCK_NB) != 0)
+        return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path,
+                           errno == EWOULDBLOCK ? "another sweep is at work in this folder" : strerror(errno));
+    ssize_t size = read(c->lock, text, sizeof text - 1);
+    const char *other = size > 0 ? compare(now, text) : NULL;
+    if (other)
+        return kn_complain(
+            "tradeoff", KN_EXIT_USAGE,
+            "%s: its runs are of another %s, expected the same program, scene and log, or an empty folder", c->folder,
+            other);
+    if (size > 0) return KN_EXIT_OK;
+    int length = snprintf(text, sizeof text, "knead sweep 1\nprogram %llx\nscene %llx\nlog %llx\n",
+                          (unsigned long long)now[0], (unsigned long long)now[1], (unsigned long long)now[2]);
+    if (write(c->lock, text, (size_t)length) == length) return KN_EXIT_OK;
+    return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+}
+
+static int make_folder(kn_crew *c)
+{
+    const char *parent = getenv("TMPDIR");
+    if (c->resume) {
+        if ((mkdir(c->resume, 0777) == 0 || errno == EEXIST) && realpath(c->resume, c->folder)) return KN_EXIT_OK;
+        int why = errno;
+        c->folder[0] = '\0';
+        return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s, expected a folder to keep the runs in", c->resume,
+                           strerror(why));
+    }
+    snprintf(c->folder, sizeof c->folder, "%s/knead-sweep-XXXXXX", parent && *parent ? parent : "/tmp");
+    if (mkdtemp(c->folder)) return KN_EXIT_OK;
+    int code = kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s, expected a folder for temporary files", c->folder,
+                           strerror(errno));
+    c->folder[0] = '\0';
+    return code;
+}
+
+static bool write_file(const kn_crew *c, const char *name, const char *ending, const char *text)
+{
+    char path[PATH_MAX];
+    FILE *f = fopen(in_folder(c, name, ending, path), "w");
+    bool ok = f && fputs(text, f) >= 0;
+    return f && fclose(f) == 0 && ok;
+}
+
+int kn_crew_open(kn_crew *c)
+{
+    struct sigaction action = {.sa_handler = on_signal};
+    uint64_t now[3];
+    c->lock = -1;
+    c->sitting = (int64_t)time(NULL);
+    if (!kn_trace_hash(kn_job_program, &now[0]))
+        return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", kn_job_program, strerror(errno));
+    now[1] = kn_hash_bytes(KN_HASH_SEED, c->plan->text, strlen(c->plan->text));
+    if (!kn_trace_hash(c->plan->log_path, &now[2]))
+        return kn_complain("tradeoff", KN_EXIT_USAGE, "%s: %s, expected a log", c->plan->log_path, strerror(errno));
+    c->program = now[0];
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+    sigaction(SIGHUP, &action, NULL);
+    int code = make_folder(c);
+    if (code == KN_EXIT_OK) code = enter(c, now);
+    if (code == KN_EXIT_OK && !write_file(c, "scene", ".yaml", c->plan->text))
+        code = kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", c->folder, strerror(errno));
+    for (int i = 0; i < c->plan->count && code == KN_EXIT_OK; i++) c->kept += !is_missing(c, &c->plan->run[i], false);
+    return code;
+}
+
+static void remove_folder(const kn_crew *c)
+{
+    char path[PATH_MAX];
+    DIR *d = opendir(c->folder);
+    for (struct dirent *e; d && (e = readdir(d));)
+        if (e->d_name[0] != '.') unlink(in_folder(c, e->d_name, "", path));
+    if (d) closedir(d);
+    rmdir(c->folder);
+}
+
+// Dies of the signal that came, if one did: whoever started us sees what ended us.
+void kn_crew_close(kn_crew *c)
+{
+    if (c->lock >= 0) close(c->lock);
+    if (!c->resume && c->folder[0]) remove_folder(c);
+    if (!stopped) return;
+    fflush(stdout);
+    signal((int)stopped, SIG_DFL);
+    raise((int)stopped);
+}
+
+// ---- one at a time
+
+// keep: the trace; else only the time is wanted.
+static int play_here(kn_crew *c, const kn_run *run, bool keep, double *median_us)
+{
+    char path[PATH_MAX], scene[PATH_MAX], error[512];
+    kn_run_sets sets;
+    kn_trace t;
+    kn_run_sets_make(&sets, run);
+    kn_replay_def def = {c->plan->log_path, in_folder(c, "scene.yaml", "", scene), sets.set, sets.count};
+    if (!kn_trace_play(&t, &def, &stopped, error, sizeof error))
+        return stopped ? KN_EXIT_DEVICE : kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
+    t.sitting = c->sitting;
+    *median_us = t.median_us;
+    bool ok = !keep || kn_trace_save(&t, in_folder(c, run->id, ".trace", path), c->program);
+    kn_trace_free(&t);
+    return ok ? KN_EXIT_OK : kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+}
+
+static int play_serially(kn_crew *c, bool times)
+{
+    const kn_plan *plan = c->plan;
+    int own = -1, code = KN_EXIT_OK;
+    for (int i = 0; i < plan->count && code == KN_EXIT_OK; i++) {
+        const kn_run *run = &plan->run[i];
+        double us;
+        if (run->own) own = i;
+        if (!is_missing(c, run, times)) continue;
+        show(c, i, plan->count, run);
+        code = play_here(c, run, true, &us);
+        c->timed += run->role == KN_ROLE_POINT;
+        if (run->own) c->own_us[0] = us;
+    }
+    // the scene's own point once more: how steady this machine was meanwhile
+    if (code == KN_EXIT_OK && c->timed > 1 && c->own_us[0] > 0)
+        code = play_here(c, &plan->run[own], false, &c->own_us[1]);
+    show(c, 1, 1, NULL);
+    return code;
+}
+
+// ---- by GNU parallel
+
+static bool copy_log(const kn_crew *c)
+{
+    static char bytes[1 << 16];
+    char path[PATH_MAX];
+    FILE *from = fopen(c->plan->log_path, "rb"), *to = fopen(in_folder(c, "log.lcmlog", "", path), "wb");
+    bool ok = from && to;
+    for (size_t n; ok && (n = fread(bytes, 1, sizeof bytes, from)) > 0;) ok = fwrite(bytes, 1, n, to) == n;
+    ok = ok && !ferror(from);
+    if (from) fclose(from);
+    return to && fclose(to) == 0 && ok;
+}
+
+// Job files of what is missing, the longest first; how many, -1: the disk is full.
+static int write_jobs(const kn_crew *c)
+{
+    char log[PATH_MAX] = "log.lcmlog", path[PATH_MAX];
+    int jobs = 0;
+    bool ok = c->hosts ? copy_log(c) : realpath(c->plan->log_path, log) != NULL;
+    FILE *list = fopen(in_folder(c, "jobs", "", path), "w");
+    for (int role = KN_ROLE_FINE; list && role >= KN_ROLE_POINT; role--)
+        for (int i = c->plan->count - 1; i >= 0; i--) {
+            const kn_run *run = &c->plan->run[i];
+            if ((int)run->role != role || !is_missing(c, run, false)) continue;
+            ok = ok && kn_job_write(in_folder(c, run->id, ".job", path), run, log) &&
+                 fprintf(list, "%s.job\n", run->id) > 0;
+            jobs++;
+        }
+    return list && fclose(list) == 0 && ok ? jobs : -1;
+}
+
+// In the child: becomes parallel, which ends with us.
+static void become_parallel(const kn_crew *c)
+{
+    char jobs[16], folder[32], program[PATH_MAX] = "knead"; // of a host: what its PATH has
+    const char *argv[40] = {"parallel", "--plain", "--will-cite", "--quote", "--halt", "now,fail=1"};
+    int n = 6;
+    ssize_t length = c->hosts ? 0 : readlink(kn_job_program, program, sizeof program - 1);
+    if (length > 0) program[length] = '\0';
+    snprintf(jobs, sizeof jobs, "%d", c->jobs);
+    if (c->jobs > 0) argv[n++] = "--jobs", argv[n++] = jobs;
+    if (c->hosts) {
+        static const char *const transfer[] = {"--basefile", "scene.yaml", "--basefile", "log.lcmlog", "--transferfile",
+                                               "{}", "--return", "{.}.trace", "--cleanup"};
+        snprintf(folder, sizeof folder, "knead-sweep-%d", (int)getppid()); // in the home there; --cleanup removes it
+        argv[n++] = "--sshlogin", argv[n++] = c->hosts;
+        argv[n++] = "--workdir", argv[n++] = folder;
+        for (size_t i = 0; i < sizeof transfer / sizeof *transfer; i++) argv[n++] = transfer[i];
+    }
+    const char *const command[] = {program, "tradeoff", "--job", "{}", "::::", "jobs", NULL};
+    memcpy(argv + n, command, sizeof command);
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
+    int null = open("/dev/null", O_RDWR);
+    dup2(null, STDIN_FILENO);
+    dup2(null, STDOUT_FILENO);
+    if (chdir(c->folder) == 0) execvp("parallel", (char *const *)argv);
+    _exit(127);
+}
+
+static int count_traces(const kn_crew *c)
+{
+    char path[PATH_MAX];
+    int count = 0;
+    for (int i = 0; i < c->plan->count; i++)
+        count += access(in_folder(c, c->plan->run[i].id, ".trace", path), F_OK) == 0;
+    return count;
+}
+
+static int attend(const kn_crew *c, pid_t child)
+{
+    static const struct timespec pause = {0, 200000000};
+    int status = 0, asked = 0;
+    while (waitpid(child, &status, WNOHANG) == 0) {
+        if (stopped && asked++ < 2) kill(child, SIGTERM); // the first one lets running jobs end, the second does not
+        show(c, count_traces(c), c->plan->count, NULL);
+        nanosleep(&pause, NULL);
+    }
+    show(c, 1, 1, NULL);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128;
+}
+
+static int play_in_parallel(kn_crew *c)
+{
+    if (c->hosts && c->plan->scene->mesh)
+        return kn_complain("tradeoff", KN_EXIT_USAGE,
+                           "--hosts: does not send meshes, expected a scene without object.mesh");
+    int jobs = write_jobs(c);
+    if (jobs < 0) return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: jobs cannot be written", c->folder);
+    if (jobs == 0) return KN_EXIT_OK;
+    pid_t child = fork();
+    if (child == 0) become_parallel(c);
+    int code = child > 0 ? attend(c, child) : 126;
+    if (stopped) return KN_EXIT_DEVICE;
+    if (code == 127)
+        return kn_complain("tradeoff", KN_EXIT_DEVICE,
+                           "GNU parallel cannot be run (package parallel); without --jobs and "
+                           "--hosts runs are played one at a time");
+    int missing = 0, foreign = 0;
+    char path[PATH_MAX];
+    for (int i = 0; i < c->plan->count; i++) {
+        kn_trace_found found = kn_trace_peek(in_folder(c, c->plan->run[i].id, ".trace", path), c->program);
+        missing += found != KN_TRACE_FOUND;
+        foreign += found == KN_TRACE_FOREIGN;
+    }
+    if (foreign)
+        return kn_complain("tradeoff", KN_EXIT_DEVICE,
+                           "%d runs are of another build of knead, expected the same on every "
+                           "host",
+                           foreign);
+    if (code == 0 && missing == 0) return KN_EXIT_OK;
+    return kn_complain("tradeoff", KN_EXIT_DEVICE, "%d of %d runs have no result%s", missing, c->plan->count,
+                       c->resume ? "; the same command goes on with them" : "; with --resume the others would be kept");
+}
+
+// ---- all of it
+
+int kn_crew_play(kn_crew *c)
+{
+    int code = KN_EXIT_OK;
+    if (c->jobs != 1 || c->hosts) code = play_in_parallel(c);
+    return code == KN_EXIT_OK ? play_serially(c, true) : code;
+}
+
+int kn_crew_load(const kn_crew *c, kn_trace *traces)
+{
+    char path[PATH_MAX];
+    for (int i = 0; i < c->plan->count; i++)
+        if (kn_trace_load(&traces[i], in_folder(c, c->plan->run[i].id, ".trace", path), c->program) != KN_TRACE_FOUND)
+            return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: is damaged or gone", path);
+    return KN_EXIT_OK;
+}

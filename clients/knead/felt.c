@@ -1,0 +1,151 @@
+#include "clients/knead/felt.h"
+#include <complex.h>
+#include <math.h>
+
+#define TICK_S 1e-3
+#define BAND_HZ 8.0 // from here
+#define BAND_WIDTH_HZ 4.0
+#define BAND_FLOOR 1e-6
+enum { BAND_POINTS = 17 };
+
+static double squares(const double v[3]) { return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]; }
+
+static double squared_distance(const double a[3], const double b[3])
+{
+    return squares((double[3]){a[0] - b[0], a[1] - b[1], a[2] - b[2]});
+}
+
+static double ratio(double difference, double size) { return size > 0 ? sqrt(difference / size) : NAN; }
+
+double kn_felt_force(const kn_trace *a, const kn_trace *b)
+{
+    double difference = 0, size = 0;
+    if (a->ticks != b->ticks || a->probes != b->probes) return NAN;
+    for (int64_t i = 0; i < a->ticks * a->probes; i++) {
+        difference += squared_distance(a->force_n[i], b->force_n[i]);
+        size += squares(b->force_n[i]);
+    }
+    return ratio(difference, size);
+}
+
+// ---- shape
+
+// The cell along one axis that place (of n nodes, in spacings from the first) lies in, and how far in it.
+static int64_t cell_of(double place, int64_t n, double *in)
+{
+    int64_t cell = (int64_t)floor(place);
+    if (cell > n - 2) cell = n - 2;
+    if (cell < 0) cell = 0;
+    *in = n > 1 ? place - (double)cell : 0;
+    return cell;
+}
+
+// Displacement of a block where a node of another one is: trilinear.
+static void interpolate(const kn_trace *b, const kn_trace *a, const int64_t node[3], double u_m[3])
+{
+    int64_t cell[3];
+    double in[3];
+    for (int k = 0; k < 3; k++) cell[k] = cell_of((double)node[k] * a->spacing_m / b->spacing_m, b->grid[k], &in[k]);
+    u_m[0] = u_m[1] = u_m[2] = 0;
+    for (int corner = 0; corner < 8; corner++) {
+        int64_t at[3];
+        double weight = 1;
+        for (int k = 0; k < 3; k++) {
+            int up = corner >> k & 1;
+            weight *= up ? in[k] : 1 - in[k];
+            at[k] = b->grid[k] > 1 ? cell[k] + up : 0;
+        }
+        const double *u = b->shape_m[(at[2] * b->grid[1] + at[1]) * b->grid[0] + at[0]];
+        for (int k = 0; k < 3; k++) u_m[k] += weight * u[k];
+    }
+}
+
+static double shape_between(const kn_trace *a, const kn_trace *b)
+{
+    double difference = 0, size = 0, u_m[3];
+    int64_t node[3], n = 0;
+    for (node[2] = 0; node[2] < a->grid[2]; node[2]++)
+        for (node[1] = 0; node[1] < a->grid[1]; node[1]++)
+            for (node[0] = 0; node[0] < a->grid[0]; node[0]++, n++) {
+                interpolate(b, a, node, u_m);
+                difference += squared_distance(a->shape_m[n], u_m);
+                size += squares(u_m);
+            }
+    return ratio(difference, size);
+}
+
+double kn_felt_shape(const kn_trace *a, const kn_trace *b)
+{
+    bool same = a->nodes == b->nodes;
+    for (int k = 0; k < 3; k++) same &= a->grid[k] == b->grid[k];
+    if (!same) return a->grid[0] && b->grid[0] ? shape_between(a, b) : NAN;
+    double difference = 0, size = 0;
+    for (int64_t i = 0; i < a->nodes; i++) {
+        difference += squared_distance(a->shape_m[i], b->shape_m[i]);
+        size += squares(b->shape_m[i]);
+    }
+    return ratio(difference, size);
+}
+
+// ---- what a hand would notice
+
+double kn_felt_peak(const kn_trace *t)
+{
+    double most = 0;
+    for (int64_t i = 0; i < t->ticks * t->probes; i++) most = fmax(most, squares(t->force_n[i]));
+    return sqrt(most);
+}
+
+double kn_felt_jump(const kn_trace *t)
+{
+    double most = 0;
+    for (int64_t i = t->probes; i < t->ticks * t->probes; i++)
+        most = fmax(most, squared_distance(t->force_n[i], t->force_n[i - t->probes]));
+    return sqrt(most);
+}
+
+double kn_felt_variation(const kn_trace *t)
+{
+    double sum = 0;
+    for (int64_t i = t->probes; i < t->ticks * t->probes; i++)
+        sum += sqrt(squared_distance(t->force_n[i], t->force_n[i - t->probes]));
+    return sum;
+}
+
+double kn_felt_depth(const kn_trace *t)
+{
+    double deepest = 0;
+    for (int64_t i = 0; i < t->nodes; i++) deepest = fmax(deepest, -t->shape_m[i][2]);
+    return deepest;
+}
+
+// One component of one tool's force at a frequency, by a turning phasor: one exp per call.
+static double complex spectrum(const kn_trace *t, int64_t first, int component, double hz)
+{
+    double complex sum = 0, phasor = 1, turn = cexp(-2 * M_PI * I * hz * TICK_S);
+    for (int64_t i = first; i < t->ticks * t->probes; i += t->probes) {
+        sum += t->force_n[i][component] * phasor;
+        phasor *= turn;
+    }
+    return sum;
+}
+
+double kn_felt_lag(const kn_trace *a, const kn_trace *b)
+{
+    double complex cross = 0;
+    double energy = 0, mean_hz = 0, all = 0;
+    if (a->ticks != b->ticks || a->probes != b->probes) return NAN;
+    for (int f = 0; f < BAND_POINTS; f++)
+        for (int64_t c = 0; c < 3 * b->probes; c++) {
+            double hz = BAND_HZ + BAND_WIDTH_HZ * f / (BAND_POINTS - 1);
+            double complex x = spectrum(a, c / 3, (int)(c % 3), hz), y = spectrum(b, c / 3, (int)(c % 3), hz);
+            double size = creal(y * conj(y));
+            cross += x * conj(y);
+            energy += size;
+            mean_hz += hz * size;
+        }
+    for (int64_t i = 0; i < b->ticks * b->probes; i++) all += squares(b->force_n[i]);
+    // no frequency has more than ticks * all, by Cauchy and Schwarz
+    if (!(energy > BAND_FLOOR * all * (double)b->ticks)) return NAN;
+    return -carg(cross) / (2 * M_PI * mean_hz / energy);
+}

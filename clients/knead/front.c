@@ -1,0 +1,196 @@
+#include "clients/knead/front.h"
+#include "clients/knead/felt.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const struct {
+    double force, shape;
+} bounds[KN_QUALITY_OWN] = {[KN_QUALITY_FAST] = {0.03, 0.03},
+                            [KN_QUALITY_BALANCED] = {0.005, 0.01},
+                            [KN_QUALITY_ACCURATE] = {0.001, 0.002}};
+
+typedef double (*measure)(const kn_trace *a, const kn_trace *b);
+
+// The reference that stands for a lattice.
+static int best_of(const kn_run *run) { return run->fine >= 0 ? run->fine : run->same; }
+
+// Of the finest lattice there is, at the scene's own step if there is no better.
+static int find_finest(const kn_plan *plan)
+{
+    int finest = -1;
+    for (int i = 0; i < plan->count; i++) {
+        const kn_run *run = &plan->run[i];
+        if (run->role != KN_ROLE_POINT) continue;
+        if (!plan->fine && run->dt_s != plan->scene->model.solver.dt_s) continue;
+        if (finest < 0 || run->nodes > plan->run[finest].nodes) finest = i;
+    }
+    return finest;
+}
+
+// What stands for the lattice of a run in the comparison of lattices: without FINE, SAME at the scene's step.
+static int stands_for(const kn_plan *plan, const kn_run *run)
+{
+    if (run->fine >= 0) return run->fine;
+    for (int i = 0; i < plan->count; i++) {
+        const kn_run *other = &plan->run[i];
+        if (other->role == KN_ROLE_SAME && other->nodes == run->nodes && other->dt_s == plan->scene->model.solver.dt_s)
+            return i;
+    }
+    return -1;
+}
+
+static kn_errors errors_of(const kn_plan *plan, const kn_trace *traces, int point, int finest, measure distance)
+{
+    const kn_run *run = &plan->run[point];
+    int best = best_of(run), lattice = stands_for(plan, run);
+    kn_errors e = {.solver = distance(&traces[point], &traces[run->same]), .step = NAN, .lattice = NAN};
+    if (run->fine >= 0) e.step = distance(&traces[run->same], &traces[run->fine]);
+    if (lattice >= 0 && finest >= 0) e.lattice = lattice == finest ? 0 : distance(&traces[lattice], &traces[finest]);
+    e.all = distance(&traces[point], &traces[best]) + (isfinite(e.lattice) ? e.lattice : 0);
+    return e;
+}
+
+// Forces of two lattices compare tick by tick; so does a mesh with itself.
+static kn_row row_of(const kn_plan *plan, const kn_trace *traces, int point, int finest)
+{
+    const kn_run *run = &plan->run[point];
+    const kn_trace *t = &traces[point], *best = &traces[best_of(run)];
+    double peak_n = kn_felt_peak(best);
+    kn_row r = {.run = run, .median_us = t->median_us, .p90_us = t->p90_us};
+    r.force = errors_of(plan, traces, point, finest, kn_felt_force);
+    r.shape = errors_of(plan, traces, point, finest, kn_felt_shape);
+    r.peak = kn_felt_peak(t) / peak_n - 1;
+    r.lag_s = kn_felt_lag(t, best);
+    r.depth_m = kn_felt_depth(t) - kn_felt_depth(best);
+    r.jump_n = kn_felt_jump(t);
+    r.reference_jump_n = kn_felt_jump(best);
+    r.variation = kn_felt_variation(t) / peak_n;
+    r.reference_variation = kn_felt_variation(best) / peak_n;
+    r.latched = t->faults > best->faults || t->diverged > 0;
+    r.chatters = !(r.variation <= KN_CHATTER * r.reference_variation);
+    return r;
+}
+
+static bool usable(const kn_row *r) { return !r->chatters && !r->latched && isfinite(r->force.all); }
+
+static void find_fronts(kn_front *f)
+{
+    for (int i = 0; i < f->count; i++) {
+        kn_row *r = &f->row[i];
+        r->front = r->shape_front = usable(r);
+        for (int j = 0; j < f->count; j++) {
+            const kn_row *o = &f->row[j];
+            if (!usable(o) || o->median_us >= r->median_us) continue;
+            r->front &= o->force.all > r->force.all;
+            r->shape_front &= o->shape.all > r->shape.all;
+        }
+    }
+}
+
+static int order(const void *a, const void *b)
+{
+    const kn_row *x = a, *y = b;
+    if (x->run->nodes != y->run->nodes) return x->run->nodes < y->run->nodes ? -1 : 1;
+    if (x->run->dt_s != y->run->dt_s) return x->run->dt_s > y->run->dt_s ? -1 : 1;
+    if (x->run->precision != y->run->precision) return x->run->precision < y->run->precision ? -1 : 1;
+    if (x->run->method != y->run->method) return x->run->method < y->run->method ? -1 : 1;
+    if (x->run->passes != y->run->passes) return x->run->passes < y->run->passes ? -1 : 1;
+    return (x->median_us > y->median_us) - (x->median_us < y->median_us);
+}
+
+bool kn_front_make(kn_front *front, const kn_plan *plan, const kn_trace *traces)
+{
+    memset(front, 0, sizeof *front);
+    int point = find_finest(plan), finest = point < 0 ? -1 : stands_for(plan, &plan->run[point]);
+    if (finest >= 0) front->finest_m = plan->run[finest].spacing_m;
+    for (int i = 0; i < plan->count; i++) {
+        if (plan->run[i].role != KN_ROLE_POINT) continue;
+        const kn_trace *best = &traces[best_of(&plan->run[i])];
+        if (!(kn_felt_peak(best) > 0)) return false;
+        if (plan->run[i].own) front->peak_n = kn_felt_peak(best);
+        front->row[front->count++] = row_of(plan, traces, i, finest);
+    }
+    qsort(front->row, (size_t)front->count, sizeof front->row[0], order);
+    find_fronts(front);
+    return true;
+}
+
+const kn_row *kn_front_pick(const kn_front *front, double budget_us)
+{
+    const kn_row *best = NULL;
+    for (int i = 0; i < front->count; i++) {
+        const kn_row *r = &front->row[i];
+        if (usable(r) && r->p90_us <= budget_us && (!best || r->force.all < best->force.all)) best = r;
+    }
+    return best;
+}
+
+// ---- the named points
+
+// Whether a server takes a for less work than b: servo.c's order of points.
+static bool is_less_work(const kn_run *a, const kn_run *b)
+{
+    int every[2] = {a->passes * a->iterations, b->passes * b->iterations};
+    int most[2] = {a->passes * a->iterations_max, b->passes * b->iterations_max};
+    return every[0] < every[1] || (every[0] == every[1] && most[0] < most[1]);
+}
+
+static bool is_candidate(const kn_row *r, const kn_plan *plan)
+{
+    const kn_scene *scene = plan->scene;
+    const kn_model_def *def = &scene->model;
+    const kn_run *run = r->run;
+    return usable(r) && r->p90_us <= 1e6 * scene->budget_s && run->method != KN_METHOD_RK4 &&
+           run->dt_s == def->solver.dt_s && run->precision == def->solver.precision &&
+           (run->spacing_m == 0 || run->spacing_m == def->spacing_m);
+}
+
+// below: the point that must be less work than it, NULL: none.
+static const kn_row *name_one(const kn_front *front, const kn_plan *plan, kn_quality q, const kn_row *below)
+{
+    const kn_row *cheapest = NULL, *nearest = NULL;
+    for (int i = 0; i < front->count; i++) {
+        const kn_row *r = &front->row[i];
+        if (!is_candidate(r, plan) || (below && !is_less_work(below->run, r->run))) continue;
+        if (!nearest || r->force.solver < nearest->force.solver) nearest = r;
+        bool good = r->force.solver <= bounds[q].force && r->shape.solver <= bounds[q].shape;
+        if (good && (!cheapest || r->median_us < cheapest->median_us)) cheapest = r;
+    }
+    const kn_row *found = cheapest ? cheapest : nearest;
+    return found && (!below || cheapest || found->force.solver < below->force.solver) ? found : below;
+}
+
+void kn_front_name(const kn_front *front, const kn_plan *plan, const kn_row *named[KN_QUALITY_OWN])
+{
+    const kn_row *below = NULL;
+    for (kn_quality q = KN_QUALITY_FAST; q < KN_QUALITY_OWN; q++) below = named[q] = name_one(front, plan, q, below);
+}
+
+// ---- CSV
+
+bool kn_front_csv(const kn_front *front, FILE *f)
+{
+    fprintf(f, "spacing_m,nodes,backend,dt_s,solver,precision,iterations,iterations_max,tolerance,passes,own,"
+               "median_us,p90_us,force_solver,force_step,force_lattice,force_all,shape_solver,shape_step,"
+               "shape_lattice,shape_all,peak,lag_s,depth_m,jump_n_per_ms,reference_jump_n_per_ms,variation_peaks,"
+               "reference_variation_peaks,chatters,latched,force_front,shape_front\n");
+    for (int i = 0; i < front->count; i++) {
+        const kn_row *r = &front->row[i];
+        const kn_run *run = r->run;
+        fprintf(f, "%.9g,%d,cpu,%.9g,%s,%s,%d,%d,%.9g,%d,%d", run->spacing_m, run->nodes, run->dt_s,
+                kn_method_name(run->method), run->precision == KN_PRECISION_F64 ? "f64" : "f32", run->iterations,
+                run->iterations_max, run->tolerance, run->passes, run->own);
+        const double values[] = {r->median_us,     r->p90_us,      r->force.solver,     r->force.step,
+                                 r->force.lattice, r->force.all,   r->shape.solver,     r->shape.step,
+                                 r->shape.lattice, r->shape.all,   r->peak,             r->lag_s,
+                                 r->depth_m,       r->jump_n,      r->reference_jump_n, r->variation,
+                                 r->reference_variation};
+        for (size_t k = 0; k < sizeof values / sizeof *values; k++) {
+            if (isfinite(values[k])) fprintf(f, ",%.6g", values[k]);
+            else fputc(',', f); // not measured
+        }
+        fprintf(f, ",%d,%d,%d,%d\n", r->chatters, r->latched, r->front, r->shape_front);
+    }
+    return !ferror(f);
+}

@@ -1,0 +1,200 @@
+#include "clients/knead/trace.h"
+#include "core/hash.h"
+#include "proto/knead_event_t.h"
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define MAGIC 0x656361727444414bu // "KDtrace" and a version
+enum { NODES_MAX = 1 << 22, TICKS_MAX = 1 << 24 }; // of a file that is believed: core/scene's lattice, 4.6 hours
+
+typedef struct head {
+    uint64_t magic, program, hash; // hash: of what follows the head
+    kn_trace trace;                // its pointers mean nothing
+} head;
+
+typedef struct record { // of a play
+    kn_trace *trace;
+    kn_replay *replay;
+    float *us; // of the ticks with contact
+    int64_t room, touched;
+} record;
+
+void kn_trace_free(kn_trace *t)
+{
+    free(t->force_n);
+    free(t->shape_m);
+    memset(t, 0, sizeof *t);
+}
+
+static bool grow(record *r)
+{
+    int64_t room = r->room ? 2 * r->room : 4096;
+    size_t row = (size_t)r->trace->probes * sizeof *r->trace->force_n;
+    void *us = realloc(r->us, (size_t)room * sizeof *r->us);
+    if (us) r->us = us;
+    void *force = us ? realloc(r->trace->force_n, (size_t)room * row) : NULL;
+    if (!force) return false;
+    r->trace->force_n = force;
+    r->room = room;
+    return true;
+}
+
+static bool take_tick(record *r)
+{
+    kn_trace *t = r->trace;
+    const kn_replay_tick *tick = &r->replay->tick;
+    if (t->ticks == r->room && !grow(r)) return false;
+    bool touches = false;
+    for (int p = 0; p < t->probes; p++) {
+        memcpy(t->force_n[t->ticks * t->probes + p], tick->out.force[p].contact_force_n, sizeof *t->force_n);
+        touches |= tick->out.force[p].contacts > 0;
+    }
+    for (int i = 0; i < tick->out.event_count; i++) t->faults += tick->out.event[i].kind == KNEAD_EVENT_T_KIND_FAULT;
+    if (touches) r->us[r->touched++] = 1e-3f * (float)tick->cpu_ns;
+    t->ticks++;
+    return true;
+}
+
+static int ascending(const void *a, const void *b)
+{
+    float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+static bool take_shape(record *r)
+{
+    kn_trace *t = r->trace;
+    const kn_model *model = r->replay->model;
+    t->nodes = model->node_count;
+    t->spacing_m = model->def.spacing_m;
+    for (int k = 0; k < 3 && !model->def.mesh; k++) t->grid[k] = model->def.nodes[k];
+    t->shape_m = calloc((size_t)t->nodes, sizeof *t->shape_m);
+    for (int n = 0; t->shape_m && n < t->nodes; n++) {
+        kn_state_position(model, kn_replay_state(r->replay), n, t->shape_m[n]);
+        for (int k = 0; k < 3; k++) t->shape_m[n][k] -= model->rest_m[n][k];
+    }
+    t->diverged = r->replay->servo.diverged;
+    return t->shape_m;
+}
+
+static bool play(record *r, const volatile sig_atomic_t *stop, const char **why)
+{
+    kn_trace *t = r->trace;
+    *why = "not enough memory";
+    while (kn_replay_step(r->replay)) {
+        bool begun = t->ticks > 0;
+        for (int p = 0; p < t->probes; p++) begun |= r->replay->tick.out.force[p].live;
+        if (begun && !take_tick(r)) return false;
+        if (*stop) *why = "interrupted";
+        if (*stop) return false;
+    }
+    if (t->ticks == 0) *why = "no hand has a tool in it";
+    if (t->ticks == 0 || !take_shape(r)) return false;
+    if (r->touched == 0) return true; // and nothing to compare: whoever looks at the forces finds none
+    qsort(r->us, (size_t)r->touched, sizeof *r->us, ascending);
+    t->median_us = (double)r->us[r->touched / 2];
+    t->p90_us = (double)r->us[r->touched * 9 / 10];
+    return true;
+}
+
+bool kn_trace_play(kn_trace *t, const kn_replay_def *def, const volatile sig_atomic_t *stop, char *error,
+                   size_t error_size)
+{
+    const char *why = NULL;
+    memset(t, 0, sizeof *t);
+    record r = {.trace = t, .replay = kn_replay_create(def, error, error_size)};
+    if (!r.replay) return false;
+    t->probes = r.replay->model->def.probe_count;
+    bool ok = play(&r, stop, &why);
+    if (!ok) snprintf(error, error_size, "%s: %s", def->log_path, why);
+    if (!ok) kn_trace_free(t);
+    kn_replay_destroy(r.replay);
+    free(r.us);
+    return ok;
+}
+
+// ---- as a file
+
+static uint64_t hash_of(const kn_trace *t)
+{
+    uint64_t hash = kn_hash_bytes(KN_HASH_SEED, t->force_n, (size_t)(t->ticks * t->probes) * sizeof *t->force_n);
+    return kn_hash_bytes(hash, t->shape_m, (size_t)t->nodes * sizeof *t->shape_m);
+}
+
+bool kn_trace_save(const kn_trace *t, const char *path, uint64_t program)
+{
+    char half[PATH_MAX];
+    head h = {.magic = MAGIC, .program = program, .hash = hash_of(t), .trace = *t};
+    h.trace.force_n = h.trace.shape_m = NULL;
+    int length = snprintf(half, sizeof half, "%s.%d", path, (int)getpid());
+    FILE *f = length < PATH_MAX ? fopen(half, "wb") : NULL;
+    if (!f) return false;
+    size_t forces = (size_t)(t->ticks * t->probes), nodes = (size_t)t->nodes;
+    bool ok = fwrite(&h, sizeof h, 1, f) == 1 && fwrite(t->force_n, sizeof *t->force_n, forces, f) == forces &&
+              fwrite(t->shape_m, sizeof *t->shape_m, nodes, f) == nodes;
+    ok = fclose(f) == 0 && ok && rename(half, path) == 0;
+    if (!ok) unlink(half);
+    return ok;
+}
+
+static bool sensible(const kn_trace *t)
+{
+    bool block = t->grid[0] != 0;
+    for (int k = 0; k < 3; k++)
+        if (block ? t->grid[k] < 1 || t->grid[k] > NODES_MAX : t->grid[k] != 0) return false;
+    if (t->ticks < 1 || t->ticks > TICKS_MAX || t->probes < 1 || t->probes > KN_PROBES_MAX || t->nodes < 1)
+        return false;
+    double cells = (double)t->grid[0] * (double)t->grid[1] * (double)t->grid[2];
+    return t->nodes <= NODES_MAX && (!block || cells == (double)t->nodes) && t->spacing_m > 0;
+}
+
+static bool read_body(kn_trace *t, FILE *f, uint64_t hash)
+{
+    size_t forces = (size_t)(t->ticks * t->probes), nodes = (size_t)t->nodes;
+    t->force_n = malloc(forces * sizeof *t->force_n);
+    t->shape_m = malloc(nodes * sizeof *t->shape_m);
+    return t->force_n && t->shape_m && fread(t->force_n, sizeof *t->force_n, forces, f) == forces &&
+           fread(t->shape_m, sizeof *t->shape_m, nodes, f) == nodes && fgetc(f) == EOF && hash_of(t) == hash;
+}
+
+kn_trace_found kn_trace_load(kn_trace *t, const char *path, uint64_t program)
+{
+    head h;
+    memset(t, 0, sizeof *t);
+    FILE *f = fopen(path, "rb");
+    if (!f) return KN_TRACE_MISSING;
+    kn_trace_found found = KN_TRACE_DAMAGED;
+    if (fread(&h, sizeof h, 1, f) == 1 && h.magic == MAGIC) {
+        found = h.program == program ? KN_TRACE_FOUND : KN_TRACE_FOREIGN;
+        *t = h.trace;
+        t->force_n = t->shape_m = NULL;
+        if (found == KN_TRACE_FOUND && !(sensible(t) && read_body(t, f, h.hash))) found = KN_TRACE_DAMAGED;
+    }
+    fclose(f);
+    if (found != KN_TRACE_FOUND) kn_trace_free(t);
+    return found;
+}
+
+kn_trace_found kn_trace_peek(const char *path, uint64_t program)
+{
+    kn_trace t;
+    kn_trace_found found = kn_trace_load(&t, path, program);
+    kn_trace_free(&t);
+    return found;
+}
+
+bool kn_trace_hash(const char *path, uint64_t *hash)
+{
+    static unsigned char bytes[1 << 16];
+    FILE *f = fopen(path, "rb");
+    *hash = KN_HASH_SEED;
+    if (!f) return false;
+    for (size_t n; (n = fread(bytes, 1, sizeof bytes, f)) > 0;) *hash = kn_hash_bytes(*hash, bytes, n);
+    bool ok = !ferror(f);
+    fclose(f);
+    return ok;
+}

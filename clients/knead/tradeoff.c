@@ -1,0 +1,272 @@
+// knead tradeoff: speed against accuracy of a scene under a recorded hand. What is played is plan.h's, by whom
+// crew.h's, what comes out front.h's and chart.h's; here is the order of things, and the points that go into the scene.
+#include "clients/knead/chart.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/crew.h"
+#include "clients/knead/graft.h"
+#include "clients/knead/job.h"
+#include "clients/knead/tradeoff_options.h"
+#include "core/scene/words.h"
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+typedef struct sweep {
+    kn_tradeoff_options opt;
+    kn_plan plan;
+    kn_crew crew;
+    kn_trace traces[KN_RUNS_MAX];
+    kn_front front;
+    const kn_row *named[KN_QUALITY_OWN];
+} sweep;
+
+// ---- the usual points
+
+#define BOTH .methods = 2, .method = {KN_METHOD_BLEND, KN_METHOD_SECANT}
+#define BLEND .methods = 1, .method = {KN_METHOD_BLEND}
+#define F32 .precisions = 1, .precision = {KN_PRECISION_F32}
+#define ONE_TOLERANCE(value) .tolerances = 1, .tolerance = {value}
+
+static const kn_axes_def usual[] = {
+    // the scene's lattice and step: how much work, and how it is dealt out
+    {BOTH, F32, .counts = 8, .count = {2, 3, 4, 6, 8, 12, 16, 24}, ONE_TOLERANCE(0)},
+    {BOTH, F32, .counts = 4, .count = {2, 4, 8, 16}, ONE_TOLERANCE(1e-3)},
+    {BLEND, F32, .counts = 1, .count = {2}, .tolerances = 2, .tolerance = {1e-2, 1e-4}},
+    // more than one linearisation; double precision
+    {BLEND, F32, .counts = 2, .count = {8, 16}, ONE_TOLERANCE(1e-3), .passes = 1, .pass = {2}},
+    {.methods = 2, .method = {KN_METHOD_BLEND, KN_METHOD_RK4}, .precisions = 1, .precision = {KN_PRECISION_F64},
+     .counts = 3, .count = {4, 8, 16}, ONE_TOLERANCE(0)}};
+
+static const kn_axes_def quick[] = {{BOTH, F32, .counts = 4, .count = {3, 4, 8, 16}, ONE_TOLERANCE(0)},
+                                    {BLEND, F32, .counts = 3, .count = {2, 8, 16}, ONE_TOLERANCE(1e-3)}};
+
+static bool add_usual(sweep *s, char *error, size_t error_size)
+{
+    kn_plan *plan = &s->plan;
+    const kn_axes_def *list = s->opt.quick ? quick : usual;
+    size_t count = s->opt.quick ? sizeof quick / sizeof *quick : sizeof usual / sizeof *usual;
+    for (size_t i = 0; i < count; i++)
+        if (!kn_plan_add(plan, &list[i], false, error, error_size)) return false;
+    const kn_model_def *def = &plan->scene->model;
+    kn_axes_def other = {BOTH, F32, .counts = 3, .count = {4, 8, 16}, ONE_TOLERANCE(0)};
+    if (!def->mesh) { // half as fine, and half as fine again
+        other.spacings = s->opt.quick ? 1 : 2;
+        other.spacing_m[0] = 2 * def->spacing_m;
+        other.spacing_m[1] = def->spacing_m / 1.5;
+        if (!kn_plan_add(plan, &other, false, error, error_size)) return false;
+    }
+    if (s->opt.quick) return true;
+    other.spacings = 0;
+    other.methods = other.steps = 1;
+    other.dt_s[0] = def->solver.dt_s / 2;
+    return kn_plan_add(plan, &other, false, error, error_size);
+}
+
+static bool make_plan(sweep *s, char *error, size_t error_size)
+{
+    static const int counts[] = {4, 8, 16};
+    kn_axes_def *axes = &s->opt.axes;
+    if (axes->counts == 0) {
+        memcpy(axes->count, counts, sizeof counts);
+        axes->counts = 3;
+    }
+    if (axes->tolerances == 0) axes->tolerances = 1; // which is 0
+    s->plan.scene_path = s->opt.scene;
+    s->plan.log_path = s->opt.log;
+    s->plan.sets = s->opt.sets;
+    s->plan.set_count = s->opt.set_count;
+    s->plan.fine = !s->opt.quick;
+    if (!kn_plan_open(&s->plan, error, error_size) || !kn_plan_add_own(&s->plan, error, error_size)) return false;
+    bool added = s->opt.listed ? kn_plan_add(&s->plan, axes, true, error, error_size) : add_usual(s, error, error_size);
+    return added && kn_plan_references(&s->plan, error, error_size);
+}
+
+// ---- the three points, into the scene
+
+static char *quality_block(const sweep *s)
+{
+    char *text = calloc(1, 1024);
+    int n = text ? snprintf(text, 1024, "quality:  # by knead tradeoff: time and error of the solver\n") : 0;
+    if (text && s->plan.scene->quality != KN_QUALITY_OWN)
+        n += snprintf(text + n, 1024 - (size_t)n, "  chosen: %s\n", kn_quality_name(s->plan.scene->quality));
+    for (kn_quality q = 0; text && q < KN_QUALITY_OWN; q++) {
+        const kn_row *r = s->named[q];
+        if (!r) continue;
+        n += snprintf(text + n, 1024 - (size_t)n,
+                      "  %s: {iterations: %d, iterations_max: %d, tolerance: %g, passes: %d, linearization: %s}"
+                      "  # %.0f us, force %.2g %%, shape %.2g %%\n",
+                      kn_quality_name(q), r->run->iterations, r->run->iterations_max, r->run->tolerance, r->run->passes,
+                      kn_method_name(r->run->method), r->median_us, 100 * r->force.solver, 100 * r->shape.solver);
+    }
+    return text;
+}
+
+// Whether text is the scene it was, but for its quality.
+static bool is_same_scene(const sweep *s, const char *path, const char *text, char *error, size_t error_size)
+{
+    kn_scene *scene = kn_scene_parse_beside(path, path, text, strlen(text), NULL, 0, error, error_size);
+    char *now = scene ? kn_graft(scene->text, "quality", "", error, error_size) : NULL;
+    bool same = now && !strcmp(now, s->plan.text);
+    if (now && !same) snprintf(error, error_size, "the scene has changed meanwhile");
+    free(now);
+    kn_scene_destroy(scene);
+    return same;
+}
+
+// A file of the same rights beside it, then renamed over it: whoever reads has the old scene or the new one.
+static bool replace(const char *path, const char *text)
+{
+    char half[PATH_MAX];
+    struct stat old;
+    if (snprintf(half, sizeof half, "%s.%d", path, (int)getpid()) >= PATH_MAX || stat(path, &old) != 0) return false;
+    FILE *f = fopen(half, "w");
+    if (!f) return false;
+    bool ok =
+        fchmod(fileno(f), old.st_mode & 07777) == 0 && fputs(text, f) >= 0 && fflush(f) == 0 && fsync(fileno(f)) == 0;
+    ok = fclose(f) == 0 && ok && rename(half, path) == 0;
+    if (!ok) unlink(half);
+    return ok;
+}
+
+static int write_points(const sweep *s)
+{
+    char error[512] = "not enough memory", path[PATH_MAX];
+    size_t size;
+    if (!s->named[0])
+        return kn_complain("tradeoff", KN_EXIT_FAILED,
+                           "--write: no point of the scene's lattice, step and precision has a "
+                           "p90 of %g us or less",
+                           1e6 * s->plan.scene->budget_s);
+    if (!realpath(s->opt.scene, path)) return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+    unsigned char *bytes = kn_words_load(path, &size, error, sizeof error);
+    char *old = bytes ? realloc(bytes, size + 1) : NULL, *block = quality_block(s);
+    if (old) old[size] = '\0';
+    char *text = old && block ? kn_graft(old, "quality", block, error, sizeof error) : NULL;
+    int code = KN_EXIT_OK;
+    if (!text || !is_same_scene(s, path, text, error, sizeof error))
+        code = kn_complain("tradeoff", KN_EXIT_USAGE, "--write: %s", error);
+    else if (!replace(path, text))
+        code = kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s, not written", path, strerror(errno));
+    else printf("wrote fast, balanced and accurate into %s\n", s->opt.scene);
+    free(text);
+    free(block);
+    free(old ? old : (char *)bytes);
+    return code;
+}
+
+// ---- the report
+
+static void print_begin(const sweep *s)
+{
+    const kn_plan *plan = &s->plan;
+    printf("scene      %s, log %s\nruns       %d, of which %d were kept from before\n", plan->scene->name,
+           plan->log_path, plan->count, s->crew.kept);
+    fflush(stdout);
+}
+
+static void print_times(const sweep *s)
+{
+    int64_t first = 0;
+    bool several = false;
+    for (int i = 0; i < s->plan.count; i++) {
+        int64_t sitting = s->traces[i].sitting;
+        if (s->plan.run[i].role != KN_ROLE_POINT) continue;
+        several |= first && sitting != first;
+        first = sitting;
+    }
+    const double *us = s->crew.own_us;
+    printf("times      processor time of a tick of the servo, one run at a time");
+    if (several) printf("; NOT all of one sitting: compare with care");
+    if (us[0] > 0 && us[1] > 0)
+        printf("; the scene as it is: %.1f us at first, %.1f us at last%s", us[0], us[1],
+               fabs(us[1] - us[0]) > 0.15 * us[0] ? ", UNSTEADY: the machine had other work" : "");
+    putchar('\n');
+}
+
+static void print_named(const sweep *s)
+{
+    for (kn_quality q = 0; q < KN_QUALITY_OWN; q++) {
+        const kn_row *r = s->named[q];
+        char name[96];
+        if (!r)
+            printf("%-10s none: no point's p90 is %g us or less\n", kn_quality_name(q), 1e6 * s->plan.scene->budget_s);
+        else
+            printf("%-10s %s: %.0f us, force %.2g %%, shape %.2g %% of the solver\n", kn_quality_name(q),
+                   kn_run_name(r->run, name), r->median_us, 100 * r->force.solver, 100 * r->shape.solver);
+    }
+}
+
+static int pick(const sweep *s)
+{
+    char name[96];
+    const kn_row *r = kn_front_pick(&s->front, s->opt.budget_us);
+    if (!r)
+        return kn_complain("tradeoff", KN_EXIT_FAILED,
+                           "--budget-us %g: no point that may be used has a p90 of that or less", s->opt.budget_us);
+    kn_run_sets sets;
+    kn_run_sets_make(&sets, r->run);
+    printf("%g us     %s: p90 %.0f us, force %.3g %%, shape %.3g %% in all\n          ", s->opt.budget_us,
+           kn_run_name(r->run, name), r->p90_us, 100 * r->force.all, 100 * r->shape.all);
+    if (s->plan.scene->quality != KN_QUALITY_OWN) printf(" --quality own");
+    for (int i = 0; i < sets.count; i++) printf(" --set '%s'", sets.set[i]);
+    putchar('\n');
+    return KN_EXIT_OK;
+}
+
+static int write_csv(const sweep *s)
+{
+    FILE *f = fopen(s->opt.csv, "w");
+    bool ok = f && kn_front_csv(&s->front, f);
+    if (f && fclose(f) != 0) ok = false;
+    return ok ? KN_EXIT_OK : kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s, expected a file that can be written",
+                                         s->opt.csv, strerror(errno));
+}
+
+static int report(sweep *s)
+{
+    if (!kn_front_make(&s->front, &s->plan, s->traces))
+        return kn_complain("tradeoff", KN_EXIT_USAGE,
+                           "%s: its tools never touch the object, expected a log with a force", s->opt.log);
+    kn_front_name(&s->front, &s->plan, s->named);
+    kn_chart_print(&s->front, &s->plan, s->named);
+    print_times(s);
+    print_named(s);
+    int code = s->opt.csv ? write_csv(s) : KN_EXIT_OK;
+    if (code == KN_EXIT_OK && s->opt.plot) code = kn_chart_draw(&s->front, &s->plan, s->named, s->opt.plot);
+    if (code == KN_EXIT_OK && s->opt.write) code = write_points(s);
+    return code == KN_EXIT_OK && s->opt.budget_us > 0 ? pick(s) : code;
+}
+
+static int run(sweep *s)
+{
+    char error[512];
+    if (!make_plan(s, error, sizeof error)) return kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
+    s->crew.plan = &s->plan;
+    s->crew.resume = s->opt.resume;
+    s->crew.jobs = s->opt.jobs;
+    s->crew.hosts = s->opt.hosts;
+    int code = kn_crew_open(&s->crew);
+    if (code == KN_EXIT_OK) print_begin(s);
+    if (code == KN_EXIT_OK) code = kn_crew_play(&s->crew);
+    if (code == KN_EXIT_OK) code = kn_crew_load(&s->crew, s->traces);
+    if (code == KN_EXIT_OK) code = report(s);
+    kn_crew_close(&s->crew);
+    return code;
+}
+
+int kn_tradeoff_main(int argc, char **argv)
+{
+    bool done = false;
+    sweep *s = calloc(1, sizeof *s);
+    if (!s) return kn_complain("tradeoff", KN_EXIT_INTERNAL, "out of memory");
+    int code = kn_tradeoff_options_parse(&s->opt, argc, argv, &done);
+    if (code == KN_EXIT_OK && !done) code = s->opt.job ? kn_job_play(s->opt.job) : run(s);
+    for (int i = 0; i < s->plan.count; i++) kn_trace_free(&s->traces[i]);
+    kn_plan_close(&s->plan);
+    free(s);
+    return code;
+}

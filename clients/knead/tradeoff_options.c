@@ -1,0 +1,242 @@
+#include "clients/knead/tradeoff_options.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "core/scene/units.h"
+#include <getopt.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char help[] =
+    "usage: knead tradeoff SCENE LOG [OPTION]...\n\n"
+    "Plays a log (knead probe --record) on the scene at many points of speed against accuracy, each through the\n"
+    "daemon's own servo, and compares them with references in double precision: a table, and three named points.\n\n"
+    "    knead tradeoff dough.yaml press.lcmlog --plot tradeoff.png    some minutes; --quick: under one\n"
+    "    knead tradeoff dough.yaml press.lcmlog --budget-us 300        the most accurate that takes no longer\n"
+    "    knead tradeoff dough.yaml press.lcmlog --write                fast, balanced, accurate for --quality\n\n"
+    "  --quick           no reference for the error of the step; of the usual points fewer, on no finer lattice\n"
+    "  --budget-us N     pick the most accurate point whose p90 is at most N us; exit 1 if there is none\n"
+    "  --write           exchange the scene's `quality` for the three points; all else stays, byte for byte\n"
+    "  --csv FILE        every point, every number; an empty cell was not measured\n"
+    "  --plot FILE.png   time of a tick against error, by gnuplot\n"
+    "  --set KEY=VALUE   any key of the scene, in every point\n"
+    "the points, instead of the usual ones: lists with commas, of which every combination is played; what is not\n"
+    "listed is the scene's own. A lattice is a spacing of the block; a mesh has the one:\n"
+    "  --solver LIST     blend, secant, tangent, rk4 (where its stable step allows; else a line says why not)\n"
+    "  --precision LIST  f32, f64\n"
+    "  --iterations LIST of CG in every step (4,8,16)\n"
+    "  --tolerance LIST  of the residual: up to three times as many, or 24, while it is above; 0: never more (0)\n"
+    "  --passes LIST     linearisations per step\n"
+    "  --dt LIST         '1 ms,0.5 ms'\n"
+    "  --spacing LIST    '10 mm,5 mm'\n"
+    "the work:\n"
+    "  --resume DIR      keep every finished run there: the same command goes on after an interruption, and knows\n"
+    "                    runs of another program, scene or log, which it refuses\n"
+    "  --jobs N          N runs at a time by GNU parallel, 0: one per processor. Times of runs side by side cannot\n"
+    "                    be compared, so the points are then played once more, one at a time, for their times\n"
+    "  --hosts LIST      runs on these, as parallel's --sshlogin takes them (user@host, : is this machine), each\n"
+    "                    with this very build of knead in its PATH, and rsync; times are taken here\n\n"
+    "Times are of the thread's own processor time in a tick, median and p90 over all ticks in which a tool touches\n"
+    "the object: in the others there is little to do. Errors are relative L2: of the contact force over the log, of\n"
+    "the displacements after it.\n"
+    "  solver   against f64 at the same step, secant, five linearisations, CG to 1e-8\n"
+    "  step     that one against f64 at 1/16 of the scene's step\n"
+    "  lattice  the latter against the same on the finest lattice of the sweep, which has an error of its own\n"
+    "  all      the point against f64 at 1/16, plus lattice: ranks the points of all lattices\n"
+    "What a hand would notice, against f64 at 1/16 of the step (--quick: at the same step):\n"
+    "  peak     of the force, relative\n"
+    "  lag      how much later the force comes at 10 Hz: phase of its cross spectrum with the reference's force\n"
+    "           over the whole log, summed over 8 to 12 Hz, by the mean angular frequency; - where there is nothing\n"
+    "  depth    how much deeper the deepest node stays after the log\n"
+    "  jump     worst change of the force from one ms to the next; the reference's own stands with the lattice\n"
+    "  TV/pk    total variation over the reference's peak; `chatters` above 1.3 times the reference's. `latched`:\n"
+    "           the output stage took the force away where the reference kept it. Neither is ever picked\n"
+    "fast, balanced, accurate: on the scene's lattice, step and precision, so that a server can change between\n"
+    "them, the cheapest point (median) whose error of the solver is at most 3 % of force and 3 % of shape; 0.5 and\n"
+    "1 %; 0.1 and 0.2 %, whose p90 is within solver.budget (0.8 ms), and which a server takes for more work than\n"
+    "the one before: more iterations in every step, or as many and more at most. Where none is that accurate, the\n"
+    "most accurate.\n\n"
+    "Exit codes: 0 ok, 1 no point within the budget, 2 bad input, 3 a file, gnuplot, parallel or a host refuses.\n";
+
+static int bad(const char *option, const char *text, const char *expected)
+{
+    return kn_complain("tradeoff", KN_EXIT_USAGE, "--%s %s: expected %s", option, text, expected);
+}
+
+// One item of a list into slot i of an axis.
+typedef bool (*take_item)(kn_axes_def *axes, int i, const char *text);
+
+static bool whole(const char *text, long least, long most, long *value)
+{
+    char *end;
+    *value = strtol(text, &end, 10);
+    return end != text && *end == '\0' && *value >= least && *value <= most;
+}
+
+static bool quantity(const char *text, const char *unit_text, double *value)
+{
+    kn_unit unit;
+    kn_quantity q;
+    char why[128];
+    if (!kn_unit_parse(&unit, unit_text, why, sizeof why) || !kn_quantity_parse(&q, text, why, sizeof why))
+        return false;
+    if (q.bare ? strcmp(unit_text, "1") != 0 : !kn_unit_same_dimension(&q.unit, &unit)) return false;
+    *value = kn_quantity_in(&q, &unit);
+    return isfinite(*value) && *value > 0;
+}
+
+static bool take_method(kn_axes_def *a, int i, const char *text)
+{
+    for (kn_method m = KN_METHOD_BLEND; m <= KN_METHOD_RK4; m++)
+        if (!strcmp(text, kn_method_name(m))) {
+            a->method[i] = m;
+            a->methods = i + 1;
+            return true;
+        }
+    return false;
+}
+
+static bool take_precision(kn_axes_def *a, int i, const char *text)
+{
+    a->precision[i] = strcmp(text, "f64") ? KN_PRECISION_F32 : KN_PRECISION_F64;
+    a->precisions = i + 1;
+    return !strcmp(text, "f64") || !strcmp(text, "f32");
+}
+
+static bool take_count(kn_axes_def *a, int i, const char *text)
+{
+    long value;
+    if (!whole(text, 1, 1000, &value)) return false;
+    a->count[i] = (int)value;
+    a->counts = i + 1;
+    return true;
+}
+
+static bool take_pass(kn_axes_def *a, int i, const char *text)
+{
+    long value;
+    if (!whole(text, 1, 20, &value)) return false;
+    a->pass[i] = (int)value;
+    a->passes = i + 1;
+    return true;
+}
+
+static bool take_tolerance(kn_axes_def *a, int i, const char *text)
+{
+    a->tolerances = i + 1;
+    if (!strcmp(text, "0")) return true;
+    return quantity(text, "1", &a->tolerance[i]) && a->tolerance[i] < 1;
+}
+
+static bool take_step(kn_axes_def *a, int i, const char *text)
+{
+    a->steps = i + 1;
+    return quantity(text, "s", &a->dt_s[i]) && kn_backend_steps(a->dt_s[i]) > 0;
+}
+
+static bool take_spacing(kn_axes_def *a, int i, const char *text)
+{
+    a->spacings = i + 1;
+    return quantity(text, "m", &a->spacing_m[i]);
+}
+
+static const struct axis {
+    char letter;
+    const char *option;
+    int most;
+    take_item take;
+    const char *expected;
+} list_axes[] = {
+    {'s', "solver", 4, take_method, "of blend, secant, tangent, rk4, with commas"},
+    {'p', "precision", 2, take_precision, "f32, f64 or f32,f64"},
+    {'i', "iterations", KN_AXIS_MAX, take_count, "at most 32 whole numbers from 1 to 1000, with commas"},
+    {'t', "tolerance", KN_AXIS_MAX, take_tolerance, "at most 32 numbers from 0 to 1, with commas"},
+    {'P', "passes", KN_AXIS_MAX, take_pass, "at most 32 whole numbers from 1 to 20, with commas"},
+    {'d', "dt", KN_AXIS_MAX, take_step, "at most 32 times like '0.5 ms', 1 ms divided by a whole number, with commas"},
+    {'x', "spacing", KN_AXIS_MAX, take_spacing, "at most 32 lengths like '5 mm', with commas"}};
+
+static int take_list(kn_tradeoff_options *opt, const struct axis *axis, const char *text)
+{
+    int i = 0;
+    opt->listed = true;
+    for (const char *at = text; at; at = strchr(at, ',') ? strchr(at, ',') + 1 : NULL) {
+        char item[64];
+        int length = snprintf(item, sizeof item, "%.*s", (int)strcspn(at, ","), at);
+        if (i == axis->most || length >= (int)sizeof item || !axis->take(&opt->axes, i, item))
+            return bad(axis->option, text, axis->expected);
+        i++;
+    }
+    return KN_EXIT_OK;
+}
+
+static int take_option(kn_tradeoff_options *opt, int letter, const char *value)
+{
+    long jobs;
+    for (size_t i = 0; i < sizeof list_axes / sizeof *list_axes; i++)
+        if (list_axes[i].letter == letter) return take_list(opt, &list_axes[i], value);
+    switch (letter) {
+    case 'q': opt->quick = true; return KN_EXIT_OK;
+    case 'w': opt->write = true; return KN_EXIT_OK;
+    case 'c': opt->csv = value; return KN_EXIT_OK;
+    case 'f': opt->plot = value; return KN_EXIT_OK;
+    case 'r': opt->resume = value; return KN_EXIT_OK;
+    case 'H': opt->hosts = value; return *value ? KN_EXIT_OK : bad("hosts", value, "host,host");
+    case 'J': opt->job = value; return KN_EXIT_OK;
+    case 'b':
+        if (quantity(value, "1", &opt->budget_us)) return KN_EXIT_OK;
+        return bad("budget-us", value, "a number of microseconds above 0, like 300");
+    case 'j':
+        if (!whole(value, 0, 1000, &jobs)) return bad("jobs", value, "a whole number, 0: one per processor");
+        opt->jobs = (int)jobs;
+        return KN_EXIT_OK;
+    case 'k':
+        if (opt->set_count == KN_TRADEOFF_SETS) return bad("set", value, "at most 64 of them");
+        opt->sets[opt->set_count++] = value;
+        return KN_EXIT_OK;
+    default: return KN_EXIT_USAGE; // getopt has said why
+    }
+}
+
+static int check(const kn_tradeoff_options *opt)
+{
+    if (opt->write && opt->set_count > 0)
+        return kn_complain("tradeoff", KN_EXIT_USAGE,
+                           "--write: the points would be of the scene with --set %s, expected "
+                           "no --set",
+                           opt->sets[0]);
+    return KN_EXIT_OK;
+}
+
+int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv, bool *done)
+{
+    static const struct option options[] = {
+        {"quick", no_argument, NULL, 'q'},           {"budget-us", required_argument, NULL, 'b'},
+        {"write", no_argument, NULL, 'w'},           {"csv", required_argument, NULL, 'c'},
+        {"plot", required_argument, NULL, 'f'},      {"set", required_argument, NULL, 'k'},
+        {"solver", required_argument, NULL, 's'},    {"precision", required_argument, NULL, 'p'},
+        {"iterations", required_argument, NULL, 'i'}, {"tolerance", required_argument, NULL, 't'},
+        {"passes", required_argument, NULL, 'P'},    {"dt", required_argument, NULL, 'd'},
+        {"spacing", required_argument, NULL, 'x'},   {"resume", required_argument, NULL, 'r'},
+        {"jobs", required_argument, NULL, 'j'},      {"hosts", required_argument, NULL, 'H'},
+        {"job", required_argument, NULL, 'J'},       {"help", no_argument, NULL, 'h'},
+        {NULL, 0, NULL, 0}};
+    memset(opt, 0, sizeof *opt);
+    opt->jobs = 1;
+    optind = 0; // a test calls this more than once
+    for (int letter; (letter = getopt_long(argc, argv, "", options, NULL)) != -1;) {
+        if (letter == 'h') {
+            fputs(help, stdout);
+            *done = true;
+            return KN_EXIT_OK;
+        }
+        int code = take_option(opt, letter, optarg);
+        if (code != KN_EXIT_OK) return code;
+    }
+    if (opt->job) return KN_EXIT_OK;
+    if (argc - optind != 2)
+        return kn_complain("tradeoff", KN_EXIT_USAGE, "expected SCENE LOG; knead tradeoff --help tells the rest");
+    opt->scene = argv[optind];
+    opt->log = argv[optind + 1];
+    return check(opt);
+}

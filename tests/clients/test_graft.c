@@ -1,0 +1,65 @@
+#include "clients/knead/graft.h"
+#include "tests/check.h"
+
+static char error[200];
+
+static void grafts(const char *text, const char *block, const char *expected)
+{
+    char *out = kn_graft(text, "quality", block, error, sizeof error);
+    if (!out) KN_TEST_FAIL("refused: %s\n%s", error, text);
+    else CHECK_STR(out, expected);
+    free(out);
+}
+
+#define NEW "quality:\n  fast: {passes: 1}\n"
+
+TEST("a block is exchanged where it stands, and nothing else is touched")
+{
+    grafts(
+        "a: 1 # one\n\nquality:\n  fast:\n    passes: 2\n  # of it\n  balanced: {passes: 3}\n\n# of b\nb: [1,\n  2]\n",
+        NEW, "a: 1 # one\n\n" NEW "\n# of b\nb: [1,\n  2]\n");
+}
+
+TEST("at the end of the text, too, with or without a last line end")
+{
+    grafts("a: 1\nquality:\n  fast: {passes: 2}\n", NEW, "a: 1\n" NEW);
+    grafts("a: 1\nquality:\n  fast: {passes: 2}", NEW, "a: 1\n" NEW);
+}
+
+TEST("what is not there is appended, on a line of its own")
+{
+    grafts("a: 1\n", NEW, "a: 1\n" NEW);
+    grafts("a: 1", NEW, "a: 1\n" NEW);
+    grafts("a:\n  quality: 5\n", NEW, "a:\n  quality: 5\n" NEW); // another key's
+}
+
+TEST("short forms, quoted keys, braces over several lines and literals are blocks as well")
+{
+    grafts("quality: fast\nb: 1\n", NEW, NEW "b: 1\n");
+    grafts("'quality': fast # as chosen\nb: 1\n", NEW, NEW "b: 1\n");
+    grafts("quality: {fast: {passes: 2},\n  balanced: {passes: 3}}\nb: 1\n", NEW, NEW "b: 1\n");
+    grafts("quality:\nb: 1\n", NEW, NEW "b: 1\n");
+    grafts("quality: |\n  some\n  text\nb: 1\n", NEW, NEW "b: 1\n");
+    grafts("quality:\n- 1\n- 2\nb: 1\n", NEW, NEW "b: 1\n");
+}
+
+TEST("an empty block removes it")
+{
+    grafts("a: 1\nquality: fast\nb: 1\n", "", "a: 1\nb: 1\n");
+    grafts("a: 1\n", "", "a: 1\n");
+}
+
+TEST("lines end as the text's do")
+{
+    grafts("a: 1\r\nquality: fast\r\nb: 1\r\n", NEW, "a: 1\r\nquality:\r\n  fast: {passes: 1}\r\nb: 1\r\n");
+}
+
+TEST("a text that is no YAML, or has all of it in braces, is refused")
+{
+    CHECK(!kn_graft("a: [1\n", "quality", NEW, error, sizeof error));
+    CHECK(strstr(error, "in line 2"));
+    CHECK(!kn_graft("{a: 1}\n", "quality", NEW, error, sizeof error));
+    CHECK(strstr(error, "in braces"));
+}
+
+TESTS_MAIN

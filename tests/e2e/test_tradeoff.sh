@@ -1,0 +1,83 @@
+#!/usr/bin/env bash
+# knead tradeoff on a recorded press: what --jobs and a host play is what is played here, to the bit; a sweep that was killed
+# goes on with what it had; --write exchanges one block of the scene and nothing else.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+command -v gnuplot >/dev/null || { echo "skipped: no gnuplot"; exit 77; }
+
+start_kneadd dough-small.yaml
+knead probe --path press --depth '4 mm' --hold '200 ms' --record press.lcmlog --quiet || { echo "FAIL knead probe: exit $?"; exit 1; }
+stop_kneadd >/dev/null
+cp "$KN_SOURCE/core/scenes/dough-small.yaml" scene.yaml
+points=(scene.yaml press.lcmlog --quick --solver blend,secant --iterations 2,4,8)
+sweep() { knead tradeoff "${points[@]}" "$@"; }
+errors() { cut -d, -f1-11,14-28 "$1" | sort; } # all but the times, and what follows from them: the fronts, the order
+
+sweep --csv here.csv --plot here.png >here 2>here.err
+check "a sweep ends well" [ $? = 0 ]
+check "and says nothing beside its table when nobody watches" [ ! -s here.err ]
+check "the table has every point" [ "$(grep -c '^10 mm ' here)" = 7 ]
+check "the named points are told" grep -q '^accurate   10 mm, 1 ms, ' here
+check "the picture is one" [ "$(head -c 4 here.png | tail -c 3)" = PNG ]
+
+# killed in the middle, and again
+knead tradeoff "${points[@]}" --resume kept >/dev/null 2>&1 &
+sweeping=$!
+for _ in $(seq 600); do
+    [ "$(ls kept 2>/dev/null | grep -c trace$)" -ge 2 ] && break
+    sleep 0.02
+done
+kill -KILL $sweeping
+wait $sweeping 2>/dev/null
+kept=$(ls kept | grep -c trace$)
+sweep --resume kept --csv kept.csv >resumed
+check "a sweep that was killed goes on" [ $? = 0 ]
+check "with the $kept runs that it had" grep -q "of which $kept were kept" resumed
+check "and comes to the same" cmp -s <(errors here.csv) <(errors kept.csv)
+touch -d '1 hour ago' before && find kept -name '*.trace' -exec touch -d '2 hours ago' {} +
+sweep --resume kept >again
+check "nothing of it is played a third time" [ -z "$(find kept -name '*.trace' -newer before)" ]
+
+if command -v parallel >/dev/null; then
+    sweep --jobs 2 --csv jobs.csv >jobs.out
+    check "two at a time come to the same" cmp -s <(errors here.csv) <(errors jobs.csv)
+    check "and have times, taken afterwards" [ -z "$(cut -d, -f12 jobs.csv | grep -x '0\|')" ]
+else
+    echo "no GNU parallel here: --jobs and --hosts are not tested"
+fi
+if command -v parallel >/dev/null && command -v rsync >/dev/null; then
+    # a host without a network: another home folder, reached as ssh reaches it
+    mkdir there
+    cat >ssh <<'SSH'
+#!/bin/bash
+while [ "${1#-}" != "$1" ]; do case $1 in -[lpio]) shift ;; esac; shift; done
+shift
+[ "$1" = -- ] && shift
+cd "${0%/*}/there" && HOME=$PWD exec bash -c "$*"
+SSH
+    chmod +x ssh
+    sweep --hosts "$PWD/ssh there" --csv host.csv >host.out
+    check "a host comes to the same" cmp -s <(errors here.csv) <(errors host.csv)
+    check "and keeps nothing" [ -z "$(find there -type f)" ]
+    printf '#!/bin/sh\nexit 255\n' >ssh
+    sweep --hosts "$PWD/ssh there" >/dev/null 2>dead
+    check "a host that is not there is told by the exit code" [ $? = 3 ]
+    check "and by what is missing" grep -q 'runs have no result; with --resume the others would be kept' dead
+fi
+
+# --write: the block, and nothing else
+printf '# mine\nquality: # old\n  fast: {iterations: 3}\n\n# the end, without its line end' >>scene.yaml
+cp scene.yaml old.yaml && chmod 640 scene.yaml
+sweep --write >written
+check "the points are written" [ $? = 0 ]
+check "the scene loads with each of them" eval 'for q in fast balanced accurate; do knead check scene.yaml --quality $q >/dev/null || exit 1; done'
+without() { awk '/^quality:/ { skip = 1; next } skip && /^  / { next } { skip = 0; print }' "$1"; }
+check "and is otherwise what it was, byte for byte" cmp -s <(without old.yaml) <(without scene.yaml)
+check "with the rights that it had" [ "$(stat -c %a scene.yaml)" = 640 ]
+check "a sweep knows the scene again" eval 'sweep --resume kept | grep -q "of which 8 were kept"'
+printf '\n  - {name: third, shape: plate, size: [1 cm, 1 cm]}\n' >>scene.yaml
+cp scene.yaml broken.yaml
+knead tradeoff scene.yaml press.lcmlog --write >/dev/null 2>refused
+check "a scene that is none is refused" [ $? = 2 ]
+check "in one line, and left alone" eval '[ "$(wc -l <refused)" = 1 ] && cmp -s scene.yaml broken.yaml'
+[ -z "$(ls -d /tmp/knead-sweep-* 2>/dev/null)" ] || ls -d /tmp/knead-sweep-*
+exit $failed
