@@ -2,14 +2,15 @@
 #define KN_CORE_CELL_H
 // Cells filled with gas: what keeps an object's volume, which edges alone do not.
 //
-// A cell is a cube of the lattice, of a flat object a square times its thickness, of a mesh an element; it is closed and holds a gas at constant
-// temperature. At rest it has the pressure P0 of the outside; then P V = P0 V0 (Boyle), and node i of the cell feels
+// A cell is a cube of the lattice, of a flat object a square times its thickness, of a mesh an element; it is closed
+// and holds a gas at constant temperature. At rest it has the pressure P0 of the outside; then P V = P0 V0 (Boyle), and
+// node i of the cell feels
 //
 //     f_i = (P - P0) dV/dx_i                     energy  P0 (V - V0) - P0 V0 ln(V/V0)
 //
-// which for a flat cell is the first paper's "(P - P0) l/2 on both ends of a side". V is that of the body whose faces are
-// the bilinear patches of their four corners: exactly 24 tetrahedra, over four triangles about the centre of each face,
-// so it does not depend on which diagonal is taken, and volumes of neighbours add up.
+// which for a flat cell is the first paper's "(P - P0) l/2 on both ends of a side". V is that of the body whose faces
+// are the bilinear patches of their four corners: exactly 24 tetrahedra, over four triangles about the centre of each
+// face, so it does not depend on which diagonal is taken, and volumes of neighbours add up.
 //
 //     P/P0   |\                         below J = V/V0 = 0.1 the law goes on straight, so that a cell which a step has
 //        10  | o                        turned inside out is pushed back by a finite force
@@ -21,8 +22,8 @@
 // One pressure for the whole object takes the sums of V and of dV/dx over its cells.
 //
 // The implicit step takes the pressure at its end without the second derivative of V (Gauss-Newton): it adds
-// dt (-dP/dV) G G^T to the matrix, G = dV/dx, one rank-one block per cell, and never an indefinite one. What is left out
-// is dt |P - P0| h, below 1 % of an edge's dashpot at 1 ms.
+// dt (-dP/dV) G G^T to the matrix, G = dV/dx, one rank-one block per cell, and never an indefinite one. What is left
+// out is dt |P - P0| h, below 1 % of an edge's dashpot at 1 ms.
 //
 // Pressure does not resist shear: without diagonals, or with ones below 0.01 of the sides' stiffness, the shape is
 // decided by rounding.

@@ -26,9 +26,9 @@ static double side_per_modulus(double h, double thickness, double e)
     return h / (3 * (1 + e) * (1 + 8 * e) / (3 + 17 * e));
 }
 
-// gamma by e, for the least of the worst creep errors of the first paper's dough at 20, 28, 50 and 70 gf/cm^2 (60 s under
-// load, 30 s of rest, small strains, relative L2 against the 1-D element). One factor cannot serve all loads, least so
-// where diagonals carry a part of them: the worst is, column by column,
+// gamma by e, for the least of the worst creep errors of the first paper's dough at 20, 28, 50 and 70 gf/cm^2 (60 s
+// under load, 30 s of rest, small strains, relative L2 against the 1-D element). One factor cannot serve all loads,
+// least so where diagonals carry a part of them: the worst is, column by column,
 //     block  0  1  2  4  8  13  18  13  7 %        flat  0  1  1  1  2  3  5  11  4 %
 static double creep_area(double e, bool flat)
 {

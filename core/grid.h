@@ -10,6 +10,9 @@
 //
 //     block   kappa = h (3 + 17 e)/(3 (1 + e)(1 + 8 e)):  h/2.7 with e = 1      flat   kappa = t (1 + e)/(1 + 2 e)
 //
+// A block is as stiff in every direction with e = 3/11 only, and has nu = 1/4 then; e = 1 has nu = 0.35 along its axes and
+// 2.3 times the shear modulus of an isotropic body of its E and nu.
+//
 // The stress that the damper sees is |f|/(gamma kappa weight L0). gamma makes a lattice creep as the 1-D element does:
 // 1 without diagonals, 0.46 with full ones, in between by a table that was fitted.
 //

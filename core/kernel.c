@@ -167,8 +167,8 @@ LANES_INLINE int group_row(const tables *t, int row, int b, int c, int g)
     }
 }
 
-// Share of the cells around an edge of group g and shift s that lies across the row, or its root. Of the groups 0 and 2 the
-// edge without a shift is a side, the others and all of 1 and 3 are diagonals.
+// Share of the cells around an edge of group g and shift s that lies across the row, or its root. Of the groups 0 and 2
+// the edge without a shift is a side, the others and all of 1 and 3 are diagonals.
 LANES_INLINE real group_share(real row, real plane, real diagonal, int g, int s)
 {
     switch (g) {

@@ -1,13 +1,14 @@
 #ifndef KN_CORE_KERNEL_H
 #define KN_CORE_KERNEL_H
-// The hot loops of the implicit step: kernel.c of a grid, kernel_net.c of any lattice; compiled once per instruction set and precision; a model points at
-// the set it was built for. All of them visit rows in memory order and sum in the same order: the same bits everywhere.
+// The hot loops of the implicit step: kernel.c of a grid, kernel_net.c of any lattice; compiled once per instruction
+// set and precision; a model points at the set it was built for. All of them visit rows in memory order and sum in the
+// same order: the same bits everywhere.
 //
 //     edge       law of every edge -> residual r, sqrt(slope) vectors g, block-Jacobi inverse P, z = P r  [step]
 //     recall     z = the last step's change of velocity, where free; returns r.z                              [step]
 //     apply      d = z + beta d;  q = (M/dt + sum g g^T) d;  returns d.q                                 [iteration]
 //     update     guess += a d;  r -= a q;  z = P r;  returns r.z                                         [iteration]
-//     integrate  displacement += dt guess;  change = guess - velocity;  velocity = guess                                             [step]
+//     integrate  displacement += dt guess;  change = guess - velocity;  velocity = guess                  [step]
 //
 // Constrained components have zero rows and columns in P, so their guess never moves and r keeps what they carry: at
 // the end r there is the force that the lattice exerts on whatever holds the node. Contact force for free.
@@ -24,8 +25,8 @@ typedef struct kn_work {
     void *p;            // 6   xx xy xz yy yz zz: accumulated blocks, then their inverses
     void *g;            // sqrt(kappa W ds/dw) n of every edge: [row][13][x y z][stride], a net's [edge][x y z]
     void *free;         // 3   1 free, 0 prescribed
-    void *cell;         // pressure, else NULL: sqrt(-dt dP/dV) dV/dx of the corners of every cell, 24 (flat 8; a net's 12);
-                        // of the                        // whole object, 3
+    void *cell;         // with pressure, else NULL: sqrt(-dt dP/dV) dV/dx of the corners of every cell, 24 (flat 8, a
+                        // net's 12), or of the whole object, 3
     uint8_t *row_held;  // [rows] 1: some component in the row is prescribed
     uint8_t *row_moved; // [rows] 1: a prescribed velocity in the row differs from the last one: evaluate the law twice
 } kn_work;

@@ -8,8 +8,8 @@
 //       |   to[0] . . . to[1]
 //       +------------------> b
 //
-// All lengths are in spacings and all coordinates in the order a, b, c, in which the lattice is right-handed whatever the
-// world axes are: at rest everything is a small whole number, J is 1 to the bit, and nothing pushes.
+// All lengths are in spacings and all coordinates in the order a, b, c, in which the lattice is right-handed whatever
+// the world axes are: at rest everything is a small whole number, J is 1 to the bit, and nothing pushes.
 
 typedef struct cells {
     lanes slope[8][3]; // dJ/dX of each corner, times t->cell_whole

@@ -122,7 +122,8 @@ LANES_INLINE void law_table(const law_tables *t, kn_linearization how, lanes b, 
     *root = lanes_less(y, one, lanes_set(t->root_rest), c);
 }
 #else
-// From the table's s by one of Halley's steps on s (1 + r) = b, r = r0 exp(beta s): the cube of the table's error is below 1e-10.
+// From the table's s by one of Halley's steps on s (1 + r) = b, r = r0 exp(beta s): the cube of the table's error is
+// below 1e-10.
 static __attribute__((noinline)) void law_halley(const law_tables *t, kn_linearization how, const lanes *of, lanes *s,
                                                  lanes *root)
 {

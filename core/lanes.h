@@ -100,7 +100,8 @@ LANES_INLINE native base_less(native a, native b, native x, native y)
 #define W (KN_LANES / PARTS)
 
 // The parts are members, not an array, and never looped over: gcc keeps an array of vectors in memory unless it has
-// unrolled all loops around it before it looks for scalars, which it does not, and the edge pass took three times as long.
+// unrolled all loops around it before it looks for scalars, which it does not, and the edge pass took three times as
+// long.
 #if PARTS == 1
 #define EACH(part) part(0)
 typedef struct lanes {

@@ -105,7 +105,7 @@ typedef struct kn_model {
     int row_count;
     size_t stride;        // reals of one component in a row: whole vectors, or 1 in a net, whose rows are nodes
     size_t edge_reals;    // in a field of one real per edge, padding included
-    size_t *offset;       // [nodes] of the node's x component in a 3-component field; y and z follow after a stride each
+    size_t *offset;       // [nodes] of the node's x component in a 3-component field; y and z follow a stride apart
     double (*rest_m)[3];  // [nodes] undeformed position: right-handed, z up
     double *node_mass_kg; // [nodes]
     uint8_t *support;     // [nodes] bit k set: the support holds component k

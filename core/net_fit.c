@@ -156,18 +156,22 @@ static void solve3(double m[3][3], const double y[3], double x[3])
     for (int a = 0; a < 3; a++) x[a] = det > 0 ? inner(inverse[a], y, 3) / det : 0;
 }
 
-// Strain along z of the linear map that fits the displacements best. Nodes far from it count less: a node of the outside
-// that few springs hold runs away under its traction once they thin, and took the mean over the outside with it. Between
-// meshes of one block that differ by a few nodes, a gamma fitted to that mean went from 0.65 to 1.5.
+// Strain along z of the linear map that fits the displacements best. Nodes far from it count less: a node of the
+// outside that few springs hold runs away under its traction once they thin, and took the mean over the outside with
+// it. Between meshes of one block that differ by a few nodes, a gamma fitted to that mean went from 0.65 to 1.5.
 static double stretch(bench *b)
 {
     int nodes = b->s->nodes;
     double *weight = b->z, slope[3] = {0}, centre[3], mean, scale = INFINITY;
+    memset(b->q, 0, (size_t)nodes * sizeof *b->q);
     for (int round = 0; round < 4; round++) {
         double m[3][3] = {{0}}, y[3] = {0}, sum = 0, off = 0;
         memset(centre, 0, sizeof centre);
         mean = 0;
-        for (int i = 0; i < nodes; i++) sum += weight[i] = round == 0 ? 1 : 1 / (1 + b->q[i] * b->q[i] / (9 * scale * scale));
+        for (int i = 0; i < nodes; i++) {
+            double far = b->q[i] / (3 * scale); // 0 in the first round
+            sum += weight[i] = 1 / (1 + far * far);
+        }
         for (int i = 0; i < nodes; i++) {
             for (int c = 0; c < 3; c++) centre[c] += weight[i] / sum * b->s->x_m[i][c];
             mean += weight[i] / sum * b->moved[3 * i + 2];

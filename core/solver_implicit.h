@@ -4,9 +4,10 @@
 //
 //     (M/dt + sum C n n') dv = M/dt (v_n - v*) + sum s* A n + f,   C = kappa W ds/dw > 0: always positive definite
 //
-// solved by conjugate gradients with 3x3 block-Jacobi, warm-started by the last velocity itself, and first along its last change. What is left on a
-// prescribed node is the force that holds it. Every step gets `iterations`, more only while the preconditioned residual
-// exceeds `tolerance` of the largest of the recent second, never more than `iterations_max`.
+// solved by conjugate gradients with 3x3 block-Jacobi, warm-started by the last velocity itself, and first along its
+// last change. What is left on a prescribed node is the force that holds it. Every step gets `iterations`, more only
+// while the preconditioned residual exceeds `tolerance` of the largest of the recent second, never more than
+// `iterations_max`.
 #include "core/scratch.h"
 
 // Velocities into work->guess; forces into the contact's holds and samples. Displacements do not move yet.

@@ -25,9 +25,10 @@ typedef struct kn_boundary {
 } kn_boundary;
 
 // Largest stable step at rest, s: 2.785 / fastest rate of the lattice. That is the largest eigenvalue of C/M by power
-// iteration with C = c1/(1 + c1/c2(0)) per edge (or sqrt of K/M's, pressure included, or the Voigt part's own rate where
-// these are faster). "At rest" is the stiffest state. Up to 20 times above it the flowing damper bounds the instability: no NaN,
-// wrong forces. Reads def, grid, law, edges and node_mass_kg. Allocates while it works; -1 when memory is short.
+// iteration with C = c1/(1 + c1/c2(0)) per edge (or sqrt of K/M's, pressure included, or the Voigt part's own rate
+// where these are faster). "At rest" is the stiffest state. Up to 20 times above it the flowing damper bounds the
+// instability: no NaN, wrong forces. Reads def, grid, law, edges and node_mass_kg. Allocates while it works; -1 when
+// memory is short.
 double kn_rk4_limit(const kn_model *model);
 
 // Bytes of scratch a step needs, 64-byte granular.

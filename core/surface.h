@@ -1,7 +1,7 @@
 #ifndef KN_CORE_SURFACE_H
 #define KN_CORE_SURFACE_H
-// The skin of the object as triangles: for meshes on the wire and for drawing. Topology is fixed when the model is. A flat
-// block is drawn as thick as it is: its one layer of nodes has a vertex in front and one behind.
+// The skin of the object as triangles: for meshes on the wire and for drawing. Topology is fixed when the model is. A
+// flat block is drawn as thick as it is: its one layer of nodes has a vertex in front and one behind.
 #include "core/state.h"
 
 typedef struct kn_surface {

@@ -131,8 +131,8 @@ static void print_cost(const kn_model *model)
                o->us, 1e-3 * n->bytes, 1e-3 * n->flops, n->us);
     }
     double us = kn_cost_us(model, usual, s->passes), most = kn_cost_us(model, s->iterations_max, s->passes);
-    printf("          with one probe pressing: %.0f us at %d iterations, %.0f us at the cap, of %g us\n", us, usual, most,
-           1e6 * s->dt_s);
+    printf("          with one probe pressing: %.0f us at %d iterations, %.0f us at the cap, of %g us\n", us, usual,
+           most, 1e6 * s->dt_s);
     if (us > 1e6 * s->dt_s) printf("warning   slower than real time\n");
 }
 

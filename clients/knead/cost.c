@@ -14,7 +14,8 @@ static const double iteration_ns[3][2] = {{100, 170}, {7.2, 15}, {4.3, 8.7}};
 #define EDGE_ITERATION_NS 5.0
 
 // Share of the edges' time that a law needs, and what gas adds per lane (by kn_pressure).
-static const double law_share[] = {[KN_LAW_VOIGT] = 0.85, [KN_LAW_LINEAR] = 0.8, [KN_LAW_TABLE] = 1, [KN_LAW_EXACT] = 1};
+static const double law_share[] = {[KN_LAW_VOIGT] = 0.85, [KN_LAW_LINEAR] = 0.8, [KN_LAW_TABLE] = 1,
+                                   [KN_LAW_EXACT] = 1};
 static const double gas_ns[] = {0, 6, 4}, gas_iteration_ns[] = {0, 1.8, 0.5};
 
 // Operations and reals moved per edge and per node, counted in core/kernel*.[ch].
@@ -57,7 +58,9 @@ static kn_cost_part gas(const kn_model *m)
     double count = m->def.mesh ? m->def.mesh->element_count : nodes;
     kn_cost_part p = {.once = {.flops = count * GAS_FLOPS, .bytes = count * GAS_REALS * (f64 ? 8 : 4)}};
     snprintf(p.name, sizeof p.name, "gas in %s", cells ? "the cells" : "the object");
-    p.iteration = (kn_cost){p.once.bytes, count * GAS_ITERATION_FLOPS, 1e-3 * count * gas_iteration_ns[m->def.pressure] * slower};
+    p.iteration = (kn_cost){.bytes = p.once.bytes,
+                            .flops = count * GAS_ITERATION_FLOPS,
+                            .us = 1e-3 * count * gas_iteration_ns[m->def.pressure] * slower};
     p.once.us = 1e-3 * count * gas_ns[m->def.pressure] * slower;
     if (m->def.mesh) {
         p.once.us = 2e-3 * count * EDGE_NS;
