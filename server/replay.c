@@ -157,7 +157,7 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
         r->scene = kn_scene_parse_beside(def->log_path, v->scene_name, v->scene_text, strlen(v->scene_text), def->sets,
                                          def->set_count, error, error_size);
     if (!r->scene) return false;
-    r->same = v->scene_text && r->scene->text_hash == v->scene_hash;
+    r->same = !def->afresh && v->scene_text && r->scene->text_hash == v->scene_hash;
     if (r->same || !v->scene_text || def->set_count > 0) return true;
     if (!def->scene_path) {
         snprintf(error, error_size, "%s: its scene '%s' means something else to this version", def->log_path,

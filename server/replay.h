@@ -23,6 +23,7 @@ typedef struct kn_replay_def {
     const char *scene_path;  // NULL: the scene that the log holds. Another scene than the log's is refused without sets
     const char *const *sets; // "key=value" over the scene, as --set gives them; 0: the computation of the log
     int set_count;
+    bool afresh; // only the hand's poses count: the log's states and points of quality are not this run's to reproduce
 } kn_replay_def;
 
 typedef struct kn_replay_tick { // what the last step did

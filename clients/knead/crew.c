@@ -123,6 +123,18 @@ static bool write_file(const kn_crew *c, const char *name, const char *ending, c
     return f && fclose(f) == 0 && ok;
 }
 
+// What is wrong with the log is told before anything is said or played.
+static int try_log(const kn_crew *c)
+{
+    char scene[PATH_MAX], error[512];
+    kn_run_sets sets;
+    kn_run_sets_make(&sets, &c->plan->run[0]);
+    kn_replay_def def = {c->plan->log_path, in_folder(c, "scene.yaml", "", scene), sets.set, sets.count, true};
+    kn_replay *replay = kn_replay_create(&def, error, sizeof error);
+    kn_replay_destroy(replay);
+    return replay ? KN_EXIT_OK : kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
+}
+
 int kn_crew_open(kn_crew *c)
 {
     struct sigaction action = {.sa_handler = on_signal};
@@ -142,6 +154,7 @@ int kn_crew_open(kn_crew *c)
     if (code == KN_EXIT_OK) code = enter(c, now);
     if (code == KN_EXIT_OK && !write_file(c, "scene", ".yaml", c->plan->text))
         code = kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", c->folder, strerror(errno));
+    if (code == KN_EXIT_OK) code = try_log(c);
     for (int i = 0; i < c->plan->count && code == KN_EXIT_OK; i++) c->kept += !is_missing(c, &c->plan->run[i], false);
     return code;
 }
@@ -176,7 +189,7 @@ static int play_here(kn_crew *c, const kn_run *run, bool keep, double *median_us
     kn_run_sets sets;
     kn_trace t;
     kn_run_sets_make(&sets, run);
-    kn_replay_def def = {c->plan->log_path, in_folder(c, "scene.yaml", "", scene), sets.set, sets.count};
+    kn_replay_def def = {c->plan->log_path, in_folder(c, "scene.yaml", "", scene), sets.set, sets.count, true};
     if (!kn_trace_play(&t, &def, &stopped, error, sizeof error))
         return stopped ? KN_EXIT_DEVICE : kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
     t.sitting = c->sitting;

@@ -37,12 +37,13 @@ static const kn_axes_def usual[] = {
     {BOTH, F32, .counts = 4, .count = {2, 4, 8, 16}, ONE_TOLERANCE(1e-3)},
     {BLEND, F32, .counts = 1, .count = {2}, .tolerances = 2, .tolerance = {1e-2, 1e-4}},
     // more than one linearisation; double precision
-    {BLEND, F32, .counts = 2, .count = {8, 16}, ONE_TOLERANCE(1e-3), .passes = 1, .pass = {2}},
+    {BLEND, F32, .counts = 2, .count = {4, 8}, .tolerances = 3, .tolerance = {0, 1e-3, 1e-4}, .passes = 1, .pass = {2}},
     {.methods = 2, .method = {KN_METHOD_BLEND, KN_METHOD_RK4}, .precisions = 1, .precision = {KN_PRECISION_F64},
      .counts = 3, .count = {4, 8, 16}, ONE_TOLERANCE(0)}};
 
 static const kn_axes_def quick[] = {{BOTH, F32, .counts = 4, .count = {3, 4, 8, 16}, ONE_TOLERANCE(0)},
-                                    {BLEND, F32, .counts = 3, .count = {2, 8, 16}, ONE_TOLERANCE(1e-3)}};
+                                    {BLEND, F32, .counts = 2, .count = {2, 8}, ONE_TOLERANCE(1e-3)},
+                                    {BLEND, F32, .counts = 1, .count = {4}, ONE_TOLERANCE(1e-3), .passes = 1, .pass = {2}}};
 
 static bool add_usual(sweep *s, char *error, size_t error_size)
 {

@@ -48,6 +48,14 @@ expect 2 'knead probe: --path nope: expected press, sine, poke or a CSV file (No
 printf 'time_s,x_m,y_m,z_m\n0,0,0,0.05\n1,0,zero,0.05\n' >bad.csv
 expect 2 'bad.csv:3:5: expected a finite number' knead probe --path bad.csv
 
+# a sweep looks at scene, log and lists before it plays anything
+expect 2 'knead tradeoff: expected SCENE LOG' knead tradeoff
+expect 2 'nope.yaml:1:1: No such file or directory, expected a scene file' knead tradeoff nope.yaml nope.lcmlog
+expect 2 'knead tradeoff: nope.lcmlog: No such file or directory, expected a log' knead tradeoff "$KN_SOURCE/core/scenes/dough-small.yaml" nope.lcmlog
+expect 2 'knead tradeoff: --dt 2 ms: expected' knead tradeoff --dt '2 ms' scene log
+expect 2 'knead tradeoff: bad.csv: no record of an LCM event log' knead tradeoff "$KN_SOURCE/core/scenes/dough-small.yaml" bad.csv
+expect 2 'knead tradeoff: nope.job: expected a job' knead tradeoff --job nope.job
+
 # a bus of another kind is bad input; one that would leave the machine is the machine's refusal, before it is joined
 expect 2 'knead probe: tcpq://127.0.0.1:7700: expected udpm://GROUP:PORT' knead probe --lcm-url tcpq://127.0.0.1:7700
 expect 2 'knead probe: udpm://: expected udpm://GROUP:PORT' knead probe --mesh-url udpm://
