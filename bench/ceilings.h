@@ -3,7 +3,7 @@
 // What one core of this machine can do at most, measured: fused multiply-adds out of registers, and reading.
 //
 // Twelve independent chains keep both pipes of any x86 full (2 pipes x 4 cycles); reading adds up eight streams. Each
-// number is the best of many runs of some milliseconds of the thread's own time.
+// number is the best of 8 rounds of runs of some milliseconds of the thread's own time.
 #include <stdbool.h>
 #include <stddef.h>
 
