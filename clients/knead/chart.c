@@ -6,12 +6,13 @@
 
 // ---- the table
 
-static const char head[] = "lattice    step   solver      CG iterations  where   us p50    p90 | force % of            "
-                           "  | shape % of  |  peak    "
-                           "lag  depth  jump  TV/pk\n"
-                           "                                                                  | solver  step   all     "
-                           " | solver   all |     %     "
-                           "ms     mm  N/ms\n";
+static void print_head(void)
+{
+    printf("%69s | %-20s| %-13s| %s\n", "us of a tick", "force: error, %", "shape", "what a hand would notice");
+    printf("%-8s %8s %-7s %3s  %-18s %-3s %8s %6s | %6s %5s %6s | %6s %5s | %6s %6s %6s %5s %6s\n", "lattice", "step",
+           "solver", "", "CG iterations", "on", "p50", "p90", "solver", "step", "all", "solver", "all", "peak %",
+           "lag ms", "mm deep", "N/ms", "TV/pk");
+}
 
 static void put_percent(double share, int width, int digits)
 {
@@ -30,14 +31,14 @@ static void print_row(const kn_row *r, const kn_row *const named[KN_QUALITY_OWN]
 {
     char lattice[16], effort[32];
     const kn_run *run = r->run;
-    printf("%-8s %5.4g ms %-7s %s  %-14s cpu  %8.1f %6.1f |", lattice_of(run, lattice), 1e3 * run->dt_s,
+    printf("%-8s %5.4g ms %-7s %s  %-18s cpu %8.1f %6.1f |", lattice_of(run, lattice), 1e3 * run->dt_s,
            kn_method_name(run->method), run->precision == KN_PRECISION_F64 ? "f64" : "f32", kn_run_effort(run, effort),
            r->median_us, r->p90_us);
     put_percent(r->force.solver, 6, 3);
     put_percent(r->force.step, 5, 2);
     put_percent(r->force.all, 6, 2);
     putchar(r->front ? '*' : ' ');
-    printf("    |");
+    printf("|");
     put_percent(r->shape.solver, 6, 3);
     put_percent(r->shape.all, 5, 2);
     printf("%c|", r->shape_front ? '*' : ' ');
@@ -56,7 +57,7 @@ static void print_row(const kn_row *r, const kn_row *const named[KN_QUALITY_OWN]
 static void print_lattice(const kn_front *front, const kn_row *r)
 {
     char lattice[16];
-    printf("-- %s, %d nodes: a converged press of it jumps by %.2f N/ms, TV/pk %.2f", lattice_of(r->run, lattice),
+    printf("-- %s, %d nodes: converged, the force jumps by %.2f N/ms, TV/pk %.2f", lattice_of(r->run, lattice),
            r->run->nodes, r->reference_jump_n, r->reference_variation);
     if (r->run->spacing_m == 0) puts("; how far a mesh is from a finer one is not known");
     else if (r->force.lattice == 0) puts("; the finest here");
@@ -67,7 +68,7 @@ static void print_lattice(const kn_front *front, const kn_row *r)
 
 void kn_chart_print(const kn_front *front, const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN])
 {
-    fputs(head, stdout);
+    print_head();
     for (int i = 0; i < front->count; i++) {
         const kn_row *r = &front->row[i];
         if (i == 0 || r->run->nodes != r[-1].run->nodes) print_lattice(front, r);
@@ -258,7 +259,7 @@ static void write_script(FILE *f, const picture *pic)
     fprintf(f, "set terminal pngcairo noenhanced size 1280,560 font 'sans,10'\nset multiplot title ");
     kn_plot_quote(f, title);
     fprintf(f, " font 'sans,12'\nset grid lt 1 lc rgb '#dddddd'\nset logscale xy\nset tics nomirror\n"
-               "set lmargin 9\nset rmargin 1\nset xlabel 'median of a 1 ms tick under the tool, µs' offset 0,0.4\n");
+               "set lmargin 9\nset rmargin 1.8\nset xlabel 'median of a 1 ms tick under the tool, µs' offset 0,0.4\n");
     for (int p = 0; p < PANELS; p++) write_panel(f, pic, p);
     write_legend(f, pic);
     fprintf(f, "unset multiplot\n");

@@ -16,6 +16,8 @@
 #include <time.h>
 #include <unistd.h>
 
+#define UNSTEADY 1.15 // ratio of a point's two times: above, the machine had other work
+
 static volatile sig_atomic_t stopped;
 
 static void on_signal(int number) { stopped = number; }
@@ -132,15 +134,20 @@ static int try_log(const kn_crew *c)
     kn_replay_def def = {c->plan->log_path, in_folder(c, "scene.yaml", "", scene), sets.set, sets.count, true};
     kn_replay *replay = kn_replay_create(&def, error, sizeof error);
     kn_replay_destroy(replay);
-    return replay ? KN_EXIT_OK : kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
+    static const char ours[] = "scene.yaml: "; // to whom the command was given the scene has another name
+    if (replay) return KN_EXIT_OK;
+    if (strncmp(error, ours, sizeof ours - 1) != 0) return kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
+    return kn_complain("tradeoff", KN_EXIT_USAGE, "%s: %s", c->plan->scene_path, error + sizeof ours - 1);
 }
 
 int kn_crew_open(kn_crew *c)
 {
     struct sigaction action = {.sa_handler = on_signal};
+    struct timespec now_s;
     uint64_t now[3];
     c->lock = -1;
-    c->sitting = (int64_t)time(NULL);
+    clock_gettime(CLOCK_REALTIME, &now_s);
+    c->sitting = 1000000000 * (int64_t)now_s.tv_sec + now_s.tv_nsec;
     if (!kn_trace_hash(kn_job_program, &now[0]))
         return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", kn_job_program, strerror(errno));
     now[1] = kn_hash_bytes(KN_HASH_SEED, c->plan->text, strlen(c->plan->text));
@@ -182,40 +189,60 @@ void kn_crew_close(kn_crew *c)
 
 // ---- one at a time
 
-// keep: the trace; else only the time is wanted.
-static int play_here(kn_crew *c, const kn_run *run, bool keep, double *median_us)
+static int play_here(kn_crew *c, const kn_run *run, kn_trace *t)
 {
-    char path[PATH_MAX], scene[PATH_MAX], error[512];
+    char scene[PATH_MAX], error[512];
     kn_run_sets sets;
-    kn_trace t;
     kn_run_sets_make(&sets, run);
     kn_replay_def def = {c->plan->log_path, in_folder(c, "scene.yaml", "", scene), sets.set, sets.count, true};
-    if (!kn_trace_play(&t, &def, &stopped, error, sizeof error))
+    if (!kn_trace_play(t, &def, &stopped, error, sizeof error))
         return stopped ? KN_EXIT_DEVICE : kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
-    t.sitting = c->sitting;
-    *median_us = t.median_us;
-    bool ok = !keep || kn_trace_save(&t, in_folder(c, run->id, ".trace", path), c->program);
-    kn_trace_free(&t);
-    return ok ? KN_EXIT_OK : kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+    t->sitting = c->sitting;
+    return KN_EXIT_OK;
 }
 
-static int play_serially(kn_crew *c, bool times)
+static int keep(const kn_crew *c, const kn_run *run, const kn_trace *t)
+{
+    char path[PATH_MAX];
+    if (kn_trace_save(t, in_folder(c, run->id, ".trace", path), c->program)) return KN_EXIT_OK;
+    return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+}
+
+// A point once more, minutes after its first time: the better one counts.
+static int play_again(kn_crew *c, const kn_run *run)
+{
+    char path[PATH_MAX];
+    kn_trace first, second = {0};
+    kn_trace_found found = kn_trace_load(&first, in_folder(c, run->id, ".trace", path), c->program);
+    bool timed = found == KN_TRACE_FOUND && first.sitting == c->sitting && run->role == KN_ROLE_POINT;
+    int code = timed ? play_here(c, run, &second) : KN_EXIT_OK;
+    if (timed && code == KN_EXIT_OK) {
+        double ratio = second.median_us / first.median_us;
+        c->timed++;
+        c->unsteady += ratio > UNSTEADY || ratio < 1 / UNSTEADY;
+        if (ratio < 1) code = keep(c, run, &second);
+    }
+    kn_trace_free(&first);
+    kn_trace_free(&second);
+    return code;
+}
+
+static int play_serially(kn_crew *c)
 {
     const kn_plan *plan = c->plan;
-    int own = -1, code = KN_EXIT_OK;
+    int code = KN_EXIT_OK;
     for (int i = 0; i < plan->count && code == KN_EXIT_OK; i++) {
-        const kn_run *run = &plan->run[i];
-        double us;
-        if (run->own) own = i;
-        if (!is_missing(c, run, times)) continue;
-        show(c, i, plan->count, run);
-        code = play_here(c, run, true, &us);
-        c->timed += run->role == KN_ROLE_POINT;
-        if (run->own) c->own_us[0] = us;
+        kn_trace t = {0};
+        if (!is_missing(c, &plan->run[i], true)) continue;
+        show(c, i, plan->count, &plan->run[i]);
+        code = play_here(c, &plan->run[i], &t);
+        if (code == KN_EXIT_OK) code = keep(c, &plan->run[i], &t);
+        kn_trace_free(&t);
     }
-    // the scene's own point once more: how steady this machine was meanwhile
-    if (code == KN_EXIT_OK && c->timed > 1 && c->own_us[0] > 0)
-        code = play_here(c, &plan->run[own], false, &c->own_us[1]);
+    for (int i = 0; i < plan->count && code == KN_EXIT_OK; i++) {
+        show(c, i, plan->count, &plan->run[i]);
+        code = play_again(c, &plan->run[i]);
+    }
     show(c, 1, 1, NULL);
     return code;
 }
@@ -341,7 +368,7 @@ int kn_crew_play(kn_crew *c)
 {
     int code = KN_EXIT_OK;
     if (c->jobs != 1 || c->hosts) code = play_in_parallel(c);
-    return code == KN_EXIT_OK ? play_serially(c, true) : code;
+    return code == KN_EXIT_OK ? play_serially(c) : code;
 }
 
 int kn_crew_load(const kn_crew *c, kn_trace *traces)

@@ -9,7 +9,8 @@
 //
 // Every run is done once; whoever is killed goes on with the next one. One at a time in this process, where its times
 // count, or by GNU parallel in processes here and on other hosts, where they do not: then the points are replayed once
-// more, one at a time, for their times alone.
+// more, one at a time, for their times alone. At the end every point is timed a second time, and the better time
+// counts.
 #include "clients/knead/plan.h"
 #include "clients/knead/trace.h"
 #include <limits.h>
@@ -23,8 +24,8 @@ typedef struct kn_crew {
     uint64_t program;
     int lock;            // descriptor of folder/sweep, -1: none
     int64_t sitting;
-    int kept, timed;     // runs found done, points timed in this sitting
-    double own_us[2];    // median of the scene's own point, first and last thing of the times; 0: not taken
+    int kept;            // runs found done
+    int timed, unsteady; // points timed in this sitting; those whose two times differ by more than 15 %
 } kn_crew;
 
 // All return an exit code and complain in one line.

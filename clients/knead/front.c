@@ -146,19 +146,19 @@ static bool is_candidate(const kn_row *r, const kn_plan *plan)
            (run->spacing_m == 0 || run->spacing_m == def->spacing_m);
 }
 
-// below: the point that must be less work than it, NULL: none.
+// below: the point that it must be more work than, and better, NULL: none.
 static const kn_row *name_one(const kn_front *front, const kn_plan *plan, kn_quality q, const kn_row *below)
 {
     const kn_row *cheapest = NULL, *nearest = NULL;
     for (int i = 0; i < front->count; i++) {
         const kn_row *r = &front->row[i];
-        if (!is_candidate(r, plan) || (below && !is_less_work(below->run, r->run))) continue;
+        if (!is_candidate(r, plan)) continue;
+        if (below && !(is_less_work(below->run, r->run) && r->force.solver < below->force.solver)) continue;
         if (!nearest || r->force.solver < nearest->force.solver) nearest = r;
         bool good = r->force.solver <= bounds[q].force && r->shape.solver <= bounds[q].shape;
         if (good && (!cheapest || r->median_us < cheapest->median_us)) cheapest = r;
     }
-    const kn_row *found = cheapest ? cheapest : nearest;
-    return found && (!below || cheapest || found->force.solver < below->force.solver) ? found : below;
+    return cheapest ? cheapest : nearest ? nearest : below;
 }
 
 void kn_front_name(const kn_front *front, const kn_plan *plan, const kn_row *named[KN_QUALITY_OWN])

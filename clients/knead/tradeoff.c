@@ -41,9 +41,10 @@ static const kn_axes_def usual[] = {
     {.methods = 2, .method = {KN_METHOD_BLEND, KN_METHOD_RK4}, .precisions = 1, .precision = {KN_PRECISION_F64},
      .counts = 3, .count = {4, 8, 16}, ONE_TOLERANCE(0)}};
 
-static const kn_axes_def quick[] = {{BOTH, F32, .counts = 4, .count = {3, 4, 8, 16}, ONE_TOLERANCE(0)},
-                                    {BLEND, F32, .counts = 2, .count = {2, 8}, ONE_TOLERANCE(1e-3)},
-                                    {BLEND, F32, .counts = 1, .count = {4}, ONE_TOLERANCE(1e-3), .passes = 1, .pass = {2}}};
+static const kn_axes_def quick[] = {
+    {BOTH, F32, .counts = 4, .count = {3, 4, 8, 16}, ONE_TOLERANCE(0)},
+    {BLEND, F32, .counts = 2, .count = {2, 8}, ONE_TOLERANCE(1e-3)},
+    {BLEND, F32, .counts = 1, .count = {4}, ONE_TOLERANCE(1e-3), .passes = 1, .pass = {2}}};
 
 static bool add_usual(sweep *s, char *error, size_t error_size)
 {
@@ -179,12 +180,11 @@ static void print_times(const sweep *s)
         several |= first && sitting != first;
         first = sitting;
     }
-    const double *us = s->crew.own_us;
-    printf("times      processor time of a tick of the servo, one run at a time");
+    printf("times      processor time of a tick of the servo, one run at a time, the better of two rounds");
     if (several) printf("; NOT all of one sitting: compare with care");
-    if (us[0] > 0 && us[1] > 0)
-        printf("; the scene as it is: %.1f us at first, %.1f us at last%s", us[0], us[1],
-               fabs(us[1] - us[0]) > 0.15 * us[0] ? ", UNSTEADY: the machine had other work" : "");
+    if (s->crew.unsteady > 0)
+        printf("; %d of %d points took over 15 %% longer in the other: this machine has other work", s->crew.unsteady,
+               s->crew.timed);
     putchar('\n');
 }
 

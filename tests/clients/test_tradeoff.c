@@ -239,6 +239,9 @@ TEST("the named points are the cheapest that are accurate enough, on the scene's
     kn_front_name(&front, plan, named);
     CHECK(named[KN_QUALITY_ACCURATE] == &front.row[2]);
     CHECK(named[KN_QUALITY_BALANCED] == &front.row[2] && named[KN_QUALITY_FAST] == &front.row[1]);
+    front.row[2].force.solver = 0.5; // more work, and worse: nothing for a name
+    kn_front_name(&front, plan, named);
+    CHECK(named[KN_QUALITY_BALANCED] == &front.row[1] && named[KN_QUALITY_ACCURATE] == &front.row[1]);
     scene.budget_s = 1e-5;
     kn_front_name(&front, plan, named);
     CHECK(!named[KN_QUALITY_FAST] && !named[KN_QUALITY_ACCURATE]);
