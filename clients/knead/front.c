@@ -156,7 +156,7 @@ static const kn_row *name_one(const kn_front *front, const kn_plan *plan, kn_qua
         if (below && !(is_less_work(below->run, r->run) && r->force.solver < below->force.solver)) continue;
         if (!nearest || r->force.solver < nearest->force.solver) nearest = r;
         bool good = r->force.solver <= bounds[q].force && r->shape.solver <= bounds[q].shape;
-        if (good && (!cheapest || r->median_us < cheapest->median_us)) cheapest = r;
+        if (good && (!cheapest || r->p90_us < cheapest->p90_us)) cheapest = r;
     }
     return cheapest ? cheapest : nearest ? nearest : below;
 }

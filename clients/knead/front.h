@@ -45,8 +45,8 @@ bool kn_front_make(kn_front *front, const kn_plan *plan, const kn_trace *traces)
 const kn_row *kn_front_pick(const kn_front *front, double budget_us);
 
 // Named points, on the scene's lattice, step and precision, so that a server may go from one to another while it runs.
-// Each is the cheapest that neither chatters nor latches, fits the scene's budget_s with its p90, and has no larger
-// error of the solver than
+// Each is the cheapest by its p90, since a server is late by its slow ticks, that neither chatters nor latches, fits the
+// scene's budget_s, and has no larger error of the solver than
 //
 //     fast 3 % of force, 3 % of shape       balanced 0.5 %, 1 %       accurate 0.1 %, 0.2 %
 //

@@ -196,8 +196,8 @@ static void print_named(const sweep *s)
         if (!r)
             printf("%-10s none: no point's p90 is %g us or less\n", kn_quality_name(q), 1e6 * s->plan.scene->budget_s);
         else
-            printf("%-10s %s: %.0f us, force %.2g %%, shape %.2g %% of the solver\n", kn_quality_name(q),
-                   kn_run_name(r->run, name), r->median_us, 100 * r->force.solver, 100 * r->shape.solver);
+            printf("%-10s %s: %.0f us, p90 %.0f us, force %.2g %%, shape %.2g %% of the solver\n", kn_quality_name(q),
+                   kn_run_name(r->run, name), r->median_us, r->p90_us, 100 * r->force.solver, 100 * r->shape.solver);
     }
 }
 

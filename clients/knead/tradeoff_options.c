@@ -53,8 +53,8 @@ static const char help[] =
     "  TV/pk    total variation over the reference's peak; `chatters` above 1.3 times the reference's. `latched`:\n"
     "           the output stage took the force away where the reference kept it. Neither is ever picked\n"
     "fast, balanced, accurate: on the scene's lattice, step and precision, so that a server can change between\n"
-    "them, the cheapest point (median) whose error of the solver is at most 3 % of force and 3 % of shape; 0.5 and\n"
-    "1 %; 0.1 and 0.2 %, whose p90 is within solver.budget (0.8 ms), and which a server takes for more work than\n"
+    "them, the cheapest point (by p90) whose error of the solver is at most 3 % of force and 3 % of shape; 0.5 and\n"
+    "1 %; 0.1 and 0.2 %, which is within solver.budget (0.8 ms), and which a server takes for more work than\n"
     "the one before: more iterations in every step, or as many and more at most. Where none is that accurate, the\n"
     "most accurate.\n\n"
     "Exit codes: 0 ok, 1 no point within the budget, 2 bad input, 3 a file, gnuplot, parallel or a host refuses.\n";
