@@ -49,7 +49,9 @@ static int face_node(const kn_face *face, int u, int v) { return face->origin + 
 
 // --- following ------------------------------------------------------------------------------------------------------
 
-static void follow(kn_probe_state *probe, const kn_probe_input *in)
+// A step longer than the time to catch up takes it there at once; dividing by less would go past the pose and farther
+// past it with every step.
+static void follow(kn_probe_state *probe, const kn_probe_input *in, double dt)
 {
     if (!in->attached) {
         *probe = (kn_probe_state){0};
@@ -60,7 +62,8 @@ static void follow(kn_probe_state *probe, const kn_probe_input *in)
         memcpy(probe->position_m, in->position_m, sizeof probe->position_m);
     }
     for (int k = 0; k < 3; k++)
-        probe->velocity_m_s[k] = in->velocity_m_s[k] + (in->position_m[k] - probe->position_m[k]) / KN_FOLLOW_S;
+        probe->velocity_m_s[k] =
+            in->velocity_m_s[k] + (in->position_m[k] - probe->position_m[k]) / fmax(KN_FOLLOW_S, dt);
 }
 
 // --- plate ----------------------------------------------------------------------------------------------------------
@@ -81,6 +84,17 @@ static bool held_by_other(const kn_model *model, const kn_state *state, int p, i
     return false;
 }
 
+// A node ahead of the plate that leaves it behind by itself: a plate that slows down would take back what it has just
+// let go. Nor is a node in its way that is so by the rounding of its displacement alone, after it was held.
+#define ROUNDING 0x1p-20
+static bool gets_away(const kn_model *model, const kn_state *state, int node, double above)
+{
+    double x[3], v[3];
+    kn_state_position(model, state, node, x);
+    kn_state_velocity(model, state, node, v);
+    return above + model->def.solver.dt_s * v[2] <= ROUNDING * fabs(x[2] - model->rest_m[node][2]);
+}
+
 static void find_holds(const kn_model *model, kn_state *state, int p, kn_contact *contact)
 {
     const kn_probe_state *probe = &state->probe[p];
@@ -93,6 +107,7 @@ static void find_holds(const kn_model *model, kn_state *state, int p, kn_contact
             double x[3];
             kn_state_position(model, state, hold.node, x);
             if (x[2] <= plane || !under_plate(model, &model->def.probe[p], probe->position_m, x)) continue;
+            if (gets_away(model, state, hold.node, x[2] - plane)) continue;
             // deeper past the foot than this step takes the plate it came from the side, risen beside it
             double deepest = 0.25 * model->def.spacing_m + dt * fmax(0, -probe->velocity_m_s[2]);
             if (x[2] - plane > deepest || held_by_other(model, state, p, t)) continue;
@@ -341,7 +356,7 @@ void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *inp
 {
     contact->hold_count = contact->sample_count = 0;
     for (int p = 0; p < model->def.probe_count; p++) {
-        follow(&state->probe[p], &input->probe[p]);
+        follow(&state->probe[p], &input->probe[p], model->def.solver.dt_s);
         if (!state->probe[p].attached) {
             memset(state->held + (size_t)p * (size_t)model->top_count, 0, (size_t)model->top_count);
             continue;
@@ -364,7 +379,7 @@ static void end_hold(const kn_model *model, kn_state *state, const kn_hold *hold
 {
     // work goes by the node's own motion: other than the plate's at first touch, and done on a node that pulls, too
     state->probe[hold->probe].work_j -= model->def.solver.dt_s * dot(hold->force_n, hold->velocity_m_s);
-    if (!(hold->force_n[2] >= 0)) { // it pulls: let go
+    if (hold->gone || !(hold->force_n[2] >= 0)) { // it pulls: let go
         state->held[(size_t)hold->probe * (size_t)model->top_count + (size_t)hold->top] = 0;
         return;
     }
