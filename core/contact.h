@@ -22,6 +22,7 @@ typedef struct kn_hold { // a node held by a plate in this step
     int probe;
     double velocity_m_s[3];
     double force_n[3]; // out of the solver: what the node does to the plate
+    bool gone;         // out of the solver: let go within the step
 } kn_hold;
 
 typedef struct kn_sample { // a point of the skin near a sphere

@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define GAS_STEP_MOST_S 0.03
 #define NODES_MAX (1 << 22) // 4 M nodes: 3 GB of state; keeps every index far from overflow
 
 kn_model_def kn_model_def_default(void)
@@ -114,6 +115,8 @@ static const char *check(const kn_model_def *def)
     if (!wrong) wrong = check_solver(&def->solver);
     if (!wrong && (def->probe_count < 0 || def->probe_count > KN_PROBES_MAX)) wrong = "too many probes";
     for (int p = 0; p < def->probe_count && !wrong; p++) wrong = check_probe(def, &def->probe[p]);
+    if (!wrong && def->pressure != KN_PRESSURE_NONE && def->solver.dt_s > GAS_STEP_MOST_S)
+        wrong = "gas needs steps of at most 30 ms: in longer ones a press takes too much of a cell's volume at once";
     return wrong;
 }
 
@@ -222,6 +225,22 @@ static bool build_block(kn_model *m)
     return true;
 }
 
+// A sphere's foundation against what the object's nodes resist a step with. Gradients that know both to seven digits
+// need more iterations than any step has.
+#define FOUNDATION_MOST 1e3
+
+static const char *check_foundation(const kn_model *m)
+{
+    const kn_model_def *def = &m->def;
+    double h = def->spacing_m, dt = def->solver.dt_s;
+    double body = m->kappa_m * m->law.a_pa_s + kn_model_mass(m) / m->node_count / dt; // of a node, kg/s
+    for (int p = 0; p < def->probe_count; p++)
+        if (def->probe[p].shape == KN_PROBE_SPHERE &&
+            def->probe[p].foundation_n_m3 * h * h * dt > FOUNDATION_MOST * body)
+            return "the sphere's foundation is more than 1000 times as stiff as the object under it";
+    return NULL;
+}
+
 static bool build_tables(kn_model *m)
 {
     size_t bytes = (m->kernels->tables_size(m) + 63) / 64 * 64;
@@ -271,6 +290,7 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
     if (!choose_kernels(m))
         return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
     const char *wrong = def->mesh ? kn_net_build(m) : build_block(m) ? NULL : KN_NO_MEMORY;
+    if (!wrong && !rk4) wrong = check_foundation(m);
     if (!wrong && (rk4 ? !build_rk4(m) : !build_tables(m))) wrong = KN_NO_MEMORY;
     if (wrong) return fail(error, size, wrong);
     if (rk4 && def->solver.dt_s > m->rk4_limit_s) {

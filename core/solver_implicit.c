@@ -1,4 +1,5 @@
 #include "core/solver_implicit.h"
+#include "core/impact.h"
 
 #include <math.h>
 #include <string.h>
@@ -186,7 +187,8 @@ static void read_forces(const kn_model *m, kn_state *state, kn_scratch *s)
     for (int i = 0; i < s->contact.hold_count; i++) {
         kn_hold *hold = &s->contact.hold[i];
         node_at n = locate(m, hold->node);
-        for (size_t k = 0; k < 3; k++) hold->force_n[k] = kn_real_get(m, s->work.r, n.offset + k * n.stride);
+        for (size_t k = 0; k < 3; k++)
+            hold->force_n[k] = hold->gone ? 0 : kn_real_get(m, s->work.r, n.offset + k * n.stride);
     }
     for (int i = 0; i < s->contact.sample_count; i++) {
         kn_sample *sample = &s->contact.sample[i];
@@ -201,22 +203,58 @@ static kn_effort effort_of(const kn_model *m, const kn_input *input)
     return (kn_effort){own->iterations, own->iterations_max, own->tolerance, own->passes, own->linearization};
 }
 
+// Where even edges at rest give way by their dampers, c2 < A/3, the law is a curve from end to end: there the tangent's
+// half of a blend goes up and down between two steps when a press ends.
+static kn_linearization linearization_of(const kn_model *m, const kn_scratch *s)
+{
+    bool flows = m->law.s1_pa > 0 && m->law.slope_rest < 0.25;
+    return flows && s->effort.linearization == KN_LINEARIZATION_BLEND ? KN_LINEARIZATION_SECANT
+                                                                      : s->effort.linearization;
+}
+
+// A plate that is torn away would take what it held along for a step: at once is the only way to let go of it then.
+static void let_go(const kn_model *m, const kn_state *state, kn_scratch *s)
+{
+    for (int i = 0; i < s->contact.hold_count; i++) {
+        kn_hold *hold = &s->contact.hold[i];
+        node_at n = locate(m, hold->node);
+        if (hold->gone || kn_real_get(m, s->work.r, n.offset + 2 * n.stride) >= 0) continue;
+        hold->gone = true;
+        for (size_t k = 0; k < 3; k++) {
+            if (m->support[hold->node] >> k & 1) continue;
+            kn_real_set(m, s->work.free, n.offset + k * n.stride, 1);
+            kn_real_set(m, s->work.guess, n.offset + k * n.stride,
+                        kn_real_get(m, state->velocity, n.offset + k * n.stride));
+        }
+    }
+}
+
 void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *input, kn_output *output)
 {
     kn_scratch *s = kn_state_scratch(state);
     s->effort = effort_of(model, input);
     output->secant = state->secant_steps > 0;
-    kn_linearization how = output->secant ? KN_LINEARIZATION_SECANT : s->effort.linearization;
+    kn_linearization how = output->secant ? KN_LINEARIZATION_SECANT : linearization_of(model, s);
     prescribe(model, state, s);
     double rz = 0;
-    for (int pass = 0; pass < s->effort.passes; pass++) {
+    int least = kn_impact_lines(model), passes = s->effort.passes > least ? s->effort.passes : least;
+    bool impact = false;
+    for (int pass = 0; pass < passes; pass++) {
+        if (impact) let_go(model, state, s);
         add_external(model, state, s, input);
         rz = model->kernels->edge(model, state, how, pass > 0);
         // decays over a second: what is a large residual now is measured against the recent past
         double faded = state->residual_scale * (1 - fmin(1, model->def.solver.dt_s));
         if (pass == 0) state->residual_scale = rz <= faded ? faded : rz; // a NaN stays one
+        if (pass == 0 && kn_impact(model, state, &s->contact, rz)) {
+            impact = true;
+            if (passes < KN_IMPACT_PASSES) passes = KN_IMPACT_PASSES;
+        }
+        // the law itself is met, not only its straight line
+        if (pass > 0 && rz <= s->effort.tolerance * s->effort.tolerance * state->residual_scale) break;
         output->iterations = 0;
         rz = solve_linear(model, state, s, rz, pass == 0, output);
+        output->passes = pass + 1;
     }
     output->residual = rz == 0 ? 0 : sqrt(rz / state->residual_scale); // not a number when the physics has gone bad
     read_forces(model, state, s);

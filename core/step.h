@@ -27,6 +27,7 @@ typedef struct kn_output {
     kn_probe_output probe[KN_PROBES_MAX];
     double residual; // |P^1/2 r| left / at start of the solve: how far the solver got
     int iterations;  // CG iterations used
+    int passes;      // linearisations solved; fewer than asked for when the law was met within the tolerance
     bool capped;     // stopped by iterations_max with the residual above the tolerance
     bool secant;     // the secant fallback was in force
 } kn_output;

@@ -1,0 +1,33 @@
+#ifndef KN_CORE_IMPACT_H
+#define KN_CORE_IMPACT_H
+// Steps that bring on more than one straight line through a law that bends can follow.
+//
+//     s |        ___----      The step starts from the line through the law where the edges are. An edge at rest has a
+//       |   __.--             slope some hundred times that of a flowing one, so a block that is struck answers with
+//       | .'                  twice its force for a millisecond, and with half of it in the next. A second, third and
+//       |/____________ rate   fourth line, each through where the last one led, halve the error three times and more.
+//
+// Such a step is taken again up to KN_IMPACT_PASSES times, until the law is met within the tolerance, and a plate that
+// pulls lets go within the step, not after it. A hand that lands gently never gets there: bits, forces and time of a
+// press are the same with and without. All limits are in units of what makes one edge flow, p1.
+#include "core/contact.h"
+
+#define KN_IMPACT_PASSES 6
+#define KN_IMPACT_POWER 3.0 // r.z of the step's start per node; a gentle press has below 1
+#define KN_IMPACT_RATE 16.0 // a held node's change of velocity; there below 6
+#define KN_IMPACT_PRESS 0.08 // what a sphere's pressure changes by; there below 0.04
+#define KN_IMPACT_WAY 0.03  // of a compressed edge's length that a held node goes; there below 0.01
+
+// Lines that any step of a model needs, 1 where nothing bends much. Of an error a line that is half tangent and half
+// secant leaves (r - 1)/(r + 1), r: secant over tangent, 1 + s |d ln c2/ds| at most: 8 for dough, whose rest the next
+// step's line takes over, some hundreds for a ramp, which yields at p1 all of a sudden. And in steps of 10 ms and more,
+// longer than any hand waits for, too much happens for one line.
+int kn_impact_lines(const kn_model *model);
+#define KN_IMPACT_BEND 32.0
+#define KN_IMPACT_LONG_S 0.01
+
+// contact: as found for this step; rz: r.z of the first linearisation. Never for a law that is straight. Both are
+// real-time safe.
+bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *contact, double rz);
+
+#endif
