@@ -153,9 +153,11 @@ static bool check_numbers(checker *c)
 static bool check_shapes(checker *c)
 {
     const kn_simplices *s = c->s;
+    double mean = 0;
     for (int e = 0; e < s->element_count; e++) {
         double volume = volume_of(s, e), quality = quality_of(s, e);
         const int *node = s->element[e];
+        mean += quality / s->element_count;
         if (quality >= KN_SIMPLICES_QUALITY_MIN) continue;
         double edge = sqrt(square_of_edge(s, node[0], node[1])), flat = KN_SIMPLICES_QUALITY_MIN * edge * edge;
         if (s->dimension == 3) flat *= 0.01 * edge; // rounding leaves a flat element a volume of either sign
@@ -166,7 +168,9 @@ static bool check_shapes(checker *c)
         return fault(c, e, "element %ld is degenerate (quality %.2g of 1), expected at least %g", s->tag[e], quality,
                      KN_SIMPLICES_QUALITY_MIN);
     }
-    return true;
+    if (mean >= KN_SIMPLICES_QUALITY_MEAN) return true;
+    return fault(c, -1, "elements are flat or drawn out throughout (mean quality %.2g of 1), expected at least %g",
+                 mean, KN_SIMPLICES_QUALITY_MEAN);
 }
 
 // What sorting brings together: cells of space, corners of elements, faces.

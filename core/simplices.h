@@ -31,6 +31,7 @@ void kn_simplices_destroy(kn_simplices *s);
 #define KN_SIMPLICES_NODES_MAX (1 << 18) // forty times what any processor steps in a millisecond
 #define KN_SIMPLICES_ELEMENTS_MAX (1 << 21)
 #define KN_SIMPLICES_QUALITY_MIN 0.01    // below it degenerate: a thousandth of the volume that its edges could hold
+#define KN_SIMPLICES_QUALITY_MEAN 0.25   // below it a net answers some directions too late, see knead stability: aspect
 #define KN_SIMPLICES_COINCIDENT 1e-9     // of the diagonal of the box: nodes that close are one node written twice
 #define KN_SIMPLICES_EXTENT_MAX_M 10.0   // a larger object is one whose unit was forgotten
 

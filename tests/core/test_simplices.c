@@ -124,6 +124,15 @@ TEST("a mesh a hundred times as large as any that is stepped is still checked: n
     kn_simplices_destroy(s);
 }
 
+TEST("elements flat throughout are refused, whose worst one alone would pass")
+{
+    kn_simplices *s = block(3, 3, 2, 0.01);
+    CHECK(kn_simplices_check(s, error, sizeof error));
+    for (int i = 0; i < s->node_count; i++) s->x_m[i][2] *= 0.05;
+    CHECK(!kn_simplices_check(s, error, sizeof error) && strstr(error, "flat or drawn out throughout (mean quality"));
+    kn_simplices_destroy(s);
+}
+
 TEST("in the scene's frame an object stands on the table, centred over the origin")
 {
     kn_simplices *s = block(3, 2, 4, 0.01);
