@@ -14,6 +14,7 @@
     X(probe, "a virtual hand: press, poke or swing a tool on a running kneadd; force table, recording")                \
     X(relax, "virtual rheometer: a specimen is compressed and held; how its stress falls")                             \
     X(replay, "plays a log through the daemon's own servo: the same forces, to the bit; CSV, hash, --verify")          \
+    X(stability, "the solvers at the extremes, thousands of small scenes beside their converged answers")                \
     X(sweep, "virtual rheometer: a specimen is swung; storage and loss modulus against frequency")                     \
     X(tpa, "virtual rheometer: two bites; hardness, cohesiveness, springiness, resilience")                            \
     X(tradeoff, "speed against accuracy under a recorded hand; picks for a budget, finds fast, balanced, accurate")       \

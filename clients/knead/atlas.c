@@ -1,0 +1,296 @@
+#include "clients/knead/atlas.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/plot.h"
+#include <errno.h>
+#include <math.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#define COARSE 0.25 // time-step error from which on a cell is told to be coarse
+
+static int cells_of(const kn_atlas *a) { return a->first[a->maps]; }
+
+static void place(const kn_atlas *a, int cell, int *map, int *column, int *row)
+{
+    *map = 0;
+    while (cell >= a->first[*map + 1]) ++*map;
+    *column = (cell - a->first[*map]) % a->map[*map].columns;
+    *row = (cell - a->first[*map]) / a->map[*map].columns;
+}
+
+// --- survey ---------------------------------------------------------------------------------------------------------
+
+typedef struct progress { // shared with the processes
+    atomic_int next, done;
+} progress;
+
+static int work(const kn_atlas *a, progress *p)
+{
+    for (int cell; (cell = atomic_fetch_add(&p->next, 1)) < cells_of(a); atomic_fetch_add(&p->done, 1)) {
+        int map, column, row;
+        kn_trial trial;
+        place(a, cell, &map, &column, &row);
+        bool ok = kn_map_trial(&a->map[map], column, row, &trial) &&
+                  kn_trial_run(&trial, (1u << KN_WAYS) - 1, &a->cell[cell]);
+        kn_trial_free(&trial);
+        if (!ok) return 1;
+    }
+    return 0;
+}
+
+static int wait_for(const kn_atlas *a, progress *p, int jobs)
+{
+    int failed = 0, status;
+    bool terminal = isatty(STDERR_FILENO);
+    while (jobs > 0) {
+        pid_t ended = waitpid(-1, &status, terminal ? WNOHANG : 0);
+        if (ended > 0) {
+            failed |= !WIFEXITED(status) || WEXITSTATUS(status) != 0;
+            jobs--;
+        } else if (ended == 0) {
+            fprintf(stderr, "\rcell %d of %d ", atomic_load(&p->done), cells_of(a));
+            nanosleep(&(struct timespec){.tv_nsec = 100000000}, NULL);
+        } else if (errno != EINTR) {
+            return 1;
+        }
+    }
+    if (terminal) fputs("\r                              \r", stderr);
+    return failed;
+}
+
+static int share_out(const kn_atlas *a, progress *p, int jobs)
+{
+    fflush(stdout);
+    int started = 0, failed = 0;
+    while (started < jobs) {
+        pid_t child = fork();
+        if (child == 0) _exit(work(a, p));
+        if (child < 0) break;
+        started++;
+    }
+    if (started == 0) failed = work(a, p); // no process to be had: alone, then
+    return failed | wait_for(a, p, started);
+}
+
+int kn_atlas_survey(kn_atlas *a, bool quick, const char *family, int jobs)
+{
+    int all = kn_maps(a->map, quick);
+    a->maps = a->first[0] = 0;
+    for (int m = 0; m < all; m++) {
+        if (family && strcmp(a->map[m].family, family)) continue;
+        a->map[a->maps] = a->map[m];
+        a->first[a->maps + 1] = a->first[a->maps] + a->map[m].columns * a->map[m].rows;
+        a->maps++;
+    }
+    size_t bytes = (size_t)cells_of(a) * sizeof *a->cell;
+    a->cell = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    progress *p = mmap(NULL, sizeof *p, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    if (a->cell == MAP_FAILED || p == MAP_FAILED)
+        return kn_complain("stability", KN_EXIT_DEVICE, "out of memory");
+    int failed = share_out(a, p, jobs);
+    munmap(p, sizeof *p);
+    if (!failed) return KN_EXIT_OK;
+    kn_atlas_free(a);
+    return kn_complain("stability", KN_EXIT_INTERNAL, "a process that tried cells has ended before its work did");
+}
+
+void kn_atlas_free(kn_atlas *a) { munmap(a->cell, (size_t)cells_of(a) * sizeof *a->cell); }
+
+// --- print ----------------------------------------------------------------------------------------------------------
+
+static const char mark[KN_JUDGEMENTS + 1] = ".r~x!";
+
+static bool bad(kn_judgement v) { return v != KN_TRIAL_RIGHT && v != KN_TRIAL_REFUSED; }
+
+// Maps of one family from m on; the first that is not.
+static int family_end(const kn_atlas *a, int m)
+{
+    int end = m;
+    while (end < a->maps && a->map[end].family == a->map[m].family) end++;
+    return end;
+}
+
+static void print_counts(const kn_atlas *a, const char *name, int from, int to)
+{
+    int coarse = 0, loose = 0;
+    for (int c = from; c < to; c++) {
+        coarse += a->cell[c].step_error > COARSE;
+        loose += a->cell[c].loose;
+    }
+    for (int w = 0; w < KN_WAYS; w++) {
+        int count[KN_JUDGEMENTS] = {0};
+        for (int c = from; c < to; c++) count[a->cell[c].score[w].verdict]++;
+        printf("%-8s %-8s %6d", w ? "" : name, kn_way_name[w], to - from);
+        for (int v = 0; v < KN_JUDGEMENTS; v++) printf(" %10d", count[v]);
+        if (w == 0) printf(" %8d %6d", coarse, loose);
+        printf("\n");
+    }
+}
+
+static void print_table(const kn_atlas *a)
+{
+    printf("%-8s %-8s %6s", "family", "solver", "cells");
+    for (int v = 0; v < KN_JUDGEMENTS; v++) printf(" %10s", kn_judgement_name[v]);
+    printf(" %8s %6s\n", "coarse", "loose");
+    for (int m = 0, end; m < a->maps; m = end) {
+        end = family_end(a, m);
+        print_counts(a, a->map[m].family, a->first[m], a->first[end]);
+    }
+    if (family_end(a, 0) < a->maps) print_counts(a, "all", 0, cells_of(a));
+    printf("\ncoarse: the step itself, whoever solves it, costs more than %g %%; loose: its answer is not converged in "
+           "every step\n",
+           100 * COARSE);
+}
+
+static void print_ticks(const kn_map *m)
+{
+    printf("%-16s", "");
+    for (int w = 0; w < KN_WAYS; w++) printf("%-*s", m->columns + 3 > 9 ? m->columns + 3 : 9, kn_way_name[w]);
+    printf("\n");
+}
+
+static void print_map(const kn_atlas *a, int map)
+{
+    const kn_map *m = &a->map[map];
+    printf("\n%s: %s\n%16s%s =", m->family, m->title, "", m->across);
+    for (int i = 0; i < m->columns; i++) printf(" %g", m->x[i]);
+    printf("\n");
+    print_ticks(m);
+    for (int j = 0; j < m->rows; j++) {
+        if (m->y_text[j]) printf("%14s  ", m->y_text[j]);
+        else printf("%14g  ", m->y[j]);
+        for (int w = 0; w < KN_WAYS; w++) {
+            for (int i = 0; i < m->columns; i++)
+                putchar(mark[a->cell[a->first[map] + j * m->columns + i].score[w].verdict]);
+            printf("%*s", m->columns + 3 > 9 ? 3 : 9 - m->columns, "");
+        }
+        printf("\n");
+    }
+}
+
+static void print_reasons(const kn_atlas *a)
+{
+    bool title = false;
+    for (int c = 0; c < cells_of(a); c++) {
+        const kn_score *s = &a->cell[c].score[KN_WAY_DEFAULT];
+        int count = 0, before = 0;
+        for (int d = 0; d < cells_of(a) && s->verdict == KN_TRIAL_REFUSED; d++) {
+            const kn_score *other = &a->cell[d].score[KN_WAY_DEFAULT];
+            bool same = other->verdict == KN_TRIAL_REFUSED && !strcmp(other->reason, s->reason);
+            before += same && d < c;
+            count += same;
+        }
+        if (count == 0 || before > 0) continue;
+        if (!title) printf("\nrefused by the default solver:\n");
+        title = true;
+        printf("%6d  %s\n", count, s->reason);
+    }
+}
+
+static int print_bad(const kn_atlas *a)
+{
+    int count = 0;
+    for (int c = 0; c < cells_of(a); c++) {
+        const kn_score *s = &a->cell[c].score[KN_WAY_DEFAULT];
+        if (!bad(s->verdict)) continue;
+        int map, i, j;
+        place(a, c, &map, &i, &j);
+        const kn_map *m = &a->map[map];
+        if (count++ == 0) printf("\nnot right by the default solver:\n");
+        printf("  %s, %s: %s %g, ", m->family, m->title, m->across, m->x[i]);
+        if (m->y_text[j]) printf("%s", m->y_text[j]);
+        else printf("%s %g", m->down, m->y[j]);
+        printf(": %s, force %.2g %%, shape %.2g %%, variation %.2f times, step %.2g %%%s\n",
+               kn_judgement_name[s->verdict], 100 * s->force, 100 * s->shape, s->variation, 100 * a->cell[c].step_error,
+               a->cell[c].loose ? ", loose" : "");
+    }
+    return count;
+}
+
+bool kn_atlas_print(const kn_atlas *a)
+{
+    print_table(a);
+    printf("\n. right   r refused   ~ chattering   x wrong   ! diverged\n");
+    for (int m = 0; m < a->maps; m++) print_map(a, m);
+    print_reasons(a);
+    int count = print_bad(a);
+    printf("\nthe default solver is right, or refuses with a reason, in %d of %d cells\n", cells_of(a) - count,
+           cells_of(a));
+    return count == 0;
+}
+
+// --- files ----------------------------------------------------------------------------------------------------------
+
+int kn_atlas_write(const kn_atlas *a, const char *path)
+{
+    FILE *f = fopen(path, "w");
+    if (!f)
+        return kn_complain("stability", KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", path,
+                           strerror(errno));
+    fprintf(f, "family,map,across,x,down,y,solver,verdict,force_error,shape_error,variation,step_error,loose,reason\n");
+    for (int c = 0; c < cells_of(a); c++) {
+        int map, i, j;
+        place(a, c, &map, &i, &j);
+        const kn_map *m = &a->map[map];
+        for (int w = 0; w < KN_WAYS; w++) {
+            const kn_score *s = &a->cell[c].score[w];
+            fprintf(f, "%s,\"%s\",\"%s\",%g,\"%s\",", m->family, m->title, m->across, m->x[i], m->down);
+            if (m->y_text[j]) fprintf(f, "\"%s\",", m->y_text[j]);
+            else fprintf(f, "%g,", m->y[j]);
+            fprintf(f, "%s,%s,%.4g,%.4g,%.4g,%.4g,%d,\"%s\"\n", kn_way_name[w], kn_judgement_name[s->verdict], s->force,
+                    s->shape, s->variation, a->cell[c].step_error, a->cell[c].loose, s->reason);
+        }
+    }
+    if ((ferror(f) | fclose(f)) == 0) return KN_EXIT_OK;
+    return kn_complain("stability", KN_EXIT_DEVICE, "%s: could not be written to its end", path);
+}
+
+static void draw_map(FILE *f, const kn_atlas *a, int map)
+{
+    const kn_map *m = &a->map[map];
+    fprintf(f, "$map%d << END\n", map);
+    for (int j = 0; j < m->rows; j++)
+        for (int i = 0; i < m->columns; i++)
+            fprintf(f, "%d %d %d\n", i, m->rows - 1 - j,
+                    (int)a->cell[a->first[map] + j * m->columns + i].score[KN_WAY_DEFAULT].verdict);
+    fprintf(f, "END\nset xtics (");
+    for (int i = 0; i < m->columns; i++) fprintf(f, "%s'%.3g' %d", i ? "," : "", m->x[i], i);
+    fprintf(f, ") rotate by 90 right\nset ytics (");
+    for (int j = 0; j < m->rows; j++) {
+        fprintf(f, j ? "," : "");
+        char number[32];
+        snprintf(number, sizeof number, "%.3g", m->y[j]);
+        kn_plot_quote(f, m->y_text[j] ? m->y_text[j] : number);
+        fprintf(f, " %d", m->rows - 1 - j);
+    }
+    fprintf(f, ")\nset xrange [-0.5:%g]\nset yrange [-0.5:%g]\nset xlabel ", m->columns - 0.5, m->rows - 0.5);
+    kn_plot_quote(f, m->across);
+    fprintf(f, "\nset ylabel ");
+    kn_plot_quote(f, m->y_text[0] ? "" : m->down);
+    fprintf(f, "\nset title ");
+    kn_plot_quote(f, m->title);
+    fprintf(f, "\nplot $map%d using 1:2:(0.45):(0.45):3 with boxxyerror fs solid noborder lc palette notitle\n", map);
+}
+
+int kn_atlas_draw(const kn_atlas *a, const char *path)
+{
+    int code = KN_EXIT_OK, columns = a->maps < 4 ? a->maps : 4, rows = (a->maps + columns - 1) / columns;
+    FILE *f = kn_plot_open("stability", path, &code);
+    if (!f) return code;
+    fprintf(f, "set terminal pngcairo noenhanced size %d,%d font 'sans,9'\n", 420 * columns, 320 * rows + 60);
+    fprintf(f, "set palette defined (0 '#0b6b6b', 1 '#b9c7c7', 2 '#d9822b', 3 '#b02a37', 4 '#000000')\n");
+    fprintf(f, "set cbrange [0:4]\nunset colorbox\n");
+    fprintf(f, "set multiplot layout %d,%d title 'the default solver at the extremes: teal right, grey refused, "
+               "orange chattering, red wrong, black diverged'\n",
+            rows, columns);
+    for (int m = 0; m < a->maps; m++) draw_map(f, a, m);
+    fprintf(f, "unset multiplot\n");
+    return kn_plot_close(f, "stability", path);
+}

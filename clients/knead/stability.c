@@ -1,0 +1,117 @@
+// knead stability: what happens at the extremes, some thousands of small scenes beside their converged answers.
+#include "clients/knead/atlas.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include <getopt.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+static const char help[] =
+    "usage: knead stability [--quick] [--family NAME] [OPTION]...\n\n"
+    "Presses, knocks, loads and lets go of small objects whose parameters are anywhere, and judges each by its own\n"
+    "converged answer: the same scene, path and time step in f64, linearised until the law is met to 1e-7. The solver\n"
+    "that a scene gets by default may be right, or refuse the scene with a reason; what secant, tangent, f64 and rk4\n"
+    "make of the same scenes stands beside it.\n\n"
+    "  right        force over all steps and shape within 5 % of the answer (a hand tells forces apart from 7 % on);\n"
+    "               or, where the time step itself costs more, within that, 10 % at most\n"
+    "  refused      the scene is not simulated, and a sentence says why\n"
+    "  chattering   the force goes up and down more than 1.5 times as much as the answer's\n"
+    "  wrong        calm, and more than 5 % off\n"
+    "  diverged     not a number, or a hundred times too large\n\n"
+    "What the time step itself costs (the answer beside the answer with half the step) is no solver's fault and is\n"
+    "told apart.\n\n"
+    "  --quick           fewer cells of every map, under a minute\n"
+    "  --family NAME     one family of maps:\n";
+
+static const char help_end[] = "  --csv FILE        every cell and solver: verdict, errors, reason\n"
+                               "  --plot FILE       the maps of the default solver, a PNG by gnuplot\n"
+                               "  --jobs N          processes side by side (as many as there are processors)\n\n"
+                               "Exit codes: 0 ok, 1 the default solver has a cell that is neither right nor refused,\n"
+                               "2 bad input, 3 a file cannot be written.\n";
+
+typedef struct options {
+    bool quick;
+    int jobs;
+    const char *family, *csv, *plot;
+} options;
+
+static void print_help(void)
+{
+    fputs(help, stdout);
+    for (int f = 0; kn_families[f]; f++) printf("      %-10s    %s\n", kn_families[f], kn_family_about(f));
+    fputs(help_end, stdout);
+}
+
+static int bad_family(const char *name)
+{
+    char known[200] = "";
+    for (int f = 0; kn_families[f]; f++)
+        snprintf(known + strlen(known), sizeof known - strlen(known), "%s%s", f ? ", " : "", kn_families[f]);
+    return kn_complain("stability", KN_EXIT_USAGE, "--family %s: expected one of %s", name, known);
+}
+
+static int take(options *opt, int option, const char *value)
+{
+    char rest;
+    switch (option) {
+    case 'q':
+        opt->quick = true;
+        return KN_EXIT_OK;
+    case 'f':
+        opt->family = value;
+        for (int f = 0; kn_families[f]; f++)
+            if (!strcmp(kn_families[f], value)) return KN_EXIT_OK;
+        return bad_family(value);
+    case 'j':
+        if (sscanf(value, "%d%c", &opt->jobs, &rest) == 1 && opt->jobs >= 1 && opt->jobs <= 256) return KN_EXIT_OK;
+        return kn_complain("stability", KN_EXIT_USAGE, "--jobs %s: expected a number of processes, 1 to 256", value);
+    case 'c':
+        opt->csv = value;
+        return KN_EXIT_OK;
+    default:
+        opt->plot = value;
+        return KN_EXIT_OK;
+    }
+}
+
+static int parse(options *opt, int argc, char **argv, bool *done)
+{
+    static const struct option list[] = {{"quick", 0, 0, 'q'}, {"family", 1, 0, 'f'}, {"csv", 1, 0, 'c'},
+                                         {"plot", 1, 0, 'p'},  {"jobs", 1, 0, 'j'},   {"help", 0, 0, 'h'},
+                                         {0, 0, 0, 0}};
+    optind = 1;
+    for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
+        if (c == 'h') {
+            print_help();
+            *done = true;
+            return KN_EXIT_OK;
+        }
+        if (c == '?' || c == ':')
+            return kn_complain("stability", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],
+                               c == ':' ? "expected a value" : "unknown option; --help lists them");
+        int code = take(opt, c, optarg);
+        if (code != KN_EXIT_OK) return code;
+    }
+    if (optind < argc)
+        return kn_complain("stability", KN_EXIT_USAGE, "%s: expected options only; --help lists them", argv[optind]);
+    return KN_EXIT_OK;
+}
+
+int kn_stability_main(int argc, char **argv)
+{
+    long processors = sysconf(_SC_NPROCESSORS_ONLN);
+    options opt = {.jobs = processors < 1 ? 1 : processors > 256 ? 256 : (int)processors};
+    bool done = false;
+    int code = parse(&opt, argc, argv, &done);
+    if (code != KN_EXIT_OK || done) return code;
+    kn_atlas atlas;
+    code = kn_atlas_survey(&atlas, opt.quick, opt.family, opt.jobs);
+    if (code != KN_EXIT_OK) return code;
+    bool sound = kn_atlas_print(&atlas);
+    if (opt.csv) code = kn_atlas_write(&atlas, opt.csv);
+    if (code == KN_EXIT_OK && opt.plot) code = kn_atlas_draw(&atlas, opt.plot);
+    kn_atlas_free(&atlas);
+    return code == KN_EXIT_OK && !sound ? KN_EXIT_FAILED : code;
+}

@@ -1,0 +1,38 @@
+#!/usr/bin/env bash
+# knead stability: two families in their quick form, everything right; the same text whatever the number of processes;
+# files; one line for whatever is not an option. The whole of it takes minutes and is run by hand.
+set -u
+failed=0
+fail() { echo "FAIL $1"; failed=1; }
+refuses() { # refuses CODE EXPECTED-LINE ARGUMENT...
+    local code=$1 expected=$2
+    shift 2
+    knead "$@" >out 2>err
+    local status=$?
+    [ $status = "$code" ] && [ "$(cat err)" = "$expected" ] && return
+    fail "knead $*: exit $status, expected $code and: $expected"
+    cat err
+}
+
+knead stability --quick --family bar --csv bar.csv --plot bar.png >two || fail "bar: exit $?"
+knead stability --quick --family bar --jobs 1 >one || fail "bar by one process: exit $?"
+cmp one two || fail "processes change the text"
+grep -q 'the default solver is right, or refuses with a reason, in 80 of 80 cells' one || fail "bar: $(tail -n 1 one)"
+[ "$(wc -l <bar.csv)" = $((1 + 5 * 80)) ] || fail "rows: $(wc -l <bar.csv)"
+head -c 8 bar.png | od -An -c | grep -q 'P   N   G' || fail "no PNG"
+grep -q ',rk4,refused,.*rk4 is stable up to' bar.csv || fail "a refusal has no reason"
+
+# the alternatives' failures stand beside it: at rest to flow the tangent goes up and down
+knead stability --quick --family mass >mass || fail "mass: exit $?"
+awk '$1 == "mass" && $2 == "default" && $4 + $5 == $3 { ok = 1 } END { exit !ok }' mass || fail "mass: $(sed -n 2p mass)"
+awk '$1 == "tangent" && $5 + $6 > 0 { ok = 1 } END { exit !ok }' mass || fail "the tangent does not chatter: $(grep tangent mass)"
+
+knead stability --help | grep -q -- '--family NAME' || fail "--help"
+refuses 2 "knead stability: --family x: expected one of k1, c1, c2, mass, pairs, limits, bar, aspect, sliver, squash, gas, jump, mixed, size" stability --family x
+refuses 2 "knead stability: --jobs 0: expected a number of processes, 1 to 256" stability --jobs 0
+refuses 2 "knead stability: --slow: unknown option; --help lists them" stability --slow
+refuses 2 "knead stability: --csv: expected a value" stability --csv
+refuses 2 "knead stability: dough: expected options only; --help lists them" stability dough
+mkdir folder
+refuses 3 "knead stability: folder: Is a directory, expected a file that can be written" stability --quick --family bar --csv folder
+exit $failed
