@@ -1,5 +1,6 @@
 #include "clients/knead/cost.h"
 #include "core/contact.h"
+#include "core/impact.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -106,5 +107,6 @@ double kn_cost_us(const kn_model *model, int iterations, int passes)
         if (object) us += own;
         else dearest = fmax(dearest, own);
     }
-    return passes * us + dearest;
+    int lines = kn_impact_lines(model); // that the law asks for whatever the scene says
+    return (passes > lines ? passes : lines) * us + dearest;
 }
