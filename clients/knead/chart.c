@@ -158,14 +158,14 @@ static void write_front(FILE *f, const picture *pic, int panel_number, int latti
     fprintf(f, "END\n");
 }
 
-// us, %, lattice, marker, whether it may not be used
+// us, %, lattice, marker, whether it may not be used, us of p90
 static void write_points(FILE *f, const picture *pic, int panel_number)
 {
     fprintf(f, "$points%d << END\n", panel_number);
     for (int i = 0; i < pic->front->count; i++) {
         const kn_row *r = &pic->front->row[i];
-        fprintf(f, "%.6g %.6g %d %d %d\n", r->median_us, height(&panels[panel_number], r), lattice_number(pic, r),
-                marker_of(r, pic->plan), !usable(r));
+        fprintf(f, "%.6g %.6g %d %d %d %.6g\n", r->median_us, height(&panels[panel_number], r), lattice_number(pic, r),
+                marker_of(r, pic->plan), !usable(r), r->p90_us);
     }
     fprintf(f, "END\n");
 }
@@ -176,10 +176,10 @@ static void write_ranges(FILE *f, const picture *pic, const panel *p)
     double us[2] = {INFINITY, 0}, error[2] = {INFINITY, 0};
     for (int i = 0; i < pic->front->count; i++) {
         const kn_row *r = &pic->front->row[i];
-        us[0] = fmin(us[0], r->median_us), us[1] = fmax(us[1], r->median_us);
+        us[0] = fmin(us[0], r->median_us), us[1] = fmax(us[1], r->p90_us);
         if (height(p, r) > 0) error[0] = fmin(error[0], height(p, r)), error[1] = fmax(error[1], height(p, r));
     }
-    fprintf(f, "set xrange [%g:%g]\nset yrange [%g:%g]\nset xtics (1", us[0] / 1.5, us[1] * 1.5, error[0] / 1.8,
+    fprintf(f, "set xrange [%g:%g]\nset yrange [%g:%g]\nset xtics (1", us[0] / 1.5, us[1] * 1.2, error[0] / 1.8,
             error[1] * 1.5);
     for (double ten = 1; ten < 1e5; ten *= 10) fprintf(f, ", %g, %g, %g", 2 * ten, 5 * ten, 10 * ten);
     fprintf(f, ")\nset ytics (0.001");
@@ -211,6 +211,10 @@ static void write_panel(FILE *f, const picture *pic, int number)
     for (int l = p->all ? -1 : 0; l < (p->all ? 0 : pic->lattices); l++)
         fprintf(f, "$front%d_%d using 1:2 with steps lw 2.5 lc rgb '#90%s' notitle, ", number, l + 1,
                 l < 0 ? "000000" : hues[l]);
+    for (int l = 0; l < pic->lattices && !p->all; l++)
+        fprintf(f,
+                "$points%d using ($3==%d ? $1 : NaN):2:($6-$1):(0) with vectors nohead lw 1.2 lc rgb '#b0%s' "
+                "notitle, ", number, l, hues[l]);
     for (int l = 0; l < pic->lattices; l++)
         for (int m = 0; m < MARKERS; m++)
             if (pic->used[l][m])
@@ -244,6 +248,7 @@ static void write_legend(FILE *f, const picture *pic)
         if (any)
             fprintf(f, "NaN with points pt %d ps 1.3 lc rgb '#555555' title '%s', ", markers[m].type, markers[m].name);
     }
+    fprintf(f, "NaN with lines lw 1.2 lc rgb '#999999' title 'to its p90', ");
     if (pic->any_bad) fprintf(f, "NaN with points pt 2 ps 1.6 lw 2 lc rgb '#cc0000' title 'chatters or latched', ");
     fprintf(f, "NaN notitle\n");
 }
