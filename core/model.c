@@ -290,7 +290,7 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
     if (!choose_kernels(m))
         return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
     const char *wrong = def->mesh ? kn_net_build(m) : build_block(m) ? NULL : KN_NO_MEMORY;
-    if (!wrong && !rk4) wrong = check_foundation(m);
+    if (!wrong) wrong = check_foundation(m);
     if (!wrong && (rk4 ? !build_rk4(m) : !build_tables(m))) wrong = KN_NO_MEMORY;
     if (wrong) return fail(error, size, wrong);
     if (rk4 && def->solver.dt_s > m->rk4_limit_s) {

@@ -236,7 +236,7 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
     output->secant = state->secant_steps > 0;
     kn_linearization how = output->secant ? KN_LINEARIZATION_SECANT : linearization_of(model, s);
     prescribe(model, state, s);
-    double rz = 0;
+    double rz = 0, start = 0;
     int least = kn_impact_lines(model), passes = s->effort.passes > least ? s->effort.passes : least;
     bool impact = false;
     for (int pass = 0; pass < passes; pass++) {
@@ -245,13 +245,13 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
         rz = model->kernels->edge(model, state, how, pass > 0);
         // decays over a second: what is a large residual now is measured against the recent past
         double faded = state->residual_scale * (1 - fmin(1, model->def.solver.dt_s));
-        if (pass == 0) state->residual_scale = rz <= faded ? faded : rz; // a NaN stays one
+        if (pass == 0) state->residual_scale = rz <= faded ? faded : rz, start = rz; // a NaN stays one
         if (pass == 0 && kn_impact(model, state, &s->contact, rz)) {
             impact = true;
             if (passes < KN_IMPACT_PASSES) passes = KN_IMPACT_PASSES;
         }
         // the law itself is met, not only its straight line
-        if (pass > 0 && rz <= s->effort.tolerance * s->effort.tolerance * state->residual_scale) break;
+        if (pass > 0 && rz <= s->effort.tolerance * s->effort.tolerance * start) break;
         output->iterations = 0;
         rz = solve_linear(model, state, s, rz, pass == 0, output);
         output->passes = pass + 1;

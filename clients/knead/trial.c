@@ -263,8 +263,8 @@ static double variation(const trace *t)
 static kn_score judge(const trace *x, const trace *ref, const trace *finer, double bound)
 {
     kn_score s = {.verdict = KN_TRIAL_REFUSED};
-    snprintf(s.reason, sizeof s.reason, "%s", x->reason);
-    if (x->refused) return s;
+    snprintf(s.reason, sizeof s.reason, "%s", x->refused ? x->reason : ref->reason);
+    if (x->refused || ref->refused || finer->refused) return s; // what has no answer cannot be judged
     s.verdict = KN_TRIAL_DIVERGED;
     if (x->diverged || !(peak(x) <= BLOWN_UP * peak(ref))) return s;
     s.force = way_error(x, ref);
