@@ -152,21 +152,42 @@ static void load_patch(const kn_model *model, const kn_state *state, patch *p)
         }
 }
 
-// Point (tu, tv) of a patch; false outside the block, where half a patch at the rim hangs over.
-static bool patch_point(const patch *p, double tu, double tv, double weight[9], double point[3])
+static void blend(const patch *p, const double wu[3], const double wv[3], double weight[9], double point[3])
 {
-    const int *len = p->face->len;
-    if ((tu < 0 && p->u == 0) || (tu > 0 && p->u == len[0] - 1)) return false;
-    if ((tv < 0 && p->v == 0) || (tv > 0 && p->v == len[1] - 1)) return false;
-    double wu[3], wv[3];
-    spline(tu, p->u, len[0], wu);
-    spline(tv, p->v, len[1], wv);
     for (int k = 0; k < 3; k++) point[k] = 0;
     for (int a = 0; a < 9; a++) {
         weight[a] = wu[a % 3] * wv[a / 3];
         for (int k = 0; k < 3; k++) point[k] += weight[a] * p->x[a][k];
     }
+}
+
+// Outside the block, where half a patch at the rim hangs over.
+static bool overhangs(double t, int i, int n) { return (t < 0 && i == 0) || (t > 0 && i == n - 1); }
+
+// Point (tu, tv) of a patch; false where it overhangs.
+static bool patch_point(const patch *p, double tu, double tv, double weight[9], double point[3])
+{
+    const int *len = p->face->len;
+    if (overhangs(tu, p->u, len[0]) || overhangs(tv, p->v, len[1])) return false;
+    double wu[3], wv[3];
+    spline(tu, p->u, len[0], wu);
+    spline(tv, p->v, len[1], wv);
+    blend(p, wu, wv, weight, point);
     return true;
+}
+
+#define PER_PATCH_MAX 4 // samples along a side of a patch
+
+// Weights of that many samples along one side; bit j of the answer: sample j is on the block.
+static unsigned side_weights(int per, int i, int n, double w[PER_PATCH_MAX][3])
+{
+    unsigned on = 0;
+    for (int j = 0; j < per; j++) {
+        double t = (j + 0.5) / per - 0.5;
+        if (!overhangs(t, i, n)) on |= 1u << j;
+        spline(t, i, n, w[j]);
+    }
+    return on;
 }
 
 // Outward normal of the skin at a patch's node, not unit. A face of one node across goes straight along y.
@@ -201,21 +222,28 @@ static void sample_patch(const kn_model *model, const kn_state *state, int probe
         else per_v = 1;
     }
     patch_normal(p, outwards);
+    double wu[PER_PATCH_MAX][3], wv[PER_PATCH_MAX][3], reach = def->radius_m + 0.1 * h;
+    unsigned on_u = side_weights(per_u, p->u, p->face->len[0], wu), on_v = side_weights(per_v, p->v, p->face->len[1], wv);
     for (int i = 0; i < per_u * per_v; i++) {
-        kn_sample s = {.probe = probe, .face = (int)(p->face - model->face), .stiffness_n_m = stiffness};
-        double point[3], away[3];
-        double tu = (i % per_u + 0.5) / per_u - 0.5, tv = (i / per_u + 0.5) / per_v - 0.5;
-        if (!patch_point(p, tu, tv, s.weight, point)) continue;
+        double point[3], away[3], weight[9];
+        if (!(on_u >> i % per_u & 1) || !(on_v >> i / per_u & 1)) continue;
+        blend(p, wu[i % per_u], wv[i / per_u], weight, point);
         away_from(model, centre, point, away);
-        double distance = sqrt(dot(away, away));
-        s.depth_m = def->radius_m - distance;
+        double square = dot(away, away);
         // a candidate when it may touch within this step; the far side of a thin block faces away and never does
-        if (s.depth_m < -0.1 * h || distance == 0 || dot(away, outwards) > 0) continue;
-        for (int k = 0; k < 3; k++) s.normal[k] = away[k] / distance;
-        memcpy(s.node, p->node, sizeof s.node);
-        memcpy(s.offset, p->offset, sizeof s.offset);
-        if (contact->sample_count < contact->sample_max) contact->sample[contact->sample_count++] = s;
-        else contact->samples_lost++;
+        if (square > reach * reach || square == 0 || dot(away, outwards) > 0) continue;
+        if (contact->sample_count >= contact->sample_max) {
+            contact->samples_lost++;
+            continue;
+        }
+        double distance = sqrt(square);
+        kn_sample *s = &contact->sample[contact->sample_count++];
+        *s = (kn_sample){.probe = probe, .face = (int)(p->face - model->face), .stiffness_n_m = stiffness};
+        s->depth_m = def->radius_m - distance;
+        for (int k = 0; k < 3; k++) s->normal[k] = away[k] / distance;
+        memcpy(s->weight, weight, sizeof weight);
+        memcpy(s->node, p->node, sizeof s->node);
+        memcpy(s->offset, p->offset, sizeof s->offset);
     }
 }
 

@@ -60,9 +60,7 @@ static void law_tables_build(law_tables *t, const kn_model *model)
     t->beta = (real)law->mat.beta_per_pa;
     t->r0 = (real)(law->a_pa_s / law->mat.alpha_pa_s);
     t->bh = (real)law->bh_pa;
-    // one step from the table does where the exponent it starts from is right to a thousandth
-    t->halley = law->kind == KN_LAW_EXACT && law->seeded && law->mat.damper == KN_DAMPER_EXPONENTIAL &&
-                law->table_error * law->mat.beta_per_pa * law->s1_pa < 1e-3;
+    t->halley = kn_law_in_lanes(law);
     t->a = (real)law->a_pa_s;
     t->k1 = (real)law->mat.k1_pa;
     t->keep = (real)(1.0 - law->dt_s * law->mat.k1_pa / law->a_pa_s);
@@ -122,8 +120,8 @@ LANES_INLINE void law_table(const law_tables *t, kn_linearization how, lanes b, 
     *root = lanes_less(y, one, lanes_set(t->root_rest), c);
 }
 #else
-// From the table's s by one of Halley's steps on s (1 + r) = b, r = r0 exp(beta s): the cube of the table's error is
-// below 1e-10.
+// From the table's s by one of Halley's steps on s (1 + r) = b, r = r0 exp(beta s), which leaves the cube of the table's
+// error, below 1e-10, and one of Newton's, which leaves rounding.
 static __attribute__((noinline)) void law_halley(const law_tables *t, kn_linearization how, const lanes *of, lanes *s,
                                                  lanes *root)
 {
@@ -137,14 +135,18 @@ static __attribute__((noinline)) void law_halley(const law_tables *t, kn_lineari
     lanes step = lanes_div(lanes_mul(over, slope), lanes_fnma(lanes_mul(half, over), bend, lanes_mul(slope, slope)));
     p = lanes_sub(p, step);
     // r exp(-x), |x| < 1e-3
-    lanes x = lanes_mul(beta, step), decay = lanes_fnma(lanes_set(1.0 / 6), x, half);
-    decay = lanes_fnma(lanes_fnma(decay, x, one), x, one);
+    static const double part[4] = {1.0, 1.0 / 2, 1.0 / 3, 1.0 / 4};
+    lanes x = lanes_mul(beta, step), decay = one;
+    for (int i = 3; i >= 0; i--) decay = lanes_fnma(decay, lanes_mul(x, lanes_set(part[i])), one);
     r = lanes_mul(r, decay);
+    // one of Newton's, whose divisor the slope of s(b), 1/secant, 1/slope or their mean, needs anyway: continuous to
+    // rounding where the table goes on to its next segment
     slope = lanes_fma(r, lanes_fma(beta, p, one), one);
-    lanes secant = lanes_add(one, r), c; // 1/secant, 1/slope or their mean
-    if (how == KN_LINEARIZATION_BLEND)
-        c = lanes_div(lanes_mul(half, lanes_add(secant, slope)), lanes_mul(secant, slope));
-    else c = lanes_div(one, how == KN_LINEARIZATION_TANGENT ? slope : secant);
+    lanes secant = lanes_add(one, r), inverse = lanes_div(one, lanes_mul(secant, slope)), c;
+    p = lanes_fnma(lanes_sub(lanes_fma(p, r, p), sought), lanes_mul(secant, inverse), p);
+    if (how == KN_LINEARIZATION_BLEND) c = lanes_mul(half, lanes_add(secant, slope));
+    else c = how == KN_LINEARIZATION_TANGENT ? secant : slope;
+    c = lanes_mul(c, inverse);
     p = lanes_less(y, one, lanes_mul(size, lanes_set(t->rest)), p);
     p = lanes_less(lanes_set(t->bh), size, lanes_mul(size, lanes_set(t->flow)), p);
     *s = lanes_less(b, zero, lanes_sub(zero, p), p);

@@ -307,16 +307,17 @@ LANES_INLINE lanes lanes_power(lanes a)
 }
 #endif
 
-// exp(x) for 0 <= x <= 700 to 1e-12: 2^k exp(f), |f| <= ln 2/2, by Taylor to f^10.
+// exp(x) for 0 <= x <= 700 to some units of the last place: 2^k exp(f), |f| <= ln 2/2, by Taylor to f^13.
 LANES_INLINE lanes lanes_exp(lanes x)
 {
-    static const double inverse_factorial[11] = {1,         1,         1.0 / 2,    1.0 / 6,     1.0 / 24,     1.0 / 120,
-                                                 1.0 / 720, 1.0 / 5040, 1.0 / 40320, 1.0 / 362880, 1.0 / 3628800};
+    static const double inverse_factorial[14] = {
+        1,          1,           1.0 / 2,      1.0 / 6,       1.0 / 24,       1.0 / 120,       1.0 / 720,
+        1.0 / 5040, 1.0 / 40320, 1.0 / 362880, 1.0 / 3628800, 1.0 / 39916800, 1.0 / 479001600, 1.0 / 6227020800};
     const lanes magic = lanes_set(0x1.8p52 + 1023); // adding it leaves a whole number in the last bits
     lanes bits = lanes_fma(x, lanes_set(0x1.71547652b82fep+0), magic), k = lanes_sub(bits, magic);
     lanes f = lanes_fnma(k, lanes_set(0x1.abc9e3b39803fp-56), lanes_fnma(k, lanes_set(0x1.62e42fefa39efp-1), x));
-    lanes sum = lanes_set(inverse_factorial[10]);
-    for (int i = 9; i >= 0; i--) sum = lanes_fma(sum, f, lanes_set(inverse_factorial[i]));
+    lanes sum = lanes_set(inverse_factorial[13]);
+    for (int i = 12; i >= 0; i--) sum = lanes_fma(sum, f, lanes_set(inverse_factorial[i]));
     return lanes_mul(sum, lanes_power(bits));
 }
 #endif

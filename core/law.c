@@ -58,6 +58,13 @@ double kn_law_stress(const kn_law *law, double b_pa)
     return copysign(s, b_pa);
 }
 
+bool kn_law_in_lanes(const kn_law *law)
+{
+    // the two steps need an exponent that is right to a thousandth
+    return law->kind == KN_LAW_EXACT && law->seeded && law->mat.damper == KN_DAMPER_EXPONENTIAL &&
+           law->table_error * law->mat.beta_per_pa * law->s1_pa < 1e-3;
+}
+
 double kn_law_slope(const kn_law *law, double stress_pa, kn_linearization how)
 {
     double s = fabs(stress_pa);
@@ -137,7 +144,7 @@ static void build_table(kn_law *law)
     }
     for (unsigned i = 0; i < used; i++) {
         double y0 = float_of(ONE_BITS + (i << law->shift)), y1 = float_of(ONE_BITS + ((i + 1) << law->shift));
-        fit_segment(law, (int)i, y0, fmin(y1, yh));
+        if (yh > y0) fit_segment(law, (int)i, y0, fmin(y1, yh)); // the table may end where a segment does
     }
     for (int i = 0; i <= 4000; i++) {
         double b = law->b0_pa * pow(law->bh_pa / law->b0_pa, i / 4000.0);

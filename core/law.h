@@ -66,6 +66,10 @@ typedef struct kn_law {
 // method).
 void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact);
 
+// KN_LAW_EXACT without leaving the lanes: the exponential damper in f64, where the table is good enough to begin from.
+// Others take Newton edge by edge, some 40 times the time.
+bool kn_law_in_lanes(const kn_law *law);
+
 // s = T(b) to rounding: closed form outside [p0, p1], safeguarded Newton on ln(s (1 + A/c2)/b) inside: the table's
 // oracle.
 double kn_law_stress(const kn_law *law, double b_pa);

@@ -1,4 +1,5 @@
 #include "core/solver_implicit.h"
+#include "core/foundation.h"
 #include "core/impact.h"
 
 #include <math.h>
@@ -51,7 +52,7 @@ static void prescribe(const kn_model *m, kn_state *state, kn_scratch *s)
     for (int i = 0; i < s->contact.hold_count; i++) hold_node(m, state, s, &s->contact.hold[i]);
 }
 
-// --- loads and samples ----------------------------------------------------------------------------------------------
+// --- loads -----------------------------------------------------------------------------------------------------------
 
 static void add_top_load(const kn_model *m, kn_scratch *s, double load_n)
 {
@@ -59,80 +60,12 @@ static void add_top_load(const kn_model *m, kn_scratch *s, double load_n)
         kn_real_add(m, s->work.r, m->offset[m->top[t]] + 2 * m->stride, -load_n * m->top_share[t]);
 }
 
-static double end_depth(const kn_model *m, const kn_state *state, const kn_sample *sample)
-{
-    return sample->depth_m - m->def.solver.dt_s * kn_sample_gap_rate(m, state, sample, kn_state_work(state)->guess);
-}
-
-// Pushes a sample's nodes by force n, and puts its stiffness on their diagonal blocks.
-static void add_sample(const kn_model *m, kn_scratch *s, const kn_sample *sample, double force_n, double stiffness)
-{
-    for (int a = 0; a < 9; a++) {
-        double w = sample->weight[a];
-        if (w == 0) continue;
-        node_at n = {sample->offset[a], m->stride};
-        // same row and lane, 6 components
-        size_t blocks = n.offset / (3 * n.stride) * 6 * n.stride + n.offset % (3 * n.stride);
-        for (size_t i = 0, c = 0; i < 3; i++) {
-            kn_real_add(m, s->work.r, n.offset + i * n.stride, w * force_n * sample->normal[i]);
-            for (size_t k = i; k < 3; k++, c++)
-                if (stiffness > 0)
-                    kn_real_add(m, s->work.p, blocks + c * n.stride,
-                                w * w * stiffness * sample->normal[i] * sample->normal[k]);
-        }
-    }
-}
-
 static void add_external(const kn_model *m, kn_state *state, kn_scratch *s, const kn_input *input)
 {
     memset(s->work.r, 0, kn_model_field(m, 3) * m->kernels->real_size);
     memset(s->work.p, 0, kn_model_field(m, 6) * m->kernels->real_size);
     if (input->top_load_n != 0) add_top_load(m, s, input->top_load_n);
-    for (int i = 0; i < s->contact.sample_count; i++) {
-        kn_sample *sample = &s->contact.sample[i];
-        double depth = end_depth(m, state, sample);
-        sample->active = depth > 0;
-        if (sample->active)
-            add_sample(m, s, sample, sample->stiffness_n_m * depth, m->def.solver.dt_s * sample->stiffness_n_m);
-    }
-}
-
-// Samples that the solution shows on the wrong side change it; returns how many.
-static int change_active_set(const kn_model *m, kn_state *state, kn_scratch *s)
-{
-    int changed = 0;
-    for (int i = 0; i < s->contact.sample_count; i++) {
-        kn_sample *sample = &s->contact.sample[i];
-        double depth = end_depth(m, state, sample);
-        if ((depth > 0) == sample->active) continue;
-        double force = sample->stiffness_n_m * depth;
-        add_sample(m, s, sample, sample->active ? -force : force, 0);
-        sample->active = !sample->active;
-        changed++;
-    }
-    return changed;
-}
-
-// q += sum k dt n n' d over active samples; returns their share of d.q.
-static double apply_samples(const kn_model *m, kn_scratch *s)
-{
-    const size_t stride = m->stride;
-    double sum = 0;
-    for (int i = 0; i < s->contact.sample_count; i++) {
-        const kn_sample *sample = &s->contact.sample[i];
-        if (!sample->active) continue;
-        double rate = 0, k = m->def.solver.dt_s * sample->stiffness_n_m;
-        for (int a = 0; a < 9; a++)
-            for (size_t c = 0; c < 3; c++)
-                rate +=
-                    sample->weight[a] * sample->normal[c] * kn_real_get(m, s->work.d, sample->offset[a] + c * stride);
-        for (int a = 0; a < 9; a++)
-            for (size_t c = 0; c < 3; c++)
-                kn_real_add(m, s->work.q, sample->offset[a] + c * stride,
-                            k * rate * sample->weight[a] * sample->normal[c]);
-        sum += k * rate * rate;
-    }
-    return sum;
+    kn_foundation_push(m, state, s);
 }
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
@@ -142,12 +75,12 @@ static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double 
 {
     const kn_effort *solver = &s->effort;
     double enough = solver->tolerance * solver->tolerance * state->residual_scale;
-    double nothing = 1e-24 * state->residual_scale; // the object rests: nothing to solve
+    double nothing = 1e-30 * state->residual_scale; // the object rests: nothing to solve
     double beta = 0;
     for (int i = 0; output->iterations < solver->iterations_max; i++, output->iterations++) {
         if ((i >= wanted && rz <= enough) || !(rz > nothing)) return rz;
         if (i >= wanted && solver->tolerance == 0) return rz;
-        double dq = m->kernels->apply(m, state, beta) + apply_samples(m, s);
+        double dq = m->kernels->apply(m, state, beta) + kn_foundation_apply(m, s);
         if (!(dq > 0)) return rz;
         double next = m->kernels->update(m, state, rz / dq);
         beta = next / rz;
@@ -161,8 +94,8 @@ static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double 
 // already, and the gradients need not find it again. Half the iterations to the same error; counts as one.
 static double go_on(const kn_model *m, kn_state *state, kn_scratch *s, double rz, kn_output *output)
 {
-    if (!(rz > 0)) return rz;
-    double rd = m->kernels->recall(m, state), dq = m->kernels->apply(m, state, 0) + apply_samples(m, s);
+    if (!(rz > 1e-30 * state->residual_scale)) return rz; // as iterate: the object rests
+    double rd = m->kernels->recall(m, state), dq = m->kernels->apply(m, state, 0) + kn_foundation_apply(m, s);
     output->iterations++;
     return m->kernels->update(m, state, dq > 0 ? rd / dq : 0);
 }
@@ -176,7 +109,7 @@ static double solve_linear(const kn_model *m, kn_state *state, kn_scratch *s, do
     }
     rz = iterate(m, state, s, rz, wanted, output);
     for (int again = 0; again < 2; again++) {
-        if (change_active_set(m, state, s) == 0) break;
+        if (kn_foundation_change(m, state, s) == 0) break;
         rz = iterate(m, state, s, m->kernels->update(m, state, 0), (wanted + 1) / 2, output);
     }
     return rz;
@@ -190,10 +123,7 @@ static void read_forces(const kn_model *m, kn_state *state, kn_scratch *s)
         for (size_t k = 0; k < 3; k++)
             hold->force_n[k] = hold->gone ? 0 : kn_real_get(m, s->work.r, n.offset + k * n.stride);
     }
-    for (int i = 0; i < s->contact.sample_count; i++) {
-        kn_sample *sample = &s->contact.sample[i];
-        sample->force_n = sample->active ? fmax(0, sample->stiffness_n_m * end_depth(m, state, sample)) : 0;
-    }
+    kn_foundation_read(m, state, s);
 }
 
 static kn_effort effort_of(const kn_model *m, const kn_input *input)

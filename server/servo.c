@@ -91,11 +91,12 @@ static void read_probe(tick *t, int p)
     memcpy(w->velocity_m_s, last->velocity_m_s, sizeof w->velocity_m_s);
 }
 
+// A tolerance decides what a step takes between its least and its most iterations: neither may be more.
 static bool cheaper(const kn_effort *a, const kn_effort *b)
 {
-    int every[2] = {a->passes * a->iterations, b->passes * b->iterations};
-    int most[2] = {a->passes * a->iterations_max, b->passes * b->iterations_max};
-    return every[0] < every[1] || (every[0] == every[1] && most[0] < most[1]);
+    int least = a->passes * a->iterations - b->passes * b->iterations;
+    int most = a->passes * a->iterations_max - b->passes * b->iterations_max;
+    return least <= 0 && most <= 0 && (least < 0 || most < 0);
 }
 
 // The next point below that costs less and keeps lattice and precision; the one in force when there is none.

@@ -89,7 +89,7 @@ static void print_plastic(const kn_material *m)
 
 static void print_material(const kn_model *model)
 {
-    static const char *const law[] = {"voigt, no state per edge", "linear", "table", "exact, Newton per edge"};
+    static const char *const law[] = {"voigt, no state per edge", "linear", "table", "exact"};
     const kn_material *m = &model->law.mat;
     printf("material  k1 %.4g Pa, c1 %.4g Pa s", m->k1_pa, m->c1_pa_s);
     if (m->k1_pa > 0) printf(" (c1/k1 = %.3g s)", m->c1_pa_s / m->k1_pa);
@@ -123,16 +123,18 @@ static void print_cost(const kn_model *model)
 {
     const kn_solver_def *s = &model->def.solver;
     kn_cost_part part[KN_COST_PARTS];
-    int count = kn_cost_parts(model, part), usual = s->iterations < s->iterations_max ? s->iterations + 1 : s->iterations;
+    int count = kn_cost_parts(model, part);
     printf("cost      predicted, one core                  kB  kflop     us; each CG iteration:  kB  kflop     us\n");
     for (int i = 0; i < count; i++) {
         const kn_cost *o = &part[i].once, *n = &part[i].iteration;
         printf("          %-32s %7.0f %6.0f %6.1f %27.0f %6.0f %6.1f\n", part[i].name, 1e-3 * o->bytes, 1e-3 * o->flops,
                o->us, 1e-3 * n->bytes, 1e-3 * n->flops, n->us);
     }
-    double us = kn_cost_us(model, usual, s->passes), most = kn_cost_us(model, s->iterations_max, s->passes);
-    printf("          with one probe pressing: %.0f us at %d iterations, %.0f us at the cap, of %g us\n", us, usual,
-           most, 1e6 * s->dt_s);
+    const kn_effort own = {s->iterations, s->iterations_max, s->tolerance, s->passes, s->linearization};
+    double us = kn_cost_us(model, &own, false);
+    printf("          with one probe pressing: usually %.0f us, %.0f us at the cap of iterations, of %g us\n", us,
+           kn_cost_us(model, &own, true), 1e6 * s->dt_s);
+    if (kn_cost_newton(model)) printf("warning   each edge solves its damper by itself, at some 40 times the time\n");
     if (us > 1e6 * s->dt_s) printf("warning   slower than real time\n");
 }
 
@@ -187,7 +189,7 @@ static void print_quality(const kn_scene *scene, const kn_model *model)
         printf("quality   %s: %d to %d CG iterations, %d pass%s", kn_quality_name((kn_quality)q), e->iterations,
                e->iterations_max, e->passes, e->passes > 1 ? "es" : "");
         if (scene->point[q].live)
-            printf(", estimate %.0f us", kn_cost_us(model, e->iterations, e->passes));
+            printf(", estimate %.0f us", kn_cost_us(model, e, false));
         else
             printf(", another lattice or precision: not while it runs");
         printf(scene->quality == (kn_quality)q ? "; in force\n" : "\n");

@@ -7,12 +7,15 @@
 
 // ns per lane of the padded lattice, by instruction set (base, avx2, avx512) and precision: edges once, a CG iteration.
 // Measured on one core of a Sapphire Rapids; without fused operations in the processor they run in software.
-static const double once_ns[3][2] = {{1200, 2500}, {65, 150}, {34, 110}};
+static const double once_ns[3][2] = {{1200, 2700}, {66, 190}, {34, 130}};
 static const double iteration_ns[3][2] = {{100, 170}, {7.2, 15}, {4.3, 8.7}};
 
 // A net's, per edge; with gas an element is worth two edges.
 #define EDGE_NS 35.0
 #define EDGE_ITERATION_NS 5.0
+
+// A lane's edges when each takes Newton by itself.
+#define NEWTON_NS 1700.0
 
 // Share of the edges' time that a law needs, and what gas adds per lane (by kn_pressure).
 static const double law_share[] = {[KN_LAW_VOIGT] = 0.85, [KN_LAW_LINEAR] = 0.8, [KN_LAW_TABLE] = 1,
@@ -26,6 +29,12 @@ enum {
     GAS_FLOPS = 420, GAS_ITERATION_FLOPS = 100, GAS_REALS = 24
 };
 
+bool kn_cost_newton(const kn_model *model)
+{
+    bool f64 = model->def.solver.precision == KN_PRECISION_F64;
+    return model->law.kind == KN_LAW_EXACT && !(f64 && kn_law_in_lanes(&model->law));
+}
+
 static int isa_of(const kn_model *m)
 {
     return m->isa == KN_ISA_AVX512 ? 2 : m->isa == KN_ISA_AVX2 ? 1 : 0;
@@ -33,7 +42,7 @@ static int isa_of(const kn_model *m)
 
 static kn_cost_part edges(const kn_model *m)
 {
-    static const char *const law[] = {"no damper", "constant damper", "damper by table", "damper by Newton"};
+    static const char *const law[] = {"no damper", "constant damper", "damper by table", "damper exactly"};
     kn_cost_part p = {.name = ""};
     bool f64 = m->def.solver.precision == KN_PRECISION_F64, table = m->law.kind >= KN_LAW_TABLE;
     double size = f64 ? 8 : 4, nodes = (double)kn_model_field(m, 1), edges = (double)m->edge_reals;
@@ -43,10 +52,11 @@ static kn_cost_part edges(const kn_model *m)
     p.iteration.flops = edges * EDGE_ITERATION_FLOPS + nodes * NODE_ITERATION_FLOPS;
     p.iteration.bytes = size * (edges * EDGE_ITERATION_REALS + nodes * NODE_ITERATION_REALS);
     if (m->def.mesh) {
-        p.once.us = 1e-3 * m->edge_count * EDGE_NS;
+        p.once.us = 1e-3 * m->edge_count * (EDGE_NS + (kn_cost_newton(m) ? NEWTON_NS / KN_FORWARD : 0));
         p.iteration.us = 1e-3 * m->edge_count * EDGE_ITERATION_NS;
     } else {
         p.once.us = 1e-3 * nodes * once_ns[isa_of(m)][f64] * law_share[m->law.kind];
+        if (kn_cost_newton(m)) p.once.us += 1e-3 * nodes * NEWTON_NS;
         p.iteration.us = 1e-3 * nodes * iteration_ns[isa_of(m)][f64];
     }
     return p;
@@ -74,7 +84,7 @@ static kn_cost_part gas(const kn_model *m)
 // pressed in by half its radius.
 static kn_cost_part contact(const kn_model *m, const kn_probe_def *probe)
 {
-    kn_cost_part p = {.name = ""};
+    kn_cost_part p = {.contact = true};
     double h = m->def.spacing_m, r = probe->radius_m;
     if (probe->shape == KN_PROBE_PLATE) {
         snprintf(p.name, sizeof p.name, "plate %s", probe->name);
@@ -83,8 +93,8 @@ static kn_cost_part contact(const kn_model *m, const kn_probe_def *probe)
     }
     double per = r > 4 * h ? 2 : 4, samples = 3.1416 * 0.75 * r * r / (h * h) * per * per;
     snprintf(p.name, sizeof p.name, "ball %s, half in: %.0f samples", probe->name, samples);
-    p.once = (kn_cost){samples * sizeof(kn_sample), samples * 250, samples * 0.2};
-    p.iteration = (kn_cost){samples * sizeof(kn_sample), samples * 108, samples * 0.018};
+    p.once = (kn_cost){samples * sizeof(kn_sample), samples * 250, samples * 0.12};
+    p.iteration = (kn_cost){samples * sizeof(kn_sample), samples * 108, samples * 0.012};
     return p;
 }
 
@@ -97,16 +107,16 @@ int kn_cost_parts(const kn_model *model, kn_cost_part part[KN_COST_PARTS])
     return count;
 }
 
-double kn_cost_us(const kn_model *model, int iterations, int passes)
+double kn_cost_us(const kn_model *model, const kn_effort *effort, bool at_cap)
 {
     kn_cost_part part[KN_COST_PARTS];
-    double us = 0, dearest = 0; // probes seldom press all at once: the dearest one
+    int usual = effort->iterations < effort->iterations_max ? effort->iterations + 1 : effort->iterations;
+    double iterations = at_cap ? effort->iterations_max : usual, us = 0, dearest = 0;
     for (int i = kn_cost_parts(model, part) - 1; i >= 0; i--) {
         double own = part[i].once.us + iterations * part[i].iteration.us;
-        bool object = i < 1 + (model->def.pressure != KN_PRESSURE_NONE);
-        if (object) us += own;
-        else dearest = fmax(dearest, own);
+        if (part[i].contact) dearest = fmax(dearest, own); // probes seldom press all at once
+        else us += own;
     }
     int lines = kn_impact_lines(model); // that the law asks for whatever the scene says
-    return (passes > lines ? passes : lines) * us + dearest;
+    return (effort->passes > lines ? effort->passes : lines) * (us + dearest);
 }

@@ -9,15 +9,19 @@ typedef struct kn_cost {
 
 typedef struct kn_cost_part {
     char name[64];
+    bool contact;
     kn_cost once, iteration; // of a linearisation of the step; of each CG iteration in it
 } kn_cost_part;
 
 #define KN_COST_PARTS (2 + KN_PROBES_MAX)
 
+// Every edge takes Newton by itself: its law is none that lanes can solve together.
+bool kn_cost_newton(const kn_model *model);
+
 // Parts of an implicit model; returns how many. Rates are those of bench/throughput's machine.
 int kn_cost_parts(const kn_model *model, kn_cost_part part[KN_COST_PARTS]);
 
-// Of a whole step with so many CG iterations, us.
-double kn_cost_us(const kn_model *model, int iterations, int passes);
+// Of a whole step with as many CG iterations as it usually takes, one above the least, us; at_cap: with the most.
+double kn_cost_us(const kn_model *model, const kn_effort *effort, bool at_cap);
 
 #endif

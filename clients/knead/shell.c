@@ -340,6 +340,11 @@ kn_shell *kn_shell_read(const char *name, const void *bytes, size_t size, char *
         s = NULL;
     }
     if (s) measure(s);
+    if (s && !(s->volume > 1e-9 * s->extent * s->extent * s->extent)) {
+        complain(&r, 0, "the surface encloses nothing, expected a body of some volume");
+        kn_shell_destroy(s);
+        s = NULL;
+    }
     free(r.corner);
     free(r.place);
     return s;

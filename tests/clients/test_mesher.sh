@@ -67,6 +67,8 @@ refused hole.obj "11:1: the surface has holes: 4 edges belong to one triangle on
 refused three.obj "15:1: triangles 6, 9 and 13 share one edge, expected two at every edge"
 refused turned.obj "16:1: triangles 5 and 12 face opposite ways, expected all to face outwards"
 refused two.obj "25:1: 2 closed surfaces, expected one: triangle 13 is not of the first"
+printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0.3 0.3 0\nf 1 2 4\nf 2 3 4\nf 3 1 4\nf 1 3 2\n' >flat.obj
+refused flat.obj "1:1: the surface encloses nothing, expected a body of some volume"
 refused points.obj "1:1: no triangles, expected a closed surface"
 refused number.obj "2:5: no vertex so far with this number, expected 1 to 1"
 refused text.obj "2:7: not a finite number, expected a coordinate"

@@ -177,7 +177,7 @@ TEST("so it is with dampers that come to their stops: no edge gives energy or le
     CHECK_NEAR(whole / half, 2, 0.2);
 }
 
-TEST("with the fast settings (f32, blend, eight iterations) no more than 1e-3 of the work is missing or created")
+TEST("with the fast settings (f32, blend, one pass) no more than 1e-3 of the work is missing or created")
 {
     CHECK_NEAR(imbalance(press_def(1), 1e-3, at_once), 0, 1e-3);
 }
