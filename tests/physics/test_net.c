@@ -128,7 +128,7 @@ TEST("internal forces add up to nothing: a free net thrown about keeps its momen
     def.support = KN_SUPPORT_NONE;
     def.probe_count = 0;
     def.solver.precision = KN_PRECISION_F64;
-    def.solver.tolerance = 1e-10;
+    def.solver.tolerance = 1e-14;
     def.solver.iterations_max = 500;
     kn_model *model = build(&def);
     kn_state *state = kn_state_create(model);
