@@ -108,8 +108,12 @@ static void find_holds(const kn_model *model, kn_state *state, int p, kn_contact
             kn_state_position(model, state, hold.node, x);
             if (x[2] <= plane || !under_plate(model, &model->def.probe[p], probe->position_m, x)) continue;
             if (gets_away(model, state, hold.node, x[2] - plane)) continue;
-            // deeper past the foot than this step takes the plate it came from the side, risen beside it
-            double deepest = 0.25 * model->def.spacing_m + dt * fmax(0, -probe->velocity_m_s[2]);
+            // deeper past the foot than this step takes the plate it came from the side, risen beside it; under a plate
+            // that goes up, deeper than it can have come itself: caught it would be thrown down by a quarter of a cell
+            double down = fmax(0, -probe->velocity_m_s[2]), v[3];
+            kn_state_velocity(model, state, hold.node, v);
+            double came = dt * fmax(0, v[2] - probe->velocity_m_s[2]), h = model->def.spacing_m;
+            double deepest = probe->velocity_m_s[2] > 0 ? 2 * came + 1e-3 * h : 0.25 * h + dt * down;
             if (x[2] - plane > deepest || held_by_other(model, state, p, t)) continue;
             // first touch: the node only has to get out of the way, so it moves by what is left of the step
             hold.velocity_m_s[2] = (plane - x[2]) / dt;
