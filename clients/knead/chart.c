@@ -29,7 +29,7 @@ static const char *lattice_of(const kn_run *run, char text[16])
 
 static void print_row(const kn_row *r, const kn_row *const named[KN_QUALITY_OWN])
 {
-    char lattice[16], effort[32];
+    char lattice[16], effort[64];
     const kn_run *run = r->run;
     printf("%-8s %5.4g ms %-7s %s  %-18s cpu %8.1f %6.1f |", lattice_of(run, lattice), 1e3 * run->dt_s,
            kn_method_name(run->method), run->precision == KN_PRECISION_F64 ? "f64" : "f32", kn_run_effort(run, effort),

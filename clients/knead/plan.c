@@ -15,20 +15,20 @@ static const char *const names[] = {"blend", "secant", "tangent", "rk4"};
 
 const char *kn_method_name(kn_method method) { return names[method]; }
 
-const char *kn_run_effort(const kn_run *run, char text[32])
+const char *kn_run_effort(const kn_run *run, char text[64])
 {
     char passes[16] = "";
     if (run->passes > 1) snprintf(passes, sizeof passes, " x%d", run->passes);
-    if (run->method == KN_METHOD_RK4) snprintf(text, 32, "-");
-    else if (run->iterations == run->iterations_max) snprintf(text, 32, "%d%s", run->iterations, passes);
-    else snprintf(text, 32, "%d..%d to %g%s", run->iterations, run->iterations_max, run->tolerance, passes);
+    if (run->method == KN_METHOD_RK4) snprintf(text, 64, "-");
+    else if (run->iterations == run->iterations_max) snprintf(text, 64, "%d%s", run->iterations, passes);
+    else snprintf(text, 64, "%d..%d to %g%s", run->iterations, run->iterations_max, run->tolerance, passes);
     return text;
 }
 
 const char *kn_run_name(const kn_run *run, char text[96])
 {
     static const char *const roles[] = {"", "reference at the same step: ", "reference: "};
-    char effort[32], lattice[32] = "";
+    char effort[64], lattice[32] = "";
     if (run->spacing_m > 0) snprintf(lattice, sizeof lattice, "%.4g mm, ", 1e3 * run->spacing_m);
     snprintf(text, 96, "%s%s%.4g ms, %s %s, %s", roles[run->role], lattice, 1e3 * run->dt_s, names[run->method],
              run->precision == KN_PRECISION_F64 ? "f64" : "f32", kn_run_effort(run, effort));

@@ -81,6 +81,6 @@ void kn_run_sets_make(kn_run_sets *sets, const kn_run *run);
 const char *kn_run_name(const kn_run *run, char text[96]);
 const char *kn_method_name(kn_method method);
 const char *kn_run_effort(const kn_run *run,
-                          char text[32]); // "8", "to 0.001", "8..24 to 0.001", with " x2" linearisations
+                          char text[64]); // "8", "to 0.001", "8..24 to 0.001", with " x2" linearisations
 
 #endif
