@@ -70,12 +70,21 @@ static void add_external(const kn_model *m, kn_state *state, kn_scratch *s, cons
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
 
+// Products of f32 begin to underflow below this power, and a quotient of them may be anything.
+static double least_w(const kn_model *m) { return m->def.solver.precision == KN_PRECISION_F32 ? 1e-28 : 0; }
+
+// Power below which the object rests and there is nothing to solve.
+static double nothing_of(const kn_model *m, const kn_state *state)
+{
+    return fmax(1e-30 * state->residual_scale, least_w(m));
+}
+
 // From r.z of the residual in place; returns r.z at the end.
 static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double rz, int wanted, kn_output *output)
 {
     const kn_effort *solver = &s->effort;
     double enough = solver->tolerance * solver->tolerance * state->residual_scale;
-    double nothing = 1e-30 * state->residual_scale; // the object rests: nothing to solve
+    double nothing = nothing_of(m, state);
     double beta = 0;
     for (int i = 0; output->iterations < solver->iterations_max; i++, output->iterations++) {
         if ((i >= wanted && rz <= enough) || !(rz > nothing)) return rz;
@@ -94,10 +103,10 @@ static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double 
 // already, and the gradients need not find it again. Half the iterations to the same error; counts as one.
 static double go_on(const kn_model *m, kn_state *state, kn_scratch *s, double rz, kn_output *output)
 {
-    if (!(rz > 1e-30 * state->residual_scale)) return rz; // as iterate: the object rests
+    if (!(rz > nothing_of(m, state))) return rz;
     double rd = m->kernels->recall(m, state), dq = m->kernels->apply(m, state, 0) + kn_foundation_apply(m, s);
     output->iterations++;
-    return m->kernels->update(m, state, dq > 0 ? rd / dq : 0);
+    return m->kernels->update(m, state, dq > least_w(m) ? rd / dq : 0);
 }
 
 static double solve_linear(const kn_model *m, kn_state *state, kn_scratch *s, double rz, bool first, kn_output *output)
@@ -180,6 +189,8 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
             impact = true;
             if (passes < KN_IMPACT_PASSES) passes = KN_IMPACT_PASSES;
         }
+        // a line that leads farther from the law than the first one did leads nowhere: as folded cells fall through
+        if (impact && pass > 0 && !(rz <= start)) break;
         // the law itself is met, not only its straight line
         if (pass > 0 && rz <= s->effort.tolerance * s->effort.tolerance * start) break;
         output->iterations = 0;
