@@ -15,6 +15,7 @@ errors() { cut -d, -f1-11,14-28 "$1" | sort; } # all but the times, and what fol
 sweep --csv here.csv --plot here.png >here 2>here.err
 check "a sweep ends well" [ $? = 0 ]
 check "and says nothing beside its table when nobody watches" [ ! -s here.err ]
+[ ! -s here.err ] || cat here.err
 check "the table has every point" [ "$(grep -c '^10 mm ' here)" = 7 ]
 check "the named points are told" grep -q '^accurate   10 mm, 1 ms, ' here
 check "the picture is one" [ "$(head -c 4 here.png | tail -c 3)" = PNG ]
@@ -52,7 +53,7 @@ if command -v parallel >/dev/null && command -v rsync >/dev/null; then
 while [ "${1#-}" != "$1" ]; do case $1 in -[lpio]) shift ;; esac; shift; done
 shift
 [ "$1" = -- ] && shift
-cd "${0%/*}/there" && HOME=$PWD exec bash -c "$*"
+cd "${0%/*}/there" && HOME=$PWD SHELL=/bin/bash exec bash -c "$*"
 SSH
     chmod +x ssh
     sweep --hosts "$PWD/ssh there" --csv host.csv >host.out
