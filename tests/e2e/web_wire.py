@@ -299,7 +299,7 @@ def another_scene(server, bus):
         until(lambda: told().startswith("ready"))
         if until(lambda: told(pressed=1) and bus.force_n > 0.5, 3):
             break
-    check("a page presses again", bus.force_n > 0.5, bus.force_n, told())
+    check("a page presses again", bus.force_n > 0.5, bus.force_n, told(pressed=1))
     server.kneadd.terminate()
     server.kneadd.wait(10)
     server.serve("jelly.yaml")  # another height, another tool; the button stays down
