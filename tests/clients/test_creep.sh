@@ -2,18 +2,7 @@
 # knead creep: the paper's dough under its loads, an expression with the same parts, a lattice beside it, CSV and PNG;
 # one line for whatever cannot be put on the bench.
 set -u
-failed=0
-fail() { echo "FAIL $1"; failed=1; }
-
-refuses() { # refuses CODE EXPECTED-LINE ARGUMENT...: exactly that line on stderr
-    local code=$1 expected=$2
-    shift 2
-    knead "$@" >out 2>err
-    local status=$?
-    [ $status = "$code" ] && [ "$(cat err)" = "$expected" ] && return
-    fail "knead $*: exit $status, expected $code and: $expected"
-    cat err
-}
+source "$KN_SOURCE/tests/clients/refuses.sh"
 # value ROW COLUMN: of the table on stdout
 value() { awk -v row="$1" -v column="$2" '$1 == row && $2 == "element" { print $column }' out; }
 

@@ -2,17 +2,7 @@
 # knead stability: two families in their quick form, everything right; the same text whatever the number of processes;
 # files; one line for whatever is not an option. The whole of it takes minutes and is run by hand.
 set -u
-failed=0
-fail() { echo "FAIL $1"; failed=1; }
-refuses() { # refuses CODE EXPECTED-LINE ARGUMENT...
-    local code=$1 expected=$2
-    shift 2
-    knead "$@" >out 2>err
-    local status=$?
-    [ $status = "$code" ] && [ "$(cat err)" = "$expected" ] && return
-    fail "knead $*: exit $status, expected $code and: $expected"
-    cat err
-}
+source "$KN_SOURCE/tests/clients/refuses.sh"
 
 knead stability --quick --family bar --csv bar.csv --plot bar.png >two || fail "bar: exit $?"
 knead stability --quick --family bar --jobs 1 >one || fail "bar by one process: exit $?"
