@@ -87,12 +87,9 @@ static bool held_by_other(const kn_model *model, const kn_state *state, int p, i
 // A node ahead of the plate that leaves it behind by itself: a plate that slows down would take back what it has just
 // let go. Nor is a node in its way that is so by the rounding of its displacement alone, after it was held.
 #define ROUNDING 0x1p-20
-static bool gets_away(const kn_model *model, const kn_state *state, int node, double above)
+static bool gets_away(double above, double way, double displacement)
 {
-    double x[3], v[3];
-    kn_state_position(model, state, node, x);
-    kn_state_velocity(model, state, node, v);
-    return above + model->def.solver.dt_s * v[2] <= ROUNDING * fabs(x[2] - model->rest_m[node][2]);
+    return above + way <= ROUNDING * fabs(displacement);
 }
 
 static void find_holds(const kn_model *model, kn_state *state, int p, kn_contact *contact)
@@ -104,14 +101,14 @@ static void find_holds(const kn_model *model, kn_state *state, int p, kn_contact
         kn_hold hold = {.node = model->top[t], .top = t, .probe = p};
         memcpy(hold.velocity_m_s, probe->velocity_m_s, sizeof hold.velocity_m_s);
         if (!held[t]) {
-            double x[3];
+            double x[3], v[3];
             kn_state_position(model, state, hold.node, x);
             if (x[2] <= plane || !under_plate(model, &model->def.probe[p], probe->position_m, x)) continue;
-            if (gets_away(model, state, hold.node, x[2] - plane)) continue;
+            kn_state_velocity(model, state, hold.node, v);
+            if (gets_away(x[2] - plane, dt * v[2], x[2] - model->rest_m[hold.node][2])) continue;
             // deeper past the foot than this step takes the plate it came from the side, risen beside it; under a plate
             // that goes up, deeper than it can have come itself: caught it would be thrown down by a quarter of a cell
-            double down = fmax(0, -probe->velocity_m_s[2]), v[3];
-            kn_state_velocity(model, state, hold.node, v);
+            double down = fmax(0, -probe->velocity_m_s[2]);
             double came = dt * fmax(0, v[2] - probe->velocity_m_s[2]), h = model->def.spacing_m;
             double deepest = probe->velocity_m_s[2] > 0 ? 2 * came + 1e-3 * h : 0.25 * h + dt * down;
             if (x[2] - plane > deepest || held_by_other(model, state, p, t)) continue;

@@ -189,8 +189,6 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
             impact = true;
             if (passes < KN_IMPACT_PASSES) passes = KN_IMPACT_PASSES;
         }
-        // a line that leads farther from the law than the first one did leads nowhere: as folded cells fall through
-        if (impact && pass > 0 && !(rz <= start)) break;
         // the law itself is met, not only its straight line
         if (pass > 0 && rz <= s->effort.tolerance * s->effort.tolerance * start) break;
         output->iterations = 0;
