@@ -1,44 +1,79 @@
 #include "clients/knead/plot.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/output.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 static void (*before)(int); // of SIGPIPE, while a plot is open: one at a time
+static int said = -1;       // what gnuplot writes to its standard error: warnings, and why it ends
+
+static int find_gnuplot(const char *subcommand, const char *path)
+{
+    if (system("command -v gnuplot >/dev/null 2>&1") == 0) return KN_EXIT_OK;
+    return kn_complain(subcommand, KN_EXIT_DEVICE,
+                       "%s: not drawn, gnuplot is not installed; --csv writes the numbers", path);
+}
+
+int kn_plot_try(const char *subcommand, const char *path)
+{
+    int code = find_gnuplot(subcommand, path);
+    return code == KN_EXIT_OK ? kn_output_try(subcommand, path) : code;
+}
 
 FILE *kn_plot_open(const char *subcommand, const char *path, int *code)
 {
+    if ((*code = find_gnuplot(subcommand, path)) != KN_EXIT_OK) return NULL;
     *code = KN_EXIT_DEVICE;
-    if (system("command -v gnuplot >/dev/null 2>&1") != 0) {
-        kn_complain(subcommand, KN_EXIT_DEVICE, "%s: not drawn, gnuplot is not installed; --csv writes the numbers",
-                    path);
-        return NULL;
-    }
     fflush(stdout);
-    int image = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666), terminal = dup(STDOUT_FILENO);
-    if (image < 0 || terminal < 0) {
+    int image = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    int terminal = dup(STDOUT_FILENO), errors = dup(STDERR_FILENO);
+    said = memfd_create("gnuplot", MFD_CLOEXEC);
+    if (image < 0 || terminal < 0 || errors < 0 || said < 0) {
         kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", path, strerror(errno));
         return NULL;
     }
     before = signal(SIGPIPE, SIG_IGN);
     dup2(image, STDOUT_FILENO);
-    FILE *f = popen("gnuplot 2>/dev/null", "w");
+    dup2(said, STDERR_FILENO);
+    FILE *f = popen("exec gnuplot", "w");
     dup2(terminal, STDOUT_FILENO);
+    dup2(errors, STDERR_FILENO);
     close(image);
     close(terminal);
+    close(errors);
     if (!f) kn_plot_close(f, subcommand, path);
     return f;
 }
 
+// How gnuplot ended, and the last line that it said.
+static void explain(int status, char *text, size_t size)
+{
+    char words[4096] = "";
+    ssize_t n = pread(said, words, sizeof words - 1, 0);
+    const char *last = "nothing";
+    for (char *line = n > 0 ? strtok(words, "\n") : NULL; line; line = strtok(NULL, "\n"))
+        if (line[strspn(line, " \t^")]) last = line + strspn(line, " \t");
+    if (status >= 0 && WIFSIGNALED(status)) snprintf(text, size, "ended by signal %d, said: %s", WTERMSIG(status), last);
+    else snprintf(text, size, "exit %d, said: %s", status < 0 ? -1 : WEXITSTATUS(status), last);
+}
+
 int kn_plot_close(FILE *f, const char *subcommand, const char *path)
 {
-    int code = f ? pclose(f) : -1;
+    char why[300] = "";
+    int status = f ? pclose(f) : -1;
+    if (status != 0) explain(status, why, sizeof why);
     signal(SIGPIPE, before);
-    return code == 0 ? KN_EXIT_OK : kn_complain(subcommand, KN_EXIT_DEVICE, "%s: gnuplot could not draw it", path);
+    close(said);
+    said = -1;
+    return status == 0 ? KN_EXIT_OK
+                       : kn_complain(subcommand, KN_EXIT_DEVICE, "%s: gnuplot could not draw it: %s", path, why);
 }
 
 void kn_plot_quote(FILE *f, const char *text)

@@ -2,6 +2,7 @@
 // what is written of it, and what is said about it.
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/output.h"
 #include "core/hash.h"
 #include "server/log.h"
 #include "server/replay.h"
@@ -12,7 +13,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -371,17 +371,11 @@ static void tell(const replay_run *run)
                     log, (long long)t->mismatches, (long long)t->checkpoints, (long long)t->first_mismatch);
 }
 
-static bool same_file(const char *a, const char *b)
-{
-    struct stat x, y;
-    return a && stat(a, &x) == 0 && stat(b, &y) == 0 && x.st_dev == y.st_dev && x.st_ino == y.st_ino;
-}
-
 static int open_outputs(replay_run *run)
 {
     const replay_options *opt = run->opt;
     const char *path = NULL;
-    if (same_file(opt->csv_path, opt->def.log_path) || same_file(opt->out_path, opt->def.log_path))
+    if (kn_output_same(opt->csv_path, opt->def.log_path) || kn_output_same(opt->out_path, opt->def.log_path))
         return kn_complain("replay", KN_EXIT_USAGE, "%s: is being read, expected another file to write",
                            opt->def.log_path);
     if (opt->csv_path && !(run->csv = fopen(opt->csv_path, "w"))) path = opt->csv_path;
