@@ -3,15 +3,12 @@
 #include "clients/knead/complain.h"
 #include "clients/knead/job.h"
 #include "core/hash.h"
-#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/file.h>
 #include <sys/prctl.h>
-#include <sys/stat.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
@@ -24,8 +21,7 @@ static void on_signal(int number) { stopped = number; }
 
 static const char *in_folder(const kn_crew *c, const char *name, const char *ending, char path[PATH_MAX])
 {
-    if (snprintf(path, PATH_MAX, "%s/%s%s", c->folder, name, ending) >= PATH_MAX) *path = '\0';
-    return path;
+    return kn_folder_path(&c->folder, name, ending, path);
 }
 
 static void show(const kn_crew *c, int done, int all, const kn_run *run)
@@ -50,71 +46,6 @@ static bool is_missing(const kn_crew *c, const kn_run *run, bool times)
     missing |= times && run->role == KN_ROLE_POINT && t.sitting == 0;
     kn_trace_free(&t);
     return missing;
-}
-
-// What of an earlier sweep this one cannot go on with, or NULL.
-static const char *compare(const uint64_t now[3], const char *text)
-{
-    static const char *const what[] = {"program", "scene", "log"};
-    unsigned long long then[3];
-    if (sscanf(text, "knead sweep 1\nprogram %llx\nscene %llx\nlog %llx\n", &then[0], &then[1], &then[2]) != 3)
-        return "kind";
-    for (int i = 0; i < 3; i++)
-        if (then[i] != now[i]) return what[i];
-    return NULL;
-}
-
-static bool is_empty(const char *folder)
-{
-    DIR *d = opendir(folder);
-    bool empty = d;
-    for (struct dirent *e; d && (e = readdir(d));) empty &= !strcmp(e->d_name, ".") || !strcmp(e->d_name, "..");
-    if (d) closedir(d);
-    return empty;
-}
-
-// Opens folder/sweep and locks it: two sweeps would play every run twice.
-static int enter(kn_crew *c, const uint64_t now[3])
-{
-    char path[PATH_MAX], text[200] = "";
-    bool fresh = is_empty(c->folder);
-    if (!fresh && access(in_folder(c, "sweep", "", path), F_OK) != 0)
-        return kn_complain("tradeoff", KN_EXIT_USAGE,
-                           "%s: is not a sweep's, expected an empty folder or one of --resume", c->folder);
-    c->lock = open(in_folder(c, "sweep", "", path), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-    if (c->lock < 0 || flock(c->lock, LOCK_EX | LOCK_NB) != 0)
-        return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path,
-                           errno == EWOULDBLOCK ? "another sweep is at work in this folder" : strerror(errno));
-    ssize_t size = read(c->lock, text, sizeof text - 1);
-    const char *other = size > 0 ? compare(now, text) : NULL;
-    if (other)
-        return kn_complain(
-            "tradeoff", KN_EXIT_USAGE,
-            "%s: its runs are of another %s, expected the same program, scene and log, or an empty folder", c->folder,
-            other);
-    if (size > 0) return KN_EXIT_OK;
-    int length = snprintf(text, sizeof text, "knead sweep 1\nprogram %llx\nscene %llx\nlog %llx\n",
-                          (unsigned long long)now[0], (unsigned long long)now[1], (unsigned long long)now[2]);
-    if (write(c->lock, text, (size_t)length) == length) return KN_EXIT_OK;
-    return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
-}
-
-static int make_folder(kn_crew *c)
-{
-    const char *parent = getenv("TMPDIR");
-    if (c->resume) {
-        if ((mkdir(c->resume, 0777) == 0 || errno == EEXIST) && realpath(c->resume, c->folder)) return KN_EXIT_OK;
-        int why = errno;
-        c->folder[0] = '\0';
-        return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s, expected a folder to keep the runs in", c->resume,
-                           strerror(why));
-    }
-    snprintf(c->folder, sizeof c->folder, "%s/knead-sweep-XXXXXX", parent && *parent ? parent : "/tmp");
-    if (mkdtemp(c->folder)) return KN_EXIT_OK;
-    int code = kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s, expected a folder for temporary files", c->folder,
-                           strerror(errno));
-    c->folder[0] = '\0';
-    return code;
 }
 
 static bool write_file(const kn_crew *c, const char *name, const char *ending, const char *text)
@@ -145,7 +76,7 @@ int kn_crew_open(kn_crew *c)
     struct sigaction action = {.sa_handler = on_signal};
     struct timespec now_s;
     uint64_t now[3];
-    c->lock = -1;
+    c->folder = (kn_folder){.lock = -1};
     clock_gettime(CLOCK_REALTIME, &now_s);
     c->sitting = 1000000000 * (int64_t)now_s.tv_sec + now_s.tv_nsec;
     if (!kn_trace_hash(kn_job_program, &now[0]))
@@ -157,30 +88,18 @@ int kn_crew_open(kn_crew *c)
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
     sigaction(SIGHUP, &action, NULL);
-    int code = make_folder(c);
-    if (code == KN_EXIT_OK) code = enter(c, now);
+    int code = kn_folder_open(&c->folder, c->resume, now);
     if (code == KN_EXIT_OK && !write_file(c, "scene", ".yaml", c->plan->text))
-        code = kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", c->folder, strerror(errno));
+        code = kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", c->folder.path, strerror(errno));
     if (code == KN_EXIT_OK) code = try_log(c);
     for (int i = 0; i < c->plan->count && code == KN_EXIT_OK; i++) c->kept += !is_missing(c, &c->plan->run[i], false);
     return code;
 }
 
-static void remove_folder(const kn_crew *c)
-{
-    char path[PATH_MAX];
-    DIR *d = opendir(c->folder);
-    for (struct dirent *e; d && (e = readdir(d));)
-        if (e->d_name[0] != '.') unlink(in_folder(c, e->d_name, "", path));
-    if (d) closedir(d);
-    rmdir(c->folder);
-}
-
 // Dies of the signal that came, if one did: whoever started us sees what ended us.
 void kn_crew_close(kn_crew *c)
 {
-    if (c->lock >= 0) close(c->lock);
-    if (!c->resume && c->folder[0]) remove_folder(c);
+    kn_folder_close(&c->folder);
     if (!stopped) return;
     fflush(stdout);
     signal((int)stopped, SIG_DFL);
@@ -303,7 +222,7 @@ static void become_parallel(const kn_crew *c)
     int null = open("/dev/null", O_RDWR);
     dup2(null, STDIN_FILENO);
     dup2(null, STDOUT_FILENO);
-    if (chdir(c->folder) == 0) execvp("parallel", (char *const *)argv);
+    if (chdir(c->folder.path) == 0) execvp("parallel", (char *const *)argv);
     _exit(127);
 }
 
@@ -335,7 +254,7 @@ static int play_in_parallel(kn_crew *c)
         return kn_complain("tradeoff", KN_EXIT_USAGE,
                            "--hosts: does not send meshes, expected a scene without object.mesh");
     int jobs = write_jobs(c);
-    if (jobs < 0) return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: jobs cannot be written", c->folder);
+    if (jobs < 0) return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: jobs cannot be written", c->folder.path);
     if (jobs == 0) return KN_EXIT_OK;
     pid_t child = fork();
     if (child == 0) become_parallel(c);

@@ -2,7 +2,7 @@
 #define KN_CLIENTS_CREW_H
 // Who replays the runs of a plan, and where their traces are kept.
 //
-//     folder/  sweep                 hashes of program, scene and log: of another sweep's traces nothing can be used
+//     folder/  sweep                 what it is of (folder.h): of another sweep's traces nothing can be used
 //              scene.yaml            the plan's text, which every run is made of
 //              ID.trace              one run, whole (trace.h)
 //              ID.job, log.lcmlog    for processes: what to play on it, where to put the trace; the log for other hosts
@@ -11,18 +11,17 @@
 // count, or by GNU parallel in processes here and on other hosts, where they do not: then the points are replayed once
 // more, one at a time, for their times alone. At the end every point is timed a second time, and the better time
 // counts.
+#include "clients/knead/folder.h"
 #include "clients/knead/plan.h"
 #include "clients/knead/trace.h"
-#include <limits.h>
 
 typedef struct kn_crew {
     const kn_plan *plan;
     const char *resume;  // folder that stays; NULL: a temporary one
     int jobs;            // processes here, or on each host; 0: parallel's default, as many as there are processors
     const char *hosts;   // as parallel --sshlogin takes them, ":" is this machine; NULL: this machine alone
-    char folder[PATH_MAX];
+    kn_folder folder;
     uint64_t program;
-    int lock;            // descriptor of folder/sweep, -1: none
     int64_t sitting;
     int kept;            // runs found done
     int timed, unsteady; // points timed in this sitting; those whose two times differ by more than 15 %
