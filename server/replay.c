@@ -140,7 +140,7 @@ static bool scan(kn_replay *r, const char *path, char *error, size_t error_size)
     r->forces_logged = v->forces > 0;
     kn_log_close(&log);
     if (v->forces > 0 || v->first_pose_utime >= 0) return true;
-    snprintf(error, error_size, "%s: %s%sholds no poses and no forces (%lld records)", path, r->damage,
+    snprintf(error, error_size, "%s: %s%sholds no poses and no forces (%lld records), expected a hand's", path, r->damage,
              r->damage[0] ? "; " : "", (long long)v->records);
     return false;
 }
@@ -150,6 +150,8 @@ static bool scan(kn_replay *r, const char *path, char *error, size_t error_size)
 static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     reading *v = r->private;
+    r->logged_name = v->scene_name;
+    r->logged_text = v->scene_text;
     if (def->scene_path) r->scene = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
     else if (!v->scene_text)
         snprintf(error, error_size, "%s: holds no KNEAD_SCENE record, name the scene", def->log_path);

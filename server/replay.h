@@ -58,6 +58,7 @@ typedef struct kn_replay {
     kn_replay_tally tally;
     bool forces_logged; // the log holds forces: exact
     bool same;          // scene and computation are the log's own, so its numbers can be demanded back
+    const char *logged_name, *logged_text; // the scene that the log holds, NULL: none
     char damage[160];   // "" or what is wrong with the file; what stands before it is used
     struct kn_replay_private *private;
 } kn_replay;

@@ -2,6 +2,7 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/job.h"
+#include "clients/knead/origin.h"
 #include "core/hash.h"
 #include <errno.h>
 #include <fcntl.h>
@@ -64,9 +65,10 @@ static int try_log(const kn_crew *c)
     kn_run_sets_make(&sets, &c->plan->run[0]);
     kn_replay_def def = {c->plan->log_path, in_folder(c, "scene.yaml", "", scene), sets.set, sets.count, true};
     kn_replay *replay = kn_replay_create(&def, error, sizeof error);
+    bool fit = replay && kn_origin_check(replay, c->plan, error, sizeof error);
     kn_replay_destroy(replay);
     static const char ours[] = "scene.yaml: "; // to whom the command was given the scene has another name
-    if (replay) return KN_EXIT_OK;
+    if (fit) return KN_EXIT_OK;
     if (strncmp(error, ours, sizeof ours - 1) != 0) return kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
     return kn_complain("tradeoff", KN_EXIT_USAGE, "%s: %s", c->plan->scene_path, error + sizeof ours - 1);
 }
