@@ -92,7 +92,7 @@ static void read_probe(tick *t, int p)
 }
 
 // A tolerance decides what a step takes between its least and its most iterations: neither may be more.
-static bool cheaper(const kn_effort *a, const kn_effort *b)
+bool kn_servo_cheaper(const kn_effort *a, const kn_effort *b)
 {
     int least = a->passes * a->iterations - b->passes * b->iterations;
     int most = a->passes * a->iterations_max - b->passes * b->iterations_max;
@@ -104,7 +104,7 @@ static kn_quality next_lower(const kn_servo *servo)
 {
     const kn_point *point = servo->scene->point;
     for (int q = (int)servo->quality - 1; q >= 0; q--)
-        if (point[q].live && cheaper(&point[q].effort, &point[servo->quality].effort)) return (kn_quality)q;
+        if (point[q].live && kn_servo_cheaper(&point[q].effort, &point[servo->quality].effort)) return (kn_quality)q;
     return servo->quality;
 }
 

@@ -94,6 +94,9 @@ typedef struct kn_servo { // plain data but for the backend
 // Borrows all three. The backend's object is as new; ticks may start at any number.
 void kn_servo_init(kn_servo *servo, const kn_scene *scene, const kn_model *model, kn_backend *backend);
 
+// Whether a server that is late takes a for b: less at least or at most, and neither is more.
+bool kn_servo_cheaper(const kn_effort *a, const kn_effort *b);
+
 // One tick. Real-time safe: no allocation, lock or I/O.
 void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out);
 

@@ -1,14 +1,15 @@
 #include "clients/knead/front.h"
 #include "clients/knead/felt.h"
+#include "server/servo.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-static const struct {
-    double force, shape;
-} bounds[KN_QUALITY_OWN] = {[KN_QUALITY_FAST] = {0.03, 0.03},
-                            [KN_QUALITY_BALANCED] = {0.005, 0.01},
-                            [KN_QUALITY_ACCURATE] = {0.001, 0.002}};
+#define SLACK 1.1 // over the least excess, where no point is within the bounds
+
+const kn_bound kn_front_bounds[KN_QUALITY_OWN] = {[KN_QUALITY_FAST] = {0.03, 0.03},
+                                                  [KN_QUALITY_BALANCED] = {0.005, 0.01},
+                                                  [KN_QUALITY_ACCURATE] = {0.001, 0.002}};
 
 typedef double (*measure)(const kn_trace *a, const kn_trace *b);
 
@@ -128,12 +129,16 @@ const kn_row *kn_front_pick(const kn_front *front, double budget_us)
 
 // ---- the named points
 
-// Whether a server takes a for less work than b: servo.c's order of points.
-static bool is_less_work(const kn_run *a, const kn_run *b)
+static kn_linearization linearization_of(const kn_run *run)
 {
-    int every[2] = {a->passes * a->iterations, b->passes * b->iterations};
-    int most[2] = {a->passes * a->iterations_max, b->passes * b->iterations_max};
-    return every[0] < every[1] || (every[0] == every[1] && most[0] < most[1]);
+    return run->method == KN_METHOD_SECANT    ? KN_LINEARIZATION_SECANT
+           : run->method == KN_METHOD_TANGENT ? KN_LINEARIZATION_TANGENT
+                                              : KN_LINEARIZATION_BLEND;
+}
+
+static kn_effort effort_of(const kn_run *run)
+{
+    return (kn_effort){run->iterations, run->iterations_max, run->tolerance, run->passes, linearization_of(run)};
 }
 
 static bool is_candidate(const kn_row *r, const kn_plan *plan)
@@ -146,25 +151,67 @@ static bool is_candidate(const kn_row *r, const kn_plan *plan)
            (run->spacing_m == 0 || run->spacing_m == def->spacing_m);
 }
 
-// below: the point that it must be more work than, and better, NULL: none.
+// below: the point that it must be more work than, and nearer, NULL: none.
+static bool may_follow(const kn_row *r, const kn_plan *plan, const kn_row *below)
+{
+    if (!is_candidate(r, plan)) return false;
+    if (!below) return true;
+    kn_effort a = effort_of(below->run), b = effort_of(r->run);
+    return kn_servo_cheaper(&a, &b) && r->force.solver < below->force.solver;
+}
+
+double kn_front_excess(const kn_row *r, kn_quality q)
+{
+    double force = r->force.solver / kn_front_bounds[q].force, shape = r->shape.solver / kn_front_bounds[q].shape;
+    return fmax(fmax(force, shape), r->jump_n / (KN_JUMP * r->reference_jump_n));
+}
+
+// Of two that cost the same.
+static bool is_simpler(const kn_row *a, const kn_row *b, const kn_plan *plan)
+{
+    const kn_run *x = a->run, *y = b->run;
+    int most = x->passes * x->iterations_max - y->passes * y->iterations_max;
+    int every = x->passes * x->iterations - y->passes * y->iterations;
+    if (most != 0) return most < 0;
+    if (every != 0) return every < 0;
+    kn_linearization own = plan->scene->model.solver.linearization;
+    bool own_a = linearization_of(x) == own, own_b = linearization_of(y) == own;
+    return own_a != own_b ? own_a : a->force.solver < b->force.solver;
+}
+
 static const kn_row *name_one(const kn_front *front, const kn_plan *plan, kn_quality q, const kn_row *below)
 {
-    const kn_row *cheapest = NULL, *nearest = NULL;
+    double least_excess = INFINITY, least_us = INFINITY;
+    const kn_row *named = NULL;
+    for (int i = 0; i < front->count; i++)
+        if (may_follow(&front->row[i], plan, below))
+            least_excess = fmin(least_excess, kn_front_excess(&front->row[i], q));
+    double most_excess = fmax(1, SLACK * least_excess);
     for (int i = 0; i < front->count; i++) {
         const kn_row *r = &front->row[i];
-        if (!is_candidate(r, plan)) continue;
-        if (below && !(is_less_work(below->run, r->run) && r->force.solver < below->force.solver)) continue;
-        if (!nearest || r->force.solver < nearest->force.solver) nearest = r;
-        bool good = r->force.solver <= bounds[q].force && r->shape.solver <= bounds[q].shape;
-        if (good && (!cheapest || r->p90_us < cheapest->p90_us)) cheapest = r;
+        if (may_follow(r, plan, below) && kn_front_excess(r, q) <= most_excess) least_us = fmin(least_us, r->p90_us);
     }
-    return cheapest ? cheapest : nearest ? nearest : below;
+    for (int i = 0; i < front->count; i++) {
+        const kn_row *r = &front->row[i];
+        if (!may_follow(r, plan, below) || kn_front_excess(r, q) > most_excess) continue;
+        if (r->p90_us <= KN_NOISE * least_us && (!named || is_simpler(r, named, plan))) named = r;
+    }
+    return named ? named : below;
 }
 
 void kn_front_name(const kn_front *front, const kn_plan *plan, const kn_row *named[KN_QUALITY_OWN])
 {
     const kn_row *below = NULL;
     for (kn_quality q = KN_QUALITY_FAST; q < KN_QUALITY_OWN; q++) below = named[q] = name_one(front, plan, q, below);
+}
+
+const kn_row *kn_front_elsewhere(const kn_front *front, const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN])
+{
+    const kn_row *r = kn_front_pick(front, 1e6 * plan->scene->budget_s);
+    if (!r || is_candidate(r, plan)) return NULL;
+    for (kn_quality q = 0; q < KN_QUALITY_OWN; q++)
+        if (named[q] && named[q]->force.all <= r->force.all) return NULL;
+    return r;
 }
 
 // ---- CSV

@@ -45,15 +45,30 @@ bool kn_front_make(kn_front *front, const kn_plan *plan, const kn_trace *traces)
 const kn_row *kn_front_pick(const kn_front *front, double budget_us);
 
 // Named points, on the scene's lattice, step and precision, so that a server may go from one to another while it runs.
-// Each is the cheapest by its p90, since a server is late by its slow ticks, that neither chatters nor latches, fits the
-// scene's budget_s, and has no larger error of the solver than
+// A candidate neither chatters nor latches and fits the scene's budget_s by its p90, since a server is late by its slow
+// ticks. Errors first: of the candidates that are more work than the name before, as the server counts it, and nearer,
+// those within the bounds
 //
 //     fast 3 % of force, 3 % of shape       balanced 0.5 %, 1 %       accurate 0.1 %, 0.2 %
+//     and no force that jumps by more than twice the converged one's
 //
-// and balanced and accurate are more work than the one before as the server counts it: iterations of every step, then
-// at most. Where none is that accurate, the name gets the most accurate; where none is better, the one before. NULL:
-// none fits.
+// or, where there is none, within 1.1 times the least excess of any. Of these the cheapest, times up to KN_NOISE times
+// the least being equal: then fewer iterations at most, then in every step, then the scene's own linearisation. Where
+// no candidate is more work and nearer, the name before. NULL: none fits the budget.
+#define KN_NOISE 1.25 // times of one point on a machine that does other work, too
 void kn_front_name(const kn_front *front, const kn_plan *plan, const kn_row *named[KN_QUALITY_OWN]);
+
+// What a name wants, 1: just so. Force, shape: for the report.
+double kn_front_excess(const kn_row *row, kn_quality quality);
+typedef struct kn_bound {
+    double force, shape;
+} kn_bound;
+extern const kn_bound kn_front_bounds[KN_QUALITY_OWN];
+#define KN_JUMP 2.0
+
+// The pick for the scene's budget_s where it is nearer than the named points, but no candidate: another lattice, step
+// or precision, which only the scene itself can have. NULL: there is none.
+const kn_row *kn_front_elsewhere(const kn_front *front, const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN]);
 
 bool kn_front_csv(const kn_front *front, FILE *f);
 

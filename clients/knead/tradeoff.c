@@ -4,16 +4,14 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/crew.h"
-#include "clients/knead/graft.h"
 #include "clients/knead/job.h"
+#include "clients/knead/output.h"
+#include "clients/knead/plot.h"
+#include "clients/knead/points.h"
 #include "clients/knead/tradeoff_options.h"
-#include "core/scene/words.h"
 #include <errno.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 typedef struct sweep {
     kn_tradeoff_options opt;
@@ -87,79 +85,6 @@ static bool make_plan(sweep *s, char *error, size_t error_size)
     return added && kn_plan_references(&s->plan, error, error_size);
 }
 
-// ---- the three points, into the scene
-
-static char *quality_block(const sweep *s)
-{
-    char *text = calloc(1, 1024);
-    int n = text ? snprintf(text, 1024, "quality:  # by knead tradeoff: time and error of the solver\n") : 0;
-    if (text && s->plan.scene->quality != KN_QUALITY_OWN)
-        n += snprintf(text + n, 1024 - (size_t)n, "  chosen: %s\n", kn_quality_name(s->plan.scene->quality));
-    for (kn_quality q = 0; text && q < KN_QUALITY_OWN; q++) {
-        const kn_row *r = s->named[q];
-        if (!r) continue;
-        n += snprintf(text + n, 1024 - (size_t)n,
-                      "  %s: {iterations: %d, iterations_max: %d, tolerance: %g, passes: %d, linearization: %s}"
-                      "  # %.0f us, force %.2g %%, shape %.2g %%\n",
-                      kn_quality_name(q), r->run->iterations, r->run->iterations_max, r->run->tolerance, r->run->passes,
-                      kn_method_name(r->run->method), r->median_us, 100 * r->force.solver, 100 * r->shape.solver);
-    }
-    return text;
-}
-
-// Whether text is the scene it was, but for its quality.
-static bool is_same_scene(const sweep *s, const char *path, const char *text, char *error, size_t error_size)
-{
-    kn_scene *scene = kn_scene_parse_beside(path, path, text, strlen(text), NULL, 0, error, error_size);
-    char *now = scene ? kn_graft(scene->text, "quality", "", error, error_size) : NULL;
-    bool same = now && !strcmp(now, s->plan.text);
-    if (now && !same) snprintf(error, error_size, "the scene has changed meanwhile");
-    free(now);
-    kn_scene_destroy(scene);
-    return same;
-}
-
-// A file of the same rights beside it, then renamed over it: whoever reads has the old scene or the new one.
-static bool replace(const char *path, const char *text)
-{
-    char half[PATH_MAX];
-    struct stat old;
-    if (snprintf(half, sizeof half, "%s.%d", path, (int)getpid()) >= PATH_MAX || stat(path, &old) != 0) return false;
-    FILE *f = fopen(half, "w");
-    if (!f) return false;
-    bool ok =
-        fchmod(fileno(f), old.st_mode & 07777) == 0 && fputs(text, f) >= 0 && fflush(f) == 0 && fsync(fileno(f)) == 0;
-    ok = fclose(f) == 0 && ok && rename(half, path) == 0;
-    if (!ok) unlink(half);
-    return ok;
-}
-
-static int write_points(const sweep *s)
-{
-    char error[512] = "not enough memory", path[PATH_MAX];
-    size_t size;
-    if (!s->named[0])
-        return kn_complain("tradeoff", KN_EXIT_FAILED,
-                           "--write: no point of the scene's lattice, step and precision has a "
-                           "p90 of %g us or less",
-                           1e6 * s->plan.scene->budget_s);
-    if (!realpath(s->opt.scene, path)) return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
-    unsigned char *bytes = kn_words_load(path, &size, error, sizeof error);
-    char *old = bytes ? realloc(bytes, size + 1) : NULL, *block = quality_block(s);
-    if (old) old[size] = '\0';
-    char *text = old && block ? kn_graft(old, "quality", block, error, sizeof error) : NULL;
-    int code = KN_EXIT_OK;
-    if (!text || !is_same_scene(s, path, text, error, sizeof error))
-        code = kn_complain("tradeoff", KN_EXIT_USAGE, "--write: %s", error);
-    else if (!replace(path, text))
-        code = kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s, not written", path, strerror(errno));
-    else printf("wrote fast, balanced and accurate into %s\n", s->opt.scene);
-    free(text);
-    free(block);
-    free(old ? old : (char *)bytes);
-    return code;
-}
-
 // ---- the report
 
 static void print_begin(const sweep *s)
@@ -190,15 +115,44 @@ static void print_times(const sweep *s)
 
 static void print_named(const sweep *s)
 {
+    double budget_us = 1e6 * s->plan.scene->budget_s;
     for (kn_quality q = 0; q < KN_QUALITY_OWN; q++) {
         const kn_row *r = s->named[q];
         char name[96];
-        if (!r)
-            printf("%-10s none: no point's p90 is %g us or less\n", kn_quality_name(q), 1e6 * s->plan.scene->budget_s);
+        printf("%-10s ", kn_quality_name(q));
+        if (!r) printf("none: no point's p90 is %g us or less", budget_us);
+        else if (q > 0 && r == s->named[q - 1])
+            printf("the same as %s: no point within %g us that is more work is nearer", kn_quality_name(q - 1),
+                   budget_us);
         else
-            printf("%-10s %s: %.0f us, p90 %.0f us, force %.2g %%, shape %.2g %% of the solver\n", kn_quality_name(q),
-                   kn_run_name(r->run, name), r->median_us, r->p90_us, 100 * r->force.solver, 100 * r->shape.solver);
+            printf("%s: %.0f us, p90 %.0f us, force %.2g %%, shape %.2g %% of the solver", kn_run_name(r->run, name),
+                   r->median_us, r->p90_us, 100 * r->force.solver, 100 * r->shape.solver);
+        if (r && kn_front_excess(r, q) > 1)
+            printf("; MISSED: %g %%, %g %% and a jump of %.2g N/ms at most", 100 * kn_front_bounds[q].force,
+                   100 * kn_front_bounds[q].shape, KN_JUMP * r->reference_jump_n);
+        putchar('\n');
     }
+}
+
+// How to have a point that has no name.
+static void print_sets(const sweep *s, const kn_row *r)
+{
+    kn_run_sets sets;
+    kn_run_sets_make(&sets, r->run);
+    if (s->plan.scene->quality != KN_QUALITY_OWN) printf(" --quality own");
+    for (int i = 0; i < sets.count; i++) printf(" --set '%s'", sets.set[i]);
+    putchar('\n');
+}
+
+static void print_elsewhere(const sweep *s)
+{
+    char name[96];
+    const kn_row *r = kn_front_elsewhere(&s->front, &s->plan, s->named);
+    if (!r) return;
+    printf("no name    %s: p90 %.0f us, force %.3g %% in all, nearer than they are; a server changes neither lattice, "
+           "step nor precision:",
+           kn_run_name(r->run, name), r->p90_us, 100 * r->force.all);
+    print_sets(s, r);
 }
 
 static int pick(const sweep *s)
@@ -208,14 +162,18 @@ static int pick(const sweep *s)
     if (!r)
         return kn_complain("tradeoff", KN_EXIT_FAILED,
                            "--budget-us %g: no point that may be used has a p90 of that or less", s->opt.budget_us);
-    kn_run_sets sets;
-    kn_run_sets_make(&sets, r->run);
     printf("%g us     %s: p90 %.0f us, force %.3g %%, shape %.3g %% in all\n          ", s->opt.budget_us,
            kn_run_name(r->run, name), r->p90_us, 100 * r->force.all, 100 * r->shape.all);
-    if (s->plan.scene->quality != KN_QUALITY_OWN) printf(" --quality own");
-    for (int i = 0; i < sets.count; i++) printf(" --set '%s'", sets.set[i]);
-    putchar('\n');
+    print_sets(s, r);
     return KN_EXIT_OK;
+}
+
+static int write_points(const sweep *s)
+{
+    if (s->named[0]) return kn_points_write(&s->plan, s->named);
+    return kn_complain("tradeoff", KN_EXIT_FAILED,
+                       "--write: no point of the scene's lattice, step and precision has a p90 of %g us or less",
+                       1e6 * s->plan.scene->budget_s);
 }
 
 static int write_csv(const sweep *s)
@@ -236,21 +194,38 @@ static int report(sweep *s)
     kn_chart_print(&s->front, &s->plan, s->named);
     print_times(s);
     print_named(s);
+    print_elsewhere(s);
     int code = s->opt.csv ? write_csv(s) : KN_EXIT_OK;
     if (code == KN_EXIT_OK && s->opt.plot) code = kn_chart_draw(&s->front, &s->plan, s->named, s->opt.plot);
     if (code == KN_EXIT_OK && s->opt.write) code = write_points(s);
     return code == KN_EXIT_OK && s->opt.budget_us > 0 ? pick(s) : code;
 }
 
+// What will be written, before the hours of work that it would be the end of.
+static int try_files(const sweep *s)
+{
+    const kn_tradeoff_options *opt = &s->opt;
+    const char *const outputs[] = {opt->csv, opt->plot};
+    for (int i = 0; i < 2; i++)
+        if (kn_output_same(outputs[i], opt->log) || kn_output_same(outputs[i], opt->scene))
+            return kn_complain("tradeoff", KN_EXIT_USAGE, "%s: is being read, expected another file to write",
+                               outputs[i]);
+    int code = opt->csv ? kn_output_try("tradeoff", opt->csv) : KN_EXIT_OK;
+    if (code == KN_EXIT_OK && opt->plot) code = kn_plot_try("tradeoff", opt->plot);
+    return code == KN_EXIT_OK && opt->write ? kn_points_try(&s->plan) : code;
+}
+
 static int run(sweep *s)
 {
     char error[512];
     if (!make_plan(s, error, sizeof error)) return kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
+    int code = try_files(s);
+    if (code != KN_EXIT_OK) return code;
     s->crew.plan = &s->plan;
     s->crew.resume = s->opt.resume;
     s->crew.jobs = s->opt.jobs;
     s->crew.hosts = s->opt.hosts;
-    int code = kn_crew_open(&s->crew);
+    code = kn_crew_open(&s->crew);
     if (code == KN_EXIT_OK) print_begin(s);
     if (code == KN_EXIT_OK) code = kn_crew_play(&s->crew);
     if (code == KN_EXIT_OK) code = kn_crew_load(&s->crew, s->traces);

@@ -10,8 +10,9 @@
 
 static const char help[] =
     "usage: knead tradeoff SCENE LOG [OPTION]...\n\n"
-    "Plays a log (knead probe --record) on the scene at many points of speed against accuracy, each through the\n"
-    "daemon's own servo, and compares them with references in double precision: a table, and three named points.\n\n"
+    "Plays a whole log of this scene (knead probe --record) on it at many points of speed against accuracy, each\n"
+    "through the daemon's own servo, and compares them with references in double precision: a table, and three\n"
+    "named points.\n\n"
     "    knead tradeoff dough.yaml press.lcmlog --plot tradeoff.png    some minutes; --quick: under one\n"
     "    knead tradeoff dough.yaml press.lcmlog --budget-us 300        the most accurate that takes no longer\n"
     "    knead tradeoff dough.yaml press.lcmlog --write                fast, balanced, accurate for --quality\n\n"
@@ -53,10 +54,12 @@ static const char help[] =
     "  TV/pk    total variation over the reference's peak; `chatters` above 1.3 times the reference's. `latched`:\n"
     "           the output stage took the force away where the reference kept it. Neither is ever picked\n"
     "fast, balanced, accurate: on the scene's lattice, step and precision, so that a server can change between\n"
-    "them, the cheapest point (by p90) whose error of the solver is at most 3 % of force and 3 % of shape; 0.5 and\n"
-    "1 %; 0.1 and 0.2 %, which is within solver.budget (0.8 ms), and which a server takes for more work than\n"
-    "the one before: more iterations in every step, or as many and more at most. Where none is that accurate, the\n"
-    "most accurate.\n\n"
+    "them, the cheapest point (by p90; times up to 25 % apart are equal, and fewer iterations then count) whose\n"
+    "error of the solver is at most 3 % of force and 3 % of shape; 0.5 and 1 %; 0.1 and 0.2 %, whose force jumps\n"
+    "by at most twice the converged one's, which is within solver.budget (0.8 ms), and which a server takes for\n"
+    "more work than the one before: more iterations in every step or at most, and neither fewer. Where none is\n"
+    "that accurate, the cheapest of the most accurate, and MISSED says so; `no name` tells what is nearer, but\n"
+    "would take another lattice, step or precision.\n\n"
     "Exit codes: 0 ok, 1 no point within the budget, 2 bad input, 3 a file, gnuplot, parallel or a host refuses.\n";
 
 static int bad(const char *option, const char *text, const char *expected)

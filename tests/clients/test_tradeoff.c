@@ -4,6 +4,7 @@
 #include "server/wire.h"
 #include "tests/check.h"
 #include <fcntl.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #define SCENE KN_SOURCE_DIR "/core/scenes/dough-small.yaml"
@@ -143,6 +144,89 @@ TEST("a log whose tool stays above the object has nothing to compare")
     CHECK(RUN(SMALL, "--iterations", "8") == KN_EXIT_USAGE && said("its tools never touch the object"));
 }
 
+static void copy_part(const char *from, const char *to, long size)
+{
+    static char bytes[1 << 20];
+    FILE *in = fopen(from, "rb"), *out = fopen(to, "wb");
+    size_t n = fread(bytes, 1, size ? (size_t)size : sizeof bytes, in);
+    fwrite(bytes, 1, n, out);
+    fclose(in), fclose(out);
+}
+
+// The log of record, with the scene that it is said to be of.
+static void record_with(const char *path, const char *name, const char *text)
+{
+    lcm_eventlog_t *log = lcm_eventlog_create(path, "a");
+    knead_scene_t m = {.version = (char *)"0.1.0", .name = (char *)name, .text = (char *)text, .text_hash = 1};
+    uint8_t bytes[8192];
+    int size = knead_scene_t_encode(bytes, 0, sizeof bytes, &m);
+    CHECK(size > 0 && kn_log_write(log, 1700000002000000, "KNEAD_SCENE", bytes, (size_t)size));
+    lcm_eventlog_destroy(log);
+}
+
+TEST("a log that is cut, or of another scene, is refused in one line before anything is played")
+{
+    char error[512];
+    record("tradeoff.lcmlog", 0.003);
+    copy_part("tradeoff.lcmlog", "whole", 0);
+    copy_part("whole", "tradeoff.lcmlog", 90001);
+    CHECK(RUN(SMALL, "--iterations", "8") == KN_EXIT_USAGE && said("tradeoff.lcmlog: cut within a record at byte"));
+    CHECK(said("complete records, expected a whole log of one run") && !said("runs "));
+
+    kn_scene *jelly = kn_scene_load(KN_SOURCE_DIR "/core/scenes/jelly.yaml", NULL, 0, error, sizeof error);
+    record("tradeoff.lcmlog", 0.003);
+    record_with("tradeoff.lcmlog", "jelly.yaml", jelly->text);
+    kn_scene_destroy(jelly);
+    CHECK(RUN(SMALL, "--iterations", "8") == KN_EXIT_USAGE && !said("runs "));
+    CHECK(said("tradeoff.lcmlog: was recorded with another scene, 'jelly.yaml', expected one of dough-small.yaml"));
+
+    // of this one, by another solver and with a point: the hand is what counts
+    const char *const sets[] = {"solver.iterations=9", "quality.fast.iterations=3"};
+    kn_scene *dough = kn_scene_load(SCENE, sets, 2, error, sizeof error);
+    record("tradeoff.lcmlog", 0.003);
+    record_with("tradeoff.lcmlog", "dough-small.yaml", dough->text);
+    kn_scene_destroy(dough);
+    CHECK(RUN(SMALL, "--quick", "--iterations", "8") == KN_EXIT_OK);
+}
+
+TEST("files that cannot be written are refused before anything is played, and what they hold stays")
+{
+    record("tradeoff.lcmlog", 0.003);
+    CHECK(RUN(SMALL, "--csv", "/nosuch/t.csv") == KN_EXIT_DEVICE && said("/nosuch/t.csv: No such file") && !said("runs"));
+    CHECK(RUN(SMALL, "--plot", "/nosuch/t.png") == KN_EXIT_DEVICE && said("/nosuch/t.png: ") && !said("runs"));
+    CHECK(RUN(SMALL, "--csv", "tradeoff.lcmlog") == KN_EXIT_USAGE && said("tradeoff.lcmlog: is being read"));
+    CHECK(system("rm -f new.csv && echo mine >old.csv && cp tradeoff.lcmlog whole && head -c 90001 whole "
+                 ">tradeoff.lcmlog") == 0);
+    CHECK(RUN(SMALL, "--csv", "new.csv") == KN_EXIT_USAGE && access("new.csv", F_OK) != 0);
+    CHECK(RUN(SMALL, "--csv", "old.csv") == KN_EXIT_USAGE && system("grep -qx mine old.csv") == 0);
+    CHECK(RUN("--write") == KN_EXIT_USAGE && said("cut within a record"));
+    record("tradeoff.lcmlog", 0.003);
+}
+
+TEST("folders that killed sweeps left are removed by the next one; one at work, and one to keep, are not")
+{
+    CHECK(system("rm -rf tmp && mkdir -p tmp/knead-sweep-killed tmp/knead-sweep-atwork tmp/knead-sweep-kept") == 0);
+    static const char *const sweep = "knead sweep 1\nprogram 1\nscene 2\nlog 3\n";
+    char text[200];
+    static const char *const folders[] = {"killed", "atwork", "kept"};
+    for (int i = 0; i < 3; i++) {
+        snprintf(text, sizeof text, "tmp/knead-sweep-%s/sweep", folders[i]);
+        FILE *f = fopen(text, "w");
+        fprintf(f, "%s%s", sweep, i < 2 ? "temporary\n" : "");
+        fclose(f);
+    }
+    CHECK(system("touch tmp/knead-sweep-killed/0.trace") == 0);
+    int busy = open("tmp/knead-sweep-atwork/sweep", O_RDONLY | O_CLOEXEC);
+    CHECK(flock(busy, LOCK_EX) == 0);
+    setenv("TMPDIR", "tmp", 1);
+    CHECK(RUN(SMALL, "--quick", "--iterations", "8") == KN_EXIT_OK);
+    unsetenv("TMPDIR");
+    close(busy);
+    CHECK(access("tmp/knead-sweep-killed", F_OK) != 0);
+    CHECK(access("tmp/knead-sweep-atwork/sweep", F_OK) == 0 && access("tmp/knead-sweep-kept/sweep", F_OK) == 0);
+    CHECK(system("[ $(ls tmp | wc -l) = 2 ]") == 0);
+}
+
 TEST("bad options are refused")
 {
     static const char *const bad[][3] = {{"--iterations", "0", "expected at most 32 whole numbers"},
@@ -213,39 +297,123 @@ TEST("the budget is the p90's, and what chatters or latches is never picked")
     CHECK(!kn_front_pick(&front, 60));
 }
 
+// Points of the scene's own lattice, step and precision: so many iterations in every step, and at most.
+typedef struct naming {
+    kn_scene scene;
+    kn_plan *plan;
+    kn_run run[8];
+    kn_front front;
+    const kn_row *named[KN_QUALITY_OWN];
+} naming;
+
+static void begin(naming *n)
+{
+    memset(n, 0, sizeof *n);
+    n->scene.model = kn_model_def_default();
+    n->scene.budget_s = 8e-4;
+    n->plan = calloc(1, sizeof *n->plan);
+    n->plan->scene = &n->scene;
+}
+
+static kn_row *add(naming *n, int iterations, int most, double us, double solver)
+{
+    kn_run *run = &n->run[n->front.count];
+    kn_row *row = &n->front.row[n->front.count++];
+    *run = (kn_run){.spacing_m = n->scene.model.spacing_m, .dt_s = n->scene.model.solver.dt_s, .passes = 1,
+                    .precision = n->scene.model.solver.precision, .iterations = iterations, .iterations_max = most};
+    *row = point(run, us, solver, solver);
+    row->jump_n = row->reference_jump_n = 1;
+    return row;
+}
+
+static void name(naming *n) { kn_front_name(&n->front, n->plan, n->named); }
+
 TEST("the named points are the cheapest that are accurate enough, on the scene's own lattice, step and precision")
 {
-    static kn_front front;
-    kn_scene scene = {.model = kn_model_def_default(), .budget_s = 8e-4};
-    kn_plan *plan = calloc(1, sizeof *plan);
-    plan->scene = &scene;
-    kn_run run[5];
-    for (int i = 0; i < 5; i++)
-        run[i] = (kn_run){.spacing_m = scene.model.spacing_m, .dt_s = scene.model.solver.dt_s, .passes = 1,
-                          .precision = scene.model.solver.precision, .iterations = 4 * i, .iterations_max = 12 * i};
-    run[0].spacing_m *= 2;
-    front.count = 5;
-    front.row[0] = point(&run[0], 10, 0.0001, 0.2);
-    front.row[1] = point(&run[1], 60, 0.02, 0.02);
-    front.row[2] = point(&run[2], 90, 0.004, 0.004);
-    front.row[3] = point(&run[3], 80, 0.02, 0.02);
-    front.row[4] = point(&run[4], 300, 0.0005, 0.0005);
-    const kn_row *named[KN_QUALITY_OWN];
-    kn_front_name(&front, plan, named);
-    CHECK(named[KN_QUALITY_FAST] == &front.row[1]);
-    CHECK(named[KN_QUALITY_BALANCED] == &front.row[2]);
-    CHECK(named[KN_QUALITY_ACCURATE] == &front.row[4]);
-    scene.budget_s = 2e-4; // none is that accurate: the nearest, and the others less work than that
-    kn_front_name(&front, plan, named);
-    CHECK(named[KN_QUALITY_ACCURATE] == &front.row[2]);
-    CHECK(named[KN_QUALITY_BALANCED] == &front.row[2] && named[KN_QUALITY_FAST] == &front.row[1]);
-    front.row[2].force.solver = 0.5; // more work, and worse: nothing for a name
-    kn_front_name(&front, plan, named);
-    CHECK(named[KN_QUALITY_BALANCED] == &front.row[1] && named[KN_QUALITY_ACCURATE] == &front.row[1]);
-    scene.budget_s = 1e-5;
-    kn_front_name(&front, plan, named);
-    CHECK(!named[KN_QUALITY_FAST] && !named[KN_QUALITY_ACCURATE]);
-    free(plan);
+    static naming n;
+    begin(&n);
+    add(&n, 2, 2, 10, 0.0001);
+    n.run[0].spacing_m *= 2;
+    const kn_row *one = add(&n, 4, 12, 60, 0.02), *two = add(&n, 8, 24, 90, 0.004);
+    add(&n, 12, 36, 80, 0.02);
+    const kn_row *four = add(&n, 16, 48, 300, 0.0005);
+    name(&n);
+    CHECK(n.named[0] == one && n.named[1] == two && n.named[2] == four);
+    CHECK(kn_front_excess(four, KN_QUALITY_ACCURATE) <= 1);
+    n.scene.budget_s = 2e-4; // none is that accurate: the nearest, and the others less work than that
+    name(&n);
+    CHECK(n.named[0] == one && n.named[1] == two && n.named[2] == two);
+    CHECK(kn_front_excess(two, KN_QUALITY_ACCURATE) == 4);
+    n.front.row[2].force.solver = 0.5; // more work, and worse: nothing for a name
+    name(&n);
+    CHECK(n.named[1] == one && n.named[2] == one);
+    n.scene.budget_s = 1e-5;
+    name(&n);
+    CHECK(!n.named[0] && !n.named[2]);
+    free(n.plan);
+}
+
+TEST("what a machine's noise does to the times changes no name")
+{
+    static naming n;
+    begin(&n);
+    const kn_row *two = add(&n, 2, 2, 20, 0.02), *four = add(&n, 4, 4, 30, 0.004), *many = add(&n, 8, 8, 50, 0.0005);
+    add(&n, 2, 24, 20, 0.02);
+    add(&n, 4, 24, 30, 0.004);
+    unsigned seed = 1;
+    for (int round = 0; round < 200; round++) {
+        for (int i = 0; i < n.front.count; i++) {
+            seed = 1664525 * seed + 1013904223;
+            double us = (n.run[i].iterations == 2 ? 20 : n.run[i].iterations == 4 ? 30 : 50);
+            n.front.row[i].p90_us = us * (1 + 0.24 * (seed >> 8) / (1 << 24)); // up to KN_NOISE
+        }
+        name(&n);
+        CHECK(n.named[0] == two && n.named[1] == four && n.named[2] == many);
+    }
+    free(n.plan);
+}
+
+TEST("a server that is late can go down from a name to the one before: it takes no more at most, nor at least")
+{
+    static naming n;
+    begin(&n);
+    const kn_row *loose = add(&n, 2, 24, 20, 0.02);
+    add(&n, 4, 4, 30, 0.001);
+    const kn_row *tight = add(&n, 4, 24, 90, 0.002);
+    name(&n);
+    CHECK(n.named[0] == loose && n.named[1] == tight);
+    free(n.plan);
+}
+
+TEST("a point whose force jumps over twice as far as the converged one's is not named")
+{
+    static naming n;
+    begin(&n);
+    kn_row *rough = add(&n, 2, 2, 20, 0.01);
+    const kn_row *smooth = add(&n, 3, 3, 40, 0.009);
+    rough->jump_n = 2.1;
+    name(&n);
+    CHECK(n.named[0] == smooth);
+    rough->jump_n = 1.9;
+    name(&n);
+    CHECK(n.named[0] == rough);
+    free(n.plan);
+}
+
+TEST("a better point of another lattice is told, which no name can have")
+{
+    static naming n;
+    begin(&n);
+    add(&n, 4, 4, 30, 0.004);
+    kn_row *fine = add(&n, 4, 4, 200, 0.002);
+    n.run[1].spacing_m /= 2;
+    name(&n);
+    CHECK(n.named[0] == &n.front.row[0] && kn_front_elsewhere(&n.front, n.plan, n.named) == fine);
+    fine->p90_us = 900; // over the budget
+    CHECK(!kn_front_elsewhere(&n.front, n.plan, n.named));
+    fine->p90_us = 200, fine->force.all = 0.005;
+    CHECK(!kn_front_elsewhere(&n.front, n.plan, n.named));
+    free(n.plan);
 }
 
 TESTS_MAIN

@@ -38,6 +38,13 @@ touch -d '1 hour ago' before && find kept -name '*.trace' -exec touch -d '2 hour
 sweep --resume kept >again
 check "nothing of it is played a third time" [ -z "$(find kept -name '*.trace' -newer before)" ]
 
+mkdir failing
+printf '#!/bin/sh\ncat >/dev/null\necho "line 7: no such thing" >&2\nexit 1\n' >failing/gnuplot
+chmod +x failing/gnuplot
+PATH=$PWD/failing:$PATH sweep --resume kept --plot no.png >/dev/null 2>failed
+check "a picture that gnuplot does not draw is told by the exit code" [ $? = 3 ]
+check "and by what gnuplot said" grep -q 'no.png: gnuplot could not draw it: exit 1, said: line 7: no such thing$' failed
+
 if command -v parallel >/dev/null; then
     sweep --jobs 2 --csv jobs.csv >jobs.out
     check "two at a time come to the same" cmp -s <(errors here.csv) <(errors jobs.csv)
@@ -80,5 +87,36 @@ cp scene.yaml broken.yaml
 knead tradeoff scene.yaml press.lcmlog --write >/dev/null 2>refused
 check "a scene that is none is refused" [ $? = 2 ]
 check "in one line, and left alone" eval '[ "$(wc -l <refused)" = 1 ] && cmp -s scene.yaml broken.yaml'
-[ -z "$(ls -d /tmp/knead-sweep-* 2>/dev/null)" ] || ls -d /tmp/knead-sweep-*
+cp old.yaml scene.yaml && chmod 444 scene.yaml
+sweep --write >out 2>refused
+check "a scene that nobody may write to is refused" [ $? = 3 ]
+check "in one line before anything is played, and left alone" \
+    eval '[ "$(cat out refused | wc -l)" = 1 ] && grep -q "scene.yaml: is read-only, expected" refused && cmp -s scene.yaml old.yaml'
+chmod 644 scene.yaml
+
+# a point in force with a lattice of its own: the points that are found there stay there, one that is not there goes
+cp "$KN_SOURCE/core/scenes/dough-small.yaml" scene.yaml
+printf 'quality: {chosen: fast, fast: {spacing: 5 mm, precision: f64}, accurate: {spacing: 10 mm}}\n' >>scene.yaml
+knead tradeoff scene.yaml press.lcmlog --quick --solver blend --iterations 2,4 --write >written
+check "points of a lattice of its own are written" [ $? = 0 ]
+check "and that the accurate one of another is gone" grep -q '^the accurate that was there is gone' written
+for point in fast balanced accurate; do
+    knead check scene.yaml --quality $point >checked
+    check "$point is of that lattice and precision" eval 'grep -q "847 nodes" checked && grep -q "^solver .* f64" checked'
+done
+check "and the scene itself is of its own" eval 'knead check scene.yaml --quality own | grep -q "144 nodes"'
+
+# killed where nobody asked to keep anything: the next sweep removes what is left
+mkdir tmp
+TMPDIR=$PWD/tmp knead tradeoff "${points[@]}" >/dev/null 2>&1 &
+sweeping=$!
+for _ in $(seq 600); do
+    ls tmp/knead-sweep-*/*.trace >/dev/null 2>&1 && break
+    sleep 0.02
+done
+kill -KILL $sweeping
+wait $sweeping 2>/dev/null
+check "a killed sweep leaves its folder" [ "$(ls tmp | wc -l)" = 1 ]
+TMPDIR=$PWD/tmp knead tradeoff "${points[@]}" >/dev/null
+check "the next one removes it, and its own" [ "$(ls tmp | wc -l)" = 0 ]
 exit $failed
