@@ -43,12 +43,19 @@ int kn_impact_lines(const kn_model *model)
     return kn_material_thinning(mat, mat->p1_pa) * mat->p1_pa > KN_IMPACT_BEND ? 4 : 1;
 }
 
-bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *contact, double rz)
+double kn_impact_power(const kn_model *model)
 {
     const kn_law *law = &model->law;
-    if (!(law->s1_pa > 0)) return false;
+    if (!(law->s1_pa > 0)) return INFINITY;
     double flow_n = law->s1_pa * model->gamma * model->def.spacing_m * model->kappa_m; // an edge that flows pulls so
     double flow_w = flow_n * flow_n / (model->kappa_m * law->a_pa_s);                  // force^2 / damping
-    if (rz > KN_IMPACT_POWER * model->node_count * flow_w) return true;
-    return carried(model, state, contact) > 1 || pressed(model, state, contact) > 1;
+    return KN_IMPACT_POWER * model->node_count * flow_w;
+}
+
+bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *contact, double rz)
+{
+    if (!(model->law.s1_pa > 0)) return false;
+    double power = kn_impact_power(model);
+    double least = state->residual_scale > KN_IMPACT_RECENT * power ? KN_IMPACT_AFTER : 1;
+    return rz > least * power || carried(model, state, contact) > least || pressed(model, state, contact) > least;
 }

@@ -10,6 +10,11 @@
 // Such a step is taken again up to KN_IMPACT_PASSES times, until the law is met within the tolerance, and a plate that
 // pulls lets go within the step, not after it. A hand that lands gently never gets there: bits, forces and time of a
 // press are the same with and without. All limits are in units of what makes one edge flow, p1.
+//
+// What a step's residual is small beside, the largest of the last second, a blow counts for no more than its limit in:
+// solved to a thousandth of itself it leaves a third of the shape unsolved where gas a thousand times as stiff as the
+// dough takes most of its residual, and so does every step of the second after it. For a tenth of a second afterwards
+// a tenth of the limits is a blow, too: nodes that leave the plate one by one decide on all that follows.
 #include "core/contact.h"
 
 #define KN_IMPACT_PASSES 6
@@ -17,6 +22,8 @@
 #define KN_IMPACT_RATE 16.0 // a held node's change of velocity; there below 6
 #define KN_IMPACT_PRESS 0.08 // what a sphere's pressure changes by; there below 0.04
 #define KN_IMPACT_WAY 0.03  // of a compressed edge's length that a held node goes; there below 0.01
+#define KN_IMPACT_RECENT 0.9 // of the limit: the largest of the last second fades to it in a tenth of one
+#define KN_IMPACT_AFTER 0.1
 
 // Lines that any step of a model needs, 1 where nothing bends much. Of an error a line that is half tangent and half
 // secant leaves (r - 1)/(r + 1), r: secant over tangent, 1 + s |d ln c2/ds| at most: 8 for dough, whose rest the next
@@ -26,7 +33,10 @@ int kn_impact_lines(const kn_model *model);
 #define KN_IMPACT_BEND 32.0
 #define KN_IMPACT_LONG_S 0.01
 
-// contact: as found for this step; rz: r.z of the first linearisation. Never for a law that is straight. Both are
+// The limit of r.z, W; infinite for a law that is straight.
+double kn_impact_power(const kn_model *model);
+
+// contact: as found for this step; rz: r.z of the first linearisation. Never for a law that is straight. All are
 // real-time safe.
 bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *contact, double rz);
 

@@ -79,6 +79,19 @@ static double nothing_of(const kn_model *m, const kn_state *state)
     return fmax(1e-30 * state->residual_scale, least_w(m));
 }
 
+// Of the residual that a step begins with, and of the largest of the last second, what a further line through the law
+// need not go below: a step at rest begins with rounding, and the thousandth of that is never reached.
+#define REST 1e-3
+
+// Takes note of the residual that a step begins with; returns what its lines are measured against. A NaN stays one.
+static double note_start(const kn_model *m, kn_state *state, double rz)
+{
+    double faded = state->residual_scale * (1 - fmin(1, m->def.solver.dt_s)); // over a second
+    double most = kn_impact_power(m);
+    state->residual_scale = rz <= faded ? faded : rz > most ? most : rz;
+    return fmin(fmax(rz, REST * REST * state->residual_scale), state->residual_scale);
+}
+
 // From r.z of the residual in place; returns r.z at the end.
 static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double rz, int wanted, kn_output *output)
 {
@@ -182,9 +195,7 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
         if (impact) let_go(model, state, s);
         add_external(model, state, s, input);
         rz = model->kernels->edge(model, state, how, pass > 0);
-        // decays over a second: what is a large residual now is measured against the recent past
-        double faded = state->residual_scale * (1 - fmin(1, model->def.solver.dt_s));
-        if (pass == 0) state->residual_scale = rz <= faded ? faded : rz, start = rz; // a NaN stays one
+        if (pass == 0) start = note_start(model, state, rz);
         if (pass == 0 && kn_impact(model, state, &s->contact, rz)) {
             impact = true;
             if (passes < KN_IMPACT_PASSES) passes = KN_IMPACT_PASSES;
