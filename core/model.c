@@ -1,4 +1,5 @@
 #include "core/model.h"
+#include "core/contact.h"
 #include "core/kernel.h"
 #include "core/net.h"
 #include "core/solver_rk4.h"
@@ -225,19 +226,29 @@ static bool build_block(kn_model *m)
     return true;
 }
 
-// A sphere's foundation against what the object's nodes resist a step with. Gradients that know both to seven digits
-// need more iterations than any step has.
-#define FOUNDATION_MOST 1e3
+// A sphere's foundation and gas against what the object's nodes at rest resist a step with. Gradients that know both
+// ends of a wider range to seven digits need more iterations than any step has (knead stability, family mixed). Gas is
+// stiff in one direction of each cell only.
+#define FOUNDATION_MOST 500.0
+#define GAS_MOST 1e4
+#define GAS_MOST_F32 1e4 // of what a sphere presses with, a spacing in: rounding of the gas is a hundredth of that
 
-static const char *check_foundation(const kn_model *m)
+static const char *check_stiffness(const kn_model *m)
 {
     const kn_model_def *def = &m->def;
-    double h = def->spacing_m, dt = def->solver.dt_s;
-    double body = m->kappa_m * m->law.a_pa_s + kn_model_mass(m) / m->node_count / dt; // of a node, kg/s
-    for (int p = 0; p < def->probe_count; p++)
-        if (def->probe[p].shape == KN_PROBE_SPHERE &&
-            def->probe[p].foundation_n_m3 * h * h * dt > FOUNDATION_MOST * body)
-            return "the sphere's foundation is more than 1000 times as stiff as the object under it";
+    double h = def->spacing_m, dt = def->solver.dt_s, at_rest = m->law.kind == KN_LAW_VOIGT ? 1 : m->law.slope_rest;
+    double body = m->kappa_m * m->law.a_pa_s * at_rest + kn_model_mass(m) / m->node_count / dt; // a node's, kg/s
+    double gas = def->pressure != KN_PRESSURE_NONE ? def->inside_pressure_pa : 0;
+    if (def->solver.kind != KN_SOLVER_RK4 && gas * h * dt > GAS_MOST * body)
+        return "the gas inside is more than 10000 times as stiff as the object around it";
+    for (int p = 0; p < def->probe_count; p++) {
+        if (def->probe[p].shape != KN_PROBE_SPHERE) continue;
+        double foundation = def->probe[p].foundation_n_m3 > 0 ? def->probe[p].foundation_n_m3 : KN_FOUNDATION_N_M3;
+        if (foundation * h * h * dt > FOUNDATION_MOST * body)
+            return "the sphere's foundation is more than 500 times as stiff as the object under it";
+        if (def->solver.precision == KN_PRECISION_F32 && gas > GAS_MOST_F32 * foundation * h)
+            return "f32 rounds the gas inside by more than the sphere's soft foundation presses: needs precision: f64";
+    }
     return NULL;
 }
 
@@ -279,6 +290,23 @@ static bool fail(char *error, size_t size, const char *text)
     return false;
 }
 
+// An element that a hand goes through in one step turns inside out and back with every step: directions are those of
+// the step's begin. The speed is a press's (knead stability, family sliver: calm at 2 cm/s, up and down at 7 mm/s).
+#define HAND_M_S 0.01
+
+static bool check_flattest(const kn_model *m, char *error, size_t size)
+{
+    int element = 0;
+    if (!m->def.mesh || m->def.solver.kind == KN_SOLVER_RK4) return true;
+    double low_m = kn_simplices_lowest(m->def.mesh, &element), most_s = low_m / HAND_M_S;
+    if (m->def.solver.dt_s <= most_s) return true;
+    if (size > 0)
+        snprintf(error, size,
+                 "element %ld is %.2g m low, which a hand at 1 cm/s goes in one step: dt must be at most %.3g s here",
+                 m->def.mesh->tag[element], low_m, 0.99 * most_s);
+    return false;
+}
+
 static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size)
 {
     bool rk4 = def->solver.kind == KN_SOLVER_RK4;
@@ -290,9 +318,10 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
     if (!choose_kernels(m))
         return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
     const char *wrong = def->mesh ? kn_net_build(m) : build_block(m) ? NULL : KN_NO_MEMORY;
-    if (!wrong) wrong = check_foundation(m);
+    if (!wrong) wrong = check_stiffness(m);
     if (!wrong && (rk4 ? !build_rk4(m) : !build_tables(m))) wrong = KN_NO_MEMORY;
     if (wrong) return fail(error, size, wrong);
+    if (!check_flattest(m, error, size)) return false;
     if (rk4 && def->solver.dt_s > m->rk4_limit_s) {
         if (size > 0)
             snprintf(error, size,

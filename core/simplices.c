@@ -426,3 +426,32 @@ bool kn_simplices_measure(const kn_simplices *s, kn_simplices_measures *m)
     }
     return measure_edges(s, m);
 }
+
+// Square of a face's area, the one opposite to a corner, by Heron's formula; of a triangle's side the square of its
+// length.
+static double square_of_face(const kn_simplices *s, int e, int corner)
+{
+    const int *node = s->element[e];
+    double side[3] = {0};
+    int count = 0;
+    for (int a = 0; a < corners(s); a++)
+        for (int b = 0; b < a; b++)
+            if (a != corner && b != corner) side[count++] = square_of_edge(s, node[a], node[b]);
+    if (count == 1) return side[0];
+    double sum = side[0] + side[1] + side[2], squares = side[0] * side[0] + side[1] * side[1] + side[2] * side[2];
+    return fmax(0, sum * sum - 2 * squares) / 16;
+}
+
+double kn_simplices_lowest(const kn_simplices *s, int *element)
+{
+    double lowest = INFINITY;
+    for (int e = 0; e < s->element_count; e++) {
+        double face = 0;
+        for (int a = 0; a < corners(s); a++) face = fmax(face, square_of_face(s, e, a));
+        double height = s->dimension * volume_of(s, e) / sqrt(face);
+        if (height >= lowest) continue;
+        lowest = height;
+        *element = e;
+    }
+    return lowest;
+}

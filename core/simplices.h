@@ -58,4 +58,7 @@ typedef struct kn_simplices_measures {
 // Of a mesh that passed the check. False when memory is short.
 bool kn_simplices_measure(const kn_simplices *s, kn_simplices_measures *m);
 
+// Least height of an element, m, over its largest face (a triangle's over its longest side), and which element that is.
+double kn_simplices_lowest(const kn_simplices *s, int *element);
+
 #endif

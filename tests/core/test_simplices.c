@@ -65,8 +65,12 @@ TEST("the regular tetrahedron and the regular triangle have quality 1, whatever 
         CHECK(kn_simplices_check(s, error, sizeof error) && kn_simplices_measure(s, &m));
         CHECK_NEAR(m.quality_min, 1, 1e-12);
         CHECK_NEAR(m.volume, h * h * h / 3, 1e-12 * h * h * h);
+        int lowest = -1;
+        CHECK_NEAR(kn_simplices_lowest(s, &lowest), h * 2 / sqrt(3), 1e-12 * h);
+        CHECK(lowest == 0);
         CHECK(kn_simplices_check(flat, error, sizeof error) && kn_simplices_measure(flat, &m));
         CHECK_NEAR(m.quality_mean, 1, 1e-12);
+        CHECK_NEAR(kn_simplices_lowest(flat, &lowest), h * sqrt(0.75), 1e-12 * h);
         CHECK(m.edges == 3);
         kn_simplices_destroy(s);
         kn_simplices_destroy(flat);
