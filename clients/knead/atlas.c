@@ -29,54 +29,75 @@ static void place(const kn_atlas *a, int cell, int *map, int *column, int *row)
 
 typedef struct progress { // shared with the processes
     atomic_int next, done;
+    atomic_int at[KN_ATLAS_JOBS_MAX]; // the cell that each is at, -1: none
 } progress;
 
-static int work(const kn_atlas *a, progress *p)
+static int work(const kn_atlas *a, progress *p, int job)
 {
     for (int cell; (cell = atomic_fetch_add(&p->next, 1)) < cells_of(a); atomic_fetch_add(&p->done, 1)) {
         int map, column, row;
         kn_trial trial;
+        atomic_store(&p->at[job], cell);
         place(a, cell, &map, &column, &row);
         bool ok = kn_map_trial(&a->map[map], column, row, &trial) &&
                   kn_trial_run(&trial, (1u << KN_WAYS) - 1, &a->cell[cell]);
         kn_trial_free(&trial);
         if (!ok) return 1;
+        atomic_store(&p->at[job], -1);
     }
     return 0;
 }
 
-static int wait_for(const kn_atlas *a, progress *p, int jobs)
+static pid_t start(const kn_atlas *a, progress *p, int job)
 {
-    int failed = 0, status;
+    atomic_store(&p->at[job], -1);
+    pid_t child = fork();
+    if (child == 0) _exit(work(a, p, job));
+    return child;
+}
+
+// Says of the cell that a process died at why.
+static void bury(const kn_atlas *a, progress *p, int cell, int status)
+{
+    for (int w = 0; w < KN_WAYS; w++) {
+        kn_score *s = &a->cell[cell].score[w];
+        if (s->verdict != KN_TRIAL_DIED) continue;
+        if (WIFSIGNALED(status)) snprintf(s->reason, sizeof s->reason, "%s", strsignal(WTERMSIG(status)));
+        else snprintf(s->reason, sizeof s->reason, "out of memory");
+    }
+    atomic_fetch_add(&p->done, 1);
+}
+
+// Takes care of the processes until the last one has ended. One that dies leaves its cell behind and another follows.
+static void wait_for(const kn_atlas *a, progress *p, pid_t *child, int jobs)
+{
+    int status;
     bool terminal = isatty(STDERR_FILENO);
-    while (jobs > 0) {
+    for (int running = jobs; running > 0;) {
         pid_t ended = waitpid(-1, &status, terminal ? WNOHANG : 0);
-        if (ended > 0) {
-            failed |= !WIFEXITED(status) || WEXITSTATUS(status) != 0;
-            jobs--;
-        } else if (ended == 0) {
+        if (ended == 0) {
             fprintf(stderr, "\rcell %d of %d ", atomic_load(&p->done), cells_of(a));
             nanosleep(&(struct timespec){.tv_nsec = 100000000}, NULL);
-        } else if (errno != EINTR) {
-            return 1;
+        }
+        if (ended < 0 && errno != EINTR) break;
+        for (int j = 0; j < jobs && ended > 0; j++) {
+            if (child[j] != ended) continue;
+            int cell = atomic_load(&p->at[j]);
+            if (cell >= 0) bury(a, p, cell, status), child[j] = start(a, p, j);
+            if (cell < 0 || child[j] < 0) running--;
         }
     }
     if (terminal) fputs("\r                              \r", stderr);
-    return failed;
 }
 
 static int share_out(const kn_atlas *a, progress *p, int jobs)
 {
+    pid_t child[KN_ATLAS_JOBS_MAX];
+    int started = 0;
     fflush(stdout);
-    int started = 0, failed = 0;
-    while (started < jobs) {
-        pid_t child = fork();
-        if (child == 0) _exit(work(a, p));
-        if (child < 0) break;
-        started++;
-    }
-    if (started == 0) failed = work(a, p); // no process to be had: alone, then
-    return failed | wait_for(a, p, started);
+    while (started < jobs && (child[started] = start(a, p, started)) > 0) started++;
+    wait_for(a, p, child, started);
+    return work(a, p, 0); // what is left, no process to be had
 }
 
 int kn_atlas_survey(kn_atlas *a, bool quick, const char *family, int jobs)
@@ -94,18 +115,26 @@ int kn_atlas_survey(kn_atlas *a, bool quick, const char *family, int jobs)
     progress *p = mmap(NULL, sizeof *p, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (a->cell == MAP_FAILED || p == MAP_FAILED)
         return kn_complain("stability", KN_EXIT_DEVICE, "out of memory");
+    for (int c = 0; c < cells_of(a); c++)
+        for (int w = 0; w < KN_WAYS; w++) a->cell[c].score[w].verdict = KN_TRIAL_DIED;
+    struct timespec begin, end;
+    clock_gettime(CLOCK_MONOTONIC, &begin);
     int failed = share_out(a, p, jobs);
+    clock_gettime(CLOCK_MONOTONIC, &end);
     munmap(p, sizeof *p);
-    if (!failed) return KN_EXIT_OK;
-    kn_atlas_free(a);
-    return kn_complain("stability", KN_EXIT_INTERNAL, "a process that tried cells has ended before its work did");
+    if (failed) {
+        kn_atlas_free(a);
+        return kn_complain("stability", KN_EXIT_DEVICE, "out of memory");
+    }
+    a->seconds = (double)(end.tv_sec - begin.tv_sec) + 1e-9 * (double)(end.tv_nsec - begin.tv_nsec);
+    return KN_EXIT_OK;
 }
 
 void kn_atlas_free(kn_atlas *a) { munmap(a->cell, (size_t)cells_of(a) * sizeof *a->cell); }
 
 // --- print ----------------------------------------------------------------------------------------------------------
 
-static const char mark[KN_JUDGEMENTS + 1] = ".r~x!";
+static const char mark[KN_JUDGEMENTS + 1] = ".r~x!D";
 
 static bool bad(kn_judgement v) { return v != KN_TRIAL_RIGHT && v != KN_TRIAL_REFUSED; }
 
@@ -120,7 +149,10 @@ static int family_end(const kn_atlas *a, int m)
 static void print_counts(const kn_atlas *a, const char *name, int from, int to)
 {
     int coarse = 0, loose = 0;
+    double most = 0; // of what is right
     for (int c = from; c < to; c++) {
+        const kn_score *s = &a->cell[c].score[KN_WAY_DEFAULT];
+        if (s->verdict == KN_TRIAL_RIGHT) most = fmax(most, fmax(s->force, s->shape));
         coarse += a->cell[c].step_error > COARSE;
         loose += a->cell[c].loose;
     }
@@ -129,7 +161,7 @@ static void print_counts(const kn_atlas *a, const char *name, int from, int to)
         for (int c = from; c < to; c++) count[a->cell[c].score[w].verdict]++;
         printf("%-8s %-8s %6d", w ? "" : name, kn_way_name[w], to - from);
         for (int v = 0; v < KN_JUDGEMENTS; v++) printf(" %10d", count[v]);
-        if (w == 0) printf(" %8d %6d", coarse, loose);
+        if (w == 0) printf(" %8d %6d %6.2f %%", coarse, loose, 100 * most);
         printf("\n");
     }
 }
@@ -138,7 +170,7 @@ static void print_table(const kn_atlas *a)
 {
     printf("%-8s %-8s %6s", "family", "solver", "cells");
     for (int v = 0; v < KN_JUDGEMENTS; v++) printf(" %10s", kn_judgement_name[v]);
-    printf(" %8s %6s\n", "coarse", "loose");
+    printf(" %8s %6s %8s\n", "coarse", "loose", "most");
     for (int m = 0, end; m < a->maps; m = end) {
         end = family_end(a, m);
         print_counts(a, a->map[m].family, a->first[m], a->first[end]);
@@ -207,6 +239,10 @@ static int print_bad(const kn_atlas *a)
         printf("  %s, %s: %s %g, ", m->family, m->title, m->across, m->x[i]);
         if (m->y_text[j]) printf("%s", m->y_text[j]);
         else printf("%s %g", m->down, m->y[j]);
+        if (s->verdict == KN_TRIAL_DIED) {
+            printf(": died, %s\n", s->reason);
+            continue;
+        }
         printf(": %s, force %.2g %%, shape %.2g %%, variation %.2f times, step %.2g %%%s\n",
                kn_judgement_name[s->verdict], 100 * s->force, 100 * s->shape, s->variation, 100 * a->cell[c].step_error,
                a->cell[c].loose ? ", loose" : "");
@@ -217,7 +253,7 @@ static int print_bad(const kn_atlas *a)
 bool kn_atlas_print(const kn_atlas *a)
 {
     print_table(a);
-    printf("\n. right   r refused   ~ chattering   x wrong   ! diverged\n");
+    printf("\n. right   r refused   ~ chattering   x wrong   ! diverged   D died\n");
     for (int m = 0; m < a->maps; m++) print_map(a, m);
     print_reasons(a);
     int count = print_bad(a);

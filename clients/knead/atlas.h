@@ -4,11 +4,14 @@
 // The same text and files whatever the number of processes.
 #include "clients/knead/extremes.h"
 
+#define KN_ATLAS_JOBS_MAX 256
+
 typedef struct kn_atlas {
     kn_map map[KN_MAPS_MAX];
     int maps;
     int first[KN_MAPS_MAX + 1]; // cell of each map's first; the last: their number. Rows run from left to right
     kn_outcome *cell;           // shared with the processes
+    double seconds;             // that the survey took
 } kn_atlas;
 
 // All functions that return int return an exit code and complain in one line. family NULL: all.

@@ -452,7 +452,7 @@ static void add_rest(list *l)
     for (int v = 0; v < 2; v++) {
         kn_map *c = add(l, F_SIZE, v, v ? "cells across 3 cm, k1 times, 10 ms" : "cells across 3 cm, k1 times, 1 ms",
                         "cells", "k1");
-        if (l->quick) X(c, ((double[]){3, 6})), Y(c, ((double[]){1, 1e6}));
+        if (l->quick) X(c, ((double[]){3, 5})), Y(c, ((double[]){1, 1e6}));
         else X(c, ((double[]){3, 6, 9, 12})), Y(c, ((double[]){1, 1e2, 1e4, 1e6}));
     }
 }

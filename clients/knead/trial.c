@@ -6,7 +6,7 @@
 #include <string.h>
 
 #define ERROR_MAX 0.05 // below what a hand feels, see trial.h
-#define ERROR_MOST 0.1 // where the step itself costs that
+#define ERROR_MOST 0.07 // where the step itself costs that
 #define VARIATION_MAX 1.5
 #define BLOWN_UP 100.0
 #define SPEED_MAX 0.03 // m/s, of the hand
@@ -14,7 +14,7 @@
 #define REFERENCE_PASSES 100
 
 const char *const kn_way_name[KN_WAYS] = {"default", "secant", "tangent", "f64", "rk4"};
-const char *const kn_judgement_name[KN_JUDGEMENTS] = {"right", "refused", "chattering", "wrong", "diverged"};
+const char *const kn_judgement_name[KN_JUDGEMENTS] = {"right", "refused", "chattering", "wrong", "diverged", "died"};
 
 typedef struct trace { // what came of a trial
     int steps, nodes;
@@ -53,7 +53,7 @@ static kn_input input_at(const kn_trial *t, const kn_model *m, double time_s, do
 {
     kn_input in = {0};
     double whole = length_s(t), rest[3] = {1, 1, 1};
-    if (t->hand == KN_HAND_LOAD && time_s < LOADED * whole) {
+    if (t->hand == KN_HAND_LOAD && time_s < LOADED * whole + 0.5 * dt) { // that it is still there at half time
         kn_model_def_extent(&t->def, rest);
         double compliance = kn_material_compliance(&t->def.material, LOADED * whole);
         double across = t->def.spacing_m * t->def.spacing_m;
@@ -287,7 +287,9 @@ bool kn_trial_run(const kn_trial *trial, unsigned ways, kn_outcome *outcome)
 {
     trace ref = {0}, finer = {0};
     kn_model_def def = reference_def(trial, 1), half = reference_def(trial, 2);
-    memset(outcome, 0, sizeof *outcome);
+    kn_outcome none = {0};
+    for (int w = 0; w < KN_WAYS; w++) none.score[w].verdict = KN_TRIAL_DIED;
+    *outcome = none;
     bool ok = run(trial, &def, 1, &ref) && run(trial, &half, 2, &finer);
     if (ok && !ref.refused) outcome->step_error = fmax(way_error(&ref, &finer), shape_error(&ref, &finer));
     outcome->loose = ref.loose || ref.diverged;

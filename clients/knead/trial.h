@@ -4,7 +4,8 @@
 // have given. `knead stability` is some thousands of these.
 //
 // Reference. The same scene, path and time step in f64, linearised again until the law itself is met and solved by
-// conjugate gradients, both to 1e-7: the step that design and equations ask for, with no solver's error left in it.
+// conjugate gradients, both to 1e-7 of the step's own residual (where that is small: 1e-10 of the largest of the last
+// second): the step that design and equations ask for, with no solver's error left in it.
 //
 //     solver error        |x - R(dt)| / |R(dt)|      what iterations, linearisation and f32 cost: this is judged
 //     time-step error     |R(dt) - R(dt/2)| / |R(dt/2)|   what the step itself costs, for any solver; reported apart
@@ -14,8 +15,8 @@
 //
 // Judgements.
 //     right        both errors below 5 %: a hand tells forces apart from 7 % on (Pang, Tan, Durlach 1991). Where the
-//                  step itself costs more than that, below what it costs, 10 % at most: a node that bounces off the
-//                  plate once more or less is nobody's error
+//                  step itself costs more than that, below what it costs, those 7 % at most: a node that bounces off
+//                  the plate once more or less is nobody's error
 //     chattering   total variation over peak more than 1.5 times that of the calmer of R(dt), R(dt/2)
 //     wrong        finite, calm and somewhere else
 //     diverged     a number that is none, or a force a hundred times the reference's
@@ -49,6 +50,7 @@ typedef enum kn_judgement {
     KN_TRIAL_CHATTERING,
     KN_TRIAL_WRONG,
     KN_TRIAL_DIVERGED,
+    KN_TRIAL_DIED, // the process that tried it, before it came to a judgement
     KN_JUDGEMENTS
 } kn_judgement;
 
@@ -58,7 +60,7 @@ typedef enum kn_way { KN_WAY_DEFAULT, KN_WAY_SECANT, KN_WAY_TANGENT, KN_WAY_F64,
 typedef struct kn_score {
     kn_judgement verdict;
     double force, shape, variation; // errors; total variation of the trace over the reference's
-    char reason[120];               // of a refusal
+    char reason[120];               // of a refusal, or a death
 } kn_score;
 
 typedef struct kn_outcome {
@@ -70,7 +72,7 @@ typedef struct kn_outcome {
 extern const char *const kn_way_name[KN_WAYS];
 extern const char *const kn_judgement_name[KN_JUDGEMENTS];
 
-// Solves a trial in the ways of a bit mask and judges each. False: memory is short.
+// Solves a trial in the ways of a bit mask and judges each; until it is judged a way has died. False: memory is short.
 bool kn_trial_run(const kn_trial *trial, unsigned ways, kn_outcome *outcome);
 
 void kn_trial_free(kn_trial *trial);
