@@ -2,6 +2,7 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/cost.h"
+#include "core/impact.h"
 #include "core/kernel.h"
 #include "core/scene/scene.h"
 #include <getopt.h>
@@ -134,6 +135,9 @@ static void print_cost(const kn_model *model)
     double us = kn_cost_us(model, &own, false);
     printf("          with one probe pressing: usually %.0f us, %.0f us at the cap of iterations, of %g us\n", us,
            kn_cost_us(model, &own, true), 1e6 * s->dt_s);
+    double blow = kn_cost_blow_us(model, &own);
+    if (blow > 0)
+        printf("          in a blow up to %d times over: %.0f us at the cap\n", KN_IMPACT_PASSES, blow);
     if (kn_cost_newton(model)) printf("warning   each edge solves its damper by itself, at some 40 times the time\n");
     if (us > 1e6 * s->dt_s) printf("warning   slower than real time\n");
 }

@@ -107,16 +107,29 @@ int kn_cost_parts(const kn_model *model, kn_cost_part part[KN_COST_PARTS])
     return count;
 }
 
-double kn_cost_us(const kn_model *model, const kn_effort *effort, bool at_cap)
+// Of one line through the law with that many iterations.
+static double line_us(const kn_model *model, double iterations)
 {
     kn_cost_part part[KN_COST_PARTS];
-    int usual = effort->iterations < effort->iterations_max ? effort->iterations + 1 : effort->iterations;
-    double iterations = at_cap ? effort->iterations_max : usual, us = 0, dearest = 0;
+    double us = 0, dearest = 0;
     for (int i = kn_cost_parts(model, part) - 1; i >= 0; i--) {
         double own = part[i].once.us + iterations * part[i].iteration.us;
         if (part[i].contact) dearest = fmax(dearest, own); // probes seldom press all at once
         else us += own;
     }
+    return us + dearest;
+}
+
+double kn_cost_us(const kn_model *model, const kn_effort *effort, bool at_cap)
+{
+    int usual = effort->iterations < effort->iterations_max ? effort->iterations + 1 : effort->iterations;
     int lines = kn_impact_lines(model); // that the law asks for whatever the scene says
-    return (effort->passes > lines ? effort->passes : lines) * (us + dearest);
+    return (effort->passes > lines ? effort->passes : lines) * line_us(model, at_cap ? effort->iterations_max : usual);
+}
+
+double kn_cost_blow_us(const kn_model *model, const kn_effort *effort)
+{
+    int lines = kn_impact_lines(model) > effort->passes ? kn_impact_lines(model) : effort->passes;
+    if (isinf(kn_impact_power(model)) || lines >= KN_IMPACT_PASSES) return 0;
+    return KN_IMPACT_PASSES * line_us(model, effort->iterations_max);
 }

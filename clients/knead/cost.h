@@ -24,4 +24,7 @@ int kn_cost_parts(const kn_model *model, kn_cost_part part[KN_COST_PARTS]);
 // Of a whole step with as many CG iterations as it usually takes, one above the least, us; at_cap: with the most.
 double kn_cost_us(const kn_model *model, const kn_effort *effort, bool at_cap);
 
+// The most that a step with a blow takes (core/impact.h), us; 0 where none is taken again.
+double kn_cost_blow_us(const kn_model *model, const kn_effort *effort);
+
 #endif
