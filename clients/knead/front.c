@@ -151,13 +151,10 @@ static bool is_candidate(const kn_row *r, const kn_plan *plan)
            (run->spacing_m == 0 || run->spacing_m == def->spacing_m);
 }
 
-// below: the point that it must be more work than, and nearer, NULL: none.
-static bool may_follow(const kn_row *r, const kn_plan *plan, const kn_row *below)
+static bool is_less_work(const kn_row *a, const kn_row *b)
 {
-    if (!is_candidate(r, plan)) return false;
-    if (!below) return true;
-    kn_effort a = effort_of(below->run), b = effort_of(r->run);
-    return kn_servo_cheaper(&a, &b) && r->force.solver < below->force.solver;
+    kn_effort x = effort_of(a->run), y = effort_of(b->run);
+    return kn_servo_cheaper(&x, &y);
 }
 
 double kn_front_excess(const kn_row *r, kn_quality q)
@@ -179,30 +176,47 @@ static bool is_simpler(const kn_row *a, const kn_row *b, const kn_plan *plan)
     return own_a != own_b ? own_a : a->force.solver < b->force.solver;
 }
 
-static const kn_row *name_one(const kn_front *front, const kn_plan *plan, kn_quality q, const kn_row *below)
+// Where a name may be: more work than, and nearer than, one point, and less work than another. NULL: no such limit.
+typedef struct between {
+    const kn_row *below, *above;
+} between;
+
+static bool is_between(const kn_row *r, const kn_plan *plan, between limits)
+{
+    const kn_row *b = limits.below, *a = limits.above;
+    return is_candidate(r, plan) && (!b || (is_less_work(b, r) && r->force.solver < b->force.solver)) &&
+           (!a || is_less_work(r, a));
+}
+
+// NULL: nothing is there.
+static const kn_row *name_one(const kn_front *front, const kn_plan *plan, kn_quality q, between limits)
 {
     double least_excess = INFINITY, least_us = INFINITY;
-    const kn_row *named = NULL;
-    for (int i = 0; i < front->count; i++)
-        if (may_follow(&front->row[i], plan, below))
-            least_excess = fmin(least_excess, kn_front_excess(&front->row[i], q));
+    const kn_row *named = NULL, *end = front->row + front->count;
+    for (const kn_row *r = front->row; r < end; r++)
+        if (is_between(r, plan, limits)) least_excess = fmin(least_excess, kn_front_excess(r, q));
     double most_excess = fmax(1, SLACK * least_excess);
-    for (int i = 0; i < front->count; i++) {
-        const kn_row *r = &front->row[i];
-        if (may_follow(r, plan, below) && kn_front_excess(r, q) <= most_excess) least_us = fmin(least_us, r->p90_us);
-    }
-    for (int i = 0; i < front->count; i++) {
-        const kn_row *r = &front->row[i];
-        if (!may_follow(r, plan, below) || kn_front_excess(r, q) > most_excess) continue;
+    for (const kn_row *r = front->row; r < end; r++)
+        if (is_between(r, plan, limits) && kn_front_excess(r, q) <= most_excess) least_us = fmin(least_us, r->p90_us);
+    for (const kn_row *r = front->row; r < end; r++) {
+        if (!is_between(r, plan, limits) || kn_front_excess(r, q) > most_excess) continue;
         if (r->p90_us <= KN_NOISE * least_us && (!named || is_simpler(r, named, plan))) named = r;
     }
-    return named ? named : below;
+    return named;
 }
+
+static bool meets(const kn_row *r, kn_quality q) { return r && kn_front_excess(r, q) <= 1; }
 
 void kn_front_name(const kn_front *front, const kn_plan *plan, const kn_row *named[KN_QUALITY_OWN])
 {
-    const kn_row *below = NULL;
-    for (kn_quality q = KN_QUALITY_FAST; q < KN_QUALITY_OWN; q++) below = named[q] = name_one(front, plan, q, below);
+    const kn_row *accurate = name_one(front, plan, KN_QUALITY_ACCURATE, (between){NULL, NULL});
+    const kn_row *fast = name_one(front, plan, KN_QUALITY_FAST, (between){NULL, accurate});
+    if (!fast || (meets(accurate, KN_QUALITY_FAST) && !meets(fast, KN_QUALITY_FAST))) fast = accurate;
+    const kn_row *balanced = name_one(front, plan, KN_QUALITY_BALANCED, (between){fast, accurate});
+    if (!meets(balanced, KN_QUALITY_BALANCED)) balanced = meets(fast, KN_QUALITY_BALANCED) ? fast : accurate;
+    named[KN_QUALITY_FAST] = fast;
+    named[KN_QUALITY_BALANCED] = balanced;
+    named[KN_QUALITY_ACCURATE] = accurate;
 }
 
 const kn_row *kn_front_elsewhere(const kn_front *front, const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN])

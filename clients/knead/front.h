@@ -46,15 +46,17 @@ const kn_row *kn_front_pick(const kn_front *front, double budget_us);
 
 // Named points, on the scene's lattice, step and precision, so that a server may go from one to another while it runs.
 // A candidate neither chatters nor latches and fits the scene's budget_s by its p90, since a server is late by its slow
-// ticks. Errors first: of the candidates that are more work than the name before, as the server counts it, and nearer,
-// those within the bounds
+// ticks. Errors first: of the candidates those within the bounds
 //
 //     fast 3 % of force, 3 % of shape       balanced 0.5 %, 1 %       accurate 0.1 %, 0.2 %
 //     and no force that jumps by more than twice the converged one's
 //
 // or, where there is none, within 1.1 times the least excess of any. Of these the cheapest, times up to KN_NOISE times
-// the least being equal: then fewer iterations at most, then in every step, then the scene's own linearisation. Where
-// no candidate is more work and nearer, the name before. NULL: none fits the budget.
+// the least being equal: then fewer iterations at most, then in every step, then the scene's own linearisation.
+//
+// accurate of all candidates; fast of those that are less work, as the server counts it; balanced of those between the
+// two that are nearer than fast. Where there is none, fast is accurate, and balanced is fast if that is within its
+// bounds, else accurate: a bound that any candidate meets is met. NULL: no candidate.
 #define KN_NOISE 1.25 // times of one point on a machine that does other work, too
 void kn_front_name(const kn_front *front, const kn_plan *plan, const kn_row *named[KN_QUALITY_OWN]);
 

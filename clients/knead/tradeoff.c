@@ -122,8 +122,7 @@ static void print_named(const sweep *s)
         printf("%-10s ", kn_quality_name(q));
         if (!r) printf("none: no point's p90 is %g us or less", budget_us);
         else if (q > 0 && r == s->named[q - 1])
-            printf("the same as %s: no point within %g us that is more work is nearer", kn_quality_name(q - 1),
-                   budget_us);
+            printf("the same as %s: no other is between", kn_quality_name(q - 1));
         else
             printf("%s: %.0f us, p90 %.0f us, force %.2g %%, shape %.2g %% of the solver", kn_run_name(r->run, name),
                    r->median_us, r->p90_us, 100 * r->force.solver, 100 * r->shape.solver);

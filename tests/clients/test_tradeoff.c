@@ -1,3 +1,4 @@
+#include "clients/knead/chart.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/front.h"
 #include "server/log.h"
@@ -378,10 +379,21 @@ TEST("a server that is late can go down from a name to the one before: it takes 
     static naming n;
     begin(&n);
     const kn_row *loose = add(&n, 2, 24, 20, 0.02);
-    add(&n, 4, 4, 30, 0.001);
+    add(&n, 4, 4, 30, 0.003); // is nearer than loose, but may take fewer at most
     const kn_row *tight = add(&n, 4, 24, 90, 0.002);
     name(&n);
-    CHECK(n.named[0] == loose && n.named[1] == tight);
+    CHECK(n.named[0] == loose && n.named[1] == tight && n.named[2] == tight);
+    free(n.plan);
+}
+
+TEST("a bound that a point meets is met, whatever the names below would rather be")
+{
+    static naming n;
+    begin(&n);
+    const kn_row *one = add(&n, 4, 4, 30, 0.004), *two = add(&n, 4, 48, 90, 0.0009);
+    add(&n, 16, 16, 50, 0.002); // more work than one, and nearer; but two is not more work than it
+    name(&n);
+    CHECK(n.named[0] == one && n.named[2] == two && kn_front_excess(n.named[1], KN_QUALITY_BALANCED) <= 1);
     free(n.plan);
 }
 
@@ -397,6 +409,22 @@ TEST("a point whose force jumps over twice as far as the converged one's is not 
     rough->jump_n = 1.9;
     name(&n);
     CHECK(n.named[0] == rough);
+    free(n.plan);
+}
+
+TEST("points that chatter are in the picture")
+{
+    if (system("command -v gnuplot >/dev/null") != 0) {
+        puts("no gnuplot here: no picture");
+        return;
+    }
+    static naming n;
+    begin(&n);
+    strcpy(n.scene.name, "picture");
+    add(&n, 2, 2, 20, 0.02);
+    add(&n, 4, 4, 30, 0.004)->chatters = true;
+    name(&n);
+    CHECK(kn_chart_draw(&n.front, n.plan, n.named, "chatters.png") == KN_EXIT_OK);
     free(n.plan);
 }
 
