@@ -23,8 +23,10 @@ static void remove_folder(const kn_folder *f)
 {
     char path[PATH_MAX];
     DIR *d = opendir(f->path);
-    for (struct dirent *e; d && (e = readdir(d));)
-        if (e->d_name[0] != '.') unlink(kn_folder_path(f, e->d_name, "", path));
+    for (struct dirent *e; d && (e = readdir(d));) {
+        if (e->d_name[0] == '.' || unlink(kn_folder_path(f, e->d_name, "", path)) == 0) continue;
+        rmdir(path); // GNU parallel's, for jobs on this machine among other hosts; empty
+    }
     if (d) closedir(d);
     rmdir(f->path);
 }

@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 const char kn_job_program[] = "/proc/self/exe";
 
@@ -60,6 +61,7 @@ int kn_job_play(const char *path)
     uint64_t program;
     kn_trace t;
     job *j = calloc(1, sizeof *j);
+    if (access(path, F_OK) != 0 && *path != '/' && chdir("..") != 0) path = "..";
     if (!j || !read_job(j, path) || !kn_trace_hash(kn_job_program, &program)) {
         free(j);
         return kn_complain("tradeoff", KN_EXIT_USAGE, "%s: expected a job that knead tradeoff --jobs has written",

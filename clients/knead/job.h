@@ -9,6 +9,9 @@
 extern const char kn_job_program[]; // whose hash a trace has: this very program
 
 bool kn_job_write(const char *path, const kn_run *run, const char *log);
-int kn_job_play(const char *path); // an exit code, after a complaint
+
+// An exit code, after a complaint. A file that is not here is looked for in the folder above: with this machine (:)
+// among several hosts, GNU parallel starts its jobs in an empty folder inside the sweep's.
+int kn_job_play(const char *path);
 
 #endif

@@ -66,6 +66,10 @@ SSH
     sweep --hosts "$PWD/ssh there" --csv host.csv >host.out
     check "a host comes to the same" cmp -s <(errors here.csv) <(errors host.csv)
     check "and keeps nothing" [ -z "$(find there -type f)" ]
+    mkdir both
+    TMPDIR=$PWD/both sweep --hosts "$PWD/ssh there,:" --jobs 1 --csv both.csv >both.out
+    check "a host and this machine come to the same" cmp -s <(errors here.csv) <(errors both.csv)
+    check "and nothing is left here" [ -z "$(ls both)" ]
     printf '#!/bin/sh\nexit 255\n' >ssh
     sweep --hosts "$PWD/ssh there" >/dev/null 2>dead
     check "a host that is not there is told by the exit code" [ $? = 3 ]
