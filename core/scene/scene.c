@@ -30,14 +30,14 @@ static const char *base_name(const char *path)
     return slash ? slash + 1 : path;
 }
 
-// The bytes of a file, one more than are read of any if it is too large. NULL and one line in error.
-static char *load_file(const char *path, size_t *size, char *error, size_t error_size)
+// The bytes of a file of that kind, one more than are read of any if it is too large. NULL and one line in error.
+static char *load_file(const char *path, const char *kind, size_t *size, char *error, size_t error_size)
 {
     FILE *file = fopen(path, "rb");
     char *text = file ? malloc(FILE_MAX_BYTES + 1) : NULL;
     *size = text ? fread(text, 1, FILE_MAX_BYTES + 1, file) : 0;
     if (!text || ferror(file)) {
-        snprintf(error, error_size, "%s:1:1: %s, expected a scene file", path, strerror(errno));
+        snprintf(error, error_size, "%s:1:1: %s, expected a %s file", path, strerror(errno), kind);
         free(text);
         text = NULL;
     }
@@ -246,7 +246,7 @@ static bool read_material_file(reader *r, const char *name, kn_mark mark)
     size_t folder = (size_t)(base_name(r->draft->file) - r->draft->file), size;
     bool beside = r->source == KN_SOURCE_FILE && *name != '/' && folder < KN_PATH_MAX;
     snprintf(path, sizeof path, "%.*s%s", beside ? (int)folder : 0, r->draft->file, name);
-    char *text = load_file(path, &size, error, sizeof error);
+    char *text = load_file(path, "material", &size, error, sizeof error);
     if (!text) return kn_draft_complain(r->draft, mark, "material: %s", error);
     bool ok = take_material(r, path, text, size, -1, mark);
     free(text);
@@ -396,7 +396,7 @@ kn_scene *kn_scene_load(const char *path, const char *const *sets, int set_count
 {
     if (!*path) return snprintf(error, error_size, "'': expected the name of a scene file"), NULL;
     size_t size;
-    char *text = load_file(path, &size, error, error_size);
+    char *text = load_file(path, "scene", &size, error, error_size);
     kn_scene *scene = text ? kn_scene_parse(path, text, size, sets, set_count, error, error_size) : NULL;
     free(text);
     return scene;

@@ -36,6 +36,8 @@ head -c 1048577 /dev/zero | tr '\0' ' ' >large.yaml
 (for i in $(seq 20000); do echo "? k$i"; done) >keys.yaml
 refuses "folder:1:1: Is a directory, expected a scene file" folder
 refuses "missing.yaml:1:1: No such file or directory, expected a scene file" missing.yaml
+printf 'version: 1\nmaterial: missing.yaml\n' >lacking.yaml
+refuses "lacking.yaml:2:11: material: missing.yaml:1:1: No such file or directory, expected a material file" lacking.yaml
 refuses "empty.yaml:1:1: empty, expected a scene that begins with 'version: 1'" empty.yaml
 refuses "bytes.yaml:2:10: not UTF-8 text: invalid leading UTF-8 octet, expected a scene" bytes.yaml
 refuses "nul.yaml:1:11: not UTF-8 text: control characters are not allowed, expected a scene" nul.yaml
