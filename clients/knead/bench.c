@@ -23,7 +23,8 @@ static kn_scene *load_scene(const kn_bench_options *opt, bool *other, char error
     *other = !file && !kn_library_find(opt->specimen, &variant);
     if (*other) return NULL;
     if (file) return kn_scene_load(opt->specimen, opt->sets, opt->set_count, error, 512);
-    int size = snprintf(text, sizeof text, "version: 1\nobject: {size: [1 cm, 1 cm, 1 cm], spacing: 1 cm}\nmaterial: %.60s\n"
+    int size = snprintf(text, sizeof text,
+                        "version: 1\nobject: {size: [1 cm, 1 cm, 1 cm], spacing: 1 cm}\nmaterial: %.60s\n"
                         "support: frictionless\ndevice: bench\n", opt->specimen);
     return kn_scene_parse(opt->specimen, text, (size_t)size, opt->sets, opt->set_count, error, 512);
 }

@@ -66,8 +66,8 @@ int kn_bench_advance(kn_bench *b, double until_s);
 
 void kn_bench_print(const kn_bench *b); // the lines that begin every report
 
-// An experiment as a subcommand, from its command line to its exit code: run measures, prints and fills the table, finish
-// writes what --csv and --png ask for. opt: the defaults.
+// An experiment as a subcommand, from its command line to its exit code: run measures, prints and fills the table,
+// finish writes what --csv and --png ask for. opt: the defaults.
 typedef struct kn_experiment {
     const char *name, *help;
     const char *const *columns;
@@ -80,7 +80,7 @@ int kn_bench_main(const kn_experiment *experiment, kn_bench_options opt, int arg
 #define KN_BENCH_HELP                                                                                                  \
     "the specimen, a 1 cm cube:\n"                                                                                     \
     "  MATERIAL          clay, dough, fibrotic-liver, jelly, liver, putty, as they are or with -rheological,\n"        \
-    "                    -viscoelastic, -plastic; or the file of a scene, for its material\n"                           \
+    "                    -viscoelastic, -plastic; or the file of a scene, for its material\n"                          \
     "  --set KEY=VALUE   any key of a scene, e.g. material.k1='300 gf/cm^3'\n"                                         \
     "  EXPR              springs and dampers, e.g. '(s|d)-d', burgers; knead element --help tells how to write them\n" \
     "  --param P=VALUE   one for each part of EXPR; parts are s1, s2, .. d1, d2, .. in order of appearance:\n"         \

@@ -222,7 +222,8 @@ static void write_panel(FILE *f, const picture *pic, int number)
                         "$points%d using ($3==%d && $4==%d ? $1 : NaN):2 with points pt %d ps 1.2 "
                         "lc rgb '#%s' notitle, ", number, l, m, markers[m].type, hues[l]);
     if (pic->any_bad)
-        fprintf(f, "$points%d using ($5==1 ? $1 : NaN):2 with points pt 2 ps 1.8 lw 2 lc rgb '#cc0000' notitle, ", number);
+        fprintf(f, "$points%d using ($5==1 ? $1 : NaN):2 with points pt 2 ps 1.8 lw 2 lc rgb '#cc0000' notitle, ",
+                number);
     fprintf(f, "NaN notitle\n");
 }
 

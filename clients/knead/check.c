@@ -35,7 +35,8 @@ static void print_net(const kn_model *model)
     printf(" of k1 along %s, nu %.3f, G %.2f of an isotropic body's; creep under the middle load %+.1f %%\n",
            flat ? "x z" : "x y z", own->poisson, own->shear / isotropic, 100 * model->creep_error);
     if (model->def.pressure != KN_PRESSURE_NONE)
-        printf("pressure  %d elements, %s, %.6g Pa inside at rest and outside; tetrahedra lock: a press is a third stiffer\n",
+        printf("pressure  %d elements, %s, %.6g Pa inside at rest and outside; tetrahedra lock: "
+               "a press is a third stiffer\n",
                mesh->element_count, model->def.pressure == KN_PRESSURE_CELLS ? "each closed" : "one skin around them",
                model->def.inside_pressure_pa);
     if (own->shear < 0.7 * isotropic) printf("warning   the mesh's directions leave it soft in shear\n");
@@ -75,8 +76,8 @@ static void print_object(const kn_scene *scene, const kn_model *model)
     printf("support   %s; gravity %g m/s^2 along -z\n", support[def->support], def->gravity_m_s2);
 }
 
-// Second paper, equations 6 and 8: two dampers in series are one, c = c1 c2/(c1 + c2), and c1 hardly counts where it is much
-// the larger. c/c2 - 1 = -c2/(c1 + c2) is largest where c2 is, at rest.
+// Second paper, equations 6 and 8: two dampers in series are one, c = c1 c2/(c1 + c2), and c1 hardly counts where it is
+// much the larger. c/c2 - 1 = -c2/(c1 + c2) is largest where c2 is, at rest.
 static void print_plastic(const kn_material *m)
 {
     double c2 = kn_material_c2(m, 0), share = m->c1_pa_s / (m->c1_pa_s + c2), off = 1 - share;
@@ -225,8 +226,8 @@ static void print_probe(const kn_model_def *def, const kn_probe_def *p)
     }
 }
 
-// Sides and gas alone let cells lean; rounding decides which way, and how far depends on it (measured: nodes moved by 2 %
-// of the spacing halve the bulge of a press below 0.003, and from 0.01 on do not matter).
+// Sides and gas alone let cells lean; rounding decides which way, and how far depends on it (measured: nodes moved by 2
+// % of the spacing halve the bulge of a press below 0.003, and from 0.01 on do not matter).
 static void print_shear(const kn_model_def *def)
 {
     bool axis = def->structure == KN_STRUCTURE_AXIS, gas = def->pressure != KN_PRESSURE_NONE;

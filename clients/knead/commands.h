@@ -10,14 +10,14 @@
     X(check, "says what a scene is, what it costs, what to watch for; --keys: every key there is")                     \
     X(creep, "virtual rheometer: a weight on a specimen, then not; height, what comes back, what stays")               \
     X(element, "springs and dampers in series and parallel: what they do by the papers' rules, and what is so")        \
-    X(mesh, "fills a closed surface, OBJ or STL, with tetrahedra for a scene; checks a mesh and says what it has")         \
+    X(mesh, "fills a closed surface, OBJ or STL, with tetrahedra for a scene; checks a mesh and says what it has")     \
     X(probe, "a virtual hand: press, poke or swing a tool on a running kneadd; force table, recording")                \
     X(relax, "virtual rheometer: a specimen is compressed and held; how its stress falls")                             \
     X(replay, "plays a log through the daemon's own servo: the same forces, to the bit; CSV, hash, --verify")          \
-    X(stability, "the solvers at the extremes, thousands of small scenes beside their converged answers")                \
+    X(stability, "the solvers at the extremes, thousands of small scenes beside their converged answers")              \
     X(sweep, "virtual rheometer: a specimen is swung; storage and loss modulus against frequency")                     \
     X(tpa, "virtual rheometer: two bites; hardness, cohesiveness, springiness, resilience")                            \
-    X(tradeoff, "speed against accuracy under a recorded hand; picks for a budget, finds fast, balanced, accurate")       \
+    X(tradeoff, "speed against accuracy under a recorded hand; picks for a budget, finds fast, balanced, accurate")    \
     X(view, "draws the object, live, recorded or at rest, without a screen: --png FILE")                               \
     X(web, "a page that shows the object live, with a tool in the visitor's hand; prints its address")
 

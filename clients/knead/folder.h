@@ -5,8 +5,9 @@
 //     folder/sweep     hashes of program, scene and log, so that no run is taken for another sweep's; a last line
 //                      `temporary` in one that nobody asked to keep. Locked as long as the sweep is at work
 //
-// A sweep that was killed cannot remove its own folder. The next one does: whatever says `temporary`, is this user's and
-// is not locked. The line is written under the lock, so a folder is never taken for a leftover while it comes to be.
+// A sweep that was killed cannot remove its own folder. The next one does: whatever says `temporary`, is this user's
+// and is not locked. The line is written under the lock, so a folder is never taken for a leftover while it comes to
+// be.
 #include <limits.h>
 #include <stdbool.h>
 #include <stdint.h>

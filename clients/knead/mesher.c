@@ -248,7 +248,8 @@ static kn_simplices *read_tetgen(const job *j, double units_per_m, char *error, 
         s = kn_simplices_create(3, (int)node_count, (int)element_count);
         if (!s) snprintf(error, size, "not enough memory for the mesh");
     }
-    bool good = s && read_nodes(&node, s, units_per_m) && read_elements(&element, s) && kn_simplices_check(s, error, size);
+    bool good = s && read_nodes(&node, s, units_per_m) && read_elements(&element, s);
+    good = good && kn_simplices_check(s, error, size);
     if (!good) {
         kn_simplices_destroy(s);
         s = NULL;
@@ -264,7 +265,8 @@ static int run_tetgen(job *j, const kn_shell *shell, double size, double units_p
     snprintf(options, sizeof options, "-pq1.4a%.9gQ", TETGEN_VOLUME * size * size * size);
     char *const argv[] = {"tetgen", options, "in.off", NULL};
     if (!kn_shell_write_off(shell, in_folder(j, "in.off"))) return unwritten(j);
-    char *const crossings[] = {"tetgen", "-d", "in.off", NULL}; // of a surface that crosses itself it dies without a word
+    // of a surface that crosses itself it dies without a word
+    char *const crossings[] = {"tetgen", "-d", "in.off", NULL};
     int status = run(j, argv);
     if (WIFSIGNALED(status) && !stopped) run(j, crossings);
     int code = judge(j, status);

@@ -60,7 +60,8 @@ static void explain(int status, char *text, size_t size)
     const char *last = "nothing";
     for (char *line = n > 0 ? strtok(words, "\n") : NULL; line; line = strtok(NULL, "\n"))
         if (line[strspn(line, " \t^")]) last = line + strspn(line, " \t");
-    if (status >= 0 && WIFSIGNALED(status)) snprintf(text, size, "ended by signal %d, said: %s", WTERMSIG(status), last);
+    if (status >= 0 && WIFSIGNALED(status))
+        snprintf(text, size, "ended by signal %d, said: %s", WTERMSIG(status), last);
     else snprintf(text, size, "exit %d, said: %s", status < 0 ? -1 : WEXITSTATUS(status), last);
 }
 

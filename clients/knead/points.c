@@ -26,8 +26,8 @@ int kn_points_try(const kn_plan *plan)
     if (!realpath(plan->scene_path, path) || stat(path, &there) != 0)
         return kn_complain("tradeoff", KN_EXIT_DEVICE, "--write: %s: %s", plan->scene_path, strerror(errno));
     if (!S_ISREG(there.st_mode) || !(there.st_mode & 0222) || access(path, W_OK) != 0)
-        return kn_complain("tradeoff", KN_EXIT_DEVICE, "--write: %s: is read-only, expected a scene that may be changed",
-                           plan->scene_path);
+        return kn_complain("tradeoff", KN_EXIT_DEVICE,
+                           "--write: %s: is read-only, expected a scene that may be changed", plan->scene_path);
     snprintf(folder, sizeof folder, "%s", path);
     if (access(dirname(folder), W_OK | X_OK) == 0) return KN_EXIT_OK;
     return kn_complain("tradeoff", KN_EXIT_DEVICE,

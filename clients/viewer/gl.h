@@ -2,63 +2,64 @@
 #define KN_CLIENTS_VIEWER_GL_H
 // The functions of OpenGL 3.3 core that the viewer calls, found at run time, and the frame buffer it draws into.
 //
-// Nothing links libGL: the context gives the addresses (OSMesaGetProcAddress, later eglGetProcAddress), and a process can
-// hold a desktop's libGL beside them without either one answering for the other. A new function is one line in the list.
+// Nothing links libGL: the context gives the addresses (OSMesaGetProcAddress, later eglGetProcAddress), and a process
+// can hold a desktop's libGL beside them without either one answering for the other. A new function is one line in the
+// list.
 #include <GL/glcorearb.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#define KN_GL_FUNCTIONS(X)                                                                                              \
-    X(PFNGLATTACHSHADERPROC, AttachShader)                                                                              \
-    X(PFNGLBINDBUFFERPROC, BindBuffer)                                                                                  \
-    X(PFNGLBINDFRAMEBUFFERPROC, BindFramebuffer)                                                                        \
-    X(PFNGLBINDRENDERBUFFERPROC, BindRenderbuffer)                                                                      \
-    X(PFNGLBINDTEXTUREPROC, BindTexture)                                                                                \
-    X(PFNGLBINDVERTEXARRAYPROC, BindVertexArray)                                                                        \
-    X(PFNGLBLENDFUNCPROC, BlendFunc)                                                                                    \
-    X(PFNGLBLITFRAMEBUFFERPROC, BlitFramebuffer)                                                                        \
-    X(PFNGLBUFFERDATAPROC, BufferData)                                                                                  \
-    X(PFNGLCHECKFRAMEBUFFERSTATUSPROC, CheckFramebufferStatus)                                                          \
-    X(PFNGLCLEARPROC, Clear)                                                                                            \
-    X(PFNGLCOMPILESHADERPROC, CompileShader)                                                                            \
-    X(PFNGLCREATEPROGRAMPROC, CreateProgram)                                                                            \
-    X(PFNGLCREATESHADERPROC, CreateShader)                                                                              \
-    X(PFNGLDELETEPROGRAMPROC, DeleteProgram)                                                                            \
-    X(PFNGLDELETESHADERPROC, DeleteShader)                                                                              \
-    X(PFNGLDISABLEPROC, Disable)                                                                                        \
-    X(PFNGLDRAWARRAYSPROC, DrawArrays)                                                                                  \
-    X(PFNGLDRAWBUFFERPROC, DrawBuffer)                                                                                  \
-    X(PFNGLENABLEPROC, Enable)                                                                                          \
-    X(PFNGLENABLEVERTEXATTRIBARRAYPROC, EnableVertexAttribArray)                                                        \
-    X(PFNGLFRAMEBUFFERRENDERBUFFERPROC, FramebufferRenderbuffer)                                                        \
-    X(PFNGLFRAMEBUFFERTEXTURE2DPROC, FramebufferTexture2D)                                                              \
-    X(PFNGLGENBUFFERSPROC, GenBuffers)                                                                                  \
-    X(PFNGLGENFRAMEBUFFERSPROC, GenFramebuffers)                                                                        \
-    X(PFNGLGENRENDERBUFFERSPROC, GenRenderbuffers)                                                                      \
-    X(PFNGLGENTEXTURESPROC, GenTextures)                                                                                \
-    X(PFNGLGENVERTEXARRAYSPROC, GenVertexArrays)                                                                        \
-    X(PFNGLGETERRORPROC, GetError)                                                                                      \
-    X(PFNGLGETPROGRAMINFOLOGPROC, GetProgramInfoLog)                                                                    \
-    X(PFNGLGETPROGRAMIVPROC, GetProgramiv)                                                                              \
-    X(PFNGLGETSTRINGPROC, GetString)                                                                                    \
-    X(PFNGLGETUNIFORMLOCATIONPROC, GetUniformLocation)                                                                  \
-    X(PFNGLLINKPROGRAMPROC, LinkProgram)                                                                                \
-    X(PFNGLPOLYGONOFFSETPROC, PolygonOffset)                                                                            \
-    X(PFNGLREADBUFFERPROC, ReadBuffer)                                                                                  \
-    X(PFNGLREADPIXELSPROC, ReadPixels)                                                                                  \
-    X(PFNGLRENDERBUFFERSTORAGEMULTISAMPLEPROC, RenderbufferStorageMultisample)                                          \
-    X(PFNGLSCISSORPROC, Scissor)                                                                                        \
-    X(PFNGLSHADERSOURCEPROC, ShaderSource)                                                                              \
-    X(PFNGLTEXIMAGE2DPROC, TexImage2D)                                                                                  \
-    X(PFNGLTEXPARAMETERIPROC, TexParameteri)                                                                            \
-    X(PFNGLUNIFORM1FPROC, Uniform1f)                                                                                    \
-    X(PFNGLUNIFORM1IPROC, Uniform1i)                                                                                    \
-    X(PFNGLUNIFORM3FVPROC, Uniform3fv)                                                                                  \
-    X(PFNGLUNIFORM4FVPROC, Uniform4fv)                                                                                  \
-    X(PFNGLUNIFORMMATRIX4FVPROC, UniformMatrix4fv)                                                                      \
-    X(PFNGLUSEPROGRAMPROC, UseProgram)                                                                                  \
-    X(PFNGLVERTEXATTRIBPOINTERPROC, VertexAttribPointer)                                                                \
+#define KN_GL_FUNCTIONS(X)                                                                                             \
+    X(PFNGLATTACHSHADERPROC, AttachShader)                                                                             \
+    X(PFNGLBINDBUFFERPROC, BindBuffer)                                                                                 \
+    X(PFNGLBINDFRAMEBUFFERPROC, BindFramebuffer)                                                                       \
+    X(PFNGLBINDRENDERBUFFERPROC, BindRenderbuffer)                                                                     \
+    X(PFNGLBINDTEXTUREPROC, BindTexture)                                                                               \
+    X(PFNGLBINDVERTEXARRAYPROC, BindVertexArray)                                                                       \
+    X(PFNGLBLENDFUNCPROC, BlendFunc)                                                                                   \
+    X(PFNGLBLITFRAMEBUFFERPROC, BlitFramebuffer)                                                                       \
+    X(PFNGLBUFFERDATAPROC, BufferData)                                                                                 \
+    X(PFNGLCHECKFRAMEBUFFERSTATUSPROC, CheckFramebufferStatus)                                                         \
+    X(PFNGLCLEARPROC, Clear)                                                                                           \
+    X(PFNGLCOMPILESHADERPROC, CompileShader)                                                                           \
+    X(PFNGLCREATEPROGRAMPROC, CreateProgram)                                                                           \
+    X(PFNGLCREATESHADERPROC, CreateShader)                                                                             \
+    X(PFNGLDELETEPROGRAMPROC, DeleteProgram)                                                                           \
+    X(PFNGLDELETESHADERPROC, DeleteShader)                                                                             \
+    X(PFNGLDISABLEPROC, Disable)                                                                                       \
+    X(PFNGLDRAWARRAYSPROC, DrawArrays)                                                                                 \
+    X(PFNGLDRAWBUFFERPROC, DrawBuffer)                                                                                 \
+    X(PFNGLENABLEPROC, Enable)                                                                                         \
+    X(PFNGLENABLEVERTEXATTRIBARRAYPROC, EnableVertexAttribArray)                                                       \
+    X(PFNGLFRAMEBUFFERRENDERBUFFERPROC, FramebufferRenderbuffer)                                                       \
+    X(PFNGLFRAMEBUFFERTEXTURE2DPROC, FramebufferTexture2D)                                                             \
+    X(PFNGLGENBUFFERSPROC, GenBuffers)                                                                                 \
+    X(PFNGLGENFRAMEBUFFERSPROC, GenFramebuffers)                                                                       \
+    X(PFNGLGENRENDERBUFFERSPROC, GenRenderbuffers)                                                                     \
+    X(PFNGLGENTEXTURESPROC, GenTextures)                                                                               \
+    X(PFNGLGENVERTEXARRAYSPROC, GenVertexArrays)                                                                       \
+    X(PFNGLGETERRORPROC, GetError)                                                                                     \
+    X(PFNGLGETPROGRAMINFOLOGPROC, GetProgramInfoLog)                                                                   \
+    X(PFNGLGETPROGRAMIVPROC, GetProgramiv)                                                                             \
+    X(PFNGLGETSTRINGPROC, GetString)                                                                                   \
+    X(PFNGLGETUNIFORMLOCATIONPROC, GetUniformLocation)                                                                 \
+    X(PFNGLLINKPROGRAMPROC, LinkProgram)                                                                               \
+    X(PFNGLPOLYGONOFFSETPROC, PolygonOffset)                                                                           \
+    X(PFNGLREADBUFFERPROC, ReadBuffer)                                                                                 \
+    X(PFNGLREADPIXELSPROC, ReadPixels)                                                                                 \
+    X(PFNGLRENDERBUFFERSTORAGEMULTISAMPLEPROC, RenderbufferStorageMultisample)                                         \
+    X(PFNGLSCISSORPROC, Scissor)                                                                                       \
+    X(PFNGLSHADERSOURCEPROC, ShaderSource)                                                                             \
+    X(PFNGLTEXIMAGE2DPROC, TexImage2D)                                                                                 \
+    X(PFNGLTEXPARAMETERIPROC, TexParameteri)                                                                           \
+    X(PFNGLUNIFORM1FPROC, Uniform1f)                                                                                   \
+    X(PFNGLUNIFORM1IPROC, Uniform1i)                                                                                   \
+    X(PFNGLUNIFORM3FVPROC, Uniform3fv)                                                                                 \
+    X(PFNGLUNIFORM4FVPROC, Uniform4fv)                                                                                 \
+    X(PFNGLUNIFORMMATRIX4FVPROC, UniformMatrix4fv)                                                                     \
+    X(PFNGLUSEPROGRAMPROC, UseProgram)                                                                                 \
+    X(PFNGLVERTEXATTRIBPOINTERPROC, VertexAttribPointer)                                                               \
     X(PFNGLVIEWPORTPROC, Viewport)
 
 typedef void (*kn_gl_proc)(void);
@@ -74,8 +75,9 @@ typedef struct kn_gl {
 const char *kn_gl_load(kn_gl *gl, kn_gl_get_proc get_proc);
 
 // Frame buffers of one size: the backdrop, drawn once for many pictures; the solids, with depth and several samples per
-// pixel; and the picture, in which the solids are resolved over the backdrop. With one sample per pixel the solids are drawn
-// into the picture itself. They go with their context, as everything made in one does: nothing here is deleted singly.
+// pixel; and the picture, in which the solids are resolved over the backdrop. With one sample per pixel the solids are
+// drawn into the picture itself. They go with their context, as everything made in one does: nothing here is deleted
+// singly.
 typedef struct kn_gl_target {
     int width, height;
     GLuint backdrop, solids, picture;
@@ -89,11 +91,11 @@ typedef struct kn_gl_region { // pixels, from the lower left corner of the pictu
 bool kn_gl_target_create(const kn_gl *gl, kn_gl_target *target, int width, int height,
                          int samples); // false: refused by the context
 void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *target); // what is drawn from here on is the backdrop
-// Empties the region of the solids (several samples are the dearest part of a picture: no more of them than needed) and makes
-// the picture the backdrop; what is drawn from here on goes to the solids.
+// Empties the region of the solids (several samples are the dearest part of a picture: no more of them than needed) and
+// makes the picture the backdrop; what is drawn from here on goes to the solids.
 void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region);
-// The solids take their place in the picture. What is drawn from here on goes into that region of it: behind the solids where
-// alpha, the share of a pixel that they cover, leaves room or, with one sample, where their depth does.
+// The solids take their place in the picture. What is drawn from here on goes into that region of it: behind the solids
+// where alpha, the share of a pixel that they cover, leaves room or, with one sample, where their depth does.
 void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region);
 void kn_gl_target_read(const kn_gl *gl, const kn_gl_target *target, uint8_t *rgba); // [height][width][4], top row first
 
