@@ -4,6 +4,7 @@
 #include "clients/knead/path.h"
 #include "server/loop.h"
 #include "tests/check.h"
+#include "tests/server/lent.h"
 #include <dlfcn.h>
 #include <errno.h>
 #include <ev.h>
@@ -64,46 +65,29 @@ int pthread_mutex_lock(pthread_mutex_t *mutex)
 }
 #endif
 
-typedef struct rig { // what kneadd lends a loop
-    kn_scene *scene;
-    kn_model *model;
-    kn_backend backend;
-    kn_skin skin;
-    kn_loop loop;
+typedef struct rig {
+    kn_lent lent;
     kn_path *path;
     int64_t forces, pressed, ticks;
 } rig;
 
 static void rig_open(rig *r)
 {
-    char error[256] = "";
     memset(r, 0, sizeof *r);
-    const char *set = "quality={fast: {iterations: 5}, accurate: {passes: 2}}";
-    r->scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", &set, 1, error, sizeof error);
-    r->model = r->scene ? kn_model_build(&r->scene->model, error, sizeof error) : NULL;
-    if (!r->model || !kn_backend_cpu(&r->backend, r->model) ||
-        !kn_skin_open(&r->skin, "memq://", r->model, 60, 1, error, sizeof error) ||
-        !kn_loop_init(&r->loop, r->scene, r->model, &r->backend, &r->skin) ||
-        !(r->path =
-              kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .clear_m = 0.005, .depth_m = 0.008, .hold_s = 0.3}))) {
-        fprintf(stderr, "%s\n", error);
-        exit(1);
-    }
+    kn_lent_open(&r->lent, "quality={fast: {iterations: 5}, accurate: {passes: 2}}");
+    r->path = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .clear_m = 0.005, .depth_m = 0.008, .hold_s = 0.3});
+    if (!r->path) exit(1);
 }
 
 static void rig_close(rig *r)
 {
     kn_path_destroy(r->path);
-    kn_loop_free(&r->loop);
-    kn_skin_close(&r->skin);
-    r->backend.destroy(r->backend.self);
-    kn_model_destroy(r->model);
-    kn_scene_destroy(r->scene);
+    kn_lent_close(&r->lent);
 }
 
 static void rig_drain(rig *r)
 {
-    for (const kn_record *record; (record = kn_ring_front(&r->loop.records)); kn_ring_pop(&r->loop.records)) {
+    for (const kn_record *record; (record = kn_ring_front(&r->lent.loop.records)); kn_ring_pop(&r->lent.loop.records)) {
         r->ticks++;
         r->forces += record->out.force[0].live;
         r->pressed += record->out.force[0].contacts > 0;
@@ -119,12 +103,12 @@ static void play(rig *r, int64_t round, int ms)
     double stall_ms = 500 + 1e3 * r->path->hold_end_s - 100;
     kn_path_point point;
     kn_path_at(r->path, 1e-3 * (ms - 500), &point);
-    if (ms == 5900) kn_loop_post(&r->loop, 0, NULL);
+    if (ms == 5900) kn_loop_post(&r->lent.loop, 0, NULL);
     if ((ms >= stall_ms && ms < stall_ms + 50) || ms >= 5700) return;
     kn_pose pose = {.session = 1 + round, .seq = 1 + ms, .orientation_wxyz = {1}};
     memcpy(pose.position_m, point.position_m, sizeof pose.position_m);
     memcpy(pose.velocity_m_s, point.velocity_m_s, sizeof pose.velocity_m_s);
-    kn_loop_post(&r->loop, 0, &pose);
+    kn_loop_post(&r->lent.loop, 0, &pose);
 }
 
 TEST("1e5 ticks of touching, faults, recoveries, sessions, resets, points of quality allocate nothing, take no lock")
@@ -135,18 +119,18 @@ TEST("1e5 ticks of touching, faults, recoveries, sessions, resets, points of qua
     enum { TICKS = 100000 };
     for (int64_t n = 0; n < TICKS; n++) {
         play(&r, n / ROUND, (int)(n % ROUND));
-        if (n % ROUND == 0) r.loop.reset = true; // or the dent would keep later rounds from touching
-        if (n % ROUND == 2000) r.loop.quality = n / ROUND % 2 ? KN_QUALITY_FAST : KN_QUALITY_ACCURATE;
+        if (n % ROUND == 0) r.lent.loop.reset = true; // or the dent would keep later rounds from touching
+        if (n % ROUND == 2000) r.lent.loop.quality = n / ROUND % 2 ? KN_QUALITY_FAST : KN_QUALITY_ACCURATE;
         kn_wake wake = {.tick = n + n / 997, .missed = n > 0 && n % 997 == 0, .now_ns = kn_now_ns()};
         armed = true;
-        kn_loop_tick(&r.loop, &wake);
+        kn_loop_tick(&r.lent.loop, &wake);
         armed = false;
         rig_drain(&r);
     }
     CHECK(allocations == 0);
     CHECK(locks == 0);
     CHECK(r.ticks == TICKS && r.forces > TICKS / 2 && r.pressed > TICKS / 10); // it was about something
-    CHECK(r.loop.account.faults >= TICKS / ROUND);                             // and went wrong in between
+    CHECK(r.lent.loop.account.faults >= TICKS / ROUND);                             // and went wrong in between
     rig_close(&r);
 }
 
@@ -201,7 +185,7 @@ static void *servo_main(void *arg)
         return NULL;
     }
     armed = true;
-    kn_loop_run(&r->loop);
+    kn_loop_run(&r->lent.loop);
     armed = false;
     long during = calls;
     syscall(SYS_getppid); // the trap itself
@@ -219,11 +203,11 @@ static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
 {
     (void)revents;
     rig *r = w->data;
-    bool done = r->loop.done;
+    bool done = r->lent.loop.done;
     rig_drain(r);
     play(r, 0, (int)(r->ticks % ROUND));
-    if (r->ticks == 3500) r->loop.reset = true;
-    if (r->ticks >= 4000) r->loop.stop = true;
+    if (r->ticks == 3500) r->lent.loop.reset = true;
+    if (r->ticks >= 4000) r->lent.loop.stop = true;
     if (done) ev_break(loop, EVBREAK_ALL);
 }
 
@@ -235,13 +219,13 @@ TEST("a live servo thread calls the kernel only to sleep and to wake the main th
     ev_async_init(&ticked, on_ticked);
     ticked.data = &r;
     ev_async_start(events, &ticked);
-    r.loop.notify = notify;
-    r.loop.notify_arg = &ticked;
-    kn_clock_start(&r.loop.clock, kn_now_ns() + 20 * KN_PERIOD_NS);
+    r.lent.loop.notify = notify;
+    r.lent.loop.notify_arg = &ticked;
+    kn_clock_start(&r.lent.loop.clock, kn_now_ns() + 20 * KN_PERIOD_NS);
     allocations = locks = calls = 0;
     pthread_t thread;
     CHECK(pthread_create(&thread, NULL, servo_main, &r) == 0);
-    while (!finished && !r.loop.done) ev_run(events, EVRUN_ONCE);
+    while (!finished && !r.lent.loop.done) ev_run(events, EVRUN_ONCE);
     while (!finished) {
     }
     rig_drain(&r);

@@ -3,14 +3,11 @@
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include "tests/check.h"
+#include "tests/server/lent.h"
 
-// What kneadd lends a loop, a screen on its mesh bus, and a hand over the plate; one call per tick.
+// A loop, what its screen has been told, and a hand over the plate; one call per tick.
 typedef struct rig {
-    kn_scene *scene;
-    kn_model *model;
-    kn_backend backend;
-    kn_skin skin;
-    kn_loop loop;
+    kn_lent lent;
     kn_mesh mesh;
     kn_pose pose;
     int64_t tick;
@@ -29,28 +26,16 @@ static void on_mesh(const lcm_recv_buf_t *buf, const char *channel, void *self)
 
 static void rig_open(rig *r)
 {
-    char error[256] = "";
     memset(r, 0, sizeof *r);
-    r->scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", NULL, 0, error, sizeof error);
-    r->model = r->scene ? kn_model_build(&r->scene->model, error, sizeof error) : NULL;
-    if (!r->model || !kn_backend_cpu(&r->backend, r->model) ||
-        !kn_skin_open(&r->skin, "memq://", r->model, 60, 1, error, sizeof error) ||
-        !kn_loop_init(&r->loop, r->scene, r->model, &r->backend, &r->skin)) {
-        fprintf(stderr, "%s\n", error);
-        exit(1);
-    }
-    lcm_subscribe(r->skin.lcm, "KNEAD_MESH_.*", on_mesh, r);
+    kn_lent_open(&r->lent, NULL);
+    lcm_subscribe(r->lent.skin.lcm, "KNEAD_MESH_.*", on_mesh, r);
     r->pose = (kn_pose){.session = 1, .orientation_wxyz = {1}, .position_m = {0, 0, 0.031}};
 }
 
 static void rig_close(rig *r)
 {
     kn_mesh_free(&r->mesh);
-    kn_loop_free(&r->loop);
-    kn_skin_close(&r->skin);
-    r->backend.destroy(r->backend.self);
-    kn_model_destroy(r->model);
-    kn_scene_destroy(r->scene);
+    kn_lent_close(&r->lent);
 }
 
 static void move(rig *r, double vz_m_s)
@@ -58,10 +43,10 @@ static void move(rig *r, double vz_m_s)
     r->pose.seq++;
     r->pose.position_m[2] += 1e-3 * vz_m_s;
     r->pose.velocity_m_s[2] = vz_m_s;
-    kn_loop_post(&r->loop, 0, &r->pose);
+    kn_loop_post(&r->lent.loop, 0, &r->pose);
     kn_wake wake = {.tick = r->tick++, .now_ns = kn_now_ns()};
-    kn_loop_tick(&r->loop, &wake);
-    for (const kn_record *record; (record = kn_ring_front(&r->loop.records)); kn_ring_pop(&r->loop.records)) {
+    kn_loop_tick(&r->lent.loop, &wake);
+    for (const kn_record *record; (record = kn_ring_front(&r->lent.loop.records)); kn_ring_pop(&r->lent.loop.records)) {
         r->out = record->out;
         for (int i = 0; i < r->out.event_count; i++) r->kinds[r->out.event[i].kind]++;
     }
@@ -90,9 +75,9 @@ static double given_n(const rig *r)
 // Lowest of the object's upper side under the middle of the plate, as the screen has it.
 static double dent_m(rig *r)
 {
-    kn_skin_publish_topology(&r->skin, 0);
-    kn_skin_publish(&r->skin, 0);
-    while (lcm_handle_timeout(r->skin.lcm, 0) > 0) {
+    kn_skin_publish_topology(&r->lent.skin, 0);
+    kn_skin_publish(&r->lent.skin, 0);
+    while (lcm_handle_timeout(r->lent.skin.lcm, 0) > 0) {
     }
     double lowest = INFINITY;
     for (int v = 0; v < r->mesh.vertex_count; v++) {
@@ -106,10 +91,10 @@ TEST("resets asked for between two ticks are one, in the next one, and an event 
 {
     static rig r;
     rig_open(&r);
-    uint64_t rest = kn_state_hash(r.model, r.backend.state(r.backend.self));
+    uint64_t rest = kn_state_hash(r.lent.model, r.lent.backend.state(r.lent.backend.self));
     press(&r);
     CHECK(given_n(&r) > 1.0 && r.kinds[KNEAD_EVENT_T_KIND_RESET] == 0);
-    for (int i = 0; i < 5; i++) atomic_store(&r.loop.reset, true);
+    for (int i = 0; i < 5; i++) atomic_store(&r.lent.loop.reset, true);
     move(&r, 0.0);
     CHECK(r.kinds[KNEAD_EVENT_T_KIND_RESET] == 1 && r.kinds[KNEAD_EVENT_T_KIND_DETACH] == 1);
     CHECK(r.out.event[0].kind == KNEAD_EVENT_T_KIND_RESET && r.out.event[0].tick == r.tick - 1);
@@ -124,8 +109,8 @@ TEST("a reset under a hand fades what it felt, keeps it out until it is lifted, 
     static rig r;
     rig_open(&r);
     press(&r);
-    double first = given_n(&r), slope = kn_safety_slope(&r.loop.servo.safety[0].limits), last = first;
-    atomic_store(&r.loop.reset, true);
+    double first = given_n(&r), slope = kn_safety_slope(&r.lent.loop.servo.safety[0].limits), last = first;
+    atomic_store(&r.lent.loop.reset, true);
     for (int ms = 1; ms <= 300; ms++) {
         move(&r, 0.0);
         CHECK(last - given_n(&r) <= slope + 1e-9 && given_n(&r) <= last);
@@ -136,7 +121,7 @@ TEST("a reset under a hand fades what it felt, keeps it out until it is lifted, 
     press(&r);
     CHECK(r.out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_ENGAGED);
     CHECK_NEAR(given_n(&r) / first, 1.0, 1e-9);
-    CHECK(r.loop.servo.safety[0].faults == 0);
+    CHECK(r.lent.loop.servo.safety[0].faults == 0);
     rig_close(&r);
 }
 
@@ -151,7 +136,7 @@ TEST("meshes after a reset are of another generation, and the object at rest")
     hover(&r, 20);
     CHECK(dent_m(&r) < rest - 0.004 && r.mesh.generation == before);
     for (int i = 1; i <= 3; i++) {
-        atomic_store(&r.loop.reset, true);
+        atomic_store(&r.lent.loop.reset, true);
         hover(&r, 20);
         CHECK(dent_m(&r) == rest && r.mesh.generation == before + i);
     }

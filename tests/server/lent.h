@@ -1,0 +1,41 @@
+#ifndef KN_TESTS_LENT_H
+#define KN_TESTS_LENT_H
+// What kneadd lends a loop: small dough, the processor, and a screen on a mesh bus that stays in memory.
+#include "server/loop.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct kn_lent {
+    kn_scene *scene;
+    kn_model *model;
+    kn_backend backend;
+    kn_skin skin;
+    kn_loop loop;
+} kn_lent;
+
+// set: of the scene, NULL: none. Ends the program when it cannot be had.
+static inline void kn_lent_open(kn_lent *l, const char *set)
+{
+    char error[256] = "";
+    memset(l, 0, sizeof *l);
+    l->scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", &set, set ? 1 : 0, error, sizeof error);
+    l->model = l->scene ? kn_model_build(&l->scene->model, error, sizeof error) : NULL;
+    if (l->model && kn_backend_cpu(&l->backend, l->model) &&
+        kn_skin_open(&l->skin, "memq://", l->model, 60, 1, error, sizeof error) &&
+        kn_loop_init(&l->loop, l->scene, l->model, &l->backend, &l->skin))
+        return;
+    fprintf(stderr, "%s\n", error);
+    exit(1);
+}
+
+static inline void kn_lent_close(kn_lent *l)
+{
+    kn_loop_free(&l->loop);
+    kn_skin_close(&l->skin);
+    l->backend.destroy(l->backend.self);
+    kn_model_destroy(l->model);
+    kn_scene_destroy(l->scene);
+}
+
+#endif
