@@ -12,6 +12,7 @@
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #define ANGLE_DEG 40 // between triangles of one smooth piece: gmsh's own examples; a ball of 24 x 12 facets has 15
@@ -94,6 +95,23 @@ static void become(const job *j, char *const *argv)
     _exit(errno == ENOENT ? EXIT_NO_PROGRAM : 1);
 }
 
+// Until the child ends; a terminal is told once a second that there is one at work, since nothing else is for minutes.
+static int attend(const job *j, pid_t child)
+{
+    static const struct timespec pause = {0, 20000000};
+    bool watched = isatty(STDERR_FILENO);
+    int status = -1;
+    pid_t ended;
+    for (time_t start = time(NULL), told = -1, now;
+         (ended = waitpid(child, &status, WNOHANG)) == 0 || (ended < 0 && errno == EINTR); told = now) {
+        now = time(NULL) - start;
+        if (watched && now != told) fprintf(stderr, "\r%s at work: %lld s", j->program, (long long)now);
+        nanosleep(&pause, NULL);
+    }
+    if (watched) fprintf(stderr, "\r%40s\r", "");
+    return status;
+}
+
 // Runs a program in the folder; its status as waitpid says it, -1 when it could not be started.
 static int run(const job *j, char *const *argv)
 {
@@ -110,7 +128,7 @@ static int run(const job *j, char *const *argv)
     }
     running = child;
     sigprocmask(SIG_SETMASK, &before, NULL);
-    while (child > 0 && waitpid(child, &status, 0) < 0 && errno == EINTR) continue;
+    if (child > 0) status = attend(j, child);
     running = 0;
     return status;
 }

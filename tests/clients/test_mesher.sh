@@ -109,6 +109,12 @@ for tool in gmsh tetgen; do
 done
 knead mesh "$surface" -o metre.msh --size 20cm --unit cm | grep -q "^size *500 x 500 x 300 mm" || fail "a surface in cm"
 
+# whoever watches is told that there is something at work; a log is not
+script -qec "knead mesh $surface -o watched.msh --size 1cm" watched </dev/null >/dev/null
+grep -q "gmsh at work: 0 s" watched || fail "nothing is said on a terminal while gmsh is at work"
+knead mesh "$surface" -o watched.msh --size 1cm 2>err >/dev/null
+[ ! -s err ] || fail "$(cat err)"
+
 # a corner pushed through the opposite side: the program's own words, in one line
 sed 's/^v 50 50 30/v 25 24 -20/' "$surface" >cross.obj
 refuses 2 "knead mesh: cross.obj: tetgen cannot fill this surface: Facet #1 intersects facet #4 at triangles:" cross.obj \
