@@ -6,7 +6,6 @@
 #include "core/hash.h"
 #include <errno.h>
 #include <fcntl.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -130,7 +129,7 @@ static int keep(const kn_crew *c, const kn_run *run, const kn_trace *t)
     return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
 }
 
-// A point once more, minutes after its first time: the better median and the better p90 count.
+// A point once more, minutes after its first time: of every tick the better time counts.
 static int play_again(kn_crew *c, const kn_run *run)
 {
     char path[PATH_MAX];
@@ -142,9 +141,8 @@ static int play_again(kn_crew *c, const kn_run *run)
         double ratio = second.median_us / first.median_us;
         c->timed++;
         c->unsteady += ratio > UNSTEADY || ratio < 1 / UNSTEADY;
-        second.median_us = fmin(first.median_us, second.median_us);
-        second.p90_us = fmin(first.p90_us, second.p90_us);
-        code = keep(c, run, &second);
+        if (!kn_trace_calm(&second, &first)) code = kn_complain("tradeoff", KN_EXIT_INTERNAL, "out of memory");
+        else code = keep(c, run, &second);
     }
     kn_trace_free(&first);
     kn_trace_free(&second);

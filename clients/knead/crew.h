@@ -9,8 +9,8 @@
 //
 // Every run is done once; whoever is killed goes on with the next one. One at a time in this process, where its times
 // count, or by GNU parallel in processes here and on other hosts, where they do not: then the points are replayed once
-// more, one at a time, for their times alone. At the end every point is timed a second time, and the better time
-// counts.
+// more, one at a time, for their times alone. At the end every point is timed a second time, and of every tick the
+// better time counts.
 #include "clients/knead/folder.h"
 #include "clients/knead/plan.h"
 #include "clients/knead/trace.h"

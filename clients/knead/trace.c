@@ -8,7 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#define MAGIC 0x656361727444414bu // "KDtrace" and a version
+#define MAGIC 0x656361727444424bu // "KBDtrace": with times of the ticks
 enum { NODES_MAX = 1 << 22, TICKS_MAX = 1 << 24 }; // of a file that is believed: core/scene's lattice, 4.6 hours
 
 typedef struct head {
@@ -19,13 +19,13 @@ typedef struct head {
 typedef struct record { // of a play
     kn_trace *trace;
     kn_replay *replay;
-    float *us; // of the ticks with contact
-    int64_t room, touched;
+    int64_t room;
 } record;
 
 void kn_trace_free(kn_trace *t)
 {
     free(t->force_n);
+    free(t->us);
     free(t->shape_m);
     memset(t, 0, sizeof *t);
 }
@@ -34,8 +34,8 @@ static bool grow(record *r)
 {
     int64_t room = r->room ? 2 * r->room : 4096;
     size_t row = (size_t)r->trace->probes * sizeof *r->trace->force_n;
-    void *us = realloc(r->us, (size_t)room * sizeof *r->us);
-    if (us) r->us = us;
+    void *us = realloc(r->trace->us, (size_t)room * sizeof *r->trace->us);
+    if (us) r->trace->us = us;
     void *force = us ? realloc(r->trace->force_n, (size_t)room * row) : NULL;
     if (!force) return false;
     r->trace->force_n = force;
@@ -54,7 +54,7 @@ static bool take_tick(record *r)
         touches |= tick->out.force[p].contacts > 0;
     }
     for (int i = 0; i < tick->out.event_count; i++) t->faults += tick->out.event[i].kind == KNEAD_EVENT_T_KIND_FAULT;
-    if (touches) r->us[r->touched++] = 1e-3f * (float)tick->cpu_ns;
+    t->us[t->ticks] = touches ? 1e-3f * (float)tick->cpu_ns : 0;
     t->ticks++;
     return true;
 }
@@ -63,6 +63,27 @@ static int ascending(const void *a, const void *b)
 {
     float x = *(const float *)a, y = *(const float *)b;
     return (x > y) - (x < y);
+}
+
+// Median and p90 of the times; false: out of memory.
+static bool take_times(kn_trace *t)
+{
+    float *sorted = malloc((size_t)t->ticks * sizeof *sorted);
+    int64_t count = 0;
+    if (!sorted) return false;
+    for (int64_t i = 0; i < t->ticks; i++)
+        if (t->us[i] > 0) sorted[count++] = t->us[i];
+    qsort(sorted, (size_t)count, sizeof *sorted, ascending);
+    t->median_us = count > 0 ? (double)sorted[count / 2] : 0;
+    t->p90_us = count > 0 ? (double)sorted[count * 9 / 10] : 0;
+    free(sorted);
+    return true;
+}
+
+bool kn_trace_calm(kn_trace *t, const kn_trace *other)
+{
+    for (int64_t i = 0; i < t->ticks && i < other->ticks; i++) t->us[i] = fminf(t->us[i], other->us[i]);
+    return take_times(t);
 }
 
 static bool take_shape(record *r)
@@ -94,11 +115,7 @@ static bool play(record *r, const volatile sig_atomic_t *stop, const char **why)
     }
     if (t->ticks == 0) *why = "no hand has a tool in it";
     if (t->ticks == 0 || !take_shape(r)) return false;
-    if (r->touched == 0) return true; // and nothing to compare: whoever looks at the forces finds none
-    qsort(r->us, (size_t)r->touched, sizeof *r->us, ascending);
-    t->median_us = (double)r->us[r->touched / 2];
-    t->p90_us = (double)r->us[r->touched * 9 / 10];
-    return true;
+    return take_times(t); // where none touches, whoever looks at the forces finds none
 }
 
 bool kn_trace_play(kn_trace *t, const kn_replay_def *def, const volatile sig_atomic_t *stop, char *error,
@@ -113,7 +130,6 @@ bool kn_trace_play(kn_trace *t, const kn_replay_def *def, const volatile sig_ato
     if (!ok) snprintf(error, error_size, "%s: %s", def->log_path, why);
     if (!ok) kn_trace_free(t);
     kn_replay_destroy(r.replay);
-    free(r.us);
     return ok;
 }
 
@@ -122,6 +138,7 @@ bool kn_trace_play(kn_trace *t, const kn_replay_def *def, const volatile sig_ato
 static uint64_t hash_of(const kn_trace *t)
 {
     uint64_t hash = kn_hash_bytes(KN_HASH_SEED, t->force_n, (size_t)(t->ticks * t->probes) * sizeof *t->force_n);
+    hash = kn_hash_bytes(hash, t->us, (size_t)t->ticks * sizeof *t->us);
     return kn_hash_bytes(hash, t->shape_m, (size_t)t->nodes * sizeof *t->shape_m);
 }
 
@@ -130,11 +147,13 @@ bool kn_trace_save(const kn_trace *t, const char *path, uint64_t program)
     char half[PATH_MAX];
     head h = {.magic = MAGIC, .program = program, .hash = hash_of(t), .trace = *t};
     h.trace.force_n = h.trace.shape_m = NULL;
+    h.trace.us = NULL;
     int length = snprintf(half, sizeof half, "%s.%d", path, (int)getpid());
     FILE *f = length < PATH_MAX ? fopen(half, "wb") : NULL;
     if (!f) return false;
-    size_t forces = (size_t)(t->ticks * t->probes), nodes = (size_t)t->nodes;
+    size_t ticks = (size_t)t->ticks, forces = ticks * (size_t)t->probes, nodes = (size_t)t->nodes;
     bool ok = fwrite(&h, sizeof h, 1, f) == 1 && fwrite(t->force_n, sizeof *t->force_n, forces, f) == forces &&
+              fwrite(t->us, sizeof *t->us, ticks, f) == ticks &&
               fwrite(t->shape_m, sizeof *t->shape_m, nodes, f) == nodes;
     ok = fclose(f) == 0 && ok && rename(half, path) == 0;
     if (!ok) unlink(half);
@@ -154,10 +173,12 @@ static bool sensible(const kn_trace *t)
 
 static bool read_body(kn_trace *t, FILE *f, uint64_t hash)
 {
-    size_t forces = (size_t)(t->ticks * t->probes), nodes = (size_t)t->nodes;
+    size_t ticks = (size_t)t->ticks, forces = ticks * (size_t)t->probes, nodes = (size_t)t->nodes;
     t->force_n = malloc(forces * sizeof *t->force_n);
+    t->us = malloc(ticks * sizeof *t->us);
     t->shape_m = malloc(nodes * sizeof *t->shape_m);
-    return t->force_n && t->shape_m && fread(t->force_n, sizeof *t->force_n, forces, f) == forces &&
+    return t->force_n && t->us && t->shape_m && fread(t->force_n, sizeof *t->force_n, forces, f) == forces &&
+           fread(t->us, sizeof *t->us, ticks, f) == ticks &&
            fread(t->shape_m, sizeof *t->shape_m, nodes, f) == nodes && fgetc(f) == EOF && hash_of(t) == hash;
 }
 
@@ -172,6 +193,7 @@ kn_trace_found kn_trace_load(kn_trace *t, const char *path, uint64_t program)
         found = h.program == program ? KN_TRACE_FOUND : KN_TRACE_FOREIGN;
         *t = h.trace;
         t->force_n = t->shape_m = NULL;
+        t->us = NULL;
         if (found == KN_TRACE_FOUND && !(sensible(t) && read_body(t, f, h.hash))) found = KN_TRACE_DAMAGED;
     }
     fclose(f);

@@ -16,7 +16,8 @@ typedef struct kn_trace {
     double (*shape_m)[3];   // [nodes] displacement after the last tick
     int64_t faults;         // latched: poses that stopped are in the log, a jump of the force is the computation's
     int64_t diverged;
-    double median_us, p90_us; // of this thread's processor time, over all ticks in which a tool touched the object
+    float *us;                // [ticks] of this thread's processor time; 0: no tool touched the object
+    double median_us, p90_us; // of those in which one did
     int64_t sitting; // which sweep's serial pass these times are of, 0: others ran beside it, they mean nothing
 } kn_trace;
 
@@ -24,6 +25,10 @@ typedef struct kn_trace {
 bool kn_trace_play(kn_trace *t, const kn_replay_def *def, const volatile sig_atomic_t *stop, char *error,
                    size_t error_size);
 void kn_trace_free(kn_trace *t); // a zeroed one is fine
+
+// Takes the lesser of two times of every tick: a tick is the same work in both, and what disturbed the one hardly ever
+// disturbed the other. (The p90 of a whole play on a busy machine is a third too large.)
+bool kn_trace_calm(kn_trace *t, const kn_trace *other); // false: out of memory
 
 typedef enum kn_trace_found { KN_TRACE_FOUND, KN_TRACE_MISSING, KN_TRACE_DAMAGED, KN_TRACE_FOREIGN } kn_trace_found;
 

@@ -105,7 +105,7 @@ static void print_times(const sweep *s)
         several |= first && sitting != first;
         first = sitting;
     }
-    printf("times      processor time of a tick of the servo, one run at a time, the better of two rounds");
+    printf("times      processor time of a tick of the servo, one run at a time, of each tick the better of two rounds");
     if (several) printf("; NOT all of one sitting: compare with care");
     if (s->crew.unsteady > 0)
         printf("; %d of %d points took over 15 %% longer in the other: this machine has other work", s->crew.unsteady,

@@ -253,11 +253,13 @@ TEST("bad options are refused")
 TEST("a trace comes back as it was; damaged, foreign and missing ones are told apart")
 {
     double force[6][3] = {{1, 2, 3}, {4, 5, 6}}, shape[8][3] = {{7}};
-    kn_trace t = {.ticks = 3, .probes = 2, .force_n = force, .nodes = 8, .grid = {2, 2, 2}, .spacing_m = 0.01,
+    float us[3] = {0, 8, 9};
+    kn_trace t = {.ticks = 3, .probes = 2, .force_n = force, .us = us, .nodes = 8, .grid = {2, 2, 2}, .spacing_m = 0.01,
                   .shape_m = shape, .faults = 1, .median_us = 5, .p90_us = 6}, back;
     CHECK(kn_trace_save(&t, "one.trace", 77));
     CHECK(kn_trace_load(&back, "one.trace", 77) == KN_TRACE_FOUND && back.ticks == 3 && back.p90_us == 6);
     CHECK(!memcmp(back.force_n, force, sizeof force) && !memcmp(back.shape_m, shape, sizeof shape));
+    CHECK(!memcmp(back.us, us, sizeof us));
     kn_trace_free(&back);
     CHECK(kn_trace_load(&back, "one.trace", 78) == KN_TRACE_FOREIGN);
     CHECK(kn_trace_load(&back, "no.trace", 77) == KN_TRACE_MISSING);
@@ -273,6 +275,18 @@ TEST("a trace comes back as it was; damaged, foreign and missing ones are told a
         CHECK(number || found == KN_TRACE_DAMAGED || found == KN_TRACE_FOREIGN);
     }
     CHECK(truncate("one.trace", 300) == 0 && kn_trace_load(&back, "one.trace", 77) == KN_TRACE_DAMAGED);
+}
+
+TEST("of two times of a tick the lesser counts: what disturbed other ticks in the one and in the other is gone")
+{
+    float one[20] = {0}, two[20] = {0};
+    for (int i = 5; i < 20; i++) one[i] = two[i] = 10;
+    for (int i = 5; i < 11; i++) one[i] = 90, two[i + 6] = 80;
+    kn_trace t = {.ticks = 20, .us = one}, other = {.ticks = 20, .us = two};
+    CHECK(kn_trace_calm(&t, &other) && t.median_us == 10 && t.p90_us == 10);
+    one[7] = one[8] = two[7] = 30; // dear in both
+    one[8] = two[8] = 40;
+    CHECK(kn_trace_calm(&t, &other) && t.median_us == 10 && t.p90_us == 30 && one[0] == 0);
 }
 
 // ---- the rules
