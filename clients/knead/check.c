@@ -231,7 +231,7 @@ static void print_probe(const kn_model_def *def, const kn_probe_def *p)
 static void print_shear(const kn_model_def *def)
 {
     bool axis = def->structure == KN_STRUCTURE_AXIS, gas = def->pressure != KN_PRESSURE_NONE;
-    if (axis) printf("warning   a lattice without diagonals cannot keep its shape\n");
+    if (axis) printf("warning   a lattice without diagonals cannot keep its shape; once folded it may swing for ever\n");
     if (gas && !def->mesh && (axis || def->diagonal_stiffness < 0.01))
         printf("warning   gas does not resist shear: below a diagonal_stiffness of 0.01 rounding decides the shape\n");
     if (def->pressure == KN_PRESSURE_OBJECT)
