@@ -66,6 +66,7 @@ static kn_row row_of(const kn_plan *plan, const kn_trace *traces, int point, int
     r.depth_m = kn_felt_depth(t) - kn_felt_depth(best);
     r.jump_n = kn_felt_jump(t);
     r.reference_jump_n = kn_felt_jump(best);
+    r.same_jump_n = kn_felt_jump(&traces[run->same]);
     r.variation = kn_felt_variation(t) / peak_n;
     r.reference_variation = kn_felt_variation(best) / peak_n;
     r.latched = t->faults > best->faults || t->diverged > 0;
@@ -160,7 +161,7 @@ static bool is_less_work(const kn_row *a, const kn_row *b)
 double kn_front_excess(const kn_row *r, kn_quality q)
 {
     double force = r->force.solver / kn_front_bounds[q].force, shape = r->shape.solver / kn_front_bounds[q].shape;
-    return fmax(fmax(force, shape), r->jump_n / (KN_JUMP * r->reference_jump_n));
+    return fmax(fmax(force, shape), r->jump_n / (KN_JUMP * r->same_jump_n));
 }
 
 // Of two that cost the same.

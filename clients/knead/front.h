@@ -24,7 +24,7 @@ typedef struct kn_row {
     kn_errors force, shape;
     double peak;                     // relative
     double lag_s, depth_m;           // signed: later, deeper
-    double jump_n, reference_jump_n; // per ms
+    double jump_n, reference_jump_n, same_jump_n; // per ms; of SAME, whatever the reference is
     double variation, reference_variation; // over the reference's peak
     bool chatters, latched;          // more faults than the reference had
     bool front, shape_front;         // no point is both faster and nearer to the best (force, shape)
@@ -49,7 +49,7 @@ const kn_row *kn_front_pick(const kn_front *front, double budget_us);
 // ticks. Errors first: of the candidates those within the bounds
 //
 //     fast 3 % of force, 3 % of shape       balanced 0.5 %, 1 %       accurate 0.1 %, 0.2 %
-//     and no force that jumps by more than twice the converged one's
+//     and no force that jumps by more than KN_JUMP times that of SAME
 //
 // or, where there is none, within 1.1 times the least excess of any. Of these the cheapest, times up to KN_NOISE times
 // the least being equal: then fewer iterations at most, then in every step, then the scene's own linearisation.
@@ -66,7 +66,7 @@ typedef struct kn_bound {
     double force, shape;
 } kn_bound;
 extern const kn_bound kn_front_bounds[KN_QUALITY_OWN];
-#define KN_JUMP 2.0
+#define KN_JUMP 1.5 // two iterations on dough 2.0, three 1.1: the impulse guard of 4 N/ms acts on the former
 
 // The pick for the scene's budget_s where it is nearer than the named points, but no candidate: another lattice, step
 // or precision, which only the scene itself can have. NULL: there is none.

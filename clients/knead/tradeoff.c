@@ -128,7 +128,7 @@ static void print_named(const sweep *s)
                    r->median_us, r->p90_us, 100 * r->force.solver, 100 * r->shape.solver);
         if (r && kn_front_excess(r, q) > 1)
             printf("; MISSED: %g %%, %g %% and a jump of %.2g N/ms at most", 100 * kn_front_bounds[q].force,
-                   100 * kn_front_bounds[q].shape, KN_JUMP * r->reference_jump_n);
+                   100 * kn_front_bounds[q].shape, KN_JUMP * r->same_jump_n);
         putchar('\n');
     }
 }

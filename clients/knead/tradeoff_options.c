@@ -57,7 +57,7 @@ static const char help[] =
     "fast, balanced, accurate: on the scene's lattice, step and precision, so that a server can change between\n"
     "them, the cheapest point (by p90; times up to 25 % apart are equal, and fewer iterations then count) whose\n"
     "error of the solver is at most 3 % of force and 3 % of shape; 0.5 and 1 %; 0.1 and 0.2 %, whose force jumps\n"
-    "by at most twice the converged one's, which is within solver.budget (0.8 ms), and which a server takes for\n"
+    "by at most 1.5 times the converged one's, which is within solver.budget (0.8 ms), and which a server takes for\n"
     "more work than the name before: more iterations in every step or at most, and neither fewer. Where none is\n"
     "that accurate, the cheapest of the most accurate, and MISSED says so; names without a point of their own are\n"
     "told; `no name` is a point that is nearer, but takes another lattice, step or precision.\n\n"

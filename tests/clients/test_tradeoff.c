@@ -337,7 +337,7 @@ static kn_row *add(naming *n, int iterations, int most, double us, double solver
     *run = (kn_run){.spacing_m = n->scene.model.spacing_m, .dt_s = n->scene.model.solver.dt_s, .passes = 1,
                     .precision = n->scene.model.solver.precision, .iterations = iterations, .iterations_max = most};
     *row = point(run, us, solver, solver);
-    row->jump_n = row->reference_jump_n = 1;
+    row->jump_n = row->same_jump_n = 1;
     return row;
 }
 
@@ -411,16 +411,16 @@ TEST("a bound that a point meets is met, whatever the names below would rather b
     free(n.plan);
 }
 
-TEST("a point whose force jumps over twice as far as the converged one's is not named")
+TEST("a point whose force jumps over 1.5 times as far as the converged one's is not named")
 {
     static naming n;
     begin(&n);
     kn_row *rough = add(&n, 2, 2, 20, 0.01);
     const kn_row *smooth = add(&n, 3, 3, 40, 0.009);
-    rough->jump_n = 2.1;
+    rough->jump_n = 1.6;
     name(&n);
     CHECK(n.named[0] == smooth);
-    rough->jump_n = 1.9;
+    rough->jump_n = 1.4;
     name(&n);
     CHECK(n.named[0] == rough);
     free(n.plan);
