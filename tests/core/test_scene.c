@@ -445,7 +445,7 @@ TEST("a bad --set is told by its key")
         {"probes=[]", "expected one key of one probe, e.g. probes.plate.size"},
         {"solver.iterations=25", "solver.iterations_max is 24, expected at least solver.iterations, 25"},
         {"quality.fast.iterations=11",
-         "quality.fast: solver.iterations_max is 6, expected at least solver.iterations, 11"},
+         "quality.fast: solver.iterations_max is 3, expected at least solver.iterations, 11"},
         {"quality.fast.spacing=7 mm", "quality.fast: object.size along x, 0.05 m, is 7.1428571 spacings of 0.007 m, "
                                       "expected a whole number (0.007142857143 m would be)"},
         {"quality.slow.passes=1", "unknown key, did you mean solver.passes?"},
