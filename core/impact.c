@@ -57,5 +57,5 @@ bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *c
     if (!(model->law.s1_pa > 0)) return false;
     double power = kn_impact_power(model);
     double least = state->residual_scale > KN_IMPACT_RECENT * power ? KN_IMPACT_AFTER : 1;
-    return rz > least * power || carried(model, state, contact) > least || pressed(model, state, contact) > least;
+    return rz > least * power || carried(model, state, contact) > 1 || pressed(model, state, contact) > 1;
 }
