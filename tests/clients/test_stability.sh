@@ -18,16 +18,18 @@ awk '$1 == "mass" && $2 == "default" && $4 + $5 == $3 { ok = 1 } END { exit !ok 
 awk '$1 == "tangent" && $5 + $6 > 0 { ok = 1 } END { exit !ok }' mass || fail "the tangent does not chatter: $(grep tangent mass)"
 
 # a process that is killed leaves its cell behind, and the others go on
-knead stability --quick --family mass --jobs 2 >killed 2>/dev/null &
-survey=$!
-children() { cat /proc/$survey/task/$survey/children; }
-while [ -z "$(children)" ]; do sleep 0.05; done
-sleep 0.2
-kill -KILL "$(children | cut -d ' ' -f 1)"
-wait $survey
-[ $? = 1 ] || fail "killed: exit $?"
-grep -q ': died, Killed$' killed || fail "killed: $(tail -n 4 killed)"
-grep -q 'in 24 of 25 cells' killed || fail "killed: $(tail -n 1 killed)"
+children() { cat "/proc/$1/task/$1/children"; }
+if [ -e /proc/$$/task/$$/children ]; then # not every kernel tells
+    knead stability --quick --family mass --jobs 2 >killed 2>/dev/null &
+    survey=$!
+    while [ -z "$(children $survey)" ]; do sleep 0.05; done
+    sleep 0.2
+    kill -KILL "$(children $survey | cut -d ' ' -f 1)"
+    wait $survey
+    [ $? = 1 ] || fail "killed: exit $?"
+    grep -q ': died, Killed$' killed || fail "killed: $(tail -n 4 killed)"
+    grep -q 'in 24 of 25 cells' killed || fail "killed: $(tail -n 1 killed)"
+fi
 
 knead stability --help | grep -q -- '--family NAME' || fail "--help"
 refuses 2 "knead stability: --family x: expected one of k1, c1, c2, mass, pairs, limits, bar, aspect, sliver, squash, gas, jump, mixed, size" stability --family x
