@@ -2,6 +2,8 @@
 #include "clients/knead/atlas.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/output.h"
+#include "clients/knead/plot.h"
 #include <getopt.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -108,6 +110,9 @@ int kn_stability_main(int argc, char **argv)
     bool done = false;
     int code = parse(&opt, argc, argv, &done);
     if (code != KN_EXIT_OK || done) return code;
+    if (opt.csv) code = kn_output_try("stability", opt.csv);
+    if (code == KN_EXIT_OK && opt.plot) code = kn_plot_try("stability", opt.plot);
+    if (code != KN_EXIT_OK) return code;
     kn_atlas atlas;
     code = kn_atlas_survey(&atlas, opt.quick, opt.family, opt.jobs);
     if (code != KN_EXIT_OK) return code;

@@ -38,5 +38,6 @@ refuses 2 "knead stability: --slow: unknown option; --help lists them" stability
 refuses 2 "knead stability: --csv: expected a value" stability --csv
 refuses 2 "knead stability: dough: expected options only; --help lists them" stability dough
 mkdir folder
-refuses 3 "knead stability: folder: Is a directory, expected a file that can be written" stability --quick --family bar --csv folder
+refuses 3 "knead stability: folder: Is a directory, expected a file that can be written" stability --csv folder
+refuses 3 "knead stability: folder: Is a directory, expected a file that can be written" stability --plot folder
 exit $failed
