@@ -31,13 +31,20 @@ for cc in $compilers; do
     done
 done | xargs -P "$(nproc)" -I{} sh -c '{}'
 
-reference=
+# every instruction set at -O3, the processor's own at -O1, where base would take minutes
 for cc in $compilers; do
     for level in -O1 -O3; do
         $cc -o "$out/$cc$level/golden" "$out/$cc$level"/*.o -lm
-        # the numbers pinned in test_golden.c do not matter here, only that all builds agree
-        "$out/$cc$level/golden" 2>/dev/null | grep '^ *golden ' >"$out/$cc$level.txt" || true
-        test "$(wc -l <"$out/$cc$level.txt")" -eq 8 || { echo "$cc $level: did not run to its end"; exit 1; }
+        [ $level = -O1 ] && echo "$out/$cc$level" || echo "$out/$cc$level KN_ALL_ISAS=1"
+    done
+done | xargs -P "$(nproc)" -L1 sh -c 'env $1 "$0/golden" 2>/dev/null | grep "^ *golden " | sort -u >"$0.txt" || true'
+
+reference=
+for cc in $compilers; do
+    for level in -O1 -O3; do
+        # the numbers pinned in test_golden.c do not matter here, only that all builds agree; one line each, whoever
+        # computed it
+        test "$(wc -l <"$out/$cc$level.txt")" -eq 10 || { echo "$cc $level: not one hash each:"; cat "$out/$cc$level.txt"; exit 1; }
         reference=${reference:-$out/$cc$level.txt}
         diff "$reference" "$out/$cc$level.txt" || { echo "$cc $level gives other bits than $(basename "$reference" .txt)"; exit 1; }
         echo "$cc $level: same bits"
