@@ -5,9 +5,9 @@
 #include <string.h>
 
 // Samples per node patch and axis: spaced <= r/8 keeps the ripple of a sliding sphere at 0.3 % per ms, h/4 at most.
-static int samples_per_patch(const kn_model *model, const kn_probe_def *probe)
+static int samples_per_patch(double spacing_m, const kn_probe_def *probe)
 {
-    return probe->radius_m > 4 * model->def.spacing_m ? 2 : 4;
+    return probe->radius_m > 4 * spacing_m ? 2 : 4;
 }
 
 // Samples that a sphere can have under it: its whole lower half pressed into the skin, and a patch around; at most all.
@@ -18,7 +18,7 @@ static int samples_max(const kn_model *model)
     patches += model->skin_count;
     for (int p = 0; p < model->def.probe_count; p++) {
         const kn_probe_def *probe = &model->def.probe[p];
-        double per = samples_per_patch(model, probe), reach = (probe->radius_m + h) / h * per;
+        double per = samples_per_patch(model->composite ? INFINITY : h, probe), reach = (probe->radius_m + h) / h * per;
         if (probe->shape == KN_PROBE_SPHERE) count += fmin(2 * 3.1416 * reach * reach, patches * per * per);
     }
     return (int)fmin(count, 1e8);
@@ -213,8 +213,8 @@ static void sample_patch(const kn_model *model, const kn_state *state, int probe
 {
     const kn_probe_def *def = &model->def.probe[probe];
     const double *centre = state->probe[probe].position_m;
-    int per = samples_per_patch(model, def);
-    double h = model->def.spacing_m, outwards[3];
+    double h = p->face->spacing_m, outwards[3];
+    int per = samples_per_patch(h, def);
     double stiffness = (def->foundation_n_m3 > 0 ? def->foundation_n_m3 : KN_FOUNDATION_N_M3) * h * h / (per * per);
     int per_u = per, per_v = per; // one across a flat object, for all of its thickness
     if (model->grid.flat) {
@@ -289,7 +289,7 @@ static void sample_triangle(const kn_model *model, const kn_state *state, int pr
     const kn_probe_def *def = &model->def.probe[probe];
     const double *centre = state->probe[probe].position_m;
     double x[3][3], outwards[3], h = model->def.spacing_m;
-    int per = samples_per_patch(model, def);
+    int per = samples_per_patch(h, def);
     double pressure = def->foundation_n_m3 > 0 ? def->foundation_n_m3 : KN_FOUNDATION_N_M3;
     load_triangle(model, state, node, x, outwards);
     for (int i = 0; i < per * per; i++) {
@@ -355,8 +355,8 @@ static void find_samples(const kn_model *model, const kn_state *state, int probe
         find_on_net(model, state, probe, contact);
         return;
     }
-    double reach = model->def.probe[probe].radius_m + 1.5 * model->def.spacing_m;
-    for (int f = 0; f < model->face_count; f++)
+    for (int f = 0; f < model->face_count; f++) {
+        double reach = model->def.probe[probe].radius_m + 1.5 * model->face[f].spacing_m;
         for (int v = 0; v < model->face[f].len[1]; v++)
             for (int u = 0; u < model->face[f].len[0]; u++) {
                 double x[3], away[3];
@@ -367,6 +367,7 @@ static void find_samples(const kn_model *model, const kn_state *state, int probe
                 load_patch(model, state, &p);
                 sample_patch(model, state, probe, &p, contact);
             }
+    }
 }
 
 double kn_sample_gap_rate(const kn_model *model, const kn_state *state, const kn_sample *s, const void *field)
@@ -473,7 +474,7 @@ static double sphere_clearance(const kn_model *model, const kn_state *state, con
                 patch p = {.face = &model->face[f], .u = u, .v = v};
                 kn_state_position(model, state, face_node(p.face, u, v), point);
                 away_from(model, point, at, away);
-                if (sqrt(dot(away, away)) > nearest + 2 * model->def.spacing_m) continue;
+                if (sqrt(dot(away, away)) > nearest + 2 * p.face->spacing_m) continue;
                 load_patch(model, state, &p);
                 for (int i = 0; i < 9; i++) {
                     if (!patch_point(&p, 0.5 * (i % 3 - 1), 0.5 * (i / 3 - 1), weight, point)) continue;

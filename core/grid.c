@@ -9,14 +9,22 @@ static long padded(const int n[3], int along)
     return vectors * KN_LANES * ((long)n[0] * n[1] * n[2] / n[along]);
 }
 
+void kn_grid_lay(kn_grid *g, int axis, int vectors)
+{
+    g->axis[0] = axis;
+    g->axis[1] = axis == 0 ? 1 : 0;
+    g->axis[2] = axis == 2 ? 1 : 2;
+    for (int a = 0; a < 3; a++) g->len[a] = g->n[g->axis[a]];
+    g->vectors = vectors;
+    g->rows = g->len[1] * g->len[2];
+}
+
 static void choose_axes(kn_grid *g)
 {
     int best = 0; // ties go to x, then y: the same layout on every machine
     for (int a = 1; a < 3; a++)
         if (padded(g->n, a) < padded(g->n, best)) best = a;
-    g->axis[0] = best;
-    g->axis[1] = best == 0 ? 1 : 0;
-    g->axis[2] = best == 2 ? 1 : 2;
+    kn_grid_lay(g, best, (g->n[best] + KN_LANES - 1) / KN_LANES);
 }
 
 // k of a side / E of the material.
@@ -51,9 +59,6 @@ void kn_grid_init(kn_grid *g, const int n[3], double spacing_m, double thickness
     g->depth_m = g->flat ? thickness_m : spacing_m;
     g->diagonal = diagonal;
     choose_axes(g);
-    for (int a = 0; a < 3; a++) g->len[a] = n[g->axis[a]];
-    g->vectors = (g->len[0] + KN_LANES - 1) / KN_LANES;
-    g->rows = g->len[1] * g->len[2];
     g->nodes = n[0] * n[1] * n[2];
     g->kappa_m = side_per_modulus(spacing_m, thickness_m, diagonal);
     g->gamma = creep_area(diagonal, g->flat);

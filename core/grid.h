@@ -68,6 +68,9 @@ extern const int kn_grid_forward[KN_FORWARD][3];
 // n[1] = 1, 0 a block (or a bar or sheet as deep as a cell); diagonal = 0 leaves the diagonals out.
 void kn_grid_init(kn_grid *g, const int n[3], double spacing_m, double thickness_m, double diagonal);
 
+// Lays rows along that axis in that many vectors, which must hold it: for grids that share fields.
+void kn_grid_lay(kn_grid *g, int axis, int vectors);
+
 // Node ids count x fastest, then y, then z: id = (iz*ny + iy)*nx + ix.
 int kn_grid_node(const kn_grid *g, int ix, int iy, int iz);
 void kn_grid_coords(const kn_grid *g, int node, int ixyz[3]);

@@ -310,6 +310,8 @@ LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *w
             r[i] = lanes_fma(mass, lanes_sub(lanes_load(f->v + o), lanes_load(f->guess + o)), r[i]);
         }
     if (work->row_held[row]) {
+        for (int i = 0; work->whole && i < 6; i++)
+            lanes_store((real *)work->whole + at(f->K, row, 6, i, k), m[i]);
         static const int diagonal[3] = {0, 3, 5}, pair[3][3] = {{1, 0, 1}, {2, 0, 2}, {4, 1, 2}};
         lanes loose[3], one = lanes_set(1);
         for (int i = 0; i < 3; i++) loose[i] = lanes_load(f->free + at(f->K, row, 3, i, k));

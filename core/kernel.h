@@ -7,7 +7,7 @@
 //     edge       law of every edge -> residual r, sqrt(slope) vectors g, block-Jacobi inverse P, z = P r  [step]
 //     recall     z = the last step's change of velocity, where free; returns r.z                              [step]
 //     apply      d = z + beta d;  q = (M/dt + sum g g^T) d;  returns d.q                                 [iteration]
-//     update     guess += a d;  r -= a q;  z = P r;  returns r.z                                         [iteration]
+//     update     guess += a d;  r -= a q;  z = P r;  returns r.z; a = 0: r was changed from outside      [iteration]
 //     integrate  displacement += dt guess;  change = guess - velocity;  velocity = guess                  [step]
 //
 // Constrained components have zero rows and columns in P, so their guess never moves and r keeps what they carry: at
@@ -25,6 +25,7 @@ typedef struct kn_work {
     void *p;            // 6   xx xy xz yy yz zz: accumulated blocks, then their inverses
     void *g;            // sqrt(kappa W ds/dw) n of every edge: [row][13][x y z][stride], a net's [edge][x y z]
     void *free;         // 3   1 free, 0 prescribed
+    void *whole;        // 6   of a composite, else NULL: a held row's accumulated blocks, as p before its inverses
     void *cell;         // with pressure, else NULL: sqrt(-dt dP/dV) dV/dx of the corners of every cell, 24 (flat 8, a
                         // net's 12), or of the whole object, 3
     uint8_t *row_held;  // [rows] 1: some component in the row is prescribed
@@ -43,6 +44,9 @@ typedef struct kn_kernels {
     double (*update)(const kn_model *model, kn_state *state, double alpha);
     void (*integrate)(const kn_model *model, kn_state *state);
 } kn_kernels;
+
+// The tables of a model, whose grid or net and law are built, for these kernels: one block, to be freed. NULL: no memory.
+void *kn_tables_create(const kn_model *model, const kn_kernels *kernels);
 
 extern const kn_kernels kn_kernels_grid_base_f32, kn_kernels_grid_base_f64, kn_kernels_grid_avx2_f32,
     kn_kernels_grid_avx2_f64, kn_kernels_grid_avx512_f32, kn_kernels_grid_avx512_f64;

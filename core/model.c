@@ -1,4 +1,5 @@
 #include "core/model.h"
+#include "core/composite.h"
 #include "core/contact.h"
 #include "core/kernel.h"
 #include "core/net.h"
@@ -114,6 +115,7 @@ static const char *check(const kn_model_def *def)
     const char *wrong = kn_material_check(&def->material);
     if (!wrong) wrong = check_lattice(def);
     if (!wrong) wrong = check_solver(&def->solver);
+    if (!wrong) wrong = kn_composite_check(def);
     if (!wrong && (def->probe_count < 0 || def->probe_count > KN_PROBES_MAX)) wrong = "too many probes";
     for (int p = 0; p < def->probe_count && !wrong; p++) wrong = check_probe(def, &def->probe[p]);
     if (!wrong && def->pressure != KN_PRESSURE_NONE && def->solver.dt_s > GAS_STEP_MOST_S)
@@ -125,16 +127,20 @@ static const char *check(const kn_model_def *def)
 static void build_faces(kn_model *m)
 {
     const int *n = m->grid.n, x = 1, y = n[0], z = n[0] * n[1];
+    const double h = m->grid.spacing_m;
     const kn_face face[6] = {
-        {(n[2] - 1) * z, {x, y}, {n[0], n[1]}},   {(n[0] - 1) * x, {y, z}, {n[1], n[2]}}, {0, {z, y}, {n[2], n[1]}},
-        {(n[1] - 1) * y, {z, x}, {n[2], n[0]}},   {0, {x, z}, {n[0], n[2]}},              {0, {y, x}, {n[1], n[0]}},
+        {(n[2] - 1) * z, {x, y}, {n[0], n[1]}, h}, {(n[0] - 1) * x, {y, z}, {n[1], n[2]}, h},
+        {0, {z, y}, {n[2], n[1]}, h},              {(n[1] - 1) * y, {z, x}, {n[2], n[0]}, h},
+        {0, {x, z}, {n[0], n[2]}, h},              {0, {y, x}, {n[1], n[0]}, h},
     };
     memcpy(m->face, face, sizeof face);
     m->face_count = m->def.support == KN_SUPPORT_NONE ? 6 : 5;
+    m->outside_count = 6;
     if (!m->grid.flat) return;
     m->face[2] = face[2]; // top and two ends: what lies along the plane is not touched
     m->face[3] = face[5];
     m->face_count -= 2;
+    m->outside_count -= 2;
 }
 
 static bool supports(kn_isa isa)
@@ -252,14 +258,20 @@ static const char *check_stiffness(const kn_model *m)
     return NULL;
 }
 
+void *kn_tables_create(const kn_model *model, const kn_kernels *kernels)
+{
+    size_t bytes = (kernels->tables_size(model) + 63) / 64 * 64;
+    void *tables = aligned_alloc(64, bytes);
+    if (!tables) return NULL;
+    memset(tables, 0, bytes);
+    kernels->tables_build(model, tables);
+    return tables;
+}
+
 static bool build_tables(kn_model *m)
 {
-    size_t bytes = (m->kernels->tables_size(m) + 63) / 64 * 64;
-    m->tables = aligned_alloc(64, bytes);
-    if (!m->tables) return false;
-    memset(m->tables, 0, bytes);
-    m->kernels->tables_build(m, m->tables);
-    return true;
+    if (!m->composite) m->tables = kn_tables_create(m, m->kernels);
+    return m->composite || m->tables;
 }
 
 static bool build_cells(kn_model *m)
@@ -317,7 +329,10 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
     kn_law_build(&m->law, &def->material, rk4 ? 0 : def->solver.dt_s, def->solver.precision == KN_PRECISION_F64);
     if (!choose_kernels(m))
         return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
-    const char *wrong = def->mesh ? kn_net_build(m) : build_block(m) ? NULL : KN_NO_MEMORY;
+    const char *wrong;
+    if (def->mesh) wrong = kn_net_build(m);
+    else if (kn_composite_is(def)) wrong = kn_composite_build(m);
+    else wrong = build_block(m) ? NULL : KN_NO_MEMORY;
     if (!wrong) wrong = check_stiffness(m);
     if (!wrong && (rk4 ? !build_rk4(m) : !build_tables(m))) wrong = KN_NO_MEMORY;
     if (wrong) return fail(error, size, wrong);
@@ -352,6 +367,7 @@ kn_model *kn_model_build(const kn_model_def *def, char *error, size_t error_size
 void kn_model_destroy(kn_model *model)
 {
     if (!model) return;
+    kn_composite_destroy(model->composite);
     free(model->tables);
     free(model->offset);
     free(model->rest_m);

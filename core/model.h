@@ -35,6 +35,7 @@ typedef struct kn_probe_def {
     double size_m[2];       // PLATE: extent along x and y
     double radius_m;        // SPHERE: >= spacing (refused below), >= 1.5 spacing advised
     double foundation_n_m3; // SPHERE: contact stiffness per area; 0 = default (2.5e7, see contact.h)
+    double reach_m[2][2];   // of x, of y: between which its centre stays; all 0: anywhere. A scene's: the model asks `fine`
 } kn_probe_def;
 
 typedef enum kn_solver { KN_SOLVER_IMPLICIT, KN_SOLVER_RK4 } kn_solver;
@@ -74,6 +75,8 @@ typedef struct kn_model_def {
     double thickness_m;   // > 0: a flat object in the x-z plane, nodes[1] = 1, in plane stress; else 0
     kn_structure structure;
     double diagonal_stiffness; // of a diagonal / that of a side, in (0, 1]; ignored without diagonals
+    int fine[2][3];        // of a block: first and last corner of the box, in cells, that keeps its spacing; outside of it
+                           // cells are twice as wide (composite.h). All even; all 0: one lattice everywhere
     kn_pressure pressure;
     double inside_pressure_pa; // absolute, at rest; > 0 with pressure
     kn_support support;
@@ -88,17 +91,21 @@ typedef struct kn_net_moduli { // of a net whose E was made 1
     double shear;              // mean of the planes; E/2(1 + nu) if it were isotropic
 } kn_net_moduli;
 
+#define KN_FACES_MAX 32
 typedef struct kn_face { // one flat side of the block as a grid of nodes, for contact and drawing
     int origin;          // node id of its (0,0)
     int step[2];         // node id step along u and v; u x v points outwards
     int len[2];          // nodes along u and v
+    double spacing_m;
 } kn_face;
 
 struct kn_kernels; // the loops chosen for this model's precision, law and processor (core/kernel.h)
+struct kn_composite;
 
 typedef struct kn_model {
     kn_model_def def;
-    kn_grid grid;
+    kn_grid grid; // of a composite: as if all of it were fine
+    struct kn_composite *composite; // else NULL
     kn_law law;
     // the lattice as solver, contact and drawing see it: a field of C components is [row][C][stride]
     int node_count;
@@ -123,7 +130,8 @@ typedef struct kn_model {
     int skin_count;      // a net's outside, else 0
     int (*skin)[3];      // [skin_count] triangles of nodes, counter-clockwise from outside
     int face_count;      // faces that a probe can touch: top, four sides, base when the support is NONE
-    kn_face face[6];     // face[0] is the top
+    int outside_count;   // and those that it cannot, behind them
+    kn_face face[KN_FACES_MAX]; // face[0] is the top, or a part of it
     kn_edge *edges;      // RK4 only, else NULL
     int edge_count;
     kn_cell *cells;       // with pressure, of a net or under RK4, else NULL

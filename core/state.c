@@ -47,6 +47,7 @@ static void layout_implicit(const kn_model *m, arena *a, kn_scratch *s)
     for (size_t i = 0; i < sizeof list / sizeof list[0]; i++)
         *list[i].field = take(a, kn_model_field(m, list[i].components) * real_size(m));
     w->g = take(a, 3 * m->edge_reals * real_size(m));
+    w->whole = m->composite ? take(a, kn_model_field(m, 6) * real_size(m)) : NULL;
     w->cell = NULL;
     if (m->def.pressure != KN_PRESSURE_NONE) w->cell = take(a, cell_reals(m) * real_size(m));
     w->row_held = take(a, (size_t)m->row_count);

@@ -1,5 +1,7 @@
 #include "core/surface.h"
 
+#include "core/composite.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -30,10 +32,11 @@ static int side_node(const kn_grid *g, const side *s, int iu, int iv)
     return kn_grid_node(g, ixyz[0], ixyz[1], ixyz[2]);
 }
 
+static const int split[2][2][3] = {{{0, 1, 2}, {0, 2, 3}}, {{0, 1, 3}, {1, 2, 3}}};
+
 // Writes every triangle as node ids when out is not NULL; returns their number.
 static int triangles(const kn_grid *g, int (*out)[3])
 {
-    static const int split[2][2][3] = {{{0, 1, 2}, {0, 2, 3}}, {{0, 1, 3}, {1, 2, 3}}};
     int count = 0;
     for (int number = 0; number < 6; number++) {
         side s = side_of(g, number);
@@ -49,6 +52,25 @@ static int triangles(const kn_grid *g, int (*out)[3])
     return count;
 }
 
+// The same of the outsides of a composite's parts; tied nodes that are where their master is are left to it.
+static int composite_triangles(const kn_model *m, int (*out)[3])
+{
+    int count = 0;
+    for (int f = 0; f < m->outside_count; f++) {
+        const kn_face *face = &m->face[f];
+        for (int v = 0; v + 1 < face->len[1]; v++)
+            for (int u = 0; u + 1 < face->len[0]; u++)
+                for (int t = 0; t < 2; t++, count++) {
+                    int near = face->origin + u * face->step[0] + v * face->step[1];
+                    int corner[4] = {near, near + face->step[0], near + face->step[0] + face->step[1],
+                                     near + face->step[1]};
+                    for (int k = 0; out && k < 3; k++)
+                        out[count][k] = kn_composite_master(m, corner[split[(u + v) & 1][t][k]]);
+                }
+    }
+    return count;
+}
+
 kn_surface *kn_surface_create(const kn_model *model)
 {
     kn_grid g = model->grid;
@@ -58,12 +80,15 @@ kn_surface *kn_surface_create(const kn_model *model)
     kn_surface *s = calloc(1, sizeof *s);
     int *vertex = calloc(nodes, sizeof *vertex); // of a node; 0: inside
     if (!s || !vertex) goto fail;
-    s->triangle_count = block ? triangles(&g, NULL) : model->skin_count;
+    s->triangle_count = model->composite ? composite_triangles(model, NULL)
+                        : block          ? triangles(&g, NULL)
+                                         : model->skin_count;
     s->node = malloc(nodes * sizeof *s->node);
     s->across_m = calloc(nodes, sizeof *s->across_m);
     s->triangle = malloc(((size_t)s->triangle_count * 3 + 1) * sizeof *s->triangle);
     if (!s->node || !s->across_m || !s->triangle) goto fail;
-    if (block) triangles(&g, (int(*)[3])s->triangle);
+    if (model->composite) composite_triangles(model, (int(*)[3])s->triangle);
+    else if (block) triangles(&g, (int(*)[3])s->triangle);
     else memcpy(s->triangle, model->skin, (size_t)s->triangle_count * sizeof *model->skin);
     for (int i = 0; i < 3 * s->triangle_count; i++) vertex[s->triangle[i]] = 1;
     for (int node = 0; node < (int)nodes; node++)

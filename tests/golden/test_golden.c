@@ -88,6 +88,14 @@ TEST("ten seconds of a press on dough-small")
     }
 }
 
+TEST("two resolutions under a plate")
+{
+    kn_model_def def = press_def(2);
+    def.nodes[2] = 7;
+    memcpy(def.fine, (int[2][3]){{2, 0, 2}, {8, 10, 6}}, sizeof def.fine);
+    check_golden("composite-plate", def, 0xf3b9db13461c04ad);
+}
+
 TEST("dough-small by Runge-Kutta, 300 steps of 10 us with the mass times 100")
 {
     kn_model_def def = press_def(1);

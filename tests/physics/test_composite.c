@@ -1,0 +1,244 @@
+// Two resolutions in one block: what the border between them carries exactly, what it does not, and what a press feels.
+#include "core/composite.h"
+#include "core/scratch.h"
+#include "tests/check.h"
+#include "tests/physics/press.h"
+
+// A block of dough, 2 `pairs` cells of `h` across and 12 deep, with a box of half its width and half its depth.
+static kn_model_def local(int pairs, double h, bool fine)
+{
+    kn_model_def def = press_def(1);
+    const int n = 2 * pairs, low = pairs / 4 * 2;
+    def.spacing_m = h;
+    def.nodes[0] = def.nodes[1] = n + 1;
+    def.nodes[2] = 13;
+    def.probe[0] = (kn_probe_def){.name = "plate", .shape = KN_PROBE_PLATE, .size_m = {0.01, 0.01}};
+    if (!fine) return def;
+    memcpy(def.fine, (int[2][3]){{low, low, 6}, {n - low, n - low, 12}}, sizeof def.fine);
+    return def;
+}
+
+static kn_model_def tight(kn_model_def def)
+{
+    def.solver.precision = KN_PRECISION_F64;
+    def.solver.tolerance = 1e-9;
+    def.solver.iterations_max = 400;
+    return def;
+}
+
+static void move(const kn_model *m, kn_state *state, int node, const double u[3])
+{
+    for (size_t k = 0; k < 3; k++) kn_real_set(m, state->displacement, m->offset[node] + k * m->stride, u[k]);
+}
+
+typedef struct balance {
+    double boundary, inside, corners, sum[3]; // largest force on a node of the outside, inside, at a corner of the box
+} balance;
+
+// What is left on the nodes of a springy block that follows the strain u = e x.
+static balance strain(const double e[3][3])
+{
+    kn_model_def def = tight(local(8, 0.005, true));
+    def.material = jelly();
+    def.support = KN_SUPPORT_NONE;
+    kn_model *m = build(&def);
+    kn_state *state = kn_state_create(m);
+    const kn_work *w = kn_state_work(state);
+    balance b = {0};
+    for (int i = 0; i < m->node_count; i++) {
+        double u[3] = {0};
+        for (int k = 0; k < 9; k++) u[k / 3] += e[k / 3][k % 3] * m->rest_m[i][k % 3];
+        move(m, state, i, u);
+    }
+    m->kernels->edge(m, state, KN_LINEARIZATION_SECANT, false);
+    for (int i = 0; i < m->node_count; i++) {
+        const double *x = m->rest_m[i], h = def.spacing_m, half = 8 * h;
+        double size = 0, f;
+        if (m->support[i]) continue; // tied
+        bool outside = fabs(x[0]) > half - h / 2 || fabs(x[1]) > half - h / 2 || x[2] < h / 2 || x[2] > 11.5 * h;
+        bool corner = fabs(fabs(x[0]) - half / 2) < h / 2 && fabs(fabs(x[1]) - half / 2) < h / 2 &&
+                      fabs(x[2] - 6 * h) < h / 2;
+        for (size_t k = 0; k < 3; k++) {
+            f = kn_real_get(m, w->r, m->offset[i] + k * m->stride);
+            b.sum[k] += f;
+            size = fmax(size, fabs(f));
+        }
+        double *kind = outside ? &b.boundary : corner ? &b.corners : &b.inside;
+        *kind = fmax(*kind, size);
+    }
+    kn_state_destroy(state);
+    kn_model_destroy(m);
+    return b;
+}
+
+TEST("uniform stretches are in balance through every face, edge and corner of the box, shear but at its corners")
+{
+    static const double stretch[3][3] = {{1e-6, 0, 0}, {0, -2e-6, 0}, {0, 0, 3e-6}}, shear[3][3] = {{0, 1e-6, 0}},
+                        mixed[3][3] = {{1e-6, 0, 5e-7}, {0, 0, 1e-6}, {0, 0, -1e-6}};
+    balance a = strain(stretch), b = strain(shear), c = strain(mixed);
+    printf("     of the largest boundary force: stretch %.1e, shear %.1e and %.3f at the corners, mixed %.1e and %.3f\n",
+           fmax(a.inside, a.corners) / a.boundary, b.inside / b.boundary, b.corners / b.boundary,
+           c.inside / c.boundary, c.corners / c.boundary);
+    CHECK(fmax(a.inside, a.corners) < 1e-5 * a.boundary); // lengths are not linear in the strain
+    CHECK(b.inside < 1e-5 * b.boundary && c.inside < 1e-5 * c.boundary);
+    CHECK(b.corners < 0.12 * b.boundary && c.corners < 0.12 * c.boundary);
+    for (int k = 0; k < 3; k++) CHECK(fabs(a.sum[k]) + fabs(b.sum[k]) + fabs(c.sum[k]) < 1e-10 * a.boundary);
+}
+
+TEST("mass and spread load are the uniform block's")
+{
+    kn_model_def coarse = local(8, 0.005, true), even = local(8, 0.005, false);
+    kn_model *m = build(&coarse), *u = build(&even);
+    double share = 0;
+    for (int t = 0; t < m->top_count; t++) share += m->top_share[t];
+    CHECK(fabs(kn_model_mass(m) / kn_model_mass(u) - 1) < 1e-12 && fabs(share - 1) < 1e-12);
+    CHECK(kn_composite_tied(m) > 0 && m->node_count < u->node_count);
+    kn_model_destroy(m);
+    kn_model_destroy(u);
+}
+
+// How far the middle of the top has gone down after 2 s under a load, where the base slides.
+static double creep(kn_model_def def)
+{
+    def = tight(def);
+    def.support = KN_SUPPORT_FRICTIONLESS;
+    def.probe_count = 0;
+    kn_model *m = build(&def);
+    kn_state *state = kn_state_create(m);
+    kn_output out;
+    double u[3];
+    for (int i = 0; i < 400; i++) {
+        kn_input in = {.top_load_n = 20 * GF_CM2 * pow(16 * 0.005, 2)};
+        kn_step(m, state, &in, &out);
+    }
+    kn_composite_displacement(m, state, (int[3]){8, 8, 12}, u);
+    kn_state_destroy(state);
+    kn_model_destroy(m);
+    return u[2];
+}
+
+TEST("under a spread load it creeps as the uniform block does")
+{
+    double own = creep(local(8, 0.005, true)), uniform = creep(local(8, 0.005, false));
+    printf("     %.6g mm, uniform %.6g mm\n", 1e3 * own, 1e3 * uniform);
+    CHECK(uniform < -1e-4 && fabs(own / uniform - 1) < 1e-4);
+}
+
+typedef struct played {
+    double (*force_n)[3], (*shape_m)[3];
+    uint64_t hash;
+} played;
+
+enum { TICKS = 900 };
+
+// Down at 1 cm/s to 6 mm, there for 100 ms, and up.
+static played play(const kn_model_def *def, double x_m, double y_m, double slide_m_s, int ticks)
+{
+    kn_model *m = build(def);
+    kn_state *state = kn_state_create(m);
+    played r = {calloc(TICKS, sizeof *r.force_n), calloc((size_t)m->grid.nodes, sizeof *r.shape_m), 0};
+    const press p = {.depth_m = 0.006, .hold_s = 0.1};
+    for (int i = 0; i < ticks; i++) {
+        kn_input in = press_input(m, &p, (i + 1) * 1e-3);
+        kn_output out;
+        in.probe[0].position_m[0] = x_m + i * 1e-3 * slide_m_s;
+        in.probe[0].position_m[1] = y_m;
+        in.probe[0].velocity_m_s[0] = slide_m_s;
+        CHECK(kn_step(m, state, &in, &out) == KN_OK);
+        memcpy(r.force_n[i], out.probe[0].force_n, sizeof *r.force_n);
+    }
+    for (int i = 0; i < m->grid.nodes; i++) {
+        int at[3];
+        kn_grid_coords(&m->grid, i, at);
+        kn_composite_displacement(m, state, at, r.shape_m[i]);
+    }
+    r.hash = kn_state_hash(m, state);
+    kn_state_destroy(state);
+    kn_model_destroy(m);
+    return r;
+}
+
+static void played_free(played *r)
+{
+    free(r->force_n);
+    free(r->shape_m);
+}
+
+TEST("a press is within 1 % of the uniform block's force and 2 % of its shape, wherever in its reach")
+{
+    static const double at[2][2] = {{0, 0}, {0.002, -0.001}};
+    for (int ball = 0; ball < 2; ball++)
+        for (int t = 0; t < 2; t++) {
+            kn_model_def def[2] = {local(12, 0.0025, true), local(12, 0.0025, false)};
+            for (int i = 0; i < 2 && ball; i++)
+                def[i].probe[0] = (kn_probe_def){.name = "ball", .shape = KN_PROBE_SPHERE, .radius_m = 0.005};
+            played own = play(&def[0], at[t][0], at[t][1], 0, TICKS),
+                   uniform = play(&def[1], at[t][0], at[t][1], 0, TICKS);
+            double force = relative_error((const double(*)[3])own.force_n, (const double(*)[3])uniform.force_n, TICKS);
+            double shape = relative_error((const double(*)[3])own.shape_m, (const double(*)[3])uniform.shape_m,
+                                          25 * 25 * 13);
+            printf("     %s at %g, %g mm: force %.2f %%, shape %.2f %%\n", ball ? "ball" : "plate", 1e3 * at[t][0],
+                   1e3 * at[t][1], 100 * force, 100 * shape);
+            CHECK(force < 0.01 && shape < 0.02);
+            played_free(&own);
+            played_free(&uniform);
+        }
+}
+
+TEST("a ball that slides over the box's border feels it as little as the nodes it slides over")
+{
+    // 6 cm/s through 54 mm from the middle: over the border at 15 mm, deep in the dough from 650 ms to 750 ms
+    double jump[2] = {0};
+    for (int i = 0; i < 2; i++) {
+        kn_model_def def = local(12, 0.0025, i == 0);
+        def.probe[0] = (kn_probe_def){.name = "ball", .shape = KN_PROBE_SPHERE, .radius_m = 0.01};
+        played r = play(&def, -0.025, 0, 0.06, TICKS);
+        for (int t = 400; t < 750; t++)
+            for (int k = 0; k < 3; k++) jump[i] = fmax(jump[i], fabs(r.force_n[t][k] - r.force_n[t - 1][k]));
+        played_free(&r);
+    }
+    printf("     most in a millisecond: %.3f N, on the uniform block %.3f N\n", jump[0], jump[1]);
+    CHECK(jump[0] < 2 * jump[1]);
+}
+
+TEST("it gives the same bits on every instruction set, in both precisions")
+{
+    for (int p = 0; p < 2; p++) {
+        uint64_t hash = 0;
+        for (kn_isa isa = KN_ISA_BASE; isa <= KN_ISA_AVX512; isa++) {
+            kn_model_def def = local(4, 0.005, true);
+            def.solver.precision = p ? KN_PRECISION_F64 : KN_PRECISION_F32;
+            def.solver.isa = isa;
+            if (!kn_isa_supported(isa)) continue;
+            played r = play(&def, 0, 0, 0, 200);
+            CHECK(hash == 0 || r.hash == hash);
+            hash = r.hash;
+            played_free(&r);
+        }
+    }
+}
+
+TEST("what cannot have a fine box is refused in words")
+{
+    static const struct { int low, high; const char *why; } bad[] = {
+        {1, 8, "a fine box needs corners at even cells of the block, the first below the second"},
+        {8, 8, "a fine box needs corners at even cells of the block, the first below the second"},
+        {2, 18, "a fine box needs corners at even cells of the block, the first below the second"},
+    };
+    char error[256];
+    for (size_t t = 0; t < sizeof bad / sizeof *bad; t++) {
+        kn_model_def def = local(8, 0.005, true);
+        def.fine[0][0] = bad[t].low;
+        def.fine[1][0] = bad[t].high;
+        CHECK(!kn_model_build(&def, error, sizeof error) && strcmp(error, bad[t].why) == 0);
+    }
+    kn_model_def def = local(8, 0.005, true);
+    def.pressure = KN_PRESSURE_CELLS;
+    CHECK(!kn_model_build(&def, error, sizeof error) && strcmp(error, "a fine box goes without pressure") == 0);
+    def = local(8, 0.005, true);
+    memcpy(def.fine, (int[2][3]){{0, 0, 0}, {16, 16, 12}}, sizeof def.fine);
+    CHECK(!kn_model_build(&def, error, sizeof error) &&
+          strcmp(error, "a fine box needs coarse cells around it") == 0);
+}
+
+TESTS_MAIN
