@@ -1,4 +1,5 @@
 #include "server/daemon.h"
+#include "core/composite.h"
 #include "server/bus.h"
 #include "server/command.h"
 #include "server/loop.h"
@@ -410,7 +411,8 @@ static bool start_threads(server *d, char *error, size_t error_size)
 
 static void tell_ready(const server *d)
 {
-    printf("kneadd: serving %s, %d nodes", d->scene->name, d->model->node_count);
+    printf("kneadd: serving %s, %d nodes", d->scene->name,
+           d->model->node_count - kn_composite_tied(d->model));
     for (int p = 0; p < d->model->def.probe_count; p++) printf(", probe %s", d->model->def.probe[p].name);
     printf(", on %s, meshes on %s; %s, %s\n", d->bus.url, d->mesh_bus.url,
            d->rt.fifo ? "SCHED_FIFO" : "normal priority", d->rt.locked ? "memory locked" : "memory not locked");

@@ -2,6 +2,8 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/cost.h"
+#include "clients/knead/like.h"
+#include "core/composite.h"
 #include "core/impact.h"
 #include "core/kernel.h"
 #include "core/scene/scene.h"
@@ -14,6 +16,8 @@
 static const char usage[] =
     "usage: knead check SCENE [--set KEY=VALUE]...   say what a scene is, what it costs, what to watch for\n"
     "       knead check SCENE --quality NAME         the same with its point fast, balanced or accurate; own: none\n"
+    "       knead check SCENE --log LOG              play a log on the scene and on its uniform lattice: does it keep\n"
+    "                                                object.accuracy? 1: no\n"
     "       knead check --keys                       every key of a scene: unit, range, default, meaning\n"
     "       knead check SCENE --text                 the scene with every value written out, in SI\n"
     "\n"
@@ -44,6 +48,23 @@ static void print_net(const kn_model *model)
     if (model->top_count == 0) printf("warning   nothing of it looks up: a plate would not touch it\n");
 }
 
+static void print_composite(const kn_scene *scene, const kn_model *model)
+{
+    const kn_model_def *def = &model->def;
+    if (!model->composite) {
+        printf("accuracy  %s: uniform\n", def->probe_count > 0 ? "the tools reach all of it" : "there is no tool");
+        return;
+    }
+    printf("accuracy  %g %% of the force: spacing in a box", 100 * scene->accuracy);
+    for (int k = 0; k < 3; k++) {
+        double origin = k < 2 ? 0.5 * (def->nodes[k] - 1) : 0, h = 1e3 * def->spacing_m;
+        printf(" %c %.3g..%.3g", "xyz"[k], h * (def->fine[0][k] - origin), h * (def->fine[1][k] - origin));
+    }
+    printf(" mm, twice it outside: %d nodes, %d edges\n", model->node_count - kn_composite_tied(model),
+           kn_composite_edges(model));
+    printf("          knead check SCENE --log LOG plays a press on both lattices and says what it costs\n");
+}
+
 static void print_block(const kn_scene *scene, const kn_model *model)
 {
     const kn_model_def *def = &scene->model;
@@ -56,11 +77,12 @@ static void print_block(const kn_scene *scene, const kn_model *model)
     else
         printf("object    %g x %g x %g mm, spacing %g mm: %d x %d x %d", 1e3 * h * (n[0] - 1), 1e3 * h * (n[1] - 1),
                1e3 * h * (n[2] - 1), 1e3 * h, n[0], n[1], n[2]);
-    printf(" = %d nodes, %d edges (%s", model->node_count, kn_grid_edges(&model->grid, NULL),
+    printf(" = %d nodes, %d edges (%s", model->grid.nodes, kn_grid_edges(&model->grid, NULL),
            structure[def->structure]);
     if (model->grid.diagonal > 0 && model->grid.diagonal < 1)
         printf(", %g as stiff as the sides", model->grid.diagonal);
     printf("), %.4g kg\n", kn_model_mass(model));
+    if (scene->accuracy > 0) print_composite(scene, model);
     if (def->pressure != KN_PRESSURE_NONE)
         printf("pressure  %d cells, %s, %.6g Pa inside at rest and outside\n", kn_grid_cells(&model->grid, NULL),
                def->pressure == KN_PRESSURE_CELLS ? "each closed" : "one skin around them", def->inside_pressure_pa);
@@ -118,7 +140,7 @@ static size_t model_bytes(const kn_model *model)
 {
     size_t bytes =
         sizeof *model + (size_t)model->node_count * sizeof(double) + (size_t)model->edge_count * sizeof(kn_edge);
-    return bytes + (model->tables ? model->kernels->tables_size(model) : 0);
+    return bytes + (model->tables ? model->kernels->tables_size(model) : 0) + kn_composite_bytes(model);
 }
 
 static void print_cost(const kn_model *model)
@@ -277,14 +299,17 @@ int kn_check_main(int argc, char **argv)
                                             {"text", no_argument, NULL, 't'},
                                             {"set", required_argument, NULL, 's'},
                                             {"quality", required_argument, NULL, 'q'},
+                                            {"log", required_argument, NULL, 'l'},
                                             {0}};
-    const char **sets = calloc((size_t)argc, sizeof *sets);
+    const char **sets = calloc((size_t)argc + 1, sizeof *sets); // and one of ours
     int count = 0, status = -1;
+    const char *log = NULL;
     bool text = false;
     if (!sets) return KN_EXIT_INTERNAL;
     for (int c; status < 0 && (c = getopt_long(argc, argv, "h", options, NULL)) != -1;) {
         if (c == 's') sets[count++] = optarg;
         else if (c == 't') text = true;
+        else if (c == 'l') log = optarg;
         else if (c == 'q') {
             if (!(sets[count++] = kn_quality_set(optarg)))
                 status = kn_complain("check", KN_EXIT_USAGE, "--quality %s: expected %s", optarg, kn_quality_names);
@@ -299,6 +324,7 @@ int kn_check_main(int argc, char **argv)
     }
     if (status < 0 && argc - optind != 1)
         status = kn_complain("check", KN_EXIT_USAGE, "expected one scene file; --help tells the rest");
+    if (status < 0 && log) status = kn_like_uniform(argv[optind], log, sets, count);
     if (status < 0) status = check(argv[optind], sets, count, text);
     free(sets);
     return status;

@@ -1,4 +1,5 @@
 #include "clients/knead/cost.h"
+#include "core/composite.h"
 #include "core/contact.h"
 #include "core/impact.h"
 
@@ -13,6 +14,10 @@ static const double iteration_ns[3][2] = {{100, 170}, {7.2, 15}, {4.3, 8.7}};
 // A net's, per edge; with gas an element is worth two edges.
 #define EDGE_NS 35.0
 #define EDGE_ITERATION_NS 5.0
+
+// A node of a composite that follows others.
+#define TIE_NS 50.0
+#define TIE_ITERATION_NS 15.0
 
 // A lane's edges when each takes Newton by itself.
 #define NEWTON_NS 1700.0
@@ -58,6 +63,8 @@ static kn_cost_part edges(const kn_model *m)
         p.once.us = 1e-3 * nodes * once_ns[isa_of(m)][f64] * law_share[m->law.kind];
         if (kn_cost_newton(m)) p.once.us += 1e-3 * nodes * NEWTON_NS;
         p.iteration.us = 1e-3 * nodes * iteration_ns[isa_of(m)][f64];
+        p.once.us += 1e-3 * TIE_NS * kn_composite_tied(m);
+        p.iteration.us += 1e-3 * TIE_ITERATION_NS * kn_composite_tied(m);
     }
     return p;
 }

@@ -1,4 +1,5 @@
 #include "clients/knead/trace.h"
+#include "core/composite.h"
 #include "core/hash.h"
 #include "proto/knead_event_t.h"
 #include <limits.h>
@@ -90,12 +91,20 @@ static bool take_shape(record *r)
 {
     kn_trace *t = r->trace;
     const kn_model *model = r->replay->model;
-    t->nodes = model->node_count;
+    const kn_state *state = kn_replay_state(r->replay);
+    bool block = !model->def.mesh; // of a composite: at all nodes of its fine lattice
+    t->nodes = block ? model->grid.nodes : model->node_count;
     t->spacing_m = model->def.spacing_m;
-    for (int k = 0; k < 3 && !model->def.mesh; k++) t->grid[k] = model->def.nodes[k];
+    for (int k = 0; k < 3 && block; k++) t->grid[k] = model->def.nodes[k];
     t->shape_m = calloc((size_t)t->nodes, sizeof *t->shape_m);
     for (int n = 0; t->shape_m && n < t->nodes; n++) {
-        kn_state_position(model, kn_replay_state(r->replay), n, t->shape_m[n]);
+        int at[3];
+        if (block) {
+            kn_grid_coords(&model->grid, n, at);
+            kn_composite_displacement(model, state, at, t->shape_m[n]);
+            continue;
+        }
+        kn_state_position(model, state, n, t->shape_m[n]);
         for (int k = 0; k < 3; k++) t->shape_m[n][k] -= model->rest_m[n][k];
     }
     t->diverged = r->replay->servo.diverged;

@@ -335,7 +335,7 @@ bool kn_draft_finish_point(kn_draft *draft)
     if (!*draft->mesh_path && !finish_object(draft)) return false; // a mesh has been read, and no point changes it
     for (int slot = 1; slot <= draft->scene.model.probe_count; slot++)
         if (!finish_probe(draft, slot)) return false;
-    return finish_solver(draft);
+    return finish_solver(draft) && kn_draft_fine(draft);
 }
 
 bool kn_draft_finish(kn_draft *draft)
@@ -349,7 +349,7 @@ bool kn_draft_finish(kn_draft *draft)
     if (!given(draft, 0, KN_KEY_BUDGET)) draft->scene.budget_s = BUDGET_S;
     // the canonical size: equal lattices have equal texts, however the size was rounded in the file
     for (int k = 0; k < 3; k++) draft->size_m[k] = (def->nodes[k] - 1) * def->spacing_m;
-    return finish_solver(draft) && kn_draft_quality(draft);
+    return finish_solver(draft) && kn_draft_fine(draft) && kn_draft_quality(draft);
 }
 
 typedef struct page { // the canonical text as it grows; about 2 kB

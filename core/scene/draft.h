@@ -27,6 +27,7 @@ typedef struct kn_draft {
     kn_scene scene;
     double size_m[3];
     double specimen_height_m;
+    double margin_m;
     int variant; // 0 rheological, 1 viscoelastic, 2 plastic
     bool is_material; // it is the file of a named material that is read, not a scene
     int profile;                            // 0 touch, 1 bench
@@ -65,6 +66,9 @@ bool kn_draft_finish_point(kn_draft *draft);
 
 // The points of quality, and built (draft_quality.c). False after a complaint.
 bool kn_draft_quality(kn_draft *draft);
+
+// The box of fine cells, from accuracy, margin and the probes' reach (draft_fine.c). False after a complaint.
+bool kn_draft_fine(kn_draft *draft);
 
 // Reads the mesh that the draft names (draft_mesh.c). False after a complaint.
 bool kn_draft_mesh(kn_draft *draft);

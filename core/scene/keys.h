@@ -51,6 +51,10 @@
     scene.model.structure, "edges of a cell: with face and body diagonals, or sides only")                            \
   X(DIAGONAL_STIFFNESS, DIAGONALS, "object.diagonal_stiffness", REAL, 1, "", 0.003, 1, "1",                           \
     scene.model.diagonal_stiffness, "of a diagonal, to that of a side")                                               \
+  X(ACCURACY, DIAGONALS, "object.accuracy", REAL, 1, "", 0, 0.5, "",                                                  \
+    scene.accuracy, "share of the force that twice as wide cells away from the tools may cost; none, 0: spacing everywhere") \
+  X(MARGIN, DIAGONALS, "object.margin", REAL, 1, "m", 1e-5, 1, "",                                                    \
+    margin_m, "of cells of spacing around what the tools reach; none: 0.7 widths of the widest tool")                 \
   X(PRESSURE, ALWAYS, "object.pressure", CHOICE, 1, "none|cells|object", 0, 0, "none",                                \
     scene.model.pressure, "gas closed in each cell, or in the object as a whole: keeps its volume")                   \
   X(INSIDE_PRESSURE, PRESSURE, "object.inside_pressure", REAL, 1, "Pa", 100, 1e8, "1 atm",                            \
@@ -149,7 +153,9 @@
   X(PROBE_RADIUS, SPHERE, "probes.NAME.radius", REAL, 1, "m", 1e-4, 1, NULL,                                          \
     radius_m, "sphere; at least one spacing, 1.5 advised")                                                            \
   X(PROBE_FOUNDATION, SPHERE, "probes.NAME.foundation", REAL, 1, "N/m^3", 1e3, 1e12, "2.5e7 N/m^3",                   \
-    foundation_n_m3, "stiffness of the contact per area")
+    foundation_n_m3, "stiffness of the contact per area")                                                            \
+  X(PROBE_REACH, ALWAYS, "probes.NAME.reach", REAL, 4, "m", -10, 10, "",                                              \
+    reach_m, "[x, x, y, y] between which its centre stays: object.accuracy needs it")
 // clang-format on
 
 #define KN_KEY_ID(id, ...) KN_KEY_##id,

@@ -24,6 +24,7 @@ typedef struct kn_scene {
     kn_point point[KN_QUALITIES];
     kn_quality quality;     // the chosen one, which model is built with
     double budget_s;        // of a tick, read to publish: see servo.h
+    double accuracy;        // of the force, that coarse cells away from the tools may cost; 0: there are none
     char device[16];        // profile: touch (default limits), bench (virtual hand, 40 N clamp)
     kn_safety_limits limits;
     double mesh_hz;         // 30..60

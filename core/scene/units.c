@@ -15,6 +15,7 @@ static const struct {
     const char *name;
     kn_unit unit;
 } units[] = {
+    {"%", {.ten = -2}},
     {"m", {.m = 1}},
     {"cm", {.m = 1, .ten = -2}},
     {"mm", {.m = 1, .ten = -3}},
@@ -82,6 +83,7 @@ bool kn_unit_parse(kn_unit *unit, const char *text, char *error, size_t error_si
     for (int factor = 0;; factor++) {
         size_t size = 0;
         while (isalnum((unsigned char)p[size])) size++;
+        if (*p == '%') size = 1;
         const kn_unit *found = find(p, size);
         if (size == 0) return fail(error, error_size, "a unit's name is missing in '%.*s'", text, 24);
         if (!found) return fail(error, error_size, "unknown unit '%.*s'", p, (int)size);

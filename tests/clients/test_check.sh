@@ -66,7 +66,7 @@ knead check "$dough" --set solver.kind=rk4 --set solver.dt='20 ns' >out 2>&1
 knead check "$dough" --set solver.kind=rk4 --set solver.dt='0.02 us' >out || fail "rk4 inside its limit is refused"
 grep -q "^solver *rk4 f64, dt 2e-08 s, mass scale 1; stable up to" out || fail "rk4: $(cat out)"
 
-for scene in dough dough-pressure dough-small bun jelly clay; do
+for scene in dough dough-fine dough-pressure dough-small bun jelly clay; do
     knead check "$KN_SOURCE/core/scenes/$scene.yaml" >out 2>err || fail "$scene: $(cat err)"
     grep -q "^scene *$scene.yaml, version 1" out && grep -q "^kernels" out || fail "$scene: $(cat out)"
     grep "^warning" out | grep -v -e "multiply-add" -e "real time" && fail "$scene warns of itself"
@@ -75,6 +75,25 @@ knead check "$dough" | grep -q "^object .*11 x 11 x 7 = 847 nodes, 8706 edges" |
 knead check "$dough" --set object.spacing='3.3333333333333333 mm' | grep -q "16 x 16 x 10 = 2560 nodes" || fail "2560 nodes"
 knead check "$dough" --set probes.finger.radius='6 mm' | grep -q "^warning *finger is smaller than 1.5 spacings" ||
     fail "a small ball is not warned of"
+
+# two resolutions
+fine=$KN_SOURCE/core/scenes/dough-fine.yaml
+knead check "$fine" | grep -q "^accuracy *1 % of the force: spacing in a box x -10.5..10.5 y -10.5..10.5 z 15..24 mm, twice it outside: 3210 nodes" ||
+    fail "the box is not told"
+knead check "$fine" --set object.margin='5 cm' | grep -q "^accuracy *the tools reach all of it: uniform" || fail "a box that is the block"
+knead check "$fine" --set object.accuracy=0 | grep -q "^accuracy" && fail "accuracy 0 makes a box"
+refuses "knead check: --set object.accuracy: probes.plate.reach is missing, expected [x, x, y, y] with object.accuracy" \
+    "$dough" --set object.accuracy='1 %'
+refuses "$fine:8:13: object.size along z is 17 spacings, expected an even number with object.accuracy" \
+    "$fine" --set object.size='[4.5 cm, 4.5 cm, 2.55 cm]'
+refuses "$fine:8:13: object.accuracy: a fine box goes without pressure" "$fine" --set object.pressure=cells
+refuses "$fine:8:13: object.accuracy: a fine box needs the implicit solver" "$fine" --set solver.kind=rk4 --set solver.dt='1 us'
+refuses "knead check: --set probes.spatula.reach: probes.spatula.reach ends at -1 m along x, expected 1 m or more" \
+    "$fine" --set probes.spatula.reach='[1 m, -1 m, 0, 0]'
+refuses "knead check: --set probes.spatula.reach: probes.spatula.reach and all others are beside the object, expected a reach on it" \
+    "$fine" --set probes.spatula.reach='[1 m, 2 m, 0, 0]' --set probes.fingertip.reach='[1 m, 2 m, 0, 0]'
+refuses "knead check: $dough: states no object.accuracy, expected it with --log" "$dough" --log none.lcmlog
+refuses "knead check: none.lcmlog: No such file or directory, expected an LCM event log" "$fine" --log none.lcmlog
 
 # a material of one's own, seen from the scene's folder, or from here when --set names it; the complaint names its line
 printf '# mine\nmaterial: {k1: 5 kPa, c1: 1 kPa s, damper: constant, c2: 1 MPa s}\ndensity: 1.5 g/cm^3\n' >folder/mine.yaml
