@@ -345,7 +345,7 @@ static void add_scales(list *l)
             char title[80];
             snprintf(title, sizeof title, "dough under a %s, %s times", probe ? "ball" : "plate", parameter_name[p]);
             kn_map *c = add(l, F_K1 + p, p + PARAMETERS * probe, title, parameter_name[p], "dt, s");
-            if (l->quick) X(c, few_scales), Y(c, decades);
+            if (l->quick) X(c, few_scales), Y(c, few_steps);
             else X(c, all_scales), Y(c, all_steps);
         }
 }
@@ -358,7 +358,7 @@ static void add_pairs(list *l)
             snprintf(title, sizeof title, "dough under a plate, 1 ms, %s and %s times", parameter_name[p],
                      parameter_name[q]);
             kn_map *c = add(l, F_PAIR, p + PARAMETERS * q, title, parameter_name[p], parameter_name[q]);
-            if (l->quick) X(c, ((double[]){1e-6, 1, 1e6})), Y(c, ((double[]){1e-6, 1, 1e6}));
+            if (l->quick) X(c, ((double[]){1e-6, 1e6})), Y(c, ((double[]){1e-6, 1e6}));
             else X(c, half_scales), Y(c, half_scales);
         }
 }
@@ -452,7 +452,7 @@ static void add_rest(list *l)
     for (int v = 0; v < 2; v++) {
         kn_map *c = add(l, F_SIZE, v, v ? "cells across 3 cm, k1 times, 10 ms" : "cells across 3 cm, k1 times, 1 ms",
                         "cells", "k1");
-        if (l->quick) X(c, ((double[]){3, 5})), Y(c, ((double[]){1, 1e6}));
+        if (l->quick) X(c, ((double[]){3, 4})), Y(c, ((double[]){1, 1e6}));
         else X(c, ((double[]){3, 6, 9, 12})), Y(c, ((double[]){1, 1e2, 1e4, 1e6}));
     }
 }
