@@ -1,5 +1,6 @@
 #include "clients/knead/plan.h"
 #include "clients/knead/graft.h"
+#include "core/composite.h"
 #include "core/hash.h"
 #include <stdarg.h>
 #include <stdio.h>
@@ -70,12 +71,13 @@ static bool resolve(const kn_plan *plan, kn_run *run, char *error, size_t error_
     kn_scene *scene = kn_scene_parse_beside(plan->scene_path, plan->scene_path, plan->text, strlen(plan->text),
                                             sets.set, sets.count, error, error_size);
     kn_model *model = NULL;
-    if (scene && run->method == KN_METHOD_RK4)
-        model = kn_model_build(&scene->model, error, error_size); // it may refuse
-    bool ok = scene && (model || run->method != KN_METHOD_RK4);
+    bool composite = scene && kn_composite_is(&scene->model), built = composite || run->method == KN_METHOD_RK4;
+    if (scene && built) model = kn_model_build(&scene->model, error, error_size); // it may refuse
+    bool ok = scene && (model || !built);
     if (ok) {
         const int *n = scene->model.nodes;
         run->nodes = scene->mesh ? scene->mesh->node_count : n[0] * n[1] * n[2];
+        if (composite) run->nodes = model->node_count - kn_composite_tied(model);
         uint64_t id = kn_hash_bytes(KN_HASH_SEED, scene->text, strlen(scene->text));
         snprintf(run->id, sizeof run->id, "%016llx", (unsigned long long)id);
     }
@@ -231,6 +233,8 @@ static int take_reference(kn_plan *plan, const kn_run *point, kn_role role, char
 bool kn_plan_references(kn_plan *plan, char *error, size_t error_size)
 {
     int points = plan->count;
+    if (plan->scene->accuracy > 0)
+        note(plan, "two resolutions, in the references too: knead check --log measures what the coarser one costs");
     for (int i = 0; i < points; i++) {
         kn_run run = plan->run[i];
         run.same = take_reference(plan, &run, KN_ROLE_SAME, error, error_size);
