@@ -17,6 +17,17 @@ start_kneadd() { # start_kneadd SCENE OPTION...: returns once it serves
     done
     echo "FAIL kneadd did not come up:" && cat kneadd.log kneadd.err && exit 1
 }
+# press OPTION...: by knead probe; after a pause once more where the machine has spoilt all of its tries
+press() {
+    local pause status
+    for pause in 5 15 0; do
+        knead probe --path press --quiet "$@" && return
+        status=$?
+        [ $status = 3 ] || break
+        sleep $pause
+    done
+    echo "FAIL knead probe: exit $status" && exit 1
+}
 # lcm-logger that does not run for 0.1 s loses records: ahead of everything but kneadd
 start_logger() { # start_logger FILE
     local ahead=

@@ -6,7 +6,7 @@ fine=$KN_SOURCE/core/scenes/dough-fine.yaml
 small=(--set object.size='[3 cm, 3 cm, 1.8 cm]' --set probes.spatula.reach='[-1 mm, 1 mm, -1 mm, 1 mm]')
 
 start_kneadd dough-fine.yaml "${small[@]}"
-knead probe --path press --depth '4 mm' --hold '200 ms' --record press.lcmlog --quiet || { echo "FAIL knead probe: exit $?"; exit 1; }
+press --depth '4 mm' --hold '200 ms' --record press.lcmlog
 stop_kneadd >/dev/null
 check "it replays to the bit" knead replay press.lcmlog --verify
 knead check "$fine" "${small[@]}" --log press.lcmlog >kept

@@ -9,7 +9,7 @@ variation() { awk -F, 'NR > 1 { d = $9 - last; v += d < 0 ? -d : d; last = $9 } 
 within() { awk -v a="$1" -v b="$2" -v share="$3" 'BEGIN { d = a - b; exit !(a > 1 && (d < 0 ? -d : d) <= share * a) }'; }
 
 start_kneadd dough-small.yaml
-knead probe --path press --hold '0.3 s' --record hand.lcmlog --quiet || exit 1
+press --hold '0.3 s' --record hand.lcmlog
 stop_kneadd
 
 play() { # into a fresh kneadd; played.csv holds what it answered

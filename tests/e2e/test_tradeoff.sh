@@ -5,7 +5,7 @@ source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 command -v gnuplot >/dev/null || { echo "skipped: no gnuplot"; exit 77; }
 
 start_kneadd dough-small.yaml
-knead probe --path press --depth '4 mm' --hold '200 ms' --record press.lcmlog --quiet || { echo "FAIL knead probe: exit $?"; exit 1; }
+press --depth '4 mm' --hold '200 ms' --record press.lcmlog
 stop_kneadd >/dev/null
 cp "$KN_SOURCE/core/scenes/dough-small.yaml" scene.yaml
 points=(scene.yaml press.lcmlog --quick --solver blend,secant --iterations 2,4,8)
