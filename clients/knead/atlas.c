@@ -61,7 +61,7 @@ static void bury(const kn_atlas *a, progress *p, int cell, int status)
 {
     for (int w = 0; w < KN_WAYS; w++) {
         kn_score *s = &a->cell[cell].score[w];
-        if (s->verdict != KN_TRIAL_DIED) continue;
+        s->verdict = KN_TRIAL_DIED; // what other ways had made of it, too: nobody has compared them
         if (WIFSIGNALED(status)) snprintf(s->reason, sizeof s->reason, "%s", strsignal(WTERMSIG(status)));
         else snprintf(s->reason, sizeof s->reason, "out of memory");
     }

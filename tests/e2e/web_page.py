@@ -30,7 +30,8 @@ def pressed(page, bus, sentence, begin, end):  # begins a press, watches it, end
     check(f"{sentence}: the force rises", until(lambda: page.now()["force_n"] > 0.5), page.now())
     check(f"{sentence}: the tool is as deep as the slider says", until(lambda: abs(page.now()["depth_mm"] - 5) < 0.3),
           page.text("depth-now"), page.now())
-    check(f"{sentence}: the page says so in words", page.text("contact") == "touching" and page.text("level") == "Live",
+    check(f"{sentence}: the page says so in words",
+          until(lambda: page.text("contact") == "touching" and page.text("level") == "Live"),
           page.text("contact"), page.text("status"))
     end()
     check(f"{sentence}: let go, the force is zero",
@@ -76,9 +77,11 @@ def by_mouse(page, bus):
 
     reset(page, bus, lambda: page.run("document.getElementById('reset').click()"))
     page.hover(*TOP)
-    time.sleep(1)
-    page.keep("reset")
-    check("the picture is as before", page.changed("new", "reset") < dented / 20, dented, page.changed("new", "reset"))
+
+    def as_before():  # once the tool is back and drawn
+        page.keep("reset")
+        return page.changed("new", "reset") < dented / 20
+    check("the picture is as before", until(as_before), dented, page.changed("new", "reset"))
 
 
 def by_keys(page, bus):
