@@ -17,7 +17,8 @@
 // What it costs in accuracy. A uniform strain is carried exactly through faces and edges of the box; in shear its
 // corners are not in balance, by up to a ninth of a boundary node's force: seven coarse cells meet one fine one there,
 // and the corner forces of body diagonals, which cancel between neighbours, grow with h^2. So corners belong where
-// little happens: a tool's width away from where it can be (kn_composite_box). tests/physics/test_composite.c measures.
+// little happens: core/scene/draft_fine.c keeps them 0.7 of a tool's width away from it. tests/physics/test_composite.c
+// measures.
 #include "core/kernel.h"
 
 #define KN_PARTS_MAX 7
