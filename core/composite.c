@@ -32,14 +32,20 @@ bool kn_composite_is(const kn_model_def *def)
     return false;
 }
 
-const char *kn_composite_check(const kn_model_def *def)
+const char *kn_composite_unfit(const kn_model_def *def)
 {
-    bool whole = true;
-    if (!kn_composite_is(def)) return NULL;
     if (def->mesh || def->thickness_m > 0 || def->structure != KN_STRUCTURE_DIAGONALS)
         return "a fine box needs a solid block with diagonals";
     if (def->pressure != KN_PRESSURE_NONE) return "a fine box goes without pressure";
-    if (def->solver.kind != KN_SOLVER_IMPLICIT) return "a fine box needs the implicit solver";
+    return def->solver.kind == KN_SOLVER_IMPLICIT ? NULL : "a fine box needs the implicit solver";
+}
+
+const char *kn_composite_check(const kn_model_def *def)
+{
+    const char *unfit = kn_composite_unfit(def);
+    bool whole = true;
+    if (!kn_composite_is(def)) return NULL;
+    if (unfit) return unfit;
     for (int k = 0; k < 3; k++) {
         int cells = def->nodes[k] - 1, low = def->fine[0][k], high = def->fine[1][k];
         if (cells % 2 != 0) return "a fine box needs an even number of cells along every axis";
@@ -51,7 +57,7 @@ const char *kn_composite_check(const kn_model_def *def)
 }
 
 // The block without the box, cut along z, x, y, then the box: each part's two corners, in fine cells.
-static int cut(const kn_model_def *def, int part[KN_PARTS_MAX][2][3])
+static int cut(const kn_model_def *def, int part[KN_COMPOSITE_PARTS][2][3])
 {
     static const int order[3] = {2, 0, 1};
     int left[2][3] = {{0}}, count = 0;
@@ -65,6 +71,17 @@ static int cut(const kn_model_def *def, int part[KN_PARTS_MAX][2][3])
         }
     memcpy(part[count++], left, sizeof left);
     return count;
+}
+
+int kn_composite_nodes(const kn_model_def *def)
+{
+    int part[KN_COMPOSITE_PARTS][2][3], parts = cut(def, part), sum = 0;
+    for (int p = 0; p < parts; p++) {
+        int nodes = 1, coarse = p + 1 < parts ? 2 : 1;
+        for (int k = 0; k < 3; k++) nodes *= (part[p][1][k] - part[p][0][k]) / coarse + 1;
+        sum += nodes;
+    }
+    return sum;
 }
 
 // The row axis that leaves the fewest rows, of those that so many vectors hold; -1: none.
@@ -96,7 +113,7 @@ static int choose_vectors(const kn_composite *c, int most)
 
 static bool make_parts(kn_model *m, kn_composite *c)
 {
-    int box[KN_PARTS_MAX][2][3], most = 1;
+    int box[KN_COMPOSITE_PARTS][2][3], most = 1;
     c->part_count = cut(&m->def, box);
     c->part = calloc((size_t)c->part_count, sizeof *c->part);
     if (!c->part) return false;
@@ -258,7 +275,7 @@ static void build_faces(kn_model *m)
     for (int s = 0; s < 5; s++) add_faces(m, s);
     m->face_count = m->outside_count;
     add_faces(m, 5);
-    if (m->def.support == KN_SUPPORT_NONE) m->face_count = m->outside_count;
+    if (m->def.support >= KN_SUPPORT_NONE) m->face_count = m->outside_count;
 }
 
 // --- nodes -----------------------------------------------------------------------------------------------------------

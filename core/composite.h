@@ -21,7 +21,7 @@
 // measures.
 #include "core/kernel.h"
 
-#define KN_PARTS_MAX 7
+#define KN_COMPOSITE_PARTS 7
 
 typedef struct kn_tie { // a node that follows the mean of its masters
     size_t node;        // offsets of x components in a 3-component field
@@ -34,11 +34,11 @@ typedef struct kn_composite {
     const kn_kernels *inside; // of every part
     int part_count;
     struct kn_model *part;    // [part_count] a regular block each: its grid, law and tables; no nodes of its own
-    int corner[KN_PARTS_MAX][3]; // of each part, in fine cells
-    int coarse[KN_PARTS_MAX];    // 2, of the box 1: cells of the fine lattice to a spacing
-    int node_first[KN_PARTS_MAX + 1], row_first[KN_PARTS_MAX + 1];
+    int corner[KN_COMPOSITE_PARTS][3]; // of each part, in fine cells
+    int coarse[KN_COMPOSITE_PARTS];    // 2, of the box 1: cells of the fine lattice to a spacing
+    int node_first[KN_COMPOSITE_PARTS + 1], row_first[KN_COMPOSITE_PARTS + 1];
     kn_tie *tie;              // by the part of the node that is tied; masters are in earlier parts
-    int tie_first[KN_PARTS_MAX + 1];
+    int tie_first[KN_COMPOSITE_PARTS + 1];
     int *place;               // node at every even place, x fastest, -1 inside the box: of the earliest part
 } kn_composite;
 
@@ -50,7 +50,11 @@ bool kn_composite_box(const kn_model_def *def, const double low_m[3], const doub
 // Whether it has a fine box at all.
 bool kn_composite_is(const kn_model_def *def);
 
-// What is wrong with def->fine in words, NULL: nothing.
+// Nodes of all its parts, those tied among them: what a state holds.
+int kn_composite_nodes(const kn_model_def *def);
+
+// What keeps an object from having a fine box at all, and what is wrong with its own, in words; NULL: nothing.
+const char *kn_composite_unfit(const kn_model_def *def);
 const char *kn_composite_check(const kn_model_def *def);
 
 // Fills the model's nodes, faces, kernels. NULL, or what went wrong.

@@ -64,7 +64,7 @@ static void view_of(const kn_model *m, const kn_state *state, int part, view *v)
         .z = rows_from(m, w->z, 3, row),
         .p = rows_from(m, w->p, 6, row),
         .whole = rows_from(m, w->whole, 6, row),
-        .g = rows_from(m, w->g, 3 * KN_FORWARD, row),
+        .g = rows_from(m, w->g, kn_work_edge(m) * KN_FORWARD, row),
         .free = rows_from(m, w->free, 3, row),
         .row_held = w->row_held + row,
         .row_moved = w->row_moved + row,

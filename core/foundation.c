@@ -1,4 +1,6 @@
 #include "core/foundation.h"
+#include "core/six.h"
+#include "core/vec.h"
 
 #include <math.h>
 #include <string.h>
@@ -6,7 +8,7 @@
 // The samples from `first` on that share their nodes.
 typedef struct patch {
     kn_sample *sample;
-    int count;
+    int count, nodes;
     double x[9][3];     // of a field, at the nodes
     double add[9][3];   // what is added to another
     double block[9][6]; // xx xy xz yy yz zz
@@ -14,135 +16,337 @@ typedef struct patch {
 
 static bool same_nodes(const kn_sample *a, const kn_sample *b)
 {
-    return a->probe == b->probe && a->face == b->face && a->offset[0] == b->offset[0] && a->offset[4] == b->offset[4] &&
+    return a->probe == b->probe && a->face == b->face && a->nodes == b->nodes && a->offset[0] == b->offset[0] &&
+           a->offset[1] == b->offset[1] && a->offset[2] == b->offset[2] && a->offset[4] == b->offset[4] &&
            a->offset[8] == b->offset[8];
 }
 
 static void fetch(const kn_model *m, const void *field, patch *p)
 {
-    for (size_t a = 0; a < 9; a++) {
+    for (int a = 0; a < p->nodes; a++) {
         size_t o = p->sample->offset[a];
         for (size_t k = 0; k < 3; k++) p->x[a][k] = kn_real_get(m, field, o + k * m->stride);
     }
 }
 
-// The patch behind `from`, with the field at its nodes and nothing to add; false behind the last one.
+// The patch behind `from`, with nothing to add; false behind the last one. field NULL: nothing is fetched.
 static bool next_patch(const kn_model *m, const kn_contact *contact, const void *field, int from, patch *p)
 {
     if (from >= contact->sample_count) return false;
     p->sample = &contact->sample[from];
     p->count = 1;
+    p->nodes = p->sample->nodes;
     while (from + p->count < contact->sample_count && same_nodes(p->sample, p->sample + p->count)) p->count++;
-    fetch(m, field, p);
+    if (field) fetch(m, field, p);
     memset(p->add, 0, sizeof p->add);
     return true;
 }
 
 static void add_to(const kn_model *m, void *field, const patch *p)
 {
-    for (size_t a = 0; a < 9; a++)
+    for (int a = 0; a < p->nodes; a++)
         for (size_t k = 0; k < 3; k++)
             if (p->add[a][k] != 0) kn_real_add(m, field, p->sample->offset[a] + k * m->stride, p->add[a][k]);
 }
 
 static void add_blocks(const kn_model *m, void *field, const patch *p)
 {
-    for (size_t a = 0; a < 9; a++) {
+    for (int a = 0; a < p->nodes; a++) {
         size_t o = p->sample->offset[a], first = o / (3 * m->stride) * 6 * m->stride + o % (3 * m->stride);
         for (size_t c = 0; c < 6; c++) // same row and lane, 6 components
             if (p->block[a][c] != 0) kn_real_add(m, field, first + c * m->stride, p->block[a][c]);
     }
 }
 
-// Along the sphere's push, of the skin at the sample.
-static double rate_of(const kn_sample *s, const patch *p)
+// --- one sample -----------------------------------------------------------------------------------------------------
+
+static void rate_of(const kn_sample *s, const patch *p, double v[3])
 {
-    double v[3] = {0};
-    for (int a = 0; a < 9; a++)
+    v[0] = v[1] = v[2] = 0;
+    for (int a = 0; a < p->nodes; a++)
         for (int k = 0; k < 3; k++) v[k] += s->weight[a] * p->x[a][k];
-    return s->normal[0] * v[0] + s->normal[1] * v[1] + s->normal[2] * v[2];
 }
 
-// At the end of a step at the velocities of the patch.
-static double end_depth(const kn_model *m, const kn_state *state, const kn_sample *s, const patch *p)
+static void tool_rate(const kn_contact *c, const kn_sample *s, double v[3])
 {
-    const double *v = state->probe[s->probe].velocity_m_s;
-    double sphere = s->normal[0] * v[0] + s->normal[1] * v[1] + s->normal[2] * v[2];
-    return s->depth_m - m->def.solver.dt_s * (rate_of(s, p) - sphere);
+    if (s->probe == KN_TABLE) v[0] = v[1] = v[2] = 0;
+    else kn_tool_velocity(&c->tool[s->probe], s->arm_m, v);
 }
 
-static void push(const kn_sample *s, double force_n, patch *p)
+static bool coupled(const kn_contact *c, const kn_sample *s)
 {
-    double f[3];
-    for (int k = 0; k < 3; k++) f[k] = force_n * s->normal[k];
-    for (int a = 0; a < 9; a++)
-        for (int k = 0; k < 3; k++) p->add[a][k] += s->weight[a] * f[k];
+    return s->probe != KN_TABLE && c->tool[s->probe].coupled;
 }
 
-static void stiffen(const kn_sample *s, double stiffness, patch *p)
+// Depth at the end of the step, and, where friction asks, the stretch then, if it stuck.
+static double end_of(double dt, const kn_sample *s, const double tool[3], double stretch[3])
 {
-    double nn[6];
+    double along = kn_dot(s->normal, s->rate_m_s), push = kn_dot(s->normal, tool);
+    if (s->friction > 0)
+        for (int k = 0; k < 3; k++)
+            stretch[k] = s->stretch_m[k] + dt * (s->rate_m_s[k] - tool[k] - (along - push) * s->normal[k]);
+    return s->depth_m - dt * (along - push);
+}
+
+#define LAYER_MOST 0.95 // of a layer: beyond it a straight line goes on
+
+// The line that it presses by, and how stiff it is sideways, as the end of the step looks from here.
+static void judge(double dt, const kn_contact *c, kn_sample *s)
+{
+    double tool[3], stretch[3] = {0}, k = s->foundation_n_m;
+    tool_rate(c, s, tool);
+    double depth = end_of(dt, s, tool, stretch), used = fmin(fmax(0, depth / s->layer_m), LAYER_MOST);
+    s->line = (struct kn_sample_line){.active = depth > s->lowest_m, .slope_n_m = k};
+    if (used > 0) {
+        s->line.slope_n_m = k / ((1 - used) * (1 - used));
+        s->line.offset_n = -used * used * s->layer_m * s->line.slope_n_m;
+    }
+    if (!s->line.active || !(s->friction > 0)) return;
+    // tension that sticks counts as pressure: what holds on does not slip off
+    double pressed = s->line.slope_n_m * depth + s->line.offset_n - k * s->lowest_m;
+    double size = sqrt(kn_dot(stretch, stretch));
+    double cone = s->friction * fmax(0, pressed);
+    s->line.side_n_m = k * size <= cone ? k : cone / size;
+}
+
+// On the skin, for its tool's velocity.
+static void force_of(double dt, const kn_contact *c, const kn_sample *s, double force[3], double *pressing)
+{
+    double tool[3], stretch[3];
+    tool_rate(c, s, tool);
+    *pressing = s->line.active ? s->line.slope_n_m * end_of(dt, s, tool, stretch) + s->line.offset_n : 0;
+    for (int k = 0; k < 3; k++) force[k] = *pressing * s->normal[k];
+    if (s->line.active && s->line.side_n_m > 0)
+        for (int k = 0; k < 3; k++) force[k] -= s->line.side_n_m * stretch[k];
+}
+
+static void push(const kn_sample *s, const double force[3], patch *p)
+{
+    for (int a = 0; a < p->nodes; a++)
+        for (int k = 0; k < 3; k++) p->add[a][k] += s->weight[a] * force[k];
+}
+
+// K of a sample, times dt: upper half.
+static void stiffness_of(double dt, const kn_sample *s, double k[6])
+{
+    const double *n = s->normal, side = dt * s->line.side_n_m, along = dt * (s->line.slope_n_m - s->line.side_n_m);
     for (int i = 0, c = 0; i < 3; i++)
-        for (int k = i; k < 3; k++, c++) nn[c] = stiffness * s->normal[i] * s->normal[k];
-    for (int a = 0; a < 9; a++)
-        for (int c = 0; c < 6; c++) p->block[a][c] += s->weight[a] * s->weight[a] * nn[c];
+        for (int j = i; j < 3; j++, c++) k[c] = along * n[i] * n[j] + (i == j ? side : 0);
 }
 
-void kn_foundation_push(const kn_model *model, kn_state *state, kn_scratch *scratch)
+static void stiffen(double dt, const kn_sample *s, patch *p)
+{
+    double k[6];
+    stiffness_of(dt, s, k);
+    for (int a = 0; a < p->nodes; a++)
+        for (int c = 0; c < 6; c++) p->block[a][c] += s->weight[a] * s->weight[a] * k[c];
+}
+
+// dt K v, and u . dt K v.
+static double answer(double dt, const kn_sample *s, const double v[3], const double u[3], double force[3])
+{
+    double more = dt * (s->line.slope_n_m - s->line.side_n_m) * kn_dot(s->normal, v), sum = more * kn_dot(s->normal, u);
+    for (int k = 0; k < 3; k++) force[k] = more * s->normal[k];
+    if (!(s->line.side_n_m > 0)) return sum;
+    for (int k = 0; k < 3; k++) force[k] += dt * s->line.side_n_m * v[k];
+    return sum + dt * s->line.side_n_m * kn_dot(v, u);
+}
+
+// --- coupled tools --------------------------------------------------------------------------------------------------
+
+// a += dt J'KJ, lower half. J maps (v, w) of a body to v + w x arm.
+static void add_stiffness(double dt, const kn_sample *s, const double arm[3], double a[6][6])
+{
+    for (int j = 0; j < 6; j++) { // column j: the wrench of what it answers a unit of V_j with
+        double unit[6] = {0}, v[3], force[3], wrench[6] = {0};
+        unit[j] = 1;
+        kn_six_velocity(unit, arm, v);
+        answer(dt, s, v, v, force);
+        kn_six_wrench(arm, force, 1, wrench);
+        for (int k = j; k < 6; k++) a[k][j] += wrench[k];
+    }
+}
+
+static void factor_tool(double dt, kn_contact *c, int probe)
+{
+    kn_tool_step *tool = &c->tool[probe];
+    memset(tool->factor, 0, sizeof tool->factor);
+    for (int k = 0; k < 6; k++) tool->factor[k][k] = tool->give[k / 3];
+    for (int i = 0; i < c->sample_count; i++) {
+        const kn_sample *s = &c->sample[i];
+        if (s->probe == probe && s->line.active) add_stiffness(dt, s, s->arm_m, tool->factor);
+    }
+    kn_six_factor(tool->factor);
+}
+
+// Where the coupling and the contact balance, the skin's rates being what they are.
+static void balance_tool(double dt, kn_contact *c, int probe)
+{
+    kn_tool_step *tool = &c->tool[probe];
+    double b[6];
+    memcpy(b, tool->drive, sizeof b);
+    memset(tool->velocity, 0, sizeof tool->velocity);
+    for (int i = 0; i < c->sample_count; i++) {
+        const kn_sample *s = &c->sample[i];
+        double force[3], pressing;
+        if (s->probe != probe || !s->line.active) continue;
+        force_of(dt, c, s, force, &pressing);
+        kn_six_wrench(s->arm_m, force, -1, b);
+    }
+    kn_six_solve((const double(*)[6])tool->factor, b);
+    memcpy(tool->velocity, b, sizeof b);
+}
+
+static void balance(const kn_model *m, kn_contact *c, bool factor)
+{
+    for (int p = 0; p < m->def.probe_count && c->coupled; p++) {
+        if (!c->tool[p].coupled) continue;
+        if (factor) factor_tool(m->def.solver.dt_s, c, p);
+        balance_tool(m->def.solver.dt_s, c, p);
+    }
+}
+
+// --- the solver's four looks ---------------------------------------------------------------------------------------
+
+static void look(const kn_model *m, kn_scratch *scratch, const void *field)
 {
     patch p;
-    for (int i = 0; next_patch(model, &scratch->contact, scratch->work.guess, i, &p); i += p.count) {
+    for (int i = 0; next_patch(m, &scratch->contact, field, i, &p); i += p.count)
+        for (kn_sample *s = p.sample; s < p.sample + p.count; s++) rate_of(s, &p, s->rate_m_s);
+}
+
+void kn_foundation_push(const kn_model *model, kn_scratch *scratch)
+{
+    patch p;
+    kn_contact *c = &scratch->contact;
+    const double dt = model->def.solver.dt_s;
+    look(model, scratch, scratch->work.guess);
+    for (int again = 0; again <= c->coupled; again++) { // a coupled tool may go elsewhere than it did in the last step
+        for (int i = 0; i < c->sample_count; i++) judge(dt, c, &c->sample[i]);
+        balance(model, c, true);
+    }
+    for (int i = 0; next_patch(model, c, NULL, i, &p); i += p.count) {
         memset(p.block, 0, sizeof p.block);
         for (kn_sample *s = p.sample; s < p.sample + p.count; s++) {
-            double depth = end_depth(model, state, s, &p);
-            s->active = depth > 0;
-            if (!s->active) continue;
-            push(s, s->stiffness_n_m * depth, &p);
-            stiffen(s, model->def.solver.dt_s * s->stiffness_n_m, &p);
+            double force[3], pressing;
+            if (!s->line.active) continue;
+            force_of(dt, c, s, force, &pressing);
+            push(s, force, &p);
+            stiffen(dt, s, &p);
         }
         add_to(model, scratch->work.r, &p);
         add_blocks(model, scratch->work.p, &p);
     }
 }
 
+// A tool's answer to what its samples do: V of rates d alone.
+static void follow_tools(const kn_model *m, kn_contact *c, double v[KN_PROBES_MAX][6])
+{
+    memset(v, 0, sizeof(double[KN_PROBES_MAX][6]));
+    for (int i = 0; i < c->sample_count; i++) {
+        const kn_sample *s = &c->sample[i];
+        double force[3];
+        if (!s->line.active || !coupled(c, s)) continue;
+        answer(m->def.solver.dt_s, s, s->rate_m_s, s->rate_m_s, force);
+        kn_six_wrench(s->arm_m, force, 1, v[s->probe]);
+    }
+    for (int p = 0; p < m->def.probe_count; p++)
+        if (c->tool[p].coupled) kn_six_solve((const double(*)[6])c->tool[p].factor, v[p]);
+}
+
 double kn_foundation_apply(const kn_model *model, kn_scratch *scratch)
 {
     patch p;
-    double sum = 0;
-    for (int i = 0; next_patch(model, &scratch->contact, scratch->work.d, i, &p); i += p.count) {
-        for (const kn_sample *s = p.sample; s < p.sample + p.count; s++) {
-            if (!s->active) continue;
-            double rate = rate_of(s, &p), force = model->def.solver.dt_s * s->stiffness_n_m * rate;
+    kn_contact *c = &scratch->contact;
+    double sum = 0, v[KN_PROBES_MAX][6];
+    if (c->coupled) { // tools first: their answer is to all of their samples
+        look(model, scratch, scratch->work.d);
+        follow_tools(model, c, v);
+    }
+    for (int i = 0; next_patch(model, c, c->coupled ? NULL : scratch->work.d, i, &p); i += p.count) {
+        for (kn_sample *s = p.sample; s < p.sample + p.count; s++) {
+            double apart[3], force[3];
+            if (!s->line.active) continue;
+            if (!c->coupled) rate_of(s, &p, s->rate_m_s);
+            memcpy(apart, s->rate_m_s, sizeof apart);
+            if (coupled(c, s)) {
+                double tool[3];
+                kn_six_velocity(v[s->probe], s->arm_m, tool);
+                for (int k = 0; k < 3; k++) apart[k] -= tool[k];
+            }
+            sum += answer(model->def.solver.dt_s, s, apart, s->rate_m_s, force);
             push(s, force, &p);
-            sum += force * rate;
         }
         add_to(model, scratch->work.q, &p);
     }
     return sum;
 }
 
-int kn_foundation_change(const kn_model *model, kn_state *state, kn_scratch *scratch)
+// How far a line may lie off its curve or cone before it is worth another solve: beyond it a slip was not seen coming.
+#define OFF_LINE 0.05
+
+// Judges a sample anew; force_n keeps what is in r of it.
+static bool off(double a, double b) { return fabs(a - b) > OFF_LINE * fmax(a, b); }
+
+// Judges a sample anew; force_n keeps what is in r of it.
+static bool turns_over(double dt, const kn_contact *c, kn_sample *s)
+{
+    force_of(dt, c, s, s->force_n, &s->pressing_n);
+    s->last = s->line;
+    judge(dt, c, s);
+    return s->line.active != s->last.active || off(s->line.side_n_m, s->last.side_n_m) ||
+           off(s->line.slope_n_m, s->last.slope_n_m);
+}
+
+int kn_foundation_change(const kn_model *model, kn_scratch *scratch)
 {
     patch p;
+    kn_contact *c = &scratch->contact;
+    const double dt = model->def.solver.dt_s;
     int changed = 0;
-    for (int i = 0; next_patch(model, &scratch->contact, scratch->work.guess, i, &p); i += p.count) {
-        int before = changed;
+    look(model, scratch, scratch->work.guess);
+    balance(model, c, false);
+    for (int i = 0; i < c->sample_count; i++) changed += turns_over(dt, c, &c->sample[i]);
+    if (changed == 0) { // the little that a line has moved stays as it is in the matrix
+        for (int i = 0; i < c->sample_count; i++) c->sample[i].line = c->sample[i].last;
+        return 0;
+    }
+    balance(model, c, true);
+    for (int i = 0; next_patch(model, c, NULL, i, &p); i += p.count) {
         for (kn_sample *s = p.sample; s < p.sample + p.count; s++) {
-            double depth = end_depth(model, state, s, &p), force = s->stiffness_n_m * depth;
-            if ((depth > 0) == s->active) continue;
-            push(s, s->active ? -force : force, &p);
-            s->active = !s->active;
-            changed++;
+            double force[3], pressing;
+            if (!s->line.active && !s->last.active) continue;
+            force_of(dt, c, s, force, &pressing);
+            for (int k = 0; k < 3; k++) force[k] -= s->force_n[k];
+            push(s, force, &p);
         }
-        if (changed > before) add_to(model, scratch->work.r, &p);
+        add_to(model, scratch->work.r, &p);
     }
     return changed;
 }
 
-void kn_foundation_read(const kn_model *model, kn_state *state, kn_scratch *scratch)
+void kn_foundation_read(const kn_model *model, kn_scratch *scratch)
 {
-    patch p;
-    for (int i = 0; next_patch(model, &scratch->contact, scratch->work.guess, i, &p); i += p.count)
-        for (kn_sample *s = p.sample; s < p.sample + p.count; s++)
-            s->force_n = s->active ? fmax(0, s->stiffness_n_m * end_depth(model, state, s, &p)) : 0;
+    kn_contact *c = &scratch->contact;
+    look(model, scratch, scratch->work.guess);
+    balance(model, c, false);
+    for (int i = 0; i < c->sample_count; i++) {
+        kn_sample *s = &c->sample[i];
+        force_of(model->def.solver.dt_s, c, s, s->force_n, &s->pressing_n);
+        if (s->pressing_n >= 0 || s->lowest_m < 0) continue; // a smooth one cannot pull: it is about to let go
+        for (int k = 0; k < 3; k++) s->force_n[k] -= s->pressing_n * s->normal[k];
+        s->pressing_n = 0;
+    }
+}
+
+void kn_foundation_rigid(const kn_model *model, const kn_scratch *scratch, const double centre_m[3], double a[6][6])
+{
+    const kn_contact *c = &scratch->contact;
+    for (int i = 0; i < c->sample_count; i++) {
+        const kn_sample *s = &c->sample[i];
+        double arm[3];
+        if (!s->line.active) continue;
+        for (int k = 0; k < 3; k++) arm[k] = s->point_m[k] - centre_m[k];
+        add_stiffness(model->def.solver.dt_s, s, arm, a);
+    }
 }

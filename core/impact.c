@@ -21,16 +21,15 @@ static double carried(const kn_model *m, const kn_state *state, const kn_contact
     return fmax(change / flow_m_s / KN_IMPACT_RATE, way / KN_IMPACT_WAY);
 }
 
-// A sphere: what its pressure would change by, were the skin to go on as it does.
+// A tool of another shape: what its pressure would change by, were the skin to go on as it does.
 static double pressed(const kn_model *m, const kn_state *state, const kn_contact *contact)
 {
     double most = 0;
     for (int i = 0; i < contact->sample_count; i++) {
         const kn_sample *sample = &contact->sample[i];
-        double foundation = m->def.probe[sample->probe].foundation_n_m3;
-        if (!sample->active) continue;
-        most = fmax(most, (foundation > 0 ? foundation : KN_FOUNDATION_N_M3) *
-                              fabs(kn_sample_gap_rate(m, state, sample, state->velocity)));
+        if (!sample->line.active || sample->probe == KN_TABLE) continue;
+        most = fmax(most, kn_probe_foundation(&m->def.probe[sample->probe]) *
+                              fabs(kn_sample_gap_rate(m, contact, sample, state->velocity)));
     }
     return most * m->def.solver.dt_s / m->law.s1_pa / KN_IMPACT_PRESS;
 }

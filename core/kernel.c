@@ -1,17 +1,6 @@
 // One source for three instruction sets and two precisions; kernel.h says what the loops do, grid.h the layout.
 #include "core/kernel_law.h"
 
-// The three shifts along a row must be unrolled to be constants; gcc leaves them rolled (+18 % of the edge pass).
-#define PRAGMA(x) _Pragma(#x)
-// Not where it only costs compile time.
-#if KN_KERNEL_BASE || KN_KERNEL_CHECKED
-#define UNROLL(n)
-#elif defined(__clang__)
-#define UNROLL(n) PRAGMA(unroll(n))
-#else
-#define UNROLL(n) PRAGMA(GCC unroll n)
-#endif
-
 // Constants of a model in its precision. The same for every instruction set.
 typedef struct tables {
     law_tables law; // first: its tables are 64-byte aligned with the block
@@ -179,6 +168,10 @@ LANES_INLINE real group_share(real row, real plane, real diagonal, int g, int s)
     }
 }
 
+// f64's g would be more than half of the bytes that a product moves, and outgrow the cache: it keeps (root/length)^2 of
+// an edge and takes the direction off the displacements again. 5 us longer at 2 560 nodes, 25 us shorter at 5 733.
+enum { LEAN = sizeof(real) == sizeof(double) };
+
 // --- the edge pass --------------------------------------------------------------------------------------------------
 
 typedef struct fields { // the arrays of a state, typed
@@ -204,29 +197,27 @@ typedef struct edges {
 
 // Unit vectors, stress at the linearisation point and root of its slope; advances the strain unless `again`.
 LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields *f, const edges *x, kn_law_kind kind,
-                           bool stroke, kn_linearization how, bool again, lanes n[3], lanes *stress, lanes *root)
+                           bool stroke, kn_linearization how, bool again, bars *x16, lanes *stress, lanes *root)
 {
-    bars x16;
-    x16.scale = lanes_set(t->inverse[x->e]);
+    x16->scale = lanes_set(t->inverse[x->e]);
     for (int c = 0; c < 3; c++) {
-        x16.rest[c] = lanes_set(t->direction[x->e][c]);
-        x16.shift[c] =
+        x16->rest[c] = lanes_set(t->direction[x->e][c]);
+        x16->shift[c] =
             lanes_sub(near(f->K, f->x, x->to, c, x->k, x->s), lanes_load(f->x + at(f->K, x->row, 3, c, x->k)));
-        x16.dv[c] = lanes_sub(near(f->K, f->v, x->to, c, x->k, x->s), lanes_load(f->v + at(f->K, x->row, 3, c, x->k)));
+        x16->dv[c] = lanes_sub(near(f->K, f->v, x->to, c, x->k, x->s), lanes_load(f->v + at(f->K, x->row, 3, c, x->k)));
     }
-    bars_direct(&t->law, &x16);
-    lanes wanted = x16.rate;
+    bars_direct(&t->law, x16);
+    lanes wanted = x16->rate;
     if (x->moved || again) {
         lanes dg[3];
         for (int c = 0; c < 3; c++)
             dg[c] = lanes_sub(near(f->K, f->guess, x->to, c, x->k, x->s),
                               lanes_load(f->guess + at(f->K, x->row, 3, c, x->k)));
-        wanted = dot(x16.n, dg);
+        wanted = dot(x16->n, dg);
     }
     real *strain = kind == KN_LAW_VOIGT ? NULL : f->u + at(f->K, x->row, KN_FORWARD, x->e, x->k);
-    bars_law(model, &t->law, &x16, kind, stroke, how, wanted, x->moved || again, again,
+    bars_law(model, &t->law, x16, kind, stroke, how, wanted, x->moved || again, again,
              t->lane_here[x->s + 1] + (size_t)x->k * KN_LANES, strain, stress, root);
-    for (int c = 0; c < 3; c++) n[c] = x16.n[c];
 }
 
 typedef struct sums { // of the row's own ends, in registers until its edges are done
@@ -237,19 +228,21 @@ typedef struct sums { // of the row's own ends, in registers until its edges are
 LANES_INLINE void edge_add(const kn_model *model, const tables *t, const fields *f, const edges *x, kn_law_kind kind,
                            bool stroke, kn_linearization how, bool again, sums *own)
 {
-    lanes n[3], stress, root;
-    edge_law(model, t, f, x, kind, stroke, how, again, n, &stress, &root);
+    bars x16;
+    lanes stress, root;
+    edge_law(model, t, f, x, kind, stroke, how, again, &x16, &stress, &root);
     size_t lane = (size_t)x->k * KN_LANES;
     lanes tension =
         lanes_mul(stress, lanes_mul(lanes_set(t->area[x->e] * x->share), lanes_load(t->lane_near[x->s + 1] + lane)));
     root = lanes_mul(root, lanes_mul(lanes_set(t->root * x->root), lanes_load(t->lane_near_root[x->s + 1] + lane)));
     int to = near_vector(f->K, x->k, x->s);
-    lanes g[3], far[3];
+    lanes g[3], far[3], over = lanes_mul(root, x16.inverse);
+    if (LEAN) lanes_store(f->g + at(f->K, x->row, KN_FORWARD, x->e, x->k), lanes_mul(over, over));
     for (int c = 0; c < 3; c++) {
-        g[c] = lanes_mul(root, n[c]);
-        lanes_store(f->g + at(f->K, x->row, 3 * KN_FORWARD, 3 * x->e + c, x->k), g[c]);
+        g[c] = lanes_mul(root, x16.n[c]);
+        if (!LEAN) lanes_store(f->g + at(f->K, x->row, 3 * KN_FORWARD, 3 * x->e + c, x->k), g[c]);
         far[c] = turn(f->K, g[c], x->k, x->s);
-        lanes pull = lanes_mul(tension, n[c]);
+        lanes pull = lanes_mul(tension, x16.n[c]);
         own->pull[c] = lanes_add(own->pull[c], pull);
         real *other = f->r + at(f->K, x->to, 3, c, to);
         lanes_store(other, lanes_sub(lanes_load(other), turn(f->K, pull, x->k, x->s)));
@@ -383,20 +376,15 @@ static double edge(const kn_model *model, kn_state *state, kn_linearization how,
     int K = model->grid.vectors;
     if (model->def.pressure != KN_PRESSURE_NONE) pressure_add(model, state);
     // one loop for all laws
-    if (model->law.stroke) return edge_pass(model, state, model->law.kind, true, how, again, K);
-    switch (model->law.kind) {
+    const kn_law_kind kind = ((const tables *)model->tables)->law.kind;
+    if (model->law.stroke) return edge_pass(model, state, kind, true, how, again, K);
+    switch (kind) {
     case KN_LAW_VOIGT: return edge_pass(model, state, KN_LAW_VOIGT, false, how, again, K);
     case KN_LAW_LINEAR: return edge_pass(model, state, KN_LAW_LINEAR, false, how, again, K);
-#if KN_KERNEL_F32
     case KN_LAW_TABLE:
         if (K == 1 && !again) return edge_pass(model, state, KN_LAW_TABLE, false, how, false, 1);
         return edge_pass(model, state, KN_LAW_TABLE, false, how, again, K);
-#endif
-    default:
-#if !KN_KERNEL_F32
-        if (K == 1 && !again) return edge_pass(model, state, KN_LAW_EXACT, false, how, false, 1);
-#endif
-        return edge_pass(model, state, KN_LAW_EXACT, false, how, again, K);
+    default: return edge_pass(model, state, KN_LAW_EXACT, false, how, again, K);
     }
 }
 
@@ -430,20 +418,26 @@ LANES_INLINE void next_direction(const fields *f, int row, real beta)
     }
 }
 
-LANES_INLINE void product_edges(const fields *f, int row, int to, int k, int s, int e, const lanes own[3],
-                                lanes sum[3])
+typedef struct products { // of the row's own ends: where they stand, their direction, the product
+    lanes x[3], d[3], q[3];
+} products;
+
+LANES_INLINE void product_edges(const tables *t, const fields *f, int row, int to, int k, int s, int e, products *own)
 {
     lanes g[3], gap[3];
     for (int c = 0; c < 3; c++) {
-        g[c] = lanes_load(f->g + at(f->K, row, 3 * KN_FORWARD, 3 * e + c, k));
-        gap[c] = lanes_sub(own[c], near(f->K, f->d, to, c, k, s));
+        if (LEAN)
+            g[c] = lanes_add(lanes_set(t->direction[e][c]), lanes_sub(near(f->K, f->x, to, c, k, s), own->x[c]));
+        else g[c] = lanes_load(f->g + at(f->K, row, 3 * KN_FORWARD, 3 * e + c, k));
+        gap[c] = lanes_sub(own->d[c], near(f->K, f->d, to, c, k, s));
     }
     lanes force = dot(g, gap);
+    if (LEAN) force = lanes_mul(force, lanes_load(f->g + at(f->K, row, KN_FORWARD, e, k)));
     int vector = near_vector(f->K, k, s);
     for (int c = 0; c < 3; c++) {
         lanes push = lanes_mul(g[c], force);
         real *other = f->q + at(f->K, to, 3, c, vector);
-        sum[c] = lanes_add(sum[c], push);
+        own->q[c] = lanes_add(own->q[c], push);
         lanes_store(other, lanes_sub(lanes_load(other), turn(f->K, push, k, s)));
     }
 }
@@ -460,16 +454,20 @@ LANES_INLINE double apply_rows(const kn_model *model, kn_state *state, double be
         for (int b = 0; b < t->rows; b++, row++) {
             for (; ready < t->row_count && ready <= row + t->rows + 1; ready++) next_direction(&f, ready, beta);
             for (int k = 0; k < f.K; k++) {
-                lanes own[3], sum[3];
-                for (int i = 0; i < 3; i++) own[i] = lanes_load(f.d + at(f.K, row, 3, i, k)), sum[i] = lanes_set(0);
-                product_edges(&f, row, row, k, 1, 0, own, sum);
+                products own;
+                for (int i = 0; i < 3; i++) {
+                    if (LEAN) own.x[i] = lanes_load(f.x + at(f.K, row, 3, i, k));
+                    own.d[i] = lanes_load(f.d + at(f.K, row, 3, i, k));
+                    own.q[i] = lanes_set(0);
+                }
+                product_edges(t, &f, row, row, k, 1, 0, &own);
                 for (int g = 0; g < 4; g++) {
                     int to = group_row(t, row, b, c, g);
                     if (to < 0) continue;
                     UNROLL(3)
-                    for (int s = -1; s <= 1; s++) product_edges(&f, row, to, k, s, 1 + 3 * g + s + 1, own, sum);
+                    for (int s = -1; s <= 1; s++) product_edges(t, &f, row, to, k, s, 1 + 3 * g + s + 1, &own);
                 }
-                for (int i = 0; i < 3; i++) store_add(f.q + at(f.K, row, 3, i, k), sum[i]);
+                for (int i = 0; i < 3; i++) store_add(f.q + at(f.K, row, 3, i, k), own.q[i]);
             }
             for (int k = 0; k < f.K; k++) {
                 lanes mass = mass_of(t, b, c, k);

@@ -1,8 +1,8 @@
 #ifndef KN_CORE_KERNEL_H
 #define KN_CORE_KERNEL_H
 // The hot loops of the implicit step: kernel.c of a grid, kernel_net.c of any lattice; compiled once per instruction
-// set and precision; a model points at the set it was built for. All of them visit rows in memory order and sum in the
-// same order: the same bits everywhere.
+// set and precision; isa.c chooses for a model. All of them visit rows in memory order and sum in the same order: the
+// same bits everywhere.
 //
 //     edge       law of every edge -> residual r, sqrt(slope) vectors g, block-Jacobi inverse P, z = P r  [step]
 //     recall     z = the last step's change of velocity, where free; returns r.z                              [step]
@@ -23,7 +23,8 @@ typedef struct kn_work {
     void *d;            // 3   search direction
     void *z;            // 3   preconditioned residual
     void *p;            // 6   xx xy xz yy yz zz: accumulated blocks, then their inverses
-    void *g;            // sqrt(kappa W ds/dw) n of every edge: [row][13][x y z][stride], a net's [edge][x y z]
+    void *g;            // sqrt(kappa W ds/dw) n of every edge: [row][13][x y z][stride], a net's [edge][x y z]; a
+                        // lattice's in f64 kappa W ds/dw / length^2, [row][13][stride]
     void *free;         // 3   1 free, 0 prescribed
     void *whole;        // 6   of a composite, else NULL: a held row's accumulated blocks, as p before its inverses
     void *cell;         // with pressure, else NULL: sqrt(-dt dP/dV) dV/dx of the corners of every cell, 24 (flat 8, a
@@ -45,6 +46,9 @@ typedef struct kn_kernels {
     void (*integrate)(const kn_model *model, kn_state *state);
 } kn_kernels;
 
+// Chooses model->isa and model->kernels, by its def. False: this processor lacks the instruction set that is asked for.
+bool kn_kernels_choose(kn_model *model);
+
 // The tables of a model, whose grid or net and law are built, for these kernels: one block, to be freed. NULL: no memory.
 void *kn_tables_create(const kn_model *model, const kn_kernels *kernels);
 
@@ -52,6 +56,12 @@ extern const kn_kernels kn_kernels_grid_base_f32, kn_kernels_grid_base_f64, kn_k
     kn_kernels_grid_avx2_f64, kn_kernels_grid_avx512_f32, kn_kernels_grid_avx512_f64;
 extern const kn_kernels kn_kernels_net_base_f32, kn_kernels_net_base_f64, kn_kernels_net_avx2_f32,
     kn_kernels_net_avx2_f64, kn_kernels_net_avx512_f32, kn_kernels_net_avx512_f64;
+
+// Reals of g per edge.
+static inline int kn_work_edge(const kn_model *m)
+{
+    return m->def.mesh || m->def.solver.precision == KN_PRECISION_F32 ? 3 : 1;
+}
 
 static inline kn_work *kn_state_work(const kn_state *state) { return state->scratch; }
 

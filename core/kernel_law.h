@@ -24,18 +24,34 @@
 #define KN_KERNELS(lattice) SYMBOL2(lattice, ISA, PRECISION)
 #define KN_KERNELS_NAME NAME2(ISA, PRECISION)
 
+#if KN_KERNEL_F32
+enum { DEGREE = 3, SLOPE_DEGREE = 2 };
+#else
+enum { DEGREE = KN_LAW_FINE, SLOPE_DEGREE = 3 };
+#endif
+
+// The three shifts along a row must be unrolled to be constants; gcc leaves them rolled (+18 % of the edge pass).
+#define PRAGMA(x) _Pragma(#x)
+// Not where it only costs compile time.
+#if KN_KERNEL_BASE || KN_KERNEL_CHECKED
+#define UNROLL(n)
+#elif defined(__clang__)
+#define UNROLL(n) PRAGMA(unroll(n))
+#else
+#define UNROLL(n) PRAGMA(GCC unroll n)
+#endif
+
 // Constants of the law in the model's precision. The same for every instruction set.
 typedef struct law_tables {
-    real cubic[4][KN_LAW_SEGMENTS]; // first: 64-byte aligned with the block
-    real slope[3][3][KN_LAW_SEGMENTS];
+    real middle[KN_LAW_SEGMENTS]; // what y is counted from, 0 in f32. First: 64-byte aligned with the block
+    real stress[DEGREE + 1][KN_LAW_SEGMENTS], slope[3][SLOPE_DEGREE + 1][KN_LAW_SEGMENTS];
+    kn_law_kind kind; // KN_LAW_TABLE in f64: by the fine table
     real a, k1, keep, gain;      // A; k1; u <- keep u + gain s
     real dt, half_dt, shortest2; // shortest2: squared length below which n is no longer scaled up, m^2
     real inverse_b0, b0, yh, rest, flow, root_rest, root_flow; // the law's ends: slopes and their square roots
     real inwards, outwards, stop_per_strain, stroke_ends; // z_in, z_out; A/dt; where a stroke counts as used up
     real gamma;
-    real beta, r0, bh; // r = A/c2(s) = r0 exp(beta s); begin of the flowing branch
     int shift;
-    bool halley; // f64: the exponential damper in lanes
 } law_tables;
 
 // Strains are read off displacements, which are exact to a share of the whole object.
@@ -49,18 +65,25 @@ static void build_stroke(law_tables *t, const kn_model *model)
     t->stroke_ends = (real)fmax(KN_LAW_STROKE_ENDS, across * rounding);
 }
 
+static void build_polynomials(law_tables *t, const kn_law *law)
+{
+#if KN_KERNEL_F32
+    memcpy(t->stress, law->cubic, sizeof t->stress);
+    memcpy(t->slope, law->slope, sizeof t->slope);
+#else
+    memcpy(t->middle, law->middle, sizeof t->middle);
+    memcpy(t->stress, law->fine, sizeof t->stress);
+    memcpy(t->slope, law->fine_slope, sizeof t->slope);
+#endif
+}
+
 static void law_tables_build(law_tables *t, const kn_model *model)
 {
     const kn_law *law = &model->law;
-    for (int i = 0; i < KN_LAW_SEGMENTS; i++) {
-        for (int k = 0; k < 4; k++) t->cubic[k][i] = law->cubic[k][i];
-        for (int k = 0; k < 9; k++) t->slope[k / 3][k % 3][i] = law->slope[k / 3][k % 3][i];
-    }
+    build_polynomials(t, law);
     t->shift = law->shift;
-    t->beta = (real)law->mat.beta_per_pa;
-    t->r0 = (real)(law->a_pa_s / law->mat.alpha_pa_s);
-    t->bh = (real)law->bh_pa;
-    t->halley = kn_law_in_lanes(law);
+    t->kind = law->kind;
+    if (sizeof(real) == sizeof(double) && kn_law_in_lanes(law)) t->kind = KN_LAW_TABLE;
     t->a = (real)law->a_pa_s;
     t->k1 = (real)law->mat.k1_pa;
     t->keep = (real)(1.0 - law->dt_s * law->mat.k1_pa / law->a_pa_s);
@@ -71,7 +94,7 @@ static void law_tables_build(law_tables *t, const kn_model *model)
     t->flow = (real)law->slope_flow;
     t->root_rest = (real)sqrt(law->slope_rest);
     t->root_flow = (real)sqrt(law->slope_flow);
-    bool table = law->kind == KN_LAW_TABLE || t->halley;
+    bool table = t->kind == KN_LAW_TABLE;
     t->b0 = (real)law->b0_pa;
     t->inverse_b0 = (real)(table ? 1.0 / law->b0_pa : 0);
     double yh = law->bh_pa / law->b0_pa;
@@ -95,81 +118,39 @@ static void law_exact(const kn_law *law, kn_linearization how, lanes b, lanes *s
     *root = lanes_load(at_root);
 }
 
-// s/b0 of y = |b|/b0 by the table alone, and where it was looked up.
-LANES_INLINE lanes law_cubic(const law_tables *t, lanes inside, segment i)
+LANES_INLINE lanes polynomial(int degree, const real (*table)[KN_LAW_SEGMENTS], lanes x, segment i)
 {
-    lanes p = lanes_table(t->cubic[3], i);
-    for (int k = 2; k >= 0; k--) p = lanes_fma(p, inside, lanes_table(t->cubic[k], i));
-    return p;
+    lanes sum = lanes_table(table[degree], i);
+    UNROLL(16)
+    for (int k = degree - 1; k >= 0; k--) sum = lanes_fma(sum, x, lanes_table(table[k], i));
+    return sum;
 }
 
-#if KN_KERNEL_F32
 LANES_INLINE void law_table(const law_tables *t, kn_linearization how, lanes b, lanes *s, lanes *root)
 {
     const lanes one = lanes_set(1), zero = lanes_set(0), yh = lanes_set(t->yh);
     lanes y = lanes_mul(lanes_max(b, lanes_sub(zero, b)), lanes_set(t->inverse_b0));
     lanes inside = lanes_min(lanes_max(y, one), yh);
     segment i = segment_of(inside, t->shift);
-    lanes p = law_cubic(t, inside, i);
+#if !KN_KERNEL_F32
+    inside = lanes_sub(inside, lanes_table(t->middle, i));
+#endif
+    lanes p = polynomial(DEGREE, t->stress, inside, i);
     p = lanes_max(lanes_mul(lanes_set(t->flow), y), lanes_min(lanes_mul(lanes_set(t->rest), y), p));
     p = lanes_mul(p, lanes_set(t->b0));
     *s = lanes_less(b, zero, lanes_sub(zero, p), p);
-    lanes c = lanes_table(t->slope[how][2], i);
-    for (int k = 1; k >= 0; k--) c = lanes_fma(c, inside, lanes_table(t->slope[how][k], i));
+    lanes c = polynomial(SLOPE_DEGREE, t->slope[how], inside, i);
     c = lanes_less(yh, y, lanes_set(t->root_flow), c);
     *root = lanes_less(y, one, lanes_set(t->root_rest), c);
 }
-#else
-// From the table's s by one of Halley's steps on s (1 + r) = b, r = r0 exp(beta s), which leaves the cube of the table's
-// error, below 1e-10, and one of Newton's, which leaves rounding.
-static __attribute__((noinline)) void law_halley(const law_tables *t, kn_linearization how, const lanes *of, lanes *s,
-                                                 lanes *root)
-{
-    const lanes b = *of, one = lanes_set(1), zero = lanes_set(0), beta = lanes_set(t->beta), half = lanes_set(0.5);
-    lanes size = lanes_max(b, lanes_sub(zero, b)), y = lanes_mul(size, lanes_set(t->inverse_b0));
-    lanes inside = lanes_min(lanes_max(y, one), lanes_set(t->yh)), sought = lanes_mul(inside, lanes_set(t->b0));
-    lanes p = lanes_mul(law_cubic(t, inside, segment_of(inside, t->shift)), lanes_set(t->b0));
-    lanes r = lanes_mul(lanes_set(t->r0), lanes_exp(lanes_mul(beta, p)));
-    lanes over = lanes_sub(lanes_fma(p, r, p), sought), thin = lanes_fma(beta, p, one);
-    lanes slope = lanes_fma(r, thin, one), bend = lanes_mul(lanes_mul(r, beta), lanes_add(thin, one));
-    lanes step = lanes_div(lanes_mul(over, slope), lanes_fnma(lanes_mul(half, over), bend, lanes_mul(slope, slope)));
-    p = lanes_sub(p, step);
-    // r exp(-x), |x| < 1e-3
-    static const double part[4] = {1.0, 1.0 / 2, 1.0 / 3, 1.0 / 4};
-    lanes x = lanes_mul(beta, step), decay = one;
-    for (int i = 3; i >= 0; i--) decay = lanes_fnma(decay, lanes_mul(x, lanes_set(part[i])), one);
-    r = lanes_mul(r, decay);
-    // one of Newton's, whose divisor the slope of s(b), 1/secant, 1/slope or their mean, needs anyway: continuous to
-    // rounding where the table goes on to its next segment
-    slope = lanes_fma(r, lanes_fma(beta, p, one), one);
-    lanes secant = lanes_add(one, r), inverse = lanes_div(one, lanes_mul(secant, slope)), c;
-    p = lanes_fnma(lanes_sub(lanes_fma(p, r, p), sought), lanes_mul(secant, inverse), p);
-    if (how == KN_LINEARIZATION_BLEND) c = lanes_mul(half, lanes_add(secant, slope));
-    else c = how == KN_LINEARIZATION_TANGENT ? secant : slope;
-    c = lanes_mul(c, inverse);
-    p = lanes_less(y, one, lanes_mul(size, lanes_set(t->rest)), p);
-    p = lanes_less(lanes_set(t->bh), size, lanes_mul(size, lanes_set(t->flow)), p);
-    *s = lanes_less(b, zero, lanes_sub(zero, p), p);
-    c = lanes_less(y, one, lanes_set(t->root_rest), lanes_sqrt(c));
-    *root = lanes_less(lanes_set(t->bh), size, lanes_set(t->root_flow), c);
-}
-#endif
 
 LANES_INLINE void law_of(const kn_model *model, const law_tables *t, kn_law_kind kind, kn_linearization how, lanes b,
                          lanes *s, lanes *root)
 {
     if (kind == KN_LAW_EXACT) {
-#if !KN_KERNEL_F32
-        if (t->halley) {
-            law_halley(t, how, &b, s, root);
-            return;
-        }
-#endif
         law_exact(&model->law, how, b, s, root);
-#if KN_KERNEL_F32
     } else if (kind == KN_LAW_TABLE) {
         law_table(t, how, b, s, root);
-#endif
     } else {
         *s = lanes_mul(b, lanes_set(t->rest)); // 1 for a Voigt part alone
         *root = lanes_set(t->root_rest);
@@ -213,7 +194,7 @@ LANES_INLINE void bars_direct(const law_tables *t, bars *x)
     lanes d[3];
     for (int c = 0; c < 3; c++) d[c] = lanes_add(x->rest[c], x->shift[c]);
     x->length2 = lanes_max(dot(d, d), lanes_set(t->shortest2));
-    x->inverse = lanes_div(lanes_set(1), lanes_sqrt(x->length2));
+    x->inverse = lanes_inverse_root(x->length2);
     for (int c = 0; c < 3; c++) x->n[c] = lanes_mul(d[c], x->inverse);
     x->rate = dot(x->n, x->dv);
 }

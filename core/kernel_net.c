@@ -234,13 +234,11 @@ static double edge(const kn_model *model, kn_state *state, kn_linearization how,
     const tables *t = model->tables;
     if (model->def.pressure == KN_PRESSURE_CELLS) cells_add(kn_state_work(state), t, state->displacement);
     if (model->def.pressure == KN_PRESSURE_OBJECT) object_add(kn_state_work(state), t, state->displacement);
-    if (model->law.stroke) return edge_pass(model, state, model->law.kind, true, how, again);
-    switch (model->law.kind) {
+    if (model->law.stroke) return edge_pass(model, state, t->law.kind, true, how, again);
+    switch (t->law.kind) {
     case KN_LAW_VOIGT: return edge_pass(model, state, KN_LAW_VOIGT, false, how, again);
     case KN_LAW_LINEAR: return edge_pass(model, state, KN_LAW_LINEAR, false, how, again);
-#if KN_KERNEL_F32
     case KN_LAW_TABLE: return edge_pass(model, state, KN_LAW_TABLE, false, how, again);
-#endif
     default: return edge_pass(model, state, KN_LAW_EXACT, false, how, again);
     }
 }

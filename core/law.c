@@ -1,6 +1,7 @@
 #include "core/law.h"
 
 #include <math.h>
+#include <stdint.h>
 #include <string.h>
 
 // ds/db where the damper is a constant c2: 1/(1 + A/c2); 1/c2 = 0 needs no special case.
@@ -58,11 +59,20 @@ double kn_law_stress(const kn_law *law, double b_pa)
     return copysign(s, b_pa);
 }
 
+// As the kernels read it in f64.
+static double fine_stress(const kn_law *law, double b)
+{
+    double yh = law->bh_pa / law->b0_pa, y = b / law->b0_pa, yc = fmin(fmax(y, 1), yh), p = 0;
+    uint64_t bits;
+    memcpy(&bits, &yc, sizeof bits);
+    uint64_t i = ((bits >> 29) - ((uint64_t)1023 << 23)) >> law->shift;
+    for (int k = KN_LAW_FINE; k >= 0; k--) p = p * (yc - law->middle[i]) + law->fine[k][i];
+    return law->b0_pa * fmax(law->slope_flow * y, fmin(law->slope_rest * y, p));
+}
+
 bool kn_law_in_lanes(const kn_law *law)
 {
-    // the two steps need an exponent that is right to a thousandth
-    return law->kind == KN_LAW_EXACT && law->seeded && law->mat.damper == KN_DAMPER_EXPONENTIAL &&
-           law->table_error * law->mat.beta_per_pa * law->s1_pa < 1e-3;
+    return law->kind == KN_LAW_EXACT && law->seeded && law->fine_error <= 1e-10;
 }
 
 double kn_law_slope(const kn_law *law, double stress_pa, kn_linearization how)
@@ -91,7 +101,7 @@ double kn_law_stop(const kn_law *law, double stress_pa, double b_pa, double inwa
 // The polynomial of `degree` through (at, value), as monomials.
 static void fit(int degree, const double *value, const double *at, double *monomial)
 {
-    double newton[4], product[5] = {1};
+    double newton[KN_LAW_FINE + 1], product[KN_LAW_FINE + 2] = {1};
     for (int i = 0; i <= degree; i++) newton[i] = value[i];
     for (int level = 1; level <= degree; level++)
         for (int i = degree; i >= level; i--) newton[i] = (newton[i] - newton[i - 1]) / (at[i] - at[i - level]);
@@ -106,9 +116,22 @@ static void fit(int degree, const double *value, const double *at, double *monom
 // Chebyshev-Lobatto points of [y0, y1]: they hold both ends, so neighbouring segments join.
 static void lobatto(int degree, double y0, double y1, double *at)
 {
-    static const double cubic[4] = {-1, -0.5, 0.5, 1}, quadratic[3] = {-1, 0, 1};
-    const double *node = degree == 3 ? cubic : quadratic;
+    static const double quadratic[3] = {-1, 0, 1}, cubic[4] = {-1, -0.5, 0.5, 1};
+    // cos(pi i/13), written out: a compiler's cosine may not be the library's
+    static const double fine[KN_LAW_FINE + 1] = {
+        -1, -0.97094181742605202716, -0.88545602565320989590, -0.74851074817110109863, -0.56806474673115580251,
+        -0.35460488704253562597, -0.12053668025532305335, 0.12053668025532305335, 0.35460488704253562597,
+        0.56806474673115580251, 0.74851074817110109863, 0.88545602565320989590, 0.97094181742605202716, 1};
+    const double *node = degree == 2 ? quadratic : degree == 3 ? cubic : fine;
     for (int i = 0; i <= degree; i++) at[i] = 0.5 * (y0 + y1) + 0.5 * (y1 - y0) * node[i];
+}
+
+// sqrt(ds/db) just inside the middle branch, whose slope jumps at both kinks.
+static double root_at(const kn_law *law, double y, unsigned how)
+{
+    double s = kn_law_stress(law, y * law->b0_pa);
+    s = fmin(fmax(s, law->s0_pa * (1 + 1e-12)), law->s1_pa * (1 - 1e-12));
+    return sqrt(kn_law_slope(law, s, (kn_linearization)how));
 }
 
 static void fit_segment(kn_law *law, int segment, double y0, double y1)
@@ -120,19 +143,42 @@ static void fit_segment(kn_law *law, int segment, double y0, double y1)
     for (int k = 0; k < 4; k++) law->cubic[k][segment] = (float)monomial[k];
     lobatto(2, y0, y1, at);
     for (unsigned how = 0; how < 3; how++) {
-        for (int i = 0; i < 3; i++) {
-            // just inside the middle branch, whose slope jumps at both kinks
-            double s = kn_law_stress(law, at[i] * law->b0_pa);
-            s = fmin(fmax(s, law->s0_pa * (1 + 1e-12)), law->s1_pa * (1 - 1e-12));
-            value[i] = sqrt(kn_law_slope(law, s, (kn_linearization)how));
-        }
+        for (int i = 0; i < 3; i++) value[i] = root_at(law, at[i], how);
         fit(2, value, at, monomial);
         for (int k = 0; k < 3; k++) law->slope[how][k][segment] = (float)monomial[k];
     }
 }
 
+static void fit_fine(kn_law *law, int segment, double y0, double y1)
+{
+    double middle = law->middle[segment] = 0.5 * (y0 + y1);
+    double at[KN_LAW_FINE + 1], value[KN_LAW_FINE + 1], monomial[KN_LAW_FINE + 1];
+    lobatto(KN_LAW_FINE, y0 - middle, y1 - middle, at);
+    for (int i = 0; i <= KN_LAW_FINE; i++)
+        value[i] = kn_law_stress(law, (middle + at[i]) * law->b0_pa) / law->b0_pa;
+    fit(KN_LAW_FINE, value, at, monomial);
+    for (int k = 0; k <= KN_LAW_FINE; k++) law->fine[k][segment] = monomial[k];
+    lobatto(3, y0 - middle, y1 - middle, at);
+    for (unsigned how = 0; how < 3; how++) {
+        for (int i = 0; i < 4; i++) value[i] = root_at(law, middle + at[i], how);
+        fit(3, value, at, monomial);
+        for (int k = 0; k < 4; k++) law->fine_slope[how][k][segment] = monomial[k];
+    }
+}
+
+// Largest |table - exact|/exact of s over [b0, bh].
+static double error_of(const kn_law *law, double (*table)(const kn_law *, double))
+{
+    double worst = 0;
+    for (int i = 0; i <= 4000; i++) {
+        double b = law->b0_pa * pow(law->bh_pa / law->b0_pa, i / 4000.0), exact = kn_law_stress(law, b);
+        worst = fmax(worst, fabs(table(law, b) - exact) / exact);
+    }
+    return worst;
+}
+
 // Half an octave a segment holds 8 octaves of b; wider laws take whole octaves, or two or four at a time.
-static void build_table(kn_law *law)
+static void build_table(kn_law *law, bool exact)
 {
     float yh = (float)(law->bh_pa / law->b0_pa);
     law->shift = 22;
@@ -145,12 +191,11 @@ static void build_table(kn_law *law)
     for (unsigned i = 0; i < used; i++) {
         double y0 = float_of(ONE_BITS + (i << law->shift)), y1 = float_of(ONE_BITS + ((i + 1) << law->shift));
         if (yh > y0) fit_segment(law, (int)i, y0, fmin(y1, yh)); // the table may end where a segment does
+        if (exact && yh > y0) fit_fine(law, (int)i, y0, fmin(y1, law->bh_pa / law->b0_pa));
     }
-    for (int i = 0; i <= 4000; i++) {
-        double b = law->b0_pa * pow(law->bh_pa / law->b0_pa, i / 4000.0);
-        double exact = kn_law_stress(law, b);
-        law->table_error = fmax(law->table_error, fabs(table_stress(law, b) - exact) / exact);
-    }
+    law->table_error = error_of(law, table_stress);
+    law->seeded = law->table_error <= 1e-3;
+    if (exact) law->fine_error = error_of(law, fine_stress);
 }
 
 void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact)
@@ -176,7 +221,6 @@ void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact)
     if (mat->p0_pa >= law->s0_pa) law->s0_pa = mat->p0_pa;
     law->b0_pa = law->s0_pa / slope_of(law, kn_material_c2(mat, law->s0_pa));
     law->slope_rest = law->s0_pa / law->b0_pa;
-    build_table(law);
-    law->seeded = law->table_error <= 1e-3;
+    build_table(law, exact);
     if (law->seeded && !exact) law->kind = KN_LAW_TABLE;
 }

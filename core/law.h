@@ -22,16 +22,19 @@
 // Table. y = |b|/b0 with b0 = T^-1(p0). Below y = 1 and above yh = T^-1(p1)/b0 the law is a straight line, between them
 // 16 cubics in y whose index is read off the float's exponent and top mantissa bits, which fit one vector register
 // each. sqrt(slope) is a quadratic on the same segments. Kinks are exact: s = max(sh y, min(sl y, P(clamp(y, 1, yh)))).
+// f64 has polynomials of degree 13 there, which leave rounding where a segment is half an octave and 1e-11 where it is
+// a whole one, and cubics for sqrt(slope), to 1e-3: no exponential, quotient or root per edge.
 #include "core/material.h"
 #include <stdbool.h>
 
 #define KN_LAW_SEGMENTS 16
+#define KN_LAW_FINE 13 // degree in f64
 
 typedef enum kn_law_kind {
     KN_LAW_VOIGT,  // no damper, or one that cannot move: s = A w + k1 u, u from the length itself; no state per edge
     KN_LAW_LINEAR, // constant c2: s = b / (1 + A/c2)
     KN_LAW_TABLE,  // force-dependent c2 through the table
-    KN_LAW_EXACT   // force-dependent c2 by Newton per edge: F64, and laws too wide for the table
+    KN_LAW_EXACT   // force-dependent c2 to rounding: F64, and laws too wide for the table
 } kn_law_kind;
 
 // How the solver linearises the law around its guess.
@@ -59,6 +62,10 @@ typedef struct kn_law {
     float slope[3][3][KN_LAW_SEGMENTS]; // [kn_linearization]: sqrt(ds/db) = c0 + y (c1 + y c2)
     bool seeded;        // the table is good to 1e-3: the kernels may use it, and Newton starts from it
     double table_error; // largest |table - exact|/exact of s over [b0, bh], measured when built
+    // For KN_LAW_EXACT in f64: in x = y - middle of the segment, so that a high degree loses no digits.
+    double middle[KN_LAW_SEGMENTS], fine[KN_LAW_FINE + 1][KN_LAW_SEGMENTS];
+    double fine_slope[3][4][KN_LAW_SEGMENTS]; // [kn_linearization]
+    double fine_error;                        // as table_error
 } kn_law;
 
 // Builds the law for one step length; exact = true asks for KN_LAW_EXACT where the damper depends on force.
@@ -66,8 +73,8 @@ typedef struct kn_law {
 // method).
 void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact);
 
-// KN_LAW_EXACT without leaving the lanes: the exponential damper in f64, where the table is good enough to begin from.
-// Others take Newton edge by edge, some 40 times the time.
+// KN_LAW_EXACT in f64 without leaving the lanes: the fine table is good to 1e-10. Others take Newton edge by edge, some
+// 40 times the time.
 bool kn_law_in_lanes(const kn_law *law);
 
 // s = T(b) to rounding: closed form outside [p0, p1], safeguarded Newton on ln(s (1 + A/c2)/b) inside: the table's

@@ -3,6 +3,7 @@
 #include "core/contact.h"
 #include "core/kernel.h"
 #include "core/net.h"
+#include "core/outside.h"
 #include "core/solver_rk4.h"
 #include "core/state.h"
 
@@ -46,15 +47,29 @@ void kn_model_def_extent(const kn_model_def *def, double extent_m[3])
     extent_m[1] = fmax(extent_m[1], def->thickness_m);
 }
 
+static bool is_real(double x) { return x >= 0 && isfinite(x); }
+
+static const char *check_tool(const kn_model_def *def, const kn_probe_def *p)
+{
+    const bool rk4 = def->solver.kind == KN_SOLVER_RK4, plate = p->shape == KN_PROBE_PLATE;
+    if (!is_real(p->friction) || !is_real(p->adhesion_pa) || !is_real(p->grip_n))
+        return "a probe's friction, adhesion and grip must not be negative";
+    if (!is_real(p->coupling_n_m) || !is_real(p->coupling_n_s_m)) return "a probe's coupling must not be negative";
+    const bool more = p->friction > 0 || p->adhesion_pa > 0 || p->grip_n > 0 || p->coupling_n_m > 0;
+    if (plate && more) return "a plate sticks as it is: friction, adhesion, grip and coupling need another shape";
+    if (p->adhesion_pa > kn_probe_foundation(p) * 0.2 * def->spacing_m)
+        return "adhesion would stretch the foundation by more than a fifth of a spacing: needs a stiffer foundation";
+    if (rk4 && more) return "friction, adhesion, grip and coupling need the implicit solver";
+    return NULL;
+}
+
 static const char *check_probe(const kn_model_def *def, const kn_probe_def *p)
 {
-    if (p->shape == KN_PROBE_PLATE && !(p->size_m[0] > 0 && p->size_m[1] > 0 && isfinite(p->size_m[0] + p->size_m[1])))
-        return "a plate needs two positive sizes";
-    if (p->shape == KN_PROBE_SPHERE && !(p->radius_m >= def->spacing_m && isfinite(p->radius_m)))
-        return "a sphere's radius must be at least the lattice spacing, or it falls between the nodes";
-    if (!(p->foundation_n_m3 >= 0 && isfinite(p->foundation_n_m3)))
-        return "a foundation stiffness must not be negative";
-    return NULL;
+    const char *wrong = check_tool(def, p);
+    if (!wrong) wrong = kn_outside_unfit(p, def->spacing_m);
+    if (!wrong && !(p->foundation_n_m3 >= 0 && isfinite(p->foundation_n_m3)))
+        wrong = "a foundation stiffness must not be negative";
+    return wrong;
 }
 
 static const char *check_block(const kn_model_def *def)
@@ -82,7 +97,7 @@ static const char *check_mesh(const kn_model_def *def)
     const bool flat = def->mesh->dimension == 2;
     if (flat && !(def->thickness_m > 0 && isfinite(def->thickness_m))) return "a flat mesh needs a positive thickness";
     for (int p = 0; flat && p < def->probe_count; p++)
-        if (def->probe[p].shape == KN_PROBE_SPHERE) return "a sphere needs a solid object, a flat one takes plates";
+        if (def->probe[p].shape != KN_PROBE_PLATE) return "a tool needs a solid object, a flat one takes plates";
     return NULL;
 }
 
@@ -94,6 +109,9 @@ static const char *check_lattice(const kn_model_def *def)
         return "the pressure inside must be positive";
     if (!(def->spacing_m > 0 && isfinite(def->spacing_m))) return "spacing must be positive";
     if (!(def->density_kg_m3 > 0 && isfinite(def->density_kg_m3))) return "density must be positive";
+    if (!(def->support_friction >= 0 && isfinite(def->support_friction))) return "friction must not be negative";
+    if (def->support == KN_SUPPORT_FRICTION && def->solver.kind == KN_SOLVER_RK4)
+        return "a table with friction needs the implicit solver";
     if (!(def->gravity_m_s2 >= 0 && isfinite(def->gravity_m_s2))) return "gravity must not be negative";
     return NULL;
 }
@@ -134,41 +152,13 @@ static void build_faces(kn_model *m)
         {0, {x, z}, {n[0], n[2]}, h},              {0, {y, x}, {n[1], n[0]}, h},
     };
     memcpy(m->face, face, sizeof face);
-    m->face_count = m->def.support == KN_SUPPORT_NONE ? 6 : 5;
+    m->face_count = m->def.support >= KN_SUPPORT_NONE ? 6 : 5;
     m->outside_count = 6;
     if (!m->grid.flat) return;
     m->face[2] = face[2]; // top and two ends: what lies along the plane is not touched
     m->face[3] = face[5];
     m->face_count -= 2;
     m->outside_count -= 2;
-}
-
-static bool supports(kn_isa isa)
-{
-#if defined(__x86_64__)
-    if (isa == KN_ISA_AVX512)
-        return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-               __builtin_cpu_supports("avx512dq");
-    if (isa == KN_ISA_AVX2) return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-#endif
-    return isa == KN_ISA_BASE;
-}
-
-bool kn_isa_supported(kn_isa isa) { return isa == KN_ISA_AUTO || supports(isa); }
-
-static bool choose_kernels(kn_model *m)
-{
-    static const kn_kernels *const set[2][3][2] = {{{&kn_kernels_grid_base_f32, &kn_kernels_grid_base_f64},
-                                                    {&kn_kernels_grid_avx2_f32, &kn_kernels_grid_avx2_f64},
-                                                    {&kn_kernels_grid_avx512_f32, &kn_kernels_grid_avx512_f64}},
-                                                   {{&kn_kernels_net_base_f32, &kn_kernels_net_base_f64},
-                                                    {&kn_kernels_net_avx2_f32, &kn_kernels_net_avx2_f64},
-                                                    {&kn_kernels_net_avx512_f32, &kn_kernels_net_avx512_f64}}};
-    m->isa = m->def.solver.isa;
-    if (m->isa == KN_ISA_AUTO)
-        m->isa = supports(KN_ISA_AVX512) ? KN_ISA_AVX512 : supports(KN_ISA_AVX2) ? KN_ISA_AVX2 : KN_ISA_BASE;
-    m->kernels = set[m->def.mesh != NULL][m->isa - KN_ISA_BASE][m->def.solver.precision];
-    return supports(m->isa);
 }
 
 bool kn_model_nodes(kn_model *m, int nodes, int top)
@@ -248,24 +238,14 @@ static const char *check_stiffness(const kn_model *m)
     if (def->solver.kind != KN_SOLVER_RK4 && gas * h * dt > GAS_MOST * body)
         return "the gas inside is more than 10000 times as stiff as the object around it";
     for (int p = 0; p < def->probe_count; p++) {
-        if (def->probe[p].shape != KN_PROBE_SPHERE) continue;
-        double foundation = def->probe[p].foundation_n_m3 > 0 ? def->probe[p].foundation_n_m3 : KN_FOUNDATION_N_M3;
+        if (def->probe[p].shape == KN_PROBE_PLATE) continue;
+        double foundation = kn_probe_foundation(&def->probe[p]);
         if (foundation * h * h * dt > FOUNDATION_MOST * body)
-            return "the sphere's foundation is more than 500 times as stiff as the object under it";
+            return "the tool's foundation is more than 500 times as stiff as the object under it";
         if (def->solver.precision == KN_PRECISION_F32 && gas > GAS_MOST_F32 * foundation * h)
-            return "f32 rounds the gas inside by more than the sphere's soft foundation presses: needs precision: f64";
+            return "f32 rounds the gas inside by more than the tool's soft foundation presses: needs precision: f64";
     }
     return NULL;
-}
-
-void *kn_tables_create(const kn_model *model, const kn_kernels *kernels)
-{
-    size_t bytes = (kernels->tables_size(model) + 63) / 64 * 64;
-    void *tables = aligned_alloc(64, bytes);
-    if (!tables) return NULL;
-    memset(tables, 0, bytes);
-    kernels->tables_build(model, tables);
-    return tables;
 }
 
 static bool build_tables(kn_model *m)
@@ -327,12 +307,13 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
         kn_grid_init(&m->grid, def->nodes, def->spacing_m, def->thickness_m,
                      def->structure == KN_STRUCTURE_AXIS ? 0 : def->diagonal_stiffness);
     kn_law_build(&m->law, &def->material, rk4 ? 0 : def->solver.dt_s, def->solver.precision == KN_PRECISION_F64);
-    if (!choose_kernels(m))
+    if (!kn_kernels_choose(m))
         return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
     const char *wrong;
     if (def->mesh) wrong = kn_net_build(m);
     else if (kn_composite_is(def)) wrong = kn_composite_build(m);
     else wrong = build_block(m) ? NULL : KN_NO_MEMORY;
+    if (!wrong && !kn_outside_build(m)) wrong = KN_NO_MEMORY;
     if (!wrong) wrong = check_stiffness(m);
     if (!wrong && (rk4 ? !build_rk4(m) : !build_tables(m))) wrong = KN_NO_MEMORY;
     if (wrong) return fail(error, size, wrong);
@@ -377,6 +358,9 @@ void kn_model_destroy(kn_model *model)
     free(model->top_share);
     free(model->edges);
     free(model->skin);
+    free(model->shape);
+    free(model->base);
+    free(model->base_area_m2);
     free(model->cells);
     free(model->cell_volume);
     free(model);

@@ -21,20 +21,40 @@ typedef enum kn_structure {
 typedef enum kn_support {
     KN_SUPPORT_BONDED,       // the base is glued to the table
     KN_SUPPORT_FRICTIONLESS, // the base stays in its plane and slides freely (held in tension too)
-    KN_SUPPORT_NONE          // free body
+    KN_SUPPORT_NONE,         // free body
+    KN_SUPPORT_FRICTION      // a table under it that only pushes, with friction: what is on it can be lifted off
 } kn_support;
 
+typedef enum kn_skin_form { // of a block between its nodes, as every tool but a plate meets it: see contact.h
+    KN_SKIN_SPLINE,  // quadratic
+    KN_SKIN_BILINEAR // as good where tools are wide: radius of two spacings and more
+} kn_skin_form;
+
 typedef enum kn_probe_shape {
-    KN_PROBE_PLATE, // level rectangle, sticks to the top nodes it touches and lets go in tension
-    KN_PROBE_SPHERE // rigid ball, a disc to a flat block; frictionless foundation contact
+    KN_PROBE_PLATE,  // level rectangle, sticks to the top nodes it touches and lets go in tension
+    KN_PROBE_SPHERE, // rigid ball, a disc to a flat block; the others: see shape.h. All press by foundation contact
+    KN_PROBE_CAPSULE,
+    KN_PROBE_BOX,
+    KN_PROBE_CROSS,
+    KN_PROBE_CYLINDER,
+    KN_PROBE_UNION,
+    KN_PROBE_MESH // one part, of a file
 } kn_probe_shape;
 
 typedef struct kn_probe_def {
     char name[KN_NAME_MAX]; // channel suffix: KNEAD_POSE_<name>; [a-z0-9_]+
     kn_probe_shape shape;
-    double size_m[2];       // PLATE: extent along x and y
-    double radius_m;        // SPHERE: >= spacing (refused below), >= 1.5 spacing advised
-    double foundation_n_m3; // SPHERE: contact stiffness per area; 0 = default (2.5e7, see contact.h)
+    double size_m[3];       // PLATE: extent along x and y; BOX: x, y, z; CROSS: arm length, arm width, height
+    double radius_m;        // SPHERE, CAPSULE, CYLINDER: >= spacing (refused below), >= 1.5 spacing advised
+    double length_m;        // CAPSULE, CYLINDER: along its axis, z
+    double edge_m;          // BOX, CROSS, CYLINDER: radius of its edges; 0: sharp
+    const struct kn_shape *parts; // UNION, MESH: what it is made of, in its frame, not owned: outlives the model
+    double foundation_n_m3; // contact stiffness per area; 0 = default (2.5e7, see contact.h)
+    double friction;        // of the contact, Coulomb's mu when it slips; 0: frictionless
+    double adhesion_pa;     // tension that the contact carries before it lets go; 0: none
+    double grip_n;          // force up to which `grip` ties the contact to the tool; 0: no grip
+    double coupling_n_m;    // virtual coupling between pose and tool; 0: the tool follows its pose rigidly (contact.h)
+    double coupling_n_s_m;  // its damping
     double reach_m[2][2];   // of x, of y: between which its centre stays; all 0: anywhere. A scene's: the model asks `fine`
 } kn_probe_def;
 
@@ -79,7 +99,9 @@ typedef struct kn_model_def {
                            // cells are twice as wide (composite.h). All even; all 0: one lattice everywhere
     kn_pressure pressure;
     double inside_pressure_pa; // absolute, at rest; > 0 with pressure
+    kn_skin_form skin; // of a block; a mesh's is its triangles
     kn_support support;
+    double support_friction; // FRICTION: Coulomb's mu on the table, >= 0
     int probe_count; // 0 .. KN_PROBES_MAX
     kn_probe_def probe[KN_PROBES_MAX];
     kn_solver_def solver;
@@ -101,6 +123,7 @@ typedef struct kn_face { // one flat side of the block as a grid of nodes, for c
 
 struct kn_kernels; // the loops chosen for this model's precision, law and processor (core/kernel.h)
 struct kn_composite;
+struct kn_shape;
 
 typedef struct kn_model {
     kn_model_def def;
@@ -132,6 +155,10 @@ typedef struct kn_model {
     int face_count;      // faces that a probe can touch: top, four sides, base when the support is NONE
     int outside_count;   // and those that it cannot, behind them
     kn_face face[KN_FACES_MAX]; // face[0] is the top, or a part of it
+    struct kn_shape *shape;     // [probe_count] of every probe but plates
+    int base_count;             // nodes of the outside that the table can push: see outside.h
+    int *base;                  // [base_count] their ids
+    double *base_area_m2;       // [base_count] the table's share of each
     kn_edge *edges;      // RK4 only, else NULL
     int edge_count;
     kn_cell *cells;       // with pressure, of a net or under RK4, else NULL

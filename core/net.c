@@ -1,5 +1,6 @@
 #include "core/net.h"
 #include "core/net_fit.h"
+#include "core/vec.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -8,15 +9,6 @@
 static void difference(const double a[3], const double b[3], double out[3])
 {
     for (int k = 0; k < 3; k++) out[k] = a[k] - b[k];
-}
-
-static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-static void cross(const double a[3], const double b[3], double out[3])
-{
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
 // --- edges ----------------------------------------------------------------------------------------------------------
@@ -42,10 +34,10 @@ static double volume_of(const kn_model *m, const int element[4])
     double a[3], b[3], c[3], ab[3];
     difference(s->x_m[element[1]], s->x_m[element[0]], a);
     difference(s->x_m[element[2]], s->x_m[element[0]], b);
-    cross(a, b, ab);
-    if (s->dimension == 2) return 0.5 * sqrt(dot(ab, ab)) * m->def.thickness_m;
+    kn_cross(a, b, ab);
+    if (s->dimension == 2) return 0.5 * sqrt(kn_dot(ab, ab)) * m->def.thickness_m;
     difference(s->x_m[element[3]], s->x_m[element[0]], c);
-    return dot(ab, c) / 6;
+    return kn_dot(ab, c) / 6;
 }
 
 static int list_sides(const kn_model *m, side *sides)
@@ -59,7 +51,7 @@ static int list_sides(const kn_model *m, side *sides)
                 int i = s->element[e][a], j = s->element[e][b];
                 double d[3];
                 difference(s->x_m[i], s->x_m[j], d);
-                sides[count++] = (side){i < j ? i : j, i < j ? j : i, e, volume / dot(d, d)};
+                sides[count++] = (side){i < j ? i : j, i < j ? j : i, e, volume / kn_dot(d, d)};
             }
     }
     return count;
@@ -84,7 +76,7 @@ static bool build_edges(kn_model *m)
     for (int k = 0; k < m->edge_count; k++) {
         double d[3];
         difference(s->x_m[sides[k].i], s->x_m[sides[k].j], d);
-        m->edges[k] = (kn_edge){sides[k].i, sides[k].j, k, sides[k].kappa_m / m->kappa_m, sqrt(dot(d, d))};
+        m->edges[k] = (kn_edge){sides[k].i, sides[k].j, k, sides[k].kappa_m / m->kappa_m, sqrt(kn_dot(d, d))};
     }
     free(sides);
     return m->edges != NULL;
@@ -149,7 +141,7 @@ static void facet_area(const kn_model *m, const facet *f, double area_m2[3])
         return;
     }
     difference(s->x_m[f->corner[2]], s->x_m[f->corner[0]], b);
-    cross(a, b, area_m2);
+    kn_cross(a, b, area_m2);
     for (int k = 0; k < 3; k++) area_m2[k] *= 0.5;
 }
 
@@ -162,7 +154,7 @@ static void build_top(kn_model *m, const facet *facets, int count)
     for (int f = 0; f < count; f++) {
         double area[3];
         facet_area(m, &facets[f], area);
-        if (area[2] < TOP_COSINE * sqrt(dot(area, area))) continue;
+        if (area[2] < TOP_COSINE * sqrt(kn_dot(area, area))) continue;
         for (int k = 0; k < m->def.mesh->dimension; k++) share[facets[f].corner[k]] += area[2];
         sum += area[2] * m->def.mesh->dimension;
     }
@@ -274,7 +266,7 @@ static near *from_middle(const kn_simplices *s)
         double d[3] = {-middle[0], -middle[1], -middle[2]};
         for (int c = 0; c <= s->dimension; c++)
             for (int k = 0; k < 3; k++) d[k] += s->x_m[s->element[e][c]][k] / (s->dimension + 1);
-        order[e] = (near){dot(d, d), e};
+        order[e] = (near){kn_dot(d, d), e};
     }
     if (order) qsort(order, (size_t)s->element_count, sizeof *order, by_distance);
     return order;

@@ -1,4 +1,5 @@
 #include "core/safety.h"
+#include "core/vec.h"
 #include <math.h>
 #include <string.h>
 
@@ -7,7 +8,6 @@ static const double brake_release = 0.9; // braking ends below this share of bra
 static const double ramp_up_ms = 200.0;  // of the device watchdog
 
 static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
-static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 static void zero(double v[3]) { v[0] = v[1] = v[2] = 0.0; }
 static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
 
@@ -58,6 +58,36 @@ const char *kn_fault_remedy(kn_fault fault)
 
 static double positive_or(double value, double otherwise) { return value > 0.0 ? value : otherwise; }
 
+void kn_guard_init(kn_guard *g, double most_n_per_ms)
+{
+    *g = (kn_guard){.most_n_per_ms = positive_or(most_n_per_ms, 4.0), .age = {guard_window, guard_window}};
+}
+
+void kn_guard_age(kn_guard *g, int ticks)
+{
+    for (int i = 0; i < 2; i++) g->age[i] = ticks < guard_window - g->age[i] ? g->age[i] + ticks : guard_window;
+}
+
+kn_guard_result kn_guard_pass(kn_guard *g, const double asked_n[3], double allowed_n, double force_n[3])
+{
+    double step[3];
+    for (int i = 0; i < 3; i++) step[i] = asked_n[i] - force_n[i];
+    double asked = norm(step);
+    if (asked <= allowed_n) {
+        memcpy(force_n, asked_n, 3 * sizeof *force_n);
+        return KN_GUARD_FREE;
+    }
+    bool alternates = g->age[0] < guard_window && kn_dot(step, g->step_n) < 0.0, again = g->age[0] == 0;
+    bool wild = !(asked <= 2.0 * fmax(allowed_n, g->most_n_per_ms)); // NaN, too
+    if (wild || alternates || (!again && g->age[1] < guard_window)) return KN_GUARD_TRIPPED;
+    approach(force_n, asked_n, allowed_n);
+    if (again) return KN_GUARD_GOES_ON;
+    memcpy(g->step_n, step, sizeof step);
+    g->age[1] = g->age[0];
+    g->age[0] = 0;
+    return KN_GUARD_LIMITED;
+}
+
 void kn_safety_init(kn_safety *s, const kn_safety_limits *limits)
 {
     memset(s, 0, sizeof *s);
@@ -66,14 +96,15 @@ void kn_safety_init(kn_safety *s, const kn_safety_limits *limits)
     l->clamp_n = positive_or(l->clamp_n, 3.3);
     // a stylus is gripped about 5 cm from its tip
     l->torque_clamp_n_m = positive_or(l->torque_clamp_n_m, l->clamp_n * 0.05);
-    l->guard_n_per_ms = positive_or(l->guard_n_per_ms, 4.0);
+    kn_guard_init(&s->guard, l->guard_n_per_ms);
+    l->guard_n_per_ms = s->guard.most_n_per_ms;
     l->brake_m_s = positive_or(l->brake_m_s, 1.2);
     l->brake_n_s_per_m = positive_or(l->brake_n_s_per_m, 1.5);
+    l->force_scale = positive_or(l->force_scale, 1.0);
     if (l->hold_ms <= 0) l->hold_ms = 3;
     if (l->zero_ms <= l->hold_ms) l->zero_ms = l->hold_ms + 17;
     if (l->ramp_up_ms < 200) l->ramp_up_ms = 200;
     if (l->flow_ms <= 0) l->flow_ms = 200;
-    s->guard_age[0] = s->guard_age[1] = guard_window;
 }
 
 static double ramp_down_ms(const kn_safety_limits *l) { return (double)(l->zero_ms - l->hold_ms); }
@@ -131,7 +162,7 @@ static void take_commands(kn_safety *s, const kn_safety_in *in)
     }
     if (in->recover && s->fault != KN_FAULT_NONFINITE && s->fault != KN_FAULT_STOPPING) clear_fault(s);
     if (in->stop) kn_safety_trip(s, KN_FAULT_STOPPING);
-    if (in->change) s->yielding = s->gain > 0.0;
+    if (in->change || in->clutch) s->yielding = s->gain > 0.0 || in->clutch;
 }
 
 static bool braked(const kn_safety *s) { return s->brake_n[0] != 0.0 || s->brake_n[1] != 0.0 || s->brake_n[2] != 0.0; }
@@ -142,7 +173,7 @@ static bool rendering(const kn_safety *s)
     return s->attached && !s->latched && !s->braking && !s->yielding && !braked(s) && s->silent_ms == 0;
 }
 
-static void move_gain(kn_safety *s, int silence_ms, int ms)
+static void move_gain(kn_safety *s, bool clutch, int silence_ms, int ms)
 {
     const kn_safety_limits *l = &s->limits;
     int fade_ms = s->latched || s->braking || s->yielding || !s->attached ? ms : silence_ms;
@@ -157,7 +188,7 @@ static void move_gain(kn_safety *s, int silence_ms, int ms)
     if (s->gain < 1e-9) s->gain = 0.0;
     if (s->gain > 1.0 - 1e-9) s->gain = 1.0;
     s->gain_drop = fmax(0.0, before - s->gain);
-    if (s->gain == 0.0) s->yielding = false;
+    if (s->gain == 0.0) s->yielding = clutch;
 }
 
 static bool may_engage(const kn_safety *s, const kn_safety_in *in)
@@ -173,7 +204,7 @@ static void engage(kn_safety *s)
     s->attached = true;
     s->rejoining = false;
     s->gap_ms = 0;
-    s->guard_age[0] = s->guard_age[1] = guard_window;
+    kn_guard_init(&s->guard, s->limits.guard_n_per_ms);
     zero(s->force_n);
     zero(s->torque_n_m);
 }
@@ -183,8 +214,7 @@ bool kn_safety_watch(kn_safety *s, const kn_safety_in *in)
     const kn_safety_limits *l = &s->limits;
     int ms = in->elapsed_ms < 1 ? 1 : in->elapsed_ms < l->zero_ms + 1 ? in->elapsed_ms : l->zero_ms + 1;
     bool fresh = in->live && in->fresh;
-    for (int i = 0; i < 2; i++)
-        if (s->guard_age[i] < guard_window) s->guard_age[i]++;
+    kn_guard_age(&s->guard, 1);
     s->gap_ms = s->gap_ms < l->zero_ms ? s->gap_ms + ms : l->zero_ms;
 
     if (in->opened) open_session(s);
@@ -195,36 +225,20 @@ bool kn_safety_watch(kn_safety *s, const kn_safety_in *in)
     double brake_above = l->brake_m_s * (s->braking ? brake_release : 1.0);
     s->braking = !s->latched && in->live && s->flowing_ms >= l->flow_ms && norm(in->velocity_m_s) > brake_above;
 
-    move_gain(s, silence_ms, ms);
+    move_gain(s, in->clutch, silence_ms, ms);
     if (s->gain == 0.0 && (s->latched || s->braking)) s->attached = false;
     if (!s->attached && may_engage(s, in)) engage(s);
     return s->attached;
 }
 
-// The impulse guard. It is meant not to act: one wild value is limited and counted; three in 20 ticks, two that point
-// against each other, or one above twice the limit are the physics chattering, and the last good force fades instead.
 static int guard(kn_safety *s, const double force_n[3])
 {
     // after ticks without a pose the same slope spans a longer gap
     int ms = s->gap_ms < 1 ? 1 : s->gap_ms < s->limits.hold_ms ? s->gap_ms : s->limits.hold_ms;
-    double allowed = s->limits.guard_n_per_ms * ms;
-    double step[3];
-    for (int i = 0; i < 3; i++) step[i] = force_n[i] - s->force_n[i];
-    double asked = norm(step);
-    if (asked <= allowed) {
-        memcpy(s->force_n, force_n, sizeof s->force_n);
-        return 0;
-    }
+    kn_guard_result result = kn_guard_pass(&s->guard, force_n, s->guard.most_n_per_ms * ms, s->force_n);
+    if (result == KN_GUARD_FREE) return 0;
     s->guards++;
-    bool alternates = s->guard_age[0] < guard_window && dot(step, s->guard_step_n) < 0.0;
-    if (asked > 2.0 * allowed || alternates || s->guard_age[1] < guard_window) {
-        kn_safety_trip(s, KN_FAULT_IMPULSE);
-        return KN_FLAG_GUARD;
-    }
-    memcpy(s->guard_step_n, step, sizeof step);
-    s->guard_age[1] = s->guard_age[0];
-    s->guard_age[0] = 0;
-    approach(s->force_n, force_n, allowed);
+    if (result == KN_GUARD_TRIPPED) kn_safety_trip(s, KN_FAULT_IMPULSE);
     return KN_FLAG_GUARD;
 }
 
@@ -269,10 +283,14 @@ int kn_safety_filter(kn_safety *s, const kn_safety_in *in, const double force_n[
                      double out_force_n[3], double out_torque_n_m[3])
 {
     int acted = 0;
-    if (!finite3(force_n) || !finite3(torque_n_m)) kn_safety_trip(s, KN_FAULT_NONFINITE);
-    else if (rendering(s)) acted = render(s, force_n, torque_n_m);
+    double force[3], torque[3]; // first what the hand's share of the contact is, then what is left of it
+    for (int i = 0; i < 3; i++) {
+        force[i] = s->limits.force_scale * force_n[i];
+        torque[i] = s->limits.force_scale * torque_n_m[i];
+    }
+    if (!finite3(force) || !finite3(torque)) kn_safety_trip(s, KN_FAULT_NONFINITE);
+    else if (rendering(s)) acted = render(s, force, torque);
 
-    double force[3], torque[3];
     memcpy(force, s->force_n, sizeof force);
     memcpy(torque, s->torque_n_m, sizeof torque);
     bool clamped = shorten(force, s->limits.clamp_n);

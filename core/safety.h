@@ -4,7 +4,7 @@
 // of 1 ms. The server runs one per probe; every client that drives a device runs kn_watchdog on the forces it receives.
 //
 //     pose --> kn_safety_watch --> [ lattice step, if attached ] --> kn_safety_filter --> force
-//              silence, speed,                                       finite -> impulse guard -> clamp -> gain
+//              silence, speed,                                       scale, finite -> impulse guard -> clamp -> gain
 //              ramp, latch
 //
 //     gain 1 |------------.                               .----     hold, then down to 0 at zero_ms (17 ms), then up in
@@ -21,11 +21,12 @@
 #include <stdint.h>
 
 typedef struct kn_safety_limits { // the scene's `device:` profile; 0 in a field = its default
-    double clamp_n;          // default 3.3 N (smallest common desktop devices), profile bench 40 N: most of |force|
+    double clamp_n;          // default 3.3 N (smallest common desktop devices): most of |force|
     double torque_clamp_n_m; // default clamp_n * 0.05 m
     double guard_n_per_ms;   // default 4 N/ms: impulse guard of one tick, above any first touch below 1 m/s
     double brake_m_s;        // default 1.2 m/s: faster, the hand is only damped
     double brake_n_s_per_m;  // default 1.5 N s/m: that damping
+    double force_scale;      // default 1: of what the hand is given to what the object feels, before guard and clamp
     int hold_ms;             // default 3: the last force may stand this long without a pose
     int zero_ms;             // default 20: force is zero this long after the last pose
     int ramp_up_ms;          // default 200, never less
@@ -49,22 +50,41 @@ typedef enum kn_fault { // a later one replaces an earlier one
 const char *kn_fault_name(kn_fault fault);   // "pose silence"
 const char *kn_fault_remedy(kn_fault fault); // "lift the tool clear of the object"
 
+// The impulse guard, for every stage that drives a hand. It is meant not to act: one wild value is limited and counted;
+// three in 20 ticks, two that point against each other, or one above twice the limit are physics that chatter or a
+// message that is none, and the last good force is to fade instead.
+typedef struct kn_guard {
+    double most_n_per_ms;
+    double step_n[3]; // what the last hit asked for
+    int age[2];       // ticks since the last and the last but one hit
+} kn_guard;
+typedef enum kn_guard_result {
+    KN_GUARD_FREE,
+    KN_GUARD_LIMITED,
+    KN_GUARD_GOES_ON, // limited again within the ms of a hit: the same one
+    KN_GUARD_TRIPPED
+} kn_guard_result;
+void kn_guard_init(kn_guard *g, double most_n_per_ms); // 0 = 4 N/ms; forgets its hits
+void kn_guard_age(kn_guard *g, int ticks);             // of 1 ms, that have gone by
+// force_n: the last one that got through, since which it may have changed by allowed_n, most_n_per_ms of every ms; becomes
+// asked_n, or what of it may be given. TRIPPED leaves it.
+kn_guard_result kn_guard_pass(kn_guard *g, const double asked_n[3], double allowed_n, double force_n[3]);
+
 typedef struct kn_safety { // one probe's; plain data, part of the servo's state
     kn_safety_limits limits;
     double gain;            // 0..1
     double gain_drop;       // how far it came down in this tick
-    double force_n[3];      // last contact force past the guard, before clamp and gain; frozen when not rendering
+    double force_n[3];      // last scaled contact force past the guard, before clamp and gain; frozen if not rendering
     double torque_n_m[3];
     double brake_n[3];      // damping force that stands in for contact above brake_m_s
-    double guard_step_n[3]; // what the last guard hit asked for: two that point against each other are a fault
-    int guard_age[2];       // ticks since the last and the last but one hit
+    kn_guard guard;
     int silent_ms;          // since the last fresh pose
     int flowing_ms;         // since the first pose after a silence of zero_ms; stops counting at flow_ms
     int gap_ms;             // since force_n was last renewed
     bool attached;          // the probe is in the model
     bool latched;           // fault stands until its way back is taken; false while a silence is only fading
     bool braking;
-    bool yielding;          // to a change of the physics: the force fades to 0 and then comes back
+    bool yielding;          // to a change of the physics or a clutch: the force fades to 0 and then comes back
     bool rejoining;         // force_n was frozen longer than hold_ms and walks back to the contact's
     kn_fault fault;         // why the force is latched or fading
     int64_t clamps, guards, faults; // counters since init
@@ -78,6 +98,7 @@ typedef struct kn_safety_in {
     bool stop;    // the server is stopping: ramp down and latch
     bool reset;   // the object is as new: the probe leaves the model at once, the force it gave fades
     bool recover; // operator's recover command
+    bool clutch;  // the hand lets go of the tool to move: what it feels fades and stays 0 meanwhile, the probe stays
     bool change;  // the physics is another from this tick on: what the hand feels goes through 0, the probe stays
     int elapsed_ms;         // 1 + missed cycles: time since the last tick
     double velocity_m_s[3]; // of the tool

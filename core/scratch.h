@@ -5,10 +5,18 @@
 #include "core/kernel.h"
 #include "core/solver_rk4.h"
 
+typedef struct kn_rigid { // of an object that nothing holds, see rigid.h
+    bool on;
+    float *arm; // 4 components: x - centre of every node, and 1 where there is one, 0 in padding
+    double centre_m[3];
+    double factor[6][6];
+} kn_rigid;
+
 typedef struct kn_scratch {
     kn_work work; // implicit: first, kernels find it at state->scratch
     kn_contact contact;
     kn_effort effort; // implicit: of this step
+    kn_rigid rigid;   // implicit
     int *last_held; // implicit: nodes whose components the last step prescribed
     int last_held_count;
     uint8_t *row_base;    // implicit: [rows] 1 where the support holds a node of the row

@@ -1,6 +1,7 @@
 #include "core/solver_implicit.h"
 #include "core/foundation.h"
 #include "core/impact.h"
+#include "core/rigid.h"
 
 #include <math.h>
 #include <string.h>
@@ -60,12 +61,12 @@ static void add_top_load(const kn_model *m, kn_scratch *s, double load_n)
         kn_real_add(m, s->work.r, m->offset[m->top[t]] + 2 * m->stride, -load_n * m->top_share[t]);
 }
 
-static void add_external(const kn_model *m, kn_state *state, kn_scratch *s, const kn_input *input)
+static void add_external(const kn_model *m, kn_scratch *s, const kn_input *input)
 {
     memset(s->work.r, 0, kn_model_field(m, 3) * m->kernels->real_size);
     memset(s->work.p, 0, kn_model_field(m, 6) * m->kernels->real_size);
     if (input->top_load_n != 0) add_top_load(m, s, input->top_load_n);
-    kn_foundation_push(m, state, s);
+    kn_foundation_push(m, s);
 }
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
@@ -92,6 +93,12 @@ static double note_start(const kn_model *m, kn_state *state, double rz)
     return fmin(fmax(rz, REST * REST * state->residual_scale), state->residual_scale);
 }
 
+static double update(const kn_model *m, kn_state *state, kn_scratch *s, double alpha)
+{
+    double rz = m->kernels->update(m, state, alpha);
+    return rz + kn_rigid_add(m, s);
+}
+
 // From r.z of the residual in place; returns r.z at the end.
 static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double rz, int wanted, kn_output *output)
 {
@@ -104,7 +111,7 @@ static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double 
         if (i >= wanted && solver->tolerance == 0) return rz;
         double dq = m->kernels->apply(m, state, beta) + kn_foundation_apply(m, s);
         if (!(dq > 0)) return rz;
-        double next = m->kernels->update(m, state, rz / dq);
+        double next = update(m, state, s, rz / dq);
         beta = next / rz;
         rz = next;
     }
@@ -119,7 +126,7 @@ static double go_on(const kn_model *m, kn_state *state, kn_scratch *s, double rz
     if (!(rz > nothing_of(m, state))) return rz;
     double rd = m->kernels->recall(m, state), dq = m->kernels->apply(m, state, 0) + kn_foundation_apply(m, s);
     output->iterations++;
-    return m->kernels->update(m, state, dq > least_w(m) ? rd / dq : 0);
+    return update(m, state, s, dq > least_w(m) ? rd / dq : 0);
 }
 
 static double solve_linear(const kn_model *m, kn_state *state, kn_scratch *s, double rz, bool first, kn_output *output)
@@ -131,13 +138,13 @@ static double solve_linear(const kn_model *m, kn_state *state, kn_scratch *s, do
     }
     rz = iterate(m, state, s, rz, wanted, output);
     for (int again = 0; again < 2; again++) {
-        if (kn_foundation_change(m, state, s) == 0) break;
-        rz = iterate(m, state, s, m->kernels->update(m, state, 0), (wanted + 1) / 2, output);
+        if (kn_foundation_change(m, s) == 0) break;
+        rz = iterate(m, state, s, update(m, state, s, 0), (wanted + 1) / 2, output);
     }
     return rz;
 }
 
-static void read_forces(const kn_model *m, kn_state *state, kn_scratch *s)
+static void read_forces(const kn_model *m, kn_scratch *s)
 {
     for (int i = 0; i < s->contact.hold_count; i++) {
         kn_hold *hold = &s->contact.hold[i];
@@ -145,7 +152,7 @@ static void read_forces(const kn_model *m, kn_state *state, kn_scratch *s)
         for (size_t k = 0; k < 3; k++)
             hold->force_n[k] = hold->gone ? 0 : kn_real_get(m, s->work.r, n.offset + k * n.stride);
     }
-    kn_foundation_read(m, state, s);
+    kn_foundation_read(m, s);
 }
 
 static kn_effort effort_of(const kn_model *m, const kn_input *input)
@@ -193,8 +200,10 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
     bool impact = false;
     for (int pass = 0; pass < passes; pass++) {
         if (impact) let_go(model, state, s);
-        add_external(model, state, s, input);
+        add_external(model, s, input);
+        kn_rigid_begin(model, state, s);
         rz = model->kernels->edge(model, state, how, pass > 0);
+        rz += kn_rigid_add(model, s);
         if (pass == 0) start = note_start(model, state, rz);
         if (pass == 0 && kn_impact(model, state, &s->contact, rz)) {
             impact = true;
@@ -206,8 +215,10 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
         rz = solve_linear(model, state, s, rz, pass == 0, output);
         output->passes = pass + 1;
     }
-    output->residual = rz == 0 ? 0 : sqrt(rz / state->residual_scale); // not a number when the physics has gone bad
-    read_forces(model, state, s);
+    // not a number when the physics has gone bad; all of it where a contact came up in a step that began with nothing
+    double scale = state->residual_scale > 0 ? state->residual_scale : rz;
+    output->residual = rz == 0 ? 0 : sqrt(rz / scale);
+    read_forces(model, s);
 }
 
 void kn_advance_implicit(const kn_model *model, kn_state *state) { model->kernels->integrate(model, state); }

@@ -1,4 +1,4 @@
-#include "core/scratch.h"
+#include "core/rigid.h"
 #include "core/hash.h"
 
 #include <stdlib.h>
@@ -46,13 +46,14 @@ static void layout_implicit(const kn_model *m, arena *a, kn_scratch *s)
                 {&w->free, 3}};
     for (size_t i = 0; i < sizeof list / sizeof list[0]; i++)
         *list[i].field = take(a, kn_model_field(m, list[i].components) * real_size(m));
-    w->g = take(a, 3 * m->edge_reals * real_size(m));
+    w->g = take(a, (size_t)kn_work_edge(m) * m->edge_reals * real_size(m));
     w->whole = m->composite ? take(a, kn_model_field(m, 6) * real_size(m)) : NULL;
     w->cell = NULL;
     if (m->def.pressure != KN_PRESSURE_NONE) w->cell = take(a, cell_reals(m) * real_size(m));
     w->row_held = take(a, (size_t)m->row_count);
     w->row_moved = take(a, (size_t)m->row_count);
     s->row_base = take(a, (size_t)m->row_count);
+    s->rigid.arm = kn_rigid_wanted(m) ? take(a, kn_rigid_bytes(m)) : NULL;
     s->last_held = take(a, (size_t)m->top_count * sizeof(int));
 }
 
@@ -80,6 +81,8 @@ static size_t layout(const kn_model *m, char *base)
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
     state->held = take(&a, KN_PROBES_MAX * (size_t)m->top_count);
+    size_t anchors = kn_contact_anchors(m);
+    state->anchor = anchors > 0 ? take(&a, anchors * sizeof *state->anchor) : NULL;
     state->scratch = take(&a, sizeof *scratch);
     if (base) scratch = state->scratch;
     void *contact = take(&a, kn_contact_bytes(m));
@@ -112,7 +115,7 @@ static void reset_implicit(const kn_model *m, kn_scratch *s)
     memset(w->q, 0, kn_model_field(m, 3) * real_size(m));
     memset(w->d, 0, kn_model_field(m, 3) * real_size(m));
     // edges that do not exist are never written
-    memset(w->g, 0, 3 * m->edge_reals * real_size(m));
+    memset(w->g, 0, (size_t)kn_work_edge(m) * m->edge_reals * real_size(m));
     memset(s->row_base, 0, (size_t)m->row_count);
     memset(w->row_moved, 0, (size_t)m->row_count);
     s->last_held_count = 0;
@@ -144,6 +147,17 @@ void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src)
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
     memcpy(dst->held, src->held, KN_PROBES_MAX * (size_t)model->top_count);
+    if (src->anchor) memcpy(dst->anchor, src->anchor, (size_t)src->anchor_count * sizeof *src->anchor);
+}
+
+// Tools that turn, are coupled or stick, and what sticks to them: nothing for a scene without them.
+static uint64_t hash_tools(const kn_state *state, uint64_t h)
+{
+    static const kn_tool_state none;
+    for (int p = 0; p < KN_PROBES_MAX; p++)
+        if (memcmp(&state->tool[p], &none, sizeof none) != 0) h = kn_hash_bytes(h, &state->tool[p], sizeof none);
+    if (state->anchor_count == 0) return h;
+    return kn_hash_bytes(h, state->anchor, (size_t)state->anchor_count * sizeof *state->anchor);
 }
 
 uint64_t kn_state_hash(const kn_model *model, const kn_state *state)
@@ -155,7 +169,8 @@ uint64_t kn_state_hash(const kn_model *model, const kn_state *state)
     if (state->name) h = kn_hash_bytes(h, state->name, field_bytes(model, components));
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
-    return kn_hash_bytes(h, state->held, KN_PROBES_MAX * (size_t)model->top_count);
+    h = kn_hash_bytes(h, state->held, KN_PROBES_MAX * (size_t)model->top_count);
+    return hash_tools(state, h);
 }
 
 static void node_vector(const kn_model *m, const void *field, int node, double out[3])

@@ -13,6 +13,23 @@ typedef struct kn_probe_state {
     int32_t contacts;       // nodes (plate) or samples (sphere) that carried load in the last step
 } kn_probe_state;
 
+// What a tool that turns or is coupled adds to that. Hashed for such tools only.
+typedef struct kn_tool_state {
+    double orientation_wxyz[4]; // of the model's tool, unit
+    double turn_rad_s[3];       // over the last step
+    double relief_m;            // how much smaller it still is: it met the object from inside, and grows back slowly
+    double grip_n;              // 0, or the force up to which `grip` holds on: gone when that was too much
+} kn_tool_state;
+
+// What contact that sticks remembers of one of its samples: a point of the skin under one tool.
+typedef struct kn_anchor {
+    uint64_t key;        // of the sample, see contact.c; ascending
+    double stretch_m[3]; // elastic slip: of the skin against the tool, since it stuck
+    int64_t flags;       // KN_ANCHOR_*
+} kn_anchor;
+#define KN_ANCHOR_SLIPS 1 // beyond the cone in the last step
+#define KN_ANCHOR_BONDS 2 // touched in the last step: adhesion may hold it
+
 // Saved and hashed, in this order: name, type, components. Node fields have 3, edge fields 13 reals per lane.
 #define KN_STATE_FIELDS(X)                                                                                             \
     X(displacement, 3) /* m, from rest: keeps 1e-9 m in f32 where a coordinate could not */                            \
@@ -29,10 +46,13 @@ typedef struct kn_state {
     double residual_scale; // largest preconditioned residual norm of the recent steps, decaying over 1 s
     int64_t secant_steps;
     int32_t bad; // 1 after a non-finite force or displacement: kn_step then does nothing until reset
+    int32_t anchor_count;
+    kn_tool_state tool[KN_PROBES_MAX];
 #define KN_FIELD(name, components) void *name; // float or double, as the model's precision says
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
     uint8_t *held; // [KN_PROBES_MAX][top_count] 1 where a plate holds the node
+    kn_anchor *anchor; // [of the contact's samples] when the model has contact that sticks, else NULL
     void *scratch; // solver vectors; not saved, not hashed
     size_t bytes;  // of the arena that starts at this struct
 } kn_state;

@@ -27,10 +27,11 @@ static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
     }
     for (int i = 0; i < s->contact.sample_count; i++) { // explicit: pressure at the depth of now
         kn_sample *sample = &s->contact.sample[i];
-        sample->force_n = fmax(0, sample->stiffness_n_m * sample->depth_m);
-        for (int a = 0; a < 9; a++)
-            for (int k = 0; k < 3; k++)
-                s->force[sample->node[a]][k] += sample->weight[a] * sample->force_n * sample->normal[k];
+        sample->pressing_n = fmax(0, sample->foundation_n_m * sample->depth_m);
+        sample->line.active = sample->pressing_n > 0;
+        for (int k = 0; k < 3; k++) sample->force_n[k] = sample->pressing_n * sample->normal[k];
+        for (int a = 0; a < sample->nodes; a++)
+            for (int k = 0; k < 3; k++) s->force[sample->node[a]][k] += sample->weight[a] * sample->force_n[k];
     }
     kn_rk4_step(m, state, &s->boundary, s->stages);
     for (int i = 0; i < s->contact.hold_count; i++)
@@ -66,7 +67,8 @@ static bool all_finite(const kn_model *m, const kn_state *state, const kn_output
     if (m->def.solver.kind == KN_SOLVER_RK4)
         for (size_t i = 0; i < kn_model_field(m, 3); i++) sum += kn_real_get(m, state->velocity, i);
     for (int p = 0; p < m->def.probe_count; p++)
-        for (int k = 0; k < 3; k++) sum += output->probe[p].force_n[k] + output->probe[p].torque_n_m[k];
+        for (int k = 0; k < 3; k++)
+            sum += output->probe[p].force_n[k] + output->probe[p].torque_n_m[k] + output->probe[p].position_m[k];
     return isfinite(sum);
 }
 

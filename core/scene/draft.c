@@ -16,16 +16,27 @@ enum { NODES_MAX = 1 << 22 };
 
 void *kn_draft_field(kn_draft *draft, int slot, kn_key_id id)
 {
-    char *base = slot == 0 ? (char *)draft : (char *)&draft->scene.model.probe[slot - 1];
+    char *base = (char *)draft;
+    if (slot > KN_PROBES_MAX) base = (char *)&draft->part[slot - 1 - KN_PROBES_MAX];
+    else if (slot > 0 && id >= KN_KEY_SURFACE) base = (char *)&draft->surface[slot - 1];
+    else if (slot > 0) base = (char *)&draft->scene.model.probe[slot - 1];
     return base + kn_keys[id].offset;
 }
 
-static bool of_probe(kn_key_id id) { return id >= KN_KEY_PROBE_NAME; }
+static bool of_slot(int slot, kn_key_id id) // whether what is in the slot has such a key
+{
+    if (slot == 0) return id < KN_KEY_PROBE_NAME;
+    return (id >= KN_KEY_PROBE_NAME) && (id >= KN_KEY_PART_SHAPE) == (slot > KN_PROBES_MAX);
+}
 
 const char *kn_draft_path(kn_draft *draft, int slot, kn_key_id id, char path[KN_LINE_MAX])
 {
-    const char *name = slot > 0 ? draft->scene.model.probe[slot - 1].name : "";
-    if (slot == 0) snprintf(path, KN_LINE_MAX, "%s", kn_keys[id].path);
+    const int part = slot - 1 - KN_PROBES_MAX, of = part < 0 ? slot : 1 + part / KN_PARTS_MAX;
+    const char *name = slot > 0 ? draft->scene.model.probe[of - 1].name : "";
+    if (part >= 0)
+        snprintf(path, KN_LINE_MAX, "probes.%s.parts.%d%s", *name ? name : "NAME", 1 + part % KN_PARTS_MAX,
+                 strrchr(kn_keys[id].path, '.'));
+    else if (slot == 0) snprintf(path, KN_LINE_MAX, "%s", kn_keys[id].path);
     else if (*name) snprintf(path, KN_LINE_MAX, "probes.%s%s", name, strrchr(kn_keys[id].path, '.'));
     else snprintf(path, KN_LINE_MAX, "probes[%d]%s", slot - 1, strrchr(kn_keys[id].path, '.'));
     return path;
@@ -68,7 +79,7 @@ void kn_draft_init(kn_draft *draft, const char *file, const char *const *sets, c
             char problem[KN_LINE_MAX];
             draft->at[slot][id] = (kn_mark){.source = KN_SOURCE_DEFAULT, .line = 1, .col = 1};
             draft->group[slot][id] = (kn_mark){.source = KN_SOURCE_FILE, .line = 1, .col = 1};
-            if (of_probe(id) != (slot > 0) || !fallback || *fallback == '\0' || *fallback == '(') continue;
+            if (!of_slot(slot, id) || !fallback || *fallback == '\0' || *fallback == '(') continue;
             kn_key_read(&kn_keys[id], kn_draft_field(draft, slot, id), &fallback, 1, NULL, problem);
         }
 }
@@ -98,9 +109,36 @@ static kn_key_id chooser(const kn_draft *draft, kn_key_id id)
     case KN_WHEN_MESH: return KN_KEY_MESH;
     case KN_WHEN_DIAGONALS: return *draft->mesh_path ? KN_KEY_MESH : KN_KEY_STRUCTURE;
     case KN_WHEN_PRESSURE: return KN_KEY_PRESSURE;
+    case KN_WHEN_TABLE: return KN_KEY_SUPPORT;
     case KN_WHEN_PLATE:
-    case KN_WHEN_SPHERE: return KN_KEY_PROBE_SHAPE;
+    case KN_WHEN_TOOL:
+    case KN_WHEN_ROUND:
+    case KN_WHEN_LONG:
+    case KN_WHEN_BOX:
+    case KN_WHEN_SURFACE:
+    case KN_WHEN_EDGED: return id < KN_KEY_PART_SHAPE ? KN_KEY_PROBE_SHAPE : KN_KEY_PART_SHAPE;
     default: return KN_KEY_DAMPER;
+    }
+}
+
+kn_probe_shape kn_draft_shape(const kn_draft *draft, int slot)
+{
+    if (slot <= KN_PROBES_MAX) return draft->scene.model.probe[slot - 1].shape;
+    return (kn_probe_shape)(draft->part[slot - 1 - KN_PROBES_MAX].kind + KN_PROBE_SPHERE);
+}
+
+static bool of_shape(kn_key_when when, kn_probe_shape shape)
+{
+    const bool edged = shape == KN_PROBE_BOX || shape == KN_PROBE_CROSS, cylinder = shape == KN_PROBE_CYLINDER;
+    const bool capsule = shape == KN_PROBE_CAPSULE;
+    switch (when) {
+    case KN_WHEN_PLATE: return shape == KN_PROBE_PLATE;
+    case KN_WHEN_SURFACE: return shape == KN_PROBE_MESH;
+    case KN_WHEN_ROUND: return shape == KN_PROBE_SPHERE || capsule || cylinder;
+    case KN_WHEN_LONG: return capsule || cylinder;
+    case KN_WHEN_BOX: return edged;
+    case KN_WHEN_EDGED: return edged || cylinder;
+    default: return shape != KN_PROBE_PLATE;
     }
 }
 
@@ -118,8 +156,14 @@ static bool relevant(kn_draft *draft, int slot, kn_key_id id)
     case KN_WHEN_FORCE:
         return def->material.damper == KN_DAMPER_EXPONENTIAL || def->material.damper == KN_DAMPER_RAMP;
     case KN_WHEN_EXPONENTIAL: return def->material.damper == KN_DAMPER_EXPONENTIAL;
-    case KN_WHEN_PLATE: return slot > 0 && def->probe[slot - 1].shape == KN_PROBE_PLATE;
-    case KN_WHEN_SPHERE: return slot > 0 && def->probe[slot - 1].shape == KN_PROBE_SPHERE;
+    case KN_WHEN_TABLE: return def->support == KN_SUPPORT_FRICTION;
+    case KN_WHEN_PLATE:
+    case KN_WHEN_TOOL:
+    case KN_WHEN_ROUND:
+    case KN_WHEN_LONG:
+    case KN_WHEN_BOX:
+    case KN_WHEN_SURFACE:
+    case KN_WHEN_EDGED: return slot > 0 && of_shape(kn_keys[id].when, kn_draft_shape(draft, slot));
     default: return true;
     }
 }
@@ -135,28 +179,60 @@ static bool require(kn_draft *draft, int slot, kn_key_id id)
                              kn_draft_path(draft, slot, id, path), kn_key_expects(&kn_keys[id], expects));
 }
 
-// What belongs to another damper or shape is an error in the file, and is dropped when --set made the choice.
+// What belongs to another damper or shape is an error in the file, and is dropped when --set made the choice; but not
+// an accuracy, which is a promise. One of 0 says nothing.
 static bool drop(kn_draft *draft, int slot, kn_key_id id)
 {
     char path[KN_LINE_MAX], choice[KN_LINE_MAX];
     kn_key_id by = chooser(draft, id);
     size_t size = (size_t)kn_keys[id].count * (kn_keys[id].type == KN_TYPE_CHOICE ? sizeof(int) : sizeof(double));
-    memset(kn_draft_field(draft, slot, id), 0, size);
-    if (!given(draft, slot, id) || draft->at[slot][by].source > draft->at[slot][id].source) return true;
+    bool dropped = draft->at[slot][by].source > draft->at[slot][id].source;
+    if (id == KN_KEY_ACCURACY) dropped = draft->scene.accuracy == 0;
+    bool either = id == KN_KEY_PROBE_SIZE || id == KN_KEY_PROBE_EXTENT; // one member, of a plate or of a box
+    kn_probe_shape shape = slot > 0 ? kn_draft_shape(draft, slot) : KN_PROBE_PLATE;
+    if (!either || !(of_shape(KN_WHEN_PLATE, shape) || of_shape(KN_WHEN_BOX, shape)))
+        memset(kn_draft_field(draft, slot, id), 0, size);
+    if (!given(draft, slot, id) || dropped) return true;
     if (by == KN_KEY_MESH)
         return kn_draft_complain(draft, draft->at[slot][id], "%s means nothing with%s object.mesh, expected it left out",
                                  kn_keys[id].path, *draft->mesh_path ? "" : "out");
+    const char *dot = strrchr(kn_keys[by].path, '.');
     return kn_draft_complain(draft, draft->at[slot][id], "%s means nothing with '%s: %s', expected it left out",
-                             kn_draft_path(draft, slot, id, path), strrchr(kn_keys[by].path, '.') + 1,
+                             kn_draft_path(draft, slot, id, path), dot ? dot + 1 : kn_keys[by].path,
                              kn_key_print(&kn_keys[by], kn_draft_field(draft, slot, by), choice));
+}
+
+static bool check_slot(kn_draft *draft, int slot)
+{
+    for (kn_key_id id = 0; id < KN_KEY_COUNT; id++)
+        if (of_slot(slot, id) && !(relevant(draft, slot, id) ? require : drop)(draft, slot, id)) return false;
+    return true;
+}
+
+// A union has parts, what is none has not, unless --set made it something else.
+static bool check_parts(kn_draft *draft, int slot)
+{
+    const kn_probe_def *probe = &draft->scene.model.probe[slot - 1];
+    kn_mark shape = draft->at[slot][KN_KEY_PROBE_SHAPE], parts = draft->parts_at[slot - 1];
+    int *count = &draft->part_count[slot - 1];
+    char choice[KN_LINE_MAX];
+    if (probe->shape == KN_PROBE_UNION && *count == 0)
+        return kn_draft_complain(draft, shape.source >= 0 ? shape : draft->group[slot][KN_KEY_PROBE_SHAPE],
+                                 "probes.%s.parts is missing, expected a list of 1 to %d mappings with shape",
+                                 probe->name, KN_PARTS_MAX);
+    for (int i = 0; probe->shape == KN_PROBE_UNION && i < *count; i++)
+        if (!check_slot(draft, kn_slot_of_part(slot, i))) return false;
+    if (probe->shape == KN_PROBE_UNION || *count == 0) return true;
+    *count = 0;
+    return shape.source > parts.source ||
+           kn_draft_complain(draft, parts, "probes.%s.parts means nothing with 'shape: %s', expected it left out",
+                             probe->name, kn_key_print(&kn_keys[KN_KEY_PROBE_SHAPE], &probe->shape, choice));
 }
 
 static bool check_presence(kn_draft *draft)
 {
     for (int slot = 0; slot <= draft->scene.model.probe_count; slot++)
-        for (kn_key_id id = 0; id < KN_KEY_COUNT; id++)
-            if (of_probe(id) == (slot > 0) && !(relevant(draft, slot, id) ? require : drop)(draft, slot, id))
-                return false;
+        if (!check_slot(draft, slot) || (slot > 0 && !check_parts(draft, slot))) return false;
     return true;
 }
 
@@ -300,11 +376,11 @@ static bool finish_probe(kn_draft *draft, int slot)
             return kn_draft_complain(draft, later_of(at[KN_KEY_PROBE_NAME], draft->at[other][KN_KEY_PROBE_NAME]),
                                      "probe '%s' is there already, expected another name", probe->name);
     // a ball between the sample points of the surface would slip through it
-    if (probe->shape == KN_PROBE_SPHERE && probe->radius_m < def->spacing_m)
+    if (of_shape(KN_WHEN_ROUND, probe->shape) && probe->radius_m < def->spacing_m)
         return kn_draft_complain(draft, later_of(at[KN_KEY_PROBE_RADIUS], draft->at[0][KN_KEY_SPACING]),
                                  "probes.%s.radius is %g m, expected at least %s, %g m", probe->name, probe->radius_m,
                                  def->mesh ? "the mesh's mean edge" : "object.spacing", def->spacing_m);
-    return true;
+    return kn_draft_tool_fits(draft, slot);
 }
 
 static bool finish_solver(kn_draft *draft)
@@ -322,14 +398,6 @@ static bool finish_solver(kn_draft *draft)
     return true;
 }
 
-static void finish_device(kn_draft *draft)
-{
-    kn_scene *scene = &draft->scene;
-    snprintf(scene->device, sizeof scene->device, "%s", draft->profile ? "bench" : "touch");
-    if (!given(draft, 0, KN_KEY_CLAMP)) scene->limits.clamp_n = draft->profile ? 40.0 : 3.3;
-    if (!given(draft, 0, KN_KEY_TORQUE_CLAMP)) scene->limits.torque_clamp_n_m = 0.05 * scene->limits.clamp_n;
-}
-
 bool kn_draft_finish_point(kn_draft *draft)
 {
     if (!*draft->mesh_path && !finish_object(draft)) return false; // a mesh has been read, and no point changes it
@@ -338,22 +406,41 @@ bool kn_draft_finish_point(kn_draft *draft)
     return finish_solver(draft) && kn_draft_fine(draft);
 }
 
+// A hand's device needs a coupling; what a virtual hand or a script holds follows rigidly, as in the papers.
+static void couple(kn_draft *draft, int slot)
+{
+    const kn_device_def *device = &draft->scene.device;
+    kn_probe_def *probe = &draft->scene.model.probe[slot - 1];
+    kn_mark *at = draft->at[slot], profile = draft->at[0][KN_KEY_PROFILE];
+    if (probe->shape == KN_PROBE_PLATE || draft->scene.model.solver.kind == KN_SOLVER_RK4) return;
+    if (!given(draft, slot, KN_KEY_PROBE_COUPLING) && strcmp(device->name, "bench") != 0) {
+        probe->coupling_n_m = device->coupling_n_m;
+        at[KN_KEY_PROBE_COUPLING] = profile;
+    }
+    if (!given(draft, slot, KN_KEY_PROBE_COUPLING_DAMPING) && probe->coupling_n_m > 0) {
+        probe->coupling_n_s_m = device->coupling_n_s_m;
+        at[KN_KEY_PROBE_COUPLING_DAMPING] = profile;
+    }
+}
+
 bool kn_draft_finish(kn_draft *draft)
 {
     kn_model_def *def = &draft->scene.model;
     memset(&def->probe[def->probe_count], 0, sizeof def->probe[0] * (size_t)(KN_PROBES_MAX - def->probe_count));
     if (!take_ends(draft) || !check_presence(draft) || !finish_material(draft) || !finish_object(draft)) return false;
+    if (!kn_draft_tools(draft)) return false;
     for (int slot = 1; slot <= def->probe_count; slot++)
         if (!finish_probe(draft, slot)) return false;
-    finish_device(draft);
+    if (!kn_draft_device(draft)) return false;
+    for (int slot = 1; slot <= def->probe_count; slot++) couple(draft, slot);
     if (!given(draft, 0, KN_KEY_BUDGET)) draft->scene.budget_s = BUDGET_S;
     // the canonical size: equal lattices have equal texts, however the size was rounded in the file
     for (int k = 0; k < 3; k++) draft->size_m[k] = (def->nodes[k] - 1) * def->spacing_m;
     return finish_solver(draft) && kn_draft_fine(draft) && kn_draft_quality(draft);
 }
 
-typedef struct page { // the canonical text as it grows; about 2 kB
-    char text[8192];
+typedef struct page { // the canonical text as it grows; about 2 kB, with four unions 10, with long paths 12 more
+    char text[32768];
     size_t used;
     char group[KN_LINE_MAX]; // mapping that is open, "quality.fast."
 } page;
@@ -400,8 +487,10 @@ static void put_key(page *out, kn_draft *draft, int slot, kn_key_id id)
     bool optional = key->fallback && *key->fallback == '\0';
     if (!relevant(draft, slot, id) || (optional && !given(draft, slot, id))) return;
     if (slot == 0 && id == KN_KEY_VARIANT) return; // it has been made
+    if (kn_draft_of_device(id) && !draft->device_whole) return;
     if (slot == 0) put(out, "%*s", 2 * open_groups(out, key->path), "");
-    else put(out, id == KN_KEY_PROBE_NAME ? "  - " : "    ");
+    else if (slot <= KN_PROBES_MAX) put(out, id == KN_KEY_PROBE_NAME ? "  - " : "    ");
+    else put(out, id == KN_KEY_PART_SHAPE ? "      - " : "        ");
     put(out, "%s: ", dot ? dot + 1 : key->path);
     if (key->type == KN_TYPE_PATH) put_path(out, kn_draft_field(draft, slot, id));
     else put(out, "%s\n", kn_key_print(key, kn_draft_field(draft, slot, id), value));
@@ -412,7 +501,12 @@ char *kn_draft_format(kn_draft *draft)
     page out = {.used = 0};
     for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++) put_key(&out, draft, 0, id);
     if (draft->scene.model.probe_count > 0) put(&out, "probes:\n");
-    for (int slot = 1; slot <= draft->scene.model.probe_count; slot++)
-        for (kn_key_id id = KN_KEY_PROBE_NAME; id < KN_KEY_COUNT; id++) put_key(&out, draft, slot, id);
+    for (int slot = 1; slot <= draft->scene.model.probe_count; slot++) {
+        for (kn_key_id id = KN_KEY_PROBE_NAME; id < KN_KEY_PART_SHAPE; id++) put_key(&out, draft, slot, id);
+        if (draft->part_count[slot - 1] > 0) put(&out, "    parts:\n");
+        for (int i = 0; i < draft->part_count[slot - 1]; i++)
+            for (kn_key_id id = KN_KEY_PART_SHAPE; id < KN_KEY_COUNT; id++)
+                put_key(&out, draft, kn_slot_of_part(slot, i), id);
+    }
     return strdup(out.text);
 }

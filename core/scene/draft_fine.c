@@ -17,8 +17,22 @@ static bool given(const kn_draft *draft, int slot, kn_key_id id)
 // Of what strains the object: a strip is as narrow as its narrow side, a ball's contact narrower than the ball.
 static double width_of(const kn_probe_def *probe)
 {
-    if (probe->shape == KN_PROBE_SPHERE) return 1.5 * probe->radius_m;
-    return fmin(probe->size_m[0], probe->size_m[1]);
+    if (probe->shape == KN_PROBE_PLATE) return fmin(probe->size_m[0], probe->size_m[1]);
+    if (probe->shape == KN_PROBE_BOX) return fmin(fmin(probe->size_m[0], probe->size_m[1]), probe->size_m[2]);
+    if (probe->shape == KN_PROBE_CROSS) return fmin(probe->size_m[1], probe->size_m[2]);
+    return 1.5 * (probe->parts ? probe->parts->fine_m : probe->radius_m);
+}
+
+// How far it reaches from its centre along an axis, level or turned.
+static double half_of(const kn_probe_def *probe, int k)
+{
+    const double *size = probe->size_m;
+    switch (probe->shape) {
+    case KN_PROBE_PLATE: return 0.5 * size[k];
+    case KN_PROBE_BOX: return hypot(0.5 * hypot(size[0], size[1]), size[2]);
+    case KN_PROBE_CROSS: return hypot(0.5 * hypot(size[0], size[1]), size[2]);
+    default: return probe->parts ? probe->parts->bound_m : probe->radius_m + probe->length_m;
+    }
 }
 
 static bool check_reach(kn_draft *draft, int slot)
@@ -38,7 +52,7 @@ static bool check_reach(kn_draft *draft, int slot)
 static void add_reach(const kn_probe_def *probe, double low_m[3], double high_m[3])
 {
     for (int k = 0; k < 2; k++) {
-        double half = probe->shape == KN_PROBE_SPHERE ? probe->radius_m : 0.5 * probe->size_m[k];
+        double half = half_of(probe, k);
         low_m[k] = fmin(low_m[k], probe->reach_m[k][0] - half);
         high_m[k] = fmax(high_m[k], probe->reach_m[k][1] + half);
     }
@@ -60,14 +74,16 @@ bool kn_draft_fine(kn_draft *draft)
     kn_model_def *def = &draft->scene.model;
     double low_m[3] = {INFINITY, INFINITY}, high_m[3] = {-INFINITY, -INFINITY}, width = 0;
     memset(def->fine, 0, sizeof def->fine);
-    if (*draft->mesh_path || !given(draft, 0, KN_KEY_ACCURACY) || draft->scene.accuracy == 0) return true;
+    if (!given(draft, 0, KN_KEY_ACCURACY) || draft->scene.accuracy == 0) return true;
+    const char *unfit = kn_composite_unfit(def); // also where the tools' reach leaves no coarse cell: a promise is kept
+    if (unfit) return kn_draft_complain(draft, draft->at[0][KN_KEY_ACCURACY], "object.accuracy: %s", unfit);
     for (int slot = 1; slot <= def->probe_count; slot++) {
         if (!check_reach(draft, slot)) return false;
         add_reach(&def->probe[slot - 1], low_m, high_m);
         width = fmax(width, width_of(&def->probe[slot - 1]));
     }
     for (int k = 0; k < 3; k++)
-        if (def->thickness_m == 0 && def->nodes[k] % 2 == 0)
+        if (def->nodes[k] % 2 == 0)
             return kn_draft_complain(draft, draft->at[0][KN_KEY_ACCURACY], "object.size along %c is %d spacings, "
                                      "expected an even number with object.accuracy", "xyz"[k], def->nodes[k] - 1);
     if (def->probe_count > 0 && is_off(def, low_m, high_m))

@@ -17,21 +17,29 @@ static size_t folder_of(const char *path)
     return slash ? (size_t)(slash + 1 - path) : 0;
 }
 
-// Where the file was written: from the scene's folder, or from the working directory when --set names it.
-static void as_written(const kn_draft *draft, path_text path)
+static char *path_of(kn_draft *draft, const kn_draft_file *file)
 {
-    bool from_folder = *draft->mesh_path != '/' && draft->at[0][KN_KEY_MESH].source == KN_SOURCE_FILE;
+    return kn_draft_field(draft, file->slot, file->path);
+}
+
+static kn_mark mark_of(const kn_draft *draft, const kn_draft_file *file) { return draft->at[file->slot][file->path]; }
+
+// Where the file was written: from the scene's folder, or from the working directory when --set names it.
+static void as_written(kn_draft *draft, const kn_draft_file *file, path_text path)
+{
+    const char *name = path_of(draft, file);
+    bool from_folder = *name != '/' && mark_of(draft, file).source == KN_SOURCE_FILE;
     size_t folder = from_folder ? folder_of(draft->file) : 0;
-    snprintf(path, sizeof(path_text), "%.*s%s", (int)(folder < KN_PATH_MAX ? folder : 0), draft->file,
-             draft->mesh_path);
+    snprintf(path, sizeof(path_text), "%.*s%s", (int)(folder < KN_PATH_MAX ? folder : 0), draft->file, name);
 }
 
 // Beside the file that holds the text: a log and its mesh are moved together.
-static void as_moved(const kn_draft *draft, path_text path)
+static void as_moved(kn_draft *draft, const kn_draft_file *file, path_text path)
 {
+    const char *name = path_of(draft, file);
     size_t folder = draft->beside ? folder_of(draft->beside) : 0;
     snprintf(path, sizeof(path_text), "%.*s%s", (int)(folder < KN_PATH_MAX ? folder : 0),
-             draft->beside ? draft->beside : "", draft->mesh_path + folder_of(draft->mesh_path));
+             draft->beside ? draft->beside : "", name + folder_of(name));
 }
 
 static bool exists(const char *path)
@@ -42,42 +50,72 @@ static bool exists(const char *path)
 }
 
 // The hash that the text holds counts unless --set has named another file since.
-static bool hash_counts(const kn_draft *draft)
+static bool hash_counts(const kn_draft *draft, const kn_draft_file *file)
 {
-    kn_mark hash = draft->at[0][KN_KEY_MESH_HASH], mesh = draft->at[0][KN_KEY_MESH];
-    return hash.source != KN_SOURCE_DEFAULT && hash.source >= mesh.source;
+    kn_mark hash = draft->at[file->slot][file->hash];
+    return hash.source != KN_SOURCE_DEFAULT && hash.source >= mark_of(draft, file).source;
 }
 
-// Reads the file at path into the scene.
-static bool load(kn_draft *draft, const char *path)
+static bool load(kn_draft *draft, const kn_draft_file *file, const char *path)
 {
-    static const double units_per_m[] = {1, 1e2, 1e3, 1e6}; // in the order of the key's words
-    kn_msh_facts facts;
-    kn_scene *scene = &draft->scene;
-    scene->mesh = kn_msh_load(path, units_per_m[draft->mesh_unit], &facts, draft->error, draft->error_size);
-    if (!scene->mesh) return false;
-    if (hash_counts(draft) && facts.hash != draft->mesh_hash) {
-        kn_simplices_destroy(scene->mesh);
-        scene->mesh = NULL;
-        return kn_draft_complain(draft, draft->at[0][KN_KEY_MESH_HASH],
-                                 "object.mesh_hash is %016" PRIx64 ", but the mesh is %016" PRIx64
-                                 ": it was changed since, expected it as it was (there, or beside this file)",
-                                 draft->mesh_hash, facts.hash);
-    }
-    draft->mesh_hash = facts.hash;
-    draft->at[0][KN_KEY_MESH_HASH] = draft->at[0][KN_KEY_MESH]; // it is part of the canonical text
+    char name[KN_LINE_MAX];
+    uint64_t hash, *said = kn_draft_field(draft, file->slot, file->hash);
+    if (!file->load(draft, file->slot, path, &hash)) return false;
+    if (hash_counts(draft, file) && hash != *said)
+        return kn_draft_complain(draft, draft->at[file->slot][file->hash], "%s is %016" PRIx64 ", but the mesh is %016"
+                                 PRIx64 ": it was changed since, expected it as it was (there, or beside this file)",
+                                 kn_draft_path(draft, file->slot, file->hash, name), *said, hash);
+    *said = hash;
+    draft->at[file->slot][file->hash] = mark_of(draft, file); // it is part of the canonical text
     return true;
 }
 
 // The path in the canonical text, by which any program finds the file from any folder.
-static bool make_absolute(kn_draft *draft, const char *path)
+static bool make_absolute(kn_draft *draft, const kn_draft_file *file, const char *path)
 {
-    char *absolute = realpath(path, NULL);
+    char *absolute = realpath(path, NULL), name[KN_LINE_MAX];
     bool fits = absolute && strlen(absolute) < KN_PATH_MAX && kn_key_quotable(absolute);
-    if (fits) memcpy(draft->mesh_path, absolute, strlen(absolute) + 1);
+    if (fits) memcpy(path_of(draft, file), absolute, strlen(absolute) + 1);
     free(absolute);
-    return fits || kn_draft_complain(draft, draft->at[0][KN_KEY_MESH],
-                                     "object.mesh: its whole path is no UTF-8 text of less than %d bytes", KN_PATH_MAX);
+    return fits || kn_draft_complain(draft, mark_of(draft, file),
+                                     "%s: its whole path is no UTF-8 text of less than %d bytes",
+                                     kn_draft_path(draft, file->slot, file->path, name), KN_PATH_MAX);
+}
+
+bool kn_draft_read(kn_draft *draft, const kn_draft_file *file)
+{
+    path_text path, moved;
+    char name[KN_LINE_MAX];
+    as_written(draft, file, path);
+    as_moved(draft, file, moved);
+    bool found = exists(path);
+    const char *why = strerror(errno), *used = found ? path : moved;
+    if (!found && !exists(moved))
+        return kn_draft_complain(draft, mark_of(draft, file), "%s: %s, expected %s",
+                                 kn_draft_path(draft, file->slot, file->path, name), why, file->kind);
+    if (!load(draft, file, used)) {
+        // the first complaint stands unless the file as it was is beside this one
+        char first[512];
+        snprintf(first, sizeof first, "%s", draft->error);
+        bool other = found && hash_counts(draft, file) && strcmp(path, moved) != 0 && exists(moved) &&
+                     load(draft, file, moved);
+        if (!other) return snprintf(draft->error, draft->error_size, "%s", first), false;
+        used = moved;
+    }
+    return make_absolute(draft, file, used);
+}
+
+const double kn_draft_units_per_m[4] = {1, 1e2, 1e3, 1e6};
+
+static bool load_mesh(kn_draft *draft, int slot, const char *path, uint64_t *hash)
+{
+    kn_msh_facts facts;
+    double units_per_m = kn_draft_units_per_m[draft->mesh_unit];
+    (void)slot;
+    kn_simplices_destroy(draft->scene.mesh);
+    draft->scene.mesh = kn_msh_load(path, units_per_m, &facts, draft->error, draft->error_size);
+    if (draft->scene.mesh) *hash = facts.hash;
+    return draft->scene.mesh != NULL;
 }
 
 static bool take_measures(kn_draft *draft)
@@ -98,20 +136,6 @@ static bool take_measures(kn_draft *draft)
 
 bool kn_draft_mesh(kn_draft *draft)
 {
-    path_text path, moved;
-    as_written(draft, path);
-    as_moved(draft, moved);
-    bool found = exists(path);
-    const char *why = strerror(errno), *used = found ? path : moved;
-    if (!found && !exists(moved))
-        return kn_draft_complain(draft, draft->at[0][KN_KEY_MESH], "object.mesh: %s, expected a Gmsh mesh", why);
-    if (!load(draft, used)) {
-        // the first complaint stands unless the file as it was is beside this one
-        char first[512];
-        snprintf(first, sizeof first, "%s", draft->error);
-        bool other = found && hash_counts(draft) && strcmp(path, moved) != 0 && exists(moved) && load(draft, moved);
-        if (!other) return snprintf(draft->error, draft->error_size, "%s", first), false;
-        used = moved;
-    }
-    return make_absolute(draft, used) && take_measures(draft);
+    static const kn_draft_file file = {0, KN_KEY_MESH, KN_KEY_MESH_HASH, "a Gmsh mesh", load_mesh};
+    return kn_draft_read(draft, &file) && take_measures(draft);
 }

@@ -14,7 +14,10 @@ _Static_assert(sizeof(kn_damper) == sizeof(int) && sizeof(kn_solver) == sizeof(i
                      offsetof(parent, member), meaning_},
 #define SCENE_ROW(...) ROW(kn_draft, __VA_ARGS__)
 #define PROBE_ROW(...) ROW(kn_probe_def, __VA_ARGS__)
-const kn_key kn_keys[KN_KEY_COUNT] = {KN_SCENE_KEYS(SCENE_ROW) KN_PROBE_KEYS(PROBE_ROW)};
+#define SURFACE_ROW(...) ROW(kn_draft_surface, __VA_ARGS__)
+#define PART_ROW(...) ROW(kn_draft_part, __VA_ARGS__)
+const kn_key kn_keys[KN_KEY_COUNT] = {
+    KN_SCENE_KEYS(SCENE_ROW) KN_PROBE_KEYS(PROBE_ROW) KN_SURFACE_KEYS(SURFACE_ROW) KN_PART_KEYS(PART_ROW)};
 
 static kn_unit unit_of(const kn_key *key)
 {
@@ -98,10 +101,10 @@ bool kn_key_quotable(const char *text)
     return true;
 }
 
-static bool read_path(char *field, const char *text, char problem[KN_LINE_MAX])
+static bool read_path(const kn_key *key, char *field, const char *text, char problem[KN_LINE_MAX])
 {
     size_t size = strlen(text);
-    bool fits = size > 4 && size < KN_PATH_MAX && strcmp(text + size - 4, ".msh") == 0 && kn_key_quotable(text);
+    bool fits = size > 4 && size < KN_PATH_MAX && choice_of(key->unit, text + size - 4) >= 0 && kn_key_quotable(text);
     if (fits) memcpy(field, text, size + 1);
     else snprintf(problem, KN_LINE_MAX, "not the name of a mesh");
     return fits;
@@ -138,7 +141,7 @@ bool kn_key_read(const kn_key *key, void *field, const char *const *text, int co
         }
         if (key->type == KN_TYPE_CHOICE) return read_choice(key, field, text[i], problem);
         if (key->type == KN_TYPE_NAME) return read_name(field, text[i], problem);
-        if (key->type == KN_TYPE_PATH) return read_path(field, text[i], problem);
+        if (key->type == KN_TYPE_PATH) return read_path(key, field, text[i], problem);
         if (key->type == KN_TYPE_HASH) return read_hash(field, text[i], problem);
         if (!read_number(key, &value, text[i], per_height, problem)) return false;
         if (key->type == KN_TYPE_INTEGER) *(int *)field = (int)value;
@@ -155,7 +158,7 @@ const char *kn_key_expects(const kn_key *key, char text[KN_LINE_MAX])
     switch (key->type) {
     case KN_TYPE_CHOICE: snprintf(text, KN_LINE_MAX, "%s", key->unit); break;
     case KN_TYPE_NAME: snprintf(text, KN_LINE_MAX, "1 to %d of a-z 0-9 _", KN_NAME_MAX - 1); break;
-    case KN_TYPE_PATH: snprintf(text, KN_LINE_MAX, "a file name that ends in .msh"); break;
+    case KN_TYPE_PATH: snprintf(text, KN_LINE_MAX, "a file name that ends in %s", key->unit); break;
     case KN_TYPE_HASH: snprintf(text, KN_LINE_MAX, "16 hexadecimal digits"); break;
     case KN_TYPE_INTEGER:
         if (key->least == key->most) snprintf(text, KN_LINE_MAX, "%g", key->least);
@@ -290,12 +293,13 @@ static void describe(const kn_key *key, char *line, size_t size)
         [KN_WHEN_ALWAYS] = "required", [KN_WHEN_BLOCK] = "required if no mesh", [KN_WHEN_MESH] = "required if mesh",
         [KN_WHEN_CONSTANT] = "required if constant", [KN_WHEN_EXPONENTIAL] = "required if exponential",
         [KN_WHEN_RAMP] = "required if ramp", [KN_WHEN_FORCE] = "required if exp., ramp",
-        [KN_WHEN_PLATE] = "required if plate", [KN_WHEN_SPHERE] = "required if sphere"};
+        [KN_WHEN_PLATE] = "required if plate", [KN_WHEN_ROUND] = "required if round", [KN_WHEN_LONG] = "required if long",
+        [KN_WHEN_BOX] = "required if box, cross", [KN_WHEN_SURFACE] = "required if mesh"};
     char range[64] = "", value[64];
     const char *unit = key->type == KN_TYPE_CHOICE ? "" : key->unit;
     if (key->type == KN_TYPE_CHOICE) snprintf(value, sizeof value, "%s", key->unit);
     else if (key->type == KN_TYPE_NAME) snprintf(value, sizeof value, "a-z 0-9 _");
-    else if (key->type == KN_TYPE_PATH) snprintf(value, sizeof value, "FILE.msh");
+    else if (key->type == KN_TYPE_PATH) snprintf(value, sizeof value, "FILE%s", key->unit);
     else if (key->type == KN_TYPE_HASH) snprintf(value, sizeof value, "16 hexadecimal digits");
     else if (key->type == KN_TYPE_EXTENT) snprintf(value, sizeof value, "%d or %d x %s", key->count - 1, key->count, unit);
     else if (key->count > 1) snprintf(value, sizeof value, "%d x %s", key->count, *unit ? unit : "number");

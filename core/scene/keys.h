@@ -9,7 +9,8 @@
 // count    1, or the length of a list [a, b, c]; an EXTENT may leave out the one along y
 // unit     of the member and of the canonical text; any unit of the same dimension is read. "" is a bare number
 // default  text as a file would say it; NULL: required; "": may be absent; "(...)": worked out in draft.c
-// member   of kn_draft, or of kn_probe_def for the keys of one probe
+// member   of kn_draft, of kn_probe_def for the keys of one probe, of kn_draft_surface for those of a tool's
+//          file, of kn_draft_part for those of a union's part
 #include "core/scene/units.h"
 #include <stddef.h>
 #include <stdint.h>
@@ -39,7 +40,7 @@
     size_m, "block along x, y, z, flat object along x, z: each a whole number of spacings")                           \
   X(SPACING, BLOCK, "object.spacing", REAL, 1, "m", 1e-5, 1, NULL,                                                    \
     scene.model.spacing_m, "side of a lattice cell")                                                                  \
-  X(MESH, ALWAYS, "object.mesh", PATH, 1, "", 0, 0, "",                                                               \
+  X(MESH, ALWAYS, "object.mesh", PATH, 1, ".msh", 0, 0, "",                                                               \
     mesh_path, "Gmsh file of tetrahedra, or of flat triangles, instead of a block; seen from the scene's folder")     \
   X(MESH_UNIT, MESH, "object.mesh_unit", CHOICE, 1, "m|cm|mm|um", 0, 0, NULL,                                         \
     mesh_unit, "of its coordinates")                                                                                  \
@@ -59,6 +60,8 @@
     scene.model.pressure, "gas closed in each cell, or in the object as a whole: keeps its volume")                   \
   X(INSIDE_PRESSURE, PRESSURE, "object.inside_pressure", REAL, 1, "Pa", 100, 1e8, "1 atm",                            \
     scene.model.inside_pressure_pa, "of that gas at rest, absolute")                                                  \
+  X(SKIN, BLOCK, "object.skin", CHOICE, 1, "spline|bilinear", 0, 0, "",                                               \
+    scene.model.skin, "between its nodes, as tools feel it; none: spline, smoother under tools of less than 2 spacings") \
   X(VARIANT, ALWAYS, "material.variant", CHOICE, 1, "rheological|viscoelastic|plastic", 0, 0, "rheological",          \
     variant, "the material as written, or what follows by the second paper's rules; short: material: NAME")           \
   X(K1, ALWAYS, "material.k1", MODULUS, 1, "Pa", 0, 1e9, NULL,                                                        \
@@ -91,11 +94,13 @@
     scene.model.density_kg_m3, "of the object")                                                                       \
   X(GRAVITY, ALWAYS, "gravity", REAL, 1, "m/s^2", 0, 100, "0 m/s^2",                                                  \
     scene.model.gravity_m_s2, "downwards, along -z")                                                                  \
-  X(SUPPORT, ALWAYS, "support", CHOICE, 1, "bonded|frictionless|none", 0, 0, NULL,                                    \
-    scene.model.support, "the base is glued, slides on the table, or is free")                                        \
-  X(PROFILE, ALWAYS, "device.profile", CHOICE, 1, "touch|bench", 0, 0, NULL,                                          \
-    profile, "limits of a hand's device or of the virtual hand; short: device: touch")                                \
-  X(CLAMP, ALWAYS, "device.clamp", REAL, 1, "N", 0.1, 100, "(3.3 touch, 40 bench)",                                   \
+  X(SUPPORT, ALWAYS, "support", CHOICE, 1, "bonded|frictionless|none|friction", 0, 0, NULL,                           \
+    scene.model.support, "the base is glued, slides on the table, is free, or lies on a table: can be lifted")        \
+  X(SUPPORT_FRICTION, TABLE, "support_friction", REAL, 1, "", 0, 10, "0.5",                                           \
+    scene.model.support_friction, "of that table, Coulomb's; as it slides, a fifth more until it does")               \
+  X(PROFILE, ALWAYS, "device.profile", CHOICE, 1, "touch|bench|falcon|omega|unknown", 0, 0, NULL,                     \
+    profile, "of a hand's device or of the virtual hand; short: device: touch, or a file.yaml with device:")          \
+  X(CLAMP, ALWAYS, "device.clamp", REAL, 1, "N", 0.1, 100, "(profile)",                                               \
     scene.limits.clamp_n, "most force a hand is given")                                                               \
   X(TORQUE_CLAMP, ALWAYS, "device.torque_clamp", REAL, 1, "N*m", 1e-3, 10, "(0.05 m * clamp)",                        \
     scene.limits.torque_clamp_n_m, "most torque a hand is given")                                                     \
@@ -113,6 +118,38 @@
     scene.limits.ramp_up_ms, "gain 0 to 1 at engagement")                                                             \
   X(FLOW, ALWAYS, "device.flow", INTEGER, 1, "ms", 200, 5000, "200 ms",                                               \
     scene.limits.flow_ms, "poses must have flowed this long before that")                                             \
+  X(DEVICE_MASS, ALWAYS, "device.mass", REAL, 1, "kg", 1e-3, 100, "(profile)",                                        \
+    scene.device.mass_kg, "of the device, as felt at its tip")                                                        \
+  X(DEVICE_DAMPING, ALWAYS, "device.damping", REAL, 1, "N*s/m", 0, 1e3, "(profile)",                                  \
+    scene.device.damping_n_s_m, "viscous friction of its mechanics")                                                  \
+  X(DEVICE_FRICTION, ALWAYS, "device.friction", REAL, 1, "N", 0, 10, "(profile)",                                     \
+    scene.device.friction_n, "dry friction of its mechanics")                                                         \
+  X(DEVICE_ENCODER, ALWAYS, "device.encoder", REAL, 1, "m", 0, 0.01, "(profile)",                                     \
+    scene.device.encoder_m, "step of its positions")                                                                  \
+  X(DEVICE_WORKSPACE, ALWAYS, "device.workspace", REAL, 3, "m", 1e-3, 10, "(profile)",                                \
+    scene.device.workspace_m, "its extent along its own axes")                                                        \
+  X(DEVICE_STIFFNESS, ALWAYS, "device.stiffness_limit", REAL, 1, "N/m", 1, 1e7, "(profile)",                          \
+    scene.device.stiffness_limit_n_m, "its stiffest clean wall, as its makers or users say")                          \
+  X(DEVICE_FORCE_AXES, ALWAYS, "device.force_axes", INTEGER, 1, "", 0, 3, "(profile)",                                \
+    scene.device.force_axes, "with a motor")                                                                          \
+  X(DEVICE_TORQUE_AXES, ALWAYS, "device.torque_axes", INTEGER, 1, "", 0, 3, "(profile)",                              \
+    scene.device.torque_axes, "with a motor")                                                                         \
+  X(DEVICE_ROUND_TRIP, ALWAYS, "device.round_trip", REAL, 1, "s", 0, 0.2, "1 ms",                                     \
+    scene.device.round_trip_s, "from a pose going out to its force coming in")                                        \
+  X(DEVICE_COUPLING, ALWAYS, "device.coupling", REAL, 1, "N/m", 1, 1e7, "(profile, round_trip)",                      \
+    scene.device.hand.stiffness_n_m, "virtual coupling as the hand feels it: core/coupling.h")                        \
+  X(DEVICE_COUPLING_DAMPING, ALWAYS, "device.coupling_damping", REAL, 1, "N*s/m", 0, 1e4, "(profile, round_trip)",    \
+    scene.device.hand.damping_n_s_m, "and its damping")                                                               \
+  X(DEVICE_FORCE_SCALE, ALWAYS, "device.force_scale", REAL, 1, "", 1e-3, 100, "1",                                    \
+    scene.limits.force_scale, "what the hand is given of the object's force")                                         \
+  X(DEVICE_BASIS, ALWAYS, "device.basis", REAL, 3, "", -3, 3, "([1, 2, 3])",                                          \
+    scene.device.basis, "the device's axes along the scene's x, y, z: 1, 2, 3, negative for backwards")               \
+  X(DEVICE_POSITION, ALWAYS, "device.position", REAL, 3, "m", -10, 10, "(origin)",                                    \
+    scene.device.position_m, "of the device's origin in the scene")                                                   \
+  X(DEVICE_ROTATION, ALWAYS, "device.rotation", REAL, 4, "", -1, 1, "([1, 0, 0, 0])",                                 \
+    scene.device.rotation_wxyz, "of the device, after basis: unit quaternion w, x, y, z")                             \
+  X(DEVICE_SCALE, ALWAYS, "device.scale", REAL, 1, "", 1e-3, 1e3, "1",                                                \
+    scene.device.scale, "of lengths: m in the scene for a m of the device")                                           \
   X(KIND, ALWAYS, "solver.kind", CHOICE, 1, "implicit|rk4", 0, 0, "implicit",                                         \
     scene.model.solver.kind, "rk4: the papers' method, refused above its stable step")                                \
   X(PRECISION, ALWAYS, "solver.precision", CHOICE, 1, "f32|f64", 0, 0, "(f32; rk4 f64)",                              \
@@ -146,20 +183,66 @@
 #define KN_PROBE_KEYS(X)                                                                                              \
   X(PROBE_NAME, ALWAYS, "probes.NAME.name", NAME, 1, "", 0, 0, NULL,                                                  \
     name, "channels are KNEAD_POSE_NAME, KNEAD_FORCE_NAME; at most 4 probes")                                         \
-  X(PROBE_SHAPE, ALWAYS, "probes.NAME.shape", CHOICE, 1, "plate|sphere", 0, 0, NULL,                                  \
-    shape, "level rectangle, or ball")                                                                                \
+  X(PROBE_SHAPE, ALWAYS, "probes.NAME.shape", CHOICE, 1, "plate|sphere|capsule|box|cross|cylinder|union|mesh", 0, 0, NULL, \
+    shape, "plate: a level rectangle that sticks; the others turn with their pose, see core/shape.h")                 \
   X(PROBE_SIZE, PLATE, "probes.NAME.size", REAL, 2, "m", 1e-4, 10, NULL,                                              \
     size_m, "plate along x and y")                                                                                    \
-  X(PROBE_RADIUS, SPHERE, "probes.NAME.radius", REAL, 1, "m", 1e-4, 1, NULL,                                          \
-    radius_m, "sphere; at least one spacing, 1.5 advised")                                                            \
-  X(PROBE_FOUNDATION, SPHERE, "probes.NAME.foundation", REAL, 1, "N/m^3", 1e3, 1e12, "2.5e7 N/m^3",                   \
-    foundation_n_m3, "stiffness of the contact per area")                                                            \
+  X(PROBE_EXTENT, BOX, "probes.NAME.extent", REAL, 3, "m", 1e-4, 10, NULL,                                            \
+    size_m, "box along x, y, z; cross: arm length, arm width, height")                                                \
+  X(PROBE_RADIUS, ROUND, "probes.NAME.radius", REAL, 1, "m", 1e-4, 1, NULL,                                           \
+    radius_m, "at least one spacing, 1.5 advised")                                                                    \
+  X(PROBE_LENGTH, LONG, "probes.NAME.length", REAL, 1, "m", 1e-4, 10, NULL,                                           \
+    length_m, "capsule, cylinder: along z, upwards from the pose")                                                    \
+  X(PROBE_EDGE, EDGED, "probes.NAME.edge", REAL, 1, "m", 0, 1, "",                                                    \
+    edge_m, "radius of the edges; none: sharp")                                                                       \
+  X(PROBE_FOUNDATION, TOOL, "probes.NAME.foundation", REAL, 1, "N/m^3", 1e3, 1e12, "2.5e7 N/m^3",                     \
+    foundation_n_m3, "stiffness of the contact per area")                                                             \
+  X(PROBE_FRICTION, TOOL, "probes.NAME.friction", REAL, 1, "", 0, 100, "",                                            \
+    friction, "Coulomb's, as it slides; a fifth more until it does; none: smooth")                                    \
+  X(PROBE_ADHESION, TOOL, "probes.NAME.adhesion", REAL, 1, "Pa", 0, 1e7, "",                                          \
+    adhesion_pa, "tension that the contact carries before it lets go; none: dry")                                     \
+  X(PROBE_GRIP, TOOL, "probes.NAME.grip", REAL, 1, "N", 0, 100, "",                                                   \
+    grip_n, "button 1 ties the contact to the tool up to this force; none: it does not")                              \
+  X(PROBE_COUPLING, TOOL, "probes.NAME.coupling", REAL, 1, "N/m", 0, 1e6, "",                                         \
+    coupling_n_m, "spring between pose and tool, 0: it follows rigidly; none: the device's, bench 0")                 \
+  X(PROBE_COUPLING_DAMPING, TOOL, "probes.NAME.damping", REAL, 1, "N*s/m", 0, 1e4, "",                       \
+    coupling_n_s_m, "of the coupling; none: the device's")                                                           \
   X(PROBE_REACH, ALWAYS, "probes.NAME.reach", REAL, 4, "m", -10, 10, "",                                              \
     reach_m, "[x, x, y, y] between which its centre stays: object.accuracy needs it")
+
+// A tool that is a file's closed surface.
+#define KN_SURFACE_KEYS(X)                                                                                            \
+  X(SURFACE, SURFACE, "probes.NAME.mesh", PATH, 1, ".stl|.obj", 0, 0, NULL,                                           \
+    path, "closed surface, in the tool's frame; seen from the scene's folder")                                        \
+  X(SURFACE_UNIT, SURFACE, "probes.NAME.mesh_unit", CHOICE, 1, "m|cm|mm|um", 0, 0, NULL,                              \
+    unit, "of its coordinates")                                                                                       \
+  X(SURFACE_HASH, SURFACE, "probes.NAME.mesh_hash", HASH, 1, "", 0, 0, "",                                            \
+    hash, "of the file; another one is refused")                                                                      \
+  X(SURFACE_CELL, SURFACE, "probes.NAME.mesh_cell", REAL, 1, "m", 1e-5, 1, "",                                        \
+    cell_m, "side of the cells of its grid of distances; none: an eighth of the spacing, at most a third in 8 MiB")
+
+// One part of a union: the same shapes and sizes, and where they are in the tool.
+#define KN_PART_KEYS(X)                                                                                               \
+  X(PART_SHAPE, ALWAYS, "probes.NAME.parts.N.shape", CHOICE, 1, "sphere|capsule|box|cross|cylinder", 0, 0, NULL,      \
+    kind, "of part N of a union, from 1; a list of at most 8 mappings, a cross counts twice")                         \
+  X(PART_EXTENT, BOX, "probes.NAME.parts.N.extent", REAL, 3, "m", 1e-4, 10, NULL,                                     \
+    as.size_m, "as of a probe")                                                                                       \
+  X(PART_RADIUS, ROUND, "probes.NAME.parts.N.radius", REAL, 1, "m", 1e-4, 1, NULL,                                    \
+    as.radius_m, "as of a probe")                                                                                     \
+  X(PART_LENGTH, LONG, "probes.NAME.parts.N.length", REAL, 1, "m", 1e-4, 10, NULL,                                    \
+    as.length_m, "as of a probe: along its own z")                                                                    \
+  X(PART_EDGE, EDGED, "probes.NAME.parts.N.edge", REAL, 1, "m", 0, 1, "",                                             \
+    as.edge_m, "radius of the edges; none: sharp")                                                                    \
+  X(PART_AT, ALWAYS, "probes.NAME.parts.N.at", REAL, 3, "m", -10, 10, "",                                             \
+    at_m, "where its origin is in the tool; none: the tool's")                                                        \
+  X(PART_TURN, ALWAYS, "probes.NAME.parts.N.turn", REAL, 3, "rad", -6.3, 6.3, "",                                     \
+    turn_rad, "about x, then y, then z of the tool, e.g. [0 deg, 90 deg, 0 deg]; none: upright")
 // clang-format on
 
 #define KN_KEY_ID(id, ...) KN_KEY_##id,
-typedef enum kn_key_id { KN_SCENE_KEYS(KN_KEY_ID) KN_PROBE_KEYS(KN_KEY_ID) KN_KEY_COUNT } kn_key_id;
+typedef enum kn_key_id {
+    KN_SCENE_KEYS(KN_KEY_ID) KN_PROBE_KEYS(KN_KEY_ID) KN_SURFACE_KEYS(KN_KEY_ID) KN_PART_KEYS(KN_KEY_ID) KN_KEY_COUNT
+} kn_key_id;
 #undef KN_KEY_ID
 
 typedef enum kn_key_when {
@@ -172,8 +255,14 @@ typedef enum kn_key_when {
     KN_WHEN_EXPONENTIAL, // material.damper: exponential
     KN_WHEN_RAMP,        // material.damper: ramp
     KN_WHEN_FORCE,       // either of the two
+    KN_WHEN_TABLE,       // support: friction
     KN_WHEN_PLATE,       // shape: plate
-    KN_WHEN_SPHERE       // shape: sphere
+    KN_WHEN_TOOL,        // shape: any other
+    KN_WHEN_ROUND,       // shape: sphere, capsule, cylinder
+    KN_WHEN_LONG,        // shape: capsule, cylinder
+    KN_WHEN_BOX,         // shape: box, cross
+    KN_WHEN_EDGED,       // shape: box, cross, cylinder
+    KN_WHEN_SURFACE      // shape: mesh
 } kn_key_when;
 
 typedef enum kn_key_type {
@@ -183,7 +272,7 @@ typedef enum kn_key_type {
     KN_TYPE_INTEGER, // int
     KN_TYPE_CHOICE,  // enum or int, the number of the word in unit
     KN_TYPE_NAME,    // char[KN_NAME_MAX], [a-z0-9_]+
-    KN_TYPE_PATH,    // char[KN_PATH_MAX], printable UTF-8 that ends in .msh
+    KN_TYPE_PATH,    // char[KN_PATH_MAX], printable UTF-8 that ends as unit says: ".stl|.obj"
     KN_TYPE_HASH     // uint64_t, 16 hexadecimal digits
 } kn_key_type;
 
@@ -192,7 +281,7 @@ typedef struct kn_key {
     const char *path;
     kn_key_type type;
     int count;
-    const char *unit; // of a CHOICE: its words
+    const char *unit; // of a CHOICE: its words, of a PATH: its endings
     double least, most;
     const char *fallback;
     size_t offset; // of the member

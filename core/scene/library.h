@@ -2,7 +2,7 @@
 #define KN_CORE_SCENE_LIBRARY_H
 // Named materials: the files of core/scenes/materials, compiled in, so that `material: dough` means the same in every
 // scene wherever it lies and whatever is installed. Each file holds a material and its density, with the source of
-// every number.
+// every number. In the same way device profiles: the files of core/devices.
 //
 // The numbers are those of a rheological object; variants follow from them by the second paper's rules:
 //     viscoelastic  stroke [1, 1]: the damper cannot move, the deformation is lost wholly
@@ -17,6 +17,7 @@ typedef struct kn_library_entry {
 } kn_library_entry;
 
 extern const kn_library_entry kn_library[]; // in alphabetical order, ends with name NULL
+extern const kn_library_entry kn_devices[]; // the files of core/devices: one for each word of device.profile
 
 // The entry that a name means, with the suffix cut off; NULL if there is none. *variant: number of the suffix in the
 // words of material.variant, -1: none.

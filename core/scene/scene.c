@@ -234,22 +234,70 @@ static bool take_material(reader *r, const char *file, const char *text, size_t 
 {
     kn_draft material;
     kn_draft_init(&material, file, NULL, r->draft->error, r->draft->error_size);
-    material.is_material = true;
+    material.is_part = true;
     return read_text(&material, KN_SOURCE_FILE, 0, "", text, size) &&
            kn_library_take(r->draft, &material, variant, mark);
 }
 
-// A material of the user's, seen from the scene's folder, or from the working directory when --set names it.
+// The text of a file of the user's, seen from the scene's folder, or from the working directory when --set names it, and
+// its path. NULL after a complaint.
+static char *load_part(reader *r, const char *name, const char *kind, kn_mark mark,
+                       char path[KN_PATH_MAX + VALUE_MAX_BYTES], size_t *size)
+{
+    char error[KN_PATH_MAX + 200];
+    size_t folder = (size_t)(base_name(r->draft->file) - r->draft->file);
+    bool beside = r->source == KN_SOURCE_FILE && *name != '/' && folder < KN_PATH_MAX;
+    snprintf(path, KN_PATH_MAX + VALUE_MAX_BYTES, "%.*s%s", beside ? (int)folder : 0, r->draft->file, name);
+    char *text = load_file(path, kind, size, error, sizeof error);
+    if (!text) kn_draft_complain(r->draft, mark, "%s: %s", kind, error);
+    return text;
+}
+
 static bool read_material_file(reader *r, const char *name, kn_mark mark)
 {
-    char path[KN_PATH_MAX + VALUE_MAX_BYTES], error[KN_PATH_MAX + 200];
-    size_t folder = (size_t)(base_name(r->draft->file) - r->draft->file), size;
-    bool beside = r->source == KN_SOURCE_FILE && *name != '/' && folder < KN_PATH_MAX;
-    snprintf(path, sizeof path, "%.*s%s", beside ? (int)folder : 0, r->draft->file, name);
-    char *text = load_file(path, "material", &size, error, sizeof error);
-    if (!text) return kn_draft_complain(r->draft, mark, "material: %s", error);
-    bool ok = take_material(r, path, text, size, -1, mark);
+    char path[KN_PATH_MAX + VALUE_MAX_BYTES];
+    size_t size;
+    char *text = load_part(r, name, "material", mark, path, &size);
+    bool ok = text && take_material(r, path, text, size, -1, mark);
     free(text);
+    return ok;
+}
+
+// The rest of what the profile's file says of a device.
+static bool read_profile(kn_draft *draft)
+{
+    char name[KN_LINE_MAX];
+    kn_draft profile;
+    kn_mark mark = draft->at[0][KN_KEY_PROFILE];
+    if (mark.source == KN_SOURCE_DEFAULT) return true; // that is what is missing
+    mark.library = true;
+    kn_key_print(&kn_keys[KN_KEY_PROFILE], &draft->profile, name);
+    const kn_library_entry *e = kn_devices;
+    while (e->name && strcmp(e->name, name) != 0) e++;
+    if (!e->name) return kn_draft_complain(draft, mark, "device.profile: no file %s.yaml was compiled in", name);
+    kn_draft_init(&profile, e->name, NULL, draft->error, draft->error_size);
+    return read_text(&profile, KN_SOURCE_FILE, 0, "", e->text, strlen(e->text)) &&
+           kn_draft_take_device(draft, &profile, mark);
+}
+
+// A device by the name of its profile, or of a file of the user's.
+static bool read_device(reader *r)
+{
+    kn_mark mark = here(r);
+    size_t size;
+    const char *name = scalar(r, VALUE_MAX_BYTES), *dot = name ? strrchr(name, '.') : NULL;
+    if (!dot || strcmp(dot, ".yaml") != 0) return read_leaf(r, &kn_keys[KN_KEY_PROFILE]);
+    if (r->draft->is_part) return kn_draft_complain(r->draft, mark, "device: a file in a file, expected a mapping");
+    char path[KN_PATH_MAX + VALUE_MAX_BYTES];
+    char *text = load_part(r, name, "device", mark, path, &size);
+    if (!text) return false;
+    kn_draft part;
+    kn_draft_init(&part, path, NULL, r->draft->error, r->draft->error_size);
+    part.is_part = true;
+    bool ok = read_text(&part, KN_SOURCE_FILE, 0, "", text, size) && kn_draft_take_device(r->draft, &part, mark);
+    free(text);
+    for (kn_key_id id = 0; ok && id < KN_KEY_PROBE_NAME; id++)
+        if (strncmp(kn_keys[id].path, "device.", 7) == 0) r->draft->group[0][id] = mark; // what is missing is there
     return ok;
 }
 
@@ -260,12 +308,34 @@ static bool read_material(reader *r)
     char names[KN_LINE_MAX];
     kn_mark mark = here(r);
     const char *name = scalar(r, VALUE_MAX_BYTES), *dot = name ? strrchr(name, '.') : NULL;
-    if (dot && strcmp(dot, ".yaml") == 0 && !r->draft->is_material) return read_material_file(r, name, mark);
-    const kn_library_entry *entry = name && !r->draft->is_material ? kn_library_find(name, &variant) : NULL;
+    if (dot && strcmp(dot, ".yaml") == 0 && !r->draft->is_part) return read_material_file(r, name, mark);
+    const kn_library_entry *entry = name && !r->draft->is_part ? kn_library_find(name, &variant) : NULL;
     if (entry) return take_material(r, entry->name, entry->text, strlen(entry->text), variant, mark);
     return kn_draft_complain(r->draft, mark,
                              "material: '%.40s' is unknown, expected a mapping, a file.yaml, or %s (with -rheological, "
                              "-viscoelastic, -plastic)", name ? name : "", kn_library_names(names));
+}
+
+// The list of what a union is made of; --set has one key of one of them at a time.
+static bool read_parts(reader *r)
+{
+    const int slot = r->slot, probe = slot - 1;
+    if (r->source >= 0)
+        return kn_draft_complain(r->draft, here(r), "expected one key of one part, e.g. probes.pin.parts.1.radius");
+    if (r->event.type != YAML_SEQUENCE_START_EVENT)
+        return kn_draft_complain(r->draft, here(r), "parts: %s, expected a list of mappings", kind_of(r));
+    r->draft->parts_at[probe] = here(r);
+    for (;;) {
+        if (!next(r)) return false;
+        if (r->event.type == YAML_SEQUENCE_END_EVENT) return true;
+        if (r->event.type != YAML_MAPPING_START_EVENT)
+            return kn_draft_complain(r->draft, here(r), "parts: %s, expected a mapping with shape", kind_of(r));
+        if (r->draft->part_count[probe] == KN_PARTS_MAX)
+            return kn_draft_complain(r->draft, here(r), "parts: one too many, expected at most %d", KN_PARTS_MAX);
+        r->slot = kn_slot_of_part(slot, r->draft->part_count[probe]++);
+        if (!read_mapping(r, "probes.NAME.parts.N")) return false;
+        r->slot = slot;
+    }
 }
 
 // Reads what stands at a path that exists: a value, a mapping, the list of probes.
@@ -275,8 +345,8 @@ static bool read_node(reader *r, const char *path)
     const kn_key *key = kn_key_find(path, &is_group);
     if (key) return read_leaf(r, key);
     if (strcmp(path, "probes") == 0) return read_probes(r);
-    if (strcmp(path, "device") == 0 && r->event.type == YAML_SCALAR_EVENT)
-        return read_leaf(r, &kn_keys[KN_KEY_PROFILE]);
+    if (strcmp(path, "probes.NAME.parts") == 0) return read_parts(r);
+    if (strcmp(path, "device") == 0 && r->event.type == YAML_SCALAR_EVENT) return read_device(r);
     if (strcmp(path, "quality") == 0 && r->event.type == YAML_SCALAR_EVENT)
         return read_leaf(r, &kn_keys[KN_KEY_CHOSEN]);
     if (strcmp(path, "material") == 0 && r->event.type == YAML_SCALAR_EVENT) return read_material(r);
@@ -315,7 +385,22 @@ static bool read_text(kn_draft *draft, int source, int slot, const char *path, c
     return ok;
 }
 
-// "probes.plate.size" -> "probes.NAME.size" and the slot of that probe.
+// ".parts.2.radius" of the probe in *slot -> ".parts.N.radius" and the slot of that part. Other text stays.
+static bool find_part(kn_draft *draft, kn_mark mark, const char *rest, char generic[KN_LINE_MAX], int *slot)
+{
+    const char *number = rest + strlen(".parts."), *end = number;
+    snprintf(generic, KN_LINE_MAX, "%s", rest);
+    if (strncmp(rest, ".parts.", strlen(".parts.")) != 0) return true;
+    end += strcspn(number, ".");
+    int count = draft->part_count[*slot - 1], part = end == number + 1 ? *number - '0' : 0;
+    if (part < 1 || part > count)
+        return kn_draft_complain(draft, mark, "no part '%.*s', expected 1 to %d", (int)(end - number), number, count);
+    *slot = kn_slot_of_part(*slot, part - 1);
+    snprintf(generic, KN_LINE_MAX, ".parts.N%s", end);
+    return true;
+}
+
+// "probes.plate.size" -> "probes.NAME.size" and the slot of that probe or part.
 static bool find_probe(kn_draft *draft, kn_mark mark, char path[KN_LINE_MAX], int *slot)
 {
     const kn_model_def *def = &draft->scene.model;
@@ -327,8 +412,8 @@ static bool find_probe(kn_draft *draft, kn_mark mark, char path[KN_LINE_MAX], in
     if (*slot == 0)
         return kn_draft_complain(draft, mark, "no probe '%.*s', expected one that the scene has", (int)size, name);
     char generic[KN_LINE_MAX];
-    snprintf(generic, sizeof generic, "probes.NAME%s", rest);
-    memcpy(path, generic, sizeof generic);
+    if (!find_part(draft, mark, rest, generic, slot)) return false;
+    snprintf(path, KN_LINE_MAX, "probes.NAME%.*s", KN_LINE_MAX - 16, generic);
     return true;
 }
 
@@ -348,12 +433,28 @@ static bool read_set(kn_draft *draft, int number)
     return read_text(draft, number, slot, path, equals + 1, strlen(equals + 1));
 }
 
-// Of the text without the line that says where the mesh lies.
+// Of the text without the lines that say where meshes lie: the object's, and those of tools.
 static uint64_t hash_text(const char *text)
 {
-    const char *from = strstr(text, "\n  mesh: "), *to = from ? strchr(from + 1, '\n') : NULL;
-    if (!to) return kn_hash_bytes(KN_HASH_SEED, text, strlen(text));
-    return kn_hash_bytes(kn_hash_bytes(KN_HASH_SEED, text, (size_t)(from - text)), to, strlen(to));
+    uint64_t hash = KN_HASH_SEED;
+    for (const char *from = text;; from++) {
+        from = strstr(from, "mesh: ");
+        if (!from) return kn_hash_bytes(hash, text, strlen(text));
+        const char *line = from;
+        while (line > text && line[-1] == ' ') line--;
+        if (line == from || line[-1] != '\n') continue;
+        hash = kn_hash_bytes(hash, text, (size_t)(line - 1 - text));
+        text = from = strchr(from, '\n');
+    }
+}
+
+static void release(kn_scene *scene)
+{
+    kn_simplices_destroy(scene->mesh);
+    for (int p = 0; p < KN_PROBES_MAX; p++) {
+        if (scene->tool[p]) kn_shape_drop(scene->tool[p]);
+        free(scene->tool[p]);
+    }
 }
 
 kn_scene *kn_scene_parse(const char *name, const char *text, size_t size, const char *const *sets, int set_count,
@@ -372,10 +473,8 @@ kn_scene *kn_scene_parse_beside(const char *beside, const char *name, const char
     bool ok = size <= FILE_MAX_BYTES || kn_draft_complain(&draft, start, "larger than 1 MiB, expected a scene");
     ok = ok && read_text(&draft, KN_SOURCE_FILE, 0, "", text, size);
     for (int i = 0; ok && i < set_count; i++) ok = read_set(&draft, i);
-    if (!ok || !kn_draft_finish(&draft)) {
-        kn_simplices_destroy(draft.scene.mesh);
-        return NULL;
-    }
+    ok = ok && read_profile(&draft);
+    if (!ok || !kn_draft_finish(&draft)) return release(&draft.scene), NULL;
     snprintf(draft.scene.name, sizeof draft.scene.name, "%s", base_name(name));
     kn_scene *scene = malloc(sizeof *scene);
     draft.scene.text = kn_draft_format(&draft);
@@ -383,7 +482,7 @@ kn_scene *kn_scene_parse_beside(const char *beside, const char *name, const char
         kn_draft_complain(&draft, start, "out of memory");
         free(scene);
         free(draft.scene.text);
-        kn_simplices_destroy(draft.scene.mesh);
+        release(&draft.scene);
         return NULL;
     }
     *scene = draft.scene;
@@ -406,6 +505,6 @@ void kn_scene_destroy(kn_scene *scene)
 {
     if (!scene) return;
     free(scene->text);
-    kn_simplices_destroy(scene->mesh);
+    release(scene);
     free(scene);
 }

@@ -2,6 +2,7 @@
 #define KN_CORE_SCENE_H
 // A scene: YAML text with units in its values -> definitions the model and the servo are built from.
 // Parse, then validate; every complaint is one line, `file:line:col: what is wrong, what was expected`.
+#include "core/device.h"
 #include "core/model.h"
 #include "core/safety.h"
 #include <stdint.h>
@@ -21,11 +22,12 @@ typedef struct kn_scene {
     int version;            // the format's, 1
     kn_model_def model;
     kn_simplices *mesh;     // what model.mesh points at, owned; NULL: a block
+    struct kn_shape *tool[KN_PROBES_MAX]; // what a probe's parts point at, owned; NULL: it has none
     kn_point point[KN_QUALITIES];
     kn_quality quality;     // the chosen one, which model is built with
     double budget_s;        // of a tick, read to publish: see servo.h
     double accuracy;        // of the force, that coarse cells away from the tools may cost; 0: there are none
-    char device[16];        // profile: touch (default limits), bench (virtual hand, 40 N clamp)
+    kn_device_def device;   // the hand's: profile touch, falcon, omega, unknown, or bench, the virtual hand
     kn_safety_limits limits;
     double mesh_hz;         // 30..60
     char *text;             // canonical YAML of the whole scene in SI, every default and override written out:

@@ -8,6 +8,7 @@
 
 #define GF_NEWTON 9.80665   // of 1 kgf, N: standard gravity, exact by definition
 #define ATM_PASCAL 1.01325 // of 1 atm, 1e5 Pa: exact by definition
+#define DEG_RADIAN 0.017453292519943295 // of 1 deg
 
 enum { FACTORS_MAX = 8, EXPONENT_MAX = 9999 }; // far beyond any real quantity; they keep every int small
 
@@ -34,6 +35,8 @@ static const struct {
     {"kPa", {.m = -1, .kg = 1, .s = -2, .ten = 3}},
     {"MPa", {.m = -1, .kg = 1, .s = -2, .ten = 6}},
     {"atm", {.m = -1, .kg = 1, .s = -2, .ten = 5, .atm = 1}},
+    {"rad", {.rad = 1}},
+    {"deg", {.rad = 1, .deg = 1}},
 };
 
 static void multiply(kn_unit *u, const kn_unit *by, int power)
@@ -41,9 +44,11 @@ static void multiply(kn_unit *u, const kn_unit *by, int power)
     u->m += by->m * power;
     u->kg += by->kg * power;
     u->s += by->s * power;
+    u->rad += by->rad * power;
     u->ten += by->ten * power;
     u->gf += by->gf * power;
     u->atm += by->atm * power;
+    u->deg += by->deg * power;
 }
 
 static const kn_unit *find(const char *name, size_t size)
@@ -140,7 +145,7 @@ bool kn_quantity_parse(kn_quantity *q, const char *text, char *error, size_t err
 
 bool kn_unit_same_dimension(const kn_unit *a, const kn_unit *b)
 {
-    return a->m == b->m && a->kg == b->kg && a->s == b->s;
+    return a->m == b->m && a->kg == b->kg && a->s == b->s && a->rad == b->rad;
 }
 
 double kn_quantity_in(const kn_quantity *q, const kn_unit *unit)
@@ -152,5 +157,7 @@ double kn_quantity_in(const kn_quantity *q, const kn_unit *unit)
     for (int i = q->unit.gf - unit->gf; i < 0; i++) value /= GF_NEWTON;
     for (int i = q->unit.atm - unit->atm; i > 0; i--) value *= ATM_PASCAL;
     for (int i = q->unit.atm - unit->atm; i < 0; i++) value /= ATM_PASCAL;
+    for (int i = q->unit.deg - unit->deg; i > 0; i--) value *= DEG_RADIAN;
+    for (int i = q->unit.deg - unit->deg; i < 0; i++) value /= DEG_RADIAN;
     return value;
 }

@@ -7,18 +7,18 @@
 //     factor   = ("1" | name) ["^" integer]
 //
 // A space multiplies only before the first "/": "kg/m s^2" means two things to two readers and is refused.
-// Names, case-sensitive: m cm mm um, s ms us, Hz, kg g, N mN gf kgf, Pa kPa MPa atm.
-// 1 gf = 9.80665e-3 N, 1 atm = 101325 Pa exactly.
+// Names, case-sensitive: m cm mm um, s ms us, Hz, kg g, N mN gf kgf, Pa kPa MPa atm, rad deg.
+// 1 gf = 9.80665e-3 N, 1 atm = 101325 Pa exactly. An angle is a dimension of its own: no friction is 30 deg.
 //
-// Every unit but gf, kgf and atm is a power of ten of its SI unit, so the power is added to the number's exponent before the
+// Every unit but gf, kgf, atm and deg is a power of ten of its SI unit, so the power is added to the number's exponent before the
 // one rounding of strtod: "5 mm", "0.5 cm" and "0.005 m" are the same bits, and so are files in cm and in m.
 #include <stdbool.h>
 #include <stddef.h>
 
-typedef struct kn_unit { // 10^ten 9.80665^gf 1.01325^atm  m^m kg^kg s^s
-    int m, kg, s;
+typedef struct kn_unit { // 10^ten 9.80665^gf 1.01325^atm (pi/180)^deg  m^m kg^kg s^s rad^rad
+    int m, kg, s, rad;
     int ten;
-    int gf, atm;
+    int gf, atm, deg;
 } kn_unit;
 
 typedef struct kn_quantity {

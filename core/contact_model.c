@@ -1,0 +1,488 @@
+#include "core/contact_model.h"
+#include <math.h>
+#include <string.h>
+
+#define LEAK_S 0.050          // the anchor's way to the device when no news comes
+#define LEAK_N_PER_S 16.0     // and no faster than a hand would call a jump
+#define RETURN_M_PER_S 0.020  // and its way back: power of at most |F| x that
+#define THERE_M 5e-6          // less than that of depth is none
+#define FORGET_S 0.5          // ten times LEAK_S: what is left then is a drag in free air
+#define FELT_N 0.02           // less than the resolution of the devices that this is for
+#define HOLD_S 0.003          // as the server's: silence of our own poses until the force fades
+#define FADE_S 0.017
+#define RAMP_S 0.200
+#define LAW_N 0.02            // smallest force of the law of c2
+#define LAW_STEP 1.189207115  // from one force of it to the next: a quarter of an octave, the largest is 17 N
+#define FAR_M 0.1             // of a contact from our own pose: such a message is not about us
+#define POSE_GAP_S 0.0005     // of poses that are remembered
+#define SWEEPS 12             // Gauss-Seidel over several units; one alone is solved at once
+
+// --- vectors --------------------------------------------------------------------------------------------------------
+
+static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+static double norm(const double v[3]) { return sqrt(dot(v, v)); }
+
+static void add(double v[3], double share, const double w[3])
+{
+    for (int i = 0; i < 3; i++) v[i] += share * w[i];
+}
+
+static void shorten(double v[3], double limit)
+{
+    double size = norm(v);
+    for (int i = 0; i < 3 && size > limit; i++) v[i] *= limit / size;
+}
+
+static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
+static double clip(double v, double least, double most) { return fmin(fmax(v, least), most); }
+static double positive_or(double v, double otherwise) { return v > 0.0 ? v : otherwise; }
+
+// --- how c2 falls with force ----------------------------------------------------------------------------------------
+
+// A message holds c2 at one force; what it is at others, earlier messages have told. Forces are LAW_STEP apart.
+static int bin_of(double force_n)
+{
+    return (int)clip(floor(0.5 + log(fmax(force_n, LAW_N) / LAW_N) / log(LAW_STEP)), 0, KN_CONTACT_LAW - 1);
+}
+
+// Flow at every force of the law: between those heard of by ln c2, beyond them by the nearest one's c2; never less at
+// a greater force.
+static void fill(const double c2[KN_CONTACT_LAW], double flow_m_s[KN_CONTACT_LAW])
+{
+    double at_n = LAW_N, least = 0.0;
+    for (int i = 0, low = -1, high = -1; i < KN_CONTACT_LAW; i++, at_n *= LAW_STEP) {
+        if (c2[i] > 0.0) low = i;
+        while (high < i && high < KN_CONTACT_LAW) high++;
+        while (high < KN_CONTACT_LAW && !(c2[high] > 0.0)) high++;
+        double below = low >= 0 ? c2[low] : c2[high], above = high < KN_CONTACT_LAW ? c2[high] : below;
+        double share = low >= 0 && high > low ? (double)(i - low) / (high - low) : 0.0;
+        least = flow_m_s[i] = fmax(least, at_n / (below * (share > 0.0 ? pow(above / below, share) : 1.0)));
+    }
+}
+
+static double c2_of(const double law_m_s[KN_CONTACT_LAW], double force_n)
+{
+    double at_n = LAW_N, below_n = 0.0, below = 0.0;
+    int i = 0;
+    for (; i < KN_CONTACT_LAW - 1 && at_n < force_n; i++, at_n *= LAW_STEP) {
+        below_n = at_n;
+        below = law_m_s[i];
+    }
+    if (force_n <= LAW_N || force_n >= at_n) return at_n / law_m_s[i];
+    return force_n / (below + (law_m_s[i] - below) * (force_n - below_n) / (at_n - below_n));
+}
+
+// The force with p force + (flow of the law at it) / thick = rate, and that flow over thick.
+static double root(const double law_m_s[KN_CONTACT_LAW], double thick, double p, double rate, double *flow_m_s)
+{
+    double below_n = 0.0, below = 0.0, at_n = LAW_N, at = p * LAW_N + law_m_s[0] / thick;
+    for (int i = 1; i < KN_CONTACT_LAW && at < rate; i++) {
+        below_n = at_n;
+        below = at;
+        at_n *= LAW_STEP;
+        at = p * at_n + law_m_s[i] / thick;
+    }
+    if (at < rate) below_n = below = 0.0; // beyond the law
+    double force_n = below_n + (at_n - below_n) * fmax(0.0, rate - below) / (at - below);
+    *flow_m_s = fmax(0.0, rate - p * force_n);
+    return force_n;
+}
+
+// --- the contact: a proxy and up to 8 units -------------------------------------------------------------------------
+
+// Force of one unit against the others' and the coupling's: along the normal what keeps the proxy out, or nothing;
+// across it what keeps the proxy where it is on the surface, or mu times the normal one.
+static void meet(const kn_contact_body *b, kn_contact_plane *u, const double others_n[3], double g, double dt)
+{
+    double a = u->c1 + dt * u->k1, along = dot(u->normal, others_n), gap = dot(u->normal, b->proxy_m) - u->level_m;
+    double p = 1.0 / g + 1.0 / a, flow_m_s, across[3];
+    double t = root(b->law_m_s, u->thick, p, u->h_n / a - along / g - gap / dt, &flow_m_s);
+    if (flow_m_s > 0.0) u->c2 = t / flow_m_s;
+    double s = p + 1.0 / u->c2;
+    for (int i = 0; i < 3; i++)
+        across[i] = (u->shear_n[i] / a - (others_n[i] - along * u->normal[i]) / g) / s;
+    shorten(across, u->mu * t);
+    for (int i = 0; i < 3; i++) u->force_n[i] = t * u->normal[i] + across[i];
+}
+
+// What a unit's force does to its surface and its back stress.
+static void yield(kn_contact_plane *u, double dt)
+{
+    double a = u->c1 + dt * u->k1, t = dot(u->normal, u->force_n);
+    u->level_m -= dt * ((t - u->h_n) / a + t / u->c2);
+    u->h_n += dt * u->k1 * (t - u->h_n) / a;
+    for (int i = 0; i < 3; i++) {
+        double across = u->force_n[i] - t * u->normal[i];
+        u->shear_n[i] += dt * u->k1 * (across - u->shear_n[i]) / a;
+    }
+}
+
+// One step with the device at x, v: backward Euler.
+static void advance(kn_contact_body *b, const double x[3], const double v[3], double dt)
+{
+    double g = b->b + dt * b->k, all_n[3];
+    for (int i = 0; i < 3; i++) all_n[i] = b->k * (x[i] - b->proxy_m[i]) + b->b * v[i];
+    for (int c = 0; c < b->count; c++) add(all_n, 1.0, b->plane[c].force_n);
+    for (int sweep = 0; sweep < (b->count > 1 ? SWEEPS : 1); sweep++)
+        for (int c = 0; c < b->count; c++) {
+            kn_contact_plane *u = &b->plane[c];
+            add(all_n, -1.0, u->force_n);
+            meet(b, u, all_n, g, dt);
+            add(all_n, 1.0, u->force_n);
+        }
+    memset(b->force_n, 0, sizeof b->force_n);
+    for (int c = 0; c < b->count; c++) {
+        add(b->force_n, 1.0, b->plane[c].force_n);
+        yield(&b->plane[c], dt);
+    }
+    add(b->proxy_m, dt / g, all_n);
+}
+
+// Where a surface would be without load: its dampers' ways are not undone.
+static double rest_of(const kn_contact_plane *u) { return u->k1 > 0.0 ? u->level_m + u->h_n / u->k1 : u->level_m; }
+
+static bool touches(const kn_contact_body *b, const kn_contact_plane *u)
+{
+    return dot(u->normal, b->proxy_m) - u->level_m <= 1e-9;
+}
+
+// How deep the device is in what presses it, as that would be without load.
+static double depth_of(const kn_contact_body *b, const double x[3])
+{
+    double depth_m = 0.0;
+    for (int c = 0; c < b->count; c++)
+        if (touches(b, &b->plane[c])) depth_m = fmax(depth_m, rest_of(&b->plane[c]) - dot(b->plane[c].normal, x));
+    return depth_m;
+}
+
+// Scales the contact, share in [0, 1]: forces, back stresses and the coupling's stretch together, so that it remains a
+// solution of its own equations. Surfaces under load sink with the proxy towards the device.
+static void scale(kn_contact_body *b, const double x[3], double share)
+{
+    double proxy_m[3];
+    for (int i = 0; i < 3; i++) {
+        proxy_m[i] = x[i] + share * (b->proxy_m[i] - x[i]);
+        b->force_n[i] *= share;
+    }
+    for (int c = 0; c < b->count; c++) {
+        kn_contact_plane *u = &b->plane[c];
+        double at_m = dot(u->normal, proxy_m);
+        if (touches(b, u) || u->level_m > at_m) u->level_m = at_m;
+        u->h_n *= share;
+        for (int i = 0; i < 3; i++) {
+            u->shear_n[i] *= share;
+            u->force_n[i] *= share;
+        }
+    }
+    memcpy(b->proxy_m, proxy_m, sizeof proxy_m);
+}
+
+// --- messages -------------------------------------------------------------------------------------------------------
+
+static bool sane(const kn_contact_unit *u)
+{
+    double numbers = u->force_n + u->a_n_s_per_m + u->h_n + u->c2_n_s_per_m + u->k1_n_per_m + u->k_vc_n_per_m +
+                     u->b_vc_n_s_per_m + u->friction + u->valid_ms;
+    if (u->contact_count < 0 || u->contact_count > KN_CONTACT_UNITS) return false;
+    if (u->contact_count == 0) return isfinite(u->valid_ms);
+    if (u->contact_index < 0 || u->contact_index >= u->contact_count) return false;
+    return isfinite(numbers) && finite3(u->proxy_m) && finite3(u->normal) && finite3(u->friction_anchor_m) &&
+           fabs(norm(u->normal) - 1.0) < 1e-3;
+}
+
+// The newest remembered pose that is not newer than seq; its number counted from the first pose ever, or -1.
+static int64_t find_pose(const kn_contact_model *m, int64_t seq)
+{
+    int64_t oldest = m->poses > KN_CONTACT_REPLAY ? m->poses - KN_CONTACT_REPLAY : 0;
+    for (int64_t i = m->poses - 1; i >= oldest; i--)
+        if (m->pose[i % KN_CONTACT_REPLAY].seq <= seq) return i;
+    return -1;
+}
+
+static void set_plane(const kn_contact_model *m, const kn_contact_body *b, const kn_contact_unit *from,
+                      kn_contact_plane *u)
+{
+    double size = norm(from->normal), dt = m->def.server_period_s;
+    memset(u, 0, sizeof *u);
+    for (int i = 0; i < 3; i++) u->normal[i] = from->normal[i] / size;
+    u->k1 = clip(from->k1_n_per_m, 0.0, 2.0 * b->k);
+    u->c1 = fmax(clip(from->a_n_s_per_m, 0.1, 1e4) - dt * u->k1, 1e-3 * b->b); // A at any other step: c1 + step k1
+    u->c2 = clip(from->c2_n_s_per_m, 10.0, 1e5);
+    u->thick = u->c2 / c2_of(b->law_m_s, clip(from->force_n, 0.0, 1e3));
+    u->h_n = clip(from->h_n, -u->k1 * FAR_M, u->k1 * FAR_M);
+    u->mu = clip(from->friction, 0.0, 3.0);
+    for (int i = 0; i < 3; i++) u->force_n[i] = clip(from->force_n, 0.0, 1e3) * u->normal[i];
+}
+
+// Behind a coupling softer than theirs, or a rigid tool's, the same depth has less of elastic force: rendered as it
+// is, a round trip late, it would feed the hand. Of what is viscous the message's validity decides.
+static void soften(const kn_contact_body *b, double theirs, kn_contact_plane *u)
+{
+    double t = dot(u->normal, u->force_n);
+    double share = fmin(1.0, b->k * (1.0 + theirs * u->k1) / (b->k + u->k1));
+    for (int i = 0; i < 3; i++) u->force_n[i] -= (1.0 - share) * clip(u->h_n, 0.0, t) * u->normal[i];
+    u->h_n *= share;
+}
+
+// The rest of the difference between their coupling and ours is taken up by the place of the surface.
+static void set_level(const kn_contact_body *b, const kn_contact_unit *from, kn_contact_plane *u)
+{
+    double theirs = from->k_vc_n_per_m > 0.0 ? 1.0 / from->k_vc_n_per_m : 0.0, t = dot(u->normal, u->force_n);
+    soften(b, theirs, u);
+    u->level_m = dot(u->normal, from->proxy_m) + dot(u->normal, u->force_n) / b->k - t * theirs;
+}
+
+// Proxy of the message: on the surfaces that it presses, across them where friction holds it; never inside of one.
+// In air it is with the device.
+static void set_proxy(const kn_contact_unit *unit, kn_contact_body *b, const double x[3])
+{
+    memcpy(b->proxy_m, x, sizeof b->proxy_m);
+    for (int c = 0; c < b->count; c++) {
+        const kn_contact_plane *u = &b->plane[c];
+        bool pressed = dot(u->normal, u->force_n) > 0.0;
+        const double *stuck_m = u->mu > 0.0 ? unit[c].friction_anchor_m : unit[c].proxy_m;
+        double way[3];
+        for (int i = 0; i < 3; i++) way[i] = stuck_m[i] - b->proxy_m[i];
+        add(way, -dot(u->normal, way), u->normal);
+        if (pressed) add(b->proxy_m, 1.0, way);
+        double gap = dot(u->normal, b->proxy_m) - u->level_m;
+        if (pressed || gap < 0.0) add(b->proxy_m, -gap, u->normal);
+    }
+}
+
+// Friction of the message is what the coupling carries across the normal; of its back stress nothing is told: the same
+// share as along the normal.
+static void set_shear(kn_contact_body *b, const double x[3])
+{
+    for (int c = 0; c < b->count; c++) {
+        kn_contact_plane *u = &b->plane[c];
+        double t = dot(u->normal, u->force_n), along = 0.0, across[3];
+        for (int i = 0; i < 3; i++) along += u->normal[i] * (b->proxy_m[i] - x[i]);
+        for (int i = 0; i < 3; i++) across[i] = b->k * (b->proxy_m[i] - x[i] - along * u->normal[i]);
+        shorten(across, u->mu * t);
+        add(u->shear_n, t > 0.0 ? clip(u->h_n / t, 0.0, 1.0) : 0.0, across);
+        add(u->force_n, 1.0, across);
+    }
+}
+
+// The contact as it was at the end of the step that used pose number at.
+static bool set_up(const kn_contact_model *m, int64_t at, double c2[], kn_contact_body *b)
+{
+    const kn_contact_unit *unit = m->unit;
+    const double *x = m->pose[at % KN_CONTACT_REPLAY].position_m;
+    memset(b, 0, sizeof *b);
+    b->count = unit->contact_count;
+    for (int c = 0; c < b->count; c++) c2[bin_of(unit[c].force_n)] = clip(unit[c].c2_n_s_per_m, 10.0, 1e5);
+    if (b->count > 0) fill(c2, b->law_m_s);
+    // a coupling above our own would be above what this device is stable with
+    b->k = fmin(positive_or(unit->k_vc_n_per_m, m->def.stiffness_n_m), m->def.stiffness_n_m);
+    b->b = fmin(positive_or(unit->b_vc_n_s_per_m, m->def.damping_n_s_m), m->def.damping_n_s_m);
+    for (int c = 0; c < b->count; c++) {
+        set_plane(m, b, &unit[c], &b->plane[c]);
+        set_level(b, &unit[c], &b->plane[c]);
+        if (fabs(dot(b->plane[c].normal, x) - b->plane[c].level_m) > FAR_M) return false;
+    }
+    set_proxy(unit, b, x);
+    set_shear(b, x);
+    memset(b->force_n, 0, sizeof b->force_n);
+    for (int c = 0; c < b->count; c++) add(b->force_n, 1.0, b->plane[c].force_n);
+    return true;
+}
+
+// Our own poses since then. Each was held until the next one; the last one until now.
+static void replay(kn_contact_model *m, int64_t at, kn_contact_body *b)
+{
+    for (int64_t i = at + 1; i < m->poses; i++) {
+        const kn_contact_pose *pose = &m->pose[i % KN_CONTACT_REPLAY];
+        double until_s = i + 1 < m->poses ? m->pose[(i + 1) % KN_CONTACT_REPLAY].at_s : m->now_s;
+        double dt = until_s - pose->at_s;
+        if (dt < 1e-6) continue;
+        advance(b, pose->position_m, pose->velocity_m_s, fmin(dt, 0.01));
+        m->replayed++;
+    }
+}
+
+// Takes a contact into use: at once, or, after an outage or a change of the object, with the force that the hand feels.
+static void join(kn_contact_model *m, const kn_contact_body *b, const kn_contact_pose *now)
+{
+    double felt_n = m->share * norm(m->body.force_n);
+    kn_contact_body ahead = *b; // a surface that nothing pressed yet
+    m->body = *b;
+    m->share = 1.0;
+    if (!m->returning) return;
+    advance(&ahead, now->position_m, now->velocity_m_s, m->def.server_period_s);
+    double full_n = fmax(norm(b->force_n), norm(ahead.force_n));
+    if (felt_n < full_n) m->share = felt_n / full_n;
+    m->returning = m->share < 1.0;
+}
+
+static kn_contact_take complete(kn_contact_model *m, int64_t at)
+{
+    const kn_contact_unit *unit = m->unit;
+    const kn_contact_pose *pose = &m->pose[at % KN_CONTACT_REPLAY];
+    const bool other = m->taken > 0 && unit->generation != m->generation;
+    kn_contact_body b;
+    double c2[KN_CONTACT_LAW]; // what a message adds that is refused is forgotten
+    memcpy(c2, m->c2, sizeof c2);
+    if (other) memset(c2, 0, sizeof c2);
+    if (!set_up(m, at, c2, &b)) return KN_CONTACT_BAD;
+    double taken_n = norm(b.force_n);
+    replay(m, at, &b);
+    if (!finite3(b.force_n) || !finite3(b.proxy_m)) return KN_CONTACT_BAD;
+    m->taken_n = taken_n;
+    memcpy(m->c2, c2, sizeof c2);
+    m->returning |= other;
+    join(m, &b, &m->pose[(m->poses - 1) % KN_CONTACT_REPLAY]);
+    m->generation = unit->generation;
+    m->taken_seq = unit->pose_seq;
+    m->taken_s = pose->at_s;
+    memcpy(m->taken_m, pose->position_m, sizeof m->taken_m);
+    m->valid_s = 1e-3 * clip(unit->valid_ms, 0.0, 100.0);
+    m->stale_s = 0.0;
+    m->taken++;
+    return KN_CONTACT_TAKEN;
+}
+
+static kn_contact_take take(kn_contact_model *m, const kn_contact_unit *unit)
+{
+    if (unit->session != m->def.session) return KN_CONTACT_FOREIGN;
+    if (!sane(unit)) return KN_CONTACT_BAD;
+    if (unit->utime < m->utime) return KN_CONTACT_LATE;
+    if (unit->utime > m->utime) m->have = 0;
+    m->utime = unit->utime;
+    m->flags = unit->flags;
+    if (m->poses == 0 || unit->pose_seq > m->pose[(m->poses - 1) % KN_CONTACT_REPLAY].seq) return KN_CONTACT_BAD;
+    int64_t at = find_pose(m, unit->pose_seq);
+    if (unit->pose_seq <= m->taken_seq || at < 0) return KN_CONTACT_LATE; // again the same pose: the first answer holds
+    const kn_contact_unit *other = &m->unit[m->first];
+    if (m->have && (unit->contact_count != other->contact_count || unit->pose_seq != other->pose_seq))
+        return KN_CONTACT_BAD;
+    if (unit->contact_count == 0) {
+        m->unit[0] = *unit;
+        return complete(m, at);
+    }
+    m->unit[unit->contact_index] = *unit;
+    if (!m->have) m->first = unit->contact_index;
+    m->have |= 1u << unit->contact_index;
+    return m->have == (1u << unit->contact_count) - 1u ? complete(m, at) : KN_CONTACT_WAITING;
+}
+
+kn_contact_take kn_contact_model_take(kn_contact_model *m, const kn_contact_unit *unit)
+{
+    kn_contact_take result = take(m, unit);
+    m->refused += result >= KN_CONTACT_FOREIGN;
+    if (result == KN_CONTACT_BAD) m->have = 0;
+    return result;
+}
+
+// --- the device's tick ----------------------------------------------------------------------------------------------
+
+void kn_contact_model_init(kn_contact_model *m, const kn_contact_model_def *def)
+{
+    memset(m, 0, sizeof *m);
+    m->def = *def;
+    m->def.radius_m = fmin(positive_or(def->radius_m, 0.010), 0.010);
+    m->def.stiffness_n_m = positive_or(def->stiffness_n_m, 600.0);
+    m->def.damping_n_s_m = positive_or(def->damping_n_s_m, 1.5);
+    m->def.force_scale = positive_or(def->force_scale, 1.0);
+    m->def.force_limit_n = positive_or(def->force_limit_n, 3.3);
+    m->def.force_rise_n = positive_or(def->force_rise_n, 2.0);
+    m->def.server_period_s = positive_or(def->server_period_s, 1e-3);
+    m->taken_seq = -1;
+    m->share = 1.0;
+}
+
+void kn_contact_model_pose(kn_contact_model *m, int64_t seq, const double position_m[3], const double velocity_m_s[3])
+{
+    if (!finite3(position_m) || !finite3(velocity_m_s)) return;
+    m->posed_s = m->now_s;
+    if (m->poses > 0 && m->now_s - m->pose[(m->poses - 1) % KN_CONTACT_REPLAY].at_s < POSE_GAP_S) return;
+    kn_contact_pose *pose = &m->pose[m->poses++ % KN_CONTACT_REPLAY];
+    pose->seq = seq;
+    pose->at_s = m->now_s;
+    memcpy(pose->position_m, position_m, sizeof pose->position_m);
+    memcpy(pose->velocity_m_s, velocity_m_s, sizeof pose->velocity_m_s);
+}
+
+static bool too_far(const kn_contact_model *m)
+{
+    const double *x = m->pose[(m->poses - 1) % KN_CONTACT_REPLAY].position_m, *n = NULL;
+    double most = 0.0, way[3];
+    for (int c = 0; c < m->body.count; c++) {
+        double t = dot(m->body.plane[c].normal, m->body.plane[c].force_n);
+        if (n && t <= most) continue;
+        n = m->body.plane[c].normal;
+        most = t;
+    }
+    if (!n) return false;
+    for (int i = 0; i < 3; i++) way[i] = x[i] - m->taken_m[i];
+    add(way, -dot(n, way), n);
+    if (norm(way) > 0.5 * m->def.radius_m) return true;
+    return norm(m->body.force_n) - m->taken_n > m->def.force_rise_n;
+}
+
+bool kn_contact_model_stale(const kn_contact_model *m)
+{
+    return m->taken_seq < 0 || m->now_s - m->taken_s > m->valid_s || too_far(m);
+}
+
+// No news: the surface gives way towards the device, which is a damper in series and returns nothing.
+static void leak(kn_contact_model *m, const double x[3], double dt)
+{
+    double force_n = m->share * norm(m->body.force_n), share = exp(-dt / LEAK_S);
+    if (force_n > 0.0) share = fmax(share, 1.0 - dt * LEAK_N_PER_S / force_n);
+    if (force_n > FELT_N) m->returning = true;
+    scale(&m->body, x, m->share * share);
+    m->share = 1.0;
+    m->stale_s += dt;
+    if (m->stale_s < FORGET_S) return;
+    m->body.count = 0;
+    m->returning = true;
+}
+
+// News after an outage: what presses rises to where the server has it. By a share of its force: were its surface itself
+// moved, what is viscous in it would end with a jump.
+static void come_back(kn_contact_model *m, const double x[3], double dt)
+{
+    m->share = fmin(1.0, m->share + dt * RETURN_M_PER_S / fmax(depth_of(&m->body, x), THERE_M));
+    m->returning = m->share < 1.0;
+}
+
+static void ramp(kn_contact_model *m, double dt)
+{
+    bool stop = (m->flags & (KN_CONTACT_LATCHED | KN_CONTACT_STOPPING)) != 0;
+    bool engaged = (m->flags & (KN_CONTACT_ENGAGED | KN_CONTACT_RAMPING)) != 0;
+    bool posed = m->poses > 0 && m->now_s - m->posed_s <= HOLD_S;
+    m->gain = clip(m->gain + (engaged && !stop && posed ? dt / RAMP_S : -dt / FADE_S), 0.0, 1.0);
+}
+
+void kn_contact_model_render(kn_contact_model *m, double dt_s, const double position_m[3],
+                             const double velocity_m_s[3], double force_n[3])
+{
+    double dt = clip(dt_s, 1e-4, 1e-2);
+    bool read = finite3(position_m) && finite3(velocity_m_s);
+    if (m->body.count > 0 && read) {
+        if (kn_contact_model_stale(m)) leak(m, position_m, dt);
+        else if (m->returning) come_back(m, position_m, dt);
+        advance(&m->body, position_m, velocity_m_s, dt);
+    } else if (m->body.count == 0) {
+        memset(m->body.force_n, 0, sizeof m->body.force_n);
+    }
+    ramp(m, dt);
+    m->now_s += dt;
+    for (int i = 0; i < 3; i++) force_n[i] = m->def.force_scale * m->share * m->body.force_n[i];
+    shorten(force_n, m->def.force_limit_n);
+    for (int i = 0; i < 3; i++) force_n[i] *= m->gain;
+}
+
+double kn_contact_model_energy(const kn_contact_model *m, const double position_m[3])
+{
+    double energy_j = 0.0;
+    if (m->body.count == 0) return 0.0;
+    for (int i = 0; i < 3; i++) energy_j += 0.5 * m->body.k * pow(position_m[i] - m->body.proxy_m[i], 2.0);
+    for (int c = 0; c < m->body.count; c++) {
+        const kn_contact_plane *u = &m->body.plane[c];
+        if (u->k1 > 0.0) energy_j += 0.5 * (u->h_n * u->h_n + dot(u->shear_n, u->shear_n)) / u->k1;
+    }
+    return m->share * energy_j;
+}

@@ -1,0 +1,309 @@
+#include "core/energy.h"
+#include "core/composite.h"
+#include "core/scratch.h"
+#include "core/vec.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct spring { // an edge: what it stores is volume k1 u^2/2
+    int i, j, slot;     // as kn_edge has them, of the whole model
+    double rest_m, volume_m3;
+} spring;
+
+typedef struct lattice { // everything that stores, as lists
+    const kn_model *model;
+    spring *edge;
+    kn_cell *cell;
+    double *cell_volume_m3;
+    int edges, cells;
+    kn_law law;
+} lattice;
+
+// --- lists ----------------------------------------------------------------------------------------------------------
+
+static double gamma_of(const kn_model *m) { return m->def.mesh ? m->gamma : m->grid.gamma; }
+
+static void list_edges(lattice *l, const kn_model *part, const kn_edge *edge, int count, int node, int slot)
+{
+    double gamma = gamma_of(part), kappa_m = part->def.mesh ? part->kappa_m : part->grid.kappa_m;
+    for (int e = 0; e < count; e++) {
+        double length = gamma * edge[e].rest_m;
+        l->edge[l->edges++] = (spring){edge[e].i + node, edge[e].j + node, edge[e].slot + slot, edge[e].rest_m,
+                                       length * length * kappa_m * edge[e].weight};
+    }
+}
+
+static int edges_of(const kn_model *m)
+{
+    if (m->def.mesh) return m->edge_count;
+    return m->composite ? kn_composite_edges(m) : kn_grid_edges(&m->grid, NULL);
+}
+
+static bool list_all_edges(lattice *l)
+{
+    const kn_model *m = l->model;
+    const kn_composite *c = m->composite;
+    size_t count = (size_t)edges_of(m) + 1;
+    l->edge = malloc(count * sizeof *l->edge);
+    kn_edge *edge = malloc(count * sizeof *edge);
+    bool fits = l->edge && edge;
+    if (fits && m->def.mesh) list_edges(l, m, m->edges, m->edge_count, 0, 0);
+    else if (fits && !c) list_edges(l, m, edge, kn_grid_edges(&m->grid, edge), 0, 0);
+    for (int p = 0; fits && c && p < c->part_count; p++)
+        list_edges(l, &c->part[p], edge, kn_grid_edges(&c->part[p].grid, edge), c->node_first[p],
+                   c->row_first[p] * KN_FORWARD * (int)m->stride);
+    free(edge);
+    return fits;
+}
+
+static bool list_cells(lattice *l)
+{
+    const kn_model *m = l->model;
+    if (m->def.pressure == KN_PRESSURE_NONE) return true;
+    l->cells = m->cells ? m->cell_count : kn_grid_cells(&m->grid, NULL);
+    l->cell = malloc((size_t)l->cells * sizeof *l->cell + 1);
+    l->cell_volume_m3 = malloc((size_t)l->cells * sizeof *l->cell_volume_m3 + 1);
+    if (!l->cell || !l->cell_volume_m3) return false;
+    if (m->cells) memcpy(l->cell, m->cells, (size_t)l->cells * sizeof *l->cell);
+    else kn_grid_cells(&m->grid, l->cell);
+    double whole = m->grid.spacing_m * m->grid.spacing_m * m->grid.depth_m;
+    for (int i = 0; i < l->cells; i++) l->cell_volume_m3[i] = m->cells ? m->cell_volume[i] : whole;
+    return true;
+}
+
+static void lattice_free(lattice *l)
+{
+    free(l->edge);
+    free(l->cell);
+    free(l->cell_volume_m3);
+}
+
+static bool lattice_init(lattice *l, const kn_model *model)
+{
+    *l = (lattice){.model = model};
+    kn_law_build(&l->law, &model->def.material, model->def.solver.dt_s, true);
+    bool fits = list_all_edges(l) && list_cells(l);
+    if (!fits) lattice_free(l);
+    return fits;
+}
+
+// --- sums -----------------------------------------------------------------------------------------------------------
+
+// Length of an edge, and in *before the one that it had a step ago.
+static double length_of(const kn_model *m, const kn_state *state, const spring *e, double *before)
+{
+    double xi[3], xj[3], vi[3], vj[3], now = 0, then = 0;
+    kn_state_position(m, state, e->i, xi);
+    kn_state_position(m, state, e->j, xj);
+    kn_state_velocity(m, state, e->i, vi);
+    kn_state_velocity(m, state, e->j, vj);
+    for (int k = 0; k < 3; k++) {
+        double d = xj[k] - xi[k], last = d - m->def.solver.dt_s * (vj[k] - vi[k]);
+        now += d * d;
+        then += last * last;
+    }
+    *before = sqrt(then);
+    return sqrt(now);
+}
+
+static double in_edge(const lattice *l, const kn_state *state, const spring *e)
+{
+    const kn_model *m = l->model;
+    const kn_law *law = &l->law;
+    double gamma = gamma_of(m), unit = gamma * e->rest_m, before, now = length_of(m, state, e, &before), u;
+    if (state->strain) {
+        double dt = law->dt_s, last = kn_real_get(m, state->strain, (size_t)e->slot);
+        double b = law->a_pa_s * (now - before) / (dt * unit) + law->mat.k1_pa * last, s = kn_law_stress(law, b);
+        double left = (now - e->rest_m) / e->rest_m - gamma * last; // of the damper, were the Voigt part to stay
+        if (law->stroke) s = kn_law_stop(law, s, b, (left - law->in) / gamma, (law->out - left) / gamma);
+        u = last + dt * (s - law->mat.k1_pa * last) / law->a_pa_s;
+    } else {
+        u = (now - e->rest_m) / unit;
+    }
+    return 0.5 * law->mat.k1_pa * u * u * e->volume_m3;
+}
+
+static double in_node(const kn_model *m, const kn_state *state, int i, double *height_j)
+{
+    double x[3], v[3];
+    kn_state_position(m, state, i, x);
+    kn_state_velocity(m, state, i, v);
+    *height_j += m->node_mass_kg[i] * m->def.gravity_m_s2 * (x[2] - m->rest_m[i][2]);
+    return 0.5 * m->node_mass_kg[i] * m->def.solver.mass_scale * kn_dot(v, v);
+}
+
+static double volume_of(const kn_model *m, const kn_state *state, const kn_cell *cell)
+{
+    double x[8][3], gradient[8][3];
+    for (int i = 0; i < 8; i++)
+        if (cell->corner[i] >= 0) kn_state_position(m, state, cell->corner[i], x[i]);
+    if (m->def.mesh) return kn_simplex_volume(m->def.thickness_m, (const double(*)[3])x, gradient);
+    return kn_cell_volume(&m->grid, (const double(*)[3])x, gradient);
+}
+
+// In units of P0 V0: the integral of cell.h's law.
+static double gas(double j)
+{
+    double slope, least = fmax(j, KN_CELL_LEAST), under = least - j, pressure = kn_cell_pressure(least, &slope);
+    return least - 1 - log(least) + under * (pressure + 0.5 * slope * under);
+}
+
+typedef struct sum { // of a state, part by part
+    kn_energy energy;
+    double volume_m3, rest_m3; // of all cells
+    int edge, node, cell;      // where it has come to
+} sum;
+
+// The next few; true when there are none left.
+static bool sum_some(const lattice *l, const kn_state *state, sum *s, int count)
+{
+    const kn_model *m = l->model;
+    for (; count > 0 && s->edge < l->edges; count--) s->energy.elastic += in_edge(l, state, &l->edge[s->edge++]);
+    for (; count > 0 && s->node < m->node_count; count--)
+        s->energy.kinetic += in_node(m, state, s->node++, &s->energy.height);
+    for (; count > 0 && s->cell < l->cells; count--) {
+        double rest = l->cell_volume_m3[s->cell], now = volume_of(m, state, &l->cell[s->cell++]);
+        if (m->def.pressure == KN_PRESSURE_CELLS) s->energy.gas += m->def.inside_pressure_pa * rest * gas(now / rest);
+        s->volume_m3 += now;
+        s->rest_m3 += rest;
+    }
+    if (count == 0) return false;
+    if (m->def.pressure == KN_PRESSURE_OBJECT)
+        s->energy.gas = m->def.inside_pressure_pa * s->rest_m3 * gas(s->volume_m3 / s->rest_m3);
+    return true;
+}
+
+bool kn_energy_of(const kn_model *model, const kn_state *state, kn_energy *energy)
+{
+    lattice l;
+    sum s = {0};
+    if (!lattice_init(&l, model)) return false;
+    while (!sum_some(&l, state, &s, 1 << 20)) continue;
+    *energy = s.energy;
+    lattice_free(&l);
+    return true;
+}
+
+// --- audit ----------------------------------------------------------------------------------------------------------
+
+typedef struct moment { // a copy's account
+    double work_j, either_j; // done, and either way, since the last reset
+    double contact_j;        // the most that the layers may give back
+    double stored_j;
+} moment;
+
+struct kn_audit {
+    lattice lattice;
+    kn_state *copy;
+    sum sum;
+    int at_once;          // edges to a tick
+    bool summing, closed; // copy is being summed; `last` holds a moment
+    int64_t ticks, steps; // since the last reset: audited; of the state when it was audited last
+    moment now, taken, last;
+    double probe_work_j[KN_PROBES_MAX];
+    bool attached[KN_PROBES_MAX];
+    kn_audit_news news;
+};
+
+kn_audit *kn_audit_create(const kn_model *model)
+{
+    kn_audit *a = model->def.solver.kind == KN_SOLVER_IMPLICIT ? calloc(1, sizeof *a) : NULL;
+    if (!a || !lattice_init(&a->lattice, model)) {
+        free(a);
+        return NULL;
+    }
+    a->copy = kn_state_create(model);
+    a->at_once = 2 * (a->lattice.edges + model->node_count + a->lattice.cells) / KN_AUDIT_TICKS + 1;
+    if (a->copy) return a;
+    kn_audit_destroy(a);
+    return NULL;
+}
+
+void kn_audit_destroy(kn_audit *audit)
+{
+    if (!audit) return;
+    lattice_free(&audit->lattice);
+    kn_state_destroy(audit->copy);
+    free(audit);
+}
+
+// A tool's work begins at 0 when it is attached, and nobody knows whether it is kept when it is not.
+static void book_work(kn_audit *a, const kn_state *state)
+{
+    for (int p = 0; p < a->lattice.model->def.probe_count; p++) {
+        const kn_probe_state *probe = &state->probe[p];
+        double done = !probe->attached ? 0 : a->attached[p] ? probe->work_j - a->probe_work_j[p] : probe->work_j;
+        a->now.work_j += done;
+        a->now.either_j += fabs(done);
+        a->probe_work_j[p] = probe->work_j;
+        a->attached[p] = probe->attached;
+    }
+}
+
+static double in_contact(const kn_state *state)
+{
+    const kn_contact *c = &kn_state_scratch(state)->contact;
+    double most = 0;
+    for (int i = 0; i < c->sample_count; i++) {
+        const kn_sample *s = &c->sample[i];
+        if (!s->line.active) continue;
+        double pressing = fabs(s->pressing_n), side[3], square = 0;
+        for (int k = 0; k < 3; k++) {
+            side[k] = s->force_n[k] - s->pressing_n * s->normal[k];
+            square += side[k] * side[k];
+        }
+        most += 0.5 * (pressing * pressing + square) / s->foundation_n_m; // a layer gets stiffer: it stores less
+    }
+    return most;
+}
+
+static void begin(kn_audit *a)
+{
+    a->ticks = a->steps = 0;
+    a->summing = a->closed = false;
+    a->now = (moment){0};
+    memset(a->probe_work_j, 0, sizeof a->probe_work_j);
+    memset(a->attached, 0, sizeof a->attached);
+}
+
+static void judge(kn_audit *a)
+{
+    kn_audit_news *news = &a->news;
+    a->taken.stored_j = kn_energy_sum(&a->sum.energy);
+    news->stored = a->sum.energy;
+    news->work_j = a->taken.work_j;
+    if (a->closed) {
+        double most = a->last.stored_j + a->last.contact_j + a->taken.work_j - a->last.work_j;
+        double either = a->taken.either_j - a->last.either_j;
+        news->lost_j = most - a->taken.stored_j;
+        news->windows++;
+        if (!(news->lost_j >= -KN_AUDIT_SHARE * either - 1e-9)) {
+            news->created++;
+            news->most_j = fmax(news->most_j, -news->lost_j);
+        }
+    }
+    a->last = a->taken;
+    a->closed = true;
+    a->summing = false;
+}
+
+void kn_audit_tick(kn_audit *audit, const kn_state *state)
+{
+    kn_audit *a = audit;
+    if (state->tick < a->steps) begin(a);
+    a->steps = state->tick;
+    book_work(a, state);
+    if (a->ticks++ % KN_AUDIT_TICKS == 0 && !a->summing) {
+        kn_state_copy(a->lattice.model, a->copy, state);
+        a->now.contact_j = in_contact(state);
+        a->taken = a->now;
+        a->sum = (sum){0};
+        a->summing = true;
+    } else if (a->summing && sum_some(&a->lattice, a->copy, &a->sum, a->at_once)) {
+        judge(a);
+    }
+}
+
+const kn_audit_news *kn_audit_read(const kn_audit *audit) { return &audit->news; }

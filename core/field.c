@@ -1,0 +1,369 @@
+#include "core/field.h"
+#include "core/hash.h"
+#include "core/vec.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define RIM 2          // cells around the surface
+#define SHARPEN 0.125  // of a cell, see field.h
+
+// --- distance to a triangle -----------------------------------------------------------------------------------------
+
+// Square of the distance from p to the segment from a along u.
+static double to_segment(const double p[3], const double a[3], const double u[3])
+{
+    double from[3], uu = kn_dot(u, u);
+    for (int k = 0; k < 3; k++) from[k] = p[k] - a[k];
+    double t = uu > 0 ? fmin(fmax(kn_dot(from, u) / uu, 0), 1) : 0;
+    for (int k = 0; k < 3; k++) from[k] -= t * u[k];
+    return kn_dot(from, from);
+}
+
+// Above the inside of the triangle to its plane, else to its nearest side.
+static double to_triangle(const double p[3], const double *const x[3])
+{
+    double side[3][3], normal[3], from[3], across[3], nearest = INFINITY;
+    for (int c = 0; c < 3; c++)
+        for (int k = 0; k < 3; k++) side[c][k] = x[(c + 1) % 3][k] - x[c][k];
+    kn_cross(side[0], side[1], normal);
+    int within = 0;
+    for (int c = 0; c < 3; c++) {
+        for (int k = 0; k < 3; k++) from[k] = p[k] - x[c][k];
+        kn_cross(normal, side[c], across);
+        within += kn_dot(across, from) >= 0;
+    }
+    double area = kn_dot(normal, normal), height = kn_dot(normal, from);
+    if (within == 3 && area > 0) return height * height / area;
+    for (int c = 0; c < 3; c++) nearest = fmin(nearest, to_segment(p, x[c], side[c]));
+    return nearest;
+}
+
+// --- distance at all points -----------------------------------------------------------------------------------------
+
+typedef struct filler {
+    kn_field *field;
+    double (*ball)[4]; // around each triangle: middle, radius
+    double *distance;  // of the candidates' balls from the middle of one block
+} filler;
+
+static size_t place(const kn_field *f, const int at[3])
+{
+    return ((size_t)at[2] * (size_t)f->n[1] + (size_t)at[1]) * (size_t)f->n[0] + (size_t)at[0];
+}
+
+static double to_candidate(const kn_field *f, const double p[3], int candidate)
+{
+    const int *t = f->triangle[candidate];
+    return sqrt(to_triangle(p, (const double *const[3]){f->x_m[t[0]], f->x_m[t[1]], f->x_m[t[2]]}));
+}
+
+// Keeps those of a block's candidates that may be the nearest of one of its points: one that is farther from its middle
+// than another one, by more than its diagonal, is not. The balls spare most of the distances; by them alone a fan of long
+// triangles would stay whole. kept has room for all of them.
+static int keep_near(const filler *fill, const double middle[3], double diagonal, const int *candidate, int count,
+                     int *kept)
+{
+    double nearest = INFINITY;
+    int left = 0;
+    for (int i = 0; i < count; i++) {
+        const double *ball = fill->ball[candidate[i]];
+        const double from[3] = {ball[0] - middle[0], ball[1] - middle[1], ball[2] - middle[2]};
+        fill->distance[i] = sqrt(kn_dot(from, from)) - ball[3];
+        if (fill->distance[i] < nearest) nearest = fmin(nearest, to_candidate(fill->field, middle, candidate[i]));
+    }
+    const double most = (nearest + diagonal) * (1 + 1e-12);
+    for (int i = 0; i < count; i++)
+        if (fill->distance[i] <= most && to_candidate(fill->field, middle, candidate[i]) <= most)
+            kept[left++] = candidate[i];
+    return left;
+}
+
+static double nearest_of(const kn_field *f, const double p[3], const int *candidate, int count)
+{
+    double nearest = INFINITY;
+    for (int i = 0; i < count; i++) nearest = fmin(nearest, to_candidate(f, p, candidate[i]));
+    return nearest;
+}
+
+// The points from low to high, each end included, by halves.
+static void fill_block(const filler *fill, const int low[3], const int high[3], const int *candidate, int count,
+                       int *room)
+{
+    kn_field *f = fill->field;
+    double middle[3], diagonal = 0;
+    int cut[3];
+    for (int k = 0; k < 3; k++) {
+        middle[k] = f->low_m[k] + 0.5 * f->cell_m * (low[k] + high[k]);
+        diagonal += (double)(high[k] - low[k]) * (high[k] - low[k]);
+        cut[k] = low[k] + (high[k] - low[k]) / 2;
+    }
+    int kept = keep_near(fill, middle, f->cell_m * sqrt(diagonal), candidate, count, room);
+    if (diagonal == 0) {
+        f->value[place(f, low)] = (float)nearest_of(f, middle, room, kept);
+        return;
+    }
+    for (int part = 0; part < 8; part++) {
+        int from[3], to[3];
+        bool any = true;
+        for (int k = 0; k < 3; k++) {
+            bool upper = part >> k & 1;
+            from[k] = upper ? cut[k] + 1 : low[k];
+            to[k] = upper ? high[k] : cut[k];
+            any &= from[k] <= to[k];
+        }
+        if (any) fill_block(fill, from, to, room, kept, room + kept);
+    }
+}
+
+static void ball_around(const kn_field *f, const int t[3], double ball[4])
+{
+    ball[3] = 0;
+    for (int k = 0; k < 3; k++) ball[k] = (f->x_m[t[0]][k] + f->x_m[t[1]][k] + f->x_m[t[2]][k]) / 3;
+    for (int c = 0; c < 3; c++) {
+        const double *x = f->x_m[t[c]], from[3] = {x[0] - ball[0], x[1] - ball[1], x[2] - ball[2]};
+        ball[3] = fmax(ball[3], sqrt(kn_dot(from, from)));
+    }
+}
+
+static bool fill_distances(kn_field *f)
+{
+    enum { LEVELS = 24 }; // halvings of the longest side, and some
+    size_t count = (size_t)f->triangle_count;
+    filler fill = {.field = f, .ball = malloc(count * sizeof *fill.ball),
+                   .distance = malloc(count * sizeof *fill.distance)};
+    int *room = malloc((LEVELS + 1) * count * sizeof *room);
+    bool ok = fill.ball && fill.distance && room;
+    for (int t = 0; ok && t < f->triangle_count; t++) {
+        ball_around(f, f->triangle[t], fill.ball[t]);
+        room[t] = t;
+    }
+    const int last[3] = {f->n[0] - 1, f->n[1] - 1, f->n[2] - 1};
+    if (ok) fill_block(&fill, (int[]){0, 0, 0}, last, room, f->triangle_count, room + count);
+    free(fill.ball);
+    free(fill.distance);
+    free(room);
+    return ok;
+}
+
+// --- inside or outside ----------------------------------------------------------------------------------------------
+
+// Twice the area of a, b, p in the y-z plane, by the same numbers whichever triangle of an edge asks: what one finds to
+// be on its side, the other finds on its own.
+static double beside(const kn_field *f, int a, int b, const double p[2])
+{
+    bool swap = a > b;
+    const double *from = f->x_m[swap ? b : a], *to = f->x_m[swap ? a : b];
+    double area = (to[1] - from[1]) * (p[1] - from[2]) - (to[2] - from[2]) * (p[0] - from[1]);
+    return swap ? -area : area;
+}
+
+// Where the row through p crosses triangle t, if it does: the side that it comes from, -1 or 1; 0: it does not.
+static int crosses(const kn_field *f, const int t[3], const double p[2], double *x_m)
+{
+    double area[3], sum = 0;
+    int left = 0;
+    *x_m = 0;
+    for (int c = 0; c < 3; c++) {
+        area[c] = beside(f, t[(c + 1) % 3], t[(c + 2) % 3], p);
+        left += area[c] > 0 || (area[c] == 0 && t[(c + 1) % 3] < t[(c + 2) % 3]);
+        sum += area[c];
+    }
+    if (left % 3 != 0 || sum == 0) return 0;
+    for (int c = 0; c < 3; c++) *x_m += area[c] / sum * f->x_m[t[c]][0];
+    return left == 3 ? 1 : -1;
+}
+
+// First and last row of an axis between two places; none is first > last.
+static void rows_between(const kn_field *f, int k, double low, double high, int rows[2])
+{
+    rows[0] = (int)fmax(0, floor((low - f->low_m[k]) / f->cell_m));
+    rows[1] = (int)fmin(f->n[k] - 1, ceil((high - f->low_m[k]) / f->cell_m));
+}
+
+// Adds to `turns` what each point's row gains at it by crossing triangle t.
+static void cross_rows(const kn_field *f, const int t[3], int16_t *turns)
+{
+    // rows beside the points by less than matters, so that faces and edges along the grid are not met
+    const double off[2] = {1.234e-4 * f->cell_m, 5.678e-5 * f->cell_m};
+    double x_m;
+    int rows[2][2];
+    for (int k = 0; k < 2; k++) {
+        double a = f->x_m[t[0]][k + 1], b = f->x_m[t[1]][k + 1], c = f->x_m[t[2]][k + 1];
+        rows_between(f, k + 1, fmin(a, fmin(b, c)) - off[k], fmax(a, fmax(b, c)), rows[k]);
+    }
+    for (int z = rows[1][0]; z <= rows[1][1]; z++)
+        for (int y = rows[0][0]; y <= rows[0][1]; y++) {
+            const double p[2] = {f->low_m[1] + y * f->cell_m + off[0], f->low_m[2] + z * f->cell_m + off[1]};
+            int way = crosses(f, t, p, &x_m);
+            int first = (int)fmin(fmax(ceil((x_m - f->low_m[0]) / f->cell_m), 0), f->n[0] - 1);
+            int16_t *here = &turns[place(f, (int[]){first, y, z})];
+            *here = (int16_t)(*here + way);
+        }
+}
+
+// Inside is where a row has gone in more often than out, or the other way when the surface is inside out.
+static bool sign_distances(kn_field *f)
+{
+    size_t count = (size_t)f->n[0] * (size_t)f->n[1] * (size_t)f->n[2];
+    int16_t *turns = calloc(count, sizeof *turns);
+    bool closed = turns != NULL;
+    for (int t = 0; turns && t < f->triangle_count; t++) cross_rows(f, f->triangle[t], turns);
+    for (size_t i = 0; closed && i < count;) {
+        int inside = 0;
+        for (int x = 0; x < f->n[0]; x++, i++) {
+            inside += turns[i];
+            if (inside != 0) f->value[i] = -f->value[i];
+            f->fine_m = fmax(f->fine_m, -(double)f->value[i]);
+        }
+        closed = inside == 0;
+    }
+    free(turns);
+    return closed;
+}
+
+// --- coefficients ---------------------------------------------------------------------------------------------------
+
+// d -> c of field.h; at the rim as it is.
+static bool sharpen(kn_field *f)
+{
+    const size_t step[3] = {1, (size_t)f->n[0], (size_t)f->n[0] * (size_t)f->n[1]}, count = step[2] * (size_t)f->n[2];
+    const double most = SHARPEN * f->cell_m;
+    float *d = malloc(count * sizeof *d);
+    if (!d) return false;
+    memcpy(d, f->value, count * sizeof *d);
+    for (int z = 1; z < f->n[2] - 1; z++)
+        for (int y = 1; y < f->n[1] - 1; y++)
+            for (int x = 1; x < f->n[0] - 1; x++) {
+                size_t i = place(f, (int[]){x, y, z});
+                double second = 0;
+                for (int k = 0; k < 3; k++)
+                    second += (double)d[i - step[k]] - 2 * (double)d[i] + (double)d[i + step[k]];
+                f->value[i] = (float)((double)d[i] - fmin(fmax(0.125 * second, -most), most));
+            }
+    free(d);
+    return true;
+}
+
+// --- building -------------------------------------------------------------------------------------------------------
+
+double kn_field_points(const double extent_m[3], double cell_m)
+{
+    double points = 1;
+    for (int k = 0; k < 3; k++) points *= ceil(extent_m[k] / cell_m) + 2 * RIM + 1;
+    return points;
+}
+
+static void measure(kn_field *f)
+{
+    for (int k = 0; k < 3; k++) f->box_m[0][k] = INFINITY, f->box_m[1][k] = -INFINITY;
+    for (int i = 0; i < f->vertex_count; i++) {
+        f->bound_m = fmax(f->bound_m, sqrt(kn_dot(f->x_m[i], f->x_m[i])));
+        for (int k = 0; k < 3; k++) {
+            f->box_m[0][k] = fmin(f->box_m[0][k], f->x_m[i][k]);
+            f->box_m[1][k] = fmax(f->box_m[1][k], f->x_m[i][k]);
+        }
+    }
+    for (int k = 0; k < 3; k++) {
+        double cells = ceil((f->box_m[1][k] - f->box_m[0][k]) / f->cell_m);
+        f->n[k] = (int)cells + 2 * RIM + 1;
+        f->low_m[k] = 0.5 * (f->box_m[0][k] + f->box_m[1][k] - (f->n[k] - 1) * f->cell_m);
+    }
+    for (int i = 0; i < f->vertex_count; i++) {
+        double from[3];
+        for (int k = 0; k < 3; k++) from[k] = f->x_m[i][k] - 0.5 * (f->box_m[0][k] + f->box_m[1][k]);
+        f->ball_m = fmax(f->ball_m, sqrt(kn_dot(from, from)));
+    }
+}
+
+kn_field *kn_field_build(int vertex_count, const double (*x_m)[3], int triangle_count, const int (*triangle)[3],
+                         double cell_m)
+{
+    size_t corners = (size_t)vertex_count * sizeof *x_m, sides = (size_t)triangle_count * sizeof *triangle;
+    kn_field *f = calloc(1, sizeof *f);
+    if (!f) return NULL;
+    *f = (kn_field){.cell_m = cell_m, .vertex_count = vertex_count, .triangle_count = triangle_count, .holders = 1};
+    f->x_m = malloc(corners + 1);
+    f->triangle = malloc(sides + 1);
+    bool ok = f->x_m && f->triangle;
+    if (ok) {
+        memcpy(f->x_m, x_m, corners);
+        memcpy(f->triangle, triangle, sides);
+        f->hash = kn_hash_bytes(kn_hash_bytes(KN_HASH_SEED, x_m, corners), triangle, sides);
+        measure(f);
+        f->value = malloc((size_t)f->n[0] * (size_t)f->n[1] * (size_t)f->n[2] * sizeof *f->value);
+    }
+    ok = ok && f->value && fill_distances(f) && sign_distances(f) && sharpen(f);
+    if (ok) return f;
+    kn_field_drop(f);
+    return NULL;
+}
+
+void kn_field_drop(kn_field *f)
+{
+    if (!f || --f->holders > 0) return;
+    free(f->value);
+    free(f->x_m);
+    free(f->triangle);
+    free(f);
+}
+
+// --- looking up -----------------------------------------------------------------------------------------------------
+
+// Spline and its slope at u, in cells from the first point, within the grid.
+static double look_up(const kn_field *f, const double u[3], double slope[3])
+{
+    double w[3][3], dw[3][3], sum = 0;
+    int at[3];
+    for (int k = 0; k < 3; k++) {
+        at[k] = (int)(u[k] + 0.5);
+        double t = u[k] - at[k];
+        w[k][0] = 0.5 * (0.5 - t) * (0.5 - t), w[k][1] = 0.75 - t * t, w[k][2] = 0.5 * (0.5 + t) * (0.5 + t);
+        dw[k][0] = t - 0.5, dw[k][1] = -2 * t, dw[k][2] = t + 0.5;
+        slope[k] = 0;
+        at[k]--;
+    }
+    const float *c = f->value + place(f, at);
+    const size_t y_step = (size_t)f->n[0], z_step = y_step * (size_t)f->n[1];
+    for (size_t z = 0; z < 3; z++)
+        for (size_t y = 0; y < 3; y++) {
+            const float *row = c + y * y_step + z * z_step;
+            double value = w[0][0] * (double)row[0] + w[0][1] * (double)row[1] + w[0][2] * (double)row[2];
+            double along = dw[0][0] * (double)row[0] + dw[0][1] * (double)row[1] + dw[0][2] * (double)row[2];
+            sum += w[1][y] * w[2][z] * value;
+            slope[0] += w[1][y] * w[2][z] * along;
+            slope[1] += dw[1][y] * w[2][z] * value;
+            slope[2] += w[1][y] * dw[2][z] * value;
+        }
+    return sum;
+}
+
+double kn_field_distance(const kn_field *f, const double at[3], double gradient[3])
+{
+    double u[3], over[3], beyond = 0;
+    for (int k = 0; k < 3; k++) {
+        double exact = (at[k] - f->low_m[k]) / f->cell_m;
+        u[k] = fmin(fmax(exact, 0.75), f->n[k] - 1.75);
+        over[k] = f->cell_m * (exact - u[k]);
+        beyond += over[k] * over[k];
+    }
+    double distance = look_up(f, u, gradient), size = sqrt(kn_dot(gradient, gradient));
+    for (int k = 0; k < 3; k++) gradient[k] = size > 0 ? gradient[k] / size : k == 2;
+    if (beyond == 0) return distance;
+    for (int k = 0; k < 3; k++) gradient[k] = distance * gradient[k] + over[k]; // from the surface's point
+    size = sqrt(kn_dot(gradient, gradient));
+    for (int k = 0; k < 3; k++) gradient[k] = size > 0 ? gradient[k] / size : k == 2;
+    return size;
+}
+
+double kn_field_support(const kn_field *f, const double way[3])
+{
+    double middle = 0, box = 0;
+    for (int k = 0; k < 3; k++) {
+        double half = 0.5 * (f->box_m[1][k] - f->box_m[0][k]);
+        middle += 0.5 * (f->box_m[0][k] + f->box_m[1][k]) * way[k];
+        box += half * fabs(way[k]);
+    }
+    return middle + fmin(box, f->ball_m);
+}

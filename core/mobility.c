@@ -1,0 +1,141 @@
+#include "core/mobility.h"
+#include "core/scratch.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define SLOWER 30      // S
+#define COLD 60        // iterations of a probe's first round
+#define WARM 12        // and of every other
+#define ENOUGH 1e-4    // residual, relative to the pattern: of Y its square
+
+struct kn_mobility {
+    const kn_model *model;
+    kn_state *rest;    // its scratch holds matrix and vectors, its `change` the pattern
+    void *field[KN_PROBES_MAX]; // answer of the last round
+    bool warm[KN_PROBES_MAX];
+    int probe, left;
+    double rz, beta, enough;
+};
+
+static size_t bytes_of(const kn_model *m, int components)
+{
+    return kn_model_field(m, components) * m->kernels->real_size;
+}
+
+static void scale(const kn_model *m, void *field, size_t reals, double by)
+{
+    for (size_t i = 0; field && i < reals; i++) kn_real_set(m, field, i, by * kn_real_get(m, field, i));
+}
+
+// Nodes that lie on the table as the object was made; of the rest of the outside it may push any.
+static void hold_table(kn_mobility *m)
+{
+    const kn_model *model = m->model;
+    for (int i = 0; i < model->base_count; i++) {
+        if (model->rest_m[model->base[i]][2] > 0.1 * model->def.spacing_m) continue;
+        size_t o = model->offset[model->base[i]];
+        kn_state_scratch(m->rest)->work.row_held[o / (3 * model->stride)] = 1;
+        for (size_t k = 0; k < 3; k++) kn_real_set(model, kn_state_work(m->rest)->free, o + k * model->stride, 0);
+    }
+}
+
+// The step's matrix of the object as it was made, with S times its stiffness: as much as inertia S times less.
+static void assemble(kn_mobility *m)
+{
+    const kn_model *model = m->model;
+    kn_work *w = kn_state_work(m->rest);
+    hold_table(m);
+    memset(w->guess, 0, bytes_of(model, 3));
+    memset(w->r, 0, bytes_of(model, 3));
+    memset(w->p, 0, bytes_of(model, 6));
+    model->kernels->edge(model, m->rest, KN_LINEARIZATION_TANGENT, false);
+    scale(model, w->g, 3 * model->edge_reals, sqrt(SLOWER / model->law.slope_rest));
+    memset(m->rest->change, 0, bytes_of(model, 3));
+}
+
+kn_mobility *kn_mobility_create(const kn_model *model)
+{
+    if (model->def.solver.kind != KN_SOLVER_IMPLICIT) return NULL;
+    kn_mobility *m = calloc(1, sizeof *m);
+    if (!m) return NULL;
+    m->model = model;
+    m->rest = kn_state_create(model);
+    bool made = m->rest != NULL;
+    for (int p = 0; p < model->def.probe_count; p++) made &= (m->field[p] = calloc(1, bytes_of(model, 3))) != NULL;
+    if (made) {
+        assemble(m);
+        return m;
+    }
+    kn_mobility_destroy(m);
+    return NULL;
+}
+
+void kn_mobility_destroy(kn_mobility *m)
+{
+    if (!m) return;
+    kn_state_destroy(m->rest);
+    for (int p = 0; p < KN_PROBES_MAX; p++) free(m->field[p]);
+    free(m);
+}
+
+void kn_mobility_begin(kn_mobility *m, int p)
+{
+    m->probe = p;
+    memset(m->rest->change, 0, bytes_of(m->model, 3));
+}
+
+void kn_mobility_load(kn_mobility *m, size_t offset, const double force_n[3])
+{
+    for (size_t k = 0; k < 3; k++)
+        if (kn_real_get(m->model, kn_state_work(m->rest)->free, offset + k * m->model->stride) != 0)
+            kn_real_add(m->model, m->rest->change, offset + k * m->model->stride, force_n[k]);
+}
+
+static double product(const kn_model *m, const void *a, const void *b)
+{
+    double sum = 0;
+    for (size_t i = 0, n = kn_model_field(m, 3); i < n; i++) sum += kn_real_get(m, a, i) * kn_real_get(m, b, i);
+    return sum;
+}
+
+// r = b - A z for the last round's z, which costs one product; what is left of b then is what changed.
+void kn_mobility_start(kn_mobility *m)
+{
+    const kn_model *model = m->model;
+    kn_work *w = kn_state_work(m->rest);
+    memcpy(w->r, m->rest->change, bytes_of(model, 3));
+    memset(w->guess, 0, bytes_of(model, 3));
+    memset(w->d, 0, bytes_of(model, 3));
+    memset(w->q, 0, bytes_of(model, 3));
+    m->enough = ENOUGH * ENOUGH * fabs(model->kernels->update(model, m->rest, 0)); // z = P b
+    memcpy(w->z, m->field[m->probe], bytes_of(model, 3));
+    model->kernels->apply(model, m->rest, 0);
+    m->rz = model->kernels->update(model, m->rest, 1);
+    m->beta = 0;
+    m->left = m->warm[m->probe] ? WARM : COLD;
+}
+
+static bool finish(kn_mobility *m, double *a_n_s_per_m)
+{
+    kn_work *w = kn_state_work(m->rest);
+    double y = SLOWER * product(m->model, m->rest->change, w->guess);
+    bool good = isfinite(y) && y > 0;
+    if (good) memcpy(m->field[m->probe], w->guess, bytes_of(m->model, 3));
+    else memset(m->field[m->probe], 0, bytes_of(m->model, 3));
+    m->warm[m->probe] = good;
+    *a_n_s_per_m = good ? 1 / y : 0;
+    return true;
+}
+
+bool kn_mobility_iterate(kn_mobility *m, double *a_n_s_per_m)
+{
+    if (m->left-- <= 0 || !(m->rz > m->enough)) return finish(m, a_n_s_per_m);
+    double dq = m->model->kernels->apply(m->model, m->rest, m->beta);
+    if (!(dq > 0)) return finish(m, a_n_s_per_m);
+    double next = m->model->kernels->update(m->model, m->rest, m->rz / dq);
+    m->beta = next / m->rz;
+    m->rz = next;
+    return false;
+}

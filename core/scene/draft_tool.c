@@ -1,0 +1,164 @@
+#include "core/field.h"
+#include "core/hash.h"
+#include "core/outside.h"
+#include "core/scene/draft.h"
+#include "core/scene/shell.h"
+#include "core/scene/words.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+// About x, then y, then z of what stands still: Rz Ry Rx, as the roll, pitch and yaw of robot descriptions.
+static void turn_of(const double rad[3], double turn[3][3])
+{
+    const double c[3] = {cos(rad[0]), cos(rad[1]), cos(rad[2])}, s[3] = {sin(rad[0]), sin(rad[1]), sin(rad[2])};
+    const double of[3][3] = {{c[2] * c[1], c[2] * s[1] * s[0] - s[2] * c[0], c[2] * s[1] * c[0] + s[2] * s[0]},
+                             {s[2] * c[1], s[2] * s[1] * s[0] + c[2] * c[0], s[2] * s[1] * c[0] - c[2] * s[0]},
+                             {-s[1], c[1] * s[0], c[1] * c[0]}};
+    memcpy(turn, of, sizeof of);
+}
+
+static bool add_part(kn_shape *tool, const kn_draft_part *part)
+{
+    kn_shape own = {0};
+    bool fits = kn_outside_shape(&part->as, &own);
+    for (int i = 0; fits && i < own.part_count; i++) {
+        kn_solid *p = &own.part[i];
+        memcpy(p->at_m, part->at_m, sizeof p->at_m);
+        p->turned = part->turn_rad[0] != 0 || part->turn_rad[1] != 0 || part->turn_rad[2] != 0;
+        if (p->turned) turn_of(part->turn_rad, p->turn);
+        fits = kn_shape_add(tool, p);
+    }
+    return fits;
+}
+
+static bool make_union(kn_draft *draft, int slot)
+{
+    kn_probe_def *probe = &draft->scene.model.probe[slot - 1];
+    kn_shape *tool = draft->scene.tool[slot - 1];
+    for (int i = 0; i < draft->part_count[slot - 1]; i++) {
+        const int part = kn_slot_of_part(slot, i);
+        kn_draft_part *of = &draft->part[part - 1 - KN_PROBES_MAX];
+        of->as.shape = kn_draft_shape(draft, part);
+        if (!add_part(tool, of))
+            return kn_draft_complain(draft, draft->at[part][KN_KEY_PART_SHAPE],
+                                     "probes.%s.parts are more than %d, a cross being two, expected fewer",
+                                     probe->name, KN_PARTS_MAX);
+    }
+    probe->parts = tool;
+    return true;
+}
+
+#define CELLS_FINE 8 // in a spacing: a curved tool's grid is wrong by less than its contact's layer is pressed in
+#define CELLS_COARSE 3
+#define FARTHEST_M 10.0 // from the tool's position; as a part's `at`
+
+// Side of the cells of its grid: as asked for, else as fine as the memory allows.
+static bool choose_cell(kn_draft *draft, int slot, const kn_shell *shell, double *cell_m)
+{
+    const kn_draft_surface *surface = &draft->surface[slot - 1];
+    const double spacing_m = draft->scene.model.spacing_m, coarse_m = spacing_m / CELLS_COARSE;
+    double extent_m[3] = {0};
+    for (int k = 0; k < 3; k++) {
+        double low = INFINITY, high = -INFINITY;
+        for (int i = 0; i < shell->vertex_count; i++)
+            low = fmin(low, shell->x[i][k]), high = fmax(high, shell->x[i][k]);
+        extent_m[k] = high - low;
+    }
+    if (surface->cell_m > coarse_m * (1 + 1e-9))
+        return kn_draft_complain(draft, draft->at[slot][KN_KEY_SURFACE_CELL],
+                                 "probes.%s.mesh_cell is %g m, expected at most a third of the spacing, %.3g m",
+                                 draft->scene.model.probe[slot - 1].name, surface->cell_m, coarse_m);
+    *cell_m = surface->cell_m > 0 ? surface->cell_m : spacing_m / CELLS_FINE;
+    while (surface->cell_m == 0 && *cell_m < coarse_m && kn_field_points(extent_m, *cell_m) > KN_FIELD_POINTS_MAX)
+        *cell_m = fmin(1.05 * *cell_m, coarse_m);
+    double points = kn_field_points(extent_m, *cell_m);
+    if (points <= KN_FIELD_POINTS_MAX) return true;
+    kn_mark at = draft->at[slot][surface->cell_m > 0 ? KN_KEY_SURFACE_CELL : KN_KEY_SURFACE_UNIT];
+    return kn_draft_complain(draft, at, "probes.%s.mesh is %.3g x %.3g x %.3g m: with cells of %.3g m it needs %.3g "
+                             "MB, expected at most %.3g MB: wider cells, up to a third of the spacing, or a smaller "
+                             "tool", draft->scene.model.probe[slot - 1].name, extent_m[0], extent_m[1], extent_m[2], *cell_m,
+                             4e-6 * points, 4e-6 * KN_FIELD_POINTS_MAX);
+}
+
+// The surface, in metres, as the tool of that slot.
+static bool make_field(kn_draft *draft, int slot, kn_shell *shell)
+{
+    const double units_per_m = kn_draft_units_per_m[draft->surface[slot - 1].unit];
+    const char *name = draft->scene.model.probe[slot - 1].name;
+    const kn_mark at = draft->at[slot][KN_KEY_SURFACE];
+    kn_shape *tool = draft->scene.tool[slot - 1];
+    double cell_m = 0, far_m = 0;
+    if (shell->triangle_count > KN_FIELD_TRIANGLES_MAX)
+        return kn_draft_complain(draft, at, "probes.%s.mesh has %d triangles, expected at most %d", name,
+                                 shell->triangle_count, KN_FIELD_TRIANGLES_MAX);
+    for (int i = 0; i < shell->vertex_count; i++)
+        for (int k = 0; k < 3; k++) {
+            shell->x[i][k] /= units_per_m;
+            far_m = fmax(far_m, fabs(shell->x[i][k]));
+        }
+    if (!choose_cell(draft, slot, shell, &cell_m)) return false;
+    if (far_m > FARTHEST_M)
+        return kn_draft_complain(draft, at, "probes.%s.mesh has a corner %.3g m from its origin, expected at most %g m: "
+                                 "are its origin and mesh_unit right?", name, far_m, FARTHEST_M);
+    kn_field *field = kn_field_build(shell->vertex_count, (const double(*)[3])shell->x, shell->triangle_count,
+                                     (const int(*)[3])shell->triangle, cell_m);
+    if (!field) return kn_draft_complain(draft, at, "probes.%s.mesh: no memory for its grid, or rounding leaves it "
+                                     "open", name);
+    kn_shape_drop(tool); // what another file was
+    *tool = (kn_shape){0};
+    const kn_solid solid = kn_solid_field(field);
+    return kn_shape_add(tool, &solid);
+}
+
+static bool load_surface(kn_draft *draft, int slot, const char *path, uint64_t *hash)
+{
+    size_t size;
+    unsigned char *bytes = kn_words_load(path, &size, draft->error, draft->error_size);
+    kn_shell *shell = bytes ? kn_shell_read(path, bytes, size, draft->error, draft->error_size) : NULL;
+    if (shell) *hash = kn_hash_bytes(KN_HASH_SEED, bytes, size);
+    bool ok = shell && make_field(draft, slot, shell);
+    kn_shell_destroy(shell);
+    free(bytes);
+    return ok;
+}
+
+static bool make_mesh(kn_draft *draft, int slot)
+{
+    const kn_draft_file file = {slot, KN_KEY_SURFACE, KN_KEY_SURFACE_HASH, "a closed surface", load_surface};
+    draft->scene.model.probe[slot - 1].parts = draft->scene.tool[slot - 1];
+    return kn_draft_read(draft, &file);
+}
+
+bool kn_draft_tools(kn_draft *draft)
+{
+    for (int slot = 1; slot <= draft->scene.model.probe_count; slot++) {
+        const kn_probe_shape shape = draft->scene.model.probe[slot - 1].shape;
+        if (shape != KN_PROBE_UNION && shape != KN_PROBE_MESH) continue;
+        if (!(draft->scene.tool[slot - 1] = calloc(1, sizeof(kn_shape))))
+            return kn_draft_complain(draft, draft->at[slot][KN_KEY_PROBE_SHAPE], "not enough memory for a tool");
+        if (!(shape == KN_PROBE_UNION ? make_union : make_mesh)(draft, slot)) return false;
+    }
+    return true;
+}
+
+bool kn_draft_tool_fits(kn_draft *draft, int slot)
+{
+    const kn_model_def *def = &draft->scene.model;
+    const kn_probe_def *probe = &def->probe[slot - 1];
+    const char *wide = probe->shape == KN_PROBE_MESH ? kn_outside_unfit(probe, def->spacing_m) : NULL;
+    if (wide)
+        return kn_draft_complain(draft, draft->at[slot][KN_KEY_SURFACE_UNIT],
+                                 "probes.%s.mesh: %s (spacing %g m, half width %.3g m): is its unit right?",
+                                 probe->name, wide, def->spacing_m, probe->parts->fine_m);
+    for (int i = 0; i < draft->part_count[slot - 1]; i++) {
+        const int part = kn_slot_of_part(slot, i);
+        const char *unfit = kn_outside_unfit(&draft->part[part - 1 - KN_PROBES_MAX].as, def->spacing_m);
+        kn_mark at = draft->at[part][KN_KEY_PART_SHAPE], spacing = draft->at[0][KN_KEY_SPACING];
+        if (unfit)
+            return kn_draft_complain(draft, spacing.source > at.source ? spacing : at,
+                                     "probes.%s.parts.%d: %s (spacing %g m)", def->probe[slot - 1].name, i + 1, unfit, def->spacing_m);
+    }
+    return true;
+}

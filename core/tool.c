@@ -1,0 +1,122 @@
+#include "core/tool.h"
+#include "core/six.h"
+#include "core/turn.h"
+
+#include <math.h>
+#include <string.h>
+
+// --- orientation ----------------------------------------------------------------------------------------------------
+
+// Rotation vector from one orientation to another, the short way round.
+static void turn_between(const double from[4], const double to[4], double turn[3])
+{
+    double d[4];
+    kn_turn_between(from, to, d);
+    double sine = sqrt(d[1] * d[1] + d[2] * d[2] + d[3] * d[3]), sign = d[0] < 0 ? -1 : 1;
+    double scale = sine > 1e-12 ? 2 * atan2(sine, fabs(d[0])) / sine : 2;
+    for (int k = 0; k < 3; k++) turn[k] = sign * scale * d[k + 1];
+}
+
+static void turn_by(double q[4], const double turn[3])
+{
+    double angle = sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2]);
+    double scale = angle > 1e-12 ? sin(0.5 * angle) / angle : 0.5;
+    double d[4] = {cos(0.5 * angle), scale * turn[0], scale * turn[1], scale * turn[2]}, out[4];
+    kn_turn_multiply(d, q, out);
+    kn_turn_unit(out, q);
+}
+
+void kn_tool_matrix(const double orientation_wxyz[4], double turn[3][3])
+{
+    double q[4];
+    kn_turn_unit(orientation_wxyz, q);
+    kn_turn_matrix(q, turn);
+}
+
+// --- motion ---------------------------------------------------------------------------------------------------------
+
+bool kn_tool_turns(const kn_probe_def *def)
+{
+    if (def->shape == KN_PROBE_PLATE) return false;
+    return def->shape != KN_PROBE_SPHERE || def->friction > 0 || def->adhesion_pa > 0 || def->grip_n > 0;
+}
+
+static void attach(const kn_model *m, kn_state *state, int p, const kn_probe_input *in)
+{
+    kn_probe_state *probe = &state->probe[p];
+    if (!in->attached) {
+        *probe = (kn_probe_state){0};
+        state->tool[p] = (kn_tool_state){0};
+        return;
+    }
+    if (probe->attached) return;
+    *probe = (kn_probe_state){.attached = 1};
+    memcpy(probe->position_m, in->position_m, sizeof probe->position_m);
+    if (kn_tool_turns(&m->def.probe[p])) kn_turn_unit(in->orientation_wxyz, state->tool[p].orientation_wxyz);
+}
+
+// Holding on begins when the button goes down and ends with it; what tore loose needs a new grip.
+static void take_grip(const kn_probe_def *def, const kn_probe_input *in, kn_tool_state *tool)
+{
+    if (!in->grip) tool->grip_n = 0;
+    else if (tool->grip_n == 0) tool->grip_n = def->grip_n;
+}
+
+void kn_tool_begin(const kn_model *m, kn_state *state, int p, const kn_probe_input *in, kn_tool_step *tool)
+{
+    const kn_probe_def *def = &m->def.probe[p];
+    kn_probe_state *probe = &state->probe[p];
+    kn_tool_state *own = &state->tool[p];
+    double dt = m->def.solver.dt_s, catch_up = fmax(KN_FOLLOW_S, dt), turn[3] = {0};
+    const bool turns = kn_tool_turns(def);
+    *tool = (kn_tool_step){.turn = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    attach(m, state, p, in);
+    if (!probe->attached) return;
+    tool->coupled = def->coupling_n_m > 0;
+    take_grip(def, in, own);
+    tool->growth_m_s = fmin(KN_RELIEF_M_S, own->relief_m / dt);
+    own->relief_m = fmax(0, own->relief_m - KN_RELIEF_M_S * dt);
+    tool->turned = turns;
+    if (turns) {
+        double wanted[4];
+        kn_turn_unit(in->orientation_wxyz, wanted);
+        turn_between(own->orientation_wxyz, wanted, turn);
+        kn_turn_matrix(own->orientation_wxyz, tool->turn);
+    }
+    if (!tool->coupled) { // a step longer than the time to catch up takes it there at once, never past it
+        for (int k = 0; k < 3; k++) {
+            probe->velocity_m_s[k] = in->velocity_m_s[k] + (in->position_m[k] - probe->position_m[k]) / catch_up;
+            own->turn_rad_s[k] = turns ? turn[k] / catch_up : 0;
+        }
+    }
+    const double k_n_m = def->coupling_n_m, b_n_s_m = def->coupling_n_s_m, l2 = KN_COUPLING_ARM_M * KN_COUPLING_ARM_M;
+    tool->give[0] = dt * k_n_m + b_n_s_m;
+    tool->give[1] = l2 * tool->give[0];
+    for (int k = 0; k < 3; k++) {
+        tool->drive[k] = k_n_m * (in->position_m[k] - probe->position_m[k]) + b_n_s_m * in->velocity_m_s[k];
+        tool->drive[3 + k] = l2 * k_n_m * turn[k];
+        tool->velocity[k] = probe->velocity_m_s[k];
+        tool->velocity[3 + k] = own->turn_rad_s[k];
+    }
+}
+
+void kn_tool_velocity(const kn_tool_step *tool, const double arm_m[3], double v_m_s[3])
+{
+    kn_six_velocity(tool->velocity, arm_m, v_m_s);
+}
+
+void kn_tool_advance(const kn_model *m, kn_state *state, int p, const kn_tool_step *tool)
+{
+    double dt = m->def.solver.dt_s, turn[3];
+    kn_probe_state *probe = &state->probe[p];
+    for (int k = 0; k < 3; k++) {
+        probe->velocity_m_s[k] = tool->velocity[k];
+        probe->position_m[k] += dt * probe->velocity_m_s[k];
+    }
+    if (!kn_tool_turns(&m->def.probe[p])) return;
+    for (int k = 0; k < 3; k++) {
+        state->tool[p].turn_rad_s[k] = tool->velocity[3 + k];
+        turn[k] = dt * tool->velocity[3 + k];
+    }
+    turn_by(state->tool[p].orientation_wxyz, turn);
+}

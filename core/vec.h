@@ -1,0 +1,15 @@
+#ifndef KN_CORE_VEC_H
+#define KN_CORE_VEC_H
+// Products of two vectors of three, summed from the first component on: the same bits wherever they are formed.
+
+static inline double kn_dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+// out may be neither.
+static inline void kn_cross(const double a[3], const double b[3], double out[3])
+{
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+#endif
