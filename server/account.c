@@ -102,6 +102,10 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
         guards += servo->safety[p].guards;
         faults += servo->safety[p].faults;
     }
+    if (servo->audit && servo->audit->created > GET(&a->created)) {
+        SET(&a->created, servo->audit->created);
+        errors |= KNEAD_STATUS_T_ERROR_PHYSICS;
+    }
     if (execution_ns > KN_PERIOD_NS) {
         ADD(&a->overruns, 1);
         errors |= KNEAD_STATUS_T_ERROR_OVERRUN;

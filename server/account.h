@@ -12,7 +12,7 @@
 #define KN_RECENT_TICKS 100 // that success_rate speaks of
 
 typedef struct kn_account {
-    _Atomic int64_t tick, ticks, missed, overruns, unpublished, clamps, guards, faults, capped;
+    _Atomic int64_t tick, ticks, missed, overruns, unpublished, clamps, guards, faults, capped, created;
     _Atomic int64_t wakeup[KN_HISTOGRAM], execution[KN_HISTOGRAM];
     _Atomic int64_t late_loop_ns; // how long the latest loop that missed cycles took
     _Atomic double force_max_n, force_step_max_n, success_rate;

@@ -28,14 +28,19 @@ kn_wake kn_clock_wake(kn_clock *clock, int64_t asked_ns, int64_t now_ns)
     return wake;
 }
 
+void kn_clock_sleep(int64_t ns)
+{
+    struct timespec due = {.tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000};
+    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL) == EINTR) {
+    }
+}
+
 kn_wake kn_clock_wait(kn_clock *clock)
 {
     int64_t asked_ns = kn_now_ns(), now_ns;
     int64_t due_ns = clock->start_ns + (clock->tick + 1) * KN_PERIOD_NS;
-    struct timespec due = {.tv_sec = due_ns / 1000000000, .tv_nsec = due_ns % 1000000000};
     do {
-        while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL) == EINTR) {
-        }
+        kn_clock_sleep(due_ns);
         now_ns = kn_now_ns();
     } while (now_ns < due_ns);
     return kn_clock_wake(clock, asked_ns, now_ns);

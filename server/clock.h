@@ -5,6 +5,8 @@
 //     due(n) = start + n * period        |----n----|---n+1---|---n+2---|---n+3---|
 //                                        run n           woken here: tick n+2, missed 1, late_ns from due(n+1)
 //
+// Whoever owns the clock may move the whole grid a little between two ticks (phase.h).
+//
 // A tick's number is its place on the grid. Cycles that passed while the thread could not run are counted and skipped,
 // never caught up: two ticks at once would push the hand twice.
 #include <stdbool.h>
@@ -13,7 +15,7 @@
 #define KN_PERIOD_NS 1000000
 
 typedef struct kn_clock {
-    int64_t start_ns; // of tick 0
+    int64_t start_ns; // of tick 0, as if the grid had always stood where it stands now
     int64_t tick;     // of the last wake, -1 before the first
 } kn_clock;
 
@@ -23,14 +25,16 @@ typedef struct kn_wake {
     bool overrun;    // the thread was still busy at the deadline: the misses are its own
     int64_t due_ns;  // deadline that was slept for
     int64_t late_ns; // awake this long after it, or after the call when that came later: what the machine added
-    int64_t now_ns;
+    int64_t now_ns;  // when the tick began
+    int64_t held_ns; // that a tick was awake before that, waiting for its pose (phase.h)
 } kn_wake;
 
 int64_t kn_now_ns(void); // CLOCK_MONOTONIC; no system call
 
 void kn_clock_start(kn_clock *clock, int64_t start_ns);
-// Sleeps until the next deadline. Real-time safe.
+// Sleeps until the next deadline; until ns. Real-time safe.
 kn_wake kn_clock_wait(kn_clock *clock);
+void kn_clock_sleep(int64_t ns);
 
 // The arithmetic of wait, apart from the sleep: what waking at now_ns means to a thread that asked at asked_ns.
 kn_wake kn_clock_wake(kn_clock *clock, int64_t asked_ns, int64_t now_ns);

@@ -6,6 +6,7 @@
 #include "server/publisher.h"
 #include "server/receiver.h"
 #include "server/sentinel.h"
+#include "server/trace.h"
 #include <ev.h>
 #include <inttypes.h>
 #include <poll.h>
@@ -26,6 +27,7 @@ typedef struct server {
     kn_scene *scene;
     kn_model *model;
     kn_backend backend;
+    kn_audit *audit; // NULL: a solver without one
     int64_t rest_ns; // that a tick takes here while nothing touches the object
     kn_bus bus, mesh_bus;
     int claim, fd; // of the bus; what is heard on it
@@ -34,6 +36,7 @@ typedef struct server {
     kn_publisher publisher;
     kn_skin skin;
     kn_command command;
+    kn_trace trace;
     kn_loop loop;
     kn_sentinel sentinel;
     kn_rt rt;
@@ -122,8 +125,12 @@ static void publish_records(server *d)
 {
     for (const kn_record *record; (record = kn_ring_front(&d->loop.records)); kn_ring_pop(&d->loop.records)) {
         kn_publisher_record(&d->publisher, record);
+        kn_trace_record(&d->trace, record, &d->model->def);
         if (record->wake.missed) kn_sentinel_missed(&d->sentinel, &record->wake);
     }
+    const kn_touched *touched;
+    for (; d->loop.touches.capacity && (touched = kn_ring_front(&d->loop.touches)); kn_ring_pop(&d->loop.touches))
+        kn_publisher_touch(&d->publisher, touched);
 }
 
 static void on_ticked(struct ev_loop *ev, ev_async *w, int events)
@@ -226,6 +233,16 @@ static void tell_overruns(server *d, int64_t *told)
     *told = missed;
 }
 
+// Numbers went wrong, nobody felt it: what the hand is given stays within its own client's passivity.
+static void tell_audit(server *d, int64_t *told)
+{
+    int64_t created = atomic_load_explicit(&d->loop.account.created, memory_order_relaxed);
+    if (created != *told)
+        fprintf(stderr, "kneadd: in %" PRId64 " s the object gave more energy than it had and was given, by over %g %%"
+                " of the work\n", created - *told, 100 * KN_AUDIT_SHARE);
+    *told = created;
+}
+
 // A point taken, or that there is none left to take; what the log says in KNEAD_EVENT.
 static void tell_quality(server *d, kn_quality *told, bool *told_exhausted)
 {
@@ -266,7 +283,7 @@ static void *mesh_main(void *arg)
     pthread_barrier_wait(&d->go);
     struct timespec tick = {.tv_nsec = KN_PERIOD_NS},
                     rest = {.tv_nsec = (d->skin.period_ticks - 1) * (long)KN_PERIOD_NS};
-    int64_t second_ns = 0, missed_told = 0;
+    int64_t second_ns = 0, missed_told = 0, created_told = 0;
     kn_quality quality_told = d->scene->quality;
     bool exhausted_told = false;
     while (!atomic_load_explicit(&d->stop_mesh, memory_order_relaxed)) {
@@ -274,8 +291,10 @@ static void *mesh_main(void *arg)
             second_ns = kn_now_ns();
             kn_skin_publish_topology(&d->skin, wall_clock_us());
             tell_overruns(d, &missed_told);
+            tell_audit(d, &created_told);
             tell_quality(d, &quality_told, &exhausted_told);
         }
+        kn_trace_drain(&d->trace);
         // until just before the next frame is due, then every ms: on a grid of its own it would be a period late
         bool published = kn_skin_publish(&d->skin, wall_clock_us());
         struct pollfd pipe = {.fd = d->command.fd, .events = POLLIN}; // -1: poll only sleeps
@@ -315,6 +334,7 @@ static size_t least_bytes(const kn_model_def *def)
 {
     size_t nodes = def->mesh ? (size_t)def->mesh->node_count
                              : (size_t)def->nodes[0] * (size_t)def->nodes[1] * (size_t)def->nodes[2];
+    if (kn_composite_is(def)) nodes = (size_t)kn_composite_nodes(def);
     return nodes * (sizeof(double) + 6 * sizeof(float));
 }
 
@@ -356,17 +376,33 @@ static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_
         snprintf(error, error_size, "%s: %s", def->scene_path, why);
         return false;
     }
-    if (!check_memory(d->model->state_bytes, "the object's state", def->scene_path, error, error_size)) return false;
+    if (!check_memory(2 * d->model->state_bytes, "the object's state and a copy", def->scene_path, error, error_size))
+        return false;
     if (!kn_backend_cpu(&d->backend, d->model)) {
         snprintf(error, error_size, "%s: not enough memory for the object's %zu bytes", def->scene_path,
                  d->model->state_bytes);
+        return false;
+    }
+    d->audit = kn_audit_create(d->model);
+    if (!d->audit && d->scene->model.solver.kind == KN_SOLVER_IMPLICIT) {
+        snprintf(error, error_size, "%s: not enough memory for the object's audit", def->scene_path);
+        return false;
+    }
+    const kn_device_def *device = &d->scene->device;
+    kn_coupling coupling = {device->coupling_n_m, device->coupling_n_s_m};
+    if (def->local_model && d->scene->model.solver.kind != KN_SOLVER_IMPLICIT) {
+        snprintf(error, error_size, "%s: --local-model: expected solver.kind implicit", def->scene_path);
+        return false;
+    }
+    if (def->local_model && !kn_backend_cpu_identify(&d->backend, coupling)) {
+        snprintf(error, error_size, "%s: --local-model: not enough memory", def->scene_path);
         return false;
     }
     d->rest_ns = measure_tick(&d->backend);
     return true;
 }
 
-static bool open_buses(server *d, char *error, size_t error_size)
+static bool open_buses(server *d, bool touch, char *error, size_t error_size)
 {
     if (!kn_bus_check_route(&d->bus, error, error_size) || !kn_bus_check_route(&d->mesh_bus, error, error_size))
         return false;
@@ -378,15 +414,16 @@ static bool open_buses(server *d, char *error, size_t error_size)
     if (!kn_publisher_open(&d->publisher, d->bus.url, d->scene, hash, error, error_size) ||
         !kn_skin_open(&d->skin, d->mesh_bus.url, d->model, d->scene->mesh_hz, d->scene->text_hash, error, error_size))
         return false;
-    if (kn_loop_init(&d->loop, d->scene, d->model, &d->backend, &d->skin) && kn_sentinel_init(&d->sentinel) &&
-        watch_events(d))
+    if (kn_loop_init(&d->loop, d->scene, d->model, &d->backend, &d->skin, d->audit) &&
+        (!touch || kn_loop_touch(&d->loop)) && kn_sentinel_init(&d->sentinel) && watch_events(d))
         return true;
     snprintf(error, error_size, "out of memory or file descriptors");
     return false;
 }
 
-static bool start_threads(server *d, char *error, size_t error_size)
+static bool start_threads(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
+    d->loop.free = def->free;
     d->loop.notify = notify;
     d->loop.notify_arg = d;
     pthread_barrier_init(&d->go, NULL, 4);
@@ -400,7 +437,8 @@ static bool start_threads(server *d, char *error, size_t error_size)
         snprintf(error, error_size, "not real time: %s", d->rt.missing);
     else {
         d->start_ns = kn_now_ns() + START_DELAY_NS;
-        kn_clock_start(&d->loop.clock, d->start_ns);
+        kn_loop_start(&d->loop, d->start_ns);
+        d->sentinel.beside = &d->loop.start_ns;
         kn_clock_start(&d->sentinel.clock, d->start_ns + KN_SENTINEL_OFFSET_NS);
         d->budget = DATAGRAMS_PER_TICK;
         pthread_barrier_wait(&d->go);
@@ -437,6 +475,16 @@ static void tell_summary(server *d)
     for (int i = 0; i < KN_REJECT_COUNT; i++)
         if (r->rejected[i]) printf(", %" PRId64 " %s", r->rejected[i], kn_verdict_name((kn_verdict)i));
     printf("; %" PRId64 " dropped by the kernel\n", kernel_drops(d));
+    const kn_audit_news *audit = d->audit ? kn_audit_read(d->audit) : NULL;
+    if (audit && audit->windows)
+        printf("kneadd: %" PRId64 " s audited, energy created in %" PRId64 " of them, %.3g mJ at most; at last %.3g mJ stored"
+               " of %.3g mJ of work\n", audit->windows, audit->created, 1e3 * audit->most_j,
+               1e3 * kn_energy_sum(&audit->stored), 1e3 * audit->work_j);
+    if (d->trace.lost) printf("kneadd: %" PRId64 " rows of the trace lost\n", d->trace.lost);
+    if (d->loop.phase.driven)
+        printf("kneadd: %" PRId64 " ticks with a tool to follow, in step with its poses in %" PRId64
+               ", held back for one in %" PRId64 "\n",
+               d->loop.phase.driven, d->loop.phase.followed, d->loop.phase.held);
 }
 
 static void stop_threads(server *d)
@@ -462,6 +510,8 @@ static void free_all(server *d)
     if (d->fd >= 0) close(d->fd);
     if (d->claim >= 0) close(d->claim);
     kn_command_close(&d->command);
+    kn_trace_close(&d->trace);
+    kn_audit_destroy(d->audit);
     if (d->backend.destroy) d->backend.destroy(d->backend.self);
     kn_model_destroy(d->model);
     kn_scene_destroy(d->scene);
@@ -476,12 +526,17 @@ int kn_daemon_run(const kn_daemon_def *def)
     kn_rt_enter(&d.rt, def->realtime);
     if (load(&d, def, error, sizeof error)) {
         code = 3;
-        if (open_buses(&d, error, sizeof error) && start_threads(&d, error, sizeof error)) {
+        if (open_buses(&d, def->touch, error, sizeof error) && kn_trace_open(&d.trace, def->trace, error, sizeof error) &&
+            start_threads(&d, def, error, sizeof error)) {
             tell_ready(&d);
             ev_run(d.ev, 0);
             stop_threads(&d);
             tell_summary(&d);
             code = 0;
+            if (!kn_trace_close(&d.trace)) {
+                snprintf(error, sizeof error, "--trace %s: could not be written to its end", def->trace);
+                code = 3;
+            }
         }
     }
     if (code) fprintf(stderr, "%s%s\n", code == 2 ? "" : "kneadd: ", error); // bad input: its file or URL stands first

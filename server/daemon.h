@@ -16,6 +16,10 @@ typedef struct kn_daemon_def {
     const char *mesh_url;   // NULL: KN_MESH_URL
     const char *command_fd; // number of an inherited pipe (command.h), NULL: none
     kn_rt_mode realtime;
+    const char *trace;      // a file for trace.h's rows, NULL: none
+    bool free;              // the servo's grid does not follow the poses
+    bool local_model;       // identify and publish KNEAD_CONTACT
+    bool touch;             // publish KNEAD_TOUCH
 } kn_daemon_def;
 
 // Serves until SIGINT or SIGTERM: forces ramp to zero, threads end, a summary is printed. A second signal, 0.3 s

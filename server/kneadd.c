@@ -8,7 +8,8 @@
 
 static const char usage[] =
     "usage: kneadd --scene FILE [--set KEY=VALUE]... [--lcm-url URL] [--mesh-url URL] [--realtime auto|require|off]\n"
-    "              [--quality NAME] [--backend cpu] [--command-fd N]\n"
+    "              [--phase lock|free] [--quality NAME] [--backend cpu] [--local-model] [--touch]\n"
+    "              [--command-fd N] [--trace FILE]\n"
     "\n"
     "  --scene FILE      the object and its probes (YAML); knead check FILE tells what it costs\n"
     "  --set KEY=VALUE   overrides a key of the scene, as in --set material.k1='300 gf/cm^3'; see knead check --keys\n"
@@ -16,9 +17,14 @@ static const char usage[] =
     "  --lcm-url URL     bus of poses, forces, status; default LCM_DEFAULT_URL, else " KN_LCM_URL "\n"
     "  --mesh-url URL    bus of meshes; default " KN_MESH_URL "\n"
     "  --realtime MODE   auto: what the machine grants, and say what is missing; require: all of it or exit 3; off\n"
+    "  --phase MODE      lock: ticks follow the poses of the first tool engaged, which then wait tens of us; free: on a\n"
+    "                    grid of their own\n"
     "  --backend cpu     where the lattice is stepped\n"
+    "  --local-model     publish the contact of every tool as KNEAD_CONTACT_<probe>, for clients behind a slow link\n"
+    "  --touch           publish what every tool touches as KNEAD_TOUCH_<probe>, for fingertip displays; 250 Hz\n"
     "  --command-fd N    reads commands, one per line, from the inherited pipe N: reset (the object is as new),\n"
     "                    quality NAME (another point)\n"
+    "  --trace FILE      CSV: when the pose of each tick arrived, its tick woke, had stepped, had guarded the force\n"
     "  --help, --version\n"
     "\n"
     "SIGINT or SIGTERM: forces go to zero, then exit 0. Exit: 2 bad input, 3 the machine refuses.\n";
@@ -36,6 +42,8 @@ static int run(int argc, char **argv, const char **sets) // sets: room for argc
         {"lcm-url", required_argument, NULL, 'l'},  {"mesh-url", required_argument, NULL, 'm'},
         {"realtime", required_argument, NULL, 'r'}, {"backend", required_argument, NULL, 'b'},
         {"command-fd", required_argument, NULL, 'c'}, {"quality", required_argument, NULL, 'q'},
+        {"phase", required_argument, NULL, 'p'},   {"trace", required_argument, NULL, 't'},
+        {"local-model", no_argument, NULL, 'o'},    {"touch", no_argument, NULL, 'T'},
         {"help", no_argument, NULL, 'h'},           {"version", no_argument, NULL, 'v'}, {0}};
     kn_daemon_def def = {.realtime = KN_RT_AUTO, .sets = sets};
     for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
@@ -50,9 +58,16 @@ static int run(int argc, char **argv, const char **sets) // sets: room for argc
         case 'r':
             if (!kn_rt_mode_parse(optarg, &def.realtime)) return bad(optarg, "--realtime auto, require or off");
             break;
+        case 'p':
+            def.free = strcmp(optarg, "free") == 0;
+            if (!def.free && strcmp(optarg, "lock") != 0) return bad(optarg, "--phase lock or free");
+            break;
         case 'b':
             if (strcmp(optarg, "cpu") != 0) return bad(optarg, "--backend cpu");
             break;
+        case 't': def.trace = optarg; break;
+        case 'o': def.local_model = true; break;
+        case 'T': def.touch = true; break;
         case 'c': def.command_fd = optarg; break;
         case 'h': fputs(usage, stdout); return 0;
         case 'v': puts("kneadd " KN_VERSION); return 0;

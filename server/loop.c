@@ -4,14 +4,20 @@
 
 #define RECORDS 512 // half a second: longer the main thread is not held up by anything but a stopped machine
 
-bool kn_loop_init(kn_loop *loop, const kn_scene *scene, const kn_model *model, kn_backend *backend, kn_skin *skin)
+static const int64_t look_ns = 15000; // between two looks for a late pose: waking up takes as long
+
+bool kn_loop_init(kn_loop *loop, const kn_scene *scene, const kn_model *model, kn_backend *backend, kn_skin *skin,
+                  kn_audit *audit)
 {
     memset(loop, 0, sizeof *loop);
     kn_servo_init(&loop->servo, scene, model, backend);
+    loop->audit = audit;
+    if (audit) loop->servo.audit = kn_audit_read(audit);
     kn_account_init(&loop->account);
+    kn_phase_init(&loop->phase);
     atomic_init(&loop->account.quality, (int32_t)scene->quality);
     atomic_init(&loop->account.asked, (int32_t)scene->quality);
-    for (int p = 0; p < KN_PROBES_MAX; p++) kn_mailbox_init(&loop->pose[p], loop->pose_slots[p], sizeof(kn_pose));
+    for (int p = 0; p < KN_PROBES_MAX; p++) kn_mailbox_init(&loop->pose[p], loop->pose_slots[p], sizeof(kn_posted));
     loop->skin = skin;
     atomic_init(&loop->quality, -1);
     return kn_ring_init(&loop->records, RECORDS, sizeof(kn_record));
@@ -20,24 +26,47 @@ bool kn_loop_init(kn_loop *loop, const kn_scene *scene, const kn_model *model, k
 void kn_loop_free(kn_loop *loop)
 {
     kn_ring_free(&loop->records);
+    kn_ring_free(&loop->touches);
+}
+
+bool kn_loop_touch(kn_loop *loop)
+{
+    return kn_ring_init(&loop->touches, 16 * KN_PROBES_MAX, sizeof(kn_touched)); // 64 ms; a later one is worth nothing
+}
+
+void kn_loop_start(kn_loop *loop, int64_t start_ns)
+{
+    kn_clock_start(&loop->clock, start_ns);
+    atomic_store(&loop->start_ns, start_ns);
 }
 
 void kn_loop_post(kn_loop *loop, int probe, const kn_pose *pose)
 {
-    kn_pose *back = kn_mailbox_back(&loop->pose[probe]);
+    kn_posted *back = kn_mailbox_back(&loop->pose[probe]);
     if (pose)
-        *back = *pose;
+        back->pose = *pose;
     else
-        back->session = 0;
+        back->pose.session = 0;
+    back->before_ns = loop->posted_ns[probe];
+    back->posted_ns = loop->posted_ns[probe] = kn_now_ns();
     kn_mailbox_post(&loop->pose[probe]);
 }
 
-static void read_poses(kn_loop *loop, kn_tick_in *in)
+static void read_poses(kn_loop *loop, kn_tick_in *in, kn_arrival arrival[])
 {
     for (int p = 0; p < loop->servo.model->def.probe_count; p++) {
-        const kn_pose *pose = kn_mailbox_latest(&loop->pose[p], &in->fresh[p]);
-        if (pose->session != 0) in->pose[p] = pose;
+        const kn_posted *posted = kn_mailbox_latest(&loop->pose[p], &in->fresh[p]);
+        if (posted->pose.session != 0) in->pose[p] = &posted->pose;
+        arrival[p] = (kn_arrival){posted->pose.session, posted->posted_ns, posted->before_ns, in->fresh[p], false};
     }
+}
+
+static void follow_poses(kn_loop *loop, kn_arrival arrival[], const kn_wake *wake)
+{
+    int probes = loop->servo.model->def.probe_count;
+    for (int p = 0; p < probes; p++) arrival[p].engaged = loop->servo.safety[p].attached;
+    loop->clock.start_ns += kn_phase_tick(&loop->phase, arrival, probes, wake);
+    atomic_store_explicit(&loop->start_ns, loop->clock.start_ns, memory_order_relaxed);
 }
 
 static int64_t wall_clock_us(void)
@@ -47,11 +76,28 @@ static int64_t wall_clock_us(void)
     return t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000;
 }
 
+// Once the forces are out: a display can wait that long, and the main thread is woken for it once more.
+static void tell_touches(kn_loop *loop, const kn_record *record)
+{
+    int64_t tick = record->out.tick, before = tick - 1 - record->out.missed;
+    if (tick / KN_LOOP_TOUCH_TICKS == before / KN_LOOP_TOUCH_TICKS) return;
+    kn_backend *backend = loop->servo.backend;
+    for (int p = 0; p < record->out.probes; p++) {
+        const kn_force *f = &record->out.force[p];
+        kn_touched touched = {.utime = record->utime, .session = f->session, .pose_seq = f->seq, .probe = p};
+        if (!f->live) continue;
+        kn_touch_read(loop->servo.model, backend->state(backend->self), p, &touched.touch);
+        kn_ring_push(&loop->touches, &touched);
+    }
+    if (loop->notify) loop->notify(loop->notify_arg);
+}
+
 bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
 {
     kn_tick_in in = {.tick = wake->tick,
                      .missed = wake->missed,
                      .execution_ns = loop->execution_ns,
+                     .now_ns = kn_now_ns,
                      .deadline_ns = wake->now_ns + KN_PERIOD_NS,
                      .reset = atomic_exchange_explicit(&loop->reset, false, memory_order_relaxed),
                      .stop = atomic_load_explicit(&loop->stop, memory_order_relaxed)};
@@ -59,28 +105,50 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     if (quality >= 0) in.take = KN_TAKE_COMMAND, in.quality = (kn_quality)quality;
     kn_record record = {.wake = *wake};
     kn_backend *backend = loop->servo.backend;
+    kn_arrival arrival[KN_PROBES_MAX];
 
-    read_poses(loop, &in);
+    read_poses(loop, &in, arrival);
     kn_servo_tick(&loop->servo, &in, &record.out); // step, guard
 
     if (!in.stop) loop->running_tick = wake->tick;
     bool last = record.out.stopped || wake->tick - loop->running_tick > KN_LOOP_STOP_TICKS;
     record.utime = wall_clock_us();
-    record.execution_ns = loop->execution_ns = kn_now_ns() - wake->now_ns;
+    record.guarded_ns = kn_now_ns();
+    record.execution_ns = loop->execution_ns = record.guarded_ns - wake->now_ns;
+    for (int p = 0; p < record.out.probes; p++) record.posted_ns[p] = arrival[p].arrived_ns;
     bool published = kn_ring_push(&loop->records, &record);
     if (last) atomic_store_explicit(&loop->done, true, memory_order_release);
     if (loop->notify) loop->notify(loop->notify_arg);
 
+    if (loop->touches.capacity) tell_touches(loop, &record);
+    if (backend->afterwards) backend->afterwards(backend->self);
+    if (loop->audit) kn_audit_tick(loop->audit, backend->state(backend->self));
     if (loop->skin) kn_skin_capture(loop->skin, backend->state(backend->self), wake->tick, loop->servo.generation);
     kn_account_tick(&loop->account, &loop->servo, &in, &record.out, wake, kn_now_ns() - wake->now_ns, published);
+    if (!loop->free) follow_poses(loop, arrival, wake);
     return !last;
+}
+
+// A pose that is on its way is waited for, a little.
+static void await_pose(kn_loop *loop, kn_wake *wake)
+{
+    int probe = loop->free || wake->missed ? -1 : kn_phase_awaits(&loop->phase);
+    int64_t left_ns = (KN_PERIOD_NS - loop->execution_ns) / 3;
+    int64_t woke_ns = wake->now_ns, end_ns = woke_ns + (left_ns < KN_PHASE_HOLD_NS ? left_ns : KN_PHASE_HOLD_NS);
+    while (probe >= 0 && wake->now_ns < end_ns && !kn_mailbox_unseen(&loop->pose[probe])) {
+        kn_clock_sleep(wake->now_ns + look_ns);
+        wake->now_ns = kn_now_ns();
+    }
+    wake->held_ns = wake->now_ns - woke_ns;
 }
 
 void *kn_loop_run(void *arg)
 {
     kn_loop *loop = arg;
     kn_wake wake;
-    do wake = kn_clock_wait(&loop->clock);
-    while (kn_loop_tick(loop, &wake));
+    do {
+        wake = kn_clock_wait(&loop->clock);
+        await_pose(loop, &wake);
+    } while (kn_loop_tick(loop, &wake));
     return NULL;
 }

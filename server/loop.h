@@ -8,10 +8,14 @@
 //                                   wait . read . step . guard . publish . account
 //                                                           |
 //     main thread <-- records (every tick, in order) -------+-------> skin (latest surface) --> mesh thread
+//                                                           |
+//                                  in what is left of the tick: local models, the audit of the lattice
 //
 // Between start and stop the thread allocates nothing, takes no lock and calls the kernel only to sleep and to notify.
+#include "core/touch.h"
 #include "server/account.h"
 #include "server/mailbox.h"
+#include "server/phase.h"
 #include "server/ring.h"
 #include "server/servo.h"
 #include "server/skin.h"
@@ -23,16 +27,37 @@ typedef struct kn_record { // one tick, for whoever publishes it
     kn_wake wake;
     int64_t utime;        // us since 1970, when the tick had its answer
     int64_t execution_ns; // read to publish
+    int64_t guarded_ns;   // when the servo was done
+    int64_t posted_ns[KN_PROBES_MAX]; // when the poses that it used came
 } kn_record;
+
+#define KN_LOOP_TOUCH_TICKS 4 // 250 Hz
+
+typedef struct kn_touched { // what a probe with a session touches
+    int64_t utime, session, pose_seq;
+    int probe;
+    kn_touch touch;
+} kn_touched;
+
+typedef struct kn_posted { // what lies in a mailbox
+    kn_pose pose;
+    int64_t posted_ns, before_ns; // when; the one before it
+} kn_posted;
 
 typedef struct kn_loop {
     kn_servo servo;
-    kn_clock clock; // started by the caller
+    kn_clock clock;
+    kn_phase phase;
+    bool free;                // the clock's grid stands still instead of following the poses; before the start
+    _Atomic int64_t start_ns; // of the clock, for whoever keeps beside its ticks
     kn_account account;
     kn_ring records; // of kn_record; the other end is the main thread's
+    kn_ring touches; // of kn_touched, as the above; no capacity: nobody asked
     kn_skin *skin;
+    kn_audit *audit;
     kn_mailbox pose[KN_PROBES_MAX];
-    kn_pose pose_slots[KN_PROBES_MAX][3];
+    kn_posted pose_slots[KN_PROBES_MAX][3];
+    int64_t posted_ns[KN_PROBES_MAX]; // the latest of each probe; the main thread's
     void (*notify)(void *arg); // called after each tick: wakes the main thread. Must be real-time safe
     void *notify_arg;
     atomic_bool stop;     // set by anyone: forces ramp to zero, then the thread ends
@@ -43,9 +68,16 @@ typedef struct kn_loop {
     int64_t running_tick; // last one before stop was asked
 } kn_loop;
 
-// Borrows all; skin may be NULL. False when memory is short.
-bool kn_loop_init(kn_loop *loop, const kn_scene *scene, const kn_model *model, kn_backend *backend, kn_skin *skin);
+// Borrows all; skin and audit may be NULL. False when memory is short.
+bool kn_loop_init(kn_loop *loop, const kn_scene *scene, const kn_model *model, kn_backend *backend, kn_skin *skin,
+                  kn_audit *audit);
 void kn_loop_free(kn_loop *loop);
+
+// Has touch patches made of the contacts, into touches. Before the start; false when memory is short.
+bool kn_loop_touch(kn_loop *loop);
+
+// Tick 0 is at start_ns. Before kn_loop_run, and before anyone reads loop->start_ns.
+void kn_loop_start(kn_loop *loop, int64_t start_ns);
 
 // Main thread: the latest pose of a probe, NULL when its session has ended.
 void kn_loop_post(kn_loop *loop, int probe, const kn_pose *pose);

@@ -22,9 +22,14 @@ void kn_mailbox_post(kn_mailbox *box)
     box->back = atomic_exchange_explicit(&box->shared, box->back | UNSEEN, memory_order_acq_rel) & SLOT;
 }
 
+bool kn_mailbox_unseen(const kn_mailbox *box)
+{
+    return atomic_load_explicit(&box->shared, memory_order_relaxed) & UNSEEN;
+}
+
 const void *kn_mailbox_latest(kn_mailbox *box, bool *fresh)
 {
-    *fresh = atomic_load_explicit(&box->shared, memory_order_relaxed) & UNSEEN;
+    *fresh = kn_mailbox_unseen(box);
     if (*fresh) box->front = atomic_exchange_explicit(&box->shared, box->front, memory_order_acq_rel) & SLOT;
     return box->slot[box->front];
 }

@@ -28,6 +28,9 @@ void kn_mailbox_init(kn_mailbox *box, void *memory, size_t size);
 void *kn_mailbox_back(kn_mailbox *box);
 void kn_mailbox_post(kn_mailbox *box);
 
+// Whether the reader has not seen the latest yet. Any thread; the reader's next call to latest may already know more.
+bool kn_mailbox_unseen(const kn_mailbox *box);
+
 // Reader: the latest posted value, the same one again when nothing new came (fresh tells), the initial bytes of the
 // memory before the first. Valid until the next call.
 const void *kn_mailbox_latest(kn_mailbox *box, bool *fresh);

@@ -11,8 +11,11 @@ bool kn_publisher_open(kn_publisher *p, const char *url, const kn_scene *scene, 
                        size_t error_size)
 {
     *p = (kn_publisher){.scene = scene, .initial_hash = initial_hash};
-    for (int i = 0; i < scene->model.probe_count; i++)
+    for (int i = 0; i < scene->model.probe_count; i++) {
         snprintf(p->force_channel[i], sizeof p->force_channel[i], "KNEAD_FORCE_%s", scene->model.probe[i].name);
+        snprintf(p->touch_channel[i], sizeof p->touch_channel[i], "KNEAD_TOUCH_%s", scene->model.probe[i].name);
+        snprintf(p->contact_channel[i], sizeof p->contact_channel[i], "KNEAD_CONTACT_%s", scene->model.probe[i].name);
+    }
     knead_scene_t message;
     kn_wire_scene(&message, scene, initial_hash, 0);
     p->room = ROOM_FIXED + knead_scene_t_encoded_size(&message);
@@ -51,7 +54,18 @@ void kn_publisher_record(kn_publisher *p, const kn_record *record)
         knead_contact_force_t message;
         kn_wire_force(&message, &record->out, i, record->utime, record->execution_ns);
         send_bytes(p, p->force_channel[i], knead_contact_force_t_encode(p->bytes, 0, p->room, &message));
+        if (!record->out.local) continue;
+        knead_contact_model_t contact;
+        kn_wire_contact(&contact, &record->out.contact[i], record->utime);
+        send_bytes(p, p->contact_channel[i], knead_contact_model_t_encode(p->bytes, 0, p->room, &contact));
     }
+}
+
+void kn_publisher_touch(kn_publisher *p, const kn_touched *touched)
+{
+    knead_touch_patch_t message;
+    kn_wire_touch(&message, &touched->touch, touched->session, touched->pose_seq, touched->utime);
+    send_bytes(p, p->touch_channel[touched->probe], knead_touch_patch_t_encode(p->bytes, 0, p->room, &message));
 }
 
 void kn_publisher_scene(kn_publisher *p, int64_t utime)

@@ -12,6 +12,8 @@ typedef struct kn_publisher {
     const kn_scene *scene;
     uint64_t initial_hash;
     char force_channel[KN_PROBES_MAX][64]; // KNEAD_FORCE_<probe>
+    char contact_channel[KN_PROBES_MAX][64];
+    char touch_channel[KN_PROBES_MAX][64];
     uint8_t *bytes;                        // room for the largest message, which is the scene
     int room;
     int64_t published; // datagrams handed to LCM
@@ -23,8 +25,10 @@ bool kn_publisher_open(kn_publisher *p, const char *url, const kn_scene *scene, 
                        size_t error_size);
 void kn_publisher_close(kn_publisher *p);
 
-// A tick: its events, in the order they were applied, then the force of every probe that has a session.
+// A tick: its events, in the order they were applied, then of every probe that has a session the force and, where they
+// are identified, the local model.
 void kn_publisher_record(kn_publisher *p, const kn_record *record);
+void kn_publisher_touch(kn_publisher *p, const kn_touched *touched);
 void kn_publisher_scene(kn_publisher *p, int64_t utime);
 void kn_publisher_status(kn_publisher *p, const knead_status_t *status);
 

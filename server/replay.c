@@ -555,9 +555,30 @@ static bool step_by_time(kn_replay *r)
     return true;
 }
 
+// A tool in the air may be anywhere: it is under its pressing that cells should be small.
+static void look_outside(kn_replay *r)
+{
+    double most_m = 1e-6; // less is rounding
+    int probe = -1;
+    for (int p = 0; r->model->composite && p < r->model->def.probe_count; p++) {
+        const double *x = r->tick.pose[p].position_m, (*reach)[2] = r->model->def.probe[p].reach_m;
+        double off_m[2];
+        for (int k = 0; k < 2; k++) off_m[k] = fmax(0, fmax(reach[k][0] - x[k], x[k] - reach[k][1]));
+        const kn_force *f = &r->tick.out.force[p];
+        if (!f->live || f->contacts == 0 || hypot(off_m[0], off_m[1]) <= most_m) continue;
+        most_m = hypot(off_m[0], off_m[1]);
+        probe = p;
+    }
+    r->tally.outside += probe >= 0;
+    if (probe < 0 || most_m <= r->tally.outside_m) return;
+    r->tally.outside_m = most_m;
+    r->tally.outside_probe = probe;
+}
+
 bool kn_replay_step(kn_replay *r)
 {
     bool more = r->forces_logged ? step_by_forces(r) : step_by_time(r);
     r->tally.ticks += more;
+    if (more) look_outside(r);
     return more;
 }

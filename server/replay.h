@@ -47,6 +47,9 @@ typedef struct kn_replay_tally { // honest about what could not be used
     int64_t checkpoints; // state hashes of the log that the replay met
     int64_t mismatches;  // ... and did not reproduce
     int64_t first_mismatch; // tick number, -1: none
+    int64_t outside;     // ticks in which a tool pressed on a block of two resolutions outside of its reach
+    double outside_m;    // how far at most
+    int outside_probe;   // which tool
 } kn_replay_tally;
 
 typedef struct kn_replay {

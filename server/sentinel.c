@@ -15,6 +15,8 @@ void *kn_sentinel_run(void *sentinel)
 {
     kn_sentinel *s = sentinel;
     while (!atomic_load_explicit(&s->stop, memory_order_relaxed)) {
+        if (s->beside)
+            s->clock.start_ns = atomic_load_explicit(s->beside, memory_order_relaxed) + KN_SENTINEL_OFFSET_NS;
         kn_wake wake = kn_clock_wait(&s->clock);
         kn_stall stall = {wake.due_ns, wake.now_ns};
         if (wake.now_ns - wake.due_ns >= KN_SENTINEL_STALL_NS) kn_ring_push(&s->stalls, &stall); // full: the oldest do

@@ -20,6 +20,7 @@ typedef struct kn_stall {
 
 typedef struct kn_sentinel {
     kn_clock clock;
+    const _Atomic int64_t *beside; // start of the servo's grid, which may move; NULL: it stands still
     atomic_bool stop;
     kn_ring stalls;                      // from the sentinel to whoever judges
     kn_stall recent[KN_SENTINEL_RECENT]; // the judge's, as all below

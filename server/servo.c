@@ -1,6 +1,8 @@
 #include "server/servo.h"
+#include "core/turn.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
+#include "server/clutch.h"
 #include <assert.h>
 #include <math.h>
 #include <string.h>
@@ -86,9 +88,14 @@ static void read_probe(tick *t, int p)
     w->recover = t->in->recover;
     w->change = t->change;
     w->elapsed_ms = t->in->missed < 1000 ? 1 + t->in->missed : 1000;
-    if (w->fresh) *last = *pose;
+    if (w->opened) kn_clutch_open(&t->servo->clutch[p]);
+    if (w->fresh) {
+        *last = *pose;
+        kn_clutch_move(&t->servo->clutch[p], last, &t->servo->tool[p]);
+    }
+    w->clutch = w->live && t->servo->clutch[p].held;
     if (w->opened) tell(t, KNEAD_EVENT_T_KIND_SESSION_OPEN, p);
-    memcpy(w->velocity_m_s, last->velocity_m_s, sizeof w->velocity_m_s);
+    memcpy(w->velocity_m_s, t->servo->tool[p].velocity_m_s, sizeof w->velocity_m_s);
 }
 
 // A tolerance decides what a step takes between its least and its most iterations: neither may be more.
@@ -142,6 +149,19 @@ static void judge_time(tick *t)
     }
 }
 
+// untold: a log must tell every executed tick; without a force record the checkpoint says what was skipped.
+static void tell_checkpoint(tick *t, bool untold)
+{
+    const kn_audit_news *audit = t->servo->audit;
+    kn_event *e = tell(t, KNEAD_EVENT_T_KIND_CHECKPOINT, -1);
+    e->arg[0] = untold ? t->in->missed : 0;
+    if (!audit) return;
+    e->arg[1] = kn_energy_sum(&audit->stored);
+    e->arg[2] = audit->work_j;
+    e->arg[3] = audit->lost_j;
+    e->arg[4] = (double)audit->created;
+}
+
 static void read_all(tick *t)
 {
     kn_servo *servo = t->servo;
@@ -163,10 +183,8 @@ static void read_all(tick *t)
         read_probe(t, p);
         any |= t->watch[p].live;
     }
-    // a log must tell every executed tick: without a force record the checkpoint says what was skipped
     bool untold = t->in->missed > 0 && !any;
-    if (t->in->tick / 1000 != before / 1000 || t->in->tick == 0 || untold)
-        tell(t, KNEAD_EVENT_T_KIND_CHECKPOINT, -1)->arg[0] = untold ? t->in->missed : 0;
+    if (t->in->tick / 1000 != before / 1000 || t->in->tick == 0 || untold) tell_checkpoint(t, untold);
 }
 
 static kn_fault latched(const kn_safety *s) { return s->latched ? s->fault : KN_FAULT_NONE; }
@@ -175,12 +193,13 @@ static void watch_probe(tick *t, int p)
 {
     kn_servo *servo = t->servo;
     kn_safety *s = &servo->safety[p];
-    const kn_pose *last = &servo->last[p];
+    const kn_pose *tool = &servo->tool[p];
     bool was_attached = s->attached;
     kn_fault before = latched(s);
     if (t->watch[p].live && !s->attached)
         t->watch[p].clear =
-            kn_clearance(servo->model, servo->backend->state(servo->backend->self), p, last->position_m) > LIFTED_M;
+            kn_clearance(servo->model, servo->backend->state(servo->backend->self), p, tool->position_m,
+                         tool->orientation_wxyz) > LIFTED_M;
 
     kn_probe_input *input = &t->input.probe[p];
     input->attached = kn_safety_watch(s, &t->watch[p]);
@@ -188,9 +207,11 @@ static void watch_probe(tick *t, int p)
     bool held = s->silent_ms <= s->limits.hold_ms;
     double ahead_s = 1e-3 * (held ? s->silent_ms : s->limits.hold_ms);
     for (int i = 0; i < 3; i++) {
-        input->position_m[i] = last->position_m[i] + ahead_s * last->velocity_m_s[i];
-        input->velocity_m_s[i] = held ? last->velocity_m_s[i] : 0.0;
+        input->position_m[i] = tool->position_m[i] + ahead_s * tool->velocity_m_s[i];
+        input->velocity_m_s[i] = held ? tool->velocity_m_s[i] : 0.0;
     }
+    input->grip = t->watch[p].live && tool->buttons & KN_BUTTON_GRIP;
+    memcpy(input->orientation_wxyz, tool->orientation_wxyz, sizeof input->orientation_wxyz);
 
     if (was_attached && !s->attached) tell(t, KNEAD_EVENT_T_KIND_DETACH, p);
     if (!was_attached && s->attached) tell(t, KNEAD_EVENT_T_KIND_ATTACH, p);
@@ -214,6 +235,7 @@ static void step(tick *t)
         for (int p = 0; p < t->out->probes; p++) kn_safety_trip(&t->servo->safety[p], KN_FAULT_NONFINITE);
         break;
     }
+    if (t->in->now_ns) t->out->stepped_ns = t->in->now_ns();
     t->out->capped = t->output.capped;
     t->servo->capped += t->output.capped;
 }
@@ -225,11 +247,11 @@ static void guard_probe(tick *t, int p)
     static const double none[3] = {0};
     kn_safety *s = &t->servo->safety[p];
     const kn_probe_output *contact = &t->output.probe[p];
-    const kn_pose *last = &t->servo->last[p];
+    const kn_pose *last = &t->servo->last[p], *tool = &t->servo->tool[p];
     kn_force *f = &t->out->force[p];
     // the filter sees what came, the wire only what is a number
     bool sane = !t->diverged && finite3(contact->force_n) && finite3(contact->torque_n_m) &&
-                finite3(contact->position_m) && isfinite(contact->work_j);
+                finite3(contact->position_m) && finite3(contact->orientation_wxyz) && isfinite(contact->work_j);
     const double *force = t->diverged ? none : contact->force_n, *torque = t->diverged ? none : contact->torque_n_m;
     f->flags = kn_safety_filter(s, &t->watch[p], force, torque, f->force_n, f->torque_n_m);
     if (latched(s) && latched(s) != t->fault[p]) tell(t, KNEAD_EVENT_T_KIND_FAULT, p)->arg[0] = s->fault;
@@ -239,11 +261,13 @@ static void guard_probe(tick *t, int p)
     f->sent_ns = last->sent_ns;
     f->gain = s->gain;
     f->fault = (int32_t)s->fault;
-    memcpy(f->proxy_position_m, last->position_m, sizeof f->proxy_position_m);
+    memcpy(f->proxy_position_m, tool->position_m, sizeof f->proxy_position_m);
+    kn_turn_unit(tool->orientation_wxyz, f->proxy_orientation_wxyz);
     if (s->attached && sane) {
         memcpy(f->contact_force_n, contact->force_n, sizeof f->contact_force_n);
         memcpy(f->contact_torque_n_m, contact->torque_n_m, sizeof f->contact_torque_n_m);
         memcpy(f->proxy_position_m, contact->position_m, sizeof f->proxy_position_m);
+        memcpy(f->proxy_orientation_wxyz, contact->orientation_wxyz, sizeof f->proxy_orientation_wxyz);
         f->energy_j = contact->work_j;
         f->contacts = contact->contacts;
     }
@@ -252,6 +276,19 @@ static void guard_probe(tick *t, int p)
     if (t->output.capped) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_CAPPED;
     if (t->servo->quality != t->servo->asked) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_REDUCED;
     if (t->in->stop) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_STOPPING;
+}
+
+// What a client replays: the physics by the backend, whose answer it is by us.
+static void tell_contact(tick *t, int p)
+{
+    kn_backend *b = t->servo->backend;
+    kn_contact_unit *unit = &t->out->contact[p];
+    const kn_force *f = &t->out->force[p];
+    if (t->servo->safety[p].attached && !t->diverged) b->contact(b->self, p, unit);
+    unit->session = f->session;
+    unit->pose_seq = f->seq;
+    unit->generation = t->servo->generation;
+    unit->flags = f->flags;
 }
 
 static bool at_rest(const kn_safety *s)
@@ -265,6 +302,7 @@ void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out)
     out->tick = in->tick;
     out->missed = in->missed;
     out->probes = servo->model->def.probe_count;
+    out->local = servo->backend->contact != NULL;
     tick t = {.servo = servo, .in = in, .out = out};
 
     read_all(&t);
@@ -273,6 +311,7 @@ void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out)
     out->stopped = in->stop;
     for (int p = 0; p < out->probes; p++) {
         guard_probe(&t, p);
+        if (out->local) tell_contact(&t, p);
         out->stopped &= at_rest(&servo->safety[p]);
     }
     servo->ticks++;

@@ -12,6 +12,7 @@
 // forces holds, by their echoes, all of these, and replays to the bit. One thing depends on a clock: KN_OVER_TICKS
 // ticks running that took longer than the scene's budget_s make the next one take the next lower point of quality. That
 // tick says so in an event, by which a replay does the same without a clock. No point is taken back by itself.
+#include "core/energy.h"
 #include "core/safety.h"
 #include "core/scene/scene.h"
 #include "server/backend/backend.h"
@@ -22,6 +23,15 @@ typedef struct kn_pose { // a validated pose: finite, unit quaternion, inside th
     double position_m[3], orientation_wxyz[4], velocity_m_s[3];
     int32_t buttons;
 } kn_pose;
+
+#define KN_BUTTON_CLUTCH 1 // bits of buttons: the device moves, the tool stays
+#define KN_BUTTON_GRIP 2   // the contact is tied to the tool, up to the probe's grip
+
+typedef struct kn_clutch { // see clutch.h
+    bool held;
+    double offset_m[3], turn_wxyz[4];  // from device to tool
+    double stays_m[3], stays_wxyz[4];  // while held: where the tool does
+} kn_clutch;
 
 #define KN_OVER_TICKS 10 // a slow tick or two are the machine's; ten running are too much work for it
 
@@ -40,6 +50,7 @@ typedef struct kn_tick_in {
     kn_take take;
     kn_quality quality;           // to take; one of the scene's live points
     int64_t execution_ns;         // of the last tick, read to publish; 0: no clock, nothing is judged by it
+    int64_t (*now_ns)(void);      // CLOCK_MONOTONIC, for stamps in out; NULL: no clock
     int64_t deadline_ns;          // CLOCK_MONOTONIC: by then the backend answers or its last answer stands; 0: no clock
     const kn_pose *pose[KN_PROBES_MAX]; // the latest pose of each probe, NULL: no session (none yet, or silent for 1 s)
     bool fresh[KN_PROBES_MAX];          // that pose was not used by an earlier tick
@@ -50,7 +61,7 @@ typedef struct kn_force { // one probe's answer; everything contact_force_t need
     int64_t session, seq, sent_ns;
     double contact_force_n[3], contact_torque_n_m[3];
     double force_n[3], torque_n_m[3];
-    double proxy_position_m[3];
+    double proxy_position_m[3], proxy_orientation_wxyz[4];
     double gain, energy_j, residual;
     int32_t contacts, flags, fault;
 } kn_force;
@@ -68,8 +79,11 @@ typedef struct kn_tick_out {
     int32_t missed;
     int probes;
     kn_force force[KN_PROBES_MAX];
+    bool local; // the backend identifies local models: contact holds one of every probe with a session
+    kn_contact_unit contact[KN_PROBES_MAX];
     int event_count;
     kn_event event[KN_EVENTS_PER_TICK];
+    int64_t stepped_ns; // when the backend had answered; 0: no clock
     bool capped;
     bool stopped; // every gain is zero after stop was asked: the loop may end
 } kn_tick_out;
@@ -78,8 +92,11 @@ typedef struct kn_servo { // plain data but for the backend
     const kn_scene *scene;
     const kn_model *model;
     kn_backend *backend;
+    const kn_audit_news *audit; // of the lattice, told by checkpoints; NULL: nobody audits
     kn_safety safety[KN_PROBES_MAX];
     kn_pose last[KN_PROBES_MAX]; // last pose used, session 0: none
+    kn_pose tool[KN_PROBES_MAX]; // what the clutch made of it
+    kn_clutch clutch[KN_PROBES_MAX];
     int64_t ticks;               // executed; the counters below are since init, too
     int64_t capped;              // solver stopped at its iteration cap
     int64_t late;                // backend missed its deadline

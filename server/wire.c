@@ -12,7 +12,6 @@ void kn_wire_force(knead_contact_force_t *message, const kn_tick_out *tick, int 
         .sent_ns = f->sent_ns,
         .tick = tick->tick,
         .execution_ns = execution_ns,
-        .proxy_orientation_wxyz = {1.0, 0.0, 0.0, 0.0}, // plate and sphere do not turn
         .gain = f->gain,
         .energy_j = f->energy_j,
         .residual = f->residual,
@@ -27,6 +26,51 @@ void kn_wire_force(knead_contact_force_t *message, const kn_tick_out *tick, int 
     memcpy(message->force_n, f->force_n, sizeof message->force_n);
     memcpy(message->torque_n_m, f->torque_n_m, sizeof message->torque_n_m);
     memcpy(message->proxy_position_m, f->proxy_position_m, sizeof message->proxy_position_m);
+    memcpy(message->proxy_orientation_wxyz, f->proxy_orientation_wxyz, sizeof message->proxy_orientation_wxyz);
+}
+
+#define SAME_FIELDS(X)                                                                                                 \
+    X(session) X(pose_seq) X(generation) X(flags) X(contact_index) X(contact_count) X(force_n) X(proxy_velocity_m_s)   \
+    X(a_n_s_per_m) X(h_n) X(c2_n_s_per_m) X(k1_n_per_m) X(k_vc_n_per_m) X(b_vc_n_s_per_m) X(friction) X(valid_ms)
+#define SAME_VECTORS(X) X(proxy_m) X(normal) X(friction_anchor_m)
+
+void kn_wire_contact(knead_contact_model_t *message, const kn_contact_unit *unit, int64_t utime)
+{
+    *message = (knead_contact_model_t){.utime = utime, .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE};
+#define TO_WIRE(name) message->name = unit->name;
+    SAME_FIELDS(TO_WIRE)
+#undef TO_WIRE
+#define TO_WIRE(name) memcpy(message->name, unit->name, sizeof message->name);
+    SAME_VECTORS(TO_WIRE)
+#undef TO_WIRE
+}
+
+void kn_wire_unit(kn_contact_unit *unit, const knead_contact_model_t *message)
+{
+    *unit = (kn_contact_unit){.utime = message->utime};
+#define FROM_WIRE(name) unit->name = message->name;
+    SAME_FIELDS(FROM_WIRE)
+#undef FROM_WIRE
+#define FROM_WIRE(name) memcpy(unit->name, message->name, sizeof unit->name);
+    SAME_VECTORS(FROM_WIRE)
+#undef FROM_WIRE
+}
+
+void kn_wire_touch(knead_touch_patch_t *message, const kn_touch *touch, int64_t session, int64_t pose_seq,
+                   int64_t utime)
+{
+    *message = (knead_touch_patch_t){
+        .utime = utime,
+        .session = session,
+        .pose_seq = pose_seq,
+        .area_m2 = touch->area_m2,
+        .peak_pressure_pa = touch->peak_pressure_pa,
+        .frame = KNEAD_TOUCH_PATCH_T_FRAME_TOOL,
+    };
+    memcpy(message->centre_m, touch->centre_m, sizeof message->centre_m);
+    memcpy(message->normal, touch->normal, sizeof message->normal);
+    memcpy(message->slip_velocity_m_s, touch->slip_velocity_m_s, sizeof message->slip_velocity_m_s);
+    memcpy(message->pressure_pa, touch->pressure_pa, sizeof message->pressure_pa);
 }
 
 void kn_wire_event(knead_event_t *message, const kn_event *event, int64_t utime)

@@ -2,7 +2,7 @@
 #define KN_SERVER_BACKEND_H
 // The servo's only way to the lattice. A backend steps the model somewhere: on this processor, in fixed point, on a
 // board. submit never blocks; wait returns by the deadline whatever happened, so the servo never hangs on a device.
-#include "core/step.h"
+#include "core/contact_fit.h"
 #include <stdint.h>
 
 typedef enum kn_backend_status {
@@ -18,6 +18,10 @@ typedef struct kn_backend {
     kn_backend_status (*wait)(void *self, int64_t deadline_ns, kn_output *output); // CLOCK_MONOTONIC deadline
     const kn_state *(*state)(void *self); // the lattice as it stands after the last wait; valid until the next submit
     void (*reset)(void *self);            // object as new
+    // Where local contact models are identified, else NULL: the unit of probe p as of the last wait, its physical
+    // fields; and the part of the work that can wait until the tick's forces are on their way.
+    void (*contact)(void *self, int p, kn_contact_unit *unit);
+    void (*afterwards)(void *self);
     void (*destroy)(void *self);
 } kn_backend;
 
@@ -27,5 +31,8 @@ int kn_backend_steps(double dt_s);
 // On this processor, in the caller's thread: submit takes the steps of one tick, wait returns at once. Borrows model.
 // False when memory is short or kn_backend_steps(model's dt) is 0.
 bool kn_backend_cpu(kn_backend *backend, const kn_model *model);
+
+// Has that backend identify local contact models; device: see kn_contact_fit_create, as is what false means.
+bool kn_backend_cpu_identify(kn_backend *backend, kn_coupling device);
 
 #endif

@@ -8,6 +8,7 @@ typedef struct cpu {
     const kn_model *model;
     kn_state *state;
     int steps; // of the model in one tick
+    kn_contact_fit *fit; // NULL: nobody asked
     kn_output output;
     kn_backend_status status;
 } cpu;
@@ -29,6 +30,7 @@ static void cpu_submit(void *self, const kn_input *input)
     kn_status status = KN_OK;
     for (int i = 0; i < c->steps && status == KN_OK; i++) {
         status = kn_step(c->model, c->state, input, &c->output);
+        if (c->fit) kn_contact_fit_step(c->fit, c->state, input, &c->output);
         residual = fmax(residual, c->output.residual);
         capped |= c->output.capped;
     }
@@ -51,11 +53,31 @@ static void cpu_reset(void *self)
 {
     cpu *c = self;
     kn_state_reset(c->model, c->state);
+    if (c->fit) kn_contact_fit_reset(c->fit);
+}
+
+static void cpu_contact(void *self, int p, kn_contact_unit *unit) { kn_contact_fit_unit(((cpu *)self)->fit, p, unit); }
+
+static void cpu_afterwards(void *self)
+{
+    cpu *c = self;
+    if (c->status == KN_BACKEND_OK) kn_contact_fit_iterate(c->fit, c->state);
+}
+
+bool kn_backend_cpu_identify(kn_backend *backend, kn_coupling device)
+{
+    cpu *c = backend->self;
+    if (!c->fit) c->fit = kn_contact_fit_create(c->model, device);
+    if (!c->fit) return false;
+    backend->contact = cpu_contact;
+    backend->afterwards = cpu_afterwards;
+    return true;
 }
 
 static void cpu_destroy(void *self)
 {
     cpu *c = self;
+    kn_contact_fit_destroy(c->fit);
     kn_state_destroy(c->state);
     free(c);
 }

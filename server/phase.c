@@ -1,0 +1,110 @@
+#include "server/phase.h"
+#include <math.h>
+#include <stdlib.h>
+
+static const double period_ns = KN_PERIOD_NS;
+static const double outlier_ns = 100000;  // a pose further from the centre moves it by this much
+static const double settled_ns = 20000;   // nearer to its place, the margin is judged
+static const int64_t stall_ns = 500000;   // a tick this late says nothing of where the poses are
+
+void kn_phase_init(kn_phase *phase)
+{
+    *phase = (kn_phase){.probe = -1, .margin_ns = KN_PHASE_MARGIN_NS};
+}
+
+static double clamp(double x, double limit) { return fmax(-limit, fmin(limit, x)); }
+
+// Onto the circle of one period, -period/2 .. period/2.
+static double wrap(double ns) { return ns - period_ns * rint(ns / period_ns); }
+
+static int choose(const kn_phase *phase, const kn_arrival *arrival, int probes)
+{
+    int live = -1, engaged = -1;
+    for (int p = probes - 1; p >= 0; p--) {
+        if (arrival[p].session) live = p;
+        if (arrival[p].session && arrival[p].engaged) engaged = p;
+    }
+    int now = phase->probe;
+    bool stays = now >= 0 && now < probes && arrival[now].session && (arrival[now].engaged || engaged < 0);
+    return stays ? now : engaged >= 0 ? engaged : live;
+}
+
+static void take_driver(kn_phase *phase, int probe, int64_t session)
+{
+    if (probe == phase->probe && session == phase->session) return;
+    phase->probe = probe;
+    phase->session = session;
+    phase->locked = false;
+    phase->before_ns = 0;
+    phase->steady = 0;
+    phase->run_ns = phase->run = 0;
+    phase->lost = false;
+    phase->spread_ns = period_ns / 4; // no rhythm until it has shown one: 0.12 s
+    phase->centre_ns = NAN;           // the first pose's
+}
+
+// Where the poses are, from one of them.
+static void observe(kn_phase *phase, double wait_ns)
+{
+    if (isnan(phase->centre_ns)) phase->centre_ns = wait_ns;
+    double off_ns = wrap(wait_ns - phase->centre_ns);
+    phase->centre_ns = wrap(phase->centre_ns + clamp(off_ns, outlier_ns) / 32);
+    phase->spread_ns += (fabs(off_ns) - phase->spread_ns) / 128;
+    phase->locked = !phase->lost && phase->spread_ns < (phase->locked ? KN_PHASE_LOSE_NS : KN_PHASE_LOCK_NS);
+}
+
+// A quantile of the waits without their histogram: up for what came too late, down for all others, in such a ratio
+// that both even out where the wanted share of them is late.
+static void judge_margin(kn_phase *phase, double wait_ns)
+{
+    if (!phase->locked || fabs(wrap(phase->centre_ns - phase->margin_ns)) > settled_ns) return;
+    if (wait_ns < -KN_PHASE_MARGIN_MAX) return; // no margin that we would grant had caught it
+    double late = phase->steady >= KN_PHASE_STEADY ? KN_PHASE_LATE_HELD : KN_PHASE_LATE;
+    double margin_ns = phase->margin_ns + 1000 * (wait_ns < 0 ? 1 - late : -late);
+    phase->margin_ns = fmax(KN_PHASE_MARGIN_MIN, fmin(KN_PHASE_MARGIN_MAX, margin_ns));
+}
+
+static void take_wait(kn_phase *phase, int64_t ns)
+{
+    double wait_ns = wrap((double)ns);
+    observe(phase, wait_ns);
+    judge_margin(phase, wait_ns);
+}
+
+static int64_t move_grid(kn_phase *phase)
+{
+    int64_t move_ns = llrint(clamp(wrap(phase->margin_ns - phase->centre_ns), KN_PHASE_SLEW_NS));
+    phase->centre_ns = wrap(phase->centre_ns + (double)move_ns);
+    phase->run_ns += move_ns;
+    if (++phase->run < KN_PHASE_RUN_TICKS) return move_ns;
+    phase->lost = llabs(phase->run_ns) > KN_PHASE_RUN_NS;
+    phase->run_ns = phase->run = 0;
+    return move_ns;
+}
+
+int kn_phase_awaits(const kn_phase *phase)
+{
+    return phase->locked && phase->steady >= KN_PHASE_STEADY ? phase->probe : -1;
+}
+
+int64_t kn_phase_tick(kn_phase *phase, const kn_arrival *arrival, int probes, const kn_wake *wake)
+{
+    int driver = choose(phase, arrival, probes);
+    take_driver(phase, driver, driver < 0 ? 0 : arrival[driver].session);
+    if (driver < 0) return 0;
+    phase->driven++;
+    phase->followed += phase->locked;
+    phase->held += wake->held_ns > 0;
+    int64_t woke_ns = wake->now_ns - wake->held_ns;
+    int64_t before_ns = phase->before_ns;
+    phase->before_ns = arrival[driver].fresh ? 0 : woke_ns;
+    phase->steady += arrival[driver].fresh ? 1 : -KN_PHASE_STEADY_LOSS;
+    if (phase->steady > KN_PHASE_STEADY_MAX) phase->steady = KN_PHASE_STEADY_MAX;
+    if (phase->steady < 0) phase->steady = 0;
+    if (!arrival[driver].fresh || wake->missed || wake->late_ns > stall_ns) return 0;
+
+    const kn_arrival *a = &arrival[driver];
+    if (before_ns && a->earlier_ns > before_ns) take_wait(phase, before_ns - a->earlier_ns);
+    take_wait(phase, woke_ns - a->arrived_ns);
+    return phase->locked ? move_grid(phase) : 0;
+}

@@ -1,0 +1,61 @@
+#include "server/trace.h"
+#include <errno.h>
+#include <inttypes.h>
+#include <string.h>
+
+#define ROWS 4096 // a second of four probes: a disk under load may take as long
+
+typedef struct row {
+    char probe[KN_NAME_MAX];
+    int64_t tick, session, seq, arrived_ns, woke_ns, stepped_ns, guarded_ns;
+} row;
+
+bool kn_trace_open(kn_trace *trace, const char *path, char *error, size_t error_size)
+{
+    *trace = (kn_trace){0};
+    if (!path) return true;
+    trace->file = fopen(path, "we");
+    if (trace->file && kn_ring_init(&trace->rows, ROWS, sizeof(row))) {
+        fputs("tick,probe,session,seq,arrived_ns,woke_ns,stepped_ns,guarded_ns\n", trace->file);
+        return true;
+    }
+    snprintf(error, error_size, "--trace %s: %s", path, strerror(errno));
+    kn_trace_close(trace);
+    return false;
+}
+
+void kn_trace_record(kn_trace *trace, const kn_record *record, const kn_model_def *def)
+{
+    for (int p = 0; trace->file && p < record->out.probes; p++) {
+        const kn_force *force = &record->out.force[p];
+        if (!force->live) continue;
+        row r = {.tick = record->out.tick,
+                 .session = force->session,
+                 .seq = force->seq,
+                 .arrived_ns = record->posted_ns[p],
+                 .woke_ns = record->wake.now_ns,
+                 .stepped_ns = record->out.stepped_ns,
+                 .guarded_ns = record->guarded_ns};
+        memcpy(r.probe, def->probe[p].name, sizeof r.probe);
+        trace->lost += !kn_ring_push(&trace->rows, &r);
+    }
+}
+
+void kn_trace_drain(kn_trace *trace)
+{
+    for (const row *r; trace->file && (r = kn_ring_front(&trace->rows)); kn_ring_pop(&trace->rows))
+        trace->failed |= fprintf(trace->file,
+                                 "%" PRId64 ",%s,%" PRId64 ",%" PRId64 ",%" PRId64 ",%" PRId64 ",%" PRId64 ",%" PRId64
+                                 "\n",
+                                 r->tick, r->probe, r->session, r->seq, r->arrived_ns, r->woke_ns, r->stepped_ns,
+                                 r->guarded_ns) < 0;
+}
+
+bool kn_trace_close(kn_trace *trace)
+{
+    kn_trace_drain(trace);
+    if (trace->file) trace->failed |= fclose(trace->file) != 0;
+    kn_ring_free(&trace->rows);
+    trace->file = NULL;
+    return !trace->failed;
+}
