@@ -4,9 +4,12 @@
 #include "clients/knead/cost.h"
 #include "clients/knead/like.h"
 #include "core/composite.h"
+#include "core/field.h"
 #include "core/impact.h"
 #include "core/kernel.h"
 #include "core/scene/scene.h"
+#include "core/shape.h"
+#include "core/tool.h"
 #include <getopt.h>
 #include <math.h>
 #include <stdio.h>
@@ -91,11 +94,13 @@ static void print_block(const kn_scene *scene, const kn_model *model)
 static void print_object(const kn_scene *scene, const kn_model *model)
 {
     const kn_model_def *def = &scene->model;
-    static const char *const support[] = {"bonded", "frictionless", "none"};
+    static const char *const support[] = {"bonded", "frictionless", "none", "a table with friction"};
     if (def->mesh) print_net(model);
     else print_block(scene, model);
     printf("frame     scene: right-handed, z up, metres, origin at the centre of the object's base\n");
-    printf("support   %s; gravity %g m/s^2 along -z\n", support[def->support], def->gravity_m_s2);
+    printf("support   %s", support[def->support]);
+    if (def->support == KN_SUPPORT_FRICTION) printf(" %g", def->support_friction);
+    printf("; gravity %g m/s^2 along -z\n", def->gravity_m_s2);
 }
 
 // Second paper, equations 6 and 8: two dampers in series are one, c = c1 c2/(c1 + c2), and c1 hardly counts where it is
@@ -223,29 +228,100 @@ static void print_quality(const kn_scene *scene, const kn_model *model)
     }
 }
 
+// Of the hand's side: the coupling, and what the object's force is to it.
+static void print_coupling(const kn_scene *scene)
+{
+    const kn_device_def *d = &scene->device;
+    double bound = kn_coupling_delayed(d->damping_n_s_m, 1e-3, d->round_trip_s, d->hand.damping_n_s_m);
+    printf("          coupling %g N/m, %g N s/m at a round trip of %g ms", d->hand.stiffness_n_m,
+           d->hand.damping_n_s_m, 1e3 * d->round_trip_s);
+    if (d->force_scale != 1.0 || d->scale != 1.0)
+        printf("; in the scene %g N/m, %g N s/m", d->coupling_n_m, d->coupling_n_s_m);
+    printf("\n");
+    if (d->force_scale != 1.0)
+        printf("          the hand is given %g of the force: %g N of the object reach the clamp\n", d->force_scale,
+               d->force_limit_n / d->force_scale);
+    if (d->hand.stiffness_n_m > bound)
+        printf("warning   such a device bears a coupling of %.3g N/m at most: it will buzz at a wall\n", bound);
+}
+
 static void print_device(const kn_scene *scene)
 {
     const kn_safety_limits *l = &scene->limits;
-    printf("device    %s: clamp %g N and %g N m, guard %g N/ms, brake above %g m/s with %g N s/m\n", scene->device,
+    printf("device    %s: clamp %g N and %g N m, guard %g N/ms, brake above %g m/s with %g N s/m\n", scene->device.name,
            l->clamp_n, l->torque_clamp_n_m, l->guard_n_per_ms, l->brake_m_s, l->brake_n_s_per_m);
     printf("          without poses: hold %d ms, zero by %d ms; back after %d ms of poses, gain up in %d ms\n",
            l->hold_ms, l->zero_ms, l->flow_ms, l->ramp_up_ms);
+    print_coupling(scene);
     printf("mesh      %g Hz\n", scene->mesh_hz);
 }
 
-static void print_probe(const kn_model_def *def, const kn_probe_def *p)
+static void print_field(const kn_field *f)
 {
-    double h = def->spacing_m;
-    if (p->shape == KN_PROBE_PLATE) {
-        printf("probe     %s: plate %g x %g mm\n", p->name, 1e3 * p->size_m[0], 1e3 * p->size_m[1]);
-        if (p->size_m[0] < h || p->size_m[1] < h)
-            printf("warning   %s is narrower than the spacing: it may pass between nodes\n", p->name);
-    } else {
-        printf("probe     %s: sphere of radius %g mm, foundation %g N/m^3\n", p->name, 1e3 * p->radius_m,
-               p->foundation_n_m3);
-        if (p->radius_m < 1.5 * h * (1 - 1e-9))
-            printf("warning   %s is smaller than 1.5 spacings (%g mm): it feels the cells\n", p->name, 1.5e3 * h);
+    printf("mesh of %d triangles, %.4g x %.4g x %.4g mm, in a grid of %.3g mm, %.2g MB", f->triangle_count,
+           1e3 * (f->box_m[1][0] - f->box_m[0][0]), 1e3 * (f->box_m[1][1] - f->box_m[0][1]),
+           1e3 * (f->box_m[1][2] - f->box_m[0][2]), 1e3 * f->cell_m, 4e-6 * f->n[0] * f->n[1] * f->n[2]);
+}
+
+static void print_size(const kn_probe_def *p)
+{
+    const double *size = p->size_m, r = 1e3 * p->radius_m, l = 1e3 * p->length_m;
+    switch (p->shape) {
+    case KN_PROBE_PLATE: printf("plate %g x %g mm", 1e3 * size[0], 1e3 * size[1]); return;
+    case KN_PROBE_SPHERE: printf("sphere of radius %g mm", r); return;
+    case KN_PROBE_CAPSULE: printf("capsule of radius %g mm, axis %g mm", r, l); return;
+    case KN_PROBE_CYLINDER: printf("cylinder of radius %g mm, %g mm high", r, l); return;
+    case KN_PROBE_MESH:
+        print_field(p->parts->part[0].field);
+        return;
+    case KN_PROBE_UNION:
+        printf("union of %d part%s, %.4g x %.4g x %.4g mm", p->parts->part_count, p->parts->part_count > 1 ? "s" : "",
+               1e3 * kn_shape_span(p->parts, 0), 1e3 * kn_shape_span(p->parts, 1), 1e3 * kn_shape_span(p->parts, 2));
+        return;
+    default:
+        printf("%s %g x %g x %g mm", p->shape == KN_PROBE_BOX ? "box" : "cross", 1e3 * size[0], 1e3 * size[1],
+               1e3 * size[2]);
     }
+}
+
+static void print_touch(const kn_probe_def *p)
+{
+    printf(", foundation %g N/m^3", p->foundation_n_m3);
+    if (p->friction > 0) printf(", friction %g", p->friction);
+    if (p->adhesion_pa > 0) printf(", adhesion %g Pa", p->adhesion_pa);
+    if (p->grip_n > 0) printf(", grip up to %g N", p->grip_n);
+    if (p->coupling_n_m > 0)
+        printf("\n          coupled to its pose by %g N/m and %g N s/m, turns by %g N m/rad", p->coupling_n_m,
+               p->coupling_n_s_m, KN_COUPLING_ARM_M * KN_COUPLING_ARM_M * p->coupling_n_m);
+    else printf(", follows its pose");
+}
+
+// Largest radius of what is round of it, of a file's surface of the ball inside; infinite: it has a flat face.
+static double roundest_m(const kn_shape *shape)
+{
+    double most_m = 0;
+    for (int i = 0; i < shape->part_count; i++) {
+        const kn_solid *s = &shape->part[i];
+        if (s->kind == KN_SOLID_FIELD) most_m = fmax(most_m, s->field->fine_m);
+        else if (s->kind == KN_SOLID_CYLINDER) most_m = fmax(most_m, s->half_m[0] + s->radius_m);
+        else if (s->kind == KN_SOLID_BOX) return INFINITY;
+        else most_m = fmax(most_m, s->radius_m);
+    }
+    return most_m;
+}
+
+static void print_probe(const kn_model *model, int index)
+{
+    const kn_probe_def *p = &model->def.probe[index];
+    double h = model->def.spacing_m;
+    printf("probe     %s: ", p->name);
+    print_size(p);
+    if (p->shape != KN_PROBE_PLATE) print_touch(p);
+    printf("\n");
+    if (p->shape == KN_PROBE_PLATE ? p->size_m[0] < h || p->size_m[1] < h : model->shape[index].fine_m < 0.5 * h)
+        printf("warning   %s is narrower than the spacing: it may pass between nodes\n", p->name);
+    else if (p->shape != KN_PROBE_PLATE && roundest_m(&model->shape[index]) < 1.5 * h * (1 - 1e-9))
+        printf("warning   %s is smaller than 1.5 spacings (%g mm): it feels the cells\n", p->name, 1.5e3 * h);
 }
 
 // Sides and gas alone let cells lean; rounding decides which way, and how far depends on it (measured: nodes moved by 2
@@ -271,7 +347,7 @@ static void print_scene(const kn_scene *scene, const kn_model *model)
     print_solver(model);
     print_quality(scene, model);
     print_device(scene);
-    for (int p = 0; p < def->probe_count; p++) print_probe(def, &def->probe[p]);
+    for (int p = 0; p < def->probe_count; p++) print_probe(model, p);
     if (def->probe_count == 0) printf("warning   no probe: nothing can touch the object\n");
     if (def->support == KN_SUPPORT_NONE && def->gravity_m_s2 > 0)
         printf("warning   nothing holds the object: it falls\n");

@@ -2,14 +2,16 @@
 #include "core/composite.h"
 #include "core/contact.h"
 #include "core/impact.h"
+#include "core/kernel.h"
+#include "core/shape.h"
 
 #include <math.h>
 #include <stdio.h>
 
 // ns per lane of the padded lattice, by instruction set (base, avx2, avx512) and precision: edges once, a CG iteration.
 // Measured on one core of a Sapphire Rapids; without fused operations in the processor they run in software.
-static const double once_ns[3][2] = {{1200, 2700}, {66, 190}, {34, 130}};
-static const double iteration_ns[3][2] = {{100, 170}, {7.2, 15}, {4.3, 8.7}};
+static const double once_ns[3][2] = {{1200, 2700}, {66, 150}, {34, 78}};
+static const double iteration_ns[3][2] = {{100, 190}, {7.2, 18}, {4.3, 11}};
 
 // A net's, per edge; with gas an element is worth two edges.
 #define EDGE_NS 35.0
@@ -29,8 +31,8 @@ static const double gas_ns[] = {0, 6, 4}, gas_iteration_ns[] = {0, 1.8, 0.5};
 
 // Operations and reals moved per edge and per node, counted in core/kernel*.[ch].
 enum {
-    EDGE_FLOPS = 95, LAW_FLOPS = 27, NODE_FLOPS = 60, EDGE_REALS = 5, NODE_REALS = 27,
-    EDGE_ITERATION_FLOPS = 17, NODE_ITERATION_FLOPS = 50, EDGE_ITERATION_REALS = 3, NODE_ITERATION_REALS = 42,
+    EDGE_FLOPS = 95, LAW_FLOPS = 27, NODE_FLOPS = 60, EDGE_REALS = 2, NODE_REALS = 27,
+    EDGE_ITERATION_FLOPS = 17, DIRECTION_FLOPS = 7, NODE_ITERATION_FLOPS = 50, NODE_ITERATION_REALS = 42,
     GAS_FLOPS = 420, GAS_ITERATION_FLOPS = 100, GAS_REALS = 24
 };
 
@@ -53,9 +55,11 @@ static kn_cost_part edges(const kn_model *m)
     double size = f64 ? 8 : 4, nodes = (double)kn_model_field(m, 1), edges = (double)m->edge_reals;
     snprintf(p.name, sizeof p.name, "edges, %s%s", law[m->law.kind], m->law.stroke ? " with stops" : "");
     p.once.flops = edges * (EDGE_FLOPS + (table ? LAW_FLOPS : 0)) + nodes * NODE_FLOPS;
-    p.once.bytes = size * (edges * (EDGE_REALS - (m->law.kind == KN_LAW_VOIGT ? 2 : 0)) + nodes * NODE_REALS);
+    const int kept = kn_work_edge(m);
+    p.once.bytes = size * (edges * (kept + (m->law.kind == KN_LAW_VOIGT ? 0 : EDGE_REALS)) + nodes * NODE_REALS);
     p.iteration.flops = edges * EDGE_ITERATION_FLOPS + nodes * NODE_ITERATION_FLOPS;
-    p.iteration.bytes = size * (edges * EDGE_ITERATION_REALS + nodes * NODE_ITERATION_REALS);
+    if (kept == 1) p.iteration.flops += edges * DIRECTION_FLOPS;
+    p.iteration.bytes = size * (edges * kept + nodes * NODE_ITERATION_REALS);
     if (m->def.mesh) {
         p.once.us = 1e-3 * m->edge_count * (EDGE_NS + (kn_cost_newton(m) ? NEWTON_NS / KN_FORWARD : 0));
         p.iteration.us = 1e-3 * m->edge_count * EDGE_ITERATION_NS;
@@ -87,21 +91,41 @@ static kn_cost_part gas(const kn_model *m)
     return p;
 }
 
-// A plate costs what finding its nodes does, and the second law of the edges on them. A ball: its samples, when it is
-// pressed in by half its radius.
-static kn_cost_part contact(const kn_model *m, const kn_probe_def *probe)
+// Of the skin that a tool touches: a ball or fingertip pressed in by half its radius, a union with half of the rectangle
+// around it, the others with all of their face.
+static double touched_m2(const kn_probe_def *probe)
 {
+    const double r = probe->radius_m, *size = probe->size_m;
+    switch (probe->shape) {
+    case KN_PROBE_BOX: return size[0] * size[1];
+    case KN_PROBE_CROSS: return 2 * size[0] * size[1] - size[1] * size[1];
+    case KN_PROBE_CYLINDER: return 3.1416 * r * r;
+    case KN_PROBE_UNION:
+    case KN_PROBE_MESH: return 0.5 * kn_shape_span(probe->parts, 0) * kn_shape_span(probe->parts, 1);
+    default: return 3.1416 * 0.75 * r * r;
+    }
+}
+
+// A plate costs what finding its nodes does, and the second law of the edges on them; any other shape its samples. Each
+// looks for its cone where there is friction, and twice where its tool is coupled.
+static kn_cost_part contact(const kn_model *m, int index)
+{
+    static const char *const shape[] = {"plate", "ball", "capsule", "box", "cross", "cylinder", "union", "mesh"};
+    const kn_probe_def *probe = &m->def.probe[index];
     kn_cost_part p = {.contact = true};
-    double h = m->def.spacing_m, r = probe->radius_m;
+    double h = m->def.spacing_m;
     if (probe->shape == KN_PROBE_PLATE) {
         snprintf(p.name, sizeof p.name, "plate %s", probe->name);
         p.once = (kn_cost){24.0 * m->top_count, 12.0 * m->top_count, 0.02 * m->top_count};
         return p;
     }
-    double per = r > 4 * h ? 2 : 4, samples = 3.1416 * 0.75 * r * r / (h * h) * per * per;
-    snprintf(p.name, sizeof p.name, "ball %s, half in: %.0f samples", probe->name, samples);
-    p.once = (kn_cost){samples * sizeof(kn_sample), samples * 250, samples * 0.12};
-    p.iteration = (kn_cost){samples * sizeof(kn_sample), samples * 108, samples * 0.012};
+    double per = m->shape[index].fine_m > 4 * h ? 2 : 4, more = 1 + (probe->coupling_n_m > 0) + (probe->friction > 0);
+    double extent_m[3];
+    kn_model_def_extent(&m->def, extent_m);
+    double samples = fmin(touched_m2(probe), extent_m[0] * extent_m[1]) / (h * h) * per * per;
+    snprintf(p.name, sizeof p.name, "%s %s, half in: %.0f samples", shape[probe->shape], probe->name, samples);
+    p.once = (kn_cost){samples * sizeof(kn_sample), samples * 250 * more, samples * 0.12 * more};
+    p.iteration = (kn_cost){samples * sizeof(kn_sample), samples * 108 * more, samples * 0.012 * more};
     return p;
 }
 
@@ -110,7 +134,7 @@ int kn_cost_parts(const kn_model *model, kn_cost_part part[KN_COST_PARTS])
     int count = 0;
     part[count++] = edges(model);
     if (model->def.pressure != KN_PRESSURE_NONE) part[count++] = gas(model);
-    for (int p = 0; p < model->def.probe_count; p++) part[count++] = contact(model, &model->def.probe[p]);
+    for (int p = 0; p < model->def.probe_count; p++) part[count++] = contact(model, p);
     return count;
 }
 

@@ -64,9 +64,7 @@ static int try_log(const kn_crew *c)
     kn_run_sets sets;
     kn_run_sets_make(&sets, &c->plan->run[0]);
     kn_replay_def def = {c->plan->log_path, in_folder(c, "scene.yaml", "", scene), sets.set, sets.count, true};
-    kn_replay *replay = kn_replay_create(&def, error, sizeof error);
-    bool fit = replay && kn_origin_check(replay, c->plan, error, sizeof error);
-    kn_replay_destroy(replay);
+    bool fit = kn_origin_check(&def, c->plan->scene_path, c->plan->scene, error, sizeof error);
     static const char ours[] = "scene.yaml: "; // to whom the command was given the scene has another name
     if (fit) return KN_EXIT_OK;
     if (strncmp(error, ours, sizeof ours - 1) != 0) return kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
@@ -201,10 +199,27 @@ static int write_jobs(const kn_crew *c)
     return list && fclose(list) == 0 && ok ? jobs : -1;
 }
 
-// In the child: becomes parallel, which ends with us.
+// Of a sweep on another host, in the home there. No other sweep has it, from whatever machine: it goes with all it has.
+static const char *folder_there(const kn_crew *c, char name[40])
+{
+    snprintf(name, 40, "knead-sweep-%llx", (unsigned long long)c->sitting);
+    return name;
+}
+
+// In the child: parallel ends with us.
+static void become(const kn_crew *c, const char *const *argv)
+{
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
+    int null = open("/dev/null", O_RDWR);
+    dup2(null, STDIN_FILENO);
+    dup2(null, STDOUT_FILENO);
+    if (chdir(c->folder.path) == 0) execvp("parallel", (char *const *)argv);
+    _exit(127);
+}
+
 static void become_parallel(const kn_crew *c)
 {
-    char jobs[16], folder[32], program[PATH_MAX] = "knead"; // of a host: what its PATH has
+    char jobs[16], folder[40], program[PATH_MAX] = "knead"; // of a host: what its PATH has
     const char *argv[40] = {"parallel", "--plain", "--will-cite", "--quote", "--halt", "now,fail=1"};
     int n = 6;
     ssize_t length = c->hosts ? 0 : readlink(kn_job_program, program, sizeof program - 1);
@@ -214,19 +229,27 @@ static void become_parallel(const kn_crew *c)
     if (c->hosts) {
         static const char *const transfer[] = {"--basefile", "scene.yaml", "--basefile", "log.lcmlog", "--transferfile",
                                                "{}", "--return", "{.}.trace", "--cleanup"};
-        snprintf(folder, sizeof folder, "knead-sweep-%d", (int)getppid()); // in the home there; --cleanup removes it
         argv[n++] = "--sshlogin", argv[n++] = c->hosts;
-        argv[n++] = "--workdir", argv[n++] = folder;
+        argv[n++] = "--workdir", argv[n++] = folder_there(c, folder);
         for (size_t i = 0; i < sizeof transfer / sizeof *transfer; i++) argv[n++] = transfer[i];
     }
     const char *const command[] = {program, "tradeoff", "--job", "{}", "::::", "jobs", NULL};
     memcpy(argv + n, command, sizeof command);
-    prctl(PR_SET_PDEATHSIG, SIGTERM);
-    int null = open("/dev/null", O_RDWR);
-    dup2(null, STDIN_FILENO);
-    dup2(null, STDOUT_FILENO);
-    if (chdir(c->folder.path) == 0) execvp("parallel", (char *const *)argv);
-    _exit(127);
+    become(c, argv);
+}
+
+// parallel's own --cleanup leaves everything where a job failed or was interrupted. A host may be gone: 20 s.
+static void clean_hosts(const kn_crew *c)
+{
+    char folder[40];
+    const char *const argv[] = {"parallel", "--plain", "--will-cite", "--timeout", "20", "--nonall", "--sshlogin",
+                                c->hosts, "rm", "-rf", folder_there(c, folder), NULL};
+    pid_t child = fork();
+    if (child == 0) {
+        dup2(open("/dev/null", O_WRONLY), STDERR_FILENO); // what is wrong with a host has been said
+        become(c, argv);
+    }
+    while (child > 0 && waitpid(child, NULL, 0) < 0 && errno == EINTR) continue;
 }
 
 static int count_traces(const kn_crew *c)
@@ -251,17 +274,25 @@ static int attend(const kn_crew *c, pid_t child)
     return WIFEXITED(status) ? WEXITSTATUS(status) : 128;
 }
 
+static bool has_files(const kn_scene *scene)
+{
+    bool any = scene->mesh != NULL;
+    for (int p = 0; p < scene->model.probe_count; p++) any |= scene->model.probe[p].shape == KN_PROBE_MESH;
+    return any;
+}
+
 static int play_in_parallel(kn_crew *c)
 {
-    if (c->hosts && c->plan->scene->mesh)
+    if (c->hosts && has_files(c->plan->scene))
         return kn_complain("tradeoff", KN_EXIT_USAGE,
-                           "--hosts: does not send meshes, expected a scene without object.mesh");
+                           "--hosts: does not send meshes, expected a scene without object.mesh and tools of files");
     int jobs = write_jobs(c);
     if (jobs < 0) return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: jobs cannot be written", c->folder.path);
     if (jobs == 0) return KN_EXIT_OK;
     pid_t child = fork();
     if (child == 0) become_parallel(c);
     int code = child > 0 ? attend(c, child) : 126;
+    if (c->hosts && code != 0) clean_hosts(c);
     if (stopped) return KN_EXIT_DEVICE;
     if (code == 127)
         return kn_complain("tradeoff", KN_EXIT_DEVICE,

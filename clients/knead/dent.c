@@ -1,4 +1,5 @@
 #include "clients/knead/dent.h"
+#include "clients/knead/foot.h"
 #include "core/surface.h"
 
 bool kn_dent_height(const kn_mesh *mesh, double x_m, double y_m, double *z_m)
@@ -24,20 +25,19 @@ bool kn_dent_height(const kn_mesh *mesh, double x_m, double y_m, double *z_m)
 bool kn_dent_touch(const kn_mesh *mesh, const uint8_t *top, double spacing_m, const kn_probe_def *tool, double x_m,
                    double y_m, double *first_m, double *last_m)
 {
-    bool plate = tool->shape == KN_PROBE_PLATE;
-    double r2 = tool->radius_m * tool->radius_m, slack_m = 0.1 * spacing_m; // as the server's plate has it
-    double reach_m[2] = {0.5 * tool->size_m[0] + slack_m, 0.5 * tool->size_m[1] + slack_m};
+    const bool plate = tool->shape == KN_PROBE_PLATE, flat = kn_foot_flat(tool->shape);
+    const double slack_m = flat ? 0.1 * spacing_m : 0; // as the server's plate has it
     *first_m = -INFINITY, *last_m = INFINITY;
     for (int32_t v = 0; mesh->whole && v < mesh->vertex_count; v++) {
         const float *at = mesh->positions_m + 3 * v;
-        double dx = fabs(at[0] - x_m), dy = fabs(at[1] - y_m), z = at[2], d2 = dx * dx + dy * dy;
-        if (plate && (!top[v] || dx > reach_m[0] || dy > reach_m[1])) continue;
-        if (!plate && d2 > r2) continue;
-        if (!plate) z += sqrt(r2 - d2);
+        if (plate && !top[v]) continue;
+        double dx = copysign(fmax(0, fabs(at[0] - x_m) - slack_m), at[0] - x_m);
+        double dy = copysign(fmax(0, fabs(at[1] - y_m) - slack_m), at[1] - y_m);
+        double z = at[2] + kn_foot_below(tool, dx, dy);
         *first_m = fmax(*first_m, z);
-        *last_m = fmin(*last_m, z);
+        if (flat && top[v] && isfinite(z)) *last_m = fmin(*last_m, z);
     }
-    if (!plate) *last_m = *first_m;
+    *last_m = fmin(*last_m, *first_m);
     return isfinite(*first_m);
 }
 

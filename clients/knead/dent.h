@@ -12,9 +12,9 @@ uint8_t *kn_dent_top(const kn_model_def *def, int *vertex_count);
 // False: the mesh is not whole, or has nothing there.
 bool kn_dent_height(const kn_mesh *mesh, double x_m, double y_m, double *z_m);
 
-// Positions z of a tool that comes straight down at (x_m, y_m), the plate's lower face or the sphere's centre: where it
-// touches first, and, of a plate, where it would touch the lowest node under it. top: of kn_dent_top, for this mesh.
-// Spheres see vertices only, so between them they touch up to spacing^2 / (8 radius) later. False: nothing under it.
+// Positions z of a level tool that comes straight down at (x_m, y_m): where it touches first, and, of a flat one, where
+// it would touch the lowest node of the top under it. top: of kn_dent_top, for this mesh. Round ones see vertices only:
+// between them they touch up to spacing^2 / (8 radius) later. False: nothing under it.
 bool kn_dent_touch(const kn_mesh *mesh, const uint8_t *top, double spacing_m, const kn_probe_def *tool, double x_m,
                    double y_m, double *first_m, double *last_m);
 

@@ -3,6 +3,7 @@
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include "server/clock.h"
+#include "server/wire.h"
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
@@ -28,6 +29,15 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
     d->fresh = true;
 }
 
+static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *self)
+{
+    (void)channel;
+    kn_device *d = self;
+    knead_contact_model_t message;
+    if (knead_contact_model_t_decode(buf->data, 0, (int)buf->data_size, &message) < 0) return;
+    kn_wire_unit(&d->unit, &message);
+}
+
 static void publish(kn_device *d, const kn_hand_out *out)
 {
     uint8_t bytes[256];
@@ -51,6 +61,8 @@ static bool open_bus(kn_device *d)
         return false;
     }
     lcm_subscription_set_queue_capacity(forces, 2); // a full queue drops the newest: keep it short, drain it every ms
+    lcm_subscription_t *contacts = lcm_subscribe(d->lcm, d->contact_channel, on_contact, d);
+    if (contacts) lcm_subscription_set_queue_capacity(contacts, 2);
     return true;
 }
 
@@ -70,6 +82,7 @@ static void *run(void *self)
 
         d->fresh = false;
         for (int n = 0; n < 8 && lcm_handle_timeout(d->lcm, 0) > 0; n++); // the newest one stays
+        d->force.unit = d->unit;
         kn_hand_out out = d->hand(d->self, d->fresh ? &d->force : NULL, 1 + missed);
         if (out.send) publish(d, &out);
         end = out.end;
@@ -88,6 +101,7 @@ bool kn_device_start(kn_device *d, kn_device_hand *hand, void *self, const char 
     d->error_size = error_size;
     snprintf(d->pose_channel, sizeof d->pose_channel, "KNEAD_POSE_%s", probe);
     snprintf(d->force_channel, sizeof d->force_channel, "KNEAD_FORCE_%s", probe);
+    snprintf(d->contact_channel, sizeof d->contact_channel, "KNEAD_CONTACT_%s", probe);
     sem_init(&d->ready, 0, 0);
     if (pthread_create(&d->thread, NULL, run, d) != 0) {
         snprintf(error, error_size, "no thread for the device");

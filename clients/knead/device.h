@@ -19,10 +19,11 @@ typedef struct kn_device {
     kn_device_hand *hand;
     void *self;
     const char *url;
-    char pose_channel[64], force_channel[64], *error;
+    char pose_channel[64], force_channel[64], contact_channel[64], *error;
     size_t error_size;
     int priority_error;
     kn_hand_force force;
+    kn_contact_unit unit;
     bool fresh;
     lcm_t *lcm;
     atomic_bool stop;

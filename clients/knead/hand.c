@@ -21,6 +21,7 @@ static void open_attempt(kn_hand *h)
     current(h)->session = h->def.session + h->tries - 1;
     h->force = (kn_hand_force){.session = current(h)->session};
     h->engaged_n = 0.0;
+    h->refusal = NULL;
     h->path_s = 0.0;
     h->piece = "engage";
     kn_path_at(h->def.path, 0.0, &h->point);
@@ -33,7 +34,7 @@ void kn_hand_init(kn_hand *h, const kn_hand_def *def)
     memset(h, 0, sizeof *h);
     h->def = *def;
     if (h->def.tries <= 0 || h->def.tries > KN_HAND_TRIES) h->def.tries = KN_HAND_TRIES;
-    kn_watchdog_init(&h->watchdog, 0, 0);
+    kn_watchdog_init(&h->watchdog, h->def.hold_ms, h->def.zero_ms);
     open_attempt(h);
 }
 
@@ -52,6 +53,7 @@ static void trip(kn_hand *h, int elapsed_ms)
         .piece = h->piece,
         .time_s = h->path_s,
         .force_n = h->engaged_n,
+        .refusal = h->refusal,
         .own = h->watchdog.tripped,
         .silent_ms = h->watchdog.silent_ms,
         .stalled_ms = elapsed_ms - 1,
@@ -97,11 +99,19 @@ static void retreat(kn_hand *h)
 static void decide(kn_hand *h, int elapsed_ms)
 {
     bool playing = h->mode == KN_HAND_ENGAGE || h->mode == KN_HAND_PLAY;
-    if (playing && (h->watchdog.tripped || (h->force.flags & KN_FLAG_LATCHED))) trip(h, elapsed_ms);
+    bool latched = h->force.flags & KN_FLAG_LATCHED;
+    if (playing && (h->watchdog.tripped || latched || h->refusal)) trip(h, elapsed_ms);
     if (h->mode == KN_HAND_ENGAGE) engage(h);
     else if (h->mode == KN_HAND_RETREAT) retreat(h);
     else if (h->mode == KN_HAND_SILENT && h->mode_ms >= silence_ms) open_attempt(h);
     if (h->mode == KN_HAND_PLAY && h->path_s > h->def.path->duration_s) enter(h, KN_HAND_DONE);
+}
+
+void kn_hand_refuse(kn_hand *h, const char *refusal, bool again)
+{
+    if (h->refusal || (h->mode != KN_HAND_ENGAGE && h->mode != KN_HAND_PLAY)) return;
+    h->refusal = refusal;
+    if (!again) h->def.tries = h->tries;
 }
 
 void kn_hand_take_path(kn_hand *h, const kn_path *path)

@@ -4,13 +4,14 @@
 // tries again. One call per ms; pure, so that a test can play the server.
 //
 //     ENGAGE --engaged--> PLAY --path ended--> DONE
-//        ^                 |  server latched a fault, or no force for 20 ms
+//        ^                 |  server latched a fault, no force for 20 ms, or the device refuses
 //        |                 v
 //        +--1.2 s-- SILENT <-- RETREAT            after the third trip, or when nobody answers: GAVE_UP
 //        new session          stop, lift, return
 //
 // Path time advances by exactly 1 ms per pose sent: a stall of this process stretches the path, it never makes a jump.
 #include "clients/knead/path.h"
+#include "core/contact_model.h"
 #include "core/safety.h"
 #include <stdbool.h>
 #include <stdint.h>
@@ -40,18 +41,21 @@ typedef struct kn_hand_def {
     int tries;           // 1 .. KN_HAND_TRIES, 0 = KN_HAND_TRIES
     int drop_at_ms;      // fault injection: at this time of the first try's path no pose is sent
     int drop_ms;         // for so long
+    int hold_ms, zero_ms; // of its watchdog; 0: 3 and 20
 } kn_hand_def;
 
 typedef struct kn_hand_force { // of contact_force_t: the newest one
     int64_t session, seq, tick;
     double force_n[3];
     int32_t flags, fault, contacts;
+    kn_contact_unit unit; // the newest local model, where kneadd sends any; session 0: none
 } kn_hand_force;
 
 typedef struct kn_trip {
     const char *piece; // of the path, "engage" before it began
     double time_s;     // of the path
     double force_n;    // the last one given while all was well
+    const char *refusal; // the device refused, for this reason; NULL: not that
     bool own;          // by the own watchdog: no force for silent_ms; else the server latched fault
     int silent_ms;
     int stalled_ms;    // of them this process itself did not run
@@ -75,6 +79,7 @@ typedef struct kn_hand { // read only for the caller
     double engaged_n;    // |force| of the last message with FLAG_ENGAGED
     double path_s;
     const char *piece;
+    const char *refusal; // of this try
     kn_path_point point;
     int mode_ms, dropped_ms;
     int tries, trips;
@@ -96,6 +101,10 @@ void kn_hand_init(kn_hand *hand, const kn_hand_def *def);
 // One ms. force: the newest message since the last call, NULL when there was none; of another session counts as none.
 // elapsed_ms: 1 + cycles that this process missed.
 kn_hand_out kn_hand_tick(kn_hand *hand, const kn_hand_force *force, int elapsed_ms);
+
+// The device gives no force any more, for that reason: a trip, if the hand engages or plays. again: another try may help.
+// refusal is borrowed.
+void kn_hand_refuse(kn_hand *hand, const char *refusal, bool again);
 
 // The path of the next try, since a spoilt one may have left a dent. Only while the hand is SILENT.
 void kn_hand_take_path(kn_hand *hand, const kn_path *path);

@@ -2,15 +2,16 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/felt.h"
-#include "core/scene/scene.h"
+#include "clients/knead/origin.h"
 #include <math.h>
 #include <stdio.h>
 
 static const volatile sig_atomic_t never;
 
-static int say(const kn_trace *own, const kn_trace *uniform, double asked)
+static int say(const kn_trace *own, const kn_trace *uniform, const kn_scene *scene)
 {
-    double force = kn_felt_force(own, uniform), shape = kn_felt_shape(own, uniform);
+    const kn_replay_tally *t = &own->tally;
+    double asked = scene->accuracy, force = kn_felt_force(own, uniform), shape = kn_felt_shape(own, uniform);
     bool keeps = force <= asked;
     if (own->diverged || uniform->diverged)
         return kn_complain("check", KN_EXIT_FAILED, "%s diverged: there is no force to compare",
@@ -20,6 +21,9 @@ static int say(const kn_trace *own, const kn_trace *uniform, double asked)
            100 * force, 100 * asked, keeps ? "kept" : "missed", kn_felt_peak(own), kn_felt_peak(uniform));
     printf("          shape %.2g %%; a tick takes %.0f us, uniform %.0f us, %.2f of it\n", 100 * shape, own->median_us,
            uniform->median_us, own->median_us / uniform->median_us);
+    if (t->outside)
+        printf("warning   %s pressed up to %.2g mm outside of its reach, for %lld ms in all: cells are coarse there\n",
+               scene->model.probe[t->outside_probe].name, 1e3 * t->outside_m, (long long)t->outside);
     if (keeps) return KN_EXIT_OK;
     printf("          a larger object.margin, or the probes' whole reach, may help\n");
     return KN_EXIT_FAILED;
@@ -29,25 +33,19 @@ int kn_like_uniform(const char *path, const char *log, const char **sets, int co
 {
     char error[512], set[64];
     kn_trace own = {0}, uniform = {0};
+    kn_replay_def def = {log, path, sets, count + 1, true};
     kn_scene *scene = kn_scene_load(path, sets, count, error, sizeof error);
     if (!scene) return kn_complain("check", KN_EXIT_USAGE, "%s", error);
-    double asked = scene->accuracy;
-    kn_scene_destroy(scene);
-    if (asked == 0)
-        return kn_complain("check", KN_EXIT_USAGE, "%s: states no object.accuracy, expected it with --log", path);
-    kn_replay_def def = {log, path, sets, count, false};
-    kn_replay *same = kn_replay_create(&def, error, sizeof error); // refuses a log of another scene
-    bool whole = same && !same->damage[0];
-    if (same && !whole) snprintf(error, sizeof error, "%s: %s, expected a whole log", log, same->damage);
-    kn_replay_destroy(same);
-    def.afresh = true;
-    def.set_count++;
-    snprintf(set, sizeof set, "object.accuracy=%.17g", asked);
+    snprintf(set, sizeof set, "object.accuracy=%.17g", scene->accuracy);
     sets[count] = set;
-    bool played = whole && kn_trace_play(&own, &def, &never, error, sizeof error);
+    bool stated = scene->accuracy > 0;
+    bool played = stated && kn_origin_check(&def, path, scene, error, sizeof error) &&
+                  kn_trace_play(&own, &def, &never, error, sizeof error);
     sets[count] = "object.accuracy=0";
     played = played && kn_trace_play(&uniform, &def, &never, error, sizeof error);
-    int code = played ? say(&own, &uniform, asked) : kn_complain("check", KN_EXIT_USAGE, "%s", error);
+    if (!stated) snprintf(error, sizeof error, "%s: states no object.accuracy, expected it with --log", path);
+    int code = played ? say(&own, &uniform, scene) : kn_complain("check", KN_EXIT_USAGE, "%s", error);
+    kn_scene_destroy(scene);
     kn_trace_free(&own);
     kn_trace_free(&uniform);
     return code;

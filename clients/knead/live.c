@@ -58,6 +58,7 @@ static void on_force(const lcm_recv_buf_t *buffer, const char *channel, void *us
     kn_live_probe *p = slot(live, channel + strlen(FORCE));
     if (!p) return;
     memcpy(p->position_m, force.proxy_position_m, sizeof p->position_m);
+    memcpy(p->orientation_wxyz, force.proxy_orientation_wxyz, sizeof p->orientation_wxyz);
     memcpy(p->force_n, force.force_n, sizeof p->force_n);
     p->gain = force.gain;
     p->heard_ms = kn_live_now_ms();

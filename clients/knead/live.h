@@ -13,7 +13,7 @@
 
 typedef struct kn_live_probe {
     char name[KN_NAME_MAX];
-    double position_m[3]; // of the model's tool
+    double position_m[3], orientation_wxyz[4]; // of the model's tool
     double force_n[3];    // what the hand is given
     double gain;          // 0: not in the model
     int64_t heard_ms;     // CLOCK_MONOTONIC

@@ -6,7 +6,7 @@
 //   gmsh     splits the surface at edges sharper than 40 degrees and meshes its pieces anew, then what is inside: edges
 //            as asked for, whatever the triangles were
 //   tetgen   keeps the surface and adds points where quality or size want them: never coarser than the triangles
-#include "clients/knead/shell.h"
+#include "core/scene/shell.h"
 #include "core/simplices.h"
 
 typedef enum kn_mesher { KN_MESHER_GMSH, KN_MESHER_TETGEN } kn_mesher;

@@ -1,11 +1,26 @@
 #include "clients/knead/origin.h"
 #include "clients/knead/graft.h"
+#include "core/hash.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-// Hash of a canonical text but for its solver and quality, read anew: what an older version wrote, and where a mesh
-// lies, makes no difference.
+// Of a canonical text but for its lines on where cells are small, and where a mesh lies.
+static uint64_t hash_lines(const char *text)
+{
+    static const char *const left_out[] = {"  accuracy: ", "  margin: ", "    reach: ", "  mesh: "};
+    uint64_t hash = KN_HASH_SEED;
+    for (const char *line = text; *line;) {
+        size_t size = strcspn(line, "\n") + (strchr(line, '\n') != NULL);
+        bool out = false;
+        for (int i = 0; i < 4; i++) out |= strncmp(line, left_out[i], strlen(left_out[i])) == 0;
+        if (!out) hash = kn_hash_bytes(hash, line, size);
+        line += size;
+    }
+    return hash;
+}
+
+// The same of a text without solver and quality, read anew: what an older version wrote makes no difference.
 static bool hash_of(const char *beside, const char *name, const char *text, uint64_t *hash)
 {
     char error[512];
@@ -13,45 +28,43 @@ static bool hash_of(const char *beside, const char *name, const char *text, uint
     char *rest = half ? kn_graft(half, "solver", "", error, sizeof error) : NULL;
     kn_scene *scene =
         rest ? kn_scene_parse_beside(beside, name, rest, strlen(rest), NULL, 0, error, sizeof error) : NULL;
-    if (scene) *hash = scene->text_hash;
+    if (scene) *hash = hash_lines(scene->text);
     free(half);
     free(rest);
     kn_scene_destroy(scene);
     return scene;
 }
 
-static bool is_of(const kn_plan *plan, const char *text, uint64_t logged)
+static bool is_of(const char *path, const kn_scene *scene, uint64_t logged)
 {
     uint64_t hash;
-    return hash_of(plan->scene_path, plan->scene_path, text, &hash) && hash == logged;
+    return scene && hash_of(path, path, scene->text, &hash) && hash == logged;
 }
 
-static bool same_scene(const kn_replay *r, const kn_plan *plan)
+static bool same_scene(const kn_replay *r, const kn_replay_def *def, const char *path, const kn_scene *scene)
 {
     char error[512];
     uint64_t logged;
     if (!r->logged_text) return true;
-    if (!hash_of(plan->log_path, r->logged_name, r->logged_text, &logged)) return false;
-    if (is_of(plan, plan->text, logged)) return true;
-    kn_scene *file = kn_scene_load(plan->scene_path, NULL, 0, error, sizeof error);
-    bool same = file && is_of(plan, file->text, logged);
+    if (!hash_of(def->log_path, r->logged_name, r->logged_text, &logged)) return false;
+    if (is_of(path, scene, logged)) return true;
+    kn_scene *file = kn_scene_load(path, NULL, 0, error, sizeof error);
+    bool same = is_of(path, file, logged);
     kn_scene_destroy(file);
     return same;
 }
 
-bool kn_origin_check(const kn_replay *r, const kn_plan *plan, char *error, size_t error_size)
+bool kn_origin_check(const kn_replay_def *def, const char *path, const kn_scene *scene, char *error, size_t size)
 {
-    if (r->damage[0]) {
-        snprintf(error, error_size, "%s: %s, expected a whole log of one run", plan->log_path, r->damage);
-        return false;
-    }
-    if (r->tally.malformed > 0) {
-        snprintf(error, error_size, "%s: %lld malformed records, expected a whole log", plan->log_path,
-                 (long long)r->tally.malformed);
-        return false;
-    }
-    if (same_scene(r, plan)) return true;
-    snprintf(error, error_size, "%s: was recorded with another scene, '%s', expected one of %s", plan->log_path,
-             r->logged_name, plan->scene->name);
-    return false;
+    const char *log = def->log_path;
+    kn_replay *r = kn_replay_create(def, error, size);
+    bool fit = r && !r->damage[0] && r->tally.malformed == 0 && same_scene(r, def, path, scene);
+    if (r && r->damage[0]) snprintf(error, size, "%s: %s, expected a whole log of one run", log, r->damage);
+    else if (r && r->tally.malformed > 0)
+        snprintf(error, size, "%s: %lld malformed records, expected a whole log", log, (long long)r->tally.malformed);
+    else if (r && !fit)
+        snprintf(error, size, "%s: was recorded with another scene, '%s', expected one of %s", log, r->logged_name,
+                 scene->name);
+    kn_replay_destroy(r);
+    return fit;
 }

@@ -4,10 +4,12 @@
 //
 // `knead replay` uses what stands before the damage and says so; a sweep of hours on half a log says nothing about the
 // other half. A log without a scene of its own (lcm-logger, started after the server) is believed.
-#include "clients/knead/plan.h"
+#include "server/replay.h"
 
-// replay: of the log, created. The scene is the log's when nothing but solver and quality differ, with or without the
-// plan's sets. False and one line in error.
-bool kn_origin_check(const kn_replay *replay, const kn_plan *plan, char *error, size_t error_size);
+// def: as it will be played, with at least one set, or another scene is refused before this can judge it. The scene,
+// that of the path with the user's sets, is the log's when nothing but solver, quality and where cells are small
+// (object.accuracy, object.margin, the probes' reach) differ, with or without the sets. False and one line in error.
+bool kn_origin_check(const kn_replay_def *def, const char *scene_path, const kn_scene *scene, char *error,
+                     size_t error_size);
 
 #endif

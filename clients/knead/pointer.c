@@ -1,21 +1,22 @@
 #include "clients/knead/pointer.h"
+#include "clients/knead/foot.h"
 #include <math.h>
 #include <string.h>
 
 static const double air_m_s = 0.15, sideways_m_s = 0.4;  // a hand's unhurried speeds
 static const double air_m_s2 = 3.0, sideways_m_s2 = 6.0;
-static const double press_m_s[2] = {0.03, 0.01};         // ball, plate
+static const double press_m_s[2] = {0.03, 0.01};         // round, flat
 static const double touch_m_s[2] = {0.03, 1e-4};         // see path.c's landing
 static const double object_m_s2 = 0.2;                   // 0 to 1 cm/s in 50 ms: dough's 1 kN s/m answers with 0.2 N/ms
-static const double flushing_m_s = 5e-4;                 // a plate, from the first touch until it lies flat
-static const double landing_m = 1e-3, landing_m_s2 = 2e-3; // a plate's last millimetre takes a second
+static const double flushing_m_s = 5e-4;                 // a flat one, from the first touch until it lies flat
+static const double landing_m = 1e-3, landing_m_s2 = 2e-3; // a flat one's last millimetre takes a second
 static const double clear_m = 1e-3, there_m = 2e-4;
 static const int clear_ms = 300;    // for a fault to be taken back after the lift: 200 ms of poses and some
 static const int silence_ms = 1200; // a session ends after 1 s without poses
 
 void kn_pointer_init(kn_pointer *p, kn_probe_shape shape, int64_t session)
 {
-    *p = (kn_pointer){.plate = shape == KN_PROBE_PLATE, .session = session, .mode_ms = silence_ms};
+    *p = (kn_pointer){.flat = kn_foot_flat(shape), .session = session, .mode_ms = silence_ms};
     p->point.orientation_wxyz[0] = 1.0;
     kn_watchdog_init(&p->watchdog, 0, 0);
 }
@@ -101,12 +102,12 @@ static void move_down(kn_pointer *p, double goal_m, double dt_s)
     bool inside = above_m <= 0.0 || p->news.contact;
     double speed = braking(*z - goal_m, 0.5 * object_m_s2, 0.0); // to rest at the goal; half, so as to keep up with it
     if (inside) {
-        speed = fmin(speed, p->plate && *z > p->wish.flush_z_m ? flushing_m_s : press_m_s[p->plate]);
-    } else if (p->plate && above_m < landing_m) {
-        speed = braking(above_m, landing_m_s2, touch_m_s[1]);
+        speed = fmin(speed, p->flat && *z > p->wish.flush_z_m ? flushing_m_s : press_m_s[p->flat]);
+    } else if (p->flat && above_m < landing_m) {
+        speed = fmin(speed, braking(above_m, landing_m_s2, touch_m_s[1]));
     } else {
-        double end_m_s = p->plate ? braking(landing_m, landing_m_s2, touch_m_s[1]) : touch_m_s[0];
-        speed = fmin(air_m_s, braking(above_m - p->plate * landing_m, 0.5 * air_m_s2, end_m_s));
+        double end_m_s = p->flat ? braking(landing_m, landing_m_s2, touch_m_s[1]) : touch_m_s[0];
+        speed = fmin(speed, fmin(air_m_s, braking(above_m - p->flat * landing_m, 0.5 * air_m_s2, end_m_s)));
     }
     *v = toward(*v, -speed, (inside ? object_m_s2 : air_m_s2) * dt_s);
     *z = fmax(*z + *v * dt_s, goal_m);
@@ -117,7 +118,7 @@ static void move_up(kn_pointer *p, double goal_m, double dt_s)
 {
     double *z = &p->point.position_m[2], *v = &p->point.velocity_m_s[2], way_m = goal_m - *z;
     bool inside = p->news.contact;
-    double most = inside ? press_m_s[p->plate] : air_m_s,
+    double most = inside ? press_m_s[p->flat] : air_m_s,
            speed = fmin(most, braking(fabs(way_m), 0.5 * object_m_s2, 0.0));
     *v = toward(*v, copysign(speed, way_m), (inside ? object_m_s2 : air_m_s2) * dt_s);
     if (fabs(way_m) < 1e-5 && fabs(*v) < 1e-2) *z = goal_m, *v = 0.0;

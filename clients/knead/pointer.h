@@ -8,8 +8,8 @@
 //                        what lifting does not clear: silence of 1.2 s and a new session
 //
 // In the air the tool may be quick. It meets the object at touch speed and presses at press speed: dough at rest is a
-// wall, and a tool that runs into a wall trips the impulse guard. A ball's contact begins with a point and may come at
-// press speed, a plate must land.
+// wall, and a tool that runs into a wall trips the impulse guard. A round one's contact begins with a point: it may
+// come at press speed, a flat one must land.
 #include "clients/knead/hand.h"
 #include "core/model.h"
 
@@ -19,7 +19,7 @@ typedef struct kn_pointer_wish { // of the page; positions are the tool's
     double at_m[2];   // x and y
     double hover_z_m; // clear of the object everywhere
     double touch_z_m; // where the tool touches the object at at_m; looked at while pressed
-    double flush_z_m; // <= touch_z_m: where a plate lies on all that is under it
+    double flush_z_m; // <= touch_z_m: where a flat tool lies on all that is under it
     double depth_m;   // >= 0, below touch_z_m
     int32_t event;    // number of the wish, rising; 0: none yet
     bool stale;       // nobody has renewed it for long: a tool that presses lets go until the button has come up
@@ -44,7 +44,7 @@ typedef struct kn_pointer_news { // of one millisecond
 } kn_pointer_news;
 
 typedef struct kn_pointer {
-    bool plate;
+    bool flat; // the tool's foot
     kn_pointer_wish wish;
     kn_pointer_mode mode;
     kn_watchdog watchdog;

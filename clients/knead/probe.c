@@ -2,9 +2,12 @@
 // is the order of things and what is said about them.
 #include "clients/knead/commands.h"
 #include "clients/knead/dent.h"
+#include "clients/knead/foot.h"
+#include "clients/knead/grasp.h"
 #include "clients/knead/join.h"
 #include "clients/knead/player.h"
 #include "clients/knead/probe_options.h"
+#include "clients/knead/profile.h"
 #include "clients/knead/report.h"
 #include "core/scene/scene.h"
 #include "server/clock.h"
@@ -37,6 +40,7 @@ typedef struct probe {
     kn_mesh mesh;
     uint8_t *top; // vertices of the mesh's top face
     kn_player player;
+    kn_grasp grasp; // the player's hand with a device in it, if there is one
     kn_device device;
     double x_m, y_m;  // where the path is deepest: the dent is measured there
     double before_m;  // height of the object there; NAN: it is beside the object
@@ -57,16 +61,18 @@ static int complain(int code, const char *what)
     return code;
 }
 
-// A press takes the scene's first tool, everything faster the first ball: a flat plate that hits dough is a hammer on a
-// wall and trips the impulse guard.
+// A hand in a device takes the first tool that is coupled to it, a press the scene's first, everything faster the first
+// round one: a flat plate that hits dough is a hammer on a wall and trips the impulse guard.
 static int find_tool(probe *p)
 {
     const kn_model_def *def = &p->scene->model;
-    bool ball = !p->opt.probe && strcmp(p->opt.path, "press") != 0;
+    bool round = !p->opt.probe && strcmp(p->opt.path, "press") != 0;
+    for (int i = 0; i < def->probe_count && p->opt.gripped && !p->opt.probe && !p->tool; i++)
+        if (def->probe[i].coupling_n_m > 0.0) p->tool = &def->probe[i];
     for (int i = 0; i < def->probe_count && !p->tool; i++)
-        if (ball ? def->probe[i].shape == KN_PROBE_SPHERE : !p->opt.probe || !strcmp(p->opt.probe, def->probe[i].name))
+        if (round ? !kn_foot_flat(def->probe[i].shape) : !p->opt.probe || !strcmp(p->opt.probe, def->probe[i].name))
             p->tool = &def->probe[i];
-    if (!p->tool && ball && def->probe_count > 0) p->tool = &def->probe[0];
+    if (!p->tool && round && def->probe_count > 0) p->tool = &def->probe[0];
     if (p->tool) return KN_EXIT_OK;
     int n = snprintf(p->error, sizeof p->error, "%s has no probe `%s`; it has:", p->scene->name,
                      p->opt.probe ? p->opt.probe : "");
@@ -151,7 +157,7 @@ static kn_path *generate(probe *p, bool again)
     double extent_m[3], lowest_touch_m;
     kn_model_def_extent(def, extent_m);
     double height_m = extent_m[2];
-    double tool_m = p->tool->shape == KN_PROBE_SPHERE ? p->tool->radius_m : 0.0;
+    double tool_m = kn_foot_m(p->tool);
     bool press = !strcmp(p->opt.path, "press");
     if (!kn_dent_touch(&p->mesh, p->top, def->spacing_m, p->tool, 0.0, 0.0, &shape.touch_z_m, &lowest_touch_m)) {
         complain(KN_EXIT_DEVICE, "the object has left the place under the tool");
@@ -197,6 +203,27 @@ static int64_t random_session(void)
     return (session & INT64_MAX) | 1 << 8; // > 0, and room to count up
 }
 
+static int take_device(probe *p)
+{
+    if (p->tool->coupling_n_m == 0.0)
+        fprintf(stderr, "knead probe: %s follows its pose rigidly: it may chatter where a coupled tool would not\n",
+                p->tool->name);
+    kn_grasp_def def = {.grip = p->opt.grip, .axes = p->opt.axes, .delay_ms = p->opt.delay_ms, .loss = p->opt.loss};
+    def.render = (kn_render_def){.device = p->scene->device, .coupling_n_m = p->tool->coupling_n_m,
+                                 .coupling_n_s_m = p->tool->coupling_n_s_m, .radius_m = p->tool->radius_m,
+                                 .guard_n_per_ms = p->scene->limits.guard_n_per_ms, .local = p->opt.local,
+                                 .held = p->opt.held};
+    kn_device_def *d = &def.render.device;
+    int code = p->opt.device ? kn_profile_load(d, "probe", p->opt.device, NULL, 0) : KN_EXIT_OK;
+    d->force_scale = p->scene->device.force_scale; // kneadd's doing
+    d->scale = 1.0;                                // the arm is in the scene
+    memcpy(d->basis, (double[]){1, 2, 3}, sizeof d->basis);
+    memcpy(d->rotation_wxyz, (double[]){1, 0, 0, 0}, sizeof d->rotation_wxyz);
+    memset(d->position_m, 0, sizeof d->position_m);
+    kn_grasp_init(&p->grasp, &def, &p->player);
+    return code;
+}
+
 static int start(probe *p)
 {
     struct sigaction action = {.sa_handler = on_signal}; // from now on there is something to bring to an end
@@ -206,14 +233,16 @@ static int start(probe *p)
     kn_path_at(p->path[0], 0.0, &begin);
     kn_hand_def def = {.path = p->path[0], .session = random_session(), .tries = p->opt.tries,
                        .drop_at_ms = p->opt.drop_at_ms, .drop_ms = p->opt.drop_ms};
+    if (p->opt.local) def.hold_ms = KN_RENDER_LOCAL_HOLD_MS, def.zero_ms = KN_RENDER_LOCAL_ZERO_MS;
     double extent_m[3];
     kn_model_def_extent(&p->scene->model, extent_m);
-    def.clear_z_m = fmax(begin.position_m[2], extent_m[2] + p->tool->radius_m + lift_m);
+    def.clear_z_m = fmax(begin.position_m[2], extent_m[2] + kn_foot_m(p->tool) + lift_m);
     if (!kn_record_start(p->record, p->tool->name, p->opt.record, p->error, sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
     kn_player_init(&p->player, &def);
-    if (!kn_device_start(&p->device, kn_player_tick, &p->player, p->opt.lcm_url, p->tool->name, p->error,
-                         sizeof p->error))
+    kn_device_hand *hand = p->opt.gripped ? kn_grasp_tick : kn_player_tick;
+    void *self = p->opt.gripped ? (void *)&p->grasp : &p->player;
+    if (!kn_device_start(&p->device, hand, self, p->opt.lcm_url, p->tool->name, p->error, sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
     int refused = kn_device_priority_error(&p->device);
     if (refused)
@@ -225,7 +254,9 @@ static void say_trip(probe *p, int n)
 {
     const kn_trip *t = &p->player.hand.trip[n];
     fprintf(stderr, "knead probe: %s, %.2f s, %.2f N taken to 0 N: ", t->piece, t->time_s, t->force_n);
-    if (t->own && t->stalled_ms > 0)
+    if (t->refusal)
+        fprintf(stderr, "%s\n", t->refusal);
+    else if (t->own && t->stalled_ms > 0)
         fprintf(stderr, "own watchdog: no force for %d ms, in %d of which this process did not run\n", t->silent_ms,
                 t->stalled_ms);
     else if (t->own)
@@ -308,9 +339,26 @@ static int verdict(const probe *p)
         break;
     case KN_HAND_SPOILT:
         fprintf(stderr, "knead probe: %s spoilt %d time%s, at last by %s\n", p->opt.path, h->trips,
-                h->trips == 1 ? "" : "s", last->own ? "missing forces" : kn_fault_name(last->fault));
+                h->trips == 1 ? "" : "s", last->refusal ? last->refusal : last->own ? "missing forces"
+                                                                                    : kn_fault_name(last->fault));
     }
     return KN_EXIT_DEVICE;
+}
+
+static void print_grasp(const kn_grasp *g)
+{
+    const kn_grasp_news *n = &g->news;
+    printf("  device          %s in a hand: %s, %d ms of delay, %g %% lost\n", g->def.render.device.name,
+           kn_grip_name(g->def.grip), g->def.delay_ms, 100.0 * g->def.loss);
+    printf("  buzz            %8.3f N    above 10 Hz in the loudest second; %d turns in the busiest: %s\n",
+           n->loudest_n, n->turns,
+           n->buzzes ? "it buzzes" : n->drives ? "it drives the hand" : "calm");
+    if (g->def.render.local)
+        printf("  local model     %8lld      messages rendered, %lld not taken\n", (long long)g->render.model.taken,
+               (long long)g->render.model.refused);
+    if (g->render.guards) printf("  impulse guard   %8lld      hits\n", (long long)g->render.guards);
+    printf("  energy given    %8.2f mJ   to the hand; the controller damped for %lld ms\n", 1e3 * n->given_j,
+           (long long)n->acted);
 }
 
 static int finish(probe *p)
@@ -333,10 +381,14 @@ static int finish(probe *p)
         printf("%s of %s, tool %s\n", p->opt.path, p->scene->name, p->tool->name);
         kn_safety limited; // fills in the defaults
         kn_safety_init(&limited, &p->scene->limits);
-        kn_report_print(stdout, &report, &p->player.hand, limited.limits.clamp_n);
+        double scale = limited.limits.force_scale;
+        kn_report_print(stdout, &report, &p->player.hand, limited.limits.clamp_n / scale);
+        if (scale != 1.0) printf("  hand's share    %8.2f N    at most, force_scale %g\n", report.given_peak_n, scale);
         printf("  cycles missed   %8lld      by kneadd, %d here\n", (long long)report.missed,
                atomic_load(&p->device.missed));
+        if (p->opt.gripped) print_grasp(&p->grasp);
     }
+    if (code == KN_EXIT_OK && p->opt.gripped && (p->grasp.news.buzzes || p->grasp.news.drives)) code = KN_EXIT_FAILED;
     if (p->opt.record && report.lost)
         fprintf(stderr, "knead probe: %s has gaps: %lld records were lost\n", p->opt.record, (long long)report.lost);
     if (p->opt.csv && write_csv(p) != KN_EXIT_OK) code = KN_EXIT_DEVICE;
@@ -348,6 +400,7 @@ static int run(probe *p)
     int code = load_path(p);
     if (code == KN_EXIT_OK) code = find_scene(p);
     if (code == KN_EXIT_OK) code = open_mesh(p);
+    if (code == KN_EXIT_OK && p->opt.gripped) code = take_device(p);
     if (code == KN_EXIT_OK) code = make_path(p);
     if (code == KN_EXIT_OK) code = start(p);
     if (code != KN_EXIT_OK) return code;

@@ -21,7 +21,7 @@ static const char help[] =
     "  --path poke      3 mm deep at 5 cm/s and out again\n"
     "  --path FILE.csv  rows time_s,x_m,y_m,z_m or time_s,x_m,y_m,z_m,qw,qx,qy,qz under such a header; metres, z up,\n"
     "                   origin under the object's centre; begin clear of the object\n"
-    "  --probe NAME     tool of the scene (press: the first; else the first sphere: dough is a wall to a fast plate)\n"
+    "  --probe NAME     tool of the scene (press: the first; else the first round one: dough is a wall to a fast plate)\n"
     "  --hold TIME      press: at the lowest point; sine: how long ('4 s' or 4)\n"
     "  --depth LENGTH   press: below the top of the untouched block; else below where the tool touches ('10 mm')\n"
     "  --speed SPEED    in the object ('1 cm/s')\n"
@@ -33,7 +33,19 @@ static const char help[] =
     "  --lcm-url URL    poses and forces (LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
     "  --mesh-url URL   meshes (" KN_MESH_URL ")\n"
     "  --quiet          no progress, no table\n\n"
-    "Exit codes: 0 the path was played to its end, 2 bad input, 3 no answer, or three tries were spoilt.\n";
+    "With --hand the path is only what the hand intends: a simulated haptic device goes where arm, grip and the force\n"
+    "that comes back take it. What it felt is told at the end, and whether it buzzed or drove the hand.\n\n"
+    "  --hand HAND      light, normal or firm; none: brought there, let go of, 1 N leans on it along z alone\n"
+    "  --device CLASS   touch, falcon, omega, unknown, bench, or a file.yaml with device: in it (the scene's)\n"
+    "  --axes N         1: it moves along z, and along x and y as the path; 3 (3)\n"
+    "  --delay TIME     a simulated link adds to the round trip, in whole ms, up to 255 ms\n"
+    "  --loss SHARE     of the poses and of the forces, that it loses: 20% or 0.2\n"
+    "  --local          renders the local model that kneadd --local-model sends, not its forces\n"
+    "  --held           renders forces that are older than 5 ms, too, which no device should: to see why. Without it\n"
+    "                   they are refused\n\n"
+    "Exit codes: 0 the path was played to its end, 1 and the device buzzed or gave the\n"
+    "hand more than 10 mJ, 2 bad input, 3 no answer, forces of more than 5 ms ago,\n"
+    "or three tries were spoilt.\n";
 
 static const double fastest_m_s = 1.2; // kneadd's brake_m_s by default: what is faster is damped, not rendered
 
@@ -77,6 +89,66 @@ static bool drop(const char *text, kn_probe_options *opt)
     return false;
 }
 
+static bool share(const char *text, double *value)
+{
+    kn_quantity q;
+    kn_unit unit = {0};
+    char why[128];
+    if (kn_quantity_parse(&q, text, why, sizeof why) && kn_unit_same_dimension(&q.unit, &unit)) {
+        *value = kn_quantity_in(&q, &unit);
+        if (*value >= 0.0 && *value < 1.0) return true;
+    }
+    fprintf(stderr, "knead probe: --loss %s: expected a share below 1, like 20%%\n", text);
+    return false;
+}
+
+static bool delay(const char *text, int *value)
+{
+    double s;
+    if (!strcmp(text, "0") || !strcmp(text, "0 ms")) return true;
+    if (!quantity("delay", text, "s", "20 ms", &s)) return false;
+    *value = (int)lround(1e3 * s);
+    if (s < 0.2555 && fabs(1e3 * s - *value) < 1e-6) return true;
+    fprintf(stderr, "knead probe: --delay %s: expected whole milliseconds, at most 255\n", text);
+    return false;
+}
+
+static bool hand(const char *text, kn_probe_options *opt)
+{
+    opt->gripped = true;
+    if (kn_grip_find(text, &opt->grip)) return true;
+    fprintf(stderr, "knead probe: --hand %s: expected %s\n", text, kn_grip_names);
+    return false;
+}
+
+static bool axes(const char *text, int *value)
+{
+    *value = *text - '0';
+    if ((*value == 1 || *value == 3) && !text[1]) return true;
+    fprintf(stderr, "knead probe: --axes %s: expected 1 or 3\n", text);
+    return false;
+}
+
+// What belongs to a simulated device means nothing without one.
+static bool device_is_whole(const kn_probe_options *opt)
+{
+    if (opt->gripped && opt->local && opt->held) {
+        fprintf(stderr, "knead probe: --held with --local, which renders no force of kneadd's, expected one of them\n");
+        return false;
+    }
+    if (opt->gripped || !(opt->device || opt->axes || opt->delay_ms || opt->loss > 0.0 || opt->local ||
+                         opt->held))
+        return true;
+    fprintf(stderr, "knead probe: %s without a hand on a device, expected --hand too\n",
+            opt->device       ? "--device"
+            : opt->axes       ? "--axes"
+            : opt->delay_ms   ? "--delay"
+            : opt->local      ? "--local"
+            : opt->held       ? "--held"
+                              : "--loss");
+    return false;
+}
+
 // A swing of depth d at frequency f is d/2 (1 - cos 2 pi f t): at most pi f d fast.
 static bool swing_is_slow(const kn_path_def *shape)
 {
@@ -108,12 +180,16 @@ static bool urls_are_known(const kn_probe_options *opt)
 
 int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *done)
 {
-    enum { PATH = 256, PROBE, HOLD, DEPTH, SPEED, FREQUENCY, RECORD, CSV, TRIES, DROP, LCM_URL, MESH_URL, QUIET, HELP };
+    enum { PATH = 256, PROBE, HOLD, DEPTH, SPEED, FREQUENCY, RECORD, CSV, TRIES, DROP, LCM_URL, MESH_URL, QUIET, HELP,
+           HAND, DEVICE, AXES, DELAY, LOSS, LOCAL, HELD };
     static const struct option list[] = {
         {"path", 1, 0, PATH},       {"probe", 1, 0, PROBE},         {"hold", 1, 0, HOLD},       {"depth", 1, 0, DEPTH},
         {"speed", 1, 0, SPEED},     {"frequency", 1, 0, FREQUENCY}, {"record", 1, 0, RECORD},   {"csv", 1, 0, CSV},
         {"tries", 1, 0, TRIES},     {"drop-at", 1, 0, DROP},        {"lcm-url", 1, 0, LCM_URL}, {"quiet", 0, 0, QUIET},
-        {"help", 0, 0, HELP},       {"mesh-url", 1, 0, MESH_URL},   {0, 0, 0, 0}};
+        {"help", 0, 0, HELP},       {"mesh-url", 1, 0, MESH_URL},   {"hand", 1, 0, HAND},
+        {"device", 1, 0, DEVICE},   {"axes", 1, 0, AXES},           {"delay", 1, 0, DELAY},     {"loss", 1, 0, LOSS},
+        {"local", 0, 0, LOCAL},     {"held", 0, 0, HELD},
+        {0, 0, 0, 0}};
     *opt = (kn_probe_options){.path = "press", .shape.hold_s = -1.0};
     optind = 1;
     bool ok = true;
@@ -132,6 +208,13 @@ int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *d
         case LCM_URL: opt->lcm_url = optarg; break;
         case MESH_URL: opt->mesh_url = optarg; break;
         case QUIET: opt->quiet = true; break;
+        case HAND: ok = hand(optarg, opt); break;
+        case DEVICE: opt->device = optarg; break;
+        case AXES: ok = axes(optarg, &opt->axes); break;
+        case DELAY: ok = delay(optarg, &opt->delay_ms); break;
+        case LOSS: ok = share(optarg, &opt->loss); break;
+        case LOCAL: opt->local = true; break;
+        case HELD: opt->held = true; break;
         case HELP: *done = true; fputs(help, stdout); return KN_EXIT_OK;
         default:
             fprintf(stderr, "knead probe: %s: %s\n", argv[optind - 1],
@@ -144,6 +227,6 @@ int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *d
         ok = false;
     }
     if (ok && !strcmp(opt->path, "sine")) ok = swing_is_slow(&opt->shape);
-    if (ok) ok = path_is_known(opt->path) && urls_are_known(opt);
+    if (ok) ok = device_is_whole(opt) && path_is_known(opt->path) && urls_are_known(opt);
     return ok ? KN_EXIT_OK : KN_EXIT_USAGE;
 }

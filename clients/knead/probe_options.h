@@ -1,6 +1,7 @@
 #ifndef KN_CLIENTS_PROBE_OPTIONS_H
 #define KN_CLIENTS_PROBE_OPTIONS_H
 // The command line of `knead probe`. Lengths, times and speeds come with their units, as in scenes.
+#include "clients/knead/arm.h"
 #include "clients/knead/path.h"
 #include <stdbool.h>
 
@@ -10,6 +11,12 @@ typedef struct kn_probe_options {
     const char *record, *csv, *lcm_url, *mesh_url; // NULL: none, or the default
     kn_path_def shape;                             // touch_z_m is the scene's to say
     int drop_at_ms, drop_ms, tries;
+    bool gripped;       // a simulated device in a hand goes where path and forces take it; else the path is the tool's
+    kn_grip grip;
+    const char *device; // profile of it, NULL: the scene's
+    int axes, delay_ms;
+    double loss;
+    bool local, held;
     bool quiet;
 } kn_probe_options;
 

@@ -1,4 +1,5 @@
 #include "clients/knead/reach.h"
+#include "clients/knead/foot.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -36,7 +37,7 @@ void kn_reach_hover(const kn_reach *r, const kn_mesh *mesh, kn_pointer_wish *wis
 {
     double highest_m = 0;
     for (int v = 0; v < mesh->vertex_count; v++) highest_m = fmax(highest_m, mesh->positions_m[3 * v + 2]);
-    wish->hover_z_m = highest_m + r->tool->radius_m + hover_m;
+    wish->hover_z_m = highest_m + kn_foot_m(r->tool) + hover_m;
 }
 
 void kn_reach_aim(const kn_reach *r, double u, double v, kn_pointer_wish *wish)
@@ -60,7 +61,7 @@ bool kn_reach_touch(const kn_reach *r, const kn_mesh *mesh, kn_pointer_wish *wis
 
 double kn_reach_deepest(const kn_reach *r, const kn_pointer_wish *wish)
 {
-    double from_m = wish->pressed ? wish->touch_z_m - r->tool->radius_m : r->extent_m[2];
+    double from_m = wish->pressed ? wish->touch_z_m - kn_foot_m(r->tool) : r->extent_m[2];
     double most_m = fmax(0, from_m - thinnest * r->extent_m[2]);
-    return r->tool->radius_m > 0 ? fmin(most_m, r->tool->radius_m) : most_m;
+    return kn_foot_flat(r->tool->shape) ? most_m : fmin(most_m, kn_foot_m(r->tool));
 }

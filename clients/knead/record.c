@@ -112,7 +112,7 @@ kn_record *kn_record_open(const char *url, char *error, size_t error_size)
         return NULL;
     }
     kn_join_priority(reader_priority); // refused: the buffer has to do
-    lcm_subscription_t *all = lcm_subscribe(r->lcm, "KNEAD_(SCENE|EVENT|POSE_.*|FORCE_.*)", on_message, r);
+    lcm_subscription_t *all = lcm_subscribe(r->lcm, "KNEAD_(SCENE|EVENT|POSE_.*|FORCE_.*|CONTACT_.*)", on_message, r);
     kn_join_priority(0);
     if (!all) {
         snprintf(error, error_size, "LCM refuses the subscription");

@@ -356,6 +356,10 @@ static void tell(const replay_run *run)
     if (t->refused)
         kn_complain("replay", KN_EXIT_OK, "%s: %lld poses were refused, as kneadd refuses them", log,
                     (long long)t->refused);
+    if (t->outside)
+        kn_complain("replay", KN_EXIT_OK, "%s: %s pressed up to %.2g mm outside of its reach, for %lld ms in all: cells "
+                    "are coarse there", log, r->model->def.probe[t->outside_probe].name, 1e3 * t->outside_m,
+                    (long long)t->outside);
     if (run->opt->verify) return; // and says the rest itself
     if (r->damage[0]) kn_complain("replay", KN_EXIT_OK, "%s: %s: what stands before it was used", log, r->damage);
     if (t->malformed)

@@ -24,7 +24,7 @@ typedef struct kn_report {
 
 void kn_report_make(kn_report *report, const kn_hand *hand, const kn_record *record);
 
-// The table that `knead probe` ends with. clamp_n: of the device, where contact is above it.
+// The table that `knead probe` ends with. clamp_n: contact at which the device is at its limit.
 void kn_report_print(FILE *out, const kn_report *report, const kn_hand *hand, double clamp_n);
 
 // One row per force, in order: the columns of `knead replay --csv`, from the echoes of this hand's own poses.

@@ -4,8 +4,16 @@
 #include <stdlib.h>
 #include <string.h>
 
+static void drop_tools(kn_still *s)
+{
+    for (int i = 0; i < s->view.probe_count; i++)
+        if (s->view.probe[i].def.parts) kn_shape_drop(&s->tool[i]);
+    s->view.probe_count = 0;
+}
+
 void kn_still_free(kn_still *s)
 {
+    drop_tools(s);
     free(s->rest);
     free(s->now);
     free(s->triangle);
@@ -62,13 +70,20 @@ bool kn_still_state(kn_still *s, const kn_model *model, const kn_state *state)
     return ok;
 }
 
-void kn_still_probe(kn_still *s, const kn_probe_def *def, const double position_m[3], const double force_n[3],
-                    double gain)
+void kn_still_probe(kn_still *s, const kn_probe_def *def, const double position_m[3],
+                    const double orientation_wxyz[4], const double force_n[3], double gain)
 {
+    kn_shape *tool = &s->tool[s->view.probe_count];
     kn_view_probe *p = &s->view.probe[s->view.probe_count++];
     p->def = *def;
+    if (def->parts) {
+        *tool = *def->parts;
+        p->def.parts = tool;
+        kn_shape_keep(tool);
+    }
     p->outside = gain == 0;
     memcpy(p->position_m, position_m, sizeof p->position_m);
+    memcpy(p->orientation_wxyz, orientation_wxyz, sizeof p->orientation_wxyz);
     memcpy(p->force_n, force_n, sizeof p->force_n);
 }
 
@@ -96,9 +111,9 @@ void kn_still_update(kn_still *s, const kn_live *live)
 {
     const kn_model_def *def = &live->scene->model;
     memcpy(s->now, live->mesh.positions_m, (size_t)s->vertex_count * sizeof *s->now);
-    s->view.probe_count = 0;
+    drop_tools(s);
     for (int i = 0; i < def->probe_count; i++) {
         const kn_live_probe *p = kn_live_find(live, def->probe[i].name);
-        if (p) kn_still_probe(s, &def->probe[i], p->position_m, p->force_n, p->gain);
+        if (p) kn_still_probe(s, &def->probe[i], p->position_m, p->orientation_wxyz, p->force_n, p->gain);
     }
 }

@@ -4,12 +4,14 @@
 // that was stepped here, or from what is heard on the bus.
 #include "clients/knead/live.h"
 #include "clients/viewer/renderer.h"
+#include "core/shape.h"
 #include "core/state.h"
 
 typedef struct kn_still {
     int vertex_count, triangle_count;
     float (*rest)[3], (*now)[3]; // [vertex_count] m
     int (*triangle)[3];
+    kn_shape tool[KN_PROBES_MAX]; // what view's unions are made of: the scene may be gone before they are drawn
     kn_view_scene view; // colour of the material and the tools; where from and whether lines are the caller's
     char caption[128];  // the caller's
 } kn_still;
@@ -24,8 +26,9 @@ bool kn_still_live(kn_still *still, const kn_live *live, char *error, size_t err
 // The same mesh at its newest tick, with the tools that somebody holds. Allocates nothing.
 void kn_still_update(kn_still *still, const kn_live *live);
 
-void kn_still_probe(kn_still *still, const kn_probe_def *def, const double position_m[3], const double force_n[3],
-                    double gain);
+// orientation_wxyz: all 0 is level.
+void kn_still_probe(kn_still *still, const kn_probe_def *def, const double position_m[3],
+                    const double orientation_wxyz[4], const double force_n[3], double gain);
 void kn_still_free(kn_still *still);
 
 #endif

@@ -108,6 +108,7 @@ static bool take_shape(record *r)
         for (int k = 0; k < 3; k++) t->shape_m[n][k] -= model->rest_m[n][k];
     }
     t->diverged = r->replay->servo.diverged;
+    t->tally = r->replay->tally;
     return t->shape_m;
 }
 

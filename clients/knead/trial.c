@@ -1,4 +1,5 @@
 #include "clients/knead/trial.h"
+#include "clients/knead/foot.h"
 #include "core/kernel.h"
 #include <math.h>
 #include <stdio.h>
@@ -65,7 +66,7 @@ static kn_input input_at(const kn_trial *t, const kn_model *m, double time_s, do
     const kn_probe_def *probe = &m->def.probe[0];
     in.probe[0].attached = true;
     in.probe[0].position_m[2] =
-        m->rest_m[m->top[0]][2] + (probe->shape == KN_PROBE_SPHERE ? probe->radius_m : 0) - depth;
+        m->rest_m[m->top[0]][2] + kn_foot_m(probe) - depth;
     in.probe[0].velocity_m_s[2] = (depth - next) / dt;
     // never straight down: on a symmetric path rounding alone would decide which way a soft block buckles
     static const double aside[2] = {0.05, 0.03};

@@ -160,7 +160,8 @@ static int from_log(const options *o, kn_still *s)
         code = fail(KN_EXIT_DEVICE, "out of memory");
     for (int i = 0; code == KN_EXIT_OK && i < r->tick.out.probes; i++) {
         const kn_force *f = &r->tick.out.force[i];
-        if (f->live) kn_still_probe(s, &r->model->def.probe[i], f->proxy_position_m, f->force_n, f->gain);
+        if (!f->live) continue;
+        kn_still_probe(s, &r->model->def.probe[i], f->proxy_position_m, f->proxy_orientation_wxyz, f->force_n, f->gain);
     }
     snprintf(s->caption, sizeof s->caption, "%s at %.3f s", r->scene->name, r->tick.time_s);
     if (r->damage[0]) fprintf(stderr, "knead view: %s: %s; what stands before it was used\n", o->log, r->damage);
@@ -238,6 +239,7 @@ int kn_view_main(int argc, char **argv)
     if (o.help) fputs(help, stdout);
     if (o.help || code != KN_EXIT_OK) return code;
     kn_still s = {.view = o.look};
+    s.view.follow = true;
     code = o.scene ? from_scene(&o, &s) : o.log ? from_log(&o, &s) : from_bus(&o, &s);
     if (code == KN_EXIT_OK) code = draw(&o, &s);
     kn_still_free(&s);

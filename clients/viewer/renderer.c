@@ -4,6 +4,9 @@
 #include "clients/viewer/shaders.h"
 #include "clients/viewer/skin.h"
 #include "clients/viewer/vec.h"
+#include "core/field.h"
+#include "core/outside.h"
+#include "core/turn.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -23,6 +26,7 @@ static const float arrow_color[3] = {0.86f, 0.30f, 0.12f};
 typedef struct shape { // triangles ready to be drawn
     GLuint array, buffer, sides;
     int corners;
+    float half, low, high; // of a solid of revolution: extent along x and y, along z
 } shape;
 
 struct kn_renderer {
@@ -31,6 +35,8 @@ struct kn_renderer {
     GLuint depth, solid, table; // programs
     GLuint shadow_frame, shadow_map;
     shape box, ball, rod, cone, square, object;
+    shape tool[KN_PROBES_MAX];        // meshes, where a probe has one
+    uint64_t tool_hash[KN_PROBES_MAX]; // of which
     kn_skin *skin;
     float *corners; // [triangle_count][3][6]
     int width, height, samples;
@@ -91,6 +97,9 @@ static shape shape_turn(const kn_gl *gl, int count, const float (*profile)[2], i
         }
     }
     shape s = shape_create(gl);
+    s.low = profile[0][1];
+    s.high = profile[count - 1][1];
+    for (int i = 0; i < count * segments; i++) s.half = fmaxf(s.half, fmaxf(fabsf(xyz[i][0]), fabsf(xyz[i][1])));
     kn_skin *skin = kn_skin_create(count * segments, (const float(*)[3])xyz, triangles, (const int(*)[3])triangle);
     if (!skin) return s; // out of memory: nothing is drawn
     kn_skin_corners(skin, (const float(*)[3])xyz, corners);
@@ -214,10 +223,22 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
 
 // ---- camera and light
 
+// Around the place of the undeformed object; when it is followed and has gone a quarter of itself beyond, around both.
 static void aim(kn_renderer *r, const kn_view_scene *scene)
 {
-    kn_camera_aim(&r->camera, r->skin->rest_low, r->skin->rest_high, scene->azimuth_deg, scene->elevation_deg,
-                  (float)r->width / (float)r->height);
+    const kn_skin *s = r->skin;
+    float low[3], high[3], beyond = 0;
+    for (int i = 0; i < 3; i++) {
+        low[i] = s->rest_low[i], high[i] = s->rest_high[i];
+        for (int v = 0; v < s->vertex_count && scene->follow; v++) {
+            if (!isfinite(scene->xyz[v][i])) continue;
+            low[i] = fminf(low[i], scene->xyz[v][i]), high[i] = fmaxf(high[i], scene->xyz[v][i]);
+        }
+        beyond = fmaxf(beyond, fmaxf(s->rest_low[i] - low[i], high[i] - s->rest_high[i]));
+    }
+    bool left = beyond > 0.25f * scale_of(s);
+    kn_camera_aim(&r->camera, left ? low : s->rest_low, left ? high : s->rest_high, scene->azimuth_deg,
+                  scene->elevation_deg, (float)r->width / (float)r->height);
 }
 
 // From the upper left of whoever looks, whatever the azimuth.
@@ -288,6 +309,132 @@ static void draw_shape(const kn_renderer *r, GLuint program, const shape *s, con
     gl->DrawArrays(GL_TRIANGLES, 0, s->corners);
 }
 
+// ---- tools
+
+#define SOLIDS_MAX (3 * KN_PARTS_MAX) // a capsule is three
+
+typedef struct solid { // a unit shape, and where it is
+    const shape *shape;
+    float place[16];
+} solid;
+
+typedef struct frame { // of a tool: where its own axes point, and its origin
+    float axis[3][3], at[3];
+} frame;
+
+static frame frame_of(const kn_view_probe *p)
+{
+    static const double level[4] = {1}; // plates stay it
+    frame f;
+    double unit[4], r[3][3];
+    kn_turn_unit(p->def.shape == KN_PROBE_PLATE ? level : p->orientation_wxyz, unit);
+    kn_turn_matrix(unit, r);
+    for (int i = 0; i < 3; i++) {
+        f.at[i] = (float)p->position_m[i];
+        for (int k = 0; k < 3; k++) f.axis[k][i] = (float)r[i][k];
+    }
+    return f;
+}
+
+// z up along the tool from its origin, sides stretched by x, y, height.
+static solid solid_at(const frame *f, const shape *s, double z, double x, double y, double height)
+{
+    const float size[3] = {(float)x, (float)y, (float)height};
+    solid out = {.shape = s, .place[15] = 1};
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 3; k++) out.place[4 * k + i] = size[k] * f->axis[k][i];
+        out.place[12 + i] = f->at[i] + (float)z * f->axis[2][i];
+    }
+    return out;
+}
+
+// Where the axes and the origin of a part of it are.
+static frame frame_within(const frame *tool, const kn_solid *part)
+{
+    frame f = {.at = {tool->at[0], tool->at[1], tool->at[2]}};
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++) {
+            f.at[i] += (float)part->at_m[k] * tool->axis[k][i];
+            for (int j = 0; j < 3; j++) f.axis[k][i] += (float)part->turn[j][k] * tool->axis[j][i];
+        }
+    return f;
+}
+
+// What a mesh tool looks like, when it is seen first. Out of memory: nothing is drawn.
+static void load_tool(kn_renderer *r, int probe, const kn_field *f)
+{
+    float (*x)[3] = malloc((size_t)f->vertex_count * sizeof *x);
+    float *corners = malloc((size_t)f->triangle_count * 18 * sizeof *corners);
+    for (int i = 0; x && i < f->vertex_count; i++)
+        for (int k = 0; k < 3; k++) x[i][k] = (float)f->x_m[i][k];
+    kn_skin *skin = x && corners ? kn_skin_create(f->vertex_count, (const float(*)[3])x, f->triangle_count,
+                                                  (const int(*)[3])f->triangle) : NULL;
+    if (r->tool[probe].array == 0) r->tool[probe] = shape_create(r->gl);
+    r->tool[probe].corners = 0;
+    r->tool_hash[probe] = f->hash;
+    if (skin) {
+        kn_skin_corners(skin, (const float(*)[3])x, corners);
+        shape_corners(r->gl, &r->tool[probe], 3 * f->triangle_count, corners, GL_STATIC_DRAW);
+    }
+    kn_skin_destroy(skin);
+    free(corners);
+    free(x);
+}
+
+static void load_tools(kn_renderer *r, const kn_view_scene *scene)
+{
+    for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++) {
+        const kn_shape *parts = scene->probe[i].def.parts;
+        const kn_field *field = parts ? parts->part[0].field : NULL;
+        if (field && field->hash != r->tool_hash[i]) load_tool(r, i, field);
+    }
+}
+
+static const shape *tool_of(const kn_renderer *r, const kn_field *field)
+{
+    int i = 0;
+    while (i < KN_PROBES_MAX - 1 && r->tool_hash[i] != field->hash) i++;
+    return &r->tool[i];
+}
+
+// Rounded edges are drawn sharp.
+static int solids_of_part(const kn_renderer *r, const frame *tool, const kn_solid *p, solid *out)
+{
+    const frame f = frame_within(tool, p);
+    const double radius = p->radius_m, length = p->length_m, *half = p->half_m, wide = half[0] + radius;
+    switch (p->kind) {
+    case KN_SOLID_FIELD: out[0] = solid_at(&f, tool_of(r, p->field), 0, 1, 1, 1); return 1;
+    case KN_SOLID_BOX: out[0] = solid_at(&f, &r->box, 0, 2 * wide, 2 * (half[1] + radius), length); return 1;
+    case KN_SOLID_CYLINDER: out[0] = solid_at(&f, &r->rod, 0, wide, wide, length); return 1;
+    case KN_SOLID_SPHERE: out[0] = solid_at(&f, &r->ball, 0, radius, radius, radius); return 1;
+    default:
+        out[0] = solid_at(&f, &r->ball, 0, radius, radius, radius);
+        out[1] = solid_at(&f, &r->rod, 0, radius, radius, length);
+        out[2] = solid_at(&f, &r->ball, length, radius, radius, radius);
+        return 3;
+    }
+}
+
+static int solids_of(const kn_renderer *r, const kn_view_probe *p, solid out[SOLIDS_MAX])
+{
+    const frame f = frame_of(p);
+    const double *size = p->def.size_m;
+    int count = 0;
+    kn_shape tool = {0};
+    if (p->def.shape == KN_PROBE_PLATE) out[count++] = solid_at(&f, &r->box, 0, size[0], size[1], PLATE_THICKNESS_M);
+    kn_outside_shape(&p->def, &tool);
+    for (int i = 0; i < tool.part_count; i++) count += solids_of_part(r, &f, &tool.part[i], out + count);
+    return count;
+}
+
+static double height_of(const kn_probe_def *def) // of its back above its origin
+{
+    kn_shape tool = {0};
+    if (def->shape == KN_PROBE_PLATE) return PLATE_THICKNESS_M;
+    kn_outside_shape(def, &tool);
+    return kn_shape_support(&tool, (double[]){0, 0, 1});
+}
+
 typedef struct arrow {
     float tail[3], direction[3], length; // length 0: none
 } arrow;
@@ -299,9 +446,12 @@ static arrow arrow_of(const kn_renderer *r, const kn_view_probe *p)
     float newton = kn_normalize(a.direction);
     if (!(newton >= ARROW_LEAST_N) || !isfinite(newton)) return (arrow){0};
     a.length = ARROW_SQUARES_PER_N * newton * r->square_m;
-    for (int i = 0; i < 3; i++)
-        a.tail[i] = (float)p->position_m[i] - (a.direction[2] < 0 ? a.length * a.direction[i] : 0);
-    a.tail[2] += (float)(p->def.shape == KN_PROBE_PLATE ? PLATE_THICKNESS_M : p->def.radius_m);
+    const frame f = frame_of(p);
+    const bool pull = kn_dot(a.direction, f.axis[2]) < 0;
+    for (int i = 0; i < 3; i++) {
+        a.tail[i] = f.at[i] + (float)height_of(&p->def) * f.axis[2][i];
+        if (pull) a.tail[i] -= a.length * a.direction[i];
+    }
     return a;
 }
 
@@ -318,20 +468,17 @@ static void draw_arrow(const kn_renderer *r, GLuint program, const arrow *a)
 
 static bool somewhere(const kn_view_probe *p) // finite
 {
-    return isfinite(p->position_m[0] + p->position_m[1] + p->position_m[2]);
+    const double *x = p->position_m, *q = p->orientation_wxyz;
+    return isfinite(x[0] + x[1] + x[2] + q[0] + q[1] + q[2] + q[3]);
 }
 
 static void draw_probe(const kn_renderer *r, GLuint program, const kn_view_probe *p)
 {
-    static const float up[3] = {0, 0, 1};
-    float at[3] = {(float)p->position_m[0], (float)p->position_m[1], (float)p->position_m[2]}, m[16];
-    float radius = (float)p->def.radius_m;
-    bool plate = p->def.shape == KN_PROBE_PLATE;
     if (p->outside && program == r->depth) return;
-    if (plate) place(m, at, up, (float)p->def.size_m[0], (float)p->def.size_m[1], (float)PLATE_THICKNESS_M);
-    else place(m, at, up, radius, radius, radius);
-    draw_shape(r, program, plate ? &r->box : &r->ball, m, p->outside ? outside_color : tool_color, plate ? 0.25f : 0.5f,
-               0);
+    solid s[SOLIDS_MAX];
+    for (int i = 0, n = solids_of(r, p, s); i < n; i++)
+        draw_shape(r, program, s[i].shape, s[i].place, p->outside ? outside_color : tool_color,
+                   s[i].shape == &r->box ? 0.25f : 0.5f, 0);
     arrow a = arrow_of(r, p);
     if (a.length > 0) draw_arrow(r, program, &a);
 }
@@ -466,32 +613,39 @@ static void cover(const kn_renderer *r, extent *e, const float p[3])
     }
 }
 
-// A box about p, half of its sides given, and its shadow on the table.
-static void cover_box(const kn_renderer *r, parts *e, const float p[3], float x, float y, float z)
+static void cover_point(const kn_renderer *r, parts *e, const float p[3]) // and its shadow on the table
 {
+    float q[3], down = fmaxf(0, p[2] - level_of(r)) / r->key[2];
+    cover(r, &e->all, p);
+    for (int i = 0; i < 3; i++) q[i] = p[i] - down * r->key[i];
+    cover(r, &e->all, q);
+    cover(r, &e->table, q);
+}
+
+static void cover_solid(const kn_renderer *r, parts *e, const solid *s) // the box around its unit shape
+{
+    const float *m = s->place, half = s->shape->half;
     for (int corner = 0; corner < 8; corner++) {
-        float q[3] = {p[0] + (corner & 1 ? x : -x), p[1] + (corner & 2 ? y : -y), p[2] + (corner & 4 ? z : -z)};
-        cover(r, &e->all, q);
-        float down = fmaxf(0, q[2] - level_of(r)) / r->key[2];
-        for (int i = 0; i < 3; i++) q[i] -= down * r->key[i];
-        cover(r, &e->all, q);
-        cover(r, &e->table, q);
-        if (x == 0 && y == 0 && z == 0) return; // a point
+        float x = corner & 1 ? half : -half, y = corner & 2 ? half : -half, p[3];
+        float z = corner & 4 ? s->shape->high : s->shape->low;
+        for (int i = 0; i < 3; i++) p[i] = m[i] * x + m[4 + i] * y + m[8 + i] * z + m[12 + i];
+        cover_point(r, e, p);
     }
 }
 
 static void cover_probe(const kn_renderer *r, parts *e, const kn_view_probe *p)
 {
-    float at[3] = {(float)p->position_m[0], (float)p->position_m[1], (float)p->position_m[2]}, tip[3];
-    float half[2] = {0.5f * (float)p->def.size_m[0], 0.5f * (float)p->def.size_m[1]}, radius = (float)p->def.radius_m;
-    if (p->def.shape == KN_PROBE_PLATE) cover_box(r, e, at, half[0], half[1], (float)PLATE_THICKNESS_M);
-    else cover_box(r, e, at, radius, radius, radius);
+    solid s[SOLIDS_MAX];
+    for (int i = 0, n = solids_of(r, p, s); i < n; i++) cover_solid(r, e, &s[i]);
     arrow a = arrow_of(r, p);
     if (!(a.length > 0)) return;
-    for (int i = 0; i < 3; i++) tip[i] = a.tail[i] + a.length * a.direction[i];
     float wide = 0.2f * r->square_m; // more than the head
-    cover_box(r, e, a.tail, wide, wide, wide);
-    cover_box(r, e, tip, wide, wide, wide);
+    frame f = {.axis = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    for (int end = 0; end < 2; end++) {
+        for (int i = 0; i < 3; i++) f.at[i] = a.tail[i] + (end ? a.length : 0) * a.direction[i];
+        solid around_end = solid_at(&f, &r->ball, 0, wide, wide, wide);
+        cover_solid(r, e, &around_end);
+    }
 }
 
 static int pixel(float at, int size, int margin) // of -1..1, inside the picture
@@ -515,7 +669,7 @@ static void find_regions(const kn_renderer *r, const kn_view_scene *scene, const
     parts e = {nothing, nothing};
     for (int v = 0; v < r->skin->vertex_count; v++) {
         const float *p = scene->xyz[v];
-        if (isfinite(p[0] + p[1] + p[2])) cover_box(r, &e, p, 0, 0, 0);
+        if (isfinite(p[0] + p[1] + p[2])) cover_point(r, &e, p);
     }
     for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
         if (somewhere(&scene->probe[i])) cover_probe(r, &e, &scene->probe[i]);
@@ -541,6 +695,7 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     const kn_gl *gl = kn_offscreen_begin(r->screen);
     const kn_gl_target *target = kn_offscreen_target(r->screen);
     float foot[4];
+    load_tools(r, scene);
     aim(r, scene);
     light_up(r, scene);
     float corner = footprint(r->skin, scene->xyz, foot);

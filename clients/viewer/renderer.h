@@ -6,7 +6,8 @@
 //     kn_renderer_open -> kn_renderer_mesh -> kn_renderer_draw, as often as positions come -> kn_renderer_close
 //
 // The same input gives the same bytes on the same Mesa. Frame: scene frame of proto/README.md, metres, z up.
-// One thread; everything is allocated by open and mesh, nothing by draw (Mesa itself may).
+// One thread; everything is allocated by open and mesh, nothing by draw (Mesa itself may, and the first picture of a tool
+// that is a mesh).
 #include "core/model.h"
 #include <stdint.h>
 
@@ -14,7 +15,8 @@ typedef struct kn_renderer kn_renderer;
 
 typedef struct kn_view_probe {
     kn_probe_def def;      // shape and size
-    double position_m[3];  // plate: centre of the face that touches; sphere: centre
+    double position_m[3];  // of its pose, see core/shape.h; plate: centre of the face that touches
+    double orientation_wxyz[4]; // all 0: level
     double force_n[3];     // on the tool; drawn beyond the tool, one square of the table per 5 N; none below 0.05 N
     bool outside;          // not in the model (no session yet, or latched): drawn pale and without a shadow
 } kn_view_probe;
@@ -27,6 +29,7 @@ typedef struct kn_view_scene {
     double azimuth_deg;          // 0: from the front (-y), 90: from the right (+x)
     double elevation_deg;        // 0: level, 90: from above
     bool lines;                  // draw the lattice on the skin
+    bool follow;                 // an object that has left its place, lifted or pushed, is in the picture with it
 } kn_view_scene;
 
 // Front above, so that both the top and the profile of a dent across the block show; dough's colour; lines; no probe.

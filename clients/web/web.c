@@ -2,6 +2,7 @@
 // messages; the device's, 1 kHz, for poses; the painter's.
 #include "clients/knead/commands.h"
 #include "clients/knead/device.h"
+#include "clients/knead/foot.h"
 #include "clients/knead/reach.h"
 #include "clients/web/gateway.h"
 #include "clients/web/painter.h"
@@ -38,7 +39,7 @@ static const char help[] =
     "until SIGINT or SIGTERM. Only this machine reaches it (another one: ssh -L N:127.0.0.1:N), and only with the "
     "token in\n"
     "the address.\n\n"
-    "  --probe NAME       the tool in hand (the scene's first sphere, else its first probe)\n"
+    "  --probe NAME       the tool in hand (the scene's first round one, else its first probe)\n"
     "  --port N           0..65535; 0: a free one (0)\n"
     "  --rate HZ          pictures per second, 5..60, at most the scene's mesh.rate (30)\n"
     "  --size WxH         of a picture, 160..1920 pixels each (800x450)\n"
@@ -131,7 +132,7 @@ static const kn_probe_def *choose_tool(const web *w)
 {
     const kn_model_def *def = &w->live.scene->model;
     for (int i = 0; i < def->probe_count; i++)
-        if (w->probe ? !strcmp(def->probe[i].name, w->probe) : def->probe[i].shape == KN_PROBE_SPHERE)
+        if (w->probe ? !strcmp(def->probe[i].name, w->probe) : !kn_foot_flat(def->probe[i].shape))
             return &def->probe[i];
     return w->probe || def->probe_count == 0 ? NULL : &def->probe[0];
 }

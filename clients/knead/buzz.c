@@ -1,0 +1,41 @@
+#include "clients/knead/buzz.h"
+#include <math.h>
+
+void kn_buzz_init(kn_buzz *buzz, double period_s, double first)
+{
+    double w = tan(3.141592653589793 * KN_BUZZ_HZ * period_s), root2 = sqrt(2.0);
+    double a0 = 1.0 + root2 * w + w * w;
+    *buzz = (kn_buzz){.b = 1.0 / a0, .a1 = 2.0 * (w * w - 1.0) / a0, .a2 = (1.0 - root2 * w + w * w) / a0,
+                      .x1 = first, .x2 = first};
+}
+
+void kn_buzz_add(kn_buzz *buzz, double value)
+{
+    double y = buzz->b * (value - 2.0 * buzz->x1 + buzz->x2) - buzz->a1 * buzz->y1 - buzz->a2 * buzz->y2;
+    buzz->x2 = buzz->x1;
+    buzz->x1 = value;
+    buzz->y2 = buzz->y1;
+    buzz->y1 = y;
+    buzz->sum += y * y;
+    buzz->count++;
+}
+
+void kn_buzz_reset(kn_buzz *buzz)
+{
+    buzz->sum = 0.0;
+    buzz->count = 0;
+}
+
+double kn_buzz_rms(const kn_buzz *buzz) { return buzz->count ? sqrt(buzz->sum / (double)buzz->count) : 0.0; }
+
+void kn_turns_add(kn_turns *t, double value)
+{
+    double gone = value - t->extreme;
+    if (t->up * gone > 0.0 || (t->up == 0 && t->hysteresis > fabs(gone))) {
+        if (t->up) t->extreme = value;
+    } else if (fabs(gone) > t->hysteresis) {
+        t->count += t->up != 0;
+        t->up = gone > 0.0 ? 1 : -1;
+        t->extreme = value;
+    }
+}

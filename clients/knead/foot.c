@@ -1,0 +1,45 @@
+#include "clients/knead/foot.h"
+#include "core/shape.h"
+#include <math.h>
+
+bool kn_foot_flat(kn_probe_shape shape)
+{
+    return shape != KN_PROBE_SPHERE && shape != KN_PROBE_CAPSULE;
+}
+
+static bool covers(const kn_probe_def *tool, double x_m, double y_m) // of the flat ones
+{
+    const double along = 0.5 * tool->size_m[0], across = 0.5 * tool->size_m[1];
+    switch (tool->shape) {
+    case KN_PROBE_CYLINDER: return x_m * x_m + y_m * y_m <= tool->radius_m * tool->radius_m;
+    case KN_PROBE_CROSS: return (x_m <= along && y_m <= across) || (x_m <= across && y_m <= along);
+    default: return x_m <= along && y_m <= across;
+    }
+}
+
+// Up along a line from below, by as much as the tool is away; a line that grazes it has not hit it after so many.
+static double first_below(const kn_shape *tool, double x_m, double y_m)
+{
+    enum { STEPS_MAX = 100 };
+    const double r2 = tool->bound_m * tool->bound_m - x_m * x_m - y_m * y_m;
+    double z_m = r2 > 0 ? -sqrt(r2) : INFINITY, way[3];
+    for (int i = 0; i < STEPS_MAX && z_m < tool->bound_m; i++) {
+        double distance_m = kn_shape_distance(tool, (double[]){x_m, y_m, z_m}, way);
+        if (distance_m < 1e-6) return -z_m;
+        z_m += distance_m;
+    }
+    return -INFINITY;
+}
+
+double kn_foot_below(const kn_probe_def *tool, double dx_m, double dy_m)
+{
+    if (tool->parts) return first_below(tool->parts, dx_m, dy_m);
+    if (kn_foot_flat(tool->shape)) return covers(tool, fabs(dx_m), fabs(dy_m)) ? 0 : -INFINITY;
+    double r = tool->radius_m, r2 = r * r, d2 = dx_m * dx_m + dy_m * dy_m;
+    return d2 <= r2 ? sqrt(r2 - d2) : -INFINITY;
+}
+
+double kn_foot_m(const kn_probe_def *tool)
+{
+    return tool->parts ? kn_shape_support(tool->parts, (double[]){0, 0, -1}) : kn_foot_below(tool, 0, 0);
+}

@@ -1,0 +1,237 @@
+// knead latency: pose to force through LCM on a real kneadd. The threads are latency_run's, the processes beside us
+// latency_served's, the numbers latency_report's; here is what was asked for and the order of things.
+#include "clients/knead/latency.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/foot.h"
+#include "clients/knead/join.h"
+#include "clients/knead/output.h"
+#include "clients/knead/plot.h"
+#include "clients/knead/record.h"
+#include "core/composite.h"
+#include "core/scene/scene.h"
+#include <getopt.h>
+#include <limits.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+static const char help[] =
+    "usage: knead latency [SCENE] [OPTION]...\n"
+    "\n"
+    "From a pose to the force that answers it: a hand presses the scene's first tool into the object, 1000 poses a\n"
+    "second, on a kneadd that is started for it, with its own buses. In the same milliseconds the same messages go\n"
+    "there and back with nothing in between, over LCM and over bare UDP: what the machine does hits all three.\n"
+    "\n"
+    "  SCENE             default: dough.yaml, as installed or in the source tree; 847 nodes\n"
+    "  --seconds N       of work, 1 to 3600; default 10\n"
+    "  --phase MODE      lock (default) or free: kneadd's --phase\n"
+    "  --load            with stress-ng beside it: every processor busy\n"
+    "  --lcm-url URL     measures the kneadd that serves URL instead. The tool stays in the air, 5 cm above; without\n"
+    "                    stages, which only a kneadd of our own tells\n"
+    "  --contract A,B    us; default 60,150: p50 may be at most the LCM echo's p50 + execution's p50 + A, p99 at\n"
+    "                    most the echo's p99 + execution's p99 + B. none: states none\n"
+    "  --drift PPM       how much slower the hand's clock runs than kneadd's; default 100\n"
+    "  --json FILE       all that is printed\n"
+    "  --plot FILE       PNG of the distributions, by gnuplot\n"
+    "  --help, --version\n"
+    "\n"
+    "A pose that no answer echoes is missed: the next one overtook it. It is as late as the answer to that.\n"
+    "Exit: 1 the contract is missed, 2 bad input, 3 kneadd, stress-ng or the bus cannot be had.\n";
+
+static const double above_m = 0.05, years_s = 1e8;
+static const double deep = 0.3; // of the object's height
+
+typedef struct options {
+    const char *scene, *phase, *url, *json, *plot;
+    int seconds;
+    bool load, done;
+    double drift_ppm, contract_us[2];
+} options;
+
+static volatile int interrupted;
+
+static void on_signal(int number)
+{
+    (void)number;
+    interrupted = 1;
+}
+
+static int bad(const char *option, const char *value, const char *expected)
+{
+    return kn_complain("latency", KN_EXIT_USAGE, "--%s %s: expected %s", option, value, expected);
+}
+
+static int take_number(const char *option, const char *text, double low, double high, double *value)
+{
+    char *end, expected[64];
+    double x = strtod(text, &end);
+    snprintf(expected, sizeof expected, "%g to %g", low, high);
+    if (end == text || *end || !(x >= low && x <= high)) return bad(option, text, expected);
+    *value = x;
+    return KN_EXIT_OK;
+}
+
+static int take_contract(const char *text, double us[2])
+{
+    char rest;
+    if (!strcmp(text, "none")) us[0] = us[1] = -1;
+    else if (sscanf(text, "%lf,%lf%c", &us[0], &us[1], &rest) != 2 || !(us[0] >= 0 && us[1] >= 0))
+        return bad("contract", text, "two numbers of us, like 60,150, or none");
+    return KN_EXIT_OK;
+}
+
+static int parse(options *o, int argc, char **argv)
+{
+    enum { SECONDS = 256, PHASE, LOAD, LCM_URL, CONTRACT, DRIFT, JSON, PLOT, HELP };
+    static const struct option list[] = {{"seconds", 1, 0, SECONDS}, {"phase", 1, 0, PHASE}, {"load", 0, 0, LOAD},
+                                         {"lcm-url", 1, 0, LCM_URL}, {"contract", 1, 0, CONTRACT},
+                                         {"drift", 1, 0, DRIFT},     {"json", 1, 0, JSON},   {"plot", 1, 0, PLOT},
+                                         {"help", 0, 0, HELP},       {0, 0, 0, 0}};
+    double seconds = 10;
+    int code = KN_EXIT_OK;
+    *o = (options){.drift_ppm = KN_LATENCY_DRIFT_PPM, .contract_us = {60, 150}};
+    optind = 1;
+    for (int c; code == KN_EXIT_OK && (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
+        switch (c) {
+        case SECONDS: code = take_number("seconds", optarg, 1, 3600, &seconds); break;
+        case PHASE: o->phase = optarg; break;
+        case LOAD: o->load = true; break;
+        case LCM_URL: o->url = optarg; break;
+        case CONTRACT: code = take_contract(optarg, o->contract_us); break;
+        case DRIFT: code = take_number("drift", optarg, -1000, 1000, &o->drift_ppm); break;
+        case JSON: o->json = optarg; break;
+        case PLOT: o->plot = optarg; break;
+        case HELP: fputs(help, stdout); o->done = true; return KN_EXIT_OK;
+        default:
+            return kn_complain("latency", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],
+                               c == ':' ? "expected a value" : "unknown option; knead latency --help lists them");
+        }
+    }
+    o->seconds = (int)seconds;
+    if (code != KN_EXIT_OK) return code;
+    if (optind < argc) o->scene = argv[optind++];
+    if (optind < argc) return kn_complain("latency", KN_EXIT_USAGE, "`%s`: expected one SCENE", argv[optind]);
+    if (o->phase && strcmp(o->phase, "lock") && strcmp(o->phase, "free"))
+        return bad("phase", o->phase, "lock or free");
+    if (o->url && (o->scene || o->phase))
+        return kn_complain("latency", KN_EXIT_USAGE,
+                           "--lcm-url: expected neither SCENE nor --phase with it; the kneadd there has its own");
+    char error[256];
+    if (o->url && !kn_join_check(o->url, KN_FORCE_URL, error, sizeof error))
+        return kn_complain("latency", KN_EXIT_USAGE, "%s", error);
+    return KN_EXIT_OK;
+}
+
+// Beside the program: as installed, or in the tree that it was built in.
+static const char *default_scene(char path[PATH_MAX])
+{
+    static const char *const places[] = {"../share/knead/scenes/dough.yaml", "../../../core/scenes/dough.yaml"};
+    ssize_t n = readlink("/proc/self/exe", path, PATH_MAX - 64);
+    char *slash = n > 0 ? memrchr(path, '/', (size_t)n) : NULL;
+    for (size_t i = 0; slash && i < sizeof places / sizeof *places; i++) {
+        strcpy(slash + 1, places[i]);
+        if (access(path, R_OK) == 0) return path;
+    }
+    return "core/scenes/dough.yaml";
+}
+
+static kn_scene *ask_scene(const char *url, char *error, size_t size) // of a kneadd that runs already
+{
+    kn_record *record = kn_record_open(url, error, size);
+    kn_scene *scene = NULL;
+    if (!record) return NULL;
+    if (!kn_record_scene(record, 6000))
+        snprintf(error, size, "no KNEAD_SCENE for 6 s: is kneadd running on this bus?");
+    else
+        scene = kn_scene_parse(record->scene_name, record->scene_text, strlen(record->scene_text), NULL, 0, error,
+                               size);
+    kn_record_destroy(record);
+    return scene;
+}
+
+// Into an object of ours the tool goes slowly for as long as is measured, so that it always touches; another's is left
+// alone.
+static kn_path *make_path(const kn_scene *scene, const options *o, const char **work)
+{
+    const kn_probe_def *tool = &scene->model.probe[0];
+    double extent_m[3];
+    kn_model_def_extent(&scene->model, extent_m);
+    double touch_m = extent_m[2] + kn_foot_m(tool);
+    *work = "press";
+    double depth_m = deep * extent_m[2], speed_m_s = depth_m / (1 + 1.2 * o->seconds);
+    if (!o->url) return kn_path_press(&(kn_path_def){.touch_z_m = touch_m, .depth_m = depth_m, .speed_m_s = speed_m_s});
+    kn_path *path = calloc(1, sizeof *path + sizeof(kn_piece));
+    if (!path) return NULL;
+    kn_path_point there = {.position_m = {0, 0, touch_m + above_m}, .orientation_wxyz = {1}};
+    path->piece = (kn_piece *)(path + 1);
+    path->count = 1;
+    path->duration_s = years_s;
+    path->piece[0] = (kn_piece){KN_PIECE_STAND, *work, 0, years_s, there, there, 0};
+    return path;
+}
+
+static int report(const options *o, const kn_scene *scene, const kn_latency *l)
+{
+    kn_latency_report r = {.scene = scene->name, .load = o->load};
+    if (!o->url) r.phase = o->phase ? o->phase : "lock";
+    memcpy(r.contract_us, o->contract_us, sizeof r.contract_us);
+    char error[256];
+    kn_model *model = kn_model_build(&scene->model, error, sizeof error);
+    r.nodes = model ? model->node_count - kn_composite_tied(model) : 0;
+    kn_model_destroy(model);
+    int code = KN_EXIT_INTERNAL;
+    if (kn_latency_sort(&r, l)) {
+        bool kept = kn_latency_print(&r, l);
+        code = o->json ? kn_latency_json(&r, l, o->json) : KN_EXIT_OK;
+        if (code == KN_EXIT_OK && o->plot) code = kn_latency_plot(&r, o->plot);
+        if (code == KN_EXIT_OK && !kept) code = KN_EXIT_FAILED;
+    }
+    kn_latency_report_free(&r);
+    return code;
+}
+
+static int measure(const options *o, const char *path, const kn_scene *scene, kn_served *served)
+{
+    kn_latency l = {.seconds = o->seconds, .drift_ppm = o->drift_ppm, .probe = scene->model.probe[0].name};
+    kn_served_urls(served, l.echo_url);
+    l.url = o->url ? o->url : served->url;
+    kn_path *way = make_path(scene, o, &l.work);
+    l.path = way;
+    int code = way ? KN_EXIT_OK : KN_EXIT_INTERNAL;
+    if (code == KN_EXIT_OK && o->load) code = kn_served_load(served);
+    if (code == KN_EXIT_OK && !o->url) code = kn_served_start(served, path, o->phase ? o->phase : "lock");
+    if (code == KN_EXIT_OK && !kn_latency_run(&l, &interrupted))
+        code = kn_complain("latency", KN_EXIT_DEVICE, "%s", l.error);
+    kn_served_stop_load(served);
+    bool ended = kn_served_stop(served, &l.flights[KN_LATENCY_POSE]);
+    if (code == KN_EXIT_OK && !ended) code = kn_complain("latency", KN_EXIT_DEVICE, "kneadd did not end well");
+    if (code == KN_EXIT_OK) code = report(o, scene, &l);
+    kn_latency_free(&l);
+    kn_path_destroy(way);
+    return code;
+}
+
+int kn_latency_main(int argc, char **argv)
+{
+    options o;
+    int code = parse(&o, argc, argv);
+    if (code != KN_EXIT_OK || o.done) return code;
+    if (o.json && (code = kn_output_try("latency", o.json)) != KN_EXIT_OK) return code;
+    if (o.plot && (code = kn_plot_try("latency", o.plot)) != KN_EXIT_OK) return code;
+    char place[PATH_MAX], error[512] = "";
+    const char *path = o.scene ? o.scene : default_scene(place);
+    kn_scene *scene = o.url ? ask_scene(o.url, error, sizeof error) : kn_scene_load(path, NULL, 0, error, sizeof error);
+    if (!scene) return kn_complain("latency", o.url ? KN_EXIT_DEVICE : KN_EXIT_USAGE, "%s", error);
+    if (scene->model.probe_count > 0) {
+        signal(SIGINT, on_signal);
+        signal(SIGTERM, on_signal);
+        kn_served served = {.trace = -1};
+        code = measure(&o, path, scene, &served);
+    } else {
+        code = kn_complain("latency", KN_EXIT_USAGE, "%s: has no probe, expected a tool to measure with", scene->name);
+    }
+    kn_scene_destroy(scene);
+    return code;
+}

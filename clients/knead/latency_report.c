@@ -1,0 +1,215 @@
+// What knead latency says: table, contract, JSON, picture.
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/latency.h"
+#include "clients/knead/plot.h"
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double shares[] = {0.5, 0.9, 0.99, 0.999, 1.0};
+static const char *const share_names[] = {"p50", "p90", "p99", "p99_9", "max"};
+enum { SHARES = 5 };
+
+static const struct {
+    const char *name, *key, *meaning;
+} series[KN_SERIES_COUNT] = {
+    [KN_SERIES_UDP] = {"UDP echo", "udp_echo", "the same bytes there and back, without LCM"},
+    [KN_SERIES_LCM] = {"LCM echo", "lcm_echo", "the same messages there and back, nothing in between"},
+    [KN_SERIES_POSE] = {"pose to force", "pose_to_force", "from the hand's stamp until the hand has the force"},
+    [KN_SERIES_RECEIVE] = {"  receive", "receive", "until the pose lies in its mailbox"},
+    [KN_SERIES_WAIT] = {"  wait", "wait", "until the tick that uses it"},
+    [KN_SERIES_STEP] = {"  step", "step", "the lattice"},
+    [KN_SERIES_GUARD] = {"  guard", "guard", "the output stage"},
+    [KN_SERIES_PUBLISH] = {"  publish", "publish", "until the hand has it"},
+    [KN_SERIES_EXECUTION] = {"execution", "execution", "of the tick, as kneadd tells: read, step, guard"},
+};
+
+static const kn_flights *flights_of(const kn_latency *l, int which)
+{
+    if (which == KN_SERIES_UDP) return &l->flights[KN_LATENCY_UDP];
+    return &l->flights[which == KN_SERIES_LCM ? KN_LATENCY_LCM : KN_LATENCY_POSE];
+}
+
+// NAN: it has none.
+static double value_us(const kn_flight *f, int which)
+{
+    bool whole = which <= KN_SERIES_POSE;
+    if (whole) return f->newer_ns ? 1e-3 * (double)(f->newer_ns - f->sent_ns) : INFINITY;
+    if (f->back_ns == 0) return NAN;
+    if (f->woke_ns == 0 && which != KN_SERIES_EXECUTION) return NAN;
+    switch (which) {
+    case KN_SERIES_RECEIVE: return 1e-3 * (double)(f->arrived_ns - f->sent_ns);
+    case KN_SERIES_WAIT: return 1e-3 * (double)(f->woke_ns - f->arrived_ns);
+    case KN_SERIES_STEP: return 1e-3 * (double)(f->stepped_ns - f->woke_ns);
+    case KN_SERIES_GUARD: return 1e-3 * (double)(f->guarded_ns - f->stepped_ns);
+    case KN_SERIES_PUBLISH: return 1e-3 * (double)(f->back_ns - f->guarded_ns);
+    default: return 1e-3 * (double)f->execution_ns;
+    }
+}
+
+static int compare(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+bool kn_latency_sort(kn_latency_report *r, const kn_latency *l)
+{
+    for (int w = 0; w < KN_SERIES_COUNT; w++) {
+        const kn_flights *f = flights_of(l, w);
+        kn_series *s = &r->series[w];
+        s->us = malloc((size_t)(f->count + 1) * sizeof *s->us);
+        if (!s->us) return false;
+        for (int i = 0; i < f->count; i++) {
+            double us = f->list[i].counts ? value_us(&f->list[i], w) : NAN;
+            if (isnan(us)) continue;
+            s->us[s->count++] = us;
+            s->missed += f->list[i].back_ns == 0;
+        }
+        qsort(s->us, (size_t)s->count, sizeof *s->us, compare);
+    }
+    return true;
+}
+
+void kn_latency_report_free(kn_latency_report *r)
+{
+    for (int w = 0; w < KN_SERIES_COUNT; w++) free(r->series[w].us);
+}
+
+double kn_series_at(const kn_series *s, double share)
+{
+    int rank = (int)ceil(share * s->count) - 1;
+    return s->count ? s->us[rank < 0 ? 0 : rank] : NAN;
+}
+
+bool kn_latency_kept(const kn_latency_report *r, int n, double *is_us, double *allowed_us)
+{
+    double share = n ? 0.99 : 0.5;
+    *is_us = kn_series_at(&r->series[KN_SERIES_POSE], share);
+    *allowed_us = kn_series_at(&r->series[KN_SERIES_LCM], share) +
+                  kn_series_at(&r->series[KN_SERIES_EXECUTION], share) + r->contract_us[n];
+    return *is_us <= *allowed_us;
+}
+
+static void print_us(double us)
+{
+    if (isnan(us)) printf(" %8s", "-");
+    else if (isinf(us)) printf(" %8s", "never");
+    else printf(" %8.1f", us);
+}
+
+static void print_row(const kn_latency_report *r, int w)
+{
+    const kn_series *s = &r->series[w];
+    printf("%-14s", series[w].name);
+    for (int n = 0; n < SHARES; n++) print_us(kn_series_at(s, shares[n]));
+    if (w <= KN_SERIES_POSE) printf(" %8d", s->missed);
+    else printf(" %8s", "");
+    printf("   %s\n", series[w].meaning);
+}
+
+bool kn_latency_print(const kn_latency_report *r, const kn_latency *l)
+{
+    double load[1] = {NAN};
+    getloadavg(load, 1);
+    printf("%s, %d nodes, tool %s, %d poses of a 1 kHz hand%s%s%s; load average %.1f%s\n\n", r->scene, r->nodes,
+           l->probe, r->series[KN_SERIES_POSE].count, r->phase ? ", phase " : "", r->phase ? r->phase : "",
+           l->real_time ? "" : ", normal priority", load[0], r->load ? ", under stress-ng" : "");
+    printf("%-14s %8s %8s %8s %8s %8s %8s\n", "us", "p50", "p90", "p99", "p99.9", "max", "missed");
+    for (int w = 0; w < KN_SERIES_COUNT; w++) print_row(r, w);
+    int contacts = 0;
+    for (int i = 0; i < l->flights[KN_LATENCY_POSE].count; i++)
+        contacts += l->flights[KN_LATENCY_POSE].list[i].counts && l->flights[KN_LATENCY_POSE].list[i].contacts > 0;
+    printf("\ntouching in %d of them; the hand came too late for %d of its own ms and had to begin anew %d times\n",
+           contacts, l->missed_ms, l->interrupted);
+    bool kept = true;
+    for (int n = 0; n < 2; n++) {
+        double is_us, allowed_us;
+        if (r->contract_us[n] < 0) continue;
+        bool good = kn_latency_kept(r, n, &is_us, &allowed_us);
+        printf("contract: %s %.1f us, LCM echo + execution + %.0f us is %.1f: %s\n", n ? "p99" : "p50", is_us,
+               r->contract_us[n], allowed_us, good ? "kept" : "missed");
+        kept &= good;
+    }
+    return kept;
+}
+
+static void put_number(FILE *f, const char *key, double us)
+{
+    if (isfinite(us)) fprintf(f, ", \"%s_us\": %.3f", key, us);
+    else fprintf(f, ", \"%s_us\": null", key);
+}
+
+static void put_text(FILE *f, const char *text) // a JSON string
+{
+    fputc('"', f);
+    for (; *text; text++) {
+        if (*text == '"' || *text == '\\') fputc('\\', f);
+        if ((unsigned char)*text >= ' ') fputc(*text, f);
+    }
+    fputc('"', f);
+}
+
+int kn_latency_json(const kn_latency_report *r, const kn_latency *l, const char *path)
+{
+    FILE *f = fopen(path, "w");
+    if (!f) return kn_complain("latency", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+    fputs("{\"scene\": ", f);
+    put_text(f, r->scene);
+    fprintf(f,
+            ", \"nodes\": %d, \"phase\": %s%s%s, \"load\": %s, \"real_time\": %s, \"drift_ppm\": %g,\n \"series\": {",
+            r->nodes, r->phase ? "\"" : "", r->phase ? r->phase : "null", r->phase ? "\"" : "",
+            r->load ? "true" : "false", l->real_time ? "true" : "false", l->drift_ppm);
+    for (int w = 0; w < KN_SERIES_COUNT; w++) {
+        const kn_series *s = &r->series[w];
+        fprintf(f, "%s\n  \"%s\": {\"count\": %d, \"missed\": %d", w ? "," : "", series[w].key, s->count, s->missed);
+        for (int n = 0; n < SHARES; n++) put_number(f, share_names[n], kn_series_at(s, shares[n]));
+        fputc('}', f);
+    }
+    fputs("},\n \"contract\": [", f);
+    for (int n = 0, some = 0; n < 2; n++) {
+        double is_us, allowed_us;
+        if (r->contract_us[n] < 0) continue;
+        bool kept = kn_latency_kept(r, n, &is_us, &allowed_us);
+        fprintf(f, "%s{\"of\": \"%s\", \"kept\": %s", some++ ? ", " : "", share_names[n ? 2 : 0],
+                kept ? "true" : "false");
+        put_number(f, "is", is_us);
+        put_number(f, "allowed", allowed_us);
+        fputc('}', f);
+    }
+    fputs("]}\n", f);
+    if (!(ferror(f) | fclose(f))) return KN_EXIT_OK;
+    return kn_complain("latency", KN_EXIT_DEVICE, "%s: could not be written to its end", path);
+}
+
+// Share against latency, the share in nines: a tail that matters once a second is not a pixel.
+int kn_latency_plot(const kn_latency_report *r, const char *path)
+{
+    static const int drawn[] = {KN_SERIES_UDP, KN_SERIES_LCM, KN_SERIES_EXECUTION, KN_SERIES_POSE};
+    int code;
+    FILE *f = kn_plot_open("latency", path, &code);
+    if (!f) return code;
+    fputs("set terminal pngcairo noenhanced size 900,560 font 'sans,11'\nset logscale x\nset grid\n"
+          "set key bottom right\nset rmargin 4\n"
+          "set xlabel 'us'\nset ylabel 'share of the poses'\nset yrange [0:4.2]\n"
+          "set ytics ('0' 0, '50 %%' 0.30103, '90 %%' 1, '99 %%' 2, '99.9 %%' 3, '99.99 %%' 4)\nset title ", f);
+    char title[256];
+    snprintf(title, sizeof title, "pose to force, %s, %d nodes%s", r->scene, r->nodes,
+             r->load ? ", under stress-ng" : "");
+    kn_plot_quote(f, title);
+    fputs("\nplot ", f);
+    for (int d = 0; d < 4; d++)
+        fprintf(f, "%s'-' with lines lw 2 title '%s'", d ? ", " : "", series[drawn[d]].name);
+    fputc('\n', f);
+    for (int d = 0; d < 4; d++) {
+        const kn_series *s = &r->series[drawn[d]];
+        for (double nines = 0; nines <= 4.2 && s->count; nines += 0.01) {
+            double share = 1 - pow(10, -nines), us = kn_series_at(s, share);
+            if (isfinite(us) && us > 0 && (1 - share) * s->count >= 1) fprintf(f, "%.2f %.4f\n", us, nines);
+        }
+        fputs("e\n", f);
+    }
+    return kn_plot_close(f, "latency", path);
+}

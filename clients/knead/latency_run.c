@@ -1,0 +1,353 @@
+// The hand, the ear and the echo of knead latency: three real-time threads.
+#include "clients/knead/hand.h"
+#include "clients/knead/join.h"
+#include "clients/knead/latency.h"
+#include "proto/knead_contact_force_t.h"
+#include "server/clock.h"
+#include "server/mailbox.h"
+#include "server/wire.h"
+#include <arpa/inet.h>
+#include <poll.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/random.h>
+#include <time.h>
+#include <unistd.h>
+
+static const int hand_priority = 60; // as knead probe's device, below kneadd's threads
+static const int echo_priority = 70; // as kneadd's main thread, whose place it takes
+static const int64_t echo_at_ns[] = {[KN_LATENCY_LCM] = 500000, [KN_LATENCY_UDP] = 750000};
+static const int64_t straggler_ns = 100000000;
+static const char echo_out[] = "KNEAD_LATENCY_POSE", echo_back[] = "KNEAD_LATENCY_FORCE";
+enum { HANDS_MAX = 100, MESSAGE_MAX = 512 };
+
+typedef struct run {
+    kn_latency *l;
+    const volatile int *stop;
+    lcm_t *ear_bus, *ear_echo, *echo_bus, *hand_bus, *hand_echo; // one lcm_t per thread and direction
+    int ear_udp, echo_udp;
+    struct sockaddr_in echo_address, ear_address;
+    kn_flights answers[KN_LATENCY_PATHS]; // the ear's: session, seq, back_ns, execution_ns
+    kn_mailbox forces; // from the ear to the hand
+    kn_hand_force force_slots[3];
+    kn_hand hand;
+    int64_t session; // of the next hand
+    int hands;
+    uint32_t echo_seq;
+    atomic_bool done;
+    atomic_int ready; // threads that have their sockets; < 0: one could not
+} run;
+
+static bool reserve(kn_flights *f, int capacity)
+{
+    f->list = malloc((size_t)capacity * sizeof *f->list);
+    if (f->list) memset(f->list, 0xff, (size_t)capacity * sizeof *f->list); // no page is new while it counts
+    f->capacity = f->list ? capacity : 0;
+    return f->list != NULL;
+}
+
+static void note(kn_flights *f, const kn_flight *flight)
+{
+    if (f->count < f->capacity) f->list[f->count++] = *flight;
+}
+
+// --- echo: a pose in, a force out, nothing thought
+
+static int answer_to(const void *bytes, int size, uint8_t out[MESSAGE_MAX])
+{
+    knead_probe_pose_t pose;
+    if (knead_probe_pose_t_decode(bytes, 0, size, &pose) < 0) return -1;
+    knead_contact_force_t force = {.session = pose.session, .seq = pose.seq, .sent_ns = pose.sent_ns};
+    return knead_contact_force_t_encode(out, 0, MESSAGE_MAX, &force);
+}
+
+static void on_echo(const lcm_recv_buf_t *buf, const char *channel, void *self)
+{
+    (void)channel;
+    uint8_t out[MESSAGE_MAX];
+    int size = answer_to(buf->data, (int)buf->data_size, out);
+    if (size > 0) lcm_publish(((run *)self)->echo_bus, echo_back, out, (unsigned)size);
+}
+
+static void echo_udp(run *r)
+{
+    uint8_t in[MESSAGE_MAX], out[MESSAGE_MAX];
+    ssize_t got = recv(r->echo_udp, in, sizeof in, MSG_DONTWAIT);
+    int size = got > 0 ? answer_to(in, (int)got, out) : -1;
+    if (size > 0)
+        sendto(r->echo_udp, out, (size_t)size, 0, (struct sockaddr *)&r->ear_address, sizeof r->ear_address);
+}
+
+// A subscription's hidden thread inherits the priority of the thread that makes it: hence in here.
+static bool hear(lcm_t *lcm, const char *channel, lcm_msg_handler_t handler, run *r)
+{
+    lcm_subscription_t *s = lcm ? lcm_subscribe(lcm, channel, handler, r) : NULL;
+    return s && lcm_subscription_set_queue_capacity(s, 100) == 0 && lcm_get_fileno(lcm) >= 0;
+}
+
+static void tell_ready(run *r, bool ok) { atomic_fetch_add(&r->ready, ok ? 1 : -100); }
+
+static void *echo_main(void *self)
+{
+    run *r = self;
+    kn_join_priority(echo_priority);
+    bool ok = hear(r->echo_bus, echo_out, on_echo, r);
+    tell_ready(r, ok);
+    struct pollfd in[] = {{ok ? lcm_get_fileno(r->echo_bus) : -1, POLLIN, 0}, {r->echo_udp, POLLIN, 0}};
+    while (ok && !atomic_load(&r->done)) {
+        if (poll(in, 2, 100) <= 0) continue;
+        if (in[0].revents) lcm_handle(r->echo_bus);
+        if (in[1].revents) echo_udp(r);
+    }
+    return NULL;
+}
+
+// --- ear: everything that comes back, in one thread
+
+static void hear_force(run *r, int path, const void *bytes, int size)
+{
+    knead_contact_force_t f;
+    if (knead_contact_force_t_decode(bytes, 0, size, &f) < 0) return;
+    int64_t now_ns = kn_now_ns();
+    kn_flights *heard = &r->answers[path];
+    const kn_flight *last = heard->count ? &heard->list[heard->count - 1] : NULL;
+    if (!last || last->session != f.session || last->seq != f.seq) // else the same pose again
+        note(heard, &(kn_flight){.session = f.session, .seq = f.seq, .back_ns = now_ns, .contacts = f.contacts,
+                                 .execution_ns = f.execution_ns});
+    if (path != KN_LATENCY_POSE) return;
+    kn_hand_force *force = kn_mailbox_back(&r->forces);
+    *force = (kn_hand_force){.session = f.session, .seq = f.seq, .tick = f.tick, .flags = f.flags, .fault = f.fault,
+                             .contacts = f.contacts};
+    memcpy(force->force_n, f.force_n, sizeof force->force_n);
+    kn_mailbox_post(&r->forces);
+}
+
+static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
+{
+    hear_force(self, strcmp(channel, echo_back) ? KN_LATENCY_POSE : KN_LATENCY_LCM, buf->data, (int)buf->data_size);
+}
+
+static void *ear_main(void *self)
+{
+    run *r = self;
+    char channel[64];
+    snprintf(channel, sizeof channel, "KNEAD_FORCE_%s", r->l->probe);
+    kn_join_priority(hand_priority);
+    bool ok = hear(r->ear_bus, channel, on_force, r) && hear(r->ear_echo, echo_back, on_force, r);
+    tell_ready(r, ok);
+    struct pollfd in[] = {{ok ? lcm_get_fileno(r->ear_bus) : -1, POLLIN, 0},
+                          {ok ? lcm_get_fileno(r->ear_echo) : -1, POLLIN, 0}, {r->ear_udp, POLLIN, 0}};
+    while (ok && !atomic_load(&r->done)) {
+        if (poll(in, 3, 100) <= 0) continue;
+        if (in[0].revents) lcm_handle(r->ear_bus);
+        if (in[1].revents) lcm_handle(r->ear_echo);
+        uint8_t bytes[MESSAGE_MAX];
+        ssize_t got = in[2].revents ? recv(r->ear_udp, bytes, sizeof bytes, MSG_DONTWAIT) : 0;
+        if (got > 0) hear_force(r, KN_LATENCY_UDP, bytes, (int)got);
+    }
+    return NULL;
+}
+
+// --- hand
+
+static int64_t utime_now(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_REALTIME, &t);
+    return t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000;
+}
+
+static void send_pose(run *r, int path, kn_pose *pose, bool counts)
+{
+    static char channel[64]; // of the poses; one hand at a time
+    uint8_t bytes[MESSAGE_MAX];
+    knead_probe_pose_t message;
+    if (path == KN_LATENCY_POSE) snprintf(channel, sizeof channel, "KNEAD_POSE_%s", r->l->probe);
+    pose->utime = utime_now();
+    pose->sent_ns = kn_now_ns();
+    note(&r->l->flights[path], &(kn_flight){.session = pose->session, .seq = pose->seq, .sent_ns = pose->sent_ns,
+                                            .counts = counts});
+    kn_wire_pose(&message, pose);
+    unsigned size = (unsigned)knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &message);
+    if (path == KN_LATENCY_POSE) lcm_publish(r->hand_bus, channel, bytes, size);
+    else if (path == KN_LATENCY_LCM) lcm_publish(r->hand_echo, echo_out, bytes, size);
+    else sendto(r->ear_udp, bytes, size, 0, (struct sockaddr *)&r->echo_address, sizeof r->echo_address);
+}
+
+static void sleep_until(int64_t ns)
+{
+    struct timespec due = {ns / 1000000000, ns % 1000000000};
+    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL) != 0) {
+    }
+}
+
+static void take_hand(run *r)
+{
+    double top_m = r->l->path->piece[0].from.position_m[2]; // above the object, where a path begins
+    kn_hand_init(&r->hand, &(kn_hand_def){.path = r->l->path, .clear_z_m = top_m, .session = r->session});
+    r->session += KN_HAND_TRIES;
+    r->hands++;
+}
+
+// A millisecond of the hand. False when there is nobody to feel.
+static bool move(run *r, const kn_wake *wake, bool *at_work)
+{
+    bool fresh;
+    const kn_hand_force *force = kn_mailbox_latest(&r->forces, &fresh);
+    kn_hand_out out = kn_hand_tick(&r->hand, fresh ? force : NULL, 1 + wake->missed);
+    if (out.end) { // on a machine that stood still too often: anew, after the silence that ends a session
+        if (r->hand.trouble != KN_HAND_SPOILT || r->hands == HANDS_MAX) return false;
+        sleep_until(kn_now_ns() + 1200000000);
+        r->l->interrupted += r->hand.trips;
+        take_hand(r);
+        return true;
+    }
+    *at_work = out.send && r->hand.mode == KN_HAND_PLAY && !strcmp(r->hand.piece, r->l->work);
+    if (!out.send) return true;
+    kn_pose pose = {.session = out.session, .seq = out.seq};
+    memcpy(pose.position_m, out.point.position_m, sizeof pose.position_m);
+    memcpy(pose.velocity_m_s, out.point.velocity_m_s, sizeof pose.velocity_m_s);
+    memcpy(pose.orientation_wxyz, out.point.orientation_wxyz, sizeof pose.orientation_wxyz);
+    send_pose(r, KN_LATENCY_POSE, &pose, *at_work);
+    return true;
+}
+
+static void *hand_main(void *self)
+{
+    run *r = self;
+    kn_latency *l = r->l;
+    l->real_time = kn_join_priority(hand_priority) == 0;
+    kn_clock clock;
+    kn_clock_start(&clock, kn_now_ns());
+    take_hand(r);
+    int wanted = 1000 * l->seconds, limit = 3 * wanted + 60000; // ms: a machine that stands still most of the time
+    for (int worked = 0; worked < wanted && clock.tick < limit && !*r->stop;) {
+        bool at_work = false;
+        clock.start_ns += (int64_t)(l->drift_ppm * 1e-6 * KN_PERIOD_NS);
+        kn_wake wake = kn_clock_wait(&clock);
+        if (!move(r, &wake, &at_work)) break;
+        if (!at_work) continue;
+        worked++;
+        l->missed_ms += wake.missed;
+        int64_t due_ns = clock.start_ns + clock.tick * KN_PERIOD_NS;
+        r->echo_seq++;
+        for (int path = KN_LATENCY_LCM; path <= KN_LATENCY_UDP; path++) {
+            sleep_until(due_ns + echo_at_ns[path]);
+            send_pose(r, path, &(kn_pose){.session = 1, .seq = r->echo_seq, .orientation_wxyz = {1}}, true);
+        }
+    }
+    l->interrupted += r->hand.trips;
+    return NULL;
+}
+
+// --- together
+
+static int open_udp(struct sockaddr_in *address)
+{
+    socklen_t size = sizeof *address;
+    *address = (struct sockaddr_in){.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    if (fd >= 0 && bind(fd, (struct sockaddr *)address, size) == 0 &&
+        getsockname(fd, (struct sockaddr *)address, &size) == 0)
+        return fd;
+    if (fd >= 0) close(fd);
+    return -1;
+}
+
+static bool open_all(run *r)
+{
+    kn_latency *l = r->l;
+    char *error = l->error;
+    size_t size = sizeof l->error;
+    int capacity = 3000 * l->seconds + 100000;
+    for (int p = 0; p < KN_LATENCY_PATHS; p++)
+        if (!reserve(&l->flights[p], capacity) || !reserve(&r->answers[p], capacity))
+            return snprintf(error, size, "out of memory"), false;
+    const char *echo = l->echo_url;
+    if (!(r->ear_bus = kn_join(l->url, KN_FORCE_URL, error, size))) return false;
+    if (!(r->hand_bus = kn_join(l->url, KN_FORCE_URL, error, size))) return false;
+    if (!(r->ear_echo = kn_join(echo, echo, error, size)) || !(r->echo_bus = kn_join(echo, echo, error, size)) ||
+        !(r->hand_echo = kn_join(echo, echo, error, size)))
+        return false;
+    r->ear_udp = open_udp(&r->ear_address);
+    r->echo_udp = open_udp(&r->echo_address);
+    if (r->ear_udp >= 0 && r->echo_udp >= 0) return true;
+    return snprintf(error, size, "no UDP socket on lo"), false;
+}
+
+static void close_all(run *r)
+{
+    lcm_t *bus[] = {r->ear_bus, r->hand_bus, r->ear_echo, r->echo_bus, r->hand_echo};
+    for (size_t i = 0; i < sizeof bus / sizeof *bus; i++)
+        if (bus[i]) lcm_destroy(bus[i]);
+    if (r->ear_udp >= 0) close(r->ear_udp);
+    if (r->echo_udp >= 0) close(r->echo_udp);
+    for (int p = 0; p < KN_LATENCY_PATHS; p++) free(r->answers[p].list);
+}
+
+// Both lists are in the order of sending, and so are the answers.
+static void join_answers(kn_flights *sent, const kn_flights *heard)
+{
+    for (int i = 0, at = 0; i < heard->count; i++) {
+        const kn_flight *a = &heard->list[i];
+        int from = at;
+        while (at < sent->count && (sent->list[at].session != a->session || sent->list[at].seq != a->seq)) at++;
+        if (at == sent->count) {
+            at = from; // nothing that we sent
+            continue;
+        }
+        sent->list[at].back_ns = a->back_ns;
+        sent->list[at].execution_ns = a->execution_ns;
+        sent->list[at].contacts = a->contacts;
+    }
+    const kn_flight *later = NULL; // the next one with an answer
+    for (int i = sent->count - 1; i >= 0; i--) {
+        kn_flight *pose = &sent->list[i];
+        if (pose->back_ns) later = pose;
+        if (later && later->session == pose->session) pose->newer_ns = later->back_ns;
+    }
+}
+
+static bool run_threads(run *r)
+{
+    pthread_t hand, ear, echo;
+    if (pthread_create(&ear, NULL, ear_main, r) != 0) return false;
+    bool echoes = pthread_create(&echo, NULL, echo_main, r) == 0;
+    while (echoes && atomic_load(&r->ready) >= 0 && atomic_load(&r->ready) < 2) sleep_until(kn_now_ns() + 1000000);
+    bool moved = echoes && atomic_load(&r->ready) == 2 && pthread_create(&hand, NULL, hand_main, r) == 0;
+    if (moved) pthread_join(hand, NULL);
+    if (moved) sleep_until(kn_now_ns() + straggler_ns);
+    atomic_store(&r->done, true);
+    if (echoes) pthread_join(echo, NULL);
+    pthread_join(ear, NULL);
+    return moved;
+}
+
+bool kn_latency_run(kn_latency *l, const volatile int *stop)
+{
+    static run r;
+    r = (run){.l = l, .stop = stop, .ear_udp = -1, .echo_udp = -1};
+    kn_mailbox_init(&r.forces, r.force_slots, sizeof *r.force_slots);
+    if (getrandom(&r.session, sizeof r.session, 0) != sizeof r.session) r.session = kn_now_ns();
+    r.session = (r.session & (INT64_MAX >> 1)) | 1 << 8;
+    bool ok = open_all(&r) && run_threads(&r);
+    if (!ok && !*l->error) snprintf(l->error, sizeof l->error, "LCM or the machine refuses the threads of the echo");
+    if (ok && r.hand.trouble != KN_HAND_NO_TROUBLE) {
+        snprintf(l->error, sizeof l->error, "%s",
+                 r.hand.trouble == KN_HAND_NO_ANSWER ? "no force for 3 s: is kneadd running on this bus?"
+                 : r.hand.trouble == KN_HAND_NOT_ENGAGED
+                     ? "kneadd answers, but does not let the tool in: does another hand hold it?"
+                     : "the machine stood still too often: the hand gave up");
+        ok = false;
+    }
+    for (int p = 0; p < KN_LATENCY_PATHS; p++) join_answers(&l->flights[p], &r.answers[p]);
+    close_all(&r);
+    return ok;
+}
+
+void kn_latency_free(kn_latency *l)
+{
+    for (int p = 0; p < KN_LATENCY_PATHS; p++) free(l->flights[p].list);
+}

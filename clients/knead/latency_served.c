@@ -1,0 +1,138 @@
+// What knead latency runs beside itself: kneadd, and stress-ng for --load.
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/latency.h"
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <limits.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+static const int ports_from = 12000, ports_each = 3, ports_sets = 6000; // below those that Linux hands out
+
+// Two runs at once must not hear each other: stock liblcm tells buses apart by port only.
+void kn_served_urls(kn_served *s, char echo_url[KN_LATENCY_URL_SIZE])
+{
+    int port = ports_from + ports_each * (int)(getpid() % ports_sets);
+    snprintf(s->url, sizeof s->url, "udpm://239.255.76.67:%d?ttl=0", port);
+    snprintf(s->mesh_url, sizeof s->mesh_url, "udpm://239.255.76.67:%d?ttl=0", port + 1);
+    snprintf(echo_url, KN_LATENCY_URL_SIZE, "udpm://239.255.76.67:%d?ttl=0", port + 2);
+}
+
+// A child that does not outlive us. out: its standard output, -1: ours. 0 when there can be none.
+static int spawn(const char *path, char *const argv[], int out)
+{
+    pid_t parent = getpid(), pid = fork();
+    if (pid < 0) return 0;
+    if (pid > 0) return pid;
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
+    setpgid(0, 0); // a terminal's ^C is for us, and then we stop it
+    if (getppid() != parent) _exit(KN_EXIT_DEVICE);
+    if (out >= 0) dup2(out, STDOUT_FILENO);
+    execvp(path, argv);
+    _exit(127);
+}
+
+// kneadd lies beside knead, in a build as installed.
+static const char *find_kneadd(char path[PATH_MAX])
+{
+    ssize_t n = readlink("/proc/self/exe", path, PATH_MAX - sizeof "kneadd");
+    char *slash = n > 0 ? memrchr(path, '/', (size_t)n) : NULL;
+    if (!slash) return "kneadd";
+    strcpy(slash + 1, "kneadd");
+    return access(path, X_OK) == 0 ? path : "kneadd";
+}
+
+int kn_served_start(kn_served *s, const char *scene, const char *phase)
+{
+    char program[PATH_MAX], trace[32];
+    int pipes[2];
+    s->trace = memfd_create("knead latency", 0); // inherited
+    if (s->trace < 0 || pipe2(pipes, O_CLOEXEC) != 0)
+        return kn_complain("latency", KN_EXIT_DEVICE, "no pipe to kneadd: %s", strerror(errno));
+    snprintf(trace, sizeof trace, "/proc/self/fd/%d", s->trace);
+    char *argv[] = {"kneadd", "--scene", (char *)scene, "--lcm-url", s->url, "--mesh-url", s->mesh_url, "--phase",
+                    (char *)phase, "--trace", trace, NULL};
+    s->pid = spawn(find_kneadd(program), argv, pipes[1]);
+    close(pipes[1]);
+    s->said = fdopen(pipes[0], "r");
+    if (s->pid && s->said && fgets(s->greeting, sizeof s->greeting, s->said)) return KN_EXIT_OK;
+    int status = 0, pid = s->pid;
+    s->pid = 0;
+    if (pid) waitpid(pid, &status, 0);
+    if (pid && WIFEXITED(status) && WEXITSTATUS(status) != 127) return WEXITSTATUS(status); // it has said why
+    return kn_complain("latency", KN_EXIT_DEVICE, "kneadd cannot be run: expected it beside knead, or in PATH");
+}
+
+int kn_served_load(kn_served *s)
+{
+    if (system("command -v stress-ng >/dev/null 2>&1") != 0)
+        return kn_complain("latency", KN_EXIT_DEVICE, "--load: stress-ng is not installed (package stress-ng)");
+    // every processor busy, memory mapped and unmapped, threads that switch: what a desktop does, without its disk
+    char *argv[] = {"stress-ng", "--quiet", "--cpu", "0", "--vm", "1", "--vm-bytes", "64m", "--switch", "1", NULL};
+    s->load_pid = spawn("stress-ng", argv, -1);
+    sleep(1); // until it is at work
+    if (s->load_pid && waitpid(s->load_pid, NULL, WNOHANG) == 0) return KN_EXIT_OK;
+    s->load_pid = 0;
+    return kn_complain("latency", KN_EXIT_DEVICE, "--load: stress-ng ended at once");
+}
+
+void kn_served_stop_load(kn_served *s)
+{
+    if (!s->load_pid) return;
+    kill(s->load_pid, SIGTERM);
+    waitpid(s->load_pid, NULL, 0);
+    s->load_pid = 0;
+}
+
+// Rows stand in the order of ticks, poses in that of sending: the same. A pose that served two ticks counts for the
+// first.
+static void take_stages(FILE *trace, kn_flights *poses)
+{
+    char line[512];
+    kn_flight row;
+    for (int at = 0; fgets(line, sizeof line, trace);) {
+        if (sscanf(line,
+                   "%*[^,],%*[^,],%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64,
+                   &row.session, &row.seq, &row.arrived_ns, &row.woke_ns, &row.stepped_ns, &row.guarded_ns) != 6)
+            continue;
+        int from = at;
+        while (at < poses->count && (poses->list[at].session != row.session || poses->list[at].seq != row.seq)) at++;
+        if (at == poses->count) {
+            at = from;
+            continue;
+        }
+        kn_flight *pose = &poses->list[at];
+        if (pose->woke_ns) continue;
+        pose->arrived_ns = row.arrived_ns;
+        pose->woke_ns = row.woke_ns;
+        pose->stepped_ns = row.stepped_ns;
+        pose->guarded_ns = row.guarded_ns;
+    }
+}
+
+bool kn_served_stop(kn_served *s, kn_flights *poses)
+{
+    int status = 0;
+    if (s->pid) {
+        kill(s->pid, SIGTERM);
+        waitpid(s->pid, &status, 0);
+    }
+    s->pid = 0;
+    if (s->said) fclose(s->said);
+    s->said = NULL;
+    FILE *trace = s->trace >= 0 ? fdopen(s->trace, "r") : NULL;
+    if (trace) {
+        rewind(trace);
+        take_stages(trace, poses);
+        fclose(trace);
+    }
+    s->trace = -1;
+    return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}

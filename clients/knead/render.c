@@ -1,0 +1,155 @@
+#include "clients/knead/render.h"
+#include "core/vec.h"
+#include <math.h>
+#include <string.h>
+
+static const double lightest_n_m = 100.0; // of a coupling that nobody has said, for the reservoir
+static const double fade_s = 0.017;
+static const double smoothing = 0.01;     // of the round trip
+static const double longest_s = 0.05;     // without a render: the local model has faded by then
+static const double step_s = 0.01;        // its longest
+static const double any_n = 1e3;          // the model does not clamp: a wild message must reach the guard as it is
+
+static double norm(const double v[3]) { return sqrt(kn_dot(v, v)); }
+
+static double coupling(const kn_render_def *d)
+{
+    bool own = d->coupling_n_m > 0.0;
+    return own ? d->coupling_n_m * d->device.force_scale * d->device.scale : d->device.hand.stiffness_n_m;
+}
+
+void kn_render_init(kn_render *r, const kn_render_def *def)
+{
+    const kn_device_def *d = &def->device;
+    memset(r, 0, sizeof *r);
+    r->def = *def;
+    if (d->mass_kg > 0.0)
+        kn_passivity_init(&r->passivity, &(kn_passivity_def){.mass_kg = d->mass_kg, .round_trip_s = d->round_trip_s,
+                                                             .velocity_hz = def->velocity_hz,
+                                                             .encoder_m = d->encoder_m,
+                                                             .coupling_n_m = fmax(coupling(def), lightest_n_m),
+                                                             .force_limit_n = d->force_limit_n});
+    kn_render_begin(r, 0);
+}
+
+void kn_render_begin(kn_render *r, int64_t session)
+{
+    const kn_render_def *d = &r->def;
+    bool own = d->coupling_n_m > 0.0;
+    r->session = session;
+    r->stop = KN_RENDER_RUNS;
+    r->gain = 1.0;
+    r->news = false;
+    r->gap_s = 0.0;
+    memset(r->heard_n, 0, sizeof r->heard_n);
+    memset(r->guarded_n, 0, sizeof r->guarded_n);
+    kn_guard_init(&r->guard, d->guard_n_per_ms);
+    r->allowed_n = r->guard.most_n_per_ms;
+    if (!d->local) return;
+    kn_contact_model_init(&r->model, &(kn_contact_model_def){
+        .session = session, .radius_m = d->radius_m, .force_scale = d->device.force_scale, .force_limit_n = any_n,
+        .stiffness_n_m = own ? d->coupling_n_m : d->device.coupling_n_m,
+        .damping_n_s_m = own ? d->coupling_n_s_m : d->device.coupling_n_s_m});
+}
+
+static void to_scene(const kn_render *r, const double x[3], const double v[3], double scene_m[3], double scene_m_s[3])
+{
+    kn_device_position(&r->def.device, x, scene_m);
+    kn_device_velocity(&r->def.device, v, scene_m_s);
+}
+
+void kn_render_pose(kn_render *r, int64_t seq, const double position_m[3], const double velocity_m_s[3])
+{
+    double x[3], v[3];
+    if (!r->def.local) return;
+    to_scene(r, position_m, velocity_m_s, x, v);
+    kn_contact_model_pose(&r->model, seq, x, v);
+}
+
+static void stop(kn_render *r, kn_render_stop why)
+{
+    if (r->stop) return;
+    r->stop = why;
+    r->reflexes += why == KN_RENDER_REFLEX;
+    r->refusals += why == KN_RENDER_FAR;
+}
+
+bool kn_render_force(kn_render *r, const double scene_n[3], double age_s)
+{
+    if (!isfinite(kn_dot(scene_n, scene_n))) return false;
+    if (age_s >= 0.0) r->round_trip_s += smoothing * (fmin(age_s, 1.0) - r->round_trip_s);
+    if (r->round_trip_s > KN_RENDER_FAR_S && !r->def.local && !r->def.held) stop(r, KN_RENDER_FAR);
+    kn_device_force(&r->def.device, scene_n, r->heard_n);
+    r->news = true;
+    return true;
+}
+
+kn_contact_take kn_render_contact(kn_render *r, const kn_contact_unit *unit)
+{
+    return r->def.local ? kn_contact_model_take(&r->model, unit) : KN_CONTACT_FOREIGN;
+}
+
+// The contact under the poses since, at this moment; what its springs hold, J at the hand.
+static double replay(kn_render *r, double dt_s, const double position_m[3], const double velocity_m_s[3],
+                     double force_n[3])
+{
+    double x[3], v[3], scene_n[3], left_s = fmin(dt_s, longest_s);
+    to_scene(r, position_m, velocity_m_s, x, v);
+    do {
+        kn_contact_model_render(&r->model, fmin(left_s, step_s), x, v, scene_n);
+        left_s -= step_s;
+    } while (left_s > 0.0);
+    kn_device_force(&r->def.device, scene_n, force_n);
+    return r->def.device.force_scale / r->def.device.scale * kn_contact_model_energy(&r->model, x);
+}
+
+// However often it is called: what has not been used of a ms's change grows with time, up to that of one ms, or, where
+// messages are missing, of as many as they are missing for, 3 at most: that long a force may be held.
+static void guard(kn_render *r, double dt_s, const double wanted_n[3], bool news)
+{
+    r->gap_s = fmin(r->gap_s + dt_s, longest_s);
+    r->tick_s = fmin(r->tick_s + dt_s, longest_s);
+    kn_guard_age(&r->guard, (int)(r->tick_s * 1e3));
+    r->tick_s = fmod(r->tick_s, 1e-3);
+    double ms = fmin(fmax(round(1e3 * r->gap_s), 1.0), 3.0), most_n = r->guard.most_n_per_ms * ms;
+    r->allowed_n = fmin(r->allowed_n + 1e3 * dt_s * r->guard.most_n_per_ms, most_n);
+    if (r->stop) return; // the last good force fades
+    double before_n[3], changed_n[3];
+    memcpy(before_n, r->guarded_n, sizeof before_n);
+    kn_guard_result result = kn_guard_pass(&r->guard, wanted_n, r->allowed_n, r->guarded_n);
+    for (int i = 0; i < 3; i++) changed_n[i] = r->guarded_n[i] - before_n[i];
+    r->allowed_n = fmax(0.0, r->allowed_n - norm(changed_n));
+    if (news) r->gap_s = 0.0;
+    r->guards += result == KN_GUARD_LIMITED || result == KN_GUARD_TRIPPED;
+    if (result == KN_GUARD_TRIPPED) stop(r, KN_RENDER_REFLEX);
+}
+
+void kn_render_give(kn_render *r, double dt_s, const double position_m[3], const double velocity_m_s[3], double share)
+{
+    const double limit_n = r->def.device.force_limit_n;
+    bool observed = r->passivity.def.mass_kg > 0.0, news = r->news || r->def.local;
+    double wanted_n[3], stored_j = -1.0; // what kneadd's object has stored is not on the wire: the cap without knowledge
+    dt_s = fmax(dt_s, 0.0);
+    if (r->def.local) stored_j = replay(r, dt_s, position_m, velocity_m_s, wanted_n);
+    else memcpy(wanted_n, r->heard_n, sizeof wanted_n);
+    if (observed) kn_passivity_filter(&r->passivity, position_m, velocity_m_s, stored_j, wanted_n, wanted_n);
+    guard(r, dt_s, wanted_n, news);
+    if (r->stop) r->gain = fmax(0.0, r->gain - dt_s / fade_s);
+    double size = norm(r->guarded_n);
+    share *= size > limit_n ? r->gain * limit_n / size : r->gain;
+    r->clamped += size > limit_n && news;
+    r->news = false;
+    for (int i = 0; i < 3; i++) r->given_n[i] = share * r->guarded_n[i];
+    if (observed) kn_passivity_sent(&r->passivity, r->given_n);
+    r->largest_n = fmax(r->largest_n, norm(r->given_n));
+}
+
+const char *kn_render_why(kn_render_stop why)
+{
+    static const char *const told[] = {
+        [KN_RENDER_REFLEX] = "own impulse guard: the force was asked to jump",
+        [KN_RENDER_FAR] = "a round trip above 5 ms: forces that old are not given; kneadd --local-model and --local "
+                          "render the contact instead",
+    };
+    return told[why];
+}

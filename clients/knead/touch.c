@@ -1,0 +1,227 @@
+// knead touch: what a tool of a running kneadd --touch touches, as a picture in the terminal, as lines or as JSON.
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/live.h"
+#include "proto/knead_touch_patch_t.h"
+#include <getopt.h>
+#include <inttypes.h>
+#include <math.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define CHANNEL "KNEAD_TOUCH_"
+#define CELLS 8
+#define FRAME_MS 40     // between two pictures: 25 per second
+#define SILENCE_MS 300  // patches come every 4 ms
+#define PATIENCE_MS 6000 // for the first one
+
+static const char help[] =
+    "usage: knead touch [--probe NAME] [OPTION]...\n\n"
+    "What a tool touches, from a running `kneadd --touch` with a hand at the tool: a map of 8 by 8 pressures over the\n"
+    "tool's face, as seen from inside of the tool, contact area, peak pressure, and in the tool's frame the centre of\n"
+    "pressure, the mean normal out of the object and how fast the skin slips under the tool. Drawn in place on a\n"
+    "terminal, else a line for each message, 250 per second.\n\n"
+    "  --probe NAME     tool of the scene (the first that is heard)\n"
+    "  --json           a JSON object per line, SI units; proto/README.md says what pressure_pa lies over\n"
+    "  --once           ends with the first message in which something is touched\n"
+    "  --seconds N      ends after that long, 0.1..86400 (until Ctrl-C)\n"
+    "  --lcm-url URL    touch patches (LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n\n"
+    "Exit codes: 0 ok, 2 bad input, 3 nothing heard, or with --once nothing touched.\n";
+
+typedef struct watch {
+    const char *probe, *url;
+    double seconds; // INFINITY: for ever
+    bool json, once, draws, help;
+    char name[64];             // of the tool that is looked at; "": none yet
+    knead_touch_patch_t patch; // the newest
+    int64_t heard, drawn, touched; // messages; of them the last one drawn; those with something in them
+    int64_t heard_ms, first_us;
+    bool on_screen;
+} watch;
+
+// --- options --------------------------------------------------------------------------------------------------------
+
+static bool seconds(const char *text, double *value)
+{
+    char *end;
+    *value = strtod(text, &end);
+    return end != text && !*end && *value >= 0.1 && *value <= 86400;
+}
+
+static int parse(watch *w, int argc, char **argv)
+{
+    static const struct option list[] = {{"probe", 1, 0, 'p'},   {"json", 0, 0, 'j'}, {"once", 0, 0, 'o'},
+                                         {"seconds", 1, 0, 's'}, {"lcm-url", 1, 0, 'u'}, {"help", 0, 0, 'h'},
+                                         {0, 0, 0, 0}};
+    char error[256];
+    optind = 1;
+    for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
+        switch (c) {
+        case 'p': w->probe = optarg; break;
+        case 'j': w->json = true; break;
+        case 'o': w->once = true; break;
+        case 'u': w->url = optarg; break;
+        case 'h': w->help = true; return KN_EXIT_OK;
+        case 's':
+            if (seconds(optarg, &w->seconds)) break;
+            return kn_complain("touch", KN_EXIT_USAGE, "--seconds %s: expected 0.1 to 86400", optarg);
+        default:
+            return kn_complain("touch", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],
+                               c == ':' ? "expected a value" : "unknown option; knead touch --help lists them");
+        }
+    }
+    if (optind < argc) return kn_complain("touch", KN_EXIT_USAGE, "`%s`: expected options only", argv[optind]);
+    if (w->probe && (!*w->probe || strspn(w->probe, "abcdefghijklmnopqrstuvwxyz0123456789_") != strlen(w->probe) ||
+                     strlen(w->probe) >= KN_NAME_MAX))
+        return kn_complain("touch", KN_EXIT_USAGE, "--probe %s: expected a tool's name, [a-z0-9_]+", w->probe);
+    if (kn_join_check(w->url, KN_FORCE_URL, error, sizeof error)) return KN_EXIT_OK;
+    return kn_complain("touch", KN_EXIT_USAGE, "%s", error);
+}
+
+// --- said -----------------------------------------------------------------------------------------------------------
+
+static void print_words(const watch *w)
+{
+    const knead_touch_patch_t *t = &w->patch;
+    const double *c = t->centre_m, *n = t->normal, *s = t->slip_velocity_m_s;
+    if (!(t->area_m2 > 0)) printf("touches nothing");
+    else
+        printf("area %.2f cm2, peak %.2f kPa, centre %+.2f %+.2f %+.2f mm, normal %+.3f %+.3f %+.3f, slip %+.2f %+.2f "
+               "%+.2f mm/s", 1e4 * t->area_m2, 1e-3 * t->peak_pressure_pa, 1e3 * c[0], 1e3 * c[1], 1e3 * c[2], n[0],
+               n[1], n[2], 1e3 * s[0], 1e3 * s[1], 1e3 * s[2]);
+}
+
+static void print_line(const watch *w)
+{
+    printf("%.3f s, %s: ", 1e-6 * (double)(w->patch.utime - w->first_us), w->name);
+    print_words(w);
+    putchar('\n');
+}
+
+static void print_vector(const char *name, const double *v, int count)
+{
+    printf(",\"%s\":[", name);
+    for (int i = 0; i < count; i++) printf("%s%.9g", i ? "," : "", v[i]);
+    putchar(']');
+}
+
+static void print_json(const watch *w)
+{
+    const knead_touch_patch_t *t = &w->patch;
+    printf("{\"probe\":\"%s\",\"utime\":%" PRId64 ",\"session\":%" PRId64 ",\"pose_seq\":%" PRId64, w->name, t->utime,
+           t->session, t->pose_seq);
+    printf(",\"area_m2\":%.9g,\"peak_pressure_pa\":%.9g", t->area_m2, t->peak_pressure_pa);
+    print_vector("centre_m", t->centre_m, 3);
+    print_vector("normal", t->normal, 3);
+    print_vector("slip_velocity_m_s", t->slip_velocity_m_s, 3);
+    printf(",\"pressure_pa\":[");
+    for (int i = 0; i < CELLS; i++)
+        for (int j = 0; j < CELLS; j++)
+            printf("%s%.9g%s", j ? "," : i ? ",[" : "[", t->pressure_pa[i][j], j == CELLS - 1 ? "]" : "");
+    puts("]}");
+}
+
+// Highest v on top; the fullest cell is @, what pulls ~.
+static void draw(watch *w)
+{
+    static const char ramp[] = " .:-=+*#%@";
+    const int steps = (int)sizeof ramp - 2;
+    double most = 0;
+    for (int i = 0; i < CELLS * CELLS; i++) most = fmax(most, w->patch.pressure_pa[i / CELLS][i % CELLS]);
+    if (w->on_screen) printf("\033[%dA", CELLS + 3);
+    printf("\r%s: ", w->name);
+    if (kn_live_now_ms() - w->heard_ms > SILENCE_MS) printf("nobody holds it");
+    else print_words(w);
+    printf("\033[K\n  v +----------------+\033[K\n");
+    for (int i = CELLS - 1; i >= 0; i--) {
+        printf("    |");
+        for (int j = 0; j < CELLS; j++) {
+            double p = w->patch.pressure_pa[i][j];
+            char c = p < 0 ? '~' : most > 0 ? ramp[(int)ceil(steps * p / most)] : ' ';
+            printf("%c%c", c, c);
+        }
+        if (i == CELLS - 1 && most > 0) printf("|  @@ %.2f kPa\033[K\n", 1e-3 * most);
+        else printf("|\033[K\n");
+    }
+    printf("    +----------------+ u\033[K\n");
+    fflush(stdout);
+    w->on_screen = true;
+    w->drawn = w->heard;
+}
+
+// --- heard ----------------------------------------------------------------------------------------------------------
+
+static bool all_finite(const knead_touch_patch_t *t)
+{
+    double sum = t->area_m2 + t->peak_pressure_pa;
+    for (int k = 0; k < 3; k++) sum += t->centre_m[k] + t->normal[k] + t->slip_velocity_m_s[k];
+    for (int i = 0; i < CELLS * CELLS; i++) sum += t->pressure_pa[i / CELLS][i % CELLS];
+    return isfinite(sum);
+}
+
+static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *user)
+{
+    watch *w = user;
+    knead_touch_patch_t patch;
+    const char *name = channel + strlen(CHANNEL);
+    if (w->once && w->touched > 0) return;
+    if (knead_touch_patch_t_decode(buffer->data, 0, (int)buffer->data_size, &patch) < 0 || !all_finite(&patch)) return;
+    if (!*w->name) snprintf(w->name, sizeof w->name, "%s", name);
+    if (strcmp(w->name, name) != 0) return;
+    if (w->heard++ == 0) w->first_us = patch.utime;
+    w->patch = patch;
+    w->heard_ms = kn_live_now_ms();
+    w->touched += patch.area_m2 > 0;
+    if (w->draws || (w->once && w->touched == 0)) return;
+    if (w->json) print_json(w);
+    else print_line(w);
+    fflush(stdout);
+}
+
+static int64_t until_ms(const watch *w, int64_t start_ms)
+{
+    if (isfinite(w->seconds)) return start_ms + (int64_t)(1e3 * w->seconds);
+    return w->heard ? INT64_MAX : start_ms + PATIENCE_MS;
+}
+
+static int look(watch *w, lcm_t *lcm)
+{
+    int64_t start_ms = kn_live_now_ms(), drawn_ms = 0, now_ms = start_ms;
+    struct pollfd bus = {.fd = lcm_get_fileno(lcm), .events = POLLIN};
+    for (; now_ms < until_ms(w, start_ms) && !(w->once && w->touched) && !ferror(stdout); now_ms = kn_live_now_ms()) {
+        if (poll(&bus, 1, FRAME_MS) > 0) lcm_handle(lcm);
+        bool stale = w->heard && now_ms - w->heard_ms > SILENCE_MS;
+        if (!w->draws || now_ms - drawn_ms < FRAME_MS || (w->heard == w->drawn && !stale)) continue;
+        draw(w);
+        drawn_ms = now_ms;
+    }
+    if (w->draws && w->heard) draw(w);
+    double waited_s = 1e-3 * (double)(now_ms - start_ms);
+    if (w->heard == 0)
+        return kn_complain("touch", KN_EXIT_DEVICE,
+                           "no " CHANNEL "%s for %.3g s: is kneadd running with --touch, and a hand at the tool?",
+                           w->probe ? w->probe : "*", waited_s);
+    if (w->once && w->touched == 0)
+        return kn_complain("touch", KN_EXIT_DEVICE, "%s touched nothing for %.3g s", w->name, waited_s);
+    return KN_EXIT_OK;
+}
+
+int kn_touch_main(int argc, char **argv)
+{
+    watch w = {.seconds = INFINITY};
+    char error[256], channel[64];
+    int code = parse(&w, argc, argv);
+    if (code != KN_EXIT_OK) return code;
+    if (w.help) return fputs(help, stdout), KN_EXIT_OK;
+    w.draws = !w.json && isatty(STDOUT_FILENO);
+    snprintf(channel, sizeof channel, CHANNEL "%s", w.probe ? w.probe : "[a-z0-9_]+");
+    lcm_t *lcm = kn_join(w.url, KN_FORCE_URL, error, sizeof error);
+    if (!lcm) return kn_complain("touch", KN_EXIT_DEVICE, "%s", error);
+    lcm_subscribe(lcm, channel, on_touch, &w);
+    code = look(&w, lcm);
+    lcm_destroy(lcm);
+    return code;
+}

@@ -1,0 +1,268 @@
+// knead zwidth: how stiff a wall a device can hold without a buzz, against delay and its own friction, in simulation.
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/output.h"
+#include "clients/knead/pad.h"
+#include "clients/knead/plot.h"
+#include "clients/knead/profile.h"
+#include "clients/knead/rig.h"
+#include "clients/knead/slab.h"
+#include "clients/knead/table.h"
+#include <getopt.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char help[] =
+    "usage: knead zwidth [--device CLASS] [--hand HAND] [--material M] [OPTION]...\n\n"
+    "Closes a simulated haptic device round a contact, over and over, and finds the stiffest virtual coupling that\n"
+    "does not buzz: against the round trip of its forces and the friction of the device, beside Colgate's bound and\n"
+    "that of a delayed spring. SIMULATION: motors and structure of a real device leave less, another factor of 0.7.\n\n"
+    "    knead zwidth --device falcon --plot zwidth.png\n"
+    "    knead zwidth --device touch --hand light --material dough\n\n"
+    "  --device CLASS    touch, falcon, omega, unknown, bench, or a file.yaml with device: in it (touch)\n"
+    "  --set KEY=VALUE   a key of it, e.g. device.mass='120 g'\n"
+    "  --hand HAND       none, light, normal or firm (none: 1 N leans on it, and nobody's arm damps)\n"
+    "  --material M      wall, dough, clay, jelly or stiff-jelly under a probe of some 1 cm (wall; the only one that\n"
+    "                    can be leant on without a hand)\n"
+    "  --scene FILE      the lattice of a scene instead, a tool of it pressed onto its middle; takes minutes\n"
+    "  --probe NAME      that tool (the first that can be coupled)\n"
+    "  --quick           fewer delays, frictions and couplings: a second or two\n"
+    "  --csv FILE        the table\n"
+    "  --plot FILE       the curves beside the bounds, a PNG by gnuplot\n\n"
+    "The device holds a force for 1 ms and reads its position in steps; the velocity is filtered at 100 Hz. A loop\n"
+    "buzzes when, after 3 s, force or position move above 10 Hz by more than the encoder's steps make of it.\n"
+    "  round trip        from a pose to its force; 0: at once, 1 ms: in the next period, which is what a server does\n"
+    "  k at b_vc 0, ..   stiffest coupling with that damping, N/m; ladder of 1.25, then halved to 1.5 %\n"
+    "  Colgate           2 (b - b_vc)/T at b_vc 0: passive, whatever moves it, without delay\n"
+    "  delayed           (b + b_vc)/(T/2 + round trip), at the class's b_vc\n"
+    "  default           what a scene with this device takes (core/coupling.h), and whether it was calm\n\n"
+    "Exit codes: 0 ok, 1 a default coupling buzzes, 2 bad input, 3 a file cannot be written.\n";
+
+enum { TRIPS = 6, FRICTIONS = 5, DAMPINGS = 4, SETS = 32 };
+static const int trip_ms[TRIPS] = {0, 1, 2, 5, 10, 20};
+static const double friction_share[FRICTIONS] = {1.0, 0.5, 2.0, 5.0, 10.0};
+static const double damping_share[DAMPINGS] = {1.0, 0.0, 0.5, 2.0}; // of the class's b_vc
+static const double least_n_m = 10.0, most_n_m = 20000.0, ladder = 1.25;
+enum { HALVINGS = 4 };
+
+static const char *const columns[] = {"round_trip_ms", "friction_n_s_m", "largest_n_m", "largest_undamped_n_m",
+                                      "largest_half_n_m", "largest_double_n_m", "colgate_n_m", "delayed_n_m",
+                                      "default_n_m", "default_n_s_m", "default_buzzes", NULL};
+
+typedef struct zwidth {
+    const char *device, *csv, *plot;
+    const char *sets[SETS];
+    int set_count;
+    kn_grip grip;
+    const kn_pad_def *material;
+    const char *scene_path, *tool;
+    kn_scene *scene; // NULL: the material
+    bool quick;
+    kn_device_def profile;
+    kn_coupling most; // of the class, at a round trip of 1 ms
+    kn_table table;
+    bool sound;
+} zwidth;
+
+static kn_rig_result on_lattice(const zwidth *z, const kn_rig_def *def)
+{
+    kn_slab slab;
+    char error[300];
+    if (!kn_slab_open(&slab, z->scene, z->tool, &def->coupling, error, sizeof error)) // it has been tried
+        return (kn_rig_result){.buzzes = true};
+    kn_rig_result result = kn_rig_run(def, kn_slab_touch, &slab);
+    result.buzzes |= slab.diverged;
+    kn_slab_close(&slab);
+    return result;
+}
+
+static bool buzzes(const zwidth *z, double friction_n_s_m, int trip, kn_coupling coupling)
+{
+    kn_pad_contact c = {.coupling = coupling};
+    kn_rig_def def = {.arm = kn_arm_of(&z->profile), .coupling = coupling, .trip_ms = trip,
+                      .motion = z->grip == KN_GRIP_NONE ? KN_RIG_LEAN : KN_RIG_PRESS};
+    def.arm.damping_n_s_m = friction_n_s_m;
+    def.arm.grip = z->grip;
+    def.arm.axes = 1;
+    if (z->scene) return on_lattice(z, &def).buzzes;
+    kn_pad_init(&c.pad, z->material);
+    return kn_rig_run(&def, kn_pad_touch, &c).buzzes;
+}
+
+// Upwards until the first buzz: above it there may be a calm island, which nobody could reach.
+static double largest(const zwidth *z, double friction_n_s_m, int trip, double damping_n_s_m)
+{
+    double calm = 0.0, loud = least_n_m;
+    while (loud < most_n_m && !buzzes(z, friction_n_s_m, trip, (kn_coupling){loud, damping_n_s_m}))
+        calm = loud, loud *= ladder;
+    if (loud >= most_n_m || calm == 0.0) return calm;
+    for (int i = 0; i < HALVINGS; i++) {
+        double mid = sqrt(calm * loud);
+        if (buzzes(z, friction_n_s_m, trip, (kn_coupling){mid, damping_n_s_m})) loud = mid;
+        else calm = mid;
+    }
+    return calm;
+}
+
+static void measure(zwidth *z, double friction_n_s_m, int trip)
+{
+    double k[DAMPINGS], trip_s = 1e-3 * trip;
+    for (int i = 0; i < DAMPINGS; i++) {
+        bool skip = z->quick && i > 1;
+        k[i] = skip ? NAN : largest(z, friction_n_s_m, trip, damping_share[i] * z->most.damping_n_s_m);
+    }
+    kn_coupling chosen = kn_coupling_default(z->profile.mass_kg, friction_n_s_m, 1e-3, trip_s, z->most);
+    bool loud = buzzes(z, friction_n_s_m, trip, chosen);
+    z->sound &= !loud;
+    double colgate = kn_coupling_colgate(friction_n_s_m, 1e-3, 0.0);
+    double delayed = kn_coupling_delayed(friction_n_s_m, 1e-3, trip_s, z->most.damping_n_s_m);
+    kn_table_add(&z->table, (double[]){trip, friction_n_s_m, k[0], k[1], k[2], k[3], colgate, delayed,
+                                       chosen.stiffness_n_m, chosen.damping_n_s_m, loud});
+    printf("%4d ms %9.3g", trip, friction_n_s_m);
+    for (int i = 0; i < DAMPINGS; i++) {
+        static const int order[DAMPINGS] = {1, 2, 0, 3};
+        if (!isnan(k[order[i]])) printf(" %9.0f", k[order[i]]);
+    }
+    printf(" %9.0f %9.0f %9.0f %s\n", colgate, delayed, chosen.stiffness_n_m, loud ? "buzzes" : "calm");
+    fflush(stdout);
+}
+
+static void survey(zwidth *z)
+{
+    const kn_device_def *d = &z->profile;
+    double b = z->most.damping_n_s_m;
+    printf("%s: %.3g g, friction %.3g N s/m, encoder %.3g um; hand %s on %s\n", d->name, 1e3 * d->mass_kg,
+           d->damping_n_s_m, 1e6 * d->encoder_m, kn_grip_name(z->grip), z->scene ? z->scene->name : z->material->name);
+    printf("round  friction  stiffest coupling that is calm, N/m\n  trip     N s/m");
+    printf("    b_vc 0");
+    if (!z->quick) printf("  b_vc %-4.3g", 0.5 * b);
+    printf("  b_vc %-4.3g", b);
+    if (!z->quick) printf("  b_vc %-4.3g", 2.0 * b);
+    printf("  Colgate   delayed   default\n");
+    z->sound = true;
+    for (int f = 0; f < (z->quick ? 1 : FRICTIONS); f++) {
+        char label[40];
+        snprintf(label, sizeof label, "friction %.3g N s/m", friction_share[f] * d->damping_n_s_m);
+        kn_table_series(&z->table, label);
+        for (int t = 0; t < TRIPS; t++)
+            if (!z->quick || trip_ms[t] != 10) measure(z, friction_share[f] * d->damping_n_s_m, trip_ms[t]);
+    }
+}
+
+static int draw(const zwidth *z)
+{
+    enum { TRIP = 0, LARGEST = 2, UNDAMPED = 3, COLGATE = 6, DELAYED = 7 };
+    char title[200], damped[60];
+    snprintf(title, sizeof title, "%s: stiffest calm coupling, simulated; hand %s on %s", z->profile.name,
+             kn_grip_name(z->grip), z->scene ? z->scene->name : z->material->name);
+    snprintf(damped, sizeof damped, "k_vc, N/m, at b_vc %.3g N s/m", z->most.damping_n_s_m);
+    kn_axes axes[2] = {
+        {.x_label = "round trip, ms", .y_label = damped, .x = TRIP, .y = LARGEST, .y2 = DELAYED, .y_name = "measured",
+         .y2_name = "delayed bound", .x_scale = 1, .y_scale = 1, .log_y = true, .points = true},
+        {.x_label = "round trip, ms", .y_label = "k_vc, N/m, at b_vc 0", .x = TRIP, .y = UNDAMPED, .y2 = COLGATE,
+         .y_name = "measured", .y2_name = "Colgate", .x_scale = 1, .y_scale = 1, .log_y = true, .points = true}};
+    return kn_table_draw(&z->table, "zwidth", z->plot, title, axes, 2);
+}
+
+static int take_material(zwidth *z, const char *name)
+{
+    for (int i = 0; i < KN_PADS; i++)
+        if (!strcmp(kn_pads[i].name, name)) {
+            z->material = &kn_pads[i];
+            return KN_EXIT_OK;
+        }
+    return kn_complain("zwidth", KN_EXIT_USAGE, "--material %s: expected wall, dough, clay, jelly or stiff-jelly",
+                       name);
+}
+
+static int take(zwidth *z, int option, const char *value)
+{
+    switch (option) {
+    case 'd': z->device = value; return KN_EXIT_OK;
+    case 'c': z->csv = value; return KN_EXIT_OK;
+    case 'p': z->plot = value; return KN_EXIT_OK;
+    case 'S': z->scene_path = value; return KN_EXIT_OK;
+    case 't': z->tool = value; return KN_EXIT_OK;
+    case 'q': z->quick = true; return KN_EXIT_OK;
+    case 'm': return take_material(z, value);
+    case 's':
+        if (strncmp(value, "device.", 7) != 0)
+            return kn_complain("zwidth", KN_EXIT_USAGE, "--set %s: expected a key of the device, device.KEY=VALUE",
+                               value);
+        if (z->set_count == SETS) return kn_complain("zwidth", KN_EXIT_USAGE, "--set: expected at most %d", SETS);
+        z->sets[z->set_count++] = value;
+        return KN_EXIT_OK;
+    default:
+        if (kn_grip_find(value, &z->grip)) return KN_EXIT_OK;
+        return kn_complain("zwidth", KN_EXIT_USAGE, "--hand %s: expected %s", value, kn_grip_names);
+    }
+}
+
+static int parse(zwidth *z, int argc, char **argv, bool *done)
+{
+    static const struct option list[] = {{"device", 1, 0, 'd'}, {"set", 1, 0, 's'},  {"hand", 1, 0, 'h'},
+                                         {"material", 1, 0, 'm'}, {"quick", 0, 0, 'q'}, {"csv", 1, 0, 'c'},
+                                         {"plot", 1, 0, 'p'},   {"scene", 1, 0, 'S'}, {"probe", 1, 0, 't'},
+                                         {"help", 0, 0, '!'}, {0, 0, 0, 0}};
+    optind = 1;
+    for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
+        if (c == '!') {
+            fputs(help, stdout);
+            *done = true;
+            return KN_EXIT_OK;
+        }
+        if (c == '?' || c == ':')
+            return kn_complain("zwidth", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],
+                               c == ':' ? "expected a value" : "unknown option; --help lists them");
+        int code = take(z, c, optarg);
+        if (code != KN_EXIT_OK) return code;
+    }
+    if (optind < argc)
+        return kn_complain("zwidth", KN_EXIT_USAGE, "%s: expected options only; --help lists them", argv[optind]);
+    if (z->grip == KN_GRIP_NONE && (z->scene_path || z->material != &kn_pads[0]))
+        return kn_complain("zwidth", KN_EXIT_USAGE, "%s: without a hand the device only sinks in, expected --hand "
+                           "light, normal or firm", z->scene_path ? z->scene_path : z->material->name);
+    return KN_EXIT_OK;
+}
+
+static int report(zwidth *z)
+{
+    int code = KN_EXIT_OK;
+    z->most = z->profile.hand;
+    kn_table_init(&z->table, columns);
+    survey(z);
+    if (z->csv) code = kn_table_write(&z->table, "zwidth", z->csv);
+    if (code == KN_EXIT_OK && z->plot) code = draw(z);
+    kn_table_free(&z->table);
+    return code == KN_EXIT_OK && !z->sound ? KN_EXIT_FAILED : code;
+}
+
+// Whether the scene has such a tool is found out before the work.
+static int load_scene(zwidth *z)
+{
+    kn_slab slab;
+    char error[512];
+    z->scene = kn_scene_load(z->scene_path, NULL, 0, error, sizeof error);
+    if (!z->scene) return kn_complain("zwidth", KN_EXIT_USAGE, "%s", error);
+    if (!kn_slab_open(&slab, z->scene, z->tool, &(kn_coupling){100.0, 1.0}, error, sizeof error))
+        return kn_complain("zwidth", KN_EXIT_USAGE, "%s", error);
+    kn_slab_close(&slab);
+    return KN_EXIT_OK;
+}
+
+int kn_zwidth_main(int argc, char **argv)
+{
+    zwidth z = {.device = "touch", .material = &kn_pads[0]};
+    bool done = false;
+    int code = parse(&z, argc, argv, &done);
+    if (code != KN_EXIT_OK || done) return code;
+    code = kn_profile_load(&z.profile, "zwidth", z.device, z.sets, z.set_count);
+    if (code == KN_EXIT_OK && z.scene_path) code = load_scene(&z);
+    if (code == KN_EXIT_OK && z.csv) code = kn_output_try("zwidth", z.csv);
+    if (code == KN_EXIT_OK && z.plot) code = kn_plot_try("zwidth", z.plot);
+    if (code == KN_EXIT_OK) code = report(&z);
+    kn_scene_destroy(z.scene);
+    return code;
+}

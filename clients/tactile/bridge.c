@@ -1,0 +1,262 @@
+#include "clients/tactile/bridge.h"
+#include "clients/knead/join.h"
+#include "clients/tactile/mount.h"
+#include "proto/knead_probe_pose_t.h"
+#include "server/clock.h"
+#include "server/wire.h"
+#include <errno.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/timerfd.h>
+#include <time.h>
+#include <unistd.h>
+
+static const int priority = 60;  // below kneadd's threads: a device has a processor of its own
+static const int retry_ms = 500;
+
+void kn_tactile_bad(kn_tactile *device, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    vsnprintf(device->why, sizeof device->why, format, args);
+    va_end(args);
+    device->bad++;
+}
+
+void kn_bridge_lost(kn_bridge *b, const char *format, ...)
+{
+    va_list args;
+    if (b->lost) return; // the first reason is the one
+    va_start(args, format);
+    vsnprintf(b->now.why, sizeof b->now.why, format, args);
+    va_end(args);
+    b->lost = true;
+}
+
+static int64_t real_time_us(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_REALTIME, &t);
+    return (int64_t)t.tv_sec * 1000000 + t.tv_nsec / 1000;
+}
+
+static double now_s(void) { return 1e-9 * (double)kn_now_ns(); }
+
+static void answer(kn_bridge *b)
+{
+    const kn_tether *t = &b->now.tether;
+    b->answered = true;
+    if (b->open && b->device->give) b->device->give(b->device, t->render.given_n, kn_tether_live(t));
+}
+
+void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
+{
+    uint8_t bytes[256];
+    kn_tether *t = &b->now.tether;
+    knead_probe_pose_t pose = {.buttons = device->buttons, .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE};
+    kn_device_position(&b->mount, device->position_m, pose.position_m);
+    kn_device_velocity(&b->mount, device->velocity_m_s, pose.velocity_m_s);
+    kn_mount_orientation(&b->mount, device->orientation_wxyz, pose.orientation_wxyz);
+    b->now.arrivals += !b->now.there;
+    b->now.there = true;
+    if (!kn_tether_pose(t, device->position_m, device->velocity_m_s)) return;
+    pose.session = t->session;
+    pose.seq = t->seq;
+    pose.utime = real_time_us();
+    pose.sent_ns = kn_now_ns();
+    int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &pose);
+    lcm_publish(b->lcm, b->pose_channel, bytes, (unsigned)size); // a lost pose is what watchdogs are for
+    memcpy(b->now.position_m, pose.position_m, sizeof pose.position_m);
+    b->now.buttons = pose.buttons;
+    if (!t->render.def.local || b->device->answers) return;
+    kn_tether_give(t, now_s());
+    answer(b);
+}
+
+static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
+{
+    (void)channel;
+    kn_bridge *b = self;
+    knead_contact_force_t f;
+    if (knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &f) < 0) return;
+    kn_tether_force force = {.session = f.session, .seq = f.seq, .flags = f.flags, .fault = f.fault,
+                             .age_s = 1e-9 * (double)(kn_now_ns() - f.sent_ns)};
+    memcpy(force.force_n, f.force_n, sizeof force.force_n); // force_scale is in it already
+    b->heard |= kn_tether_take(&b->now.tether, &force);
+}
+
+static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *self)
+{
+    (void)channel;
+    kn_bridge *b = self;
+    knead_contact_model_t message;
+    kn_contact_unit unit;
+    if (knead_contact_model_t_decode(buf->data, 0, (int)buf->data_size, &message) < 0) return;
+    kn_wire_unit(&unit, &message);
+    kn_render_contact(&b->now.tether.render, &unit);
+}
+
+static void close_lost(kn_bridge *b)
+{
+    if (!b->lost) return;
+    b->lost = false;
+    b->device->close(b->device);
+    b->now.losses += b->now.there;
+    b->open = b->now.there = false;
+    b->retry_ms = retry_ms;
+}
+
+static void on_forces(struct ev_loop *ev, ev_io *watcher, int events)
+{
+    (void)ev, (void)events;
+    kn_bridge *b = watcher->data;
+    for (int n = 0; n < 8 && lcm_handle_timeout(b->lcm, 0) > 0; n++); // the newest one stays
+    if (b->heard && !b->now.tether.render.def.local) {
+        kn_tether_give(&b->now.tether, now_s());
+        answer(b);
+    }
+    b->heard = false;
+}
+
+static void open_device(kn_bridge *b)
+{
+    char error[sizeof b->now.why];
+    b->retry_ms = retry_ms;
+    b->open = b->device->open(b->device, b, error, sizeof error);
+}
+
+static void on_timer(struct ev_loop *ev, ev_io *watcher, int events)
+{
+    (void)ev, (void)events;
+    kn_bridge *b = watcher->data;
+    kn_tactile *d = b->device;
+    uint64_t times = 1;
+    if (read(b->timer_fd, &times, sizeof times) != sizeof times) return;
+    int elapsed_ms = times < 1000 ? (int)times : 1000;
+    b->now.late += elapsed_ms - 1;
+
+    if (b->open && d->tick) d->tick(d, elapsed_ms);
+    kn_tether_tick(&b->now.tether, now_s(), elapsed_ms);
+    if (!b->answered) answer(b);
+    b->answered = false;
+    close_lost(b);
+    if (!b->open && (b->retry_ms -= elapsed_ms) <= 0) open_device(b);
+
+    b->now.messages = d->messages;
+    b->now.bad = d->bad;
+    b->now.lost = d->lost;
+    memcpy(b->now.bad_why, d->why, sizeof d->why);
+    memcpy(b->now.state, d->state, sizeof d->state);
+    *(kn_bridge_news *)kn_mailbox_back(&b->news) = b->now;
+    kn_mailbox_post(&b->news);
+}
+
+static void on_stop(struct ev_loop *ev, ev_async *watcher, int events)
+{
+    (void)watcher, (void)events;
+    ev_break(ev, EVBREAK_ALL);
+}
+
+static bool open_bus(kn_bridge *b)
+{
+    b->lcm = kn_join(b->url, KN_FORCE_URL, b->error, b->error_size);
+    if (!b->lcm) return false;
+    lcm_subscription_t *forces = lcm_subscribe(b->lcm, b->force_channel, on_force, b);
+    if (!forces) {
+        snprintf(b->error, b->error_size, "LCM refuses the subscription to %s", b->force_channel);
+        return false;
+    }
+    lcm_subscription_set_queue_capacity(forces, 2); // a full queue drops the newest: it is drained at once
+    lcm_subscription_t *contacts = NULL;
+    if (b->now.tether.render.def.local) contacts = lcm_subscribe(b->lcm, b->contact_channel, on_contact, b);
+    if (contacts) lcm_subscription_set_queue_capacity(contacts, 2 * KN_CONTACT_UNITS);
+    ev_io_init(&b->forces, on_forces, lcm_get_fileno(b->lcm), EV_READ);
+    b->forces.data = b;
+    ev_io_start(b->ev, &b->forces);
+    return true;
+}
+
+static bool open_timer(kn_bridge *b)
+{
+    // libev's own timers are as coarse as epoll's milliseconds
+    const struct itimerspec every = {{0, KN_PERIOD_NS}, {0, KN_PERIOD_NS}};
+    b->timer_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+    if (b->timer_fd < 0 || timerfd_settime(b->timer_fd, 0, &every, NULL) != 0) {
+        snprintf(b->error, b->error_size, "no timer: %s", strerror(errno));
+        return false;
+    }
+    ev_io_init(&b->timer, on_timer, b->timer_fd, EV_READ);
+    b->timer.data = b;
+    ev_io_start(b->ev, &b->timer);
+    return true;
+}
+
+static void *run(void *self)
+{
+    kn_bridge *b = self;
+    b->priority_error = kn_join_priority(priority); // before the subscription: LCM's receive thread inherits it
+    bool ok = open_bus(b) && open_timer(b) && b->device->open(b->device, b, b->error, b->error_size);
+    b->open = ok;
+    atomic_store(&b->up, ok);
+    sem_post(&b->ready);
+    if (ok) ev_run(b->ev, 0);
+    if (b->open && b->device->give) b->device->give(b->device, (double[3]){0}, false);
+    if (b->open) b->device->close(b->device);
+    if (b->device->destroy) b->device->destroy(b->device);
+    return NULL;
+}
+
+static void close_all(kn_bridge *b)
+{
+    if (b->lcm) lcm_destroy(b->lcm);
+    if (b->timer_fd >= 0) close(b->timer_fd);
+    if (b->ev) ev_loop_destroy(b->ev);
+    sem_destroy(&b->ready);
+}
+
+bool kn_bridge_start(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size)
+{
+    b->device = device;
+    b->url = def->url;
+    b->mount = def->render.device;
+    b->error = error;
+    b->error_size = error_size;
+    b->timer_fd = -1;
+    snprintf(b->pose_channel, sizeof b->pose_channel, "KNEAD_POSE_%s", def->probe);
+    snprintf(b->force_channel, sizeof b->force_channel, "KNEAD_FORCE_%s", def->probe);
+    snprintf(b->contact_channel, sizeof b->contact_channel, "KNEAD_CONTACT_%s", def->probe);
+    kn_tether_init(&b->now.tether, def->session, &def->render);
+    kn_mailbox_init(&b->news, b->slots, sizeof *b->slots);
+    sem_init(&b->ready, 0, 0);
+    b->ev = ev_loop_new(EVFLAG_AUTO);
+    if (b->ev) {
+        ev_async_init(&b->stop, on_stop);
+        ev_async_start(b->ev, &b->stop);
+    }
+    if (!b->ev || pthread_create(&b->thread, NULL, run, b) != 0) {
+        snprintf(error, error_size, "no thread for the device");
+        close_all(b);
+        return false;
+    }
+    while (sem_wait(&b->ready) != 0); // a signal
+    if (atomic_load(&b->up)) return true;
+    pthread_join(b->thread, NULL);
+    close_all(b);
+    return false;
+}
+
+const kn_bridge_news *kn_bridge_latest(kn_bridge *b)
+{
+    bool fresh;
+    return kn_mailbox_latest(&b->news, &fresh);
+}
+
+int kn_bridge_priority_error(const kn_bridge *b) { return b->priority_error; }
+
+void kn_bridge_stop(kn_bridge *b)
+{
+    ev_async_send(b->ev, &b->stop);
+    pthread_join(b->thread, NULL);
+    close_all(b);
+}

@@ -1,0 +1,243 @@
+// knead devices: what could be a hand on this machine, what it lacks, and the fix.
+#include "clients/tactile/devices.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/tactile/haply.h"
+#include "clients/tactile/spacenav.h"
+#include <errno.h>
+#include <getopt.h>
+#include <glob.h>
+#include <grp.h>
+#include <jansson.h>
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static const char help[] =
+    "usage: knead devices [--json]\n\n"
+    "Lists what could be a hand on this machine: spacenavd, Haply's Inverse Service, serial lines, haptic devices on\n"
+    "USB. Of each: how to use it, which `device:` fits it in a scene, what it lacks, and the fix. Opens no device.\n\n"
+    "  --json       the same for programs\n"
+    "  --root DIR   look for dev and sys in there (/)\n\n"
+    "Exit codes: 0 whatever was found, 2 bad input.\n";
+
+// Of USB: vendor, product (-1: any), what it is, the profile that fits. knead drives the pucks, through spacenavd.
+static const struct known {
+    unsigned vendor;
+    int product;
+    bool puck;
+    const char *name, *profile;
+} usb_known[] = {
+    {0x256f, -1, true, "3Dconnexion puck", "bench"},     {0x046d, 0xc603, true, "3Dconnexion puck", "bench"},
+    {0x046d, 0xc605, true, "3Dconnexion puck", "bench"}, {0x046d, 0xc606, true, "3Dconnexion puck", "bench"},
+    {0x046d, 0xc621, true, "3Dconnexion puck", "bench"}, {0x046d, 0xc623, true, "3Dconnexion puck", "bench"},
+    {0x046d, 0xc625, true, "3Dconnexion puck", "bench"}, {0x046d, 0xc626, true, "3Dconnexion puck", "bench"},
+    {0x046d, 0xc627, true, "3Dconnexion puck", "bench"}, {0x046d, 0xc628, true, "3Dconnexion puck", "bench"},
+    {0x046d, 0xc629, true, "3Dconnexion puck", "bench"}, {0x046d, 0xc62b, true, "3Dconnexion puck", "bench"},
+    {0x0403, 0xcb48, false, "Novint Falcon", "falcon"},  {0x1451, -1, false, "Force Dimension", "omega"},
+};
+
+__attribute__((format(printf, 2, 3))) static void set(char text[KN_DEVICES_TEXT], const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, KN_DEVICES_TEXT, format, args);
+    va_end(args);
+    for (char *c = text; *c; c++)
+        if (*c < ' ' || *c > '~') *c = '?'; // a device may call itself anything
+}
+
+// The first line of DIRECTORY/name, or "".
+static void read_line(const char *directory, const char *name, char *line, size_t size)
+{
+    char path[PATH_MAX + 32];
+    *line = 0;
+    snprintf(path, sizeof path, "%s/%s", directory, name);
+    FILE *f = fopen(path, "r");
+    if (!f) return;
+    if (fgets(line, (int)size, f)) line[strcspn(line, "\n")] = 0;
+    fclose(f);
+}
+
+static unsigned hex(const char *directory, const char *name)
+{
+    char line[16];
+    read_line(directory, name, line, sizeof line);
+    return (unsigned)strtoul(line, NULL, 16) & 0xffff;
+}
+
+static void name_usb(kn_found *f, const char *directory)
+{
+    char maker[64], product[96];
+    read_line(directory, "manufacturer", maker, sizeof maker);
+    read_line(directory, "product", product, sizeof product);
+    set(f->name, "%s%s%s", maker, *maker && *product ? " " : "", product);
+    snprintf(f->usb, sizeof f->usb, "%04x:%04x", hex(directory, "idVendor"), hex(directory, "idProduct"));
+}
+
+// ---- what there may be
+
+static void find_spacenavd(kn_found *f, bool puck)
+{
+    strcpy(f->kind, "spacenavd");
+    set(f->where, "%s", kn_spacenav_socket());
+    set(f->use, "knead hand spacenav");
+    f->profile = "bench"; // it has no motors to spare
+    if (!puck) set(f->name, "no known puck on USB");
+    f->ready = kn_spacenav_reach();
+    if (f->ready) return;
+    if (errno == EACCES) {
+        set(f->missing, "no permission for the socket");
+        set(f->fix, "chmod a+rw %s", f->where);
+    } else {
+        set(f->missing, "spacenavd is not running%s", puck ? ", and a puck is there" : "");
+        set(f->fix, "apt install spacenavd; systemctl start spacenavd");
+    }
+}
+
+static void find_haply(kn_found *f)
+{
+    char host[KN_HAPLY_HOST];
+    int port;
+    strcpy(f->kind, "haply");
+    kn_haply_url(KN_HAPLY_URL, host, &port);
+    set(f->where, KN_HAPLY_URL);
+    set(f->use, "knead hand haply");
+    f->profile = "unknown"; // nobody has measured an Inverse3 for us
+    f->ready = kn_haply_reach(host, port, f->missing, sizeof f->missing);
+    if (!f->ready) set(f->fix, "start Haply Hub, or: systemctl start haply-inverse-service");
+}
+
+static void find_tty(kn_found *f, const char *root, const char *path)
+{
+    char device[PATH_MAX];
+    struct stat s = {0};
+    strcpy(f->kind, "tty");
+    set(f->where, "%s", path + strlen(root));
+    snprintf(device, sizeof device, "%s/sys/class/tty/%s/device/..", root, strrchr(path, '/') + 1);
+    if (hex(device, "idVendor") == 0) strcat(device, "/.."); // ttyUSB hangs one lower than ttyACM
+    if (hex(device, "idVendor") != 0) name_usb(f, device);
+    set(f->use, "knead hand paddle --tty %s", f->where);
+    f->profile = "unknown";
+    f->ready = stat(path, &s) == 0 && access(path, R_OK | W_OK) == 0;
+    if (f->ready) return;
+    const struct group *g = getgrgid(s.st_gid);
+    set(f->missing, "no permission");
+    if (g && (s.st_mode & 0060) == 0060) set(f->fix, "sudo usermod -aG %s $USER, and log in again", g->gr_name);
+    else set(f->fix, "sudo chmod a+rw %s", f->where);
+}
+
+static const struct known *know(unsigned vendor, unsigned product)
+{
+    for (size_t i = 0; i < sizeof usb_known / sizeof *usb_known; i++)
+        if (usb_known[i].vendor == vendor && (usb_known[i].product < 0 || (unsigned)usb_known[i].product == product))
+            return &usb_known[i];
+    return NULL;
+}
+
+static bool find_usb(kn_found *f, const char *root, const char *path, bool *puck)
+{
+    const struct known *known = know(hex(path, "idVendor"), hex(path, "idProduct"));
+    if (!known) return false;
+    strcpy(f->kind, "usb");
+    set(f->where, "%s", path + strlen(root));
+    name_usb(f, path);
+    if (!*f->name) set(f->name, "%s", known->name);
+    f->profile = known->profile;
+    *puck |= known->puck;
+    if (known->puck) {
+        f->ready = true;
+        set(f->use, "knead hand spacenav");
+    } else {
+        set(f->missing, "no driver here for %s", known->name);
+        set(f->fix, "clients/examples/hand.c with its maker's library, `device: %s` in the scene", known->profile);
+    }
+    return true;
+}
+
+int kn_devices_find(const char *root, kn_found *found)
+{
+    char pattern[PATH_MAX];
+    glob_t list;
+    bool puck = false;
+    int n = 2; // the two services come first, but whether there is a puck is known last
+    memset(found, 0, KN_DEVICES_MAX * sizeof *found);
+    const char *const ttys[] = {"ACM", "USB"};
+    for (int k = 0; k < 2; k++) {
+        snprintf(pattern, sizeof pattern, "%s/dev/tty%s*", root, ttys[k]);
+        if (glob(pattern, 0, NULL, &list) != 0) continue;
+        for (size_t i = 0; i < list.gl_pathc && n < KN_DEVICES_MAX; i++) find_tty(&found[n++], root, list.gl_pathv[i]);
+        globfree(&list);
+    }
+    snprintf(pattern, sizeof pattern, "%s/sys/bus/usb/devices/*", root);
+    if (glob(pattern, 0, NULL, &list) == 0) {
+        for (size_t i = 0; i < list.gl_pathc && n < KN_DEVICES_MAX; i++)
+            n += find_usb(&found[n], root, list.gl_pathv[i], &puck);
+        globfree(&list);
+    }
+    find_spacenavd(&found[0], puck);
+    find_haply(&found[1]);
+    return n;
+}
+
+// ---- told
+
+static void print_lines(const kn_found *found, int count)
+{
+    int ttys = 0;
+    for (const kn_found *f = found; f < found + count; f++) {
+        ttys += !strcmp(f->kind, "tty");
+        printf("%-9s %s%s%s%s%s\n", f->kind, f->where, *f->usb ? "  " : "", f->usb, *f->name ? "  " : "", f->name);
+        if (f->ready) printf("          ready: %s, scene with `device: %s`\n", f->use, f->profile);
+        else printf("          %s\n          fix: %s\n", f->missing, f->fix);
+    }
+    if (ttys == 0) printf("tty       no /dev/ttyACM* or /dev/ttyUSB*: no serial device is plugged in\n");
+    printf("\nEvery driver is untested on hardware. Without any device: knead probe, knead web.\n");
+}
+
+static int print_json(const kn_found *found, int count)
+{
+    json_t *list = json_array();
+    for (const kn_found *f = found; f < found + count; f++)
+        json_array_append_new(list, json_pack("{s:s,s:s,s:s,s:s,s:b,s:s,s:s,s:s,s:s}", "kind", f->kind, "where",
+                                              f->where, "usb", f->usb, "name", f->name, "ready", f->ready, "use",
+                                              f->use, "profile", f->profile, "missing", f->missing, "fix", f->fix));
+    json_t *root = json_pack("{s:o}", "devices", list);
+    char *text = root ? json_dumps(root, JSON_INDENT(2)) : NULL;
+    json_decref(root);
+    if (!text) return kn_complain("devices", KN_EXIT_INTERNAL, "out of memory");
+    puts(text);
+    free(text);
+    return KN_EXIT_OK;
+}
+
+int kn_devices_main(int argc, char **argv)
+{
+    static const struct option list[] = {
+        {"json", 0, 0, 'j'}, {"root", 1, 0, 'r'}, {"help", 0, 0, 'h'}, {0, 0, 0, 0}};
+    const char *root = "";
+    bool json = false;
+    optind = 1;
+    for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
+        switch (c) {
+        case 'j': json = true; break;
+        case 'r': root = optarg; break;
+        case 'h': fputs(help, stdout); return KN_EXIT_OK;
+        default:
+            return kn_complain("devices", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],
+                               c == ':' ? "expected a value" : "unknown option; knead devices --help lists them");
+        }
+    }
+    if (optind < argc) return kn_complain("devices", KN_EXIT_USAGE, "`%s`: expected options only", argv[optind]);
+    if (strlen(root) > PATH_MAX / 2) return kn_complain("devices", KN_EXIT_USAGE, "--root: expected a shorter name");
+    kn_found *found = calloc(KN_DEVICES_MAX, sizeof *found);
+    if (!found) return kn_complain("devices", KN_EXIT_INTERNAL, "out of memory");
+    int count = kn_devices_find(root, found), code = KN_EXIT_OK;
+    if (json) code = print_json(found, count);
+    else print_lines(found, count);
+    free(found);
+    return code;
+}

@@ -1,0 +1,281 @@
+// knead hand: a real device on a running kneadd. The device's thread is bridge.h's; here is where the tool begins, and
+// what is said about it all.
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/foot.h"
+#include "clients/knead/live.h"
+#include "clients/tactile/hand_options.h"
+#include "clients/tactile/mount.h"
+#include "clients/tactile/paddle.h"
+#include "clients/tactile/spacenav.h"
+#include <errno.h>
+#include <inttypes.h>
+#include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/random.h>
+#include <time.h>
+#include <unistd.h>
+
+static const int scene_wait_ms = 6000; // KNEAD_SCENE comes every 5 s
+static const int look_ms = 50;
+static const int answer_ms = 3000;     // without a force, it is said that nobody answers
+static const int stalled_ms = 10;      // more than this and the silence is our own
+static const int bad_ms = 10000;       // a device that talks nonsense must not fill a terminal
+static const double above_m = 0.02;
+static const double cautious_n = 3.3;  // profile bench is a virtual hand's; the smallest of the common devices has this
+static const double thinnest = 0.5;    // of the object's height stays under a tool that no force stops
+
+typedef struct told { // of the bridge's news, so as to tell each thing once
+    int64_t losses, arrivals, force_trips, pose_trips, faults, bad, reflexes, refusals, units;
+    int64_t bad_ms, far_ms, answer_ms; // when those were last told; since when forces are missing
+    int64_t model_ms;                  // since when contacts are missing, though forces come
+    int64_t heard, foreign;
+    bool unanswered, latched, modelless;
+} told;
+
+typedef struct hand {
+    kn_hand_options opt;
+    char probe[KN_NAME_MAX], error[512];
+    kn_render_def render;
+    kn_bridge bridge;
+    union {
+        kn_tactile base;
+        kn_paddle paddle;
+        kn_spacenav spacenav;
+        kn_haply haply;
+    } device;
+    told told;
+} hand;
+
+static volatile sig_atomic_t interrupted;
+
+static void on_signal(int number)
+{
+    (void)number;
+    interrupted = 1;
+}
+
+static int complain(int code, const char *what) { return kn_complain("hand", code, "%s", what); }
+
+static const kn_probe_def *find_tool(const kn_model_def *def, const char *name)
+{
+    for (int i = 0; i < def->probe_count; i++)
+        if (name ? !strcmp(def->probe[i].name, name) : !kn_foot_flat(def->probe[i].shape)) return &def->probe[i];
+    return name || def->probe_count == 0 ? NULL : &def->probe[0];
+}
+
+// The scene's device as it is there, but for what the command line says.
+static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
+{
+    kn_device_def *d = &h->render.device;
+    const kn_hand_options *o = &h->opt;
+    double extent_m[3], *at_m = d->position_m, axes[3][3];
+    h->render = (kn_render_def){.device = scene->device, .coupling_n_m = tool->coupling_n_m,
+                                .coupling_n_s_m = tool->coupling_n_s_m, .radius_m = tool->radius_m,
+                                .guard_n_per_ms = scene->limits.guard_n_per_ms, .local = o->local,
+                                .held = o->kind == KN_HAND_SPACENAV}; // a puck has no motors for a late force
+    kn_model_def_extent(&scene->model, extent_m);
+    if (o->origin) memcpy(at_m, o->origin_m, sizeof d->position_m);
+    else if (at_m[0] == 0.0 && at_m[1] == 0.0 && at_m[2] == 0.0) at_m[2] = extent_m[2] + kn_foot_m(tool) + above_m;
+    if (o->basis) kn_mount_basis(d, o->basis, h->error, sizeof h->error); // was found right before
+    if (o->scale > 0.0) d->scale = o->scale;
+    if (o->force_limit_n > 0.0) d->force_limit_n = o->force_limit_n;
+    else if (!strcmp(d->name, "bench")) d->force_limit_n = cautious_n;
+    kn_device_axes(d, axes);
+    bool upright = axes[2][2] > 0.999; // else the reach alone is left to hold a steered tool
+    h->opt.puck.floor_m = upright ? (thinnest * extent_m[2] + kn_foot_m(tool) - at_m[2]) / d->scale : -INFINITY;
+}
+
+static int use_scene(hand *h, const kn_scene *scene)
+{
+    const kn_probe_def *tool = find_tool(&scene->model, h->opt.probe);
+    if (!tool)
+        return kn_complain("hand", KN_EXIT_USAGE, "%s has no probe %s", scene->name, h->opt.probe ? h->opt.probe : "");
+    strcpy(h->probe, tool->name);
+    mount(h, scene, tool);
+    return KN_EXIT_OK;
+}
+
+// Which tool, where the object ends, which device the scene is for: of the scene that is being served.
+static int look_at_scene(hand *h)
+{
+    kn_live live;
+    if (!kn_live_open(&live, h->opt.lcm_url, h->opt.mesh_url, h->error, sizeof h->error))
+        return complain(KN_EXIT_DEVICE, h->error);
+    for (int64_t end_ms = kn_live_now_ms() + scene_wait_ms; !live.scene && kn_live_now_ms() < end_ms && !interrupted;)
+        kn_live_listen(&live, look_ms);
+    int code = live.scene          ? use_scene(h, live.scene)
+               : *live.scene_error ? complain(KN_EXIT_USAGE, live.scene_error)
+                                   : complain(KN_EXIT_DEVICE, "no KNEAD_SCENE for 6 s: is kneadd running on this bus? "
+                                                              "(server/run, or kneadd --scene core/scenes/dough.yaml)");
+    kn_live_close(&live);
+    return code;
+}
+
+// ---- what is told: each thing once, bad messages at most every 10 s
+
+static void tell_device(told *t, const kn_bridge_news *n, const char *name, int64_t now_ms)
+{
+    if (n->losses > t->losses)
+        fprintf(stderr, "knead hand: %s lost: %s; 0 N, tried again twice a second\n", name, n->why);
+    if (n->arrivals > t->arrivals && t->arrivals > 0) fprintf(stderr, "knead hand: %s is back\n", name);
+    t->losses = n->losses;
+    t->arrivals = n->arrivals;
+    bool tell = n->bad > t->bad && (t->bad == 0 || now_ms - t->bad_ms >= bad_ms);
+    t->bad = n->bad;
+    if (!tell) return;
+    fprintf(stderr, "knead hand: %s: %s\n", name, n->bad_why);
+    t->bad_ms = now_ms;
+}
+
+static void tell_stop(told *t, const kn_tether *r, const char *then, int64_t now_ms)
+{
+    const kn_render *n = &r->render;
+    if (n->reflexes > t->reflexes)
+        fprintf(stderr, "knead hand: %s: %s\n", kn_render_why(KN_RENDER_REFLEX), then);
+    if (n->refusals > t->refusals && (t->refusals == 0 || now_ms - t->far_ms >= bad_ms)) {
+        fprintf(stderr, "knead hand: %s\n", kn_render_why(KN_RENDER_FAR));
+        t->far_ms = now_ms;
+    }
+    t->reflexes = n->reflexes;
+    t->refusals = n->refusals;
+
+    bool misses = n->def.local && r->heard > t->heard && n->model.taken == t->units;
+    if (!misses) t->model_ms = now_ms, t->modelless = false;
+    t->units = n->model.taken;
+    if (t->modelless || now_ms - t->model_ms < answer_ms) return;
+    t->modelless = true;
+    fprintf(stderr, "knead hand: forces, but no contact for 3 s: 0 N; start kneadd with --local-model\n");
+}
+
+static void tell_tether(told *t, const kn_bridge_news *n, const char *name, int64_t now_ms)
+{
+    const kn_tether *r = &n->tether;
+    const char *then = "0 N; 1.2 s of silence, then a new session";
+    bool force = r->forces.trips > t->force_trips, pose = r->poses.trips > t->pose_trips;
+    if ((force || pose) && r->stalled_ms >= stalled_ms)
+        fprintf(stderr, "knead hand: this program did not run for %d ms: %s\n", r->stalled_ms, then);
+    else if (force) fprintf(stderr, "knead hand: no force from kneadd for 20 ms: %s\n", then);
+    else if (pose && n->there)
+        fprintf(stderr, "knead hand: nothing from the %s for 20 ms: %s\n", name, then);
+    if (r->faults > t->faults) fprintf(stderr, "knead hand: kneadd's impulse guard has tripped: %s\n", then);
+    t->force_trips = r->forces.trips;
+    t->pose_trips = r->poses.trips;
+    t->faults = r->faults;
+
+    tell_stop(t, r, then, now_ms);
+
+    bool latched = r->flags & KN_FLAG_LATCHED;
+    if (latched && !t->latched)
+        fprintf(stderr, "knead hand: kneadd: %s: %s\n", kn_fault_name((kn_fault)r->fault),
+                kn_fault_remedy((kn_fault)r->fault));
+    t->latched = latched;
+    bool away = !n->there && n->arrivals > 0; // which was said already
+    if (r->heard > t->heard || away)
+        t->answer_ms = now_ms, t->unanswered = false, t->foreign = r->foreign;
+    t->heard = r->heard;
+    if (t->unanswered || now_ms - t->answer_ms < answer_ms) return;
+    t->unanswered = true;
+    fprintf(stderr, "knead hand: no force for 3 s: %s\n",
+            r->foreign > t->foreign ? "another client holds the tool"
+            : n->there              ? "is kneadd running, and does it serve this probe?"
+            : *n->state             ? n->state
+                                    : "the device has not said where it is");
+}
+
+static void tell_tool(const kn_bridge_news *n)
+{
+    const double *x = n->position_m, *f = n->tether.render.given_n;
+    printf("\r%6.1f %6.1f %6.1f mm  %6.2f %6.2f %6.2f N  %-28s", 1e3 * x[0], 1e3 * x[1], 1e3 * x[2], f[0], f[1], f[2],
+           !n->there                                   ? "no device"
+           : n->tether.mode == KN_TETHER_SILENT        ? "silent"
+           : n->tether.render.stop == KN_RENDER_FAR    ? "round trip above 5 ms: 0 N"
+           : n->tether.flags & KN_FLAG_REENGAGE_LIFT   ? "lift the tool"
+           : n->tether.flags & KN_FLAG_ENGAGED         ? n->tether.render.def.local ? "in the model, local"
+                                                                                    : "in the model"
+                                                       : n->state);
+    fflush(stdout);
+}
+
+static void summarise(const kn_bridge_news *n, const char *name, bool motors)
+{
+    const kn_tether *t = &n->tether;
+    printf("knead hand: %" PRId64 " poses, %" PRId64 " forces, largest %.3g N, clamped %" PRId64 "\n", t->sent,
+           t->heard, t->render.largest_n, t->render.clamped);
+    if (motors)
+        printf("knead hand: energy given to the hand %.3g mJ, damped for that in %" PRId64 " periods; impulse guard hit "
+               "%" PRId64 ", tripped %" PRId64 "; round trip %.1f ms%s\n", 1e3 * t->render.passivity.given_j,
+               t->render.passivity.acted, t->render.guards, t->render.reflexes, 1e3 * t->render.round_trip_s,
+               t->render.refusals ? ", refused" : "");
+    if (t->render.def.local)
+        printf("knead hand: local model, %" PRId64 " messages in the last session, not taken %" PRId64 "\n",
+               t->render.model.taken, t->render.model.refused);
+    printf("knead hand: tripped by kneadd's silence %" PRId64 ", by the device's %" PRId64 ", by faults %" PRId64
+           "; forces of others %" PRId64 "\n", t->forces.trips, t->poses.trips, t->faults, t->foreign);
+    printf("knead hand: %s: %" PRId64 " messages, bad %" PRId64 ", never came %" PRId64 ", lost %" PRId64
+           ", there %" PRId64 ", late %" PRId64 " ms%s%s%s%s\n", name, n->messages, n->bad, n->lost, n->losses,
+           n->arrivals, n->late, *n->bad_why ? "; last bad: " : "", n->bad_why, *n->state ? "; " : "", n->state);
+}
+
+static void watch(hand *h)
+{
+    const char *name = h->device.base.name;
+    bool follow = !h->opt.quiet && isatty(STDOUT_FILENO);
+    int64_t begin_ms = kn_live_now_ms(), now_ms = begin_ms;
+    h->told.answer_ms = begin_ms;
+    while (!interrupted && (h->opt.seconds == 0.0 || 1e-3 * (double)(now_ms - begin_ms) < h->opt.seconds)) {
+        nanosleep(&(struct timespec){.tv_nsec = look_ms * 1000000}, NULL);
+        const kn_bridge_news *n = kn_bridge_latest(&h->bridge);
+        now_ms = kn_live_now_ms();
+        tell_tether(&h->told, n, name, now_ms);
+        tell_device(&h->told, n, name, now_ms);
+        if (follow) tell_tool(n);
+    }
+    if (follow) putchar('\n');
+}
+
+static int run(hand *h)
+{
+    const kn_device_def *d = &h->render.device;
+    kn_bridge_def def = {.url = h->opt.lcm_url, .probe = h->probe, .render = h->render};
+    uint32_t random;
+    if (h->opt.kind == KN_HAND_PADDLE) kn_paddle_init(&h->device.paddle, h->opt.tty, h->opt.baud);
+    else if (h->opt.kind == KN_HAND_SPACENAV) kn_spacenav_init(&h->device.spacenav, &h->opt.puck);
+    else kn_haply_init(&h->device.haply, h->opt.host, h->opt.port, h->opt.device_id, h->opt.preset);
+    if (getrandom(&random, sizeof random, 0) != sizeof random) return complain(KN_EXIT_DEVICE, "no random number");
+    def.session = 1 + ((int64_t)random << 20); // room for the sessions that follow
+    if (!kn_bridge_start(&h->bridge, &def, &h->device.base, h->error, sizeof h->error))
+        return complain(KN_EXIT_DEVICE, h->error);
+    if (kn_bridge_priority_error(&h->bridge))
+        fprintf(stderr, "knead hand: no real-time priority (%s): poses and forces may be late\n",
+                strerror(kn_bridge_priority_error(&h->bridge)));
+    printf("knead hand: %s on probe %s as device %s, its zero at %g, %g, %g mm, at most %g N; untested on hardware\n",
+           h->device.base.name, h->probe, d->name, 1e3 * d->position_m[0], 1e3 * d->position_m[1],
+           1e3 * d->position_m[2], d->force_limit_n);
+    fflush(stdout);
+    watch(h);
+    kn_bridge_stop(&h->bridge);
+    summarise(kn_bridge_latest(&h->bridge), h->device.base.name, h->device.base.give != NULL);
+    return KN_EXIT_OK;
+}
+
+int kn_hand_main(int argc, char **argv)
+{
+    bool done = false;
+    struct sigaction stop = {.sa_handler = on_signal};
+    hand *h = calloc(1, sizeof *h);
+    if (!h) return complain(KN_EXIT_INTERNAL, "out of memory");
+    int code = kn_hand_options_parse(&h->opt, argc, argv, &done);
+    if (code == KN_EXIT_OK && !done) {
+        signal(SIGPIPE, SIG_IGN); // libspnav and sockets: a device that is gone is no reason to be gone
+        sigaction(SIGINT, &stop, NULL);
+        sigaction(SIGTERM, &stop, NULL);
+        code = look_at_scene(h);
+        if (code == KN_EXIT_OK && !interrupted) code = run(h);
+    }
+    free(h);
+    return code;
+}

@@ -1,0 +1,205 @@
+#include "clients/tactile/hand_options.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/join.h"
+#include "clients/tactile/mount.h"
+#include "clients/tactile/paddle.h"
+#include "core/scene/units.h"
+#include <getopt.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char help[] =
+    "usage: knead hand paddle --tty DEVICE [--baud N] [OPTION]...\n"
+    "       knead hand spacenav [--speed V] [--turn W] [--dead N] [--reach L] [OPTION]...\n"
+    "       knead hand haply [--url URL] [--device ID] [--preset NAME] [OPTION]...\n\n"
+    "A real device as the hand on what a running kneadd serves: its poses go out as they come, the force comes back\n"
+    "as soon as kneadd has it. Own watchdog: 0 N 20 ms after the last force or the last pose, then 1.2 s of silence\n"
+    "and a new session, which begins with the tool clear of the object; the same after forces that ask to jump by\n"
+    "more than the scene's device.guard. Forces of more than 5 ms ago are not given. A device that goes away is waited\n"
+    "for. Runs until SIGINT or SIGTERM, then prints what it has counted. UNTESTED ON HARDWARE: every one of these has\n"
+    "met simulated devices only. Begin with a low --force-limit, and with a hand on the device's switch.\n\n"
+    "  paddle    force-feedback paddle with one degree of freedom behind a serial line (Hapkit class): 20-byte\n"
+    "            frames, see clients/tactile/README.md. Its position is z\n"
+    "    --tty DEVICE   /dev/ttyACM0 or the like; knead devices lists candidates\n"
+    "    --baud N       " KN_PADDLE_BAUDS " (921600)\n"
+    "  spacenav  3Dconnexion puck through spacenavd and libspnav: six degrees of freedom, no force. How far the puck\n"
+    "            is pushed is how fast the tool goes; its buttons are the pose's\n"
+    "    --speed V      at full deflection ('5 cm/s')\n"
+    "    --turn W       rad/s at full twist; 0 keeps the tool's orientation (1)\n"
+    "    --dead N       counts of 350 in which the puck rests (15)\n"
+    "    --reach L      how far from its zero the tool may go, along each axis ('8 cm'); downwards to half the\n"
+    "                   object's height at most: it gives no force, so nothing else would stop it\n"
+    "  haply     Inverse3 or Minverse through Haply's Inverse Service 3.5: three degrees of freedom with force, a\n"
+    "            grip's orientation and buttons\n"
+    "    --url URL      ws://HOST:PORT of the service (" KN_HAPLY_URL ")\n"
+    "    --device ID    which arm (the first)\n"
+    "    --preset NAME  how it stands, in the service's words (" KN_HAPLY_PRESET ")\n\n"
+    "  --probe NAME        tool of the scene (its first round one, else its first probe)\n"
+    "  --origin X,Y,Z      where the device's zero lies in the scene, like '0,0,6 cm' (device.position; where that is\n"
+    "                      0, over the middle of the object, the tool 2 cm above it)\n"
+    "  --basis PERMUTATION the n-th letter is the device's axis along the scene's n-th: XYZ, Y-XZ\n"
+    "                      (device.basis; XYZ is x to the right, y forward, z up)\n"
+    "  --scale F           metres of the scene per metre of the device (device.scale)\n"
+    "  --local             paddle, haply: renders the contact that kneadd --local-model sends over the device's own\n"
+    "                      poses, not kneadd's forces: for links above 5 ms of round trip, whose forces are refused\n"
+    "  --force-limit F     most that the motors are asked for, like '3 N' (device.clamp, but 3.3 N for profile bench)\n"
+    "  --seconds N         ends after N seconds\n"
+    "  --lcm-url URL       poses, forces, scene ($LCM_DEFAULT_URL, " KN_FORCE_URL ")\n"
+    "  --mesh-url URL      (" KN_MESH_URL ")\n"
+    "  --quiet             no line that follows the tool\n\n"
+    "Exit codes: 0 ok, 2 bad input, 3 no device, no bus or no kneadd.\n";
+
+#define DEVICES "paddle, spacenav or haply"
+
+static int bad(const char *option, const char *text, const char *expected)
+{
+    return kn_complain("hand", KN_EXIT_USAGE, "--%s %s: expected %s", option, text, expected);
+}
+
+static int number(const char *option, const char *text, double *value)
+{
+    char *end;
+    *value = strtod(text, &end);
+    if (end != text && !*end && isfinite(*value) && *value > 0.0) return KN_EXIT_OK;
+    return bad(option, text, "a number above 0");
+}
+
+static bool quantity(const char *text, const char *unit_text, const kn_unit *otherwise, kn_unit *said, double *value)
+{
+    kn_unit unit;
+    kn_quantity q;
+    char why[128];
+    if (!kn_unit_parse(&unit, unit_text, why, sizeof why)) return false;
+    if (!kn_quantity_parse(&q, text, why, sizeof why)) return false;
+    if (q.bare && otherwise) q.unit = *otherwise, q.bare = false;
+    if (q.bare || !kn_unit_same_dimension(&q.unit, &unit)) return false;
+    *said = q.unit;
+    *value = kn_quantity_in(&q, &unit);
+    return isfinite(*value);
+}
+
+static int quantity_option(const char *option, const char *text, const char *unit, const char *example, double *value)
+{
+    kn_unit said;
+    if (quantity(text, unit, NULL, &said, value) && *value > 0.0) return KN_EXIT_OK;
+    return kn_complain("hand", KN_EXIT_USAGE, "--%s %s: expected something like '%s'", option, text, example);
+}
+
+// Three lengths, of which the last must say its unit and the others may.
+static int origin(const char *text, double origin_m[3])
+{
+    char part[3][48];
+    kn_unit unit, said;
+    bool ok = sscanf(text, "%47[^,],%47[^,],%47[^,]", part[0], part[1], part[2]) == 3;
+    ok = ok && quantity(part[2], "m", NULL, &unit, &origin_m[2]);
+    for (int i = 0; ok && i < 2; i++) ok = quantity(part[i], "m", &unit, &said, &origin_m[i]);
+    return ok ? KN_EXIT_OK : bad("origin", text, "three lengths like '0,0,6 cm'");
+}
+
+static int device(kn_hand_options *o, int count, char **names)
+{
+    static const char *const known[] = {[KN_HAND_PADDLE] = "paddle", [KN_HAND_SPACENAV] = "spacenav",
+                                        [KN_HAND_HAPLY] = "haply"};
+    if (count != 1)
+        return kn_complain("hand", KN_EXIT_USAGE, "expected one device: " DEVICES "; knead hand --help tells the rest");
+    for (int i = 0; i < (int)(sizeof known / sizeof *known); i++)
+        if (!strcmp(names[0], known[i])) return o->kind = (kn_hand_kind)i, KN_EXIT_OK;
+    return kn_complain("hand", KN_EXIT_USAGE, "no device `%s`: expected " DEVICES, names[0]);
+}
+
+static int check(const kn_hand_options *o)
+{
+    char error[256];
+    if (o->kind == KN_HAND_PADDLE && !o->tty)
+        return kn_complain("hand", KN_EXIT_USAGE, "expected --tty DEVICE; knead devices lists candidates");
+    if (o->kind == KN_HAND_SPACENAV && o->local)
+        return kn_complain("hand", KN_EXIT_USAGE, "--local: a puck has no motors that could render anything");
+    if (!kn_join_check(o->lcm_url, KN_FORCE_URL, error, sizeof error) ||
+        !kn_join_check(o->mesh_url, KN_MESH_URL, error, sizeof error))
+        return kn_complain("hand", KN_EXIT_USAGE, "%s", error);
+    return KN_EXIT_OK;
+}
+
+enum { TTY = 256, BAUD, SPEED, TURN, DEAD, REACH, URL, DEVICE, PRESET };
+enum { PROBE = PRESET + 1, ORIGIN, BASIS, SCALE, LIMIT, SECONDS, LCM_URL, MESH_URL, QUIET, LOCAL, HELP };
+
+static int take_of_device(kn_hand_options *o, int option, const char *text)
+{
+    char *end;
+    switch (option) {
+    case TTY: o->tty = text; break;
+    case BAUD: o->baud = atoi(text); return kn_paddle_baud_known(o->baud) ? 0 : bad("baud", text, KN_PADDLE_BAUDS);
+    case SPEED: return quantity_option("speed", text, "m/s", "5 cm/s", &o->puck.speed_m_s);
+    case REACH: return quantity_option("reach", text, "m", "8 cm", &o->puck.reach_m);
+    case TURN:
+        o->puck.turn_rad_s = strtod(text, &end);
+        if (end != text && !*end && o->puck.turn_rad_s >= 0.0 && o->puck.turn_rad_s <= 10.0) break;
+        return bad("turn", text, "0 to 10 rad/s");
+    case DEAD:
+        o->puck.dead = (int)strtol(text, &end, 10);
+        if (end != text && !*end && o->puck.dead >= 1 && o->puck.dead < KN_PUCK_FULL) break;
+        return bad("dead", text, "1 to 349 counts");
+    case URL: return kn_haply_url(text, o->host, &o->port) ? 0 : bad("url", text, "ws://HOST:PORT");
+    case DEVICE: o->device_id = text; return kn_haply_id_known(text) ? 0 : bad("device", text, "an id like 049D");
+    case PRESET:
+        o->preset = text;
+        return kn_haply_id_known(text) ? 0 : bad("preset", text, "a name like " KN_HAPLY_PRESET);
+    }
+    return KN_EXIT_OK;
+}
+
+static int take(kn_hand_options *o, int option, const char *text)
+{
+    char why[128];
+    kn_device_def any;
+    switch (option) {
+    case PROBE: o->probe = text; break;
+    case ORIGIN: o->origin = text; return origin(text, o->origin_m);
+    case BASIS:
+        o->basis = text;
+        kn_mount_init(&any);
+        if (kn_mount_basis(&any, text, why, sizeof why)) break;
+        return kn_complain("hand", KN_EXIT_USAGE, "--basis %s: %s", text, why);
+    case SCALE: return number("scale", text, &o->scale);
+    case LIMIT: return quantity_option("force-limit", text, "N", "3.3 N", &o->force_limit_n);
+    case SECONDS: return number("seconds", text, &o->seconds);
+    case LCM_URL: o->lcm_url = text; break;
+    case MESH_URL: o->mesh_url = text; break;
+    case QUIET: o->quiet = true; break;
+    case LOCAL: o->local = true; break;
+    default: return take_of_device(o, option, text);
+    }
+    return KN_EXIT_OK;
+}
+
+int kn_hand_options_parse(kn_hand_options *o, int argc, char **argv, bool *done)
+{
+    static const struct option list[] = {
+        {"tty", 1, 0, TTY},         {"baud", 1, 0, BAUD},         {"speed", 1, 0, SPEED},
+        {"turn", 1, 0, TURN},       {"dead", 1, 0, DEAD},         {"reach", 1, 0, REACH},
+        {"url", 1, 0, URL},         {"device", 1, 0, DEVICE},     {"preset", 1, 0, PRESET},
+        {"probe", 1, 0, PROBE},     {"origin", 1, 0, ORIGIN},     {"basis", 1, 0, BASIS},
+        {"scale", 1, 0, SCALE},     {"force-limit", 1, 0, LIMIT}, {"seconds", 1, 0, SECONDS},
+        {"lcm-url", 1, 0, LCM_URL}, {"mesh-url", 1, 0, MESH_URL}, {"quiet", 0, 0, QUIET},
+        {"local", 0, 0, LOCAL},     {"help", 0, 0, HELP},         {0, 0, 0, 0}};
+    *o = (kn_hand_options){.baud = KN_PADDLE_BAUD, .puck.turn_rad_s = 1.0, .device_id = "", .preset = KN_HAPLY_PRESET};
+    kn_haply_url(KN_HAPLY_URL, o->host, &o->port);
+    optind = 1;
+    int code = KN_EXIT_OK;
+    for (int c; code == KN_EXIT_OK && (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
+        if (c == HELP) {
+            *done = true;
+            fputs(help, stdout);
+            return KN_EXIT_OK;
+        }
+        if (c != '?' && c != ':') code = take(o, c, optarg);
+        else
+            code = kn_complain("hand", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],
+                               c == ':' ? "expected a value" : "unknown option; knead hand --help lists them");
+    }
+    if (code == KN_EXIT_OK) code = device(o, argc - optind, argv + optind);
+    return code == KN_EXIT_OK ? check(o) : code;
+}

@@ -1,0 +1,209 @@
+#include "clients/tactile/haply.h"
+#include <errno.h>
+#include <libwebsockets.h>
+#include <netdb.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+static const size_t largest = 1 << 18; // bytes of a message: an inventory of many devices has some thousand
+static const int patience_ms = 1000;   // for an answer
+static const int ask_ms = 500;         // for an arm that is not there
+static const int reach_ms = 300;
+
+bool kn_haply_url(const char *url, char host[KN_HAPLY_HOST], int *port)
+{
+    char end;
+    int n = sscanf(url, "ws://%63[A-Za-z0-9.-]:%5d%c", host, port, &end);
+    return (n == 2 || (n == 3 && end == '/' && !strchr(url + 5, '/')[1])) && *port > 0 && *port < 65536;
+}
+
+static bool answers(int fd, const struct addrinfo *a)
+{
+    int error = 0;
+    socklen_t size = sizeof error;
+    struct pollfd wait = {.fd = fd, .events = POLLOUT};
+    if (connect(fd, a->ai_addr, a->ai_addrlen) == 0) return true;
+    if (errno != EINPROGRESS) return false;
+    if (poll(&wait, 1, reach_ms) <= 0) return errno = ETIMEDOUT, false;
+    getsockopt(fd, SOL_SOCKET, SO_ERROR, &error, &size);
+    return errno = error, error == 0;
+}
+
+bool kn_haply_reach(const char *host, int port, char *error, size_t error_size)
+{
+    char service[8];
+    bool ok = false;
+    struct addrinfo *list = NULL, like = {.ai_socktype = SOCK_STREAM};
+    snprintf(service, sizeof service, "%d", port);
+    int code = getaddrinfo(host, service, &like, &list);
+    errno = 0;
+    for (struct addrinfo *a = list; a && !ok; a = a->ai_next) {
+        int fd = socket(a->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+        if (fd < 0) continue;
+        ok = answers(fd, a);
+        int why = errno;
+        close(fd);
+        errno = why;
+    }
+    if (!ok)
+        snprintf(error, error_size, "the Inverse Service does not answer at %s:%d: %s", host, port,
+                 code ? gai_strerror(code) : strerror(errno));
+    if (list) freeaddrinfo(list);
+    return ok;
+}
+
+// ---- the conversation
+
+static void send_next(kn_haply *h)
+{
+    if (!h->connected || h->in_flight || !h->wsi) return;
+    h->in_flight = true; // from here on, so that nothing is asked for twice
+    lws_callback_on_writable(h->wsi);
+}
+
+static int write_message(kn_haply *h)
+{
+    char buffer[LWS_PRE + KN_HAPLY_MESSAGE], *text = buffer + LWS_PRE;
+    if (!h->in_flight) return 0;
+    int size = !*h->device_id ? kn_haply_ask(text)
+               : h->greeted   ? kn_haply_push(text, h->device_id, h->force_n)
+                              : kn_haply_greet(text, h->device_id, h->preset);
+    h->greeted = *h->device_id;
+    h->wanted_force = false;
+    return lws_write(h->wsi, (unsigned char *)text, (size_t)size, LWS_WRITE_TEXT) < size ? -1 : 0;
+}
+
+static void take(kn_haply *h)
+{
+    char error[80];
+    kn_haply_state s;
+    bool known = *h->device_id;
+    h->in_flight = false;
+    h->silent_ms = 0;
+    switch (kn_haply_read(h->message, h->length, known ? h->device_id : h->wanted, &s, error, sizeof error)) {
+    case KN_HAPLY_MALFORMED: kn_tactile_bad(&h->base, "%s", error); break;
+    case KN_HAPLY_ABSENT:
+        if (known) kn_bridge_lost(h->bridge, "the Inverse Service no longer has arm %s", h->device_id);
+        else snprintf(h->base.state, sizeof h->base.state, "the service has no arm %s", h->wanted);
+        return;
+    case KN_HAPLY_STATE:
+        if (!known) strcpy(h->device_id, s.device_id), h->wanted_force = true;
+        h->base.messages++;
+        snprintf(h->base.state, sizeof h->base.state, "arm %s%s%s", s.device_id, s.grip ? " with a grip" : "",
+                 s.calibrated ? "" : ", not calibrated: put its grip on the rest");
+        if (known && s.calibrated) kn_bridge_moved(h->bridge, &s.pose); // the inventory is from before the preset
+    }
+    if (*h->device_id && h->wanted_force) send_next(h);
+}
+
+static int receive(kn_haply *h, struct lws *wsi, const void *bytes, size_t size)
+{
+    if (lws_is_first_fragment(wsi)) h->length = 0;
+    if (size > largest - h->length) {
+        kn_bridge_lost(h->bridge, "the Inverse Service sent more than %zu bytes at once", largest);
+        return -1;
+    }
+    memcpy(h->message + h->length, bytes, size);
+    h->length += size;
+    if (lws_is_final_fragment(wsi) && lws_remaining_packet_payload(wsi) == 0) take(h);
+    return 0;
+}
+
+static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in, size_t size)
+{
+    kn_haply *h = lws_context_user(lws_get_context(wsi));
+    bool ours = wsi == h->wsi; // one that was closed may still have something to say
+    switch ((int)reason) {
+    case LWS_CALLBACK_CLIENT_ESTABLISHED:
+        h->connected = ours;
+        h->silent_ms = 0;
+        return ours ? 0 : -1;
+    case LWS_CALLBACK_CLIENT_RECEIVE: return ours ? receive(h, wsi, in, size) : -1;
+    case LWS_CALLBACK_CLIENT_WRITEABLE: return ours ? write_message(h) : -1;
+    case LWS_CALLBACK_CLIENT_CONNECTION_ERROR:
+    case LWS_CALLBACK_CLIENT_CLOSED:
+        if (!ours) return 0;
+        kn_bridge_lost(h->bridge, "the Inverse Service at %s:%d hung up", h->host, h->port);
+        h->wsi = NULL;
+        return 0;
+    default: return lws_callback_http_dummy(wsi, reason, user, in, size);
+    }
+}
+
+// ---- as a device
+
+static bool start_library(kn_haply *h)
+{
+    static const struct lws_protocols protocols[] = {{"haply", on_event, 0, 1 << 16, 0, NULL, 0},
+                                                     {NULL, NULL, 0, 0, 0, NULL, 0}};
+    void *loops[1] = {h->bridge->ev};
+    struct lws_context_creation_info info = {.port = CONTEXT_PORT_NO_LISTEN, .protocols = protocols, .user = h,
+                                             .foreign_loops = loops, .options = LWS_SERVER_OPTION_LIBEV};
+    if (h->context) return true;
+    lws_set_log_level(LLL_ERR, NULL);
+    h->message = malloc(largest);
+    h->context = h->message ? lws_create_context(&info) : NULL;
+    return h->context != NULL;
+}
+
+static bool open_haply(kn_tactile *device, kn_bridge *bridge, char *error, size_t error_size)
+{
+    kn_haply *h = (kn_haply *)device;
+    h->bridge = bridge;
+    if (!kn_haply_reach(h->host, h->port, error, error_size)) return false;
+    snprintf(error, error_size, "libwebsockets does not start on libev: install the package libwebsockets-evlib-ev");
+    if (!start_library(h)) return false;
+    h->connected = h->greeted = h->in_flight = h->wanted_force = false;
+    h->length = 0;
+    h->silent_ms = 0;
+    *h->device_id = 0;
+    struct lws_client_connect_info to = {.context = h->context, .address = h->host, .port = h->port, .path = "/",
+                                         .host = h->host, .ietf_version_or_minus_one = -1, .pwsi = &h->wsi,
+                                         .local_protocol_name = "haply"};
+    snprintf(error, error_size, "the Inverse Service at %s:%d takes no connection", h->host, h->port);
+    return lws_client_connect_via_info(&to) != NULL;
+}
+
+static void close_haply(kn_tactile *device)
+{
+    kn_haply *h = (kn_haply *)device;
+    struct lws *wsi = h->wsi;
+    h->wsi = NULL; // what it still says is not ours
+    h->connected = false;
+    if (wsi) lws_set_timeout(wsi, PENDING_TIMEOUT_CLOSE_SEND, LWS_TO_KILL_ASYNC);
+}
+
+static void destroy_haply(kn_tactile *device)
+{
+    kn_haply *h = (kn_haply *)device;
+    if (h->context) lws_context_destroy(h->context);
+    free(h->message);
+}
+
+static void give(kn_tactile *device, const double force_n[3], bool live)
+{
+    kn_haply *h = (kn_haply *)device;
+    for (int i = 0; i < 3; i++) h->force_n[i] = live ? force_n[i] : 0.0;
+    h->wanted_force = true;
+    if (*h->device_id) send_next(h);
+}
+
+static void tick(kn_tactile *device, int elapsed_ms)
+{
+    kn_haply *h = (kn_haply *)device;
+    h->silent_ms += elapsed_ms;
+    if (!*h->device_id && h->connected && !h->in_flight && h->silent_ms >= ask_ms) send_next(h);
+    if (h->silent_ms >= patience_ms) kn_bridge_lost(h->bridge, "the Inverse Service has not answered for 1 s");
+}
+
+void kn_haply_init(kn_haply *h, const char *host, int port, const char *device_id, const char *preset)
+{
+    *h = (kn_haply){.base = {.name = "haply", .open = open_haply, .close = close_haply, .destroy = destroy_haply,
+                             .tick = tick, .give = give, .answers = true}, .port = port, .preset = preset};
+    snprintf(h->host, sizeof h->host, "%s", host);
+    snprintf(h->wanted, sizeof h->wanted, "%s", device_id);
+}

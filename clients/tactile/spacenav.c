@@ -1,0 +1,120 @@
+#include "clients/tactile/spacenav.h"
+#include <errno.h>
+#include <spnav.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+static const size_t event_bytes = 8 * sizeof(int32_t); // of spacenavd's protocol
+static const int events_most = 64;                     // taken per wake
+static const int buttons_most = 31;
+
+const char *kn_spacenav_socket(void)
+{
+    const char *named = getenv("SPNAV_SOCKET");
+    return named && *named ? named : "/var/run/spnav.sock";
+}
+
+bool kn_spacenav_reach(void)
+{
+    struct sockaddr_un at = {.sun_family = AF_UNIX};
+    snprintf(at.sun_path, sizeof at.sun_path, "%.107s", kn_spacenav_socket());
+    int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    if (fd < 0) return false;
+    bool ok = connect(fd, (struct sockaddr *)&at, sizeof at) == 0;
+    int why = errno;
+    close(fd);
+    errno = why;
+    return ok;
+}
+
+static void take(kn_spacenav *s, const spnav_event *event)
+{
+    const struct spnav_event_motion *m = &event->motion;
+    const struct spnav_event_button *b = &event->button;
+    int32_t *buttons = &s->puck.pose.buttons;
+    switch (event->type) {
+    case SPNAV_EVENT_MOTION:
+        memcpy(s->counts, (int[]){m->x, m->z, m->y, m->rx, m->rz, m->ry}, sizeof s->counts);
+        s->base.messages++;
+        break;
+    case SPNAV_EVENT_BUTTON:
+        if (b->bnum < 0 || b->bnum >= buttons_most) kn_tactile_bad(&s->base, "a button of number %d", b->bnum);
+        else if (b->press) *buttons |= 1 << b->bnum;
+        else *buttons &= ~(1 << b->bnum);
+        s->base.messages++;
+        break;
+    case SPNAV_EVENT_DEV:
+        memset(s->counts, 0, sizeof s->counts); // a puck that was pulled out sends no zero
+        snprintf(s->base.state, sizeof s->base.state, event->dev.op == SPNAV_DEV_RM ? "puck pulled out" : "puck there");
+        break;
+    }
+}
+
+// Whether a whole event waits, asked before libspnav reads: to it, the end of the connection is no event, and half an
+// event is one.
+static int waiting(kn_spacenav *s)
+{
+    uint8_t bytes[8 * sizeof(int32_t)];
+    ssize_t size = recv(spnav_fd(), bytes, sizeof bytes, MSG_PEEK | MSG_DONTWAIT);
+    if (size == (ssize_t)event_bytes) return 1;
+    if (size < 0 && (errno == EAGAIN || errno == EINTR)) return 0;
+    kn_bridge_lost(s->bridge, "spacenavd: %s", size > 0 ? "half an event" : size ? strerror(errno) : "hung up");
+    return 0;
+}
+
+static void on_readable(struct ev_loop *ev, ev_io *watcher, int events)
+{
+    (void)events;
+    kn_spacenav *s = watcher->data;
+    int n = 0;
+    for (; n < events_most && waiting(s); n++) {
+        spnav_event event = {0};
+        if (spnav_poll_event(&event) > 0) take(s, &event);
+        else kn_tactile_bad(&s->base, "an event of no known kind");
+    }
+    if (s->bridge->lost) ev_io_stop(ev, watcher);
+}
+
+static bool open_spacenav(kn_tactile *device, kn_bridge *bridge, char *error, size_t error_size)
+{
+    kn_spacenav *s = (kn_spacenav *)device;
+    s->bridge = bridge;
+    // libspnav leaks a little in every attempt that fails, and there are two a second; it knows a configured socket
+    bool worth = kn_spacenav_reach() || access("/etc/spnavrc", R_OK) == 0;
+    errno = 0; // libspnav looks at what an earlier call has left there
+    if (!worth || spnav_open() != 0) {
+        snprintf(error, error_size, "spacenavd does not answer at %s: is it running? knead devices tells more",
+                 kn_spacenav_socket());
+        return false;
+    }
+    memset(s->counts, 0, sizeof s->counts);
+    s->puck.pose.buttons = 0;
+    ev_io_init(&s->readable, on_readable, spnav_fd(), EV_READ);
+    s->readable.data = s;
+    ev_io_start(bridge->ev, &s->readable);
+    return true;
+}
+
+static void close_spacenav(kn_tactile *device)
+{
+    kn_spacenav *s = (kn_spacenav *)device;
+    ev_io_stop(s->bridge->ev, &s->readable);
+    spnav_close();
+}
+
+static void tick(kn_tactile *device, int elapsed_ms)
+{
+    kn_spacenav *s = (kn_spacenav *)device;
+    kn_puck_tick(&s->puck, s->counts, elapsed_ms);
+    kn_bridge_moved(s->bridge, &s->puck.pose);
+}
+
+void kn_spacenav_init(kn_spacenav *s, const kn_puck_def *def)
+{
+    *s = (kn_spacenav){.base = {.name = "spacenav", .open = open_spacenav, .close = close_spacenav, .tick = tick}};
+    kn_puck_init(&s->puck, def);
+}

@@ -1,0 +1,113 @@
+#include "clients/tactile/tether.h"
+#include <math.h>
+#include <string.h>
+
+static const int silence_ms = 1200; // a session ends after 1 s without poses
+
+void kn_tether_init(kn_tether *t, int64_t session, const kn_render_def *render)
+{
+    *t = (kn_tether){.session = session};
+    kn_render_init(&t->render, render);
+    kn_render_begin(&t->render, session);
+    kn_watchdog_init(&t->forces, render->local ? KN_RENDER_LOCAL_HOLD_MS : 0,
+                     render->local ? KN_RENDER_LOCAL_ZERO_MS : 0);
+    kn_watchdog_init(&t->poses, 0, 0);
+}
+
+static bool sane(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
+
+bool kn_tether_live(const kn_tether *t)
+{
+    bool stopped = t->render.stop && t->render.gain == 0.0;
+    return t->mode == KN_TETHER_HELD && t->forces.armed && !t->forces.tripped && !stopped;
+}
+
+void kn_tether_give(kn_tether *t, double now_s)
+{
+    double share = kn_tether_live(t) ? t->forces.factor * t->poses.factor : 0.0;
+    kn_render_give(&t->render, now_s - t->given_s, t->position_m, t->velocity_m_s, share);
+    t->given_s = now_s;
+    t->given = true;
+}
+
+bool kn_tether_pose(kn_tether *t, const double position_m[3], const double velocity_m_s[3])
+{
+    if (!sane(position_m) || !sane(velocity_m_s)) {
+        t->refused++;
+        return false;
+    }
+    t->fresh_pose = true;
+    memcpy(t->position_m, position_m, sizeof t->position_m);
+    memcpy(t->velocity_m_s, velocity_m_s, sizeof t->velocity_m_s);
+    if (t->mode == KN_TETHER_SILENT) return false;
+    t->seq++;
+    t->sent++;
+    kn_render_pose(&t->render, t->seq, position_m, velocity_m_s);
+    return true;
+}
+
+bool kn_tether_take(kn_tether *t, const kn_tether_force *force)
+{
+    if (force->session != t->session || t->mode == KN_TETHER_SILENT) {
+        t->foreign += force->session != t->session;
+        return false;
+    }
+    bool first = force->seq > t->answered && force->seq <= t->seq;
+    if (!kn_render_force(&t->render, force->force_n, first ? force->age_s : -1.0)) {
+        t->refused++; // and the watchdog goes on counting
+        return false;
+    }
+    if (first) t->answered = force->seq;
+    t->flags = force->flags;
+    t->fault = force->fault;
+    t->heard++;
+    t->fresh_force = true;
+    return true;
+}
+
+static void fall_silent(kn_tether *t)
+{
+    t->mode = KN_TETHER_SILENT;
+    t->silent_ms = silence_ms;
+    t->flags = t->fault = 0;
+}
+
+static void begin_anew(kn_tether *t)
+{
+    t->mode = KN_TETHER_HELD;
+    t->session++;
+    t->seq = t->answered = 0;
+    kn_render_begin(&t->render, t->session);
+    kn_watchdog_rearm(&t->forces);
+    kn_watchdog_rearm(&t->poses);
+}
+
+// What only a new session clears; a link that is near enough again deserves one, too.
+static bool wants_anew(kn_tether *t)
+{
+    const kn_render *r = &t->render;
+    bool fault = t->fault == KN_FAULT_IMPULSE && (t->flags & KN_FLAG_LATCHED); // lifting does not clear it
+    bool near = r->stop == KN_RENDER_FAR && r->round_trip_s < KN_RENDER_NEAR_S;
+    t->faults += fault;
+    return fault || near || (r->stop == KN_RENDER_REFLEX && r->gain == 0.0);
+}
+
+void kn_tether_tick(kn_tether *t, double now_s, int elapsed_ms)
+{
+    bool pose = t->fresh_pose, force = t->fresh_force, silent = false;
+    t->fresh_pose = t->fresh_force = false;
+    if (t->mode == KN_TETHER_HELD) {
+        kn_watchdog_tick(&t->poses, pose, elapsed_ms);
+        kn_watchdog_tick(&t->forces, force, elapsed_ms);
+        silent = wants_anew(t) || t->poses.tripped || t->forces.tripped;
+        if (silent) {
+            t->stalled_ms = elapsed_ms;
+            fall_silent(t);
+        }
+    } else {
+        t->silent_ms = t->silent_ms > elapsed_ms ? t->silent_ms - elapsed_ms : 0;
+        if (t->silent_ms == 0 && pose) begin_anew(t);
+    }
+    if (!t->given || silent || !t->render.def.local) kn_tether_give(t, now_s); // what a watchdog says now
+    t->given = false;
+}
