@@ -183,7 +183,8 @@ static void draw(const experiment *x, const char *moment, const kn_input *in)
     if (!r) fail(error);
     if (!rgba || !kn_still_state(&still, x->model, x->state)) fail("out of memory");
     if (in && in->probe[0].attached)
-        kn_still_probe(&still, &x->model->def.probe[0], x->state->probe[0].position_m, (double[3]){0}, 1);
+        kn_still_probe(&still, &x->model->def.probe[0], x->state->probe[0].position_m, (double[4]){1}, (double[3]){0},
+                       1);
     still.view.xyz = (const float(*)[3])still.now;
     if (!kn_renderer_mesh(r, still.vertex_count, (const float(*)[3])still.rest, still.triangle_count,
                           (const int(*)[3])still.triangle))
