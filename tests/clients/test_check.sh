@@ -66,7 +66,7 @@ knead check "$dough" --set solver.kind=rk4 --set solver.dt='20 ns' >out 2>&1
 knead check "$dough" --set solver.kind=rk4 --set solver.dt='0.02 us' >out || fail "rk4 inside its limit is refused"
 grep -q "^solver *rk4 f64, dt 2e-08 s, mass scale 1; stable up to" out || fail "rk4: $(cat out)"
 
-for scene in dough dough-fine dough-pressure dough-small bun jelly clay; do
+for scene in dough dough-fine dough-pressure dough-small bun jelly clay pinch rolling-pin; do
     knead check "$KN_SOURCE/core/scenes/$scene.yaml" >out 2>err || fail "$scene: $(cat err)"
     grep -q "^scene *$scene.yaml, version 1" out && grep -q "^kernels" out || fail "$scene: $(cat out)"
     grep "^warning" out | grep -v -e "multiply-add" -e "real time" && fail "$scene warns of itself"
@@ -87,6 +87,10 @@ refuses "knead check: --set object.accuracy: probes.plate.reach is missing, expe
 refuses "$fine:8:13: object.size along z is 17 spacings, expected an even number with object.accuracy" \
     "$fine" --set object.size='[4.5 cm, 4.5 cm, 2.55 cm]'
 refuses "$fine:8:13: object.accuracy: a fine box goes without pressure" "$fine" --set object.pressure=cells
+refuses "$fine:8:13: object.accuracy means nothing with 'structure: axis', expected it left out" "$fine" --set object.structure=axis
+refuses "$fine:8:13: object.accuracy means nothing with object.mesh, expected it left out" \
+    "$fine" --set object.mesh="$KN_SOURCE/tests/core/meshes/cube-41.msh" --set object.mesh_unit=mm
+knead check "$fine" --set object.structure=axis --set object.accuracy=0 >/dev/null || fail "accuracy 0 asks for something"
 refuses "$fine:8:13: object.accuracy: a fine box needs the implicit solver" "$fine" --set solver.kind=rk4 --set solver.dt='1 us'
 refuses "knead check: --set probes.spatula.reach: probes.spatula.reach ends at -1 m along x, expected 1 m or more" \
     "$fine" --set probes.spatula.reach='[1 m, -1 m, 0, 0]'

@@ -1,5 +1,7 @@
-// Heights of an object from its mesh.
+// Heights of an object from its mesh, and of a tool above it.
 #include "clients/knead/dent.h"
+#include "clients/knead/foot.h"
+#include "core/step.h"
 #include "core/surface.h"
 #include "tests/check.h"
 
@@ -117,6 +119,53 @@ TEST("a sphere over a dent rests on its rim")
     double rim = 0.03 + sqrt(r * r - 0.015 * 0.015 - 0.005 * 0.005);
     CHECK_NEAR(first, rim, 1e-6);
     forget();
+}
+
+static const kn_probe_def tools[] = {
+    {.name = "t", .shape = KN_PROBE_PLATE, .size_m = {0.03, 0.03}},
+    {.name = "t", .shape = KN_PROBE_SPHERE, .radius_m = 0.012},
+    {.name = "t", .shape = KN_PROBE_CAPSULE, .radius_m = 0.011, .length_m = 0.03},
+    {.name = "t", .shape = KN_PROBE_CYLINDER, .radius_m = 0.015, .length_m = 0.02},
+    {.name = "t", .shape = KN_PROBE_BOX, .size_m = {0.03, 0.02, 0.01}, .edge_m = 0.001},
+    {.name = "t", .shape = KN_PROBE_CROSS, .size_m = {0.04, 0.012, 0.01}},
+};
+
+TEST("a tool of any shape is found to touch where the model's clearance ends")
+{
+    static const double level[4] = {1};
+    make(0);
+    for (size_t i = 0; i < sizeof tools / sizeof *tools; i++) {
+        char error[256];
+        kn_model_def def = kn_model_def_default();
+        def.probe_count = 1;
+        def.probe[0] = tools[i];
+        kn_model *with = kn_model_build(&def, error, sizeof error);
+        CHECK(with != NULL);
+        kn_state *state = kn_state_create(with);
+        double first, last, at[3] = {0.005, 0.005}; // over a node
+        CHECK(kn_dent_touch(&mesh, top, 0.01, &tools[i], at[0], at[1], &first, &last));
+        CHECK_NEAR(first, 0.03 + kn_foot_m(&tools[i]), 1e-8);
+        CHECK_NEAR(last, first, 1e-8);
+        at[2] = first + 1e-4;
+        CHECK_NEAR(kn_clearance(with, state, 0, at, level), 1e-4, 1e-6);
+        at[2] = first - 1e-4;
+        CHECK(kn_clearance(with, state, 0, at, level) <= 0);
+        kn_state_destroy(state);
+        kn_model_destroy(with);
+    }
+    forget();
+}
+
+TEST("a foot covers what its shape covers: a cross has no corners, a finger rises to its sides")
+{
+    const kn_probe_def *finger = &tools[2], *cylinder = &tools[3], *box = &tools[4], *cross = &tools[5];
+    CHECK(kn_foot_below(cross, 0.019, -0.005) == 0 && kn_foot_below(cross, -0.005, 0.019) == 0);
+    CHECK(isinf(kn_foot_below(cross, 0.019, 0.019)));
+    CHECK(kn_foot_below(box, -0.014, 0.009) == 0 && isinf(kn_foot_below(box, 0.009, 0.014)));
+    CHECK(kn_foot_below(cylinder, 0.01, -0.011) == 0 && isinf(kn_foot_below(cylinder, 0.011, 0.011)));
+    CHECK_NEAR(kn_foot_below(finger, 0.0066, 0), 0.0088, 1e-12);
+    CHECK(isinf(kn_foot_below(finger, 0.008, 0.008)));
+    CHECK(kn_foot_flat(KN_PROBE_PLATE) && kn_foot_flat(KN_PROBE_CROSS) && !kn_foot_flat(KN_PROBE_CAPSULE));
 }
 
 TESTS_MAIN

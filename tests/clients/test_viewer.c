@@ -4,7 +4,9 @@
 #include "clients/viewer/renderer.h"
 #include "clients/viewer/skin.h"
 #include "core/surface.h"
+#include "core/shape.h"
 #include "tests/check.h"
+#include "tests/core/surface_of.h"
 #include <png.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -71,6 +73,8 @@ static uint8_t *draw(kn_renderer *r, kn_view_scene scene, float (*xyz)[3])
 // warm; table and tools are not
 static bool is_dough(const uint8_t *p) { return p[0] > p[2] + 25 && p[0] < p[2] + 120; }
 static bool is_arrow(const uint8_t *p) { return p[0] > 2 * p[2] + 60 && p[0] > 2 * p[1]; }
+
+static bool is_tool(const uint8_t *p) { return p[2] > p[0] + 7; } // bluish; the table hardly is
 
 static int count(const uint8_t *rgba, bool (*is)(const uint8_t *))
 {
@@ -281,6 +285,97 @@ TEST("a plate hides dough; its arrow grows with the force and is absent without 
     CHECK(arrow[0] == 0);
     CHECK(arrow[1] > 100 && arrow[2] > arrow[1] * 3 / 2);
     free(bare);
+    kn_renderer_close(r);
+    block_destroy(&b);
+}
+
+// Straight from the front, level: a tool before the block shows its outline. Area, measured by the block's front.
+static double shown_m2(kn_renderer *r, const block *b, const kn_probe_def *def, const double turn[4])
+{
+    kn_view_scene scene = kn_view_scene_default();
+    scene.azimuth_deg = scene.elevation_deg = 0;
+    scene.probe_count = 1;
+    scene.probe[0] = (kn_view_probe){.def = *def, .position_m = {0, -0.03, 0.01}};
+    memcpy(scene.probe[0].orientation_wxyz, turn, sizeof scene.probe[0].orientation_wxyz);
+    uint8_t *picture = draw(r, scene, b->rest);
+    int tool = count(picture, is_tool), dough = count(picture, is_dough);
+    free(picture);
+    return tool * (0.05 * 0.03) / (tool + dough);
+}
+
+TEST("every shape shows its own outline, and turns with its pose")
+{
+    static const double level[4] = {0}, over[4] = {0.70710678, 0, 0.70710678, 0}; // z to x
+    static const kn_probe_def capsule = {.shape = KN_PROBE_CAPSULE, .radius_m = 0.004, .length_m = 0.008},
+                              cylinder = {.shape = KN_PROBE_CYLINDER, .radius_m = 0.006, .length_m = 0.012},
+                              box = {.shape = KN_PROBE_BOX, .size_m = {0.006, 0.002, 0.012}},
+                              cross = {.shape = KN_PROBE_CROSS, .size_m = {0.012, 0.003, 0.004}};
+    const double ball = 3.14159 * 0.004 * 0.004;
+    block b = block_create();
+    kn_renderer *r = open_renderer(&b);
+    double scale = shown_m2(r, &b, &box, level) / (0.006 * 0.012); // it is 5 mm nearer than the front
+    CHECK(scale > 1 && scale < 1.2);
+    CHECK_NEAR(shown_m2(r, &b, &box, over) / scale, 0.006 * 0.012, 0.1 * 0.006 * 0.012);
+    CHECK_NEAR(shown_m2(r, &b, &cylinder, level) / scale, 0.012 * 0.012, 0.1 * 0.012 * 0.012);
+    CHECK_NEAR(shown_m2(r, &b, &capsule, level) / scale, 0.008 * 0.008 + ball, 0.1 * (0.008 * 0.008 + ball));
+    CHECK_NEAR(shown_m2(r, &b, &capsule, over) / scale, 0.008 * 0.008 + ball, 0.1 * (0.008 * 0.008 + ball));
+    CHECK_NEAR(shown_m2(r, &b, &cross, level) / scale, 0.012 * 0.004, 0.15 * 0.012 * 0.004);
+    CHECK_NEAR(shown_m2(r, &b, &cross, over) / scale, 0.012 * 0.004, 0.15 * 0.012 * 0.004);
+    kn_shape of_parts = {0}, of_file = {0};
+    kn_solid lying = kn_solid_capsule(0.004, 0.008), stamp;
+    lying.turned = true, lying.at_m[0] = -0.004; // its z along x
+    memcpy(lying.turn, (double[3][3]){{0, 0, 1}, {0, 1, 0}, {-1, 0, 0}}, sizeof lying.turn);
+    stamp = kn_solid_field(surface_field(surface_box(box.size_m, 0, 2), 0.001));
+    CHECK(kn_shape_add(&of_parts, &lying) && kn_shape_add(&of_file, &stamp));
+    const kn_probe_def parts = {.shape = KN_PROBE_UNION, .parts = &of_parts},
+                       mesh = {.shape = KN_PROBE_MESH, .parts = &of_file};
+    CHECK_NEAR(shown_m2(r, &b, &parts, level) / scale, 0.008 * 0.008 + ball, 0.1 * (0.008 * 0.008 + ball));
+    CHECK_NEAR(shown_m2(r, &b, &mesh, level), shown_m2(r, &b, &box, level), 1e-6);
+    CHECK_NEAR(shown_m2(r, &b, &mesh, over), shown_m2(r, &b, &box, over), 1e-6);
+    kn_shape_drop(&of_file);
+    kn_renderer_close(r);
+    block_destroy(&b);
+}
+
+TEST("the arrow of a turned tool begins at its back")
+{
+    block b = block_create();
+    kn_renderer *r = open_renderer(&b);
+    kn_view_scene scene = kn_view_scene_default();
+    scene.azimuth_deg = scene.elevation_deg = 0;
+    scene.probe_count = 1;
+    scene.probe[0] = (kn_view_probe){.def = {.shape = KN_PROBE_CAPSULE, .radius_m = 0.004, .length_m = 0.006},
+                                     .position_m = {0.029, 0, 0.015}, .force_n = {5, 0, 0},
+                                     .orientation_wxyz = {0.70710678, 0, 0.70710678, 0}};
+    uint8_t *picture = draw(r, scene, b.rest);
+    int tool = 0, arrow = WIDTH;
+    for (int i = 0; i < PIXELS; i++) {
+        if (is_tool(picture + 4 * i) && i % WIDTH > tool) tool = i % WIDTH;
+        if (is_arrow(picture + 4 * i) && i % WIDTH < arrow) arrow = i % WIDTH;
+    }
+    CHECK(arrow < WIDTH && abs(arrow - tool) <= 4);
+    free(picture);
+    kn_renderer_close(r);
+    block_destroy(&b);
+}
+
+TEST("an object that is lifted leaves the picture, unless it is followed; in its place nothing changes")
+{
+    block b = block_create();
+    kn_renderer *r = open_renderer(&b);
+    kn_view_scene fixed = kn_view_scene_default(), follow = fixed;
+    follow.follow = true;
+    uint8_t *rest = draw(r, fixed, b.dented), *same = draw(r, follow, b.dented);
+    CHECK(memcmp(rest, same, PIXELS * 4) == 0);
+    for (int v = 0; v < b.surface->vertex_count; v++) b.rest[v][2] += 0.05f;
+    uint8_t *cut = draw(r, fixed, b.rest), *whole = draw(r, follow, b.rest);
+    int border[2] = {0};
+    for (int x = 0; x < WIDTH; x++) border[0] += is_dough(cut + 4 * x), border[1] += is_dough(whole + 4 * x);
+    CHECK(border[0] > 0 && border[1] == 0);
+    free(rest);
+    free(same);
+    free(cut);
+    free(whole);
     kn_renderer_close(r);
     block_destroy(&b);
 }

@@ -4,6 +4,8 @@
 
 #include <string.h>
 
+static const double level[4] = {1, 0, 0, 0};
+
 typedef struct bench { // dough, 5 x 5 x 3 cm at 5 mm, with a plate and a sphere
     kn_model *model;
     kn_state *state;
@@ -11,12 +13,13 @@ typedef struct bench { // dough, 5 x 5 x 3 cm at 5 mm, with a plate and a sphere
     kn_output output;
 } bench;
 
-static bench bench_open(void)
+static bench bench_open_with(kn_skin_form skin)
 {
     kn_model_def def = kn_model_def_default();
     char error[200];
     bench b = {0};
     def.nodes[0] = def.nodes[1] = 11, def.nodes[2] = 7, def.spacing_m = 0.005;
+    def.skin = skin;
     def.probe_count = 2;
     def.probe[0] = (kn_probe_def){.name = "plate", .shape = KN_PROBE_PLATE, .size_m = {0.01, 0.06}};
     def.probe[1] = (kn_probe_def){.name = "ball", .shape = KN_PROBE_SPHERE, .radius_m = 0.012};
@@ -25,6 +28,8 @@ static bench bench_open(void)
     b.state = kn_state_create(b.model);
     return b;
 }
+
+static bench bench_open(void) { return bench_open_with(KN_SKIN_SPLINE); }
 
 static void bench_close(bench *b)
 {
@@ -48,13 +53,13 @@ TEST("clearance is the distance above the object, and falls below zero inside it
 {
     bench b = bench_open();
     double high[3] = {0.001, 0.002, 0.034}, low[3] = {0.001, 0.002, 0.028}, aside[3] = {0.05, 0, 0.01};
-    CHECK_NEAR(kn_clearance(b.model, b.state, 0, high), 0.004, 1e-12);
-    CHECK_NEAR(kn_clearance(b.model, b.state, 0, low), -0.002, 1e-12);
-    CHECK(kn_clearance(b.model, b.state, 0, aside) > 1); // nothing under the plate
+    CHECK_NEAR(kn_clearance(b.model, b.state, 0, high, level), 0.004, 1e-12);
+    CHECK_NEAR(kn_clearance(b.model, b.state, 0, low, level), -0.002, 1e-12);
+    CHECK(kn_clearance(b.model, b.state, 0, aside, level) > 1); // nothing under the plate
     high[2] += 0.012;
-    CHECK_NEAR(kn_clearance(b.model, b.state, 1, high), 0.004, 2e-4); // the skin is looked at every half spacing
-    CHECK(kn_clearance(b.model, b.state, 1, low) < -0.012);           // its centre is under the skin
-    CHECK_NEAR(kn_clearance(b.model, b.state, 1, aside), 0.05 - 0.025 - 0.012, 2e-4);
+    CHECK_NEAR(kn_clearance(b.model, b.state, 1, high, level), 0.004, 2e-4); // the skin is looked at every half spacing
+    CHECK(kn_clearance(b.model, b.state, 1, low, level) < -0.012);           // its centre is under the skin
+    CHECK_NEAR(kn_clearance(b.model, b.state, 1, aside, level), 0.05 - 0.025 - 0.012, 2e-4);
     bench_close(&b);
 }
 
@@ -141,9 +146,9 @@ TEST("a node touched in mid-step moves by what is left of the step")
     bench_close(&b);
 }
 
-TEST("the skin under a sphere is flat where the block is: weights sum to 1 and every sample lies in the top plane")
+static void check_flat(kn_skin_form skin)
 {
-    bench b = bench_open();
+    bench b = bench_open_with(skin);
     put(&b, 1, 0.0013, -0.0021, 0.03 + 0.012 - 0.001, 0);
     kn_contact *contact = find(&b);
     CHECK(contact->sample_count > 20 && contact->samples_lost == 0);
@@ -161,28 +166,36 @@ TEST("the skin under a sphere is flat where the block is: weights sum to 1 and e
         CHECK_NEAR(at[2], 0.03, 1e-12);
         double gap[3] = {at[0] - 0.0013, at[1] + 0.0021, at[2] - 0.041};
         CHECK_NEAR(s->depth_m, 0.012 - sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2]), 1e-12);
-        if (s->depth_m > 0) inside += s->stiffness_n_m / KN_FOUNDATION_N_M3; // area of the sample
+        if (s->depth_m > 0) inside += s->foundation_n_m / KN_FOUNDATION_N_M3; // area of the sample
     }
     double cap = 3.14159265 * (2 * 0.012 * 0.001 - 0.001 * 0.001); // circle in which the ball cuts the plane
     CHECK_NEAR(inside, cap, 0.1 * cap);
     bench_close(&b);
 }
 
+TEST("the skin under a sphere is flat where the block is: weights sum to 1 and every sample lies in the top plane")
+{
+    check_flat(KN_SKIN_SPLINE);
+    check_flat(KN_SKIN_BILINEAR);
+}
+
 TEST("the skin ends at the block's edge: a sphere over the rim finds nothing outside")
 {
-    bench b = bench_open();
-    put(&b, 1, 0.025, 0, 0.03 + 0.012 - 0.001, 0);
-    kn_contact *contact = find(&b);
-    CHECK(contact->sample_count > 0);
-    for (int i = 0; i < contact->sample_count; i++) {
-        double x = 0, node[3];
-        for (int a = 0; a < 9; a++) {
-            kn_state_position(b.model, b.state, contact->sample[i].node[a], node);
-            x += contact->sample[i].weight[a] * node[0];
+    for (int skin = 0; skin < 2; skin++) {
+        bench b = bench_open_with((kn_skin_form)skin);
+        put(&b, 1, 0.025, 0, 0.03 + 0.012 - 0.001, 0);
+        kn_contact *contact = find(&b);
+        CHECK(contact->sample_count > 0);
+        for (int i = 0; i < contact->sample_count; i++) {
+            double x = 0, node[3];
+            for (int a = 0; a < 9; a++) {
+                kn_state_position(b.model, b.state, contact->sample[i].node[a], node);
+                x += contact->sample[i].weight[a] * node[0];
+            }
+            CHECK(x <= 0.025 + 1e-12);
         }
-        CHECK(x <= 0.025 + 1e-12);
+        bench_close(&b);
     }
-    bench_close(&b);
 }
 
 TEST("forces of a sphere push it out along the normal, with a torque about its centre of zero")

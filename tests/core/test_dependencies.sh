@@ -21,8 +21,8 @@ system='assert|complex|errno|float|immintrin|inttypes|limits|math|stdalign|stdar
 found=$(grep -rnE '^ *# *include +<' --include='*.[ch]' core | grep -vE "<($system)\.h>" | grep -vE '^core/scene/[^:]*:[0-9]+: *#include <(yaml|ctype)\.h>')
 [ -z "$found" ] && echo "ok   core includes no clock, thread, socket or file header" || { printf 'FAIL %s\n' "$found" && fail=1; }
 
-# What libknead.a calls outside itself: libm, and these of libc. (Names with __ are the compiler's: assertions, sanitizers.)
-libc='abort|aligned_alloc|calloc|free|malloc|memcmp|memcpy|memmove|memset|qsort|snprintf|strcmp|strlen|strncmp|strspn|vsnprintf'
+# What libknead.a calls outside itself: libm, and these of libc; bcmp is clang's memcmp where only equality counts. (Names with __ are the compiler's: assertions, sanitizers.)
+libc='abort|aligned_alloc|bcmp|calloc|free|malloc|memcmp|memcpy|memmove|memset|qsort|snprintf|strcmp|strlen|strncmp|strspn|vsnprintf'
 symbols() { nm "$@" | awk 'NF == 2 && $1 == "U" || NF == 3 { sub(/@.*/, "", $NF); print $NF }'; }
 lib=$KN_BUILD/core/libknead.a
 known() { symbols --defined-only "$lib" && symbols -D --defined-only "$(cc -print-file-name=libm.so.6)"; }
@@ -33,4 +33,13 @@ foreign=$(comm -23 <(symbols --undefined-only "$lib" | sort -u) <(known | sort -
 # The servo reaches the lattice through server/backend/backend.h alone.
 found=$(grep -rnE '\b(kn_step|kn_state_create|kn_state_reset) *\(' --include='*.c' server | grep -v '^server/backend/')
 [ -z "$found" ] && echo "ok   only server/backend steps the lattice" || { printf 'FAIL %s\n' "$found" && fail=1; }
+
+# What clients copy stands alone, in C99.
+if grep -qE '^ *# *include +"(core/contact_model.h)"' core/contact_model.c &&
+    ! grep -hE '^ *# *include +"' core/contact_model.[ch] | grep -v contact_model.h &&
+    cc -std=c99 -pedantic -Wall -Wextra -Wconversion -Werror -I. -fsyntax-only core/contact_model.c; then
+    echo "ok   contact_model is C99 and includes nothing else"
+else
+    echo "FAIL contact_model is to be C99 and to include nothing else" && fail=1
+fi
 exit $fail

@@ -1,5 +1,6 @@
 #include "core/scene/scene.h"
 #include "tests/check.h"
+#include "tests/core/folder.h"
 
 #include <sys/stat.h>
 #include <unistd.h>
@@ -9,21 +10,7 @@
 
 static const char body[] = "material: { k1: 470 gf/cm^3, c1: 2500 gf s/cm^3, damper: none, specimen_height: 1 cm }\n"
                            "density: 1.2 g/cm^3\nsupport: bonded\ndevice: bench\n";
-static char error[1024], folder[64];
-
-// A folder of this test's own; what is in it is removed at the end by name.
-static const char *in_folder(const char *name)
-{
-    static char path[4][256];
-    static int turn;
-    if (!*folder) {
-        snprintf(folder, sizeof folder, "%s", "/tmp/knead-test-XXXXXX");
-        if (!mkdtemp(folder)) SKIP("no folder for files");
-    }
-    turn = (turn + 1) % 4;
-    snprintf(path[turn], sizeof path[turn], "%s/%s", folder, name);
-    return path[turn];
-}
+static char error[1024];
 
 static void copy(const char *from, const char *to)
 {

@@ -306,6 +306,26 @@ TEST("force and torque are clamped by their norm and share one gain")
     CHECK((r.flags & KN_FLAG_CLAMPED) && r.s.clamps == 1);
 }
 
+TEST("a force scale divides what the hand is given before the guard and the clamp: 13 N fit 3.3 N, 20 N/ms the guard")
+{
+    rig r = rig_make(3.3);
+    r.s.limits.force_scale = 0.25;
+    ticks(&r, 401);
+    r.contact_n[2] = 13.0; // 3.25 N at once
+    r.torque_n_m[0] = 0.4;
+    tick(&r);
+    CHECK_NEAR(r.out_n[2], 3.25, 1e-12);
+    CHECK_NEAR(r.out_n_m[0], 0.1, 1e-12);
+    CHECK(r.s.guards == 0 && r.s.clamps == 0 && (r.flags & KN_FLAG_ENGAGED));
+    r.contact_n[2] = 14.0;
+    tick(&r);
+    CHECK_NEAR(r.out_n[2], 3.3, 1e-12);
+    CHECK(r.s.clamps == 1 && r.s.guards == 0);
+    r.contact_n[2] = INFINITY;
+    tick(&r);
+    CHECK(r.s.fault == KN_FAULT_NONFINITE && isfinite(r.out_n[2]));
+}
+
 static unsigned long long seed = 1;
 static double uniform(void) // [0, 1)
 {

@@ -1,11 +1,13 @@
 #include "core/contact.h"
 #include "core/scene/library.h"
 #include "core/scene/scene.h"
+#include "core/shape.h"
 #include "tests/check.h"
 
 #define SCENES KN_SOURCE_DIR "/core/scenes/"
 static const char *const scenes[] = {SCENES "dough.yaml", SCENES "dough-small.yaml", SCENES "jelly.yaml",
-                                     SCENES "clay.yaml", SCENES "dough-pressure.yaml"};
+                                     SCENES "clay.yaml", SCENES "dough-pressure.yaml", SCENES "pinch.yaml"};
+static const char pin[] = SCENES "rolling-pin.yaml";
 static char error[512];
 
 static kn_scene *load(const char *path, const char *set)
@@ -34,7 +36,7 @@ static int same(const kn_scene *a, const kn_scene *b)
     return strcmp(a->text, b->text) == 0 && a->text_hash == b->text_hash &&
            memcmp(&a->model, &b->model, sizeof a->model) == 0 &&
            memcmp(&a->limits, &b->limits, sizeof a->limits) == 0 && a->mesh_hz == b->mesh_hz &&
-           strcmp(a->device, b->device) == 0 && a->version == b->version;
+           memcmp(&a->device, &b->device, sizeof a->device) == 0 && a->version == b->version;
 }
 
 TEST("the text of a scene is the scene: reading it gives the same bits and the same text")
@@ -73,7 +75,7 @@ TEST("dough is the identified material of the first paper, per centimetre of spe
     CHECK_NEAR(def->material.p1_pa / paper.material.p1_pa, 1, 1e-15);
     CHECK(def->nodes[0] * def->nodes[1] * def->nodes[2] == 847);
     CHECK(def->density_kg_m3 == 1200 && def->gravity_m_s2 == 0 && def->support == KN_SUPPORT_BONDED);
-    CHECK(scene->limits.clamp_n == 40 && strcmp(scene->device, "bench") == 0);
+    CHECK(scene->limits.clamp_n == 40 && strcmp(scene->device.name, "bench") == 0);
     kn_scene_destroy(scene);
     scene = load(scenes[1], NULL);
     CHECK(scene->model.nodes[0] * scene->model.nodes[1] * scene->model.nodes[2] == 144);
@@ -385,7 +387,7 @@ TEST("--set takes mappings, the short form of device, and the last of two")
     static const char *const set[] = {"device=bench", "device={clamp: 7 N, hold: 1 ms}", "material.k1=1 Pa",
                                       "material.k1=2 Pa"};
     kn_scene *scene = parse(in_cm, set, 4);
-    CHECK(scene && scene->limits.clamp_n == 7 && scene->limits.hold_ms == 1 && strcmp(scene->device, "bench") == 0);
+    CHECK(scene && scene->limits.clamp_n == 7 && scene->limits.hold_ms == 1 && strcmp(scene->device.name, "bench") == 0);
     CHECK(scene && scene->model.material.k1_pa == 2);
     kn_scene_destroy(scene);
 }
@@ -471,6 +473,68 @@ TEST("a point that the scene has not is told by --quality")
     CHECK(!scene && !parse(in_cm, (const char *[]){"quality=fast"}, 1));
     CHECK_STR(error, "--quality fast: the scene names no point of quality, expected this left out");
     CHECK(!kn_quality_set("quick"));
+}
+
+TEST("a skin that nobody chose is the spline and is not in the text; a chosen one is, and is read back")
+{
+    const char *set = "object.skin=bilinear";
+    kn_scene *none = parse(in_cm, NULL, 0), *chosen = parse(in_cm, &set, 1), *again = parse(chosen->text, NULL, 0);
+    CHECK(none->model.skin == KN_SKIN_SPLINE && !strstr(none->text, "skin"));
+    CHECK(chosen->model.skin == KN_SKIN_BILINEAR && strstr(chosen->text, "  skin: bilinear\n"));
+    CHECK(again && same(chosen, again));
+    kn_scene_destroy(none);
+    kn_scene_destroy(chosen);
+    kn_scene_destroy(again);
+}
+
+static const char hammer[] =
+    "version: 1\nobject: {size: [5 cm, 5 cm, 3 cm], spacing: 5 mm}\nmaterial: dough\nsupport: bonded\ndevice: bench\n"
+    "probes:\n  - name: hammer\n    shape: union\n    reach: [-1 cm, 1 cm, 0 m, 0 m]\n    parts:\n"
+    "      - {shape: cylinder, radius: 5 mm, length: 6 cm, edge: 1 mm}\n"
+    "      - {shape: cross, extent: [4 cm, 1 cm, 2 cm], at: [1 mm, 2 mm, 6 cm], turn: [90 deg, 0 deg, 30 deg]}\n";
+
+TEST("a union in a scene is the shape that its parts make, each turned about x, then y, then z, and put in its place")
+{
+    kn_scene *scene = parse(hammer, NULL, 0);
+    if (!scene) KN_TEST_FAIL("%s", error);
+    if (!scene) return;
+    const kn_shape *tool = scene->model.probe[0].parts;
+    CHECK(tool && tool == scene->tool[0] && tool->part_count == 3);
+    CHECK_NEAR(tool->fine_m, 0.005, 1e-15);
+    // the cross's z is first -y, then turned by 30 degrees about z; its arms lie in the plane across that
+    const double c = sqrt(0.75), along[3] = {0.5, -c, 0};
+    double way[3];
+    for (int k = 0; k < 3; k++) CHECK_NEAR(tool->part[1].turn[k][2], along[k], 1e-15);
+    double at[3] = {0.001 + 0.018 * c, 0.002 + 0.018 * 0.5, 0.06}; // on an arm, 2 mm from its end
+    for (int k = 0; k < 3; k++) at[k] += 0.001 * along[k];
+    CHECK_NEAR(kn_shape_distance(tool, at, way), -0.001, 1e-15);
+    kn_scene_destroy(scene);
+}
+
+TEST("the text of a scene with a union is the scene; --set takes a key of one part, and another shape drops them")
+{
+    const char *sets[] = {"probes.hammer.parts.1.radius=6 mm", "probes.hammer.parts.2.turn=[1.5 rad, 0 rad, 0 rad]"};
+    kn_scene *scene = parse(hammer, sets, 2), *again = scene ? parse(scene->text, NULL, 0) : NULL;
+    if (!scene) KN_TEST_FAIL("%s", error);
+    CHECK(scene && strstr(scene->text, "        radius: 0.006 m\n") && strstr(scene->text, "turn: [1.5 rad, 0 rad, 0 rad]"));
+    CHECK(again && strcmp(scene->text, again->text) == 0 && scene->text_hash == again->text_hash);
+    CHECK(again && memcmp(scene->tool[0], again->tool[0], sizeof(kn_shape)) == 0);
+    kn_scene_destroy(again);
+    kn_scene_destroy(scene);
+    const char *ball[] = {"probes.hammer.shape=sphere", "probes.hammer.radius=1 cm"};
+    scene = parse(hammer, ball, 2);
+    CHECK(scene && !scene->model.probe[0].parts && !strstr(scene->text, "parts"));
+    kn_scene_destroy(scene);
+    CHECK(!parse(hammer, (const char *[]){"probes.hammer.parts.3.radius=6 mm"}, 1));
+    CHECK_STR(error, "--set probes.hammer.parts.3.radius: no part '3', expected 1 to 2");
+    CHECK(!parse(hammer, (const char *[]){"probes.hammer.parts=[]"}, 1));
+    CHECK_STR(error, "--set probes.hammer.parts: expected one key of one part, e.g. probes.pin.parts.1.radius");
+    CHECK(!parse(hammer, (const char *[]){"object.spacing=1 cm"}, 1));
+    CHECK_STR(error, "--set object.spacing: probes.hammer.parts.1: a tool's radius must be at least the lattice "
+                     "spacing, or it falls between the nodes (spacing 0.01 m)");
+    scene = load(pin, NULL);
+    CHECK(scene->tool[0] && scene->tool[0]->part_count == 3);
+    kn_scene_destroy(scene);
 }
 
 TEST("the README lists every key as knead check --keys does")

@@ -62,6 +62,9 @@ TEST("a unit is read from left to right")
     CHECK(read("1 N/m*m", "N") == 1);
     CHECK(read("1 Pa*m^2/N", "1") == 1);
     CHECK(isnan(read("1 N/m", "N")));
+    CHECK(isnan(read("1 deg", "1")));
+    CHECK_NEAR(read("-90 deg", "rad"), -0.5 * acos(-1.0), 1e-15);
+    CHECK_NEAR(read("1 rad/s", "deg/s"), 180 / acos(-1.0), 1e-13);
     CHECK(isnan(read("1 kg", "Pa")));
 }
 

@@ -8,15 +8,31 @@ small=(--set object.size='[3 cm, 3 cm, 1.8 cm]' --set probes.spatula.reach='[-1 
 start_kneadd dough-fine.yaml "${small[@]}"
 press --depth '4 mm' --hold '200 ms' --record press.lcmlog
 stop_kneadd >/dev/null
-check "it replays to the bit" knead replay press.lcmlog --verify
+knead replay press.lcmlog --verify 2>warned
+check "it replays to the bit" [ $? = 0 ]
+check "without a warning" [ ! -s warned ]
 knead check "$fine" "${small[@]}" --log press.lcmlog >kept
 check "the press keeps the accuracy" [ $? = 0 ]
 check "and says so" grep -q '^accuracy  force 0\.[0-9]* % off the uniform lattice, 1 % asked: kept' kept
 cat kept
-knead check "$fine" "${small[@]}" --set object.margin='0.1 mm' --log press.lcmlog >missed
-check "a box that is too small does not" [ $? = 1 ]
+beside=("${small[@]}" --set probes.spatula.reach='[1 mm, 2 mm, -2 mm, 2 mm]')
+knead check "$fine" "${beside[@]}" --set object.margin='0.1 mm' --log press.lcmlog >missed
+check "a box that is too small, of the same scene, does not" [ $? = 1 ]
 check "and says what may help" grep -q 'a larger object.margin' missed
-knead check "$fine" --log press.lcmlog 2>refused
-check "a log of another scene is refused" [ $? = 2 ]
-check "in one line" [ "$(wc -l <refused)" = 1 ]
+outside='spatula pressed up to 1 mm outside of its reach, for [0-9]+ ms in all: cells are coarse there'
+check "nor does a reach that the hand leaves, which is told" grep -qE "^warning   $outside$" missed
+check "but only then" eval '! grep warning kept'
+knead replay "$fine" press.lcmlog "${beside[@]}" >replayed 2>warned
+check "and told by a replay, in one line" eval '[ $(wc -l <warned) = 1 ] && grep -qE ": press.lcmlog: $outside$" warned'
+refuses() { # refuses SENTENCE LINE OPTION...
+    knead check "$fine" "${@:3}" >out 2>refused
+    check "$1" [ $? = 2 ]
+    check "in one line" [ "$(wc -l <refused)" = 1 -a ! -s out ]
+    check "that says so" grep -qx "knead check: $2" refused || cat refused
+}
+another="press.lcmlog: was recorded with another scene, 'dough-fine.yaml', expected one of dough-fine.yaml"
+refuses "a log of another scene is refused" "$another" --log press.lcmlog
+refuses "with --set, too" "$another" --set density='2 g/cm^3' --log press.lcmlog
+head -c 100000 press.lcmlog >cut.lcmlog
+refuses "a log that is cut is refused" 'cut.lcmlog: .*, expected a whole log of one run' "${small[@]}" --log cut.lcmlog
 exit $failed

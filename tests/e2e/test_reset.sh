@@ -36,7 +36,7 @@ for try in 1 2 3; do
         logcheck reset.lcmlog >so_far 2>/dev/null && within 0.3 "$(number again_n so_far)" && break
     done
     sleep 0.5
-    printf 'reset\nreset\nreset\n' >&9
+    printf 'reset\nreset\nreset\n' | dd bs=64 iflag=fullblock status=none >&9 # bash writes line by line
     sleep 0.3
     printf 'stop\nresettle\n%0500d\n\n' 0 >&9
     wait $hand

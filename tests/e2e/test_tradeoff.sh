@@ -70,6 +70,11 @@ SSH
     TMPDIR=$PWD/both sweep --hosts "$PWD/ssh there,:" --jobs 1 --csv both.csv >both.out
     check "a host and this machine come to the same" cmp -s <(errors here.csv) <(errors both.csv)
     check "and nothing is left here" [ -z "$(ls both)" ]
+    mkdir broken && printf '#!/bin/sh\nexit 1\n' >broken/knead && chmod +x broken/knead
+    sed -i 's|exec bash|PATH=${0%/*}/broken:$PATH exec bash|' ssh
+    sweep --hosts "$PWD/ssh there" >/dev/null 2>failed
+    check "a host whose jobs fail is told by the exit code" [ $? = 3 ]
+    check "and keeps nothing" [ -z "$(find there -name 'knead-sweep-*')" ]
     printf '#!/bin/sh\nexit 255\n' >ssh
     sweep --hosts "$PWD/ssh there" >/dev/null 2>dead
     check "a host that is not there is told by the exit code" [ $? = 3 ]

@@ -36,6 +36,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     require(again && strcmp(again->text, scene->text) == 0 && again->text_hash == scene->text_hash);
     kn_model_def def = again->model;
     def.mesh = scene->model.mesh; // each has its own
+    for (int p = 0; p < KN_PROBES_MAX; p++) def.probe[p].parts = scene->model.probe[p].parts;
     require(memcmp(&def, &scene->model, sizeof def) == 0);
     kn_scene_destroy(again);
     kn_scene_destroy(scene);

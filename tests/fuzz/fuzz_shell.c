@@ -1,5 +1,5 @@
 // libFuzzer target: any bytes as OBJ or STL are either one line of complaint or a surface that holds water.
-#include "clients/knead/shell.h"
+#include "core/scene/shell.h"
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>

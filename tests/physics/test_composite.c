@@ -85,7 +85,7 @@ TEST("uniform stretches are in balance through every face, edge and corner of th
     for (int k = 0; k < 3; k++) CHECK(fabs(a.sum[k]) + fabs(b.sum[k]) + fabs(c.sum[k]) < 1e-10 * a.boundary);
 }
 
-TEST("mass and spread load are the uniform block's")
+TEST("mass and spread load are the uniform block's, its nodes are as many as its definition tells")
 {
     kn_model_def coarse = local(8, 0.005, true), even = local(8, 0.005, false);
     kn_model *m = build(&coarse), *u = build(&even);
@@ -93,6 +93,7 @@ TEST("mass and spread load are the uniform block's")
     for (int t = 0; t < m->top_count; t++) share += m->top_share[t];
     CHECK(fabs(kn_model_mass(m) / kn_model_mass(u) - 1) < 1e-12 && fabs(share - 1) < 1e-12);
     CHECK(kn_composite_tied(m) > 0 && m->node_count < u->node_count);
+    CHECK(m->node_count == kn_composite_nodes(&coarse));
     kn_model_destroy(m);
     kn_model_destroy(u);
 }

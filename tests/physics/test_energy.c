@@ -1,4 +1,5 @@
 // Work, stored energy and dissipation. The audit keeps strains of its own, from the positions alone.
+#include "core/energy.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
@@ -131,7 +132,14 @@ static double imbalance(kn_model_def def, double dt, press p)
         for (int k = 0; k < 3; k++) work -= out.probe[0].force_n[k] * state->probe[0].velocity_m_s[k] * dt;
     }
     CHECK_NEAR(out.probe[0].work_j, work, 1e-3 * work);
-    double energy = stored(&a) + in_gas(model, state) + kinetic(model, state), result = (out.probe[0].work_j - energy - a.dissipated_j) / work;
+    kn_energy own; // what the server's audit makes of the same state
+    CHECK(kn_energy_of(model, state, &own));
+    double energy = stored(&a) + in_gas(model, state) + kinetic(model, state);
+    double result = (out.probe[0].work_j - energy - a.dissipated_j) / work;
+    CHECK_NEAR(own.elastic, stored(&a), 1e-6 * work);
+    CHECK_NEAR(own.gas, in_gas(model, state), 1e-6 * work);
+    CHECK_NEAR(own.kinetic, kinetic(model, state), 1e-6 * work);
+    CHECK_NEAR(own.height, 0, 0);
     printf("     dt %.2f ms: work %.4f mJ = stored %.4f + dissipated %.4f + %.2e of it\n", dt * 1e3,
            1e3 * out.probe[0].work_j, 1e3 * energy, 1e3 * a.dissipated_j, result);
     CHECK(a.least_w >= 0);

@@ -86,6 +86,35 @@ TEST("jelly is smoother still")
     check_slide("jelly, r = h", def, 0.005, 0.10);
 }
 
+static slide slide_on(kn_model_def def, kn_skin_form skin, const char *name)
+{
+    def.skin = skin;
+    slide s = slide_over(def, def.probe[0].radius_m);
+    printf("     %s, %s: jump %.3f %% per ms, ripple %.2f %%, above 10 Hz %.3f %%\n", name,
+           skin == KN_SKIN_BILINEAR ? "bilinear" : "spline", 100 * s.jump, 100 * s.ripple, 100 * s.buzz);
+    return s;
+}
+
+TEST("a bilinear skin ripples and buzzes a third more at least than the spline under a ball of one cell's radius")
+{
+    kn_model_def def = ball_def(2);
+    def.probe[0].radius_m = 0.005;
+    slide spline = slide_on(def, KN_SKIN_SPLINE, "dough, r = h");
+    slide flat = slide_on(def, KN_SKIN_BILINEAR, "dough, r = h");
+    CHECK(spline.ripple < 0.7 * flat.ripple && spline.buzz < 0.75 * flat.buzz && spline.jump < 0.9 * flat.jump);
+}
+
+TEST("under a ball of two cells' radius it is as good on jelly, and on dough still within the bounds of any ball")
+{
+    kn_model_def def = ball_def(2), jelly = def;
+    jelly.material = (kn_material){.k1_pa = 4.7e4, .c1_pa_s = 100, .damper = KN_DAMPER_NONE};
+    slide spline = slide_on(jelly, KN_SKIN_SPLINE, "jelly, r = 2h");
+    slide flat = slide_on(jelly, KN_SKIN_BILINEAR, "jelly, r = 2h");
+    slide dough = slide_on(def, KN_SKIN_BILINEAR, "dough, r = 2h");
+    CHECK(flat.ripple < 1.1 * spline.ripple && flat.jump < 1.4 * spline.jump);
+    CHECK(dough.jump <= 0.005 && dough.buzz <= 0.007 && dough.ripple <= 0.05);
+}
+
 TEST("what the ball feels points away from the object, and is nothing in the air")
 {
     kn_model_def def = ball_def(2);

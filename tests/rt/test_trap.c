@@ -68,7 +68,7 @@ int pthread_mutex_lock(pthread_mutex_t *mutex)
 typedef struct rig {
     kn_lent lent;
     kn_path *path;
-    int64_t forces, pressed, ticks;
+    int64_t forces, contacts, pressed, ticks;
 } rig;
 
 static void rig_open(rig *r)
@@ -76,7 +76,8 @@ static void rig_open(rig *r)
     memset(r, 0, sizeof *r);
     kn_lent_open(&r->lent, "quality={fast: {iterations: 5}, accurate: {passes: 2}}");
     r->path = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .clear_m = 0.005, .depth_m = 0.008, .hold_s = 0.3});
-    if (!r->path) exit(1);
+    bool identifies = kn_backend_cpu_identify(&r->lent.backend, (kn_coupling){600, 1.5}); // all that a tick can do
+    if (!r->path || !identifies) exit(1);
 }
 
 static void rig_close(rig *r)
@@ -90,6 +91,7 @@ static void rig_drain(rig *r)
     for (const kn_record *record; (record = kn_ring_front(&r->lent.loop.records)); kn_ring_pop(&r->lent.loop.records)) {
         r->ticks++;
         r->forces += record->out.force[0].live;
+        r->contacts += record->out.local && record->out.contact[0].contact_count > 0;
         r->pressed += record->out.force[0].contacts > 0;
     }
 }
@@ -130,6 +132,7 @@ TEST("1e5 ticks of touching, faults, recoveries, sessions, resets, points of qua
     CHECK(allocations == 0);
     CHECK(locks == 0);
     CHECK(r.ticks == TICKS && r.forces > TICKS / 2 && r.pressed > TICKS / 10); // it was about something
+    CHECK(r.contacts > TICKS / 10);
     CHECK(r.lent.loop.account.faults >= TICKS / ROUND);                             // and went wrong in between
     rig_close(&r);
 }
@@ -221,7 +224,7 @@ TEST("a live servo thread calls the kernel only to sleep and to wake the main th
     ev_async_start(events, &ticked);
     r.lent.loop.notify = notify;
     r.lent.loop.notify_arg = &ticked;
-    kn_clock_start(&r.lent.loop.clock, kn_now_ns() + 20 * KN_PERIOD_NS);
+    kn_loop_start(&r.lent.loop, kn_now_ns() + 20 * KN_PERIOD_NS);
     allocations = locks = calls = 0;
     pthread_t thread;
     CHECK(pthread_create(&thread, NULL, servo_main, &r) == 0);

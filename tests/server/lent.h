@@ -11,6 +11,7 @@ typedef struct kn_lent {
     kn_model *model;
     kn_backend backend;
     kn_skin skin;
+    kn_audit *audit;
     kn_loop loop;
 } kn_lent;
 
@@ -23,7 +24,8 @@ static inline void kn_lent_open(kn_lent *l, const char *set)
     l->model = l->scene ? kn_model_build(&l->scene->model, error, sizeof error) : NULL;
     if (l->model && kn_backend_cpu(&l->backend, l->model) &&
         kn_skin_open(&l->skin, "memq://", l->model, 60, 1, error, sizeof error) &&
-        kn_loop_init(&l->loop, l->scene, l->model, &l->backend, &l->skin))
+        (l->audit = kn_audit_create(l->model)) &&
+        kn_loop_init(&l->loop, l->scene, l->model, &l->backend, &l->skin, l->audit))
         return;
     fprintf(stderr, "%s\n", error);
     exit(1);
@@ -34,6 +36,7 @@ static inline void kn_lent_close(kn_lent *l)
     kn_loop_free(&l->loop);
     kn_skin_close(&l->skin);
     l->backend.destroy(l->backend.self);
+    kn_audit_destroy(l->audit);
     kn_model_destroy(l->model);
     kn_scene_destroy(l->scene);
 }

@@ -1,5 +1,6 @@
 #include "server/loop.h"
 #include "clients/knead_mesh.h"
+#include "core/kernel.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include "tests/check.h"
@@ -13,6 +14,7 @@ typedef struct rig {
     int64_t tick;
     kn_tick_out out;
     int kinds[16]; // events seen so far
+    double audit[5]; // arg of the last checkpoint
 } rig;
 
 static void on_mesh(const lcm_recv_buf_t *buf, const char *channel, void *self)
@@ -24,10 +26,10 @@ static void on_mesh(const lcm_recv_buf_t *buf, const char *channel, void *self)
         kn_mesh_update(&r->mesh, buf->data, buf->data_size);
 }
 
-static void rig_open(rig *r)
+static void rig_open(rig *r, const char *set)
 {
     memset(r, 0, sizeof *r);
-    kn_lent_open(&r->lent, NULL);
+    kn_lent_open(&r->lent, set);
     lcm_subscribe(r->lent.skin.lcm, "KNEAD_MESH_.*", on_mesh, r);
     r->pose = (kn_pose){.session = 1, .orientation_wxyz = {1}, .position_m = {0, 0, 0.031}};
 }
@@ -48,7 +50,11 @@ static void move(rig *r, double vz_m_s)
     kn_loop_tick(&r->lent.loop, &wake);
     for (const kn_record *record; (record = kn_ring_front(&r->lent.loop.records)); kn_ring_pop(&r->lent.loop.records)) {
         r->out = record->out;
-        for (int i = 0; i < r->out.event_count; i++) r->kinds[r->out.event[i].kind]++;
+        for (int i = 0; i < r->out.event_count; i++) {
+            r->kinds[r->out.event[i].kind]++;
+            if (r->out.event[i].kind == KNEAD_EVENT_T_KIND_CHECKPOINT)
+                memcpy(r->audit, r->out.event[i].arg, sizeof r->audit);
+        }
     }
 }
 
@@ -90,7 +96,7 @@ static double dent_m(rig *r)
 TEST("resets asked for between two ticks are one, in the next one, and an event tells the untouched object's hash")
 {
     static rig r;
-    rig_open(&r);
+    rig_open(&r, NULL);
     uint64_t rest = kn_state_hash(r.lent.model, r.lent.backend.state(r.lent.backend.self));
     press(&r);
     CHECK(given_n(&r) > 1.0 && r.kinds[KNEAD_EVENT_T_KIND_RESET] == 0);
@@ -107,7 +113,7 @@ TEST("resets asked for between two ticks are one, in the next one, and an event 
 TEST("a reset under a hand fades what it felt, keeps it out until it is lifted, and then it feels new dough")
 {
     static rig r;
-    rig_open(&r);
+    rig_open(&r, NULL);
     press(&r);
     double first = given_n(&r), slope = kn_safety_slope(&r.lent.loop.servo.safety[0].limits), last = first;
     atomic_store(&r.lent.loop.reset, true);
@@ -128,7 +134,7 @@ TEST("a reset under a hand fades what it felt, keeps it out until it is lifted, 
 TEST("meshes after a reset are of another generation, and the object at rest")
 {
     static rig r;
-    rig_open(&r);
+    rig_open(&r, NULL);
     hover(&r, 20);
     double rest = dent_m(&r);
     int32_t before = r.mesh.generation;
@@ -140,6 +146,66 @@ TEST("meshes after a reset are of another generation, and the object at rest")
         hover(&r, 20);
         CHECK(dent_m(&r) == rest && r.mesh.generation == before + i);
     }
+    rig_close(&r);
+}
+
+TEST("what a tool touches is told every 4 ms where it was asked for, and changes no bit of a force")
+{
+    static rig told, plain;
+    rig_open(&told, NULL);
+    rig_open(&plain, NULL);
+    CHECK(kn_loop_touch(&told.lent.loop));
+    press(&told);
+    press(&plain);
+    while (kn_ring_front(&told.lent.loop.touches)) kn_ring_pop(&told.lent.loop.touches);
+    int count = 0;
+    for (int i = 0; i < 40; i++) {
+        hover(&told, 1);
+        hover(&plain, 1);
+        CHECK(memcmp(&told.out.force, &plain.out.force, sizeof told.out.force) == 0);
+        const kn_touched *touched = kn_ring_front(&told.lent.loop.touches);
+        if (!touched) continue;
+        const kn_force *f = &told.out.force[0];
+        double sum = 0;
+        for (int c = 0; c < 64; c++) sum += touched->touch.pressure_pa[c / 8][c % 8];
+        const double *size = told.lent.scene->model.probe[0].size_m;
+        CHECK_NEAR(sum * size[0] * size[1] / 64, f->contact_force_n[2], 1e-9 * f->contact_force_n[2]);
+        CHECK(touched->probe == 0 && touched->session == f->session && touched->pose_seq == f->seq);
+        kn_ring_pop(&told.lent.loop.touches);
+        count++;
+    }
+    CHECK(count == 10);
+    CHECK(plain.lent.loop.touches.capacity == 0);
+    rig_close(&told);
+    rig_close(&plain);
+}
+
+TEST("checkpoints tell the audit: what is stored, the tools' work, what was dissipated; creation is an error of physics")
+{
+    rig r;
+    rig_open(&r, "material=jelly");
+    press(&r);
+    double work_j = r.lent.backend.state(r.lent.backend.self)->probe[0].work_j;
+    for (double v = -0.01; v < 0; v += 0.0002) move(&r, v); // stays there
+    hover(&r, 3000);
+    CHECK(r.kinds[KNEAD_EVENT_T_KIND_CHECKPOINT] >= 4);
+    CHECK(r.audit[2] >= work_j && work_j > 0);
+    CHECK(r.audit[1] > 0 && r.audit[1] < r.audit[2]);
+    CHECK(r.audit[3] > -1e-9 && r.audit[4] == 0);
+    knead_status_t status = {0};
+    kn_account_status(&r.lent.loop.account, &status);
+    CHECK(!(status.current_errors & KNEAD_STATUS_T_ERROR_PHYSICS));
+
+    kn_state *state = (kn_state *)(uintptr_t)r.lent.backend.state(r.lent.backend.self);
+    kn_model *m = r.lent.model;
+    for (int n = 0; n < m->node_count; n++) { // deeper by half, by nobody
+        size_t z = m->offset[n] + 2 * m->stride;
+        kn_real_set(m, state->displacement, z, 1.5 * kn_real_get(m, state->displacement, z));
+    }
+    hover(&r, 3000);
+    CHECK(r.audit[4] == 1);
+    kn_account_status(&r.lent.loop.account, &status);
+    CHECK(status.current_errors & KNEAD_STATUS_T_ERROR_PHYSICS);
     rig_close(&r);
 }
 

@@ -102,6 +102,30 @@ TEST("a press at 1 cm/s is felt in full: the guard never acts, contact and given
     rig_free(r);
 }
 
+TEST("local models of every tool with a session, where they are asked for, change no bit of the forces")
+{
+    rig *told = rig_make(NULL), *plain = rig_make(NULL);
+    CHECK(kn_backend_cpu_identify(&told->backend, (kn_coupling){800, 2}));
+    press(told, 0.002);
+    press(plain, 0.002);
+    CHECK(told->out.local && !plain->out.local);
+    CHECK(memcmp(&told->out.force, &plain->out.force, sizeof told->out.force) == 0);
+    const kn_contact_unit *unit = &told->out.contact[0];
+    CHECK(unit->session == told->pose[0].session && unit->pose_seq == told->pose[0].seq);
+    CHECK(unit->flags == told->out.force[0].flags && unit->contact_count == 0); // no round of the mobility yet
+    for (int i = 0; i < 40; i++) {
+        told->backend.afterwards(told->backend.self);
+        move(told, 0, -0.01);
+    }
+    CHECK(unit->contact_count == 1 && unit->a_n_s_per_m > 0);
+    CHECK_NEAR(unit->force_n, pushed(told), 1e-9);
+    told->in.reset = true;
+    hover(told, 0, 1);
+    CHECK(unit->generation == 1 && unit->contact_count == 0);
+    rig_free(told);
+    rig_free(plain);
+}
+
 TEST("a tool that appears inside the object is not in it until it has been lifted out")
 {
     rig *r = rig_make(NULL);
@@ -408,6 +432,38 @@ TEST("steps shorter than a tick are taken as often as fits, and other steps are 
         rig_free(r);
     }
     CHECK_NEAR(force[1] / force[0], 1.0, 0.05);
+}
+
+TEST("a clutch: the force fades to 0 and stays there, the tool stays where it presses, and the force ramps in again")
+{
+    rig *r = rig_make("material=jelly");
+    press(r, 0.003);
+    for (int i = 49; i >= 0; i--) move(r, 0, -0.0002 * i);
+    hover(r, 0, 50);
+    double held_n = pushed(r), before_n = r->out.force[0].force_n[2], z = r->servo.tool[0].position_m[2];
+    CHECK(held_n > 0.5 && before_n == held_n);
+    r->pose[0].buttons = KN_BUTTON_CLUTCH;
+    hover(r, 0, 1);
+    before_n = r->out.force[0].force_n[2];
+    for (int ms = 1; ms <= 300; ms++) {
+        move(r, 0, 0.1); // the hand lifts its device by 3 cm
+        double given_n = r->out.force[0].force_n[2];
+        CHECK(fabs(given_n - before_n) <= kn_safety_slope(&r->servo.safety[0].limits) + 1e-12);
+        CHECK(ms < 18 || given_n == 0);
+        CHECK(r->servo.tool[0].position_m[2] == z);
+        before_n = given_n;
+    }
+    CHECK(r->servo.safety[0].attached && pushed(r) > 0.5 * held_n); // the tool goes on to press: the dough relaxes
+    r->pose[0].buttons = 0;
+    for (int ms = 1; ms <= 250; ms++) {
+        move(r, 0, 0);
+        CHECK(fabs(r->out.force[0].force_n[2] - before_n) <= kn_safety_slope(&r->servo.safety[0].limits) + 1e-12);
+        before_n = r->out.force[0].force_n[2];
+    }
+    CHECK_NEAR(r->servo.tool[0].position_m[2], z, 1e-15);
+    CHECK(before_n == pushed(r) && before_n > 0);
+    CHECK(r->servo.safety[0].faults == 0);
+    rig_free(r);
 }
 
 TESTS_MAIN

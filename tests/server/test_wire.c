@@ -40,4 +40,36 @@ TEST("strings of a negative, huge or empty length, or without their end, do not"
     CHECK(!kn_wire_scene_fits(bytes, size));
 }
 
+
+TEST("a contact comes out of the wire as it went in")
+{
+    kn_contact_unit in = {.utime = 1, .session = 2, .pose_seq = 3, .generation = 4, .flags = 5, .contact_index = 6,
+                          .contact_count = 7, .proxy_m = {8, 9, 10}, .normal = {11, 12, 13}, .force_n = 14,
+                          .proxy_velocity_m_s = 15, .a_n_s_per_m = 16, .h_n = 17, .c2_n_s_per_m = 18, .k1_n_per_m = 19,
+                          .k_vc_n_per_m = 20, .b_vc_n_s_per_m = 21, .friction = 22, .friction_anchor_m = {23, 24, 25},
+                          .valid_ms = 26}, out;
+    knead_contact_model_t sent, heard;
+    kn_wire_contact(&sent, &in, in.utime);
+    int size = knead_contact_model_t_encode(bytes, 0, sizeof bytes, &sent);
+    CHECK(size > 0 && knead_contact_model_t_decode(bytes, 0, size, &heard) == size);
+    kn_wire_unit(&out, &heard);
+    CHECK(memcmp(&in, &out, sizeof in) == 0);
+}
+
+TEST("a touch patch stands on the wire as it was made, in the tool's frame")
+{
+    kn_touch touch = {.area_m2 = 1, .centre_m = {2, 3, 4}, .normal = {5, 6, 7}, .peak_pressure_pa = 8,
+                      .slip_velocity_m_s = {9, 10, 11}};
+    for (int i = 0; i < 64; i++) touch.pressure_pa[i / 8][i % 8] = 12 + i;
+    knead_touch_patch_t sent, heard;
+    uint8_t wire[1024];
+    kn_wire_touch(&sent, &touch, 20, 21, 22);
+    int size = knead_touch_patch_t_encode(wire, 0, sizeof wire, &sent);
+    CHECK(size > 0 && knead_touch_patch_t_decode(wire, 0, size, &heard) == size);
+    CHECK(heard.session == 20 && heard.pose_seq == 21 && heard.utime == 22 && heard.frame == 1);
+    CHECK(heard.area_m2 == 1 && heard.peak_pressure_pa == 8 && heard.centre_m[1] == 3 && heard.normal[2] == 7);
+    CHECK(heard.slip_velocity_m_s[0] == 9);
+    CHECK(memcmp(heard.pressure_pa, touch.pressure_pa, sizeof touch.pressure_pa) == 0);
+}
+
 TESTS_MAIN

@@ -1,0 +1,196 @@
+#include "clients/knead/render.h"
+#include "tests/check.h"
+
+static kn_render render;
+static const double still[3];
+static int64_t seq;
+
+static void begin(const kn_render_def *more)
+{
+    kn_render_def def = {0};
+    if (more) def = *more;
+    def.device.force_limit_n = 8.0;
+    def.device.force_scale = def.device.scale = 1.0;
+    memcpy(def.device.basis, (double[]){1, 2, 3}, sizeof def.device.basis);
+    def.device.rotation_wxyz[0] = 1.0;
+    kn_render_init(&render, &def);
+    kn_render_begin(&render, 7);
+    seq = 0;
+}
+
+// A ms with a force upwards; what the motors are given.
+static double ms(double force_n)
+{
+    kn_render_force(&render, (double[]){0, 0, force_n}, 1e-3);
+    kn_render_give(&render, 1e-3, still, still, 1.0);
+    return render.given_n[2];
+}
+
+static void rest(int count, double force_n)
+{
+    for (int i = 0; i < count; i++) ms(force_n);
+}
+
+TEST("a force that changes as forces do is given as it is, up to what the device may give")
+{
+    begin(NULL);
+    for (int i = 0; i <= 100; i++) CHECK(ms(3.9 * (i % 2)) == 3.9 * (i % 2));
+    CHECK(ms(3.9) == 3.9 && ms(7.5) == 7.5 && ms(11.0) == 8.0 && render.clamped == 1);
+    CHECK(render.guards == 0 && !render.stop);
+}
+
+TEST("one wild value moves the force by 4 N and is counted; the good one after it is given")
+{
+    begin(NULL);
+    rest(50, 1.0);
+    CHECK_NEAR(ms(8.0), 5.0, 1e-12);
+    CHECK_NEAR(ms(1.1), 1.1, 1e-12);
+    CHECK(render.guards == 1 && !render.stop);
+}
+
+TEST("a jump of more than 8 N, two that point against each other, three in 20 ms: the last good force fades, latched")
+{
+    static const double wild[3][8] = {{50}, {7, -4}, {7, 7, 11, 11, 15.5}};
+    for (int kind = 0; kind < 3; kind++) {
+        begin(NULL);
+        rest(50, 2.0);
+        double last_n = 2.0, largest_step_n = 0.0;
+        for (int i = 0; i < 8 && !render.stop; i++) {
+            ms(wild[kind][i] != 0.0 ? wild[kind][i] : last_n);
+            largest_step_n = fmax(largest_step_n, fabs(render.given_n[2] - last_n));
+            last_n = render.given_n[2];
+        }
+        CHECK(render.stop == KN_RENDER_REFLEX && render.reflexes == 1 && largest_step_n <= 4.0 + 1e-9);
+        double slope_n = last_n / (17.0 * render.gain) + 1e-9;
+        for (int i = 0; i < 16; i++) {
+            ms(2.0);
+            CHECK(render.given_n[2] <= last_n && render.given_n[2] >= last_n - slope_n);
+            last_n = render.given_n[2];
+        }
+        CHECK(last_n < 1e-9);
+        rest(1000, 2.0);
+        CHECK(render.given_n[2] == 0.0 && render.reflexes == 1);
+        kn_render_begin(&render, 8);
+        CHECK(ms(2.0) == 2.0);
+    }
+}
+
+static double after_ms(double ms_, double force_n)
+{
+    kn_render_force(&render, (double[]){0, 0, force_n}, 1e-3);
+    kn_render_give(&render, 1e-3 * ms_, still, still, 1.0);
+    return render.given_n[2];
+}
+
+TEST("however often it is asked, the guard gives 4 N in a ms: in between there is what a part of one leaves")
+{
+    begin(NULL);
+    rest(50, 0.0);
+    CHECK_NEAR(after_ms(1.0, 7.9), 4.0, 1e-12);
+    CHECK_NEAR(after_ms(0.05, 7.9), 4.2, 1e-12);
+    CHECK_NEAR(after_ms(0.05, 7.9), 4.4, 1e-12);
+    CHECK(render.guards == 1 && !render.stop);
+    CHECK_NEAR(after_ms(0.875, 7.9), 7.9, 1e-12); // then the ms is over
+    CHECK(!render.stop);
+    begin(NULL);
+    rest(50, 0.0);
+    double most_n = 0.0;
+    for (int i = 1; i <= 10; i++) most_n = fmax(most_n, after_ms(0.1, 3.9 * i)); // 39 N in a ms
+    CHECK(render.stop == KN_RENDER_REFLEX && most_n < 4.0 + 0.4 * 3);
+    begin(NULL);
+    rest(50, 0.0);
+    for (int i = 1; i <= 8; i++) CHECK_NEAR(after_ms(0.25, 0.95 * i), 0.95 * i, 1e-12); // 3.8 N in a ms
+    CHECK(render.guards == 0);
+}
+
+TEST("a device of its own has a guard of its own")
+{
+    begin(&(kn_render_def){.guard_n_per_ms = 2.0});
+    rest(50, 1.0);
+    CHECK_NEAR(ms(4.0), 3.0, 1e-12);
+}
+
+TEST("where messages were missing for 3 ms a slope may span them")
+{
+    begin(NULL);
+    rest(50, 1.0);
+    for (int i = 0; i < 2; i++) kn_render_give(&render, 1e-3, still, still, 1.0);
+    CHECK(ms(8.0) == 8.0 && render.guards == 0);
+}
+
+TEST("numbers that are none are refused and change nothing")
+{
+    begin(NULL);
+    rest(50, 1.0);
+    CHECK(!kn_render_force(&render, (double[]){0, NAN, 1}, 1e-3));
+    kn_render_give(&render, 1e-3, still, still, 1.0);
+    CHECK(render.given_n[2] == 1.0);
+}
+
+TEST("forces that answer poses of more than 5 ms ago fade and are not given, unless old ones are asked for")
+{
+    for (int held = 0; held < 2; held++) {
+        begin(&(kn_render_def){.held = held});
+        rest(50, 2.0);
+        for (int i = 0; i < 400; i++) {
+            kn_render_force(&render, (double[]){0, 0, 2}, 6e-3);
+            kn_render_give(&render, 1e-3, still, still, 1.0);
+        }
+        CHECK(render.stop == (held ? KN_RENDER_RUNS : KN_RENDER_FAR));
+        CHECK(render.given_n[2] == (held ? 2.0 : 0.0));
+    }
+}
+
+static const kn_contact_unit wall = {.utime = 1, .session = 7, .pose_seq = 1, .flags = KN_CONTACT_ENGAGED,
+                                     .contact_count = 1, .normal = {0, 0, 1}, .a_n_s_per_m = 1e4, .c2_n_s_per_m = 1e5,
+                                     .k_vc_n_per_m = 500.0, .b_vc_n_s_per_m = 1.5, .valid_ms = 100};
+
+// The device 1 mm deep in a wall at z = 0, told by messages of 1 kHz.
+static void press(double turned_z, int count)
+{
+    const double x[3] = {0, 0, -1e-3 * turned_z};
+    kn_contact_unit unit = wall;
+    for (int i = 0; i < count; i++) {
+        unit.utime = unit.pose_seq = ++seq;
+        unit.force_n = 0.5;
+        kn_render_pose(&render, seq, x, still);
+        kn_render_contact(&render, &unit);
+        kn_render_give(&render, 1e-3, x, still, 1.0);
+    }
+}
+
+TEST("with the local model forces of kneadd's mean nothing, contacts are rendered and clamped")
+{
+    begin(&(kn_render_def){.local = true, .coupling_n_m = 500.0, .coupling_n_s_m = 1.5});
+    rest(50, 2.0);
+    CHECK(render.given_n[2] == 0.0);
+    press(1.0, 400);
+    CHECK_NEAR(render.given_n[2], 0.5, 0.05);
+    render.def.device.force_limit_n = 0.3;
+    press(1.0, 1);
+    CHECK_NEAR(render.given_n[2], 0.3, 1e-12);
+}
+
+TEST("a device that stands otherwise feels the same contact in its own axes")
+{
+    begin(&(kn_render_def){.local = true, .coupling_n_m = 500.0, .coupling_n_s_m = 1.5});
+    render.def.device.basis[1] = -2, render.def.device.basis[2] = -3; // upside down
+    press(-1.0, 400);
+    CHECK_NEAR(render.given_n[2], -0.5, 0.05);
+}
+
+TEST("a wild contact ends in the guard, too")
+{
+    begin(&(kn_render_def){.local = true, .coupling_n_m = 500.0, .coupling_n_s_m = 1.5});
+    press(1.0, 400);
+    kn_contact_unit unit = wall;
+    unit.utime = unit.pose_seq = 401;
+    unit.proxy_m[2] = 0.05; // 25 N
+    double before_n = render.given_n[2];
+    kn_render_pose(&render, 401, (double[]){0, 0, -1e-3}, still);
+    kn_render_contact(&render, &unit);
+    kn_render_give(&render, 1e-3, (double[]){0, 0, -1e-3}, still, 1.0);
+    CHECK(render.stop == KN_RENDER_REFLEX && render.given_n[2] <= before_n);
+}
+
+TESTS_MAIN

@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# knead zwidth: the same text every time; a delay costs what the delayed bound says it costs; a light hand on jelly bears more than
+# nobody on a wall; files; a coupling that is too stiff is told by the exit code; one line for whatever is not an option.
+set -u
+source "$KN_SOURCE/tests/clients/refuses.sh"
+
+knead zwidth --quick --csv z.csv --plot z.png >one || fail "exit $?: $(tail -n 3 one)"
+knead zwidth --quick >two || fail "exit $?"
+cmp one two || fail "twice is not the same"
+[ "$(grep -c ' calm$' one)" = 5 ] || fail "$(cat one)"
+[ "$(wc -l <z.csv)" = 6 ] || fail "rows: $(wc -l <z.csv)"
+head -c 8 z.png | od -An -c | grep -q 'P   N   G' || fail "no PNG"
+
+# columns: 1 round trip, 3 largest at the class's b_vc, 4 at none, 7 Colgate, 8 delayed, 9 default
+awk -F, 'NR > 1 && !($3 > 0.6 * $8 && $3 < $8 && $9 < $3) { bad = 1 } END { exit bad }' z.csv || fail "bounds: $(cat z.csv)"
+awk -F, '{ k[$1] = $3 } END { r = k[0] / k[1]; exit !(r > 2.5 && r < 3.5) }' z.csv || fail "a period of delay: $(cat z.csv)"
+
+# a device's own friction is what a coupling without damping lives on, and Colgate knew it
+knead zwidth --quick --device falcon --csv smooth.csv >/dev/null || fail "falcon: exit $?"
+knead zwidth --quick --device falcon --set device.damping='2.5 N*s/m' --csv rough.csv >/dev/null || fail "rough falcon: exit $?"
+paste -d, smooth.csv rough.csv | awk -F, '$1 == 0 && !($15 > 5 * $4 && $18 == 5 * $7) { bad = 1 } END { exit bad }' ||
+    fail "friction: $(paste -d, smooth.csv rough.csv)"
+
+knead zwidth --quick --hand light --material jelly --csv jelly.csv >/dev/null || fail "jelly: exit $?"
+paste -d, z.csv jelly.csv | awk -F, 'NR > 1 && !($14 > $3) { bad = 1 } END { exit bad }' || fail "jelly bears less than a wall"
+
+knead zwidth --quick --set device.encoder='1 mm' --set device.coupling_damping='6 N*s/m' --set device.coupling='5000 N/m' >loud
+[ $? = 1 ] && grep -q ' buzzes$' loud || fail "a coarse encoder under a stiff coupling is calm: $(cat loud)"
+
+knead zwidth --help | grep -q -- '--device CLASS' || fail "--help"
+refuses 2 "knead zwidth: --hand tight: expected none, light, normal or firm" zwidth --hand tight
+refuses 2 "knead zwidth: --material cheese: expected wall, dough, clay, jelly or stiff-jelly" zwidth --material cheese
+refuses 2 "knead zwidth: dough: without a hand the device only sinks in, expected --hand light, normal or firm" zwidth --material dough
+refuses 2 "knead zwidth: --set material.k1=1 Pa: expected a key of the device, device.KEY=VALUE" zwidth --set 'material.k1=1 Pa'
+refuses 2 "knead zwidth: device.profile: 'mouse' is unknown, expected touch|bench|falcon|omega|unknown" zwidth --device mouse
+refuses 2 "knead zwidth: --slow: unknown option; --help lists them" zwidth --slow
+mkdir folder
+refuses 3 "knead zwidth: folder: Is a directory, expected a file that can be written" zwidth --csv folder
+exit $failed

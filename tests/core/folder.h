@@ -1,0 +1,23 @@
+#ifndef KN_TESTS_CORE_FOLDER_H
+#define KN_TESTS_CORE_FOLDER_H
+// A folder of a test's own; what is in it is removed at the end by name.
+#include "tests/check.h"
+
+#include <unistd.h>
+
+static char folder[64];
+
+static const char *in_folder(const char *name)
+{
+    static char path[4][256];
+    static int turn;
+    if (!*folder) {
+        snprintf(folder, sizeof folder, "%s", "/tmp/knead-test-XXXXXX");
+        if (!mkdtemp(folder)) SKIP("no folder for files");
+    }
+    turn = (turn + 1) % 4;
+    snprintf(path[turn], sizeof path[turn], "%s/%s", folder, name);
+    return path[turn];
+}
+
+#endif

@@ -1,0 +1,338 @@
+#include "clients/knead/arm.h"
+#include "clients/knead/buzz.h"
+#include "core/contact_model.h"
+#include "tests/check.h"
+
+// A server and a client in simulated time: the server holds one three-element unit under a surface and a proxy in its
+// solve; poses go to it and answers come back through a link with delay, jitter and loss. The server's arithmetic is
+// its own, on purpose: nothing of core/contact_model.c.
+
+#define DT 1e-3
+
+typedef struct material { // N s/m, N/m; c2 falls from rest to flow between two forces (dough: paper 1, eq. 6)
+    const char *name;
+    double c1, k1, c2_rest, c2_flow, f0, f1;
+} material;
+
+static const material dough = {"dough", 1000, 188, 15700, 48, 0.044, 0.39},
+                      clay = {"clay", 300, 3000, 2e5, 150, 0.5, 2},
+                      soft = {"soft jelly", 0.5, 50, 1e9, 1e9, 1, 2}, stiff = {"stiff jelly", 2, 1000, 1e9, 1e9, 1, 2};
+static const material *const all[] = {&dough, &clay, &soft, &stiff};
+
+static double c2_of(const material *m, double t)
+{
+    double s = (fmin(fmax(t, m->f0), m->f1) - m->f0) / (m->f1 - m->f0);
+    return m->c2_rest * pow(m->c2_flow / m->c2_rest, s);
+}
+
+// --- the server -----------------------------------------------------------------------------------------------------
+
+#define K_VC 800.0
+#define B_VC 2.0
+
+typedef struct server {
+    const material *m;
+    bool rigid;               // no coupling: what the material itself answers
+    double wave_m, mu;        // amplitude of a surface that waves along x with 20 mm
+    double p[3], depth, h;    // proxy; of the surface below its rest; back stress
+    double shear[3], anchor_m[3], t, force_n[3], normal[3], v_n;
+} server;
+
+static double height(const server *s, double x) { return s->wave_m * sin(x * 6.2831853 / 0.020); }
+static double slope(const server *s, double x) { return s->wave_m * 6.2831853 / 0.020 * cos(x * 6.2831853 / 0.020); }
+
+static double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static double load(double rest, double g, double a, const material *m) // t (1/g + 1/a + 1/c2(t)) = rest, by bisection
+{
+    double low = 0, high = fmax(0, rest * g);
+    for (int i = 0; i < 60; i++) {
+        double t = 0.5 * (low + high);
+        if (t * (1 / g + 1 / a + 1 / c2_of(m, t)) < rest) low = t;
+        else high = t;
+    }
+    return low;
+}
+
+static void serve(server *s, const double x[3], const double v[3])
+{
+    bool rigid = s->rigid;
+    double g = rigid ? 1e7 : B_VC + DT * K_VC, a = s->m->c1 + DT * s->m->k1, q[3], across[3], size = 0;
+    double up = 1 / sqrt(1 + pow(slope(s, s->p[0]), 2)), n[3] = {-slope(s, s->p[0]) * up, 0, up};
+    for (int k = 0; k < 3; k++)
+        q[k] = rigid ? g / DT * (x[k] - s->p[k]) : K_VC * (x[k] - s->p[k]) + B_VC * v[k];
+    double along = dot3(n, q), gap = (s->p[2] - height(s, s->p[0])) * up + s->depth;
+    double t = load(s->h / a - along / g - gap / DT, g, a, s->m), c2 = c2_of(s->m, t);
+    for (int k = 0; k < 3; k++) {
+        across[k] = (s->shear[k] / a - (q[k] - along * n[k]) / g) / (1 / g + 1 / a + 1 / c2);
+        size += across[k] * across[k];
+    }
+    for (int k = 0; k < 3; k++) {
+        if (sqrt(size) > s->mu * t) across[k] *= s->mu * t / sqrt(size);
+        s->force_n[k] = t * n[k] + across[k];
+        s->p[k] += DT / g * (q[k] + s->force_n[k]);
+        s->shear[k] += DT * s->m->k1 * (across[k] - s->shear[k]) / a;
+        s->normal[k] = n[k];
+    }
+    s->v_n = -((t - s->h) / a + t / c2);
+    s->depth -= DT * s->v_n;
+    s->h += DT * s->m->k1 * (t - s->h) / a;
+    s->t = t;
+}
+
+static kn_contact_unit tell(const server *s, int64_t utime, int64_t seq, const double x[3])
+{
+    kn_contact_unit u = {.utime = utime, .session = 7, .pose_seq = seq, .generation = 1, .flags = KN_CONTACT_ENGAGED,
+                         .contact_count = 1, .force_n = s->t, .proxy_velocity_m_s = s->v_n,
+                         .a_n_s_per_m = s->m->c1 + DT * s->m->k1, .h_n = s->h, .c2_n_s_per_m = c2_of(s->m, s->t),
+                         .k1_n_per_m = s->m->k1, .k_vc_n_per_m = K_VC, .b_vc_n_s_per_m = B_VC, .friction = s->mu,
+                         .valid_ms = 100};
+    const double *at = s->t > 0 ? s->p : x;
+    double up = 1 / sqrt(1 + pow(slope(s, at[0]), 2)), n[3] = {-slope(s, at[0]) * up, 0, up};
+    double gap = (at[2] - height(s, at[0])) * up + s->depth;
+    for (int k = 0; k < 3; k++) {
+        u.normal[k] = n[k];
+        u.proxy_m[k] = u.friction_anchor_m[k] = at[k] - gap * n[k];
+    }
+    return u;
+}
+
+// --- the link -------------------------------------------------------------------------------------------------------
+
+#define QUEUE 512
+typedef struct link { // one way; bursts of loss of three on the average
+    int delay_ms, jitter_ms;
+    double loss;
+    bool bad;
+    uint64_t random;
+    int count;
+    struct { int at; kn_contact_unit unit; double x[3], v[3]; } item[QUEUE];
+} link;
+
+static double chance(link *l)
+{
+    l->random = l->random * 6364136223846793005u + 1442695040888963407u;
+    return (double)(l->random >> 11) / 9007199254740992.0;
+}
+
+static void put(link *l, int now, const kn_contact_unit *unit, const double x[3], const double v[3], bool down)
+{
+    l->bad = chance(l) < (l->bad ? 2.0 / 3.0 : l->loss / (1 - l->loss) / 3.0);
+    double late = chance(l);
+    if (l->bad || down || l->count == QUEUE) return;
+    l->item[l->count].at = now + l->delay_ms + (int)(late * (l->jitter_ms + 0.999));
+    l->item[l->count].unit = *unit;
+    for (int k = 0; k < 3; k++) {
+        l->item[l->count].x[k] = x[k];
+        l->item[l->count].v[k] = v[k];
+    }
+    l->count++;
+}
+
+static int due(link *l, int now) // an item that has arrived, last of the list; -1 none
+{
+    for (int i = 0; i < l->count; i++)
+        if (l->item[i].at <= now) {
+            l->item[l->count] = l->item[i]; // the slot behind the list keeps it until the next put
+            memmove(&l->item[i], &l->item[i + 1], (size_t)(l->count - i) * sizeof l->item[0]);
+            return --l->count;
+        }
+    return -1;
+}
+
+// --- the loop -------------------------------------------------------------------------------------------------------
+
+typedef enum gesture { PRESS, TAP, SLIDE } gesture;
+static const char *const gestures[] = {"press", "tap", "slide"};
+typedef enum method { DIRECT, HOLD, MODEL } method; // no link at all; the last force that came; the local model
+
+typedef struct trial {
+    const material *m;
+    gesture what;
+    method how;
+    int rtt_ms, jitter_ms, outage_ms; // outage: of every second from 1.5 s on
+    double depth_m;                   // of the hand's press; 0: 10 mm
+    double loss, wrong[3];            // factors on A, k1, c2 of the messages; 0: right
+    int rate;                         // renders per ms, 1 .. 10
+} trial;
+
+typedef struct result {
+    double error;    // of the force against what the material alone would answer to the device's way, relative, rms
+    double buzz_n;   // force above 10 Hz, rms
+    double jump_n;   // largest change in 1 ms after 1.2 s
+    double given_mj; // most that the user ever got back beyond what he put in
+    int64_t taken;
+} result;
+
+static void follow(gesture what, double depth_m, double t, double path[3], double path_v[3])
+{
+    double down = what == TAP ? 0 : fmin(depth_m, fmax(0, 0.020 * (t - 0.2))); // of the hand: the grip gives
+    memset(path, 0, 3 * sizeof *path);
+    memset(path_v, 0, 3 * sizeof *path_v);
+    path[2] = 0.002 - down;
+    path_v[2] = down > 0 && down < depth_m ? -0.020 : 0;
+    if (what == TAP) { // 2 Hz, once the gain is up
+        path[2] = -0.001 + 0.005 * cos(12.566 * fmax(0, t - 0.3));
+        path_v[2] = t > 0.3 ? -0.005 * 12.566 * sin(12.566 * (t - 0.3)) : 0;
+    }
+    if (what == SLIDE && t > 1) {
+        path[0] = 0.030 * (t - 1);
+        path_v[0] = 0.030;
+    }
+}
+
+static result run(const trial *c)
+{
+    static link there, back;
+    server far = {.m = c->m, .p = {0, 0, 0.004}}, near, bare;
+    if (c->what == SLIDE) far.wave_m = 0.001, far.mu = 0.3;
+    near = bare = far;
+    bare.rigid = true;
+    there = (link){.delay_ms = c->rtt_ms / 2, .jitter_ms = c->jitter_ms, .loss = c->loss, .random = 5};
+    back = (link){.delay_ms = c->rtt_ms - c->rtt_ms / 2, .jitter_ms = c->jitter_ms, .loss = c->loss, .random = 9};
+    kn_arm_def def = {.mass_kg = 0.1, .damping_n_s_m = 0.2, .encoder_m = 20e-6, .force_limit_n = 12,
+                      .grip = KN_GRIP_NORMAL};
+    kn_arm arm;
+    kn_contact_model model;
+    kn_contact_model_def model_def = {.session = 7, .stiffness_n_m = K_VC, .damping_n_s_m = B_VC, .force_limit_n = 12};
+    kn_contact_model_init(&model, &model_def);
+    kn_arm_init(&arm, &def, (double[]){0, 0, 0.004});
+    kn_buzz loop;
+    kn_buzz_init(&loop, DT, 0);
+    double force[3] = {0}, last[3] = {0}, x[3] = {0, 0, 0.004}, v[3] = {0}, path[3], path_v[3];
+    double away = 0, whole = 0, work = 0;
+    int64_t seen = -1, heard = -1;
+    result r = {0};
+    for (int now = 0; now < 4000; now++) {
+        bool down = c->outage_ms > 0 && now > 1500 && now % 1000 < c->outage_ms;
+        int item;
+        // the server: the newest pose that came, its tick, its answer
+        put(&there, now, &(kn_contact_unit){.pose_seq = now}, arm.position_m, arm.velocity_m_s, down);
+        while ((item = due(&there, now)) >= 0)
+            if (there.item[item].unit.pose_seq > seen) {
+                seen = there.item[item].unit.pose_seq;
+                memcpy(x, there.item[item].x, sizeof x);
+                memcpy(v, there.item[item].v, sizeof v);
+            }
+        serve(&far, x, v);
+        serve(&near, arm.position_m, arm.velocity_m_s);
+        serve(&bare, arm.x_m, arm.v_m_s);
+        kn_contact_unit unit = tell(&far, now, seen, x);
+        if (c->wrong[0] > 0) unit.a_n_s_per_m *= c->wrong[0];
+        if (c->wrong[1] > 0) unit.k1_n_per_m *= c->wrong[1];
+        if (c->wrong[2] > 0) unit.c2_n_s_per_m *= c->wrong[2];
+        if (seen >= 0) put(&back, now, &unit, far.force_n, v, down);
+        // the client
+        kn_contact_model_pose(&model, now, arm.position_m, arm.velocity_m_s);
+        while ((item = due(&back, now)) >= 0) {
+            kn_contact_model_take(&model, &back.item[item].unit);
+            if (back.item[item].unit.utime < heard) continue;
+            heard = back.item[item].unit.utime;
+            memcpy(force, back.item[item].x, sizeof force);
+        }
+        if (c->how == DIRECT) memcpy(force, near.force_n, sizeof force);
+        for (int i = 0; i < c->rate && c->how == MODEL; i++)
+            kn_contact_model_render(&model, DT / c->rate, arm.position_m, arm.velocity_m_s, force);
+
+        double z = arm.position_m[2], at[3] = {arm.position_m[0], arm.position_m[1], z};
+        follow(c->what, c->depth_m > 0 ? c->depth_m : 0.010, now * DT, path, path_v);
+        kn_arm_tick(&arm, force, path, path_v);
+        for (int k = 0; k < 3; k++) work -= 1e3 * arm.force_n[k] * (arm.position_m[k] - at[k]);
+        r.given_mj = fmax(r.given_mj, -work);
+        for (int k = 0; k < 3; k++) {
+            away += pow(force[k] - bare.force_n[k], 2);
+            whole += pow(bare.force_n[k], 2);
+        }
+        if (now > 1200) r.jump_n = fmax(r.jump_n, fabs(force[2] - last[2]));
+        memcpy(last, force, sizeof last);
+        kn_buzz_add(&loop, force[2]);
+    }
+    r.error = sqrt(away / whole);
+    r.buzz_n = kn_buzz_rms(&loop);
+    r.taken = model.taken;
+    return r;
+}
+
+// --- what it has to do ----------------------------------------------------------------------------------------------
+
+// A fifth of the packets lost in bursts of three, 30 ms from pose to answer.
+static trial far_away(const material *m, gesture what)
+{
+    return (trial){.m = m, .what = what, .how = MODEL, .rtt_ms = 30, .jitter_ms = 3, .loss = 0.2, .rate = 1};
+}
+
+static result undelayed(const trial *c)
+{
+    trial direct = *c;
+    direct.how = DIRECT;
+    return run(&direct);
+}
+
+TEST("30 ms away with a fifth of the packets lost, the local model errs by 2 points more than no link, 7 sliding")
+{
+    for (int m = 0; m < 4; m++)
+        for (int what = PRESS; what <= SLIDE; what++) {
+            trial c = far_away(all[m], (gesture)what);
+            result r = run(&c), d = undelayed(&c);
+            double points = what == SLIDE ? 0.07 : 0.02;
+            if (!(r.error <= d.error + points) || !(r.buzz_n <= 1.35 * d.buzz_n + 0.003))
+                KN_TEST_FAIL("%s, %s: error %.3f beside %.3f, above 10 Hz %.4f N beside %.4f", all[m]->name,
+                             gestures[what], r.error, d.error, r.buzz_n, d.buzz_n);
+            CHECK(r.given_mj <= 0.1);
+            CHECK(r.taken > 1000);
+        }
+}
+
+TEST("the last force, held, throws the hand off elastic material from 20 ms on, without any loss")
+{
+    for (int rtt = 20; rtt <= 30; rtt += 10) {
+        trial c = {.m = &stiff, .what = PRESS, .how = HOLD, .rtt_ms = rtt}, model = c;
+        model.how = MODEL;
+        model.rate = 1;
+        result held = run(&c), local = run(&model);
+        CHECK(held.given_mj > 1000 && held.buzz_n > 0.3);
+        CHECK(local.given_mj < 0.1 && local.buzz_n < 0.03);
+    }
+}
+
+TEST("a unit that is wrong by a factor of three makes the force wrong, not unstable")
+{
+    for (int m = 0; m < 4; m++)
+        for (int what = PRESS; what <= SLIDE; what++)
+            for (int wrong = 0; wrong < 6; wrong++) {
+                trial c = far_away(all[m], (gesture)what);
+                c.loss = 0.05;
+                c.wrong[wrong % 3] = wrong < 3 ? 3 : 1.0 / 3;
+                result r = run(&c), d = undelayed(&c);
+                if (!(r.buzz_n <= 2.5 * d.buzz_n + 0.003) || !(r.given_mj <= 5))
+                    KN_TEST_FAIL("%s, %s, %d: above 10 Hz %.4f N beside %.4f, given %.2f mJ", all[m]->name,
+                                 gestures[what], wrong, r.buzz_n, d.buzz_n, r.given_mj);
+            }
+}
+
+TEST("200 ms without news in every second: the force moves by 0.05 N/ms at most and gives back nothing")
+{
+    for (int m = 0; m < 4; m++)
+        for (int lossy = 0; lossy < 2; lossy++) {
+            trial c = far_away(all[m], PRESS);
+            if (!lossy) c.loss = 0, c.jitter_ms = 0;
+            c.depth_m = 0.018; // of the hand: 5 to 6 mm of the device
+            c.outage_ms = 200;
+            result r = run(&c);
+            if (!(r.jump_n <= 0.05) || !(r.given_mj <= 1))
+                KN_TEST_FAIL("%s: %.3f N/ms, %.2f mJ", all[m]->name, r.jump_n, r.given_mj);
+        }
+}
+
+TEST("rendered four or ten times a millisecond it is the same contact")
+{
+    for (int m = 0; m < 4; m++) {
+        trial c = far_away(all[m], TAP);
+        result once = run(&c);
+        for (c.rate = 4; c.rate <= 10; c.rate += 6) {
+            result r = run(&c);
+            CHECK_NEAR(r.error, once.error, 0.02);
+            CHECK(r.buzz_n <= 1.2 * once.buzz_n);
+        }
+    }
+} TESTS_MAIN

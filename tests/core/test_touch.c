@@ -1,0 +1,278 @@
+#include "core/touch.h"
+#include "core/model.h"
+#include "core/step.h"
+#include "tests/check.h"
+
+#include <string.h>
+
+typedef struct rig { // 5 x 5 x 3 cm of dough at 5 mm, and one tool
+    kn_model *model;
+    kn_state *state;
+    kn_input input;
+    kn_output output;
+    kn_touch touch;
+} rig;
+
+static const kn_probe_def ball = {.shape = KN_PROBE_SPHERE, .radius_m = 0.012};
+static const kn_probe_def held = {
+    .shape = KN_PROBE_SPHERE, .radius_m = 0.012, .coupling_n_m = 600, .coupling_n_s_m = 1.5};
+static const kn_probe_def box = {.shape = KN_PROBE_BOX, .size_m = {0.02, 0.015, 0.01}, .edge_m = 0.001};
+static const kn_probe_def finger = {.shape = KN_PROBE_CAPSULE, .radius_m = 0.008, .length_m = 0.016};
+static const kn_probe_def pillar = {.shape = KN_PROBE_CYLINDER, .radius_m = 0.01, .length_m = 0.02};
+static const kn_probe_def star = {.shape = KN_PROBE_CROSS, .size_m = {0.03, 0.01, 0.01}};
+static const kn_probe_def plate = {.shape = KN_PROBE_PLATE, .size_m = {0.02, 0.02}};
+
+static rig rig_open(kn_probe_def tool)
+{
+    kn_model_def def = kn_model_def_default();
+    char error[200];
+    rig r = {0};
+    def.nodes[0] = def.nodes[1] = 11, def.nodes[2] = 7, def.spacing_m = 0.005;
+    def.probe_count = 1;
+    def.probe[0] = tool;
+    strcpy(def.probe[0].name, "tool");
+    r.model = kn_model_build(&def, error, sizeof error);
+    if (!r.model) fprintf(stderr, "%s\n", error), exit(70);
+    r.state = kn_state_create(r.model);
+    r.input.probe[0] = (kn_probe_input){.attached = true, .orientation_wxyz = {1}};
+    return r;
+}
+
+static void rig_close(rig *r)
+{
+    kn_state_destroy(r->state);
+    kn_model_destroy(r->model);
+}
+
+static void put(rig *r, double x, double y, double z)
+{
+    double *at = r->input.probe[0].position_m;
+    at[0] = x, at[1] = y, at[2] = z;
+}
+
+static void turn(rig *r, double degrees, double x, double y, double z)
+{
+    double half = degrees * acos(-1.0) / 360, *q = r->input.probe[0].orientation_wxyz;
+    q[0] = cos(half), q[1] = x * sin(half), q[2] = y * sin(half), q[3] = z * sin(half);
+}
+
+// On with that velocity for so many ms.
+static void go(rig *r, double vx, double vy, double vz, int steps)
+{
+    kn_probe_input *in = &r->input.probe[0];
+    double v[3] = {vx, vy, vz};
+    memcpy(in->velocity_m_s, v, sizeof v);
+    for (int i = 0; i < steps; i++) {
+        for (int k = 0; k < 3; k++) in->position_m[k] += 1e-3 * v[k];
+        CHECK(kn_step(r->model, r->state, &r->input, &r->output) == KN_OK);
+    }
+    kn_touch_read(r->model, r->state, 0, &r->touch);
+}
+
+static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static double integral(const rig *r)
+{
+    kn_touch_face face;
+    double sum = 0;
+    kn_touch_face_of(r->model, 0, r->touch.normal, &face);
+    for (int i = 0; i < 64; i++) sum += r->touch.pressure_pa[i / 8][i % 8];
+    return sum * face.size_m[0] * face.size_m[1] / 64;
+}
+
+static double peak(const rig *r)
+{
+    double most = 0;
+    for (int i = 0; i < 64; i++) most = fmax(most, r->touch.pressure_pa[i / 8][i % 8]);
+    return most;
+}
+
+// A smooth contact, pressed down from `gap` above the top at 1 cm/s for 2 mm.
+static rig pressed(kn_probe_def tool, double low_m, double degrees, double ax, double ay, double az)
+{
+    rig r = rig_open(tool);
+    put(&r, 0.0012, -0.0007, 0.03 + low_m + 1e-4);
+    turn(&r, degrees, ax, ay, az);
+    go(&r, 0, 0, -0.01, 200);
+    return r;
+}
+
+TEST("the map integrates to the contact force: ball, held ball, box, cross, pillar, finger on tip, on its side, aslant")
+{
+    const struct {
+        kn_probe_def tool;
+        double low_m, degrees, axis[3];
+    } it[] = {{ball, 0.012, 0, {0, 0, 1}},        {box, 0, 0, {0, 0, 1}},    {star, 0, 0, {0, 0, 1}},
+              {pillar, 0, 0, {0, 0, 1}},          {finger, 0.008, 0, {0, 0, 1}}, {finger, 0.008, 90, {0, 1, 0}},
+              {finger, 0.008, 90, {0.6, 0.8, 0}}, {finger, 0.008, 50, {1, 0, 0}}, {box, 0.003, 15, {0, 1, 0}},
+              {box, 0.003, 25, {0.8, 0.6, 0}}, {held, 0.012, 0, {0, 0, 1}}};
+    for (int i = 0; i < (int)(sizeof it / sizeof *it); i++) {
+        rig r = pressed(it[i].tool, it[i].low_m, it[i].degrees, it[i].axis[0], it[i].axis[1], it[i].axis[2]);
+        double *f = r.output.probe[0].force_n, force = sqrt(dot(f, f));
+        CHECK(force > 0.05);
+        CHECK_NEAR(integral(&r), force, 1e-9 * force);
+        CHECK(r.touch.area_m2 > 1e-5 && r.touch.peak_pressure_pa * r.touch.area_m2 > force);
+        CHECK(peak(&r) > 0 && peak(&r) < 1.2 * r.touch.peak_pressure_pa);
+        rig_close(&r);
+    }
+}
+
+TEST("with friction it integrates to the contact force along the normal")
+{
+    kn_probe_def rough = ball;
+    rough.friction = 0.5;
+    rig r = pressed(rough, 0.012, 0, 0, 0, 1);
+    go(&r, 0.02, 0.01, 0, 150);
+    CHECK(fabs(r.output.probe[0].force_n[0]) > 0.1 * r.output.probe[0].force_n[2]);
+    double along = dot(r.output.probe[0].force_n, r.touch.normal); // the tool stands as the scene does
+    CHECK_NEAR(integral(&r), along, 1e-9 * along);
+    rig_close(&r);
+}
+
+TEST("a plate's map is the force on its nodes, and it does not slip")
+{
+    rig r = rig_open(plate);
+    put(&r, 0, 0, 0.0301);
+    go(&r, 0, 0, -0.01, 200);
+    double up = r.output.probe[0].force_n[2];
+    CHECK(up > 1 && r.touch.normal[2] == 1);
+    CHECK_NEAR(integral(&r), up, 1e-9 * up);
+    CHECK_NEAR(r.touch.area_m2, 0.02 * 0.02, 1e-9);
+    for (int k = 0; k < 3; k++) CHECK_NEAR(r.touch.centre_m[k], 0, k < 2 ? 1e-5 : 1e-4);
+    for (int k = 0; k < 3; k++) CHECK(r.touch.slip_velocity_m_s[k] == 0);
+    CHECK(r.touch.pressure_pa[0][0] > r.touch.pressure_pa[3][3]); // a rigid edge bites
+    rig_close(&r);
+}
+
+TEST("a centred press has its centre of pressure, and the middle of its map, under the tool")
+{
+    rig r = rig_open(ball);
+    put(&r, 0, 0, 0.0421);
+    go(&r, 0, 0, -0.01, 200);
+    CHECK_NEAR(r.touch.centre_m[0], 0, 1e-6);
+    CHECK_NEAR(r.touch.centre_m[1], 0, 1e-6);
+    CHECK(r.touch.centre_m[2] < -0.009 && r.touch.centre_m[2] > -0.012); // on the ball's lower side
+    CHECK(r.touch.normal[2] > 1 - 1e-9);
+    for (int i = 0; i < 64; i++) { // seen from every side the same
+        double here = r.touch.pressure_pa[i / 8][i % 8], p = 1e-3 * peak(&r);
+        CHECK_NEAR(here, r.touch.pressure_pa[i / 8][7 - i % 8], p);
+        CHECK_NEAR(here, r.touch.pressure_pa[7 - i / 8][i % 8], p);
+        CHECK_NEAR(here, r.touch.pressure_pa[i % 8][i / 8], p);
+    }
+    CHECK(r.touch.pressure_pa[3][3] > r.touch.pressure_pa[1][3] && r.touch.pressure_pa[0][0] == 0);
+    rig_close(&r);
+}
+
+TEST("what leans to a side has its centre of pressure there, and the map's rows and columns are where they say")
+{
+    rig r = pressed(box, 0.0008, 8, 0, 1, 0); // about y by the right hand: its side of -x is lifted, +x goes down
+    double column[8] = {0};
+    for (int i = 0; i < 64; i++) column[i % 8] += r.touch.pressure_pa[i / 8][i % 8];
+    CHECK(r.touch.centre_m[0] > 0.003);
+    CHECK(column[7] + column[6] > column[0] + column[1]);
+    rig_close(&r);
+    r = pressed(box, 0.0008, 8, 1, 0, 0); // about x: +y is lifted
+    double row[8] = {0};
+    for (int i = 0; i < 64; i++) row[i / 8] += r.touch.pressure_pa[i / 8][i % 8];
+    CHECK(r.touch.centre_m[1] < -0.0015);
+    CHECK(row[0] + row[1] + row[2] + row[3] > row[4] + row[5] + row[6] + row[7]);
+    rig_close(&r);
+}
+
+TEST("a finger on its side shows its length, and touches with all of it")
+{
+    rig r = rig_open(finger);
+    kn_touch_face face;
+    turn(&r, 90, 0, 1, 0); // its axis along x
+    put(&r, -0.008, 0, 0.0381);
+    go(&r, 0, 0, -0.01, 200);
+    CHECK_NEAR(r.touch.normal[0], -1, 1e-3); // up in the scene
+    CHECK_NEAR(r.touch.centre_m[2], 0.008, 1e-4);
+    CHECK(r.touch.centre_m[0] > 0.005);
+    kn_touch_face_of(r.model, 0, r.touch.normal, &face);
+    CHECK_NEAR(face.u[2], 1, 1e-3); // tool's x has turned into its axis
+    CHECK_NEAR(face.size_m[0], 0.032, 1e-4);
+    CHECK_NEAR(face.size_m[1], 0.016, 1e-4);
+    for (int j = 2; j < 6; j++) CHECK(r.touch.pressure_pa[3][j] > 0.5 * r.touch.pressure_pa[3][3]);
+    CHECK(r.touch.pressure_pa[0][3] == 0 && r.touch.pressure_pa[7][3] == 0);
+    rig_close(&r);
+}
+
+TEST("slip is the drag's: of a tool that is drawn along x the skin goes along -x, in the tool's frame")
+{
+    rig r = pressed(ball, 0.012, 0, 0, 0, 1);
+    CHECK(fabs(r.touch.slip_velocity_m_s[0]) < 1e-3 && fabs(r.touch.slip_velocity_m_s[2]) < 1e-4); // a press
+    go(&r, 0.05, 0, 0, 100);
+    CHECK(r.touch.slip_velocity_m_s[0] < -0.02 && r.touch.slip_velocity_m_s[0] > -0.06);
+    CHECK(fabs(r.touch.slip_velocity_m_s[1]) < 1e-3);
+    rig_close(&r);
+    r = pressed(box, 0, 90, 0, 0, 1); // the tool's y is the scene's -x
+    go(&r, 0.05, 0, 0, 100);
+    CHECK(r.touch.slip_velocity_m_s[1] > 0.02 && fabs(r.touch.slip_velocity_m_s[0]) < 5e-3);
+    rig_close(&r);
+    kn_probe_def glued = ball;
+    glued.friction = 3;
+    r = pressed(glued, 0.012, 0, 0, 0, 1);
+    go(&r, 0.0005, 0, 0, 1500); // it holds: what is left is the foundation that gives way
+    CHECK(fabs(r.touch.slip_velocity_m_s[0]) < 0.0004);
+    rig_close(&r);
+}
+
+TEST("the same press by a tool that stands turned gives the same map, area, centre and peak")
+{
+    rig a = rig_open(box), b = rig_open(box);
+    put(&a, 0.003, 0.001, 0.0304);
+    turn(&a, 5, 0, 1, 0);
+    put(&b, -0.001, 0.003, 0.0304); // all of it by 90 degrees about z, on a block that looks the same then
+    double q = sqrt(0.5), lean = 5 * acos(-1.0) / 360;
+    double both[4] = {q * cos(lean), -q * sin(lean), q * sin(lean), q * cos(lean)};
+    memcpy(b.input.probe[0].orientation_wxyz, both, sizeof both);
+    go(&a, 0, 0, -0.01, 200);
+    go(&b, 0, 0, -0.01, 200);
+    for (int i = 0; i < 64; i++)
+        CHECK_NEAR(a.touch.pressure_pa[i / 8][i % 8], b.touch.pressure_pa[i / 8][i % 8], 5e-3 * peak(&a));
+    CHECK(a.touch.centre_m[0] > 0.0005);
+    for (int k = 0; k < 3; k++) CHECK_NEAR(a.touch.centre_m[k], b.touch.centre_m[k], 2e-5);
+    for (int k = 0; k < 3; k++) CHECK_NEAR(a.touch.normal[k], b.touch.normal[k], 1e-3);
+    CHECK_NEAR(a.touch.peak_pressure_pa, b.touch.peak_pressure_pa, 5e-3 * a.touch.peak_pressure_pa);
+    CHECK_NEAR(a.touch.area_m2, b.touch.area_m2, 0.02 * a.touch.area_m2);
+    rig_close(&a);
+    rig_close(&b);
+}
+
+TEST("a face is right-handed and across its normal, for normals of every way")
+{
+    rig r = rig_open(box);
+    const double normals[][3] = {{0, 0, 1}, {0.6, 0, 0.8}, {0, -1, 0}, {0.48, 0.64, -0.6}, {0, 0, -1}};
+    for (int i = 0; i < 5; i++) {
+        kn_touch_face f;
+        kn_touch_face_of(r.model, 0, normals[i], &f);
+        const double *u = f.u, *v = f.v;
+        double n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+        for (int k = 0; k < 3; k++) CHECK_NEAR(n[k], normals[i][k], 1e-12);
+        CHECK_NEAR(dot(u, u), 1, 1e-12);
+        CHECK_NEAR(dot(v, v), 1, 1e-12);
+    }
+    kn_touch_face f;
+    kn_touch_face_of(r.model, 0, normals[0], &f);
+    CHECK_NEAR(f.low_m[0], -0.01, 1e-12);
+    CHECK_NEAR(f.size_m[1], 0.015, 1e-12);
+    rig_close(&r);
+}
+
+TEST("what does not touch, or is not there, has an empty patch")
+{
+    const kn_touch nothing = {0};
+    rig r = rig_open(ball);
+    put(&r, 0, 0, 0.06);
+    go(&r, 0, 0, 0, 1);
+    CHECK(memcmp(&r.touch, &nothing, sizeof nothing) == 0);
+    put(&r, 0, 0, 0.0419);
+    go(&r, 0, 0, 0, 20);
+    r.input.probe[0].attached = false;
+    go(&r, 0, 0, 0, 1);
+    CHECK(memcmp(&r.touch, &nothing, sizeof nothing) == 0);
+    rig_close(&r);
+}
+
+TESTS_MAIN

@@ -1,0 +1,81 @@
+#!/usr/bin/env bash
+# knead latency: a pose waits much less for its tick when ticks follow the poses than on a grid of its own; everything is
+# counted; the contract, bad input and what is missing have their exit codes.
+set -u
+source "$KN_SOURCE/tests/e2e/kneadd.sh"
+small=$KN_SOURCE/core/scenes/dough-small.yaml
+
+# of NAME KEY FILE: a number of a series in the JSON
+of() { /usr/bin/python3 -c 'import json, sys; print(json.load(open(sys.argv[3]))["series"][sys.argv[1]][sys.argv[2]])' "$@"; }
+sound() { # counts agree, percentiles rise, stages do not exceed the whole
+    /usr/bin/python3 - "$1" <<'END'
+import json, sys
+series = json.load(open(sys.argv[1]))["series"]
+pose, stages = series["pose_to_force"], ["receive", "wait", "step", "guard", "publish"]
+assert pose["count"] == series["lcm_echo"]["count"] == series["udp_echo"]["count"] > 0
+for name, s in series.items():
+    shown = [s[k] for k in ("p50_us", "p90_us", "p99_us", "p99_9_us", "max_us")]
+    assert all(a <= b for a, b in zip(shown, shown[1:]) if b is not None), name
+for name in stages + ["execution"]:
+    assert series[name]["count"] == pose["count"] - pose["missed"], name
+assert 0.5 * pose["p50_us"] < sum(series[name]["p50_us"] for name in stages) < 1.5 * pose["p50_us"]
+assert series["udp_echo"]["p50_us"] < series["lcm_echo"]["p50_us"]
+END
+}
+refused() { # refused CODE WORDS OPTION...: one line on stderr
+    knead latency "${@:3}" >out 2>err
+    [ "$? $(wc -l <err) $(grep -c -e "$2" err)" = "$1 1 1" ] && [ ! -s out ] || { cat err; return 1; }
+}
+
+check "less than a second is refused" refused 2 'knead latency: --seconds 0: expected 1 to 3600' --seconds 0
+check "a phase of another name" refused 2 '--phase lose: expected lock or free' --phase lose
+check "a contract of one number" refused 2 '--contract 60: expected two numbers of us' --contract 60
+check "a scene that is not there" refused 2 'nope.yaml:1:1: ' nope.yaml
+check "a bus of another kind" refused 2 'tcpq://localhost: expected udpm' --lcm-url tcpq://localhost
+check "a file that cannot be written" refused 3 'no/where.json: ' --json no/where.json
+check "a bus that nobody serves" refused 3 'no KNEAD_SCENE for 6 s' --lcm-url 'udpm://239.255.76.67:7700?ttl=0'
+PATH=$KN_BUILD/bin "$KN_BUILD/bin/knead" latency --load "$small" >out 2>err
+check "load without stress-ng" [ "$? $(wc -l <err) $(grep -c 'stress-ng is not installed' err)" = "3 1 1" ]
+
+for option in '--phase maybe' '--trace no/where.csv'; do
+    kneadd --scene "$small" $option >out 2>err
+    echo "$? $(wc -l <err)" >>codes
+done
+check "kneadd refuses a phase of another name and a trace that cannot be written" [ "$(echo $(cat codes))" = "2 1 3 1" ]
+
+[ "$KN_REALTIME" != off ] && chrt -f 90 true 2>/dev/null || { echo "skipped: no SCHED_FIFO here" && exit 77; }
+
+# A hand of 500 ppm passes two periods of a free grid in 4 s. A machine that stood still for long spoils a run.
+measure() { knead latency "$small" --seconds 4 --drift 500 "$@" >said.txt 2>said.err; }
+for try in 1 2 3; do
+    measure --phase free --contract 0,0 --json free.json
+    free_code=$?
+    measure --phase lock --contract 1e9,1e9 --json lock.json --plot lock.png
+    lock_code=$?
+    cat said.txt
+    [ $free_code = 1 ] && [ $lock_code = 0 ] && sound free.json && sound lock.json && break
+    cat said.err
+done
+check "a contract that no free clock keeps is missed" [ $free_code = 1 ]
+check "one that every machine keeps is kept" [ $lock_code = 0 ]
+for phase in free lock; do
+    check "$phase: counts agree, percentiles rise, stages make up the whole" sound $phase.json
+    check "$phase: 4 s of poses" [ "$(of pose_to_force count $phase.json)" = 4000 ]
+done
+free_us=$(of wait p50_us free.json) lock_us=$(of wait p50_us lock.json)
+check "with the lock a pose waits less than half as long: $lock_us of $free_us us" \
+    awk "BEGIN { exit !($lock_us < 0.5 * $free_us) }"
+check "the picture is a PNG" sh -c "head -c 4 lock.png | grep -q PNG"
+
+start_kneadd dough-small.yaml
+check "a kneadd that runs already is measured" \
+    knead latency --lcm-url 'udpm://239.255.76.67:7667?ttl=0' --seconds 1 --contract none --json there.json
+check "its forces echo" [ "$(of pose_to_force count there.json)" = 1000 ]
+check "its stages are its own" [ "$(of wait count there.json)" = 0 ]
+stop_kneadd
+
+if command -v stress-ng >/dev/null; then
+    check "under load" knead latency "$small" --load --seconds 1 --contract none
+    check "which ends with it" sh -c '! ps -e -o comm= | grep -q stress-ng'
+fi
+exit $failed

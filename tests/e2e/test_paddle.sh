@@ -1,0 +1,86 @@
+#!/usr/bin/env bash
+# knead hand paddle: a simulated paddle behind a pty, closed round a served dough over LCM. It presses and is pushed back;
+# survives garbage, wrong bits, a cable that is out, a kneadd that is killed; and gives nothing once either end is silent.
+set -u
+source "$KN_SOURCE/tests/e2e/kneadd.sh"
+
+column() { # column AWK-CONDITION FILE: rows for which it holds; $1 ms $2 z $3 asked $4 given $5 enabled $6 tripped
+    awk -F, "NR > 1 && ($1) { n++ } END { print n + 0 }" "$2"
+}
+told() { grep -c -- "$1" hand.err; }
+count() { grep -oE "$1 [0-9]+" hand.txt | grep -oE '[0-9]+$'; }
+start_hand() { # start_hand OPTION...
+    knead hand paddle --tty tty --quiet "$@" >hand.txt 2>hand.err & hand=$!
+}
+stop_hand() { kill -INT $hand; wait $hand; hand_status=$?; cat hand.txt hand.err; }
+
+start_kneadd dough-small.yaml --set device=unknown
+paddle tty 150 garbage=3000 flip=4500 hangup=6000:800 >paddle.csv 2>paddle.err & paddle=$!
+sleep 0.5
+start_hand --force-limit '2.5 N'
+for _ in $(seq 100); do # until it has been pushed again after all that
+    sleep 1
+    [ "$(column '$1 > 8500 && $4 > 0.5' paddle.csv)" -gt 100 ] && break
+done
+kill -STOP $hand # the computer stands still, for the paddle's own watchdog
+sleep 0.5
+kill -CONT $hand
+sleep 1
+stop_hand
+kill $paddle
+wait $paddle 2>/dev/null
+check "it ends well" [ $hand_status = 0 ]
+check "the paddle is pushed back" [ "$(column '$4 > 0.5' paddle.csv)" -gt 100 ]
+check "and upwards, but for what little damping pulls" \
+    [ "$(($(column '$4 < 0' paddle.csv) * 10))" -lt "$(column '$4 > 0.5' paddle.csv)" ]
+check "never with more than it may be asked for" [ "$(column '$3 > 2.5001' paddle.csv)" = 0 ]
+check "the dough holds it: pushed back, it does not come as deep as it does in air" \
+    [ "$(column '$4 > 1 && $2 < -0.034' paddle.csv)" = 0 ]
+check "pressing does not buzz: the force changes by less than 3 % in a millisecond" \
+    awk -F, 'NR > 1 { if (f > 0.5 && $4 > 0.5) { n += $4; d += $4 > f ? $4 - f : f - $4 } f = $4 } END { exit !(n > 0 && d < 0.03 * n) }' paddle.csv
+check "in air it is left alone" [ "$(column '$2 > -0.01 && $4 > 0.01' paddle.csv)" = 0 ]
+check "garbage and wrong bits are told" [ "$(told 'bytes that are no frame')" -ge 1 ]
+check "but not one by one" [ "$(told 'bytes that are no frame')" -le 10 ]
+check "and counted" [ "$(count bad)" -gt 100 ]
+check "what the paddle heard was whole, but for frames that a cable or an opening cut" \
+    [ "$(tail -n 2 paddle.csv | head -n 1 | cut -d, -f8)" -le 3 ]
+check "a cable that is out is one line" [ "$(told 'paddle lost: tty')" = 1 ]
+check "and one when it is back" [ "$(told 'paddle is back')" = 1 ]
+check "it is pushed again afterwards" [ "$(column '$1 > 8500 && $4 > 0.5' paddle.csv)" -gt 100 ]
+check "a computer that stood still knows it" [ "$(told 'this program did not run for')" -ge 1 ]
+check "the paddle's own watchdog trips while it does" [ "$(column '$6' paddle.csv)" -gt 300 ]
+check "and gives nothing then" [ "$(column '$6 && $4 != 0' paddle.csv)" = 0 ]
+
+stop_kneadd
+start_kneadd dough-small.yaml # whose dough has no dent
+# kneadd dies in mid-press: by its own clock the paddle has no force 20 ms after the last one, and a bit for the way
+paddle tty 40 >paddle.csv 2>>paddle.err & paddle=$!
+sleep 0.2
+start_hand
+for _ in $(seq 500); do # until it presses
+    sleep 0.02
+    tail -n 2 paddle.csv | awk -F, 'NR == 1 { exit !($4 + 0 > 0.3) }' && break
+done
+kill -KILL "$server"
+wait "$server" 2>/dev/null
+sleep 4
+stop_hand
+kill $paddle
+wait $paddle 2>/dev/null
+gone=$(awk -F, '$4 > 0 { last = $1 } END { print last + 0 }' paddle.csv)
+full=$(awk -F, -v gone="$gone" '$1 < gone - 20 { f = $4 } END { print (f > 0.25) }' paddle.csv)
+check "it pressed when kneadd was killed" [ "$full" = 1 ]
+check "the force faded, and in steps, not at once" [ "$(column "\$1 > $gone - 12 && \$1 <= $gone && \$4 > 0" paddle.csv)" -ge 6 ]
+check "and never came back" [ "$(column "\$1 > $gone && \$4 != 0" paddle.csv)" = 0 ]
+check "one line says so" [ "$(told 'no force from kneadd for')" -ge 1 ]
+check "and one that nobody answers" [ "$(told 'is kneadd running')" = 1 ]
+check "the motor was switched off" [ "$(tail -n 2 paddle.csv | head -n 1 | cut -d, -f5)" = 0 ]
+
+start_kneadd dough-small.yaml
+knead hand paddle --tty nothere >out.txt 2>err.txt
+check "a tty that is not there is one line, exit 3" [ "$? $(wc -l <err.txt)" = "3 1" ]
+knead hand paddle --tty /dev/null >out.txt 2>err.txt
+check "what is no serial line is one line, exit 3" [ "$? $(wc -l <err.txt)" = "3 1" ]
+cat err.txt
+stop_kneadd
+exit $failed

@@ -1,0 +1,59 @@
+#!/usr/bin/env bash
+# What a tool touches, over the bus: kneadd --touch with a virtual hand, told by knead touch as lines and as JSON; and
+# nothing of it where nobody asked.
+set -u
+source "$KN_SOURCE/tests/e2e/kneadd.sh"
+says() { # says CODE WORDS COMMAND...: one line on stderr
+    "${@:3}" >out 2>err
+    [ $? = "$1" ] && [ "$(wc -l <err)" = 1 ] && grep -q "^$2" err
+}
+
+check "seconds must be some" says 2 'knead touch: --seconds 0: expected 0.1 to 86400' knead touch --seconds 0
+check "a tool has a name" says 2 'knead touch: --probe a.b: expected a tool' knead touch --probe a.b
+check "other buses are refused" says 2 'knead touch: tcpq://127.0.0.1:7700: expected udpm' \
+    knead touch --lcm-url tcpq://127.0.0.1:7700
+
+start_kneadd dough-small.yaml
+press --path poke & hand=$!
+check "nobody asked kneadd: nothing is told" \
+    says 3 'knead touch: no KNEAD_TOUCH_plate for [0-9.]* s: is kneadd running with --touch' knead touch --probe plate \
+    --seconds 2
+wait $hand
+stop_kneadd
+
+start_kneadd dough-small.yaml --touch
+knead touch --probe plate --once --seconds 60 >once.txt 2>once.err & once=$!
+knead touch --json --seconds 15 >all.json 2>json.err & all=$!
+press --hold '1 s' --record press.lcmlog
+wait $once
+check "the first touch is told" [ $? = 0 ]
+wait $all
+check "and all of them, as JSON" [ $? = 0 ]
+cat once.txt once.err json.err
+check "in one line" grep -qE '^[0-9.]+ s, plate: area [0-9.]+ cm2, peak [0-9.]+ kPa, centre .* slip .* mm/s$' once.txt
+check "and no more" [ "$(wc -l <once.txt)" = 1 ]
+check "a line each, that programs understand" python3 - all.json <<'PY'
+import json, sys
+lines = [json.loads(line) for line in open(sys.argv[1])]
+touched = [p for p in lines if p["area_m2"] > 0]
+assert len(touched) > 50, len(touched)
+for p in touched:
+    force = sum(map(sum, p["pressure_pa"])) * 0.01 * 0.06 / 64
+    assert len(p["pressure_pa"]) == 8 and force > 0 and p["normal"] == [0, 0, 1], p
+    assert all(abs(v) < 0.006 for v in p["centre_m"]), p["centre_m"]
+    assert p["peak_pressure_pa"] * p["area_m2"] >= force
+steps = [b["pose_seq"] - a["pose_seq"] for a, b in zip(lines, lines[1:]) if a["session"] == b["session"]]
+assert sorted(steps)[len(steps) // 2] == 4, "a patch every fourth pose"
+PY
+check "a press with touch patches replays to the bit" knead replay press.lcmlog --verify
+check "a tool that nobody holds is told as such" \
+    says 3 'knead touch: no KNEAD_TOUCH_finger for [0-9.]* s' knead touch --probe finger --seconds 0.5
+if command -v script >/dev/null; then
+    press --path poke --probe finger & hand=$!
+    script -qec 'knead touch --probe finger --seconds 12' screen.txt >/dev/null
+    wait $hand
+    check "a terminal gets a picture" grep -q '@@.*kPa' screen.txt
+    check "drawn over itself" grep -qF "$(printf '\033')[11A" screen.txt
+fi
+stop_kneadd
+exit $failed

@@ -1,0 +1,34 @@
+// libFuzzer target: any bytes from a serial line are frames that say what was sent, or skipped and counted, each byte
+// once; and a whole frame behind any of them is heard once twenty bytes more have come.
+#include "clients/tactile/frame.h"
+#include <stdlib.h>
+#include <string.h>
+
+static void require(int condition)
+{
+    if (!condition) abort();
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    kn_deframer d = {.kind = KN_FRAME_STATE};
+    kn_frame frame;
+    uint8_t again[KN_FRAME_SIZE], last[2 * KN_FRAME_SIZE];
+    for (size_t i = 0; i < size; i++) {
+        if (kn_deframer_push(&d, data[i], &frame)) {
+            kn_frame_encode(&frame, again);
+            require(i + 1 >= sizeof again && memcmp(again, data + i + 1 - sizeof again, sizeof again) == 0);
+        }
+        require(d.count >= 0 && d.count < KN_FRAME_SIZE);
+        require(d.frames * KN_FRAME_SIZE + d.skipped + d.count == (int64_t)i + 1);
+    }
+    const kn_frame sent = {.kind = KN_FRAME_STATE, .seq = 4711, .position_nm = -1};
+    kn_frame_encode(&sent, last);
+    kn_frame_encode(&sent, last + KN_FRAME_SIZE);
+    bool heard = false;
+    for (size_t i = 0; i < sizeof last; i++)
+        if (kn_deframer_push(&d, last[i], &frame)) heard |= frame.seq == 4711;
+    require(heard);
+    return 0;
+}

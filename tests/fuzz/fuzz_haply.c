@@ -1,0 +1,35 @@
+// libFuzzer target: any bytes from an Inverse Service are a state whose every number can be used, no such arm, or one
+// line of complaint; and whatever it calls its arm, what is said to it is shorter than a message may be.
+#include "clients/tactile/haply_json.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void require(int condition)
+{
+    if (!condition) abort();
+}
+
+static void judge(const uint8_t *data, size_t size, const char *device_id)
+{
+    char error[100] = "", text[KN_HAPLY_MESSAGE];
+    kn_haply_state s;
+    kn_haply_heard heard = kn_haply_read((const char *)data, size, device_id, &s, error, sizeof error);
+    for (const char *c = error; *c; c++) require(*c >= ' ' && *c <= '~');
+    if (heard == KN_HAPLY_MALFORMED) require(*error);
+    if (heard != KN_HAPLY_STATE) return;
+    require(kn_haply_id_known(s.device_id) && (!*device_id || !strcmp(device_id, s.device_id)));
+    double *q = s.pose.orientation_wxyz, length = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    require(fabs(length - 1.0) < 1e-9 && (s.pose.buttons & ~7) == 0);
+    for (int i = 0; i < 3; i++) require(fabs(s.pose.position_m[i]) <= 1.0 && fabs(s.pose.velocity_m_s[i]) <= 100.0);
+    require(kn_haply_push(text, s.device_id, s.pose.velocity_m_s) < KN_HAPLY_MESSAGE);
+    require(kn_haply_greet(text, s.device_id, s.device_id) < KN_HAPLY_MESSAGE);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    judge(data, size, "");
+    judge(data, size, "049D");
+    return 0;
+}

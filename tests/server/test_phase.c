@@ -1,0 +1,272 @@
+#include "server/phase.h"
+#include "tests/check.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define MS INT64_C(1000000)
+#define US INT64_C(1000)
+
+// A servo whose ticks wake 5 to 30 us late, and one sender per probe. Times are of one clock, ns.
+typedef struct sender {
+    double next_ns, period_ns, jitter_ns; // poses come at next_ns plus up to jitter_ns, mostly near to none
+    double late_ns;                       // of the next one
+    int64_t session, arrived_ns, earlier_ns, seq;
+    double lost, repeated, waits, waited_ns; // counts since the run began
+    bool engaged;
+} sender;
+
+typedef struct rig {
+    kn_phase phase;
+    kn_clock clock;
+    uint64_t random;
+    int64_t last_due_ns, shortest_ns, longest_ns, ticks;
+    int probes;
+    sender sender[2];
+} rig;
+
+static double chance(rig *r) // 0 .. 1, reproducible
+{
+    r->random = r->random * UINT64_C(6364136223846793005) + UINT64_C(1442695040888963407);
+    return (double)(r->random >> 11) / 9007199254740992.0;
+}
+
+static void start(rig *r)
+{
+    memset(r, 0, sizeof *r);
+    r->random = 42;
+    r->shortest_ns = INT64_MAX;
+    r->probes = 1;
+    kn_phase_init(&r->phase);
+    kn_clock_start(&r->clock, 70 * MS);
+    for (int p = 0; p < 2; p++)
+        r->sender[p] = (sender){.next_ns = 70e6 + 300e3, .period_ns = 1e6, .jitter_ns = 60e3, .session = 1 + p};
+    r->sender[0].engaged = true;
+}
+
+// As the servo does it: looks for a late pose every 15 us.
+static void hold(const rig *r, kn_wake *wake)
+{
+    int probe = kn_phase_awaits(&r->phase);
+    const sender *s = probe < 0 ? NULL : &r->sender[probe];
+    int64_t woke_ns = wake->now_ns;
+    while (s && wake->now_ns - woke_ns < KN_PHASE_HOLD_NS &&
+           (!s->session || s->next_ns + s->late_ns > (double)wake->now_ns))
+        wake->now_ns += 15 * US;
+    wake->held_ns = wake->now_ns - woke_ns;
+}
+
+static kn_arrival arrival(rig *r, sender *s, double now_ns)
+{
+    int64_t seq = s->seq;
+    while (s->session != 0 && s->next_ns + s->late_ns <= now_ns) {
+        s->earlier_ns = s->arrived_ns;
+        s->arrived_ns = (int64_t)(s->next_ns + s->late_ns);
+        s->late_ns = s->jitter_ns * pow(chance(r), 6); // half of them within 2 % of it, 1 in 16 beyond two thirds
+        s->next_ns += s->period_ns;
+        s->seq++;
+    }
+    s->repeated += s->seq == seq;
+    s->lost += s->seq > seq ? (double)(s->seq - seq - 1) : 0;
+    s->waits += s->seq > seq;
+    if (s->seq > seq) s->waited_ns += now_ns - (double)s->arrived_ns;
+    return (kn_arrival){s->session, s->arrived_ns, s->earlier_ns, s->seq > seq, s->engaged};
+}
+
+static void run(rig *r, int ticks)
+{
+    for (int p = 0; p < 2; p++)
+        r->sender[p].lost = r->sender[p].repeated = r->sender[p].waits = r->sender[p].waited_ns = 0;
+    for (int n = 0; n < ticks; n++, r->ticks++) {
+        int64_t due_ns = r->clock.start_ns + (r->clock.tick + 1) * MS, tick = r->clock.tick;
+        int64_t now_ns = due_ns + (int64_t)(5e3 + 25e3 * chance(r));
+        kn_wake wake = kn_clock_wake(&r->clock, due_ns - 500 * US, now_ns);
+        CHECK(wake.tick == tick + 1 && wake.missed == 0);
+        if (r->ticks > 0) {
+            int64_t apart_ns = wake.due_ns - r->last_due_ns;
+            r->shortest_ns = apart_ns < r->shortest_ns ? apart_ns : r->shortest_ns;
+            r->longest_ns = apart_ns > r->longest_ns ? apart_ns : r->longest_ns;
+        }
+        r->last_due_ns = wake.due_ns;
+        hold(r, &wake);
+        kn_arrival a[2];
+        for (int p = 0; p < r->probes; p++) a[p] = arrival(r, &r->sender[p], (double)wake.now_ns);
+        r->clock.start_ns += kn_phase_tick(&r->phase, a, r->probes, &wake);
+    }
+}
+
+static double mean_wait_us(const rig *r, int probe)
+{
+    return r->sender[probe].waited_ns / 1e3 / r->sender[probe].waits;
+}
+
+static void check_slew(const rig *r)
+{
+    CHECK(r->shortest_ns >= MS - KN_PHASE_SLEW_NS && r->longest_ns <= MS + KN_PHASE_SLEW_NS);
+}
+
+TEST("from anywhere in the period the ticks come to stand just behind the poses, 2 us at a time")
+{
+    for (int place = 0; place < 20; place++) {
+        rig r;
+        start(&r);
+        r.sender[0].next_ns = 70e6 + 50e3 * place;
+        run(&r, 500);
+        CHECK(r.phase.locked);
+        run(&r, 2000);
+        run(&r, 3000);
+        CHECK(mean_wait_us(&r, 0) < 80);
+        CHECK(r.sender[0].lost + r.sender[0].repeated < 3000 * 4 * KN_PHASE_LATE);
+        check_slew(&r);
+    }
+}
+
+TEST("a free clock makes poses wait half a period as two crystals drift; a lock follows 100 ppm either way")
+{
+    for (int sign = -1; sign <= 1; sign += 2) {
+        rig r;
+        start(&r);
+        r.sender[0].period_ns = 1e6 * (1 + sign * 100e-6);
+        run(&r, 1000);
+        run(&r, 20000); // two whole periods of drift
+        CHECK(mean_wait_us(&r, 0) < 80);
+        CHECK(r.sender[0].lost + r.sender[0].repeated < 20000 * 3 * KN_PHASE_LATE);
+        CHECK(r.phase.followed > r.phase.driven - 500);
+        check_slew(&r);
+    }
+}
+
+TEST("the margin grows until few poses come too late, and shrinks for a sender that keeps time")
+{
+    rig r;
+    start(&r);
+    r.sender[0].jitter_ns = 150e3;
+    run(&r, 20000);
+    double wide_ns = r.phase.margin_ns;
+    run(&r, 20000);
+    CHECK(r.sender[0].repeated < 20000 * 2 * KN_PHASE_LATE);
+    r.sender[0].jitter_ns = 5e3;
+    run(&r, 40000);
+    run(&r, 10000);
+    CHECK(r.phase.margin_ns < wide_ns / 2 && mean_wait_us(&r, 0) < 50);
+    check_slew(&r);
+}
+
+TEST("without a rhythm the clock is free: the grid does not move")
+{
+    rig r;
+    start(&r);
+    r.sender[0].period_ns = 1e6 / 1.37; // a device at 1.37 kHz
+    run(&r, 200);
+    int64_t start_ns = r.clock.start_ns, followed = r.phase.followed;
+    run(&r, 20000);
+    CHECK(!r.phase.locked && r.clock.start_ns == start_ns && r.phase.followed == followed);
+}
+
+TEST("a sender that answers the ticks runs away from them, and is not followed for long")
+{
+    for (int after_us = 100; after_us <= 900; after_us += 100) {
+        rig r;
+        start(&r);
+        int64_t start_ns = r.clock.start_ns;
+        for (int n = 0; n < 20000; n++) {
+            r.sender[0].next_ns = (double)(r.last_due_ns + after_us * US);
+            run(&r, 1);
+        }
+        CHECK(llabs(r.clock.start_ns - start_ns) < 3 * KN_PHASE_RUN_NS);
+        check_slew(&r);
+    }
+}
+
+TEST("when poses stop the grid stands, and takes up where it was when they come again")
+{
+    rig r;
+    start(&r);
+    run(&r, 2000);
+    int64_t session = r.sender[0].session, start_ns = r.clock.start_ns;
+    int64_t held = r.phase.held;
+    r.sender[0].next_ns += 500e6; // half a second of silence
+    run(&r, 500);
+    CHECK(r.clock.start_ns == start_ns && r.phase.locked && r.phase.held <= held + 3);
+    r.sender[0].session = 0; // and then the session's end
+    r.sender[0].next_ns += 1000e6;
+    run(&r, 1000);
+    CHECK(r.clock.start_ns == start_ns && !r.phase.locked && r.phase.probe == -1);
+    r.sender[0].session = session + 1;
+    run(&r, 1000);
+    CHECK(r.phase.locked && llabs(r.clock.start_ns - start_ns) < 50 * US);
+    check_slew(&r);
+}
+
+TEST("poses at 5 kHz and at 500 Hz leave the slew bounded and every tick in its place")
+{
+    rig r;
+    start(&r);
+    r.sender[0].period_ns = 0.2e6;
+    r.sender[0].jitter_ns = 10e3;
+    run(&r, 10);
+    run(&r, 5000);
+    CHECK(mean_wait_us(&r, 0) < 200 && r.sender[0].repeated == 0); // the newest is never older
+    check_slew(&r);
+    start(&r);
+    r.sender[0].period_ns = 2e6;
+    run(&r, 2000);
+    run(&r, 5000);
+    CHECK(r.phase.locked && r.phase.held == 0 && mean_wait_us(&r, 0) < 120); // the late ones wait a whole period
+    check_slew(&r);
+}
+
+TEST("of two senders the one that was engaged first drives, until it is not; before that the first that is there")
+{
+    rig r;
+    start(&r);
+    r.probes = 2;
+    r.sender[0].engaged = false;
+    r.sender[1].next_ns = 70e6 + 800e3;
+    run(&r, 1000);
+    CHECK(r.phase.probe == 0 && r.phase.locked);
+    r.sender[1].engaged = true;
+    run(&r, 1000);
+    CHECK(r.phase.probe == 1 && r.phase.locked);
+    r.sender[0].engaged = true; // the second to be
+    run(&r, 3000);
+    CHECK(r.phase.probe == 1 && mean_wait_us(&r, 1) < 80 && mean_wait_us(&r, 0) > 300);
+    r.sender[1].engaged = false;
+    run(&r, 1000);
+    run(&r, 3000);
+    CHECK(r.phase.probe == 0 && mean_wait_us(&r, 0) < 80 && mean_wait_us(&r, 1) > 300);
+    check_slew(&r);
+}
+
+TEST("a pose that is late is waited for, 0.3 ms at most, and the next tick is due when it was")
+{
+    rig r;
+    start(&r);
+    r.sender[0].jitter_ns = 5e3;
+    run(&r, 3000);
+    for (int late_us = 60; late_us <= 420; late_us += 90) { // 240 still, 330 no more
+        run(&r, 50);
+        int64_t held = r.phase.held, start_ns = r.clock.start_ns;
+        r.sender[0].late_ns = late_us * 1e3;
+        run(&r, 2);
+        CHECK(r.phase.held > held && r.sender[0].repeated == (late_us > 300) && r.sender[0].lost == (late_us > 300));
+        CHECK(llabs(r.clock.start_ns - start_ns) < 15 * US);
+    }
+    check_slew(&r);
+}
+
+TEST("a tick that the machine held up says nothing of where the poses are")
+{
+    rig r;
+    start(&r);
+    run(&r, 2000);
+    kn_phase before = r.phase;
+    kn_arrival a = {.session = 1, .arrived_ns = 5 * MS, .fresh = true, .engaged = true};
+    CHECK(kn_phase_tick(&r.phase, &a, 1, &(kn_wake){.missed = 3, .now_ns = 6 * MS}) == 0);
+    CHECK(kn_phase_tick(&r.phase, &a, 1, &(kn_wake){.late_ns = 700 * US, .now_ns = 6 * MS}) == 0);
+    a.fresh = false;
+    CHECK(kn_phase_tick(&r.phase, &a, 1, &(kn_wake){.now_ns = 6 * MS}) == 0);
+    CHECK(r.phase.centre_ns == before.centre_ns && r.phase.margin_ns == before.margin_ns);
+}
+
+TESTS_MAIN

@@ -1,0 +1,118 @@
+#include "clients/tactile/haply.h"
+#include "tests/check.h"
+#include <jansson.h>
+
+static kn_haply_state state;
+static char error[128];
+
+static kn_haply_heard hear(const char *text, const char *device_id)
+{
+    *error = 0;
+    return kn_haply_read(text, strlen(text), device_id, &state, error, sizeof error);
+}
+
+// an arm's entry in the words of Haply's documentation of 3.5
+#define ARM(id, x, calibrated)                                                                                         \
+    "{\"device_id\":\"" id "\",\"state\":{\"cursor_position\":{\"x\":" x ",\"y\":-0.12,\"z\":0.15},"                   \
+    "\"cursor_velocity\":{\"x\":0.0,\"y\":0.5,\"z\":-1e-3},\"body_orientation\":{\"w\":0,\"x\":1,\"y\":0,\"z\":0},"    \
+    "\"control_mode\":\"idle\"},\"status\":{\"calibrated\":" calibrated ",\"ready\":true}}"
+
+TEST("a state is the first arm's, metres and m/s as they stand there")
+{
+    CHECK(hear("{\"session_id\":7,\"inverse3\":[" ARM("049D", "0.03", "true") "," ARM("04BA", "0", "true") "]}", "") ==
+          KN_HAPLY_STATE);
+    CHECK_STR(state.device_id, "049D");
+    CHECK(state.pose.position_m[0] == 0.03 && state.pose.position_m[1] == -0.12 && state.pose.position_m[2] == 0.15);
+    CHECK(state.pose.velocity_m_s[1] == 0.5 && state.pose.velocity_m_s[2] == -1e-3);
+    CHECK(state.calibrated && !state.grip && state.pose.buttons == 0);
+    CHECK(state.pose.orientation_wxyz[0] == 1.0); // without a grip: how the arm stands is not how the tool does
+}
+
+TEST("or of the arm that was asked for, and one that is not there is not malformed")
+{
+    const char *two = "{\"inverse3\":[" ARM("049D", "0.03", "true") "," ARM("04BA", "1", "false") "]}";
+    CHECK(hear(two, "04BA") == KN_HAPLY_STATE && state.pose.position_m[0] == 1.0 && !state.calibrated);
+    CHECK(hear(two, "9999") == KN_HAPLY_ABSENT);
+    CHECK(hear("{\"inverse3\":[]}", "") == KN_HAPLY_ABSENT && hear("{}", "") == KN_HAPLY_ABSENT);
+}
+
+TEST("a grip turns the tool and presses its buttons, whichever of the two kinds it is")
+{
+    CHECK(hear("{\"inverse3\":[" ARM("A", "0", "true") "],\"wireless_verse_grip\":[{\"state\":{\"orientation\":"
+               "{\"w\":0.7113037,\"x\":-0.01940918,\"y\":0.7026367,\"z\":0.00048828125},"
+               "\"buttons\":{\"a\":true,\"b\":false,\"c\":true}}}]}", "") == KN_HAPLY_STATE);
+    const double *q = state.pose.orientation_wxyz;
+    CHECK(state.grip && state.pose.buttons == 5);
+    CHECK_NEAR(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3], 1.0, 1e-12);
+    CHECK_NEAR(q[2], 0.7026, 1e-3);
+    CHECK(hear("{\"inverse3\":[" ARM("A", "0", "true") "],\"wireless_verse_grip\":[],\"verse_grip\":[{\"state\":"
+               "{\"orientation\":{\"w\":0,\"x\":0,\"y\":0,\"z\":1},\"button\":true}}]}", "") == KN_HAPLY_STATE);
+    CHECK(state.grip && state.pose.buttons == 1 && state.pose.orientation_wxyz[3] == 1.0);
+    CHECK(hear("{\"inverse3\":[" ARM("A", "0", "true") "],\"verse_grip\":[{\"state\":{\"orientation\":"
+               "{\"w\":0,\"x\":0,\"y\":0,\"z\":0}}}]}", "") == KN_HAPLY_STATE);
+    CHECK(!state.grip && state.pose.orientation_wxyz[0] == 1.0);
+}
+
+TEST("what is no state is one line of plain letters, and nothing of it is used")
+{
+    const char *wrong[] = {
+        "", "[", "{", "null", "[]", "7", "{\"inverse3\":7}", "{\"inverse3\":[", "{\"inverse3\":[]}}", "\xff\xfe",
+        "{\"inverse3\":[" ARM("A", "\"0\"", "true") "]}", "{\"inverse3\":[" ARM("A", "1.5", "true") "]}",
+        "{\"inverse3\":[" ARM("A", "1e999", "true") "]}", "{\"inverse3\":[" ARM("A", "null", "true") "]}",
+        "{\"inverse3\":[{\"device_id\":\"A\"}]}", "{\"inverse3\":[{\"device_id\":\"A\",\"state\":{\"cursor_position\":"
+        "{\"x\":0,\"y\":0,\"z\":0},\"cursor_velocity\":{\"x\":0,\"y\":0,\"z\":1e6}}}]}",
+        "{\"inverse3\":[" ARM("A", "NaN", "true") "]}", "{\"inverse3\":[" ARM("A", "0", "true") "],\"inverse3\":[]}"};
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        if (hear(wrong[i], "") != KN_HAPLY_MALFORMED) KN_TEST_FAIL("taken: %s", wrong[i]);
+        CHECK(*error);
+        for (const char *c = error; *c; c++) CHECK(*c >= ' ' && *c <= '~');
+    }
+}
+
+TEST("an id that could close a string is no id")
+{
+    CHECK(kn_haply_id_known("049D") && kn_haply_id_known("a_b-9"));
+    CHECK(!kn_haply_id_known("") && !kn_haply_id_known("a\"") && !kn_haply_id_known("a b") && !kn_haply_id_known("\\"));
+    CHECK(!kn_haply_id_known("0123456789012345678901234567890_"));
+    CHECK(hear("{\"inverse3\":[" ARM("A\\\"}", "0", "true") "]}", "") == KN_HAPLY_ABSENT);
+}
+
+TEST("what is said to the service is JSON that says it, however long the id and large the force")
+{
+    char text[KN_HAPLY_MESSAGE];
+    const char *longest = "0123456789012345678901234567890";
+    double x, y, z;
+    const char *id, *preset;
+    CHECK(kn_haply_push(text, longest, (double[]){1.5, -40.0, 1e-6}) < KN_HAPLY_MESSAGE);
+    json_t *root = json_loads(text, JSON_REJECT_DUPLICATES, NULL);
+    CHECK(json_unpack(root, "{s:[{s:s,s:{s:{s:{s:F,s:F,s:F!}!}!}!}!]!}", "inverse3", "device_id", &id, "commands",
+                      "set_cursor_force", "vector", "x", &x, "y", &y, "z", &z) == 0);
+    CHECK(x == 1.5 && y == -40.0 && fabs(z) < 1e-5 && !strcmp(id, longest));
+    json_decref(root);
+    CHECK(kn_haply_greet(text, longest, longest) < KN_HAPLY_MESSAGE);
+    root = json_loads(text, JSON_REJECT_DUPLICATES, NULL);
+    CHECK(json_unpack(root, "{s:[{s:{s:{s:s!}!}}]}", "inverse3", "configure", "preset", "preset", &preset) == 0);
+    CHECK_STR(preset, longest);
+    CHECK(json_unpack(root, "{s:{s:{s:{s:s!}}}}", "session", "configure", "basis", "permutation", &id) == 0);
+    CHECK_STR(id, "XYZ");
+    json_decref(root);
+    CHECK(kn_haply_ask(text) < KN_HAPLY_MESSAGE);
+    root = json_loads(text, JSON_REJECT_DUPLICATES, NULL);
+    CHECK(json_is_object(json_object_get(json_object_get(root, "session"), "force_render_full_state")));
+    json_decref(root);
+}
+
+TEST("an address is ws://HOST:PORT and nothing else")
+{
+    char host[KN_HAPLY_HOST];
+    int port = 0;
+    CHECK(kn_haply_url("ws://localhost:10001", host, &port) && !strcmp(host, "localhost") && port == 10001);
+    CHECK(kn_haply_url("ws://127.0.0.1:10001/", host, &port) && !strcmp(host, "127.0.0.1"));
+    const char *wrong[] = {"", "localhost:10001", "http://localhost:10001", "ws://localhost", "ws://localhost:0",
+                           "ws://:10001", "ws://localhost:65536", "ws://localhost:10001/x", "ws://localhost:10001x",
+                           "wss://localhost:1"};
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++)
+        if (kn_haply_url(wrong[i], host, &port)) KN_TEST_FAIL("taken: %s", wrong[i]);
+}
+
+TESTS_MAIN

@@ -1,0 +1,315 @@
+#include "clients/tactile/mount.h"
+#include "clients/tactile/tether.h"
+#include "tests/check.h"
+#include <string.h>
+
+static kn_tether tether;
+static double now_s, age_s = 1e-3; // of every force's pose
+static const double here[3], push_n[3] = {0, 0, 2};
+
+static kn_render_def upright(double force_limit_n)
+{
+    kn_render_def def = {0};
+    kn_mount_init(&def.device);
+    def.device.force_limit_n = force_limit_n;
+    return def;
+}
+
+static void begin(void)
+{
+    kn_render_def def = upright(3.3);
+    kn_tether_init(&tether, 100, &def);
+    now_s = tether.given_s;
+}
+
+static bool force(int64_t session, const double force_n[3], int32_t flags, int32_t fault)
+{
+    kn_tether_force f = {.session = session, .seq = tether.seq, .flags = flags, .fault = fault, .age_s = age_s};
+    memcpy(f.force_n, force_n, sizeof f.force_n);
+    bool ours = kn_tether_take(&tether, &f);
+    if (ours) kn_tether_give(&tether, now_s);
+    return ours;
+}
+
+static const double *given(void) { return tether.render.given_n; }
+
+static void tick(int ms)
+{
+    now_s += 1e-3 * ms;
+    kn_tether_tick(&tether, now_s, ms);
+}
+
+// ms of a device and a kneadd, either of which may be silent
+static void live(int ms, bool poses, bool forces)
+{
+    for (int i = 0; i < ms; i++) {
+        if (poses) kn_tether_pose(&tether, here, here);
+        if (forces) force(tether.session, push_n, KN_FLAG_ENGAGED, 0);
+        tick(1);
+    }
+}
+
+TEST("a force is given as it comes, and numbers of poses rise by one")
+{
+    begin();
+    live(100, true, true);
+    CHECK(given()[2] == 2.0 && kn_tether_live(&tether));
+    CHECK(tether.seq == 100 && tether.sent == 100 && tether.heard == 100);
+    CHECK(kn_tether_pose(&tether, here, here) && tether.seq == 101);
+    CHECK(force(100, (double[]){0, 1, 0}, 0, 0));
+    CHECK(given()[1] == 1.0 && given()[2] == 0.0);
+}
+
+TEST("a device is never asked for more than it may give, in any direction")
+{
+    begin();
+    live(10, true, true);
+    for (int i = 1; i <= 20; i++) { // by less than the impulse guard's 4 N in each ms
+        kn_tether_pose(&tether, here, here);
+        force(100, (double[]){1.5 * i, 2.0 * i, 0}, 0, 0);
+        tick(1);
+    }
+    CHECK_NEAR(hypot(given()[0], given()[1]), 3.3, 1e-12);
+    CHECK_NEAR(given()[0] / given()[1], 0.75, 1e-12);
+    CHECK(tether.render.clamped == 19 && tether.render.guards == 0);
+}
+
+TEST("a kneadd that falls silent leaves the force for 3 ms and has it at zero by 20 ms")
+{
+    begin();
+    live(100, true, true);
+    double last_n = given()[2];
+    for (int ms = 1; ms <= 20; ms++) {
+        live(1, true, false);
+        if (ms <= 3) CHECK(given()[2] == 2.0);
+        CHECK(given()[2] <= last_n);
+        last_n = given()[2];
+    }
+    CHECK(given()[2] == 0.0 && tether.mode == KN_TETHER_SILENT);
+    CHECK(tether.forces.trips == 1 && !kn_tether_live(&tether));
+}
+
+TEST("a device that falls silent gives nothing by 20 ms, though forces go on")
+{
+    begin();
+    live(100, true, true);
+    live(19, false, true);
+    CHECK(given()[2] > 0.0 && given()[2] < 2.0);
+    live(1, false, true);
+    CHECK(given()[2] == 0.0 && tether.mode == KN_TETHER_SILENT && tether.poses.trips == 1);
+}
+
+TEST("after a trip no pose is sent for 1.2 s, then a new session begins, in which old forces mean nothing")
+{
+    begin();
+    live(100, true, true);
+    live(20, true, false);
+    int64_t sent = tether.sent;
+    live(1199, true, true);
+    CHECK(tether.sent == sent && tether.session == 100 && given()[2] == 0.0);
+    live(1, true, true);
+    CHECK(tether.mode == KN_TETHER_HELD && tether.session == 101 && tether.seq == 0 && given()[2] == 0.0);
+    CHECK(!force(100, push_n, 0, 0) && tether.foreign == 1 && given()[2] == 0.0);
+    live(2, true, true);
+    CHECK(given()[2] == 2.0);
+}
+
+TEST("a device that is away opens no session: the silence lasts until it is back")
+{
+    begin();
+    live(100, true, true);
+    live(5000, false, false);
+    CHECK(tether.mode == KN_TETHER_SILENT && tether.session == 100);
+    live(1, true, false);
+    CHECK(tether.mode == KN_TETHER_HELD && tether.session == 101);
+}
+
+TEST("a kneadd that was never there is waited for without a trip")
+{
+    begin();
+    live(5000, true, false);
+    CHECK(tether.mode == KN_TETHER_HELD && tether.forces.trips == 0 && tether.sent == 5000);
+    live(1, true, true);
+    CHECK(given()[2] == 2.0);
+}
+
+TEST("numbers that are none are counted, given to nobody, and are no sign of life")
+{
+    begin();
+    live(100, true, true);
+    CHECK(!kn_tether_pose(&tether, (double[]){0, NAN, 0}, here));
+    CHECK(!kn_tether_pose(&tether, here, (double[]){0, 0, INFINITY}));
+    CHECK(!force(100, (double[]){NAN, 0, 0}, 0, 0) && given()[0] == 0.0);
+    CHECK(tether.refused == 3 && tether.sent == 100);
+    for (int ms = 0; ms < 20; ms++) {
+        kn_tether_pose(&tether, here, here);
+        force(100, (double[]){0, INFINITY, 0}, 0, 0);
+        tick(1);
+    }
+    CHECK(tether.forces.trips == 1 && given()[2] == 0.0);
+}
+
+TEST("the impulse guard's latch is met by a new session, a latch that lifting clears is not")
+{
+    begin();
+    live(100, true, true);
+    force(100, (double[3]){0}, KN_FLAG_LATCHED, KN_FAULT_POSE_SILENCE);
+    live(1, true, false);
+    CHECK(tether.mode == KN_TETHER_HELD && tether.faults == 0);
+    force(100, (double[3]){0}, KN_FLAG_LATCHED, KN_FAULT_IMPULSE);
+    live(1, true, false);
+    CHECK(tether.mode == KN_TETHER_SILENT && tether.faults == 1);
+    live(1200, true, false);
+    CHECK(tether.session == 101 && tether.faults == 1);
+}
+
+TEST("an object that gives back more than was put into it is damped, by the numbers of the scene's device")
+{
+    kn_render_def def = upright(3.3);
+    def.device.mass_kg = 0.05;
+    def.device.hand.stiffness_n_m = 500.0;
+    kn_tether_init(&tether, 100, &def);
+    double x_m[3] = {0}, v_m_s[3] = {0};
+    for (int ms = 0; ms < 2000; ms++) { // pushed along, all the time: no passive object does that
+        v_m_s[2] = 0.1;
+        x_m[2] += 1e-3 * v_m_s[2];
+        kn_tether_pose(&tether, x_m, v_m_s);
+        force(100, push_n, KN_FLAG_ENGAGED, 0);
+        tick(1);
+    }
+    CHECK(tether.render.passivity.acted > 1000 && given()[2] < 2.0);
+    CHECK(tether.render.passivity.given_j < 0.25); // of 0.4 J that it would have given
+    kn_tether_init(&tether, 100, &def);
+    live(1000, true, true);
+    CHECK(tether.render.passivity.acted == 0 && given()[2] == 2.0); // at rest nothing is given
+}
+
+TEST("a process that stood still for 25 ms gives nothing when it wakes")
+{
+    begin();
+    live(100, true, true);
+    kn_tether_pose(&tether, here, here);
+    force(100, push_n, 0, 0);
+    tick(25);
+    CHECK(given()[2] == 0.0 && tether.mode == KN_TETHER_SILENT);
+}
+
+TEST("a force that asks to jump fades from where it was, and a new session begins")
+{
+    begin();
+    live(100, true, true);
+    force(100, (double[]){0, 0, -50}, KN_FLAG_ENGAGED, 0);
+    CHECK(given()[2] == 2.0 || tether.render.gain < 1.0);
+    double last_n = given()[2];
+    for (int ms = 1; ms <= 20; ms++) {
+        live(1, true, true); // good ones come no further
+        CHECK(given()[2] <= last_n && given()[2] >= last_n - 2.0 / 17 - 1e-9);
+        last_n = given()[2];
+    }
+    CHECK(last_n == 0.0 && tether.mode == KN_TETHER_SILENT && tether.render.reflexes == 1 && !kn_tether_live(&tether));
+    live(1200, true, false);
+    CHECK(tether.session == 101 && tether.mode == KN_TETHER_HELD);
+    live(2, true, true);
+    CHECK(given()[2] == 2.0);
+}
+
+TEST("forces that answer old poses are not given; the session goes on, and a new one begins when the link is near again")
+{
+    begin();
+    age_s = 20e-3;
+    live(200, true, true);
+    CHECK(tether.render.refusals == 1 && given()[2] == 0.0 && !kn_tether_live(&tether));
+    CHECK(tether.mode == KN_TETHER_HELD && tether.sent == 200);
+    age_s = 1e-3;
+    live(200, true, true);
+    CHECK(tether.mode == KN_TETHER_SILENT);
+    live(1200, true, false);
+    live(2, true, true);
+    CHECK(tether.session == 101 && given()[2] == 2.0 && tether.render.refusals == 1);
+}
+
+static double deep_m; // of the device in a wall at z = 0
+
+// ms of the same with the local model: contacts come with the forces
+static void live_local(int ms, bool poses, bool forces)
+{
+    kn_contact_unit unit = {.flags = KN_CONTACT_ENGAGED, .contact_count = 1, .normal = {0, 0, 1}, .a_n_s_per_m = 1e4,
+                            .c2_n_s_per_m = 1e5, .k_vc_n_per_m = 500.0, .b_vc_n_s_per_m = 1.5, .valid_ms = 100};
+    const double x[3] = {0, 0, -deep_m};
+    for (int i = 0; i < ms; i++) {
+        bool sent = poses && kn_tether_pose(&tether, x, here);
+        if (sent && forces) {
+            unit.session = tether.session;
+            unit.pose_seq = tether.seq;
+            unit.utime = (int64_t)(1e6 * now_s);
+            unit.force_n = 500.0 * deep_m;
+            kn_render_contact(&tether.render, &unit);
+        }
+        if (forces) force(tether.session, push_n, KN_FLAG_ENGAGED, 0);
+        tick(1);
+    }
+}
+
+static void begin_local(void)
+{
+    kn_render_def def = upright(3.3);
+    def.local = true;
+    def.coupling_n_m = 500.0;
+    def.coupling_n_s_m = 1.5;
+    kn_tether_init(&tether, 100, &def);
+    deep_m = 0.0;
+    live_local(400, true, true);
+    for (deep_m = 0.0; deep_m < 1e-3; deep_m += 1e-5) live_local(1, true, true);
+    live_local(100, true, true);
+}
+
+TEST("with the local model a silent kneadd leaves the contact for a while; by 300 ms nothing of it is left")
+{
+    begin_local();
+    double pressed_n = given()[2], last_n = pressed_n;
+    CHECK(pressed_n > 0.3 && pressed_n < 0.6);
+    for (int ms = 1; ms <= 300; ms++) {
+        live_local(1, true, false);
+        CHECK(given()[2] <= last_n + 0.01 && given()[2] >= last_n - 0.05);
+        if (ms == 20) CHECK(given()[2] > 0.9 * pressed_n);
+        last_n = given()[2];
+    }
+    CHECK(last_n == 0.0 && tether.mode == KN_TETHER_SILENT && tether.forces.trips == 1);
+}
+
+TEST("a link that is down for 200 ms is no jump, neither when it goes nor when it comes back")
+{
+    begin_local();
+    double pressed_n = given()[2], last_n = pressed_n, largest_n = 0.0;
+    for (int ms = 0; ms < 1000; ms++) {
+        live_local(1, true, ms >= 200);
+        largest_n = fmax(largest_n, fabs(given()[2] - last_n));
+        last_n = given()[2];
+        if (ms == 199) CHECK(last_n < 0.5 * pressed_n);
+    }
+    CHECK(largest_n <= 0.05); // N/ms
+    CHECK_NEAR(last_n, pressed_n, 0.1 * pressed_n);
+    CHECK(tether.forces.trips == 0 && tether.render.guards == 0 && tether.session == 100);
+}
+
+TEST("but a silent device gives nothing by 20 ms, as ever")
+{
+    begin_local();
+    live_local(20, false, true);
+    CHECK(given()[2] == 0.0 && tether.mode == KN_TETHER_SILENT && tether.poses.trips == 1);
+}
+
+TEST("one stall is no long way")
+{
+    begin();
+    live(100, true, true);
+    for (int i = 0; i < 20; i++) {
+        age_s = 1e-3 * (21 - i);
+        live(1, true, true);
+    }
+    age_s = 1e-3;
+    live(100, true, true);
+    CHECK(tether.render.refusals == 0 && given()[2] == 2.0);
+}
+
+TESTS_MAIN

@@ -1,0 +1,40 @@
+// wild PROBE NEWTON SECONDS: waits until kneadd's force on that probe is above 0.3 N, then sends forces of its own in
+// kneadd's name, NEWTON upwards, behind each of three: a client may take the newest of a ms only. Exit 1 when nothing was
+// pressed for SECONDS.
+#include "proto/knead_contact_force_t.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+static const char *wanted_n;
+static int sent;
+
+static double now_s(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static void on_force(const lcm_recv_buf_t *buf, const char *channel, const knead_contact_force_t *heard, void *self)
+{
+    (void)buf;
+    knead_contact_force_t f = *heard;
+    double newton = atof(wanted_n);
+    if (f.force_n[2] < 0.3 || f.force_n[2] == newton) return; // the latter is our own
+    f.force_n[2] = newton;
+    sent += knead_contact_force_t_publish(self, channel, &f) == 0;
+}
+
+int main(int argc, char **argv)
+{
+    char channel[64];
+    lcm_t *lcm = argc == 4 ? lcm_create(NULL) : NULL;
+    if (!lcm) return fprintf(stderr, "usage: wild PROBE NEWTON SECONDS\n"), 2;
+    wanted_n = argv[2];
+    snprintf(channel, sizeof channel, "KNEAD_FORCE_%s", argv[1]);
+    knead_contact_force_t_subscribe(lcm, channel, on_force, lcm);
+    for (double end_s = now_s() + atof(argv[3]); sent < 3 && now_s() < end_s;) lcm_handle_timeout(lcm, 20);
+    lcm_destroy(lcm);
+    return sent < 3;
+}
