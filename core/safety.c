@@ -48,9 +48,9 @@ const char *kn_fault_remedy(kn_fault fault)
     static const char *const remedies[] = {
         "nothing to do",
         "lift the tool clear of the object while poses flow",
-        "open a new session with the tool clear of the object",
+        "a new session or an operator's recover, then lift the tool clear of the object",
         "reset the object, then lift the tool clear of it",
-        "restart kneadd",
+        "an operator's recover, then lift the tool clear of the object",
         "start the server again",
     };
     return (unsigned)fault < sizeof remedies / sizeof *remedies ? remedies[fault] : "restart the server";
@@ -160,7 +160,11 @@ static void take_commands(kn_safety *s, const kn_safety_in *in)
         s->attached = false;
         if (s->fault == KN_FAULT_NONFINITE) clear_fault(s);
     }
-    if (in->recover && s->fault != KN_FAULT_NONFINITE && s->fault != KN_FAULT_STOPPING) clear_fault(s);
+    if (in->recover && s->latched && s->fault != KN_FAULT_NONFINITE && s->fault != KN_FAULT_STOPPING) {
+        clear_fault(s);
+        s->attached = false; // while its force still fades, too: the way back begins in air
+    }
+    if (in->estop) kn_safety_trip(s, KN_FAULT_ESTOP);
     if (in->stop) kn_safety_trip(s, KN_FAULT_STOPPING);
     if (in->change || in->clutch) s->yielding = s->gain > 0.0 || in->clutch;
 }

@@ -43,7 +43,7 @@ typedef enum kn_fault { // a later one replaces an earlier one
     KN_FAULT_POSE_SILENCE, // cleared by lifting with poses flowing, a new session, recover
     KN_FAULT_IMPULSE,      // cleared by a new session or recover, then lifting
     KN_FAULT_NONFINITE,    // cleared by reset, then lifting
-    KN_FAULT_ESTOP,        // cleared by recover, then lifting
+    KN_FAULT_ESTOP,        // an operator's; cleared by recover, then lifting
     KN_FAULT_STOPPING
 } kn_fault;
 
@@ -97,7 +97,8 @@ typedef struct kn_safety_in {
     bool clear;   // the pose is clear of the object; looked at only while the probe is not attached
     bool stop;    // the server is stopping: ramp down and latch
     bool reset;   // the object is as new: the probe leaves the model at once, the force it gave fades
-    bool recover; // operator's recover command
+    bool recover; // operator's: a latched fault but NONFINITE is forgotten, the probe leaves the model
+    bool estop;   // operator's: fade and latch, whoever holds the probe
     bool clutch;  // the hand lets go of the tool to move: what it feels fades and stays 0 meanwhile, the probe stays
     bool change;  // the physics is another from this tick on: what the hand feels goes through 0, the probe stays
     int elapsed_ms;         // 1 + missed cycles: time since the last tick

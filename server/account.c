@@ -39,13 +39,14 @@ static int32_t mode_of(const kn_tick_in *in, const kn_tick_out *out)
 {
     int32_t mode = KNEAD_STATUS_T_MODE_IDLE, flags = 0;
     for (int p = 0; p < out->probes; p++) {
+        if (out->force[p].fault == KNEAD_CONTACT_FORCE_T_FAULT_ESTOP) return KNEAD_STATUS_T_MODE_ESTOP;
         if (!out->force[p].live) continue;
         mode = KNEAD_STATUS_T_MODE_RUNNING;
         flags |= out->force[p].flags;
-        if (out->force[p].fault == KNEAD_CONTACT_FORCE_T_FAULT_ESTOP) return KNEAD_STATUS_T_MODE_ESTOP;
     }
     if (in->stop) return KNEAD_STATUS_T_MODE_STOPPING;
-    if (flags & KNEAD_CONTACT_FORCE_T_FLAG_LATCHED) return KNEAD_STATUS_T_MODE_REFLEX;
+    if (flags & KNEAD_CONTACT_FORCE_T_FLAG_LATCHED) return KNEAD_STATUS_T_MODE_FAULT;
+    if (flags & KNEAD_CONTACT_FORCE_T_FLAG_REENGAGE_LIFT) return KNEAD_STATUS_T_MODE_RECOVERING;
     return flags & KNEAD_CONTACT_FORCE_T_FLAG_BRAKE ? KNEAD_STATUS_T_MODE_BRAKE : mode;
 }
 
@@ -122,7 +123,7 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
     if (errors) atomic_fetch_or_explicit(&a->errors, errors, memory_order_relaxed);
 }
 
-void kn_account_status(kn_account *a, knead_status_t *status)
+void kn_account_status(const kn_account *a, knead_status_t *status)
 {
     status->tick = GET(&a->tick);
     status->missed_cycles = GET(&a->missed);
@@ -141,6 +142,11 @@ void kn_account_status(kn_account *a, knead_status_t *status)
     status->solver_capped = GET(&a->capped);
     status->mode = GET(&a->mode);
     if (GET(&a->quality) != GET(&a->asked)) status->degraded |= KNEAD_STATUS_T_DEGRADED_REDUCED;
-    status->current_errors = atomic_exchange_explicit(&a->errors, 0, memory_order_relaxed);
+    status->current_errors = GET(&a->errors);
     status->last_errors = GET(&a->last_errors);
+}
+
+int32_t kn_account_take_errors(kn_account *a)
+{
+    return atomic_exchange_explicit(&a->errors, 0, memory_order_relaxed);
 }

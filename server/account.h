@@ -32,7 +32,10 @@ void kn_account_init(kn_account *a);
 void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in, const kn_tick_out *out,
                      const kn_wake *wake, int64_t execution_ns, bool published);
 
-// Fills the servo's fields of status; takes the errors, so that each is told once.
-void kn_account_status(kn_account *a, knead_status_t *status);
+// Fills the servo's fields of status.
+void kn_account_status(const kn_account *a, knead_status_t *status);
+
+// The errors since the last such call, so that each is told once.
+int32_t kn_account_take_errors(kn_account *a);
 
 #endif

@@ -1,15 +1,15 @@
 #include "server/daemon.h"
 #include "core/composite.h"
 #include "server/bus.h"
-#include "server/command.h"
+#include "server/control.h"
 #include "server/loop.h"
+#include "server/operator.h"
 #include "server/publisher.h"
 #include "server/receiver.h"
 #include "server/sentinel.h"
 #include "server/trace.h"
 #include <ev.h>
 #include <inttypes.h>
-#include <poll.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -21,6 +21,7 @@
 #define START_DELAY_NS 20000000 // until tick 0: by then every thread has left the barrier and sleeps
 #define PATIENCE_NS 300000000   // timeout(1) and shells send the first signal twice; a stop takes 100 ms at most
 #define SIGNALS 3
+#define CONTROL_TURN_MS 20 // how long a stop may wait for that thread
 #define REST_TICK_NS 500000 // in contact a tick takes about twice as long as at rest, and has 1 ms
 
 typedef struct server {
@@ -35,23 +36,25 @@ typedef struct server {
     kn_batch batch;
     kn_publisher publisher;
     kn_skin skin;
-    kn_command command;
+    kn_control *control; // NULL: nobody to listen to
+    kn_operator operator;
     kn_trace trace;
     kn_loop loop;
     kn_sentinel sentinel;
     kn_rt rt;
-    pthread_t servo_thread, sentinel_thread, mesh_thread;
+    pthread_t servo_thread, sentinel_thread, mesh_thread, control_thread;
     pthread_barrier_t go; // threads wait here until their stacks are locked with everything else
-    atomic_bool stop_mesh;
+    atomic_bool ending; // the threads of normal priority, too
     struct ev_loop *ev;
     ev_io readable;
-    ev_async ticked;
+    ev_async ticked, asked, leave;
     ev_timer status_due, scene_due;
     ev_signal signals[SIGNALS];
     int64_t stop_ns; // when the first signal came, 0: none has
     int budget;      // datagrams that may still be read in this tick
     int64_t start_ns;
-    int32_t mode_told;
+    int32_t mode_told, errors_told;
+    kn_force force[KN_PROBES_MAX]; // of the latest tick
     int64_t invalid_told;
     uint32_t drops_seen; // the kernel's counter, which wraps
     int64_t kernel_drops;
@@ -95,7 +98,7 @@ static int64_t kernel_drops(server *d)
     return d->kernel_drops;
 }
 
-static void tell_status(server *d)
+static knead_status_t status_now(server *d)
 {
     knead_status_t status = {.utime = wall_clock_us(), .uptime_ms = (kn_now_ns() - d->start_ns) / 1000000};
     const kn_receiver *r = &d->receiver;
@@ -112,12 +115,21 @@ static void tell_status(server *d)
     if (!d->rt.locked) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_MLOCK;
     if (d->model->isa == KN_ISA_BASE) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FMA;
     status.backend = KNEAD_STATUS_T_BACKEND_CPU;
+    return status;
+}
+
+static void tell_status(server *d)
+{
+    knead_status_t status = status_now(d);
+    const kn_receiver *r = &d->receiver;
+    status.current_errors = kn_account_take_errors(&d->loop.account);
 
     int64_t invalid = r->rejected[KN_REJECT_NONFINITE] + r->rejected[KN_REJECT_QUATERNION] +
                       r->rejected[KN_REJECT_WORKSPACE] + r->rejected[KN_REJECT_JUMP];
     if (invalid > d->invalid_told) status.current_errors |= KNEAD_STATUS_T_ERROR_POSE_INVALID;
     d->invalid_told = invalid;
     d->mode_told = status.mode;
+    d->errors_told = status.current_errors;
     kn_publisher_status(&d->publisher, &status);
 }
 
@@ -127,6 +139,7 @@ static void publish_records(server *d)
         kn_publisher_record(&d->publisher, record);
         kn_trace_record(&d->trace, record, &d->model->def);
         if (record->wake.missed) kn_sentinel_missed(&d->sentinel, &record->wake);
+        memcpy(d->force, record->out.force, sizeof d->force);
     }
     const kn_touched *touched;
     for (; d->loop.touches.capacity && (touched = kn_ring_front(&d->loop.touches)); kn_ring_pop(&d->loop.touches))
@@ -162,6 +175,35 @@ static void on_scene_due(struct ev_loop *ev, ev_timer *w, int events)
     kn_publisher_scene(&((server *)w->data)->publisher, wall_clock_us());
 }
 
+static void on_asked(struct ev_loop *ev, ev_async *w, int events)
+{
+    (void)ev, (void)events;
+    server *d = w->data;
+    kn_health *health = kn_mailbox_back(&d->operator.health);
+    health->status = status_now(d);
+    health->error_bits = d->errors_told | health->status.current_errors;
+    memcpy(health->force, d->force, sizeof health->force);
+    kn_mailbox_post(&d->operator.health);
+}
+
+static void on_leave(struct ev_loop *ev, ev_async *w, int events)
+{
+    (void)ev, (void)events;
+    atomic_store(&((server *)w->data)->loop.stop, true);
+}
+
+static void ask(void *arg) // in the control thread, as the next
+{
+    server *d = arg;
+    ev_async_send(d->ev, &d->asked);
+}
+
+static void leave(void *arg)
+{
+    server *d = arg;
+    ev_async_send(d->ev, &d->leave);
+}
+
 static void on_signal(struct ev_loop *ev, ev_signal *w, int events)
 {
     (void)ev, (void)events;
@@ -188,11 +230,15 @@ static bool watch_events(server *d)
     if (!d->ev) return false;
     ev_io_init(&d->readable, on_readable, d->fd, EV_READ);
     ev_async_init(&d->ticked, on_ticked);
+    ev_async_init(&d->asked, on_asked);
+    ev_async_init(&d->leave, on_leave);
     ev_timer_init(&d->status_due, on_status_due, 1, 1);
     ev_timer_init(&d->scene_due, on_scene_due, 0, 5);
-    d->readable.data = d->ticked.data = d->status_due.data = d->scene_due.data = d;
+    d->readable.data = d->ticked.data = d->asked.data = d->leave.data = d->status_due.data = d->scene_due.data = d;
     ev_set_priority(&d->ticked, EV_MAXPRI); // forces before whatever else is due
     ev_async_start(d->ev, &d->ticked);
+    ev_async_start(d->ev, &d->asked);
+    ev_async_start(d->ev, &d->leave);
     ev_io_start(d->ev, &d->readable);
     ev_timer_start(d->ev, &d->status_due);
     ev_timer_start(d->ev, &d->scene_due);
@@ -255,26 +301,13 @@ static void tell_quality(server *d, kn_quality *told, bool *told_exhausted)
         fprintf(stderr, "kneadd: quality %s -> %s", kn_quality_name(*told), kn_quality_name(now));
     if (now != *told && now == asked) fprintf(stderr, ", as commanded\n");
     else if (now != *told)
-        fprintf(stderr, ": %d ticks running took more than %g ms; the command 'quality %s' goes back\n", KN_OVER_TICKS,
+        fprintf(stderr, ": %d ticks running took more than %g ms; 'knead ctl quality %s' goes back\n", KN_OVER_TICKS,
                 budget_ms, kn_quality_name(asked));
     if (exhausted && !*told_exhausted)
         fprintf(stderr, "kneadd: %d ticks running took more than %g ms; the scene has no point of quality below %s\n",
                 KN_OVER_TICKS, budget_ms, kn_quality_name(now));
     *told = now;
     *told_exhausted = exhausted;
-}
-
-static void take_orders(server *d, const kn_orders *orders)
-{
-    if (orders->reset) atomic_store(&d->loop.reset, true);
-    if (!orders->take) return;
-    const kn_point *point = &d->scene->point[orders->quality];
-    const char *name = kn_quality_name(orders->quality);
-    if (point->live) atomic_store(&d->loop.quality, (int)orders->quality);
-    else if (!point->defined) fprintf(stderr, "kneadd: command 'quality %s': the scene does not name it\n", name);
-    else
-        fprintf(stderr, "kneadd: command 'quality %s': another lattice or precision, expected --quality %s at the start\n",
-                name, name);
 }
 
 static void *mesh_main(void *arg)
@@ -286,7 +319,7 @@ static void *mesh_main(void *arg)
     int64_t second_ns = 0, missed_told = 0, created_told = 0;
     kn_quality quality_told = d->scene->quality;
     bool exhausted_told = false;
-    while (!atomic_load_explicit(&d->stop_mesh, memory_order_relaxed)) {
+    while (!atomic_load_explicit(&d->ending, memory_order_relaxed)) {
         if (kn_now_ns() - second_ns >= 1000000000) {
             second_ns = kn_now_ns();
             kn_skin_publish_topology(&d->skin, wall_clock_us());
@@ -297,12 +330,16 @@ static void *mesh_main(void *arg)
         kn_trace_drain(&d->trace);
         // until just before the next frame is due, then every ms: on a grid of its own it would be a period late
         bool published = kn_skin_publish(&d->skin, wall_clock_us());
-        struct pollfd pipe = {.fd = d->command.fd, .events = POLLIN}; // -1: poll only sleeps
-        if (ppoll(&pipe, 1, published ? &rest : &tick, NULL) > 0) {
-            kn_orders orders = kn_command_read(&d->command);
-            take_orders(d, &orders);
-        }
+        nanosleep(published ? &rest : &tick, NULL);
     }
+    return NULL;
+}
+
+static void *control_main(void *arg)
+{
+    server *d = arg;
+    pthread_barrier_wait(&d->go);
+    while (!atomic_load_explicit(&d->ending, memory_order_relaxed)) kn_control_turn(d->control, CONTROL_TURN_MS);
     return NULL;
 }
 
@@ -358,8 +395,7 @@ static int64_t measure_tick(kn_backend *b)
 static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
     const char *url = def->lcm_url ? def->lcm_url : getenv("LCM_DEFAULT_URL"); // as every LCM client has it
-    if (!kn_command_open(&d->command, def->command_fd, error, error_size) || // first: nothing of ours is open yet
-        !kn_bus_parse(&d->bus, url && *url ? url : KN_LCM_URL, error, error_size) ||
+    if (!kn_bus_parse(&d->bus, url && *url ? url : KN_LCM_URL, error, error_size) ||
         !kn_bus_parse(&d->mesh_bus, def->mesh_url ? def->mesh_url : KN_MESH_URL, error, error_size))
         return false;
     d->scene = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
@@ -421,15 +457,27 @@ static bool open_buses(server *d, bool touch, char *error, size_t error_size)
     return false;
 }
 
+static bool open_control(server *d, const char *path, char *error, size_t error_size)
+{
+    kn_operator_init(&d->operator, d->scene, &d->loop);
+    d->operator.ask = ask;
+    d->operator.stop = leave;
+    d->operator.arg = d;
+    if (path) d->control = kn_control_open(path, kn_operator_answer, &d->operator, error, error_size);
+    return !path || d->control;
+}
+
 static bool start_threads(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
     d->loop.free = def->free;
     d->loop.notify = notify;
     d->loop.notify_arg = d;
-    pthread_barrier_init(&d->go, NULL, 4);
+    pthread_barrier_init(&d->go, NULL, d->control ? 5 : 4);
     int failed = kn_rt_thread(&d->rt, &d->servo_thread, "servo", KN_RT_SERVO, true, servo_main, d);
     if (!failed) failed = kn_rt_thread(&d->rt, &d->sentinel_thread, "sentinel", KN_RT_SENTINEL, true, sentinel_main, d);
     if (!failed) failed = kn_rt_thread(&d->rt, &d->mesh_thread, "mesh", KN_RT_NORMAL, false, mesh_main, d);
+    if (!failed && d->control)
+        failed = kn_rt_thread(&d->rt, &d->control_thread, "control", KN_RT_NORMAL, false, control_main, d);
     if (!failed) kn_rt_lock_memory(&d->rt);
     if (failed)
         snprintf(error, error_size, "cannot start a thread: %s", strerror(failed));
@@ -477,8 +525,8 @@ static void tell_summary(server *d)
     printf("; %" PRId64 " dropped by the kernel\n", kernel_drops(d));
     const kn_audit_news *audit = d->audit ? kn_audit_read(d->audit) : NULL;
     if (audit && audit->windows)
-        printf("kneadd: %" PRId64 " s audited, energy created in %" PRId64 " of them, %.3g mJ at most; at last %.3g mJ stored"
-               " of %.3g mJ of work\n", audit->windows, audit->created, 1e3 * audit->most_j,
+        printf("kneadd: %" PRId64 " s audited, energy created in %" PRId64 " of them, %.3g mJ at most; at last %.3g mJ"
+               " stored of %.3g mJ of work\n", audit->windows, audit->created, 1e3 * audit->most_j,
                1e3 * kn_energy_sum(&audit->stored), 1e3 * audit->work_j);
     if (d->trace.lost) printf("kneadd: %" PRId64 " rows of the trace lost\n", d->trace.lost);
     if (d->loop.phase.driven)
@@ -489,11 +537,12 @@ static void tell_summary(server *d)
 
 static void stop_threads(server *d)
 {
-    atomic_store(&d->stop_mesh, true);
+    atomic_store(&d->ending, true);
     atomic_store(&d->sentinel.stop, true);
     pthread_join(d->servo_thread, NULL);
     pthread_join(d->sentinel_thread, NULL);
     pthread_join(d->mesh_thread, NULL);
+    if (d->control) pthread_join(d->control_thread, NULL);
     pthread_barrier_destroy(&d->go);
     tell_status(d);
     for (int i = 0; i < 1000 && (i == 0 || d->batch.count > 0); i++)
@@ -509,7 +558,7 @@ static void free_all(server *d)
     kn_publisher_close(&d->publisher);
     if (d->fd >= 0) close(d->fd);
     if (d->claim >= 0) close(d->claim);
-    kn_command_close(&d->command);
+    kn_control_close(d->control);
     kn_trace_close(&d->trace);
     kn_audit_destroy(d->audit);
     if (d->backend.destroy) d->backend.destroy(d->backend.self);
@@ -522,12 +571,13 @@ int kn_daemon_run(const kn_daemon_def *def)
     static server d;
     char error[512];
     int code = 2;
-    d = (server){.claim = -1, .fd = -1, .command = {.fd = -1}};
+    d = (server){.claim = -1, .fd = -1};
     kn_rt_enter(&d.rt, def->realtime);
     if (load(&d, def, error, sizeof error)) {
         code = 3;
-        if (open_buses(&d, def->touch, error, sizeof error) && kn_trace_open(&d.trace, def->trace, error, sizeof error) &&
-            start_threads(&d, def, error, sizeof error)) {
+        if (open_buses(&d, def->touch, error, sizeof error) &&
+            open_control(&d, def->control, error, sizeof error) &&
+            kn_trace_open(&d.trace, def->trace, error, sizeof error) && start_threads(&d, def, error, sizeof error)) {
             tell_ready(&d);
             ev_run(d.ev, 0);
             stop_threads(&d);

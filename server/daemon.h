@@ -1,7 +1,7 @@
 #ifndef KN_SERVER_DAEMON_H
 #define KN_SERVER_DAEMON_H
-// The threads of kneadd put together: main (poses in, forces out, on libev), servo, sentinel, mesh (and commands, since
-// nothing waits for that thread). From start to the end of the last thread; every other module is told here what it is
+// The threads of kneadd put together: main (poses in, forces out, on libev), servo, sentinel, mesh, control. From
+// start to the end of the last thread; every other module is told here what it is
 // lent.
 #include "server/rt.h"
 
@@ -14,7 +14,7 @@ typedef struct kn_daemon_def {
     int set_count;
     const char *lcm_url;    // NULL: LCM_DEFAULT_URL of the environment, else KN_LCM_URL
     const char *mesh_url;   // NULL: KN_MESH_URL
-    const char *command_fd; // number of an inherited pipe (command.h), NULL: none
+    const char *control;    // path of the control socket (control.h), NULL: none
     kn_rt_mode realtime;
     const char *trace;      // a file for trace.h's rows, NULL: none
     bool free;              // the servo's grid does not follow the poses

@@ -1,5 +1,6 @@
 // kneadd: serves one object to hands. The command line; everything else is daemon.h's.
 #include "core/scene/scene.h"
+#include "server/control.h"
 #include "server/daemon.h"
 #include <getopt.h>
 #include <stdio.h>
@@ -9,7 +10,7 @@
 static const char usage[] =
     "usage: kneadd --scene FILE [--set KEY=VALUE]... [--lcm-url URL] [--mesh-url URL] [--realtime auto|require|off]\n"
     "              [--phase lock|free] [--quality NAME] [--backend cpu] [--local-model] [--touch]\n"
-    "              [--command-fd N] [--trace FILE]\n"
+    "              [--control PATH] [--trace FILE]\n"
     "\n"
     "  --scene FILE      the object and its probes (YAML); knead check FILE tells what it costs\n"
     "  --set KEY=VALUE   overrides a key of the scene, as in --set material.k1='300 gf/cm^3'; see knead check --keys\n"
@@ -22,8 +23,7 @@ static const char usage[] =
     "  --backend cpu     where the lattice is stepped\n"
     "  --local-model     publish the contact of every tool as KNEAD_CONTACT_<probe>, for clients behind a slow link\n"
     "  --touch           publish what every tool touches as KNEAD_TOUCH_<probe>, for fingertip displays; 250 Hz\n"
-    "  --command-fd N    reads commands, one per line, from the inherited pipe N: reset (the object is as new),\n"
-    "                    quality NAME (another point)\n"
+    "  --control PATH    a socket there for knead ctl: status, reset, quality, recover, estop, stop\n"
     "  --trace FILE      CSV: when the pose of each tick arrived, its tick woke, had stepped, had guarded the force\n"
     "  --help, --version\n"
     "\n"
@@ -41,7 +41,7 @@ static int run(int argc, char **argv, const char **sets) // sets: room for argc
         {"scene", required_argument, NULL, 's'},    {"set", required_argument, NULL, 'k'},
         {"lcm-url", required_argument, NULL, 'l'},  {"mesh-url", required_argument, NULL, 'm'},
         {"realtime", required_argument, NULL, 'r'}, {"backend", required_argument, NULL, 'b'},
-        {"command-fd", required_argument, NULL, 'c'}, {"quality", required_argument, NULL, 'q'},
+        {"control", required_argument, NULL, 'c'}, {"quality", required_argument, NULL, 'q'},
         {"phase", required_argument, NULL, 'p'},   {"trace", required_argument, NULL, 't'},
         {"local-model", no_argument, NULL, 'o'},    {"touch", no_argument, NULL, 'T'},
         {"help", no_argument, NULL, 'h'},           {"version", no_argument, NULL, 'v'}, {0}};
@@ -68,7 +68,10 @@ static int run(int argc, char **argv, const char **sets) // sets: room for argc
         case 't': def.trace = optarg; break;
         case 'o': def.local_model = true; break;
         case 'T': def.touch = true; break;
-        case 'c': def.command_fd = optarg; break;
+        case 'c':
+            def.control = optarg;
+            if (!*optarg || strlen(optarg) > KN_CONTROL_PATH) return bad(optarg, "--control PATH of 1 to 107 bytes");
+            break;
         case 'h': fputs(usage, stdout); return 0;
         case 'v': puts("kneadd " KN_VERSION); return 0;
         default: return 2; // getopt has said which

@@ -4,6 +4,8 @@
 
 #define RECORDS 512 // half a second: longer the main thread is not held up by anything but a stopped machine
 
+#define ORDER_BITS 8 // the low ones of loop->orders
+
 static const int64_t look_ns = 15000; // between two looks for a late pose: waking up takes as long
 
 bool kn_loop_init(kn_loop *loop, const kn_scene *scene, const kn_model *model, kn_backend *backend, kn_skin *skin,
@@ -19,7 +21,6 @@ bool kn_loop_init(kn_loop *loop, const kn_scene *scene, const kn_model *model, k
     atomic_init(&loop->account.asked, (int32_t)scene->quality);
     for (int p = 0; p < KN_PROBES_MAX; p++) kn_mailbox_init(&loop->pose[p], loop->pose_slots[p], sizeof(kn_posted));
     loop->skin = skin;
-    atomic_init(&loop->quality, -1);
     return kn_ring_init(&loop->records, RECORDS, sizeof(kn_record));
 }
 
@@ -50,6 +51,36 @@ void kn_loop_post(kn_loop *loop, int probe, const kn_pose *pose)
     back->before_ns = loop->posted_ns[probe];
     back->posted_ns = loop->posted_ns[probe] = kn_now_ns();
     kn_mailbox_post(&loop->pose[probe]);
+}
+
+int64_t kn_loop_order(kn_loop *loop, kn_order order, kn_quality quality)
+{
+    if (order == KN_ORDER_QUALITY) atomic_store(&loop->quality, (int)quality);
+    int64_t given = atomic_load(&loop->orders), more; // count and kind in one word: no tick sees one without the other
+    do more = (given | INT64_C(1) << order) + (1 << ORDER_BITS);
+    while (!atomic_compare_exchange_weak(&loop->orders, &given, more));
+    return more >> ORDER_BITS;
+}
+
+bool kn_loop_obeyed(const kn_loop *loop, int64_t number, int64_t *tick)
+{
+    if (atomic_load(&loop->obeyed) < number) return false;
+    *tick = atomic_load(&loop->obeyed_tick);
+    return true;
+}
+
+// Returns how many have been given.
+static int64_t read_orders(kn_loop *loop, kn_tick_in *in)
+{
+    int64_t orders = atomic_fetch_and(&loop->orders, ~((INT64_C(1) << ORDER_BITS) - 1));
+    in->reset = orders >> KN_ORDER_RESET & 1;
+    in->recover = orders >> KN_ORDER_RECOVER & 1;
+    in->estop = orders >> KN_ORDER_ESTOP & 1;
+    if (orders >> KN_ORDER_QUALITY & 1) {
+        in->take = KN_TAKE_COMMAND;
+        in->quality = (kn_quality)atomic_load(&loop->quality);
+    }
+    return orders >> ORDER_BITS;
 }
 
 static void read_poses(kn_loop *loop, kn_tick_in *in, kn_arrival arrival[])
@@ -99,10 +130,8 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
                      .execution_ns = loop->execution_ns,
                      .now_ns = kn_now_ns,
                      .deadline_ns = wake->now_ns + KN_PERIOD_NS,
-                     .reset = atomic_exchange_explicit(&loop->reset, false, memory_order_relaxed),
                      .stop = atomic_load_explicit(&loop->stop, memory_order_relaxed)};
-    int quality = atomic_exchange_explicit(&loop->quality, -1, memory_order_relaxed);
-    if (quality >= 0) in.take = KN_TAKE_COMMAND, in.quality = (kn_quality)quality;
+    int64_t ordered = read_orders(loop, &in);
     kn_record record = {.wake = *wake};
     kn_backend *backend = loop->servo.backend;
     kn_arrival arrival[KN_PROBES_MAX];
@@ -117,6 +146,10 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     record.execution_ns = loop->execution_ns = record.guarded_ns - wake->now_ns;
     for (int p = 0; p < record.out.probes; p++) record.posted_ns[p] = arrival[p].arrived_ns;
     bool published = kn_ring_push(&loop->records, &record);
+    if (ordered > atomic_load(&loop->obeyed)) {
+        atomic_store(&loop->obeyed_tick, wake->tick);
+        atomic_store(&loop->obeyed, ordered);
+    }
     if (last) atomic_store_explicit(&loop->done, true, memory_order_release);
     if (loop->notify) loop->notify(loop->notify_arg);
 

@@ -3,7 +3,8 @@
 // The servo thread: kn_servo_tick on a real clock, with the poses that came in and the answers going out.
 //
 //     main thread --- kn_loop_post ---> mailbox per probe --+
-//     anyone -------- reset, stop ----> flags --------------+
+//     one operator -- kn_loop_order --> flags --------------+
+//     anyone -------- stop -----------> flag ---------------+
 //                                                           v
 //                                   wait . read . step . guard . publish . account
 //                                                           |
@@ -44,6 +45,13 @@ typedef struct kn_posted { // what lies in a mailbox
     int64_t posted_ns, before_ns; // when; the one before it
 } kn_posted;
 
+typedef enum kn_order { // of an operator; several of the same kind before a tick are one
+    KN_ORDER_RESET,   // the object is as new
+    KN_ORDER_QUALITY, // a live point of the scene's; of several the last
+    KN_ORDER_RECOVER, // latched faults are forgotten; tools engage again once lifted
+    KN_ORDER_ESTOP    // forces fade and stay 0 until recover
+} kn_order;
+
 typedef struct kn_loop {
     kn_servo servo;
     kn_clock clock;
@@ -61,8 +69,10 @@ typedef struct kn_loop {
     void (*notify)(void *arg); // called after each tick: wakes the main thread. Must be real-time safe
     void *notify_arg;
     atomic_bool stop;     // set by anyone: forces ramp to zero, then the thread ends
-    atomic_bool reset;    // set by anyone, taken by the next tick: the object is as new. Several before it are one
-    atomic_int quality;   // set by anyone, taken by the next tick: a live point of the scene's; -1: none asked for
+    _Atomic int64_t orders;      // how many were given << 8, and bit kn_order of those that the next tick takes
+    atomic_int quality;          // of KN_ORDER_QUALITY
+    _Atomic int64_t obeyed;      // how many were taken
+    _Atomic int64_t obeyed_tick; // the latest tick that took some
     atomic_bool done;     // its last record is in the ring
     int64_t execution_ns; // of the last tick
     int64_t running_tick; // last one before stop was asked
@@ -81,6 +91,11 @@ void kn_loop_start(kn_loop *loop, int64_t start_ns);
 
 // Main thread: the latest pose of a probe, NULL when its session has ended.
 void kn_loop_post(kn_loop *loop, int probe, const kn_pose *pose);
+
+// One thread, the operator's: the next tick takes the order. Returns its number.
+int64_t kn_loop_order(kn_loop *loop, kn_order order, kn_quality quality);
+// Whether a tick has taken it; the same thread, before its next order: which.
+bool kn_loop_obeyed(const kn_loop *loop, int64_t number, int64_t *tick);
 
 void *kn_loop_run(void *loop); // thread body
 // One turn of it, after the wait. False when the loop may end.

@@ -441,6 +441,7 @@ static void apply_events(kn_replay *r, kn_tick_in *in)
         switch (e->kind) {
         case KNEAD_EVENT_T_KIND_RESET: in->reset = true; break;
         case KNEAD_EVENT_T_KIND_RECOVER: in->recover = true; break;
+        case KNEAD_EVENT_T_KIND_ESTOP: in->estop = true; break;
         case KNEAD_EVENT_T_KIND_STOP: in->stop = true; break;
         case KNEAD_EVENT_T_KIND_QUALITY: apply_quality(r, in, e); break;
         case KNEAD_EVENT_T_KIND_SESSION_END:
@@ -535,6 +536,7 @@ static bool step_by_time(kn_replay *r)
         if (v->record.kind == KN_LOG_EVENT) {
             in->reset |= v->record.event.kind == KNEAD_EVENT_T_KIND_RESET;
             in->recover |= v->record.event.kind == KNEAD_EVENT_T_KIND_RECOVER;
+            in->estop |= v->record.event.kind == KNEAD_EVENT_T_KIND_ESTOP;
             if (v->record.event.kind == KNEAD_EVENT_T_KIND_QUALITY) apply_quality(r, in, &v->record.event);
         }
         if (v->record.kind != KN_LOG_POSE) continue;

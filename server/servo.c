@@ -26,7 +26,7 @@ SAME_FAULT(IMPULSE);
 SAME_FAULT(NONFINITE);
 SAME_FAULT(ESTOP);
 SAME_FAULT(STOPPING);
-static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 6, "every event of a tick has room");
+static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 8, "every event of a tick has room");
 
 // A tool is lifted when it is this far above the object, m: a plate that lost its poses ran on for 3 ms, and dough
 // stays where it was pushed, so a tool that never moved would look clear by that way.
@@ -86,6 +86,7 @@ static void read_probe(tick *t, int p)
     w->stop = t->in->stop;
     w->reset = t->in->reset;
     w->recover = t->in->recover;
+    w->estop = t->in->estop;
     w->change = t->change;
     w->elapsed_ms = t->in->missed < 1000 ? 1 + t->in->missed : 1000;
     if (w->opened) kn_clutch_open(&t->servo->clutch[p]);
@@ -174,6 +175,7 @@ static void read_all(tick *t)
         tell(t, KNEAD_EVENT_T_KIND_RESET, -1);
     }
     if (t->in->recover) tell(t, KNEAD_EVENT_T_KIND_RECOVER, -1);
+    if (t->in->estop) tell(t, KNEAD_EVENT_T_KIND_ESTOP, -1);
     if (t->in->stop && !servo->stopping) tell(t, KNEAD_EVENT_T_KIND_STOP, -1);
     servo->stopping = t->in->stop;
     judge_time(t);

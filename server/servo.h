@@ -46,7 +46,7 @@ typedef struct kn_tick_in {
     int32_t missed;               // cycles skipped just before this tick
     bool stop;                    // shutting down: ramp to zero
     bool reset;                   // before this tick: object as new, probes detached
-    bool recover;                 // operator's recover
+    bool recover, estop;          // an operator's, see kn_safety_in
     kn_take take;
     kn_quality quality;           // to take; one of the scene's live points
     int64_t execution_ns;         // of the last tick, read to publish; 0: no clock, nothing is judged by it
@@ -66,7 +66,7 @@ typedef struct kn_force { // one probe's answer; everything contact_force_t need
     int32_t contacts, flags, fault;
 } kn_force;
 
-#define KN_EVENTS_PER_TICK 28 // enough: 4 probes x (END, OPEN, DETACH, ATTACH, FAULT) and 6 of the tick itself
+#define KN_EVENTS_PER_TICK 28 // enough: 4 probes x (END, OPEN, DETACH, ATTACH, FAULT) and 8 of the tick itself
 typedef struct kn_event {
     int64_t tick, session;
     uint64_t state_hash; // before this tick's step; 0, not taken: a FAULT found after the step

@@ -9,6 +9,7 @@
 #define KN_COMMANDS(X)                                                                                                 \
     X(check, "says what a scene is, what it costs, what to watch for; --keys: every key there is")                     \
     X(creep, "virtual rheometer: a weight on a specimen, then not; height, what comes back, what stays")               \
+    X(ctl, "an operator's word to a running kneadd: status, reset, quality, estop, recover, stop")                        \
     X(devices, "what could be a hand on this machine: how to use it, what it lacks, the fix; --json")                  \
     X(element, "springs and dampers in series and parallel: what they do by the papers' rules, and what is so")        \
     X(hand, "a real device as the hand on a running kneadd: serial paddle, SpaceNavigator, Haply; untested")           \

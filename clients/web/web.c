@@ -1,5 +1,6 @@
 // knead web: the object in a browser, and a tool in the visitor's hand. Three threads: this one, on libev, for
 // messages; the device's, 1 kHz, for poses; the painter's.
+#include "clients/knead/ask.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/device.h"
 #include "clients/knead/foot.h"
@@ -13,7 +14,6 @@
 #include <getopt.h>
 #include <inttypes.h>
 #include <math.h>
-#include <poll.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -43,7 +43,7 @@ static const char help[] =
     "  --port N           0..65535; 0: a free one (0)\n"
     "  --rate HZ          pictures per second, 5..60, at most the scene's mesh.rate (30)\n"
     "  --size WxH         of a picture, 160..1920 pixels each (800x450)\n"
-    "  --command-fd N     the open pipe that is kneadd's --command-fd, for Reset (none: no Reset)\n"
+    "  --control PATH     kneadd's --control, for Reset (none: no Reset)\n"
     "  --lcm-url URL      poses, forces, scene ($LCM_DEFAULT_URL, " KN_FORCE_URL ")\n"
     "  --mesh-url URL     meshes (" KN_MESH_URL ")\n"
     "  --bind COMMAND...  opens the page's socket as descriptor 3 and becomes COMMAND, whose knead web --listen-fd 3 "
@@ -55,8 +55,8 @@ static const char help[] =
 typedef enum button { UP, PRESSES, BESIDE, BARRED } button; // BESIDE: where nothing is; BARRED: it must come up first
 
 typedef struct web {
-    const char *probe, *url, *mesh_url;
-    int port, width, height, listen_fd, command_fd, rate_hz;
+    const char *probe, *url, *mesh_url, *control;
+    int port, width, height, listen_fd, rate_hz;
     bool bind, help;
     struct ev_loop *ev;
     ev_io bus_readable, mesh_readable;
@@ -193,13 +193,11 @@ static void point(web *w, int page, const kn_web_message *m)
 
 static void reset(web *w)
 {
-    struct pollfd pipe = {.fd = w->command_fd, .events = POLLOUT}; // never waits: kneadd may have stopped reading
     int64_t now_ms = kn_live_now_ms();
-    if (w->command_fd < 0 || now_ms - w->reset_ms < RESET_MS) return;
+    if (!w->control || now_ms - w->reset_ms < RESET_MS) return;
     w->reset_ms = now_ms;
-    if (poll(&pipe, 1, 0) == 1 && !(pipe.revents & POLLERR) && write(w->command_fd, "reset\n", 6) == 6) return;
-    fail(0, "nobody reads kneadd's command pipe: no Reset any more");
-    w->command_fd = -1;
+    if (!kn_ask_blindly(w->control, "reset"))
+        fprintf(stderr, "knead web: --control %s: nobody serves there\n", w->control);
 }
 
 static void on_message(void *self, int page, const kn_web_message *m)
@@ -289,7 +287,7 @@ static size_t write_page(void *self, int page, uint8_t *bytes, size_t size)
         "\"mine\":%s,\"resets\":%s,\"level\":\"%s\"",
         p->sent, event, w->live.mesh.tick, w->news.force_n, 1e3 * w->news.depth_m,
         w->moving ? 1e3 * kn_reach_deepest(&w->reach, &w->wish) : 0, w->news.contact ? "true" : "false",
-        w->owner == page ? "true" : "false", w->command_fd >= 0 ? "true" : "false", level);
+        w->owner == page ? "true" : "false", w->control ? "true" : "false", level);
     put_words(&t, "status", words);
     put_words(&t, "scene", w->live.scene ? w->live.scene->name : "");
     put_words(&t, "tool", w->tool ? w->tool->name : "");
@@ -476,14 +474,11 @@ static bool pixels(const char *word, int *width, int *height)
            *width <= 1920 && *height >= 160 && *height <= 1920;
 }
 
-static bool descriptor(const char *word, bool listens, int *fd) // of a pipe to write to, or of a socket that listens
+static bool listening(const char *word, int *fd) // the number of a socket that listens
 {
-    struct stat kind;
     int yes = 0;
     socklen_t size = sizeof yes;
-    if (!integer(word, 0, 1 << 20, fd) || fstat(*fd, &kind) != 0) return false;
-    if (listens) return getsockopt(*fd, SOL_SOCKET, SO_ACCEPTCONN, &yes, &size) == 0 && yes;
-    return S_ISFIFO(kind.st_mode) && (fcntl(*fd, F_GETFL) & O_ACCMODE) != O_RDONLY;
+    return integer(word, 0, 1 << 20, fd) && getsockopt(*fd, SOL_SOCKET, SO_ACCEPTCONN, &yes, &size) == 0 && yes;
 }
 
 static const char *take(web *w, int option, const char *text) // NULL, or what was expected
@@ -497,8 +492,8 @@ static const char *take(web *w, int option, const char *text) // NULL, or what w
     case 'p': return integer(text, 0, 65535, &w->port) ? NULL : "a port, 0..65535";
     case 'r': return integer(text, 5, 60, &w->rate_hz) ? NULL : "pictures per second, 5..60";
     case 's': return pixels(text, &w->width, &w->height) ? NULL : "WxH, 160..1920 pixels on each side, e.g. 960x540";
-    case 'c': return descriptor(text, false, &w->command_fd) ? NULL : "an open pipe to write to";
-    default: return descriptor(text, true, &w->listen_fd) ? NULL : "a socket that listens";
+    case 'c': return (w->control = text), *text ? NULL : "a path";
+    default: return listening(text, &w->listen_fd) ? NULL : "a socket that listens";
     }
 }
 
@@ -506,7 +501,7 @@ static int parse(web *w, int argc, char **argv)
 {
     static const struct option names[] = {
         {"probe", 1, NULL, 'P'}, {"port", 1, NULL, 'p'},       {"rate", 1, NULL, 'r'},     {"size", 1, NULL, 's'},
-        {"bind", 0, NULL, 'b'},  {"command-fd", 1, NULL, 'c'}, {"lcm-url", 1, NULL, 'l'},  {"mesh-url", 1, NULL, 'm'},
+        {"bind", 0, NULL, 'b'},  {"control", 1, NULL, 'c'}, {"lcm-url", 1, NULL, 'l'},  {"mesh-url", 1, NULL, 'm'},
         {"help", 0, NULL, 'h'},  {"listen-fd", 1, NULL, 'f'},  {NULL, 0, NULL, 0}};
     opterr = 0; // our own words
     for (int option, which = 0; (option = getopt_long(argc, argv, "+:h", names, &which)) != -1;) {
@@ -529,7 +524,7 @@ static int parse(web *w, int argc, char **argv)
 
 int kn_web_main(int argc, char **argv)
 {
-    static web w = {.width = 800, .height = 450, .listen_fd = -1, .command_fd = -1, .rate_hz = 30, .owner = -1,
+    static web w = {.width = 800, .height = 450, .listen_fd = -1, .rate_hz = 30, .owner = -1,
                     .gateway.fd = -1};
     int code = parse(&w, argc, argv);
     if (code == KN_EXIT_OK && w.help) return fputs(help, stdout), KN_EXIT_OK;

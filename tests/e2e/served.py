@@ -26,24 +26,22 @@ def until(what, seconds=10):  # what()'s first true answer, or its last false on
 
 
 class Served:
-    """kneadd on a scene of the source tree, and knead web beside it, joined by a command pipe."""
+    """kneadd on a scene of the source tree, and knead web beside it, joined by its control socket."""
 
     def __init__(self, scene, *options):
-        reads, writes = os.pipe()
-        self.serve(scene, ["--command-fd", str(reads)], [reads])
-        self.web = self.start("web", ["knead", "web", "--command-fd", str(writes), *options], [writes], "http://")
+        self.serve(scene, ["--control", "control"])
+        self.web = self.start("web", ["knead", "web", "--control", "control", *options], "http://")
         self.address = next(word for word in open("web.log").read().split() if word.startswith("http://"))
         self.port = int(self.address.split(":")[2].split("/")[0])
         self.token = self.address.split("#")[1]
-        os.close(reads), os.close(writes)
 
-    def serve(self, scene, options=(), fds=()):
+    def serve(self, scene, options=()):
         kneadd = ["kneadd", "--scene", f"{os.environ['KN_SOURCE']}/core/scenes/{scene}"]
-        self.kneadd = self.start("kneadd", [*kneadd, "--realtime", os.environ["KN_REALTIME"], *options], fds, "serving")
+        self.kneadd = self.start("kneadd", [*kneadd, "--realtime", os.environ["KN_REALTIME"], *options], "serving")
 
-    def start(self, name, command, fds, word):  # returns once it has said the word
+    def start(self, name, command, word):  # returns once it has said the word
         log = open(f"{name}.log", "w")
-        process = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, pass_fds=fds)
+        process = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL)
         said = lambda: open(f"{name}.log").read().strip()
         if not until(lambda: word in said() or process.poll() is not None) or process.poll() is not None:
             told = said()

@@ -12,8 +12,6 @@ expect() { # expect PATTERN OPTION...: kneadd ends with 2 and one line
 }
 expect '--quality fast: the scene names no point' --quality fast
 expect 'quick: expected fast, balanced, accurate or own' --quality quick
-mkfifo commands
-exec 9<>commands
 
 # a finger presses and goes on slowly; meanwhile the servo's time is stolen for 0.8 s
 printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.8,0,0,0.045 1,0,0,0.041 6,0,0,0.038 6.5,0,0,0.06 >path.csv
@@ -21,7 +19,7 @@ affordable='{iterations: 10, iterations_max: 12, passes: 1}' # far below the bud
 pressed() { awk -v f="$(number last_n before.txt)" 'BEGIN { exit !(f > 0.3) }'; }
 press() { # sets stole, the exit code of the thief, and early, the points taken before it came
     start_logger "$1"
-    start_kneadd dough.yaml --quality accurate --set quality.accurate="$affordable" --command-fd 9
+    start_kneadd dough.yaml --quality accurate --set quality.accurate="$affordable" --control control
     knead probe --path path.csv --quiet >/dev/null 2>hand.err &
     hand=$!
     for _ in $(seq 150); do
@@ -32,7 +30,9 @@ press() { # sets stole, the exit code of the thief, and early, the points taken 
     steal "$server"
     stole=$?
     sleep 1
-    printf 'quality balanced\nquality accurate\nquality best\n' >&9
+    knead ctl --control control quality best >refused 2>&1
+    refused=$?
+    knead ctl --control control quality accurate >took
     wait $hand
     stop_kneadd
     stop_logger
@@ -50,6 +50,7 @@ check "a hand pressed when the time was stolen" pressed
 check "kneadd took a lower point" [ "$(number stepped slow.txt)" -ge 1 ]
 check "through zero force" [ "$(number lowest_gain slow.txt)" = 0.000000 ]
 check "every force since then, and no other, says so" [ "$(number reduced slow.txt)" -gt 500 -a "$(number mistaken slow.txt)" = 0 ]
+check "a point that there is none of was refused" [ "$refused $(grep -c "expected fast, balanced, accurate or own" refused)" = "2 1" ]
 check "it came back once, when it was told" [ "$(number commanded slow.txt)" = 1 ]
 check "stderr has the way down" \
     grep -q "^kneadd: quality accurate -> .* ticks running took more than 0.8 ms" kneadd.err

@@ -121,8 +121,12 @@ TEST("1e5 ticks of touching, faults, recoveries, sessions, resets, points of qua
     enum { TICKS = 100000 };
     for (int64_t n = 0; n < TICKS; n++) {
         play(&r, n / ROUND, (int)(n % ROUND));
-        if (n % ROUND == 0) r.lent.loop.reset = true; // or the dent would keep later rounds from touching
-        if (n % ROUND == 2000) r.lent.loop.quality = n / ROUND % 2 ? KN_QUALITY_FAST : KN_QUALITY_ACCURATE;
+        // or the dent would keep later rounds from touching
+        if (n % ROUND == 0) kn_loop_order(&r.lent.loop, KN_ORDER_RESET, 0);
+        if (n / ROUND % 3 == 2 && n % ROUND == 2500) kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0);
+        if (n / ROUND % 3 == 2 && n % ROUND == 2700) kn_loop_order(&r.lent.loop, KN_ORDER_RECOVER, 0);
+        kn_quality other = n / ROUND % 2 ? KN_QUALITY_FAST : KN_QUALITY_ACCURATE;
+        if (n % ROUND == 2000) kn_loop_order(&r.lent.loop, KN_ORDER_QUALITY, other);
         kn_wake wake = {.tick = n + n / 997, .missed = n > 0 && n % 997 == 0, .now_ns = kn_now_ns()};
         armed = true;
         kn_loop_tick(&r.lent.loop, &wake);
@@ -209,7 +213,7 @@ static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
     bool done = r->lent.loop.done;
     rig_drain(r);
     play(r, 0, (int)(r->ticks % ROUND));
-    if (r->ticks == 3500) r->lent.loop.reset = true;
+    if (r->ticks == 3500) kn_loop_order(&r->lent.loop, KN_ORDER_RESET, 0);
     if (r->ticks >= 4000) r->lent.loop.stop = true;
     if (done) ev_break(loop, EVBREAK_ALL);
 }

@@ -30,6 +30,7 @@ static knead_status_t status(void)
 {
     knead_status_t s = {0};
     kn_account_status(&account, &s);
+    CHECK(kn_account_take_errors(&account) == s.current_errors);
     return s;
 }
 
@@ -99,9 +100,12 @@ TEST("the mode is the worst that any probe is in, and stopping stands above all 
     out.force[0].flags = KNEAD_CONTACT_FORCE_T_FLAG_BRAKE;
     tick(0, 0, 0);
     CHECK(status().mode == KNEAD_STATUS_T_MODE_BRAKE);
+    out.force[1].flags = KNEAD_CONTACT_FORCE_T_FLAG_REENGAGE_LIFT;
+    tick(0, 0, 0);
+    CHECK(status().mode == KNEAD_STATUS_T_MODE_RECOVERING);
     out.force[1].flags = KNEAD_CONTACT_FORCE_T_FLAG_LATCHED;
     tick(0, 0, 0);
-    CHECK(status().mode == KNEAD_STATUS_T_MODE_REFLEX);
+    CHECK(status().mode == KNEAD_STATUS_T_MODE_FAULT);
     in.stop = true;
     tick(0, 0, 0);
     CHECK(status().mode == KNEAD_STATUS_T_MODE_STOPPING);

@@ -100,7 +100,7 @@ TEST("resets asked for between two ticks are one, in the next one, and an event 
     uint64_t rest = kn_state_hash(r.lent.model, r.lent.backend.state(r.lent.backend.self));
     press(&r);
     CHECK(given_n(&r) > 1.0 && r.kinds[KNEAD_EVENT_T_KIND_RESET] == 0);
-    for (int i = 0; i < 5; i++) atomic_store(&r.lent.loop.reset, true);
+    for (int i = 0; i < 5; i++) kn_loop_order(&r.lent.loop, KN_ORDER_RESET, 0);
     move(&r, 0.0);
     CHECK(r.kinds[KNEAD_EVENT_T_KIND_RESET] == 1 && r.kinds[KNEAD_EVENT_T_KIND_DETACH] == 1);
     CHECK(r.out.event[0].kind == KNEAD_EVENT_T_KIND_RESET && r.out.event[0].tick == r.tick - 1);
@@ -116,7 +116,7 @@ TEST("a reset under a hand fades what it felt, keeps it out until it is lifted, 
     rig_open(&r, NULL);
     press(&r);
     double first = given_n(&r), slope = kn_safety_slope(&r.lent.loop.servo.safety[0].limits), last = first;
-    atomic_store(&r.lent.loop.reset, true);
+    kn_loop_order(&r.lent.loop, KN_ORDER_RESET, 0);
     for (int ms = 1; ms <= 300; ms++) {
         move(&r, 0.0);
         CHECK(last - given_n(&r) <= slope + 1e-9 && given_n(&r) <= last);
@@ -131,6 +131,52 @@ TEST("a reset under a hand fades what it felt, keeps it out until it is lifted, 
     rig_close(&r);
 }
 
+TEST("an emergency stop fades every force, holds off every session until a recover, and an order knows its tick")
+{
+    static rig r;
+    rig_open(&r, NULL);
+    press(&r);
+    double slope = kn_safety_slope(&r.lent.loop.servo.safety[0].limits), last = given_n(&r);
+    int64_t tick = -1, number = kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0);
+    CHECK(!kn_loop_obeyed(&r.lent.loop, number, &tick));
+    for (int ms = 1; ms <= 100; ms++) {
+        move(&r, 0.0);
+        CHECK(last - given_n(&r) <= slope + 1e-9 && (ms < 17 || given_n(&r) == 0.0));
+        last = given_n(&r);
+        if (ms == 1) CHECK(kn_loop_obeyed(&r.lent.loop, number, &tick) && tick == r.tick - 1);
+    }
+    CHECK(r.kinds[KNEAD_EVENT_T_KIND_ESTOP] == 1 && r.kinds[KNEAD_EVENT_T_KIND_FAULT] >= 1);
+    r.pose.session++; // another hand, in air
+    r.pose.position_m[2] = 0.05;
+    hover(&r, 500);
+    CHECK(r.out.force[0].fault == KNEAD_CONTACT_FORCE_T_FAULT_ESTOP && given_n(&r) == 0.0);
+    CHECK(!(r.out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_ENGAGED));
+    CHECK(kn_loop_order(&r.lent.loop, KN_ORDER_RECOVER, 0) == number + 1);
+    hover(&r, 500);
+    CHECK(r.kinds[KNEAD_EVENT_T_KIND_RECOVER] == 1 && r.out.force[0].fault == KNEAD_CONTACT_FORCE_T_FAULT_NONE);
+    CHECK(r.out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_ENGAGED);
+    rig_close(&r);
+}
+
+TEST("a recover while an emergency stop still fades gives nothing back before the tool was lifted")
+{
+    static rig r;
+    rig_open(&r, NULL);
+    press(&r);
+    kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0);
+    move(&r, 0.0);
+    kn_loop_order(&r.lent.loop, KN_ORDER_RECOVER, 0);
+    double last = given_n(&r);
+    CHECK(last > 1.0);
+    for (int ms = 1; ms <= 400; ms++) {
+        move(&r, 0.0);
+        CHECK(given_n(&r) <= last && (ms < 17 || given_n(&r) == 0.0));
+        last = given_n(&r);
+    }
+    CHECK(r.out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_REENGAGE_LIFT);
+    rig_close(&r);
+}
+
 TEST("meshes after a reset are of another generation, and the object at rest")
 {
     static rig r;
@@ -142,7 +188,7 @@ TEST("meshes after a reset are of another generation, and the object at rest")
     hover(&r, 20);
     CHECK(dent_m(&r) < rest - 0.004 && r.mesh.generation == before);
     for (int i = 1; i <= 3; i++) {
-        atomic_store(&r.lent.loop.reset, true);
+        kn_loop_order(&r.lent.loop, KN_ORDER_RESET, 0);
         hover(&r, 20);
         CHECK(dent_m(&r) == rest && r.mesh.generation == before + i);
     }

@@ -1,0 +1,73 @@
+#include "clients/knead/ask.h"
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/time.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#define PATIENCE_S 10        // kneadd answers in milliseconds, or builds an object first
+#define ANSWER_MAX (1 << 20) // bytes
+
+static int dial(const char *path, int flags)
+{
+    struct sockaddr_un at = {.sun_family = AF_UNIX};
+    if (strlen(path) >= sizeof at.sun_path) return errno = ENAMETOOLONG, -1;
+    strcpy(at.sun_path, path);
+    int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | flags, 0);
+    if (fd >= 0 && connect(fd, (const struct sockaddr *)&at, sizeof at) == 0) return fd;
+    int why = errno;
+    if (fd >= 0) close(fd);
+    errno = why;
+    return -1;
+}
+
+static bool send_line(int fd, const json_t *request, int flags)
+{
+    char *text = json_dumps(request, JSON_COMPACT);
+    size_t size = text ? strlen(text) : 0;
+    if (text) text[size++] = '\n'; // in the NUL's place
+    bool sent = text && send(fd, text, size, MSG_NOSIGNAL | flags) == (ssize_t)size;
+    free(text);
+    return sent;
+}
+
+json_t *kn_ask(const char *path, const json_t *request, char *error, size_t error_size)
+{
+    int fd = dial(path, 0);
+    if (fd < 0) {
+        snprintf(error, error_size, "%s: %s: is kneadd running with --control %s?", path, strerror(errno), path);
+        return NULL;
+    }
+    struct timeval patience = {.tv_sec = PATIENCE_S};
+    setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+    char *text = malloc(ANSWER_MAX);
+    size_t size = 0;
+    ssize_t got = text && send_line(fd, request, 0) ? 1 : -1;
+    while (got > 0 && size < ANSWER_MAX && !(size > 0 && text[size - 1] == '\n')) {
+        got = recv(fd, text + size, ANSWER_MAX - size, 0);
+        if (got > 0) size += (size_t)got;
+    }
+    json_error_t why;
+    json_t *answer = size > 0 && text[size - 1] == '\n' ? json_loadb(text, size, JSON_REJECT_DUPLICATES, &why) : NULL;
+    if (!answer)
+        snprintf(error, error_size, "%s: %s", path,
+                 size > 0                                               ? "what answers there is no kneadd"
+                 : got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK) ? "no answer for 10 s"
+                                                                        : "hung up without an answer");
+    free(text);
+    close(fd);
+    return answer;
+}
+
+bool kn_ask_blindly(const char *path, const char *command)
+{
+    int fd = dial(path, SOCK_NONBLOCK);
+    json_t *request = json_pack("{s:s}", "command", command);
+    bool sent = fd >= 0 && request && send_line(fd, request, MSG_DONTWAIT);
+    json_decref(request);
+    if (fd >= 0) close(fd);
+    return sent;
+}

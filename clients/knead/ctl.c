@@ -1,0 +1,125 @@
+// knead ctl: an operator's word to a running kneadd, over its control socket.
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/ask.h"
+#include <getopt.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char help[] =
+    "usage: knead ctl [--control PATH] [--json] COMMAND [ARGUMENT]\n\n"
+    "Commands a running kneadd, by the socket that its --control names.\n\n"
+    "  status           how it is: mode, faults and the way back, the loop, what was refused, every tool\n"
+    "  reset            the object is as new; what a hand felt fades, and its tool engages again once lifted\n"
+    "  quality NAME     fast, balanced, accurate or own: another of the scene's points, through zero force\n"
+    "  estop            every force fades within 20 ms and stays 0, for every hand that comes, until recover\n"
+    "  recover          latched faults are forgotten; tools engage again once lifted clear of the object\n"
+    "  stop             forces go to zero, then kneadd ends: as SIGTERM\n\n"
+    "  --control PATH   the socket (KNEAD_CONTROL of the environment, else " KN_ASK_PATH ")\n"
+    "  --json           the answer as it came, one JSON object\n\n"
+    "Exit: 0 done, 2 refused, 3 no server there.\n";
+
+typedef struct options {
+    const char *path;
+    bool json, help;
+} options;
+
+static int parse(options *o, int argc, char **argv)
+{
+    static const struct option names[] = {
+        {"control", 1, NULL, 'c'}, {"json", 0, NULL, 'j'}, {"help", 0, NULL, 'h'}, {0}};
+    const char *environment = getenv("KNEAD_CONTROL");
+    *o = (options){.path = environment && *environment ? environment : KN_ASK_PATH};
+    for (int option; (option = getopt_long(argc, argv, "h", names, NULL)) != -1;) {
+        if (option == 'c')
+            o->path = optarg;
+        else if (option == 'j')
+            o->json = true;
+        else if (option == 'h')
+            o->help = true;
+        else
+            return KN_EXIT_USAGE; // getopt has said which
+    }
+    if (o->help || optind < argc) return KN_EXIT_OK;
+    return kn_complain("ctl", KN_EXIT_USAGE,
+                       "no command: expected status, reset, quality NAME, estop, recover or stop");
+}
+
+static char *text_of(const json_t *value)
+{
+    return json_is_string(value) ? strdup(json_string_value(value))
+                                 : json_dumps(value, JSON_ENCODE_ANY | JSON_COMPACT | JSON_REAL_PRECISION(6));
+}
+
+// A line; of an object a line each, without what is 0; of an array of objects each by its name.
+static void show(const char *indent, const char *name, json_t *value)
+{
+    const char *key;
+    json_t *member;
+    size_t i;
+    if (*indent && json_is_integer(value) && json_integer_value(value) == 0) return;
+    if (json_is_object(value) && !*indent) {
+        printf("%s\n", name);
+        json_object_foreach(value, key, member) show("    ", key, member);
+    } else if (json_is_object(json_array_get(value, 0))) {
+        json_array_foreach(value, i, member)
+        {
+            char *of = text_of(json_object_get(member, "name"));
+            json_object_del(member, "name");
+            show("", of ? of : name, member);
+            free(of);
+        }
+    } else {
+        char *text = text_of(value);
+        printf("%s%-*s %s\n", indent, 34 - (int)strlen(indent), name, text ? text : "");
+        free(text);
+    }
+}
+
+static int tell(const options *o, const char *command, json_t *answer)
+{
+    const char *error = json_string_value(json_object_get(answer, "error")), *key;
+    const json_t *tick = json_object_get(answer, "tick");
+    json_t *value;
+    if (o->json) {
+        json_dumpf(answer, stdout, JSON_COMPACT);
+        putchar('\n');
+    } else if (error) {
+        fprintf(stderr, "knead ctl: %s\n", error);
+    } else if (strcmp(command, "status") == 0) {
+        json_object_del(answer, "ok");
+        json_object_foreach(answer, key, value) show("", key, value);
+    } else if (tick) {
+        printf("%s: tick %" PRId64 "\n", command, (int64_t)json_integer_value(tick));
+    } else {
+        printf("%s: done\n", command);
+    }
+    return error ? KN_EXIT_USAGE : KN_EXIT_OK;
+}
+
+int kn_ctl_main(int argc, char **argv)
+{
+    options o;
+    char error[256];
+    int code = parse(&o, argc, argv);
+    if (code == KN_EXIT_OK && o.help) return fputs(help, stdout), KN_EXIT_OK;
+    if (code != KN_EXIT_OK) return code;
+    const char *command = argv[optind], *argument = argv[optind + 1];
+    if (argument && argv[optind + 2])
+        return kn_complain("ctl", KN_EXIT_USAGE, "%s: expected one argument", argv[optind + 2]);
+    json_t *request = json_pack("{s:s}", "command", command);
+    if (request && argument)
+        json_object_set_new(request, "name", json_string(argument)); // refused there where it does not belong;
+    json_t *answer = request ? kn_ask(o.path, request, error, sizeof error) : NULL;
+    if (answer)
+        code = tell(&o, command, answer);
+    else if (request)
+        code = kn_complain("ctl", KN_EXIT_DEVICE, "%s", error);
+    else
+        code = kn_complain("ctl", KN_EXIT_USAGE, "%s: expected a command of UTF-8", command);
+    json_decref(answer);
+    json_decref(request);
+    return code;
+}

@@ -1,0 +1,155 @@
+#!/usr/bin/env bash
+# knead ctl: a reset makes the object as new, under a hand, too; an emergency stop ends what the hand feels until a
+# recover; status says how it is; the log replays over all of it. What is wrong is told in one line, and harmless.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+within() { awk -v a="$1" -v b="$2" 'BEGIN { exit !(a <= b) }'; }
+verifies() { knead replay "$1" --verify >"$1.said" 2>"$1.err" || { cat "$1.said" "$1.err"; return 1; }; }
+whole() { verifies "$1" || ! grep -q 'ticks ran whose force or pose is not in the log' "$1.err"; }
+ctl() { knead ctl --control control "$@"; }
+lines() { python3 -c '
+import socket, sys
+s = socket.socket(socket.AF_UNIX); s.connect("control")
+s.sendall(sys.argv[1].encode()); s.shutdown(socket.SHUT_WR)
+while got := s.recv(65536): sys.stdout.write(got.decode())' "$1"; }
+# expect SENTENCE PATTERN CODE COMMAND...: ends with CODE and one line
+expect() {
+    "${@:4}" >out 2>err
+    local code=$?
+    check "$1 ($(cat err))" [ "$code $(cat out err | wc -l) $(grep -c -e "$2" err)" = "$3 1 1" ]
+}
+end() { stop_kneadd; stop_logger; } # the log, too
+press() { knead probe --path path.csv --quiet >/dev/null 2>hand.err & hand=$!; }
+pressing() { # until the finger is pushed back
+    for _ in $(seq 50); do
+        sleep 0.1
+        within 0.3 "$(ctl --json status | python3 -c 'import json, sys
+print(max(sum(x * x for x in p["force_n"]) ** 0.5 for p in json.load(sys.stdin)["probes"]))')" && return
+    done
+}
+field() { ctl --json status | python3 -c "import json, sys; print(json.load(sys.stdin)$1)"; }
+
+expect "nobody there" 'knead ctl: control: No such file or directory: is kneadd running' 3 ctl status
+expect "a path that a socket cannot have" 'expected --control PATH of 1 to 107 bytes' 2 \
+    kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --control "$(printf '%0108d' 0)"
+touch file
+expect "a path that is taken" '--control file: exists and is no socket' 3 \
+    kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --control file
+
+# a finger presses, holds while the dough under it is made new, lifts, presses again; then an emergency stop, a recover
+printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.8,0,0,0.045 1,0,0,0.041 5,0,0,0.041 5.5,0,0,0.06 \
+    6.5,0,0,0.06 7.3,0,0,0.045 7.5,0,0,0.041 8,0,0,0.041 8.5,0,0,0.06 >path.csv
+for try in 1 2 3; do
+    rm -f reset.lcmlog
+    start_logger reset.lcmlog
+    start_kneadd dough-small.yaml --control control
+    knead probe --path poke --quiet >/dev/null 2>hand.err
+    ctl reset >reset.out # over the dent, with nobody there
+    sleep 1.2            # the session ends
+    press
+    pressing
+    lines '{"command":"reset"}
+{"command":"reset"}
+{"command":"reset"}
+' >answers
+    wait $hand
+    told=$?
+    end
+    [ $told = 0 ] && ! grep -q 'taken to 0 N' hand.err && whole reset.lcmlog && break
+    echo "try $try:" && cat hand.err
+done
+logcheck reset.lcmlog | tee reset.txt
+check "kneadd ended with 0" [ "$status" = 0 ]
+check "a reset says its tick: $(cat reset.out)" grep -qE '^reset: tick [0-9]+$' reset.out
+check "each of three in one write is answered" [ "$(grep -c '^{"ok":true,"tick":[0-9]*}$' answers)" = 3 ]
+check "a reset is a reset" [ "$(number resets reset.txt)" = 4 ]
+check "after each the state is the untouched object's" [ "$(number as_new reset.txt)" = 4 ]
+check "what the finger felt faded by at most 2.4 N/ms" within "$(number steepest_n reset.txt)" 2.4
+check "to zero in 20 ms" within "$(number faded_n reset.txt)" 0
+check "lifted, it felt the new dough" within 0.3 "$(number again_n reset.txt)"
+check "the log replays over the resets to the bit" verifies reset.lcmlog
+check "who did it was told, once each" \
+    [ "$(grep -c '^kneadd: control: uid [0-9]* pid [0-9]*: {"command":"reset"}: tick [0-9]*$' kneadd.err)" = 4 ]
+check "and nothing else" [ "$(grep -vc -e '^kneadd: control' -e '^Overrun' kneadd.err)" = 0 ]
+check "the socket is gone" [ ! -e control ]
+
+# an emergency stop under a finger, another hand that comes, a recover
+for try in 1 2 3; do
+    rm -f stop.lcmlog
+    start_logger stop.lcmlog
+    start_kneadd dough-small.yaml --control control
+    press
+    pressing
+    ctl estop >estop.out
+    sleep 0.1
+    field '["mode"], "after"' >mode
+    field '["probes"]' >probes
+    wait $hand 2>/dev/null
+    knead probe --path poke --quiet >/dev/null 2>second.err
+    field '["mode"], "later"' >>mode
+    ctl recover >recover.out
+    sleep 1.2
+    knead probe --path poke --quiet >/dev/null 2>third.err
+    third=$?
+    sleep 1.2
+    field '["mode"], "recovered"' >>mode
+    end
+    [ $third = 0 ] && whole stop.lcmlog && break
+    echo "try $try:" && cat hand.err second.err third.err
+done
+check "an emergency stop is a mode: $(tr '\n' ' ' <mode)" \
+    [ "$(grep -c '^ESTOP \(after\|later\)$' mode)" = 2 ]
+check "which a recover ends" grep -q '^IDLE recovered$' mode
+check "its fault and the way back are told" grep -q "'fault': 'emergency stop'.*'way_back': \"\?'\?an operator's recover" probes
+check "no hand felt anything meanwhile" grep -q 'taken to 0 N\|latched' second.err
+check "the log replays over stop and recover to the bit" verifies stop.lcmlog
+
+# what is wrong, while it serves
+start_kneadd dough-small.yaml --control control
+expect "no command" 'no command: expected status, reset' 2 ctl
+expect "a command that there is none of" "command 'restet': expected one of status, reset," 2 ctl restet
+expect "an argument too many" 'reset: expected nothing else' 2 ctl reset now
+expect "an argument too few" 'quality: expected "name", a string' 2 ctl quality
+expect "a point that the scene has not" "quality 'best': expected fast, balanced, accurate or own" 2 ctl quality best
+expect "a second server on the socket" 'another server answers there' 3 \
+    kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --control control \
+    --lcm-url udpm://239.255.76.67:7669?ttl=0 --mesh-url udpm://239.255.76.67:7670?ttl=0
+lines 'reset
+{"command":"reset","when":"now"}
+{"command":7}
+[]
+' >answers
+check "lines that are no request are told, one each" [ "$(grep -c '^{"ok":false,"error":' answers)" = 4 ]
+check "status for a reader: $(ctl status | tr -s ' \n' ' ' | cut -c1-60)" grep -q "^mode  *IDLE$" <(ctl status)
+expect "stop ends it" 'stop: done' 0 sh -c 'knead ctl --control control stop >&2'
+wait $server
+check "as SIGTERM does: $?" [ $? = 0 ]
+
+# a hand in the air, every 10 ms a reset or nothing: as many ticks are in time (else 200 would be late)
+late() { echo $(($(counter missed) + $(counter overruns))); }
+hold() { # hold COMMAND LOG: sets lost
+    start_logger "$2"
+    start_kneadd dough-small.yaml --control control
+    send plate >/dev/null <<<"poses 4000 session=7 seq=1" &
+    hand=$!
+    python3 -c '
+import socket, sys, time
+s = socket.socket(socket.AF_UNIX); s.connect("control")
+for _ in range(250):
+    s.sendall(sys.argv[1].encode()); time.sleep(0.012); s.recv(65536)' "{\"command\":\"$1\"}
+"
+    wait $hand
+    end
+    lost=$(late)
+}
+for try in 1 2 3; do
+    rm -f quiet.lcmlog often.lcmlog
+    hold status quiet.lcmlog && quiet=$lost
+    hold reset often.lcmlog && often=$lost
+    [ $often -le $((quiet + 40)) ] && whole often.lcmlog && break
+done
+logcheck often.lcmlog | tee often.txt
+check "$(number resets often.txt) resets under a hand, each of the untouched object" \
+    [ "$(number resets often.txt)" -ge 200 -a "$(number as_new often.txt)" = "$(number resets often.txt)" ]
+check "cost no ticks: $often late or missed, $quiet without" [ $often -le $((quiet + 40)) ]
+check "that log replays to the bit, too" verifies often.lcmlog
+exit $failed

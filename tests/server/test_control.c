@@ -1,0 +1,247 @@
+#include "server/control.h"
+#include "server/clock.h"
+#include "tests/check.h"
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+static char path[64];
+static int answered, silent[2]; // and where stderr is put meanwhile
+
+static json_t *answer(void *self, const json_t *request, bool *audit)
+{
+    (void)self;
+    answered++;
+    *audit = json_object_get(request, "audit") != NULL;
+    return json_pack("{s:b, s:O}", "ok", 1, "request", request);
+}
+
+static kn_control *start(void)
+{
+    char error[256] = "";
+    if (!*path) snprintf(path, sizeof path, "control.%d", (int)getpid());
+    kn_control *c = kn_control_open(path, answer, NULL, error, sizeof error);
+    if (!c) KN_TEST_FAIL("%s", error);
+    answered = 0;
+    return c;
+}
+
+static int dial(void)
+{
+    struct sockaddr_un at = {.sun_family = AF_UNIX};
+    strcpy(at.sun_path, path);
+    int fd = socket(AF_UNIX, SOCK_STREAM, 0);
+    CHECK(connect(fd, (struct sockaddr *)&at, sizeof at) == 0);
+    return fd;
+}
+
+// What came back after some turns: "" nothing, "closed" an end without a word.
+static const char *hear(kn_control *c, int fd)
+{
+    static char text[1 << 16];
+    size_t size = 0;
+    ssize_t got = 0;
+    for (int i = 0; i < 20; i++) {
+        kn_control_turn(c, 0);
+        while (size < sizeof text - 1 && (got = recv(fd, text + size, sizeof text - 1 - size, MSG_DONTWAIT)) > 0)
+            size += (size_t)got;
+    }
+    text[size] = '\0';
+    return size == 0 && got == 0 ? "closed" : text;
+}
+
+static const char *say(kn_control *c, int fd, const char *line)
+{
+    CHECK(send(fd, line, strlen(line), MSG_NOSIGNAL) == (ssize_t)strlen(line));
+    return hear(c, fd);
+}
+
+static void hush(void) // stderr into a pipe
+{
+    fflush(stderr);
+    int keep = dup(2), ends[2];
+    CHECK(pipe2(ends, O_NONBLOCK) == 0 && dup2(ends[1], 2) == 2);
+    close(ends[1]);
+    silent[0] = keep, silent[1] = ends[0];
+}
+
+static const char *unhush(void)
+{
+    static char told[4096];
+    fflush(stderr);
+    ssize_t size = read(silent[1], told, sizeof told - 1);
+    told[size > 0 ? size : 0] = '\0';
+    dup2(silent[0], 2);
+    close(silent[0]), close(silent[1]);
+    return told;
+}
+
+TEST("a line is a request however it comes in pieces, and each gets one line back")
+{
+    kn_control *c = start();
+    int fd = dial();
+    CHECK_STR(say(c, fd, "{\"a\":"), "");
+    CHECK_STR(say(c, fd, "1}\n"), "{\"ok\":true,\"request\":{\"a\":1}}\n");
+    CHECK_STR(say(c, fd, "{}\n{}\n{"), "{\"ok\":true,\"request\":{}}\n{\"ok\":true,\"request\":{}}\n");
+    CHECK_STR(say(c, fd, "}\n"), "{\"ok\":true,\"request\":{}}\n");
+    close(fd);
+    fd = dial(); // a request whose sender does not wait for the answer
+    CHECK(send(fd, "{\"b\":2}\n", 8, 0) == 8);
+    close(fd);
+    answered = 0;
+    for (int i = 0; i < 5; i++) kn_control_turn(c, 0);
+    CHECK(answered == 1);
+    kn_control_close(c);
+    CHECK(access(path, F_OK) != 0);
+}
+
+TEST("what is no JSON object is told where, and nothing is asked")
+{
+    static const struct {
+        const char *line, *says;
+    } bad[] = {{"\n", "no JSON at byte"},
+               {"reset\n", "no JSON at byte"},
+               {"{\"a\":1\n", "no JSON at byte"},
+               {"{\"a\":1}{}\n", "no JSON at byte"},
+               {"{\"a\":1,\"a\":2}\n", "no JSON at"},
+               {"[1]\n", "expected one object per line"},
+               {"\xff\xfe{}\n", "no JSON at byte"},
+               {"{\"a\":1e999}\n", "no JSON at byte"}};
+    kn_control *c = start();
+    int fd = dial();
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        const char *told = say(c, fd, bad[i].line);
+        if (!strstr(told, bad[i].says) || strncmp(told, "{\"ok\":false,\"error\":", 20) != 0)
+            KN_TEST_FAIL("%s is answered %s", bad[i].line, told);
+    }
+    CHECK(answered == 0);
+    CHECK_STR(say(c, fd, "{}\n"), "{\"ok\":true,\"request\":{}}\n"); // and the next one is heard
+    close(fd);
+    kn_control_close(c);
+}
+
+TEST("a line of a megabyte is one complaint, deep nesting another, random bytes are none but complaints")
+{
+    kn_control *c = start();
+    int fd = dial();
+    static char many[5000];
+    memset(many, 'x', sizeof many - 1);
+    for (int i = 0; i < 200; i++) CHECK_STR(say(c, fd, many), "");
+    const char *told = say(c, fd, "\n");
+    CHECK(strstr(told, "a line of more than 4095 bytes") && strchr(told, '\n')[1] == '\0');
+    memset(many, '[', 4000);
+    many[4000] = '\0';
+    CHECK_STR(say(c, fd, many), "");
+    CHECK(strstr(say(c, fd, "\n"), "no JSON"));
+    unsigned random = 1;
+    for (int round = 0; round < 60; round++) {
+        for (size_t k = 0; k < 500; k++) many[k] = (char)((random = random * 1664525u + 1013904223u) >> 24 | 1);
+        many[500] = '\0';
+        say(c, fd, many);
+    }
+    CHECK(answered == 0);
+    say(c, fd, "\n");
+    CHECK_STR(say(c, fd, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
+    close(fd);
+    kn_control_close(c);
+}
+
+TEST("after a hundred commands at once a peer gets a hundred a second, and another is heard all the same")
+{
+    kn_control *c = start();
+    int fd = dial(), other = dial();
+    int refused = 0;
+    int64_t start_ns = kn_now_ns();
+    for (int i = 0; i < 300; i++) refused += strstr(say(c, fd, "{}\n"), "commands a second") != NULL;
+    int64_t paid = (kn_now_ns() - start_ns) / 10000000; // by the time that went by
+    CHECK(answered >= 100 && answered <= 101 + paid && refused == 300 - answered);
+    CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
+    close(fd), close(other);
+    kn_control_close(c);
+}
+
+TEST("a ninth peer is told so and let go; a place that became free is taken again")
+{
+    kn_control *c = start();
+    int fd[KN_CONTROL_PEERS];
+    for (int i = 0; i < KN_CONTROL_PEERS; i++) {
+        fd[i] = dial();
+        kn_control_turn(c, 0);
+    }
+    int late = dial();
+    CHECK(strstr(hear(c, late), "too many connections"));
+    CHECK_STR(hear(c, late), "closed");
+    close(late), close(fd[3]);
+    hear(c, fd[0]);
+    late = dial();
+    CHECK_STR(say(c, late, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
+    for (int i = 0; i < KN_CONTROL_PEERS; i++)
+        if (i != 3) close(fd[i]);
+    close(late);
+    kn_control_close(c);
+}
+
+TEST("who does not read answers is let go when they no longer fit, and holds up nobody")
+{
+    kn_control *c = start();
+    int fd = dial(), other = dial(), small = 1;
+    CHECK(setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &small, sizeof small) == 0);
+    bool gone = false;
+    static char line[4000];
+    memset(line, 'x', sizeof line);
+    memcpy(line, "{\"a\":\"", 6);
+    memcpy(line + sizeof line - 4, "\"}\n", 4);
+    for (int i = 0; i < 100 && !gone; i++) {
+        gone = send(fd, line, strlen(line), MSG_NOSIGNAL | MSG_DONTWAIT) < 0;
+        kn_control_turn(c, 0);
+    }
+    CHECK(gone);
+    CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
+    close(fd), close(other);
+    kn_control_close(c);
+}
+
+TEST("the socket is nobody else's to write to, replaces a dead one, and neither a live one nor a file")
+{
+    char error[256] = "";
+    struct stat there;
+    kn_control *c = start();
+    CHECK(stat(path, &there) == 0 && S_ISSOCK(there.st_mode) && (there.st_mode & 0777) == 0660);
+    CHECK(!kn_control_open(path, answer, NULL, error, sizeof error) && strstr(error, "another server answers there"));
+    struct sockaddr_un at = {.sun_family = AF_UNIX};
+    snprintf(at.sun_path, sizeof at.sun_path, "dead.%d", (int)getpid());
+    int dead = socket(AF_UNIX, SOCK_STREAM, 0);
+    CHECK(bind(dead, (struct sockaddr *)&at, sizeof at) == 0);
+    close(dead);
+    kn_control *again = kn_control_open(at.sun_path, answer, NULL, error, sizeof error);
+    CHECK(again);
+    kn_control_close(again);
+    close(open(at.sun_path, O_CREAT | O_WRONLY, 0600));
+    CHECK(!kn_control_open(at.sun_path, answer, NULL, error, sizeof error) && strstr(error, "exists and is no socket"));
+    CHECK(access(at.sun_path, F_OK) == 0 && unlink(at.sun_path) == 0);
+    CHECK(!kn_control_open("/nowhere/at/all", answer, NULL, error, sizeof error));
+    CHECK_STR(error, "--control /nowhere/at/all: No such file or directory");
+    kn_control_close(c);
+}
+
+TEST("changes leave a line with who made them, questions none, and control characters are not shown")
+{
+    kn_control *c = start();
+    int fd = dial();
+    char expected[128];
+    hush();
+    say(c, fd, "{}\n{\"audit\":\"\\u001b[31m\\n\"}\n");
+    const char *told = unhush();
+    snprintf(expected, sizeof expected, "kneadd: control: uid %d pid %d: {\"audit\":\"\\u001B[31m\\n\"}: done\n",
+             (int)getuid(), (int)getpid());
+    CHECK_STR(told, expected);
+    close(fd);
+    kn_control_close(c);
+}
+
+TESTS_MAIN
