@@ -173,9 +173,19 @@ static void tell_audit(const peer *p, const json_t *request, const json_t *answe
     free(asked);
 }
 
+// Reader and writer of JSON go down a level of the stack for each of these.
+static int brackets(const char *line, size_t length)
+{
+    int count = 0;
+    for (size_t i = 0; i < length; i++) count += line[i] == '[' || line[i] == '{';
+    return count;
+}
+
 static json_t *judge(kn_control *c, const peer *p, size_t length)
 {
     json_error_t why;
+    if (brackets(p->line, length) > KN_CONTROL_BRACKETS)
+        return kn_control_error("more than %d of [ and {", KN_CONTROL_BRACKETS);
     json_t *request = json_loadb(p->line, length, JSON_REJECT_DUPLICATES, &why);
     if (!request) return kn_control_error("no JSON at byte %d, expected one object per line", why.position);
     bool audit = false;

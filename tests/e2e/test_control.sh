@@ -117,8 +117,9 @@ lines 'reset
 {"command":"reset","when":"now"}
 {"command":7}
 []
-' >answers
-check "lines that are no request are told, one each" [ "$(grep -c '^{"ok":false,"error":' answers)" = 4 ]
+'"{\"command\":\"reset\",\"x\":$(printf '%1900s' | tr ' ' '[')$(printf '%1900s' | tr ' ' ']')}
+" >answers
+check "lines that are no request are told, one each" [ "$(grep -c '^{"ok":false,"error":' answers)" = 5 ]
 check "status for a reader: $(ctl status | tr -s ' \n' ' ' | cut -c1-60)" grep -q "^mode  *IDLE$" <(ctl status)
 expect "stop ends it" 'stop: done' 0 sh -c 'knead ctl --control control stop >&2'
 wait $server
