@@ -214,7 +214,7 @@ kn_audit *kn_audit_create(const kn_model *model)
         free(a);
         return NULL;
     }
-    a->copy = kn_state_create(model);
+    a->copy = kn_state_keep(model);
     a->at_once = 2 * (a->lattice.edges + model->node_count + a->lattice.cells) / KN_AUDIT_TICKS + 1;
     if (a->copy) return a;
     kn_audit_destroy(a);

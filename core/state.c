@@ -68,8 +68,8 @@ static void layout_rk4(const kn_model *m, arena *a, kn_scratch *s)
     s->boundary = (kn_boundary){s->fixed, (const double(*)[3])s->velocity, (const double(*)[3])s->force, s->reaction};
 }
 
-// One description of the arena for measuring and for handing out.
-static size_t layout(const kn_model *m, char *base)
+// One description of the arena for measuring and for handing out; kept: all but the scratch.
+static size_t layout(const kn_model *m, char *base, bool kept)
 {
     arena a = {.base = base};
     kn_state unused_state, *state = base ? (kn_state *)(void *)base : &unused_state;
@@ -83,6 +83,8 @@ static size_t layout(const kn_model *m, char *base)
     state->held = take(&a, KN_PROBES_MAX * (size_t)m->top_count);
     size_t anchors = kn_contact_anchors(m);
     state->anchor = anchors > 0 ? take(&a, anchors * sizeof *state->anchor) : NULL;
+    if (base) state->bytes = a.used;
+    if (kept) return a.used;
     state->scratch = take(&a, sizeof *scratch);
     if (base) scratch = state->scratch;
     void *contact = take(&a, kn_contact_bytes(m));
@@ -93,18 +95,26 @@ static size_t layout(const kn_model *m, char *base)
     return a.used;
 }
 
-size_t kn_state_size(const kn_model *model) { return layout(model, NULL); }
+size_t kn_state_size(const kn_model *model) { return layout(model, NULL, false); }
+size_t kn_state_kept(const kn_model *model) { return layout(model, NULL, true); }
 
-kn_state *kn_state_create(const kn_model *model)
+static kn_state *allocate(const kn_model *m, size_t bytes, bool kept)
 {
-    size_t bytes = model->state_bytes;
     kn_state *state = aligned_alloc(64, bytes);
     if (!state) return NULL;
     memset(state, 0, bytes); // touches every page before a tick does
-    layout(model, (char *)state);
-    kn_state_reset(model, state);
+    layout(m, (char *)state, kept);
     return state;
 }
+
+kn_state *kn_state_create(const kn_model *model)
+{
+    kn_state *state = allocate(model, model->state_bytes, false);
+    if (state) kn_state_reset(model, state);
+    return state;
+}
+
+kn_state *kn_state_keep(const kn_model *model) { return allocate(model, kn_state_kept(model), true); }
 
 void kn_state_destroy(kn_state *state) { free(state); }
 

@@ -43,7 +43,6 @@ static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
 // A force that goes up and down by turns is the linearisation chattering: half a second of secants calms it.
 #define CHATTER_SHARE 24    // sign changes in the last 64 steps
 #define CHATTER_SIZE 0.005  // of the force: smaller ones are rounding
-#define CHATTER_REST 500    // steps
 
 static void watch_chatter(const kn_model *m, kn_state *state, const kn_output *output)
 {
@@ -56,7 +55,7 @@ static void watch_chatter(const kn_model *m, kn_state *state, const kn_output *o
     state->last_force_n = force;
     state->last_delta_n = delta;
     if (__builtin_popcountll(state->chatter_bits) < CHATTER_SHARE) return;
-    state->secant_steps = CHATTER_REST;
+    state->secant_steps = KN_SECANT_REST;
     state->chatter_bits = 0;
 }
 

@@ -1,0 +1,226 @@
+#include "core/snapshot.h"
+#include "core/codec.h"
+#include "core/contact.h"
+#include "core/hash.h"
+#include "core/kernel.h"
+#include "core/sampling.h"
+
+#include <math.h>
+#include <string.h>
+
+#define LAYOUT 1
+
+const char *kn_snapshot_fit_name(kn_snapshot_fit fit)
+{
+    static const char *const names[] = {"fits", "another version", "another lattice", "another material or structure",
+                                        "truncated", "a number out of its range"};
+    return names[fit];
+}
+
+// --- identity -------------------------------------------------------------------------------------------------------
+
+static uint64_t lattice_hash(const kn_model *m)
+{
+    uint64_t h = kn_hash_bytes(KN_HASH_SEED, m->rest_m, (size_t)m->node_count * sizeof *m->rest_m);
+    for (int i = 0; i < m->node_count; i++) {
+        uint64_t offset = m->offset[i];
+        h = kn_hash_bytes(h, &offset, sizeof offset);
+    }
+    return kn_hash_bytes(h, m->top, (size_t)m->top_count * sizeof *m->top);
+}
+
+uint64_t kn_model_hash(const kn_model *model)
+{
+    const kn_model_def *d = &model->def;
+    const kn_material *mat = &d->material;
+    const double said[] = {mat->k1_pa, mat->c1_pa_s, mat->damper, mat->c2_pa_s, mat->alpha_pa_s, mat->beta_per_pa,
+                           mat->p0_pa, mat->p1_pa, mat->c_max_pa_s, mat->c_min_pa_s, mat->ratio, mat->stroke[0],
+                           mat->stroke[1], d->gravity_m_s2, d->thickness_m, d->structure, d->diagonal_stiffness,
+                           d->pressure, d->inside_pressure_pa, d->support, d->support_friction, d->solver.kind,
+                           d->solver.precision, d->solver.dt_s, d->solver.mass_scale};
+    uint64_t h = kn_hash_bytes(lattice_hash(model), said, sizeof said);
+    h = kn_hash_bytes(h, model->node_mass_kg, (size_t)model->node_count * sizeof *model->node_mass_kg);
+    return kn_hash_bytes(h, model->support, (size_t)model->node_count);
+}
+
+// --- the layout -----------------------------------------------------------------------------------------------------
+
+static bool single(const kn_model *m) { return m->def.solver.precision == KN_PRECISION_F32; }
+
+typedef struct identity {
+    uint64_t lattice, model, nodes, reals, precision, held;
+} identity;
+
+static identity identity_of(const kn_model *m)
+{
+    return (identity){lattice_hash(m), kn_model_hash(m), (uint64_t)m->node_count, m->edge_reals,
+                      (uint64_t)m->def.solver.precision, KN_PROBES_MAX * (size_t)m->top_count};
+}
+
+static void put_identity(kn_codec *c, identity *i)
+{
+    uint64_t *value[] = {&i->lattice, &i->model, &i->nodes, &i->reals, &i->precision, &i->held};
+    for (size_t k = 0; k < sizeof value / sizeof *value; k++) kn_codec_u64(c, value[k]);
+}
+
+static kn_snapshot_fit judge(const identity *found, const identity *own)
+{
+    bool lattice = found->lattice == own->lattice && found->nodes == own->nodes && found->reals == own->reals &&
+                   found->precision == own->precision && found->held == own->held;
+    return !lattice ? KN_SNAPSHOT_LATTICE : found->model != own->model ? KN_SNAPSHOT_MATERIAL : KN_SNAPSHOT_FITS;
+}
+
+static void put_probe(const kn_model *m, kn_codec *c, kn_probe_state *p)
+{
+    kn_codec_f64(c, p->position_m, 3);
+    kn_codec_f64(c, p->velocity_m_s, 3);
+    kn_codec_f64(c, &p->work_j, 1);
+    kn_codec_i32(c, &p->attached, 0, 1);
+    kn_codec_i32(c, &p->contacts, 0, m->top_count + kn_sampling_max(m));
+}
+
+static void put_tool(kn_codec *c, kn_tool_state *t)
+{
+    kn_codec_f64(c, t->orientation_wxyz, 4);
+    kn_codec_f64(c, t->turn_rad_s, 3);
+    kn_codec_f64(c, &t->relief_m, 1);
+    kn_codec_f64(c, &t->grip_n, 1);
+}
+
+static void put_field(const kn_model *m, kn_codec *c, void *field, int components)
+{
+    uint64_t count = components == KN_FORWARD ? m->edge_reals : kn_model_field(m, components), found = count;
+    if (!field) count = found = 0;
+    kn_codec_u64(c, &found);
+    c->wrong |= found != count;
+    if (field) kn_codec_reals(c, field, count, single(m));
+}
+
+// Ascending by their keys, as the contact looks for them.
+static void put_anchors(const kn_model *m, kn_codec *c, kn_state *s)
+{
+    int64_t most = (int64_t)kn_contact_anchors(m);
+    kn_codec_i32(c, &s->anchor_count, 0, (int32_t)(most < INT32_MAX ? most : INT32_MAX));
+    for (int i = 0; i < s->anchor_count && !c->ended; i++) {
+        kn_anchor *a = &s->anchor[i];
+        kn_codec_u64(c, &a->key);
+        kn_codec_f64(c, a->stretch_m, 3);
+        kn_codec_i64(c, &a->flags, 0, KN_ANCHOR_SLIPS | KN_ANCHOR_BONDS);
+        c->wrong |= c->from && i > 0 && a->key <= a[-1].key;
+    }
+    if (c->ended) s->anchor_count = 0;
+}
+
+static void put_held(const kn_model *m, kn_codec *c, kn_state *s)
+{
+    size_t count = KN_PROBES_MAX * (size_t)m->top_count;
+    kn_codec_bytes(c, s->held, count);
+    for (size_t i = 0; c->from && i < count; i++) c->wrong |= s->held[i] > 1;
+}
+
+static void put_state(const kn_model *m, kn_codec *c, kn_state *s)
+{
+    kn_codec_i64(c, &s->tick, 0, INT64_MAX / 2);
+    for (int p = 0; p < KN_PROBES_MAX; p++) put_probe(m, c, &s->probe[p]);
+    kn_codec_u64(c, &s->chatter_bits);
+    kn_codec_f64(c, &s->last_force_n, 1);
+    kn_codec_f64(c, &s->last_delta_n, 1);
+    kn_codec_f64(c, &s->residual_scale, 1);
+    kn_codec_i64(c, &s->secant_steps, 0, KN_SECANT_REST);
+    kn_codec_i32(c, &s->bad, 0, 0);
+    for (int p = 0; p < KN_PROBES_MAX; p++) put_tool(c, &s->tool[p]);
+#define PUT(name, components) put_field(m, c, s->name, components);
+    KN_STATE_FIELDS(PUT)
+#undef PUT
+    put_held(m, c, s);
+    put_anchors(m, c, s);
+}
+
+static void put_all(const kn_model *m, kn_codec *c, kn_state *s)
+{
+    uint64_t layout = LAYOUT;
+    identity own = identity_of(m);
+    kn_codec_u64(c, &layout);
+    put_identity(c, &own);
+    put_state(m, c, s);
+}
+
+// --- measure, write, read -------------------------------------------------------------------------------------------
+
+// A codec without `from` changes nothing of the state.
+size_t kn_snapshot_size(const kn_model *model, const kn_state *state)
+{
+    kn_codec c = {0};
+    put_all(model, &c, (kn_state *)(uintptr_t)state);
+    return c.at;
+}
+
+size_t kn_snapshot_size_max(const kn_model *model)
+{
+    size_t plain = sizeof(identity) + sizeof(kn_state) + 64;
+    size_t reals = kn_model_field(model, 9) + model->edge_reals;
+    return plain + reals * (single(model) ? sizeof(float) : sizeof(double)) + KN_PROBES_MAX * (size_t)model->top_count +
+           kn_contact_anchors(model) * sizeof(kn_anchor);
+}
+
+size_t kn_snapshot_write(const kn_model *model, const kn_state *state, uint8_t *bytes, size_t size)
+{
+    kn_codec c = {.to = bytes, .size = size};
+    put_all(model, &c, (kn_state *)(uintptr_t)state);
+    return c.wrong ? 0 : c.at;
+}
+
+kn_snapshot_fit kn_snapshot_read(const kn_model *model, const uint8_t *bytes, size_t size, kn_state *state)
+{
+    kn_codec c = {.from = bytes, .size = size};
+    uint64_t layout = 0;
+    identity found = {0}, own = identity_of(model);
+    kn_codec_u64(&c, &layout);
+    put_identity(&c, &found);
+    if (c.ended) return KN_SNAPSHOT_SHORT;
+    if (layout != LAYOUT) return KN_SNAPSHOT_LAYOUT;
+    kn_snapshot_fit fit = judge(&found, &own);
+    if (fit != KN_SNAPSHOT_FITS) return fit;
+    put_state(model, &c, state);
+    if (c.ended || c.at != size) return KN_SNAPSHOT_SHORT;
+    return c.wrong ? KN_SNAPSHOT_VALUE : KN_SNAPSHOT_FITS;
+}
+
+// --- what has changed -----------------------------------------------------------------------------------------------
+
+// In pieces, so that a compiler may look at many reals at once.
+#define PIECE 256
+
+static bool moved_f32(const float *a, const float *b, size_t count, double by)
+{
+    const float most = (float)by;
+    for (size_t from = 0; from < count; from += PIECE) {
+        size_t to = from + PIECE < count ? from + PIECE : count;
+        int far = 0;
+        for (size_t i = from; i < to; i++) far |= fabsf(a[i] - b[i]) > most;
+        if (far) return true;
+    }
+    return false;
+}
+
+static bool moved_f64(const double *a, const double *b, size_t count, double by)
+{
+    for (size_t from = 0; from < count; from += PIECE) {
+        size_t to = from + PIECE < count ? from + PIECE : count;
+        int far = 0;
+        for (size_t i = from; i < to; i++) far |= fabs(a[i] - b[i]) > by;
+        if (far) return true;
+    }
+    return false;
+}
+
+static bool moved(const kn_model *m, const void *a, const void *b, size_t count, double by)
+{
+    return single(m) ? moved_f32(a, b, count, by) : moved_f64(a, b, count, by);
+}
+
+bool kn_state_moved(const kn_model *model, const kn_state *a, const kn_state *b, double by_m)
+{
+    return moved(model, a->displacement, b->displacement, kn_model_field(model, 3), by_m) ||
+           (a->strain && moved(model, a->strain, b->strain, model->edge_reals, by_m / model->def.spacing_m));
+}
