@@ -18,6 +18,7 @@ typedef struct kn_backend {
     kn_backend_status (*wait)(void *self, int64_t deadline_ns, kn_output *output); // CLOCK_MONOTONIC deadline
     const kn_state *(*state)(void *self); // the lattice as it stands after the last wait; valid until the next submit
     void (*reset)(void *self);            // object as new
+    void (*restore)(void *self, const kn_state *state); // as in a state of this model; a kept one, too
     // Where local contact models are identified, else NULL: the unit of probe p as of the last wait, its physical
     // fields; and the part of the work that can wait until the tick's forces are on their way.
     void (*contact)(void *self, int p, kn_contact_unit *unit);

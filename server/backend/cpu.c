@@ -56,6 +56,14 @@ static void cpu_reset(void *self)
     if (c->fit) kn_contact_fit_reset(c->fit);
 }
 
+// Reset first: whatever the scratch holds of a step gone bad.
+static void cpu_restore(void *self, const kn_state *state)
+{
+    cpu *c = self;
+    cpu_reset(c);
+    kn_state_copy(c->model, c->state, state);
+}
+
 static void cpu_contact(void *self, int p, kn_contact_unit *unit) { kn_contact_fit_unit(((cpu *)self)->fit, p, unit); }
 
 static void cpu_afterwards(void *self)
@@ -95,6 +103,6 @@ bool kn_backend_cpu(kn_backend *backend, const kn_model *model)
     c->state = state;
     c->steps = steps;
     *backend = (kn_backend){.name = "cpu", .self = c, .submit = cpu_submit, .wait = cpu_wait, .state = cpu_state,
-                            .reset = cpu_reset, .destroy = cpu_destroy};
+                            .reset = cpu_reset, .restore = cpu_restore, .destroy = cpu_destroy};
     return true;
 }

@@ -55,16 +55,22 @@ static void step(const object *o, const kind *k, kn_state *state)
     double extent[3], t = (double)state->tick;
     kn_model_def_extent(&o->model->def, extent);
     for (int p = 0; p < o->model->def.probe_count; p++) {
-        double way = t < 150 ? t / 150 : t < 190 ? 1 : 1 - (t - 190) / 60, side = p - 0.5 * (o->model->def.probe_count - 1);
+        double way = t < 150   ? t / 150
+                     : t < 190 ? 1
+                               : 1 - (t - 190) / 60,
+               side = p - 0.5 * (o->model->def.probe_count - 1);
         double turn = 1e-3 * t;
         bool ball = o->model->def.probe[p].shape == KN_PROBE_SPHERE;
         in.probe[p] = (kn_probe_input){
-            .attached = t > 5 && t < 245,
-            .position_m = {0.3 * extent[0] * side + 1e-5 * t, 1e-5 * t,
-                           extent[2] + (ball ? o->model->def.probe[p].radius_m : 0) + 1e-3 - (k->depth_m + 1e-3) * way},
-            .velocity_m_s = {1e-2, 1e-2, t < 150 ? -(k->depth_m + 1e-3) / 0.15 : t < 190 ? 0 : (k->depth_m + 1e-3) / 0.06},
-            .orientation_wxyz = {cos(turn), 0, 0, sin(turn)},
-            .grip = t > 160};
+            .attached = t > 5 && t<245,
+                                   .position_m = {0.3 * extent[0] * side + 1e-5 * t, 1e-5 * t,
+                                                  extent[2] + (ball ? o->model->def.probe[p].radius_m : 0) + 1e-3 -
+                                                      (k->depth_m + 1e-3) * way},
+                                   .velocity_m_s = {1e-2, 1e-2,
+                                                    t < 150   ? -(k->depth_m + 1e-3) / 0.15
+                                                    : t < 190 ? 0
+                                                              : (k->depth_m + 1e-3) / 0.06},
+                                   .orientation_wxyz = {cos(turn), 0, 0, sin(turn)}, .grip = t> 160};
     }
     if (!strcmp(k->scene, "pinch.yaml"))
         for (int p = 0; p < 2; p++) in.probe[p].position_m[2] += o->model->def.probe[p].radius_m;
@@ -92,7 +98,8 @@ TEST("a state that was written, read and stepped has the bits of the one that we
             kn_state_copy(o.model, read, kept);
             kn_state *fresh = kn_state_create(o.model);
             kn_state_copy(o.model, fresh, kept);
-            for (int n = 0; n < 40; n++) step(&o, &kinds[i], read), step(&o, &kinds[i], fresh), step(&o, &kinds[i], straight);
+            for (int n = 0; n < 40; n++)
+                step(&o, &kinds[i], read), step(&o, &kinds[i], fresh), step(&o, &kinds[i], straight);
             bool same = kn_state_hash(o.model, read) == kn_state_hash(o.model, straight) &&
                         kn_state_hash(o.model, fresh) == kn_state_hash(o.model, straight);
             if (!same) fprintf(stderr, "%s, at step %d\n", kinds[i].what, at);
@@ -163,7 +170,8 @@ TEST("every truncation is refused; of every single byte changed there comes a st
     for (size_t n = 0; n < size; n += n < 4000 || n + 4000 > size ? 1 : 31) {
         bytes[n] ^= 0xff;
         bool fits = kn_snapshot_read(o.model, bytes, size, into) == KN_SNAPSHOT_FITS;
-        if (fits) CHECK(kn_snapshot_size(o.model, into) == size && !into->bad && into->anchor_count == state->anchor_count);
+        if (fits)
+            CHECK(kn_snapshot_size(o.model, into) == size && !into->bad && into->anchor_count == state->anchor_count);
         *(fits ? &taken : &refused) += 1;
         bytes[n] ^= 0xff;
     }
@@ -185,14 +193,30 @@ TEST("a state gone bad, a number that is none, anchors out of order: not read")
     for (int t = 0; t < 8; t++) {
         kn_state_copy(o.model, worse, state);
         switch (t) {
-        case 0: worse->bad = 1; break;
-        case 1: ((float *)worse->displacement)[7] = NAN; break;
-        case 2: worse->probe[1].work_j = INFINITY; break;
-        case 3: worse->anchor[1].key = worse->anchor[0].key; break;
-        case 4: worse->anchor[0].flags = 4; break;
-        case 5: worse->secant_steps = KN_SECANT_REST + 1; break;
-        case 6: worse->held[3] = 2; break;
-        case 7: worse->probe[0].attached = 2; break;
+        case 0:
+            worse->bad = 1;
+            break;
+        case 1:
+            ((float *)worse->displacement)[7] = NAN;
+            break;
+        case 2:
+            worse->probe[1].work_j = INFINITY;
+            break;
+        case 3:
+            worse->anchor[1].key = worse->anchor[0].key;
+            break;
+        case 4:
+            worse->anchor[0].flags = 4;
+            break;
+        case 5:
+            worse->secant_steps = KN_SECANT_REST + 1;
+            break;
+        case 6:
+            worse->held[3] = 2;
+            break;
+        case 7:
+            worse->probe[0].attached = 2;
+            break;
         }
         size_t size = kn_snapshot_write(o.model, worse, bytes, room);
         kn_snapshot_fit fit = kn_snapshot_read(o.model, bytes, size, into);
@@ -216,8 +240,10 @@ TEST("an object has moved when a node or an edge's strain has by as much as that
         kn_state_copy(o.model, before, state);
         CHECK(!kn_state_moved(o.model, state, before, 0));
         size_t last = o.model->edge_reals - 1;
-        if (i) ((double *)state->strain)[last] += 2e-6 / o.model->def.spacing_m;
-        else ((float *)state->strain)[last] += (float)(2e-6 / o.model->def.spacing_m);
+        if (i)
+            ((double *)state->strain)[last] += 2e-6 / o.model->def.spacing_m;
+        else
+            ((float *)state->strain)[last] += (float)(2e-6 / o.model->def.spacing_m);
         CHECK(kn_state_moved(o.model, state, before, 1e-6) && !kn_state_moved(o.model, state, before, 3e-6));
         kn_state_destroy(state), kn_state_destroy(before);
         object_free(&o);

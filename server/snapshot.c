@@ -1,0 +1,245 @@
+#include "server/snapshot.h"
+#include "core/codec.h"
+#include "core/snapshot.h"
+#include <assert.h>
+#include <sodium.h>
+#include <stdio.h>
+#include <string.h>
+
+#define FORMAT 1
+#define DIGEST 32
+#define HEAD 24 // magic, format, bytes in all
+static const uint8_t magic[8] = {0x89, 'K', 'N', 'E', 'A', 'D', '\r', '\n'};
+
+// --- the servo's own part -------------------------------------------------------------------------------------------
+
+// What has grown has to be saved, too, or a replay that goes on from a file does not have its bits; then change FORMAT.
+static_assert(sizeof(kn_safety) == 240 && sizeof(kn_pose) == 120 && sizeof(kn_clutch) == 120, "all of it is below");
+
+static void put_counter(kn_codec *c, int64_t *value)
+{
+    kn_codec_i64(c, value, 0, INT64_MAX);
+}
+static void put_int(kn_codec *c, int *value)
+{
+    kn_codec_i32(c, value, INT32_MIN, INT32_MAX);
+}
+
+static void put_safety(kn_codec *c, kn_safety *s)
+{
+    int32_t fault = (int32_t)s->fault;
+    kn_codec_f64(c, &s->gain, 1);
+    kn_codec_f64(c, &s->gain_drop, 1);
+    kn_codec_f64(c, s->force_n, 3);
+    kn_codec_f64(c, s->torque_n_m, 3);
+    kn_codec_f64(c, s->brake_n, 3);
+    kn_codec_f64(c, s->guard.step_n, 3);
+    put_int(c, &s->guard.age[0]);
+    put_int(c, &s->guard.age[1]);
+    put_int(c, &s->silent_ms);
+    put_int(c, &s->flowing_ms);
+    put_int(c, &s->gap_ms);
+    kn_codec_bool(c, &s->attached);
+    kn_codec_bool(c, &s->latched);
+    kn_codec_bool(c, &s->braking);
+    kn_codec_bool(c, &s->yielding);
+    kn_codec_bool(c, &s->rejoining);
+    kn_codec_i32(c, &fault, KN_FAULT_NONE, KN_FAULT_STOPPING);
+    s->fault = (kn_fault)fault;
+    put_counter(c, &s->clamps);
+    put_counter(c, &s->guards);
+    put_counter(c, &s->faults);
+}
+
+static void put_pose(kn_codec *c, kn_pose *p)
+{
+    int64_t *number[] = {&p->session, &p->seq, &p->sent_ns, &p->utime};
+    for (int i = 0; i < 4; i++) kn_codec_i64(c, number[i], INT64_MIN, INT64_MAX);
+    kn_codec_f64(c, p->position_m, 3);
+    kn_codec_f64(c, p->orientation_wxyz, 4);
+    kn_codec_f64(c, p->velocity_m_s, 3);
+    put_int(c, &p->buttons);
+}
+
+static void put_clutch(kn_codec *c, kn_clutch *l)
+{
+    kn_codec_bool(c, &l->held);
+    kn_codec_f64(c, l->offset_m, 3);
+    kn_codec_f64(c, l->turn_wxyz, 4);
+    kn_codec_f64(c, l->stays_m, 3);
+    kn_codec_f64(c, l->stays_wxyz, 4);
+}
+
+static void put_servo(kn_codec *c, kn_servo *s)
+{
+    int32_t quality = (int32_t)s->quality, asked = (int32_t)s->asked;
+    for (int p = 0; p < KN_PROBES_MAX; p++) {
+        put_safety(c, &s->safety[p]);
+        put_pose(c, &s->last[p]);
+        put_pose(c, &s->tool[p]);
+        put_clutch(c, &s->clutch[p]);
+    }
+    put_counter(c, &s->ticks);
+    put_counter(c, &s->capped);
+    put_counter(c, &s->late);
+    put_counter(c, &s->diverged);
+    put_int(c, &s->generation);
+    kn_codec_i32(c, &quality, 0, KN_QUALITIES - 1);
+    kn_codec_i32(c, &asked, 0, KN_QUALITIES - 1);
+    s->quality = (kn_quality)quality;
+    s->asked = (kn_quality)asked;
+    put_int(c, &s->over);
+    kn_codec_bool(c, &s->exhausted);
+    kn_codec_bool(c, &s->stopping);
+}
+
+void kn_saved_resume(const kn_saved *saved, kn_servo *servo)
+{
+    const kn_servo *from = &saved->servo;
+    memcpy(servo->last, from->last, sizeof servo->last);
+    memcpy(servo->tool, from->tool, sizeof servo->tool);
+    memcpy(servo->clutch, from->clutch, sizeof servo->clutch);
+    for (int p = 0; p < KN_PROBES_MAX; p++) {
+        kn_safety *s = &servo->safety[p];
+        kn_safety_limits limits = s->limits;
+        double guard = s->guard.most_n_per_ms;
+        *s = from->safety[p];
+        s->limits = limits;
+        s->guard.most_n_per_ms = guard;
+    }
+    servo->ticks = from->ticks;
+    servo->capped = from->capped;
+    servo->late = from->late;
+    servo->diverged = from->diverged;
+    servo->generation = from->generation;
+    servo->quality = from->quality;
+    servo->asked = from->asked;
+    servo->over = from->over;
+    servo->exhausted = from->exhausted;
+    servo->stopping = from->stopping;
+}
+
+// --- the file -------------------------------------------------------------------------------------------------------
+
+static void digest(const uint8_t *bytes, size_t size, uint8_t out[DIGEST])
+{
+    if (sodium_init() < 0)
+        memset(out, 0, DIGEST); // then nothing fits
+    else
+        crypto_generichash(out, DIGEST, bytes, size, NULL, 0);
+}
+
+static void put_head(kn_codec *c, kn_saved *s)
+{
+    kn_codec_bytes(c, (uint8_t *)s->version, sizeof s->version);
+    kn_codec_bytes(c, (uint8_t *)s->scene, sizeof s->scene);
+    kn_codec_u64(c, &s->text_hash);
+    kn_codec_u64(c, &s->state_hash);
+    kn_codec_i64(c, &s->generation, 1, INT64_MAX - 1);
+    kn_codec_i64(c, &s->tick, 0, INT64_MAX / 2);
+    kn_codec_i64(c, &s->utime, 0, INT64_MAX / 2);
+}
+
+size_t kn_saved_size_max(const kn_model *model)
+{
+    kn_codec c = {0};
+    kn_saved none = {0};
+    put_head(&c, &none);
+    put_servo(&c, &none.servo);
+    return HEAD + c.at + 8 + kn_snapshot_size_max(model) + DIGEST;
+}
+
+size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *saved, uint8_t *bytes, size_t size)
+{
+    kn_codec c = {.to = bytes, .size = size};
+    uint64_t format = FORMAT, whole = 0, lattice = kn_snapshot_size(model, saved->state);
+    uint8_t start[8];
+    memset(saved->scene, 0, sizeof saved->scene);
+    memset(saved->version, 0, sizeof saved->version);
+    snprintf(saved->scene, sizeof saved->scene, "%s", scene->name);
+    snprintf(saved->version, sizeof saved->version, "%s", KN_VERSION);
+    saved->text_hash = scene->text_hash;
+    saved->state_hash = kn_state_hash(model, saved->state);
+    memcpy(start, magic, sizeof start);
+    kn_codec_bytes(&c, start, sizeof start);
+    kn_codec_u64(&c, &format);
+    kn_codec_u64(&c, &whole);
+    put_head(&c, saved);
+    kn_codec_u64(&c, &lattice);
+    if (c.ended || lattice > size - c.at) return 0;
+    c.at += kn_snapshot_write(model, saved->state, bytes + c.at, lattice);
+    put_servo(&c, &saved->servo);
+    if (c.ended || DIGEST > size - c.at) return 0;
+    whole = c.at + DIGEST;
+    kn_codec again = {.to = bytes + HEAD - 8, .size = 8};
+    kn_codec_u64(&again, &whole);
+    digest(bytes, c.at, bytes + c.at);
+    return whole;
+}
+
+// What anybody can tell who knows nothing of the scene. NULL: the bytes are as they were written.
+static const char *damage(const uint8_t *bytes, size_t size, uint64_t *format, char *text, size_t text_size)
+{
+    uint64_t whole = 0;
+    uint8_t found[DIGEST];
+    kn_codec c = {.from = bytes, .size = size, .at = sizeof magic};
+    if (size == 0) return "truncated: empty";
+    if (memcmp(bytes, magic, size < sizeof magic ? size : sizeof magic) != 0) return "not a snapshot";
+    if (size < HEAD) return "truncated: within its head";
+    kn_codec_u64(&c, format);
+    kn_codec_u64(&c, &whole);
+    if (whole != size || size < HEAD + DIGEST) {
+        snprintf(text, text_size, "truncated: %zu bytes of %llu", size, (unsigned long long)whole);
+        return text;
+    }
+    digest(bytes, size - DIGEST, found);
+    return memcmp(found, bytes + size - DIGEST, DIGEST) == 0 ? NULL : "checksum: damaged since it was written";
+}
+
+static bool closed(const char *text, size_t size)
+{
+    return memchr(text, 0, size) != NULL;
+}
+
+static const char *misfit(const kn_scene *scene, const kn_model *model, kn_codec *c, kn_saved *s, char *text,
+                          size_t text_size)
+{
+    static const char range[] = "a number out of its range";
+    uint64_t lattice = 0;
+    put_head(c, s);
+    kn_codec_u64(c, &lattice);
+    if (c->wrong || !closed(s->scene, sizeof s->scene) || !closed(s->version, sizeof s->version)) return range;
+    if (strcmp(s->version, KN_VERSION) != 0) {
+        snprintf(text, text_size, "another version: of knead %s, expected %s", s->version, KN_VERSION);
+        return text;
+    }
+    if (strcmp(s->scene, scene->name) != 0) {
+        snprintf(text, text_size, "another scene: of %s, expected %s", s->scene, scene->name);
+        return text;
+    }
+    if (lattice > c->size - c->at) return "truncated: within the lattice";
+    kn_snapshot_fit fit = kn_snapshot_read(model, c->from + c->at, lattice, s->state);
+    if (fit != KN_SNAPSHOT_FITS) return kn_snapshot_fit_name(fit);
+    c->at += lattice;
+    put_servo(c, &s->servo);
+    if (c->wrong || c->at != c->size) return range;
+    return kn_state_hash(model, s->state) == s->state_hash ? NULL : "another state hash than it says";
+}
+
+bool kn_saved_decode(const kn_scene *scene, const kn_model *model, const uint8_t *bytes, size_t size, kn_saved *saved,
+                     char *why, size_t why_size)
+{
+    char text[160];
+    uint64_t format = 0;
+    const char *reason = damage(bytes, size, &format, text, sizeof text);
+    if (!reason && format != FORMAT) {
+        snprintf(text, sizeof text, "another version: of format %llu, expected %d", (unsigned long long)format, FORMAT);
+        reason = text;
+    }
+    if (!reason) {
+        kn_codec c = {.from = bytes, .size = size - DIGEST, .at = HEAD};
+        reason = misfit(scene, model, &c, saved, text, sizeof text);
+    }
+    if (reason) snprintf(why, why_size, "%s", reason);
+    return !reason;
+}

@@ -1,0 +1,301 @@
+#include "server/store.h"
+#include "core/hash.h"
+#include "core/snapshot.h"
+#include <ctype.h>
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#define TEMPORARY ".tmp" // one is enough: the directory is locked
+#define SUFFIX ".knead"
+#define GENERATION_MAX 999999999999 // twelve digits: 16 000 years of two a second
+
+// --- the system -----------------------------------------------------------------------------------------------------
+
+static int system_open(int dir, const char *name, int flags, mode_t mode)
+{
+    return openat(dir, name, flags, mode);
+}
+static int system_rename(int dir, const char *from, const char *to)
+{
+    return renameat(dir, from, dir, to);
+}
+static int system_unlink(int dir, const char *name)
+{
+    return unlinkat(dir, name, 0);
+}
+const kn_files kn_files_system = {system_open, read, write, fdatasync, close, system_rename, fsync, system_unlink};
+
+// --- names ----------------------------------------------------------------------------------------------------------
+
+// "dough" of "dough.yaml", in letters that mean nothing to anybody.
+static void plain_name(const char *scene, char *name, size_t size)
+{
+    size_t n = 0;
+    for (; scene[n] && strcmp(scene + n, ".yaml") != 0 && n + 1 < size; n++)
+        name[n] = isalnum((unsigned char)scene[n]) || strchr("-_", scene[n]) ? scene[n] : '_';
+    name[n] = '\0';
+}
+
+static void series_of(const kn_scene *scene, const kn_model *model, char *series, size_t size)
+{
+    char name[sizeof scene->name];
+    plain_name(scene->name, name, sizeof name);
+    uint64_t hash = kn_hash_bytes(kn_model_hash(model), KN_VERSION, strlen(KN_VERSION));
+    snprintf(series, size, "%s.%08" PRIx32, name, (uint32_t)(hash ^ hash >> 32));
+}
+
+static void file_name(const char *series, int64_t generation, char name[256])
+{
+    snprintf(name, 256, "%.200s.%08" PRId64 SUFFIX, series, generation);
+}
+
+// Generation of a file of this series, or (series NULL) of any of the scene's; 0: it is none.
+static int64_t generation_of(const kn_store *s, const char *name, bool any_series)
+{
+    size_t same = strlen(s->series) - (any_series ? 8 : 0), at = strlen(s->series);
+    char *end;
+    if (strncmp(name, s->series, same) != 0 || strlen(name) < at + 2 || name[at] != '.' ||
+        !isdigit((unsigned char)name[at + 1]))
+        return 0;
+    errno = 0;
+    long long generation = strtoll(name + at + 1, &end, 10);
+    return errno == 0 && generation > 0 && generation <= GENERATION_MAX && strcmp(end, SUFFIX) == 0 ? generation : 0;
+}
+
+typedef struct found {
+    int64_t generation;
+    char name[256];
+} found;
+
+static int by_generation(const void *a, const void *b)
+{
+    int64_t x = ((const found *)a)->generation, y = ((const found *)b)->generation;
+    return (x > y) - (x < y);
+}
+
+// The scene's files, ascending; of a store that is not the scene's (scene NULL) all snapshots. Owned by the caller.
+static found *list(const kn_store *s, int dir, size_t *count)
+{
+    found *all = NULL;
+    size_t room = *count = 0;
+    int fd = openat(dir, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    DIR *stream = fd < 0 ? NULL : fdopendir(fd);
+    if (!stream && fd >= 0) close(fd);
+    for (struct dirent *e; stream && (e = readdir(stream));) {
+        int64_t generation = generation_of(s, e->d_name, true);
+        if (generation == 0) continue;
+        if (*count == room) {
+            found *more = realloc(all, (room = room ? 2 * room : 32) * sizeof *all);
+            if (!more) break;
+            all = more;
+        }
+        all[*count].generation = generation;
+        snprintf(all[(*count)++].name, sizeof all->name, "%s", e->d_name);
+    }
+    if (stream) closedir(stream);
+    if (all) qsort(all, *count, sizeof *all, by_generation);
+    return all;
+}
+
+// --- open -----------------------------------------------------------------------------------------------------------
+
+static int refuse(int code, char *error, size_t size, const char *path, const char *why, const char *expected)
+{
+    snprintf(error, size, "--state-dir %s: %s, expected %s", path, why, expected);
+    return code;
+}
+
+static int open_directory(kn_store *s, char *error, size_t size)
+{
+    struct stat what;
+    s->dir = open(s->path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (s->dir < 0) return refuse(2, error, size, s->path, strerror(errno), "a directory");
+    if (fstat(s->dir, &what) != 0) return refuse(3, error, size, s->path, strerror(errno), "one that can be looked at");
+    if (what.st_uid != geteuid())
+        return refuse(2, error, size, s->path, "somebody else's", "one of the user that serves");
+    if (what.st_mode & S_IWOTH) return refuse(2, error, size, s->path, "everybody may write there", "chmod o-w");
+    if (flock(s->dir, LOCK_EX | LOCK_NB) == 0) return 0;
+    return refuse(3, error, size, s->path,
+                  errno == EWOULDBLOCK ? "another kneadd keeps its state there" : strerror(errno), "one for each");
+}
+
+static void keep(kn_store *s, int64_t generation)
+{
+    char name[256];
+    if (s->kept_count == KN_STORE_KEPT) {
+        file_name(s->series, s->kept[0], name);
+        s->files->unlink(s->dir, name); // one that stays is removed at the next start
+        memmove(s->kept, s->kept + 1, sizeof s->kept - sizeof *s->kept);
+        s->kept_count--;
+    }
+    s->kept[s->kept_count++] = generation;
+}
+
+int kn_store_open(kn_store *store, const char *path, const kn_scene *scene, const kn_model *model, char *error,
+                  size_t error_size)
+{
+    kn_store *s = store;
+    *s = (kn_store){.files = &kn_files_system, .scene = scene, .model = model, .path = path, .dir = -1};
+    int code = open_directory(s, error, error_size);
+    if (code != 0) return code;
+    series_of(scene, model, s->series, sizeof s->series);
+    s->room = kn_saved_size_max(model);
+    s->bytes = malloc(s->room);
+    if (!s->bytes) return refuse(3, error, error_size, path, "not enough memory for a snapshot", "a smaller object");
+    s->files->unlink(s->dir, TEMPORARY);
+    size_t count;
+    found *all = list(s, s->dir, &count);
+    for (size_t i = 0; i < count; i++) {
+        if (generation_of(s, all[i].name, false)) keep(s, all[i].generation);
+        s->generation = all[i].generation;
+    }
+    free(all);
+    return 0;
+}
+
+void kn_store_close(kn_store *store)
+{
+    if (store->dir >= 0) close(store->dir); // and the lock
+    free(store->bytes);
+    *store = (kn_store){.dir = -1};
+}
+
+// --- save -----------------------------------------------------------------------------------------------------------
+
+static bool write_all(const kn_files *f, int fd, const uint8_t *bytes, size_t size)
+{
+    for (size_t at = 0; at < size;) {
+        ssize_t n = f->write(fd, bytes + at, size - at);
+        if (n < 0 && errno == EINTR) continue;
+        if (n == 0) errno = ENOSPC;
+        if (n <= 0) return false;
+        at += (size_t)n;
+    }
+    return true;
+}
+
+// NULL, or what could not be done; errno says why.
+static const char *put_file(const kn_store *s, size_t size)
+{
+    const kn_files *f = s->files;
+    int fd = f->open(s->dir, TEMPORARY, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0600);
+    if (fd < 0) return "open";
+    const char *failed = !write_all(f, fd, s->bytes, size) ? "write" : f->sync(fd) != 0 ? "fdatasync" : NULL;
+    int why = errno;
+    if (f->close(fd) != 0 && !failed) return "close";
+    errno = why;
+    return failed;
+}
+
+bool kn_store_save(kn_store *store, kn_saved *saved, char *why, size_t why_size)
+{
+    kn_store *s = store;
+    char name[256];
+    saved->generation = s->generation + 1;
+    file_name(s->series, saved->generation, name);
+    size_t size = kn_saved_encode(s->scene, s->model, saved, s->bytes, s->room);
+    const char *failed = size == 0 ? "encode" : put_file(s, size);
+    bool there = !failed && s->files->rename(s->dir, TEMPORARY, name) == 0;
+    if (!failed && !there) failed = "rename";
+    if (there && s->files->sync_dir(s->dir) != 0) failed = "fsync of the directory";
+    if (failed) snprintf(why, why_size, "%s: %s", failed, size == 0 ? "no room" : strerror(errno));
+    if (!there)
+        s->files->unlink(s->dir, TEMPORARY);
+    else if (failed)
+        s->generation = saved->generation; // it may be there or not: nothing is removed for it
+    if (failed) return false;
+    s->generation = saved->generation;
+    keep(s, saved->generation);
+    return true;
+}
+
+// --- load -----------------------------------------------------------------------------------------------------------
+
+static bool read_all(const kn_files *f, int fd, uint8_t *bytes, size_t size)
+{
+    for (size_t at = 0; at < size;) {
+        ssize_t n = f->read(fd, bytes + at, size - at);
+        if (n < 0 && errno == EINTR) continue;
+        if (n == 0) errno = EIO; // shorter than it was
+        if (n <= 0) return false;
+        at += (size_t)n;
+    }
+    return true;
+}
+
+// The bytes of a plain file, owned by the caller; NULL and the reason in why.
+static uint8_t *get_file(const kn_files *f, int dir, const char *name, size_t *size, char *why, size_t why_size)
+{
+    struct stat what;
+    uint8_t *bytes = NULL;
+    const char *reason = NULL;
+    int fd = f->open(dir, name, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0);
+    if (fd < 0 || fstat(fd, &what) != 0)
+        reason = strerror(errno);
+    else if (!S_ISREG(what.st_mode))
+        reason = "not a plain file";
+    else if (what.st_size < 0 || (uint64_t)what.st_size > KN_SAVED_MAX)
+        reason = "larger than any snapshot";
+    else if (!(bytes = malloc((size_t)what.st_size + 1)))
+        reason = "not enough memory";
+    else if (!read_all(f, fd, bytes, *size = (size_t)what.st_size))
+        reason = strerror(errno);
+    if (fd >= 0) f->close(fd);
+    if (!reason) return bytes;
+    snprintf(why, why_size, "%s", reason);
+    free(bytes);
+    return NULL;
+}
+
+static bool read_saved(const kn_store *s, int dir, const char *name, kn_saved *saved, char *why, size_t why_size)
+{
+    size_t size = 0;
+    uint8_t *bytes = get_file(s->files, dir, name, &size, why, why_size);
+    bool fits = bytes && kn_saved_decode(s->scene, s->model, bytes, size, saved, why, why_size);
+    free(bytes);
+    return fits;
+}
+
+bool kn_store_load(const kn_store *store, int64_t generation, kn_saved *saved, char *name, FILE *told, char *why,
+                   size_t why_size)
+{
+    size_t count;
+    found *all = list(store, store->dir, &count);
+    bool fits = false;
+    *name = '\0';
+    snprintf(why, why_size, "none");
+    for (size_t i = count; i-- > 0 && !fits;) {
+        if (generation > 0 && all[i].generation != generation) continue;
+        fits = read_saved(store, store->dir, all[i].name, saved, why, why_size);
+        snprintf(name, 256, "%s", all[i].name);
+        if (!fits && told) fprintf(told, "kneadd: not restored: %s/%s: %s\n", store->path, name, why);
+    }
+    free(all);
+    return fits;
+}
+
+bool kn_store_browse(const char *path, const kn_scene *scene, const kn_model *model, kn_saved *saved,
+                     bool (*look)(void *arg, const kn_saved *saved, const char *name), void *look_arg, char *why,
+                     size_t why_size)
+{
+    kn_store s = {.files = &kn_files_system, .scene = scene, .model = model, .path = path};
+    snprintf(why, why_size, "holds no snapshot of %s", scene->name);
+    series_of(scene, model, s.series, sizeof s.series);
+    int dir = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (dir < 0) return read_saved(&s, AT_FDCWD, path, saved, why, why_size) && look(look_arg, saved, path);
+    size_t count;
+    found *all = list(&s, dir, &count);
+    bool said = false;
+    for (size_t i = 0; i < count && !said; i++)
+        if (read_saved(&s, dir, all[i].name, saved, why, why_size)) said = look(look_arg, saved, all[i].name);
+    free(all);
+    close(dir);
+    return said;
+}
