@@ -14,6 +14,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <systemd/sd-daemon.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -175,6 +176,12 @@ static void on_scene_due(struct ev_loop *ev, ev_timer *w, int events)
     kn_publisher_scene(&((server *)w->data)->publisher, wall_clock_us());
 }
 
+static void stop(server *d)
+{
+    atomic_store(&d->loop.stop, true);
+    sd_notify(0, "STOPPING=1");
+}
+
 static void on_asked(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)ev, (void)events;
@@ -189,7 +196,7 @@ static void on_asked(struct ev_loop *ev, ev_async *w, int events)
 static void on_leave(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)ev, (void)events;
-    atomic_store(&((server *)w->data)->loop.stop, true);
+    stop(w->data);
 }
 
 static void ask(void *arg) // in the control thread, as the next
@@ -214,7 +221,7 @@ static void on_signal(struct ev_loop *ev, ev_signal *w, int events)
         raise(w->signum);
     }
     if (!d->stop_ns) d->stop_ns = now_ns;
-    atomic_store(&d->loop.stop, true);
+    stop(d);
 }
 
 static void notify(void *arg) // in the servo thread: one write to an eventfd, and none while one is pending
@@ -289,6 +296,17 @@ static void tell_audit(server *d, int64_t *told)
     *told = created;
 }
 
+// The watchdog of kneadd.service, once a second: the servo ticks, and the main thread takes what it says.
+static void tell_alive(server *d, int64_t *tick, int64_t *unpublished)
+{
+    const kn_account *a = &d->loop.account;
+    int64_t now = atomic_load_explicit(&a->tick, memory_order_relaxed);
+    int64_t lost = atomic_load_explicit(&a->unpublished, memory_order_relaxed);
+    if (now > *tick && lost == *unpublished) sd_notify(0, "WATCHDOG=1");
+    *tick = now;
+    *unpublished = lost;
+}
+
 // A point taken, or that there is none left to take; what the log says in KNEAD_EVENT.
 static void tell_quality(server *d, kn_quality *told, bool *told_exhausted)
 {
@@ -316,13 +334,14 @@ static void *mesh_main(void *arg)
     pthread_barrier_wait(&d->go);
     struct timespec tick = {.tv_nsec = KN_PERIOD_NS},
                     rest = {.tv_nsec = (d->skin.period_ticks - 1) * (long)KN_PERIOD_NS};
-    int64_t second_ns = 0, missed_told = 0, created_told = 0;
+    int64_t second_ns = 0, missed_told = 0, created_told = 0, tick_told = -1, unpublished_told = 0;
     kn_quality quality_told = d->scene->quality;
     bool exhausted_told = false;
     while (!atomic_load_explicit(&d->ending, memory_order_relaxed)) {
         if (kn_now_ns() - second_ns >= 1000000000) {
             second_ns = kn_now_ns();
             kn_skin_publish_topology(&d->skin, wall_clock_us());
+            tell_alive(d, &tick_told, &unpublished_told);
             tell_overruns(d, &missed_told);
             tell_audit(d, &created_told);
             tell_quality(d, &quality_told, &exhausted_told);
@@ -509,6 +528,7 @@ static void tell_ready(const server *d)
                "most; ticks will be missed and counted\n",
                1e-6 * (double)d->rest_ns, 1e-6 * REST_TICK_NS);
     fflush(stdout);
+    sd_notifyf(0, "READY=1\nSTATUS=serving %s", d->scene->name);
 }
 
 static void tell_summary(server *d)

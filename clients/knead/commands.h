@@ -11,6 +11,7 @@
     X(creep, "virtual rheometer: a weight on a specimen, then not; height, what comes back, what stays")               \
     X(ctl, "an operator's word to a running kneadd: status, reset, quality, estop, recover, stop")                        \
     X(devices, "what could be a hand on this machine: how to use it, what it lacks, the fix; --json")                  \
+    X(doctor, "what this machine lacks for real time, LCM and devices, how late it wakes a thread; each with the fix")        \
     X(element, "springs and dampers in series and parallel: what they do by the papers' rules, and what is so")        \
     X(hand, "a real device as the hand on a running kneadd: serial paddle, SpaceNavigator, Haply; untested")           \
     X(latency, "from a pose to its force through LCM on a real kneadd, stage by stage, beside a bare echo")            \

@@ -123,7 +123,8 @@ check "lines that are no request are told, one each" [ "$(grep -c '^{"ok":false,
 check "status for a reader: $(ctl status | tr -s ' \n' ' ' | cut -c1-60)" grep -q "^mode  *IDLE$" <(ctl status)
 expect "stop ends it" 'stop: done' 0 sh -c 'knead ctl --control control stop >&2'
 wait $server
-check "as SIGTERM does: $?" [ $? = 0 ]
+ended=$?
+check "as SIGTERM does" [ $ended = 0 ]
 
 # a hand in the air, every 10 ms a reset or nothing: as many ticks are in time (else 200 would be late)
 late() { echo $(($(counter missed) + $(counter overruns))); }

@@ -1,0 +1,296 @@
+// knead doctor: what this machine lacks for real time, for LCM and for devices, and the fix of each.
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/tactile/devices.h"
+#include "core/model.h"
+#include "server/bus.h"
+#include "server/clock.h"
+#include "server/daemon.h"
+#include <errno.h>
+#include <getopt.h>
+#include <glob.h>
+#include <inttypes.h>
+#include <jansson.h>
+#include <sched.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <sys/utsname.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+static const char help[] =
+    "usage: knead doctor [--json] [--seconds N]\n\n"
+    "What this machine lacks to serve a hand at 1 kHz, and the fix of each: real-time priority, locked memory, the\n"
+    "loopback route of LCM's group, socket buffers, the processor's clock and instructions, permissions of devices; "
+    "then\n"
+    "a thread that sleeps a millisecond at a time, as kneadd's does, and how late it woke.\n\n"
+    "  --seconds N   of that measurement, 1 .. 3600 (2)\n"
+    "  --json        the same for programs\n\n"
+    "Exit: 0 nothing is missing, 1 something is, 2 bad input.\n";
+
+#define CHECKS_MAX (16 + KN_DEVICES_MAX)
+#define LOCKED_BYTES ((size_t)64 << 20) // of a server with a large object
+#define BUFFER_BYTES (1 << 20)          // that server/bus.c asks for
+
+typedef struct check {
+    const char *name;
+    bool good;
+    char found[256], fix[256]; // fix: "" when nothing can be done, or need be
+} check;
+
+typedef struct findings {
+    int count;
+    check check[CHECKS_MAX];
+} findings;
+
+__attribute__((format(printf, 4, 5))) static check *add(findings *f, const char *name, bool good, const char *format,
+                                                        ...)
+{
+    check *c = &f->check[f->count++];
+    va_list arguments;
+    *c = (check){.name = name, .good = good};
+    va_start(arguments, format);
+    vsnprintf(c->found, sizeof c->found, format, arguments);
+    va_end(arguments);
+    return c;
+}
+
+__attribute__((format(printf, 2, 3))) static void fix(check *c, const char *format, ...)
+{
+    va_list arguments;
+    if (c->good) return;
+    va_start(arguments, format);
+    vsnprintf(c->fix, sizeof c->fix, format, arguments);
+    va_end(arguments);
+}
+
+static bool read_word(const char *path, char *word, size_t size)
+{
+    FILE *file = fopen(path, "r");
+    bool read = file && fgets(word, (int)size, file);
+    if (file) fclose(file);
+    if (read) word[strcspn(word, "\n")] = '\0';
+    return read;
+}
+
+// What a process of ours may: tried in a child, which keeps nothing of it. Returns its errno.
+static int attempt(int (*what)(void))
+{
+    fflush(stdout);
+    pid_t child = fork();
+    int status = 0;
+    if (child == 0) _exit(what() == 0 ? 0 : errno & 0xff);
+    if (child < 0 || waitpid(child, &status, 0) != child || !WIFEXITED(status)) return EIO;
+    return WEXITSTATUS(status);
+}
+
+static int take_priority(void)
+{
+    return sched_setscheduler(0, SCHED_FIFO, &(struct sched_param){.sched_priority = KN_RT_SERVO});
+}
+
+static int lock_memory(void)
+{
+    void *memory = mmap(NULL, LOCKED_BYTES, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    return memory == MAP_FAILED ? -1 : mlock(memory, LOCKED_BYTES);
+}
+
+// --- what there is ---
+
+static void look_at_limits(findings *f)
+{
+    int error = attempt(take_priority);
+    check *c = add(f, "priority", !error, error ? "no SCHED_FIFO %d: %s" : "SCHED_FIFO %d is granted", KN_RT_SERVO,
+                   strerror(error));
+    fix(c, "in /etc/security/limits.d/knead.conf: @knead - rtprio %d; sudo usermod -aG knead $USER; log in again",
+        KN_RT_SERVO);
+    error = attempt(lock_memory);
+    c = add(f, "memory", !error, error ? "%zu MiB cannot be locked: %s" : "%zu MiB can be locked", LOCKED_BYTES >> 20,
+            strerror(error));
+    fix(c,
+        "in /etc/security/limits.d/knead.conf: @knead - memlock unlimited; sudo usermod -aG knead $USER; log in again");
+    char word[32];
+    if (!read_word("/proc/sys/kernel/sched_rt_runtime_us", word, sizeof word)) return;
+    long us = strtol(word, NULL, 10);
+    c = add(f, "throttling", us < 0 || us >= 900000,
+            us < 0 ? "none: a thread that does not sleep stops the machine"
+                   : "real-time threads get %ld us of a second",
+            us);
+    fix(c, "sudo sysctl kernel.sched_rt_runtime_us=950000");
+}
+
+static void look_at_bus(findings *f)
+{
+    static const char also[] = "; as root: "; // between what is wrong and the cure, in server/bus.c
+    char error[512], word[32];
+    kn_bus bus;
+    const char *url = getenv("LCM_DEFAULT_URL");
+    if (!url || !*url) url = KN_LCM_URL;
+    bool parsed = kn_bus_parse(&bus, url, error, sizeof error);
+    bool good = parsed && kn_bus_check_route(&bus, error, sizeof error);
+    char *cure = good ? NULL : strstr(error, also);
+    if (cure) *cure = '\0';
+    check *c = add(f, "route", good, "%s%s", good ? url : error, good ? " stays on this machine" : "");
+    fix(c, "%s%s", cure ? "as root: " : "unset LCM_DEFAULT_URL", cure ? cure + strlen(also) : "");
+    if (!read_word("/proc/sys/net/core/rmem_max", word, sizeof word)) return;
+    long bytes = strtol(word, NULL, 10);
+    c = add(f, "buffers", geteuid() == 0 || bytes >= BUFFER_BYTES, "a socket may keep %ld KiB", bytes >> 10);
+    fix(c, "sudo sysctl net.core.rmem_max=%d", BUFFER_BYTES);
+}
+
+static void look_at_processor(findings *f)
+{
+    char word[64] = "";
+    struct utsname kernel;
+    glob_t list;
+    long processors = sysconf(_SC_NPROCESSORS_ONLN);
+    check *c = add(f, "processors", processors >= 2, "%ld", processors);
+    fix(c, "two: on one, a tick and whoever it serves wait for each other");
+    c = add(f, "instructions", kn_isa_supported(KN_ISA_AVX2), "%s",
+            kn_isa_supported(KN_ISA_AVX512) ? "AVX-512"
+            : kn_isa_supported(KN_ISA_AVX2) ? "AVX2 and FMA"
+                                            : "no FMA: right, and not real time");
+    fix(c, "a processor with AVX2 and FMA: of 2013 or later");
+    if (glob("/sys/devices/system/cpu/cpu*/cpufreq/scaling_governor", 0, NULL, &list) == 0) {
+        size_t slow = 0;
+        for (size_t i = 0; i < list.gl_pathc; i++)
+            slow += read_word(list.gl_pathv[i], word, sizeof word) && strcmp(word, "performance") != 0;
+        c = add(f, "governor", slow == 0, slow ? "%zu of %zu processors slow down when idle" : "performance", slow,
+                list.gl_pathc);
+        fix(c, "sudo cpupower frequency-set -g performance");
+        globfree(&list);
+    }
+    if (read_word("/sys/devices/system/clocksource/clocksource0/current_clocksource", word, sizeof word)) {
+        c = add(f, "clock", strcmp(word, "hpet") != 0 && strcmp(word, "acpi_pm") != 0, "%s", word);
+        fix(c, "clocksource=tsc among the kernel's parameters: %s takes a microsecond to read", word);
+    }
+    bool full = uname(&kernel) == 0 && strstr(kernel.version, "PREEMPT_RT");
+    add(f, "kernel", true, "%s%s", kernel.release,
+        full ? ", PREEMPT_RT" : ", without PREEMPT_RT: apt install linux-image-rt-amd64 where ticks are late");
+}
+
+static void look_at_devices(findings *f)
+{
+    kn_found *found = calloc(KN_DEVICES_MAX, sizeof *found);
+    int count = found ? kn_devices_find("", found) : 0;
+    for (int i = 0; i < count; i++) {
+        const kn_found *d = &found[i];
+        bool service = strcmp(d->kind, "tty") != 0 && strcmp(d->kind, "usb") != 0; // nobody has to have one
+        if (!service) fix(add(f, d->kind, d->ready, "%s: %s", d->where, d->ready ? d->use : d->missing), "%s", d->fix);
+    }
+    free(found);
+}
+
+// --- how late a thread wakes here ---
+
+typedef struct wakes {
+    int seconds;
+    int64_t count, missed, late_ns[]; // of each wake
+} wakes;
+
+static int by_size(const void *a, const void *b)
+{
+    int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
+    return (x > y) - (x < y);
+}
+
+static void *sleep_by_milliseconds(void *arg)
+{
+    wakes *w = arg;
+    kn_clock clock;
+    kn_clock_start(&clock, kn_now_ns() + KN_PERIOD_NS);
+    for (kn_wake wake = {0}; wake.tick < 1000 * w->seconds;) {
+        wake = kn_clock_wait(&clock);
+        w->missed += wake.missed;
+        if (w->count < 1000 * w->seconds) w->late_ns[w->count++] = wake.late_ns;
+    }
+    return NULL;
+}
+
+static void measure(findings *f, int seconds)
+{
+    kn_rt rt;
+    pthread_t thread;
+    wakes *w = calloc(1, sizeof *w + (size_t)seconds * 1000 * sizeof w->late_ns[0]);
+    if (!w) return;
+    w->seconds = seconds;
+    kn_rt_enter(&rt, KN_RT_AUTO);
+    if (kn_rt_thread(&rt, &thread, "doctor", KN_RT_SERVO, true, sleep_by_milliseconds, w) == 0) {
+        pthread_join(thread, NULL);
+        qsort(w->late_ns, (size_t)w->count, sizeof w->late_ns[0], by_size);
+        double p50 = 1e-3 * (double)w->late_ns[w->count / 2], p99 = 1e-3 * (double)w->late_ns[w->count * 99 / 100];
+        double most = 1e-6 * (double)w->late_ns[w->count - 1];
+        // of a millisecond a tick of ordinary objects leaves half
+        check *c = add(f, "wakes", w->missed * 1000 <= w->count && p99 <= 500,
+                       "of %d, %" PRId64 " missed; late by %.0f us (p50), %.0f us (p99), %.2f ms (most)",
+                       1000 * seconds, w->missed, p50, p99, most);
+        fix(c, "%s",
+            rt.fifo ? "a machine of its own: a virtual one stands still while its host does other things; no other "
+                      "real-time work; PREEMPT_RT"
+                    : "real-time priority first, see above");
+    }
+    free(w);
+}
+
+// --- told ---
+
+static int print_json(const findings *f)
+{
+    json_t *list = json_array();
+    for (int i = 0; i < f->count; i++) {
+        const check *c = &f->check[i];
+        json_array_append_new(list, json_pack("{s:s, s:b, s:s, s:s}", "check", c->name, "good", c->good, "found",
+                                              c->found, "fix", c->fix));
+    }
+    json_t *root = json_pack("{s:o}", "checks", list);
+    bool told = root && json_dumpf(root, stdout, JSON_INDENT(2)) == 0;
+    json_decref(root);
+    putchar('\n');
+    return told ? KN_EXIT_OK : kn_complain("doctor", KN_EXIT_INTERNAL, "out of memory");
+}
+
+static void print_lines(const findings *f)
+{
+    for (int i = 0; i < f->count; i++) {
+        const check *c = &f->check[i];
+        printf("%-5s %-13s %s\n", c->good ? "ok" : "LACKS", c->name, c->found);
+        if (*c->fix) printf("%19s fix: %s\n", "", c->fix);
+    }
+}
+
+int kn_doctor_main(int argc, char **argv)
+{
+    static const struct option names[] = {
+        {"json", 0, NULL, 'j'}, {"seconds", 1, NULL, 's'}, {"help", 0, NULL, 'h'}, {0}};
+    static findings f;
+    bool json = false;
+    char end;
+    int seconds = 2, code = KN_EXIT_OK;
+    for (int option; (option = getopt_long(argc, argv, "h", names, NULL)) != -1;) {
+        if (option == 'h')
+            return fputs(help, stdout), KN_EXIT_OK;
+        else if (option == 'j')
+            json = true;
+        else if (option != 's')
+            return KN_EXIT_USAGE; // getopt has said which
+        else if (sscanf(optarg, "%4d%c", &seconds, &end) != 1 || seconds < 1 || seconds > 3600)
+            return kn_complain("doctor", KN_EXIT_USAGE, "--seconds %s: expected 1 .. 3600", optarg);
+    }
+    if (optind < argc) return kn_complain("doctor", KN_EXIT_USAGE, "`%s`: expected options only", argv[optind]);
+    look_at_limits(&f);
+    look_at_bus(&f);
+    look_at_processor(&f);
+    look_at_devices(&f);
+    measure(&f, seconds);
+    if (json)
+        code = print_json(&f);
+    else
+        print_lines(&f);
+    for (int i = 0; i < f.count && code == KN_EXIT_OK; i++)
+        if (!f.check[i].good) code = KN_EXIT_FAILED;
+    return code;
+}

@@ -1,0 +1,62 @@
+#!/usr/bin/env bash
+# kneadd.service: systemd finds nothing wrong with it and little that it exposes. As it runs there, a user without a
+# capability, kneadd has its real-time priority and locked memory, says when it serves, and every second that it ticks.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+command -v systemd-analyze >/dev/null || { echo "skipped: no systemd-analyze here (package systemd)" && exit 77; }
+sed "s|^ExecStart=[^ ]*|ExecStart=$KN_BUILD/bin/kneadd|; /^User=\|^Group=/d" "$KN_BUILD/server/kneadd.service" >kneadd.service
+systemd-analyze verify "$PWD/kneadd.service" >verified 2>&1
+check "systemd takes every line of it$(sed 's/^/: /' verified)" [ ! -s verified ]
+systemd-analyze security --offline=true --no-pager --threshold=20 "$KN_BUILD/server/kneadd.service" >exposure 2>&1
+check "$(tail -1 exposure | tr -dc '[:print:]')" [ $? = 0 ]
+
+[ "$KN_REALTIME" != off ] && command -v setpriv >/dev/null || { echo "no user to become here: the rest is left out" && exit $failed; }
+cat >listen.py <<'END' # what systemd hears
+import os, socket, sys, time
+s = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+s.bind("notify")
+os.chmod("notify", 0o777)
+while True:
+    print(time.monotonic(), s.recv(4096).decode().replace("\n", " "), flush=True)
+END
+heard() { grep -c "$1" notified; }
+chmod 777 .
+python3 listen.py >notified &
+sleep 0.5
+for scene in dough-small jelly; do cp "$KN_SOURCE/core/scenes/$scene.yaml" . && chmod 644 $scene.yaml; done
+cp "$KN_BUILD/bin/kneadd" "$KN_BUILD/bin/knead" . # the build may lie where nobody else may look
+limits="prlimit --rtprio=80 --memlock=unlimited" mode=require
+if ! $limits true 2>/dev/null; then
+    echo "this root may not raise limits (no CAP_SYS_RESOURCE): what they grant is left out"
+    limits= mode=off
+fi
+NOTIFY_SOCKET=$PWD/notify $limits setpriv --reuid 65534 --regid 65534 --clear-groups \
+    --no-new-privs --bounding-set=-all --inh-caps=-all --ambient-caps=-all \
+    ./kneadd --scene dough-small.yaml --control "$PWD/control" --realtime $mode >kneadd.log 2>kneadd.err &
+server=$!
+for _ in $(seq 100); do [ "$(heard READY=1)" -gt 0 ] && break; sleep 0.05; done
+check "it says when it serves" [ "$(heard 'READY=1 STATUS=serving dough-small.yaml')" = 1 ]
+[ $mode = off ] || check "with all of real time: $(cat kneadd.err)" grep -q 'SCHED_FIFO, memory locked' kneadd.log
+check "without a capability" [ "$(sed -n 's/^CapEff:\s*//p' /proc/$server/status)" = 0000000000000000 ]
+sleep 3.3
+before=$(heard WATCHDOG=1)
+check "and every second that it is alive: $before times in 3 s" [ "$before" -ge 2 -a "$before" -le 5 ]
+kill -STOP $server
+sleep 2.5
+check "a server that stands still does not" [ "$(heard WATCHDOG=1)" -le $((before + 1)) ]
+kill -CONT $server
+for _ in $(seq 50); do [ "$(heard WATCHDOG=1)" -gt $((before + 1)) ] && break; sleep 0.1; done
+check "one that goes on does again" [ "$(heard WATCHDOG=1)" -gt $((before + 1)) ]
+./knead ctl --control control --json status >status.json
+check "root may command it" grep -q '^{"ok":true,' status.json
+setpriv --reuid 1234 --regid 65534 --clear-groups ./knead ctl --control control reset >group 2>&1
+check "its group may: $(cat group)" grep -q '^reset: tick' group
+setpriv --reuid 1234 --regid 1234 --clear-groups ./knead ctl --control control reset >other 2>&1
+refused=$?
+check "nobody else may: $(cat other)" [ $refused = 3 ]
+setpriv --reuid 1234 --regid 1234 --groups 65534 ./knead ctl --control control stop >stop 2>&1
+check "a member by another of its groups may end it: $(cat stop)" grep -q '^stop: done' stop
+wait $server
+ended=$?
+check "it ended well" [ $ended = 0 ]
+check "and said so" [ "$(heard STOPPING=1)" = 1 ]
+exit $failed
