@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #define EDGE_MIN_M 1e-5 // mean; as for the spacing of a block
 
@@ -42,11 +43,12 @@ static void as_moved(kn_draft *draft, const kn_draft_file *file, path_text path)
              draft->beside ? draft->beside : "", name + folder_of(name));
 }
 
-static bool exists(const char *path)
+// A regular file: nobody may ever write into a pipe of that name. NULL, or what else is there.
+static const char *no_file(const char *path)
 {
-    FILE *file = fopen(path, "rb");
-    if (file) fclose(file);
-    return file != NULL;
+    struct stat what;
+    if (stat(path, &what) != 0) return strerror(errno);
+    return S_ISREG(what.st_mode) ? NULL : "not a regular file";
 }
 
 // The hash that the text holds counts unless --set has named another file since.
@@ -88,16 +90,15 @@ bool kn_draft_read(kn_draft *draft, const kn_draft_file *file)
     char name[KN_LINE_MAX];
     as_written(draft, file, path);
     as_moved(draft, file, moved);
-    bool found = exists(path);
-    const char *why = strerror(errno), *used = found ? path : moved;
-    if (!found && !exists(moved))
+    const char *why = no_file(path), *used = why ? moved : path;
+    if (why && no_file(moved))
         return kn_draft_complain(draft, mark_of(draft, file), "%s: %s, expected %s",
                                  kn_draft_path(draft, file->slot, file->path, name), why, file->kind);
     if (!load(draft, file, used)) {
         // the first complaint stands unless the file as it was is beside this one
         char first[512];
         snprintf(first, sizeof first, "%s", draft->error);
-        bool other = found && hash_counts(draft, file) && strcmp(path, moved) != 0 && exists(moved) &&
+        bool other = !why && hash_counts(draft, file) && strcmp(path, moved) != 0 && !no_file(moved) &&
                      load(draft, file, moved);
         if (!other) return snprintf(draft->error, draft->error_size, "%s", first), false;
         used = moved;

@@ -107,6 +107,18 @@ TEST("--set puts a mesh in the place of a block or of another mesh, whose hash i
     CHECK_STR(error, "--set object.spacing: object.spacing means nothing with object.mesh, expected it left out");
 }
 
+TEST("what is no file is refused, and not waited for")
+{
+    CHECK(mkfifo(in_folder("pipe.msh"), 0600) == 0 && mkdir(in_folder("folder.msh"), 0700) == 0);
+    const char *const what[] = {"mesh: pipe.msh, mesh_unit: mm", "mesh: folder.msh, mesh_unit: mm"};
+    for (int i = 0; i < 2; i++) {
+        CHECK(!parse(what[i], NULL, 0));
+        CHECK(strstr(error, "scene.yaml:2:17: object.mesh: not a regular file, expected a Gmsh mesh"));
+    }
+    unlink(in_folder("pipe.msh"));
+    rmdir(in_folder("folder.msh"));
+}
+
 TEST("a broken mesh is named with its file and its element, not with the scene's")
 {
     char text[512];
