@@ -122,7 +122,7 @@ static void hang_up(peer *p)
     p->fd = -1;
 }
 
-static void reply(peer *p, json_t *answer)
+static void send_reply(peer *p, json_t *answer)
 {
     char *text = answer ? json_dumps(answer, JSON_COMPACT | JSON_ENSURE_ASCII) : NULL;
     size_t size = text ? strlen(text) : 0;
@@ -143,7 +143,7 @@ static void greet(kn_control *c)
         if (c->peers[i].fd < 0) p = &c->peers[i];
     *p = one;
     if (p != &one) return;
-    reply(p, known ? kn_control_error("too many connections, expected %d at most", KN_CONTROL_PEERS)
+    send_reply(p, known ? kn_control_error("too many connections, expected %d at most", KN_CONTROL_PEERS)
                    : kn_control_error("uid %d may not command this server", (int)one.who.uid));
     if (p->fd >= 0) hang_up(p);
 }
@@ -181,17 +181,25 @@ static int brackets(const char *line, size_t length)
     return count;
 }
 
-static json_t *judge(kn_control *c, const peer *p, size_t length)
+json_t *kn_control_judge(kn_control_answer answer, void *self, const char *line, size_t length, json_t **request)
 {
     json_error_t why;
-    if (brackets(p->line, length) > KN_CONTROL_BRACKETS)
+    *request = NULL;
+    if (brackets(line, length) > KN_CONTROL_BRACKETS)
         return kn_control_error("more than %d of [ and {", KN_CONTROL_BRACKETS);
-    json_t *request = json_loadb(p->line, length, JSON_REJECT_DUPLICATES, &why);
-    if (!request) return kn_control_error("no JSON at byte %d, expected one object per line", why.position);
+    json_t *asked = json_loadb(line, length, JSON_REJECT_DUPLICATES, &why);
+    if (!asked) return kn_control_error("no JSON at byte %d, expected one object per line", why.position);
     bool audit = false;
-    json_t *answer = json_is_object(request) ? c->answer(c->self, request, &audit)
-                                             : kn_control_error("expected one object per line");
-    if (audit) tell_audit(p, request, answer);
+    json_t *reply = json_is_object(asked) ? answer(self, asked, &audit) : kn_control_error("expected one object per line");
+    if (audit) *request = asked;
+    else json_decref(asked);
+    return reply;
+}
+
+static json_t *judge(kn_control *c, const peer *p, size_t length)
+{
+    json_t *request, *answer = kn_control_judge(c->answer, c->self, p->line, length, &request);
+    if (request) tell_audit(p, request, answer);
     json_decref(request);
     return answer;
 }
@@ -206,11 +214,11 @@ static void hear(kn_control *c, peer *p, const char *bytes, size_t size)
         size_t length = p->length;
         p->length = 0;
         if (length == KN_CONTROL_LINE)
-            reply(p, kn_control_error("a line of more than %d bytes", KN_CONTROL_LINE - 1));
+            send_reply(p, kn_control_error("a line of more than %d bytes", KN_CONTROL_LINE - 1));
         else if (!afford(p))
-            reply(p, kn_control_error("more than %d commands a second", KN_CONTROL_HZ));
+            send_reply(p, kn_control_error("more than %d commands a second", KN_CONTROL_HZ));
         else
-            reply(p, judge(c, p, length));
+            send_reply(p, judge(c, p, length));
     }
 }
 

@@ -27,6 +27,10 @@ typedef json_t *(*kn_control_answer)(void *self, const json_t *request, bool *au
 // {"ok": false, "error": "..."}
 json_t *kn_control_error(const char *format, ...) __attribute__((format(printf, 1, 2)));
 
+// The reply to one line without its newline, whatever its bytes: a new reference, never NULL. *request: what it asked,
+// a new reference, where it is worth a line on stderr, else NULL.
+json_t *kn_control_judge(kn_control_answer answer, void *self, const char *line, size_t length, json_t **request);
+
 // Binds path, replacing a socket there that nobody serves. NULL and one line in error.
 kn_control *kn_control_open(const char *path, kn_control_answer answer, void *self, char *error, size_t error_size);
 void kn_control_close(kn_control *control); // removes the path while it is still ours; NULL is fine
