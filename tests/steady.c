@@ -1,0 +1,322 @@
+// steady [--attempts N] [--timeout S] [--calm S] COMMAND...: runs a test that keeps a millisecond's time, and beside it
+// a witness of whether the machine let it.
+//
+//     processor 0   witness  |.|.|.|.|.|            |.|.|.|.|    sleeps of 1 ms, whose timers come unless the host has
+//     processor 1   witness  |.|.|.|.|.|.|.|.|.|.|.|.|.|.|.|     taken the processor away: a standstill
+//     COMMAND and all its processes                    exit 1    failed, disturbed
+//
+// A standstill is that part of a sleep's lateness in which the witness was not even waiting for its processor, as the
+// kernel counts it (schedstat's run_delay). So a test's own load excuses nothing: no thread ahead of the witness, nor
+// the 50 ms of every second that the kernel keeps from a real-time thread which never sleeps, and from all above it.
+//
+//     an attempt passes                                  0
+//     an attempt exits with more than 1, or is killed    that, at once: skipped, bad input, no device, a crash
+//     an attempt takes longer than --timeout (600 s)     1, at once; what it started is killed
+//     two attempts fail undisturbed, or one of three     1
+//     all of three fail, each in a standstill            77 and the figures: nothing was learnt
+//
+// A single undisturbed failure among three is a failure: nothing excuses it, and the others prove nothing. It may go
+// again all the same, as a machine that never stood still for 10 ms may have for 9. After a disturbed attempt the next
+// one waits until the machine has not stood still for --calm (5 s), or for four times that.
+#include <errno.h>
+#include <fcntl.h>
+#include <pthread.h>
+#include <sched.h>
+#include <signal.h>
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#define MS INT64_C(1000000)
+#define SECOND INT64_C(1000000000)
+#define STANDSTILL_NS (10 * MS) // a pose 20 ms late fades the force; some of that is used up without it
+#define LOST_NS MS              // less is an ordinary wake
+#define STACK_BYTES (128 << 10)
+enum { FAILED = 1, USAGE = 2, SKIPPED = 77, INTERNAL = 70, WITNESS_PRIORITY = 99 };
+
+typedef struct witness {
+    int processor;
+    bool sees; // can tell a standstill from load
+    _Atomic int64_t standstills, longest_ns, lost_ns, last_ns;
+} witness;
+
+typedef struct figures { // of all processors together, since they were last taken
+    int64_t standstills, longest_ns, lost_ns, watched_ns;
+} figures;
+
+typedef struct options {
+    int attempts;
+    int64_t timeout_ns, calm_ns;
+    char **command;
+} options;
+
+static witness witnesses[CPU_SETSIZE];
+static int witness_count;
+static char blind[200]; // what the witnesses cannot see, and why
+static sigset_t news;   // a child ended, or this is to end
+
+static int64_t now_ns(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return t.tv_sec * SECOND + t.tv_nsec;
+}
+
+static void sleep_until(int64_t due_ns)
+{
+    struct timespec due = {due_ns / SECOND, due_ns % SECOND};
+    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL) == EINTR) continue;
+}
+
+// How long a thread was ready to run and did not, in all; -1: this kernel does not count it.
+static int64_t waited_ns(int schedstat)
+{
+    char text[100];
+    long long waited, turns;
+    ssize_t size = pread(schedstat, text, sizeof text - 1, 0);
+    if (size <= 0) return -1;
+    text[size] = '\0';
+    return sscanf(text, "%*s %lld %lld", &waited, &turns) == 2 && turns > 0 ? waited : -1;
+}
+
+static void *watch(void *memory)
+{
+    witness *w = memory;
+    int schedstat = open("/proc/thread-self/schedstat", O_RDONLY | O_CLOEXEC);
+    int64_t before_ns = waited_ns(schedstat);
+    for (int64_t due_ns = now_ns() + MS;; due_ns = now_ns() + MS) {
+        sleep_until(due_ns);
+        int64_t woken_ns = now_ns(), after_ns = waited_ns(schedstat);
+        int64_t still_ns = woken_ns - due_ns - (after_ns - before_ns);
+        before_ns = after_ns;
+        if (!w->sees || still_ns < LOST_NS) continue;
+        w->lost_ns += still_ns;
+        if (still_ns > w->longest_ns) w->longest_ns = still_ns;
+        if (still_ns < STANDSTILL_NS) continue;
+        w->standstills++;
+        w->last_ns = woken_ns;
+    }
+    return NULL;
+}
+
+static int start_witness(witness *w, int policy)
+{
+    pthread_t thread;
+    pthread_attr_t attr;
+    cpu_set_t its;
+    struct sched_param param = {.sched_priority = policy == SCHED_FIFO ? WITNESS_PRIORITY : 0};
+    CPU_ZERO(&its);
+    CPU_SET((size_t)w->processor, &its);
+    pthread_attr_init(&attr);
+    pthread_attr_setstacksize(&attr, STACK_BYTES);
+    pthread_attr_setinheritsched(&attr, PTHREAD_EXPLICIT_SCHED);
+    pthread_attr_setschedpolicy(&attr, policy);
+    pthread_attr_setschedparam(&attr, &param);
+    pthread_attr_setaffinity_np(&attr, sizeof its, &its);
+    int error = pthread_create(&thread, &attr, watch, w);
+    pthread_attr_destroy(&attr);
+    return error;
+}
+
+// One for each processor that this process may use. Without real-time priority a standstill that comes while a witness
+// waits for its processor is taken for load. Where the kernel does not count waits, lateness at the highest priority
+// must do; without both there are no witnesses, and no failure is excused.
+static void start_witnesses(void)
+{
+    cpu_set_t may;
+    int schedstat = open("/proc/self/schedstat", O_RDONLY), refused = 0;
+    bool counts = waited_ns(schedstat) >= 0;
+    close(schedstat);
+    if (sched_getaffinity(0, sizeof may, &may) != 0) CPU_ZERO(&may);
+#ifndef KN_SANITIZED
+    if (mlockall(MCL_CURRENT) != 0) errno = 0; // a page that comes from disk would be a standstill; not vital
+#endif
+    for (int i = 0; i < CPU_SETSIZE; i++) {
+        witness *w = &witnesses[witness_count];
+        if (!CPU_ISSET((size_t)i, &may)) continue;
+        *w = (witness){.processor = i, .sees = true};
+        if (!refused) refused = start_witness(w, SCHED_FIFO);
+        w->sees = counts || !refused;
+        if (refused && start_witness(w, SCHED_OTHER) != 0) continue;
+        witness_count++;
+    }
+    if (refused)
+        snprintf(blind, sizeof blind, " (no SCHED_FIFO: %s, %s)", strerror(refused),
+                 counts ? "so some are not seen" : "nor does this kernel count waits: none is seen");
+    else if (!counts)
+        snprintf(blind, sizeof blind, " (this kernel does not count waits: load may be among it)");
+}
+
+static figures take_figures(int64_t since_ns)
+{
+    figures f = {0};
+    for (int i = 0; i < witness_count; i++) {
+        int64_t longest_ns = atomic_exchange(&witnesses[i].longest_ns, 0);
+        if (longest_ns > f.longest_ns) f.longest_ns = longest_ns;
+        f.standstills += atomic_exchange(&witnesses[i].standstills, 0);
+        f.lost_ns += atomic_exchange(&witnesses[i].lost_ns, 0);
+    }
+    f.watched_ns = (now_ns() - since_ns) * witness_count;
+    return f;
+}
+
+static void add_figures(figures *all, const figures *f)
+{
+    all->standstills += f->standstills;
+    all->lost_ns += f->lost_ns;
+    all->watched_ns += f->watched_ns;
+    if (f->longest_ns > all->longest_ns) all->longest_ns = f->longest_ns;
+}
+
+static void print_figures(const figures *f)
+{
+    double share = f->watched_ns > 0 ? (double)f->lost_ns / (double)f->watched_ns : 0.0;
+    printf("%lld standstills of 10 ms or more, the longest %.1f ms, %.2f %% of the processors' time lost%s\n",
+           (long long)f->standstills, 1e-6 * (double)f->longest_ns, 100.0 * share, blind);
+}
+
+static void wait_for_calm(int64_t calm_ns)
+{
+    int64_t start_ns = now_ns(), last_ns = start_ns;
+    while (now_ns() < last_ns + calm_ns && now_ns() < start_ns + 4 * calm_ns) {
+        sleep_until(now_ns() + 100 * MS);
+        for (int i = 0; i < witness_count; i++)
+            if (witnesses[i].last_ns > last_ns) last_ns = witnesses[i].last_ns;
+    }
+}
+
+static pid_t start_command(char **command)
+{
+    pid_t parent = getpid(), child = fork();
+    if (child != 0) {
+        if (child > 0) setpgid(child, child); // whoever is first
+        return child;
+    }
+    setpgid(0, 0);
+    sigprocmask(SIG_UNBLOCK, &news, NULL);
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
+    if (getppid() != parent) _exit(INTERNAL);
+    execvp(command[0], command);
+    dprintf(STDERR_FILENO, "steady: %s: %s\n", command[0], strerror(errno));
+    _exit(errno == ENOENT ? 127 : 126);
+}
+
+static void end_command(pid_t group)
+{
+    kill(-group, SIGTERM); // netns takes down its namespace
+    sleep_until(now_ns() + SECOND);
+    kill(-group, SIGKILL);
+}
+
+// Its exit code, 128 + signal when it was killed, -1 when it did not end in time. A signal to us is one to the command,
+// and ends us after it.
+static int run_command(const options *opt)
+{
+    pid_t child = start_command(opt->command);
+    if (child < 0) return perror("steady: fork"), INTERNAL;
+    int status = 0, signal = 0;
+    bool late = false;
+    for (int64_t end_ns = now_ns() + opt->timeout_ns; !late && signal <= 0;) {
+        siginfo_t ended = {0};
+        if (waitid(P_PID, (id_t)child, &ended, WEXITED | WNOHANG | WNOWAIT) == 0 && ended.si_pid == child) break;
+        int64_t left_ns = end_ns - now_ns();
+        late = left_ns <= 0;
+        if (late) break;
+        signal = sigtimedwait(&news, NULL, &(struct timespec){left_ns / SECOND, left_ns % SECOND});
+        if (signal == SIGCHLD) signal = 0;
+    }
+    if (late || signal > 0) end_command(child);
+    kill(-child, SIGKILL); // what it left behind, while its id is not yet anybody else's
+    waitpid(child, &status, 0);
+    if (signal > 0) exit(128 + signal);
+    if (late) return -1;
+    return WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
+}
+
+static int attempt(const options *opt, int n, figures *f)
+{
+    int64_t start_ns = now_ns();
+    take_figures(start_ns);
+    int code = run_command(opt);
+    sleep_until(now_ns() + 5 * MS); // a witness of the end has its say
+    *f = take_figures(start_ns);
+    double took_s = 1e-9 * (double)(now_ns() - start_ns);
+    if (code >= 0)
+        printf("steady: attempt %d of %d: exit %d after %.1f s; ", n, opt->attempts, code, took_s);
+    else
+        printf("steady: attempt %d of %d: did not end in %.1f s; ", n, opt->attempts, took_s);
+    print_figures(f);
+    return code;
+}
+
+static int run(const options *opt)
+{
+    figures all = {0}, f;
+    int undisturbed = 0;
+    for (int n = 1; n <= opt->attempts; n++) {
+        int code = attempt(opt, n, &f);
+        if (code != FAILED) return code >= 0 ? code : FAILED;
+        add_figures(&all, &f);
+        undisturbed += f.standstills == 0;
+        if (undisturbed == 2) break;
+        if (n < opt->attempts && f.standstills > 0) wait_for_calm(opt->calm_ns);
+    }
+    if (undisturbed > 0) return FAILED;
+    printf("skipped: the machine stood still in each of %d failed attempts: ", opt->attempts);
+    print_figures(&all);
+    return SKIPPED;
+}
+
+static int usage(const char *what, const char *expected)
+{
+    fprintf(stderr, "steady: %s: expected %s\n", what, expected);
+    return USAGE;
+}
+
+static bool read_number(const char *text, double least, double most, double *value)
+{
+    char *end;
+    *value = strtod(text, &end);
+    return end != text && !*end && *value >= least && *value <= most;
+}
+
+static int read_options(options *opt, int argc, char **argv)
+{
+    double value;
+    int i = 1;
+    for (; i + 1 < argc && strncmp(argv[i], "--", 2) == 0; i += 2) {
+        bool attempts = strcmp(argv[i], "--attempts") == 0, timeout = strcmp(argv[i], "--timeout") == 0;
+        if (!attempts && !timeout && strcmp(argv[i], "--calm") != 0) break;
+        if (!read_number(argv[i + 1], attempts, attempts ? 100 : 1e6, &value))
+            return usage(argv[i + 1], attempts ? "1 to 100 attempts" : "seconds");
+        if (attempts)
+            opt->attempts = (int)value;
+        else
+            *(timeout ? &opt->timeout_ns : &opt->calm_ns) = (int64_t)(1e9 * value);
+    }
+    opt->command = argv + i;
+    if (i < argc && argv[i][0] != '-') return 0;
+    return usage(i < argc ? argv[i] : "no command", "[--attempts N] [--timeout S] [--calm S] COMMAND...");
+}
+
+int main(int argc, char **argv)
+{
+    options opt = {.attempts = 3, .timeout_ns = 600 * SECOND, .calm_ns = 5 * SECOND};
+    static const int signals[] = {SIGCHLD, SIGINT, SIGTERM, SIGHUP};
+    setvbuf(stdout, NULL, _IOLBF, 0);
+    int code = read_options(&opt, argc, argv);
+    if (code != 0) return code;
+    sigemptyset(&news);
+    for (int i = 0; i < 4; i++) sigaddset(&news, signals[i]);
+    sigprocmask(SIG_BLOCK, &news, NULL); // before there are threads
+    start_witnesses();
+    return run(&opt);
+}
