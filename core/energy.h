@@ -38,6 +38,9 @@ typedef struct kn_audit kn_audit;
 kn_audit *kn_audit_create(const kn_model *model);
 void kn_audit_destroy(kn_audit *audit); // NULL is fine
 
+// The object has been replaced: what it stores is not the work of anybody. Real-time safe.
+void kn_audit_restart(kn_audit *audit);
+
 // After every tick, resets included. Real-time safe: every KN_AUDIT_TICKS a copy of the state, else some edges.
 void kn_audit_tick(kn_audit *audit, const kn_state *state);
 

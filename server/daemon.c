@@ -2,6 +2,7 @@
 #include "core/composite.h"
 #include "server/bus.h"
 #include "server/control.h"
+#include "server/keeper.h"
 #include "server/loop.h"
 #include "server/operator.h"
 #include "server/publisher.h"
@@ -41,9 +42,10 @@ typedef struct server {
     kn_operator operator;
     kn_trace trace;
     kn_loop loop;
+    kn_keeper keeper;
     kn_sentinel sentinel;
     kn_rt rt;
-    pthread_t servo_thread, sentinel_thread, mesh_thread, control_thread;
+    pthread_t servo_thread, sentinel_thread, mesh_thread, control_thread, keeper_thread;
     pthread_barrier_t go; // threads wait here until their stacks are locked with everything else
     atomic_bool ending; // the threads of normal priority, too
     struct ev_loop *ev;
@@ -110,7 +112,8 @@ static knead_status_t status_now(server *d)
     memcpy(status.rejected, r->rejected, sizeof r->rejected);
     status.kernel_drops = kernel_drops(d);
     status.published = d->publisher.published;
-    status.snapshot_age_ms = -1;
+    status.snapshot_age_ms = kn_keeper_age_ms(&d->keeper);
+    status.snapshot_errors = (int32_t)atomic_load(&d->keeper.errors);
     status.probes = d->model->def.probe_count;
     if (!d->rt.fifo) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FIFO;
     if (!d->rt.locked) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_MLOCK;
@@ -362,6 +365,13 @@ static void *control_main(void *arg)
     return NULL;
 }
 
+static void *keeper_main(void *arg)
+{
+    server *d = arg;
+    pthread_barrier_wait(&d->go);
+    return kn_keeper_run(&d->keeper);
+}
+
 // --- start and stop ---
 
 // /proc/meminfo's MemAvailable: what may be had without swapping. SIZE_MAX where it is not told.
@@ -431,8 +441,8 @@ static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_
         snprintf(error, error_size, "%s: %s", def->scene_path, why);
         return false;
     }
-    if (!check_memory(2 * d->model->state_bytes, "the object's state and a copy", def->scene_path, error, error_size))
-        return false;
+    size_t bytes = d->model->state_bytes + kn_state_kept(d->model) + kn_keeper_bytes(d->model, def->state_dir);
+    if (!check_memory(bytes, "the object's state and its copies", def->scene_path, error, error_size)) return false;
     if (!kn_backend_cpu(&d->backend, d->model)) {
         snprintf(error, error_size, "%s: not enough memory for the object's %zu bytes", def->scene_path,
                  d->model->state_bytes);
@@ -470,8 +480,10 @@ static bool open_buses(server *d, bool touch, char *error, size_t error_size)
         !kn_skin_open(&d->skin, d->mesh_bus.url, d->model, d->scene->mesh_hz, d->scene->text_hash, error, error_size))
         return false;
     if (kn_loop_init(&d->loop, d->scene, d->model, &d->backend, &d->skin, d->audit) &&
-        (!touch || kn_loop_touch(&d->loop)) && kn_sentinel_init(&d->sentinel) && watch_events(d))
+        (!touch || kn_loop_touch(&d->loop)) && kn_sentinel_init(&d->sentinel) && watch_events(d)) {
+        kn_keeper_start(&d->keeper, &d->loop);
         return true;
+    }
     snprintf(error, error_size, "out of memory or file descriptors");
     return false;
 }
@@ -491,12 +503,15 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
     d->loop.free = def->free;
     d->loop.notify = notify;
     d->loop.notify_arg = d;
-    pthread_barrier_init(&d->go, NULL, d->control ? 5 : 4);
+    bool keeps = d->keeper.store.dir >= 0;
+    pthread_barrier_init(&d->go, NULL, 4u + !!d->control + keeps);
     int failed = kn_rt_thread(&d->rt, &d->servo_thread, "servo", KN_RT_SERVO, true, servo_main, d);
     if (!failed) failed = kn_rt_thread(&d->rt, &d->sentinel_thread, "sentinel", KN_RT_SENTINEL, true, sentinel_main, d);
     if (!failed) failed = kn_rt_thread(&d->rt, &d->mesh_thread, "mesh", KN_RT_NORMAL, false, mesh_main, d);
     if (!failed && d->control)
         failed = kn_rt_thread(&d->rt, &d->control_thread, "control", KN_RT_NORMAL, false, control_main, d);
+    if (!failed && keeps)
+        failed = kn_rt_thread(&d->rt, &d->keeper_thread, "keeper", KN_RT_NORMAL, false, keeper_main, d);
     if (!failed) kn_rt_lock_memory(&d->rt);
     if (failed)
         snprintf(error, error_size, "cannot start a thread: %s", strerror(failed));
@@ -548,6 +563,10 @@ static void tell_summary(server *d)
         printf("kneadd: %" PRId64 " s audited, energy created in %" PRId64 " of them, %.3g mJ at most; at last %.3g mJ"
                " stored of %.3g mJ of work\n", audit->windows, audit->created, 1e3 * audit->most_j,
                1e3 * kn_energy_sum(&audit->stored), 1e3 * audit->work_j);
+    kn_keeper *k = &d->keeper;
+    if (k->store.dir >= 0)
+        printf("kneadd: %" PRId64 " snapshots, the last generation %" PRId64 ", %.1f ms at most; %" PRId64 " errors\n",
+               k->saves, k->store.generation, 1e-3 * (double)k->most_us, k->errors);
     if (d->trace.lost) printf("kneadd: %" PRId64 " rows of the trace lost\n", d->trace.lost);
     if (d->loop.phase.driven)
         printf("kneadd: %" PRId64 " ticks with a tool to follow, in step with its poses in %" PRId64
@@ -563,6 +582,9 @@ static void stop_threads(server *d)
     pthread_join(d->sentinel_thread, NULL);
     pthread_join(d->mesh_thread, NULL);
     if (d->control) pthread_join(d->control_thread, NULL);
+    atomic_store(&d->keeper.ending, true); // after whoever may ask for a snapshot
+    if (d->keeper.store.dir >= 0) pthread_join(d->keeper_thread, NULL);
+    kn_keeper_finish(&d->keeper, &d->loop.servo, d->loop.clock.tick);
     pthread_barrier_destroy(&d->go);
     tell_status(d);
     for (int i = 0; i < 1000 && (i == 0 || d->batch.count > 0); i++)
@@ -580,6 +602,7 @@ static void free_all(server *d)
     if (d->claim >= 0) close(d->claim);
     kn_control_close(d->control);
     kn_trace_close(&d->trace);
+    kn_keeper_close(&d->keeper);
     kn_audit_destroy(d->audit);
     if (d->backend.destroy) d->backend.destroy(d->backend.self);
     kn_model_destroy(d->model);
@@ -590,10 +613,11 @@ int kn_daemon_run(const kn_daemon_def *def)
 {
     static server d;
     char error[512];
-    int code = 2;
-    d = (server){.claim = -1, .fd = -1};
+    d = (server){.claim = -1, .fd = -1, .keeper.store.dir = -1};
     kn_rt_enter(&d.rt, def->realtime);
-    if (load(&d, def, error, sizeof error)) {
+    int code = !load(&d, def, error, sizeof error) ? 2
+                   : kn_keeper_open(&d.keeper, def->state_dir, d.scene, d.model, error, sizeof error);
+    if (code == 0) {
         code = 3;
         if (open_buses(&d, def->touch, error, sizeof error) &&
             open_control(&d, def->control, error, sizeof error) &&

@@ -15,6 +15,7 @@ typedef struct kn_daemon_def {
     const char *lcm_url;    // NULL: LCM_DEFAULT_URL of the environment, else KN_LCM_URL
     const char *mesh_url;   // NULL: KN_MESH_URL
     const char *control;    // path of the control socket (control.h), NULL: none
+    const char *state_dir;  // where snapshots are kept and restored from, NULL: nowhere
     kn_rt_mode realtime;
     const char *trace;      // a file for trace.h's rows, NULL: none
     bool free;              // the servo's grid does not follow the poses

@@ -10,7 +10,7 @@
 static const char usage[] =
     "usage: kneadd --scene FILE [--set KEY=VALUE]... [--lcm-url URL] [--mesh-url URL] [--realtime auto|require|off]\n"
     "              [--phase lock|free] [--quality NAME] [--backend cpu] [--local-model] [--touch]\n"
-    "              [--control PATH] [--trace FILE]\n"
+    "              [--control PATH] [--state-dir DIR] [--trace FILE]\n"
     "\n"
     "  --scene FILE      the object and its probes (YAML); knead check FILE tells what it costs\n"
     "  --set KEY=VALUE   overrides a key of the scene, as in --set material.k1='300 gf/cm^3'; see knead check --keys\n"
@@ -24,6 +24,8 @@ static const char usage[] =
     "  --local-model     publish the contact of every tool as KNEAD_CONTACT_<probe>, for clients behind a slow link\n"
     "  --touch           publish what every tool touches as KNEAD_TOUCH_<probe>, for fingertip displays; 250 Hz\n"
     "  --control PATH    a socket there for knead ctl: status, reset, quality, recover, estop, stop\n"
+    "  --state-dir DIR   keeps the object there, at most every 0.5 s, and goes on with the last one that fits; without it\n"
+    "                    nothing is saved or restored\n"
     "  --trace FILE      CSV: when the pose of each tick arrived, its tick woke, had stepped, had guarded the force\n"
     "  --help, --version\n"
     "\n"
@@ -43,6 +45,7 @@ static int run(int argc, char **argv, const char **sets) // sets: room for argc
         {"realtime", required_argument, NULL, 'r'}, {"backend", required_argument, NULL, 'b'},
         {"control", required_argument, NULL, 'c'}, {"quality", required_argument, NULL, 'q'},
         {"phase", required_argument, NULL, 'p'},   {"trace", required_argument, NULL, 't'},
+        {"state-dir", required_argument, NULL, 'd'},
         {"local-model", no_argument, NULL, 'o'},    {"touch", no_argument, NULL, 'T'},
         {"help", no_argument, NULL, 'h'},           {"version", no_argument, NULL, 'v'}, {0}};
     kn_daemon_def def = {.realtime = KN_RT_AUTO, .sets = sets};
@@ -66,6 +69,7 @@ static int run(int argc, char **argv, const char **sets) // sets: room for argc
             if (strcmp(optarg, "cpu") != 0) return bad(optarg, "--backend cpu");
             break;
         case 't': def.trace = optarg; break;
+        case 'd': def.state_dir = optarg; break;
         case 'o': def.local_model = true; break;
         case 'T': def.touch = true; break;
         case 'c':

@@ -1,4 +1,5 @@
 #include "server/loop.h"
+#include "server/keeper.h"
 #include <string.h>
 #include <time.h>
 
@@ -76,6 +77,12 @@ static int64_t read_orders(kn_loop *loop, kn_tick_in *in)
     in->reset = orders >> KN_ORDER_RESET & 1;
     in->recover = orders >> KN_ORDER_RECOVER & 1;
     in->estop = orders >> KN_ORDER_ESTOP & 1;
+    in->undo = orders >> KN_ORDER_UNDO & 1;
+    if (orders >> KN_ORDER_RESTORE & 1) {
+        in->restore = loop->restore->state;
+        in->restored_generation = loop->restore->generation;
+        in->restored_tick = loop->restore->tick;
+    }
     if (orders >> KN_ORDER_QUALITY & 1) {
         in->take = KN_TAKE_COMMAND;
         in->quality = (kn_quality)atomic_load(&loop->quality);
@@ -146,6 +153,7 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     record.execution_ns = loop->execution_ns = record.guarded_ns - wake->now_ns;
     for (int p = 0; p < record.out.probes; p++) record.posted_ns[p] = arrival[p].arrived_ns;
     bool published = kn_ring_push(&loop->records, &record);
+    if (in.restore || in.undo) atomic_store(&loop->restored, record.out.restored_hash);
     if (ordered > atomic_load(&loop->obeyed)) {
         atomic_store(&loop->obeyed_tick, wake->tick);
         atomic_store(&loop->obeyed, ordered);
@@ -155,7 +163,9 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
 
     if (loop->touches.capacity) tell_touches(loop, &record);
     if (backend->afterwards) backend->afterwards(backend->self);
+    if (loop->audit && record.out.replaced) kn_audit_restart(loop->audit);
     if (loop->audit) kn_audit_tick(loop->audit, backend->state(backend->self));
+    if (loop->keeper) kn_keeper_tick(loop->keeper, &loop->servo, wake, record.utime);
     if (loop->skin) kn_skin_capture(loop->skin, backend->state(backend->self), wake->tick, loop->servo.generation);
     kn_account_tick(&loop->account, &loop->servo, &in, &record.out, wake, kn_now_ns() - wake->now_ns, published);
     if (!loop->free) follow_poses(loop, arrival, wake);

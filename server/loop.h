@@ -10,7 +10,8 @@
 //                                                           |
 //     main thread <-- records (every tick, in order) -------+-------> skin (latest surface) --> mesh thread
 //                                                           |
-//                                  in what is left of the tick: local models, the audit of the lattice
+//                                  in what is left of the tick: local models, the audit of the lattice, a copy of it
+//                                  for the keeper
 //
 // Between start and stop the thread allocates nothing, takes no lock and calls the kernel only to sleep and to notify.
 #include "core/touch.h"
@@ -20,6 +21,7 @@
 #include "server/ring.h"
 #include "server/servo.h"
 #include "server/skin.h"
+#include "server/snapshot.h"
 
 #define KN_LOOP_STOP_TICKS 100 // ms. Forces come down within 20; longer than this nobody waits
 
@@ -49,7 +51,9 @@ typedef enum kn_order { // of an operator; several of the same kind before a tic
     KN_ORDER_RESET,   // the object is as new
     KN_ORDER_QUALITY, // a live point of the scene's; of several the last
     KN_ORDER_RECOVER, // latched faults are forgotten; tools engage again once lifted
-    KN_ORDER_ESTOP    // forces fade and stay 0 until recover
+    KN_ORDER_ESTOP,   // forces fade and stay 0 until recover
+    KN_ORDER_RESTORE, // the object is as in loop->restore
+    KN_ORDER_UNDO     // the object is as before it was kneaded last
 } kn_order;
 
 typedef struct kn_loop {
@@ -63,6 +67,7 @@ typedef struct kn_loop {
     kn_ring touches; // of kn_touched, as the above; no capacity: nobody asked
     kn_skin *skin;
     kn_audit *audit;
+    struct kn_keeper *keeper; // NULL: nobody
     kn_mailbox pose[KN_PROBES_MAX];
     kn_posted pose_slots[KN_PROBES_MAX][3];
     int64_t posted_ns[KN_PROBES_MAX]; // the latest of each probe; the main thread's
@@ -71,6 +76,8 @@ typedef struct kn_loop {
     atomic_bool stop;     // set by anyone: forces ramp to zero, then the thread ends
     _Atomic int64_t orders;      // how many were given << 8, and bit kn_order of those that the next tick takes
     atomic_int quality;          // of KN_ORDER_QUALITY
+    const kn_saved *restore;     // of KN_ORDER_RESTORE, to stay until that is obeyed
+    _Atomic uint64_t restored;   // state hash of what the latest order to restore or undo put there; 0: nothing to undo
     _Atomic int64_t obeyed;      // how many were taken
     _Atomic int64_t obeyed_tick; // the latest tick that took some
     atomic_bool done;     // its last record is in the ring

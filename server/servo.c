@@ -26,7 +26,7 @@ SAME_FAULT(IMPULSE);
 SAME_FAULT(NONFINITE);
 SAME_FAULT(ESTOP);
 SAME_FAULT(STOPPING);
-static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 8, "every event of a tick has room");
+static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 9, "every event of a tick has room");
 
 // A tool is lifted when it is this far above the object, m: a plate that lost its poses ran on for 3 ms, and dough
 // stays where it was pushed, so a tool that never moved would look clear by that way.
@@ -84,7 +84,7 @@ static void read_probe(tick *t, int p)
     w->opened = pose && !same;
     w->fresh = pose && (t->in->fresh[p] || w->opened);
     w->stop = t->in->stop;
-    w->reset = t->in->reset;
+    w->reset = t->out->replaced;
     w->recover = t->in->recover;
     w->estop = t->in->estop;
     w->change = t->change;
@@ -163,17 +163,62 @@ static void tell_checkpoint(tick *t, bool untold)
     e->arg[4] = (double)audit->created;
 }
 
+// What is there can be had back, but for what a server starts with.
+static void replaces(tick *t)
+{
+    kn_servo *servo = t->servo;
+    if (servo->undo && servo->ticks > 0) {
+        kn_undo_keep(servo->undo, servo->backend->state(servo->backend->self));
+        kn_undo_touched(servo->undo);
+    }
+    servo->generation++;
+    t->out->replaced = true;
+    t->hashed = false;
+}
+
+static void restore(tick *t, const kn_state *state, int64_t generation, int64_t from_tick)
+{
+    kn_backend *b = t->servo->backend;
+    b->restore(b->self, state);
+    t->hashed = false;
+    kn_event *e = tell(t, KNEAD_EVENT_T_KIND_RESTORE, -1);
+    e->arg[0] = (double)generation;
+    e->arg[1] = (double)from_tick;
+    t->out->restored_hash = t->hash;
+}
+
+// Not undone itself: one undo after the other goes on into the past.
+static void undo(tick *t)
+{
+    kn_servo *servo = t->servo;
+    const kn_state *point = servo->undo ? kn_undo_take(servo->undo) : NULL;
+    if (!point) return;
+    servo->generation++;
+    t->out->replaced = true;
+    restore(t, point, 0, 0);
+}
+
+static void replace(tick *t)
+{
+    kn_backend *b = t->servo->backend;
+    if (t->in->reset) {
+        replaces(t);
+        b->reset(b->self);
+        tell(t, KNEAD_EVENT_T_KIND_RESET, -1);
+    }
+    if (t->in->restore) {
+        replaces(t);
+        restore(t, t->in->restore, t->in->restored_generation, t->in->restored_tick);
+    }
+    if (t->in->undo) undo(t);
+}
+
 static void read_all(tick *t)
 {
     kn_servo *servo = t->servo;
     int64_t before = t->in->tick - 1 - t->in->missed; // number of the last tick
     if (servo->ticks == 0) tell(t, KNEAD_EVENT_T_KIND_START, -1);
-    if (t->in->reset) {
-        servo->backend->reset(servo->backend->self);
-        servo->generation++;
-        t->hashed = false;
-        tell(t, KNEAD_EVENT_T_KIND_RESET, -1);
-    }
+    replace(t);
     if (t->in->recover) tell(t, KNEAD_EVENT_T_KIND_RECOVER, -1);
     if (t->in->estop) tell(t, KNEAD_EVENT_T_KIND_ESTOP, -1);
     if (t->in->stop && !servo->stopping) tell(t, KNEAD_EVENT_T_KIND_STOP, -1);
@@ -187,6 +232,13 @@ static void read_all(tick *t)
     }
     bool untold = t->in->missed > 0 && !any;
     if (t->in->tick / 1000 != before / 1000 || t->in->tick == 0 || untold) tell_checkpoint(t, untold);
+}
+
+static bool any_attached(const tick *t)
+{
+    bool any = false;
+    for (int p = 0; p < t->out->probes; p++) any |= t->servo->safety[p].attached;
+    return any;
 }
 
 static kn_fault latched(const kn_safety *s) { return s->latched ? s->fault : KN_FAULT_NONE; }
@@ -274,6 +326,7 @@ static void guard_probe(tick *t, int p)
         f->contacts = contact->contacts;
     }
     f->residual = isfinite(t->output.residual) ? t->output.residual : 0.0;
+    if (f->contacts > 0 && t->servo->undo) kn_undo_touched(t->servo->undo);
     if (t->output.secant) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_SECANT;
     if (t->output.capped) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_CAPPED;
     if (t->servo->quality != t->servo->asked) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_REDUCED;
@@ -308,7 +361,10 @@ void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out)
     tick t = {.servo = servo, .in = in, .out = out};
 
     read_all(&t);
+    bool pressed = any_attached(&t);
     for (int p = 0; p < out->probes; p++) watch_probe(&t, p);
+    if (servo->undo && !pressed && any_attached(&t))
+        kn_undo_keep(servo->undo, servo->backend->state(servo->backend->self));
     step(&t);
     out->stopped = in->stop;
     for (int p = 0; p < out->probes; p++) {

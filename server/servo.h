@@ -16,6 +16,7 @@
 #include "core/safety.h"
 #include "core/scene/scene.h"
 #include "server/backend/backend.h"
+#include "server/undo.h"
 #include <stdint.h>
 
 typedef struct kn_pose { // a validated pose: finite, unit quaternion, inside the workspace, newer than the last one
@@ -46,6 +47,9 @@ typedef struct kn_tick_in {
     int32_t missed;               // cycles skipped just before this tick
     bool stop;                    // shutting down: ramp to zero
     bool reset;                   // before this tick: object as new, probes detached
+    const kn_state *restore;      // before this tick, after a reset: object as in that, probes detached; NULL: no
+    int64_t restored_generation, restored_tick; // of the snapshot that it is from, told by the event
+    bool undo;                    // the same of the newest point of servo->undo, if there is one
     bool recover, estop;          // an operator's, see kn_safety_in
     kn_take take;
     kn_quality quality;           // to take; one of the scene's live points
@@ -66,7 +70,7 @@ typedef struct kn_force { // one probe's answer; everything contact_force_t need
     int32_t contacts, flags, fault;
 } kn_force;
 
-#define KN_EVENTS_PER_TICK 28 // enough: 4 probes x (END, OPEN, DETACH, ATTACH, FAULT) and 8 of the tick itself
+#define KN_EVENTS_PER_TICK 30 // enough: 4 probes x (END, OPEN, DETACH, ATTACH, FAULT) and 9 of the tick itself
 typedef struct kn_event {
     int64_t tick, session;
     uint64_t state_hash; // before this tick's step; 0, not taken: a FAULT found after the step
@@ -85,6 +89,8 @@ typedef struct kn_tick_out {
     kn_event event[KN_EVENTS_PER_TICK];
     int64_t stepped_ns; // when the backend had answered; 0: no clock
     bool capped;
+    bool replaced;          // by reset, restore or undo
+    uint64_t restored_hash; // of the object that a restore or an undo put in its place; 0: none did
     bool stopped; // every gain is zero after stop was asked: the loop may end
 } kn_tick_out;
 
@@ -93,6 +99,7 @@ typedef struct kn_servo { // plain data but for the backend
     const kn_model *model;
     kn_backend *backend;
     const kn_audit_news *audit; // of the lattice, told by checkpoints; NULL: nobody audits
+    kn_undo *undo;              // NULL: nothing can be undone
     kn_safety safety[KN_PROBES_MAX];
     kn_pose last[KN_PROBES_MAX]; // last pose used, session 0: none
     kn_pose tool[KN_PROBES_MAX]; // what the clutch made of it
@@ -101,7 +108,7 @@ typedef struct kn_servo { // plain data but for the backend
     int64_t capped;              // solver stopped at its iteration cap
     int64_t late;                // backend missed its deadline
     int64_t diverged;            // ticks that the physics answered with non-finite numbers
-    int32_t generation;          // of the object: counts its resets
+    int32_t generation;          // of the object: counts its resets and restores
     kn_quality quality, asked;   // point in force; the one that the scene or an operator asked for
     int over;                    // ticks running that took longer than the budget
     bool exhausted;              // there is no lower point, and an event has said so

@@ -2,7 +2,7 @@
 // to wake the main thread. malloc and its kin and the mutex are interposed here and count while a thread is armed; in
 // the live run the kernel itself reports every other system call (seccomp).
 #include "clients/knead/path.h"
-#include "server/loop.h"
+#include "server/keeper.h"
 #include "tests/check.h"
 #include "tests/server/lent.h"
 #include <dlfcn.h>
@@ -67,6 +67,8 @@ int pthread_mutex_lock(pthread_mutex_t *mutex)
 
 typedef struct rig {
     kn_lent lent;
+    kn_keeper keeper;
+    char directory[32];
     kn_path *path;
     int64_t forces, contacts, pressed, ticks;
 } rig;
@@ -78,11 +80,24 @@ static void rig_open(rig *r)
     r->path = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .clear_m = 0.005, .depth_m = 0.008, .hold_s = 0.3});
     bool identifies = kn_backend_cpu_identify(&r->lent.backend, (kn_coupling){600, 1.5}); // all that a tick can do
     if (!r->path || !identifies) exit(1);
+    char error[256] = "";
+    strcpy(r->directory, "/tmp/knead_trap_XXXXXX");
+    if (!mkdtemp(r->directory) ||
+        kn_keeper_open(&r->keeper, r->directory, r->lent.scene, r->lent.model, error, sizeof error) != 0)
+        fprintf(stderr, "%s\n", error), exit(1);
+    kn_keeper_start(&r->keeper, &r->lent.loop);
 }
 
 static void rig_close(rig *r)
 {
     kn_path_destroy(r->path);
+    char name[256];
+    for (int64_t g = 0; g <= r->keeper.store.generation; g++) {
+        snprintf(name, sizeof name, "%s/%s.%08lld.knead", r->directory, r->keeper.store.series, (long long)g);
+        unlink(name);
+    }
+    rmdir(r->directory);
+    kn_keeper_close(&r->keeper);
     kn_lent_close(&r->lent);
 }
 
@@ -113,7 +128,7 @@ static void play(rig *r, int64_t round, int ms)
     kn_loop_post(&r->lent.loop, 0, &pose);
 }
 
-TEST("1e5 ticks of touching, faults, recoveries, sessions, resets, points of quality allocate nothing, take no lock")
+TEST("1e5 ticks of touching, faults, recoveries, sessions, resets, undos, copies to keep: no allocation and no lock")
 {
     static rig r;
     rig_open(&r);
@@ -125,6 +140,9 @@ TEST("1e5 ticks of touching, faults, recoveries, sessions, resets, points of qua
         if (n % ROUND == 0) kn_loop_order(&r.lent.loop, KN_ORDER_RESET, 0);
         if (n / ROUND % 3 == 2 && n % ROUND == 2500) kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0);
         if (n / ROUND % 3 == 2 && n % ROUND == 2700) kn_loop_order(&r.lent.loop, KN_ORDER_RECOVER, 0);
+        if (n / ROUND % 4 == 1 && n % ROUND == 3000) kn_loop_order(&r.lent.loop, KN_ORDER_UNDO, 0);
+        r.keeper.ending = true;
+        if (n % 50 == 0) kn_keeper_run(&r.keeper); // its thread
         kn_quality other = n / ROUND % 2 ? KN_QUALITY_FAST : KN_QUALITY_ACCURATE;
         if (n % ROUND == 2000) kn_loop_order(&r.lent.loop, KN_ORDER_QUALITY, other);
         kn_wake wake = {.tick = n + n / 997, .missed = n > 0 && n % 997 == 0, .now_ns = kn_now_ns()};
@@ -137,6 +155,7 @@ TEST("1e5 ticks of touching, faults, recoveries, sessions, resets, points of qua
     CHECK(locks == 0);
     CHECK(r.ticks == TICKS && r.forces > TICKS / 2 && r.pressed > TICKS / 10); // it was about something
     CHECK(r.contacts > TICKS / 10);
+    CHECK(r.keeper.saves > 20 && r.keeper.errors == 0 && r.lent.loop.servo.generation > TICKS / ROUND);
     CHECK(r.lent.loop.account.faults >= TICKS / ROUND);                             // and went wrong in between
     rig_close(&r);
 }
@@ -214,6 +233,7 @@ static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
     rig_drain(r);
     play(r, 0, (int)(r->ticks % ROUND));
     if (r->ticks == 3500) kn_loop_order(&r->lent.loop, KN_ORDER_RESET, 0);
+    if (r->ticks == 3600) kn_loop_order(&r->lent.loop, KN_ORDER_UNDO, 0);
     if (r->ticks >= 4000) r->lent.loop.stop = true;
     if (done) ev_break(loop, EVBREAK_ALL);
 }

@@ -233,6 +233,120 @@ TEST("a reset makes the object new and takes the probe out of it")
     rig_free(r);
 }
 
+// The hand goes, the tool leaves the model.
+static void leave(rig *r, int p)
+{
+    r->in.pose[p] = NULL;
+    for (int i = 0; i < 30; i++) tick(r);
+    r->pose[p].session++;
+}
+
+// With the finger, of a radius of 15 mm, down into the dough in 0.4 s.
+static void finger_in(rig *r, double depth_m)
+{
+    r->pose[1].position_m[2] = 0.048;
+    hover(r, 1, 450);
+    for (int i = 0; i < 400; i++) move(r, 1, -(depth_m + 0.003) / 0.4);
+}
+
+static void knead(rig *r, double depth_m)
+{
+    finger_in(r, depth_m);
+    for (int i = 0; i < 400; i++) move(r, 1, (depth_m + 0.003) / 0.4);
+    leave(r, 1);
+}
+
+static uint64_t object_hash(const rig *r) { return kn_state_hash(r->model, r->backend.state(r->backend.self)); }
+
+TEST("undo takes back one press after the other, a reset too; a press in air is none, and there is an end to it")
+{
+    rig *r = rig_make(NULL);
+    kn_undo points;
+    CHECK(kn_undo_init(&points, r->model));
+    r->servo.undo = &points;
+    r->in.undo = true;
+    tick(r);
+    r->in.undo = false;
+    CHECK(r->kinds[KNEAD_EVENT_T_KIND_RESTORE] == 0 && !r->out.replaced && r->out.restored_hash == 0);
+    uint64_t untouched = object_hash(r);
+    knead(r, 0.006);
+    r->pose[1].position_m[2] = 0.06;
+    hover(r, 1, 450); // in air: it enters the model and leaves it
+    leave(r, 1);
+    knead(r, 0.009);
+    CHECK(points.count == 2);
+    r->in.reset = true;
+    tick(r);
+    uint64_t kneaded = 0, once = 0;
+    for (int i = 0; i < 4; i++) {
+        r->in.undo = true;
+        tick(r);
+        r->in.undo = false;
+        const kn_event *e = &r->out.event[0];
+        bool restores = e->kind == KNEAD_EVENT_T_KIND_RESTORE && e->arg[0] == 0;
+        if (i < 3) CHECK(restores && e->state_hash == r->out.restored_hash);
+        if (i == 0) kneaded = e->state_hash;
+        if (i == 1) once = e->state_hash;
+        if (i == 2) CHECK(e->state_hash == untouched);
+        if (i == 3) CHECK(!r->out.replaced && r->out.restored_hash == 0);
+    }
+    CHECK(kneaded != once && once != untouched && kneaded != untouched);
+    CHECK(r->kinds[KNEAD_EVENT_T_KIND_RESTORE] == 3 && r->servo.generation == 4);
+    kn_undo_free(&points);
+    rig_free(r);
+}
+
+TEST("sixteen presses are remembered, of a large object as many as fit, and the oldest go")
+{
+    rig *r = rig_make(NULL);
+    kn_undo points;
+    CHECK(kn_undo_init(&points, r->model) && points.room == KN_UNDO_POINTS);
+    CHECK(kn_undo_bytes(r->model) == KN_UNDO_POINTS * kn_state_kept(r->model));
+    kn_state *state = kn_state_create(r->model);
+    for (int i = 1; i <= 20; i++) {
+        ((float *)state->displacement)[0] = 1e-3f * (float)i;
+        kn_undo_keep(&points, state);
+        kn_undo_keep(&points, state); // nothing has touched it
+        kn_undo_touched(&points);
+    }
+    for (int i = 20; i >= 5; i--) {
+        const kn_state *was = kn_undo_take(&points);
+        CHECK(was && ((const float *)was->displacement)[0] == 1e-3f * (float)i);
+    }
+    CHECK(!kn_undo_take(&points));
+    kn_state_destroy(state);
+    kn_undo_free(&points);
+    rig_free(r);
+}
+
+TEST("an object that is restored under a tool lets go of it through zero, and is the very state that it was")
+{
+    rig *r = rig_make(NULL);
+    finger_in(r, 0.008);
+    kn_state *then = kn_state_keep(r->model);
+    kn_state_copy(r->model, then, r->backend.state(r->backend.self));
+    uint64_t hash = kn_state_hash(r->model, then);
+    hover(r, 1, 50);
+    double last = r->out.force[1].force_n[2], steepest = 0;
+    CHECK(last > 0.2);
+    r->in.restore = then;
+    r->in.restored_generation = 7, r->in.restored_tick = 1234;
+    hover(r, 1, 1);
+    r->in.restore = NULL;
+    const kn_event *e = &r->out.event[0];
+    CHECK(e->kind == KNEAD_EVENT_T_KIND_RESTORE && e->state_hash == hash && e->arg[0] == 7 && e->arg[1] == 1234);
+    CHECK(r->out.replaced && !r->servo.safety[1].attached);
+    for (int i = 0; i < 300; i++) {
+        steepest = fmax(steepest, fabs(r->out.force[1].force_n[2] - last));
+        last = r->out.force[1].force_n[2];
+        hover(r, 1, 1);
+    }
+    CHECK(last == 0 && steepest <= kn_safety_slope(&r->servo.safety[1].limits) + 1e-9);
+    CHECK(r->out.force[1].flags & KNEAD_CONTACT_FORCE_T_FLAG_REENGAGE_LIFT); // it is inside
+    kn_state_destroy(then);
+    rig_free(r);
+}
+
 TEST("stopping takes every force to zero before the loop may end")
 {
     rig *r = rig_make(NULL);

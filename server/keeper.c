@@ -1,0 +1,282 @@
+#include "server/keeper.h"
+#include "core/snapshot.h"
+#include <inttypes.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+static const long poll_ns = 2000000; // of thread and operator: nothing wakes them, since the servo calls nobody
+
+static void rest(void)
+{
+    nanosleep(&(struct timespec){.tv_nsec = poll_ns}, NULL);
+}
+
+// --- open and close -------------------------------------------------------------------------------------------------
+
+size_t kn_keeper_bytes(const kn_model *model, bool saves)
+{
+    return kn_undo_bytes(model) + (saves ? 3 * kn_state_kept(model) + kn_saved_size_max(model) : 0);
+}
+
+int kn_keeper_open(kn_keeper *keeper, const char *directory, const kn_scene *scene, const kn_model *model, char *error,
+                   size_t error_size)
+{
+    kn_keeper *k = keeper;
+    *k = (kn_keeper){.model = model, .store = {.dir = -1}};
+    pthread_mutex_init(&k->answering, NULL);
+    int code = directory ? kn_store_open(&k->store, directory, scene, model, error, error_size) : 0;
+    if (code != 0) return code;
+    bool fits = kn_undo_init(&k->undo, model);
+    kn_saved *saved[] = {&k->slot[0].saved, &k->slot[1].saved, &k->incoming};
+    for (int i = 0; directory && i < 3; i++) fits &= (saved[i]->state = kn_state_keep(model)) != NULL;
+    if (fits) return 0;
+    snprintf(error, error_size, "not enough memory for what can be undone and saved");
+    return 3;
+}
+
+void kn_keeper_close(kn_keeper *keeper)
+{
+    kn_store_close(&keeper->store);
+    kn_undo_free(&keeper->undo);
+    kn_state_destroy(keeper->slot[0].saved.state);
+    kn_state_destroy(keeper->slot[1].saved.state);
+    kn_state_destroy(keeper->incoming.state);
+}
+
+// --- the servo's side -----------------------------------------------------------------------------------------------
+
+static void copy_to(kn_keeper *k, kn_kept *slot, const kn_servo *servo, int64_t tick, int64_t utime)
+{
+    kn_state_copy(k->model, slot->saved.state, servo->backend->state(servo->backend->self));
+    slot->saved.servo = *servo;
+    slot->saved.tick = tick;
+    slot->saved.utime = utime;
+    atomic_store_explicit(&slot->saved_whole, false, memory_order_relaxed);
+}
+
+static bool moved(const kn_keeper *k, const kn_state *now)
+{
+    return kn_state_moved(k->model, now, k->slot[k->last].saved.state, KN_KEEPER_MOVED_M);
+}
+
+// The last copy is in a file and still what the object is.
+static void confirm(kn_keeper *k, int64_t now_ns)
+{
+    if (atomic_load(&k->as_of_ns) && atomic_load(&k->slot[k->last].saved_whole)) atomic_store(&k->as_of_ns, now_ns);
+}
+
+void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wake, int64_t utime)
+{
+    kn_keeper *k = keeper;
+    if (k->store.dir < 0) return;
+    int64_t number =
+        (wake->tick + KN_KEEPER_TICKS / 2) / KN_KEEPER_TICKS; // the audit copies at multiples of a thousand
+    int64_t asked = atomic_load(&k->asked);
+    k->due |= number != k->looked;
+    k->looked = number;
+    kn_kept *slot = &k->slot[!k->last];
+    const kn_state *now = servo->backend->state(servo->backend->self);
+    if ((!k->due && asked == k->asked_served) || now->bad || atomic_load(&slot->full)) return;
+    k->due = false;
+    if (asked == k->asked_served && !atomic_exchange(&k->again, false) && !moved(k, now)) {
+        confirm(k, wake->now_ns);
+        return;
+    }
+    copy_to(k, slot, servo, wake->tick, utime);
+    slot->now_ns = wake->now_ns;
+    slot->asked = k->asked_served = asked;
+    k->last = !k->last;
+    atomic_store(&slot->full, true);
+}
+
+// --- the thread -----------------------------------------------------------------------------------------------------
+
+// One line per second, and per kind of trouble at once.
+static void complain(kn_keeper *k, const char *why, int64_t now_ns)
+{
+    if (strcmp(why, k->told) == 0 && now_ns - k->told_ns < 1000000000) return;
+    fprintf(stderr, "kneadd: snapshot %" PRId64 " was not saved: %s/%s\n", k->store.generation + 1, k->store.path, why);
+    snprintf(k->told, sizeof k->told, "%s", why);
+    k->told_ns = now_ns;
+}
+
+static bool save(kn_keeper *k, kn_saved *saved, kn_answer *answer)
+{
+    int64_t from_ns = kn_now_ns();
+    *answer = (kn_answer){.tick = saved->tick};
+    answer->ok = kn_store_save(&k->store, saved, answer->error, sizeof answer->error);
+    answer->generation = saved->generation;
+    answer->state_hash = saved->state_hash;
+    int64_t now_ns = kn_now_ns(), us = (now_ns - from_ns) / 1000;
+    atomic_store(&k->last_us, us);
+    if (us > atomic_load(&k->most_us)) atomic_store(&k->most_us, us);
+    atomic_fetch_add(answer->ok ? &k->saves : &k->errors, 1);
+    if (!answer->ok) complain(k, answer->error, now_ns);
+    return answer->ok;
+}
+
+static void serve(kn_keeper *k, kn_kept *slot)
+{
+    kn_answer answer;
+    if (save(k, &slot->saved, &answer)) {
+        atomic_store(&slot->saved_whole, true);
+        atomic_store(&k->as_of_ns, slot->now_ns);
+    } else {
+        atomic_store(&k->again, true);
+    }
+    pthread_mutex_lock(&k->answering);
+    k->answer = answer;
+    k->answered = slot->asked;
+    pthread_mutex_unlock(&k->answering);
+    atomic_store(&slot->full, false);
+}
+
+// The older first: a slow disk leaves both.
+static kn_kept *next_full(kn_keeper *k)
+{
+    kn_kept *a = &k->slot[0], *b = &k->slot[1];
+    bool full_a = atomic_load(&a->full), full_b = atomic_load(&b->full);
+    if (full_a && full_b) return a->saved.tick < b->saved.tick ? a : b;
+    return full_a ? a : full_b ? b : NULL;
+}
+
+void *kn_keeper_run(void *keeper)
+{
+    kn_keeper *k = keeper;
+    for (bool ending = false; !ending;) {
+        ending = atomic_load(&k->ending); // first: then whatever was left before it is served
+        for (kn_kept *slot; (slot = next_full(k));) serve(k, slot);
+        if (!ending) rest();
+    }
+    return NULL;
+}
+
+void kn_keeper_finish(kn_keeper *keeper, const kn_servo *servo, int64_t tick)
+{
+    kn_keeper *k = keeper;
+    kn_answer answer;
+    const kn_state *now = servo->backend->state(servo->backend->self);
+    if (k->store.dir < 0 || now->bad) return;
+    if (!moved(k, now) && atomic_load(&k->slot[k->last].saved_whole)) return;
+    struct timespec t;
+    clock_gettime(CLOCK_REALTIME, &t);
+    copy_to(k, &k->slot[!k->last], servo, tick, t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000);
+    if (save(k, &k->slot[!k->last].saved, &answer)) k->last = !k->last;
+}
+
+int64_t kn_keeper_age_ms(const kn_keeper *keeper)
+{
+    int64_t as_of_ns = atomic_load(&keeper->as_of_ns);
+    return as_of_ns ? (kn_now_ns() - as_of_ns) / 1000000 : -1;
+}
+
+// --- start ----------------------------------------------------------------------------------------------------------
+
+static void print_age(double age_s)
+{
+    if (age_s < 120)
+        printf("%.1f s", fmax(0, age_s));
+    else if (age_s < 7200)
+        printf("%.0f min", age_s / 60);
+    else if (age_s < 172800)
+        printf("%.0f h", age_s / 3600);
+    else
+        printf("%.0f days", age_s / 86400);
+}
+
+void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
+{
+    kn_keeper *k = keeper;
+    char name[256], why[200];
+    loop->keeper = k;
+    loop->servo.undo = &k->undo;
+    if (k->store.dir < 0) return;
+    kn_backend *backend = loop->servo.backend;
+    kn_state_copy(k->model, k->slot[0].saved.state, backend->state(backend->self)); // as new
+    atomic_store(&k->slot[0].saved_whole, true);
+    if (!kn_store_load(&k->store, 0, &k->incoming, name, stderr, why, sizeof why)) {
+        printf("kneadd: nothing to restore from %s: the object is as new\n", k->store.path);
+        return;
+    }
+    kn_state_copy(k->model, k->slot[0].saved.state, k->incoming.state);
+    atomic_store(&k->as_of_ns, kn_now_ns());
+    loop->restore = &k->incoming;
+    k->incoming_order = kn_loop_order(loop, KN_ORDER_RESTORE, 0);
+    struct timespec t;
+    clock_gettime(CLOCK_REALTIME, &t);
+    printf("kneadd: restored %s/%s, ", k->store.path, name);
+    print_age((double)t.tv_sec - 1e-6 * (double)k->incoming.utime);
+    printf(" old, state 0x%016" PRIx64 "\n", k->incoming.state_hash);
+    fflush(stdout);
+}
+
+// --- the operator's side --------------------------------------------------------------------------------------------
+
+static kn_answer refusal(const char *format, ...) __attribute__((format(printf, 1, 2)));
+static kn_answer refusal(const char *format, ...)
+{
+    kn_answer a = {0};
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(a.error, sizeof a.error, format, arguments);
+    va_end(arguments);
+    return a;
+}
+
+static int64_t deadline(void)
+{
+    return kn_now_ns() + KN_KEEPER_PATIENCE_MS * INT64_C(1000000);
+}
+
+kn_answer kn_keeper_snapshot(kn_keeper *keeper)
+{
+    kn_keeper *k = keeper;
+    if (k->store.dir < 0) return refusal("snapshot: nothing is saved, expected kneadd --state-dir DIR");
+    int64_t number = atomic_fetch_add(&k->asked, 1) + 1;
+    for (int64_t end_ns = deadline(); kn_now_ns() < end_ns; rest()) {
+        pthread_mutex_lock(&k->answering);
+        kn_answer answer = k->answer;
+        bool served = k->answered >= number;
+        pthread_mutex_unlock(&k->answering);
+        if (served) return answer;
+    }
+    return refusal("snapshot: not saved within %d ms; the object may have gone bad, or the disk is slow",
+                   KN_KEEPER_PATIENCE_MS);
+}
+
+static kn_answer await(kn_loop *loop, int64_t number, int64_t generation)
+{
+    kn_answer a = {.ok = true, .generation = generation};
+    for (int64_t end_ns = deadline(); kn_now_ns() < end_ns; rest()) {
+        if (!kn_loop_obeyed(loop, number, &a.tick)) continue;
+        a.state_hash = atomic_load(&loop->restored);
+        return a.state_hash ? a : refusal("undo: nothing has been kneaded since the start");
+    }
+    return refusal("no tick came for %d ms", KN_KEEPER_PATIENCE_MS);
+}
+
+kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, int64_t generation)
+{
+    kn_keeper *k = keeper;
+    char name[256], why[160];
+    int64_t tick;
+    if (k->store.dir < 0) return refusal("restore: nothing is saved, expected kneadd --state-dir DIR");
+    if (k->incoming_order && !kn_loop_obeyed(loop, k->incoming_order, &tick))
+        return refusal("restore: the one before has not been done yet");
+    if (!kn_store_load(&k->store, generation, &k->incoming, name, NULL, why, sizeof why)) {
+        if (generation > 0) return refusal("restore: generation %" PRId64 ": %s", generation, why);
+        return refusal("restore: %s", why);
+    }
+    loop->restore = &k->incoming;
+    k->incoming_order = kn_loop_order(loop, KN_ORDER_RESTORE, 0);
+    return await(loop, k->incoming_order, k->incoming.generation);
+}
+
+kn_answer kn_keeper_undo(kn_keeper *keeper, kn_loop *loop)
+{
+    (void)keeper;
+    return await(loop, kn_loop_order(loop, KN_ORDER_UNDO, 0), 0);
+}
