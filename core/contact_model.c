@@ -33,6 +33,23 @@ static void shorten(double v[3], double limit)
     for (int i = 0; i < 3 && size > limit; i++) v[i] *= limit / size;
 }
 
+static void cross(const double a[3], const double b[3], double out[3])
+{
+    for (int i = 0; i < 3; i++) out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
+}
+
+// Rotation vector from one orientation to another, unit quaternions, the short way round.
+static void turn_between(const double from[4], const double to[4], double turn[3])
+{
+    double w = to[0] * from[0] + to[1] * from[1] + to[2] * from[2] + to[3] * from[3], d[3];
+    for (int i = 1; i < 4; i++) d[i - 1] = from[0] * to[i] - to[0] * from[i];
+    d[0] += to[3] * from[2] - to[2] * from[3];
+    d[1] += to[1] * from[3] - to[3] * from[1];
+    d[2] += to[2] * from[1] - to[1] * from[2];
+    double sine = norm(d), scale = sine > 1e-12 ? 2.0 * atan2(sine, fabs(w)) / sine : 2.0;
+    for (int i = 0; i < 3; i++) turn[i] = (w < 0.0 ? -scale : scale) * d[i];
+}
+
 static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
 static double clip(double v, double least, double most) { return fmin(fmax(v, least), most); }
 static double positive_or(double v, double otherwise) { return v > 0.0 ? v : otherwise; }
@@ -90,17 +107,43 @@ static double root(const double law_m_s[KN_CONTACT_LAW], double thick, double p,
 
 // --- the contact: a proxy and up to 8 units -------------------------------------------------------------------------
 
+typedef struct load { // what acts on the proxy, about its position, and how it gives way
+    double force_n[3], torque_n_m[3];
+    double g, soft; // G; of turns 1/(l^2 G), 0: it turns as the device does
+} load;
+
+// share of a force that acts at arm
+static void press(load *all, double share, const double force_n[3], const double arm_m[3])
+{
+    double torque[3];
+    cross(arm_m, force_n, torque);
+    add(all->force_n, share, force_n);
+    add(all->torque_n_m, share, torque);
+}
+
+// How far the proxy is off a surface: along the normal, at the arm that it has there.
+static double gap_of(const kn_contact_body *b, const kn_contact_plane *u)
+{
+    return dot(u->normal, b->proxy_m) + dot(u->lever_m, b->turn) - u->level_m;
+}
+
 // Force of one unit against the others' and the coupling's: along the normal what keeps the proxy out, or nothing;
 // across it what keeps the proxy where it is on the surface, or mu times the normal one.
-static void meet(const kn_contact_body *b, kn_contact_plane *u, const double others_n[3], double g, double dt)
+static void meet(const kn_contact_body *b, kn_contact_plane *u, const load *others, double dt)
 {
-    double a = u->c1 + dt * u->k1, along = dot(u->normal, others_n), gap = dot(u->normal, b->proxy_m) - u->level_m;
-    double p = 1.0 / g + 1.0 / a, flow_m_s, across[3];
-    double t = root(b->law_m_s, u->thick, p, u->h_n / a - along / g - gap / dt, &flow_m_s);
+    double a = u->c1 + dt * u->k1, g = others->g, along = dot(u->normal, others->force_n), flow_m_s, across[3], way[3];
+    double p = 1.0 / g + 1.0 / a, turning = others->soft * dot(u->lever_m, others->torque_n_m);
+    double p_n = p + others->soft * dot(u->lever_m, u->lever_m) + u->give_m_n / dt;
+    double rate_n = u->h_n / a - along / g - turning - (gap_of(b, u) - u->give_m_n * u->t_n) / dt;
+    double t = root(b->law_m_s, u->thick, p_n, rate_n, &flow_m_s);
     if (flow_m_s > 0.0) u->c2 = t / flow_m_s;
-    double s = p + 1.0 / u->c2;
-    for (int i = 0; i < 3; i++)
-        across[i] = (u->shear_n[i] / a - (others_n[i] - along * u->normal[i]) / g) / s;
+    cross(others->torque_n_m, u->arm_m, way);
+    double s = p + 1.0 / u->c2 + others->soft * dot(u->arm_m, u->arm_m); // across: at least as soft as it is
+    for (int i = 0; i < 3; i++) {
+        double rate = (others->force_n[i] - along * u->normal[i]) / g + others->soft * way[i];
+        across[i] = (u->shear_n[i] / a - rate) / s;
+    }
+    add(across, -dot(u->normal, across), u->normal);
     shorten(across, u->mu * t);
     for (int i = 0; i < 3; i++) u->force_n[i] = t * u->normal[i] + across[i];
 }
@@ -109,7 +152,8 @@ static void meet(const kn_contact_body *b, kn_contact_plane *u, const double oth
 static void yield(kn_contact_plane *u, double dt)
 {
     double a = u->c1 + dt * u->k1, t = dot(u->normal, u->force_n);
-    u->level_m -= dt * ((t - u->h_n) / a + t / u->c2);
+    u->level_m -= dt * ((t - u->h_n) / a + t / u->c2) + u->give_m_n * (t - u->t_n);
+    u->t_n = t;
     u->h_n += dt * u->k1 * (t - u->h_n) / a;
     for (int i = 0; i < 3; i++) {
         double across = u->force_n[i] - t * u->normal[i];
@@ -117,64 +161,77 @@ static void yield(kn_contact_plane *u, double dt)
     }
 }
 
-// One step with the device at x, v: backward Euler.
-static void advance(kn_contact_body *b, const double x[3], const double v[3], double dt)
+static void sum_up(kn_contact_body *b)
 {
-    double g = b->b + dt * b->k, all_n[3];
-    for (int i = 0; i < 3; i++) all_n[i] = b->k * (x[i] - b->proxy_m[i]) + b->b * v[i];
-    for (int c = 0; c < b->count; c++) add(all_n, 1.0, b->plane[c].force_n);
+    load all = {.g = 0.0};
+    for (int c = 0; c < b->count; c++) press(&all, 1.0, b->plane[c].force_n, b->plane[c].arm_m);
+    memcpy(b->force_n, all.force_n, sizeof b->force_n);
+    memcpy(b->torque_n_m, all.torque_n_m, sizeof b->torque_n_m);
+}
+
+// One step with the device at x, v, turned by turn since the message: backward Euler.
+static void advance(kn_contact_body *b, const double x[3], const double v[3], const double turn[3], double dt)
+{
+    double l2 = b->arm_m * b->arm_m;
+    load all = {.g = b->b + dt * b->k};
+    all.soft = b->rigid ? 0.0 : 1.0 / (l2 * all.g);
+    if (b->rigid) memcpy(b->turn, turn, sizeof b->turn);
+    for (int i = 0; i < 3; i++) {
+        all.force_n[i] = b->k * (x[i] - b->proxy_m[i]) + b->b * v[i];
+        all.torque_n_m[i] = l2 * b->k * (turn[i] - b->turn[i]);
+    }
+    for (int c = 0; c < b->count; c++) press(&all, 1.0, b->plane[c].force_n, b->plane[c].arm_m);
     for (int sweep = 0; sweep < (b->count > 1 ? SWEEPS : 1); sweep++)
         for (int c = 0; c < b->count; c++) {
             kn_contact_plane *u = &b->plane[c];
-            add(all_n, -1.0, u->force_n);
-            meet(b, u, all_n, g, dt);
-            add(all_n, 1.0, u->force_n);
+            press(&all, -1.0, u->force_n, u->arm_m);
+            meet(b, u, &all, dt);
+            press(&all, 1.0, u->force_n, u->arm_m);
         }
-    memset(b->force_n, 0, sizeof b->force_n);
-    for (int c = 0; c < b->count; c++) {
-        add(b->force_n, 1.0, b->plane[c].force_n);
-        yield(&b->plane[c], dt);
-    }
-    add(b->proxy_m, dt / g, all_n);
+    sum_up(b);
+    for (int c = 0; c < b->count; c++) yield(&b->plane[c], dt);
+    add(b->proxy_m, dt / all.g, all.force_n);
+    add(b->turn, dt * all.soft, all.torque_n_m);
 }
 
 // Where a surface would be without load: its dampers' ways are not undone.
 static double rest_of(const kn_contact_plane *u) { return u->k1 > 0.0 ? u->level_m + u->h_n / u->k1 : u->level_m; }
 
-static bool touches(const kn_contact_body *b, const kn_contact_plane *u)
-{
-    return dot(u->normal, b->proxy_m) - u->level_m <= 1e-9;
-}
+static bool touches(const kn_contact_body *b, const kn_contact_plane *u) { return gap_of(b, u) <= 1e-9; }
 
 // How deep the device is in what presses it, as that would be without load.
-static double depth_of(const kn_contact_body *b, const double x[3])
+static double depth_of(const kn_contact_body *b, const double x[3], const double turn[3])
 {
     double depth_m = 0.0;
-    for (int c = 0; c < b->count; c++)
-        if (touches(b, &b->plane[c])) depth_m = fmax(depth_m, rest_of(&b->plane[c]) - dot(b->plane[c].normal, x));
+    for (int c = 0; c < b->count; c++) {
+        const kn_contact_plane *u = &b->plane[c];
+        if (touches(b, u)) depth_m = fmax(depth_m, rest_of(u) - dot(u->normal, x) - dot(u->lever_m, turn));
+    }
     return depth_m;
 }
 
 // Scales the contact, share in [0, 1]: forces, back stresses and the coupling's stretch together, so that it remains a
 // solution of its own equations. Surfaces under load sink with the proxy towards the device.
-static void scale(kn_contact_body *b, const double x[3], double share)
+static void scale(kn_contact_body *b, const double x[3], const double turn[3], double share)
 {
-    double proxy_m[3];
+    kn_contact_body was = *b;
     for (int i = 0; i < 3; i++) {
-        proxy_m[i] = x[i] + share * (b->proxy_m[i] - x[i]);
+        b->proxy_m[i] = x[i] + share * (b->proxy_m[i] - x[i]);
+        b->turn[i] = turn[i] + share * (b->turn[i] - turn[i]);
         b->force_n[i] *= share;
+        b->torque_n_m[i] *= share;
     }
     for (int c = 0; c < b->count; c++) {
         kn_contact_plane *u = &b->plane[c];
-        double at_m = dot(u->normal, proxy_m);
-        if (touches(b, u) || u->level_m > at_m) u->level_m = at_m;
+        double gap_m = gap_of(b, u);
+        if (touches(&was, u) || gap_m < 0.0) u->level_m += gap_m;
         u->h_n *= share;
+        u->t_n *= share;
         for (int i = 0; i < 3; i++) {
             u->shear_n[i] *= share;
             u->force_n[i] *= share;
         }
     }
-    memcpy(b->proxy_m, proxy_m, sizeof proxy_m);
 }
 
 // --- messages -------------------------------------------------------------------------------------------------------
@@ -203,7 +260,6 @@ static void set_plane(const kn_contact_model *m, const kn_contact_body *b, const
                       kn_contact_plane *u)
 {
     double size = norm(from->normal), dt = m->def.server_period_s;
-    memset(u, 0, sizeof *u);
     for (int i = 0; i < 3; i++) u->normal[i] = from->normal[i] / size;
     u->k1 = clip(from->k1_n_per_m, 0.0, 2.0 * b->k);
     u->c1 = fmax(clip(from->a_n_s_per_m, 0.1, 1e4) - dt * u->k1, 1e-3 * b->b); // A at any other step: c1 + step k1
@@ -218,18 +274,38 @@ static void set_plane(const kn_contact_model *m, const kn_contact_body *b, const
 // is, a round trip late, it would feed the hand. Of what is viscous the message's validity decides.
 static void soften(const kn_contact_body *b, double theirs, kn_contact_plane *u)
 {
-    double t = dot(u->normal, u->force_n);
-    double share = fmin(1.0, b->k * (1.0 + theirs * u->k1) / (b->k + u->k1));
+    double t = dot(u->normal, u->force_n), k = b->k / (1.0 + b->k * u->give_m_n);
+    double share = fmin(1.0, k * (1.0 + theirs * u->k1) / (k + u->k1));
     for (int i = 0; i < 3; i++) u->force_n[i] -= (1.0 - share) * clip(u->h_n, 0.0, t) * u->normal[i];
     u->h_n *= share;
+    u->t_n = dot(u->normal, u->force_n);
 }
 
-// The rest of the difference between their coupling and ours is taken up by the place of the surface.
-static void set_level(const kn_contact_body *b, const kn_contact_unit *from, kn_contact_plane *u)
+static double soft_of(const kn_contact_unit *unit) { return unit->k_vc_n_per_m > 0.0 ? 1.0 / unit->k_vc_n_per_m : 0.0; }
+
+// What their forces came through, ours being b->k at most: of one unit all of it is the coupling's, of several what is
+// more than ours is the unit's own.
+static double set_coupling(const kn_contact_model *m, const kn_contact_unit *unit, kn_contact_body *b)
 {
-    double theirs = from->k_vc_n_per_m > 0.0 ? 1.0 / from->k_vc_n_per_m : 0.0, t = dot(u->normal, u->force_n);
-    soften(b, theirs, u);
-    u->level_m = dot(u->normal, from->proxy_m) + dot(u->normal, u->force_n) / b->k - t * theirs;
+    // a coupling above our own would be above what this device is stable with
+    const double most_n_m = m->def.stiffness_n_m, most_n_s_m = m->def.damping_n_s_m;
+    double theirs = soft_of(unit), k = positive_or(unit->k_vc_n_per_m, most_n_m);
+    b->k = unit->contact_count > 1 ? most_n_m : fmin(k, most_n_m);
+    b->b = fmin(positive_or(unit->b_vc_n_s_per_m * pow(fmax(1.0, b->k / k), 2.0), most_n_s_m), most_n_s_m);
+    for (int c = 0; c < b->count && b->count > 1; c++) {
+        theirs = fmin(theirs, soft_of(&unit[c]));
+        b->plane[c].give_m_n = fmax(0.0, soft_of(&unit[c]) - 1.0 / b->k);
+    }
+    return b->count > 1 ? fmin(theirs, 1.0 / b->k) : theirs;
+}
+
+// Where the tool has the surface under it when it stands as the message's did, and what it touches with.
+static void set_place(const kn_contact_unit *from, kn_contact_plane *u)
+{
+    u->level_m = dot(u->normal, from->proxy_m);
+    for (int i = 0; i < 3; i++) u->arm_m[i] = from->proxy_m[i] - from->friction_anchor_m[i];
+    shorten(u->arm_m, FAR_M);
+    cross(u->arm_m, u->normal, u->lever_m);
 }
 
 // Proxy of the message: on the surfaces that it presses, across them where friction holds it; never inside of one.
@@ -240,9 +316,8 @@ static void set_proxy(const kn_contact_unit *unit, kn_contact_body *b, const dou
     for (int c = 0; c < b->count; c++) {
         const kn_contact_plane *u = &b->plane[c];
         bool pressed = dot(u->normal, u->force_n) > 0.0;
-        const double *stuck_m = u->mu > 0.0 ? unit[c].friction_anchor_m : unit[c].proxy_m;
         double way[3];
-        for (int i = 0; i < 3; i++) way[i] = stuck_m[i] - b->proxy_m[i];
+        for (int i = 0; i < 3; i++) way[i] = unit[c].friction_anchor_m[i] - b->proxy_m[i];
         add(way, -dot(u->normal, way), u->normal);
         if (pressed) add(b->proxy_m, 1.0, way);
         double gap = dot(u->normal, b->proxy_m) - u->level_m;
@@ -250,42 +325,76 @@ static void set_proxy(const kn_contact_unit *unit, kn_contact_body *b, const dou
     }
 }
 
-// Friction of the message is what the coupling carries across the normal; of its back stress nothing is told: the same
-// share as along the normal.
+// Friction of the message is what the coupling carries across the normal, of several units by their load; of its back
+// stress nothing is told: the same share as along the normal.
 static void set_shear(kn_contact_body *b, const double x[3])
 {
+    double load_n = 0.0;
+    for (int c = 0; c < b->count; c++) load_n += dot(b->plane[c].normal, b->plane[c].force_n);
     for (int c = 0; c < b->count; c++) {
         kn_contact_plane *u = &b->plane[c];
         double t = dot(u->normal, u->force_n), along = 0.0, across[3];
         for (int i = 0; i < 3; i++) along += u->normal[i] * (b->proxy_m[i] - x[i]);
         for (int i = 0; i < 3; i++) across[i] = b->k * (b->proxy_m[i] - x[i] - along * u->normal[i]);
+        for (int i = 0; i < 3 && b->count > 1; i++) across[i] *= t > 0.0 ? t / load_n : 0.0;
         shorten(across, u->mu * t);
         add(u->shear_n, t > 0.0 ? clip(u->h_n / t, 0.0, 1.0) : 0.0, across);
         add(u->force_n, 1.0, across);
     }
 }
 
+// What the tool's coupling is stretched by under the units' forces, along and across; that of ours, and of theirs.
+static void stretch(const kn_contact_unit *unit, double theirs, kn_contact_body *b)
+{
+    double told_n[3] = {0.0}, way[3];
+    for (int c = 0; c < b->count; c++) {
+        add(told_n, dot(b->plane[c].normal, b->plane[c].force_n), b->plane[c].normal);
+        soften(b, soft_of(&unit[c]), &b->plane[c]);
+    }
+    sum_up(b);
+    for (int i = 0; i < 3; i++) way[i] = b->force_n[i] / b->k - told_n[i] * theirs;
+    for (int c = 0; c < b->count; c++) b->plane[c].level_m += dot(b->plane[c].normal, way);
+}
+
+// The proxy of a coupled tool is turned by what the contact has for it, and lags when the device turns at rate.
+static void set_turn(kn_contact_body *b, const double rate_rad_s[3])
+{
+    if (b->rigid) return;
+    for (int i = 0; i < 3; i++)
+        b->turn[i] = b->torque_n_m[i] / (b->arm_m * b->arm_m * b->k) - b->b / b->k * rate_rad_s[i];
+    shorten(b->turn, 1.0);
+    for (int c = 0; c < b->count; c++) b->plane[c].level_m += dot(b->plane[c].lever_m, b->turn);
+}
+
 // The contact as it was at the end of the step that used pose number at.
 static bool set_up(const kn_contact_model *m, int64_t at, double c2[], kn_contact_body *b)
 {
     const kn_contact_unit *unit = m->unit;
-    const double *x = m->pose[at % KN_CONTACT_REPLAY].position_m;
+    const kn_contact_pose *pose = &m->pose[at % KN_CONTACT_REPLAY];
+    const kn_contact_pose *before = &m->pose[(at > 0 ? at - 1 : at) % KN_CONTACT_REPLAY];
+    const double *x = pose->position_m;
+    double rate[3] = {0.0};
     memset(b, 0, sizeof *b);
     b->count = unit->contact_count;
     for (int c = 0; c < b->count; c++) c2[bin_of(unit[c].force_n)] = clip(unit[c].c2_n_s_per_m, 10.0, 1e5);
     if (b->count > 0) fill(c2, b->law_m_s);
-    // a coupling above our own would be above what this device is stable with
-    b->k = fmin(positive_or(unit->k_vc_n_per_m, m->def.stiffness_n_m), m->def.stiffness_n_m);
-    b->b = fmin(positive_or(unit->b_vc_n_s_per_m, m->def.damping_n_s_m), m->def.damping_n_s_m);
+    double theirs = set_coupling(m, unit, b);
+    b->arm_m = m->def.arm_m;
+    b->rigid = !(unit->k_vc_n_per_m > 0.0);
+    memcpy(b->from_wxyz, pose->orientation_wxyz, sizeof b->from_wxyz);
     for (int c = 0; c < b->count; c++) {
         set_plane(m, b, &unit[c], &b->plane[c]);
-        set_level(b, &unit[c], &b->plane[c]);
-        if (fabs(dot(b->plane[c].normal, x) - b->plane[c].level_m) > FAR_M) return false;
+        set_place(&unit[c], &b->plane[c]);
     }
+    stretch(unit, theirs, b);
+    for (int c = 0; c < b->count; c++)
+        if (fabs(dot(b->plane[c].normal, x) - b->plane[c].level_m) > FAR_M) return false;
     set_proxy(unit, b, x);
     set_shear(b, x);
-    memset(b->force_n, 0, sizeof b->force_n);
-    for (int c = 0; c < b->count; c++) add(b->force_n, 1.0, b->plane[c].force_n);
+    sum_up(b);
+    if (at > 0 && pose->at_s > before->at_s) turn_between(before->orientation_wxyz, pose->orientation_wxyz, rate);
+    for (int i = 0; i < 3 && at > 0; i++) rate[i] /= fmax(pose->at_s - before->at_s, POSE_GAP_S);
+    set_turn(b, rate);
     return true;
 }
 
@@ -295,9 +404,10 @@ static void replay(kn_contact_model *m, int64_t at, kn_contact_body *b)
     for (int64_t i = at + 1; i < m->poses; i++) {
         const kn_contact_pose *pose = &m->pose[i % KN_CONTACT_REPLAY];
         double until_s = i + 1 < m->poses ? m->pose[(i + 1) % KN_CONTACT_REPLAY].at_s : m->now_s;
-        double dt = until_s - pose->at_s;
+        double dt = until_s - pose->at_s, turn[3];
         if (dt < 1e-6) continue;
-        advance(b, pose->position_m, pose->velocity_m_s, fmin(dt, 0.01));
+        turn_between(b->from_wxyz, pose->orientation_wxyz, turn);
+        advance(b, pose->position_m, pose->velocity_m_s, turn, fmin(dt, 0.01));
         m->replayed++;
     }
 }
@@ -306,11 +416,13 @@ static void replay(kn_contact_model *m, int64_t at, kn_contact_body *b)
 static void join(kn_contact_model *m, const kn_contact_body *b, const kn_contact_pose *now)
 {
     double felt_n = m->share * norm(m->body.force_n);
+    double turn[3];
     kn_contact_body ahead = *b; // a surface that nothing pressed yet
     m->body = *b;
     m->share = 1.0;
     if (!m->returning) return;
-    advance(&ahead, now->position_m, now->velocity_m_s, m->def.server_period_s);
+    turn_between(b->from_wxyz, now->orientation_wxyz, turn);
+    advance(&ahead, now->position_m, now->velocity_m_s, turn, m->def.server_period_s);
     double full_n = fmax(norm(b->force_n), norm(ahead.force_n));
     if (felt_n < full_n) m->share = felt_n / full_n;
     m->returning = m->share < 1.0;
@@ -388,8 +500,18 @@ void kn_contact_model_init(kn_contact_model *m, const kn_contact_model_def *def)
     m->def.force_limit_n = positive_or(def->force_limit_n, 3.3);
     m->def.force_rise_n = positive_or(def->force_rise_n, 2.0);
     m->def.server_period_s = positive_or(def->server_period_s, 1e-3);
+    m->def.arm_m = positive_or(def->arm_m, 0.030);
+    m->orientation_wxyz[0] = 1.0;
     m->taken_seq = -1;
     m->share = 1.0;
+}
+
+void kn_contact_model_turn(kn_contact_model *m, const double orientation_wxyz[4])
+{
+    double size = 0.0;
+    for (int i = 0; i < 4; i++) size += orientation_wxyz[i] * orientation_wxyz[i];
+    if (!(size > 0.25 && size < 4.0)) return;
+    for (int i = 0; i < 4; i++) m->orientation_wxyz[i] = orientation_wxyz[i] / sqrt(size);
 }
 
 void kn_contact_model_pose(kn_contact_model *m, int64_t seq, const double position_m[3], const double velocity_m_s[3])
@@ -402,14 +524,18 @@ void kn_contact_model_pose(kn_contact_model *m, int64_t seq, const double positi
     pose->at_s = m->now_s;
     memcpy(pose->position_m, position_m, sizeof pose->position_m);
     memcpy(pose->velocity_m_s, velocity_m_s, sizeof pose->velocity_m_s);
+    memcpy(pose->orientation_wxyz, m->orientation_wxyz, sizeof pose->orientation_wxyz);
 }
 
 static bool too_far(const kn_contact_model *m)
 {
-    const double *x = m->pose[(m->poses - 1) % KN_CONTACT_REPLAY].position_m, *n = NULL;
-    double most = 0.0, way[3];
+    const kn_contact_pose *now = &m->pose[(m->poses - 1) % KN_CONTACT_REPLAY];
+    const double *x = now->position_m, *n = NULL;
+    double most = 0.0, way[3], turn[3];
+    turn_between(m->body.from_wxyz, now->orientation_wxyz, turn);
     for (int c = 0; c < m->body.count; c++) {
         double t = dot(m->body.plane[c].normal, m->body.plane[c].force_n);
+        if (norm(turn) * norm(m->body.plane[c].lever_m) > 0.5 * m->def.radius_m) return true;
         if (n && t <= most) continue;
         n = m->body.plane[c].normal;
         most = t;
@@ -427,12 +553,12 @@ bool kn_contact_model_stale(const kn_contact_model *m)
 }
 
 // No news: the surface gives way towards the device, which is a damper in series and returns nothing.
-static void leak(kn_contact_model *m, const double x[3], double dt)
+static void leak(kn_contact_model *m, const double x[3], const double turn[3], double dt)
 {
     double force_n = m->share * norm(m->body.force_n), share = exp(-dt / LEAK_S);
     if (force_n > 0.0) share = fmax(share, 1.0 - dt * LEAK_N_PER_S / force_n);
     if (force_n > FELT_N) m->returning = true;
-    scale(&m->body, x, m->share * share);
+    scale(&m->body, x, turn, m->share * share);
     m->share = 1.0;
     m->stale_s += dt;
     if (m->stale_s < FORGET_S) return;
@@ -442,9 +568,9 @@ static void leak(kn_contact_model *m, const double x[3], double dt)
 
 // News after an outage: what presses rises to where the server has it. By a share of its force: were its surface itself
 // moved, what is viscous in it would end with a jump.
-static void come_back(kn_contact_model *m, const double x[3], double dt)
+static void come_back(kn_contact_model *m, const double x[3], const double turn[3], double dt)
 {
-    m->share = fmin(1.0, m->share + dt * RETURN_M_PER_S / fmax(depth_of(&m->body, x), THERE_M));
+    m->share = fmin(1.0, m->share + dt * RETURN_M_PER_S / fmax(depth_of(&m->body, x, turn), THERE_M));
     m->returning = m->share < 1.0;
 }
 
@@ -459,27 +585,37 @@ static void ramp(kn_contact_model *m, double dt)
 void kn_contact_model_render(kn_contact_model *m, double dt_s, const double position_m[3],
                              const double velocity_m_s[3], double force_n[3])
 {
-    double dt = clip(dt_s, 1e-4, 1e-2);
+    double dt = clip(dt_s, 1e-4, 1e-2), turn[3];
     bool read = finite3(position_m) && finite3(velocity_m_s);
     if (m->body.count > 0 && read) {
-        if (kn_contact_model_stale(m)) leak(m, position_m, dt);
-        else if (m->returning) come_back(m, position_m, dt);
-        advance(&m->body, position_m, velocity_m_s, dt);
+        turn_between(m->body.from_wxyz, m->orientation_wxyz, turn);
+        if (kn_contact_model_stale(m)) leak(m, position_m, turn, dt);
+        else if (m->returning) come_back(m, position_m, turn, dt);
+        advance(&m->body, position_m, velocity_m_s, turn, dt);
     } else if (m->body.count == 0) {
-        memset(m->body.force_n, 0, sizeof m->body.force_n);
+        sum_up(&m->body);
     }
     ramp(m, dt);
     m->now_s += dt;
     for (int i = 0; i < 3; i++) force_n[i] = m->def.force_scale * m->share * m->body.force_n[i];
+    double asked_n = norm(force_n);
     shorten(force_n, m->def.force_limit_n);
-    for (int i = 0; i < 3; i++) force_n[i] *= m->gain;
+    double limit = asked_n > m->def.force_limit_n ? m->def.force_limit_n / asked_n : 1.0; // of the torque, too
+    for (int i = 0; i < 3; i++) {
+        force_n[i] *= m->gain;
+        m->torque_n_m[i] = m->gain * limit * m->def.force_scale * m->share * m->body.torque_n_m[i];
+    }
 }
 
 double kn_contact_model_energy(const kn_contact_model *m, const double position_m[3])
 {
     double energy_j = 0.0;
     if (m->body.count == 0) return 0.0;
-    for (int i = 0; i < 3; i++) energy_j += 0.5 * m->body.k * pow(position_m[i] - m->body.proxy_m[i], 2.0);
+    double turn[3], l2 = m->body.arm_m * m->body.arm_m;
+    turn_between(m->body.from_wxyz, m->orientation_wxyz, turn);
+    for (int i = 0; i < 3; i++)
+        energy_j += 0.5 * m->body.k *
+                    (pow(position_m[i] - m->body.proxy_m[i], 2.0) + l2 * pow(turn[i] - m->body.turn[i], 2.0));
     for (int c = 0; c < m->body.count; c++) {
         const kn_contact_plane *u = &m->body.plane[c];
         if (u->k1 > 0.0) energy_j += 0.5 * (u->h_n * u->h_n + dot(u->shear_n, u->shear_n)) / u->k1;

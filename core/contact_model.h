@@ -10,6 +10,12 @@
 //     t = A w + H       w = w_voigt + w_c2: how fast the surface goes in               with friction mu t; t >= 0
 //     t = c2 w_c2       dH/dt = k1 w_voigt; A = c1 + dt k1: the edge law of the lattice at the scale of the contact
 //     Q - G v_p + sum(t_i n_i) = 0,  Q = k_vc (x - p) + b_vc v,  G = b_vc + dt k_vc    no mass; up to 8 units
+//     l^2 (k_vc turn of x to p - G w_p) + sum(a_i x t_i n_i) = 0      the same for turns; a_i: arm of unit i
+//
+// The force on the hand is the sum, the torque that about the tool's position. A unit gives way at its own place, by
+// v_p + w_p x a_i, so a tool that rocks presses with one side and lifts the other. Several units have each a foundation
+// of their own before them, 1/k_vc of the message less 1/k_vc of this device; of one alone it is in series with the
+// coupling. A rigid tool (k_vc 0) turns as the device does.
 //
 // A and c2 are in series behind k_vc: however large they are, no rate term reaches the device. Holding or extrapolating
 // the force instead is unstable on elastic material from 10-20 ms of round trip. A message has one c2, at its force;
@@ -40,7 +46,8 @@ typedef struct kn_contact_unit { // contact_model_t; SI, scene frame
     int32_t flags;               // KN_FLAG_*, those below are looked at
     int32_t contact_index;       // 0 .. contact_count-1
     int32_t contact_count;       // 0: nothing within reach
-    double proxy_m[3];           // where the tool touches, as a position of the tool: it is on the surface along normal
+    double proxy_m[3];           // along normal, where the tool's position is when it is on the surface; across it,
+                                 // where the force acts, if the tool is at friction_anchor_m
     double normal[3];            // unit, out of the object
     double force_n;              // F0 along normal, >= 0; 0: this is a plane ahead of the tool
     double proxy_velocity_m_s;   // of the surface along normal
@@ -51,7 +58,8 @@ typedef struct kn_contact_unit { // contact_model_t; SI, scene frame
     double k_vc_n_per_m;         // that force_n came through; 0: rigid. A softer device renders less of H
     double b_vc_n_s_per_m;
     double friction;             // mu, clipped to [0, 3]
-    double friction_anchor_m[3]; // with friction: where the tool would be if it carried no force across normal
+    double friction_anchor_m[3]; // across normal, where the tool would be if it carried no force that way; along it
+                                 // such that proxy_m less it is the arm from there to where the force acts
     double valid_ms;             // clipped to [0, 100]
 } kn_contact_unit;
 
@@ -65,6 +73,7 @@ typedef struct kn_contact_model_def { // a field of 0 is its default
     double radius_m;        // of the tool: a message is good for r/2 across the normal; 5 mm at most and by default
     double stiffness_n_m;   // k_vc of this device, the most that is rendered; 600, a light desktop device's
     double damping_n_s_m;   // b_vc of it, 1.5
+    double arm_m;           // l: turns are coupled by k_vc l^2 and b_vc l^2; the server's 0.03
     double force_scale;     // of the hand's force to the object's: 1. The coupling is the object's, limits the hand's
     double force_limit_n;   // most of |force|; 3.3
     double force_rise_n;    // a message is good for such a rise of force; 2
@@ -72,8 +81,10 @@ typedef struct kn_contact_model_def { // a field of 0 is its default
 } kn_contact_model_def;
 
 typedef struct kn_contact_plane { // private: a unit as it is rendered
-    double normal[3], level_m; // the surface is at normal . x = level_m
+    double normal[3], level_m; // the surface is at normal . x + lever . turn = level_m
+    double arm_m[3], lever_m[3]; // from the proxy to where the force acts; arm x normal
     double c1, k1, c2, mu;     // c2 at the force of now
+    double give_m_n, t_n;      // of the foundation before it, which is its own; force along the normal
     double thick;              // it is so many times the law's
     double h_n, shear_n[3];    // H along and across the normal
     double force_n[3];         // on the tool
@@ -81,14 +92,18 @@ typedef struct kn_contact_plane { // private: a unit as it is rendered
 
 typedef struct kn_contact_body { // private: proxy and planes
     int count;
-    double k, b, proxy_m[3], force_n[3];
+    bool rigid;            // it turns as the device does, whatever the torque
+    double k, b, arm_m, proxy_m[3], force_n[3];
+    double from_wxyz[4];   // the device's orientation under the message's pose
+    double turn[3];        // of the proxy since that, a rotation vector
+    double torque_n_m[3];  // about the proxy
     double law_m_s[KN_CONTACT_LAW]; // flow of c2, at forces a quarter of an octave apart
     kn_contact_plane plane[KN_CONTACT_UNITS];
 } kn_contact_body;
 
 typedef struct kn_contact_pose {
     int64_t seq;
-    double at_s, position_m[3], velocity_m_s[3];
+    double at_s, position_m[3], velocity_m_s[3], orientation_wxyz[4];
 } kn_contact_pose;
 
 typedef struct kn_contact_model { // plain data, read only for the caller; copying it is a snapshot
@@ -106,6 +121,8 @@ typedef struct kn_contact_model { // plain data, read only for the caller; copyi
     double valid_s, taken_s, taken_m[3], taken_n; // of the message in force: its pose's time and place, |F0|
     double stale_s;                   // since it was valid
     bool returning;                   // after an outage
+    double orientation_wxyz[4];       // of the device now
+    double torque_n_m[3];             // on the hand, about the tool's position, of the last render
     double share;                     // of the body's force, what is rendered: 1, or rising to it
     double gain;
     int64_t taken, refused, replayed; // messages, datagrams, poses since init
@@ -120,6 +137,10 @@ typedef enum kn_contact_take {
 } kn_contact_take;
 
 void kn_contact_model_init(kn_contact_model *m, const kn_contact_model_def *def);
+
+// How the tool is turned from now on, before pose and render: unit, as in probe_pose_t. A tool that does not turn, as a
+// plate, and a device of three axes need not say.
+void kn_contact_model_turn(kn_contact_model *m, const double orientation_wxyz[4]);
 
 // A pose as it is sent, before the tick's render. seq rises. Without one for 3 ms the force fades, by 20 ms it is zero.
 void kn_contact_model_pose(kn_contact_model *m, int64_t seq, const double position_m[3], const double velocity_m_s[3]);

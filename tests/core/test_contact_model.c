@@ -285,6 +285,63 @@ TEST("two walls of a groove push along both normals; a wall told twice is no sti
     }
 }
 
+// Two walls, or one at +x, 20 mm to either side of the tool's position, that it presses from above.
+static void hear_walls(rig *r, double z, int walls)
+{
+    for (int i = 0; i < walls; i++) {
+        kn_contact_unit u = plane(r, z);
+        u.contact_count = walls;
+        u.contact_index = i;
+        u.a_n_s_per_m = 1e4;
+        u.k1_n_per_m = 0;
+        memcpy(u.friction_anchor_m, u.proxy_m, sizeof u.proxy_m);
+        u.proxy_m[0] += i ? -0.020 : 0.020;
+        kn_contact_model_take(&r->m, &u);
+    }
+}
+
+TEST("walls on either side bear half each; turned about y the tool is pushed by its lower side, about its position")
+{
+    rig r = rig_over(-0.002);
+    ticks(&r, 3);
+    hear_walls(&r, 0, 2);
+    ticks(&r, 3);
+    CHECK_NEAR(r.force_n[2], 1.6, 0.02);
+    CHECK_NEAR(r.m.torque_n_m[1], 0, 1e-9);
+    kn_contact_model_turn(&r.m, (double[]){cos(0.01), 0, sin(0.01), 0}); // the side at +x goes down by 0.4 mm
+    ticks(&r, 3);
+    CHECK_NEAR(r.force_n[2], 1.6, 0.05);
+    CHECK_NEAR(r.m.torque_n_m[1], -800 * 0.030 * 0.030 * 0.02, 1e-3); // both walls hold it: the coupling's turn
+    rig one = rig_over(-0.002);
+    ticks(&one, 3);
+    hear_walls(&one, 0, 1);
+    ticks(&one, 3);
+    CHECK_NEAR(one.force_n[2], 1.6 / (1 + 4.0 / 9), 0.02); // it gives way by a turn, too: (20 mm/30 mm)^2
+    CHECK_NEAR(one.m.torque_n_m[1], -0.020 * one.force_n[2], 1e-6);
+}
+
+TEST("a message is good for a turn that takes what touches by half a radius, and leaks with all its torque")
+{
+    rig r = rig_over(-0.0005);
+    r.m.def.radius_m = 0.004;
+    ticks(&r, 3);
+    hear_walls(&r, 0, 2);
+    kn_contact_model_turn(&r.m, (double[]){cos(0.04), 0, sin(0.04), 0}); // by 1.6 mm
+    ticks(&r, 3);
+    CHECK(!kn_contact_model_stale(&r.m) && fabs(r.m.torque_n_m[1]) > 0.01);
+    kn_contact_model_turn(&r.m, (double[]){cos(0.06), 0, sin(0.06), 0});
+    ticks(&r, 3);
+    CHECK(kn_contact_model_stale(&r.m));
+    double last_n = r.force_n[2], last_n_m = r.m.torque_n_m[1];
+    for (int i = 0; i < 300; i++) {
+        tick(&r);
+        CHECK(fabs(r.force_n[2] - last_n) <= 0.05 && fabs(r.m.torque_n_m[1] - last_n_m) <= 2e-3);
+        last_n = r.force_n[2];
+        last_n_m = r.m.torque_n_m[1];
+    }
+    CHECK(last_n < 0.1 && fabs(last_n_m) < 2e-3);
+}
+
 TEST("friction holds the proxy until it carries mu times the normal force, and no more")
 {
     rig r = rig_over(-0.002);
