@@ -1,7 +1,10 @@
 #include "core/contact_fit.h"
+#include "core/ahead.h"
 #include "core/mobility.h"
+#include "core/patch.h"
 #include "core/scratch.h"
 #include "core/shape.h"
+#include "core/tool.h"
 #include "core/vec.h"
 
 #include <math.h>
@@ -17,21 +20,32 @@
 #define LATE_S 0.030   // of a link that a local model is for
 #define CLIENT_S 1e-3  // step that a client takes A for
 
+typedef struct pressed { // one contact: all that a tool touches, or one patch of it
+    double force_n, rate_m_s;   // t, w
+    double normal[3], arm_m[3]; // out of the object; from the tool's position to where the force acts
+    double layer_n_m;           // foundation along the normal; 0: rigid
+    double a, k1, h_n;          // a 0: not known yet
+    double tt, tw, c2;          // sums of c2's least squares; c2
+    double loaded;              // its part of the pattern of the round that is running; 0: not in it
+} pressed;
+
 typedef struct fitted { // one probe's
-    bool touching, near, ahead;  // near: touching, or ahead of a plane
-    double a, k1, h_n;           // of the contact; a 0: not known yet
-    double force_n, rate_m_s;    // t, w
-    double normal[3], side_n[3]; // out of the object; force on the tool across it
+    bool touching, near, ahead; // near: touching, or ahead of a plane
+    pressed all, patch[KN_PATCHES_MAX];
+    unsigned used;              // bit i: patch[i] is one of several
+    int only;                   // the number of the only one
+    kn_place place[KN_PATCHES_MAX];
+    int places;                 // beside what it touches, where it will
+    double side_n[3];           // force on the tool across the normal
     double tool_m[3], gap_m, gradient[3]; // of the gap
-    double layer_n_m;            // foundation along the normal; 0: rigid
-    double tt, tw;               // sums of c2's least squares
-    double c2;
 } fitted;
 
 struct kn_contact_fit {
     const kn_model *model;
     kn_coupling device;
     kn_mobility *mobility;
+    kn_patches *patches;
+    kn_ahead *ahead[KN_PROBES_MAX]; // NULL: of a tool of one convex part
     fitted probe[KN_PROBES_MAX];
     int *skin; // nodes that a tool can meet
     int skin_count;
@@ -86,7 +100,10 @@ kn_contact_fit *kn_contact_fit_create(const kn_model *model, kn_coupling device)
     fit->model = model;
     fit->device = device;
     fit->mobility = kn_mobility_create(model);
-    if (fit->mobility && list_skin(fit)) {
+    fit->patches = kn_patches_create(model);
+    for (int p = 0; p < model->def.probe_count && fit->patches; p++)
+        fit->ahead[p] = kn_ahead_create(model, fit->patches, p, REACH * model->shape[p].fine_m);
+    if (fit->mobility && fit->patches && list_skin(fit)) {
         kn_contact_fit_reset(fit);
         return fit;
     }
@@ -98,6 +115,8 @@ void kn_contact_fit_destroy(kn_contact_fit *fit)
 {
     if (!fit) return;
     kn_mobility_destroy(fit->mobility);
+    for (int p = 0; p < KN_PROBES_MAX; p++) kn_ahead_destroy(fit->ahead[p]);
+    kn_patches_destroy(fit->patches);
     free(fit->skin);
     free(fit);
 }
@@ -105,6 +124,9 @@ void kn_contact_fit_destroy(kn_contact_fit *fit)
 void kn_contact_fit_reset(kn_contact_fit *fit)
 {
     memset(fit->probe, 0, sizeof fit->probe);
+    kn_patches_reset(fit->patches);
+    for (int p = 0; p < KN_PROBES_MAX; p++)
+        if (fit->ahead[p]) kn_ahead_reset(fit->ahead[p]);
     fit->round = -1;
 }
 
@@ -119,51 +141,146 @@ static double skin_rate(const kn_model *m, const kn_state *state, const kn_sampl
     return rate;
 }
 
-// Resultant normal, force along it, how fast the skin goes in (as the forces weigh it, so that t w is their power), and
-// what the foundation gives way.
-static void look_at_samples(const kn_model *m, const kn_state *state, int p, fitted *f)
+static bool several(const fitted *f) { return (f->used & (f->used - 1)) != 0; }
+
+static int count_of(unsigned used)
 {
-    const kn_contact *contact = &kn_state_scratch(state)->contact;
-    double sum[3] = {0}, power = 0, layer = 0;
-    for (int i = 0; i < contact->sample_count; i++) {
-        const kn_sample *s = &contact->sample[i];
-        if (s->probe != p || !s->line.active || !(s->pressing_n > 0)) continue;
-        for (int k = 0; k < 3; k++) sum[k] -= s->pressing_n * s->normal[k];
-        power += s->pressing_n * skin_rate(m, state, s);
-    }
-    double t = sqrt(kn_dot(sum, sum));
-    if (!(t > 0)) return;
-    for (int k = 0; k < 3; k++) f->normal[k] = sum[k] / t;
-    for (int i = 0; i < contact->sample_count; i++) {
-        const kn_sample *s = &contact->sample[i];
-        double along = kn_dot(s->normal, f->normal);
-        if (s->probe == p && s->line.active) layer += s->line.slope_n_m * along * along;
-    }
-    f->force_n = t;
-    f->rate_m_s = power / t;
-    f->layer_n_m = layer;
+    int count = 0;
+    for (; used; used &= used - 1) count++;
+    return count;
 }
 
-static void look_at_holds(const kn_state *state, int p, const kn_output *output, fitted *f)
+// The patch that a node belongs to; one that is pressed for the first time goes with its neighbours, or any.
+static int patch_of(const kn_contact_fit *fit, int p, const int node[], int nodes)
 {
-    f->force_n = fmax(0, output->probe[p].force_n[2]);
-    f->rate_m_s = -state->probe[p].velocity_m_s[2];
-    f->layer_n_m = 0;
-    memcpy(f->normal, (double[]){0, 0, 1}, sizeof f->normal);
+    int number = kn_patches_at(fit->patches, p, node[nodes / 2]); // a spline's own is in the middle
+    for (int a = 0; a < nodes && number < 0; a++) number = kn_patches_at(fit->patches, p, node[a]);
+    for (int i = 0; number < 0; i++)
+        if (fit->probe[p].used >> i & 1) number = i;
+    return number;
+}
+
+typedef struct sums {
+    double force_n[3], torque_n_m[3], power_w;  // on the tool
+    double pressing_n, place_n_m[3]; // of the pressing alone; times the arms
+} sums;
+
+static void add_force(sums *s, const double normal[3], double pressing_n, double rate_m_s)
+{
+    for (int k = 0; k < 3; k++) s->force_n[k] -= pressing_n * normal[k];
+    s->power_w += pressing_n * rate_m_s;
+}
+
+static void add_torque(sums *s, const double normal[3], double pressing_n, const double arm_m[3])
+{
+    double torque[3];
+    kn_cross(arm_m, normal, torque);
+    for (int k = 0; k < 3; k++) {
+        s->torque_n_m[k] -= pressing_n * torque[k];
+        s->place_n_m[k] += pressing_n * arm_m[k];
+    }
+    s->pressing_n += pressing_n;
+}
+
+// Resultant normal, force along it, how fast the skin goes in (as the forces weigh it, so that t w is their power), and
+// the point where that force alone has the torque, less what turns about the normal; of a smooth ball its centre.
+static void settle(const sums *s, pressed *c)
+{
+    double t = sqrt(kn_dot(s->force_n, s->force_n)), across[3];
+    c->force_n = 0;
+    if (!(t > 0)) return;
+    for (int k = 0; k < 3; k++) c->normal[k] = s->force_n[k] / t;
+    c->force_n = t;
+    c->rate_m_s = s->power_w / t;
+    c->layer_n_m = 0;
+    kn_cross(c->normal, s->torque_n_m, across);
+    double height = s->pressing_n > 0 ? kn_dot(s->place_n_m, c->normal) / s->pressing_n : 0;
+    for (int k = 0; k < 3; k++) c->arm_m[k] = across[k] / t + height * c->normal[k];
+}
+
+static bool presses(const kn_sample *s, int p) { return s->probe == p && s->line.active && s->pressing_n > 0; }
+static bool carries(const kn_hold *h, int p) { return h->probe == p && !h->gone && h->force_n[2] > 0; }
+
+static void settle_all(const sums *all, const sums part[KN_PATCHES_MAX], fitted *f)
+{
+    settle(all, &f->all);
+    for (int i = 0; i < KN_PATCHES_MAX && several(f); i++)
+        if (f->used >> i & 1) settle(&part[i], &f->patch[i]);
+}
+
+// Of all samples that are in it, even those that do not press.
+static void add_layer(const kn_sample *s, pressed *c)
+{
+    double along = kn_dot(s->normal, c->normal);
+    c->layer_n_m += s->line.slope_n_m * along * along;
+}
+
+static void look_at_samples(const kn_contact_fit *fit, const kn_state *state, int p, fitted *f)
+{
+    const kn_contact *contact = &kn_state_scratch(state)->contact;
+    const bool turns = kn_tool_turns(&fit->model->def.probe[p]);
+    sums all = {0}, part[KN_PATCHES_MAX];
+    if (several(f)) memset(part, 0, sizeof part);
+    for (int i = 0; i < contact->sample_count; i++) {
+        const kn_sample *s = &contact->sample[i];
+        if (!presses(s, p)) continue;
+        double rate = skin_rate(fit->model, state, s);
+        add_force(&all, s->normal, s->pressing_n, rate);
+        if (turns) add_torque(&all, s->normal, s->pressing_n, s->arm_m);
+        if (!several(f)) continue;
+        sums *own = &part[patch_of(fit, p, s->node, s->nodes)];
+        add_force(own, s->normal, s->pressing_n, rate);
+        if (turns) add_torque(own, s->normal, s->pressing_n, s->arm_m);
+    }
+    settle_all(&all, part, f);
+    for (int i = 0; i < contact->sample_count && f->all.force_n > 0; i++) {
+        const kn_sample *s = &contact->sample[i];
+        if (s->probe != p || !s->line.active) continue;
+        add_layer(s, &f->all);
+        if (several(f)) add_layer(s, &f->patch[patch_of(fit, p, s->node, s->nodes)]);
+    }
+}
+
+static void look_at_holds(const kn_contact_fit *fit, const kn_state *state, int p, const kn_output *output, fitted *f)
+{
+    const kn_contact *contact = &kn_state_scratch(state)->contact;
+    static const double down[3] = {0, 0, -1};
+    const double rate = -state->probe[p].velocity_m_s[2], *torque = output->probe[p].torque_n_m;
+    sums part[KN_PATCHES_MAX];
+    f->all.force_n = fmax(0, output->probe[p].force_n[2]);
+    f->all.rate_m_s = rate;
+    f->all.layer_n_m = 0;
+    memcpy(f->all.normal, (double[]){0, 0, 1}, sizeof f->all.normal);
+    memset(f->all.arm_m, 0, sizeof f->all.arm_m);
+    if (f->all.force_n > 0) f->all.arm_m[0] = -torque[1] / f->all.force_n, f->all.arm_m[1] = torque[0] / f->all.force_n;
+    if (!several(f)) return;
+    memset(part, 0, sizeof part);
+    for (int i = 0; i < contact->hold_count; i++) {
+        const kn_hold *h = &contact->hold[i];
+        double arm[3];
+        if (!carries(h, p)) continue;
+        kn_state_position(fit->model, state, h->node, arm);
+        for (int k = 0; k < 3; k++) arm[k] -= f->tool_m[k];
+        sums *own = &part[patch_of(fit, p, &h->node, 1)];
+        add_force(own, down, h->force_n[2], rate);
+        add_torque(own, down, h->force_n[2], arm);
+    }
+    for (int i = 0; i < KN_PATCHES_MAX; i++)
+        if (f->used >> i & 1) settle(&part[i], &f->patch[i]);
 }
 
 static void look(const kn_contact_fit *fit, const kn_state *state, int p, const kn_output *output, fitted *f)
 {
     bool plate = fit->model->def.probe[p].shape == KN_PROBE_PLATE;
-    f->force_n = 0;
+    f->all.force_n = 0;
     memcpy(f->tool_m, state->probe[p].position_m, sizeof f->tool_m);
-    if (plate) look_at_holds(state, p, output, f);
-    else look_at_samples(fit->model, state, p, f);
-    f->touching = f->force_n > 0;
-    if (!f->touching) f->rate_m_s = 0;
-    double along = kn_dot(f->normal, output->probe[p].force_n);
+    if (plate) look_at_holds(fit, state, p, output, f);
+    else look_at_samples(fit, state, p, f);
+    f->touching = f->all.force_n > 0;
+    if (!f->touching) f->all.rate_m_s = 0, memset(f->all.arm_m, 0, sizeof f->all.arm_m);
+    double along = kn_dot(f->all.normal, output->probe[p].force_n);
     for (int k = 0; k < 3; k++)
-        f->side_n[k] = f->touching && !plate ? output->probe[p].force_n[k] - along * f->normal[k] : 0;
+        f->side_n[k] = f->touching && !plate ? output->probe[p].force_n[k] - along * f->all.normal[k] : 0;
 }
 
 // The plane that the tool would meet. Once near, one component of the gradient per step: distances are what costs here.
@@ -185,7 +302,7 @@ static void look_ahead(const kn_contact_fit *fit, const kn_state *state, int p, 
     }
     double size = sqrt(kn_dot(f->gradient, f->gradient));
     f->near &= size > 0.5 && isfinite(size); // 1 but where the nearest points of two sides are as far
-    for (int k = 0; k < 3 && f->near; k++) f->normal[k] = f->gradient[k] / size;
+    for (int k = 0; k < 3 && f->near; k++) f->all.normal[k] = f->gradient[k] / size;
 }
 
 // --- the unit -------------------------------------------------------------------------------------------------------
@@ -199,19 +316,79 @@ static double c2_at(const kn_model *m, double a, double stress_pa)
     return isfinite(c2) ? a * c2 / m->law.a_pa_s : 1e5;
 }
 
-static void follow_back_stress(const kn_model *m, fitted *f)
+static void follow_back_stress(const kn_model *m, pressed *c)
 {
-    f->k1 = f->a * m->def.material.k1_pa / m->law.a_pa_s;
-    f->h_n += m->def.solver.dt_s * f->k1 * (f->force_n - f->h_n) / f->a;
+    c->k1 = c->a * m->def.material.k1_pa / m->law.a_pa_s;
+    c->h_n += m->def.solver.dt_s * c->k1 * (c->force_n - c->h_n) / c->a;
 }
 
-static void follow_flow(const kn_model *m, fitted *f)
+static void follow_flow(const kn_model *m, pressed *c)
 {
-    double fade = exp(-m->def.solver.dt_s / MEMORY_S), flow = f->rate_m_s - (f->force_n - f->h_n) / f->a;
-    f->tt = fade * f->tt + f->force_n * f->force_n;
-    f->tw = fade * f->tw + f->force_n * flow;
-    double stiff = c2_at(m, f->a, 0), soft = c2_at(m, f->a, 1e12);
-    f->c2 = f->tw > 0 && f->tt > 0 ? clip(f->tt / f->tw, fmin(soft, stiff), stiff) : stiff;
+    double fade = exp(-m->def.solver.dt_s / MEMORY_S), flow = c->rate_m_s - (c->force_n - c->h_n) / c->a;
+    c->tt = fade * c->tt + c->force_n * c->force_n;
+    c->tw = fade * c->tw + c->force_n * flow;
+    double stiff = c2_at(m, c->a, 0), soft = c2_at(m, c->a, 1e12);
+    c->c2 = c->tw > 0 && c->tt > 0 ? clip(c->tt / c->tw, fmin(soft, stiff), stiff) : stiff;
+}
+
+// --- patches --------------------------------------------------------------------------------------------------------
+
+// What is remembered of a patch goes on in those that it has become, by their parts of its load: springs and dampers
+// side by side.
+static void inherit(const fitted *f, const double share[KN_PATCHES_MAX], pressed *c)
+{
+    double weight = 0;
+    *c = (pressed){0};
+    for (int j = 0; j < KN_PATCHES_MAX; j++) {
+        const pressed *was = &f->patch[j];
+        if (!(share[j] > 0)) continue;
+        c->h_n += share[j] * was->h_n;
+        if (!(was->loaded > 0)) continue; // nothing is known of it yet
+        c->a += share[j] * was->a;
+        c->c2 += share[j] * was->c2;
+        c->loaded += share[j] * was->loaded;
+        weight += share[j] * sqrt(was->tt);
+    }
+    c->tt = weight * weight;
+    c->tw = c->c2 > 0 ? c->tt / c->c2 : 0;
+}
+
+// One alone is what all that the tool touches is.
+static void regroup(fitted *f, unsigned used, double share[KN_PATCHES_MAX][KN_PATCHES_MAX])
+{
+    bool were_several = several(f), same = used == f->used;
+    for (int i = 0; i < KN_PATCHES_MAX && same; i++) same = !(used >> i & 1) || share[i][i] == 1;
+    if (same) return;
+    if (!were_several && f->used) f->patch[f->only] = f->all, f->patch[f->only].loaded = 1;
+    fitted now = *f;
+    now.used = used;
+    for (int i = 0; i < KN_PATCHES_MAX; i++) {
+        if (!(used >> i & 1)) continue;
+        now.only = i;
+        inherit(f, share[i], &now.patch[i]);
+    }
+    const pressed *one = &now.patch[now.only];
+    if (were_several && used && !several(&now) && one->a > 0)
+        now.all.a = one->a, now.all.h_n = one->h_n, now.all.tt = one->tt, now.all.tw = one->tw, now.all.c2 = one->c2;
+    *f = now;
+}
+
+static void group_patches(kn_contact_fit *fit, const kn_state *state, int p)
+{
+    const kn_contact *contact = &kn_state_scratch(state)->contact;
+    double share[KN_PATCHES_MAX][KN_PATCHES_MAX];
+    kn_patches_begin(fit->patches, p);
+    for (int i = 0; i < contact->sample_count; i++) {
+        const kn_sample *s = &contact->sample[i];
+        if (!presses(s, p)) continue;
+        if (s->nodes == 9) kn_patches_press(fit->patches, s->node[4], s->pressing_n);
+        else for (int a = 0; a < s->nodes; a++) kn_patches_press(fit->patches, s->node[a], s->pressing_n / s->nodes);
+    }
+    for (int i = 0; i < contact->hold_count; i++)
+        if (carries(&contact->hold[i], p))
+            kn_patches_press(fit->patches, contact->hold[i].node, contact->hold[i].force_n[2]);
+    unsigned used = kn_patches_end(fit->patches, share);
+    regroup(&fit->probe[p], used, share);
 }
 
 // --- mobility -------------------------------------------------------------------------------------------------------
@@ -235,11 +412,45 @@ static int load_plate(const kn_contact_fit *fit, const kn_state *state, int p, d
     return count;
 }
 
-static void load_pattern(const kn_contact_fit *fit, const kn_state *state, int p)
+// Calls for every force of the contact, by patch: its share of a unit force, per patch or of all.
+typedef void kn_force_call(void *self, int patch, size_t offset, const double force_n[3]);
+
+static void each_force(const kn_contact_fit *fit, const kn_state *state, int p, bool by_patch, kn_force_call *call,
+                       void *self)
 {
-    const kn_model *m = fit->model;
     const kn_contact *contact = &kn_state_scratch(state)->contact;
     const fitted *f = &fit->probe[p];
+    double force[3], whole_n = f->all.force_n;
+    for (int i = 0; i < contact->sample_count; i++) {
+        const kn_sample *s = &contact->sample[i];
+        if (!presses(s, p)) continue;
+        int patch = by_patch ? patch_of(fit, p, s->node, s->nodes) : 0;
+        if (by_patch) whole_n = f->patch[patch].force_n;
+        for (int a = 0; a < s->nodes; a++) {
+            for (int k = 0; k < 3; k++) force[k] = s->weight[a] * s->pressing_n / whole_n * s->normal[k];
+            call(self, patch, s->offset[a], force);
+        }
+    }
+    for (int i = 0; i < contact->hold_count; i++) {
+        const kn_hold *h = &contact->hold[i];
+        if (h->probe != p || h->gone || (by_patch && !carries(h, p))) continue;
+        int patch = by_patch ? patch_of(fit, p, &h->node, 1) : 0;
+        if (by_patch) whole_n = f->patch[patch].force_n;
+        memcpy(force, (double[]){0, 0, -h->force_n[2] / whole_n}, sizeof force);
+        call(self, patch, fit->model->offset[h->node], force);
+    }
+}
+
+static void load_force(void *self, int patch, size_t offset, const double force_n[3])
+{
+    (void)patch;
+    kn_mobility_load(self, offset, force_n);
+}
+
+static void load_pattern(kn_contact_fit *fit, const kn_state *state, int p)
+{
+    const kn_model *m = fit->model;
+    fitted *f = &fit->probe[p];
     double force[3];
     if (!f->touching && m->def.probe[p].shape == KN_PROBE_PLATE) {
         int count = load_plate(fit, state, p, 0);
@@ -248,23 +459,37 @@ static void load_pattern(const kn_contact_fit *fit, const kn_state *state, int p
     }
     if (!f->touching) {
         int node = nearest_node(fit, state, f->tool_m);
-        for (int k = 0; k < 3; k++) force[k] = -f->normal[k];
+        for (int k = 0; k < 3; k++) force[k] = -f->all.normal[k];
         kn_mobility_load(fit->mobility, m->offset[node], force);
         return;
     }
-    for (int i = 0; i < contact->sample_count; i++) {
-        const kn_sample *s = &contact->sample[i];
-        if (s->probe != p || !s->line.active || !(s->pressing_n > 0)) continue;
-        for (int a = 0; a < s->nodes; a++) {
-            for (int k = 0; k < 3; k++) force[k] = s->weight[a] * s->pressing_n / f->force_n * s->normal[k];
-            kn_mobility_load(fit->mobility, s->offset[a], force);
-        }
-    }
-    for (int i = 0; i < contact->hold_count; i++) {
-        const kn_hold *h = &contact->hold[i];
-        if (h->probe != p || h->gone) continue;
-        memcpy(force, (double[]){0, 0, -h->force_n[2] / f->force_n}, sizeof force);
-        kn_mobility_load(fit->mobility, m->offset[h->node], force);
+    each_force(fit, state, p, false, load_force, fit->mobility);
+    for (int i = 0; i < KN_PATCHES_MAX; i++) f->patch[i].loaded = f->patch[i].force_n / f->all.force_n;
+}
+
+typedef struct rates { // of patches under the pattern, m/s per N of it
+    const kn_mobility *mobility;
+    int probe;
+    double of[KN_PATCHES_MAX];
+} rates;
+
+static void add_rate(void *self, int patch, size_t offset, const double force_n[3])
+{
+    rates *r = self;
+    r->of[patch] += kn_mobility_rate(r->mobility, r->probe, offset, force_n);
+}
+
+// Under all of the pattern patch i goes in by b_i'z, of which it carries w_i: A_i = w_i/(b_i'z).
+static void share_mobility(kn_contact_fit *fit, const kn_state *state, int p)
+{
+    fitted *f = &fit->probe[p];
+    rates r = {.mobility = fit->mobility, .probe = p};
+    if (!several(f)) return;
+    each_force(fit, state, p, true, add_rate, &r);
+    for (int i = 0; i < KN_PATCHES_MAX; i++) {
+        pressed *c = &f->patch[i];
+        if (!(f->used >> i & 1) || !(c->loaded > 0) || !(c->force_n > 0)) continue;
+        c->a = clip(c->loaded / r.of[i], f->all.a / (2 * count_of(f->used)), f->all.a);
     }
 }
 
@@ -286,10 +511,17 @@ static void begin_round(kn_contact_fit *fit, const kn_state *state)
 
 void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state)
 {
+    for (int p = 0; p < fit->model->def.probe_count; p++)
+        if (fit->probe[p].touching || fit->probe[p].used) group_patches(fit, state, p);
+    for (int p = 0; p < fit->model->def.probe_count; p++)
+        if (fit->ahead[p] && fit->probe[p].near) kn_ahead_look(fit->ahead[p], state);
     for (int i = 0; i < ITERATIONS && fit->round >= 0; i++) {
         double a;
         if (!kn_mobility_iterate(fit->mobility, &a)) continue;
-        if (a > 0) fit->probe[fit->round].a = a;
+        if (a > 0) {
+            fit->probe[fit->round].all.a = a;
+            share_mobility(fit, state, fit->round);
+        }
         begin_round(fit, state);
         return;
     }
@@ -308,9 +540,18 @@ void kn_contact_fit_step(kn_contact_fit *fit, const kn_state *state, const kn_in
         }
         look(fit, state, p, output, f);
         look_ahead(fit, state, p, input, f);
-        if (!(f->a > 0)) continue;
-        follow_back_stress(fit->model, f);
-        follow_flow(fit->model, f);
+        f->places = fit->ahead[p] && f->near ? kn_ahead_places(fit->ahead[p], state, KN_PATCHES_MAX, f->place) : 0;
+        if (!(f->all.a > 0)) continue;
+        follow_back_stress(fit->model, &f->all);
+        follow_flow(fit->model, &f->all);
+        int known = 0;
+        for (int i = 0; i < KN_PATCHES_MAX; i++) known += (f->used >> i & 1) && f->patch[i].a > 0;
+        for (int i = 0; i < KN_PATCHES_MAX && several(f); i++) {
+            if (!(f->used >> i & 1)) continue;
+            if (!(f->patch[i].a > 0)) f->patch[i].a = f->all.a / fmax(1, known); // as one of them, until a round has it
+            follow_back_stress(fit->model, &f->patch[i]);
+            follow_flow(fit->model, &f->patch[i]);
+        }
     }
 }
 
@@ -326,18 +567,17 @@ static double first_layer(const kn_model *m, int p, double coupling_n_m)
     return fmin(coupling_n_m, kn_probe_foundation(&m->def.probe[p]) * 3.14 * third_m * third_m);
 }
 
-// Coupling and foundation; a tool that follows its pose rigidly has no coupling.
-static void set_coupling(const kn_contact_fit *fit, int p, const fitted *f, kn_contact_unit *unit, double *layer)
+// Coupling and foundation of a contact; a tool that follows its pose rigidly has no coupling.
+static double set_coupling(const kn_contact_fit *fit, int p, double layer_n_m, kn_contact_unit *unit)
 {
     const kn_probe_def *def = &fit->model->def.probe[p];
     bool rigid = !(def->coupling_n_m > 0);
     double coupling = rigid ? fit->device.stiffness_n_m : def->coupling_n_m;
-    *layer = 0;
-    if (def->shape != KN_PROBE_PLATE)
-        *layer = fmax(f->touching ? f->layer_n_m : 0, first_layer(fit->model, p, coupling));
-    unit->k_vc_n_per_m = series(def->coupling_n_m, *layer);
+    double layer = def->shape == KN_PROBE_PLATE ? 0 : fmax(layer_n_m, first_layer(fit->model, p, coupling));
+    unit->k_vc_n_per_m = series(def->coupling_n_m, layer);
     double share = rigid ? 0 : unit->k_vc_n_per_m / def->coupling_n_m;
     unit->b_vc_n_s_per_m = share * share * def->coupling_n_s_m;
+    return layer;
 }
 
 // A tool that follows its pose rigidly answers a new velocity at once, the client's behind its coupling when that is
@@ -347,33 +587,73 @@ static double valid_ms(const kn_contact_fit *fit, int p, const fitted *f, double
 {
     if (fit->model->def.probe[p].coupling_n_m > 0) return VALID_MS;
     double soft = 1 / fit->device.stiffness_n_m - (layer > 0 ? 1 / layer : 0);
-    double late_s = soft * series(f->a, c2_at(fit->model, f->a, 1e12));
+    double late_s = soft * series(f->all.a, c2_at(fit->model, f->all.a, 1e12));
     return late_s > LATE_S ? VALID_MS * LATE_S / late_s : VALID_MS;
 }
 
-void kn_contact_fit_unit(const kn_contact_fit *fit, int p, kn_contact_unit *unit)
+// at_m: where the tool would be if it carried no force.
+static void set_unit(const kn_model *m, const pressed *c, const double at_m[3], kn_contact_unit *unit)
+{
+    const kn_material *mat = &m->def.material;
+    double height = kn_dot(c->arm_m, c->normal);
+    unit->force_n = c->force_n;
+    unit->proxy_velocity_m_s = -c->rate_m_s;
+    unit->a_n_s_per_m = c->a * (mat->c1_pa_s + CLIENT_S * mat->k1_pa) / m->law.a_pa_s;
+    unit->h_n = c->h_n;
+    unit->c2_n_s_per_m = c->c2;
+    unit->k1_n_per_m = c->k1;
+    for (int k = 0; k < 3; k++) {
+        unit->normal[k] = c->normal[k];
+        unit->proxy_m[k] = at_m[k] + c->arm_m[k] - height * c->normal[k];
+        unit->friction_anchor_m[k] = at_m[k] - height * c->normal[k];
+    }
+}
+
+// A place that nothing presses yet is taken for one like those that are pressed.
+static pressed expected(const kn_model *m, const kn_place *place, double a)
+{
+    pressed c = {.a = a, .k1 = a * m->def.material.k1_pa / m->law.a_pa_s, .c2 = c2_at(m, a, 0)};
+    memcpy(c.normal, place->normal, sizeof c.normal);
+    memcpy(c.arm_m, place->arm_m, sizeof c.arm_m);
+    return c;
+}
+
+// Of several each has its own foundation, and the tool's position is where it is; of one alone the foundation is its
+// coupling's, and the tool's position is without both.
+static void tell(const kn_contact_fit *fit, int p, const pressed *c, double gap_m, bool alone, kn_contact_unit *unit)
 {
     const fitted *f = &fit->probe[p];
     const kn_model *m = fit->model;
-    const kn_material *mat = &m->def.material;
-    memset(unit, 0, sizeof *unit);
-    if (!f->near || !(f->a > 0)) return;
-    double layer;
-    set_coupling(fit, p, f, unit, &layer);
-    double give = layer > 0 ? 1 / layer : 0;
-    unit->contact_count = 1;
-    unit->force_n = f->force_n;
-    unit->proxy_velocity_m_s = -f->rate_m_s;
-    unit->a_n_s_per_m = f->a * (mat->c1_pa_s + CLIENT_S * mat->k1_pa) / m->law.a_pa_s;
-    unit->h_n = f->h_n;
-    unit->c2_n_s_per_m = f->c2;
-    unit->k1_n_per_m = f->k1;
+    double layer = set_coupling(fit, p, c->layer_n_m, unit), at_m[3];
+    double give = layer > 0 ? 1 / layer : 0, stretch = alone ? give * c->force_n : 0;
+    for (int k = 0; k < 3; k++)
+        at_m[k] = f->tool_m[k] + (stretch - gap_m) * c->normal[k] + (f->touching ? give * f->side_n[k] : 0);
     unit->friction = m->def.probe[p].friction;
     unit->valid_ms = valid_ms(fit, p, f, layer);
-    for (int k = 0; k < 3; k++) {
-        double stretch = f->touching ? give * f->force_n : -f->gap_m;
-        unit->normal[k] = f->normal[k];
-        unit->proxy_m[k] = f->tool_m[k] + stretch * f->normal[k];
-        unit->friction_anchor_m[k] = f->tool_m[k] + (f->touching ? give * f->side_n[k] : 0);
+    set_unit(m, c, at_m, unit);
+}
+
+void kn_contact_fit_units(const kn_contact_fit *fit, int p, int most, kn_contact_unit unit[])
+{
+    const fitted *f = &fit->probe[p];
+    const pressed *told[KN_PATCHES_MAX];
+    int patches = 0, count = 0;
+    unit[0] = (kn_contact_unit){0};
+    if (!f->near || !(f->all.a > 0)) return;
+    for (int i = 0; i < KN_PATCHES_MAX && several(f); i++)
+        if ((f->used >> i & 1) && f->patch[i].force_n > 0) told[patches++] = &f->patch[i];
+    if (patches < 2 || patches > most) told[0] = &f->all, patches = 1;
+    int places = f->places < most - patches ? f->places : most - patches;
+    if (!f->touching && places > 0) patches = 0; // the nearest place is one of them
+    const bool alone = patches + places == 1;
+    for (; count < patches; count++) {
+        unit[count] = (kn_contact_unit){.contact_index = count};
+        tell(fit, p, told[count], f->touching ? 0 : f->gap_m, alone, &unit[count]);
     }
+    for (int i = 0; i < places; i++, count++) {
+        pressed c = expected(fit->model, &f->place[i], f->all.a / fmax(1, patches));
+        unit[count] = (kn_contact_unit){.contact_index = count};
+        tell(fit, p, &c, fmax(0, f->place[i].gap_m), alone, &unit[count]);
+    }
+    for (int i = 0; i < count; i++) unit[i].contact_count = count;
 }

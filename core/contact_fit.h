@@ -1,7 +1,7 @@
 #ifndef KN_CORE_CONTACT_FIT_H
 #define KN_CORE_CONTACT_FIT_H
-// Identification of the local contact model: which three-element unit, rendered by a client (core/contact_model.h),
-// answers like the lattice under a tool. Looks at steps from outside and changes nothing in them.
+// Identification of the local contact model: which three-element units, rendered by a client (core/contact_model.h),
+// answer like the lattice under a tool. Looks at steps from outside and changes nothing in them.
 //
 //     A     mobility of the contact's own pattern of forces (core/mobility.h), a round at a time
 //     k1    A k1/(c1 + dt k1) of an edge: all edges are of one material
@@ -14,8 +14,23 @@
 // With the tool off the object, within three of its radii: the plane it would meet, by the distance of the tool and the
 // gradient of that, and the unit of a node there; of a plate, that of all nodes that it meets at once.
 //
-// Of one contact per tool, the resultant of all its samples: torque is left to the server. A plate has neither friction
-// nor foundation here. In contact the step is 1 us; ahead of it two distances of the tool.
+// Each patch of the skin that the tool presses apart from the others (patch.h) is a unit, one alone all that the tool
+// touches. What is found of all is found of each patch from its own samples: t, n, w, H, c2, its foundation, and its
+// place, where t n alone has the torque. Its A comes from the one round for all of them,
+//
+//     A_i = w_i/(b_i'z),   z = mobility of b = sum w_i b_i,   w_i = t_i/t,   between A/2N and A of all N together
+//
+// so under the loads of the moment patches go in as they do in the lattice, each with what the others do to it. That
+// is exact while all loads change by one factor. Where one grows as another falls, as in rocking, the others' part has
+// the wrong sign: two balls 30 mm apart on dough 30 mm high have Y_ij = 0.4 Y_ii. A patch that is younger than a round
+// has the average's A. Patches that grow together or break have springs, dampers and back stress added up or shared out
+// by load, and the same generation.
+//
+// A tool of several parts is also told the planes where another of them is about to touch (ahead.h).
+//
+// Of a flat face that presses everywhere at once there is one unit: it has no stiffness against a turn but its place's.
+// Friction is one force for all, shared by load. A plate has neither friction nor foundation here. In contact the step
+// is 2 us, ahead of it two distances of the tool.
 #include "core/contact_model.h"
 #include "core/coupling.h"
 #include "core/step.h"
@@ -31,10 +46,12 @@ void kn_contact_fit_reset(kn_contact_fit *fit);   // with the object
 // After every kn_step, with what went in and came out. Real-time safe, as the next.
 void kn_contact_fit_step(kn_contact_fit *fit, const kn_state *state, const kn_input *input, const kn_output *output);
 
-// Two iterations of the mobility, for the contact as it stands: once per tick, when its forces are on their way.
+// Two iterations of the mobility, for the contact as it stands, and which nodes are one patch from the next step on:
+// once per tick, when its forces and units are on their way.
 void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state);
 
-// The unit of probe p as of the last step, its physical fields; contact_count is 0 when nothing is within reach.
-void kn_contact_fit_unit(const kn_contact_fit *fit, int p, kn_contact_unit *unit);
+// The units of probe p as of the last step, their physical fields: unit[0 .. contact_count - 1], contact_count 0 when
+// nothing is within reach. Of more patches than most, 1 .. KN_CONTACT_UNITS, one unit is told, their resultant.
+void kn_contact_fit_units(const kn_contact_fit *fit, int p, int most, kn_contact_unit unit[]);
 
 #endif

@@ -139,3 +139,11 @@ bool kn_mobility_iterate(kn_mobility *m, double *a_n_s_per_m)
     m->rz = next;
     return false;
 }
+
+double kn_mobility_rate(const kn_mobility *m, int p, size_t offset, const double force_n[3])
+{
+    double rate = 0;
+    for (size_t k = 0; k < 3; k++)
+        rate += force_n[k] * kn_real_get(m->model, m->field[p], offset + k * m->model->stride);
+    return SLOWER * rate;
+}

@@ -28,4 +28,7 @@ void kn_mobility_start(kn_mobility *m);
 // One iteration: about 20 ns per node. True: the round is over and *a_n_s_per_m new, if it is a number > 0.
 bool kn_mobility_iterate(kn_mobility *m, double *a_n_s_per_m);
 
+// Of the last round of p that was good: how fast its whole pattern, 1 N, moves a node along a force, times that force.
+double kn_mobility_rate(const kn_mobility *m, int p, size_t offset, const double force_n[3]);
+
 #endif

@@ -55,9 +55,12 @@ void kn_publisher_record(kn_publisher *p, const kn_record *record)
         kn_wire_force(&message, &record->out, i, record->utime, record->execution_ns);
         send_bytes(p, p->force_channel[i], knead_contact_force_t_encode(p->bytes, 0, p->room, &message));
         if (!record->out.local) continue;
-        knead_contact_model_t contact;
-        kn_wire_contact(&contact, &record->out.contact[i], record->utime);
-        send_bytes(p, p->contact_channel[i], knead_contact_model_t_encode(p->bytes, 0, p->room, &contact));
+        const kn_contact_unit *unit = record->out.contact[i];
+        for (int c = 0; c == 0 || c < unit->contact_count; c++) {
+            knead_contact_model_t contact;
+            kn_wire_contact(&contact, &unit[c], record->utime);
+            send_bytes(p, p->contact_channel[i], knead_contact_model_t_encode(p->bytes, 0, p->room, &contact));
+        }
     }
 }
 

@@ -5,6 +5,7 @@
 #include "server/clutch.h"
 #include <assert.h>
 #include <math.h>
+#include <stddef.h>
 #include <string.h>
 
 #define SAME_FLAG(name)                                                                                                \
@@ -337,13 +338,16 @@ static void guard_probe(tick *t, int p)
 static void tell_contact(tick *t, int p)
 {
     kn_backend *b = t->servo->backend;
-    kn_contact_unit *unit = &t->out->contact[p];
+    kn_contact_unit *unit = t->out->contact[p];
     const kn_force *f = &t->out->force[p];
+    unit[0] = (kn_contact_unit){0};
     if (t->servo->safety[p].attached && !t->diverged) b->contact(b->self, p, unit);
-    unit->session = f->session;
-    unit->pose_seq = f->seq;
-    unit->generation = t->servo->generation;
-    unit->flags = f->flags;
+    for (int c = 0; c == 0 || c < unit[0].contact_count; c++) {
+        unit[c].session = f->session;
+        unit[c].pose_seq = f->seq;
+        unit[c].generation = t->servo->generation;
+        unit[c].flags = f->flags;
+    }
 }
 
 static bool at_rest(const kn_safety *s)
@@ -353,7 +357,7 @@ static bool at_rest(const kn_safety *s)
 
 void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out)
 {
-    memset(out, 0, sizeof *out);
+    memset(out, 0, offsetof(kn_tick_out, contact));
     out->tick = in->tick;
     out->missed = in->missed;
     out->probes = servo->model->def.probe_count;

@@ -83,8 +83,7 @@ typedef struct kn_tick_out {
     int32_t missed;
     int probes;
     kn_force force[KN_PROBES_MAX];
-    bool local; // the backend identifies local models: contact holds one of every probe with a session
-    kn_contact_unit contact[KN_PROBES_MAX];
+    bool local; // the backend identifies local models: contact holds those of every probe with a session
     int event_count;
     kn_event event[KN_EVENTS_PER_TICK];
     int64_t stepped_ns; // when the backend had answered; 0: no clock
@@ -92,6 +91,8 @@ typedef struct kn_tick_out {
     bool replaced;          // by reset, restore or undo
     uint64_t restored_hash; // of the object that a restore or an undo put in its place; 0: none did
     bool stopped; // every gain is zero after stop was asked: the loop may end
+    // the first contact_count of them, and where that is 0 the first one; the others are not set
+    kn_contact_unit contact[KN_PROBES_MAX][KN_CONTACT_UNITS];
 } kn_tick_out;
 
 typedef struct kn_servo { // plain data but for the backend

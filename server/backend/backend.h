@@ -19,9 +19,10 @@ typedef struct kn_backend {
     const kn_state *(*state)(void *self); // the lattice as it stands after the last wait; valid until the next submit
     void (*reset)(void *self);            // object as new
     void (*restore)(void *self, const kn_state *state); // as in a state of this model; a kept one, too
-    // Where local contact models are identified, else NULL: the unit of probe p as of the last wait, its physical
-    // fields; and the part of the work that can wait until the tick's forces are on their way.
-    void (*contact)(void *self, int p, kn_contact_unit *unit);
+    // Where local contact models are identified, else NULL: the units of probe p as of the last wait, up to
+    // KN_CONTACT_UNITS, their physical fields; and the part of the work that can wait until the tick's forces are on
+    // their way.
+    void (*contact)(void *self, int p, kn_contact_unit unit[]);
     void (*afterwards)(void *self);
     void (*destroy)(void *self);
 } kn_backend;

@@ -64,7 +64,10 @@ static void cpu_restore(void *self, const kn_state *state)
     kn_state_copy(c->model, c->state, state);
 }
 
-static void cpu_contact(void *self, int p, kn_contact_unit *unit) { kn_contact_fit_unit(((cpu *)self)->fit, p, unit); }
+static void cpu_contact(void *self, int p, kn_contact_unit unit[])
+{
+    kn_contact_fit_units(((cpu *)self)->fit, p, KN_CONTACT_UNITS, unit);
+}
 
 static void cpu_afterwards(void *self)
 {

@@ -84,7 +84,7 @@ static void step(rig *r, const double x[3], const double v[3], double rendered_n
     kn_contact_fit_step(r->fit, r->state, &r->in, &r->out);
     kn_contact_fit_iterate(r->fit, r->state);
     kn_contact_unit *unit = &r->unit[r->tick % (LAG + 1)];
-    kn_contact_fit_unit(r->fit, 0, unit);
+    kn_contact_fit_units(r->fit, 0, 1, unit);
     unit->session = lose(r, 1) ? 0 : 7; // nobody's
     unit->utime = r->tick;
     unit->pose_seq = r->heard;

@@ -106,7 +106,7 @@ static void rig_drain(rig *r)
     for (const kn_record *record; (record = kn_ring_front(&r->lent.loop.records)); kn_ring_pop(&r->lent.loop.records)) {
         r->ticks++;
         r->forces += record->out.force[0].live;
-        r->contacts += record->out.local && record->out.contact[0].contact_count > 0;
+        r->contacts += record->out.local && record->out.contact[0]->contact_count > 0;
         r->pressed += record->out.force[0].contacts > 0;
     }
 }

@@ -110,7 +110,7 @@ TEST("local models of every tool with a session, where they are asked for, chang
     press(plain, 0.002);
     CHECK(told->out.local && !plain->out.local);
     CHECK(memcmp(&told->out.force, &plain->out.force, sizeof told->out.force) == 0);
-    const kn_contact_unit *unit = &told->out.contact[0];
+    const kn_contact_unit *unit = told->out.contact[0];
     CHECK(unit->session == told->pose[0].session && unit->pose_seq == told->pose[0].seq);
     CHECK(unit->flags == told->out.force[0].flags && unit->contact_count == 0); // no round of the mobility yet
     for (int i = 0; i < 40; i++) {
