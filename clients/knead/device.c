@@ -23,8 +23,12 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
     kn_device *d = self;
     knead_contact_force_t f;
     if (knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &f) < 0) return;
-    d->force = (kn_hand_force){.session = f.session, .seq = f.seq, .tick = f.tick, .flags = f.flags, .fault = f.fault,
-                               .contacts = f.contacts};
+    d->force.session = f.session;
+    d->force.seq = f.seq;
+    d->force.tick = f.tick;
+    d->force.flags = f.flags;
+    d->force.fault = f.fault;
+    d->force.contacts = f.contacts;
     memcpy(d->force.force_n, f.force_n, sizeof d->force.force_n);
     d->fresh = true;
 }
@@ -34,8 +38,10 @@ static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *sel
     (void)channel;
     kn_device *d = self;
     knead_contact_model_t message;
+    kn_hand_force *f = &d->force;
     if (knead_contact_model_t_decode(buf->data, 0, (int)buf->data_size, &message) < 0) return;
-    kn_wire_unit(&d->unit, &message);
+    if (f->units > 0 && (f->unit->utime != message.utime || f->units == KN_CONTACT_UNITS)) f->units = 0;
+    kn_wire_unit(&f->unit[f->units++], &message);
 }
 
 static void publish(kn_device *d, const kn_hand_out *out)
@@ -62,7 +68,7 @@ static bool open_bus(kn_device *d)
     }
     lcm_subscription_set_queue_capacity(forces, 2); // a full queue drops the newest: keep it short, drain it every ms
     lcm_subscription_t *contacts = lcm_subscribe(d->lcm, d->contact_channel, on_contact, d);
-    if (contacts) lcm_subscription_set_queue_capacity(contacts, 2);
+    if (contacts) lcm_subscription_set_queue_capacity(contacts, 2 * KN_CONTACT_UNITS);
     return true;
 }
 
@@ -81,8 +87,7 @@ static void *run(void *self)
         atomic_fetch_add(&d->missed, missed);
 
         d->fresh = false;
-        for (int n = 0; n < 8 && lcm_handle_timeout(d->lcm, 0) > 0; n++); // the newest one stays
-        d->force.unit = d->unit;
+        for (int n = 0; n < 2 + 2 * KN_CONTACT_UNITS && lcm_handle_timeout(d->lcm, 0) > 0; n++); // the newest stay
         kn_hand_out out = d->hand(d->self, d->fresh ? &d->force : NULL, 1 + missed);
         if (out.send) publish(d, &out);
         end = out.end;

@@ -23,7 +23,6 @@ typedef struct kn_device {
     size_t error_size;
     int priority_error;
     kn_hand_force force;
-    kn_contact_unit unit;
     bool fresh;
     lcm_t *lcm;
     atomic_bool stop;

@@ -115,13 +115,15 @@ static void render(kn_grasp *g, const kn_hand_force *force, const kn_hand_out *o
         kn_render_begin(r, out->session);
         g->answered = 0;
     }
+    kn_render_turn(r, out->point.orientation_wxyz);
     kn_render_pose(r, out->seq, g->arm.position_m, g->arm.velocity_m_s);
     if (force && force->session == out->session) {
         bool first = force->seq > g->answered;
         if (first) g->answered = force->seq;
         kn_render_force(r, force->force_n, first ? period_s * (double)(out->seq - force->seq) : -1.0);
     }
-    if (force && force->unit.session == out->session) kn_render_contact(r, &force->unit);
+    for (int c = 0; force && c < force->units; c++)
+        if (force->unit[c].session == out->session) kn_render_contact(r, &force->unit[c]);
     kn_render_give(r, period_s, g->arm.position_m, g->arm.velocity_m_s, h->watchdog.factor);
     if (r->stop) kn_hand_refuse(h, kn_render_why(r->stop), r->stop == KN_RENDER_REFLEX);
 }

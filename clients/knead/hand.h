@@ -48,7 +48,8 @@ typedef struct kn_hand_force { // of contact_force_t: the newest one
     int64_t session, seq, tick;
     double force_n[3];
     int32_t flags, fault, contacts;
-    kn_contact_unit unit; // the newest local model, where kneadd sends any; session 0: none
+    kn_contact_unit unit[KN_CONTACT_UNITS]; // the newest local model, where kneadd sends any: what came of one tick's
+    int units;
 } kn_hand_force;
 
 typedef struct kn_trip {

@@ -211,6 +211,7 @@ static int take_device(probe *p)
     kn_grasp_def def = {.grip = p->opt.grip, .axes = p->opt.axes, .delay_ms = p->opt.delay_ms, .loss = p->opt.loss};
     def.render = (kn_render_def){.device = p->scene->device, .coupling_n_m = p->tool->coupling_n_m,
                                  .coupling_n_s_m = p->tool->coupling_n_s_m, .radius_m = p->tool->radius_m,
+                                 .level = p->tool->shape == KN_PROBE_PLATE,
                                  .guard_n_per_ms = p->scene->limits.guard_n_per_ms, .local = p->opt.local,
                                  .held = p->opt.held};
     kn_device_def *d = &def.render.device;

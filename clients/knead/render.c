@@ -58,6 +58,11 @@ static void to_scene(const kn_render *r, const double x[3], const double v[3], d
     kn_device_velocity(&r->def.device, v, scene_m_s);
 }
 
+void kn_render_turn(kn_render *r, const double orientation_wxyz[4])
+{
+    if (r->def.local && !r->def.level) kn_contact_model_turn(&r->model, orientation_wxyz);
+}
+
 void kn_render_pose(kn_render *r, int64_t seq, const double position_m[3], const double velocity_m_s[3])
 {
     double x[3], v[3];

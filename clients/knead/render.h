@@ -38,6 +38,7 @@ typedef struct kn_render_def { // zero means default where there is one
     kn_device_def device;  // its numbers and how it stands; force_limit_n > 0. Without a mass no passivity controller
     double coupling_n_m, coupling_n_s_m; // of the tool in the scene, default the device's
     double radius_m;       // of the tool, for the local model
+    bool level;            // it does not turn, a plate
     double guard_n_per_ms; // default 4
     double velocity_hz;    // cut-off of the velocities, default 100
     bool local;            // KNEAD_CONTACT is rendered, else KNEAD_FORCE
@@ -67,6 +68,8 @@ typedef struct kn_render { // read only for the caller
 void kn_render_init(kn_render *r, const kn_render_def *def);
 void kn_render_begin(kn_render *r, int64_t session); // a new session: from zero force, no stop
 
+// How the device turns the tool, in the scene's axes, before the pose that says so: for the local model.
+void kn_render_turn(kn_render *r, const double orientation_wxyz[4]);
 // A pose as it is sent, right before it is rendered.
 void kn_render_pose(kn_render *r, int64_t seq, const double position_m[3], const double velocity_m_s[3]);
 // KNEAD_FORCE of this session. age_s: how long ago the pose was sent that it is the first to answer; below 0: it is not

@@ -58,6 +58,7 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
     kn_device_position(&b->mount, device->position_m, pose.position_m);
     kn_device_velocity(&b->mount, device->velocity_m_s, pose.velocity_m_s);
     kn_mount_orientation(&b->mount, device->orientation_wxyz, pose.orientation_wxyz);
+    kn_render_turn(&t->render, pose.orientation_wxyz);
     b->now.arrivals += !b->now.there;
     b->now.there = true;
     if (!kn_tether_pose(t, device->position_m, device->velocity_m_s)) return;
@@ -111,7 +112,7 @@ static void on_forces(struct ev_loop *ev, ev_io *watcher, int events)
 {
     (void)ev, (void)events;
     kn_bridge *b = watcher->data;
-    for (int n = 0; n < 8 && lcm_handle_timeout(b->lcm, 0) > 0; n++); // the newest one stays
+    for (int n = 0; n < 2 + 2 * KN_CONTACT_UNITS && lcm_handle_timeout(b->lcm, 0) > 0; n++); // the newest stay
     if (b->heard && !b->now.tether.render.def.local) {
         kn_tether_give(&b->now.tether, now_s());
         answer(b);

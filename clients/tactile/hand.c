@@ -75,6 +75,7 @@ static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
     double extent_m[3], *at_m = d->position_m, axes[3][3];
     h->render = (kn_render_def){.device = scene->device, .coupling_n_m = tool->coupling_n_m,
                                 .coupling_n_s_m = tool->coupling_n_s_m, .radius_m = tool->radius_m,
+                                .level = tool->shape == KN_PROBE_PLATE,
                                 .guard_n_per_ms = scene->limits.guard_n_per_ms, .local = o->local,
                                 .held = o->kind == KN_HAND_SPACENAV}; // a puck has no motors for a late force
     kn_model_def_extent(&scene->model, extent_m);
