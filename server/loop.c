@@ -1,5 +1,6 @@
 #include "server/loop.h"
 #include "server/keeper.h"
+#include <stddef.h>
 #include <string.h>
 #include <time.h>
 
@@ -139,7 +140,9 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
                      .deadline_ns = wake->now_ns + KN_PERIOD_NS,
                      .stop = atomic_load_explicit(&loop->stop, memory_order_relaxed)};
     int64_t ordered = read_orders(loop, &in);
-    kn_record record = {.wake = *wake};
+    kn_record record;
+    memset(&record, 0, offsetof(kn_record, out)); // the servo sets what is out
+    record.wake = *wake;
     kn_backend *backend = loop->servo.backend;
     kn_arrival arrival[KN_PROBES_MAX];
 
@@ -152,7 +155,8 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     record.guarded_ns = kn_now_ns();
     record.execution_ns = loop->execution_ns = record.guarded_ns - wake->now_ns;
     for (int p = 0; p < record.out.probes; p++) record.posted_ns[p] = arrival[p].arrived_ns;
-    bool published = kn_ring_push(&loop->records, &record);
+    size_t bytes = record.out.local ? sizeof record : offsetof(kn_record, out.contact);
+    bool published = kn_ring_push_start(&loop->records, &record, bytes);
     if (in.restore || in.undo) atomic_store(&loop->restored, record.out.restored_hash);
     if (ordered > atomic_load(&loop->obeyed)) {
         atomic_store(&loop->obeyed_tick, wake->tick);

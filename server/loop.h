@@ -26,12 +26,12 @@
 #define KN_LOOP_STOP_TICKS 100 // ms. Forces come down within 20; longer than this nobody waits
 
 typedef struct kn_record { // one tick, for whoever publishes it
-    kn_tick_out out;
     kn_wake wake;
     int64_t utime;        // us since 1970, when the tick had its answer
     int64_t execution_ns; // read to publish
     int64_t guarded_ns;   // when the servo was done
     int64_t posted_ns[KN_PROBES_MAX]; // when the poses that it used came
+    kn_tick_out out;      // last: its contacts are in the ring only where out.local
 } kn_record;
 
 #define KN_LOOP_TOUCH_TICKS 4 // 250 Hz

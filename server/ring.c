@@ -25,11 +25,13 @@ static char *record_at(const kn_ring *ring, size_t n)
     return ring->records + (n & (ring->capacity - 1)) * ring->size;
 }
 
-bool kn_ring_push(kn_ring *ring, const void *record)
+bool kn_ring_push(kn_ring *ring, const void *record) { return kn_ring_push_start(ring, record, ring->size); }
+
+bool kn_ring_push_start(kn_ring *ring, const void *record, size_t bytes)
 {
     size_t head = atomic_load_explicit(&ring->head, memory_order_relaxed);
     if (head - atomic_load_explicit(&ring->tail, memory_order_acquire) == ring->capacity) return false;
-    memcpy(record_at(ring, head), record, ring->size);
+    memcpy(record_at(ring, head), record, bytes);
     atomic_store_explicit(&ring->head, head + 1, memory_order_release);
     return true;
 }

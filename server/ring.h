@@ -19,6 +19,8 @@ bool kn_ring_init(kn_ring *ring, size_t capacity, size_t size);
 void kn_ring_free(kn_ring *ring);
 
 bool kn_ring_push(kn_ring *ring, const void *record); // false: full, nothing was written
+// Its first bytes alone, where the reader looks at no more: the rest of the record is whatever stood there.
+bool kn_ring_push_start(kn_ring *ring, const void *record, size_t bytes);
 const void *kn_ring_front(kn_ring *ring);             // oldest record, NULL: empty; valid until pop
 void kn_ring_pop(kn_ring *ring);                      // after front gave a record
 

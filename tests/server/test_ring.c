@@ -37,6 +37,20 @@ static void *push_records(void *ring)
     return NULL;
 }
 
+TEST("of a record's start alone that much is written")
+{
+    kn_ring ring;
+    CHECK(kn_ring_init(&ring, 2, sizeof(record)));
+    record r = {.n = 7, .copy = {7, 7}};
+    for (int i = 0; i < 2; i++) {
+        CHECK(kn_ring_push_start(&ring, &r, sizeof r.n + sizeof r.copy[0]));
+        const record *read = kn_ring_front(&ring);
+        CHECK(read->n == 7 && read->copy[0] == 7 && read->copy[1] == 0);
+        kn_ring_pop(&ring);
+    }
+    kn_ring_free(&ring);
+}
+
 TEST("between two threads every record arrives once, whole and in order")
 {
     kn_ring ring;
