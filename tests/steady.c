@@ -144,7 +144,7 @@ static void start_witnesses(void)
         if (!CPU_ISSET((size_t)i, &may)) continue;
         *w = (witness){.processor = i, .sees = true};
         if (!refused) refused = start_witness(w, SCHED_FIFO);
-        w->sees = counts || !refused;
+        if (refused) w->sees = counts;
         if (refused && start_witness(w, SCHED_OTHER) != 0) continue;
         witness_count++;
     }

@@ -1,6 +1,6 @@
 // Golden bits: the hash of state and force after fixed presses. Equal for gcc and clang, -O1 and -O3, AVX-512, AVX2 and
 // base (test_compilers.sh and physics/test_solvers.c show it), so a change of any of these numbers is a change of the
-// physics. To update after an intended change: run build/dev/tests/test_golden_golden, say in the commit message why
+// physics. To update after an intended change: run build/release/tests/test_golden_golden, say in the commit message why
 // the bits moved and by how much the force did, and copy the printed numbers below. The law's table is fitted with
 // libm's exp and log: the numbers are those of glibc 2.36 (Debian 12).
 #include "core/hash.h"

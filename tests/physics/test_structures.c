@@ -173,8 +173,8 @@ static void compare(const char *name, kn_model_def implicit)
     kn_model_def exact = implicit;
     exact.solver.kind = KN_SOLVER_RK4;
     exact.solver.precision = KN_PRECISION_F64;
-    exact.solver.mass_scale = implicit.solver.mass_scale = 100;
-    exact.solver.dt_s = 1.5e-5;
+    exact.solver.mass_scale = implicit.solver.mass_scale = 300;
+    exact.solver.dt_s = 2.6e-5;
     implicit.solver.dt_s = 2.5e-4;
     kn_model_def loose = implicit;
     loose.pressure = KN_PRESSURE_NONE;
