@@ -144,7 +144,7 @@ static void step(rig *r, const pose *p)
     r->tick++;
 }
 
-// Pressed by 4 mm, then rocked about y 1.5 times a second, and slid at 10 mm/s if it does.
+// Pressed by 4 mm, then rocked about y 1.5 times a second, and slid along x.
 static pose rock(tool what, double t, double angle, double slide_m_s)
 {
     double height_m = what == CROSS ? 0 : radius_m[what], depth_m = 0.007, rate = 6.2831853 * 1.5;
