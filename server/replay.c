@@ -2,6 +2,8 @@
 #include "proto/knead_event_t.h"
 #include "server/log.h"
 #include "server/receiver.h"
+#include "server/store.h"
+#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -29,6 +31,12 @@ typedef struct kn_replay_private { // `v` below
     int64_t first_tick, last_tick, first_force_tick; // -1: none
     int64_t first_utime, last_utime, first_pose_utime, origin_utime;
     bool started; // the log begins with the server's start
+    bool undoes;  // something was undone
+    int64_t restores; // from a snapshot
+
+    const char *snapshot_path;
+    kn_saved saved; // read last
+    kn_undo undo;
 
     // forces of one tick
     knead_contact_force_t force[KN_PROBES_MAX];
@@ -100,6 +108,10 @@ static const char *survey(kn_replay *r, const kn_log_record *record)
         if (record->event.kind == KNEAD_EVENT_T_KIND_START) {
             if (!first) return "a second run of the server";
             v->started = true;
+        }
+        if (record->event.kind == KNEAD_EVENT_T_KIND_RESTORE) {
+            v->undoes |= record->event.arg[0] == 0;
+            v->restores += record->event.arg[0] != 0;
         }
         if (!keep_event(v, &record->event)) return "more events than memory";
         return see_tick(v, record->event.tick, record->utime);
@@ -217,19 +229,110 @@ static bool check_probes(const kn_replay *r, const kn_replay_def *def, char *err
     return true;
 }
 
-// A log that does not begin with the server's start must begin with an untouched object.
-static bool check_untouched(kn_replay *r, const char *path, char *error, size_t error_size)
+// ---- snapshots
+
+// Whether it is one of the log's run, after whose tick the log goes on.
+static bool of_the_run(void *replay, const kn_saved *saved)
+{
+    const kn_replay *r = replay;
+    const reading *v = r->private;
+    if (saved->text_hash != r->scene->text_hash || saved->tick < v->first_tick - 1 || saved->tick >= v->last_tick)
+        return false;
+    // ticks follow the poses by two in a thousand, and the logger's clock is set now and then
+    double ran_us = 1e3 * (double)(saved->tick - v->first_tick);
+    double apart_us = (double)(saved->utime - v->origin_utime) - 1e3 * (double)saved->tick;
+    return fabs(apart_us) <= 2e6 + 3e-3 * fabs(ran_us);
+}
+
+static void resume(kn_replay *r)
 {
     reading *v = r->private;
+    r->backend.restore(r->backend.self, v->saved.state);
+    kn_saved_resume(&v->saved, &r->servo);
+    r->resumed_tick = v->tick = v->saved.tick;
+    r->tick.in.stop = r->servo.stopping;
+    v->touched = true;
+    for (int p = 0; p < r->model->def.probe_count; p++) {
+        v->live[p] = r->servo.last[p].session != 0;
+        r->tick.pose[p] = r->servo.last[p];
+    }
+}
+
+static bool of_that_hash(void *hash, const kn_saved *saved)
+{
+    return saved->state_hash == *(const uint64_t *)hash;
+}
+
+static bool find_state(kn_replay *r, uint64_t hash, char *why, size_t why_size)
+{
+    reading *v = r->private;
+    return kn_store_browse(v->snapshot_path, r->scene, r->model, &v->saved, of_that_hash, &hash, why, why_size);
+}
+
+// Every state that the log's server took from a snapshot has to be there.
+static bool check_restores(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
+{
+    reading *v = r->private;
+    char why[200] = "no such snapshot";
+    for (size_t i = 0; i < v->event_count && v->restores > 0; i++) {
+        const knead_event_t *e = &v->events[i];
+        if (e->kind != KNEAD_EVENT_T_KIND_RESTORE || e->arg[0] == 0) continue;
+        if (def->snapshot_path && find_state(r, (uint64_t)e->state_hash, why, sizeof why)) continue;
+        snprintf(error, error_size,
+                 "%s: at tick %lld the server restored generation %.0f of its snapshots, state 0x%016llx%s%s%s%s, "
+                 "expected --snapshot with that file or its directory",
+                 def->log_path, (long long)e->tick, e->arg[0], (unsigned long long)e->state_hash,
+                 def->snapshot_path ? "; " : "", def->snapshot_path ? def->snapshot_path : "",
+                 def->snapshot_path ? ": " : "", def->snapshot_path ? why : "");
+        return false;
+    }
+    return true;
+}
+
+static bool prepare_snapshots(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
+{
+    reading *v = r->private;
+    r->resumed_tick = -1;
+    v->snapshot_path = def->snapshot_path;
+    v->saved.servo = r->servo;
+    bool fits = !v->undoes || kn_undo_init(&v->undo, r->model);
+    if (v->undoes && fits) r->servo.undo = &v->undo;
+    if (def->snapshot_path) fits &= (v->saved.state = kn_state_keep(r->model)) != NULL;
+    if (fits) return check_restores(r, def, error, error_size);
+    snprintf(error, error_size, "%s: not enough memory", def->log_path);
+    return false;
+}
+
+// A log that does not begin with the server's start must begin with an untouched object, or go on from a snapshot.
+static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
+{
+    reading *v = r->private;
+    char why[200];
+    bool restores = v->restores > 0, wanted = def->snapshot_path && !(restores && v->started);
+    if (wanted && !(r->same && r->forces_logged)) {
+        snprintf(error, error_size, "%s: --snapshot expects a log with forces, in its own scene and computation",
+                 def->log_path);
+        return false;
+    }
+    if (wanted && kn_store_browse(def->snapshot_path, r->scene, r->model, &v->saved, of_the_run, r, why, sizeof why)) {
+        resume(r);
+        return true;
+    }
+    if (wanted && !restores) {
+        snprintf(error, error_size, "%s: %s, expected one of the run of %s, of a tick from %lld to %lld",
+                 def->snapshot_path, why, def->log_path, (long long)v->first_tick - 1, (long long)v->last_tick - 1);
+        return false;
+    }
     if (!r->same || v->started) return true;
     for (size_t i = 0; i < v->event_count; i++) {
         const knead_event_t *e = &v->events[i];
-        if (e->kind == KNEAD_EVENT_T_KIND_RESET || e->state_hash == 0) continue;
+        bool replaced = e->kind == KNEAD_EVENT_T_KIND_RESET || e->kind == KNEAD_EVENT_T_KIND_RESTORE;
+        if (replaced || e->state_hash == 0) continue;
         if ((uint64_t)e->state_hash == kn_state_hash(r->model, kn_replay_state(r))) return true;
         snprintf(error, error_size,
                  "%s: the object had been kneaded before this log begins, "
-                 "expected a log from the server's start, or from an untouched object, on",
-                 path);
+                 "expected --snapshot with one of that run, or a log from the server's start on",
+                 def->log_path);
         return false;
     }
     return true;
@@ -240,7 +343,7 @@ static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t 
     reading *v = r->private;
     if (!scan(r, def->log_path, error, error_size) || !choose_scene(r, def, error, error_size) ||
         !build(r, error, error_size) || !check_probes(r, def, error, error_size) ||
-        !check_untouched(r, def->log_path, error, error_size) ||
+        !prepare_snapshots(r, def, error, error_size) || !begin(r, def, error, error_size) ||
         !kn_log_open(&v->log, def->log_path, error, error_size))
         return false;
     kn_receiver_init(&v->receiver, &r->model->def);
@@ -252,7 +355,8 @@ static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t 
         }
     }
     r->tally.first_gap = r->tally.first_mismatch = -1;
-    r->tally.ticks_total = r->forces_logged ? v->last_tick - v->first_tick + 1
+    int64_t before = r->resumed_tick >= 0 ? r->resumed_tick : v->first_tick - 1;
+    r->tally.ticks_total = r->forces_logged ? v->last_tick - before
                                             : (v->last_utime - v->first_pose_utime) / 1000 + 1;
     return true;
 }
@@ -275,6 +379,8 @@ void kn_replay_destroy(kn_replay *r)
         kn_log_close(&v->log);
         for (int p = 0; p < KN_PROBES_MAX; p++) free(v->poses[p]);
         free(v->events);
+        kn_undo_free(&v->undo);
+        kn_state_destroy(v->saved.state);
         free(v->scene_name);
         free(v->scene_text);
     }
@@ -338,6 +444,7 @@ static void gather(kn_replay *r)
         if (v->record.kind != KN_LOG_FORCE) continue;
         const knead_contact_force_t *f = &v->record.force;
         int p = probe_of(r, v->record.probe);
+        if (f->tick <= r->resumed_tick) continue;
         if (v->grouped && f->tick > v->group_tick) return;
         bool late = f->tick <= v->tick || (v->grouped && f->tick < v->group_tick);
         if (p < 0 || f->session == 0 || late || v->has[p]) {
@@ -433,6 +540,23 @@ static void apply_quality(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
              (long long)e->tick);
 }
 
+// The object as in a snapshot, which create has seen, or undone as the server did it.
+static void apply_restore(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
+{
+    reading *v = r->private;
+    char why[200];
+    if (e->arg[0] == 0) {
+        in->undo = true;
+    } else if (v->saved.state && find_state(r, (uint64_t)e->state_hash, why, sizeof why)) {
+        in->restore = v->saved.state;
+        in->restored_generation = (int64_t)e->arg[0];
+        in->restored_tick = (int64_t)e->arg[1];
+    } else {
+        r->same = false;
+        snprintf(r->damage, sizeof r->damage, "a snapshot that is not there any more, at tick %lld", (long long)e->tick);
+    }
+}
+
 static void apply_events(kn_replay *r, kn_tick_in *in)
 {
     reading *v = r->private;
@@ -444,6 +568,7 @@ static void apply_events(kn_replay *r, kn_tick_in *in)
         case KNEAD_EVENT_T_KIND_ESTOP: in->estop = true; break;
         case KNEAD_EVENT_T_KIND_STOP: in->stop = true; break;
         case KNEAD_EVENT_T_KIND_QUALITY: apply_quality(r, in, e); break;
+        case KNEAD_EVENT_T_KIND_RESTORE: apply_restore(r, in, e); break;
         case KNEAD_EVENT_T_KIND_SESSION_END:
             if (e->probe >= 0 && e->probe < KN_PROBES_MAX) v->live[e->probe] = false;
             break;
@@ -538,6 +663,7 @@ static bool step_by_time(kn_replay *r)
             in->recover |= v->record.event.kind == KNEAD_EVENT_T_KIND_RECOVER;
             in->estop |= v->record.event.kind == KNEAD_EVENT_T_KIND_ESTOP;
             if (v->record.event.kind == KNEAD_EVENT_T_KIND_QUALITY) apply_quality(r, in, &v->record.event);
+            if (v->record.event.kind == KNEAD_EVENT_T_KIND_RESTORE) apply_restore(r, in, &v->record.event);
         }
         if (v->record.kind != KN_LOG_POSE) continue;
         if (judge(v, 1000 * v->record.utime, &p, &pose) != KN_ACCEPTED) {

@@ -14,7 +14,12 @@
 // is counted, and replayed with the next pose in sequence. Without forces, poses are judged and assigned to 1 ms ticks
 // by log time, as the receiver would have done it.
 //
-// Reads the log twice and keeps only the last poses in memory, so a log may be larger. Allocates in create alone.
+// What was undone is undone here by the same rule; what a server restored comes from its snapshots, by the state's hash.
+// A log that begins on a kneaded object goes on from a snapshot of that run, taken at a tick that is in it, and so does
+// any other that restores none, from the first such.
+//
+// Reads the log twice and keeps only the last poses in memory, so a log may be larger. Allocates in create, and where a
+// snapshot is restored.
 #include "proto/knead_contact_force_t.h"
 #include "server/servo.h"
 
@@ -24,6 +29,7 @@ typedef struct kn_replay_def {
     const char *const *sets; // "key=value" over the scene, as --set gives them; 0: the computation of the log
     int set_count;
     bool afresh; // only the hand's poses count: the log's states and points of quality are not this run's to reproduce
+    const char *snapshot_path; // a snapshot, or a directory of them as kneadd --state-dir keeps; NULL: none
 } kn_replay_def;
 
 typedef struct kn_replay_tick { // what the last step did
@@ -61,12 +67,14 @@ typedef struct kn_replay {
     kn_replay_tally tally;
     bool forces_logged; // the log holds forces: exact
     bool same;          // scene and computation are the log's own, so its numbers can be demanded back
+    int64_t resumed_tick;          // of the snapshot that it goes on from, -1: from the log's beginning
     const char *logged_name, *logged_text; // the scene that the log holds, NULL: none
     char damage[160];   // "" or what is wrong with the file; what stands before it is used
     struct kn_replay_private *private;
 } kn_replay;
 
-// NULL and one line in error: no such log, no scene in it, another scene, or an object kneaded before the log began.
+// NULL and one line in error: no such log, no scene in it, another scene, an object kneaded before the log began, or
+// a snapshot that it needs and is not there.
 kn_replay *kn_replay_create(const kn_replay_def *def, char *error, size_t error_size);
 
 // Runs one tick; false at the end of the log.

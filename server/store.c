@@ -281,20 +281,27 @@ bool kn_store_load(const kn_store *store, int64_t generation, kn_saved *saved, c
     return fits;
 }
 
+static bool show(const kn_saved *saved, kn_store_look look, void *look_arg, char *why, size_t why_size)
+{
+    bool said = look(look_arg, saved);
+    if (!said) snprintf(why, why_size, "another state");
+    return said;
+}
+
 bool kn_store_browse(const char *path, const kn_scene *scene, const kn_model *model, kn_saved *saved,
-                     bool (*look)(void *arg, const kn_saved *saved, const char *name), void *look_arg, char *why,
-                     size_t why_size)
+                     kn_store_look look, void *look_arg, char *why, size_t why_size)
 {
     kn_store s = {.files = &kn_files_system, .scene = scene, .model = model, .path = path};
     snprintf(why, why_size, "holds no snapshot of %s", scene->name);
     series_of(scene, model, s.series, sizeof s.series);
     int dir = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (dir < 0) return read_saved(&s, AT_FDCWD, path, saved, why, why_size) && look(look_arg, saved, path);
+    if (dir < 0)
+        return read_saved(&s, AT_FDCWD, path, saved, why, why_size) && show(saved, look, look_arg, why, why_size);
     size_t count;
     found *all = list(&s, dir, &count);
     bool said = false;
     for (size_t i = 0; i < count && !said; i++)
-        if (read_saved(&s, dir, all[i].name, saved, why, why_size)) said = look(look_arg, saved, all[i].name);
+        said = read_saved(&s, dir, all[i].name, saved, why, why_size) && show(saved, look, look_arg, why, why_size);
     free(all);
     close(dir);
     return said;

@@ -63,11 +63,12 @@ bool kn_store_save(kn_store *store, kn_saved *saved, char *why, size_t why_size)
 bool kn_store_load(const kn_store *store, int64_t generation, kn_saved *saved, char *name, FILE *told, char *why,
                    size_t why_size);
 
+typedef bool (*kn_store_look)(void *arg, const kn_saved *saved);
+
 // For replays. Every snapshot in a directory, or the one file, that fits this scene and model, by ascending generation,
 // to `look` until it says true; saved and look_arg are handed to it. No lock. What look said at last; in why, when it
-// never did, why the last one did not fit.
+// never did, why the last one did not fit: "another state" when nothing but look was against it.
 bool kn_store_browse(const char *path, const kn_scene *scene, const kn_model *model, kn_saved *saved,
-                     bool (*look)(void *arg, const kn_saved *saved, const char *name), void *look_arg, char *why,
-                     size_t why_size);
+                     kn_store_look look, void *look_arg, char *why, size_t why_size);
 
 #endif

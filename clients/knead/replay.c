@@ -24,6 +24,8 @@ static const char help[] =
     "  --out FILE        what the daemon would have said, as a log: scene, poses, forces, events\n"
     "  --hash            print one number of all forces and the final state\n"
     "  --verify          compare with the log's forces, bit for bit; exit 1 if one differs, or the log is not whole\n"
+    "  --snapshot PATH   a snapshot, or kneadd's --state-dir: what the log's server restored, or where a log goes on that\n"
+    "                    begins on a kneaded object\n"
     "  --speed max|real  as fast as it goes (the default), or 1000 ticks per second\n"
     "another computation than the log's (and then no --verify):\n"
     "  --solver S        implicit, rk4, blend, secant or tangent\n"
@@ -116,6 +118,7 @@ static int take_option(replay_options *opt, int option, const char *value)
     case 'r':
         opt->real_time = !strcmp(value, "real");
         return opt->real_time || !strcmp(value, "max") ? KN_EXIT_OK : bad("speed", value, "max or real");
+    case 'S': opt->def.snapshot_path = value; return KN_EXIT_OK;
     case 's': return set_solver(opt, value);
     case 'p':
         if (strcmp(value, "f32") && strcmp(value, "f64")) return bad("precision", value, "f32 or f64");
@@ -136,6 +139,7 @@ static int parse(replay_options *opt, int argc, char **argv, bool *done)
                                             {"hash", no_argument, NULL, 'H'},
                                             {"verify", no_argument, NULL, 'v'},
                                             {"speed", required_argument, NULL, 'r'},
+                                            {"snapshot", required_argument, NULL, 'S'},
                                             {"solver", required_argument, NULL, 's'},
                                             {"precision", required_argument, NULL, 'p'},
                                             {"dt", required_argument, NULL, 'd'},
@@ -423,6 +427,7 @@ static int play(replay_run *run)
     tell(run);
     code = close_outputs(run);
     if (code != KN_EXIT_OK) return code;
+    if (r->resumed_tick >= 0) printf("went on from the snapshot of tick %lld\n", (long long)r->resumed_tick);
     printf("replayed %lld ticks, peak contact force %.3f N\n", (long long)r->tally.ticks, run->peak_n);
     uint64_t state = kn_state_hash(r->model, kn_replay_state(r));
     if (run->opt->hash) printf("hash 0x%016llx\n", (unsigned long long)kn_hash_bytes(run->hash, &state, sizeof state));

@@ -2,8 +2,10 @@
 #include "proto/knead_event_t.h"
 #include "server/log.h"
 #include "server/replay.h"
+#include "server/store.h"
 #include "server/wire.h"
 #include "tests/check.h"
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -394,6 +396,132 @@ TEST("a log that begins on an untouched object replays; one of an object already
         CHECK(again && !again->same && kn_replay_step(again) && again->tally.mismatches == 0);
         kn_replay_destroy(again);
     }
+}
+
+// What a keeper would write of the object now.
+static kn_saved keep(recorder *r, kn_store *store)
+{
+    char why[200];
+    kn_saved saved = {.state = kn_state_keep(r->model), .servo = r->servo, .tick = r->in.tick, .utime = r->utime};
+    kn_state_copy(r->model, saved.state, r->backend.state(r->backend.self));
+    CHECK(kn_store_save(store, &saved, why, sizeof why));
+    return saved;
+}
+
+static char state[16]; // the directory of the test, below folder
+static kn_store new_store(recorder *r)
+{
+    static int made;
+    kn_store store;
+    char error[300];
+    snprintf(state, sizeof state, "state%d", made++);
+    if (mkdir(state, 0700) != 0) exit(1);
+    CHECK(kn_store_open(&store, state, r->scene, r->model, error, sizeof error) == 0);
+    return store;
+}
+
+TEST("a log that begins on a kneaded object goes on from a snapshot of that run, to the bit of the straight one")
+{
+    for (int mid = 0; mid < 3; mid++) { // with the tool in the air, under load, latched; and troubles before and after
+        scratch();
+        seed = 8u + (unsigned)mid;
+        recorder *r = record("late.lcmlog");
+        kn_store store = new_store(r);
+        r->mute = true;
+        r->hand[0].session = 11;
+        r->hand[1].session = 22;
+        r->hand[1].position_m[2] = 0.05;
+        move(r, 1, 0.049, 600, 0.01);
+        kn_saved early = keep(r, &store); // long before the log
+        move(r, 1, 0.040, 1100, 0.01);
+        r->mute = mid == 0;
+        if (mid == 1) move(r, 1, 0.038, 200, 0.02);
+        if (mid == 2) quiet(r, 40);
+        if (mid == 0) move(r, 1, 0.050, 700, 0.02);
+        r->mute = false;
+        if (mid != 1) move(r, 1, 0.050, 30, 0.0);
+        kn_saved saved = keep(r, &store);
+        story(r, 0.01);
+        kn_saved late = keep(r, &store); // of the last tick: nothing comes after it
+        record_end(r);
+        kn_store_close(&store);
+        CHECK(REPLAY("late.lcmlog", "--verify") == KN_EXIT_USAGE);
+        CHECK(strstr(err, "expected --snapshot with one of that run"));
+        CHECK(REPLAY("late.lcmlog", "--snapshot", state, "--verify") == KN_EXIT_OK);
+        if (!strstr(out, "verified")) printf("%s%s", out, err);
+        char line[80];
+        snprintf(line, sizeof line, "went on from the snapshot of tick %lld\n", (long long)saved.tick);
+        CHECK(strstr(out, line));
+        CHECK(REPLAY("late.lcmlog", "--snapshot", state, "--set", "material.k1=300 gf/cm^3") == KN_EXIT_USAGE);
+        CHECK(REPLAY("late.lcmlog", "--snapshot", "nowhere") == KN_EXIT_USAGE && strstr(err, "nowhere: No such file"));
+        kn_state_destroy(early.state), kn_state_destroy(saved.state), kn_state_destroy(late.state);
+    }
+}
+
+TEST("a snapshot of a straight run at any tick and the log from there on give the bits of the straight run")
+{
+    scratch();
+    seed = 8;
+    recorder *r = record("story.lcmlog");
+    kn_store store = new_store(r);
+    r->hand[1].session = 22;
+    move(r, 1, 0.041, 1500, 0.01);
+    kn_saved saved = keep(r, &store);
+    story(r, 0.01);
+    record_end(r);
+    kn_store_close(&store);
+    CHECK(REPLAY("story.lcmlog", "--verify", "--hash") == KN_EXIT_OK);
+    char line[80];
+    CHECK(REPLAY("story.lcmlog", "--snapshot", state, "--verify") == KN_EXIT_OK);
+    snprintf(line, sizeof line, "tick %lld\n", (long long)saved.tick);
+    CHECK(strstr(out, line) && strstr(out, "verified"));
+    kn_state_destroy(saved.state);
+}
+
+TEST("restores replay with their snapshots, undos without; without them, or with others, they are refused by name")
+{
+    scratch();
+    seed = 4;
+    recorder *r = record("restored.lcmlog");
+    kn_store store = new_store(r);
+    kn_undo points;
+    CHECK(kn_undo_init(&points, r->model));
+    r->servo.undo = &points;
+    r->hand[1].session = 22;
+    r->hand[1].position_m[2] = 0.05;
+    move(r, 1, 0.041, 1500, 0.0);
+    kn_saved saved = keep(r, &store);
+    move(r, 1, 0.05, 1000, 0.0);
+    r->in.restore = saved.state, r->in.restored_generation = saved.generation, r->in.restored_tick = saved.tick;
+    quiet(r, 1);
+    r->in.restore = NULL;
+    move(r, 1, 0.055, 700, 0.0);
+    move(r, 1, 0.041, 1500, 0.0);
+    for (int i = 0; i < 3; i++) { // the press, the restore, the first press
+        r->in.undo = true;
+        quiet(r, 1);
+        r->in.undo = false;
+        CHECK(r->out.restored_hash != 0);
+        move(r, 1, 0.05, 300, 0.0);
+    }
+    story(r, 0.0);
+    record_end(r);
+    char series[100];
+    snprintf(series, sizeof series, "%s", store.series);
+    kn_store_close(&store);
+    CHECK(REPLAY("restored.lcmlog", "--verify") == KN_EXIT_USAGE);
+    CHECK(strstr(err, "the server restored generation 1 of its snapshots, state 0x"));
+    CHECK(strstr(err, "expected --snapshot"));
+    CHECK(REPLAY("restored.lcmlog", "--snapshot", state, "--verify") == KN_EXIT_OK);
+    CHECK(strstr(out, "verified") && !strstr(out, "went on"));
+    char name[300];
+    snprintf(name, sizeof name, "%s/%s.00000001.knead", state, series);
+    CHECK(REPLAY("restored.lcmlog", "--snapshot", name, "--verify") == KN_EXIT_OK);
+    FILE *f = fopen(name, "r+");
+    fseek(f, 9000, SEEK_SET), fputc(1, f), fclose(f);
+    CHECK(REPLAY("restored.lcmlog", "--snapshot", state, "--verify") == KN_EXIT_USAGE && strstr(err, "checksum"));
+    kn_undo_free(&points);
+    kn_state_destroy(saved.state);
 }
 
 TEST("another scene is refused by name, another computation may be asked for, but then nothing can be verified")
