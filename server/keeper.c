@@ -204,6 +204,7 @@ void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
     kn_state_copy(k->model, k->slot[0].saved.state, k->incoming.state);
     atomic_store(&k->as_of_ns, kn_now_ns());
     loop->restore = &k->incoming;
+    kn_store_pin(&k->store, k->incoming.generation);
     k->incoming_order = kn_loop_order(loop, KN_ORDER_RESTORE, 0);
     struct timespec t;
     clock_gettime(CLOCK_REALTIME, &t);
@@ -271,6 +272,7 @@ kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, int64_t generation
         return refusal("restore: %s", why);
     }
     loop->restore = &k->incoming;
+    kn_store_pin(&k->store, k->incoming.generation);
     k->incoming_order = kn_loop_order(loop, KN_ORDER_RESTORE, 0);
     return await(loop, k->incoming_order, k->incoming.generation);
 }

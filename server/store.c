@@ -126,13 +126,27 @@ static int open_directory(kn_store *s, char *error, size_t size)
                   errno == EWOULDBLOCK ? "another kneadd keeps its state there" : strerror(errno), "one for each");
 }
 
+static bool pinned(const kn_store *s, int64_t generation)
+{
+    bool any = false;
+    for (int i = 0; i < KN_STORE_PINS; i++) any |= atomic_load(&s->pin[i]) == generation;
+    return any;
+}
+
+void kn_store_pin(kn_store *store, int64_t generation)
+{
+    atomic_store(&store->pin[atomic_fetch_add(&store->pins, 1) % KN_STORE_PINS], generation);
+}
+
 static void keep(kn_store *s, int64_t generation)
 {
     char name[256];
     if (s->kept_count == KN_STORE_KEPT) {
-        file_name(s->series, s->kept[0], name);
+        int oldest = 0; // there are fewer pins than are kept
+        while (pinned(s, s->kept[oldest])) oldest++;
+        file_name(s->series, s->kept[oldest], name);
         s->files->unlink(s->dir, name); // one that stays is removed at the next start
-        memmove(s->kept, s->kept + 1, sizeof s->kept - sizeof *s->kept);
+        memmove(s->kept + oldest, s->kept + oldest + 1, sizeof *s->kept * (size_t)(KN_STORE_KEPT - 1 - oldest));
         s->kept_count--;
     }
     s->kept[s->kept_count++] = generation;

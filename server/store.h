@@ -13,10 +13,12 @@
 // locked: two daemons that write alternately would each restore the other's object. Not real-time: a save takes 5 ms
 // and more.
 #include "server/snapshot.h"
+#include <stdatomic.h>
 #include <stdio.h>
 #include <sys/types.h>
 
 #define KN_STORE_KEPT 8
+#define KN_STORE_PINS 4
 
 // Every call that a save or a load makes of the disk, so that a test can have any of them fail. As the system's, which
 // kn_files_system are; dir: of openat.
@@ -42,6 +44,8 @@ typedef struct kn_store {
     int64_t generation;          // the highest of the scene, of any series; 0: none
     int64_t kept[KN_STORE_KEPT]; // of our series, ascending
     int kept_count;
+    _Atomic int64_t pin[KN_STORE_PINS]; // restored last: they stay while the store is open, for whoever replays the log
+    atomic_int pins;
     uint8_t *bytes; // of one file
     size_t room;
 } kn_store;
@@ -56,6 +60,9 @@ void kn_store_close(kn_store *store); // one that was not opened is fine when di
 // saved: as kn_saved_encode wants it, but for the generation, which is the next. False and the reason in why: nothing
 // of what there was is lost, and the next one can be tried.
 bool kn_store_save(kn_store *store, kn_saved *saved, char *why, size_t why_size);
+
+// It has been restored: it is not removed before KN_STORE_PINS others have been. Any thread.
+void kn_store_pin(kn_store *store, int64_t generation);
 
 // The newest that fits into saved (as kn_saved_decode wants it); told: one line for every newer one that was refused,
 // NULL: nobody. generation: that one or none; 0: the newest. name: of its file, 256 bytes. False when there is none,

@@ -279,6 +279,10 @@ TEST("the last eight generations stay; other lattices and scenes in the same dir
     CHECK(kn_store_load(&s, 0, &r->found, name, NULL, why, sizeof why) && r->found.generation == 12);
     CHECK(kn_store_save(&s, &r->saved, why, sizeof why) && r->saved.generation == 23);
     CHECK(files_in(r->directory) == 2 * KN_STORE_KEPT + 1);
+    kn_store_pin(&s, 12); // restored: for a replay of what came of it
+    for (int i = 0; i < 20; i++) CHECK(kn_store_save(&s, &r->saved, why, sizeof why));
+    CHECK(files_in(r->directory) == 2 * KN_STORE_KEPT + 1);
+    CHECK(kn_store_load(&s, 12, &r->found, name, NULL, why, sizeof why));
     kn_store_close(&s);
     rig_free(r), rig_free(o), rig_free(j);
 }
