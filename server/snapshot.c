@@ -196,9 +196,13 @@ static const char *damage(const uint8_t *bytes, size_t size, uint64_t *format, c
     return memcmp(found, bytes + size - DIGEST, DIGEST) == 0 ? NULL : "checksum: damaged since it was written";
 }
 
-static bool closed(const char *text, size_t size)
+// It is going to be told: closed, and no control character in it.
+static bool legible(const char *text, size_t size)
 {
-    return memchr(text, 0, size) != NULL;
+    size_t n = strnlen(text, size);
+    for (size_t i = 0; i < n; i++)
+        if ((unsigned char)text[i] < ' ' || text[i] == 0x7f) return false;
+    return n < size;
 }
 
 static const char *misfit(const kn_scene *scene, const kn_model *model, kn_codec *c, kn_saved *s, char *text,
@@ -208,7 +212,7 @@ static const char *misfit(const kn_scene *scene, const kn_model *model, kn_codec
     uint64_t lattice = 0;
     put_head(c, s);
     kn_codec_u64(c, &lattice);
-    if (c->wrong || !closed(s->scene, sizeof s->scene) || !closed(s->version, sizeof s->version)) return range;
+    if (c->wrong || !legible(s->scene, sizeof s->scene) || !legible(s->version, sizeof s->version)) return range;
     if (strcmp(s->version, KN_VERSION) != 0) {
         snprintf(text, text_size, "another version: of knead %s, expected %s", s->version, KN_VERSION);
         return text;
