@@ -12,6 +12,12 @@
 #define AIR 0.049 // heights of the finger's centre, m: its radius is 15 mm, the dough 30 mm high
 #define DEEP 0.037
 
+#if defined(KN_SANITIZED)
+#define SANITIZED 1
+#else
+#define SANITIZED 0
+#endif
+
 typedef struct rig {
     kn_lent lent;
     kn_keeper keeper;
@@ -140,12 +146,14 @@ TEST("nothing is written of an object that nobody touches; of one that is kneade
     int64_t early = r->keeper.saves;
     for (int i = 0; i < 10000; i++) tick(r, AIR), write_files(r);
     int64_t middle = r->keeper.saves;
+    CHECK(middle - early <= 20);
+    if (SANITIZED) return rig_close(r); // for which 150 s are a minute
     for (int i = 0; i < 140000; i++) tick(r, AIR), write_files(r);
     int64_t late = r->keeper.saves;
     for (int i = 0; i < 10000; i++) tick(r, AIR), write_files(r);
     printf("     then %lld in 10 s alone, and %lld in 10 s after 150\n", (long long)(middle - early),
            (long long)(r->keeper.saves - late));
-    CHECK(middle - early <= 20 && r->keeper.saves - late < middle - early);
+    CHECK(r->keeper.saves - late < middle - early);
     rig_close(r);
 }
 
