@@ -56,7 +56,7 @@ typedef struct kn_keeper {
     kn_answer answer;
     int64_t answered;
     atomic_bool ending;
-    char told[200]; // the last complaint, at
+    char told[200]; // the last complaint
     int64_t told_ns;
 } kn_keeper;
 

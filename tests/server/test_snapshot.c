@@ -3,6 +3,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <sodium.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -242,6 +243,20 @@ TEST("a file of another scene, lattice, material or version is refused by name")
         CHECK(kn_saved_decode(o->scene, o->model, bytes, size, &o->found, why, sizeof why) == !*table[t].why);
         CHECK_STR(why, table[t].why);
         rig_free(o);
+    }
+    static const struct {
+        size_t at; // of a byte in the file's head, made one more
+        const char *why;
+    } head[] = {{8, "another version: of format 2, expected 1"},
+                {24, "another version: of knead "}, // of its text
+                {56, "another scene: of eough-small.yaml, expected dough-small.yaml"},
+                {128, "another state hash than it says"}};
+    for (size_t t = 0; t < sizeof head / sizeof *head; t++) {
+        bytes[head[t].at]++;
+        crypto_generichash(bytes + size - 32, 32, bytes, size - 32, NULL, 0);
+        CHECK(!kn_saved_decode(r->scene, r->model, bytes, size, &r->found, why, sizeof why));
+        CHECK(!strncmp(why, head[t].why, strlen(head[t].why)));
+        bytes[head[t].at]--;
     }
     free(bytes);
     rig_free(r);
