@@ -28,6 +28,27 @@ press() {
     done
     echo "FAIL knead probe: exit $status" && exit 1
 }
+# record FILE SCENE [SERVED...] -- OPTION...: a press by a hand that waits for kneadd, so that nothing had touched the object and no time
+# is lost; spoilt, or with gaps, once more on a fresh one
+record() {
+    local file=$1 scene=$2 served=() pause played
+    shift 2
+    while [ "$1" != -- ]; do served+=("$1") && shift; done
+    for pause in 2 10 0; do
+        knead probe --path press --tries 1 --quiet --record "$file" "${@:2}" 2>record.err &
+        hand=$!
+        sleep 0.3
+        start_kneadd "$scene" "${served[@]}"
+        wait $hand
+        played=$?
+        stop_kneadd >/dev/null
+        [ $played = 0 ] && ! grep -q 'has gaps' record.err && return
+        cat record.err
+        [ $played = 0 ] || [ $played = 3 ] || break
+        sleep $pause
+    done
+    echo "FAIL knead probe: exit $played" && exit 1
+}
 # lcm-logger that does not run for 0.1 s loses records: ahead of everything but kneadd
 start_logger() { # start_logger FILE
     local ahead=

@@ -5,9 +5,7 @@ source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 fine=$KN_SOURCE/core/scenes/dough-fine.yaml
 small=(--set object.size='[3 cm, 3 cm, 1.8 cm]' --set probes.spatula.reach='[-1 mm, 1 mm, -1 mm, 1 mm]')
 
-start_kneadd dough-fine.yaml "${small[@]}"
-press --depth '4 mm' --hold '200 ms' --record press.lcmlog
-stop_kneadd >/dev/null
+record press.lcmlog dough-fine.yaml "${small[@]}" -- --depth '4 mm' --hold '200 ms'
 knead replay press.lcmlog --verify 2>warned
 check "it replays to the bit" [ $? = 0 ]
 check "without a warning" [ ! -s warned ]

@@ -8,12 +8,6 @@ peak() { awk -F, 'NR > 1 && $9 > m { m = $9 } END { print m + 0 }' "$1"; }
 variation() { awk -F, 'NR > 1 { d = $9 - last; v += d < 0 ? -d : d; last = $9 } END { print v + 0 }' "$1"; }
 within() { awk -v a="$1" -v b="$2" -v share="$3" 'BEGIN { d = a - b; exit !(a > 1 && (d < 0 ? -d : d) <= share * a) }'; }
 
-record() { # hand.csv: what the hand felt
-    start_kneadd dough-small.yaml
-    press --hold '0.3 s' --record hand.lcmlog
-    stop_kneadd
-    knead replay hand.lcmlog --csv hand.csv >/dev/null
-}
 play() { # into a fresh kneadd; played.csv holds what it answered
     start_logger played.lcmlog
     local player=(lcm-logplayer)
@@ -30,7 +24,16 @@ alike() {
 }
 # The bound is for poses up to 3 ms late. A machine that stalls the hand or the player for longer breaks that, so both may
 # try again.
-played_well() { for _ in 1 2 3; do record && play && alike && return; done; return 1; }
+played_well() {
+    local pause
+    for pause in 2 10 0; do
+        record hand.lcmlog dough-small.yaml -- --hold '0.3 s'
+        knead replay hand.lcmlog --csv hand.csv >/dev/null # what the hand felt
+        play && alike && return
+        sleep $pause
+    done
+    return 1
+}
 
 check "the force is the hand's: peak within 5 %, variation within 10 %" played_well
 exit $failed

@@ -6,10 +6,12 @@ source "$KN_SOURCE/tests/e2e/kneadd.sh"
 
 number() { sed -n "s/^  $1 *\([0-9.-]*\).*/\1/p" "$2"; } # of a line of the table
 holds() { awk "BEGIN { exit !($1) }"; }
-# feel NAME OPTION...: exit 0 when it was calm; a machine that stands still shakes any hand
+# feel NAME OPTION...: exit 0 when it was calm; a machine that stands still shakes any hand, or spoils its tries
 feel() {
-    for _ in 1 2 3 4; do
+    local pause
+    for pause in 0 2 10 0; do
         knead probe --hold '2 s' "${@:2}" >"$1.txt" 2>"$1.err" && return
+        sleep $pause
     done
     cat "$1.txt" "$1.err"
     return 1

@@ -6,7 +6,7 @@ finger() { knead probe --probe "$1" --path "$KN_SOURCE/clients/examples/$1.csv" 
 
 # Both wait for the same KNEAD_SCENE, which comes every 5 s: that is what lets them begin together. A stall of the
 # machine may spoil a try: late by more than 20 ms, a finger lets go.
-for pause in 5 15 15 0; do
+for pause in 5 15 0; do
     rm -f pinch.lcmlog; : >replay.err
     start_logger pinch.lcmlog
     start_kneadd pinch.yaml
@@ -22,8 +22,6 @@ for pause in 5 15 15 0; do
     played=no
     sleep $pause
 done
-[ $played = no ] && grep -q 'missing forces\|not in the log' thumb.err index.err replay.err &&
-    echo "skipped: the machine has stalled in each of four tries" && exit 77
 check "both fingers play their path to the end" [ $played = yes ]
 check "and what they felt is replayed to the bit" grep -Eq '^verified [0-9]{5,} forces, 2 probes$' said
 
