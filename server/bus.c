@@ -12,12 +12,15 @@
 
 enum { LO = 1 }; // Linux gives lo this number in every namespace (LOOPBACK_IFINDEX)
 
-bool kn_bus_parse(kn_bus *bus, const char *url, char *error, size_t error_size)
+bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, size_t error_size)
 {
     char address[16], end = 0;
     unsigned port = 0;
     memset(bus, 0, sizeof *bus);
     bus->url = url;
+    bus->lan = lan;
+    bus->device = lan ? (int)if_nametoindex(lan) : LO;
+    if (bus->device == 0) return snprintf(error, error_size, "%s: no such network interface", lan), false;
     int fields = sscanf(url, "udpm://%15[0-9.]:%5u%c", address, &port, &end);
     if (fields < 2 || (fields == 3 && end != '?') || inet_pton(AF_INET, address, &bus->group.sin_addr) != 1 ||
         !IN_MULTICAST(ntohl(bus->group.sin_addr.s_addr)) || port == 0 || port > 65535) {
@@ -28,9 +31,10 @@ bool kn_bus_parse(kn_bus *bus, const char *url, char *error, size_t error_size)
         return false;
     }
     const char *ttl = strstr(url, "ttl=");
-    if (ttl && strtol(ttl + 4, NULL, 10) != 0) {
-        snprintf(error, error_size,
-                 "%s: expected ttl=0: anyone who hears a bus can move the tool, so it stays on this machine", url);
+    long hops = ttl ? strtol(ttl + 4, NULL, 10) : 0;
+    if (!lan != (hops == 0)) {
+        snprintf(error, error_size, lan ? "%s: expected ttl=1 or more: on %s nobody would hear it" :
+                 "%s: expected ttl=0: anyone who hears a bus can move the tool, so it stays on this machine", url, lan);
         return false;
     }
     bus->group.sin_family = AF_INET;
@@ -68,14 +72,14 @@ static int route_device(struct in_addr group)
 bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size)
 {
     int device = route_device(bus->group.sin_addr);
-    if (device == LO) return true;
+    if (device == bus->device) return true;
     char name[IF_NAMESIZE] = "", group[16];
     inet_ntop(AF_INET, &bus->group.sin_addr, group, sizeof group);
     bool named = device != 0 && if_indextoname((unsigned)device, name);
     snprintf(error, error_size,
-             "%s: the group's route is not loopback (%s%s); as root: ip link set lo up; "
-             "ip route add %s/32 dev lo",
-             bus->url, named ? "it leaves by " : "there is none", name, group);
+             "%s: the group's route is not %s (%s%s); as root: ip link set %s up; ip route add %s/32 dev %s", bus->url,
+             bus->lan ? bus->lan : "loopback", named ? "it leaves by " : "there is none", name,
+             bus->lan ? bus->lan : "lo", group, bus->lan ? bus->lan : "lo");
     return false;
 }
 
@@ -107,7 +111,7 @@ static void enlarge_buffer(int fd)
 int kn_bus_listen(const kn_bus *bus, char *error, size_t error_size)
 {
     const int on = 1, off = 0;
-    const struct ip_mreqn group = {.imr_multiaddr = bus->group.sin_addr, .imr_ifindex = LO};
+    const struct ip_mreqn group = {.imr_multiaddr = bus->group.sin_addr, .imr_ifindex = bus->device};
     int fd = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (fd >= 0 && setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) == 0 &&
         setsockopt(fd, IPPROTO_IP, IP_PKTINFO, &on, sizeof on) == 0 &&
@@ -122,26 +126,27 @@ int kn_bus_listen(const kn_bus *bus, char *error, size_t error_size)
     return -1;
 }
 
-static bool came_over_lo(struct msghdr *header)
+static int device_of(struct msghdr *header)
 {
     for (struct cmsghdr *c = CMSG_FIRSTHDR(header); c; c = CMSG_NXTHDR(header, c)) {
         if (c->cmsg_level != IPPROTO_IP || c->cmsg_type != IP_PKTINFO) continue;
         struct in_pktinfo info;
         memcpy(&info, CMSG_DATA(c), sizeof info);
-        return info.ipi_ifindex == LO;
+        return info.ipi_ifindex;
     }
-    return false;
+    return 0;
 }
 
-void kn_bus_read(int fd, int limit, kn_batch *batch)
+void kn_bus_read(const kn_bus *bus, int fd, int limit, kn_batch *batch)
 {
     struct mmsghdr header[KN_BATCH] = {0};
     struct iovec vector[KN_BATCH];
+    struct sockaddr_in from[KN_BATCH] = {0};
     _Alignas(struct cmsghdr) char control[KN_BATCH][CMSG_SPACE(sizeof(struct in_pktinfo))];
     for (int i = 0; i < limit; i++) {
         vector[i] = (struct iovec){batch->datagram[i].bytes, KN_DATAGRAM_MAX};
         header[i].msg_hdr = (struct msghdr){
-            .msg_iov = &vector[i], .msg_iovlen = 1, .msg_control = control[i], .msg_controllen = sizeof control[i]};
+            .msg_name = &from[i], .msg_namelen = sizeof from[i], .msg_iov = &vector[i], .msg_iovlen = 1, .msg_control = control[i], .msg_controllen = sizeof control[i]};
     }
     int count = recvmmsg(fd, header, (unsigned)limit, 0, NULL);
     batch->count = count > 0 ? count : 0;
@@ -149,7 +154,8 @@ void kn_bus_read(int fd, int limit, kn_batch *batch)
         kn_datagram *datagram = &batch->datagram[i];
         datagram->size = header[i].msg_len;
         datagram->truncated = header[i].msg_hdr.msg_flags & MSG_TRUNC;
-        datagram->loopback = came_over_lo(&header[i].msg_hdr);
+        datagram->here = device_of(&header[i].msg_hdr) == bus->device;
+        datagram->from = from[i].sin_addr;
     }
 }
 

@@ -2,10 +2,10 @@
 #define KN_SERVER_BUS_H
 // A bus: an LCM URL, the multicast group behind it, and a socket that hears it.
 //
-// Everything stays on this machine. A group whose route is not loopback is refused before anything joins it, because
-// the join itself (IGMP) would already leave through the network card, even with ttl 0. The socket is bound to the
-// group's own address (stock liblcm binds any address and hears every group of its port), joins it on lo, and tells
-// of each datagram whether it came over lo.
+// Everything stays on this machine, or on one interface that was named. A group whose route leaves by another is refused
+// before anything joins it, because the join itself (IGMP) would already leave through the network card, even with
+// ttl 0. The socket is bound to the group's own address (stock liblcm binds any address and hears every group of its
+// port), joins it on that one interface, and tells of each datagram whether it came over it, and from where.
 #include <netinet/in.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -18,11 +18,14 @@
 typedef struct kn_bus {
     const char *url; // borrowed
     struct sockaddr_in group;
+    int device; // index of lo, or of the interface that was named
+    const char *lan; // its name, borrowed; NULL: lo
 } kn_bus;
 
 typedef struct kn_datagram {
     size_t size;    // bytes kept
-    bool loopback;  // it arrived over lo
+    bool here;      // it arrived over the bus's device
+    struct in_addr from;
     bool truncated; // it was longer than KN_DATAGRAM_MAX
     unsigned char bytes[KN_DATAGRAM_MAX];
 } kn_datagram;
@@ -32,10 +35,11 @@ typedef struct kn_batch { // what one wake brought
     kn_datagram datagram[KN_BATCH];
 } kn_batch;
 
-// udpm://GROUP:PORT[?ttl=0&recv_buf_size=N]. False and one line in error for anything else.
-bool kn_bus_parse(kn_bus *bus, const char *url, char *error, size_t error_size);
+// udpm://GROUP:PORT[?ttl=0&recv_buf_size=N] on lo; with lan, the name of an interface, ttl is 1 or more. False and one
+// line in error for anything else.
+bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, size_t error_size);
 
-// Whether the kernel would route the group over lo. False and one line in error that names the cure.
+// Whether the kernel would route the group over the bus's device. False and one line in error that names the cure.
 bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size);
 
 // Takes the bus for one server: a second one would answer the same hands. The claim is an abstract AF_UNIX name, so the
@@ -43,11 +47,11 @@ bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size);
 // lo. The descriptor that holds it; -1 and one line in error when another server has it.
 int kn_bus_claim(const kn_bus *bus, char *error, size_t error_size);
 
-// A non-blocking socket that hears the group over lo, beside any number of others; -1 and one line in error.
+// A non-blocking socket that hears the group over that device, beside any number of others; -1 and one line in error.
 int kn_bus_listen(const kn_bus *bus, char *error, size_t error_size);
 
 // Takes what waits, at most limit (<= KN_BATCH) datagrams. Neither blocks nor allocates.
-void kn_bus_read(int fd, int limit, kn_batch *batch);
+void kn_bus_read(const kn_bus *bus, int fd, int limit, kn_batch *batch);
 
 // Datagrams the kernel dropped because this socket's buffer was full, since it was opened, modulo 2^32: the number that
 // SO_RXQ_OVFL attaches to datagrams, asked for directly, so that drops after the last datagram count as well.

@@ -35,6 +35,7 @@ typedef struct server {
     kn_bus bus, mesh_bus;
     int claim, fd; // of the bus; what is heard on it
     kn_receiver receiver;
+    kn_auth auth; // when a key was given
     kn_batch batch;
     kn_publisher publisher;
     kn_skin skin;
@@ -74,7 +75,7 @@ static int64_t wall_clock_us(void)
 
 static void take_datagrams(server *d, int limit)
 {
-    kn_bus_read(d->fd, limit < KN_BATCH ? limit : KN_BATCH, &d->batch);
+    kn_bus_read(&d->bus, d->fd, limit < KN_BATCH ? limit : KN_BATCH, &d->batch);
     int64_t now_ns = kn_now_ns();
     for (int i = 0; i < d->batch.count; i++) {
         int probe;
@@ -424,8 +425,10 @@ static int64_t measure_tick(kn_backend *b)
 static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
     const char *url = def->lcm_url ? def->lcm_url : getenv("LCM_DEFAULT_URL"); // as every LCM client has it
-    if (!kn_bus_parse(&d->bus, url && *url ? url : KN_LCM_URL, error, error_size) ||
-        !kn_bus_parse(&d->mesh_bus, def->mesh_url ? def->mesh_url : KN_MESH_URL, error, error_size))
+    const char *own = def->lan ? KN_LCM_LAN_URL : KN_LCM_URL, *own_mesh = def->lan ? KN_MESH_LAN_URL : KN_MESH_URL;
+    if (!kn_bus_parse(&d->bus, url && *url ? url : own, def->lan, error, error_size) ||
+        !kn_bus_parse(&d->mesh_bus, def->mesh_url ? def->mesh_url : own_mesh, def->lan, error, error_size) ||
+        (def->key && !kn_auth_load(&d->auth, def->key, error, error_size)))
         return false;
     d->scene = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
     if (!d->scene) return false;
@@ -467,7 +470,7 @@ static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_
     return true;
 }
 
-static bool open_buses(server *d, bool touch, char *error, size_t error_size)
+static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
     if (!kn_bus_check_route(&d->bus, error, error_size) || !kn_bus_check_route(&d->mesh_bus, error, error_size))
         return false;
@@ -476,11 +479,16 @@ static bool open_buses(server *d, bool touch, char *error, size_t error_size)
     if (d->fd < 0) return false;
     uint64_t hash = kn_state_hash(d->model, d->backend.state(d->backend.self));
     kn_receiver_init(&d->receiver, &d->model->def);
+    memcpy(d->receiver.peer, def->peer, sizeof def->peer);
+    d->receiver.peers = def->peers;
+    d->receiver.epoch_us = wall_clock_us() - kn_now_ns() / 1000;
+    d->receiver.auth = def->key ? &d->auth : NULL;
     if (!kn_publisher_open(&d->publisher, d->bus.url, d->scene, hash, error, error_size) ||
         !kn_skin_open(&d->skin, d->mesh_bus.url, d->model, d->scene->mesh_hz, d->scene->text_hash, error, error_size))
         return false;
+    d->publisher.auth = d->skin.auth = d->receiver.auth;
     if (kn_loop_init(&d->loop, d->scene, d->model, &d->backend, &d->skin, d->audit) &&
-        (!touch || kn_loop_touch(&d->loop)) && kn_sentinel_init(&d->sentinel) && watch_events(d)) {
+        (!def->touch || kn_loop_touch(&d->loop)) && kn_sentinel_init(&d->sentinel) && watch_events(d)) {
         kn_keeper_start(&d->keeper, &d->loop);
         return true;
     }
@@ -490,7 +498,7 @@ static bool open_buses(server *d, bool touch, char *error, size_t error_size)
 
 static bool open_control(server *d, const char *path, char *error, size_t error_size)
 {
-    kn_operator_init(&d->operator, d->scene, &d->loop);
+    kn_operator_init(&d->operator, d->scene, &d->loop, &d->keeper);
     d->operator.ask = ask;
     d->operator.stop = leave;
     d->operator.arg = d;
@@ -537,6 +545,10 @@ static void tell_ready(const server *d)
     printf(", on %s, meshes on %s; %s, %s\n", d->bus.url, d->mesh_bus.url,
            d->rt.fifo ? "SCHED_FIFO" : "normal priority", d->rt.locked ? "memory locked" : "memory not locked");
     if (*d->rt.missing) printf("kneadd: not real time: %s\n", d->rt.missing);
+    if (d->receiver.auth) printf("kneadd: poses are taken from holders of the key, forces are signed with it\n");
+    else if (d->receiver.peers > 0)
+        printf("kneadd: poses are taken from %d addresses; that is no authentication: an address can be forged\n",
+               d->receiver.peers);
     if (d->model->isa == KN_ISA_BASE) printf("kneadd: not real time: fused multiply-add in software\n");
     if (d->rest_ns > REST_TICK_NS)
         printf("kneadd: not real time: a tick takes %.2g ms here before anything touches the object, expected %g ms at "
@@ -619,7 +631,7 @@ int kn_daemon_run(const kn_daemon_def *def)
                    : kn_keeper_open(&d.keeper, def->state_dir, d.scene, d.model, error, sizeof error);
     if (code == 0) {
         code = 3;
-        if (open_buses(&d, def->touch, error, sizeof error) &&
+        if (open_buses(&d, def, error, sizeof error) &&
             open_control(&d, def->control, error, sizeof error) &&
             kn_trace_open(&d.trace, def->trace, error, sizeof error) && start_threads(&d, def, error, sizeof error)) {
             tell_ready(&d);

@@ -103,11 +103,11 @@ static void complain(kn_keeper *k, const char *why, int64_t now_ns)
     k->told_ns = now_ns;
 }
 
-static bool save(kn_keeper *k, kn_saved *saved, kn_answer *answer)
+static bool save(kn_keeper *k, kn_saved *saved, bool stays, kn_answer *answer)
 {
     int64_t from_ns = kn_now_ns();
     *answer = (kn_answer){.tick = saved->tick};
-    answer->ok = kn_store_save(&k->store, saved, answer->error, sizeof answer->error);
+    answer->ok = kn_store_save(&k->store, saved, stays, answer->error, sizeof answer->error);
     answer->generation = saved->generation;
     answer->state_hash = saved->state_hash;
     int64_t now_ns = kn_now_ns(), us = (now_ns - from_ns) / 1000;
@@ -121,7 +121,7 @@ static bool save(kn_keeper *k, kn_saved *saved, kn_answer *answer)
 static void serve(kn_keeper *k, kn_kept *slot)
 {
     kn_answer answer;
-    if (save(k, &slot->saved, &answer)) {
+    if (save(k, &slot->saved, slot->asked > k->answered, &answer)) {
         atomic_store(&slot->saved_whole, true);
         atomic_store(&k->as_of_ns, slot->now_ns);
     } else {
@@ -164,7 +164,7 @@ void kn_keeper_finish(kn_keeper *keeper, const kn_servo *servo, int64_t tick)
     struct timespec t;
     clock_gettime(CLOCK_REALTIME, &t);
     copy_to(k, &k->slot[!k->last], servo, tick, t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000);
-    if (save(k, &k->slot[!k->last].saved, &answer)) k->last = !k->last;
+    if (save(k, &k->slot[!k->last].saved, false, &answer)) k->last = !k->last;
 }
 
 int64_t kn_keeper_age_ms(const kn_keeper *keeper)

@@ -2,6 +2,7 @@
 #include "core/scene/scene.h"
 #include "server/control.h"
 #include "server/daemon.h"
+#include <arpa/inet.h>
 #include <getopt.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,7 +11,7 @@
 static const char usage[] =
     "usage: kneadd --scene FILE [--set KEY=VALUE]... [--lcm-url URL] [--mesh-url URL] [--realtime auto|require|off]\n"
     "              [--phase lock|free] [--quality NAME] [--backend cpu] [--local-model] [--touch]\n"
-    "              [--control PATH] [--state-dir DIR] [--trace FILE]\n"
+    "              [--control PATH] [--state-dir DIR] [--trace FILE] [--key FILE] [--lan IFACE] [--peer ADDRESS]...\n"
     "\n"
     "  --scene FILE      the object and its probes (YAML); knead check FILE tells what it costs\n"
     "  --set KEY=VALUE   overrides a key of the scene, as in --set material.k1='300 gf/cm^3'; see knead check --keys\n"
@@ -27,6 +28,9 @@ static const char usage[] =
     "  --state-dir DIR   keeps the object there, at most every 0.5 s, and goes on with the last one that fits; without it\n"
     "                    nothing is saved or restored\n"
     "  --trace FILE      CSV: when the pose of each tick arrived, its tick woke, had stepped, had guarded the force\n"
+    "  --key FILE        only poses signed with that key (64 hexadecimal digits, mode 0600); forces are signed with it\n"
+    "  --lan IFACE       serves that network instead of this machine alone; wants --key or --peer, and URLs with ttl=1\n"
+    "  --peer ADDRESS    only poses from there (repeat it); no authentication: whoever forges the address is believed\n"
     "  --help, --version\n"
     "\n"
     "SIGINT or SIGTERM: forces go to zero, then exit 0. Exit: 2 bad input, 3 the machine refuses.\n";
@@ -46,6 +50,8 @@ static int run(int argc, char **argv, const char **sets) // sets: room for argc
         {"control", required_argument, NULL, 'c'}, {"quality", required_argument, NULL, 'q'},
         {"phase", required_argument, NULL, 'p'},   {"trace", required_argument, NULL, 't'},
         {"state-dir", required_argument, NULL, 'd'},
+        {"key", required_argument, NULL, 'K'},      {"lan", required_argument, NULL, 'L'},
+        {"peer", required_argument, NULL, 'P'},
         {"local-model", no_argument, NULL, 'o'},    {"touch", no_argument, NULL, 'T'},
         {"help", no_argument, NULL, 'h'},           {"version", no_argument, NULL, 'v'}, {0}};
     kn_daemon_def def = {.realtime = KN_RT_AUTO, .sets = sets};
@@ -68,6 +74,12 @@ static int run(int argc, char **argv, const char **sets) // sets: room for argc
         case 'b':
             if (strcmp(optarg, "cpu") != 0) return bad(optarg, "--backend cpu");
             break;
+        case 'K': def.key = optarg; break;
+        case 'L': def.lan = optarg; break;
+        case 'P':
+            if (def.peers == KN_PEERS_MAX || inet_pton(AF_INET, optarg, &def.peer[def.peers++]) != 1)
+                return bad(optarg, "--peer with an IPv4 address, 16 of them at most");
+            break;
         case 't': def.trace = optarg; break;
         case 'd': def.state_dir = optarg; break;
         case 'o': def.local_model = true; break;
@@ -82,6 +94,9 @@ static int run(int argc, char **argv, const char **sets) // sets: room for argc
         }
     }
     if (optind < argc) return bad(argv[optind], "options only, the scene as --scene FILE");
+    if (def.lan && !def.key && def.peers == 0)
+        return bad("--lan", "--key FILE or --peer ADDRESS beside it: on a network anybody may move the tool");
+    if (def.peers > 0 && !def.lan) return bad("--peer", "--lan IFACE beside it");
     if (!def.scene_path) return bad("no scene", "--scene FILE");
     return kn_daemon_run(&def);
 }

@@ -6,9 +6,9 @@
 
 #define PATIENCE_MS 500 // for a tick or the main thread: longer, and this is no running server
 
-void kn_operator_init(kn_operator *o, const kn_scene *scene, kn_loop *loop)
+void kn_operator_init(kn_operator *o, const kn_scene *scene, kn_loop *loop, kn_keeper *keeper)
 {
-    *o = (kn_operator){.scene = scene, .loop = loop};
+    *o = (kn_operator){.scene = scene, .loop = loop, .keeper = keeper};
     kn_mailbox_init(&o->health, o->health_slots, sizeof o->health_slots[0]);
 }
 
@@ -149,42 +149,105 @@ static json_t *take_quality(kn_operator *o, const char *name)
     return kn_control_error("quality '%s': expected %s", name, kn_quality_names);
 }
 
+static json_t *of_keeper(const kn_answer *a)
+{
+    char hash[20];
+    if (!a->ok) return kn_control_error("%s", a->error);
+    snprintf(hash, sizeof hash, "%016" PRIx64, a->state_hash);
+    return json_pack("{s:b, s:I, s:I, s:s}", "ok", 1, "tick", (json_int_t)a->tick, "generation",
+                     (json_int_t)a->generation, "state", hash);
+}
+
+static json_t *reset(kn_operator *o, const json_t *argument)
+{
+    return (void)argument, order(o, KN_ORDER_RESET, 0);
+}
+static json_t *recover(kn_operator *o, const json_t *argument)
+{
+    return (void)argument, order(o, KN_ORDER_RECOVER, 0);
+}
+static json_t *estop(kn_operator *o, const json_t *argument)
+{
+    return (void)argument, order(o, KN_ORDER_ESTOP, 0);
+}
+static json_t *status(kn_operator *o, const json_t *argument)
+{
+    return (void)argument, tell_status(o);
+}
+static json_t *quality(kn_operator *o, const json_t *argument)
+{
+    return take_quality(o, json_string_value(argument));
+}
+
+static json_t *snapshot(kn_operator *o, const json_t *argument)
+{
+    (void)argument;
+    kn_answer a = kn_keeper_snapshot(o->keeper);
+    return of_keeper(&a);
+}
+
+static json_t *restore(kn_operator *o, const json_t *argument)
+{
+    int64_t generation = json_integer_value(argument); // 0 of none: the newest
+    if (argument && generation < 1)
+        return kn_control_error("restore: generation %" PRId64 ": expected 1 or more", generation);
+    kn_answer a = kn_keeper_restore(o->keeper, o->loop, generation);
+    return of_keeper(&a);
+}
+
+static json_t *undo(kn_operator *o, const json_t *argument)
+{
+    (void)argument;
+    kn_answer a = kn_keeper_undo(o->keeper, o->loop);
+    return of_keeper(&a);
+}
+
+static json_t *stop(kn_operator *o, const json_t *argument)
+{
+    (void)argument;
+    o->stop(o->arg);
+    return json_pack("{s:b}", "ok", 1);
+}
+
+static const struct command {
+    const char *name;
+    json_t *(*run)(kn_operator *o, const json_t *argument); // NULL: left out
+    const char *argument;                                   // its one field, NULL: none
+    json_type type;
+    bool needed;
+} commands[] = {{"status", status, NULL, JSON_NULL, false},
+                {"reset", reset, NULL, JSON_NULL, false},
+                {"quality", quality, "name", JSON_STRING, true},
+                {"snapshot", snapshot, NULL, JSON_NULL, false},
+                {"restore", restore, "generation", JSON_INTEGER, false},
+                {"undo", undo, NULL, JSON_NULL, false},
+                {"recover", recover, NULL, JSON_NULL, false},
+                {"estop", estop, NULL, JSON_NULL, false},
+                {"stop", stop, NULL, JSON_NULL, false}};
+#define COMMANDS (sizeof commands / sizeof *commands)
+
+static json_t *no_command(const char *name)
+{
+    char names[256] = "";
+    for (size_t c = 0; c < COMMANDS; c++)
+        snprintf(names + strlen(names), sizeof names - strlen(names), "%s%s", c ? ", " : "", commands[c].name);
+    return kn_control_error("command '%s': expected one of %s", name ? name : "", names);
+}
+
 json_t *kn_operator_answer(void *op, const json_t *request, bool *audit)
 {
-    static const struct {
-        const char *name, *argument; // the one string that it takes, NULL: none
-        kn_order order;
-    } commands[] = {{"status", NULL, 0},
-                    {"reset", NULL, KN_ORDER_RESET},
-                    {"quality", "name", KN_ORDER_QUALITY},
-                    {"recover", NULL, KN_ORDER_RECOVER},
-                    {"estop", NULL, KN_ORDER_ESTOP},
-                    {"stop", NULL, 0}};
-    kn_operator *o = op;
-    const char *name = json_string_value(json_object_get(request, "command")), *argument = NULL;
-    size_t c = 0, count = sizeof commands / sizeof *commands;
+    const char *name = json_string_value(json_object_get(request, "command"));
+    const struct command *c = commands;
+    while (c < commands + COMMANDS && !(name && strcmp(name, c->name) == 0)) c++;
     *audit = true;
-    while (c < count && !(name && strcmp(name, commands[c].name) == 0)) c++;
-    if (c == count) {
-        char names[256] = "";
-        for (c = 0; c < count; c++)
-            snprintf(names + strlen(names), sizeof names - strlen(names), "%s%s", c ? ", " : "", commands[c].name);
-        return kn_control_error("command '%s': expected one of %s", name ? name : "", names);
-    }
-    if (commands[c].argument) {
-        argument = json_string_value(json_object_get(request, commands[c].argument));
-        if (!argument) return kn_control_error("%s: expected \"%s\", a string", name, commands[c].argument);
-    }
-    if (json_object_size(request) != (argument ? 2 : 1)) {
-        return argument ? kn_control_error("%s: expected nothing but \"%s\"", name, commands[c].argument)
-                        : kn_control_error("%s: expected nothing else", name);
-    }
-    if (strcmp(name, "stop") == 0) {
-        o->stop(o->arg);
-        return json_pack("{s:b}", "ok", 1);
-    }
-    if (argument) return take_quality(o, argument);
-    if (strcmp(name, "status") != 0) return order(o, commands[c].order, 0);
-    *audit = false;
-    return tell_status(o);
+    if (c == commands + COMMANDS) return no_command(name);
+    *audit = c->run != status;
+    const json_t *argument = c->argument ? json_object_get(request, c->argument) : NULL;
+    if ((c->needed && !argument) || (argument && json_typeof(argument) != c->type))
+        return kn_control_error("%s: expected \"%s\", %s", name, c->argument,
+                                c->type == JSON_STRING ? "a string" : "a whole number");
+    if (json_object_size(request) != (argument ? 2 : 1))
+        return c->argument ? kn_control_error("%s: expected nothing but \"%s\"", name, c->argument)
+                           : kn_control_error("%s: expected nothing else", name);
+    return c->run(op, argument);
 }

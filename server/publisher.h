@@ -4,12 +4,14 @@
 // (liblcm's receiving half is not to be trusted with the bus, see receiver.h). Messages are encoded into memory of
 // our own; lcm-gen's X_publish would allocate for each.
 #include "proto/knead_status_t.h"
+#include "server/auth.h"
 #include "server/loop.h"
 #include <lcm/lcm.h>
 
 typedef struct kn_publisher {
     lcm_t *lcm;
     const kn_scene *scene;
+    const kn_auth *auth; // signs every message; NULL: nobody does
     uint64_t initial_hash;
     char force_channel[KN_PROBES_MAX][64]; // KNEAD_FORCE_<probe>
     char contact_channel[KN_PROBES_MAX][64];

@@ -1,5 +1,6 @@
 #include "server/receiver.h"
 #include "proto/knead_probe_pose_t.h"
+#include "server/wire.h"
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -16,6 +17,7 @@
 #define SPEED_WINDOW_US                                                                                                \
     1000 // the servo looks once per ms, so a step below 5 mm is no jump however close its stamps are
 #define SILENCE_NS 1000000000
+#define CLOCK_APART_US 60000000 // two machines' clocks
 #define COST_NS 200000      // of one pose: 5 kHz
 #define CREDIT_NS 200000000 // 1 000 poses at once: a 1 kHz sender that was held up for as long as its session may live
 
@@ -49,11 +51,19 @@ static int64_t big_endian_64(const unsigned char *bytes)
     return (int64_t)((uint64_t)big_endian_32(bytes) << 32 | big_endian_32(bytes + 4));
 }
 
+static bool known(const kn_receiver *r, struct in_addr from)
+{
+    int i = 0;
+    while (i < r->peers && r->peer[i].s_addr != from.s_addr) i++;
+    return r->peers == 0 || i < r->peers;
+}
+
 // The bounds, before any field is looked at.
 static kn_verdict unpack(const kn_receiver *r, const kn_datagram *datagram, int *probe, knead_probe_pose_t *message)
 {
     const unsigned char *bytes = datagram->bytes;
-    if (!datagram->loopback) return KN_REJECT_INTERFACE;
+    if (!datagram->here) return KN_REJECT_INTERFACE;
+    if (!known(r, datagram->from)) return KN_REJECT_PEER;
     if (datagram->size < HEADER_SIZE) return KN_REJECT_RUNT;
     uint32_t magic = big_endian_32(bytes);
     if (magic != LC02) return magic == LC03 ? KN_REJECT_FRAGMENT : KN_REJECT_MAGIC;
@@ -68,7 +78,10 @@ static kn_verdict unpack(const kn_receiver *r, const kn_datagram *datagram, int 
 
     const unsigned char *payload = (const unsigned char *)end + 1;
     size_t size = datagram->size - (size_t)(payload - bytes);
-    if (datagram->truncated || size != (size_t)knead_probe_pose_t_encoded_size(message)) return KN_REJECT_LENGTH;
+    size_t wanted = (size_t)knead_probe_pose_t_encoded_size(message);
+    if (datagram->truncated || (size != wanted && size != wanted + KN_WIRE_MAC)) return KN_REJECT_LENGTH;
+    if (r->auth && (size == wanted || !kn_auth_check(r->auth, channel, payload, size))) return KN_REJECT_MAC;
+    size = wanted;
     if (big_endian_64(payload) != __knead_probe_pose_t_get_hash()) return KN_REJECT_TYPE;
     return knead_probe_pose_t_decode(payload, 0, (int)size, message) == (int)size ? KN_ACCEPTED : KN_REJECT_LENGTH;
 }
@@ -125,6 +138,16 @@ static bool afford(kn_source *source, int64_t now_ns)
     return true;
 }
 
+// An authentic message proves its sender, not its time.
+static bool is_new(const kn_receiver *r, kn_source *source, const knead_probe_pose_t *m, int64_t now_ns)
+{
+    int64_t now_us = r->epoch_us + now_ns / 1000;
+    if (m->utime <= source->newest_us || m->utime < now_us - CLOCK_APART_US || m->utime > now_us + CLOCK_APART_US)
+        return false;
+    source->newest_us = m->utime;
+    return true;
+}
+
 static bool expired(const kn_source *source, int64_t now_ns)
 {
     return source->last.session != 0 && now_ns - source->heard_ns >= SILENCE_NS;
@@ -155,6 +178,8 @@ kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_
     knead_probe_pose_t message = {0};
     kn_verdict verdict = unpack(r, datagram, probe, &message);
     if (verdict == KN_ACCEPTED) verdict = check_fields(&message);
+    if (verdict == KN_ACCEPTED && r->auth && !is_new(r, &r->source[*probe], &message, now_ns))
+        verdict = KN_REJECT_REPLAYED;
     if (verdict == KN_ACCEPTED) verdict = admit(&r->source[*probe], &message, now_ns, pose);
     r->received++;
     if (verdict == KN_ACCEPTED)

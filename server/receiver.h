@@ -13,13 +13,16 @@
 //
 // A probe belongs to the first session that sends it a good pose, until that session has been silent for 1 s; then any
 // session may come, the same number with a new seq included. sent_ns is never judged: a played log is old.
-// Real-time safe.
+//
+// With a key, a pose must carry its tag (auth.h), and be newer, by utime, than every authentic one of its probe before it,
+// of whatever session, and within a minute of our own clock: what was recorded can be sent again by anybody. Real-time safe.
+#include "server/auth.h"
 #include "server/bus.h"
 #include "server/servo.h"
 
 // One per line of status_t.rejected, same order; they stand in proto/README.md too. Append only: logs hold the indices.
 #define KN_REJECTS(X)                                                                                                  \
-    X(INTERFACE, "interface", "did not arrive over lo")                                                                \
+    X(INTERFACE, "interface", "did not arrive over lo, or --lan's interface")                                                              \
     X(RUNT, "runt", "shorter than an LCM header")                                                                      \
     X(MAGIC, "magic", "neither LC02 nor LC03")                                                                         \
     X(FRAGMENT, "fragment", "LC03: part of a larger message")                                                          \
@@ -37,7 +40,10 @@
     X(STALE, "stale", "seq not above the last one: late, repeated or played again")                                    \
     X(CLOCK, "clock", "utime before the last one's")                                                                   \
     X(JUMP, "jump", "faster than 5 m/s, by its own velocity or by its way since the last pose")                        \
-    X(RATE, "rate", "more than 5 000 per second")
+    X(RATE, "rate", "more than 5 000 per second")                                                                       \
+    X(PEER, "peer", "from an address that --peer does not name")                                                       \
+    X(MAC, "mac", "without the key's authentication code, or with a wrong one")                                        \
+    X(REPLAYED, "replayed", "authentic, but not of now, or not newer than what was accepted before")
 
 typedef enum kn_verdict {
 #define KN_REJECT(name, text, meaning) KN_REJECT_##name,
@@ -53,13 +59,20 @@ typedef struct kn_source { // who moves one probe
     kn_pose last;          // accepted; session 0: nobody owns the probe
     kn_pose reference;     // accepted; speeds are measured from here. Moves on to last when that is >= 1 ms newer
     int64_t heard_ns;      // when last was accepted
+    int64_t newest_us;     // utime of the newest authentic pose of any session
     int64_t credit_ns;     // time not yet spent on poses, each of which costs 0.2 ms
 } kn_source;
+
+#define KN_PEERS_MAX 16
 
 typedef struct kn_receiver {
     int probes;
     char channel[KN_PROBES_MAX][64]; // KNEAD_POSE_<probe>
     kn_source source[KN_PROBES_MAX];
+    const kn_auth *auth;          // borrowed; NULL: no key
+    int64_t epoch_us;             // us since 1970 when the monotonic clock was 0; only for a key
+    struct in_addr peer[KN_PEERS_MAX]; // whom poses are taken from
+    int peers;                    // 0: anybody
     int64_t received, accepted, rejected[KN_REJECT_COUNT];
 } kn_receiver;
 

@@ -406,7 +406,7 @@ static bool next_record(reading *v)
 static kn_verdict judge(reading *v, int64_t now_ns, int *probe, kn_pose *pose)
 {
     const kn_log_record *record = &v->record;
-    kn_datagram d = {.loopback = true};
+    kn_datagram d = {.here = true};
     size_t name = strlen(record->channel) + 1, size = 8 + name + record->size;
     if (size > sizeof d.bytes) return KN_REJECT_LENGTH;
     memcpy(d.bytes, "LC02\0\0\0\0", 8);

@@ -3,6 +3,7 @@
 #include "proto/knead_mesh_init_t.h"
 #include "proto/knead_mesh_update_t.h"
 #include "proto/knead_probe_pose_t.h"
+#include "server/wire.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -41,7 +42,7 @@ bool kn_skin_open(kn_skin *skin, const char *url, const kn_model *model, double 
     skin->mesh_id = (int64_t)kn_hash_bytes(hash, &text_hash, sizeof text_hash);
     knead_mesh_init_t message = topology_message(skin, 0);
     skin->topology_size = knead_mesh_init_t_encoded_size(&message);
-    skin->topology = malloc((size_t)skin->topology_size);
+    skin->topology = malloc((size_t)skin->topology_size + KN_WIRE_MAC);
     if (!skin->topology) goto fail;
     skin->lcm = lcm_create(url);
     what = "LCM refused this URL";
@@ -72,11 +73,17 @@ void kn_skin_capture(kn_skin *skin, const kn_state *state, int64_t tick, int32_t
     kn_mailbox_post(&skin->frames);
 }
 
+static void send_bytes(kn_skin *skin, const char *channel, uint8_t *bytes, int size) // room for a tag behind them
+{
+    if (size > 0 && skin->auth) size = (int)kn_auth_sign(skin->auth, channel, bytes, (size_t)size);
+    if (size > 0) lcm_publish(skin->lcm, channel, bytes, (unsigned)size);
+}
+
 void kn_skin_publish_topology(kn_skin *skin, int64_t utime)
 {
     knead_mesh_init_t message = topology_message(skin, utime);
     int size = knead_mesh_init_t_encode(skin->topology, 0, skin->topology_size, &message);
-    if (size > 0) lcm_publish(skin->lcm, "KNEAD_MESH_INIT", skin->topology, (unsigned)size);
+    send_bytes(skin, "KNEAD_MESH_INIT", skin->topology, size);
 }
 
 bool kn_skin_publish(kn_skin *skin, int64_t utime)
@@ -98,8 +105,8 @@ bool kn_skin_publish(kn_skin *skin, int64_t utime)
                                        .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE,
                                        // lcm-gen's arrays are not const; encoding only reads
                                        .positions_m = (float *)frame->xyz_m + 3 * first};
-        int size = knead_mesh_update_t_encode(skin->update, 0, sizeof skin->update, &message);
-        if (size > 0) lcm_publish(skin->lcm, "KNEAD_MESH_UPDATE", skin->update, (unsigned)size);
+        int size = knead_mesh_update_t_encode(skin->update, 0, sizeof skin->update - KN_WIRE_MAC, &message);
+        send_bytes(skin, "KNEAD_MESH_UPDATE", skin->update, size);
         // back to back, larger meshes would overflow the usual 208 kB receive buffer of the screens
         if (i + 1 < chunks) nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
     }

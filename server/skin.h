@@ -5,6 +5,7 @@
 // and then shows the latest surface only. Meshes have a port of their own, so that their bulk never fills the socket
 // buffers in which poses and forces wait.
 #include "core/surface.h"
+#include "server/auth.h"
 #include "server/mailbox.h"
 #include <lcm/lcm.h>
 #include <stdint.h>
@@ -19,6 +20,7 @@ typedef struct kn_skin_frame {
 
 typedef struct kn_skin {
     const kn_model *model;
+    const kn_auth *auth; // signs every message; NULL: nobody does
     kn_surface *surface;
     int period_ticks;
     int64_t next_tick; // the servo's

@@ -152,6 +152,12 @@ static void keep(kn_store *s, int64_t generation)
     s->kept[s->kept_count++] = generation;
 }
 
+static bool stays(const kn_store *s, const char *name)
+{
+    struct stat what;
+    return fstatat(s->dir, name, &what, AT_SYMLINK_NOFOLLOW) == 0 && !(what.st_mode & S_IWUSR);
+}
+
 int kn_store_open(kn_store *store, const char *path, const kn_scene *scene, const kn_model *model, char *error,
                   size_t error_size)
 {
@@ -167,7 +173,7 @@ int kn_store_open(kn_store *store, const char *path, const kn_scene *scene, cons
     size_t count;
     found *all = list(s, s->dir, &count);
     for (size_t i = 0; i < count; i++) {
-        if (generation_of(s, all[i].name, false)) keep(s, all[i].generation);
+        if (generation_of(s, all[i].name, false) && !stays(s, all[i].name)) keep(s, all[i].generation);
         s->generation = all[i].generation;
     }
     free(all);
@@ -196,10 +202,10 @@ static bool write_all(const kn_files *f, int fd, const uint8_t *bytes, size_t si
 }
 
 // NULL, or what could not be done; errno says why.
-static const char *put_file(const kn_store *s, size_t size)
+static const char *put_file(const kn_store *s, size_t size, bool stays)
 {
     const kn_files *f = s->files;
-    int fd = f->open(s->dir, TEMPORARY, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0600);
+    int fd = f->open(s->dir, TEMPORARY, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, stays ? 0400 : 0600);
     if (fd < 0) return "open";
     const char *failed = !write_all(f, fd, s->bytes, size) ? "write" : f->sync(fd) != 0 ? "fdatasync" : NULL;
     int why = errno;
@@ -208,14 +214,14 @@ static const char *put_file(const kn_store *s, size_t size)
     return failed;
 }
 
-bool kn_store_save(kn_store *store, kn_saved *saved, char *why, size_t why_size)
+bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size_t why_size)
 {
     kn_store *s = store;
     char name[256];
     saved->generation = s->generation + 1;
     file_name(s->series, saved->generation, name);
     size_t size = kn_saved_encode(s->scene, s->model, saved, s->bytes, s->room);
-    const char *failed = size == 0 ? "encode" : put_file(s, size);
+    const char *failed = size == 0 ? "encode" : put_file(s, size, stays);
     bool there = !failed && s->files->rename(s->dir, TEMPORARY, name) == 0;
     if (!failed && !there) failed = "rename";
     if (there && s->files->sync_dir(s->dir) != 0) failed = "fsync of the directory";
@@ -226,7 +232,7 @@ bool kn_store_save(kn_store *store, kn_saved *saved, char *why, size_t why_size)
         s->generation = saved->generation; // it may be there or not: nothing is removed for it
     if (failed) return false;
     s->generation = saved->generation;
-    keep(s, saved->generation);
+    if (!stays) keep(s, saved->generation);
     return true;
 }
 

@@ -1,6 +1,6 @@
 #ifndef KN_SERVER_STORE_H
 #define KN_SERVER_STORE_H
-// A directory of snapshots, a file per generation, of which the last KN_STORE_KEPT stay:
+// A directory of snapshots, a file per generation, of which the last KN_STORE_KEPT stay, and those that are read-only:
 //
 //     dough.1f0c9a7e.00000012.knead
 //
@@ -59,7 +59,8 @@ void kn_store_close(kn_store *store); // one that was not opened is fine when di
 
 // saved: as kn_saved_encode wants it, but for the generation, which is the next. False and the reason in why: nothing
 // of what there was is lost, and the next one can be tried.
-bool kn_store_save(kn_store *store, kn_saved *saved, char *why, size_t why_size);
+// stays: an operator's, a read-only file, which nobody removes but its owner.
+bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size_t why_size);
 
 // It has been restored: it is not removed before KN_STORE_PINS others have been. Any thread.
 void kn_store_pin(kn_store *store, int64_t generation);

@@ -9,7 +9,7 @@
 #define KN_COMMANDS(X)                                                                                                 \
     X(check, "says what a scene is, what it costs, what to watch for; --keys: every key there is")                     \
     X(creep, "virtual rheometer: a weight on a specimen, then not; height, what comes back, what stays")               \
-    X(ctl, "an operator's word to a running kneadd: status, reset, quality, estop, recover, stop")                        \
+    X(ctl, "an operator's word to a running kneadd: status, reset, quality, snapshot, restore, undo, estop ...")                      \
     X(devices, "what could be a hand on this machine: how to use it, what it lacks, the fix; --json")                  \
     X(doctor, "what this machine lacks for real time, LCM and devices, how late it wakes a thread; each with the fix")        \
     X(element, "springs and dampers in series and parallel: what they do by the papers' rules, and what is so")        \

@@ -81,7 +81,7 @@ static void show(const char *indent, const char *name, json_t *value)
 static int tell(const options *o, const char *command, json_t *answer)
 {
     const char *error = json_string_value(json_object_get(answer, "error")), *key;
-    const json_t *tick = json_object_get(answer, "tick");
+    const json_t *tick = json_object_get(answer, "tick"), *generation = json_object_get(answer, "generation");
     json_t *value;
     if (o->json) {
         json_dumpf(answer, stdout, JSON_COMPACT);
@@ -91,12 +91,28 @@ static int tell(const options *o, const char *command, json_t *answer)
     } else if (strcmp(command, "status") == 0) {
         json_object_del(answer, "ok");
         json_object_foreach(answer, key, value) show("", key, value);
+    } else if (json_integer_value(generation) > 0) {
+        printf("%s: generation %" PRId64 ", tick %" PRId64 "\n", command, (int64_t)json_integer_value(generation),
+               (int64_t)json_integer_value(tick));
     } else if (tick) {
         printf("%s: tick %" PRId64 "\n", command, (int64_t)json_integer_value(tick));
     } else {
         printf("%s: done\n", command);
     }
     return error ? KN_EXIT_USAGE : KN_EXIT_OK;
+}
+
+// Where it does not belong it is refused there.
+static void add_argument(json_t *request, const char *command, const char *argument)
+{
+    long long number;
+    char end;
+    if (strcmp(command, "restore") != 0)
+        json_object_set_new(request, "name", json_string(argument));
+    else if (sscanf(argument, "%18lld%c", &number, &end) == 1)
+        json_object_set_new(request, "generation", json_integer(number));
+    else
+        json_object_set_new(request, "generation", json_string(argument));
 }
 
 int kn_ctl_main(int argc, char **argv)
@@ -110,8 +126,7 @@ int kn_ctl_main(int argc, char **argv)
     if (argument && argv[optind + 2])
         return kn_complain("ctl", KN_EXIT_USAGE, "%s: expected one argument", argv[optind + 2]);
     json_t *request = json_pack("{s:s}", "command", command);
-    if (request && argument)
-        json_object_set_new(request, "name", json_string(argument)); // refused there where it does not belong;
+    if (request && argument) add_argument(request, command, argument);
     json_t *answer = request ? kn_ask(o.path, request, error, sizeof error) : NULL;
     if (answer)
         code = tell(&o, command, answer);

@@ -19,9 +19,9 @@ static int64_t real_time_ns(void)
 
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
-    (void)channel;
     kn_device *d = self;
     knead_contact_force_t f;
+    if (!kn_join_heard(buf, channel)) return;
     if (knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &f) < 0) return;
     d->force.session = f.session;
     d->force.seq = f.seq;
@@ -35,10 +35,10 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 
 static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
-    (void)channel;
     kn_device *d = self;
     knead_contact_model_t message;
     kn_hand_force *f = &d->force;
+    if (!kn_join_heard(buf, channel)) return;
     if (knead_contact_model_t_decode(buf->data, 0, (int)buf->data_size, &message) < 0) return;
     if (f->units > 0 && (f->unit->utime != message.utime || f->units == KN_CONTACT_UNITS)) f->units = 0;
     kn_wire_unit(&f->unit[f->units++], &message);
@@ -54,7 +54,7 @@ static void publish(kn_device *d, const kn_hand_out *out)
     pose.frame = KNEAD_PROBE_POSE_T_FRAME_SCENE;
     pose.sent_ns = kn_now_ns();
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &pose);
-    lcm_publish(d->lcm, d->pose_channel, bytes, (unsigned)size); // a lost pose is what watchdogs are for
+    kn_join_send(d->lcm, d->pose_channel, bytes, size); // a lost pose is what watchdogs are for
 }
 
 static bool open_bus(kn_device *d)

@@ -1,9 +1,14 @@
 #include "clients/knead/join.h"
+#include "server/auth.h"
 #include "server/bus.h"
+#include "server/daemon.h"
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+static kn_auth auth;
+static bool keyed;
 
 static int buffer_bytes(void)
 {
@@ -16,15 +21,30 @@ static int buffer_bytes(void)
     return allowed < most ? allowed : most;
 }
 
+static const char *lan(void)
+{
+    const char *name = getenv("KNEAD_LAN");
+    return name && *name ? name : NULL;
+}
+
 static const char *choose(const char *url, const char *otherwise)
 {
-    const char *set = strcmp(otherwise, KN_FORCE_URL) ? NULL : getenv("LCM_DEFAULT_URL");
-    return url ? url : set && *set ? set : otherwise;
+    bool meshes = strcmp(otherwise, KN_FORCE_URL) != 0;
+    const char *set = meshes ? NULL : getenv("LCM_DEFAULT_URL");
+    if (!url) url = set && *set ? set : lan() ? meshes ? KN_MESH_LAN_URL : KN_LCM_LAN_URL : otherwise;
+    return url;
+}
+
+static bool parse(kn_bus *bus, const char *url, char *error, size_t error_size)
+{
+    const char *key = getenv("KNEAD_KEY");
+    if (key && *key && !keyed && !(keyed = kn_auth_load(&auth, key, error, error_size))) return false;
+    return kn_bus_parse(bus, url, lan(), error, error_size);
 }
 
 bool kn_join_check(const char *url, const char *otherwise, char *error, size_t error_size)
 {
-    return kn_bus_parse(&(kn_bus){0}, choose(url, otherwise), error, error_size);
+    return parse(&(kn_bus){0}, choose(url, otherwise), error, error_size);
 }
 
 lcm_t *kn_join(const char *url, const char *otherwise, char *error, size_t error_size)
@@ -32,12 +52,23 @@ lcm_t *kn_join(const char *url, const char *otherwise, char *error, size_t error
     char full[256];
     kn_bus bus;
     url = choose(url, otherwise);
-    if (!kn_bus_parse(&bus, url, error, error_size) || !kn_bus_check_route(&bus, error, error_size)) return NULL;
+    if (!parse(&bus, url, error, error_size) || !kn_bus_check_route(&bus, error, error_size)) return NULL;
     snprintf(full, sizeof full, strstr(url, "recv_buf_size=") ? "%s" : strchr(url, '?') ? "%s&recv_buf_size=%d" :
              "%s?recv_buf_size=%d", url, buffer_bytes());
     lcm_t *lcm = lcm_create(full);
     if (!lcm) snprintf(error, error_size, "%s: LCM cannot join the group", url);
     return lcm;
+}
+
+int kn_join_send(lcm_t *lcm, const char *channel, uint8_t *bytes, int size)
+{
+    if (keyed) size = (int)kn_auth_sign(&auth, channel, bytes, (size_t)size);
+    return lcm_publish(lcm, channel, bytes, (unsigned)size);
+}
+
+bool kn_join_heard(const lcm_recv_buf_t *buf, const char *channel)
+{
+    return !keyed || kn_auth_check(&auth, channel, buf->data, buf->data_size);
 }
 
 int kn_join_priority(int priority)

@@ -3,6 +3,7 @@
 // A client's way onto an LCM bus: stock liblcm behind the same check of the route as the daemon's, because already the
 // joining of a group whose route is not loopback would go out to the network.
 #include <lcm/lcm.h>
+#include <stdint.h>
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -17,6 +18,12 @@ bool kn_join_check(const char *url, const char *otherwise, char *error, size_t e
 // large as the kernel allows, up to 4 MiB: what a full one loses is lost silently. NULL and one line in error.
 // LCM's hidden receive thread gets the scheduling class of the thread that makes the first subscription.
 lcm_t *kn_join(const char *url, const char *otherwise, char *error, size_t error_size);
+
+// Of the environment: KNEAD_LAN, an interface in lo's place, for URLs with ttl=1 or more; KNEAD_KEY, a file of
+// server/auth.h, which kn_join_check and kn_join read. Then what is sent is signed, and what was not signed with it was
+// not heard. bytes: size of them, and room for KN_WIRE_MAC more.
+int kn_join_send(lcm_t *lcm, const char *channel, uint8_t *bytes, int size);
+bool kn_join_heard(const lcm_recv_buf_t *buf, const char *channel);
 
 // SCHED_FIFO for the calling thread, or back to SCHED_OTHER for priority 0. 0, or the errno of the refusal.
 int kn_join_priority(int priority);

@@ -67,7 +67,7 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
     pose.utime = real_time_us();
     pose.sent_ns = kn_now_ns();
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &pose);
-    lcm_publish(b->lcm, b->pose_channel, bytes, (unsigned)size); // a lost pose is what watchdogs are for
+    kn_join_send(b->lcm, b->pose_channel, bytes, size); // a lost pose is what watchdogs are for
     memcpy(b->now.position_m, pose.position_m, sizeof pose.position_m);
     b->now.buttons = pose.buttons;
     if (!t->render.def.local || b->device->answers) return;
@@ -77,9 +77,9 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
 
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
-    (void)channel;
     kn_bridge *b = self;
     knead_contact_force_t f;
+    if (!kn_join_heard(buf, channel)) return;
     if (knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &f) < 0) return;
     kn_tether_force force = {.session = f.session, .seq = f.seq, .flags = f.flags, .fault = f.fault,
                              .age_s = 1e-9 * (double)(kn_now_ns() - f.sent_ns)};
@@ -89,10 +89,10 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 
 static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
-    (void)channel;
     kn_bridge *b = self;
     knead_contact_model_t message;
     kn_contact_unit unit;
+    if (!kn_join_heard(buf, channel)) return;
     if (knead_contact_model_t_decode(buf->data, 0, (int)buf->data_size, &message) < 0) return;
     kn_wire_unit(&unit, &message);
     kn_render_contact(&b->now.tether.render, &unit);

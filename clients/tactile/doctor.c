@@ -130,7 +130,7 @@ static void look_at_bus(findings *f)
     kn_bus bus;
     const char *url = getenv("LCM_DEFAULT_URL");
     if (!url || !*url) url = KN_LCM_URL;
-    bool parsed = kn_bus_parse(&bus, url, error, sizeof error);
+    bool parsed = kn_bus_parse(&bus, url, NULL, error, sizeof error);
     bool good = parsed && kn_bus_check_route(&bus, error, sizeof error);
     char *cure = good ? NULL : strstr(error, also);
     if (cure) *cure = '\0';

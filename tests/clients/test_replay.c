@@ -404,7 +404,7 @@ static kn_saved keep(recorder *r, kn_store *store)
     char why[200];
     kn_saved saved = {.state = kn_state_keep(r->model), .servo = r->servo, .tick = r->in.tick, .utime = r->utime};
     kn_state_copy(r->model, saved.state, r->backend.state(r->backend.self));
-    CHECK(kn_store_save(store, &saved, why, sizeof why));
+    CHECK(kn_store_save(store, &saved, false, why, sizeof why));
     return saved;
 }
 

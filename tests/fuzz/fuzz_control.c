@@ -8,6 +8,7 @@
 static kn_scene scene = {.name = "fuzz.yaml", .model = {.probe_count = 1, .probe = {{.name = "plate"}}},
                          .point = {{.defined = true, .live = true}, {.defined = true}}};
 static kn_loop loop;
+static kn_keeper keeper = {.store.dir = -1};
 static kn_operator operator;
 static int stops;
 
@@ -23,7 +24,7 @@ static void stop(void *arg) { (void)arg, stops++; }
 int LLVMFuzzerInitialize(int *argc, char ***argv)
 {
     (void)argc, (void)argv;
-    kn_operator_init(&operator, &scene, &loop);
+    kn_operator_init(&operator, &scene, &loop, &keeper);
     operator.ask = ask;
     operator.stop = stop;
     return 0;
@@ -34,6 +35,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (size >= KN_CONTROL_LINE) return 0; // refused before
     atomic_store(&loop.orders, 0);
     atomic_store(&loop.obeyed, INT64_MAX); // a tick comes at once
+    atomic_store(&loop.restored, 1);
     stops = 0;
     json_t *request, *answer = kn_control_judge(kn_operator_answer, &operator, (const char *)data, size, &request);
     const json_t *ok = json_object_get(answer, "ok");

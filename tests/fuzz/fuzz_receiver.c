@@ -30,7 +30,7 @@ static unsigned take(reader *in)
 // Control: bits 0-1 what, 2 over lo, 3 the other probe, 4-7 how long after the one before.
 static kn_datagram next_datagram(reader *in, unsigned control, int64_t seq)
 {
-    kn_datagram d = {.loopback = control & 4};
+    kn_datagram d = {.here = control & 4};
     if ((control & 3) == 0) {
         size_t wanted = take(in) | (take(in) & 1) << 8, left = (size_t)(in->end - in->at);
         d.size = wanted < left ? wanted : left;

@@ -9,12 +9,12 @@ TEST("a multicast group and a port are a bus")
     for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
         kn_bus bus;
         char error[256] = "";
-        if (!kn_bus_parse(&bus, good[i], error, sizeof error)) KN_TEST_FAIL("refused: %s", error);
+        if (!kn_bus_parse(&bus, good[i], NULL, error, sizeof error)) KN_TEST_FAIL("refused: %s", error);
         CHECK(bus.group.sin_family == AF_INET && bus.url == good[i]);
     }
     kn_bus bus;
     char error[256];
-    CHECK(kn_bus_parse(&bus, good[1], error, sizeof error));
+    CHECK(kn_bus_parse(&bus, good[1], NULL, error, sizeof error));
     CHECK(ntohs(bus.group.sin_port) == 7667 && ntohl(bus.group.sin_addr.s_addr) == 0xefff4c43);
 }
 
@@ -39,7 +39,7 @@ TEST("anything else is refused in one line that names what was expected")
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         kn_bus bus;
         char error[256] = "";
-        if (kn_bus_parse(&bus, bad[i], error, sizeof error)) KN_TEST_FAIL("accepted: %s", bad[i]);
+        if (kn_bus_parse(&bus, bad[i], NULL, error, sizeof error)) KN_TEST_FAIL("accepted: %s", bad[i]);
         CHECK(strstr(error, "expected") && !strchr(error, '\n') && strncmp(error, bad[i], strlen(bad[i])) == 0);
     }
 }

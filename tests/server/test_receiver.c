@@ -1,4 +1,5 @@
 #include "server/receiver.h"
+#include "server/wire.h"
 #include "tests/check.h"
 #include "tests/server/datagram.h"
 
@@ -35,7 +36,7 @@ static kn_verdict judge(const kn_datagram *datagram)
 
 static kn_datagram datagram_of(const char *channel, const knead_probe_pose_t *pose)
 {
-    kn_datagram datagram = {.loopback = true};
+    kn_datagram datagram = {.here = true};
     datagram.size = kn_pose_datagram(datagram.bytes, sizeof datagram.bytes, channel, pose);
     return datagram;
 }
@@ -68,7 +69,7 @@ TEST("what is not a pose message is told apart")
     start();
     knead_probe_pose_t pose = good_pose(1, 1);
     kn_datagram good = datagram_of("KNEAD_POSE_hand", &pose), bad = good;
-    bad.loopback = false;
+    bad.here = false;
     CHECK_VERDICT(judge(&bad), KN_REJECT_INTERFACE);
     bad = good, bad.size = 7;
     CHECK_VERDICT(judge(&bad), KN_REJECT_RUNT);
@@ -91,7 +92,7 @@ TEST("what is not a pose message is told apart")
 TEST("a channel name must end inside the datagram and within 64 bytes")
 {
     start();
-    kn_datagram d = {.loopback = true, .size = 8 + 12};
+    kn_datagram d = {.here = true, .size = 8 + 12};
     memcpy(d.bytes, "LC02\0\0\0\0KNEAD_POSE_h", 20); // the NUL would be the next byte
     CHECK_VERDICT(judge(&d), KN_REJECT_CHANNEL_END);
     d.size = 8;
@@ -109,10 +110,112 @@ TEST("only the exact length of a pose will do")
     knead_probe_pose_t pose = good_pose(1, 1);
     kn_datagram good = datagram_of("KNEAD_POSE_hand", &pose), bad = good;
     for (bad.size = 8 + sizeof "KNEAD_POSE_hand"; bad.size <= KN_DATAGRAM_MAX; bad.size++)
-        if (bad.size != good.size) CHECK_VERDICT(judge(&bad), KN_REJECT_LENGTH);
+        if (bad.size != good.size && bad.size != good.size + KN_WIRE_MAC) CHECK_VERDICT(judge(&bad), KN_REJECT_LENGTH);
     bad = good, bad.truncated = true;
     CHECK_VERDICT(judge(&bad), KN_REJECT_LENGTH);
     CHECK_VERDICT(judge(&good), KN_ACCEPTED);
+}
+
+// Of the key, as a holder sends it.
+static kn_datagram signed_pose(const kn_auth *auth, const char *channel, const knead_probe_pose_t *pose)
+{
+    kn_datagram d = datagram_of(channel, pose);
+    size_t head = 8 + strlen(channel) + 1;
+    d.size = head + kn_auth_sign(auth, channel, d.bytes + head, d.size - head);
+    return d;
+}
+
+static kn_auth key;
+
+static void start_keyed(void)
+{
+    start();
+    for (int i = 0; i < KN_AUTH_KEY; i++) key.key[i] = (unsigned char)(7 * i + 1);
+    receiver.auth = &key;
+    receiver.epoch_us = INT64_C(1700000000000000) - START_NS / 1000; // START_NS is that moment
+}
+
+static knead_probe_pose_t pose_of_now(int64_t session, int64_t seq)
+{
+    knead_probe_pose_t pose = good_pose(session, seq);
+    pose.utime = receiver.epoch_us + now_ns / 1000;
+    return pose;
+}
+
+TEST("with a key only what its holders send is taken: no other key, channel or bit of it")
+{
+    start_keyed();
+    knead_probe_pose_t pose = pose_of_now(1, 1);
+    kn_datagram good = signed_pose(&key, "KNEAD_POSE_hand", &pose), bad = datagram_of("KNEAD_POSE_hand", &pose);
+    CHECK_VERDICT(judge(&bad), KN_REJECT_MAC);
+    kn_auth other = key;
+    other.key[31] ^= 1;
+    bad = signed_pose(&other, "KNEAD_POSE_hand", &pose);
+    CHECK_VERDICT(judge(&bad), KN_REJECT_MAC);
+    bad = signed_pose(&key, "KNEAD_POSE_thumb", &pose); // of another tool, sent as this one's
+    kn_datagram moved = datagram_of("KNEAD_POSE_hand", &pose);
+    memcpy(moved.bytes + moved.size, bad.bytes + bad.size - KN_WIRE_MAC, KN_WIRE_MAC);
+    moved.size += KN_WIRE_MAC;
+    CHECK_VERDICT(judge(&moved), KN_REJECT_MAC);
+    for (size_t bit = 8 * (8 + sizeof "KNEAD_POSE_hand"); bit < 8 * good.size; bit++) {
+        bad = good;
+        bad.bytes[bit / 8] ^= (unsigned char)(1 << bit % 8);
+        CHECK_VERDICT(judge(&bad), KN_REJECT_MAC);
+    }
+    CHECK(receiver.accepted == 0);
+    CHECK_VERDICT(judge(&good), KN_ACCEPTED);
+    receiver.auth = NULL; // who has no key does not look
+    start();
+    good = signed_pose(&key, "KNEAD_POSE_hand", &pose);
+    CHECK_VERDICT(judge(&good), KN_ACCEPTED);
+}
+
+TEST("what was recorded of a holder of the key is never taken again, not after its session, not after a restart")
+{
+    start_keyed();
+    enum { COUNT = 200 };
+    static kn_datagram recorded[2 * COUNT];
+    int64_t recorded_ns = now_ns;
+    for (int i = 0; i < 2 * COUNT; i++, now_ns += MS) { // two sessions, the second after a silence
+        if (i == COUNT) {
+            now_ns += 1100 * MS;
+            kn_receiver_expire(&receiver, now_ns);
+        }
+        knead_probe_pose_t pose = pose_of_now(1 + i / COUNT, 1 + i);
+        recorded[i] = signed_pose(&key, "KNEAD_POSE_hand", &pose);
+        CHECK_VERDICT(judge(&recorded[i]), KN_ACCEPTED);
+    }
+    for (int i = 0; i < 2 * COUNT; i++) CHECK_VERDICT(judge(&recorded[i]), KN_REJECT_REPLAYED);
+    now_ns += 1100 * MS;
+    kn_receiver_expire(&receiver, now_ns);
+    for (int i = 0; i < 2 * COUNT; i++) CHECK_VERDICT(judge(&recorded[i]), KN_REJECT_REPLAYED);
+    knead_probe_pose_t pose = pose_of_now(1, 1); // the holder himself may come again
+    kn_datagram next = signed_pose(&key, "KNEAD_POSE_hand", &pose);
+    CHECK_VERDICT(judge(&next), KN_ACCEPTED);
+
+    int64_t epoch_us = receiver.epoch_us;
+    start_keyed(); // knows nothing of all that
+    receiver.epoch_us = epoch_us;
+    now_ns = recorded_ns + 62000 * MS;
+    for (int i = 0; i < 2 * COUNT; i++) CHECK_VERDICT(judge(&recorded[i]), KN_REJECT_REPLAYED);
+    pose = pose_of_now(9, 1);
+    pose.utime += 61000000; // ahead of everybody, it would shut out all others
+    next = signed_pose(&key, "KNEAD_POSE_hand", &pose);
+    CHECK_VERDICT(judge(&next), KN_REJECT_REPLAYED);
+}
+
+TEST("with peers a pose counts from their addresses only")
+{
+    start();
+    receiver.peer[0].s_addr = 0x0a000001, receiver.peer[1].s_addr = 0x0a000002;
+    receiver.peers = 2;
+    for (unsigned from = 0x0a000000; from < 0x0a000004; from++) {
+        knead_probe_pose_t pose = good_pose(1, from & 3 ? from & 3 : 9);
+        kn_datagram d = datagram_of("KNEAD_POSE_hand", &pose);
+        d.from.s_addr = from;
+        bool peer = from == 0x0a000001 || from == 0x0a000002;
+        CHECK_VERDICT(judge(&d), peer ? KN_ACCEPTED : KN_REJECT_PEER);
+    }
 }
 
 TEST("fields are judged before anyone sees them")
@@ -264,7 +367,7 @@ TEST("whatever arrives, each datagram ends in one counter, and what is accepted 
                                          good_pose(n % 64 ? 1 : 2, n % 500));
         kn_datagram d = {.size = size < sizeof d.bytes ? size : sizeof d.bytes,
                          .truncated = size > sizeof d.bytes,
-                         .loopback = n % 32 != 5};
+                         .here = n % 32 != 5};
         memcpy(d.bytes, bytes, d.size);
         int probe = -1;
         kn_pose pose;
@@ -278,8 +381,8 @@ TEST("whatever arrives, each datagram ends in one counter, and what is accepted 
     for (int i = 0; i < KN_REJECT_COUNT; i++) sum += receiver.rejected[i];
     CHECK(receiver.received == COUNT && sum == COUNT);
     CHECK(receiver.accepted > COUNT / 20);
-    for (int i = 0; i < KN_REJECT_COUNT; i++) // the mix reaches every reason; rate has a test of its own
-        if (i != KN_REJECT_RATE && receiver.rejected[i] == 0)
+    for (int i = 0; i < KN_REJECT_COUNT; i++) // the mix reaches every reason; rate and what follows have tests of their own
+        if (i != KN_REJECT_RATE && i < KN_REJECT_PEER && receiver.rejected[i] == 0)
             KN_TEST_FAIL("the mix never reached '%s'", kn_verdict_name((kn_verdict)i));
 }
 

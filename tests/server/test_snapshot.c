@@ -199,10 +199,10 @@ TEST("every flipped byte and every truncation of a file is refused with a reason
     printf("     %zu bytes, each flipped and each cut off\n", size);
 
     kn_store s = store_of(r);
-    CHECK(kn_store_save(&s, &r->saved, why, sizeof why));
+    CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why));
     uint64_t before = hash_of(r, r->saved.state);
     work(r, 300);
-    CHECK(kn_store_save(&s, &r->saved, why, sizeof why) && r->saved.generation == 2);
+    CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why) && r->saved.generation == 2);
     char path[400], name[256], line[600] = "";
     CHECK(kn_store_load(&s, 0, &r->found, name, NULL, why, sizeof why) && r->found.generation == 2);
     CHECK(hash_of(r, r->found.state) == r->saved.state_hash && r->saved.state_hash != before);
@@ -271,18 +271,18 @@ TEST("the last eight generations stay; other lattices and scenes in the same dir
     clear_directory(o->directory, true), clear_directory(j->directory, true);
     strcpy(o->directory, r->directory), strcpy(j->directory, r->directory);
     kn_store s = store_of(r);
-    for (int i = 0; i < 12; i++) CHECK(kn_store_save(&s, &r->saved, why, sizeof why));
+    for (int i = 0; i < 12; i++) CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why));
     CHECK(files_in(r->directory) == KN_STORE_KEPT && r->saved.generation == 12);
     kn_store_close(&s);
 
     kn_store other = store_of(o);
     CHECK(!kn_store_load(&other, 0, &o->found, name, NULL, why, sizeof why) && !strcmp(why, "another lattice"));
-    for (int i = 0; i < 10; i++) CHECK(kn_store_save(&other, &o->saved, why, sizeof why));
+    for (int i = 0; i < 10; i++) CHECK(kn_store_save(&other, &o->saved, false, why, sizeof why));
     CHECK(o->saved.generation == 22);
     kn_store_close(&other);
     kn_store jelly = store_of(j);
     CHECK(!kn_store_load(&jelly, 0, &j->found, name, NULL, why, sizeof why) && !strcmp(why, "none"));
-    CHECK(kn_store_save(&jelly, &j->saved, why, sizeof why) && j->saved.generation == 1);
+    CHECK(kn_store_save(&jelly, &j->saved, false, why, sizeof why) && j->saved.generation == 1);
     kn_store_close(&jelly);
     CHECK(files_in(r->directory) == 2 * KN_STORE_KEPT + 1);
 
@@ -292,12 +292,21 @@ TEST("the last eight generations stay; other lattices and scenes in the same dir
     s = store_of(r);
     CHECK(access(path, F_OK) != 0);
     CHECK(kn_store_load(&s, 0, &r->found, name, NULL, why, sizeof why) && r->found.generation == 12);
-    CHECK(kn_store_save(&s, &r->saved, why, sizeof why) && r->saved.generation == 23);
+    CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why) && r->saved.generation == 23);
     CHECK(files_in(r->directory) == 2 * KN_STORE_KEPT + 1);
+    CHECK(kn_store_save(&s, &r->saved, true, why, sizeof why)); // an operator's
+    int64_t asked = r->saved.generation;
+    CHECK(files_in(r->directory) == 2 * KN_STORE_KEPT + 2);
     kn_store_pin(&s, 12); // restored: for a replay of what came of it
-    for (int i = 0; i < 20; i++) CHECK(kn_store_save(&s, &r->saved, why, sizeof why));
-    CHECK(files_in(r->directory) == 2 * KN_STORE_KEPT + 1);
+    for (int i = 0; i < 20; i++) CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why));
+    CHECK(files_in(r->directory) == 2 * KN_STORE_KEPT + 2);
     CHECK(kn_store_load(&s, 12, &r->found, name, NULL, why, sizeof why));
+    CHECK(kn_store_load(&s, asked, &r->found, name, NULL, why, sizeof why));
+    kn_store_close(&s);
+    s = store_of(r); // after a restart, too
+    for (int i = 0; i < 10; i++) CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why));
+    CHECK(kn_store_load(&s, asked, &r->found, name, NULL, why, sizeof why));
+    CHECK(!kn_store_load(&s, 12, &r->found, name, NULL, why, sizeof why));
     kn_store_close(&s);
     rig_free(r), rig_free(o), rig_free(j);
 }
@@ -312,7 +321,7 @@ TEST(
     CHECK(strstr(error, "another kneadd keeps its state there") && !strchr(error, '\n'));
     kn_store_close(&second);
     work(r, 10);
-    CHECK(kn_store_save(&s, &r->saved, error, sizeof error));
+    CHECK(kn_store_save(&s, &r->saved, false, error, sizeof error));
     CHECK(kn_store_load(&s, 0, &r->found, name, NULL, why, sizeof why));
     snprintf(path, sizeof path, "%s/%s", r->directory, name);
     snprintf(target, sizeof target, "%s/elsewhere", r->directory);
@@ -395,7 +404,7 @@ TEST("whatever call fails, and how: what there was is there, why is told, and th
     char why[200];
     work(r, 400);
     disk = (typeof(disk)){.most = 1 << 20};
-    for (int i = 0; i < KN_STORE_KEPT; i++) CHECK(kn_store_save(&s, &r->saved, why, sizeof why)); // one goes with each
+    for (int i = 0; i < KN_STORE_KEPT; i++) CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why)); // one goes with each
     int refused = 0, runs = 0;
     for (size_t e = 0; e < 4; e++)
         for (int most = 0; most < 2; most++)
@@ -405,7 +414,7 @@ TEST("whatever call fails, and how: what there was is there, why is told, and th
                 s.files = &bad_files;
                 disk.calls = 0, disk.with = with[e], disk.most = most ? 1 << 20 : 9000;
                 *why = '\0';
-                bool saved = kn_store_save(&s, &r->saved, why, sizeof why);
+                bool saved = kn_store_save(&s, &r->saved, false, why, sizeof why);
                 s.files = &kn_files_system;
                 if (disk.calls < disk.fail_at) { // every one has failed once
                     CHECK(saved && disk.calls >= (most ? 7 : 10));
@@ -418,7 +427,7 @@ TEST("whatever call fails, and how: what there was is there, why is told, and th
                 int left = files_in(r->directory);
                 CHECK(left >= KN_STORE_KEPT && left <= KN_STORE_KEPT + 12);
                 work(r, 3);
-                CHECK(kn_store_save(&s, &r->saved, why, sizeof why));
+                CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why));
                 CHECK(newest(r, &s, why) == hash_of(r, r->saved.state));
                 kn_store_close(&s);
                 s = store_of(r); // and what a failed one has left is gone
@@ -593,7 +602,7 @@ static int lose_power(rig *r, bool sync, bool sync_dir, long *cuts)
             for (s.kept_count = 0; s.kept_count < KN_STORE_KEPT;)
                 s.kept[s.kept_count] = s.kept_count + 900, s.kept_count++;
         if (i == 2) s.kept[0] = s.generation - 1;
-        CHECK(kn_store_save(&s, &r->saved, why, sizeof why));
+        CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why));
         hashes[i] = hash_of(r, r->saved.state);
         ends[i] = done_count;
     }

@@ -1,0 +1,71 @@
+#!/usr/bin/env bash
+# kneadd on a network of two hosts: a hand on the other one, by its address or by a key. What has neither is counted and
+# moves nothing; what was recorded cannot be played again.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+ip route del 224.0.0.0/4 dev lo
+unshare -n sleep 600 >/dev/null 2>&1 & # the other host, which tests/netns does not see end
+other=$!
+trap 'kill $other' EXIT
+sleep 0.3
+if ! ip link add card type veth peer name card2 2>why || ! ip link set card2 netns $other 2>>why; then
+    echo "skipped: no network of two hosts to be had here: $(cat why)"
+    exit 77
+fi
+there() { nsenter -t $other -n "$@"; }
+ip addr add 10.9.0.1/24 dev card && ip link set card up && ip route add 224.0.0.0/4 dev card
+there ip link set lo up && there ip addr add 10.9.0.2/24 dev card2 && there ip addr add 10.9.0.3/24 dev card2
+there ip link set card2 up && there ip route add 224.0.0.0/4 dev card2 src 10.9.0.2
+sleep 0.5
+openssl rand -hex 32 >key 2>/dev/null || head -c 32 /dev/urandom | od -An -tx1 | tr -d ' \n' >key
+chmod 600 key
+tr 0-9a-f 1-9a-f0 <key >wrong && chmod 600 wrong
+export KNEAD_LAN=card2
+poke() { there env "$@" knead probe --path poke --quiet; }
+expect() { # expect PATTERN OPTION...: kneadd ends with 2 and one line
+    kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" "${@:2}" >out 2>err
+    local code=$?
+    check "refused: $(cat err)" [ "$code $(cat out err | wc -l) $(grep -c -e "$1" err)" = "2 1 1" ]
+}
+expect '--lan: expected --key FILE or --peer ADDRESS beside it' --lan card
+expect '--peer: expected --lan IFACE beside it' --peer 10.9.0.2
+expect '10.9.0: expected --peer with an IPv4 address' --lan card --peer 10.9.0
+expect 'cord: no such network interface' --lan cord --peer 10.9.0.2
+expect 'expected ttl=1 or more' --lan card --peer 10.9.0.2 --lcm-url 'udpm://239.255.76.67:7667?ttl=0'
+expect 'expected ttl=0' --lcm-url 'udpm://239.255.76.67:7667?ttl=1'
+cp key open && chmod 644 open
+expect 'open: others may read or write it, expected mode 0600' --key open
+
+start_kneadd dough-small.yaml --lan card --peer 10.9.0.2
+check "that an address proves nothing is said" grep -q 'that is no authentication' kneadd.log
+check "a hand on the other host is pushed back" poke KNEAD_KEY=
+there ip route change 224.0.0.0/4 dev card2 src 10.9.0.3
+sleep 1.2
+poke KNEAD_KEY= >out 2>&1
+check "from another address it is not" [ $? = 3 ]
+stop_kneadd
+check "each of its poses was counted: $(counter peer)" [ "$(counter peer)" -gt 1000 ]
+
+start_kneadd dough-small.yaml --lan card --key key
+nsenter -t $other -n lcm-logger -q --lcm-url='udpm://239.255.76.67:7667?ttl=1' -f record.lcmlog >/dev/null 2>&1 &
+logger=$!
+sleep 0.5
+check "with a key it may come from anywhere" poke KNEAD_KEY=key
+stop_logger
+sleep 1.2
+poke KNEAD_KEY= >out 2>&1
+check "without the key it is refused" [ $? = 3 ]
+poke KNEAD_KEY=wrong >out 2>&1
+check "with another key, too" [ $? = 3 ]
+there lcm-logplayer -e 'KNEAD_POSE.*' --lcm-url='udpm://239.255.76.67:7667?ttl=1' record.lcmlog >/dev/null 2>&1
+there env KNEAD_KEY=key KNEAD_LAN=card2 knead view --png view.png >view.out 2>&1
+check "pictures are for everybody: $(tail -1 view.out)" [ -s view.png ]
+stop_kneadd
+check "each was counted: $(counter mac) mac" [ "$(counter mac)" -gt 2000 ]
+check "what was recorded, played again, moved nothing: $(counter replayed) replayed" [ "$(counter replayed)" -gt 1000 ]
+check "the log of signed messages replays to the bit" knead replay record.lcmlog --verify
+
+start_kneadd dough-small.yaml --lan card --peer 10.9.0.3
+poke KNEAD_KEY=key >out 2>&1
+check "a hand with a key believes no server without" [ $? = 3 ]
+stop_kneadd
+exit $failed

@@ -1,0 +1,56 @@
+#!/usr/bin/env bash
+# What was kneaded can be kept, had back and undone by knead ctl; the log replays over all of it to the bit, with the
+# snapshots at hand. What cannot be restored is said, by name.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+ctl() { knead ctl --control control "$@"; }
+dent() { # DEPTH: a session of its own
+    printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.8,0,0,0.045 1,0,0,"$1" 1.5,0,0,"$1" 2,0,0,0.06 >path.csv
+    knead probe --path path.csv --quiet >/dev/null 2>hand.err
+    local code=$?
+    sleep 1.2
+    return $code
+}
+state() { sed -n 's/.*"state":"\([0-9a-f]*\)".*/\1/p' <<<"$1"; }
+generation() { sed -n 's/.*"generation":\([0-9]*\).*/\1/p' <<<"$1"; }
+expect() { # expect PATTERN CODE COMMAND...: ends with CODE and one line
+    "${@:3}" >out 2>err
+    local code=$?
+    check "refused: $(cat err)" [ "$code $(cat out err | wc -l) $(grep -c -e "$1" err)" = "$2 1 1" ]
+}
+mkdir kept
+for try in 1 2 3; do
+    rm -rf state.lcmlog kept/*
+    start_logger state.lcmlog
+    start_kneadd dough-small.yaml --control control --state-dir kept
+    dent 0.042 && first=$(ctl --json snapshot) && dent 0.039 && second=$(ctl --json snapshot) || { stop_kneadd && stop_logger && continue; }
+    restored=$(state "$(ctl --json restore "$(generation "$first")")")
+    sleep 0.3
+    newest=$(ctl restore "$(generation "$second")")
+    dent 0.041 || { stop_kneadd && stop_logger && continue; }
+    undone=$(ctl undo)
+    again=$(ctl undo)
+    sleep 0.3
+    stop_kneadd
+    stop_logger
+    knead replay state.lcmlog --snapshot kept --verify >said 2>err && break
+    grep -q 'ticks ran whose force or pose is not in the log' err || break
+done
+check "what was asked for stays, read-only: $(find kept -name '*.knead' ! -perm -200 | wc -l)" [ "$(find kept -name '*.knead' ! -perm -200 | wc -l)" = 2 ]
+check "two dents are two states: $first $second" [ -n "$(state "$first")" -a "$(state "$first")" != "$(state "$second")" ]
+check "the first one came back" [ "$restored" = "$(state "$first")" ]
+check "so did the second: $newest" grep -q '^restore: generation [0-9]*, tick' <<<"$newest"
+check "the third press was undone: $undone" grep -q '^undo: tick' <<<"$undone"
+check "and what was restored, after it: $again" grep -q '^undo: tick' <<<"$again"
+check "the log replays over all of it, with the snapshots at hand: $(tail -1 said)" [ -s said -a ! -s err ]
+expect 'snapshot' 2 knead replay state.lcmlog --verify
+start_kneadd jelly.yaml --control control --state-dir kept
+expect 'restore: ' 2 ctl restore
+expect 'undo: nothing has been kneaded' 2 ctl undo
+expect 'restore: expected "generation", a whole number' 2 ctl restore first
+expect 'restore: generation 0: expected 1 or more' 2 ctl restore 0
+stop_kneadd
+start_kneadd dough-small.yaml --control control
+expect 'expected kneadd --state-dir DIR' 2 ctl snapshot
+expect 'expected kneadd --state-dir DIR' 2 ctl restore
+stop_kneadd
+exit $failed
