@@ -8,10 +8,11 @@ check() { # check SENTENCE COMMAND...: one line, like tests/check.h
     if "$@"; then echo "ok   $sentence"; else echo "FAIL $sentence: $*" && failed=1; fi
 }
 start_kneadd() { # start_kneadd SCENE OPTION...: returns once it serves
+    rm -f kneadd.log kneadd.err # or the one before it would be heard
     kneadd --scene "$KN_SOURCE/core/scenes/$1" --realtime "$KN_REALTIME" "${@:2}" >kneadd.log 2>kneadd.err &
     server=$!
     for _ in $(seq 200); do
-        grep -q serving kneadd.log && return
+        grep -qs serving kneadd.log && return
         kill -0 "$server" 2>/dev/null || break
         sleep 0.05
     done

@@ -16,7 +16,7 @@ for ((kill = 0; kill <= kills; kill++)); do
     [ $kill = 0 ] || grep -q '^kneadd: restored state/dough-small\.' kneadd.log || unrestored=$((unrestored + 1))
     [ -e state/.tmp ] && missing=$((missing + 1))
     [ $kill = $kills ] && break
-    sleep "$((kill == 0 ? 3 : RANDOM % 2)).$(printf %03d $((RANDOM % 1000)))"
+    sleep "$((kill == 0 ? 3 : RANDOM % 2)).$((100 + RANDOM % 900))" # not before its first tick
     kill -0 $server && running=$((running + 1))
     kill -KILL $server
     wait $server 2>/dev/null
