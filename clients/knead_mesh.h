@@ -41,15 +41,11 @@ static inline void kn_mesh_free(kn_mesh *m)
 }
 
 // False: nothing new (the same mesh again), malformed, or out of memory; the mesh is then as before.
-static inline bool kn_mesh_fits(int64_t wanted, uint32_t size) // a server with a key signs: 16 bytes more
-{
-    return wanted == (int64_t)size || wanted + 16 == (int64_t)size;
-}
-
 static inline bool kn_mesh_init(kn_mesh *m, const void *data, uint32_t size)
 {
-    enum { INDEX_COUNT = 8 + 24 + 8, TRIANGLES = INDEX_COUNT + 5 }; // byte offsets; the type's hash is the first 8
-    if (size < TRIANGLES || !kn_mesh_fits(TRIANGLES + 4 * kn_mesh_int(data, INDEX_COUNT), size)) return false;
+    enum { INDEX_COUNT = 8 + 24 + 8, TRIANGLES = INDEX_COUNT + 5, TAG = 16 }; // byte offsets, after
+    // the type's hash; kneadd --key appends a tag
+    if (size < TRIANGLES || (size - TRIANGLES - 4 * kn_mesh_int(data, INDEX_COUNT)) & ~TAG) return false;
     knead_mesh_init_t msg;
     if (knead_mesh_init_t_decode(data, 0, (int)size, &msg) < 0) return false;
     bool fits = msg.vertex_count > 0 && msg.vertex_count <= KN_MESH_VERTICES_MAX && msg.triangle_count >= 0 &&
@@ -71,14 +67,13 @@ static inline bool kn_mesh_init(kn_mesh *m, const void *data, uint32_t size)
     return fits;
 }
 
-// True: positions_m now is the tick whose last missing chunk this was. A chunk of another mesh, a malformed one, and
-// the chunks of a tick that never became whole change nothing.
+// True: positions_m now is the tick whose last missing chunk this was. Other chunks change nothing that can be seen.
 static inline bool kn_mesh_update(kn_mesh *m, const void *data, uint32_t size)
 {
-    enum { COUNTS = 8 + 24 + 20, FLOATS = COUNTS + 13 };
+    enum { COUNTS = 8 + 24 + 20, FLOATS = COUNTS + 13, TAG = 16 };
     if (size < FLOATS || !m->positions_m) return false;
     int64_t n[3] = {kn_mesh_int(data, COUNTS), kn_mesh_int(data, COUNTS + 4), kn_mesh_int(data, COUNTS + 8)};
-    if (n[0] < 0 || n[1] < 0 || n[2] < 0 || !kn_mesh_fits(FLOATS + 4 * (n[0] + n[1] + n[2]), size)) return false;
+    if (n[0] < 0 || n[1] < 0 || n[2] < 0 || (size - FLOATS - 4 * (n[0] + n[1] + n[2])) & ~TAG) return false;
     knead_mesh_update_t msg;
     if (knead_mesh_update_t_decode(data, 0, (int)size, &msg) < 0) return false;
     bool fits = msg.mesh_id == m->mesh_id && msg.first >= 0 && msg.count >= 0 && n[0] == 3 * (int64_t)msg.count &&

@@ -23,6 +23,8 @@
 #define START_DELAY_NS 20000000 // until tick 0: by then every thread has left the barrier and sleeps
 #define PATIENCE_NS 300000000   // timeout(1) and shells send the first signal twice; a stop takes 100 ms at most
 #define SIGNALS 3
+#define SCENE_S 5                   // how often the scene is told, by when a client that comes has it
+#define SCENE_YOUNG_NS 20000000000  // and every second in the beginning
 #define CONTROL_TURN_MS 20 // how long a stop may wait for that thread
 #define REST_TICK_NS 500000 // in contact a tick takes about twice as long as at rest, and has 1 ms
 
@@ -176,8 +178,12 @@ static void on_status_due(struct ev_loop *ev, ev_timer *w, int events)
 
 static void on_scene_due(struct ev_loop *ev, ev_timer *w, int events)
 {
-    (void)ev, (void)events;
-    kn_publisher_scene(&((server *)w->data)->publisher, wall_clock_us());
+    (void)events;
+    server *d = w->data;
+    kn_publisher_scene(&d->publisher, wall_clock_us());
+    bool young = kn_now_ns() - d->start_ns < SCENE_YOUNG_NS; // whoever waits for a server comes just after it
+    w->repeat = young ? 1 : SCENE_S;
+    ev_timer_again(ev, w);
 }
 
 static void stop(server *d)
@@ -244,7 +250,7 @@ static bool watch_events(server *d)
     ev_async_init(&d->asked, on_asked);
     ev_async_init(&d->leave, on_leave);
     ev_timer_init(&d->status_due, on_status_due, 1, 1);
-    ev_timer_init(&d->scene_due, on_scene_due, 0, 5);
+    ev_timer_init(&d->scene_due, on_scene_due, 0, SCENE_S);
     d->readable.data = d->ticked.data = d->asked.data = d->leave.data = d->status_due.data = d->scene_due.data = d;
     ev_set_priority(&d->ticked, EV_MAXPRI); // forces before whatever else is due
     ev_async_start(d->ev, &d->ticked);

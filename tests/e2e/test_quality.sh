@@ -44,7 +44,7 @@ for try in 1 2 3; do
     [ "$early" = 0 ] && whole slow.lcmlog && break
     echo "try $try: $early points taken before any time was stolen" && cat hand.err kneadd.err
 done
-[ "$early" = 0 ] || { echo "skipped: this machine is too slow for dough at its accurate point" && exit 77; }
+[ "$early" = 0 ] || { echo "FAIL this machine is too slow for dough at its accurate point" && exit 1; }
 logcheck slow.lcmlog | tee slow.txt
 check "a hand pressed when the time was stolen" pressed
 check "kneadd took a lower point" [ "$(number stepped slow.txt)" -ge 1 ]
