@@ -21,6 +21,7 @@ bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, si
     bus->lan = lan;
     bus->device = lan ? (int)if_nametoindex(lan) : LO;
     if (bus->device == 0) return snprintf(error, error_size, "%s: no such network interface", lan), false;
+    if (lan && bus->device == LO) return snprintf(error, error_size, "%s: expected a network's interface", lan), false;
     int fields = sscanf(url, "udpm://%15[0-9.]:%5u%c", address, &port, &end);
     if (fields < 2 || (fields == 3 && end != '?') || inet_pton(AF_INET, address, &bus->group.sin_addr) != 1 ||
         !IN_MULTICAST(ntohl(bus->group.sin_addr.s_addr)) || port == 0 || port > 65535) {

@@ -3,10 +3,13 @@
 #include <errno.h>
 #include <inttypes.h>
 #include <poll.h>
+#include <semaphore.h>
 #include <stdarg.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -18,18 +21,31 @@
 typedef struct peer {
     int fd; // -1: nobody
     struct ucred who;
-    int64_t paid_ns; // up to when the time has been spent on commands
-    size_t length;   // of the line so far; KN_CONTROL_LINE: too long, its rest is passed over
+    int64_t paid_ns;  // up to when the time has been spent on commands
+    int64_t heard_ns; // the latest whole line, or since when it is here
+    json_t *request;  // a slow one that waits for its answer: meanwhile nothing more is heard; NULL: none
+    bool ended;       // it says nothing more; what it said is still answered
+    bool passing;     // over the rest of a line that was too long
+    size_t length;    // of what has been read and not heard yet
     char line[KN_CONTROL_LINE];
 } peer;
+
+typedef enum job { JOB_NONE, JOB_GIVEN, JOB_DONE } job;
 
 struct kn_control {
     int fd;
     struct stat own; // of the socket's file
     struct sockaddr_un at;
-    kn_control_answer answer;
-    void *self;
+    kn_control_def def;
     peer peers[KN_CONTROL_PEERS];
+    // the slow request at work: the control thread's until it is given, then the worker's until it is done
+    _Atomic job job;
+    int job_peer; // -1: none
+    const json_t *job_request;
+    json_t *job_answer;
+    sem_t given;
+    atomic_bool ending;
+    int done_fd; // an eventfd, which ends the control thread's wait
 };
 
 json_t *kn_control_error(const char *format, ...)
@@ -61,14 +77,18 @@ static const char *make_room(const struct sockaddr_un *at)
     return unlink(at->sun_path) == 0 ? NULL : strerror(errno);
 }
 
-kn_control *kn_control_open(const char *path, kn_control_answer answer, void *self, char *error, size_t error_size)
+kn_control *kn_control_open(const char *path, const kn_control_def *def, char *error, size_t error_size)
 {
     kn_control *c = calloc(1, sizeof *c);
     const char *why = c ? NULL : "out of memory";
     if (c) {
-        *c = (kn_control){.fd = -1, .at.sun_family = AF_UNIX, .answer = answer, .self = self};
+        *c = (kn_control){.fd = -1, .at.sun_family = AF_UNIX, .def = *def, .job_peer = -1};
         for (int i = 0; i < KN_CONTROL_PEERS; i++) c->peers[i].fd = -1;
-        if (!*path || strlen(path) > KN_CONTROL_PATH) why = "expected a path of 1 to 107 bytes";
+        c->done_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+        if (c->done_fd < 0 || sem_init(&c->given, 0, 0) != 0)
+            why = strerror(errno);
+        else if (!*path || strlen(path) > KN_CONTROL_PATH)
+            why = "expected a path of 1 to 107 bytes";
     }
     if (!why) {
         strcpy(c->at.sun_path, path);
@@ -85,18 +105,29 @@ kn_control *kn_control_open(const char *path, kn_control_answer answer, void *se
     if (!why) return c;
     snprintf(error, error_size, "--control %s: %s", path, why);
     if (c && c->fd >= 0) close(c->fd);
+    if (c && c->done_fd >= 0) close(c->done_fd);
     free(c);
     return NULL;
+}
+
+static void hang_up(peer *p)
+{
+    close(p->fd);
+    json_decref(p->request);
+    *p = (peer){.fd = -1};
 }
 
 void kn_control_close(kn_control *c)
 {
     struct stat now;
     if (!c) return;
+    if (atomic_load(&c->job) == JOB_DONE) json_decref(c->job_answer);
     for (int i = 0; i < KN_CONTROL_PEERS; i++)
-        if (c->peers[i].fd >= 0) close(c->peers[i].fd);
+        if (c->peers[i].fd >= 0) hang_up(&c->peers[i]);
     if (lstat(c->at.sun_path, &now) == 0 && now.st_dev == c->own.st_dev && now.st_ino == c->own.st_ino)
         unlink(c->at.sun_path);
+    sem_destroy(&c->given);
+    close(c->done_fd);
     close(c->fd);
     free(c);
 }
@@ -116,12 +147,6 @@ static bool may_command(const kn_control *c, int fd, struct ucred *who)
     return false;
 }
 
-static void hang_up(peer *p)
-{
-    close(p->fd);
-    p->fd = -1;
-}
-
 static void send_reply(peer *p, json_t *answer)
 {
     char *text = answer ? json_dumps(answer, JSON_COMPACT | JSON_ENSURE_ASCII) : NULL;
@@ -132,20 +157,35 @@ static void send_reply(peer *p, json_t *answer)
     json_decref(answer);
 }
 
+// A place for one more: a free one, else that of who has said nothing for longest, else of who waits behind another's
+// slow request. Nobody who keeps all places silent keeps an emergency stop out.
+static peer *make_place(kn_control *c)
+{
+    peer *place = NULL;
+    for (int i = 0; i < KN_CONTROL_PEERS; i++) {
+        peer *p = &c->peers[i];
+        if (p->fd < 0) return p;
+        if (i == c->job_peer) continue;
+        bool sooner = !place || (!p->request && place->request) ||
+                      (!p->request == !place->request && p->heard_ns < place->heard_ns);
+        if (sooner) place = p;
+    }
+    send_reply(place, kn_control_error("more than %d connections: yours was silent for longest", KN_CONTROL_PEERS));
+    if (place->fd >= 0) hang_up(place);
+    return place;
+}
+
 static void greet(kn_control *c)
 {
-    int fd = accept4(c->fd, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
-    if (fd < 0) return;
-    peer one = {.fd = fd}, *p = &one;
-    bool known = may_command(c, fd, &one.who);
-    if (!known) fprintf(stderr, "kneadd: control: uid %d pid %d: refused\n", (int)one.who.uid, (int)one.who.pid);
-    for (int i = 0; i < KN_CONTROL_PEERS && known && p == &one; i++)
-        if (c->peers[i].fd < 0) p = &c->peers[i];
-    *p = one;
-    if (p != &one) return;
-    send_reply(p, known ? kn_control_error("too many connections, expected %d at most", KN_CONTROL_PEERS)
-                   : kn_control_error("uid %d may not command this server", (int)one.who.uid));
-    if (p->fd >= 0) hang_up(p);
+    peer one = {.fd = accept4(c->fd, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK), .heard_ns = kn_now_ns()};
+    if (one.fd < 0) return;
+    if (may_command(c, one.fd, &one.who)) {
+        *make_place(c) = one;
+        return;
+    }
+    fprintf(stderr, "kneadd: control: uid %d pid %d: refused\n", (int)one.who.uid, (int)one.who.pid);
+    send_reply(&one, kn_control_error("uid %d may not command this server", (int)one.who.uid));
+    if (one.fd >= 0) hang_up(&one);
 }
 
 // --- lines ---
@@ -161,11 +201,15 @@ static bool afford(peer *p)
 
 static void tell_audit(const peer *p, const json_t *request, const json_t *answer)
 {
-    const json_t *tick = json_object_get(answer, "tick"), *error = json_object_get(answer, "error");
+    const json_t *tick = json_object_get(answer, "tick"), *generation = json_object_get(answer, "generation");
+    const json_t *error = json_object_get(answer, "error");
     char *asked = json_dumps(request, JSON_COMPACT | JSON_ENSURE_ASCII);
     fprintf(stderr, "kneadd: control: uid %d pid %d: %.200s: ", (int)p->who.uid, (int)p->who.pid, asked ? asked : "?");
     if (error)
         fprintf(stderr, "refused: %.200s\n", json_string_value(error));
+    else if (json_integer_value(generation) > 0)
+        fprintf(stderr, "tick %" PRId64 ", generation %" PRId64 "\n", (int64_t)json_integer_value(tick),
+                (int64_t)json_integer_value(generation));
     else if (tick)
         fprintf(stderr, "tick %" PRId64 "\n", (int64_t)json_integer_value(tick));
     else
@@ -181,61 +225,151 @@ static int brackets(const char *line, size_t length)
     return count;
 }
 
-json_t *kn_control_judge(kn_control_answer answer, void *self, const char *line, size_t length, json_t **request)
+// A new reference; NULL, and the reply in *refusal.
+static json_t *parse(const char *line, size_t length, json_t **refusal)
 {
     json_error_t why;
-    *request = NULL;
-    if (brackets(line, length) > KN_CONTROL_BRACKETS)
-        return kn_control_error("more than %d of [ and {", KN_CONTROL_BRACKETS);
-    json_t *asked = json_loadb(line, length, JSON_REJECT_DUPLICATES, &why);
-    if (!asked) return kn_control_error("no JSON at byte %d, expected one object per line", why.position);
-    bool audit = false;
-    json_t *reply = json_is_object(asked) ? answer(self, asked, &audit) : kn_control_error("expected one object per line");
-    if (audit) *request = asked;
-    else json_decref(asked);
-    return reply;
-}
-
-static json_t *judge(kn_control *c, const peer *p, size_t length)
-{
-    json_t *request, *answer = kn_control_judge(c->answer, c->self, p->line, length, &request);
-    if (request) tell_audit(p, request, answer);
-    json_decref(request);
-    return answer;
-}
-
-static void hear(kn_control *c, peer *p, const char *bytes, size_t size)
-{
-    for (size_t i = 0; i < size && p->fd >= 0; i++) {
-        if (bytes[i] != '\n') {
-            if (p->length < KN_CONTROL_LINE) p->line[p->length++] = bytes[i];
-            continue;
-        }
-        size_t length = p->length;
-        p->length = 0;
-        if (length == KN_CONTROL_LINE)
-            send_reply(p, kn_control_error("a line of more than %d bytes", KN_CONTROL_LINE - 1));
-        else if (!afford(p))
-            send_reply(p, kn_control_error("more than %d commands a second", KN_CONTROL_HZ));
-        else
-            send_reply(p, judge(c, p, length));
+    *refusal = NULL;
+    if (brackets(line, length) > KN_CONTROL_BRACKETS) {
+        *refusal = kn_control_error("more than %d of [ and {", KN_CONTROL_BRACKETS);
+        return NULL;
     }
+    json_t *request = json_loadb(line, length, JSON_REJECT_DUPLICATES, &why);
+    if (request && json_is_object(request)) return request;
+    *refusal = request ? kn_control_error("expected one object per line")
+                       : kn_control_error("no JSON at byte %d, expected one object per line", why.position);
+    json_decref(request);
+    return NULL;
+}
+
+json_t *kn_control_judge(const kn_control_def *def, const char *line, size_t length, json_t **request)
+{
+    json_t *refusal;
+    *request = parse(line, length, &refusal);
+    return *request ? def->answer(def->self, *request) : refusal;
+}
+
+static void answer(const kn_control *c, peer *p, const json_t *request, json_t *reply)
+{
+    if (c->def.audits(c->def.self, request)) tell_audit(p, request, reply);
+    send_reply(p, reply);
+}
+
+static void hear_line(kn_control *c, peer *p, size_t length)
+{
+    json_t *refusal, *request;
+    p->heard_ns = kn_now_ns();
+    if (!afford(p)) {
+        send_reply(p, kn_control_error("more than %d commands a second", KN_CONTROL_HZ));
+    } else if (!(request = parse(p->line, length, &refusal))) {
+        send_reply(p, refusal);
+    } else if (c->def.slow && c->def.slow(c->def.self, request)) {
+        p->request = request;
+    } else {
+        answer(c, p, request, c->def.answer(c->def.self, request));
+        json_decref(request);
+    }
+}
+
+// One line of what has been read, so that everybody is heard in turn.
+static void hear(kn_control *c, peer *p)
+{
+    char *end = memchr(p->line, '\n', p->length);
+    size_t size = end ? (size_t)(end + 1 - p->line) : p->length;
+    if (p->passing) {
+        p->passing = !end;
+    } else if (end) {
+        hear_line(c, p, size - 1);
+    } else if (p->length == KN_CONTROL_LINE) {
+        p->passing = true;
+        send_reply(p, kn_control_error("a line of more than %d bytes", KN_CONTROL_LINE - 1));
+    } else {
+        return;
+    }
+    if (p->fd < 0) return; // it did not read the reply
+    p->length -= size;
+    memmove(p->line, p->line + size, p->length);
+}
+
+static void listen_to(peer *p)
+{
+    ssize_t size = recv(p->fd, p->line + p->length, sizeof p->line - p->length, 0);
+    if (size > 0)
+        p->length += (size_t)size;
+    else if (size == 0)
+        p->ended = true;
+    else if (errno != EAGAIN && errno != EINTR)
+        hang_up(p);
+}
+
+// --- slow requests: one at a time, while the others are heard ---
+
+static void collect(kn_control *c)
+{
+    uint64_t count;
+    if (atomic_load(&c->job) != JOB_DONE) return;
+    ssize_t woken = read(c->done_fd, &count, sizeof count);
+    (void)woken;
+    peer *p = &c->peers[c->job_peer];
+    json_t *request = p->request;
+    p->request = NULL;
+    answer(c, p, request, c->job_answer);
+    json_decref(request);
+    c->job_peer = -1;
+    atomic_store(&c->job, JOB_NONE);
+}
+
+static void give(kn_control *c)
+{
+    int next = -1;
+    for (int i = 0; i < KN_CONTROL_PEERS; i++)
+        if (c->peers[i].request && (next < 0 || c->peers[i].heard_ns < c->peers[next].heard_ns)) next = i;
+    if (next < 0 || atomic_load(&c->job) != JOB_NONE) return;
+    c->job_peer = next;
+    c->job_request = c->peers[next].request;
+    atomic_store(&c->job, JOB_GIVEN);
+    sem_post(&c->given);
+}
+
+void kn_control_work(kn_control *c)
+{
+    for (;;) {
+        while (sem_wait(&c->given) != 0)
+            ; // a signal
+        if (atomic_load(&c->job) == JOB_GIVEN) {
+            c->job_answer = c->def.answer(c->def.self, c->job_request);
+            atomic_store(&c->job, JOB_DONE);
+            ssize_t woken = write(c->done_fd, &(uint64_t){1}, sizeof(uint64_t)); // else its wait ends by itself
+            (void)woken;
+        }
+        if (atomic_load(&c->ending)) return;
+    }
+}
+
+void kn_control_end(kn_control *c)
+{
+    atomic_store(&c->ending, true);
+    sem_post(&c->given);
 }
 
 void kn_control_turn(kn_control *c, int timeout_ms)
 {
-    struct pollfd polled[1 + KN_CONTROL_PEERS] = {{.fd = c->fd, .events = POLLIN}};
-    char bytes[KN_CONTROL_LINE];
-    for (int i = 0; i < KN_CONTROL_PEERS; i++) polled[1 + i] = (struct pollfd){.fd = c->peers[i].fd, .events = POLLIN};
-    if (poll(polled, 1 + KN_CONTROL_PEERS, timeout_ms) <= 0) return;
+    struct pollfd polled[2 + KN_CONTROL_PEERS] = {{.fd = c->fd, .events = POLLIN},
+                                                  {.fd = c->done_fd, .events = POLLIN}};
+    for (int i = 0; i < KN_CONTROL_PEERS; i++) {
+        const peer *p = &c->peers[i];
+        bool full = p->length == sizeof p->line, waits = p->request != NULL;
+        polled[2 + i] = (struct pollfd){.fd = full || waits || p->ended ? -1 : p->fd, .events = POLLIN};
+        if (p->fd >= 0 && !waits && (full || memchr(p->line, '\n', p->length))) timeout_ms = 0; // has been read already
+    }
+    if (poll(polled, 2 + KN_CONTROL_PEERS, timeout_ms) < 0) return;
     for (int i = 0; i < KN_CONTROL_PEERS; i++) {
         peer *p = &c->peers[i];
-        if (!polled[1 + i].revents) continue;
-        ssize_t size = recv(p->fd, bytes, sizeof bytes, 0);
-        if (size > 0)
-            hear(c, p, bytes, (size_t)size);
-        else if (size == 0 || (errno != EAGAIN && errno != EINTR))
-            hang_up(p);
+        if (polled[2 + i].revents) listen_to(p);
+        if (p->fd >= 0 && !p->request) hear(c, p);
+        if (p->fd >= 0 && p->ended && !p->request && !memchr(p->line, '\n', p->length)) hang_up(p);
     }
+    collect(c);
+    give(c);
     if (polled[0].revents) greet(c);
 }

@@ -8,7 +8,8 @@
 // Commands never come over LCM, where anyone may speak. The socket has mode 0660, and the kernel says who is at its
 // other end (SO_PEERCRED): root, the user that kneadd runs as, and members of the socket's group are heard. What a line
 // means is its owner's (operator.h); here it is bytes, peers and limits: KN_CONTROL_LINE bytes a line, KN_CONTROL_PEERS
-// at once, KN_CONTROL_HZ commands a second of each, and no reply is waited for that nobody reads.
+// at once (the one that was silent for longest gives way), KN_CONTROL_HZ commands a second of each, and no reply is
+// waited for that nobody reads. Everybody is heard in turn, a line at a time, whatever another one waits for.
 #include <jansson.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -21,21 +22,32 @@
 
 typedef struct kn_control kn_control;
 
-// The reply to one request, a JSON object: a new reference, never NULL. *audit: whether it is worth a line on stderr.
-typedef json_t *(*kn_control_answer)(void *self, const json_t *request, bool *audit);
+typedef struct kn_control_def {
+    void *self;
+    // The reply to one request, a JSON object: a new reference, never NULL.
+    json_t *(*answer)(void *self, const json_t *request);
+    bool (*audits)(void *self, const json_t *request); // whether it is worth a line on stderr
+    // Whether its answer may take longer than some ticks: then it is asked for in kn_control_work's thread, and the
+    // other peers are heard meanwhile. NULL: none.
+    bool (*slow)(void *self, const json_t *request);
+} kn_control_def;
 
 // {"ok": false, "error": "..."}
 json_t *kn_control_error(const char *format, ...) __attribute__((format(printf, 1, 2)));
 
-// The reply to one line without its newline, whatever its bytes: a new reference, never NULL. *request: what it asked,
-// a new reference, where it is worth a line on stderr, else NULL.
-json_t *kn_control_judge(kn_control_answer answer, void *self, const char *line, size_t length, json_t **request);
+// The reply to one line without its newline, whatever its bytes: a new reference, never NULL. *request: what it asked, a
+// new reference; NULL: it is no request.
+json_t *kn_control_judge(const kn_control_def *def, const char *line, size_t length, json_t **request);
 
 // Binds path, replacing a socket there that nobody serves. NULL and one line in error.
-kn_control *kn_control_open(const char *path, kn_control_answer answer, void *self, char *error, size_t error_size);
-void kn_control_close(kn_control *control); // removes the path while it is still ours; NULL is fine
+kn_control *kn_control_open(const char *path, const kn_control_def *def, char *error, size_t error_size);
+void kn_control_close(kn_control *control); // removes the path while it is still ours; NULL is fine. After its threads
 
-// Serves whoever has something to say, for timeout_ms at most while nobody has. One thread, not real-time.
+// Hears one line of everybody who has said one, for timeout_ms at most while nobody has. One thread, not real-time.
 void kn_control_turn(kn_control *control, int timeout_ms);
+
+// Another thread's body: the slow requests, one at a time. Returns after kn_control_end, which any thread may call.
+void kn_control_work(kn_control *control);
+void kn_control_end(kn_control *control);
 
 #endif

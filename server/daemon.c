@@ -48,7 +48,7 @@ typedef struct server {
     kn_keeper keeper;
     kn_sentinel sentinel;
     kn_rt rt;
-    pthread_t servo_thread, sentinel_thread, mesh_thread, control_thread, keeper_thread;
+    pthread_t servo_thread, sentinel_thread, mesh_thread, control_thread, worker_thread, keeper_thread;
     pthread_barrier_t go; // threads wait here until their stacks are locked with everything else
     atomic_bool ending; // the threads of normal priority, too
     struct ev_loop *ev;
@@ -79,6 +79,7 @@ static void take_datagrams(server *d, int limit)
 {
     kn_bus_read(&d->bus, d->fd, limit < KN_BATCH ? limit : KN_BATCH, &d->batch);
     int64_t now_ns = kn_now_ns();
+    d->receiver.epoch_us = wall_clock_us() - now_ns / 1000; // anew: a wall clock may be set
     for (int i = 0; i < d->batch.count; i++) {
         int probe;
         kn_pose pose;
@@ -372,6 +373,14 @@ static void *control_main(void *arg)
     return NULL;
 }
 
+static void *worker_main(void *arg)
+{
+    server *d = arg;
+    pthread_barrier_wait(&d->go);
+    kn_control_work(d->control);
+    return NULL;
+}
+
 static void *keeper_main(void *arg)
 {
     server *d = arg;
@@ -487,7 +496,6 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
     kn_receiver_init(&d->receiver, &d->model->def);
     memcpy(d->receiver.peer, def->peer, sizeof def->peer);
     d->receiver.peers = def->peers;
-    d->receiver.epoch_us = wall_clock_us() - kn_now_ns() / 1000;
     d->receiver.auth = def->key ? &d->auth : NULL;
     if (!kn_publisher_open(&d->publisher, d->bus.url, d->scene, hash, error, error_size) ||
         !kn_skin_open(&d->skin, d->mesh_bus.url, d->model, d->scene->mesh_hz, d->scene->text_hash, error, error_size))
@@ -508,7 +516,8 @@ static bool open_control(server *d, const char *path, char *error, size_t error_
     d->operator.ask = ask;
     d->operator.stop = leave;
     d->operator.arg = d;
-    if (path) d->control = kn_control_open(path, kn_operator_answer, &d->operator, error, error_size);
+    kn_control_def def = kn_operator_control(&d->operator);
+    if (path) d->control = kn_control_open(path, &def, error, error_size);
     return !path || d->control;
 }
 
@@ -518,12 +527,14 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
     d->loop.notify = notify;
     d->loop.notify_arg = d;
     bool keeps = d->keeper.store.dir >= 0;
-    pthread_barrier_init(&d->go, NULL, 4u + !!d->control + keeps);
+    pthread_barrier_init(&d->go, NULL, 4u + 2u * !!d->control + keeps);
     int failed = kn_rt_thread(&d->rt, &d->servo_thread, "servo", KN_RT_SERVO, true, servo_main, d);
     if (!failed) failed = kn_rt_thread(&d->rt, &d->sentinel_thread, "sentinel", KN_RT_SENTINEL, true, sentinel_main, d);
     if (!failed) failed = kn_rt_thread(&d->rt, &d->mesh_thread, "mesh", KN_RT_NORMAL, false, mesh_main, d);
     if (!failed && d->control)
         failed = kn_rt_thread(&d->rt, &d->control_thread, "control", KN_RT_NORMAL, false, control_main, d);
+    if (!failed && d->control)
+        failed = kn_rt_thread(&d->rt, &d->worker_thread, "worker", KN_RT_NORMAL, false, worker_main, d);
     if (!failed && keeps)
         failed = kn_rt_thread(&d->rt, &d->keeper_thread, "keeper", KN_RT_NORMAL, false, keeper_main, d);
     if (!failed) kn_rt_lock_memory(&d->rt);
@@ -592,21 +603,42 @@ static void tell_summary(server *d)
                d->loop.phase.driven, d->loop.phase.followed, d->loop.phase.held);
 }
 
-static void stop_threads(server *d)
+static int64_t stopping_ns; // since when signals end the process, as on_signal does
+
+static void end_at_once(int number)
 {
+    if (kn_now_ns() - stopping_ns <= PATIENCE_NS) return;
+    signal(number, SIG_DFL);
+    raise(number);
+}
+
+// False when the object as it is could not be saved.
+static bool stop_threads(server *d)
+{
+    stopping_ns = d->stop_ns ? d->stop_ns : kn_now_ns();
+    for (int i = 0; i < SIGNALS; i++) { // nobody waits for libev's any more
+        int number = d->signals[i].signum;
+        ev_signal_stop(d->ev, &d->signals[i]);
+        signal(number, end_at_once);
+    }
+    if (d->control) kn_control_end(d->control);
     atomic_store(&d->ending, true);
     atomic_store(&d->sentinel.stop, true);
     pthread_join(d->servo_thread, NULL);
     pthread_join(d->sentinel_thread, NULL);
     pthread_join(d->mesh_thread, NULL);
-    if (d->control) pthread_join(d->control_thread, NULL);
+    if (d->control) {
+        pthread_join(d->control_thread, NULL);
+        pthread_join(d->worker_thread, NULL);
+    }
     atomic_store(&d->keeper.ending, true); // after whoever may ask for a snapshot
     if (d->keeper.store.dir >= 0) pthread_join(d->keeper_thread, NULL);
-    kn_keeper_finish(&d->keeper, &d->loop.servo, d->loop.clock.tick);
+    bool kept = kn_keeper_finish(&d->keeper, &d->loop.servo, d->loop.clock.tick);
     pthread_barrier_destroy(&d->go);
     tell_status(d);
     for (int i = 0; i < 1000 && (i == 0 || d->batch.count > 0); i++)
         take_datagrams(d, KN_BATCH); // so that the counts close
+    return kept;
 }
 
 static void free_all(server *d)
@@ -642,9 +674,9 @@ int kn_daemon_run(const kn_daemon_def *def)
             kn_trace_open(&d.trace, def->trace, error, sizeof error) && start_threads(&d, def, error, sizeof error)) {
             tell_ready(&d);
             ev_run(d.ev, 0);
-            stop_threads(&d);
+            code = stop_threads(&d) ? 0 : 3;
             tell_summary(&d);
-            code = 0;
+            if (code) snprintf(error, sizeof error, "--state-dir %s: the object as it was last is not saved", def->state_dir);
             if (!kn_trace_close(&d.trace)) {
                 snprintf(error, sizeof error, "--trace %s: could not be written to its end", def->trace);
                 code = 3;

@@ -128,7 +128,7 @@ static void serve(kn_keeper *k, kn_kept *slot)
         atomic_store(&k->again, true);
     }
     pthread_mutex_lock(&k->answering);
-    k->answer = answer;
+    if (slot->asked > k->answered) k->answer = answer; // else a later one, which nobody asked for
     k->answered = slot->asked;
     pthread_mutex_unlock(&k->answering);
     atomic_store(&slot->full, false);
@@ -154,17 +154,19 @@ void *kn_keeper_run(void *keeper)
     return NULL;
 }
 
-void kn_keeper_finish(kn_keeper *keeper, const kn_servo *servo, int64_t tick)
+bool kn_keeper_finish(kn_keeper *keeper, const kn_servo *servo, int64_t tick)
 {
     kn_keeper *k = keeper;
     kn_answer answer;
     const kn_state *now = servo->backend->state(servo->backend->self);
-    if (k->store.dir < 0 || now->bad) return;
-    if (!moved(k, now) && atomic_load(&k->slot[k->last].saved_whole)) return;
+    if (k->store.dir < 0 || now->bad) return true;
+    if (!moved(k, now) && atomic_load(&k->slot[k->last].saved_whole)) return true;
     struct timespec t;
     clock_gettime(CLOCK_REALTIME, &t);
     copy_to(k, &k->slot[!k->last], servo, tick, t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000);
-    if (save(k, &k->slot[!k->last].saved, false, &answer)) k->last = !k->last;
+    if (!save(k, &k->slot[!k->last].saved, false, &answer)) return false;
+    k->last = !k->last;
+    return true;
 }
 
 int64_t kn_keeper_age_ms(const kn_keeper *keeper)

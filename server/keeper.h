@@ -71,8 +71,8 @@ size_t kn_keeper_bytes(const kn_model *model, bool saves); // memory that it tak
 void kn_keeper_start(kn_keeper *keeper, kn_loop *loop);
 
 void *kn_keeper_run(void *keeper); // thread body, when there is a directory; ends after `ending`
-// When all threads have ended: the object as it is, if the newest file is not that.
-void kn_keeper_finish(kn_keeper *keeper, const kn_servo *servo, int64_t tick);
+// When all threads have ended: the object as it is, if the newest file is not that. False: it could not be saved.
+bool kn_keeper_finish(kn_keeper *keeper, const kn_servo *servo, int64_t tick);
 
 // The servo's: after a tick, its forces gone. Real-time safe.
 void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wake, int64_t utime);

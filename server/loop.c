@@ -67,7 +67,7 @@ int64_t kn_loop_order(kn_loop *loop, kn_order order, kn_quality quality)
 bool kn_loop_obeyed(const kn_loop *loop, int64_t number, int64_t *tick)
 {
     if (atomic_load(&loop->obeyed) < number) return false;
-    *tick = atomic_load(&loop->obeyed_tick);
+    *tick = atomic_load(&loop->obeyed_tick[number % KN_LOOP_ORDERS]);
     return true;
 }
 
@@ -158,10 +158,10 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     size_t bytes = record.out.local ? sizeof record : offsetof(kn_record, out.contact);
     bool published = kn_ring_push_start(&loop->records, &record, bytes);
     if (in.restore || in.undo) atomic_store(&loop->restored, record.out.restored_hash);
-    if (ordered > atomic_load(&loop->obeyed)) {
-        atomic_store(&loop->obeyed_tick, wake->tick);
-        atomic_store(&loop->obeyed, ordered);
-    }
+    int64_t n = atomic_load(&loop->obeyed);
+    if (ordered - n > KN_LOOP_ORDERS) n = ordered - KN_LOOP_ORDERS;
+    while (n < ordered) atomic_store(&loop->obeyed_tick[++n % KN_LOOP_ORDERS], wake->tick);
+    atomic_store(&loop->obeyed, n);
     if (last) atomic_store_explicit(&loop->done, true, memory_order_release);
     if (loop->notify) loop->notify(loop->notify_arg);
 

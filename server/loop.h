@@ -23,6 +23,7 @@
 #include "server/skin.h"
 #include "server/snapshot.h"
 
+#define KN_LOOP_ORDERS 64 // whose ticks are remembered
 #define KN_LOOP_STOP_TICKS 100 // ms. Forces come down within 20; longer than this nobody waits
 
 typedef struct kn_record { // one tick, for whoever publishes it
@@ -79,7 +80,7 @@ typedef struct kn_loop {
     const kn_saved *restore;     // of KN_ORDER_RESTORE, to stay until that is obeyed
     _Atomic uint64_t restored;   // state hash of what the latest order to restore or undo put there; 0: nothing to undo
     _Atomic int64_t obeyed;      // how many were taken
-    _Atomic int64_t obeyed_tick; // the latest tick that took some
+    _Atomic int64_t obeyed_tick[KN_LOOP_ORDERS]; // the tick that took order n, at n modulo that
     atomic_bool done;     // its last record is in the ring
     int64_t execution_ns; // of the last tick
     int64_t running_tick; // last one before stop was asked
@@ -99,9 +100,9 @@ void kn_loop_start(kn_loop *loop, int64_t start_ns);
 // Main thread: the latest pose of a probe, NULL when its session has ended.
 void kn_loop_post(kn_loop *loop, int probe, const kn_pose *pose);
 
-// One thread, the operator's: the next tick takes the order. Returns its number.
+// The next tick takes the order. Returns its number. Any thread; QUALITY from one only.
 int64_t kn_loop_order(kn_loop *loop, kn_order order, kn_quality quality);
-// Whether a tick has taken it; the same thread, before its next order: which.
+// Whether a tick has taken it, and which. Any thread, before KN_LOOP_ORDERS others have been taken.
 bool kn_loop_obeyed(const kn_loop *loop, int64_t number, int64_t *tick);
 
 void *kn_loop_run(void *loop); // thread body

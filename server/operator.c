@@ -234,14 +234,34 @@ static json_t *no_command(const char *name)
     return kn_control_error("command '%s': expected one of %s", name ? name : "", names);
 }
 
-json_t *kn_operator_answer(void *op, const json_t *request, bool *audit)
+static const struct command *command_of(const json_t *request) // NULL: none
 {
     const char *name = json_string_value(json_object_get(request, "command"));
-    const struct command *c = commands;
-    while (c < commands + COMMANDS && !(name && strcmp(name, c->name) == 0)) c++;
-    *audit = true;
-    if (c == commands + COMMANDS) return no_command(name);
-    *audit = c->run != status;
+    for (size_t c = 0; name && c < COMMANDS; c++)
+        if (strcmp(name, commands[c].name) == 0) return &commands[c];
+    return NULL;
+}
+
+static bool audits(void *op, const json_t *request)
+{
+    (void)op;
+    const struct command *c = command_of(request);
+    return !c || c->run != status;
+}
+
+// Those that wait for the disk or for what was read from it.
+static bool is_slow(void *op, const json_t *request)
+{
+    (void)op;
+    const struct command *c = command_of(request);
+    return c && (c->run == snapshot || c->run == restore || c->run == undo);
+}
+
+static json_t *answer(void *op, const json_t *request)
+{
+    const struct command *c = command_of(request);
+    if (!c) return no_command(json_string_value(json_object_get(request, "command")));
+    const char *name = c->name;
     const json_t *argument = c->argument ? json_object_get(request, c->argument) : NULL;
     if ((c->needed && !argument) || (argument && json_typeof(argument) != c->type))
         return kn_control_error("%s: expected \"%s\", %s", name, c->argument,
@@ -250,4 +270,9 @@ json_t *kn_operator_answer(void *op, const json_t *request, bool *audit)
         return c->argument ? kn_control_error("%s: expected nothing but \"%s\"", name, c->argument)
                            : kn_control_error("%s: expected nothing else", name);
     return c->run(op, argument);
+}
+
+kn_control_def kn_operator_control(kn_operator *o)
+{
+    return (kn_control_def){.self = o, .answer = answer, .audits = audits, .slow = is_slow};
 }

@@ -38,6 +38,6 @@ typedef struct kn_operator {
 } kn_operator;
 
 void kn_operator_init(kn_operator *o, const kn_scene *scene, kn_loop *loop, kn_keeper *keeper);
-json_t *kn_operator_answer(void *op, const json_t *request, bool *audit); // a kn_control_answer
+kn_control_def kn_operator_control(kn_operator *o); // borrows it
 
 #endif

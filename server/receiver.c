@@ -139,13 +139,22 @@ static bool afford(kn_source *source, int64_t now_ns)
 }
 
 // An authentic message proves its sender, not its time.
-static bool is_new(const kn_receiver *r, kn_source *source, const knead_probe_pose_t *m, int64_t now_ns)
+static bool is_of_now(const kn_receiver *r, const knead_probe_pose_t *m, int64_t now_ns)
 {
     int64_t now_us = r->epoch_us + now_ns / 1000;
-    if (m->utime <= source->newest_us || m->utime < now_us - CLOCK_APART_US || m->utime > now_us + CLOCK_APART_US)
-        return false;
-    source->newest_us = m->utime;
-    return true;
+    return m->utime >= now_us - CLOCK_APART_US && m->utime <= now_us + CLOCK_APART_US;
+}
+
+// Where a session that opens is written down; NULL: it has been here before, or too many have.
+static struct kn_ended *place_of(kn_source *source, int64_t session, int64_t now_ns)
+{
+    struct kn_ended *place = NULL;
+    for (int i = 0; i < KN_ENDED_MAX; i++) {
+        struct kn_ended *e = &source->ended[i];
+        if (e->session == session && e->until_ns > now_ns) return NULL;
+        if (e->until_ns <= now_ns) place = e;
+    }
+    return place;
 }
 
 static bool expired(const kn_source *source, int64_t now_ns)
@@ -173,14 +182,28 @@ static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t 
     return KN_ACCEPTED;
 }
 
+static kn_verdict admit_authentic(const kn_receiver *r, kn_source *source, const knead_probe_pose_t *m, int64_t now_ns,
+                                  kn_pose *pose)
+{
+    if (!is_of_now(r, m, now_ns)) return KN_REJECT_REPLAYED;
+    bool goes_on = source->last.session == m->session && !expired(source, now_ns);
+    struct kn_ended *place = goes_on ? NULL : place_of(source, m->session, now_ns);
+    if (!goes_on && !place) return KN_REJECT_REPLAYED;
+    kn_verdict verdict = admit(source, m, now_ns, pose);
+    if (verdict != KN_ACCEPTED) return verdict;
+    for (int i = 0; i < KN_ENDED_MAX && goes_on; i++)
+        if (source->ended[i].session == m->session) place = &source->ended[i];
+    if (place) *place = (struct kn_ended){m->session, now_ns + INT64_C(2000) * CLOCK_APART_US}; // its poses are too old then
+    return KN_ACCEPTED;
+}
+
 kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_t now_ns, int *probe, kn_pose *pose)
 {
     knead_probe_pose_t message = {0};
     kn_verdict verdict = unpack(r, datagram, probe, &message);
     if (verdict == KN_ACCEPTED) verdict = check_fields(&message);
-    if (verdict == KN_ACCEPTED && r->auth && !is_new(r, &r->source[*probe], &message, now_ns))
-        verdict = KN_REJECT_REPLAYED;
-    if (verdict == KN_ACCEPTED) verdict = admit(&r->source[*probe], &message, now_ns, pose);
+    if (verdict == KN_ACCEPTED && r->auth) verdict = admit_authentic(r, &r->source[*probe], &message, now_ns, pose);
+    else if (verdict == KN_ACCEPTED) verdict = admit(&r->source[*probe], &message, now_ns, pose);
     r->received++;
     if (verdict == KN_ACCEPTED)
         r->accepted++;

@@ -14,8 +14,9 @@
 // A probe belongs to the first session that sends it a good pose, until that session has been silent for 1 s; then any
 // session may come, the same number with a new seq included. sent_ns is never judged: a played log is old.
 //
-// With a key, a pose must carry its tag (auth.h), and be newer, by utime, than every authentic one of its probe before it,
-// of whatever session, and within a minute of our own clock: what was recorded can be sent again by anybody. Real-time safe.
+// With a key, a pose must carry its tag (auth.h), and its utime lie within a minute of our own clock; a session that has
+// ended is not opened again while its poses could still do so. For what was recorded can be sent again by anybody.
+// Real-time safe.
 #include "server/auth.h"
 #include "server/bus.h"
 #include "server/servo.h"
@@ -43,7 +44,7 @@
     X(RATE, "rate", "more than 5 000 per second")                                                                       \
     X(PEER, "peer", "from an address that --peer does not name")                                                       \
     X(MAC, "mac", "without the key's authentication code, or with a wrong one")                                        \
-    X(REPLAYED, "replayed", "authentic, but not of now, or not newer than what was accepted before")
+    X(REPLAYED, "replayed", "authentic, but not of now, or of a session that has ended")
 
 typedef enum kn_verdict {
 #define KN_REJECT(name, text, meaning) KN_REJECT_##name,
@@ -55,11 +56,15 @@ typedef enum kn_verdict {
 
 const char *kn_verdict_name(kn_verdict verdict); // "stale"; "accepted"
 
+#define KN_ENDED_MAX 32 // with a key; no more sessions can be opened within two minutes
+
 typedef struct kn_source { // who moves one probe
     kn_pose last;          // accepted; session 0: nobody owns the probe
     kn_pose reference;     // accepted; speeds are measured from here. Moves on to last when that is >= 1 ms newer
     int64_t heard_ns;      // when last was accepted
-    int64_t newest_us;     // utime of the newest authentic pose of any session
+    struct kn_ended {      // sessions that have been, and until when they are remembered
+        int64_t session, until_ns;
+    } ended[KN_ENDED_MAX];
     int64_t credit_ns;     // time not yet spent on poses, each of which costs 0.2 ms
 } kn_source;
 

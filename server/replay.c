@@ -612,6 +612,10 @@ static void run_tick(kn_replay *r)
     r->tick.cpu_ns = read_ns(CLOCK_THREAD_CPUTIME_ID) - start_cpu_ns;
     r->tick.execution_ns = read_ns(CLOCK_MONOTONIC) - start_ns;
     r->private->tick = r->tick.in.tick;
+    if (!r->tick.in.undo || r->tick.out.restored_hash != 0 || !r->same) return;
+    r->same = false; // its points are the server's alone, in no snapshot
+    snprintf(r->damage, sizeof r->damage, "an undo of what was kneaded before this log begins, at tick %lld",
+             (long long)r->private->tick);
 }
 
 static bool step_by_forces(kn_replay *r)

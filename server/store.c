@@ -14,7 +14,7 @@
 
 #define TEMPORARY ".tmp" // one is enough: the directory is locked
 #define SUFFIX ".knead"
-#define GENERATION_MAX 999999999999 // twelve digits: 16 000 years of two a second
+#define GENERATION_MAX 999999999 // nine digits: sixteen years of two a second
 
 // --- the system -----------------------------------------------------------------------------------------------------
 
@@ -205,7 +205,7 @@ static bool write_all(const kn_files *f, int fd, const uint8_t *bytes, size_t si
 static const char *put_file(const kn_store *s, size_t size, bool stays)
 {
     const kn_files *f = s->files;
-    int fd = f->open(s->dir, TEMPORARY, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, stays ? 0400 : 0600);
+    int fd = f->open(s->dir, TEMPORARY, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, stays ? 0400 : 0600);
     if (fd < 0) return "open";
     const char *failed = !write_all(f, fd, s->bytes, size) ? "write" : f->sync(fd) != 0 ? "fdatasync" : NULL;
     int why = errno;
@@ -219,6 +219,7 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
     kn_store *s = store;
     char name[256];
     saved->generation = s->generation + 1;
+    if (saved->generation > GENERATION_MAX) return snprintf(why, why_size, "no generation number is left"), false;
     file_name(s->series, saved->generation, name);
     size_t size = kn_saved_encode(s->scene, s->model, saved, s->bytes, s->room);
     const char *failed = size == 0 ? "encode" : put_file(s, size, stays);

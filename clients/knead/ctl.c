@@ -14,6 +14,9 @@ static const char help[] =
     "  status           how it is: mode, faults and the way back, the loop, what was refused, every tool\n"
     "  reset            the object is as new; what a hand felt fades, and its tool engages again once lifted\n"
     "  quality NAME     fast, balanced, accurate or own: another of the scene's points, through zero force\n"
+    "  snapshot         the object as it is, on disk when this is answered, in a file that stays; kneadd --state-dir\n"
+    "  restore [N]      the object as in snapshot N, or in the newest\n"
+    "  undo             the object as before it was kneaded last, reset or restored\n"
     "  estop            every force fades within 20 ms and stays 0, for every hand that comes, until recover\n"
     "  recover          latched faults are forgotten; tools engage again once lifted clear of the object\n"
     "  stop             forces go to zero, then kneadd ends: as SIGTERM\n\n"
@@ -43,8 +46,9 @@ static int parse(options *o, int argc, char **argv)
             return KN_EXIT_USAGE; // getopt has said which
     }
     if (o->help || optind < argc) return KN_EXIT_OK;
-    return kn_complain("ctl", KN_EXIT_USAGE,
-                       "no command: expected status, reset, quality NAME, estop, recover or stop");
+    return kn_complain(
+        "ctl", KN_EXIT_USAGE,
+        "no command: expected status, reset, quality NAME, snapshot, restore, undo, estop, recover or stop");
 }
 
 static char *text_of(const json_t *value)

@@ -1,4 +1,5 @@
 #include "clients/knead/live.h"
+#include "clients/knead/join.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_scene_t.h"
 #include "server/wire.h"
@@ -21,8 +22,7 @@ static void on_scene(const lcm_recv_buf_t *buffer, const char *channel, void *us
 {
     kn_live *live = user;
     knead_scene_t message;
-    (void)channel;
-    if (!kn_wire_scene_fits(buffer->data, buffer->data_size)) return;
+    if (!kn_join_heard(buffer, channel) || !kn_wire_scene_fits(buffer->data, buffer->data_size)) return;
     if (knead_scene_t_decode(buffer->data, 0, (int)buffer->data_size, &message) < 0) return;
     live->heard[0]++;
     kn_scene *scene = NULL;
@@ -53,6 +53,7 @@ static void on_force(const lcm_recv_buf_t *buffer, const char *channel, void *us
 {
     kn_live *live = user;
     knead_contact_force_t force;
+    if (!kn_join_heard(buffer, channel)) return;
     if (knead_contact_force_t_decode(buffer->data, 0, (int)buffer->data_size, &force) < 0) return;
     live->heard[0]++;
     kn_live_probe *p = slot(live, channel + strlen(FORCE));
@@ -67,7 +68,7 @@ static void on_force(const lcm_recv_buf_t *buffer, const char *channel, void *us
 static void on_mesh_init(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     kn_live *live = user;
-    (void)channel;
+    if (!kn_join_heard(buffer, channel)) return;
     live->heard[1]++;
     kn_mesh_init(&live->mesh, buffer->data, buffer->data_size);
 }
@@ -75,7 +76,7 @@ static void on_mesh_init(const lcm_recv_buf_t *buffer, const char *channel, void
 static void on_mesh_update(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     kn_live *live = user;
-    (void)channel;
+    if (!kn_join_heard(buffer, channel)) return;
     live->heard[1]++;
     live->meshes += kn_mesh_update(&live->mesh, buffer->data, buffer->data_size);
 }

@@ -107,6 +107,7 @@ static int find_scene(probe *p)
 static void on_mesh(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
     probe *p = self;
+    if (!kn_join_heard(buf, channel)) return;
     if (!strcmp(channel, "KNEAD_MESH_INIT")) kn_mesh_init(&p->mesh, buf->data, buf->data_size);
     else kn_mesh_update(&p->mesh, buf->data, buf->data_size);
 }

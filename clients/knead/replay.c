@@ -266,6 +266,12 @@ static void verify_force(replay_run *run, int p)
     }
 }
 
+static int complain_damage(const replay_run *run, const char *log)
+{
+    return kn_complain("replay", KN_EXIT_FAILED, "%s: cannot be verified whole: %s; %lld forces before it are equal", log,
+                       run->replay->damage, (long long)run->verified);
+}
+
 static int verdict(const replay_run *run)
 {
     const kn_replay_tally *tally = &run->replay->tally;
@@ -277,6 +283,7 @@ static int verdict(const replay_run *run)
             "replay", KN_EXIT_FAILED,
             "%s: cannot be verified: %lld ticks ran whose force or pose is not in the log, the first is tick %lld", log,
             (long long)tally->gaps, (long long)tally->first_gap);
+    if (run->replay->damage[0] && !run->replay->same) return complain_damage(run, log); // then another computation
     if (run->differs)
         return kn_complain("replay", KN_EXIT_FAILED, "%s: differs after %lld equal forces: %s", log,
                            (long long)run->verified - 1, run->difference);
@@ -284,10 +291,7 @@ static int verdict(const replay_run *run)
         return kn_complain(
             "replay", KN_EXIT_FAILED, "%s: %lld of %lld events have another state hash, the first at tick %lld", log,
             (long long)tally->mismatches, (long long)tally->checkpoints, (long long)tally->first_mismatch);
-    if (run->replay->damage[0])
-        return kn_complain("replay", KN_EXIT_FAILED,
-                           "%s: cannot be verified whole: %s; %lld forces before it are equal", log,
-                           run->replay->damage, (long long)run->verified);
+    if (run->replay->damage[0]) return complain_damage(run, log);
     if (tally->malformed > 0)
         return kn_complain("replay", KN_EXIT_FAILED,
                            "%s: cannot be verified whole: %lld malformed records were left out; %lld forces are equal",

@@ -1,5 +1,6 @@
 // knead touch: what a tool of a running kneadd --touch touches, as a picture in the terminal, as lines or as JSON.
 #include "clients/knead/commands.h"
+#include "clients/knead/join.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/live.h"
 #include "proto/knead_touch_patch_t.h"
@@ -167,7 +168,7 @@ static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *us
     watch *w = user;
     knead_touch_patch_t patch;
     const char *name = channel + strlen(CHANNEL);
-    if (w->once && w->touched > 0) return;
+    if (!kn_join_heard(buffer, channel) || (w->once && w->touched > 0)) return;
     if (knead_touch_patch_t_decode(buffer->data, 0, (int)buffer->data_size, &patch) < 0 || !all_finite(&patch)) return;
     if (!*w->name) snprintf(w->name, sizeof w->name, "%s", name);
     if (strcmp(w->name, name) != 0) return;

@@ -126,6 +126,16 @@ wait $server
 ended=$?
 check "as SIGTERM does" [ $ended = 0 ]
 
+# a server that is told to stop stops, whatever else it was told
+start_kneadd dough-small.yaml --control control
+(lines '{"command":"stop"}
+'"$(for _ in $(seq 99); do echo '{"command":"undo"}'; done)"'
+' >/dev/null 2>&1 &)
+for _ in $(seq 60); do kill -0 $server 2>/dev/null || break; sleep 0.1; done
+check "stopped, with 99 commands behind the stop" sh -c "! kill -0 $server 2>/dev/null"
+kill -KILL $server 2>/dev/null
+wait $server
+
 # a hand in the air, every 10 ms a reset or nothing: as many ticks are in time (else 200 would be late)
 late() { echo $(($(counter missed) + $(counter overruns))); }
 hold() { # hold COMMAND LOG: sets lost

@@ -5,7 +5,7 @@ source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 ctl() { knead ctl --control control "$@"; }
 dent() { # DEPTH: a session of its own
     printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.8,0,0,0.045 1,0,0,"$1" 1.5,0,0,"$1" 2,0,0,0.06 >path.csv
-    knead probe --path path.csv --quiet >/dev/null 2>hand.err
+    knead probe --probe finger --path path.csv --quiet >/dev/null 2>hand.err
     local code=$?
     sleep 1.2
     return $code
@@ -36,6 +36,7 @@ for try in 1 2 3; do
     grep -q 'ticks ran whose force or pose is not in the log' err || break
 done
 check "what was asked for stays, read-only: $(find kept -name '*.knead' ! -perm -200 | wc -l)" [ "$(find kept -name '*.knead' ! -perm -200 | wc -l)" = 2 ]
+check "the finger felt it" grep -qE "peak contact force ([1-9]|0\.[1-9])" said
 check "two dents are two states: $first $second" [ -n "$(state "$first")" -a "$(state "$first")" != "$(state "$second")" ]
 check "the first one came back" [ "$restored" = "$(state "$first")" ]
 check "so did the second: $newest" grep -q '^restore: generation [0-9]*, tick' <<<"$newest"
@@ -43,6 +44,21 @@ check "the third press was undone: $undone" grep -q '^undo: tick' <<<"$undone"
 check "and what was restored, after it: $again" grep -q '^undo: tick' <<<"$again"
 check "the log replays over all of it, with the snapshots at hand: $(tail -1 said)" [ -s said -a ! -s err ]
 expect 'snapshot' 2 knead replay state.lcmlog --verify
+# a log that begins after a press, which is undone in it
+mkdir late
+start_kneadd dough-small.yaml --control control --state-dir late
+dent 0.042
+start_logger late.lcmlog
+sleep 1.5 # so that a checkpoint is in it, and the snapshot is of its run
+ctl snapshot >/dev/null
+ctl undo >/dev/null
+dent 0.041
+stop_kneadd
+stop_logger
+knead replay late.lcmlog --snapshot late --verify >out 2>&1
+late=$?
+check "an undo of what is not in the log is no error of the computation: $(grep undo out)" \
+    [ $late = 1 -a "$(grep -c 'an undo of what was kneaded before this log begins' out)" -ge 1 ]
 start_kneadd jelly.yaml --control control --state-dir kept
 expect 'restore: ' 2 ctl restore
 expect 'undo: nothing has been kneaded' 2 ctl undo

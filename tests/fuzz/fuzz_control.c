@@ -10,6 +10,7 @@ static kn_scene scene = {.name = "fuzz.yaml", .model = {.probe_count = 1, .probe
 static kn_loop loop;
 static kn_keeper keeper = {.store.dir = -1};
 static kn_operator operator;
+static kn_control_def def;
 static int stops;
 
 static void ask(void *arg)
@@ -27,6 +28,7 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
     kn_operator_init(&operator, &scene, &loop, &keeper);
     operator.ask = ask;
     operator.stop = stop;
+    def = kn_operator_control(&operator);
     return 0;
 }
 
@@ -37,13 +39,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     atomic_store(&loop.obeyed, INT64_MAX); // a tick comes at once
     atomic_store(&loop.restored, 1);
     stops = 0;
-    json_t *request, *answer = kn_control_judge(kn_operator_answer, &operator, (const char *)data, size, &request);
+    json_t *request, *answer = kn_control_judge(&def, (const char *)data, size, &request);
     const json_t *ok = json_object_get(answer, "ok");
     char *text = json_dumps(answer, JSON_COMPACT | JSON_ENSURE_ASCII);
     bool done = json_is_true(ok), changed = atomic_load(&loop.orders) != 0 || stops > 0;
     if (!json_is_boolean(ok) || !text || strchr(text, '\n')) abort();
     if (done == (json_object_get(answer, "error") != NULL)) abort();
-    if (changed && !(done && request)) abort(); // every change is audited
+    if (changed && !(done && request && def.audits(def.self, request))) abort(); // every change is audited
     free(text);
     json_decref(request);
     json_decref(answer);

@@ -185,12 +185,16 @@ TEST("what was recorded of a holder of the key is never taken again, not after i
         recorded[i] = signed_pose(&key, "KNEAD_POSE_hand", &pose);
         CHECK_VERDICT(judge(&recorded[i]), KN_ACCEPTED);
     }
-    for (int i = 0; i < 2 * COUNT; i++) CHECK_VERDICT(judge(&recorded[i]), KN_REJECT_REPLAYED);
+    for (int i = 0; i < 2 * COUNT; i++)
+        CHECK_VERDICT(judge(&recorded[i]), i < COUNT ? KN_REJECT_REPLAYED : KN_REJECT_STALE);
     now_ns += 1100 * MS;
     kn_receiver_expire(&receiver, now_ns);
     for (int i = 0; i < 2 * COUNT; i++) CHECK_VERDICT(judge(&recorded[i]), KN_REJECT_REPLAYED);
-    knead_probe_pose_t pose = pose_of_now(1, 1); // the holder himself may come again
+    knead_probe_pose_t pose = pose_of_now(1, 1); // the holder himself comes again under another number
     kn_datagram next = signed_pose(&key, "KNEAD_POSE_hand", &pose);
+    CHECK_VERDICT(judge(&next), KN_REJECT_REPLAYED);
+    pose = pose_of_now(3, 1);
+    next = signed_pose(&key, "KNEAD_POSE_hand", &pose);
     CHECK_VERDICT(judge(&next), KN_ACCEPTED);
 
     int64_t epoch_us = receiver.epoch_us;
@@ -202,6 +206,45 @@ TEST("what was recorded of a holder of the key is never taken again, not after i
     pose.utime += 61000000; // ahead of everybody, it would shut out all others
     next = signed_pose(&key, "KNEAD_POSE_hand", &pose);
     CHECK_VERDICT(judge(&next), KN_REJECT_REPLAYED);
+}
+
+TEST("a second hand with the key, whatever its clock says, does not disturb the one that holds the tool")
+{
+    start_keyed();
+    for (int i = 0; i < 500; i++, now_ns += MS) {
+        knead_probe_pose_t pose = pose_of_now(7, 1 + i), other = pose_of_now(8, 1 + i);
+        other.utime += 40000000;
+        kn_datagram mine = signed_pose(&key, "KNEAD_POSE_hand", &pose), his = signed_pose(&key, "KNEAD_POSE_hand", &other);
+        CHECK_VERDICT(judge(&mine), KN_ACCEPTED);
+        CHECK_VERDICT(judge(&his), KN_REJECT_SESSION);
+    }
+    now_ns += 1100 * MS;
+    for (int i = 0; i < 500; i++, now_ns += MS) { // once it has gone the other one has its turn, and the first comes back
+        knead_probe_pose_t pose = pose_of_now(8, 1000 + i);
+        pose.utime += 40000000;
+        kn_datagram d = signed_pose(&key, "KNEAD_POSE_hand", &pose);
+        CHECK_VERDICT(judge(&d), KN_ACCEPTED);
+    }
+    now_ns += 1100 * MS;
+    knead_probe_pose_t pose = pose_of_now(9, 1);
+    kn_datagram d = signed_pose(&key, "KNEAD_POSE_hand", &pose);
+    CHECK_VERDICT(judge(&d), KN_ACCEPTED);
+}
+
+TEST("more sessions than are remembered are refused until the oldest has become too old")
+{
+    start_keyed();
+    int accepted = 0;
+    for (int session = 1; session <= 2 * KN_ENDED_MAX; session++, now_ns += 1100 * MS) {
+        knead_probe_pose_t pose = pose_of_now(session, 1);
+        kn_datagram d = signed_pose(&key, "KNEAD_POSE_hand", &pose);
+        accepted += judge(&d) == KN_ACCEPTED;
+    }
+    CHECK(accepted == KN_ENDED_MAX);
+    now_ns += 121000 * MS;
+    knead_probe_pose_t pose = pose_of_now(1, 1); // forgotten, and by now its recording is too old
+    kn_datagram d = signed_pose(&key, "KNEAD_POSE_hand", &pose);
+    CHECK_VERDICT(judge(&d), KN_ACCEPTED);
 }
 
 TEST("with peers a pose counts from their addresses only")
