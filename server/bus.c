@@ -146,8 +146,12 @@ void kn_bus_read(const kn_bus *bus, int fd, int limit, kn_batch *batch)
     _Alignas(struct cmsghdr) char control[KN_BATCH][CMSG_SPACE(sizeof(struct in_pktinfo))];
     for (int i = 0; i < limit; i++) {
         vector[i] = (struct iovec){batch->datagram[i].bytes, KN_DATAGRAM_MAX};
-        header[i].msg_hdr = (struct msghdr){
-            .msg_name = &from[i], .msg_namelen = sizeof from[i], .msg_iov = &vector[i], .msg_iovlen = 1, .msg_control = control[i], .msg_controllen = sizeof control[i]};
+        header[i].msg_hdr = (struct msghdr){.msg_name = &from[i],
+                                            .msg_namelen = sizeof from[i],
+                                            .msg_iov = &vector[i],
+                                            .msg_iovlen = 1,
+                                            .msg_control = control[i],
+                                            .msg_controllen = sizeof control[i]};
     }
     int count = recvmmsg(fd, header, (unsigned)limit, 0, NULL);
     batch->count = count > 0 ? count : 0;

@@ -676,7 +676,8 @@ int kn_daemon_run(const kn_daemon_def *def)
             ev_run(d.ev, 0);
             code = stop_threads(&d) ? 0 : 3;
             tell_summary(&d);
-            if (code) snprintf(error, sizeof error, "--state-dir %s: the object as it was last is not saved", def->state_dir);
+            if (code)
+                snprintf(error, sizeof error, "--state-dir %s: the last of the object is not saved", def->state_dir);
             if (!kn_trace_close(&d.trace)) {
                 snprintf(error, sizeof error, "--trace %s: could not be written to its end", def->trace);
                 code = 3;

@@ -24,7 +24,7 @@ static const char usage[] =
     "  --backend cpu     where the lattice is stepped\n"
     "  --local-model     publish the contact of every tool as KNEAD_CONTACT_<probe>, for clients behind a slow link\n"
     "  --touch           publish what every tool touches as KNEAD_TOUCH_<probe>, for fingertip displays; 250 Hz\n"
-    "  --control PATH    a socket there for knead ctl: status, reset, quality, snapshot, restore, undo, recover, estop, stop\n"
+    "  --control PATH    a socket there for knead ctl: status, reset, snapshot, undo, quality, emergency stop ...\n"
     "  --state-dir DIR   keeps the object there, at most every 0.5 s, and goes on with the last one that fits; without it\n"
     "                    nothing is saved or restored\n"
     "  --trace FILE      CSV: when the pose of each tick arrived, its tick woke, had stepped, had guarded the force\n"

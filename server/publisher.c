@@ -18,8 +18,8 @@ bool kn_publisher_open(kn_publisher *p, const char *url, const kn_scene *scene, 
     }
     knead_scene_t message;
     kn_wire_scene(&message, scene, initial_hash, 0);
-    p->room = KN_WIRE_MAC + ROOM_FIXED + knead_scene_t_encoded_size(&message);
-    p->bytes = malloc((size_t)p->room);
+    p->room = ROOM_FIXED + knead_scene_t_encoded_size(&message);
+    p->bytes = malloc((size_t)p->room + KN_WIRE_MAC);
     p->lcm = p->bytes ? lcm_create(url) : NULL;
     if (p->lcm) return true;
     snprintf(error, error_size, "%s: %s", url, p->bytes ? "LCM refused this URL" : "out of memory");
@@ -48,19 +48,19 @@ void kn_publisher_record(kn_publisher *p, const kn_record *record)
     for (int i = 0; i < record->out.event_count; i++) {
         knead_event_t message;
         kn_wire_event(&message, &record->out.event[i], record->utime);
-        send_bytes(p, "KNEAD_EVENT", knead_event_t_encode(p->bytes, 0, p->room - KN_WIRE_MAC, &message));
+        send_bytes(p, "KNEAD_EVENT", knead_event_t_encode(p->bytes, 0, p->room, &message));
     }
     for (int i = 0; i < record->out.probes; i++) {
         if (!record->out.force[i].live) continue;
         knead_contact_force_t message;
         kn_wire_force(&message, &record->out, i, record->utime, record->execution_ns);
-        send_bytes(p, p->force_channel[i], knead_contact_force_t_encode(p->bytes, 0, p->room - KN_WIRE_MAC, &message));
+        send_bytes(p, p->force_channel[i], knead_contact_force_t_encode(p->bytes, 0, p->room, &message));
         if (!record->out.local) continue;
         const kn_contact_unit *unit = record->out.contact[i];
         for (int c = 0; c == 0 || c < unit->contact_count; c++) {
             knead_contact_model_t contact;
             kn_wire_contact(&contact, &unit[c], record->utime);
-            send_bytes(p, p->contact_channel[i], knead_contact_model_t_encode(p->bytes, 0, p->room - KN_WIRE_MAC, &contact));
+            send_bytes(p, p->contact_channel[i], knead_contact_model_t_encode(p->bytes, 0, p->room, &contact));
         }
     }
 }
@@ -69,17 +69,17 @@ void kn_publisher_touch(kn_publisher *p, const kn_touched *touched)
 {
     knead_touch_patch_t message;
     kn_wire_touch(&message, &touched->touch, touched->session, touched->pose_seq, touched->utime);
-    send_bytes(p, p->touch_channel[touched->probe], knead_touch_patch_t_encode(p->bytes, 0, p->room - KN_WIRE_MAC, &message));
+    send_bytes(p, p->touch_channel[touched->probe], knead_touch_patch_t_encode(p->bytes, 0, p->room, &message));
 }
 
 void kn_publisher_scene(kn_publisher *p, int64_t utime)
 {
     knead_scene_t message;
     kn_wire_scene(&message, p->scene, p->initial_hash, utime);
-    send_bytes(p, "KNEAD_SCENE", knead_scene_t_encode(p->bytes, 0, p->room - KN_WIRE_MAC, &message));
+    send_bytes(p, "KNEAD_SCENE", knead_scene_t_encode(p->bytes, 0, p->room, &message));
 }
 
 void kn_publisher_status(kn_publisher *p, const knead_status_t *status)
 {
-    send_bytes(p, "KNEAD_STATUS", knead_status_t_encode(p->bytes, 0, p->room - KN_WIRE_MAC, status));
+    send_bytes(p, "KNEAD_STATUS", knead_status_t_encode(p->bytes, 0, p->room, status));
 }

@@ -17,7 +17,7 @@ typedef struct kn_publisher {
     char contact_channel[KN_PROBES_MAX][64];
     char touch_channel[KN_PROBES_MAX][64];
     uint8_t *bytes;                        // room for the largest message, which is the scene
-    int room;
+    int room;                              // and KN_WIRE_MAC bytes more, for a tag
     int64_t published; // datagrams handed to LCM
     int64_t failed;    // refused by it
 } kn_publisher;
