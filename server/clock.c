@@ -9,6 +9,13 @@ int64_t kn_now_ns(void)
     return t.tv_sec * INT64_C(1000000000) + t.tv_nsec;
 }
 
+int64_t kn_wall_us(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_REALTIME, &t);
+    return t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000;
+}
+
 void kn_clock_start(kn_clock *clock, int64_t start_ns)
 {
     *clock = (kn_clock){.start_ns = start_ns, .tick = -1};

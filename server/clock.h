@@ -29,7 +29,8 @@ typedef struct kn_wake {
     int64_t held_ns; // that a tick was awake before that, waiting for its pose (phase.h)
 } kn_wake;
 
-int64_t kn_now_ns(void); // CLOCK_MONOTONIC; no system call
+int64_t kn_now_ns(void);  // CLOCK_MONOTONIC; no system call, as the next
+int64_t kn_wall_us(void); // us since 1970, CLOCK_REALTIME: a message's utime; may be set at any time
 
 void kn_clock_start(kn_clock *clock, int64_t start_ns);
 // Sleeps until the next deadline; until ns. Real-time safe.

@@ -66,20 +66,13 @@ typedef struct server {
     int64_t kernel_drops;
 } server;
 
-static int64_t wall_clock_us(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_REALTIME, &t);
-    return t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000;
-}
-
 // --- main thread ---
 
 static void take_datagrams(server *d, int limit)
 {
     kn_bus_read(&d->bus, d->fd, limit < KN_BATCH ? limit : KN_BATCH, &d->batch);
     int64_t now_ns = kn_now_ns();
-    d->receiver.epoch_us = wall_clock_us() - now_ns / 1000; // anew: a wall clock may be set
+    d->receiver.epoch_us = kn_wall_us() - now_ns / 1000; // anew: a wall clock may be set
     for (int i = 0; i < d->batch.count; i++) {
         int probe;
         kn_pose pose;
@@ -107,7 +100,7 @@ static int64_t kernel_drops(server *d)
 
 static knead_status_t status_now(server *d)
 {
-    knead_status_t status = {.utime = wall_clock_us(), .uptime_ms = (kn_now_ns() - d->start_ns) / 1000000};
+    knead_status_t status = {.utime = kn_wall_us(), .uptime_ms = (kn_now_ns() - d->start_ns) / 1000000};
     const kn_receiver *r = &d->receiver;
     kn_account_status(&d->loop.account, &status);
     status.missed_explained = kn_sentinel_judge(&d->sentinel, kn_now_ns());
@@ -181,7 +174,7 @@ static void on_scene_due(struct ev_loop *ev, ev_timer *w, int events)
 {
     (void)events;
     server *d = w->data;
-    kn_publisher_scene(&d->publisher, wall_clock_us());
+    kn_publisher_scene(&d->publisher, kn_wall_us());
     bool young = kn_now_ns() - d->start_ns < SCENE_YOUNG_NS; // whoever waits for a server comes just after it
     w->repeat = young ? 1 : SCENE_S;
     ev_timer_again(ev, w);
@@ -351,7 +344,7 @@ static void *mesh_main(void *arg)
     while (!atomic_load_explicit(&d->ending, memory_order_relaxed)) {
         if (kn_now_ns() - second_ns >= 1000000000) {
             second_ns = kn_now_ns();
-            kn_skin_publish_topology(&d->skin, wall_clock_us());
+            kn_skin_publish_topology(&d->skin, kn_wall_us());
             tell_alive(d, &tick_told, &unpublished_told);
             tell_overruns(d, &missed_told);
             tell_audit(d, &created_told);
@@ -359,7 +352,7 @@ static void *mesh_main(void *arg)
         }
         kn_trace_drain(&d->trace);
         // until just before the next frame is due, then every ms: on a grid of its own it would be a period late
-        bool published = kn_skin_publish(&d->skin, wall_clock_us());
+        bool published = kn_skin_publish(&d->skin, kn_wall_us());
         nanosleep(published ? &rest : &tick, NULL);
     }
     return NULL;

@@ -161,9 +161,7 @@ bool kn_keeper_finish(kn_keeper *keeper, const kn_servo *servo, int64_t tick)
     const kn_state *now = servo->backend->state(servo->backend->self);
     if (k->store.dir < 0 || now->bad) return true;
     if (!moved(k, now) && atomic_load(&k->slot[k->last].saved_whole)) return true;
-    struct timespec t;
-    clock_gettime(CLOCK_REALTIME, &t);
-    copy_to(k, &k->slot[!k->last], servo, tick, t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000);
+    copy_to(k, &k->slot[!k->last], servo, tick, kn_wall_us());
     if (!save(k, &k->slot[!k->last].saved, false, &answer)) return false;
     k->last = !k->last;
     return true;
@@ -208,10 +206,8 @@ void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
     loop->restore = &k->incoming;
     kn_store_pin(&k->store, k->incoming.generation);
     k->incoming_order = kn_loop_order(loop, KN_ORDER_RESTORE, 0);
-    struct timespec t;
-    clock_gettime(CLOCK_REALTIME, &t);
     printf("kneadd: restored %s/%s, ", k->store.path, name);
-    print_age((double)t.tv_sec - 1e-6 * (double)k->incoming.utime);
+    print_age(1e-6 * (double)(kn_wall_us() - k->incoming.utime));
     printf(" old, state 0x%016" PRIx64 "\n", k->incoming.state_hash);
     fflush(stdout);
 }

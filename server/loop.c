@@ -2,7 +2,6 @@
 #include "server/keeper.h"
 #include <stddef.h>
 #include <string.h>
-#include <time.h>
 
 #define RECORDS 512 // half a second: longer the main thread is not held up by anything but a stopped machine
 
@@ -108,13 +107,6 @@ static void follow_poses(kn_loop *loop, kn_arrival arrival[], const kn_wake *wak
     atomic_store_explicit(&loop->start_ns, loop->clock.start_ns, memory_order_relaxed);
 }
 
-static int64_t wall_clock_us(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_REALTIME, &t);
-    return t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000;
-}
-
 // Once the forces are out: a display can wait that long, and the main thread is woken for it once more.
 static void tell_touches(kn_loop *loop, const kn_record *record)
 {
@@ -151,7 +143,7 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
 
     if (!in.stop) loop->running_tick = wake->tick;
     bool last = record.out.stopped || wake->tick - loop->running_tick > KN_LOOP_STOP_TICKS;
-    record.utime = wall_clock_us();
+    record.utime = kn_wall_us();
     record.guarded_ns = kn_now_ns();
     record.execution_ns = loop->execution_ns = record.guarded_ns - wake->now_ns;
     for (int p = 0; p < record.out.probes; p++) record.posted_ns[p] = arrival[p].arrived_ns;

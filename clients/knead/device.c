@@ -6,16 +6,8 @@
 #include "server/wire.h"
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
 
 static const int device_priority = 60; // below kneadd's threads: a device has a processor of its own
-
-static int64_t real_time_ns(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_REALTIME, &t);
-    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
-}
 
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
@@ -47,7 +39,7 @@ static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *sel
 static void publish(kn_device *d, const kn_hand_out *out)
 {
     uint8_t bytes[256];
-    knead_probe_pose_t pose = {.utime = real_time_ns() / 1000, .session = out->session, .seq = out->seq};
+    knead_probe_pose_t pose = {.utime = kn_wall_us(), .session = out->session, .seq = out->seq};
     memcpy(pose.position_m, out->point.position_m, sizeof pose.position_m);
     memcpy(pose.velocity_m_s, out->point.velocity_m_s, sizeof pose.velocity_m_s);
     memcpy(pose.orientation_wxyz, out->point.orientation_wxyz, sizeof pose.orientation_wxyz);

@@ -152,20 +152,13 @@ static void *ear_main(void *self)
 
 // --- hand
 
-static int64_t utime_now(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_REALTIME, &t);
-    return t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000;
-}
-
 static void send_pose(run *r, int path, kn_pose *pose, bool counts)
 {
     static char channel[64]; // of the poses; one hand at a time
     uint8_t bytes[MESSAGE_MAX];
     knead_probe_pose_t message;
     if (path == KN_LATENCY_POSE) snprintf(channel, sizeof channel, "KNEAD_POSE_%s", r->l->probe);
-    pose->utime = utime_now();
+    pose->utime = kn_wall_us();
     pose->sent_ns = kn_now_ns();
     note(&r->l->flights[path], &(kn_flight){.session = pose->session, .seq = pose->seq, .sent_ns = pose->sent_ns,
                                             .counts = counts});

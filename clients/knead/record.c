@@ -6,17 +6,9 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 static const int reader_priority = 40; // of LCM's receive thread: below everything that has a deadline, above the rest
 static const int64_t last_words_ns = 50000000;
-
-static int64_t real_time_ns(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_REALTIME, &t);
-    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
-}
 
 static void write_log(kn_record *r, const char *channel, int64_t utime, void *data, int size)
 {
@@ -105,7 +97,7 @@ kn_record *kn_record_open(const char *url, char *error, size_t error_size)
     // lcm-gen works out a type's hash at its first use, without a lock: here, while there is one thread
     __knead_contact_force_t_get_hash();
     __knead_probe_pose_t_get_hash();
-    r->clock_offset_ns = real_time_ns() - kn_now_ns();
+    r->clock_offset_ns = 1000 * kn_wall_us() - kn_now_ns();
     r->lcm = kn_join(url, KN_FORCE_URL, error, error_size);
     if (!r->lcm) {
         kn_record_destroy(r);

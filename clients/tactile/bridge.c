@@ -9,7 +9,6 @@
 #include <stdio.h>
 #include <string.h>
 #include <sys/timerfd.h>
-#include <time.h>
 #include <unistd.h>
 
 static const int priority = 60;  // below kneadd's threads: a device has a processor of its own
@@ -32,13 +31,6 @@ void kn_bridge_lost(kn_bridge *b, const char *format, ...)
     vsnprintf(b->now.why, sizeof b->now.why, format, args);
     va_end(args);
     b->lost = true;
-}
-
-static int64_t real_time_us(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_REALTIME, &t);
-    return (int64_t)t.tv_sec * 1000000 + t.tv_nsec / 1000;
 }
 
 static double now_s(void) { return 1e-9 * (double)kn_now_ns(); }
@@ -64,7 +56,7 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
     if (!kn_tether_pose(t, device->position_m, device->velocity_m_s)) return;
     pose.session = t->session;
     pose.seq = t->seq;
-    pose.utime = real_time_us();
+    pose.utime = kn_wall_us();
     pose.sent_ns = kn_now_ns();
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &pose);
     kn_join_send(b->lcm, b->pose_channel, bytes, size); // a lost pose is what watchdogs are for
