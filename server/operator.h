@@ -1,6 +1,7 @@
 #ifndef KN_SERVER_OPERATOR_H
 #define KN_SERVER_OPERATOR_H
-// What an operator's requests mean, and what is answered: the JSON of the control socket (control.h), on its thread.
+// What an operator's requests mean, and what is answered: the JSON of the control socket (control.h), on its threads:
+// snapshot, restore and undo, which wait for the disk, on its worker's, all others on its own.
 //
 //     {"command": "status"}                        how the server is
 //     {"command": "reset"}                         the object is as new; what a hand felt fades, lift the tool

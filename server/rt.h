@@ -7,6 +7,8 @@
 //     sentinel   SCHED_FIFO 79   one below, on the same core: sees the machine's stalls, never delays a tick
 //     main       SCHED_FIFO 70   poses in, forces out
 //     mesh       normal          may be late
+//     control    normal          an operator's lines; worker: those of them that wait for the disk
+//     keeper     normal          snapshots
 //
 // Flush-to-zero and denormals-are-zero stay off: replay, tests and the circuit's twin must get the same bits, and the
 // kernels of core keep out of denormals by themselves.

@@ -58,7 +58,9 @@ poke KNEAD_KEY=wrong >out 2>&1
 check "with another key, too" [ $? = 3 ]
 there lcm-logplayer -e 'KNEAD_POSE.*' --lcm-url='udpm://239.255.76.67:7667?ttl=1' record.lcmlog >/dev/null 2>&1
 there env KNEAD_KEY=key KNEAD_LAN=card2 knead view --png view.png >view.out 2>&1
-check "pictures are for everybody: $(tail -1 view.out)" [ -s view.png ]
+check "a picture of a server whose key one has: $(tail -1 view.out)" [ -s view.png ]
+there env KNEAD_KEY=wrong KNEAD_LAN=card2 knead view --png wrong.png >/dev/null 2>&1
+check "and none of another" [ ! -e wrong.png ]
 stop_kneadd
 check "each was counted: $(counter mac) mac" [ "$(counter mac)" -gt 2000 ]
 check "what was recorded, played again, moved nothing: $(counter replayed) replayed" [ "$(counter replayed)" -gt 1000 ]
