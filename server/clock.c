@@ -29,6 +29,7 @@ kn_wake kn_clock_wake(kn_clock *clock, int64_t asked_ns, int64_t now_ns)
                     .missed = (int32_t)(late_ns / KN_PERIOD_NS),
                     .overrun = asked_ns > due_ns,
                     .due_ns = due_ns,
+                    .asked_ns = asked_ns,
                     .now_ns = now_ns,
                     .late_ns = now_ns - (asked_ns > due_ns ? asked_ns : due_ns)};
     clock->tick = wake.tick;
@@ -51,4 +52,23 @@ kn_wake kn_clock_wait(kn_clock *clock)
         now_ns = kn_now_ns();
     } while (now_ns < due_ns);
     return kn_clock_wake(clock, asked_ns, now_ns);
+}
+
+void kn_busy_tell(kn_busy *busy, int64_t tick, int64_t from_ns, int64_t to_ns)
+{
+    atomic_store_explicit(&busy->from_ns[tick % KN_BUSY], from_ns, memory_order_relaxed);
+    atomic_store_explicit(&busy->to_ns[tick % KN_BUSY], to_ns, memory_order_relaxed);
+}
+
+int64_t kn_busy_within(const kn_busy *busy, int64_t from_ns, int64_t to_ns)
+{
+    int64_t all_ns = 0;
+    for (int i = 0; i < KN_BUSY; i++) {
+        int64_t begin_ns = atomic_load_explicit(&busy->from_ns[i], memory_order_relaxed);
+        int64_t end_ns = atomic_load_explicit(&busy->to_ns[i], memory_order_relaxed);
+        if (begin_ns < from_ns) begin_ns = from_ns;
+        if (end_ns > to_ns) end_ns = to_ns;
+        if (end_ns > begin_ns) all_ns += end_ns - begin_ns;
+    }
+    return all_ns;
 }

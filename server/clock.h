@@ -9,6 +9,7 @@
 //
 // A tick's number is its place on the grid. Cycles that passed while the thread could not run are counted and skipped,
 // never caught up: two ticks at once would push the hand twice.
+#include <stdatomic.h>
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -24,10 +25,20 @@ typedef struct kn_wake {
     int32_t missed;  // cycles skipped just before it
     bool overrun;    // the thread was still busy at the deadline: the misses are its own
     int64_t due_ns;  // deadline that was slept for
+    int64_t asked_ns; // when the thread was ready to: the tick before had ended
     int64_t late_ns; // awake this long after it, or after the call when that came later: what the machine added
     int64_t now_ns;  // when the tick began
     int64_t held_ns; // that a tick was awake before that, waiting for its pose (phase.h)
 } kn_wake;
+
+// When a thread was busy, for one that keeps watch beside it: the latest ticks.
+#define KN_BUSY 4
+typedef struct kn_busy {
+    _Atomic int64_t from_ns[KN_BUSY], to_ns[KN_BUSY];
+} kn_busy;
+// tick: one after the other. Real-time safe.
+void kn_busy_tell(kn_busy *busy, int64_t tick, int64_t from_ns, int64_t to_ns);
+int64_t kn_busy_within(const kn_busy *busy, int64_t from_ns, int64_t to_ns); // ns of that time
 
 int64_t kn_now_ns(void);  // CLOCK_MONOTONIC; no system call, as the next
 int64_t kn_wall_us(void); // us since 1970, CLOCK_REALTIME: a message's utime; may be set at any time

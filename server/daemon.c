@@ -139,7 +139,7 @@ static void publish_records(server *d)
     for (const kn_record *record; (record = kn_ring_front(&d->loop.records)); kn_ring_pop(&d->loop.records)) {
         kn_publisher_record(&d->publisher, record);
         kn_trace_record(&d->trace, record, &d->model->def);
-        if (record->wake.missed) kn_sentinel_missed(&d->sentinel, &record->wake);
+        kn_sentinel_hear(&d->sentinel, &record->wake);
         memcpy(d->force, record->out.force, sizeof d->force);
     }
     const kn_touched *touched;
@@ -539,6 +539,7 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
         d->start_ns = kn_now_ns() + START_DELAY_NS;
         kn_loop_start(&d->loop, d->start_ns);
         d->sentinel.beside = &d->loop.start_ns;
+        d->sentinel.busy = &d->loop.busy;
         kn_clock_start(&d->sentinel.clock, d->start_ns + KN_SENTINEL_OFFSET_NS);
         d->budget = DATAGRAMS_PER_TICK;
         pthread_barrier_wait(&d->go);
@@ -576,6 +577,10 @@ static void tell_summary(server *d)
            " explained by the machine), %" PRId64 " overruns; %" PRId64 " published, %" PRId64 " not queued\n",
            a->ticks, a->missed, kn_sentinel_judge(&d->sentinel, INT64_MAX), a->overruns, d->publisher.published,
            a->unpublished);
+    const kn_sentinel *s = &d->sentinel;
+    printf("kneadd: woken 1 ms late or more %" PRId64 " times (%" PRId64 " explained), 0.5 ms %" PRId64 " (%" PRId64
+           "); its sentinel %" PRId64 " and %" PRId64 " times in %" PRId64 " wakes\n", s->whole.count,
+           s->whole.explained, s->half.count, s->half.explained, s->later, s->late, s->wakes);
     printf("kneadd: %" PRId64 " datagrams: %" PRId64 " accepted", r->received, r->accepted);
     for (int i = 0; i < KN_REJECT_COUNT; i++)
         if (r->rejected[i]) printf(", %" PRId64 " %s", r->rejected[i], kn_verdict_name((kn_verdict)i));

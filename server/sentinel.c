@@ -11,6 +11,12 @@ void kn_sentinel_free(kn_sentinel *s)
     kn_ring_free(&s->stalls);
 }
 
+int64_t kn_sentinel_stalled_ns(const kn_sentinel *s, const kn_wake *wake)
+{
+    int64_t busy_ns = s->busy ? kn_busy_within(s->busy, wake->due_ns, wake->now_ns) : 0;
+    return wake->now_ns - wake->due_ns - busy_ns;
+}
+
 void *kn_sentinel_run(void *sentinel)
 {
     kn_sentinel *s = sentinel;
@@ -19,7 +25,11 @@ void *kn_sentinel_run(void *sentinel)
             s->clock.start_ns = atomic_load_explicit(s->beside, memory_order_relaxed) + KN_SENTINEL_OFFSET_NS;
         kn_wake wake = kn_clock_wait(&s->clock);
         kn_stall stall = {wake.due_ns, wake.now_ns};
-        if (wake.now_ns - wake.due_ns >= KN_SENTINEL_STALL_NS) kn_ring_push(&s->stalls, &stall); // full: the oldest do
+        int64_t stalled_ns = kn_sentinel_stalled_ns(s, &wake);
+        if (stalled_ns >= KN_SENTINEL_STALL_NS) kn_ring_push(&s->stalls, &stall); // full: the oldest do
+        s->wakes++;
+        s->late += stalled_ns >= KN_SENTINEL_LATE_NS;
+        s->later += stalled_ns >= KN_PERIOD_NS;
     }
     return NULL;
 }
@@ -41,10 +51,21 @@ static bool explained(const kn_sentinel *s, const kn_wake *wake)
     return false;
 }
 
-void kn_sentinel_missed(kn_sentinel *s, const kn_wake *wake)
+void kn_sentinel_hear(kn_sentinel *s, const kn_wake *wake)
 {
+    if (!wake->missed && wake->late_ns < KN_SENTINEL_LATE_NS) return;
     if (s->pending_count == KN_SENTINEL_RECENT) kn_sentinel_judge(s, INT64_MAX);
     s->pending[s->pending_count++] = *wake;
+}
+
+static void take_verdict(kn_sentinel *s, const kn_wake *wake, bool explained)
+{
+    bool half = !wake->overrun && wake->late_ns >= KN_SENTINEL_LATE_NS, whole = half && wake->late_ns >= KN_PERIOD_NS;
+    if (explained) s->explained += wake->missed;
+    s->half.count += half;
+    s->half.explained += half && explained;
+    s->whole.count += whole;
+    s->whole.explained += whole && explained;
 }
 
 int64_t kn_sentinel_judge(kn_sentinel *s, int64_t now_ns)
@@ -55,8 +76,8 @@ int64_t kn_sentinel_judge(kn_sentinel *s, int64_t now_ns)
         const kn_wake *wake = &s->pending[i];
         if (now_ns - wake->now_ns <= KN_SENTINEL_MARGIN_NS)
             s->pending[left++] = *wake;
-        else if (explained(s, wake))
-            s->explained += wake->missed;
+        else
+            take_verdict(s, wake, explained(s, wake));
     }
     s->pending_count = left;
     return s->explained;

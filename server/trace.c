@@ -7,7 +7,7 @@
 
 typedef struct row {
     char probe[KN_NAME_MAX];
-    int64_t tick, session, seq, arrived_ns, woke_ns, stepped_ns, guarded_ns;
+    int64_t tick, session, seq, arrived_ns, woke_ns, stepped_ns, guarded_ns, due_ns, asked_ns, late_ns;
 } row;
 
 bool kn_trace_open(kn_trace *trace, const char *path, char *error, size_t error_size)
@@ -16,7 +16,7 @@ bool kn_trace_open(kn_trace *trace, const char *path, char *error, size_t error_
     if (!path) return true;
     trace->file = fopen(path, "we");
     if (trace->file && kn_ring_init(&trace->rows, ROWS, sizeof(row))) {
-        fputs("tick,probe,session,seq,arrived_ns,woke_ns,stepped_ns,guarded_ns\n", trace->file);
+        fputs("tick,probe,session,seq,arrived_ns,woke_ns,stepped_ns,guarded_ns,due_ns,asked_ns,late_ns\n", trace->file);
         return true;
     }
     snprintf(error, error_size, "--trace %s: %s", path, strerror(errno));
@@ -35,7 +35,10 @@ void kn_trace_record(kn_trace *trace, const kn_record *record, const kn_model_de
                  .arrived_ns = record->posted_ns[p],
                  .woke_ns = record->wake.now_ns,
                  .stepped_ns = record->out.stepped_ns,
-                 .guarded_ns = record->guarded_ns};
+                 .guarded_ns = record->guarded_ns,
+                 .due_ns = record->wake.due_ns,
+                 .asked_ns = record->wake.asked_ns,
+                 .late_ns = record->wake.late_ns};
         memcpy(r.probe, def->probe[p].name, sizeof r.probe);
         trace->lost += !kn_ring_push(&trace->rows, &r);
     }
@@ -46,9 +49,9 @@ void kn_trace_drain(kn_trace *trace)
     for (const row *r; trace->file && (r = kn_ring_front(&trace->rows)); kn_ring_pop(&trace->rows))
         trace->failed |= fprintf(trace->file,
                                  "%" PRId64 ",%s,%" PRId64 ",%" PRId64 ",%" PRId64 ",%" PRId64 ",%" PRId64 ",%" PRId64
-                                 "\n",
+                                 ",%" PRId64 ",%" PRId64 ",%" PRId64 "\n",
                                  r->tick, r->probe, r->session, r->seq, r->arrived_ns, r->woke_ns, r->stepped_ns,
-                                 r->guarded_ns) < 0;
+                                 r->guarded_ns, r->due_ns, r->asked_ns, r->late_ns) < 0;
 }
 
 bool kn_trace_close(kn_trace *trace)

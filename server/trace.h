@@ -8,6 +8,9 @@
 //     woke_ns      the tick began that used it
 //     stepped_ns   the lattice had answered
 //     guarded_ns   the force was what the hand is given; next it goes to the main thread, which publishes it
+//     due_ns       the deadline that the tick was slept for: its own, or of the first cycle that was missed before it
+//     asked_ns     the tick before had ended with all that belongs to it; after due_ns: that one took too long
+//     late_ns      awake this long after either, before it waited for its pose: what the machine added
 //
 // Rows go through a ring from the main thread to one that may wait for a disk; a full ring loses rows and counts them.
 // Without --trace nothing of this costs anything but the stamps.

@@ -20,11 +20,11 @@ TEST("a miss is explained when the machine stalled the sentinel too, within 2 ms
 {
     CHECK(kn_sentinel_init(&sentinel));
     kn_wake wake = late(100, 5);
-    kn_sentinel_missed(&sentinel, &wake);
+    kn_sentinel_hear(&sentinel, &wake);
     wake = late(200, 7);
-    kn_sentinel_missed(&sentinel, &wake);
+    kn_sentinel_hear(&sentinel, &wake);
     wake = late(300, 2);
-    kn_sentinel_missed(&sentinel, &wake);
+    kn_sentinel_hear(&sentinel, &wake);
     stall(101, 105); // in the middle of the first
     stall(210, 215); // 3 ms after the second
     stall(295, 298); // 2 ms before the third
@@ -38,7 +38,7 @@ TEST("our own overrun is never excused, though it delays the sentinel as well")
     CHECK(kn_sentinel_init(&sentinel));
     kn_wake wake = late(100, 5);
     wake.overrun = true;
-    kn_sentinel_missed(&sentinel, &wake);
+    kn_sentinel_hear(&sentinel, &wake);
     stall(100, 105);
     CHECK(kn_sentinel_judge(&sentinel, 1000 * MS) == 0);
     kn_sentinel_free(&sentinel);
@@ -48,10 +48,46 @@ TEST("judgement waits until the witness has had time to speak")
 {
     CHECK(kn_sentinel_init(&sentinel));
     kn_wake wake = late(100, 3);
-    kn_sentinel_missed(&sentinel, &wake);
+    kn_sentinel_hear(&sentinel, &wake);
     CHECK(kn_sentinel_judge(&sentinel, 104 * MS) == 0);
     stall(103, 104);
     CHECK(kn_sentinel_judge(&sentinel, 106 * MS) == 3);
+    kn_sentinel_free(&sentinel);
+}
+
+TEST("what the servo was busy is no stall of the machine, however long it took")
+{
+    kn_busy busy = {0};
+    kn_sentinel s = {.busy = &busy};
+    kn_wake wake = {.due_ns = 100500000, .now_ns = 100900000}; // 0.4 ms late
+    kn_busy_tell(&busy, 1, 100 * MS, 100880000);
+    CHECK(kn_sentinel_stalled_ns(&s, &wake) == 20000);
+    CHECK(kn_sentinel_stalled_ns(&(kn_sentinel){0}, &wake) == 400000);
+
+    wake = (kn_wake){.due_ns = 200500000, .now_ns = 203300000}; // behind an overrun of 3 ms and the tick after it
+    kn_busy_tell(&busy, 2, 200 * MS, 203 * MS);
+    kn_busy_tell(&busy, 3, 203 * MS, 203250000);
+    CHECK(kn_sentinel_stalled_ns(&s, &wake) == 50000);
+
+    wake = (kn_wake){.due_ns = 300500000, .now_ns = 305300000}; // the machine stood still for 5 ms, then the servo ran
+    kn_busy_tell(&busy, 4, 305 * MS, 305250000);
+    CHECK(kn_sentinel_stalled_ns(&s, &wake) == 4550000);
+}
+
+TEST("late wakes are counted from half a millisecond on, those after an overrun are not the machine's")
+{
+    CHECK(kn_sentinel_init(&sentinel));
+    for (int i = 0; i < 6; i++) {
+        kn_wake wake = {.due_ns = 100 * i * MS, .late_ns = i * MS / 4, .missed = i / 4, .overrun = i == 5};
+        wake.now_ns = wake.due_ns + wake.late_ns;
+        kn_sentinel_hear(&sentinel, &wake);
+    }
+    stall(200, 201); // 0.5 ms
+    stall(400, 402); // 1 ms
+    stall(500, 502);
+    CHECK(kn_sentinel_judge(&sentinel, 1000 * MS) == 1);
+    CHECK(sentinel.half.count == 3 && sentinel.half.explained == 2);
+    CHECK(sentinel.whole.count == 1 && sentinel.whole.explained == 1);
     kn_sentinel_free(&sentinel);
 }
 
