@@ -1,6 +1,7 @@
-// libFuzzer target: any bytes as a log are read to their end or to their damage, and what stands before it replays.
+// libFuzzer target: any bytes as a log are read to their end or to their damage; what is told of a record holds, and
+// its bytes are there. What a replay makes of it is fuzz_replay's.
 #include "server/log.h"
-#include "server/replay.h"
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
@@ -11,33 +12,38 @@ static void require(int condition)
     if (!condition) abort();
 }
 
+static void check(const kn_log_record *r)
+{
+    unsigned sum = 0; // of every byte, so that the address sanitizer sees each
+    for (size_t i = 0; i < r->size; i++) sum += ((const unsigned char *)r->data)[i];
+    require(sum <= 255 * r->size && r->utime >= 0 && r->utime <= KN_LOG_UTIME_MAX && strlen(r->channel) < 64);
+    switch (r->kind) {
+    case KN_LOG_FORCE:
+        require(r->force.tick >= 0 && r->force.tick <= KN_LOG_TICK_MAX && *r->probe);
+        for (int i = 0; i < 3; i++) require(isfinite(r->force.force_n[i]));
+        break;
+    case KN_LOG_EVENT: require(r->event.tick >= 0 && r->event.tick <= KN_LOG_TICK_MAX); break;
+    case KN_LOG_SCENE: require(strlen(r->scene.name) + strlen(r->scene.text) < r->size); break;
+    case KN_LOG_POSE: require(*r->probe); break;
+    default: break;
+    }
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
+    static int fd = -1;
     char path[32], error[512] = "";
-    int fd = memfd_create("log", 0);
-    require(fd >= 0 && write(fd, data, size) == (ssize_t)size);
+    if (fd < 0) fd = memfd_create("log", 0);
+    require(fd >= 0 && ftruncate(fd, 0) == 0 && pwrite(fd, data, size, 0) == (ssize_t)size);
     snprintf(path, sizeof path, "/proc/self/fd/%d", fd);
 
     kn_log log;
     kn_log_record record;
-    int64_t worth = 0;
+    int64_t records = 0;
     require(kn_log_open(&log, path, error, sizeof error));
-    while (kn_log_read(&log, &record) != KN_LOG_END) worth += record.kind == KN_LOG_FORCE || record.kind == KN_LOG_POSE;
-    require(log.offset == (int64_t)size || log.damage[0]);
+    for (; kn_log_read(&log, &record) != KN_LOG_END; records++) check(&record);
+    require(log.records == records && (log.offset == (int64_t)size || log.damage[0]));
     kn_log_close(&log);
-
-    if (worth > 0) {
-        const char *set = "solver.iterations=1"; // another computation than any log's: its scene does not matter
-        kn_replay_def def = {.log_path = path,
-                             .scene_path = KN_SOURCE_DIR "/core/scenes/dough-small.yaml",
-                             .sets = &set,
-                             .set_count = 1};
-        kn_replay *replay = kn_replay_create(&def, error, sizeof error);
-        require(replay || (error[0] && !strchr(error, '\n')));
-        for (int i = 0; replay && i < 50 && kn_replay_step(replay); i++) continue;
-        kn_replay_destroy(replay);
-    }
-    close(fd);
     return 0;
 }
