@@ -1,14 +1,22 @@
-// send PROBE <<EOF: what a test wants a kneadd to hear, from a socket of its own, so that it can send anything.
+// send PROBE [KEY] <<EOF: what a test wants a kneadd to hear, from a socket of its own, so that it can send anything.
 //
 //     poses COUNT session=S seq=Q [step=1] [rate=1000] [utime=U] [x=0] [z=0.2] [vz=0]
 //     flood COUNT seed=S [rate=50000]
+//     stock COUNT seed=S [rate=50000]
+//     leak COUNT [rate=50000]
+//     forge COUNT seed=S [rate=50000]
 //     sleep MS
 //
-// poses: seq rises by step, utime is seq in ms. flood: relatives of poses (kn_random_datagram), each of its own
-// session. Prints how many datagrams it sent.
+// poses: seq rises by step, utime is seq in ms; with a KEY (a file) they are of now, signed and kept. flood: relatives
+// of poses (kn_random_datagram), each of its own session; rate=0: as fast as they are taken. stock: the same, and every
+// fourth of what liblcm does not expect (kn_lcm_datagram). leak: arrays that are not there. forge: what a holder of the
+// key never sends, or not now (kn_forged_datagram), of its own poses among others.
+// SIGTERM ends what is being sent. Prints how many datagrams it sent.
+#include "server/auth.h"
 #include "tests/server/datagram.h"
 #include <arpa/inet.h>
 #include <inttypes.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/socket.h>
@@ -18,6 +26,14 @@ static int fd;
 static struct sockaddr_in group;
 static char channel[64];
 static int64_t sent;
+static kn_auth auth;
+static bool keyed;
+static volatile sig_atomic_t ended;
+
+static void on_term(int number)
+{
+    ended = number;
+}
 
 static void send_bytes(const unsigned char *bytes, size_t size)
 {
@@ -37,6 +53,28 @@ static int64_t now_us(void)
     return t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000;
 }
 
+static int64_t wall_us(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_REALTIME, &t);
+    return t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000;
+}
+
+// What a listener has of this sender.
+typedef struct kn_recording {
+    unsigned char bytes[256];
+    size_t size;
+} kn_recording;
+static kn_recording recording[4096];
+static int recorded;
+
+static void keep(const unsigned char *bytes, size_t size)
+{
+    if (recorded == sizeof recording / sizeof *recording || size > sizeof recording->bytes) return;
+    memcpy(recording[recorded].bytes, bytes, size);
+    recording[recorded++].size = size;
+}
+
 // Sleeps until the n-th of a stream is due; one that was held up catches up.
 static void pace(int64_t start_us, int64_t n, double rate)
 {
@@ -52,46 +90,112 @@ static void send_poses(const char *line, int64_t count)
                                .orientation_wxyz = {1, 0, 0, 0},
                                .position_m = {option(line, " x=", 0), 0, option(line, " z=", 0.2)},
                                .velocity_m_s = {0, 0, option(line, " vz=", 0)}};
-    for (int64_t n = 0; n < count; n++, seq += step) {
+    for (int64_t n = 0; n < count && !ended; n++, seq += step) {
         unsigned char bytes[KN_TEST_DATAGRAM];
         pace(start_us, n, option(line, " rate=", 1000));
         pose.seq = seq;
         pose.utime = utime ? utime : 1000 * seq; // not the clock's: a held-up sender would make other speeds
         pose.sent_ns = now_us() * 1000;
-        send_bytes(bytes, kn_pose_datagram(bytes, sizeof bytes, channel, &pose));
+        if (keyed) pose.utime = wall_us();
+        size_t size = kn_pose_datagram(bytes, sizeof bytes - KN_WIRE_MAC, channel, &pose);
+        if (keyed) keep(bytes, size = kn_sign_datagram(bytes, size, channel, &auth));
+        send_bytes(bytes, size);
     }
 }
 
-static void flood(const char *line, int64_t count)
+// --- many at once ---
+
+enum { BATCH = 64 };
+static unsigned char batch[BATCH][KN_TEST_DATAGRAM];
+static size_t batch_size[BATCH];
+
+static void send_batch(int count)
+{
+    struct mmsghdr message[BATCH] = {0};
+    struct iovec vector[BATCH];
+    for (int i = 0; i < count; i++) {
+        vector[i] = (struct iovec){batch[i], batch_size[i]};
+        message[i].msg_hdr =
+            (struct msghdr){.msg_name = &group, .msg_namelen = sizeof group, .msg_iov = &vector[i], .msg_iovlen = 1};
+    }
+    for (int from = 0, n; from < count; from += n) {
+        n = sendmmsg(fd, message + from, (unsigned)(count - from), 0);
+        if (n <= 0) return;
+        sent += n;
+    }
+}
+
+typedef size_t make(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, int64_t n);
+
+static void send_many(const char *line, int64_t count, make *one)
 {
     uint64_t random = (uint64_t)option(line, " seed=", 1);
+    double rate = option(line, " rate=", 50000);
     int64_t start_us = now_us();
-    for (int64_t n = 0; n < count; n++) {
-        unsigned char bytes[KN_TEST_DATAGRAM];
-        if (n % 64 == 0) pace(start_us, n, option(line, " rate=", 50000));
-        knead_probe_pose_t pose = {
-            .session = 1000000 + n, .seq = n, .utime = n, .orientation_wxyz = {1, 0, 0, 0}, .position_m = {0, 0, 0.2}};
-        send_bytes(bytes, kn_random_datagram(bytes, &random, channel, pose));
+    for (int64_t n = 0; n < count && !ended; n += BATCH) {
+        int size = count - n < BATCH ? (int)(count - n) : BATCH;
+        for (int i = 0; i < size; i++) batch_size[i] = one(batch[i], &random, n + i);
+        if (rate > 0) pace(start_us, n, rate);
+        send_batch(size);
     }
+}
+
+static size_t relative(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, int64_t n)
+{
+    knead_probe_pose_t pose = {
+        .session = 1000000 + n, .seq = n, .utime = n, .orientation_wxyz = {1, 0, 0, 0}, .position_m = {0, 0, 0.2}};
+    return kn_random_datagram(bytes, random, channel, pose);
+}
+
+static size_t unexpected(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, int64_t n)
+{
+    return n % 4 == 3 ? kn_lcm_datagram(bytes, random, channel, (uint32_t)n) : relative(bytes, random, n);
+}
+
+static size_t absent(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, int64_t n)
+{
+    (void)random, (void)n;
+    return kn_mesh_datagram(bytes, 4096);
+}
+
+static size_t forged(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, int64_t n)
+{
+    knead_probe_pose_t pose = {.session = 1000000 + n,
+                               .seq = n,
+                               .utime = wall_us(),
+                               .orientation_wxyz = {1, 0, 0, 0},
+                               .position_m = {0, 0, 0.2}};
+    const kn_recording *r = recorded > 0 ? &recording[kn_random_bits(random) % (size_t)recorded] : NULL;
+    return kn_forged_datagram(bytes, random, channel, pose, &auth, r ? r->bytes : NULL, r ? r->size : 0);
 }
 
 int main(int argc, char **argv)
 {
-    if (argc != 2) return 2;
+    char error[200];
+    if (argc < 2 || argc > 3) return 2;
+    keyed = argc == 3;
+    if (keyed && !kn_auth_load(&auth, argv[2], error, sizeof error)) return fprintf(stderr, "%s\n", error), 2;
+    sigaction(SIGTERM, &(struct sigaction){.sa_handler = on_term}, NULL);
     snprintf(channel, sizeof channel, "KNEAD_POSE_%s", argv[1]);
     group.sin_family = AF_INET;
     group.sin_port = htons(7667);
     inet_pton(AF_INET, "239.255.76.67", &group.sin_addr);
     fd = socket(AF_INET, SOCK_DGRAM, 0);
     if (fd < 0 || setsockopt(fd, IPPROTO_IP, IP_MULTICAST_TTL, &(unsigned char){0}, 1) != 0) return 3;
+    static const struct {
+        const char *verb;
+        make *one;
+    } many[] = {{"flood", relative}, {"stock", unexpected}, {"leak", absent}, {"forge", forged}};
     for (char line[256]; fgets(line, sizeof line, stdin);) {
         char verb[16] = "";
         long count = 0;
+        size_t m = 0;
         if (sscanf(line, "%15s %ld", verb, &count) != 2) return 2;
+        while (m < sizeof many / sizeof *many && strcmp(verb, many[m].verb) != 0) m++;
         if (strcmp(verb, "poses") == 0)
             send_poses(line, count);
-        else if (strcmp(verb, "flood") == 0)
-            flood(line, count);
+        else if (m < sizeof many / sizeof *many)
+            send_many(line, count, many[m].one);
         else if (strcmp(verb, "sleep") == 0)
             nanosleep(&(struct timespec){count / 1000, count % 1000 * 1000000}, NULL);
         else

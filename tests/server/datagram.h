@@ -1,7 +1,10 @@
 #ifndef KN_TESTS_DATAGRAM_H
 #define KN_TESTS_DATAGRAM_H
 // LC02 datagrams as any LCM sender makes them, and as none should: for the tests and the fuzz target of the receiver.
+#include "proto/knead_mesh_update_t.h"
 #include "proto/knead_probe_pose_t.h"
+#include "server/auth.h"
+#include "server/wire.h"
 #include <math.h>
 #include <string.h>
 
@@ -55,6 +58,101 @@ static inline size_t kn_random_datagram(unsigned char bytes[KN_TEST_DATAGRAM], u
     if (kn_random_bits(random) % 32 == 0) memset(bytes + 8, 'K', 8 + bits % 100);
     if (kn_random_bits(random) % 8 == 0) size = bits % (KN_TEST_DATAGRAM + 1);
     return size;
+}
+
+// --- with a key ---
+
+// Of a pose's datagram the signed one: there is room for KN_WIRE_MAC more.
+static inline size_t kn_sign_datagram(unsigned char *bytes, size_t size, const char *channel, const kn_auth *auth)
+{
+    size_t head = 8 + strlen(channel) + 1;
+    return head + kn_auth_sign(auth, channel, bytes + head, size - head);
+}
+
+// Nothing that a server with this key may take, though all of it is well-formed: a pose (good, of now, of a session of
+// its own) without a tag, with a random one, another key's or another tool's; a true one with a bit of it flipped, from
+// an hour ago, or ahead by two minutes; what has been recorded of a holder (NULL: nothing), as it was or with another
+// session, seq or stamp.
+static inline size_t kn_forged_datagram(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, const char *channel,
+                                        knead_probe_pose_t pose, const kn_auth *auth, const void *recorded,
+                                        size_t recorded_size)
+{
+    uint64_t bits = kn_random_bits(random), kind = bits % (recorded ? 10 : 7);
+    kn_auth other = *auth;
+    other.key[bits / 16 % KN_AUTH_KEY] ^= (unsigned char)(1u << bits / 1024 % 8);
+    if (kind == 5) pose.utime -= INT64_C(3600000000);
+    if (kind == 6) pose.utime += INT64_C(120000000);
+    size_t head = 8 + strlen(channel) + 1,
+           size = kn_pose_datagram(bytes, KN_TEST_DATAGRAM - KN_WIRE_MAC, channel, &pose);
+    if (kind == 0) return size; // no tag
+    if (kind >= 7) {
+        memcpy(bytes, recorded, recorded_size);
+        uint64_t at = kind == 8 ? 8 + bits / 16 % 24 : 0; // utime, session or seq: the payload's second to fourth word
+        if (kind > 7) bytes[head + at] ^= (unsigned char)(1u << bits / 1024 % 8);
+        return recorded_size;
+    }
+    if (kind == 1) {
+        for (int i = 0; i < KN_WIRE_MAC; i++) bytes[size++] = (unsigned char)kn_random_bits(random);
+        return size;
+    }
+    if (kind == 3) return head + kn_auth_sign(auth, "KNEAD_POSE_another", bytes + head, size - head);
+    size = kn_sign_datagram(bytes, size, channel, kind == 2 ? &other : auth);
+    if (kind == 4) bytes[head + bits / 16 % (size - head)] ^= (unsigned char)(1u << bits / 65536 % 8);
+    return size;
+}
+
+// --- for liblcm ---
+
+static inline void kn_put32(unsigned char *bytes, uint32_t value)
+{
+    for (int i = 0; i < 4; i++) bytes[i] = (unsigned char)(value >> (24 - 8 * i));
+}
+
+// A mesh_update_t that says how many positions it has, and has none.
+static inline size_t kn_mesh_datagram(unsigned char bytes[KN_TEST_DATAGRAM], uint32_t positions)
+{
+    unsigned char payload[200];
+    const knead_mesh_update_t none = {.frame = 0};
+    int size = knead_mesh_update_t_encode(payload, 0, sizeof payload, &none);
+    kn_put32(payload + 8 + 24 + 20, positions);
+    return size < 0 ? 0 : kn_lc02(bytes, KN_TEST_DATAGRAM, "KNEAD_MESH_UPDATE", payload, (size_t)size);
+}
+
+// LC03: "LC03" | sequence | size of the message | offset of this part | number of it u16 | parts u16 | channel, NUL in
+// part 0 | data
+static inline size_t kn_lc03(unsigned char *bytes, uint32_t sequence, uint32_t whole, uint32_t offset, uint16_t part,
+                             uint16_t parts, const char *channel, size_t data)
+{
+    size_t name = part == 0 ? strlen(channel) + 1 : 0;
+    memcpy(bytes, "LC03", 4);
+    kn_put32(bytes + 4, sequence);
+    kn_put32(bytes + 8, whole);
+    kn_put32(bytes + 12, offset);
+    kn_put32(bytes + 16, (uint32_t)part << 16 | parts);
+    memcpy(bytes + 20, channel, name);
+    memset(bytes + 20 + name, 0x5a, data);
+    return 20 + name + data;
+}
+
+// What the stock receiver of LCM messages does not expect: a part of a message that lies before its beginning (by
+// 2^32), the same part twice, a channel without an end, an array whose size in bytes wraps, one that is not there.
+// n counts them: parts come in pairs.
+static inline size_t kn_lcm_datagram(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, const char *channel,
+                                     uint32_t n)
+{
+    uint32_t pair = n / 8, second = n / 4 % 2;
+    switch (pair % 4) {
+    case 0:
+        return kn_lc03(bytes, pair, 1000, second ? 0xffffff00u : 0, (uint16_t)second, 3, channel, second ? 400 : 200);
+    case 1:
+        return kn_lc03(bytes, pair, 1000, 0, 0, 2, channel, 300);
+    case 2:
+        memcpy(bytes, "LC02\0\0\0", 8);
+        memset(bytes + 8, 'K', 20);
+        return 28;
+    default:
+        return kn_mesh_datagram(bytes, second ? 0x40000001u : (uint32_t)(kn_random_bits(random) % 100000));
+    }
 }
 
 #endif

@@ -3,6 +3,7 @@
 #include "tests/check.h"
 #include <errno.h>
 #include <fcntl.h>
+#include <grp.h>
 #include <poll.h>
 #include <pthread.h>
 #include <sched.h>
@@ -11,6 +12,7 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 static char path[64];
@@ -117,6 +119,48 @@ TEST("a line is a request however it comes in pieces, and each gets one line bac
     CHECK(answered == 1);
     kn_control_close(c);
     CHECK(access(path, F_OK) != 0);
+}
+
+// What another user hears who asks for something; "refused" when the socket's file already says no.
+static const char *ask_as(kn_control *c, uid_t uid, gid_t gid)
+{
+    static char told[300];
+    int ends[2];
+    CHECK(pipe(ends) == 0);
+    pid_t child = fork();
+    if (child == 0) {
+        struct sockaddr_un at = {.sun_family = AF_UNIX};
+        strcpy(at.sun_path, path);
+        int fd = socket(AF_UNIX, SOCK_STREAM, 0);
+        bool there = setgroups(0, NULL) == 0 && setgid(gid) == 0 && setuid(uid) == 0 &&
+                     connect(fd, (struct sockaddr *)&at, sizeof at) == 0;
+        if (there) send(fd, "{}\n", 3, MSG_NOSIGNAL); // who is refused may be so before it has said anything
+        ssize_t size = there ? recv(fd, told, sizeof told, 0) : -1;
+        if (size < 0) size = snprintf(told, sizeof told, "%s", errno == EACCES ? "refused" : strerror(errno));
+        _exit(write(ends[1], told, (size_t)size) == size ? 0 : 1);
+    }
+    int status = 0;
+    while (waitpid(child, &status, WNOHANG) == 0) kn_control_turn(c, 10);
+    ssize_t size = read(ends[0], told, sizeof told - 1);
+    told[size > 0 ? size : 0] = '\0';
+    close(ends[0]), close(ends[1]);
+    return told;
+}
+
+TEST("nobody commands but root, the server's own user and its group; whoever does not is refused, and told of")
+{
+    enum { NOBODY = 65534 };
+    if (geteuid() != 0) return; // who is not root cannot be anybody else
+    kn_control *c = start();
+    CHECK_STR(ask_as(c, NOBODY, NOBODY), "refused");
+    chmod(path, 0666); // even if the file lets everybody
+    hush();
+    for (int i = 0; i < 3; i++)
+        CHECK_STR(ask_as(c, NOBODY, NOBODY), "{\"ok\":false,\"error\":\"uid 65534 may not command this server\"}\n");
+    const char *told = unhush();
+    CHECK(answered == 0 && strstr(told, "kneadd: control: uid 65534 pid ") && strstr(told, ": refused\n"));
+    CHECK_STR(ask_as(c, NOBODY, getegid()), "{\"ok\":true,\"request\":{}}\n");
+    kn_control_close(c);
 }
 
 TEST("what is no JSON object is told where, and nothing is asked")

@@ -208,6 +208,37 @@ TEST("what was recorded of a holder of the key is never taken again, not after i
     CHECK_VERDICT(judge(&next), KN_REJECT_REPLAYED);
 }
 
+// KN_FORGED=1000000: as many.
+TEST("of many forged messages none is accepted: wrong keys, tools and times, flipped bits, what was recorded")
+{
+    enum { RECORDED = 1000 };
+    static kn_datagram recorded[RECORDED];
+    const char *wanted = getenv("KN_FORGED");
+    const int64_t count = wanted ? atoll(wanted) : 100000;
+    start_keyed();
+    for (int i = 0; i < RECORDED; i++, now_ns += MS) {
+        knead_probe_pose_t pose = pose_of_now(7, 1 + i);
+        recorded[i] = signed_pose(&key, "KNEAD_POSE_hand", &pose);
+        CHECK_VERDICT(judge(&recorded[i]), KN_ACCEPTED);
+    }
+    now_ns += 1100 * MS; // the tool is free again, and for the taking
+    kn_receiver_expire(&receiver, now_ns);
+    uint64_t random = 1;
+    for (int64_t n = 0; n < count; n++, now_ns += MS / 10) {
+        unsigned char bytes[KN_TEST_DATAGRAM];
+        const kn_datagram *r = &recorded[n % RECORDED];
+        knead_probe_pose_t pose = pose_of_now(1000 + n, n);
+        kn_datagram d = {.here = true};
+        d.size = kn_forged_datagram(bytes, &random, "KNEAD_POSE_hand", pose, &key, r->bytes, r->size);
+        memcpy(d.bytes, bytes, d.size);
+        if (judge(&d) == KN_ACCEPTED) KN_TEST_FAIL("number %lld is accepted", (long long)n);
+    }
+    printf("%lld forged messages: %lld without the key's tag, %lld not of now, %lld accepted\n", (long long)count,
+           (long long)receiver.rejected[KN_REJECT_MAC], (long long)receiver.rejected[KN_REJECT_REPLAYED],
+           (long long)receiver.accepted - RECORDED);
+    CHECK(receiver.rejected[KN_REJECT_MAC] + receiver.rejected[KN_REJECT_REPLAYED] == count);
+}
+
 TEST("a second hand with the key, whatever its clock says, does not disturb the one that holds the tool")
 {
     start_keyed();
