@@ -291,6 +291,11 @@ static void judge(kn_audit *a)
 
 void kn_audit_restart(kn_audit *audit) { begin(audit); }
 
+void kn_audit_follow(kn_audit *next, const kn_audit *last)
+{
+    next->news = last->news;
+}
+
 void kn_audit_tick(kn_audit *audit, const kn_state *state)
 {
     kn_audit *a = audit;

@@ -41,6 +41,9 @@ void kn_audit_destroy(kn_audit *audit); // NULL is fine
 // The object has been replaced: what it stores is not the work of anybody. Real-time safe.
 void kn_audit_restart(kn_audit *audit);
 
+// The object goes on in another model, whose audit `next` is: with what `last` has counted. Real-time safe.
+void kn_audit_follow(kn_audit *next, const kn_audit *last);
+
 // After every tick, resets included. Real-time safe: every KN_AUDIT_TICKS a copy of the state, else some edges.
 void kn_audit_tick(kn_audit *audit, const kn_state *state);
 

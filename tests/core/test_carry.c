@@ -1,0 +1,162 @@
+#include "core/carry.h"
+#include "core/energy.h"
+#include "core/scene/scene.h"
+#include "core/step.h"
+#include "tests/check.h"
+
+typedef struct object {
+    kn_scene *scene;
+    kn_model *model;
+    kn_state *state;
+} object;
+
+static object object_of(const char *scene, const char *set)
+{
+    char path[512], error[512] = "";
+    object o;
+    snprintf(path, sizeof path, "%s/core/scenes/%s", KN_SOURCE_DIR, scene);
+    o.scene = kn_scene_load(path, &set, set ? 1 : 0, error, sizeof error);
+    o.model = o.scene ? kn_model_build(&o.scene->model, error, sizeof error) : NULL;
+    o.state = o.model ? kn_state_create(o.model) : NULL;
+    if (!o.state) fprintf(stderr, "%s %s: %s\n", scene, set ? set : "", error), exit(1);
+    return o;
+}
+
+static void object_free(object *o)
+{
+    kn_state_destroy(o->state);
+    kn_model_destroy(o->model);
+    kn_scene_destroy(o->scene);
+}
+
+// The last tool comes down by 5 mm within 100 ms, and holds. Returns its force.
+static double hold(object *o, int ms)
+{
+    kn_input in = {0};
+    kn_output out = {0};
+    double extent[3];
+    int p = o->model->def.probe_count - 1;
+    kn_model_def_extent(&o->model->def, extent);
+    for (int i = 0; i < ms; i++) {
+        double t = 1e-2 * (double)o->state->tick, way = t < 1 ? t : 1;
+        double height = extent[2] + o->model->def.probe[p].radius_m - 5e-3 * way;
+        in.probe[p] = (kn_probe_input){true, {0, 0, height}, {0, 0, t < 1 ? -0.05 : 0}, {1, 0, 0, 0}, false};
+        CHECK(kn_step(o->model, o->state, &in, &out) == KN_OK);
+    }
+    return out.probe[p].force_n[2];
+}
+
+static double elastic(const object *o)
+{
+    kn_energy e;
+    CHECK(kn_energy_of(o->model, o->state, &e));
+    return e.elastic;
+}
+
+TEST("carried into the same material an object goes on to the same bits")
+{
+    static const char *const scenes[] = {"dough-small.yaml", "jelly.yaml", "bun.yaml", "pinch.yaml"};
+    for (size_t s = 0; s < sizeof scenes / sizeof *scenes; s++) {
+        object a = object_of(scenes[s], NULL), b = object_of(scenes[s], NULL);
+        hold(&a, 150);
+        CHECK(kn_carry_misfit(a.model, b.model) == NULL);
+        kn_carry(a.model, a.state, b.model, b.state);
+        hold(&a, 100);
+        hold(&b, 100);
+        CHECK(kn_state_hash(a.model, a.state) == kn_state_hash(b.model, b.state));
+        object_free(&a);
+        object_free(&b);
+    }
+}
+
+TEST("a spring twice as stiff stores twice as much of the same stretch, and no node has moved")
+{
+    object a = object_of("dough-small.yaml", NULL), b = object_of("dough-small.yaml", "material.k1=940 gf/cm^3");
+    hold(&a, 3000); // until what a last step does is little
+    kn_carry(a.model, a.state, b.model, b.state);
+    for (int i = 0; i < a.model->node_count; i++) {
+        double x[3], y[3];
+        kn_state_position(a.model, a.state, i, x);
+        kn_state_position(b.model, b.state, i, y);
+        CHECK(memcmp(x, y, sizeof x) == 0);
+    }
+    printf("     %.4g mJ, then %.4g\n", 1e3 * elastic(&a), 1e3 * elastic(&b));
+    CHECK_NEAR(elastic(&b) / elastic(&a), 2, 0.01);
+    object_free(&a);
+    object_free(&b);
+}
+
+TEST("what is stiffer from now on relaxes to what it would have been all along, from where it was")
+{
+    object soft = object_of("jelly.yaml", NULL), hard = object_of("jelly.yaml", "material.k1=20 kPa"),
+           turned = object_of("jelly.yaml", "material.k1=20 kPa");
+    double before = hold(&soft, 1000);
+    kn_carry(soft.model, soft.state, turned.model, turned.state);
+    hold(&hard, 3000);
+    hold(&turned, 2000);
+    double always = hold(&hard, 1), now = hold(&turned, 1);
+    printf("     %.4f N soft, %.4f N turned, %.4f N hard from the start\n", before, now, always);
+    CHECK(now > 1.2 * before);
+    CHECK_NEAR(now / always, 1, 1e-3);
+    object_free(&soft);
+    object_free(&hard);
+    object_free(&turned);
+}
+
+TEST("another stress area keeps the length of every Voigt part, not its strain")
+{
+    object a = object_of("dough-small.yaml", NULL), b = object_of("dough-small.yaml", "object.diagonal_stiffness=0.5");
+    hold(&a, 500);
+    CHECK(kn_carry_misfit(a.model, b.model) == NULL && a.model->grid.gamma != b.model->grid.gamma);
+    kn_carry(a.model, a.state, b.model, b.state);
+    const float *u = a.state->strain, *v = b.state->strain;
+    double most = 0, off = 0;
+    for (size_t e = 0; e < a.model->edge_reals; e++) {
+        double p = u[e] * a.model->grid.gamma, q = v[e] * b.model->grid.gamma;
+        most = fmax(most, fabs(p));
+        off = fmax(off, fabs(p - q));
+    }
+    CHECK(most > 0.01 && off < 1e-7);
+    object_free(&a);
+    object_free(&b);
+}
+
+TEST("what an object cannot go on in is named")
+{
+    static const struct {
+        const char *scene, *set, *why;
+    } table[] = {
+        {"dough-small.yaml", "object.spacing=5 mm", "another lattice"},
+        {"dough-small.yaml", "object.structure=axis", "another lattice"},
+        {"dough-small.yaml", "solver.precision=f64", "another method or precision"},
+        {"dough-small.yaml", "support=frictionless", "another support, or gas where there was none"},
+        {"dough-small.yaml", "material.damper=none", "a damper where there was none, or none where there was one"},
+        {"dough-small.yaml", "material.stroke=[0.1, 0.9]", "other stops of the damper"},
+        {"dough-small.yaml", "probes.finger.radius=2 cm", "another tool"},
+        {"dough-small.yaml", "probes.plate.size=[2 cm, 1 cm]", "another tool"},
+        {"dough-small.yaml", "probes.finger.friction=0.3", "contact that sticks where none did"},
+        {"dough-small.yaml", "material.k1=1 kPa", NULL},
+        {"dough-small.yaml", "material.c1=1 kPa*s", NULL},
+        {"dough-small.yaml", "material.variant=plastic", NULL},
+        {"dough-small.yaml", "density=900 kg/m^3", NULL},
+        {"dough-small.yaml", "gravity=9.81 m/s^2", NULL},
+        {"dough-small.yaml", "device.clamp=1 N", NULL},
+        {"dough-small.yaml", "solver.iterations=9", NULL},
+        {"dough-small.yaml", "probes.finger.foundation=2e7 N/m^3", NULL},
+        {"rolling-pin.yaml", "material.k1=1 kPa", NULL},
+        {"bun.yaml", "material.k1=1 kPa", NULL},
+        {"pinch.yaml", "probes.thumb.friction=0.5", NULL},
+    };
+    for (size_t t = 0; t < sizeof table / sizeof *table; t++) {
+        object a = object_of(table[t].scene, NULL), b = object_of(table[t].scene, table[t].set);
+        const char *why = kn_carry_misfit(a.model, b.model);
+        if (table[t].why)
+            CHECK_STR(why ? why : "nothing", table[t].why);
+        else
+            CHECK(why == NULL);
+        object_free(&a);
+        object_free(&b);
+    }
+}
+
+TESTS_MAIN
