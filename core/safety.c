@@ -88,23 +88,49 @@ kn_guard_result kn_guard_pass(kn_guard *g, const double asked_n[3], double allow
     return KN_GUARD_LIMITED;
 }
 
+static kn_safety_limits with_defaults(const kn_safety_limits *limits)
+{
+    kn_safety_limits l = *limits;
+    l.clamp_n = positive_or(l.clamp_n, 3.3);
+    // a stylus is gripped about 5 cm from its tip
+    l.torque_clamp_n_m = positive_or(l.torque_clamp_n_m, l.clamp_n * 0.05);
+    l.guard_n_per_ms = positive_or(l.guard_n_per_ms, 4.0);
+    l.brake_m_s = positive_or(l.brake_m_s, 1.2);
+    l.brake_n_s_per_m = positive_or(l.brake_n_s_per_m, 1.5);
+    l.force_scale = positive_or(l.force_scale, 1.0);
+    if (l.hold_ms <= 0) l.hold_ms = 3;
+    if (l.zero_ms <= l.hold_ms) l.zero_ms = l.hold_ms + 17;
+    if (l.ramp_up_ms < 200) l.ramp_up_ms = 200;
+    if (l.flow_ms <= 0) l.flow_ms = 200;
+    return l;
+}
+
 void kn_safety_init(kn_safety *s, const kn_safety_limits *limits)
 {
     memset(s, 0, sizeof *s);
-    kn_safety_limits *l = &s->limits;
-    *l = *limits;
-    l->clamp_n = positive_or(l->clamp_n, 3.3);
-    // a stylus is gripped about 5 cm from its tip
-    l->torque_clamp_n_m = positive_or(l->torque_clamp_n_m, l->clamp_n * 0.05);
-    kn_guard_init(&s->guard, l->guard_n_per_ms);
-    l->guard_n_per_ms = s->guard.most_n_per_ms;
-    l->brake_m_s = positive_or(l->brake_m_s, 1.2);
-    l->brake_n_s_per_m = positive_or(l->brake_n_s_per_m, 1.5);
-    l->force_scale = positive_or(l->force_scale, 1.0);
-    if (l->hold_ms <= 0) l->hold_ms = 3;
-    if (l->zero_ms <= l->hold_ms) l->zero_ms = l->hold_ms + 17;
-    if (l->ramp_up_ms < 200) l->ramp_up_ms = 200;
-    if (l->flow_ms <= 0) l->flow_ms = 200;
+    s->limits = with_defaults(limits);
+    kn_guard_init(&s->guard, s->limits.guard_n_per_ms);
+}
+
+void kn_safety_relimit(kn_safety *s, const kn_safety_limits *limits)
+{
+    s->next = with_defaults(limits);
+    s->relimiting = true;
+}
+
+const char *kn_safety_raised(const kn_safety_limits *limits, const kn_safety_limits *than)
+{
+    kn_safety_limits a = with_defaults(limits), b = with_defaults(than);
+    if (a.clamp_n > b.clamp_n) return "device.clamp";
+    if (a.torque_clamp_n_m > b.torque_clamp_n_m) return "device.torque_clamp";
+    if (a.guard_n_per_ms > b.guard_n_per_ms) return "device.guard";
+    if (a.brake_m_s > b.brake_m_s) return "device.brake_speed";
+    if (a.brake_n_s_per_m > b.brake_n_s_per_m) return "device.brake_damping";
+    if (a.force_scale > b.force_scale) return "device.force_scale";
+    if (a.hold_ms > b.hold_ms) return "device.hold";
+    if (a.zero_ms > b.zero_ms) return "device.zero";
+    if (a.ramp_up_ms < b.ramp_up_ms) return "device.ramp";
+    return a.flow_ms < b.flow_ms ? "device.flow" : NULL;
 }
 
 static double ramp_down_ms(const kn_safety_limits *l) { return (double)(l->zero_ms - l->hold_ms); }
@@ -193,6 +219,11 @@ static void move_gain(kn_safety *s, bool clutch, int silence_ms, int ms)
     if (s->gain > 1.0 - 1e-9) s->gain = 1.0;
     s->gain_drop = fmax(0.0, before - s->gain);
     if (s->gain == 0.0) s->yielding = clutch;
+    if (s->relimiting && s->gain == 0.0 && !braked(s)) {
+        s->limits = s->next;
+        s->guard.most_n_per_ms = s->limits.guard_n_per_ms;
+        s->relimiting = false;
+    }
 }
 
 static bool may_engage(const kn_safety *s, const kn_safety_in *in)

@@ -71,7 +71,8 @@ void kn_guard_age(kn_guard *g, int ticks);             // of 1 ms, that have gon
 kn_guard_result kn_guard_pass(kn_guard *g, const double asked_n[3], double allowed_n, double force_n[3]);
 
 typedef struct kn_safety { // one probe's; plain data, part of the servo's state
-    kn_safety_limits limits;
+    kn_safety_limits limits, next; // in force; to come into force when nothing is felt
+    bool relimiting;               // they have not yet
     double gain;            // 0..1
     double gain_drop;       // how far it came down in this tick
     double force_n[3];      // last scaled contact force past the guard, before clamp and gain; frozen if not rendering
@@ -108,6 +109,12 @@ typedef struct kn_safety_in {
 // Fills zero fields of limits with defaults and starts without a fault, detached, gain 0.
 void kn_safety_init(kn_safety *s, const kn_safety_limits *limits);
 double kn_safety_slope(const kn_safety_limits *limits); // N/ms, limits with defaults filled in
+
+// Other limits while it runs: what is felt fades under those that it rose under (say `change`, too), and comes back
+// under these. Whether they only lower what a hand may feel is the caller's to know: kn_safety_raised.
+void kn_safety_relimit(kn_safety *s, const kn_safety_limits *limits);
+// The first that allows more than `than` does: a higher force, a steeper one, for longer without poses. NULL: none.
+const char *kn_safety_raised(const kn_safety_limits *limits, const kn_safety_limits *than);
 
 // Before the step: advances watchdog, latch and gain by elapsed_ms. Returns whether the probe is in the model this
 // tick. A probe enters the model only clear of the object; it leaves it when the gain has come down to 0 for good.
