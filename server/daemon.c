@@ -29,7 +29,9 @@
 #define REST_TICK_NS 500000 // in contact a tick takes about twice as long as at rest, and has 1 ms
 
 typedef struct server {
-    kn_scene *scene;
+    kn_scene *base;  // as its file and the options say
+    kn_scene *scene; // and what was set over it before
+    kn_sets sets;
     kn_model *model;
     kn_backend backend;
     kn_audit *audit; // NULL: a solver without one
@@ -53,7 +55,10 @@ typedef struct server {
     atomic_bool ending; // the threads of normal priority, too
     struct ev_loop *ev;
     ev_io readable;
-    ev_async ticked, asked, leave;
+    ev_async ticked, asked, leave, load;
+    char *next;      // the scene that is to come next, the worker's until all threads have ended
+    bool goes_on;    // with that
+    kn_change *told; // whose scene is told, NULL: that of the start
     ev_timer status_due, scene_due;
     ev_signal signals[SIGNALS];
     int64_t stop_ns; // when the first signal came, 0: none has
@@ -147,11 +152,21 @@ static void publish_records(server *d)
         kn_publisher_touch(&d->publisher, touched);
 }
 
+static void go_over(server *d)
+{
+    kn_change *changed = atomic_load_explicit(&d->loop.changed, memory_order_acquire);
+    if (changed == d->told || !kn_publisher_go_over(&d->publisher, changed->scene)) return;
+    kn_publisher_scene(&d->publisher, kn_wall_us());
+    d->told = changed;
+    atomic_store(&d->operator.told, changed);
+}
+
 static void on_ticked(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)events;
     server *d = w->data;
     bool done = atomic_load_explicit(&d->loop.done, memory_order_acquire); // first: then the records hold the last one
+    go_over(d); // before the event of it, for whoever hears both
     publish_records(d);
     kn_sentinel_judge(&d->sentinel, kn_now_ns());
 
@@ -183,7 +198,10 @@ static void on_scene_due(struct ev_loop *ev, ev_timer *w, int events)
 static void stop(server *d)
 {
     atomic_store(&d->loop.stop, true);
-    sd_notify(0, "STOPPING=1");
+    if (d->goes_on)
+        sd_notifyf(0, "RELOADING=1\nMONOTONIC_USEC=%" PRId64, kn_now_ns() / 1000);
+    else
+        sd_notify(0, "STOPPING=1");
 }
 
 static void on_asked(struct ev_loop *ev, ev_async *w, int events)
@@ -200,13 +218,40 @@ static void on_asked(struct ev_loop *ev, ev_async *w, int events)
 static void on_leave(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)ev, (void)events;
-    stop(w->data);
+    server *d = w->data;
+    d->goes_on = false;
+    stop(d);
+}
+
+static void on_load(struct ev_loop *ev, ev_async *w, int events)
+{
+    (void)ev, (void)events;
+    server *d = w->data;
+    if (atomic_load(&d->loop.stop)) return; // an end has been asked for
+    d->goes_on = true;
+    stop(d);
 }
 
 static void ask(void *arg) // in the control thread, as the next
 {
     server *d = arg;
     ev_async_send(d->ev, &d->asked);
+}
+
+static void lock(void *arg) // in the worker thread, as the next
+{
+    server *d = arg;
+    kn_rt_lock_more(&d->rt);
+}
+
+static void load_next(void *arg, const char *path)
+{
+    server *d = arg;
+    char *copy = strdup(path);
+    if (!copy) return;
+    free(d->next);
+    d->next = copy;
+    ev_async_send(d->ev, &d->load);
 }
 
 static void leave(void *arg)
@@ -220,6 +265,7 @@ static void on_signal(struct ev_loop *ev, ev_signal *w, int events)
     (void)ev, (void)events;
     server *d = w->data;
     int64_t now_ns = kn_now_ns();
+    d->goes_on = false;
     if (d->stop_ns && now_ns - d->stop_ns > PATIENCE_NS) { // meant: at once, as if we had never caught it
         signal(w->signum, SIG_DFL);
         raise(w->signum);
@@ -243,13 +289,16 @@ static bool watch_events(server *d)
     ev_async_init(&d->ticked, on_ticked);
     ev_async_init(&d->asked, on_asked);
     ev_async_init(&d->leave, on_leave);
+    ev_async_init(&d->load, on_load);
     ev_timer_init(&d->status_due, on_status_due, 1, 1);
     ev_timer_init(&d->scene_due, on_scene_due, 0, SCENE_S);
-    d->readable.data = d->ticked.data = d->asked.data = d->leave.data = d->status_due.data = d->scene_due.data = d;
+    d->readable.data = d->ticked.data = d->asked.data = d->leave.data = d->load.data = d->status_due.data =
+        d->scene_due.data = d;
     ev_set_priority(&d->ticked, EV_MAXPRI); // forces before whatever else is due
     ev_async_start(d->ev, &d->ticked);
     ev_async_start(d->ev, &d->asked);
     ev_async_start(d->ev, &d->leave);
+    ev_async_start(d->ev, &d->load);
     ev_io_start(d->ev, &d->readable);
     ev_timer_start(d->ev, &d->status_due);
     ev_timer_start(d->ev, &d->scene_due);
@@ -318,7 +367,7 @@ static void tell_quality(server *d, kn_quality *told, bool *told_exhausted)
     kn_quality now = (kn_quality)atomic_load_explicit(&a->quality, memory_order_relaxed),
                asked = (kn_quality)atomic_load_explicit(&a->asked, memory_order_relaxed);
     bool exhausted = atomic_load_explicit(&a->exhausted, memory_order_relaxed);
-    double budget_ms = 1e3 * d->scene->budget_s;
+    double budget_ms = 1e3 * atomic_load_explicit(&a->budget_s, memory_order_relaxed);
     if (now != *told)
         fprintf(stderr, "kneadd: quality %s -> %s", kn_quality_name(*told), kn_quality_name(now));
     if (now != *told && now == asked) fprintf(stderr, ", as commanded\n");
@@ -430,6 +479,28 @@ static int64_t measure_tick(kn_backend *b)
     return best_ns;
 }
 
+// The file as the options say; and if the newest snapshot is of an object over which more was set, with that.
+static bool load_scene(server *d, const kn_daemon_def *def, char *error, size_t error_size)
+{
+    char room[KN_SETS_BYTES], why[400];
+    const char *list[KN_SETS_MAX];
+    d->base = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
+    if (!d->base) return false;
+    d->sets.base_hash = d->base->text_hash;
+    if (def->state_dir) kn_store_sets(def->state_dir, d->base, &d->sets);
+    int count = kn_sets_list(&d->sets, room, list);
+    d->scene = d->base;
+    if (count == 0) return true;
+    d->scene = kn_scene_parse_beside(def->scene_path, d->base->name, d->base->text, strlen(d->base->text), list, count,
+                                     why, sizeof why);
+    if (d->scene && !kn_safety_raised(&d->scene->limits, &d->base->limits)) return true;
+    fprintf(stderr, "kneadd: what was set before the last end is not any more: %s\n", d->scene ? "limits" : why);
+    if (d->scene) kn_scene_destroy(d->scene);
+    d->sets = (kn_sets){.base_hash = d->base->text_hash};
+    d->scene = d->base;
+    return true;
+}
+
 static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
     const char *url = def->lcm_url ? def->lcm_url : getenv("LCM_DEFAULT_URL"); // as every LCM client has it
@@ -438,8 +509,7 @@ static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_
         !kn_bus_parse(&d->mesh_bus, def->mesh_url ? def->mesh_url : own_mesh, def->lan, error, error_size) ||
         (def->key && !kn_auth_load(&d->auth, def->key, error, error_size)))
         return false;
-    d->scene = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
-    if (!d->scene) return false;
+    if (!load_scene(d, def, error, error_size)) return false;
     if (kn_backend_steps(d->scene->model.solver.dt_s) == 0) {
         snprintf(error, error_size, "%s: solver.dt is %g s, expected the 1 ms tick divided by a whole number",
                  def->scene_path, d->scene->model.solver.dt_s);
@@ -496,6 +566,7 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
     d->publisher.auth = d->skin.auth = d->receiver.auth;
     if (kn_loop_init(&d->loop, d->scene, d->model, &d->backend, &d->skin, d->audit) &&
         (!def->touch || kn_loop_touch(&d->loop)) && kn_sentinel_init(&d->sentinel) && watch_events(d)) {
+        d->loop.servo.sets = &d->sets;
         kn_keeper_start(&d->keeper, &d->loop);
         return true;
     }
@@ -503,15 +574,29 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
     return false;
 }
 
-static bool open_control(server *d, const char *path, char *error, size_t error_size)
+static bool open_control(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
-    kn_operator_init(&d->operator, d->scene, &d->loop, &d->keeper);
-    d->operator.ask = ask;
-    d->operator.stop = leave;
-    d->operator.arg = d;
-    kn_control_def def = kn_operator_control(&d->operator);
-    if (path) d->control = kn_control_open(path, &def, error, error_size);
-    return !path || d->control;
+    kn_operated on = {.base = d->base,
+                      .scene = d->scene,
+                      .model = d->model,
+                      .backend = &d->backend,
+                      .limits = def->limits ? def->limits : &d->base->limits,
+                      .scene_path = def->scene_path,
+                      .options = def->sets,
+                      .option_count = def->set_count,
+                      .sets = d->sets,
+                      .identify = def->local_model,
+                      .loop = &d->loop,
+                      .keeper = &d->keeper,
+                      .ask = ask,
+                      .stop = leave,
+                      .load = load_next,
+                      .built = lock,
+                      .arg = d};
+    kn_operator_init(&d->operator, & on);
+    kn_control_def control = kn_operator_control(&d->operator);
+    if (def->control) d->control = kn_control_open(def->control, &control, error, error_size);
+    return !def->control || d->control;
 }
 
 static bool start_threads(server *d, const kn_daemon_def *def, char *error, size_t error_size)
@@ -548,6 +633,15 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
     return false; // whatever waits at the barrier ends with the process
 }
 
+static void tell_sets(const kn_sets *sets)
+{
+    char room[KN_SETS_BYTES];
+    const char *list[KN_SETS_MAX];
+    int count = kn_sets_list(sets, room, list);
+    for (int i = 0; i < count; i++) printf("%s%s", i == 0 ? "kneadd: as it was set before: " : ", ", list[i]);
+    if (count > 0) putchar('\n');
+}
+
 static void tell_ready(const server *d)
 {
     printf("kneadd: serving %s, %d nodes", d->scene->name,
@@ -555,6 +649,7 @@ static void tell_ready(const server *d)
     for (int p = 0; p < d->model->def.probe_count; p++) printf(", probe %s", d->model->def.probe[p].name);
     printf(", on %s, meshes on %s; %s, %s\n", d->bus.url, d->mesh_bus.url,
            d->rt.fifo ? "SCHED_FIFO" : "normal priority", d->rt.locked ? "memory locked" : "memory not locked");
+    tell_sets(&d->sets);
     if (*d->rt.missing) printf("kneadd: not real time: %s\n", d->rt.missing);
     if (d->receiver.auth) printf("kneadd: poses are taken from holders of the key, forces are signed with it\n");
     else if (d->receiver.peers > 0)
@@ -585,7 +680,7 @@ static void tell_summary(server *d)
     for (int i = 0; i < KN_REJECT_COUNT; i++)
         if (r->rejected[i]) printf(", %" PRId64 " %s", r->rejected[i], kn_verdict_name((kn_verdict)i));
     printf("; %" PRId64 " dropped by the kernel\n", kernel_drops(d));
-    const kn_audit_news *audit = d->audit ? kn_audit_read(d->audit) : NULL;
+    const kn_audit_news *audit = d->loop.audit ? kn_audit_read(d->loop.audit) : NULL;
     if (audit && audit->windows)
         printf("kneadd: %" PRId64 " s audited, energy created in %" PRId64 " of them, %.3g mJ at most; at last %.3g mJ"
                " stored of %.3g mJ of work\n", audit->windows, audit->created, 1e3 * audit->most_j,
@@ -602,9 +697,11 @@ static void tell_summary(server *d)
 }
 
 static int64_t stopping_ns; // since when signals end the process, as on_signal does
+static volatile sig_atomic_t told_to_end; // by a signal that came between two lives
 
 static void end_at_once(int number)
 {
+    told_to_end = 1;
     if (kn_now_ns() - stopping_ns <= PATIENCE_NS) return;
     signal(number, SIG_DFL);
     raise(number);
@@ -651,38 +748,61 @@ static void free_all(server *d)
     kn_control_close(d->control);
     kn_trace_close(&d->trace);
     kn_keeper_close(&d->keeper);
+    kn_operator_free(&d->operator);
     kn_audit_destroy(d->audit);
     if (d->backend.destroy) d->backend.destroy(d->backend.self);
     kn_model_destroy(d->model);
-    kn_scene_destroy(d->scene);
+    if (d->scene != d->base) kn_scene_destroy(d->scene);
+    kn_scene_destroy(d->base);
 }
 
-int kn_daemon_run(const kn_daemon_def *def)
+// One life of it; goes on with d->next when d->goes_on.
+static int serve(server *d, const kn_daemon_def *def)
 {
-    static server d;
     char error[512];
-    d = (server){.claim = -1, .fd = -1, .keeper.store.dir = -1};
-    kn_rt_enter(&d.rt, def->realtime);
-    int code = !load(&d, def, error, sizeof error) ? 2
-                   : kn_keeper_open(&d.keeper, def->state_dir, d.scene, d.model, error, sizeof error);
+    *d = (server){.claim = -1, .fd = -1, .keeper.store.dir = -1};
+    kn_rt_enter(&d->rt, def->realtime);
+    int code = !load(d, def, error, sizeof error)
+                   ? 2
+                   : kn_keeper_open(&d->keeper, def->state_dir, d->scene, d->model, error, sizeof error);
     if (code == 0) {
         code = 3;
-        if (open_buses(&d, def, error, sizeof error) &&
-            open_control(&d, def->control, error, sizeof error) &&
-            kn_trace_open(&d.trace, def->trace, error, sizeof error) && start_threads(&d, def, error, sizeof error)) {
-            tell_ready(&d);
-            ev_run(d.ev, 0);
-            code = stop_threads(&d) ? 0 : 3;
-            tell_summary(&d);
+        if (open_buses(d, def, error, sizeof error) && open_control(d, def, error, sizeof error) &&
+            kn_trace_open(&d->trace, def->trace, error, sizeof error) && start_threads(d, def, error, sizeof error)) {
+            tell_ready(d);
+            if (told_to_end) stop(d);
+            ev_run(d->ev, 0);
+            code = stop_threads(d) ? 0 : 3;
+            tell_summary(d);
             if (code)
                 snprintf(error, sizeof error, "--state-dir %s: the last of the object is not saved", def->state_dir);
-            if (!kn_trace_close(&d.trace)) {
+            if (!kn_trace_close(&d->trace)) {
                 snprintf(error, sizeof error, "--trace %s: could not be written to its end", def->trace);
                 code = 3;
             }
         }
     }
     if (code) fprintf(stderr, "%s%s\n", code == 2 ? "" : "kneadd: ", error); // bad input: its file or URL stands first
-    free_all(&d);
     return code;
+}
+
+int kn_daemon_run(const kn_daemon_def *def)
+{
+    static server d;
+    kn_daemon_def life = *def;
+    kn_safety_limits limits;
+    char *path = NULL; // of the scene that is served, after the first
+    for (;;) {
+        int code = serve(&d, &life);
+        bool goes_on = code == 0 && d.goes_on && !told_to_end;
+        if (d.base && !life.limits) { // of the first life, which no other one may raise
+            limits = d.base->limits;
+            life.limits = &limits;
+        }
+        free(path);
+        life.scene_path = path = d.next;
+        free_all(&d);
+        if (!goes_on) return free(path), code;
+        printf("kneadd: loading %s\n", path);
+    }
 }

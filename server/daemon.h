@@ -13,6 +13,7 @@
 #define KN_MESH_LAN_URL "udpm://239.255.76.67:7668?ttl=1"
 
 typedef struct kn_daemon_def {
+    const kn_safety_limits *limits; // that no scene which is loaded may raise, NULL: those of the first
     const char *scene_path;
     const char *const *sets; // "key=value" over the scene
     int set_count;

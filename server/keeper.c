@@ -50,22 +50,34 @@ void kn_keeper_close(kn_keeper *keeper)
 
 static void copy_to(kn_keeper *k, kn_kept *slot, const kn_servo *servo, int64_t tick, int64_t utime)
 {
-    kn_state_copy(k->model, slot->saved.state, servo->backend->state(servo->backend->self));
+    kn_state_copy(k->model, slot->saved.state,
+                  servo->backend->state(servo->backend->self)); // a change keeps the layout
     slot->saved.servo = *servo;
+    slot->saved.text_hash = servo->scene->text_hash;
     slot->saved.tick = tick;
     slot->saved.utime = utime;
     atomic_store_explicit(&slot->saved_whole, false, memory_order_relaxed);
 }
 
-static bool moved(const kn_keeper *k, const kn_state *now)
+// Or another one by what was set over it.
+static bool moved(const kn_keeper *k, const kn_servo *servo, const kn_state *now)
 {
-    return kn_state_moved(k->model, now, k->slot[k->last].saved.state, KN_KEEPER_MOVED_M);
+    const kn_saved *last = &k->slot[k->last].saved;
+    return last->text_hash != servo->scene->text_hash || kn_state_moved(k->model, now, last->state, KN_KEEPER_MOVED_M);
 }
 
 // The last copy is in a file and still what the object is.
 static void confirm(kn_keeper *k, int64_t now_ns)
 {
     if (atomic_load(&k->as_of_ns) && atomic_load(&k->slot[k->last].saved_whole)) atomic_store(&k->as_of_ns, now_ns);
+}
+
+// Limits that wait for a force to fade are in no file.
+static bool relimiting(const kn_servo *servo)
+{
+    bool any = false;
+    for (int p = 0; p < servo->model->def.probe_count; p++) any |= servo->safety[p].relimiting;
+    return any;
 }
 
 void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wake, int64_t utime)
@@ -79,9 +91,9 @@ void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wak
     k->looked = number;
     kn_kept *slot = &k->slot[!k->last];
     const kn_state *now = servo->backend->state(servo->backend->self);
-    if ((!k->due && asked == k->asked_served) || now->bad || atomic_load(&slot->full)) return;
+    if ((!k->due && asked == k->asked_served) || now->bad || atomic_load(&slot->full) || relimiting(servo)) return;
     k->due = false;
-    if (asked == k->asked_served && !atomic_exchange(&k->again, false) && !moved(k, now)) {
+    if (asked == k->asked_served && !atomic_exchange(&k->again, false) && !moved(k, servo, now)) {
         confirm(k, wake->now_ns);
         return;
     }
@@ -160,7 +172,7 @@ bool kn_keeper_finish(kn_keeper *keeper, const kn_servo *servo, int64_t tick)
     kn_answer answer;
     const kn_state *now = servo->backend->state(servo->backend->self);
     if (k->store.dir < 0 || now->bad) return true;
-    if (!moved(k, now) && atomic_load(&k->slot[k->last].saved_whole)) return true;
+    if (!moved(k, servo, now) && atomic_load(&k->slot[k->last].saved_whole)) return true;
     copy_to(k, &k->slot[!k->last], servo, tick, kn_wall_us());
     if (!save(k, &k->slot[!k->last].saved, false, &answer)) return false;
     k->last = !k->last;
@@ -171,6 +183,16 @@ int64_t kn_keeper_age_ms(const kn_keeper *keeper)
 {
     int64_t as_of_ns = atomic_load(&keeper->as_of_ns);
     return as_of_ns ? (kn_now_ns() - as_of_ns) / 1000000 : -1;
+}
+
+bool kn_keeper_writes(const kn_keeper *keeper, const kn_model *model)
+{
+    bool any = false;
+    for (int i = 0; i < 2; i++) {
+        const kn_kept *slot = &keeper->slot[i];
+        any |= atomic_load(&slot->full) && slot->saved.servo.model == model;
+    }
+    return any;
 }
 
 // --- start ----------------------------------------------------------------------------------------------------------
@@ -196,7 +218,10 @@ void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
     if (k->store.dir < 0) return;
     kn_backend *backend = loop->servo.backend;
     kn_state_copy(k->model, k->slot[0].saved.state, backend->state(backend->self)); // as new
+    k->slot[0].saved.text_hash = loop->servo.scene->text_hash;
     atomic_store(&k->slot[0].saved_whole, true);
+    k->incoming.servo.scene = loop->servo.scene;
+    k->incoming.servo.model = k->model;
     if (!kn_store_load(&k->store, 0, &k->incoming, name, stderr, why, sizeof why)) {
         printf("kneadd: nothing to restore from %s: the object is as new\n", k->store.path);
         return;
@@ -257,7 +282,8 @@ static kn_answer await(kn_loop *loop, int64_t number, int64_t generation)
     return refusal("no tick came for %d ms", KN_KEEPER_PATIENCE_MS);
 }
 
-kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, int64_t generation)
+kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, const kn_scene *scene, const kn_model *model,
+                            int64_t generation)
 {
     kn_keeper *k = keeper;
     char name[256], why[160];
@@ -265,6 +291,8 @@ kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, int64_t generation
     if (k->store.dir < 0) return refusal("restore: nothing is saved, expected kneadd --state-dir DIR");
     if (k->incoming_order && !kn_loop_obeyed(loop, k->incoming_order, &tick))
         return refusal("restore: the one before has not been done yet");
+    k->incoming.servo.scene = scene;
+    k->incoming.servo.model = model;
     if (!kn_store_load(&k->store, generation, &k->incoming, name, NULL, why, sizeof why)) {
         if (generation > 0) return refusal("restore: generation %" PRId64 ": %s", generation, why);
         return refusal("restore: %s", why);

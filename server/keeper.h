@@ -80,9 +80,14 @@ void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wak
 // ms since the newest file was the object as it is; -1: there is none.
 int64_t kn_keeper_age_ms(const kn_keeper *keeper);
 
+// Whether a copy of an object of that model waits for the disk. Of a model that is not served any more: false stays.
+bool kn_keeper_writes(const kn_keeper *keeper, const kn_model *model);
+
 // The operator's thread: each waits KN_KEEPER_PATIENCE_MS at most. generation 0: the newest.
 kn_answer kn_keeper_snapshot(kn_keeper *keeper);
-kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, int64_t generation);
+// scene, model: as they are served now.
+kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, const kn_scene *scene, const kn_model *model,
+                            int64_t generation);
 kn_answer kn_keeper_undo(kn_keeper *keeper, kn_loop *loop);
 
 #endif

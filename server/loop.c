@@ -78,6 +78,7 @@ static int64_t read_orders(kn_loop *loop, kn_tick_in *in)
     in->recover = orders >> KN_ORDER_RECOVER & 1;
     in->estop = orders >> KN_ORDER_ESTOP & 1;
     in->undo = orders >> KN_ORDER_UNDO & 1;
+    if (orders >> KN_ORDER_CHANGE & 1) in->change = loop->change;
     if (orders >> KN_ORDER_RESTORE & 1) {
         in->restore = loop->restore->state;
         in->restored_generation = loop->restore->generation;
@@ -123,6 +124,13 @@ static void tell_touches(kn_loop *loop, const kn_record *record)
     if (loop->notify) loop->notify(loop->notify_arg);
 }
 
+static void go_over(kn_loop *loop, kn_change *change)
+{
+    if (loop->audit && change->audit) kn_audit_follow(change->audit, loop->audit);
+    loop->audit = change->audit;
+    atomic_store_explicit(&loop->changed, change, memory_order_release);
+}
+
 bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
 {
     kn_tick_in in = {.tick = wake->tick,
@@ -135,11 +143,12 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     kn_record record;
     memset(&record, 0, offsetof(kn_record, out)); // the servo sets what is out
     record.wake = *wake;
-    kn_backend *backend = loop->servo.backend;
     kn_arrival arrival[KN_PROBES_MAX];
 
     read_poses(loop, &in, arrival);
     kn_servo_tick(&loop->servo, &in, &record.out); // step, guard
+    if (record.out.changed) go_over(loop, record.out.changed);
+    kn_backend *backend = loop->servo.backend;
 
     if (!in.stop) loop->running_tick = wake->tick;
     bool last = record.out.stopped || wake->tick - loop->running_tick > KN_LOOP_STOP_TICKS;

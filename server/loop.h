@@ -16,6 +16,7 @@
 // Between start and stop the thread allocates nothing, takes no lock and calls the kernel only to sleep and to notify.
 #include "core/touch.h"
 #include "server/account.h"
+#include "server/change.h"
 #include "server/mailbox.h"
 #include "server/phase.h"
 #include "server/ring.h"
@@ -49,12 +50,13 @@ typedef struct kn_posted { // what lies in a mailbox
 } kn_posted;
 
 typedef enum kn_order { // of an operator; several of the same kind before a tick are one
-    KN_ORDER_RESET,   // the object is as new
-    KN_ORDER_QUALITY, // a live point of the scene's; of several the last
-    KN_ORDER_RECOVER, // latched faults are forgotten; tools engage again once lifted
-    KN_ORDER_ESTOP,   // forces fade and stay 0 until recover
-    KN_ORDER_RESTORE, // the object is as in loop->restore
-    KN_ORDER_UNDO     // the object is as before it was kneaded last
+    KN_ORDER_RESET,     // the object is as new
+    KN_ORDER_QUALITY,   // a live point of the scene's; of several the last
+    KN_ORDER_RECOVER,   // latched faults are forgotten; tools engage again once lifted
+    KN_ORDER_ESTOP,     // forces fade and stay 0 until recover
+    KN_ORDER_RESTORE,   // the object is as in loop->restore
+    KN_ORDER_UNDO,      // the object is as before it was kneaded last
+    KN_ORDER_CHANGE     // the object goes on in loop->change
 } kn_order;
 
 typedef struct kn_loop {
@@ -78,6 +80,9 @@ typedef struct kn_loop {
     _Atomic int64_t orders;      // how many were given << 8, and bit kn_order of those that the next tick takes
     atomic_int quality;          // of KN_ORDER_QUALITY
     const kn_saved *restore;     // of KN_ORDER_RESTORE, to stay until that is obeyed
+    struct kn_change
+        *change; // of KN_ORDER_CHANGE, to stay until another one is taken, and whoever uses it has gone over
+    _Atomic(struct kn_change *) changed; // the latest that was taken, NULL: none
     _Atomic uint64_t restored;   // state hash of what the latest order to restore or undo put there; 0: nothing to undo
     _Atomic int64_t obeyed;      // how many were taken
     _Atomic int64_t obeyed_tick[KN_LOOP_ORDERS]; // the tick that took order n, at n modulo that

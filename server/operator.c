@@ -6,10 +6,18 @@
 
 #define PATIENCE_MS 500 // for a tick or the main thread: longer, and this is no running server
 
-void kn_operator_init(kn_operator *o, const kn_scene *scene, kn_loop *loop, kn_keeper *keeper)
+void kn_operator_init(kn_operator *o, const kn_operated *on)
 {
-    *o = (kn_operator){.scene = scene, .loop = loop, .keeper = keeper};
+    *o = (kn_operator){.on = *on};
+    pthread_mutex_init(&o->setting, NULL);
     kn_mailbox_init(&o->health, o->health_slots, sizeof o->health_slots[0]);
+}
+
+void kn_operator_free(kn_operator *o)
+{
+    kn_change_destroy(o->before);
+    kn_change_destroy(o->now);
+    o->before = o->now = NULL;
 }
 
 static void rest(void)
@@ -57,13 +65,13 @@ static json_t *rejections(const knead_status_t *s)
 static json_t *probes(const kn_operator *o, const kn_health *h)
 {
     json_t *array = json_array();
-    for (int p = 0; p < o->scene->model.probe_count; p++) {
+    for (int p = 0; p < o->on.scene->model.probe_count; p++) {
         const kn_force *f = &h->force[p];
         char session[24];
         snprintf(session, sizeof session, "%" PRId64, f->session); // JSON's numbers have 53 bits
         kn_fault fault = (kn_fault)f->fault;
         json_t *probe =
-            json_pack("{s:s, s:b, s:s, s:b, s:f, s:[f,f,f], s:s}", "name", o->scene->model.probe[p].name, "live",
+            json_pack("{s:s, s:b, s:s, s:b, s:f, s:[f,f,f], s:s}", "name", o->on.scene->model.probe[p].name, "live",
                       f->live, "session", f->live ? session : "0", "in_contact", f->contacts > 0, "gain", f->gain,
                       "force_n", f->force_n[0], f->force_n[1], f->force_n[2], "fault", kn_fault_name(fault));
         if (fault != KN_FAULT_NONE) json_object_set_new(probe, "way_back", json_string(kn_fault_remedy(fault)));
@@ -72,7 +80,19 @@ static json_t *probes(const kn_operator *o, const kn_health *h)
     return array;
 }
 
-static json_t *status_of(const kn_operator *o, const kn_health *h)
+static json_t *settings(kn_operator *o)
+{
+    char room[KN_SETS_BYTES];
+    const char *list[KN_SETS_MAX];
+    json_t *array = json_array();
+    pthread_mutex_lock(&o->setting);
+    int count = kn_sets_list(&o->on.sets, room, list);
+    pthread_mutex_unlock(&o->setting);
+    for (int i = 0; i < count; i++) json_array_append_new(array, json_string(list[i]));
+    return array;
+}
+
+static json_t *status_of(kn_operator *o, const kn_health *h)
 {
     static const char *const modes[] = {"IDLE", "RUNNING", "FAULT", "BRAKE", "ESTOP", "STOPPING", "RECOVERING"},
                              *const degraded[] = {"no_fifo", "no_mlock", "no_fma", "reduced"},
@@ -80,9 +100,9 @@ static json_t *status_of(const kn_operator *o, const kn_health *h)
                                                 "velocity_limit", "pose_invalid", "overrun",
                                                 "physics"};
     const knead_status_t *s = &h->status;
-    kn_account *a = &o->loop->account;
+    kn_account *a = &o->on.loop->account;
     json_t *status = json_pack("{s:b, s:s, s:s, s:I, s:f, s:I, s:s, s:o, s:o, s:o}", "ok", 1, "version", KN_VERSION,
-                               "scene", o->scene->name, "time_us", (json_int_t)s->utime, "uptime_s",
+                               "scene", o->on.scene->name, "time_us", (json_int_t)s->utime, "uptime_s",
                                1e-3 * (double)s->uptime_ms, "tick", (json_int_t)s->tick, "mode", modes[s->mode],
                                "degraded", names_of(s->degraded, degraded, 4), "current_errors",
                                names_of(h->error_bits, errors, 7), "last_errors", names_of(s->last_errors, errors, 7));
@@ -108,6 +128,7 @@ static json_t *status_of(const kn_operator *o, const kn_health *h)
     json_object_set_new(status, "state",
                         json_pack("{s:I, s:i}", "snapshot_age_ms", (json_int_t)s->snapshot_age_ms, "snapshot_errors",
                                   (int)s->snapshot_errors));
+    json_object_set_new(status, "set", settings(o));
     json_object_set_new(status, "probes", probes(o, h));
     return status;
 }
@@ -116,7 +137,7 @@ static json_t *tell_status(kn_operator *o)
 {
     bool fresh = false;
     const kn_health *h = kn_mailbox_latest(&o->health, &fresh); // that of an earlier question
-    o->ask(o->arg);
+    o->on.ask(o->on.arg);
     for (int i = 0; i < 2 * PATIENCE_MS; i++) {
         h = kn_mailbox_latest(&o->health, &fresh);
         if (fresh) return status_of(o, h);
@@ -129,9 +150,10 @@ static json_t *tell_status(kn_operator *o)
 
 static json_t *order(kn_operator *o, kn_order kind, kn_quality quality)
 {
-    int64_t tick, number = kn_loop_order(o->loop, kind, quality);
+    int64_t tick, number = kn_loop_order(o->on.loop, kind, quality);
     for (int i = 0; i < 2 * PATIENCE_MS; i++) {
-        if (kn_loop_obeyed(o->loop, number, &tick)) return json_pack("{s:b, s:I}", "ok", 1, "tick", (json_int_t)tick);
+        if (kn_loop_obeyed(o->on.loop, number, &tick))
+            return json_pack("{s:b, s:I}", "ok", 1, "tick", (json_int_t)tick);
         rest();
     }
     return kn_control_error("no tick came for %d ms", PATIENCE_MS);
@@ -141,8 +163,8 @@ static json_t *take_quality(kn_operator *o, const char *name)
 {
     for (kn_quality q = 0; q < KN_QUALITIES; q++) {
         if (strcmp(name, kn_quality_name(q)) != 0) continue;
-        if (o->scene->point[q].live) return order(o, KN_ORDER_QUALITY, q);
-        if (!o->scene->point[q].defined) return kn_control_error("quality %s: the scene does not name it", name);
+        if (o->on.scene->point[q].live) return order(o, KN_ORDER_QUALITY, q);
+        if (!o->on.scene->point[q].defined) return kn_control_error("quality %s: the scene does not name it", name);
         return kn_control_error("quality %s: another lattice or precision, expected --quality %s at the start", name,
                                 name);
     }
@@ -182,7 +204,7 @@ static json_t *quality(kn_operator *o, const json_t *argument)
 static json_t *snapshot(kn_operator *o, const json_t *argument)
 {
     (void)argument;
-    kn_answer a = kn_keeper_snapshot(o->keeper);
+    kn_answer a = kn_keeper_snapshot(o->on.keeper);
     return of_keeper(&a);
 }
 
@@ -191,21 +213,145 @@ static json_t *restore(kn_operator *o, const json_t *argument)
     int64_t generation = json_integer_value(argument); // 0 of none: the newest
     if (argument && generation < 1)
         return kn_control_error("restore: generation %" PRId64 ": expected 1 or more", generation);
-    kn_answer a = kn_keeper_restore(o->keeper, o->loop, generation);
+    const kn_scene *scene = o->now ? o->now->scene : o->on.scene;
+    const kn_model *model = o->now ? o->now->model : o->on.model;
+    kn_answer a = kn_keeper_restore(o->on.keeper, o->on.loop, scene, model, generation);
     return of_keeper(&a);
 }
 
 static json_t *undo(kn_operator *o, const json_t *argument)
 {
     (void)argument;
-    kn_answer a = kn_keeper_undo(o->keeper, o->loop);
+    kn_answer a = kn_keeper_undo(o->on.keeper, o->on.loop);
     return of_keeper(&a);
+}
+
+// --- another scene ---
+
+static kn_scene *parse(const kn_operator *o, const kn_sets *sets, char *error, size_t error_size)
+{
+    char room[KN_SETS_BYTES], why[400];
+    const char *list[KN_SETS_MAX];
+    int count = kn_sets_list(sets, room, list);
+    const kn_scene *base = o->on.base;
+    kn_scene *scene = kn_scene_parse_beside(o->on.scene_path, base->name, base->text, strlen(base->text), list, count,
+                                            why, sizeof why);
+    // what --set has done wrong is what set has
+    if (!scene) snprintf(error, error_size, "%s", strncmp(why, "--set ", 6) == 0 ? why + 2 : why);
+    return scene;
+}
+
+// Whoever used the change before the last one has gone over. NULL, or what has not.
+static const char *retire(kn_operator *o)
+{
+    int64_t tick;
+    if (o->now && !kn_loop_obeyed(o->on.loop, o->ordered, &tick)) return "no tick has taken the last one yet";
+    if (o->now && atomic_load(&o->told) != o->now) return "the main thread has not told the last one yet";
+    const kn_model *last = o->before ? o->before->model : NULL;
+    for (int i = 0; last && kn_keeper_writes(o->on.keeper, last); i++) {
+        if (i == 2 * PATIENCE_MS) return "the disk is slow with what was before the last one";
+        rest();
+    }
+    kn_change_destroy(o->before);
+    o->before = NULL;
+    return NULL;
+}
+
+static kn_change *prepare(kn_operator *o, const json_t *values, char *error, size_t error_size)
+{
+    kn_sets sets = o->on.sets;
+    const json_t *value;
+    size_t i;
+    json_array_foreach(values, i, value) if (!kn_sets_add(&sets, json_is_string(value) ? json_string_value(value) : "",
+                                                          error, (int)error_size)) return NULL;
+    kn_scene *scene = parse(o, &sets, error, error_size);
+    if (!scene) return NULL;
+    const char *raised = kn_safety_raised(&scene->limits, &o->on.base->limits);
+    if (raised) {
+        kn_scene_destroy(scene);
+        snprintf(error, error_size, "set: %s: allows a hand more than the scene does, expected less; a new start can",
+                 raised);
+        return NULL;
+    }
+    char why[300];
+    kn_change *change = kn_change_create(scene, o->now ? o->now->scene : o->on.scene,
+                                         o->now ? o->now->model : o->on.model, o->on.identify, why, sizeof why);
+    if (change)
+        change->sets = sets;
+    else
+        snprintf(error, error_size, "set: %s", why);
+    return change;
+}
+
+// What the object stores, before and after: the lattice that was left is stepped by nobody any more.
+static void add_energies(json_t *answer, const kn_model *model, kn_backend *left, const kn_change *change)
+{
+    kn_energy before, after;
+    if (!change->audit || !kn_energy_of(model, left->state(left->self), &before) ||
+        !kn_energy_of(change->model, change->carried, &after))
+        return;
+    json_object_set_new(answer, "stored_before_j", json_real(kn_energy_sum(&before)));
+    json_object_set_new(answer, "stored_after_j", json_real(kn_energy_sum(&after)));
+}
+
+static json_t *set(kn_operator *o, const json_t *argument)
+{
+    char error[400];
+    int64_t tick;
+    if (json_array_size(argument) == 0) return kn_control_error("set: expected KEY=VALUE");
+    const char *busy = retire(o);
+    if (busy) return kn_control_error("set: %s, expected another try", busy);
+    kn_change *change = prepare(o, argument, error, sizeof error);
+    if (!change) return kn_control_error("%s", error);
+    const kn_model *model = o->now ? o->now->model : o->on.model;
+    kn_backend *left = o->now ? &o->now->backend : o->on.backend;
+    o->on.built(o->on.arg);
+    o->before = o->now;
+    o->now = o->on.loop->change = change;
+    pthread_mutex_lock(&o->setting);
+    o->on.sets = change->sets;
+    pthread_mutex_unlock(&o->setting);
+    o->ordered = kn_loop_order(o->on.loop, KN_ORDER_CHANGE, 0);
+    for (int i = 0; !kn_loop_obeyed(o->on.loop, o->ordered, &tick); i++) {
+        if (i == 2 * PATIENCE_MS)
+            return kn_control_error("set: no tick came for %d ms; the next one takes it", PATIENCE_MS);
+        rest();
+    }
+    json_t *answer = json_pack("{s:b, s:I}", "ok", 1, "tick", (json_int_t)tick);
+    add_energies(answer, model, left, change);
+    return answer;
+}
+
+// As the start will do it, so that a scene that cannot be served ends nothing.
+static json_t *load(kn_operator *o, const json_t *argument)
+{
+    char error[400];
+    const char *path = argument ? json_string_value(argument) : o->on.scene_path;
+    kn_scene *scene = kn_scene_load(path, o->on.options, o->on.option_count, error, sizeof error);
+    if (!scene) return kn_control_error("%s", error);
+    const char *raised = kn_safety_raised(&scene->limits, o->on.limits);
+    kn_model *model = raised ? NULL : kn_model_build(&scene->model, error, sizeof error);
+    json_t *answer = NULL;
+    if (raised)
+        answer = kn_control_error("load: %s: %s: allows a hand more than the scene of the start does; a new start can",
+                                  path, raised);
+    else if (!model)
+        answer = kn_control_error("load: %s: %s", path, error);
+    else if (kn_backend_steps(scene->model.solver.dt_s) == 0)
+        answer = kn_control_error("load: %s: solver.dt is %g s, expected 1 ms divided by a whole number", path,
+                                  scene->model.solver.dt_s);
+    else
+        answer = json_pack("{s:b, s:s}", "ok", 1, "scene", scene->name);
+    if (json_is_true(json_object_get(answer, "ok"))) o->on.load(o->on.arg, path);
+    kn_model_destroy(model);
+    kn_scene_destroy(scene);
+    return answer;
 }
 
 static json_t *stop(kn_operator *o, const json_t *argument)
 {
     (void)argument;
-    o->stop(o->arg);
+    o->on.stop(o->on.arg);
     return json_pack("{s:b}", "ok", 1);
 }
 
@@ -223,6 +369,8 @@ static const struct command {
                 {"undo", undo, NULL, JSON_NULL, false},
                 {"recover", recover, NULL, JSON_NULL, false},
                 {"estop", estop, NULL, JSON_NULL, false},
+                {"set", set, "values", JSON_ARRAY, true},
+                {"load", load, "scene", JSON_STRING, false},
                 {"stop", stop, NULL, JSON_NULL, false}};
 #define COMMANDS (sizeof commands / sizeof *commands)
 
@@ -249,12 +397,12 @@ static bool audits(void *op, const json_t *request)
     return !c || c->run != status;
 }
 
-// Those that wait for the disk or for what was read from it.
+// Those that wait for the disk, for what was read from it, or for a model.
 static bool is_slow(void *op, const json_t *request)
 {
     (void)op;
     const struct command *c = command_of(request);
-    return c && (c->run == snapshot || c->run == restore || c->run == undo);
+    return c && (c->run == snapshot || c->run == restore || c->run == undo || c->run == set || c->run == load);
 }
 
 static json_t *answer(void *op, const json_t *request)
@@ -265,7 +413,9 @@ static json_t *answer(void *op, const json_t *request)
     const json_t *argument = c->argument ? json_object_get(request, c->argument) : NULL;
     if ((c->needed && !argument) || (argument && json_typeof(argument) != c->type))
         return kn_control_error("%s: expected \"%s\", %s", name, c->argument,
-                                c->type == JSON_STRING ? "a string" : "a whole number");
+                                c->type == JSON_STRING  ? "a string"
+                                : c->type == JSON_ARRAY ? "a list of KEY=VALUE"
+                                                        : "a whole number");
     if (json_object_size(request) != (argument ? 2 : 1))
         return c->argument ? kn_control_error("%s: expected nothing but \"%s\"", name, c->argument)
                            : kn_control_error("%s: expected nothing else", name);

@@ -1,7 +1,8 @@
 #ifndef KN_SERVER_OPERATOR_H
 #define KN_SERVER_OPERATOR_H
 // What an operator's requests mean, and what is answered: the JSON of the control socket (control.h), on its threads:
-// snapshot, restore and undo, which wait for the disk, on its worker's, all others on its own.
+// what waits for the disk or builds a model (snapshot, restore, undo, set, load) on its worker's, all others on its
+// own.
 //
 //     {"command": "status"}                        how the server is
 //     {"command": "reset"}                         the object is as new; what a hand felt fades, lift the tool
@@ -11,6 +12,12 @@
 //     {"command": "snapshot"}                      the object as it is, on disk when this is answered
 //     {"command": "restore", "generation": 12}     the object as in that snapshot, or in the newest
 //     {"command": "undo"}                          the object as before it was kneaded last, reset or restored
+//     {"command": "set", "values": ["material.c1=3 kPa*s"]}
+//                                                  keys of the scene, as --set; what they make of it is built aside,
+//                                                  and the object goes on in it. Limits of the device only ever go down
+//     {"command": "load", "scene": "/a/file.yaml"} checked; then an orderly end, and a start with that scene, or with
+//     the
+//                                                  same one as its file is now
 //     {"command": "stop"}                          as SIGTERM
 //
 // Every other field than those is refused, so that no typing error does half of what was meant. A change is answered
@@ -27,18 +34,39 @@ typedef struct kn_health { // what the main thread knows, as of one moment
     kn_force force[KN_PROBES_MAX]; // of the latest tick
 } kn_health;
 
-typedef struct kn_operator {
-    const kn_scene *scene;
+// What it works on, of the daemon.
+typedef struct kn_operated {
+    const kn_scene *base;           // as the server was started with it
+    const kn_scene *scene;          // with what had been set over it before
+    const kn_model *model;          // of scene
+    kn_backend *backend;            // of model
+    const kn_safety_limits *limits; // which no load may raise
+    const char *scene_path;
+    const char *const *options; // --set of the command line, that a load keeps
+    int option_count;
+    kn_sets sets;
+    bool identify; // local models
     kn_loop *loop;
     kn_keeper *keeper;
-    kn_mailbox health; // from the main thread
-    kn_health health_slots[3];
-    void (*ask)(void *arg); // makes the main thread post one; thread-safe
+    void (*ask)(void *arg); // makes the main thread post its health; thread-safe, as the next
     void (*stop)(void *arg);
+    void (*load)(void *arg, const char *path); // ends, to start with that one
+    void (*built)(void *arg);                  // memory has been taken that ticks will use
     void *arg;
+} kn_operated;
+
+typedef struct kn_operator {
+    kn_operated on;
+    kn_change *now, *before;   // that were taken, or are about to be; NULL: none. The worker's
+    int64_t ordered;           // that takes now
+    _Atomic(kn_change *) told; // whose scene the main thread tells
+    pthread_mutex_t setting;   // of sets
+    kn_mailbox health;         // from the main thread
+    kn_health health_slots[3];
 } kn_operator;
 
-void kn_operator_init(kn_operator *o, const kn_scene *scene, kn_loop *loop, kn_keeper *keeper);
+void kn_operator_init(kn_operator *o, const kn_operated *on);
+void kn_operator_free(kn_operator *o);              // after every thread; one that is all 0 is fine
 kn_control_def kn_operator_control(kn_operator *o); // borrows it
 
 #endif

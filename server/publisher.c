@@ -16,15 +16,26 @@ bool kn_publisher_open(kn_publisher *p, const char *url, const kn_scene *scene, 
         snprintf(p->touch_channel[i], sizeof p->touch_channel[i], "KNEAD_TOUCH_%s", scene->model.probe[i].name);
         snprintf(p->contact_channel[i], sizeof p->contact_channel[i], "KNEAD_CONTACT_%s", scene->model.probe[i].name);
     }
-    knead_scene_t message;
-    kn_wire_scene(&message, scene, initial_hash, 0);
-    p->room = ROOM_FIXED + knead_scene_t_encoded_size(&message);
-    p->bytes = malloc((size_t)p->room + KN_WIRE_MAC);
-    p->lcm = p->bytes ? lcm_create(url) : NULL;
+    p->lcm = kn_publisher_go_over(p, scene) ? lcm_create(url) : NULL;
     if (p->lcm) return true;
     snprintf(error, error_size, "%s: %s", url, p->bytes ? "LCM refused this URL" : "out of memory");
     kn_publisher_close(p);
     return false;
+}
+
+bool kn_publisher_go_over(kn_publisher *p, const kn_scene *scene)
+{
+    knead_scene_t message;
+    kn_wire_scene(&message, scene, p->initial_hash, 0);
+    int room = ROOM_FIXED + knead_scene_t_encoded_size(&message);
+    if (room > p->room) {
+        uint8_t *bytes = realloc(p->bytes, (size_t)room + KN_WIRE_MAC);
+        if (!bytes) return false;
+        p->bytes = bytes;
+        p->room = room;
+    }
+    p->scene = scene;
+    return true;
 }
 
 void kn_publisher_close(kn_publisher *p)

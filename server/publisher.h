@@ -27,6 +27,10 @@ bool kn_publisher_open(kn_publisher *p, const char *url, const kn_scene *scene, 
                        size_t error_size);
 void kn_publisher_close(kn_publisher *p);
 
+// Another scene with the same probes, told from now on. Borrows it. May allocate; false: there is no memory for it, and
+// it is not told.
+bool kn_publisher_go_over(kn_publisher *p, const kn_scene *scene);
+
 // A tick: its events, in the order they were applied, then of every probe that has a session the force and, where they
 // are identified, the local model.
 void kn_publisher_record(kn_publisher *p, const kn_record *record);

@@ -1,5 +1,6 @@
 #include "server/replay.h"
 #include "proto/knead_event_t.h"
+#include "server/change.h"
 #include "server/log.h"
 #include "server/receiver.h"
 #include "server/store.h"
@@ -26,6 +27,13 @@ typedef struct kn_replay_private { // `v` below
     size_t event_count, event_capacity, next_event;
     char *scene_name, *scene_text;
     uint64_t scene_hash;
+    struct other { // scenes that were changed to
+        uint64_t hash;
+        char *text;
+    } * others;
+    size_t other_count;
+    kn_change *change, *next; // in force, about to be; NULL: none
+    kn_replay_def def;
     int64_t forces, records;
     char felt[KN_PROBES_MAX][64]; // probes that have forces
     int64_t first_tick, last_tick, first_force_tick; // -1: none
@@ -63,6 +71,21 @@ static bool keep_event(reading *v, const knead_event_t *e)
     }
     v->events[v->event_count++] = *e;
     return true;
+}
+
+// Told again every few seconds.
+static bool keep_other(reading *v, const knead_scene_t *s)
+{
+    for (size_t i = 0; i < v->other_count; i++)
+        if (v->others[i].hash == (uint64_t)s->text_hash) return true;
+    struct other *more = realloc(v->others, (v->other_count + 1) * sizeof *more);
+    char *text = strdup(s->text);
+    if (more) v->others = more;
+    if (more && text)
+        more[v->other_count++] = (struct other){(uint64_t)s->text_hash, text};
+    else
+        free(text);
+    return more && text;
 }
 
 static bool keep_scene(reading *v, const knead_scene_t *s)
@@ -116,7 +139,11 @@ static const char *survey(kn_replay *r, const kn_log_record *record)
         if (!keep_event(v, &record->event)) return "more events than memory";
         return see_tick(v, record->event.tick, record->utime);
     case KN_LOG_SCENE:
-        if (v->scene_text) return (uint64_t)record->scene.text_hash == v->scene_hash ? NULL : "a second scene";
+        if (v->scene_text && (uint64_t)record->scene.text_hash != v->scene_hash) {
+            if (strcmp(record->scene.name, v->scene_name) != 0) return "a second scene";
+            return keep_other(v, &record->scene) ? NULL : "more scenes than memory";
+        }
+        if (v->scene_text) return NULL;
         return keep_scene(v, &record->scene) ? NULL : "a scene larger than memory";
     case KN_LOG_POSE:
         if (v->first_pose_utime < 0) v->first_pose_utime = record->utime;
@@ -266,7 +293,8 @@ static bool of_that_hash(void *hash, const kn_saved *saved)
 static bool find_state(kn_replay *r, uint64_t hash, char *why, size_t why_size)
 {
     reading *v = r->private;
-    return kn_store_browse(v->snapshot_path, r->scene, r->model, &v->saved, of_that_hash, &hash, why, why_size);
+    return kn_store_browse(v->snapshot_path, r->servo.scene, r->servo.model, &v->saved, of_that_hash, &hash, why,
+                           why_size);
 }
 
 // Every state that the log's server took from a snapshot has to be there.
@@ -276,6 +304,7 @@ static bool check_restores(kn_replay *r, const kn_replay_def *def, char *error, 
     char why[200] = "no such snapshot";
     for (size_t i = 0; i < v->event_count && v->restores > 0; i++) {
         const knead_event_t *e = &v->events[i];
+        if (e->kind == KNEAD_EVENT_T_KIND_SET) break; // of another material from here on: seen when it is there
         if (e->kind != KNEAD_EVENT_T_KIND_RESTORE || e->arg[0] == 0) continue;
         if (def->snapshot_path && find_state(r, (uint64_t)e->state_hash, why, sizeof why)) continue;
         snprintf(error, error_size,
@@ -341,6 +370,7 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
 static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     reading *v = r->private;
+    v->def = *def;
     if (!scan(r, def->log_path, error, error_size) || !choose_scene(r, def, error, error_size) ||
         !build(r, error, error_size) || !check_probes(r, def, error, error_size) ||
         !prepare_snapshots(r, def, error, error_size) || !begin(r, def, error, error_size) ||
@@ -379,6 +409,10 @@ void kn_replay_destroy(kn_replay *r)
         kn_log_close(&v->log);
         for (int p = 0; p < KN_PROBES_MAX; p++) free(v->poses[p]);
         free(v->events);
+        for (size_t i = 0; i < v->other_count; i++) free(v->others[i].text);
+        free(v->others);
+        kn_change_destroy(v->next);
+        kn_change_destroy(v->change);
         kn_undo_free(&v->undo);
         kn_state_destroy(v->saved.state);
         free(v->scene_name);
@@ -391,7 +425,10 @@ void kn_replay_destroy(kn_replay *r)
     free(r);
 }
 
-const kn_state *kn_replay_state(kn_replay *r) { return r->backend.state(r->backend.self); }
+const kn_state *kn_replay_state(kn_replay *r)
+{
+    return r->servo.backend->state(r->servo.backend->self);
+}
 
 // ---- second reading: tick by tick
 
@@ -557,6 +594,35 @@ static void apply_restore(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
     }
 }
 
+// The scene that was changed to, with what is different here.
+static void apply_set(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
+{
+    reading *v = r->private;
+    char why[300] = "its scene is not in the log";
+    double high = e->arg[0], low = e->arg[1];
+    bool is_hash = high >= 0 && high <= UINT32_MAX && low >= 0 && low <= UINT32_MAX;
+    uint64_t hash = is_hash ? (uint64_t)high << 32 | (uint64_t)low : 0;
+    const char *text = hash == v->scene_hash ? v->scene_text : NULL;
+    for (size_t i = 0; i < v->other_count && !text; i++)
+        if (v->others[i].hash == hash) text = v->others[i].text;
+    kn_scene *scene = text ? kn_scene_parse_beside(v->def.log_path, v->scene_name, text, strlen(text), v->def.sets,
+                                                   v->def.set_count, why, sizeof why)
+                           : NULL;
+    if (scene && r->same && scene->text_hash != hash) {
+        kn_scene_destroy(scene);
+        snprintf(why, sizeof why, "it means something else to this version");
+        scene = NULL;
+    }
+    kn_change *change = scene ? kn_change_create(scene, r->servo.scene, r->servo.model, false, why, sizeof why) : NULL;
+    if (change) {
+        kn_change_destroy(v->next);
+        in->change = v->next = change;
+        return;
+    }
+    r->same = false;
+    snprintf(r->damage, sizeof r->damage, "a change at tick %lld: %s", (long long)e->tick, why);
+}
+
 static void apply_events(kn_replay *r, kn_tick_in *in)
 {
     reading *v = r->private;
@@ -569,6 +635,9 @@ static void apply_events(kn_replay *r, kn_tick_in *in)
         case KNEAD_EVENT_T_KIND_STOP: in->stop = true; break;
         case KNEAD_EVENT_T_KIND_QUALITY: apply_quality(r, in, e); break;
         case KNEAD_EVENT_T_KIND_RESTORE: apply_restore(r, in, e); break;
+        case KNEAD_EVENT_T_KIND_SET:
+            apply_set(r, in, e);
+            break;
         case KNEAD_EVENT_T_KIND_SESSION_END:
             if (e->probe >= 0 && e->probe < KN_PROBES_MAX) v->live[e->probe] = false;
             break;
@@ -612,6 +681,11 @@ static void run_tick(kn_replay *r)
     r->tick.cpu_ns = read_ns(CLOCK_THREAD_CPUTIME_ID) - start_cpu_ns;
     r->tick.execution_ns = read_ns(CLOCK_MONOTONIC) - start_ns;
     r->private->tick = r->tick.in.tick;
+    if (r->tick.out.changed) { // the one before is nobody's any more
+        kn_change_destroy(r->private->change);
+        r->private->change = r->private->next;
+        r->private->next = NULL;
+    }
     if (!r->tick.in.undo || r->tick.out.restored_hash != 0 || !r->same) return;
     r->same = false; // its points are the server's alone, in no snapshot
     snprintf(r->damage, sizeof r->damage, "an undo of what was kneaded before this log begins, at tick %lld",
@@ -668,6 +742,7 @@ static bool step_by_time(kn_replay *r)
             in->estop |= v->record.event.kind == KNEAD_EVENT_T_KIND_ESTOP;
             if (v->record.event.kind == KNEAD_EVENT_T_KIND_QUALITY) apply_quality(r, in, &v->record.event);
             if (v->record.event.kind == KNEAD_EVENT_T_KIND_RESTORE) apply_restore(r, in, &v->record.event);
+            if (v->record.event.kind == KNEAD_EVENT_T_KIND_SET) apply_set(r, in, &v->record.event);
         }
         if (v->record.kind != KN_LOG_POSE) continue;
         if (judge(v, 1000 * v->record.utime, &p, &pose) != KN_ACCEPTED) {

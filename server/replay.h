@@ -14,16 +14,17 @@
 // is counted, and replayed with the next pose in sequence. Without forces, poses are judged and assigned to 1 ms ticks
 // by log time, as the receiver would have done it.
 //
-// What was undone is undone here by the same rule; what a server restored comes from its snapshots, by the state's hash.
-// A log that begins on a kneaded object goes on from a snapshot of that run, taken at a tick that is in it, and so does
-// any other that restores none, from the first such.
+// What was set is set here, by the scene's text, which the log holds again; what was undone is undone here by the same
+// rule; what a server restored comes from its snapshots, by the state's hash. A log that begins on a kneaded object
+// goes on from a snapshot of that run, taken at a tick that is in it, and so does any other that restores none, from
+// the first such.
 //
 // Reads the log twice and keeps only the last poses in memory, so a log may be larger. Allocates in create, and where a
 // snapshot is restored.
 #include "proto/knead_contact_force_t.h"
 #include "server/servo.h"
 
-typedef struct kn_replay_def {
+typedef struct kn_replay_def { // what it points at is borrowed as long as the replay lives
     const char *log_path;
     const char *scene_path;  // NULL: the scene that the log holds. Another scene than the log's is refused without sets
     const char *const *sets; // "key=value" over the scene, as --set gives them; 0: the computation of the log

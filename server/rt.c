@@ -107,15 +107,31 @@ int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int prior
     return error;
 }
 
+#ifndef KN_SANITIZED
+static bool lock_all(void)
+{
+    struct rlimit limit;
+    bool unlimited = getrlimit(RLIMIT_MEMLOCK, &limit) == 0 && limit.rlim_cur == RLIM_INFINITY;
+    return mlockall(unlimited ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0;
+}
+#endif
+
 void kn_rt_lock_memory(kn_rt *rt)
 {
     if (rt->mode == KN_RT_OFF) return;
 #ifdef KN_SANITIZED
     add_missing(rt, "memory not locked", "sanitizer build", "");
 #else
-    struct rlimit limit;
-    bool unlimited = getrlimit(RLIMIT_MEMLOCK, &limit) == 0 && limit.rlim_cur == RLIM_INFINITY;
-    rt->locked = mlockall(unlimited ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0;
+    rt->locked = lock_all();
     if (!rt->locked) add_missing(rt, "memory not locked", strerror(errno), "root, CAP_IPC_LOCK or ulimit -l unlimited");
+#endif
+}
+
+void kn_rt_lock_more(const kn_rt *rt)
+{
+#ifdef KN_SANITIZED
+    (void)rt;
+#else
+    if (rt->locked) lock_all();
 #endif
 }

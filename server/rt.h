@@ -43,5 +43,6 @@ int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int prior
 // Locks what is mapped now, and what will be when memlock is unlimited: below a limit every later mmap could fail
 // instead. Sanitizer builds never lock: their shadow memory is terabytes. After all allocations and thread creations.
 void kn_rt_lock_memory(kn_rt *rt);
+void kn_rt_lock_more(const kn_rt *rt); // what has been allocated since, too. Any thread
 
 #endif

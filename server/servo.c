@@ -1,7 +1,9 @@
 #include "server/servo.h"
+#include "core/carry.h"
 #include "core/turn.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
+#include "server/change.h"
 #include "server/clutch.h"
 #include <assert.h>
 #include <math.h>
@@ -27,7 +29,7 @@ SAME_FAULT(IMPULSE);
 SAME_FAULT(NONFINITE);
 SAME_FAULT(ESTOP);
 SAME_FAULT(STOPPING);
-static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 9, "every event of a tick has room");
+static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 10, "every event of a tick has room");
 
 // A tool is lifted when it is this far above the object, m: a plate that lost its poses ran on for 3 ms, and dough
 // stays where it was pushed, so a tool that never moved would look clear by that way.
@@ -130,8 +132,8 @@ static void take_point(tick *t, kn_quality to, bool commanded)
     e->arg[0] = servo->quality;
     e->arg[1] = to;
     e->arg[2] = commanded;
-    t->change = to != servo->quality;
-    servo->exhausted = !commanded && !t->change;
+    t->change |= to != servo->quality;
+    servo->exhausted = !commanded && to == servo->quality;
     servo->quality = to;
     if (commanded) servo->asked = to;
     servo->over = 0;
@@ -214,12 +216,35 @@ static void replace(tick *t)
     if (t->in->undo) undo(t);
 }
 
+// Points to undo to are of another material than the object is now.
+static void exchange(tick *t)
+{
+    kn_servo *servo = t->servo;
+    kn_change *c = t->in->change;
+    kn_carry(servo->model, servo->backend->state(servo->backend->self), c->model, c->carried);
+    c->backend.restore(c->backend.self, c->carried);
+    servo->scene = c->scene;
+    servo->model = c->model;
+    servo->backend = &c->backend;
+    servo->sets = &c->sets;
+    servo->audit = c->audit ? kn_audit_read(c->audit) : NULL;
+    if (servo->undo) kn_undo_forget(servo->undo);
+    for (int p = 0; p < t->out->probes; p++) kn_safety_relimit(&servo->safety[p], &c->scene->limits);
+    t->change = true;
+    t->out->changed = c;
+    t->hashed = false;
+    kn_event *e = tell(t, KNEAD_EVENT_T_KIND_SET, -1);
+    e->arg[0] = (double)(c->scene->text_hash >> 32);
+    e->arg[1] = (double)(c->scene->text_hash & UINT32_MAX);
+}
+
 static void read_all(tick *t)
 {
     kn_servo *servo = t->servo;
     int64_t before = t->in->tick - 1 - t->in->missed; // number of the last tick
     if (servo->ticks == 0) tell(t, KNEAD_EVENT_T_KIND_START, -1);
     replace(t);
+    if (t->in->change) exchange(t);
     if (t->in->recover) tell(t, KNEAD_EVENT_T_KIND_RECOVER, -1);
     if (t->in->estop) tell(t, KNEAD_EVENT_T_KIND_ESTOP, -1);
     if (t->in->stop && !servo->stopping) tell(t, KNEAD_EVENT_T_KIND_STOP, -1);

@@ -16,6 +16,7 @@
 #include "core/safety.h"
 #include "core/scene/scene.h"
 #include "server/backend/backend.h"
+#include "server/sets.h"
 #include "server/undo.h"
 #include <stdint.h>
 
@@ -50,6 +51,7 @@ typedef struct kn_tick_in {
     const kn_state *restore;      // before this tick, after a reset: object as in that, probes detached; NULL: no
     int64_t restored_generation, restored_tick; // of the snapshot that it is from, told by the event
     bool undo;                    // the same of the newest point of servo->undo, if there is one
+    struct kn_change *change;     // before this tick, after all these: the object goes on in that one's model; NULL: no
     bool recover, estop;          // an operator's, see kn_safety_in
     kn_take take;
     kn_quality quality;           // to take; one of the scene's live points
@@ -70,7 +72,7 @@ typedef struct kn_force { // one probe's answer; everything contact_force_t need
     int32_t contacts, flags, fault;
 } kn_force;
 
-#define KN_EVENTS_PER_TICK 30 // enough: 4 probes x (END, OPEN, DETACH, ATTACH, FAULT) and 9 of the tick itself
+#define KN_EVENTS_PER_TICK 30 // enough: 4 probes x (END, OPEN, DETACH, ATTACH, FAULT) and 10 of the tick itself
 typedef struct kn_event {
     int64_t tick, session;
     uint64_t state_hash; // before this tick's step; 0, not taken: a FAULT found after the step
@@ -89,6 +91,7 @@ typedef struct kn_tick_out {
     int64_t stepped_ns; // when the backend had answered; 0: no clock
     bool capped;
     bool replaced;          // by reset, restore or undo
+    struct kn_change *changed; // taken in this tick, NULL: none
     uint64_t restored_hash; // of the object that a restore or an undo put in its place; 0: none did
     bool stopped; // every gain is zero after stop was asked: the loop may end
     // the first contact_count of them, and where that is 0 the first one; the others are not set
@@ -96,9 +99,10 @@ typedef struct kn_tick_out {
 } kn_tick_out;
 
 typedef struct kn_servo { // plain data but for the backend
-    const kn_scene *scene;
+    const kn_scene *scene; // these, too, are another's after a change
     const kn_model *model;
     kn_backend *backend;
+    const kn_sets *sets;        // over the scene of the start, NULL: none
     const kn_audit_news *audit; // of the lattice, told by checkpoints; NULL: nobody audits
     kn_undo *undo;              // NULL: nothing can be undone
     kn_safety safety[KN_PROBES_MAX];
@@ -116,7 +120,7 @@ typedef struct kn_servo { // plain data but for the backend
     bool stopping;
 } kn_servo;
 
-// Borrows all three. The backend's object is as new; ticks may start at any number.
+// Borrows all three, and every change that a tick takes. The backend's object is as new; ticks may start at any number.
 void kn_servo_init(kn_servo *servo, const kn_scene *scene, const kn_model *model, kn_backend *backend);
 
 // Whether a server that is late takes a for b: less at least or at most, and neither is more.

@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#define FORMAT 1
+#define FORMAT 2
 #define DIGEST 32
 #define HEAD 24 // magic, format, bytes in all
 static const uint8_t magic[8] = {0x89, 'K', 'N', 'E', 'A', 'D', '\r', '\n'};
@@ -14,7 +14,7 @@ static const uint8_t magic[8] = {0x89, 'K', 'N', 'E', 'A', 'D', '\r', '\n'};
 // --- the servo's own part -------------------------------------------------------------------------------------------
 
 // What has grown has to be saved, too, or a replay that goes on from a file does not have its bits; then change FORMAT.
-static_assert(sizeof(kn_safety) == 240 && sizeof(kn_pose) == 120 && sizeof(kn_clutch) == 120, "all of it is below");
+static_assert(sizeof(kn_safety) == 312 && sizeof(kn_pose) == 120 && sizeof(kn_clutch) == 120, "all of it is below");
 
 static void put_counter(kn_codec *c, int64_t *value)
 {
@@ -105,6 +105,7 @@ void kn_saved_resume(const kn_saved *saved, kn_servo *servo)
         double guard = s->guard.most_n_per_ms;
         *s = from->safety[p];
         s->limits = limits;
+        s->relimiting = false; // no copy is made meanwhile
         s->guard.most_n_per_ms = guard;
     }
     servo->ticks = from->ticks;
@@ -135,6 +136,8 @@ static void put_head(kn_codec *c, kn_saved *s)
     kn_codec_bytes(c, (uint8_t *)s->scene, sizeof s->scene);
     kn_codec_u64(c, &s->text_hash);
     kn_codec_u64(c, &s->state_hash);
+    kn_codec_u64(c, &s->sets.base_hash);
+    kn_codec_bytes(c, (uint8_t *)s->sets.text, sizeof s->sets.text);
     kn_codec_i64(c, &s->generation, 1, INT64_MAX - 1);
     kn_codec_i64(c, &s->tick, 0, INT64_MAX / 2);
     kn_codec_i64(c, &s->utime, 0, INT64_MAX / 2);
@@ -159,6 +162,7 @@ size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *s
     snprintf(saved->scene, sizeof saved->scene, "%s", scene->name);
     snprintf(saved->version, sizeof saved->version, "%s", KN_VERSION);
     saved->text_hash = scene->text_hash;
+    saved->sets = saved->servo.sets ? *saved->servo.sets : (kn_sets){.base_hash = scene->text_hash};
     saved->state_hash = kn_state_hash(model, saved->state);
     memcpy(start, magic, sizeof start);
     kn_codec_bytes(&c, start, sizeof start);
@@ -196,13 +200,19 @@ static const char *damage(const uint8_t *bytes, size_t size, uint64_t *format, c
     return memcmp(found, bytes + size - DIGEST, DIGEST) == 0 ? NULL : "checksum: damaged since it was written";
 }
 
-// It is going to be told: closed, and no control character in it.
-static bool legible(const char *text, size_t size)
+// It is going to be told: closed, and no control character in it but the end of `lines`.
+static bool legible(const char *text, size_t size, bool lines)
 {
     size_t n = strnlen(text, size);
     for (size_t i = 0; i < n; i++)
-        if ((unsigned char)text[i] < ' ' || text[i] == 0x7f) return false;
+        if (((unsigned char)text[i] < ' ' && !(lines && text[i] == '\n')) || text[i] == 0x7f) return false;
     return n < size;
+}
+
+static bool head_legible(const kn_saved *s)
+{
+    return legible(s->scene, sizeof s->scene, false) && legible(s->version, sizeof s->version, false) &&
+           legible(s->sets.text, sizeof s->sets.text, true);
 }
 
 static const char *misfit(const kn_scene *scene, const kn_model *model, kn_codec *c, kn_saved *s, char *text,
@@ -212,7 +222,7 @@ static const char *misfit(const kn_scene *scene, const kn_model *model, kn_codec
     uint64_t lattice = 0;
     put_head(c, s);
     kn_codec_u64(c, &lattice);
-    if (c->wrong || !legible(s->scene, sizeof s->scene) || !legible(s->version, sizeof s->version)) return range;
+    if (c->wrong || !head_legible(s)) return range;
     if (strcmp(s->version, KN_VERSION) != 0) {
         snprintf(text, text_size, "another version: of knead %s, expected %s", s->version, KN_VERSION);
         return text;
@@ -246,4 +256,19 @@ bool kn_saved_decode(const kn_scene *scene, const kn_model *model, const uint8_t
     }
     if (reason) snprintf(why, why_size, "%s", reason);
     return !reason;
+}
+
+bool kn_saved_peek(const char *scene, uint64_t base_hash, const uint8_t *bytes, size_t size, kn_sets *sets)
+{
+    char text[160];
+    uint64_t format = 0;
+    kn_saved head = {0};
+    if (damage(bytes, size, &format, text, sizeof text) || format != FORMAT) return false;
+    kn_codec c = {.from = bytes, .size = size - DIGEST, .at = HEAD};
+    put_head(&c, &head);
+    if (c.wrong || !head_legible(&head) || strcmp(head.version, KN_VERSION) != 0 || strcmp(head.scene, scene) != 0 ||
+        head.sets.base_hash != base_hash)
+        return false;
+    *sets = head.sets;
+    return true;
 }

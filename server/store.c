@@ -51,6 +51,13 @@ static void series_of(const kn_scene *scene, const kn_model *model, char *series
     snprintf(series, size, "%s.%08" PRIx32, name, (uint32_t)(hash ^ hash >> 32));
 }
 
+static void any_series_of(const kn_scene *scene, char *series, size_t size)
+{
+    char name[sizeof scene->name];
+    plain_name(scene->name, name, sizeof name);
+    snprintf(series, size, "%s.%08x", name, 0u);
+}
+
 static void file_name(const char *series, int64_t generation, char name[256])
 {
     snprintf(name, 256, "%.200s.%08" PRId64 SUFFIX, series, generation);
@@ -158,6 +165,20 @@ static bool stays(const kn_store *s, const char *name)
     return fstatat(s->dir, name, &what, AT_SYMLINK_NOFOLLOW) == 0 && !(what.st_mode & S_IWUSR);
 }
 
+static void take_series(kn_store *s)
+{
+    size_t count;
+    series_of(s->scene, s->model, s->series, sizeof s->series);
+    s->text_hash = s->scene->text_hash;
+    s->kept_count = 0;
+    found *all = list(s, s->dir, &count);
+    for (size_t i = 0; i < count; i++) {
+        if (generation_of(s, all[i].name, false) && !stays(s, all[i].name)) keep(s, all[i].generation);
+        if (all[i].generation > s->generation) s->generation = all[i].generation;
+    }
+    free(all);
+}
+
 int kn_store_open(kn_store *store, const char *path, const kn_scene *scene, const kn_model *model, char *error,
                   size_t error_size)
 {
@@ -165,18 +186,11 @@ int kn_store_open(kn_store *store, const char *path, const kn_scene *scene, cons
     *s = (kn_store){.files = &kn_files_system, .scene = scene, .model = model, .path = path, .dir = -1};
     int code = open_directory(s, error, error_size);
     if (code != 0) return code;
-    series_of(scene, model, s->series, sizeof s->series);
     s->room = kn_saved_size_max(model);
     s->bytes = malloc(s->room);
     if (!s->bytes) return refuse(3, error, error_size, path, "not enough memory for a snapshot", "a smaller object");
     s->files->unlink(s->dir, TEMPORARY);
-    size_t count;
-    found *all = list(s, s->dir, &count);
-    for (size_t i = 0; i < count; i++) {
-        if (generation_of(s, all[i].name, false) && !stays(s, all[i].name)) keep(s, all[i].generation);
-        s->generation = all[i].generation;
-    }
-    free(all);
+    take_series(s);
     return 0;
 }
 
@@ -218,6 +232,9 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
 {
     kn_store *s = store;
     char name[256];
+    s->scene = saved->servo.scene;
+    s->model = saved->servo.model;
+    if (s->scene->text_hash != s->text_hash) take_series(s); // something was set over it
     saved->generation = s->generation + 1;
     if (saved->generation > GENERATION_MAX) return snprintf(why, why_size, "no generation number is left"), false;
     file_name(s->series, saved->generation, name);
@@ -284,17 +301,40 @@ static bool read_saved(const kn_store *s, int dir, const char *name, kn_saved *s
     return fits;
 }
 
+void kn_store_sets(const char *path, const kn_scene *scene, kn_sets *sets)
+{
+    char why[160];
+    kn_store s = {.files = &kn_files_system, .scene = scene, .path = path};
+    size_t count, size;
+    *sets = (kn_sets){.base_hash = scene->text_hash};
+    int dir = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (dir < 0) return;
+    any_series_of(scene, s.series, sizeof s.series);
+    found *all = list(&s, dir, &count);
+    bool said = false;
+    for (size_t i = count; i-- > 0 && !said;) {
+        uint8_t *bytes = get_file(s.files, dir, all[i].name, &size, why, sizeof why);
+        said = bytes && kn_saved_peek(scene->name, scene->text_hash, bytes, size, sets);
+        free(bytes);
+    }
+    free(all);
+    close(dir);
+}
+
 bool kn_store_load(const kn_store *store, int64_t generation, kn_saved *saved, char *name, FILE *told, char *why,
                    size_t why_size)
 {
+    const kn_servo *servo = &saved->servo;
+    kn_store s = {.files = store->files, .scene = servo->scene, .model = servo->model, .path = store->path};
     size_t count;
-    found *all = list(store, store->dir, &count);
+    any_series_of(s.scene, s.series, sizeof s.series);
+    found *all = list(&s, store->dir, &count);
     bool fits = false;
     *name = '\0';
     snprintf(why, why_size, "none");
     for (size_t i = count; i-- > 0 && !fits;) {
         if (generation > 0 && all[i].generation != generation) continue;
-        fits = read_saved(store, store->dir, all[i].name, saved, why, why_size);
+        fits = read_saved(&s, store->dir, all[i].name, saved, why, why_size);
         snprintf(name, 256, "%s", all[i].name);
         if (!fits && told) fprintf(told, "kneadd: not restored: %s/%s: %s\n", store->path, name, why);
     }

@@ -36,8 +36,9 @@ extern const kn_files kn_files_system;
 
 typedef struct kn_store {
     const kn_files *files; // replaced by tests
-    const kn_scene *scene;
+    const kn_scene *scene; // of the series that was saved last, as model
     const kn_model *model;
+    uint64_t text_hash;          // of that scene: what it points at comes and goes
     const char *path;            // of the directory, as given
     int dir;                     // locked; -1: not open
     char series[96];             // "dough.1f0c9a7e"
@@ -57,17 +58,24 @@ int kn_store_open(kn_store *store, const char *path, const kn_scene *scene, cons
                   size_t error_size);
 void kn_store_close(kn_store *store); // one that was not opened is fine when dir is -1
 
-// saved: as kn_saved_encode wants it, but for the generation, which is the next. False and the reason in why: nothing
-// of what there was is lost, and the next one can be tried.
-// stays: an operator's, a read-only file, which nobody removes but its owner.
+// What was set at run time over the scene of the newest whole snapshot that is of it, whatever its lattice; none when
+// there is none. Before the store is open: of its directory, as kn_store_open takes it; says nothing of one that it
+// refuses.
+void kn_store_sets(const char *path, const kn_scene *scene, kn_sets *sets);
+
+// saved: as kn_saved_encode wants it, but for the generation, which is the next; of the scene and the model that its
+// servo has, which may be others than before, and then another series. False and the reason in why: nothing of what
+// there was is lost, and the next one can be tried. stays: an operator's, a read-only file, which nobody removes but
+// its owner.
 bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size_t why_size);
 
 // It has been restored: it is not removed before KN_STORE_PINS others have been. Any thread.
 void kn_store_pin(kn_store *store, int64_t generation);
 
-// The newest that fits into saved (as kn_saved_decode wants it); told: one line for every newer one that was refused,
-// NULL: nobody. generation: that one or none; 0: the newest. name: of its file, 256 bytes. False when there is none,
-// and in why what became of the last one looked at, "none" if there was none at all. Another thread may be saving.
+// The newest that fits the scene and model of saved's servo, and saved (as kn_saved_decode wants it); told: one line
+// for every newer one that was refused, NULL: nobody. generation: that one or none; 0: the newest. name: of its file,
+// 256 bytes. False when there is none, and in why what became of the last one looked at, "none" if there was none at
+// all. Another thread may be saving.
 bool kn_store_load(const kn_store *store, int64_t generation, kn_saved *saved, char *name, FILE *told, char *why,
                    size_t why_size);
 

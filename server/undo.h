@@ -1,9 +1,10 @@
 #ifndef KN_SERVER_UNDO_H
 #define KN_SERVER_UNDO_H
 // What the object was before it was kneaded: a point before every press (the tick in which a tool enters the model
-// while none is in it), every reset and every restore; the last KN_UNDO_POINTS of them, fewer of a large object. In
-// memory alone, and a function of the ticks: a replay has the same points. Dough moves by itself, so it is not by the
-// states that two points are told apart, but by whether anything pressed or replaced the object in between.
+// while none is in it), every reset and every restore; the last KN_UNDO_POINTS of them, fewer of a large object; none
+// from before a change of the material. In memory alone, and a function of the ticks: a replay has the same points.
+// Dough moves by itself, so it is not by the states that two points are told apart, but by whether anything pressed or
+// replaced the object in between.
 #include "core/state.h"
 
 #define KN_UNDO_POINTS 16
@@ -25,6 +26,12 @@ size_t kn_undo_bytes(const kn_model *model);
 void kn_undo_keep(kn_undo *undo, const kn_state *now);
 static inline void kn_undo_touched(kn_undo *undo)
 {
+    undo->touched = true;
+}
+
+static inline void kn_undo_forget(kn_undo *undo)
+{
+    undo->count = 0;
     undo->touched = true;
 }
 

@@ -2,18 +2,25 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/ask.h"
+#include "server/clock.h"
 #include <getopt.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
+
+#define PATIENCE_S 20 // for a server that builds its object anew
 
 static const char help[] =
-    "usage: knead ctl [--control PATH] [--json] COMMAND [ARGUMENT]\n\n"
+    "usage: knead ctl [--control PATH] [--json] COMMAND [ARGUMENT]...\n\n"
     "Commands a running kneadd, by the socket that its --control names.\n\n"
     "  status           how it is: mode, faults and the way back, the loop, what was refused, every tool\n"
     "  reset            the object is as new; what a hand felt fades, and its tool engages again once lifted\n"
     "  quality NAME     fast, balanced, accurate or own: another of the scene's points, through zero force\n"
+    "  set KEY=VALUE... keys of the scene, as 'knead check --keys' lists them: the object goes on in another material,\n"
+    "                   a hand's force through zero. Limits of the device can be lowered, never raised\n"
+    "  load [FILE]      a start with that scene, or with the same one as its file is now, once it has been checked\n"
     "  snapshot         the object as it is, on disk when this is answered, in a file that stays; kneadd --state-dir\n"
     "  restore [N]      the object as in snapshot N, or in the newest\n"
     "  undo             the object as before it was kneaded last, reset or restored\n"
@@ -46,9 +53,9 @@ static int parse(options *o, int argc, char **argv)
             return KN_EXIT_USAGE; // getopt has said which
     }
     if (o->help || optind < argc) return KN_EXIT_OK;
-    return kn_complain(
-        "ctl", KN_EXIT_USAGE,
-        "no command: expected status, reset, quality NAME, snapshot, restore, undo, estop, recover or stop");
+    return kn_complain("ctl", KN_EXIT_USAGE,
+                       "no command: expected status, reset, quality NAME, set KEY=VALUE, load, snapshot, restore, "
+                       "undo, estop, recover or stop");
 }
 
 static char *text_of(const json_t *value)
@@ -85,7 +92,8 @@ static void show(const char *indent, const char *name, json_t *value)
 static int tell(const options *o, const char *command, json_t *answer)
 {
     const char *error = json_string_value(json_object_get(answer, "error")), *key;
-    const json_t *tick = json_object_get(answer, "tick"), *generation = json_object_get(answer, "generation");
+    const json_t *tick = json_object_get(answer, "tick"), *generation = json_object_get(answer, "generation"),
+                 *stored = json_object_get(answer, "stored_after_j");
     json_t *value;
     if (o->json) {
         json_dumpf(answer, stdout, JSON_COMPACT);
@@ -98,6 +106,10 @@ static int tell(const options *o, const char *command, json_t *answer)
     } else if (json_integer_value(generation) > 0) {
         printf("%s: generation %" PRId64 ", tick %" PRId64 "\n", command, (int64_t)json_integer_value(generation),
                (int64_t)json_integer_value(tick));
+    } else if (stored) {
+        printf("%s: tick %" PRId64 ", the object stores %.4g mJ, %.4g before\n", command,
+               (int64_t)json_integer_value(tick), 1e3 * json_real_value(stored),
+               1e3 * json_real_value(json_object_get(answer, "stored_before_j")));
     } else if (tick) {
         printf("%s: tick %" PRId64 "\n", command, (int64_t)json_integer_value(tick));
     } else {
@@ -106,17 +118,57 @@ static int tell(const options *o, const char *command, json_t *answer)
     return error ? KN_EXIT_USAGE : KN_EXIT_OK;
 }
 
+// By whatever name this program and that one know the file.
+static json_t *absolute(const char *path)
+{
+    char *whole = realpath(path, NULL); // NULL: the server says what is wrong with it
+    json_t *text = json_string(whole ? whole : path);
+    free(whole);
+    return text;
+}
+
 // Where it does not belong it is refused there.
 static void add_argument(json_t *request, const char *command, const char *argument)
 {
     long long number;
     char end;
-    if (strcmp(command, "restore") != 0)
+    if (strcmp(command, "load") == 0)
+        json_object_set_new(request, "scene", absolute(argument));
+    else if (strcmp(command, "restore") != 0)
         json_object_set_new(request, "name", json_string(argument));
     else if (sscanf(argument, "%18lld%c", &number, &end) == 1)
         json_object_set_new(request, "generation", json_integer(number));
     else
         json_object_set_new(request, "generation", json_string(argument));
+}
+
+static int add_values(json_t *request, char **values)
+{
+    json_t *list = json_array();
+    for (; *values; values++)
+        if (json_array_append_new(list, json_string(*values)) != 0)
+            return kn_complain("ctl", KN_EXIT_USAGE, "%s: expected KEY=VALUE of UTF-8", *values);
+    json_object_set_new(request, "values", list);
+    return KN_EXIT_OK;
+}
+
+// It ends and starts again; whoever goes on then has the new one.
+static int await_next(const options *o, double since_us)
+{
+    char error[256];
+    json_t *request = json_pack("{s:s}", "command", "status");
+    bool next = false;
+    for (int i = 0; i < PATIENCE_S * 20 && !next; i++) {
+        nanosleep(&(struct timespec){.tv_nsec = 50000000}, NULL);
+        json_t *status = kn_ask(o->path, request, error, sizeof error);
+        double up_s = json_real_value(json_object_get(status, "uptime_s"));
+        next = status && (double)json_integer_value(json_object_get(status, "time_us")) - 1e6 * up_s > since_us;
+        json_decref(status);
+    }
+    json_decref(request);
+    return next
+               ? KN_EXIT_OK
+               : kn_complain("ctl", KN_EXIT_DEVICE, "load: nothing serves after %d s, its stderr says why", PATIENCE_S);
 }
 
 int kn_ctl_main(int argc, char **argv)
@@ -127,16 +179,23 @@ int kn_ctl_main(int argc, char **argv)
     if (code == KN_EXIT_OK && o.help) return fputs(help, stdout), KN_EXIT_OK;
     if (code != KN_EXIT_OK) return code;
     const char *command = argv[optind], *argument = argv[optind + 1];
-    if (argument && argv[optind + 2])
+    bool set = strcmp(command, "set") == 0, load = strcmp(command, "load") == 0;
+    if (argument && argv[optind + 2] && !set)
         return kn_complain("ctl", KN_EXIT_USAGE, "%s: expected one argument", argv[optind + 2]);
     json_t *request = json_pack("{s:s}", "command", command);
-    if (request && argument) add_argument(request, command, argument);
+    if (request && set)
+        code = add_values(request, argv + optind + 1);
+    else if (request && argument)
+        add_argument(request, command, argument);
+    if (code != KN_EXIT_OK) return json_decref(request), code;
+    double now_us = (double)kn_wall_us();
     json_t *answer = request ? kn_ask(o.path, request, error, sizeof error) : NULL;
-    if (answer)
+    if (answer && load && json_is_true(json_object_get(answer, "ok"))) code = await_next(&o, now_us);
+    if (answer && code == KN_EXIT_OK)
         code = tell(&o, command, answer);
-    else if (request)
+    else if (request && !answer)
         code = kn_complain("ctl", KN_EXIT_DEVICE, "%s", error);
-    else
+    else if (!request)
         code = kn_complain("ctl", KN_EXIT_USAGE, "%s: expected a command of UTF-8", command);
     json_decref(answer);
     json_decref(request);

@@ -5,8 +5,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-static kn_scene scene = {.name = "fuzz.yaml", .model = {.probe_count = 1, .probe = {{.name = "plate"}}},
-                         .point = {{.defined = true, .live = true}, {.defined = true}}};
+static const char text_of_it[] = "version: 1\nobject: {size: [2 cm, 2 cm, 2 cm], spacing: 1 cm}\ndensity: 1000 kg/m^3\n"
+                                 "material: {k1: 50 kPa, c1: 3 kPa*s, damper: constant, c2: 9 kPa*s}\n"
+                                 "support: bonded\ndevice: bench\nquality: {fast: {iterations: 2}}\n"
+                                 "probes: [{name: plate, shape: plate, size: [1 cm, 1 cm]}]\n";
+static kn_scene *scene;
+static kn_model *model;
+static kn_backend backend;
 static kn_loop loop;
 static kn_keeper keeper = {.store.dir = -1};
 static kn_operator operator;
@@ -21,13 +26,35 @@ static void ask(void *arg)
 }
 
 static void stop(void *arg) { (void)arg, stops++; }
+static void load(void *arg, const char *path)
+{
+    (void)arg, (void)path, stops++;
+}
+static void built(void *arg)
+{
+    (void)arg;
+}
 
 int LLVMFuzzerInitialize(int *argc, char ***argv)
 {
     (void)argc, (void)argv;
-    kn_operator_init(&operator, &scene, &loop, &keeper);
-    operator.ask = ask;
-    operator.stop = stop;
+    char error[256] = "";
+    scene = kn_scene_parse("fuzz.yaml", text_of_it, strlen(text_of_it), NULL, 0, error, sizeof error);
+    model = scene ? kn_model_build(&scene->model, error, sizeof error) : NULL;
+    if (!model || !kn_backend_cpu(&backend, model)) fprintf(stderr, "%s\n", error), abort();
+    kn_operator_init(&operator, &(kn_operated){.base = scene,
+                                               .scene = scene,
+                                               .model = model,
+                                               .backend = &backend,
+                                               .limits = &scene->limits,
+                                               .scene_path = "fuzz.yaml",
+                                               .loop = &loop,
+                                               .sets = {.base_hash = scene->text_hash},
+                                               .keeper = &keeper,
+                                               .ask = ask,
+                                               .stop = stop,
+                                               .load = load,
+                                               .built = built});
     def = kn_operator_control(&operator);
     return 0;
 }
@@ -38,6 +65,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     atomic_store(&loop.orders, 0);
     atomic_store(&loop.obeyed, INT64_MAX); // a tick comes at once
     atomic_store(&loop.restored, 1);
+    atomic_store(&operator.told, operator.now);
     stops = 0;
     json_t *request, *answer = kn_control_judge(&def, (const char *)data, size, &request);
     const json_t *ok = json_object_get(answer, "ok");

@@ -244,7 +244,7 @@ TEST("snapshot, restore and undo are answered with generation, tick and state ha
     pthread_create(&keeper, NULL, kn_keeper_run, &r->keeper);
     kn_answer none = kn_keeper_undo(&r->keeper, &r->lent.loop);
     CHECK(!none.ok && strstr(none.error, "nothing has been kneaded"));
-    none = kn_keeper_restore(&r->keeper, &r->lent.loop, 0);
+    none = kn_keeper_restore(&r->keeper, &r->lent.loop, r->lent.scene, r->lent.model, 0);
     CHECK(!none.ok && !strcmp(none.error, "restore: none"));
     await(&x, 500);
     kn_answer untouched = kn_keeper_snapshot(&r->keeper);
@@ -255,9 +255,9 @@ TEST("snapshot, restore and undo are answered with generation, tick and state ha
     CHECK(pressed.ok && pressed.generation > 1 && pressed.state_hash != untouched.state_hash);
     kn_answer undone = kn_keeper_undo(&r->keeper, &r->lent.loop); // under the tool
     CHECK(undone.ok && undone.tick > pressed.tick && undone.generation == 0);
-    kn_answer again = kn_keeper_restore(&r->keeper, &r->lent.loop, pressed.generation);
+    kn_answer again = kn_keeper_restore(&r->keeper, &r->lent.loop, r->lent.scene, r->lent.model, pressed.generation);
     CHECK(again.ok && again.state_hash == pressed.state_hash && again.generation == pressed.generation);
-    none = kn_keeper_restore(&r->keeper, &r->lent.loop, 999);
+    none = kn_keeper_restore(&r->keeper, &r->lent.loop, r->lent.scene, r->lent.model, 999);
     CHECK(!none.ok && !strcmp(none.error, "restore: generation 999: none"));
     kn_answer back = kn_keeper_undo(&r->keeper, &r->lent.loop); // of the restore
     CHECK(back.ok);
@@ -278,7 +278,8 @@ TEST("without a directory nothing is saved, restored or told, and undo works")
     uint64_t new = hash(r);
     press(r, DEEP);
     CHECK(hash(r) != new &&kn_keeper_age_ms(&r->keeper) == -1 && r->keeper.saves == 0);
-    CHECK(!kn_keeper_snapshot(&r->keeper).ok && !kn_keeper_restore(&r->keeper, &r->lent.loop, 0).ok);
+    CHECK(!kn_keeper_snapshot(&r->keeper).ok &&
+          !kn_keeper_restore(&r->keeper, &r->lent.loop, r->lent.scene, r->lent.model, 0).ok);
     kn_loop_order(&r->lent.loop, KN_ORDER_UNDO, 0);
     tick(r, AIR);
     CHECK(r->restores == 1 && r->restored.arg[0] == 0 && r->restored.state_hash == new);

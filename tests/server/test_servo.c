@@ -1,4 +1,4 @@
-#include "server/servo.h"
+#include "server/change.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include "tests/check.h"
@@ -487,6 +487,130 @@ static kn_backend_status bad_wait(void *self, int64_t deadline_ns, kn_output *ou
     if (!diverge) return status;
     output->probe[0].force_n[2] = (double)NAN;
     return KN_BACKEND_DIVERGED;
+}
+
+static kn_change *change_to(rig *r, const char *set)
+{
+    char error[256] = "";
+    kn_scene *scene =
+        kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", &set, set ? 1 : 0, error, sizeof error);
+    kn_change *c = scene ? kn_change_create(scene, r->servo.scene, r->servo.model, false, error, sizeof error) : NULL;
+    if (!c) printf("%s\n", error), exit(1);
+    return c;
+}
+
+// Pressed in, slowed down within 50 ms, and held.
+static void press_and_hold(rig *r, double depth_m, int ms)
+{
+    press(r, depth_m);
+    for (double v = -0.01; v < 0; v += 0.0002) move(r, 0, v);
+    hover(r, 0, ms);
+}
+
+// The steepest that the hand felt in so many ms of a tool that stays, and the least.
+static double steepest(rig *r, int ms, double *least_n)
+{
+    double most = 0, last = r->out.force[0].force_n[2];
+    *least_n = INFINITY;
+    for (int i = 0; i < ms; i++) {
+        hover(r, 0, 1);
+        r->in.change = NULL;
+        most = fmax(most, fabs(r->out.force[0].force_n[2] - last));
+        last = r->out.force[0].force_n[2];
+        *least_n = fmin(*least_n, fabs(last));
+    }
+    return most;
+}
+
+TEST("under a hand the material becomes another one through zero force, and the tool stays in the object")
+{
+    static const char *const sets[] = {"material.k1=940 gf/cm^3",
+                                       "material.c1=250 gf*s/cm^3",
+                                       "material.variant=plastic",
+                                       "density=3000 kg/m^3",
+                                       "gravity=9.81 m/s^2",
+                                       "solver.passes=4",
+                                       NULL};
+    for (size_t i = 0; i < sizeof sets / sizeof *sets; i++) {
+        rig *r = rig_make(NULL);
+        press_and_hold(r, 0.004, 300);
+        double before = r->out.force[0].force_n[2], least;
+        kn_change *c = r->in.change = change_to(r, sets[i]);
+        double slope = steepest(r, 300, &least);
+        printf("     %-26s %.2f N, %.2f N/ms at most, then %.2f N\n", sets[i] ? sets[i] : "the same", before, slope,
+               r->out.force[0].force_n[2]);
+        CHECK(before > 0.5 && r->kinds[KNEAD_EVENT_T_KIND_SET] == 1 && r->kinds[KNEAD_EVENT_T_KIND_DETACH] == 0);
+        CHECK(r->servo.model == c->model && r->servo.scene == c->scene && r->servo.backend == &c->backend);
+        CHECK(slope <= kn_safety_slope(&r->servo.safety[0].limits) + 1e-9 && least == 0);
+        CHECK(r->servo.safety[0].gain == 1 && r->servo.safety[0].faults == 0 && r->servo.safety[0].guards == 0);
+        kn_change_destroy(c);
+        rig_free(r);
+    }
+}
+
+TEST("what is changed back is felt as if nothing had been, but for what crept meanwhile")
+{
+    rig *r = rig_make(NULL), *same = rig_make(NULL);
+    double least;
+    press_and_hold(r, 0.004, 0);
+    press_and_hold(same, 0.004, 600);
+    kn_change *there = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
+    steepest(r, 300, &least);
+    kn_change *back = r->in.change = change_to(r, NULL);
+    steepest(r, 300, &least);
+    printf("     %.3f N, %.3f N without\n", r->out.force[0].force_n[2], same->out.force[0].force_n[2]);
+    CHECK_NEAR(r->out.force[0].force_n[2] / same->out.force[0].force_n[2], 1, 0.02);
+    rig_free(r);
+    rig_free(same);
+    kn_change_destroy(there);
+    kn_change_destroy(back);
+}
+
+TEST("a lower clamp holds when the force comes back, and it goes down under the old one")
+{
+    rig *r = rig_make(NULL);
+    double least;
+    press_and_hold(r, 0.004, 300);
+    kn_change *c = r->in.change = change_to(r, "device={profile: bench, clamp: 0.5 N}");
+    CHECK(!kn_safety_raised(&c->scene->limits, &r->scene->limits) &&
+          kn_safety_raised(&r->scene->limits, &c->scene->limits));
+    hover(r, 0, 1);
+    r->in.change = NULL;
+    CHECK(r->out.force[0].force_n[2] > 0.7 && r->servo.safety[0].relimiting);
+    double slope = steepest(r, 300, &least);
+    CHECK(slope <= 40.0 / 17 + 1e-9 && least == 0);
+    CHECK_NEAR(r->out.force[0].force_n[2], 0.5, 1e-9);
+    CHECK(!r->servo.safety[0].relimiting && r->servo.safety[0].limits.clamp_n == 0.5);
+    rig_free(r);
+    kn_change_destroy(c);
+}
+
+TEST("a change while nobody is there, in the tick of a reset or a stop, or of an object gone bad, is one")
+{
+    rig *r = rig_make(NULL);
+    double least;
+    kn_change *first = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
+    tick(r);
+    CHECK(r->kinds[KNEAD_EVENT_T_KIND_SET] == 1 && r->servo.model == first->model && !r->servo.safety[0].relimiting);
+    r->in.change = NULL;
+    press_and_hold(r, 0.002, 0);
+    kn_change *second = r->in.change = change_to(r, NULL);
+    r->in.reset = true;
+    CHECK(steepest(r, 30, &least) < 2.4 && least == 0);
+    CHECK(r->kinds[KNEAD_EVENT_T_KIND_SET] == 2 && r->kinds[KNEAD_EVENT_T_KIND_RESET] == 1);
+    CHECK(kn_state_hash(r->servo.model, r->servo.backend->state(r->servo.backend->self)) != 0);
+    ((kn_state *)(uintptr_t)r->servo.backend->state(r->servo.backend->self))->bad = 1;
+    kn_change *third = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
+    hover(r, 0, 1);
+    r->in.change = NULL;
+    CHECK(r->servo.diverged > 0 && r->out.force[0].fault == KN_FAULT_NONFINITE);
+    r->in.reset = true;
+    hover(r, 0, 1);
+    CHECK(!r->servo.backend->state(r->servo.backend->self)->bad);
+    rig_free(r);
+    kn_change_destroy(first);
+    kn_change_destroy(second);
+    kn_change_destroy(third);
 }
 
 TEST("when the physics diverges every probe is latched, nothing but numbers goes out, and only a reset helps")

@@ -1,0 +1,60 @@
+#include "server/change.h"
+#include "core/carry.h"
+#include <stdio.h>
+#include <stdlib.h>
+
+// NULL: what every thread but the servo's goes on with is the same in both.
+static const char *misfit(const kn_scene *scene, const kn_scene *now)
+{
+    bool points = scene->quality == now->quality;
+    for (int q = 0; q < KN_QUALITIES; q++) points &= scene->point[q].live == now->point[q].live;
+    if (!points) return "other points of quality";
+    if (scene->mesh_hz != now->mesh_hz) return "another mesh.rate";
+    return kn_backend_steps(scene->model.solver.dt_s) == 0 ? "a solver.dt that does not divide the tick of 1 ms" : NULL;
+}
+
+static const char *build(kn_change *c, const kn_scene *now, const kn_model *model, bool identify, char *why,
+                         size_t why_size)
+{
+    const char *wrong = misfit(c->scene, now);
+    if (wrong) return wrong;
+    c->model = kn_model_build(&c->scene->model, why, why_size);
+    if (!c->model) return why;
+    wrong = kn_carry_misfit(model, c->model);
+    if (wrong) return wrong;
+    kn_coupling coupling = {c->scene->device.coupling_n_m, c->scene->device.coupling_n_s_m};
+    bool fits = kn_backend_cpu(&c->backend, c->model) && (c->carried = kn_state_keep(c->model)) &&
+                (!identify || kn_backend_cpu_identify(&c->backend, coupling));
+    bool audits = c->scene->model.solver.kind == KN_SOLVER_IMPLICIT;
+    if (fits && audits) c->audit = kn_audit_create(c->model);
+    return fits && (c->audit || !audits) ? NULL : "not enough memory";
+}
+
+kn_change *kn_change_create(kn_scene *scene, const kn_scene *now, const kn_model *model, bool identify, char *error,
+                            size_t error_size)
+{
+    char why[200];
+    kn_change *c = calloc(1, sizeof *c);
+    const char *wrong = "not enough memory";
+    if (c) {
+        c->scene = scene;
+        wrong = build(c, now, model, identify, why, sizeof why);
+        if (!wrong) return c;
+        kn_change_destroy(c);
+    } else {
+        kn_scene_destroy(scene);
+    }
+    snprintf(error, error_size, "%s: expected what the object can go on in; a new start takes anything", wrong);
+    return NULL;
+}
+
+void kn_change_destroy(kn_change *change)
+{
+    if (!change) return;
+    kn_audit_destroy(change->audit);
+    kn_state_destroy(change->carried);
+    if (change->backend.destroy) change->backend.destroy(change->backend.self);
+    kn_model_destroy(change->model);
+    kn_scene_destroy(change->scene);
+    free(change);
+}
