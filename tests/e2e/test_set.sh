@@ -1,0 +1,104 @@
+#!/usr/bin/env bash
+# knead ctl set: under a finger the dough becomes another one through zero force, what it stores is told, the log replays to
+# the bit, and a kill -9 takes nothing of it. knead ctl load: another scene, or none when it is wrong.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+ctl() { knead ctl --control control "$@"; }
+expect() { # expect PATTERN CODE COMMAND...: ends with CODE and one line
+    "${@:3}" >out 2>err
+    local code=$?
+    check "$(cat err)" [ "$code $(cat out err | wc -l) $(grep -c -e "$1" err)" = "$2 1 1" ]
+}
+felt() { ctl --json status | python3 -c 'import json, sys
+print(max(sum(x * x for x in p["force_n"]) ** 0.5 for p in json.load(sys.stdin)["probes"]))'; }
+pressing() { # until the finger is pushed back
+    for _ in $(seq 80); do
+        sleep 0.1
+        awk -v f="$(felt)" 'BEGIN { exit !(f > 0.2) }' && return
+    done
+}
+field() { python3 -c "import json, sys; print(json.load(sys.stdin)$1)"; }
+stored() { sed -n "s/.*\"stored_$1_j\":\([0-9.e-]*\).*/\1/p" <<<"$2"; }
+
+mkdir state
+printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.8,0,0,0.045 1,0,0,0.041 5,0,0,0.041 5.5,0,0,0.06 >path.csv
+for try in 1 2 3; do
+    rm -rf set.lcmlog state/*
+    start_logger set.lcmlog
+    start_kneadd dough-small.yaml --control control --state-dir state
+    knead probe --probe finger --path path.csv --quiet >/dev/null 2>hand.err & hand=$!
+    pressing
+    stiffer=$(ctl --json set 'material.k1=940 gf/cm^3')
+    sleep 0.4
+    ctl set 'material.k1=600 gf/cm^3' 'device.clamp=2 N' >second
+    sleep 0.4
+    wait $hand
+    code=$?
+    sleep 0.8 # a snapshot of it
+    kill -KILL $server
+    wait $server 2>/dev/null
+    stop_logger
+    knead replay set.lcmlog --verify >said 2>why
+    grep -q '^verified\|equal' said why && [ $code = 0 ] && break
+    grep -q 'ticks ran whose force or pose is not in the log' why || [ $code != 0 ] || break
+    echo "try $try:" && cat hand.err why
+done
+check "the hand went on: $(cat hand.err)" [ $code = 0 ]
+check "a stiffer spring stores more: $stiffer" \
+    awk -v a="$(stored before "$stiffer")" -v b="$(stored after "$stiffer")" 'BEGIN { exit !(a > 0 && b > 1.5 * a && b < 2.5 * a) }'
+check "and for a reader: $(cat second)" grep -qE '^set: tick [0-9]+, the object stores [0-9.e-]+ mJ, [0-9.e-]+ before$' second
+check "the log replays over both to the bit: $(cat said why | tail -1)" grep -q '^verified' said
+knead replay set.lcmlog --set material.k1=940\ gf/cm^3 --csv other.csv >out 2>err
+check "with a setting of its own it is another computation" [ -s other.csv -a ! -s err ]
+
+# the next life has the same object
+start_kneadd dough-small.yaml --control control --state-dir state
+check "$(grep 'as it was set' kneadd.log)" \
+    grep -q '^kneadd: as it was set before: material.k1=600 gf/cm^3, device.clamp=2 N$' kneadd.log
+check "$(grep restored kneadd.log)" grep -q '^kneadd: restored state/dough-small' kneadd.log
+check "what is set is in the status" \
+    [ "$(ctl --json status | field '["set"]')" = "['material.k1=600 gf/cm^3', 'device.clamp=2 N']" ]
+expect 'device.clamp: allows a hand more' 2 ctl set 'device.clamp=100 N'
+expect 'another lattice' 2 ctl set 'object.spacing=5 mm'
+expect 'another tool' 2 ctl set 'probes.finger.radius=2 cm'
+expect 'a damper where there was none' 2 ctl set material.damper=none
+expect 'set material.c9: unknown key' 2 ctl set material.c9=1
+expect "set 'nonsense': expected KEY=VALUE" 2 ctl set nonsense
+expect 'set: expected KEY=VALUE' 2 ctl set
+expect 'another mesh.rate' 2 ctl set 'mesh.rate=45 Hz'
+expect 'quality' 2 ctl set quality=fast
+expect 'expected at most 32 settings' 2 ctl set "material.k1=$(printf '%01200d' 7)"
+check "none of that was done" [ "$(ctl --json status | field '["set"]')" = "['material.k1=600 gf/cm^3', 'device.clamp=2 N']" ]
+for i in $(seq 30); do ctl set "material.k1=$((400 + i)) gf/cm^3" >/dev/null || break; done
+check "thirty, one after the other" [ "$i" = 30 ]
+stop_kneadd
+check "kneadd ended well" [ "$status" = 0 ]
+
+# another scene, and what is none
+start_kneadd dough-small.yaml --control control --state-dir state
+expect 'No such file' 2 ctl load nowhere.yaml
+printf 'version: 1\nobject: {size: [1 cm]}\n' >wrong.yaml
+expect 'wrong.yaml:2:' 2 ctl load wrong.yaml
+sed 's/profile: [a-z]*/profile: bench\n    clamp: 90 N/; s/^device: *bench/device: {profile: bench, clamp: 90 N}/' "$KN_SOURCE/core/scenes/dough-small.yaml" >strong.yaml
+expect 'device.clamp: allows a hand more than the scene of the start' 2 ctl load strong.yaml
+check "the old one serves on" grep -q '^scene  *dough-small.yaml' <(ctl status)
+check "another one: $(ctl load "$KN_SOURCE/core/scenes/jelly.yaml")" grep -q '^scene  *jelly.yaml' <(ctl status)
+check "and back: $(ctl load "$KN_SOURCE/core/scenes/dough-small.yaml")" grep -q '^scene  *dough-small.yaml' <(ctl status)
+check "to what was saved of it" [ "$(grep -c '^kneadd: restored state/dough-small' kneadd.log)" = 2 ]
+check "which is as it was set" [ "$(ctl --json status | field '["set"]')" = "['device.clamp=2 N', 'material.k1=430 gf/cm^3']" ]
+ctl load "$KN_SOURCE/core/scenes/jelly.yaml" >loaded 2>&1 &
+loading=$!
+sleep 0.0$((RANDOM % 9 + 1))
+kill -TERM $server # before, between or after
+wait $server
+ended=$?
+wait $loading
+check "a stop while it loads is a stop" [ $ended = 0 ]
+
+# how long it takes, for the table
+start_kneadd dough.yaml --control control --set object.size='[4.5 cm, 4.5 cm, 2.7 cm]' --set object.spacing='3 mm'
+nodes=$(sed -n 's/.*, \([0-9]*\) nodes.*/\1/p' kneadd.log)
+before=$(date +%s%N)
+ctl set 'material.k1=600 gf/cm^3' >out 2>err
+echo "$nodes nodes: $(cat out err), in $((($(date +%s%N) - before) / 1000000)) ms"
+stop_kneadd
+exit $failed
