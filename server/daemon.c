@@ -511,15 +511,15 @@ static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_
         return false;
     if (!load_scene(d, def, error, error_size)) return false;
     if (kn_backend_steps(d->scene->model.solver.dt_s) == 0) {
-        snprintf(error, error_size, "%s: solver.dt is %g s, expected the 1 ms tick divided by a whole number",
-                 def->scene_path, d->scene->model.solver.dt_s);
+        snprintf(error, error_size, "%s:%d:%d: solver.dt is %g s, expected the 1 ms tick divided by a whole number",
+                 def->scene_path, d->scene->solver_line, d->scene->solver_col, d->scene->model.solver.dt_s);
         return false;
     }
     if (!check_memory(least_bytes(&d->scene->model), "the object", def->scene_path, error, error_size)) return false;
     char why[256];
     d->model = kn_model_build(&d->scene->model, why, sizeof why);
     if (!d->model) {
-        snprintf(error, error_size, "%s: %s", def->scene_path, why);
+        snprintf(error, error_size, "%s:%d:%d: %s", def->scene_path, d->scene->solver_line, d->scene->solver_col, why);
         return false;
     }
     size_t bytes = d->model->state_bytes + kn_state_kept(d->model) + kn_keeper_bytes(d->model, def->state_dir);

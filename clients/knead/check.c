@@ -360,7 +360,7 @@ static int check(const char *path, const char *const *sets, int count, bool text
     kn_scene *scene = kn_scene_load(path, sets, count, error, sizeof error);
     if (!scene) return kn_complain("check", KN_EXIT_USAGE, "%s", error);
     kn_model *model = kn_model_build(&scene->model, error, sizeof error);
-    if (!model) kn_complain("check", KN_EXIT_USAGE, "%s:1:1: %s", path, error);
+    if (!model) kn_complain("check", KN_EXIT_USAGE, "%s:%d:%d: %s", path, scene->solver_line, scene->solver_col, error);
     else if (text) fputs(scene->text, stdout);
     else print_scene(scene, model);
     kn_model_destroy(model);

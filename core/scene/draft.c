@@ -423,6 +423,15 @@ static void couple(kn_draft *draft, int slot)
     }
 }
 
+static void mark_solver(kn_draft *draft)
+{
+    static const kn_key_id said[] = {KN_KEY_KIND, KN_KEY_ISA, KN_KEY_DT, KN_KEY_MASS_SCALE};
+    kn_mark at = draft->group[0][KN_KEY_VERSION];
+    for (size_t i = 0; i < sizeof said / sizeof *said; i++)
+        if (draft->at[0][said[i]].source == KN_SOURCE_FILE) at = later_of(at, draft->at[0][said[i]]);
+    draft->scene.solver_line = at.line, draft->scene.solver_col = at.col;
+}
+
 bool kn_draft_finish(kn_draft *draft)
 {
     kn_model_def *def = &draft->scene.model;
@@ -434,6 +443,7 @@ bool kn_draft_finish(kn_draft *draft)
     if (!kn_draft_device(draft)) return false;
     for (int slot = 1; slot <= def->probe_count; slot++) couple(draft, slot);
     if (!given(draft, 0, KN_KEY_BUDGET)) draft->scene.budget_s = BUDGET_S;
+    mark_solver(draft);
     // the canonical size: equal lattices have equal texts, however the size was rounded in the file
     for (int k = 0; k < 3; k++) draft->size_m[k] = (def->nodes[k] - 1) * def->spacing_m;
     return finish_solver(draft) && kn_draft_fine(draft) && kn_draft_quality(draft);

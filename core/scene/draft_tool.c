@@ -143,10 +143,28 @@ bool kn_draft_tools(kn_draft *draft)
     return true;
 }
 
+// A tool of one solid, whatever its measures.
+static bool solid_fits(kn_draft *draft, int slot)
+{
+    static const kn_key_id sizes[] = {KN_KEY_PROBE_EXTENT, KN_KEY_PROBE_RADIUS, KN_KEY_PROBE_LENGTH, KN_KEY_PROBE_EDGE};
+    const kn_model_def *def = &draft->scene.model;
+    const kn_probe_def *probe = &def->probe[slot - 1];
+    if (probe->shape == KN_PROBE_UNION || probe->shape == KN_PROBE_MESH) return true;
+    const char *unfit = kn_outside_unfit(probe, def->spacing_m);
+    kn_mark at = draft->at[slot][KN_KEY_PROBE_SHAPE], spacing = draft->at[0][KN_KEY_SPACING];
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        kn_mark size = draft->at[slot][sizes[i]];
+        if (size.source > at.source || (size.source == at.source && size.line >= at.line)) at = size;
+    }
+    return !unfit || kn_draft_complain(draft, spacing.source > at.source ? spacing : at, "probes.%s: %s (spacing %g m)",
+                                       probe->name, unfit, def->spacing_m);
+}
+
 bool kn_draft_tool_fits(kn_draft *draft, int slot)
 {
     const kn_model_def *def = &draft->scene.model;
     const kn_probe_def *probe = &def->probe[slot - 1];
+    if (!solid_fits(draft, slot)) return false;
     const char *wide = probe->shape == KN_PROBE_MESH ? kn_outside_unfit(probe, def->spacing_m) : NULL;
     if (wide)
         return kn_draft_complain(draft, draft->at[slot][KN_KEY_SURFACE_UNIT],

@@ -259,16 +259,26 @@ static void list_below(const char *parent, size_t size, char text[KN_LINE_MAX])
     }
 }
 
-// Takes candidate as the best hint if it is fewer edits away than the best one so far.
-static void consider(const char *name, const char *path, size_t size, int handicap, int *least, char text[KN_LINE_MAX])
+static size_t common(const char *a, const char *b)
 {
+    size_t n = 0;
+    while (a[n] && a[n] == b[n]) n++;
+    return n;
+}
+
+// Takes candidate as the best hint if it is fewer edits away than the best one so far, or as many and its path is nearer.
+static void consider(const char *wrong, const char *path, size_t size, int handicap, int *least, size_t *near,
+                     char text[KN_LINE_MAX])
+{
+    const char *name = leaf_of(wrong);
     char candidate[KN_LINE_MAX];
     const char *last = path + size;
     while (last > path && last[-1] != '.') last--;
     snprintf(candidate, sizeof candidate, "%.*s", (int)(path + size - last), last);
     int edits = distance(name, candidate) + handicap;
-    if (edits >= *least) return;
-    *least = edits;
+    size_t shared = common(wrong, path);
+    if (edits > *least || (edits == *least && shared <= *near)) return;
+    *least = edits, *near = shared;
     snprintf(text, KN_LINE_MAX, "did you mean %.*s?", (int)size, path);
 }
 
@@ -278,10 +288,11 @@ const char *kn_key_suggest(const char *path, char text[KN_LINE_MAX])
     size_t parent = (size_t)(name - path);
     const int another = strlen(name) > 4 ? 3 : 2; // edits from which on a name is another one
     int least = another;
+    size_t near = strlen(path); // nothing is as far away and nearer than that
     for (const kn_key *key = kn_keys; key < kn_keys + KN_KEY_COUNT; key++) {
         bool sibling = strncmp(key->path, path, parent) == 0;
-        if (sibling) consider(name, key->path, parent + strcspn(key->path + parent, "."), 0, &least, text);
-        consider(name, key->path, strlen(key->path), 1, &least, text); // one of another mapping must fit better
+        if (sibling) consider(path, key->path, parent + strcspn(key->path + parent, "."), 0, &least, &near, text);
+        consider(path, key->path, strlen(key->path), 1, &least, &near, text); // one of another mapping must fit better
     }
     if (least == another) list_below(path, parent, text);
     return text;

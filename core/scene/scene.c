@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <yaml.h>
 
 #define PATH_CHARACTERS "abcdefghijklmnopqrstuvwxyz0123456789_." // of the key in --set key=value
@@ -30,14 +31,26 @@ static const char *base_name(const char *path)
     return slash ? slash + 1 : path;
 }
 
+// A regular file: a pipe that nobody fills would be waited for. NULL, and in *why the reason.
+static FILE *open_file(const char *path, const char **why)
+{
+    struct stat there;
+    bool known = stat(path, &there) == 0, regular = known && S_ISREG(there.st_mode);
+    FILE *file = regular ? fopen(path, "rb") : NULL;
+    if (known && !regular) *why = S_ISDIR(there.st_mode) ? strerror(EISDIR) : "not a regular file";
+    else if (!file) *why = strerror(errno);
+    return file;
+}
+
 // The bytes of a file of that kind, one more than are read of any if it is too large. NULL and one line in error.
 static char *load_file(const char *path, const char *kind, size_t *size, char *error, size_t error_size)
 {
-    FILE *file = fopen(path, "rb");
+    const char *why = NULL;
+    FILE *file = open_file(path, &why);
     char *text = file ? malloc(FILE_MAX_BYTES + 1) : NULL;
     *size = text ? fread(text, 1, FILE_MAX_BYTES + 1, file) : 0;
     if (!text || ferror(file)) {
-        snprintf(error, error_size, "%s:1:1: %s, expected a %s file", path, strerror(errno), kind);
+        snprintf(error, error_size, "%s:1:1: %s, expected a %s file", path, why ? why : strerror(errno), kind);
         free(text);
         text = NULL;
     }
@@ -361,11 +374,13 @@ static bool read_document(reader *r, const char *path)
     while (r->event.type == YAML_STREAM_START_EVENT || r->event.type == YAML_DOCUMENT_START_EVENT);
     if (r->event.type == YAML_STREAM_END_EVENT && *path)
         return kn_draft_complain(r->draft, here(r), "no value, expected key=value");
+    const char *expected =
+        r->draft->is_part ? "keys of a material or a device" : "a scene that begins with 'version: 1'";
     if (r->event.type == YAML_STREAM_END_EVENT)
-        return kn_draft_complain(r->draft, here(r), "empty, expected a scene that begins with 'version: 1'");
+        return kn_draft_complain(r->draft, here(r), "empty, expected %s", expected);
     bool mapping = r->event.type == YAML_MAPPING_START_EVENT;
     if (*path == '\0' && !mapping)
-        return kn_draft_complain(r->draft, here(r), "%s, expected a scene that begins with 'version: 1'", kind_of(r));
+        return kn_draft_complain(r->draft, here(r), "%s, expected %s", kind_of(r), expected);
     if (!(*path ? read_node(r, path) : read_mapping(r, path))) return false;
     if (!next(r) || !next(r)) return false; // document end, stream end
     return r->event.type == YAML_STREAM_END_EVENT ||

@@ -30,6 +30,8 @@ typedef struct kn_scene {
     kn_device_def device;   // the hand's: profile touch, falcon, omega, unknown, or bench, the virtual hand
     kn_safety_limits limits;
     double mesh_hz;         // 30..60
+    int solver_line, solver_col; // in the file, of what it says of solver's kind, dt, isa, mass_scale, the last of them;
+                            // 1, 1: nothing. That is what to point at when a model cannot be built or stepped
     char *text;             // canonical YAML of the whole scene in SI, every default and override written out:
                             // parsing it gives the same scene. Owned.
     uint64_t text_hash;     // kn_hash_bytes of text but for the line that says where the mesh lies: text has its hash

@@ -15,37 +15,7 @@ refuses() {
     cat err
 }
 
-# the first line of each bad file holds what must be said about it
-bad=$KN_SOURCE/tests/core/scenes_bad
-count=0
-for file in "$bad"/*.yaml; do
-    read -r line <"$file"
-    refuses "$file:${line#\# }" "$file"
-    count=$((count + 1))
-done
-[ $count -ge 40 ] || fail "only $count bad scenes in $bad"
-
-# what cannot well be kept as a file
 mkdir folder
-: >empty.yaml
-printf 'version: 1\ndensity: \xff\xfe\n' >bytes.yaml
-printf 'version: 1\0' >nul.yaml
-printf 'v\0e\0r\0' >utf16.yaml
-head -c 1048577 /dev/zero | tr '\0' ' ' >large.yaml
-(head -c 1000000 /dev/zero | tr '\0' '[') >deep.yaml
-(for i in $(seq 20000); do echo "? k$i"; done) >keys.yaml
-refuses "folder:1:1: Is a directory, expected a scene file" folder
-refuses "missing.yaml:1:1: No such file or directory, expected a scene file" missing.yaml
-printf 'version: 1\nmaterial: missing.yaml\n' >lacking.yaml
-refuses "lacking.yaml:2:11: material: missing.yaml:1:1: No such file or directory, expected a material file" lacking.yaml
-refuses "empty.yaml:1:1: empty, expected a scene that begins with 'version: 1'" empty.yaml
-refuses "bytes.yaml:2:10: not UTF-8 text: invalid leading UTF-8 octet, expected a scene" bytes.yaml
-refuses "nul.yaml:1:11: not UTF-8 text: control characters are not allowed, expected a scene" nul.yaml
-refuses "utf16.yaml:1:2: not UTF-8 text: control characters are not allowed, expected a scene" utf16.yaml
-refuses "large.yaml:1:1: larger than 1 MiB, expected a scene" large.yaml
-refuses "deep.yaml:1:1: a list, expected a scene that begins with 'version: 1'" deep.yaml
-refuses "keys.yaml:1:3: unknown key 'k1', did you mean material.k1?" keys.yaml
-
 dough=$KN_SOURCE/core/scenes/dough.yaml
 refuses "knead check: --set material.k1: '300' has no unit, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
     "$dough" --set material.k1=300

@@ -450,7 +450,7 @@ TEST("a bad --set is told by its key")
          "quality.fast: solver.iterations_max is 3, expected at least solver.iterations, 11"},
         {"quality.fast.spacing=7 mm", "quality.fast: object.size along x, 0.05 m, is 7.1428571 spacings of 0.007 m, "
                                       "expected a whole number (0.007142857143 m would be)"},
-        {"quality.slow.passes=1", "unknown key, did you mean solver.passes?"},
+        {"quality.slow.passes=1", "unknown key, did you mean quality.fast.passes?"},
         {"object.spacing=1e-5 m", "object: size and spacing make 7.506e+10 nodes, expected at most 4194304"},
         {"material={k1: 1 Pa, k1: 2 Pa}", "'k1' is there already, in line 1, expected it once"},
         {"density=*a", "anchors, aliases and tags are not read, expected a plain value"},
