@@ -120,7 +120,6 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
     SET(&a->quality, (int32_t)servo->quality);
     SET(&a->asked, (int32_t)servo->asked);
     SET(&a->exhausted, servo->exhausted);
-    SET(&a->budget_s, servo->scene->budget_s);
     if (errors) atomic_fetch_or_explicit(&a->errors, errors, memory_order_relaxed);
 }
 

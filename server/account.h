@@ -15,7 +15,8 @@ typedef struct kn_account {
     _Atomic int64_t tick, ticks, missed, overruns, unpublished, clamps, guards, faults, capped, created;
     _Atomic int64_t wakeup[KN_HISTOGRAM], execution[KN_HISTOGRAM];
     _Atomic int64_t late_loop_ns; // how long the latest loop that missed cycles took
-    _Atomic double force_max_n, force_step_max_n, success_rate, budget_s;
+    _Atomic double force_max_n, force_step_max_n, success_rate;
+    _Atomic double budget_s; // of a tick; the loop tells it
     _Atomic int32_t mode;
     _Atomic int32_t quality, asked; // kn_quality: in force; asked for
     atomic_bool exhausted;          // over its budget at the lowest point

@@ -20,6 +20,7 @@ bool kn_loop_init(kn_loop *loop, const kn_scene *scene, const kn_model *model, k
     kn_phase_init(&loop->phase);
     atomic_init(&loop->account.quality, (int32_t)scene->quality);
     atomic_init(&loop->account.asked, (int32_t)scene->quality);
+    atomic_init(&loop->account.budget_s, scene->budget_s);
     for (int p = 0; p < KN_PROBES_MAX; p++) kn_mailbox_init(&loop->pose[p], loop->pose_slots[p], sizeof(kn_posted));
     loop->skin = skin;
     return kn_ring_init(&loop->records, RECORDS, sizeof(kn_record));
@@ -128,6 +129,7 @@ static void go_over(kn_loop *loop, kn_change *change)
 {
     if (loop->audit && change->audit) kn_audit_follow(change->audit, loop->audit);
     loop->audit = change->audit;
+    atomic_store_explicit(&loop->account.budget_s, change->scene->budget_s, memory_order_relaxed);
     atomic_store_explicit(&loop->changed, change, memory_order_release);
 }
 
