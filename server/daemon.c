@@ -29,13 +29,7 @@
 #define REST_TICK_NS 500000 // in contact a tick takes about twice as long as at rest, and has 1 ms
 
 typedef struct server {
-    kn_scene *base;  // as its file and the options say
-    kn_scene *scene; // and what was set over it before
-    kn_sets sets;
-    kn_model *model;
-    kn_backend backend;
-    kn_audit *audit; // NULL: a solver without one
-    int64_t rest_ns; // that a tick takes here while nothing touches the object
+    kn_served on; // what it serves
     kn_bus bus, mesh_bus;
     int claim, fd; // of the bus; what is heard on it
     kn_receiver receiver;
@@ -116,10 +110,10 @@ static knead_status_t status_now(server *d)
     status.published = d->publisher.published;
     status.snapshot_age_ms = kn_keeper_age_ms(&d->keeper);
     status.snapshot_errors = (int32_t)atomic_load(&d->keeper.errors);
-    status.probes = d->model->def.probe_count;
+    status.probes = d->on.model->def.probe_count;
     if (!d->rt.fifo) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FIFO;
     if (!d->rt.locked) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_MLOCK;
-    if (d->model->isa == KN_ISA_BASE) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FMA;
+    if (d->on.model->isa == KN_ISA_BASE) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FMA;
     status.backend = KNEAD_STATUS_T_BACKEND_CPU;
     return status;
 }
@@ -143,7 +137,7 @@ static void publish_records(server *d)
 {
     for (const kn_record *record; (record = kn_ring_front(&d->loop.records)); kn_ring_pop(&d->loop.records)) {
         kn_publisher_record(&d->publisher, record);
-        kn_trace_record(&d->trace, record, &d->model->def);
+        kn_trace_record(&d->trace, record, &d->on.model->def);
         kn_sentinel_hear(&d->sentinel, &record->wake);
         memcpy(d->force, record->out.force, sizeof d->force);
     }
@@ -388,7 +382,7 @@ static void *mesh_main(void *arg)
     struct timespec tick = {.tv_nsec = KN_PERIOD_NS},
                     rest = {.tv_nsec = (d->skin.period_ticks - 1) * (long)KN_PERIOD_NS};
     int64_t second_ns = 0, missed_told = 0, created_told = 0, tick_told = -1, unpublished_told = 0;
-    kn_quality quality_told = d->scene->quality;
+    kn_quality quality_told = d->on.scene->quality;
     bool exhausted_told = false;
     while (!atomic_load_explicit(&d->ending, memory_order_relaxed)) {
         if (kn_now_ns() - second_ns >= 1000000000) {
@@ -432,76 +426,7 @@ static void *keeper_main(void *arg)
 
 // --- start and stop ---
 
-// /proc/meminfo's MemAvailable: what may be had without swapping. SIZE_MAX where it is not told.
-static size_t memory_available(void)
-{
-    unsigned long long kib = 0;
-    char line[128];
-    FILE *file = fopen("/proc/meminfo", "r");
-    while (file && !kib && fgets(line, sizeof line, file)) sscanf(line, "MemAvailable: %llu kB", &kib);
-    if (file) fclose(file);
-    return kib ? (size_t)kib * 1024 : SIZE_MAX;
-}
-
-// Linux grants what it does not have and kills whoever touches it; a locked state is touched at once.
-static bool check_memory(size_t bytes, const char *what, const char *path, char *error, size_t error_size)
-{
-    size_t available = memory_available();
-    if (bytes <= available) return true;
-    snprintf(error, error_size, "%s: %s needs %zu MiB and %zu MiB of memory are free, expected fewer nodes", path, what,
-             (bytes >> 20) + 1, available >> 20);
-    return false;
-}
-
-// A node has at least its mass in the model, and position and velocity in the state.
-static size_t least_bytes(const kn_model_def *def)
-{
-    size_t nodes = def->mesh ? (size_t)def->mesh->node_count
-                             : (size_t)def->nodes[0] * (size_t)def->nodes[1] * (size_t)def->nodes[2];
-    if (kn_composite_is(def)) nodes = (size_t)kn_composite_nodes(def);
-    return nodes * (sizeof(double) + 6 * sizeof(float));
-}
-
-// The best of a few: what the machine did meanwhile is not the scene's. Of one that takes long, one is enough.
-static int64_t measure_tick(kn_backend *b)
-{
-    int64_t start_ns = kn_now_ns(), best_ns = INT64_MAX;
-    for (int i = 0; i < 10 && kn_now_ns() - start_ns < 20 * KN_PERIOD_NS; i++) {
-        kn_input nobody = {0};
-        kn_output output;
-        int64_t from_ns = kn_now_ns();
-        b->submit(b->self, &nobody);
-        b->wait(b->self, 0, &output);
-        int64_t took_ns = kn_now_ns() - from_ns;
-        if (took_ns < best_ns) best_ns = took_ns;
-    }
-    b->reset(b->self);
-    return best_ns;
-}
-
-// The file as the options say; and if the newest snapshot is of an object over which more was set, with that.
-static bool load_scene(server *d, const kn_daemon_def *def, char *error, size_t error_size)
-{
-    char room[KN_SETS_BYTES], why[400];
-    const char *list[KN_SETS_MAX];
-    d->base = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
-    if (!d->base) return false;
-    d->sets.base_hash = d->base->text_hash;
-    if (def->state_dir) kn_store_sets(def->state_dir, d->base, &d->sets);
-    int count = kn_sets_list(&d->sets, room, list);
-    d->scene = d->base;
-    if (count == 0) return true;
-    d->scene = kn_scene_parse_beside(def->scene_path, d->base->name, d->base->text, strlen(d->base->text), list, count,
-                                     why, sizeof why);
-    if (d->scene && !kn_safety_raised(&d->scene->limits, &d->base->limits)) return true;
-    fprintf(stderr, "kneadd: what was set before the last end is not any more: %s\n", d->scene ? "limits" : why);
-    if (d->scene) kn_scene_destroy(d->scene);
-    d->sets = (kn_sets){.base_hash = d->base->text_hash};
-    d->scene = d->base;
-    return true;
-}
-
-static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_size)
+static bool choose_buses(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
     const char *url = def->lcm_url ? def->lcm_url : getenv("LCM_DEFAULT_URL"); // as every LCM client has it
     const char *own = def->lan ? KN_LCM_LAN_URL : KN_LCM_URL, *own_mesh = def->lan ? KN_MESH_LAN_URL : KN_MESH_URL;
@@ -509,42 +434,6 @@ static bool load(server *d, const kn_daemon_def *def, char *error, size_t error_
         !kn_bus_parse(&d->mesh_bus, def->mesh_url ? def->mesh_url : own_mesh, def->lan, error, error_size) ||
         (def->key && !kn_auth_load(&d->auth, def->key, error, error_size)))
         return false;
-    if (!load_scene(d, def, error, error_size)) return false;
-    if (kn_backend_steps(d->scene->model.solver.dt_s) == 0) {
-        snprintf(error, error_size, "%s:%d:%d: solver.dt is %g s, expected the 1 ms tick divided by a whole number",
-                 def->scene_path, d->scene->solver_line, d->scene->solver_col, d->scene->model.solver.dt_s);
-        return false;
-    }
-    if (!check_memory(least_bytes(&d->scene->model), "the object", def->scene_path, error, error_size)) return false;
-    char why[256];
-    d->model = kn_model_build(&d->scene->model, why, sizeof why);
-    if (!d->model) {
-        snprintf(error, error_size, "%s:%d:%d: %s", def->scene_path, d->scene->solver_line, d->scene->solver_col, why);
-        return false;
-    }
-    size_t bytes = d->model->state_bytes + kn_state_kept(d->model) + kn_keeper_bytes(d->model, def->state_dir);
-    if (!check_memory(bytes, "the object's state and its copies", def->scene_path, error, error_size)) return false;
-    if (!kn_backend_cpu(&d->backend, d->model)) {
-        snprintf(error, error_size, "%s: not enough memory for the object's %zu bytes", def->scene_path,
-                 d->model->state_bytes);
-        return false;
-    }
-    d->audit = kn_audit_create(d->model);
-    if (!d->audit && d->scene->model.solver.kind == KN_SOLVER_IMPLICIT) {
-        snprintf(error, error_size, "%s: not enough memory for the object's audit", def->scene_path);
-        return false;
-    }
-    const kn_device_def *device = &d->scene->device;
-    kn_coupling coupling = {device->coupling_n_m, device->coupling_n_s_m};
-    if (def->local_model && d->scene->model.solver.kind != KN_SOLVER_IMPLICIT) {
-        snprintf(error, error_size, "%s: --local-model: expected solver.kind implicit", def->scene_path);
-        return false;
-    }
-    if (def->local_model && !kn_backend_cpu_identify(&d->backend, coupling)) {
-        snprintf(error, error_size, "%s: --local-model: not enough memory", def->scene_path);
-        return false;
-    }
-    d->rest_ns = measure_tick(&d->backend);
     return true;
 }
 
@@ -555,18 +444,18 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
     d->claim = kn_bus_claim(&d->bus, error, error_size);
     d->fd = d->claim < 0 ? -1 : kn_bus_listen(&d->bus, error, error_size);
     if (d->fd < 0) return false;
-    uint64_t hash = kn_state_hash(d->model, d->backend.state(d->backend.self));
-    kn_receiver_init(&d->receiver, &d->model->def);
+    uint64_t hash = kn_state_hash(d->on.model, d->on.backend.state(d->on.backend.self));
+    kn_receiver_init(&d->receiver, &d->on.model->def);
     memcpy(d->receiver.peer, def->peer, sizeof def->peer);
     d->receiver.peers = def->peers;
     d->receiver.auth = def->key ? &d->auth : NULL;
-    if (!kn_publisher_open(&d->publisher, d->bus.url, d->scene, hash, error, error_size) ||
-        !kn_skin_open(&d->skin, d->mesh_bus.url, d->model, d->scene->mesh_hz, d->scene->text_hash, error, error_size))
+    if (!kn_publisher_open(&d->publisher, d->bus.url, d->on.scene, hash, error, error_size) ||
+        !kn_skin_open(&d->skin, d->mesh_bus.url, d->on.model, d->on.scene->mesh_hz, d->on.scene->text_hash, error, error_size))
         return false;
     d->publisher.auth = d->skin.auth = d->receiver.auth;
-    if (kn_loop_init(&d->loop, d->scene, d->model, &d->backend, &d->skin, d->audit) &&
+    if (kn_loop_init(&d->loop, d->on.scene, d->on.model, &d->on.backend, &d->skin, d->on.audit) &&
         (!def->touch || kn_loop_touch(&d->loop)) && kn_sentinel_init(&d->sentinel) && watch_events(d)) {
-        d->loop.servo.sets = &d->sets;
+        d->loop.servo.sets = &d->on.sets;
         kn_keeper_start(&d->keeper, &d->loop);
         return true;
     }
@@ -576,16 +465,9 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
 
 static bool open_control(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
-    kn_operated on = {.base = d->base,
-                      .scene = d->scene,
-                      .model = d->model,
-                      .backend = &d->backend,
-                      .limits = def->limits ? def->limits : &d->base->limits,
-                      .scene_path = def->scene_path,
-                      .options = def->sets,
-                      .option_count = def->set_count,
-                      .sets = d->sets,
-                      .identify = def->local_model,
+    kn_operated on = {.served = &d->on,
+                      .def = &def->object,
+                      .limits = def->limits ? def->limits : &d->on.base->limits,
                       .loop = &d->loop,
                       .keeper = &d->keeper,
                       .ask = ask,
@@ -593,7 +475,7 @@ static bool open_control(server *d, const kn_daemon_def *def, char *error, size_
                       .load = load_next,
                       .built = lock,
                       .arg = d};
-    kn_operator_init(&d->operator, & on);
+    kn_operator_init(&d->operator, &on);
     kn_control_def control = kn_operator_control(&d->operator);
     if (def->control) d->control = kn_control_open(def->control, &control, error, error_size);
     return !def->control || d->control;
@@ -644,24 +526,24 @@ static void tell_sets(const kn_sets *sets)
 
 static void tell_ready(const server *d)
 {
-    printf("kneadd: serving %s, %d nodes", d->scene->name,
-           d->model->node_count - kn_composite_tied(d->model));
-    for (int p = 0; p < d->model->def.probe_count; p++) printf(", probe %s", d->model->def.probe[p].name);
+    printf("kneadd: serving %s, %d nodes", d->on.scene->name,
+           d->on.model->node_count - kn_composite_tied(d->on.model));
+    for (int p = 0; p < d->on.model->def.probe_count; p++) printf(", probe %s", d->on.model->def.probe[p].name);
     printf(", on %s, meshes on %s; %s, %s\n", d->bus.url, d->mesh_bus.url,
            d->rt.fifo ? "SCHED_FIFO" : "normal priority", d->rt.locked ? "memory locked" : "memory not locked");
-    tell_sets(&d->sets);
+    tell_sets(&d->on.sets);
     if (*d->rt.missing) printf("kneadd: not real time: %s\n", d->rt.missing);
     if (d->receiver.auth) printf("kneadd: poses are taken from holders of the key, forces are signed with it\n");
     else if (d->receiver.peers > 0)
         printf("kneadd: poses are taken from %d addresses; that is no authentication: an address can be forged\n",
                d->receiver.peers);
-    if (d->model->isa == KN_ISA_BASE) printf("kneadd: not real time: fused multiply-add in software\n");
-    if (d->rest_ns > REST_TICK_NS)
+    if (d->on.model->isa == KN_ISA_BASE) printf("kneadd: not real time: fused multiply-add in software\n");
+    if (d->on.rest_ns > REST_TICK_NS)
         printf("kneadd: not real time: a tick takes %.2g ms here before anything touches the object, expected %g ms at "
                "most; ticks will be missed and counted\n",
-               1e-6 * (double)d->rest_ns, 1e-6 * REST_TICK_NS);
+               1e-6 * (double)d->on.rest_ns, 1e-6 * REST_TICK_NS);
     fflush(stdout);
-    sd_notifyf(0, "READY=1\nSTATUS=serving %s", d->scene->name);
+    sd_notifyf(0, "READY=1\nSTATUS=serving %s", d->on.scene->name);
 }
 
 static void tell_summary(server *d)
@@ -749,11 +631,7 @@ static void free_all(server *d)
     kn_trace_close(&d->trace);
     kn_keeper_close(&d->keeper);
     kn_operator_free(&d->operator);
-    kn_audit_destroy(d->audit);
-    if (d->backend.destroy) d->backend.destroy(d->backend.self);
-    kn_model_destroy(d->model);
-    if (d->scene != d->base) kn_scene_destroy(d->scene);
-    kn_scene_destroy(d->base);
+    kn_served_free(&d->on);
 }
 
 // One life of it; goes on with d->next when d->goes_on.
@@ -762,9 +640,9 @@ static int serve(server *d, const kn_daemon_def *def)
     char error[512];
     *d = (server){.claim = -1, .fd = -1, .keeper.store.dir = -1};
     kn_rt_enter(&d->rt, def->realtime);
-    int code = !load(d, def, error, sizeof error)
-                   ? 2
-                   : kn_keeper_open(&d->keeper, def->state_dir, d->scene, d->model, error, sizeof error);
+    bool good = choose_buses(d, def, error, sizeof error) &&
+                kn_served_load(&d->on, &def->object, error, sizeof error);
+    int code = !good ? 2 : kn_keeper_open(&d->keeper, def->object.state_dir, d->on.scene, d->on.model, error, sizeof error);
     if (code == 0) {
         code = 3;
         if (open_buses(d, def, error, sizeof error) && open_control(d, def, error, sizeof error) &&
@@ -775,7 +653,7 @@ static int serve(server *d, const kn_daemon_def *def)
             code = stop_threads(d) ? 0 : 3;
             tell_summary(d);
             if (code)
-                snprintf(error, sizeof error, "--state-dir %s: the last of the object is not saved", def->state_dir);
+                snprintf(error, sizeof error, "--state-dir %s: the last of the object is not saved", def->object.state_dir);
             if (!kn_trace_close(&d->trace)) {
                 snprintf(error, sizeof error, "--trace %s: could not be written to its end", def->trace);
                 code = 3;
@@ -795,12 +673,12 @@ int kn_daemon_run(const kn_daemon_def *def)
     for (;;) {
         int code = serve(&d, &life);
         bool goes_on = code == 0 && d.goes_on && !told_to_end;
-        if (d.base && !life.limits) { // of the first life, which no other one may raise
-            limits = d.base->limits;
+        if (d.on.base && !life.limits) { // of the first life, which no other one may raise
+            limits = d.on.base->limits;
             life.limits = &limits;
         }
         free(path);
-        life.scene_path = path = d.next;
+        life.object.scene_path = path = d.next;
         free_all(&d);
         if (!goes_on) return free(path), code;
         printf("kneadd: loading %s\n", path);

@@ -6,6 +6,7 @@
 #include "server/auth.h"
 #include "server/receiver.h"
 #include "server/rt.h"
+#include "server/served.h"
 
 #define KN_LCM_URL "udpm://239.255.76.67:7667?ttl=0"  // LCM's own group
 #define KN_MESH_URL "udpm://239.255.76.67:7668?ttl=0" // by port: stock liblcm hears every group of its port
@@ -14,13 +15,10 @@
 
 typedef struct kn_daemon_def {
     const kn_safety_limits *limits; // that no scene which is loaded may raise, NULL: those of the first
-    const char *scene_path;
-    const char *const *sets; // "key=value" over the scene
-    int set_count;
+    kn_served_def object;
     const char *lcm_url;    // NULL: LCM_DEFAULT_URL of the environment, else KN_LCM_URL or KN_LCM_LAN_URL
     const char *mesh_url;   // NULL: KN_MESH_URL or KN_MESH_LAN_URL
     const char *control;    // path of the control socket (control.h), NULL: none
-    const char *state_dir;  // where snapshots are kept and restored from, NULL: nowhere
     const char *lan;        // network interface of both buses, NULL: lo
     struct in_addr peer[KN_PEERS_MAX]; // whom poses are taken from
     int peers;              // 0: anybody
@@ -28,7 +26,6 @@ typedef struct kn_daemon_def {
     kn_rt_mode realtime;
     const char *trace;      // a file for trace.h's rows, NULL: none
     bool free;              // the servo's grid does not follow the poses
-    bool local_model;       // identify and publish KNEAD_CONTACT
     bool touch;             // publish KNEAD_TOUCH
 } kn_daemon_def;
 

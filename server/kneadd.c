@@ -58,13 +58,13 @@ static int run(int argc, char **argv, const char **sets) // sets: room for argc
         {"peer", required_argument, NULL, 'P'},
         {"local-model", no_argument, NULL, 'o'},    {"touch", no_argument, NULL, 'T'},
         {"help", no_argument, NULL, 'h'},           {"version", no_argument, NULL, 'v'}, {0}};
-    kn_daemon_def def = {.realtime = KN_RT_AUTO, .sets = sets};
+    kn_daemon_def def = {.realtime = KN_RT_AUTO, .object.sets = sets};
     for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         switch (option) {
-        case 's': def.scene_path = optarg; break;
-        case 'k': sets[def.set_count++] = optarg; break;
+        case 's': def.object.scene_path = optarg; break;
+        case 'k': sets[def.object.set_count++] = optarg; break;
         case 'q':
-            if (!(sets[def.set_count++] = kn_quality_set(optarg))) return bad(optarg, kn_quality_names);
+            if (!(sets[def.object.set_count++] = kn_quality_set(optarg))) return bad(optarg, kn_quality_names);
             break;
         case 'l': def.lcm_url = optarg; break;
         case 'm': def.mesh_url = optarg; break;
@@ -85,8 +85,8 @@ static int run(int argc, char **argv, const char **sets) // sets: room for argc
                 return bad(optarg, "--peer with an IPv4 address, 16 of them at most");
             break;
         case 't': def.trace = optarg; break;
-        case 'd': def.state_dir = optarg; break;
-        case 'o': def.local_model = true; break;
+        case 'd': def.object.state_dir = optarg; break;
+        case 'o': def.object.local_model = true; break;
         case 'T': def.touch = true; break;
         case 'c':
             def.control = optarg;
@@ -101,7 +101,7 @@ static int run(int argc, char **argv, const char **sets) // sets: room for argc
     if (def.lan && !def.key && def.peers == 0)
         return bad("--lan", "--key FILE or --peer ADDRESS beside it: on a network anybody may move the tool");
     if (def.peers > 0 && !def.lan) return bad("--peer", "--lan IFACE beside it");
-    if (!def.scene_path) return bad("no scene", "--scene FILE");
+    if (!def.object.scene_path) return bad("no scene", "--scene FILE");
     return kn_daemon_run(&def);
 }
 

@@ -8,7 +8,7 @@
 
 void kn_operator_init(kn_operator *o, const kn_operated *on)
 {
-    *o = (kn_operator){.on = *on};
+    *o = (kn_operator){.on = *on, .sets = on->served->sets};
     pthread_mutex_init(&o->setting, NULL);
     kn_mailbox_init(&o->health, o->health_slots, sizeof o->health_slots[0]);
 }
@@ -65,13 +65,13 @@ static json_t *rejections(const knead_status_t *s)
 static json_t *probes(const kn_operator *o, const kn_health *h)
 {
     json_t *array = json_array();
-    for (int p = 0; p < o->on.scene->model.probe_count; p++) {
+    for (int p = 0; p < o->on.served->scene->model.probe_count; p++) {
         const kn_force *f = &h->force[p];
         char session[24];
         snprintf(session, sizeof session, "%" PRId64, f->session); // JSON's numbers have 53 bits
         kn_fault fault = (kn_fault)f->fault;
         json_t *probe =
-            json_pack("{s:s, s:b, s:s, s:b, s:f, s:[f,f,f], s:s}", "name", o->on.scene->model.probe[p].name, "live",
+            json_pack("{s:s, s:b, s:s, s:b, s:f, s:[f,f,f], s:s}", "name", o->on.served->scene->model.probe[p].name, "live",
                       f->live, "session", f->live ? session : "0", "in_contact", f->contacts > 0, "gain", f->gain,
                       "force_n", f->force_n[0], f->force_n[1], f->force_n[2], "fault", kn_fault_name(fault));
         if (fault != KN_FAULT_NONE) json_object_set_new(probe, "way_back", json_string(kn_fault_remedy(fault)));
@@ -86,7 +86,7 @@ static json_t *settings(kn_operator *o)
     const char *list[KN_SETS_MAX];
     json_t *array = json_array();
     pthread_mutex_lock(&o->setting);
-    int count = kn_sets_list(&o->on.sets, room, list);
+    int count = kn_sets_list(&o->sets, room, list);
     pthread_mutex_unlock(&o->setting);
     for (int i = 0; i < count; i++) json_array_append_new(array, json_string(list[i]));
     return array;
@@ -102,7 +102,7 @@ static json_t *status_of(kn_operator *o, const kn_health *h)
     const knead_status_t *s = &h->status;
     kn_account *a = &o->on.loop->account;
     json_t *status = json_pack("{s:b, s:s, s:s, s:I, s:f, s:I, s:s, s:o, s:o, s:o}", "ok", 1, "version", KN_VERSION,
-                               "scene", o->on.scene->name, "time_us", (json_int_t)s->utime, "uptime_s",
+                               "scene", o->on.served->scene->name, "time_us", (json_int_t)s->utime, "uptime_s",
                                1e-3 * (double)s->uptime_ms, "tick", (json_int_t)s->tick, "mode", modes[s->mode],
                                "degraded", names_of(s->degraded, degraded, 4), "current_errors",
                                names_of(h->error_bits, errors, 7), "last_errors", names_of(s->last_errors, errors, 7));
@@ -163,8 +163,8 @@ static json_t *take_quality(kn_operator *o, const char *name)
 {
     for (kn_quality q = 0; q < KN_QUALITIES; q++) {
         if (strcmp(name, kn_quality_name(q)) != 0) continue;
-        if (o->on.scene->point[q].live) return order(o, KN_ORDER_QUALITY, q);
-        if (!o->on.scene->point[q].defined) return kn_control_error("quality %s: the scene does not name it", name);
+        if (o->on.served->scene->point[q].live) return order(o, KN_ORDER_QUALITY, q);
+        if (!o->on.served->scene->point[q].defined) return kn_control_error("quality %s: the scene does not name it", name);
         return kn_control_error("quality %s: another lattice or precision, expected --quality %s at the start", name,
                                 name);
     }
@@ -213,8 +213,8 @@ static json_t *restore(kn_operator *o, const json_t *argument)
     int64_t generation = json_integer_value(argument); // 0 of none: the newest
     if (argument && generation < 1)
         return kn_control_error("restore: generation %" PRId64 ": expected 1 or more", generation);
-    const kn_scene *scene = o->now ? o->now->scene : o->on.scene;
-    const kn_model *model = o->now ? o->now->model : o->on.model;
+    const kn_scene *scene = o->now ? o->now->scene : o->on.served->scene;
+    const kn_model *model = o->now ? o->now->model : o->on.served->model;
     kn_answer a = kn_keeper_restore(o->on.keeper, o->on.loop, scene, model, generation);
     return of_keeper(&a);
 }
@@ -233,8 +233,8 @@ static kn_scene *parse(const kn_operator *o, const kn_sets *sets, char *error, s
     char room[KN_SETS_BYTES], why[400];
     const char *list[KN_SETS_MAX];
     int count = kn_sets_list(sets, room, list);
-    const kn_scene *base = o->on.base;
-    kn_scene *scene = kn_scene_parse_beside(o->on.scene_path, base->name, base->text, strlen(base->text), list, count,
+    const kn_scene *base = o->on.served->base;
+    kn_scene *scene = kn_scene_parse_beside(o->on.def->scene_path, base->name, base->text, strlen(base->text), list, count,
                                             why, sizeof why);
     // what --set has done wrong is what set has
     if (!scene) snprintf(error, error_size, "%s", strncmp(why, "--set ", 6) == 0 ? why + 2 : why);
@@ -259,14 +259,14 @@ static const char *retire(kn_operator *o)
 
 static kn_change *prepare(kn_operator *o, const json_t *values, char *error, size_t error_size)
 {
-    kn_sets sets = o->on.sets;
+    kn_sets sets = o->sets;
     const json_t *value;
     size_t i;
     json_array_foreach(values, i, value) if (!kn_sets_add(&sets, json_is_string(value) ? json_string_value(value) : "",
                                                           error, (int)error_size)) return NULL;
     kn_scene *scene = parse(o, &sets, error, error_size);
     if (!scene) return NULL;
-    const char *raised = kn_safety_raised(&scene->limits, &o->on.base->limits);
+    const char *raised = kn_safety_raised(&scene->limits, &o->on.served->base->limits);
     if (raised) {
         kn_scene_destroy(scene);
         snprintf(error, error_size, "set: %s: allows a hand more than the scene does, expected less; a new start can",
@@ -274,8 +274,8 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
         return NULL;
     }
     char why[300];
-    kn_change *change = kn_change_create(scene, o->now ? o->now->scene : o->on.scene,
-                                         o->now ? o->now->model : o->on.model, o->on.identify, why, sizeof why);
+    kn_change *change = kn_change_create(scene, o->now ? o->now->scene : o->on.served->scene,
+                                         o->now ? o->now->model : o->on.served->model, o->on.def->local_model, why, sizeof why);
     if (change)
         change->sets = sets;
     else
@@ -303,13 +303,13 @@ static json_t *set(kn_operator *o, const json_t *argument)
     if (busy) return kn_control_error("set: %s, expected another try", busy);
     kn_change *change = prepare(o, argument, error, sizeof error);
     if (!change) return kn_control_error("%s", error);
-    const kn_model *model = o->now ? o->now->model : o->on.model;
-    kn_backend *left = o->now ? &o->now->backend : o->on.backend;
+    const kn_model *model = o->now ? o->now->model : o->on.served->model;
+    kn_backend *left = o->now ? &o->now->backend : &o->on.served->backend;
     o->on.built(o->on.arg);
     o->before = o->now;
     o->now = o->on.loop->change = change;
     pthread_mutex_lock(&o->setting);
-    o->on.sets = change->sets;
+    o->sets = change->sets;
     pthread_mutex_unlock(&o->setting);
     o->ordered = kn_loop_order(o->on.loop, KN_ORDER_CHANGE, 0);
     for (int i = 0; !kn_loop_obeyed(o->on.loop, o->ordered, &tick); i++) {
@@ -325,26 +325,18 @@ static json_t *set(kn_operator *o, const json_t *argument)
 // As the start will do it, so that a scene that cannot be served ends nothing.
 static json_t *load(kn_operator *o, const json_t *argument)
 {
-    char error[400];
-    const char *path = argument ? json_string_value(argument) : o->on.scene_path;
-    kn_scene *scene = kn_scene_load(path, o->on.options, o->on.option_count, error, sizeof error);
-    if (!scene) return kn_control_error("%s", error);
-    const char *raised = kn_safety_raised(&scene->limits, o->on.limits);
-    kn_model *model = raised ? NULL : kn_model_build(&scene->model, error, sizeof error);
-    json_t *answer = NULL;
-    if (raised)
-        answer = kn_control_error("load: %s: %s: allows a hand more than the scene of the start does; a new start can",
-                                  path, raised);
-    else if (!model)
-        answer = kn_control_error("load: %s: %s", path, error);
-    else if (kn_backend_steps(scene->model.solver.dt_s) == 0)
-        answer = kn_control_error("load: %s: solver.dt is %g s, expected 1 ms divided by a whole number", path,
-                                  scene->model.solver.dt_s);
-    else
-        answer = json_pack("{s:b, s:s}", "ok", 1, "scene", scene->name);
-    if (json_is_true(json_object_get(answer, "ok"))) o->on.load(o->on.arg, path);
-    kn_model_destroy(model);
-    kn_scene_destroy(scene);
+    char error[512];
+    kn_served trial;
+    kn_served_def def = *o->on.def;
+    if (argument) def.scene_path = json_string_value(argument);
+    if (!kn_served_load(&trial, &def, error, sizeof error)) return kn_control_error("%s", error);
+    const char *raised = kn_safety_raised(&trial.scene->limits, o->on.limits);
+    json_t *answer =
+        raised ? kn_control_error("%s: %s: allows a hand more than the scene of the start does; a new start can",
+                                  def.scene_path, raised)
+               : json_pack("{s:b, s:s}", "ok", 1, "scene", trial.scene->name);
+    if (!raised) o->on.load(o->on.arg, def.scene_path);
+    kn_served_free(&trial);
     return answer;
 }
 

@@ -27,6 +27,7 @@
 #include "server/keeper.h"
 #include "server/loop.h"
 #include "server/receiver.h"
+#include "server/served.h"
 
 typedef struct kn_health { // what the main thread knows, as of one moment
     knead_status_t status;
@@ -36,16 +37,9 @@ typedef struct kn_health { // what the main thread knows, as of one moment
 
 // What it works on, of the daemon.
 typedef struct kn_operated {
-    const kn_scene *base;           // as the server was started with it
-    const kn_scene *scene;          // with what had been set over it before
-    const kn_model *model;          // of scene
-    kn_backend *backend;            // of model
+    kn_served *served; // at the start, of
+    const kn_served_def *def;
     const kn_safety_limits *limits; // which no load may raise
-    const char *scene_path;
-    const char *const *options; // --set of the command line, that a load keeps
-    int option_count;
-    kn_sets sets;
-    bool identify; // local models
     kn_loop *loop;
     kn_keeper *keeper;
     void (*ask)(void *arg); // makes the main thread post its health; thread-safe, as the next
@@ -60,7 +54,8 @@ typedef struct kn_operator {
     kn_change *now, *before;   // that were taken, or are about to be; NULL: none. The worker's
     int64_t ordered;           // that takes now
     _Atomic(kn_change *) told; // whose scene the main thread tells
-    pthread_mutex_t setting;   // of sets
+    kn_sets sets;              // over served->base
+    pthread_mutex_t setting;   // of them
     kn_mailbox health;         // from the main thread
     kn_health health_slots[3];
 } kn_operator;

@@ -12,6 +12,7 @@ static const char text_of_it[] = "version: 1\nobject: {size: [2 cm, 2 cm, 2 cm],
 static kn_scene *scene;
 static kn_model *model;
 static kn_backend backend;
+static kn_served served;
 static kn_loop loop;
 static kn_keeper keeper = {.store.dir = -1};
 static kn_operator operator;
@@ -42,18 +43,11 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
     scene = kn_scene_parse("fuzz.yaml", text_of_it, strlen(text_of_it), NULL, 0, error, sizeof error);
     model = scene ? kn_model_build(&scene->model, error, sizeof error) : NULL;
     if (!model || !kn_backend_cpu(&backend, model)) fprintf(stderr, "%s\n", error), abort();
-    kn_operator_init(&operator, &(kn_operated){.base = scene,
-                                               .scene = scene,
-                                               .model = model,
-                                               .backend = &backend,
-                                               .limits = &scene->limits,
-                                               .scene_path = "fuzz.yaml",
-                                               .loop = &loop,
-                                               .sets = {.base_hash = scene->text_hash},
-                                               .keeper = &keeper,
-                                               .ask = ask,
-                                               .stop = stop,
-                                               .load = load,
+    served = (kn_served){.base = scene, .scene = scene, .model = model, .backend = backend,
+                         .sets.base_hash = scene->text_hash};
+    static const kn_served_def how = {.scene_path = "fuzz.yaml"};
+    kn_operator_init(&operator, &(kn_operated){.served = &served, .def = &how, .limits = &scene->limits, .loop = &loop,
+                                               .keeper = &keeper, .ask = ask, .stop = stop, .load = load,
                                                .built = built});
     def = kn_operator_control(&operator);
     return 0;

@@ -1,0 +1,30 @@
+#ifndef KN_SERVER_SERVED_H
+#define KN_SERVER_SERVED_H
+// What is served: a scene, the lattice that it means, and where that is stepped; from a file, and from what an operator had
+// set over it when it was saved last. Nothing is served that does not fit into memory. Not real-time.
+#include "core/energy.h"
+#include "server/servo.h"
+
+typedef struct kn_served_def {
+    const char *scene_path;
+    const char *const *sets; // "key=value" over the scene
+    int set_count;
+    const char *state_dir; // where snapshots are kept and restored from, NULL: nowhere
+    bool local_model;      // identify and publish KNEAD_CONTACT
+} kn_served_def;
+
+typedef struct kn_served {
+    kn_scene *base;  // as its file and the options say
+    kn_scene *scene; // and what was set over it before; the same one, where nothing was
+    kn_sets sets;
+    kn_model *model; // of scene
+    kn_backend backend;
+    kn_audit *audit; // NULL: a solver without one
+    int64_t rest_ns; // that a tick takes here while nothing touches the object
+} kn_served;
+
+// False and one line in error, `path: why` or the scene's own; then there is nothing to free.
+bool kn_served_load(kn_served *served, const kn_served_def *def, char *error, size_t error_size);
+void kn_served_free(kn_served *served); // one that is all 0 is fine
+
+#endif
