@@ -33,8 +33,8 @@
 #define KN_PHASE_LATE_HELD 0.2     // where the tick waits for them, which costs less than a wait of all others
 #define KN_PHASE_HOLD_NS 300000    // and no more than a third of the time that the last tick left of its period
 #define KN_PHASE_STEADY 4          // poses are, from this score on: one up per tick with a new one,
-#define KN_PHASE_STEADY_LOSS 6     // so much down per tick without: at 500 Hz they are not
-#define KN_PHASE_STEADY_MAX 16     // when poses stop, three ticks are held for nothing
+#define KN_PHASE_STEADY_LOSS 2     // so much down per tick without: at 500 Hz they are not, with a fifth of them lost they are
+#define KN_PHASE_STEADY_MAX 12     // when poses stop, five ticks are held for nothing
 #define KN_PHASE_RUN_TICKS 2000    // half a period to begin with, and 500 ppm: worse than any crystal
 #define KN_PHASE_RUN_NS 1500000
 #define KN_PHASE_MARGIN_NS 40000   // at the start
