@@ -5,6 +5,8 @@
 
 static const double lightest_n_m = 100.0; // of a coupling that nobody has said, for the reservoir
 static const double fade_s = 0.017;
+static const double hold_s = 3.5e-3;      // without news a force stands for 3 ms, by the watchdogs' ticks
+static const double slope_n_per_ms = 0.5; // of every transition, or as fast as the clamp fades: core/safety.h
 static const double smoothing = 0.01;     // of the round trip
 static const double longest_s = 0.05;     // without a render: the local model has faded by then
 static const double step_s = 0.01;        // its longest
@@ -108,6 +110,16 @@ static double replay(kn_render *r, double dt_s, const double position_m[3], cons
     return r->def.device.force_scale / r->def.device.scale * kn_contact_model_energy(&r->model, x);
 }
 
+// A watchdog takes the force down: what the passivity controller makes of it meanwhile has the rest of the slope.
+static void fade(kn_render *r, double dt_s, const double wanted_n[3])
+{
+    double faded_n = r->def.device.force_limit_n / (1e3 * fade_s), step_n[3];
+    for (int i = 0; i < 3; i++) step_n[i] = wanted_n[i] - r->guarded_n[i];
+    double left_n = 1e3 * dt_s * fmax(0.0, slope_n_per_ms - faded_n);
+    double share = fmin(1.0, left_n / fmax(norm(step_n), 1e-9));
+    for (int i = 0; i < 3; i++) r->guarded_n[i] += share * step_n[i];
+}
+
 // However often it is called: what has not been used of a ms's change grows with time, up to that of one ms, or, where
 // messages are missing, of as many as they are missing for, 3 at most: that long a force may be held.
 static void guard(kn_render *r, double dt_s, const double wanted_n[3], bool news)
@@ -119,6 +131,10 @@ static void guard(kn_render *r, double dt_s, const double wanted_n[3], bool news
     double ms = fmin(fmax(round(1e3 * r->gap_s), 1.0), 3.0), most_n = r->guard.most_n_per_ms * ms;
     r->allowed_n = fmin(r->allowed_n + 1e3 * dt_s * r->guard.most_n_per_ms, most_n);
     if (r->stop) return; // the last good force fades
+    if (!news && r->gap_s > hold_s) {
+        fade(r, dt_s, wanted_n);
+        return;
+    }
     double before_n[3], changed_n[3];
     memcpy(before_n, r->guarded_n, sizeof before_n);
     kn_guard_result result = kn_guard_pass(&r->guard, wanted_n, r->allowed_n, r->guarded_n);

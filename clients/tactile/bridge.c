@@ -130,8 +130,9 @@ static void on_timer(struct ev_loop *ev, ev_io *watcher, int events)
     b->now.late += elapsed_ms - 1;
 
     if (b->open && d->tick) d->tick(d, elapsed_ms);
+    bool live = kn_tether_live(&b->now.tether);
     kn_tether_tick(&b->now.tether, now_s(), elapsed_ms);
-    if (!b->answered) answer(b);
+    if (!b->answered || kn_tether_live(&b->now.tether) != live) answer(b); // motors go off in the ms of the trip
     b->answered = false;
     close_lost(b);
     if (!b->open && (b->retry_ms -= elapsed_ms) <= 0) open_device(b);

@@ -52,6 +52,10 @@ bool kn_tether_take(kn_tether *t, const kn_tether_force *force)
         t->foreign += force->session != t->session;
         return false;
     }
+    if (force->seq < t->answered) { // overtaken on its way
+        t->late++;
+        return false;
+    }
     bool first = force->seq > t->answered && force->seq <= t->seq;
     if (!kn_render_force(&t->render, force->force_n, first ? force->age_s : -1.0)) {
         t->refused++; // and the watchdog goes on counting

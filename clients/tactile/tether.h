@@ -33,6 +33,7 @@ typedef struct kn_tether { // read only for the caller
     int64_t answered;      // newest pose of the session that a force has answered
     int64_t sent, heard;   // poses, forces of this device's sessions
     int64_t foreign;       // forces of somebody else's session: that one has the tool
+    int64_t late;          // forces that answer an older pose than one before did: not looked at
     int64_t refused;       // numbers that are none, either way
     int64_t faults;        // sessions given up because of one
 } kn_tether;

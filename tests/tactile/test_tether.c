@@ -299,6 +299,38 @@ TEST("but a silent device gives nothing by 20 ms, as ever")
     CHECK(given()[2] == 0.0 && tether.mode == KN_TETHER_SILENT && tether.poses.trips == 1);
 }
 
+TEST("an older force that comes behind a newer one is not given")
+{
+    begin();
+    live(100, true, true);
+    kn_tether_force old = {.session = 100, .seq = 98, .force_n = {0, 0, 1}, .flags = KN_FLAG_ENGAGED, .age_s = age_s};
+    CHECK(!kn_tether_take(&tether, &old) && tether.late == 1);
+    tick(1);
+    CHECK(given()[2] == 2.0 && tether.heard == 100);
+}
+
+TEST("a force that fades for want of news does so by 0.5 N a ms at most, whatever the hand does and is damped for")
+{
+    kn_render_def def = upright(3.3);
+    def.device.mass_kg = 0.08;
+    def.device.hand.stiffness_n_m = 600.0;
+    for (double shake_m_s = 0.05; shake_m_s < 0.5; shake_m_s += 0.05) {
+        kn_tether_init(&tether, 100, &def);
+        double x_m[3] = {0}, v_m_s[3] = {0}, last_n = 0, steepest_n = 0;
+        for (int ms = 0; ms < 320; ms++) {
+            v_m_s[2] = ms < 300 ? 0.1 : ms % 2 ? shake_m_s : 0; // pushed along, then silence and a hand that shakes
+            x_m[2] += 1e-3 * v_m_s[2];
+            kn_tether_pose(&tether, x_m, v_m_s);
+            if (ms < 300) force(100, push_n, KN_FLAG_ENGAGED, 0);
+            tick(1);
+            if (ms > 303) steepest_n = fmax(steepest_n, fabs(given()[2] - last_n));
+            last_n = given()[2];
+        }
+        CHECK(tether.render.passivity.acted > 200);
+        if (steepest_n > 0.5) KN_TEST_FAIL("%g m/s: %.2f N in a ms", shake_m_s, steepest_n);
+    }
+}
+
 TEST("one stall is no long way")
 {
     begin();
