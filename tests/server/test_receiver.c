@@ -170,6 +170,40 @@ TEST("with a key only what its holders send is taken: no other key, channel or b
     CHECK_VERDICT(judge(&good), KN_ACCEPTED);
 }
 
+TEST("without a key a flipped bit may still be a pose, but none that is further than 5 mm away or faster than 5 m/s")
+{
+    int taken = 0, bits = 0, first = 8 * (8 + (int)sizeof "KNEAD_POSE_hand");
+    start();
+    knead_probe_pose_t pose = good_pose(1, 1), next = good_pose(1, 2);
+    const double at_m[3] = {0.0123, -0.0045, 0.0381};
+    memcpy(pose.position_m, at_m, sizeof at_m);
+    memcpy(next.position_m, at_m, sizeof at_m);
+    next.utime = pose.utime + 1000;
+    kn_datagram d = datagram_of("KNEAD_POSE_hand", &pose);
+    CHECK_VERDICT(judge(&d), KN_ACCEPTED);
+    kn_receiver before = receiver;
+    d = datagram_of("KNEAD_POSE_hand", &next);
+    for (int bit = first; bit < 8 * (int)d.size; bit++, bits++) {
+        kn_datagram bad = d;
+        int probe;
+        kn_pose got;
+        receiver = before;
+        bad.bytes[bit / 8] ^= (unsigned char)(1 << bit % 8);
+        if (kn_receiver_judge(&receiver, &bad, now_ns, &probe, &got) != KN_ACCEPTED) continue;
+        taken++;
+        double way_m = 0, speed_m_s = 0;
+        for (int i = 0; i < 3; i++) {
+            way_m += (got.position_m[i] - at_m[i]) * (got.position_m[i] - at_m[i]);
+            speed_m_s += got.velocity_m_s[i] * got.velocity_m_s[i];
+        }
+        CHECK(sqrt(speed_m_s) <= 5.0);
+        // a later stamp buys a longer way
+        CHECK(sqrt(way_m) <= 5.0 * 1e-6 * fmax(1000.0, (double)(got.utime - pose.utime)));
+    }
+    printf("%d of %d bits\n", taken, bits);
+    CHECK(taken < bits);
+}
+
 TEST("what was recorded of a holder of the key is never taken again, not after its session, not after a restart")
 {
     start_keyed();
