@@ -7,9 +7,11 @@ check() { # check SENTENCE COMMAND...: one line, like tests/check.h
     shift
     if "$@"; then echo "ok   $sentence"; else echo "FAIL $sentence: $*" && failed=1; fi
 }
-start_kneadd() { # start_kneadd SCENE OPTION...: returns once it serves
+start_kneadd() { # start_kneadd SCENE OPTION...: a file here, or one of core/scenes; returns once it serves
+    local scene=$KN_SOURCE/core/scenes/$1
+    [ ! -e "$1" ] || scene=$1
     rm -f kneadd.log kneadd.err # or the one before it would be heard
-    kneadd --scene "$KN_SOURCE/core/scenes/$1" --realtime "$KN_REALTIME" "${@:2}" >kneadd.log 2>kneadd.err &
+    kneadd --scene "$scene" --realtime "$KN_REALTIME" "${@:2}" >kneadd.log 2>kneadd.err &
     server=$!
     for _ in $(seq 200); do
         grep -qs serving kneadd.log && return
