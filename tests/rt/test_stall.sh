@@ -1,0 +1,54 @@
+#!/usr/bin/env bash
+# kneadd frozen for 5, 20, 50 and 200 ms at random instants of a press (kill -STOP and -CONT, 3 times each; KN_STALLS=N for more): cycles
+# that it missed are counted and skipped, none is made up for, two cycles later it is on time; every step is 1 ms, as its log replays
+# to the bit; forces keep the rules of core/safety.h on either side, and a device that hears nothing gives 0 N after 20 ms.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+stalls=${KN_STALLS:-3}
+RANDOM=1
+start_logger stall.lcmlog
+start_kneadd dough-small.yaml --set device=touch --trace trace.csv
+presser finger 1e6 >felt.csv & hand=$!
+for ((n = 0; n < stalls; n++)); do
+    for ms in 005 020 050 200; do
+        sleep "$((RANDOM % 2 + 2)).$((100 + RANDOM % 900))" # a new session begins 1.2 s after a trip, and presses 0.5 s later
+        kill -STOP $server
+        sleep 0.$ms
+        kill -CONT $server
+    done
+done
+sleep 1
+kill $hand
+wait $hand
+check "the device wrote down every tick" [ $? = 0 ]
+stop_kneadd
+stop_logger
+# a stall: 3 cycles missed and more; normal again: in its own cycle, with none missed and less than 0.5 ms late
+awk -F, 'NR > 1 {
+        gap = $3 == session ? $1 - last - 1 : 0 # rows are of sessions only
+        began = $10 > $9 ? $10 : $9
+        own = $9 + 1e6 * gap
+        foreign += $3 == session && (began + $11 < own || began + $11 >= own + 1e6)
+        late = gap > 0 || $11 >= 5e5
+        if (after > 0 && late && gap < 3) slow = after++
+        else if (after > 0) { lame += slow > 2; after = slow = 0 }
+        if (gap >= 3) { stalls++; skipped += gap; after = 1; if (gap > longest) longest = gap }
+        ticks++; last = $1; session = $3
+    }
+    END { printf "ticks %d stalls %d skipped %d longest %d foreign %d lame %d\n", ticks, stalls, skipped, longest, foreign, lame }' trace.csv |
+    tee ticks.txt
+rules stall.lcmlog finger 3.3 4 | tee served.txt
+awk -v clamp=3.3 -v guard=4 -f "$KN_SOURCE/tests/tactile/device.awk" felt.csv | tee felt.txt
+check "it was frozen $((4 * stalls)) times" [ "$(number stalls ticks.txt)" -ge $((4 * stalls)) ]
+check "what it missed is counted" [ "$(counter missed)" -ge "$(number skipped ticks.txt)" ]
+check "no tick is in another's cycle: nothing is made up for" [ "$(number foreign ticks.txt)" = 0 ]
+check "two cycles later it is on time, but for a tenth of them" [ $((10 * $(number lame ticks.txt))) -le "$(number stalls ticks.txt)" ]
+for n in over_clamp over_guard over_slope late_zero; do
+    check "kneadd: $n" [ "$(number $n served.txt)" = 0 ]
+done
+for n in over_clamp over_guard over_slope after_deadline; do
+    check "the device: $n" [ "$(number $n felt.txt)" = 0 ]
+done
+check "0 N after 20 ms without a force" [ "$(number zero_at felt.txt)" -le 20 ]
+check "the device was pressed for most of it" [ "$(number pressed felt.txt)" -gt $((stalls * 2000)) ]
+check "its steps are of 1 ms each: the log replays to the bit" knead replay stall.lcmlog --verify
+exit $failed
