@@ -256,7 +256,7 @@ static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
     bool done = r->lent.loop.done;
     rig_drain(r);
     play(r, r->ticks / ROUND, (int)(r->ticks % ROUND));
-    if (r->ticks % ROUND == 3500) kn_loop_order(&r->lent.loop, KN_ORDER_RESET, 0);
+    if (r->ticks % ROUND == 3500 || r->ticks % ROUND == 5900) kn_loop_order(&r->lent.loop, KN_ORDER_RESET, 0);
     if (r->ticks % ROUND == 3600) kn_loop_order(&r->lent.loop, KN_ORDER_UNDO, 0);
     if (r->ticks >= live_ticks) r->lent.loop.stop = true;
     if (done) ev_break(loop, EVBREAK_ALL);
