@@ -45,6 +45,11 @@ void kn_rt_enter(kn_rt *rt, kn_rt_mode mode)
     if (error) add_missing(rt, "no SCHED_FIFO", strerror(error), "root, CAP_SYS_NICE or ulimit -r 80");
 }
 
+void kn_rt_leave(const kn_rt *rt)
+{
+    if (rt->fifo) pthread_setschedparam(pthread_self(), SCHED_OTHER, &(struct sched_param){0});
+}
+
 typedef struct thread_start {
     void *(*run)(void *);
     void *arg;

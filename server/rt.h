@@ -32,8 +32,9 @@ typedef struct kn_rt {
 
 bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode); // auto, require, off
 
-// Moves the calling thread to KN_RT_MAIN if priorities up to KN_RT_SERVO are granted. First of all.
+// Moves the calling thread to KN_RT_MAIN if priorities up to KN_RT_SERVO are granted. Before the threads.
 void kn_rt_enter(kn_rt *rt, kn_rt_mode mode);
+void kn_rt_leave(const kn_rt *rt); // and back, when they have ended
 
 // A thread with a small stack, touched before run is called, and without signals. pinned: on the last processor we
 // may use. name: what ps and top -H show, <= 15 bytes. Returns pthread_create's error.

@@ -37,23 +37,6 @@ static size_t least_bytes(const kn_model_def *def)
     return nodes * (sizeof(double) + 6 * sizeof(float));
 }
 
-// The best of a few: what the machine did meanwhile is not the scene's. Of one that takes long, one is enough.
-static int64_t measure_tick(kn_backend *b)
-{
-    int64_t start_ns = kn_now_ns(), best_ns = INT64_MAX;
-    for (int i = 0; i < 10 && kn_now_ns() - start_ns < 20 * KN_PERIOD_NS; i++) {
-        kn_input nobody = {0};
-        kn_output output;
-        int64_t from_ns = kn_now_ns();
-        b->submit(b->self, &nobody);
-        b->wait(b->self, 0, &output);
-        int64_t took_ns = kn_now_ns() - from_ns;
-        if (took_ns < best_ns) best_ns = took_ns;
-    }
-    b->reset(b->self);
-    return best_ns;
-}
-
 // The file as the options say; and if the newest snapshot is of an object over which more was set, with that.
 static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size_t error_size)
 {
@@ -113,7 +96,6 @@ static bool build(kn_served *s, const kn_served_def *def, char *error, size_t er
         snprintf(error, error_size, "%s: --local-model: not enough memory", def->scene_path);
         return false;
     }
-    s->rest_ns = measure_tick(&s->backend);
     return true;
 }
 

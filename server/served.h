@@ -20,7 +20,6 @@ typedef struct kn_served {
     kn_model *model; // of scene
     kn_backend backend;
     kn_audit *audit; // NULL: a solver without one
-    int64_t rest_ns; // that a tick takes here while nothing touches the object
 } kn_served;
 
 // False and one line in error, `path: why` or the scene's own; then there is nothing to free.
