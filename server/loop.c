@@ -8,6 +8,9 @@
 #define ORDER_BITS 8 // the low ones of loop->orders
 
 static const int64_t look_ns = 15000; // between two looks for a late pose: waking up takes as long
+// After a tick that took more than its millisecond: what never sleeps takes its processor from all others, the sentinel
+// first, and is ended by LimitRTTIME.
+static const int64_t breath_ns = 50000;
 
 bool kn_loop_init(kn_loop *loop, const kn_scene *scene, const kn_model *model, kn_backend *backend, kn_skin *skin,
                   kn_audit *audit)
@@ -199,6 +202,7 @@ void *kn_loop_run(void *arg)
     kn_loop *loop = arg;
     kn_wake wake;
     do {
+        if (loop->execution_ns > KN_PERIOD_NS) kn_clock_sleep(kn_now_ns() + breath_ns);
         wake = kn_clock_wait(&loop->clock);
         await_pose(loop, &wake);
     } while (kn_loop_tick(loop, &wake));
