@@ -267,7 +267,8 @@ kn_answer kn_keeper_snapshot(kn_keeper *keeper)
         pthread_mutex_unlock(&k->answering);
         if (served) return answer;
     }
-    return refusal("snapshot: not saved within %d ms; the object may have gone bad, or the disk is slow",
+    return refusal("snapshot: not saved within %d ms, and may still be: the object may have gone bad, or the disk is "
+                   "slow",
                    KN_KEEPER_PATIENCE_MS);
 }
 

@@ -3,7 +3,7 @@
 #     setup_missing run|test     names of the packages in tests/packages that are not installed ("run": without test:)
 #     setup_consent YES LINE...  shows the lines; YES=1 goes on, a terminal is asked, anything else exits 2
 #     setup_install NAME...      as root or through sudo; otherwise prints the commands and exits 3
-#     setup_build PRESET         configures and builds into build/PRESET; shows the compiler's words only when it fails
+#     setup_build PRESET [TARGET...]  configures and builds into build/PRESET; shows the compiler's words only when it fails
 
 setup_root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
@@ -62,9 +62,11 @@ setup_install() {
 }
 
 setup_build() {
-    local log=$setup_root/build/$1/build.log
+    local preset=$1 log=$setup_root/build/$1/build.log
+    shift
     mkdir -p "${log%/*}"
-    (cd "$setup_root" && cmake --preset "$1" && cmake --build --preset "$1" -j "$(nproc)") </dev/null >"$log" 2>&1 && return 0
+    (cd "$setup_root" && cmake --preset "$preset" &&
+        cmake --build --preset "$preset" -j "$(nproc)" ${1+--target "$@"}) </dev/null >"$log" 2>&1 && return 0
     cat "$log"
     return 1
 }

@@ -45,6 +45,7 @@ static void *run(void *self)
         while (sem_wait(&p->wake) != 0); // a signal
         if (atomic_load(&p->stop)) break;
         draw(p, r, packer, rgba);
+        atomic_store(&p->drawn, true);
         p->done(p->arg);
     }
     kn_renderer_close(r);
@@ -76,7 +77,13 @@ bool kn_painter_open(kn_painter *p, int width, int height, void (*done)(void *ar
     return false;
 }
 
-void kn_painter_draw(kn_painter *p) { sem_post(&p->wake); }
+void kn_painter_draw(kn_painter *p)
+{
+    atomic_store(&p->drawn, false);
+    sem_post(&p->wake);
+}
+
+bool kn_painter_drawn(const kn_painter *p) { return atomic_load(&p->drawn); }
 
 void kn_painter_close(kn_painter *p)
 {

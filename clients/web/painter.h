@@ -4,7 +4,7 @@
 // closes OpenGL by itself, since a context belongs to one thread, and runs at nice 5: pictures may be late, forces
 // not.
 //
-//     fill painter->still -> kn_painter_draw ... done(arg), in the painter's thread -> jpeg, size -> and again
+//     fill painter->still -> kn_painter_draw ... done(arg), in the painter's thread -> kn_painter_drawn: jpeg, size
 #include "clients/knead/still.h"
 #include <pthread.h>
 #include <semaphore.h>
@@ -19,7 +19,7 @@ typedef struct kn_painter {
     int width, height;
     void (*done)(void *arg);
     void *arg;
-    atomic_bool stop;
+    atomic_bool stop, drawn;
     sem_t wake, opened;
     char *error;
     size_t error_size;
@@ -30,8 +30,9 @@ typedef struct kn_painter {
 bool kn_painter_open(kn_painter *painter, int width, int height, void (*done)(void *arg), void *arg, char *error,
                      size_t error_size);
 size_t kn_painter_largest(int width, int height); // bytes that a JPEG of this size may have
-void kn_painter_draw(
-    kn_painter *painter); // from here until the caller has heard of done, still and jpeg are the painter's
+void kn_painter_draw(kn_painter *painter); // from here on still and jpeg are the painter's
+// Whether they are the caller's again. However it has heard of done: what hands them over is this.
+bool kn_painter_drawn(const kn_painter *painter);
 void kn_painter_close(kn_painter *painter);
 
 #endif

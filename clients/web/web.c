@@ -355,6 +355,7 @@ static void on_painted(struct ev_loop *ev, ev_async *a, int events)
 {
     (void)ev, (void)events;
     web *w = a->data;
+    if (!kn_painter_drawn(&w->painter)) return;
     w->jpeg_size = w->painter.size;
     memcpy(w->jpeg, w->painter.jpeg, w->jpeg_size);
     w->shown = w->painting;
