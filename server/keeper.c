@@ -53,7 +53,7 @@ static void copy_to(kn_keeper *k, kn_kept *slot, const kn_servo *servo, int64_t 
     kn_state_copy(k->model, slot->saved.state,
                   servo->backend->state(servo->backend->self)); // a change keeps the layout
     slot->saved.servo = *servo;
-    slot->saved.text_hash = servo->scene->text_hash;
+    slot->saved.text_hash = k->last_hash = servo->scene->text_hash;
     slot->saved.tick = tick;
     slot->saved.utime = utime;
     atomic_store_explicit(&slot->saved_whole, false, memory_order_relaxed);
@@ -62,8 +62,8 @@ static void copy_to(kn_keeper *k, kn_kept *slot, const kn_servo *servo, int64_t 
 // Or another one by what was set over it.
 static bool moved(const kn_keeper *k, const kn_servo *servo, const kn_state *now)
 {
-    const kn_saved *last = &k->slot[k->last].saved;
-    return last->text_hash != servo->scene->text_hash || kn_state_moved(k->model, now, last->state, KN_KEEPER_MOVED_M);
+    const kn_state *last = k->slot[k->last].saved.state;
+    return k->last_hash != servo->scene->text_hash || kn_state_moved(k->model, now, last, KN_KEEPER_MOVED_M);
 }
 
 // The last copy is in a file and still what the object is.
@@ -218,7 +218,7 @@ void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
     if (k->store.dir < 0) return;
     kn_backend *backend = loop->servo.backend;
     kn_state_copy(k->model, k->slot[0].saved.state, backend->state(backend->self)); // as new
-    k->slot[0].saved.text_hash = loop->servo.scene->text_hash;
+    k->slot[0].saved.text_hash = k->last_hash = loop->servo.scene->text_hash;
     atomic_store(&k->slot[0].saved_whole, true);
     k->incoming.servo.scene = loop->servo.scene;
     k->incoming.servo.model = k->model;

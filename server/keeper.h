@@ -43,6 +43,7 @@ typedef struct kn_keeper {
     kn_undo undo;
     kn_kept slot[2];
     int last;       // the servo's: the slot of its last copy
+    uint64_t last_hash; // of the scene it was of; the thread writes the slot's own
     int64_t looked; // number of the last look, tick / KN_KEEPER_TICKS
     int64_t asked_served;
     bool due;
