@@ -3,7 +3,7 @@
 # capability, kneadd has its real-time priority and locked memory, says when it serves, and every second that it ticks.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 command -v systemd-analyze >/dev/null || { echo "skipped: no systemd-analyze here (package systemd)" && exit 77; }
-sed "s|^ExecStart=[^ ]*|ExecStart=$KN_BUILD/bin/kneadd|; /^User=\|^Group=/d" "$KN_BUILD/server/kneadd.service" >kneadd.service
+sed "s|^ExecStart=[^ ]*|ExecStart=$KN_BUILD/bin/kneadd|; s|^ExecReload=[^ ]*|ExecReload=$KN_BUILD/bin/knead|; /^User=\|^Group=/d" "$KN_BUILD/server/kneadd.service" >kneadd.service
 systemd-analyze verify "$PWD/kneadd.service" >verified 2>&1
 check "systemd takes every line of it$(sed 's/^/: /' verified)" [ ! -s verified ]
 systemd-analyze security --offline=true --no-pager --threshold=20 "$KN_BUILD/server/kneadd.service" >exposure 2>&1
@@ -53,6 +53,10 @@ check "its group may: $(cat group)" grep -q '^reset: tick' group
 setpriv --reuid 1234 --regid 1234 --clear-groups ./knead ctl --control control reset >other 2>&1
 refused=$?
 check "nobody else may: $(cat other)" [ $refused = 3 ]
+./knead ctl --control control load >loaded 2>&1
+check "systemd hears of a load, and of its end: $(cat loaded)" \
+    [ "$(heard 'RELOADING=1 MONOTONIC_USEC=[0-9]')" = 1 -a "$(heard 'READY=1 STATUS=serving dough-small.yaml')" = 2 ]
+[ $mode = off ] || check "with all of real time again" [ "$(grep -c 'SCHED_FIFO, memory locked' kneadd.log)" = 2 ]
 setpriv --reuid 1234 --regid 1234 --groups 65534 ./knead ctl --control control stop >stop 2>&1
 check "a member by another of its groups may end it: $(cat stop)" grep -q '^stop: done' stop
 wait $server
