@@ -118,12 +118,23 @@ void kn_safety_relimit(kn_safety *s, const kn_safety_limits *limits)
     s->relimiting = true;
 }
 
+static double ramp_down_ms(const kn_safety_limits *l)
+{
+    return (double)(l->zero_ms - l->hold_ms);
+}
+
+double kn_safety_slope(const kn_safety_limits *limits)
+{
+    return fmax(0.5, limits->clamp_n / ramp_down_ms(limits));
+}
+
 const char *kn_safety_raised(const kn_safety_limits *limits, const kn_safety_limits *than)
 {
     kn_safety_limits a = with_defaults(limits), b = with_defaults(than);
     if (a.clamp_n > b.clamp_n) return "device.clamp";
     if (a.torque_clamp_n_m > b.torque_clamp_n_m) return "device.torque_clamp";
     if (a.guard_n_per_ms > b.guard_n_per_ms) return "device.guard";
+    if (ramp_down_ms(&a) < ramp_down_ms(&b)) return "device.zero"; // the same force in less time
     if (a.brake_m_s > b.brake_m_s) return "device.brake_speed";
     if (a.brake_n_s_per_m > b.brake_n_s_per_m) return "device.brake_damping";
     if (a.force_scale > b.force_scale) return "device.force_scale";
@@ -132,10 +143,6 @@ const char *kn_safety_raised(const kn_safety_limits *limits, const kn_safety_lim
     if (a.ramp_up_ms < b.ramp_up_ms) return "device.ramp";
     return a.flow_ms < b.flow_ms ? "device.flow" : NULL;
 }
-
-static double ramp_down_ms(const kn_safety_limits *l) { return (double)(l->zero_ms - l->hold_ms); }
-
-double kn_safety_slope(const kn_safety_limits *limits) { return fmax(0.5, limits->clamp_n / ramp_down_ms(limits)); }
 
 void kn_safety_trip(kn_safety *s, kn_fault fault)
 {

@@ -2,15 +2,20 @@
 #include "core/carry.h"
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 // NULL: what every thread but the servo's goes on with is the same in both.
 static const char *misfit(const kn_scene *scene, const kn_scene *now)
 {
+    const kn_model_def *d = &scene->model, *e = &now->model;
+    bool same = !d->mesh == !e->mesh &&
+                (d->mesh || (memcmp(d->nodes, e->nodes, sizeof d->nodes) == 0 && d->spacing_m == e->spacing_m));
+    if (!same) return "another lattice"; // seen before it is built
     bool points = scene->quality == now->quality;
     for (int q = 0; q < KN_QUALITIES; q++) points &= scene->point[q].live == now->point[q].live;
     if (!points) return "other points of quality";
     if (scene->mesh_hz != now->mesh_hz) return "another mesh.rate";
-    return kn_backend_steps(scene->model.solver.dt_s) == 0 ? "a solver.dt that does not divide the tick of 1 ms" : NULL;
+    return d->solver.dt_s != e->solver.dt_s ? "another solver.dt" : NULL;
 }
 
 static const char *build(kn_change *c, const kn_scene *now, const kn_model *model, bool identify, char *why,

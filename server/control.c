@@ -199,14 +199,24 @@ static bool afford(peer *p)
     return true;
 }
 
+// A line stays one, and no terminal is told anything.
+static const char *legible(const char *text, char *room, size_t size)
+{
+    snprintf(room, size, "%s", text);
+    for (char *c = room; *c; c++)
+        if ((unsigned char)*c < ' ' || *c == 0x7f) *c = '?';
+    return room;
+}
+
 static void tell_audit(const peer *p, const json_t *request, const json_t *answer)
 {
     const json_t *tick = json_object_get(answer, "tick"), *generation = json_object_get(answer, "generation");
     const json_t *error = json_object_get(answer, "error");
+    char why[400];
     char *asked = json_dumps(request, JSON_COMPACT | JSON_ENSURE_ASCII);
-    fprintf(stderr, "kneadd: control: uid %d pid %d: %.200s: ", (int)p->who.uid, (int)p->who.pid, asked ? asked : "?");
+    fprintf(stderr, "kneadd: control: uid %d pid %d: %.1200s: ", (int)p->who.uid, (int)p->who.pid, asked ? asked : "?");
     if (error)
-        fprintf(stderr, "refused: %.200s\n", json_string_value(error));
+        fprintf(stderr, "refused: %s\n", legible(json_string_value(error), why, sizeof why));
     else if (json_integer_value(generation) > 0)
         fprintf(stderr, "tick %" PRId64 ", generation %" PRId64 "\n", (int64_t)json_integer_value(tick),
                 (int64_t)json_integer_value(generation));

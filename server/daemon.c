@@ -51,8 +51,10 @@ typedef struct server {
     struct ev_loop *ev;
     ev_io readable;
     ev_async ticked, asked, leave, load;
-    char *next;      // the scene that is to come next, the worker's until all threads have ended
+    char *next, *next_text; // the scene that is to come next, the worker's until all threads have ended
+    char next_name[sizeof((kn_scene *)0)->name];
     bool goes_on;    // with that
+    bool stuck;      // the worker
     kn_change *told; // whose scene is told, NULL: that of the start
     ev_timer status_due, scene_due;
     ev_signal signals[SIGNALS];
@@ -239,14 +241,17 @@ static void lock(void *arg) // in the worker thread, as the next
     kn_rt_lock_more(&d->rt);
 }
 
-static void load_next(void *arg, const char *path)
+// The text that was checked, whatever becomes of the file.
+static void load_next(void *arg, const char *path, const kn_scene *scene)
 {
     server *d = arg;
-    char *copy = strdup(path);
-    if (!copy) return;
+    char *copy = strdup(path), *text = strdup(scene->text);
     free(d->next);
+    free(d->next_text);
     d->next = copy;
-    ev_async_send(d->ev, &d->load);
+    d->next_text = text;
+    snprintf(d->next_name, sizeof d->next_name, "%s", scene->name);
+    if (copy && text) ev_async_send(d->ev, &d->load);
 }
 
 static void leave(void *arg)
@@ -482,27 +487,11 @@ static bool open_control(server *d, const kn_daemon_def *def, char *error, size_
     return !def->control || d->control;
 }
 
-// The best of a few: what the machine did meanwhile is not the scene's. Of one that takes long, one is enough.
-static int64_t measure_tick(kn_backend *b)
-{
-    int64_t start_ns = kn_now_ns(), best_ns = INT64_MAX;
-    for (int i = 0; i < 10 && kn_now_ns() - start_ns < 20 * KN_PERIOD_NS; i++) {
-        kn_input nobody = {0};
-        kn_output output;
-        int64_t from_ns = kn_now_ns();
-        b->submit(b->self, &nobody);
-        b->wait(b->self, 0, &output);
-        int64_t took_ns = kn_now_ns() - from_ns;
-        if (took_ns < best_ns) best_ns = took_ns;
-    }
-    b->reset(b->self);
-    return best_ns;
-}
-
 static bool start_threads(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
     kn_rt_enter(&d->rt, def->realtime); // not before: what is built takes longer than LimitRTTIME lets a thread run
-    d->rest_ns = measure_tick(&d->on.backend);
+    d->rest_ns = kn_served_measure(&d->on.backend, NULL);
+    d->operator.served_ns = kn_served_measure(&d->on.backend, d->on.model);
     d->loop.free = def->free;
     d->loop.notify = notify;
     d->loop.notify_arg = d;
@@ -609,6 +598,16 @@ static void end_at_once(int number)
     raise(number);
 }
 
+// A request that waits for a disk or a file that does not answer keeps nobody from what is saved at the end.
+static void join_worker(server *d)
+{
+    struct timespec until;
+    clock_gettime(CLOCK_REALTIME, &until);
+    until.tv_sec += 2;
+    d->stuck = pthread_timedjoin_np(d->worker_thread, NULL, &until) != 0;
+    if (d->stuck) fprintf(stderr, "kneadd: ends without the answer to a request that takes too long\n");
+}
+
 // False when the object as it is could not be saved.
 static bool stop_threads(server *d)
 {
@@ -626,7 +625,7 @@ static bool stop_threads(server *d)
     pthread_join(d->mesh_thread, NULL);
     if (d->control) {
         pthread_join(d->control_thread, NULL);
-        pthread_join(d->worker_thread, NULL);
+        join_worker(d);
     }
     atomic_store(&d->keeper.ending, true); // after whoever may ask for a snapshot
     if (d->keeper.store.dir >= 0) pthread_join(d->keeper_thread, NULL);
@@ -665,7 +664,8 @@ static int serve(server *d, const kn_daemon_def *def)
     if (code == 0) {
         code = 3;
         if (open_buses(d, def, error, sizeof error) && open_control(d, def, error, sizeof error) &&
-            kn_trace_open(&d->trace, def->trace, error, sizeof error) && start_threads(d, def, error, sizeof error)) {
+            kn_trace_open(&d->trace, def->trace, def->later, error, sizeof error) &&
+            start_threads(d, def, error, sizeof error)) {
             tell_ready(d);
             if (told_to_end) stop(d);
             ev_run(d->ev, 0);
@@ -687,20 +687,28 @@ static int serve(server *d, const kn_daemon_def *def)
 int kn_daemon_run(const kn_daemon_def *def)
 {
     static server d;
+    static char name[sizeof d.next_name];
     kn_daemon_def life = *def;
     kn_safety_limits limits;
-    char *path = NULL; // of the scene that is served, after the first
+    char *path = NULL, *text = NULL; // of the scene that is served, after the first
     for (;;) {
         int code = serve(&d, &life);
         bool goes_on = code == 0 && d.goes_on && !told_to_end;
+        if (d.stuck) return code;        // whoever still waits goes with the process
         if (d.on.base && !life.limits) { // of the first life, which no other one may raise
             limits = d.on.base->limits;
             life.limits = &limits;
         }
         free(path);
+        free(text);
+        memcpy(name, d.next_name, sizeof name);
         life.object.scene_path = path = d.next;
+        life.object.text = text = d.next_text;
+        life.object.name = name;
+        life.later = true;
         free_all(&d);
-        if (!goes_on) return free(path), code;
+        if (!goes_on) return free(path), free(text), code;
         printf("kneadd: loading %s\n", path);
+        stopping_ns = kn_now_ns();
     }
 }

@@ -54,6 +54,7 @@ static void copy_to(kn_keeper *k, kn_kept *slot, const kn_servo *servo, int64_t 
                   servo->backend->state(servo->backend->self)); // a change keeps the layout
     slot->saved.servo = *servo;
     slot->saved.text_hash = k->last_hash = servo->scene->text_hash;
+    atomic_store(&slot->of, servo->model);
     slot->saved.tick = tick;
     slot->saved.utime = utime;
     atomic_store_explicit(&slot->saved_whole, false, memory_order_relaxed);
@@ -190,7 +191,7 @@ bool kn_keeper_writes(const kn_keeper *keeper, const kn_model *model)
     bool any = false;
     for (int i = 0; i < 2; i++) {
         const kn_kept *slot = &keeper->slot[i];
-        any |= atomic_load(&slot->full) && slot->saved.servo.model == model;
+        any |= atomic_load(&slot->full) && atomic_load(&slot->of) == model;
     }
     return any;
 }

@@ -25,6 +25,7 @@ typedef struct kn_kept { // a slot
     kn_saved saved;
     int64_t now_ns;   // CLOCK_MONOTONIC of the copy
     int64_t asked;    // of kn_keeper_snapshot, that this copy answers
+    _Atomic(const kn_model *) of;
     atomic_bool full; // the thread's
     atomic_bool saved_whole;
 } kn_kept;

@@ -241,20 +241,39 @@ static kn_scene *parse(const kn_operator *o, const kn_sets *sets, char *error, s
     return scene;
 }
 
-// Whoever used the change before the last one has gone over. NULL, or what has not.
-static const char *retire(kn_operator *o)
+static const char *user_of_the_last(kn_operator *o)
 {
     int64_t tick;
     if (o->now && !kn_loop_obeyed(o->on.loop, o->ordered, &tick)) return "no tick has taken the last one yet";
     if (o->now && atomic_load(&o->told) != o->now) return "the main thread has not told the last one yet";
-    const kn_model *last = o->before ? o->before->model : NULL;
-    for (int i = 0; last && kn_keeper_writes(o->on.keeper, last); i++) {
-        if (i == 2 * PATIENCE_MS) return "the disk is slow with what was before the last one";
+    bool written = o->before && kn_keeper_writes(o->on.keeper, o->before->model);
+    return written ? "the disk is slow with what was before the last one" : NULL;
+}
+
+// Whoever used the change before the last one has gone over. NULL, or what has not.
+static const char *retire(kn_operator *o)
+{
+    const char *user = user_of_the_last(o);
+    for (int i = 0; user && i < 2 * PATIENCE_MS; i++) {
         rest();
+        user = user_of_the_last(o);
     }
+    if (user) return user;
     kn_change_destroy(o->before);
     o->before = NULL;
     return NULL;
+}
+
+// A tick that takes longer than the time it has, where it did not before.
+static bool too_slow(kn_operator *o, kn_change *change, char *why, size_t why_size)
+{
+    int64_t now_ns = kn_served_measure(&change->backend, change->model), was_ns = o->served_ns;
+    if (now_ns > KN_PERIOD_NS && now_ns > 2 * was_ns) {
+        snprintf(why, why_size, "a tick would take %.2g ms here, expected 1 ms at most", 1e-6 * (double)now_ns);
+        return true;
+    }
+    o->served_ns = now_ns;
+    return false;
 }
 
 static kn_change *prepare(kn_operator *o, const json_t *values, char *error, size_t error_size)
@@ -276,6 +295,10 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
     char why[300];
     kn_change *change = kn_change_create(scene, o->now ? o->now->scene : o->on.served->scene,
                                          o->now ? o->now->model : o->on.served->model, o->on.def->local_model, why, sizeof why);
+    if (change && too_slow(o, change, why, sizeof why)) {
+        kn_change_destroy(change);
+        change = NULL;
+    }
     if (change)
         change->sets = sets;
     else
@@ -328,6 +351,7 @@ static json_t *load(kn_operator *o, const json_t *argument)
     char error[512];
     kn_served trial;
     kn_served_def def = *o->on.def;
+    def.name = def.text = NULL; // read anew
     if (argument) def.scene_path = json_string_value(argument);
     if (!kn_served_load(&trial, &def, error, sizeof error)) return kn_control_error("%s", error);
     const char *raised = kn_safety_raised(&trial.scene->limits, o->on.limits);
@@ -335,7 +359,7 @@ static json_t *load(kn_operator *o, const json_t *argument)
         raised ? kn_control_error("%s: %s: allows a hand more than the scene of the start does; a new start can",
                                   def.scene_path, raised)
                : json_pack("{s:b, s:s}", "ok", 1, "scene", trial.scene->name);
-    if (!raised) o->on.load(o->on.arg, def.scene_path);
+    if (!raised) o->on.load(o->on.arg, def.scene_path, trial.base);
     kn_served_free(&trial);
     return answer;
 }

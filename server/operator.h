@@ -44,7 +44,7 @@ typedef struct kn_operated {
     kn_keeper *keeper;
     void (*ask)(void *arg); // makes the main thread post its health; thread-safe, as the next
     void (*stop)(void *arg);
-    void (*load)(void *arg, const char *path); // ends, to start with that one
+    void (*load)(void *arg, const char *path, const kn_scene *scene); // ends, to start with that one, as it is
     void (*built)(void *arg);                  // memory has been taken that ticks will use
     void *arg;
 } kn_operated;
@@ -54,6 +54,7 @@ typedef struct kn_operator {
     kn_change *now, *before;   // that were taken, or are about to be; NULL: none. The worker's
     int64_t ordered;           // that takes now
     _Atomic(kn_change *) told; // whose scene the main thread tells
+    int64_t served_ns;         // of a tick of it
     kn_sets sets;              // over served->base
     pthread_mutex_t setting;   // of them
     kn_mailbox health;         // from the main thread

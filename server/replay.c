@@ -347,7 +347,7 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
         resume(r);
         return true;
     }
-    if (wanted && !restores) {
+    if (wanted && !restores && !v->started) {
         snprintf(error, error_size, "%s: %s, expected one of the run of %s, of a tick from %lld to %lld",
                  def->snapshot_path, why, def->log_path, (long long)v->first_tick - 1, (long long)v->last_tick - 1);
         return false;
@@ -620,7 +620,7 @@ static void apply_set(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
         return;
     }
     r->same = false;
-    snprintf(r->damage, sizeof r->damage, "a change at tick %lld: %s", (long long)e->tick, why);
+    snprintf(r->damage, sizeof r->damage, "a change at tick %lld: %.100s", (long long)e->tick, why);
 }
 
 static void apply_events(kn_replay *r, kn_tick_in *in)

@@ -37,25 +37,52 @@ static size_t least_bytes(const kn_model_def *def)
     return nodes * (sizeof(double) + 6 * sizeof(float));
 }
 
+// With what was set, unless that is nothing any more, or allows a hand more than the scene now does: NULL.
+static kn_scene *with_sets(const kn_served *s, const kn_served_def *def, char *why, size_t why_size)
+{
+    char room[KN_SETS_BYTES];
+    const char *list[KN_SETS_MAX];
+    int count = kn_sets_list(&s->sets, room, list);
+    kn_scene *scene = kn_scene_parse_beside(def->scene_path, s->base->name, s->base->text, strlen(s->base->text), list,
+                                            count, why, why_size);
+    const char *raised = scene ? kn_safety_raised(&scene->limits, &s->base->limits) : NULL;
+    if (!raised) return scene;
+    snprintf(why, why_size, "%s allows a hand more than the scene does", raised);
+    kn_scene_destroy(scene);
+    return NULL;
+}
+
+static void without_device(kn_sets *sets)
+{
+    char room[KN_SETS_BYTES], error[200];
+    const char *list[KN_SETS_MAX];
+    int count = kn_sets_list(sets, room, list);
+    *sets = (kn_sets){0};
+    for (int i = 0; i < count; i++)
+        if (strncmp(list[i], "device", 6) != 0) kn_sets_add(sets, list[i], error, (int)sizeof error);
+}
+
 // The file as the options say; and if the newest snapshot is of an object over which more was set, with that.
 static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size_t error_size)
 {
-    char room[KN_SETS_BYTES], why[400];
-    const char *list[KN_SETS_MAX];
-    s->base = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
+    char why[400];
+    s->base = def->text ? kn_scene_parse_beside(def->scene_path, def->name, def->text, strlen(def->text), NULL, 0,
+                                                error, error_size)
+                        : kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
+    s->scene = s->base;
     if (!s->base) return false;
-    s->sets.base_hash = s->base->text_hash;
     if (def->state_dir) kn_store_sets(def->state_dir, s->base, &s->sets);
-    int count = kn_sets_list(&s->sets, room, list);
-    s->scene = s->base;
-    if (count == 0) return true;
-    s->scene = kn_scene_parse_beside(def->scene_path, s->base->name, s->base->text, strlen(s->base->text), list, count,
-                                     why, sizeof why);
-    if (s->scene && !kn_safety_raised(&s->scene->limits, &s->base->limits)) return true;
-    fprintf(stderr, "kneadd: what was set before the last end is not any more: %s\n", s->scene ? "limits" : why);
-    if (s->scene) kn_scene_destroy(s->scene);
-    s->sets = (kn_sets){.base_hash = s->base->text_hash};
-    s->scene = s->base;
+    for (int try = 0; *s->sets.text; try++) {
+        s->scene = with_sets(s, def, why, sizeof why);
+        if (s->scene) break;
+        fprintf(stderr, "kneadd: of what was set before the last end %s is left out: %s\n",
+                try == 0 ? "what is the device's" : "everything", why);
+        if (try == 0)
+            without_device(&s->sets);
+        else
+            s->sets = (kn_sets){0};
+        s->scene = s->base;
+    }
     return true;
 }
 
@@ -97,6 +124,29 @@ static bool build(kn_served *s, const kn_served_def *def, char *error, size_t er
         return false;
     }
     return true;
+}
+
+// The best of a few: what the machine did meanwhile is not the scene's. Of one that takes long, one is enough.
+int64_t kn_served_measure(kn_backend *b, const kn_model *pressed)
+{
+    int64_t start_ns = kn_now_ns(), best_ns = INT64_MAX;
+    double extent[3];
+    if (pressed) kn_model_def_extent(&pressed->def, extent);
+    for (int i = 0; i < 10 && kn_now_ns() - start_ns < 20 * KN_PERIOD_NS; i++) {
+        kn_input input = {0};
+        kn_output output;
+        for (int p = 0; pressed && p < pressed->def.probe_count; p++) { // all of them, into its top at 5 cm/s
+            double height_m = extent[2] + pressed->def.probe[p].radius_m - 1e-3 - 5e-5 * i;
+            input.probe[p] = (kn_probe_input){true, {0, 0, height_m}, {0, 0, -0.05}, {1, 0, 0, 0}, false};
+        }
+        int64_t from_ns = kn_now_ns();
+        b->submit(b->self, &input);
+        b->wait(b->self, 0, &output);
+        int64_t took_ns = kn_now_ns() - from_ns;
+        if (took_ns < best_ns) best_ns = took_ns;
+    }
+    b->reset(b->self);
+    return best_ns;
 }
 
 bool kn_served_load(kn_served *served, const kn_served_def *def, char *error, size_t error_size)

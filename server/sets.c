@@ -28,7 +28,7 @@ bool kn_sets_add(kn_sets *sets, const char *set, char *error, int error_size)
 {
     char room[KN_SETS_BYTES];
     const char *list[KN_SETS_MAX];
-    kn_sets more = {.base_hash = sets->base_hash};
+    kn_sets more = {0};
     size_t key = strcspn(set, "=") + 1, at = 0;
     if (!is_set(set)) {
         snprintf(error, (size_t)error_size, "set '%.100s': expected KEY=VALUE", set);

@@ -1,15 +1,13 @@
 #ifndef KN_SERVER_SETS_H
 #define KN_SERVER_SETS_H
-// What an operator has set over a scene while it was served: KEY=VALUE lines, a key once, and the hash of the scene
-// that they are over. Plain text without pointers, so that a snapshot can hold it.
+// What an operator has set over a scene while it was served: KEY=VALUE lines, a key once. Plain text without pointers,
+// so that a snapshot can hold it.
 #include <stdbool.h>
-#include <stdint.h>
 
 #define KN_SETS_BYTES 1024 // of the text, its NUL included
 #define KN_SETS_MAX 32
 
 typedef struct kn_sets {
-    uint64_t base_hash;       // kn_scene.text_hash of the scene as the server was started with it
     char text[KN_SETS_BYTES]; // "material.c1=3 kPa*s\ndevice.clamp=2 N\n"
 } kn_sets;
 

@@ -136,7 +136,6 @@ static void put_head(kn_codec *c, kn_saved *s)
     kn_codec_bytes(c, (uint8_t *)s->scene, sizeof s->scene);
     kn_codec_u64(c, &s->text_hash);
     kn_codec_u64(c, &s->state_hash);
-    kn_codec_u64(c, &s->sets.base_hash);
     kn_codec_bytes(c, (uint8_t *)s->sets.text, sizeof s->sets.text);
     kn_codec_i64(c, &s->generation, 1, INT64_MAX - 1);
     kn_codec_i64(c, &s->tick, 0, INT64_MAX / 2);
@@ -162,7 +161,7 @@ size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *s
     snprintf(saved->scene, sizeof saved->scene, "%s", scene->name);
     snprintf(saved->version, sizeof saved->version, "%s", KN_VERSION);
     saved->text_hash = scene->text_hash;
-    saved->sets = saved->servo.sets ? *saved->servo.sets : (kn_sets){.base_hash = scene->text_hash};
+    saved->sets = saved->servo.sets ? *saved->servo.sets : (kn_sets){0};
     saved->state_hash = kn_state_hash(model, saved->state);
     memcpy(start, magic, sizeof start);
     kn_codec_bytes(&c, start, sizeof start);
@@ -258,7 +257,7 @@ bool kn_saved_decode(const kn_scene *scene, const kn_model *model, const uint8_t
     return !reason;
 }
 
-bool kn_saved_peek(const char *scene, uint64_t base_hash, const uint8_t *bytes, size_t size, kn_sets *sets)
+bool kn_saved_peek(const char *scene, const uint8_t *bytes, size_t size, kn_sets *sets)
 {
     char text[160];
     uint64_t format = 0;
@@ -266,8 +265,7 @@ bool kn_saved_peek(const char *scene, uint64_t base_hash, const uint8_t *bytes, 
     if (damage(bytes, size, &format, text, sizeof text) || format != FORMAT) return false;
     kn_codec c = {.from = bytes, .size = size - DIGEST, .at = HEAD};
     put_head(&c, &head);
-    if (c.wrong || !head_legible(&head) || strcmp(head.version, KN_VERSION) != 0 || strcmp(head.scene, scene) != 0 ||
-        head.sets.base_hash != base_hash)
+    if (c.wrong || !head_legible(&head) || strcmp(head.version, KN_VERSION) != 0 || strcmp(head.scene, scene) != 0)
         return false;
     *sets = head.sets;
     return true;

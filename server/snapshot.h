@@ -3,7 +3,7 @@
 // A snapshot file: all that a served object needs to go on to the bit, and whose it is.
 //
 //     magic | format | bytes in all | knead's version | scene's name | hash of its text | state hash
-//     hash of the text that it was started with, and what was set over it at run time | generation | tick | utime |
+//     what was set over it at run time | generation | tick | utime |
 //     bytes of the lattice | the lattice (core/snapshot.h) | the servo's own part BLAKE2b-256
 //
 // Little-endian. The checksum is over everything before it, in every format there will be, so that a file of a later
@@ -38,9 +38,9 @@ size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *s
 bool kn_saved_decode(const kn_scene *scene, const kn_model *model, const uint8_t *bytes, size_t size, kn_saved *saved,
                      char *why, size_t why_size);
 
-// What was set over a scene of this name and base, by the head of a whole file, whatever its lattice. False: the file
+// What was set over a scene of this name, by the head of a whole file, whatever its lattice. False: the file
 // is not one of that scene.
-bool kn_saved_peek(const char *scene, uint64_t base_hash, const uint8_t *bytes, size_t size, kn_sets *sets);
+bool kn_saved_peek(const char *scene, const uint8_t *bytes, size_t size, kn_sets *sets);
 
 // A servo that goes on as the saved one did: its plain part; the backend's lattice is the caller's to restore.
 void kn_saved_resume(const kn_saved *saved, kn_servo *servo);

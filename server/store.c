@@ -148,15 +148,17 @@ void kn_store_pin(kn_store *store, int64_t generation)
 static void keep(kn_store *s, int64_t generation)
 {
     char name[256];
+    kn_kept_file *kept = s->kept;
     if (s->kept_count == KN_STORE_KEPT) {
         int oldest = 0; // there are fewer pins than are kept
-        while (pinned(s, s->kept[oldest])) oldest++;
-        file_name(s->series, s->kept[oldest], name);
+        while (pinned(s, kept[oldest].generation)) oldest++;
+        file_name(kept[oldest].series, kept[oldest].generation, name);
         s->files->unlink(s->dir, name); // one that stays is removed at the next start
-        memmove(s->kept + oldest, s->kept + oldest + 1, sizeof *s->kept * (size_t)(KN_STORE_KEPT - 1 - oldest));
+        memmove(kept + oldest, kept + oldest + 1, sizeof *kept * (size_t)(KN_STORE_KEPT - 1 - oldest));
         s->kept_count--;
     }
-    s->kept[s->kept_count++] = generation;
+    kept[s->kept_count].generation = generation;
+    memcpy(kept[s->kept_count++].series, s->series, sizeof s->series);
 }
 
 static bool stays(const kn_store *s, const char *name)
@@ -170,7 +172,6 @@ static void take_series(kn_store *s)
     size_t count;
     series_of(s->scene, s->model, s->series, sizeof s->series);
     s->text_hash = s->scene->text_hash;
-    s->kept_count = 0;
     found *all = list(s, s->dir, &count);
     for (size_t i = 0; i < count; i++) {
         if (generation_of(s, all[i].name, false) && !stays(s, all[i].name)) keep(s, all[i].generation);
@@ -234,7 +235,8 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
     char name[256];
     s->scene = saved->servo.scene;
     s->model = saved->servo.model;
-    if (s->scene->text_hash != s->text_hash) take_series(s); // something was set over it
+    if (s->scene->text_hash != s->text_hash) series_of(s->scene, s->model, s->series, sizeof s->series);
+    s->text_hash = s->scene->text_hash;
     saved->generation = s->generation + 1;
     if (saved->generation > GENERATION_MAX) return snprintf(why, why_size, "no generation number is left"), false;
     file_name(s->series, saved->generation, name);
@@ -306,7 +308,7 @@ void kn_store_sets(const char *path, const kn_scene *scene, kn_sets *sets)
     char why[160];
     kn_store s = {.files = &kn_files_system, .scene = scene, .path = path};
     size_t count, size;
-    *sets = (kn_sets){.base_hash = scene->text_hash};
+    *sets = (kn_sets){0};
     int dir = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (dir < 0) return;
     any_series_of(scene, s.series, sizeof s.series);
@@ -314,7 +316,7 @@ void kn_store_sets(const char *path, const kn_scene *scene, kn_sets *sets)
     bool said = false;
     for (size_t i = count; i-- > 0 && !said;) {
         uint8_t *bytes = get_file(s.files, dir, all[i].name, &size, why, sizeof why);
-        said = bytes && kn_saved_peek(scene->name, scene->text_hash, bytes, size, sets);
+        said = bytes && kn_saved_peek(scene->name, bytes, size, sets);
         free(bytes);
     }
     free(all);

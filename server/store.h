@@ -34,6 +34,11 @@ typedef struct kn_files {
 } kn_files;
 extern const kn_files kn_files_system;
 
+typedef struct kn_kept_file {
+    int64_t generation;
+    char series[96];
+} kn_kept_file;
+
 typedef struct kn_store {
     const kn_files *files; // replaced by tests
     const kn_scene *scene; // of the series that was saved last, as model
@@ -43,7 +48,7 @@ typedef struct kn_store {
     int dir;                     // locked; -1: not open
     char series[96];             // "dough.1f0c9a7e"
     int64_t generation;          // the highest of the scene, of any series; 0: none
-    int64_t kept[KN_STORE_KEPT]; // of our series, ascending
+    kn_kept_file kept[KN_STORE_KEPT]; // ours, ascending: of one series at the start, of each that something was set to
     int kept_count;
     _Atomic int64_t pin[KN_STORE_PINS]; // restored last: they stay while the store is open, for whoever replays the log
     atomic_int pins;

@@ -10,13 +10,15 @@ typedef struct row {
     int64_t tick, session, seq, arrived_ns, woke_ns, stepped_ns, guarded_ns, due_ns, asked_ns, late_ns;
 } row;
 
-bool kn_trace_open(kn_trace *trace, const char *path, char *error, size_t error_size)
+bool kn_trace_open(kn_trace *trace, const char *path, bool append, char *error, size_t error_size)
 {
     *trace = (kn_trace){0};
     if (!path) return true;
-    trace->file = fopen(path, "we");
+    trace->file = fopen(path, append ? "ae" : "we");
     if (trace->file && kn_ring_init(&trace->rows, ROWS, sizeof(row))) {
-        fputs("tick,probe,session,seq,arrived_ns,woke_ns,stepped_ns,guarded_ns,due_ns,asked_ns,late_ns\n", trace->file);
+        if (!append)
+            fputs("tick,probe,session,seq,arrived_ns,woke_ns,stepped_ns,guarded_ns,due_ns,asked_ns,late_ns\n",
+                  trace->file);
         return true;
     }
     snprintf(error, error_size, "--trace %s: %s", path, strerror(errno));

@@ -440,4 +440,30 @@ TEST("every fault has a name and a way back")
         CHECK(strlen(kn_fault_name((kn_fault)f)) > 3 && strlen(kn_fault_remedy((kn_fault)f)) > 3);
 }
 
+TEST("what allows a hand more is named: a force, a slope, a time; what lowers any of them alone is not")
+{
+    static const struct {
+        kn_safety_limits limits;
+        const char *raised;
+    } table[] = {{{.clamp_n = 3}, NULL},
+                 {{.clamp_n = 3.4}, "device.clamp"},
+                 {{.torque_clamp_n_m = 1}, "device.torque_clamp"},
+                 {{.guard_n_per_ms = 5}, "device.guard"},
+                 {{.brake_m_s = 2}, "device.brake_speed"},
+                 {{.brake_n_s_per_m = 2}, "device.brake_damping"},
+                 {{.force_scale = 2}, "device.force_scale"},
+                 {{.zero_ms = 5}, "device.zero"}, // the same force in 2 ms
+                 {{.clamp_n = 0.9, .zero_ms = 18}, "device.zero"},
+                 {{.zero_ms = 21}, "device.zero"},
+                 {{.hold_ms = 4, .zero_ms = 21}, "device.hold"},
+                 {{.hold_ms = 2, .zero_ms = 20}, NULL},
+                 {{.ramp_up_ms = 300, .flow_ms = 300}, NULL}};
+    kn_safety_limits scene = {0}, slow = {.ramp_up_ms = 400, .flow_ms = 400};
+    for (size_t t = 0; t < sizeof table / sizeof *table; t++) {
+        const char *raised = kn_safety_raised(&table[t].limits, &scene);
+        CHECK_STR(raised ? raised : "nothing", table[t].raised ? table[t].raised : "nothing");
+    }
+    CHECK_STR(kn_safety_raised(&scene, &slow), "device.ramp");
+}
+
 TESTS_MAIN

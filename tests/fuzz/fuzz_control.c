@@ -43,8 +43,7 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
     scene = kn_scene_parse("fuzz.yaml", text_of_it, strlen(text_of_it), NULL, 0, error, sizeof error);
     model = scene ? kn_model_build(&scene->model, error, sizeof error) : NULL;
     if (!model || !kn_backend_cpu(&backend, model)) fprintf(stderr, "%s\n", error), abort();
-    served = (kn_served){.base = scene, .scene = scene, .model = model, .backend = backend,
-                         .sets.base_hash = scene->text_hash};
+    served = (kn_served){.base = scene, .scene = scene, .model = model, .backend = backend};
     static const kn_served_def how = {.scene_path = "fuzz.yaml"};
     kn_operator_init(&operator, &(kn_operated){.served = &served, .def = &how, .limits = &scene->limits, .loop = &loop,
                                                .keeper = &keeper, .ask = ask, .stop = stop, .load = load,

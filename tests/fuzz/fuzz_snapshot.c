@@ -60,7 +60,7 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
     return 0;
 }
 
-enum { WHOLE = 16, HASH = 128, LATTICE = 160 + 8 + KN_SETS_BYTES, DIGEST = 32 }; // offsets in a file, and its end
+enum { WHOLE = 16, HASH = 128, LATTICE = 160 + KN_SETS_BYTES, DIGEST = 32 }; // offsets in a file, and its end
 
 static void put(size_t at, uint64_t value)
 {

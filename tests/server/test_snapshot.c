@@ -600,8 +600,8 @@ static int lose_power(rig *r, bool sync, bool sync_dir, long *cuts)
         work(r, 5);
         if (i == 1) // the oldest goes with the next
             for (s.kept_count = 0; s.kept_count < KN_STORE_KEPT;)
-                s.kept[s.kept_count] = s.kept_count + 900, s.kept_count++;
-        if (i == 2) s.kept[0] = s.generation - 1;
+                s.kept[s.kept_count].generation = s.kept_count + 900, s.kept_count++;
+        if (i == 2) s.kept[0].generation = s.generation - 1;
         CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why));
         hashes[i] = hash_of(r, r->saved.state);
         ends[i] = done_count;
