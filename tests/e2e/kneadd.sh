@@ -7,16 +7,23 @@ check() { # check SENTENCE COMMAND...: one line, like tests/check.h
     shift
     if "$@"; then echo "ok   $sentence"; else echo "FAIL $sentence: $*" && failed=1; fi
 }
+exec {never}<> <(:)
+pause() { read -rt "$1" -u "$never" || return 0; } # seconds, without the fork that sleep is
+has() { # has WORD FILE: a line with it; the same
+    local line
+    while read -r line; do [[ $line != *"$1"* ]] || return 0; done <"$2"
+    return 1
+}
 start_kneadd() { # start_kneadd SCENE OPTION...: a file here, or one of core/scenes; returns once it serves
-    local scene=$KN_SOURCE/core/scenes/$1
+    local tries scene=$KN_SOURCE/core/scenes/$1
     [ ! -e "$1" ] || scene=$1
     rm -f kneadd.log kneadd.err # or the one before it would be heard
     kneadd --scene "$scene" --realtime "$KN_REALTIME" "${@:2}" >kneadd.log 2>kneadd.err &
     server=$!
-    for _ in $(seq 200); do
-        grep -qs serving kneadd.log && return
+    for ((tries = 0; tries < 500; tries++)); do
+        [ -e kneadd.log ] && has serving kneadd.log && return
         kill -0 "$server" 2>/dev/null || break
-        sleep 0.05
+        pause 0.02
     done
     echo "FAIL kneadd did not come up:" && cat kneadd.log kneadd.err && exit 1
 }

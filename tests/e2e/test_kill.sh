@@ -1,39 +1,110 @@
 #!/usr/bin/env bash
-# kneadd --state-dir killed at random times of a press, again and again (20 times; KN_KILLS=N for more): no file is ever
-# refused, the generation before is there, and the next life goes on with the object of at most 1 s before.
+# kneadd --state-dir killed at random times of a press, again and again: no file is ever refused, the generation before is there, and the
+# next life goes on with the object of at most 1 s before.
+#
+#     KN_KILLS=N    how often (20)
+#     KN_JOBS=N     so many daemons side by side, each with its own hand, network and directory (1)
+#     KN_KEPT=FILE  what became of each, kept for a run that is ended early: "kill SERVED REFUSED RESTORED PREVIOUS", 0 or 1;
+#                   "file GOOD" for each file that a job had at the end of 50; "lost MS"
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-kills=${KN_KILLS:-20}
-mkdir state
-RANDOM=1
-files() { ls state/*.knead 2>/dev/null | wc -l; }
-start_logger lives.lcmlog
-kneader finger & # whoever serves
-hand=$!
-refused=0 missing=0 unrestored=0 running=0
-for ((kill = 0; kill <= kills; kill++)); do
-    start_kneadd dough-small.yaml --state-dir state
-    refused=$((refused + $(grep -c 'not restored' kneadd.err)))
-    [ $kill = 0 ] || grep -q '^kneadd: restored state/dough-small\.' kneadd.log || unrestored=$((unrestored + 1))
-    [ -e state/.tmp ] && missing=$((missing + 1))
-    [ $kill = $kills ] && break
-    sleep "$((kill == 0 ? 3 : RANDOM % 2)).$((100 + RANDOM % 900))" # not before its first tick
-    kill -0 $server && running=$((running + 1))
-    kill -KILL $server
-    wait $server 2>/dev/null
-    [ "$(files)" -ge 2 ] || missing=$((missing + 1))
+
+kneadd_of_nobody() { # whose parent never asks for it: that takes some kernels seconds while others end, too
+    command kneadd "$@" &
+    echo $! >pid
+    exec sleep 30
+}
+dead() { # once it is, with all of its threads
+    local stat
+    while read -ra stat 2>/dev/null <"/proc/$server/stat" && [ "${stat[2]}" != Z -o "${stat[19]}" -gt 1 ]; do pause 0.005; done
+}
+# row KILLS FILE: so many lives, killed 50 to 1550 ms after they serve, and one more, which restores every file there is
+row() {
+    local kill tries served previous ms file files restored refused good
+    start_logger lives.lcmlog
+    for ((kill = 0; kill <= $1; kill++)); do
+        files=(state/*.knead)
+        kneadd() { kneadd_of_nobody "$@"; }
+        start_kneadd dough-small.yaml --state-dir state --control control
+        unset -f kneadd
+        read -r server <pid
+        if [ $kill != 0 ]; then
+            restored=0 refused=0
+            has 'kneadd: restored state/dough-small.' kneadd.log && restored=1
+            has 'not restored' kneadd.err && refused=1
+            [ ! -e state/.tmp ] || previous=0
+            echo "kill $served $refused $restored $previous" >>"$2"
+        fi
+        [ $kill = "$1" ] && break
+        for ((tries = 0; tries < 200 && ${#files[@]} < 2; tries++)); do # the first takes a press
+            pause 0.1
+            files=(state/*.knead)
+        done
+        ms=$((50 + RANDOM % 1500))
+        printf -v ms '%d.%03d' $((ms / 1000)) $((ms % 1000))
+        pause $ms
+        served=0 previous=0
+        kill -0 $server && served=1
+        kill -KILL $server
+        dead
+        files=(state/*.knead)
+        [ ${#files[@]} -ge 2 ] && previous=1
+    done
+    pause 0.2 # its own restore has been done
+    for file in state/*.knead; do # ends with the newest
+        knead ctl --control control restore $((10#$(cut -d. -f3 <<<"$file"))) >/dev/null 2>why && good=1 || good=0
+        if [ $good = 1 ] || [ -e "$file" ]; then echo "file $good"; fi >>"$2" # else it was the oldest
+    done
+    kill -TERM $server
+    dead
+    stop_logger
+    lives lives.lcmlog >>"$2"
+}
+# job SEED KILLS FILE: in fifties, since a log of thousands is large
+job() {
+    local left=$2
+    RANDOM=$1
+    mkdir state
+    kneader finger & # whoever serves
+    hand=$!
+    for (( ; left > 50; left -= 50)); do row 50 "$3"; done
+    row $left "$3"
+    kill $hand
+}
+if [ "${1:-}" = job ]; then
+    job "${@:2}"
+    exit
+fi
+kills=${KN_KILLS:-20} jobs=${KN_JOBS:-1} kept=$(realpath "${KN_KEPT:-kept}")
+script=$(realpath "$0")
+for ((j = 1; j <= jobs; j++)); do
+    "$KN_SOURCE/tests/netns" "$script" job $j $((kills / jobs + (j <= kills % jobs))) "$kept" &
+    job[j]=$!
 done
-check "$running of $kills were killed while they served" [ $running = $kills ]
-check "no file was refused" [ $refused = 0 ]
-check "every start went on with the object" [ $unrestored = 0 ]
-check "the generation before was there, and nothing half written was left" [ $missing = 0 ]
+wait "${job[@]}"
+mapfile -t lost < <(sed -n 's/^lost //p' "$kept" | sort -n)
+quantile() { echo "${lost[$(($1 * (${#lost[@]} - 1) / 1000))]}"; }
+within=0
+for ms in "${lost[@]}"; do ((within += ms <= 1000)); done
+read -r killed served refused restored previous files good < <(awk '/^kill/ { n++; a += $2; b += $3; c += $4; d += $5 }
+    /^file/ { f++; g += $2 } END { print n + 0, a + 0, b + 0, c + 0, d + 0, f + 0, g + 0 }' "$kept")
+echo "$killed kills; lost ms: p50 $(quantile 500), p99 $(quantile 990), p99.9 $(quantile 999), most $(quantile 1000)"
+check "nine in ten lost 1 s at most: $within of ${#lost[@]}" [ $((10 * within)) -ge $((9 * kills)) ]
+check "$served of $kills were killed while they served" [ "$served $killed" = "$kills $kills" ]
+check "no file was refused" [ "$refused" = 0 ]
+check "every start went on with the object" [ "$restored" = $kills ]
+check "the generation before was there, and nothing half written was left" [ "$previous" = $kills ]
+check "every file that is kept can be restored: $files" [ "$files" -gt 0 -a "$good" = "$files" ]
+check "the logs have them all" [ ${#lost[@]} = $kills ]
+
+mkdir state
+start_kneadd dough-small.yaml --state-dir state
+kneader finger &
+hand=$!
 kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --state-dir state >out 2>err
 second=$?
 check "a second one is refused: $(cat err)" [ "$second $(wc -l <err)" = "3 1" ]
+sleep 3
 stop_kneadd
-stop_logger
-lives lives.lcmlog | tee lives.txt
-check "the log has them all" [ "$(number lives lives.txt)" = $((kills + 1)) -a "$(number restored lives.txt)" = $kills ]
-check "nine in ten lost 1 s at most" [ $((10 * $(number within lives.txt))) -ge $((9 * kills)) ]
 
 # what a life that began with a restored object did, is in its log and its snapshot; and is undone, and saved at its end
 start_logger life.lcmlog
