@@ -412,19 +412,22 @@ static void replay(kn_contact_model *m, int64_t at, kn_contact_body *b)
     }
 }
 
+static double felt_n(const kn_contact_model *m) { return (1.0 - m->lost) * m->share * norm(m->body.force_n); }
+
 // Takes a contact into use: at once, or, after an outage or a change of the object, with the force that the hand feels.
 static void join(kn_contact_model *m, const kn_contact_body *b, const kn_contact_pose *now)
 {
-    double felt_n = m->share * norm(m->body.force_n);
-    double turn[3];
+    double before_n = felt_n(m), turn[3];
     kn_contact_body ahead = *b; // a surface that nothing pressed yet
+    m->returning |= m->lost > 0.0;
     m->body = *b;
     m->share = 1.0;
+    m->lost = 0.0;
     if (!m->returning) return;
     turn_between(b->from_wxyz, now->orientation_wxyz, turn);
     advance(&ahead, now->position_m, now->velocity_m_s, turn, m->def.server_period_s);
     double full_n = fmax(norm(b->force_n), norm(ahead.force_n));
-    if (felt_n < full_n) m->share = felt_n / full_n;
+    if (before_n < full_n) m->share = before_n / full_n;
     m->returning = m->share < 1.0;
 }
 
@@ -441,10 +444,14 @@ static kn_contact_take complete(kn_contact_model *m, int64_t at)
     double taken_n = norm(b.force_n);
     replay(m, at, &b);
     if (!finite3(b.force_n) || !finite3(b.proxy_m)) return KN_CONTACT_BAD;
-    m->taken_n = taken_n;
     memcpy(m->c2, c2, sizeof c2);
     m->returning |= other;
-    join(m, &b, &m->pose[(m->poses - 1) % KN_CONTACT_REPLAY]);
+    if (b.count == 0 && felt_n(m) > FELT_N) {
+        m->lost = fmax(m->lost, 1e-9);
+    } else {
+        m->taken_n = taken_n;
+        join(m, &b, &m->pose[(m->poses - 1) % KN_CONTACT_REPLAY]);
+    }
     m->generation = unit->generation;
     m->taken_seq = unit->pose_seq;
     m->taken_s = pose->at_s;
@@ -566,6 +573,16 @@ static void leak(kn_contact_model *m, const double x[3], const double turn[3], d
     m->returning = true;
 }
 
+static void lose(kn_contact_model *m, double dt)
+{
+    m->lost += dt / FADE_S;
+    if (m->lost < 1.0) return;
+    m->body.count = 0;
+    m->lost = 0.0;
+    m->returning = true;
+    sum_up(&m->body);
+}
+
 // News after an outage: what presses rises to where the server has it. By a share of its force: were its surface itself
 // moved, what is viscous in it would end with a jump.
 static void come_back(kn_contact_model *m, const double x[3], const double turn[3], double dt)
@@ -592,18 +609,20 @@ void kn_contact_model_render(kn_contact_model *m, double dt_s, const double posi
         if (kn_contact_model_stale(m)) leak(m, position_m, turn, dt);
         else if (m->returning) come_back(m, position_m, turn, dt);
         advance(&m->body, position_m, velocity_m_s, turn, dt);
+        if (m->lost > 0.0) lose(m, dt);
     } else if (m->body.count == 0) {
         sum_up(&m->body);
     }
     ramp(m, dt);
     m->now_s += dt;
-    for (int i = 0; i < 3; i++) force_n[i] = m->def.force_scale * m->share * m->body.force_n[i];
+    double share = m->share * (1.0 - m->lost);
+    for (int i = 0; i < 3; i++) force_n[i] = m->def.force_scale * share * m->body.force_n[i];
     double asked_n = norm(force_n);
     shorten(force_n, m->def.force_limit_n);
     double limit = asked_n > m->def.force_limit_n ? m->def.force_limit_n / asked_n : 1.0; // of the torque, too
     for (int i = 0; i < 3; i++) {
         force_n[i] *= m->gain;
-        m->torque_n_m[i] = m->gain * limit * m->def.force_scale * m->share * m->body.torque_n_m[i];
+        m->torque_n_m[i] = m->gain * limit * m->def.force_scale * share * m->body.torque_n_m[i];
     }
 }
 
@@ -620,5 +639,5 @@ double kn_contact_model_energy(const kn_contact_model *m, const double position_
         const kn_contact_plane *u = &m->body.plane[c];
         if (u->k1 > 0.0) energy_j += 0.5 * (u->h_n * u->h_n + dot(u->shear_n, u->shear_n)) / u->k1;
     }
-    return m->share * energy_j;
+    return (1.0 - m->lost) * m->share * energy_j;
 }

@@ -27,6 +27,9 @@
 //                                                   (50 ms, <= 0.016 N/ms)     felt as a surface at 20 mm/s would (a
 //                                                                              message in time is taken at once)
 //
+// What is pressed and then not within reach at all, by the next message, no hand has left so fast: the object was
+// replaced, or the server started again. It fades in 17 ms.
+//
 // Per tick of the device, 1 to 10 kHz:  read x, v;  kn_contact_model_pose if this pose is sent;  kn_contact_model_take
 // for every message that came;  kn_contact_model_render -> force. No allocation, clock or lock; one thread. What it
 // costs is bounded: a render is one step, a complete message at most KN_CONTACT_REPLAY of them.
@@ -121,6 +124,7 @@ typedef struct kn_contact_model { // plain data, read only for the caller; copyi
     double valid_s, taken_s, taken_m[3], taken_n; // of the message in force: its pose's time and place, |F0|
     double stale_s;                   // since it was valid
     bool returning;                   // after an outage
+    double lost;                      // of what is felt, 0 .. 1: the server has nothing within reach any more
     double orientation_wxyz[4];       // of the device now
     double torque_n_m[3];             // on the hand, about the tool's position, of the last render
     double share;                     // of the body's force, what is rendered: 1, or rising to it

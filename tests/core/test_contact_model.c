@@ -210,6 +210,29 @@ TEST("another object under the tool, after a reset, is met as after an outage: w
     CHECK(r.m.returning && r.force_n[2] < 0.05);
 }
 
+TEST("what is felt and then not within reach any more, of a reset object or a server that was started again, fades")
+{
+    for (int again = 0; again < 2; again++) {
+        rig r = rig_over(-0.002);
+        ticks(&r, 10);
+        double first_n = r.force_n[2], last_n = first_n;
+        CHECK(first_n > 0.5);
+        for (int i = 0; i < 20; i++) { // the server's tick goes on saying so
+            kn_contact_unit u = plane(&r, 0);
+            u.contact_count = 0, u.generation = 2, u.flags = again ? KN_CONTACT_RAMPING : 0;
+            kn_contact_model_take(&r.m, &u);
+            tick(&r);
+            CHECK(last_n - r.force_n[2] < 0.15 * first_n && r.force_n[2] <= last_n + 1e-9);
+            last_n = r.force_n[2];
+        }
+        CHECK(last_n == 0);
+        hear(&r, 0); // and is met again as after an outage
+        r.m.gain = 1;
+        tick(&r);
+        CHECK(r.m.returning && r.force_n[2] < 0.05);
+    }
+}
+
 TEST("force is zero 20 ms after a stop, a latch, the last own pose, or the last one that was a number")
 {
     for (int why = 0; why < 4; why++) {
