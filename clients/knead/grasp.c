@@ -27,6 +27,7 @@ void kn_grasp_init(kn_grasp *g, const kn_grasp_def *def, kn_player *player)
     g->def = *def;
     g->def.render.device.round_trip_s = period_s * (1 + def->delay_ms);
     g->player = player;
+    player->gripped = true;
     g->dice = 88172645463325252u; // the same losses every time
 }
 
@@ -134,6 +135,8 @@ kn_hand_out kn_grasp_tick(void *self, const kn_hand_force *force, int elapsed_ms
     force = carry(g, force);
     kn_hand_out out = kn_player_tick(g->player, force, elapsed_ms);
     if (!out.send) {
+        static const double none_n[3] = {0};
+        kn_motors_add(&g->player->motors, &g->player->hand, g->arm.position_m, none_n, elapsed_ms);
         g->holding &= g->player->hand.mode != KN_HAND_SILENT; // the next try begins elsewhere
         return out;
     }
@@ -143,6 +146,7 @@ kn_hand_out kn_grasp_tick(void *self, const kn_hand_force *force, int elapsed_ms
     memcpy(out.point.position_m, g->arm.position_m, sizeof g->arm.position_m);
     memcpy(out.point.velocity_m_s, g->arm.velocity_m_s, sizeof g->arm.velocity_m_s);
     render(g, force, &out);
+    kn_motors_add(&g->player->motors, &g->player->hand, g->arm.position_m, g->render.given_n, elapsed_ms);
     kn_arm_tick(&g->arm, g->render.given_n, intended.position_m, intended.velocity_m_s);
     if (g->player->hand.mode == KN_HAND_PLAY) judge(g);
     out.send = !lost(g);

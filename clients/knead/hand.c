@@ -6,7 +6,7 @@
 static const int answer_ms = 3000;  // engaging takes 0.4 s: 200 ms of poses, 200 ms of ramp
 static const int clear_ms = 1000;   // for a fault to be taken back after the lift
 static const int silence_ms = 1200; // a session ends after 1 s without poses
-
+static const char anew[] = "kneadd was started again: it gives no force until the tool is lifted";
 static kn_attempt *current(kn_hand *h) { return &h->attempt[h->tries - 1]; }
 
 static void enter(kn_hand *h, kn_hand_mode mode)
@@ -69,6 +69,7 @@ static void trip(kn_hand *h, int elapsed_ms)
 static void feel(kn_hand *h, const kn_hand_force *force, int elapsed_ms)
 {
     bool fresh = force && force->session == current(h)->session;
+    if (fresh && force->seq > h->force.seq && force->tick < h->force.tick) kn_hand_refuse(h, anew, true);
     if (fresh) h->force = *force;
     if (fresh && (force->flags & KN_FLAG_ENGAGED)) h->engaged_n = norm(force->force_n);
     double factor = kn_watchdog_tick(&h->watchdog, fresh, elapsed_ms);

@@ -24,6 +24,7 @@ kn_hand_out kn_player_tick(void *self, const kn_hand_force *force, int elapsed_m
     if (p->hand.mode == KN_HAND_SILENT && atomic_load(&p->next_path))
         kn_hand_take_path(&p->hand, atomic_exchange(&p->next_path, NULL));
     kn_hand_out out = kn_hand_tick(&p->hand, force, elapsed_ms);
+    if (!p->gripped) kn_motors_add(&p->motors, &p->hand, p->hand.point.position_m, p->hand.given_n, elapsed_ms);
     tell(p);
     return out;
 }

@@ -26,6 +26,7 @@ static const double shallowest_m = 1e-4;        // less is no press
 static const double thinnest = 0.1;             // of the block's height must stay: thinner cells turn inside out
 static const double lift_m = 0.02;              // above the top: clear of whatever was pushed up there
 static const double even_m = 1e-5;              // less is no dent
+static const int trip_ms = 15000;            // engaging, a way out, a silence
 static const double most_uneven_m = 2e-3;       // 4 s of creeping into a dent are enough
 
 typedef struct probe {
@@ -241,6 +242,9 @@ static int start(probe *p)
     def.clear_z_m = fmax(begin.position_m[2], extent_m[2] + kn_foot_m(p->tool) + lift_m);
     if (!kn_record_start(p->record, p->tool->name, p->opt.record, p->error, sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
+    int tries = def.tries ? def.tries : KN_HAND_TRIES, try_ms = (int)(2e3 * p->path[0]->duration_s) + trip_ms;
+    if (p->opt.motors && !kn_motors_open(&p->player.motors, tries * try_ms))
+        return complain(KN_EXIT_INTERNAL, "out of memory");
     kn_player_init(&p->player, &def);
     kn_device_hand *hand = p->opt.gripped ? kn_grasp_tick : kn_player_tick;
     void *self = p->opt.gripped ? (void *)&p->grasp : &p->player;
@@ -312,15 +316,28 @@ static void attend(probe *p)
     if (bar) clear_progress();
 }
 
-static int write_csv(probe *p)
+static bool close_csv(probe *p, FILE *out, const char *path)
+{
+    bool ok = out && !ferror(out);
+    if (out && fclose(out) != 0) ok = false;
+    if (ok) return true;
+    snprintf(p->error, sizeof p->error, "%s: %s", path, strerror(errno));
+    complain(KN_EXIT_DEVICE, p->error);
+    return false;
+}
+
+static bool write_csv(probe *p)
 {
     FILE *out = fopen(p->opt.csv, "w");
     if (out) kn_report_csv(out, &p->player.hand, p->record, p->tool->name);
-    bool ok = out && !ferror(out);
-    if (out && fclose(out) != 0) ok = false;
-    if (ok) return KN_EXIT_OK;
-    snprintf(p->error, sizeof p->error, "%s: %s", p->opt.csv, strerror(errno));
-    return complain(KN_EXIT_DEVICE, p->error);
+    return close_csv(p, out, p->opt.csv);
+}
+
+static bool write_motors(probe *p)
+{
+    FILE *out = fopen(p->opt.motors, "w");
+    if (out) kn_motors_csv(out, &p->player.motors);
+    return close_csv(p, out, p->opt.motors);
 }
 
 static int verdict(const probe *p)
@@ -393,7 +410,8 @@ static int finish(probe *p)
     if (code == KN_EXIT_OK && p->opt.gripped && (p->grasp.news.buzzes || p->grasp.news.drives)) code = KN_EXIT_FAILED;
     if (p->opt.record && report.lost)
         fprintf(stderr, "knead probe: %s has gaps: %lld records were lost\n", p->opt.record, (long long)report.lost);
-    if (p->opt.csv && write_csv(p) != KN_EXIT_OK) code = KN_EXIT_DEVICE;
+    if (p->opt.csv && !write_csv(p)) code = KN_EXIT_DEVICE;
+    if (p->opt.motors && !write_motors(p)) code = KN_EXIT_DEVICE;
     return code;
 }
 
@@ -421,6 +439,7 @@ int kn_probe_main(int argc, char **argv)
     kn_mesh_free(&p->mesh);
     free(p->top);
     kn_record_destroy(p->record);
+    kn_motors_close(&p->player.motors);
     for (int i = 0; i < KN_HAND_TRIES; i++) kn_path_destroy(p->path[i]);
     kn_scene_destroy(p->scene);
     free(p);

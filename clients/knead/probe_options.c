@@ -28,6 +28,8 @@ static const char help[] =
     "  --frequency F    of the sine ('2 Hz')\n"
     "  --record FILE    the session as an LCM event log: knead replay FILE --verify gives the same forces\n"
     "  --csv FILE       one row per force, the columns of knead replay --csv\n"
+    "  --motors FILE    CSV, one row per ms of the device's clock: where it is and what it gives, a force or none\n"
+    "                   having come\n"
     "  --tries N        1 to 3 (3)\n"
     "  --drop-at S:MS   fault injection: S seconds into the first try no pose is sent for MS milliseconds\n"
     "  --lcm-url URL    poses and forces (LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
@@ -181,14 +183,14 @@ static bool urls_are_known(const kn_probe_options *opt)
 int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *done)
 {
     enum { PATH = 256, PROBE, HOLD, DEPTH, SPEED, FREQUENCY, RECORD, CSV, TRIES, DROP, LCM_URL, MESH_URL, QUIET, HELP,
-           HAND, DEVICE, AXES, DELAY, LOSS, LOCAL, HELD };
+           HAND, DEVICE, AXES, DELAY, LOSS, LOCAL, HELD, MOTORS };
     static const struct option list[] = {
         {"path", 1, 0, PATH},       {"probe", 1, 0, PROBE},         {"hold", 1, 0, HOLD},       {"depth", 1, 0, DEPTH},
         {"speed", 1, 0, SPEED},     {"frequency", 1, 0, FREQUENCY}, {"record", 1, 0, RECORD},   {"csv", 1, 0, CSV},
         {"tries", 1, 0, TRIES},     {"drop-at", 1, 0, DROP},        {"lcm-url", 1, 0, LCM_URL}, {"quiet", 0, 0, QUIET},
         {"help", 0, 0, HELP},       {"mesh-url", 1, 0, MESH_URL},   {"hand", 1, 0, HAND},
         {"device", 1, 0, DEVICE},   {"axes", 1, 0, AXES},           {"delay", 1, 0, DELAY},     {"loss", 1, 0, LOSS},
-        {"local", 0, 0, LOCAL},     {"held", 0, 0, HELD},
+        {"local", 0, 0, LOCAL},     {"held", 0, 0, HELD},         {"motors", 1, 0, MOTORS},
         {0, 0, 0, 0}};
     *opt = (kn_probe_options){.path = "press", .shape.hold_s = -1.0};
     optind = 1;
@@ -203,6 +205,7 @@ int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *d
         case FREQUENCY: ok = quantity("frequency", optarg, "Hz", "2 Hz", &opt->shape.frequency_hz); break;
         case RECORD: opt->record = optarg; break;
         case CSV: opt->csv = optarg; break;
+        case MOTORS: opt->motors = optarg; break;
         case TRIES: ok = tries(optarg, &opt->tries); break;
         case DROP: ok = drop(optarg, opt); break;
         case LCM_URL: opt->lcm_url = optarg; break;

@@ -54,7 +54,8 @@ void kn_report_make(kn_report *r, const kn_hand *hand, const kn_record *record)
         r->matched += t != NULL;
         r->strange += t == NULL;
         r->missed += f->missed_cycles;
-        if (before && before->session == f->session) r->lost += f->tick - before->tick - 1 - f->missed_cycles;
+        bool goes_on = before && before->session == f->session && f->tick > before->tick; // else kneadd began anew
+        if (goes_on) r->lost += f->tick - before->tick - 1 - f->missed_cycles;
         if (!t) continue;
         if (f->flags & KN_FLAG_STALE) r->stale += f->seq < t->sent; // after the last one there is nothing newer
         else if (trip_ns) trip_ns[trips++] = record->force[i].arrived_ns - f->sent_ns;

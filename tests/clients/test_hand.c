@@ -4,7 +4,7 @@
 
 // A server as the wire shows it: 200 ms of poses, 200 ms of ramp, then engaged; 20 ms of silence latch.
 typedef struct server {
-    int64_t session;
+    int64_t session, tick;
     int flow_ms, silent_ms;
     bool dead, latched, never_engages;
     kn_fault latch_next; // latches this at the next pose
@@ -15,9 +15,10 @@ static bool serve(server *s, const kn_hand_out *pose, kn_hand_force *force)
 {
     if (pose->send && pose->session != s->session) {
         if (s->session && s->silent_ms < 1000) return false; // owned by the session before
-        *s = (server){.session = pose->session, .dead = s->dead, .never_engages = s->never_engages,
+        *s = (server){.session = pose->session, .tick = s->tick, .dead = s->dead, .never_engages = s->never_engages,
                       .latch_next = s->latch_next};
     }
+    s->tick++;
     s->silent_ms = pose->send ? 0 : s->silent_ms + 1;
     s->flow_ms = pose->send ? s->flow_ms + 1 : 0;
     if (s->silent_ms == 20) s->latched = true, s->fault = KN_FAULT_POSE_SILENCE;
@@ -27,7 +28,8 @@ static bool serve(server *s, const kn_hand_out *pose, kn_hand_force *force)
     if (engaged && s->latch_next && z_m < 0.025)
         s->latched = true, s->fault = s->latch_next, s->latch_next = KN_FAULT_NONE;
     if (s->dead || !s->session || s->silent_ms >= 1000) return false;
-    *force = (kn_hand_force){.session = s->session, .fault = s->latched ? (int32_t)s->fault : 0,
+    *force = (kn_hand_force){.session = s->session, .seq = pose->seq, .tick = s->tick,
+                             .fault = s->latched ? (int32_t)s->fault : 0,
                              .force_n = {0, 0, s->latched || !engaged ? 0.0 : 5.0}};
     force->flags = s->latched ? KN_FLAG_LATCHED : engaged ? KN_FLAG_ENGAGED : KN_FLAG_RAMPING;
     return true;
@@ -131,6 +133,20 @@ TEST("when the server dies the own watchdog holds 3 ms, is at zero by 20 ms, and
     CHECK(r.hand.point.position_m[2] == 0.05 && r.largest_step_m <= step_limit_m);
 }
 
+TEST("a server that is started again before the watchdog notices is noticed: the hand lifts and presses once more")
+{
+    run r;
+    begin(&r, &(kn_hand_def){0});
+    while (!ended(&r) && r.hand.point.position_m[2] > 0.025) play(&r, 1);
+    r.server = (server){.session = r.server.session};
+    play(&r, 10);
+    CHECK(r.hand.mode == KN_HAND_RETREAT && r.hand.trips == 1);
+    CHECK(r.hand.trip[0].refusal && !r.hand.trip[0].own && r.hand.trip[0].force_n == 5.0);
+    play(&r, 20000);
+    CHECK(r.hand.mode == KN_HAND_DONE && r.hand.tries == 2 && r.hand.trips == 1);
+    CHECK(r.largest_step_m < step_limit_m);
+}
+
 TEST("lost poses latch a fault that lifting clears; the press is repeated in a new session")
 {
     run r;
@@ -173,7 +189,7 @@ TEST("a stall of this process makes no jump, and a long one is named as its own"
     begin(&r, &(kn_hand_def){0});
     play(&r, 2000);
     double before = r.hand.point.position_m[2];
-    kn_hand_force force = {.session = 100, .flags = KN_FLAG_ENGAGED, .force_n = {0, 0, 5}};
+    kn_hand_force force = {.session = 100, .tick = r.force.tick, .flags = KN_FLAG_ENGAGED, .force_n = {0, 0, 5}};
     kn_hand_tick(&r.hand, &force, 15);
     CHECK(r.hand.mode == KN_HAND_PLAY && fabs(r.hand.point.position_m[2] - before) <= step_limit_m);
     kn_hand_tick(&r.hand, &force, 40);
