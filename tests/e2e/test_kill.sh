@@ -23,9 +23,11 @@ row() {
     start_logger lives.lcmlog
     for ((kill = 0; kill <= $1; kill++)); do
         files=(state/*.knead)
+        rm -f pid
         kneadd() { kneadd_of_nobody "$@"; }
         start_kneadd dough-small.yaml --state-dir state --control control
         unset -f kneadd
+        until [ -s pid ]; do pause 0.005; done
         read -r server <pid
         if [ $kill != 0 ]; then
             restored=0 refused=0
