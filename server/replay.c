@@ -309,10 +309,11 @@ static bool check_restores(kn_replay *r, const kn_replay_def *def, char *error, 
         if (def->snapshot_path && find_state(r, (uint64_t)e->state_hash, why, sizeof why)) continue;
         snprintf(error, error_size,
                  "%s: at tick %lld the server restored generation %.0f of its snapshots, state 0x%016llx%s%s%s%s, "
-                 "expected --snapshot with that file or its directory",
+                 "expected %s",
                  def->log_path, (long long)e->tick, e->arg[0], (unsigned long long)e->state_hash,
                  def->snapshot_path ? "; " : "", def->snapshot_path ? def->snapshot_path : "",
-                 def->snapshot_path ? ": " : "", def->snapshot_path ? why : "");
+                 def->snapshot_path ? ": " : "", def->snapshot_path ? why : "",
+                 def->afresh ? "a log that restores nothing" : "--snapshot with that file or its directory");
         return false;
     }
     return true;
@@ -355,7 +356,10 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
     if (!r->same || v->started) return true;
     for (size_t i = 0; i < v->event_count; i++) {
         const knead_event_t *e = &v->events[i];
+        bool undone = e->kind == KNEAD_EVENT_T_KIND_RESTORE && e->arg[0] == 0;
         bool replaced = e->kind == KNEAD_EVENT_T_KIND_RESET || e->kind == KNEAD_EVENT_T_KIND_RESTORE;
+        bool first = v->first_force_tick < 0 || e->tick <= v->first_force_tick;
+        if (replaced && !undone && first) return true; // whatever had been there
         if (replaced || e->state_hash == 0) continue;
         if ((uint64_t)e->state_hash == kn_state_hash(r->model, kn_replay_state(r))) return true;
         snprintf(error, error_size,

@@ -132,6 +132,15 @@ static int take_option(replay_options *opt, int option, const char *value)
     }
 }
 
+static bool is_log(const char *path)
+{
+    unsigned char start[4] = {0};
+    FILE *f = fopen(path, "rb");
+    bool read = f && fread(start, 1, sizeof start, f) == sizeof start;
+    if (f) fclose(f);
+    return read && !memcmp(start, "\xED\xA1\xDA\x01", sizeof start);
+}
+
 static int parse(replay_options *opt, int argc, char **argv, bool *done)
 {
     static const struct option options[] = {{"csv", required_argument, NULL, 'c'},
@@ -161,6 +170,10 @@ static int parse(replay_options *opt, int argc, char **argv, bool *done)
     if (files != 1 && files != 2)
         return kn_complain("replay", KN_EXIT_USAGE, "expected [SCENE] LOG; knead replay --help tells the rest");
     if (files == 2) opt->def.scene_path = argv[optind];
+    if (files == 2 && is_log(argv[optind]))
+        return kn_complain("replay", KN_EXIT_USAGE,
+                           "%s: is a log, expected a scene before %s; --verify compares with the log's own forces",
+                           argv[optind], argv[argc - 1]);
     opt->def.log_path = argv[argc - 1];
     opt->def.sets = opt->sets;
     return complete_solver(opt);

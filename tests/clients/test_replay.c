@@ -368,7 +368,7 @@ TEST("one flipped bit of a force is found and named")
 
 TEST("a log that begins on an untouched object replays; one of an object already kneaded is refused in plain words")
 {
-    for (int late = 0; late < 2; late++) {
+    for (int late = 0; late < 3; late++) { // 2: and is as new from the log's first tick on
         scratch();
         seed = 8;
         recorder *r = record("late.lcmlog");
@@ -383,12 +383,13 @@ TEST("a log that begins on an untouched object replays; one of an object already
             quiet(r, 10);
         }
         r->mute = false;
+        r->in.reset = late == 2;
         r->hand[0].session = 12;
         r->hand[0].position_m[2] = 0.05;
         move(r, 0, 0.033, 1500, 0.01);
         record_end(r);
-        CHECK(REPLAY("late.lcmlog", "--verify") == (late ? KN_EXIT_USAGE : KN_EXIT_OK));
-        CHECK(!late || strstr(err, "had been kneaded before this log begins"));
+        CHECK(REPLAY("late.lcmlog", "--verify") == (late == 1 ? KN_EXIT_USAGE : KN_EXIT_OK));
+        CHECK(late != 1 || strstr(err, "had been kneaded before this log begins"));
         char why[300]; // what needs the hand alone can have it
         kn_replay_def def = {.log_path = "late.lcmlog", .scene_path = KN_SOURCE_DIR "/core/scenes/dough-small.yaml",
                              .sets = (const char *const[]){"quality=own"}, .set_count = 1, .afresh = true};
@@ -692,6 +693,8 @@ TEST("what cannot be opened, is no log, or cannot be written is one line and its
     tell_story("story.lcmlog", 0.0, 3);
     CHECK(REPLAY("story.lcmlog", "--csv", "/nonexistent/a.csv") == KN_EXIT_DEVICE);
     CHECK(REPLAY("story.lcmlog", "--out", "./story.lcmlog") == KN_EXIT_USAGE && strstr(err, "is being read"));
+    CHECK(REPLAY("story.lcmlog", "--verify", "story.lcmlog") == KN_EXIT_USAGE);
+    CHECK(strstr(err, "is a log, expected a scene"));
     CHECK(REPLAY("story.lcmlog", "--speed", "slow") == KN_EXIT_USAGE && strstr(err, "max or real"));
     CHECK(REPLAY("--help") == KN_EXIT_OK && strstr(out, "usage: knead replay"));
 }
