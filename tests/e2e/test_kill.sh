@@ -24,6 +24,7 @@ row() {
     for ((kill = 0; kill <= $1; kill++)); do
         files=(state/*.knead)
         rm -f pid
+        : >before
         kneadd() { kneadd_of_nobody "$@"; }
         start_kneadd dough-small.yaml --state-dir state --control control
         unset -f kneadd
@@ -33,7 +34,7 @@ row() {
             restored=0 refused=0
             has 'kneadd: restored state/dough-small.' kneadd.log && restored=1
             has 'not restored' kneadd.err && refused=1
-            [ ! -e state/.tmp ] || previous=0
+            [ -e state/.tmp ] && [ state/.tmp -ot before ] && previous=0 # a younger one is being written
             echo "kill $served $refused $restored $previous" >>"$2"
         fi
         [ $kill = "$1" ] && break
@@ -53,8 +54,12 @@ row() {
     done
     pause 0.2 # its own restore has been done
     for file in state/*.knead; do # ends with the newest
-        knead ctl --control control restore $((10#$(cut -d. -f3 <<<"$file"))) >/dev/null 2>why && good=1 || good=0
-        if [ $good = 1 ] || [ -e "$file" ]; then echo "file $good"; fi >>"$2" # else it was the oldest
+        for tries in 1 2 3; do # it answers that it was too busy
+            knead ctl --control control restore $((10#$(cut -d. -f3 <<<"$file"))) >/dev/null 2>why && good=1 && break
+            good=0
+            pause 1
+        done
+        if [ $good = 1 ] || [ -e "$file" ]; then echo "file $good $(<why)"; fi >>"$2" # else it was the oldest
     done
     kill -TERM $server
     dead

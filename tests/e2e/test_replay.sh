@@ -24,6 +24,9 @@ check "in plain words" grep -q 'had been kneaded before this log begins' why
 
 knead replay "$KN_SOURCE/core/scenes/dough-small.yaml" press.lcmlog --csv a.csv --hash >a && knead replay press.lcmlog --csv b.csv --hash >b
 check "two replays have one hash" cmp -s a b
+runs=${KN_RUNS:-5}
+hashes=$(for ((i = 0; i < runs; i++)); do knead replay press.lcmlog --hash | grep '^hash'; done | sort | uniq -c)
+check "so have $runs:$hashes" [ "$(wc -l <<<"$hashes") $(grep -oE '^ *[0-9]+' <<<"$hashes" | tr -d ' ')" = "1 $runs" ]
 check "and, but for the time they took, one table" cmp -s <(cut -d, -f1-17 a.csv) <(cut -d, -f1-17 b.csv)
 check "of as many rows as forces" [ $(($(wc -l <a.csv) - 1)) = "$(sed -n 's/verified \([0-9]*\) forces.*/\1/p' press.lcmlog.said)" ]
 

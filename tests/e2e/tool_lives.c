@@ -2,9 +2,9 @@
 //
 //     lost N
 //
-// Lost is the time from the tick whose snapshot the next life restored (KIND_RESTORE tells its generation and tick) to
-// the last tick with a force. A generation that was restored before is of an earlier life: then all of this one is
-// lost. What the log's first life restored is of a life that is not in it.
+// Lost are the ticks with a force after the one whose snapshot the next life restored (KIND_RESTORE tells its generation
+// and tick), of 1 ms each. A generation that was restored before is of an earlier life: then all of this one is lost.
+// What the log's first life restored is of a life that is not in it.
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include <inttypes.h>
@@ -12,25 +12,36 @@
 #include <stdio.h>
 #include <string.h>
 
+#define TICKS 1000000 // with a force, of one life
+static int64_t tick[TICKS];
+static int count;
+
+static int after(int64_t from)
+{
+    int ran = 0;
+    for (int i = 0; i < count; i++) ran += tick[i] > from && (i == 0 || tick[i] != tick[i - 1]);
+    return ran;
+}
+
 int main(int argc, char **argv)
 {
     lcm_eventlog_t *log = argc == 2 ? lcm_eventlog_create(argv[1], "r") : NULL;
     if (!log) return 3;
     bool begins = false; // a life, whose first tick restores; what an operator restores later does not count
-    int64_t lives = 0, last = -1, generation = 0;
+    int64_t lives = 0, generation = 0;
     for (lcm_eventlog_event_t *e; (e = lcm_eventlog_read_next_event(log)); lcm_eventlog_free_event(e)) {
         knead_contact_force_t force;
         knead_event_t event;
-        if (!strncmp(e->channel, "KNEAD_FORCE_", 12) &&
+        if (!strncmp(e->channel, "KNEAD_FORCE_", 12) && count < TICKS &&
             knead_contact_force_t_decode(e->data, 0, e->datalen, &force) >= 0)
-            last = force.tick;
+            tick[count++] = force.tick;
         if (strcmp(e->channel, "KNEAD_EVENT") || knead_event_t_decode(e->data, 0, e->datalen, &event) < 0) continue;
         if (event.kind == KNEAD_EVENT_T_KIND_START) lives++, begins = true;
         if (event.kind != KNEAD_EVENT_T_KIND_RESTORE || !begins) continue;
         int64_t from = (int64_t)event.arg[0] == generation ? -1 : (int64_t)event.arg[1];
-        if (lives > 1) printf("lost %" PRId64 "\n", last > from ? last - from : 0);
+        if (lives > 1) printf("lost %d\n", after(from));
         generation = (int64_t)event.arg[0];
-        last = -1;
+        count = 0;
         begins = false;
     }
     lcm_eventlog_destroy(log);

@@ -223,6 +223,54 @@ TEST("every flipped byte and every truncation of a file is refused with a reason
     rig_free(r);
 }
 
+static uint64_t dice = 88172645463325252u; // Marsaglia's xorshift
+static size_t below(size_t n)
+{
+    dice ^= dice << 13, dice ^= dice >> 7, dice ^= dice << 17;
+    return (size_t)(dice % n);
+}
+
+// Bytes changed, a piece overwritten by another or by zeros, two exchanged, cut or grown. Returns the new size.
+static size_t mutate(uint8_t *bytes, size_t size)
+{
+    size_t piece = 1 + below(4096), to = below(size - piece), from = below(size - piece);
+    switch (below(5)) {
+    case 0:
+        for (size_t n = 1 + below(8); n > 0; n--) bytes[below(size)] ^= (uint8_t)(1 + below(255));
+        return size;
+    case 1: memmove(bytes + to, bytes + from, piece); return size;
+    case 2: memset(bytes + to, 0, piece); return size;
+    case 3: return below(size);
+    default: memmove(bytes + to + piece, bytes + to, size - to); return size + piece;
+    }
+}
+
+TEST("a large file, mutated at random, is refused with a reason (KN_MUTATIONS of them, 1000)")
+{
+    const char *text = getenv("KN_MUTATIONS");
+    int most = text ? atoi(text) : 1000, refused = 0, unchanged = 0;
+    rig *r = rig_of("dough.yaml", NULL); // 847 nodes
+    work(r, 600);
+    size_t room = kn_saved_size_max(r->model) + 8192;
+    uint8_t *bytes = calloc(1, room), *bad = calloc(1, room);
+    char why[200];
+    r->saved.generation = 3;
+    size_t size = kn_saved_encode(r->scene, r->model, &r->saved, bytes, room);
+    for (int i = 0; i < most; i++) {
+        memcpy(bad, bytes, size);
+        size_t now = mutate(bad, size);
+        *why = '\0';
+        if (now == size && memcmp(bad, bytes, size) == 0) unchanged++; // zeros where there were some
+        else refused += !kn_saved_decode(r->scene, r->model, bad, now, &r->found, why, sizeof why) && *why;
+    }
+    printf("     %zu bytes, %d mutations, %d of them none\n", size, most, unchanged);
+    CHECK(most > 0 && refused == most - unchanged && unchanged < most / 2);
+    CHECK(kn_saved_decode(r->scene, r->model, bytes, size, &r->found, why, sizeof why));
+    free(bytes);
+    free(bad);
+    rig_free(r);
+}
+
 TEST("a file of another scene, lattice, material or version is refused by name")
 {
     static const struct {

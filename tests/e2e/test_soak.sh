@@ -1,0 +1,30 @@
+#!/usr/bin/env bash
+# kneadd --state-dir under a hand that presses for ten seconds (KN_SECONDS=600 for ten minutes), in real time: its memory does not grow, no
+# number goes bad, and its counters add up.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+seconds=${KN_SECONDS:-10}
+resident() { awk '/^VmRSS/ { print $2 }' "/proc/$server/status"; } # kB
+mkdir state
+start_kneadd dough-small.yaml --state-dir state --control control
+kneader finger &
+hand=$!
+for ((tenth = 1; tenth <= 10; tenth++)); do
+    sleep "$(awk "BEGIN { print $seconds / 10 }")"
+    [ $tenth = 2 ] && early=$(resident) # it has pressed once, and saved
+    echo "$((tenth * seconds / 10)) s: $(resident) kB, $(knead ctl --control control --json status |
+        grep -oE '"(tick|missed_cycles|missed_explained|num_overruns|received|accepted|solver_capped|snapshot_errors)":[0-9]+' | tr '\n' ' ')"
+done
+late=$(resident)
+kill $hand
+stop_kneadd
+check "kneadd ended well" [ "$status" = 0 ]
+check "its memory has grown by less than 1 MB: $early to $late kB" [ $((late - early)) -lt 1000 ]
+counted=0
+for number in $(grep -oP 'datagrams: \K.*(?=;)' kneadd.log | grep -oE '[0-9]+'); do ((counted += number)); done
+check "every datagram is in one counter" [ "$(grep -oP '[0-9]+(?= datagrams:)' kneadd.log)" = $counted ]
+check "every ms is a tick or a missed one: $(counter ticks) + $(counter missed) in $seconds s" \
+    [ $(($(counter ticks) + $(counter missed))) -ge $((1000 * seconds)) ]
+check "nothing was created, nothing failed to be saved" \
+    grep -q 'energy created in 0 of them' kneadd.log
+check "no snapshot failed" grep -qE 'snapshots, .*; 0 errors' kneadd.log
+exit $failed
