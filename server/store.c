@@ -229,10 +229,24 @@ static const char *put_file(const kn_store *s, size_t size, bool stays)
     return failed;
 }
 
+static int count_staying(const kn_store *s)
+{
+    size_t count;
+    found *all = list(s, s->dir, &count);
+    int staying = 0;
+    for (size_t i = 0; i < count; i++) staying += stays(s, all[i].name);
+    free(all);
+    return staying;
+}
+
 bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size_t why_size)
 {
     kn_store *s = store;
     char name[256];
+    if (stays && count_staying(s) >= KN_STORE_STAY) {
+        snprintf(why, why_size, "%d that stay are there, expected some of them removed", KN_STORE_STAY);
+        return false;
+    }
     s->scene = saved->servo.scene;
     s->model = saved->servo.model;
     if (s->scene->text_hash != s->text_hash) series_of(s->scene, s->model, s->series, sizeof s->series);

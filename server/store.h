@@ -19,6 +19,7 @@
 
 #define KN_STORE_KEPT 8
 #define KN_STORE_PINS 4
+#define KN_STORE_STAY 100 // read-only ones of a scene: more are refused until their owner has removed some
 
 // Every call that a save or a load makes of the disk, so that a test can have any of them fail. As the system's, which
 // kn_files_system are; dir: of openat.

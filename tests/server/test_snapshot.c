@@ -355,6 +355,10 @@ TEST("the last eight generations stay; other lattices and scenes in the same dir
     for (int i = 0; i < 10; i++) CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why));
     CHECK(kn_store_load(&s, asked, &r->found, name, NULL, why, sizeof why));
     CHECK(!kn_store_load(&s, 12, &r->found, name, NULL, why, sizeof why));
+    for (int i = 1; i < KN_STORE_STAY; i++) CHECK(kn_store_save(&s, &r->saved, true, why, sizeof why));
+    int there = files_in(r->directory);
+    CHECK(!kn_store_save(&s, &r->saved, true, why, sizeof why) && strstr(why, "100 that stay are there"));
+    CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why) && files_in(r->directory) == there);
     kn_store_close(&s);
     rig_free(r), rig_free(o), rig_free(j);
 }

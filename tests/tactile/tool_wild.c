@@ -1,6 +1,6 @@
 // wild PROBE NEWTON SECONDS: waits until kneadd's force on that probe is above 0.3 N, then sends forces of its own in
-// kneadd's name, NEWTON upwards, behind each of three: a client may take the newest of a ms only. Exit 1 when nothing was
-// pressed for SECONDS.
+// kneadd's name, NEWTON upwards, behind each of three and of two poses later: a client may take the newest only. Exit 1
+// when nothing was pressed for SECONDS.
 #include "proto/knead_contact_force_t.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -23,6 +23,7 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, const knead
     double newton = atof(wanted_n);
     if (f.force_n[2] < 0.3 || f.force_n[2] == newton) return; // the latter is our own
     f.force_n[2] = newton;
+    f.seq += 2; // an older one than was heard last is passed over
     sent += knead_contact_force_t_publish(self, channel, &f) == 0;
 }
 
