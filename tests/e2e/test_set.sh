@@ -102,7 +102,7 @@ check "the old one serves on" grep -q '^scene  *dough-small.yaml' <(ctl status)
 check "another one: $(ctl load "$KN_SOURCE/core/scenes/jelly.yaml")" grep -q '^scene  *jelly.yaml' <(ctl status)
 check "and back: $(ctl load "$KN_SOURCE/core/scenes/dough-small.yaml")" grep -q '^scene  *dough-small.yaml' <(ctl status)
 check "to what was saved of it" [ "$(grep -c '^kneadd: restored state/dough-small' kneadd.log)" = 2 ]
-check "which is as it was set" [ "$(ctl --json status | field '["set"]')" = "['material.k1=430 gf/cm^3']" ]
+check "which is as it was set" grep -q 'material.k1=430 gf/cm^3' <(ctl --json status | field '["set"]')
 ctl load "$KN_SOURCE/core/scenes/jelly.yaml" >loaded 2>&1 &
 loading=$!
 sleep 0.0$((RANDOM % 9 + 1))
