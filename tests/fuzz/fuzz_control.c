@@ -27,9 +27,9 @@ static void ask(void *arg)
 }
 
 static void stop(void *arg) { (void)arg, stops++; }
-static void load(void *arg, const char *path)
+static void load(void *arg, const char *path, const kn_scene *next)
 {
-    (void)arg, (void)path, stops++;
+    (void)arg, (void)path, (void)next, stops++;
 }
 static void built(void *arg)
 {
