@@ -5,20 +5,11 @@
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 kills=${KN_KILLS:-20}
 RANDOM=1
-cat >two.yaml <<'YAML'
-version: 1
-object: {size: [6 cm, 5 cm, 3 cm], spacing: 1 cm, structure: diagonals}
-material: dough
-gravity: 0 m/s^2
-support: bonded
-device: touch
-probes: [{name: near, shape: sphere, radius: 1.5 cm}, {name: far, shape: sphere, radius: 1.5 cm}]
-YAML
 presser near 1e6 x=-0.015 >near.csv & near=$!
 presser far 1e6 x=0.015 local >far.csv & far=$!
 running=0
 for ((kill = 0; kill < kills; kill++)); do
-    start_kneadd two.yaml --local-model
+    start_kneadd "$KN_SOURCE/tests/e2e/two_fingers.yaml" --local-model
     sleep "$((RANDOM % 2 + 1)).$((300 + RANDOM % 700))" # a new session begins 1.2 s after the kill, and presses 0.4 s later
     kill -0 $server && running=$((running + 1))
     if [ $((kill % 2)) = 1 ]; then

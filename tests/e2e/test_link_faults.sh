@@ -7,15 +7,6 @@ seconds=${KN_LINK_SECONDS:-4}
 far=udpm://239.255.76.67:7671?ttl=0
 umask 077
 head -c 32 /dev/urandom | od -An -tx1 | tr -d ' \n' >key
-cat >two.yaml <<'YAML'
-version: 1
-object: {size: [6 cm, 5 cm, 3 cm], spacing: 1 cm, structure: diagonals}
-material: dough
-gravity: 0 m/s^2
-support: bonded
-device: touch
-probes: [{name: near, shape: sphere, radius: 1.5 cm}, {name: far, shape: sphere, radius: 1.5 cm}]
-YAML
 way() { grep "^$1 " link.txt | grep -oE "$2 [0-9]+" | grep -oE '[0-9]+'; } # way poses|forces NAME
 broken() { # broken FILE: how many ticks of it break a rule
     local n sum=0
@@ -29,7 +20,7 @@ row() {
     local key=()
     [ "$1" != key ] || { key=(--key key) && export KNEAD_KEY=$PWD/key && shift; }
     start_logger row.lcmlog
-    start_kneadd two.yaml --local-model "${key[@]}"
+    start_kneadd "$KN_SOURCE/tests/e2e/two_fingers.yaml" --local-model "${key[@]}"
     KNEAD_KEY= link 'udpm://239.255.76.67:7667?ttl=0' "$far" 0 1e6 "$@" >link.txt & link=$!
     sleep 0.2
     LCM_DEFAULT_URL=$far presser near "$seconds.4" x=-0.015 >near.csv & near=$!

@@ -1,16 +1,9 @@
 // libFuzzer target: any bytes as a log are read to their end or to their damage; what is told of a record holds, and
 // its bytes are there. What a replay makes of it is fuzz_replay's.
 #include "server/log.h"
+#include "tests/fuzz/memory_file.h"
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
-#include <unistd.h>
-
-static void require(int condition)
-{
-    if (!condition) abort();
-}
 
 static void check(const kn_log_record *r)
 {
@@ -39,16 +32,11 @@ static void check(const kn_log_record *r)
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-    static int fd = -1;
-    char path[32], error[512] = "";
-    if (fd < 0) fd = memfd_create("log", 0);
-    require(fd >= 0 && ftruncate(fd, 0) == 0 && pwrite(fd, data, size, 0) == (ssize_t)size);
-    snprintf(path, sizeof path, "/proc/self/fd/%d", fd);
-
+    char error[512] = "";
     kn_log log;
     kn_log_record record;
     int64_t records = 0;
-    require(kn_log_open(&log, path, error, sizeof error));
+    require(kn_log_open(&log, memory_file(data, size), error, sizeof error));
     for (; kn_log_read(&log, &record) != KN_LOG_END; records++) check(&record);
     require(log.records == records && (log.offset == (int64_t)size || log.damage[0]));
     kn_log_close(&log);

@@ -1,0 +1,26 @@
+#ifndef KN_TESTS_MEMORY_FILE_H
+#define KN_TESTS_MEMORY_FILE_H
+// The fuzzer's bytes as a file that never meets a disk.
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+static inline void require(int condition)
+{
+    if (!condition) abort();
+}
+
+// Its path, until the next call.
+static inline const char *memory_file(const uint8_t *data, size_t size)
+{
+    static int fd = -1;
+    static char path[32];
+    if (fd < 0) fd = memfd_create("log", 0);
+    require(fd >= 0 && ftruncate(fd, 0) == 0 && pwrite(fd, data, size, 0) == (ssize_t)size);
+    snprintf(path, sizeof path, "/proc/self/fd/%d", fd);
+    return path;
+}
+
+#endif
