@@ -53,7 +53,7 @@ static void copy_to(kn_keeper *k, kn_kept *slot, const kn_servo *servo, int64_t 
     kn_state_copy(k->model, slot->saved.state,
                   servo->backend->state(servo->backend->self)); // a change keeps the layout
     slot->saved.servo = *servo;
-    slot->saved.text_hash = k->last_hash = servo->scene->text_hash;
+    k->last_hash = servo->scene->text_hash;
     atomic_store(&slot->of, servo->model);
     slot->saved.tick = tick;
     slot->saved.utime = utime;
@@ -219,7 +219,7 @@ void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
     if (k->store.dir < 0) return;
     kn_backend *backend = loop->servo.backend;
     kn_state_copy(k->model, k->slot[0].saved.state, backend->state(backend->self)); // as new
-    k->slot[0].saved.text_hash = k->last_hash = loop->servo.scene->text_hash;
+    k->last_hash = loop->servo.scene->text_hash;
     atomic_store(&k->slot[0].saved_whole, true);
     k->incoming.servo.scene = loop->servo.scene;
     k->incoming.servo.model = k->model;
