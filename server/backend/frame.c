@@ -1,0 +1,235 @@
+#include "server/backend/frame.h"
+#include <string.h>
+#include <zlib.h>
+
+enum { READ = 1, WRITE = 2, WAIT = 3 };
+enum { TAG = 2, HEAD = 3, ACCESS = 5, POLL = 14, CHECKSUM = 4, BLOCK = 0xff, ADDRESSES = 1 << 24 };
+
+static void put(uint8_t *to, uint32_t value, int bytes)
+{
+    for (int i = 0; i < bytes; i++) to[i] = (uint8_t)(value >> 8 * i);
+}
+
+static uint32_t get(const uint8_t *from, int bytes)
+{
+    uint32_t value = 0;
+    for (int i = 0; i < bytes; i++) value |= (uint32_t)from[i] << 8 * i;
+    return value;
+}
+
+// ---- frames ----
+
+size_t kn_framer_encode(const uint8_t *payload, size_t size, uint8_t wire[KN_FRAMER_WIRE])
+{
+    uint8_t bytes[KN_FRAMER_PAYLOAD + CHECKSUM];
+    if (size == 0 || size > KN_FRAMER_PAYLOAD) return 0;
+    memcpy(bytes, payload, size);
+    put(bytes + size, (uint32_t)crc32(0, payload, (uInt)size), CHECKSUM);
+    size_t at = 0, end = size + CHECKSUM, out = 0;
+    for (bool more = true; more;) { // a block: up to 254 bytes that are not 0, and the 0 behind fewer than 254
+        size_t run = 0;
+        while (at + run < end && run < BLOCK - 1 && bytes[at + run]) run++;
+        wire[out++] = (uint8_t)(run + 1);
+        memcpy(wire + out, bytes + at, run);
+        out += run, at += run;
+        bool zero = at < end && run < BLOCK - 1;
+        at += zero;
+        more = zero || at < end; // a 0 at the very end needs a block behind it
+    }
+    wire[out++] = 0;
+    return out;
+}
+
+static void append(kn_framer *f, uint8_t byte)
+{
+    if (f->size < sizeof f->bytes) f->bytes[f->size] = byte;
+    if (f->size <= sizeof f->bytes) f->size++;
+}
+
+static void decode(kn_framer *f, uint8_t byte)
+{
+    if (f->left > 0) {
+        append(f, byte);
+        f->left--;
+        return;
+    }
+    if (f->code != 0 && f->code != BLOCK) append(f, 0);
+    f->hollow = f->code == BLOCK && byte == 1;
+    f->code = byte;
+    f->left = (uint8_t)(byte - 1);
+}
+
+// Counts the frame that has ended. Returns its payload's size; 0 where something is wrong or nothing has come.
+static size_t judge(kn_framer *f)
+{
+    size_t payload = f->size - (size_t)CHECKSUM;
+    int64_t *counter = &f->frames;
+    if (f->code == 0) return 0;
+    if (f->size > sizeof f->bytes)
+        counter = &f->length;
+    else if (f->left > 0 || f->hollow)
+        counter = &f->cobs;
+    else if (f->size <= CHECKSUM)
+        counter = &f->length;
+    else if ((uint32_t)crc32(0, f->bytes, (uInt)payload) != get(f->bytes + payload, CHECKSUM))
+        counter = &f->crc;
+    ++*counter;
+    return counter == &f->frames ? payload : 0;
+}
+
+size_t kn_framer_read(kn_framer *framer, const uint8_t *bytes, size_t count, size_t *used)
+{
+    for (size_t i = 0; i < count; i++) {
+        if (bytes[i] != 0) {
+            decode(framer, bytes[i]);
+            continue;
+        }
+        size_t payload = judge(framer);
+        framer->size = 0;
+        framer->code = framer->left = 0;
+        framer->hollow = false;
+        if (payload == 0) continue;
+        *used = i + 1;
+        return payload;
+    }
+    *used = count;
+    return 0;
+}
+
+// ---- at the driver ----
+
+void kn_request_begin(kn_request *request, uint16_t tag)
+{
+    put(request->bytes, tag, TAG);
+    request->size = TAG;
+    request->words = 0;
+}
+
+// Where an operation of so many bytes goes that adds words to the reply; NULL where it or they do not fit.
+static uint8_t *place(kn_request *r, uint32_t address, uint32_t bytes, uint32_t words)
+{
+    if (address >= ADDRESSES || r->size + bytes > KN_FRAMER_PAYLOAD || r->words + words > KN_REQUEST_READ_MOST)
+        return NULL;
+    uint8_t *at = r->bytes + r->size;
+    put(at + 1, address, 3);
+    r->size = (uint16_t)(r->size + bytes);
+    r->words = (uint16_t)(r->words + words);
+    return at;
+}
+
+bool kn_request_read(kn_request *request, uint32_t address, uint32_t count)
+{
+    if (count == 0 || count > KN_REQUEST_READ_MOST) return false;
+    uint8_t *at = place(request, address, ACCESS, count);
+    if (!at) return false;
+    at[0] = READ;
+    at[4] = (uint8_t)count;
+    return true;
+}
+
+bool kn_request_write(kn_request *request, uint32_t address, const uint32_t *words, uint32_t count)
+{
+    if (count == 0 || count > KN_REQUEST_WRITE_MOST) return false;
+    uint8_t *at = place(request, address, ACCESS + 4 * count, 0);
+    if (!at) return false;
+    at[0] = WRITE;
+    at[4] = (uint8_t)count;
+    for (uint32_t i = 0; i < count; i++) put(at + ACCESS + 4 * i, words[i], 4);
+    return true;
+}
+
+bool kn_request_wait(kn_request *request, uint32_t address, uint32_t mask, uint32_t value, uint16_t limit)
+{
+    uint8_t *at = place(request, address, POLL, 1);
+    if (!at) return false;
+    at[0] = WAIT;
+    put(at + 4, mask, 4);
+    put(at + 8, value, 4);
+    put(at + 12, limit, 2);
+    return true;
+}
+
+bool kn_reply_parse(kn_reply *reply, const kn_request *request, const uint8_t *payload, size_t size)
+{
+    if (size < HEAD || (size - HEAD) % 4 || size > KN_FRAMER_PAYLOAD || payload[TAG] > KN_REPLY_TIMEOUT) return false;
+    reply->tag = (uint16_t)get(payload, TAG);
+    reply->status = (kn_reply_status)payload[TAG];
+    reply->count = (uint16_t)((size - HEAD) / 4);
+    for (int i = 0; i < reply->count; i++) reply->words[i] = get(payload + HEAD + 4 * i, 4);
+    return reply->tag == get(request->bytes, TAG) &&
+           (reply->status == KN_REPLY_OK ? reply->count == request->words : reply->count <= request->words);
+}
+
+// ---- at the device ----
+
+typedef struct execution {
+    const uint8_t *at, *end;
+    const kn_word_bus *bus;
+    uint8_t *reply;
+    uint32_t words;
+} execution;
+
+static uint32_t take(execution *e, int bytes)
+{
+    e->at += bytes;
+    return get(e->at - bytes, bytes);
+}
+
+static void answer(execution *e, uint32_t word)
+{
+    put(e->reply + HEAD + 4 * e->words++, word, 4);
+}
+
+static kn_reply_status execute_read(execution *e)
+{
+    uint32_t address = take(e, 3), count = take(e, 1), word;
+    if (count == 0 || e->words + count > KN_REQUEST_READ_MOST) return KN_REPLY_MALFORMED;
+    for (uint32_t i = 0; i < count; i++) {
+        if (!e->bus->read(e->bus->self, (address + i) % ADDRESSES, &word)) return KN_REPLY_BUS;
+        answer(e, word);
+    }
+    return KN_REPLY_OK;
+}
+
+static kn_reply_status execute_write(execution *e)
+{
+    uint32_t address = take(e, 3), count = take(e, 1);
+    if (count == 0 || (size_t)(e->end - e->at) < 4 * (size_t)count) return KN_REPLY_MALFORMED;
+    for (uint32_t i = 0; i < count; i++)
+        if (!e->bus->write(e->bus->self, (address + i) % ADDRESSES, take(e, 4))) return KN_REPLY_BUS;
+    return KN_REPLY_OK;
+}
+
+static kn_reply_status execute_wait(execution *e)
+{
+    uint32_t address = take(e, 3), mask = take(e, 4), value = take(e, 4), limit = take(e, 2), word = 0;
+    if (e->words + 1 > KN_REQUEST_READ_MOST) return KN_REPLY_MALFORMED;
+    uint32_t reads = limit ? limit * 256 : 1;
+    bool met = false;
+    for (uint32_t i = 0; i < reads && !met; i++) {
+        if (!e->bus->read(e->bus->self, address, &word)) return KN_REPLY_BUS;
+        met = (word & mask) == value;
+    }
+    answer(e, word);
+    return met ? KN_REPLY_OK : KN_REPLY_TIMEOUT;
+}
+
+static kn_reply_status execute(execution *e)
+{
+    static const int sizes[] = {[READ] = ACCESS, [WRITE] = ACCESS, [WAIT] = POLL};
+    uint32_t operation = take(e, 1);
+    if (operation < READ || operation > WAIT || e->end - e->at < sizes[operation] - 1) return KN_REPLY_MALFORMED;
+    if (operation == READ) return execute_read(e);
+    if (operation == WRITE) return execute_write(e);
+    return execute_wait(e);
+}
+
+size_t kn_request_execute(const uint8_t *payload, size_t size, const kn_word_bus *bus, uint8_t reply[KN_FRAMER_PAYLOAD])
+{
+    execution e = {payload, payload + size, bus, reply, 0};
+    put(reply, size < TAG ? take(&e, 1) : take(&e, TAG), TAG);
+    kn_reply_status status = e.at < e.end ? KN_REPLY_OK : KN_REPLY_MALFORMED;
+    while (status == KN_REPLY_OK && e.at < e.end) status = execute(&e);
+    reply[TAG] = (uint8_t)status;
+    return HEAD + 4 * e.words;
+}
