@@ -1,0 +1,168 @@
+#ifndef KN_HDL_SIM_BENCH_H
+#define KN_HDL_SIM_BENCH_H
+// What the benches share: chance with a seed that is printed, and a word bus that circuit and C code see alike.
+#include "verilated.h"
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <string>
+#include <vector>
+extern "C" {
+#include "server/backend/frame.h"
+}
+
+inline double sc_time_stamp()
+{
+    return 0;
+}
+
+struct chance {
+    uint64_t state;
+    uint32_t below(uint32_t n)
+    {
+        state ^= state << 13, state ^= state >> 7, state ^= state << 17;
+        return n ? uint32_t((state >> 32) * n >> 32) : 0;
+    }
+    uint32_t word() { return below(2) ? below(UINT32_MAX) : below(2) ? 0 : below(256); }
+};
+
+inline long from_environment(const char *name, long otherwise)
+{
+    const char *text = getenv(name);
+    return text ? atol(text) : otherwise;
+}
+
+// Words at 0 to 255 are memory, those from 0x800000 to 0x80ffff bus errors, all others what their address makes of
+// them. The word at 16 counts its reads, so that a WAIT for it ends.
+struct memory {
+    uint32_t words[256] = {};
+    std::vector<uint64_t> transfers; // (write, address, word) in order
+    static bool refuses(uint32_t address) { return address >> 16 == 0x80; }
+    void note(bool write, uint32_t address, uint32_t word)
+    {
+        transfers.push_back(uint64_t(write) << 56 | uint64_t(address) << 32 | word);
+    }
+    bool read(uint32_t address, uint32_t &word)
+    {
+        word = address == 16 ? ++words[16] : address < 256 ? words[address] : address * 0x9e3779b1u;
+        note(false, address, word);
+        return !refuses(address);
+    }
+    bool write(uint32_t address, uint32_t word)
+    {
+        note(true, address, word);
+        if (address < 256) words[address] = word;
+        return !refuses(address);
+    }
+};
+
+inline kn_word_bus bus_of(memory &m)
+{
+    return {&m, [](void *self, uint32_t a, uint32_t *w) { return static_cast<memory *>(self)->read(a, *w); },
+            [](void *self, uint32_t a, uint32_t w) { return static_cast<memory *>(self)->write(a, w); }};
+}
+
+// The C code as the device: what it answers to bytes of a line.
+struct device {
+    memory bus;
+    kn_framer framer = {};
+    std::vector<uint8_t> answer;
+    long statuses[4] = {}; // of the answers
+    void hear(const std::vector<uint8_t> &bytes)
+    {
+        const kn_word_bus words = bus_of(bus);
+        uint8_t payload[KN_FRAMER_PAYLOAD], wire[KN_FRAMER_WIRE];
+        for (size_t at = 0, used; at < bytes.size(); at += used) {
+            size_t size = kn_framer_read(&framer, bytes.data() + at, bytes.size() - at, &used);
+            if (size == 0) continue;
+            size = kn_request_execute(framer.bytes, size, &words, payload);
+            statuses[payload[2] & 3]++;
+            size = kn_framer_encode(payload, size, wire);
+            answer.insert(answer.end(), wire, wire + size);
+        }
+    }
+};
+
+// ---- requests of chance ----
+
+inline uint32_t some_address(chance &c)
+{
+    const uint32_t places[] = {c.below(256), 16, 16, c.below(1 << 24), 0x7fff00 + c.below(257), 0xfffff8 + c.below(8)};
+    return places[c.below(6)];
+}
+
+inline void some_operation(chance &c, kn_request &r)
+{
+    uint32_t words[KN_REQUEST_WRITE_MOST], count = 1 + (c.below(4) ? c.below(5) : c.below(255));
+    for (uint32_t &word : words) word = c.word();
+    switch (c.below(4)) {
+    case 0:
+        kn_request_read(&r, some_address(c), count);
+        break;
+    case 1:
+        kn_request_write(&r, some_address(c), words, count);
+        break;
+    case 2:
+        kn_request_wait(&r, 16, 0xff, c.below(256), uint16_t(c.below(3)));
+        break;
+    default:
+        kn_request_wait(&r, some_address(c), c.word(), 0, uint16_t(c.below(2)));
+    }
+}
+
+// A frame of some operations; of every eight one is cut short, has bytes behind its end, or a byte changed, by a sender
+// that makes its checksum all the same.
+inline std::vector<uint8_t> some_request(chance &c)
+{
+    kn_request r;
+    kn_request_begin(&r, uint16_t(c.below(1 << 16)));
+    for (uint32_t n = c.below(6); n > 0; n--) some_operation(c, r);
+    if (c.below(8) == 0) switch (c.below(3)) {
+        case 0:
+            r.size = uint16_t(1 + c.below(r.size));
+            break;
+        case 1:
+            while (r.size < KN_FRAMER_PAYLOAD && c.below(20)) r.bytes[r.size++] = uint8_t(c.below(4));
+            break;
+        default:
+            r.bytes[c.below(r.size)] = uint8_t(c.below(6));
+        }
+    uint8_t wire[KN_FRAMER_WIRE];
+    size_t size = kn_framer_encode(r.bytes, r.size, wire);
+    return {wire, wire + size};
+}
+
+inline std::vector<uint8_t> some_bytes(chance &c)
+{
+    std::vector<uint8_t> bytes(1 + c.below(c.below(8) ? 40 : 2500));
+    uint32_t zeros = c.below(3);
+    for (uint8_t &byte : bytes) byte = uint8_t(zeros == 0 ? 1 + c.below(255) : zeros == 1 ? c.below(256) : c.below(3));
+    return bytes;
+}
+
+// What a line may bring: frames, frames spoilt, and noise.
+inline std::vector<uint8_t> some_line(chance &c)
+{
+    std::vector<uint8_t> line;
+    for (uint32_t n = 1 + c.below(4); n > 0; n--) {
+        std::vector<uint8_t> part = c.below(5) ? some_request(c) : some_bytes(c);
+        switch (c.below(10)) {
+        case 0:
+            part[c.below(uint32_t(part.size()))] ^= uint8_t(1 << c.below(8));
+            break;
+        case 1:
+            part.resize(1 + c.below(uint32_t(part.size())));
+            break;
+        case 2:
+            part.push_back(0);
+            break;
+        default:
+            break;
+        }
+        line.insert(line.end(), part.begin(), part.end());
+    }
+    return line;
+}
+
+#endif

@@ -1,0 +1,17 @@
+#!/usr/bin/env bash
+# Every module of hdl/rtl is one file of its name, in Verilog-2005 with explicit widths, and takes part in one of the others or is a top
+# by itself; no warning is waived.
+source "$KN_SOURCE/tests/hdl/tools.sh"
+need verilator
+for file in "$rtl"/*.v; do
+    module=$(basename "$file" .v)
+    if verilator --lint-only -Wall --default-language 1364-2005 -y "$rtl" --top-module "$module" "$file" >lint.log 2>&1; then
+        echo "ok   $module"
+    else
+        echo "FAIL $module" && cat lint.log && fail=1
+    fi
+    head -1 "$file" | grep -qx '`default_nettype none' || { echo "FAIL $module: no default_nettype none" && fail=1; }
+done
+found=$(grep -n 'lint_off' "$rtl"/*.v)
+[ -z "$found" ] || { printf 'FAIL waived:\n%s\n' "$found" && fail=1; }
+exit $fail

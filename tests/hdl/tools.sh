@@ -1,0 +1,82 @@
+# What the tests of the circuit share. Sourced by bash, in an empty working directory, with KN_SOURCE and KN_BUILD.
+#
+#     need PROGRAM...                       skips the test (77) where one is missing
+#     bench TOP BENCH [OPTION]...           $bench is the bench, hdl/sim/BENCH.cpp round the Verilated hdl/rtl/TOP.v and the C code that
+#                                           the circuit is held to; kept and built again in $KN_BUILD/hdl
+#     prove NAME MODE DEPTH FILE...         hdl/formal/NAME.v and the modules it is made of, hdl/rtl/FILE, hold: bmc, in every run of DEPTH
+#                                           clocks from any registers; induction, in every run
+#     mutant DEPTH FILE SED                 the proof before fails within DEPTH clocks of a run when FILE is changed by SED: it has teeth
+#     cover DEPTH                           what the proof before covers is reached
+fail=0
+rtl=$KN_SOURCE/hdl/rtl
+
+need() {
+    local program
+    for program in "$@"; do
+        command -v "$program" >/dev/null || { echo "skipped: no $program here (tests/packages)" && exit 77; }
+    done
+}
+
+bench() {
+    local top=$1 name=$2 built=$KN_BUILD/hdl/$2
+    shift 2
+    mkdir -p "$built" && rm -f "$built/bench"
+    gcc -std=gnu17 -O2 -Wall -I"$KN_SOURCE" -c "$KN_SOURCE/server/backend/frame.c" -o "$built/frame.o" &&
+        verilator --cc --exe --build -O3 --x-initial unique -Wall --default-language 1364-2005 --assert -y "$rtl" --top-module "$top" \
+            --prefix "V$top" -Mdir "$built" -o bench -CFLAGS "-O2 -I$KN_SOURCE" -LDFLAGS "$built/frame.o -lz" "$@" \
+            "$rtl/$top.v" "$KN_SOURCE/hdl/sim/$name.cpp" >"$name.log" 2>&1 ||
+        { cat "$name.log" && exit 1; }
+    bench=$built/bench
+}
+
+# smt2 FROM: the proof of the modules in FROM as a formula
+smt2() {
+    local files=()
+    local file
+    for file in "${proof[@]}"; do files+=("$1/$file"); done
+    yosys -q -l yosys.log -p "read_verilog -formal -I$rtl ${files[*]} $KN_SOURCE/hdl/formal/$name.v; prep -flatten -top $name; \
+        async2sync; dffunmap; opt_clean; write_smt2 -wires proof.smt2" >/dev/null || { cat yosys.log && exit 1; }
+}
+
+# solve WANTED LINE MODE...: the solver's verdict, and how long it took
+solve() {
+    local wanted=$1 line=$2 begun=${EPOCHREALTIME/[.,]/} verdict took
+    shift 2
+    yosys-smtbmc -s z3 --presat "$@" proof.smt2 >solver.log 2>&1
+    took=$(((${EPOCHREALTIME/[.,]/} - begun) / 100000))
+    verdict=$(sed -n 's/.*Status: //p' solver.log | tail -1)
+    if [[ $verdict == "$wanted" ]]; then
+        echo "ok   $line, $((took / 10)).$((took % 10)) s"
+    else
+        printf 'FAIL %s: %s\n' "$line" "${verdict:-no verdict}" && grep -vE '^## *[0-9:]+ +(Checking|Trying)' solver.log | tail -15
+        fail=1
+    fi
+}
+
+prove() {
+    name=$1 mode=$2 depth=$3
+    shift 3
+    proof=("$@")
+    smt2 "$rtl"
+    solve PASSED "$name holds in $depth clocks" -t "$depth"
+    if [ "$mode" = induction ]; then
+        solve PASSED "$name: and if it held for $depth, it holds in the next: always" -i -t "$depth"
+    fi
+}
+
+mutant() {
+    local depth=$1 file=$2 change=$3
+    rm -rf mutated && cp -r "$rtl" mutated
+    sed -i "$change" "mutated/$file"
+    if cmp -s "$rtl/$file" "mutated/$file"; then
+        echo "FAIL $file: nothing there that '$change' changes" && fail=1
+        return
+    fi
+    smt2 mutated
+    solve FAILED "$name is refuted by $file with $change" -t "$depth"
+}
+
+cover() {
+    smt2 "$rtl"
+    solve PASSED "$name: all that it covers is reached" -c -t "$1"
+}
