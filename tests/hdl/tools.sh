@@ -18,7 +18,8 @@ need() {
 }
 
 bench() {
-    local top=$1 name=$2 built=$KN_BUILD/hdl/$2
+    local top=$1 name=$2 built
+    built=$(IFS=_ && tr -dc 'a-zA-Z0-9_' <<<"$*") && built=$KN_BUILD/hdl/$built # another one for each set of options
     shift 2
     mkdir -p "$built" && rm -f "$built/bench"
     gcc -std=gnu17 -O2 -Wall -I"$KN_SOURCE" -c "$KN_SOURCE/server/backend/frame.c" -o "$built/frame.o" &&
