@@ -152,6 +152,13 @@ static void relieve(kn_state *state, int p, kn_contact *contact, int first)
     state->tool[p].relief_m = deepest;
 }
 
+void kn_sample_push(kn_sample *s)
+{
+    s->pressing_n = fmax(0, s->foundation_n_m * s->depth_m);
+    s->line.active = s->pressing_n > 0;
+    for (int k = 0; k < 3; k++) s->force_n[k] = s->pressing_n * s->normal[k];
+}
+
 void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact)
 {
     contact->hold_count = contact->sample_count = 0;

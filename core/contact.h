@@ -93,6 +93,9 @@ void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *inp
 // model's reals, as state->velocity).
 double kn_sample_gap_rate(const kn_model *model, const kn_contact *contact, const kn_sample *s, const void *field);
 
+// Explicit: the force of its depth now, straight and along the normal.
+void kn_sample_push(kn_sample *s);
+
 // Sums forces on each tool, releases nodes that pull, remembers what sticks, advances the tools by one step.
 void kn_contact_end(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact,
                     kn_output *output);

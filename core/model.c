@@ -4,6 +4,7 @@
 #include "core/kernel.h"
 #include "core/net.h"
 #include "core/outside.h"
+#include "core/solver_fixed.h"
 #include "core/solver_rk4.h"
 #include "core/state.h"
 
@@ -51,7 +52,7 @@ static bool is_real(double x) { return x >= 0 && isfinite(x); }
 
 static const char *check_tool(const kn_model_def *def, const kn_probe_def *p)
 {
-    const bool rk4 = def->solver.kind == KN_SOLVER_RK4, plate = p->shape == KN_PROBE_PLATE;
+    const bool plate = p->shape == KN_PROBE_PLATE;
     if (!is_real(p->friction) || !is_real(p->adhesion_pa) || !is_real(p->grip_n))
         return "a probe's friction, adhesion and grip must not be negative";
     if (!is_real(p->coupling_n_m) || !is_real(p->coupling_n_s_m)) return "a probe's coupling must not be negative";
@@ -59,7 +60,8 @@ static const char *check_tool(const kn_model_def *def, const kn_probe_def *p)
     if (plate && more) return "a plate sticks as it is: friction, adhesion, grip and coupling need another shape";
     if (p->adhesion_pa > kn_probe_foundation(p) * 0.2 * def->spacing_m)
         return "adhesion would stretch the foundation by more than a fifth of a spacing: needs a stiffer foundation";
-    if (rk4 && more) return "friction, adhesion, grip and coupling need the implicit solver";
+    if (def->solver.kind != KN_SOLVER_IMPLICIT && more)
+        return "friction, adhesion, grip and coupling need the implicit solver";
     return NULL;
 }
 
@@ -120,7 +122,8 @@ static const char *check_solver(const kn_solver_def *s)
 {
     if (!(s->dt_s > 0 && s->dt_s <= 0.1)) return "dt must be in (0, 0.1] s";
     if (!(s->mass_scale >= 1 && isfinite(s->mass_scale))) return "mass_scale must be at least 1";
-    if (s->kind == KN_SOLVER_RK4) return s->precision == KN_PRECISION_F64 ? NULL : "rk4 runs in f64 only";
+    if (s->kind != KN_SOLVER_IMPLICIT && s->precision != KN_PRECISION_F64) return "rk4 and fixed run in f64 only";
+    if (s->kind == KN_SOLVER_RK4) return NULL;
     if (s->iterations < 1 || s->iterations_max < s->iterations || s->iterations_max > 100000)
         return "needs 1 <= iterations <= iterations_max <= 100000";
     if (!(s->tolerance >= 0 && s->tolerance < 1)) return "tolerance must be in [0, 1)";
@@ -263,15 +266,19 @@ static bool build_cells(kn_model *m)
     return true;
 }
 
+static bool build_edges(kn_model *m)
+{
+    if (m->def.mesh) return true; // its own
+    m->edge_count = kn_grid_edges(&m->grid, NULL);
+    m->edges = calloc((size_t)m->edge_count + 1, sizeof(kn_edge));
+    if (m->edges) kn_grid_edges(&m->grid, m->edges);
+    return m->edges != NULL;
+}
+
 static bool build_rk4(kn_model *m)
 {
-    if (!m->def.mesh) {
-        m->edge_count = kn_grid_edges(&m->grid, NULL);
-        m->edges = calloc((size_t)m->edge_count + 1, sizeof(kn_edge));
-        if (!m->edges) return false;
-        kn_grid_edges(&m->grid, m->edges);
-        if (m->def.pressure != KN_PRESSURE_NONE && !build_cells(m)) return false;
-    }
+    if (!build_edges(m)) return false;
+    if (!m->def.mesh && m->def.pressure != KN_PRESSURE_NONE && !build_cells(m)) return false;
     m->rk4_limit_s = kn_rk4_limit(m);
     return m->rk4_limit_s >= 0;
 }
@@ -315,7 +322,11 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
     else wrong = build_block(m) ? NULL : KN_NO_MEMORY;
     if (!wrong && !kn_outside_build(m)) wrong = KN_NO_MEMORY;
     if (!wrong) wrong = check_stiffness(m);
-    if (!wrong && (rk4 ? !build_rk4(m) : !build_tables(m))) wrong = KN_NO_MEMORY;
+    char text[160];
+    if (!wrong && def->solver.kind == KN_SOLVER_FIXED)
+        wrong = build_edges(m) ? kn_fixed_build(m, text, sizeof text) : KN_NO_MEMORY;
+    else if (!wrong && (rk4 ? !build_rk4(m) : !build_tables(m)))
+        wrong = KN_NO_MEMORY;
     if (wrong) return fail(error, size, wrong);
     if (!check_flattest(m, error, size)) return false;
     if (rk4 && def->solver.dt_s > m->rk4_limit_s) {
@@ -356,6 +367,7 @@ void kn_model_destroy(kn_model *model)
     free(model->support);
     free(model->top);
     free(model->top_share);
+    kn_fixed_destroy(model->fixed);
     free(model->edges);
     free(model->skin);
     free(model->shape);

@@ -58,7 +58,7 @@ typedef struct kn_probe_def {
     double reach_m[2][2];   // of x, of y: between which its centre stays; all 0: anywhere. A scene's: the model asks `fine`
 } kn_probe_def;
 
-typedef enum kn_solver { KN_SOLVER_IMPLICIT, KN_SOLVER_RK4 } kn_solver;
+typedef enum kn_solver { KN_SOLVER_IMPLICIT, KN_SOLVER_RK4, KN_SOLVER_FIXED } kn_solver;
 typedef enum kn_precision { KN_PRECISION_F32, KN_PRECISION_F64 } kn_precision;
 
 // Instruction sets with the same 16 logical lanes and the same bits. AUTO takes the best the processor has.
@@ -66,7 +66,7 @@ typedef enum kn_isa { KN_ISA_AUTO, KN_ISA_BASE, KN_ISA_AVX2, KN_ISA_AVX512 } kn_
 
 typedef struct kn_solver_def {
     kn_solver kind;
-    kn_precision precision; // RK4 is always F64
+    kn_precision precision; // RK4 and FIXED are always F64: FIXED keeps its integers in them
     kn_linearization linearization;
     kn_isa isa;
     double dt_s;        // step, s
@@ -159,11 +159,12 @@ typedef struct kn_model {
     int base_count;             // nodes of the outside that the table can push: see outside.h
     int *base;                  // [base_count] their ids
     double *base_area_m2;       // [base_count] the table's share of each
-    kn_edge *edges;      // RK4 only, else NULL
+    kn_edge *edges;             // of a net, under RK4 and FIXED, else NULL
     int edge_count;
     kn_cell *cells;       // with pressure, of a net or under RK4, else NULL
     double *cell_volume;  // [cell_count] at rest, m^3
     int cell_count;
+    struct kn_fixed_model *fixed; // FIXED only, else NULL: solver_fixed.h
     double rk4_limit_s;  // RK4 only: largest stable step at rest, 2.785 / lambda_max(C/M) by power iteration
     size_t state_bytes;  // of one kn_state with its arrays
 } kn_model;

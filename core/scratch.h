@@ -23,7 +23,7 @@ typedef struct kn_scratch {
     kn_boundary boundary; // RK4: its arrays below
     uint8_t *fixed;
     double (*velocity)[3], (*force)[3], (*reaction)[3];
-    void *stages; // RK4
+    void *stages; // RK4; FIXED: its own
 } kn_scratch;
 
 static inline kn_scratch *kn_state_scratch(const kn_state *state) { return state->scratch; }

@@ -1,5 +1,6 @@
 #include "core/rigid.h"
 #include "core/hash.h"
+#include "core/solver_fixed.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -25,8 +26,9 @@ static size_t real_size(const kn_model *m)
 static size_t field_bytes(const kn_model *m, int components)
 {
     if (components != KN_FORWARD) return kn_model_field(m, components) * real_size(m);
-    // of edges; a Voigt part's strain is read off the length
-    return m->law.kind == KN_LAW_VOIGT ? 0 : m->edge_reals * real_size(m);
+    // of edges; a Voigt part's strain is read off the length, but in integers, which add it up
+    const bool read_off = m->law.kind == KN_LAW_VOIGT && m->def.solver.kind != KN_SOLVER_FIXED;
+    return read_off ? 0 : m->edge_reals * real_size(m);
 }
 
 // Kept of the cells' pressure: see kn_work.cell.
@@ -68,6 +70,12 @@ static void layout_rk4(const kn_model *m, arena *a, kn_scratch *s)
     s->boundary = (kn_boundary){s->fixed, (const double(*)[3])s->velocity, (const double(*)[3])s->force, s->reaction};
 }
 
+static void layout_fixed(const kn_model *m, arena *a, kn_scratch *s)
+{
+    s->stages = take(a, kn_fixed_scratch(m));
+    if (s->stages) kn_fixed_scratch_init(m, s->stages);
+}
+
 // One description of the arena for measuring and for handing out; kept: all but the scratch.
 static size_t layout(const kn_model *m, char *base, bool kept)
 {
@@ -90,6 +98,7 @@ static size_t layout(const kn_model *m, char *base, bool kept)
     void *contact = take(&a, kn_contact_bytes(m));
     if (base) kn_contact_init(m, &scratch->contact, contact);
     if (m->def.solver.kind == KN_SOLVER_IMPLICIT) layout_implicit(m, &a, scratch);
+    else if (m->def.solver.kind == KN_SOLVER_FIXED) layout_fixed(m, &a, scratch);
     else layout_rk4(m, &a, scratch);
     if (base) state->bytes = a.used;
     return a.used;

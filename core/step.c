@@ -1,5 +1,6 @@
 #include "core/step.h"
 #include "core/scratch.h"
+#include "core/solver_fixed.h"
 #include "core/solver_implicit.h"
 
 #include <math.h>
@@ -27,9 +28,7 @@ static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
     }
     for (int i = 0; i < s->contact.sample_count; i++) { // explicit: pressure at the depth of now
         kn_sample *sample = &s->contact.sample[i];
-        sample->pressing_n = fmax(0, sample->foundation_n_m * sample->depth_m);
-        sample->line.active = sample->pressing_n > 0;
-        for (int k = 0; k < 3; k++) sample->force_n[k] = sample->pressing_n * sample->normal[k];
+        kn_sample_push(sample);
         for (int a = 0; a < sample->nodes; a++)
             for (int k = 0; k < 3; k++) s->force[sample->node[a]][k] += sample->weight[a] * sample->force_n[k];
     }
@@ -78,16 +77,18 @@ kn_status kn_step(const kn_model *model, kn_state *state, const kn_input *input,
     kn_contact *contact = &kn_state_scratch(state)->contact;
     memset(output, 0, sizeof *output);
     if (state->bad) return KN_DIVERGED;
-    bool rk4 = model->def.solver.kind == KN_SOLVER_RK4;
+    const kn_solver kind = model->def.solver.kind;
+    const bool rk4 = kind == KN_SOLVER_RK4;
 
     // who touches what, at the positions of now
     kn_contact_find(model, state, input, contact);
     // velocities of the lattice under these constraints; forces on holds and samples
     if (rk4) solve_rk4(model, state, input);
+    else if (kind == KN_SOLVER_FIXED) kn_solve_fixed(model, state, input, output);
     else kn_solve_implicit(model, state, input, output);
     // forces on the probes; they move, and so does the lattice
     kn_contact_end(model, state, input, contact, output);
-    if (!rk4) kn_advance_implicit(model, state);
+    if (kind == KN_SOLVER_IMPLICIT) kn_advance_implicit(model, state);
     if (state->secant_steps > 0) state->secant_steps--;
     watch_chatter(model, state, output);
     state->tick++;

@@ -117,7 +117,7 @@ static knead_status_t status_now(server *d)
     if (!d->rt.fifo) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FIFO;
     if (!d->rt.locked) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_MLOCK;
     if (d->on.model->isa == KN_ISA_BASE) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FMA;
-    status.backend = KNEAD_STATUS_T_BACKEND_CPU;
+    status.backend = d->on.model->fixed ? KNEAD_STATUS_T_BACKEND_FIXED : KNEAD_STATUS_T_BACKEND_CPU;
     return status;
 }
 

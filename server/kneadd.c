@@ -10,7 +10,7 @@
 
 static const char usage[] =
     "usage: kneadd --scene FILE [--set KEY=VALUE]... [--lcm-url URL] [--mesh-url URL] [--realtime auto|require|off]\n"
-    "              [--phase lock|free] [--quality NAME] [--backend cpu] [--local-model] [--touch]\n"
+    "              [--phase lock|free] [--quality NAME] [--backend cpu|fixed] [--local-model] [--touch]\n"
     "              [--control PATH] [--state-dir DIR] [--trace FILE] [--key FILE] [--lan IFACE] [--peer ADDRESS]...\n"
     "\n"
     "  --scene FILE      the object and its probes (YAML); knead check FILE tells what it costs\n"
@@ -21,7 +21,7 @@ static const char usage[] =
     "  --realtime MODE   auto: what the machine grants, and say what is missing; require: all of it or exit 3; off\n"
     "  --phase MODE      lock: ticks follow the poses of the first tool engaged, which then wait tens of us; free: on a\n"
     "                    grid of their own\n"
-    "  --backend cpu     where the lattice is stepped\n"
+    "  --backend WHERE   the lattice is stepped. cpu: as the scene says; fixed: in the integers of the circuit in hdl\n"
     "  --local-model     publish the contact of every tool as KNEAD_CONTACT_<probe>, for clients behind a slow link\n"
     "  --touch           publish what every tool touches as KNEAD_TOUCH_<probe>, for fingertip displays; 250 Hz\n"
     "  --control PATH    a socket there for knead ctl: status, reset, snapshot, undo, set, load, emergency stop ...\n"
@@ -41,7 +41,7 @@ static int bad(const char *what, const char *expected)
     return 2;
 }
 
-static int run(int argc, char **argv, const char **sets) // sets: room for argc
+static int run(int argc, char **argv, const char **sets) // sets: room for twice argc
 {
     static const struct option options[] = {
         {"scene", required_argument, NULL, 's'},    {"set", required_argument, NULL, 'k'},
@@ -72,7 +72,10 @@ static int run(int argc, char **argv, const char **sets) // sets: room for argc
             if (!def.free && strcmp(optarg, "lock") != 0) return bad(optarg, "--phase lock or free");
             break;
         case 'b':
-            if (strcmp(optarg, "cpu") != 0) return bad(optarg, "--backend cpu");
+            if (strcmp(optarg, "cpu") != 0 && strcmp(optarg, "fixed") != 0)
+                return bad(optarg, "--backend cpu or fixed");
+            for (int i = 0; i < KN_FIXED_SETS && strcmp(optarg, "fixed") == 0; i++)
+                sets[def.object.set_count++] = kn_fixed_set[i];
             break;
         case 'K': def.key = optarg; break;
         case 'L': def.lan = optarg; break;
@@ -103,7 +106,7 @@ static int run(int argc, char **argv, const char **sets) // sets: room for argc
 
 int main(int argc, char **argv)
 {
-    const char **sets = calloc((size_t)argc, sizeof *sets);
+    const char **sets = calloc(2 * (size_t)argc, sizeof *sets);
     int code = sets ? run(argc, argv, sets) : 70;
     free(sets);
     if (!(fflush(stdout) | ferror(stdout))) return code; // both: what failed on the way is not told by the last flush

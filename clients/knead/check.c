@@ -9,6 +9,7 @@
 #include "core/kernel.h"
 #include "core/scene/scene.h"
 #include "core/shape.h"
+#include "core/solver_fixed.h"
 #include "core/tool.h"
 #include <getopt.h>
 #include <math.h>
@@ -197,6 +198,14 @@ static void print_solver(const kn_model *model)
     if (s->kind == KN_SOLVER_RK4) {
         printf("solver    rk4 %s, dt %g s, mass scale %g; stable up to %.3g s\n", precision, s->dt_s, s->mass_scale,
                model->rk4_limit_s);
+    } else if (s->kind == KN_SOLVER_FIXED) {
+        const kn_fixed_model *f = model->fixed;
+        printf("solver    fixed, dt %g s, %d passes of %d iterations; a node moves at %.3g m/s at most, an edge bears "
+               "%.3g N\n",
+               s->dt_s, s->passes, s->iterations, ldexp(f->lambda_m, KN_FIXED_U - 1) / s->dt_s,
+               ldexp(f->phi_n, KN_FIXED_T - 1));
+        printf("%s   %.2g %% of the force is left unsolved %d ms into a press that begins at once at 1 cm/s\n",
+               f->error > KN_FIXED_ERROR ? "warning" : "error  ", 100 * f->error, KN_FIXED_TRIAL);
     } else {
         printf("solver    implicit %s, dt %g s, %s, %d to %d CG iterations (tolerance %g), %d pass%s\n", precision,
                s->dt_s, how[s->linearization], s->iterations, s->iterations_max, s->tolerance, s->passes,

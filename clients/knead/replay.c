@@ -28,7 +28,8 @@ static const char help[] =
     "                    begins on a kneaded object\n"
     "  --speed max|real  as fast as it goes (the default), or 1000 ticks per second\n"
     "another computation than the log's (and then no --verify):\n"
-    "  --solver S        implicit, rk4, blend, secant or tangent\n"
+    "  --backend WHERE   cpu: as the scene says; fixed: --solver fixed\n"
+    "  --solver S        implicit, rk4, fixed (integers, as the circuit in hdl), blend, secant or tangent\n"
     "  --precision P     f32 or f64\n"
     "  --dt TIME         step, 1 ms divided by a whole number, e.g. '62.5 us'\n"
     "  --set KEY=VALUE   any key of the scene; knead check --keys lists them\n"
@@ -46,7 +47,7 @@ typedef struct replay_options {
     const char *sets[SETS_MAX];
     char made[SETS_MAX][SET_SIZE];
     const char *csv_path, *out_path;
-    bool hash, verify, real_time, rk4;
+    bool hash, verify, real_time, wide;
 } replay_options;
 
 typedef struct replay_run {
@@ -85,11 +86,17 @@ static int add_set(replay_options *opt, const char *key, const char *value, cons
 
 static int set_solver(replay_options *opt, const char *name)
 {
-    opt->rk4 = !strcmp(name, "rk4");
-    if (!strcmp(name, "implicit") || opt->rk4) return add_set(opt, "solver.kind", name, "");
+    opt->wide = !strcmp(name, "rk4") || !strcmp(name, "fixed");
+    if (!strcmp(name, "implicit") || opt->wide) return add_set(opt, "solver.kind", name, "");
     if (!strcmp(name, "blend") || !strcmp(name, "secant") || !strcmp(name, "tangent"))
         return add_set(opt, "solver.linearization", name, "");
-    return bad("solver", name, "implicit, rk4, blend, secant or tangent");
+    return bad("solver", name, "implicit, rk4, fixed, blend, secant or tangent");
+}
+
+static int set_backend(replay_options *opt, const char *name)
+{
+    if (!strcmp(name, "cpu")) return KN_EXIT_OK;
+    return strcmp(name, "fixed") ? bad("backend", name, "cpu or fixed") : set_solver(opt, "fixed");
 }
 
 static int set_dt(replay_options *opt, const char *text)
@@ -99,13 +106,13 @@ static int set_dt(replay_options *opt, const char *text)
     return add_set(opt, "solver.dt", text, end != text && *end == '\0' ? " s" : "");
 }
 
-// RK4 has only doubles: without a word about precision it gets them, so that a refusal names its limit.
+// RK4 and the integers have only doubles: without a word about precision it gets them, so that a refusal names its limit.
 static int complete_solver(replay_options *opt)
 {
     static const char key[] = "solver.precision=";
     for (int i = 0; i < opt->def.set_count; i++)
         if (!strncmp(opt->sets[i], key, sizeof key - 1)) return KN_EXIT_OK;
-    return opt->rk4 ? add_set(opt, "solver.precision", "f64", "") : KN_EXIT_OK;
+    return opt->wide ? add_set(opt, "solver.precision", "f64", "") : KN_EXIT_OK;
 }
 
 static int take_option(replay_options *opt, int option, const char *value)
@@ -127,6 +134,7 @@ static int take_option(replay_options *opt, int option, const char *value)
     case 'q':
         if (!kn_quality_set(value)) return bad("quality", value, kn_quality_names);
         return add_set(opt, NULL, kn_quality_set(value), "");
+    case 'b': return set_backend(opt, value);
     case 'k': return add_set(opt, NULL, value, "");
     default: return KN_EXIT_USAGE; // getopt has said why
     }
@@ -150,6 +158,7 @@ static int parse(replay_options *opt, int argc, char **argv, bool *done)
                                             {"speed", required_argument, NULL, 'r'},
                                             {"snapshot", required_argument, NULL, 'S'},
                                             {"solver", required_argument, NULL, 's'},
+                                            {"backend", required_argument, NULL, 'b'},
                                             {"precision", required_argument, NULL, 'p'},
                                             {"dt", required_argument, NULL, 'd'},
                                             {"set", required_argument, NULL, 'k'},

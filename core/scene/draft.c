@@ -390,10 +390,13 @@ static bool finish_solver(kn_draft *draft)
         return kn_draft_complain(draft, later(draft, KN_KEY_ITERATIONS, KN_KEY_ITERATIONS_MAX),
                                  "solver.iterations_max is %d, expected at least solver.iterations, %d",
                                  solver->iterations_max, solver->iterations);
-    if (solver->kind != KN_SOLVER_RK4) return true;
+    if (solver->kind == KN_SOLVER_IMPLICIT) return true;
     if (given(draft, 0, KN_KEY_PRECISION) && solver->precision != KN_PRECISION_F64)
         return kn_draft_complain(draft, later(draft, KN_KEY_PRECISION, KN_KEY_KIND),
-                                 "solver.precision is f32, expected f64 with 'kind: rk4'");
+                                 "solver.precision is f32, expected f64 with 'kind: %s'",
+                                 solver->kind == KN_SOLVER_RK4 ? "rk4" : "fixed");
+    if (solver->kind == KN_SOLVER_FIXED && !given(draft, 0, KN_KEY_ITERATIONS)) solver->iterations = 8;
+    if (solver->kind == KN_SOLVER_FIXED && !given(draft, 0, KN_KEY_PASSES)) solver->passes = 2;
     solver->precision = KN_PRECISION_F64;
     return true;
 }
@@ -412,7 +415,7 @@ static void couple(kn_draft *draft, int slot)
     const kn_device_def *device = &draft->scene.device;
     kn_probe_def *probe = &draft->scene.model.probe[slot - 1];
     kn_mark *at = draft->at[slot], profile = draft->at[0][KN_KEY_PROFILE];
-    if (probe->shape == KN_PROBE_PLATE || draft->scene.model.solver.kind == KN_SOLVER_RK4) return;
+    if (probe->shape == KN_PROBE_PLATE || draft->scene.model.solver.kind != KN_SOLVER_IMPLICIT) return;
     if (!given(draft, slot, KN_KEY_PROBE_COUPLING) && strcmp(device->name, "bench") != 0) {
         probe->coupling_n_m = device->coupling_n_m;
         at[KN_KEY_PROBE_COUPLING] = profile;

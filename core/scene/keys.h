@@ -150,9 +150,9 @@
     scene.device.rotation_wxyz, "of the device, after basis: unit quaternion w, x, y, z")                             \
   X(DEVICE_SCALE, ALWAYS, "device.scale", REAL, 1, "", 1e-3, 1e3, "1",                                                \
     scene.device.scale, "of lengths: m in the scene for a m of the device")                                           \
-  X(KIND, ALWAYS, "solver.kind", CHOICE, 1, "implicit|rk4", 0, 0, "implicit",                                         \
-    scene.model.solver.kind, "rk4: the papers' method, refused above its stable step")                                \
-  X(PRECISION, ALWAYS, "solver.precision", CHOICE, 1, "f32|f64", 0, 0, "(f32; rk4 f64)",                              \
+  X(KIND, ALWAYS, "solver.kind", CHOICE, 1, "implicit|rk4|fixed", 0, 0, "implicit",                                   \
+    scene.model.solver.kind, "rk4: the papers' method, refused above its stable step; fixed: integers, as a circuit") \
+  X(PRECISION, ALWAYS, "solver.precision", CHOICE, 1, "f32|f64", 0, 0, "(f32; others f64)",                           \
     scene.model.solver.precision, "of the lattice")                                                                   \
   X(LINEARIZATION, ALWAYS, "solver.linearization", CHOICE, 1, "blend|secant|tangent", 0, 0, "blend",                  \
     scene.model.solver.linearization, "of the material law in a step")                                                \
@@ -161,13 +161,13 @@
   X(DT, ALWAYS, "solver.dt", REAL, 1, "s", 1e-9, 0.1, "1 ms",                                                         \
     scene.model.solver.dt_s, "step")                                                                                  \
   X(ITERATIONS, ALWAYS, "solver.iterations", INTEGER, 1, "", 1, 1000, "4",                                            \
-    scene.model.solver.iterations, "CG iterations of every step")                                                     \
+    scene.model.solver.iterations, "of every step: CG's; fixed: 8, Jacobi's, 32 at most")                             \
   X(ITERATIONS_MAX, ALWAYS, "solver.iterations_max", INTEGER, 1, "", 1, 1000, "24",                                   \
     scene.model.solver.iterations_max, "hard cap, used while the residual is above the tolerance")                    \
   X(TOLERANCE, ALWAYS, "solver.tolerance", REAL, 1, "", 0, 1, "1e-3",                                                 \
     scene.model.solver.tolerance, "of the residual, to the largest of the recent steps; 0 never extends")             \
   X(PASSES, ALWAYS, "solver.passes", INTEGER, 1, "", 1, 20, "1",                                                      \
-    scene.model.solver.passes, "linearisations per step")                                                             \
+    scene.model.solver.passes, "linearisations per step; fixed: 2, 15 at most")                                     \
   X(MASS_SCALE, ALWAYS, "solver.mass_scale", REAL, 1, "", 1, 1e9, "1",                                                \
     scene.model.solver.mass_scale, "inertia times this, weight as it is: rk4's way to a stable step")                 \
   X(BUDGET, ALWAYS, "solver.budget", REAL, 1, "s", 1e-5, 1e-3, "",                                                    \

@@ -12,7 +12,7 @@ typedef enum kn_backend_status {
 } kn_backend_status;
 
 typedef struct kn_backend {
-    const char *name; // "cpu"
+    const char *name; // "cpu", "fixed"
     void *self;
     void (*submit)(void *self, const kn_input *input);
     kn_backend_status (*wait)(void *self, int64_t deadline_ns, kn_output *output); // CLOCK_MONOTONIC deadline
@@ -26,6 +26,10 @@ typedef struct kn_backend {
     void (*afterwards)(void *self);
     void (*destroy)(void *self);
 } kn_backend;
+
+// --backend fixed, over a scene: integers as the circuit has them, kept in f64.
+#define KN_FIXED_SETS 2
+extern const char *const kn_fixed_set[KN_FIXED_SETS];
 
 // Steps of dt_s that make up one tick of 1 ms; 0 when no whole number of them does.
 int kn_backend_steps(double dt_s);

@@ -13,6 +13,8 @@ typedef struct cpu {
     kn_backend_status status;
 } cpu;
 
+const char *const kn_fixed_set[KN_FIXED_SETS] = {"solver.kind=fixed", "solver.precision=f64"};
+
 int kn_backend_steps(double dt_s)
 {
     double n = PERIOD_S / dt_s;
@@ -105,7 +107,13 @@ bool kn_backend_cpu(kn_backend *backend, const kn_model *model)
     c->model = model;
     c->state = state;
     c->steps = steps;
-    *backend = (kn_backend){.name = "cpu", .self = c, .submit = cpu_submit, .wait = cpu_wait, .state = cpu_state,
-                            .reset = cpu_reset, .restore = cpu_restore, .destroy = cpu_destroy};
+    *backend = (kn_backend){.name = model->fixed ? "fixed" : "cpu",
+                            .self = c,
+                            .submit = cpu_submit,
+                            .wait = cpu_wait,
+                            .state = cpu_state,
+                            .reset = cpu_reset,
+                            .restore = cpu_restore,
+                            .destroy = cpu_destroy};
     return true;
 }

@@ -53,6 +53,16 @@ TEST("dough-small under a plate in f64")
     check_golden("dough-small-plate-f64", def, 0x774fbacda3ca5e0c);
 }
 
+TEST("dough-small under a plate in the circuit's integers")
+{
+    kn_model_def def = press_def(1);
+    def.solver.kind = KN_SOLVER_FIXED;
+    def.solver.precision = KN_PRECISION_F64;
+    def.solver.iterations = 8;
+    def.solver.passes = 2;
+    check_golden("dough-small-plate-fixed", def, 0xde30178d424381bd);
+}
+
 TEST("dough-pressure under a plate")
 {
     kn_model_def def = press_def(2);

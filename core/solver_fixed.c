@@ -1,0 +1,416 @@
+#include "core/solver_fixed.h"
+#include "core/scratch.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define MOST_M_S 2.0  // displacement of a step that 25 bits hold
+#define PHI_N 0x1p-17 // at most
+#define PHI_LEAST_N 0x1p-21
+#define OCTAVES (KN_FIXED_SEGMENTS / 32)
+
+// --- the image
+// --------------------------------------------------------------------------------------------------------
+
+static double power_of_two_below(double v)
+{
+    return exp2(floor(log2(v)));
+}
+
+// Stress area and tension per change of length of an edge whose damper is rigid.
+static double area_of(const kn_model *m, const kn_edge *e)
+{
+    return m->gamma * m->kappa_m * e->weight * e->rest_m;
+}
+static double stiffness_of(const kn_model *m, const kn_edge *e)
+{
+    return m->law.a_pa_s / m->law.dt_s * m->kappa_m * e->weight;
+}
+
+typedef struct range { // over all edges
+    double stiffest_n_m, least_area_m2, longest_m;
+} range;
+
+static range range_of(const kn_model *m)
+{
+    range r = {0, INFINITY, 0};
+    for (int e = 0; e < m->edge_count; e++) {
+        r.stiffest_n_m = fmax(r.stiffest_n_m, stiffness_of(m, &m->edges[e]));
+        r.least_area_m2 = fmin(r.least_area_m2, area_of(m, &m->edges[e]));
+        r.longest_m = fmax(r.longest_m, m->edges[e].rest_m);
+    }
+    return r;
+}
+
+static void choose_units(const kn_model *m, kn_fixed_model *f, const range *r)
+{
+    f->lambda_m = power_of_two_below(MOST_M_S * m->law.dt_s / (1 << (KN_FIXED_U - 1)));
+    double soft = 16 * r->stiffest_n_m * f->lambda_m;
+    f->phi_n = fmax(PHI_LEAST_N, fmin(PHI_N, soft > 0 ? power_of_two_below(soft) : PHI_N));
+}
+
+// The largest shift, or the least one, that keeps a value within its bits.
+static int shift_within(double value, int bits)
+{
+    int shift = (int)floor(log2(((1 << bits) - 1) / value));
+    return shift < 0 ? 0 : shift > 40 ? 40 : shift;
+}
+
+// Interval 2/kappa .. 2, kappa by what so many iterations can do; see fixed.h (2).
+static void choose_polynomial(kn_fixed_config *c)
+{
+    const double kappa = 2.0 + 1.0 * c->iterations * c->iterations;
+    const double middle = 1 + 1 / kappa, rho = (1 - 1 / kappa) / middle;
+    double omega = 1;
+    for (int k = 0; k < c->iterations; k++) {
+        c->omega[k] = (int32_t)lround(ldexp(omega, KN_FIXED_OMEGA_FRACTION));
+        omega = k == 0 ? 1 / (1 - 0.5 * rho * rho) : 1 / (1 - 0.25 * rho * rho * omega);
+    }
+    c->relax = (int32_t)lround(ldexp(1 / middle, KN_FIXED_RELAX_FRACTION));
+}
+
+static void choose_config(const kn_model *m, kn_fixed_model *f, const range *r)
+{
+    kn_fixed_config *c = &f->image.config;
+    c->node_count = m->node_count;
+    c->edge_count = m->edge_count;
+    c->passes = m->def.solver.passes;
+    c->iterations = m->def.solver.iterations;
+    double d = 4 * r->longest_m / f->lambda_m / (1 << (KN_FIXED_D - 1)); // room to stretch fourfold
+    c->d_shift = d > 1 ? (int)ceil(log2(d)) : 0;
+    c->kv_shift = shift_within(r->stiffest_n_m * f->lambda_m / f->phi_n, KN_FIXED_KV);
+    double beta = m->law.mat.k1_pa * m->law.dt_s / m->law.a_pa_s * (1 << KN_FIXED_H_FRACTION);
+    c->beta_shift = beta > 0 ? shift_within(beta, KN_FIXED_BETA) : 0;
+    c->beta = (int32_t)lround(ldexp(beta, c->beta_shift));
+    choose_polynomial(c);
+}
+
+static int64_t to_units(double value, double unit)
+{
+    return llround(value / unit);
+}
+
+static void fill_nodes(const kn_model *m, kn_fixed_model *f)
+{
+    for (int n = 0; n < m->node_count; n++) {
+        kn_fixed_node *node = &f->image.node[n];
+        for (int k = 0; k < 3; k++) node->x[k] = to_units(m->rest_m[n][k], f->lambda_m);
+        node->load[2] = (int32_t)to_units(-m->def.gravity_m_s2 * m->node_mass_kg[n], f->phi_n);
+        node->held = m->support[n];
+    }
+}
+
+static void fill_edges(const kn_model *m, kn_fixed_model *f, const range *r)
+{
+    const kn_fixed_config *c = &f->image.config;
+    for (int e = 0; e < m->edge_count; e++) {
+        const kn_edge *edge = &m->edges[e];
+        double area = area_of(m, edge), kv = stiffness_of(m, edge) * f->lambda_m / f->phi_n;
+        int32_t ia = (int32_t)lround(((1 << KN_FIXED_IA) - 1) * r->least_area_m2 / area);
+        f->image.edge[e] = (kn_fixed_edge){.i = (uint16_t)edge->i,
+                                           .j = (uint16_t)edge->j,
+                                           .kv = (int32_t)lround(ldexp(kv, c->kv_shift)),
+                                           .ia = ia > 0 ? ia : 1};
+        f->spring[e] = m->law.mat.k1_pa * area / f->phi_n * (1 << KN_FIXED_H_FRACTION);
+    }
+}
+
+// The flowing branch begins in the last octave but one; below the first, R is what it is there.
+static void fill_table(const kn_model *m, kn_fixed_model *f, const range *r)
+{
+    const double key = ((1 << KN_FIXED_IA) - 1) * r->least_area_m2 / f->phi_n; // of 1 Pa
+    const double most = m->law.bh_pa > 0 && isfinite(m->law.bh_pa) ? m->law.bh_pa : 1;
+    f->image.config.octave = (int32_t)floor(log2(most * key)) + 2 - OCTAVES;
+    for (int i = 0; i <= KN_FIXED_SEGMENTS; i++) {
+        double b = ldexp(1 + (i % 32) / 32.0, f->image.config.octave + i / 32) / key;
+        f->image.table[i] = (int32_t)lround(ldexp(kn_law_stress(&m->law, b) / b, KN_FIXED_R_FRACTION));
+    }
+}
+
+// --- what it leaves unsolved
+// --------------------------------------------------------------------------------------------
+
+// What a patch of the top, one node and its neighbours, gives back in the last tick of a trial.
+static double trial(const kn_fixed_image *image, const kn_fixed_bound *bound, int count, void *memory,
+                    int64_t (*reaction)[3])
+{
+    kn_fixed engine;
+    kn_fixed_result result;
+    double force = 0;
+    kn_fixed_init(&engine, image, memory);
+    for (int tick = 0; tick < KN_FIXED_TRIAL; tick++) kn_fixed_tick(&engine, bound, count, reaction, &result);
+    for (int i = 0; i < count; i++) force += (double)reaction[i][2];
+    return force;
+}
+
+static int patch_of_top(const kn_model *m, const kn_fixed_model *f, kn_fixed_bound *bound)
+{
+    int middle = 0, count = 0;
+    double nearest = INFINITY;
+    for (int t = 0; t < m->top_count; t++) {
+        const double *x = m->rest_m[m->top[t]];
+        if (hypot(x[0], x[1]) < nearest) nearest = hypot(x[0], x[1]), middle = m->top[t];
+    }
+    for (int t = 0; t < m->top_count; t++) {
+        const double *x = m->rest_m[m->top[t]], *o = m->rest_m[middle];
+        if (hypot(x[0] - o[0], x[1] - o[1]) > 1.1 * m->def.spacing_m) continue;
+        bound[count++] = (kn_fixed_bound){.node = (uint16_t)m->top[t],
+                                          .holds = true,
+                                          .value = {0, 0, (int32_t)to_units(-0.01 * m->law.dt_s, f->lambda_m)}};
+    }
+    return count;
+}
+
+// False: no memory.
+static bool measure_error(const kn_model *m, kn_fixed_model *f)
+{
+    const size_t top = (size_t)m->top_count + 1;
+    kn_fixed_image much = f->image;
+    much.config.passes = 6;
+    much.config.iterations = KN_FIXED_ITERATIONS_MAX;
+    choose_polynomial(&much.config);
+    void *memory = aligned_alloc(64, kn_fixed_bytes(&f->image));
+    kn_fixed_bound *bound = calloc(top, sizeof *bound);
+    int64_t(*reaction)[3] = calloc(top, sizeof *reaction);
+    const bool fits = memory && bound && reaction;
+    if (fits && m->top_count > 0) {
+        const int count = patch_of_top(m, f, bound);
+        const double force = trial(&f->image, bound, count, memory, reaction);
+        const double converged = trial(&much, bound, count, memory, reaction);
+        f->error = converged > 0 ? fabs(force - converged) / converged : 0;
+    }
+    free(memory);
+    free(bound);
+    free(reaction);
+    return fits;
+}
+
+// --- what it cannot be
+// ------------------------------------------------------------------------------------------------
+
+static const char *unfit(const kn_model *m)
+{
+    const kn_solver_def *s = &m->def.solver;
+    if (m->node_count > KN_FIXED_NODES_MAX) return "fixed numbers nodes with 16 bits: 65535 at most";
+    if (m->def.pressure != KN_PRESSURE_NONE) return "fixed has no pressure cells";
+    if (m->law.stroke) return "fixed has no end stops of the damper: needs a material without a stroke";
+    if (m->def.support >= KN_SUPPORT_NONE) return "fixed has no inertia: needs a bonded or a frictionless support";
+    if (s->passes > KN_FIXED_PASSES_MAX || s->iterations > KN_FIXED_ITERATIONS_MAX)
+        return "fixed takes 15 passes of 32 iterations at most";
+    return NULL;
+}
+
+static const char *misfit(const kn_fixed_model *f, const range *r, char *text, size_t size)
+{
+    const kn_fixed_config *c = &f->image.config;
+    if (c->d_shift > 18) {
+        snprintf(text, size, "fixed holds edges of up to %.3g m at this dt, the longest here is %.3g m",
+                 ldexp(f->lambda_m, 17 + 18) / 4, r->longest_m);
+        return text;
+    }
+    const int32_t least = f->image.table[KN_FIXED_SEGMENTS];
+    if (least < 64) {
+        snprintf(text, size,
+                 "fixed holds a damper's flow to 1 %% down to c2 = (c1 + dt k1)/2048, here it falls to a %.3gth",
+                 ldexp(1, KN_FIXED_R_FRACTION) / fmax(least, 0.5));
+        return text;
+    }
+    return kn_fixed_check(&f->image);
+}
+
+static bool allocate(const kn_model *m, kn_fixed_model *f)
+{
+    f->image.node = calloc((size_t)m->node_count, sizeof *f->image.node);
+    f->image.edge = calloc((size_t)m->edge_count + 1, sizeof *f->image.edge);
+    f->spring = calloc((size_t)m->edge_count + 1, sizeof *f->spring);
+    return f->image.node && f->image.edge && f->spring;
+}
+
+const char *kn_fixed_build(kn_model *model, char *text, size_t size)
+{
+    const char *wrong = unfit(model);
+    if (wrong) return wrong;
+    kn_fixed_model *f = model->fixed = calloc(1, sizeof *f);
+    if (!f || !allocate(model, f)) return "not enough memory for the model";
+    const range r = range_of(model);
+    choose_units(model, f, &r);
+    choose_config(model, f, &r);
+    fill_nodes(model, f);
+    fill_edges(model, f, &r);
+    fill_table(model, f, &r);
+    if ((wrong = misfit(f, &r, text, size))) return wrong;
+    if (!measure_error(model, f)) return "not enough memory for the model";
+    if (!(f->error > KN_FIXED_ERROR_MOST)) return NULL;
+    snprintf(text, size, "fixed leaves %.0f %% of a press's force unsolved with %d passes of %d iterations: needs more",
+             100 * f->error, f->image.config.passes, f->image.config.iterations);
+    return text;
+}
+
+void kn_fixed_destroy(kn_fixed_model *fixed)
+{
+    if (!fixed) return;
+    free(fixed->image.node);
+    free(fixed->image.edge);
+    free(fixed->spring);
+    free(fixed);
+}
+
+// --- the step
+// ---------------------------------------------------------------------------------------------------------
+
+typedef struct work { // of a step, in the scratch
+    kn_fixed engine;
+    double (*load_n)[3];    // [node] of tools and top
+    int32_t *place;         // [node] in the list, -1: not
+    kn_fixed_bound *bound;  // [node] at most
+    int64_t (*reaction)[3]; // [node]
+} work;
+
+static void *take(char *base, size_t *used, size_t bytes)
+{
+    void *p = base ? base + *used : NULL;
+    *used += (bytes + 63) / 64 * 64;
+    return p;
+}
+
+static size_t lay_out(const kn_model *m, char *base)
+{
+    const size_t nodes = (size_t)m->node_count;
+    work unused;
+    size_t used = 0;
+    work *w = take(base, &used, sizeof *w);
+    if (!base) w = &unused;
+    w->load_n = take(base, &used, nodes * sizeof *w->load_n);
+    w->place = take(base, &used, nodes * sizeof *w->place);
+    w->bound = take(base, &used, nodes * sizeof *w->bound);
+    w->reaction = take(base, &used, nodes * sizeof *w->reaction);
+    void *memory = take(base, &used, kn_fixed_bytes(&m->fixed->image));
+    if (base) kn_fixed_init(&w->engine, &m->fixed->image, memory);
+    return used;
+}
+
+size_t kn_fixed_scratch(const kn_model *model)
+{
+    return lay_out(model, NULL);
+}
+void kn_fixed_scratch_init(const kn_model *model, void *scratch)
+{
+    lay_out(model, scratch);
+}
+
+static void load_state(const kn_model *m, const kn_state *state, kn_fixed *engine)
+{
+    const kn_fixed_model *f = m->fixed;
+    const double *moved = state->displacement, *velocity = state->velocity, *strain = state->strain;
+    for (int n = 0; n < m->node_count; n++) {
+        for (size_t k = 0; k < 3; k++) {
+            const size_t at = m->offset[n] + k * m->stride, c = 3 * (size_t)n + k;
+            engine->x[c] = f->image.node[n].x[k] + to_units(moved[at], f->lambda_m);
+            engine->u[c] = (int32_t)to_units(velocity[at] * m->law.dt_s, f->lambda_m);
+        }
+    }
+    for (int e = 0; e < m->edge_count; e++) engine->h[e] = llround(strain[m->edges[e].slot] * f->spring[e]);
+}
+
+static void store_state(const kn_model *m, kn_state *state, const kn_fixed *engine)
+{
+    const kn_fixed_model *f = m->fixed;
+    double *moved = state->displacement, *velocity = state->velocity, *strain = state->strain;
+    for (int n = 0; n < m->node_count; n++) {
+        for (size_t k = 0; k < 3; k++) {
+            const size_t at = m->offset[n] + k * m->stride, c = 3 * (size_t)n + k;
+            moved[at] = f->lambda_m * (double)(engine->x[c] - f->image.node[n].x[k]);
+            velocity[at] = f->lambda_m * engine->u[c] / m->law.dt_s;
+        }
+    }
+    for (int e = 0; e < m->edge_count; e++)
+        strain[m->edges[e].slot] = f->spring[e] > 0 ? (double)engine->h[e] / f->spring[e] : 0;
+}
+
+// The record of a node in the list, a new one that pushes with nothing if there is none.
+static kn_fixed_bound *record(work *w, int *count, int node)
+{
+    if (w->place[node] < 0) {
+        w->place[node] = *count;
+        w->bound[(*count)++] = (kn_fixed_bound){.node = (uint16_t)node};
+        memset(w->load_n[node], 0, sizeof w->load_n[node]);
+    }
+    return &w->bound[w->place[node]];
+}
+
+static void hold_nodes(const kn_model *m, const kn_contact *contact, work *w, int *count)
+{
+    for (int i = 0; i < contact->hold_count; i++) {
+        const kn_hold *hold = &contact->hold[i];
+        kn_fixed_bound *b = record(w, count, hold->node);
+        b->holds = true;
+        for (int k = 0; k < 3; k++)
+            b->value[k] = (int32_t)to_units(fmax(-1, fmin(1, hold->velocity_m_s[k] / (2 * MOST_M_S))) * 2 * MOST_M_S *
+                                                m->law.dt_s,
+                                            m->fixed->lambda_m);
+    }
+}
+
+static void push_nodes(const kn_model *m, kn_contact *contact, double top_load_n, work *w, int *count)
+{
+    for (int t = 0; top_load_n != 0 && t < m->top_count; t++) {
+        record(w, count, m->top[t]);
+        w->load_n[m->top[t]][2] -= top_load_n * m->top_share[t];
+    }
+    for (int i = 0; i < contact->sample_count; i++) {
+        kn_sample *s = &contact->sample[i];
+        kn_sample_push(s);
+        if (s->pressing_n == 0) continue;
+        for (int a = 0; a < s->nodes; a++) {
+            record(w, count, s->node[a]);
+            for (int k = 0; k < 3; k++) w->load_n[s->node[a]][k] += s->weight[a] * s->force_n[k];
+        }
+    }
+}
+
+static void quantize_loads(const kn_model *m, work *w, int count)
+{
+    const double most = (1 << (KN_FIXED_T - 1)) - 1;
+    for (int i = 0; i < count; i++) {
+        kn_fixed_bound *b = &w->bound[i];
+        for (int k = 0; !b->holds && k < 3; k++)
+            b->value[k] = (int32_t)lround(fmax(-most, fmin(most, w->load_n[b->node][k] / m->fixed->phi_n)));
+    }
+}
+
+static void read_forces(const kn_model *m, kn_contact *contact, const work *w, const kn_fixed_result *result,
+                        kn_output *output)
+{
+    double largest = 0;
+    for (int i = 0; i < contact->hold_count; i++) {
+        kn_hold *hold = &contact->hold[i];
+        for (int k = 0; k < 3; k++) {
+            hold->force_n[k] = m->fixed->phi_n * (double)w->reaction[w->place[hold->node]][k];
+            largest = fmax(largest, fabs(hold->force_n[k]));
+        }
+    }
+    for (int i = 0; i < contact->sample_count; i++) largest = fmax(largest, contact->sample[i].pressing_n);
+    output->residual = largest > 0 ? m->fixed->phi_n * (double)result->residual / largest : 0;
+    output->iterations = m->fixed->image.config.iterations;
+    output->passes = m->fixed->image.config.passes;
+    output->capped = (result->flags & ~(uint32_t)KN_FIXED_SAT_RESIDUAL) != 0;
+}
+
+void kn_solve_fixed(const kn_model *model, kn_state *state, const kn_input *input, kn_output *output)
+{
+    kn_scratch *s = kn_state_scratch(state);
+    work *w = s->stages;
+    kn_fixed_result result;
+    int count = 0;
+    memset(w->place, 0xff, (size_t)model->node_count * sizeof *w->place);
+    w->engine.flags = 0;
+    load_state(model, state, &w->engine);
+    hold_nodes(model, &s->contact, w, &count);
+    push_nodes(model, &s->contact, input->top_load_n, w, &count);
+    quantize_loads(model, w, count);
+    kn_fixed_tick(&w->engine, w->bound, count, w->reaction, &result);
+    store_state(model, state, &w->engine);
+    read_forces(model, &s->contact, w, &result, output);
+}
