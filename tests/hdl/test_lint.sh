@@ -5,7 +5,7 @@ source "$KN_SOURCE/tests/hdl/tools.sh"
 need verilator
 for file in "$rtl"/*.v; do
     module=$(basename "$file" .v)
-    if verilator --lint-only -Wall --default-language 1364-2005 -y "$rtl" --top-module "$module" "$file" >lint.log 2>&1; then
+    if verilator --lint-only -Wall --default-language 1364-2005 -y "$rtl" -y "$tables" --top-module "$module" "$file" >lint.log 2>&1; then
         echo "ok   $module"
     else
         echo "FAIL $module" && cat lint.log && fail=1

@@ -9,6 +9,7 @@
 #     cover DEPTH                           what the proof before covers is reached
 fail=0
 rtl=$KN_SOURCE/hdl/rtl
+tables=$KN_BUILD/hdl # what hdl/table.c printed
 
 need() {
     local program
@@ -23,8 +24,10 @@ bench() {
     shift 2
     mkdir -p "$built" && rm -f "$built/bench"
     gcc -std=gnu17 -O2 -Wall -I"$KN_SOURCE" -c "$KN_SOURCE/server/backend/frame.c" -o "$built/frame.o" &&
-        verilator --cc --exe --build -O3 --x-initial unique -Wall --default-language 1364-2005 --assert -y "$rtl" --top-module "$top" \
-            --prefix "V$top" -Mdir "$built" -o bench -CFLAGS "-O2 -I$KN_SOURCE" -LDFLAGS "$built/frame.o -lz" "$@" \
+        gcc -std=gnu17 -O2 -Wall -I"$KN_SOURCE" -c "$KN_SOURCE/core/fixed.c" -o "$built/fixed.o" &&
+        verilator --cc --exe --build -O3 --x-initial unique -Wall --default-language 1364-2005 --assert -y "$rtl" -y "$tables" \
+            --top-module "$top" --prefix "V$top" -Mdir "$built" -o bench -CFLAGS "-O2 -I$KN_SOURCE -I$tables" \
+            -LDFLAGS "$built/frame.o $built/fixed.o -lz" -MAKEFLAGS OPT_FAST=-O2 "$@" \
             "$rtl/$top.v" "$KN_SOURCE/hdl/sim/$name.cpp" >"$name.log" 2>&1 ||
         { cat "$name.log" && exit 1; }
     bench=$built/bench
@@ -35,7 +38,7 @@ smt2() {
     local files=()
     local file
     for file in "${proof[@]}"; do files+=("$1/$file"); done
-    yosys -q -l yosys.log -p "read_verilog -formal -I$rtl ${files[*]} $KN_SOURCE/hdl/formal/$name.v; prep -flatten -top $name; \
+    yosys -q -l yosys.log -p "read_verilog -formal -I$1 -I$tables ${files[*]} $KN_SOURCE/hdl/formal/$name.v; prep -flatten -top $name; \
         async2sync; dffunmap; opt_clean; write_smt2 -wires proof.smt2" >/dev/null || { cat yosys.log && exit 1; }
 }
 

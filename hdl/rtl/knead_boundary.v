@@ -1,0 +1,89 @@
+`default_nettype none
+// The boundary list. BOUND, seven clocks a record: what the tick holds and how far, or pushes and how hard; REACTION,
+// twelve: what the lattice does to a held node, six words.
+//
+//     step    0     1       2       3       4       5       6 .. 11
+//     list  | ask | node  | x     | y     | z     |       |
+//     BOUND                         at node         clamp | write
+//     REACTION                at node | sums |+1  |+2     | words 0 .. 5
+`include "knead_formats.vh"
+module knead_boundary #(
+    parameter LOG_NODES = 10,
+    parameter LOG_LIST = 6
+) (
+    input  wire                  clk,
+    input  wire                  i_bound, // in BOUND, at a record
+    input  wire                  i_reaction,
+    input  wire [LOG_LIST-1:0]   i_record,
+    input  wire [3:0]            i_step,
+    output wire [LOG_LIST+1:0]   o_list_address,
+    input  wire [31:0]           i_list,
+    output reg  [LOG_NODES-1:0]  o_node,
+    input  wire [3*`KN_T-1:0]    i_load, // as loaded
+    input  wire [2:0]            i_held,
+    input  wire [3*`KN_U-1:0]    i_u,
+    input  wire [3*`KN_ACC-1:0]  i_reaction_sum,
+    output wire                  o_write,
+    output reg  [3*`KN_T-1:0]    o_load,
+    output reg  [2:0]            o_held,
+    output reg  [3*`KN_U-1:0]    o_u,
+    output wire                  o_result_write,
+    output wire [LOG_LIST+2:0]   o_result_address,
+    output wire [31:0]           o_result,
+    output wire                  o_sat_u,
+    output wire                  o_sat_reaction
+);
+    reg holds;
+    reg [31:0] value [0:2];
+    assign o_list_address = {i_record, i_step[1:0]};
+    wire step_first = i_step == 4'd1;
+    always @(posedge clk) begin
+        if (step_first) begin
+            o_node <= i_list[LOG_NODES-1:0];
+            holds <= i_list[31];
+        end
+        if (i_step == 4'd2) value[0] <= i_list;
+        if (i_step == 4'd3) value[1] <= i_list;
+        if (i_step == 4'd4) value[2] <= i_list;
+    end
+
+    wire [2:0] over_load, over_u;
+    genvar k;
+    generate
+        for (k = 0; k < 3; k = k + 1) begin : g_component
+            wire [`KN_T-1:0] old_load = i_load[k*`KN_T +: `KN_T];
+            wire signed [32:0] sum = $signed({value[k][31], value[k]})
+                                   + $signed({{(33-`KN_T){old_load[`KN_T-1]}}, old_load});
+            wire signed [`KN_T-1:0] pushed;
+            wire signed [`KN_U-1:0] moved;
+            knead_saturate #(33, `KN_T) saturate_load (.i_value(sum), .o_value(pushed), .o_over(over_load[k]));
+            knead_saturate #(32, `KN_U) saturate_u (.i_value($signed(value[k])), .o_value(moved), .o_over(over_u[k]));
+            always @(posedge clk) begin
+                o_load[k*`KN_T +: `KN_T] <= holds ? old_load : pushed;
+                o_u[k*`KN_U +: `KN_U] <= holds & ~i_held[k] ? moved : i_u[k*`KN_U +: `KN_U];
+            end
+        end
+    endgenerate
+    always @(posedge clk) o_held <= i_held | {3{holds}};
+
+    assign o_write = i_bound && i_step == 4'd6;
+    assign o_sat_u = i_bound && i_step == 4'd5 && holds && |(over_u & ~i_held);
+    assign o_sat_reaction = i_bound && i_step == 4'd5 && !holds && |over_load;
+
+    // 6 record + word
+    wire [3:0] word = i_step - 4'd6;
+    wire [LOG_LIST+2:0] record = {3'd0, i_record};
+    reg [`KN_ACC-1:0] sum_word;
+    always @* begin
+        case (word[2:1])
+            2'd0: sum_word = i_reaction_sum[0 +: `KN_ACC];
+            2'd1: sum_word = i_reaction_sum[`KN_ACC +: `KN_ACC];
+            default: sum_word = i_reaction_sum[2*`KN_ACC +: `KN_ACC];
+        endcase
+    end
+    assign o_result_write = i_reaction && i_step >= 4'd6;
+    assign o_result_address = (record << 2) + (record << 1) + {{(LOG_LIST-1){1'b0}}, word};
+    assign o_result = !holds ? 32'd0 : word[0] ? {{28{sum_word[`KN_ACC-1]}}, sum_word[35:32]} : sum_word[31:0];
+    wire unused = &i_list[30:LOG_NODES];
+endmodule
+`default_nettype wire

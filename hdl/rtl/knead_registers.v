@@ -1,0 +1,207 @@
+`default_nettype none
+// The word bus (hdl/registers.h): registers, the doorbell, and which transfers are refused. A transfer takes four
+// clocks: a window's memories are read with its address, then written with the word replaced in o_act.
+`include "knead_formats.vh"
+module knead_registers #(
+    parameter LOG_NODES = 10,
+    parameter LOG_EDGES = 13,
+    parameter LOG_LIST = 6
+) (
+    input  wire                  clk,
+    input  wire                  rst,
+    // bus
+    input  wire                  i_bus_valid,
+    input  wire                  i_bus_write,
+    input  wire [23:0]           i_bus_addr,
+    input  wire [31:0]           i_bus_wdata,
+    output reg                   o_bus_ready,
+    output reg  [31:0]           o_bus_rdata,
+    output reg                   o_bus_error,
+    // windows
+    input  wire [31:0]           i_window_data,
+    output wire                  o_act, // write the word now
+    // engine
+    input  wire                  i_busy,
+    output reg                   o_tick, // each one clock
+    output reg                   o_rest,
+    output reg                   o_crc,
+    input  wire                  i_ticked,
+    input  wire [6:0]            i_flags, // what did not fit in this clock
+    input  wire [`KN_ACC-1:0]    i_residual,
+    input  wire [31:0]           i_state_crc,
+    output reg  [16:0]           o_node_count,
+    output reg  [20:0]           o_edge_count,
+    output reg  [3:0]            o_passes,
+    output reg  [5:0]            o_iterations,
+    output reg  [4:0]            o_d_shift,
+    output reg  [5:0]            o_kv_shift,
+    output reg  [6:0]            o_octave,
+    output reg  [`KN_BETA-1:0]   o_beta,
+    output reg  [5:0]            o_beta_shift,
+    output reg  [`KN_RELAX-1:0]  o_relax,
+    output reg  [10:0]           o_bound_count,
+    input  wire [4:0]            i_iteration,
+    output reg  [`KN_OMEGA-1:0]  o_omega // of the iteration, a clock later
+);
+    reg loaded, wrong_seq, empty;
+    reg [6:0] flags, result_flags;
+    reg [31:0] scratch, tick, seq, cycles, cycles_last, cycles_max;
+    reg [`KN_ACC-1:0] residual;
+    reg [`KN_OMEGA-1:0] omega [0:31];
+
+    // where
+    wire is_register = i_bus_addr[23:7] == 17'd0;
+    wire [6:0] at = i_bus_addr[6:0];
+    wire is_omega = is_register && at[6:5] == 2'b10;
+    wire [15:0] node_beyond = {i_bus_addr[19:4]} >> LOG_NODES;
+    wire [19:0] edge_beyond = i_bus_addr[22:3] >> LOG_EDGES;
+    wire [15:0] rest_beyond = i_bus_addr[18:3] >> LOG_NODES;
+    wire [15:0] list_beyond = i_bus_addr[15:0] >> (LOG_LIST + 2);
+    wire [15:0] result_beyond = i_bus_addr[15:0] >> (LOG_LIST + 3);
+    wire is_table = i_bus_addr[23:16] == 8'h01 && i_bus_addr[15:0] <= 16'd`KN_SEGMENTS;
+    wire is_list = i_bus_addr[23:16] == 8'h02 && list_beyond == 16'd0;
+    wire is_result = i_bus_addr[23:16] == 8'h03 && result_beyond == 16'd0;
+    wire is_node = i_bus_addr[23:20] == 4'h1 && node_beyond == 16'd0;
+    wire is_rest = i_bus_addr[23:19] == 5'b00100 && rest_beyond == 16'd0;
+    wire is_edge = i_bus_addr[23] && edge_beyond == 20'd0;
+    wire is_window = is_table | is_list | is_result | is_node | is_rest | is_edge;
+
+    // what is read, and whether it may be written: fits of the value, config of what a tick reads
+    reg [31:0] read;
+    reg known, writable, fits, config_;
+    always @* begin
+        read = 32'd0;
+        known = 1'b1;
+        writable = 1'b1;
+        fits = 1'b1;
+        config_ = 1'b1;
+        if (is_omega) begin
+            read = {14'd0, omega[at[4:0]]};
+            fits = i_bus_wdata[31:`KN_BITS_OMEGA] == 14'd0;
+        end else case (at)
+            `KN_REG_ID: begin read = `KN_ENGINE_ID; writable = 1'b0; end
+            `KN_REG_VERSION: begin read = `KN_ENGINE_VERSION; writable = 1'b0; end
+            `KN_REG_BUILD_HASH: begin read = `KN_BUILD_HASH; writable = 1'b0; end
+            `KN_REG_CAPS: begin read = {8'd0, LOG_LIST[7:0], LOG_EDGES[7:0], LOG_NODES[7:0]}; writable = 1'b0; end
+            `KN_REG_CONTROL: fits = i_bus_wdata[31:4] == 28'd0 && !(i_bus_wdata[0] && i_bus_wdata[2]);
+            `KN_REG_STATUS: begin read = {28'd0, empty, wrong_seq, loaded, i_busy}; config_ = 1'b0; end
+            `KN_REG_FLAGS: begin read = {25'd0, flags}; config_ = 1'b0; end
+            `KN_REG_SCRATCH: begin read = scratch; config_ = 1'b0; end
+            `KN_REG_TICK: begin read = tick; writable = 1'b0; end
+            `KN_REG_STEP_SEQ: begin read = seq; config_ = i_bus_wdata == seq + 32'd1; end
+            `KN_REG_CYCLES: begin read = cycles_last; writable = 1'b0; end
+            `KN_REG_CYCLES_MAX: begin read = cycles_max; writable = 1'b0; end
+            `KN_REG_STATE_CRC: begin read = i_state_crc; writable = 1'b0; end
+            `KN_REG_RESIDUAL_LO: begin read = residual[31:0]; writable = 1'b0; end
+            `KN_REG_RESIDUAL_HI: begin read = {{(64-`KN_ACC){1'b0}}, residual[`KN_ACC-1:32]}; writable = 1'b0; end
+            `KN_REG_RESULT_FLAGS: begin read = {25'd0, result_flags}; writable = 1'b0; end
+            `KN_REG_NODE_COUNT: begin
+                read = {15'd0, o_node_count};
+                fits = i_bus_wdata != 32'd0 && i_bus_wdata <= 32'd1 << LOG_NODES;
+            end
+            `KN_REG_EDGE_COUNT: begin read = {11'd0, o_edge_count}; fits = i_bus_wdata <= 32'd1 << LOG_EDGES; end
+            `KN_REG_PASSES: begin
+                read = {28'd0, o_passes};
+                fits = i_bus_wdata[31:`KN_BITS_PASSES] == 28'd0 && i_bus_wdata != 32'd0;
+            end
+            `KN_REG_ITERATIONS: begin
+                read = {26'd0, o_iterations};
+                fits = i_bus_wdata <= 32'd32 && i_bus_wdata != 32'd0;
+            end
+            `KN_REG_D_SHIFT: begin read = {27'd0, o_d_shift}; fits = i_bus_wdata <= 32'd18; end
+            `KN_REG_KV_SHIFT: begin read = {26'd0, o_kv_shift}; fits = i_bus_wdata <= 32'd40; end
+            `KN_REG_OCTAVE: begin read = {25'd0, o_octave}; fits = i_bus_wdata[31:`KN_BITS_OCTAVE] == 25'd0; end
+            `KN_REG_BETA: begin read = {15'd0, o_beta}; fits = i_bus_wdata[31:`KN_BITS_BETA] == 15'd0; end
+            `KN_REG_BETA_SHIFT: begin read = {26'd0, o_beta_shift}; fits = i_bus_wdata <= 32'd40; end
+            `KN_REG_RELAX: begin read = {15'd0, o_relax}; fits = i_bus_wdata[31:`KN_BITS_RELAX] == 15'd0; end
+            `KN_REG_BOUND_COUNT: begin read = {21'd0, o_bound_count}; fits = i_bus_wdata < 32'd1 << LOG_LIST; end
+            default: known = 1'b0;
+        endcase
+    end
+    // an edge's two nodes are nodes
+    wire [15:0] i_beyond = i_bus_wdata[15:0] >> LOG_NODES;
+    wire [15:0] j_beyond = i_bus_wdata[31:16] >> LOG_NODES;
+    wire edge_fits = i_bus_addr[2:0] != 3'd0 || (i_beyond | j_beyond) == 16'd0;
+
+    reg [1:0] step;
+    reg busy_seen; // since the transfer began: the memories' addresses were the engine's
+    wire refuse_register = !known || i_bus_write && (!writable || !fits || config_ && i_busy);
+    wire refuse_window = !is_window || i_busy || busy_seen || i_bus_write && (is_result || is_edge && !edge_fits);
+    wire refuse = is_register ? refuse_register : refuse_window;
+    wire done = i_bus_valid && !o_bus_ready && step == 2'd2;
+    wire write = done && i_bus_write && !refuse && is_register;
+    assign o_act = done && i_bus_write && !refuse && is_window;
+
+    always @(posedge clk) begin
+        o_bus_ready <= done && !rst;
+        o_bus_error <= refuse;
+        o_bus_rdata <= refuse ? 32'd0 : is_register ? read : i_window_data;
+        step <= !i_bus_valid || o_bus_ready || done || rst ? 2'd0 : step + 2'd1;
+        busy_seen <= i_bus_valid && !o_bus_ready && !rst && (i_busy || busy_seen && step != 2'd0);
+    end
+
+    // the doorbell
+    wire knock = write && at == `KN_REG_STEP_SEQ && !is_omega;
+    wire next_seq = i_bus_wdata == seq + 32'd1;
+    wire control = write && at == `KN_REG_CONTROL;
+    always @(posedge clk) begin
+        o_tick <= knock && next_seq && loaded && !rst;
+        o_rest <= control && i_bus_wdata[0] && !rst;
+        o_crc <= control && i_bus_wdata[2] && !rst;
+        if (rst) begin
+            seq <= 32'd0;
+            {loaded, wrong_seq, empty} <= 3'd0;
+        end else begin
+            if (knock && next_seq && loaded) seq <= i_bus_wdata;
+            if (control && (i_bus_wdata[0] || i_bus_wdata[3])) loaded <= 1'b1;
+            if (write && at == `KN_REG_STATUS) {empty, wrong_seq} <= {empty, wrong_seq} & ~i_bus_wdata[3:2];
+            if (knock && next_seq && !loaded) empty <= 1'b1;
+            if (knock && !next_seq && i_bus_wdata != seq) wrong_seq <= 1'b1;
+        end
+    end
+
+    // what ticks leave
+    wire fresh = control && (i_bus_wdata[0] || i_bus_wdata[3]);
+    wire clear = control && (i_bus_wdata[0] || i_bus_wdata[1]);
+    always @(posedge clk) begin
+        if (rst || clear) flags <= 7'd0;
+        else flags <= flags & ~(write && at == `KN_REG_FLAGS ? i_bus_wdata[6:0] : 7'd0) | i_flags;
+        if (rst || fresh) tick <= 32'd0;
+        else if (i_ticked) tick <= tick + 32'd1;
+        cycles <= o_tick ? 32'd0 : cycles + 32'd1;
+        if (rst || clear) cycles_max <= 32'd0;
+        else if (i_ticked && cycles > cycles_max) cycles_max <= cycles;
+        if (rst) {cycles_last, residual, result_flags} <= {(39+`KN_ACC){1'b0}};
+        else if (i_ticked) begin
+            cycles_last <= cycles;
+            residual <= i_residual;
+            result_flags <= flags | i_flags;
+        end
+    end
+
+    always @(posedge clk) begin
+        o_omega <= omega[i_iteration];
+        if (rst) begin
+            scratch <= 32'd0;
+            {o_node_count, o_passes, o_iterations} <= {17'd1, 4'd1, 6'd1};
+            {o_edge_count, o_bound_count, o_d_shift, o_kv_shift, o_octave, o_beta_shift} <= 56'd0;
+            {o_beta, o_relax} <= {(`KN_BETA+`KN_RELAX){1'b0}};
+        end else if (write && is_omega) omega[at[4:0]] <= i_bus_wdata[`KN_OMEGA-1:0];
+        else if (write) case (at)
+            `KN_REG_SCRATCH: scratch <= i_bus_wdata;
+            `KN_REG_NODE_COUNT: o_node_count <= i_bus_wdata[16:0];
+            `KN_REG_EDGE_COUNT: o_edge_count <= i_bus_wdata[20:0];
+            `KN_REG_PASSES: o_passes <= i_bus_wdata[3:0];
+            `KN_REG_ITERATIONS: o_iterations <= i_bus_wdata[5:0];
+            `KN_REG_D_SHIFT: o_d_shift <= i_bus_wdata[4:0];
+            `KN_REG_KV_SHIFT: o_kv_shift <= i_bus_wdata[5:0];
+            `KN_REG_OCTAVE: o_octave <= i_bus_wdata[6:0];
+            `KN_REG_BETA: o_beta <= i_bus_wdata[`KN_BETA-1:0];
+            `KN_REG_BETA_SHIFT: o_beta_shift <= i_bus_wdata[5:0];
+            `KN_REG_RELAX: o_relax <= i_bus_wdata[`KN_RELAX-1:0];
+            `KN_REG_BOUND_COUNT: o_bound_count <= i_bus_wdata[10:0];
+            default: ;
+        endcase
+    end
+endmodule
+`default_nettype wire

@@ -1,0 +1,596 @@
+// The circuit against core/fixed: random lattices, every number of every tick. KN_MODELS=N, KN_SEED=N.
+// Exit 1 at a mismatch, with the seed of the model that shows it.
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <vector>
+
+#include "Vknead_engine.h"
+#include "verilated.h"
+#if VM_COVERAGE
+#include "verilated_cov.h"
+#endif
+
+extern "C" {
+#include "core/fixed.h"
+#include "hdl/registers.h"
+}
+#include "knead_hash.h"
+
+namespace
+{
+
+enum { LOG_NODES = KN_LOG_NODES, LOG_EDGES = KN_LOG_EDGES, LOG_LIST = KN_LOG_LIST, LIST = (1 << LOG_LIST) - 1 };
+
+// --- chance ----------------------------------------------------------------------------------------------------------
+
+uint64_t chance_state;
+
+uint64_t chance() // splitmix64
+{
+    uint64_t z = (chance_state += 0x9e3779b97f4a7c15u);
+    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ z >> 27) * 0x94d049bb133111ebu;
+    return z ^ z >> 31;
+}
+
+int64_t between(int64_t least, int64_t most)
+{
+    return least + (int64_t)(chance() % (uint64_t)(most - least + 1));
+}
+bool one_in(int n)
+{
+    return chance() % (uint64_t)n == 0;
+}
+int64_t bits(int most)
+{
+    return between(-(INT64_C(1) << most), (INT64_C(1) << most) - 1);
+}
+
+// --- the device ------------------------------------------------------------------------------------------------------
+
+struct device {
+    VerilatedContext context;
+    std::unique_ptr<Vknead_engine> top;
+    uint64_t clocks = 0;
+    uint32_t seq = 0;
+
+    device()
+    {
+        context.randReset(2); // whatever memories hold at first
+        context.randSeed((int)(chance_state & 0x7fffffff));
+        top.reset(new Vknead_engine(&context));
+        top->rst = 1;
+        top->bus_valid = 0;
+        for (int i = 0; i < 4; i++) clock();
+        top->rst = 0;
+    }
+    ~device()
+    {
+        top->final();
+#if VM_COVERAGE
+        context.coveragep()->write("coverage.dat");
+#endif
+    }
+    void clock()
+    {
+        top->clk = 0;
+        top->eval();
+        top->clk = 1;
+        top->eval();
+        clocks++;
+    }
+    // true: taken
+    bool transfer(bool write, uint32_t address, uint32_t *word)
+    {
+        top->bus_valid = 1;
+        top->bus_write = write;
+        top->bus_addr = address;
+        top->bus_wdata = *word;
+        int waited = 0;
+        do {
+            clock();
+            if (++waited > 100) return false;
+        } while (!top->bus_ready);
+        *word = top->bus_rdata;
+        bool taken = !top->bus_error;
+        clock(); // valid and ready
+        top->bus_valid = 0;
+        return taken;
+    }
+    void put(uint32_t address, int64_t word)
+    {
+        uint32_t w = (uint32_t)word;
+        if (transfer(true, address, &w)) return;
+        fprintf(stderr, "write of 0x%08x to 0x%06x refused\n", (uint32_t)word, address);
+        exit(1);
+    }
+    uint32_t get(uint32_t address)
+    {
+        uint32_t w = 0;
+        if (transfer(false, address, &w)) return w;
+        fprintf(stderr, "read of 0x%06x refused\n", address);
+        exit(1);
+    }
+    void put64(uint32_t address, int64_t v)
+    {
+        put(address, v);
+        put(address + 1, v >> 32);
+    }
+    int64_t get64(uint32_t address)
+    {
+        uint64_t low = get(address);
+        return (int64_t)(low | (uint64_t)get(address + 1) << 32);
+    }
+    void wait()
+    {
+        while (get(KN_REG_STATUS) & KN_STATUS_BUSY) {
+        }
+    }
+    void step()
+    {
+        put(KN_REG_STEP_SEQ, ++seq);
+    }
+};
+
+// --- a lattice and its twin ------------------------------------------------------------------------------------------
+
+struct lattice {
+    kn_fixed_image image{};
+    std::vector<kn_fixed_node> node;
+    std::vector<kn_fixed_edge> edge;
+    std::vector<uint64_t> memory;
+    kn_fixed fixed{};
+
+    void rest()
+    {
+        image.node = node.data();
+        image.edge = edge.data();
+        if (const char *wrong = kn_fixed_check(&image)) {
+            fprintf(stderr, "the bench's own model: %s\n", wrong);
+            exit(2);
+        }
+        memory.assign(kn_fixed_bytes(&image) / 8 + 8, 0);
+        void *aligned = (void *)(((uintptr_t)memory.data() + 63) / 64 * 64);
+        kn_fixed_init(&fixed, &image, aligned);
+    }
+};
+
+// wild: anything that kn_fixed_check admits; else one that stays within its numbers, mostly
+void make_config(kn_fixed_config &c, bool wild)
+{
+    c.passes = (int32_t)between(1, one_in(20) ? 15 : 3);
+    c.iterations = (int32_t)between(1, one_in(20) ? 32 : 6);
+    c.d_shift = (int32_t)between(0, 18);
+    c.kv_shift = (int32_t)(wild ? between(0, 40) : between(12, 24));
+    c.octave = (int32_t)(wild ? between(-64, 63) : between(8, 24));
+    c.beta = (int32_t)between(0, (1 << KN_FIXED_BETA) - 1);
+    c.beta_shift = (int32_t)(wild ? between(0, 40) : between(8, 20));
+    c.relax = (int32_t)between(1, (1 << KN_FIXED_RELAX) - 1);
+    for (int k = 0; k < KN_FIXED_ITERATIONS_MAX; k++)
+        c.omega[k] = (int32_t)(wild ? between(0, 2 << KN_FIXED_OMEGA_FRACTION) : between(1 << 15, 3 << 15));
+}
+
+void make_model(lattice &l, bool wild)
+{
+    kn_fixed_config &c = l.image.config;
+    make_config(c, wild);
+    c.node_count = (int32_t)between(2, one_in(8) ? 1 << LOG_NODES : 24);
+    c.edge_count = (int32_t)between(one_in(10) ? 0 : 1, one_in(8) ? 600 : 90);
+    const int size = wild ? (int)between(0, KN_FIXED_X - 1) : c.d_shift + (int)between(8, 15);
+    const int load = wild ? (int)between(0, KN_FIXED_T - 1) : 10;
+    l.node.resize((size_t)c.node_count);
+    for (kn_fixed_node &n : l.node) {
+        for (int k = 0; k < 3; k++) {
+            n.x[k] = one_in(30) && wild ? 0 : bits(size);
+            n.load[k] = (int32_t)bits(load);
+        }
+        n.held = one_in(6) ? (uint8_t)between(0, 7) : 0;
+    }
+    l.edge.resize((size_t)c.edge_count);
+    const kn_fixed_edge *last = nullptr;
+    for (kn_fixed_edge &e : l.edge) {
+        // the same nodes back to back, in both roles
+        do e.i = last && one_in(3) ? (one_in(2) ? last->i : last->j) : (uint16_t)between(0, c.node_count - 1);
+        while (e.i >= c.node_count);
+        do e.j = last && one_in(3) ? (one_in(2) ? last->i : last->j) : (uint16_t)between(0, c.node_count - 1);
+        while (e.j == e.i && (e.i != 0 || (e.j = 1)));
+        if (e.i == e.j) e.j = (uint16_t)((e.i + 1) % c.node_count);
+        e.kv = (int32_t)(one_in(12) ? between(0, 1) * ((1 << KN_FIXED_KV) - 1) : between(0, (1 << KN_FIXED_KV) - 1));
+        e.ia = (int32_t)(one_in(12) ? 1 : between(1, (1 << KN_FIXED_IA) - 1));
+        last = &e;
+    }
+    const bool falling = one_in(2);
+    for (int i = 0; i <= KN_FIXED_SEGMENTS; i++)
+        l.image.table[i] = (int32_t)(falling ? (1 << 17) - i * 200 : one_in(9) ? 1 << 17 : between(0, 1 << 17));
+}
+
+// a state that no tick made
+void stir(lattice &l, bool wild)
+{
+    const kn_fixed_config &c = l.image.config;
+    const int u = wild ? (int)between(0, KN_FIXED_U - 1) : 12, h = wild ? (int)between(0, KN_FIXED_H - 1) : 28;
+    for (int n = 0; n < 3 * c.node_count; n++) l.fixed.u[n] = (int32_t)bits(u);
+    for (int e = 0; e < c.edge_count; e++) l.fixed.h[e] = wild && one_in(4) ? (INT64_C(1) << 35) - 1 : bits(h);
+    if (wild)
+        for (int n = 0; n < 3 * c.node_count; n++) // here and there at the end of the world
+            l.fixed.x[n] =
+                one_in(4) ? (one_in(2) ? (INT64_C(1) << 35) - 1 : -(INT64_C(1) << 35)) : bits(KN_FIXED_X - 1);
+}
+
+void put_config(device &d, const kn_fixed_config &c)
+{
+    d.put(KN_REG_NODE_COUNT, c.node_count);
+    d.put(KN_REG_EDGE_COUNT, c.edge_count);
+    d.put(KN_REG_PASSES, c.passes);
+    d.put(KN_REG_ITERATIONS, c.iterations);
+    d.put(KN_REG_D_SHIFT, c.d_shift);
+    d.put(KN_REG_KV_SHIFT, c.kv_shift);
+    d.put(KN_REG_OCTAVE, c.octave & 127);
+    d.put(KN_REG_BETA, c.beta);
+    d.put(KN_REG_BETA_SHIFT, c.beta_shift);
+    d.put(KN_REG_RELAX, c.relax);
+    for (int k = 0; k < c.iterations; k++) d.put((uint32_t)(KN_REG_OMEGA + k), c.omega[k]);
+}
+
+void put_image(device &d, const lattice &l)
+{
+    put_config(d, l.image.config);
+    for (uint32_t n = 0; n < l.node.size(); n++) {
+        const uint32_t at = KN_WINDOW_NODES + 16 * n;
+        for (uint32_t k = 0; k < 3; k++) {
+            d.put64(KN_WINDOW_REST + 8 * n + 2 * k, l.node[n].x[k]);
+            d.put(at + 10 + k, l.node[n].load[k]);
+        }
+        d.put(at + 6, l.node[n].held);
+    }
+    for (uint32_t e = 0; e < l.edge.size(); e++) {
+        const uint32_t at = KN_WINDOW_EDGES + 8 * e;
+        d.put(at, l.edge[e].i | (int64_t)l.edge[e].j << 16);
+        d.put(at + 1, l.edge[e].kv);
+        d.put(at + 2, l.edge[e].ia);
+    }
+    for (uint32_t i = 0; i <= KN_FIXED_SEGMENTS; i++) d.put(KN_WINDOW_TABLE + i, l.image.table[i]);
+    d.put(KN_REG_CONTROL, KN_CONTROL_REST);
+    d.wait();
+}
+
+void put_state(device &d, const lattice &l)
+{
+    for (uint32_t n = 0; n < l.node.size(); n++) {
+        for (uint32_t k = 0; k < 3; k++) {
+            d.put64(KN_WINDOW_NODES + 16 * n + 2 * k, l.fixed.x[3 * n + k]);
+            d.put(KN_WINDOW_NODES + 16 * n + 7 + k, l.fixed.u[3 * n + k]);
+        }
+    }
+    for (uint32_t e = 0; e < l.edge.size(); e++) d.put64(KN_WINDOW_EDGES + 8 * e + 3, l.fixed.h[e]);
+    d.put(KN_REG_CONTROL, KN_CONTROL_LOADED);
+}
+
+// --- comparing -------------------------------------------------------------------------------------------------------
+
+int mismatches;
+uint64_t model_seed;
+int flag_reached[7];
+
+void same(const char *what, int64_t index, int64_t device, int64_t twin)
+{
+    if (device == twin) return;
+    if (mismatches++ < 20)
+        fprintf(stderr, "model %llu: %s %lld: device %lld, twin %lld\n", (unsigned long long)model_seed, what,
+                (long long)index, (long long)device, (long long)twin);
+}
+
+int64_t cycles(const kn_fixed_config &c, int count)
+{
+    const int64_t n = c.node_count, e = c.edge_count;
+    const int64_t inner = e + KN_CYCLES_EDGE + n + KN_CYCLES_NODE;
+    const int64_t outer = e + KN_CYCLES_SETUP + 3 * n + KN_CYCLES_INVERT + c.iterations * inner;
+    return n + KN_CYCLES_BEGIN + count * (KN_CYCLES_BOUND + KN_CYCLES_REACTION) + c.passes * outer + e +
+           KN_CYCLES_EDGE_COMMIT + n + KN_CYCLES_NODE_COMMIT;
+}
+
+void compare_state(device &d, const lattice &l)
+{
+    for (uint32_t n = 0; n < l.node.size(); n++) {
+        for (uint32_t k = 0; k < 3; k++) {
+            same("x", n, d.get64(KN_WINDOW_NODES + 16 * n + 2 * k), l.fixed.x[3 * n + k]);
+            same("u", n, (int32_t)d.get(KN_WINDOW_NODES + 16 * n + 7 + k), l.fixed.u[3 * n + k]);
+        }
+    }
+    for (uint32_t e = 0; e < l.edge.size(); e++) same("h", e, d.get64(KN_WINDOW_EDGES + 8 * e + 3), l.fixed.h[e]);
+}
+
+void compare_crc(device &d, const lattice &l)
+{
+    d.put(KN_REG_CONTROL, KN_CONTROL_CRC);
+    d.wait();
+    same("STATE_CRC", 0, d.get(KN_REG_STATE_CRC), kn_fixed_crc(&l.fixed));
+}
+
+// one tick of both
+void tick(device &d, lattice &l, const std::vector<kn_fixed_bound> &bound)
+{
+    const int count = (int)bound.size();
+    d.put(KN_REG_BOUND_COUNT, count);
+    for (uint32_t b = 0; b < bound.size(); b++) {
+        d.put(KN_WINDOW_BOUNDS + 4 * b, bound[b].node | (int64_t)bound[b].holds << 31);
+        for (uint32_t k = 0; k < 3; k++) d.put(KN_WINDOW_BOUNDS + 4 * b + 1 + k, bound[b].value[k]);
+    }
+    const uint32_t ticks = d.get(KN_REG_TICK);
+    d.step();
+    int64_t reaction[LIST][3];
+    kn_fixed_result result;
+    kn_fixed_tick(&l.fixed, bound.data(), count, reaction, &result);
+    d.wait();
+
+    for (uint32_t b = 0; b < bound.size(); b++)
+        for (uint32_t k = 0; k < 3; k++)
+            same("reaction", b, d.get64(KN_WINDOW_REACTIONS + 6 * b + 2 * k), reaction[b][k]);
+    same("residual", 0, d.get64(KN_REG_RESIDUAL_LO), result.residual);
+    same("flags", 0, d.get(KN_REG_FLAGS), result.flags);
+    same("flags of the tick", 0, d.get(KN_REG_RESULT_FLAGS), result.flags);
+    same("CYCLES", 0, d.get(KN_REG_CYCLES), cycles(l.image.config, count));
+    same("TICK", 0, d.get(KN_REG_TICK), ticks + 1);
+    for (int f = 0; f < 7; f++) flag_reached[f] += (int)(result.flags >> f & 1);
+}
+
+std::vector<kn_fixed_bound> some_bounds(const lattice &l, bool wild)
+{
+    std::vector<kn_fixed_bound> list;
+    std::vector<uint16_t> nodes;
+    for (int n = 0; n < l.image.config.node_count; n++) nodes.push_back((uint16_t)n);
+    const int64_t count = between(0, std::min<int64_t>(LIST, (int64_t)nodes.size()));
+    const int size = wild ? (int)between(0, 31) : 14;
+    for (int64_t b = 0; b < count; b++) {
+        std::swap(nodes[(size_t)b], nodes[(size_t)between(b, (int64_t)nodes.size() - 1)]);
+        kn_fixed_bound record = {nodes[(size_t)b], one_in(2), {0, 0, 0}};
+        for (int k = 0; k < 3; k++) record.value[k] = (int32_t)bits(size);
+        list.push_back(record);
+    }
+    return list;
+}
+
+// --- what is tried ---------------------------------------------------------------------------------------------------
+
+void try_model(device &d, uint64_t seed)
+{
+    chance_state = model_seed = seed;
+    chance();
+    lattice l;
+    const bool wild = one_in(3);
+    make_model(l, wild);
+    l.rest();
+    put_image(d, l);
+    if (one_in(2)) {
+        stir(l, wild);
+        put_state(d, l);
+    }
+    for (int64_t ticks = between(1, 4); ticks > 0; ticks--) tick(d, l, some_bounds(l, wild));
+    compare_state(d, l);
+    compare_crc(d, l);
+    if (one_in(8)) { // and as new
+        d.put(KN_REG_CONTROL, KN_CONTROL_REST);
+        d.wait();
+        kn_fixed_rest(&l.fixed);
+        compare_crc(d, l);
+        same("TICK at rest", 0, d.get(KN_REG_TICK), 0);
+    }
+}
+
+// another order of edges, and here and there another direction of the list: no bit changes
+void try_order(device &d, uint64_t seed)
+{
+    chance_state = model_seed = seed;
+    lattice l, other;
+    make_model(l, one_in(2));
+    other = l;
+    std::vector<size_t> order;
+    for (size_t e = 0; e < l.edge.size(); e++) order.push_back(e);
+    for (size_t e = 0; e + 1 < order.size(); e++)
+        std::swap(order[e], order[(size_t)between((int64_t)e, (int64_t)order.size() - 1)]);
+    for (size_t e = 0; e < order.size(); e++) other.edge[e] = l.edge[order[e]];
+    l.rest();
+    other.rest();
+    put_image(d, other);
+    std::vector<kn_fixed_bound> bound = some_bounds(l, false);
+    tick(d, other, bound);
+    tick(d, other, bound);
+    std::vector<int64_t> x(other.fixed.x, other.fixed.x + 3 * other.node.size());
+    int64_t reaction[LIST][3];
+    kn_fixed_result result;
+    kn_fixed_tick(&l.fixed, bound.data(), (int)bound.size(), reaction, &result);
+    kn_fixed_tick(&l.fixed, bound.data(), (int)bound.size(), reaction, &result);
+    for (uint32_t n = 0; n < l.node.size(); n++)
+        for (uint32_t k = 0; k < 3; k++)
+            same("x of another order", n, d.get64(KN_WINDOW_NODES + 16 * n + 2 * k), l.fixed.x[3 * n + k]);
+    for (uint32_t e = 0; e < order.size(); e++)
+        same("h of another order", e, d.get64(KN_WINDOW_EDGES + 8 * e + 3), l.fixed.h[order[e]]);
+}
+
+// every node held, nothing pushes: the device's reactions sum to zero, to the bit
+void try_sum(device &d, uint64_t seed)
+{
+    chance_state = model_seed = seed;
+    lattice l;
+    do make_model(l, false);
+    while (l.image.config.node_count > LIST || l.image.config.edge_count == 0);
+    for (kn_fixed_node &n : l.node) n.load[0] = n.load[1] = n.load[2] = 0;
+    l.rest();
+    put_image(d, l);
+    std::vector<kn_fixed_bound> bound;
+    for (uint16_t n = 0; n < l.node.size(); n++)
+        bound.push_back({n, true, {(int32_t)bits(14), (int32_t)bits(14), (int32_t)bits(14)}});
+    tick(d, l, bound);
+    int64_t size = 0;
+    for (uint32_t k = 0; k < 3; k++) {
+        int64_t sum = 0;
+        for (uint32_t b = 0; b < bound.size(); b++) {
+            int64_t r = d.get64(KN_WINDOW_REACTIONS + 6 * b + 2 * k);
+            sum += r;
+            size |= r;
+        }
+        same("sum of internal forces", k, sum, 0);
+    }
+    same("a force at all", 0, size != 0, 1);
+}
+
+// sums beyond 36 bits: more edges than 2^35/2^24 on one node, each as tense as can be
+void try_star(device &d)
+{
+    chance_state = model_seed = 0;
+    lattice l;
+    kn_fixed_config &c = l.image.config;
+    make_config(c, false);
+    c.node_count = 2;
+    c.edge_count = 2300;
+    c.passes = c.iterations = 2;
+    c.kv_shift = 0;
+    c.d_shift = 0;
+    l.node.resize(2);
+    for (kn_fixed_node &n : l.node) n = {{0, 0, 0}, {0, 0, 0}, 0};
+    l.node[1].x[0] = 1000;
+    for (int e = 0; e < c.edge_count; e++) {
+        uint16_t i = (uint16_t)(e & 1);
+        l.edge.push_back({i, (uint16_t)(1 - i), (1 << KN_FIXED_KV) - 1, 1});
+    }
+    for (int i = 0; i <= KN_FIXED_SEGMENTS; i++) l.image.table[i] = 1 << 17;
+    l.rest();
+    put_image(d, l);
+    std::vector<kn_fixed_bound> bound = {{0, true, {0, 0, 0}}, {1, true, {1 << 20, 0, 0}}};
+    tick(d, l, bound);
+    same("a sum at its limit", 0, d.get64(KN_WINDOW_REACTIONS), (INT64_C(1) << 35) - 1);
+    bound = {{1, true, {-(1 << 20), 5, 0}}};
+    tick(d, l, bound);
+    compare_state(d, l);
+    compare_crc(d, l);
+}
+
+bool refused(device &d, bool write, uint32_t address, uint32_t word = 0)
+{
+    return !d.transfer(write, address, &word);
+}
+
+// The doorbell and what a busy engine refuses.
+void try_bus()
+{
+    model_seed = 0;
+    device d;
+    same("ID", 0, d.get(KN_REG_ID), KN_ENGINE_ID);
+    same("VERSION", 0, d.get(KN_REG_VERSION), KN_ENGINE_VERSION);
+    same("BUILD_HASH", 0, d.get(KN_REG_BUILD_HASH), KN_BUILD_HASH);
+    same("CAPS", 0, d.get(KN_REG_CAPS), LOG_NODES | LOG_EDGES << 8 | LOG_LIST << 16);
+    d.put(KN_REG_SCRATCH, 0x12345678);
+    same("SCRATCH", 0, d.get(KN_REG_SCRATCH), 0x12345678);
+
+    d.put(KN_REG_STEP_SEQ, 1);
+    same("STATUS of an empty engine", 0, d.get(KN_REG_STATUS), KN_STATUS_EMPTY);
+    same("STEP_SEQ of an empty engine", 0, d.get(KN_REG_STEP_SEQ), 0);
+    d.put(KN_REG_STATUS, KN_STATUS_EMPTY);
+    same("STATUS", 0, d.get(KN_REG_STATUS), 0);
+
+    chance_state = 7;
+    lattice l;
+    do make_model(l, false);
+    while (l.image.config.edge_count < 60);
+    l.rest();
+    put_image(d, l);
+    same("STATUS at rest", 0, d.get(KN_REG_STATUS), KN_STATUS_LOADED);
+    tick(d, l, some_bounds(l, false));
+    const uint32_t clocks = d.get(KN_REG_CYCLES);
+    for (int again = 0; again < 3; again++) {
+        d.put(KN_REG_STEP_SEQ, d.seq);
+        same("STATUS after a repeated step", 0, d.get(KN_REG_STATUS), KN_STATUS_LOADED);
+        same("TICK after a repeated step", 0, d.get(KN_REG_TICK), 1);
+        compare_crc(d, l);
+    }
+    for (uint32_t wrong : {d.seq + 2, d.seq - 1, d.seq + 0x80000000u}) {
+        d.put(KN_REG_STEP_SEQ, wrong);
+        same("STATUS after a step out of order", 0, d.get(KN_REG_STATUS), KN_STATUS_LOADED | KN_STATUS_SEQ);
+        same("STEP_SEQ after a step out of order", 0, d.get(KN_REG_STEP_SEQ), d.seq);
+        d.put(KN_REG_STATUS, KN_STATUS_SEQ);
+    }
+    compare_crc(d, l);
+    same("CYCLES", 0, d.get(KN_REG_CYCLES), clocks);
+
+    // at work
+    d.step();
+    same("STATUS at work", 0, d.get(KN_REG_STATUS), KN_STATUS_BUSY | KN_STATUS_LOADED);
+    for (uint32_t window :
+         {KN_WINDOW_NODES, KN_WINDOW_EDGES, KN_WINDOW_TABLE, KN_WINDOW_BOUNDS, KN_WINDOW_REACTIONS, KN_WINDOW_REST}) {
+        same("window read at work", window, refused(d, false, window), 1);
+        same("window written at work", window, refused(d, true, window), 1);
+    }
+    for (uint32_t reg : {KN_REG_NODE_COUNT, KN_REG_KV_SHIFT, KN_REG_CONTROL, KN_REG_OMEGA, KN_REG_BOUND_COUNT})
+        same("register written at work", reg, refused(d, true, reg, 1), 1);
+    same("next step at work", 0, refused(d, true, KN_REG_STEP_SEQ, d.seq + 1), 1);
+    d.put(KN_REG_STEP_SEQ, d.seq); // the one at work
+    same("STATUS at work", 0, d.get(KN_REG_STATUS), KN_STATUS_BUSY | KN_STATUS_LOADED);
+    d.wait();
+    same("TICK", 0, d.get(KN_REG_TICK), 2);
+    // what no register takes
+    same("ID written", 0, refused(d, true, KN_REG_ID), 1);
+    same("no register", 0, refused(d, false, 0x20), 1);
+    same("no window", 0, refused(d, false, 0x700000), 1);
+    same("reactions written", 0, refused(d, true, KN_WINDOW_REACTIONS), 1);
+    same("a node beyond", 0, refused(d, false, KN_WINDOW_NODES + (16u << LOG_NODES)), 1);
+    same("an edge beyond", 0, refused(d, false, KN_WINDOW_EDGES + (8u << LOG_EDGES)), 1);
+    same("a record beyond", 0, refused(d, false, KN_WINDOW_BOUNDS + (4u << LOG_LIST)), 1);
+    same("a segment beyond", 0, refused(d, false, KN_WINDOW_TABLE + KN_FIXED_SEGMENTS + 1), 1);
+    same("an edge's node beyond", 0, refused(d, true, KN_WINDOW_EDGES, 1u << (16 + LOG_NODES)), 1);
+    same("too many nodes", 0, refused(d, true, KN_REG_NODE_COUNT, (1u << LOG_NODES) + 1), 1);
+    same("no node", 0, refused(d, true, KN_REG_NODE_COUNT, 0), 1);
+    same("too many edges", 0, refused(d, true, KN_REG_EDGE_COUNT, (1u << LOG_EDGES) + 1), 1);
+    same("too many records", 0, refused(d, true, KN_REG_BOUND_COUNT, 1u << LOG_LIST), 1);
+    same("too many passes", 0, refused(d, true, KN_REG_PASSES, 16), 1);
+    same("too many iterations", 0, refused(d, true, KN_REG_ITERATIONS, 33), 1);
+    same("two commands", 0, refused(d, true, KN_REG_CONTROL, KN_CONTROL_REST | KN_CONTROL_CRC), 1);
+    d.put(KN_REG_CONTROL, KN_CONTROL_CLEAR);
+    same("CYCLES_MAX", 0, d.get(KN_REG_CYCLES_MAX), 0);
+    same("FLAGS", 0, d.get(KN_REG_FLAGS), 0);
+}
+
+int64_t number(const char *name, int64_t otherwise)
+{
+    const char *text = getenv(name);
+    return text ? atoll(text) : otherwise;
+}
+
+} // namespace
+
+int main(int argc, char **argv)
+{
+    Verilated::commandArgs(argc, argv);
+    const int64_t models = number("KN_MODELS", 1000);
+    const uint64_t seed = (uint64_t)number("KN_SEED", 1);
+    chance_state = seed;
+    try_bus();
+    device d;
+    try_star(d);
+    const auto start = std::chrono::steady_clock::now();
+    int64_t tried = 0;
+    for (; tried < models && mismatches == 0; tried++) {
+        const uint64_t s = seed * 1000003u + (uint64_t)tried;
+        if (tried % 20 == 1)
+            try_order(d, s);
+        else if (tried % 20 == 2)
+            try_sum(d, s);
+        else
+            try_model(d, s);
+    }
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    printf("seed %llu: %lld models, %llu clocks, %.2f Mclocks/s, %d mismatches; ticks with a flag",
+           (unsigned long long)seed, (long long)tried, (unsigned long long)d.clocks, (double)d.clocks / seconds / 1e6,
+           mismatches);
+    bool all = true;
+    for (int f = 0; f < 7; f++) {
+        printf(" %d", flag_reached[f]);
+        all = all && flag_reached[f] > 0;
+    }
+    printf("\n");
+    if (models >= 100 && !all) fprintf(stderr, "a flag was never reached\n");
+    return mismatches > 0 || (models >= 100 && !all);
+}

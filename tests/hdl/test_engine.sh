@@ -1,0 +1,7 @@
+#!/usr/bin/env bash
+# The lattice as a circuit and as core/fixed: the same bits in random models (KN_MODELS=N of them, KN_SEED=N).
+source "$KN_SOURCE/tests/hdl/tools.sh"
+need verilator g++
+bench knead_engine engine -GLOG_NODES=7 -GLOG_EDGES=12 -GLOG_LIST=5 \
+    -CFLAGS "-DKN_LOG_NODES=7 -DKN_LOG_EDGES=12 -DKN_LOG_LIST=5"
+"$bench"
