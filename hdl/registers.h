@@ -12,7 +12,7 @@
     REGISTER(VERSION, 0x01, R, 32, "of this table: major 16, minor 8, patch 8")                                        \
     REGISTER(BUILD_HASH, 0x02, R, 32, "FNV-1a of formats and registers as printed here; the host's must be the same")  \
     REGISTER(CAPS, 0x03, R, 24, "log2 nodes + (log2 edges << 8) + (log2 boundary records << 16)")                      \
-    REGISTER(CONTROL, 0x04, W, 4, "1 rest: x = rest, u = h = 0; 2 clear FLAGS, CYCLES_MAX; 4 STATE_CRC, alone; 8 loaded")\
+    REGISTER(CONTROL, 0x04, W, 4, "1 rest: x = rest, u = h = 0; 2 clear FLAGS, CYCLES_MAX; 4 STATE_CRC; 8 loaded")     \
     REGISTER(STATUS, 0x05, C, 4, "1 busy; 2 loaded; 4 STEP_SEQ out of order; 8 step without a loaded state")           \
     REGISTER(FLAGS, 0x06, C, 7, "KN_FIXED_SAT_*, sticky")                                                              \
     REGISTER(SCRATCH, 0x07, RW, 32, "the host's")                                                                      \

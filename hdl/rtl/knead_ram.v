@@ -16,5 +16,9 @@ module knead_ram #(
         if (i_write) cells[i_write_address] <= i_data;
         o_data <= cells[i_address];
     end
+`ifdef FORMAL
+    (* anyconst *) wire [LOG_DEPTH-1:0] watched;
+    wire [WIDTH-1:0] held = cells[watched];
+`endif
 endmodule
 `default_nettype wire

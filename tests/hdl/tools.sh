@@ -33,13 +33,14 @@ bench() {
     bench=$built/bench
 }
 
-# smt2 FROM: the proof of the modules in FROM as a formula
+# smt2 FROM: the proof of the modules in FROM as a formula. A line "// peek: WIRE = INSTANCE.SIGNAL" of the proof lets it see a register.
 smt2() {
-    local files=()
-    local file
+    local files=() file peeks
     for file in "${proof[@]}"; do files+=("$1/$file"); done
-    yosys -q -l yosys.log -p "read_verilog -formal -I$1 -I$tables ${files[*]} $KN_SOURCE/hdl/formal/$name.v; prep -flatten -top $name; \
-        async2sync; dffunmap; opt_clean; write_smt2 -wires proof.smt2" >/dev/null || { cat yosys.log && exit 1; }
+    peeks=$(sed -n 's|^ *// peek: \([a-z0-9_]*\) = \([a-z0-9_.]*\)$|connect -set \1 \2;|p' "$KN_SOURCE/hdl/formal/$name.v")
+    yosys -q -l yosys.log -p "read_verilog -formal -I$1 -I$tables ${files[*]} $KN_SOURCE/hdl/formal/$name.v; hierarchy -check -top $name; \
+        proc; flatten; $peeks prep -top $name; async2sync; dffunmap; opt_clean; write_smt2 -wires proof.smt2" >/dev/null ||
+        { cat yosys.log && exit 1; }
 }
 
 # solve WANTED LINE MODE...: the solver's verdict, and how long it took

@@ -1,0 +1,70 @@
+`default_nettype none
+// The engine makes as many steps as STEP_SEQ says, none for a number that it has had, and none of them at work; at work
+// no window is written and nothing changes that a tick reads; every transfer is answered, within four clocks.
+module doorbell (
+    input wire        clk,
+    input wire        rst,
+    input wire        valid,
+    input wire        write,
+    input wire [23:0] address,
+    input wire [31:0] data,
+    input wire        busy,
+    input wire        ticked
+);
+    wire        ready, act, tick, rest, crc;
+    wire [16:0] node_count;
+    wire [20:0] edge_count;
+    wire [ 5:0] kv_shift;
+    wire [10:0] bound_count;
+    knead_registers #(.LOG_NODES(3), .LOG_EDGES(4), .LOG_LIST(2)) dut (
+        .clk(clk), .rst(rst), .i_bus_valid(valid), .i_bus_write(write), .i_bus_addr(address), .i_bus_wdata(data),
+        .o_bus_ready(ready), .i_window_data(32'd0), .o_act(act), .i_busy(busy), .o_tick(tick), .o_rest(rest),
+        .o_crc(crc), .i_ticked(ticked), .i_flags(7'd0), .i_residual(36'd0), .i_state_crc(32'd0),
+        .i_iteration(5'd0), .o_node_count(node_count), .o_edge_count(edge_count), .o_kv_shift(kv_shift),
+        .o_bound_count(bound_count));
+
+    wire [31:0] seq;
+    wire [ 1:0] step;
+    wire        loaded;
+    // peek: seq = dut.seq
+    // peek: step = dut.step
+    // peek: loaded = dut.loaded
+
+    reg         begun, valid_r, ready_r, write_r, busy_r, told_r, tick_r;
+    reg  [23:0] address_r;
+    reg  [31:0] data_r, steps, seq_r;
+    reg  [ 2:0] waited;
+    reg  [54:0] config_r;
+    wire [54:0] config_ = {node_count, edge_count, kv_shift, bound_count};
+    initial begun = 1'b0;
+    always @(posedge clk) begin
+        begun <= 1'b1;
+        {valid_r, ready_r, write_r, busy_r, tick_r} <= {valid, ready, write, busy, tick};
+        told_r <= rest | crc;
+        address_r <= address;
+        data_r <= data;
+        seq_r <= seq;
+        config_r <= config_;
+        steps <= rst ? 32'd0 : steps + {31'd0, tick};
+        waited <= rst || !valid || ready ? 3'd0 : waited + 3'd1;
+    end
+
+    always @* if (!begun) assume (rst);
+    always @* if (begun) begin
+        // a master keeps what it asks for; the engine is at work the clock after it was told to
+        if (valid_r && !ready_r && !rst) assume (valid && write == write_r && address == address_r && data == data_r);
+        if (tick_r || told_r) assume (busy);
+        else if (!busy_r) assume (!busy);
+    end
+    always @* if (begun && !rst) begin
+        assert (steps + {31'd0, tick} == seq);
+        assert (seq == seq_r || tick && seq == seq_r + 32'd1 || seq == 32'd0);
+        if (tick) assert (seq == data_r && write_r && !busy_r && loaded);
+        if (act) assert (!busy && write && valid);
+        if (busy_r) assert (config_ == config_r || config_ == {17'd1, 38'd0});
+        assert (waited <= 3'd3);
+        assert (ready || step == waited[1:0]);
+    end
+    always @(posedge clk) cover (begun && tick && seq == 32'd2);
+endmodule
+`default_nettype wire

@@ -1,0 +1,18 @@
+#!/usr/bin/env bash
+# The engine's sums and its doorbell, proved.
+source "$KN_SOURCE/tests/hdl/tools.sh"
+need yosys yosys-smtbmc z3
+
+prove accumulator induction 3 knead_accumulator.v knead_ram.v
+cover 12
+mutant 12 knead_accumulator.v 's/assign o_sum = forward_r ? written_r : cell_r/assign o_sum = cell_r/'
+mutant 12 knead_accumulator.v 's/write_r \&\& address_r == i_address/write_r/'
+mutant 12 knead_accumulator.v 's/forward_r <= write_r \&\& /forward_r <= /'
+
+prove doorbell induction 5 knead_registers.v
+cover 24
+mutant 24 knead_registers.v 's/knock \&\& next_seq \&\& loaded) seq/knock) seq/'
+mutant 24 knead_registers.v 's/o_tick <= knock \&\& next_seq/o_tick <= knock/'
+mutant 24 knead_registers.v "s/config_ = i_bus_wdata == seq + 32'd1/config_ = 1'b0/"
+mutant 24 knead_registers.v 's/!is_window || i_busy || busy_seen/!is_window/'
+exit $fail
