@@ -1,0 +1,100 @@
+#include "server/backend/link.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { BAUD = 3000000 };
+
+static const char expected[] =
+    "uart:/dev/NAME?baud=N, pty:/dev/pts/N, pcie:DDDD:BB:DD.F or shm:NAME, and of each ?miss=MS";
+
+const char *kn_link_words(kn_link_status status)
+{
+    static const char *const words[] = {[KN_LINK_OK] = "ok",
+                                        [KN_LINK_LATE] = "late",
+                                        [KN_LINK_CRC] = "wrong checksum",
+                                        [KN_LINK_PROTOCOL] = "not what a circuit answers",
+                                        [KN_LINK_IO] = "no answer",
+                                        [KN_LINK_GONE] = "gone"};
+    return words[status];
+}
+
+typedef struct options {
+    int baud; // 0: not said
+    double miss_ms;
+} options;
+
+// "KEY=VALUE&..." behind a '?'.
+static bool parse_options(char *text, options *o)
+{
+    for (char *next, *key = text; key && *key; key = next) {
+        if ((next = strchr(key, '&'))) *next++ = 0;
+        char *value = strchr(key, '='), *end = NULL;
+        if (!value) return false;
+        *value++ = 0;
+        double number = strtod(value, &end);
+        if (end == value || *end) return false;
+        if (strcmp(key, "baud") == 0 && number >= 1 && number <= 1e8)
+            o->baud = (int)number;
+        else if (strcmp(key, "miss") == 0 && number >= 0.1 && number <= 60000)
+            o->miss_ms = number;
+        else
+            return false;
+    }
+    return true;
+}
+
+static bool is_function(const char *s)
+{
+    for (const char *form = "xxxx:xx:xx.x"; *form; form++, s++) {
+        if (*form == 'x' ? !*s || !strchr("0123456789abcdefABCDEF", *s) : *s != *form) return false;
+    }
+    return *s == 0;
+}
+
+static bool is_name(const char *s)
+{
+    return *s && *s != '.' && strlen(s) < 200 && !strchr(s, '/');
+}
+
+static bool open_parsed(kn_link *link, const char *scheme, const char *where, const options *o, const char *sysfs,
+                        char why[KN_LINK_WHY])
+{
+    if (strcmp(scheme, "uart") == 0) return kn_link_uart(link, where, o->baud ? o->baud : BAUD, sysfs, why);
+    if (strcmp(scheme, "pty") == 0) return kn_link_uart(link, where, 0, sysfs, why);
+    if (strcmp(scheme, "pcie") == 0) return kn_link_pcie(link, where, sysfs, why);
+    return kn_link_shm(link, where, why);
+}
+
+static bool good(const char *scheme, const char *where, const options *o)
+{
+    if (strcmp(scheme, "uart") == 0) return *where == '/';
+    if (o->baud) return false;
+    if (strcmp(scheme, "pty") == 0) return *where == '/';
+    if (strcmp(scheme, "pcie") == 0) return is_function(where);
+    return strcmp(scheme, "shm") == 0 && is_name(where);
+}
+
+bool kn_link_open_at(kn_link *link, const char *uri, const char *sysfs, char why[KN_LINK_WHY])
+{
+    char text[KN_LINK_URI] = "";
+    options o = {0, 1.6};
+    *link = (kn_link){0};
+    size_t length = strlen(uri);
+    memcpy(text, uri, length < sizeof text ? length : 0);
+    char *where = strchr(text, ':'), *query = strchr(text, '?');
+    if (where) *where++ = 0;
+    if (query) *query++ = 0;
+    if (!where || !parse_options(query, &o) || !good(text, where, &o)) {
+        snprintf(why, KN_LINK_WHY, "%.100s: expected %s", uri, expected);
+        return false;
+    }
+    if (!open_parsed(link, text, where, &o, sysfs, why)) return false;
+    link->miss_ns = (int64_t)(1e6 * o.miss_ms);
+    return true;
+}
+
+bool kn_link_open(kn_link *link, const char *uri, char why[KN_LINK_WHY])
+{
+    return kn_link_open_at(link, uri, "/sys", why);
+}

@@ -1,0 +1,267 @@
+// Registers as memory: a PCI function's BAR, or a file that a simulated one serves.
+#include "hdl/registers.h"
+#include "server/backend/link.h"
+#include "server/clock.h"
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <linux/futex.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+
+enum { READ = 1, WRITE = 2, SPIN_NS = 30000, NAP_NS = 20000 };
+
+typedef struct bar {
+    int fd;
+    size_t bytes;
+    uint32_t words;
+    volatile uint32_t *word;
+    kn_shm *shm; // NULL: a real one, which traps what is written
+    kn_link_counts counts;
+    // of the request under way
+    bool asked, ones; // ones: a word of all ones was read
+    size_t at, done;  // its operation; of that, words done
+    kn_request request;
+    kn_reply reply;
+} bar;
+
+// ---- words. Never memcpy: a BAR takes and gives 32 bits at a time, in order.
+
+static bool ringing(const bar *b)
+{
+    return b->shm &&
+           __atomic_load_n(&b->shm->done, __ATOMIC_ACQUIRE) != __atomic_load_n(&b->shm->bell, __ATOMIC_RELAXED);
+}
+
+static uint32_t get(bar *b, uint32_t address)
+{
+    uint32_t word = b->word[address];
+    __atomic_thread_fence(__ATOMIC_ACQUIRE);
+    if (word == UINT32_MAX) b->ones = true;
+    return address == KN_REG_STATUS && ringing(b) ? word | KN_STATUS_BUSY : word;
+}
+
+static long futex(uint32_t *at, int what, uint32_t value, const struct timespec *until)
+{
+    return syscall(SYS_futex, at, what, value, until, NULL, FUTEX_BITSET_MATCH_ANY);
+}
+
+static void ring(bar *b, uint32_t address, uint32_t word)
+{
+    kn_shm *s = b->shm;
+    s->bell_address = address;
+    s->bell_word = word;
+    __atomic_store_n(&s->bell, s->bell + 1, __ATOMIC_SEQ_CST);
+    if (__atomic_load_n(&s->device_asleep, __ATOMIC_SEQ_CST)) futex(&s->bell, FUTEX_WAKE, INT_MAX, NULL);
+}
+
+// False: the bell before has not been heard.
+static bool put(bar *b, uint32_t address, uint32_t word)
+{
+    bool bell = b->shm && (address == KN_REG_CONTROL || address == KN_REG_STATUS || address == KN_REG_FLAGS ||
+                           address == KN_REG_STEP_SEQ);
+    if (bell && ringing(b)) return false;
+    __atomic_thread_fence(__ATOMIC_RELEASE);
+    if (!bell)
+        b->word[address] = word;
+    else
+        ring(b, address, word);
+    return true;
+}
+
+// ---- operations
+
+static uint32_t number(const uint8_t *from, int bytes)
+{
+    uint32_t value = 0;
+    for (int i = 0; i < bytes; i++) value |= (uint32_t)from[i] << 8 * i;
+    return value;
+}
+
+static kn_link_status refuse(bar *b)
+{
+    b->reply.status = KN_REPLY_BUS;
+    b->at = b->request.size;
+    return KN_LINK_OK;
+}
+
+static kn_link_status read_words(bar *b, uint32_t address, uint32_t count)
+{
+    if (address + count > b->words) return refuse(b);
+    for (uint32_t i = 0; i < count; i++) b->reply.words[b->reply.count++] = get(b, address + i);
+    b->at += 5;
+    return KN_LINK_OK;
+}
+
+static kn_link_status write_words(bar *b, const uint8_t *words, uint32_t address, uint32_t count)
+{
+    if (address + count > b->words) return refuse(b);
+    for (; b->done < count; b->done++)
+        if (!put(b, address + (uint32_t)b->done, number(words + 4 * b->done, 4))) return KN_LINK_LATE;
+    b->done = 0;
+    b->at += 5 + 4 * (size_t)count;
+    return KN_LINK_OK;
+}
+
+static kn_link_status wait_word(bar *b, const uint8_t *operation, uint32_t address)
+{
+    if (address >= b->words) return refuse(b);
+    uint32_t word = get(b, address);
+    if ((word & number(operation + 3, 4)) != number(operation + 7, 4)) return KN_LINK_LATE;
+    b->reply.words[b->reply.count++] = word;
+    b->at += 14;
+    return KN_LINK_OK;
+}
+
+// As far as it goes; LATE where a word that is waited for is not there.
+static kn_link_status advance(bar *b)
+{
+    kn_link_status status = KN_LINK_OK;
+    while (status == KN_LINK_OK && b->at < b->request.size) {
+        const uint8_t *operation = b->request.bytes + b->at + 1;
+        uint32_t address = number(operation, 3), what = operation[-1];
+        if (what == READ)
+            status = read_words(b, address, operation[3]);
+        else if (what == WRITE)
+            status = write_words(b, operation + 4, address, operation[3]);
+        else
+            status = wait_word(b, operation, address);
+    }
+    return status;
+}
+
+static bool gone(bar *b)
+{
+    return b->ones && b->word[KN_REG_ID] == UINT32_MAX;
+}
+
+static kn_link_status submit(void *self, const kn_request *request)
+{
+    bar *b = self;
+    b->request = *request;
+    b->reply = (kn_reply){.tag = (uint16_t)number(request->bytes, 2)};
+    b->asked = true;
+    b->ones = false;
+    b->at = 2;
+    b->done = 0;
+    b->counts.sent++;
+    return KN_LINK_OK;
+}
+
+static void nap(bar *b, int64_t until_ns)
+{
+    struct timespec until = {until_ns / 1000000000, until_ns % 1000000000};
+    if (!b->shm) {
+        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, NULL);
+        return;
+    }
+    uint32_t done = __atomic_load_n(&b->shm->done, __ATOMIC_SEQ_CST);
+    __atomic_store_n(&b->shm->host_asleep, 1, __ATOMIC_SEQ_CST);
+    if (ringing(b)) futex(&b->shm->done, FUTEX_WAIT_BITSET, done, &until);
+    __atomic_store_n(&b->shm->host_asleep, 0, __ATOMIC_RELAXED);
+}
+
+static kn_link_status look(bar *b, kn_reply *reply)
+{
+    kn_link_status status = advance(b);
+    if (gone(b)) return KN_LINK_GONE;
+    if (status != KN_LINK_OK) return status;
+    b->asked = false;
+    b->counts.received++;
+    *reply = b->reply;
+    return KN_LINK_OK;
+}
+
+static kn_link_status wait_reply(void *self, int64_t deadline_ns, kn_reply *reply)
+{
+    bar *b = self;
+    for (int64_t began_ns = kn_now_ns(), now_ns = began_ns;;) {
+        kn_link_status status = b->asked ? look(b, reply) : KN_LINK_LATE;
+        if (status != KN_LINK_LATE || now_ns >= deadline_ns) return status;
+        now_ns = kn_now_ns();
+        if (now_ns - began_ns < SPIN_NS) continue;
+        int64_t until_ns = b->shm && ringing(b) ? deadline_ns : now_ns + NAP_NS;
+        nap(b, until_ns < deadline_ns ? until_ns : deadline_ns);
+    }
+}
+
+static void forget(void *self)
+{
+    ((bar *)self)->asked = false;
+}
+
+static void count(const void *self, kn_link_counts *counts)
+{
+    *counts = ((const bar *)self)->counts;
+}
+
+static void close_bar(void *self)
+{
+    bar *b = self;
+    munmap((void *)b->word, b->bytes);
+    close(b->fd);
+    free(b);
+}
+
+// ---- opening
+
+// First without access, then with: where a process has locked all its memory, pages would else be made of every word.
+static void *map(int fd, size_t bytes)
+{
+    void *at = mmap(NULL, bytes, PROT_NONE, MAP_SHARED, fd, 0);
+    if (at != MAP_FAILED && mprotect(at, bytes, PROT_READ | PROT_WRITE) == 0) return at;
+    if (at != MAP_FAILED) munmap(at, bytes);
+    return NULL;
+}
+
+static bool open_file(kn_link *link, const char *name, const char *path, bool shm, char why[KN_LINK_WHY])
+{
+    struct stat s = {0};
+    bar *b = calloc(1, sizeof *b);
+    void *at = NULL;
+    int fd = open(path, O_RDWR | O_SYNC | O_CLOEXEC);
+    if (fd < 0 || fstat(fd, &s))
+        snprintf(why, KN_LINK_WHY, "%s: %s", path, strerror(errno));
+    else if (flock(fd, LOCK_EX | LOCK_NB))
+        snprintf(why, KN_LINK_WHY, "%s: another program has it", path);
+    else if (shm ? s.st_size != KN_SHM_BYTES : s.st_size < 4096 || s.st_size % 4)
+        snprintf(why, KN_LINK_WHY, "%s: %lld bytes: expected the registers of a circuit", path, (long long)s.st_size);
+    else if (!b || !(at = map(fd, (size_t)s.st_size)))
+        snprintf(why, KN_LINK_WHY, "%s: %s", path, strerror(errno));
+    if (!at) {
+        if (fd >= 0) close(fd);
+        free(b);
+        return false;
+    }
+    *b = (bar){.fd = fd, .bytes = (size_t)s.st_size, .word = at, .shm = shm ? kn_shm_of(at) : NULL};
+    b->words = shm || s.st_size / 4 > KN_SHM_WORDS ? KN_SHM_WORDS : (uint32_t)(s.st_size / 4);
+    *link = (kn_link){.name = name,
+                      .self = b,
+                      .submit = submit,
+                      .wait = wait_reply,
+                      .forget = forget,
+                      .count = count,
+                      .close = close_bar};
+    return true;
+}
+
+bool kn_link_shm(kn_link *link, const char *name, char why[KN_LINK_WHY])
+{
+    char path[KN_LINK_URI + 16];
+    snprintf(path, sizeof path, "/dev/shm/%.200s", name);
+    return open_file(link, "shm", path, true, why);
+}
+
+bool kn_link_pcie(kn_link *link, const char *function, const char *sysfs, char why[KN_LINK_WHY])
+{
+    char path[2 * KN_LINK_URI];
+    snprintf(path, sizeof path, "%.200s/bus/pci/devices/%.16s/resource0", sysfs, function);
+    return open_file(link, "pcie", path, false, why);
+}

@@ -1,0 +1,242 @@
+// A serial line, or a pseudo-terminal.
+#include "server/backend/link.h"
+#include "server/clock.h"
+#include <errno.h>
+#include <fcntl.h>
+#include <linux/serial.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/ioctl.h>
+#include <termios.h>
+#include <unistd.h>
+
+typedef struct uart {
+    int fd;
+    bool asked;
+    kn_link_status down; // of a line that is no more
+    kn_framer framer;
+    kn_request request;
+    kn_link_counts counts;
+    size_t out_at, out_size, in_at, in_size;
+    uint8_t out[1 + KN_FRAMER_WIRE]; // a 0x00 first, so that what stands on the line ends there
+    uint8_t in[4096];
+} uart;
+
+static kn_link_status fallen(uart *u, kn_link_status status)
+{
+    if (u->down == KN_LINK_OK) u->down = status;
+    return u->down;
+}
+
+static kn_link_status error(uart *u)
+{
+    return fallen(u, errno == EIO || errno == ENXIO || errno == ENODEV ? KN_LINK_GONE : KN_LINK_IO);
+}
+
+static kn_link_status push(uart *u)
+{
+    while (u->out_at < u->out_size) {
+        ssize_t n = write(u->fd, u->out + u->out_at, u->out_size - u->out_at);
+        if (n < 0 && errno == EINTR) continue;
+        if (n < 0 && errno != EAGAIN) return error(u);
+        if (n <= 0) break;
+        u->out_at += (size_t)n;
+    }
+    return KN_LINK_OK;
+}
+
+static kn_link_status submit(void *self, const kn_request *request)
+{
+    uart *u = self;
+    if (u->down != KN_LINK_OK) return u->down;
+    u->request = *request;
+    u->asked = true;
+    u->counts.sent++;
+    u->out[0] = 0;
+    u->out_at = 0;
+    u->out_size = 1 + kn_framer_encode(request->bytes, request->size, u->out + 1);
+    return push(u);
+}
+
+// What has been read: a reply, or CRC when what came instead was broken.
+static kn_link_status hear(uart *u, kn_reply *reply)
+{
+    kn_framer *f = &u->framer;
+    while (u->in_at < u->in_size) {
+        size_t used = 0;
+        int64_t broken = f->crc + f->cobs + f->length;
+        size_t payload = kn_framer_read(f, u->in + u->in_at, u->in_size - u->in_at, &used);
+        u->in_at += used;
+        if (payload && u->asked && kn_reply_parse(reply, &u->request, f->bytes, payload)) {
+            u->asked = false;
+            u->counts.received++;
+            return KN_LINK_OK;
+        }
+        if (payload) u->counts.stray++;
+        if (u->asked && f->crc + f->cobs + f->length > broken) return KN_LINK_CRC;
+    }
+    return KN_LINK_LATE;
+}
+
+// Returns LATE when nothing more is there.
+static kn_link_status take(uart *u)
+{
+    ssize_t n = read(u->fd, u->in, sizeof u->in);
+    u->in_at = 0;
+    u->in_size = n > 0 ? (size_t)n : 0;
+    if (n > 0) return KN_LINK_OK;
+    if (n == 0) return fallen(u, KN_LINK_GONE);
+    return errno == EAGAIN || errno == EINTR ? KN_LINK_LATE : error(u);
+}
+
+static kn_link_status doze(uart *u, int64_t deadline_ns)
+{
+    int64_t left = deadline_ns - kn_now_ns();
+    if (left <= 0) return KN_LINK_LATE;
+    struct pollfd p = {u->fd, (short)(u->out_at < u->out_size ? POLLIN | POLLOUT : POLLIN), 0};
+    struct timespec t = {left / 1000000000, left % 1000000000};
+    if (ppoll(&p, 1, &t, NULL) < 0 && errno != EINTR) return fallen(u, KN_LINK_IO);
+    return KN_LINK_OK;
+}
+
+static kn_link_status wait_reply(void *self, int64_t deadline_ns, kn_reply *reply)
+{
+    uart *u = self;
+    for (;;) {
+        kn_link_status heard = hear(u, reply);
+        if (heard != KN_LINK_LATE) return heard;
+        if (u->down != KN_LINK_OK) return u->down;
+        if (push(u) != KN_LINK_OK) return u->down;
+        kn_link_status taken = take(u);
+        if (taken == KN_LINK_OK) continue;
+        if (taken != KN_LINK_LATE) return taken;
+        kn_link_status dozed = doze(u, deadline_ns);
+        if (dozed != KN_LINK_OK) return dozed;
+    }
+}
+
+static void forget(void *self)
+{
+    uart *u = self;
+    u->asked = false;
+    u->out_at = u->out_size = u->in_at = u->in_size = 0;
+    if (u->down == KN_LINK_OK) tcflush(u->fd, TCIOFLUSH);
+}
+
+static void count(const void *self, kn_link_counts *counts)
+{
+    const uart *u = self;
+    *counts = u->counts;
+    counts->crc = u->framer.crc;
+    counts->coding = u->framer.cobs + u->framer.length;
+}
+
+static void close_uart(void *self)
+{
+    uart *u = self;
+    close(u->fd);
+    free(u);
+}
+
+// ---- opening
+
+static const struct {
+    int baud;
+    speed_t speed;
+} speeds[] = {{9600, B9600},       {19200, B19200},     {38400, B38400},     {57600, B57600},     {115200, B115200},
+              {230400, B230400},   {460800, B460800},   {500000, B500000},   {576000, B576000},   {921600, B921600},
+              {1000000, B1000000}, {1152000, B1152000}, {1500000, B1500000}, {2000000, B2000000}, {2500000, B2500000},
+              {3000000, B3000000}, {3500000, B3500000}, {4000000, B4000000}};
+
+static bool find_speed(int baud, speed_t *speed)
+{
+    for (size_t i = 0; i < sizeof speeds / sizeof *speeds; i++)
+        if (speeds[i].baud == baud) return *speed = speeds[i].speed, true;
+    return false;
+}
+
+// Raw, eight bits, no flow control, no modem lines. VMIN 1: with 0 an empty line and a hang-up both read as nothing.
+static bool make_raw(int fd, int baud, speed_t speed)
+{
+    struct termios t;
+    if (tcgetattr(fd, &t)) return false;
+    cfmakeraw(&t);
+    t.c_cflag = (t.c_cflag & ~(tcflag_t)(CSTOPB | CRTSCTS | HUPCL)) | CLOCAL | CREAD;
+    t.c_cc[VMIN] = 1;
+    t.c_cc[VTIME] = 0;
+    if (baud && (cfsetispeed(&t, speed) || cfsetospeed(&t, speed))) return false;
+    return tcsetattr(fd, TCSANOW, &t) == 0;
+}
+
+// An adapter collects what comes for up to 16 ms unless told otherwise, by its driver or in sysfs. Where neither takes
+// it, it stays slow.
+static void hurry(int fd, const char *path, const char *sysfs)
+{
+    struct serial_struct serial;
+    char file[KN_LINK_URI + 64], real[4096];
+    if (ioctl(fd, TIOCGSERIAL, &serial) == 0) {
+        serial.flags = (int)((unsigned)serial.flags | ASYNC_LOW_LATENCY);
+        ioctl(fd, TIOCSSERIAL, &serial);
+    }
+    const char *name = realpath(path, real) ? strrchr(real, '/') + 1 : "";
+    snprintf(file, sizeof file, "%s/class/tty/%.60s/device/latency_timer", sysfs, name);
+    int timer = open(file, O_WRONLY | O_CLOEXEC);
+    if (timer < 0) return;
+    ssize_t written = write(timer, "1", 1);
+    (void)written;
+    close(timer);
+}
+
+static bool take_line(uart *u, const char *path, int baud, speed_t speed, char why[KN_LINK_WHY])
+{
+    if (flock(u->fd, LOCK_EX | LOCK_NB)) {
+        snprintf(why, KN_LINK_WHY, "%s: another program has it", path);
+        return false;
+    }
+    if (!make_raw(u->fd, baud, speed)) {
+        snprintf(why, KN_LINK_WHY, "%s: %s: expected a serial line", path, strerror(errno));
+        return false;
+    }
+    if (baud) ioctl(u->fd, TIOCEXCL); // of a pseudo-terminal it would outlive us, its other end has it open
+    tcflush(u->fd, TCIOFLUSH);
+    return true;
+}
+
+bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, char why[KN_LINK_WHY])
+{
+    speed_t speed = B0;
+    if (baud && !find_speed(baud, &speed)) {
+        snprintf(why, KN_LINK_WHY,
+                 "baud=%d: expected 9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, "
+                 "576000, 921600, 1000000, 1152000, 1500000, 2000000, 2500000, 3000000, 3500000 or 4000000",
+                 baud);
+        return false;
+    }
+    int fd = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+    if (fd < 0) {
+        snprintf(why, KN_LINK_WHY, "%s: %s", path, strerror(errno));
+        return false;
+    }
+    uart *u = calloc(1, sizeof *u);
+    if (u) u->fd = fd;
+    if (!u || !take_line(u, path, baud, speed, why)) {
+        if (!u) snprintf(why, KN_LINK_WHY, "%s: memory is short", path);
+        close(fd);
+        free(u);
+        return false;
+    }
+    if (baud) hurry(fd, path, sysfs);
+    *link = (kn_link){.name = baud ? "uart" : "pty",
+                      .byte_ns = baud ? 10000000000 / baud : 0,
+                      .device_waits = true,
+                      .self = u,
+                      .submit = submit,
+                      .wait = wait_reply,
+                      .forget = forget,
+                      .count = count,
+                      .close = close_uart};
+    return true;
+}
