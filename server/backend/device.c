@@ -1,0 +1,750 @@
+#include "server/backend/device.h"
+#include "hdl/knead_hash.h"
+#include "hdl/registers.h"
+#include "server/clock.h"
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MISSES = 3, PATIENCE = 10, BUCKETS = 25 * 8, CHUNK = KN_REQUEST_WRITE_MOST };
+enum { READ_OP = 5, WRITE_OP = 5, WAIT_OP = 14, TALE = 8 }; // bytes of heads; words behind the reactions
+
+typedef enum job { IDLE, IDENTIFY, LOAD, RESUME, STEP, CRC, READ } job;
+
+struct kn_device {
+    char uri[KN_LINK_URI], why[KN_LINK_WHY];
+    bool linked;
+    kn_link link;
+    kn_device_state state;
+    kn_link_status last; // why it is LOST
+    kn_device_caps caps;
+    uint32_t nonce;       // in SCRATCH: of our last load
+    uint32_t seq, tick;   // the circuit's, when no step is under way
+    int32_t nodes, edges; // of what is loaded
+    uint16_t limit;       // of a WAIT for a tick
+
+    job job;
+    bool out, again;   // a request is under way; one that was sent before
+    int misses, tries; // of this request
+    bool broken;       // the link is to be opened again
+    uint16_t tag;
+    int64_t first_ns, sent_ns;
+    kn_request request;
+    int first, words; // of what this request asks for: where it begins, how much
+    int position;     // of the job: words or records that are done
+
+    // a step
+    kn_fixed_bound bound[KN_FIXED_LIST_MAX];
+    int count, written, wrote; // bounds there are; the circuit has; this request brings
+    bool rung, rings;
+    int64_t reaction[KN_FIXED_LIST_MAX][3], began_ns;
+    kn_device_result result;
+
+    const kn_fixed_image *image; // to load
+    const kn_fixed *from;
+    kn_fixed *into;
+    uint32_t crc;
+
+    kn_device_stats stats;
+    int64_t bucket[BUCKETS];
+};
+
+// ---- what is told
+
+__attribute__((format(printf, 3, 4))) static kn_link_status refuse(kn_device *d, kn_link_status status,
+                                                                   const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(d->why, sizeof d->why, format, arguments);
+    va_end(arguments);
+    return status;
+}
+
+static kn_link_status lose(kn_device *d, kn_link_status status)
+{
+    d->stats.lost += d->state != KN_DEVICE_LOST;
+    d->state = KN_DEVICE_LOST;
+    d->job = IDLE;
+    d->out = false;
+    return d->last = status;
+}
+
+static int bucket_of(int64_t ns) // eight to an octave, from 256 ns
+{
+    if (ns < 256) return 0;
+    int octave = 63 - __builtin_clzll((uint64_t)ns), bucket = 8 * (octave - 8) + (int)(ns >> (octave - 3) & 7);
+    return bucket < BUCKETS ? bucket : BUCKETS - 1;
+}
+
+static void remember(kn_device *d, int64_t ns)
+{
+    d->bucket[bucket_of(ns)]++;
+    d->stats.steps++;
+    if (ns > d->stats.max_ns) d->stats.max_ns = ns;
+}
+
+static int64_t quantile(const kn_device *d, double share)
+{
+    int64_t seen = 0;
+    for (int i = 0; i < BUCKETS && d->stats.steps; i++)
+        if ((double)(seen += d->bucket[i]) >= share * (double)d->stats.steps) return (int64_t)(8 + i % 8) << (8 + i / 8) >> 3;
+    return 0;
+}
+
+// ---- words of an image, in the order in which they are sent
+
+static uint32_t low(int64_t v)
+{
+    return (uint32_t)v;
+}
+static uint32_t high(int64_t v)
+{
+    return (uint32_t)(v >> 32);
+}
+
+static int64_t wide(uint32_t lo, uint32_t hi, int bits) // signed, whatever stands above its bits
+{
+    uint64_t v = (uint64_t)hi << 32 | lo;
+    return (int64_t)(v << (64 - bits)) >> (64 - bits);
+}
+
+typedef uint32_t source(const kn_device *d, int word);
+
+static uint32_t config_word(const kn_device *d, int word)
+{
+    const kn_fixed_config *c = &d->image->config;
+    const int32_t words[] = {c->node_count, c->edge_count,   c->passes, c->iterations, c->d_shift,
+                             c->kv_shift,   c->octave & 127, c->beta,   c->beta_shift, c->relax};
+    return (uint32_t)words[word];
+}
+
+static uint32_t omega_word(const kn_device *d, int word)
+{
+    return word < d->image->config.iterations ? (uint32_t)d->image->config.omega[word] : 0;
+}
+
+static uint32_t table_word(const kn_device *d, int word)
+{
+    return (uint32_t)d->image->table[word];
+}
+
+static uint32_t node_word(const kn_device *d, int word)
+{
+    int node = word / 16, w = word % 16;
+    const kn_fixed_node *rest = &d->image->node[node];
+    if (w < 6) return (w % 2 ? high : low)(d->from->x[3 * node + w / 2]);
+    if (w < 7) return rest->held;
+    if (w < 10) return (uint32_t)d->from->u[3 * node + w - 7];
+    return w < 13 ? (uint32_t)rest->load[w - 10] : 0;
+}
+
+static uint32_t rest_word(const kn_device *d, int word)
+{
+    int w = word % 8;
+    return w < 6 ? (w % 2 ? high : low)(d->image->node[word / 8].x[w / 2]) : 0;
+}
+
+static uint32_t edge_word(const kn_device *d, int word)
+{
+    int edge = word / 8;
+    const kn_fixed_edge *e = &d->image->edge[edge];
+    switch (word % 8) {
+    case 0:
+        return (uint32_t)e->i | (uint32_t)e->j << 16;
+    case 1:
+        return (uint32_t)e->kv;
+    case 2:
+        return (uint32_t)e->ia;
+    case 3:
+        return low(d->from->h[edge]);
+    case 4:
+        return high(d->from->h[edge]);
+    default:
+        return 0;
+    }
+}
+
+typedef struct segment {
+    uint32_t address;
+    int words;
+    source *source;
+} segment;
+
+enum { SEGMENTS = 6 };
+
+static void segments(const kn_device *d, segment s[SEGMENTS])
+{
+    const segment all[SEGMENTS] = {{KN_REG_NODE_COUNT, 10, config_word},
+                                   {KN_REG_OMEGA, KN_FIXED_ITERATIONS_MAX, omega_word},
+                                   {KN_WINDOW_TABLE, KN_FIXED_SEGMENTS + 1, table_word},
+                                   {KN_WINDOW_NODES, 16 * d->nodes, node_word},
+                                   {KN_WINDOW_REST, 8 * d->nodes, rest_word},
+                                   {KN_WINDOW_EDGES, 8 * d->edges, edge_word}};
+    memcpy(s, all, sizeof all);
+}
+
+// ---- requests: what the next one of a job asks for
+
+static bool write_word(kn_device *d, uint32_t address, uint32_t word)
+{
+    return kn_request_write(&d->request, address, &word, 1);
+}
+
+static bool idle(kn_device *d, int64_t clocks) // a WAIT for it
+{
+    int64_t limit = clocks / 256 + 16;
+    return kn_request_wait(&d->request, KN_REG_STATUS, KN_STATUS_BUSY, 0, (uint16_t)(limit < 65535 ? limit : 65535));
+}
+
+static bool fits_bytes(const kn_device *d, int bytes)
+{
+    return d->request.size + bytes <= KN_FRAMER_PAYLOAD;
+}
+
+static int room(const kn_device *d) // words that a WRITE can still bring
+{
+    return fits_bytes(d, WRITE_OP) ? (KN_FRAMER_PAYLOAD - d->request.size - WRITE_OP) / 4 : 0;
+}
+
+static int64_t clocks_of_state(const kn_device *d)
+{
+    return 64 * (7 * (int64_t)d->nodes + d->edges);
+}
+
+static void build_checksum(kn_device *d)
+{
+    write_word(d, KN_REG_CONTROL, KN_CONTROL_CRC);
+    idle(d, clocks_of_state(d));
+    kn_request_read(&d->request, KN_REG_STATUS, KN_REG_STATE_CRC - KN_REG_STATUS + 1);
+}
+
+static void build_identify(kn_device *d)
+{
+    kn_request_read(&d->request, KN_REG_ID, 4);
+    kn_request_read(&d->request, KN_REG_STATUS, 5);
+}
+
+// Where all words are there: the circuit takes them for a state, and says what it has.
+static void build_load_end(kn_device *d)
+{
+    write_word(d, KN_REG_CONTROL, KN_CONTROL_LOADED);
+    idle(d, clocks_of_state(d));
+    write_word(d, KN_REG_CONTROL, KN_CONTROL_CLEAR);
+    write_word(d, KN_REG_STATUS, KN_STATUS_SEQ | KN_STATUS_EMPTY);
+    build_checksum(d);
+}
+
+static void build_load(kn_device *d)
+{
+    segment s[SEGMENTS];
+    uint32_t words[CHUNK];
+    int at = 0, next = d->position;
+    segments(d, s);
+    if (next == 0) write_word(d, KN_REG_SCRATCH, d->nonce);
+    for (int i = 0; i < SEGMENTS; at += s[i++].words) {
+        int offset = next - at, left = s[i].words - offset, fit = room(d);
+        if (offset < 0 || left <= 0 || fit <= 0) continue;
+        if (left > fit) left = fit;
+        for (int w = 0; w < left; w++) words[w] = s[i].source(d, offset + w);
+        kn_request_write(&d->request, s[i].address + (uint32_t)offset, words, (uint32_t)left);
+        next += left;
+    }
+    d->words = next - d->position;
+    if (d->words == 0) build_load_end(d);
+}
+
+static void build_bounds(kn_device *d)
+{
+    uint32_t words[CHUNK];
+    int left = d->count - d->written, fit = room(d) / 4;
+    d->wrote = left < fit ? left : fit;
+    for (int i = 0; i < d->wrote; i++) {
+        const kn_fixed_bound *b = &d->bound[d->written + i];
+        words[4 * i] = b->node | (uint32_t)b->holds << 31;
+        for (int k = 0; k < 3; k++) words[4 * i + 1 + k] = (uint32_t)b->value[k];
+    }
+    if (d->wrote > 0)
+        kn_request_write(&d->request, KN_WINDOW_BOUNDS + 4 * (uint32_t)d->written, words, 4 * (uint32_t)d->wrote);
+}
+
+// As much as fits: bounds that are missing, the bell behind the last of them, reactions, and the circuit's own numbers.
+static void build_step(kn_device *d)
+{
+    d->wrote = d->words = 0;
+    d->rings = false;
+    if (!d->rung) {
+        build_bounds(d);
+        if (d->written + d->wrote < d->count || !fits_bytes(d, 2 * (WRITE_OP + 4) + WAIT_OP + READ_OP)) return;
+        d->rings = true;
+        write_word(d, KN_REG_BOUND_COUNT, (uint32_t)d->count);
+        write_word(d, KN_REG_STEP_SEQ, d->seq + 1);
+        kn_request_wait(&d->request, KN_REG_STATUS, KN_STATUS_BUSY, 0, d->limit);
+    }
+    int fit = (KN_REQUEST_READ_MOST - d->request.words - TALE) / 6, left = d->count - d->position;
+    if (!fits_bytes(d, 2 * READ_OP)) fit = 0;
+    d->words = left < fit ? left : fit;
+    if (d->words > 0)
+        kn_request_read(&d->request, KN_WINDOW_REACTIONS + 6 * (uint32_t)d->position, 6 * (uint32_t)d->words);
+    kn_request_read(&d->request, KN_REG_TICK, TALE);
+}
+
+static void build_read(kn_device *d)
+{
+    int total = d->nodes + d->edges;
+    d->words = 0;
+    if (d->position < 0) {
+        build_checksum(d);
+        return;
+    }
+    for (int at = d->position; at < total; at++, d->words++) {
+        bool node = at < d->nodes;
+        uint32_t address =
+            node ? KN_WINDOW_NODES + 16 * (uint32_t)at : KN_WINDOW_EDGES + 8 * (uint32_t)(at - d->nodes) + 3;
+        if (!kn_request_read(&d->request, address, node ? 10 : 2)) break;
+    }
+}
+
+static void build(kn_device *d)
+{
+    kn_request_begin(&d->request, ++d->tag);
+    if (d->again && d->job != IDENTIFY) idle(d, (int64_t)d->limit * 256);
+    switch (d->job) {
+    case IDENTIFY:
+        build_identify(d);
+        break;
+    case LOAD:
+        build_load(d);
+        break;
+    case STEP:
+        build_step(d);
+        break;
+    case READ:
+        build_read(d);
+        break;
+    default:
+        build_checksum(d);
+        break;
+    }
+}
+
+// ---- replies: words are what was asked for, in order
+
+// The eight words from STATUS to STATE_CRC.
+enum { AT_STATUS, AT_FLAGS, AT_SCRATCH, AT_TICK, AT_SEQ, AT_CYCLES, AT_CYCLES_MAX, AT_CRC };
+
+static bool accept_numbers(kn_device *d, const uint32_t *words)
+{
+    d->seq = words[AT_SEQ];
+    d->tick = words[AT_TICK];
+    return words[AT_STATUS] & KN_STATUS_LOADED && words[AT_SCRATCH] == d->nonce;
+}
+
+static kn_link_status accept_identify(kn_device *d, const uint32_t *words)
+{
+    d->job = IDLE;
+    if (words[0] != KN_ENGINE_ID)
+        return refuse(d, KN_LINK_PROTOCOL, "%s: ID is 0x%08x: expected 0x%08x, a circuit of Knead", d->uri, words[0],
+                      (unsigned)KN_ENGINE_ID);
+    if (words[1] >> 16 != KN_ENGINE_VERSION >> 16)
+        return refuse(d, KN_LINK_PROTOCOL, "%s: VERSION is %u: expected %u", d->uri, words[1] >> 16,
+                      (unsigned)KN_ENGINE_VERSION >> 16);
+    if (words[2] != KN_BUILD_HASH)
+        return refuse(d, KN_LINK_PROTOCOL,
+                      "%s: BUILD_HASH is 0x%08x: expected 0x%08x, a circuit built with these formats and registers",
+                      d->uri, words[2], (unsigned)KN_BUILD_HASH);
+    d->caps = (kn_device_caps){words[1], 1 << (words[3] & 31), 1 << (words[3] >> 8 & 31), 1 << (words[3] >> 16 & 31)};
+    d->caps.bounds -= 1;
+    if (d->caps.bounds > KN_FIXED_LIST_MAX) d->caps.bounds = KN_FIXED_LIST_MAX;
+    d->seq = words[8];
+    d->stats.resyncs += d->state == KN_DEVICE_LOST;
+    d->state = KN_DEVICE_IDENTIFIED;
+    return KN_LINK_OK;
+}
+
+static kn_link_status accept_load(kn_device *d, const uint32_t *words)
+{
+    if (d->words > 0) {
+        d->position += d->words;
+        return KN_LINK_OK;
+    }
+    d->job = IDLE;
+    words += 2; // of the two WAITs
+    if (!accept_numbers(d, words) || d->tick != 0 || words[AT_CRC] != d->crc) {
+        d->state = KN_DEVICE_IDENTIFIED;
+        return refuse(d, KN_LINK_PROTOCOL, "%s: STATE_CRC is 0x%08x: expected 0x%08x of what was loaded", d->uri,
+                      words[AT_CRC], d->crc);
+    }
+    d->state = KN_DEVICE_SYNCED;
+    d->stats.loads++;
+    return KN_LINK_OK;
+}
+
+static kn_link_status accept_resume(kn_device *d, const uint32_t *words)
+{
+    d->job = IDLE;
+    if (!accept_numbers(d, words + 1) || words[1 + AT_CRC] != d->crc)
+        return refuse(d, KN_LINK_PROTOCOL, "%s: it has another state, or none", d->uri);
+    d->state = KN_DEVICE_SYNCED;
+    return KN_LINK_OK;
+}
+
+static kn_link_status accept_crc(kn_device *d, const uint32_t *words)
+{
+    d->job = IDLE;
+    d->crc = words[1 + AT_CRC];
+    uint32_t seq = d->seq, tick = d->tick;
+    if (accept_numbers(d, words + 1) && d->seq == seq && d->tick == tick) return KN_LINK_OK;
+    refuse(d, KN_LINK_PROTOCOL, "%s: it is at another tick, or has lost its state", d->uri);
+    return lose(d, KN_LINK_PROTOCOL);
+}
+
+static kn_link_status accept_step(kn_device *d, const uint32_t *words)
+{
+    d->written += d->wrote;
+    if (!d->rung && !d->rings) return KN_LINK_OK;
+    uint32_t status = d->rings ? *words++ : KN_STATUS_LOADED;
+    const uint32_t *tale =
+        words + 6 * d->words; // TICK, STEP_SEQ, CYCLES, CYCLES_MAX, STATE_CRC, RESIDUAL, RESULT_FLAGS
+    if ((status & (KN_STATUS_LOADED | KN_STATUS_SEQ | KN_STATUS_EMPTY)) != KN_STATUS_LOADED || tale[0] != d->tick + 1 ||
+        tale[1] != d->seq + 1) {
+        refuse(d, KN_LINK_PROTOCOL, "%s: tick %u of request %u, status 0x%x: expected tick %u of request %u", d->uri,
+               tale[0], tale[1], status, d->tick + 1, d->seq + 1);
+        return lose(d, KN_LINK_PROTOCOL);
+    }
+    d->rung = true;
+    for (int i = 0; i < 3 * d->words; i++)
+        d->reaction[d->position + i / 3][i % 3] = wide(words[2 * i], words[2 * i + 1], KN_FIXED_ACC);
+    d->position += d->words;
+    if (d->position < d->count) return KN_LINK_OK;
+    d->result = (kn_device_result){.tick = tale[0],
+                                   .cycles = tale[2],
+                                   .flags = tale[7],
+                                   .count = d->count,
+                                   .residual = (int64_t)((uint64_t)tale[6] << 32 | tale[5]),
+                                   .reaction = d->reaction};
+    d->tick++;
+    d->seq++;
+    d->job = IDLE;
+    remember(d, kn_now_ns() - d->began_ns);
+    return KN_LINK_OK;
+}
+
+static kn_link_status accept_read(kn_device *d, const uint32_t *words)
+{
+    if (d->position < 0) {
+        kn_link_status status = accept_crc(d, words);
+        if (status != KN_LINK_OK) return status;
+        d->job = READ;
+        d->position = 0;
+        return KN_LINK_OK;
+    }
+    for (int end = d->position + d->words; d->position < end; d->position++) {
+        int at = d->position, edge = at - d->nodes;
+        if (edge >= 0) d->into->h[edge] = wide(words[0], words[1], KN_FIXED_H);
+        for (int k = 0; k < 3 && edge < 0; k++) {
+            d->into->x[3 * at + k] = wide(words[2 * k], words[2 * k + 1], KN_FIXED_X);
+            d->into->u[3 * at + k] = (int32_t)wide(words[7 + k], 0, KN_FIXED_U);
+        }
+        words += edge >= 0 ? 2 : 10;
+    }
+    if (d->position < d->nodes + d->edges) return KN_LINK_OK;
+    d->job = IDLE;
+    if (kn_fixed_crc(d->into) == d->crc) return KN_LINK_OK;
+    return refuse(d, KN_LINK_PROTOCOL, "%s: its state is not what its STATE_CRC says", d->uri);
+}
+
+static kn_link_status accept(kn_device *d, const kn_reply *reply)
+{
+    const uint32_t *words = reply->words + (d->again && d->job != IDENTIFY);
+    d->stats.requests++;
+    switch (d->job) {
+    case IDENTIFY:
+        return accept_identify(d, words);
+    case LOAD:
+        return accept_load(d, words);
+    case RESUME:
+        return accept_resume(d, words);
+    case STEP:
+        return accept_step(d, words);
+    case READ:
+        return accept_read(d, words);
+    default:
+        return accept_crc(d, words);
+    }
+}
+
+// ---- the exchange
+
+static int64_t miss_ns(const kn_device *d)
+{
+    int64_t patience = d->job == STEP || d->job == IDENTIFY ? 1 : PATIENCE; // a checksum takes its time
+    return patience * d->link.miss_ns + d->link.byte_ns * (d->request.size + 4 * d->request.words + 32);
+}
+
+static kn_link_status broken(kn_device *d, kn_link_status status) // the link itself is
+{
+    d->broken = true;
+    refuse(d, status, "%s: %s", d->uri, kn_link_words(status));
+    return lose(d, status);
+}
+
+static kn_link_status send(kn_device *d)
+{
+    build(d);
+    d->sent_ns = kn_now_ns();
+    if (!d->again) d->first_ns = d->sent_ns, d->tries = 1;
+    d->out = true;
+    return d->link.submit(d->link.self, &d->request);
+}
+
+// A request that came to nothing: again, until it is too late for that.
+static kn_link_status repeat(kn_device *d, kn_link_status status)
+{
+    d->misses += status != KN_LINK_CRC;
+    d->stats.timeouts += status == KN_LINK_IO;
+    if (d->misses >= MISSES || kn_now_ns() - d->first_ns >= MISSES * miss_ns(d)) {
+        refuse(d, status, "%s: %s, asked %d times", d->uri, kn_link_words(status), d->tries);
+        return lose(d, status);
+    }
+    d->stats.retries++;
+    d->tries++;
+    d->out = false;
+    d->again = true;
+    return KN_LINK_OK;
+}
+
+static kn_link_status answered(kn_device *d, const kn_reply *reply)
+{
+    if (reply->status != KN_REPLY_OK) { // refused, or busy for longer than the WAIT lasts
+        d->stats.refused++;
+        return repeat(d, KN_LINK_PROTOCOL);
+    }
+    kn_link_status status = accept(d, reply);
+    d->out = d->again = false;
+    d->misses = 0;
+    return status;
+}
+
+static kn_link_status exchange(kn_device *d, int64_t deadline_ns)
+{
+    kn_reply reply;
+    kn_link_status status = d->out ? KN_LINK_OK : send(d);
+    if (status == KN_LINK_OK) {
+        int64_t miss_at_ns = d->sent_ns + miss_ns(d);
+        status = d->link.wait(d->link.self, deadline_ns < miss_at_ns ? deadline_ns : miss_at_ns, &reply);
+        if (status == KN_LINK_OK) return answered(d, &reply);
+        if (status == KN_LINK_CRC) return repeat(d, status);
+        if (status == KN_LINK_LATE) return kn_now_ns() < miss_at_ns ? KN_LINK_LATE : repeat(d, KN_LINK_IO);
+    }
+    return broken(d, status);
+}
+
+static kn_link_status drive(kn_device *d, int64_t deadline_ns)
+{
+    kn_link_status status = KN_LINK_OK;
+    while (d->job != IDLE && status == KN_LINK_OK) {
+        status = exchange(d, deadline_ns);
+        if (status == KN_LINK_OK && d->job != IDLE && kn_now_ns() >= deadline_ns) status = KN_LINK_LATE;
+    }
+    return status;
+}
+
+static void begin(kn_device *d, job next, int position)
+{
+    d->job = next;
+    d->position = position;
+    d->out = d->again = false;
+    d->misses = 0;
+}
+
+// ---- what is offered
+
+kn_device *kn_device_open(const char *uri, char why[KN_LINK_WHY])
+{
+    kn_device *d = calloc(1, sizeof *d);
+    if (!d) {
+        snprintf(why, KN_LINK_WHY, "%.100s: memory is short", uri);
+        return NULL;
+    }
+    d->linked = kn_link_open(&d->link, uri, why);
+    if (!d->linked) {
+        free(d);
+        return NULL;
+    }
+    memcpy(d->uri, uri, strlen(uri) + 1); // open has refused a longer one
+    return d;
+}
+
+static void shut(kn_device *d)
+{
+    kn_link_counts now;
+    if (!d->linked) return;
+    d->link.count(d->link.self, &now);
+    d->stats.link.sent += now.sent;
+    d->stats.link.received += now.received;
+    d->stats.link.crc += now.crc;
+    d->stats.link.coding += now.coding;
+    d->stats.link.stray += now.stray;
+    d->link.close(d->link.self);
+    d->linked = false;
+}
+
+void kn_device_close(kn_device *device)
+{
+    if (!device) return;
+    shut(device);
+    free(device);
+}
+
+kn_device_state kn_device_state_of(const kn_device *device)
+{
+    return device->state;
+}
+const char *kn_device_why(const kn_device *device)
+{
+    return device->why;
+}
+const kn_device_caps *kn_device_caps_of(const kn_device *device)
+{
+    return &device->caps;
+}
+
+kn_link_status kn_device_identify(kn_device *d, int64_t deadline_ns)
+{
+    if (d->job == IDENTIFY) return drive(d, deadline_ns);
+    if (d->broken) shut(d);
+    d->broken = false;
+    if (!d->linked && !(d->linked = kn_link_open(&d->link, d->uri, d->why))) return lose(d, KN_LINK_GONE);
+    d->link.forget(d->link.self);
+    if (d->state != KN_DEVICE_LOST) d->state = KN_DEVICE_CLOSED;
+    begin(d, IDENTIFY, 0);
+    return drive(d, deadline_ns);
+}
+
+static kn_link_status fits(kn_device *d, const kn_fixed_image *image)
+{
+    const char *wrong = kn_fixed_check(image);
+    if (wrong) return refuse(d, KN_LINK_PROTOCOL, "%s: %s", d->uri, wrong);
+    if (image->config.node_count > d->caps.nodes || image->config.edge_count > d->caps.edges)
+        return refuse(d, KN_LINK_PROTOCOL, "%s: %d nodes and %d edges: expected at most %d and %d", d->uri,
+                      image->config.node_count, image->config.edge_count, d->caps.nodes, d->caps.edges);
+    return KN_LINK_OK;
+}
+
+// More than the clocks of a tick; the circuit looks at most once a clock.
+static uint16_t limit_of(const kn_fixed_config *c)
+{
+    int64_t n = c->node_count, e = c->edge_count, o = c->passes, k = c->iterations;
+    int64_t clocks = o * (e + 4 * n + 128) + o * k * (e + n + 128) + 2 * e + 4 * n + 64 * KN_FIXED_LIST_MAX;
+    return (uint16_t)(clocks / 256 < 65535 ? clocks / 256 + 1 : 65535);
+}
+
+kn_link_status kn_device_load(kn_device *d, const kn_fixed_image *image, const kn_fixed *state, int64_t deadline_ns)
+{
+    if (d->job == LOAD && d->image == image && d->from == state) return drive(d, deadline_ns);
+    if (d->state == KN_DEVICE_CLOSED || d->state == KN_DEVICE_LOST)
+        return refuse(d, KN_LINK_PROTOCOL, "%s: expected identify before load", d->uri);
+    kn_link_status fit = fits(d, image);
+    if (fit != KN_LINK_OK) return fit;
+    d->image = image;
+    d->from = state;
+    d->nodes = image->config.node_count;
+    d->edges = image->config.edge_count;
+    d->limit = limit_of(&image->config);
+    d->crc = kn_fixed_crc(state);
+    d->nonce = (uint32_t)kn_now_ns() | 1;
+    d->state = KN_DEVICE_LOADING;
+    begin(d, LOAD, 0);
+    return drive(d, deadline_ns);
+}
+
+kn_link_status kn_device_resume(kn_device *d, const kn_fixed *state, int64_t deadline_ns)
+{
+    if (d->job == RESUME) return drive(d, deadline_ns);
+    if (d->state != KN_DEVICE_IDENTIFIED || d->nonce == 0)
+        return refuse(d, KN_LINK_PROTOCOL, "%s: expected a circuit that was loaded and identified", d->uri);
+    d->crc = kn_fixed_crc(state);
+    begin(d, RESUME, 0);
+    return drive(d, deadline_ns);
+}
+
+static bool ready(kn_device *d)
+{
+    return d->state == KN_DEVICE_SYNCED && d->job == IDLE;
+}
+
+kn_link_status kn_device_submit(kn_device *d, const kn_fixed_bound *bound, int count)
+{
+    if (d->state == KN_DEVICE_SYNCED && d->job == STEP) return KN_LINK_LATE;
+    if (d->state == KN_DEVICE_LOST) return d->last;
+    if (!ready(d)) return refuse(d, KN_LINK_PROTOCOL, "%s: expected a circuit that is loaded", d->uri);
+    if (count < 0 || count > d->caps.bounds)
+        return refuse(d, KN_LINK_PROTOCOL, "%s: %d nodes under tools: expected 0 to %d", d->uri, count, d->caps.bounds);
+    memcpy(d->bound, bound, (size_t)count * sizeof *bound);
+    d->count = count;
+    d->written = 0;
+    d->rung = false;
+    d->began_ns = kn_now_ns();
+    begin(d, STEP, 0);
+    kn_link_status status = send(d);
+    if (status == KN_LINK_OK) return KN_LINK_OK;
+    return broken(d, status);
+}
+
+static kn_link_status ask(kn_device *d, int64_t deadline_ns, kn_device_result *result)
+{
+    if (d->state == KN_DEVICE_LOST) return d->last;
+    if (d->job != STEP) return refuse(d, KN_LINK_PROTOCOL, "%s: expected a step under way", d->uri);
+    kn_link_status status = drive(d, deadline_ns);
+    if (status == KN_LINK_OK) *result = d->result;
+    return status;
+}
+
+kn_link_status kn_device_poll(kn_device *d, kn_device_result *result)
+{
+    return ask(d, 0, result);
+}
+
+kn_link_status kn_device_wait(kn_device *d, int64_t deadline_ns, kn_device_result *result)
+{
+    kn_link_status status = ask(d, deadline_ns, result);
+    d->stats.late += status == KN_LINK_LATE;
+    return status;
+}
+
+kn_link_status kn_device_crc(kn_device *d, int64_t deadline_ns, uint32_t *crc)
+{
+    if (d->job != CRC) {
+        if (!ready(d)) return refuse(d, KN_LINK_PROTOCOL, "%s: expected a loaded circuit between two ticks", d->uri);
+        begin(d, CRC, 0);
+    }
+    kn_link_status status = drive(d, deadline_ns);
+    if (status == KN_LINK_OK) *crc = d->crc;
+    return status;
+}
+
+kn_link_status kn_device_read(kn_device *d, kn_fixed *into, int64_t deadline_ns)
+{
+    if (d->job != READ || d->into != into) {
+        if (!ready(d)) return refuse(d, KN_LINK_PROTOCOL, "%s: expected a loaded circuit between two ticks", d->uri);
+        d->into = into;
+        begin(d, READ, -1);
+    }
+    return drive(d, deadline_ns);
+}
+
+void kn_device_stats_of(const kn_device *d, kn_device_stats *stats)
+{
+    kn_link_counts now = {0};
+    if (d->linked) d->link.count(d->link.self, &now);
+    *stats = d->stats;
+    stats->link.sent += now.sent;
+    stats->link.received += now.received;
+    stats->link.crc += now.crc;
+    stats->link.coding += now.coding;
+    stats->link.stray += now.stray;
+    stats->p50_ns = quantile(d, 0.50);
+    stats->p99_ns = quantile(d, 0.99);
+}
