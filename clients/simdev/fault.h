@@ -1,0 +1,46 @@
+#ifndef KN_SIMDEV_FAULT_H
+#define KN_SIMDEV_FAULT_H
+// What goes wrong on purpose, by chance and by a seed.
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+// name, of frames alone (--uart), what, at each
+#define KN_FAULTS(FAULT)                                                                                               \
+    FAULT(FLIP, flip, true, "one bit of a frame, either way")                                                          \
+    FAULT(DROP, drop, true, "a frame, either way")                                                                     \
+    FAULT(DUPLICATE, duplicate, true, "a frame comes twice, either way")                                               \
+    FAULT(TRUNCATE, truncate, true, "the rest of a frame, either way")                                                 \
+    FAULT(DELAY, delay, false, "a request is heard 1 to 4 ms later")                                                   \
+    FAULT(HANG, hang, false, "20 ms of nothing, then all that was asked")                                              \
+    FAULT(DISCONNECT, disconnect, false, "unplugged for 5 ms; what it holds stays")                                    \
+    FAULT(BLANK, blank, false, "power off and on: all it holds is lost")                                               \
+    FAULT(TORN, torn, false, "a tick nobody asked for, while results are read")                                        \
+    FAULT(HASH, hash, false, "BUILD_HASH is another, always")
+
+typedef enum kn_fault {
+#define KN_FAULT_NAME(name, word, frames, what) KN_FAULT_##name,
+    KN_FAULTS(KN_FAULT_NAME)
+#undef KN_FAULT_NAME
+        KN_FAULT_COUNT
+} kn_fault;
+
+typedef struct kn_faults {
+    double rate[KN_FAULT_COUNT]; // 0: never
+    int64_t done[KN_FAULT_COUNT];
+    uint64_t seed;
+} kn_faults;
+
+const char *kn_fault_word(kn_fault fault);
+bool kn_fault_of_frames(kn_fault fault);
+
+// "NAME[=RATE],...": a rate is 0 .. 1 and 0.01 unless said. False: *bad is the entry that is wrong.
+bool kn_faults_parse(kn_faults *faults, const char *text, char bad[64]);
+
+uint32_t kn_faults_random(kn_faults *faults, uint32_t below);
+bool kn_faults_strike(kn_faults *faults, kn_fault fault); // counts it when it does
+
+// Does to a frame's bytes what flip and truncate ask for, its last 0x00 left; returns its size.
+size_t kn_faults_mangle(kn_faults *faults, uint8_t *wire, size_t size);
+
+#endif

@@ -1,0 +1,402 @@
+// The register map over core/fixed.h. A tick is over before the word that asked for it is answered.
+#include "clients/simdev/engine.h"
+#include "core/fixed.h"
+#include "hdl/knead_hash.h"
+#include "hdl/registers.h"
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct golden {
+    kn_engine_caps caps;
+    uint32_t nodes, edges, bounds; // there is room for
+    uint32_t scratch, status, tick, seq, crc, bound_count, omega[KN_FIXED_ITERATIONS_MAX];
+    kn_fixed_image image;
+    kn_fixed fixed;
+    kn_fixed_bound *bound;
+    int64_t (*reaction)[3];
+    kn_fixed_result result;
+    uint32_t cycles, cycles_max;
+    void *memory;
+} golden;
+
+static void set_low(int64_t *v, uint32_t word)
+{
+    *v = (int64_t)(((uint64_t)*v & ~(uint64_t)UINT32_MAX) | word);
+}
+
+static void set_high(int64_t *v, uint32_t word, int bits)
+{
+    uint64_t whole = ((uint64_t)word << 32 | (uint32_t)*v) << (64 - bits);
+    *v = (int64_t)whole >> (64 - bits);
+}
+
+static uint32_t half(int64_t v, uint32_t which)
+{
+    return (uint32_t)(v >> 32 * which);
+}
+
+static int32_t narrow(uint32_t word, int bits)
+{
+    return (int32_t)(word << (32 - bits)) >> (32 - bits);
+}
+
+// ---- records
+
+static bool node(golden *g, uint32_t at, uint32_t *word, bool write)
+{
+    uint32_t n = at / 16, w = at % 16;
+    if (n >= g->nodes) return false;
+    kn_fixed_node *rest = &g->image.node[n];
+    int64_t *x = &g->fixed.x[3 * n + w / 2 % 3];
+    int32_t *u = &g->fixed.u[3 * n + (w + 2) % 3], *load = &rest->load[(w + 2) % 3];
+    if (w >= 13) return write || (*word = 0, true);
+    if (!write)
+        *word = w < 6 ? half(*x, w % 2) : w == 6 ? rest->held : w < 10 ? (uint32_t)*u : (uint32_t)*load;
+    else if (w < 6 && w % 2)
+        set_high(x, *word, KN_FIXED_X);
+    else if (w < 6)
+        set_low(x, *word);
+    else if (w == 6)
+        rest->held = *word & 7;
+    else
+        *(w < 10 ? u : load) = narrow(*word, w < 10 ? KN_FIXED_U : KN_FIXED_T);
+    return true;
+}
+
+static bool rest(golden *g, uint32_t at, uint32_t *word, bool write)
+{
+    uint32_t n = at / 8, w = at % 8;
+    if (n >= g->nodes) return false;
+    if (w >= 6) return write || (*word = 0, true);
+    int64_t *x = &g->image.node[n].x[w / 2];
+    if (!write)
+        *word = half(*x, w % 2);
+    else if (w % 2)
+        set_high(x, *word, KN_FIXED_X);
+    else
+        set_low(x, *word);
+    return true;
+}
+
+static bool write_edge(golden *g, uint32_t n, uint32_t w, uint32_t word)
+{
+    kn_fixed_edge *e = &g->image.edge[n];
+    if (w == 0 && ((word & 0xffff) >= g->nodes || word >> 16 >= g->nodes)) return false;
+    switch (w) {
+    case 0:
+        e->i = (uint16_t)word, e->j = (uint16_t)(word >> 16);
+        break;
+    case 1:
+        e->kv = (int32_t)(word & ((1u << KN_FIXED_KV) - 1));
+        break;
+    case 2:
+        e->ia = (int32_t)(word & ((1u << KN_FIXED_IA) - 1));
+        break;
+    case 3:
+        set_low(&g->fixed.h[n], word);
+        break;
+    case 4:
+        set_high(&g->fixed.h[n], word, KN_FIXED_H);
+        break;
+    default:
+        break;
+    }
+    return true;
+}
+
+static bool edge(golden *g, uint32_t at, uint32_t *word, bool write)
+{
+    uint32_t n = at / 8, w = at % 8;
+    if (n >= g->edges) return false;
+    if (write) return write_edge(g, n, w, *word);
+    const kn_fixed_edge *e = &g->image.edge[n];
+    const uint32_t words[8] = {(uint32_t)e->i | (uint32_t)e->j << 16, (uint32_t)e->kv, (uint32_t)e->ia,
+                               half(g->fixed.h[n], 0), half(g->fixed.h[n], 1)};
+    *word = words[w];
+    return true;
+}
+
+static bool bound(golden *g, uint32_t at, uint32_t *word, bool write)
+{
+    uint32_t n = at / 4, w = at % 4;
+    if (n >= g->bounds) return false;
+    kn_fixed_bound *b = &g->bound[n];
+    if (write && w == 0 && (*word & 0xffff) >= g->nodes) return false;
+    if (!write)
+        *word = w ? (uint32_t)b->value[w - 1] : b->node | (uint32_t)b->holds << 31;
+    else if (w == 0)
+        b->node = (uint16_t)*word, b->holds = *word >> 31;
+    else
+        b->value[w - 1] = (int32_t)*word;
+    return true;
+}
+
+static bool table(golden *g, uint32_t at, uint32_t *word, bool write)
+{
+    if (at > KN_FIXED_SEGMENTS) return false;
+    if (write)
+        g->image.table[at] = (int32_t)(*word & ((1u << KN_FIXED_R) - 1));
+    else
+        *word = (uint32_t)g->image.table[at];
+    return true;
+}
+
+static bool window(golden *g, uint32_t address, uint32_t *word, bool write)
+{
+    if (address >= KN_WINDOW_EDGES) return edge(g, address - KN_WINDOW_EDGES, word, write);
+    if (address >= KN_WINDOW_REST) return rest(g, address - KN_WINDOW_REST, word, write);
+    if (address >= KN_WINDOW_NODES) return node(g, address - KN_WINDOW_NODES, word, write);
+    if (address >= KN_WINDOW_REACTIONS) {
+        uint32_t at = address - KN_WINDOW_REACTIONS;
+        if (write || at / 6 >= g->bounds) return false;
+        *word = half(g->reaction[at / 6][at % 6 / 2], at % 2);
+        return true;
+    }
+    if (address >= KN_WINDOW_BOUNDS) return bound(g, address - KN_WINDOW_BOUNDS, word, write);
+    return address >= KN_WINDOW_TABLE && table(g, address - KN_WINDOW_TABLE, word, write);
+}
+
+// ---- registers
+
+static int32_t *config_of(golden *g, uint32_t address)
+{
+    kn_fixed_config *c = &g->image.config;
+    int32_t *const at[] = {&c->node_count, &c->edge_count, &c->passes, &c->iterations, &c->d_shift,
+                           &c->kv_shift,   &c->octave,     &c->beta,   &c->beta_shift, &c->relax};
+    if (address >= KN_REG_OMEGA && address < KN_REG_OMEGA + KN_FIXED_ITERATIONS_MAX)
+        return &c->omega[address - KN_REG_OMEGA];
+    return address >= KN_REG_NODE_COUNT && address <= KN_REG_RELAX ? at[address - KN_REG_NODE_COUNT] : NULL;
+}
+
+static int bits_of(uint32_t address)
+{
+    if (address >= KN_REG_OMEGA) return KN_FIXED_OMEGA;
+    switch (address) {
+#define KN_BITS(name, at, access, bits, what)                                                                          \
+    case at:                                                                                                           \
+        return bits;
+        KN_REGISTERS(KN_BITS)
+#undef KN_BITS
+    default:
+        return 0;
+    }
+}
+
+static uint32_t clocks(const golden *g)
+{
+    const kn_fixed_config *c = &g->image.config;
+    uint32_t n = (uint32_t)c->node_count, e = (uint32_t)c->edge_count, o = (uint32_t)c->passes;
+    uint32_t k = (uint32_t)c->iterations, b = g->bound_count;
+    return n + KN_CYCLES_BEGIN + b * (KN_CYCLES_BOUND + KN_CYCLES_REACTION) +
+           o * (e + KN_CYCLES_SETUP + 3 * n + KN_CYCLES_INVERT + k * (e + KN_CYCLES_EDGE + n + KN_CYCLES_NODE)) + e +
+           KN_CYCLES_EDGE_COMMIT + n + KN_CYCLES_NODE_COMMIT;
+}
+
+static void tick(golden *g)
+{
+    kn_fixed_tick(&g->fixed, g->bound, (int)g->bound_count, g->reaction, &g->result);
+    g->tick++;
+    g->cycles = clocks(g);
+    if (g->cycles > g->cycles_max) g->cycles_max = g->cycles;
+}
+
+static void step(golden *g, uint32_t seq)
+{
+    if (seq == g->seq) return;
+    if (seq != g->seq + 1) {
+        g->status |= KN_STATUS_SEQ;
+    } else if (!(g->status & KN_STATUS_LOADED)) {
+        g->status |= KN_STATUS_EMPTY;
+    } else {
+        g->seq = seq;
+        tick(g);
+    }
+}
+
+static void control(golden *g, uint32_t what)
+{
+    if (what & KN_CONTROL_REST) {
+        uint32_t flags = g->fixed.flags;
+        kn_fixed_rest(&g->fixed);
+        g->fixed.flags = flags;
+        g->tick = 0;
+    }
+    if (what & KN_CONTROL_LOADED) { // an image that is none is not stepped: this memory has other things in it
+        g->status &= ~(uint32_t)KN_STATUS_LOADED;
+        if (!kn_fixed_check(&g->image)) g->status |= KN_STATUS_LOADED;
+        g->tick = 0;
+    }
+    if (what & KN_CONTROL_CLEAR) g->fixed.flags = 0, g->cycles_max = 0;
+    if (what & KN_CONTROL_CRC) g->crc = kn_fixed_crc(&g->fixed);
+}
+
+static bool read_register(golden *g, uint32_t address, uint32_t *word)
+{
+    const uint32_t caps = (uint32_t)(g->caps.nodes | g->caps.edges << 8 | g->caps.bounds << 16);
+    const int32_t *config = config_of(g, address);
+    switch (address) {
+    case KN_REG_ID:
+        *word = KN_ENGINE_ID;
+        return true;
+    case KN_REG_VERSION:
+        *word = KN_ENGINE_VERSION;
+        return true;
+    case KN_REG_BUILD_HASH:
+        *word = KN_BUILD_HASH;
+        return true;
+    case KN_REG_CAPS:
+        *word = caps;
+        return true;
+    case KN_REG_CONTROL:
+        *word = 0;
+        return true;
+    case KN_REG_STATUS:
+        *word = g->status;
+        return true;
+    case KN_REG_FLAGS:
+        *word = g->fixed.flags;
+        return true;
+    case KN_REG_SCRATCH:
+        *word = g->scratch;
+        return true;
+    case KN_REG_TICK:
+        *word = g->tick;
+        return true;
+    case KN_REG_STEP_SEQ:
+        *word = g->seq;
+        return true;
+    case KN_REG_CYCLES:
+        *word = g->cycles;
+        return true;
+    case KN_REG_CYCLES_MAX:
+        *word = g->cycles_max;
+        return true;
+    case KN_REG_STATE_CRC:
+        *word = g->crc;
+        return true;
+    case KN_REG_RESIDUAL_LO:
+        *word = half(g->result.residual, 0);
+        return true;
+    case KN_REG_RESIDUAL_HI:
+        *word = half(g->result.residual, 1);
+        return true;
+    case KN_REG_RESULT_FLAGS:
+        *word = g->result.flags;
+        return true;
+    case KN_REG_BOUND_COUNT:
+        *word = g->bound_count;
+        return true;
+    default:
+        break;
+    }
+    if (config) *word = (uint32_t)*config & ((1u << bits_of(address)) - 1);
+    return config;
+}
+
+static bool write_config(golden *g, uint32_t address, uint32_t word)
+{
+    int32_t *config = config_of(g, address);
+    if (!config || word >> bits_of(address)) return false;
+    if ((address == KN_REG_NODE_COUNT && word > g->nodes) || (address == KN_REG_EDGE_COUNT && word > g->edges))
+        return false;
+    g->status &= ~(uint32_t)KN_STATUS_LOADED;
+    *config = address == KN_REG_OCTAVE ? narrow(word, 7) : (int32_t)word;
+    return true;
+}
+
+static bool write_register(golden *g, uint32_t address, uint32_t word)
+{
+    if (config_of(g, address)) return write_config(g, address, word);
+    int bits = bits_of(address);
+    if (bits < 32 && word >> bits) return false;
+    switch (address) {
+    case KN_REG_CONTROL:
+        control(g, word);
+        return true;
+    case KN_REG_STATUS:
+        g->status &= ~(word & (KN_STATUS_SEQ | KN_STATUS_EMPTY));
+        return true;
+    case KN_REG_FLAGS:
+        g->fixed.flags &= ~word;
+        return true;
+    case KN_REG_SCRATCH:
+        g->scratch = word;
+        return true;
+    case KN_REG_STEP_SEQ:
+        step(g, word);
+        return true;
+    case KN_REG_BOUND_COUNT:
+        if (word >= 1u << g->caps.bounds || word > KN_FIXED_LIST_MAX) return false;
+        g->bound_count = word;
+        return true;
+    default:
+        return false;
+    }
+}
+
+static bool bus_read(void *self, uint32_t address, uint32_t *word)
+{
+    return address < KN_WINDOW_TABLE ? read_register(self, address, word) : window(self, address, word, false);
+}
+
+static bool bus_write(void *self, uint32_t address, uint32_t word)
+{
+    return address < KN_WINDOW_TABLE ? write_register(self, address, word) : window(self, address, &word, true);
+}
+
+// ---- power
+
+static void blank(void *self)
+{
+    golden *g = self;
+    kn_fixed_node *nodes = g->image.node;
+    kn_fixed_edge *edges = g->image.edge;
+    memset(nodes, 0, g->nodes * sizeof *nodes);
+    memset(edges, 0, g->edges * sizeof *edges);
+    memset(g->bound, 0, g->bounds * sizeof *g->bound);
+    memset(g->reaction, 0, g->bounds * sizeof *g->reaction);
+    g->image = (kn_fixed_image){
+        .config = {.node_count = (int32_t)g->nodes, .edge_count = (int32_t)g->edges}, .node = nodes, .edge = edges};
+    kn_fixed_init(&g->fixed, &g->image, g->memory); // its arrays lie as for an image of all there is room for
+    g->image.config = (kn_fixed_config){0};
+    g->scratch = g->status = g->tick = g->seq = g->crc = g->bound_count = g->cycles = g->cycles_max = 0;
+    g->result = (kn_fixed_result){0};
+}
+
+static void stray(void *self)
+{
+    golden *g = self;
+    if (g->status & KN_STATUS_LOADED) tick(g);
+}
+
+static void destroy(void *self)
+{
+    golden *g = self;
+    free(g->image.node);
+    free(g->image.edge);
+    free(g->bound);
+    free(g->reaction);
+    free(g->memory);
+    free(g);
+}
+
+bool kn_engine_golden(kn_engine *engine, kn_engine_caps caps)
+{
+    golden *g = calloc(1, sizeof *g);
+    if (!g) return false;
+    g->caps = caps;
+    g->nodes = 1u << caps.nodes;
+    if (g->nodes > KN_FIXED_NODES_MAX) g->nodes = KN_FIXED_NODES_MAX;
+    g->edges = 1u << caps.edges;
+    g->bounds = 1u << caps.bounds;
+    const kn_fixed_image most = {.config = {.node_count = (int32_t)g->nodes, .edge_count = (int32_t)g->edges}};
+    g->image.node = calloc(g->nodes, sizeof *g->image.node);
+    g->image.edge = calloc(g->edges, sizeof *g->image.edge);
+    g->bound = calloc(g->bounds, sizeof *g->bound);
+    g->reaction = calloc(g->bounds, sizeof *g->reaction);
+    g->memory = aligned_alloc(64, kn_fixed_bytes(&most));
+    if (!g->image.node || !g->image.edge || !g->bound || !g->reaction || !g->memory) return destroy(g), false;
+    blank(g);
+    *engine = (kn_engine){"golden", {g, bus_read, bus_write}, NULL, blank, stray, destroy};
+    return true;
+}

@@ -1,0 +1,133 @@
+// knead-simdev: a simulated circuit, for who has no board. The command line.
+#include "clients/simdev/serve.h"
+#include <errno.h>
+#include <getopt.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+static volatile sig_atomic_t stop;
+
+static void on_signal(int signal)
+{
+    (void)signal;
+    stop = 1;
+}
+
+static void help(void)
+{
+    puts("usage: knead-simdev --uart [--link PATH] | --bar NAME [--engine golden] [--caps N,E,B] [--fault "
+         "NAME[=RATE],...]\n"
+         "                    [--seed N]\n\n"
+         "A circuit that steps a lattice, simulated: its registers behind a serial line or in a piece of memory. "
+         "Prints the\n"
+         "URI by which it is reached, serves until SIGTERM or SIGINT, then prints what it did.\n\n"
+         "  --uart            frames on a pseudo-terminal\n"
+         "  --link PATH       a name for it that stays when it is unplugged or started again\n"
+         "  --bar NAME        as the memory of a PCI card, in /dev/shm/NAME\n"
+         "  --engine golden   what steps: the lattice in integers, in real time\n"
+         "  --caps N,E,B      log2 of the nodes, edges and nodes under tools that it takes (12,16,10)\n"
+         "  --seed N          of chance (1)\n"
+         "  --fault ...       what goes wrong, and in which share of the requests (0.01):");
+#define KN_FAULT_HELP(name, word, frames, what) printf("      %-12s %s%s\n", #word, what, frames ? " (--uart)" : "");
+    KN_FAULTS(KN_FAULT_HELP)
+#undef KN_FAULT_HELP
+    puts("  --help, --version\n\nExit: 0 stopped, 2 bad input, 3 no pseudo-terminal, no memory, or a name that is "
+         "taken.");
+}
+
+static int bad(const char *what, const char *expected)
+{
+    fprintf(stderr, "knead-simdev: %s: expected %s\n", what, expected);
+    return 2;
+}
+
+static bool parse_caps(const char *text, kn_engine_caps *caps)
+{
+    int end = 0;
+    return sscanf(text, "%d,%d,%d%n", &caps->nodes, &caps->edges, &caps->bounds, &end) == 3 && !text[end] &&
+           caps->nodes >= 0 && caps->nodes <= 16 && caps->edges >= 0 && caps->edges <= 20 && caps->bounds >= 1 &&
+           caps->bounds <= 10;
+}
+
+static int serve(kn_serve *s, kn_engine_caps caps, const char *link, const char *bar)
+{
+    struct sigaction action = {.sa_handler = on_signal};
+    sigaction(SIGTERM, &action, NULL);
+    sigaction(SIGINT, &action, NULL);
+    s->stop = &stop;
+    if (!kn_engine_golden(&s->engine, caps)) {
+        fputs("knead-simdev: memory is short\n", stderr);
+        return 3;
+    }
+    bool good = bar ? kn_serve_bar(s, bar) : kn_serve_uart(s, link);
+    if (!good) fprintf(stderr, "knead-simdev: %s: %s\n", bar ? bar : link ? link : "pseudo-terminal", strerror(errno));
+    printf("%s: %lld requests", s->engine.name, (long long)s->requests);
+    for (int i = 0; i < KN_FAULT_COUNT; i++)
+        if (s->faults.done[i]) printf(", %lld %s", (long long)s->faults.done[i], kn_fault_word((kn_fault)i));
+    putchar('\n');
+    s->engine.destroy(s->engine.bus.self);
+    return good ? 0 : 3;
+}
+
+int main(int argc, char **argv)
+{
+    static const struct option options[] = {
+        {"uart", no_argument, NULL, 'u'},       {"link", required_argument, NULL, 'l'},
+        {"bar", required_argument, NULL, 'b'},  {"engine", required_argument, NULL, 'e'},
+        {"caps", required_argument, NULL, 'c'}, {"fault", required_argument, NULL, 'f'},
+        {"seed", required_argument, NULL, 's'}, {"help", no_argument, NULL, 'h'},
+        {"version", no_argument, NULL, 'v'},    {0}};
+    static kn_serve s;
+    const char *link = NULL, *bar = NULL;
+    char wrong[64], *end;
+    bool uart = false;
+    kn_engine_caps caps = {12, 16, 10};
+    unsigned long long seed = 1;
+    for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
+        switch (option) {
+        case 'u':
+            uart = true;
+            break;
+        case 'l':
+            link = optarg;
+            break;
+        case 'b':
+            bar = optarg;
+            break;
+        case 'e':
+            if (strcmp(optarg, "golden") != 0) return bad(optarg, "--engine golden");
+            break;
+        case 'c':
+            if (!parse_caps(optarg, &caps)) return bad(optarg, "--caps with 0..16,0..20,1..10");
+            break;
+        case 'f':
+            if (!kn_faults_parse(&s.faults, optarg, wrong))
+                return bad(wrong, "--fault NAME[=RATE], a rate of 0 to 1; --help has the names");
+            break;
+        case 's':
+            seed = strtoull(optarg, &end, 10);
+            if (end == optarg || *end) return bad(optarg, "--seed with a whole number");
+            break;
+        case 'h':
+            help();
+            return 0;
+        case 'v':
+            puts("knead-simdev " KN_VERSION);
+            return 0;
+        default:
+            return 2; // getopt has said which
+        }
+    }
+    if (optind < argc) return bad(argv[optind], "options only");
+    if (uart == (bar != NULL)) return bad(uart ? "--uart and --bar" : "no way in", "one of --uart and --bar NAME");
+    if (link && !uart) return bad("--link", "--uart beside it");
+    if (bar && (!*bar || *bar == '.' || strlen(bar) > 199 || strchr(bar, '/')))
+        return bad(bar, "--bar with a name of 1 to 199 letters, without /");
+    for (int i = 0; bar && i < KN_FAULT_COUNT; i++)
+        if (s.faults.rate[i] > 0 && kn_fault_of_frames((kn_fault)i))
+            return bad(kn_fault_word((kn_fault)i), "--uart: memory has no frames");
+    s.faults.seed = (seed + 1) * 0x9e3779b97f4a7c15u;
+    return serve(&s, caps, link, bar);
+}

@@ -1,0 +1,21 @@
+#ifndef KN_SIMDEV_SERVE_H
+#define KN_SIMDEV_SERVE_H
+// An engine's registers, served to a link of server/backend/link.h until *stop. Prints that link's URI when it serves.
+#include "clients/simdev/engine.h"
+#include "clients/simdev/fault.h"
+#include <signal.h>
+
+typedef struct kn_serve {
+    kn_engine engine;
+    kn_faults faults;
+    volatile sig_atomic_t *stop;
+    int64_t requests;
+} kn_serve;
+
+// link: a name for the pseudo-terminal, made again when it is another; NULL: none. False: errno says why.
+bool kn_serve_uart(kn_serve *serve, const char *link);
+bool kn_serve_bar(kn_serve *serve, const char *name); // /dev/shm/NAME
+
+void kn_serve_sleep_us(uint32_t us);
+
+#endif

@@ -1,0 +1,212 @@
+// The register space in a file of shared memory. Plain stores into memory cannot be trapped, so a bell beside it says
+// that a word which does something was written (server/backend/link.h); windows go to and fro with it.
+#include "clients/simdev/serve.h"
+#include "core/fixed.h"
+#include "hdl/registers.h"
+#include "server/backend/link.h"
+#include "server/clock.h"
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <linux/futex.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+
+enum { SPIN_NS = 50000, NAP_NS = 100000000 };
+
+typedef struct bar {
+    kn_serve *serve;
+    const char *path;
+    int fd;
+    volatile uint32_t *word;
+    kn_shm *shm;
+} bar;
+
+// ---- words between the file and the engine
+
+static void pull(bar *b, uint32_t from, uint32_t count)
+{
+    const kn_word_bus *bus = &b->serve->engine.bus;
+    for (uint32_t at = from; at < from + count; at++) bus->write(bus->self, at, b->word[at]);
+}
+
+static void push(bar *b, uint32_t from, uint32_t count)
+{
+    const kn_word_bus *bus = &b->serve->engine.bus;
+    for (uint32_t at = from, word; at < from + count; at++)
+        if (at != KN_REG_CONTROL && bus->read(bus->self, at, &word)) b->word[at] = word;
+}
+
+static void push_registers(bar *b)
+{
+    push(b, KN_REG_ID, KN_REG_RESULT_FLAGS + 1);
+    if (b->serve->faults.rate[KN_FAULT_HASH] > 0) b->word[KN_REG_BUILD_HASH] ^= 1;
+}
+
+static void run_out(bar *b)
+{
+    const kn_engine *e = &b->serve->engine;
+    for (uint32_t status; e->bus.read(e->bus.self, KN_REG_STATUS, &status) && status & KN_STATUS_BUSY;)
+        if (e->clock) e->clock(e->bus.self);
+}
+
+static void pull_image(bar *b)
+{
+    pull(b, KN_REG_NODE_COUNT, KN_REG_RELAX - KN_REG_NODE_COUNT + 1);
+    pull(b, KN_REG_OMEGA, KN_FIXED_ITERATIONS_MAX);
+    pull(b, KN_WINDOW_TABLE, KN_FIXED_SEGMENTS + 1);
+    pull(b, KN_WINDOW_NODES, 16 * (b->word[KN_REG_NODE_COUNT] & 0x1ffff));
+    pull(b, KN_WINDOW_REST, 8 * (b->word[KN_REG_NODE_COUNT] & 0x1ffff));
+    pull(b, KN_WINDOW_EDGES, 8 * (b->word[KN_REG_EDGE_COUNT] & 0xfffff));
+}
+
+static void push_state(bar *b)
+{
+    push(b, KN_WINDOW_NODES, 16 * (b->word[KN_REG_NODE_COUNT] & 0x1ffff));
+    push(b, KN_WINDOW_EDGES, 8 * (b->word[KN_REG_EDGE_COUNT] & 0xfffff));
+}
+
+static uint32_t bounds(const bar *b)
+{
+    return b->word[KN_REG_BOUND_COUNT] & KN_FIXED_LIST_MAX;
+}
+
+// One tick on its own; its number first, so that who reads results before the number sees that they are not his.
+static void stray(bar *b)
+{
+    kn_engine *e = &b->serve->engine;
+    e->stray(e->bus.self);
+    push(b, KN_REG_TICK, 1);
+    __atomic_thread_fence(__ATOMIC_RELEASE);
+    push(b, KN_WINDOW_REACTIONS, 3 * bounds(b));
+    for (int64_t until_ns = kn_now_ns() + 20000; kn_now_ns() < until_ns;) continue;
+    push(b, KN_WINDOW_REACTIONS, 6 * bounds(b));
+    push_registers(b);
+}
+
+static void obey(bar *b, uint32_t address, uint32_t word)
+{
+    const kn_word_bus *bus = &b->serve->engine.bus;
+    b->serve->requests++;
+    pull(b, KN_REG_SCRATCH, 1);
+    if (address == KN_REG_CONTROL && word & KN_CONTROL_LOADED) pull_image(b);
+    if (address == KN_REG_STEP_SEQ) {
+        pull(b, KN_REG_BOUND_COUNT, 1);
+        pull(b, KN_WINDOW_BOUNDS, 4 * bounds(b));
+    }
+    bus->write(bus->self, address, word);
+    run_out(b);
+    if (address == KN_REG_CONTROL && word & (KN_CONTROL_CRC | KN_CONTROL_REST)) push_state(b);
+    if (address == KN_REG_STEP_SEQ) push(b, KN_WINDOW_REACTIONS, 6 * bounds(b));
+    push_registers(b);
+}
+
+// ---- the file
+
+static bool make_file(bar *b)
+{
+    char fresh[PATH_MAX];
+    snprintf(fresh, sizeof fresh, "%s.%d", b->path, (int)getpid());
+    b->fd = open(fresh, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0660);
+    struct flock lock = {.l_type = F_WRLCK};
+    if (b->fd < 0 || ftruncate(b->fd, KN_SHM_BYTES) || fcntl(b->fd, F_OFD_SETLK, &lock)) return false;
+    void *at = mmap(NULL, KN_SHM_BYTES, PROT_READ | PROT_WRITE, MAP_SHARED, b->fd, 0);
+    if (at == MAP_FAILED) return false;
+    b->word = at;
+    b->shm = kn_shm_of(at);
+    push_registers(b);
+    push(b, KN_REG_NODE_COUNT, KN_REG_BOUND_COUNT - KN_REG_NODE_COUNT + 1);
+    if (bounds(b)) push(b, KN_WINDOW_REACTIONS, 6 * bounds(b));
+    return rename(fresh, b->path) == 0;
+}
+
+static void drop_file(bar *b)
+{
+    b->word[KN_REG_ID] = UINT32_MAX; // as reading a BAR whose card is gone
+    munmap((void *)b->word, KN_SHM_BYTES);
+    close(b->fd);
+    unlink(b->path);
+}
+
+// A file that a simulator left behind: its hosts shall know. False: one is serving it.
+static bool retire(const char *path)
+{
+    int fd = open(path, O_RDWR | O_CLOEXEC);
+    if (fd < 0) return errno == ENOENT;
+    struct flock lock = {.l_type = F_WRLCK};
+    struct stat s;
+    bool ours = fcntl(fd, F_OFD_SETLK, &lock) == 0;
+    if (!ours) errno = EBUSY;
+    if (ours && fstat(fd, &s) == 0 && s.st_size == KN_SHM_BYTES) {
+        const uint32_t ones = UINT32_MAX;
+        ours = pwrite(fd, &ones, sizeof ones, 4 * KN_REG_ID) == sizeof ones;
+    }
+    close(fd);
+    return ours;
+}
+
+static bool suffer(bar *b) // false: there is no new file
+{
+    kn_faults *f = &b->serve->faults;
+    if (kn_faults_strike(f, KN_FAULT_DELAY)) kn_serve_sleep_us(1000 + kn_faults_random(f, 3000));
+    if (kn_faults_strike(f, KN_FAULT_HANG)) kn_serve_sleep_us(20000);
+    if (kn_faults_strike(f, KN_FAULT_BLANK)) {
+        b->serve->engine.blank(b->serve->engine.bus.self);
+        b->word[KN_REG_SCRATCH] = b->word[KN_REG_NODE_COUNT] = b->word[KN_REG_EDGE_COUNT] = 0;
+    }
+    if (!kn_faults_strike(f, KN_FAULT_DISCONNECT)) return true;
+    drop_file(b);
+    kn_serve_sleep_us(5000);
+    return make_file(b);
+}
+
+static void nap(bar *b, uint32_t bell)
+{
+    const struct timespec most = {NAP_NS / 1000000000, NAP_NS % 1000000000};
+    __atomic_store_n(&b->shm->device_asleep, 1, __ATOMIC_SEQ_CST);
+    if (__atomic_load_n(&b->shm->bell, __ATOMIC_SEQ_CST) == bell)
+        syscall(SYS_futex, &b->shm->bell, FUTEX_WAIT, bell, &most, NULL, 0);
+    __atomic_store_n(&b->shm->device_asleep, 0, __ATOMIC_RELAXED);
+}
+
+static bool listen_once(bar *b, int64_t *heard_ns)
+{
+    kn_engine *e = &b->serve->engine;
+    uint32_t done = b->shm->done, bell = __atomic_load_n(&b->shm->bell, __ATOMIC_ACQUIRE);
+    if (bell == done) {
+        if (e->clock) e->clock(e->bus.self);
+        if (kn_now_ns() - *heard_ns > SPIN_NS) nap(b, bell);
+        return true;
+    }
+    int64_t unplugged = b->serve->faults.done[KN_FAULT_DISCONNECT];
+    if (!suffer(b)) return false;
+    *heard_ns = kn_now_ns();
+    if (b->serve->faults.done[KN_FAULT_DISCONNECT] > unplugged) return true;
+    uint32_t address = b->shm->bell_address;
+    obey(b, address, b->shm->bell_word);
+    __atomic_store_n(&b->shm->done, done + 1, __ATOMIC_SEQ_CST);
+    if (__atomic_load_n(&b->shm->host_asleep, __ATOMIC_SEQ_CST))
+        syscall(SYS_futex, &b->shm->done, FUTEX_WAKE, INT_MAX, NULL, NULL, 0);
+    if (address == KN_REG_STEP_SEQ && e->stray && kn_faults_strike(&b->serve->faults, KN_FAULT_TORN)) stray(b);
+    *heard_ns = kn_now_ns();
+    return true;
+}
+
+bool kn_serve_bar(kn_serve *serve, const char *name)
+{
+    char path[PATH_MAX];
+    snprintf(path, sizeof path, "/dev/shm/%s", name);
+    bar b = {.serve = serve, .path = path};
+    if (!retire(path) || !make_file(&b)) return false;
+    printf("shm:%s\n", name);
+    fflush(stdout);
+    bool good = true;
+    for (int64_t heard_ns = 0; good && !*serve->stop;) good = listen_once(&b, &heard_ns);
+    if (good) drop_file(&b);
+    return good;
+}
