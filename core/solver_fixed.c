@@ -266,6 +266,7 @@ typedef struct work { // of a step, in the scratch
     int32_t *place;         // [node] in the list, -1: not
     kn_fixed_bound *bound;  // [node] at most
     int64_t (*reaction)[3]; // [node]
+    kn_fixed_watch watch;
 } work;
 
 static void *take(char *base, size_t *used, size_t bytes)
@@ -282,6 +283,7 @@ static size_t lay_out(const kn_model *m, char *base)
     size_t used = 0;
     work *w = take(base, &used, sizeof *w);
     if (!base) w = &unused;
+    *w = (work){0};
     w->load_n = take(base, &used, nodes * sizeof *w->load_n);
     w->place = take(base, &used, nodes * sizeof *w->place);
     w->bound = take(base, &used, nodes * sizeof *w->bound);
@@ -300,7 +302,13 @@ void kn_fixed_scratch_init(const kn_model *model, void *scratch)
     lay_out(model, scratch);
 }
 
-static void load_state(const kn_model *m, const kn_state *state, kn_fixed *engine)
+void kn_fixed_watch_by(kn_state *state, kn_fixed_watch watch)
+{
+    work *w = kn_state_scratch(state)->stages;
+    w->watch = watch;
+}
+
+void kn_fixed_read(const kn_model *m, const kn_state *state, kn_fixed *engine)
 {
     const kn_fixed_model *f = m->fixed;
     const double *moved = state->displacement, *velocity = state->velocity, *strain = state->strain;
@@ -406,11 +414,13 @@ void kn_solve_fixed(const kn_model *model, kn_state *state, const kn_input *inpu
     int count = 0;
     memset(w->place, 0xff, (size_t)model->node_count * sizeof *w->place);
     w->engine.flags = 0;
-    load_state(model, state, &w->engine);
+    kn_fixed_read(model, state, &w->engine);
     hold_nodes(model, &s->contact, w, &count);
     push_nodes(model, &s->contact, input->top_load_n, w, &count);
     quantize_loads(model, w, count);
+    if (w->watch.begin) w->watch.begin(w->watch.self, w->bound, count);
     kn_fixed_tick(&w->engine, w->bound, count, w->reaction, &result);
+    if (w->watch.end) w->watch.end(w->watch.self, (const int64_t(*)[3])w->reaction, &result);
     store_state(model, state, &w->engine);
     read_forces(model, &s->contact, w, &result, output);
 }

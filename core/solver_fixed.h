@@ -34,6 +34,17 @@ void kn_fixed_destroy(kn_fixed_model *fixed); // NULL is fine
 size_t kn_fixed_scratch(const kn_model *model);
 void kn_fixed_scratch_init(const kn_model *model, void *scratch);
 
+// The integers of a state, into an engine of the model's image: its x, u, h.
+void kn_fixed_read(const kn_model *model, const kn_state *state, kn_fixed *into);
+
+// Who computes the same beside: is told what a tick is given, before it is computed, and what came out.
+typedef struct kn_fixed_watch {
+    void *self;
+    void (*begin)(void *self, const kn_fixed_bound *bound, int count);
+    void (*end)(void *self, const int64_t (*reaction)[3], const kn_fixed_result *result);
+} kn_fixed_watch;
+void kn_fixed_watch_by(kn_state *state, kn_fixed_watch watch); // of a KN_SOLVER_FIXED model; copies of it have none
+
 // Advances displacement, velocity and strain by one step; forces into the contact's holds and samples. Real-time safe.
 void kn_solve_fixed(const kn_model *model, kn_state *state, const kn_input *input, kn_output *output);
 

@@ -1,3 +1,4 @@
+#include "server/backend/fpga.h"
 #include "server/daemon.h"
 #include "core/composite.h"
 #include "server/bus.h"
@@ -117,7 +118,9 @@ static knead_status_t status_now(server *d)
     if (!d->rt.fifo) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FIFO;
     if (!d->rt.locked) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_MLOCK;
     if (d->on.model->isa == KN_ISA_BASE) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FMA;
-    status.backend = d->on.model->fixed ? KNEAD_STATUS_T_BACKEND_FIXED : KNEAD_STATUS_T_BACKEND_CPU;
+    kn_fpga_counts counts;
+    status.backend = kn_backend_fpga_counts(&d->on.backend, &counts) ? KNEAD_STATUS_T_BACKEND_FPGA
+                     : d->on.model->fixed                            ? KNEAD_STATUS_T_BACKEND_FIXED : KNEAD_STATUS_T_BACKEND_CPU;
     return status;
 }
 
@@ -555,8 +558,26 @@ static void tell_ready(const server *d)
     sd_notifyf(0, "READY=1\nSTATUS=serving %s", d->on.scene->name);
 }
 
+static void tell_circuit(server *d)
+{
+    kn_fpga_counts n;
+    kn_device_stats link;
+    char why[KN_LINK_WHY];
+    if (!kn_backend_fpga_counts(&d->on.backend, &n)) return;
+    bool agrees = kn_backend_fpga_agrees(&d->on.backend, why, &link);
+    fprintf(stderr, "kneadd: %lld ticks on the circuit, each its twin's; %lld by the twin alone; lost %lld times, different %lld, "
+                    "loaded %lld; at the end %s%s\n",
+            (long long)n.on_circuit, (long long)n.shadowed, (long long)n.losses, (long long)n.different,
+            (long long)n.loads, agrees ? "its state is the twin's" : "", agrees ? "" : why);
+    if (agrees)
+        fprintf(stderr, "kneadd: circuit answered in p50 %.0f us, p99 %.0f us; %lld requests sent again, %lld frames broken\n",
+                1e-3 * (double)link.p50_ns, 1e-3 * (double)link.p99_ns, (long long)link.retries,
+                (long long)(link.link.crc + link.link.coding));
+}
+
 static void tell_summary(server *d)
 {
+    tell_circuit(d);
     kn_account *a = &d->loop.account;
     const kn_receiver *r = &d->receiver;
     printf("kneadd: stopped after %" PRId64 " ticks, %" PRId64 " missed (%" PRId64
@@ -658,9 +679,8 @@ static int serve(server *d, const kn_daemon_def *def)
 {
     char error[512];
     *d = (server){.claim = -1, .fd = -1, .keeper.store.dir = -1};
-    bool good = choose_buses(d, def, error, sizeof error) &&
-                kn_served_load(&d->on, &def->object, error, sizeof error);
-    int code = !good ? 2 : kn_keeper_open(&d->keeper, def->object.state_dir, d->on.scene, d->on.model, error, sizeof error);
+    int code = !choose_buses(d, def, error, sizeof error) ? 2 : kn_served_load(&d->on, &def->object, error, sizeof error);
+    if (code == 0) code = kn_keeper_open(&d->keeper, def->object.state_dir, d->on.scene, d->on.model, error, sizeof error);
     if (code == 0) {
         code = 3;
         if (open_buses(d, def, error, sizeof error) && open_control(d, def, error, sizeof error) &&

@@ -1,6 +1,7 @@
 // kneadd: serves one object to hands. The command line; everything else is daemon.h's.
 #include "core/scene/scene.h"
 #include "server/control.h"
+#include "server/backend/fpga.h"
 #include "server/daemon.h"
 #include <arpa/inet.h>
 #include <getopt.h>
@@ -10,7 +11,7 @@
 
 static const char usage[] =
     "usage: kneadd --scene FILE [--set KEY=VALUE]... [--lcm-url URL] [--mesh-url URL] [--realtime auto|require|off]\n"
-    "              [--phase lock|free] [--quality NAME] [--backend cpu|fixed] [--local-model] [--touch]\n"
+    "              [--phase lock|free] [--quality NAME] [--backend cpu|fixed|DEVICE] [--local-model] [--touch]\n"
     "              [--control PATH] [--state-dir DIR] [--trace FILE] [--key FILE] [--lan IFACE] [--peer ADDRESS]...\n"
     "\n"
     "  --scene FILE      the object and its probes (YAML); knead check FILE tells what it costs\n"
@@ -22,6 +23,8 @@ static const char usage[] =
     "  --phase MODE      lock: ticks follow the poses of the first tool engaged, which then wait tens of us; free: on a\n"
     "                    grid of their own\n"
     "  --backend WHERE   the lattice is stepped. cpu: as the scene says; fixed: in the integers of the circuit in hdl\n"
+    "                    uart:/dev/ttyUSB0?baud=3000000, pty:PATH, pcie:0000:01:00.0, shm:NAME: by that circuit, in step\n"
+    "                    with its twin here, which goes on with the same bits when it is lost\n"
     "  --local-model     publish the contact of every tool as KNEAD_CONTACT_<probe>, for clients behind a slow link\n"
     "  --touch           publish what every tool touches as KNEAD_TOUCH_<probe>, for fingertip displays; 250 Hz\n"
     "  --control PATH    a socket there for knead ctl: status, reset, snapshot, undo, set, load, emergency stop ...\n"
@@ -72,9 +75,10 @@ static int run(int argc, char **argv, const char **sets) // sets: room for twice
             if (!def.free && strcmp(optarg, "lock") != 0) return bad(optarg, "--phase lock or free");
             break;
         case 'b':
-            if (strcmp(optarg, "cpu") != 0 && strcmp(optarg, "fixed") != 0)
-                return bad(optarg, "--backend cpu or fixed");
-            for (int i = 0; i < KN_FIXED_SETS && strcmp(optarg, "fixed") == 0; i++)
+            if (kn_backend_is_device(optarg)) def.object.device = optarg;
+            else if (strcmp(optarg, "cpu") != 0 && strcmp(optarg, "fixed") != 0)
+                return bad(optarg, "--backend cpu, fixed, uart:, pty:, pcie: or shm:");
+            for (int i = 0; i < KN_FIXED_SETS && strcmp(optarg, "cpu") != 0; i++)
                 sets[def.object.set_count++] = kn_fixed_set[i];
             break;
         case 'K': def.key = optarg; break;

@@ -1,4 +1,5 @@
 #include "server/operator.h"
+#include "server/backend/fpga.h"
 #include <inttypes.h>
 #include <math.h>
 #include <string.h>
@@ -128,6 +129,13 @@ static json_t *status_of(kn_operator *o, const kn_health *h)
     json_object_set_new(status, "state",
                         json_pack("{s:I, s:i}", "snapshot_age_ms", (json_int_t)s->snapshot_age_ms, "snapshot_errors",
                                   (int)s->snapshot_errors));
+    kn_fpga_counts n;
+    if (kn_backend_fpga_counts(&o->on.served->backend, &n))
+        json_object_set_new(status, "circuit",
+                            json_pack("{s:b, s:I, s:I, s:I, s:I, s:I}", "in_step", n.in_step, "ticks",
+                                      (json_int_t)n.on_circuit, "shadowed", (json_int_t)n.shadowed, "losses",
+                                      (json_int_t)n.losses, "different", (json_int_t)n.different, "loads",
+                                      (json_int_t)n.loads));
     json_object_set_new(status, "set", settings(o));
     json_object_set_new(status, "probes", probes(o, h));
     return status;
@@ -281,6 +289,10 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
     kn_sets sets = o->sets;
     const json_t *value;
     size_t i;
+    if (o->on.def->device) {
+        snprintf(error, error_size, "set: a circuit steps the object: expected kneadd without one, or knead ctl load");
+        return NULL;
+    }
     json_array_foreach(values, i, value) if (!kn_sets_add(&sets, json_is_string(value) ? json_string_value(value) : "",
                                                           error, (int)error_size)) return NULL;
     kn_scene *scene = parse(o, &sets, error, error_size);
@@ -353,7 +365,8 @@ static json_t *load(kn_operator *o, const json_t *argument)
     kn_served_def def = *o->on.def;
     def.name = def.text = NULL; // read anew
     if (argument) def.scene_path = json_string_value(argument);
-    if (!kn_served_load(&trial, &def, error, sizeof error)) return kn_control_error("%s", error);
+    def.device = NULL; // it serves the object of now
+    if (kn_served_load(&trial, &def, error, sizeof error) != 0) return kn_control_error("%s", error);
     const char *raised = kn_safety_raised(&trial.scene->limits, o->on.limits);
     json_t *answer =
         raised ? kn_control_error("%s: %s: allows a hand more than the scene of the start does; a new start can",

@@ -1,4 +1,5 @@
 #include "server/replay.h"
+#include "server/backend/fpga.h"
 #include "proto/knead_event_t.h"
 #include "server/change.h"
 #include "server/log.h"
@@ -212,7 +213,15 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
     return false;
 }
 
-static bool build(kn_replay *r, char *error, size_t error_size)
+// A circuit that is simulated takes as long as it takes: an answer is missed later than a servo would.
+static const char *at_leisure(const char *uri, char room[KN_LINK_URI])
+{
+    if (strstr(uri, "miss=")) return uri;
+    int size = snprintf(room, KN_LINK_URI, "%s%cmiss=500", uri, strchr(uri, '?') ? '&' : '?');
+    return size < KN_LINK_URI ? room : uri;
+}
+
+static bool build(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     char why[200];
     r->model = kn_model_build(&r->scene->model, why, sizeof why);
@@ -225,8 +234,12 @@ static bool build(kn_replay *r, char *error, size_t error_size)
                  r->scene->model.solver.dt_s);
         return false;
     }
-    if (!kn_backend_cpu(&r->backend, r->model)) {
-        snprintf(error, error_size, "%s: not enough memory", r->scene->name);
+    char said[KN_LINK_WHY] = "not enough memory", room[KN_LINK_URI];
+    bool device = false;
+    const char *uri = def->device;
+    if (!(uri ? kn_backend_fpga(&r->backend, r->model, at_leisure(uri, room), said, &device) : kn_backend_cpu(&r->backend, r->model))) {
+        snprintf(error, error_size, "%s%s%s", device ? "" : r->scene->name, device ? "" : ": ", said);
+        if (def->device_failed) *def->device_failed = device;
         return false;
     }
     kn_servo_init(&r->servo, r->scene, r->model, &r->backend);
@@ -376,7 +389,7 @@ static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t 
     reading *v = r->private;
     v->def = *def;
     if (!scan(r, def->log_path, error, error_size) || !choose_scene(r, def, error, error_size) ||
-        !build(r, error, error_size) || !check_probes(r, def, error, error_size) ||
+        !build(r, def, error, error_size) || !check_probes(r, def, error, error_size) ||
         !prepare_snapshots(r, def, error, error_size) || !begin(r, def, error, error_size) ||
         !kn_log_open(&v->log, def->log_path, error, error_size))
         return false;

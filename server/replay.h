@@ -31,6 +31,8 @@ typedef struct kn_replay_def { // what it points at is borrowed as long as the r
     int set_count;
     bool afresh; // only the hand's poses count: the log's states and points of quality are not this run's to reproduce
     const char *snapshot_path; // a snapshot, or a directory of them as kneadd --state-dir keeps; NULL: none
+    const char *device; // URI of a circuit that steps the lattice, waited for as long as it takes; NULL: none
+    bool *device_failed; // NULL, or out: it is the circuit that kn_replay_create gave up for
 } kn_replay_def;
 
 typedef struct kn_replay_tick { // what the last step did

@@ -1,4 +1,5 @@
 #include "server/served.h"
+#include "server/backend/fpga.h"
 #include "core/composite.h"
 #include "server/clock.h"
 #include "server/keeper.h"
@@ -86,7 +87,23 @@ static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size
     return true;
 }
 
-static bool build(kn_served *s, const kn_served_def *def, char *error, size_t error_size)
+static bool place(kn_served *s, const kn_served_def *def, int *code, char *error, size_t error_size)
+{
+    char why[KN_LINK_WHY];
+    bool device = false;
+    if (!def->device) {
+        if (kn_backend_cpu(&s->backend, s->model)) return true;
+        snprintf(error, error_size, "%s: not enough memory for the object's %zu bytes", def->scene_path,
+                 s->model->state_bytes);
+        return false;
+    }
+    if (kn_backend_fpga(&s->backend, s->model, def->device, why, &device)) return true;
+    if (device) *code = 3;
+    snprintf(error, error_size, "%s%s%s", device ? "" : def->scene_path, device ? "" : ": ", why);
+    return false;
+}
+
+static bool build(kn_served *s, const kn_served_def *def, int *code, char *error, size_t error_size)
 {
     if (!load_scene(s, def, error, error_size)) return false;
     if (kn_backend_steps(s->scene->model.solver.dt_s) == 0) {
@@ -103,11 +120,7 @@ static bool build(kn_served *s, const kn_served_def *def, char *error, size_t er
     }
     size_t bytes = s->model->state_bytes + kn_state_kept(s->model) + kn_keeper_bytes(s->model, def->state_dir);
     if (!check_memory(bytes, "the object's state and its copies", def->scene_path, error, error_size)) return false;
-    if (!kn_backend_cpu(&s->backend, s->model)) {
-        snprintf(error, error_size, "%s: not enough memory for the object's %zu bytes", def->scene_path,
-                 s->model->state_bytes);
-        return false;
-    }
+    if (!place(s, def, code, error, error_size)) return false;
     s->audit = kn_audit_create(s->model);
     if (!s->audit && s->scene->model.solver.kind == KN_SOLVER_IMPLICIT) {
         snprintf(error, error_size, "%s: not enough memory for the object's audit", def->scene_path);
@@ -149,12 +162,13 @@ int64_t kn_served_measure(kn_backend *b, const kn_model *pressed)
     return best_ns;
 }
 
-bool kn_served_load(kn_served *served, const kn_served_def *def, char *error, size_t error_size)
+int kn_served_load(kn_served *served, const kn_served_def *def, char *error, size_t error_size)
 {
+    int code = 2;
     *served = (kn_served){0};
-    if (build(served, def, error, error_size)) return true;
+    if (build(served, def, &code, error, error_size)) return 0;
     kn_served_free(served);
-    return false;
+    return code;
 }
 
 void kn_served_free(kn_served *served)

@@ -11,6 +11,7 @@ typedef struct kn_served_def {
     int set_count;
     const char *name, *text; // of what was in that file, options and all, when it was checked; NULL: it is read
     const char *state_dir;   // where snapshots are kept and restored from, NULL: nowhere
+    const char *device;    // URI of a circuit that steps the object, NULL: this processor does
     bool local_model;      // identify and publish KNEAD_CONTACT
 } kn_served_def;
 
@@ -23,8 +24,8 @@ typedef struct kn_served {
     kn_audit *audit; // NULL: a solver without one
 } kn_served;
 
-// False and one line in error, `path: why` or the scene's own; then there is nothing to free.
-bool kn_served_load(kn_served *served, const kn_served_def *def, char *error, size_t error_size);
+// Not 0, and one line in error, `path: why` or the scene's own; then there is nothing to free. 2: the scene, 3: the device.
+int kn_served_load(kn_served *served, const kn_served_def *def, char *error, size_t error_size);
 // ns that a tick takes here, while nothing touches the object or, of that model, while its tools press it; as new then.
 int64_t kn_served_measure(kn_backend *backend, const kn_model *pressed);
 void kn_served_free(kn_served *served); // one that is all 0 is fine

@@ -45,6 +45,7 @@ typedef struct tick {
     kn_output output;
     kn_fault fault[KN_PROBES_MAX]; // that stood before the step
     bool stepped, diverged, hashed;
+    bool shadowed; // by the twin of a circuit
     bool change; // of the effort
     uint64_t hash; // before the step, taken when the first event asks for it
 } tick;
@@ -308,6 +309,7 @@ static void step(tick *t)
     t->stepped = true;
     switch (b->wait(b->self, t->in->deadline_ns, &t->output)) {
     case KN_BACKEND_OK: break;
+    case KN_BACKEND_SHADOWED: t->shadowed = true; break;
     case KN_BACKEND_LATE: t->servo->late++; break;
     case KN_BACKEND_DIVERGED:
         t->servo->diverged++;
@@ -356,6 +358,7 @@ static void guard_probe(tick *t, int p)
     if (t->output.secant) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_SECANT;
     if (t->output.capped) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_CAPPED;
     if (t->servo->quality != t->servo->asked) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_REDUCED;
+    if (t->shadowed) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_SHADOWED;
     if (t->in->stop) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_STOPPING;
 }
 

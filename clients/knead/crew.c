@@ -63,7 +63,8 @@ static int try_log(const kn_crew *c)
     char scene[PATH_MAX], error[512];
     kn_run_sets sets;
     kn_run_sets_make(&sets, &c->plan->run[0]);
-    kn_replay_def def = {c->plan->log_path, in_folder(c, "scene.yaml", "", scene), sets.set, sets.count, true, NULL};
+    kn_replay_def def = {.log_path = c->plan->log_path, .scene_path = in_folder(c, "scene.yaml", "", scene),
+                         .sets = sets.set, .set_count = sets.count, .afresh = true};
     bool fit = kn_origin_check(&def, c->plan->scene_path, c->plan->scene, error, sizeof error);
     static const char ours[] = "scene.yaml: "; // to whom the command was given the scene has another name
     if (fit) return KN_EXIT_OK;
@@ -113,7 +114,8 @@ static int play_here(kn_crew *c, const kn_run *run, kn_trace *t)
     char scene[PATH_MAX], error[512];
     kn_run_sets sets;
     kn_run_sets_make(&sets, run);
-    kn_replay_def def = {c->plan->log_path, in_folder(c, "scene.yaml", "", scene), sets.set, sets.count, true, NULL};
+    kn_replay_def def = {.log_path = c->plan->log_path, .scene_path = in_folder(c, "scene.yaml", "", scene),
+                         .sets = sets.set, .set_count = sets.count, .afresh = true};
     if (!kn_trace_play(t, &def, &stopped, error, sizeof error))
         return stopped ? KN_EXIT_DEVICE : kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
     t->sitting = c->sitting;

@@ -33,7 +33,7 @@ int kn_like_uniform(const char *path, const char *log, const char **sets, int co
 {
     char error[512], set[64];
     kn_trace own = {0}, uniform = {0};
-    kn_replay_def def = {log, path, sets, count + 1, true, NULL};
+    kn_replay_def def = {.log_path = log, .scene_path = path, .sets = sets, .set_count = count + 1, .afresh = true};
     kn_scene *scene = kn_scene_load(path, sets, count, error, sizeof error);
     if (!scene) return kn_complain("check", KN_EXIT_USAGE, "%s", error);
     snprintf(set, sizeof set, "object.accuracy=%.17g", scene->accuracy);

@@ -4,6 +4,7 @@
 #include "clients/knead/complain.h"
 #include "clients/knead/output.h"
 #include "core/hash.h"
+#include "server/backend/fpga.h"
 #include "server/log.h"
 #include "server/replay.h"
 #include "server/wire.h"
@@ -28,7 +29,8 @@ static const char help[] =
     "                    begins on a kneaded object\n"
     "  --speed max|real  as fast as it goes (the default), or 1000 ticks per second\n"
     "another computation than the log's (and then no --verify):\n"
-    "  --backend WHERE   cpu: as the scene says; fixed: --solver fixed\n"
+    "  --backend WHERE   cpu: as the scene says; fixed: --solver fixed; uart:, pty:, pcie:, shm: on that circuit, each\n"
+    "                    tick of which is compared with those integers; exit 1 if one differs, or the state at the end\n"
     "  --solver S        implicit, rk4, fixed (integers, as the circuit in hdl), blend, secant or tangent\n"
     "  --precision P     f32 or f64\n"
     "  --dt TIME         step, 1 ms divided by a whole number, e.g. '62.5 us'\n"
@@ -96,7 +98,9 @@ static int set_solver(replay_options *opt, const char *name)
 static int set_backend(replay_options *opt, const char *name)
 {
     if (!strcmp(name, "cpu")) return KN_EXIT_OK;
-    return strcmp(name, "fixed") ? bad("backend", name, "cpu or fixed") : set_solver(opt, "fixed");
+    if (kn_backend_is_device(name)) opt->def.device = name;
+    else if (strcmp(name, "fixed")) return bad("backend", name, "cpu, fixed, uart:, pty:, pcie: or shm:");
+    return set_solver(opt, "fixed");
 }
 
 static int set_dt(replay_options *opt, const char *text)
@@ -249,11 +253,15 @@ static void log_tick(replay_run *run)
 }
 
 // Of the bytes on the wire, which are the same on every machine, without the two fields that come from a clock.
+// Not what: a circuit and its twin give the same bits.
+static const int32_t where_computed = KNEAD_CONTACT_FORCE_T_FLAG_SHADOWED;
+
 static void hash_force(replay_run *run, int p)
 {
     knead_contact_force_t message;
     uint8_t bytes[512];
     kn_wire_force(&message, &run->replay->tick.out, p, 0, 0);
+    message.flags &= ~where_computed;
     int size = knead_contact_force_t_encode(bytes, 0, sizeof bytes, &message);
     run->hash = kn_hash_bytes(run->hash, bytes, (size_t)size);
 }
@@ -279,7 +287,7 @@ static void verify_force(replay_run *run, int p)
     if (!log || run->differs) return;
     run->verified++;
     run->probes[p] = true;
-    if (f->flags != log->flags) differ(run, p, "flags", log->flags, f->flags);
+    if ((f->flags ^ log->flags) & ~where_computed) differ(run, p, "flags", log->flags, f->flags);
     if (!same_bits(f->gain, log->gain)) differ(run, p, "gain", log->gain, f->gain);
     for (int i = 0; i < 3; i++) {
         if (!same_bits(f->force_n[i], log->force_n[i])) differ(run, p, given[i], log->force_n[i], f->force_n[i]);
@@ -432,6 +440,20 @@ static int close_outputs(replay_run *run)
     return path ? kn_complain("replay", KN_EXIT_DEVICE, "%s: could not be written to its end", path) : KN_EXIT_OK;
 }
 
+// What the circuit did: 1 where it was not always the twin.
+static int judge_circuit(replay_run *run)
+{
+    kn_fpga_counts n;
+    kn_device_stats link;
+    char why[KN_LINK_WHY] = "";
+    if (!kn_backend_fpga_counts(&run->replay->backend, &n)) return KN_EXIT_OK;
+    bool agrees = kn_backend_fpga_agrees(&run->replay->backend, why, &link);
+    printf("circuit: %lld of %lld ticks, each equal to its twin's; %lld others; lost %lld times; %s%s\n",
+           (long long)n.on_circuit, (long long)(n.on_circuit + n.shadowed), (long long)n.different,
+           (long long)n.losses, agrees ? "its state at the end is the twin's" : "", why);
+    return agrees && n.different == 0 ? KN_EXIT_OK : KN_EXIT_FAILED;
+}
+
 static int play(replay_run *run)
 {
     kn_replay *r = run->replay;
@@ -457,7 +479,8 @@ static int play(replay_run *run)
     printf("replayed %lld ticks, peak contact force %.3f N\n", (long long)r->tally.ticks, run->peak_n);
     uint64_t state = kn_state_hash(r->model, kn_replay_state(r));
     if (run->opt->hash) printf("hash 0x%016llx\n", (unsigned long long)kn_hash_bytes(run->hash, &state, sizeof state));
-    return run->opt->verify ? verdict(run) : KN_EXIT_OK;
+    code = judge_circuit(run);
+    return code == KN_EXIT_OK && run->opt->verify ? verdict(run) : code;
 }
 
 int kn_replay_main(int argc, char **argv)
@@ -467,8 +490,10 @@ int kn_replay_main(int argc, char **argv)
     char error[512] = "";
     int code = parse(&opt, argc, argv, &done);
     if (code != KN_EXIT_OK || done) return code;
+    bool no_device = false;
+    opt.def.device_failed = &no_device;
     replay_run run = {.opt = &opt, .replay = kn_replay_create(&opt.def, error, sizeof error)};
-    if (!run.replay) return kn_complain("replay", KN_EXIT_USAGE, "%s", error);
+    if (!run.replay) return kn_complain("replay", no_device ? KN_EXIT_DEVICE : KN_EXIT_USAGE, "%s", error);
     code = play(&run);
     kn_replay_destroy(run.replay);
     return code;

@@ -3,10 +3,12 @@
 // The servo's only way to the lattice. A backend steps the model somewhere: on this processor, in fixed point, on a
 // board. submit never blocks; wait returns by the deadline whatever happened, so the servo never hangs on a device.
 #include "core/contact_fit.h"
+#include "core/solver_fixed.h"
 #include <stdint.h>
 
 typedef enum kn_backend_status {
     KN_BACKEND_OK,
+    KN_BACKEND_SHADOWED, // the circuit did not answer in time: output is its twin's, the same bits
     KN_BACKEND_LATE,    // no answer by the deadline; output is the last one
     KN_BACKEND_DIVERGED // physics gone bad: zero forces until reset
 } kn_backend_status;
@@ -37,6 +39,9 @@ int kn_backend_steps(double dt_s);
 // On this processor, in the caller's thread: submit takes the steps of one tick, wait returns at once. Borrows model.
 // False when memory is short or kn_backend_steps(model's dt) is 0.
 bool kn_backend_cpu(kn_backend *backend, const kn_model *model);
+
+// Of a model of KN_SOLVER_FIXED: who is told what goes into each step and what comes out, see core/solver_fixed.h.
+void kn_backend_cpu_watch(kn_backend *backend, kn_fixed_watch watch);
 
 // Has that backend identify local contact models; device: see kn_contact_fit_create, as is what false means.
 bool kn_backend_cpu_identify(kn_backend *backend, kn_coupling device);

@@ -87,6 +87,11 @@ bool kn_backend_cpu_identify(kn_backend *backend, kn_coupling device)
     return true;
 }
 
+void kn_backend_cpu_watch(kn_backend *backend, kn_fixed_watch watch)
+{
+    kn_fixed_watch_by(((cpu *)backend->self)->state, watch);
+}
+
 static void cpu_destroy(void *self)
 {
     cpu *c = self;

@@ -1,0 +1,368 @@
+#include "server/backend/fpga.h"
+#include "core/solver_fixed.h"
+#include "server/clock.h"
+#include <errno.h>
+#include <pthread.h>
+#include <semaphore.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define QUEUE 1024                 // ticks that the circuit may be behind
+#define SPARE_NS 400000            // before the deadline: what is left for guard, publishing and the rest
+#define ANSWER_NS 200000000        // that the thread waits for one answer
+#define PATIENCE_NS 10000000000    // without a clock, for one tick
+#define AGAIN_NS 20000000          // between two attempts to find the circuit
+#define LOOK_NS 100000
+
+typedef struct slot { // one tick of the twin's
+    int count;
+    kn_fixed_bound *bound;  // [bounds]
+    int64_t (*reaction)[3]; // [bounds]
+    int64_t residual;
+    uint32_t flags;
+} slot;
+
+enum { SERVO, THREAD }; // who speaks to the device
+enum { NOTHING, WANTED, TAKEN };
+
+typedef struct fpga {
+    kn_backend twin;
+    const kn_model *model;
+    kn_device *device;
+    slot queue[QUEUE];
+    void *memory;
+    int bounds;                       // that a slot has room for
+    _Atomic uint32_t made, done;      // ticks queued, and taken out by who speaks to the device
+    slot *current;                    // of the tick under way; NULL: not queued
+    bool flying;                      // the oldest in the queue is with the circuit; of who speaks to it
+    uint32_t flags;                   // of all since it was loaded; as flying
+    atomic_int speaker, copy_is;
+    atomic_bool following;            // ticks are queued
+    atomic_bool stop;
+    kn_fixed copy;
+    void *copy_memory;
+    sem_t wake;
+    pthread_t thread;
+    bool runs;
+    _Atomic int64_t on_circuit, shadowed, losses, different, loads;
+} fpga;
+
+// --- the queue --------------------------------------------------------------------------------------------------------
+
+static slot *oldest(fpga *f) { return &f->queue[atomic_load(&f->done) % QUEUE]; }
+static bool empty(const fpga *f) { return atomic_load(&f->done) == atomic_load(&f->made); }
+
+static bool equal(fpga *f, const slot *s, const kn_device_result *r)
+{
+    f->flags |= s->flags;
+    return r->count == s->count && r->residual == s->residual && r->flags == f->flags &&
+           memcmp(r->reaction, s->reaction, (size_t)s->count * sizeof *s->reaction) == 0;
+}
+
+// The oldest tick to the circuit and back. OK: it is out of the queue. PROTOCOL, too, when it differs.
+static kn_link_status advance(fpga *f, int64_t deadline_ns)
+{
+    slot *s = oldest(f);
+    kn_device_result result;
+    kn_link_status status = KN_LINK_OK;
+    if (!f->flying) status = kn_device_submit(f->device, s->bound, s->count);
+    if (status != KN_LINK_OK) return status;
+    f->flying = true;
+    status = kn_device_wait(f->device, deadline_ns, &result);
+    if (status != KN_LINK_OK) return status;
+    f->flying = false;
+    if (!equal(f, s, &result)) {
+        atomic_fetch_add(&f->different, 1);
+        return KN_LINK_PROTOCOL;
+    }
+    atomic_fetch_add(&f->on_circuit, 1);
+    atomic_fetch_add(&f->done, 1);
+    return KN_LINK_OK;
+}
+
+// From here on the thread speaks to the device, until it is in step again.
+static void leave(fpga *f)
+{
+    atomic_store(&f->following, false);
+    if (atomic_load(&f->speaker) != SERVO) return;
+    atomic_store(&f->speaker, THREAD);
+    sem_post(&f->wake);
+}
+
+static void lose(fpga *f)
+{
+    atomic_fetch_add(&f->losses, 1);
+    leave(f);
+}
+
+// --- the twin's tick ----------------------------------------------------------------------------------------------------
+
+static void begin(void *self, const kn_fixed_bound *bound, int count)
+{
+    fpga *f = self;
+    f->current = NULL;
+    if (!atomic_load(&f->following)) return;
+    if (count > f->bounds || atomic_load(&f->made) - atomic_load(&f->done) == QUEUE) {
+        lose(f);
+        return;
+    }
+    f->current = &f->queue[atomic_load(&f->made) % QUEUE];
+    f->current->count = count;
+    if (count > 0) memcpy(f->current->bound, bound, (size_t)count * sizeof *bound);
+    if (atomic_load(&f->speaker) != SERVO || f->flying || !empty(f)) return;
+    if (kn_device_submit(f->device, bound, count) == KN_LINK_OK) f->flying = true;
+    else lose(f);
+}
+
+static void end(void *self, const int64_t (*reaction)[3], const kn_fixed_result *result)
+{
+    fpga *f = self;
+    if (!f->current || !atomic_load(&f->following)) return;
+    f->current->residual = result->residual;
+    f->current->flags = result->flags;
+    if (f->current->count > 0)
+        memcpy(f->current->reaction, reaction, (size_t)f->current->count * sizeof *reaction);
+    atomic_fetch_add(&f->made, 1);
+}
+
+static void fpga_submit(void *self, const kn_input *input)
+{
+    fpga *f = self;
+    f->twin.submit(f->twin.self, input);
+}
+
+// The twin's state for the thread, from which on ticks are queued.
+static void take_copy(fpga *f)
+{
+    if (atomic_load(&f->copy_is) != WANTED) return;
+    kn_fixed_read(f->model, f->twin.state(f->twin.self), &f->copy);
+    atomic_store(&f->done, atomic_load(&f->made));
+    atomic_store(&f->following, true);
+    atomic_store(&f->copy_is, TAKEN);
+}
+
+// Without a clock the circuit is waited for: in step, and while it catches up.
+static void await_thread(fpga *f)
+{
+    int64_t until_ns = kn_now_ns() + PATIENCE_NS;
+    take_copy(f);
+    while (atomic_load(&f->speaker) == THREAD && atomic_load(&f->following) && !empty(f) && kn_now_ns() < until_ns)
+        kn_clock_sleep(kn_now_ns() + LOOK_NS);
+}
+
+static kn_backend_status fpga_wait(void *self, int64_t deadline_ns, kn_output *output)
+{
+    fpga *f = self;
+    const bool clock = deadline_ns != 0;
+    kn_backend_status status = f->twin.wait(f->twin.self, deadline_ns, output);
+    int64_t until_ns = clock ? deadline_ns - SPARE_NS : kn_now_ns() + PATIENCE_NS;
+    while (atomic_load(&f->speaker) == SERVO && !empty(f)) {
+        kn_link_status link = advance(f, until_ns);
+        if (link == KN_LINK_LATE && clock) break;
+        if (link != KN_LINK_OK) lose(f);
+    }
+    if (!clock) await_thread(f);
+    bool in_step = atomic_load(&f->speaker) == SERVO && atomic_load(&f->following) && empty(f);
+    if (!in_step) atomic_fetch_add(&f->shadowed, 1);
+    return status == KN_BACKEND_OK && !in_step ? KN_BACKEND_SHADOWED : status;
+}
+
+static void fpga_afterwards(void *self) { take_copy(self); }
+static const kn_state *fpga_state(void *self) { return ((fpga *)self)->twin.state(((fpga *)self)->twin.self); }
+
+static void fpga_reset(void *self)
+{
+    fpga *f = self;
+    leave(f);
+    f->twin.reset(f->twin.self);
+}
+
+static void fpga_restore(void *self, const kn_state *state)
+{
+    fpga *f = self;
+    leave(f);
+    f->twin.restore(f->twin.self, state);
+}
+
+// --- the thread ---------------------------------------------------------------------------------------------------------
+
+// While what was begun is still worth ending.
+static bool goes_on(fpga *f) { return !atomic_load(&f->stop) && atomic_load(&f->following); }
+
+static bool load(fpga *f)
+{
+    kn_link_status status = KN_LINK_LATE;
+    while (goes_on(f) && status == KN_LINK_LATE)
+        status = kn_device_load(f->device, &f->model->fixed->image, &f->copy, kn_now_ns() + ANSWER_NS);
+    f->flying = false;
+    f->flags = 0;
+    if (status == KN_LINK_OK) atomic_fetch_add(&f->loads, 1);
+    return status == KN_LINK_OK;
+}
+
+static bool catch_up(fpga *f)
+{
+    while (goes_on(f)) {
+        if (empty(f)) return true;
+        kn_link_status status = advance(f, kn_now_ns() + ANSWER_NS);
+        if (status != KN_LINK_OK && status != KN_LINK_LATE) return false;
+    }
+    return false;
+}
+
+static bool get_in_step(fpga *f)
+{
+    if (kn_device_identify(f->device, kn_now_ns() + ANSWER_NS) != KN_LINK_OK) return false;
+    atomic_store(&f->copy_is, WANTED);
+    while (!atomic_load(&f->stop) && atomic_load(&f->copy_is) == WANTED) kn_clock_sleep(kn_now_ns() + LOOK_NS);
+    if (load(f) && catch_up(f)) return true;
+    atomic_store(&f->following, false);
+    return false;
+}
+
+static void *thread_main(void *arg)
+{
+    fpga *f = arg;
+    for (;;) {
+        while (sem_wait(&f->wake) != 0 && errno == EINTR) continue;
+        while (!atomic_load(&f->stop) && atomic_load(&f->speaker) == THREAD) {
+            if (!get_in_step(f)) {
+                kn_clock_sleep(kn_now_ns() + AGAIN_NS);
+                continue;
+            }
+            atomic_store(&f->speaker, SERVO);
+            int servo = SERVO; // the object was replaced at that very moment: not in step at all
+            if (!atomic_load(&f->following)) atomic_compare_exchange_strong(&f->speaker, &servo, THREAD);
+        }
+        if (atomic_load(&f->stop)) return NULL;
+    }
+}
+
+// --- life ---------------------------------------------------------------------------------------------------------------
+
+static void fpga_destroy(void *self)
+{
+    fpga *f = self;
+    atomic_store(&f->stop, true);
+    if (f->runs) {
+        sem_post(&f->wake);
+        pthread_join(f->thread, NULL);
+        sem_destroy(&f->wake);
+    }
+    kn_device_close(f->device);
+    if (f->twin.destroy) f->twin.destroy(f->twin.self);
+    free(f->copy_memory);
+    free(f->memory);
+    free(f);
+}
+
+static bool allocate(fpga *f)
+{
+    const kn_fixed_image *image = &f->model->fixed->image;
+    const size_t each = (size_t)f->bounds * (sizeof(kn_fixed_bound) + sizeof(int64_t[3]));
+    f->memory = calloc(QUEUE, each);
+    f->copy_memory = aligned_alloc(64, kn_fixed_bytes(image));
+    if (!f->memory || !f->copy_memory) return false;
+    kn_fixed_init(&f->copy, image, f->copy_memory);
+    for (int i = 0; i < QUEUE; i++) {
+        char *at = (char *)f->memory + (size_t)i * each;
+        f->queue[i].reaction = (void *)at;
+        f->queue[i].bound = (void *)(at + (size_t)f->bounds * sizeof(int64_t[3]));
+    }
+    return true;
+}
+
+// Found, as this one, and given the object as it is.
+static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY])
+{
+    f->device = kn_device_open(uri, why);
+    if (!f->device) return false;
+    kn_link_status status = kn_device_identify(f->device, kn_now_ns() + 5 * ANSWER_NS);
+    if (status == KN_LINK_OK) {
+        kn_fixed_read(f->model, f->twin.state(f->twin.self), &f->copy);
+        atomic_store(&f->following, true);
+        if (load(f)) return true;
+        status = KN_LINK_PROTOCOL;
+    }
+    const char *said = kn_device_why(f->device);
+    snprintf(why, KN_LINK_WHY, "%.100s: %.200s", uri, *said ? said : kn_link_words(status));
+    return false;
+}
+
+static bool start(fpga *f)
+{
+    const kn_fixed_watch watch = {f, begin, end};
+    kn_backend_cpu_watch(&f->twin, watch);
+    if (sem_init(&f->wake, 0, 0) != 0) return false;
+    f->runs = pthread_create(&f->thread, NULL, thread_main, f) == 0;
+    if (!f->runs) sem_destroy(&f->wake);
+    return f->runs;
+}
+
+bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri, char why[KN_LINK_WHY], bool *device)
+{
+    *device = false;
+    snprintf(why, KN_LINK_WHY, "not enough memory");
+    if (kn_backend_steps(model->def.solver.dt_s) != 1) {
+        snprintf(why, KN_LINK_WHY, "a circuit takes one step a tick: expected solver.dt 1 ms");
+        return false;
+    }
+    fpga *f = calloc(1, sizeof *f);
+    if (!f) return false;
+    f->model = model;
+    f->bounds = model->node_count < KN_FIXED_LIST_MAX ? model->node_count : KN_FIXED_LIST_MAX;
+    bool fits = kn_backend_cpu(&f->twin, model) && allocate(f);
+    if (fits && !attach(f, uri, why)) fits = false, *device = true;
+    if (!fits || !start(f)) {
+        fpga_destroy(f);
+        return false;
+    }
+    *backend = (kn_backend){.name = "fpga", .self = f, .submit = fpga_submit, .wait = fpga_wait, .state = fpga_state,
+                            .reset = fpga_reset, .restore = fpga_restore, .afterwards = fpga_afterwards,
+                            .destroy = fpga_destroy};
+    return true;
+}
+
+static fpga *of(const kn_backend *backend) { return backend->destroy == fpga_destroy ? backend->self : NULL; }
+
+bool kn_backend_fpga_counts(const kn_backend *backend, kn_fpga_counts *counts)
+{
+    fpga *f = of(backend);
+    if (!f) return false;
+    *counts = (kn_fpga_counts){atomic_load(&f->on_circuit), atomic_load(&f->shadowed), atomic_load(&f->losses),
+                               atomic_load(&f->different),  atomic_load(&f->loads),    atomic_load(&f->speaker) == SERVO};
+    return true;
+}
+
+bool kn_backend_fpga_agrees(kn_backend *backend, char why[KN_LINK_WHY], kn_device_stats *stats)
+{
+    fpga *f = of(backend);
+    uint32_t circuit = 0;
+    int64_t until_ns = kn_now_ns() + PATIENCE_NS;
+    while (atomic_load(&f->speaker) == SERVO && !empty(f) && kn_now_ns() < until_ns)
+        if (advance(f, until_ns) != KN_LINK_OK) lose(f);
+    if (atomic_load(&f->speaker) != SERVO) {
+        snprintf(why, KN_LINK_WHY, "the circuit is not in step");
+        return false;
+    }
+    kn_device_stats_of(f->device, stats);
+    if (kn_device_crc(f->device, kn_now_ns() + PATIENCE_NS, &circuit) != KN_LINK_OK) {
+        snprintf(why, KN_LINK_WHY, "no checksum of its state: %.300s", kn_device_why(f->device));
+        return false;
+    }
+    kn_fixed_read(f->model, fpga_state(f), &f->copy);
+    const uint32_t own = kn_fixed_crc(&f->copy);
+    if (own == circuit) return true;
+    snprintf(why, KN_LINK_WHY, "its state has the checksum %08x, the twin's %08x", circuit, own);
+    return false;
+}
+
+bool kn_backend_is_device(const char *name)
+{
+    static const char *const scheme[] = {"uart:", "pty:", "pcie:", "shm:"};
+    for (size_t i = 0; i < sizeof scheme / sizeof *scheme; i++)
+        if (strncmp(name, scheme[i], strlen(scheme[i])) == 0) return true;
+    return false;
+}

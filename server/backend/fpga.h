@@ -1,0 +1,39 @@
+#ifndef KN_SERVER_BACKEND_FPGA_H
+#define KN_SERVER_BACKEND_FPGA_H
+// The lattice on a circuit, in step with its twin on this processor: the same integers (core/fixed.h), so whoever gives
+// the force, it is the same to the bit, and a circuit that is lost is lost without a jump.
+//
+//     submit   twin finds who touches what -> circuit begins; twin computes the tick meanwhile
+//     wait     circuit's reactions, residual and flags by the deadline, equal to the twin's          -> OK
+//              late, lost, or another number: the twin's stand                                       -> SHADOWED
+//
+//     a tick that was late stays in a queue, and the circuit catches up; one that is lost, or differs, is identified,
+//     loaded with a copy of the twin's state, led through the queue, and hands forces again when that is empty. All
+//     that is a thread's work beside the servo; it begins anew where the object is replaced.
+#include "server/backend/backend.h"
+#include "server/backend/device.h"
+
+typedef struct kn_fpga_counts {
+    int64_t on_circuit; // ticks that it computed, each equal to the twin's
+    int64_t shadowed;   // ticks given by the twin alone
+    int64_t losses;     // times that it was lost
+    int64_t different;  // times that it gave another number
+    int64_t loads;      // whole states that it was given
+    bool in_step;       // now
+} kn_fpga_counts;
+
+// Opens the device (link.h says the URIs), identifies and loads it. Borrows a model of KN_SOLVER_FIXED, in steps of 1 ms.
+// False: why is one line; device: it is the device's, not the scene's.
+bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri, char why[KN_LINK_WHY], bool *device);
+
+// False for any other backend. From any thread.
+bool kn_backend_fpga_counts(const kn_backend *backend, kn_fpga_counts *counts);
+
+// Nobody steps it any more: is the circuit in step, and its whole state the twin's, by their checksums? False: why. Also
+// the device's own counters.
+bool kn_backend_fpga_agrees(kn_backend *backend, char why[KN_LINK_WHY], kn_device_stats *stats);
+
+// Whether a --backend is a device's URI.
+bool kn_backend_is_device(const char *name);
+
+#endif

@@ -1,0 +1,86 @@
+#!/usr/bin/env bash
+# kneadd --backend pty: under a hand that presses, the board (a process behind a pseudo-terminal, or a piece of memory) killed and started
+# again meanwhile (4 times; KN_KILLS=N): the force is the same as if nothing had happened, to the bit. Then the log again on the board,
+# in its own time, killed at random as well.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+kills=${KN_KILLS:-4}
+RANDOM=${KN_SEED:-1}
+board() { # board NUMBER OPTION...: serves when it returns
+    local tries
+    rm -f board
+    knead-simdev "${@:2}" >"board.$1" 2>&1 & simdev=$!
+    for ((tries = 0; tries < 250; tries++)); do
+        [ ! -e "board.$1" ] || ! has : "board.$1" || return
+        pause 0.02
+    done
+    echo "FAIL knead-simdev did not come up:" && cat "board.$1" && exit 1
+}
+kill_board() {
+    kill -KILL $simdev
+    wait $simdev 2>/dev/null
+}
+number() { grep -oE "$1 -?[0-9]+" "$2" | grep -oE -- '-?[0-9]+$'; }
+
+board 0 --uart --link "$PWD/board"
+start_kneadd dough-small.yaml --backend "pty:$PWD/board" --control ctl
+knead probe --path press --hold "$((2 + kills * 2)) s" --quiet --record press.lcmlog & probe=$!
+for ((kill = 1; kill <= kills; kill++)); do
+    pause "1.$((100 + RANDOM % 900))"
+    kill_board
+    pause "0.$((100 + RANDOM % 400))"
+    board "$kill" --uart --link "$PWD/board"
+done
+wait $probe
+check "the hand pressed to the end" [ $? = 0 ]
+knead ctl --control ctl status >status.txt
+check "knead ctl status tells of the circuit" grep -q circuit status.txt
+knead ctl --control ctl set material.k1=30000 >set.txt 2>&1
+check "another material is refused while a circuit has the object: $(cat set.txt)" grep -q 'a circuit steps the object' set.txt
+kill -INT $server
+wait $server
+check "kneadd stopped" [ $? = 0 ]
+grep 'on the circuit\|circuit answered' kneadd.err
+on=$(sed -n 's/^kneadd: \([0-9]*\) ticks on the circuit.*/\1/p' kneadd.err)
+lost=$(number lost kneadd.err)
+check "a good part of the ticks was the circuit's" [ "$on" -ge 2000 ]
+check "it was lost as often as it was killed, and came back" [ "$lost" -ge "$kills" ] 
+check "it never gave another number than its twin" grep -q 'different 0,' kneadd.err
+check "and had the twin's state at the end" grep -q "its state is the twin's" kneadd.err
+knead replay press.lcmlog --verify >verify.txt 2>&1
+status=$?
+check "the forces are those of a run without a circuit: $(tail -1 verify.txt)" [ $status = 0 ]
+kill_board
+
+hash_of() { sed -n 's/^hash //p' "$1"; }
+knead replay press.lcmlog --hash >twin.txt
+for way in "--uart --link $PWD/board" "--bar knead-test-$$"; do
+    read -ra options <<<"$way"
+    uri=pty:$PWD/board
+    [ "${options[0]}" = --uart ] || uri=shm:knead-test-$$
+    board replay "${options[@]}"
+    knead replay press.lcmlog --backend "$uri" --hash >circuit.txt
+    status=$?
+    check "replayed by ${options[0]}, every tick on the circuit: $(grep circuit circuit.txt)" [ $status = 0 ]
+    check "all of them" grep -qE '^circuit: ([0-9]+) of \1 ticks' circuit.txt
+    check "and the hash of forces and state is the twin's" [ "$(hash_of circuit.txt)" = "$(hash_of twin.txt)" ]
+    kill_board
+done
+board last --uart --link "$PWD/board"
+knead replay press.lcmlog --backend "pty:$PWD/board" --hash >killed.txt & replay=$!
+for ((kill = 0; kill < kills; kill++)); do
+    pause "0.$((150 + RANDOM % 700))"
+    kill -0 $replay 2>/dev/null || break
+    kill_board
+    board "last.$kill" --uart --link "$PWD/board"
+done
+wait $replay
+grep circuit killed.txt
+check "killed $kill times in a replay, it changes no bit" [ "$(hash_of killed.txt)" = "$(hash_of twin.txt)" ]
+kill_board
+knead replay press.lcmlog --backend "pty:$PWD/nothing" >gone.txt 2>&1
+status=$?
+check "without a board it ends with 3: $(cat gone.txt)" [ $status = 3 ]
+kneadd --scene "$KN_SOURCE/core/scenes/dough-pressure.yaml" --backend fixed >gas.txt 2>&1
+status=$?
+check "what is no lattice of integers is refused: $(cat gas.txt)" [ $status = 2 ]
+exit $failed
