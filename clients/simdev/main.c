@@ -71,7 +71,7 @@ static int serve(kn_serve *s, kn_engine_caps caps, const char *link, const char 
     return good ? 0 : 3;
 }
 
-int main(int argc, char **argv)
+static int run(int argc, char **argv)
 {
     static const struct option options[] = {
         {"uart", no_argument, NULL, 'u'},       {"link", required_argument, NULL, 'l'},
@@ -130,4 +130,12 @@ int main(int argc, char **argv)
             return bad(kn_fault_word((kn_fault)i), "--uart: memory has no frames");
     s.faults.seed = (seed + 1) * 0x9e3779b97f4a7c15u;
     return serve(&s, caps, link, bar);
+}
+
+int main(int argc, char **argv)
+{
+    int code = run(argc, argv);
+    if (!(fflush(stdout) | ferror(stdout))) return code; // both: what failed on the way is not told by the last flush
+    fputs("knead-simdev: standard output could not be written to its end\n", stderr);
+    return code ? code : 3;
 }

@@ -89,7 +89,8 @@ static int64_t quantile(const kn_device *d, double share)
 {
     int64_t seen = 0;
     for (int i = 0; i < BUCKETS && d->stats.steps; i++)
-        if ((double)(seen += d->bucket[i]) >= share * (double)d->stats.steps) return (int64_t)(8 + i % 8) << (8 + i / 8) >> 3;
+        if ((double)(seen += d->bucket[i]) >= share * (double)d->stats.steps)
+            return (int64_t)(8 + i % 8) << (8 + i / 8) >> 3;
     return 0;
 }
 
@@ -306,10 +307,17 @@ static void build_read(kn_device *d)
     }
 }
 
+// A circuit at work refuses windows, and a card cannot say so: such a request begins by waiting. A step need not, the
+// one before it is over.
+static bool waits(const kn_device *d)
+{
+    return d->job != IDENTIFY && (d->again || d->job != STEP);
+}
+
 static void build(kn_device *d)
 {
     kn_request_begin(&d->request, ++d->tag);
-    if (d->again && d->job != IDENTIFY) idle(d, (int64_t)d->limit * 256);
+    if (waits(d)) idle(d, clocks_of_state(d) + (int64_t)d->limit * 256);
     switch (d->job) {
     case IDENTIFY:
         build_identify(d);
@@ -457,7 +465,7 @@ static kn_link_status accept_read(kn_device *d, const uint32_t *words)
 
 static kn_link_status accept(kn_device *d, const kn_reply *reply)
 {
-    const uint32_t *words = reply->words + (d->again && d->job != IDENTIFY);
+    const uint32_t *words = reply->words + waits(d);
     d->stats.requests++;
     switch (d->job) {
     case IDENTIFY:

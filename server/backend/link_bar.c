@@ -16,7 +16,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { READ = 1, WRITE = 2, SPIN_NS = 30000, NAP_NS = 20000 };
+enum { READ = 1, WRITE = 2, SPIN_NS = 10000, NAP_NS = 20000 };
 
 typedef struct bar {
     int fd;

@@ -1,0 +1,59 @@
+#!/usr/bin/env bash
+# The command line of knead-simdev: help, one line for every mistake, exit codes, a name that is taken.
+set -u
+failed=0
+fail() { echo "FAIL $1" && failed=1; }
+
+refuses() { # refuses CODE EXPECTED-LINE ARGUMENT...
+    local code=$1 expected=$2
+    shift 2
+    timeout 5 knead-simdev "$@" >out 2>err
+    local status=$?
+    [ $status = "$code" ] && [ "$(cat err)" = "knead-simdev: $expected" ] || fail "$*: exit $status, $(cat err)"
+}
+
+serves() { # serves ARGUMENT...: $pid, $uri
+    knead-simdev "$@" >served 2>served.err &
+    pid=$!
+    for _ in {1..100}; do
+        uri=$(head -1 served) && [ -n "$uri" ] && return
+        sleep 0.05
+    done
+    fail "$*: says nothing, $(cat served.err)"
+}
+
+knead-simdev --help >help && head -1 help | grep -q '^usage: knead-simdev' || fail "--help"
+for fault in flip drop duplicate truncate delay hang disconnect blank torn hash; do
+    grep -q "^      $fault " help || fail "--help tells nothing of $fault"
+done
+[ "$(knead-simdev --version)" = "knead-simdev $(knead --version | sed 's/^knead //')" ] || fail "--version"
+knead-simdev --help >/dev/full 2>err
+[ $? -eq 3 ] || fail "a full disk"
+
+refuses 2 "no way in: expected one of --uart and --bar NAME"
+refuses 2 "--uart and --bar: expected one of --uart and --bar NAME" --uart --bar x
+refuses 2 "a/b: expected --bar with a name of 1 to 199 letters, without /" --bar a/b
+refuses 2 "--link: expected --uart beside it" --bar x --link y
+refuses 2 "spin=1: expected --fault NAME[=RATE], a rate of 0 to 1; --help has the names" --uart --fault flip,spin=1
+refuses 2 "flip=2: expected --fault NAME[=RATE], a rate of 0 to 1; --help has the names" --uart --fault flip=2
+refuses 2 "flip: expected --uart: memory has no frames" --bar x --fault flip
+refuses 2 "1,2: expected --caps with 0..16,0..20,1..10" --uart --caps 1,2
+refuses 2 "1x: expected --seed with a whole number" --uart --seed 1x
+refuses 2 "more: expected options only" --uart more
+refuses 3 "none/link: No such file or directory" --uart --link none/link
+
+serves --bar "knead-simdev-$$"
+[ "$uri" = "shm:knead-simdev-$$" ] || fail "says $uri"
+refuses 3 "knead-simdev-$$: Device or resource busy" --bar "knead-simdev-$$"
+kill "$pid"
+wait "$pid" || fail "SIGTERM: exit $?"
+[ "$(tail -1 served)" = "golden: 0 requests" ] && [ ! -e "/dev/shm/knead-simdev-$$" ] || fail "$(tail -1 served)"
+
+serves --uart --link board
+[ "$uri" = pty:board ] && [ -c board ] || fail "says $uri"
+kill -INT "$pid" 2>/dev/null || fail "gone"
+kill "$pid"
+wait "$pid" || fail "exit $?"
+[ ! -e board ] || fail "leaves its name behind"
+[ $failed = 0 ] && echo "ok   knead-simdev's command line"
+exit $failed
