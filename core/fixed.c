@@ -4,7 +4,7 @@
 
 typedef struct kn_fixed_line line;
 
-// --- integers ---------------------------------------------------------------------------------------------------------
+// --- integers --------------------------------------------------------------------------------------------------------
 
 // v / 2^shift to the nearest, halves up.
 static int64_t round_shift(int64_t v, int shift) { return shift > 0 ? (v + ((int64_t)1 << (shift - 1))) >> shift : v; }
@@ -33,7 +33,8 @@ static int32_t root(uint64_t v) // floor
 void kn_fixed_seeds(int32_t seed[KN_FIXED_SEEDS])
 {
     memset(seed, 0, KN_FIXED_SEEDS * sizeof *seed);
-    for (int i = KN_FIXED_SEEDS / 4; i < KN_FIXED_SEEDS; i++) seed[i] = root(((uint64_t)1 << 42) / (uint64_t)(2 * i + 1));
+    for (int i = KN_FIXED_SEEDS / 4; i < KN_FIXED_SEEDS; i++)
+        seed[i] = root(((uint64_t)1 << 42) / (uint64_t)(2 * i + 1));
 }
 
 // A table's 9 leading bits, then Newton: r (3 - q r^2)/2.
@@ -46,7 +47,7 @@ int32_t kn_fixed_rsqrt(const int32_t seed[KN_FIXED_SEEDS], uint64_t q, int *n)
     return (int32_t)round_shift(r * rest, 18);
 }
 
-// --- an edge ----------------------------------------------------------------------------------------------------------
+// --- an edge ---------------------------------------------------------------------------------------------------------
 
 static inline int32_t change_of_length(const int32_t *a, const int32_t *b, const int32_t e[3], uint32_t *flags)
 {
@@ -134,7 +135,8 @@ static void setup(kn_fixed *f, int edge)
     line *out = &f->line[edge];
     direction(f, edge);
     const int64_t dl = change_of_length(f->u + 3 * at->i, f->u + 3 * at->j, out->e, &f->flags), h = spring(f, edge);
-    const int64_t b = saturate(round_shift(at->kv * dl, image->config.kv_shift) + h, KN_FIXED_B, &f->flags, KN_FIXED_SAT_TENSION);
+    const int64_t rigid = round_shift(at->kv * dl, image->config.kv_shift) + h;
+    const int64_t b = saturate(rigid, KN_FIXED_B, &f->flags, KN_FIXED_SAT_TENSION);
     const int64_t r = ratio(image, b, at->ia);
     out->g = (int32_t)round_shift(at->kv * r, KN_FIXED_R_FRACTION);
     out->t0 = (int32_t)round_shift(h * r, KN_FIXED_R_FRACTION);
@@ -162,7 +164,7 @@ static void commit_edge(kn_fixed *f, int edge)
                           KN_FIXED_SAT_SPRING);
 }
 
-// --- a node -----------------------------------------------------------------------------------------------------------
+// --- a node ----------------------------------------------------------------------------------------------------------
 
 // INVERT: relax/D as mantissa and shift, so that z = r inverse / 2^shift.
 static void invert(kn_fixed *f, int component)
@@ -191,7 +193,8 @@ static int64_t take_residual(kn_fixed *f, int component)
 static void iterate_component(kn_fixed *f, int component, int32_t omega)
 {
     int64_t r = saturate(take_residual(f, component), KN_FIXED_T, &f->flags, KN_FIXED_SAT_RESIDUAL);
-    int64_t z = saturate(round_shift(r * f->inverse[component], f->shift[component]), KN_FIXED_U, &f->flags, KN_FIXED_SAT_U);
+    int64_t z = round_shift(r * f->inverse[component], f->shift[component]);
+    z = saturate(z, KN_FIXED_U, &f->flags, KN_FIXED_SAT_U);
     int64_t u = f->u[component], last = f->last[component];
     f->last[component] = (int32_t)u;
     u = last + round_shift(omega * (u + z - last), KN_FIXED_OMEGA_FRACTION);
@@ -218,16 +221,17 @@ static void commit_nodes(kn_fixed *f, kn_fixed_result *result)
     }
 }
 
-// --- the tick ---------------------------------------------------------------------------------------------------------
+// --- the tick --------------------------------------------------------------------------------------------------------
 
 static void take_bound(kn_fixed *f, const kn_fixed_bound *b)
 {
     const kn_fixed_node *node = &f->image->node[b->node];
     for (int k = 0; k < 3; k++) {
         int c = 3 * b->node + k;
-        if (!b->holds) f->load[c] = (int32_t)saturate((int64_t)node->load[k] + b->value[k], KN_FIXED_T, &f->flags,
-                                                      KN_FIXED_SAT_REACTION);
-        else if (!(node->held >> k & 1)) f->u[c] = (int32_t)saturate(b->value[k], KN_FIXED_U, &f->flags, KN_FIXED_SAT_U);
+        const int64_t load = (int64_t)node->load[k] + b->value[k];
+        if (!b->holds) f->load[c] = (int32_t)saturate(load, KN_FIXED_T, &f->flags, KN_FIXED_SAT_REACTION);
+        else if (node->held >> k & 1) continue;
+        else f->u[c] = (int32_t)saturate(b->value[k], KN_FIXED_U, &f->flags, KN_FIXED_SAT_U);
     }
     if (b->holds) f->held[b->node] = 7;
 }
@@ -269,7 +273,7 @@ void kn_fixed_tick(kn_fixed *f, const kn_fixed_bound *bound, int count, int64_t 
     result->flags = f->flags;
 }
 
-// --- memory -----------------------------------------------------------------------------------------------------------
+// --- memory ----------------------------------------------------------------------------------------------------------
 
 static void *take(char *base, size_t *used, size_t bytes)
 {
@@ -318,7 +322,7 @@ void kn_fixed_init(kn_fixed *f, const kn_fixed_image *image, void *memory)
     kn_fixed_rest(f);
 }
 
-// --- checks -----------------------------------------------------------------------------------------------------------
+// --- checks ----------------------------------------------------------------------------------------------------------
 
 static bool within(int64_t v, int64_t least, int64_t most) { return v >= least && v <= most; }
 
@@ -366,7 +370,7 @@ const char *kn_fixed_check(const kn_fixed_image *image)
     return wrong;
 }
 
-// --- checksum ---------------------------------------------------------------------------------------------------------
+// --- checksum --------------------------------------------------------------------------------------------------------
 
 static uint32_t crc_word(uint32_t crc, int64_t word)
 {

@@ -4,20 +4,20 @@
 //
 // Unknown of a tick is the displacement u of every node; the tension of edge i-j, with unit vector e, in force units is
 //
-//     B = kv dl + H,     t = R(|B|/area) B,     dl = e.(u_j - u_i),     kv = A kappa w/dt,     H = k1 u_p area        (1)
+//     B = kv dl + H,     t = R(|B|/area) B,     dl = e.(u_j - u_i),     kv = A kappa w/dt,     H = k1 u_p area       (1)
 //
 // which is s = T(b) of law.h with R = T(b)/b from a table: viscoelastic, plastic and rheological are three tables. The
 // damper is never taken at the last force. Then H += beta (t - H), beta = k1 dt/A. Equilibrium sum t e + load = 0 is
 // sought in O passes, which freeze e and R at the last u, of K damped Jacobi steps accelerated by Chebyshev's
 // polynomials:
 //
-//     z = D^-1 r,     u <- u_ + omega (u + z - u_),     D_k = sum R kv |e_k| |e|_1                                    (2)
+//     z = D^-1 r,     u <- u_ + omega (u + z - u_),     D_k = sum R kv |e_k| |e|_1                                   (2)
 //
 // |e_k||e|_1 bounds each edge's block, so the spectrum of D^-1 M lies in 0..2 whatever the dampers do. e is that of the
 // middle of the tick, x + u/2: then e.(u_j - u_i) is the change of length to third order in u.
 //
 // Every sum of forces is exact (a tension's two ends differ by their sign alone), every shift rounds to nearest (halves
-// up), whatever does not fit saturates and raises a flag, nothing wraps. So no order of edges, no number of lanes and no
+// up), whatever does not fit saturates and raises a flag, nothing wraps. So no order of edges, no number of lanes, no
 // machine changes a bit.
 //
 //                 +----- O times -------------------------------------------------+

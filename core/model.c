@@ -275,10 +275,14 @@ static bool build_edges(kn_model *m)
     return m->edges != NULL;
 }
 
+static bool build_gas(kn_model *m)
+{
+    return m->def.mesh || m->def.pressure == KN_PRESSURE_NONE || build_cells(m);
+}
+
 static bool build_rk4(kn_model *m)
 {
-    if (!build_edges(m)) return false;
-    if (!m->def.mesh && m->def.pressure != KN_PRESSURE_NONE && !build_cells(m)) return false;
+    if (!build_edges(m) || !build_gas(m)) return false;
     m->rk4_limit_s = kn_rk4_limit(m);
     return m->rk4_limit_s >= 0;
 }
@@ -324,7 +328,7 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
     if (!wrong) wrong = check_stiffness(m);
     char text[160];
     if (!wrong && def->solver.kind == KN_SOLVER_FIXED)
-        wrong = build_edges(m) ? kn_fixed_build(m, text, sizeof text) : KN_NO_MEMORY;
+        wrong = build_edges(m) && build_gas(m) ? kn_fixed_build(m, text, sizeof text) : KN_NO_MEMORY;
     else if (!wrong && (rk4 ? !build_rk4(m) : !build_tables(m)))
         wrong = KN_NO_MEMORY;
     if (wrong) return fail(error, size, wrong);

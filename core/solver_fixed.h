@@ -9,7 +9,8 @@
 //
 // What it is not, beside the implicit step in f64: inertia (c1 holds dough's mass back within a microsecond), the end
 // stops of a damper, friction and coupling of tools. A plate's nodes are prescribed. What presses otherwise pushes with
-// its depth at the begin of the step, spread over the nodes of its patch.
+// its depth at the begin of the step, spread over the nodes of its patch; so does gas with the volume of its cells.
+// Both reach a circuit as loads of nodes, and a model where that would not be stable is refused.
 #include "core/fixed.h"
 #include "core/step.h"
 

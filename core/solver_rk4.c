@@ -1,4 +1,5 @@
 #include "core/solver_rk4.h"
+#include "core/gas.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -84,47 +85,6 @@ static void edge_forces(const kn_model *model, shape at, const double *rest, con
     }
 }
 
-// Corners of cell c at rest + x.
-static void corners_of(const kn_model *model, int c, const double *rest, const double *x, double corner[8][3])
-{
-    for (int i = 0; i < 8; i++) {
-        int node = model->cells[c].corner[i];
-        for (int k = 0; k < 3; k++) corner[i][k] = node < 0 ? 0 : rest[3 * node + k] + x[3 * node + k];
-    }
-}
-
-static double volume_of(const kn_model *model, const double corner[8][3], double gradient[8][3])
-{
-    return model->def.mesh ? kn_simplex_volume(model->def.thickness_m, corner, gradient)
-                           : kn_cell_volume(&model->grid, corner, gradient);
-}
-
-// Adds force_pa dV/dx of a cell's corners to f.
-static void push_corners(const kn_cell *cell, double force_pa, const double gradient[8][3], double *f)
-{
-    for (int i = 0; i < 8 && cell->corner[i] >= 0; i++)
-        for (int k = 0; k < 3; k++) f[3 * cell->corner[i] + k] += force_pa * gradient[i][k];
-}
-
-// Adds what the gas in the cells does, each at its own pressure or all at that of the sum.
-static void cell_forces(const kn_model *model, const double *rest, const double *x, double *f)
-{
-    double corner[8][3], gradient[8][3], slope, sum = 0, sum0 = 0;
-    bool whole = model->def.pressure == KN_PRESSURE_OBJECT;
-    for (int pass = whole ? 0 : 1; pass < 2; pass++)
-        for (int c = 0; c < model->cell_count; c++) {
-            corners_of(model, c, rest, x, corner);
-            double volume = volume_of(model, (const double(*)[3])corner, gradient);
-            if (pass == 0) {
-                sum0 += model->cell_volume[c];
-                sum += volume;
-                continue;
-            }
-            double over = kn_cell_pressure(whole ? sum / sum0 : volume / model->cell_volume[c], &slope);
-            push_corners(&model->cells[c], over * model->def.inside_pressure_pa, (const double(*)[3])gradient, f);
-        }
-}
-
 // dy = y'. At fixed components the force left over, times share, goes into the reaction.
 static void derivative(const kn_model *model, const kn_boundary *b, const double *rest, const double *y, double *dy,
                        double share)
@@ -136,7 +96,7 @@ static void derivative(const kn_model *model, const kn_boundary *b, const double
         for (size_t k = 0; k < 3; k++) f[3 * i + k] = b->force_n ? b->force_n[i][k] : 0.0;
     for (size_t i = 0; i < nodes; i++) f[3 * i + 2] -= model->node_mass_kg[i] * model->def.gravity_m_s2;
     edge_forces(model, at, rest, y, f, dy + at.u);
-    cell_forces(model, rest, y + at.x, f);
+    kn_gas_push(model, rest, y + at.x, f);
     for (size_t i = 0; i < nodes; i++)
         for (size_t k = 0; k < 3; k++) {
             double *acceleration = &f[3 * i + k];
@@ -201,8 +161,8 @@ static void apply_cells(const kn_model *model, const double *rest, const double 
     for (int c = 0; c < model->cell_count; c++) {
         const int *node = model->cells[c].corner;
         double corner[8][3], gradient[8][3], rate = 0;
-        corners_of(model, c, rest, zero, corner);
-        double volume = volume_of(model, (const double(*)[3])corner, gradient);
+        kn_gas_corners(model, c, rest, zero, corner);
+        double volume = kn_gas_volume(model, (const double(*)[3])corner, gradient);
         for (int i = 0; i < 8 && node[i] >= 0; i++)
             for (int k = 0; k < 3; k++) rate += gradient[i][k] * d[3 * node[i] + k] / root[node[i]];
         for (int i = 0; i < 8 && node[i] >= 0; i++)

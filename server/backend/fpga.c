@@ -49,7 +49,7 @@ typedef struct fpga {
     _Atomic int64_t on_circuit, shadowed, losses, different, loads;
 } fpga;
 
-// --- the queue --------------------------------------------------------------------------------------------------------
+// --- the queue -------------------------------------------------------------------------------------------------------
 
 static slot *oldest(fpga *f) { return &f->queue[atomic_load(&f->done) % QUEUE]; }
 static bool empty(const fpga *f) { return atomic_load(&f->done) == atomic_load(&f->made); }
@@ -97,7 +97,7 @@ static void lose(fpga *f)
     leave(f);
 }
 
-// --- the twin's tick ----------------------------------------------------------------------------------------------------
+// --- the twin's tick -------------------------------------------------------------------------------------------------
 
 static void begin(void *self, const kn_fixed_bound *bound, int count)
 {
@@ -186,7 +186,7 @@ static void fpga_restore(void *self, const kn_state *state)
     f->twin.restore(f->twin.self, state);
 }
 
-// --- the thread ---------------------------------------------------------------------------------------------------------
+// --- the thread ------------------------------------------------------------------------------------------------------
 
 // While what was begun is still worth ending.
 static bool goes_on(fpga *f) { return !atomic_load(&f->stop) && atomic_load(&f->following); }
@@ -240,7 +240,7 @@ static void *thread_main(void *arg)
     }
 }
 
-// --- life ---------------------------------------------------------------------------------------------------------------
+// --- life ------------------------------------------------------------------------------------------------------------
 
 static void fpga_destroy(void *self)
 {
@@ -331,8 +331,12 @@ bool kn_backend_fpga_counts(const kn_backend *backend, kn_fpga_counts *counts)
 {
     fpga *f = of(backend);
     if (!f) return false;
-    *counts = (kn_fpga_counts){atomic_load(&f->on_circuit), atomic_load(&f->shadowed), atomic_load(&f->losses),
-                               atomic_load(&f->different),  atomic_load(&f->loads),    atomic_load(&f->speaker) == SERVO};
+    *counts = (kn_fpga_counts){.on_circuit = atomic_load(&f->on_circuit),
+                               .shadowed = atomic_load(&f->shadowed),
+                               .losses = atomic_load(&f->losses),
+                               .different = atomic_load(&f->different),
+                               .loads = atomic_load(&f->loads),
+                               .in_step = atomic_load(&f->speaker) == SERVO};
     return true;
 }
 

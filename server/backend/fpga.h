@@ -22,15 +22,15 @@ typedef struct kn_fpga_counts {
     bool in_step;       // now
 } kn_fpga_counts;
 
-// Opens the device (link.h says the URIs), identifies and loads it. Borrows a model of KN_SOLVER_FIXED, in steps of 1 ms.
-// False: why is one line; device: it is the device's, not the scene's.
+// Opens the device (link.h says the URIs), identifies and loads it. Borrows a model of KN_SOLVER_FIXED, in steps of
+// 1 ms. False: why is one line; device: it is the device's, not the scene's.
 bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri, char why[KN_LINK_WHY], bool *device);
 
 // False for any other backend. From any thread.
 bool kn_backend_fpga_counts(const kn_backend *backend, kn_fpga_counts *counts);
 
-// Nobody steps it any more: is the circuit in step, and its whole state the twin's, by their checksums? False: why. Also
-// the device's own counters.
+// Nobody steps it any more: is the circuit in step, and its whole state the twin's, by their checksums? False: why.
+// Also the device's own counters.
 bool kn_backend_fpga_agrees(kn_backend *backend, char why[KN_LINK_WHY], kn_device_stats *stats);
 
 // Whether a --backend is a device's URI.

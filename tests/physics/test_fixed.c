@@ -68,6 +68,15 @@ TEST("dough under a ball, that pushes with its depth at the step's begin")
     compare("ball", ball_def(1), 0.005, 1, 0.02, 0.02);
 }
 
+TEST("dough with gas in its cells, that pushes by its volume at the step's begin")
+{
+    kn_model_def def = press_def(1);
+    def.pressure = KN_PRESSURE_CELLS, def.inside_pressure_pa = 101325;
+    compare("each cell", def, 0.005, 1, 0.02, 0.02);
+    def.pressure = KN_PRESSURE_OBJECT;
+    compare("one skin", def, 0.005, 1, 0.02, 0.02);
+}
+
 TEST("a state that was copied goes on to the same bits")
 {
     const kn_model_def def = fixed(press_def(1));
@@ -97,10 +106,12 @@ static void refused(kn_model_def def, const char *why)
 TEST("what integers cannot be is refused by name")
 {
     kn_model_def def = fixed(press_def(1));
-    def.pressure = KN_PRESSURE_CELLS, def.inside_pressure_pa = 1e5;
-    refused(def, "no pressure cells");
-    def = fixed(press_def(1)), def.support = KN_SUPPORT_NONE;
+    def.support = KN_SUPPORT_NONE;
     refused(def, "no inertia");
+    def = fixed(press_def(1)), def.material = jelly(), def.pressure = KN_PRESSURE_CELLS, def.inside_pressure_pa = 1e6;
+    refused(def, "gas at the step's begin");
+    def = fixed(ball_def(1)), def.material = jelly(), def.probe[0].foundation_n_m3 = 1e9;
+    refused(def, "a softer one");
     def = fixed(press_def(1)), def.material.ratio = 0.2, def.material.stroke[0] = 0.02, def.material.stroke[1] = 0.98;
     refused(def, "no end stops");
     def = fixed(press_def(1)), def.material.c1_pa_s *= 1e4;
