@@ -1,7 +1,7 @@
 #ifndef KN_SIMDEV_ENGINE_H
 #define KN_SIMDEV_ENGINE_H
-// What answers behind a simulated device's registers. The golden one is core/fixed.h in real time; a circuit under a
-// simulator is another, in a time of its own.
+// What answers behind a simulated device's registers: core/fixed.h in real time, or the circuit under a simulator, in a
+// time of its own.
 #include "server/backend/frame.h"
 
 typedef struct kn_engine_caps {
@@ -10,13 +10,14 @@ typedef struct kn_engine_caps {
 
 typedef struct kn_engine {
     const char *name;
-    kn_word_bus bus;           // hdl/registers.h
-    void (*clock)(void *self); // lets time go by while nobody asks; may be NULL
+    kn_word_bus bus;           // hdl/registers.h; time goes by in its transfers alone
     void (*blank)(void *self); // power off and on
-    void (*stray)(void *self); // a tick that nobody asked for; may be NULL
+    void (*stray)(void *self); // a tick that nobody asked for; NULL: it has none
     void (*destroy)(void *self);
 } kn_engine;
 
-bool kn_engine_golden(kn_engine *engine, kn_engine_caps caps); // false: memory is short
+// False: memory is short.
+bool kn_engine_golden(kn_engine *engine, kn_engine_caps caps);
+bool kn_engine_rtl(kn_engine *engine); // where KN_SIMDEV_RTL is defined; its caps are those it was built with
 
 #endif

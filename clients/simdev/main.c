@@ -17,7 +17,7 @@ static void on_signal(int signal)
 
 static void help(void)
 {
-    puts("usage: knead-simdev --uart [--link PATH] | --bar NAME [--engine golden] [--caps N,E,B] [--fault "
+    puts("usage: knead-simdev --uart [--link PATH] | --bar NAME [--engine golden|rtl] [--caps N,E,B] [--fault "
          "NAME[=RATE],...]\n"
          "                    [--seed N]\n\n"
          "A circuit that steps a lattice, simulated: its registers behind a serial line or in a piece of memory. "
@@ -26,8 +26,12 @@ static void help(void)
          "  --uart            frames on a pseudo-terminal\n"
          "  --link PATH       a name for it that stays when it is unplugged or started again\n"
          "  --bar NAME        as the memory of a PCI card, in /dev/shm/NAME\n"
-         "  --engine golden   what steps: the lattice in integers, in real time\n"
-         "  --caps N,E,B      log2 of the nodes, edges and nodes under tools that it takes (12,16,10)\n"
+         "  --engine NAME     what steps: golden, the lattice in integers, in real time; rtl, the circuit of hdl/rtl "
+         "under\n"
+         "                    Verilator, in a time of its own (URI?miss=1000), if Verilator was there when this was "
+         "built\n"
+         "  --caps N,E,B      log2 of the nodes, edges and nodes under tools that golden takes (12,16,10); rtl: "
+         "10,13,8\n"
          "  --seed N          of chance (1)\n"
          "  --fault ...       what goes wrong, and in which share of the requests (0.01):");
 #define KN_FAULT_HELP(name, word, frames, what) printf("      %-12s %s%s\n", #word, what, frames ? " (--uart)" : "");
@@ -51,13 +55,21 @@ static bool parse_caps(const char *text, kn_engine_caps *caps)
            caps->bounds <= 10;
 }
 
-static int serve(kn_serve *s, kn_engine_caps caps, const char *link, const char *bar)
+static bool power_up(kn_engine *engine, bool rtl, kn_engine_caps caps)
+{
+#ifdef KN_SIMDEV_RTL
+    if (rtl) return kn_engine_rtl(engine);
+#endif
+    return !rtl && kn_engine_golden(engine, caps);
+}
+
+static int serve(kn_serve *s, bool rtl, kn_engine_caps caps, const char *link, const char *bar)
 {
     struct sigaction action = {.sa_handler = on_signal};
     sigaction(SIGTERM, &action, NULL);
     sigaction(SIGINT, &action, NULL);
     s->stop = &stop;
-    if (!kn_engine_golden(&s->engine, caps)) {
+    if (!power_up(&s->engine, rtl, caps)) {
         fputs("knead-simdev: memory is short\n", stderr);
         return 3;
     }
@@ -82,7 +94,7 @@ static int run(int argc, char **argv)
     static kn_serve s;
     const char *link = NULL, *bar = NULL;
     char wrong[64], *end;
-    bool uart = false;
+    bool uart = false, rtl = false, sized = false;
     kn_engine_caps caps = {12, 16, 10};
     unsigned long long seed = 1;
     for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
@@ -97,9 +109,11 @@ static int run(int argc, char **argv)
             bar = optarg;
             break;
         case 'e':
-            if (strcmp(optarg, "golden") != 0) return bad(optarg, "--engine golden");
+            rtl = strcmp(optarg, "rtl") == 0;
+            if (!rtl && strcmp(optarg, "golden") != 0) return bad(optarg, "--engine golden or rtl");
             break;
         case 'c':
+            sized = true;
             if (!parse_caps(optarg, &caps)) return bad(optarg, "--caps with 0..16,0..20,1..10");
             break;
         case 'f':
@@ -128,8 +142,14 @@ static int run(int argc, char **argv)
     for (int i = 0; bar && i < KN_FAULT_COUNT; i++)
         if (s.faults.rate[i] > 0 && kn_fault_of_frames((kn_fault)i))
             return bad(kn_fault_word((kn_fault)i), "--uart: memory has no frames");
+    if (rtl && sized) return bad("--caps", "--engine golden: the circuit is built for 10,13,8");
+    if (rtl && s.faults.rate[KN_FAULT_TORN] > 0)
+        return bad("torn", "--engine golden: the circuit steps when it is asked");
+#ifndef KN_SIMDEV_RTL
+    if (rtl) return fputs("knead-simdev: built without Verilator: expected --engine golden\n", stderr), 3;
+#endif
     s.faults.seed = (seed + 1) * 0x9e3779b97f4a7c15u;
-    return serve(&s, caps, link, bar);
+    return serve(&s, rtl, caps, link, bar);
 }
 
 int main(int argc, char **argv)

@@ -51,8 +51,7 @@ static void push_registers(bar *b)
 static void run_out(bar *b)
 {
     const kn_engine *e = &b->serve->engine;
-    for (uint32_t status; e->bus.read(e->bus.self, KN_REG_STATUS, &status) && status & KN_STATUS_BUSY;)
-        if (e->clock) e->clock(e->bus.self);
+    for (uint32_t status; e->bus.read(e->bus.self, KN_REG_STATUS, &status) && status & KN_STATUS_BUSY;) continue;
 }
 
 static void pull_image(bar *b)
@@ -179,7 +178,6 @@ static bool listen_once(bar *b, int64_t *heard_ns)
     kn_engine *e = &b->serve->engine;
     uint32_t done = b->shm->done, bell = __atomic_load_n(&b->shm->bell, __ATOMIC_ACQUIRE);
     if (bell == done) {
-        if (e->clock) e->clock(e->bus.self);
         if (kn_now_ns() - *heard_ns > SPIN_NS) nap(b, bell);
         return true;
     }

@@ -126,11 +126,7 @@ static bool listen_once(line *l)
     uint8_t bytes[4096];
     ssize_t size = read(l->fd, bytes, sizeof bytes);
     if (size < 0 && errno != EAGAIN && errno != EINTR) return false;
-    if (size <= 0) {
-        kn_engine *e = &l->serve->engine;
-        if (e->clock) e->clock(e->bus.self);
-        poll(&(struct pollfd){l->fd, POLLIN, 0}, 1, e->clock ? 1 : 100);
-    }
+    if (size <= 0) poll(&(struct pollfd){l->fd, POLLIN, 0}, 1, 100);
     int fd = l->fd;
     size_t used = 0;
     for (ssize_t at = 0; at < size && fd == l->fd && !*l->serve->stop; at += (ssize_t)used) {
