@@ -349,6 +349,11 @@ static bool accept_numbers(kn_device *d, const uint32_t *words)
     return words[AT_STATUS] & KN_STATUS_LOADED && words[AT_SCRATCH] == d->nonce;
 }
 
+static int32_t power(uint32_t log2)
+{
+    return 1 << ((log2 & 0xff) < 24 ? log2 & 0xff : 24);
+}
+
 static kn_link_status accept_identify(kn_device *d, const uint32_t *words)
 {
     d->job = IDLE;
@@ -362,8 +367,7 @@ static kn_link_status accept_identify(kn_device *d, const uint32_t *words)
         return refuse(d, KN_LINK_PROTOCOL,
                       "%s: BUILD_HASH is 0x%08x: expected 0x%08x, a circuit built with these formats and registers",
                       d->uri, words[2], (unsigned)KN_BUILD_HASH);
-    d->caps = (kn_device_caps){words[1], 1 << (words[3] & 31), 1 << (words[3] >> 8 & 31), 1 << (words[3] >> 16 & 31)};
-    d->caps.bounds -= 1;
+    d->caps = (kn_device_caps){words[1], power(words[3]), power(words[3] >> 8), power(words[3] >> 16) - 1};
     if (d->caps.bounds > KN_FIXED_LIST_MAX) d->caps.bounds = KN_FIXED_LIST_MAX;
     d->seq = words[8];
     d->stats.resyncs += d->state == KN_DEVICE_LOST;

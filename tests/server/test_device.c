@@ -322,6 +322,32 @@ TEST("over a pseudo-terminal and over shared memory every tick is the twin's, to
     }
 }
 
+TEST("a list of any length goes there and comes back, however many frames it takes")
+{
+    for (int bar = 0; bar < 2; bar++) {
+        static const int counts[] = {0, 1, 40, 41, 42, 59, 60, 61, 62, 83, 84, 123, 124, 125, 250, 255};
+        char line[256];
+        kn_device_result result;
+        sim s = start_on(bar, bar ? NULL : golden() ? "flip=0.02,drop=0.02" : NULL, "3");
+        kn_device *d = open_patient(&s, 20);
+        rig *r = make(300, 900, 5);
+        uint64_t seed = 9;
+        CHECK(kn_device_identify(d, after_ms(500)) == KN_LINK_OK);
+        CHECK(kn_device_load(d, &r->image, &r->fixed, after_ms(5000)) == KN_LINK_OK);
+        for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
+            move_all(r, &seed, 1 << 14);
+            tick(r, counts[i]);
+            CHECK(kn_device_submit(d, r->bound, counts[i]) == KN_LINK_OK);
+            CHECK(kn_device_wait(d, after_ms(5000), &result) == KN_LINK_OK && result.count == counts[i]);
+            CHECK(memcmp(result.reaction, r->reaction, (size_t)counts[i] * sizeof *r->reaction) == 0);
+            CHECK(result.residual == r->result.residual && result.tick == i + 1);
+        }
+        unmake(r);
+        kn_device_close(d);
+        stop(&s, SIGTERM, line);
+    }
+}
+
 TEST("how long a step takes when there is next to nothing to step")
 {
     for (int bar = 0; bar < 2; bar++) {
