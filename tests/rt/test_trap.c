@@ -4,6 +4,7 @@
 // KN_TICKS=N: of the first run, 1e5; KN_LIVE_TICKS=N: of the live one, 4000, a ms each.
 #include "clients/knead/path.h"
 #include "server/keeper.h"
+#include "tests/allocations.h"
 #include "tests/check.h"
 #include "tests/server/lent.h"
 #include <dlfcn.h>
@@ -19,45 +20,10 @@
 #include <sys/resource.h>
 #include <sys/syscall.h>
 
-static _Thread_local bool armed;
-static atomic_long allocations, locks, calls, last_call;
+static atomic_long locks, calls, last_call;
 
-#if defined(KN_SANITIZED)
-#define INTERPOSED 0 // the sanitizers own malloc
-#else
-#define INTERPOSED 1
-void *__libc_malloc(size_t size); // glibc's own, under the names it keeps for interposers
-void *__libc_calloc(size_t count, size_t size);
-void *__libc_realloc(void *memory, size_t size);
-void *__libc_memalign(size_t alignment, size_t size);
-void __libc_free(void *memory);
+#if INTERPOSED
 static int (*real_lock)(pthread_mutex_t *);
-
-void *malloc(size_t size)
-{
-    allocations += armed;
-    return __libc_malloc(size);
-}
-void *calloc(size_t count, size_t size)
-{
-    allocations += armed;
-    return __libc_calloc(count, size);
-}
-void *realloc(void *memory, size_t size)
-{
-    allocations += armed;
-    return __libc_realloc(memory, size);
-}
-void *aligned_alloc(size_t alignment, size_t size)
-{
-    allocations += armed;
-    return __libc_memalign(alignment, size);
-}
-void free(void *memory)
-{
-    allocations += armed;
-    __libc_free(memory);
-}
 
 int pthread_mutex_lock(pthread_mutex_t *mutex)
 {

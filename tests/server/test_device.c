@@ -4,6 +4,7 @@
 #include "server/backend/device.h"
 #include "hdl/registers.h"
 #include "server/clock.h"
+#include "tests/allocations.h"
 #include "tests/check.h"
 #include "tests/core/rig.h"
 #include <fcntl.h>
@@ -372,6 +373,37 @@ TEST("how long a step takes when there is next to nothing to step")
         CHECK(taken == ticks && stats.lost == 0);
         printf("     %-4s %d ticks of 2 nodes and 1 edge: p50 %.1f us, p99 %.1f us\n", bar ? "shm" : "pty", ticks,
                1e-3 * (double)stats.p50_ns, 1e-3 * (double)stats.p99_ns);
+        unmake(r);
+        kn_device_close(d);
+        stop(&s, SIGTERM, line);
+    }
+}
+
+TEST("nothing is allocated but by open")
+{
+    if (!INTERPOSED) return;
+    for (int bar = 0; bar < 2; bar++) {
+        char line[256];
+        kn_device_result result;
+        sim s = start_on(bar, bar ? "hang=0.02" : "drop=0.02,flip=0.02", "1");
+        kn_device *d = open_patient(&s, 1.6);
+        rig *r = make(NODES, EDGES, 5);
+        uint64_t seed = 9;
+        uint32_t crc;
+        int steps = 0;
+        allocations = 0;
+        for (int i = 0; i < 300; i++) {
+            move_all(r, &seed, 1 << 14);
+            armed = true;
+            if (kn_device_state_of(d) != KN_DEVICE_SYNCED && kn_device_identify(d, after_ms(500)) == KN_LINK_OK &&
+                kn_device_resume(d, &r->fixed, after_ms(500)) != KN_LINK_OK)
+                kn_device_load(d, &r->image, &r->fixed, after_ms(2000));
+            steps += kn_device_submit(d, r->bound, 20) == KN_LINK_OK &&
+                     kn_device_wait(d, after_ms(2000), &result) == KN_LINK_OK;
+            if (i % 50 == 0) kn_device_crc(d, after_ms(500), &crc);
+            armed = false;
+        }
+        CHECK(allocations == 0 && steps > 100);
         unmake(r);
         kn_device_close(d);
         stop(&s, SIGTERM, line);
