@@ -1,0 +1,55 @@
+#ifndef KN_SERVER_BACKEND_DEVICE_JOB_H
+#define KN_SERVER_BACKEND_DEVICE_JOB_H
+// Private to device.c and device_build.c: a device amid its work. A job is made of requests, each of which may be sent
+// again; building one changes only what the request itself asks for.
+#include "server/backend/device.h"
+
+enum {
+    KN_DEVICE_TALE = 8,        // words behind the reactions: TICK to RESULT_FLAGS
+    KN_DEVICE_BUCKETS = 25 * 8 // of the round trips, eight to an octave, from 256 ns
+};
+
+typedef enum job { IDLE, IDENTIFY, LOAD, RESUME, STEP, CRC, READ } job;
+
+struct kn_device {
+    char uri[KN_LINK_URI], why[KN_LINK_WHY];
+    bool linked;
+    kn_link link;
+    kn_device_state state;
+    kn_link_status last; // why it is LOST
+    kn_device_caps caps;
+    uint32_t nonce;       // in SCRATCH: of our last load
+    uint32_t seq, tick;   // the circuit's, when no step is under way
+    int32_t nodes, edges; // of what is loaded
+    uint16_t limit;       // of a WAIT for a tick
+
+    job job;
+    bool out, again;   // a request is under way; one that was sent before
+    int misses, tries; // of this request
+    bool broken;       // the link is to be opened again
+    uint16_t tag;
+    int64_t first_ns, sent_ns;
+    kn_request request;
+    int first, words; // of what this request asks for: where it begins, how much
+    int position;     // of the job: words or records that are done
+
+    // a step
+    kn_fixed_bound bound[KN_FIXED_LIST_MAX];
+    int count, written, wrote; // bounds there are; the circuit has; this request brings
+    bool rung, rings;
+    int64_t reaction[KN_FIXED_LIST_MAX][3], began_ns;
+    kn_device_result result;
+
+    const kn_fixed_image *image; // to load
+    const kn_fixed *from;
+    kn_fixed *into;
+    uint32_t crc;
+
+    kn_device_stats stats;
+    int64_t bucket[KN_DEVICE_BUCKETS];
+};
+
+void kn_device_build(kn_device *device);       // the next request of its job, under a new tag
+bool kn_device_waits(const kn_device *device); // it begins by waiting, and its reply with that word
+
+#endif
