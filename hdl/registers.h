@@ -3,8 +3,10 @@
 // What a host sees of the circuit: words of 32 bits at word addresses of 24 bits. C, Verilog and hdl/README.md have the
 // table from here (hdl/table.c); its hash, with that of the formats, is BUILD_HASH.
 //
-// A transfer is refused (bus_error) at an address that is none, when it writes what is read only or a value of more
-// bits than the register has, and, while STATUS.BUSY, when it touches a window, CONTROL or what a tick reads.
+// A transfer is refused (bus_error) at an address that is none, when it writes what is read only, a value of more bits
+// than the register has, a count beyond CAPS or a node that is none, and, while STATUS.BUSY, when it touches a window,
+// CONTROL or what a tick reads. Writing 0x10..0x19 or OMEGA takes LOADED away; CONTROL 8 gives it only if their values
+// are within their ranges.
 
 // name, word address, access (R read, W write, C write one to clear), bits, what
 #define KN_REGISTERS(REGISTER)                                                                                         \

@@ -61,7 +61,7 @@ module doorbell (
         assert (seq == seq_r || tick && seq == seq_r + 32'd1 || seq == 32'd0);
         if (tick) assert (seq == data_r && write_r && !busy_r && loaded);
         if (act) assert (!busy && write && valid);
-        if (busy_r) assert (config_ == config_r || config_ == {17'd1, 38'd0});
+        if (busy_r) assert (config_ == config_r || config_ == 55'd0);
         assert (waited <= 3'd3);
         assert (ready || step == waited[1:0]);
     end

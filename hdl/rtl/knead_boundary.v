@@ -34,7 +34,7 @@ module knead_boundary #(
     output wire                  o_sat_reaction
 );
     reg holds;
-    reg [31:0] value [0:2];
+    reg signed [31:0] value_x, value_y, value_z;
     assign o_list_address = {i_record, i_step[1:0]};
     wire step_first = i_step == 4'd1;
     always @(posedge clk) begin
@@ -42,9 +42,9 @@ module knead_boundary #(
             o_node <= i_list[LOG_NODES-1:0];
             holds <= i_list[31];
         end
-        if (i_step == 4'd2) value[0] <= i_list;
-        if (i_step == 4'd3) value[1] <= i_list;
-        if (i_step == 4'd4) value[2] <= i_list;
+        if (i_step == 4'd2) value_x <= i_list;
+        if (i_step == 4'd3) value_y <= i_list;
+        if (i_step == 4'd4) value_z <= i_list;
     end
 
     wire [2:0] over_load, over_u;
@@ -52,12 +52,13 @@ module knead_boundary #(
     generate
         for (k = 0; k < 3; k = k + 1) begin : g_component
             wire [`KN_T-1:0] old_load = i_load[k*`KN_T +: `KN_T];
-            wire signed [32:0] sum = $signed({value[k][31], value[k]})
+            wire signed [31:0] value = k == 0 ? value_x : k == 1 ? value_y : value_z;
+            wire signed [32:0] sum = $signed({value[31], value})
                                    + $signed({{(33-`KN_T){old_load[`KN_T-1]}}, old_load});
             wire signed [`KN_T-1:0] pushed;
             wire signed [`KN_U-1:0] moved;
             knead_saturate #(33, `KN_T) saturate_load (.i_value(sum), .o_value(pushed), .o_over(over_load[k]));
-            knead_saturate #(32, `KN_U) saturate_u (.i_value($signed(value[k])), .o_value(moved), .o_over(over_u[k]));
+            knead_saturate #(32, `KN_U) saturate_u (.i_value(value), .o_value(moved), .o_over(over_u[k]));
             always @(posedge clk) begin
                 o_load[k*`KN_T +: `KN_T] <= holds ? old_load : pushed;
                 o_u[k*`KN_U +: `KN_U] <= holds & ~i_held[k] ? moved : i_u[k*`KN_U +: `KN_U];

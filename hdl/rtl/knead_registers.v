@@ -57,10 +57,10 @@ module knead_registers #(
     wire [19:0] edge_beyond = i_bus_addr[22:3] >> LOG_EDGES;
     wire [15:0] rest_beyond = i_bus_addr[18:3] >> LOG_NODES;
     wire [15:0] list_beyond = i_bus_addr[15:0] >> (LOG_LIST + 2);
-    wire [15:0] result_beyond = i_bus_addr[15:0] >> (LOG_LIST + 3);
+    localparam [15:0] RESULTS = 16'd6 << LOG_LIST;
     wire is_table = i_bus_addr[23:16] == 8'h01 && i_bus_addr[15:0] <= 16'd`KN_SEGMENTS;
     wire is_list = i_bus_addr[23:16] == 8'h02 && list_beyond == 16'd0;
-    wire is_result = i_bus_addr[23:16] == 8'h03 && result_beyond == 16'd0;
+    wire is_result = i_bus_addr[23:16] == 8'h03 && i_bus_addr[15:0] < RESULTS;
     wire is_node = i_bus_addr[23:20] == 4'h1 && node_beyond == 16'd0;
     wire is_rest = i_bus_addr[23:19] == 5'b00100 && rest_beyond == 16'd0;
     wire is_edge = i_bus_addr[23] && edge_beyond == 20'd0;
@@ -83,9 +83,17 @@ module knead_registers #(
             `KN_REG_VERSION: begin read = `KN_ENGINE_VERSION; writable = 1'b0; end
             `KN_REG_BUILD_HASH: begin read = `KN_BUILD_HASH; writable = 1'b0; end
             `KN_REG_CAPS: begin read = {8'd0, LOG_LIST[7:0], LOG_EDGES[7:0], LOG_NODES[7:0]}; writable = 1'b0; end
-            `KN_REG_CONTROL: fits = i_bus_wdata[31:4] == 28'd0 && !(i_bus_wdata[0] && i_bus_wdata[2]);
-            `KN_REG_STATUS: begin read = {28'd0, empty, wrong_seq, loaded, i_busy}; config_ = 1'b0; end
-            `KN_REG_FLAGS: begin read = {25'd0, flags}; config_ = 1'b0; end
+            `KN_REG_CONTROL: fits = i_bus_wdata[31:`KN_BITS_CONTROL] == 28'd0;
+            `KN_REG_STATUS: begin
+                read = {28'd0, empty, wrong_seq, loaded, i_busy};
+                fits = i_bus_wdata[31:`KN_BITS_STATUS] == 28'd0;
+                config_ = 1'b0;
+            end
+            `KN_REG_FLAGS: begin
+                read = {25'd0, flags};
+                fits = i_bus_wdata[31:`KN_BITS_FLAGS] == 25'd0;
+                config_ = 1'b0;
+            end
             `KN_REG_SCRATCH: begin read = scratch; config_ = 1'b0; end
             `KN_REG_TICK: begin read = tick; writable = 1'b0; end
             `KN_REG_STEP_SEQ: begin read = seq; config_ = i_bus_wdata == seq + 32'd1; end
@@ -95,38 +103,45 @@ module knead_registers #(
             `KN_REG_RESIDUAL_LO: begin read = residual[31:0]; writable = 1'b0; end
             `KN_REG_RESIDUAL_HI: begin read = {{(64-`KN_ACC){1'b0}}, residual[`KN_ACC-1:32]}; writable = 1'b0; end
             `KN_REG_RESULT_FLAGS: begin read = {25'd0, result_flags}; writable = 1'b0; end
-            `KN_REG_NODE_COUNT: begin
-                read = {15'd0, o_node_count};
-                fits = i_bus_wdata != 32'd0 && i_bus_wdata <= 32'd1 << LOG_NODES;
-            end
+            `KN_REG_NODE_COUNT: begin read = {15'd0, o_node_count}; fits = i_bus_wdata <= 32'd1 << LOG_NODES; end
             `KN_REG_EDGE_COUNT: begin read = {11'd0, o_edge_count}; fits = i_bus_wdata <= 32'd1 << LOG_EDGES; end
-            `KN_REG_PASSES: begin
-                read = {28'd0, o_passes};
-                fits = i_bus_wdata[31:`KN_BITS_PASSES] == 28'd0 && i_bus_wdata != 32'd0;
-            end
+            `KN_REG_PASSES: begin read = {28'd0, o_passes}; fits = i_bus_wdata[31:`KN_BITS_PASSES] == 28'd0; end
             `KN_REG_ITERATIONS: begin
                 read = {26'd0, o_iterations};
-                fits = i_bus_wdata <= 32'd32 && i_bus_wdata != 32'd0;
+                fits = i_bus_wdata[31:`KN_BITS_ITERATIONS] == 26'd0;
             end
-            `KN_REG_D_SHIFT: begin read = {27'd0, o_d_shift}; fits = i_bus_wdata <= 32'd18; end
-            `KN_REG_KV_SHIFT: begin read = {26'd0, o_kv_shift}; fits = i_bus_wdata <= 32'd40; end
+            `KN_REG_D_SHIFT: begin read = {27'd0, o_d_shift}; fits = i_bus_wdata[31:`KN_BITS_D_SHIFT] == 27'd0; end
+            `KN_REG_KV_SHIFT: begin read = {26'd0, o_kv_shift}; fits = i_bus_wdata[31:`KN_BITS_KV_SHIFT] == 26'd0; end
             `KN_REG_OCTAVE: begin read = {25'd0, o_octave}; fits = i_bus_wdata[31:`KN_BITS_OCTAVE] == 25'd0; end
             `KN_REG_BETA: begin read = {15'd0, o_beta}; fits = i_bus_wdata[31:`KN_BITS_BETA] == 15'd0; end
-            `KN_REG_BETA_SHIFT: begin read = {26'd0, o_beta_shift}; fits = i_bus_wdata <= 32'd40; end
+            `KN_REG_BETA_SHIFT: begin
+                read = {26'd0, o_beta_shift};
+                fits = i_bus_wdata[31:`KN_BITS_BETA_SHIFT] == 26'd0;
+            end
             `KN_REG_RELAX: begin read = {15'd0, o_relax}; fits = i_bus_wdata[31:`KN_BITS_RELAX] == 15'd0; end
             `KN_REG_BOUND_COUNT: begin read = {21'd0, o_bound_count}; fits = i_bus_wdata < 32'd1 << LOG_LIST; end
             default: known = 1'b0;
         endcase
     end
-    // an edge's two nodes are nodes
+    // of an edge and of a boundary record the nodes are nodes
     wire [15:0] i_beyond = i_bus_wdata[15:0] >> LOG_NODES;
     wire [15:0] j_beyond = i_bus_wdata[31:16] >> LOG_NODES;
     wire edge_fits = i_bus_addr[2:0] != 3'd0 || (i_beyond | j_beyond) == 16'd0;
+    wire list_fits = i_bus_addr[1:0] != 2'd0 || i_beyond == 16'd0;
+
+    // what a step may be made with; whatever a proof likes
+`ifdef FORMAL
+    (* anyseq *) wire sane;
+`else
+    wire sane = o_node_count != 17'd0 && o_passes != 4'd0 && o_iterations != 6'd0 && o_iterations <= 6'd32
+             && o_d_shift <= 5'd18 && o_kv_shift <= 6'd40 && o_beta_shift <= 6'd40 && o_relax != {`KN_RELAX{1'b0}};
+`endif
 
     reg [1:0] step;
     reg busy_seen; // since the transfer began: the memories' addresses were the engine's
     wire refuse_register = !known || i_bus_write && (!writable || !fits || config_ && i_busy);
-    wire refuse_window = !is_window || i_busy || busy_seen || i_bus_write && (is_result || is_edge && !edge_fits);
+    wire refuse_window = !is_window || i_busy || busy_seen || i_bus_write && (is_result || is_edge && !edge_fits
+                                                                                       || is_list && !list_fits);
     wire refuse = is_register ? refuse_register : refuse_window;
     wire done = i_bus_valid && !o_bus_ready && step == 2'd2;
     wire write = done && i_bus_write && !refuse && is_register;
@@ -144,6 +159,7 @@ module knead_registers #(
     wire knock = write && at == `KN_REG_STEP_SEQ && !is_omega;
     wire next_seq = i_bus_wdata == seq + 32'd1;
     wire control = write && at == `KN_REG_CONTROL;
+    wire is_config = is_omega || at >= `KN_REG_NODE_COUNT && at <= `KN_REG_RELAX;
     always @(posedge clk) begin
         o_tick <= knock && next_seq && loaded && !rst;
         o_rest <= control && i_bus_wdata[0] && !rst;
@@ -153,7 +169,8 @@ module knead_registers #(
             {loaded, wrong_seq, empty} <= 3'd0;
         end else begin
             if (knock && next_seq && loaded) seq <= i_bus_wdata;
-            if (control && (i_bus_wdata[0] || i_bus_wdata[3])) loaded <= 1'b1;
+            if (control && i_bus_wdata[3]) loaded <= sane;
+            else if (write && is_config) loaded <= 1'b0;
             if (write && at == `KN_REG_STATUS) {empty, wrong_seq} <= {empty, wrong_seq} & ~i_bus_wdata[3:2];
             if (knock && next_seq && !loaded) empty <= 1'b1;
             if (knock && !next_seq && i_bus_wdata != seq) wrong_seq <= 1'b1;
@@ -162,7 +179,7 @@ module knead_registers #(
 
     // what ticks leave
     wire fresh = control && (i_bus_wdata[0] || i_bus_wdata[3]);
-    wire clear = control && (i_bus_wdata[0] || i_bus_wdata[1]);
+    wire clear = control && i_bus_wdata[1];
     always @(posedge clk) begin
         if (rst || clear) flags <= 7'd0;
         else flags <= flags & ~(write && at == `KN_REG_FLAGS ? i_bus_wdata[6:0] : 7'd0) | i_flags;
@@ -183,7 +200,7 @@ module knead_registers #(
         o_omega <= omega[i_iteration];
         if (rst) begin
             scratch <= 32'd0;
-            {o_node_count, o_passes, o_iterations} <= {17'd1, 4'd1, 6'd1};
+            {o_node_count, o_passes, o_iterations} <= 27'd0;
             {o_edge_count, o_bound_count, o_d_shift, o_kv_shift, o_octave, o_beta_shift} <= 56'd0;
             {o_beta, o_relax} <= {(`KN_BETA+`KN_RELAX){1'b0}};
         end else if (write && is_omega) omega[at[4:0]] <= i_bus_wdata[`KN_OMEGA-1:0];

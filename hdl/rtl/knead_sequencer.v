@@ -28,6 +28,7 @@ module knead_sequencer (
     reg [3:0] next;
     reg [5:0] drained;
     reg [3:0] pass;
+    reg crc_next; // asked for together with rest
 
     wire [5:0] iteration_after = {1'b0, o_iteration} + 6'd1;
     wire [4:0] pass_after = {1'b0, pass} + 5'd1;
@@ -59,7 +60,9 @@ module knead_sequencer (
             `KN_PHASE_NODE_COMMIT: begin drain = 6'd`KN_CYCLES_NODE_COMMIT; next = `KN_PHASE_REACTION; end
             `KN_PHASE_REACTION: begin count = bounds; steps = 4'd`KN_CYCLES_REACTION; drain = 6'd0; end
             `KN_PHASE_REST_NODES: next = `KN_PHASE_REST_EDGES;
-            `KN_PHASE_REST_EDGES: count = i_edge_count;
+            `KN_PHASE_REST_EDGES: begin
+                count = i_edge_count; next = crc_next ? `KN_PHASE_CRC : `KN_PHASE_IDLE;
+            end
             default: ;
         endcase
     end
@@ -76,6 +79,7 @@ module knead_sequencer (
 
     always @(posedge clk) begin
         o_ticked <= 1'b0;
+        if (o_phase == `KN_PHASE_IDLE) crc_next <= i_crc;
         if (rst) o_phase <= `KN_PHASE_IDLE;
         else if (o_phase == `KN_PHASE_IDLE) begin
             if (i_tick) o_phase <= `KN_PHASE_BEGIN;

@@ -1,0 +1,155 @@
+// The circuit's registers and windows against the simulated device's (clients/simdev/golden.c): whatever a host asks,
+// both answer and refuse alike. KN_CASES=N transfers, KN_SEED=N.
+#include "Vknead_engine.h"
+#include "hdl/sim/bench.h"
+
+extern "C" {
+#include "clients/simdev/engine.h"
+#include "core/fixed.h"
+#include "hdl/registers.h"
+}
+
+namespace {
+
+enum { NODES = 3, EDGES = 4, LIST = 2 }; // log2
+
+struct circuit {
+    VerilatedContext context;
+    Vknead_engine top{&context};
+    circuit()
+    {
+        top.rst = 1;
+        clock();
+        top.rst = 0;
+    }
+    ~circuit() { top.final(); }
+    void clock()
+    {
+        top.clk = 0, top.eval();
+        top.clk = 1, top.eval();
+    }
+    bool transfer(bool write, uint32_t address, uint32_t &word)
+    {
+        top.bus_valid = 1, top.bus_write = write, top.bus_addr = address, top.bus_wdata = word;
+        do clock();
+        while (!top.bus_ready);
+        const bool taken = !top.bus_error;
+        if (!write) word = top.bus_rdata;
+        clock();
+        top.bus_valid = 0;
+        return taken;
+    }
+    void rest() // a tick of the other one is over at once
+    {
+        uint32_t status;
+        do transfer(false, KN_REG_STATUS, status);
+        while (status & KN_STATUS_BUSY);
+    }
+};
+
+uint32_t some_place(chance &c)
+{
+    switch (c.below(10)) {
+    case 0:
+        return KN_WINDOW_TABLE + c.below(KN_FIXED_SEGMENTS + 3);
+    case 1:
+        return KN_WINDOW_BOUNDS + c.below((4 << LIST) + 2);
+    case 2:
+        return KN_WINDOW_REACTIONS + c.below((6 << LIST) + 2);
+    case 3:
+        return KN_WINDOW_NODES + c.below((16 << NODES) + 2);
+    case 4:
+        return KN_WINDOW_REST + c.below((8 << NODES) + 2);
+    case 5:
+        return KN_WINDOW_EDGES + c.below((8 << EDGES) + 2);
+    case 6:
+        return c.below(40) == 0 ? KN_REG_NODE_COUNT + c.below(12) : c.word() & 0xffffff;
+    case 7:
+        return c.below(40) == 0 ? KN_REG_OMEGA + c.below(33) : c.below(0x10);
+    case 8:
+        return c.below(3) ? KN_REG_STEP_SEQ : KN_REG_CONTROL;
+    default:
+        return c.below(0x20);
+    }
+}
+
+uint32_t some_word(chance &c, uint32_t address, uint32_t seq)
+{
+    if (address == KN_REG_STEP_SEQ) return c.below(4) ? seq + 1 : c.below(2) ? seq : c.word();
+    if (address == KN_REG_CONTROL) return c.below(4) ? 8 | c.below(8) : c.below(32);
+    if (address >= KN_REG_OMEGA && address < KN_REG_OMEGA + KN_FIXED_ITERATIONS_MAX) return c.below(2 << 16);
+    if (address >= KN_WINDOW_EDGES && address % 8 == 0 && c.below(8)) return c.below(8) | c.below(8) << 16;
+    if (address >= KN_WINDOW_TABLE && address < KN_WINDOW_BOUNDS) return c.below((1 << 17) + 1);
+    if (address < KN_WINDOW_TABLE && c.below(8)) return c.below(c.below(2) ? 5 : 41);
+    return c.word();
+}
+
+// A state in which memories that no host has written hold nothing of anyone's: all of it zero, a chain of edges.
+void load(circuit &d, const kn_word_bus &g)
+{
+    const auto put = [&](uint32_t address, uint32_t word) {
+        uint32_t same = word;
+        d.transfer(true, address, same);
+        g.write(g.self, address, word);
+    };
+    for (uint32_t n = 0; n < 16 << NODES; n++) put(KN_WINDOW_NODES + n, 0);
+    for (uint32_t n = 0; n < 8 << NODES; n++) put(KN_WINDOW_REST + n, n * 977);
+    for (uint32_t e = 0; e < 1 << EDGES; e++)
+        for (uint32_t w = 0; w < 8; w++) put(KN_WINDOW_EDGES + 8 * e + w, w ? 1 : e % 7 | (e % 7 + 1) << 16);
+    for (uint32_t i = 0; i <= KN_FIXED_SEGMENTS; i++) put(KN_WINDOW_TABLE + i, 1 << 16);
+    for (uint32_t b = 0; b < 4 << LIST; b++) put(KN_WINDOW_BOUNDS + b, b / 4);
+    for (uint32_t k = 0; k < KN_FIXED_ITERATIONS_MAX; k++) put(KN_REG_OMEGA + k, 1 << 16);
+    const uint32_t config[] = {8, 16, 2, 2, 1, 3, 4, 5, 6, 7, 3};
+    for (uint32_t r = 0; r < 11; r++) put(KN_REG_NODE_COUNT + r, config[r]);
+    put(KN_REG_CONTROL, KN_CONTROL_REST | KN_CONTROL_CLEAR | KN_CONTROL_LOADED);
+    d.rest();
+    uint32_t seq = 0; // a step, so that results are of a tick
+    d.transfer(false, KN_REG_STEP_SEQ, seq);
+    put(KN_REG_STEP_SEQ, seq + 1);
+    d.rest();
+}
+
+} // namespace
+
+int main()
+{
+    chance c{uint64_t(from_environment("KN_SEED", 1)) * 0x9e3779b97f4a7c15u};
+    const long cases = from_environment("KN_CASES", 300000);
+    kn_engine golden;
+    if (!kn_engine_golden(&golden, {NODES, EDGES, LIST})) return 3;
+    circuit d;
+    load(d, golden.bus);
+    long refused = 0, ticks = 0, unsound = 0;
+    for (long n = 0; n < cases; n++) {
+        uint32_t seq = 0, status = 0, circuit_word, golden_word;
+        d.transfer(false, KN_REG_STEP_SEQ, seq);
+        const uint32_t address = some_place(c);
+        const bool write = c.below(2);
+        if (n % 400 == 399) load(d, golden.bus);
+        circuit_word = golden_word = write ? some_word(c, address, seq) : 0;
+        const bool taken = d.transfer(write, address, circuit_word);
+        const bool golden_taken = write ? golden.bus.write(golden.bus.self, address, golden_word)
+                                        : golden.bus.read(golden.bus.self, address, &golden_word);
+        d.rest();
+        if (taken != golden_taken || (taken && !write && circuit_word != golden_word)) {
+            printf("transfer %ld: %s 0x%06x: circuit %s 0x%08x, simulated %s 0x%08x\n", n, write ? "write" : "read",
+                   address, taken ? "took" : "refused", circuit_word, golden_taken ? "took" : "refused", golden_word);
+            return 1;
+        }
+        refused += !taken;
+        uint32_t now = 0;
+        d.transfer(false, KN_REG_STEP_SEQ, now);
+        ticks += now != seq;
+        // the circuit looks at its settings, the simulated device at the image, too: an edge of one node, R beyond 1
+        d.transfer(false, KN_REG_STATUS, status);
+        golden.bus.read(golden.bus.self, KN_REG_STATUS, &golden_word);
+        if (write && address == KN_REG_CONTROL && (status ^ golden_word) == KN_STATUS_LOADED) {
+            unsound++;
+            load(d, golden.bus);
+        }
+    }
+    printf("%ld transfers, %ld refused, %ld ticks, %ld images that only the simulated device refuses: alike\n", cases,
+           refused, ticks, unsound);
+    golden.destroy(golden.bus.self);
+    return 0;
+}
