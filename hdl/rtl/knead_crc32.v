@@ -4,12 +4,18 @@
 module knead_crc32 (
     input  wire [31:0] crc,
     input  wire [ 7:0] data,
-    output reg  [31:0] next
+    output wire [31:0] next
 );
-    integer i;
-    always @* begin
-        next = crc ^ {24'd0, data};
-        for (i = 0; i < 8; i = i + 1) next = {1'b0, next[31:1]} ^ (next[0] ? 32'hedb88320 : 32'd0);
-    end
+    // what each bit of the byte that leaves does to the rest: entries 1, 2, 4 to 128 of every CRC-32's table
+    wire [7:0] x = crc[7:0] ^ data;
+    assign next = {8'd0, crc[31:8]}
+        ^ (x[0] ? 32'h77073096 : 32'd0)
+        ^ (x[1] ? 32'hee0e612c : 32'd0)
+        ^ (x[2] ? 32'h076dc419 : 32'd0)
+        ^ (x[3] ? 32'h0edb8832 : 32'd0)
+        ^ (x[4] ? 32'h1db71064 : 32'd0)
+        ^ (x[5] ? 32'h3b6e20c8 : 32'd0)
+        ^ (x[6] ? 32'h76dc4190 : 32'd0)
+        ^ (x[7] ? 32'hedb88320 : 32'd0);
 endmodule
 `default_nettype wire

@@ -3,8 +3,8 @@
 //
 // A byte comes with in_valid, one per clock at most. The payload leaves as it comes, a byte with store at address; it
 // counts only once good says, for one clock, that a whole frame has ended and its checksum held. length is the
-// payload's then. What is wrong is one clock of one of the three, the first that holds: bad_length (too long), bad_cobs,
-// bad_length (too short), bad_crc.
+// payload's then. What is wrong is one clock of one of the three, the first that holds: bad_length (too long),
+// bad_cobs, bad_length (too short), bad_crc.
 //
 // After a 0x00 every register is as out of reset, whatever came before: that is why any frame behind a 0x00 is heard.
 module knead_link_decode (

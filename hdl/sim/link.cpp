@@ -13,6 +13,8 @@ struct circuit {
     memory bus;
     std::vector<uint8_t> answer;
     uint64_t clocks = 0;
+    bool waits = false; // a byte at tx
+    uint8_t waiting = 0;
 
     void edge()
     {
@@ -40,6 +42,8 @@ struct circuit {
         top.bus_rdata = c.word();
         top.bus_error = uint8_t(c.below(2));
         if (top.bus_valid && top.bus_ready) transfer();
+        if (waits && !(top.tx_valid && top.tx_data == waiting)) answer.push_back(0xee); // what waits stays
+        waits = top.tx_valid && !top.tx_ready, waiting = top.tx_data;
         bool taken = top.rx_valid && top.rx_ready;
         if (top.tx_valid && top.tx_ready) answer.push_back(top.tx_data);
         edge();

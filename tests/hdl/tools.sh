@@ -1,12 +1,13 @@
 # What the tests of the circuit share. Sourced by bash, in an empty working directory, with KN_SOURCE and KN_BUILD.
 #
-#     need PROGRAM...                       skips the test (77) where one is missing
-#     bench TOP BENCH [OPTION]...           $bench is the bench, hdl/sim/BENCH.cpp round the Verilated hdl/rtl/TOP.v and the C code that
-#                                           the circuit is held to; kept and built again in $KN_BUILD/hdl
-#     prove NAME MODE DEPTH FILE...         hdl/formal/NAME.v and the modules it is made of, hdl/rtl/FILE, hold: bmc, in every run of DEPTH
-#                                           clocks from any registers; induction, in every run
-#     mutant DEPTH FILE SED                 the proof before fails within DEPTH clocks of a run when FILE is changed by SED: it has teeth
-#     cover DEPTH                           what the proof before covers is reached
+#     need PROGRAM...                   skips the test (77) where one is missing
+#     bench TOP BENCH [OPTION]...       $bench is hdl/sim/BENCH.cpp round the Verilated hdl/rtl/TOP.v, with the C code that the circuit is
+#                                       held to; kept in $KN_BUILD/hdl, OPTION is verilator's
+#     prove NAME MODE DEPTH FILE...     hdl/formal/NAME.v holds of the modules hdl/rtl/FILE: bmc, in every run of DEPTH clocks; induction,
+#                                       in every run. Registers that NAME.v does not reset begin with anything
+#     mutant [SKIP:]DEPTH FILE SED      that proof fails within DEPTH clocks when FILE is changed by SED: it has teeth; the first SKIP clocks
+#                                       are not looked at
+#     cover DEPTH                       what that proof covers is reached
 fail=0
 rtl=$KN_SOURCE/hdl/rtl
 tables=$KN_BUILD/hdl # what hdl/table.c printed
@@ -25,7 +26,7 @@ bench() {
     mkdir -p "$built" && rm -f "$built/bench"
     gcc -std=gnu17 -O2 -Wall -I"$KN_SOURCE" -c "$KN_SOURCE/server/backend/frame.c" -o "$built/frame.o" &&
         gcc -std=gnu17 -O2 -Wall -I"$KN_SOURCE" -c "$KN_SOURCE/core/fixed.c" -o "$built/fixed.o" &&
-        verilator --cc --exe --build -O3 --x-initial unique -Wall --default-language 1364-2005 --assert -y "$rtl" -y "$tables" \
+        verilator --cc --exe --build -O3 --x-initial unique -Wall --default-language 1364-2005 -y "$rtl" -y "$tables" \
             --top-module "$top" --prefix "V$top" -Mdir "$built" -o bench -CFLAGS "-O2 -I$KN_SOURCE -I$tables" \
             -LDFLAGS "$built/frame.o $built/fixed.o -lz" -MAKEFLAGS OPT_FAST=-O2 "$@" \
             "$rtl/$top.v" "$KN_SOURCE/hdl/sim/$name.cpp" >"$name.log" 2>&1 ||
@@ -33,21 +34,21 @@ bench() {
     bench=$built/bench
 }
 
-# smt2 FROM: the proof of the modules in FROM as a formula. A line "// peek: WIRE = INSTANCE.SIGNAL" of the proof lets it see a register.
+# smt2 FROM: the proof of the modules in FROM as a formula. A line of the proof "// peek: WIRE = INSTANCE.SIGNAL" lets it see a register.
 smt2() {
-    local files=() file peeks
+    local file files=() peeks
     for file in "${proof[@]}"; do files+=("$1/$file"); done
-    peeks=$(sed -n 's|^ *// peek: \([a-z0-9_]*\) = \([a-z0-9_.]*\)$|connect -set \1 \2;|p' "$KN_SOURCE/hdl/formal/$name.v")
-    yosys -q -l yosys.log -p "read_verilog -formal -I$1 -I$tables ${files[*]} $KN_SOURCE/hdl/formal/$name.v; hierarchy -check -top $name; \
-        proc; flatten; $peeks prep -top $name; async2sync; dffunmap; opt_clean; write_smt2 -wires proof.smt2" >/dev/null ||
-        { cat yosys.log && exit 1; }
+    peeks=$(sed -n 's|^ *// peek: \([a-z0-9_]*\) = \([a-z0-9_.]*\)$|connect -nounset -set \1 \2;|p' "$KN_SOURCE/hdl/formal/$name.v")
+    yosys -q -e "no driver" -l yosys.log -p "read_verilog -formal -I$1 -I$tables ${files[*]} $KN_SOURCE/hdl/formal/$name.v; \
+        hierarchy -check -top $name; proc; flatten; $peeks prep -top $name; async2sync; dffunmap; opt_clean; \
+        write_smt2 -wires proof.smt2" >/dev/null 2>&1 || { grep ERROR yosys.log; exit 1; }
 }
 
 # solve WANTED LINE MODE...: the solver's verdict, and how long it took
 solve() {
     local wanted=$1 line=$2 begun=${EPOCHREALTIME/[.,]/} verdict took
     shift 2
-    yosys-smtbmc -s z3 --presat "$@" proof.smt2 >solver.log 2>&1
+    yosys-smtbmc -s z3 --unroll --noprogress --presat "$@" proof.smt2 >solver.log 2>&1
     took=$(((${EPOCHREALTIME/[.,]/} - begun) / 100000))
     verdict=$(sed -n 's/.*Status: //p' solver.log | tail -1)
     if [[ $verdict == "$wanted" ]]; then

@@ -1,0 +1,51 @@
+`default_nettype none
+// After one 0x00 a decoder does what any other does that has seen this 0x00, one out of reset among them: what it
+// stores, what it takes for a frame, what it counts. Two of them begin with any registers; by induction, for ever.
+module framer_resync (
+    input wire       clk,
+    input wire       in_valid,
+    input wire [7:0] in_data
+);
+    wire [ 1:0] store, good, bad_length, bad_cobs, bad_crc;
+    wire [19:0] address;
+    wire [15:0] data;
+    wire [21:0] length;
+    knead_link_decode this (
+        .clk(clk), .rst(1'b0), .in_valid(in_valid), .in_data(in_data),
+        .store(store[0]), .address(address[9:0]), .data(data[7:0]), .good(good[0]),
+        .length(length[10:0]), .bad_length(bad_length[0]), .bad_cobs(bad_cobs[0]), .bad_crc(bad_crc[0])
+    );
+    knead_link_decode that (
+        .clk(clk), .rst(1'b0), .in_valid(in_valid), .in_data(in_data),
+        .store(store[1]), .address(address[19:10]), .data(data[15:8]), .good(good[1]),
+        .length(length[21:11]), .bad_length(bad_length[1]), .bad_cobs(bad_cobs[1]), .bad_crc(bad_crc[1])
+    );
+
+    wire [31:0] crc_0, crc_1;
+    wire [ 7:0] left_0, left_1;
+    wire        begun_0, begun_1, full_0, full_1, hollow_0, hollow_1;
+    // peek: crc_0 = this.crc
+    // peek: crc_1 = that.crc
+    // peek: left_0 = this.left
+    // peek: left_1 = that.left
+    // peek: begun_0 = this.begun
+    // peek: begun_1 = that.begun
+    // peek: full_0 = this.full
+    // peek: full_1 = that.full
+    // peek: hollow_0 = this.hollow
+    // peek: hollow_1 = that.hollow
+
+    reg delimited = 1'b0;
+    always @(posedge clk) begin
+        if (in_valid && in_data == 8'd0) delimited <= 1'b1;
+        if (delimited) begin
+            assert (crc_0 == crc_1 && left_0 == left_1 && begun_0 == begun_1 && full_0 == full_1);
+            assert (hollow_0 == hollow_1 && length[10:0] == length[21:11]);
+            assert (store[0] == store[1] && address[9:0] == address[19:10] && data[7:0] == data[15:8]);
+            assert (good[0] == good[1] && bad_length[0] == bad_length[1]);
+            assert (bad_cobs[0] == bad_cobs[1] && bad_crc[0] == bad_crc[1]);
+        end
+        cover (delimited && good[0]);
+    end
+endmodule
+`default_nettype wire

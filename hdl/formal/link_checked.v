@@ -1,0 +1,119 @@
+`default_nettype none
+// Nothing reaches the bus unless a whole frame has come whose checksum held. What a whole frame is, is said here once
+// more; the link's own buffers may hold anything (the stub below). By induction, from reset: as many frames wait in the
+// link as have come whole and have not been answered, and bus_valid is never high when there are none; what is executed
+// is not written over meanwhile.
+module knead_link_buffer #(
+    parameter BITS = 10
+) (
+    input  wire            clk,
+    input  wire            write,
+    input  wire [BITS-1:0] write_address,
+    input  wire [     7:0] write_data,
+    input  wire [BITS-1:0] read_address,
+    output wire [     7:0] read_data
+);
+    (* anyseq *) reg [7:0] anything;
+    assign read_data = anything;
+endmodule
+
+module link_checked (
+    input wire        clk,
+    input wire        rx_valid,
+    input wire [ 7:0] rx_data,
+    input wire        bus_ready,
+    input wire [31:0] bus_rdata,
+    input wire        bus_error,
+    input wire        busy
+);
+    reg         rst = 1'b1;
+    wire        rx_ready, frame, release_frame, put, send, bus_valid, bus_write;
+    wire [10:0] length;
+    wire [ 9:0] read_address, put_address, send_length;
+    wire [ 7:0] read_data, put_data;
+    wire [23:0] bus_addr;
+    wire [31:0] bus_wdata, frames, crc_errors, cobs_errors, length_errors;
+
+    knead_link_rx receiver (
+        .clk(clk), .rst(rst), .in_valid(rx_valid), .in_data(rx_data), .in_ready(rx_ready),
+        .frame(frame), .length(length), .read_address(read_address), .read_data(read_data),
+        .release_frame(release_frame), .frames(frames), .crc_errors(crc_errors), .cobs_errors(cobs_errors),
+        .length_errors(length_errors)
+    );
+    knead_link_exec exec (
+        .clk(clk), .rst(rst), .frame(frame), .length(length), .read_address(read_address), .read_data(read_data),
+        .release_frame(release_frame), .busy(busy), .put(put), .put_address(put_address), .put_data(put_data),
+        .send(send), .send_length(send_length), .bus_valid(bus_valid), .bus_write(bus_write), .bus_addr(bus_addr),
+        .bus_wdata(bus_wdata), .bus_ready(bus_ready), .bus_rdata(bus_rdata), .bus_error(bus_error)
+    );
+
+    // a frame, once more
+    reg  [10:0] bytes;
+    reg  [ 7:0] block, rest; // the block's length byte, 0 before the first; what of it is to come
+    reg  [ 7:0] before;      // the length byte before that
+    reg  [31:0] sum;
+    reg  [ 1:0] owed;        // whole frames that have not been answered
+
+    wire comes = rx_valid && rx_ready;
+    wire whole = comes && rx_data == 8'd0 && rest == 8'd0 && !(before == 8'hff && block == 8'd1) &&
+                 bytes >= 11'd5 && bytes <= 11'd1028 && sum == 32'hdebb20e3;
+    wire is_zero = comes && rx_data != 8'd0 && rest == 8'd0 && block != 8'd0 && block != 8'hff;
+    wire is_byte = comes && rx_data != 8'd0 && rest != 8'd0;
+
+    wire [31:0] sum_next;
+    knead_crc32 check (.crc(sum), .data(is_zero ? 8'd0 : rx_data), .next(sum_next));
+
+    always @(posedge clk) begin
+        rst <= 1'b0;
+        if (is_zero || is_byte) begin
+            sum <= sum_next;
+            if (bytes <= 11'd1028) bytes <= bytes + 11'd1;
+        end
+        if (is_byte) rest <= rest - 8'd1;
+        else if (comes && rx_data != 8'd0) begin
+            rest   <= rx_data - 8'd1;
+            block  <= rx_data;
+            before <= block;
+        end
+        if (rst || (comes && rx_data == 8'd0)) begin
+            bytes  <= 11'd0;
+            block  <= 8'd0;
+            before <= 8'd0;
+            rest   <= 8'd0;
+            sum    <= 32'hffffffff;
+        end
+        owed <= rst ? 2'd0 : owed + {1'b0, whole} - {1'b0, release_frame};
+    end
+
+    wire [31:0] crc;
+    wire [10:0] size;
+    wire [ 7:0] left;
+    wire        begun, full_block, hollow, bank_in, bank_out, store;
+    wire [ 1:0] full;
+    wire [ 3:0] state;
+    // peek: crc = receiver.decode.crc
+    // peek: size = receiver.decode.size
+    // peek: left = receiver.decode.left
+    // peek: begun = receiver.decode.begun
+    // peek: full_block = receiver.decode.full
+    // peek: hollow = receiver.decode.hollow
+    // peek: store = receiver.decode.store
+    // peek: bank_in = receiver.bank_in
+    // peek: bank_out = receiver.bank_out
+    // peek: full = receiver.full
+    // peek: state = exec.state
+
+    always @(posedge clk) if (!rst) begin
+        if (bus_valid) assert (owed != 2'd0);
+        if (store) assert (!full[bank_in]);
+        if (state != 4'd0) assert (frame);
+        assert (owed == {1'b0, full[0]} + {1'b0, full[1]} && owed <= 2'd2);
+        assert ((bank_in != bank_out) == (owed == 2'd1) && frame == (owed != 2'd0));
+        assert (crc == sum && size == bytes && left == rest);
+        assert (block != 8'd0 || (bytes == 11'd0 && rest == 8'd0));
+        assert (begun == (block != 8'd0) && full_block == (block == 8'hff));
+        assert (hollow == (before == 8'hff && block == 8'd1));
+    end
+    initial assume (rst);
+endmodule
+`default_nettype wire

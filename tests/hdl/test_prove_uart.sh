@@ -1,0 +1,15 @@
+#!/usr/bin/env bash
+# The serial line's sender and receiver, proved: what is sent is heard, always; from any state a quiet line leads to idle.
+source "$KN_SOURCE/tests/hdl/tools.sh"
+need yosys yosys-smtbmc z3
+
+prove uart_idle bmc 94 knead_uart_rx.v
+mutant 94 knead_uart_rx.v 's/default: if (level) state <= IDLE;/default: ;/'
+mutant 94 knead_uart_rx.v 's/strobe = count >= /strobe = count == /'
+
+prove uart_loop induction 7 knead_uart_rx.v knead_uart_tx.v
+cover 60
+mutant 60 knead_uart_rx.v 's/{level, shift\[7:1\]}/{shift[6:0], level}/'
+mutant 60 knead_uart_rx.v 's/HALF = (CLOCKS >> 1)/HALF = CLOCKS/'
+mutant 60 knead_uart_tx.v "s/left  <= 4'd10/left  <= 4'd9/"
+exit $fail
