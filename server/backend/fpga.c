@@ -15,6 +15,7 @@
 #define PATIENCE_NS 10000000000    // without a clock, for one tick
 #define AGAIN_NS 20000000          // between two attempts to find the circuit
 #define LOOK_NS 100000
+#define LAST_NS 1000000000         // at the end, to get in step once more
 
 typedef struct slot { // one tick of the twin's
     int count;
@@ -344,9 +345,12 @@ bool kn_backend_fpga_agrees(kn_backend *backend, char why[KN_LINK_WHY], kn_devic
 {
     fpga *f = of(backend);
     uint32_t circuit = 0;
-    int64_t until_ns = kn_now_ns() + PATIENCE_NS;
-    while (atomic_load(&f->speaker) == SERVO && !empty(f) && kn_now_ns() < until_ns)
-        if (advance(f, until_ns) != KN_LINK_OK) lose(f);
+    int64_t until_ns = kn_now_ns() + LAST_NS;
+    while (kn_now_ns() < until_ns && (atomic_load(&f->speaker) == THREAD || !empty(f))) {
+        take_copy(f);
+        if (atomic_load(&f->speaker) == THREAD) kn_clock_sleep(kn_now_ns() + LOOK_NS);
+        else if (advance(f, until_ns) != KN_LINK_OK) lose(f);
+    }
     if (atomic_load(&f->speaker) != SERVO) {
         snprintf(why, KN_LINK_WHY, "the circuit is not in step");
         return false;
