@@ -10,7 +10,7 @@ board() { # board NUMBER OPTION...: serves when it returns
     rm -f board
     knead-simdev "${@:2}" >"board.$1" 2>&1 & simdev=$!
     for ((tries = 0; tries < 250; tries++)); do
-        [ ! -e "board.$1" ] || ! has : "board.$1" || return
+        [ ! -e "board.$1" ] || { ! has pty: "board.$1" && ! has shm: "board.$1"; } || return
         pause 0.02
     done
     echo "FAIL knead-simdev did not come up:" && cat "board.$1" && exit 1
