@@ -129,7 +129,7 @@ module knead_registers #(
     wire edge_fits = i_bus_addr[2:0] != 3'd0 || (i_beyond | j_beyond) == 16'd0;
     wire list_fits = i_bus_addr[1:0] != 2'd0 || i_beyond == 16'd0;
 
-    // what a step may be made with; whatever a proof likes
+    // what a step may be made with; in a proof as it likes, since loading all settings takes it too many clocks
 `ifdef FORMAL
     (* anyseq *) wire sane;
 `else

@@ -1,6 +1,6 @@
 `default_nettype none
-// The engine as an AXI4-Lite slave of 32-bit words: byte address 4 x word address, 2^26 bytes. A write of part of a word
-// and a refused transfer are answered SLVERR; one transfer at a time, a write before a read that came with it.
+// The engine as an AXI4-Lite slave of 32-bit words: byte address 4 x word address, 2^26 bytes. A write of part of a
+// word and a refused transfer are answered SLVERR; one transfer at a time, a write before a read that came with it.
 //
 // A PCIe endpoint of the vendor's (Xilinx XDMA or AXI bridge with its AXI4-Lite master, a LitePCIe wishbone bridge
 // behind an adapter) belongs in front of s_axi: BAR0 = 64 MiB, translated to 0. No endpoint is part of this design.

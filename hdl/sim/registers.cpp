@@ -11,13 +11,16 @@ extern "C" {
 
 namespace {
 
-enum { NODES = 3, EDGES = 4, LIST = 2 }; // log2
+enum { NODES = KN_LOG_NODES, EDGES = KN_LOG_EDGES, LIST = KN_LOG_LIST };
 
 struct circuit {
     VerilatedContext context;
     Vknead_engine top{&context};
     circuit()
     {
+#ifdef KN_MUTANTS // tests/hdl/test_mutants.sh: which one is at work, 0 none
+        top.mutant = (uint16_t)atoi(getenv("KN_MUTANT"));
+#endif
         top.rst = 1;
         clock();
         top.rst = 0;
@@ -31,8 +34,9 @@ struct circuit {
     bool transfer(bool write, uint32_t address, uint32_t &word)
     {
         top.bus_valid = 1, top.bus_write = write, top.bus_addr = address, top.bus_wdata = word;
+        int waited = 0;
         do clock();
-        while (!top.bus_ready);
+        while (!top.bus_ready && ++waited < 100);
         const bool taken = !top.bus_error;
         if (!write) word = top.bus_rdata;
         clock();
@@ -42,8 +46,9 @@ struct circuit {
     void rest() // a tick of the other one is over at once
     {
         uint32_t status;
+        int polls = 0;
         do transfer(false, KN_REG_STATUS, status);
-        while (status & KN_STATUS_BUSY);
+        while (status & KN_STATUS_BUSY && ++polls < 100000);
     }
 };
 
