@@ -25,8 +25,9 @@
 size_t kn_framer_encode(const uint8_t *payload, size_t size, uint8_t wire[KN_FRAMER_WIRE]);
 
 // A receiver; zeroed it is ready. What is wrong is dropped whole and counted once, as the first that holds: length
-// (more than 1028 bytes within the coding), cobs (ended amid a block), length (fewer than 5), crc. A 0x00 behind a 0x00
-// is nothing at all, so that a sender may begin with one.
+// (more than 1028 bytes within the coding), cobs (ended amid a block, or with an empty block behind a full one, so that
+// no two strings of bytes are the same frame), length (fewer than 5), crc. A 0x00 behind a 0x00 is nothing at all, so
+// that a sender may begin with one.
 typedef struct kn_framer {
     int64_t frames, crc, cobs, length; // counters
     // private
