@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The engine's sums and its doorbell, proved.
+# The engine's sums, its doorbell and its AXI4-Lite slave, proved.
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need yosys yosys-smtbmc z3
 
@@ -15,4 +15,10 @@ mutant 24 knead_registers.v 's/knock \&\& next_seq \&\& loaded) seq/knock) seq/'
 mutant 24 knead_registers.v 's/o_tick <= knock \&\& next_seq/o_tick <= knock/'
 mutant 24 knead_registers.v "s/config_ = i_bus_wdata == seq + 32'd1/config_ = 1'b0/"
 mutant 24 knead_registers.v 's/!is_window || i_busy || busy_seen/!is_window/'
+
+prove axi induction 3 knead_top_axi.v
+cover 12
+mutant 12 knead_top_axi.v 's/valid <= take_read || whole;/valid <= 1;/'
+mutant 12 knead_top_axi.v "s/s_axi_bvalid \&\& s_axi_bready) s_axi_bvalid/s_axi_bvalid) s_axi_bvalid/"
+mutant 12 knead_top_axi.v 's/rest \&\& s_axi_arvalid \&\& !take_write/rest \&\& s_axi_arvalid/'
 exit $fail
