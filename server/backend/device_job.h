@@ -30,8 +30,8 @@ struct kn_device {
     uint16_t tag;
     int64_t first_ns, sent_ns;
     kn_request request;
-    int first, words; // of what this request asks for: where it begins, how much
-    int position;     // of the job: words or records that are done
+    int words;    // words or records that this request brings or reads
+    int position; // of the job: those that are done
 
     // a step
     kn_fixed_bound bound[KN_FIXED_LIST_MAX];
