@@ -65,11 +65,11 @@ static int64_t wide(uint32_t lo, uint32_t hi, int bits) // signed, whatever stan
 // The eight words from STATUS to STATE_CRC.
 enum { AT_STATUS, AT_FLAGS, AT_SCRATCH, AT_TICK, AT_SEQ, AT_CYCLES, AT_CYCLES_MAX, AT_CRC };
 
-static bool accept_numbers(kn_device *d, const uint32_t *words)
+static bool accept_numbers(kn_device *d, const uint32_t *words, uint32_t scratch)
 {
     d->seq = words[AT_SEQ];
     d->tick = words[AT_TICK];
-    return words[AT_STATUS] & KN_STATUS_LOADED && words[AT_SCRATCH] == d->nonce;
+    return words[AT_STATUS] & KN_STATUS_LOADED && words[AT_SCRATCH] == scratch;
 }
 
 static int32_t power(uint32_t log2)
@@ -104,22 +104,25 @@ static kn_link_status accept_load(kn_device *d, const uint32_t *words)
         d->position += d->words;
         return KN_LINK_OK;
     }
-    d->job = IDLE;
-    words += 2; // of the two WAITs
-    if (!accept_numbers(d, words) || d->tick != 0 || words[AT_CRC] != d->crc) {
-        d->state = KN_DEVICE_IDENTIFIED;
-        return refuse(d, KN_LINK_PROTOCOL, "%s: STATE_CRC is 0x%08x: expected 0x%08x of what was loaded", d->uri,
-                      words[AT_CRC], d->crc);
+    if (d->arrived) {
+        d->job = IDLE;
+        d->state = KN_DEVICE_SYNCED;
+        d->stats.loads++;
+        return KN_LINK_OK;
     }
-    d->state = KN_DEVICE_SYNCED;
-    d->stats.loads++;
-    return KN_LINK_OK;
+    words += 2; // of the two WAITs
+    d->arrived = accept_numbers(d, words, ~d->nonce) && d->tick == 0 && words[AT_CRC] == d->crc;
+    if (d->arrived) return KN_LINK_OK;
+    d->job = IDLE;
+    d->state = KN_DEVICE_IDENTIFIED;
+    return refuse(d, KN_LINK_PROTOCOL, "%s: STATE_CRC is 0x%08x: expected 0x%08x of what was loaded", d->uri,
+                  words[AT_CRC], d->crc);
 }
 
 static kn_link_status accept_resume(kn_device *d, const uint32_t *words)
 {
     d->job = IDLE;
-    if (!accept_numbers(d, words + 1) || words[1 + AT_CRC] != d->crc)
+    if (!accept_numbers(d, words + 1, d->nonce) || words[1 + AT_CRC] != d->crc)
         return refuse(d, KN_LINK_PROTOCOL, "%s: it has another state, or none", d->uri);
     d->state = KN_DEVICE_SYNCED;
     return KN_LINK_OK;
@@ -130,7 +133,7 @@ static kn_link_status accept_crc(kn_device *d, const uint32_t *words)
     d->job = IDLE;
     d->crc = words[1 + AT_CRC];
     uint32_t seq = d->seq, tick = d->tick;
-    if (accept_numbers(d, words + 1) && d->seq == seq && d->tick == tick) return KN_LINK_OK;
+    if (accept_numbers(d, words + 1, d->nonce) && d->seq == seq && d->tick == tick) return KN_LINK_OK;
     refuse(d, KN_LINK_PROTOCOL, "%s: it is at another tick, or has lost its state", d->uri);
     return lose(d, KN_LINK_PROTOCOL);
 }
@@ -390,6 +393,7 @@ kn_link_status kn_device_load(kn_device *d, const kn_fixed_image *image, const k
     d->limit = limit_of(&image->config);
     d->crc = kn_fixed_crc(state);
     d->nonce = (uint32_t)kn_now_ns() | 1;
+    d->arrived = false;
     d->state = KN_DEVICE_LOADING;
     begin(d, LOAD, 0);
     return drive(d, deadline_ns);

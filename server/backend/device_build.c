@@ -148,7 +148,7 @@ static void build_load(kn_device *d)
     uint32_t words[KN_REQUEST_WRITE_MOST];
     int at = 0, next = d->position;
     segments(d, s);
-    if (next == 0) write_word(d, KN_REG_SCRATCH, d->nonce);
+    if (next == 0) write_word(d, KN_REG_SCRATCH, ~d->nonce); // of a load that has begun
     for (int i = 0; i < SEGMENTS; at += s[i++].words) {
         int offset = next - at, left = s[i].words - offset, fit = room(d);
         if (offset < 0 || left <= 0 || fit <= 0) continue;
@@ -158,7 +158,13 @@ static void build_load(kn_device *d)
         next += left;
     }
     d->words = next - d->position;
-    if (d->words == 0) build_load_end(d);
+    if (d->words > 0) return;
+    if (!d->arrived) {
+        build_load_end(d);
+        return;
+    }
+    write_word(d, KN_REG_SCRATCH, d->nonce); // of one that has arrived, which resume asks for
+    kn_request_read(&d->request, KN_REG_SCRATCH, 1);
 }
 
 static void build_bounds(kn_device *d)

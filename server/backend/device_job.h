@@ -18,7 +18,7 @@ struct kn_device {
     kn_device_state state;
     kn_link_status last; // why it is LOST
     kn_device_caps caps;
-    uint32_t nonce;       // in SCRATCH: of our last load
+    uint32_t nonce;       // of our last load: in SCRATCH once it has arrived, until then its complement
     uint32_t seq, tick;   // the circuit's, when no step is under way
     int32_t nodes, edges; // of what is loaded
     uint16_t limit;       // of a WAIT for a tick
@@ -42,6 +42,7 @@ struct kn_device {
 
     const kn_fixed_image *image; // to load
     const kn_fixed *from;
+    bool arrived; // all of it, as STATE_CRC says
     kn_fixed *into;
     uint32_t crc;
 
