@@ -63,7 +63,7 @@ struct device {
         context.randReset(2); // whatever memories hold at first
         context.randSeed((int)(chance_state & 0x7fffffff));
         top.reset(new Vknead_engine(&context));
-#ifdef KN_MUTANTS // tests/hdl/test_mutants.sh: which one is at work, 0 none
+#ifdef KN_MUTANTS // hdl/reports/mutants: which one is at work, 0 none
         top->mutant = (uint16_t)atoi(getenv("KN_MUTANT"));
 #endif
         top->rst = 1;
@@ -186,7 +186,9 @@ void make_model(lattice &l, bool wild)
     make_config(c, wild);
     c.node_count = (int32_t)between(2, one_in(8) ? 1 << LOG_NODES : 24);
     c.edge_count = (int32_t)between(one_in(10) ? 0 : 1, one_in(8) ? 600 : 90);
-    const int size = wild ? (int)between(0, KN_FIXED_X - 1) : c.d_shift + (int)between(8, 15);
+    const int size = wild         ? (int)between(0, KN_FIXED_X - 1)
+                     : one_in(10) ? c.d_shift + (int)between(0, 2) // edges of a few units
+                                  : c.d_shift + (int)between(8, 15);
     const int load = wild ? (int)between(0, KN_FIXED_T - 1) : 10;
     l.node.resize((size_t)c.node_count);
     for (kn_fixed_node &n : l.node) {
@@ -280,7 +282,7 @@ void put_state(device &d, const lattice &l)
 
 int mismatches;
 uint64_t model_seed;
-int flag_reached[7];
+int flag_reached[7], models_with_force;
 
 void same(const char *what, int64_t index, int64_t device, int64_t twin)
 {
@@ -441,7 +443,7 @@ void try_sum(device &d, uint64_t seed)
         }
         same("sum of internal forces", k, sum, 0);
     }
-    same("a force at all", 0, size != 0, 1);
+    models_with_force += size != 0;
 }
 
 // sums beyond 36 bits: more edges than 2^35/2^24 on one node, each as tense as can be
@@ -599,12 +601,12 @@ int main(int argc, char **argv)
     printf("seed %llu: %lld models, %llu clocks, %.2f Mclocks/s, %d mismatches; ticks with a flag",
            (unsigned long long)seed, (long long)tried, (unsigned long long)d.clocks, (double)d.clocks / seconds / 1e6,
            mismatches);
-    bool all = true;
+    bool all = models_with_force > 0;
     for (int f = 0; f < 7; f++) {
         printf(" %d", flag_reached[f]);
         all = all && flag_reached[f] > 0;
     }
     printf("\n");
-    if (models >= 100 && !all) fprintf(stderr, "a flag was never reached\n");
+    if (models >= 100 && !all) fprintf(stderr, "a flag was never reached, or no force\n");
     return mismatches > 0 || (models >= 100 && !all);
 }

@@ -9,7 +9,8 @@ extern "C" {
 #include "hdl/registers.h"
 }
 
-namespace {
+namespace
+{
 
 enum { NODES = KN_LOG_NODES, EDGES = KN_LOG_EDGES, LIST = KN_LOG_LIST };
 
@@ -18,14 +19,17 @@ struct circuit {
     Vknead_engine top{&context};
     circuit()
     {
-#ifdef KN_MUTANTS // tests/hdl/test_mutants.sh: which one is at work, 0 none
+#ifdef KN_MUTANTS // hdl/reports/mutants: which one is at work, 0 none
         top.mutant = (uint16_t)atoi(getenv("KN_MUTANT"));
 #endif
         top.rst = 1;
         clock();
         top.rst = 0;
     }
-    ~circuit() { top.final(); }
+    ~circuit()
+    {
+        top.final();
+    }
     void clock()
     {
         top.clk = 0, top.eval();
@@ -128,7 +132,7 @@ int main()
     for (long n = 0; n < cases; n++) {
         uint32_t seq = 0, status = 0, circuit_word, golden_word;
         d.transfer(false, KN_REG_STEP_SEQ, seq);
-        const uint32_t address = some_place(c);
+        const uint32_t address = some_place(c) ^ (c.below(8) ? 0 : 1u << c.below(24)); // or a place that is like it
         const bool write = c.below(2);
         if (n % 400 == 399) load(d, golden.bus);
         circuit_word = golden_word = write ? some_word(c, address, seq) : 0;
