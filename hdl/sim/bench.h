@@ -133,8 +133,20 @@ inline std::vector<uint8_t> some_request(chance &c)
     return {wire, wire + size};
 }
 
+// A payload that fills a block with its checksum, and behind that block an empty one: refused, or heard where chance
+// has put a 0 into the checksum or the empty block is left out.
+inline std::vector<uint8_t> full_block(chance &c)
+{
+    uint8_t payload[250], wire[KN_FRAMER_WIRE];
+    for (uint8_t &byte : payload) byte = uint8_t(1 + c.below(255));
+    std::vector<uint8_t> bytes(wire, wire + kn_framer_encode(payload, sizeof payload, wire));
+    if (bytes[0] == 255 && c.below(2)) bytes.insert(bytes.end() - 1, 1);
+    return bytes;
+}
+
 inline std::vector<uint8_t> some_bytes(chance &c)
 {
+    if (c.below(20) == 0) return full_block(c);
     std::vector<uint8_t> bytes(1 + c.below(c.below(8) ? 40 : 2500));
     uint32_t zeros = c.below(3);
     for (uint8_t &byte : bytes) byte = uint8_t(zeros == 0 ? 1 + c.below(255) : zeros == 1 ? c.below(256) : c.below(3));
