@@ -60,7 +60,7 @@ static int write_file(const char *path, void (*print)(FILE *))
 
 static const char usage[] =
     "usage: bench/throughput [options]\n"
-    "  --only TABLES  some of ceilings,lattices,nets,features,composite,peer,errors\n"
+    "  --only TABLES  some of ceilings,lattices,nets,features,composite,integers,peer,errors\n"
     "  --all          errors too, whose references take minutes\n"
     "  --nodes N      leave out larger lattices and nets (20000)\n"
     "  --quick        fewer rounds, and no more than 2560 nodes\n"
@@ -72,7 +72,7 @@ typedef struct options {
     const char *only, *csv, *json;
 } options;
 
-static const char *const table_name[] = {"ceilings", "lattices", "nets", "features", "composite", "peer", "errors"};
+static const char *const table_name[] = {"ceilings", "lattices", "nets", "features", "composite", "integers", "peer", "errors"};
 enum { TABLES = sizeof table_name / sizeof *table_name };
 
 static int bad(const char *what, const char *value, const char *expected)
@@ -94,7 +94,7 @@ static int check_only(const char *only)
     int known = 0, asked = 1;
     for (int i = 0; i < TABLES; i++) known += wanted(only, table_name[i]);
     for (const char *p = only; *p; p++) asked += *p == ',';
-    return known == asked ? 0 : bad("--only", only, "some of ceilings,lattices,nets,features,composite,peer,errors");
+    return known == asked ? 0 : bad("--only", only, "some of ceilings,lattices,nets,features,composite,integers,peer,errors");
 }
 
 // 0, or the exit code; -1 for help.
@@ -105,7 +105,7 @@ static int parse(int argc, char **argv, options *o)
         {"csv", required_argument, 0, 'c'},  {"json", required_argument, 0, 'j'},  {"help", no_argument, 0, 'h'},
         {"all", no_argument, 0, 'a'},        {0, 0, 0, 0}};
     char *end;
-    *o = (options){.only = "ceilings,lattices,nets,features,composite,peer", .tables.nodes_max = 20000};
+    *o = (options){.only = "ceilings,lattices,nets,features,composite,integers,peer", .tables.nodes_max = 20000};
     for (int c; (c = getopt_long(argc, argv, "", longs, NULL)) != -1;) switch (c) {
         case 'o': o->only = optarg; break;
         case 'n': {
@@ -114,7 +114,7 @@ static int parse(int argc, char **argv, options *o)
             o->tables.nodes_max = (int)n;
             break;
         }
-        case 'a': o->only = "ceilings,lattices,nets,features,composite,peer,errors"; break;
+        case 'a': o->only = "ceilings,lattices,nets,features,composite,integers,peer,errors"; break;
         case 'q': o->tables.quick = true; break;
         case 'c': o->csv = optarg; break;
         case 'j': o->json = optarg; break;
@@ -143,6 +143,7 @@ int main(int argc, char **argv)
     if (wanted(o.only, "nets")) table_nets(&o.tables);
     if (wanted(o.only, "features")) table_features(&o.tables);
     if (wanted(o.only, "composite")) table_composite(&o.tables);
+    if (wanted(o.only, "integers")) table_integers(&o.tables);
     if (wanted(o.only, "peer")) table_peer(&o.tables);
     if (wanted(o.only, "errors")) table_errors(&o.tables);
     failed = write_file(o.csv, print_csv);

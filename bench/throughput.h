@@ -14,6 +14,7 @@ void table_lattices(const ceilings *c, const throughput_options *o);
 void table_nets(const throughput_options *o);
 void table_features(const throughput_options *o);
 void table_composite(const throughput_options *o);
+void table_integers(const throughput_options *o);
 void table_peer(const throughput_options *o); // says so when there is none in this build
 void table_errors(const throughput_options *o);
 

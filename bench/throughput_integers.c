@@ -1,0 +1,60 @@
+// The lattice in the circuit's integers on one core, beside the same lattice in floating point; and what the circuit's
+// clocks would make of it, if it ran at the clocks that are assumed.
+#include "bench/throughput.h"
+#include "core/solver_fixed.h"
+#include "hdl/registers.h"
+#include "tests/physics/press.h"
+
+// registers.h has the formula; the circuit's own counter is held to it by the test hdl.engine.
+static double clocks_of(const kn_model *m, int records)
+{
+    const kn_fixed_config *c = &m->fixed->image.config;
+    const double n = c->node_count, e = c->edge_count;
+    const double inner = e + KN_CYCLES_EDGE + n + KN_CYCLES_NODE;
+    const double outer = e + KN_CYCLES_SETUP + 3 * n + KN_CYCLES_INVERT + c->iterations * inner;
+    return n + KN_CYCLES_BEGIN + records * (KN_CYCLES_BOUND + KN_CYCLES_REACTION) + c->passes * outer + e +
+           KN_CYCLES_EDGE_COMMIT + n + KN_CYCLES_NODE_COMMIT;
+}
+
+static kn_model_def integers(int per_cm)
+{
+    kn_model_def def = press_def(per_cm);
+    def.solver.kind = KN_SOLVER_FIXED;
+    def.solver.precision = KN_PRECISION_F64;
+    def.solver.passes = 2;
+    def.solver.iterations = 8;
+    return def;
+}
+
+static void measure(int per_cm, const throughput_options *o)
+{
+    static const double mhz[] = {100, 150, 300};
+    const kn_model_def def[] = {press_def(per_cm), integers(per_cm)};
+    const int ticks = o->quick ? 200 : 600;
+    runner r[] = {turns_knead(&def[0], press_hand, NULL, 0), turns_knead(&def[1], press_hand, NULL, 0)};
+    turns_run(r, 2, ticks, 2);
+    summary real = turns_summary(&r[0], ticks), whole = turns_summary(&r[1], ticks);
+    const kn_model *m = turns_model(&r[1]);
+    const double clocks = clocks_of(m, 16);
+    printf("| %5d | %5d | %8.1f | %8.1f | %8.0f |", m->node_count, m->edge_count, real.median_us, whole.median_us, clocks);
+    for (size_t i = 0; i < sizeof mhz / sizeof *mhz; i++) printf(" %6.0f |", clocks / mhz[i]);
+    puts("");
+    char name[32];
+    snprintf(name, sizeof name, "%d", m->node_count);
+    note("integers", name, "auto f32", "median_us", real.median_us);
+    note("integers", name, "fixed", "median_us", whole.median_us);
+    note("integers", name, "circuit", "clocks", clocks);
+    turns_free(r, 2);
+    for (int i = 0; i < 2; i++) turns_destroy(&r[i]);
+}
+
+void table_integers(const throughput_options *o)
+{
+    puts("\nIntegers: the step of core/fixed.h, two passes of eight iterations, on one core, beside the default step in f32;\n"
+         "clocks of a tick of the circuit with 16 nodes under a plate, and us at clocks that are assumed, not measured:\n"
+         "100 MHz for an ECP5, 150 for an Artix-7, 300 for an UltraScale+. Its memories hold 1024 nodes as synthesized.\n");
+    puts("| nodes | edges | f32 us   | fixed us | clocks   | at 100 |    150 |    300 |");
+    puts("|------:|------:|---------:|---------:|---------:|-------:|-------:|-------:|");
+    for (int per_cm = 1; per_cm <= 3; per_cm++)
+        if (per_cm < 3 || (!o->quick && o->nodes_max >= 2560)) measure(per_cm, o);
+}
