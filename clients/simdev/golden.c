@@ -11,7 +11,6 @@ typedef struct golden {
     uint32_t nodes, edges, bounds; // there is room for
     uint32_t scratch, status, tick, seq, crc, bound_count, omega[KN_FIXED_ITERATIONS_MAX];
     kn_fixed_image image;
-    bool changed; // since it was last seen to be one
     kn_fixed fixed;
     kn_fixed_bound *bound;
     int64_t (*reaction)[3];
@@ -201,19 +200,12 @@ static void tick(golden *g)
     if (g->cycles > g->cycles_max) g->cycles_max = g->cycles;
 }
 
-// What is none is not stepped: this memory has other things in it.
-static bool is_image(golden *g)
-{
-    if (g->changed && !kn_fixed_check(&g->image)) g->changed = false;
-    return !g->changed;
-}
-
 static void step(golden *g, uint32_t seq)
 {
     if (seq == g->seq) return;
     if (seq != g->seq + 1) {
         g->status |= KN_STATUS_SEQ;
-    } else if (!(g->status & KN_STATUS_LOADED) || !is_image(g)) {
+    } else if (!(g->status & KN_STATUS_LOADED)) {
         g->status |= KN_STATUS_EMPTY;
     } else {
         g->seq = seq;
@@ -229,7 +221,11 @@ static void control(golden *g, uint32_t what)
         g->fixed.flags = flags;
         g->tick = 0;
     }
-    if (what & KN_CONTROL_LOADED) g->status |= KN_STATUS_LOADED, g->tick = 0;
+    if (what & KN_CONTROL_LOADED) { // an image that is none is not stepped: this memory has other things in it
+        g->status &= ~(uint32_t)KN_STATUS_LOADED;
+        if (!kn_fixed_check(&g->image)) g->status |= KN_STATUS_LOADED;
+        g->tick = 0;
+    }
     if (what & KN_CONTROL_CLEAR) g->fixed.flags = 0, g->cycles_max = 0;
     if (what & KN_CONTROL_CRC) g->crc = kn_fixed_crc(&g->fixed);
 }
@@ -303,6 +299,7 @@ static bool write_config(golden *g, uint32_t address, uint32_t word)
     if (!config || word >> bits_of(address)) return false;
     if ((address == KN_REG_NODE_COUNT && word > g->nodes) || (address == KN_REG_EDGE_COUNT && word > g->edges))
         return false;
+    g->status &= ~(uint32_t)KN_STATUS_LOADED;
     *config = address == KN_REG_OCTAVE ? narrow(word, 7) : (int32_t)word;
     return true;
 }
@@ -344,10 +341,7 @@ static bool bus_read(void *self, uint32_t address, uint32_t *word)
 
 static bool bus_write(void *self, uint32_t address, uint32_t word)
 {
-    golden *g = self;
-    bool list = address >= KN_WINDOW_BOUNDS && address < KN_WINDOW_NODES;
-    if (config_of(g, address) || (address >= KN_WINDOW_TABLE && !list)) g->changed = true;
-    return address < KN_WINDOW_TABLE ? write_register(g, address, word) : window(g, address, &word, true);
+    return address < KN_WINDOW_TABLE ? write_register(self, address, word) : window(self, address, &word, true);
 }
 
 // ---- power
@@ -367,13 +361,12 @@ static void blank(void *self)
     g->image.config = (kn_fixed_config){0};
     g->scratch = g->status = g->tick = g->seq = g->crc = g->bound_count = g->cycles = g->cycles_max = 0;
     g->result = (kn_fixed_result){0};
-    g->changed = true;
 }
 
 static void stray(void *self)
 {
     golden *g = self;
-    if (g->status & KN_STATUS_LOADED && is_image(g)) tick(g);
+    if (g->status & KN_STATUS_LOADED) tick(g);
 }
 
 static void destroy(void *self)
