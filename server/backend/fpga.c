@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <pthread.h>
 #include <semaphore.h>
+#include <signal.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,6 +16,7 @@
 #define PATIENCE_NS 10000000000    // without a clock, for one tick
 #define AGAIN_NS 20000000          // between two attempts to find the circuit
 #define LOOK_NS 100000
+#define STACK_BYTES (512 * 1024)
 #define LAST_NS 1000000000         // at the end, to get in step once more
 
 typedef struct slot { // one tick of the twin's
@@ -281,6 +283,13 @@ static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY])
     f->device = kn_device_open(uri, why);
     if (!f->device) return false;
     kn_link_status status = kn_device_identify(f->device, kn_now_ns() + 5 * ANSWER_NS);
+    const kn_device_caps *caps = kn_device_caps_of(f->device);
+    if (status == KN_LINK_OK && caps->bounds < f->bounds) f->bounds = caps->bounds;
+    if (status == KN_LINK_OK && f->model->cell_count > 0 && f->model->node_count > f->bounds) {
+        snprintf(why, KN_LINK_WHY, "%.100s: gas loads every node, %d here, and the circuit takes %d a tick", uri,
+                 f->model->node_count, f->bounds);
+        return false;
+    }
     if (status == KN_LINK_OK) {
         kn_fixed_read(f->model, f->twin.state(f->twin.self), &f->copy);
         atomic_store(&f->following, true);
@@ -297,8 +306,17 @@ static bool start(fpga *f)
     const kn_fixed_watch watch = {f, begin, end};
     kn_backend_cpu_watch(&f->twin, watch);
     if (sem_init(&f->wake, 0, 0) != 0) return false;
-    f->runs = pthread_create(&f->thread, NULL, thread_main, f) == 0;
-    if (!f->runs) sem_destroy(&f->wake);
+    pthread_attr_t attr;
+    sigset_t all, before;
+    pthread_attr_init(&attr);
+    pthread_attr_setstacksize(&attr, STACK_BYTES); // locked with the rest
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before); // signals are the main thread's
+    f->runs = pthread_create(&f->thread, &attr, thread_main, f) == 0;
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    pthread_attr_destroy(&attr);
+    if (f->runs) pthread_setname_np(f->thread, "circuit");
+    else sem_destroy(&f->wake);
     return f->runs;
 }
 

@@ -105,9 +105,10 @@ static kn_link_status doze(uart *u, int64_t deadline_ns)
 static kn_link_status wait_reply(void *self, int64_t deadline_ns, kn_reply *reply)
 {
     uart *u = self;
-    for (;;) {
+    for (bool looked = false;; looked = true) { // whoever babbles holds nobody up
         kn_link_status heard = hear(u, reply);
         if (heard != KN_LINK_LATE) return heard;
+        if (looked && kn_now_ns() >= deadline_ns) return KN_LINK_LATE;
         if (u->down != KN_LINK_OK) return u->down;
         if (push(u) != KN_LINK_OK) return u->down;
         kn_link_status taken = take(u);
