@@ -1,4 +1,5 @@
 #include "core/fixed.h"
+#include "core/arena.h"
 
 #include <string.h>
 
@@ -275,28 +276,21 @@ void kn_fixed_tick(kn_fixed *f, const kn_fixed_bound *bound, int count, int64_t 
 
 // --- memory ----------------------------------------------------------------------------------------------------------
 
-static void *take(char *base, size_t *used, size_t bytes)
-{
-    void *p = base ? base + *used : NULL;
-    *used += (bytes + 63) / 64 * 64;
-    return p;
-}
-
 static size_t lay_out(kn_fixed *f, const kn_fixed_image *image, char *base)
 {
     const size_t nodes = (size_t)image->config.node_count, edges = (size_t)image->config.edge_count;
-    size_t used = 0;
-    f->x = take(base, &used, 3 * nodes * sizeof *f->x);
-    f->u = take(base, &used, 3 * nodes * sizeof *f->u);
-    f->h = take(base, &used, edges * sizeof *f->h);
-    f->last = take(base, &used, 3 * nodes * sizeof *f->last);
-    f->load = take(base, &used, 3 * nodes * sizeof *f->load);
-    f->inverse = take(base, &used, 3 * nodes * sizeof *f->inverse);
-    f->shift = take(base, &used, 3 * nodes);
-    f->held = take(base, &used, nodes);
-    f->force = take(base, &used, 3 * nodes * sizeof *f->force);
-    f->line = take(base, &used, edges * sizeof *f->line);
-    return used;
+    kn_arena a = {.base = base};
+    f->x = kn_arena_take(&a, 3 * nodes * sizeof *f->x);
+    f->u = kn_arena_take(&a, 3 * nodes * sizeof *f->u);
+    f->h = kn_arena_take(&a, edges * sizeof *f->h);
+    f->last = kn_arena_take(&a, 3 * nodes * sizeof *f->last);
+    f->load = kn_arena_take(&a, 3 * nodes * sizeof *f->load);
+    f->inverse = kn_arena_take(&a, 3 * nodes * sizeof *f->inverse);
+    f->shift = kn_arena_take(&a, 3 * nodes);
+    f->held = kn_arena_take(&a, nodes);
+    f->force = kn_arena_take(&a, 3 * nodes * sizeof *f->force);
+    f->line = kn_arena_take(&a, edges * sizeof *f->line);
+    return a.used;
 }
 
 size_t kn_fixed_bytes(const kn_fixed_image *image)

@@ -1,4 +1,5 @@
 #include "core/solver_fixed.h"
+#include "core/arena.h"
 #include "core/gas.h"
 #include "core/scratch.h"
 
@@ -12,8 +13,7 @@
 #define PHI_LEAST_N 0x1p-21
 #define OCTAVES (KN_FIXED_SEGMENTS / 32)
 
-// --- the image
-// --------------------------------------------------------------------------------------------------------
+// --- the image ------------------------------------------------------------------------------------------------------
 
 static double power_of_two_below(double v)
 {
@@ -130,8 +130,7 @@ static void fill_table(const kn_model *m, kn_fixed_model *f, const range *r)
     }
 }
 
-// --- what it leaves unsolved
-// --------------------------------------------------------------------------------------------
+// --- what it leaves unsolved ----------------------------------------------------------------------------------------
 
 // What a patch of the top, one node and its neighbours, gives back in the last tick of a trial.
 static double trial(const kn_fixed_image *image, const kn_fixed_bound *bound, int count, void *memory,
@@ -188,8 +187,7 @@ static bool measure_error(const kn_model *m, kn_fixed_model *f)
     return fits;
 }
 
-// --- what it cannot be
-// ------------------------------------------------------------------------------------------------
+// --- what it cannot be ----------------------------------------------------------------------------------------------
 
 // Forces of the step's begin chatter where they are too stiff for what the object resists a step's motion with: of
 // jelly from 43 to 69 times an edge's for a ball's foundation, from 3.6 to 5.8 times for gas.
@@ -278,8 +276,7 @@ void kn_fixed_destroy(kn_fixed_model *fixed)
     free(fixed);
 }
 
-// --- the step
-// ---------------------------------------------------------------------------------------------------------
+// --- the step -------------------------------------------------------------------------------------------------------
 
 typedef struct work { // of a step, in the scratch
     kn_fixed engine;
@@ -291,29 +288,22 @@ typedef struct work { // of a step, in the scratch
     kn_fixed_watch watch;
 } work;
 
-static void *take(char *base, size_t *used, size_t bytes)
-{
-    void *p = base ? base + *used : NULL;
-    *used += (bytes + 63) / 64 * 64;
-    return p;
-}
-
 static size_t lay_out(const kn_model *m, char *base)
 {
     const size_t nodes = (size_t)m->node_count;
     work unused;
-    size_t used = 0;
-    work *w = take(base, &used, sizeof *w);
+    kn_arena a = {.base = base};
+    work *w = kn_arena_take(&a, sizeof *w);
     if (!base) w = &unused;
     *w = (work){0};
-    w->load_n = take(base, &used, nodes * sizeof *w->load_n);
-    w->moved_m = m->cell_count > 0 ? take(base, &used, 3 * nodes * sizeof *w->moved_m) : NULL;
-    w->place = take(base, &used, nodes * sizeof *w->place);
-    w->bound = take(base, &used, nodes * sizeof *w->bound);
-    w->reaction = take(base, &used, nodes * sizeof *w->reaction);
-    void *memory = take(base, &used, kn_fixed_bytes(&m->fixed->image));
+    w->load_n = kn_arena_take(&a, nodes * sizeof *w->load_n);
+    w->moved_m = m->cell_count > 0 ? kn_arena_take(&a, 3 * nodes * sizeof *w->moved_m) : NULL;
+    w->place = kn_arena_take(&a, nodes * sizeof *w->place);
+    w->bound = kn_arena_take(&a, nodes * sizeof *w->bound);
+    w->reaction = kn_arena_take(&a, nodes * sizeof *w->reaction);
+    void *memory = kn_arena_take(&a, kn_fixed_bytes(&m->fixed->image));
     if (base) kn_fixed_init(&w->engine, &m->fixed->image, memory);
-    return used;
+    return a.used;
 }
 
 size_t kn_fixed_scratch(const kn_model *model)

@@ -1,22 +1,10 @@
-#include "core/rigid.h"
+#include "core/arena.h"
 #include "core/hash.h"
+#include "core/rigid.h"
 #include "core/solver_fixed.h"
 
 #include <stdlib.h>
 #include <string.h>
-
-// Hands out pieces of an arena, 64-byte aligned. With base NULL it only measures.
-typedef struct arena {
-    char *base;
-    size_t used;
-} arena;
-
-static void *take(arena *a, size_t bytes)
-{
-    void *p = a->base ? a->base + a->used : NULL;
-    a->used += (bytes + 63) / 64 * 64;
-    return p;
-}
 
 static size_t real_size(const kn_model *m)
 {
@@ -38,7 +26,7 @@ static size_t cell_reals(const kn_model *m)
     return m->def.mesh ? 12 * (size_t)m->cell_count : kn_model_field(m, m->grid.flat ? 8 : 24);
 }
 
-static void layout_implicit(const kn_model *m, arena *a, kn_scratch *s)
+static void layout_implicit(const kn_model *m, kn_arena *a, kn_scratch *s)
 {
     kn_work *w = &s->work;
     struct {
@@ -47,55 +35,55 @@ static void layout_implicit(const kn_model *m, arena *a, kn_scratch *s)
     } list[] = {{&w->guess, 3},          {&w->r, 3},   {&w->q, 3}, {&w->d, 3}, {&w->z, 3}, {&w->p, 6},
                 {&w->free, 3}};
     for (size_t i = 0; i < sizeof list / sizeof list[0]; i++)
-        *list[i].field = take(a, kn_model_field(m, list[i].components) * real_size(m));
-    w->g = take(a, (size_t)kn_work_edge(m) * m->edge_reals * real_size(m));
-    w->whole = m->composite ? take(a, kn_model_field(m, 6) * real_size(m)) : NULL;
+        *list[i].field = kn_arena_take(a, kn_model_field(m, list[i].components) * real_size(m));
+    w->g = kn_arena_take(a, (size_t)kn_work_edge(m) * m->edge_reals * real_size(m));
+    w->whole = m->composite ? kn_arena_take(a, kn_model_field(m, 6) * real_size(m)) : NULL;
     w->cell = NULL;
-    if (m->def.pressure != KN_PRESSURE_NONE) w->cell = take(a, cell_reals(m) * real_size(m));
-    w->row_held = take(a, (size_t)m->row_count);
-    w->row_moved = take(a, (size_t)m->row_count);
-    s->row_base = take(a, (size_t)m->row_count);
-    s->rigid.arm = kn_rigid_wanted(m) ? take(a, kn_rigid_bytes(m)) : NULL;
-    s->last_held = take(a, (size_t)m->top_count * sizeof(int));
+    if (m->def.pressure != KN_PRESSURE_NONE) w->cell = kn_arena_take(a, cell_reals(m) * real_size(m));
+    w->row_held = kn_arena_take(a, (size_t)m->row_count);
+    w->row_moved = kn_arena_take(a, (size_t)m->row_count);
+    s->row_base = kn_arena_take(a, (size_t)m->row_count);
+    s->rigid.arm = kn_rigid_wanted(m) ? kn_arena_take(a, kn_rigid_bytes(m)) : NULL;
+    s->last_held = kn_arena_take(a, (size_t)m->top_count * sizeof(int));
 }
 
-static void layout_rk4(const kn_model *m, arena *a, kn_scratch *s)
+static void layout_rk4(const kn_model *m, kn_arena *a, kn_scratch *s)
 {
     size_t nodes = (size_t)m->node_count;
-    s->fixed = take(a, nodes);
-    s->velocity = take(a, nodes * sizeof *s->velocity);
-    s->force = take(a, nodes * sizeof *s->force);
-    s->reaction = take(a, nodes * sizeof *s->reaction);
-    s->stages = take(a, kn_rk4_scratch(m));
+    s->fixed = kn_arena_take(a, nodes);
+    s->velocity = kn_arena_take(a, nodes * sizeof *s->velocity);
+    s->force = kn_arena_take(a, nodes * sizeof *s->force);
+    s->reaction = kn_arena_take(a, nodes * sizeof *s->reaction);
+    s->stages = kn_arena_take(a, kn_rk4_scratch(m));
     s->boundary = (kn_boundary){s->fixed, (const double(*)[3])s->velocity, (const double(*)[3])s->force, s->reaction};
 }
 
-static void layout_fixed(const kn_model *m, arena *a, kn_scratch *s)
+static void layout_fixed(const kn_model *m, kn_arena *a, kn_scratch *s)
 {
-    s->stages = take(a, kn_fixed_scratch(m));
+    s->stages = kn_arena_take(a, kn_fixed_scratch(m));
     if (s->stages) kn_fixed_scratch_init(m, s->stages);
 }
 
 // One description of the arena for measuring and for handing out; kept: all but the scratch.
 static size_t layout(const kn_model *m, char *base, bool kept)
 {
-    arena a = {.base = base};
+    kn_arena a = {.base = base};
     kn_state unused_state, *state = base ? (kn_state *)(void *)base : &unused_state;
     kn_scratch unused_scratch, *scratch = &unused_scratch;
-    take(&a, sizeof *state);
+    kn_arena_take(&a, sizeof *state);
 #define KN_FIELD(name, components)                                                                                     \
-    state->name = take(&a, field_bytes(m, components));                                                                \
+    state->name = kn_arena_take(&a, field_bytes(m, components));                                                                \
     if (field_bytes(m, components) == 0) state->name = NULL;
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
-    state->held = take(&a, KN_PROBES_MAX * (size_t)m->top_count);
+    state->held = kn_arena_take(&a, KN_PROBES_MAX * (size_t)m->top_count);
     size_t anchors = kn_contact_anchors(m);
-    state->anchor = anchors > 0 ? take(&a, anchors * sizeof *state->anchor) : NULL;
+    state->anchor = anchors > 0 ? kn_arena_take(&a, anchors * sizeof *state->anchor) : NULL;
     if (base) state->bytes = a.used;
     if (kept) return a.used;
-    state->scratch = take(&a, sizeof *scratch);
+    state->scratch = kn_arena_take(&a, sizeof *scratch);
     if (base) scratch = state->scratch;
-    void *contact = take(&a, kn_contact_bytes(m));
+    void *contact = kn_arena_take(&a, kn_contact_bytes(m));
     if (base) kn_contact_init(m, &scratch->contact, contact);
     if (m->def.solver.kind == KN_SOLVER_IMPLICIT) layout_implicit(m, &a, scratch);
     else if (m->def.solver.kind == KN_SOLVER_FIXED) layout_fixed(m, &a, scratch);
