@@ -5,15 +5,12 @@
 #include "hdl/registers.h"
 #include "tests/physics/press.h"
 
-// registers.h has the formula; the circuit's own counter is held to it by the test hdl.engine.
-static double clocks_of(const kn_model *m, int records)
+// The circuit's own counter is held to it by the test hdl.engine.
+static double clocks_of(const kn_model *m, uint32_t records)
 {
     const kn_fixed_config *c = &m->fixed->image.config;
-    const double n = c->node_count, e = c->edge_count;
-    const double inner = e + KN_CYCLES_EDGE + n + KN_CYCLES_NODE;
-    const double outer = e + KN_CYCLES_SETUP + 3 * n + KN_CYCLES_INVERT + c->iterations * inner;
-    return n + KN_CYCLES_BEGIN + records * (KN_CYCLES_BOUND + KN_CYCLES_REACTION) + c->passes * outer + e +
-           KN_CYCLES_EDGE_COMMIT + n + KN_CYCLES_NODE_COMMIT;
+    return kn_engine_clocks((uint32_t)c->node_count, (uint32_t)c->edge_count, records, (uint32_t)c->passes,
+                            (uint32_t)c->iterations);
 }
 
 static kn_model_def integers(int per_cm)

@@ -7,6 +7,7 @@
 // than the register has, a count beyond CAPS or a node that is none, and, while STATUS.BUSY, when it touches a window,
 // CONTROL or what a tick reads. Writing 0x10..0x19 or OMEGA takes LOADED away; CONTROL 8 gives it only if their values
 // are within their ranges.
+#include <stdint.h>
 
 // name, word address, access (R read, W write, C write one to clear), bits, what
 #define KN_REGISTERS(REGISTER)                                                                                         \
@@ -85,5 +86,14 @@ enum {
     KN_STATUS_SEQ = 4,
     KN_STATUS_EMPTY = 8
 };
+
+// CYCLES, of n nodes, e edges, a list of b, o passes of k iterations.
+static inline uint32_t kn_engine_clocks(uint32_t n, uint32_t e, uint32_t b, uint32_t o, uint32_t k)
+{
+    const uint32_t inner = e + KN_CYCLES_EDGE + n + KN_CYCLES_NODE;
+    const uint32_t outer = e + KN_CYCLES_SETUP + 3 * n + KN_CYCLES_INVERT + k * inner;
+    const uint32_t ends = n + KN_CYCLES_BEGIN + e + KN_CYCLES_EDGE_COMMIT + n + KN_CYCLES_NODE_COMMIT;
+    return ends + b * (KN_CYCLES_BOUND + KN_CYCLES_REACTION) + o * outer;
+}
 
 #endif

@@ -185,11 +185,8 @@ static int bits_of(uint32_t address)
 static uint32_t clocks(const golden *g)
 {
     const kn_fixed_config *c = &g->image.config;
-    uint32_t n = (uint32_t)c->node_count, e = (uint32_t)c->edge_count, o = (uint32_t)c->passes;
-    uint32_t k = (uint32_t)c->iterations, b = g->bound_count;
-    return n + KN_CYCLES_BEGIN + b * (KN_CYCLES_BOUND + KN_CYCLES_REACTION) +
-           o * (e + KN_CYCLES_SETUP + 3 * n + KN_CYCLES_INVERT + k * (e + KN_CYCLES_EDGE + n + KN_CYCLES_NODE)) + e +
-           KN_CYCLES_EDGE_COMMIT + n + KN_CYCLES_NODE_COMMIT;
+    return kn_engine_clocks((uint32_t)c->node_count, (uint32_t)c->edge_count, g->bound_count, (uint32_t)c->passes,
+                            (uint32_t)c->iterations);
 }
 
 static void tick(golden *g)

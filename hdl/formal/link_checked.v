@@ -1,8 +1,8 @@
 `default_nettype none
 // Nothing reaches the bus unless a whole frame has come whose checksum held. What a whole frame is, is said here once
-// more; the link's own buffers may hold anything (the stub below). By induction, from reset: as many frames wait in the
-// link as have come whole and have not been answered, and bus_valid is never high when there are none; what is executed
-// is not written over meanwhile.
+// more; the link's own buffers may hold anything: their module, here, gives any byte. By induction, from reset: as many
+// frames wait in the link as have come whole and have not been answered, and bus_valid is never high when there are
+// none; what is executed is not written over meanwhile.
 module knead_link_buffer #(
     parameter BITS = 10
 ) (

@@ -294,11 +294,8 @@ void same(const char *what, int64_t index, int64_t device, int64_t twin)
 
 int64_t cycles(const kn_fixed_config &c, int count)
 {
-    const int64_t n = c.node_count, e = c.edge_count;
-    const int64_t inner = e + KN_CYCLES_EDGE + n + KN_CYCLES_NODE;
-    const int64_t outer = e + KN_CYCLES_SETUP + 3 * n + KN_CYCLES_INVERT + c.iterations * inner;
-    return n + KN_CYCLES_BEGIN + count * (KN_CYCLES_BOUND + KN_CYCLES_REACTION) + c.passes * outer + e +
-           KN_CYCLES_EDGE_COMMIT + n + KN_CYCLES_NODE_COMMIT;
+    return kn_engine_clocks(uint32_t(c.node_count), uint32_t(c.edge_count), uint32_t(count), uint32_t(c.passes),
+                            uint32_t(c.iterations));
 }
 
 void compare_state(device &d, const lattice &l)
