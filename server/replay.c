@@ -213,14 +213,6 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
     return false;
 }
 
-// A circuit that is simulated takes as long as it takes: an answer is missed later than a servo would.
-static const char *at_leisure(const char *uri, char room[KN_LINK_URI])
-{
-    if (strstr(uri, "miss=")) return uri;
-    int size = snprintf(room, KN_LINK_URI, "%s%cmiss=500", uri, strchr(uri, '?') ? '&' : '?');
-    return size < KN_LINK_URI ? room : uri;
-}
-
 static bool build(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     char why[200];
@@ -234,10 +226,9 @@ static bool build(kn_replay *r, const kn_replay_def *def, char *error, size_t er
                  r->scene->model.solver.dt_s);
         return false;
     }
-    char said[KN_LINK_WHY] = "not enough memory", room[KN_LINK_URI];
+    char said[KN_LINK_WHY];
     bool device = false;
-    const char *uri = def->device;
-    if (!(uri ? kn_backend_fpga(&r->backend, r->model, at_leisure(uri, room), said, &device) : kn_backend_cpu(&r->backend, r->model))) {
+    if (!kn_backend_place(&r->backend, r->model, def->device, true, said, &device)) {
         snprintf(error, error_size, "%s%s%s", device ? "" : r->scene->name, device ? "" : ": ", said);
         if (def->device_failed) *def->device_failed = device;
         return false;

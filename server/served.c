@@ -91,13 +91,7 @@ static bool place(kn_served *s, const kn_served_def *def, int *code, char *error
 {
     char why[KN_LINK_WHY];
     bool device = false;
-    if (!def->device) {
-        if (kn_backend_cpu(&s->backend, s->model)) return true;
-        snprintf(error, error_size, "%s: not enough memory for the object's %zu bytes", def->scene_path,
-                 s->model->state_bytes);
-        return false;
-    }
-    if (kn_backend_fpga(&s->backend, s->model, def->device, why, &device)) return true;
+    if (kn_backend_place(&s->backend, s->model, def->device, false, why, &device)) return true;
     if (device) *code = 3;
     snprintf(error, error_size, "%s%s%s", device ? "" : def->scene_path, device ? "" : ": ", why);
     return false;

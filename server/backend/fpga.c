@@ -344,6 +344,19 @@ bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri
     return true;
 }
 
+bool kn_backend_place(kn_backend *backend, const kn_model *model, const char *uri, bool at_leisure,
+                      char why[KN_LINK_WHY], bool *device)
+{
+    char room[KN_LINK_URI];
+    *device = false;
+    snprintf(why, KN_LINK_WHY, "not enough memory for the object's %zu bytes", model->state_bytes);
+    if (!uri) return kn_backend_cpu(backend, model);
+    if (at_leisure && !strstr(uri, "miss=") &&
+        snprintf(room, sizeof room, "%s%cmiss=500", uri, strchr(uri, '?') ? '&' : '?') < (int)sizeof room)
+        uri = room;
+    return kn_backend_fpga(backend, model, uri, why, device);
+}
+
 static fpga *of(const kn_backend *backend) { return backend->destroy == fpga_destroy ? backend->self : NULL; }
 
 bool kn_backend_fpga_counts(const kn_backend *backend, kn_fpga_counts *counts)

@@ -26,6 +26,11 @@ typedef struct kn_fpga_counts {
 // 1 ms. False: why is one line; device: it is the device's, not the scene's.
 bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri, char why[KN_LINK_WHY], bool *device);
 
+// Where a lattice is stepped: by that circuit, or, uri NULL, on this processor. A replay is at leisure: a circuit that
+// is simulated takes as long as it takes, so an answer is missed later than a servo would. False as kn_backend_fpga.
+bool kn_backend_place(kn_backend *backend, const kn_model *model, const char *uri, bool at_leisure,
+                      char why[KN_LINK_WHY], bool *device);
+
 // False for any other backend. From any thread.
 bool kn_backend_fpga_counts(const kn_backend *backend, kn_fpga_counts *counts);
 
