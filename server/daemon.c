@@ -384,6 +384,19 @@ static void tell_quality(server *d, kn_quality *told, bool *told_exhausted)
     *told_exhausted = exhausted;
 }
 
+// One line a second at most; of a circuit that is lost and back in between, with its count.
+static void tell_losses(server *d, bool *told_lost)
+{
+    char line[KN_FPGA_LINE];
+    kn_fpga_counts n;
+    if (!kn_backend_fpga_counts(&d->on.backend, &n)) return;
+    bool lost = kn_backend_fpga_news(&d->on.backend, line);
+    if (lost) fprintf(stderr, "kneadd: circuit lost, %lld times so far: %s\n", (long long)n.losses, line);
+    else if (*told_lost && n.in_step)
+        fprintf(stderr, "kneadd: circuit in step again, loaded %lld times so far\n", (long long)n.loads);
+    *told_lost = lost || (*told_lost && !n.in_step);
+}
+
 static void *mesh_main(void *arg)
 {
     server *d = arg;
@@ -392,12 +405,13 @@ static void *mesh_main(void *arg)
                     rest = {.tv_nsec = (d->skin.period_ticks - 1) * (long)KN_PERIOD_NS};
     int64_t second_ns = 0, missed_told = 0, created_told = 0, tick_told = -1, unpublished_told = 0;
     kn_quality quality_told = d->on.scene->quality;
-    bool exhausted_told = false;
+    bool exhausted_told = false, lost_told = false;
     while (!atomic_load_explicit(&d->ending, memory_order_relaxed)) {
         if (kn_now_ns() - second_ns >= 1000000000) {
             second_ns = kn_now_ns();
             kn_skin_publish_topology(&d->skin, kn_wall_us());
             tell_alive(d, &tick_told, &unpublished_told);
+            tell_losses(d, &lost_told);
             tell_overruns(d, &missed_told);
             tell_audit(d, &created_told);
             tell_quality(d, &quality_told, &exhausted_told);

@@ -22,8 +22,9 @@ __attribute__((format(printf, 3, 4))) static kn_link_status refuse(kn_device *d,
     return status;
 }
 
-static kn_link_status lose(kn_device *d, kn_link_status status)
+static kn_link_status lose(kn_device *d, kn_loss loss, kn_link_status status)
 {
+    d->loss = loss;
     d->stats.lost += d->state != KN_DEVICE_LOST;
     d->state = KN_DEVICE_LOST;
     d->job = IDLE;
@@ -80,6 +81,7 @@ static int32_t power(uint32_t log2)
 static kn_link_status accept_identify(kn_device *d, const uint32_t *words)
 {
     d->job = IDLE;
+    d->loss = KN_LOSS_WRONG_HASH;
     if (words[0] != KN_ENGINE_ID)
         return refuse(d, KN_LINK_PROTOCOL, "%s: ID is 0x%08x: expected 0x%08x, a circuit of Knead", d->uri, words[0],
                       (unsigned)KN_ENGINE_ID);
@@ -115,6 +117,7 @@ static kn_link_status accept_load(kn_device *d, const uint32_t *words)
     if (d->arrived) return KN_LINK_OK;
     d->job = IDLE;
     d->state = KN_DEVICE_IDENTIFIED;
+    d->loss = words[AT_STATUS] & KN_STATUS_LOADED ? KN_LOSS_LOAD : KN_LOSS_BLANK;
     return refuse(d, KN_LINK_PROTOCOL, "%s: STATE_CRC is 0x%08x: expected 0x%08x of what was loaded", d->uri,
                   words[AT_CRC], d->crc);
 }
@@ -122,7 +125,9 @@ static kn_link_status accept_load(kn_device *d, const uint32_t *words)
 static kn_link_status accept_resume(kn_device *d, const uint32_t *words)
 {
     d->job = IDLE;
-    if (!accept_numbers(d, words + 1, d->nonce) || words[1 + AT_CRC] != d->crc)
+    bool loaded = accept_numbers(d, words + 1, d->nonce);
+    d->loss = loaded ? KN_LOSS_LOAD : KN_LOSS_BLANK;
+    if (!loaded || words[1 + AT_CRC] != d->crc)
         return refuse(d, KN_LINK_PROTOCOL, "%s: it has another state, or none", d->uri);
     d->state = KN_DEVICE_SYNCED;
     return KN_LINK_OK;
@@ -133,9 +138,10 @@ static kn_link_status accept_crc(kn_device *d, const uint32_t *words)
     d->job = IDLE;
     d->crc = words[1 + AT_CRC];
     uint32_t seq = d->seq, tick = d->tick;
-    if (accept_numbers(d, words + 1, d->nonce) && d->seq == seq && d->tick == tick) return KN_LINK_OK;
+    bool loaded = accept_numbers(d, words + 1, d->nonce);
+    if (loaded && d->seq == seq && d->tick == tick) return KN_LINK_OK;
     refuse(d, KN_LINK_PROTOCOL, "%s: it is at another tick, or has lost its state", d->uri);
-    return lose(d, KN_LINK_PROTOCOL);
+    return lose(d, loaded ? KN_LOSS_SEQ_GAP : KN_LOSS_BLANK, KN_LINK_PROTOCOL);
 }
 
 static kn_link_status accept_step(kn_device *d, const uint32_t *words)
@@ -149,7 +155,8 @@ static kn_link_status accept_step(kn_device *d, const uint32_t *words)
         tale[1] != d->seq + 1) {
         refuse(d, KN_LINK_PROTOCOL, "%s: tick %u of request %u, status 0x%x: expected tick %u of request %u", d->uri,
                tale[0], tale[1], status, d->tick + 1, d->seq + 1);
-        return lose(d, KN_LINK_PROTOCOL);
+        bool blank = !(status & KN_STATUS_LOADED) || status & KN_STATUS_EMPTY;
+        return lose(d, blank ? KN_LOSS_BLANK : KN_LOSS_SEQ_GAP, KN_LINK_PROTOCOL);
     }
     d->rung = true;
     for (int i = 0; i < 3 * d->words; i++)
@@ -225,7 +232,7 @@ static kn_link_status broken(kn_device *d, kn_link_status status) // the link it
 {
     d->broken = true;
     refuse(d, status, "%s: %s", d->uri, kn_link_words(status));
-    return lose(d, status);
+    return lose(d, status == KN_LINK_GONE ? KN_LOSS_REMOVED : KN_LOSS_IO, status);
 }
 
 static kn_link_status send(kn_device *d)
@@ -243,8 +250,9 @@ static kn_link_status repeat(kn_device *d, kn_link_status status)
     d->misses += status != KN_LINK_CRC;
     d->stats.timeouts += status == KN_LINK_IO;
     if (d->misses >= MISSES || kn_now_ns() - d->first_ns >= MISSES * miss_ns(d)) {
+        kn_loss loss = status == KN_LINK_IO ? KN_LOSS_TIMEOUT : status == KN_LINK_CRC ? KN_LOSS_CRC : KN_LOSS_REFUSED;
         refuse(d, status, "%s: %s, asked %d times", d->uri, kn_link_words(status), d->tries);
-        return lose(d, status);
+        return lose(d, loss, status);
     }
     d->stats.retries++;
     d->tries++;
@@ -311,6 +319,7 @@ kn_device *kn_device_open(const char *uri, char why[KN_LINK_WHY])
         free(d);
         return NULL;
     }
+    d->loss = KN_LOSS_COUNT;
     memcpy(d->uri, uri, strlen(uri) + 1); // open has refused a longer one
     return d;
 }
@@ -344,6 +353,10 @@ const char *kn_device_why(const kn_device *device)
 {
     return device->why;
 }
+kn_loss kn_device_loss(const kn_device *device)
+{
+    return device->loss;
+}
 const kn_device_caps *kn_device_caps_of(const kn_device *device)
 {
     return &device->caps;
@@ -354,7 +367,8 @@ kn_link_status kn_device_identify(kn_device *d, int64_t deadline_ns)
     if (d->job == IDENTIFY) return drive(d, deadline_ns);
     if (d->broken) shut(d);
     d->broken = false;
-    if (!d->linked && !(d->linked = kn_link_open(&d->link, d->uri, d->why))) return lose(d, KN_LINK_GONE);
+    if (!d->linked && !(d->linked = kn_link_open(&d->link, d->uri, d->why)))
+        return lose(d, KN_LOSS_REMOVED, KN_LINK_GONE);
     d->link.forget(d->link.self);
     if (d->state != KN_DEVICE_LOST) d->state = KN_DEVICE_CLOSED;
     begin(d, IDENTIFY, 0);
@@ -384,6 +398,7 @@ kn_link_status kn_device_load(kn_device *d, const kn_fixed_image *image, const k
     if (d->job == LOAD && d->image == image && d->from == state) return drive(d, deadline_ns);
     if (d->state == KN_DEVICE_CLOSED || d->state == KN_DEVICE_LOST)
         return refuse(d, KN_LINK_PROTOCOL, "%s: expected identify before load", d->uri);
+    d->loss = KN_LOSS_LOAD;
     kn_link_status fit = fits(d, image);
     if (fit != KN_LINK_OK) return fit;
     d->image = image;

@@ -19,6 +19,7 @@
 // same call goes on with it, identify drops it. Not thread-safe.
 #include "core/fixed.h"
 #include "server/backend/link.h"
+#include "server/backend/loss.h"
 
 typedef enum kn_device_state {
     KN_DEVICE_CLOSED, // nothing is known of the other end
@@ -62,6 +63,7 @@ void kn_device_close(kn_device *device); // NULL: nothing
 
 kn_device_state kn_device_state_of(const kn_device *device);
 const char *kn_device_why(const kn_device *device); // what the last refusal or loss was about, one line
+kn_loss kn_device_loss(const kn_device *device);    // the same, by its name; KN_LOSS_COUNT: there was none
 
 // Is it a circuit of this very register map? From every state; what was under way is dropped. PROTOCOL: it is none, or
 // another one, see why.

@@ -17,6 +17,7 @@ struct kn_device {
     kn_link link;
     kn_device_state state;
     kn_link_status last; // why it is LOST
+    kn_loss loss;        // the same; also why it was not identified or loaded
     kn_device_caps caps;
     uint32_t nonce;       // of our last load: in SCRATCH once it has arrived, until then its complement
     uint32_t seq, tick;   // the circuit's, when no step is under way

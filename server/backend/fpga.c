@@ -50,33 +50,69 @@ typedef struct fpga {
     pthread_t thread;
     bool runs;
     _Atomic int64_t on_circuit, shadowed, losses, different, loads;
+    _Atomic int64_t because[KN_LOSS_COUNT];
+    atomic_int out, last;             // kn_loss: why it is out of step, KN_LOSS_COUNT while it is not; the latest why
+    int told;                         // of the thread: the last loss put into line
+    atomic_bool news;                 // line is full, and its reader's
+    char line[KN_FPGA_LINE];
 } fpga;
+
+// --- why it is lost --------------------------------------------------------------------------------------------------
+
+static void blame(fpga *f, kn_loss loss)
+{
+    if (atomic_exchange(&f->out, (int)loss) == (int)loss) return;
+    atomic_store(&f->last, (int)loss);
+    atomic_fetch_add(&f->because[loss], 1);
+}
+
+// Of who speaks to the device: why that came to nothing.
+static kn_loss cause(const fpga *f, kn_link_status status)
+{
+    const kn_loss loss = kn_device_loss(f->device);
+    return status == KN_LINK_LATE ? KN_LOSS_TIMEOUT : loss == KN_LOSS_COUNT ? KN_LOSS_REFUSED : loss;
+}
+
+// Of the thread, which has the device: the reason, if it is another one than was told.
+static void tell(fpga *f)
+{
+    const int loss = atomic_load(&f->out);
+    if (loss == f->told || atomic_load(&f->news)) return;
+    f->told = loss;
+    if (loss == KN_LOSS_COUNT) return;
+    const char *why = kn_device_loss(f->device) == (kn_loss)loss ? kn_device_why(f->device) : "";
+    snprintf(f->line, sizeof f->line, "%s: %s%s%s; its twin goes on", kn_loss_word((kn_loss)loss),
+             kn_loss_means((kn_loss)loss), *why ? ": " : "", why);
+    atomic_store(&f->news, true);
+}
 
 // --- the queue -------------------------------------------------------------------------------------------------------
 
 static slot *oldest(fpga *f) { return &f->queue[atomic_load(&f->done) % QUEUE]; }
 static bool empty(const fpga *f) { return atomic_load(&f->done) == atomic_load(&f->made); }
 
-static bool equal(fpga *f, const slot *s, const kn_device_result *r)
+static bool equal(const slot *s, const kn_device_result *r)
 {
-    f->flags |= s->flags;
-    return r->count == s->count && r->residual == s->residual && r->flags == f->flags &&
+    return r->count == s->count && r->residual == s->residual &&
            memcmp(r->reaction, s->reaction, (size_t)s->count * sizeof *s->reaction) == 0;
 }
 
-// The oldest tick to the circuit and back. OK: it is out of the queue. PROTOCOL, too, when it differs.
-static kn_link_status advance(fpga *f, int64_t deadline_ns)
+// The oldest tick to the circuit and back. OK: it is out of the queue. PROTOCOL, too, when it differs. why: of what is
+// neither OK nor LATE.
+static kn_link_status advance(fpga *f, int64_t deadline_ns, kn_loss *why)
 {
     slot *s = oldest(f);
     kn_device_result result;
     kn_link_status status = KN_LINK_OK;
     if (!f->flying) status = kn_device_submit(f->device, s->bound, s->count);
-    if (status != KN_LINK_OK) return status;
-    f->flying = true;
-    status = kn_device_wait(f->device, deadline_ns, &result);
+    f->flying |= status == KN_LINK_OK;
+    if (status == KN_LINK_OK) status = kn_device_wait(f->device, deadline_ns, &result);
+    *why = cause(f, status);
     if (status != KN_LINK_OK) return status;
     f->flying = false;
-    if (!equal(f, s, &result)) {
+    f->flags |= s->flags;
+    if (!equal(s, &result) || result.flags != f->flags) {
+        *why = equal(s, &result) ? KN_LOSS_SATURATED : KN_LOSS_TWIN;
         atomic_fetch_add(&f->different, 1);
         return KN_LINK_PROTOCOL;
     }
@@ -94,8 +130,9 @@ static void leave(fpga *f)
     sem_post(&f->wake);
 }
 
-static void lose(fpga *f)
+static void lose(fpga *f, kn_loss loss)
 {
+    blame(f, loss);
     atomic_fetch_add(&f->losses, 1);
     leave(f);
 }
@@ -108,15 +145,16 @@ static void begin(void *self, const kn_fixed_bound *bound, int count)
     f->current = NULL;
     if (!atomic_load(&f->following)) return;
     if (count > f->bounds || atomic_load(&f->made) - atomic_load(&f->done) == QUEUE) {
-        lose(f);
+        lose(f, count > f->bounds ? KN_LOSS_BOUNDS : KN_LOSS_BEHIND);
         return;
     }
     f->current = &f->queue[atomic_load(&f->made) % QUEUE];
     f->current->count = count;
     if (count > 0) memcpy(f->current->bound, bound, (size_t)count * sizeof *bound);
     if (atomic_load(&f->speaker) != SERVO || f->flying || !empty(f)) return;
-    if (kn_device_submit(f->device, bound, count) == KN_LINK_OK) f->flying = true;
-    else lose(f);
+    kn_link_status status = kn_device_submit(f->device, bound, count);
+    f->flying = status == KN_LINK_OK;
+    if (!f->flying) lose(f, cause(f, status));
 }
 
 static void end(void *self, const int64_t (*reaction)[3], const kn_fixed_result *result)
@@ -159,12 +197,13 @@ static kn_backend_status fpga_wait(void *self, int64_t deadline_ns, kn_output *o
 {
     fpga *f = self;
     const bool clock = deadline_ns != 0;
+    kn_loss why;
     kn_backend_status status = f->twin.wait(f->twin.self, deadline_ns, output);
     int64_t until_ns = clock ? deadline_ns - SPARE_NS : kn_now_ns() + PATIENCE_NS;
     while (atomic_load(&f->speaker) == SERVO && !empty(f)) {
-        kn_link_status link = advance(f, until_ns);
+        kn_link_status link = advance(f, until_ns, &why);
         if (link == KN_LINK_LATE && clock) break;
-        if (link != KN_LINK_OK) lose(f);
+        if (link != KN_LINK_OK) lose(f, why);
     }
     if (!clock) await_thread(f);
     bool in_step = atomic_load(&f->speaker) == SERVO && atomic_load(&f->following) && empty(f);
@@ -202,22 +241,33 @@ static bool load(fpga *f)
     f->flying = false;
     f->flags = 0;
     if (status == KN_LINK_OK) atomic_fetch_add(&f->loads, 1);
+    else if (status != KN_LINK_LATE) blame(f, cause(f, status));
     return status == KN_LINK_OK;
 }
 
 static bool catch_up(fpga *f)
 {
+    kn_loss why;
     while (goes_on(f)) {
         if (empty(f)) return true;
-        kn_link_status status = advance(f, kn_now_ns() + ANSWER_NS);
-        if (status != KN_LINK_OK && status != KN_LINK_LATE) return false;
+        kn_link_status status = advance(f, kn_now_ns() + ANSWER_NS, &why);
+        if (status == KN_LINK_OK || status == KN_LINK_LATE) continue;
+        blame(f, why);
+        return false;
     }
     return false;
 }
 
+static bool identify(fpga *f)
+{
+    kn_link_status status = kn_device_identify(f->device, kn_now_ns() + ANSWER_NS);
+    if (status != KN_LINK_OK) blame(f, cause(f, status));
+    return status == KN_LINK_OK;
+}
+
 static bool get_in_step(fpga *f)
 {
-    if (kn_device_identify(f->device, kn_now_ns() + ANSWER_NS) != KN_LINK_OK) return false;
+    if (!identify(f)) return false;
     atomic_store(&f->copy_is, WANTED);
     while (!atomic_load(&f->stop) && atomic_load(&f->copy_is) == WANTED) kn_clock_sleep(kn_now_ns() + LOOK_NS);
     if (load(f) && catch_up(f)) return true;
@@ -231,10 +281,14 @@ static void *thread_main(void *arg)
     for (;;) {
         while (sem_wait(&f->wake) != 0 && errno == EINTR) continue;
         while (!atomic_load(&f->stop) && atomic_load(&f->speaker) == THREAD) {
+            tell(f);
             if (!get_in_step(f)) {
+                tell(f);
                 kn_clock_sleep(kn_now_ns() + AGAIN_NS);
                 continue;
             }
+            atomic_store(&f->out, KN_LOSS_COUNT);
+            f->told = KN_LOSS_COUNT;
             atomic_store(&f->speaker, SERVO);
             int servo = SERVO; // the object was replaced at that very moment: not in step at all
             if (!atomic_load(&f->following)) atomic_compare_exchange_strong(&f->speaker, &servo, THREAD);
@@ -331,6 +385,9 @@ bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri
     fpga *f = calloc(1, sizeof *f);
     if (!f) return false;
     f->model = model;
+    f->told = KN_LOSS_COUNT;
+    atomic_init(&f->out, KN_LOSS_COUNT);
+    atomic_init(&f->last, KN_LOSS_COUNT);
     f->bounds = model->node_count < KN_FIXED_LIST_MAX ? model->node_count : KN_FIXED_LIST_MAX;
     bool fits = kn_backend_cpu(&f->twin, model) && allocate(f);
     if (fits && !attach(f, uri, why)) fits = false, *device = true;
@@ -368,7 +425,18 @@ bool kn_backend_fpga_counts(const kn_backend *backend, kn_fpga_counts *counts)
                                .losses = atomic_load(&f->losses),
                                .different = atomic_load(&f->different),
                                .loads = atomic_load(&f->loads),
-                               .in_step = atomic_load(&f->speaker) == SERVO};
+                               .in_step = atomic_load(&f->speaker) == SERVO,
+                               .last = (kn_loss)atomic_load(&f->last)};
+    for (int i = 0; i < KN_LOSS_COUNT; i++) counts->because[i] = atomic_load(&f->because[i]);
+    return true;
+}
+
+bool kn_backend_fpga_news(kn_backend *backend, char line[KN_FPGA_LINE])
+{
+    fpga *f = of(backend);
+    if (!f || !atomic_load(&f->news)) return false;
+    snprintf(line, KN_FPGA_LINE, "%s", f->line);
+    atomic_store(&f->news, false);
     return true;
 }
 
@@ -376,11 +444,12 @@ bool kn_backend_fpga_agrees(kn_backend *backend, char why[KN_LINK_WHY], kn_devic
 {
     fpga *f = of(backend);
     uint32_t circuit = 0;
+    kn_loss lost;
     int64_t until_ns = kn_now_ns() + LAST_NS;
     while (kn_now_ns() < until_ns && (atomic_load(&f->speaker) == THREAD || !empty(f))) {
         take_copy(f);
         if (atomic_load(&f->speaker) == THREAD) kn_clock_sleep(kn_now_ns() + LOOK_NS);
-        else if (advance(f, until_ns) != KN_LINK_OK) lose(f);
+        else if (advance(f, until_ns, &lost) != KN_LINK_OK) lose(f, lost);
     }
     if (atomic_load(&f->speaker) != SERVO) {
         snprintf(why, KN_LINK_WHY, "the circuit is not in step");

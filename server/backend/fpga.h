@@ -13,6 +13,8 @@
 #include "server/backend/backend.h"
 #include "server/backend/device.h"
 
+#define KN_FPGA_LINE (KN_LINK_WHY + 200)
+
 typedef struct kn_fpga_counts {
     int64_t on_circuit; // ticks that it computed, each equal to the twin's
     int64_t shadowed;   // ticks given by the twin alone
@@ -20,6 +22,10 @@ typedef struct kn_fpga_counts {
     int64_t different;  // times that it gave another number
     int64_t loads;      // whole states that it was given
     bool in_step;       // now
+    kn_loss last;       // the latest reason why it was not, KN_LOSS_COUNT: it always was
+    // Times that it was out of step for this reason: those of losses, and what then kept it from coming back. What
+    // stays the reason for a while is one.
+    int64_t because[KN_LOSS_COUNT];
 } kn_fpga_counts;
 
 // Opens the device (link.h says the URIs), identifies and loads it. Borrows a model of KN_SOLVER_FIXED, in steps of
@@ -33,6 +39,9 @@ bool kn_backend_place(kn_backend *backend, const kn_model *model, const char *ur
 
 // False for any other backend. From any thread.
 bool kn_backend_fpga_counts(const kn_backend *backend, kn_fpga_counts *counts);
+
+// What there is to say of a loss: one line, without kneadd's name. False: nothing since the last one. Of one thread.
+bool kn_backend_fpga_news(kn_backend *backend, char line[KN_FPGA_LINE]);
 
 // Nobody steps it any more: is the circuit in step, and its whole state the twin's, by their checksums? False: why.
 // Also the device's own counters.

@@ -184,7 +184,8 @@ static kn_link_status wait_reply(void *self, int64_t deadline_ns, kn_reply *repl
     bar *b = self;
     for (int64_t began_ns = kn_now_ns(), now_ns = began_ns;;) {
         kn_link_status status = b->asked ? look(b, reply) : KN_LINK_LATE;
-        if (status != KN_LINK_LATE || now_ns >= deadline_ns) return status;
+        if (status != KN_LINK_LATE) return status;
+        if (now_ns >= deadline_ns) return b->word[KN_REG_ID] == UINT32_MAX ? KN_LINK_GONE : KN_LINK_LATE;
         now_ns = kn_now_ns();
         if (now_ns - began_ns < SPIN_NS) continue;
         int64_t until_ns = b->shm && ringing(b) ? deadline_ns : now_ns + NAP_NS;

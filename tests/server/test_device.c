@@ -189,6 +189,7 @@ static void step(pair *p)
             continue;
         }
         CHECK(kn_device_state_of(p->device) != KN_DEVICE_SYNCED && *kn_device_why(p->device));
+        CHECK(kn_device_loss(p->device) < KN_LOSS_COUNT);
         over = recover(p);
         p->unseen += over;
     }
@@ -545,6 +546,38 @@ TEST("killed in the middle and started again, it is loaded again and goes on wit
         end(&p);
         stop(&s, SIGTERM, line);
     }
+}
+
+TEST("why it was lost has a name")
+{
+    static const struct {
+        const char *fault;
+        bool bar;
+        kn_loss loss;
+    } runs[] = {{NULL, false, KN_LOSS_REMOVED},       {NULL, true, KN_LOSS_TIMEOUT},
+                {"hang=1", false, KN_LOSS_TIMEOUT},   {"blank=1", false, KN_LOSS_BLANK},
+                {"torn=1", false, KN_LOSS_SEQ_GAP},   {"hash", false, KN_LOSS_WRONG_HASH},
+                {"disconnect=1", false, KN_LOSS_REMOVED}, {"disconnect=1", true, KN_LOSS_REMOVED}};
+    if (!golden()) return;
+    rig *r = make(NODES, EDGES, 5);
+    tick(r, 20);
+    for (size_t i = 0; i < sizeof runs / sizeof *runs; i++) {
+        char line[256];
+        kn_device_result result;
+        sim s = start_on(runs[i].bar, runs[i].fault, "1");
+        kn_device *d = open_patient(&s, 2);
+        CHECK_STR(kn_loss_word(kn_device_loss(d)), "none");
+        kn_link_status status = kn_device_identify(d, after_ms(500));
+        if (status == KN_LINK_OK) status = kn_device_load(d, &r->image, &r->fixed, after_ms(2000));
+        if (!runs[i].fault) stop(&s, SIGKILL, line);
+        if (status == KN_LINK_OK) status = kn_device_submit(d, r->bound, 20);
+        if (status == KN_LINK_OK) status = kn_device_wait(d, after_ms(2000), &result);
+        CHECK(status != KN_LINK_OK);
+        CHECK_STR(kn_loss_word(kn_device_loss(d)), kn_loss_word(runs[i].loss));
+        kn_device_close(d);
+        if (runs[i].fault) stop(&s, SIGTERM, line);
+    }
+    unmake(r);
 }
 
 // ---- what no board was there for
