@@ -199,9 +199,9 @@ struct kn_audit {
     kn_state *copy;
     sum sum;
     int at_once;          // edges to a tick
-    bool summing, closed; // copy is being summed; `last` holds a moment
+    bool summing, closed; // copy is being summed; `first` and `last` hold a moment
     int64_t ticks, steps; // since the last reset: audited; of the state when it was audited last
-    moment now, taken, last;
+    moment now, taken, first, last;
     double probe_work_j[KN_PROBES_MAX];
     bool attached[KN_PROBES_MAX];
     kn_audit_news news;
@@ -284,6 +284,8 @@ static void judge(kn_audit *a)
             news->most_j = fmax(news->most_j, -news->lost_j);
         }
     }
+    if (!a->closed) a->first = a->taken;
+    news->balance_j = a->taken.work_j - a->first.work_j - (a->taken.stored_j - a->first.stored_j);
     a->last = a->taken;
     a->closed = true;
     a->summing = false;

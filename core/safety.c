@@ -149,7 +149,9 @@ void kn_safety_trip(kn_safety *s, kn_fault fault)
     if (s->latched && s->fault >= fault) return;
     s->fault = fault;
     s->latched = true;
-    s->faults += fault != KN_FAULT_STOPPING;
+    if (fault == KN_FAULT_STOPPING) return;
+    s->faults++;
+    s->tripped[fault]++;
 }
 
 static void clear_fault(kn_safety *s)
@@ -298,14 +300,15 @@ static int render(kn_safety *s, const double force_n[3], const double torque_n_m
     return flags;
 }
 
-// The damping force changes no faster than the room that the fading contact leaves under the common slope.
-static void brake(kn_safety *s, const kn_safety_in *in, double contact_n)
+// The damping force changes no faster than the room that the fading contact leaves under the common slope. Whether that
+// held it back.
+static bool brake(kn_safety *s, const kn_safety_in *in, double contact_n)
 {
     double target[3] = {0};
     if (s->braking && s->silent_ms <= s->limits.hold_ms)
         for (int i = 0; i < 3; i++) target[i] = -s->limits.brake_n_s_per_m * in->velocity_m_s[i];
     shorten(target, s->limits.clamp_n);
-    approach(s->brake_n, target, fmax(0.0, kn_safety_slope(&s->limits) - s->gain_drop * contact_n));
+    return !approach(s->brake_n, target, fmax(0.0, kn_safety_slope(&s->limits) - s->gain_drop * contact_n));
 }
 
 static int flags_of(const kn_safety *s, const kn_safety_in *in)
@@ -341,7 +344,10 @@ int kn_safety_filter(kn_safety *s, const kn_safety_in *in, const double force_n[
         s->clamps++;
         acted |= KN_FLAG_CLAMPED;
     }
-    if (s->braking || braked(s)) brake(s, in, norm(force));
+    bool slewed = s->gain > 0.0 && (s->rejoining || s->gain < 1.0) && norm(force) > 0.0;
+    if (s->braking || braked(s)) slewed |= brake(s, in, norm(force));
+    s->slewed += slewed;
+    s->brakes += s->braking;
 
     for (int i = 0; i < 3; i++) {
         out_force_n[i] = s->gain * force[i] + s->brake_n[i];

@@ -89,6 +89,9 @@ typedef struct kn_safety { // one probe's; plain data, part of the servo's state
     bool rejoining;         // force_n was frozen longer than hold_ms and walks back to the contact's
     kn_fault fault;         // why the force is latched or fading
     int64_t clamps, guards, faults; // counters since init
+    int64_t slewed;                 // ticks in which a ramp or a slope held the force back; in no snapshot, as the next
+    int64_t brakes;                 // ticks of braking
+    int64_t tripped[KN_FAULT_STOPPING]; // of the faults, by kn_fault
 } kn_safety;
 
 typedef struct kn_safety_in {

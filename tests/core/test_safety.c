@@ -466,4 +466,31 @@ TEST("what allows a hand more is named: a force, a slope, a time; what lowers an
     CHECK_STR(kn_safety_raised(&scene, &slow), "device.ramp");
 }
 
+TEST(
+    "every fault is counted by its name; ticks in which a ramp or a slope held a force back, and ticks of braking, too")
+{
+    rig r = rig_make(40.0);
+    ticks(&r, 400);
+    CHECK(r.s.attached && r.s.slewed == 0); // a ramp in air holds nothing back
+    for (int i = 1; i <= 20; i++) r.contact_n[2] = 0.25 * i, tick(&r);
+    CHECK(r.s.gain == 1.0 && r.s.slewed == 0);
+    r.in.change = true; // 17 ticks down, of which the last one has nothing left; 200 up, of which the last one is whole
+    tick(&r);
+    r.in.change = false;
+    ticks(&r, 300);
+    CHECK(r.s.gain == 1.0 && r.s.slewed == 16 + 199);
+    r.in.fresh = false;
+    ticks(&r, 30);
+    CHECK(r.s.slewed == 16 + 199 + 16 && r.s.tripped[KN_FAULT_POSE_SILENCE] == 1);
+    kn_safety_trip(&r.s, KN_FAULT_ESTOP);
+    kn_safety_trip(&r.s, KN_FAULT_ESTOP);
+    kn_safety_trip(&r.s, KN_FAULT_STOPPING);
+    CHECK(r.s.tripped[KN_FAULT_ESTOP] == 1 && r.s.tripped[KN_FAULT_IMPULSE] == 0 && r.s.faults == 2);
+
+    r = rig_pressing(40.0, 2.0);
+    r.in.velocity_m_s[0] = 1.3;
+    ticks(&r, 10);
+    CHECK(r.s.brakes == 10);
+}
+
 TESTS_MAIN
