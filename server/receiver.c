@@ -17,6 +17,7 @@
 #define SPEED_WINDOW_US                                                                                                \
     1000 // the servo looks once per ms, so a step below 5 mm is no jump however close its stamps are
 #define SILENCE_NS 1000000000
+#define LATE_NS 1000000         // a tick's
 #define CLOCK_APART_US 60000000 // two machines' clocks
 #define COST_NS 200000      // of one pose: 5 kHz
 #define CREDIT_NS 200000000 // 1 000 poses at once: a 1 kHz sender that was held up for as long as its session may live
@@ -162,14 +163,54 @@ static bool expired(const kn_source *source, int64_t now_ns)
     return source->last.session != 0 && now_ns - source->heard_ns >= SILENCE_NS;
 }
 
+// Of the session that owns the probe, not newer than its last one.
+static void count_old(kn_source *source, int64_t seq)
+{
+    kn_packets *n = &source->packets;
+    uint64_t behind = (uint64_t)source->last.seq - (uint64_t)seq, bit = behind < 64 ? UINT64_C(1) << behind : 0;
+    if (bit == 0 || source->seen & bit) {
+        n->duplicate++;
+        return;
+    }
+    source->seen |= bit;
+    n->reordered++;
+    n->lost -= n->lost > 0;
+}
+
+// To be the last one, of a session that goes on or opens.
+static void count_new(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns)
+{
+    const kn_pose *last = &source->last;
+    kn_packets *n = &source->packets;
+    n->accepted++;
+    if (last->session != 0) {
+        uint64_t step = (uint64_t)m->seq - (uint64_t)last->seq, lost = step - 1;
+        lost -= (uint64_t)source->refused < lost ? (uint64_t)source->refused : lost;
+        int64_t gap = lost < INT64_MAX / 2 ? (int64_t)lost : INT64_MAX / 2; // a client may number as it likes
+        n->lost = n->lost < INT64_MAX / 2 ? n->lost + gap : n->lost;
+        if (gap > n->lost_in_a_row_max) n->lost_in_a_row_max = gap;
+        double sent_ns = 1e3 * (double)((uint64_t)m->utime - (uint64_t)last->utime);
+        n->late += (double)(now_ns - source->heard_ns) - sent_ns >= LATE_NS;
+        source->seen = step < 64 ? source->seen << step | 1 : 1;
+    } else {
+        source->seen = 1;
+    }
+    source->refused = 0;
+}
+
 static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns, kn_pose *pose)
 {
     if (expired(source, now_ns)) source->last.session = 0;
     if (source->last.session != 0 && source->last.session != m->session) return KN_REJECT_SESSION;
     kn_verdict verdict = check_motion(source, m);
+    if (verdict == KN_ACCEPTED && !afford(source, now_ns)) verdict = KN_REJECT_RATE;
+    if (source->last.session != 0 && m->seq <= source->last.seq)
+        count_old(source, m->seq);
+    else if (verdict != KN_ACCEPTED)
+        source->refused++;
     if (verdict != KN_ACCEPTED) return verdict;
-    if (!afford(source, now_ns)) return KN_REJECT_RATE;
 
+    count_new(source, m, now_ns);
     *pose = (kn_pose){
         .session = m->session, .seq = m->seq, .sent_ns = m->sent_ns, .utime = m->utime, .buttons = m->buttons};
     memcpy(pose->position_m, m->position_m, sizeof pose->position_m);

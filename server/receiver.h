@@ -58,6 +58,10 @@ const char *kn_verdict_name(kn_verdict verdict); // "stale"; "accepted"
 
 #define KN_ENDED_MAX 32 // with a key; no more sessions can be opened within two minutes
 
+typedef struct kn_packets { // of one probe's sessions, as health_t has them
+    int64_t accepted, lost, late, duplicate, reordered, lost_in_a_row_max;
+} kn_packets;
+
 typedef struct kn_source { // who moves one probe
     kn_pose last;          // accepted; session 0: nobody owns the probe
     kn_pose reference;     // accepted; speeds are measured from here. Moves on to last when that is >= 1 ms newer
@@ -66,6 +70,9 @@ typedef struct kn_source { // who moves one probe
         int64_t session, until_ns;
     } ended[KN_ENDED_MAX];
     int64_t credit_ns;     // time not yet spent on poses, each of which costs 0.2 ms
+    kn_packets packets;
+    uint64_t seen;   // bit n: last.seq - n has come
+    int64_t refused; // since last: newer, and not lost
 } kn_source;
 
 #define KN_PEERS_MAX 16

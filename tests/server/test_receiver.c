@@ -494,6 +494,63 @@ TEST("whatever arrives, each datagram ends in one counter, and what is accepted 
             KN_TEST_FAIL("the mix never reached '%s'", kn_verdict_name((kn_verdict)i));
 }
 
+// seq after the next, `late_ms` later behind the one before than it was sent behind that.
+static void arrive(int64_t seq, double late_ms)
+{
+    static int64_t last;
+    now_ns += (int64_t)((double)(seq > last ? seq - last : 0) * 1e6 + late_ms * 1e6);
+    if (seq > last) last = seq;
+    send_pose(good_pose(9, seq));
+}
+
+TEST("what a probe's link loses, repeats, swaps and delays is counted by its own numbers")
+{
+    start();
+    const kn_packets *n = &receiver.source[0].packets;
+    for (int64_t seq = 1; seq <= 10; seq++) arrive(seq, 0);
+    CHECK(n->accepted == 10 && n->lost == 0 && n->late == 0 && n->lost_in_a_row_max == 0);
+    arrive(14, 0); // 11, 12, 13 are missing
+    CHECK(n->lost == 3 && n->lost_in_a_row_max == 3 && n->late == 0);
+    arrive(12, 0.5);
+    CHECK(n->lost == 2 && n->reordered == 1 && n->duplicate == 0);
+    arrive(12, 0);
+    arrive(14, 0);
+    CHECK(n->lost == 2 && n->reordered == 1 && n->duplicate == 2);
+    arrive(15, 0.4); // with the half above: 0.9 ms behind
+    CHECK(n->late == 0);
+    arrive(16, 1.1);
+    CHECK(n->late == 1);
+    arrive(17, -1); // in a burst
+    CHECK(n->late == 1);
+    arrive(117, 0);
+    arrive(18, 0); // too far behind to be told from one that comes again
+    CHECK(n->lost == 2 + 99 && n->lost_in_a_row_max == 99 && n->duplicate == 3 && n->reordered == 1);
+    CHECK(receiver.rejected[KN_REJECT_STALE] == n->duplicate + n->reordered &&
+          receiver.source[1].packets.accepted == 0);
+}
+
+TEST("what is refused is not lost; a session that opens has lost nothing; numbers as large as there are do no harm")
+{
+    start();
+    const kn_packets *n = &receiver.source[0].packets;
+    CHECK_VERDICT(send_pose(good_pose(1, 1)), KN_ACCEPTED);
+    knead_probe_pose_t wild = good_pose(1, 2);
+    wild.velocity_m_s[0] = 9;
+    CHECK_VERDICT(send_pose(wild), KN_REJECT_JUMP);
+    CHECK_VERDICT(send_pose(good_pose(1, 4)), KN_ACCEPTED);
+    CHECK(n->lost == 1 && n->lost_in_a_row_max == 1);
+    now_ns += 1100 * MS;
+    CHECK(kn_receiver_expire(&receiver, now_ns) == 1);
+    CHECK_VERDICT(send_pose(good_pose(2, 1000)), KN_ACCEPTED);
+    CHECK(n->lost == 1 && n->accepted == 3);
+    for (int64_t i = 3; i >= 0; i--) {
+        knead_probe_pose_t far = good_pose(2, INT64_MAX - i);
+        far.utime = INT64_MAX;
+        CHECK_VERDICT(send_pose(far), KN_ACCEPTED);
+    }
+    CHECK(n->lost >= INT64_MAX / 2 && n->lost_in_a_row_max == INT64_MAX / 2);
+}
+
 TEST("every reason stands in the page of the wire under its index in status_t.rejected")
 {
     static char text[100000];
