@@ -107,13 +107,25 @@ void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wak
 
 // --- the thread -----------------------------------------------------------------------------------------------------
 
-// One line per second, and per kind of trouble at once.
+// One line per second, and per kind of trouble at once; each says how many saves failed since the line before it, so
+// that all lines together tell every error.
 static void complain(kn_keeper *k, const char *why, int64_t now_ns)
 {
+    k->untold++;
     if (strcmp(why, k->told) == 0 && now_ns - k->told_ns < 1000000000) return;
-    fprintf(stderr, "kneadd: snapshot %" PRId64 " was not saved: %s/%s\n", k->store.generation + 1, k->store.path, why);
+    fprintf(stderr, "kneadd: snapshot %" PRId64 " was not saved: %s/%s (%" PRId64 " failed)\n", k->store.generation + 1,
+            k->store.path, why, k->untold);
     snprintf(k->told, sizeof k->told, "%s", why);
     k->told_ns = now_ns;
+    k->untold = 0;
+}
+
+static void tell_rest(kn_keeper *k)
+{
+    if (k->untold)
+        fprintf(stderr, "kneadd: snapshots are saved again in %s (%" PRId64 " more failed)\n", k->store.path,
+                k->untold);
+    k->untold = 0;
 }
 
 static bool save(kn_keeper *k, kn_saved *saved, bool stays, kn_answer *answer)
@@ -127,7 +139,12 @@ static bool save(kn_keeper *k, kn_saved *saved, bool stays, kn_answer *answer)
     atomic_store(&k->last_us, us);
     if (us > atomic_load(&k->most_us)) atomic_store(&k->most_us, us);
     atomic_fetch_add(answer->ok ? &k->saves : &k->errors, 1);
-    if (!answer->ok) complain(k, answer->error, now_ns);
+    if (answer->ok) {
+        atomic_store(&k->generation, answer->generation);
+        tell_rest(k);
+    } else {
+        complain(k, answer->error, now_ns);
+    }
     return answer->ok;
 }
 
@@ -231,6 +248,7 @@ void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
     atomic_store(&k->as_of_ns, kn_now_ns());
     loop->restore = &k->incoming;
     kn_store_pin(&k->store, k->incoming.generation);
+    atomic_store(&k->generation, k->incoming.generation);
     k->incoming_order = kn_loop_order(loop, KN_ORDER_RESTORE, 0);
     printf("kneadd: restored %s/%s, ", k->store.path, name);
     print_age(1e-6 * (double)(kn_wall_us() - k->incoming.utime));

@@ -54,12 +54,13 @@ typedef struct kn_keeper {
     atomic_bool again;        // the last one failed
     _Atomic int64_t as_of_ns; // the newest file is the object as it was then; 0: there is none
     _Atomic int64_t saves, errors, last_us, most_us;
+    _Atomic int64_t generation; // of the newest file, 0: there is none
     pthread_mutex_t answering; // between thread and operator
     kn_answer answer;
     int64_t answered;
     atomic_bool ending;
     char told[200]; // the last complaint
-    int64_t told_ns;
+    int64_t told_ns, untold; // errors since
 } kn_keeper;
 
 // directory: NULL: nothing is saved, undo works. Borrows all. 0, or exit code and one line in error.

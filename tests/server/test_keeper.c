@@ -181,14 +181,48 @@ TEST("a server that starts goes on with the last object, tells it by an event of
     rig_close(r);
 }
 
-static int broken;
+static bool broken;
+static int64_t unwritten; // writes, of each failed save the only one
 static ssize_t no_write(int fd, const void *bytes, size_t size)
 {
     errno = ENOSPC;
+    unwritten += broken;
     return broken ? -1 : kn_files_system.write(fd, bytes, size);
 }
 
-TEST("a full disk is counted and told, the servo goes on, and the object is saved when there is room, changed or not")
+typedef struct ear { // what is said on stderr meanwhile
+    FILE *file;
+    int before;
+} ear;
+
+static ear hear(void)
+{
+    fflush(stderr);
+    ear e = {tmpfile(), dup(STDERR_FILENO)};
+    dup2(fileno(e.file), STDERR_FILENO);
+    return e;
+}
+
+// How many lines, and the sum of the saves that they say failed.
+static int heard(ear *e, long long *sum)
+{
+    char line[512];
+    int lines = 0;
+    dup2(e->before, STDERR_FILENO);
+    close(e->before);
+    rewind(e->file);
+    for (*sum = 0; fgets(line, sizeof line, e->file); lines++) {
+        const char *at = strrchr(line, '(');
+        fputs(line, stderr);
+        CHECK(at != NULL);
+        if (at) *sum += atoll(at + 1);
+    }
+    fclose(e->file);
+    return lines;
+}
+
+TEST("a full disk is counted, once a save, and told in a line a second that add up; the servo goes on, and the object "
+     "is saved when there is room, changed or not")
 {
     rig *r = rig_open();
     kn_files files = kn_files_system;
@@ -197,15 +231,24 @@ TEST("a full disk is counted and told, the servo goes on, and the object is save
     write_files(r);
     int64_t good = r->keeper.store.generation;
     CHECK(good >= 1);
+    CHECK(r->keeper.generation == good);
     r->keeper.store.files = &files;
     broken = true;
+    unwritten = 0;
+    ear e = hear();
+    int64_t from_ns = kn_now_ns(), ticks = r->lent.loop.servo.ticks;
+    long long told;
     move(r, DEEP, 1400);
     for (int i = 0; i < 2000; i++) tick(r, DEEP), write_files(r);
-    CHECK(r->keeper.errors >= 3 && r->keeper.store.generation == good);
+    int most = 2 + (int)((kn_now_ns() - from_ns) / 1000000000); // lines: one a second
+    CHECK(r->keeper.errors >= 3 && r->keeper.errors == unwritten && r->keeper.store.generation == good);
+    CHECK(r->lent.loop.servo.ticks == ticks + 3400);
     int64_t errors = r->keeper.errors;
     broken = false;
     for (int i = 0; i < 501; i++) tick(r, DEEP), write_files(r);
-    CHECK(r->keeper.errors == errors && r->keeper.store.generation == good + 1);
+    CHECK(r->keeper.errors == errors && r->keeper.store.generation == good + 1 && r->keeper.generation == good + 1);
+    int lines = heard(&e, &told);
+    CHECK(lines >= 1 && lines <= most && told == errors);
     rig_close(r);
 }
 
