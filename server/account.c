@@ -65,21 +65,100 @@ static void account_forces(kn_account *a, const kn_tick_out *out)
     }
 }
 
-static void remember(kn_account *a, bool good)
+#define ALL_GOOD ((1 << KN_PROBES_MAX) - 1)
+
+// good: a bit per probe.
+static void remember(kn_account *a, int good)
 {
-    a->good_count += good - a->good[a->next];
-    a->good[a->next] = good;
+    int before = a->good[a->next];
+    a->good_count += (good == ALL_GOOD) - (before == ALL_GOOD);
+    for (int p = 0; p < KN_PROBES_MAX; p++) a->probe_good[p] += (good >> p & 1) - (before >> p & 1);
+    a->good[a->next] = (uint8_t)good;
     a->next = (a->next + 1) % KN_RECENT_TICKS;
 }
 
 static void account_success(kn_account *a, const kn_tick_in *in, const kn_wake *wake, int64_t ticks)
 {
-    bool fresh = true;
-    for (int p = 0; p < KN_PROBES_MAX; p++) fresh = fresh && (!in->pose[p] || in->fresh[p]);
-    for (int i = 0; i < wake->missed && i < KN_RECENT_TICKS; i++) remember(a, false);
+    int fresh = 0;
+    for (int p = 0; p < KN_PROBES_MAX; p++) fresh |= (!in->pose[p] || in->fresh[p]) << p;
+    for (int i = 0; i < wake->missed && i < KN_RECENT_TICKS; i++) remember(a, 0);
     remember(a, fresh);
     int64_t cycles = ticks + GET(&a->missed);
-    SET(&a->success_rate, (double)a->good_count / (double)(cycles < KN_RECENT_TICKS ? cycles : KN_RECENT_TICKS));
+    double of = (double)(cycles < KN_RECENT_TICKS ? cycles : KN_RECENT_TICKS);
+    SET(&a->success_rate, (double)a->good_count / of);
+    for (int p = 0; p < KN_PROBES_MAX; p++) SET(&a->probe_success[p], (double)a->probe_good[p] / of);
+}
+
+// Welford's sums.
+static void take(kn_spread *s, double value)
+{
+    double off = value - s->mean;
+    s->min = s->count ? fmin(s->min, value) : value;
+    s->max = s->count ? fmax(s->max, value) : value;
+    s->mean += off / (double)++s->count;
+    s->square += off * (value - s->mean);
+}
+
+static double deviation(const kn_spread *s)
+{
+    return sqrt(s->square / (double)s->count);
+}
+
+// Rates of the periods: the mean is ticks over the time they took, which a short period after a long one does not
+// raise.
+static void tell_window(kn_account *a)
+{
+    const kn_spread *s = &a->busy_us, *t = &a->period_s;
+    const double busy[4] = {s->mean, deviation(s), s->min, s->max};
+    for (int i = 0; i < 4; i++) SET(&a->execution_us[i], busy[i]);
+    if (t->count == 0) return;
+    const double rate[4] = {1 / t->mean, deviation(t) / (t->mean * t->mean), 1 / t->max, 1 / t->min};
+    for (int i = 0; i < 4; i++) SET(&a->periodicity_hz[i], rate[i]);
+}
+
+// Windows end where the grid's number passes a whole thousand; the first one is told while it lasts.
+static void account_window(kn_account *a, const kn_wake *wake, int64_t execution_ns)
+{
+    int64_t since_ns = wake->now_ns - a->began_ns;
+    if (a->began_ns && since_ns > 0) take(&a->period_s, 1e-9 * (double)since_ns);
+    take(&a->busy_us, 1e-3 * (double)execution_ns);
+    a->began_ns = wake->now_ns;
+    bool whole = (wake->tick + 1) / KN_WINDOW_TICKS != (wake->tick - wake->missed) / KN_WINDOW_TICKS;
+    if (!whole && a->windowed) return;
+    tell_window(a);
+    if (!whole) return;
+    a->windowed = true;
+    a->period_s = a->busy_us = (kn_spread){0};
+}
+
+static void account_trips(kn_account *a, const kn_servo *servo, const kn_tick_out *out)
+{
+    int64_t trips[KN_TRIPS] = {0};
+    for (int p = 0; p < out->probes; p++) {
+        const kn_safety *s = &servo->safety[p];
+        trips[KNEAD_HEALTH_T_TRIP_CLAMP] += s->clamps;
+        trips[KNEAD_HEALTH_T_TRIP_GUARD] += s->guards;
+        trips[KNEAD_HEALTH_T_TRIP_SLEW] += s->slewed;
+        trips[KNEAD_HEALTH_T_TRIP_BRAKE] += s->brakes;
+        trips[KNEAD_HEALTH_T_TRIP_POSE_SILENCE] += s->tripped[KN_FAULT_POSE_SILENCE];
+        trips[KNEAD_HEALTH_T_TRIP_IMPULSE] += s->tripped[KN_FAULT_IMPULSE];
+        trips[KNEAD_HEALTH_T_TRIP_NONFINITE] += s->tripped[KN_FAULT_NONFINITE];
+        trips[KNEAD_HEALTH_T_TRIP_ESTOP] += s->tripped[KN_FAULT_ESTOP];
+        SET(&a->fault[p], out->force[p].fault);
+    }
+    trips[KNEAD_HEALTH_T_TRIP_PASSIVITY] = GET(&a->created);
+    for (int i = 0; i < KN_TRIPS; i++) SET(&a->trips[i], trips[i]);
+}
+
+// What the audit has found out; whether the object has created energy since the last tick.
+static bool account_audit(kn_account *a, const kn_audit_news *audit)
+{
+    if (!audit) return false;
+    bool created = audit->created > GET(&a->created);
+    SET(&a->created, audit->created);
+    SET(&a->audited, audit->windows);
+    SET(&a->balance_j, audit->balance_j);
+    return created;
 }
 
 void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in, const kn_tick_out *out,
@@ -92,6 +171,7 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
     if (wake->missed) SET(&a->late_loop_ns, wake->now_ns - wake->due_ns + KN_PERIOD_NS);
     count(a->wakeup, wake->late_ns);
     count(a->execution, execution_ns);
+    account_window(a, wake, execution_ns);
     account_success(a, in, wake, GET(&a->ticks));
     account_forces(a, out);
 
@@ -103,12 +183,14 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
         guards += servo->safety[p].guards;
         faults += servo->safety[p].faults;
     }
-    if (servo->audit && servo->audit->created > GET(&a->created)) {
-        SET(&a->created, servo->audit->created);
-        errors |= KNEAD_STATUS_T_ERROR_PHYSICS;
+    if (account_audit(a, servo->audit)) {
+        errors |= KNEAD_STATUS_T_ERROR_PASSIVITY;
+        SET(&a->last_errors, GET(&a->last_errors) | KNEAD_STATUS_T_ERROR_PASSIVITY);
     }
+    account_trips(a, servo, out);
     if (execution_ns > KN_PERIOD_NS) {
         ADD(&a->overruns, 1);
+        SET(&a->overrun_ns, wake->now_ns);
         errors |= KNEAD_STATUS_T_ERROR_OVERRUN;
     }
     if (faults > GET(&a->faults)) SET(&a->last_errors, errors);
@@ -144,6 +226,23 @@ void kn_account_status(const kn_account *a, knead_status_t *status)
     if (GET(&a->quality) != GET(&a->asked)) status->degraded |= KNEAD_STATUS_T_DEGRADED_REDUCED;
     status->current_errors = GET(&a->errors);
     status->last_errors = GET(&a->last_errors);
+}
+
+void kn_account_health(const kn_account *a, knead_health_t *health)
+{
+    int64_t overrun_ns = GET(&a->overrun_ns);
+    for (int i = 0; i < 4; i++) {
+        health->periodicity_hz[i] = GET(&a->periodicity_hz[i]);
+        health->execution_us[i] = GET(&a->execution_us[i]);
+    }
+    if (overrun_ns) health->time_last_overrun = kn_wall_us() - (kn_now_ns() - overrun_ns) / 1000;
+    for (int p = 0; p < KN_PROBES_MAX; p++) {
+        health->success_rate[p] = GET(&a->probe_success[p]);
+        health->fault[p] = GET(&a->fault[p]);
+    }
+    for (int i = 0; i < KN_TRIPS; i++) health->trips[i] = GET(&a->trips[i]);
+    health->energy_balance_mj = 1e3 * GET(&a->balance_j);
+    health->audited_s = GET(&a->audited);
 }
 
 int32_t kn_account_take_errors(kn_account *a)

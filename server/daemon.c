@@ -29,6 +29,10 @@
 #define CONTROL_TURN_MS 20 // how long a stop may wait for that thread
 #define REST_TICK_NS 500000 // in contact a tick takes about twice as long as at rest, and has 1 ms
 
+#define SAME_LOSS(name, word, what) \
+    _Static_assert((int)KN_LOSS_##name == KNEAD_HEALTH_T_LOSS_##name, "reasons of a circuit's loss on the wire");
+KN_LOSSES(SAME_LOSS)
+
 typedef struct server {
     kn_served on;    // what it serves
     int64_t rest_ns; // that a tick takes here while nothing touches the object
@@ -63,6 +67,8 @@ typedef struct server {
     int budget;      // datagrams that may still be read in this tick
     int64_t start_ns;
     int32_t mode_told, errors_told;
+    int32_t service_errors; // since the last fault: of disk and circuit
+    int64_t faults_seen, saves_failed_told, circuit_failed_told;
     kn_force force[KN_PROBES_MAX]; // of the latest tick
     int64_t invalid_told;
     uint32_t drops_seen; // the kernel's counter, which wraps
@@ -101,6 +107,62 @@ static int64_t kernel_drops(server *d)
     return d->kernel_drops;
 }
 
+static knead_health_t health_now(server *d, int64_t utime)
+{
+    knead_health_t health = {.utime = utime, .monotonic_us = kn_now_ns() / 1000, .circuit_last = -1};
+    kn_account_health(&d->loop.account, &health);
+    for (int p = 0; p < d->receiver.probes; p++) {
+        const kn_source *source = &d->receiver.source[p];
+        const kn_packets *n = &source->packets;
+        health.session[p] = source->last.session;
+        health.accepted[p] = n->accepted;
+        health.lost[p] = n->lost;
+        health.late[p] = n->late;
+        health.duplicate[p] = n->duplicate;
+        health.reordered[p] = n->reordered;
+        health.lost_in_a_row_max[p] = n->lost_in_a_row_max;
+    }
+    for (int p = d->receiver.probes; p < KN_PROBES_MAX; p++) health.success_rate[p] = 0;
+    health.snapshots = atomic_load(&d->keeper.saves);
+    health.snapshot_gen = atomic_load(&d->keeper.generation);
+    health.snapshot_ms_last = 1e-3 * (double)atomic_load(&d->keeper.last_us);
+    health.snapshot_ms_max = 1e-3 * (double)atomic_load(&d->keeper.most_us);
+    kn_fpga_counts n;
+    if (!kn_backend_fpga_counts(&d->on.backend, &n)) return health;
+    health.circuit = n.in_step  ? KNEAD_HEALTH_T_CIRCUIT_IN_STEP
+                     : n.behind ? KNEAD_HEALTH_T_CIRCUIT_BEHIND
+                                : KNEAD_HEALTH_T_CIRCUIT_LOST;
+    health.circuit_ok = n.on_circuit;
+    health.circuit_timeouts = n.timeouts;
+    health.circuit_crc = n.crc;
+    health.circuit_fallbacks = n.shadowed;
+    health.circuit_losses = n.losses;
+    health.circuit_different = n.different;
+    health.circuit_loads = n.loads;
+    for (int i = 0; i < KN_LOSS_COUNT; i++) health.circuit_because[i] = n.because[i];
+    if (n.last != KN_LOSS_COUNT) health.circuit_last = (int32_t)n.last;
+    health.circuit_rtt_us[0] = 1e-3 * (double)n.p50_ns;
+    health.circuit_rtt_us[1] = 1e-3 * (double)n.p99_ns;
+    health.circuit_rtt_us[2] = 1e-3 * (double)n.max_ns;
+    return health;
+}
+
+// Those that the servo does not see, since they were told last; kept among the last ones until there is a fault.
+static int32_t service_errors(server *d, bool tells)
+{
+    int64_t failed = atomic_load(&d->keeper.errors), lost = 0;
+    int32_t errors = 0;
+    kn_fpga_counts n;
+    if (kn_backend_fpga_counts(&d->on.backend, &n)) lost = n.losses + n.different;
+    if (failed > d->saves_failed_told) errors |= KNEAD_STATUS_T_ERROR_SNAPSHOT;
+    if (lost > d->circuit_failed_told) errors |= KNEAD_STATUS_T_ERROR_OFFLOAD_FAULT;
+    d->service_errors |= errors;
+    if (!tells) return errors;
+    d->saves_failed_told = failed;
+    d->circuit_failed_told = lost;
+    return errors;
+}
+
 static knead_status_t status_now(server *d)
 {
     knead_status_t status = {.utime = kn_wall_us(), .uptime_ms = (kn_now_ns() - d->start_ns) / 1000000};
@@ -119,8 +181,15 @@ static knead_status_t status_now(server *d)
     if (!d->rt.locked) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_MLOCK;
     if (d->on.model->isa == KN_ISA_BASE) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FMA;
     kn_fpga_counts counts;
-    status.backend = kn_backend_fpga_counts(&d->on.backend, &counts) ? KNEAD_STATUS_T_BACKEND_FPGA
-                     : d->on.model->fixed                            ? KNEAD_STATUS_T_BACKEND_FIXED : KNEAD_STATUS_T_BACKEND_CPU;
+    bool circuit = kn_backend_fpga_counts(&d->on.backend, &counts);
+    if (circuit && !counts.in_step) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FPGA;
+    status.backend = circuit              ? KNEAD_STATUS_T_BACKEND_FPGA
+                     : d->on.model->fixed ? KNEAD_STATUS_T_BACKEND_FIXED
+                                          : KNEAD_STATUS_T_BACKEND_CPU;
+    if (status.faults > d->faults_seen) d->service_errors = 0;
+    d->faults_seen = status.faults;
+    status.current_errors |= service_errors(d, false);
+    status.last_errors |= d->service_errors;
     return status;
 }
 
@@ -128,7 +197,7 @@ static void tell_status(server *d)
 {
     knead_status_t status = status_now(d);
     const kn_receiver *r = &d->receiver;
-    status.current_errors = kn_account_take_errors(&d->loop.account);
+    status.current_errors = kn_account_take_errors(&d->loop.account) | service_errors(d, true);
 
     int64_t invalid = r->rejected[KN_REJECT_NONFINITE] + r->rejected[KN_REJECT_QUATERNION] +
                       r->rejected[KN_REJECT_WORKSPACE] + r->rejected[KN_REJECT_JUMP];
@@ -137,6 +206,8 @@ static void tell_status(server *d)
     d->mode_told = status.mode;
     d->errors_told = status.current_errors;
     kn_publisher_status(&d->publisher, &status);
+    knead_health_t health = health_now(d, status.utime);
+    kn_publisher_health(&d->publisher, &health);
 }
 
 static void publish_records(server *d)
@@ -210,6 +281,7 @@ static void on_asked(struct ev_loop *ev, ev_async *w, int events)
     server *d = w->data;
     kn_health *health = kn_mailbox_back(&d->operator.health);
     health->status = status_now(d);
+    health->more = health_now(d, health->status.utime);
     health->error_bits = d->errors_told | health->status.current_errors;
     memcpy(health->force, d->force, sizeof health->force);
     kn_mailbox_post(&d->operator.health);

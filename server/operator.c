@@ -1,5 +1,5 @@
 #include "server/operator.h"
-#include "server/backend/fpga.h"
+#include "server/backend/loss.h"
 #include <inttypes.h>
 #include <math.h>
 #include <string.h>
@@ -55,6 +55,57 @@ static json_t *histogram(const int64_t count[KN_HISTOGRAM])
     return object;
 }
 
+static json_t *counts(const int64_t count[KN_HISTOGRAM])
+{
+    json_t *array = json_array();
+    for (int i = 0; i < KN_HISTOGRAM; i++) json_array_append_new(array, json_integer(count[i]));
+    return array;
+}
+
+static json_t *spread(const double of[4])
+{
+    return json_pack("{s:f, s:f, s:f, s:f}", "mean", of[0], "std", of[1], "min", of[2], "max", of[3]);
+}
+
+static json_t *trips(const knead_health_t *m)
+{
+    static const struct {
+        const char *name;
+        int at;
+    } names[] = {{"pose_silence", KNEAD_HEALTH_T_TRIP_POSE_SILENCE},
+                 {"impulse", KNEAD_HEALTH_T_TRIP_IMPULSE},
+                 {"nonfinite", KNEAD_HEALTH_T_TRIP_NONFINITE},
+                 {"estop", KNEAD_HEALTH_T_TRIP_ESTOP},
+                 {"passivity", KNEAD_HEALTH_T_TRIP_PASSIVITY}};
+    json_t *object = json_object();
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        json_object_set_new(object, names[i].name, json_integer(m->trips[names[i].at]));
+    return object;
+}
+
+static json_t *circuit(const knead_health_t *m)
+{
+    static const char *const states[] = {"none", "in_step", "behind", "lost"};
+    json_t *because = json_object();
+    for (int i = 0; i < KN_LOSS_COUNT; i++)
+        json_object_set_new(because, kn_loss_word((kn_loss)i), json_integer(m->circuit_because[i]));
+    kn_loss last = m->circuit_last < 0 ? KN_LOSS_COUNT : (kn_loss)m->circuit_last;
+    return json_pack("{s:s, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:s, s:o, s:{s:f, s:f, s:f}}", "state", states[m->circuit], "ok",
+                     (json_int_t)m->circuit_ok, "timeouts", (json_int_t)m->circuit_timeouts, "crc",
+                     (json_int_t)m->circuit_crc, "fallbacks", (json_int_t)m->circuit_fallbacks, "losses",
+                     (json_int_t)m->circuit_losses, "different", (json_int_t)m->circuit_different, "loads",
+                     (json_int_t)m->circuit_loads, "last_loss", kn_loss_word(last), "because", because, "rtt_us", "p50", m->circuit_rtt_us[0], "p99", m->circuit_rtt_us[1],
+                     "max", m->circuit_rtt_us[2]);
+}
+
+static json_t *packets(const knead_health_t *m, int p)
+{
+    return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I}", "accepted", (json_int_t)m->accepted[p], "lost",
+                     (json_int_t)m->lost[p], "late", (json_int_t)m->late[p], "duplicate", (json_int_t)m->duplicate[p],
+                     "reordered", (json_int_t)m->reordered[p], "lost_in_a_row_max",
+                     (json_int_t)m->lost_in_a_row_max[p]);
+}
+
 static json_t *rejections(const knead_status_t *s)
 {
     json_t *object = json_object();
@@ -71,10 +122,11 @@ static json_t *probes(const kn_operator *o, const kn_health *h)
         char session[24];
         snprintf(session, sizeof session, "%" PRId64, f->session); // JSON's numbers have 53 bits
         kn_fault fault = (kn_fault)f->fault;
-        json_t *probe =
-            json_pack("{s:s, s:b, s:s, s:b, s:f, s:[f,f,f], s:s}", "name", o->on.served->scene->model.probe[p].name, "live",
-                      f->live, "session", f->live ? session : "0", "in_contact", f->contacts > 0, "gain", f->gain,
-                      "force_n", f->force_n[0], f->force_n[1], f->force_n[2], "fault", kn_fault_name(fault));
+        json_t *probe = json_pack(
+            "{s:s, s:b, s:s, s:b, s:f, s:[f,f,f], s:s, s:f, s:o}", "name", o->on.served->scene->model.probe[p].name,
+            "live", f->live, "session", f->live ? session : "0", "in_contact", f->contacts > 0, "gain", f->gain,
+            "force_n", f->force_n[0], f->force_n[1], f->force_n[2], "fault", kn_fault_name(fault),
+            "control_command_success_rate", h->more.success_rate[p], "packets", packets(&h->more, p));
         if (fault != KN_FAULT_NONE) json_object_set_new(probe, "way_back", json_string(kn_fault_remedy(fault)));
         json_array_append_new(array, probe);
     }
@@ -96,23 +148,29 @@ static json_t *settings(kn_operator *o)
 static json_t *status_of(kn_operator *o, const kn_health *h)
 {
     static const char *const modes[] = {"IDLE", "RUNNING", "FAULT", "BRAKE", "ESTOP", "STOPPING", "RECOVERING"},
-                             *const degraded[] = {"no_fifo", "no_mlock", "no_fma", "reduced"},
-                             *const errors[] = {"comm_lost",      "force_limit",  "force_impulse_limit",
-                                                "velocity_limit", "pose_invalid", "overrun",
-                                                "physics"};
+                             *const degraded[] = {"no_fifo", "no_mlock", "no_fma", "reduced", "no_fpga"},
+                             *const backends[] = {"cpu", "fixed", "fpga"},
+                             *const errors[] = {
+                                 "comm_lost", "force_limit", "force_impulse_limit", "velocity_limit", "pose_invalid",
+                                 "overrun",   "physics",     "offload_fault",       "snapshot_error", "passivity"};
     const knead_status_t *s = &h->status;
+    const knead_health_t *m = &h->more;
     kn_account *a = &o->on.loop->account;
-    json_t *status = json_pack("{s:b, s:s, s:s, s:I, s:f, s:I, s:s, s:o, s:o, s:o}", "ok", 1, "version", KN_VERSION,
-                               "scene", o->on.served->scene->name, "time_us", (json_int_t)s->utime, "uptime_s",
-                               1e-3 * (double)s->uptime_ms, "tick", (json_int_t)s->tick, "mode", modes[s->mode],
-                               "degraded", names_of(s->degraded, degraded, 4), "current_errors",
-                               names_of(h->error_bits, errors, 7), "last_errors", names_of(s->last_errors, errors, 7));
+    json_t *status = json_pack(
+        "{s:b, s:s, s:s, s:s, s:I, s:I, s:f, s:I, s:s, s:o, s:o, s:o}", "ok", 1, "version", KN_VERSION, "scene",
+        o->on.served->scene->name, "backend", backends[s->backend], "time_us", (json_int_t)s->utime, "monotonic_us",
+        (json_int_t)m->monotonic_us, "uptime_s", 1e-3 * (double)s->uptime_ms, "tick", (json_int_t)s->tick, "mode",
+        modes[s->mode], "degraded", names_of(s->degraded, degraded, 5), "current_errors",
+        names_of(h->error_bits, errors, 10), "last_errors", names_of(s->last_errors, errors, 10));
     json_object_set_new(status, "loop",
-                        json_pack("{s:I, s:I, s:I, s:o, s:o, s:I}", "missed_cycles", (json_int_t)s->missed_cycles,
-                                  "missed_explained", (json_int_t)s->missed_explained, "num_overruns",
-                                  (json_int_t)s->overruns, "wakeup_us_below", histogram(s->wakeup_hist),
-                                  "execution_us_below", histogram(s->execution_hist), "solver_capped",
-                                  (json_int_t)s->solver_capped));
+                        json_pack("{s:o, s:o, s:I, s:I, s:I, s:I, s:o, s:o, s:o, s:o, s:I}", "periodicity_hz",
+                                  spread(m->periodicity_hz), "execution_time_us", spread(m->execution_us),
+                                  "missed_cycles", (json_int_t)s->missed_cycles, "missed_explained",
+                                  (json_int_t)s->missed_explained, "num_overruns", (json_int_t)s->overruns,
+                                  "time_last_overrun", (json_int_t)m->time_last_overrun, "wakeup_us_below",
+                                  histogram(s->wakeup_hist), "execution_us_below", histogram(s->execution_hist),
+                                  "wakeup_latency_hist", counts(s->wakeup_hist), "execution_time_hist",
+                                  counts(s->execution_hist), "solver_capped", (json_int_t)s->solver_capped));
     json_object_set_new(status, "link",
                         json_pack("{s:f, s:I, s:I, s:o, s:I, s:I, s:I}", "control_command_success_rate",
                                   s->success_rate, "received", (json_int_t)s->received, "accepted",
@@ -120,22 +178,24 @@ static json_t *status_of(kn_operator *o, const kn_health *h)
                                   (json_int_t)s->kernel_drops, "published", (json_int_t)s->published, "publish_drops",
                                   (json_int_t)s->publish_drops));
     json_object_set_new(status, "force",
-                        json_pack("{s:f, s:f, s:I, s:I, s:I}", "force_max_n", s->force_max_n, "force_step_max_n",
-                                  s->force_step_max_n, "clamps", (json_int_t)s->clamps, "guards", (json_int_t)s->guards,
-                                  "faults", (json_int_t)s->faults));
+                        json_pack("{s:f, s:f, s:I, s:I, s:I, s:I, s:I, s:o}", "force_max_n", s->force_max_n,
+                                  "force_step_max_n", s->force_step_max_n, "clamps", (json_int_t)s->clamps, "guards",
+                                  (json_int_t)s->guards, "slew_limited", (json_int_t)m->trips[KNEAD_HEALTH_T_TRIP_SLEW],
+                                  "brakes", (json_int_t)m->trips[KNEAD_HEALTH_T_TRIP_BRAKE], "faults",
+                                  (json_int_t)s->faults, "trips", trips(m)));
+    json_object_set_new(status, "energy",
+                        json_pack("{s:o, s:I}", "energy_balance_mj",
+                                  m->audited_s > 0 ? json_real(m->energy_balance_mj) : json_null(), "audited_s",
+                                  (json_int_t)m->audited_s));
     json_object_set_new(status, "quality",
                         json_pack("{s:s, s:s}", "in_force", kn_quality_name((kn_quality)atomic_load(&a->quality)),
                                   "asked", kn_quality_name((kn_quality)atomic_load(&a->asked))));
     json_object_set_new(status, "state",
-                        json_pack("{s:I, s:i}", "snapshot_age_ms", (json_int_t)s->snapshot_age_ms, "snapshot_errors",
-                                  (int)s->snapshot_errors));
-    kn_fpga_counts n;
-    if (kn_backend_fpga_counts(&o->on.served->backend, &n))
-        json_object_set_new(status, "circuit",
-                            json_pack("{s:b, s:I, s:I, s:I, s:I, s:I}", "in_step", n.in_step, "ticks",
-                                      (json_int_t)n.on_circuit, "shadowed", (json_int_t)n.shadowed, "losses",
-                                      (json_int_t)n.losses, "different", (json_int_t)n.different, "loads",
-                                      (json_int_t)n.loads));
+                        json_pack("{s:I, s:I, s:I, s:f, s:f, s:i}", "snapshot_age_ms", (json_int_t)s->snapshot_age_ms,
+                                  "snapshot_gen", (json_int_t)m->snapshot_gen, "snapshots", (json_int_t)m->snapshots,
+                                  "snapshot_ms_last", m->snapshot_ms_last, "snapshot_ms_max", m->snapshot_ms_max,
+                                  "snapshot_errors", (int)s->snapshot_errors));
+    if (m->circuit != KNEAD_HEALTH_T_CIRCUIT_NONE) json_object_set_new(status, "circuit", circuit(m));
     json_object_set_new(status, "set", settings(o));
     json_object_set_new(status, "probes", probes(o, h));
     return status;

@@ -31,6 +31,7 @@
 
 typedef struct kn_health { // what the main thread knows, as of one moment
     knead_status_t status;
+    knead_health_t more;
     int32_t error_bits;            // of status.current_errors, whether they were told on LCM or not
     kn_force force[KN_PROBES_MAX]; // of the latest tick
 } kn_health;

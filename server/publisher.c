@@ -94,3 +94,8 @@ void kn_publisher_status(kn_publisher *p, const knead_status_t *status)
 {
     send_bytes(p, "KNEAD_STATUS", knead_status_t_encode(p->bytes, 0, p->room, status));
 }
+
+void kn_publisher_health(kn_publisher *p, const knead_health_t *health)
+{
+    send_bytes(p, "KNEAD_HEALTH", knead_health_t_encode(p->bytes, 0, p->room, health));
+}

@@ -3,6 +3,7 @@
 // What leaves on the bus of poses: forces, events, the scene, the status. One thread, one lcm_t, which only transmits
 // (liblcm's receiving half is not to be trusted with the bus, see receiver.h). Messages are encoded into memory of
 // our own; lcm-gen's X_publish would allocate for each.
+#include "proto/knead_health_t.h"
 #include "proto/knead_status_t.h"
 #include "server/auth.h"
 #include "server/loop.h"
@@ -37,5 +38,6 @@ void kn_publisher_record(kn_publisher *p, const kn_record *record);
 void kn_publisher_touch(kn_publisher *p, const kn_touched *touched);
 void kn_publisher_scene(kn_publisher *p, int64_t utime);
 void kn_publisher_status(kn_publisher *p, const knead_status_t *status);
+void kn_publisher_health(kn_publisher *p, const knead_health_t *health);
 
 #endif

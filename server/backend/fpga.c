@@ -18,6 +18,7 @@
 #define LOOK_NS 100000
 #define STACK_BYTES (512 * 1024)
 #define LAST_NS 1000000000         // at the end, to get in step once more
+#define TELL_TICKS 256             // between two looks at what the device has counted
 
 typedef struct slot { // one tick of the twin's
     int count;
@@ -55,6 +56,8 @@ typedef struct fpga {
     int told;                         // of the thread: the last loss put into line
     atomic_bool news;                 // line is full, and its reader's
     char line[KN_FPGA_LINE];
+    _Atomic int64_t timeouts, crc, p50_ns, p99_ns, max_ns; // copies of the device's
+    int ticks;                                             // since that copy; the servo's
 } fpga;
 
 // --- why it is lost --------------------------------------------------------------------------------------------------
@@ -119,6 +122,18 @@ static kn_link_status advance(fpga *f, int64_t deadline_ns, kn_loss *why)
     atomic_fetch_add(&f->on_circuit, 1);
     atomic_fetch_add(&f->done, 1);
     return KN_LINK_OK;
+}
+
+// What the device has counted, by who speaks to it.
+static void tell_stats(fpga *f)
+{
+    kn_device_stats stats;
+    kn_device_stats_of(f->device, &stats);
+    atomic_store(&f->timeouts, stats.timeouts);
+    atomic_store(&f->crc, stats.link.crc + stats.link.coding);
+    atomic_store(&f->p50_ns, stats.p50_ns);
+    atomic_store(&f->p99_ns, stats.p99_ns);
+    atomic_store(&f->max_ns, stats.max_ns);
 }
 
 // From here on the thread speaks to the device, until it is in step again.
@@ -211,7 +226,15 @@ static kn_backend_status fpga_wait(void *self, int64_t deadline_ns, kn_output *o
     return status == KN_BACKEND_OK && !in_step ? KN_BACKEND_SHADOWED : status;
 }
 
-static void fpga_afterwards(void *self) { take_copy(self); }
+static void fpga_afterwards(void *self)
+{
+    fpga *f = self;
+    take_copy(f);
+    if (++f->ticks < TELL_TICKS || atomic_load(&f->speaker) != SERVO) return;
+    f->ticks = 0;
+    tell_stats(f);
+}
+
 static const kn_state *fpga_state(void *self) { return ((fpga *)self)->twin.state(((fpga *)self)->twin.self); }
 
 static void fpga_reset(void *self)
@@ -282,7 +305,9 @@ static void *thread_main(void *arg)
         while (sem_wait(&f->wake) != 0 && errno == EINTR) continue;
         while (!atomic_load(&f->stop) && atomic_load(&f->speaker) == THREAD) {
             tell(f);
-            if (!get_in_step(f)) {
+            bool in_step = get_in_step(f);
+            tell_stats(f);
+            if (!in_step) {
                 tell(f);
                 kn_clock_sleep(kn_now_ns() + AGAIN_NS);
                 continue;
@@ -426,6 +451,12 @@ bool kn_backend_fpga_counts(const kn_backend *backend, kn_fpga_counts *counts)
                                .different = atomic_load(&f->different),
                                .loads = atomic_load(&f->loads),
                                .in_step = atomic_load(&f->speaker) == SERVO,
+                               .behind = atomic_load(&f->following),
+                               .timeouts = atomic_load(&f->timeouts),
+                               .crc = atomic_load(&f->crc),
+                               .p50_ns = atomic_load(&f->p50_ns),
+                               .p99_ns = atomic_load(&f->p99_ns),
+                               .max_ns = atomic_load(&f->max_ns),
                                .last = (kn_loss)atomic_load(&f->last)};
     for (int i = 0; i < KN_LOSS_COUNT; i++) counts->because[i] = atomic_load(&f->because[i]);
     return true;

@@ -26,6 +26,9 @@ typedef struct kn_fpga_counts {
     // Times that it was out of step for this reason: those of losses, and what then kept it from coming back. What
     // stays the reason for a while is one.
     int64_t because[KN_LOSS_COUNT];
+    bool behind;        // it has the object, and catches up
+    int64_t timeouts, crc; // requests without an answer in time, broken frames: as of some ticks ago, as the next
+    int64_t p50_ns, p99_ns, max_ns; // from submit to result
 } kn_fpga_counts;
 
 // Opens the device (link.h says the URIs), identifies and loads it. Borrows a model of KN_SOLVER_FIXED, in steps of

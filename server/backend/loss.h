@@ -1,6 +1,7 @@
 #ifndef KN_SERVER_BACKEND_LOSS_H
 #define KN_SERVER_BACKEND_LOSS_H
-// Why a circuit is not in step, by name: kneadd's log line, its status and its counters say the same word.
+// Why a circuit is not in step, by name: kneadd's log line, its status and its counters say the same word. Append only:
+// health_t holds the indices.
 #include <stdint.h>
 
 // name, its word, what it means

@@ -142,4 +142,94 @@ TEST("the largest force and the largest step of a force are of the hand's, over 
     CHECK_NEAR(status().force_step_max_n, 8, 1e-12);
 }
 
+static knead_health_t health(void)
+{
+    knead_health_t h = {0};
+    kn_account_health(&account, &h);
+    return h;
+}
+
+TEST("rates and times are of the last whole second of the grid, of the first one while it lasts")
+{
+    start();
+    int64_t at_ns = 0;
+    for (int n = 0; n < 2500; n++) {
+        wake = (kn_wake){.tick = n, .now_ns = at_ns += n % 2 ? MS / 2 : 3 * MS / 2}; // of 1 ms on the average
+        kn_account_tick(&account, &servo, &in, &out, &wake, n < 1000 ? 20000 : n % 2 ? 100000 : 300000, true);
+        knead_health_t h = health();
+        if (n == 10) CHECK_NEAR(h.execution_us[0], 20, 1e-9);
+        if (n == 1500) CHECK_NEAR(h.execution_us[3], 20, 1e-9);
+    }
+    knead_health_t h = health();
+    CHECK_NEAR(h.execution_us[0], 200, 1e-9);
+    CHECK_NEAR(h.execution_us[1], 100, 1e-9);
+    CHECK_NEAR(h.execution_us[2], 100, 1e-9);
+    CHECK_NEAR(h.execution_us[3], 300, 1e-9);
+    CHECK_NEAR(h.periodicity_hz[0], 1000, 1e-6); // not that of the single rates, 1333
+    CHECK_NEAR(h.periodicity_hz[1], 500, 1e-6);
+    CHECK_NEAR(h.periodicity_hz[2], 1000 / 1.5, 1e-6);
+    CHECK_NEAR(h.periodicity_hz[3], 2000, 1e-6);
+}
+
+TEST("a second that the loop slept through ends the window before it")
+{
+    start();
+    for (int n = 0; n < 1000; n++) tick(0, n, 20000);
+    tick(1700, 1000, 50000);
+    for (int n = 0; n < 100; n++) tick(0, 2000 + n, 50000);
+    CHECK_NEAR(health().execution_us[0], 50, 1e-9);
+}
+
+TEST("the latest overrun has its time, each probe its success")
+{
+    start();
+    tick(0, 0, 5);
+    CHECK(health().time_last_overrun == 0);
+    int64_t before_us = kn_wall_us();
+    wake = (kn_wake){.tick = 1, .now_ns = kn_now_ns()};
+    kn_account_tick(&account, &servo, &in, &out, &wake, MS + 1, true);
+    int64_t after_us = kn_wall_us(), told_us = health().time_last_overrun;
+    CHECK(told_us >= before_us - 10 && told_us <= after_us + 10);
+
+    start();
+    in.pose[1] = &pose;
+    for (int n = 0; n < 100; n++) in.fresh[1] = n % 4 != 0, tick(0, 0, 0);
+    CHECK_NEAR(health().success_rate[0], 1, 0);
+    CHECK_NEAR(health().success_rate[1], 0.75, 1e-12);
+    CHECK_NEAR(status().success_rate, 0.75, 1e-12);
+}
+
+TEST("what acted is told by its name, summed over the probes; a passivity that was broken among the last errors, too")
+{
+    kn_audit_news news = {.windows = 3, .balance_j = 2e-3};
+    start();
+    servo.audit = &news;
+    servo.safety[0].clamps = 1, servo.safety[1].clamps = 2;
+    servo.safety[0].guards = 3;
+    servo.safety[1].slewed = 4;
+    servo.safety[1].brakes = 5;
+    servo.safety[0].tripped[KN_FAULT_POSE_SILENCE] = 6;
+    servo.safety[1].tripped[KN_FAULT_IMPULSE] = 7;
+    servo.safety[1].tripped[KN_FAULT_NONFINITE] = 8;
+    servo.safety[0].tripped[KN_FAULT_ESTOP] = 9;
+    out.force[1].fault = KNEAD_CONTACT_FORCE_T_FAULT_IMPULSE;
+    tick(0, 0, 0);
+    knead_health_t h = health();
+    const int64_t expected[] = {3, 3, 4, 5, 6, 7, 8, 9, 0};
+    for (int i = 0; i <= KNEAD_HEALTH_T_TRIP_PASSIVITY; i++) CHECK(h.trips[i] == expected[i]);
+    CHECK(h.fault[1] == KNEAD_CONTACT_FORCE_T_FAULT_IMPULSE && h.fault[0] == 0);
+    CHECK(h.audited_s == 3);
+    CHECK_NEAR(h.energy_balance_mj, 2, 1e-12);
+    CHECK(status().current_errors == KNEAD_STATUS_T_ERROR_FORCE_IMPULSE_LIMIT);
+    news.created = 1;
+    out.force[1].fault = 0;
+    tick(0, 0, 0);
+    tick(0, 0, 0);
+    knead_status_t s = status();
+    CHECK(s.current_errors == KNEAD_STATUS_T_ERROR_PASSIVITY && s.last_errors == KNEAD_STATUS_T_ERROR_PASSIVITY);
+    CHECK(health().trips[KNEAD_HEALTH_T_TRIP_PASSIVITY] == 1);
+    tick(0, 0, 0);
+    CHECK(status().current_errors == 0);
+}
+
 TESTS_MAIN

@@ -226,7 +226,7 @@ TEST("what a tool touches is told every 4 ms where it was asked for, and changes
     rig_close(&plain);
 }
 
-TEST("checkpoints tell the audit: what is stored, the tools' work, what was dissipated; creation is an error of physics")
+TEST("checkpoints tell the audit: what is stored, the tools' work, what was dissipated; creation is counted and named")
 {
     rig r;
     rig_open(&r, "material=jelly");
@@ -240,7 +240,12 @@ TEST("checkpoints tell the audit: what is stored, the tools' work, what was diss
     CHECK(r.audit[3] > -1e-9 && r.audit[4] == 0);
     knead_status_t status = {0};
     kn_account_status(&r.lent.loop.account, &status);
-    CHECK(!(status.current_errors & KNEAD_STATUS_T_ERROR_PHYSICS));
+    CHECK(!(status.current_errors & KNEAD_STATUS_T_ERROR_PASSIVITY));
+    knead_health_t health = {0};
+    kn_account_health(&r.lent.loop.account, &health);
+    CHECK(health.audited_s >= 3 && health.trips[KNEAD_HEALTH_T_TRIP_PASSIVITY] == 0);
+    CHECK(health.energy_balance_mj > 0 &&
+          health.energy_balance_mj < 1e3 * r.audit[2]); // of a jelly, some of it dissipated
 
     kn_state *state = (kn_state *)(uintptr_t)r.lent.backend.state(r.lent.backend.self);
     kn_model *m = r.lent.model;
@@ -251,7 +256,10 @@ TEST("checkpoints tell the audit: what is stored, the tools' work, what was diss
     hover(&r, 3000);
     CHECK(r.audit[4] == 1);
     kn_account_status(&r.lent.loop.account, &status);
-    CHECK(status.current_errors & KNEAD_STATUS_T_ERROR_PHYSICS);
+    CHECK(status.current_errors & status.last_errors & KNEAD_STATUS_T_ERROR_PASSIVITY);
+    double balance_mj = health.energy_balance_mj;
+    kn_account_health(&r.lent.loop.account, &health);
+    CHECK(health.trips[KNEAD_HEALTH_T_TRIP_PASSIVITY] == 1 && health.energy_balance_mj < balance_mj);
     rig_close(&r);
 }
 

@@ -1,4 +1,6 @@
 // What a scene message must hold before a decoder may see it.
+#include "proto/knead_health_t.h"
+#include "proto/knead_status_t.h"
 #include "server/wire.h"
 #include "tests/check.h"
 
@@ -70,6 +72,20 @@ TEST("a touch patch stands on the wire as it was made, in the tool's frame")
     CHECK(heard.area_m2 == 1 && heard.peak_pressure_pa == 8 && heard.centre_m[1] == 3 && heard.normal[2] == 7);
     CHECK(heard.slip_velocity_m_s[0] == 9);
     CHECK(memcmp(heard.pressure_pa, touch.pressure_pa, sizeof touch.pressure_pa) == 0);
+}
+
+TEST("every message of a fixed size goes into one datagram, its code and the longest channel with it")
+{
+    const int room = 1435 - 8 - 64 - KN_WIRE_MAC; // LCM's, less its header and a channel's name
+    CHECK(knead_status_t_encoded_size(&(knead_status_t){0}) <= room);
+    CHECK(knead_health_t_encoded_size(&(knead_health_t){0}) <= room);
+    CHECK(knead_contact_force_t_encoded_size(&(knead_contact_force_t){0}) <= room);
+    CHECK(knead_contact_model_t_encoded_size(&(knead_contact_model_t){0}) <= room);
+    CHECK(knead_touch_patch_t_encoded_size(&(knead_touch_patch_t){0}) <= room);
+    CHECK(knead_event_t_encoded_size(&(knead_event_t){0}) <= room);
+    CHECK(knead_probe_pose_t_encoded_size(&(knead_probe_pose_t){0}) <= room);
+    printf("     status %d bytes, health %d\n", knead_status_t_encoded_size(&(knead_status_t){0}),
+           knead_health_t_encoded_size(&(knead_health_t){0}));
 }
 
 TESTS_MAIN
