@@ -15,10 +15,12 @@
 static const char help[] =
     "usage: knead ctl [--control PATH] [--json] COMMAND [ARGUMENT]...\n\n"
     "Commands a running kneadd, by the socket that its --control names.\n\n"
-    "  status           how it is: mode, faults and the way back, the loop, what was refused, every tool\n"
+    "  status           how it is: mode, faults and the way back, the loop, every tool's link, what acted how often;\n"
+    "                   what is 0 is left out, but for --json (server/README.md has its names)\n"
     "  reset            the object is as new; what a hand felt fades, and its tool engages again once lifted\n"
     "  quality NAME     fast, balanced, accurate or own: another of the scene's points, through zero force\n"
-    "  set KEY=VALUE... keys of the scene, as 'knead check --keys' lists them: the object goes on in another material,\n"
+    "  set KEY=VALUE... keys of the scene, as 'knead check --keys' lists them: the object goes on in another "
+    "material,\n"
     "                   a hand's force through zero. Limits of the device can be lowered, never raised\n"
     "  load [FILE]      a start with that scene, or with the same one as its file is now, once it has been checked\n"
     "  snapshot         the object as it is, on disk when this is answered, in a file that stays; kneadd --state-dir\n"
@@ -58,34 +60,93 @@ static int parse(options *o, int argc, char **argv)
                        "undo, estop, recover or stop");
 }
 
-static char *text_of(const json_t *value)
+static bool is_zero(const json_t *value)
 {
-    return json_is_string(value) ? strdup(json_string_value(value))
-                                 : json_dumps(value, JSON_ENCODE_ANY | JSON_COMPACT | JSON_REAL_PRECISION(6));
+    return (json_is_number(value) && json_number_value(value) == 0) || json_is_null(value);
 }
 
-// A line; of an object a line each, without what is 0; of an array of objects each by its name.
+static bool ends_in(const char *name, const char *end)
+{
+    size_t size = strlen(name), tail = strlen(end);
+    return size >= tail && strcmp(name + size - tail, end) == 0;
+}
+
+// Whether it is for programs alone, or 0 where most numbers are.
+static bool is_quiet(bool inner, const char *name, const json_t *value)
+{
+    const char *key;
+    json_t *member;
+    bool all_zero = json_is_object(value);
+    json_object_foreach((json_t *)(uintptr_t)value, key, member) all_zero &= is_zero(member);
+    return ends_in(name, "_hist") || strcmp(name, "monotonic_us") == 0 || (inner && (all_zero || is_zero(value)));
+}
+
+static void print_time(double us)
+{
+    char text[32];
+    time_t s = (time_t)(1e-6 * us);
+    struct tm utc;
+    strftime(text, sizeof text, "%Y-%m-%d %H:%M:%S UTC", gmtime_r(&s, &utc));
+    fputs(text, stdout);
+}
+
+// "mean 999.8, max 1012"; what is 0 is left out.
+static void print_value(const char *name, const json_t *value)
+{
+    const char *key, *between = "";
+    json_t *member;
+    size_t i;
+    if (json_is_string(value))
+        fputs(json_string_value(value), stdout);
+    else if (strncmp(name, "time_", 5) == 0)
+        print_time(json_number_value(value));
+    else if (strcmp(name, "snapshot_age_ms") == 0 && json_number_value(value) < 0)
+        fputs("nothing saved", stdout);
+    else if (json_is_integer(value))
+        printf("%" PRId64, (int64_t)json_integer_value(value));
+    else if (json_is_real(value))
+        printf(json_real_value(value) < 1000 ? "%.4g" : "%.0f", json_real_value(value));
+    else if (json_is_boolean(value))
+        fputs(json_is_true(value) ? "yes" : "no", stdout);
+    else if (json_is_array(value) && json_array_size(value) == 0)
+        fputs("none", stdout);
+    json_array_foreach(value, i, member)
+    {
+        if (i > 0) fputs(json_is_number(member) ? " " : ", ", stdout);
+        print_value("", member);
+    }
+    json_object_foreach((json_t *)(uintptr_t)value, key, member)
+    {
+        if (is_zero(member)) continue;
+        printf("%s%s ", between, key);
+        print_value(key, member);
+        between = ", ";
+    }
+}
+
+// A line; of an object a line each; of an array of objects each by its name.
 static void show(const char *indent, const char *name, json_t *value)
 {
     const char *key;
     json_t *member;
     size_t i;
-    if (*indent && json_is_integer(value) && json_integer_value(value) == 0) return;
+    if (is_quiet(*indent, name, value)) return;
     if (json_is_object(value) && !*indent) {
         printf("%s\n", name);
         json_object_foreach(value, key, member) show("    ", key, member);
     } else if (json_is_object(json_array_get(value, 0))) {
         json_array_foreach(value, i, member)
         {
-            char *of = text_of(json_object_get(member, "name"));
+            json_t *of = json_incref(json_object_get(member, "name"));
             json_object_del(member, "name");
-            show("", of ? of : name, member);
-            free(of);
+            printf("probe ");
+            show("", json_is_string(of) ? json_string_value(of) : name, member);
+            json_decref(of);
         }
     } else {
-        char *text = text_of(value);
-        printf("%s%-*s %s\n", indent, 34 - (int)strlen(indent), name, text ? text : "");
-        free(text);
+        printf("%s%-*s ", indent, 34 - (int)strlen(indent), name);
+        print_value(name, value);
+        putchar('\n');
     }
 }
 
