@@ -93,9 +93,12 @@ kn_surface *kn_surface_create(const kn_model *model)
     for (int i = 0; i < 3 * s->triangle_count; i++) vertex[s->triangle[i]] = 1;
     for (int node = 0; node < (int)nodes; node++)
         if (vertex[node]) {
-            int v = vertex[node] = s->vertex_count++, row = node / g.n[0];
-            s->node[v] = g.flat ? row / 2 * g.n[0] + node % g.n[0] : node;
-            if (g.flat) s->across_m[v] = (row % 2 - 0.5) * g.depth_m;
+            int v = vertex[node] = s->vertex_count++;
+            s->node[v] = node;
+            if (!g.flat) continue; // a mesh has no rows
+            int row = node / g.n[0];
+            s->node[v] = row / 2 * g.n[0] + node % g.n[0];
+            s->across_m[v] = (row % 2 - 0.5) * g.depth_m;
         }
     for (int i = 0; i < 3 * s->triangle_count; i++) s->triangle[i] = vertex[s->triangle[i]];
     free(vertex);
