@@ -2,9 +2,10 @@
 //
 //     lost N
 //
-// Lost are the ticks with a force after the one whose snapshot the next life restored (KIND_RESTORE tells its generation
-// and tick), of 1 ms each. A generation that was restored before is of an earlier life: then all of this one is lost.
-// What the log's first life restored is of a life that is not in it.
+// Lost are the ticks in which the tool touched, after the one whose snapshot the next life restored (KIND_RESTORE tells
+// its generation and tick), of 1 ms each: an object that nobody touches is saved only while it still moves by 1 um. A
+// generation that was restored before is of an earlier life: then all of this one is lost. What the log's first life
+// restored is of a life that is not in it.
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include <inttypes.h>
@@ -12,7 +13,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#define TICKS 1000000 // with a force, of one life
+#define TICKS 1000000 // that touched, of one life
 static int64_t tick[TICKS];
 static int count;
 
@@ -33,7 +34,7 @@ int main(int argc, char **argv)
         knead_contact_force_t force;
         knead_event_t event;
         if (!strncmp(e->channel, "KNEAD_FORCE_", 12) && count < TICKS &&
-            knead_contact_force_t_decode(e->data, 0, e->datalen, &force) >= 0)
+            knead_contact_force_t_decode(e->data, 0, e->datalen, &force) >= 0 && force.contacts > 0)
             tick[count++] = force.tick;
         if (strcmp(e->channel, "KNEAD_EVENT") || knead_event_t_decode(e->data, 0, e->datalen, &event) < 0) continue;
         if (event.kind == KNEAD_EVENT_T_KIND_START) lives++, begins = true;
