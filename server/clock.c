@@ -36,6 +36,11 @@ kn_wake kn_clock_wake(kn_clock *clock, int64_t asked_ns, int64_t now_ns)
     return wake;
 }
 
+int64_t kn_wake_deadline(const kn_wake *wake)
+{
+    return wake->due_ns + (wake->missed + INT64_C(1)) * KN_PERIOD_NS;
+}
+
 void kn_clock_sleep(int64_t ns)
 {
     struct timespec due = {.tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000};

@@ -48,6 +48,9 @@ void kn_clock_start(kn_clock *clock, int64_t start_ns);
 kn_wake kn_clock_wait(kn_clock *clock);
 void kn_clock_sleep(int64_t ns);
 
+// When the tick that woke has to be over: where the grid has the next one, however late this one is.
+int64_t kn_wake_deadline(const kn_wake *wake);
+
 // The arithmetic of wait, apart from the sleep: what waking at now_ns means to a thread that asked at asked_ns.
 kn_wake kn_clock_wake(kn_clock *clock, int64_t asked_ns, int64_t now_ns);
 

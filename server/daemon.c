@@ -463,10 +463,12 @@ static void tell_losses(server *d, bool *told_lost)
     kn_fpga_counts n;
     if (!kn_backend_fpga_counts(&d->on.backend, &n)) return;
     bool lost = kn_backend_fpga_news(&d->on.backend, line);
-    if (lost) fprintf(stderr, "kneadd: circuit lost, %lld times so far: %s\n", (long long)n.losses, line);
+    if (lost)
+        fprintf(stderr, "kneadd: circuit lost, %lld times so far: %s%s\n", (long long)n.losses, line,
+                n.in_step ? ", and in step again" : "");
     else if (*told_lost && n.in_step)
         fprintf(stderr, "kneadd: circuit in step again, loaded %lld times so far\n", (long long)n.loads);
-    *told_lost = lost || (*told_lost && !n.in_step);
+    *told_lost = (lost || *told_lost) && !n.in_step;
 }
 
 static void *mesh_main(void *arg)
@@ -636,7 +638,15 @@ static void tell_ready(const server *d)
         printf("kneadd: poses are taken from %d addresses; that is no authentication: an address can be forged\n",
                d->receiver.peers);
     if (d->on.model->isa == KN_ISA_BASE) printf("kneadd: not real time: fused multiply-add in software\n");
-    if (d->rest_ns > REST_TICK_NS)
+    kn_fpga_counts circuit;
+    if (kn_backend_fpga_counts(&d->on.backend, &circuit)) {
+        printf("kneadd: on a circuit: a tick that nothing touches takes %.2g ms there and back, a state %.2g s to load; the queue "
+               "holds %lld ticks\n",
+               1e-6 * (double)d->rest_ns, 1e-9 * (double)circuit.load_ns, (long long)circuit.queue);
+        if (d->rest_ns > REST_TICK_NS)
+            printf("kneadd: expected %g ms at most: the circuit will not be in step, its twin gives the object\n",
+                   1e-6 * REST_TICK_NS);
+    } else if (d->rest_ns > REST_TICK_NS)
         printf("kneadd: not real time: a tick takes %.2g ms here before anything touches the object, expected %g ms at "
                "most; ticks will be missed and counted\n",
                1e-6 * (double)d->rest_ns, 1e-6 * REST_TICK_NS);

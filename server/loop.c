@@ -142,7 +142,7 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
                      .missed = wake->missed,
                      .execution_ns = loop->execution_ns,
                      .now_ns = kn_now_ns,
-                     .deadline_ns = wake->now_ns + KN_PERIOD_NS,
+                     .deadline_ns = kn_wake_deadline(wake),
                      .stop = atomic_load_explicit(&loop->stop, memory_order_relaxed)};
     int64_t ordered = read_orders(loop, &in);
     kn_record record;

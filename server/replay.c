@@ -228,7 +228,7 @@ static bool build(kn_replay *r, const kn_replay_def *def, char *error, size_t er
     }
     char said[KN_LINK_WHY];
     bool device = false;
-    if (!kn_backend_place(&r->backend, r->model, def->device, true, said, &device)) {
+    if (!kn_backend_place(&r->backend, r->model, def->device, true, SIZE_MAX, said, &device)) {
         snprintf(error, error_size, "%s%s%s", device ? "" : r->scene->name, device ? "" : ": ", said);
         if (def->device_failed) *def->device_failed = device;
         return false;

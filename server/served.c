@@ -87,11 +87,11 @@ static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size
     return true;
 }
 
-static bool place(kn_served *s, const kn_served_def *def, int *code, char *error, size_t error_size)
+static bool place(kn_served *s, const kn_served_def *def, size_t room, int *code, char *error, size_t error_size)
 {
     char why[KN_LINK_WHY];
     bool device = false;
-    if (kn_backend_place(&s->backend, s->model, def->device, false, why, &device)) return true;
+    if (kn_backend_place(&s->backend, s->model, def->device, false, room, why, &device)) return true;
     if (device) *code = 3;
     snprintf(error, error_size, "%s%s%s", device ? "" : def->scene_path, device ? "" : ": ", why);
     return false;
@@ -114,7 +114,8 @@ static bool build(kn_served *s, const kn_served_def *def, int *code, char *error
     }
     size_t bytes = s->model->state_bytes + kn_state_kept(s->model) + kn_keeper_bytes(s->model, def->state_dir);
     if (!check_memory(bytes, "the object's state and its copies", def->scene_path, error, error_size)) return false;
-    if (!place(s, def, code, error, error_size)) return false;
+    const size_t free_bytes = memory_available();
+    if (!place(s, def, free_bytes > bytes ? free_bytes - bytes : 0, code, error, error_size)) return false;
     s->audit = kn_audit_create(s->model);
     if (!s->audit && s->scene->model.solver.kind == KN_SOLVER_IMPLICIT) {
         snprintf(error, error_size, "%s: not enough memory for the object's audit", def->scene_path);

@@ -17,13 +17,13 @@ static void on_signal(int signal)
 
 static void help(void)
 {
-    puts("usage: knead-simdev --uart [--link PATH] | --bar NAME [--engine golden|rtl] [--caps N,E,B] [--fault "
-         "NAME[=RATE],...]\n"
-         "                    [--seed N]\n\n"
+    puts("usage: knead-simdev --uart [--baud N] [--link PATH] | --bar NAME [--engine golden|rtl] [--caps N,E,B]\n"
+         "                    [--fault NAME[=RATE],...] [--seed N]\n\n"
          "A circuit that steps a lattice, simulated: its registers behind a serial line or in a piece of memory. "
          "Prints the\n"
          "URI by which it is reached, serves until SIGTERM or SIGINT, then prints what it did.\n\n"
          "  --uart            frames on a pseudo-terminal\n"
+         "  --baud N          as on a line of N bits a second, ten to a byte (--uart); without it as fast as it goes\n"
          "  --link PATH       a name for it that stays when it is unplugged or started again\n"
          "  --bar NAME        as the memory of a PCI card, in /dev/shm/NAME\n"
          "  --engine NAME     what steps: golden, the lattice in integers, in real time; rtl, the circuit of hdl/rtl "
@@ -85,18 +85,23 @@ static int serve(kn_serve *s, bool rtl, kn_engine_caps caps, const char *link, c
 
 static int run(int argc, char **argv)
 {
-    static const struct option options[] = {
-        {"uart", no_argument, NULL, 'u'},       {"link", required_argument, NULL, 'l'},
-        {"bar", required_argument, NULL, 'b'},  {"engine", required_argument, NULL, 'e'},
-        {"caps", required_argument, NULL, 'c'}, {"fault", required_argument, NULL, 'f'},
-        {"seed", required_argument, NULL, 's'}, {"help", no_argument, NULL, 'h'},
-        {"version", no_argument, NULL, 'v'},    {0}};
+    static const struct option options[] = {{"uart", no_argument, NULL, 'u'},
+                                            {"link", required_argument, NULL, 'l'},
+                                            {"baud", required_argument, NULL, 'r'},
+                                            {"bar", required_argument, NULL, 'b'},
+                                            {"engine", required_argument, NULL, 'e'},
+                                            {"caps", required_argument, NULL, 'c'},
+                                            {"fault", required_argument, NULL, 'f'},
+                                            {"seed", required_argument, NULL, 's'},
+                                            {"help", no_argument, NULL, 'h'},
+                                            {"version", no_argument, NULL, 'v'},
+                                            {0}};
     static kn_serve s;
     const char *link = NULL, *bar = NULL;
     char wrong[64], *end;
     bool uart = false, rtl = false, sized = false;
     kn_engine_caps caps = {12, 16, 10};
-    unsigned long long seed = 1;
+    unsigned long long seed = 1, baud = 0;
     for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         switch (option) {
         case 'u':
@@ -104,6 +109,11 @@ static int run(int argc, char **argv)
             break;
         case 'l':
             link = optarg;
+            break;
+        case 'r':
+            baud = strtoull(optarg, &end, 10);
+            if (end == optarg || *end || baud < 1200 || baud > 100000000)
+                return bad(optarg, "--baud with a whole number from 1200 to 100000000");
             break;
         case 'b':
             bar = optarg;
@@ -137,6 +147,8 @@ static int run(int argc, char **argv)
     if (optind < argc) return bad(argv[optind], "options only");
     if (uart == (bar != NULL)) return bad(uart ? "--uart and --bar" : "no way in", "one of --uart and --bar NAME");
     if (link && !uart) return bad("--link", "--uart beside it");
+    if (baud && !uart) return bad("--baud", "--uart beside it");
+    if (baud) s.byte_ns = 10000000000 / (int64_t)baud;
     if (bar && (!*bar || *bar == '.' || strlen(bar) > 199 || strchr(bar, '/')))
         return bad(bar, "--bar with a name of 1 to 199 letters, without /");
     for (int i = 0; bar && i < KN_FAULT_COUNT; i++)

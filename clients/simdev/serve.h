@@ -10,6 +10,7 @@ typedef struct kn_serve {
     kn_faults faults;
     volatile sig_atomic_t *stop;
     int64_t requests;
+    int64_t byte_ns; // that a byte takes on the line; 0: none
 } kn_serve;
 
 // link: a name for the pseudo-terminal, made again when it is another; NULL: none. False: errno says why.

@@ -8,16 +8,14 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
-#include <linux/futex.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
 #include <sys/stat.h>
-#include <sys/syscall.h>
-#include <time.h>
 #include <unistd.h>
 
-enum { SPIN_NS = 50000, NAP_NS = 100000000 };
+enum { SPIN_NS = 50000, AWAKE_NS = 1000000000, NAP_US = 20, SLEEP_US = 2000 };
 
 typedef struct bar {
     kn_serve *serve;
@@ -164,21 +162,13 @@ static bool suffer(bar *b) // false: there is no new file
     return make_file(b);
 }
 
-static void nap(bar *b, uint32_t bell)
-{
-    const struct timespec most = {NAP_NS / 1000000000, NAP_NS % 1000000000};
-    __atomic_store_n(&b->shm->device_asleep, 1, __ATOMIC_SEQ_CST);
-    if (__atomic_load_n(&b->shm->bell, __ATOMIC_SEQ_CST) == bell)
-        syscall(SYS_futex, &b->shm->bell, FUTEX_WAIT, bell, &most, NULL, 0);
-    __atomic_store_n(&b->shm->device_asleep, 0, __ATOMIC_RELAXED);
-}
-
 static bool listen_once(bar *b, int64_t *heard_ns)
 {
     kn_engine *e = &b->serve->engine;
     uint32_t done = b->shm->done, bell = __atomic_load_n(&b->shm->bell, __ATOMIC_ACQUIRE);
     if (bell == done) {
-        if (kn_now_ns() - *heard_ns > SPIN_NS) nap(b, bell);
+        int64_t quiet_ns = kn_now_ns() - *heard_ns;
+        if (quiet_ns > SPIN_NS) kn_serve_sleep_us(quiet_ns < AWAKE_NS ? NAP_US : SLEEP_US);
         return true;
     }
     int64_t unplugged = b->serve->faults.done[KN_FAULT_DISCONNECT];
@@ -187,9 +177,7 @@ static bool listen_once(bar *b, int64_t *heard_ns)
     if (b->serve->faults.done[KN_FAULT_DISCONNECT] > unplugged) return true;
     uint32_t address = b->shm->bell_address;
     obey(b, address, b->shm->bell_word);
-    __atomic_store_n(&b->shm->done, done + 1, __ATOMIC_SEQ_CST);
-    if (__atomic_load_n(&b->shm->host_asleep, __ATOMIC_SEQ_CST))
-        syscall(SYS_futex, &b->shm->done, FUTEX_WAKE, INT_MAX, NULL, NULL, 0);
+    __atomic_store_n(&b->shm->done, done + 1, __ATOMIC_RELEASE);
     if (address == KN_REG_STEP_SEQ && e->stray && kn_faults_strike(&b->serve->faults, KN_FAULT_TORN)) stray(b);
     *heard_ns = kn_now_ns();
     return true;
@@ -200,6 +188,7 @@ bool kn_serve_bar(kn_serve *serve, const char *name)
     char path[PATH_MAX];
     snprintf(path, sizeof path, "/dev/shm/%s", name);
     bar b = {.serve = serve, .path = path};
+    prctl(PR_SET_TIMERSLACK, 1000UL);
     if (!retire(path) || !make_file(&b)) return false;
     printf("shm:%s\n", name);
     fflush(stdout);

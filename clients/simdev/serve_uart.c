@@ -1,12 +1,14 @@
 // Frames on a pseudo-terminal.
 #include "clients/simdev/serve.h"
 #include "hdl/registers.h"
+#include "server/clock.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/prctl.h>
 #include <termios.h>
 #include <time.h>
 #include <unistd.h>
@@ -17,6 +19,7 @@ typedef struct line {
     int fd, keep; // master; slave, held open so that a host that leaves is no hang-up
     kn_framer framer, inner;
     bool reacted; // of this request: a torn result once
+    int64_t in_ns, out_ns; // when the last byte was through, either way
 } line;
 
 void kn_serve_sleep_us(uint32_t us)
@@ -71,8 +74,18 @@ static bool write_word(void *self, uint32_t address, uint32_t word)
 
 // ---- frames
 
+// A line of its own either way, on which one byte comes after the other.
+static void pass(line *l, int64_t *through_ns, size_t bytes)
+{
+    int64_t now_ns = kn_now_ns();
+    if (l->serve->byte_ns == 0) return;
+    *through_ns = (*through_ns > now_ns ? *through_ns : now_ns) + (int64_t)bytes * l->serve->byte_ns;
+    kn_clock_sleep(*through_ns);
+}
+
 static void say(line *l, const uint8_t *wire, size_t size)
 {
+    pass(l, &l->out_ns, size);
     for (size_t at = 0; at < size && !*l->serve->stop;) {
         ssize_t n = write(l->fd, wire + at, size - at);
         if (n > 0) at += (size_t)n;
@@ -127,6 +140,7 @@ static bool listen_once(line *l)
     ssize_t size = read(l->fd, bytes, sizeof bytes);
     if (size < 0 && errno != EAGAIN && errno != EINTR) return false;
     if (size <= 0) poll(&(struct pollfd){l->fd, POLLIN, 0}, 1, 100);
+    if (size > 0) pass(l, &l->in_ns, (size_t)size);
     int fd = l->fd;
     size_t used = 0;
     for (ssize_t at = 0; at < size && fd == l->fd && !*l->serve->stop; at += (ssize_t)used) {
@@ -142,6 +156,7 @@ static bool listen_once(line *l)
 
 bool kn_serve_uart(kn_serve *serve, const char *link)
 {
+    prctl(PR_SET_TIMERSLACK, 1000UL);
     line l = {.serve = serve, .link = link};
     bool good = plug_in(&l, true);
     while (good && !*serve->stop) good = listen_once(&l);

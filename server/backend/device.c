@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <zlib.h>
 
 enum { MISSES = 3, PATIENCE = 10 };
 
@@ -81,7 +82,6 @@ static int32_t power(uint32_t log2)
 static kn_link_status accept_identify(kn_device *d, const uint32_t *words)
 {
     d->job = IDLE;
-    d->loss = KN_LOSS_WRONG_HASH;
     if (words[0] != KN_ENGINE_ID)
         return refuse(d, KN_LINK_PROTOCOL, "%s: ID is 0x%08x: expected 0x%08x, a circuit of Knead", d->uri, words[0],
                       (unsigned)KN_ENGINE_ID);
@@ -95,6 +95,7 @@ static kn_link_status accept_identify(kn_device *d, const uint32_t *words)
     d->caps = (kn_device_caps){words[1], power(words[3]), power(words[3] >> 8), power(words[3] >> 16) - 1};
     if (d->caps.bounds > KN_FIXED_LIST_MAX) d->caps.bounds = KN_FIXED_LIST_MAX;
     d->seq = words[8];
+    d->shaped = d->shaped && (words[4 + AT_SCRATCH] == d->nonce || words[4 + AT_SCRATCH] == kn_device_kept(d));
     d->stats.resyncs += d->state == KN_DEVICE_LOST;
     d->state = KN_DEVICE_IDENTIFIED;
     return KN_LINK_OK;
@@ -106,6 +107,14 @@ static kn_link_status accept_load(kn_device *d, const uint32_t *words)
         d->position += d->words;
         return KN_LINK_OK;
     }
+    if (!d->shaped) {
+        d->shaped = true;
+        d->position = 0;
+        if (d->from) return KN_LINK_OK;
+        d->job = IDLE;
+        d->state = KN_DEVICE_IDENTIFIED;
+        return KN_LINK_OK;
+    }
     if (d->arrived) {
         d->job = IDLE;
         d->state = KN_DEVICE_SYNCED;
@@ -113,7 +122,7 @@ static kn_link_status accept_load(kn_device *d, const uint32_t *words)
         return KN_LINK_OK;
     }
     words += 2; // of the two WAITs
-    d->arrived = accept_numbers(d, words, ~d->nonce) && d->tick == 0 && words[AT_CRC] == d->crc;
+    d->arrived = accept_numbers(d, words, kn_device_kept(d)) && d->tick == 0 && words[AT_CRC] == d->crc;
     if (d->arrived) return KN_LINK_OK;
     d->job = IDLE;
     d->state = KN_DEVICE_IDENTIFIED;
@@ -126,9 +135,10 @@ static kn_link_status accept_resume(kn_device *d, const uint32_t *words)
 {
     d->job = IDLE;
     bool loaded = accept_numbers(d, words + 1, d->nonce);
-    d->loss = loaded ? KN_LOSS_LOAD : KN_LOSS_BLANK;
-    if (!loaded || words[1 + AT_CRC] != d->crc)
+    if (!loaded || words[1 + AT_CRC] != d->crc) {
+        d->loss = loaded ? KN_LOSS_LOAD : KN_LOSS_BLANK;
         return refuse(d, KN_LINK_PROTOCOL, "%s: it has another state, or none", d->uri);
+    }
     d->state = KN_DEVICE_SYNCED;
     return KN_LINK_OK;
 }
@@ -205,8 +215,11 @@ static kn_link_status accept(kn_device *d, const kn_reply *reply)
     const uint32_t *words = reply->words + kn_device_waits(d);
     d->stats.requests++;
     switch (d->job) {
-    case IDENTIFY:
-        return accept_identify(d, words);
+    case IDENTIFY: {
+        kn_link_status status = accept_identify(d, words);
+        if (status != KN_LINK_OK) d->loss = KN_LOSS_WRONG_HASH;
+        return status;
+    }
     case LOAD:
         return accept_load(d, words);
     case RESUME:
@@ -224,7 +237,8 @@ static kn_link_status accept(kn_device *d, const kn_reply *reply)
 
 static int64_t miss_ns(const kn_device *d)
 {
-    int64_t patience = d->job == STEP || d->job == IDENTIFY ? 1 : PATIENCE; // a checksum takes its time
+    bool short_one = !d->patient && (d->job == STEP || d->job == IDENTIFY);
+    int64_t patience = short_one ? 1 : PATIENCE; // a checksum takes its time
     return patience * d->link.miss_ns + d->link.byte_ns * (d->request.size + 4 * d->request.words + 32);
 }
 
@@ -266,6 +280,10 @@ static kn_link_status answered(kn_device *d, const kn_reply *reply)
     if (reply->status != KN_REPLY_OK) { // refused, or busy for longer than the WAIT lasts
         d->stats.refused++;
         return repeat(d, KN_LINK_PROTOCOL);
+    }
+    if (d->job == LOAD) {
+        d->load_bytes += d->request.size + 4 * reply->count + 16;
+        d->load_ns += kn_now_ns() - d->sent_ns;
     }
     kn_link_status status = accept(d, reply);
     d->out = d->again = false;
@@ -393,25 +411,61 @@ static uint16_t limit_of(const kn_fixed_config *c)
     return (uint16_t)(clocks / 256 < 65535 ? clocks / 256 + 1 : 65535);
 }
 
-kn_link_status kn_device_load(kn_device *d, const kn_fixed_image *image, const kn_fixed *state, int64_t deadline_ns)
+static uint32_t crc_of(const kn_fixed_image *image)
+{
+    const kn_fixed_config *c = &image->config;
+    uLong crc = crc32(0, (const Bytef *)c, sizeof *c);
+    crc = crc32(crc, (const Bytef *)image->table, sizeof image->table);
+    crc = crc32(crc, (const Bytef *)image->node, (uInt)((size_t)c->node_count * sizeof *image->node));
+    return (uint32_t)crc32(crc, (const Bytef *)image->edge, (uInt)((size_t)c->edge_count * sizeof *image->edge));
+}
+
+static kn_link_status load(kn_device *d, const kn_fixed_image *image, const kn_fixed *state, int64_t deadline_ns)
 {
     if (d->job == LOAD && d->image == image && d->from == state) return drive(d, deadline_ns);
     if (d->state == KN_DEVICE_CLOSED || d->state == KN_DEVICE_LOST)
         return refuse(d, KN_LINK_PROTOCOL, "%s: expected identify before load", d->uri);
-    d->loss = KN_LOSS_LOAD;
     kn_link_status fit = fits(d, image);
-    if (fit != KN_LINK_OK) return fit;
+    if (fit != KN_LINK_OK) {
+        d->loss = KN_LOSS_LOAD;
+        return fit;
+    }
+    const uint32_t crc = crc_of(image);
+    d->shaped = d->shaped && d->image_crc == crc;
+    if (!d->shaped) d->nonce = (uint32_t)kn_now_ns() | 1;
+    if (!state && d->shaped) return KN_LINK_OK;
+    d->image_crc = crc;
     d->image = image;
     d->from = state;
     d->nodes = image->config.node_count;
     d->edges = image->config.edge_count;
     d->limit = limit_of(&image->config);
-    d->crc = kn_fixed_crc(state);
-    d->nonce = (uint32_t)kn_now_ns() | 1;
+    if (state) d->crc = kn_fixed_crc(state);
     d->arrived = false;
     d->state = KN_DEVICE_LOADING;
     begin(d, LOAD, 0);
     return drive(d, deadline_ns);
+}
+
+kn_link_status kn_device_prepare(kn_device *d, const kn_fixed_image *image, int64_t deadline_ns)
+{
+    return load(d, image, NULL, deadline_ns);
+}
+
+kn_link_status kn_device_load(kn_device *d, const kn_fixed_image *image, const kn_fixed *state, int64_t deadline_ns)
+{
+    return load(d, image, state, deadline_ns);
+}
+
+int64_t kn_device_load_ns(const kn_device *d, const kn_fixed_image *image)
+{
+    const double bytes = (double)kn_device_state_bytes(image->config.node_count, image->config.edge_count);
+    return d->load_bytes > 0 ? (int64_t)(bytes * (double)d->load_ns / (double)d->load_bytes) : 0;
+}
+
+void kn_device_be_patient(kn_device *d, bool patient)
+{
+    d->patient = patient;
 }
 
 kn_link_status kn_device_resume(kn_device *d, const kn_fixed *state, int64_t deadline_ns)

@@ -72,9 +72,18 @@ const kn_device_caps *kn_device_caps_of(const kn_device *device);
 
 // Borrows image and state (its x, u, h; of that image) until it has ended. Wants IDENTIFIED or SYNCED; ends SYNCED at
 // tick 0, flags cleared. PROTOCOL: kn_fixed_check refuses the image, it does not fit, or what arrived is not what was
-// sent.
+// sent. What never changes of an image goes first, and not again to a circuit that is known to have it still.
 kn_link_status kn_device_load(kn_device *device, const kn_fixed_image *image, const kn_fixed *state,
                               int64_t deadline_ns);
+
+// What never changes of it alone, so that a load has only the state left to bring; then IDENTIFIED.
+kn_link_status kn_device_prepare(kn_device *device, const kn_fixed_image *image, int64_t deadline_ns);
+
+// ns that the state's part of a load takes, by what went there and back so far; 0: nothing was loaded yet.
+int64_t kn_device_load_ns(const kn_device *device, const kn_fixed_image *image);
+
+// Ten times link.miss_ns before a step or an identify is a miss, as of a load's requests: for who is in no hurry.
+void kn_device_be_patient(kn_device *device, bool patient);
 
 // IDENTIFIED after LOST: SYNCED again when the circuit still has what this device loaded and its state is this one.
 // PROTOCOL: it is not, load it.

@@ -16,79 +16,80 @@ static uint32_t high(int64_t v)
     return (uint32_t)(v >> 32);
 }
 
-typedef uint32_t source(const kn_device *d, int word);
+typedef uint32_t source(const kn_device *d, int record, int word);
 
-static uint32_t config_word(const kn_device *d, int word)
+static uint32_t config_word(const kn_device *d, int record, int word)
 {
+    (void)record;
     const kn_fixed_config *c = &d->image->config;
     const int32_t words[] = {c->node_count, c->edge_count,   c->passes, c->iterations, c->d_shift,
                              c->kv_shift,   c->octave & 127, c->beta,   c->beta_shift, c->relax};
     return (uint32_t)words[word];
 }
 
-static uint32_t omega_word(const kn_device *d, int word)
+static uint32_t omega_word(const kn_device *d, int record, int word)
 {
+    (void)record;
     return word < d->image->config.iterations ? (uint32_t)d->image->config.omega[word] : 0;
 }
 
-static uint32_t table_word(const kn_device *d, int word)
+static uint32_t table_word(const kn_device *d, int record, int word)
 {
+    (void)record;
     return (uint32_t)d->image->table[word];
 }
 
-static uint32_t node_word(const kn_device *d, int word)
+static uint32_t node_word(const kn_device *d, int node, int word) // held, u, load
 {
-    int node = word / 16, w = word % 16;
-    const kn_fixed_node *rest = &d->image->node[node];
-    if (w < 6) return (w % 2 ? high : low)(d->from->x[3 * node + w / 2]);
-    if (w < 7) return rest->held;
-    if (w < 10) return (uint32_t)d->from->u[3 * node + w - 7];
-    return w < 13 ? (uint32_t)rest->load[w - 10] : 0;
+    const kn_fixed_node *n = &d->image->node[node];
+    return word == 0 ? n->held : word < 4 ? 0 : (uint32_t)n->load[word - 4];
 }
 
-static uint32_t rest_word(const kn_device *d, int word)
+static uint32_t rest_word(const kn_device *d, int node, int word)
 {
-    int w = word % 8;
-    return w < 6 ? (w % 2 ? high : low)(d->image->node[word / 8].x[w / 2]) : 0;
+    return (word % 2 ? high : low)(d->image->node[node].x[word / 2]);
 }
 
-static uint32_t edge_word(const kn_device *d, int word)
+static uint32_t edge_word(const kn_device *d, int edge, int word)
 {
-    int edge = word / 8;
     const kn_fixed_edge *e = &d->image->edge[edge];
-    switch (word % 8) {
-    case 0:
-        return (uint32_t)e->i | (uint32_t)e->j << 16;
-    case 1:
-        return (uint32_t)e->kv;
-    case 2:
-        return (uint32_t)e->ia;
-    case 3:
-        return low(d->from->h[edge]);
-    case 4:
-        return high(d->from->h[edge]);
-    default:
-        return 0;
-    }
+    return word == 0 ? (uint32_t)e->i | (uint32_t)e->j << 16 : (uint32_t)(word == 1 ? e->kv : e->ia);
 }
 
-typedef struct segment {
+static uint32_t node_state_word(const kn_device *d, int node, int word) // x, held, u
+{
+    if (word < 6) return (word % 2 ? high : low)(d->from->x[3 * node + word / 2]);
+    return word == 6 ? d->image->node[node].held : (uint32_t)d->from->u[3 * node + word - 7];
+}
+
+static uint32_t edge_state_word(const kn_device *d, int edge, int word) // h
+{
+    return (word ? high : low)(d->from->h[edge]);
+}
+
+typedef struct segment { // records of so many words, each so many behind the one before
     uint32_t address;
-    int words;
+    int records, words, stride;
     source *source;
 } segment;
 
-enum { SEGMENTS = 6 };
+enum { SEGMENTS = 8, SHAPE = 6 }; // the first of them never change
 
 static void segments(const kn_device *d, segment s[SEGMENTS])
 {
-    const segment all[SEGMENTS] = {{KN_REG_NODE_COUNT, 10, config_word},
-                                   {KN_REG_OMEGA, KN_FIXED_ITERATIONS_MAX, omega_word},
-                                   {KN_WINDOW_TABLE, KN_FIXED_SEGMENTS + 1, table_word},
-                                   {KN_WINDOW_NODES, 16 * d->nodes, node_word},
-                                   {KN_WINDOW_REST, 8 * d->nodes, rest_word},
-                                   {KN_WINDOW_EDGES, 8 * d->edges, edge_word}};
+    const int table = KN_FIXED_SEGMENTS + 1, k = KN_FIXED_ITERATIONS_MAX;
+    const segment all[SEGMENTS] = {
+        {KN_REG_NODE_COUNT, 1, 10, 10, config_word},          {KN_REG_OMEGA, 1, k, k, omega_word},
+        {KN_WINDOW_TABLE, 1, table, table, table_word},       {KN_WINDOW_NODES + 6, d->nodes, 7, 16, node_word},
+        {KN_WINDOW_REST, d->nodes, 6, 8, rest_word},          {KN_WINDOW_EDGES, d->edges, 3, 8, edge_word},
+        {KN_WINDOW_NODES, d->nodes, 10, 16, node_state_word}, {KN_WINDOW_EDGES + 3, d->edges, 2, 8, edge_state_word}};
     memcpy(s, all, sizeof all);
+}
+
+int64_t kn_device_state_bytes(int32_t nodes, int32_t edges)
+{
+    int64_t bytes = (int64_t)nodes * (WRITE_OP + 40) + (int64_t)edges * (WRITE_OP + 8);
+    return bytes + bytes / (KN_FRAMER_PAYLOAD - 64) * 40; // what frames and replies add
 }
 
 // ---- requests: what the next one of a job asks for
@@ -142,28 +143,41 @@ static void build_load_end(kn_device *d)
     build_checksum(d);
 }
 
+// As many words of a segment as fit, from d->position on, which lies in it at offset.
+static int write_segment(kn_device *d, const segment *s, int offset)
+{
+    uint32_t words[KN_REQUEST_WRITE_MOST];
+    int done = 0;
+    for (int fit; offset + done < s->records * s->words && (fit = room(d)) > 0;) {
+        int record = (offset + done) / s->words, word = (offset + done) % s->words, count = s->words - word;
+        if (count > fit) count = fit;
+        for (int w = 0; w < count; w++) words[w] = s->source(d, record, word + w);
+        kn_request_write(&d->request, s->address + (uint32_t)(record * s->stride + word), words, (uint32_t)count);
+        done += count;
+    }
+    return done;
+}
+
+uint32_t kn_device_kept(const kn_device *d)
+{
+    return d->nonce ^ 0x5a5a5a5a; // odd, as nonce; ~nonce is even
+}
+
 static void build_load(kn_device *d)
 {
     segment s[SEGMENTS];
-    uint32_t words[KN_REQUEST_WRITE_MOST];
     int at = 0, next = d->position;
     segments(d, s);
-    if (next == 0) write_word(d, KN_REG_SCRATCH, ~d->nonce); // of a load that has begun
-    for (int i = 0; i < SEGMENTS; at += s[i++].words) {
-        int offset = next - at, left = s[i].words - offset, fit = room(d);
-        if (offset < 0 || left <= 0 || fit <= 0) continue;
-        if (left > fit) left = fit;
-        for (int w = 0; w < left; w++) words[w] = s[i].source(d, offset + w);
-        kn_request_write(&d->request, s[i].address + (uint32_t)offset, words, (uint32_t)left);
-        next += left;
-    }
+    if (next == 0) write_word(d, KN_REG_SCRATCH, d->shaped ? kn_device_kept(d) : ~d->nonce);
+    for (int i = d->shaped ? SHAPE : 0; i < (d->shaped ? SEGMENTS : SHAPE); at += s[i].records * s[i].words, i++)
+        if (next >= at) next += write_segment(d, &s[i], next - at);
     d->words = next - d->position;
     if (d->words > 0) return;
-    if (!d->arrived) {
+    if (d->shaped && !d->arrived) {
         build_load_end(d);
         return;
     }
-    write_word(d, KN_REG_SCRATCH, d->nonce); // of one that has arrived, which resume asks for
+    write_word(d, KN_REG_SCRATCH, d->shaped ? d->nonce : kn_device_kept(d));
     kn_request_read(&d->request, KN_REG_SCRATCH, 1);
 }
 

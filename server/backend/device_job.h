@@ -19,7 +19,7 @@ struct kn_device {
     kn_link_status last; // why it is LOST
     kn_loss loss;        // the same; also why it was not identified or loaded
     kn_device_caps caps;
-    uint32_t nonce;       // of our last load: in SCRATCH once it has arrived, until then its complement
+    uint32_t nonce;       // of our last image, in SCRATCH, by which it is known again: see kn_device_kept
     uint32_t seq, tick;   // the circuit's, when no step is under way
     int32_t nodes, edges; // of what is loaded
     uint16_t limit;       // of a WAIT for a tick
@@ -43,7 +43,11 @@ struct kn_device {
 
     const kn_fixed_image *image; // to load
     const kn_fixed *from;
-    bool arrived; // all of it, as STATE_CRC says
+    uint32_t image_crc;
+    bool shaped;                 // the circuit has what never changes of image
+    bool arrived;                // all of from, as STATE_CRC says
+    int64_t load_bytes, load_ns; // that went there and back, and how long it took
+    bool patient;
     kn_fixed *into;
     uint32_t crc;
 
@@ -53,5 +57,9 @@ struct kn_device {
 
 void kn_device_build(kn_device *device);       // the next request of its job, under a new tag
 bool kn_device_waits(const kn_device *device); // it begins by waiting, and its reply with that word
+
+// SCRATCH of a circuit that has what never changes of the image, but no state. ~nonce: not even that, nonce: both.
+uint32_t kn_device_kept(const kn_device *device);
+int64_t kn_device_state_bytes(int32_t nodes, int32_t edges); // of a load's second part, on a line
 
 #endif

@@ -3,14 +3,16 @@
 #include "server/clock.h"
 #include <errno.h>
 #include <pthread.h>
-#include <semaphore.h>
 #include <signal.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
 
-#define QUEUE 1024                 // ticks that the circuit may be behind
+#define QUEUE_LEAST 1024 // ticks that the circuit may be behind; a power of two, as the longest
+#define QUEUE_MOST 65536
 #define SPARE_NS 400000            // before the deadline: what is left for guard, publishing and the rest
 #define ANSWER_NS 200000000        // that the thread waits for one answer
 #define PATIENCE_NS 10000000000    // without a clock, for one tick
@@ -28,6 +30,13 @@ typedef struct slot { // one tick of the twin's
     uint32_t flags;
 } slot;
 
+// Ticks that the circuit has still to take. Whoever speaks to it takes them out, the servo puts them in.
+typedef struct queue {
+    uint32_t length; // a power of two, so that the counts may wrap
+    slot *slot;      // [length]
+    void *memory;
+} queue;
+
 enum { SERVO, THREAD }; // who speaks to the device
 enum { NOTHING, WANTED, TAKEN };
 
@@ -35,8 +44,8 @@ typedef struct fpga {
     kn_backend twin;
     const kn_model *model;
     kn_device *device;
-    slot queue[QUEUE];
-    void *memory;
+    queue queue, longer;              // longer: of the thread, until the servo takes it with its copy
+    size_t room;                      // bytes that a queue may have
     int bounds;                       // that a slot has room for
     _Atomic uint32_t made, done;      // ticks queued, and taken out by who speaks to the device
     slot *current;                    // of the tick under way; NULL: not queued
@@ -47,10 +56,11 @@ typedef struct fpga {
     atomic_bool stop;
     kn_fixed copy;
     void *copy_memory;
-    sem_t wake;
+    int wake; // an eventfd
     pthread_t thread;
     bool runs;
     _Atomic int64_t on_circuit, shadowed, losses, different, loads;
+    _Atomic int64_t queue_length, load_ns;
     _Atomic int64_t because[KN_LOSS_COUNT];
     atomic_int out, last;             // kn_loss: why it is out of step, KN_LOSS_COUNT while it is not; the latest why
     int told;                         // of the thread: the last loss put into line
@@ -83,7 +93,13 @@ static void tell(fpga *f)
     if (loss == f->told || atomic_load(&f->news)) return;
     f->told = loss;
     if (loss == KN_LOSS_COUNT) return;
+    char numbers[100];
     const char *why = kn_device_loss(f->device) == (kn_loss)loss ? kn_device_why(f->device) : "";
+    if (loss == KN_LOSS_BEHIND) {
+        snprintf(numbers, sizeof numbers, "%lld ticks; to load it takes %.1f s",
+                 (long long)atomic_load(&f->queue_length), 1e-9 * (double)atomic_load(&f->load_ns));
+        why = numbers;
+    }
     snprintf(f->line, sizeof f->line, "%s: %s%s%s; its twin goes on", kn_loss_word((kn_loss)loss),
              kn_loss_means((kn_loss)loss), *why ? ": " : "", why);
     atomic_store(&f->news, true);
@@ -91,7 +107,47 @@ static void tell(fpga *f)
 
 // --- the queue -------------------------------------------------------------------------------------------------------
 
-static slot *oldest(fpga *f) { return &f->queue[atomic_load(&f->done) % QUEUE]; }
+static size_t slot_bytes(const fpga *f)
+{
+    return sizeof(slot) + (size_t)f->bounds * (sizeof(kn_fixed_bound) + sizeof(int64_t[3]));
+}
+
+static void unmake(queue *q)
+{
+    free(q->memory);
+    *q = (queue){0};
+}
+
+// Every page of it is there from now on.
+static bool make(fpga *f, queue *q, uint32_t length)
+{
+    const size_t each = slot_bytes(f) - sizeof(slot), bytes = length * slot_bytes(f);
+    *q = (queue){length, NULL, aligned_alloc(64, (bytes + 63) / 64 * 64)};
+    if (!q->memory) return false;
+    memset(q->memory, 0, bytes);
+    q->slot = q->memory;
+    char *at = (char *)(q->slot + length);
+    for (uint32_t i = 0; i < length; i++, at += each) {
+        q->slot[i].reaction = (void *)at;
+        q->slot[i].bound = (void *)(at + (size_t)f->bounds * sizeof(int64_t[3]));
+    }
+    return true;
+}
+
+// A queue for what a load takes by what went over the link so far, and half as much again.
+static int64_t wanted(fpga *f)
+{
+    const int64_t load_ns = kn_device_load_ns(f->device, &f->model->fixed->image);
+    atomic_store(&f->load_ns, load_ns);
+    int64_t length = QUEUE_LEAST;
+    while (length < QUEUE_LEAST / 4 + load_ns / 1000000 * 3 / 2) length *= 2;
+    return length;
+}
+
+static slot *oldest(fpga *f)
+{
+    return &f->queue.slot[atomic_load(&f->done) % f->queue.length];
+}
 static bool empty(const fpga *f) { return atomic_load(&f->done) == atomic_load(&f->made); }
 
 static bool equal(const slot *s, const kn_device_result *r)
@@ -136,13 +192,20 @@ static void tell_stats(fpga *f)
     atomic_store(&f->max_ns, stats.max_ns);
 }
 
+static void wake(fpga *f) // by the one call that a servo may make for it
+{
+    const uint64_t one = 1;
+    const ssize_t written = write(f->wake, &one, sizeof one); // of a counter that nobody fills
+    (void)written;
+}
+
 // From here on the thread speaks to the device, until it is in step again.
 static void leave(fpga *f)
 {
     atomic_store(&f->following, false);
     if (atomic_load(&f->speaker) != SERVO) return;
     atomic_store(&f->speaker, THREAD);
-    sem_post(&f->wake);
+    wake(f);
 }
 
 static void lose(fpga *f, kn_loss loss)
@@ -159,11 +222,11 @@ static void begin(void *self, const kn_fixed_bound *bound, int count)
     fpga *f = self;
     f->current = NULL;
     if (!atomic_load(&f->following)) return;
-    if (count > f->bounds || atomic_load(&f->made) - atomic_load(&f->done) == QUEUE) {
+    if (count > f->bounds || atomic_load(&f->made) - atomic_load(&f->done) == f->queue.length) {
         lose(f, count > f->bounds ? KN_LOSS_BOUNDS : KN_LOSS_BEHIND);
         return;
     }
-    f->current = &f->queue[atomic_load(&f->made) % QUEUE];
+    f->current = &f->queue.slot[atomic_load(&f->made) % f->queue.length];
     f->current->count = count;
     if (count > 0) memcpy(f->current->bound, bound, (size_t)count * sizeof *bound);
     if (atomic_load(&f->speaker) != SERVO || f->flying || !empty(f)) return;
@@ -194,6 +257,11 @@ static void take_copy(fpga *f)
 {
     if (atomic_load(&f->copy_is) != WANTED) return;
     kn_fixed_read(f->model, f->twin.state(f->twin.self), &f->copy);
+    if (f->longer.length > 0) {
+        const queue shorter = f->queue;
+        f->queue = f->longer;
+        f->longer = shorter;
+    }
     atomic_store(&f->done, atomic_load(&f->made));
     atomic_store(&f->following, true);
     atomic_store(&f->copy_is, TAKEN);
@@ -256,6 +324,26 @@ static void fpga_restore(void *self, const kn_state *state)
 // While what was begun is still worth ending.
 static bool goes_on(fpga *f) { return !atomic_load(&f->stop) && atomic_load(&f->following); }
 
+// What never changes goes first, while nobody has to remember ticks.
+static bool prepare(fpga *f)
+{
+    kn_link_status status = KN_LINK_LATE;
+    while (!atomic_load(&f->stop) && status == KN_LINK_LATE)
+        status = kn_device_prepare(f->device, &f->model->fixed->image, kn_now_ns() + ANSWER_NS);
+    if (status != KN_LINK_OK && status != KN_LINK_LATE) blame(f, cause(f, status));
+    return status == KN_LINK_OK;
+}
+
+// Where memory is short the queue stays as it is: then it is behind, and told so.
+static void lengthen(fpga *f)
+{
+    const int64_t length = wanted(f);
+    unmake(&f->longer);
+    if (length <= f->queue.length || length > QUEUE_MOST || (size_t)length * slot_bytes(f) > f->room) return;
+    if (!make(f, &f->longer, (uint32_t)length)) return;
+    atomic_store(&f->queue_length, length);
+}
+
 static bool load(fpga *f)
 {
     kn_link_status status = KN_LINK_LATE;
@@ -290,10 +378,16 @@ static bool identify(fpga *f)
 
 static bool get_in_step(fpga *f)
 {
-    if (!identify(f)) return false;
+    kn_device_be_patient(f->device, true);
+    if (!identify(f) || !prepare(f)) return false;
+    lengthen(f);
     atomic_store(&f->copy_is, WANTED);
     while (!atomic_load(&f->stop) && atomic_load(&f->copy_is) == WANTED) kn_clock_sleep(kn_now_ns() + LOOK_NS);
-    if (load(f) && catch_up(f)) return true;
+    unmake(&f->longer);
+    if (load(f) && catch_up(f)) {
+        kn_device_be_patient(f->device, false);
+        return true;
+    }
     atomic_store(&f->following, false);
     return false;
 }
@@ -302,7 +396,8 @@ static void *thread_main(void *arg)
 {
     fpga *f = arg;
     for (;;) {
-        while (sem_wait(&f->wake) != 0 && errno == EINTR) continue;
+        uint64_t count;
+        while (read(f->wake, &count, sizeof count) < 0 && errno == EINTR) continue;
         while (!atomic_load(&f->stop) && atomic_load(&f->speaker) == THREAD) {
             tell(f);
             bool in_step = get_in_step(f);
@@ -329,50 +424,62 @@ static void fpga_destroy(void *self)
     fpga *f = self;
     atomic_store(&f->stop, true);
     if (f->runs) {
-        sem_post(&f->wake);
+        wake(f);
         pthread_join(f->thread, NULL);
-        sem_destroy(&f->wake);
     }
+    if (f->wake >= 0) close(f->wake);
     kn_device_close(f->device);
     if (f->twin.destroy) f->twin.destroy(f->twin.self);
     free(f->copy_memory);
-    free(f->memory);
+    unmake(&f->queue);
+    unmake(&f->longer);
     free(f);
 }
 
-static bool allocate(fpga *f)
+static kn_link_status shape(fpga *f)
 {
-    const kn_fixed_image *image = &f->model->fixed->image;
-    const size_t each = (size_t)f->bounds * (sizeof(kn_fixed_bound) + sizeof(int64_t[3]));
-    f->memory = calloc(QUEUE, each);
-    f->copy_memory = aligned_alloc(64, kn_fixed_bytes(image));
-    if (!f->memory || !f->copy_memory) return false;
-    kn_fixed_init(&f->copy, image, f->copy_memory);
-    for (int i = 0; i < QUEUE; i++) {
-        char *at = (char *)f->memory + (size_t)i * each;
-        f->queue[i].reaction = (void *)at;
-        f->queue[i].bound = (void *)(at + (size_t)f->bounds * sizeof(int64_t[3]));
+    kn_link_status status = kn_device_identify(f->device, kn_now_ns() + 5 * ANSWER_NS);
+    if (status != KN_LINK_OK) return status;
+    if (kn_device_caps_of(f->device)->bounds < f->bounds) f->bounds = kn_device_caps_of(f->device)->bounds;
+    return prepare(f) ? KN_LINK_OK : KN_LINK_PROTOCOL;
+}
+
+static bool allocate(fpga *f, const char *uri, char why[KN_LINK_WHY])
+{
+    const int64_t length = wanted(f);
+    const double load_s = 1e-9 * (double)atomic_load(&f->load_ns);
+    const size_t bytes = (size_t)length * slot_bytes(f);
+    if (length > QUEUE_MOST || bytes > f->room) {
+        snprintf(why, KN_LINK_WHY,
+                 "%.100s: to load it takes %.1f s, and a queue of %lld ticks, %zu MiB: expected %d at most and "
+                 "%zu MiB, by a faster link or fewer nodes",
+                 uri, load_s, (long long)length, (bytes >> 20) + 1, QUEUE_MOST, f->room >> 20);
+        return false;
     }
-    return true;
+    atomic_store(&f->queue_length, length);
+    return make(f, &f->queue, (uint32_t)length);
 }
 
 // Found, as this one, and given the object as it is.
-static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY])
+static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY], bool *device)
 {
     f->device = kn_device_open(uri, why);
+    *device = true;
     if (!f->device) return false;
-    kn_link_status status = kn_device_identify(f->device, kn_now_ns() + 5 * ANSWER_NS);
-    const kn_device_caps *caps = kn_device_caps_of(f->device);
-    if (status == KN_LINK_OK && caps->bounds < f->bounds) f->bounds = caps->bounds;
+    kn_device_be_patient(f->device, true);
+    kn_link_status status = shape(f);
     if (status == KN_LINK_OK && f->model->cell_count > 0 && f->model->node_count > f->bounds) {
         snprintf(why, KN_LINK_WHY, "%.100s: gas loads every node, %d here, and the circuit takes %d a tick", uri,
                  f->model->node_count, f->bounds);
         return false;
     }
     if (status == KN_LINK_OK) {
+        if (!allocate(f, uri, why)) return *device = false;
         kn_fixed_read(f->model, f->twin.state(f->twin.self), &f->copy);
         atomic_store(&f->following, true);
-        if (load(f)) return true;
+        bool loaded = load(f);
+        kn_device_be_patient(f->device, false);
+        if (loaded) return true;
         status = KN_LINK_PROTOCOL;
     }
     const char *said = kn_device_why(f->device);
@@ -384,7 +491,8 @@ static bool start(fpga *f)
 {
     const kn_fixed_watch watch = {f, begin, end};
     kn_backend_cpu_watch(&f->twin, watch);
-    if (sem_init(&f->wake, 0, 0) != 0) return false;
+    f->wake = eventfd(0, EFD_CLOEXEC);
+    if (f->wake < 0) return false;
     pthread_attr_t attr;
     sigset_t all, before;
     pthread_attr_init(&attr);
@@ -395,11 +503,11 @@ static bool start(fpga *f)
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     pthread_attr_destroy(&attr);
     if (f->runs) pthread_setname_np(f->thread, "circuit");
-    else sem_destroy(&f->wake);
     return f->runs;
 }
 
-bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri, char why[KN_LINK_WHY], bool *device)
+bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri, size_t room, char why[KN_LINK_WHY],
+                     bool *device)
 {
     *device = false;
     snprintf(why, KN_LINK_WHY, "not enough memory");
@@ -410,12 +518,15 @@ bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri
     fpga *f = calloc(1, sizeof *f);
     if (!f) return false;
     f->model = model;
+    f->room = room;
+    f->wake = -1;
     f->told = KN_LOSS_COUNT;
     atomic_init(&f->out, KN_LOSS_COUNT);
     atomic_init(&f->last, KN_LOSS_COUNT);
     f->bounds = model->node_count < KN_FIXED_LIST_MAX ? model->node_count : KN_FIXED_LIST_MAX;
-    bool fits = kn_backend_cpu(&f->twin, model) && allocate(f);
-    if (fits && !attach(f, uri, why)) fits = false, *device = true;
+    f->copy_memory = aligned_alloc(64, kn_fixed_bytes(&model->fixed->image));
+    if (f->copy_memory) kn_fixed_init(&f->copy, &model->fixed->image, f->copy_memory);
+    bool fits = kn_backend_cpu(&f->twin, model) && f->copy_memory && attach(f, uri, why, device);
     if (!fits || !start(f)) {
         fpga_destroy(f);
         return false;
@@ -426,17 +537,17 @@ bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri
     return true;
 }
 
-bool kn_backend_place(kn_backend *backend, const kn_model *model, const char *uri, bool at_leisure,
+bool kn_backend_place(kn_backend *backend, const kn_model *model, const char *uri, bool at_leisure, size_t room,
                       char why[KN_LINK_WHY], bool *device)
 {
-    char room[KN_LINK_URI];
+    char patient[KN_LINK_URI];
     *device = false;
     snprintf(why, KN_LINK_WHY, "not enough memory for the object's %zu bytes", model->state_bytes);
     if (!uri) return kn_backend_cpu(backend, model);
     if (at_leisure && !strstr(uri, "miss=") &&
-        snprintf(room, sizeof room, "%s%cmiss=500", uri, strchr(uri, '?') ? '&' : '?') < (int)sizeof room)
-        uri = room;
-    return kn_backend_fpga(backend, model, uri, why, device);
+        snprintf(patient, sizeof patient, "%s%cmiss=500", uri, strchr(uri, '?') ? '&' : '?') < (int)sizeof patient)
+        uri = patient;
+    return kn_backend_fpga(backend, model, uri, room, why, device);
 }
 
 static fpga *of(const kn_backend *backend) { return backend->destroy == fpga_destroy ? backend->self : NULL; }
@@ -450,6 +561,8 @@ bool kn_backend_fpga_counts(const kn_backend *backend, kn_fpga_counts *counts)
                                .losses = atomic_load(&f->losses),
                                .different = atomic_load(&f->different),
                                .loads = atomic_load(&f->loads),
+                               .queue = atomic_load(&f->queue_length),
+                               .load_ns = atomic_load(&f->load_ns),
                                .in_step = atomic_load(&f->speaker) == SERVO,
                                .behind = atomic_load(&f->following),
                                .timeouts = atomic_load(&f->timeouts),

@@ -10,6 +10,14 @@
 //     a tick that was late stays in a queue, and the circuit catches up; one that is lost, or differs, is identified,
 //     loaded with a copy of the twin's state, led through the queue, and hands forces again when that is empty. All
 //     that is a thread's work beside the servo; it begins anew where the object is replaced.
+//
+//     what never changes of an object goes first; only while its state is on the way have ticks to be kept
+//
+//     prepare ------------> copy of the state --> load ------------> catch up ---> in step
+//     no tick is kept       the queue begins      it grows by 1 a ms  it shrinks
+//
+// The queue is made for half as much again as that load takes, by the bytes that went over the link so far, and never
+// for less than 1024 ticks; it is made anew where the link has become slower.
 #include "server/backend/backend.h"
 #include "server/backend/device.h"
 
@@ -21,6 +29,8 @@ typedef struct kn_fpga_counts {
     int64_t losses;     // times that it was lost
     int64_t different;  // times that it gave another number
     int64_t loads;      // whole states that it was given
+    int64_t queue;      // ticks that may wait for it
+    int64_t load_ns;    // that bringing it a state takes
     bool in_step;       // now
     kn_loss last;       // the latest reason why it was not, KN_LOSS_COUNT: it always was
     // Times that it was out of step for this reason: those of losses, and what then kept it from coming back. What
@@ -32,12 +42,14 @@ typedef struct kn_fpga_counts {
 } kn_fpga_counts;
 
 // Opens the device (link.h says the URIs), identifies and loads it. Borrows a model of KN_SOLVER_FIXED, in steps of
-// 1 ms. False: why is one line; device: it is the device's, not the scene's.
-bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri, char why[KN_LINK_WHY], bool *device);
+// 1 ms. room: bytes that its queue may have; all of them are touched here. False: why is one line; device: it is the
+// device's, not the scene's.
+bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri, size_t room, char why[KN_LINK_WHY],
+                     bool *device);
 
 // Where a lattice is stepped: by that circuit, or, uri NULL, on this processor. A replay is at leisure: a circuit that
 // is simulated takes as long as it takes, so an answer is missed later than a servo would. False as kn_backend_fpga.
-bool kn_backend_place(kn_backend *backend, const kn_model *model, const char *uri, bool at_leisure,
+bool kn_backend_place(kn_backend *backend, const kn_model *model, const char *uri, bool at_leisure, size_t room,
                       char why[KN_LINK_WHY], bool *device);
 
 // False for any other backend. From any thread.

@@ -11,8 +11,8 @@
 // and of each ?miss=MS: how long one request may go unanswered before it is sent again (1.6, .1 .. 60000).
 //
 // One request is under way at a time; another one takes its place, and the reply to the first is dropped when it comes.
-// Nothing waits beyond the deadline it is given and nothing allocates but open: submit, wait and forget are real-time
-// safe as far as read, write, ppoll and futex are. Not thread-safe.
+// Nothing waits beyond the deadline it is given and nothing allocates but open: submit and wait are real-time safe as
+// far as read, write and ppoll of that line are; over memory they sleep, and call nothing else. Not thread-safe.
 #include "server/backend/frame.h"
 
 #define KN_LINK_URI 256 // characters at most
@@ -62,13 +62,12 @@ bool kn_link_shm(kn_link *link, const char *name, char why[KN_LINK_WHY]);
 // ---- the file of shm: 2^24 words, and behind them what replaces the trap that a plain store into memory has not
 //
 // A word whose writing does something (KN_BELLS) is put into bell_address and bell_word, then bell is counted up. Until
-// the device has counted done up to it, STATUS reads as busy. asleep: who waits on a futex at bell or done.
+// the device has counted done up to it, STATUS reads as busy. Each looks at the other's count, neither wakes the other.
 #define KN_SHM_WORDS (1u << 24)
 #define KN_SHM_BYTES (4u * KN_SHM_WORDS + 4096u)
 
 typedef struct kn_shm {
-    uint32_t bell, bell_address, bell_word, device_asleep;
-    uint32_t done, host_asleep;
+    uint32_t bell, bell_address, bell_word, done;
 } kn_shm;
 
 static inline kn_shm *kn_shm_of(void *file)

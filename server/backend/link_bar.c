@@ -4,16 +4,12 @@
 #include "server/clock.h"
 #include <errno.h>
 #include <fcntl.h>
-#include <limits.h>
-#include <linux/futex.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
-#include <sys/syscall.h>
-#include <time.h>
 #include <unistd.h>
 
 enum { READ = 1, WRITE = 2, SPIN_NS = 10000, NAP_NS = 20000 };
@@ -48,18 +44,12 @@ static uint32_t get(bar *b, uint32_t address)
     return address == KN_REG_STATUS && ringing(b) ? word | KN_STATUS_BUSY : word;
 }
 
-static long futex(uint32_t *at, int what, uint32_t value, const struct timespec *until)
-{
-    return syscall(SYS_futex, at, what, value, until, NULL, FUTEX_BITSET_MATCH_ANY);
-}
-
 static void ring(bar *b, uint32_t address, uint32_t word)
 {
     kn_shm *s = b->shm;
     s->bell_address = address;
     s->bell_word = word;
-    __atomic_store_n(&s->bell, s->bell + 1, __ATOMIC_SEQ_CST);
-    if (__atomic_load_n(&s->device_asleep, __ATOMIC_SEQ_CST)) futex(&s->bell, FUTEX_WAKE, INT_MAX, NULL);
+    __atomic_store_n(&s->bell, s->bell + 1, __ATOMIC_RELEASE);
 }
 
 // False: the bell before has not been heard.
@@ -155,19 +145,6 @@ static kn_link_status submit(void *self, const kn_request *request)
     return KN_LINK_OK;
 }
 
-static void nap(bar *b, int64_t until_ns)
-{
-    struct timespec until = {until_ns / 1000000000, until_ns % 1000000000};
-    if (!b->shm) {
-        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, NULL);
-        return;
-    }
-    uint32_t done = __atomic_load_n(&b->shm->done, __ATOMIC_SEQ_CST);
-    __atomic_store_n(&b->shm->host_asleep, 1, __ATOMIC_SEQ_CST);
-    if (ringing(b)) futex(&b->shm->done, FUTEX_WAIT_BITSET, done, &until);
-    __atomic_store_n(&b->shm->host_asleep, 0, __ATOMIC_RELAXED);
-}
-
 static kn_link_status look(bar *b, kn_reply *reply)
 {
     kn_link_status status = advance(b);
@@ -188,8 +165,7 @@ static kn_link_status wait_reply(void *self, int64_t deadline_ns, kn_reply *repl
         if (now_ns >= deadline_ns) return b->word[KN_REG_ID] == UINT32_MAX ? KN_LINK_GONE : KN_LINK_LATE;
         now_ns = kn_now_ns();
         if (now_ns - began_ns < SPIN_NS) continue;
-        int64_t until_ns = b->shm && ringing(b) ? deadline_ns : now_ns + NAP_NS;
-        nap(b, until_ns < deadline_ns ? until_ns : deadline_ns);
+        kn_clock_sleep(now_ns + NAP_NS < deadline_ns ? now_ns + NAP_NS : deadline_ns);
     }
 }
 
@@ -214,10 +190,16 @@ static void close_bar(void *self)
 // ---- opening
 
 // First without access, then with: where a process has locked all its memory, pages would else be made of every word.
+// Those that a tick needs are made here, and not by the tick.
 static void *map(int fd, size_t bytes)
 {
     void *at = mmap(NULL, bytes, PROT_NONE, MAP_SHARED, fd, 0);
-    if (at != MAP_FAILED && mprotect(at, bytes, PROT_READ | PROT_WRITE) == 0) return at;
+    if (at != MAP_FAILED && mprotect(at, bytes, PROT_READ | PROT_WRITE) == 0) {
+        const volatile uint32_t *word = at;
+        for (size_t i = 0; i < bytes / 4; i += i < KN_WINDOW_NODES ? 1024 : KN_WINDOW_NODES) (void)word[i];
+        (void)word[bytes / 4 - 1];
+        return at;
+    }
     if (at != MAP_FAILED) munmap(at, bytes);
     return NULL;
 }

@@ -8,5 +8,11 @@ static const struct {
 #undef KN_LOSS_ROW
         [KN_LOSS_COUNT] = {"none", "in step"}};
 
-const char *kn_loss_word(kn_loss loss) { return losses[loss].word; }
-const char *kn_loss_means(kn_loss loss) { return losses[loss].means; }
+const char *kn_loss_word(kn_loss loss)
+{
+    return losses[loss].word;
+}
+const char *kn_loss_means(kn_loss loss)
+{
+    return losses[loss].means;
+}

@@ -35,6 +35,18 @@ TEST("a thread that was busy past its deadline has itself to blame")
     CHECK(wake.tick == 2 && wake.missed == 1 && wake.overrun && wake.late_ns == 30);
 }
 
+TEST("a tick has to be over where the grid has the next one, whenever it woke")
+{
+    kn_clock clock;
+    const int64_t late_ns[] = {0, 400000, 999999, 36 * MS + 5, 10};
+    kn_clock_start(&clock, START);
+    for (int i = 0; i < 5; i++) {
+        const int64_t due_ns = START + (clock.tick + 1) * MS;
+        const kn_wake wake = kn_clock_wake(&clock, due_ns - 1, due_ns + late_ns[i]);
+        CHECK(kn_wake_deadline(&wake) == START + (wake.tick + 1) * MS && kn_wake_deadline(&wake) > wake.now_ns);
+    }
+}
+
 TEST("waiting never wakes before the deadline and loses no tick from the count")
 {
     kn_clock clock;

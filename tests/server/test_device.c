@@ -565,7 +565,7 @@ TEST("why it was lost has a name")
         char line[256];
         kn_device_result result;
         sim s = start_on(runs[i].bar, runs[i].fault, "1");
-        kn_device *d = open_patient(&s, 2);
+        kn_device *d = open_patient(&s, runs[i].loss == KN_LOSS_TIMEOUT ? 2 : 100);
         CHECK_STR(kn_loss_word(kn_device_loss(d)), "none");
         kn_link_status status = kn_device_identify(d, after_ms(500));
         if (status == KN_LINK_OK) status = kn_device_load(d, &r->image, &r->fixed, after_ms(2000));

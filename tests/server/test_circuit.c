@@ -1,0 +1,204 @@
+// A circuit in step with its twin, at 1 kHz, against knead-simdev: what the queue between them is for, and the
+// deadline.
+#include "core/scene/scene.h"
+#include "server/backend/fpga.h"
+#include "server/clock.h"
+#include "tests/check.h"
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+typedef struct board {
+    pid_t pid;
+    FILE *out;
+    char uri[128];
+} board;
+
+static board start(const char *baud, const char *fault)
+{
+    static char name[64];
+    int pipe_of[2];
+    board b = {0};
+    snprintf(name, sizeof name, "/tmp/knead-circuit-%d", (int)getpid());
+    const char *const all[] = {"bin/knead-simdev",       "--uart", "--link", name, "--baud", baud,
+                               fault ? "--fault" : NULL, fault,    NULL};
+    if (pipe(pipe_of)) exit(1);
+    b.pid = fork();
+    if (b.pid == 0) {
+        dup2(pipe_of[1], 1);
+        close(pipe_of[0]);
+        execv(all[0], (char *const *)all);
+        _exit(70);
+    }
+    close(pipe_of[1]);
+    b.out = fdopen(pipe_of[0], "r");
+    if (!fgets(b.uri, 100, b.out)) KN_TEST_FAIL("knead-simdev says nothing");
+    strcpy(b.uri + strcspn(b.uri, "\n"), "?miss=10"); // of a busy machine
+    return b;
+}
+
+static void end(board *b)
+{
+    kill(b->pid, SIGKILL);
+    waitpid(b->pid, NULL, 0);
+    fclose(b->out);
+}
+
+typedef struct object {
+    kn_scene *scene;
+    kn_model *model;
+    kn_backend backend;
+    kn_input input;
+    int64_t due_ns;
+    int ticks;
+} object;
+
+static object make(const char *file)
+{
+    static const char *const set[] = {"solver.kind=fixed", "solver.precision=f64", "solver.passes=1",
+                                      "solver.iterations=2"};
+    char error[256] = "", path[512];
+    object o = {0};
+    snprintf(path, sizeof path, KN_SOURCE_DIR "/core/scenes/%s", file);
+    o.scene = kn_scene_load(path, set, 4, error, sizeof error);
+    o.model = o.scene ? kn_model_build(&o.scene->model, error, sizeof error) : NULL;
+    if (!o.model) {
+        fprintf(stderr, "%s\n", error);
+        exit(1);
+    }
+    return o;
+}
+
+static void unmake(object *o)
+{
+    if (o->backend.destroy) o->backend.destroy(o->backend.self);
+    kn_model_destroy(o->model);
+    kn_scene_destroy(o->scene);
+}
+
+// A tick on the grid; what is late is not made up for. Returns how it ended, and when its wait did.
+static kn_backend_status tick(object *o, int64_t period_ns, int64_t *returned_ns)
+{
+    kn_output output;
+    int64_t now_ns = kn_now_ns();
+    if (o->due_ns < now_ns - KN_PERIOD_NS) o->due_ns = now_ns;
+    kn_clock_sleep(o->due_ns += period_ns);
+    double phase = 0.001 * o->ticks++; // a plate that comes and goes, off the dough for most of the time
+    double depth = 0.001 * (phase - (int)phase < 0.1);
+    o->input.probe[0] = (kn_probe_input){true, {0, 0, 0.031 - 2 * depth}, {0, 0, 0}, {1, 0, 0, 0}, false};
+    o->backend.submit(o->backend.self, &o->input);
+    kn_backend_status status = o->backend.wait(o->backend.self, o->due_ns + KN_PERIOD_NS, &output);
+    *returned_ns = kn_now_ns();
+    if (o->backend.afterwards) o->backend.afterwards(o->backend.self);
+    return status;
+}
+
+// Ticks until the circuit has computed 50 of them in step, whether by their deadlines or later; -1: never. They come
+// every millisecond for 4 s, in which a load has to arrive, then every two, four, eight: a busy machine has to catch up
+// as well.
+static int until_in_step(object *o)
+{
+    const int64_t began_ns = kn_now_ns();
+    int64_t returned_ns, lasted_s = 0;
+    kn_fpga_counts c;
+    int64_t out = 0; // of those computed, the last while it was not in step
+    for (int n = 0; lasted_s < 60; n++) {
+        lasted_s = (kn_now_ns() - began_ns) / 1000000000;
+        int64_t period_ns = (int64_t)KN_PERIOD_NS << (lasted_s < 16 ? lasted_s / 4 : 4);
+        tick(o, period_ns, &returned_ns);
+        kn_backend_fpga_counts(&o->backend, &c);
+        if (n == 0 || !c.in_step) out = c.on_circuit;
+        if (c.on_circuit >= out + 50) return n;
+    }
+    return -1;
+}
+
+TEST("a lattice whose load takes longer than a second over its line gets in step, again and again")
+{
+    board b = start("3000000", NULL);
+    object o = make("dough.yaml");
+    char why[KN_LINK_WHY] = "";
+    bool device = false;
+    kn_fpga_counts n;
+    int64_t began_ns = kn_now_ns();
+    if (!kn_backend_fpga(&o.backend, o.model, b.uri, SIZE_MAX, why, &device)) {
+        KN_TEST_FAIL("%s", why);
+        exit(1);
+    }
+    const double load_s = 1e-9 * (double)(kn_now_ns() - began_ns);
+    CHECK(load_s > 1.024); // as many ticks as the least queue holds
+    for (int kill = 0; kill < 2; kill++) {
+        int first = until_in_step(&o);
+        CHECK(first >= 0);
+        end(&b);
+        b = start("3000000", NULL);
+        int64_t returned_ns;
+        for (int i = 0; i < 20; i++) tick(&o, KN_PERIOD_NS, &returned_ns);
+        int again = until_in_step(&o);
+        CHECK(again >= 0);
+        CHECK(kn_backend_fpga_counts(&o.backend, &n));
+        printf("     %d nodes, %.2f s to load, of that %.2f s the state: in step after %d ticks, started again after "
+               "%d, queue of %lld\n",
+               o.model->node_count, load_s, 1e-9 * (double)n.load_ns, first, again, (long long)n.queue);
+    }
+    CHECK(n.losses >= 2 && n.different == 0 && n.because[KN_LOSS_REMOVED] >= 2 && n.last != KN_LOSS_COUNT);
+    CHECK(n.queue >= n.load_ns * 3 / 2000000);
+    kn_device_stats stats;
+    CHECK(kn_backend_fpga_agrees(&o.backend, why, &stats));
+    unmake(&o);
+    end(&b);
+}
+
+TEST("a queue is as long as a load takes, and refused by its number where there is no room for it")
+{
+    board b = start("1000000", NULL);
+    object o = make("dough.yaml");
+    char why[KN_LINK_WHY] = "";
+    bool device = true;
+    kn_fpga_counts n;
+    CHECK(!kn_backend_fpga(&o.backend, o.model, b.uri, 1 << 20, why, &device));
+    CHECK(!device && strstr(why, "ticks") && strstr(why, "expected"));
+    printf("     %s\n", why);
+    if (!kn_backend_fpga(&o.backend, o.model, b.uri, SIZE_MAX, why, &device)) {
+        KN_TEST_FAIL("%s", why);
+        exit(1);
+    }
+    CHECK(kn_backend_fpga_counts(&o.backend, &n));
+    CHECK(n.load_ns > 1000000000 && n.queue >= 2048 && n.queue >= n.load_ns * 3 / 2000000);
+    unmake(&o);
+    end(&b);
+}
+
+TEST("a circuit that hangs costs no tick its deadline: the wait ends when a sleep until then would")
+{
+    enum { TICKS = 1000 };
+    board b = start("3000000", "hang=1");
+    object o = make("dough-small.yaml");
+    char why[KN_LINK_WHY] = "", uri[160];
+    bool device = false;
+    snprintf(uri, sizeof uri, "%.*s?miss=500", (int)strcspn(b.uri, "?"), b.uri);
+    if (!kn_backend_fpga(&o.backend, o.model, uri, SIZE_MAX, why, &device)) {
+        KN_TEST_FAIL("%s", why);
+        exit(1);
+    }
+    int waited = 0, slept = 0, early = 0;
+    for (int i = 0; i < TICKS; i++) {
+        int64_t returned_ns;
+        bool shadowed = tick(&o, KN_PERIOD_NS, &returned_ns) == KN_BACKEND_SHADOWED;
+        waited += returned_ns > o.due_ns + KN_PERIOD_NS;
+        early += shadowed && returned_ns < o.due_ns + KN_PERIOD_NS / 2;
+        kn_clock_sleep((o.due_ns += KN_PERIOD_NS) + 6 * KN_PERIOD_NS / 10); // beside: what the machine makes of a sleep
+        slept += kn_now_ns() > o.due_ns + KN_PERIOD_NS;
+    }
+    kn_fpga_counts n;
+    CHECK(kn_backend_fpga_counts(&o.backend, &n));
+    printf("     %d ticks, %lld of them without an answer: %d ended late, %d of as many sleeps\n", TICKS,
+           (long long)n.shadowed, waited, slept);
+    CHECK(n.shadowed > TICKS / 2);
+    CHECK(early < TICKS / 10); // it did wait
+    CHECK(waited <= 2 * slept + TICKS / 20);
+    unmake(&o);
+    end(&b);
+}
+
+TESTS_MAIN
