@@ -150,10 +150,11 @@ static knead_health_t health_now(server *d, int64_t utime)
 // Those that the servo does not see, since they were told last; kept among the last ones until there is a fault.
 static int32_t service_errors(server *d, bool tells)
 {
-    int64_t failed = atomic_load(&d->keeper.errors), lost = 0;
+    int64_t failed = atomic_load(&d->keeper.errors), lost = 0; // of the circuit: times and reasons
     int32_t errors = 0;
     kn_fpga_counts n;
-    if (kn_backend_fpga_counts(&d->on.backend, &n)) lost = n.losses + n.different;
+    bool circuit = kn_backend_fpga_counts(&d->on.backend, &n);
+    for (int i = 0; circuit && i < KN_LOSS_COUNT; i++) lost += n.because[i];
     if (failed > d->saves_failed_told) errors |= KNEAD_STATUS_T_ERROR_SNAPSHOT;
     if (lost > d->circuit_failed_told) errors |= KNEAD_STATUS_T_ERROR_OFFLOAD_FAULT;
     d->service_errors |= errors;
