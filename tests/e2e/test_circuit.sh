@@ -28,12 +28,28 @@ for ((kill = 1; kill <= kills; kill++)); do
     pause "1.$((100 + RANDOM % 900))"
     kill_board
     pause "0.$((100 + RANDOM % 400))"
+    knead ctl --control ctl --json status >"killed.$kill.json"
     board "$kill" --uart --link "$PWD/board"
 done
 wait $probe
 check "the hand pressed to the end" [ $? = 0 ]
 knead ctl --control ctl status >status.txt
+knead ctl --control ctl --json status >status.json
 check "knead ctl status tells of the circuit" grep -q circuit status.txt
+check "while the board is killed: lost, degraded, an error by name; and what it did: $(grep -A 9 ^circuit status.txt | tr -s ' \n' ' ')" python3 - <<'END'
+import glob, json
+every = [json.load(open(name)) for name in glob.glob("killed.*.json") + ["status.json"]]
+for s in every:
+    c = s["circuit"]
+    assert s["backend"] == "fpga" and c["fallbacks"] > 0, c
+    assert ("no_fpga" in s["degraded"]) == (c["state"] != "in_step"), (s["degraded"], c)
+    assert (sum(c["because"].values()) > 0) == (c["last_loss"] != "none"), c
+killed, end = every[:-1], every[-1]["circuit"]
+errors = [(s["current_errors"], s["last_errors"], s["circuit"]["state"]) for s in killed]
+assert all("offload_fault" in current + last and state != "in_step" for current, last, state in errors), errors
+assert end["timeouts"] + end["because"]["removed"] > 0, end
+assert 0 < end["rtt_us"]["p50"] <= end["rtt_us"]["p99"] <= 1.2 * end["rtt_us"]["max"], end
+END
 knead ctl --control ctl set material.k1=30000 >set.txt 2>&1
 check "another material is refused while a circuit has the object: $(cat set.txt)" grep -q 'a circuit steps the object' set.txt
 kill -INT $server

@@ -92,6 +92,7 @@ for try in 1 2 3; do
     third=$?
     sleep 1.2
     field '["mode"], "recovered"' >>mode
+    ctl --json status >stopped.json
     end
     [ $third = 0 ] && whole stop.lcmlog && break
     echo "try $try:" && cat hand.err second.err third.err
@@ -102,6 +103,13 @@ check "which a recover ends" grep -q '^IDLE recovered$' mode
 check "its fault and the way back are told" grep -q "'fault': 'emergency stop'.*'way_back': \"\?'\?an operator's recover" probes
 check "no hand felt anything meanwhile" grep -q 'taken to 0 N\|latched' second.err
 check "the log replays over stop and recover to the bit" verifies stop.lcmlog
+logcheck stop.lcmlog >stop.txt
+check "the stop is counted by its name, its fade as ramped: $(tail -1 stop.txt)" \
+    [ "$(number estops stop.txt)" -ge 1 -a "$(number slews stop.txt)" -ge 10 ]
+check "as status does" python3 -c '
+import json
+f = json.load(open("stopped.json"))["force"]
+assert f["trips"]["estop"] >= 1 and f["slew_limited"] >= 10 and f["faults"] == sum(f["trips"].values()), f'
 
 # what is wrong, while it serves
 start_kneadd dough-small.yaml --control control
@@ -120,6 +128,25 @@ lines 'reset
 '"{\"command\":\"reset\",\"x\":$(printf '%1900s' | tr ' ' '[')$(printf '%1900s' | tr ' ' ']')}
 " >answers
 check "lines that are no request are told, one each" [ "$(grep -c '^{"ok":false,"error":' answers)" = 5 ]
+ctl --json status >status.json
+check "every name of status stands in the page, under its group" python3 - "$KN_SOURCE/server/README.md" <<'END'
+import json, re, sys
+rows = [line for line in open(sys.argv[1]) if line.startswith("| `")]
+status = json.load(open("status.json"))
+groups = {"": {k: 0 for k, v in status.items() if not isinstance(v, dict) and k not in ("ok", "probes")},
+          "probes[]": {**status["probes"][0], **status["probes"][0].pop("packets")}}
+groups.update({k: v for k, v in status.items() if isinstance(v, dict)})
+for group, names in groups.items():
+    told = set()
+    for row in rows:
+        first, rest = row.split("|")[1], row.split("|")[2]
+        head = first.strip(" `").split(".")[0].split("`")[0]
+        if group and head != group or not group and "." in first: continue
+        told |= set(re.findall(r"[a-z_0-9]+", " ".join(re.findall(r"`([^`]*)`", first if group != "probes[]" else row))))
+    missing = set(names) - told
+    assert not missing, (group, missing)
+for bits in ("degraded", "current_errors"): assert status[bits] == [] or all(isinstance(b, str) for b in status[bits])
+END
 check "status for a reader: $(ctl status | tr -s ' \n' ' ' | cut -c1-60)" grep -q "^mode  *IDLE$" <(ctl status)
 expect "stop ends it" 'stop: done' 0 sh -c 'knead ctl --control control stop >&2'
 wait $server

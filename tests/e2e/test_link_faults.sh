@@ -36,6 +36,7 @@ row() {
     rules row.lcmlog far 3.3 4 >served_far.txt
     awk -v clamp=3.3 -v guard=4 -f "$KN_SOURCE/tests/tactile/device.awk" near.csv >near.txt
     awk -v clamp=3.3 -v guard=4 -v local=1 -f "$KN_SOURCE/tests/tactile/device.awk" far.csv >far.txt
+    logcheck row.lcmlog >health.txt
     rm row.lcmlog
 }
 missing() { awk -v fresh="$(number fresh served.txt)" -v all="$(number cycles served.txt)" 'BEGIN { print 1 - fresh / all }'; }
@@ -43,6 +44,11 @@ missing() { awk -v fresh="$(number fresh served.txt)" -v all="$(number cycles se
 # a busy machine brings late
 heard() { awk -v d="$(missing)" -v base="$base" -v lost="$1" 'BEGIN { d -= base + lost; exit !(d <= 0.01 && d >= -0.01) }'; }
 share() { awk -v n="$(way poses "$1")" -v all=$(($(way poses carried) + $(way poses lost))) 'BEGIN { print n / all }'; }
+# counts NAME WHAT: whether kneadd's own count of the poses' numbers is what the link did to them, within 1 % of all
+counts() {
+    awk -v n="$(number "$1" health.txt)" -v did="$(way poses "$2")" -v all=$(($(way poses carried) + $(way poses lost))) \
+        'BEGIN { d = n - did; exit !(d <= 0.01 * all && d >= -0.01 * all) }'
+}
 judge() { # judge NAME
     awk -v name="$1" -v fresh="$(number fresh served.txt)" -v all="$(number cycles served.txt)" -v near="$(number pressed near.txt)" \
         -v far="$(number pressed far.txt)" -v c="$(number steepest_contact near.txt)" -v t="$(number steepest_transition near.txt)" \
@@ -64,6 +70,8 @@ success() {
     done
     judge "$name"
     check "$name: kneadd loses what the link did, $(share "$what"), within 1 %" heard "$(share "$what")" || cat served.txt link.txt
+    check "$name: and says so: $(number lost health.txt) lost, $(number in_a_row health.txt) in a row, $(number duplicate health.txt) twice, $(
+        number reordered health.txt) swapped" counts lost lost && counts duplicate twice && counts reordered swapped || cat health.txt link.txt
 }
 
 row
@@ -77,6 +85,8 @@ success "repeats" lost twice=0.01
 success "swaps" swapped swap=0.01
 row jitter=5
 judge "jitter 0 to 5 ms"
+check "jitter: told as late, $(number late health.txt), and overtaken, $(number reordered health.txt)" \
+    [ "$(number late health.txt)" -gt 0 -a "$(number reordered health.txt)" -gt 0 ]
 row flip=0.001
 judge "flipped bits, no key"
 success "flipped bits, a key" flipped key flip=0.001

@@ -5,6 +5,9 @@
 //     resets N as_new N faded_n F again_n F        as_new: whose state hash is that of KNEAD_SCENE's untouched object
 //     stepped N commanded N lowest_gain F reduced N mistaken N       points of quality: taken over the budget, or told
 //     received N accepted N rejected N kernel_drops N ticks N missed N hist N      of the last status
+//     healths N paired N ever_errors BITS                 paired: under a status' utime; of all current_errors
+//     lost N late N duplicate N reordered N in_a_row N generation N saves N slews N silences N estops N      of the last
+//                                                                               health, summed over the probes
 //
 // stopping counts the forces under FLAG_STOPPING; steepest_n is the largest change per ms among them and the forces of
 // the 20 ms after a reset; faded_n is the largest force in the 20 ms after these, again_n since the last reset's.
@@ -12,6 +15,7 @@
 // events say. hist sums wakeup_hist.
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
+#include "proto/knead_health_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include "proto/knead_scene_t.h"
 #include "proto/knead_status_t.h"
@@ -39,6 +43,8 @@ static int64_t stepped, commanded, reduced, mistaken, quality_tick = -1;
 static double lowest_gain = 1.0;
 static bool is_reduced; // by the events so far
 static knead_status_t status;
+static knead_health_t health;
+static int64_t healths, paired, ever_errors;
 
 static bool begins(const lcm_eventlog_event_t *e, const char *prefix)
 {
@@ -118,14 +124,36 @@ static void take(const lcm_eventlog_event_t *e)
         take_force(e);
     else if (begins(e, "KNEAD_EVENT"))
         take_event(e);
-    else if (begins(e, "KNEAD_STATUS"))
+    else if (begins(e, "KNEAD_STATUS")) {
         *(knead_status_t_decode(e->data, 0, e->datalen, &status) < 0 ? &undecodable : &statuses) += 1;
-    else if (begins(e, "KNEAD_SCENE")) {
+        ever_errors |= status.current_errors;
+    } else if (begins(e, "KNEAD_HEALTH")) {
+        *(knead_health_t_decode(e->data, 0, e->datalen, &health) < 0 ? &undecodable : &healths) += 1;
+        paired += health.utime == status.utime;
+    } else if (begins(e, "KNEAD_SCENE")) {
         if (knead_scene_t_decode(e->data, 0, e->datalen, &scene) < 0)
             undecodable++;
         else
             scenes++, initial_hash = scene.initial_hash, knead_scene_t_decode_cleanup(&scene);
     }
+}
+
+static int64_t sum(const int64_t of[4])
+{
+    return of[0] + of[1] + of[2] + of[3];
+}
+
+static void tell_health(void)
+{
+    int64_t in_a_row = 0;
+    for (int p = 0; p < 4; p++)
+        if (health.lost_in_a_row_max[p] > in_a_row) in_a_row = health.lost_in_a_row_max[p];
+    printf("healths %" PRId64 " paired %" PRId64 " ever_errors %" PRId64 "\n", healths, paired, ever_errors);
+    printf("lost %" PRId64 " late %" PRId64 " duplicate %" PRId64 " reordered %" PRId64 " in_a_row %" PRId64
+           " generation %" PRId64 " saves %" PRId64 " slews %" PRId64 " silences %" PRId64 " estops %" PRId64 "\n",
+           sum(health.lost), sum(health.late), sum(health.duplicate), sum(health.reordered), in_a_row,
+           health.snapshot_gen, health.snapshots, health.trips[KNEAD_HEALTH_T_TRIP_SLEW],
+           health.trips[KNEAD_HEALTH_T_TRIP_POSE_SILENCE], health.trips[KNEAD_HEALTH_T_TRIP_ESTOP]);
 }
 
 int main(int argc, char **argv)
@@ -154,5 +182,6 @@ int main(int argc, char **argv)
     printf("received %" PRId64 " accepted %" PRId64 " rejected %" PRId64 " kernel_drops %" PRId64 " ticks %" PRId64
            " missed %" PRId64 " hist %" PRId64 "\n",
            status.received, status.accepted, rejected, status.kernel_drops, status.tick, status.missed_cycles, hist);
+    tell_health();
     return 0;
 }

@@ -1,0 +1,79 @@
+#!/usr/bin/env bash
+# kneadd --state-dir on a disk that is full for a while, under a hand that presses: every save that fails is counted once and told in a line a
+# second at most, whose numbers add up; the servo ticks on, what was saved stays, and saving goes on by itself once there is room.
+if [ "$1" != inside ]; then # what is mounted here goes with the namespace
+    unshare -m mount -t tmpfs none "$PWD" 2>/dev/null || { echo "skipped: no file system may be mounted here"; exit 77; }
+    exec unshare -m "$0" inside
+fi
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+ctl() { knead ctl --control control "$@"; }
+look() { ctl --json status >"$1.json"; }
+of() { python3 -c 'import json, sys; print(eval(sys.argv[2], json.load(open(sys.argv[1] + ".json"))))' "$1" "$2"; } # of NAME EXPRESSION
+grown() { echo $(($(of "$2" "$3") - $(of "$1" "$3"))); }
+files() { find kept -name '*.knead' -printf '%f %s %T@\n' | sort; }
+mkdir kept && mount -t tmpfs -o size=1m,mode=700 none kept || exit 77
+start_logger disk.lcmlog
+start_kneadd dough-small.yaml --control control --state-dir kept
+kneader finger & hand=$!
+sleep 2
+look begin && sleep 4 && look well
+dd if=/dev/zero of=kept/fill bs=4k 2>/dev/null
+for ((tries = 0; tries < 50; tries++)); do # until a save has met it, and none is under way that has not
+    ctl snapshot >/dev/null 2>&1 || break
+done
+look full
+files >files.full
+for n in 1 2 3 4 5; do ctl snapshot >"asked.$n" 2>&1; echo $? >>"asked.$n"; done
+sleep 4
+look fuller
+files >files.fuller
+rm kept/fill
+for ((tries = 0; tries < 100; tries++)); do
+    look again
+    [ "$(grown fuller again 'state["snapshots"]')" -lt 2 ] || break
+    pause 0.1
+done
+sleep 2.5
+look later
+kill $hand
+stop_kneadd
+stop_logger
+logcheck disk.lcmlog | tee disk.txt
+cat kneadd.err
+
+check "while there is room $(grown begin well 'state["snapshots"]') saves, no error" \
+    [ "$(grown begin well 'state["snapshots"]')" -ge 2 -a "$(of well 'state["snapshot_errors"]')" = 0 ]
+check "the disk being full $(grown full fuller 'state["snapshot_errors"]') saves failed and none succeeded" \
+    [ "$(grown full fuller 'state["snapshot_errors"]')" -ge 7 -a "$(grown full fuller 'state["snapshots"]')" = 0 ]
+check "what was saved before is there" diff files.full files.fuller
+check "an operator is told, each time: $(head -1 asked.1)" [ "$(cat asked.* | grep -c 'No space left on device')" = 5 ]
+check "and by the exit code" [ "$(grep -cx 2 asked.1 asked.2 asked.3 asked.4 asked.5 | grep -c ':1$')" = 5 ]
+check "it is an error by name: $(of fuller current_errors), kept: $(of later last_errors)" \
+    [ "$(of fuller '"snapshot_error" in current_errors') $(of later '"snapshot_error" in last_errors')" = "True True" ]
+check "$(of fuller 'state["snapshot_age_ms"]') ms without a snapshot" [ "$(of fuller 'state["snapshot_age_ms"]')" -ge 3500 ]
+late() { echo $(($(grown "$1" "$2" 'loop["missed_cycles"]') - $(grown "$1" "$2" 'loop["missed_explained"]'))); }
+share() { python3 -c "print('%.2f' % ($1 / $2))"; }
+ms() { echo $(($(grown "$1" "$2" monotonic_us) / 1000)); }
+check "the servo ticks on: $(grown full fuller tick) ticks in $(ms full fuller) ms" \
+    [ "$(awk -v t="$(grown full fuller tick)" -v ms="$(ms full fuller)" 'BEGIN { print (t > 0.99 * ms && t < 1.01 * ms) }')" = 1 ]
+check "and misses no more: $(late full fuller) in $(ms full fuller) ms that are not the machine's, $(late begin well) in $(ms begin well) before" \
+    [ "$(late full fuller)" -le $((2 * $(late begin well) + 40)) ]
+check "poses come in: $(grown full fuller 'link["accepted"]')" \
+    [ "$(grown full fuller 'link["accepted"]')" -ge $(($(ms full fuller) * 8 / 10)) ]
+errors=$(of later 'state["snapshot_errors"]')
+check "with room again it saves by itself, and nothing fails any more" \
+    [ "$(grown fuller later 'state["snapshots"]')" -ge 2 -a "$(grown again later 'state["snapshot_errors"]')" = 0 ]
+check "nor is it an error of now: $(of later current_errors)" [ "$(of later '"snapshot_error" in current_errors')" = False ]
+lines=$(grep -c 'was not saved' kneadd.err)
+check "$lines lines, one a second at most, $(ms well again) ms" [ "$lines" -ge 3 -a "$lines" -le $(($(ms well again) / 1000 + 2)) ]
+told=$(grep -oE '\([0-9]+ (more )?failed\)' kneadd.err | grep -oE '[0-9]+' | awk '{ n += $1 } END { print n + 0 }')
+check "which tell every one of the $errors errors once" [ "$told" = "$errors" ]
+check "so does the summary" [ "$(counter errors)" = "$errors" ]
+check "KNEAD_HEALTH came with every KNEAD_STATUS" \
+    [ "$(number healths disk.txt)" -ge 10 -a "$(number paired disk.txt)" = "$(number healths disk.txt)" ]
+check "with the newest generation" [ "$(number generation disk.txt)" -ge "$(of later 'state["snapshot_gen"]')" ]
+check "and KNEAD_STATUS with the error" [ $(($(number ever_errors disk.txt) & 256)) = 256 ]
+start_kneadd dough-small.yaml --control control --state-dir kept
+stop_kneadd
+check "the next start goes on with the last one: $(grep restored kneadd.log)" grep -q '^kneadd: restored kept/' kneadd.log
+exit $failed
