@@ -4,9 +4,9 @@
 // table from here (hdl/table.c); its hash, with that of the formats, is BUILD_HASH.
 //
 // A transfer is refused (bus_error) at an address that is none, when it writes what is read only, a value of more bits
-// than the register has, a count beyond CAPS or a node that is none, and, while STATUS.BUSY, when it touches a window,
-// CONTROL or what a tick reads. Writing 0x10..0x19 or OMEGA takes LOADED away; CONTROL 8 gives it only if their values
-// are within their ranges.
+// than the register has, a count beyond CAPS or a node that is none, and, while STATUS.BUSY, when it touches a window
+// or OMEGA, or writes CONTROL or what a tick reads. Writing 0x10..0x19 or OMEGA takes LOADED away; CONTROL 8 gives it
+// only if their values are within their ranges.
 #include <stdint.h>
 
 // name, word address, access (R read, W write, C write one to clear), bits, what

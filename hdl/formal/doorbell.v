@@ -20,7 +20,7 @@ module doorbell (
         .clk(clk), .rst(rst), .i_bus_valid(valid), .i_bus_write(write), .i_bus_addr(address), .i_bus_wdata(data),
         .o_bus_ready(ready), .i_window_data(32'd0), .o_act(act), .i_busy(busy), .o_tick(tick), .o_rest(rest),
         .o_crc(crc), .i_ticked(ticked), .i_flags(7'd0), .i_residual(36'd0), .i_state_crc(32'd0),
-        .i_iteration(5'd0), .o_node_count(node_count), .o_edge_count(edge_count), .o_kv_shift(kv_shift),
+        .o_node_count(node_count), .o_edge_count(edge_count), .o_kv_shift(kv_shift),
         .o_bound_count(bound_count));
 
     wire [31:0] seq;

@@ -64,7 +64,7 @@ module knead_engine #(
         .i_ticked(ticked), .i_flags(flags), .i_residual(residual), .i_state_crc(state_crc), .o_node_count(node_count),
         .o_edge_count(edge_count), .o_passes(passes), .o_iterations(iterations), .o_d_shift(d_shift),
         .o_kv_shift(kv_shift), .o_octave(octave), .o_beta(beta), .o_beta_shift(beta_shift), .o_relax(relax),
-        .o_bound_count(bound_count), .i_iteration(iteration), .o_omega(omega));
+        .o_bound_count(bound_count));
 
     knead_sequencer sequencer (
         .clk(clk), .rst(rst), .i_tick(tick), .i_rest(rest), .i_crc(crc), .i_crc_done(crc_done),
@@ -97,6 +97,7 @@ module knead_engine #(
     wire act_edge = act && bus_addr[23];
     wire act_table = act && bus_addr[23:16] == 8'h01;
     wire act_list = act && bus_addr[23:16] == 8'h02;
+    wire act_omega = act && bus_addr[23:16] == 8'h00;
 
     // issued items and their addresses, clocks later; a phase's drain may be shorter than the next one's pipe, so each
     // pipe has its own
@@ -202,6 +203,10 @@ module knead_engine #(
         .clk(clk), .i_write(act_table), .i_write_address(bus_addr[9:0]), .i_data(bus_wdata[`KN_R-1:0]),
         .i_address(table_read == 10'd`KN_SEGMENTS ? table_read : table_read + 10'd1), .o_data(table_next));
 
+    knead_ram #(`KN_OMEGA, 5) ram_omega (
+        .clk(clk), .i_write(act_omega), .i_write_address(bus_addr[4:0]), .i_data(bus_wdata[`KN_OMEGA-1:0]),
+        .i_address(idle ? bus_addr[4:0] : iteration), .o_data(omega));
+
     wire [LOG_LIST+1:0] list_address;
     wire [31:0] list_word, result, result_word;
     wire result_write;
@@ -223,6 +228,7 @@ module knead_engine #(
         .o_edge_word(edge_word));
     always @* begin
         casez (bus_addr[23:16])
+            8'h00: window_data = {{(32-`KN_OMEGA){1'b0}}, omega};
             8'h01: window_data = {{(32-`KN_R){1'b0}}, table_here};
             8'h02: window_data = list_word;
             8'h03: window_data = result_word;

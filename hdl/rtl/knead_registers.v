@@ -39,20 +39,17 @@ module knead_registers #(
     output reg  [`KN_BETA-1:0]   o_beta,
     output reg  [5:0]            o_beta_shift,
     output reg  [`KN_RELAX-1:0]  o_relax,
-    output reg  [10:0]           o_bound_count,
-    input  wire [4:0]            i_iteration,
-    output reg  [`KN_OMEGA-1:0]  o_omega // of the iteration, a clock later
+    output reg  [10:0]           o_bound_count
 );
     reg loaded, wrong_seq, empty;
     reg [6:0] flags, result_flags;
     reg [31:0] scratch, tick, seq, cycles, cycles_last, cycles_max;
     reg [`KN_ACC-1:0] residual;
-    reg [`KN_OMEGA-1:0] omega [0:31];
 
     // where
-    wire is_register = i_bus_addr[23:7] == 17'd0;
     wire [6:0] at = i_bus_addr[6:0];
-    wire is_omega = is_register && at[6:5] == 2'b10;
+    wire is_omega = i_bus_addr[23:5] == 19'd2; // a memory, as a window is
+    wire is_register = i_bus_addr[23:7] == 17'd0 && !is_omega;
     wire [15:0] node_beyond = {i_bus_addr[19:4]} >> LOG_NODES;
     wire [19:0] edge_beyond = i_bus_addr[22:3] >> LOG_EDGES;
     wire [15:0] rest_beyond = i_bus_addr[18:3] >> LOG_NODES;
@@ -64,7 +61,7 @@ module knead_registers #(
     wire is_node = i_bus_addr[23:20] == 4'h1 && node_beyond == 16'd0;
     wire is_rest = i_bus_addr[23:19] == 5'b00100 && rest_beyond == 16'd0;
     wire is_edge = i_bus_addr[23] && edge_beyond == 20'd0;
-    wire is_window = is_table | is_list | is_result | is_node | is_rest | is_edge;
+    wire is_window = is_omega | is_table | is_list | is_result | is_node | is_rest | is_edge;
 
     // what is read, and whether it may be written: fits of the value, config of what a tick reads
     reg [31:0] read;
@@ -75,10 +72,7 @@ module knead_registers #(
         writable = 1'b1;
         fits = 1'b1;
         config_ = 1'b1;
-        if (is_omega) begin
-            read = {14'd0, omega[at[4:0]]};
-            fits = i_bus_wdata[31:`KN_BITS_OMEGA] == 14'd0;
-        end else case (at)
+        case (at)
             `KN_REG_ID: begin read = `KN_ENGINE_ID; writable = 1'b0; end
             `KN_REG_VERSION: begin read = `KN_ENGINE_VERSION; writable = 1'b0; end
             `KN_REG_BUILD_HASH: begin read = `KN_BUILD_HASH; writable = 1'b0; end
@@ -128,6 +122,7 @@ module knead_registers #(
     wire [15:0] j_beyond = i_bus_wdata[31:16] >> LOG_NODES;
     wire edge_fits = i_bus_addr[2:0] != 3'd0 || (i_beyond | j_beyond) == 16'd0;
     wire list_fits = i_bus_addr[1:0] != 2'd0 || i_beyond == 16'd0;
+    wire omega_fits = i_bus_wdata[31:`KN_BITS_OMEGA] == 14'd0;
 
     // what a step may be made with; in a proof as it likes, since loading all settings takes it too many clocks
 `ifdef FORMAL
@@ -141,7 +136,7 @@ module knead_registers #(
     reg busy_seen; // since the transfer began: the memories' addresses were the engine's
     wire refuse_register = !known || i_bus_write && (!writable || !fits || config_ && i_busy);
     wire refuse_window = !is_window || i_busy || busy_seen || i_bus_write && (is_result || is_edge && !edge_fits
-                                                                                       || is_list && !list_fits);
+                         || is_list && !list_fits || is_omega && !omega_fits);
     wire refuse = is_register ? refuse_register : refuse_window;
     wire done = i_bus_valid && !o_bus_ready && step == 2'd2;
     wire write = done && i_bus_write && !refuse && is_register;
@@ -156,10 +151,10 @@ module knead_registers #(
     end
 
     // the doorbell
-    wire knock = write && at == `KN_REG_STEP_SEQ && !is_omega;
+    wire knock = write && at == `KN_REG_STEP_SEQ;
     wire next_seq = i_bus_wdata == seq + 32'd1;
     wire control = write && at == `KN_REG_CONTROL;
-    wire is_config = is_omega || at >= `KN_REG_NODE_COUNT && at <= `KN_REG_RELAX;
+    wire is_config = at >= `KN_REG_NODE_COUNT && at <= `KN_REG_RELAX;
     always @(posedge clk) begin
         o_tick <= knock && next_seq && loaded && !rst;
         o_rest <= control && i_bus_wdata[0] && !rst;
@@ -170,7 +165,7 @@ module knead_registers #(
         end else begin
             if (knock && next_seq && loaded) seq <= i_bus_wdata;
             if (control && i_bus_wdata[3]) loaded <= sane;
-            else if (write && is_config) loaded <= 1'b0;
+            else if (write && is_config || o_act && is_omega) loaded <= 1'b0;
             if (write && at == `KN_REG_STATUS) {empty, wrong_seq} <= {empty, wrong_seq} & ~i_bus_wdata[3:2];
             if (knock && next_seq && !loaded) empty <= 1'b1;
             if (knock && !next_seq && i_bus_wdata != seq) wrong_seq <= 1'b1;
@@ -197,14 +192,12 @@ module knead_registers #(
     end
 
     always @(posedge clk) begin
-        o_omega <= omega[i_iteration];
         if (rst) begin
             scratch <= 32'd0;
             {o_node_count, o_passes, o_iterations} <= 27'd0;
             {o_edge_count, o_bound_count, o_d_shift, o_kv_shift, o_octave, o_beta_shift} <= 56'd0;
             {o_beta, o_relax} <= {(`KN_BETA+`KN_RELAX){1'b0}};
-        end else if (write && is_omega) omega[at[4:0]] <= i_bus_wdata[`KN_OMEGA-1:0];
-        else if (write) case (at)
+        end else if (write) case (at)
             `KN_REG_SCRATCH: scratch <= i_bus_wdata;
             `KN_REG_NODE_COUNT: o_node_count <= i_bus_wdata[16:0];
             `KN_REG_EDGE_COUNT: o_edge_count <= i_bus_wdata[20:0];

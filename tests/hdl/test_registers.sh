@@ -2,7 +2,8 @@
 # The circuit's registers and the simulated device's answer alike, whatever a host asks (KN_CASES=N transfers, KN_SEED=N).
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need verilator g++
-gcc -std=gnu17 -O2 -Wall -I"$KN_SOURCE" -I"$KN_BUILD" -c "$KN_SOURCE/clients/simdev/golden.c" -o golden.o || exit 1
-bench knead_engine registers -GLOG_NODES=3 -GLOG_EDGES=4 -GLOG_LIST=2 -LDFLAGS "$PWD/golden.o" \
+golden=$KN_BUILD/hdl/golden.o
+gcc -std=gnu17 -O2 -Wall -I"$KN_SOURCE" -I"$KN_BUILD" -c "$KN_SOURCE/clients/simdev/golden.c" -o "$golden" || exit 1
+bench knead_engine registers -GLOG_NODES=3 -GLOG_EDGES=4 -GLOG_LIST=2 -LDFLAGS "$golden" \
     -CFLAGS "-DKN_LOG_NODES=3 -DKN_LOG_EDGES=4 -DKN_LOG_LIST=2"
 "$bench"
