@@ -1,4 +1,5 @@
 // Registers as memory: a PCI function's BAR, or a file that a simulated one serves.
+#include "core/fixed.h"
 #include "hdl/registers.h"
 #include "server/backend/link.h"
 #include "server/clock.h"
@@ -190,14 +191,14 @@ static void close_bar(void *self)
 // ---- opening
 
 // First without access, then with: where a process has locked all its memory, pages would else be made of every word.
-// Those that a tick needs are made here, and not by the tick.
-static void *map(int fd, size_t bytes)
+// Those that a tick needs of a file are made here, and not by the tick; a BAR has all of its.
+static void *map(int fd, size_t bytes, bool shm)
 {
     void *at = mmap(NULL, bytes, PROT_NONE, MAP_SHARED, fd, 0);
     if (at != MAP_FAILED && mprotect(at, bytes, PROT_READ | PROT_WRITE) == 0) {
         const volatile uint32_t *word = at;
-        for (size_t i = 0; i < bytes / 4; i += i < KN_WINDOW_NODES ? 1024 : KN_WINDOW_NODES) (void)word[i];
-        (void)word[bytes / 4 - 1];
+        for (size_t i = 0; shm && i < KN_WINDOW_REACTIONS + 6 * (KN_FIXED_LIST_MAX + 1); i += 512) (void)word[i];
+        if (shm) (void)word[bytes / 4 - 1];
         return at;
     }
     if (at != MAP_FAILED) munmap(at, bytes);
@@ -216,7 +217,7 @@ static bool open_file(kn_link *link, const char *name, const char *path, bool sh
         snprintf(why, KN_LINK_WHY, "%s: another program has it", path);
     else if (shm ? s.st_size != KN_SHM_BYTES : s.st_size < 4096 || s.st_size % 4)
         snprintf(why, KN_LINK_WHY, "%s: %lld bytes: expected the registers of a circuit", path, (long long)s.st_size);
-    else if (!b || !(at = map(fd, (size_t)s.st_size)))
+    else if (!b || !(at = map(fd, (size_t)s.st_size, shm)))
         snprintf(why, KN_LINK_WHY, "%s: %s", path, strerror(errno));
     if (!at) {
         if (fd >= 0) close(fd);

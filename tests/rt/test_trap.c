@@ -1,11 +1,13 @@
 // What the servo thread must never do between start and stop: allocate, take a lock, touch a page that is not there,
-// call the kernel but to sleep and to wake the main thread. malloc and its kin and the mutex are interposed here and
-// count while a thread is armed; in the live run the kernel itself reports every other system call (seccomp).
-// KN_TICKS=N: of the first run, 1e5; KN_LIVE_TICKS=N: of the live one, 4000, a ms each.
+// call the kernel but to sleep and to wake another thread; with a circuit behind a line, to read, write and wait for
+// that line, too. malloc and its kin and the mutex are interposed here and count while a thread is armed; in the live
+// runs the kernel itself reports every other system call (seccomp).
+// KN_TICKS=N: of the first run, 1e5; KN_LIVE_TICKS=N: of each live one, 4000, a ms each.
 #include "clients/knead/path.h"
 #include "server/keeper.h"
 #include "tests/allocations.h"
 #include "tests/check.h"
+#include "tests/server/board.h"
 #include "tests/server/lent.h"
 #include <dlfcn.h>
 #include <errno.h>
@@ -35,18 +37,27 @@ int pthread_mutex_lock(pthread_mutex_t *mutex)
 
 typedef struct rig {
     kn_lent lent;
+    kn_board board; // of a circuit
+    const char *const *how;
+    int kills;
+    atomic_int tid;
+    long faulted;
     kn_keeper keeper;
     char directory[32];
     kn_path *path;
     int64_t forces, contacts, pressed, ticks;
 } rig;
 
-static void rig_open(rig *r)
+// how: options of a simulated circuit, NULL: no circuit
+static void rig_open(rig *r, const char *const *how)
 {
+    static const char *const quality[] = {"quality={fast: {iterations: 5}, accurate: {passes: 2}}"};
     memset(r, 0, sizeof *r);
-    kn_lent_open(&r->lent, "quality={fast: {iterations: 5}, accurate: {passes: 2}}");
+    if (how) r->board = kn_board_start(r->how = how);
+    if (how) strcat(r->board.uri, "?miss=10"); // of a busy machine
+    kn_lent_open_on(&r->lent, how ? kn_fixed_set : quality, how ? KN_FIXED_SETS : 1, how ? r->board.uri : NULL);
     r->path = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .clear_m = 0.005, .depth_m = 0.008, .hold_s = 0.3});
-    bool identifies = kn_backend_cpu_identify(&r->lent.backend, (kn_coupling){600, 1.5}); // all that a tick can do
+    bool identifies = how || kn_backend_cpu_identify(&r->lent.backend, (kn_coupling){600, 1.5}); // all a tick can do
     if (!r->path || !identifies) exit(1);
     char error[256] = "";
     strcpy(r->directory, "/tmp/knead_trap_XXXXXX");
@@ -112,7 +123,7 @@ static void play(rig *r, int64_t round, int ms)
 TEST("ticks of touching, faults, recoveries, sessions, resets, undos, copies: no allocation, lock or page fault")
 {
     static rig r;
-    rig_open(&r);
+    rig_open(&r, NULL);
     if (!INTERPOSED) SKIP("the sanitizers own malloc");
     const int64_t most = wanted("KN_TICKS", 100000);
     bool locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0; // as kneadd's
@@ -171,21 +182,35 @@ static void on_sigsys(int number, siginfo_t *info, void *context)
     calls++;
 }
 
-// From here on this thread may sleep and write (the wake of the main thread is an eventfd); anything else becomes a
-// SIGSYS.
-static bool forbid_calls(void)
+// From here on this thread may sleep and write (the wake of another one is an eventfd), and with a line also read it
+// and wait for it; anything else becomes a SIGSYS.
+static bool forbid_calls(bool line)
 {
     struct sock_filter allow[] = {
         BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)),
-        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_clock_nanosleep, 3, 0),
-        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_write, 2, 0),
-        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_rt_sigreturn, 1, 0),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_clock_nanosleep, 5, 0),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_write, 4, 0),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_rt_sigreturn, 3, 0),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, line ? SYS_read : SYS_write, 2, 0),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, line ? SYS_ppoll : SYS_write, 1, 0),
         BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_TRAP),
         BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
     };
     struct sock_fprog program = {sizeof allow / sizeof *allow, allow};
     sigaction(SIGSYS, &(struct sigaction){.sa_sigaction = on_sigsys, .sa_flags = SA_SIGINFO}, NULL);
     return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 && prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
+}
+
+// Page faults of a thread of ours, by what the kernel tells of it: it may not ask itself any more.
+static long faults_of(int tid)
+{
+    char path[64];
+    long minor = -1, major = 0;
+    snprintf(path, sizeof path, "/proc/self/task/%d/stat", tid);
+    FILE *file = fopen(path, "r");
+    if (file && fscanf(file, "%*d %*s %*c %*d %*d %*d %*d %*d %*u %ld %*u %ld", &minor, &major) != 2) minor = -1;
+    if (file) fclose(file);
+    return minor + major;
 }
 
 static struct ev_loop *events;
@@ -196,7 +221,8 @@ static atomic_int finished; // 1 done, -1 no seccomp here
 static void *servo_main(void *arg)
 {
     rig *r = arg;
-    if (!forbid_calls()) {
+    r->tid = (int)syscall(SYS_gettid);
+    if (!forbid_calls(r->how && strcmp(r->how[0], "--uart") == 0)) {
         finished = -1;
         return NULL;
     }
@@ -224,38 +250,88 @@ static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
     play(r, r->ticks / ROUND, (int)(r->ticks % ROUND));
     if (r->ticks % ROUND == 3500 || r->ticks % ROUND == 5900) kn_loop_order(&r->lent.loop, KN_ORDER_RESET, 0);
     if (r->ticks % ROUND == 3600) kn_loop_order(&r->lent.loop, KN_ORDER_UNDO, 0);
-    if (r->ticks >= live_ticks) r->lent.loop.stop = true;
+    if (r->faulted == 0 && r->ticks >= 200) r->faulted = faults_of(r->tid);
+    if (r->how && r->ticks / 1500 > r->kills) { // the circuit is lost in a press, and there again
+        r->kills++;
+        kn_board_kill(&r->board);
+        r->board = kn_board_start(r->how);
+    }
+    if (r->ticks >= live_ticks && !r->lent.loop.stop) {
+        r->faulted = faults_of(r->tid) - r->faulted;
+        r->lent.loop.stop = true;
+    }
     if (done) ev_break(loop, EVBREAK_ALL);
+}
+
+static void run_live(rig *r, const char *const *how)
+{
+    rig_open(r, how);
+    bool locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0; // as kneadd's
+    events = ev_default_loop(0);
+    ev_async_init(&ticked, on_ticked);
+    ticked.data = r;
+    ev_async_start(events, &ticked);
+    r->lent.loop.notify = notify;
+    r->lent.loop.notify_arg = &ticked;
+    kn_loop_start(&r->lent.loop, kn_now_ns() + 20 * KN_PERIOD_NS);
+    allocations = locks = calls = 0;
+    finished = 0;
+    live_ticks = wanted("KN_LIVE_TICKS", 4000);
+    pthread_t thread;
+    CHECK(pthread_create(&thread, NULL, servo_main, r) == 0);
+    while (!finished && !r->lent.loop.done) ev_run(events, EVRUN_ONCE);
+    while (!finished) {
+    }
+    ev_async_stop(events, &ticked);
+    munlockall();
+    rig_drain(r);
+    if (how) kn_board_kill(&r->board);
+    if (finished < 0) SKIP("no seccomp here: %s", strerror(errno));
+    if (calls != 0)
+        KN_TEST_FAIL("%ld system calls that the tick must not make, the last one number %ld", (long)calls,
+                     (long)last_call);
+    printf("%lld live ticks, %lld pressing: %ld allocations, %ld locks, %ld other system calls, %ld page faults%s\n",
+           (long long)r->ticks, (long long)r->pressed, (long)allocations, (long)locks, (long)calls, r->faulted,
+           locked ? "" : ", memory not locked");
+    CHECK(allocations == 0);
+    CHECK(locks == 0);
+    CHECK(r->faulted == 0 || !locked);
+    CHECK(r->ticks >= live_ticks && r->pressed > live_ticks / 8);
 }
 
 TEST("a live servo thread calls the kernel only to sleep and to wake the main thread")
 {
     static rig r;
-    rig_open(&r);
-    events = ev_default_loop(0);
-    ev_async_init(&ticked, on_ticked);
-    ticked.data = &r;
-    ev_async_start(events, &ticked);
-    r.lent.loop.notify = notify;
-    r.lent.loop.notify_arg = &ticked;
-    kn_loop_start(&r.lent.loop, kn_now_ns() + 20 * KN_PERIOD_NS);
-    allocations = locks = calls = 0;
-    live_ticks = wanted("KN_LIVE_TICKS", 4000);
-    pthread_t thread;
-    CHECK(pthread_create(&thread, NULL, servo_main, &r) == 0);
-    while (!finished && !r.lent.loop.done) ev_run(events, EVRUN_ONCE);
-    while (!finished) {
-    }
-    rig_drain(&r);
-    if (finished < 0) SKIP("no seccomp here: %s", strerror(errno));
-    if (calls != 0)
-        KN_TEST_FAIL("%ld system calls that the tick must not make, the last one number %ld", (long)calls,
-                     (long)last_call);
-    printf("%lld live ticks, %lld pressing: %ld allocations, %ld locks, %ld other system calls\n", (long long)r.ticks,
-           (long long)r.pressed, (long)allocations, (long)locks, (long)calls);
-    CHECK(allocations == 0);
-    CHECK(locks == 0);
-    CHECK(r.ticks >= live_ticks && r.pressed > live_ticks / 8);
+    run_live(&r, NULL);
+}
+
+// Lost and back as well: how often it was with the circuit in between is the machine's affair.
+static void run_on_circuit(rig *r, const char *const *how)
+{
+    kn_fpga_counts n;
+    run_live(r, how);
+    CHECK(kn_backend_fpga_counts(&r->lent.backend, &n));
+    printf("%lld ticks on the circuit, lost %lld times, loaded %lld\n", (long long)n.on_circuit, (long long)n.losses,
+           (long long)n.loads);
+    CHECK(n.on_circuit > live_ticks / 20 && n.losses >= r->kills && n.different == 0 && r->kills > 0);
+}
+
+TEST("with a circuit in memory, killed and started again, it calls no more than that")
+{
+    static rig r;
+    static char name[32];
+    snprintf(name, sizeof name, "knead-trap-%d", (int)getpid());
+    const char *const how[] = {"--bar", name, NULL};
+    run_on_circuit(&r, how);
+}
+
+TEST("with a circuit behind a line it reads and writes that, and waits for it, and calls no more than that")
+{
+    static rig r;
+    static char name[64];
+    snprintf(name, sizeof name, "/tmp/knead-trap-%d", (int)getpid());
+    const char *const how[] = {"--uart", "--link", name, NULL};
+    run_on_circuit(&r, how);
 }
 
 TESTS_MAIN

@@ -1,6 +1,7 @@
 #ifndef KN_TESTS_LENT_H
 #define KN_TESTS_LENT_H
-// What kneadd lends a loop: small dough, the processor, and a screen on a mesh bus that stays in memory.
+// What kneadd lends a loop: small dough, the processor or a circuit, and a screen on a mesh bus that stays in memory.
+#include "server/backend/fpga.h"
 #include "server/loop.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,20 +16,28 @@ typedef struct kn_lent {
     kn_loop loop;
 } kn_lent;
 
-// set: of the scene, NULL: none. Ends the program when it cannot be had.
-static inline void kn_lent_open(kn_lent *l, const char *set)
+// uri: of a circuit, NULL: the processor. Ends the program when something cannot be had.
+static inline void kn_lent_open_on(kn_lent *l, const char *const *sets, int count, const char *uri)
 {
-    char error[256] = "";
+    char error[KN_LINK_WHY] = "";
+    bool device;
     memset(l, 0, sizeof *l);
-    l->scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", &set, set ? 1 : 0, error, sizeof error);
+    l->scene =
+        kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", sets, count, error, sizeof error);
     l->model = l->scene ? kn_model_build(&l->scene->model, error, sizeof error) : NULL;
-    if (l->model && kn_backend_cpu(&l->backend, l->model) &&
-        kn_skin_open(&l->skin, "memq://", l->model, 60, 1, error, sizeof error) &&
-        (l->audit = kn_audit_create(l->model)) &&
+    if (l->model) l->audit = kn_audit_create(l->model);
+    if (l->model && kn_backend_place(&l->backend, l->model, uri, false, SIZE_MAX, error, &device) &&
+        kn_skin_open(&l->skin, "memq://", l->model, 60, 1, error, sizeof error) && (l->audit || uri) &&
         kn_loop_init(&l->loop, l->scene, l->model, &l->backend, &l->skin, l->audit))
         return;
     fprintf(stderr, "%s\n", error);
     exit(1);
+}
+
+// set: of the scene, NULL: none.
+static inline void kn_lent_open(kn_lent *l, const char *set)
+{
+    kn_lent_open_on(l, &set, set ? 1 : 0, NULL);
 }
 
 static inline void kn_lent_close(kn_lent *l)

@@ -4,44 +4,16 @@
 #include "server/backend/fpga.h"
 #include "server/clock.h"
 #include "tests/check.h"
-#include <signal.h>
-#include <sys/wait.h>
-#include <unistd.h>
+#include "tests/server/board.h"
 
-typedef struct board {
-    pid_t pid;
-    FILE *out;
-    char uri[128];
-} board;
-
-static board start(const char *baud, const char *fault)
+static kn_board start(const char *baud, const char *fault)
 {
     static char name[64];
-    int pipe_of[2];
-    board b = {0};
     snprintf(name, sizeof name, "/tmp/knead-circuit-%d", (int)getpid());
-    const char *const all[] = {"bin/knead-simdev",       "--uart", "--link", name, "--baud", baud,
-                               fault ? "--fault" : NULL, fault,    NULL};
-    if (pipe(pipe_of)) exit(1);
-    b.pid = fork();
-    if (b.pid == 0) {
-        dup2(pipe_of[1], 1);
-        close(pipe_of[0]);
-        execv(all[0], (char *const *)all);
-        _exit(70);
-    }
-    close(pipe_of[1]);
-    b.out = fdopen(pipe_of[0], "r");
-    if (!fgets(b.uri, 100, b.out)) KN_TEST_FAIL("knead-simdev says nothing");
-    strcpy(b.uri + strcspn(b.uri, "\n"), "?miss=10"); // of a busy machine
+    const char *const all[] = {"--uart", "--link", name, "--baud", baud, fault ? "--fault" : NULL, fault, NULL};
+    kn_board b = kn_board_start(all);
+    strcat(b.uri, "?miss=10"); // of a busy machine
     return b;
-}
-
-static void end(board *b)
-{
-    kill(b->pid, SIGKILL);
-    waitpid(b->pid, NULL, 0);
-    fclose(b->out);
 }
 
 typedef struct object {
@@ -115,7 +87,7 @@ static int until_in_step(object *o)
 
 TEST("a lattice whose load takes longer than a second over its line gets in step, again and again")
 {
-    board b = start("3000000", NULL);
+    kn_board b = start("3000000", NULL);
     object o = make("dough.yaml");
     char why[KN_LINK_WHY] = "";
     bool device = false;
@@ -130,7 +102,7 @@ TEST("a lattice whose load takes longer than a second over its line gets in step
     for (int kill = 0; kill < 2; kill++) {
         int first = until_in_step(&o);
         CHECK(first >= 0);
-        end(&b);
+        kn_board_kill(&b);
         b = start("3000000", NULL);
         int64_t returned_ns;
         for (int i = 0; i < 20; i++) tick(&o, KN_PERIOD_NS, &returned_ns);
@@ -146,12 +118,12 @@ TEST("a lattice whose load takes longer than a second over its line gets in step
     kn_device_stats stats;
     CHECK(kn_backend_fpga_agrees(&o.backend, why, &stats));
     unmake(&o);
-    end(&b);
+    kn_board_kill(&b);
 }
 
 TEST("a queue is as long as a load takes, and refused by its number where there is no room for it")
 {
-    board b = start("1000000", NULL);
+    kn_board b = start("1000000", NULL);
     object o = make("dough.yaml");
     char why[KN_LINK_WHY] = "";
     bool device = true;
@@ -166,13 +138,13 @@ TEST("a queue is as long as a load takes, and refused by its number where there 
     CHECK(kn_backend_fpga_counts(&o.backend, &n));
     CHECK(n.load_ns > 1000000000 && n.queue >= 2048 && n.queue >= n.load_ns * 3 / 2000000);
     unmake(&o);
-    end(&b);
+    kn_board_kill(&b);
 }
 
 TEST("a circuit that hangs costs no tick its deadline: the wait ends when a sleep until then would")
 {
     enum { TICKS = 1000 };
-    board b = start("3000000", "hang=1");
+    kn_board b = start("3000000", "hang=1");
     object o = make("dough-small.yaml");
     char why[KN_LINK_WHY] = "", uri[160];
     bool device = false;
@@ -198,7 +170,7 @@ TEST("a circuit that hangs costs no tick its deadline: the wait ends when a slee
     CHECK(early < TICKS / 10); // it did wait
     CHECK(waited <= 2 * slept + TICKS / 20);
     unmake(&o);
-    end(&b);
+    kn_board_kill(&b);
 }
 
 TESTS_MAIN

@@ -1,0 +1,48 @@
+#ifndef KN_TESTS_BOARD_H
+#define KN_TESTS_BOARD_H
+// knead-simdev as a process of its own, in the build's folder.
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+typedef struct kn_board {
+    pid_t pid;
+    FILE *out;
+    char uri[160];
+} kn_board;
+
+// argument: its options, NULL behind the last. Ends the program when there is none.
+static inline kn_board kn_board_start(const char *const argument[])
+{
+    const char *all[16] = {"bin/knead-simdev"};
+    int pipe_of[2];
+    kn_board b = {0};
+    for (int i = 0; argument[i] && i < 14; i++) all[i + 1] = argument[i];
+    posix_spawn_file_actions_t actions; // no fork: this process's pages stay its own
+    if (pipe2(pipe_of, O_CLOEXEC) || posix_spawn_file_actions_init(&actions)) exit(1);
+    posix_spawn_file_actions_adddup2(&actions, pipe_of[1], 1);
+    if (posix_spawn(&b.pid, all[0], &actions, NULL, (char *const *)all, environ)) exit(1);
+    posix_spawn_file_actions_destroy(&actions);
+    close(pipe_of[1]);
+    b.out = fdopen(pipe_of[0], "r");
+    if (!b.out || !fgets(b.uri, 100, b.out)) {
+        fprintf(stderr, "knead-simdev says nothing\n");
+        exit(1);
+    }
+    b.uri[strcspn(b.uri, "\n")] = 0;
+    return b;
+}
+
+static inline void kn_board_kill(kn_board *b)
+{
+    kill(b->pid, SIGKILL);
+    waitpid(b->pid, NULL, 0);
+    fclose(b->out);
+}
+
+#endif
