@@ -9,6 +9,17 @@ check "systemd takes every line of it$(sed 's/^/: /' verified)" [ ! -s verified 
 systemd-analyze security --offline=true --no-pager --threshold=20 "$KN_BUILD/server/kneadd.service" >exposure 2>&1
 check "$(tail -1 exposure | tr -dc '[:print:]')" [ $? = 0 ]
 
+# With the board's drop-in as systemd would put it: behind the unit, sections and all. By itself no device is opened.
+check "no device node by default" [ "$(grep -c '^DeviceAllow\|^PrivateDevices=no' kneadd.service)" = 0 ]
+mkdir board
+cat kneadd.service "$KN_SOURCE/server/kneadd-board.conf" >board/kneadd.service
+systemd-analyze verify "$PWD/board/kneadd.service" >verified 2>&1
+check "with a board systemd takes every line, too$(sed 's/^/: /' verified)" [ ! -s verified ]
+cat "$KN_BUILD/server/kneadd.service" "$KN_SOURCE/server/kneadd-board.conf" >board/kneadd.service
+systemd-analyze security --offline=true --no-pager --threshold=20 "$PWD/board/kneadd.service" >exposure 2>&1
+check "with a board: $(tail -1 exposure | tr -dc '[:print:]')" [ $? = 0 ]
+check "of all devices one line" grep -q 'DeviceAllow=.*ttyUSB0' "$KN_SOURCE/server/kneadd-board.conf"
+
 [ "$KN_REALTIME" != off ] && command -v setpriv >/dev/null || { echo "no user to become here: the rest is left out" && exit $failed; }
 cat >listen.py <<'END' # what systemd hears
 import os, socket, sys, time
