@@ -1,4 +1,5 @@
-// The serial link's frames and the operations in them. KN_FRAMES=N: frames whose payload is made of chance (1000000).
+// The serial link's frames and the operations in them. KN_FRAMES=N: frames whose payload is made of chance, and as many
+// that are spoilt on the wire (1000000).
 #include "server/backend/frame.h"
 #include "tests/check.h"
 
@@ -131,10 +132,64 @@ TEST("no frame with one bit flipped and none that is cut off is taken; the next 
     printf("     %zu flips and cuts\n", tries);
 }
 
+static int64_t wanted(void)
+{
+    return getenv("KN_FRAMES") ? atoll(getenv("KN_FRAMES")) : 1000000;
+}
+
+// A frame of bytes made another; its new size. What stands between its first byte and its 0x00 is what changes.
+enum { BITS, BURST, CUT, MORE, SPLICE, KINDS };
+static size_t spoil(int kind, uint8_t *wire, size_t size, const uint8_t *other, size_t other_size)
+{
+    size_t last = size - 1, at = 1 + chance((uint32_t)last - 1), length = 1 + chance((uint32_t)(last - at));
+    if (kind == BITS)
+        for (uint32_t i = 0, bits = 2 + chance(30); i < bits; i++)
+            wire[chance((uint32_t)last)] ^= (uint8_t)(1 << chance(8));
+    if (kind == BURST) fill(wire + at, length, 3);
+    if (kind == CUT) memmove(wire + at, wire + at + length, size - at - length);
+    if (kind == MORE) {
+        memmove(wire + at + 4, wire + at, size - at);
+        fill(wire + at, 4, 3);
+    }
+    if (kind == SPLICE) {
+        size_t from = 1 + chance((uint32_t)other_size - 1);
+        memcpy(wire + at, other + from, other_size - from);
+        return at + other_size - from;
+    }
+    return kind == CUT ? size - length : kind == MORE ? size + 4 : size;
+}
+
+TEST("no frame that was spoilt on the wire is taken: bits, bursts, bytes lost or added, two made one")
+{
+    int64_t count = wanted(), taken[KINDS] = {0}, spoilt = 0, whole = 0;
+    uint8_t payload[2][300], got[KN_FRAMER_PAYLOAD], frame[2][2 * KN_FRAMER_WIRE], wire[2 * KN_FRAMER_WIRE];
+    size_t size[2] = {0}, bytes[2] = {0};
+    for (int64_t i = 0; i < count; i++) {
+        int n = (int)(i % 2), kind = i ? (int)(i % KINDS) : BITS;
+        kn_framer f = {0};
+        size[n] = 8 + chance(i % 10 ? 60 : 290);
+        fill(payload[n], size[n], 2 + (int)chance(2));
+        bytes[n] = kn_framer_encode(payload[n], size[n], frame[n]);
+        memcpy(wire, frame[n], bytes[n]);
+        size_t now = spoil(kind, wire, bytes[n], frame[!n], bytes[!n]), heard = 0;
+        wire[now] = 0;
+        for (size_t at = 0, used, more; at <= now; at += used)
+            if ((more = kn_framer_read(&f, wire + at, now + 1 - at, &used)) != 0) memcpy(got, f.bytes, heard = more);
+        spoilt += now != bytes[n] || memcmp(wire, frame[n], now) != 0;
+        bool sent = false; // by chance the whole of one is in there, and garbage beside it
+        for (int k = 0; k < 2; k++) sent |= heard == size[k] && memcmp(got, payload[k], heard) == 0;
+        whole += f.frames > 0 && sent;
+        taken[kind] += f.frames > 0 && !sent;
+    }
+    for (int kind = 0; kind < KINDS; kind++) CHECK(taken[kind] == 0);
+    CHECK(spoilt > count / 100 * 99 && whole < 20 + count / 1000);
+    printf("     %lld frames, %lld spoilt, %lld of them with a whole one left in them, 0 others taken\n",
+           (long long)count, (long long)spoilt, (long long)(whole - (count - spoilt)));
+}
+
 TEST("a payload of chance under the head and the checksum of another is not taken")
 {
-    const char *wanted = getenv("KN_FRAMES");
-    int64_t count = wanted ? atoll(wanted) : 1000000, heard = 0;
+    int64_t count = wanted(), heard = 0;
     uint8_t bytes[KN_FRAMER_PAYLOAD + 4], wire[KN_FRAMER_WIRE];
     kn_framer good = {0}, f = {0};
     for (int64_t i = 0; i < count; i++) {
