@@ -544,7 +544,8 @@ TEST("what is refused is not lost; a session that opens has lost nothing; number
     CHECK_VERDICT(send_pose(good_pose(2, 1000)), KN_ACCEPTED);
     CHECK(n->lost == 1 && n->accepted == 3);
     for (int64_t i = 3; i >= 0; i--) {
-        knead_probe_pose_t far = good_pose(2, INT64_MAX - i);
+        knead_probe_pose_t far = good_pose(2, 1);
+        far.seq = INT64_MAX - i;
         far.utime = INT64_MAX;
         CHECK_VERDICT(send_pose(far), KN_ACCEPTED);
     }
