@@ -3,9 +3,13 @@
 // 0x00 is answered. KN_CASES=N of each (20), KN_SEED=N. CLOCKS is the parameter that the circuit was built with.
 #include "Vknead_link_serial.h"
 #include "hdl/sim/bench.h"
+#if VM_COVERAGE
+#include "verilated_cov.h"
+#endif
 
 struct wires {
-    Vknead_link_serial top;
+    VerilatedContext context;
+    Vknead_link_serial top{&context};
     memory bus;
     chance &c;
     double now = 0, until = 0; // clocks; until then the line has been told what it is
@@ -20,6 +24,13 @@ struct wires {
         hold(1, 8);
         top.rst = 0;
     }
+#if VM_COVERAGE
+    ~wires()
+    {
+        static int lines;
+        context.coveragep()->write(("coverage_" + std::to_string(lines++) + ".dat").c_str());
+    }
+#endif
     void clock(bool level)
     {
         top.rx = level;
