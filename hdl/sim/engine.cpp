@@ -1,5 +1,5 @@
-// The circuit against core/fixed: random lattices, every number of every tick. KN_MODELS=N, KN_SEED=N. Through a board's
-// top (hdl/sim/ports.h) small ones, since each word takes a serial line a thousand clocks.
+// The circuit against core/fixed: random lattices, every number of every tick. KN_MODELS=N, KN_SEED=N. Through a
+// board's top (hdl/sim/ports.h) small ones, since each word takes a serial line a thousand clocks.
 // Exit 1 at a mismatch, with the seed of the model that shows it.
 #include <algorithm>
 #include <chrono>
@@ -94,10 +94,7 @@ struct device : device_port {
             exit(1);
         }
     }
-    void step()
-    {
-        put(KN_REG_STEP_SEQ, ++seq);
-    }
+    void step() { put(KN_REG_STEP_SEQ, ++seq); }
 };
 
 // --- a lattice and its twin ------------------------------------------------------------------------------------------
