@@ -464,8 +464,10 @@ static void tell_losses(server *d, bool *told_lost)
     kn_fpga_counts n;
     if (!kn_backend_fpga_counts(&d->on.backend, &n)) return;
     bool lost = kn_backend_fpga_news(&d->on.backend, line);
+    int64_t times = 0;
+    for (int i = 0; i < KN_LOSS_COUNT; i++) times += n.because[i];
     if (lost)
-        fprintf(stderr, "kneadd: circuit lost, %lld times so far: %s%s\n", (long long)n.losses, line,
+        fprintf(stderr, "kneadd: circuit lost, %lld times so far: %s%s\n", (long long)times, line,
                 n.in_step ? ", and in step again" : "");
     else if (*told_lost && n.in_step)
         fprintf(stderr, "kneadd: circuit in step again, loaded %lld times so far\n", (long long)n.loads);
