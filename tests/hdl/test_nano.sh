@@ -10,5 +10,5 @@ gcc -std=gnu17 -O2 -Wall -I"$KN_SOURCE" -I"$KN_BUILD" -c "$KN_SOURCE/clients/sim
 bench knead_nano registers --prefix Vknead_engine $sizes -LDFLAGS "$golden" -CFLAGS "$flags"
 KN_CASES=${KN_CASES:-20000} "$bench" || fail=1
 bench knead_nano engine --prefix Vknead_engine $sizes -CFLAGS "$flags"
-KN_MODELS=${KN_MODELS:-300} "$bench" || fail=1
+KN_MODELS=${KN_MODELS:-150} "$bench" || fail=1
 exit $fail

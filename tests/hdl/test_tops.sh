@@ -5,7 +5,7 @@ source "$KN_SOURCE/tests/hdl/tools.sh"
 need verilator g++
 sizes="-GLOG_NODES=5 -GLOG_EDGES=7 -GLOG_LIST=4"
 flags="-DKN_LOG_NODES=5 -DKN_LOG_EDGES=7 -DKN_LOG_LIST=4"
-export KN_MODELS=${KN_MODELS:-8}
+export KN_MODELS=${KN_MODELS:-4}
 bench knead_top_uart engine $sizes -GCLOCKS="16'd4" -CFLAGS "$flags -DKN_TOP_UART -DKN_CLOCKS=4"
 "$bench" || fail=1
 bench knead_top_uart engine $sizes -GNANO=1 -GCLOCKS="16'd12" -CFLAGS "$flags -DKN_TOP_UART -DKN_CLOCKS=12 -DKN_NANO"
