@@ -117,9 +117,10 @@ static kn_verdict check_fields(const knead_probe_pose_t *m)
 // walked.
 static kn_verdict check_motion(const kn_source *source, const knead_probe_pose_t *m)
 {
+    bool goes_on = source->last.session != 0;
+    if (goes_on && m->seq <= source->last.seq) return KN_REJECT_STALE;
     if (length(m->velocity_m_s, 3) > SPEED_MAX_M_S) return KN_REJECT_JUMP;
-    if (source->last.session == 0) return KN_ACCEPTED;
-    if (m->seq <= source->last.seq) return KN_REJECT_STALE;
+    if (!goes_on) return KN_ACCEPTED;
     if (m->utime < source->last.utime) return KN_REJECT_CLOCK;
 
     double way_m[3];
@@ -163,8 +164,17 @@ static bool expired(const kn_source *source, int64_t now_ns)
     return source->last.session != 0 && now_ns - source->heard_ns >= SILENCE_NS;
 }
 
-// Of the session that owns the probe, not newer than its last one.
-static void count_old(kn_source *source, int64_t seq)
+// --- what became of a session's numbers: seen goes back from the last pose, refused ahead of it ----------------------
+
+static int ones(uint64_t bits)
+{
+    int count = 0;
+    for (; bits; bits &= bits - 1) count++;
+    return count;
+}
+
+// Not newer than the last one: come again, or overtaken.
+static void count_stale(kn_source *source, int64_t seq)
 {
     kn_packets *n = &source->packets;
     uint64_t behind = (uint64_t)source->last.seq - (uint64_t)seq, bit = behind < 64 ? UINT64_C(1) << behind : 0;
@@ -177,23 +187,33 @@ static void count_old(kn_source *source, int64_t seq)
     n->lost -= n->lost > 0;
 }
 
+// Newer, and not taken: it has come, so it is not lost.
+static void count_refused(kn_source *source, const knead_probe_pose_t *m)
+{
+    uint64_t ahead = (uint64_t)m->seq - (uint64_t)source->last.seq - 1;
+    if (source->last.session == m->session && m->seq > source->last.seq && ahead < 64)
+        source->refused |= UINT64_C(1) << ahead;
+}
+
 // To be the last one, of a session that goes on or opens.
 static void count_new(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns)
 {
     const kn_pose *last = &source->last;
     kn_packets *n = &source->packets;
     n->accepted++;
-    if (last->session != 0) {
-        uint64_t step = (uint64_t)m->seq - (uint64_t)last->seq, lost = step - 1;
-        lost -= (uint64_t)source->refused < lost ? (uint64_t)source->refused : lost;
-        int64_t gap = lost < INT64_MAX / 2 ? (int64_t)lost : INT64_MAX / 2; // a client may number as it likes
-        n->lost = n->lost < INT64_MAX / 2 ? n->lost + gap : n->lost;
-        if (gap > n->lost_in_a_row_max) n->lost_in_a_row_max = gap;
+    uint64_t between = (uint64_t)m->seq - (uint64_t)last->seq - 1; // numbers
+    if (last->session == 0 || between > (uint64_t)(64 + (now_ns - source->heard_ns) / COST_NS)) {
+        source->seen = 1; // more than could have been taken in that time: a sender that begins its numbers anew
+    } else {
+        uint64_t come = between < 64 ? source->refused & ((UINT64_C(1) << between) - 1) : source->refused;
+        int64_t lost = (int64_t)between - ones(come);
+        n->lost += lost;
+        if (lost > n->lost_in_a_row_max) n->lost_in_a_row_max = lost;
         double sent_ns = 1e3 * (double)((uint64_t)m->utime - (uint64_t)last->utime);
         n->late += (double)(now_ns - source->heard_ns) - sent_ns >= LATE_NS;
-        source->seen = step < 64 ? source->seen << step | 1 : 1;
-    } else {
-        source->seen = 1;
+        source->seen = between < 63 ? source->seen << (between + 1) | 1 : 1;
+        for (uint64_t i = 0; i < between && i < 64; i++)
+            if (come >> i & 1 && between - i < 64) source->seen |= UINT64_C(1) << (between - i);
     }
     source->refused = 0;
 }
@@ -204,10 +224,8 @@ static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t 
     if (source->last.session != 0 && source->last.session != m->session) return KN_REJECT_SESSION;
     kn_verdict verdict = check_motion(source, m);
     if (verdict == KN_ACCEPTED && !afford(source, now_ns)) verdict = KN_REJECT_RATE;
-    if (source->last.session != 0 && m->seq <= source->last.seq)
-        count_old(source, m->seq);
-    else if (verdict != KN_ACCEPTED)
-        source->refused++;
+    if (verdict == KN_REJECT_STALE) count_stale(source, m->seq);
+    else if (verdict != KN_ACCEPTED) count_refused(source, m);
     if (verdict != KN_ACCEPTED) return verdict;
 
     count_new(source, m, now_ns);
@@ -242,7 +260,8 @@ kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_
 {
     knead_probe_pose_t message = {0};
     kn_verdict verdict = unpack(r, datagram, probe, &message);
-    if (verdict == KN_ACCEPTED) verdict = check_fields(&message);
+    if (verdict == KN_ACCEPTED && (verdict = check_fields(&message)) != KN_ACCEPTED)
+        count_refused(&r->source[*probe], &message);
     if (verdict == KN_ACCEPTED && r->auth) verdict = admit_authentic(r, &r->source[*probe], &message, now_ns, pose);
     else if (verdict == KN_ACCEPTED) verdict = admit(&r->source[*probe], &message, now_ns, pose);
     r->received++;

@@ -71,8 +71,8 @@ typedef struct kn_source { // who moves one probe
     } ended[KN_ENDED_MAX];
     int64_t credit_ns;     // time not yet spent on poses, each of which costs 0.2 ms
     kn_packets packets;
-    uint64_t seen;   // bit n: last.seq - n has come
-    int64_t refused; // since last: newer, and not lost
+    uint64_t seen;    // bit n: last.seq - n has come
+    uint64_t refused; // bit n: last.seq + 1 + n has come, and was not taken
 } kn_source;
 
 #define KN_PEERS_MAX 16

@@ -549,7 +549,33 @@ TEST("what is refused is not lost; a session that opens has lost nothing; number
         far.utime = INT64_MAX;
         CHECK_VERDICT(send_pose(far), KN_ACCEPTED);
     }
-    CHECK(n->lost >= INT64_MAX / 2 && n->lost_in_a_row_max == INT64_MAX / 2);
+    CHECK(n->lost == 1 && n->lost_in_a_row_max == 1); // numbers that began anew, not 2^62 poses
+}
+
+TEST("a pose that is refused has come, for whatever reason and however often")
+{
+    start();
+    const kn_packets *n = &receiver.source[0].packets;
+    CHECK_VERDICT(send_pose(good_pose(1, 1)), KN_ACCEPTED);
+    knead_probe_pose_t wild = good_pose(1, 2);
+    wild.position_m[0] = NAN;
+    CHECK_VERDICT(send_pose(wild), KN_REJECT_NONFINITE);
+    wild = good_pose(1, 3);
+    wild.position_m[0] = 99;
+    CHECK_VERDICT(send_pose(wild), KN_REJECT_WORKSPACE);
+    CHECK_VERDICT(send_pose(good_pose(1, 4)), KN_ACCEPTED);
+    CHECK(n->lost == 0);
+    wild = good_pose(1, 5);
+    wild.velocity_m_s[0] = 9;
+    CHECK_VERDICT(send_pose(wild), KN_REJECT_JUMP);
+    CHECK_VERDICT(send_pose(wild), KN_REJECT_JUMP);
+    CHECK_VERDICT(send_pose(good_pose(1, 7)), KN_ACCEPTED);
+    CHECK(n->lost == 1); // 6
+    CHECK_VERDICT(send_pose(wild), KN_REJECT_STALE);
+    CHECK(n->lost == 1 && n->reordered == 0 && n->duplicate == 1);
+    CHECK_VERDICT(send_pose(good_pose(1, 6)), KN_REJECT_STALE);
+    CHECK(n->lost == 0 && n->reordered == 1 && n->duplicate == 1);
+    CHECK(n->duplicate + n->reordered == receiver.rejected[KN_REJECT_STALE]);
 }
 
 TEST("every reason stands in the page of the wire under its index in status_t.rejected")
