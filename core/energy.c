@@ -272,6 +272,10 @@ static void judge(kn_audit *a)
 {
     kn_audit_news *news = &a->news;
     a->taken.stored_j = kn_energy_sum(&a->sum.energy);
+    if (!isfinite(a->taken.stored_j)) {
+        begin(a);
+        return;
+    }
     news->stored = a->sum.energy;
     news->work_j = a->taken.work_j;
     if (a->closed) {
@@ -301,8 +305,9 @@ void kn_audit_follow(kn_audit *next, const kn_audit *last)
 void kn_audit_tick(kn_audit *audit, const kn_state *state)
 {
     kn_audit *a = audit;
-    if (state->tick < a->steps) begin(a);
+    if (state->tick < a->steps || state->bad) begin(a);
     a->steps = state->tick;
+    if (state->bad) return; // its energies are no numbers; what was judged before stands
     book_work(a, state);
     if (a->ticks++ % KN_AUDIT_TICKS == 0 && !a->summing) {
         kn_state_copy(a->lattice.model, a->copy, state);

@@ -185,7 +185,8 @@ static json_t *status_of(kn_operator *o, const kn_health *h)
                                   (json_int_t)s->faults, "trips", trips(m)));
     json_object_set_new(status, "energy",
                         json_pack("{s:o, s:I}", "energy_balance_mj",
-                                  m->audited_s > 0 ? json_real(m->energy_balance_mj) : json_null(), "audited_s",
+                                  m->audited_s > 0 && isfinite(m->energy_balance_mj) ? json_real(m->energy_balance_mj)
+                                                                                   : json_null(), "audited_s",
                                   (json_int_t)m->audited_s));
     json_object_set_new(status, "quality",
                         json_pack("{s:s, s:s}", "in_force", kn_quality_name((kn_quality)atomic_load(&a->quality)),
