@@ -190,7 +190,7 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
     account_trips(a, servo, out);
     if (execution_ns > KN_PERIOD_NS) {
         ADD(&a->overruns, 1);
-        SET(&a->overrun_ns, wake->now_ns);
+        SET(&a->overrun_us, kn_wall_us() - (kn_now_ns() - wake->now_ns) / 1000);
         errors |= KNEAD_STATUS_T_ERROR_OVERRUN;
     }
     if (faults > GET(&a->faults)) SET(&a->last_errors, errors);
@@ -230,12 +230,11 @@ void kn_account_status(const kn_account *a, knead_status_t *status)
 
 void kn_account_health(const kn_account *a, knead_health_t *health)
 {
-    int64_t overrun_ns = GET(&a->overrun_ns);
     for (int i = 0; i < 4; i++) {
         health->periodicity_hz[i] = GET(&a->periodicity_hz[i]);
         health->execution_us[i] = GET(&a->execution_us[i]);
     }
-    if (overrun_ns) health->time_last_overrun = kn_wall_us() - (kn_now_ns() - overrun_ns) / 1000;
+    health->time_last_overrun = GET(&a->overrun_us);
     for (int p = 0; p < KN_PROBES_MAX; p++) {
         health->success_rate[p] = GET(&a->probe_success[p]);
         health->fault[p] = GET(&a->fault[p]);

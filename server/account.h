@@ -26,7 +26,7 @@ typedef struct kn_account {
     _Atomic double force_max_n, force_step_max_n, success_rate;
     _Atomic double budget_s; // of a tick; the loop tells it
     _Atomic double periodicity_hz[4], execution_us[4]; // mean, std, min, max of the last window
-    _Atomic int64_t overrun_ns;                        // CLOCK_MONOTONIC of the latest; 0: none
+    _Atomic int64_t overrun_us;                        // since 1970, when the latest one began; 0: none
     _Atomic double probe_success[KN_PROBES_MAX];
     _Atomic int64_t trips[KN_TRIPS], audited;
     _Atomic double balance_j;

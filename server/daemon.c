@@ -107,9 +107,10 @@ static int64_t kernel_drops(server *d)
     return d->kernel_drops;
 }
 
-static knead_health_t health_now(server *d, int64_t utime)
+// And what status has of it, so that the two agree.
+static knead_health_t health_now(server *d, knead_status_t *status)
 {
-    knead_health_t health = {.utime = utime, .monotonic_us = kn_now_ns() / 1000, .circuit_last = -1};
+    knead_health_t health = {.utime = status->utime, .monotonic_us = kn_now_ns() / 1000, .circuit_last = -1};
     kn_account_health(&d->loop.account, &health);
     for (int p = 0; p < d->receiver.probes; p++) {
         const kn_source *source = &d->receiver.source[p];
@@ -129,6 +130,8 @@ static knead_health_t health_now(server *d, int64_t utime)
     health.snapshot_ms_max = 1e-3 * (double)atomic_load(&d->keeper.most_us);
     kn_fpga_counts n;
     if (!kn_backend_fpga_counts(&d->on.backend, &n)) return health;
+    status->backend = KNEAD_STATUS_T_BACKEND_FPGA;
+    if (!n.in_step) status->degraded |= KNEAD_STATUS_T_DEGRADED_NO_FPGA;
     health.circuit = n.in_step  ? KNEAD_HEALTH_T_CIRCUIT_IN_STEP
                      : n.behind ? KNEAD_HEALTH_T_CIRCUIT_BEHIND
                                 : KNEAD_HEALTH_T_CIRCUIT_LOST;
@@ -181,12 +184,7 @@ static knead_status_t status_now(server *d)
     if (!d->rt.fifo) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FIFO;
     if (!d->rt.locked) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_MLOCK;
     if (d->on.model->isa == KN_ISA_BASE) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FMA;
-    kn_fpga_counts counts;
-    bool circuit = kn_backend_fpga_counts(&d->on.backend, &counts);
-    if (circuit && !counts.in_step) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FPGA;
-    status.backend = circuit              ? KNEAD_STATUS_T_BACKEND_FPGA
-                     : d->on.model->fixed ? KNEAD_STATUS_T_BACKEND_FIXED
-                                          : KNEAD_STATUS_T_BACKEND_CPU;
+    status.backend = d->on.model->fixed ? KNEAD_STATUS_T_BACKEND_FIXED : KNEAD_STATUS_T_BACKEND_CPU;
     if (status.faults > d->faults_seen) d->service_errors = 0;
     d->faults_seen = status.faults;
     status.current_errors |= service_errors(d, false);
@@ -206,8 +204,8 @@ static void tell_status(server *d)
     d->invalid_told = invalid;
     d->mode_told = status.mode;
     d->errors_told = status.current_errors;
+    knead_health_t health = health_now(d, &status);
     kn_publisher_status(&d->publisher, &status);
-    knead_health_t health = health_now(d, status.utime);
     kn_publisher_health(&d->publisher, &health);
 }
 
@@ -282,7 +280,7 @@ static void on_asked(struct ev_loop *ev, ev_async *w, int events)
     server *d = w->data;
     kn_health *health = kn_mailbox_back(&d->operator.health);
     health->status = status_now(d);
-    health->more = health_now(d, health->status.utime);
+    health->more = health_now(d, &health->status);
     health->error_bits = d->errors_told | health->status.current_errors;
     memcpy(health->force, d->force, sizeof health->force);
     kn_mailbox_post(&d->operator.health);
