@@ -122,9 +122,10 @@ static void complain(kn_keeper *k, const char *why, int64_t now_ns)
 
 static void tell_rest(kn_keeper *k)
 {
-    if (k->untold)
+    if (*k->told)
         fprintf(stderr, "kneadd: snapshots are saved again in %s (%" PRId64 " more failed)\n", k->store.path,
                 k->untold);
+    *k->told = 0;
     k->untold = 0;
 }
 
@@ -192,6 +193,7 @@ bool kn_keeper_finish(kn_keeper *keeper, const kn_servo *servo, int64_t tick)
     if (k->store.dir < 0 || now->bad) return true;
     if (!moved(k, servo, now) && atomic_load(&k->slot[k->last].saved_whole)) return true;
     copy_to(k, &k->slot[!k->last], servo, tick, kn_wall_us());
+    k->told_ns = 0; // all that failed is told now, however short ago a line was
     if (!save(k, &k->slot[!k->last].saved, false, &answer)) return false;
     k->last = !k->last;
     return true;
