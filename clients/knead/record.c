@@ -94,9 +94,6 @@ kn_record *kn_record_open(const char *url, char *error, size_t error_size)
         snprintf(error, error_size, "out of memory");
         return NULL;
     }
-    // lcm-gen works out a type's hash at its first use, without a lock: here, while there is one thread
-    __knead_contact_force_t_get_hash();
-    __knead_probe_pose_t_get_hash();
     r->clock_offset_ns = 1000 * kn_wall_us() - kn_now_ns();
     r->lcm = kn_join(url, KN_FORCE_URL, error, error_size);
     if (!r->lcm) {
