@@ -1,8 +1,9 @@
-#include "server/backend/fpga.h"
 #include "server/daemon.h"
 #include "core/composite.h"
+#include "server/backend/fpga.h"
 #include "server/bus.h"
 #include "server/control.h"
+#include "server/health.h"
 #include "server/keeper.h"
 #include "server/loop.h"
 #include "server/operator.h"
@@ -28,10 +29,6 @@
 #define SCENE_YOUNG_NS 20000000000  // and every second in the beginning
 #define CONTROL_TURN_MS 20 // how long a stop may wait for that thread
 #define REST_TICK_NS 500000 // in contact a tick takes about twice as long as at rest, and has 1 ms
-
-#define SAME_LOSS(name, word, what) \
-    _Static_assert((int)KN_LOSS_##name == KNEAD_HEALTH_T_LOSS_##name, "reasons of a circuit's loss on the wire");
-KN_LOSSES(SAME_LOSS)
 
 typedef struct server {
     kn_served on;    // what it serves
@@ -66,13 +63,9 @@ typedef struct server {
     int64_t stop_ns; // when the first signal came, 0: none has
     int budget;      // datagrams that may still be read in this tick
     int64_t start_ns;
-    int32_t mode_told, errors_told;
-    int32_t service_errors; // since the last fault: of disk and circuit
-    int64_t faults_seen, saves_failed_told, circuit_failed_told;
+    int32_t mode_told;
+    kn_checkup checkup;
     kn_force force[KN_PROBES_MAX]; // of the latest tick
-    int64_t invalid_told;
-    uint32_t drops_seen; // the kernel's counter, which wraps
-    int64_t kernel_drops;
 } server;
 
 // --- main thread ---
@@ -99,114 +92,13 @@ static void on_readable(struct ev_loop *ev, ev_io *w, int events)
     if (d->budget <= 0) ev_io_stop(ev, w); // until the next tick
 }
 
-static int64_t kernel_drops(server *d)
-{
-    uint32_t now = kn_bus_drops(d->fd);
-    d->kernel_drops += (uint32_t)(now - d->drops_seen);
-    d->drops_seen = now;
-    return d->kernel_drops;
-}
-
-// And what status has of it, so that the two agree.
-static knead_health_t health_now(server *d, knead_status_t *status)
-{
-    knead_health_t health = {.utime = status->utime, .monotonic_us = kn_now_ns() / 1000, .circuit_last = -1};
-    kn_account_health(&d->loop.account, &health);
-    for (int p = 0; p < d->receiver.probes; p++) {
-        const kn_source *source = &d->receiver.source[p];
-        const kn_packets *n = &source->packets;
-        health.session[p] = source->last.session;
-        health.accepted[p] = n->accepted;
-        health.lost[p] = n->lost;
-        health.late[p] = n->late;
-        health.duplicate[p] = n->duplicate;
-        health.reordered[p] = n->reordered;
-        health.lost_in_a_row_max[p] = n->lost_in_a_row_max;
-    }
-    for (int p = d->receiver.probes; p < KN_PROBES_MAX; p++) health.success_rate[p] = 0;
-    health.snapshots = atomic_load(&d->keeper.saves);
-    health.snapshot_gen = atomic_load(&d->keeper.generation);
-    health.snapshot_ms_last = 1e-3 * (double)atomic_load(&d->keeper.last_us);
-    health.snapshot_ms_max = 1e-3 * (double)atomic_load(&d->keeper.most_us);
-    kn_fpga_counts n;
-    if (!kn_backend_fpga_counts(&d->on.backend, &n)) return health;
-    status->backend = KNEAD_STATUS_T_BACKEND_FPGA;
-    if (!n.in_step) status->degraded |= KNEAD_STATUS_T_DEGRADED_NO_FPGA;
-    health.circuit = n.in_step  ? KNEAD_HEALTH_T_CIRCUIT_IN_STEP
-                     : n.behind ? KNEAD_HEALTH_T_CIRCUIT_BEHIND
-                                : KNEAD_HEALTH_T_CIRCUIT_LOST;
-    health.circuit_ok = n.on_circuit;
-    health.circuit_timeouts = n.timeouts;
-    health.circuit_crc = n.crc;
-    health.circuit_fallbacks = n.shadowed;
-    health.circuit_losses = n.losses;
-    health.circuit_different = n.different;
-    health.circuit_loads = n.loads;
-    for (int i = 0; i < KN_LOSS_COUNT; i++) health.circuit_because[i] = n.because[i];
-    if (n.last != KN_LOSS_COUNT) health.circuit_last = (int32_t)n.last;
-    health.circuit_rtt_us[0] = 1e-3 * (double)n.p50_ns;
-    health.circuit_rtt_us[1] = 1e-3 * (double)n.p99_ns;
-    health.circuit_rtt_us[2] = 1e-3 * (double)n.max_ns;
-    return health;
-}
-
-// Those that the servo does not see, since they were told last; kept among the last ones until there is a fault.
-static int32_t service_errors(server *d, bool tells)
-{
-    int64_t failed = atomic_load(&d->keeper.errors), lost = 0; // of the circuit: times and reasons
-    int32_t errors = 0;
-    kn_fpga_counts n;
-    bool circuit = kn_backend_fpga_counts(&d->on.backend, &n);
-    for (int i = 0; circuit && i < KN_LOSS_COUNT; i++) lost += n.because[i];
-    if (failed > d->saves_failed_told) errors |= KNEAD_STATUS_T_ERROR_SNAPSHOT;
-    if (lost > d->circuit_failed_told) errors |= KNEAD_STATUS_T_ERROR_OFFLOAD_FAULT;
-    d->service_errors |= errors;
-    if (!tells) return errors;
-    d->saves_failed_told = failed;
-    d->circuit_failed_told = lost;
-    return errors;
-}
-
-static knead_status_t status_now(server *d)
-{
-    knead_status_t status = {.utime = kn_wall_us(), .uptime_ms = (kn_now_ns() - d->start_ns) / 1000000};
-    const kn_receiver *r = &d->receiver;
-    kn_account_status(&d->loop.account, &status);
-    status.missed_explained = kn_sentinel_judge(&d->sentinel, kn_now_ns());
-    status.received = r->received;
-    status.accepted = r->accepted;
-    memcpy(status.rejected, r->rejected, sizeof r->rejected);
-    status.kernel_drops = kernel_drops(d);
-    status.published = d->publisher.published;
-    status.snapshot_age_ms = kn_keeper_age_ms(&d->keeper);
-    status.snapshot_errors = (int32_t)atomic_load(&d->keeper.errors);
-    status.probes = d->on.model->def.probe_count;
-    if (!d->rt.fifo) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FIFO;
-    if (!d->rt.locked) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_MLOCK;
-    if (d->on.model->isa == KN_ISA_BASE) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FMA;
-    status.backend = d->on.model->fixed ? KNEAD_STATUS_T_BACKEND_FIXED : KNEAD_STATUS_T_BACKEND_CPU;
-    if (status.faults > d->faults_seen) d->service_errors = 0;
-    d->faults_seen = status.faults;
-    status.current_errors |= service_errors(d, false);
-    status.last_errors |= d->service_errors;
-    return status;
-}
-
 static void tell_status(server *d)
 {
-    knead_status_t status = status_now(d);
-    const kn_receiver *r = &d->receiver;
-    status.current_errors = kn_account_take_errors(&d->loop.account) | service_errors(d, true);
-
-    int64_t invalid = r->rejected[KN_REJECT_NONFINITE] + r->rejected[KN_REJECT_QUATERNION] +
-                      r->rejected[KN_REJECT_WORKSPACE] + r->rejected[KN_REJECT_JUMP];
-    if (invalid > d->invalid_told) status.current_errors |= KNEAD_STATUS_T_ERROR_POSE_INVALID;
-    d->invalid_told = invalid;
-    d->mode_told = status.mode;
-    d->errors_told = status.current_errors;
-    knead_health_t health = health_now(d, &status);
-    kn_publisher_status(&d->publisher, &status);
-    kn_publisher_health(&d->publisher, &health);
+    kn_health health;
+    kn_checkup_tell(&d->checkup, &health);
+    d->mode_told = health.status.mode;
+    kn_publisher_status(&d->publisher, &health.status);
+    kn_publisher_health(&d->publisher, &health.more);
 }
 
 static void publish_records(server *d)
@@ -279,9 +171,7 @@ static void on_asked(struct ev_loop *ev, ev_async *w, int events)
     (void)ev, (void)events;
     server *d = w->data;
     kn_health *health = kn_mailbox_back(&d->operator.health);
-    health->status = status_now(d);
-    health->more = health_now(d, &health->status);
-    health->error_bits = d->errors_told | health->status.current_errors;
+    kn_checkup_now(&d->checkup, health);
     memcpy(health->force, d->force, sizeof health->force);
     kn_mailbox_post(&d->operator.health);
 }
@@ -462,10 +352,8 @@ static void tell_losses(server *d, bool *told_lost)
     kn_fpga_counts n;
     if (!kn_backend_fpga_counts(&d->on.backend, &n)) return;
     bool lost = kn_backend_fpga_news(&d->on.backend, line);
-    int64_t times = 0;
-    for (int i = 0; i < KN_LOSS_COUNT; i++) times += n.because[i];
     if (lost)
-        fprintf(stderr, "kneadd: circuit lost, %lld times so far: %s%s\n", (long long)times, line,
+        fprintf(stderr, "kneadd: circuit lost, %lld times so far: %s%s\n", (long long)n.reasons, line,
                 n.in_step ? ", and in step again" : "");
     else if (*told_lost && n.in_step)
         fprintf(stderr, "kneadd: circuit in step again, loaded %lld times so far\n", (long long)n.loads);
@@ -548,13 +436,17 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
     d->receiver.peers = def->peers;
     d->receiver.auth = def->key ? &d->auth : NULL;
     if (!kn_publisher_open(&d->publisher, d->bus.url, d->on.scene, hash, error, error_size) ||
-        !kn_skin_open(&d->skin, d->mesh_bus.url, d->on.model, d->on.scene->mesh_hz, d->on.scene->text_hash, error, error_size))
+        !kn_skin_open(&d->skin, d->mesh_bus.url, d->on.model, d->on.scene->mesh_hz, d->on.scene->text_hash, error,
+                      error_size))
         return false;
     d->publisher.auth = d->skin.auth = d->receiver.auth;
     if (kn_loop_init(&d->loop, d->on.scene, d->on.model, &d->on.backend, &d->skin, d->on.audit) &&
         (!def->touch || kn_loop_touch(&d->loop)) && kn_sentinel_init(&d->sentinel) && watch_events(d)) {
         d->loop.servo.sets = &d->on.sets;
         kn_keeper_start(&d->keeper, &d->loop);
+        d->checkup = (kn_checkup){.served = &d->on, .loop = &d->loop, .receiver = &d->receiver,
+                                  .publisher = &d->publisher, .keeper = &d->keeper, .sentinel = &d->sentinel,
+                                  .rt = &d->rt, .fd = d->fd};
         return true;
     }
     snprintf(error, error_size, "out of memory or file descriptors");
@@ -604,7 +496,7 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
     else if (d->rt.mode == KN_RT_REQUIRE && *d->rt.missing)
         snprintf(error, error_size, "not real time: %s", d->rt.missing);
     else {
-        d->start_ns = kn_now_ns() + START_DELAY_NS;
+        d->start_ns = d->checkup.start_ns = kn_now_ns() + START_DELAY_NS;
         kn_loop_start(&d->loop, d->start_ns);
         d->sentinel.beside = &d->loop.start_ns;
         d->sentinel.busy = &d->loop.busy;
@@ -641,8 +533,8 @@ static void tell_ready(const server *d)
     if (d->on.model->isa == KN_ISA_BASE) printf("kneadd: not real time: fused multiply-add in software\n");
     kn_fpga_counts circuit;
     if (kn_backend_fpga_counts(&d->on.backend, &circuit)) {
-        printf("kneadd: on a circuit: a tick that nothing touches takes %.2g ms there and back, a state %.2g s to load; the queue "
-               "holds %lld ticks\n",
+        printf("kneadd: on a circuit: a tick that nothing touches takes %.2g ms there and back, a state %.2g s to "
+               "load; the queue holds %lld ticks\n",
                1e-6 * (double)d->rest_ns, 1e-9 * (double)circuit.load_ns, (long long)circuit.queue);
         if (d->rest_ns > REST_TICK_NS)
             printf("kneadd: expected %g ms at most: the circuit will not be in step, its twin gives the object\n",
@@ -662,12 +554,13 @@ static void tell_circuit(server *d)
     char why[KN_LINK_WHY];
     if (!kn_backend_fpga_counts(&d->on.backend, &n)) return;
     bool agrees = kn_backend_fpga_agrees(&d->on.backend, why, &link);
-    fprintf(stderr, "kneadd: %lld ticks on the circuit, each its twin's; %lld by the twin alone; lost %lld times, different %lld, "
-                    "loaded %lld; at the end %s%s\n",
+    fprintf(stderr, "kneadd: %lld ticks on the circuit, each its twin's; %lld by the twin alone; lost %lld times, "
+                    "different %lld, loaded %lld; at the end %s%s\n",
             (long long)n.on_circuit, (long long)n.shadowed, (long long)n.losses, (long long)n.different,
             (long long)n.loads, agrees ? "its state is the twin's" : "", agrees ? "" : why);
     if (agrees)
-        fprintf(stderr, "kneadd: circuit answered in p50 %.0f us, p99 %.0f us; %lld requests sent again, %lld frames broken\n",
+        fprintf(stderr, "kneadd: circuit answered in p50 %.0f us, p99 %.0f us; %lld requests sent again, %lld frames "
+                        "broken\n",
                 1e-3 * (double)link.p50_ns, 1e-3 * (double)link.p99_ns, (long long)link.retries,
                 (long long)(link.link.crc + link.link.coding));
 }
@@ -688,7 +581,7 @@ static void tell_summary(server *d)
     printf("kneadd: %" PRId64 " datagrams: %" PRId64 " accepted", r->received, r->accepted);
     for (int i = 0; i < KN_REJECT_COUNT; i++)
         if (r->rejected[i]) printf(", %" PRId64 " %s", r->rejected[i], kn_verdict_name((kn_verdict)i));
-    printf("; %" PRId64 " dropped by the kernel\n", kernel_drops(d));
+    printf("; %" PRId64 " dropped by the kernel\n", kn_checkup_drops(&d->checkup));
     const kn_audit_news *audit = d->loop.audit ? kn_audit_read(d->loop.audit) : NULL;
     if (audit && audit->windows)
         printf("kneadd: %" PRId64 " s audited, energy created in %" PRId64 " of them, %.3g mJ at most; at last %.3g mJ"
@@ -776,8 +669,10 @@ static int serve(server *d, const kn_daemon_def *def)
 {
     char error[512];
     *d = (server){.claim = -1, .fd = -1, .keeper.store.dir = -1};
-    int code = !choose_buses(d, def, error, sizeof error) ? 2 : kn_served_load(&d->on, &def->object, error, sizeof error);
-    if (code == 0) code = kn_keeper_open(&d->keeper, def->object.state_dir, d->on.scene, d->on.model, error, sizeof error);
+    bool heard = choose_buses(d, def, error, sizeof error);
+    int code = heard ? kn_served_load(&d->on, &def->object, error, sizeof error) : 2;
+    if (code == 0)
+        code = kn_keeper_open(&d->keeper, def->object.state_dir, d->on.scene, d->on.model, error, sizeof error);
     if (code == 0) {
         code = 3;
         if (open_buses(d, def, error, sizeof error) && open_control(d, def, error, sizeof error) &&
@@ -790,7 +685,8 @@ static int serve(server *d, const kn_daemon_def *def)
             kn_rt_leave(&d->rt);
             tell_summary(d);
             if (code)
-                snprintf(error, sizeof error, "--state-dir %s: the last of the object is not saved", def->object.state_dir);
+                snprintf(error, sizeof error, "--state-dir %s: the last of the object is not saved",
+                         def->object.state_dir);
             if (!kn_trace_close(&d->trace)) {
                 snprintf(error, sizeof error, "--trace %s: could not be written to its end", def->trace);
                 code = 3;

@@ -15,26 +15,18 @@
 //     {"command": "set", "values": ["material.c1=3 kPa*s"]}
 //                                                  keys of the scene, as --set; what they make of it is built aside,
 //                                                  and the object goes on in it. Limits of the device only ever go down
-//     {"command": "load", "scene": "/a/file.yaml"} checked; then an orderly end, and a start with that scene, or with
-//     the
-//                                                  same one as its file is now
+//     {"command": "load", "scene": "/a/file.yaml"} checked; then an orderly end, and a start with that scene,
+//                                                  or with the same one as its file is now
 //     {"command": "stop"}                          as SIGTERM
 //
 // Every other field than those is refused, so that no typing error does half of what was meant. A change is answered
 // when a tick has made it, with that tick; KNEAD_EVENT tells the same to a log.
-#include "proto/knead_status_t.h"
 #include "server/control.h"
+#include "server/health.h"
 #include "server/keeper.h"
 #include "server/loop.h"
 #include "server/receiver.h"
 #include "server/served.h"
-
-typedef struct kn_health { // what the main thread knows, as of one moment
-    knead_status_t status;
-    knead_health_t more;
-    int32_t error_bits;            // of status.current_errors, whether they were told on LCM or not
-    kn_force force[KN_PROBES_MAX]; // of the latest tick
-} kn_health;
 
 // What it works on, of the daemon.
 typedef struct kn_operated {

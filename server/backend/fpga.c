@@ -555,8 +555,10 @@ static fpga *of(const kn_backend *backend) { return backend->destroy == fpga_des
 bool kn_backend_fpga_counts(const kn_backend *backend, kn_fpga_counts *counts)
 {
     fpga *f = of(backend);
+    *counts = (kn_fpga_counts){0};
     if (!f) return false;
-    *counts = (kn_fpga_counts){.on_circuit = atomic_load(&f->on_circuit),
+    *counts = (kn_fpga_counts){.there = true,
+                               .on_circuit = atomic_load(&f->on_circuit),
                                .shadowed = atomic_load(&f->shadowed),
                                .losses = atomic_load(&f->losses),
                                .different = atomic_load(&f->different),
@@ -571,7 +573,10 @@ bool kn_backend_fpga_counts(const kn_backend *backend, kn_fpga_counts *counts)
                                .p99_ns = atomic_load(&f->p99_ns),
                                .max_ns = atomic_load(&f->max_ns),
                                .last = (kn_loss)atomic_load(&f->last)};
-    for (int i = 0; i < KN_LOSS_COUNT; i++) counts->because[i] = atomic_load(&f->because[i]);
+    for (int i = 0; i < KN_LOSS_COUNT; i++) {
+        counts->because[i] = atomic_load(&f->because[i]);
+        counts->reasons += counts->because[i];
+    }
     return true;
 }
 

@@ -24,6 +24,7 @@
 #define KN_FPGA_LINE (KN_LINK_WHY + 200)
 
 typedef struct kn_fpga_counts {
+    bool there;         // a circuit; else all of this is 0
     int64_t on_circuit; // ticks that it computed, each equal to the twin's
     int64_t shadowed;   // ticks given by the twin alone
     int64_t losses;     // times that it was lost
@@ -36,6 +37,7 @@ typedef struct kn_fpga_counts {
     // Times that it was out of step for this reason: those of losses, and what then kept it from coming back. What
     // stays the reason for a while is one.
     int64_t because[KN_LOSS_COUNT];
+    int64_t reasons;    // all of those
     bool behind;        // it has the object, and catches up
     int64_t timeouts, crc; // requests without an answer in time, broken frames: as of some ticks ago, as the next
     int64_t p50_ns, p99_ns, max_ns; // from submit to result
