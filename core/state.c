@@ -72,7 +72,7 @@ static size_t layout(const kn_model *m, char *base, bool kept)
     kn_scratch unused_scratch, *scratch = &unused_scratch;
     kn_arena_take(&a, sizeof *state);
 #define KN_FIELD(name, components)                                                                                     \
-    state->name = kn_arena_take(&a, field_bytes(m, components));                                                                \
+    state->name = kn_arena_take(&a, field_bytes(m, components));                                                       \
     if (field_bytes(m, components) == 0) state->name = NULL;
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD

@@ -90,12 +90,12 @@ static json_t *circuit(const knead_health_t *m)
     for (int i = 0; i < KN_LOSS_COUNT; i++)
         json_object_set_new(because, kn_loss_word((kn_loss)i), json_integer(m->circuit_because[i]));
     kn_loss last = m->circuit_last < 0 ? KN_LOSS_COUNT : (kn_loss)m->circuit_last;
-    return json_pack("{s:s, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:s, s:o, s:{s:f, s:f, s:f}}", "state", states[m->circuit], "ok",
-                     (json_int_t)m->circuit_ok, "timeouts", (json_int_t)m->circuit_timeouts, "crc",
-                     (json_int_t)m->circuit_crc, "fallbacks", (json_int_t)m->circuit_fallbacks, "losses",
+    return json_pack("{s:s, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:s, s:o, s:{s:f, s:f, s:f}}", "state",
+                     states[m->circuit], "ok", (json_int_t)m->circuit_ok, "timeouts", (json_int_t)m->circuit_timeouts,
+                     "crc", (json_int_t)m->circuit_crc, "fallbacks", (json_int_t)m->circuit_fallbacks, "losses",
                      (json_int_t)m->circuit_losses, "different", (json_int_t)m->circuit_different, "loads",
-                     (json_int_t)m->circuit_loads, "last_loss", kn_loss_word(last), "because", because, "rtt_us", "p50", m->circuit_rtt_us[0], "p99", m->circuit_rtt_us[1],
-                     "max", m->circuit_rtt_us[2]);
+                     (json_int_t)m->circuit_loads, "last_loss", kn_loss_word(last), "because", because, "rtt_us", "p50",
+                     m->circuit_rtt_us[0], "p99", m->circuit_rtt_us[1], "max", m->circuit_rtt_us[2]);
 }
 
 static json_t *packets(const knead_health_t *m, int p)
@@ -233,7 +233,8 @@ static json_t *take_quality(kn_operator *o, const char *name)
     for (kn_quality q = 0; q < KN_QUALITIES; q++) {
         if (strcmp(name, kn_quality_name(q)) != 0) continue;
         if (o->on.served->scene->point[q].live) return order(o, KN_ORDER_QUALITY, q);
-        if (!o->on.served->scene->point[q].defined) return kn_control_error("quality %s: the scene does not name it", name);
+        if (!o->on.served->scene->point[q].defined)
+            return kn_control_error("quality %s: the scene does not name it", name);
         return kn_control_error("quality %s: another lattice or precision, expected --quality %s at the start", name,
                                 name);
     }
@@ -303,8 +304,8 @@ static kn_scene *parse(const kn_operator *o, const kn_sets *sets, char *error, s
     const char *list[KN_SETS_MAX];
     int count = kn_sets_list(sets, room, list);
     const kn_scene *base = o->on.served->base;
-    kn_scene *scene = kn_scene_parse_beside(o->on.def->scene_path, base->name, base->text, strlen(base->text), list, count,
-                                            why, sizeof why);
+    kn_scene *scene = kn_scene_parse_beside(o->on.def->scene_path, base->name, base->text, strlen(base->text), list,
+                                            count, why, sizeof why);
     // what --set has done wrong is what set has
     if (!scene) snprintf(error, error_size, "%s", strncmp(why, "--set ", 6) == 0 ? why + 2 : why);
     return scene;
@@ -367,7 +368,8 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
     }
     char why[300];
     kn_change *change = kn_change_create(scene, o->now ? o->now->scene : o->on.served->scene,
-                                         o->now ? o->now->model : o->on.served->model, o->on.def->local_model, why, sizeof why);
+                                         o->now ? o->now->model : o->on.served->model, o->on.def->local_model, why,
+                                         sizeof why);
     if (change && too_slow(o, change, why, sizeof why)) {
         kn_change_destroy(change);
         change = NULL;
