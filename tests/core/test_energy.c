@@ -224,4 +224,27 @@ TEST("energy out of nowhere is told, and a reset is not taken for it")
     rig_close(&r);
 }
 
+TEST("an object gone bad has no energy to tell of: none is created by it, and the next object is audited from new")
+{
+    rig r = rig_open();
+    const press p = {.depth_m = 0.004, .hold_s = 30};
+    int64_t windows = 0;
+    for (int i = 1; i <= 9000; i++) {
+        kn_input in = press_input(r.model, &p, i * 1e-3);
+        if (i == 2400) kn_real_set(r.model, r.state->displacement, r.model->offset[7], NAN);
+        if (i == 6400) kn_state_reset(r.model, r.state);
+        kn_output out;
+        kn_status status = kn_step(r.model, r.state, &in, &out);
+        CHECK((status == KN_OK) == (i < 2400 || i >= 6400));
+        kn_audit_tick(r.audit, r.state);
+        const kn_audit_news *news = kn_audit_read(r.audit);
+        CHECK(isfinite(kn_energy_sum(&news->stored)) && isfinite(news->balance_j) && isfinite(news->lost_j));
+        if (i == 6399) windows = news->windows;
+    }
+    CHECK(kn_audit_read(r.audit)->created == 0);
+    CHECK(windows >= 1 && windows <= 2); // of the ticks before it went bad alone
+    CHECK(kn_audit_read(r.audit)->windows > windows);
+    rig_close(&r);
+}
+
 TESTS_MAIN
