@@ -179,6 +179,23 @@ static void change_of_length(void)
     saturated(TO_25, F_U);
 }
 
+// a, kept in temporary `kept`, times a direction: onto the force of i and, by ADD_B or SUB_B, of j
+static void scatter(int kept, source from, int direction, op onto_j)
+{
+    of(STORE, TEMP, kept);
+    for (int k = 0; k < 3; k++) {
+        if (k > 0) of(LOAD, TEMP, kept);
+        of(MULTIPLY, from, direction + k);
+        rounded(BY, KN_FIXED_E_FRACTION);
+        a(KEEP);
+        of(ADD, I, FORCE + k);
+        of(STORE, I, FORCE + k);
+        of(LOAD, J, FORCE + k);
+        a(onto_j);
+        of(STORE, J, FORCE + k);
+    }
+}
+
 // t stays in temporary 0
 static void pull(void)
 {
@@ -188,18 +205,7 @@ static void pull(void)
     rounded(BY_KV, 0);
     of(ADD, EDGE, T0);
     saturated(TO_25, F_TENSION);
-    of(STORE, TEMP, 0);
-    for (int k = 0; k < 3; k++) {
-        if (k > 0) of(LOAD, TEMP, 0);
-        of(MULTIPLY, EDGE, E + k);
-        rounded(BY, KN_FIXED_E_FRACTION);
-        a(KEEP);
-        of(ADD, I, FORCE + k);
-        of(STORE, I, FORCE + k);
-        of(LOAD, J, FORCE + k);
-        a(SUB_B);
-        of(STORE, J, FORCE + k);
-    }
+    scatter(0, EDGE, E, SUB_B);
 }
 
 static void flow(void)
@@ -273,18 +279,7 @@ static void share(void) // g |e|_1 |e_k|
     }
     of(MULTIPLY, EDGE, G);
     rounded(BY, KN_FIXED_E_FRACTION);
-    of(STORE, TEMP, 6);
-    for (int k = 0; k < 3; k++) {
-        if (k > 0) of(LOAD, TEMP, 6);
-        of(MULTIPLY, TEMP, 3 + k);
-        rounded(BY, KN_FIXED_E_FRACTION);
-        a(KEEP);
-        of(ADD, I, FORCE + k);
-        of(STORE, I, FORCE + k);
-        of(LOAD, J, FORCE + k);
-        a(ADD_B);
-        of(STORE, J, FORCE + k);
-    }
+    scatter(6, TEMP, 3, ADD_B);
 }
 
 static void setup(void)
