@@ -1,7 +1,6 @@
 // The circuit itself, Verilated, behind its word bus. Its time is its own: a transfer is a few clocks, nothing else is.
 #include "Vknead_engine.h"
-#include "verilated.h"
-#include <memory>
+#include "hdl/sim/word_bus.h"
 #include <new>
 extern "C" {
 #include "clients/simdev/engine.h"
@@ -15,59 +14,28 @@ double sc_time_stamp()
 namespace
 {
 
-struct rtl {
-    VerilatedContext context;
-    std::unique_ptr<Vknead_engine> top;
-    int power_ups = 0;
+struct rtl : word_bus<Vknead_engine> {
+    int power_ups = 1; // each leaves something else in memories
 
-    rtl() { power_up(); }
-    void power_up()
-    {
-        context.randReset(2); // memories hold anything
-        context.randSeed(++power_ups);
-        top.reset(new Vknead_engine(&context));
-        top->rst = 1;
-        top->bus_valid = 0;
-        for (int i = 0; i < 4; i++) clock();
-        top->rst = 0;
-    }
-    void clock()
-    {
-        top->clk = 0;
-        top->eval();
-        top->clk = 1;
-        top->eval();
-    }
-    bool transfer(bool write, uint32_t address, uint32_t &word)
-    {
-        top->bus_valid = 1;
-        top->bus_write = write;
-        top->bus_addr = address;
-        top->bus_wdata = word;
-        do clock();
-        while (!top->bus_ready);
-        word = top->bus_rdata;
-        const bool taken = !top->bus_error;
-        clock(); // the one with valid and ready
-        top->bus_valid = 0;
-        return taken;
-    }
+    rtl() : word_bus(1) {}
 };
 
 bool read_word(void *self, uint32_t address, uint32_t *word)
 {
     *word = 0;
-    return static_cast<rtl *>(self)->transfer(false, address, *word);
+    return static_cast<rtl *>(self)->transfer(false, address, word);
 }
 
 bool write_word(void *self, uint32_t address, uint32_t word)
 {
-    return static_cast<rtl *>(self)->transfer(true, address, word);
+    return static_cast<rtl *>(self)->transfer(true, address, &word);
 }
 
 void blank(void *self)
 {
-    static_cast<rtl *>(self)->power_up();
+    rtl *it = static_cast<rtl *>(self);
+    it->power_up(++it->power_ups);
+    it->reset();
 }
 
 void destroy(void *self)

@@ -4,13 +4,8 @@
 // bit, or the AXI4-Lite cycles of knead_top_axi. KN_TOP_UART, KN_TOP_AXI or neither is defined.
 #include <cstdio>
 #include <cstdlib>
-#include <memory>
-#include <string>
 
-#include "verilated.h"
-#if VM_COVERAGE
-#include "verilated_cov.h"
-#endif
+#include "hdl/sim/word_bus.h"
 #if defined KN_TOP_UART
 #include "Vknead_top_uart.h"
 typedef Vknead_top_uart circuit_top;
@@ -25,35 +20,14 @@ typedef Vknead_top_axi circuit_top;
 typedef Vknead_engine circuit_top;
 #endif
 
-// begun with whatever memories hold at first
-struct port {
-    VerilatedContext context;
-    std::unique_ptr<circuit_top> top;
-    uint64_t clocks = 0;
-
-    explicit port(int seed)
-    {
-        context.randReset(2);
-        context.randSeed(seed);
-        top.reset(new circuit_top(&context));
-    }
-    ~port()
-    {
-        top->final();
-#if VM_COVERAGE
-        static int ports;
-        context.coveragep()->write(("coverage_" + std::to_string(ports++) + ".dat").c_str());
-#endif
-    }
-    [[noreturn]] static void lost(const char *what)
-    {
-        fprintf(stderr, "%s\n", what);
-        exit(1);
-    }
-};
+[[noreturn]] inline void lost(const char *what)
+{
+    fprintf(stderr, "%s\n", what);
+    exit(1);
+}
 
 #if defined KN_TOP_UART
-struct device_port : port {
+struct device_port : circuit<circuit_top> {
     kn_framer framer = {};
     uint16_t tag = 0;
     int phase = -1, bits = 0; // of the byte at tx
@@ -61,7 +35,7 @@ struct device_port : port {
     kn_request asked;
     kn_reply reply;
 
-    explicit device_port(int seed) : port(seed) // its own reset at power-up is what begins it
+    explicit device_port(int seed) : circuit(seed) // its own reset at power-up is what begins it
     {
         top->rst = 0;
         hold(1, 64);
@@ -127,10 +101,10 @@ struct device_port : port {
     }
 };
 #elif defined KN_TOP_AXI
-struct device_port : port {
+struct device_port : circuit<circuit_top> {
     uint32_t gaps = 1; // between what a master might do at once
 
-    explicit device_port(int seed) : port(seed)
+    explicit device_port(int seed) : circuit(seed)
     {
         top->s_axi_aresetn = 0;
         top->s_axi_awvalid = top->s_axi_wvalid = top->s_axi_bready = top->s_axi_arvalid = top->s_axi_rready = 0;
@@ -205,44 +179,7 @@ struct device_port : port {
     }
 };
 #else
-struct device_port : port {
-    explicit device_port(int seed) : port(seed)
-    {
-#ifdef KN_MUTANTS // hdl/reports/mutants: which one is at work, 0 none
-        top->mutant = (uint16_t)atoi(getenv("KN_MUTANT"));
-#endif
-        top->rst = 1;
-        top->bus_valid = 0;
-        for (int i = 0; i < 4; i++) clock();
-        top->rst = 0;
-    }
-    void clock()
-    {
-        top->clk = 0;
-        top->eval();
-        top->clk = 1;
-        top->eval();
-        clocks++;
-    }
-    // true: taken
-    bool transfer(bool write, uint32_t address, uint32_t *word)
-    {
-        top->bus_valid = 1;
-        top->bus_write = write;
-        top->bus_addr = address;
-        top->bus_wdata = *word;
-        int waited = 0;
-        do {
-            clock();
-            if (++waited > 100) return false;
-        } while (!top->bus_ready);
-        *word = top->bus_rdata;
-        bool taken = !top->bus_error;
-        clock(); // valid and ready
-        top->bus_valid = 0;
-        return taken;
-    }
-};
+typedef word_bus<circuit_top> device_port;
 #endif
 
 #endif

@@ -2,6 +2,7 @@
 // both answer and refuse alike. KN_CASES=N transfers, KN_SEED=N.
 #include "Vknead_engine.h"
 #include "hdl/sim/bench.h"
+#include "hdl/sim/word_bus.h"
 
 extern "C" {
 #include "clients/simdev/engine.h"
@@ -14,44 +15,13 @@ namespace
 
 enum { NODES = KN_LOG_NODES, EDGES = KN_LOG_EDGES, LIST = KN_LOG_LIST };
 
-struct circuit {
-    VerilatedContext context;
-    Vknead_engine top{&context};
-    circuit()
-    {
-#ifdef KN_MUTANTS // hdl/reports/mutants: which one is at work, 0 none
-        top.mutant = (uint16_t)atoi(getenv("KN_MUTANT"));
-#endif
-        top.rst = 1;
-        clock();
-        top.rst = 0;
-    }
-    ~circuit()
-    {
-        top.final();
-    }
-    void clock()
-    {
-        top.clk = 0, top.eval();
-        top.clk = 1, top.eval();
-    }
-    bool transfer(bool write, uint32_t address, uint32_t &word)
-    {
-        top.bus_valid = 1, top.bus_write = write, top.bus_addr = address, top.bus_wdata = word;
-        int waited = 0;
-        do clock();
-        while (!top.bus_ready && ++waited < 100);
-        const bool taken = !top.bus_error;
-        if (!write) word = top.bus_rdata;
-        clock();
-        top.bus_valid = 0;
-        return taken;
-    }
+struct engine : word_bus<Vknead_engine> {
+    engine() : word_bus(0) {}
     void rest() // a tick of the other one is over at once
     {
         uint32_t status;
         int polls = 0;
-        do transfer(false, KN_REG_STATUS, status);
+        do transfer(false, KN_REG_STATUS, &status);
         while (status & KN_STATUS_BUSY && ++polls < 100000);
     }
 };
@@ -94,11 +64,11 @@ uint32_t some_word(chance &c, uint32_t address, uint32_t seq)
 }
 
 // A state in which memories that no host has written hold nothing of anyone's: all of it zero, a chain of edges.
-void load(circuit &d, const kn_word_bus &g)
+void load(engine &d, const kn_word_bus &g)
 {
     const auto put = [&](uint32_t address, uint32_t word) {
         uint32_t same = word;
-        d.transfer(true, address, same);
+        d.transfer(true, address, &same);
         g.write(g.self, address, word);
     };
     for (uint32_t n = 0; n < 16 << NODES; n++) put(KN_WINDOW_NODES + n, 0);
@@ -113,7 +83,7 @@ void load(circuit &d, const kn_word_bus &g)
     put(KN_REG_CONTROL, KN_CONTROL_REST | KN_CONTROL_CLEAR | KN_CONTROL_LOADED);
     d.rest();
     uint32_t seq = 0; // a step, so that results are of a tick
-    d.transfer(false, KN_REG_STEP_SEQ, seq);
+    d.transfer(false, KN_REG_STEP_SEQ, &seq);
     put(KN_REG_STEP_SEQ, seq + 1);
     d.rest();
 }
@@ -126,17 +96,17 @@ int main()
     const long cases = from_environment("KN_CASES", 300000);
     kn_engine golden;
     if (!kn_engine_golden(&golden, {NODES, EDGES, LIST})) return 3;
-    circuit d;
+    engine d;
     load(d, golden.bus);
     long refused = 0, ticks = 0, unsound = 0;
     for (long n = 0; n < cases; n++) {
         uint32_t seq = 0, status = 0, circuit_word, golden_word;
-        d.transfer(false, KN_REG_STEP_SEQ, seq);
+        d.transfer(false, KN_REG_STEP_SEQ, &seq);
         const uint32_t address = some_place(c) ^ (c.below(8) ? 0 : 1u << c.below(24)); // or a place that is like it
         const bool write = c.below(2);
         if (n % 400 == 399) load(d, golden.bus);
         circuit_word = golden_word = write ? some_word(c, address, seq) : 0;
-        const bool taken = d.transfer(write, address, circuit_word);
+        const bool taken = d.transfer(write, address, &circuit_word);
         const bool golden_taken = write ? golden.bus.write(golden.bus.self, address, golden_word)
                                         : golden.bus.read(golden.bus.self, address, &golden_word);
         d.rest();
@@ -150,10 +120,10 @@ int main()
         }
         refused += !taken;
         uint32_t now = 0;
-        d.transfer(false, KN_REG_STEP_SEQ, now);
+        d.transfer(false, KN_REG_STEP_SEQ, &now);
         ticks += now != seq;
         // the circuit looks at its settings, the simulated device at the image, too: an edge of one node, R beyond 1
-        d.transfer(false, KN_REG_STATUS, status);
+        d.transfer(false, KN_REG_STATUS, &status);
         golden.bus.read(golden.bus.self, KN_REG_STATUS, &golden_word);
         if (write && address == KN_REG_CONTROL && (status ^ golden_word) == KN_STATUS_LOADED) {
             unsound++;

@@ -1,0 +1,79 @@
+#ifndef KN_HDL_SIM_WORD_BUS_H
+#define KN_HDL_SIM_WORD_BUS_H
+// A Verilated circuit, and a host's words through its bus (hdl/README.md, Registers and windows).
+#include <cstdint>
+#include <cstdlib>
+#include <memory>
+#include <string>
+
+#include "verilated.h"
+#if VM_COVERAGE
+#include "verilated_cov.h"
+#endif
+
+// powered up with whatever memories hold at first, as the seed has it; seed 0: zeros
+template <typename verilated> struct circuit {
+    VerilatedContext context;
+    std::unique_ptr<verilated> top;
+    uint64_t clocks = 0;
+
+    explicit circuit(int seed) { power_up(seed); }
+    ~circuit()
+    {
+        top->final();
+#if VM_COVERAGE
+        static int circuits;
+        context.coveragep()->write(("coverage_" + std::to_string(circuits++) + ".dat").c_str());
+#endif
+    }
+    void power_up(int seed)
+    {
+        context.randReset(seed ? 2 : 0);
+        context.randSeed(seed);
+        top.reset(new verilated(&context));
+    }
+};
+
+template <typename verilated> struct word_bus : circuit<verilated> {
+    using circuit<verilated>::top;
+
+    explicit word_bus(int seed) : circuit<verilated>(seed) { reset(); }
+    void reset()
+    {
+#ifdef KN_MUTANTS // hdl/reports/mutants: which one is at work, 0 none
+        top->mutant = (uint16_t)atoi(getenv("KN_MUTANT"));
+#endif
+        top->rst = 1;
+        top->bus_valid = 0;
+        for (int i = 0; i < 4; i++) clock();
+        top->rst = 0;
+    }
+    void clock()
+    {
+        top->clk = 0;
+        top->eval();
+        top->clk = 1;
+        top->eval();
+        this->clocks++;
+    }
+    // true: taken; *word is written or, when !write, read
+    bool transfer(bool write, uint32_t address, uint32_t *word)
+    {
+        top->bus_valid = 1;
+        top->bus_write = write;
+        top->bus_addr = address;
+        top->bus_wdata = *word;
+        int waited = 0;
+        do {
+            clock();
+            if (++waited > 100) return false;
+        } while (!top->bus_ready);
+        if (!write) *word = top->bus_rdata;
+        const bool taken = !top->bus_error;
+        clock(); // valid and ready
+        top->bus_valid = 0;
+        return taken;
+    }
+};
+
+#endif
