@@ -2,10 +2,10 @@
 //
 //     lost N
 //
-// Lost are the ticks in which the tool touched, after the one whose snapshot the next life restored (KIND_RESTORE tells
-// its generation and tick), of 1 ms each: an object that nobody touches is saved only while it still moves by 1 um. A
-// generation that was restored before is of an earlier life: then all of this one is lost. What the log's first life
-// restored is of a life that is not in it.
+// Lost is the grid of 1 ms from the first tick in which the tool touched, after the one whose snapshot the next life
+// restored (KIND_RESTORE tells its generation and tick), to the last that was published: an object that nobody touches
+// is saved only while it still moves by 1 um. A generation that was restored before is of an earlier life: then all of
+// this one is lost. What the log's first life restored is of a life that is not in it.
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include <inttypes.h>
@@ -13,15 +13,15 @@
 #include <stdio.h>
 #include <string.h>
 
-#define TICKS 1000000 // that touched, of one life
-static int64_t tick[TICKS];
+#define TICKS 1000000                // that touched, of one life
+static int64_t touched[TICKS], last; // last: of all of its ticks
 static int count;
 
-static int after(int64_t from)
+static int64_t after(int64_t from)
 {
-    int ran = 0;
-    for (int i = 0; i < count; i++) ran += tick[i] > from && (i == 0 || tick[i] != tick[i - 1]);
-    return ran;
+    for (int i = 0; i < count; i++)
+        if (touched[i] > from) return last - touched[i] + 1;
+    return 0;
 }
 
 int main(int argc, char **argv)
@@ -33,14 +33,16 @@ int main(int argc, char **argv)
     for (lcm_eventlog_event_t *e; (e = lcm_eventlog_read_next_event(log)); lcm_eventlog_free_event(e)) {
         knead_contact_force_t force;
         knead_event_t event;
-        if (!strncmp(e->channel, "KNEAD_FORCE_", 12) && count < TICKS &&
-            knead_contact_force_t_decode(e->data, 0, e->datalen, &force) >= 0 && force.contacts > 0)
-            tick[count++] = force.tick;
+        if (!strncmp(e->channel, "KNEAD_FORCE_", 12) &&
+            knead_contact_force_t_decode(e->data, 0, e->datalen, &force) >= 0) {
+            last = force.tick;
+            if (force.contacts > 0 && count < TICKS) touched[count++] = last;
+        }
         if (strcmp(e->channel, "KNEAD_EVENT") || knead_event_t_decode(e->data, 0, e->datalen, &event) < 0) continue;
         if (event.kind == KNEAD_EVENT_T_KIND_START) lives++, begins = true;
         if (event.kind != KNEAD_EVENT_T_KIND_RESTORE || !begins) continue;
         int64_t from = (int64_t)event.arg[0] == generation ? -1 : (int64_t)event.arg[1];
-        if (lives > 1) printf("lost %d\n", after(from));
+        if (lives > 1) printf("lost %" PRId64 "\n", after(from));
         generation = (int64_t)event.arg[0];
         count = 0;
         begins = false;
