@@ -18,6 +18,7 @@ typedef struct kn_engine {
 
 // False: memory is short.
 bool kn_engine_golden(kn_engine *engine, kn_engine_caps caps);
-bool kn_engine_rtl(kn_engine *engine); // where KN_SIMDEV_RTL is defined; its caps are those it was built with
+bool kn_engine_rtl(kn_engine *engine); // where KN_SIMDEV_RTL is defined; caps 10, 13, 8
+bool kn_engine_nano(kn_engine *engine); // there, too: the small circuit; caps 5, 7, 4
 
 #endif

@@ -39,9 +39,10 @@ refuses 2 "flip=2: expected --fault NAME[=RATE], a rate of 0 to 1; --help has th
 refuses 2 "flip: expected --uart: memory has no frames" --bar x --fault flip
 refuses 2 "1,2: expected --caps with 0..16,0..20,1..10" --uart --caps 1,2
 refuses 2 "1x: expected --seed with a whole number" --uart --seed 1x
-refuses 2 "fast: expected --engine golden or rtl" --uart --engine fast
+refuses 2 "fast: expected --engine golden, rtl or nano" --uart --engine fast
 refuses 2 "torn: expected --engine golden: the circuit steps when it is asked" --uart --engine rtl --fault torn
 refuses 2 "--caps: expected --engine golden: the circuit is built for 10,13,8" --uart --engine rtl --caps 1,2,3
+refuses 2 "--caps: expected --engine golden: the small circuit is built for 5,7,4" --uart --engine nano --caps 1,2,3
 refuses 2 "more: expected options only" --uart more
 refuses 3 "none/link: No such file or directory" --uart --link none/link
 

@@ -1,7 +1,12 @@
 #!/usr/bin/env bash
-# The driver against the circuit itself, under Verilator in knead-simdev: identify, load, ticks, faults, kills (KN_TICKS=N, KN_KILLS=N).
+# The driver against the circuits themselves, the large and the small one, under Verilator in knead-simdev: identify, load, ticks,
+# faults, kills (KN_TICKS=N, KN_KILLS=N; the small one does a tenth of those ticks).
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need verilator g++
 timeout 1 knead-simdev --uart --engine rtl >/dev/null 2>said
 [ $? = 3 ] && echo "skipped: $(cat said)" && exit 77
-cd "$KN_BUILD" && KN_ENGINE=rtl KN_TICKS=${KN_TICKS:-300} tests/test_server_device
+ticks=${KN_TICKS:-300}
+cd "$KN_BUILD" || exit 1
+KN_ENGINE=rtl KN_TICKS=$ticks tests/test_server_device || fail=1
+KN_ENGINE=nano KN_TICKS=$((ticks / 10)) KN_KILLS=${KN_KILLS:-2} tests/test_server_device || fail=1
+exit $fail

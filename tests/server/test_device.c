@@ -1,6 +1,6 @@
 // The driver of a circuit against knead-simdev, a process of its own, over a pseudo-terminal and shared memory.
 //     KN_TICKS=N   ticks of each comparison (1000)        KN_KILLS=N   times that the device is killed in a run (4)
-//     KN_ENGINE=rtl   the circuit itself steps, under Verilator, in a time of its own
+//     KN_ENGINE=rtl   the circuit itself steps, under Verilator, in a time of its own; nano: the small one
 #include "server/backend/device.h"
 #include "hdl/registers.h"
 #include "server/clock.h"
@@ -14,7 +14,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-enum { NODES = 60, EDGES = 400 };
 
 static int64_t after_ms(int64_t ms)
 {
@@ -35,6 +34,14 @@ static bool golden(void)
 {
     return strcmp(engine(), "golden") == 0;
 }
+
+static bool nano(void)
+{
+    return strcmp(engine(), "nano") == 0;
+}
+
+#define NODES (nano() ? 12 : 60)
+#define EDGES (nano() ? 30 : 400)
 
 // ---- the simulated device
 
@@ -260,8 +267,9 @@ TEST("a circuit is identified, by one program at a time; what does not fit is re
         CHECK(kn_device_identify(d, after_ms(500)) == KN_LINK_OK);
         CHECK(kn_device_state_of(d) == KN_DEVICE_IDENTIFIED);
         const kn_device_caps *caps = kn_device_caps_of(d);
-        CHECK(caps->version == KN_ENGINE_VERSION && caps->nodes == (golden() ? 4096 : 1024));
-        CHECK(caps->edges == (golden() ? 65536 : 8192) && caps->bounds == (golden() ? 1023 : 255));
+        CHECK(caps->version == KN_ENGINE_VERSION && caps->nodes == (golden() ? 4096 : nano() ? 32 : 1024));
+        CHECK(caps->edges == (golden() ? 65536 : nano() ? 128 : 8192));
+        CHECK(caps->bounds == (golden() ? 1023 : nano() ? 15 : 255));
         CHECK(kn_device_submit(d, r->bound, 0) == KN_LINK_PROTOCOL);
         CHECK(kn_device_resume(d, &r->fixed, after_ms(500)) == KN_LINK_PROTOCOL);
         r->image.config.passes = 99;
@@ -327,16 +335,17 @@ TEST("over a pseudo-terminal and over shared memory every tick is the twin's, to
 TEST("a list of any length goes there and comes back, however many frames it takes")
 {
     for (int bar = 0; bar < 2; bar++) {
-        static const int counts[] = {0, 1, 40, 41, 42, 59, 60, 61, 62, 83, 84, 123, 124, 125, 250, 255};
+        static const int counts[] = {0, 1, 14, 15, 40, 41, 42, 59, 60, 61, 62, 83, 84, 123, 124, 125, 250, 255};
         char line[256];
         kn_device_result result;
         sim s = start_on(bar, bar ? NULL : golden() ? "flip=0.02,drop=0.02" : NULL, "3");
         kn_device *d = open_patient(&s, 20);
-        rig *r = make(300, 900, 5);
+        rig *r = nano() ? make(32, 100, 5) : make(300, 900, 5);
         uint64_t seed = 9;
+        int most = nano() ? 15 : 255;
         CHECK(kn_device_identify(d, after_ms(500)) == KN_LINK_OK);
         CHECK(kn_device_load(d, &r->image, &r->fixed, after_ms(5000)) == KN_LINK_OK);
-        for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
+        for (size_t i = 0; i < sizeof counts / sizeof *counts && counts[i] <= most; i++) {
             move_all(r, &seed, 1 << 14);
             tick(r, counts[i]);
             CHECK(kn_device_submit(d, r->bound, counts[i]) == KN_LINK_OK);
@@ -373,10 +382,10 @@ TEST("a load that was broken off is no state to resume, though all that its chec
         if (kn_device_resume(d, &r->fixed, after_ms(500)) != KN_LINK_OK) continue;
         kn_device_result result; // the last reply was all that was missing
         move_all(r, &seed, 1 << 12);
-        tick(r, 20);
-        CHECK(kn_device_submit(d, r->bound, 20) == KN_LINK_OK);
+        tick(r, 10);
+        CHECK(kn_device_submit(d, r->bound, 10) == KN_LINK_OK);
         CHECK(kn_device_wait(d, after_ms(2000), &result) == KN_LINK_OK);
-        CHECK(memcmp(result.reaction, r->reaction, 20 * sizeof *r->reaction) == 0);
+        CHECK(memcmp(result.reaction, r->reaction, 10 * sizeof *r->reaction) == 0);
         kn_fixed_rest(&r->fixed);
     }
     CHECK(broken_off > 5);
@@ -434,7 +443,7 @@ TEST("nothing is allocated but by open")
             if (kn_device_state_of(d) != KN_DEVICE_SYNCED && kn_device_identify(d, after_ms(500)) == KN_LINK_OK &&
                 kn_device_resume(d, &r->fixed, after_ms(500)) != KN_LINK_OK)
                 kn_device_load(d, &r->image, &r->fixed, after_ms(2000));
-            steps += kn_device_submit(d, r->bound, 20) == KN_LINK_OK &&
+            steps += kn_device_submit(d, r->bound, 10) == KN_LINK_OK &&
                      kn_device_wait(d, after_ms(2000), &result) == KN_LINK_OK;
             if (i % 50 == 0) kn_device_crc(d, after_ms(500), &crc);
             armed = false;
