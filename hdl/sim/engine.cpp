@@ -440,6 +440,37 @@ void try_star(device &d)
     compare_crc(d, l);
 }
 
+// two nodes with most of what the sums of 1/D hold, in every direction, and nearly all of it in one role
+void try_heavy(device &d, uint64_t seed)
+{
+    chance_state = model_seed = seed;
+    lattice l;
+    kn_fixed_config &c = l.image.config;
+    make_config(c, false);
+    c.node_count = 2;
+    c.edge_count = STAR;
+    c.passes = 15; // each with sums of its own
+    c.iterations = 1;
+    c.kv_shift = 25;
+    c.d_shift = 0;
+    l.node.resize(2);
+    const bool turned = one_in(2);
+    for (int n = 0; n < 2; n++)
+        for (int k = 0; k < 3; k++) {
+            l.node[(size_t)n].x[k] = (n ? 1 : -1) * between(9000, 10000);
+            l.node[(size_t)n].load[k] = (int32_t)bits(KN_FIXED_T - 3);
+        }
+    for (int e = 0; e < c.edge_count; e++) {
+        const bool from = turned != one_in(40);
+        l.edge.push_back({from, !from, (int32_t)((1 << KN_FIXED_KV) - between(1, 1 << 10)), 1});
+    }
+    for (int i = 0; i <= KN_FIXED_SEGMENTS; i++) l.image.table[i] = 1 << 17;
+    l.rest();
+    put_image(d, l);
+    for (int ticks = 0; ticks < 3; ticks++) tick(d, l, {});
+    compare_state(d, l);
+}
+
 bool refused(device &d, bool write, uint32_t address, uint32_t word = 0)
 {
     return !d.transfer(write, address, &word);
@@ -564,6 +595,8 @@ int main(int argc, char **argv)
             try_order(d, s);
         else if (tried % 20 == 2)
             try_sum(d, s);
+        else if (tried % 20 == 3 && 1 << LOG_EDGES >= STAR)
+            try_heavy(d, s);
         else
             try_model(d, s);
     }
