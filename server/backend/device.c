@@ -92,6 +92,7 @@ static kn_link_status accept_identify(kn_device *d, const uint32_t *words)
         return refuse(d, KN_LINK_PROTOCOL,
                       "%s: BUILD_HASH is 0x%08x: expected 0x%08x, a circuit built with these formats and registers",
                       d->uri, words[2], (unsigned)KN_BUILD_HASH);
+    d->broken = false;
     d->caps = (kn_device_caps){words[1], power(words[3]), power(words[3] >> 8), power(words[3] >> 16) - 1};
     if (d->caps.bounds > KN_FIXED_LIST_MAX) d->caps.bounds = KN_FIXED_LIST_MAX;
     d->seq = words[8];
@@ -384,7 +385,7 @@ kn_link_status kn_device_identify(kn_device *d, int64_t deadline_ns)
 {
     if (d->job == IDENTIFY) return drive(d, deadline_ns);
     if (d->broken) shut(d);
-    d->broken = false;
+    d->broken = true; // until it has answered: its name may lead elsewhere by now, as a pseudo-terminal's number may
     if (!d->linked && !(d->linked = kn_link_open(&d->link, d->uri, d->why)))
         return lose(d, KN_LOSS_REMOVED, KN_LINK_GONE);
     d->link.forget(d->link.self);

@@ -297,6 +297,27 @@ TEST("a circuit is identified, by one program at a time; what does not fit is re
     stop(&s, SIGTERM, line);
 }
 
+TEST("a name that leads to another line by now is looked up again, once the one it led to stays silent")
+{
+    char line[256], mute[64];
+    snprintf(name_of_link, sizeof name_of_link, "/tmp/knead-test-%d", (int)getpid());
+    int nobody = posix_openpt(O_RDWR | O_NOCTTY);
+    CHECK(nobody >= 0 && grantpt(nobody) == 0 && unlockpt(nobody) == 0 && ptsname_r(nobody, mute, sizeof mute) == 0);
+    CHECK(symlink(mute, name_of_link) == 0);
+    sim s = {.uri = "pty:"};
+    strcat(s.uri, name_of_link);
+    kn_device *d = open_patient(&s, 1);
+    CHECK(kn_device_identify(d, after_ms(5000)) == KN_LINK_IO && kn_device_loss(d) == KN_LOSS_TIMEOUT);
+    CHECK(kn_device_identify(d, after_ms(5000)) == KN_LINK_IO); // again, and again silent
+    unlink(name_of_link);
+    CHECK(kn_device_identify(d, after_ms(5000)) == KN_LINK_GONE && kn_device_loss(d) == KN_LOSS_REMOVED);
+    s = start_on(false, NULL, "1");
+    CHECK(kn_device_identify(d, after_ms(5000)) == KN_LINK_OK);
+    kn_device_close(d);
+    stop(&s, SIGTERM, line);
+    close(nobody);
+}
+
 TEST("a circuit of other formats is refused by name")
 {
     for (int bar = 0; bar < 2; bar++) {
@@ -439,9 +460,10 @@ TEST("nothing is allocated but by open")
         allocations = 0;
         for (int i = 0; i < 300; i++) {
             move_all(r, &seed, 1 << 14);
+            bool lost = kn_device_state_of(d) != KN_DEVICE_SYNCED; // then the link may be opened again
+            if (lost) lost = kn_device_identify(d, after_ms(500)) == KN_LINK_OK;
             armed = true;
-            if (kn_device_state_of(d) != KN_DEVICE_SYNCED && kn_device_identify(d, after_ms(500)) == KN_LINK_OK &&
-                kn_device_resume(d, &r->fixed, after_ms(500)) != KN_LINK_OK)
+            if (lost && kn_device_resume(d, &r->fixed, after_ms(500)) != KN_LINK_OK)
                 kn_device_load(d, &r->image, &r->fixed, after_ms(2000));
             steps += kn_device_submit(d, r->bound, 10) == KN_LINK_OK &&
                      kn_device_wait(d, after_ms(2000), &result) == KN_LINK_OK;
