@@ -49,6 +49,7 @@ typedef struct fpga {
     int bounds;                       // that a slot has room for
     _Atomic uint32_t made, done;      // ticks queued, and taken out by who speaks to the device
     slot *current;                    // of the tick under way; NULL: not queued
+    bool fits;                        // the tick under way has no more nodes under tools than the circuit takes
     bool flying;                      // the oldest in the queue is with the circuit; of who speaks to it
     uint32_t flags;                   // of all since it was loaded; as flying
     atomic_int speaker, copy_is;
@@ -221,9 +222,10 @@ static void begin(void *self, const kn_fixed_bound *bound, int count)
 {
     fpga *f = self;
     f->current = NULL;
+    f->fits = count <= f->bounds;
     if (!atomic_load(&f->following)) return;
-    if (count > f->bounds || atomic_load(&f->made) - atomic_load(&f->done) == f->queue.length) {
-        lose(f, count > f->bounds ? KN_LOSS_BOUNDS : KN_LOSS_BEHIND);
+    if (!f->fits || atomic_load(&f->made) - atomic_load(&f->done) == f->queue.length) {
+        lose(f, f->fits ? KN_LOSS_BEHIND : KN_LOSS_BOUNDS);
         return;
     }
     f->current = &f->queue.slot[atomic_load(&f->made) % f->queue.length];
@@ -252,10 +254,10 @@ static void fpga_submit(void *self, const kn_input *input)
     f->twin.submit(f->twin.self, input);
 }
 
-// The twin's state for the thread, from which on ticks are queued.
+// The twin's state for the thread, from which on ticks are queued; not while the next one would not fit, either.
 static void take_copy(fpga *f)
 {
-    if (atomic_load(&f->copy_is) != WANTED) return;
+    if (!f->fits || atomic_load(&f->copy_is) != WANTED) return;
     kn_fixed_read(f->model, f->twin.state(f->twin.self), &f->copy);
     if (f->longer.length > 0) {
         const queue shorter = f->queue;
@@ -521,6 +523,7 @@ bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri
     f->room = room;
     f->wake = -1;
     f->told = KN_LOSS_COUNT;
+    f->fits = true;
     atomic_init(&f->out, KN_LOSS_COUNT);
     atomic_init(&f->last, KN_LOSS_COUNT);
     f->bounds = model->node_count < KN_FIXED_LIST_MAX ? model->node_count : KN_FIXED_LIST_MAX;

@@ -147,6 +147,39 @@ TEST("a queue is as long as a load takes, and refused by its number where there 
     kn_board_kill(&b);
 }
 
+TEST("a tool on more nodes than the circuit lists costs one loss and one load each time, not one after the other")
+{
+    enum { PRESSES = 4, TICKS = 400 };
+    const char *const few[] = {"--uart", "--caps", "8,11,3", NULL};
+    kn_board b = kn_board_start(few);
+    object o = make("dough-small.yaml");
+    char why[KN_LINK_WHY] = "";
+    bool device = false;
+    kn_fpga_counts n;
+    if (!kn_backend_fpga(&o.backend, o.model, strcat(b.uri, "?miss=500"), SIZE_MAX, why, &device)) {
+        KN_TEST_FAIL("%s", why);
+        exit(1);
+    }
+    for (int i = 0; i < PRESSES * TICKS; i++) { // at leisure: who waits for the circuit misses no tick
+        kn_output output;
+        double deepest_m = 0.003 * (1 + i / TICKS); // than the dent of the press before
+        double depth_m = deepest_m * (i % TICKS < TICKS / 2) * fmin(1, 0.02 * (i % TICKS));
+        o.input.probe[0] = (kn_probe_input){true, {0, 0, 0.031 - depth_m}, {0, 0, 0}, {1, 0, 0, 0}, false};
+        o.backend.submit(o.backend.self, &o.input);
+        o.backend.wait(o.backend.self, 0, &output);
+        if (o.backend.afterwards) o.backend.afterwards(o.backend.self);
+        if (i % TICKS == TICKS - 1) kn_clock_sleep(kn_now_ns() + 100000000); // until it is in step
+    }
+    CHECK(kn_backend_fpga_counts(&o.backend, &n));
+    printf("     %d presses: lost %lld times, loaded %lld, %lld ticks of %d on the circuit\n", PRESSES,
+           (long long)n.losses, (long long)n.loads, (long long)n.on_circuit, PRESSES * TICKS);
+    CHECK(n.because[KN_LOSS_BOUNDS] == PRESSES && n.losses == PRESSES && n.different == 0);
+    CHECK(n.loads == PRESSES + 1 || n.loads == PRESSES); // the last press's is on its way
+    CHECK(n.on_circuit > TICKS);
+    unmake(&o);
+    kn_board_kill(&b);
+}
+
 // The next tick on a backend that has no circuit, then a sleep until one would have been waited for: what the machine
 // makes of that. Returns when it ended.
 static int64_t step_and_sleep(object *o, kn_backend *plain)
