@@ -35,8 +35,9 @@ int main(int argc, char **argv)
     if (!lcm) return fprintf(stderr, "usage: wild PROBE NEWTON SECONDS\n"), 2;
     wanted_n = argv[2];
     snprintf(channel, sizeof channel, "KNEAD_FORCE_%s", argv[1]);
-    knead_contact_force_t_subscribe(lcm, channel, on_force, lcm);
+    knead_contact_force_t_subscription_t *heard = knead_contact_force_t_subscribe(lcm, channel, on_force, lcm);
     for (double end_s = now_s() + atof(argv[3]); sent < wild && now_s() < end_s;) lcm_handle_timeout(lcm, 20);
+    knead_contact_force_t_unsubscribe(lcm, heard);
     lcm_destroy(lcm);
     return sent < wild;
 }
