@@ -61,15 +61,15 @@ static bool read_word(void *self, uint32_t address, uint32_t *word)
         l->reacted = true;
         e->stray(e->bus.self);
     }
-    bool read = e->bus.read(e->bus.self, address, word);
+    bool read = !kn_faults_strike(&l->serve->faults, KN_FAULT_REFUSE) && e->bus.read(e->bus.self, address, word);
     if (read && address == KN_REG_BUILD_HASH && l->serve->faults.rate[KN_FAULT_HASH] > 0) *word ^= 1;
     return read;
 }
 
 static bool write_word(void *self, uint32_t address, uint32_t word)
 {
-    kn_engine *e = &((line *)self)->serve->engine;
-    return e->bus.write(e->bus.self, address, word);
+    kn_serve *s = ((line *)self)->serve;
+    return !kn_faults_strike(&s->faults, KN_FAULT_REFUSE) && s->engine.bus.write(s->engine.bus.self, address, word);
 }
 
 // ---- frames

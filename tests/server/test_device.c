@@ -518,6 +518,7 @@ TEST("whatever goes wrong on the way or in the device, no wrong result is taken,
                 {"blank=0.01", "blank", true},
                 {"torn=0.02", "torn", false},
                 {"torn=0.02", "torn", true},
+                {"refuse=0.002", "refuse", false},
                 {"flip=0.01,drop=0.01,duplicate=0.01,truncate=0.01,delay=0.005,hang=0.002,disconnect=0.002,blank=0.002,"
                  "torn=0.005",
                  "", false}};
@@ -588,6 +589,7 @@ TEST("why it was lost has a name")
     } runs[] = {{NULL, false, KN_LOSS_REMOVED},       {NULL, true, KN_LOSS_TIMEOUT},
                 {"hang=1", false, KN_LOSS_TIMEOUT},   {"blank=1", false, KN_LOSS_BLANK},
                 {"torn=1", false, KN_LOSS_SEQ_GAP},   {"hash", false, KN_LOSS_WRONG_HASH},
+                {"refuse=1", false, KN_LOSS_REFUSED},
                 {"disconnect=1", false, KN_LOSS_REMOVED}, {"disconnect=1", true, KN_LOSS_REMOVED}};
     if (!golden()) return;
     rig *r = make(NODES, EDGES, 5);
