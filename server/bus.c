@@ -12,6 +12,23 @@
 
 enum { LO = 1 }; // Linux gives lo this number in every namespace (LOOPBACK_IFINDEX)
 
+// Of KEY=VALUE fields behind a '?', between '&' as liblcm has them, or ',', lest anything be hidden there; of a key said
+// twice liblcm takes the last. 0 where there is none; -1: said twice, or no number but to liblcm (" 1", "0x1").
+static long ttl_of(const char *fields)
+{
+    long hops = 0;
+    int said = 0;
+    for (size_t size; *fields; fields += size + (fields[size] != 0)) {
+        size = strcspn(fields, "&,");
+        if (strncmp(fields, "ttl", 3) != 0 || (size > 3 && fields[3] != '=')) continue;
+        if (size < 5 || strspn(fields + 4, "0123456789") != size - 4) return -1;
+        char *end;
+        hops = strtol(fields + 4, &end, 0);
+        if (said++ || end != fields + size) return -1;
+    }
+    return hops;
+}
+
 bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, size_t error_size)
 {
     char address[16], end = 0;
@@ -31,8 +48,10 @@ bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, si
                  url);
         return false;
     }
-    const char *ttl = strstr(url, "ttl=");
-    long hops = ttl ? strtol(ttl + 4, NULL, 10) : 0;
+    const char *query = strchr(url, '?');
+    long hops = ttl_of(query ? query + 1 : "");
+    if (hops < 0 || hops > 255)
+        return snprintf(error, error_size, "%s: expected one ttl= at most, a number of 0 to 255", url), false;
     if (!lan != (hops == 0)) {
         snprintf(error, error_size, lan ? "%s: expected ttl=1 or more: on %s nobody would hear it" :
                  "%s: expected ttl=0: anyone who hears a bus can move the tool, so it stays on this machine", url, lan);

@@ -35,7 +35,24 @@ TEST("anything else is refused in one line that names what was expected")
                          "udpm://239.255.76.67:7667/",
                          "udpm://239.255.76.300:7667",
                          "udpm://239.255.76.67:7667?ttl=1",
-                         "udpm://239.255.76.67:7667?a=b&ttl=255"};
+                         "udpm://239.255.76.67:7667?a=b&ttl=255",
+                         "udpm://239.255.76.67:7667?a=b,ttl=1",
+                         "udpm://239.255.76.67:7667?ttl=0&ttl=1", // liblcm takes the last
+                         "udpm://239.255.76.67:7667?ttl=0&ttl=0",
+                         "udpm://239.255.76.67:7667?ttl=0,ttl=1",
+                         "udpm://239.255.76.67:7667?attl=0&ttl=1",
+                         "udpm://239.255.76.67:7667?ttl= 0x1", // and any number
+                         "udpm://239.255.76.67:7667?ttl= 0",
+                         "udpm://239.255.76.67:7667?ttl=0x1",
+                         "udpm://239.255.76.67:7667?ttl=0x0",
+                         "udpm://239.255.76.67:7667?ttl=+0",
+                         "udpm://239.255.76.67:7667?ttl=-0",
+                         "udpm://239.255.76.67:7667?ttl=08",
+                         "udpm://239.255.76.67:7667?ttl=0 ",
+                         "udpm://239.255.76.67:7667?ttl=",
+                         "udpm://239.255.76.67:7667?ttl",
+                         "udpm://239.255.76.67:7667?ttl=256",
+                         "udpm://239.255.76.67:7667?ttl=99999999999999999999"};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         kn_bus bus;
         char error[256] = "";
