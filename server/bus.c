@@ -103,7 +103,12 @@ bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size)
     return false;
 }
 
-int kn_bus_claim(const kn_bus *bus, char *error, size_t error_size)
+bool kn_bus_same(const kn_bus *a, const kn_bus *b)
+{
+    return a->group.sin_addr.s_addr == b->group.sin_addr.s_addr && a->group.sin_port == b->group.sin_port;
+}
+
+int kn_bus_claim(const kn_bus *bus, const char *option, char *error, size_t error_size)
 {
     struct sockaddr_un name = {.sun_family = AF_UNIX}; // sun_path[0] == 0: abstract
     char group[16];
@@ -113,7 +118,7 @@ int kn_bus_claim(const kn_bus *bus, char *error, size_t error_size)
     int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
     if (fd >= 0 && bind(fd, (const struct sockaddr *)&name, size) == 0) return fd;
     if (fd >= 0 && errno == EADDRINUSE)
-        snprintf(error, error_size, "another kneadd serves %s", bus->url);
+        snprintf(error, error_size, "another kneadd serves %s: expected %s with another port", bus->url, option);
     else
         snprintf(error, error_size, "%s: cannot be claimed: %s", bus->url, strerror(errno));
     if (fd >= 0) close(fd);

@@ -34,7 +34,7 @@ typedef struct server {
     kn_served on;    // what it serves
     int64_t rest_ns; // that a tick takes here while nothing touches the object
     kn_bus bus, mesh_bus;
-    int claim, fd; // of the bus; what is heard on it
+    int claim, mesh_claim, fd; // of the two buses; what is heard on the first
     kn_receiver receiver;
     kn_auth auth; // when a key was given
     kn_batch batch;
@@ -427,8 +427,11 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
 {
     if (!kn_bus_check_route(&d->bus, error, error_size) || !kn_bus_check_route(&d->mesh_bus, error, error_size))
         return false;
-    d->claim = kn_bus_claim(&d->bus, error, error_size);
-    d->fd = d->claim < 0 ? -1 : kn_bus_listen(&d->bus, error, error_size);
+    d->claim = kn_bus_claim(&d->bus, "--lcm-url", error, error_size);
+    if (d->claim < 0) return false;
+    bool own = !kn_bus_same(&d->bus, &d->mesh_bus);
+    if (own && (d->mesh_claim = kn_bus_claim(&d->mesh_bus, "--mesh-url", error, error_size)) < 0) return false;
+    d->fd = kn_bus_listen(&d->bus, error, error_size);
     if (d->fd < 0) return false;
     uint64_t hash = kn_state_hash(d->on.model, d->on.backend.state(d->on.backend.self));
     kn_receiver_init(&d->receiver, &d->on.model->def);
@@ -657,6 +660,7 @@ static void free_all(server *d)
     kn_publisher_close(&d->publisher);
     if (d->fd >= 0) close(d->fd);
     if (d->claim >= 0) close(d->claim);
+    if (d->mesh_claim >= 0) close(d->mesh_claim);
     kn_control_close(d->control);
     kn_trace_close(&d->trace);
     kn_keeper_close(&d->keeper);
@@ -668,7 +672,7 @@ static void free_all(server *d)
 static int serve(server *d, const kn_daemon_def *def)
 {
     char error[512];
-    *d = (server){.claim = -1, .fd = -1, .keeper.store.dir = -1};
+    *d = (server){.claim = -1, .mesh_claim = -1, .fd = -1, .keeper.store.dir = -1};
     bool heard = choose_buses(d, def, error, sizeof error);
     int code = heard ? kn_served_load(&d->on, &def->object, error, sizeof error) : 2;
     if (code == 0)

@@ -3,9 +3,15 @@
 # poses, a second publisher, a session that starts anew.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 start_kneadd dough-small.yaml
-kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime off >/dev/null 2>second.err
-check "a second kneadd on the bus ends with exit 3" [ $? = 3 ]
-check "and says whose the bus is, in one line" [ "$(cat second.err)" = "kneadd: another kneadd serves udpm://239.255.76.67:7667?ttl=0" ]
+second() { # second BUS OPTION...: another one ends with exit 3 and says in one line whose the bus is
+    kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime off "${@:3}" >/dev/null 2>second.err
+    check "a second kneadd on $1: exit 3" [ $? = 3 ]
+    check "and says whose the bus is, and what to do: $(cat second.err)" \
+        [ "$(cat second.err)" = "kneadd: another kneadd serves udpm://239.255.76.67:$1?ttl=0: expected $2 with another port" ]
+}
+second 7667 --lcm-url
+second 7668 --mesh-url --lcm-url 'udpm://239.255.76.67:7777?ttl=0'
+second 7667 --mesh-url --lcm-url 'udpm://239.255.76.67:7777?ttl=0' --mesh-url 'udpm://239.255.76.67:7667?ttl=0'
 sent=$(send plate <<EOF
 poses 100 session=7 seq=1
 poses 10 session=7 seq=91
