@@ -334,9 +334,21 @@ static const char *retire(kn_operator *o)
     return NULL;
 }
 
-// A tick that takes longer than the time it has, where it did not before.
-static bool too_slow(kn_operator *o, kn_change *change, char *why, size_t why_size)
+// The limits of a hand, and nothing that is stepped.
+static bool only_limits(const kn_operator *o, const json_t *values, const kn_change *change)
 {
+    const kn_device_def *now = o->now ? &o->now->scene->device : &o->on.served->scene->device,
+                        *next = &change->scene->device;
+    const json_t *value;
+    size_t i;
+    json_array_foreach(values, i, value) if (strncmp(json_string_value(value), "device", 6) != 0) return false;
+    return next->coupling_n_m == now->coupling_n_m && next->coupling_n_s_m == now->coupling_n_s_m;
+}
+
+// A tick that takes longer than the time it has, where it did not before.
+static bool too_slow(kn_operator *o, const json_t *values, kn_change *change, char *why, size_t why_size)
+{
+    if (only_limits(o, values, change)) return false;
     int64_t now_ns = kn_served_measure(&change->backend, change->model), was_ns = o->served_ns;
     if (now_ns > KN_PERIOD_NS && now_ns > 2 * was_ns) {
         snprintf(why, why_size, "a tick would take %.2g ms here, expected 1 ms at most", 1e-6 * (double)now_ns);
@@ -370,7 +382,7 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
     kn_change *change = kn_change_create(scene, o->now ? o->now->scene : o->on.served->scene,
                                          o->now ? o->now->model : o->on.served->model, o->on.def->local_model, why,
                                          sizeof why);
-    if (change && too_slow(o, change, why, sizeof why)) {
+    if (change && too_slow(o, values, change, why, sizeof why)) {
         kn_change_destroy(change);
         change = NULL;
     }
