@@ -36,10 +36,12 @@ int main(int argc, char **argv)
     lcm_t *lcm = argc == 3 ? lcm_create(NULL) : NULL;
     if (!lcm) return fprintf(stderr, "usage: hear PROBE SECONDS\n"), 2;
     snprintf(channel, sizeof channel, "KNEAD_POSE_%s", argv[1]);
-    knead_probe_pose_t_subscribe(lcm, channel, on_pose, &begin_s);
+    knead_probe_pose_t_subscription_t *poses = knead_probe_pose_t_subscribe(lcm, channel, on_pose, &begin_s);
     snprintf(channel, sizeof channel, "KNEAD_FORCE_%s", argv[1]);
-    knead_contact_force_t_subscribe(lcm, channel, on_force, &begin_s);
+    knead_contact_force_t_subscription_t *forces = knead_contact_force_t_subscribe(lcm, channel, on_force, &begin_s);
     while (now_s() - begin_s < atof(argv[2])) lcm_handle_timeout(lcm, 50);
+    knead_probe_pose_t_unsubscribe(lcm, poses);
+    knead_contact_force_t_unsubscribe(lcm, forces);
     lcm_destroy(lcm);
     return 0;
 }
