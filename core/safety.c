@@ -146,10 +146,14 @@ const char *kn_safety_raised(const kn_safety_limits *limits, const kn_safety_lim
 
 void kn_safety_trip(kn_safety *s, kn_fault fault)
 {
-    if (s->latched && s->fault >= fault) return;
-    s->fault = fault;
-    s->latched = true;
-    if (fault == KN_FAULT_STOPPING) return;
+    bool news = fault == KN_FAULT_NONFINITE && !s->nonfinite; // under an emergency stop, too
+    s->nonfinite |= news;
+    if (!s->latched || s->fault < fault) {
+        s->fault = fault;
+        s->latched = true;
+        news = true;
+    }
+    if (!news || fault == KN_FAULT_STOPPING) return;
     s->faults++;
     s->tripped[fault]++;
 }
@@ -193,10 +197,15 @@ static void take_commands(kn_safety *s, const kn_safety_in *in)
 {
     if (in->reset) {
         s->attached = false;
+        s->nonfinite = false;
         if (s->fault == KN_FAULT_NONFINITE) clear_fault(s);
     }
     if (in->recover && s->latched && s->fault != KN_FAULT_NONFINITE && s->fault != KN_FAULT_STOPPING) {
         clear_fault(s);
+        if (s->nonfinite) { // what the emergency stop stood over
+            s->fault = KN_FAULT_NONFINITE;
+            s->latched = true;
+        }
         s->attached = false; // while its force still fades, too: the way back begins in air
     }
     if (in->estop) kn_safety_trip(s, KN_FAULT_ESTOP);

@@ -87,6 +87,7 @@ typedef struct kn_safety { // one probe's; plain data, part of the servo's state
     bool braking;
     bool yielding;          // to a change of the physics or a clutch: the force fades to 0 and then comes back
     bool rejoining;         // force_n was frozen longer than hold_ms and walks back to the contact's
+    bool nonfinite;         // that fault stands, or an emergency stop stands over it; until reset
     kn_fault fault;         // why the force is latched or fading
     int64_t clamps, guards, faults; // counters since init
     int64_t slewed;                 // ticks in which a ramp or a slope held the force back; in no snapshot, as the next
@@ -101,7 +102,8 @@ typedef struct kn_safety_in {
     bool clear;   // the pose is clear of the object; looked at only while the probe is not attached
     bool stop;    // the server is stopping: ramp down and latch
     bool reset;   // the object is as new: the probe leaves the model at once, the force it gave fades
-    bool recover; // operator's: a latched fault but NONFINITE is forgotten, the probe leaves the model
+    bool recover; // operator's: a latched fault but NONFINITE is forgotten, one under an ESTOP stands again; the probe
+                  // leaves the model
     bool estop;   // operator's: fade and latch, whoever holds the probe
     bool clutch;  // the hand lets go of the tool to move: what it feels fades and stays 0 meanwhile, the probe stays
     bool change;  // the physics is another from this tick on: what the hand feels goes through 0, the probe stays

@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#define FORMAT 2
+#define FORMAT 3
 #define DIGEST 32
 #define HEAD 24 // magic, format, bytes in all
 static const uint8_t magic[8] = {0x89, 'K', 'N', 'E', 'A', 'D', '\r', '\n'};
@@ -47,6 +47,7 @@ static void put_safety(kn_codec *c, kn_safety *s)
     kn_codec_bool(c, &s->braking);
     kn_codec_bool(c, &s->yielding);
     kn_codec_bool(c, &s->rejoining);
+    kn_codec_bool(c, &s->nonfinite);
     kn_codec_i32(c, &fault, KN_FAULT_NONE, KN_FAULT_STOPPING);
     s->fault = (kn_fault)fault;
     put_counter(c, &s->clamps);

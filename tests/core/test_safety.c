@@ -218,6 +218,23 @@ TEST("a non-finite force never leaves; the last good one fades, and only a reset
     ticks(&r, 500);
     CHECK(r.s.fault == KN_FAULT_NONFINITE && !r.s.attached);
     r.in.recover = false;
+    for (int later = 0; later < 2; later++) { // an emergency stop over it, then under it
+        r.in.estop = true;
+        tick(&r);
+        r.in.estop = false;
+        r.contact_n[1] = later ? NAN : 0.0;
+        tick(&r);
+        r.contact_n[1] = 0.0;
+        CHECK(r.s.fault == KN_FAULT_ESTOP && r.s.tripped[KN_FAULT_NONFINITE] == 1 + later);
+        r.in.recover = true;
+        tick(&r);
+        r.in.recover = false;
+        ticks(&r, 300);
+        CHECK(r.s.fault == KN_FAULT_NONFINITE && r.s.latched && !r.s.attached);
+        r.in.reset = later == 0;
+        tick(&r);
+        r.in.reset = false;
+    }
     r.in.reset = true;
     tick(&r);
     r.in.reset = false;

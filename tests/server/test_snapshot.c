@@ -295,7 +295,7 @@ TEST("a file of another scene, lattice, material or version is refused by name")
     static const struct {
         size_t at; // of a byte in the file's head, made one more
         const char *why;
-    } head[] = {{8, "another version: of format 3, expected 2"},
+    } head[] = {{8, "another version: of format 4, expected 3"},
                 {24, "another version: of knead "}, // of its text
                 {56, "another scene: of eough-small.yaml, expected dough-small.yaml"},
                 {128, "another state hash than it says"}};
