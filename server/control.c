@@ -274,7 +274,7 @@ static void hear_line(kn_control *c, peer *p, size_t length)
     } else if (!(request = parse(p->line, length, &refusal))) {
         send_reply(p, refusal);
     } else if (c->def.slow && c->def.slow(c->def.self, request)) {
-        p->request = request;
+        p->request = request; // given, or refused by kn_control_drain
     } else {
         answer(c, p, request, c->def.answer(c->def.self, request));
         json_decref(request);
@@ -382,4 +382,30 @@ void kn_control_turn(kn_control *c, int timeout_ms)
     collect(c);
     give(c);
     if (polled[0].revents) greet(c);
+}
+
+static void refuse_slow(const kn_control *c, peer *p)
+{
+    if (!p->request) return;
+    answer(c, p, p->request, kn_control_error("the server is ending: this is not done"));
+    json_decref(p->request);
+    p->request = NULL;
+}
+
+void kn_control_drain(kn_control *c)
+{
+    int64_t end_ns = kn_now_ns() + KN_CONTROL_LAST_MS * INT64_C(1000000);
+    collect(c);
+    for (int i = 0; i < KN_CONTROL_PEERS; i++) greet(c);
+    for (int i = 0; i < KN_CONTROL_PEERS; i++) {
+        peer *p = &c->peers[i];
+        if (p->fd < 0 || i == c->job_peer) continue; // its request is still at work
+        refuse_slow(c, p);
+        while (p->fd >= 0 && kn_now_ns() < end_ns) {
+            if (!p->ended && p->length < sizeof p->line) listen_to(p);
+            if (p->fd < 0 || (p->length < sizeof p->line && !memchr(p->line, '\n', p->length))) break;
+            hear(c, p);
+            refuse_slow(c, p);
+        }
+    }
 }

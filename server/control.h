@@ -18,6 +18,7 @@
 #define KN_CONTROL_BRACKETS 64 // in a line, nested or not
 #define KN_CONTROL_PATH 107  // bytes of a path at most: sockaddr_un's
 #define KN_CONTROL_PEERS 8
+#define KN_CONTROL_LAST_MS 1000
 #define KN_CONTROL_HZ 100 // after as many at once
 
 typedef struct kn_control kn_control;
@@ -49,5 +50,8 @@ void kn_control_turn(kn_control *control, int timeout_ms);
 // Another thread's body: the slow requests, one at a time. Returns after kn_control_end, which any thread may call.
 void kn_control_work(kn_control *control);
 void kn_control_end(kn_control *control);
+// After both threads: what has been said by now is answered, but slow requests are refused; KN_CONTROL_LAST_MS at most.
+// Whoever says something later is hung up on without an answer.
+void kn_control_drain(kn_control *control);
 
 #endif

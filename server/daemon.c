@@ -1,5 +1,6 @@
 #include "server/daemon.h"
 #include "core/composite.h"
+#include "proto/knead_status_t.h"
 #include "server/backend/fpga.h"
 #include "server/bus.h"
 #include "server/control.h"
@@ -55,8 +56,9 @@ typedef struct server {
     ev_async ticked, asked, leave, load;
     char *next, *next_text; // the scene that is to come next, the worker's until all threads have ended
     char next_name[sizeof((kn_scene *)0)->name];
-    bool goes_on;    // with that
+    atomic_bool goes_on; // with that
     bool stuck;      // the worker
+    bool estopped;   // from the first tick on
     kn_change *told; // whose scene is told, NULL: that of the start
     ev_timer status_due, scene_due;
     ev_signal signals[SIGNALS];
@@ -216,6 +218,12 @@ static void load_next(void *arg, const char *path, const kn_scene *scene)
     d->next_text = text;
     snprintf(d->next_name, sizeof d->next_name, "%s", scene->name);
     if (copy && text) ev_async_send(d->ev, &d->load);
+}
+
+static bool goes_on(void *arg)
+{
+    server *d = arg;
+    return d->goes_on && !d->stuck;
 }
 
 static void leave(void *arg)
@@ -447,6 +455,12 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
         (!def->touch || kn_loop_touch(&d->loop)) && kn_sentinel_init(&d->sentinel) && watch_events(d)) {
         d->loop.servo.sets = &d->on.sets;
         kn_keeper_start(&d->keeper, &d->loop);
+        bool kept = d->keeper.store.dir >= 0 && kn_store_estopped(&d->keeper.store);
+        d->estopped = def->estopped || kept;
+        if (d->estopped) { // tick 0 takes it, and tells the log
+            kn_loop_order(&d->loop, KN_ORDER_ESTOP, 0);
+            atomic_store(&d->loop.account.mode, KNEAD_STATUS_T_MODE_ESTOP);
+        }
         d->checkup = (kn_checkup){.served = &d->on, .loop = &d->loop, .receiver = &d->receiver,
                                   .publisher = &d->publisher, .keeper = &d->keeper, .sentinel = &d->sentinel,
                                   .rt = &d->rt, .fd = d->fd};
@@ -464,6 +478,7 @@ static bool open_control(server *d, const kn_daemon_def *def, char *error, size_
                       .loop = &d->loop,
                       .keeper = &d->keeper,
                       .ask = ask,
+                      .goes_on = goes_on,
                       .stop = leave,
                       .load = load_next,
                       .built = lock,
@@ -528,6 +543,9 @@ static void tell_ready(const server *d)
     printf(", on %s, meshes on %s; %s, %s\n", d->bus.url, d->mesh_bus.url,
            d->rt.fifo ? "SCHED_FIFO" : "normal priority", d->rt.locked ? "memory locked" : "memory not locked");
     tell_sets(&d->on.sets);
+    if (d->estopped)
+        printf("kneadd: an emergency stop stands: every force stays 0 until %sknead ctl recover\n",
+               d->control ? "" : "a start with --control and ");
     if (*d->rt.missing) printf("kneadd: not real time: %s\n", d->rt.missing);
     if (d->receiver.auth) printf("kneadd: poses are taken from holders of the key, forces are signed with it\n");
     else if (d->receiver.peers > 0)
@@ -640,6 +658,7 @@ static bool stop_threads(server *d)
     if (d->control) {
         pthread_join(d->control_thread, NULL);
         join_worker(d);
+        kn_control_drain(d->control);
     }
     atomic_store(&d->keeper.ending, true); // after whoever may ask for a snapshot
     if (d->keeper.store.dir >= 0) pthread_join(d->keeper_thread, NULL);
@@ -723,6 +742,7 @@ int kn_daemon_run(const kn_daemon_def *def)
         life.object.text = text = d.next_text;
         life.object.name = name;
         life.later = true;
+        life.estopped = kn_loop_estopped(&d.loop);
         free_all(&d);
         if (!goes_on) return free(path), free(text), code;
         printf("kneadd: loading %s\n", path);

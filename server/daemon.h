@@ -25,6 +25,7 @@ typedef struct kn_daemon_def {
     const char *key;        // file of auth.h, NULL: none
     kn_rt_mode realtime;
     const char *trace;      // a file for trace.h's rows, NULL: none
+    bool estopped;          // an emergency stop of the life before stands from the first tick on
     bool later;             // not the first scene that it serves: rows go behind those of the one before
     bool free;              // the servo's grid does not follow the poses
     bool touch;             // publish KNEAD_TOUCH

@@ -174,12 +174,25 @@ static kn_kept *next_full(kn_keeper *k)
     return full_a ? a : full_b ? b : NULL;
 }
 
+static void mark(kn_keeper *k)
+{
+    char why[sizeof k->unmarked] = "";
+    int64_t marks = atomic_load(&k->marks);
+    if (marks == k->marked) return;
+    kn_store_estop(&k->store, marks & 1, why, sizeof why);
+    pthread_mutex_lock(&k->answering);
+    k->marked = marks;
+    memcpy(k->unmarked, why, sizeof why);
+    pthread_mutex_unlock(&k->answering);
+}
+
 void *kn_keeper_run(void *keeper)
 {
     kn_keeper *k = keeper;
     for (bool ending = false; !ending;) {
         ending = atomic_load(&k->ending); // first: then whatever was left before it is served
-        for (kn_kept *slot; (slot = next_full(k));) serve(k, slot);
+        mark(k);
+        for (kn_kept *slot; (slot = next_full(k)); mark(k)) serve(k, slot);
         if (!ending) rest();
     }
     return NULL;
@@ -291,6 +304,24 @@ kn_answer kn_keeper_snapshot(kn_keeper *keeper)
     return refusal("snapshot: not saved within %d ms, and may still be: the object may have gone bad, or the disk is "
                    "slow",
                    KN_KEEPER_PATIENCE_MS);
+}
+
+bool kn_keeper_mark(kn_keeper *keeper, bool estopped, char *why, size_t why_size)
+{
+    kn_keeper *k = keeper;
+    if (k->store.dir < 0) return true;
+    int64_t before = atomic_load(&k->marks), marks;
+    do marks = (((before >> 1) + 1) << 1) | estopped;
+    while (!atomic_compare_exchange_weak(&k->marks, &before, marks));
+    for (int64_t end_ns = deadline(); kn_now_ns() < end_ns; rest()) {
+        pthread_mutex_lock(&k->answering);
+        bool done = k->marked >= marks;
+        snprintf(why, why_size, "%s", done ? k->unmarked : "");
+        pthread_mutex_unlock(&k->answering);
+        if (done) return !*why;
+    }
+    snprintf(why, why_size, "%s: the disk did not answer for %d ms", k->store.path, KN_KEEPER_PATIENCE_MS);
+    return false;
 }
 
 static kn_answer await(kn_loop *loop, int64_t number, int64_t generation)

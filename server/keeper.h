@@ -58,6 +58,9 @@ typedef struct kn_keeper {
     pthread_mutex_t answering; // between thread and operator
     kn_answer answer;
     int64_t answered;
+    _Atomic int64_t marks; // how often an operator has said whether an emergency stop stands << 1, and what at last
+    int64_t marked;        // of these, by the thread; as answer
+    char unmarked[200];    // why that could not be done, "" it could
     atomic_bool ending;
     char told[200]; // the last complaint
     int64_t told_ns, untold; // errors since
@@ -79,6 +82,11 @@ bool kn_keeper_finish(kn_keeper *keeper, const kn_servo *servo, int64_t tick);
 
 // The servo's: after a tick, its forces gone. Real-time safe.
 void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wake, int64_t utime);
+
+// Another thread, before `ending`: that an emergency stop stands, or does no more, is on disk when this returns, for
+// every start until the opposite is said. False and one line in why: not within KN_KEEPER_PATIENCE_MS. Without a
+// directory there is nothing to do.
+bool kn_keeper_mark(kn_keeper *keeper, bool estopped, char *why, size_t why_size);
 
 // ms since the newest file was the object as it is; -1: there is none.
 int64_t kn_keeper_age_ms(const kn_keeper *keeper);

@@ -29,7 +29,7 @@ static const char usage[] =
     "  --touch           publish what every tool touches as KNEAD_TOUCH_<probe>, for fingertip displays; 250 Hz\n"
     "  --control PATH    a socket there for knead ctl: status, reset, snapshot, undo, set, load, emergency stop ...\n"
     "  --state-dir DIR   keeps the object there, at most every 0.5 s, and goes on with the last one that fits; without it\n"
-    "                    nothing is saved or restored\n"
+    "                    nothing is saved or restored. An emergency stop, too: without it a restart ends one\n"
     "  --trace FILE      CSV: when the pose of each tick arrived, its tick woke, had stepped, had guarded the force\n"
     "  --key FILE        only poses signed with that key (64 hexadecimal digits, mode 0600); forces are signed with it\n"
     "  --lan IFACE       serves that network instead of this machine alone; wants --key or --peer, and URLs with ttl=1\n"

@@ -62,7 +62,8 @@ int64_t kn_loop_order(kn_loop *loop, kn_order order, kn_quality quality)
 {
     if (order == KN_ORDER_QUALITY) atomic_store(&loop->quality, (int)quality);
     int64_t given = atomic_load(&loop->orders), more; // count and kind in one word: no tick sees one without the other
-    do more = (given | INT64_C(1) << order) + (1 << ORDER_BITS);
+    int64_t ends = order == KN_ORDER_RECOVER ? INT64_C(1) << KN_ORDER_ESTOP : 0; // whichever is said later stands
+    do more = ((given & ~ends) | INT64_C(1) << order) + (1 << ORDER_BITS);
     while (!atomic_compare_exchange_weak(&loop->orders, &given, more));
     return more >> ORDER_BITS;
 }
@@ -72,6 +73,11 @@ bool kn_loop_obeyed(const kn_loop *loop, int64_t number, int64_t *tick)
     if (atomic_load(&loop->obeyed) < number) return false;
     *tick = atomic_load(&loop->obeyed_tick[number % KN_LOOP_ORDERS]);
     return true;
+}
+
+bool kn_loop_estopped(const kn_loop *loop)
+{
+    return loop->servo.estopped || (atomic_load(&loop->orders) >> KN_ORDER_ESTOP & 1);
 }
 
 // Returns how many have been given.

@@ -52,7 +52,7 @@ typedef struct kn_posted { // what lies in a mailbox
 typedef enum kn_order { // of an operator; several of the same kind before a tick are one
     KN_ORDER_RESET,     // the object is as new
     KN_ORDER_QUALITY,   // a live point of the scene's; of several the last
-    KN_ORDER_RECOVER,   // latched faults are forgotten; tools engage again once lifted
+    KN_ORDER_RECOVER,   // latched faults are forgotten, an ESTOP that waits for a tick, too; tools engage once lifted
     KN_ORDER_ESTOP,     // forces fade and stay 0 until recover
     KN_ORDER_RESTORE,   // the object is as in loop->restore
     KN_ORDER_UNDO,      // the object is as before it was kneaded last
@@ -110,6 +110,8 @@ void kn_loop_post(kn_loop *loop, int probe, const kn_pose *pose);
 int64_t kn_loop_order(kn_loop *loop, kn_order order, kn_quality quality);
 // Whether a tick has taken it, and which. Any thread, before KN_LOOP_ORDERS others have been taken.
 bool kn_loop_obeyed(const kn_loop *loop, int64_t number, int64_t *tick);
+// After every thread: whether an emergency stop stands, one that no tick took any more, too.
+bool kn_loop_estopped(const kn_loop *loop);
 
 void *kn_loop_run(void *loop); // thread body
 // One turn of it, after the wait. False when the loop may end.

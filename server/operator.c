@@ -202,9 +202,12 @@ static json_t *status_of(kn_operator *o, const kn_health *h)
     return status;
 }
 
+static const char ending[] = "the server is ending: no tick comes any more";
+
 static json_t *tell_status(kn_operator *o)
 {
     bool fresh = false;
+    if (atomic_load(&o->on.loop->done)) return kn_control_error("%s", ending);
     const kn_health *h = kn_mailbox_latest(&o->health, &fresh); // that of an earlier question
     o->on.ask(o->on.arg);
     for (int i = 0; i < 2 * PATIENCE_MS; i++) {
@@ -221,11 +224,31 @@ static json_t *order(kn_operator *o, kn_order kind, kn_quality quality)
 {
     int64_t tick, number = kn_loop_order(o->on.loop, kind, quality);
     for (int i = 0; i < 2 * PATIENCE_MS; i++) {
+        bool done = atomic_load(&o->on.loop->done); // first: its last tick may have taken it
         if (kn_loop_obeyed(o->on.loop, number, &tick))
             return json_pack("{s:b, s:I}", "ok", 1, "tick", (json_int_t)tick);
+        if (done && kind == KN_ORDER_ESTOP && (o->on.goes_on(o->on.arg) || o->on.keeper->store.dir >= 0))
+            return json_pack("{s:b}", "ok", 1);
+        if (done) return kn_control_error("%s", ending);
         rest();
     }
     return kn_control_error("no tick came for %d ms", PATIENCE_MS);
+}
+
+// An emergency stop or the end of it, for every start to come, too. What fails leaves the hand the safer of both.
+static json_t *hold(kn_operator *o, bool estopped)
+{
+    char why[300];
+    json_t *answer = order(o, estopped ? KN_ORDER_ESTOP : KN_ORDER_RECOVER, 0);
+    const json_t *tick = json_object_get(answer, "tick");
+    if (!estopped && !tick) return answer;
+    bool marked = kn_keeper_mark(o->on.keeper, estopped, why, sizeof why);
+    if (marked || json_object_get(answer, "error")) return answer;
+    char at[40] = "";
+    if (tick) snprintf(at, sizeof at, " since tick %" PRId64, (int64_t)json_integer_value(tick));
+    json_decref(answer);
+    return estopped ? kn_control_error("estop: every force is 0%s, but a restart may end that: %s", at, why)
+                    : kn_control_error("recover: done%s, but the next start may begin stopped: %s", at, why);
 }
 
 static json_t *take_quality(kn_operator *o, const char *name)
@@ -256,11 +279,11 @@ static json_t *reset(kn_operator *o, const json_t *argument)
 }
 static json_t *recover(kn_operator *o, const json_t *argument)
 {
-    return (void)argument, order(o, KN_ORDER_RECOVER, 0);
+    return (void)argument, hold(o, false);
 }
 static json_t *estop(kn_operator *o, const json_t *argument)
 {
-    return (void)argument, order(o, KN_ORDER_ESTOP, 0);
+    return (void)argument, hold(o, true);
 }
 static json_t *status(kn_operator *o, const json_t *argument)
 {

@@ -8,7 +8,9 @@
 //     {"command": "reset"}                         the object is as new; what a hand felt fades, lift the tool
 //     {"command": "quality", "name": "balanced"}   another of the scene's points; forces fade and come back
 //     {"command": "recover"}                       latched faults are forgotten; lift the tool
-//     {"command": "estop"}                         every force fades within 20 ms and stays 0 until recover
+//     {"command": "estop"}                         every force fades within 20 ms and stays 0 until recover: over load,
+//                                                  too, and with --state-dir over every restart. No tick in the
+//                                                  answer: it came at the end, and stands from the next start on
 //     {"command": "snapshot"}                      the object as it is, on disk when this is answered
 //     {"command": "restore", "generation": 12}     the object as in that snapshot, or in the newest
 //     {"command": "undo"}                          the object as before it was kneaded last, reset or restored
@@ -36,6 +38,7 @@ typedef struct kn_operated {
     kn_loop *loop;
     kn_keeper *keeper;
     void (*ask)(void *arg); // makes the main thread post its health; thread-safe, as the next
+    bool (*goes_on)(void *arg); // with another start, when the loop is done
     void (*stop)(void *arg);
     void (*load)(void *arg, const char *path, const kn_scene *scene); // ends, to start with that one, as it is
     void (*built)(void *arg);                  // memory has been taken that ticks will use

@@ -248,6 +248,7 @@ static void read_all(tick *t)
     if (t->in->change) exchange(t);
     if (t->in->recover) tell(t, KNEAD_EVENT_T_KIND_RECOVER, -1);
     if (t->in->estop) tell(t, KNEAD_EVENT_T_KIND_ESTOP, -1);
+    servo->estopped = t->in->estop || (servo->estopped && !t->in->recover);
     if (t->in->stop && !servo->stopping) tell(t, KNEAD_EVENT_T_KIND_STOP, -1);
     servo->stopping = t->in->stop;
     judge_time(t);

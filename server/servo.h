@@ -118,6 +118,7 @@ typedef struct kn_servo { // plain data but for the backend
     int over;                    // ticks running that took longer than the budget
     bool exhausted;              // there is no lower point, and an event has said so
     bool stopping;
+    bool estopped; // an operator's emergency stop stands; decides nothing here
 } kn_servo;
 
 // Borrows all three, and every change that a tick takes. The backend's object is as new; ticks may start at any number.

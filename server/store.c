@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #define TEMPORARY ".tmp" // one is enough: the directory is locked
+#define ESTOP "estop"
 #define SUFFIX ".knead"
 #define GENERATION_MAX 999999999 // nine digits: sixteen years of two a second
 
@@ -268,6 +269,36 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
     s->generation = saved->generation;
     if (!stays) keep(s, saved->generation);
     return true;
+}
+
+// --- emergency stop -------------------------------------------------------------------------------------------------
+
+bool kn_store_estopped(const kn_store *store)
+{
+    struct stat what;
+    return fstatat(store->dir, ESTOP, &what, AT_SYMLINK_NOFOLLOW) == 0 || errno != ENOENT;
+}
+
+// NULL, or what could not be done; errno says why.
+static const char *put_estop(const kn_store *s)
+{
+    int fd = s->files->open(s->dir, ESTOP, O_WRONLY | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0600);
+    if (fd < 0) return "open";
+    const char *failed = s->files->sync(fd) != 0 ? "fdatasync" : NULL;
+    int why = errno;
+    if (s->files->close(fd) != 0 && !failed) return "close";
+    errno = why;
+    return failed;
+}
+
+bool kn_store_estop(const kn_store *store, bool stands, char *why, size_t why_size)
+{
+    const kn_store *s = store;
+    const char *failed = stands ? put_estop(s) : NULL;
+    if (!stands && s->files->unlink(s->dir, ESTOP) != 0 && errno != ENOENT) failed = "unlink";
+    if (!failed && s->files->sync_dir(s->dir) != 0) failed = "fsync of the directory";
+    if (failed) snprintf(why, why_size, "%s/" ESTOP ": %s: %s", s->path, failed, strerror(errno));
+    return !failed;
 }
 
 // --- load -----------------------------------------------------------------------------------------------------------

@@ -85,6 +85,12 @@ void kn_store_pin(kn_store *store, int64_t generation);
 bool kn_store_load(const kn_store *store, int64_t generation, kn_saved *saved, char *name, FILE *told, char *why,
                    size_t why_size);
 
+// An operator's emergency stop, which outlives the process: an empty file `estop`. Whether one stands there; where that
+// cannot be told, too.
+bool kn_store_estopped(const kn_store *store);
+// Creates or removes it, on disk when this returns. False and the reason in why: either may be there by the next start.
+bool kn_store_estop(const kn_store *store, bool stands, char *why, size_t why_size);
+
 typedef bool (*kn_store_look)(void *arg, const kn_saved *saved);
 
 // For replays. Every snapshot in a directory, or the one file, that fits this scene and model, by ascending generation,

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # knead ctl: a reset makes the object as new, under a hand, too; an emergency stop ends what the hand feels until a
-# recover; status says how it is; the log replays over all of it. What is wrong is told in one line, and harmless.
+# recover, over a load, too; status says how it is; the log replays over all of it. What is wrong is told in one line,
+# and harmless.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 within() { awk -v a="$1" -v b="$2" 'BEGIN { exit !(a <= b) }'; }
 verifies() { knead replay "$1" --verify >"$1.said" 2>"$1.err" || { cat "$1.said" "$1.err"; return 1; }; }
@@ -110,6 +111,35 @@ check "as status does" python3 -c '
 import json
 f = json.load(open("stopped.json"))["force"]
 assert f["trips"]["estop"] >= 1 and f["slew_limited"] >= 10 and f["faults"] == sum(f["trips"].values()), f'
+
+# an emergency stop stands when a scene is loaded, and so does one that is said meanwhile
+served() { grep -c '^kneadd: serving' kneadd.log; }
+mode() { field '["mode"]'; }
+start_kneadd dough-small.yaml --control control
+ctl estop >/dev/null
+ctl load >load.out
+held=$(mode)
+knead probe --path poke --tries 1 --quiet >/dev/null 2>held.err
+ctl --json status >held.json
+check "an emergency stop stands after a load: $held, $(cat load.out)" [ "$held $(served)" = "ESTOP 2" ]
+check "no hand feels anything" python3 -c '
+import json
+s = json.load(open("held.json"))
+assert s["force"]["force_max_n"] == 0 and all(p["fault"] == "emergency stop" for p in s["probes"]), s'
+check "that start says so" [ "$(grep -c '^kneadd: an emergency stop stands: .* until knead ctl recover$' kneadd.log)" = 1 ]
+ctl recover >/dev/null
+ctl load >load.out
+check "until a recover: $(mode)" [ "$(mode) $(served)" = "IDLE 3" ]
+for starts in 4 5 6; do
+    lines '{"command":"load"}
+{"command":"estop"}
+' >answers
+    for _ in $(seq 100); do [ "$(served)" = $starts ] && break; sleep 0.1; done
+    check "right behind a load it is answered, and stands in the next start: $(tail -1 answers)" \
+        [ "$(grep -c '^{"ok":true' answers) $(mode)" = "2 ESTOP" ]
+    ctl recover >/dev/null
+done
+stop_kneadd >/dev/null
 
 # what is wrong, while it serves
 start_kneadd dough-small.yaml --control control

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# What was kneaded can be kept, had back and undone by knead ctl; the log replays over all of it to the bit, with the
-# snapshots at hand. What cannot be restored is said, by name.
+# What was kneaded can be kept, had back and undone by knead ctl; an emergency stop outlives the process; the log
+# replays over all of it to the bit, with the snapshots at hand. What cannot be restored is said, by name.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 ctl() { knead ctl --control control "$@"; }
 dent() { # DEPTH: a session of its own
@@ -59,6 +59,37 @@ knead replay late.lcmlog --snapshot late --verify >out 2>&1
 late=$?
 check "an undo of what is not in the log is no error of the computation: $(grep undo out)" \
     [ $late = 1 -a "$(grep -c 'an undo of what was kneaded before this log begins' out)" -ge 1 ]
+# an emergency stop stands through a kill and a restart, in the log of that run, too; a recover ends it for good
+mode() { ctl --json status | python3 -c 'import json, sys; print(json.load(sys.stdin)["mode"])'; }
+mkdir held
+for try in 1 2 3; do
+    rm -rf held.lcmlog held/*
+    start_kneadd dough-small.yaml --control control --state-dir held
+    ctl estop >said
+    kill -KILL $server
+    wait $server 2>/dev/null
+    start_logger held.lcmlog
+    start_kneadd dough-small.yaml --control control --state-dir held
+    held=$(mode)
+    told=$(grep '^kneadd: an emergency stop stands' kneadd.log)
+    knead probe --path poke --tries 1 --quiet >/dev/null 2>held.err
+    felt=$(ctl --json status | python3 -c 'import json, sys; print(json.load(sys.stdin)["force"]["force_max_n"])')
+    sleep 1.2
+    freed=$(ctl recover)
+    dent 0.041 || { stop_kneadd && stop_logger && continue; }
+    stop_kneadd >/dev/null
+    stop_logger
+    knead replay held.lcmlog --verify >out 2>err && break
+    grep -q 'ticks ran whose force or pose is not in the log' err || break
+done
+check "an emergency stop stands after a kill: $held, $told" [ "$held" = ESTOP -a "$(wc -l <<<"$told")" = 1 -a -n "$told" ]
+check "a hand feels nothing: $felt N, $(head -1 held.err)" [ "$felt" = 0.0 ]
+check "until a recover: $freed" grep -qE 'peak contact force ([1-9]|0\.[1-9])' out
+check "the log replays from that start on: $(cat err)" [ -s out -a ! -s err ]
+start_kneadd dough-small.yaml --control control --state-dir held
+check "the next start is free: $(mode)" [ "$(mode)" = IDLE -a ! -e held/estop ]
+stop_kneadd
+
 start_kneadd jelly.yaml --control control --state-dir kept
 expect 'restore: ' 2 ctl restore
 expect 'undo: nothing has been kneaded' 2 ctl undo

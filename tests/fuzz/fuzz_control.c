@@ -27,6 +27,7 @@ static void ask(void *arg)
 }
 
 static void stop(void *arg) { (void)arg, stops++; }
+static bool goes_on(void *arg) { return (void)arg, false; }
 static void load(void *arg, const char *path, const kn_scene *next)
 {
     (void)arg, (void)path, (void)next, stops++;
@@ -46,8 +47,8 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
     served = (kn_served){.base = scene, .scene = scene, .model = model, .backend = backend};
     static const kn_served_def how = {.scene_path = "fuzz.yaml"};
     kn_operator_init(&operator, &(kn_operated){.served = &served, .def = &how, .limits = &scene->limits, .loop = &loop,
-                                               .keeper = &keeper, .ask = ask, .stop = stop, .load = load,
-                                               .built = built});
+                                               .keeper = &keeper, .ask = ask, .goes_on = goes_on, .stop = stop,
+                                               .load = load, .built = built});
     def = kn_operator_control(&operator);
     return 0;
 }

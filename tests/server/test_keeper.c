@@ -313,6 +313,26 @@ TEST("snapshot, restore and undo are answered with generation, tick and state ha
     rig_close(r);
 }
 
+TEST("an emergency stop and the end of it are on disk when they are answered, and every start begins as was said last")
+{
+    rig *r = rig_open();
+    pthread_t keeper;
+    char why[300] = "";
+    pthread_create(&keeper, NULL, kn_keeper_run, &r->keeper);
+    CHECK(!kn_store_estopped(&r->keeper.store) && kn_keeper_mark(&r->keeper, false, why, sizeof why));
+    for (int i = 0; i < 3; i++) {
+        CHECK(kn_keeper_mark(&r->keeper, true, why, sizeof why) && kn_store_estopped(&r->keeper.store));
+        CHECK(kn_keeper_mark(&r->keeper, true, why, sizeof why) && kn_store_estopped(&r->keeper.store));
+        if (i == 1) CHECK(kn_keeper_mark(&r->keeper, false, why, sizeof why) && !kn_store_estopped(&r->keeper.store));
+    }
+    r->keeper.ending = true;
+    pthread_join(keeper, NULL);
+    end(r);
+    serve(r, r->directory);
+    CHECK(kn_store_estopped(&r->keeper.store));
+    rig_close(r);
+}
+
 TEST("without a directory nothing is saved, restored or told, and undo works")
 {
     rig *r = calloc(1, sizeof *r);

@@ -151,10 +151,21 @@ TEST("an emergency stop fades every force, holds off every session until a recov
     hover(&r, 500);
     CHECK(r.out.force[0].fault == KNEAD_CONTACT_FORCE_T_FAULT_ESTOP && given_n(&r) == 0.0);
     CHECK(!(r.out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_ENGAGED));
-    CHECK(kn_loop_order(&r.lent.loop, KN_ORDER_RECOVER, 0) == number + 1);
+    CHECK(kn_loop_estopped(&r.lent.loop));
+    CHECK(kn_loop_order(&r.lent.loop, KN_ORDER_RECOVER, 0) == number + 1 && kn_loop_estopped(&r.lent.loop));
     hover(&r, 500);
+    CHECK(!kn_loop_estopped(&r.lent.loop));
     CHECK(r.kinds[KNEAD_EVENT_T_KIND_RECOVER] == 1 && r.out.force[0].fault == KNEAD_CONTACT_FORCE_T_FAULT_NONE);
     CHECK(r.out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_ENGAGED);
+    kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0); // of both before a tick the later one
+    CHECK(kn_loop_estopped(&r.lent.loop));
+    kn_loop_order(&r.lent.loop, KN_ORDER_RECOVER, 0);
+    hover(&r, 1);
+    CHECK(!kn_loop_estopped(&r.lent.loop) && r.out.force[0].fault == KNEAD_CONTACT_FORCE_T_FAULT_NONE);
+    kn_loop_order(&r.lent.loop, KN_ORDER_RECOVER, 0);
+    kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0);
+    hover(&r, 1);
+    CHECK(kn_loop_estopped(&r.lent.loop) && r.out.force[0].fault == KNEAD_CONTACT_FORCE_T_FAULT_ESTOP);
     rig_close(&r);
 }
 

@@ -500,6 +500,27 @@ TEST("whatever call fails, and how: what there was is there, why is told, and th
     rig_free(r);
 }
 
+TEST("an emergency stop whose file or its removal fails in any call is not said to be kept")
+{
+    rig *r = rig_of("dough-small.yaml", NULL);
+    kn_store s = store_of(r);
+    char why[300];
+    for (int stands = 1; stands >= 0; stands--) {
+        int calls = stands ? 4 : 2; // open, sync, close, sync_dir; unlink, sync_dir
+        for (disk = (typeof(disk)){.fail_at = 1, .with = EIO}; disk.fail_at <= calls + 1; disk.fail_at++) {
+            disk.calls = 0;
+            s.files = &bad_files;
+            *why = '\0';
+            bool kept = kn_store_estop(&s, stands, why, sizeof why);
+            s.files = &kn_files_system;
+            CHECK(kept == (disk.fail_at > calls) && !*why == kept && disk.calls == (kept ? calls : disk.calls));
+        }
+        CHECK(kn_store_estopped(&s) == stands);
+    }
+    kn_store_close(&s);
+    rig_free(r);
+}
+
 // --- S2: power fails ---
 
 // What was asked of the disk, in order. Whatever no sync has seen may be there after the cut or not, in any order, and
