@@ -58,6 +58,7 @@ static int run(int argc, char **argv, const char **sets) // sets: room for twice
         {"local-model", no_argument, NULL, 'o'},    {"touch", no_argument, NULL, 'T'},
         {"help", no_argument, NULL, 'h'},           {"version", no_argument, NULL, 'v'}, {0}};
     kn_daemon_def def = {.realtime = KN_RT_AUTO, .object.sets = sets};
+    char why[KN_LINK_WHY];
     for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         switch (option) {
         case 's': def.object.scene_path = optarg; break;
@@ -75,8 +76,10 @@ static int run(int argc, char **argv, const char **sets) // sets: room for twice
             if (!def.free && strcmp(optarg, "lock") != 0) return bad(optarg, "--phase lock or free");
             break;
         case 'b':
-            if (kn_backend_is_device(optarg)) def.object.device = optarg;
-            else if (strcmp(optarg, "cpu") != 0 && strcmp(optarg, "fixed") != 0)
+            if (kn_backend_is_device(optarg)) {
+                if (!kn_link_is_uri(optarg, why)) return fprintf(stderr, "kneadd: --backend %s\n", why), 2;
+                def.object.device = optarg;
+            } else if (strcmp(optarg, "cpu") != 0 && strcmp(optarg, "fixed") != 0)
                 return bad(optarg, "--backend cpu, fixed, uart:, pty:, pcie: or shm:");
             for (int i = 0; i < KN_FIXED_SETS && strcmp(optarg, "cpu") != 0; i++)
                 sets[def.object.set_count++] = kn_fixed_set[i];

@@ -97,8 +97,11 @@ static int set_solver(replay_options *opt, const char *name)
 
 static int set_backend(replay_options *opt, const char *name)
 {
+    char why[KN_LINK_WHY];
     if (!strcmp(name, "cpu")) return KN_EXIT_OK;
-    if (kn_backend_is_device(name)) opt->def.device = name;
+    bool device = kn_backend_is_device(name);
+    if (device && !kn_link_is_uri(name, why)) return kn_complain("replay", KN_EXIT_USAGE, "--backend %s", why);
+    if (device) opt->def.device = name;
     else if (strcmp(name, "fixed")) return bad("backend", name, "cpu, fixed, uart:, pty:, pcie: or shm:");
     return set_solver(opt, "fixed");
 }

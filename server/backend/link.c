@@ -75,21 +75,36 @@ static bool good(const char *scheme, const char *where, const options *o)
     return strcmp(scheme, "shm") == 0 && is_name(where);
 }
 
-bool kn_link_open_at(kn_link *link, const char *uri, const char *sysfs, char why[KN_LINK_WHY])
+// text: the scheme; what is behind it, or NULL: why says what was expected.
+static const char *parse(const char *uri, char text[KN_LINK_URI], options *o, char why[KN_LINK_WHY])
 {
-    char text[KN_LINK_URI] = "";
-    options o = {0, 1.6};
-    *link = (kn_link){0};
+    *o = (options){0, 1.6};
     size_t length = strlen(uri);
-    memcpy(text, uri, length < sizeof text ? length : 0);
+    memset(text, 0, KN_LINK_URI);
+    memcpy(text, uri, length < KN_LINK_URI ? length : 0);
     char *where = strchr(text, ':'), *query = strchr(text, '?');
     if (where) *where++ = 0;
     if (query) *query++ = 0;
-    if (!where || !parse_options(query, &o) || !good(text, where, &o)) {
-        snprintf(why, KN_LINK_WHY, "%.100s: expected %s", uri, expected);
-        return false;
-    }
-    if (!open_parsed(link, text, where, &o, sysfs, why)) return false;
+    if (where && parse_options(query, o) && good(text, where, o))
+        return o->baud == 0 || kn_link_is_baud(o->baud, why) ? where : NULL;
+    snprintf(why, KN_LINK_WHY, "%.100s: expected %s", uri, expected);
+    return NULL;
+}
+
+bool kn_link_is_uri(const char *uri, char why[KN_LINK_WHY])
+{
+    char text[KN_LINK_URI];
+    options o;
+    return parse(uri, text, &o, why);
+}
+
+bool kn_link_open_at(kn_link *link, const char *uri, const char *sysfs, char why[KN_LINK_WHY])
+{
+    char text[KN_LINK_URI];
+    options o;
+    *link = (kn_link){0};
+    const char *where = parse(uri, text, &o, why);
+    if (!where || !open_parsed(link, text, where, &o, sysfs, why)) return false;
     link->miss_ns = (int64_t)(1e6 * o.miss_ms);
     return true;
 }

@@ -49,12 +49,16 @@ typedef struct kn_link {
     void (*close)(void *self);
 } kn_link;
 
+// Whether it is written as one, whatever is there; false: why as below.
+bool kn_link_is_uri(const char *uri, char why[KN_LINK_WHY]);
+
 // False: why is one line that says what is wrong and, of an URI, what was expected. A file is opened for this process
 // alone.
 bool kn_link_open(kn_link *link, const char *uri, char why[KN_LINK_WHY]);
 bool kn_link_open_at(kn_link *link, const char *uri, const char *sysfs, char why[KN_LINK_WHY]); // sysfs: "/sys"
 
 // ---- private: one per transport; path and options have been checked
+bool kn_link_is_baud(int baud, char why[KN_LINK_WHY]); // that a line can have
 bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, char why[KN_LINK_WHY]); // baud 0: pty
 bool kn_link_pcie(kn_link *link, const char *function, const char *sysfs, char why[KN_LINK_WHY]);
 bool kn_link_shm(kn_link *link, const char *name, char why[KN_LINK_WHY]);

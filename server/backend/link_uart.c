@@ -152,10 +152,20 @@ static const struct {
               {1000000, B1000000}, {1152000, B1152000}, {1500000, B1500000}, {2000000, B2000000}, {2500000, B2500000},
               {3000000, B3000000}, {3500000, B3500000}, {4000000, B4000000}};
 
-static bool find_speed(int baud, speed_t *speed)
+static speed_t speed_of(int baud) // B0: none
 {
     for (size_t i = 0; i < sizeof speeds / sizeof *speeds; i++)
-        if (speeds[i].baud == baud) return *speed = speeds[i].speed, true;
+        if (speeds[i].baud == baud) return speeds[i].speed;
+    return B0;
+}
+
+bool kn_link_is_baud(int baud, char why[KN_LINK_WHY])
+{
+    if (speed_of(baud) != B0) return true;
+    snprintf(why, KN_LINK_WHY,
+             "baud=%d: expected 9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, "
+             "576000, 921600, 1000000, 1152000, 1500000, 2000000, 2500000, 3000000, 3500000 or 4000000",
+             baud);
     return false;
 }
 
@@ -208,14 +218,6 @@ static bool take_line(uart *u, const char *path, int baud, speed_t speed, char w
 
 bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, char why[KN_LINK_WHY])
 {
-    speed_t speed = B0;
-    if (baud && !find_speed(baud, &speed)) {
-        snprintf(why, KN_LINK_WHY,
-                 "baud=%d: expected 9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, "
-                 "576000, 921600, 1000000, 1152000, 1500000, 2000000, 2500000, 3000000, 3500000 or 4000000",
-                 baud);
-        return false;
-    }
     int fd = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
     if (fd < 0) {
         snprintf(why, KN_LINK_WHY, "%s: %s", path, strerror(errno));
@@ -223,7 +225,7 @@ bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, 
     }
     uart *u = calloc(1, sizeof *u);
     if (u) u->fd = fd;
-    if (!u || !take_line(u, path, baud, speed, why)) {
+    if (!u || !take_line(u, path, baud, speed_of(baud), why)) {
         if (!u) snprintf(why, KN_LINK_WHY, "%s: memory is short", path);
         close(fd);
         free(u);

@@ -56,6 +56,18 @@ expect 2 'knead tradeoff: --dt 2 ms: expected' knead tradeoff --dt '2 ms' scene 
 expect 2 'knead tradeoff: bad.csv: no record of an LCM event log' knead tradeoff "$KN_SOURCE/core/scenes/dough-small.yaml" bad.csv
 expect 2 'knead tradeoff: nope.job: expected a job' knead tradeoff --job nope.job
 
+# a circuit that is none is bad input, before a log or a scene is read; one that is not there is the machine's refusal
+for uri in uart: uart:ttyUSB0 'uart:/dev/null?baud=x' pty: pcie:../../x shm:a/b; do
+    expect 2 "kneadd: --backend $uri: expected uart:/dev/NAME" kneadd --scene nope.yaml --backend "$uri"
+    expect 2 "knead replay: --backend $uri: expected uart:/dev/NAME" knead replay --backend "$uri" nope.lcmlog
+done
+expect 2 'kneadd: --backend baud=3000001: expected 9600' kneadd --scene nope.yaml --backend 'uart:/dev/null?baud=3000001'
+for uri in uart:/dev/null uart:/dev/ttyNONE shm:knead-test-none; do
+    kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime off --backend "$uri" >out 2>err
+    got=$?
+    [ $got = 3 ] && [ "$(wc -l <err)" -eq 1 ] || fail "kneadd --backend $uri: exit $got, $(cat err)"
+done
+
 # a bus of another kind is bad input; one that would leave the machine is the machine's refusal, before it is joined
 expect 2 'knead probe: tcpq://127.0.0.1:7700: expected udpm://GROUP:PORT' knead probe --lcm-url tcpq://127.0.0.1:7700
 expect 2 'knead probe: udpm://: expected udpm://GROUP:PORT' knead probe --mesh-url udpm://

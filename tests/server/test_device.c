@@ -243,11 +243,13 @@ TEST("an URI that is none is refused in one line that says what was expected")
         why[0] = 0;
         CHECK(!kn_link_open(&link, wrong[i], why));
         CHECK(strstr(why, "expected ") && !strchr(why, '\n'));
+        CHECK(!kn_link_is_uri(wrong[i], why) && strstr(why, "expected ") && !strchr(why, '\n'));
     }
     memset(longest, 'a', 399);
     memcpy(longest, "shm:", 4);
     CHECK(!kn_link_open(&link, longest, why) && strstr(why, "expected "));
     free(longest);
+    CHECK(kn_link_is_uri("shm:knead-test-none", why) && kn_link_is_uri("pcie:0000:01:00.0?miss=2", why));
     CHECK(!kn_link_open(&link, "shm:knead-test-none", why) && strstr(why, "No such file"));
     CHECK(!kn_link_open(&link, "pty:/dev/null", why) && strstr(why, "expected a serial line"));
     CHECK(!kn_link_open(&link, "pty:/dev/pts/none", why) && strstr(why, "No such file"));
