@@ -9,8 +9,11 @@
 #include <errno.h>
 #include <getopt.h>
 #include <glob.h>
+#include <grp.h>
 #include <inttypes.h>
 #include <jansson.h>
+#include <limits.h>
+#include <pwd.h>
 #include <sched.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -18,6 +21,7 @@
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/utsname.h>
 #include <sys/wait.h>
@@ -26,14 +30,15 @@
 static const char help[] =
     "usage: knead doctor [--json] [--seconds N]\n\n"
     "What this machine lacks to serve a hand at 1 kHz, and the fix of each: real-time priority, locked memory, the\n"
-    "loopback route of LCM's group, socket buffers, the processor's clock and instructions, permissions of devices; "
-    "then\n"
-    "a thread that sleeps a millisecond at a time, as kneadd's does, and how late it woke.\n\n"
+    "loopback route of LCM's group, socket buffers, the processor's clock and instructions, groups one is not in,\n"
+    "permissions of devices; then a thread that sleeps a millisecond at a time, as kneadd's does, and how late it\n"
+    "woke.\n\n"
     "  --seconds N   of that measurement, 1 .. 3600 (2)\n"
-    "  --json        the same for programs\n\n"
+    "  --json        the same for programs\n"
+    "  --root DIR    look for devices in dev and sys in there (/)\n\n"
     "Exit: 0 nothing is missing, 1 something is, 2 bad input.\n";
 
-#define CHECKS_MAX (16 + KN_DEVICES_MAX)
+#define CHECKS_MAX (16 + 2 * KN_DEVICES_MAX)
 #define LOCKED_BYTES ((size_t)64 << 20) // of a server with a large object
 #define BUFFER_BYTES (1 << 20)          // that server/bus.c asks for
 
@@ -108,13 +113,15 @@ static void look_at_limits(findings *f)
     int error = attempt(take_priority);
     check *c = add(f, "priority", !error, error ? "no SCHED_FIFO %d: %s" : "SCHED_FIFO %d is granted", KN_RT_SERVO,
                    strerror(error));
-    fix(c, "in /etc/security/limits.d/knead.conf: @knead - rtprio %d; sudo usermod -aG knead $USER; log in again",
+    fix(c, "in /etc/security/limits.d/knead.conf: @knead - rtprio %d; sudo groupadd -fr knead; sudo usermod -aG knead "
+        "$USER; log in again",
         KN_RT_SERVO);
     error = attempt(lock_memory);
     c = add(f, "memory", !error, error ? "%zu MiB cannot be locked: %s" : "%zu MiB can be locked", LOCKED_BYTES >> 20,
             strerror(error));
     fix(c,
-        "in /etc/security/limits.d/knead.conf: @knead - memlock unlimited; sudo usermod -aG knead $USER; log in again");
+        "in /etc/security/limits.d/knead.conf: @knead - memlock unlimited; sudo groupadd -fr knead; sudo usermod -aG "
+        "knead $USER; log in again");
     char word[32];
     if (!read_word("/proc/sys/kernel/sched_rt_runtime_us", word, sizeof word)) return;
     long us = strtol(word, NULL, 10);
@@ -175,10 +182,60 @@ static void look_at_processor(findings *f)
         full ? ", PREEMPT_RT" : ", without PREEMPT_RT: apt install linux-image-rt-amd64 where ticks are late");
 }
 
-static void look_at_devices(findings *f)
+enum { GROUPS = 256 };
+
+// What the process has is of its log-in; what the system says may be younger.
+static bool has_group(gid_t group, bool by_now)
+{
+    gid_t list[GROUPS];
+    int count = GROUPS;
+    const struct passwd *user = by_now ? getpwuid(getuid()) : NULL;
+    if (!by_now) count = getgroups(GROUPS, list);
+    else if (!user || getgrouplist(user->pw_name, user->pw_gid, list, &count) < 0) return false;
+    for (int i = 0; i < count; i++)
+        if (list[i] == group) return true;
+    return !by_now && getegid() == group;
+}
+
+static void look_at_group(findings *f, const struct group *group, const char *whose)
+{
+    char name[64];
+    snprintf(name, sizeof name, "%s", group->gr_name); // what is asked next may take its place
+    gid_t id = group->gr_gid;
+    bool needed = geteuid() != 0, has = has_group(id, false), soon = has_group(id, true);
+    check *c = add(f, "group", !needed || has, "%s, %s: %s", name, whose, has ? "a member" : "no member");
+    if (!needed && !has) snprintf(c->found, sizeof c->found, "%s, %s: root needs none", name, whose);
+    if (soon) fix(c, "log in again: this session is older than the membership");
+    else fix(c, "sudo usermod -aG %s $USER; log in again", name);
+}
+
+static void look_at_groups(findings *f, const char *root, const kn_found *found, int count)
+{
+    const struct group *knead = getgrnam("knead");
+    if (knead) look_at_group(f, knead, "who may use knead ctl");
+    else add(f, "group", true, "no knead: kneadd.service is not installed; a kneadd of one's own hears its user");
+    gid_t told[KN_DEVICES_MAX];
+    int tolds = 0;
+    for (int i = 0; i < count; i++) {
+        char path[PATH_MAX], whose[64 + KN_DEVICES_TEXT];
+        struct stat node;
+        bool known = false;
+        snprintf(path, sizeof path, "%s%s", root, found[i].where);
+        if (strcmp(found[i].kind, "tty") != 0 || stat(path, &node) != 0 || (node.st_mode & 0066) != 0060) continue;
+        for (int t = 0; t < tolds; t++) known |= told[t] == node.st_gid;
+        const struct group *owner = known ? NULL : getgrgid(node.st_gid);
+        if (!owner) continue;
+        told[tolds++] = node.st_gid;
+        snprintf(whose, sizeof whose, "which %s belongs to", found[i].where);
+        look_at_group(f, owner, whose);
+    }
+}
+
+static void look_at_devices(findings *f, const char *root)
 {
     kn_found *found = calloc(KN_DEVICES_MAX, sizeof *found);
-    int count = found ? kn_devices_find("", found) : 0;
+    int count = found ? kn_devices_find(root, found) : 0;
+    look_at_groups(f, root, found, count);
     for (int i = 0; i < count; i++) {
         const kn_found *d = &found[i];
         bool service = strcmp(d->kind, "tty") != 0 && strcmp(d->kind, "usb") != 0; // nobody has to have one
@@ -267,8 +324,9 @@ static void print_lines(const findings *f)
 int kn_doctor_main(int argc, char **argv)
 {
     static const struct option names[] = {
-        {"json", 0, NULL, 'j'}, {"seconds", 1, NULL, 's'}, {"help", 0, NULL, 'h'}, {0}};
+        {"json", 0, NULL, 'j'}, {"seconds", 1, NULL, 's'}, {"root", 1, NULL, 'r'}, {"help", 0, NULL, 'h'}, {0}};
     static findings f;
+    const char *root = "";
     bool json = false;
     char end;
     int seconds = 2, code = KN_EXIT_OK;
@@ -277,16 +335,19 @@ int kn_doctor_main(int argc, char **argv)
             return fputs(help, stdout), KN_EXIT_OK;
         else if (option == 'j')
             json = true;
+        else if (option == 'r')
+            root = optarg;
         else if (option != 's')
             return KN_EXIT_USAGE; // getopt has said which
         else if (sscanf(optarg, "%4d%c", &seconds, &end) != 1 || seconds < 1 || seconds > 3600)
             return kn_complain("doctor", KN_EXIT_USAGE, "--seconds %s: expected 1 .. 3600", optarg);
     }
     if (optind < argc) return kn_complain("doctor", KN_EXIT_USAGE, "`%s`: expected options only", argv[optind]);
+    if (strlen(root) > PATH_MAX / 2) return kn_complain("doctor", KN_EXIT_USAGE, "--root: expected a shorter name");
     look_at_limits(&f);
     look_at_bus(&f);
     look_at_processor(&f);
-    look_at_devices(&f);
+    look_at_devices(&f, root);
     measure(&f, seconds);
     if (json)
         code = print_json(&f);
