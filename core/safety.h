@@ -41,7 +41,7 @@ enum {
 typedef enum kn_fault { // a later one replaces an earlier one
     KN_FAULT_NONE,
     KN_FAULT_POSE_SILENCE, // cleared by lifting with poses flowing, a new session, recover
-    KN_FAULT_IMPULSE,      // cleared by a new session or recover, then lifting
+    KN_FAULT_IMPULSE,      // cleared by a new session, the way back that needs no operator, or recover, then lifting
     KN_FAULT_NONFINITE,    // cleared by reset, then lifting
     KN_FAULT_ESTOP,        // an operator's; cleared by recover, then lifting
     KN_FAULT_STOPPING
