@@ -345,4 +345,39 @@ TEST("everybody is heard in turn, a line each, and nobody waits for another one'
     kn_control_close(c);
 }
 
+static const char *heard(int fd) // by who turns no more
+{
+    static char text[4096];
+    ssize_t got = recv(fd, text, sizeof text - 1, MSG_DONTWAIT);
+    text[got > 0 ? got : 0] = '\0';
+    return text;
+}
+
+TEST("at its end what was said is answered, in order, but what is slow is refused; a slow answer that is there is given")
+{
+    static const char refused[] = "{\"ok\":false,\"error\":\"the server is ending: this is not done\"}\n";
+    kn_control *c = start();
+    sem_init(&hurry, 0, 1);
+    int fd = dial(), second = dial(), third = dial();
+    CHECK_STR(say(c, fd, "{\"slow\":1}\n{\"stop\":1}\n{\"slow\":2}\n"), "");
+    CHECK_STR(say(c, second, "{\"slow\":3}\n{\"stop\":2}\n{\"half\":"), "");
+    CHECK(send(third, "{\"stop\":3}\n", 11, MSG_NOSIGNAL) == 11); // nobody has looked there yet
+    int fourth = dial();
+    CHECK(send(fourth, "{\"stop\":4}\n", 11, MSG_NOSIGNAL) == 11);
+    kn_control_end(c);
+    kn_control_work(c); // its last one
+    kn_control_drain(c);
+    char both[300];
+    snprintf(both, sizeof both, "{\"ok\":true,\"request\":{\"slow\":1}}\n{\"ok\":true,\"request\":{\"stop\":1}}\n%s",
+             refused);
+    CHECK_STR(heard(fd), both);
+    snprintf(both, sizeof both, "%s{\"ok\":true,\"request\":{\"stop\":2}}\n", refused);
+    CHECK_STR(heard(second), both);
+    CHECK_STR(heard(third), "{\"ok\":true,\"request\":{\"stop\":3}}\n");
+    CHECK_STR(heard(fourth), "{\"ok\":true,\"request\":{\"stop\":4}}\n");
+    kn_control_close(c);
+    close(fd), close(second), close(third), close(fourth);
+    sem_destroy(&hurry);
+}
+
 TESTS_MAIN
