@@ -1,6 +1,10 @@
 #include "server/bus.h"
 #include "tests/check.h"
 #include <arpa/inet.h>
+#include <fcntl.h>
+#include <net/if.h>
+#include <sched.h>
+#include <unistd.h>
 
 TEST("a multicast group and a port are a bus")
 {
@@ -59,6 +63,63 @@ TEST("anything else is refused in one line that names what was expected")
         if (kn_bus_parse(&bus, bad[i], NULL, error, sizeof error)) KN_TEST_FAIL("accepted: %s", bad[i]);
         CHECK(strstr(error, "expected") && !strchr(error, '\n') && strncmp(error, bad[i], strlen(bad[i])) == 0);
     }
+}
+
+// --- beside another interface
+
+static bool write_text(const char *path, const char *text)
+{
+    int fd = open(path, O_WRONLY);
+    bool written = fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text);
+    if (fd >= 0) close(fd);
+    return written;
+}
+
+// A network of this process alone: lo, and a card with an address.
+static bool enter_network(void)
+{
+    char map[40];
+    snprintf(map, sizeof map, "0 %u 1", geteuid());
+    bool own = geteuid() == 0 ? unshare(CLONE_NEWNET) == 0
+                              : unshare(CLONE_NEWUSER | CLONE_NEWNET) == 0 && write_text("/proc/self/uid_map", map);
+    return own && system("exec 2>/dev/null; ip link set lo up && ip link add card type veth peer name far &&"
+                         "ip addr add 10.9.0.1/24 dev card && ip link set card up && ip link set far up") == 0;
+}
+
+// Whoever sends over an interface hears himself over it, as whoever is on its other end.
+static bool send_over(const char *interface, const kn_bus *bus, const char *text)
+{
+    int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0), size = (int)strlen(text);
+    const struct ip_mreqn over = {.imr_ifindex = (int)if_nametoindex(interface)};
+    bool sent = fd >= 0 && setsockopt(fd, IPPROTO_IP, IP_MULTICAST_IF, &over, sizeof over) == 0 &&
+                sendto(fd, text, (size_t)size, 0, (const struct sockaddr *)&bus->group, sizeof bus->group) == size;
+    if (fd >= 0) close(fd);
+    return sent;
+}
+
+TEST("what another interface brings is not of this bus, nor heard unless somebody lets the socket hear it")
+{
+    kn_bus bus;
+    static kn_batch batch;
+    char error[256] = "";
+    if (kn_test_failures > 0) return; // which a skip would hide
+    if (!enter_network()) SKIP("no network of its own, or no ip (package iproute2)");
+    CHECK(kn_bus_parse(&bus, "udpm://239.255.76.67:7667?ttl=0", NULL, error, sizeof error));
+    int fd = kn_bus_listen(&bus, error, sizeof error);
+    if (fd < 0) KN_TEST_FAIL("%s", error);
+    const struct ip_mreqn too = {.imr_multiaddr = bus.group.sin_addr, .imr_ifindex = (int)if_nametoindex("card")};
+    int other = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0); // who has the group come over the card for himself
+    CHECK(other >= 0 && setsockopt(other, IPPROTO_IP, IP_ADD_MEMBERSHIP, &too, sizeof too) == 0);
+    CHECK(send_over("lo", &bus, "lo") && send_over("card", &bus, "card"));
+    kn_bus_read(&bus, fd, KN_BATCH, &batch);
+    CHECK(batch.count == 1 && batch.datagram[0].here && memcmp(batch.datagram[0].bytes, "lo", 2) == 0);
+    CHECK(setsockopt(fd, IPPROTO_IP, IP_ADD_MEMBERSHIP, &too, sizeof too) == 0);
+    CHECK(send_over("card", &bus, "card") && send_over("lo", &bus, "lo"));
+    kn_bus_read(&bus, fd, KN_BATCH, &batch);
+    CHECK(batch.count == 2);
+    for (int i = 0; i < batch.count; i++) CHECK(batch.datagram[i].here == (batch.datagram[i].size == 2));
+    close(other);
+    close(fd);
 }
 
 TESTS_MAIN
