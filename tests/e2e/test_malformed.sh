@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Malformed datagrams, as fast as the bus takes them and at 25 kHz, while a hand sends its 1 kHz: the daemon lives,
-# every datagram is in one counter, the hand is heard. KN_DATAGRAMS=1000000: as many of each (here 100000).
+# every datagram is in one counter, the hand is heard. KN_DATAGRAMS=1000000: as many of each (here 100000). And while it is
+# stopped, more than its socket holds: what the kernel dropped is told.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 count=${KN_DATAGRAMS:-100000}
 memory() { awk '/VmRSS/ { print $2 }' "/proc/$server/status"; }
@@ -47,4 +48,16 @@ check "fast: the hand is heard, but for what the kernel dropped" \
     [ "$accepted" -ge $((valid - drops)) -a "$accepted" -gt 0 ]
 flood paced 25000
 check "paced: at least 99 % of the hand's poses are accepted" [ "$accepted" -ge $((valid * 99 / 100)) ]
+
+start_kneadd dough-small.yaml
+kill -STOP $server
+sent=$(send plate <<<"flood 60000 seed=2 rate=0")
+kill -CONT $server
+sleep 0.5
+stop_kneadd
+drops=$(counter 'dropped by the kernel')
+check "stopped: $sent were sent, $drops dropped by the kernel" [ "$sent" = 60000 -a "$drops" -gt 0 ]
+check "stopped: received and dropped are what was sent" [ $(($(counter datagrams) + drops)) = $((sent + $(counter published))) ]
+check "stopped: what the socket held was received" [ $(($(counter datagrams) - $(counter published))) -gt 500 ]
+check "stopped: kneadd lived and ended well" [ "$status" = 0 ]
 exit $failed
