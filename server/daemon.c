@@ -10,6 +10,7 @@
 #include "server/operator.h"
 #include "server/publisher.h"
 #include "server/receiver.h"
+#include "server/say.h"
 #include "server/sentinel.h"
 #include "server/trace.h"
 #include <ev.h>
@@ -304,10 +305,9 @@ static void tell_overruns(server *d, int64_t *told)
     int64_t missed = atomic_load_explicit(&d->loop.account.missed, memory_order_relaxed);
     if (missed == *told) return;
     double loop_ms = 1e-6 * (double)atomic_load_explicit(&d->loop.account.late_loop_ns, memory_order_relaxed);
-    fprintf(stderr,
-            "Overrun detected! The servo loop missed its desired rate of 1000 Hz. The loop took %.3f ms "
-            "(missed cycles : %" PRId64 ").\n",
-            loop_ms, missed - *told);
+    kn_say("Overrun detected! The servo loop missed its desired rate of 1000 Hz. The loop took %.3f ms "
+           "(missed cycles : %" PRId64 ").",
+           loop_ms, missed - *told);
     *told = missed;
 }
 
@@ -316,8 +316,9 @@ static void tell_audit(server *d, int64_t *told)
 {
     int64_t created = atomic_load_explicit(&d->loop.account.created, memory_order_relaxed);
     if (created != *told)
-        fprintf(stderr, "kneadd: in %" PRId64 " s the object gave more energy than it had and was given, by over %g %%"
-                " of the work\n", created - *told, 100 * KN_AUDIT_SHARE);
+        kn_say("kneadd: in %" PRId64 " s the object gave more energy than it had and was given, by over %g %% of the "
+               "work",
+               created - *told, 100 * KN_AUDIT_SHARE);
     *told = created;
 }
 
@@ -340,15 +341,15 @@ static void tell_quality(server *d, kn_quality *told, bool *told_exhausted)
                asked = (kn_quality)atomic_load_explicit(&a->asked, memory_order_relaxed);
     bool exhausted = atomic_load_explicit(&a->exhausted, memory_order_relaxed);
     double budget_ms = 1e3 * atomic_load_explicit(&a->budget_s, memory_order_relaxed);
-    if (now != *told)
-        fprintf(stderr, "kneadd: quality %s -> %s", kn_quality_name(*told), kn_quality_name(now));
-    if (now != *told && now == asked) fprintf(stderr, ", as commanded\n");
+    const char *before = kn_quality_name(*told), *name = kn_quality_name(now);
+    if (now != *told && now == asked)
+        kn_say("kneadd: quality %s -> %s, as commanded", before, name);
     else if (now != *told)
-        fprintf(stderr, ": %d ticks running took more than %g ms; 'knead ctl quality %s' goes back\n", KN_OVER_TICKS,
-                budget_ms, kn_quality_name(asked));
+        kn_say("kneadd: quality %s -> %s: %d ticks running took more than %g ms; 'knead ctl quality %s' goes back",
+               before, name, KN_OVER_TICKS, budget_ms, kn_quality_name(asked));
     if (exhausted && !*told_exhausted)
-        fprintf(stderr, "kneadd: %d ticks running took more than %g ms; the scene has no point of quality below %s\n",
-                KN_OVER_TICKS, budget_ms, kn_quality_name(now));
+        kn_say("kneadd: %d ticks running took more than %g ms; the scene has no point of quality below %s",
+               KN_OVER_TICKS, budget_ms, name);
     *told = now;
     *told_exhausted = exhausted;
 }
@@ -361,10 +362,10 @@ static void tell_losses(server *d, bool *told_lost)
     if (!kn_backend_fpga_counts(&d->on.backend, &n)) return;
     bool lost = kn_backend_fpga_news(&d->on.backend, line);
     if (lost)
-        fprintf(stderr, "kneadd: circuit lost, %lld times so far: %s%s\n", (long long)n.reasons, line,
-                n.in_step ? ", and in step again" : "");
+        kn_say("kneadd: circuit lost, %lld times so far: %s%s", (long long)n.reasons, line,
+               n.in_step ? ", and in step again" : "");
     else if (*told_lost && n.in_step)
-        fprintf(stderr, "kneadd: circuit in step again, loaded %lld times so far\n", (long long)n.loads);
+        kn_say("kneadd: circuit in step again, loaded %lld times so far", (long long)n.loads);
     *told_lost = (lost || *told_lost) && !n.in_step;
 }
 
@@ -526,46 +527,48 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
     return false; // whatever waits at the barrier ends with the process
 }
 
-static void tell_sets(const kn_sets *sets)
+static void tell_sets(FILE *out, const kn_sets *sets)
 {
     char room[KN_SETS_BYTES];
     const char *list[KN_SETS_MAX];
     int count = kn_sets_list(sets, room, list);
-    for (int i = 0; i < count; i++) printf("%s%s", i == 0 ? "kneadd: as it was set before: " : ", ", list[i]);
-    if (count > 0) putchar('\n');
+    for (int i = 0; i < count; i++) fprintf(out, "%s%s", i == 0 ? "kneadd: as it was set before: " : ", ", list[i]);
+    if (count > 0) fputc('\n', out);
 }
 
-static void tell_ready(const server *d)
+static void tell_ready(server *d, FILE *out)
 {
-    printf("kneadd: serving %s, %d nodes", d->on.scene->name,
-           d->on.model->node_count - kn_composite_tied(d->on.model));
-    for (int p = 0; p < d->on.model->def.probe_count; p++) printf(", probe %s", d->on.model->def.probe[p].name);
-    printf(", on %s, meshes on %s; %s, %s\n", d->bus.url, d->mesh_bus.url,
-           d->rt.fifo ? "SCHED_FIFO" : "normal priority", d->rt.locked ? "memory locked" : "memory not locked");
-    tell_sets(&d->on.sets);
+    fprintf(out, "kneadd: serving %s, %d nodes", d->on.scene->name,
+            d->on.model->node_count - kn_composite_tied(d->on.model));
+    for (int p = 0; p < d->on.model->def.probe_count; p++) fprintf(out, ", probe %s", d->on.model->def.probe[p].name);
+    fprintf(out, ", on %s, meshes on %s; %s, %s\n", d->bus.url, d->mesh_bus.url,
+            d->rt.fifo ? "SCHED_FIFO" : "normal priority", d->rt.locked ? "memory locked" : "memory not locked");
+    tell_sets(out, &d->on.sets);
     if (d->estopped)
-        printf("kneadd: an emergency stop stands: every force stays 0 until %sknead ctl recover\n",
-               d->control ? "" : "a start with --control and ");
-    if (*d->rt.missing) printf("kneadd: not real time: %s\n", d->rt.missing);
-    if (d->receiver.auth) printf("kneadd: poses are taken from holders of the key, forces are signed with it\n");
+        fprintf(out, "kneadd: an emergency stop stands: every force stays 0 until %sknead ctl recover\n",
+                d->control ? "" : "a start with --control and ");
+    if (*d->rt.missing) fprintf(out, "kneadd: not real time: %s\n", d->rt.missing);
+    if (d->receiver.auth)
+        fprintf(out, "kneadd: poses are taken from holders of the key, forces are signed with it\n");
     else if (d->receiver.peers > 0)
-        printf("kneadd: poses are taken from %d addresses; that is no authentication: an address can be forged\n",
-               d->receiver.peers);
-    if (d->on.model->isa == KN_ISA_BASE) printf("kneadd: not real time: fused multiply-add in software\n");
+        fprintf(out, "kneadd: poses are taken from %d addresses; that is no authentication: an address can be forged\n",
+                d->receiver.peers);
+    if (d->on.model->isa == KN_ISA_BASE) fprintf(out, "kneadd: not real time: fused multiply-add in software\n");
     kn_fpga_counts circuit;
     if (kn_backend_fpga_counts(&d->on.backend, &circuit)) {
-        printf("kneadd: on a circuit: a tick that nothing touches takes %.2g ms there and back, a state %.2g s to "
-               "load; the queue holds %lld ticks\n",
-               1e-6 * (double)d->rest_ns, 1e-9 * (double)circuit.load_ns, (long long)circuit.queue);
+        fprintf(out,
+                "kneadd: on a circuit: a tick that nothing touches takes %.2g ms there and back, a state %.2g s to "
+                "load; the queue holds %lld ticks\n",
+                1e-6 * (double)d->rest_ns, 1e-9 * (double)circuit.load_ns, (long long)circuit.queue);
         if (d->rest_ns > REST_TICK_NS)
-            printf("kneadd: expected %g ms at most: the circuit will not be in step, its twin gives the object\n",
-                   1e-6 * REST_TICK_NS);
+            fprintf(out, "kneadd: expected %g ms at most: the circuit will not be in step, its twin gives the object\n",
+                    1e-6 * REST_TICK_NS);
     } else if (d->rest_ns > REST_TICK_NS)
-        printf("kneadd: not real time: a tick takes %.2g ms here before anything touches the object, expected %g ms at "
-               "most; ticks will be missed and counted\n",
-               1e-6 * (double)d->rest_ns, 1e-6 * REST_TICK_NS);
-    fflush(stdout);
-    sd_notifyf(0, "READY=1\nSTATUS=serving %s", d->on.scene->name);
+        fprintf(
+            out,
+            "kneadd: not real time: a tick takes %.2g ms here before anything touches the object, expected %g ms at "
+            "most; ticks will be missed and counted\n",
+            1e-6 * (double)d->rest_ns, 1e-6 * REST_TICK_NS);
 }
 
 static void tell_circuit(server *d)
@@ -575,48 +578,66 @@ static void tell_circuit(server *d)
     char why[KN_LINK_WHY];
     if (!kn_backend_fpga_counts(&d->on.backend, &n)) return;
     bool agrees = kn_backend_fpga_agrees(&d->on.backend, why, &link);
-    fprintf(stderr, "kneadd: %lld ticks on the circuit, each its twin's; %lld by the twin alone; lost %lld times, "
-                    "different %lld, loaded %lld; at the end %s%s\n",
-            (long long)n.on_circuit, (long long)n.shadowed, (long long)n.losses, (long long)n.different,
-            (long long)n.loads, agrees ? "its state is the twin's" : "", agrees ? "" : why);
+    kn_say("kneadd: %lld ticks on the circuit, each its twin's; %lld by the twin alone; lost %lld times, "
+           "different %lld, loaded %lld; at the end %s%s",
+           (long long)n.on_circuit, (long long)n.shadowed, (long long)n.losses, (long long)n.different,
+           (long long)n.loads, agrees ? "its state is the twin's" : "", agrees ? "" : why);
     if (agrees)
-        fprintf(stderr, "kneadd: circuit answered in p50 %.0f us, p99 %.0f us; %lld requests sent again, %lld frames "
-                        "broken\n",
-                1e-3 * (double)link.p50_ns, 1e-3 * (double)link.p99_ns, (long long)link.retries,
-                (long long)(link.link.crc + link.link.coding));
+        kn_say("kneadd: circuit answered in p50 %.0f us, p99 %.0f us; %lld requests sent again, %lld frames "
+               "broken",
+               1e-3 * (double)link.p50_ns, 1e-3 * (double)link.p99_ns, (long long)link.retries,
+               (long long)(link.link.crc + link.link.coding));
 }
 
-static void tell_summary(server *d)
+static void tell_summary(server *d, FILE *out)
 {
-    tell_circuit(d);
     kn_account *a = &d->loop.account;
     const kn_receiver *r = &d->receiver;
-    printf("kneadd: stopped after %" PRId64 " ticks, %" PRId64 " missed (%" PRId64
-           " explained by the machine), %" PRId64 " overruns; %" PRId64 " published, %" PRId64 " not queued\n",
-           a->ticks, a->missed, kn_sentinel_judge(&d->sentinel, INT64_MAX), a->overruns, d->publisher.published,
-           a->unpublished);
+    fprintf(out,
+            "kneadd: stopped after %" PRId64 " ticks, %" PRId64 " missed (%" PRId64
+            " explained by the machine), %" PRId64 " overruns; %" PRId64 " published, %" PRId64 " not queued\n",
+            a->ticks, a->missed, kn_sentinel_judge(&d->sentinel, INT64_MAX), a->overruns, d->publisher.published,
+            a->unpublished);
     const kn_sentinel *s = &d->sentinel;
-    printf("kneadd: woken 1 ms late or more %" PRId64 " times (%" PRId64 " explained), 0.5 ms %" PRId64 " (%" PRId64
-           "); its sentinel %" PRId64 " and %" PRId64 " times in %" PRId64 " wakes\n", s->whole.count,
-           s->whole.explained, s->half.count, s->half.explained, s->later, s->late, s->wakes);
-    printf("kneadd: %" PRId64 " datagrams: %" PRId64 " accepted", r->received, r->accepted);
+    fprintf(out,
+            "kneadd: woken 1 ms late or more %" PRId64 " times (%" PRId64 " explained), 0.5 ms %" PRId64 " (%" PRId64
+            "); its sentinel %" PRId64 " and %" PRId64 " times in %" PRId64 " wakes\n",
+            s->whole.count, s->whole.explained, s->half.count, s->half.explained, s->later, s->late, s->wakes);
+    fprintf(out, "kneadd: %" PRId64 " datagrams: %" PRId64 " accepted", r->received, r->accepted);
     for (int i = 0; i < KN_REJECT_COUNT; i++)
-        if (r->rejected[i]) printf(", %" PRId64 " %s", r->rejected[i], kn_verdict_name((kn_verdict)i));
-    printf("; %" PRId64 " dropped by the kernel\n", kn_checkup_drops(&d->checkup));
+        if (r->rejected[i]) fprintf(out, ", %" PRId64 " %s", r->rejected[i], kn_verdict_name((kn_verdict)i));
+    fprintf(out, "; %" PRId64 " dropped by the kernel\n", kn_checkup_drops(&d->checkup));
     const kn_audit_news *audit = d->loop.audit ? kn_audit_read(d->loop.audit) : NULL;
     if (audit && audit->windows)
-        printf("kneadd: %" PRId64 " s audited, energy created in %" PRId64 " of them, %.3g mJ at most; at last %.3g mJ"
-               " stored of %.3g mJ of work\n", audit->windows, audit->created, 1e3 * audit->most_j,
-               1e3 * kn_energy_sum(&audit->stored), 1e3 * audit->work_j);
+        fprintf(out,
+                "kneadd: %" PRId64 " s audited, energy created in %" PRId64 " of them, %.3g mJ at most; at last %.3g mJ"
+                " stored of %.3g mJ of work\n",
+                audit->windows, audit->created, 1e3 * audit->most_j, 1e3 * kn_energy_sum(&audit->stored),
+                1e3 * audit->work_j);
     kn_keeper *k = &d->keeper;
     if (k->store.dir >= 0)
-        printf("kneadd: %" PRId64 " snapshots, the last generation %" PRId64 ", %.1f ms at most; %" PRId64 " errors\n",
-               k->saves, k->store.generation, 1e-3 * (double)k->most_us, k->errors);
-    if (d->trace.lost) printf("kneadd: %" PRId64 " rows of the trace lost\n", d->trace.lost);
+        fprintf(out,
+                "kneadd: %" PRId64 " snapshots, the last generation %" PRId64 ", %.1f ms at most; %" PRId64 " errors\n",
+                k->saves, k->store.generation, 1e-3 * (double)k->most_us, k->errors);
+    if (d->trace.lost) fprintf(out, "kneadd: %" PRId64 " rows of the trace lost\n", d->trace.lost);
     if (d->loop.phase.driven)
-        printf("kneadd: %" PRId64 " ticks with a tool to follow, in step with its poses in %" PRId64
-               ", held back for one in %" PRId64 "\n",
-               d->loop.phase.driven, d->loop.phase.followed, d->loop.phase.held);
+        fprintf(out,
+                "kneadd: %" PRId64 " ticks with a tool to follow, in step with its poses in %" PRId64
+                ", held back for one in %" PRId64 "\n",
+                d->loop.phase.driven, d->loop.phase.followed, d->loop.phase.held);
+}
+
+// Whole, however it was put together.
+static void say_all(server *d, void (*tell)(server *, FILE *))
+{
+    char *text = NULL;
+    size_t size;
+    FILE *out = open_memstream(&text, &size);
+    if (!out) return;
+    tell(d, out);
+    fclose(out);
+    kn_say_lines(STDOUT_FILENO, text ? text : "");
+    free(text);
 }
 
 static int64_t stopping_ns; // since when signals end the process, as on_signal does
@@ -637,7 +658,7 @@ static void join_worker(server *d)
     clock_gettime(CLOCK_REALTIME, &until);
     until.tv_sec += 2;
     d->stuck = pthread_timedjoin_np(d->worker_thread, NULL, &until) != 0;
-    if (d->stuck) fprintf(stderr, "kneadd: ends without the answer to a request that takes too long\n");
+    if (d->stuck) kn_say("kneadd: ends without the answer to a request that takes too long");
 }
 
 // False when the object as it is could not be saved.
@@ -701,12 +722,14 @@ static int serve(server *d, const kn_daemon_def *def)
         if (open_buses(d, def, error, sizeof error) && open_control(d, def, error, sizeof error) &&
             kn_trace_open(&d->trace, def->trace, def->later, error, sizeof error) &&
             start_threads(d, def, error, sizeof error)) {
-            tell_ready(d);
+            say_all(d, tell_ready);
+            sd_notifyf(0, "READY=1\nSTATUS=serving %s", d->on.scene->name);
             if (told_to_end) stop(d);
             ev_run(d->ev, 0);
             code = stop_threads(d) ? 0 : 3;
             kn_rt_leave(&d->rt);
-            tell_summary(d);
+            tell_circuit(d);
+            say_all(d, tell_summary);
             if (code)
                 snprintf(error, sizeof error, "--state-dir %s: the last of the object is not saved",
                          def->object.state_dir);
@@ -716,7 +739,7 @@ static int serve(server *d, const kn_daemon_def *def)
             }
         }
     }
-    if (code) fprintf(stderr, "%s%s\n", code == 2 ? "" : "kneadd: ", error); // bad input: its file or URL stands first
+    if (code) kn_say("%s%s", code == 2 ? "" : "kneadd: ", error); // bad input: its file or URL stands first
     return code;
 }
 
@@ -727,6 +750,7 @@ int kn_daemon_run(const kn_daemon_def *def)
     kn_daemon_def life = *def;
     kn_safety_limits limits;
     char *path = NULL, *text = NULL; // of the scene that is served, after the first
+    kn_say_start();
     for (;;) {
         int code = serve(&d, &life);
         bool goes_on = code == 0 && d.goes_on && !told_to_end;
@@ -745,7 +769,7 @@ int kn_daemon_run(const kn_daemon_def *def)
         life.estopped = kn_loop_estopped(&d.loop);
         free_all(&d);
         if (!goes_on) return free(path), free(text), code;
-        printf("kneadd: loading %s\n", path);
+        kn_say_out("kneadd: loading %s", path);
         stopping_ns = kn_now_ns();
     }
 }

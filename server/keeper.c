@@ -1,11 +1,13 @@
 #include "server/keeper.h"
 #include "core/snapshot.h"
+#include "server/say.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
+#include <unistd.h>
 
 static const long poll_ns = 2000000; // of thread and operator: nothing wakes them, since the servo calls nobody
 
@@ -113,8 +115,8 @@ static void complain(kn_keeper *k, const char *why, int64_t now_ns)
 {
     k->untold++;
     if (strcmp(why, k->told) == 0 && now_ns - k->told_ns < 1000000000) return;
-    fprintf(stderr, "kneadd: snapshot %" PRId64 " was not saved: %s/%s (%" PRId64 " failed)\n", k->store.generation + 1,
-            k->store.path, why, k->untold);
+    kn_say("kneadd: snapshot %" PRId64 " was not saved: %s/%s (%" PRId64 " failed)", k->store.generation + 1,
+           k->store.path, why, k->untold);
     snprintf(k->told, sizeof k->told, "%s", why);
     k->told_ns = now_ns;
     k->untold = 0;
@@ -122,9 +124,7 @@ static void complain(kn_keeper *k, const char *why, int64_t now_ns)
 
 static void tell_rest(kn_keeper *k)
 {
-    if (*k->told)
-        fprintf(stderr, "kneadd: snapshots are saved again in %s (%" PRId64 " more failed)\n", k->store.path,
-                k->untold);
+    if (*k->told) kn_say("kneadd: snapshots are saved again in %s (%" PRId64 " more failed)", k->store.path, k->untold);
     *k->told = 0;
     k->untold = 0;
 }
@@ -230,22 +230,35 @@ bool kn_keeper_writes(const kn_keeper *keeper, const kn_model *model)
 
 // --- start ----------------------------------------------------------------------------------------------------------
 
-static void print_age(double age_s)
+static void write_age(double age_s, char *text, size_t size)
 {
     if (age_s < 120)
-        printf("%.1f s", fmax(0, age_s));
+        snprintf(text, size, "%.1f s", fmax(0, age_s));
     else if (age_s < 7200)
-        printf("%.0f min", age_s / 60);
+        snprintf(text, size, "%.0f min", age_s / 60);
     else if (age_s < 172800)
-        printf("%.0f h", age_s / 3600);
+        snprintf(text, size, "%.0f h", age_s / 3600);
     else
-        printf("%.0f days", age_s / 86400);
+        snprintf(text, size, "%.0f days", age_s / 86400);
+}
+
+// The newest that fits, and a line for each that does not.
+static bool load_newest(kn_keeper *k, char *name)
+{
+    char why[200], *told = NULL;
+    size_t size;
+    FILE *refused = open_memstream(&told, &size);
+    bool fits = kn_store_load(&k->store, 0, &k->incoming, name, refused, why, sizeof why);
+    if (refused) fclose(refused);
+    if (told) kn_say_lines(STDERR_FILENO, told);
+    free(told);
+    return fits;
 }
 
 void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
 {
     kn_keeper *k = keeper;
-    char name[256], why[200];
+    char name[256], age[32];
     loop->keeper = k;
     loop->servo.undo = &k->undo;
     if (k->store.dir < 0) return;
@@ -255,8 +268,8 @@ void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
     atomic_store(&k->slot[0].saved_whole, true);
     k->incoming.servo.scene = loop->servo.scene;
     k->incoming.servo.model = k->model;
-    if (!kn_store_load(&k->store, 0, &k->incoming, name, stderr, why, sizeof why)) {
-        printf("kneadd: nothing to restore from %s: the object is as new\n", k->store.path);
+    if (!load_newest(k, name)) {
+        kn_say_out("kneadd: nothing to restore from %s: the object is as new", k->store.path);
         return;
     }
     kn_state_copy(k->model, k->slot[0].saved.state, k->incoming.state);
@@ -265,10 +278,8 @@ void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
     kn_store_pin(&k->store, k->incoming.generation);
     atomic_store(&k->generation, k->incoming.generation);
     k->incoming_order = kn_loop_order(loop, KN_ORDER_RESTORE, 0);
-    printf("kneadd: restored %s/%s, ", k->store.path, name);
-    print_age(1e-6 * (double)(kn_wall_us() - k->incoming.utime));
-    printf(" old, state 0x%016" PRIx64 "\n", k->incoming.state_hash);
-    fflush(stdout);
+    write_age(1e-6 * (double)(kn_wall_us() - k->incoming.utime), age, sizeof age);
+    kn_say_out("kneadd: restored %s/%s, %s old, state 0x%016" PRIx64, k->store.path, name, age, k->incoming.state_hash);
 }
 
 // --- the operator's side --------------------------------------------------------------------------------------------

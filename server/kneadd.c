@@ -3,11 +3,13 @@
 #include "server/control.h"
 #include "server/backend/fpga.h"
 #include "server/daemon.h"
+#include "server/say.h"
 #include <arpa/inet.h>
 #include <getopt.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 static const char usage[] =
     "usage: kneadd --scene FILE [--set KEY=VALUE]... [--lcm-url URL] [--mesh-url URL] [--realtime auto|require|off]\n"
@@ -116,7 +118,8 @@ int main(int argc, char **argv)
     const char **sets = calloc(2 * (size_t)argc, sizeof *sets);
     int code = sets ? run(argc, argv, sets) : 70;
     free(sets);
-    if (!(fflush(stdout) | ferror(stdout))) return code; // both: what failed on the way is not told by the last flush
-    fputs("kneadd: standard output could not be written to its end\n", stderr);
+    // all: what failed on the way is not told by the last flush
+    if (!(fflush(stdout) | ferror(stdout)) && kn_say_whole(STDOUT_FILENO)) return code;
+    kn_say("kneadd: standard output could not be written to its end");
     return code ? code : 3;
 }

@@ -3,6 +3,7 @@
 #include "core/composite.h"
 #include "server/clock.h"
 #include "server/keeper.h"
+#include "server/say.h"
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -77,8 +78,8 @@ static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size
     for (int try = 0; *s->sets.text; try++) {
         s->scene = with_sets(s, def, why, sizeof why);
         if (s->scene) break;
-        fprintf(stderr, "kneadd: of what was set before the last end %s is left out: %s\n",
-                try == 0 ? "what is the device's" : "everything", why);
+        kn_say("kneadd: of what was set before the last end %s is left out: %s",
+               try == 0 ? "what is the device's" : "everything", why);
         if (try == 0)
             without_device(&s->sets);
         else

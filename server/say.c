@@ -1,0 +1,105 @@
+#include "server/say.h"
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <limits.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdatomic.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+_Static_assert(KN_SAY_LINE <= PIPE_BUF, "a pipe that is ready takes that much at once");
+
+static int own[STDERR_FILENO + 1] = {-1, STDOUT_FILENO, STDERR_FILENO};
+static _Atomic int64_t dropped[STDERR_FILENO + 1];
+static atomic_bool failed[STDERR_FILENO + 1], torn[STDERR_FILENO + 1];
+
+void kn_say_start(void)
+{
+    signal(SIGPIPE, SIG_IGN);
+    for (int fd = STDOUT_FILENO; fd <= STDERR_FILENO; fd++) {
+        char name[32];
+        struct stat as;
+        if (own[fd] != fd || fstat(fd, &as) != 0 || !(S_ISFIFO(as.st_mode) || isatty(fd))) continue;
+        snprintf(name, sizeof name, "/proc/self/fd/%d", fd);
+        int again = open(name, O_WRONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
+        if (again >= 0) own[fd] = again;
+    }
+}
+
+// Whether the line stands there.
+static bool put(int fd, const char *line, size_t size)
+{
+    struct pollfd ready = {.fd = own[fd], .events = POLLOUT};
+    if (poll(&ready, 1, 0) != 1) return false;
+    ssize_t written = write(own[fd], line, size);
+    if (written < 0 && errno != EAGAIN && errno != EINTR) atomic_store(&failed[fd], true);
+    if (written > 0) atomic_store(&torn[fd], line[written - 1] != '\n'); // of a terminal, or a disk that is full
+    return written == (ssize_t)size;
+}
+
+static bool tell_dropped(int fd)
+{
+    char line[160];
+    int64_t lost = atomic_exchange(&dropped[fd], 0);
+    if (lost == 0) return true;
+    int size = snprintf(line, sizeof line,
+                        "%skneadd: %" PRId64 " lines before this one were not written: nobody read "
+                        "them\n",
+                        atomic_load(&torn[fd]) ? "\n" : "", lost);
+    if (put(fd, line, (size_t)size)) return true;
+    atomic_fetch_add(&dropped[fd], lost);
+    return false;
+}
+
+static void say(int fd, const char *line, size_t size)
+{
+    if (!tell_dropped(fd) || !put(fd, line, size)) atomic_fetch_add(&dropped[fd], 1);
+}
+
+static void say_formatted(int fd, const char *format, va_list arguments) __attribute__((format(printf, 2, 0)));
+static void say_formatted(int fd, const char *format, va_list arguments)
+{
+    char line[KN_SAY_LINE];
+    int size = vsnprintf(line, sizeof line, format, arguments);
+    if (size < 0) return;
+    if (size > KN_SAY_LINE - 1) size = KN_SAY_LINE - 1;
+    line[size] = '\n'; // in the NUL's place
+    say(fd, line, (size_t)size + 1);
+}
+
+void kn_say(const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    say_formatted(STDERR_FILENO, format, arguments);
+    va_end(arguments);
+}
+
+void kn_say_out(const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    say_formatted(STDOUT_FILENO, format, arguments);
+    va_end(arguments);
+}
+
+void kn_say_lines(int fd, const char *text)
+{
+    for (size_t size; *text; text += size) {
+        const char *end = strchr(text, '\n');
+        size = end ? (size_t)(end + 1 - text) : strlen(text);
+        if (size > KN_SAY_LINE) size = KN_SAY_LINE;
+        say(fd, text, size);
+    }
+}
+
+bool kn_say_whole(int fd)
+{
+    return !atomic_load(&failed[fd]) && atomic_load(&dropped[fd]) == 0;
+}

@@ -1,0 +1,151 @@
+#include "server/say.h"
+#include "tests/check.h"
+#include <fcntl.h>
+#include <poll.h>
+#include <string.h>
+#include <stdlib.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+// What a process says whose stderr, or stdout, is somebody else's: a pipe or a terminal with a reader of its own.
+typedef struct listener {
+    int reads, writes;
+} listener;
+
+static listener by_pipe(void)
+{
+    int ends[2];
+    CHECK(pipe(ends) == 0);
+    return (listener){ends[0], ends[1]};
+}
+
+static listener by_terminal(void)
+{
+    int master = posix_openpt(O_RDWR | O_NOCTTY);
+    CHECK(master >= 0 && grantpt(master) == 0 && unlockpt(master) == 0);
+    return (listener){master, open(ptsname(master), O_RDWR | O_NOCTTY)};
+}
+
+static pid_t speak(listener at, int fd, int (*says)(int fd))
+{
+    fflush(stdout);
+    pid_t child = fork();
+    if (child == 0) {
+        alarm(20); // held up, it ends by that
+        close(at.reads);
+        dup2(at.writes, fd);
+        kn_say_start();
+        _exit(says(fd));
+    }
+    close(at.writes);
+    return child;
+}
+
+static int ended(pid_t child)
+{
+    int status = -1;
+    waitpid(child, &status, 0);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+}
+
+static int says_much(int fd)
+{
+    (void)fd;
+    for (int i = 0; i < 2000; i++) kn_say("line %d %0400d", i, 0);
+    return kn_say_whole(STDERR_FILENO) ? 1 : 0;
+}
+
+static char text[1 << 20];
+
+static void hear(int reads)
+{
+    ssize_t got;
+    size_t size = 0;
+    while ((got = read(reads, text + size, sizeof text - 1 - size)) > 0) size += (size_t)got;
+    text[size] = '\0';
+}
+
+TEST("a pipe and a terminal that nobody reads hold up nobody, and what they held is whole")
+{
+    listener (*const by[])(void) = {by_pipe, by_terminal};
+    for (int i = 0; i < 2; i++) {
+        listener to = by[i]();
+        CHECK(ended(speak(to, STDERR_FILENO, says_much)) == 0);
+        hear(to.reads);
+        int lines = 0;
+        for (const char *at = text; (at = strstr(at, "line ")); at++) CHECK(atoi(at + 5) == lines++);
+        CHECK(lines > 5 && lines < 2000);
+        close(to.reads);
+    }
+}
+
+static int says_again(int fd)
+{
+    char go;
+    for (int i = 0; i < 500; i++) kn_say("line %d %0400d", i, 0);
+    if (write(STDOUT_FILENO, "!", 1) != 1 || read(STDIN_FILENO, &go, 1) != 1) return 2;
+    kn_say("read again");
+    kn_say("and again");
+    return kn_say_whole(fd) ? 0 : 1;
+}
+
+TEST("what was dropped is counted in the line before the next one, once")
+{
+    listener to = by_pipe(), go = by_pipe(), done = by_pipe();
+    int in = dup(STDIN_FILENO), out = dup(STDOUT_FILENO);
+    dup2(go.reads, STDIN_FILENO), dup2(done.writes, STDOUT_FILENO);
+    pid_t child = speak(to, STDERR_FILENO, says_again);
+    dup2(in, STDIN_FILENO), dup2(out, STDOUT_FILENO);
+    char word;
+    CHECK(read(done.reads, &word, 1) == 1);
+    ssize_t size = read(to.reads, text, sizeof text - 1); // all that there is
+    text[size] = '\0';
+    int heard = 0, dropped = 0;
+    for (const char *at = text; (at = strstr(at, "line ")); at++) heard++;
+    CHECK(write(go.writes, "!", 1) == 1);
+    hear(to.reads);
+    CHECK(sscanf(text, "kneadd: %d lines before this one were not written", &dropped) == 1);
+    CHECK(heard > 0 && heard + dropped == 500);
+    CHECK_STR(strchr(text, '\n'), "\nread again\nand again\n");
+    CHECK(ended(child) == 0);
+    close(in), close(out), close(to.reads), close(go.reads), close(go.writes), close(done.reads), close(done.writes);
+}
+
+static int says_to_nobody(int fd)
+{
+    struct pollfd left = {.fd = fd};
+    if (poll(&left, 1, 10000) != 1) return 2; // until the reader has gone
+    kn_say_out("a line");
+    return kn_say_whole(fd) ? 1 : 0;
+}
+
+TEST("a reader that has gone ends nobody, and that is told when asked")
+{
+    listener to = by_pipe();
+    pid_t child = speak(to, STDOUT_FILENO, says_to_nobody);
+    close(to.reads);
+    CHECK(ended(child) == 0);
+}
+
+static int says_long(int fd)
+{
+    char *lines = malloc(10000);
+    memset(lines, 'x', 10000);
+    strcpy(lines + 8999, "\nsecond\n");
+    kn_say_lines(fd, lines);
+    kn_say("%s", lines); // cut
+    return 0;
+}
+
+TEST("lines come as they are, one that is longer than what is written at once, too; a formatted one is cut")
+{
+    listener to = by_pipe();
+    CHECK(ended(speak(to, STDERR_FILENO, says_long)) == 0);
+    hear(to.reads);
+    CHECK(strspn(text, "x") == 8999 && strncmp(text + 8999, "\nsecond\n", 8) == 0);
+    CHECK(strspn(text + 9007, "x") == KN_SAY_LINE - 1);
+    CHECK_STR(text + 9007 + KN_SAY_LINE - 1, "\n");
+    close(to.reads);
+}
+
+TESTS_MAIN
