@@ -1,5 +1,6 @@
 #include "server/control.h"
 #include "server/clock.h"
+#include "server/say.h"
 #include <errno.h>
 #include <inttypes.h>
 #include <poll.h>
@@ -17,6 +18,7 @@
 
 #define CREDIT_NS (1000000000 / KN_CONTROL_HZ) // of one command
 #define GROUPS_MAX 256
+#define AUDIT_PIECE 3000 // bytes of a request in a line of the log
 
 typedef struct peer {
     int fd; // -1: nobody
@@ -27,6 +29,9 @@ typedef struct peer {
     bool ended;       // it says nothing more; what it said is still answered
     bool passing;     // over the rest of a line that was too long
     size_t length;    // of what has been read and not heard yet
+    size_t hastened;  // of that: looked through for what is urgent
+    json_t *done;     // the answer to what was urgent in there, until it is its turn; NULL: nothing was
+    int64_t told_ns;  // when something urgent last left a line
     char line[KN_CONTROL_LINE];
 } peer;
 
@@ -46,6 +51,10 @@ struct kn_control {
     sem_t given;
     atomic_bool ending;
     int done_fd; // an eventfd, which ends the control thread's wait
+    // lines without one of their own, since the one that told of them
+    int untold;
+    struct ucred untold_of; // the latest
+    int64_t untold_ns;      // of that one
 };
 
 json_t *kn_control_error(const char *format, ...)
@@ -55,6 +64,24 @@ json_t *kn_control_error(const char *format, ...)
     json_t *error = json_vsprintf(format, arguments);
     va_end(arguments);
     return json_pack("{s:b, s:o}", "ok", 0, "error", error ? error : json_string("out of memory, or no UTF-8"));
+}
+
+// --- lines that get none of their own in the log ---
+
+// One line a second, which counts all since the one before.
+static void tell_untold(kn_control *c, int64_t now_ns)
+{
+    if (c->untold == 0 || now_ns - c->untold_ns < 1000000000) return;
+    kn_say("kneadd: control: lines that were no requests, or more than %d a second: %d, the last of uid %d pid %d",
+           KN_CONTROL_HZ, c->untold, (int)c->untold_of.uid, (int)c->untold_of.pid);
+    c->untold = 0;
+    c->untold_ns = now_ns;
+}
+
+static void count_untold(kn_control *c, const peer *p)
+{
+    c->untold++;
+    c->untold_of = p->who;
 }
 
 // --- the socket ---
@@ -114,6 +141,7 @@ static void hang_up(peer *p)
 {
     close(p->fd);
     json_decref(p->request);
+    json_decref(p->done);
     *p = (peer){.fd = -1};
 }
 
@@ -121,6 +149,7 @@ void kn_control_close(kn_control *c)
 {
     struct stat now;
     if (!c) return;
+    tell_untold(c, INT64_MAX);
     if (atomic_load(&c->job) == JOB_DONE) json_decref(c->job_answer);
     for (int i = 0; i < KN_CONTROL_PEERS; i++)
         if (c->peers[i].fd >= 0) hang_up(&c->peers[i]);
@@ -183,7 +212,7 @@ static void greet(kn_control *c)
         *make_place(c) = one;
         return;
     }
-    fprintf(stderr, "kneadd: control: uid %d pid %d: refused\n", (int)one.who.uid, (int)one.who.pid);
+    kn_say("kneadd: control: uid %d pid %d: refused", (int)one.who.uid, (int)one.who.pid);
     send_reply(&one, kn_control_error("uid %d may not command this server", (int)one.who.uid));
     if (one.fd >= 0) hang_up(&one);
 }
@@ -208,22 +237,24 @@ static const char *legible(const char *text, char *room, size_t size)
     return room;
 }
 
+// All of it, in lines of what one takes.
 static void tell_audit(const peer *p, const json_t *request, const json_t *answer)
 {
     const json_t *tick = json_object_get(answer, "tick"), *generation = json_object_get(answer, "generation");
     const json_t *error = json_object_get(answer, "error");
-    char why[400];
+    char why[400], outcome[500] = "done";
     char *asked = json_dumps(request, JSON_COMPACT | JSON_ENSURE_ASCII);
-    fprintf(stderr, "kneadd: control: uid %d pid %d: %.1200s: ", (int)p->who.uid, (int)p->who.pid, asked ? asked : "?");
+    const char *rest = asked ? asked : "?", *more = "";
     if (error)
-        fprintf(stderr, "refused: %s\n", legible(json_string_value(error), why, sizeof why));
+        snprintf(outcome, sizeof outcome, "refused: %s", legible(json_string_value(error), why, sizeof why));
     else if (json_integer_value(generation) > 0)
-        fprintf(stderr, "tick %" PRId64 ", generation %" PRId64 "\n", (int64_t)json_integer_value(tick),
-                (int64_t)json_integer_value(generation));
+        snprintf(outcome, sizeof outcome, "tick %" PRId64 ", generation %" PRId64, (int64_t)json_integer_value(tick),
+                 (int64_t)json_integer_value(generation));
     else if (tick)
-        fprintf(stderr, "tick %" PRId64 "\n", (int64_t)json_integer_value(tick));
-    else
-        fprintf(stderr, "done\n");
+        snprintf(outcome, sizeof outcome, "tick %" PRId64, (int64_t)json_integer_value(tick));
+    for (; strlen(rest) > AUDIT_PIECE; rest += AUDIT_PIECE, more = "... ")
+        kn_say("kneadd: control: uid %d pid %d: %s%.*s ...", (int)p->who.uid, (int)p->who.pid, more, AUDIT_PIECE, rest);
+    kn_say("kneadd: control: uid %d pid %d: %s%s: %s", (int)p->who.uid, (int)p->who.pid, more, rest, outcome);
     free(asked);
 }
 
@@ -265,20 +296,85 @@ static void answer(const kn_control *c, peer *p, const json_t *request, json_t *
     send_reply(p, reply);
 }
 
+static void forget_done(peer *p)
+{
+    json_decref(p->done);
+    p->done = NULL;
+}
+
+static bool is_urgent(const kn_control *c, const char *line, size_t length)
+{
+    json_t *refusal, *request = parse(line, length, &refusal);
+    bool urgent = request && c->def.urgent(c->def.self, request);
+    json_decref(request);
+    json_decref(refusal);
+    return urgent;
+}
+
+// What was urgent among the lines read has been done; here is its turn to be answered.
+static bool answer_done(const kn_control *c, peer *p, size_t length)
+{
+    if (!p->done || length >= p->hastened || !is_urgent(c, p->line, length)) return false;
+    send_reply(p, json_incref(p->done));
+    return true;
+}
+
 static void hear_line(kn_control *c, peer *p, size_t length)
 {
     json_t *refusal, *request;
     p->heard_ns = kn_now_ns();
-    if (!afford(p)) {
+    bool paid = afford(p);
+    if (answer_done(c, p, length)) return;
+    if (!paid && !(c->def.urgent && is_urgent(c, p->line, length))) {
+        count_untold(c, p);
         send_reply(p, kn_control_error("more than %d commands a second", KN_CONTROL_HZ));
     } else if (!(request = parse(p->line, length, &refusal))) {
+        count_untold(c, p);
         send_reply(p, refusal);
     } else if (c->def.slow && c->def.slow(c->def.self, request)) {
         p->request = request; // given, or refused by kn_control_drain
     } else {
+        if (c->def.audits(c->def.self, request)) forget_done(p); // it may have taken it back
         answer(c, p, request, c->def.answer(c->def.self, request));
         json_decref(request);
     }
+}
+
+static void do_urgent(kn_control *c, peer *p, const json_t *request)
+{
+    int64_t now_ns = kn_now_ns();
+    forget_done(p);
+    p->done = c->def.answer(c->def.self, request);
+    if (now_ns - p->told_ns >= CREDIT_NS) {
+        tell_audit(p, request, p->done);
+        p->told_ns = now_ns;
+    } else {
+        count_untold(c, p);
+    }
+}
+
+// What is urgent passes the lines before it, one of them that is at work, too, and the limit of commands a second. It
+// is done once for all such lines that came at once, so that nobody can keep this thread, and answered when it is its
+// turn.
+static void hasten(kn_control *c, peer *p)
+{
+    json_t *urgent = NULL, *refusal;
+    const char *end;
+    bool passing = p->passing && p->hastened == 0;
+    for (; (end = memchr(p->line + p->hastened, '\n', p->length - p->hastened)); passing = false) {
+        const char *line = p->line + p->hastened;
+        json_t *request = passing ? NULL : parse(line, (size_t)(end - line), &refusal);
+        if (!request && !passing) json_decref(refusal);
+        p->hastened = (size_t)(end + 1 - p->line);
+        if (!request || !c->def.urgent(c->def.self, request)) {
+            json_decref(request);
+            continue;
+        }
+        json_decref(urgent);
+        urgent = request;
+    }
+    if (urgent) do_urgent(c, p, urgent);
+    json_decref(urgent);
 }
 
 // One line of what has been read, so that everybody is heard in turn.
@@ -292,13 +388,22 @@ static void hear(kn_control *c, peer *p)
         hear_line(c, p, size - 1);
     } else if (p->length == KN_CONTROL_LINE) {
         p->passing = true;
+        count_untold(c, p);
         send_reply(p, kn_control_error("a line of more than %d bytes", KN_CONTROL_LINE - 1));
     } else {
         return;
     }
     if (p->fd < 0) return; // it did not read the reply
     p->length -= size;
+    p->hastened -= size < p->hastened ? size : p->hastened;
     memmove(p->line, p->line + size, p->length);
+}
+
+// What stands without a newline at the end is a line, too.
+static void end(peer *p)
+{
+    p->ended = true;
+    if (p->length > 0 && p->line[p->length - 1] != '\n') p->line[p->length++] = '\n';
 }
 
 static void listen_to(peer *p)
@@ -307,9 +412,9 @@ static void listen_to(peer *p)
     if (size > 0)
         p->length += (size_t)size;
     else if (size == 0)
-        p->ended = true;
+        end(p);
     else if (errno != EAGAIN && errno != EINTR)
-        hang_up(p);
+        p->request ? end(p) : hang_up(p); // its request may be at work
 }
 
 // --- slow requests: one at a time, while the others are heard ---
@@ -369,19 +474,21 @@ void kn_control_turn(kn_control *c, int timeout_ms)
     for (int i = 0; i < KN_CONTROL_PEERS; i++) {
         const peer *p = &c->peers[i];
         bool full = p->length == sizeof p->line, waits = p->request != NULL;
-        polled[2 + i] = (struct pollfd){.fd = full || waits || p->ended ? -1 : p->fd, .events = POLLIN};
+        polled[2 + i] = (struct pollfd){.fd = full || p->ended ? -1 : p->fd, .events = POLLIN};
         if (p->fd >= 0 && !waits && (full || memchr(p->line, '\n', p->length))) timeout_ms = 0; // has been read already
     }
     if (poll(polled, 2 + KN_CONTROL_PEERS, timeout_ms) < 0) return;
     for (int i = 0; i < KN_CONTROL_PEERS; i++) {
         peer *p = &c->peers[i];
         if (polled[2 + i].revents) listen_to(p);
+        if (p->fd >= 0 && c->def.urgent) hasten(c, p);
         if (p->fd >= 0 && !p->request) hear(c, p);
         if (p->fd >= 0 && p->ended && !p->request && !memchr(p->line, '\n', p->length)) hang_up(p);
     }
     collect(c);
     give(c);
     if (polled[0].revents) greet(c);
+    tell_untold(c, kn_now_ns());
 }
 
 static void refuse_slow(const kn_control *c, peer *p)

@@ -9,7 +9,13 @@
 // other end (SO_PEERCRED): root, the user that kneadd runs as, and members of the socket's group are heard. What a line
 // means is its owner's (operator.h); here it is bytes, peers and limits: KN_CONTROL_LINE bytes a line, KN_CONTROL_PEERS
 // at once (the one that was silent for longest gives way), KN_CONTROL_HZ commands a second of each, and no reply is
-// waited for that nobody reads. Everybody is heard in turn, a line at a time, whatever another one waits for.
+// waited for that nobody reads. Everybody is heard in turn, a line at a time, whatever another one waits for. What is
+// urgent, an emergency stop, is held up by none of these limits: it is done as soon as it has been read, ahead of the
+// same peer's other lines, and answered when it is its turn. What stands without a newline when a peer has said all is
+// a line, too.
+//
+// On stderr: changes and who made them, all of each request, in lines of 3000 bytes of it; and once a second at most
+// how many lines were no requests, or too many.
 #include <jansson.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -31,13 +37,15 @@ typedef struct kn_control_def {
     // Whether its answer may take longer than some ticks: then it is asked for in kn_control_work's thread, and the
     // other peers are heard meanwhile. NULL: none.
     bool (*slow)(void *self, const json_t *request);
+    // Whether it waits for nothing. It is no slow one, takes about a tick, and may come twice. NULL: none.
+    bool (*urgent)(void *self, const json_t *request);
 } kn_control_def;
 
 // {"ok": false, "error": "..."}
 json_t *kn_control_error(const char *format, ...) __attribute__((format(printf, 1, 2)));
 
-// The reply to one line without its newline, whatever its bytes: a new reference, never NULL. *request: what it asked, a
-// new reference; NULL: it is no request.
+// The reply to one line without its newline, whatever its bytes: a new reference, never NULL. *request: what it asked,
+// a new reference; NULL: it is no request.
 json_t *kn_control_judge(const kn_control_def *def, const char *line, size_t length, json_t **request);
 
 // Binds path, replacing a socket there that nobody serves. NULL and one line in error.

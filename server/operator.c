@@ -1,10 +1,12 @@
 #include "server/operator.h"
 #include "server/backend/loss.h"
+#include <ctype.h>
 #include <inttypes.h>
 #include <math.h>
 #include <string.h>
 #include <time.h>
 
+#define SECRET 64       // bytes, of what stands in the place of a quotation
 #define PATIENCE_MS 500 // for a tick or the main thread: longer, and this is no running server
 
 void kn_operator_init(kn_operator *o, const kn_operated *on)
@@ -455,16 +457,34 @@ static json_t *set(kn_operator *o, const json_t *argument)
     return answer;
 }
 
+// kneadd may read files that whoever commands it may not: it quotes nothing but what looks like a scene's words.
+// size: of what why could hold, and SECRET bytes less than there are; a quotation that was cut off has no end.
+static void keep_secret(char *why, size_t size, const char *path)
+{
+    size_t skipped = strncmp(why, path, strlen(path)) == 0 ? strlen(path) : 0, word = 0;
+    char *quoted = strchr(why + skipped, '\''), *last = strrchr(why + skipped, '\'');
+    bool plain = !quoted || (quoted < last && strlen(why) + 1 < size);
+    for (const char *c = quoted; c && c < last; c++) {
+        word = strchr(" '", *c) ? 0 : word + 1;
+        plain &= word <= 20 && (islower((unsigned char)*c) || isdigit((unsigned char)*c) || strchr(" '_.,;()-", *c) ||
+                                (*c == ':' && c[1] == ' '));
+    }
+    if (!plain) strcpy(quoted, "... (knead check tells whoever may read it)");
+}
+
 // As the start will do it, so that a scene that cannot be served ends nothing.
 static json_t *load(kn_operator *o, const json_t *argument)
 {
-    char error[512];
+    char error[512 + SECRET];
     kn_served trial;
     kn_served_def def = *o->on.def;
     def.name = def.text = NULL; // read anew
     if (argument) def.scene_path = json_string_value(argument);
     def.device = NULL; // it serves the object of now
-    if (kn_served_load(&trial, &def, error, sizeof error) != 0) return kn_control_error("%s", error);
+    if (kn_served_load(&trial, &def, error, sizeof error - SECRET) != 0) {
+        keep_secret(error, sizeof error - SECRET, def.scene_path);
+        return kn_control_error("%s", error);
+    }
     const char *raised = kn_safety_raised(&trial.scene->limits, o->on.limits);
     json_t *answer =
         raised ? kn_control_error("%s: %s: allows a hand more than the scene of the start does; a new start can",
@@ -532,6 +552,13 @@ static bool is_slow(void *op, const json_t *request)
     return c && (c->run == snapshot || c->run == restore || c->run == undo || c->run == set || c->run == load);
 }
 
+static bool is_urgent(void *op, const json_t *request)
+{
+    (void)op;
+    const struct command *c = command_of(request);
+    return c && c->run == estop;
+}
+
 static json_t *answer(void *op, const json_t *request)
 {
     const struct command *c = command_of(request);
@@ -551,5 +578,5 @@ static json_t *answer(void *op, const json_t *request)
 
 kn_control_def kn_operator_control(kn_operator *o)
 {
-    return (kn_control_def){.self = o, .answer = answer, .audits = audits, .slow = is_slow};
+    return (kn_control_def){.self = o, .answer = answer, .audits = audits, .slow = is_slow, .urgent = is_urgent};
 }

@@ -92,6 +92,21 @@ start_kneadd dough-small.yaml --control control --state-dir state
 expect 'No such file' 2 ctl load nowhere.yaml
 printf 'version: 1\nobject: {size: [1 cm]}\n' >wrong.yaml
 expect 'wrong.yaml:2:' 2 ctl load wrong.yaml
+printf 'root:$y$j9:19000:::\n' >shadow
+printf "o'brien:\$y\$j9: 1\n" >quoted
+printf '{MIIEpAIBAAKCAQEA0: 1}\n' >letters
+printf 'matreial: 1\n' >typo.yaml
+for file in shadow quoted letters; do
+    expect "$file:1:.*unknown key \.\.\. (knead check" 2 ctl load $file
+done
+python3 -c 'import json, os, socket
+for size in range(400, 512): # what no longer fits into a reply is cut off
+    s = socket.socket(socket.AF_UNIX); s.connect("control")
+    name = os.getcwd() + "/"
+    name += "./" * ((size - len(name)) // 2) + "shadow"
+    s.sendall(json.dumps({"command": "load", "scene": name}).encode() + b"\n"); print(s.recv(9999).decode(), end="")' >cut
+check "nor is it when it is cut off" [ "$(grep -c unknown cut) $(grep -c 'root\|y\$j\|19000' cut)" = "$(grep -c unknown cut) 0" -a "$(grep -c unknown cut)" -gt 20 ]
+expect "unknown key 'matreial'.*material" 2 ctl load typo.yaml
 python3 -c 'import json, socket
 s = socket.socket(socket.AF_UNIX); s.connect("control")
 s.sendall(json.dumps({"command": "load", "scene": "x\nkneadd: control: uid 0 pid 1: forged"}).encode() + b"\n"); s.recv(9999)'

@@ -40,7 +40,13 @@ static bool slow(void *self, const json_t *request)
     return json_object_get(request, "slow") != NULL;
 }
 
-static const kn_control_def def = {NULL, answer, audits, slow};
+static bool urgent(void *self, const json_t *request)
+{
+    (void)self;
+    return json_object_get(request, "urgent") != NULL;
+}
+
+static const kn_control_def def = {NULL, answer, audits, slow, urgent};
 
 static kn_control *start(void)
 {
@@ -93,7 +99,7 @@ static void hush(void) // stderr into a pipe
 
 static const char *unhush(void)
 {
-    static char told[4096];
+    static char told[1 << 15];
     fflush(stderr);
     ssize_t size = read(silent[1], told, sizeof told - 1);
     told[size > 0 ? size : 0] = '\0';
@@ -117,6 +123,14 @@ TEST("a line is a request however it comes in pieces, and each gets one line bac
     answered = 0;
     for (int i = 0; i < 5; i++) kn_control_turn(c, 0);
     CHECK(answered == 1);
+    fd = dial(); // one without a newline, and half a one
+    CHECK(send(fd, "{\"c\":3}\n{\"d\":4}", 15, 0) == 15 && shutdown(fd, SHUT_WR) == 0);
+    CHECK_STR(hear(c, fd), "{\"ok\":true,\"request\":{\"c\":3}}\n{\"ok\":true,\"request\":{\"d\":4}}\n");
+    close(fd);
+    fd = dial();
+    CHECK(send(fd, "{\"e\":", 5, 0) == 5 && shutdown(fd, SHUT_WR) == 0);
+    CHECK(strstr(hear(c, fd), "no JSON at byte"));
+    close(fd);
     kn_control_close(c);
     CHECK(access(path, F_OK) != 0);
 }
@@ -228,6 +242,43 @@ TEST("after a hundred commands at once a peer gets a hundred a second, and anoth
     kn_control_close(c);
 }
 
+TEST("an urgent line is answered however many came before it, and a flood of them is done once a turn")
+{
+    static const char line[] = "{\"urgent\":1}\n", ok[] = "{\"ok\":true,\"request\":{\"urgent\":1}}\n";
+    kn_control *c = start();
+    int fd = dial(), size = 0;
+    bool refused = false;
+    for (int i = 0; i < 1000 && !refused; i++) refused = strstr(say(c, fd, "{}\n"), "commands a second") != NULL;
+    CHECK(refused);
+    for (int i = 0; i < 50; i++) CHECK_STR(say(c, fd, line), ok);
+    static char flood[4096], *at = flood;
+    for (size_t i = 0; i < 250; i++) at = stpcpy(at, line);
+    answered = 0;
+    hush();
+    CHECK(send(fd, flood, strlen(flood), MSG_NOSIGNAL) == (ssize_t)strlen(flood));
+    for (int i = 0; i < 300; i++) kn_control_turn(c, 0);
+    CHECK(answered == 1);
+    CHECK(strlen(unhush()) < 200);
+    while ((size = (int)recv(fd, flood, sizeof flood, MSG_DONTWAIT)) > 0) answered += size;
+    CHECK(answered == 1 + 250 * (int)strlen(ok));
+    close(fd);
+    kn_control_close(c);
+}
+
+TEST("what was done ahead is done again at its turn when something in between may have taken it back")
+{
+    kn_control *c = start();
+    int fd = dial();
+    hush();
+    CHECK_STR(say(c, fd, "{\"urgent\":1}\n{\"audit\":1}\n{\"urgent\":2}\n"),
+              "{\"ok\":true,\"request\":{\"urgent\":2}}\n{\"ok\":true,\"request\":{\"audit\":1}}\n"
+              "{\"ok\":true,\"request\":{\"urgent\":2}}\n");
+    unhush();
+    CHECK(answered == 3);
+    close(fd);
+    kn_control_close(c);
+}
+
 TEST("a ninth peer takes the place of the one that was silent for longest")
 {
     kn_control *c = start();
@@ -308,6 +359,30 @@ TEST("changes leave a line with who made them, questions none, and control chara
     kn_control_close(c);
 }
 
+TEST("all of a request stands in the log, and how many lines there were that are none, once a second")
+{
+    static char line[KN_CONTROL_LINE];
+    kn_control *c = start();
+    int fd = dial(), bad = 0, lines = 0;
+    memset(line, 'x', sizeof line - 1);
+    memcpy(line, "{\"audit\":\"", 10);
+    strcpy(line + sizeof line - 8, "LAST\"}\n");
+    hush();
+    say(c, fd, line);
+    const char *told = unhush();
+    size_t all = 0;
+    for (const char *at = told; *at; at++) all += *at == 'x', lines += *at == '\n';
+    CHECK(all == strlen(line) - 17 && lines == 2 && strstr(told, "LAST\"}: done\n"));
+    hush();
+    int64_t from_ns = kn_now_ns();
+    for (int i = 0; i < 50; i++) say(c, fd, "no request\n");
+    kn_control_close(c); // the rest is told
+    told = unhush();
+    for (lines = 0; (told = strstr(told, "more than 100 a second: ")); lines++) bad += atoi(told += 24);
+    CHECK(bad == 50 && lines >= 1 && lines <= 2 + (kn_now_ns() - from_ns) / 1000000000);
+    close(fd);
+}
+
 static const char *await(kn_control *c, int fd)
 {
     const char *text = "";
@@ -339,6 +414,22 @@ TEST("everybody is heard in turn, a line each, and nobody waits for another one'
     for (int i = 0; i < 20; i++) hear(c, other), usleep(1000);
     CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
     CHECK(answered == 10 + 3 + 1);
+    fd = dial();
+    CHECK_STR(say(c, fd, "{\"slow\":4}\n{}\n"), "");
+    CHECK_STR(say(c, fd, "{\"urgent\":1}\n"), ""); // behind the peer's own: done at once, answered in turn
+    for (int i = 0; i < 5000 && answered < 16; i++) usleep(1000);
+    CHECK(answered == 16);
+    sem_post(&hurry);
+    CHECK_STR(await(c, fd), "{\"ok\":true,\"request\":{\"slow\":4}}\n{\"ok\":true,\"request\":{}}\n"
+                            "{\"ok\":true,\"request\":{\"urgent\":1}}\n");
+    CHECK(answered == 17);
+    CHECK_STR(say(c, fd, "{\"slow\":5}\n{}\n"), "");
+    CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
+    close(fd); // with an answer unread, and one at work
+    for (int i = 0; i < 5; i++) kn_control_turn(c, 0);
+    sem_post(&hurry);
+    for (int i = 0; i < 20; i++) hear(c, other), usleep(1000);
+    CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
     kn_control_end(c);
     pthread_join(worker, NULL);
     close(second), close(other);
