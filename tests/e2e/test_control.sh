@@ -183,6 +183,39 @@ wait $server
 ended=$?
 check "as SIGTERM does" [ $ended = 0 ]
 
+# one whose reader leaves, as head does, serves on
+rm -f first
+(env --default-signal=PIPE kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime "$KN_REALTIME" --control control 2>err
+    echo $? >code) | head -1 >first &
+for _ in $(seq 100); do [ -s first ] && break; sleep 0.05; done
+ctl load >loaded 2>&1
+for _ in $(seq 100); do ctl status >again 2>/dev/null && break; sleep 0.05; done
+check "a reader that has gone does not end it at a load: $(cat loaded)" grep -q '^scene  *dough-small.yaml' again
+ctl stop >/dev/null 2>&1
+wait $!
+check "in the end it says what is missing: $(tail -1 err)" \
+    grep -q 'standard output could not be written to its end' err
+check "and exits with 3" [ "$(cat code)" = 3 ]
+
+# an emergency stop, however many questions came before it on its connection, and whatever that waits for
+start_kneadd dough-small.yaml --control control
+python3 -c '
+import json, socket, time
+s = socket.socket(socket.AF_UNIX); s.connect("control"); f = s.makefile()
+refused = 0
+while not refused:
+    s.sendall(b"{\"command\":\"status\"}\n"); refused = "commands a second" in f.readline()
+s.sendall(b"{\"command\":\"estop\"}\n"); print(f.readline(), end="")
+s = socket.socket(socket.AF_UNIX); s.connect("control"); f = s.makefile()
+s.sendall(b"{\"command\":\"recover\"}\n"); f.readline()
+s.sendall(b"{\"command\":\"set\",\"values\":[\"material.c1=5 kPa*s\"]}\n{\"command\":\"estop\"}\n")
+print(json.loads(f.readline())["tick"] > json.loads(f.readline())["tick"])
+s.sendall(b"{\"command\":\"status\"}"); s.shutdown(socket.SHUT_WR); print(json.loads(f.readline())["mode"])' >answers 2>&1
+check "more than a hundred questions keep no stop out: $(head -1 answers)" grep -q '^{"ok":true,"tick":[0-9]*}$' answers
+check "nor does the slow request before it" grep -qx True answers
+check "a question without its newline is answered at the end" grep -qx ESTOP answers
+stop_kneadd >/dev/null
+
 # a server that is told to stop stops, whatever else it was told
 start_kneadd dough-small.yaml --control control
 (lines '{"command":"stop"}

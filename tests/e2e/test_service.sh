@@ -57,6 +57,18 @@ check "a server that stands still does not" [ "$(heard WATCHDOG=1)" -le $((befor
 kill -CONT $server
 for _ in $(seq 50); do [ "$(heard WATCHDOG=1)" -gt $((before + 1)) ] && break; sleep 0.1; done
 check "one that goes on does again" [ "$(heard WATCHDOG=1)" -gt $((before + 1)) ]
+for thread in servo kneadd; do # each alone, while the thread that feeds the watchdog goes on
+    freeze $server $thread 4.2 2>froze & frozen=$!
+    pause 1.6 # the main thread leaves half a second of records before it is missed
+    before=$(heard WATCHDOG=1)
+    pause 2.4
+    during=$(($(heard WATCHDOG=1) - before))
+    wait $frozen
+    [ $? = 77 ] && echo "no thread can be stopped here: $(cat froze)" && continue
+    check "nor does one whose thread $thread alone is stuck: $during times in 2 s" [ $during = 0 ]
+    for _ in $(seq 50); do [ "$(heard WATCHDOG=1)" -gt $((before + during)) ] && break; sleep 0.1; done
+    check "until it is no more" [ "$(heard WATCHDOG=1)" -gt $((before + during)) ]
+done
 ./knead ctl --control control --json status >status.json
 check "root may command it" grep -q '^{"ok":true,' status.json
 setpriv --reuid 1234 --regid 65534 --clear-groups ./knead ctl --control control reset >group 2>&1
@@ -74,4 +86,38 @@ wait $server
 ended=$?
 check "it ended well" [ $ended = 0 ]
 check "and said so" [ "$(heard STOPPING=1)" = 1 ]
+
+# stdout and stderr full, and nobody reads them
+mkfifo full
+exec 7<>full
+NOTIFY_SOCKET=$PWD/notify ./kneadd --scene dough-small.yaml --control control --realtime "$KN_REALTIME" >full 2>&1 &
+server=$!
+for _ in $(seq 100); do [ -S control ] && ./knead ctl --control control status >/dev/null 2>&1 && break; sleep 0.05; done
+python3 -c 'import os
+fd = os.open("full", os.O_WRONLY | os.O_NONBLOCK)
+for size in 1024, 1:
+    try:
+        while True: os.write(fd, b"x" * size)
+    except BlockingIOError: pass'
+kill -STOP $server
+pause 0.05
+kill -CONT $server # overruns to be told
+before=$(heard WATCHDOG=1)
+for _ in 1 2 3; do timeout 5 ./knead ctl --control control reset >/dev/null; done
+timeout 5 ./knead ctl --control control estop >stopped 2>&1
+check "unheard it is told to stop at once: $(cat stopped)" grep -q '^estop: tick' stopped
+pause 3.3
+during=$(($(heard WATCHDOG=1) - before))
+check "and says every second that it is alive: $during times in 3 s" [ $during -ge 2 ]
+timeout 20 ./knead ctl --control control load >loaded 2>&1
+for _ in $(seq 100); do timeout 5 ./knead ctl --control control status >again 2>/dev/null && break; sleep 0.05; done
+check "loads: $(cat loaded)" grep -q '^scene  *dough-small.yaml' again
+kill -TERM $server
+for _ in $(seq 40); do kill -0 $server 2>/dev/null || break; sleep 0.1; done
+check "and ends when it is told to" sh -c "! kill -0 $server 2>/dev/null"
+kill -KILL $server 2>/dev/null
+wait $server
+ended=$?
+check "with 3: nobody has its summary" [ $ended = 3 ]
+exec 7>&-
 exit $failed

@@ -20,6 +20,18 @@ sleep 1
 kill $hand
 wait $hand
 check "the device wrote down every tick" [ $? = 0 ]
+pause 1.5 # its session ends
+lines=$(grep -c '^Overrun' kneadd.err)
+began=$(date +%s%N)
+for ((n = 0; n < 30; n++)); do # ten a second, of 20 ms each
+    kill -STOP $server
+    pause 0.02
+    kill -CONT $server
+    pause 0.08
+done
+pause 1.5 # told
+lines=$(($(grep -c '^Overrun' kneadd.err) - lines))
+burst_ms=$((($(date +%s%N) - began) / 1000000))
 stop_kneadd
 stop_logger
 # a stall: 3 cycles missed and more; normal again: in its own cycle, with none missed and less than 0.5 ms late
@@ -40,6 +52,11 @@ rules stall.lcmlog finger 3.3 4 | tee served.txt
 awk -v clamp=3.3 -v guard=4 -f "$KN_SOURCE/tests/tactile/device.awk" felt.csv | tee felt.txt
 check "it was frozen $((4 * stalls)) times" [ "$(number stalls ticks.txt)" -ge $((4 * stalls)) ]
 check "what it missed is counted" [ "$(counter missed)" -ge "$(number skipped ticks.txt)" ]
+line='^Overrun detected! The servo loop missed its desired rate of 1000 Hz. The loop took [0-9]*\.[0-9]{3} ms \(missed cycles : [0-9]+\)\.$'
+check "and told, each time in ros2_control's words" [ "$(grep -cE "$line" kneadd.err) $(grep -cvE "$line" kneadd.err)" = "$(grep -c . kneadd.err) 0" ]
+check "30 stalls in $burst_ms ms: $lines lines, one a second at most" [ "$lines" -ge 2 -a "$lines" -le $((burst_ms / 1000 + 1)) ]
+told=$(grep -oE '[0-9]+\)\.$' kneadd.err | awk '{ n += $1 } END { print n + 0 }')
+check "which tell of $told of $(counter missed) missed cycles, each once" [ "$told" -le "$(counter missed)" -a $((20 * told)) -ge $((19 * $(counter missed))) ]
 check "no tick is in another's cycle: nothing is made up for" [ "$(number foreign ticks.txt)" = 0 ]
 check "two cycles later it is on time, but for a tenth of them" [ $((10 * $(number lame ticks.txt))) -le "$(number stalls ticks.txt)" ]
 for n in over_clamp over_guard over_slope late_zero; do
