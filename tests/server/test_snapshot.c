@@ -284,12 +284,14 @@ TEST("a file of another scene, lattice, material or version is refused by name")
     uint8_t *bytes = malloc(kn_saved_size_max(r->model));
     char why[200];
     r->saved.generation = 3;
+    r->saved.servo.safety[1].nonfinite = true;
     size_t size = kn_saved_encode(r->scene, r->model, &r->saved, bytes, kn_saved_size_max(r->model));
     for (size_t t = 0; t < sizeof table / sizeof *table; t++) {
         rig *o = rig_of(table[t].scene, table[t].set);
         *why = '\0';
         CHECK(kn_saved_decode(o->scene, o->model, bytes, size, &o->found, why, sizeof why) == !*table[t].why);
         CHECK_STR(why, table[t].why);
+        CHECK(*why || (o->found.servo.safety[1].nonfinite && !o->found.servo.safety[0].nonfinite));
         rig_free(o);
     }
     static const struct {
