@@ -95,7 +95,7 @@ for ms in "${lost[@]}"; do ((within += ms <= 1000)); done
 read -r killed served refused restored previous files good < <(awk '/^kill/ { n++; a += $2; b += $3; c += $4; d += $5 }
     /^file/ { f++; g += $2 } END { print n + 0, a + 0, b + 0, c + 0, d + 0, f + 0, g + 0 }' "$kept")
 echo "$killed kills; lost ms: p50 $(quantile 500), p99 $(quantile 990), p99.9 $(quantile 999), most $(quantile 1000)"
-check "nine in ten lost 1 s at most: $within of ${#lost[@]}" [ $((10 * within)) -ge $((9 * kills)) ]
+check "99 in 100 lost 1 s at most: $within of ${#lost[@]}" [ $((100 * within)) -ge $((99 * kills)) ]
 check "$served of $kills were killed while they served" [ "$served $killed" = "$kills $kills" ]
 check "no file was refused" [ "$refused" = 0 ]
 check "every start went on with the object" [ "$restored" = $kills ]
