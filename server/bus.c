@@ -12,8 +12,8 @@
 
 enum { LO = 1 }; // Linux gives lo this number in every namespace (LOOPBACK_IFINDEX)
 
-// Of KEY=VALUE fields behind a '?', between '&' as liblcm has them, or ',', lest anything be hidden there; of a key said
-// twice liblcm takes the last. 0 where there is none; -1: said twice, or no number but to liblcm (" 1", "0x1").
+// Of KEY=VALUE fields behind a '?', between '&' as liblcm has them, or ',', lest anything be hidden there; of a key
+// said twice liblcm takes the last. 0 where there is none; -1: said twice, or no number but to liblcm (" 1", "0x1").
 static long ttl_of(const char *fields)
 {
     long hops = 0;

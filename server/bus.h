@@ -44,7 +44,8 @@ bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size);
 
 // Takes the bus for one server: a second one would answer the same hands. The claim is an abstract AF_UNIX name, so the
 // kernel gives it back with the process, however that ends, and every network namespace has its own, as it has its own
-// lo. The descriptor that holds it; -1 and one line in error, with the option that names another bus, when another server has it.
+// lo. The descriptor that holds it; -1 and one line in error, with the option that names another bus, when another
+// server has it.
 int kn_bus_claim(const kn_bus *bus, const char *option, char *error, size_t error_size);
 
 // Whether they are one group and one port.

@@ -26,8 +26,8 @@ typedef struct kn_served {
 
 // Not 0, and one line in error, `path: why` or the scene's own; then there is nothing to free. 2: the scene, 3: the device.
 int kn_served_load(kn_served *served, const kn_served_def *def, char *error, size_t error_size);
-// ns that a tick takes here, while nothing touches the object or, of that model, while its tools press it; as new then. Of this
-// processor: its own time, whatever else runs; of a circuit: until it has answered.
+// ns that a tick takes here, while nothing touches the object or, of that model, while its tools press it; as new then.
+// Of this processor: its own time, whatever else runs; of a circuit: until it has answered.
 int64_t kn_served_measure(kn_backend *backend, const kn_model *pressed);
 void kn_served_free(kn_served *served); // one that is all 0 is fine
 
