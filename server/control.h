@@ -24,7 +24,7 @@
 #define KN_CONTROL_BRACKETS 64 // in a line, nested or not
 #define KN_CONTROL_PATH 107  // bytes of a path at most: sockaddr_un's
 #define KN_CONTROL_PEERS 8
-#define KN_CONTROL_LAST_MS 1000
+#define KN_CONTROL_LAST_MS 1000 // for what is heard at the end
 #define KN_CONTROL_HZ 100 // after as many at once
 
 typedef struct kn_control kn_control;
@@ -37,7 +37,8 @@ typedef struct kn_control_def {
     // Whether its answer may take longer than some ticks: then it is asked for in kn_control_work's thread, and the
     // other peers are heard meanwhile. NULL: none.
     bool (*slow)(void *self, const json_t *request);
-    // Whether it waits for nothing. It is no slow one, takes about a tick, and may come twice. NULL: none.
+    // Whether it waits for nothing. It is no slow one, takes about a tick and what the disk takes for an empty file, and
+    // may come twice. NULL: none.
     bool (*urgent)(void *self, const json_t *request);
 } kn_control_def;
 
