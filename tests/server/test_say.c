@@ -72,8 +72,12 @@ TEST("a pipe and a terminal that nobody reads hold up nobody, and what they held
         listener to = by[i]();
         CHECK(ended(speak(to, STDERR_FILENO, says_much)) == 0);
         hear(to.reads);
-        int lines = 0;
-        for (const char *at = text; (at = strstr(at, "line ")); at++) CHECK(atoi(at + 5) == lines++);
+        int lines = 0, next = 0, lost; // a terminal may find room again, once its driver has made some
+        for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) {
+            if (sscanf(line, "kneadd: %d lines", &lost) == 1 && strstr(line, "read them")) next += lost;
+            else if (!strchr(line, ' ') || strspn(strrchr(line, ' ') + 1, "0") != 400) continue; // torn: one of those, or told again
+            else CHECK(atoi(line + 5) == next++ && ++lines);
+        }
         CHECK(lines > 5 && lines < 2000);
         close(to.reads);
     }
