@@ -75,7 +75,8 @@ TEST("a pipe and a terminal that nobody reads hold up nobody, and what they held
         int lines = 0, next = 0, lost; // a terminal may find room again, once its driver has made some
         for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) {
             if (sscanf(line, "kneadd: %d lines", &lost) == 1 && strstr(line, "read them")) next += lost;
-            else if (!strchr(line, ' ') || strspn(strrchr(line, ' ') + 1, "0") != 400) continue; // torn: one of those, or told again
+            else if (!strchr(line, ' ') || strspn(strrchr(line, ' ') + 1, "0") != 400)
+                continue; // torn: one of those, or told again
             else CHECK(atoi(line + 5) == next++ && ++lines);
         }
         CHECK(lines > 5 && lines < 2000);
