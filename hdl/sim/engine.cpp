@@ -135,12 +135,10 @@ void make_config(kn_fixed_config &c, bool wild)
         c.omega[k] = (int32_t)(wild ? between(0, 2 << KN_FIXED_OMEGA_FRACTION) : between(1 << 15, 3 << 15));
 }
 
-void make_model(lattice &l, bool wild)
+// as many nodes and edges as the configuration has, and the table
+void populate(lattice &l, bool wild)
 {
-    kn_fixed_config &c = l.image.config;
-    make_config(c, wild);
-    c.node_count = (int32_t)between(2, one_in(8) && !SMALL ? 1 << LOG_NODES : std::min(24, 1 << LOG_NODES));
-    c.edge_count = (int32_t)between(one_in(10) ? 0 : 1, std::min(SMALL ? 40 : one_in(8) ? 600 : 90, 1 << LOG_EDGES));
+    const kn_fixed_config &c = l.image.config;
     const int size = wild         ? (int)between(0, KN_FIXED_X - 1)
                      : one_in(10) ? c.d_shift + (int)between(0, 2) // edges of a few units
                                   : c.d_shift + (int)between(8, 15);
@@ -169,6 +167,15 @@ void make_model(lattice &l, bool wild)
     const bool falling = one_in(2);
     for (int i = 0; i <= KN_FIXED_SEGMENTS; i++)
         l.image.table[i] = (int32_t)(falling ? (1 << 17) - i * 200 : one_in(9) ? 1 << 17 : between(0, 1 << 17));
+}
+
+void make_model(lattice &l, bool wild)
+{
+    kn_fixed_config &c = l.image.config;
+    make_config(c, wild);
+    c.node_count = (int32_t)between(2, one_in(8) && !SMALL ? 1 << LOG_NODES : std::min(24, 1 << LOG_NODES));
+    c.edge_count = (int32_t)between(one_in(10) ? 0 : 1, std::min(SMALL ? 40 : one_in(8) ? 600 : 90, 1 << LOG_EDGES));
+    populate(l, wild);
 }
 
 // a state that no tick made
@@ -419,6 +426,7 @@ void try_star(device &d)
     c.node_count = 2;
     c.edge_count = STAR;
     c.passes = c.iterations = 2;
+    c.relax = 1; // who is free stays, so that the residual is as large as can be, too
     c.kv_shift = 0;
     c.d_shift = 0;
     l.node.resize(2);
@@ -434,8 +442,33 @@ void try_star(device &d)
     std::vector<kn_fixed_bound> bound = {{0, true, {0, 0, 0}}, {1, true, {1 << 20, 0, 0}}};
     tick(d, l, bound);
     same("a sum at its limit", 0, d.get64(KN_WINDOW_REACTIONS), (INT64_C(1) << 35) - 1);
-    bound = {{1, true, {-(1 << 20), 5, 0}}};
-    tick(d, l, bound);
+    for (int32_t pull : {1 << 20, -(1 << 20)}) {
+        bound = {{1, true, {pull, 5, 0}}};
+        tick(d, l, bound);
+        same("a residual at its limit", pull, d.get64(KN_REG_RESIDUAL_LO), (INT64_C(1) << 35) - (pull > 0));
+    }
+    compare_state(d, l);
+    compare_crc(d, l);
+}
+
+// as many nodes, edges and records as there is room for, and OMEGA at its limit
+void try_full(device &d)
+{
+    chance_state = model_seed = 0;
+    lattice l;
+    kn_fixed_config &c = l.image.config;
+    make_config(c, false);
+    c.node_count = 1 << LOG_NODES;
+    c.edge_count = 1 << LOG_EDGES;
+    c.passes = c.iterations = 2;
+    c.omega[0] = c.omega[1] = 2 << KN_FIXED_OMEGA_FRACTION;
+    populate(l, false);
+    l.rest();
+    put_image(d, l);
+    std::vector<kn_fixed_bound> bound;
+    do bound = some_bounds(l, false);
+    while (bound.size() < LIST);
+    for (int ticks = 0; ticks < 2; ticks++) tick(d, l, bound);
     compare_state(d, l);
     compare_crc(d, l);
 }
@@ -584,6 +617,7 @@ int main(int argc, char **argv)
     chance_state = seed;
     if (!SMALL) try_bus();
     device d;
+    if (!SMALL) try_full(d);
     if (!SMALL && 1 << LOG_EDGES >= STAR) try_star(d);
     const auto start = std::chrono::steady_clock::now();
     int64_t tried = 0;
