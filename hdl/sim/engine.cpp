@@ -417,7 +417,7 @@ void try_sum(device &d, uint64_t seed)
 }
 
 // sums beyond 36 bits: more edges than 2^35/2^24 on one node, each as tense as can be
-void try_star(device &d)
+void try_star(device &d, uint32_t axis)
 {
     chance_state = model_seed = 0;
     lattice l;
@@ -431,7 +431,7 @@ void try_star(device &d)
     c.d_shift = 0;
     l.node.resize(2);
     for (kn_fixed_node &n : l.node) n = {{0, 0, 0}, {0, 0, 0}, 0};
-    l.node[1].x[0] = 1000;
+    l.node[1].x[axis] = 1000;
     for (int e = 0; e < c.edge_count; e++) {
         uint16_t i = (uint16_t)(e & 1);
         l.edge.push_back({i, (uint16_t)(1 - i), (1 << KN_FIXED_KV) - 1, 1});
@@ -439,11 +439,13 @@ void try_star(device &d)
     for (int i = 0; i <= KN_FIXED_SEGMENTS; i++) l.image.table[i] = 1 << 17;
     l.rest();
     put_image(d, l);
-    std::vector<kn_fixed_bound> bound = {{0, true, {0, 0, 0}}, {1, true, {1 << 20, 0, 0}}};
+    std::vector<kn_fixed_bound> bound = {{0, true, {0, 0, 0}}, {1, true, {0, 0, 0}}};
+    bound[1].value[axis] = 1 << 20;
     tick(d, l, bound);
-    same("a sum at its limit", 0, d.get64(KN_WINDOW_REACTIONS), (INT64_C(1) << 35) - 1);
+    same("a sum at its limit", axis, d.get64(KN_WINDOW_REACTIONS + 2 * axis), (INT64_C(1) << 35) - 1);
     for (int32_t pull : {1 << 20, -(1 << 20)}) {
-        bound = {{1, true, {pull, 5, 0}}};
+        bound = {{1, true, {5, 5, 5}}};
+        bound[0].value[axis] = pull;
         tick(d, l, bound);
         same("a residual at its limit", pull, d.get64(KN_REG_RESIDUAL_LO), (INT64_C(1) << 35) - (pull > 0));
     }
@@ -618,7 +620,7 @@ int main(int argc, char **argv)
     if (!SMALL) try_bus();
     device d;
     if (!SMALL) try_full(d);
-    if (!SMALL && 1 << LOG_EDGES >= STAR) try_star(d);
+    for (uint32_t axis = 0; !SMALL && 1 << LOG_EDGES >= STAR && axis < 3; axis++) try_star(d, axis);
     const auto start = std::chrono::steady_clock::now();
     int64_t tried = 0;
     for (; tried < models && mismatches == 0; tried++) {
