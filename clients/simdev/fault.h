@@ -16,7 +16,7 @@
     FAULT(DISCONNECT, disconnect, false, "unplugged for 5 ms; what it holds stays")                                    \
     FAULT(BLANK, blank, false, "power off and on: all it holds is lost")                                               \
     FAULT(TORN, torn, false, "a tick nobody asked for, while results are read")                                        \
-    FAULT(REFUSE, refuse, true, "a word that its bus does not take or give")                                           \
+    FAULT(REFUSE, refuse, true, "a request whose words the bus neither takes nor gives")                            \
     FAULT(HASH, hash, false, "BUILD_HASH is another, always")
 
 typedef enum kn_fault {

@@ -19,6 +19,7 @@ typedef struct line {
     int fd, keep; // master; slave, held open so that a host that leaves is no hang-up
     kn_framer framer, inner;
     bool reacted; // of this request: a torn result once
+    bool refuses; // this request
     int64_t in_ns, out_ns; // when the last byte was through, either way
 } line;
 
@@ -61,15 +62,15 @@ static bool read_word(void *self, uint32_t address, uint32_t *word)
         l->reacted = true;
         e->stray(e->bus.self);
     }
-    bool read = !kn_faults_strike(&l->serve->faults, KN_FAULT_REFUSE) && e->bus.read(e->bus.self, address, word);
+    bool read = !l->refuses && e->bus.read(e->bus.self, address, word);
     if (read && address == KN_REG_BUILD_HASH && l->serve->faults.rate[KN_FAULT_HASH] > 0) *word ^= 1;
     return read;
 }
 
 static bool write_word(void *self, uint32_t address, uint32_t word)
 {
-    kn_serve *s = ((line *)self)->serve;
-    return !kn_faults_strike(&s->faults, KN_FAULT_REFUSE) && s->engine.bus.write(s->engine.bus.self, address, word);
+    line *l = self;
+    return !l->refuses && l->serve->engine.bus.write(l->serve->engine.bus.self, address, word);
 }
 
 // ---- frames
@@ -100,6 +101,7 @@ static void answer(line *l, const uint8_t *payload, size_t size)
     const kn_word_bus bus = {l, read_word, write_word};
     uint8_t reply[KN_FRAMER_PAYLOAD], wire[KN_FRAMER_WIRE];
     l->reacted = false;
+    l->refuses = kn_faults_strike(f, KN_FAULT_REFUSE);
     l->serve->requests++;
     size = kn_request_execute(payload, size, &bus, reply);
     size = kn_faults_mangle(f, wire, kn_framer_encode(reply, size, wire));

@@ -520,7 +520,7 @@ TEST("whatever goes wrong on the way or in the device, no wrong result is taken,
                 {"blank=0.01", "blank", true},
                 {"torn=0.02", "torn", false},
                 {"torn=0.02", "torn", true},
-                {"refuse=0.002", "refuse", false},
+                {"refuse=0.02", "refuse", false},
                 {"flip=0.01,drop=0.01,duplicate=0.01,truncate=0.01,delay=0.005,hang=0.002,disconnect=0.002,blank=0.002,"
                  "torn=0.005",
                  "", false}};
