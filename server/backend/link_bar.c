@@ -5,6 +5,9 @@
 #include "server/clock.h"
 #include <errno.h>
 #include <fcntl.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,7 +16,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-enum { READ = 1, WRITE = 2, SPIN_NS = 10000, NAP_NS = 20000 };
+enum { READ = 1, WRITE = 2, SPIN_NS = 10000, NAP_NS = 20000, WATCHED = 4 };
 
 typedef struct bar {
     int fd;
@@ -28,6 +31,61 @@ typedef struct bar {
     kn_request request;
     kn_reply reply;
 } bar;
+
+// ---- memory that is taken away. The kernel unmaps a card that is removed, and a file that is cut off; whoever reads
+// there gets SIGBUS. Pages of all ones take its place, as a bus reads where nobody answers.
+
+static struct {
+    _Atomic uintptr_t from; // 0: free
+    _Atomic size_t bytes;
+} watched[WATCHED];
+static struct sigaction before; // of who had the signal
+
+static void on_bus_error(int number, siginfo_t *info, void *context)
+{
+    (void)context;
+    const uintptr_t at = (uintptr_t)info->si_addr, page = at & ~(uintptr_t)4095;
+    const int kept = errno;
+    for (int i = 0; i < WATCHED; i++) {
+        const uintptr_t from = atomic_load(&watched[i].from);
+        if (from == 0 || at < from || at - from >= atomic_load(&watched[i].bytes)) continue;
+        void *ones = mmap((void *)page, 4096, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED, -1, 0);
+        if (ones == MAP_FAILED) break;
+        memset(ones, 0xff, 4096);
+        errno = kept;
+        return;
+    }
+    sigaction(number, &before, NULL); // not ours: the same again, as without us
+}
+
+static void install(void)
+{
+    struct sigaction action = {.sa_sigaction = on_bus_error, .sa_flags = SA_SIGINFO};
+    sigaction(SIGBUS, &action, &before);
+}
+
+static bool watch(void *at, size_t bytes)
+{
+    static pthread_once_t once = PTHREAD_ONCE_INIT;
+    pthread_once(&once, install);
+    for (int i = 0; i < WATCHED; i++) {
+        uintptr_t nobody = 0;
+        if (!atomic_compare_exchange_strong(&watched[i].from, &nobody, (uintptr_t)at)) continue;
+        atomic_store(&watched[i].bytes, bytes);
+        return true;
+    }
+    errno = EMFILE;
+    return false;
+}
+
+static void unwatch(void *at)
+{
+    for (int i = 0; i < WATCHED; i++)
+        if (atomic_load(&watched[i].from) == (uintptr_t)at) {
+            atomic_store(&watched[i].bytes, 0);
+            atomic_store(&watched[i].from, 0);
+        }
+}
 
 // ---- words. Never memcpy: a BAR takes and gives 32 bits at a time, in order.
 
@@ -183,6 +241,7 @@ static void count(const void *self, kn_link_counts *counts)
 static void close_bar(void *self)
 {
     bar *b = self;
+    unwatch((void *)b->word);
     munmap((void *)b->word, b->bytes);
     close(b->fd);
     free(b);
@@ -195,7 +254,7 @@ static void close_bar(void *self)
 static void *map(int fd, size_t bytes, bool shm)
 {
     void *at = mmap(NULL, bytes, PROT_NONE, MAP_SHARED, fd, 0);
-    if (at != MAP_FAILED && mprotect(at, bytes, PROT_READ | PROT_WRITE) == 0) {
+    if (at != MAP_FAILED && mprotect(at, bytes, PROT_READ | PROT_WRITE) == 0 && watch(at, bytes)) {
         const volatile uint32_t *word = at;
         for (size_t i = 0; shm && i < KN_WINDOW_REACTIONS + 6 * (KN_FIXED_LIST_MAX + 1); i += 512) (void)word[i];
         if (shm) (void)word[bytes / 4 - 1];

@@ -681,6 +681,13 @@ TEST("a card's registers are its resource0; all ones are a card that is gone")
     kn_request_begin(&r, 4);
     kn_request_read(&r, KN_REG_ID, 1);
     CHECK(link.submit(link.self, &r) == KN_LINK_OK && link.wait(link.self, 0, &reply) == KN_LINK_GONE);
+    CHECK(pwrite(fd, &id, 4, 0) == 4);
+    CHECK(link.submit(link.self, &r) == KN_LINK_OK && link.wait(link.self, 0, &reply) == KN_LINK_OK);
+    CHECK(ftruncate(fd, 0) == 0); // its memory is taken away, as a card's that is removed
+    CHECK(link.submit(link.self, &r) == KN_LINK_OK && link.wait(link.self, 0, &reply) == KN_LINK_GONE);
+    kn_request_write(&r, KN_WINDOW_NODES, (const uint32_t[]){42}, 1);
+    kn_request_wait(&r, KN_REG_STATUS, KN_STATUS_BUSY, 0, 0);
+    CHECK(link.submit(link.self, &r) == KN_LINK_OK && link.wait(link.self, after_ms(2), &reply) == KN_LINK_GONE);
     link.close(link.self);
     close(fd);
     snprintf(path, sizeof path, "rm -r %s", sysfs);
