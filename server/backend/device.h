@@ -85,6 +85,9 @@ int64_t kn_device_load_ns(const kn_device *device, const kn_fixed_image *image);
 // Ten times link.miss_ns before a step or an identify is a miss, as of a load's requests: for who is in no hurry.
 void kn_device_be_patient(kn_device *device, bool patient);
 
+// Whatever it says, the next load brings all of the object anew: for who has had a wrong number from it.
+void kn_device_distrust(kn_device *device);
+
 // IDENTIFIED after LOST: SYNCED again when the circuit still has what this device loaded and its state is this one.
 // PROTOCOL: it is not, load it.
 kn_link_status kn_device_resume(kn_device *device, const kn_fixed *state, int64_t deadline_ns);

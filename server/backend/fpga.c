@@ -378,9 +378,20 @@ static bool identify(fpga *f)
     return status == KN_LINK_OK;
 }
 
+// A circuit whose numbers were wrong may have another object than it was given: its state's checksum says nothing of
+// that. And one that is wrong again at once is not asked at once.
+static void distrust(fpga *f)
+{
+    const int out = atomic_load(&f->out);
+    if (out != KN_LOSS_TWIN && out != KN_LOSS_SATURATED) return;
+    kn_device_distrust(f->device);
+    kn_clock_sleep(kn_now_ns() + AGAIN_NS);
+}
+
 static bool get_in_step(fpga *f)
 {
     kn_device_be_patient(f->device, true);
+    distrust(f);
     if (!identify(f) || !prepare(f)) return false;
     lengthen(f);
     atomic_store(&f->copy_is, WANTED);

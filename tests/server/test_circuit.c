@@ -1,10 +1,12 @@
 // A circuit in step with its twin, at 1 kHz, against knead-simdev: what the queue between them is for, and the
 // deadline.
 #include "core/scene/scene.h"
+#include "hdl/registers.h"
 #include "server/backend/fpga.h"
 #include "server/clock.h"
 #include "tests/check.h"
 #include "tests/server/board.h"
+#include <fcntl.h>
 
 static kn_board start(const char *baud, const char *fault)
 {
@@ -178,6 +180,48 @@ TEST("a tool on more nodes than the circuit lists costs one loss and one load ea
     CHECK(n.on_circuit > TICKS);
     unmake(&o);
     kn_board_kill(&b);
+}
+
+TEST("a circuit that has another object than it was given is given all of it again, once")
+{
+    char name[64], path[96], why[KN_LINK_WHY] = "";
+    snprintf(name, sizeof name, "knead-circuit-%d", (int)getpid());
+    snprintf(path, sizeof path, "/dev/shm/%s", name);
+    const char *const on_bar[] = {"--bar", name, NULL};
+    kn_board b = kn_board_start(on_bar);
+    object o = make("dough-small.yaml");
+    bool device = false;
+    kn_fpga_counts n;
+    if (!kn_backend_fpga(&o.backend, o.model, strcat(b.uri, "?miss=500"), SIZE_MAX, why, &device)) {
+        KN_TEST_FAIL("%s", why);
+        exit(1);
+    }
+    int fd = open(path, O_RDWR), ticks = 0;
+    for (n.on_circuit = 0; n.on_circuit < 700 && ticks < 20000; ticks++) { // at leisure, pressed
+        kn_output output;
+        const int i = ticks;
+        o.input.probe[0] = (kn_probe_input){true, {0, 0, 0.028}, {0, 0, 0}, {1, 0, 0, 0}, false};
+        o.backend.submit(o.backend.self, &o.input);
+        o.backend.wait(o.backend.self, 0, &output);
+        if (o.backend.afterwards) o.backend.afterwards(o.backend.self);
+        if (i == 400) o.backend.reset(o.backend.self);
+        if (i == 400) // its edges are of another material, which a load of the state alone does not cure
+            for (uint32_t e = 0; e < 400; e++)
+                CHECK(pwrite(fd, &(uint32_t){7}, 4, 4 * ((off_t)KN_WINDOW_EDGES + 8 * e + 1)) == 4);
+        if (i > 400) kn_clock_sleep(kn_now_ns() + 200000); // others have something to do
+        kn_backend_fpga_counts(&o.backend, &n);
+    }
+    printf("     %lld other numbers, loaded %lld times; on the circuit %lld ticks of %d\n", (long long)n.different,
+           (long long)n.loads, (long long)n.on_circuit, ticks);
+    CHECK(n.different >= 1 && n.because[KN_LOSS_TWIN] >= 1);
+    CHECK(n.different <= 3 && n.loads <= 5);
+    CHECK(n.on_circuit >= 700);
+    kn_device_stats stats;
+    CHECK(kn_backend_fpga_agrees(&o.backend, why, &stats));
+    close(fd);
+    unmake(&o);
+    kn_board_kill(&b);
+    unlink(path);
 }
 
 // The next tick on a backend that has no circuit, then a sleep until one would have been waited for: what the machine
