@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/prctl.h>
+#include <sys/stat.h>
 #include <termios.h>
 #include <time.h>
 #include <unistd.h>
@@ -16,6 +17,7 @@
 typedef struct line {
     kn_serve *serve;
     const char *link;
+    char name[64]; // of the slave
     int fd, keep; // master; slave, held open so that a host that leaves is no hang-up
     kn_framer framer, inner;
     bool reacted; // of this request: a torn result once
@@ -28,17 +30,35 @@ void kn_serve_sleep_us(uint32_t us)
     nanosleep(&(struct timespec){0, 1000L * (long)us}, NULL);
 }
 
+// A name that was another line's is taken; one that is anything else is somebody's.
+static bool take_name(const line *l)
+{
+    struct stat was;
+    if (!l->link) return true;
+    if (lstat(l->link, &was) == 0) {
+        errno = EEXIST;
+        if (!S_ISLNK(was.st_mode) || unlink(l->link)) return false;
+    }
+    return symlink(l->name, l->link) == 0;
+}
+
+static void leave_name(const line *l)
+{
+    char to[sizeof l->name] = "";
+    if (l->link && readlink(l->link, to, sizeof to - 1) > 0 && strcmp(to, l->name) == 0) unlink(l->link);
+}
+
 static bool plug_in(line *l, bool tell)
 {
     struct termios t;
-    char name[64];
+    char *name = l->name;
     l->fd = posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
-    if (l->fd < 0 || grantpt(l->fd) || unlockpt(l->fd) || ptsname_r(l->fd, name, sizeof name)) return false;
+    if (l->fd < 0 || grantpt(l->fd) || unlockpt(l->fd) || ptsname_r(l->fd, name, sizeof l->name)) return false;
     l->keep = open(name, O_RDWR | O_NOCTTY | O_CLOEXEC);
     if (l->keep < 0 || tcgetattr(l->keep, &t)) return false;
     cfmakeraw(&t);
     if (tcsetattr(l->keep, TCSANOW, &t)) return false;
-    if (l->link && ((unlink(l->link) && errno != ENOENT) || symlink(name, l->link))) return false;
+    if (!take_name(l)) return false;
     if (tell) printf("pty:%s\n", l->link ? l->link : name);
     fflush(stdout);
     return true;
@@ -46,7 +66,7 @@ static bool plug_in(line *l, bool tell)
 
 static void plug_out(line *l)
 {
-    if (l->link) unlink(l->link);
+    leave_name(l);
     close(l->keep);
     close(l->fd);
 }

@@ -45,6 +45,9 @@ refuses 2 "--caps: expected --engine golden: the circuit is built for 10,13,8" -
 refuses 2 "--caps: expected --engine golden: the small circuit is built for 5,7,4" --uart --engine nano --caps 1,2,3
 refuses 2 "more: expected options only" --uart more
 refuses 3 "none/link: No such file or directory" --uart --link none/link
+echo mine >file
+refuses 3 "file: File exists" --uart --link file
+[ "$(cat file)" = mine ] || fail "a file of that name"
 
 serves --bar "knead-simdev-$$"
 [ "$uri" = "shm:knead-simdev-$$" ] || fail "says $uri"
