@@ -1,5 +1,6 @@
 #include "server/daemon.h"
 #include "core/composite.h"
+#include "core/solver_fixed.h"
 #include "proto/knead_status_t.h"
 #include "server/backend/fpga.h"
 #include "server/bus.h"
@@ -554,6 +555,12 @@ static void tell_ready(server *d, FILE *out)
         fprintf(out, "kneadd: poses are taken from %d addresses; that is no authentication: an address can be forged\n",
                 d->receiver.peers);
     if (d->on.model->isa == KN_ISA_BASE) fprintf(out, "kneadd: not real time: fused multiply-add in software\n");
+    const kn_fixed_model *fixed = d->on.model->fixed;
+    if (fixed && fixed->error > KN_FIXED_ERROR)
+        fprintf(out, "kneadd: not accurate: %d passes of %d iterations leave %.2g %% of the force of a press unsolved, "
+                     "expected %g %% at most\n",
+                d->on.model->def.solver.passes, d->on.model->def.solver.iterations, 100 * fixed->error,
+                100 * KN_FIXED_ERROR);
     kn_fpga_counts circuit;
     if (kn_backend_fpga_counts(&d->on.backend, &circuit)) {
         fprintf(out,
