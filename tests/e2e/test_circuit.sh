@@ -96,9 +96,11 @@ for way in "--uart --link $PWD/board" "--bar knead-test-$$"; do
 done
 
 # One replay after the other until the board has been killed often enough.
-kill=0 replay= differ=0 runs=0
+kill=0 replay= differ=0 runs=0 losses=0 back=0
 end_replay() {
     wait "$replay"
+    losses=$((losses + $(grep -oE 'lost [0-9]+' killed.txt | grep -oE '[0-9]+' || echo 0)))
+    ! grep -q "its state at the end is the twin's" killed.txt || back=$((back + 1))
     [ "$(hash_of killed.txt)" = "$(hash_of twin.txt)" ] || differ=$((differ + 1))
     runs=$((runs + 1))
 }
@@ -118,7 +120,13 @@ done
 end_replay
 grep circuit killed.txt
 check "killed $kill times in $runs replays, it changes no bit" [ $differ = 0 ]
+check "each was a loss: $losses" [ $((10 * losses)) -ge $((8 * kill)) ] # one may come before it is back from the last
+check "and it came back: in step at the end of $back" [ $((2 * back)) -ge $runs ]
 kill_board
+start_kneadd dough-small.yaml --backend fixed --set solver.passes=1 --set solver.iterations=3
+kill -INT $server
+wait $server
+check "what converges too slowly is said: $(grep accurate kneadd.log)" grep -qE 'not accurate: 1 passes of 3 iterations leave [0-9.]+ % of the force' kneadd.log
 knead replay press.lcmlog --backend "pty:$PWD/nothing" >gone.txt 2>&1
 status=$?
 check "without a board it ends with 3: $(cat gone.txt)" [ $status = 3 ]
