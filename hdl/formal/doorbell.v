@@ -1,6 +1,7 @@
 `default_nettype none
 // The engine makes as many steps as STEP_SEQ says, none for a number that it has had, and none of them at work; at work
-// no window is written and nothing changes that a tick reads; every transfer is answered, within four clocks.
+// no window is written and nothing changes that a tick reads; loaded is only what is sane, and no longer once a setting
+// changes; every transfer is answered, within four clocks.
 module doorbell (
     input wire        clk,
     input wire        rst,
@@ -14,28 +15,36 @@ module doorbell (
     wire        ready, act, tick, rest, crc;
     wire [16:0] node_count;
     wire [20:0] edge_count;
-    wire [ 5:0] kv_shift;
+    wire [ 3:0] passes;
+    wire [ 5:0] iterations, kv_shift, beta_shift;
+    wire [ 4:0] d_shift;
+    wire [ 6:0] octave;
+    wire [16:0] beta, relax;
     wire [10:0] bound_count;
     knead_registers #(.LOG_NODES(3), .LOG_EDGES(4), .LOG_LIST(2)) dut (
         .clk(clk), .rst(rst), .i_bus_valid(valid), .i_bus_write(write), .i_bus_addr(address), .i_bus_wdata(data),
         .o_bus_ready(ready), .i_window_data(32'd0), .o_act(act), .i_busy(busy), .o_tick(tick), .o_rest(rest),
         .o_crc(crc), .i_ticked(ticked), .i_flags(7'd0), .i_residual(36'd0), .i_state_crc(32'd0),
-        .o_node_count(node_count), .o_edge_count(edge_count), .o_kv_shift(kv_shift),
-        .o_bound_count(bound_count));
+        .o_node_count(node_count), .o_edge_count(edge_count), .o_passes(passes), .o_iterations(iterations),
+        .o_d_shift(d_shift), .o_kv_shift(kv_shift), .o_octave(octave), .o_beta(beta), .o_beta_shift(beta_shift),
+        .o_relax(relax), .o_bound_count(bound_count));
 
     wire [31:0] seq;
     wire [ 1:0] step;
-    wire        loaded;
+    wire        loaded, sane;
     // peek: seq = dut.seq
     // peek: step = dut.step
     // peek: loaded = dut.loaded
+    // peek: sane = dut.sane
 
-    reg         begun, valid_r, ready_r, write_r, busy_r, told_r, tick_r;
+    reg         begun, valid_r, ready_r, write_r, busy_r, told_r, tick_r, rst_r, loaded_r, sane_r;
     reg  [23:0] address_r;
     reg  [31:0] data_r, steps, seq_r;
     reg  [ 2:0] waited;
-    reg  [54:0] config_r;
-    wire [54:0] config_ = {node_count, edge_count, kv_shift, bound_count};
+    reg  [105:0] settings_r;
+    reg  [ 10:0] bound_count_r;
+    wire [105:0] settings = {node_count, edge_count, passes, iterations, d_shift, kv_shift, octave, beta, beta_shift,
+                             relax};
     initial begun = 1'b0;
     always @(posedge clk) begin
         begun <= 1'b1;
@@ -44,7 +53,9 @@ module doorbell (
         address_r <= address;
         data_r <= data;
         seq_r <= seq;
-        config_r <= config_;
+        settings_r <= settings;
+        bound_count_r <= bound_count;
+        {rst_r, loaded_r, sane_r} <= {rst, loaded, sane};
         steps <= rst ? 32'd0 : steps + {31'd0, tick};
         waited <= rst || !valid || ready ? 3'd0 : waited + 3'd1;
     end
@@ -61,7 +72,8 @@ module doorbell (
         assert (seq == seq_r || tick && seq == seq_r + 32'd1 || seq == 32'd0);
         if (tick) assert (seq == data_r && write_r && !busy_r && loaded);
         if (act) assert (!busy && write && valid);
-        if (busy_r) assert (config_ == config_r || config_ == 55'd0);
+        if (busy_r && !rst_r) assert (settings == settings_r && bound_count == bound_count_r);
+        if (loaded && !rst_r) assert (settings == settings_r && (loaded_r || sane_r && write_r && data_r[3]));
         assert (waited <= 3'd3);
         assert (ready || step == waited[1:0]);
     end

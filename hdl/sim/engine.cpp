@@ -561,8 +561,10 @@ void try_bus()
         same("window read at work", window, refused(d, false, window), 1);
         same("window written at work", window, refused(d, true, window), 1);
     }
-    for (uint32_t reg : {KN_REG_NODE_COUNT, KN_REG_KV_SHIFT, KN_REG_CONTROL, KN_REG_OMEGA, KN_REG_BOUND_COUNT})
+    for (uint32_t reg = KN_REG_NODE_COUNT; reg <= KN_REG_BOUND_COUNT; reg++)
         same("register written at work", reg, refused(d, true, reg, 1), 1);
+    same("register written at work", KN_REG_CONTROL, refused(d, true, KN_REG_CONTROL, 1), 1);
+    same("register written at work", KN_REG_OMEGA, refused(d, true, KN_REG_OMEGA, 1), 1);
     same("next step at work", 0, refused(d, true, KN_REG_STEP_SEQ, d.seq + 1), 1);
     d.put(KN_REG_STEP_SEQ, d.seq); // the one at work
     same("STATUS at work", 0, d.get(KN_REG_STATUS), KN_STATUS_BUSY | KN_STATUS_LOADED);

@@ -15,6 +15,10 @@ mutant 24 knead_registers.v 's/knock \&\& next_seq \&\& loaded) seq/knock) seq/'
 mutant 24 knead_registers.v 's/o_tick <= knock \&\& next_seq/o_tick <= knock/'
 mutant 24 knead_registers.v "s/config_ = i_bus_wdata == seq + 32'd1/config_ = 1'b0/"
 mutant 24 knead_registers.v 's/!is_window || i_busy || busy_seen/!is_window/'
+mutant 24 knead_registers.v "s/.KN_REG_PASSES: begin read/\`KN_REG_PASSES: begin config_ = 1'b0; read/"
+mutant 24 knead_registers.v "s/.KN_REG_RELAX: begin read/\`KN_REG_RELAX: begin config_ = 1'b0; read/"
+mutant 24 knead_registers.v "s/if (control \&\& i_bus_wdata\[3\]) loaded <= sane;/if (control) loaded <= 1'b1;/"
+mutant 24 knead_registers.v 's/else if (write \&\& is_config || o_act \&\& is_omega) loaded <= 1.b0;//'
 
 prove axi induction 3 knead_top_axi.v
 cover 12
