@@ -43,7 +43,7 @@ static const char help[] =
 #define BUFFER_BYTES (1 << 20)          // that server/bus.c asks for
 
 typedef struct check {
-    const char *name;
+    char name[16];
     bool good;
     char found[256], fix[256]; // fix: "" when nothing can be done, or need be
 } check;
@@ -58,7 +58,8 @@ __attribute__((format(printf, 4, 5))) static check *add(findings *f, const char 
 {
     check *c = &f->check[f->count++];
     va_list arguments;
-    *c = (check){.name = name, .good = good};
+    *c = (check){.good = good};
+    snprintf(c->name, sizeof c->name, "%s", name);
     va_start(arguments, format);
     vsnprintf(c->found, sizeof c->found, format, arguments);
     va_end(arguments);
