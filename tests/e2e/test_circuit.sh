@@ -2,25 +2,10 @@
 # kneadd --backend pty: under a hand that presses, the board (a process behind a pseudo-terminal, or a piece of memory) killed and started
 # again meanwhile (4 times; KN_KILLS=N): the force is the same as if nothing had happened, to the bit. Then the log again on the board,
 # in its own time, killed at random as well (6 times; KN_REPLAY_KILLS=N).
-source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+source "$KN_SOURCE/tests/e2e/kneadd.sh" && source "$KN_SOURCE/tests/e2e/board.sh" || exit 70
 kills=${KN_KILLS:-4} replay_kills=${KN_REPLAY_KILLS:-6}
 RANDOM=${KN_SEED:-1}
-ahead= # a circuit has no processor to wait for: ahead of everything but kneadd
-[ "$KN_REALTIME" = off ] || ! chrt -f 50 true 2>/dev/null || ahead="chrt -f 50"
-board() { # board NUMBER OPTION...: serves when it returns
-    local tries
-    rm -f board
-    $ahead knead-simdev "${@:2}" >"board.$1" 2>&1 & simdev=$!
-    for ((tries = 0; tries < 250; tries++)); do
-        [ ! -e "board.$1" ] || { ! has pty: "board.$1" && ! has shm: "board.$1"; } || return
-        pause 0.02
-    done
-    echo "FAIL knead-simdev did not come up:" && cat "board.$1" && exit 1
-}
-kill_board() {
-    kill -KILL $simdev
-    wait $simdev 2>/dev/null
-}
+[ "$KN_REALTIME" = off ] || ! chrt -f 50 true 2>/dev/null || ahead="chrt -f 50" # of everything but kneadd
 get_in_step() { # returns once the circuit is in step, so that to kill it is to lose it; gives it 20 s
     local tries
     for ((tries = 0; tries < 200; tries++)); do
@@ -31,7 +16,7 @@ get_in_step() { # returns once the circuit is in step, so that to kill it is to 
 }
 number() { grep -oE "$1 -?[0-9]+" "$2" | grep -oE -- '-?[0-9]+$'; }
 
-board 0 --uart --link "$PWD/board"
+board --uart --link "$PWD/board"
 start_kneadd dough-small.yaml --backend "pty:$PWD/board" --control ctl
 knead probe --path press --hold "$((2 + kills * 2)) s" --quiet --record press.lcmlog & probe=$!
 for ((kill = 1; kill <= kills; kill++)); do
@@ -40,7 +25,7 @@ for ((kill = 1; kill <= kills; kill++)); do
     kill_board
     pause "0.$((100 + RANDOM % 400))"
     knead ctl --control ctl --json status >"killed.$kill.json"
-    board "$kill" --uart --link "$PWD/board"
+    board --uart --link "$PWD/board"
 done
 wait $probe
 check "the hand pressed to the end" [ $? = 0 ]
@@ -80,13 +65,12 @@ status=$?
 check "the forces are those of a run without a circuit: $(tail -1 verify.txt)" [ $status = 0 ]
 kill_board
 
-hash_of() { sed -n 's/^hash //p' "$1"; }
 knead replay press.lcmlog --hash >twin.txt
 for way in "--uart --link $PWD/board" "--bar knead-test-$$"; do
     read -ra options <<<"$way"
     uri=pty:$PWD/board
     [ "${options[0]}" = --uart ] || uri=shm:knead-test-$$
-    board replay "${options[@]}"
+    board "${options[@]}"
     knead replay press.lcmlog --backend "$uri" --hash >circuit.txt
     status=$?
     check "replayed by ${options[0]}, every tick on the circuit: $(grep circuit circuit.txt)" [ $status = 0 ]
@@ -94,6 +78,7 @@ for way in "--uart --link $PWD/board" "--bar knead-test-$$"; do
     check "and the hash of forces and state is the twin's" [ "$(hash_of circuit.txt)" = "$(hash_of twin.txt)" ]
     kill_board
 done
+rm -f "/dev/shm/knead-test-$$"
 
 # One replay after the other until the board has been killed often enough.
 kill=0 replay= differ=0 runs=0 losses=0 back=0
@@ -104,7 +89,7 @@ end_replay() {
     [ "$(hash_of killed.txt)" = "$(hash_of twin.txt)" ] || differ=$((differ + 1))
     runs=$((runs + 1))
 }
-board kill.0 --uart --link "$PWD/board"
+board --uart --link "$PWD/board"
 while [ $kill -lt "$replay_kills" ]; do
     [ -n "$replay" ] && kill -0 "$replay" 2>/dev/null || {
         [ -z "$replay" ] || end_replay
@@ -115,7 +100,7 @@ while [ $kill -lt "$replay_kills" ]; do
     kill -0 "$replay" 2>/dev/null || continue # that one would not have met it
     kill_board
     kill=$((kill + 1))
-    board "kill.$((kill % 10))" --uart --link "$PWD/board"
+    board --uart --link "$PWD/board"
 done
 end_replay
 grep circuit killed.txt

@@ -2,35 +2,19 @@
 # kneadd on the circuit itself, under Verilator, in real time: an object small enough for it under a hand that presses, the
 # board killed and started again meanwhile (2 times; KN_KILLS=N). Then a poke from a log, on the circuit and on the small one, in
 # their own time: the same bits.
-source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+source "$KN_SOURCE/tests/e2e/kneadd.sh" && source "$KN_SOURCE/tests/e2e/board.sh" || exit 70
 kills=${KN_KILLS:-2}
 RANDOM=${KN_SEED:-1}
 small=(--set 'object.size=[2 cm, 1 cm, 1 cm]' --set solver.kind=fixed --set solver.passes=1 --set solver.iterations=3)
-board() { # board ENGINE: serves when it returns
-    local tries
-    rm -f board board.txt
-    knead-simdev --engine "$1" --uart --link "$PWD/board" >board.txt 2>&1 & simdev=$!
-    for ((tries = 0; tries < 250; tries++)); do
-        pause 0.02
-        ! has pty: board.txt || return
-        ! has 'without Verilator' board.txt || { echo "skipped: $(cat board.txt)" && exit 77; }
-    done
-    echo "FAIL knead-simdev did not come up:" && cat board.txt && exit 1
-}
-kill_board() {
-    kill -KILL $simdev
-    wait $simdev 2>/dev/null
-}
-hash_of() { sed -n 's/^hash //p' "$1"; }
 
-board rtl
+board --engine rtl --uart --link "$PWD/board"
 start_kneadd dough-small.yaml "${small[@]}" --backend "pty:$PWD/board"
 knead probe --path press --depth '3 mm' --hold "$((2 + kills * 2)) s" --quiet & probe=$!
 for ((kill = 1; kill <= kills; kill++)); do
     pause "1.$((100 + RANDOM % 900))"
     kill_board
     pause "0.$((100 + RANDOM % 400))"
-    board rtl
+    board --engine rtl --uart --link "$PWD/board"
 done
 wait $probe
 check "the hand pressed to the end" [ $? = 0 ]
@@ -49,7 +33,7 @@ kill_board
 record poke.lcmlog dough-small.yaml "${small[@]}" -- --path poke --depth '2 mm' --speed '2 cm/s'
 knead replay poke.lcmlog --hash >twin.txt
 for engine in rtl nano; do
-    board $engine
+    board --engine $engine --uart --link "$PWD/board"
     knead replay poke.lcmlog --backend "pty:$PWD/board" --hash >circuit.txt
     check "replayed on $engine: $(grep circuit circuit.txt)" grep -qE '^circuit: ([0-9]+) of \1 ticks' circuit.txt
     check "and the hash of forces and state is the twin's: $(hash_of twin.txt)" grep -qx "hash $(hash_of twin.txt)" circuit.txt
