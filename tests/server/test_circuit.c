@@ -43,6 +43,16 @@ static object make(const char *file)
     return o;
 }
 
+// The object on the circuit at this address.
+static void attach(object *o, const char *uri)
+{
+    char why[KN_LINK_WHY] = "";
+    bool device;
+    if (kn_backend_fpga(&o->backend, o->model, uri, SIZE_MAX, why, &device)) return;
+    KN_TEST_FAIL("%s", why);
+    exit(1);
+}
+
 static void unmake(object *o)
 {
     if (o->backend.destroy) o->backend.destroy(o->backend.self);
@@ -73,6 +83,16 @@ static kn_backend_status tick(object *o, int64_t period_ns, int64_t *returned_ns
     return status;
 }
 
+// A tick at leisure, a plate pressed so deep: who waits for the circuit misses none.
+static void press(object *o, double depth_m)
+{
+    kn_output output;
+    o->input.probe[0] = (kn_probe_input){true, {0, 0, 0.031 - depth_m}, {0, 0, 0}, {1, 0, 0, 0}, false};
+    o->backend.submit(o->backend.self, &o->input);
+    o->backend.wait(o->backend.self, 0, &output);
+    if (o->backend.afterwards) o->backend.afterwards(o->backend.self);
+}
+
 // Ticks until the circuit has computed 50 of them in step, whether by their deadlines or later; -1: never. They come
 // every millisecond for 4 s, in which a load has to arrive, then every two, four, eight: a busy machine has to catch up
 // as well.
@@ -98,13 +118,9 @@ TEST("a lattice whose load takes longer than a second over its line gets in step
     kn_board b = start("3000000", NULL);
     object o = make("dough.yaml");
     char why[KN_LINK_WHY] = "";
-    bool device = false;
     kn_fpga_counts n;
     int64_t began_ns = kn_now_ns();
-    if (!kn_backend_fpga(&o.backend, o.model, b.uri, SIZE_MAX, why, &device)) {
-        KN_TEST_FAIL("%s", why);
-        exit(1);
-    }
+    attach(&o, b.uri);
     const double load_s = 1e-9 * (double)(kn_now_ns() - began_ns);
     CHECK(load_s > 1.024); // as many ticks as the least queue holds
     for (int kill = 0; kill < 2; kill++) {
@@ -139,10 +155,7 @@ TEST("a queue is as long as a load takes, and refused by its number where there 
     CHECK(!kn_backend_fpga(&o.backend, o.model, b.uri, 1 << 20, why, &device));
     CHECK(!device && strstr(why, "ticks") && strstr(why, "expected"));
     printf("     %s\n", why);
-    if (!kn_backend_fpga(&o.backend, o.model, b.uri, SIZE_MAX, why, &device)) {
-        KN_TEST_FAIL("%s", why);
-        exit(1);
-    }
+    attach(&o, b.uri);
     CHECK(kn_backend_fpga_counts(&o.backend, &n));
     CHECK(n.load_ns > 1000000000 && n.queue >= 2048 && n.queue >= n.load_ns * 3 / 2000000);
     unmake(&o);
@@ -155,21 +168,12 @@ TEST("a tool on more nodes than the circuit lists costs one loss and one load ea
     const char *const few[] = {"--uart", "--caps", "8,11,3", NULL};
     kn_board b = kn_board_start(few);
     object o = make("dough-small.yaml");
-    char why[KN_LINK_WHY] = "";
-    bool device = false;
     kn_fpga_counts n;
-    if (!kn_backend_fpga(&o.backend, o.model, strcat(b.uri, "?miss=500"), SIZE_MAX, why, &device)) {
-        KN_TEST_FAIL("%s", why);
-        exit(1);
-    }
-    for (int i = 0; i < PRESSES * TICKS; i++) { // at leisure: who waits for the circuit misses no tick
-        kn_output output;
+    attach(&o, strcat(b.uri, "?miss=500"));
+    for (int i = 0; i < PRESSES * TICKS; i++) {
         double deepest_m = 0.003 * (1 + i / TICKS); // than the dent of the press before
         double depth_m = deepest_m * (i % TICKS < TICKS / 2) * fmin(1, 0.02 * (i % TICKS));
-        o.input.probe[0] = (kn_probe_input){true, {0, 0, 0.031 - depth_m}, {0, 0, 0}, {1, 0, 0, 0}, false};
-        o.backend.submit(o.backend.self, &o.input);
-        o.backend.wait(o.backend.self, 0, &output);
-        if (o.backend.afterwards) o.backend.afterwards(o.backend.self);
+        press(&o, depth_m);
         if (i % TICKS == TICKS - 1) kn_clock_sleep(kn_now_ns() + 100000000); // until it is in step
     }
     CHECK(kn_backend_fpga_counts(&o.backend, &n));
@@ -190,20 +194,12 @@ TEST("a circuit that has another object than it was given is given all of it aga
     const char *const on_bar[] = {"--bar", name, NULL};
     kn_board b = kn_board_start(on_bar);
     object o = make("dough-small.yaml");
-    bool device = false;
     kn_fpga_counts n;
-    if (!kn_backend_fpga(&o.backend, o.model, strcat(b.uri, "?miss=500"), SIZE_MAX, why, &device)) {
-        KN_TEST_FAIL("%s", why);
-        exit(1);
-    }
+    attach(&o, strcat(b.uri, "?miss=500"));
     int fd = open(path, O_RDWR), ticks = 0;
-    for (n.on_circuit = 0; n.on_circuit < 700 && ticks < 20000; ticks++) { // at leisure, pressed
-        kn_output output;
+    for (n.on_circuit = 0; n.on_circuit < 700 && ticks < 20000; ticks++) {
         const int i = ticks;
-        o.input.probe[0] = (kn_probe_input){true, {0, 0, 0.028}, {0, 0, 0}, {1, 0, 0, 0}, false};
-        o.backend.submit(o.backend.self, &o.input);
-        o.backend.wait(o.backend.self, 0, &output);
-        if (o.backend.afterwards) o.backend.afterwards(o.backend.self);
+        press(&o, 0.003);
         if (i == 400) o.backend.reset(o.backend.self);
         if (i == 400) // its edges are of another material, which a load of the state alone does not cure
             for (uint32_t e = 0; e < 400; e++)
@@ -241,13 +237,9 @@ TEST("a circuit that hangs costs no tick its deadline: the wait ends when a slee
     enum { TICKS = 1000 };
     kn_board b = start("3000000", "hang=1");
     object o = make("dough-small.yaml");
-    char why[KN_LINK_WHY] = "", uri[160];
-    bool device = false;
+    char uri[160];
     snprintf(uri, sizeof uri, "%.*s?miss=500", (int)strcspn(b.uri, "?"), b.uri);
-    if (!kn_backend_fpga(&o.backend, o.model, uri, SIZE_MAX, why, &device)) {
-        KN_TEST_FAIL("%s", why);
-        exit(1);
-    }
+    attach(&o, uri);
     kn_backend plain;
     CHECK(kn_backend_cpu(&plain, o.model));
     int waited = 0, slept = 0, early = 0;
