@@ -13,6 +13,11 @@ typedef struct kn_engine {
     kn_word_bus bus;           // hdl/registers.h; time goes by in its transfers alone
     void (*blank)(void *self); // power off and on
     void (*stray)(void *self); // a tick that nobody asked for; NULL: it has none
+    // The circuit's own link, for a serial line; NULL: server/backend/frame.h is it. Takes bytes up to the end of the
+    // first frame that it answers, or all of them, and tells how many in used. Returns the answer's bytes, its 0x00
+    // included; 0: none. What it asks the engine for goes over that bus.
+    size_t (*hear)(void *self, const kn_word_bus *bus, const uint8_t *bytes, size_t count, size_t *used,
+                   uint8_t wire[KN_FRAMER_WIRE]);
     void (*destroy)(void *self);
 } kn_engine;
 

@@ -394,6 +394,6 @@ bool kn_engine_golden(kn_engine *engine, kn_engine_caps caps)
     g->memory = aligned_alloc(64, kn_fixed_bytes(&most));
     if (!g->image.node || !g->image.edge || !g->bound || !g->reaction || !g->memory) return destroy(g), false;
     blank(g);
-    *engine = (kn_engine){"golden", {g, bus_read, bus_write}, blank, stray, destroy};
+    *engine = (kn_engine){"golden", {g, bus_read, bus_write}, blank, stray, NULL, destroy};
     return true;
 }

@@ -1,5 +1,7 @@
-// The circuits themselves, Verilated, behind their word bus. Their time is their own: a transfer is a few clocks, nothing else is.
+// The circuits themselves, Verilated, behind their word bus, and before it the link, Verilated, too. Their time is their own: of an engine
+// a transfer is a few clocks, nothing else is; of the link a byte, and whatever it takes until that is answered.
 #include "Vknead_engine.h"
+#include "Vknead_link.h"
 #include "Vknead_nano.h"
 #include "hdl/sim/word_bus.h"
 #include <new>
@@ -15,8 +17,65 @@ double sc_time_stamp()
 namespace
 {
 
+struct link : circuit<Vknead_link> {
+    uint32_t answers; // since its reset; as many as it has counted frames, or it is at work
+    size_t size;      // of the one that comes
+
+    explicit link(int seed) : circuit(seed) { reset(); }
+    void reset()
+    {
+        top->rst = 1;
+        top->rx_valid = 0;
+        top->tx_ready = 1;
+        for (int i = 0; i < 4; i++) clock(nullptr, nullptr);
+        top->rst = 0;
+        answers = 0;
+        size = 0;
+    }
+    // true: the last byte of an answer has come
+    bool clock(const kn_word_bus *bus, uint8_t *wire)
+    {
+        top->clk = 0;
+        top->eval();
+        top->bus_ready = top->bus_valid && bus;
+        if (top->bus_ready) transfer(*bus);
+        const bool byte = wire && top->tx_valid;
+        if (byte) wire[size++] = top->tx_data;
+        const bool last = byte && top->tx_data == 0;
+        top->clk = 1;
+        top->eval();
+        clocks++;
+        return last;
+    }
+    void transfer(const kn_word_bus &bus)
+    {
+        uint32_t word = 0;
+        top->bus_error = !(top->bus_write ? bus.write(bus.self, top->bus_addr, top->bus_wdata)
+                                          : bus.read(bus.self, top->bus_addr, &word));
+        top->bus_rdata = word;
+    }
+    size_t hear(const kn_word_bus *bus, const uint8_t *bytes, size_t count, size_t *used, uint8_t *wire)
+    {
+        const int checked = 16; // clocks after its last byte a frame has been counted
+        *used = 0;
+        for (int idle = 0; idle < checked || answers != top->frames || *used < count; idle++) {
+            // a 0x00 may end a frame: what is behind it waits for the answer
+            const bool waits = answers != top->frames || (*used > 0 && bytes[*used - 1] == 0 && idle < checked);
+            top->rx_valid = *used < count && !waits && top->rx_ready;
+            if (top->rx_valid) top->rx_data = bytes[(*used)++], idle = 0;
+            if (!clock(bus, wire)) continue;
+            answers++;
+            const size_t answer = size;
+            size = 0;
+            return answer;
+        }
+        return 0;
+    }
+};
+
 template <typename verilated> struct rtl : word_bus<verilated> {
     int power_ups = 1; // each leaves something else in memories
+    link line{1};
 
     rtl() : word_bus<verilated>(1) {}
     static rtl *of(void *self) { return static_cast<rtl *>(self); }
@@ -33,12 +92,18 @@ template <typename verilated> struct rtl : word_bus<verilated> {
     {
         of(self)->power_up(++of(self)->power_ups);
         of(self)->reset();
+        of(self)->line.power_up(of(self)->power_ups);
+        of(self)->line.reset();
+    }
+    static size_t hear(void *self, const kn_word_bus *bus, const uint8_t *bytes, size_t count, size_t *used, uint8_t *wire)
+    {
+        return of(self)->line.hear(bus, bytes, count, used, wire);
     }
     static void destroy(void *self) { delete of(self); }
     static bool make(kn_engine *engine, const char *name)
     {
         rtl *self = new (std::nothrow) rtl;
-        if (self) *engine = kn_engine{name, {self, read_word, write_word}, blank, nullptr, destroy};
+        if (self) *engine = kn_engine{name, {self, read_word, write_word}, blank, nullptr, hear, destroy};
         return self;
     }
 };

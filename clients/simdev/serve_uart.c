@@ -17,12 +17,14 @@
 typedef struct line {
     kn_serve *serve;
     const char *link;
-    char name[64]; // of the slave
-    int fd, keep; // master; slave, held open so that a host that leaves is no hang-up
-    kn_framer framer, inner;
-    bool reacted; // of this request: a torn result once
-    bool refuses; // this request
-    int64_t in_ns, out_ns; // when the last byte was through, either way
+    char name[64];                     // of the slave
+    int fd, keep;                      // master; slave, held open so that a host that leaves is no hang-up
+    kn_framer framer;                  // where the engine has no link of its own
+    uint8_t frame[2 * KN_FRAMER_WIRE]; // as it comes
+    size_t size;                       // of that
+    bool reacted;                      // of this request: a torn result once
+    bool refuses;                      // this request
+    int64_t in_ns, out_ns;             // when the last byte was through, either way
 } line;
 
 void kn_serve_sleep_us(uint32_t us)
@@ -115,33 +117,47 @@ static void say(line *l, const uint8_t *wire, size_t size)
     }
 }
 
-static void answer(line *l, const uint8_t *payload, size_t size)
+static void answer(line *l, uint8_t wire[KN_FRAMER_WIRE], size_t size)
 {
     kn_faults *f = &l->serve->faults;
-    const kn_word_bus bus = {l, read_word, write_word};
-    uint8_t reply[KN_FRAMER_PAYLOAD], wire[KN_FRAMER_WIRE];
-    l->reacted = false;
-    l->refuses = kn_faults_strike(f, KN_FAULT_REFUSE);
     l->serve->requests++;
-    size = kn_request_execute(payload, size, &bus, reply);
-    size = kn_faults_mangle(f, wire, kn_framer_encode(reply, size, wire));
+    size = kn_faults_mangle(f, wire, size);
     if (kn_faults_strike(f, KN_FAULT_DROP)) return;
     say(l, wire, size);
     if (kn_faults_strike(f, KN_FAULT_DUPLICATE)) say(l, wire, size);
 }
 
-// The line's faults of a request that came whole; once more through a receiver, which has to notice them.
-static void hear(line *l, const uint8_t *payload, size_t size)
+// As the circuit's link does, in C.
+static size_t execute(line *l, const kn_word_bus *bus, const uint8_t *bytes, size_t count, size_t *used,
+                      uint8_t wire[KN_FRAMER_WIRE])
+{
+    uint8_t reply[KN_FRAMER_PAYLOAD];
+    size_t payload = kn_framer_read(&l->framer, bytes, count, used);
+    return payload ? kn_framer_encode(reply, kn_request_execute(l->framer.bytes, payload, bus, reply), wire) : 0;
+}
+
+static void hear(line *l, const uint8_t *bytes, size_t count)
+{
+    const kn_engine *e = &l->serve->engine;
+    const kn_word_bus bus = {l, read_word, write_word};
+    uint8_t wire[KN_FRAMER_WIRE];
+    l->reacted = false;
+    for (size_t at = 0, used; at < count; at += used) {
+        size_t size = e->hear ? e->hear(e->bus.self, &bus, bytes + at, count - at, &used, wire)
+                              : execute(l, &bus, bytes + at, count - at, &used, wire);
+        if (size) answer(l, wire, size);
+    }
+}
+
+// A frame with what the line does to it; whether it is one is for the link to find out.
+static void bring(line *l)
 {
     kn_faults *f = &l->serve->faults;
-    uint8_t wire[KN_FRAMER_WIRE];
-    size = kn_faults_mangle(f, wire, kn_framer_encode(payload, size, wire));
+    size_t size = kn_faults_mangle(f, l->frame, l->size);
     if (kn_faults_strike(f, KN_FAULT_DROP)) return;
-    int times = kn_faults_strike(f, KN_FAULT_DUPLICATE) ? 2 : 1;
-    for (size_t at = 0, used = 0; at < size * (size_t)times; at += used) {
-        size_t heard = kn_framer_read(&l->inner, wire + at % size, size - at % size, &used);
-        if (heard) answer(l, l->inner.bytes, heard);
-    }
+    l->refuses = kn_faults_strike(f, KN_FAULT_REFUSE);
+    for (int times = kn_faults_strike(f, KN_FAULT_DUPLICATE) ? 2 : 1; times > 0; times--) hear(l, l->frame, size);
+    l->refuses = false;
 }
 
 static bool suffer(line *l) // false: the line could not be plugged in again
@@ -163,15 +179,18 @@ static bool listen_once(line *l)
     if (size < 0 && errno != EAGAIN && errno != EINTR) return false;
     if (size <= 0) poll(&(struct pollfd){l->fd, POLLIN, 0}, 1, 100);
     if (size > 0) pass(l, &l->in_ns, (size_t)size);
-    int fd = l->fd;
-    size_t used = 0;
-    for (ssize_t at = 0; at < size && fd == l->fd && !*l->serve->stop; at += (ssize_t)used) {
-        size_t payload = kn_framer_read(&l->framer, bytes + at, (size_t)(size - at), &used);
-        if (!payload) continue;
-        int64_t unplugged = l->serve->faults.done[KN_FAULT_DISCONNECT];
-        if (!suffer(l)) return false;
-        if (l->serve->faults.done[KN_FAULT_DISCONNECT] > unplugged) break;
-        hear(l, l->framer.bytes, payload);
+    for (ssize_t at = 0; at < size && !*l->serve->stop; at++) {
+        l->frame[l->size++] = bytes[at];
+        if (bytes[at] && l->size < sizeof l->frame) continue;
+        if (l->size == 1 || bytes[at]) { // nothing, or noise
+            hear(l, l->frame, l->size);
+        } else {
+            int64_t unplugged = l->serve->faults.done[KN_FAULT_DISCONNECT];
+            if (!suffer(l)) return false;
+            if (l->serve->faults.done[KN_FAULT_DISCONNECT] > unplugged) at = size; // with what it was hearing
+            else bring(l);
+        }
+        l->size = 0;
     }
     return true;
 }
