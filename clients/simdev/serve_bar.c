@@ -117,7 +117,11 @@ static bool make_file(bar *b)
     b->word = at;
     b->shm = kn_shm_of(at);
     push_registers(b);
-    push(b, KN_REG_NODE_COUNT, KN_REG_BOUND_COUNT - KN_REG_NODE_COUNT + 1);
+    push(b, KN_REG_NODE_COUNT, KN_REG_BOUND_COUNT - KN_REG_NODE_COUNT + 1); // what it holds has stayed, all of it
+    push(b, KN_REG_OMEGA, KN_FIXED_ITERATIONS_MAX);
+    push(b, KN_WINDOW_TABLE, KN_FIXED_SEGMENTS + 1);
+    push(b, KN_WINDOW_REST, 8 * (b->word[KN_REG_NODE_COUNT] & 0x1ffff));
+    push_state(b);
     if (bounds(b)) push(b, KN_WINDOW_REACTIONS, 6 * bounds(b));
     return rename(fresh, b->path) == 0;
 }

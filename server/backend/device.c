@@ -127,6 +127,7 @@ static kn_link_status accept_load(kn_device *d, const uint32_t *words)
     if (d->arrived) return KN_LINK_OK;
     d->job = IDLE;
     d->state = KN_DEVICE_IDENTIFIED;
+    d->shaped = false; // its number says it has what never changes; what it has is not that
     d->loss = words[AT_STATUS] & KN_STATUS_LOADED ? KN_LOSS_LOAD : KN_LOSS_BLANK;
     return refuse(d, KN_LINK_PROTOCOL, "%s: STATE_CRC is 0x%08x: expected 0x%08x of what was loaded", d->uri,
                   words[AT_CRC], d->crc);
@@ -266,7 +267,7 @@ static kn_link_status repeat(kn_device *d, kn_link_status status)
     d->stats.timeouts += status == KN_LINK_IO;
     if (d->misses >= MISSES || kn_now_ns() - d->first_ns >= MISSES * miss_ns(d)) {
         kn_loss loss = status == KN_LINK_IO ? KN_LOSS_TIMEOUT : status == KN_LINK_CRC ? KN_LOSS_CRC : KN_LOSS_REFUSED;
-        refuse(d, status, "%s: %s, asked %d times", d->uri, kn_link_words(status), d->tries);
+        refuse(d, status, "%s: %s, asked %d time%s", d->uri, kn_link_words(status), d->tries, d->tries == 1 ? "" : "s");
         return lose(d, loss, status);
     }
     d->stats.retries++;

@@ -1,5 +1,5 @@
 // A circuit in step with its twin, at 1 kHz, against knead-simdev: what the queue between them is for, and the
-// deadline.
+// deadline. KN_LOSSES=N: times that it is lost by each fault (5).
 #include "core/scene/scene.h"
 #include "hdl/registers.h"
 #include "server/backend/fpga.h"
@@ -218,6 +218,65 @@ TEST("a circuit that has another object than it was given is given all of it aga
     unmake(&o);
     kn_board_kill(&b);
     unlink(path);
+}
+
+static int by_size(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+// At 1 kHz, until it has come back so often: ms from each loss until it was in step again.
+static void be_lost(const char *const board[], const char *what, int times)
+{
+    enum { MOST = 1000, PATIENCE = 60000 };
+    static double lasted_ms[MOST];
+    kn_board b = kn_board_start(board);
+    object o = make("dough-small.yaml");
+    kn_fpga_counts n;
+    int64_t returned_ns, since_ns = 0, seen = 0;
+    int back = 0;
+    attach(&o, b.uri);
+    while (back < times && back < MOST && o.ticks < PATIENCE) {
+        tick(&o, KN_PERIOD_NS, &returned_ns);
+        kn_backend_fpga_counts(&o.backend, &n);
+        if (n.losses > seen && since_ns == 0) since_ns = returned_ns;
+        seen = n.losses;
+        if (!n.in_step || since_ns == 0) continue;
+        lasted_ms[back++] = 1e-6 * (double)(returned_ns - since_ns);
+        since_ns = 0;
+    }
+    CHECK(back == times && n.different == 0);
+    qsort(lasted_ms, (size_t)back, sizeof *lasted_ms, by_size);
+    printf("     %-20s lost %d times in %d ticks", what, back, o.ticks);
+    if (back)
+        printf(": in step again after p50 %.0f, p90 %.0f, at most %.0f ms, to load its state takes %.1f",
+               lasted_ms[back / 2], lasted_ms[back * 9 / 10], lasted_ms[back - 1], 1e-6 * (double)n.load_ns);
+    putchar('\n');
+    unmake(&o);
+    kn_board_kill(&b);
+}
+
+TEST("a circuit that was lost comes back: 144 nodes, unplugged, hung, switched off and on")
+{
+    const int times = getenv("KN_LOSSES") ? atoi(getenv("KN_LOSSES")) : 5;
+    static const char *const fault[] = {"disconnect=0.003", "hang=0.003", "blank=0.003"};
+    char name[64], link[80], file[80], what[64];
+    snprintf(name, sizeof name, "knead-lost-%d", (int)getpid());
+    snprintf(link, sizeof link, "/tmp/%s", name);
+    snprintf(file, sizeof file, "/dev/shm/%s", name);
+    for (int i = 0; i < 3; i++) {
+        const char *const by_line[] = {"--uart", "--link", link, "--fault", fault[i], NULL};
+        const char *const by_memory[] = {"--bar", name, "--fault", fault[i], NULL};
+        snprintf(what, sizeof what, "pty, %s", fault[i]);
+        be_lost(by_line, what, times);
+        snprintf(what, sizeof what, "shm, %s", fault[i]);
+        be_lost(by_memory, what, times);
+    }
+    const char *const slowly[] = {"--uart", "--link", link, "--baud", "3000000", "--fault", "hang=0.001", NULL};
+    be_lost(slowly, "3 Mbaud, hang=0.001", times / 3);
+    unlink(link);
+    unlink(file);
 }
 
 // The next tick on a backend that has no circuit, then a sleep until one would have been waited for: what the machine
