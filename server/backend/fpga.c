@@ -495,8 +495,9 @@ static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY], bool *device
         if (loaded) return true;
         status = KN_LINK_PROTOCOL;
     }
-    const char *said = kn_device_why(f->device);
-    snprintf(why, KN_LINK_WHY, "%.100s: %.200s", uri, *said ? said : kn_link_words(status));
+    const char *said = kn_device_why(f->device); // begins with its URI
+    if (*said) snprintf(why, KN_LINK_WHY, "%.300s", said);
+    else snprintf(why, KN_LINK_WHY, "%.100s: %s", uri, kn_link_words(status));
     return false;
 }
 
