@@ -496,7 +496,7 @@ static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY], bool *device
         status = KN_LINK_PROTOCOL;
     }
     const char *said = kn_device_why(f->device); // begins with its URI
-    if (*said) snprintf(why, KN_LINK_WHY, "%.300s", said);
+    if (*said) snprintf(why, KN_LINK_WHY, "%s", said);
     else snprintf(why, KN_LINK_WHY, "%.100s: %s", uri, kn_link_words(status));
     return false;
 }
