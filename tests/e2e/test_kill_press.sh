@@ -11,7 +11,7 @@ touches() { knead ctl --control control --json status 2>/dev/null | grep -q '"in
 # stood still, too, so that the probe tripped more often, once more
 play() {
     local again
-    for again in 1 1 0; do
+    for again in 1 1 1 1 1 0; do
         play_once $again "$@" && return
         sleep $((5 * again))
     done
