@@ -26,6 +26,9 @@ struct circuit {
     }
     circuit()
     {
+#ifdef KN_MUTANTS // hdl/reports/mutants: which one is at work, 0 none
+        top.mutant = (uint16_t)atoi(getenv("KN_MUTANT"));
+#endif
         top.rst = 1;
         edge();
         top.rst = 0;
