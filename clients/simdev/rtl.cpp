@@ -1,5 +1,5 @@
-// The circuits themselves, Verilated, behind their word bus, and before it the link, Verilated, too. Their time is their own: of an engine
-// a transfer is a few clocks, nothing else is; of the link a byte, and whatever it takes until that is answered.
+// The circuits themselves, Verilated, behind their word bus, and before it the link, Verilated, too. Their time is their
+// own: of an engine a transfer is a few clocks, nothing else is; of the link a byte, and all until it is answered.
 #include "Vknead_engine.h"
 #include "Vknead_link.h"
 #include "Vknead_nano.h"
@@ -40,7 +40,7 @@ struct link : circuit<Vknead_link> {
         top->bus_ready = top->bus_valid && bus;
         if (top->bus_ready) transfer(*bus);
         const bool byte = wire && top->tx_valid;
-        if (byte) wire[size++] = top->tx_data;
+        if (byte && size < KN_FRAMER_WIRE) wire[size++] = top->tx_data;
         const bool last = byte && top->tx_data == 0;
         top->clk = 1;
         top->eval();
@@ -56,7 +56,7 @@ struct link : circuit<Vknead_link> {
     }
     size_t hear(const kn_word_bus *bus, const uint8_t *bytes, size_t count, size_t *used, uint8_t *wire)
     {
-        const int checked = 16; // clocks after its last byte a frame has been counted
+        const int checked = 16; // clocks after its last byte a frame has been counted for certain
         *used = 0;
         for (int idle = 0; idle < checked || answers != top->frames || *used < count; idle++) {
             // a 0x00 may end a frame: what is behind it waits for the answer
@@ -95,7 +95,8 @@ template <typename verilated> struct rtl : word_bus<verilated> {
         of(self)->line.power_up(of(self)->power_ups);
         of(self)->line.reset();
     }
-    static size_t hear(void *self, const kn_word_bus *bus, const uint8_t *bytes, size_t count, size_t *used, uint8_t *wire)
+    static size_t hear(void *self, const kn_word_bus *bus, const uint8_t *bytes, size_t count, size_t *used,
+                       uint8_t *wire)
     {
         return of(self)->line.hear(bus, bytes, count, used, wire);
     }

@@ -122,7 +122,8 @@ static bool make_file(bar *b)
     push(b, KN_WINDOW_TABLE, KN_FIXED_SEGMENTS + 1);
     push(b, KN_WINDOW_REST, 8 * (b->word[KN_REG_NODE_COUNT] & 0x1ffff));
     push_state(b);
-    if (bounds(b)) push(b, KN_WINDOW_REACTIONS, 6 * bounds(b));
+    push(b, KN_WINDOW_BOUNDS, 4 * bounds(b));
+    push(b, KN_WINDOW_REACTIONS, 6 * bounds(b));
     return rename(fresh, b->path) == 0;
 }
 

@@ -20,7 +20,7 @@ typedef struct line {
     char name[64];                     // of the slave
     int fd, keep;                      // master; slave, held open so that a host that leaves is no hang-up
     kn_framer framer;                  // where the engine has no link of its own
-    uint8_t frame[2 * KN_FRAMER_WIRE]; // as it comes
+    uint8_t frame[2 * KN_FRAMER_WIRE]; // as it comes; one that does not end by then is none
     size_t size;                       // of that
     bool reacted;                      // of this request: a torn result once
     bool refuses;                      // this request

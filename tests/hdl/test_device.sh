@@ -3,8 +3,9 @@
 # faults, kills (KN_TICKS=N, KN_KILLS=N; the small one does a tenth of those ticks).
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need verilator g++
-timeout 1 knead-simdev --uart --engine rtl >/dev/null 2>said
+timeout 1 knead-simdev --uart --engine rtl >serves 2>said
 [ $? = 3 ] && echo "skipped: $(cat said)" && exit 77
+grep -q '^rtl behind knead_link: ' serves || { echo "FAIL the circuit's own link is not before it: $(cat serves)" && fail=1; }
 ticks=${KN_TICKS:-300}
 cd "$KN_BUILD" || exit 1
 KN_ENGINE=rtl KN_TICKS=$ticks tests/test_server_device || fail=1
