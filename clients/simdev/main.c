@@ -79,7 +79,8 @@ static int serve(kn_serve *s, which it, kn_engine_caps caps, const char *link, c
     }
     bool good = bar ? kn_serve_bar(s, bar) : kn_serve_uart(s, link);
     if (!good) fprintf(stderr, "knead-simdev: %s: %s\n", bar ? bar : link ? link : "pseudo-terminal", strerror(errno));
-    printf("%s%s: %lld requests", s->engine.name, !bar && s->engine.hear ? " behind knead_link" : "", (long long)s->requests);
+    const char *before = !bar && s->engine.hear ? " behind knead_link" : "";
+    printf("%s%s: %lld requests", s->engine.name, before, (long long)s->requests);
     for (int i = 0; i < KN_FAULT_COUNT; i++)
         if (s->faults.done[i]) printf(", %lld %s", (long long)s->faults.done[i], kn_fault_word((kn_fault)i));
     putchar('\n');
