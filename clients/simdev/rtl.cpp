@@ -56,13 +56,10 @@ struct link : circuit<Vknead_link> {
     }
     size_t hear(const kn_word_bus *bus, const uint8_t *bytes, size_t count, size_t *used, uint8_t *wire)
     {
-        const int checked = 16; // clocks after its last byte a frame has been counted for certain
         *used = 0;
-        for (int idle = 0; idle < checked || answers != top->frames || *used < count; idle++) {
-            // a 0x00 may end a frame: what is behind it waits for the answer
-            const bool waits = answers != top->frames || (*used > 0 && bytes[*used - 1] == 0 && idle < checked);
-            top->rx_valid = *used < count && !waits && top->rx_ready;
-            if (top->rx_valid) top->rx_data = bytes[(*used)++], idle = 0;
+        while (*used < count || answers != top->frames) { // a frame is counted in the clock of its 0x00
+            top->rx_valid = *used < count && answers == top->frames && top->rx_ready;
+            if (top->rx_valid) top->rx_data = bytes[(*used)++];
             if (!clock(bus, wire)) continue;
             answers++;
             const size_t answer = size;

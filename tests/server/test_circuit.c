@@ -18,6 +18,16 @@ static kn_board start(const char *baud, const char *fault)
     return b;
 }
 
+// As a card's memory, whose file is at path.
+static kn_board start_card(char path[96])
+{
+    snprintf(path, 96, "/dev/shm/knead-circuit-%d", (int)getpid());
+    const char *const all[] = {"--bar", strrchr(path, '/') + 1, NULL};
+    kn_board b = kn_board_start(all);
+    strcat(b.uri, "?miss=500");
+    return b;
+}
+
 typedef struct object {
     kn_scene *scene;
     kn_model *model;
@@ -188,14 +198,11 @@ TEST("a tool on more nodes than the circuit lists costs one loss and one load ea
 
 TEST("a circuit that has another object than it was given is given all of it again, once")
 {
-    char name[64], path[96], why[KN_LINK_WHY] = "";
-    snprintf(name, sizeof name, "knead-circuit-%d", (int)getpid());
-    snprintf(path, sizeof path, "/dev/shm/%s", name);
-    const char *const on_bar[] = {"--bar", name, NULL};
-    kn_board b = kn_board_start(on_bar);
+    char path[96], why[KN_LINK_WHY] = "";
+    kn_board b = start_card(path);
     object o = make("dough-small.yaml");
     kn_fpga_counts n;
-    attach(&o, strcat(b.uri, "?miss=500"));
+    attach(&o, b.uri);
     int fd = open(path, O_RDWR), ticks = 0;
     for (n.on_circuit = 0; n.on_circuit < 700 && ticks < 20000; ticks++) {
         const int i = ticks;
@@ -284,14 +291,11 @@ TEST("a circuit that was lost comes back: 144 nodes, unplugged, hung, switched o
 
 TEST("a circuit to which a state is none is given all of its object again")
 {
-    char name[64], path[96], why[KN_LINK_WHY] = "";
-    snprintf(name, sizeof name, "knead-circuit-%d", (int)getpid());
-    snprintf(path, sizeof path, "/dev/shm/%s", name);
-    const char *const on_bar[] = {"--bar", name, NULL};
-    kn_board b = kn_board_start(on_bar);
+    char path[96], why[KN_LINK_WHY] = "";
+    kn_board b = start_card(path);
     object o = make("dough-small.yaml");
     kn_fpga_counts n = {0};
-    attach(&o, strcat(b.uri, "?miss=500"));
+    attach(&o, b.uri);
     for (int i = 0; i < 100; i++) press(&o, 0.003);
     int fd = open(path, O_RDWR); // a setting that a load of the state alone does not bring, and its checksum notices
     CHECK(pwrite(fd, &(uint32_t){7}, 4, 4 * (off_t)KN_REG_EDGE_COUNT) == 4);
