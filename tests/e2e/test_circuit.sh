@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # kneadd --backend pty: under a hand that presses, the board (a process behind a pseudo-terminal, or a piece of memory) killed and started
-# again meanwhile (4 times; KN_KILLS=N): the force is the same as if nothing had happened, to the bit. Then the log again on the board,
-# in its own time, killed at random as well (6 times; KN_REPLAY_KILLS=N).
+# again meanwhile (twice; KN_KILLS=N): the force is the same as if nothing had happened, to the bit. Then the log again on the board,
+# in its own time, killed at random as well (3 times; KN_REPLAY_KILLS=N).
 source "$KN_SOURCE/tests/e2e/kneadd.sh" && source "$KN_SOURCE/tests/e2e/board.sh" || exit 70
-kills=${KN_KILLS:-4} replay_kills=${KN_REPLAY_KILLS:-6}
+kills=${KN_KILLS:-2} replay_kills=${KN_REPLAY_KILLS:-3}
 RANDOM=${KN_SEED:-1}
 [ "$KN_REALTIME" = off ] || ! chrt -f 50 true 2>/dev/null || ahead="chrt -f 50" # of everything but kneadd
 get_in_step() { # returns once the circuit is in step, so that to kill it is to lose it; gives it 20 s

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# kneadd killed and frozen at random instants of a press (20 times; KN_KILLS=N for more), under two devices, which log what their motors
+# kneadd killed and frozen at random instants of a press (10 times; KN_KILLS=N for more), under two devices, which log what their motors
 # give by their own clock: the one that renders forces gives 0 N 20 ms after the last one, the one that renders the local model goes on
 # with it for 100 ms and has leaked away by 300.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-kills=${KN_KILLS:-20}
+kills=${KN_KILLS:-10}
 RANDOM=1
 presser near 1e6 x=-0.015 >near.csv & near=$!
 presser far 1e6 x=0.015 local >far.csv & far=$!

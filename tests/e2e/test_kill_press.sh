@@ -1,16 +1,16 @@
 #!/usr/bin/env bash
-# kneadd killed in the middle of a press by knead probe and started again at once, as systemd does (5 times; KN_KILLS=N for more): the
+# kneadd killed in the middle of a press by knead probe and started again at once, as systemd does (twice; KN_KILLS=N for more): the
 # probe's own watchdog takes the force to 0 N within 20 ms of the last message, no steeper than a transition may be, the dent is restored
 # to the bit, and the probe's next press meets the dented surface. Then the same, a fifth as often, with a hand on a device that renders
 # the local model, which may go on for 100 ms and has leaked away by 300. KN_PICTURE=FILE.png draws the traces, by gnuplot.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-kills=${KN_KILLS:-5}
+kills=${KN_KILLS:-2}
 RANDOM=${KN_SEED:-1}
 touches() { knead ctl --control control --json status 2>/dev/null | grep -q '"in_contact":true'; }
 # play NAME FROM_MS SERVED... -- OPTION...: one kill, FROM_MS to FROM_MS + 2000 after the touch; a line of NAME.txt. Where the machine
 # stood still, too, so that the probe tripped more often, once more
 play() {
-    local tries=$((kills > 10 ? 6 : 3)) # ctest's run ends after 600 s
+    local tries=$((kills > 10 ? 6 : 2)) # ctest's run ends after 600 s
     until play_once $((tries > 1)) "$@"; do
         tries=$((tries - 1))
         sleep 5

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# A bad link between kneadd and two devices, in both directions: losses, bursts, jitter, repeats, swaps, flipped bits and all at once; 4 s
+# A bad link between kneadd and two devices, in both directions: losses, bursts, jitter, repeats, swaps, flipped bits and all at once; 3 s
 # of each (KN_LINK_SECONDS=N for more). What kneadd gives and what the motors give, by the device's own log, keeps the rules of
 # core/safety.h; kneadd loses what the link lost; with a key nothing flipped is taken.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-seconds=${KN_LINK_SECONDS:-4}
+seconds=${KN_LINK_SECONDS:-3}
 far=udpm://239.255.76.67:7671?ttl=0
 umask 077
 head -c 32 /dev/urandom | od -An -tx1 | tr -d ' \n' >key
@@ -63,7 +63,7 @@ judge() { # judge NAME
 success() {
     local name=$1 what=$2 pause
     shift 2
-    for pause in 1 5 0; do
+    for pause in 3 0; do
         row "$@"
         heard "$(share "$what")" && break
         sleep $pause

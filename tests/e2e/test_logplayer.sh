@@ -26,7 +26,7 @@ alike() {
 # try again.
 played_well() {
     local pause
-    for pause in 2 10 0; do
+    for pause in 5 0; do
         record hand.lcmlog dough-small.yaml -- --hold '0.3 s'
         knead replay hand.lcmlog --csv hand.csv >/dev/null # what the hand felt
         play && alike && return

@@ -9,7 +9,7 @@ holds() { awk "BEGIN { exit !($1) }"; }
 # feel NAME OPTION...: exit 0 when it was calm; a machine that stands still shakes any hand, or spoils its tries
 feel() {
     local pause
-    for pause in 0 2 10 0; do
+    for pause in 2 0; do
         knead probe --hold '2 s' "${@:2}" >"$1.txt" 2>"$1.err" && return
         sleep $pause
     done
