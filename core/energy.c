@@ -1,62 +1,21 @@
 #include "core/energy.h"
-#include "core/composite.h"
 #include "core/scratch.h"
+#include "core/springs.h"
 #include "core/vec.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct spring { // an edge: what it stores is volume k1 u^2/2
-    int i, j, slot;     // as kn_edge has them, of the whole model
-    double rest_m, volume_m3;
-} spring;
-
 typedef struct lattice { // everything that stores, as lists
     const kn_model *model;
-    spring *edge;
+    kn_springs springs;
     kn_cell *cell;
     double *cell_volume_m3;
-    int edges, cells;
-    kn_law law;
+    int cells;
 } lattice;
 
 // --- lists ----------------------------------------------------------------------------------------------------------
-
-static double gamma_of(const kn_model *m) { return m->def.mesh ? m->gamma : m->grid.gamma; }
-
-static void list_edges(lattice *l, const kn_model *part, const kn_edge *edge, int count, int node, int slot)
-{
-    double gamma = gamma_of(part), kappa_m = part->def.mesh ? part->kappa_m : part->grid.kappa_m;
-    for (int e = 0; e < count; e++) {
-        double length = gamma * edge[e].rest_m;
-        l->edge[l->edges++] = (spring){edge[e].i + node, edge[e].j + node, edge[e].slot + slot, edge[e].rest_m,
-                                       length * length * kappa_m * edge[e].weight};
-    }
-}
-
-static int edges_of(const kn_model *m)
-{
-    if (m->def.mesh) return m->edge_count;
-    return m->composite ? kn_composite_edges(m) : kn_grid_edges(&m->grid, NULL);
-}
-
-static bool list_all_edges(lattice *l)
-{
-    const kn_model *m = l->model;
-    const kn_composite *c = m->composite;
-    size_t count = (size_t)edges_of(m) + 1;
-    l->edge = malloc(count * sizeof *l->edge);
-    kn_edge *edge = malloc(count * sizeof *edge);
-    bool fits = l->edge && edge;
-    if (fits && m->def.mesh) list_edges(l, m, m->edges, m->edge_count, 0, 0);
-    else if (fits && !c) list_edges(l, m, edge, kn_grid_edges(&m->grid, edge), 0, 0);
-    for (int p = 0; fits && c && p < c->part_count; p++)
-        list_edges(l, &c->part[p], edge, kn_grid_edges(&c->part[p].grid, edge), c->node_first[p],
-                   c->row_first[p] * KN_FORWARD * (int)m->stride);
-    free(edge);
-    return fits;
-}
 
 static bool list_cells(lattice *l)
 {
@@ -75,7 +34,7 @@ static bool list_cells(lattice *l)
 
 static void lattice_free(lattice *l)
 {
-    free(l->edge);
+    kn_springs_free(&l->springs);
     free(l->cell);
     free(l->cell_volume_m3);
 }
@@ -83,46 +42,17 @@ static void lattice_free(lattice *l)
 static bool lattice_init(lattice *l, const kn_model *model)
 {
     *l = (lattice){.model = model};
-    kn_law_build(&l->law, &model->def.material, model->def.solver.dt_s, true);
-    bool fits = list_all_edges(l) && list_cells(l);
+    bool fits = kn_springs_init(&l->springs, model) && list_cells(l);
     if (!fits) lattice_free(l);
     return fits;
 }
 
 // --- sums -----------------------------------------------------------------------------------------------------------
 
-// Length of an edge, and in *before the one that it had a step ago.
-static double length_of(const kn_model *m, const kn_state *state, const spring *e, double *before)
+static double in_edge(const kn_springs *s, const kn_state *state, int number)
 {
-    double xi[3], xj[3], vi[3], vj[3], now = 0, then = 0;
-    kn_state_position(m, state, e->i, xi);
-    kn_state_position(m, state, e->j, xj);
-    kn_state_velocity(m, state, e->i, vi);
-    kn_state_velocity(m, state, e->j, vj);
-    for (int k = 0; k < 3; k++) {
-        double d = xj[k] - xi[k], last = d - m->def.solver.dt_s * (vj[k] - vi[k]);
-        now += d * d;
-        then += last * last;
-    }
-    *before = sqrt(then);
-    return sqrt(now);
-}
-
-static double in_edge(const lattice *l, const kn_state *state, const spring *e)
-{
-    const kn_model *m = l->model;
-    const kn_law *law = &l->law;
-    double gamma = gamma_of(m), unit = gamma * e->rest_m, before, now = length_of(m, state, e, &before), u;
-    if (state->strain) {
-        double dt = law->dt_s, last = kn_real_get(m, state->strain, (size_t)e->slot);
-        double b = law->a_pa_s * (now - before) / (dt * unit) + law->mat.k1_pa * last, s = kn_law_stress(law, b);
-        double left = (now - e->rest_m) / e->rest_m - gamma * last; // of the damper, were the Voigt part to stay
-        if (law->stroke) s = kn_law_stop(law, s, b, (left - law->in) / gamma, (law->out - left) / gamma);
-        u = last + dt * (s - law->mat.k1_pa * last) / law->a_pa_s;
-    } else {
-        u = (now - e->rest_m) / unit;
-    }
-    return 0.5 * law->mat.k1_pa * u * u * e->volume_m3;
+    double u = kn_spring_look(s, state, number).voigt;
+    return 0.5 * s->law.mat.k1_pa * u * u * s->spring[number].volume_m3;
 }
 
 static double in_node(const kn_model *m, const kn_state *state, int i, double *height_j)
@@ -160,7 +90,7 @@ typedef struct sum { // of a state, part by part
 static bool sum_some(const lattice *l, const kn_state *state, sum *s, int count)
 {
     const kn_model *m = l->model;
-    for (; count > 0 && s->edge < l->edges; count--) s->energy.elastic += in_edge(l, state, &l->edge[s->edge++]);
+    for (; count > 0 && s->edge < l->springs.count; count--) s->energy.elastic += in_edge(&l->springs, state, s->edge++);
     for (; count > 0 && s->node < m->node_count; count--)
         s->energy.kinetic += in_node(m, state, s->node++, &s->energy.height);
     for (; count > 0 && s->cell < l->cells; count--) {
@@ -215,7 +145,7 @@ kn_audit *kn_audit_create(const kn_model *model)
         return NULL;
     }
     a->copy = kn_state_keep(model);
-    a->at_once = 2 * (a->lattice.edges + model->node_count + a->lattice.cells) / KN_AUDIT_TICKS + 1;
+    a->at_once = 2 * (a->lattice.springs.count + model->node_count + a->lattice.cells) / KN_AUDIT_TICKS + 1;
     if (a->copy) return a;
     kn_audit_destroy(a);
     return NULL;

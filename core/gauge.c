@@ -1,0 +1,144 @@
+#include "core/gauge.h"
+#include "core/composite.h"
+#include "core/six.h"
+#include "core/springs.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+const kn_measure_name kn_measure_names[KN_MEASURES] = {
+    [KN_MEASURE_DISPLACEMENT] = {"displacement", "displacement", "m"},
+    [KN_MEASURE_STRESS] = {"stress", "von Mises stress", "Pa"},
+    [KN_MEASURE_RESIDUAL] = {"residual", "residual strain", ""},
+};
+
+// Symmetric tensors are vectors: xx yy zz yz xz xy.
+typedef struct share { // of a node: weighted sums over its edges
+    double weight, square;        // V_e, V_e r_e^2
+    double fit[6][6], against[6]; // the normal equations of S: the lower half
+} share;
+
+struct kn_gauge {
+    kn_springs springs;
+    share *node;          // [node_count]
+    int *master;          // [node_count] the node in the same place that keeps its sums
+    double stiffness[6][6]; // R <n n n n>
+};
+
+static void square_of(const kn_gauge *g, const kn_spring *e, double out[6]) // n n at rest
+{
+    static const int a[6] = {0, 1, 2, 1, 0, 0}, b[6] = {0, 1, 2, 2, 2, 1};
+    const double (*x)[3] = (const double(*)[3])g->springs.model->rest_m;
+    double n[3];
+    for (int k = 0; k < 3; k++) n[k] = (x[e->j][k] - x[e->i][k]) / e->rest_m;
+    for (int k = 0; k < 6; k++) out[k] = n[a[k]] * n[b[k]];
+}
+
+static double twice(int k) { return k < 3 ? 1 : 2; } // how often a component stands in n.S.n
+
+static void average_stiffness(kn_gauge *g)
+{
+    const kn_model *m = g->springs.model;
+    double volume_m3 = kn_model_mass(m) / m->def.density_kg_m3;
+    for (int e = 0; e < g->springs.count; e++) {
+        const kn_spring *s = &g->springs.spring[e];
+        double nn[6];
+        square_of(g, s, nn);
+        for (int i = 0; i < 6; i++)
+            for (int k = 0; k < 6; k++) g->stiffness[i][k] += s->volume_m3 / volume_m3 * nn[i] * twice(k) * nn[k];
+    }
+}
+
+kn_gauge *kn_gauge_create(const kn_model *model)
+{
+    kn_gauge *g = calloc(1, sizeof *g);
+    size_t nodes = (size_t)model->node_count;
+    bool fits = g && kn_springs_init(&g->springs, model);
+    if (fits) g->node = calloc(nodes, sizeof *g->node);
+    if (fits) g->master = calloc(nodes, sizeof *g->master);
+    if (!fits || !g->node || !g->master) {
+        kn_gauge_destroy(g);
+        return NULL;
+    }
+    average_stiffness(g);
+    for (int i = 0; i < model->node_count; i++) g->master[i] = model->composite ? kn_composite_master(model, i) : i;
+    return g;
+}
+
+void kn_gauge_destroy(kn_gauge *gauge)
+{
+    if (!gauge) return;
+    kn_springs_free(&gauge->springs);
+    free(gauge->node);
+    free(gauge->master);
+    free(gauge);
+}
+
+static void add_edge(kn_gauge *g, const kn_state *state, int number)
+{
+    const kn_spring *e = &g->springs.spring[number];
+    const kn_spring_now now = kn_spring_look(&g->springs, state, number);
+    const double pull_pa = now.stress_pa * now.length_m / (g->springs.gamma * e->rest_m);
+    double nn[6];
+    square_of(g, e, nn);
+    for (int end = 0; end < 2; end++) {
+        share *to = &g->node[g->master[end ? e->j : e->i]];
+        to->weight += e->volume_m3;
+        to->square += e->volume_m3 * now.residual * now.residual;
+        for (int i = 0; i < 6; i++) {
+            const double row = e->volume_m3 * twice(i) * nn[i];
+            to->against[i] += row * pull_pa;
+            for (int k = 0; k <= i; k++) to->fit[i][k] += row * twice(k) * nn[k];
+        }
+    }
+}
+
+// What a node's edges say nothing of (a flat object's third direction, shear without diagonals) stays 0: a little
+// weight on S itself sees to it.
+static void fit(const share *s, double x[6])
+{
+    double a[6][6];
+    memcpy(a, s->fit, sizeof a);
+    memcpy(x, s->against, 6 * sizeof *x);
+    for (int i = 0; i < 6; i++) a[i][i] += 1e-9 * s->weight;
+    kn_six_factor(a);
+    kn_six_solve((const double(*)[6])a, x);
+}
+
+static double von_mises(const double s[6])
+{
+    double normal = (s[0] - s[1]) * (s[0] - s[1]) + (s[1] - s[2]) * (s[1] - s[2]) + (s[2] - s[0]) * (s[2] - s[0]);
+    return sqrt(0.5 * normal + 3 * (s[3] * s[3] + s[4] * s[4] + s[5] * s[5]));
+}
+
+static double stress(const kn_gauge *g, const share *s)
+{
+    double x[6], sigma[6] = {0};
+    if (!(s->weight > 0)) return 0;
+    fit(s, x);
+    for (int i = 0; i < 6; i++)
+        for (int k = 0; k < 6; k++) sigma[i] += g->stiffness[i][k] * x[k];
+    return von_mises(sigma);
+}
+
+static double displacement(const kn_model *m, const kn_state *state, int node)
+{
+    double x[3], sum = 0;
+    kn_state_position(m, state, node, x);
+    for (int k = 0; k < 3; k++) sum += (x[k] - m->rest_m[node][k]) * (x[k] - m->rest_m[node][k]);
+    return sqrt(sum);
+}
+
+void kn_gauge_read(kn_gauge *g, const kn_state *state, kn_measure what, double *value)
+{
+    const kn_model *m = g->springs.model;
+    memset(g->node, 0, (size_t)m->node_count * sizeof *g->node);
+    for (int e = 0; what != KN_MEASURE_DISPLACEMENT && e < g->springs.count; e++) add_edge(g, state, e);
+    for (int i = 0; i < m->node_count; i++) {
+        const share *s = &g->node[g->master[i]];
+        if (what == KN_MEASURE_DISPLACEMENT) value[i] = displacement(m, state, i);
+        else if (what == KN_MEASURE_STRESS) value[i] = stress(g, s);
+        else value[i] = s->weight > 0 ? sqrt(s->square / s->weight) : 0;
+    }
+}
