@@ -27,14 +27,16 @@ run() { # run NAME
         printf "%s: 1 ms late or more: servo %.4f %%, sentinel %.4f %%, witness %.4f %% of their wakes\n", name, 100 * s1 / n, 100 * e / g, 100 * w1 / w }'
     check "$1: the hand was there for all of it" holds "$ticks > 950 * $seconds"
     check "$1: no tick was woken 1 ms late but by the machine, says the witness" [ "$(number unexplained_1ms judged.txt)" = 0 ]
-    check "$1: and the sentinel: $(summary 2) times, $(summary 3) explained" [ "$(summary 2)" = "$(summary 3)" ]
+    # it runs below the servo, and may itself have waited then
+    check "$1: nor the sentinel, but for one in twenty and one more: $(summary 2) times, $(summary 3) explained" \
+        holds "$(summary 2) - $(summary 3) <= 1 + 0.05 * $(summary 2)"
     n=$(number woken_half judged.txt)
     check "$1: a tenth of those of 0.5 ms is unexplained at most, or two" holds "$(number unexplained_half judged.txt) <= 2 + 0.1 * $n"
     # counts of rare things scatter by their roots
     check "$1: the servo is 1 ms late as seldom as its references: 1.5 times and 0.01 %" \
         holds "$(summary 2) <= 1.5 * $(summary 7) + 1e-4 * $ticks + 3 * sqrt($(summary 2) + $(summary 7))"
-    check "$1: one tick in a thousand at most took longer than its millisecond, but by the machine" \
-        holds "$(number unexplained_overruns judged.txt) <= 1e-3 * $ticks"
+    check "$1: one tick in a thousand at most took longer than its millisecond and ten times the median, but by the machine" \
+        holds "$(number unexplained_long judged.txt) <= 1e-3 * $ticks"
 }
 [[ ${KN_LOAD:-no} = yes ]] || run idle
 [[ ${KN_LOAD:-yes} = yes ]] || exit $failed
