@@ -1,5 +1,7 @@
 #include "clients/knead/still.h"
+#include "core/springs.h"
 #include "core/surface.h"
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,6 +19,9 @@ void kn_still_free(kn_still *s)
     free(s->rest);
     free(s->now);
     free(s->triangle);
+    free(s->value);
+    free(s->edge);
+    free(s->edge_value);
     memset(s, 0, sizeof *s);
 }
 
@@ -68,6 +73,79 @@ bool kn_still_state(kn_still *s, const kn_model *model, const kn_state *state)
     free(xyz);
     kn_surface_destroy(surface);
     return ok;
+}
+
+// Of vertices first, which the surface numbers, then of both ends of every edge.
+static bool measure(kn_still *s, const kn_model *model, const double *value)
+{
+    kn_surface *surface = kn_surface_create(model);
+    s->value = malloc(((size_t)s->vertex_count + 1) * sizeof *s->value);
+    bool ok = surface && s->value && surface->vertex_count == s->vertex_count;
+    for (int v = 0; ok && v < s->vertex_count; v++) s->value[v] = (float)value[surface->node[v]];
+    kn_surface_destroy(surface);
+    return ok;
+}
+
+static bool list_edges(kn_still *s, const kn_model *model, const kn_state *state, const double *value)
+{
+    kn_springs springs;
+    if (!kn_springs_init(&springs, model)) return false;
+    s->edge_count = springs.count;
+    s->edge = malloc(((size_t)springs.count + 1) * sizeof *s->edge);
+    s->edge_value = malloc(((size_t)springs.count + 1) * sizeof *s->edge_value);
+    for (int e = 0; s->edge && s->edge_value && e < springs.count; e++)
+        for (int end = 0; end < 2; end++) {
+            const int node = end ? springs.spring[e].j : springs.spring[e].i;
+            double x_m[3];
+            kn_state_position(model, state, node, x_m);
+            for (int k = 0; k < 3; k++) s->edge[e][end][k] = (float)x_m[k];
+            s->edge_value[e][end] = value ? (float)value[node] : 0;
+        }
+    kn_springs_free(&springs);
+    if (!value) free(s->edge_value), s->edge_value = NULL;
+    return s->edge && (s->edge_value || !value);
+}
+
+bool kn_still_measure(kn_still *s, const kn_model *model, const kn_state *state, kn_gauge *gauge, kn_measure what,
+                      bool edges)
+{
+    double *value = gauge ? calloc((size_t)model->node_count, sizeof *value) : NULL;
+    bool ok = !gauge || value;
+    if (value) kn_gauge_read(gauge, state, what, value);
+    if (value) ok = measure(s, model, value);
+    if (edges) ok = ok && list_edges(s, model, state, value);
+    free(value);
+    return ok;
+}
+
+bool kn_still_displacement(kn_still *s)
+{
+    s->value = malloc(((size_t)s->vertex_count + 1) * sizeof *s->value);
+    for (int v = 0; s->value && v < s->vertex_count; v++) {
+        const float *now = s->now[v], *rest = s->rest[v];
+        s->value[v] = hypotf(hypotf(now[0] - rest[0], now[1] - rest[1]), now[2] - rest[2]);
+    }
+    return s->value;
+}
+
+double kn_still_most(const kn_still *s)
+{
+    double most = 0;
+    for (int v = 0; s->value && v < s->vertex_count; v++) most = fmax(most, s->value[v]);
+    for (int e = 0; s->edge_value && e < s->edge_count; e++)
+        most = fmax(most, fmax(s->edge_value[e][0], s->edge_value[e][1]));
+    return most;
+}
+
+void kn_still_scale(kn_still *s, double top)
+{
+    for (int v = 0; s->value && v < s->vertex_count; v++) s->value[v] /= (float)top;
+    for (int e = 0; s->edge_value && e < s->edge_count; e++)
+        for (int end = 0; end < 2; end++) s->edge_value[e][end] /= (float)top;
+    s->view.value = s->value;
+    s->view.edge_count = s->edge_count;
+    s->view.edge = (const float(*)[2][3])s->edge;
+    s->view.edge_value = (const float(*)[2])s->edge_value;
 }
 
 void kn_still_probe(kn_still *s, const kn_probe_def *def, const double position_m[3],

@@ -28,6 +28,7 @@
     X(PFNGLDELETEPROGRAMPROC, DeleteProgram)                                                                           \
     X(PFNGLDELETESHADERPROC, DeleteShader)                                                                             \
     X(PFNGLDISABLEPROC, Disable)                                                                                       \
+    X(PFNGLDISABLEVERTEXATTRIBARRAYPROC, DisableVertexAttribArray)                                                     \
     X(PFNGLDRAWARRAYSPROC, DrawArrays)                                                                                 \
     X(PFNGLDRAWBUFFERPROC, DrawBuffer)                                                                                 \
     X(PFNGLENABLEPROC, Enable)                                                                                         \

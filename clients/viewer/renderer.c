@@ -1,6 +1,7 @@
 #include "clients/viewer/renderer.h"
 #include "clients/viewer/camera.h"
 #include "clients/viewer/offscreen.h"
+#include "clients/viewer/scale.h"
 #include "clients/viewer/shaders.h"
 #include "clients/viewer/skin.h"
 #include "clients/viewer/vec.h"
@@ -24,7 +25,7 @@ static const float outside_color[3] = {0.74f, 0.77f, 0.80f};
 static const float arrow_color[3] = {0.86f, 0.30f, 0.12f};
 
 typedef struct shape { // triangles ready to be drawn
-    GLuint array, buffer, sides;
+    GLuint array, buffer, sides, values;
     int corners;
     float half, low, high; // of a solid of revolution: extent along x and y, along z
 } shape;
@@ -32,9 +33,9 @@ typedef struct shape { // triangles ready to be drawn
 struct kn_renderer {
     kn_offscreen *screen;
     const kn_gl *gl;
-    GLuint depth, solid, table; // programs
+    GLuint depth, solid, table, edge; // programs
     GLuint shadow_frame, shadow_map;
-    shape box, ball, rod, cone, square, object;
+    shape box, ball, rod, cone, square, object, edges;
     shape tool[KN_PROBES_MAX];        // meshes, where a probe has one
     uint64_t tool_hash[KN_PROBES_MAX]; // of which
     kn_skin *skin;
@@ -49,7 +50,7 @@ struct kn_renderer {
 kn_view_scene kn_view_scene_default(void)
 {
     return (kn_view_scene){
-        .color = {0.90f, 0.78f, 0.58f}, .azimuth_deg = 28, .elevation_deg = 27, .lines = true};
+        .color = {0.90f, 0.78f, 0.58f}, .azimuth_deg = 28, .elevation_deg = 27};
 }
 
 // ---- shapes
@@ -66,6 +67,7 @@ static shape shape_create(const kn_gl *gl)
         gl->EnableVertexAttribArray(i);
     }
     gl->GenBuffers(1, &s.sides);
+    gl->GenBuffers(1, &s.values);
     return s;
 }
 
@@ -126,6 +128,11 @@ static void create_shapes(kn_renderer *r)
     r->square = shape_create(r->gl);
     shape_corners(r->gl, &r->square, 6, square, GL_STATIC_DRAW);
     r->object = shape_create(r->gl);
+    r->gl->GenVertexArrays(1, &r->edges.array); // bare places, without normals
+    r->gl->BindVertexArray(r->edges.array);
+    r->gl->GenBuffers(1, &r->edges.buffer);
+    r->gl->GenBuffers(1, &r->edges.values);
+    r->gl->EnableVertexAttribArray(0);
 }
 
 // ---- open, mesh, close
@@ -165,7 +172,8 @@ static bool create(kn_renderer *r, char *error, size_t error_size)
     r->depth = kn_gl_program(gl, kn_shader_depth_vertex, kn_shader_depth_fragment, error, error_size);
     r->solid = kn_gl_program(gl, kn_shader_solid_vertex, kn_shader_solid_fragment, error, error_size);
     r->table = kn_gl_program(gl, kn_shader_table_vertex, kn_shader_table_fragment, error, error_size);
-    if (!r->depth || !r->solid || !r->table) return false;
+    r->edge = kn_gl_program(gl, kn_shader_edge_vertex, kn_shader_edge_fragment, error, error_size);
+    if (!r->depth || !r->solid || !r->table || !r->edge) return false;
     create_shapes(r);
     if (create_shadow_map(r)) return true;
     snprintf(error, error_size, "OpenGL makes no shadow map of %d x %d", SHADOW_SIZE(r), SHADOW_SIZE(r));
@@ -269,6 +277,14 @@ static void set_vector(const kn_gl *gl, GLuint program, const char *name, const 
 static void set_color(const kn_gl *gl, GLuint program, const float color[3])
 {
     set_vector(gl, program, "u_color", (float[]){color[0] * color[0], color[1] * color[1], color[2] * color[2]});
+}
+
+static void set_scale(const kn_renderer *r, GLuint program)
+{
+    float linear[KN_SCALE_COLORS][3];
+    for (int i = 0; i < KN_SCALE_COLORS; i++)
+        for (int k = 0; k < 3; k++) linear[i][k] = kn_scale_color[i][k] * kn_scale_color[i][k];
+    r->gl->Uniform3fv(r->gl->GetUniformLocation(program, "u_scale"), KN_SCALE_COLORS, linear[0]);
 }
 
 static void set_number(const kn_gl *gl, GLuint program, const char *name, float value)
@@ -483,12 +499,40 @@ static void draw_probe(const kn_renderer *r, GLuint program, const kn_view_probe
     if (a.length > 0) draw_arrow(r, program, &a);
 }
 
-static void draw_solids(const kn_renderer *r, GLuint program, const kn_view_scene *scene)
+static void draw_edges(const kn_renderer *r, const kn_view_scene *scene)
+{
+    const kn_gl *gl = r->gl;
+    gl->UseProgram(r->edge);
+    set_matrix(gl, r->edge, "u_camera", r->camera.matrix);
+    set_color(gl, r->edge, scene->color);
+    set_scale(r, r->edge);
+    set_number(gl, r->edge, "u_scaled", scene->edge_value != NULL);
+    gl->BindVertexArray(r->edges.array);
+    gl->DrawArrays(GL_LINES, 0, r->edges.corners);
+    gl->UseProgram(r->solid);
+}
+
+static void draw_object(const kn_renderer *r, GLuint program, const kn_view_scene *scene)
 {
     static const float here[3] = {0, 0, 0}, up[3] = {0, 0, 1};
+    const kn_gl *gl = r->gl;
+    const bool seen = program == r->solid, wire = scene->style == KN_VIEW_WIRE;
     float m[16];
+    if (seen && scene->style == KN_VIEW_EDGES) {
+        draw_edges(r, scene);
+        return;
+    }
     place(m, here, up, 1, 1, 1);
-    draw_shape(r, program, &r->object, m, scene->color, 0.06f, scene->lines ? 0.30f : 0);
+    if (seen) set_scale(r, program), set_number(gl, program, "u_scaled", scene->value != NULL);
+    if (seen && wire) set_number(gl, program, "u_wire", 0.5f), gl->Disable(GL_CULL_FACE);
+    draw_shape(r, program, &r->object, m, scene->color, 0.06f, scene->style == KN_VIEW_LINED ? 0.30f : 0);
+    if (seen && wire) gl->Enable(GL_CULL_FACE);
+    if (seen) set_number(gl, program, "u_wire", 0), set_number(gl, program, "u_scaled", 0);
+}
+
+static void draw_solids(const kn_renderer *r, GLuint program, const kn_view_scene *scene)
+{
+    draw_object(r, program, scene);
     for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
         if (somewhere(&scene->probe[i])) draw_probe(r, program, &scene->probe[i]);
 }
@@ -554,12 +598,31 @@ static float footprint(const kn_skin *s, const float (*xyz)[3], float foot[4])
 
 static float level_of(const kn_renderer *r) { return r->skin->rest_low[2] - 1e-3f * scale_of(r->skin); } // of the table
 
+static void bar_of(const kn_renderer *r, float bar[4]) // low x, low y, high x, high y
+{
+    const float *low = r->skin->rest_low, s = r->square_m, front = low[1] - 1.5f * s;
+    memcpy(bar, (float[]){low[0], front, low[0] + s, front + 0.12f * s}, 4 * sizeof *bar);
+}
+
+double kn_renderer_bar(const kn_renderer *r, float at[2])
+{
+    const float *m = r->camera.matrix;
+    float bar[4];
+    bar_of(r, bar);
+    const float p[3] = {0.5f * (bar[0] + bar[2]), bar[1], level_of(r)};
+    const float w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
+    for (int i = 0; i < 2; i++) at[i] = (m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i]) / w;
+    at[0] = 0.5f * (1 + at[0]) * (float)r->width;
+    at[1] = 0.5f * (1 - at[1]) * (float)r->height;
+    return r->square_m;
+}
+
 static void draw_table(const kn_renderer *r, const float foot[4], float corner)
 {
     const kn_gl *gl = r->gl;
-    const float *low = r->skin->rest_low, tan_half_x = KN_CAMERA_TAN_HALF * (float)r->width / (float)r->height;
-    float s = r->square_m, front = low[1] - 1.5f * s, bar[4] = {low[0], front, low[0] + s, front + 0.12f * s};
-    float sight[3][3];
+    const float tan_half_x = KN_CAMERA_TAN_HALF * (float)r->width / (float)r->height;
+    float s = r->square_m, bar[4], sight[3][3];
+    bar_of(r, bar);
     for (int i = 0; i < 3; i++) {
         sight[0][i] = tan_half_x * r->camera.right[i];
         sight[1][i] = KN_CAMERA_TAN_HALF * r->camera.up[i];
@@ -684,10 +747,49 @@ static void find_regions(const kn_renderer *r, const kn_view_scene *scene, const
     *table = around(r, &e.table);
 }
 
+static void set_values(const kn_gl *gl, const shape *s, const float *value, int count)
+{
+    gl->BindVertexArray(s->array);
+    gl->BindBuffer(GL_ARRAY_BUFFER, s->values);
+    gl->BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)((size_t)count * sizeof *value), value, GL_STREAM_DRAW);
+    gl->VertexAttribPointer(3, 1, GL_FLOAT, GL_FALSE, 0, NULL);
+    gl->EnableVertexAttribArray(3);
+}
+
+static void unset_values(const kn_gl *gl, const shape *s) // those of a smaller mesh may be there
+{
+    gl->BindVertexArray(s->array);
+    gl->DisableVertexAttribArray(3);
+}
+
+static void upload_values(kn_renderer *r, const kn_view_scene *scene) // r->corners have been uploaded: scratch
+{
+    const kn_skin *s = r->skin;
+    for (int i = 0; i < 3 * s->triangle_count; i++) r->corners[i] = scene->value[s->triangle[i]];
+    set_values(r->gl, &r->object, r->corners, 3 * s->triangle_count);
+}
+
+static void upload_edges(kn_renderer *r, const kn_view_scene *scene)
+{
+    const kn_gl *gl = r->gl;
+    shape *s = &r->edges;
+    s->corners = 2 * scene->edge_count;
+    gl->BindVertexArray(s->array);
+    gl->BindBuffer(GL_ARRAY_BUFFER, s->buffer);
+    gl->BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)((size_t)scene->edge_count * sizeof *scene->edge), scene->edge,
+                   GL_STREAM_DRAW);
+    gl->VertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, 0, NULL);
+    if (scene->edge_value) set_values(gl, s, scene->edge_value[0], s->corners);
+    else unset_values(gl, s);
+}
+
 static void upload(kn_renderer *r, const kn_view_scene *scene)
 {
     kn_skin_corners(r->skin, scene->xyz, r->corners);
     shape_corners(r->gl, &r->object, 3 * r->skin->triangle_count, r->corners, GL_STREAM_DRAW);
+    if (scene->value) upload_values(r, scene);
+    else unset_values(r->gl, &r->object);
+    if (scene->style == KN_VIEW_EDGES) upload_edges(r, scene);
 }
 
 void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)

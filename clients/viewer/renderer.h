@@ -1,7 +1,8 @@
 #ifndef KN_CLIENTS_VIEWER_RENDERER_H
 #define KN_CLIENTS_VIEWER_RENDERER_H
 // A picture of an object: its skin, lit from the left of whoever looks, with a cast shadow and the lines of the lattice;
-// the probes and an arrow for what the hand feels; a table with squares of 1 cm (or the power of ten that fits).
+// the probes and an arrow for what the hand feels; a table with squares of 1 cm (or the power of ten that fits). The skin
+// may have the colours of numbers (scale.h), and the lattice may stand there as bare lines.
 //
 //     kn_renderer_open -> kn_renderer_mesh -> kn_renderer_draw, as often as positions come -> kn_renderer_close
 //
@@ -21,14 +22,25 @@ typedef struct kn_view_probe {
     bool outside;          // not in the model (no session yet, or latched): drawn pale and without a shadow
 } kn_view_probe;
 
+typedef enum kn_view_style {
+    KN_VIEW_LINED, // the skin, and the lattice's lines on it
+    KN_VIEW_SOLID, // the skin
+    KN_VIEW_WIRE,  // the lattice's lines on the skin alone: seen through
+    KN_VIEW_EDGES  // every edge of the lattice, inside, too
+} kn_view_style;
+
 typedef struct kn_view_scene {
     const float (*xyz)[3];       // [vertex_count] m, now
+    const float *value;          // [vertex_count] place on the colour scale, 0..1; NaN: the object's colour. NULL: all
+    int edge_count;              // for KN_VIEW_EDGES, else 0
+    const float (*edge)[2][3];   // [edge_count] its ends, m
+    const float (*edge_value)[2]; // [edge_count] theirs on the scale; NULL: the object's colour
     float color[3];              // of the object, sRGB 0..1
     int probe_count;             // 0 .. KN_PROBES_MAX
     kn_view_probe probe[KN_PROBES_MAX];
     double azimuth_deg;          // 0: from the front (-y), 90: from the right (+x)
     double elevation_deg;        // 0: level, 90: from above
-    bool lines;                  // draw the lattice on the skin
+    kn_view_style style;
     bool follow;                 // an object that has left its place, lifted or pushed, is in the picture with it
 } kn_view_scene;
 
@@ -47,6 +59,10 @@ bool kn_renderer_mesh(kn_renderer *renderer, int vertex_count, const float (*res
 // Draws and reads back: rgba [height][width][4], top row first. A mesh must have been given. Triangles with a
 // vertex that is not finite are left out.
 void kn_renderer_draw(kn_renderer *renderer, const kn_view_scene *scene, uint8_t *rgba);
+
+// The bar on the table: its length, and where the middle of its nearer edge is in the picture, pixels from the upper left
+// corner.
+double kn_renderer_bar(const kn_renderer *renderer, float at[2]);
 
 void kn_renderer_close(kn_renderer *renderer); // NULL is fine
 

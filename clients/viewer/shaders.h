@@ -27,11 +27,14 @@ static const char *const kn_shader_solid_vertex = KN_GLSL
     "layout(location = 0) in vec3 a_position;\n"
     "layout(location = 1) in vec3 a_normal;\n"
     "layout(location = 2) in vec3 a_side;\n"
+    "layout(location = 3) in float a_value;\n"
     "uniform mat4 u_model, u_camera, u_light;\n"
     "uniform float u_bias;\n"
     "out vec3 v_position, v_normal, v_side, v_shadow;\n"
+    "out float v_value;\n"
     "void main()\n"
     "{\n"
+    "    v_value = a_value;\n"
     "    vec4 p = u_model * vec4(a_position, 1.0);\n"
     "    v_position = p.xyz;\n"
     "    v_normal = normalize(mat3(u_model) * a_normal);\n"
@@ -40,18 +43,32 @@ static const char *const kn_shader_solid_vertex = KN_GLSL
     "    gl_Position = u_camera * p;\n"
     "}\n";
 
+// The colour of a number, 0..1: straight lines between the scale's colours, in linear light.
+#define KN_GLSL_SCALE                                                                                                   \
+    "uniform vec3 u_scale[9], u_color;\n"                                                                               \
+    "uniform float u_scaled;\n"                                                                                         \
+    "vec3 colored(float value)\n"                                                                                       \
+    "{\n"                                                                                                               \
+    "    if (u_scaled < 0.5 || !(value >= 0.0)) return u_color;\n"                                                      \
+    "    float x = min(value, 1.0) * 8.0;\n"                                                                            \
+    "    int i = int(min(x, 7.0));\n"                                                                                   \
+    "    return mix(u_scale[i], u_scale[i + 1], x - float(i));\n"                                                       \
+    "}\n"
+
 // v_side is the distance from each drawn side of the triangle in barycentric units; over its derivative: in pixels
-static const char *const kn_shader_solid_fragment = KN_GLSL KN_GLSL_SHADOW
+static const char *const kn_shader_solid_fragment = KN_GLSL KN_GLSL_SHADOW KN_GLSL_SCALE
     "in vec3 v_position, v_normal, v_side, v_shadow;\n"
-    "uniform vec3 u_color, u_eye, u_key;\n"
-    "uniform float u_gloss, u_lines, u_height;\n"
+    "in float v_value;\n"
+    "uniform vec3 u_eye, u_key;\n"
+    "uniform float u_gloss, u_lines, u_wire, u_height;\n"
     "out vec4 o_color;\n"
     "void main()\n"
     "{\n"
     "    vec3 n = normalize(v_normal), eye = normalize(u_eye - v_position), h = normalize(eye + u_key);\n"
     "    vec3 d = v_side / max(fwidth(v_side), vec3(1e-7));\n"
     "    float line = 1.0 - smoothstep(0.35, 1.25, min(d.x, min(d.y, d.z)));\n"
-    "    vec3 color = u_color * (1.0 - u_lines * line);\n"
+    "    if (line < u_wire) discard;\n"
+    "    vec3 color = colored(v_value) * (1.0 - u_lines * line);\n"
     "    float key = max(dot(n, u_key), 0.0) * lit(v_shadow);\n"
     "    float near_table = mix(0.72, 1.0, smoothstep(0.0, 0.4, v_position.z / u_height));\n"
     "    vec3 sky = mix(vec3(0.24, 0.22, 0.20), vec3(0.40, 0.44, 0.50), 0.5 + 0.5 * n.z) * near_table;\n"
@@ -59,6 +76,19 @@ static const char *const kn_shader_solid_fragment = KN_GLSL KN_GLSL_SHADOW
     "    float shine = pow(max(dot(n, h), 0.0), 40.0) * key * u_gloss;\n"
     "    o_color = vec4(sqrt(color * light + shine), 1.0);\n"
     "}\n";
+
+// Edges of the lattice: bare lines, without light.
+static const char *const kn_shader_edge_vertex = KN_GLSL
+    "layout(location = 0) in vec3 a_position;\n"
+    "layout(location = 3) in float a_value;\n"
+    "uniform mat4 u_camera;\n"
+    "out float v_value;\n"
+    "void main() { v_value = a_value; gl_Position = u_camera * vec4(a_position, 1.0); }\n";
+
+static const char *const kn_shader_edge_fragment = KN_GLSL KN_GLSL_SCALE
+    "in float v_value;\n"
+    "out vec4 o_color;\n"
+    "void main() { o_color = vec4(sqrt(0.8 * colored(v_value)), 1.0); }\n";
 
 // The table fills what the solids left of the picture: for every pixel, where its line of sight meets the height u_level.
 // Drawn behind what is resolved already, one sample per pixel: its lines have their own soft edges, and four samples cost

@@ -2,6 +2,7 @@
 #include "clients/viewer/image.h"
 #include "clients/viewer/offscreen.h"
 #include "clients/viewer/renderer.h"
+#include "clients/viewer/scale.h"
 #include "clients/viewer/skin.h"
 #include "core/surface.h"
 #include "core/shape.h"
@@ -216,6 +217,84 @@ TEST("with one sample per pixel nothing but outlines differs, shadows and table 
     kn_renderer_close(fine);
     kn_renderer_close(coarse);
     block_destroy(&b);
+}
+
+static bool is_low(const uint8_t *p) { return p[2] > p[1] + 30 && p[0] > p[1] + 20; }  // the scale's violet, lit
+static bool is_high(const uint8_t *p) { return p[0] > p[2] + 110 && p[1] > p[2] + 90; } // and its yellow
+
+// How many pixels are of the scale's low end and of its high one, with all numbers the same.
+static void paint(kn_renderer *r, const block *b, kn_view_style style, float all, int *low, int *high)
+{
+    const int edges = b->surface->triangle_count, vertices = b->surface->vertex_count;
+    kn_view_scene scene = kn_view_scene_default();
+    float *value = calloc((size_t)vertices, sizeof *value);
+    float (*edge)[2][3] = calloc((size_t)edges, sizeof *edge), (*edge_value)[2] = calloc((size_t)edges, sizeof *edge_value);
+    for (int v = 0; v < vertices; v++) value[v] = all;
+    for (int t = 0; t < edges; t++)
+        for (int end = 0; end < 2; end++) {
+            memcpy(edge[t][end], b->rest[b->surface->triangle[3 * t + end]], sizeof edge[t][end]);
+            edge_value[t][end] = all;
+        }
+    scene.style = style;
+    scene.value = value;
+    scene.edge_count = edges;
+    scene.edge = (const float(*)[2][3])edge;
+    scene.edge_value = (const float(*)[2])edge_value;
+    uint8_t *rgba = draw(r, scene, b->rest);
+    *low = count(rgba, is_low), *high = count(rgba, is_high);
+    free(rgba);
+    free(value);
+    free(edge);
+    free(edge_value);
+}
+
+TEST("the skin has the colours of its numbers, in every style, and its own where there are none")
+{
+    block b = block_create();
+    kn_renderer *r = open_renderer(&b);
+    for (int style = KN_VIEW_LINED; style <= KN_VIEW_EDGES; style++) {
+        int low[2], high[2];
+        paint(r, &b, (kn_view_style)style, 0, &low[0], &high[0]);
+        paint(r, &b, (kn_view_style)style, 1, &low[1], &high[1]);
+        printf("     style %d: at 0 %d pixels low, %d high; at 1 %d, %d\n", style, low[0], high[0], low[1], high[1]);
+        CHECK(low[0] > 200 && high[0] < low[0] / 20);
+        CHECK(high[1] > 200 && low[1] < high[1] / 20);
+    }
+    float *value = calloc((size_t)b.surface->vertex_count, sizeof *value);
+    for (int v = 0; v < b.surface->vertex_count; v++) value[v] = NAN;
+    kn_view_scene scene = kn_view_scene_default();
+    uint8_t *plain = draw(r, scene, b.rest);
+    scene.value = value;
+    uint8_t *unknown = draw(r, scene, b.rest);
+    CHECK(memcmp(unknown, plain, PIXELS * 4) == 0);
+    free(unknown);
+    free(plain);
+    free(value);
+    kn_renderer_close(r);
+    block_destroy(&b);
+}
+
+static void check_scale(double most, const char *unit, double top, const char *title, const char *last, int ticks)
+{
+    char text[64];
+    const kn_scale scale = {"strain", unit, kn_scale_round(most)};
+    CHECK_NEAR(scale.top, top, 1e-9 * top);
+    kn_scale_title(&scale, text, sizeof text);
+    CHECK_STR(text, title);
+    CHECK_NEAR(kn_scale_tick(&scale, ticks, text, sizeof text), 1, 1e-12);
+    CHECK_STR(text, last);
+    CHECK(kn_scale_tick(&scale, ticks + 1, text, sizeof text) < 0);
+}
+
+TEST("a scale ends at 1, 2 or 5 of a power of ten and is told in the unit that suits it")
+{
+    check_scale(3217, "Pa", 5000, "strain, kPa", "5", 5);
+    check_scale(0.0093, "m", 0.01, "strain, mm", "10", 5);
+    check_scale(0.13, "", 0.2, "strain, %", "20", 4);
+    check_scale(1000, "Pa", 1000, "strain, kPa", "1", 5);
+    check_scale(999, "Pa", 1000, "strain, kPa", "1", 5);
+    check_scale(2e-5, "m", 2e-5, "strain, \u00b5m", "20", 4);
+    check_scale(0, "Pa", 1e-9, "strain, nPa", "1", 5);
 }
 
 TEST("a dent across the top shows, and only there; its profile shows from the front")

@@ -16,10 +16,14 @@ picture() {
     check "$1 is a picture of $2 x $3" [ "$(od -An -tx1 -j16 -N8 "$1" | tr -d ' \n')" = "$size" ]
 }
 scene=$KN_SOURCE/core/scenes/dough-small.yaml
-knead view --scene "$scene" --png rest.png 2>&1 | grep 'install the package libosmesa6' && echo "skipped: no OpenGL" && exit 77
+knead view --scene "$scene" --png rest.png 2>&1 | grep 'install the package lib' && echo "skipped: no OpenGL" && exit 77
 
 expect "a scene at rest" 0 '^$' knead view --scene "$scene" --png rest.png --size 320x180
 picture rest.png 320 180
+cp "$scene" "$(printf 'd\377ugh.yaml')"
+expect "a scene whose name is no text" 0 '^$' knead view --scene "$(printf 'd\377ugh.yaml')" --png odd.png --size 320x180
+cp "$scene" "aa$(printf '\303\251%.0s' {1..80}).yaml"
+expect "nor is this one, once it is cut" 0 '^$' knead view --scene "aa$(printf '\303\251%.0s' {1..80}).yaml" --png odd.png --size 320x180
 expect "no server: says what to look at" 3 'heard nothing in 0.3 s: is kneadd running' knead view --png x.png --wait 0.3
 check "no picture of nothing" [ ! -e x.png ]
 expect "a bus that is none" 2 'knead view: nosuch://1: expected udpm://GROUP:PORT' knead view --png x.png --lcm-url nosuch://1
@@ -41,6 +45,7 @@ hand=$!
 sleep 1
 expect "what a server serves" 0 '^$' knead view --png live.png --size 320x180 --wait 20
 check "names the scene and the tick" grep -q 'dough-small.yaml live, tick' out
+expect "and how far it has moved" 0 '^$' knead view --png moved.png --color displacement --size 320x180 --wait 20
 picture live.png 320 180
 kill $hand
 stop_kneadd
@@ -53,5 +58,26 @@ expect "a moment of a recording" 0 '^$' knead view press.lcmlog --at 0.5 --png a
 expect "the same again" 0 '^$' knead view press.lcmlog --at 0.5 --png b.png --size 320x180
 check "a moment is a picture, to the byte" cmp a.png b.png
 expect "its end" 0 '^$' knead view press.lcmlog --png end.png --size 320x180
+for what in stress residual displacement; do
+    expect "in the colours of $what" 0 '^$' knead view press.lcmlog --at 0.5 --color $what --png $what.png --size 320x180
+    check "which are others" [ "$(cmp -s a.png $what.png; echo $?)" = 1 ]
+done
+expect "of a scale that is asked for" 0 '^$' knead view press.lcmlog --at 0.5 --color stress --top '100 kPa' --png top.png --size 320x180
+check "which is another picture" [ "$(cmp -s top.png stress.png; echo $?)" = 1 ]
+for style in solid wire edges; do
+    expect "$style" 0 '^$' knead view press.lcmlog --at 0.5 --style $style --png $style.png --size 320x180
+    check "is another picture, too" [ "$(cmp -s a.png $style.png; echo $?)" = 1 ]
+done
+expect "every edge in its colour" 0 '^$' knead view press.lcmlog --at 0.5 --style edges --color stress --png x.png --size 320x180
+expect "nothing written on it" 0 '^$' knead view press.lcmlog --at 0.5 --plain --png plain.png --size 320x180
+check "is seen" [ "$(cmp -s a.png plain.png; echo $?)" = 1 ]
+expect "a colour that is none" 2 '^knead view: --color heat: expected displacement, stress or residual$' knead view --png x.png --color heat
+expect "a style that is none" 2 '^knead view: --style dots: expected lined, solid, wire or edges$' knead view --png x.png --style dots
+expect "a scale without a colour" 2 "^knead view: --top 1: expected --color as well$" knead view --png x.png --top 1
+for bad in 5 '5 mm' '-1 kPa' 'much'; do
+    expect "a scale that is none" 2 "^knead view: --top $bad: expected a von Mises stress above 0, e.g. '5 kPa'$" \
+        knead view --png x.png --color stress --top "$bad"
+done
+expect "what the bus does not tell" 2 'is the surface.s place alone, expected a log or --scene$' knead view --png x.png --color stress
 expect "a moment after it" 2 'ends at [0-9.]+ s$' knead view press.lcmlog --at 1e6 --png x.png
 exit $failed

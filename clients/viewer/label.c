@@ -1,0 +1,143 @@
+#include "clients/viewer/label.h"
+#include <cairo.h>
+#include <dlfcn.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#define INK 0.11, 0.12, 0.13
+#define HALO 1, 1, 1, 0.8 // round the letters: they are read on everything
+
+// Loaded with the first picture that is written on: it brings a dozen libraries, which `knead probe` must neither wait for
+// nor lock into memory.
+#define FUNCTIONS(X)                                                                                                   \
+    X(create) X(destroy) X(fill) X(image_surface_create_for_data) X(move_to) X(rectangle) X(select_font_face)          \
+    X(set_font_size) X(set_line_join) X(set_line_width) X(set_source_rgb) X(set_source_rgba) X(status) X(status_to_string) X(stroke)       \
+    X(stroke_preserve) X(surface_destroy) X(surface_finish) X(text_extents) X(text_path)
+#define FIELD(name) __typeof__(cairo_##name) *name;
+static struct { FUNCTIONS(FIELD) } cairo;
+
+static bool load(char *error, size_t error_size)
+{
+    void *library = cairo.create ? NULL : dlopen("libcairo.so.2", RTLD_NOW | RTLD_LOCAL); // for good
+    const char *missing = NULL;
+    if (cairo.create) return true;
+    if (!library) snprintf(error, error_size, "nothing can be written on pictures: install the package libcairo2");
+    if (!library) return false;
+#define LOAD(name)                                                                                                     \
+    cairo.name = (__typeof__(cairo.name))dlsym(library, "cairo_" #name);                                               \
+    if (!cairo.name) missing = "cairo_" #name;
+    FUNCTIONS(LOAD)
+    if (!missing) return true;
+    cairo.create = NULL;
+    snprintf(error, error_size, "nothing can be written on pictures: this libcairo.so.2 has no %s", missing);
+    return false;
+}
+
+typedef struct sheet {
+    cairo_t *to;
+    double em, width, height; // pixels
+} sheet;
+
+// A file's name may be anything, and cut off in the middle of a letter; cairo draws UTF-8 only.
+static void legible(const char *words, char *out, size_t size)
+{
+    size_t n = 0;
+    while (*words && n + 5 < size) {
+        const unsigned char c = (unsigned char)*words;
+        size_t length = c < 0x80 ? 1 : c >= 0xc2 && c < 0xe0 ? 2 : c >= 0xe0 && c < 0xf0 ? 3 : c >= 0xf0 && c < 0xf5 ? 4 : 0;
+        size_t k = 1;
+        while (k < length && ((unsigned char)words[k] & 0xc0) == 0x80) k++;
+        // too long forms and surrogates are none either
+        bool whole = length > 0 && k == length && !(c == 0xe0 && (unsigned char)words[1] < 0xa0) &&
+                     !(c == 0xed && (unsigned char)words[1] > 0x9f) && !(c == 0xf0 && (unsigned char)words[1] < 0x90) &&
+                     !(c == 0xf4 && (unsigned char)words[1] > 0x8f) && c >= 0x20;
+        if (whole) memcpy(out + n, words, length);
+        else out[n] = '?';
+        n += whole ? length : 1;
+        words += whole ? length : 1;
+    }
+    out[n] = '\0';
+}
+
+// x: the left end, the middle or the right end of it, by align 0, 0.5, 1. y: the line that it stands on.
+static void text(const sheet *s, double x, double y, double align, const char *words)
+{
+    cairo_text_extents_t e;
+    cairo.text_extents(s->to, words, &e);
+    cairo.move_to(s->to, round(x - align * e.x_advance), round(y));
+    cairo.text_path(s->to, words);
+    cairo.set_source_rgba(s->to, HALO);
+    cairo.set_line_width(s->to, 0.3 * s->em);
+    cairo.set_line_join(s->to, CAIRO_LINE_JOIN_ROUND);
+    cairo.stroke_preserve(s->to);
+    cairo.set_source_rgb(s->to, INK);
+    cairo.fill(s->to);
+}
+
+static double longest_tick(const sheet *s, const kn_scale *scale)
+{
+    char number[32];
+    double longest = 0;
+    for (int i = 0; kn_scale_tick(scale, i, number, sizeof number) >= 0; i++) {
+        cairo_text_extents_t e;
+        cairo.text_extents(s->to, number, &e);
+        longest = fmax(longest, e.x_advance);
+    }
+    return longest;
+}
+
+static void legend(const sheet *s, const kn_scale *scale)
+{
+    const double right = s->width - s->em - longest_tick(s, scale) - 0.6 * s->em, wide = 1.1 * s->em;
+    const double left = right - wide, top = 3.4 * s->em, tall = fmin(14 * s->em, s->height - top - 2 * s->em);
+    char words[100];
+    for (int row = 0; row < (int)tall; row++) {
+        float c[3];
+        kn_scale_at(1 - (row + 0.5) / tall, c);
+        cairo.set_source_rgb(s->to, c[0], c[1], c[2]);
+        cairo.rectangle(s->to, round(left), round(top) + row, round(wide), 1);
+        cairo.fill(s->to);
+    }
+    cairo.set_source_rgb(s->to, INK);
+    cairo.set_line_width(s->to, 1);
+    cairo.rectangle(s->to, round(left) - 0.5, round(top) - 0.5, round(wide) + 1, floor(tall) + 1);
+    cairo.stroke(s->to);
+    double share;
+    for (int i = 0; (share = kn_scale_tick(scale, i, words, sizeof words)) >= 0; i++)
+        text(s, right + 0.6 * s->em, top + (1 - share) * floor(tall) + 0.36 * s->em, 0, words);
+    kn_scale_title(scale, words, sizeof words);
+    text(s, s->width - s->em, top - 1.1 * s->em, 1, words);
+}
+
+static void swap(uint8_t *rgba, size_t pixels) // cairo's words are 0xAARRGGBB, and opaque ones are premultiplied
+{
+    for (size_t i = 0; i < pixels; i++) {
+        uint8_t *p = rgba + 4 * i, red = p[0];
+        p[0] = p[2], p[2] = red, p[3] = 255;
+    }
+}
+
+bool kn_label_draw(const kn_label *label, int width, int height, uint8_t *rgba, char *error, size_t error_size)
+{
+    if (!load(error, error_size)) return false;
+    swap(rgba, (size_t)width * (size_t)height);
+    cairo_surface_t *surface =
+        cairo.image_surface_create_for_data(rgba, CAIRO_FORMAT_RGB24, width, height, 4 * width);
+    sheet s = {cairo.create(surface), fmax(10, fmin(height / 34.0, width / 40.0)), width, height};
+    cairo.select_font_face(s.to, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
+    cairo.set_font_size(s.to, s.em);
+    const bool room = width > 30 * s.em, high = height > 12 * s.em; // in a small picture there is none for all of it
+    char caption[300];
+    legible(label->caption ? label->caption : "", caption, sizeof caption);
+    if (label->scale && high) legend(&s, label->scale);
+    if (room || !label->scale) text(&s, s.em, 1.8 * s.em, 0, caption);
+    if (label->bar) text(&s, fmax(label->bar_at[0], 2.5 * s.em), label->bar_at[1] + s.em, 0.5, label->bar);
+    bool ok = cairo.status(s.to) == CAIRO_STATUS_SUCCESS;
+    if (!ok) snprintf(error, error_size, "cairo: %s", cairo.status_to_string(cairo.status(s.to)));
+    cairo.destroy(s.to);
+    cairo.surface_finish(surface);
+    cairo.surface_destroy(surface);
+    swap(rgba, (size_t)width * (size_t)height);
+    return ok;
+}

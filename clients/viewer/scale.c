@@ -1,0 +1,53 @@
+#include "clients/viewer/scale.h"
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#define HEX(rgb) {(float)((rgb) >> 16) / 255.0f, (float)((rgb) >> 8 & 255) / 255.0f, (float)((rgb)&255) / 255.0f}
+const float kn_scale_color[KN_SCALE_COLORS][3] = {HEX(0x440154), HEX(0x472d7b), HEX(0x3b528b),
+                                                  HEX(0x2c728e), HEX(0x21918c), HEX(0x28ae80),
+                                                  HEX(0x5ec962), HEX(0xaddc30), HEX(0xfde725)};
+
+double kn_scale_round(double most)
+{
+    static const double steps[] = {1, 2, 5, 10};
+    if (!(most > 1e-9)) return 1e-9;
+    double ten = pow(10, floor(log10(most))), top = 0;
+    for (int i = 0; i < 4 && top < most; i++) top = steps[i] * ten * (1 + 1e-12); // 3 * 0.1 is a little more than 0.3
+    return top;
+}
+
+void kn_scale_at(double share, float srgb[3])
+{
+    double x = fmin(fmax(share, 0), 1) * (KN_SCALE_COLORS - 1);
+    int i = (int)fmin(x, KN_SCALE_COLORS - 2);
+    for (int k = 0; k < 3; k++)
+        srgb[k] = kn_scale_color[i][k] + (float)(x - i) * (kn_scale_color[i + 1][k] - kn_scale_color[i][k]);
+}
+
+// What a number of the unit is told in: the prefix, and by what it is multiplied.
+static double prefix(const kn_scale *s, char text[16])
+{
+    static const char *const name[] = {"n", "\u00b5", "m", "", "k", "M", "G"};
+    if (!*s->unit) return strcpy(text, "%"), 100;
+    int third = (int)fmin(fmax(floor(log10(s->top * 1.000001) / 3), -3), 3); // 1e-3 m is 1 mm
+    snprintf(text, 16, "%s%s", name[third + 3], s->unit);
+    return pow(10, -3 * third);
+}
+
+void kn_scale_title(const kn_scale *scale, char *text, size_t size)
+{
+    char unit[16];
+    prefix(scale, unit);
+    snprintf(text, size, "%s, %s", scale->words, unit);
+}
+
+double kn_scale_tick(const kn_scale *scale, int i, char *text, size_t size)
+{
+    char unit[16];
+    double by = prefix(scale, unit), first = scale->top / pow(10, floor(log10(scale->top * 1.000001)));
+    int ticks = first < 1.5 || first > 4.5 ? 5 : 4; // 1 and 5 in fifths, 2 in quarters; another top as it comes
+    if (i > ticks) return -1;
+    snprintf(text, size, "%.3g", by * scale->top * i / ticks);
+    return (double)i / ticks;
+}
