@@ -14,8 +14,9 @@
 //     an attempt takes longer than --timeout (600 s)     1, at once; what it started is killed
 //     both attempts fail, one of them undisturbed        1
 //     both fail, each in a standstill                    77 and the figures: nothing was learnt
-//     one fails, with 10 standstills, one a second       77, at once: the next one would not be better
-//     $KN_UNTIL (s since 1970) is over                   77: no attempt begins; one that failed in a standstill was the last
+//     one fails, with 10 standstills, one a second, of   77, at once: the next one would not be better
+//     each processor
+//     $KN_UNTIL (s since 1970) is over                   77: none begins, but another after one that failed undisturbed
 //
 // A single undisturbed failure is a failure: nothing excuses it, and the other proves nothing. It may go again all the
 // same, as a machine that never stood still for 10 ms may have for 9. After a disturbed attempt the next one waits until
@@ -263,7 +264,7 @@ static int attempt(const options *opt, int n, figures *f)
 
 static bool is_hopeless(const figures *f)
 {
-    return f->standstills >= HOPELESS && f->standstills * SECOND * witness_count >= f->watched_ns;
+    return f->standstills >= HOPELESS * witness_count && f->standstills * SECOND >= f->watched_ns; // of all processors
 }
 
 static bool time_is_left(const options *opt)
@@ -276,12 +277,12 @@ static int run(const options *opt)
     figures all = {0}, f;
     int undisturbed = 0, n = 0;
     if (!time_is_left(opt)) return puts("skipped: no time was left, KN_UNTIL is over"), SKIPPED;
-    while (n < opt->attempts && undisturbed < 2) {
+    while (n < opt->attempts && undisturbed < 2 && (undisturbed > 0 || time_is_left(opt))) {
         int code = attempt(opt, ++n, &f);
         if (code != FAILED) return code >= 0 ? code : FAILED;
         add_figures(&all, &f);
         undisturbed += f.standstills == 0;
-        if (undisturbed == 0 && (is_hopeless(&f) || !time_is_left(opt))) break;
+        if (undisturbed == 0 && is_hopeless(&f)) break;
         if (n < opt->attempts && f.standstills > 0) wait_for_calm(opt->calm_ns);
     }
     if (undisturbed > 0) return FAILED;
