@@ -1,5 +1,6 @@
 #include "clients/viewer/renderer.h"
 #include "clients/viewer/camera.h"
+#include "clients/viewer/form.h"
 #include "clients/viewer/offscreen.h"
 #include "clients/viewer/scale.h"
 #include "clients/viewer/shaders.h"
@@ -24,19 +25,13 @@ static const float tool_color[3] = {0.45f, 0.52f, 0.60f};
 static const float outside_color[3] = {0.74f, 0.77f, 0.80f};
 static const float arrow_color[3] = {0.86f, 0.30f, 0.12f};
 
-typedef struct shape { // triangles ready to be drawn
-    GLuint array, buffer, sides, values;
-    int corners;
-    float half, low, high; // of a solid of revolution: extent along x and y, along z
-} shape;
-
 struct kn_renderer {
     kn_offscreen *screen;
     const kn_gl *gl;
     GLuint depth, solid, table, edge; // programs
     GLuint shadow_frame, shadow_map;
-    shape box, ball, rod, cone, square, object, edges;
-    shape tool[KN_PROBES_MAX];        // meshes, where a probe has one
+    kn_form box, ball, rod, cone, square, object, edges;
+    kn_form tool[KN_PROBES_MAX];        // meshes, where a probe has one
     uint64_t tool_hash[KN_PROBES_MAX]; // of which
     kn_skin *skin;
     float *corners; // [triangle_count][3][6]
@@ -53,62 +48,7 @@ kn_view_scene kn_view_scene_default(void)
         .color = {0.90f, 0.78f, 0.58f}, .azimuth_deg = 28, .elevation_deg = 27};
 }
 
-// ---- shapes
-
-static shape shape_create(const kn_gl *gl)
-{
-    shape s = {0};
-    gl->GenVertexArrays(1, &s.array);
-    gl->BindVertexArray(s.array);
-    gl->GenBuffers(1, &s.buffer);
-    gl->BindBuffer(GL_ARRAY_BUFFER, s.buffer);
-    for (GLuint i = 0; i < 2; i++) {
-        gl->VertexAttribPointer(i, 3, GL_FLOAT, GL_FALSE, 6 * sizeof(float), (const void *)(i * 3 * sizeof(float)));
-        gl->EnableVertexAttribArray(i);
-    }
-    gl->GenBuffers(1, &s.sides);
-    gl->GenBuffers(1, &s.values);
-    return s;
-}
-
-static void shape_corners(const kn_gl *gl, shape *s, int corners, const float *data, GLenum usage)
-{
-    s->corners = corners;
-    gl->BindBuffer(GL_ARRAY_BUFFER, s->buffer);
-    gl->BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)((size_t)corners * 6 * sizeof *data), data, usage);
-}
-
-// A solid of revolution about z: profile[i] is {radius, z} from the bottom up. Four segments make a box of radius
-// sqrt(1/2).
-static shape shape_turn(const kn_gl *gl, int count, const float (*profile)[2], int segments)
-{
-    enum { RINGS = 17, SEGMENTS = 32 };
-    float xyz[RINGS * SEGMENTS][3], corners[2 * RINGS * SEGMENTS * 18];
-    int triangle[2 * RINGS * SEGMENTS][3], triangles = 0;
-    for (int i = 0; i < count; i++) {
-        for (int j = 0; j < segments; j++) {
-            float angle = 6.2831853f * ((float)j + 0.5f) / (float)segments;
-            int next = (j + 1) % segments, a = i * segments + j, b = i * segments + next;
-            xyz[a][0] = profile[i][0] * cosf(angle);
-            xyz[a][1] = profile[i][0] * sinf(angle);
-            xyz[a][2] = profile[i][1];
-            if (i + 1 == count) continue;
-            int c = b + segments, d = a + segments;
-            if (profile[i][0] > 0) memcpy(triangle[triangles++], (int[]){a, b, c}, sizeof *triangle);
-            if (profile[i + 1][0] > 0) memcpy(triangle[triangles++], (int[]){a, c, d}, sizeof *triangle);
-        }
-    }
-    shape s = shape_create(gl);
-    s.low = profile[0][1];
-    s.high = profile[count - 1][1];
-    for (int i = 0; i < count * segments; i++) s.half = fmaxf(s.half, fmaxf(fabsf(xyz[i][0]), fabsf(xyz[i][1])));
-    kn_skin *skin = kn_skin_create(count * segments, (const float(*)[3])xyz, triangles, (const int(*)[3])triangle);
-    if (!skin) return s; // out of memory: nothing is drawn
-    kn_skin_corners(skin, (const float(*)[3])xyz, corners);
-    kn_skin_destroy(skin);
-    shape_corners(gl, &s, 3 * triangles, corners, GL_STATIC_DRAW);
-    return s;
-}
+// ---- open, mesh, close
 
 static void create_shapes(kn_renderer *r)
 {
@@ -121,21 +61,19 @@ static void create_shapes(kn_renderer *r)
         ball[i][0] = i % 16 == 0 ? 0 : sinf(3.1415927f * (float)i / 16);
         ball[i][1] = -cosf(3.1415927f * (float)i / 16);
     }
-    r->box = shape_turn(r->gl, 4, box, 4);
-    r->rod = shape_turn(r->gl, 4, rod, 24);
-    r->cone = shape_turn(r->gl, 3, cone, 24);
-    r->ball = shape_turn(r->gl, 17, (const float(*)[2])ball, 32);
-    r->square = shape_create(r->gl);
-    shape_corners(r->gl, &r->square, 6, square, GL_STATIC_DRAW);
-    r->object = shape_create(r->gl);
+    r->box = kn_form_turn(r->gl, 4, box, 4);
+    r->rod = kn_form_turn(r->gl, 4, rod, 24);
+    r->cone = kn_form_turn(r->gl, 3, cone, 24);
+    r->ball = kn_form_turn(r->gl, 17, (const float(*)[2])ball, 32);
+    r->square = kn_form_create(r->gl);
+    kn_form_corners(r->gl, &r->square, 6, square, GL_STATIC_DRAW);
+    r->object = kn_form_create(r->gl);
     r->gl->GenVertexArrays(1, &r->edges.array); // bare places, without normals
     r->gl->BindVertexArray(r->edges.array);
     r->gl->GenBuffers(1, &r->edges.buffer);
     r->gl->GenBuffers(1, &r->edges.values);
     r->gl->EnableVertexAttribArray(0);
 }
-
-// ---- open, mesh, close
 
 static float scale_of(const kn_skin *s) // the object's longest side
 {
@@ -310,7 +248,7 @@ static void place(float m[16], const float at[3], const float direction[3], floa
     m[15] = 1;
 }
 
-static void draw_shape(const kn_renderer *r, GLuint program, const shape *s, const float model[16],
+static void draw_shape(const kn_renderer *r, GLuint program, const kn_form *s, const float model[16],
                        const float color[3], float gloss, float lines)
 {
     const kn_gl *gl = r->gl;
@@ -330,7 +268,7 @@ static void draw_shape(const kn_renderer *r, GLuint program, const shape *s, con
 #define SOLIDS_MAX (3 * KN_PARTS_MAX) // a capsule is three
 
 typedef struct solid { // a unit shape, and where it is
-    const shape *shape;
+    const kn_form *shape;
     float place[16];
 } solid;
 
@@ -353,7 +291,7 @@ static frame frame_of(const kn_view_probe *p)
 }
 
 // z up along the tool from its origin, sides stretched by x, y, height.
-static solid solid_at(const frame *f, const shape *s, double z, double x, double y, double height)
+static solid solid_at(const frame *f, const kn_form *s, double z, double x, double y, double height)
 {
     const float size[3] = {(float)x, (float)y, (float)height};
     solid out = {.shape = s, .place[15] = 1};
@@ -385,12 +323,12 @@ static void load_tool(kn_renderer *r, int probe, const kn_field *f)
         for (int k = 0; k < 3; k++) x[i][k] = (float)f->x_m[i][k];
     kn_skin *skin = x && corners ? kn_skin_create(f->vertex_count, (const float(*)[3])x, f->triangle_count,
                                                   (const int(*)[3])f->triangle) : NULL;
-    if (r->tool[probe].array == 0) r->tool[probe] = shape_create(r->gl);
+    if (r->tool[probe].array == 0) r->tool[probe] = kn_form_create(r->gl);
     r->tool[probe].corners = 0;
     r->tool_hash[probe] = f->hash;
     if (skin) {
         kn_skin_corners(skin, (const float(*)[3])x, corners);
-        shape_corners(r->gl, &r->tool[probe], 3 * f->triangle_count, corners, GL_STATIC_DRAW);
+        kn_form_corners(r->gl, &r->tool[probe], 3 * f->triangle_count, corners, GL_STATIC_DRAW);
     }
     kn_skin_destroy(skin);
     free(corners);
@@ -406,7 +344,7 @@ static void load_tools(kn_renderer *r, const kn_view_scene *scene)
     }
 }
 
-static const shape *tool_of(const kn_renderer *r, const kn_field *field)
+static const kn_form *tool_of(const kn_renderer *r, const kn_field *field)
 {
     int i = 0;
     while (i < KN_PROBES_MAX - 1 && r->tool_hash[i] != field->hash) i++;
@@ -523,7 +461,7 @@ static void draw_object(const kn_renderer *r, GLuint program, const kn_view_scen
         return;
     }
     place(m, here, up, 1, 1, 1);
-    if (seen) set_scale(r, program), set_number(gl, program, "u_scaled", scene->value != NULL);
+    if (seen && scene->value) set_scale(r, program), set_number(gl, program, "u_scaled", 1);
     if (seen && wire) set_number(gl, program, "u_wire", 0.5f), gl->Disable(GL_CULL_FACE);
     draw_shape(r, program, &r->object, m, scene->color, 0.06f, scene->style == KN_VIEW_LINED ? 0.30f : 0);
     if (seen && wire) gl->Enable(GL_CULL_FACE);
@@ -747,7 +685,7 @@ static void find_regions(const kn_renderer *r, const kn_view_scene *scene, const
     *table = around(r, &e.table);
 }
 
-static void set_values(const kn_gl *gl, const shape *s, const float *value, int count)
+static void set_values(const kn_gl *gl, const kn_form *s, const float *value, int count)
 {
     gl->BindVertexArray(s->array);
     gl->BindBuffer(GL_ARRAY_BUFFER, s->values);
@@ -756,7 +694,7 @@ static void set_values(const kn_gl *gl, const shape *s, const float *value, int 
     gl->EnableVertexAttribArray(3);
 }
 
-static void unset_values(const kn_gl *gl, const shape *s) // those of a smaller mesh may be there
+static void unset_values(const kn_gl *gl, const kn_form *s) // those of a smaller mesh may be there
 {
     gl->BindVertexArray(s->array);
     gl->DisableVertexAttribArray(3);
@@ -772,7 +710,7 @@ static void upload_values(kn_renderer *r, const kn_view_scene *scene) // r->corn
 static void upload_edges(kn_renderer *r, const kn_view_scene *scene)
 {
     const kn_gl *gl = r->gl;
-    shape *s = &r->edges;
+    kn_form *s = &r->edges;
     s->corners = 2 * scene->edge_count;
     gl->BindVertexArray(s->array);
     gl->BindBuffer(GL_ARRAY_BUFFER, s->buffer);
@@ -786,7 +724,7 @@ static void upload_edges(kn_renderer *r, const kn_view_scene *scene)
 static void upload(kn_renderer *r, const kn_view_scene *scene)
 {
     kn_skin_corners(r->skin, scene->xyz, r->corners);
-    shape_corners(r->gl, &r->object, 3 * r->skin->triangle_count, r->corners, GL_STREAM_DRAW);
+    kn_form_corners(r->gl, &r->object, 3 * r->skin->triangle_count, r->corners, GL_STREAM_DRAW);
     if (scene->value) upload_values(r, scene);
     else unset_values(r->gl, &r->object);
     if (scene->style == KN_VIEW_EDGES) upload_edges(r, scene);
