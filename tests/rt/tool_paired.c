@@ -5,7 +5,7 @@
 //     paired judge TRACE WITNESS           that, and what `kneadd --trace` says of its ticks, in numbers:
 //
 //     ticks N, woken_1ms N unexplained_1ms N, the same of 0.5 ms (half) and overruns            of the servo
-//     unexplained_long N: overruns that are ten times the median tick, too
+//     unexplained_long N: overruns that are ten times the median tick or 3 ms, too
 //     wakes N late_1ms N late_half N                                                            of the witness
 //     execution_us p50 F p99 F p99_9 F max F undisturbed_max F
 //
