@@ -1,0 +1,56 @@
+#include "clients/knead/progress.h"
+#include "tests/check.h"
+#include <fcntl.h>
+#include <pty.h>
+#include <unistd.h>
+
+static char *line(double done, double elapsed_s)
+{
+    static char text[KN_PROGRESS_LINE];
+    kn_progress p = {.what = "film", .total = 200};
+    kn_progress_line(&p, done, elapsed_s, text);
+    return text;
+}
+
+TEST("the bar is as long as the share that is done, and what is left is told once it can be known")
+{
+    CHECK_STR(line(0, 0), "film  [                    ]   0 %");
+    CHECK_STR(line(3, 1), "film  [                    ]   1 %");
+    CHECK_STR(line(50, 10), "film  [#####               ]  25 %  30 s left");
+    CHECK_STR(line(20, 100), "film  [##                  ]  10 %  15 min left");
+    CHECK_STR(line(200, 10), "film  [####################] 100 %  0 s left");
+    CHECK_STR(line(1e9, 10), "film  [####################] 100 %  0 s left");
+}
+
+// What a terminal, or a file, gets of a thousand steps.
+static size_t shown(int fd, int from, char *text, size_t size)
+{
+    fflush(stderr);
+    int kept = dup(STDERR_FILENO);
+    dup2(fd, STDERR_FILENO);
+    kn_progress p = kn_progress_open("work", 1000);
+    for (int i = 0; i <= 1000; i++) kn_progress_step(&p, i);
+    kn_progress_close(&p);
+    fflush(stderr);
+    dup2(kept, STDERR_FILENO);
+    close(kept);
+    fcntl(from, F_SETFL, O_NONBLOCK);
+    ssize_t n = read(from, text, size - 1);
+    text[n > 0 ? n : 0] = '\0';
+    return n > 0 ? (size_t)n : 0;
+}
+
+TEST("a terminal sees a few of many steps and is left with an empty line; a pipe sees nothing")
+{
+    int master, slave, pipes[2];
+    static char text[4000];
+    if (openpty(&master, &slave, NULL, NULL, NULL) != 0) SKIP("no pseudo terminal here");
+    size_t n = shown(slave, master, text, sizeof text);
+    CHECK(strncmp(text, "\rwork  [", 8) == 0);
+    CHECK(n > 72 && text[n - 1] == '\r' && strspn(text + n - 71, " ") == 70);
+    CHECK(n < 12 * 71);
+    CHECK(pipe(pipes) == 0);
+    CHECK(shown(pipes[1], pipes[0], text, sizeof text) == 0);
+}
+
+TESTS_MAIN
