@@ -23,8 +23,10 @@ typedef struct kn_mesh {
     bool whole;         // positions_m is filled
     int32_t *triangles; // [triangle_count][3], every one < vertex_count
     float *positions_m; // [vertex_count][3], all of one tick, finite
-    float *staged_m;    // private from here on: chunks of staged_tick as they come in
+    float *residual_strain, *stress_pa; // [vertex_count] of that tick, finite; NULL: the scene's mesh.measures ask for none
+    float *staged_m;    // private from here on: chunks of staged_tick as they come in; both measures behind the positions
     uint8_t *seen;      // [vertex_count]
+    bool told[2];       // of the measures, by every chunk of staged_tick
     int64_t staged_tick, staged_generation, seen_count;
 } kn_mesh;
 
@@ -56,7 +58,7 @@ static inline bool kn_mesh_init(kn_mesh *m, const void *data, uint32_t size)
     if (fits) {
         size_t n = (size_t)msg.vertex_count;
         kn_mesh next = {.mesh_id = msg.mesh_id, .vertex_count = msg.vertex_count, .triangle_count = msg.triangle_count,
-                        .positions_m = calloc(3 * n, sizeof(float)), .staged_m = calloc(3 * n, sizeof(float)),
+                        .positions_m = calloc(5 * n, sizeof(float)), .staged_m = calloc(5 * n, sizeof(float)),
                         .seen = calloc(n, 1), .staged_tick = -1};
         fits = next.positions_m && next.staged_m && next.seen;
         if (fits) next.triangles = msg.triangles, msg.triangles = NULL; // taken over from the decoder
@@ -78,13 +80,23 @@ static inline bool kn_mesh_update(kn_mesh *m, const void *data, uint32_t size)
     if (knead_mesh_update_t_decode(data, 0, (int)size, &msg) < 0) return false;
     bool fits = msg.mesh_id == m->mesh_id && msg.first >= 0 && msg.count >= 0 && n[0] == 3 * (int64_t)msg.count &&
                 (int64_t)msg.first + msg.count <= m->vertex_count;
-    for (int64_t i = 0; fits && i < n[0]; i++) fits = isfinite(msg.positions_m[i]);
+    const size_t vertices = (size_t)m->vertex_count;
+    const float *told[3] = {msg.positions_m, msg.residual_strain, msg.stress_pa};
+    for (int k = 0; k < 3; k++) {
+        fits = fits && (k == 0 || n[k] == 0 || n[k] == msg.count);
+        for (int64_t i = 0; fits && i < n[k]; i++) fits = isfinite(told[k][i]);
+    }
     if (fits) {
         if (msg.tick != m->staged_tick || msg.generation != m->staged_generation) { // the tick before was not whole
             memset(m->seen, 0, (size_t)m->vertex_count);
             m->seen_count = 0, m->staged_tick = msg.tick, m->staged_generation = msg.generation;
+            m->told[0] = m->told[1] = true;
         }
-        if (msg.count) memcpy(m->staged_m + 3 * msg.first, msg.positions_m, sizeof(float) * (size_t)n[0]);
+        float *staged[3] = {m->staged_m + 3 * msg.first, m->staged_m + 3 * vertices + msg.first,
+                            m->staged_m + 4 * vertices + msg.first};
+        for (int k = 0; k < 3; k++)
+            if (n[k]) memcpy(staged[k], told[k], sizeof(float) * (size_t)n[k]);
+        m->told[0] &= n[1] == msg.count, m->told[1] &= n[2] == msg.count;
         for (int32_t v = msg.first; v < msg.first + msg.count; v++) m->seen_count += !m->seen[v], m->seen[v] = 1;
     }
     bool news = !m->whole || m->tick != msg.tick || m->generation != msg.generation; // else a chunk that came twice
@@ -92,6 +104,8 @@ static inline bool kn_mesh_update(kn_mesh *m, const void *data, uint32_t size)
     if (whole) {
         float *previous_m = m->positions_m;
         m->positions_m = m->staged_m, m->staged_m = previous_m;
+        m->residual_strain = m->told[0] ? m->positions_m + 3 * vertices : NULL;
+        m->stress_pa = m->told[1] ? m->positions_m + 4 * vertices : NULL;
         m->tick = msg.tick, m->generation = msg.generation, m->whole = true;
     }
     knead_mesh_update_t_decode_cleanup(&msg);

@@ -130,15 +130,24 @@ static double displacement(const kn_model *m, const kn_state *state, int node)
     return sqrt(sum);
 }
 
-void kn_gauge_read(kn_gauge *g, const kn_state *state, kn_measure what, double *value)
+void kn_gauge_read_all(kn_gauge *g, const kn_state *state, double *const value[KN_MEASURES])
 {
     const kn_model *m = g->springs.model;
+    const bool edges = value[KN_MEASURE_STRESS] || value[KN_MEASURE_RESIDUAL];
     memset(g->node, 0, (size_t)m->node_count * sizeof *g->node);
-    for (int e = 0; what != KN_MEASURE_DISPLACEMENT && e < g->springs.count; e++) add_edge(g, state, e);
+    for (int e = 0; edges && e < g->springs.count; e++) add_edge(g, state, e);
     for (int i = 0; i < m->node_count; i++) {
         const share *s = &g->node[g->master[i]];
-        if (what == KN_MEASURE_DISPLACEMENT) value[i] = displacement(m, state, i);
-        else if (what == KN_MEASURE_STRESS) value[i] = stress(g, s);
-        else value[i] = s->weight > 0 ? sqrt(s->square / s->weight) : 0;
+        if (value[KN_MEASURE_DISPLACEMENT]) value[KN_MEASURE_DISPLACEMENT][i] = displacement(m, state, i);
+        if (value[KN_MEASURE_STRESS]) value[KN_MEASURE_STRESS][i] = stress(g, s);
+        if (value[KN_MEASURE_RESIDUAL])
+            value[KN_MEASURE_RESIDUAL][i] = s->weight > 0 ? sqrt(s->square / s->weight) : 0;
     }
+}
+
+void kn_gauge_read(kn_gauge *g, const kn_state *state, kn_measure what, double *value)
+{
+    double *one[KN_MEASURES] = {NULL};
+    one[what] = value;
+    kn_gauge_read_all(g, state, one);
 }

@@ -15,6 +15,7 @@ static const char *misfit(const kn_scene *scene, const kn_scene *now)
     for (int q = 0; q < KN_QUALITIES; q++) points &= scene->point[q].live == now->point[q].live;
     if (!points) return "other points of quality";
     if (scene->mesh_hz != now->mesh_hz) return "another mesh.rate";
+    if (scene->mesh_measures != now->mesh_measures) return "other mesh.measures";
     return d->solver.dt_s != e->solver.dt_s ? "another solver.dt" : NULL;
 }
 

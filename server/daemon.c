@@ -449,8 +449,7 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
     d->receiver.peers = def->peers;
     d->receiver.auth = def->key ? &d->auth : NULL;
     if (!kn_publisher_open(&d->publisher, d->bus.url, d->on.scene, hash, error, error_size) ||
-        !kn_skin_open(&d->skin, d->mesh_bus.url, d->on.model, d->on.scene->mesh_hz, d->on.scene->text_hash, error,
-                      error_size))
+        !kn_skin_open(&d->skin, d->mesh_bus.url, d->on.scene, d->on.model, error, error_size))
         return false;
     d->publisher.auth = d->skin.auth = d->receiver.auth;
     if (kn_loop_init(&d->loop, d->on.scene, d->on.model, &d->on.backend, &d->skin, d->on.audit) &&
@@ -479,6 +478,7 @@ static bool open_control(server *d, const kn_daemon_def *def, char *error, size_
                       .limits = def->limits ? def->limits : &d->on.base->limits,
                       .loop = &d->loop,
                       .keeper = &d->keeper,
+                      .skin = &d->skin,
                       .ask = ask,
                       .goes_on = goes_on,
                       .stop = leave,

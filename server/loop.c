@@ -182,7 +182,9 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     if (loop->audit && record.out.replaced) kn_audit_restart(loop->audit);
     if (loop->audit) kn_audit_tick(loop->audit, backend->state(backend->self));
     if (loop->keeper) kn_keeper_tick(loop->keeper, &loop->servo, wake, record.utime);
-    if (loop->skin) kn_skin_capture(loop->skin, backend->state(backend->self), wake->tick, loop->servo.generation);
+    if (loop->skin)
+        kn_skin_capture(loop->skin, loop->servo.model, backend->state(backend->self), wake->tick,
+                        loop->servo.generation);
     int64_t end_ns = kn_now_ns();
     kn_busy_tell(&loop->busy, loop->servo.ticks, wake->now_ns, end_ns);
     kn_account_tick(&loop->account, &loop->servo, &in, &record.out, wake, end_ns - wake->now_ns, published);

@@ -341,6 +341,7 @@ static const char *user_of_the_last(kn_operator *o)
     int64_t tick;
     if (o->now && !kn_loop_obeyed(o->on.loop, o->ordered, &tick)) return "no tick has taken the last one yet";
     if (o->now && atomic_load(&o->told) != o->now) return "the main thread has not told the last one yet";
+    if (o->now && !kn_skin_follows(o->on.skin, o->now->model)) return "the mesh thread has not shown the last one yet";
     bool written = o->before && kn_keeper_writes(o->on.keeper, o->before->model);
     return written ? "the disk is slow with what was before the last one" : NULL;
 }

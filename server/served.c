@@ -4,6 +4,7 @@
 #include "server/clock.h"
 #include "server/keeper.h"
 #include "server/say.h"
+#include "server/skin.h"
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -114,7 +115,8 @@ static bool build(kn_served *s, const kn_served_def *def, int *code, char *error
         snprintf(error, error_size, "%s:%d:%d: %s", def->scene_path, s->scene->solver_line, s->scene->solver_col, why);
         return false;
     }
-    size_t bytes = s->model->state_bytes + kn_state_kept(s->model) + kn_keeper_bytes(s->model, def->state_dir);
+    size_t bytes = s->model->state_bytes + kn_state_kept(s->model) + kn_keeper_bytes(s->model, def->state_dir) +
+                   kn_skin_bytes(s->scene, s->model);
     if (!check_memory(bytes, "the object's state and its copies", def->scene_path, error, error_size)) return false;
     const size_t free_bytes = memory_available();
     if (!place(s, def, free_bytes > bytes ? free_bytes - bytes : 0, code, error, error_size)) return false;

@@ -4,6 +4,7 @@
 #include "proto/knead_mesh_update_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include "server/wire.h"
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -22,33 +23,64 @@ static knead_mesh_init_t topology_message(const kn_skin *skin, int64_t utime)
                                .triangles = s->triangle};
 }
 
-bool kn_skin_open(kn_skin *skin, const char *url, const kn_model *model, double mesh_hz, uint64_t text_hash,
-                  char *error, size_t error_size)
+size_t kn_skin_bytes(const kn_scene *scene, const kn_model *model)
 {
-    memset(skin, 0, sizeof *skin);
-    skin->model = model;
-    skin->period_ticks = (int)(1000.0 / mesh_hz + 0.5);
-    skin->surface = kn_surface_create(model);
-    const char *what = "out of memory";
-    if (!skin->surface) goto fail;
-    const kn_surface *s = skin->surface;
-    size_t frame_bytes = (sizeof(kn_skin_frame) + 3 * sizeof(float) * (size_t)s->vertex_count + 63) / 64 * 64;
-    skin->memory = calloc(3, frame_bytes);
-    if (!skin->memory) goto fail;
-    kn_mailbox_init(&skin->frames, skin->memory, frame_bytes);
+    return scene->mesh_measures ? 3 * kn_state_kept(model) : 0;
+}
 
+static bool open_frames(kn_skin *skin)
+{
+    size_t bytes = sizeof(kn_skin_frame) + 3 * sizeof(float) * (size_t)skin->surface->vertex_count;
+    bytes = (bytes + 63) / 64 * 64;
+    skin->memory = calloc(3, bytes);
+    if (!skin->memory) return false;
+    kn_mailbox_init(&skin->frames, skin->memory, bytes);
+    for (int i = 0; skin->measures && i < 3; i++) {
+        kn_skin_frame *frame = skin->frames.slot[i];
+        frame->state = kn_state_keep(skin->model);
+        if (!frame->state) return false;
+    }
+    return true;
+}
+
+static bool open_measures(kn_skin *skin)
+{
+    static const struct { int bit; kn_measure what; } asked[2] = {{KN_MESH_STRESS, KN_MEASURE_STRESS},
+                                                                  {KN_MESH_RESIDUAL, KN_MEASURE_RESIDUAL}};
+    kn_skin_gauge *g = &skin->measured;
+    size_t nodes = (size_t)skin->model->node_count, vertices = (size_t)skin->surface->vertex_count;
+    if (!skin->measures) return true;
+    g->memory = calloc(2, nodes * sizeof(double) + vertices * sizeof(float));
+    for (int i = 0; g->memory && i < 2; i++) {
+        if (!(skin->measures & asked[i].bit)) continue;
+        g->node_value[asked[i].what] = g->memory + (size_t)i * nodes;
+        g->vertex_value[asked[i].what] = (float *)(g->memory + 2 * nodes) + (size_t)i * vertices;
+    }
+    return g->memory;
+}
+
+static bool open_topology(kn_skin *skin, uint64_t text_hash)
+{
+    const kn_surface *s = skin->surface;
     uint64_t hash = kn_hash_bytes(KN_HASH_SEED, s->triangle, 3 * sizeof(int) * (size_t)s->triangle_count);
     skin->topology_hash = (int64_t)hash;
     skin->mesh_id = (int64_t)kn_hash_bytes(hash, &text_hash, sizeof text_hash);
     knead_mesh_init_t message = topology_message(skin, 0);
     skin->topology_size = knead_mesh_init_t_encoded_size(&message);
     skin->topology = malloc((size_t)skin->topology_size + KN_WIRE_MAC);
-    if (!skin->topology) goto fail;
-    skin->lcm = lcm_create(url);
-    what = "LCM refused this URL";
+    return skin->topology;
+}
+
+bool kn_skin_open(kn_skin *skin, const char *url, const kn_scene *scene, const kn_model *model, char *error,
+                  size_t error_size)
+{
+    *skin = (kn_skin){.model = model, .measures = scene->mesh_measures};
+    skin->period_ticks = (int)(1000.0 / scene->mesh_hz + 0.5);
+    skin->surface = kn_surface_create(model);
+    bool fits = skin->surface && open_frames(skin) && open_measures(skin) && open_topology(skin, scene->text_hash);
+    if (fits) skin->lcm = lcm_create(url);
     if (skin->lcm) return true;
-fail:
-    snprintf(error, error_size, "%s: %s", url, what);
+    snprintf(error, error_size, "%s: %s", url, fits ? "LCM refused this URL" : "out of memory");
     kn_skin_close(skin);
     return false;
 }
@@ -56,21 +88,31 @@ fail:
 void kn_skin_close(kn_skin *skin)
 {
     if (skin->lcm) lcm_destroy(skin->lcm);
+    for (int i = 0; skin->memory && i < 3; i++) kn_state_destroy(((kn_skin_frame *)skin->frames.slot[i])->state);
+    kn_gauge_destroy(skin->measured.gauge);
+    free(skin->measured.memory);
     free(skin->topology);
     free(skin->memory);
     kn_surface_destroy(skin->surface);
     memset(skin, 0, sizeof *skin);
 }
 
-void kn_skin_capture(kn_skin *skin, const kn_state *state, int64_t tick, int32_t generation)
+void kn_skin_capture(kn_skin *skin, const kn_model *model, const kn_state *state, int64_t tick, int32_t generation)
 {
     if (tick < skin->next_tick) return;
     skin->next_tick = tick + skin->period_ticks;
     kn_skin_frame *frame = kn_mailbox_back(&skin->frames);
     frame->tick = tick;
     frame->generation = generation;
+    frame->model = model;
+    if (frame->state) kn_state_copy(model, frame->state, state);
     kn_surface_positions(skin->surface, skin->model, state, frame->xyz_m);
     kn_mailbox_post(&skin->frames);
+}
+
+bool kn_skin_follows(const kn_skin *skin, const kn_model *model)
+{
+    return atomic_load(&skin->told) == model;
 }
 
 static void send_bytes(kn_skin *skin, const char *channel, uint8_t *bytes, int size) // room for a tag behind them
@@ -86,29 +128,64 @@ void kn_skin_publish_topology(kn_skin *skin, int64_t utime)
     send_bytes(skin, "KNEAD_MESH_INIT", skin->topology, size);
 }
 
+// False: nothing is told beside places: none is asked for, memory is short, or it is no number.
+static bool measure(kn_skin *skin, const kn_skin_frame *frame)
+{
+    kn_skin_gauge *g = &skin->measured;
+    if (!frame->state) return false;
+    if (g->model != frame->model) {
+        kn_gauge_destroy(g->gauge);
+        g->gauge = kn_gauge_create(frame->model);
+        g->model = g->gauge ? frame->model : NULL;
+    }
+    if (!g->gauge) return false;
+    kn_gauge_read_all(g->gauge, frame->state, g->node_value);
+    bool finite = true; // an object gone bad has places, perhaps, but no stress
+    for (int m = 0; m < KN_MEASURES; m++)
+        for (int v = 0; g->node_value[m] && v < skin->surface->vertex_count; v++) {
+            g->vertex_value[m][v] = (float)g->node_value[m][skin->surface->node[v]];
+            finite &= isfinite(g->vertex_value[m][v]) != 0;
+        }
+    return finite;
+}
+
+static int encode_chunk(kn_skin *skin, const kn_skin_frame *frame, int64_t utime, int chunk, int size, bool measured)
+{
+    int vertices = skin->surface->vertex_count, first = chunk * size;
+    int count = vertices - first < size ? vertices - first : size;
+    float *strain = measured ? skin->measured.vertex_value[KN_MEASURE_RESIDUAL] : NULL,
+          *stress = measured ? skin->measured.vertex_value[KN_MEASURE_STRESS] : NULL;
+    knead_mesh_update_t message = {.utime = utime,
+                                   .mesh_id = skin->mesh_id,
+                                   .tick = frame->tick,
+                                   .generation = frame->generation,
+                                   .chunk = chunk,
+                                   .chunks = (vertices + size - 1) / size,
+                                   .first = first,
+                                   .count = count,
+                                   .position_count = 3 * count,
+                                   .strain_count = strain ? count : 0,
+                                   .stress_count = stress ? count : 0,
+                                   .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE,
+                                   // lcm-gen's arrays are not const; encoding only reads
+                                   .positions_m = (float *)frame->xyz_m + 3 * first,
+                                   .residual_strain = strain ? strain + first : NULL,
+                                   .stress_pa = stress ? stress + first : NULL};
+    return knead_mesh_update_t_encode(skin->update, 0, sizeof skin->update - KN_WIRE_MAC, &message);
+}
+
 bool kn_skin_publish(kn_skin *skin, int64_t utime)
 {
     bool fresh;
     const kn_skin_frame *frame = kn_mailbox_latest(&skin->frames, &fresh);
-    int vertices = skin->surface->vertex_count, chunks = (vertices + KN_SKIN_CHUNK - 1) / KN_SKIN_CHUNK;
-    for (int i = 0; fresh && i < chunks; i++) {
-        int first = i * KN_SKIN_CHUNK, count = vertices - first < KN_SKIN_CHUNK ? vertices - first : KN_SKIN_CHUNK;
-        knead_mesh_update_t message = {.utime = utime,
-                                       .mesh_id = skin->mesh_id,
-                                       .tick = frame->tick,
-                                       .generation = frame->generation,
-                                       .chunk = i,
-                                       .chunks = chunks,
-                                       .first = first,
-                                       .count = count,
-                                       .position_count = 3 * count,
-                                       .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE,
-                                       // lcm-gen's arrays are not const; encoding only reads
-                                       .positions_m = (float *)frame->xyz_m + 3 * first};
-        int size = knead_mesh_update_t_encode(skin->update, 0, sizeof skin->update - KN_WIRE_MAC, &message);
-        send_bytes(skin, "KNEAD_MESH_UPDATE", skin->update, size);
+    if (!fresh) return false;
+    atomic_store(&skin->told, frame->model);
+    bool measured = measure(skin, frame);
+    int size = KN_SKIN_BYTES / (measured ? 20 : 12); // vertices of a chunk
+    for (int i = 0; i * size < skin->surface->vertex_count; i++) {
         // back to back, larger meshes would overflow the usual 208 kB receive buffer of the screens
-        if (i + 1 < chunks) nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
+        if (i > 0) nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
+        send_bytes(skin, "KNEAD_MESH_UPDATE", skin->update, encode_chunk(skin, frame, utime, i, size, measured));
     }
-    return fresh;
+    return true;
 }

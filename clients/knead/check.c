@@ -262,7 +262,8 @@ static void print_device(const kn_scene *scene)
     printf("          without poses: hold %d ms, zero by %d ms; back after %d ms of poses, gain up in %d ms\n",
            l->hold_ms, l->zero_ms, l->flow_ms, l->ramp_up_ms);
     print_coupling(scene);
-    printf("mesh      %g Hz\n", scene->mesh_hz);
+    static const char *const told[] = {"", ", stress", ", residual strain", ", stress, residual strain"};
+    printf("mesh      %g Hz: places%s\n", scene->mesh_hz, told[scene->mesh_measures]);
 }
 
 static void print_field(const kn_field *f)

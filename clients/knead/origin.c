@@ -20,16 +20,20 @@ static uint64_t hash_lines(const char *text)
     return hash;
 }
 
-// The same of a text without solver and quality, read anew: what an older version wrote makes no difference.
+// The same of a text without solver, quality and what meshes tell, read anew: what an older version wrote makes no
+// difference.
 static bool hash_of(const char *beside, const char *name, const char *text, uint64_t *hash)
 {
-    char error[512];
-    char *half = kn_graft(text, "quality", "", error, sizeof error);
-    char *rest = half ? kn_graft(half, "solver", "", error, sizeof error) : NULL;
+    static const char *const block[] = {"quality", "solver", "mesh"};
+    char error[512], *rest = strdup(text);
+    for (int i = 0; i < 3 && rest; i++) {
+        char *whole = rest;
+        rest = kn_graft(whole, block[i], "", error, sizeof error);
+        free(whole);
+    }
     kn_scene *scene =
         rest ? kn_scene_parse_beside(beside, name, rest, strlen(rest), NULL, 0, error, sizeof error) : NULL;
     if (scene) *hash = hash_lines(scene->text);
-    free(half);
     free(rest);
     kn_scene_destroy(scene);
     return scene;

@@ -118,12 +118,16 @@ bool kn_still_measure(kn_still *s, const kn_model *model, const kn_state *state,
     return ok;
 }
 
-bool kn_still_displacement(kn_still *s)
+bool kn_still_told(kn_still *s, const kn_live *live, kn_measure what)
 {
-    s->value = malloc(((size_t)s->vertex_count + 1) * sizeof *s->value);
+    const float *told = what == KN_MEASURE_STRESS ? live->mesh.stress_pa : live->mesh.residual_strain;
+    if (what != KN_MEASURE_DISPLACEMENT && (!told || s->vertex_count != live->mesh.vertex_count)) return false;
+    if (!s->value) s->value = malloc(((size_t)s->vertex_count + 1) * sizeof *s->value);
     for (int v = 0; s->value && v < s->vertex_count; v++) {
         const float *now = s->now[v], *rest = s->rest[v];
-        s->value[v] = hypotf(hypotf(now[0] - rest[0], now[1] - rest[1]), now[2] - rest[2]);
+        s->value[v] = what == KN_MEASURE_DISPLACEMENT
+                          ? hypotf(hypotf(now[0] - rest[0], now[1] - rest[1]), now[2] - rest[2])
+                          : told[v];
     }
     return s->value;
 }

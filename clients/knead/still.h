@@ -27,8 +27,9 @@ bool kn_still_state(kn_still *still, const kn_model *model, const kn_state *stat
 bool kn_still_measure(kn_still *still, const kn_model *model, const kn_state *state, kn_gauge *gauge, kn_measure what,
                       bool edges);
 
-// Displacement from the shape at rest, which is all that a mesh on the bus tells.
-bool kn_still_displacement(kn_still *still);
+// The measure of a still that is of the mesh in live: displacement always, the others when it tells them (the scene's
+// mesh.measures). False: it does not, or memory is short. Allocates nothing the second time.
+bool kn_still_told(kn_still *still, const kn_live *live, kn_measure what);
 
 // Places on a colour scale from 0 to top for the renderer, out of value and edge_value, which they replace.
 void kn_still_scale(kn_still *still, double top);

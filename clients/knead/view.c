@@ -248,9 +248,8 @@ static int from_bus(const options *o, kn_still *s)
 {
     char error[400];
     kn_live live;
-    if (o->measure > KN_MEASURE_DISPLACEMENT || o->look.style == KN_VIEW_EDGES)
-        return fail(KN_EXIT_USAGE, "--%s: what is served is the surface's place alone, expected a log or --scene",
-                    o->measure > KN_MEASURE_DISPLACEMENT ? "color" : "style edges");
+    if (o->look.style == KN_VIEW_EDGES)
+        return fail(KN_EXIT_USAGE, "--style edges: what is served is the surface alone, expected a log or --scene");
     if (!kn_join_check(o->url, KN_FORCE_URL, error, sizeof error) ||
         !kn_join_check(o->mesh_url, KN_MESH_URL, error, sizeof error))
         return fail(KN_EXIT_USAGE, "%s", error);
@@ -266,7 +265,9 @@ static int from_bus(const options *o, kn_still *s)
     int code = KN_EXIT_OK;
     if (!live.mesh.whole) code = unheard(o, &live);
     else if (!kn_still_live(s, &live, error, sizeof error)) code = fail(KN_EXIT_DEVICE, "%s", error);
-    else if (o->measure >= 0 && !error[0] && !kn_still_displacement(s)) code = fail(KN_EXIT_DEVICE, "out of memory");
+    else if (o->measure >= 0 && !error[0] && !kn_still_told(s, &live, (kn_measure)o->measure))
+        code = fail(KN_EXIT_USAGE, "--color %s: the scene that is served has no such mesh.measures, expected a start with it",
+                    kn_measure_names[o->measure].name);
     else if (error[0])
         fprintf(stderr, "knead view: %s; drawn without probes and colours, with the edges of the shape as it is\n", error);
     snprintf(s->caption, sizeof s->caption, "%s live, tick %" PRId64, live.scene ? live.scene->name : "an object",

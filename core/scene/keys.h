@@ -178,7 +178,9 @@
   KN_QUALITY_KEYS(X, BALANCED, "quality.balanced.", balanced)                                                         \
   KN_QUALITY_KEYS(X, ACCURATE, "quality.accurate.", accurate)                                                         \
   X(MESH_RATE, ALWAYS, "mesh.rate", REAL, 1, "Hz", 30, 60, "30 Hz",                                                   \
-    scene.mesh_hz, "meshes published per second")
+    scene.mesh_hz, "meshes published per second")                                                                     \
+  X(MESH_MEASURES, ALWAYS, "mesh.measures", CHOICE, 1, "none|stress|residual|both", 0, 0, "",                         \
+    scene.mesh_measures, "what they tell beside places: von Mises' stress, the strain that stays; none: nothing")
 
 #define KN_PROBE_KEYS(X)                                                                                              \
   X(PROBE_NAME, ALWAYS, "probes.NAME.name", NAME, 1, "", 0, 0, NULL,                                                  \

@@ -17,6 +17,10 @@ typedef struct kn_point {
     kn_effort effort; // what a step is then given
 } kn_point;
 
+// Bits of mesh_measures; mesh.measures' words are these numbers.
+#define KN_MESH_STRESS 1
+#define KN_MESH_RESIDUAL 2
+
 typedef struct kn_scene {
     char name[64];          // file name without folder
     int version;            // the format's, 1
@@ -30,6 +34,7 @@ typedef struct kn_scene {
     kn_device_def device;   // the hand's: profile touch, falcon, omega, unknown, or bench, the virtual hand
     kn_safety_limits limits;
     double mesh_hz;         // 30..60
+    int mesh_measures;      // KN_MESH_STRESS, KN_MESH_RESIDUAL: what meshes tell beside places (gauge.h)
     int solver_line, solver_col; // in the file, of what it says of solver's kind, dt, isa, mass_scale, the last of them;
                             // 1, 1: nothing. That is what to point at when a model cannot be built or stepped
     char *text;             // canonical YAML of the whole scene in SI, every default and override written out:

@@ -21,6 +21,17 @@ static uint32_t encode_update(int64_t id, int64_t tick, int32_t first, int32_t c
     return (uint32_t)knead_mesh_update_t_encode(datagram, 0, sizeof datagram, &msg);
 }
 
+// Residual strain value, stress 2 value; NULL arrays where a count is 0.
+static bool update_measured(kn_mesh *m, int64_t tick, int32_t first, int32_t count, bool strain, bool stress, float value)
+{
+    float xyz[12] = {0}, one[4], two[4];
+    for (int i = 0; i < 4; i++) one[i] = value, two[i] = 2 * value;
+    knead_mesh_update_t msg = {.mesh_id = 7, .tick = tick, .chunks = 2, .first = first, .count = count,
+                               .position_count = 3 * count, .positions_m = xyz, .strain_count = strain ? count : 0,
+                               .residual_strain = one, .stress_count = stress ? count : 0, .stress_pa = two};
+    return kn_mesh_update(m, datagram, (uint32_t)knead_mesh_update_t_encode(datagram, 0, sizeof datagram, &msg));
+}
+
 static bool update(kn_mesh *m, int64_t id, int64_t tick, int32_t first, int32_t count, float value)
 {
     return kn_mesh_update(m, datagram, encode_update(id, tick, first, count, value));
@@ -62,6 +73,28 @@ TEST("the same topology again keeps the positions, another one starts anew")
     CHECK(!update(&m, 8, 11, 0, 4, 2));
     CHECK(kn_mesh_init(&m, datagram, encode_init(8, 4, 3)));
     CHECK(!m.whole && m.mesh_id == 8);
+    kn_mesh_free(&m);
+}
+
+TEST("measures are those of the tick, and only when every chunk of it tells them as finite numbers")
+{
+    kn_mesh m = {0};
+    kn_mesh_init(&m, datagram, encode_init(7, 4, 3));
+    CHECK(update(&m, 7, 10, 0, 4, 1) && !m.residual_strain && !m.stress_pa);
+    CHECK(!update_measured(&m, 11, 2, 2, true, true, 3));
+    CHECK(!m.residual_strain && !m.stress_pa);
+    CHECK(update_measured(&m, 11, 0, 2, true, true, 4));
+    if (m.residual_strain && m.stress_pa) {
+        CHECK(m.residual_strain[0] == 4 && m.residual_strain[1] == 4 && m.residual_strain[3] == 3);
+        CHECK(m.stress_pa[0] == 8 && m.stress_pa[1] == 8 && m.stress_pa[2] == 6 && m.stress_pa[3] == 6);
+        CHECK(m.positions_m[0] == 0 && m.positions_m[11] == 0);
+    } else KN_TEST_FAIL("%s", "one is missing");
+    CHECK(!update_measured(&m, 12, 0, 2, true, true, 5));
+    CHECK(update_measured(&m, 12, 2, 2, false, true, 5));
+    CHECK(!m.residual_strain && m.stress_pa && m.stress_pa[0] == 10 && m.stress_pa[3] == 10);
+    CHECK(!update_measured(&m, 13, 0, 4, true, true, NAN) && m.tick == 12);
+    CHECK(!update_measured(&m, 13, 0, 4, true, true, INFINITY) && m.tick == 12);
+    CHECK(update_measured(&m, 14, 0, 4, true, false, 6) && m.residual_strain && !m.stress_pa);
     kn_mesh_free(&m);
 }
 

@@ -67,6 +67,7 @@ expect 'set: expected KEY=VALUE' 2 ctl set
 expect 'device.zero: allows a hand more' 2 ctl set 'device.zero=4 ms'
 expect 'another solver.dt' 2 ctl set 'solver.dt=0.01 ms'
 expect 'another mesh.rate' 2 ctl set 'mesh.rate=45 Hz'
+expect 'other mesh.measures' 2 ctl set mesh.measures=stress
 expect 'quality' 2 ctl set quality=fast
 expect 'expected at most 32 settings' 2 ctl set "material.k1=$(printf '%01200d' 7)"
 check "none of that was done" [ "$(ctl --json status | field '["set"]')" = "['material.k1=600 gf/cm^3', 'device.clamp=2 N']" ]

@@ -52,6 +52,20 @@ stop_kneadd
 check "kneadd ends well" [ $status = 0 ]
 sleep 0.3
 kill $logger
+start_kneadd dough-small.yaml
+expect "what the server does not tell" 2 '--color stress: the scene that is served has no such mesh.measures' \
+    knead view --png x.png --color stress --size 320x180 --wait 20
+stop_kneadd
+start_kneadd dough-small.yaml --set mesh.measures=both
+hand plate >hand.out 2>&1 &
+hand=$!
+sleep 1.5
+for what in stress residual; do
+    expect "$what of what is served" 0 '^$' knead view --png live-$what.png --color $what --size 320x180 --wait 20
+done
+check "two things" [ "$(cmp -s live-stress.png live-residual.png; echo $?)" = 1 ]
+kill $hand
+stop_kneadd
 wait
 
 expect "a moment of a recording" 0 '^$' knead view press.lcmlog --at 0.5 --png a.png --size 320x180
@@ -78,6 +92,6 @@ for bad in 5 '5 mm' '-1 kPa' 'much'; do
     expect "a scale that is none" 2 "^knead view: --top $bad: expected a von Mises stress above 0, e.g. '5 kPa'$" \
         knead view --png x.png --color stress --top "$bad"
 done
-expect "what the bus does not tell" 2 'is the surface.s place alone, expected a log or --scene$' knead view --png x.png --color stress
+expect "what the bus does not tell" 2 'is the surface alone, expected a log or --scene$' knead view --png x.png --style edges
 expect "a moment after it" 2 'ends at [0-9.]+ s$' knead view press.lcmlog --at 1e6 --png x.png
 exit $failed

@@ -51,11 +51,11 @@ typedef struct rig {
 // how: options of a simulated circuit, NULL: no circuit
 static void rig_open(rig *r, const char *const *how)
 {
-    static const char *const quality[] = {"quality={fast: {iterations: 5}, accurate: {passes: 2}}"};
+    static const char *const all[] = {"quality={fast: {iterations: 5}, accurate: {passes: 2}}", "mesh.measures=both"};
     memset(r, 0, sizeof *r);
     if (how) r->board = kn_board_start(r->how = how);
     if (how) strcat(r->board.uri, "?miss=10"); // of a busy machine
-    kn_lent_open_on(&r->lent, how ? kn_fixed_set : quality, how ? KN_FIXED_SETS : 1, how ? r->board.uri : NULL);
+    kn_lent_open_on(&r->lent, how ? kn_fixed_set : all, how ? KN_FIXED_SETS : 2, how ? r->board.uri : NULL);
     r->path = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .clear_m = 0.005, .depth_m = 0.008, .hold_s = 0.3});
     bool identifies = how || kn_backend_cpu_identify(&r->lent.backend, (kn_coupling){600, 1.5}); // all a tick can do
     if (!r->path || !identifies) exit(1);

@@ -27,7 +27,7 @@ static inline void kn_lent_open_on(kn_lent *l, const char *const *sets, int coun
     l->model = l->scene ? kn_model_build(&l->scene->model, error, sizeof error) : NULL;
     if (l->model) l->audit = kn_audit_create(l->model);
     if (l->model && kn_backend_place(&l->backend, l->model, uri, false, SIZE_MAX, error, &device) &&
-        kn_skin_open(&l->skin, "memq://", l->model, 60, 1, error, sizeof error) && (l->audit || uri) &&
+        kn_skin_open(&l->skin, "memq://", l->scene, l->model, error, sizeof error) && (l->audit || uri) &&
         kn_loop_init(&l->loop, l->scene, l->model, &l->backend, &l->skin, l->audit))
         return;
     fprintf(stderr, "%s\n", error);

@@ -93,6 +93,73 @@ static double dent_m(rig *r)
     return lowest;
 }
 
+static bool tells(rig *r, const float *told, kn_measure what)
+{
+    const kn_skin *skin = &r->lent.skin;
+    const kn_model *model = r->lent.loop.servo.model;
+    kn_backend *backend = r->lent.loop.servo.backend;
+    double *value = calloc((size_t)model->node_count, sizeof *value), most = 0, wrong = 0;
+    kn_gauge *gauge = kn_gauge_create(model);
+    if (told && value && gauge) kn_gauge_read(gauge, backend->state(backend->self), what, value);
+    for (int v = 0; told && v < skin->surface->vertex_count; v++) {
+        const double is = value[skin->surface->node[v]];
+        most = fmax(most, is);
+        wrong = fmax(wrong, fabs(is - (double)told[v]));
+    }
+    kn_gauge_destroy(gauge);
+    free(value);
+    return told && most > 0 && wrong <= 1e-6 * most;
+}
+
+// So that what the screen has last is the state of now.
+static void show_now(rig *r)
+{
+    r->lent.skin.next_tick = 0;
+    move(r, 0.0);
+    dent_m(r);
+}
+
+TEST("where the scene asks, meshes tell stress and residual strain of the same tick; else none")
+{
+    static const struct { const char *set; bool stress, residual; } asked[] = {{NULL, false, false},
+        {"mesh.measures=none", false, false}, {"mesh.measures=stress", true, false},
+        {"mesh.measures=residual", false, true}, {"mesh.measures=both", true, true}};
+    for (size_t i = 0; i < sizeof asked / sizeof *asked; i++) {
+        static rig r;
+        rig_open(&r, asked[i].set);
+        press(&r);
+        show_now(&r);
+        CHECK(r.mesh.whole && r.mesh.tick == r.tick - 1);
+        CHECK(asked[i].stress ? tells(&r, r.mesh.stress_pa, KN_MEASURE_STRESS) : !r.mesh.stress_pa);
+        CHECK(asked[i].residual ? tells(&r, r.mesh.residual_strain, KN_MEASURE_RESIDUAL) : !r.mesh.residual_strain);
+        rig_close(&r);
+    }
+}
+
+TEST("an object that goes on in another material tells that one's stress, and whose frame was shown last is known")
+{
+    static rig r;
+    char error[300];
+    rig_open(&r, "mesh.measures=both");
+    press(&r);
+    show_now(&r);
+    const char *sets[] = {"mesh.measures=both", "material.k1=2000 gf/cm^3"};
+    kn_scene *scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", sets, 2, error, sizeof error);
+    kn_change *change = kn_change_create(scene, r.lent.scene, r.lent.model, false, error, sizeof error);
+    CHECK(change);
+    if (!change) return;
+    r.lent.loop.change = change;
+    kn_loop_order(&r.lent.loop, KN_ORDER_CHANGE, 0);
+    move(&r, 0.0);
+    CHECK(r.lent.loop.servo.model == change->model);
+    CHECK(kn_skin_follows(&r.lent.skin, r.lent.model) && !kn_skin_follows(&r.lent.skin, change->model));
+    show_now(&r);
+    CHECK(!kn_skin_follows(&r.lent.skin, r.lent.model) && kn_skin_follows(&r.lent.skin, change->model));
+    CHECK(tells(&r, r.mesh.stress_pa, KN_MEASURE_STRESS) && tells(&r, r.mesh.residual_strain, KN_MEASURE_RESIDUAL));
+    rig_close(&r);
+    kn_change_destroy(change);
+}
+
 TEST("resets asked for between two ticks are one, in the next one, and an event tells the untouched object's hash")
 {
     static rig r;
