@@ -108,8 +108,9 @@ static marks after(const kn_model_def *def, const press *p, double seconds)
     kn_state *state = kn_state_create(m);
     kn_gauge *gauge = kn_gauge_create(m);
     kn_output out;
-    for (int i = 1; i <= (int)lround(seconds * 1000); i++) {
-        kn_input in = press_input(m, p, i * 1e-3);
+    const double dt = def->solver.dt_s;
+    for (int i = 1; i <= (int)lround(seconds / dt); i++) {
+        kn_input in = press_input(m, p, i * dt);
         CHECK(kn_step(m, state, &in, &out) == KN_OK);
     }
     marks r = look(gauge, m, state);
@@ -159,6 +160,31 @@ TEST("every solver says the same of the same press")
            fixed.stress_pa, fixed.residual);
     CHECK_NEAR(fixed.stress_pa, implicit.stress_pa, 0.1 * implicit.stress_pa);
     CHECK_NEAR(fixed.residual, implicit.residual, 0.05 * implicit.residual);
+}
+
+TEST("at the stops of its dampers, too: what stays ends there, and Runge-Kutta's stress is the implicit step's")
+{
+    const press p = {.depth_m = 0.001, .hold_s = 1};
+    kn_model_def def = press_def(1);
+    def.material.ratio = 0.5;
+    def.material.stroke[0] = 0.495;
+    def.material.stroke[1] = 0.51; // 2 % shorter to 1 % longer
+    def.solver.mass_scale = 100;
+    def.solver.dt_s = 2.5e-4;
+    kn_model_def exact = def, free_def = def;
+    exact.solver.kind = KN_SOLVER_RK4;
+    exact.solver.precision = KN_PRECISION_F64;
+    exact.solver.dt_s = 1.8e-5; // just below the limit
+    def = converged(def);
+    free_def = converged(free_def);
+    free_def.material.stroke[0] = free_def.material.stroke[1] = 0;
+    marks implicit = after(&def, &p, 0.12), rk4 = after(&exact, &p, 0.12), without = after(&free_def, &p, 0.12);
+    printf("     implicit %.1f Pa, %.4f; Runge-Kutta %.1f Pa, %.4f; without stops %.1f Pa, %.4f\n", implicit.stress_pa,
+           implicit.residual, rk4.stress_pa, rk4.residual, without.stress_pa, without.residual);
+    CHECK(without.residual > 1.2 * implicit.residual); // they are met
+    CHECK(implicit.residual < 0.51 / 0.5 - 1 + 1e-6 && rk4.residual < 0.51 / 0.5 - 1 + 1e-6);
+    CHECK_NEAR(rk4.stress_pa, implicit.stress_pa, 0.02 * implicit.stress_pa);
+    CHECK_NEAR(rk4.residual, implicit.residual, 0.02 * implicit.residual);
 }
 
 TESTS_MAIN
