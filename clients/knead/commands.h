@@ -24,7 +24,7 @@
     X(touch, "what a tool touches, drawn live: pressures, area, centre, slip; --json; needs kneadd --touch")            \
     X(tpa, "virtual rheometer: two bites; hardness, cohesiveness, springiness, resilience")                            \
     X(tradeoff, "speed against accuracy under a recorded hand; picks for a budget, finds fast, balanced, accurate")    \
-    X(view, "draws the object, live, recorded or at rest, without a screen: --png FILE")                               \
+    X(view, "draws the object, live, recorded or at rest, without a screen: --png FILE, --video FILE")                               \
     X(web, "a page that shows the object live, with a tool in the visitor's hand; prints its address")    \
     X(zwidth, "how stiff a wall a device can hold: simulated, against delay and friction, beside the bounds")
 

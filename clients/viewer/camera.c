@@ -14,33 +14,49 @@ void kn_camera_axes(double azimuth_deg, double elevation_deg, float right[3], fl
     kn_cross(up, back, right);
 }
 
-// The nearest distance from which the whole framed box is inside the picture.
+// The nearest distance from which the whole box of these half sides is inside the picture.
+static float distance_for(const float half[3], double azimuth_deg, double elevation_deg, float aspect)
+{
+    float right[3], up[3], back[3], distance = 0;
+    kn_camera_axes(azimuth_deg, elevation_deg, right, up, back);
+    for (int corner = 0; corner < 8; corner++) {
+        const float p[3] = {corner & 1 ? half[0] : -half[0], corner & 2 ? half[1] : -half[1],
+                            corner & 4 ? half[2] : -half[2]};
+        const float x = fabsf(kn_dot(p, right)) / aspect, y = fabsf(kn_dot(p, up));
+        distance = fmaxf(distance, kn_dot(p, back) + fmaxf(x, y) / (FILL * KN_CAMERA_TAN_HALF));
+    }
+    return distance;
+}
+
+void kn_camera_look(kn_camera *c, const float low[3], const float high[3], const kn_camera_view *v)
+{
+    float target[3], half[3], scale = 1e-6f, top = high[2] + HEADROOM * (high[2] - low[2]), view[16], perspective[16];
+    c->aspect = v->aspect;
+    c->tan_half = KN_CAMERA_TAN_HALF / (float)(v->zoom > 0 ? v->zoom : 1);
+    kn_camera_axes(v->azimuth_deg, v->elevation_deg, c->right, c->up, c->back);
+    for (int i = 0; i < 3; i++) {
+        target[i] = 0.5f * (low[i] + (i == 2 ? top : high[i]));
+        half[i] = target[i] - low[i];
+        scale = fmaxf(scale, high[i] - low[i]);
+    }
+    float distance = distance_for(half, v->azimuth_deg, v->elevation_deg, v->aspect);
+    for (int deg = 0; v->turns && deg < 180; deg += 5) // a box looks the same from behind
+        distance = fmaxf(distance, distance_for(half, deg, v->elevation_deg, v->aspect));
+    for (int i = 0; i < 3; i++) c->eye[i] = target[i] + distance * c->back[i];
+    kn_mat_view(view, c->right, c->up, c->back, c->eye);
+    kn_mat_perspective(perspective, c->tan_half, v->aspect, 0.1f * distance, distance + 20 * scale);
+    kn_mat_mul(c->matrix, perspective, view);
+}
+
 void kn_camera_aim(kn_camera *c, const float low[3], const float high[3], double azimuth_deg, double elevation_deg,
                    float aspect)
 {
-    float target[3], distance = 0, scale = 1e-6f, top = high[2] + HEADROOM * (high[2] - low[2]);
-    c->aspect = aspect;
-    kn_camera_axes(azimuth_deg, elevation_deg, c->right, c->up, c->back);
-    for (int i = 0; i < 3; i++) {
-        target[i] = 0.5f * (low[i] + (i == 2 ? top : high[i]));
-        scale = fmaxf(scale, high[i] - low[i]);
-    }
-    for (int corner = 0; corner < 8; corner++) {
-        float p[3] = {corner & 1 ? high[0] : low[0], corner & 2 ? high[1] : low[1], corner & 4 ? top : low[2]};
-        kn_sub(p, p, target);
-        float x = fabsf(kn_dot(p, c->right)) / aspect, y = fabsf(kn_dot(p, c->up));
-        distance = fmaxf(distance, kn_dot(p, c->back) + fmaxf(x, y) / (FILL * KN_CAMERA_TAN_HALF));
-    }
-    for (int i = 0; i < 3; i++) c->eye[i] = target[i] + distance * c->back[i];
-    float view[16], perspective[16];
-    kn_mat_view(view, c->right, c->up, c->back, c->eye);
-    kn_mat_perspective(perspective, KN_CAMERA_TAN_HALF, aspect, 0.1f * distance, distance + 20 * scale);
-    kn_mat_mul(c->matrix, perspective, view);
+    kn_camera_look(c, low, high, &(kn_camera_view){azimuth_deg, elevation_deg, 1, false, aspect});
 }
 
 bool kn_camera_pick(const kn_camera *c, double u, double v, double z_m, double at_m[2])
 {
-    double x = KN_CAMERA_TAN_HALF * c->aspect * (2.0 * u - 1.0), y = KN_CAMERA_TAN_HALF * (1.0 - 2.0 * v), sight[3];
+    double x = c->tan_half * c->aspect * (2.0 * u - 1.0), y = c->tan_half * (1.0 - 2.0 * v), sight[3];
     for (int i = 0; i < 3; i++) sight[i] = x * c->right[i] + y * c->up[i] - c->back[i];
     double far = (z_m - c->eye[2]) / sight[2];
     for (int i = 0; i < 2; i++) at_m[i] = c->eye[i] + far * sight[i];

@@ -37,6 +37,7 @@ struct kn_renderer {
     float *corners; // [triangle_count][3][6]
     int width, height, samples;
     kn_camera camera;
+    int side; // of the object that the camera sees at the left: 0 the front, 1 the right, 2 the back, 3 the left
     float key[3], light[16];
     float backdrop_camera[16]; // that the backdrop was drawn for; zero: none yet
     float square_m;
@@ -183,8 +184,12 @@ static void aim(kn_renderer *r, const kn_view_scene *scene)
         beyond = fmaxf(beyond, fmaxf(s->rest_low[i] - low[i], high[i] - s->rest_high[i]));
     }
     bool left = beyond > 0.25f * scale_of(s);
-    kn_camera_aim(&r->camera, left ? low : s->rest_low, left ? high : s->rest_high, scene->azimuth_deg,
-                  scene->elevation_deg, (float)r->width / (float)r->height);
+    const float *box[2] = {left ? low : s->rest_low, left ? high : s->rest_high};
+    if (scene->frame) box[0] = scene->frame[0], box[1] = scene->frame[1];
+    kn_camera_look(&r->camera, box[0], box[1],
+                   &(kn_camera_view){scene->azimuth_deg, scene->elevation_deg, scene->zoom, scene->turns,
+                                     (float)r->width / (float)r->height});
+    r->side = (int)floor(scene->azimuth_deg / 90 + 1e-9) & 3;
 }
 
 // From the upper left of whoever looks, whatever the azimuth.
@@ -536,10 +541,18 @@ static float footprint(const kn_skin *s, const float (*xyz)[3], float foot[4])
 
 static float level_of(const kn_renderer *r) { return r->skin->rest_low[2] - 1e-3f * scale_of(r->skin); } // of the table
 
-static void bar_of(const kn_renderer *r, float bar[4]) // low x, low y, high x, high y
+// Of the bar on the table, before the side that the camera sees at the left: low x, low y, high x, high y.
+static void bar_of(const kn_renderer *r, float bar[4])
 {
-    const float *low = r->skin->rest_low, s = r->square_m, front = low[1] - 1.5f * s;
-    memcpy(bar, (float[]){low[0], front, low[0] + s, front + 0.12f * s}, 4 * sizeof *bar);
+    const float *low = r->skin->rest_low, *high = r->skin->rest_high, s = r->square_m;
+    const float away = 1.5f * s, wide = 0.12f * s;
+    const float place[4][4] = {
+        {low[0], low[1] - away, low[0] + s, low[1] - away + wide},
+        {high[0] + away - wide, low[1], high[0] + away, low[1] + s},
+        {high[0] - s, high[1] + away - wide, high[0], high[1] + away},
+        {low[0] - away, high[1] - s, low[0] - away + wide, high[1]},
+    };
+    memcpy(bar, place[r->side], 4 * sizeof *bar);
 }
 
 double kn_renderer_bar(const kn_renderer *r, float at[2])
@@ -547,7 +560,9 @@ double kn_renderer_bar(const kn_renderer *r, float at[2])
     const float *m = r->camera.matrix;
     float bar[4];
     bar_of(r, bar);
-    const float p[3] = {0.5f * (bar[0] + bar[2]), bar[1], level_of(r)};
+    float p[3] = {0.5f * (bar[0] + bar[2]), 0.5f * (bar[1] + bar[3]), level_of(r)};
+    const int across = r->side % 2 == 0; // y
+    p[across] = bar[across + (r->side == 1 || r->side == 2 ? 2 : 0)];
     const float w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
     for (int i = 0; i < 2; i++) at[i] = (m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i]) / w;
     at[0] = 0.5f * (1 + at[0]) * (float)r->width;
@@ -558,12 +573,12 @@ double kn_renderer_bar(const kn_renderer *r, float at[2])
 static void draw_table(const kn_renderer *r, const float foot[4], float corner)
 {
     const kn_gl *gl = r->gl;
-    const float tan_half_x = KN_CAMERA_TAN_HALF * (float)r->width / (float)r->height;
+    const float tan_half = r->camera.tan_half, tan_half_x = tan_half * r->camera.aspect;
     float s = r->square_m, bar[4], sight[3][3];
     bar_of(r, bar);
     for (int i = 0; i < 3; i++) {
         sight[0][i] = tan_half_x * r->camera.right[i];
-        sight[1][i] = KN_CAMERA_TAN_HALF * r->camera.up[i];
+        sight[1][i] = tan_half * r->camera.up[i];
         sight[2][i] = -r->camera.back[i];
     }
     use_lit(r, r->table);

@@ -42,6 +42,9 @@ typedef struct kn_view_scene {
     double elevation_deg;        // 0: level, 90: from above
     kn_view_style style;
     bool follow;                 // an object that has left its place, lifted or pushed, is in the picture with it
+    const float (*frame)[3];     // [2] low, high: this box is in the picture instead, whatever happens. NULL: none
+    double zoom;                 // 2 shows half as much; 0: 1
+    bool turns;                  // framed for every azimuth, so that an object that is gone round stays as large
 } kn_view_scene;
 
 // Front above, so that both the top and the profile of a dent across the block show; dough's colour; lines; no probe.

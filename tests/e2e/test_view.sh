@@ -9,6 +9,12 @@ expect() {
     got=$?
     check "$sentence ($(cat out err))" eval '[ $got = $code ] && [ $(wc -l <err) -le 1 ] && [[ $(cat err) =~ $pattern ]]'
 }
+# film FILE CODEC WIDTH HEIGHT PICTURES: what ffprobe says of it, every picture decoded
+film() {
+    local says
+    says=$(ffprobe -v error -count_frames -show_entries stream=codec_name,width,height,nb_read_frames -of csv=p=0 "$1")
+    check "$1 is a film of $5 pictures ($says)" [ "$says" = "$2,$3,$4,$5" ]
+}
 # picture FILE WIDTH HEIGHT: a PNG of that size (bytes 17 to 24 of the file)
 picture() {
     local size
@@ -47,6 +53,10 @@ expect "what a server serves" 0 '^$' knead view --png live.png --size 320x180 --
 check "names the scene and the tick" grep -q 'dough-small.yaml live, tick' out
 expect "and how far it has moved" 0 '^$' knead view --png moved.png --color displacement --size 320x180 --wait 20
 picture live.png 320 180
+if command -v ffmpeg >/dev/null; then
+    expect "a film of what a server serves" 0 '^$' knead view --video live.mp4 --seconds 1 --fps 10 --size 160x90 --wait 20
+    film live.mp4 h264 160 90 10
+fi
 kill $hand
 stop_kneadd
 check "kneadd ends well" [ $status = 0 ]
@@ -93,5 +103,41 @@ for bad in 5 '5 mm' '-1 kPa' 'much'; do
         knead view --png x.png --color stress --top "$bad"
 done
 expect "what the bus does not tell" 2 'is the surface alone, expected a log or --scene$' knead view --png x.png --style edges
+
+video() { knead view press.lcmlog --size 160x90 --from 0.2 --to 0.7 --fps 10 "$@"; }
+if command -v ffmpeg >/dev/null; then
+    expect "a film in the colours of stress" 0 '^$' video --video press.mp4 --color stress --orbit 90
+    film press.mp4 h264 160 90 6
+    expect "twice as fast" 0 '^$' video --video fast.webm --speed 2
+    film fast.webm vp9 160 90 3
+    expect "as a GIF" 0 '^$' video --video press.gif
+    film press.gif gif 160 90 6
+    mkdir fake
+    printf '#!/bin/sh\nhead -c 1000 >/dev/null\necho no good >&2\necho no room left >&2\nexit 1\n' >fake/ffmpeg
+    chmod +x fake/ffmpeg
+    cp press.mp4 kept.mp4
+    PATH=$PWD/fake:$PATH expect "ffmpeg's own complaint" 3 'ffmpeg made no film of it: no room left$' video --video kept.mp4
+    check "leaves the film that was there" cmp -s press.mp4 kept.mp4
+    knead view press.lcmlog --video never.mp4 --fps 120 --speed 0.01 >out 2>err &
+    filming=$!
+    # once it has begun, there is a file beside it
+    for _ in {1..200}; do compgen -G 'never.mp4.*' >/dev/null && break; sleep 0.1; done
+    check "a film has begun" compgen -G 'never.mp4.*'
+    kill -INT $filming
+    wait $filming
+    check "a film that is interrupted dies of it" [ $? = 130 ]
+    check "and leaves nothing" [ -z "$(compgen -G 'never*')" ]
+fi
+bare=$PWD/bare
+mkdir bare && ln -s "$(command -v knead)" bare/knead
+expect "no ffmpeg" 3 'no films without the program ffmpeg: install the package ffmpeg$' \
+    env PATH="$bare" knead view press.lcmlog --video x.mp4
+expect "a film that is none" 2 '--video x.avi: expected .mp4, ' knead view press.lcmlog --video x.avi
+expect "a film of nothing" 2 'expected a log, or --seconds N' knead view --video x.mp4
+expect "a film that is odd" 2 'expected even numbers' knead view press.lcmlog --video x.mp4 --size 161x90
+expect "after the end" 2 '^knead view: --from 1000: press.lcmlog ends at ' knead view press.lcmlog --video x.mp4 --from 1000
+expect "a picture at a speed" 2 'expected --video$' knead view press.lcmlog --png x.png --speed 2
+expect "colours that nobody knows the end of" 2 'expected --top as well' knead view --video x.mp4 --seconds 1 --color displacement
+check "no film of any of them" [ ! -e x.mp4 ]
 expect "a moment after it" 2 'ends at [0-9.]+ s$' knead view press.lcmlog --at 1e6 --png x.png
 exit $failed

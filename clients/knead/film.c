@@ -1,0 +1,199 @@
+#include "clients/knead/film.h"
+#include "clients/viewer/beside.h"
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+enum { ARGS_MAX = 48, NICENESS = 10, EXIT_NO_PROGRAM = 127 }; // a servo beside it comes first
+
+struct kn_film {
+    kn_beside out;
+    FILE *said; // its stderr, a file without a name: a pipe that nobody reads would stop it
+    pid_t ffmpeg; // 0: it has ended
+    int pipe, status;
+    size_t picture_bytes;
+    const volatile sig_atomic_t *stopped;
+    struct sigaction before; // of SIGPIPE
+};
+
+// H.264 as everything plays it, crf 18: no difference seen; VP9 the same, quick enough to follow the pictures; a palette
+// for every picture of a GIF, one for all of them would keep them all in memory.
+typedef struct format {
+    const char *ending, *args[16];
+} format;
+
+static const format formats[] = {
+    {".mp4", {"-c:v", "libx264", "-crf", "18", "-movflags", "+faststart", "-f", "mp4"}},
+    {".mov", {"-c:v", "libx264", "-crf", "18", "-movflags", "+faststart", "-f", "mov"}},
+    {".mkv", {"-c:v", "libx264", "-crf", "18", "-f", "matroska"}},
+    {".webm", {"-c:v", "libvpx-vp9", "-crf", "24", "-b:v", "0", "-cpu-used", "4", "-row-mt", "1", "-f", "webm"}},
+    {".gif",
+     {"-filter_complex", "split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1", "-f", "gif"}},
+};
+
+// From the renderer's sRGB to what players take a film's colours for.
+static const char *const yuv[] = {"-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p",
+                                  "-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709",
+                                  "-color_range", "tv", NULL};
+
+static const format *format_of(const char *path)
+{
+    const size_t length = strlen(path);
+    for (size_t i = 0; i < sizeof formats / sizeof *formats; i++) {
+        const size_t n = strlen(formats[i].ending);
+        if (length > n && strcmp(path + length - n, formats[i].ending) == 0) return &formats[i];
+    }
+    return NULL;
+}
+
+bool kn_film_knows(const char *path) { return format_of(path) != NULL; }
+
+static int add_all(const char **argv, int count, const char *const *more)
+{
+    while (*more) argv[count++] = *more++;
+    return count;
+}
+
+// In the child, which a terminal's Ctrl-C must not reach: what it has written then is dropped by its parent.
+static void become(const kn_film *film, int from, const format *f, int width, int height, double fps)
+{
+    const char *argv[ARGS_MAX] = {NULL};
+    char size[32], rate[32];
+    snprintf(size, sizeof size, "%dx%d", width, height);
+    snprintf(rate, sizeof rate, "%.6g", fps);
+    const char *const head[] = {"ffmpeg", "-hide_banner", "-nostats", "-loglevel", "error", "-y", "-f", "rawvideo",
+                                "-pixel_format", "rgba", "-video_size", size, "-framerate", rate, "-i", "pipe:0", NULL};
+    int n = add_all(argv, 0, head);
+    if (strcmp(f->ending, ".gif") != 0) n = add_all(argv, n, yuv);
+    n = add_all(argv, n, f->args);
+    char name[sizeof film->out.tmp + 8];
+    snprintf(name, sizeof name, "file:%s", film->out.tmp); // a name with a colon in it is no protocol's
+    argv[n] = name;
+    setpgid(0, 0);
+    signal(SIGPIPE, SIG_DFL);
+    dup2(from, STDIN_FILENO);
+    dup2(fileno(film->said), STDOUT_FILENO);
+    dup2(fileno(film->said), STDERR_FILENO);
+    if (nice(NICENESS) < 0) errno = 0; // then at the usual priority
+    execvp(argv[0], (char *const *)argv);
+    _exit(errno == ENOENT ? EXIT_NO_PROGRAM : 1);
+}
+
+bool kn_film_ready(char *error, size_t error_size)
+{
+    static const char program[] = "ffmpeg";
+    const char *path = getenv("PATH");
+    char name[4096];
+    for (const char *p = path ? path : "/usr/bin:/bin"; *p;) {
+        const size_t n = strcspn(p, ":");
+        if (snprintf(name, sizeof name, "%.*s/%s", (int)n, p, program) < (int)sizeof name && access(name, X_OK) == 0)
+            return true;
+        p += n + (p[n] == ':');
+    }
+    snprintf(error, error_size, "no films without the program ffmpeg: install the package ffmpeg");
+    return false;
+}
+
+static bool start(kn_film *film, const format *f, int width, int height, double fps)
+{
+    int ends[2];
+    film->said = tmpfile();
+    if (!film->said || pipe2(ends, O_CLOEXEC) != 0) return false;
+    film->pipe = ends[1];
+    film->ffmpeg = fork();
+    if (film->ffmpeg == 0) become(film, ends[0], f, width, height, fps);
+    if (film->ffmpeg < 0) film->ffmpeg = 0, film->status = -1;
+    const bool started = film->ffmpeg > 0;
+    close(ends[0]);
+    return started;
+}
+
+kn_film *kn_film_open(const char *path, int width, int height, double fps, const volatile sig_atomic_t *stopped,
+                      char *error, size_t error_size)
+{
+    const format *f = format_of(path);
+    if (!f) return snprintf(error, error_size, "%s: expected a name that ends in %s", path, KN_FILM_NAMES), NULL;
+    if (!kn_film_ready(error, error_size)) return NULL;
+    kn_film *film = calloc(1, sizeof *film);
+    if (!film) return snprintf(error, error_size, "out of memory"), NULL;
+    film->stopped = stopped;
+    film->pipe = -1;
+    film->picture_bytes = 4 * (size_t)width * (size_t)height;
+    if (!kn_beside_open(&film->out, path, error, error_size)) return free(film), NULL;
+    sigaction(SIGPIPE, &(struct sigaction){.sa_handler = SIG_IGN}, &film->before);
+    if (start(film, f, width, height, fps)) return film;
+    snprintf(error, error_size, "ffmpeg: %s", strerror(errno));
+    kn_film_drop(film);
+    return NULL;
+}
+
+bool kn_film_add(kn_film *film, const uint8_t *rgba)
+{
+    for (size_t done = 0; done < film->picture_bytes;) {
+        if (*film->stopped) return false;
+        const ssize_t n = write(film->pipe, rgba + done, film->picture_bytes - done);
+        if (n < 0 && errno != EINTR) return false;
+        if (n > 0) done += (size_t)n;
+    }
+    return true;
+}
+
+// Until it has ended: by itself once the pipe is closed, at once when it is to be dropped.
+static void end(kn_film *film, bool at_once)
+{
+    if (film->pipe >= 0) close(film->pipe);
+    film->pipe = -1;
+    while (film->ffmpeg > 0) {
+        if (at_once || *film->stopped) kill(film->ffmpeg, SIGKILL);
+        const pid_t ended = waitpid(film->ffmpeg, &film->status, 0);
+        if (ended > 0 || errno != EINTR) film->ffmpeg = 0;
+    }
+    sigaction(SIGPIPE, &film->before, NULL);
+}
+
+// The last line of what it said.
+static void last_line(FILE *said, char *line, size_t size)
+{
+    char next[300];
+    snprintf(line, size, "it said nothing");
+    rewind(said);
+    while (fgets(next, sizeof next, said)) {
+        next[strcspn(next, "\r\n")] = '\0';
+        if (*next) snprintf(line, size, "%s", next);
+    }
+    for (char *c = line; *c; c++)
+        if ((unsigned char)*c < ' ' || *c == 0x7f) *c = '?';
+}
+
+static void destroy(kn_film *film)
+{
+    if (film->said) fclose(film->said);
+    free(film);
+}
+
+bool kn_film_keep(kn_film *film, char *error, size_t error_size)
+{
+    char line[300];
+    end(film, false);
+    const bool whole = WIFEXITED(film->status) && WEXITSTATUS(film->status) == 0 && !*film->stopped;
+    last_line(film->said, line, sizeof line);
+    bool kept = whole && kn_beside_keep(&film->out, error, error_size);
+    if (!whole) {
+        snprintf(error, error_size, "ffmpeg made no film of it: %s", line);
+        kn_beside_drop(&film->out);
+    }
+    destroy(film);
+    return kept;
+}
+
+void kn_film_drop(kn_film *film)
+{
+    if (!film) return;
+    end(film, true);
+    kn_beside_drop(&film->out);
+    destroy(film);
+}

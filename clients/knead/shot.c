@@ -1,0 +1,95 @@
+#include "clients/knead/shot.h"
+#include "clients/viewer/label.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct kn_shot {
+    kn_renderer *renderer;
+    int width, height;
+    int vertex_count, triangle_count; // of the mesh that the renderer has
+    float (*rest)[3];
+    int (*triangle)[3];
+};
+
+kn_shot *kn_shot_open(int width, int height, int samples, char *error, size_t error_size)
+{
+    kn_shot *shot = calloc(1, sizeof *shot);
+    if (!shot) return snprintf(error, error_size, "out of memory"), NULL;
+    shot->width = width;
+    shot->height = height;
+    shot->renderer = kn_renderer_open(width, height, samples, error, error_size);
+    if (shot->renderer) return shot;
+    kn_shot_close(shot);
+    return NULL;
+}
+
+static bool same_mesh(const kn_shot *shot, const kn_still *s)
+{
+    return shot->vertex_count == s->vertex_count && shot->triangle_count == s->triangle_count &&
+           memcmp(shot->rest, s->rest, (size_t)s->vertex_count * sizeof *s->rest) == 0 &&
+           memcmp(shot->triangle, s->triangle, (size_t)s->triangle_count * sizeof *s->triangle) == 0;
+}
+
+static void forget_mesh(kn_shot *shot)
+{
+    free(shot->rest);
+    free(shot->triangle);
+    shot->vertex_count = shot->triangle_count = 0;
+    shot->rest = NULL;
+    shot->triangle = NULL;
+}
+
+// What a film of one object does once: skin, creases, the camera's place.
+static bool load_mesh(kn_shot *shot, const kn_still *s)
+{
+    if (same_mesh(shot, s)) return true;
+    forget_mesh(shot);
+    if (!kn_renderer_mesh(shot->renderer, s->vertex_count, (const float(*)[3])s->rest, s->triangle_count,
+                          (const int(*)[3])s->triangle))
+        return false;
+    shot->rest = malloc((size_t)s->vertex_count * sizeof *s->rest);
+    shot->triangle = malloc((size_t)s->triangle_count * sizeof *s->triangle);
+    if (!shot->rest || !shot->triangle) return true; // it is loaded anew with the next picture
+    shot->vertex_count = s->vertex_count;
+    shot->triangle_count = s->triangle_count;
+    memcpy(shot->rest, s->rest, (size_t)s->vertex_count * sizeof *s->rest);
+    memcpy(shot->triangle, s->triangle, (size_t)s->triangle_count * sizeof *s->triangle);
+    return true;
+}
+
+// Caption, bar, legend.
+static bool write_on(const kn_shot *shot, const kn_still *s, const kn_scale *scale, uint8_t *rgba, char *error,
+                     size_t error_size)
+{
+    char bar[32];
+    kn_label label = {.caption = s->caption, .scale = s->view.value ? scale : NULL, .bar = bar};
+    const double bar_cm = 100 * kn_renderer_bar(shot->renderer, label.bar_at);
+    const bool mm = bar_cm < 0.99; // a float's 1 cm is a little less
+    snprintf(bar, sizeof bar, "%.4g %s", mm ? 10 * bar_cm : bar_cm, mm ? "mm" : "cm");
+    const float *at = label.bar_at;
+    if (!(at[0] > 0 && at[0] < (float)shot->width && at[1] > 0 && at[1] < (float)shot->height)) label.bar = NULL;
+    return kn_label_draw(&label, shot->width, shot->height, rgba, error, error_size);
+}
+
+bool kn_shot_take(kn_shot *shot, kn_still *s, const kn_scale *scale, bool plain, uint8_t *rgba, char *error,
+                  size_t error_size)
+{
+    if (!load_mesh(shot, s)) {
+        snprintf(error, error_size, "a mesh of %d vertices and %d triangles cannot be drawn", s->vertex_count,
+                 s->triangle_count);
+        return false;
+    }
+    kn_still_scale(s, scale ? scale->top : 1);
+    s->view.xyz = (const float(*)[3])s->now;
+    kn_renderer_draw(shot->renderer, &s->view, rgba);
+    return plain || write_on(shot, s, scale, rgba, error, error_size);
+}
+
+void kn_shot_close(kn_shot *shot)
+{
+    if (!shot) return;
+    kn_renderer_close(shot->renderer);
+    forget_mesh(shot);
+    free(shot);
+}

@@ -1,0 +1,173 @@
+#include "clients/knead/view_source.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define SETTLE_MS 50   // after the first whole mesh: the probes' forces, and a mesh that is not older than they are
+#define HALF_TICK_S 0.0005
+
+static int no_memory(void) { return kn_complain("view", KN_EXIT_DEVICE, "out of memory"); }
+
+// ---- at rest
+
+static int open_scene(kn_source *s)
+{
+    char error[400];
+    s->scene = kn_scene_load(s->path, NULL, 0, error, sizeof error);
+    if (!s->scene) return fprintf(stderr, "%s\n", error), KN_EXIT_USAGE;
+    s->model = kn_model_build(&s->scene->model, error, sizeof error);
+    if (!s->model) return kn_complain("view", KN_EXIT_USAGE, "%s: %s", s->path, error);
+    s->state = kn_state_create(s->model);
+    s->ended = true;
+    return s->state ? KN_EXIT_OK : no_memory();
+}
+
+// ---- a recording
+
+static int open_log(kn_source *s)
+{
+    char error[400];
+    s->replay = kn_replay_create(&(kn_replay_def){.log_path = s->path}, error, sizeof error);
+    if (!s->replay) return kn_complain("view", KN_EXIT_USAGE, "%s", error);
+    s->time_s = -INFINITY;
+    return KN_EXIT_OK;
+}
+
+static int step_log(kn_source *s, double at_s)
+{
+    kn_replay *r = s->replay;
+    while (!s->ended && s->time_s < at_s - HALF_TICK_S) {
+        if (kn_replay_step(r)) s->time_s = r->tick.time_s;
+        else s->ended = true;
+    }
+    if (s->ended && r->damage[0])
+        fprintf(stderr, "knead view: %s: %s; what stands before it was used\n", s->path, r->damage), r->damage[0] = 0;
+    if (isinf(s->time_s))
+        return kn_complain("view", KN_EXIT_USAGE, "%s: not one tick in it, expected a recorded session", s->path);
+    return KN_EXIT_OK;
+}
+
+static void tools_of_log(const kn_replay *r, kn_still *still)
+{
+    for (int i = 0; i < r->tick.out.probes; i++) {
+        const kn_force *f = &r->tick.out.force[i];
+        if (!f->live) continue;
+        kn_still_probe(still, &r->model->def.probe[i], f->proxy_position_m, f->proxy_orientation_wxyz, f->force_n,
+                       f->gain);
+    }
+}
+
+// ---- the bus
+
+static int unheard(const kn_view_options *o, const kn_live *live)
+{
+    const char *what = live->heard[0] ? "a server, but no mesh" : live->heard[1] ? "no whole mesh" : "nothing";
+    return kn_complain("view", KN_EXIT_DEVICE,
+                       "heard %s in %g s: is kneadd running, in this network namespace, with these --lcm-url and "
+                       "--mesh-url?",
+                       what, o->wait_s);
+}
+
+static int open_bus(kn_source *s, const kn_view_options *o)
+{
+    char error[400];
+    if (o->look.style == KN_VIEW_EDGES)
+        return kn_complain("view", KN_EXIT_USAGE,
+                           "--style edges: what is served is the surface alone, expected a log or --scene");
+    if (!kn_join_check(o->url, KN_FORCE_URL, error, sizeof error) ||
+        !kn_join_check(o->mesh_url, KN_MESH_URL, error, sizeof error))
+        return kn_complain("view", KN_EXIT_USAGE, "%s", error);
+    if (!kn_live_open(&s->live, o->url, o->mesh_url, error, sizeof error))
+        return kn_complain("view", KN_EXIT_DEVICE, "%s", error);
+    int64_t end_ms = kn_live_now_ms() + (int64_t)(o->wait_s * 1000), now_ms;
+    bool settling = false;
+    while ((now_ms = kn_live_now_ms()) < end_ms) {
+        kn_live_listen(&s->live, (int)(end_ms - now_ms));
+        if (settling || !s->live.mesh.whole || !s->live.scene) continue;
+        settling = true;
+        end_ms = kn_live_now_ms() + SETTLE_MS;
+    }
+    s->opened_ms = kn_live_now_ms();
+    return s->live.mesh.whole ? KN_EXIT_OK : unheard(o, &s->live);
+}
+
+static void listen_to(kn_source *s, double at_s)
+{
+    int64_t left_ms;
+    while ((left_ms = s->opened_ms + llround(1000 * at_s) - kn_live_now_ms()) > 0) kn_live_listen(&s->live, (int)left_ms);
+    s->time_s = 1e-3 * (double)(kn_live_now_ms() - s->opened_ms);
+}
+
+static int still_of_bus(kn_source *s, const kn_view_options *o, kn_still *still)
+{
+    char error[400];
+    if (!kn_still_live(still, &s->live, error, sizeof error)) return kn_complain("view", KN_EXIT_DEVICE, "%s", error);
+    if (o->measure >= 0 && !error[0] && !kn_still_told(still, &s->live, (kn_measure)o->measure))
+        return kn_complain("view", KN_EXIT_USAGE,
+                           "--color %s: the scene that is served has no such mesh.measures, expected a start with it",
+                           kn_measure_names[o->measure].name);
+    if (error[0])
+        fprintf(stderr, "knead view: %s; drawn without probes and colours, with the edges of the shape as it is\n", error);
+    snprintf(still->caption, sizeof still->caption, "%s live, tick %" PRId64,
+             s->live.scene ? s->live.scene->name : "an object", s->live.mesh.tick);
+    return KN_EXIT_OK;
+}
+
+// ---- all of them
+
+int kn_source_open(kn_source *s, const char *path, const kn_view_options *o)
+{
+    *s = (kn_source){.path = path};
+    s->kind = !path ? KN_SOURCE_BUS : o->scene ? KN_SOURCE_SCENE : KN_SOURCE_LOG;
+    return s->kind == KN_SOURCE_SCENE ? open_scene(s) : s->kind == KN_SOURCE_LOG ? open_log(s) : open_bus(s, o);
+}
+
+int kn_source_to(kn_source *s, double at_s)
+{
+    if (s->kind == KN_SOURCE_BUS) listen_to(s, at_s);
+    return s->kind == KN_SOURCE_LOG ? step_log(s, at_s) : KN_EXIT_OK;
+}
+
+// What --color and --style need of a state.
+static bool measured(kn_source *s, const kn_view_options *o, const kn_model *model, const kn_state *state,
+                     kn_still *still)
+{
+    const bool edges = o->look.style == KN_VIEW_EDGES, colored = o->measure >= 0;
+    if (!colored && !edges) return true;
+    if (colored && s->gauged != model) {
+        kn_gauge_destroy(s->gauge);
+        s->gauge = kn_gauge_create(model);
+        s->gauged = model;
+    }
+    if (colored && !s->gauge) return false;
+    return kn_still_measure(still, model, state, colored ? s->gauge : NULL,
+                            colored ? (kn_measure)o->measure : KN_MEASURE_DISPLACEMENT, edges);
+}
+
+int kn_source_still(kn_source *s, const kn_view_options *o, kn_still *still)
+{
+    if (s->kind == KN_SOURCE_BUS) return still_of_bus(s, o, still);
+    const kn_model *model = s->replay ? s->replay->model : s->model;
+    const kn_state *state = s->replay ? kn_replay_state(s->replay) : s->state;
+    if (!kn_still_state(still, model, state) || !measured(s, o, model, state, still)) return no_memory();
+    if (s->replay) {
+        tools_of_log(s->replay, still);
+        snprintf(still->caption, sizeof still->caption, "%s at %.3f s", s->replay->scene->name, s->time_s);
+    } else snprintf(still->caption, sizeof still->caption, "%s at rest", s->scene->name);
+    return KN_EXIT_OK;
+}
+
+void kn_source_close(kn_source *s)
+{
+    if (s->live.bus) kn_live_close(&s->live);
+    kn_gauge_destroy(s->gauge);
+    kn_replay_destroy(s->replay);
+    kn_state_destroy(s->state);
+    kn_model_destroy(s->model);
+    kn_scene_destroy(s->scene);
+    *s = (kn_source){0};
+}
