@@ -1,55 +1,83 @@
-// knead view: pictures of an object, from the bus, from a recording, or at rest.
-#include "clients/knead/view.h"
+// knead view: pictures of an object, from the bus, from a recording, from a snapshot, or at rest.
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
-#include "clients/knead/shot.h"
+#include "clients/knead/lineup.h"
 #include "clients/knead/view_film.h"
-#include "clients/knead/view_source.h"
 #include "clients/viewer/image.h"
+#include "clients/viewer/range.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
-kn_scale kn_view_scale(const kn_view_options *o, double most)
+// One moment of all of them.
+static int look(kn_lineup *l, const kn_view_options *o, kn_extent *e)
 {
-    static const double least[KN_MEASURES] = {1e-5, 1, 1e-3}; // of an object at rest: rounding is not made a picture of
-    if (o->measure < 0) return (kn_scale){"", "", 1};
-    const kn_measure_name *name = &kn_measure_names[o->measure];
-    return (kn_scale){name->words, name->unit,
-                      o->top_si > 0 ? o->top_si : kn_scale_round(fmax(most, least[o->measure]))};
-}
-
-static int draw(const kn_view_options *o, kn_still *s)
-{
-    char error[400];
-    const kn_scale scale = kn_view_scale(o, kn_still_most(s));
-    kn_shot *shot = kn_shot_open(o->width, o->height, 4, error, sizeof error);
-    if (!shot) return kn_complain("view", KN_EXIT_DEVICE, "%s", error);
-    uint8_t *rgba = malloc((size_t)o->width * (size_t)o->height * 4);
-    int code = KN_EXIT_OK;
-    if (!rgba) code = kn_complain("view", KN_EXIT_DEVICE, "out of memory");
-    else if (!kn_shot_take(shot, s, o->measure >= 0 ? &scale : NULL, o->plain, rgba, error, sizeof error) ||
-             !kn_image_write_png(o->png, o->width, o->height, rgba, error, sizeof error))
-        code = kn_complain("view", KN_EXIT_DEVICE, "%s", error);
-    else printf("%s: %d x %d, %s\n", o->png, o->width, o->height, s->caption);
-    free(rgba);
-    kn_shot_close(shot);
-    return code;
+    int code = kn_lineup_open(l, o);
+    if (code == KN_EXIT_OK && kn_view_has(o, KN_VIEW_LOG)) code = kn_lineup_to(l, o->at_s);
+    for (int i = 0; code == KN_EXIT_OK && i < l->count; i++)
+        if (l->source[i].kind == KN_VIEW_LOG && l->source[i].ended && isfinite(o->at_s))
+            code = kn_complain("view", KN_EXIT_USAGE, "--at %g: %s ends at %.3f s", o->at_s, l->source[i].path,
+                               l->source[i].time_s);
+    return code == KN_EXIT_OK ? kn_lineup_stills(l, e) : code;
 }
 
 static int picture(const kn_view_options *o)
 {
-    kn_source source;
-    kn_still still = {.view = o->look};
-    still.view.follow = true;
-    int code = kn_source_open(&source, o->scene ? o->scene : o->log, o);
-    if (code == KN_EXIT_OK && o->log) code = kn_source_to(&source, o->at_s);
-    if (code == KN_EXIT_OK && source.ended && isfinite(o->at_s))
-        code = kn_complain("view", KN_EXIT_USAGE, "--at %g: %s ends at %.3f s", o->at_s, o->log, source.time_s);
-    if (code == KN_EXIT_OK) code = kn_source_still(&source, o, &still);
-    if (code == KN_EXIT_OK) code = draw(o, &still);
-    kn_still_free(&still);
-    kn_source_close(&source);
+    char error[400];
+    kn_lineup l;
+    kn_extent e = kn_extent_none;
+    int code = look(&l, o, &e);
+    if (code == KN_EXIT_OK) code = kn_lineup_shoot(&l, &e, l.panels > 1);
+    if (code == KN_EXIT_OK && !kn_image_write_png(o->png, o->width, o->height, l.rgba, error, sizeof error))
+        code = kn_complain("view", KN_EXIT_DEVICE, "%s", error);
+    if (code == KN_EXIT_OK) printf("%s: %d x %d", o->png, o->width, o->height);
+    for (int i = 0; code == KN_EXIT_OK && i < l.count; i++) printf("%s %s", i > 0 ? ";" : ",", l.still[i].caption);
+    if (code == KN_EXIT_OK && o->compare) printf("; up to %.3g mm apart", 1e3 * e.most[1]);
+    if (code == KN_EXIT_OK) putchar('\n');
+    kn_lineup_close(&l);
+    return code;
+}
+
+// ---- a range image
+
+enum { TEXTS = 7 };
+
+static bool write_range(const kn_view_options *o, const kn_range *r, const char *caption, const uint16_t *level, char *error,
+                        size_t error_size)
+{
+    char step[32], pixel[32], left[32], top[32];
+    snprintf(step, sizeof step, "%.9g", 1e3 * r->step_m);
+    snprintf(pixel, sizeof pixel, "%.9g", 1e3 * r->pixel_m);
+    snprintf(left, sizeof left, "%.9g", 1e3 * r->left_m);
+    snprintf(top, sizeof top, "%.9g", 1e3 * r->top_m);
+    const kn_image_text text[TEXTS] = {
+        {"Software", "knead " KN_VERSION}, {"Title", caption},
+        {"Description", "Range image from above: 0 is nothing there, else height_mm = step_mm * (value - 1)"},
+        {"step_mm", step}, {"pixel_mm", pixel}, {"left_mm", left}, {"top_mm", top}};
+    return kn_image_write_gray16(o->depth, r->width, r->height, level, r->pixel_m, TEXTS, text, error, error_size);
+}
+
+static int range_image(const kn_view_options *o)
+{
+    char error[400];
+    kn_lineup l;
+    kn_extent e = kn_extent_none;
+    int code = look(&l, o, &e);
+    const kn_still *s = &l.still[0];
+    uint16_t *level = malloc(2 * (size_t)o->width * (size_t)o->height);
+    if (code == KN_EXIT_OK && !level) code = kn_complain("view", KN_EXIT_DEVICE, "out of memory");
+    if (code == KN_EXIT_OK) {
+        kn_range r = kn_range_frame(o->width, o->height, s->vertex_count, (const float(*)[3])s->rest, (const float(*)[3])s->now);
+        kn_range_draw(&r, (const float(*)[3])s->now, s->triangle_count, (const int(*)[3])s->triangle, level);
+        if (!write_range(o, &r, s->caption, level, error, sizeof error))
+            code = kn_complain("view", KN_EXIT_DEVICE, "%s", error);
+        else
+            printf("%s: %d x %d, %s; height above the table = %g mm * (value - 1), 0: nothing there; pixel %g mm; "
+                   "%.3f .. %.3f mm high\n", o->depth, r.width, r.height, s->caption, 1e3 * r.step_m, 1e3 * r.pixel_m,
+                   1e3 * r.lowest_m, 1e3 * r.highest_m);
+    }
+    free(level);
+    kn_lineup_close(&l);
     return code;
 }
 
@@ -59,5 +87,5 @@ int kn_view_main(int argc, char **argv)
     int code = kn_view_parse(argc, argv, &o);
     if (o.help) fputs(kn_view_help, stdout);
     if (o.help || code != KN_EXIT_OK) return code;
-    return o.video ? kn_view_film(&o) : picture(&o);
+    return o.video ? kn_view_film(&o) : o.depth ? range_image(&o) : picture(&o);
 }

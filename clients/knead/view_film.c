@@ -2,116 +2,107 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/film.h"
+#include "clients/knead/lineup.h"
 #include "clients/knead/output.h"
 #include "clients/knead/progress.h"
-#include "clients/knead/shot.h"
-#include "clients/knead/view.h"
-#include "clients/knead/view_source.h"
 #include <math.h>
-#include <stdlib.h>
+#include <stdio.h>
 
-typedef struct whole { // what all pictures have in common
+typedef struct film { // at work
+    const kn_view_options *o;
+    bool live;
     int pictures;
-    double most;       // of the measure
-    float box[2][3];   // low, high
-} whole;
+    kn_extent extent; // of all pictures, when it is known beforehand
+    kn_lineup lineup;
+    kn_film *out;
+} film;
 
 static volatile sig_atomic_t stopped;
 static void on_signal(int number) { stopped = number; }
 
 static double moment(const kn_view_options *o, int picture) { return o->from_s + picture * o->speed / o->fps; }
 
-// The object's place at rest, and beyond it only what it comes to.
-static void take_in(whole *w, const kn_still *s)
+static double ticks(const kn_lineup *l, bool all)
 {
-    for (int v = 0; v < s->vertex_count; v++)
-        for (int i = 0; i < 3; i++)
-            for (int when = 0; when < 2; when++) {
-                const float x = when ? s->now[v][i] : s->rest[v][i];
-                if (!isfinite(x)) continue;
-                w->box[0][i] = fminf(w->box[0][i], x);
-                w->box[1][i] = fmaxf(w->box[1][i], x);
-            }
-    w->most = fmax(w->most, kn_still_most(s));
+    double sum = 0;
+    for (int i = 0; i < l->count; i++)
+        if (l->source[i].replay) {
+            const kn_replay_tally *t = &l->source[i].replay->tally;
+            sum += (double)(all ? t->ticks_total : t->ticks);
+        }
+    return sum;
 }
 
-static int survey(const kn_view_options *o, whole *w)
+static int check_from(const film *f)
 {
-    kn_source source;
-    int code = kn_source_open(&source, o->log, o);
-    const double ticks = code == KN_EXIT_OK ? (double)source.replay->tally.ticks_total : 1;
-    kn_progress bar = kn_progress_open("looking through", ticks);
-    for (; code == KN_EXIT_OK && !source.ended && moment(o, w->pictures) <= o->to_s; w->pictures++) {
-        kn_still still = {.view = o->look};
-        code = kn_source_to(&source, moment(o, w->pictures));
-        if (code == KN_EXIT_OK && source.ended && w->pictures > 0) break; // that moment is not in it
-        if (code == KN_EXIT_OK) code = kn_source_still(&source, o, &still);
-        if (code == KN_EXIT_OK) take_in(w, &still);
-        kn_still_free(&still);
-        kn_progress_step(&bar, (double)source.replay->tally.ticks);
+    double last_s = -INFINITY;
+    for (int i = 0; i < f->lineup.count; i++)
+        if (f->lineup.source[i].kind == KN_VIEW_LOG) last_s = fmax(last_s, f->lineup.source[i].time_s);
+    if (last_s >= f->o->from_s) return KN_EXIT_OK;
+    return kn_complain("view", KN_EXIT_USAGE, "--from %g: %s ends at %.3f s", f->o->from_s,
+                       f->lineup.count > 1 ? "the last of the recordings" : f->o->file[0], last_s);
+}
+
+// The first time through the recordings.
+static int survey(film *f)
+{
+    kn_lineup *l = &f->lineup;
+    int code = kn_lineup_open(l, f->o);
+    kn_progress bar = kn_progress_open("looking through", code == KN_EXIT_OK ? ticks(l, true) : 1);
+    while (code == KN_EXIT_OK && moment(f->o, f->pictures) <= f->o->to_s) {
+        code = kn_lineup_to(l, moment(f->o, f->pictures));
+        if (code != KN_EXIT_OK || kn_lineup_ended(l)) break; // that moment is in none of them
+        code = kn_lineup_stills(l, &f->extent);
+        kn_lineup_drop(l);
+        kn_progress_step(&bar, ticks(l, false));
+        f->pictures++;
     }
     kn_progress_close(&bar);
-    if (code == KN_EXIT_OK && source.time_s < o->from_s)
-        code = kn_complain("view", KN_EXIT_USAGE, "--from %g: %s ends at %.3f s", o->from_s, o->log, source.time_s);
-    kn_source_close(&source);
+    if (code == KN_EXIT_OK && f->pictures == 0) code = check_from(f);
+    if (code == KN_EXIT_OK && f->pictures == 0) { // one tick: it is at from, and the end
+        f->pictures = 1;
+        code = kn_lineup_stills(l, &f->extent);
+    }
+    kn_lineup_close(l);
     return code;
 }
 
-typedef struct camera { // at work
-    const kn_view_options *o;
-    const whole *w;
-    kn_shot *shot;
-    kn_film *film;
-    uint8_t *rgba;
-    char error[400];
-} camera;
-
-static bool take(camera *c, kn_still *still, int picture)
+static int shoot(film *f)
 {
-    const kn_view_options *o = c->o;
-    const kn_scale scale = kn_view_scale(o, c->w->most);
-    still->view.azimuth_deg += o->orbit_deg_s * picture / o->fps;
-    still->view.turns = o->orbit_deg_s != 0;
-    return kn_shot_take(c->shot, still, o->measure >= 0 ? &scale : NULL, o->plain, c->rgba, c->error, sizeof c->error);
-}
-
-static int shoot(camera *c, kn_source *source)
-{
-    const kn_view_options *o = c->o;
-    const bool live = source->kind == KN_SOURCE_BUS;
+    const kn_view_options *o = f->o;
+    kn_lineup *l = &f->lineup;
     int code = KN_EXIT_OK;
-    kn_progress bar = kn_progress_open("film", c->w->pictures);
-    for (int picture = 0; code == KN_EXIT_OK && picture < c->w->pictures && !stopped; picture++) {
-        kn_still still = {.view = o->look};
-        still.view.follow = live;
-        still.view.frame = live ? NULL : (const float(*)[3])c->w->box;
-        code = kn_source_to(source, moment(o, picture));
+    kn_progress bar = kn_progress_open("film", f->pictures);
+    for (int picture = 0; code == KN_EXIT_OK && picture < f->pictures && !stopped; picture++) {
+        kn_extent now = f->extent;
+        code = kn_lineup_to(l, moment(o, picture));
         // what is live does not wait for a picture that takes long: the one before stands for those that were missed
-        const bool late = live && picture > 0 && source->time_s > moment(o, picture + 1);
-        if (code == KN_EXIT_OK && !late) code = kn_source_still(source, o, &still);
-        if (code == KN_EXIT_OK && !late && !take(c, &still, picture))
-            code = kn_complain("view", KN_EXIT_DEVICE, "%s", c->error);
-        kn_still_free(&still);
-        if (code == KN_EXIT_OK && !kn_film_add(c->film, c->rgba)) break; // kn_film_keep says why
+        const bool late = f->live && picture > 0 && l->source[0].time_s > moment(o, picture + 1);
+        if (code == KN_EXIT_OK && !late) code = kn_lineup_stills(l, &now);
+        for (int i = 0; i < l->panels; i++) {
+            l->still[i].view.azimuth_deg += o->orbit_deg_s * picture / o->fps;
+            l->still[i].view.turns = o->orbit_deg_s != 0;
+        }
+        if (code == KN_EXIT_OK && !late) code = kn_lineup_shoot(l, f->live ? &now : &f->extent, !f->live);
+        kn_lineup_drop(l);
+        if (code == KN_EXIT_OK && !kn_film_add(f->out, l->rgba)) break; // kn_film_keep says why
         kn_progress_step(&bar, picture + 1);
     }
     kn_progress_close(&bar);
     return code;
 }
 
-static int develop(camera *c, kn_source *source)
+static int develop(film *f)
 {
-    const kn_view_options *o = c->o;
-    c->shot = kn_shot_open(o->width, o->height, 4, c->error, sizeof c->error);
-    c->rgba = malloc(4 * (size_t)o->width * (size_t)o->height);
-    if (c->shot && c->rgba) c->film = kn_film_open(o->video, o->width, o->height, o->fps, &stopped, c->error, sizeof c->error);
-    if (!c->film) return kn_complain("view", KN_EXIT_DEVICE, "%s", c->shot && !c->rgba ? "out of memory" : c->error);
-    const int code = shoot(c, source);
-    if (code != KN_EXIT_OK || stopped) return kn_film_drop(c->film), code;
-    if (!kn_film_keep(c->film, c->error, sizeof c->error))
-        return stopped ? KN_EXIT_OK : kn_complain("view", KN_EXIT_DEVICE, "%s", c->error);
-    printf("%s: %d x %d, %d pictures, %.1f s\n", o->video, o->width, o->height, c->w->pictures,
-           c->w->pictures / o->fps);
+    char error[400];
+    const kn_view_options *o = f->o;
+    f->out = kn_film_open(o->video, o->width, o->height, o->fps, &stopped, error, sizeof error);
+    if (!f->out) return kn_complain("view", KN_EXIT_DEVICE, "%s", error);
+    const int code = shoot(f);
+    if (code != KN_EXIT_OK || stopped) return kn_film_drop(f->out), code;
+    if (!kn_film_keep(f->out, error, sizeof error))
+        return stopped ? KN_EXIT_OK : kn_complain("view", KN_EXIT_DEVICE, "%s", error);
+    printf("%s: %d x %d, %d pictures, %.1f s\n", o->video, o->width, o->height, f->pictures, f->pictures / o->fps);
     return code;
 }
 
@@ -131,24 +122,19 @@ static void die_of_it(void)
 
 int kn_view_film(const kn_view_options *o)
 {
-    static const float nowhere[3] = {INFINITY, INFINITY, INFINITY};
-    whole w = {.pictures = o->log ? 0 : (int)ceil(o->seconds * o->fps)};
-    kn_source source = {0};
-    for (int i = 0; i < 3; i++) w.box[0][i] = nowhere[i], w.box[1][i] = -nowhere[i];
     char error[200];
+    film f = {.o = o, .live = o->file_count == 0, .extent = kn_extent_none};
+    if (f.live) f.pictures = (int)ceil(o->seconds * o->fps);
     int code = kn_output_try("view", o->video);
     if (code == KN_EXIT_OK && !kn_film_ready(error, sizeof error)) code = kn_complain("view", KN_EXIT_DEVICE, "%s", error);
-    if (code == KN_EXIT_OK && o->log) code = survey(o, &w);
-    if (code == KN_EXIT_OK) code = kn_source_open(&source, o->log, o);
-    if (code == KN_EXIT_OK && o->log) code = kn_source_to(&source, o->from_s);
+    if (code == KN_EXIT_OK && !f.live) code = survey(&f);
+    if (code == KN_EXIT_OK) code = kn_lineup_open(&f.lineup, o);
+    if (code == KN_EXIT_OK && !f.live) code = kn_lineup_to(&f.lineup, o->from_s);
     if (code == KN_EXIT_OK) {
-        camera c = {.o = o, .w = &w};
         watch_signals(); // from here on there is something to clear away
-        code = develop(&c, &source);
-        kn_shot_close(c.shot);
-        free(c.rgba);
+        code = develop(&f);
     }
-    kn_source_close(&source);
+    kn_lineup_close(&f.lineup);
     die_of_it();
     return code;
 }

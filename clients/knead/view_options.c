@@ -6,6 +6,7 @@
 #include "clients/knead/output.h"
 #include "clients/viewer/offscreen.h"
 #include "core/scene/units.h"
+#include <errno.h>
 #include <getopt.h>
 #include <math.h>
 #include <stdio.h>
@@ -13,18 +14,24 @@
 #include <string.h>
 
 const char kn_view_help[] =
-    "usage: knead view --png FILE [OPTION]...             what a running kneadd serves\n"
-    "       knead view --png FILE [OPTION]... LOG         a recording, stepped to its end or to --at\n"
-    "       knead view --png FILE [OPTION]... --scene F   a scene's object at rest\n"
-    "       knead view --video FILE [OPTION]... LOG       a recording as a film; without LOG what is served, for --seconds\n\n"
-    "Draws the object, its tools and the force on the hand, without a screen.\n\n"
+    "usage: knead view --png FILE [OPTION]...               what a running kneadd serves\n"
+    "       knead view --png FILE [OPTION]... OBJECT...     files: a log, stepped to its end or to --at; a scene, at rest;\n"
+    "                                                       a snapshot that kneadd --state-dir keeps, with --scene\n"
+    "       knead view --png FILE --compare A B             two of them, and how far apart their surfaces are\n"
+    "       knead view --video FILE [OPTION]... [OBJECT]... as a film: logs, or for --seconds what is served\n"
+    "       knead view --depth FILE [OPTION]... [OBJECT]    as a range finder above the table sees it\n\n"
+    "Draws the object, its tools and the force on the hand, without a screen. Up to 4 objects stand side by side, seen alike.\n\n"
     "  --at SECONDS|end   moment of the recording, since its first session began (end)\n"
-    "  --size WxH         pixels, 16..4096 each, of a film even (1280x720)\n"
-    "  --azimuth DEG      where from: 0 the front, 90 the right (28)\n"
-    "  --elevation DEG    0 level .. 90 from above (27)\n"
+    "  --scene FILE       the scene that a snapshot is of; alone: at rest\n"
+    "  --size WxH         pixels, 16..4096 each, of a film even (1280x720; of several 640x480 each, at most 1920x480;\n"
+    "                     range images 640x640)\n"
+    "  --camera FROM      front, back, left, right, top or corner, where the two below begin (corner: 28, 27)\n"
+    "  --azimuth DEG      where from: 0 the front, 90 the right, -360..360\n"
+    "  --elevation DEG    0 level .. 90 from above\n"
+    "  --zoom X           2 shows half as much of the middle, 0.2..20 (1)\n"
     "  --color WHAT       displacement, stress (von Mises) or residual: strain that nothing brings back (none)\n"
     "  --top QUANTITY     end of the colour scale, e.g. '5 kPa', '2 mm', 0.1 (what the most of the picture, or of the\n"
-    "                     whole film, needs)\n"
+    "                     whole film, needs); of --compare without --color: of the distance\n"
     "  --style STYLE      lined, solid, wire: lines alone, or edges: every edge of the lattice (lined)\n"
     "  --no-lines         as --style solid\n"
     "  --plain            nothing written on it\n"
@@ -37,6 +44,10 @@ const char kn_view_help[] =
     "  --fps N            pictures per second, 1..120 (30)\n"
     "  --speed X          of a recording: 2 is twice as fast, 0.01..1000 (1)\n"
     "  --orbit DEG        the camera goes round by so many degrees per second of the film (0)\n\n"
+    "Range images: a PNG of 16-bit grey of the object without its tools, straight from above, x to the right, y up. 0 is\n"
+    "nothing there, else the height above the table is (value - 1) times a step, 1 um for an object of up to 5 cm; step\n"
+    "and size of a pixel are told, also in the file's texts, in mm.\n\n"
+    "Compared are points that lie beside each other at rest: the same vertices, or of another mesh the nearest.\n"
     "Squares on the table, and the black bar: 1 cm, for an object of 2 to 20 cm. Arrow: one square per 5 N.\n"
     "Exit codes: 0 ok, 2 bad input, 3 nothing heard, no OpenGL, no ffmpeg, or the picture cannot be written.\n";
 
@@ -64,6 +75,22 @@ static bool style(const char *text, kn_view_options *o)
     return i < 4;
 }
 
+// Where azimuth and elevation begin.
+static bool camera(const char *text, kn_view_options *o)
+{
+    static const struct {
+        const char *name;
+        double azimuth_deg, elevation_deg;
+    } from[] = {{"front", 0, 14}, {"right", 90, 14}, {"back", 180, 14}, {"left", 270, 14}, {"top", 0, 90}, {"corner", 28, 27}};
+    for (int i = 0; i < 6; i++) {
+        if (strcmp(from[i].name, text) != 0) continue;
+        o->look.azimuth_deg = from[i].azimuth_deg;
+        o->look.elevation_deg = from[i].elevation_deg;
+        return true;
+    }
+    return false;
+}
+
 static bool measure(const char *text, kn_view_options *o)
 {
     o->measure = KN_MEASURES - 1;
@@ -71,9 +98,18 @@ static bool measure(const char *text, kn_view_options *o)
     return o->measure >= 0;
 }
 
-static const char *take(kn_view_options *o, int option, const char *text) // NULL, or what was expected
+typedef struct asked { // what cannot be in options yet
+    double azimuth_deg, elevation_deg; // NAN: as the camera
+    bool sized;
+} asked;
+
+static const char *take(kn_view_options *o, asked *a, int option, const char *text) // NULL, or what was expected
 {
     switch (option) {
+    case 'd': o->depth = text; return NULL;
+    case 'C': o->compare = true; return NULL;
+    case 'k': return camera(text, o) ? NULL : "front, back, left, right, top or corner";
+    case 'z': return number(text, 0.2, 20, &o->look.zoom) ? NULL : "0.2..20";
     case 'c': return measure(text, o) ? NULL : "displacement, stress or residual";
     case 'T': o->top = text; return NULL;
     case 'y': return style(text, o) ? NULL : "lined, solid, wire or edges";
@@ -85,9 +121,9 @@ static const char *take(kn_view_options *o, int option, const char *text) // NUL
     case 'm': o->mesh_url = text; return NULL;
     case 'n': o->look.style = KN_VIEW_SOLID; return NULL;
     case 't': return strcmp(text, "end") == 0 || number(text, -1e9, 1e9, &o->at_s) ? NULL : "seconds, or end";
-    case 's': return size(text, o) ? NULL : "WxH, 16..4096 pixels on each side, e.g. 1280x720";
-    case 'a': return number(text, -360, 360, &o->look.azimuth_deg) ? NULL : "degrees, -360..360";
-    case 'e': return number(text, 0, 90, &o->look.elevation_deg) ? NULL : "degrees, 0..90";
+    case 's': return (a->sized = size(text, o)) ? NULL : "WxH, 16..4096 pixels on each side, e.g. 1280x720";
+    case 'a': return number(text, -360, 360, &a->azimuth_deg) ? NULL : "degrees, -360..360";
+    case 'e': return number(text, 0, 90, &a->elevation_deg) ? NULL : "degrees, 0..90";
     case 'F': return number(text, -1e9, 1e9, &o->from_s) ? NULL : "seconds";
     case 'G': return number(text, -1e9, 1e9, &o->to_s) ? NULL : "seconds";
     case 'N': return number(text, 0.1, 3600, &o->seconds) ? NULL : "seconds, 0.1..3600";
@@ -98,13 +134,13 @@ static const char *take(kn_view_options *o, int option, const char *text) // NUL
     }
 }
 
-// --top in the measure's unit.
+// --top in the unit of the measure, or of a distance.
 static bool top(kn_view_options *o)
 {
     kn_quantity q;
     kn_unit unit = {0};
     char error[100];
-    const char *name = kn_measure_names[o->measure].unit;
+    const char *name = kn_measure_names[o->measure < 0 ? KN_MEASURE_DISPLACEMENT : o->measure].unit;
     if (*name && !kn_unit_parse(&unit, name, error, sizeof error)) return false;
     if (!kn_quantity_parse(&q, o->top, error, sizeof error) || (*name && q.bare)) return false;
     if (!kn_unit_same_dimension(&q.unit, &unit)) return false;
@@ -114,35 +150,115 @@ static bool top(kn_view_options *o)
 
 #define REFUSE(...) return kn_complain("view", KN_EXIT_USAGE, __VA_ARGS__)
 
+// ---- files
+
+bool kn_view_has(const kn_view_options *o, kn_view_kind kind)
+{
+    for (int i = 0; i < o->file_count; i++)
+        if (o->kind[i] == kind) return true;
+    return kind == KN_VIEW_BUS && o->file_count == 0;
+}
+
+// By what it begins with: a name may be anything.
+static int tell_kind(const char *path, kn_view_kind *kind)
+{
+    static const uint8_t log[4] = {0xed, 0xa1, 0xda, 0x01}, snapshot[6] = {0x89, 'K', 'N', 'E', 'A', 'D'};
+    uint8_t start[512];
+    FILE *f = fopen(path, "rb");
+    const size_t n = f ? fread(start, 1, sizeof start, f) : 0;
+    const bool failed = !f || ferror(f);
+    const int why = errno;
+    if (f) fclose(f);
+    if (failed) REFUSE("%s: %s, expected an LCM event log, a snapshot or a scene", path, strerror(why));
+    *kind = KN_VIEW_SCENE;
+    if (n >= sizeof log && memcmp(start, log, sizeof log) == 0) *kind = KN_VIEW_LOG;
+    else if (n >= sizeof snapshot && memcmp(start, snapshot, sizeof snapshot) == 0) *kind = KN_VIEW_SNAPSHOT;
+    else if (memchr(start, 0, n)) REFUSE("%s: expected an LCM event log, a snapshot or a scene", path);
+    return KN_EXIT_OK;
+}
+
+static int check_files(kn_view_options *o, const char *out, const char *option)
+{
+    if (kn_output_same(o->scene, out)) REFUSE("--%s %s: is being read, expected another file to write", option, out);
+    for (int i = 0; i < o->file_count; i++) {
+        if (kn_output_same(o->file[i], out))
+            REFUSE("--%s %s: is being read, expected another file to write", option, out);
+        const int code = tell_kind(o->file[i], &o->kind[i]);
+        if (code != KN_EXIT_OK) return code;
+    }
+    if (o->scene && o->file_count > 0 && !kn_view_has(o, KN_VIEW_SNAPSHOT))
+        REFUSE("--scene %s: expected a snapshot of it, or nothing else; logs and scenes hold their own", o->scene);
+    for (int i = 0; i < o->file_count; i++)
+        if (o->kind[i] == KN_VIEW_SNAPSHOT && !o->scene)
+            REFUSE("%s: is a snapshot, expected --scene FILE with the scene that it is of", o->file[i]);
+    if (o->scene && o->file_count == 0) o->file[o->file_count] = o->scene, o->kind[o->file_count++] = KN_VIEW_SCENE;
+    return KN_EXIT_OK;
+}
+
+// ---- all together
+
 static int check_film(const kn_view_options *o)
 {
-    const bool recorded = o->log != NULL;
-    if (o->png) REFUSE("--png and --video: expected one of them");
-    if (o->scene) REFUSE("--video: expected a log, or --seconds of what is served; a scene at rest does not move");
+    const bool recorded = kn_view_has(o, KN_VIEW_LOG), live = o->file_count == 0;
+    if (!recorded && !live) REFUSE("--video: expected a log among them; what is at rest does not move");
     if (isfinite(o->at_s)) REFUSE("--at: expected --from and --to for a film");
     if (recorded && o->seconds > 0) REFUSE("--seconds: is for what is served, expected --from and --to for a log");
-    if (!recorded && !(o->seconds > 0)) REFUSE("--video: expected a log, or --seconds N of what is served");
-    if (!recorded && o->speed != 1) REFUSE("--speed %g: expected a log; what is served is as fast as it is", o->speed);
-    if (!recorded && (isfinite(o->to_s) || o->from_s != 0)) REFUSE("--from and --to: expected a log");
-    if (!recorded && o->measure >= 0 && !o->top)
+    if (live && !(o->seconds > 0)) REFUSE("--video: expected a log, or --seconds N of what is served");
+    if (live && o->speed != 1) REFUSE("--speed %g: expected a log; what is served is as fast as it is", o->speed);
+    if (live && (isfinite(o->to_s) || o->from_s != 0)) REFUSE("--from and --to: expected a log");
+    if (live && o->measure >= 0 && !o->top)
         REFUSE("--color: expected --top as well, nobody knows yet how much there will be");
     if (o->to_s <= o->from_s) REFUSE("--to %g: expected more than --from %g", o->to_s, o->from_s);
     if (o->width % 2 || o->height % 2) REFUSE("--size %dx%d: expected even numbers for a film", o->width, o->height);
     return KN_EXIT_OK;
 }
 
-static int check(kn_view_options *o)
+static int check_depth(const kn_view_options *o, const asked *a)
 {
-    const char *out = o->video ? o->video : o->png;
-    if (!out) REFUSE("expected --png FILE or --video FILE");
-    if (o->top && o->measure < 0) REFUSE("--top %s: expected --color as well", o->top);
-    if (o->top && !top(o))
-        REFUSE("--top %s: expected a %s above 0, e.g. %s", o->top, kn_measure_names[o->measure].words,
-               (const char *[]){"'2 mm'", "'5 kPa'", "0.1"}[o->measure]);
-    if (kn_output_same(o->log, out) || kn_output_same(o->scene, out))
-        REFUSE("--%s %s: is being read, expected another file to write", o->video ? "video" : "png", out);
-    if (o->log && o->scene) REFUSE("--scene %s: expected a log or a scene; a log holds its own", o->scene);
-    if (!o->log && isfinite(o->at_s)) REFUSE("--at: expected a log to step");
+    const kn_view_scene usual = kn_view_scene_default();
+    if (o->file_count > 1) REFUSE("--depth: expected one object");
+    if (o->measure >= 0 || o->compare) REFUSE("--depth: expected neither --color nor --compare; its greys are heights");
+    if (isfinite(a->azimuth_deg) || isfinite(a->elevation_deg) || o->look.azimuth_deg != usual.azimuth_deg ||
+        o->look.elevation_deg != usual.elevation_deg || o->look.zoom > 0)
+        REFUSE("--depth: is seen straight from above, expected no --camera, --azimuth, --elevation or --zoom");
+    return KN_EXIT_OK;
+}
+
+static int check_scale(kn_view_options *o)
+{
+    if (!o->top) return KN_EXIT_OK;
+    const bool distance = o->measure < 0 && o->compare;
+    if (o->measure < 0 && !distance) REFUSE("--top %s: expected --color as well", o->top);
+    if (top(o)) return KN_EXIT_OK;
+    REFUSE("--top %s: expected a %s above 0, e.g. %s", o->top, distance ? "distance" : kn_measure_names[o->measure].words,
+           distance ? "'2 mm'" : (const char *[]){"'2 mm'", "'5 kPa'", "0.1"}[o->measure]);
+}
+
+// Several stand side by side: 4:3 each, as long as that fits on a screen.
+static void default_size(kn_view_options *o)
+{
+    const int panels = o->file_count + o->compare;
+    if (o->depth) o->width = o->height = 640;
+    if (panels < 2) return;
+    o->width = panels < 4 ? 640 * panels : 1920;
+    o->height = 480;
+}
+
+static int check(kn_view_options *o, const asked *a)
+{
+    const char *out = o->video ? o->video : o->depth ? o->depth : o->png;
+    const char *option = o->video ? "video" : o->depth ? "depth" : "png";
+    if (!out) REFUSE("expected --png FILE, --video FILE or --depth FILE");
+    if (!!o->png + !!o->video + !!o->depth > 1) REFUSE("--png, --video and --depth: expected one of them");
+    int code = check_scale(o);
+    if (code == KN_EXIT_OK) code = check_files(o, out, option);
+    if (code != KN_EXIT_OK) return code;
+    if (o->compare && o->file_count != 2) REFUSE("--compare: expected two objects, there are %d", o->file_count);
+    if (isfinite(o->at_s) && !kn_view_has(o, KN_VIEW_LOG)) REFUSE("--at: expected a log to step");
+    if (!a->sized) default_size(o);
+    if (o->depth && (code = check_depth(o, a)) != KN_EXIT_OK) return code;
+    if (isfinite(a->azimuth_deg)) o->look.azimuth_deg = a->azimuth_deg;
+    if (isfinite(a->elevation_deg)) o->look.elevation_deg = a->elevation_deg;
     if (o->video) return check_film(o);
     if (o->seconds > 0 || o->speed != 1 || o->orbit_deg_s != 0 || isfinite(o->to_s) || o->from_s != 0 || o->fps != 30)
         REFUSE("--from, --to, --seconds, --fps, --speed and --orbit: expected --video");
@@ -157,7 +273,9 @@ int kn_view_parse(int argc, char **argv, kn_view_options *o)
         {"lcm-url", 1, NULL, 'l'},   {"mesh-url", 1, NULL, 'm'}, {"help", 0, NULL, 'h'},    {"color", 1, NULL, 'c'},
         {"top", 1, NULL, 'T'},       {"style", 1, NULL, 'y'},    {"plain", 0, NULL, 'P'},   {"video", 1, NULL, 'v'},
         {"from", 1, NULL, 'F'},      {"to", 1, NULL, 'G'},       {"seconds", 1, NULL, 'N'}, {"fps", 1, NULL, 'f'},
-        {"speed", 1, NULL, 'x'},     {"orbit", 1, NULL, 'o'},    {NULL, 0, NULL, 0}};
+        {"speed", 1, NULL, 'x'},     {"orbit", 1, NULL, 'o'},    {"depth", 1, NULL, 'd'},   {"compare", 0, NULL, 'C'},
+        {"camera", 1, NULL, 'k'},    {"zoom", 1, NULL, 'z'},     {NULL, 0, NULL, 0}};
+    asked a = {NAN, NAN, false};
     int option, which = 0;
     *o = (kn_view_options){.measure = -1, .at_s = INFINITY, .to_s = INFINITY, .wait_s = 6, .fps = 30, .speed = 1,
                            .width = 1280, .height = 720, .look = kn_view_scene_default()};
@@ -167,10 +285,12 @@ int kn_view_parse(int argc, char **argv, kn_view_options *o)
         if (option == ':') REFUSE("%s: expected a value", word);
         if (option == '?') REFUSE("%s: no such option; knead view --help lists them", word);
         if (option == 'h') return o->help = true, KN_EXIT_OK;
-        const char *expected = take(o, option, optarg);
+        const char *expected = take(o, &a, option, optarg);
         if (expected) REFUSE("--%s %s: expected %s", names[which].name, optarg, expected);
     }
-    if (optind < argc) o->log = argv[optind++];
-    if (optind < argc) REFUSE("%s: expected one log", argv[optind]);
-    return check(o);
+    for (; optind < argc; optind++) {
+        if (o->file_count == KN_VIEW_FILES_MAX) REFUSE("%s: expected %d objects at most", argv[optind], KN_VIEW_FILES_MAX);
+        o->file[o->file_count++] = argv[optind];
+    }
+    return check(o, &a);
 }

@@ -4,9 +4,16 @@
 #include "clients/viewer/renderer.h"
 #include "core/gauge.h"
 
+#define KN_VIEW_FILES_MAX 4
+
+typedef enum kn_view_kind { KN_VIEW_BUS, KN_VIEW_LOG, KN_VIEW_SNAPSHOT, KN_VIEW_SCENE } kn_view_kind;
+
 typedef struct kn_view_options {
-    const char *png, *video; // what is written
-    const char *log, *scene; // what is drawn; both NULL: the bus
+    const char *png, *video, *depth; // what is written: one of them
+    int file_count;                  // what is drawn; 0: the bus
+    const char *file[KN_VIEW_FILES_MAX];
+    kn_view_kind kind[KN_VIEW_FILES_MAX]; // told by their first bytes
+    const char *scene; // that a snapshot is of, or NULL
     const char *url, *mesh_url;
     double at_s;   // INFINITY: end
     double wait_s; // for a server
@@ -17,6 +24,7 @@ typedef struct kn_view_options {
     int measure;        // kn_measure; -1: none
     const char *top;    // as asked for
     double top_si;      // 0: what the picture needs
+    bool compare;       // two files, and a panel with the second's distance from the first
     bool plain, help;
 } kn_view_options;
 
@@ -24,5 +32,7 @@ extern const char kn_view_help[];
 
 // An exit code, after a complaint. Paths and URLs point into argv.
 int kn_view_parse(int argc, char **argv, kn_view_options *options);
+
+bool kn_view_has(const kn_view_options *options, kn_view_kind kind); // among its files
 
 #endif

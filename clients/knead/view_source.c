@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #define SETTLE_MS 50   // after the first whole mesh: the probes' forces, and a mesh that is not older than they are
 #define HALF_TICK_S 0.0005
@@ -14,16 +15,87 @@ static int no_memory(void) { return kn_complain("view", KN_EXIT_DEVICE, "out of 
 
 // ---- at rest
 
-static int open_scene(kn_source *s)
+static void forget_scene(kn_source *s)
+{
+    kn_state_destroy(s->state);
+    kn_model_destroy(s->model);
+    kn_scene_destroy(s->scene);
+    s->state = NULL;
+    s->model = NULL;
+    s->scene = NULL;
+}
+
+static int load_scene(kn_source *s, const char *path, const char *const *sets, int set_count)
 {
     char error[400];
-    s->scene = kn_scene_load(s->path, NULL, 0, error, sizeof error);
+    s->scene = kn_scene_load(path, sets, set_count, error, sizeof error);
     if (!s->scene) return fprintf(stderr, "%s\n", error), KN_EXIT_USAGE;
     s->model = kn_model_build(&s->scene->model, error, sizeof error);
-    if (!s->model) return kn_complain("view", KN_EXIT_USAGE, "%s: %s", s->path, error);
+    if (!s->model) return kn_complain("view", KN_EXIT_USAGE, "%s: %s", path, error);
     s->state = kn_state_create(s->model);
     s->ended = true;
     return s->state ? KN_EXIT_OK : no_memory();
+}
+
+static int open_scene(kn_source *s)
+{
+    return load_scene(s, s->path, NULL, 0);
+}
+
+// ---- a snapshot
+
+static uint8_t *read_whole(const char *path, size_t *size)
+{
+    struct stat there;
+    FILE *f = fopen(path, "rb");
+    const bool fits = f && fstat(fileno(f), &there) == 0 && there.st_size >= 0 && (size_t)there.st_size <= KN_SAVED_MAX;
+    uint8_t *bytes = fits ? malloc((size_t)there.st_size + 1) : NULL;
+    *size = bytes ? fread(bytes, 1, (size_t)there.st_size, f) : 0;
+    if (f) fclose(f);
+    return bytes;
+}
+
+// The scene as it was served: with what was set over it at run time, which the snapshot tells.
+static int open_saved(kn_source *s, const char *scene, const uint8_t *bytes, size_t size)
+{
+    char error[400], room[KN_SETS_BYTES];
+    const char *list[KN_SETS_MAX];
+    kn_sets sets;
+    int code = load_scene(s, scene, NULL, 0);
+    if (code == KN_EXIT_OK && kn_saved_peek(s->scene->name, bytes, size, &sets) && *sets.text) {
+        forget_scene(s);
+        code = load_scene(s, scene, list, kn_sets_list(&sets, room, list));
+    }
+    if (code != KN_EXIT_OK) return code;
+    s->saved = calloc(1, sizeof *s->saved);
+    if (!s->saved) return no_memory();
+    s->saved->state = s->state;
+    kn_servo_init(&s->saved->servo, s->scene, s->model, NULL);
+    if (kn_saved_decode(s->scene, s->model, bytes, size, s->saved, error, sizeof error)) return KN_EXIT_OK;
+    return kn_complain("view", KN_EXIT_USAGE, "%s: %s", s->path, error);
+}
+
+static int open_snapshot(kn_source *s, const char *scene)
+{
+    size_t size;
+    uint8_t *bytes = read_whole(s->path, &size);
+    if (!bytes) return kn_complain("view", KN_EXIT_USAGE, "%s: cannot be read whole, expected a snapshot", s->path);
+    const int code = open_saved(s, scene, bytes, size);
+    free(bytes);
+    return code;
+}
+
+static void tools_of_saved(const kn_source *s, kn_still *still)
+{
+    for (int i = 0; i < s->model->def.probe_count; i++) {
+        const kn_servo *servo = &s->saved->servo;
+        const kn_pose *hand = &servo->tool[i];
+        if (servo->last[i].session == 0) continue;
+        const bool inside = s->state->probe[i].attached;
+        kn_still_probe(still, &s->model->def.probe[i], inside ? s->state->probe[i].position_m : hand->position_m,
+                       inside ? s->state->tool[i].orientation_wxyz : hand->orientation_wxyz, servo->safety[i].force_n,
+                       servo->safety[i].gain);
+    }
 }
 
 // ---- a recording
@@ -119,17 +191,22 @@ static int still_of_bus(kn_source *s, const kn_view_options *o, kn_still *still)
 
 // ---- all of them
 
-int kn_source_open(kn_source *s, const char *path, const kn_view_options *o)
+int kn_source_open(kn_source *s, const kn_view_options *o, int file)
 {
-    *s = (kn_source){.path = path};
-    s->kind = !path ? KN_SOURCE_BUS : o->scene ? KN_SOURCE_SCENE : KN_SOURCE_LOG;
-    return s->kind == KN_SOURCE_SCENE ? open_scene(s) : s->kind == KN_SOURCE_LOG ? open_log(s) : open_bus(s, o);
+    *s = (kn_source){.kind = KN_VIEW_BUS};
+    if (o->file_count > 0) s->path = o->file[file], s->kind = o->kind[file];
+    switch (s->kind) {
+    case KN_VIEW_LOG: return open_log(s);
+    case KN_VIEW_SNAPSHOT: return open_snapshot(s, o->scene);
+    case KN_VIEW_SCENE: return open_scene(s);
+    default: return open_bus(s, o);
+    }
 }
 
 int kn_source_to(kn_source *s, double at_s)
 {
-    if (s->kind == KN_SOURCE_BUS) listen_to(s, at_s);
-    return s->kind == KN_SOURCE_LOG ? step_log(s, at_s) : KN_EXIT_OK;
+    if (s->kind == KN_VIEW_BUS) listen_to(s, at_s);
+    return s->kind == KN_VIEW_LOG ? step_log(s, at_s) : KN_EXIT_OK;
 }
 
 // What --color and --style need of a state.
@@ -150,13 +227,17 @@ static bool measured(kn_source *s, const kn_view_options *o, const kn_model *mod
 
 int kn_source_still(kn_source *s, const kn_view_options *o, kn_still *still)
 {
-    if (s->kind == KN_SOURCE_BUS) return still_of_bus(s, o, still);
+    if (s->kind == KN_VIEW_BUS) return still_of_bus(s, o, still);
     const kn_model *model = s->replay ? s->replay->model : s->model;
     const kn_state *state = s->replay ? kn_replay_state(s->replay) : s->state;
     if (!kn_still_state(still, model, state) || !measured(s, o, model, state, still)) return no_memory();
     if (s->replay) {
         tools_of_log(s->replay, still);
         snprintf(still->caption, sizeof still->caption, "%s at %.3f s", s->replay->scene->name, s->time_s);
+    } else if (s->saved) {
+        tools_of_saved(s, still);
+        snprintf(still->caption, sizeof still->caption, "%s, snapshot %" PRId64 " of tick %" PRId64, s->scene->name,
+                 s->saved->generation, s->saved->tick);
     } else snprintf(still->caption, sizeof still->caption, "%s at rest", s->scene->name);
     return KN_EXIT_OK;
 }
@@ -166,8 +247,7 @@ void kn_source_close(kn_source *s)
     if (s->live.bus) kn_live_close(&s->live);
     kn_gauge_destroy(s->gauge);
     kn_replay_destroy(s->replay);
-    kn_state_destroy(s->state);
-    kn_model_destroy(s->model);
-    kn_scene_destroy(s->scene);
+    forget_scene(s);
+    free(s->saved);
     *s = (kn_source){0};
 }

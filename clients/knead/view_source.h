@@ -1,6 +1,7 @@
 #ifndef KN_CLIENTS_VIEW_SOURCE_H
 #define KN_CLIENTS_VIEW_SOURCE_H
-// Where `knead view` gets an object from: a running kneadd, a recording that is stepped to a moment, or a scene at rest.
+// Where `knead view` gets an object from: a running kneadd, a recording that is stepped to a moment, a snapshot, or a scene
+// at rest.
 //
 //     kn_source_open -> kn_source_to a moment -> kn_source_still, as often as pictures are wanted -> kn_source_close
 //
@@ -9,26 +10,26 @@
 #include "clients/knead/still.h"
 #include "clients/knead/view_options.h"
 #include "server/replay.h"
-
-typedef enum kn_source_kind { KN_SOURCE_BUS, KN_SOURCE_LOG, KN_SOURCE_SCENE } kn_source_kind;
+#include "server/snapshot.h"
 
 typedef struct kn_source { // read only
-    kn_source_kind kind;
+    kn_view_kind kind;
     const char *path;  // NULL: the bus
     double time_s;     // a recording's: since its first session began; the bus's: since it was opened
     bool ended;        // nothing comes after that
     kn_replay *replay; // of a recording
     kn_live live;      // of the bus
-    kn_scene *scene;   // of a scene: these three
+    kn_scene *scene;   // of a scene or a snapshot: these three
     kn_model *model;
     kn_state *state;
+    kn_saved *saved;   // of a snapshot
     int64_t opened_ms;
     kn_gauge *gauge; // of that model, while one is needed
     const kn_model *gauged;
 } kn_source;
 
-// path NULL: the bus, until the first whole mesh is there and its tools are. Options are kept.
-int kn_source_open(kn_source *source, const char *path, const kn_view_options *options);
+// The options' file of that number; the bus until the first whole mesh is there and its tools are, when there are none.
+int kn_source_open(kn_source *source, const kn_view_options *options, int file);
 
 // To the tick nearest to at_s of a recording, or its end; of the bus, until that moment; nothing else moves. One that
 // has `ended` before stays where it is.

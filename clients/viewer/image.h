@@ -10,4 +10,13 @@
 // file in the place of a device or a link. False and one sentence in error.
 bool kn_image_write_png(const char *path, int width, int height, const uint8_t *rgba, char *error, size_t error_size);
 
+// Words in a PNG, that its readers show or look up.
+typedef struct kn_image_text {
+    const char *key, *text; // Latin-1; key of 1..79 letters
+} kn_image_text;
+
+// The same of 16-bit grey, with pixel_m for whoever wants to measure in it (0: not told).
+bool kn_image_write_gray16(const char *path, int width, int height, const uint16_t *level, double pixel_m,
+                           int text_count, const kn_image_text *text, char *error, size_t error_size);
+
 #endif

@@ -104,6 +104,50 @@ for bad in 5 '5 mm' '-1 kPa' 'much'; do
 done
 expect "what the bus does not tell" 2 'is the surface alone, expected a log or --scene$' knead view --png x.png --style edges
 
+expect "a range image" 0 '^$' knead view press.lcmlog --depth depth.png --size 300x200
+picture depth.png 300 200
+check "of 16-bit grey" [ "$(od -An -tu1 -j24 -N2 depth.png | tr -d ' ')" = 160 ]
+check "tells its scale in the file" grep -qa 'height_mm = step_mm \* (value - 1)' depth.png
+check "and here" grep -q 'height above the table = 0.001 mm \* (value - 1), 0: nothing there; pixel 0.5 mm' out
+expect "seen from above alone" 2 'is seen straight from above' knead view press.lcmlog --depth x.png --azimuth 3
+expect "two things" 2 'expected one of them$' knead view press.lcmlog --depth x.png --png x.png
+
+expect "two objects, and how far they are apart" 0 '^$' knead view --compare press.lcmlog "$scene" --png two.png
+picture two.png 1920 480
+check "is told" grep -Eq 'at rest; up to [0-9.]+ mm apart$' out
+expect "one compared with itself" 0 '^$' knead view --compare press.lcmlog press.lcmlog --png same.png --size 960x240
+check "is nowhere from it" grep -q '; up to 0 mm apart$' out
+expect "three things" 2 'expected two objects, there are 3' knead view --compare press.lcmlog "$scene" "$scene" --png x.png
+expect "of two shapes" 2 'mm apart, expected objects of one shape' knead view --compare "$scene" "$KN_SOURCE/core/scenes/bun.yaml" --png x.png
+for camera in front back left right top corner; do
+    expect "from $camera" 0 '^$' knead view press.lcmlog --camera $camera --png $camera.png --size 160x90
+done
+sums=$(sha256sum front.png back.png left.png right.png top.png corner.png | cut -c1-64 | sort -u | wc -l)
+check "none is like another" [ "$sums" = 6 ]
+expect "nearer" 0 '^$' knead view press.lcmlog --zoom 3 --png zoom.png --size 160x90
+check "is another picture than from there" [ "$(cmp -s zoom.png corner.png; echo $?)" = 1 ]
+expect "from nowhere" 2 'expected front, back, left, right, top or corner$' knead view press.lcmlog --camera below --png x.png
+
+mkdir state
+start_kneadd dough-small.yaml --state-dir "$PWD/state"
+press --hold '0.2 s'
+stop_kneadd
+snapshot=$(compgen -G 'state/dough-small.*.knead' | sort | tail -1)
+cp "$snapshot" kept
+expect "a snapshot" 0 '^$' knead view kept --scene "$scene" --color residual --png snapshot.png --size 320x180
+check "names itself" grep -Eq 'dough-small.yaml, snapshot [0-9]+ of tick [0-9]+$' out
+check "is not as at rest" [ "$(cmp -s snapshot.png rest.png; echo $?)" = 1 ]
+expect "beside what it was" 0 '^$' knead view kept "$scene" --compare --scene "$scene" --png pressed.png
+check "it was kneaded" grep -Eq 'up to [0-9]*[.]?[0-9]*[1-9][0-9]* mm apart$' out
+expect "without its scene" 2 'kept: is a snapshot, expected --scene FILE' knead view kept --png x.png
+expect "of another" 2 'kept: another scene: of dough-small.yaml, expected clay.yaml$' \
+    knead view kept --scene "$KN_SOURCE/core/scenes/clay.yaml" --png x.png
+head -c 2000 kept >cut
+expect "a part of one" 2 'cut: truncated: 2000 bytes of' knead view cut --scene "$scene" --png x.png
+head -c 2000 /dev/zero >zeros
+expect "what is none of them" 2 'zeros: expected an LCM event log, a snapshot or a scene$' knead view zeros --png x.png
+expect "a scene beside a log" 2 'expected a snapshot of it, or nothing else' knead view press.lcmlog --scene "$scene" --png x.png
+
 video() { knead view press.lcmlog --size 160x90 --from 0.2 --to 0.7 --fps 10 "$@"; }
 if command -v ffmpeg >/dev/null; then
     expect "a film in the colours of stress" 0 '^$' video --video press.mp4 --color stress --orbit 90

@@ -1,0 +1,88 @@
+#include "clients/knead/match.h"
+#include "tests/check.h"
+
+// A sheet of n x n vertices, 1 cm on a side, bent down by so much in the middle; shifted along x.
+static kn_still sheet(int n, float shift_m, float bend_m)
+{
+    kn_still s = {.vertex_count = n * n, .triangle_count = 2 * (n - 1) * (n - 1)};
+    s.rest = calloc((size_t)s.vertex_count, sizeof *s.rest);
+    s.now = calloc((size_t)s.vertex_count, sizeof *s.now);
+    s.triangle = calloc((size_t)s.triangle_count, sizeof *s.triangle);
+    for (int v = 0; v < n * n; v++) {
+        const float u = (float)(v % n) / (float)(n - 1), w = (float)(v / n) / (float)(n - 1);
+        memcpy(s.rest[v], (float[]){shift_m + 0.01f * u, 0.01f * w, 0}, sizeof *s.rest);
+        memcpy(s.now[v], s.rest[v], sizeof *s.now);
+        s.now[v][2] = -bend_m * 16 * u * (1 - u) * w * (1 - w);
+    }
+    for (int t = 0; t < s.triangle_count; t++) {
+        const int cell = t / 2, a = cell % (n - 1) + n * (cell / (n - 1));
+        memcpy(s.triangle[t], t % 2 ? (int[]){a + 1, a + n + 1, a + n} : (int[]){a, a + 1, a + n}, sizeof *s.triangle);
+    }
+    return s;
+}
+
+static double most(const kn_still *first, const kn_still *second, kn_match *m)
+{
+    static float value[10000];
+    char error[300] = "";
+    double most_m = -1;
+    if (!kn_match_make(m, first, second, error, sizeof error)) KN_TEST_FAIL("%s", error);
+    else kn_match_distance(m, first, second, value);
+    for (int v = 0; v < m->count; v++) most_m = fmax(most_m, value[v]);
+    return most_m;
+}
+
+TEST("of the same mesh the same vertices are compared: an object is nowhere from itself")
+{
+    kn_match m;
+    kn_still a = sheet(11, 0, 0.002f), b = sheet(11, 0, 0.002f), flat = sheet(11, 0, 0);
+    CHECK(most(&a, &b, &m) == 0);
+    CHECK(m.same && m.count == 121 && m.apart_m == 0);
+    for (int v = 0; v < m.count; v++) CHECK(m.first[v] == v);
+    kn_match_free(&m);
+    CHECK_NEAR(most(&a, &flat, &m), 0.002, 1e-8);
+    kn_match_free(&m);
+    kn_still_free(&a), kn_still_free(&b), kn_still_free(&flat);
+}
+
+TEST("of another mesh the nearest at rest: the same shape differs by what lies between vertices, a bent one by the bend")
+{
+    kn_match m;
+    kn_still coarse = sheet(21, 0, 0.002f), fine = sheet(44, 0, 0.002f), flat = sheet(44, 0, 0);
+    CHECK(most(&coarse, &fine, &m) < 0.0004);
+    CHECK(!m.same && m.apart_m < 0.0005 && m.apart_m > 0);
+    CHECK(kn_match_fits(&m, &coarse, &flat) && !kn_match_fits(&m, &coarse, &coarse));
+    kn_match_free(&m);
+    CHECK_NEAR(most(&coarse, &flat, &m), 0.002, 1e-5);
+    kn_match_free(&m);
+    kn_still_free(&coarse), kn_still_free(&fine), kn_still_free(&flat);
+}
+
+TEST("the nearest is the nearest")
+{
+    kn_match m;
+    char error[300];
+    kn_still a = sheet(17, 0, 0), b = sheet(23, 0.0003f, 0);
+    CHECK(kn_match_make(&m, &a, &b, error, sizeof error));
+    for (int v = 0; v < m.count; v++) {
+        float least = INFINITY;
+        for (int u = 0; u < a.vertex_count; u++)
+            least = fminf(least, hypotf(a.rest[u][0] - b.rest[v][0], a.rest[u][1] - b.rest[v][1]));
+        const int u = m.first[v];
+        CHECK_NEAR(hypotf(a.rest[u][0] - b.rest[v][0], a.rest[u][1] - b.rest[v][1]), least, 1e-9);
+    }
+    kn_match_free(&m);
+    kn_still_free(&a), kn_still_free(&b);
+}
+
+TEST("objects of different shapes are refused, by how much they differ")
+{
+    kn_match m;
+    char error[300];
+    kn_still a = sheet(11, 0, 0), b = sheet(11, 0.003f, 0);
+    CHECK(!kn_match_make(&m, &a, &b, error, sizeof error));
+    CHECK(strstr(error, "up to 3 mm apart, expected objects of one shape") != NULL);
+    kn_still_free(&a), kn_still_free(&b);
+}
+
+TESTS_MAIN
