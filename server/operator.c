@@ -3,6 +3,7 @@
 #include <ctype.h>
 #include <inttypes.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
@@ -147,6 +148,15 @@ static json_t *settings(kn_operator *o)
     return array;
 }
 
+// As every other process knows it; null: nothing is saved.
+static json_t *directory(const kn_store *store)
+{
+    char *whole = store->dir < 0 ? NULL : realpath(store->path, NULL);
+    json_t *text = whole ? json_string(whole) : NULL;
+    free(whole);
+    return text ? text : json_null();
+}
+
 static json_t *status_of(kn_operator *o, const kn_health *h)
 {
     static const char *const modes[] = {"IDLE", "RUNNING", "FAULT", "BRAKE", "ESTOP", "STOPPING", "RECOVERING"},
@@ -194,7 +204,8 @@ static json_t *status_of(kn_operator *o, const kn_health *h)
                         json_pack("{s:s, s:s}", "in_force", kn_quality_name((kn_quality)atomic_load(&a->quality)),
                                   "asked", kn_quality_name((kn_quality)atomic_load(&a->asked))));
     json_object_set_new(status, "state",
-                        json_pack("{s:I, s:I, s:I, s:f, s:f, s:i}", "snapshot_age_ms", (json_int_t)s->snapshot_age_ms,
+                        json_pack("{s:o, s:I, s:I, s:I, s:f, s:f, s:i}", "directory", directory(&o->on.keeper->store),
+                                  "snapshot_age_ms", (json_int_t)s->snapshot_age_ms,
                                   "snapshot_gen", (json_int_t)m->snapshot_gen, "snapshots", (json_int_t)m->snapshots,
                                   "snapshot_ms_last", m->snapshot_ms_last, "snapshot_ms_max", m->snapshot_ms_max,
                                   "snapshot_errors", (int)s->snapshot_errors));
