@@ -34,11 +34,22 @@ static bool send_line(int fd, const json_t *request, int flags)
     return sent;
 }
 
+static void tell_absence(const char *path, char *error, size_t error_size)
+{
+    snprintf(error, error_size, "%s: %s: is kneadd running with --control %s?", path, strerror(errno), path);
+}
+
+json_t *kn_ask_read(const char *text, size_t size)
+{
+    json_error_t why;
+    return size > 0 && text[size - 1] == '\n' ? json_loadb(text, size, JSON_REJECT_DUPLICATES, &why) : NULL;
+}
+
 json_t *kn_ask(const char *path, const json_t *request, char *error, size_t error_size)
 {
     int fd = dial(path, 0);
     if (fd < 0) {
-        snprintf(error, error_size, "%s: %s: is kneadd running with --control %s?", path, strerror(errno), path);
+        tell_absence(path, error, error_size);
         return NULL;
     }
     struct timeval patience = {.tv_sec = PATIENCE_S};
@@ -50,8 +61,7 @@ json_t *kn_ask(const char *path, const json_t *request, char *error, size_t erro
         got = recv(fd, text + size, ANSWER_MAX - size, 0);
         if (got > 0) size += (size_t)got;
     }
-    json_error_t why;
-    json_t *answer = size > 0 && text[size - 1] == '\n' ? json_loadb(text, size, JSON_REJECT_DUPLICATES, &why) : NULL;
+    json_t *answer = got >= 0 ? kn_ask_read(text, size) : NULL;
     if (!answer)
         snprintf(error, error_size, "%s: %s", path,
                  size > 0                                               ? "what answers there is no kneadd"
@@ -62,12 +72,15 @@ json_t *kn_ask(const char *path, const json_t *request, char *error, size_t erro
     return answer;
 }
 
-bool kn_ask_blindly(const char *path, const char *command)
+int kn_ask_begin(const char *path, const json_t *request, char *error, size_t error_size)
 {
     int fd = dial(path, SOCK_NONBLOCK);
-    json_t *request = json_pack("{s:s}", "command", command);
-    bool sent = fd >= 0 && request && send_line(fd, request, MSG_DONTWAIT);
-    json_decref(request);
-    if (fd >= 0) close(fd);
-    return sent;
+    if (fd < 0)
+        tell_absence(path, error, error_size);
+    else if (!send_line(fd, request, MSG_DONTWAIT)) {
+        snprintf(error, error_size, "%s: %s", path, strerror(errno));
+        close(fd);
+        fd = -1;
+    }
+    return fd;
 }

@@ -10,7 +10,11 @@
 // Sends, and waits for the answer: a new reference. NULL and one line in error: nobody serves there, or nobody answers.
 json_t *kn_ask(const char *path, const json_t *request, char *error, size_t error_size);
 
-// Sends {"command": command} and waits for nothing. False: nobody serves there.
-bool kn_ask_blindly(const char *path, const char *command);
+// The same for whoever may not wait. A socket that the request has gone out on, which does not block and is the caller's;
+// -1 and one line in error. What comes back on it until the first newline is the answer.
+int kn_ask_begin(const char *path, const json_t *request, char *error, size_t error_size);
+
+// What came, NULL where it is no answer: a new reference.
+json_t *kn_ask_read(const char *text, size_t size);
 
 #endif

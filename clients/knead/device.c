@@ -19,6 +19,8 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
     d->force.session = f.session;
     d->force.seq = f.seq;
     d->force.tick = f.tick;
+    d->force.sent_ns = f.sent_ns;
+    d->force.energy_j = f.energy_j;
     d->force.flags = f.flags;
     d->force.fault = f.fault;
     d->force.contacts = f.contacts;

@@ -45,8 +45,8 @@ typedef struct kn_hand_def {
 } kn_hand_def;
 
 typedef struct kn_hand_force { // of contact_force_t: the newest one
-    int64_t session, seq, tick;
-    double force_n[3];
+    int64_t session, seq, tick, sent_ns; // the last as the pose had it: CLOCK_MONOTONIC of its sending
+    double force_n[3], energy_j;
     int32_t flags, fault, contacts;
     kn_contact_unit unit[KN_CONTACT_UNITS]; // the newest local model, where kneadd sends any: what came of one tick's
     int units;

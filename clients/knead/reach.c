@@ -12,14 +12,19 @@ static const double thinnest = 0.5;   // of the block's height must stay under t
 bool kn_reach_open(kn_reach *r, const kn_model_def *def, const kn_probe_def *tool, double azimuth_deg,
                    double elevation_deg, float aspect)
 {
-    float low[3] = {0}, high[3];
-    *r = (kn_reach){.def = def, .tool = tool};
+    *r = (kn_reach){.def = def, .tool = tool, .aspect = aspect};
     r->top = kn_dent_top(def, &r->vertices);
     kn_model_def_extent(def, r->extent_m);
+    kn_reach_look(r, azimuth_deg, elevation_deg);
+    return r->top != NULL;
+}
+
+void kn_reach_look(kn_reach *r, double azimuth_deg, double elevation_deg)
+{
+    float low[3] = {0}, high[3];
     for (int i = 0; i < 3; i++) high[i] = (float)(r->extent_m[i] * (i == 2 ? 1.0 : 0.5));
     for (int i = 0; i < 2; i++) low[i] = -high[i];
-    kn_camera_aim(&r->camera, low, high, azimuth_deg, elevation_deg, aspect);
-    return r->top != NULL;
+    kn_camera_aim(&r->camera, low, high, azimuth_deg, elevation_deg, r->aspect);
 }
 
 void kn_reach_close(kn_reach *r)

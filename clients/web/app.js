@@ -2,7 +2,7 @@
 'use strict';
 const $ = (id) => document.getElementById(id);
 const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
-const picture = $('picture'), trace = $('trace'), slider = $('depth');
+const picture = $('picture'), slider = $('depth');
 
 // What tests and bench read: latency holds, for the last 2000 events, the ms from the event's handler to the first
 // drawn frame that has its effect.
@@ -10,8 +10,10 @@ const knead = window.knead = { latency: [], events: 0, frames: 0, now: null };
 
 // ---- the wire
 
-const POINTER = 1, SEEN = 2, RESET = 3, RETRY_MS = 2000;
+const POINTER = 1, SEEN = 2, RETRY_MS = 2000;
 let socket = null, waiting = []; // events whose effect has not been drawn: {number, at}
+let asked = 0;
+const answers = new Map(); // what waits for an answer, by id
 
 function send(kind, number, pressed = 0, u = 0, v = 0, depth_m = 0) {
     if (socket?.readyState !== WebSocket.OPEN) return;
@@ -21,6 +23,19 @@ function send(kind, number, pressed = 0, u = 0, v = 0, depth_m = 0) {
     bytes.setUint8(5, pressed);
     [u, v, depth_m].forEach((x, i) => bytes.setFloat32(8 + 4 * i, x, true));
     socket.send(bytes);
+}
+
+// Asks in words; the answer is {ok, words}, and never fails to come.
+function ask(what, fields = {}) {
+    if (socket?.readyState !== WebSocket.OPEN) return Promise.resolve({ ok: false, words: 'knead web is not there' });
+    const id = ++asked;
+    socket.send(JSON.stringify({ id, do: what, ...fields }));
+    return new Promise((answer) => answers.set(id, answer));
+}
+
+function hear({ id, ok, words }) {
+    answers.get(id)?.({ ok, words });
+    answers.delete(id);
 }
 
 function connect() {
@@ -34,6 +49,8 @@ function connect() {
         const size = new DataView(data).getUint32(0, true);
         const now = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, size)));
         record(now.trace); // before the wait for the picture, in which the next message may come
+        now.answers.forEach(hear);
+        if (now.about) showAbout(now.about);
         if (data.byteLength > 4 + size) {
             const jpeg = new Blob([new Uint8Array(data, 4 + size)], { type: 'image/jpeg' });
             const bitmap = await createImageBitmap(jpeg).catch(() => null); // a bad one must not stop the next
@@ -51,7 +68,8 @@ function connect() {
         letGo();
         waiting = [];
         picture.classList.add('stale');
-        $('reset').disabled = true;
+        for (const id of answers.keys()) hear({ id, ok: false, words: 'knead web has gone before it answered' });
+        showAbout(null);
         const again = code !== 4401; // a wrong token stays wrong
         say(again ? 'wait' : 'fault', (reason || 'knead web has ended') + (again ? ': trying again every 2 s' : ''));
         if (again) setTimeout(connect, RETRY_MS);
@@ -88,96 +106,14 @@ function say(level, words) {
 function show(now) {
     knead.now = now;
     say(now.level, now.status);
-    write('names', [now.scene, now.tool].filter(Boolean).join(' · '));
     write('force', now.force_n.toFixed(now.force_n < 9.995 ? 2 : 1));
     write('pressed', now.depth_mm.toFixed(1));
     write('contact', now.contact ? 'touching' : 'none');
     $('readings').classList.toggle('touching', now.contact);
-    $('reset').disabled = !now.resets;
     if (hand.holder === null && !now.contact) slider.max = now.deepest_mm; // in a press: what is left below this place
     showDepth();
+    showTouch(now.touch);
     drawTrace();
-}
-
-// ---- the force trace: a sample per ms on the page's own clock, NaN where none was heard
-
-const SPAN = 10000, RING = 12000, LATE = 250; // ms shown; kept, so that no column loses its oldest; longer is a gap
-const ring = new Float32Array(RING).fill(NaN);
-let tick = 0;
-
-function record(samples) {
-    let late = Math.round(performance.now()) - tick - samples.length;
-    if (late > LATE) while (late-- > 0) ring[tick++ % RING] = NaN;
-    for (const newtons of samples) ring[tick++ % RING] = newtons;
-}
-
-// Columns are whole numbers of ticks from tick 0, so that a peak keeps its shape while it moves left.
-function columnsOf(count) {
-    const per = SPAN / count, last = Math.floor(tick / per), columns = [];
-    for (let c = last - count; c < last; c++) {
-        let low = Infinity, high = -Infinity;
-        for (let t = Math.max(0, Math.ceil(c * per)); t < (c + 1) * per; t++) {
-            const newtons = ring[t % RING];
-            if (newtons < low) low = newtons; // false for NaN
-            if (newtons > high) high = newtons;
-        }
-        columns.push([low, high]);
-    }
-    return columns;
-}
-
-function drawTrace() {
-    const ratio = devicePixelRatio, width = trace.clientWidth, height = trace.clientHeight;
-    const left = 40, right = width - 12, top = 14, bottom = height - 24;
-    fit(trace, Math.round(width * ratio), Math.round(height * ratio));
-    const columns = columnsOf(Math.max(1, Math.floor((right - left) * ratio)));
-    let newtons = 1; // top of the scale: 1, 2, 5, 10, 20, 50 ...
-    for (let i = 0; columns.some(([, high]) => high > newtons); i++) newtons *= [2, 2.5, 2][i % 3];
-    const x = (c) => left + (c + 0.5) / columns.length * (right - left);
-    const y = (force) => bottom - force / newtons * (bottom - top);
-    const style = getComputedStyle(trace), color = (name) => style.getPropertyValue(name);
-    const ctx = trace.getContext('2d');
-    ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
-    ctx.clearRect(0, 0, width, height);
-
-    ctx.font = `12px ${style.fontFamily}`;
-    ctx.fillStyle = color('--quiet');
-    ctx.strokeStyle = color('--rule');
-    ctx.lineWidth = 1;
-    ctx.beginPath();
-    ctx.textAlign = 'right';
-    for (const force of [0, newtons / 2, newtons]) {
-        ctx.fillText(force === newtons ? `${force} N` : force, left - 8, y(force) + 4);
-        ctx.moveTo(left, Math.round(y(force)) + 0.5);
-        ctx.lineTo(right, Math.round(y(force)) + 0.5);
-    }
-    ctx.stroke();
-    for (let s = -10; s <= 0; s += 2) {
-        ctx.textAlign = s === 0 ? 'right' : s === -10 ? 'left' : 'center';
-        ctx.fillText(s === 0 ? 'now' : `−${-s} s`, left + (s + 10) / 10 * (right - left), height - 6);
-    }
-
-    ctx.strokeStyle = ctx.fillStyle = color('--force');
-    ctx.lineWidth = 1.75;
-    ctx.lineJoin = 'round';
-    let from = -1, end = 0;
-    for (let c = 0; c <= columns.length; c++) { // one line, with an area below, per run of columns that have samples
-        const [low, high] = columns[c] ?? [1, 0], heard = low <= high;
-        if (heard && from < 0) ctx.beginPath(), from = c;
-        if (heard) { // from the nearer end to the other, aslant: else slopes are saws and stairs
-            const falls = Math.abs(high - end) < Math.abs(low - end);
-            ctx.lineTo(x(c - 0.25), y(falls ? high : low));
-            ctx.lineTo(x(c + 0.25), y(end = falls ? low : high));
-        }
-        if (heard || from < 0) continue;
-        ctx.stroke();
-        ctx.lineTo(x(c - 1), y(0));
-        ctx.lineTo(x(from), y(0));
-        ctx.globalAlpha = 0.13;
-        ctx.fill();
-        ctx.globalAlpha = 1;
-        from = -1;
-    }
 }
 
 // ---- the hand: where it points, who presses (a pointer's id, 'key', or null), how deep
@@ -237,14 +173,16 @@ function aim(event) {
 }
 
 picture.addEventListener('pointerdown', (event) => {
-    if (event.button !== 0 || hand.holder !== null) return;
+    if (hand.holder !== null) return;
+    if (event.button === 2 || (event.button === 0 && event.shiftKey)) return beginOrbit(event);
+    if (event.button !== 0) return;
     picture.setPointerCapture(event.pointerId);
     aim(event);
     hand.from_y = event.clientY;
     press(event.pointerId);
 });
 picture.addEventListener('pointermove', (event) => {
-    if (hand.holder !== null || !event.isPrimary) return;
+    if (hand.holder !== null || !event.isPrimary || orbit.pointer !== null) return;
     aim(event);
     tellSoon();
 });
@@ -271,7 +209,8 @@ const DEEPER = { '+': 1, '=': 1, PageDown: 1, '-': -1, PageUp: -1 };
 picture.addEventListener('keydown', (event) => {
     const { key } = event;
     if (event.ctrlKey || event.altKey || event.metaKey) return;
-    if (ARROWS[key] && hand.holder === null) {
+    if (ARROWS[key] && event.shiftKey) turn(-6 * ARROWS[key][0], -4 * ARROWS[key][1]);
+    else if (ARROWS[key] && hand.holder === null) {
         hand.u = clamp(hand.u + ARROWS[key][0] * KEY_STEP, 0, 1);
         hand.v = clamp(hand.v + ARROWS[key][1] * KEY_STEP, 0, 1);
         tellSoon();
@@ -279,13 +218,12 @@ picture.addEventListener('keydown', (event) => {
     else if (key === ' ' || key === 'Enter') press('key');
     else if (key === 'Escape') letGo();
     else if (key === 'r' || key === 'R') $('reset').click();
+    else if (key === 'u' || key === 'U') $('undo').click();
     else if (!ARROWS[key]) return;
     event.preventDefault();
 });
 picture.addEventListener('keyup', ({ key }) => { if ([' ', 'Enter'].includes(key) && hand.holder === 'key') letGo(); });
 slider.addEventListener('input', () => setDepth(Number(slider.value), 0));
-$('reset').addEventListener('click', () => { letGo(); send(RESET, 0); });
 setInterval(() => { if (hand.holder !== null) sayPointer(); }, REPEAT_MS); // silence lets go, over there
-window.addEventListener('resize', drawTrace);
 window.addEventListener('hashchange', () => location.reload());
 connect();

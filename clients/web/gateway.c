@@ -19,24 +19,28 @@ enum {
     FULL = 4429
 }; // WebSocket close codes; from 4000 on they are ours
 
-// The three files are part of the program: nothing to find at run time, nothing that a page could ask for beside them.
+// The files are part of the program: nothing to find at run time, nothing that a page could ask for beside them.
 #define EMBED(name, file)                                                                                              \
     extern const char name[], name##_end[];                                                                            \
     __asm__(".section .rodata\n" #name ": .incbin \"" KN_WEB_DIR "/" file "\"\n" #name "_end: .byte 0\n.previous\n")
 EMBED(page_html, "page.html");
 EMBED(app_js, "app.js");
+EMBED(panels_js, "panels.js");
+EMBED(trace_js, "trace.js");
 EMBED(style_css, "style.css");
 
 static const struct {
     const char *path, *type, *begin, *end;
 } files[] = {{"/", "text/html; charset=utf-8", page_html, page_html_end},
              {"/app.js", "text/javascript; charset=utf-8", app_js, app_js_end},
+             {"/panels.js", "text/javascript; charset=utf-8", panels_js, panels_js_end},
+             {"/trace.js", "text/javascript; charset=utf-8", trace_js, trace_js_end},
              {"/style.css", "text/css; charset=utf-8", style_css, style_css_end}};
 
 typedef struct session { // libwebsockets keeps one per connection
     int page;            // -1: the token has not been shown
     size_t length;
-    uint8_t message[KN_GATEWAY_TOKEN];
+    uint8_t message[KN_REQUEST_MAX];
     bool closing;        // nothing may be written after the reason: it would end the connection before it is sent
 } session;
 
@@ -74,6 +78,35 @@ static int refuse(kn_gateway *g, struct lws *wsi, unsigned status, const char *w
     return answer(wsi, status, "text/plain; charset=utf-8", why, strlen(why));
 }
 
+// Of every character, so that the time it takes tells nothing of the right ones.
+static bool is_token(const kn_gateway *g, const uint8_t *shown)
+{
+    unsigned differ = 0;
+    for (size_t i = 0; i < KN_GATEWAY_TOKEN; i++) differ |= (unsigned)(shown[i] ^ (uint8_t)g->token[i]);
+    return differ == 0;
+}
+
+// A download: whoever asks has shown the token in a header, which no page of another origin can send unasked.
+static int hand_out(kn_gateway *g, struct lws *wsi, const char *name)
+{
+    static const char scheme[] = "Bearer ";
+    char shown[sizeof scheme + KN_GATEWAY_TOKEN], type[] = "application/octet-stream";
+    kn_web_file file = {.type = type};
+    if (lws_hdr_total_length(wsi, WSI_TOKEN_ORIGIN) > 0 && !header_is(wsi, WSI_TOKEN_ORIGIN, g->origin))
+        return refuse(g, wsi, 403, "wrong Origin: open the address that knead web printed");
+    if (lws_hdr_copy(wsi, shown, sizeof shown, WSI_TOKEN_HTTP_AUTHORIZATION) != (int)sizeof shown - 1 ||
+        strncmp(shown, scheme, sizeof scheme - 1) != 0 || !is_token(g, (const uint8_t *)shown + sizeof scheme - 1))
+        return refuse(g, wsi, 401, "wrong token: expected Authorization: Bearer and the token of the address");
+    if (!g->fetch(g->arg, name, &file)) return refuse(g, wsi, 404, "no such download");
+    if (file.path[0]) { // sent in pieces, on which this callback is not asked again
+        int sent = lws_serve_http_file(wsi, file.path, file.type, NULL, 0);
+        return sent < 0 || (sent > 0 && lws_http_transaction_completed(wsi)) ? -1 : 0;
+    }
+    int result = answer(wsi, 200, file.type, file.bytes, file.size);
+    free(file.bytes);
+    return result;
+}
+
 static int serve(kn_gateway *g, struct lws *wsi, const char *path)
 {
     if (!header_is(wsi, WSI_TOKEN_HOST, g->origin + 7))
@@ -82,6 +115,7 @@ static int serve(kn_gateway *g, struct lws *wsi, const char *path)
     for (size_t i = 0; i < sizeof files / sizeof *files; i++)
         if (strcmp(path, files[i].path) == 0)
             return answer(wsi, 200, files[i].type, files[i].begin, (size_t)(files[i].end - files[i].begin));
+    if (strncmp(path, "/get/", 5) == 0) return hand_out(g, wsi, path + 5);
     return refuse(g, wsi, 404, "no such file");
 }
 
@@ -107,9 +141,8 @@ static int hang_up(kn_gateway *g, struct lws *wsi, int code, const char *why)
 
 static int admit(kn_gateway *g, struct lws *wsi, session *s)
 {
-    unsigned differ = s->length != KN_GATEWAY_TOKEN || lws_frame_is_binary(wsi);
-    for (size_t i = 0; i < KN_GATEWAY_TOKEN; i++) differ |= (unsigned)(s->message[i] ^ (uint8_t)g->token[i]);
-    if (differ) return hang_up(g, wsi, UNKNOWN, "wrong token: open the address that knead web printed");
+    if (s->length != KN_GATEWAY_TOKEN || lws_frame_is_binary(wsi) || !is_token(g, s->message))
+        return hang_up(g, wsi, UNKNOWN, "wrong token: open the address that knead web printed");
     for (int i = 0; i < KN_GATEWAY_PAGES; i++) {
         if (g->page[i].wsi) continue;
         g->page[i] = (kn_web_page){.wsi = wsi, .news = true};
@@ -137,15 +170,24 @@ static int take(kn_gateway *g, struct lws *wsi, session *s)
     const uint8_t *b = s->message;
     kn_web_page *page = &g->page[s->page];
     kn_web_message m = {.number = u32(b), .kind = b[4], .pressed = b[5]};
-    if (!lws_frame_is_binary(wsi) || s->length != 20)
-        return hang_up(g, wsi, PROTOCOL, "malformed message: expected 20 bytes, binary");
-    if (m.kind < KN_WEB_POINTER || m.kind > KN_WEB_RESET)
+    if (s->length != 20) return hang_up(g, wsi, PROTOCOL, "malformed message: expected 20 bytes, or JSON as text");
+    if (m.kind < KN_WEB_POINTER || m.kind > KN_WEB_SEEN)
         return hang_up(g, wsi, PROTOCOL, "malformed message: no such kind");
     if (b[5] > 1 || !f32(b + 8, 1, &m.u) || !f32(b + 12, 1, &m.v) || !f32(b + 16, 0.1f, &m.depth_m))
         return hang_up(g, wsi, PROTOCOL, "malformed message: expected a pointer of 0..1 and a depth of 0..0.1 m");
-    if (m.kind != KN_WEB_SEEN) g->on_message(g->arg, s->page, &m);
+    if (m.kind == KN_WEB_POINTER) g->on_message(g->arg, s->page, &m);
     else if (m.number - page->seen <= page->sent - page->seen) page->seen = m.number;
     if (page->news) lws_callback_on_writable(wsi);
+    return 0;
+}
+
+static int take_words(kn_gateway *g, struct lws *wsi, const session *s)
+{
+    char why[120]; // a close reason has room for 123
+    kn_request request;
+    if (!kn_request_parse(&request, (const char *)s->message, s->length, why, sizeof why))
+        return hang_up(g, wsi, PROTOCOL, why);
+    g->on_request(g->arg, s->page, &request);
     return 0;
 }
 
@@ -153,11 +195,14 @@ static int take(kn_gateway *g, struct lws *wsi, session *s)
 static int receive(kn_gateway *g, struct lws *wsi, session *s, const void *bytes, size_t size)
 {
     if (lws_is_first_fragment(wsi)) s->length = 0;
-    if (size > sizeof s->message - s->length) return hang_up(g, wsi, TOO_BIG, "too large a message: expected 20 bytes");
+    size_t most = s->page >= 0 && !lws_frame_is_binary(wsi) ? KN_REQUEST_MAX : KN_GATEWAY_TOKEN;
+    if (size > most - s->length)
+        return hang_up(g, wsi, TOO_BIG, "too large a message: expected 20 bytes, or 256 of JSON as text");
     memcpy(s->message + s->length, bytes, size);
     s->length += size;
     if (!lws_is_final_fragment(wsi)) return 0;
-    return s->page < 0 ? admit(g, wsi, s) : take(g, wsi, s);
+    if (s->page < 0) return admit(g, wsi, s);
+    return lws_frame_is_binary(wsi) ? take(g, wsi, s) : take_words(g, wsi, s);
 }
 
 static bool room(const kn_web_page *p) { return p->wsi && p->sent - p->seen < KN_GATEWAY_IN_FLIGHT; }
@@ -180,6 +225,7 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
     case LWS_CALLBACK_WSI_CREATE: return g->connections++, 0;
     case LWS_CALLBACK_WSI_DESTROY: return g->connections--, 0;
     case LWS_CALLBACK_HTTP: return serve(g, wsi, in);
+    case LWS_CALLBACK_HTTP_FILE_COMPLETION: return lws_http_transaction_completed(wsi) ? -1 : 0;
     case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE: return confirm(g, wsi);
     case LWS_CALLBACK_ESTABLISHED:
         s->page = -1;
@@ -246,9 +292,10 @@ static bool make_address(kn_gateway *g)
 bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, int port, int fd, size_t largest, char *error,
                      size_t error_size)
 {
-    static const struct lws_protocols protocols[] = {{"http", on_event, sizeof(session), 64, 0, NULL, AT_ONCE},
-                                                     {"knead", on_event, sizeof(session), 64, 0, NULL, AT_ONCE},
-                                                     {NULL, NULL, 0, 0, 0, NULL, 0}};
+    static const struct lws_protocols protocols[] = {
+        {"http", on_event, sizeof(session), KN_REQUEST_MAX, 0, NULL, AT_ONCE},
+        {"knead", on_event, sizeof(session), KN_REQUEST_MAX, 0, NULL, AT_ONCE},
+        {NULL, NULL, 0, 0, 0, NULL, 0}};
     void *loops[1] = {ev};
     struct lws_context_creation_info info = {
         .port = CONTEXT_PORT_NO_LISTEN_SERVER, .protocols = protocols, .user = g, .foreign_loops = loops,

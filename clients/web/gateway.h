@@ -1,14 +1,17 @@
 #ifndef KN_CLIENTS_GATEWAY_H
 #define KN_CLIENTS_GATEWAY_H
-// The page's way in and out: HTTP for three files, one WebSocket per page, libwebsockets on the caller's libev loop.
+// The page's way in and out: HTTP for the page and for downloads, one WebSocket per page, libwebsockets on the
+// caller's libev loop.
 //
-//     browser -- token -->  gateway  -- what the page wants -->  on_message        wire: README.md of this folder
+//     browser -- token -->  gateway  -- where it points, what it asks -->  on_message, on_request     wire: README.md
 //             <- state and picture --  write(page, ...)    <--  whoever has news: kn_gateway_news
+//             -- GET, with the token in a header -->  fetch  -- a file, or bytes
 //
 // Only 127.0.0.1 is listened on, by a socket that is bound here and read back (libwebsockets 4.1 ignores an interface
 // given as an address and listens on all of them). The page must come from there (Origin, Host) and must know the
 // token, so that no other page and no other user of this machine gets at the tool. Whoever is refused is told why, in
 // words.
+#include "clients/web/request.h"
 #include <ev.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -18,7 +21,7 @@
 #define KN_GATEWAY_TOKEN 32 // hex digits
 #define KN_GATEWAY_IN_FLIGHT 2 // messages a page has not acknowledged: more would be an old picture waiting in a buffer
 
-typedef enum kn_web_kind { KN_WEB_POINTER = 1, KN_WEB_SEEN, KN_WEB_RESET } kn_web_kind;
+typedef enum kn_web_kind { KN_WEB_POINTER = 1, KN_WEB_SEEN } kn_web_kind;
 
 typedef struct kn_web_message { // checked: finite, u v 0..1, depth_m 0..0.1
     kn_web_kind kind;
@@ -34,16 +37,27 @@ typedef struct kn_web_page { // one that has shown the token
     uint32_t event;      // the last pointer event
     int64_t pointed_ms;  // when; CLOCK_MONOTONIC
     uint64_t told;       // samples of the force it has been told
+    int about;           // what it has been told of the object, the caller's number of that
     struct lws *wsi;     // NULL: free
 } kn_web_page;
+
+typedef struct kn_web_file { // a download
+    const char *type;  // MIME
+    char path[128];    // of a file; "": bytes instead
+    char *bytes;       // malloc'ed, the gateway's from then on
+    size_t size;
+} kn_web_file;
 
 typedef struct kn_gateway {
     char address[96];    // http://127.0.0.1:PORT/#TOKEN
     kn_web_page page[KN_GATEWAY_PAGES];
     int64_t refused;
     // the caller's
-    void (*on_message)(void *arg, int page, const kn_web_message *message);
+    void (*on_message)(void *arg, int page, const kn_web_message *message); // of POINTER
+    void (*on_request)(void *arg, int page, const kn_request *request);
     void (*on_gone)(void *arg, int page);
+    // Of a path that begins with "/get/", without that. False: there is no such thing.
+    bool (*fetch)(void *arg, const char *name, kn_web_file *file);
     // Fills the next message of a page: at most size bytes.
     size_t (*write)(void *arg, int page, uint8_t *bytes, size_t size);
     void *arg;

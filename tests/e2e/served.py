@@ -29,8 +29,10 @@ class Served:
     """kneadd on a scene of the source tree, and knead web beside it, joined by its control socket."""
 
     def __init__(self, scene, *options):
-        self.serve(scene, ["--control", "control"])
-        self.web = self.start("web", ["knead", "web", "--control", "control", *options], "http://")
+        os.makedirs("state", exist_ok=True)
+        self.serve(scene, ["--control", "control", "--state-dir", "state", "--touch"])
+        scenes = f"{os.environ['KN_SOURCE']}/core/scenes"
+        self.web = self.start("web", ["knead", "web", "--control", "control", "--scenes", scenes, *options], "http://")
         self.address = next(word for word in open("web.log").read().split() if word.startswith("http://"))
         self.port = int(self.address.split(":")[2].split("/")[0])
         self.token = self.address.split("#")[1]

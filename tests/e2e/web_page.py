@@ -1,10 +1,13 @@
 # The live page, as who visits it has it. Driven by test_web.sh.
+import json
 import os
+import subprocess
 import sys
 import time
 from served import Browser, Bus, Served, check, until
 import served as results
 
+ARTEFACTS = os.environ.get("KN_ARTEFACTS", os.environ["KN_BUILD"] + "/tests")
 TOP = (0.5, 0.4)  # of the picture: on the top of the block
 
 # What must be legible against what it is on (WCAG 2.1 AA), for whatever is shown.
@@ -67,7 +70,7 @@ def by_mouse(page, bus):
     for i in range(6):
         page.mouse("Moved", page.x, page.y + 5)
     check("dragged down, it goes deeper", until(lambda: page.now()["depth_mm"] > 7.7), page.now())
-    page.screenshot(os.environ.get("KN_ARTEFACTS", os.environ["KN_BUILD"] + "/tests") + "/web.png")
+    page.screenshot(ARTEFACTS + "/web.png")
     page.devtools("Input.dispatchMouseEvent", type="mouseWheel", x=page.x, y=page.y, deltaX=0, deltaY=200, buttons=1)
     check("so it does by the wheel", until(lambda: page.now()["depth_mm"] > 8.7), page.now())
     page.mouse("Moved", 2, 2)  # out of the picture
@@ -115,20 +118,155 @@ def by_finger(page, bus):
     pressed(page, bus, "finger", lambda: touch("touchStart", {"x": x, "y": y}), lambda: touch("touchEnd"))
 
 
+def ctl(*words):
+    return json.loads(subprocess.run(["knead", "ctl", "--control", "control", "--json", *words],
+                                     capture_output=True, text=True).stdout or "{}")
+
+
+def click(page, id):
+    page.run("document.getElementById(arguments[0]).click()", id)
+
+
+def said(page, words):  # the answer to the last order
+    return until(lambda: words in page.text("said"))
+
+
+def ready(page):
+    page.hover(*TOP)
+    return page.now()["status"].startswith("ready")
+
+
+def dent(page, bus):  # a press from the page; how deep it stays
+    page.hover(*TOP)
+    until(lambda: page.now()["status"].startswith("ready"))
+    page.press(*TOP)
+    until(lambda: page.now()["depth_mm"] > 4.7)
+    page.release()
+    until(lambda: page.now()["force_n"] == 0 and not page.now()["contact"])
+    time.sleep(0.7)
+    return bus.dent_mm()
+
+
+def by_operator(page, bus):
+    deep = dent(page, bus)
+    click(page, "undo")
+    check("undo: the dent is gone", said(page, "Undone") and until(lambda: bus.dent_mm() < deep / 4), deep,
+          bus.dent_mm(), page.text("said"))
+    deep = dent(page, bus)
+    click(page, "snapshot")
+    check("snapshot: on disk, by its number", said(page, "is on disk"), page.text("said"))
+    click(page, "reset")
+    check("reset: as new", said(page, "as new") and until(lambda: bus.dent_mm() < 0.01), page.text("said"))
+    click(page, "restore")
+    check("restore: the dent is back", said(page, "as in snapshot") and until(lambda: bus.dent_mm() > 0.7 * deep), deep,
+          bus.dent_mm(), page.text("said"))
+    page.hover(*TOP)
+    until(lambda: page.now()["status"].startswith("ready"))
+    page.press(*TOP)
+    until(lambda: page.now()["force_n"] > 0.5)
+    click(page, "estop")
+    check("emergency stop in a press: no force, and it is said",
+          said(page, "Stopped") and until(lambda: bus.force_n == 0), bus.force_n, page.text("said"))
+    check("then the page offers the way back", until(lambda: page.run("return !recover.hidden && estop.hidden")))
+    page.release()
+    click(page, "recover")
+    check("recover: it may be pressed again",
+          said(page, "Recovered") and until(lambda: ready(page), 15), page.text("said"), page.now()["status"])
+    click(page, "reset")
+    said(page, "as new")
+
+
+def by_material(page):
+    page.run("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+    before = page.run("return about.material.k1")
+    page.run("""const s = document.getElementById('m-k1');
+        s.value = 30; s.dispatchEvent(new Event('input')); s.dispatchEvent(new Event('change'));""")
+    check("a slider: taken, with what the object stores", said(page, "Taken"), page.text("said"))
+    wanted = before * 10 ** 0.3
+    check("kneadd's spring is what the slider says", any(abs(float(s.split("=")[1].split()[0]) / wanted - 1) < 1e-3
+                                                         for s in ctl("status")["set"] if s.startswith("material.k1=")),
+          ctl("status").get("set"), wanted)
+    check("and the page shows it", until(lambda: abs(page.run("return about.material.k1") / wanted - 1) < 1e-3))
+    page.devtools("Browser.setDownloadBehavior", behavior="allow", downloadPath=os.getcwd() + "/saved")
+    for id, name in ("save-material", "dough-small-material.yaml"), ("save-scene", "dough-small-served.yaml"):
+        click(page, id)
+        check(f"{name} is saved", until(lambda: os.path.exists("saved/" + name)), os.listdir("."))
+    scene = f"{os.environ['KN_SOURCE']}/core/scenes/dough.yaml"
+    for words in [scene, "--set", "material=saved/dough-small-material.yaml"], ["saved/dough-small-served.yaml"]:
+        told = subprocess.run(["knead", "check", *words, "--text"], capture_output=True, text=True)
+        k1 = next((float(line.split()[1]) for line in told.stdout.splitlines() if line.startswith("  k1:")), 0)
+        check("what was saved loads, with that spring", abs(k1 / wanted - 1) < 1e-3, told.stderr, k1, wanted)
+    choose = lambda id, name: page.run("""const s = document.getElementById(arguments[0]);
+        s.value = arguments[1]; s.dispatchEvent(new Event('change'));""", id, name)
+    choose("material", "liver")
+    check("a material that the object cannot go on in: refused in kneadd's words",
+          said(page, "a damper where there was none"), page.text("said"))
+    choose("material", "dough")
+    check("one that it can go on in: taken", said(page, "Taken") and
+          until(lambda: abs(page.run("return about.material.k1") / before - 1) < 1e-3), page.text("said"), before)
+    choose("scene", "dough.yaml")
+    check("another scene: served, and shown", until(lambda: page.text("names").startswith("dough.yaml"), 20),
+          page.text("names"), page.text("said"))
+    until(lambda: "quality" in ctl("status"))
+    choose("quality", "fast")
+    check("quality: fast", until(lambda: ctl("status")["quality"]["in_force"] == "fast"), ctl("status")["quality"])
+    check("the page shows it", until(lambda: page.run("return document.getElementById('quality').value") == "fast"))
+    choose("scene", "dough-small.yaml")
+    check("and back", until(lambda: page.text("names").startswith("dough-small.yaml"), 20), page.text("names"))
+    check("ready to be pressed",
+          until(lambda: ready(page), 20), page.now()["status"])
+
+
+def by_view(page, bus):
+    page.keep("corner")
+    click_view = lambda name: page.run("""[...document.querySelectorAll('[data-view]')]
+        .find((b) => b.textContent === arguments[0]).click()""", name)
+    click_view("Top")
+    check("from above: another picture", until(lambda: (page.keep("top"), page.changed("corner", "top") > 20000)[1]))
+    before = bus.dent_mm()
+    page.hover(0.5, 0.5)
+    time.sleep(1)
+    page.press(0.5, 0.5)
+    check("the pointer presses what it points at from there, too",
+          until(lambda: page.now()["force_n"] > 0.5 and bus.dent_mm() > before + 1), page.now(), bus.dent_mm())
+    page.release()
+    click_view("Corner")
+    page.mouse("Pressed", *page.place(0.5, 0.5), button="right", held=2)
+    for _ in range(5):
+        page.mouse("Moved", page.x + 20, page.y, held=2)
+    page.mouse("Released", page.x, page.y, button="right", held=0)
+    check("the right button turns it", until(lambda: abs(page.run("return about.view.azimuth") + 12) < 1),
+          page.run("return about.view"))
+    page.run("document.getElementById('picture').focus()")
+    page.devtools("Input.dispatchKeyEvent", type="keyDown", key="ArrowLeft", code="ArrowLeft", modifiers=8)
+    check("so do Shift and an arrow", until(lambda: abs(page.run("return about.view.azimuth") + 6) < 1),
+          page.run("return about.view"))
+    click_view("Corner")
+    until(lambda: page.run("return about.view.azimuth") == 28)
+    click(page, "reset")
+
+
 def looks(page):
+    page.run("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+    page.run("window.scrollTo(0, 0)")
     for scheme in "light", "dark":
         page.devtools("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
         least = page.run(CONTRAST)[0]
         check(f"{scheme}: everything is legible", least[0] >= 4.5, least)
-    for width in 360, 1600:
+    for width in 360, 640, 1600: # 640: 1280 at 200 % zoom
         page.devtools("Emulation.setDeviceMetricsOverride", width=width, height=800, deviceScaleFactor=1,
                       mobile=width < 500)
+        for scheme in "light", "dark":
+            page.devtools("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+            time.sleep(0.3)
+            page.screenshot(f"{ARTEFACTS}/web-{scheme}-{width}.png")
         wide = page.run("return document.documentElement.scrollWidth")
         check(f"{width} px: nothing is cut off", wide <= width, wide)
     page.devtools("Emulation.clearDeviceMetricsOverride")
-    unnamed = page.run("""return [...document.querySelectorAll('input, button')]
-        .filter((e) => !e.labels[0] && !e.textContent).length""")
-    check("every control has a label", unnamed == 0, unnamed)
+    unnamed = page.run("""return [...document.querySelectorAll('input, button, select, canvas')]
+        .filter((e) => !e.labels?.[0] && !(e.localName === 'button' && e.textContent) && !e.ariaLabel)
+        .map((e) => e.id)""")
+    check("every control and picture has a name", unnamed == [], unnamed)
 
 
 def two_tabs(page, bus, address):
@@ -175,6 +313,9 @@ def main():
     by_mouse(page, bus)
     by_keys(page, bus)
     by_finger(page, bus)
+    by_operator(page, bus)
+    by_view(page, bus)
+    by_material(page)
     looks(page)
     two_tabs(page, bus, server.address)
     check("a clean console", not (log := page.complaints()), log)

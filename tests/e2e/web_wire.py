@@ -11,7 +11,7 @@ from served import Bus, Served, check, until
 import served as results
 
 TEXT, BINARY, CLOSE = 1, 2, 8
-POINTER, SEEN, RESET = 1, 2, 3
+POINTER, SEEN = 1, 2
 
 
 def message(kind, number=1, pressed=0, u=0.5, v=0.4, depth_m=0.005):
@@ -92,6 +92,13 @@ class Wire:
         self.number += 1
         self.send(BINARY, message(POINTER, self.number, **where))
 
+    def ask(self, do, id=1, **fields):  # {"ok", "words"}; None: hung up
+        self.send(TEXT, json.dumps({"id": id, "do": do, **fields}).encode())
+        while (now := self.state()[0]) is not None:
+            for answer in now["answers"]:
+                if answer["id"] == id:
+                    return answer
+
     def closed(self):  # (code, words) of how it was closed, after whatever came before
         while got := self.receive():
             if got[0] == CLOSE:
@@ -148,7 +155,8 @@ def files(server):
         head, _, body = got.partition(b"\r\n\r\n")
         return int(head.split()[1]), head.decode().lower(), body
 
-    for path, name in ("/", "page.html"), ("/app.js", "app.js"), ("/style.css", "style.css"):
+    for path, name in ("/", "page.html"), ("/app.js", "app.js"), ("/panels.js", "panels.js"), \
+            ("/trace.js", "trace.js"), ("/style.css", "style.css"):
         status, head, body = get(path)
         same = body == open(f"{os.environ['KN_SOURCE']}/clients/web/{name}", "rb").read()
         check(f"{path} is {name}, under a policy that lets nothing else in",
@@ -196,7 +204,21 @@ def bad_messages(server):
             ("7 bytes", lambda w: w.send(BINARY, b"1234567"), 1002, "expected 20 bytes"),
             ("no bytes", lambda w: w.send(BINARY, b""), 1002, "expected 20 bytes"),
             ("21 bytes", lambda w: w.send(BINARY, bytes(21)), 1002, "expected 20 bytes"),
-            ("a text", lambda w: w.send(TEXT, b"x" * 20), 1002, "binary"),
+            ("a text that is no JSON", lambda w: w.send(TEXT, b"x" * 20), 1002, "JSON object"),
+            ("no object", lambda w: w.send(TEXT, b"[1]"), 1002, "JSON object"),
+            ("the same field twice", lambda w: w.send(TEXT, b'{"id":1,"id":2,"do":"undo"}'), 1002, "JSON object"),
+            ("256 brackets", lambda w: w.send(TEXT, b"[" * 256), 1002, "JSON object"),
+            ("no id", lambda w: w.send(TEXT, b'{"do":"undo"}'), 1002, "id"),
+            ("an unknown verb", lambda w: w.send(TEXT, b'{"id":1,"do":"stop kneadd"}'), 1002, "do"),
+            ("a field that the verb has not", lambda w: w.send(TEXT, b'{"id":1,"do":"undo","name":"x"}'), 1002,
+             "other"),
+            ("a path for a name", lambda w: w.send(TEXT, b'{"id":1,"do":"scene","name":"../../etc/passwd"}'), 1002,
+             "name"),
+            ("a value that is no number", lambda w: w.send(TEXT, b'{"id":1,"do":"set","name":"k1","value":"1"}'), 1002,
+             "value"),
+            ("a value that is infinite", lambda w: w.send(TEXT, b'{"id":1,"do":"set","name":"k1","value":1e999}'), 1002,
+             ""),
+            ("a text of 257 bytes", lambda w: w.send(TEXT, b" " * 257), 1009, "too large"),
             ("an unknown kind", lambda w: w.send(BINARY, message(9)), 1002, "kind"),
             ("half pressed", lambda w: w.send(BINARY, message(POINTER, pressed=2)), 1002, "0..1"),
             ("u not a number", lambda w: w.send(BINARY, message(POINTER, u=nan)), 1002, "0..1"),
@@ -226,6 +248,52 @@ def bad_messages(server):
     wire.close()
 
 
+def requests(server):
+    wire = Wire(server)
+    wire.state()
+    for do, fields, words in [
+            ("scene", {"name": "nosuch.yaml"}, "no such name"), ("material", {"name": "gold"}, "no such name"),
+            ("set", {"name": "k9", "value": 1}, "no such name"), ("quality", {"name": "best"}, "expected"),
+            ("set", {"name": "k1", "value": -1}, "expected")]:
+        answer = wire.ask(do, **fields)
+        check(f"{do} {fields}: refused in words", answer and not answer["ok"] and words in answer["words"], answer)
+    for i in range(40):
+        wire.send(TEXT, json.dumps({"id": 100 + i, "do": "undo"}).encode())
+    answers = {}
+    while len(answers) < 16 and (now := wire.state()[0]):
+        answers.update((a["id"], a["words"]) for a in now["answers"])
+    check("forty at once: answered, those that are too many in words", any("busy" in w for w in answers.values()),
+          answers)
+    check("and the page goes on", wire.state()[0] is not None)
+    wire.close()
+
+
+def downloads(server):
+    def get(path, token=None, *headers):
+        with socket.create_connection(("127.0.0.1", server.port), timeout=10) as s:
+            lines = [f"GET {path} HTTP/1.1", f"Host: 127.0.0.1:{server.port}", "Connection: close", *headers]
+            lines += [f"Authorization: Bearer {token}"] if token else []
+            s.sendall("\r\n".join(lines + ["", ""]).encode())
+            got = b""
+            while more := s.recv(65536):
+                got += more
+        head, _, body = got.partition(b"\r\n\r\n")
+        return int(head.split()[1]), body
+
+    status, body = get("/get/material.yaml", server.token)
+    check("a download with the token", status == 200 and b"\nmaterial:\n  k1: " in body and b"density: " in body,
+          status, body)
+    for sentence, token, headers, wanted in [
+            ("no token", None, [], 401), ("a wrong token", "0" * 32, [], 401),
+            ("a short one", server.token[:31], [], 401), ("a long one", server.token + "0", [], 401),
+            ("another origin", server.token, ["Origin: http://evil.example"], 403)]:
+        status, body = get("/get/material.yaml", token, *headers)
+        check(f"a download with {sentence}: refused", status == wanted and b"material" not in body, status, body)
+    for path in "/get/", "/get/../../../../etc/passwd", "/get/%2e%2e%2fetc%2fpasswd", "/get/recording/1/../../x":
+        status, body = get(path, server.token)
+        check(f"{path}: no such download", status in (400, 403, 404) and b"root:" not in body, status, body)
+
+
 def slow(server, bus):
     wire, before = Wire(server), server.memory_kb()
     wire.state(see=False)
@@ -253,10 +321,10 @@ def crowds(server, page):
             break
     more = [Wire(server) for _ in range(3)]
     check("four pages at once are served", all(wire.state()[0] for wire in more))
-    fifth = Wire(server)
-    code, words = fifth.closed()
-    check("the fifth is told", code == 4429 and "four pages" in words, code, words)
-    for wire in [*more, fifth]:
+    beyond = [Wire(server) for _ in range(6)]
+    told = [wire.closed() for wire in beyond]
+    check("six more are told", all(code == 4429 and "four pages" in words for code, words in told), told)
+    for wire in [*more, *beyond]:
         wire.close()
     idle = [socket.create_connection(("127.0.0.1", server.port), timeout=10) for _ in range(100)]
     frames = page.frames
@@ -284,8 +352,8 @@ def dead_man(server, bus):
     dent = bus.dent_mm()
     time.sleep(0.5)
     check("the dent stays", dent > 0.5 and bus.dent_mm() > 0.5, dent, bus.dent_mm())
-    wire.send(BINARY, message(RESET, 0))
-    check("reset: as new", until(lambda: bus.dent_mm() < 0.01), bus.dent_mm())
+    answer = wire.ask("reset")
+    check("reset: as new", answer["ok"] and until(lambda: bus.dent_mm() < 0.01), bus.dent_mm())
     wire.close()
 
 
@@ -346,7 +414,8 @@ def main():
     until(lambda: page.pictures > 10)
     frames, begin, calm, storm = page.frames, time.monotonic(), [0, 0], [0, 0]
     for trouble in ((lambda: files(server)), (lambda: refusals(server)), (lambda: bad_messages(server)),
-                    (lambda: crowds(server, page)), (lambda: slow(server, bus))):
+                    (lambda: requests(server)), (lambda: downloads(server)), (lambda: crowds(server, page)),
+                    (lambda: slow(server, bus))):
         # in turns, since a machine's other work comes and goes
         for total, during in (calm, lambda: time.sleep(3)), (storm, trouble):
             total[:] = map(sum, zip(total, spoilt(bus, during)))

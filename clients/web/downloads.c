@@ -1,0 +1,56 @@
+// What a page may download: made of what is served now, never of a name that a page has said.
+#include "clients/web/web.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+// The block that begins with `head`, of a scene's text, up to the next one; it ends before its newline's successor.
+static size_t block_of(const char *text, const char *head, const char **begin)
+{
+    *begin = strncmp(text, head, strlen(head)) == 0 ? text : NULL;
+    if (!*begin) {
+        char after_newline[64];
+        snprintf(after_newline, sizeof after_newline, "\n%s", head);
+        *begin = strstr(text, after_newline);
+        if (!*begin) return 0;
+        ++*begin;
+    }
+    const char *end = strchr(*begin, '\n');
+    while (end && (end[1] == ' ' || end[1] == '#')) end = strchr(end + 1, '\n');
+    return end ? (size_t)(end + 1 - *begin) : strlen(*begin);
+}
+
+// The material as it is served, as a file for `material: FILE.yaml`.
+static bool material(const kn_web *w, kn_web_file *file)
+{
+    const char *text = w->live.scene ? w->live.scene->text : NULL, *part, *weight;
+    size_t size = text ? block_of(text, "material:", &part) : 0, more = text ? block_of(text, "density:", &weight) : 0;
+    if (size == 0 || more == 0) return false;
+    char head[256];
+    int n = snprintf(head, sizeof head, "# As it was served in %s. In a scene: `material: FILE.yaml`, beside it.\n",
+                     w->live.scene->name);
+    file->type = "application/yaml; charset=utf-8";
+    file->size = (size_t)n + size + more;
+    file->bytes = malloc(file->size);
+    if (!file->bytes) return false;
+    memcpy(file->bytes, head, (size_t)n);
+    memcpy(file->bytes + n, part, size);
+    memcpy(file->bytes + n + size, weight, more);
+    return true;
+}
+
+static bool scene(const kn_web *w, kn_web_file *file)
+{
+    file->type = "application/yaml; charset=utf-8";
+    file->bytes = w->live.scene ? strdup(w->live.scene->text) : NULL;
+    file->size = file->bytes ? strlen(file->bytes) : 0;
+    return file->bytes;
+}
+
+bool kn_web_fetch(void *self, const char *name, kn_web_file *file)
+{
+    kn_web *w = self;
+    if (strcmp(name, "material.yaml") == 0) return material(w, file);
+    if (strcmp(name, "scene.yaml") == 0) return scene(w, file);
+    return false;
+}

@@ -1,0 +1,153 @@
+// The tool in a page's hand: which one it is, who has it, what it wants of the device's thread.
+#include "clients/knead/foot.h"
+#include "clients/web/web.h"
+#include "server/clock.h"
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/random.h>
+
+#define IDLE_MS 2000 // after so long another page may take the tool
+
+static kn_hand_out move(void *self, const kn_hand_force *force, int elapsed_ms) // in the device's thread
+{
+    kn_web *w = self;
+    bool fresh;
+    kn_pointer_wish wish = *(const kn_pointer_wish *)kn_mailbox_latest(&w->wishes, &fresh);
+    w->stale_ms = fresh ? 0 : w->stale_ms + elapsed_ms; // one comes every 100 ms, unless the main thread stands still
+    wish.stale = w->stale_ms > KN_WEB_LET_GO_MS;
+    kn_hand_out out = kn_pointer_tick(&w->pointer, &wish, force, elapsed_ms);
+    kn_web_sample sample = {.news = w->pointer.news, .work_mj = NAN, .round_trip_ms = NAN};
+    if (force && force->session == w->pointer.session) {
+        sample.work_mj = (float)(1e3 * force->energy_j);
+        sample.round_trip_ms = (float)(1e-6 * (double)(kn_now_ns() - force->sent_ns));
+    }
+    kn_ring_push(&w->samples, &sample); // a full one loses trace, nothing else
+    return out;
+}
+
+void kn_web_post_wish(kn_web *w)
+{
+    w->wish.held = kn_gateway_pages(&w->gateway) > 0 && w->moving && w->wish.hover_z_m > 0;
+    w->wish.pressed = w->button == KN_BUTTON_PRESSES;
+    *(kn_pointer_wish *)kn_mailbox_back(&w->wishes) = w->wish;
+    kn_mailbox_post(&w->wishes);
+}
+
+void kn_web_take_samples(kn_web *w)
+{
+    for (const kn_web_sample *s; (s = kn_ring_front(&w->samples)); kn_ring_pop(&w->samples)) {
+        const kn_pointer_news *n = &s->news;
+        if (n->event && n->event != w->news.event) w->event[n->event % KN_WEB_EVENTS].tick = n->tick;
+        w->news = *n;
+        w->trace[w->traced++ % KN_WEB_TRACE] = *s;
+    }
+}
+
+static const kn_probe_def *choose_tool(const kn_web *w)
+{
+    const kn_model_def *def = &w->live.scene->model;
+    for (int i = 0; i < def->probe_count; i++)
+        if (w->probe ? !strcmp(def->probe[i].name, w->probe) : !kn_foot_flat(def->probe[i].shape))
+            return &def->probe[i];
+    return w->probe || def->probe_count == 0 ? NULL : &def->probe[0];
+}
+
+// The same tool over an object of the same size: what was set is its material, and the hand goes on.
+static bool goes_on(const kn_web *w, const kn_probe_def *tool)
+{
+    double extent_m[3];
+    const kn_model_def *def = &w->live.scene->model;
+    kn_model_def_extent(def, extent_m);
+    return w->moving && tool && !tool->parts && memcmp(tool, &w->held, sizeof w->held) == 0 &&
+           memcmp(extent_m, w->reach.extent_m, sizeof extent_m) == 0 && def->spacing_m == w->held_spacing_m;
+}
+
+static void let_go(kn_web *w)
+{
+    if (w->moving) kn_device_stop(&w->device);
+    w->moving = false;
+    if (w->button != KN_BUTTON_UP) w->button = KN_BUTTON_BARRED;
+    w->wish = (kn_pointer_wish){
+        .event = w->wish.event}; // nothing of the old object is true of this one; no hover_z_m: no tool
+    kn_web_post_wish(w);
+}
+
+static void take_up(kn_web *w)
+{
+    int64_t session = 0;
+    if (getrandom(&session, 7, 0) < 0) session = kn_live_now_ms();
+    kn_pointer_init(&w->pointer, w->tool->shape, session);
+    memset(&w->device, 0, sizeof w->device);
+    w->moving = kn_device_start(&w->device, move, w, w->url, w->tool->name, w->error, sizeof w->error);
+}
+
+void kn_web_take_scene(kn_web *w)
+{
+    if (!w->live.scene || w->live.scene->text_hash == w->scene_hash) return;
+    const kn_probe_def *tool = choose_tool(w);
+    const bool on = goes_on(w, tool);
+    if (!on) let_go(w);
+    kn_reach_close(&w->reach);
+    w->scene_hash = w->live.scene->text_hash;
+    w->mesh_id = 0;
+    w->tool = tool;
+    kn_vitals_touch(&w->vitals, tool ? tool->name : NULL);
+    kn_web_count(w);
+    kn_web_refresh(w);
+    snprintf(w->error, sizeof w->error, "out of memory");
+    if (!tool || !kn_reach_open(&w->reach, &w->live.scene->model, tool, w->look.azimuth_deg, w->look.elevation_deg,
+                                (float)w->width / (float)w->height)) {
+        if (on) let_go(w);
+        return;
+    }
+    w->held = *tool;
+    w->held_spacing_m = w->live.scene->model.spacing_m;
+    if (!on) take_up(w);
+}
+
+// ---- what a page wants
+
+static void point(kn_web *w, int page, const kn_web_message *m)
+{
+    kn_web_page *p = &w->gateway.page[page];
+    int64_t now_ms = kn_live_now_ms();
+    if (w->owner >= 0 && w->owner != page && now_ms - w->gateway.page[w->owner].pointed_ms <= IDLE_MS) return;
+    if (w->owner != page) w->button = KN_BUTTON_UP;
+    w->owner = page;
+    p->pointed_ms = now_ms;
+    if (!w->moving || !kn_reach_fits(&w->reach, &w->live.mesh)) {
+        if (m->pressed) w->button = KN_BUTTON_BARRED;
+        return;
+    }
+    if (w->button == KN_BUTTON_UP) kn_reach_aim(&w->reach, m->u, m->v, &w->wish);
+    if (!m->pressed) w->button = KN_BUTTON_UP;
+    else if (w->button == KN_BUTTON_UP)
+        w->button = kn_reach_touch(&w->reach, &w->live.mesh, &w->wish) ? KN_BUTTON_PRESSES : KN_BUTTON_BESIDE;
+    w->wish.pressed = w->button == KN_BUTTON_PRESSES;
+    w->wish.depth_m = fmin(m->depth_m, kn_reach_deepest(&w->reach, &w->wish));
+    if (m->number != p->event) {
+        int32_t n = ++w->wish.event % KN_WEB_EVENTS;
+        w->event[n].number = p->event = m->number;
+        w->event[n].page = page;
+        w->event[n].tick = INT64_MAX;
+    }
+    kn_web_post_wish(w);
+}
+
+void kn_web_on_message(void *self, int page, const kn_web_message *m)
+{
+    point(self, page, m);
+}
+
+void kn_web_on_gone(void *self, int page)
+{
+    kn_web *w = self;
+    for (int i = 0; i < KN_WEB_EVENTS; i++)
+        if (w->event[i].page == page) w->event[i].page = -1; // not the next one's in that place
+    if (w->owner != page) return;
+    w->owner = -1;
+    w->button = KN_BUTTON_UP;
+    kn_web_post_wish(w);
+}
+

@@ -1,0 +1,217 @@
+// What a page asks for in words: of kneadd over its control socket, or of the picture. Every request is answered once.
+#include "clients/web/web.h"
+#include "core/scene/library.h"
+#include <dirent.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define STATUS_TAG KN_ASKER_CALLS // of our own question
+
+void kn_web_answer_page(kn_web *w, int page, uint32_t id, bool ok, const char *format, ...)
+{
+    int free_one = -1;
+    for (int i = 0; i < KN_WEB_ANSWERS && free_one < 0; i++)
+        if (w->answer[i].page < 0) free_one = i;
+    if (page < 0 || free_one < 0) return; // nobody, or one who asks and never reads
+    kn_web_answer *a = &w->answer[free_one];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(a->words, sizeof a->words, format, args);
+    va_end(args);
+    a->page = page;
+    a->id = id;
+    a->ok = ok;
+    kn_gateway_news(&w->gateway);
+}
+
+// ---- the scenes that may be loaded
+
+static int by_name(const void *a, const void *b) { return strcmp(a, b); }
+
+void kn_web_list_scenes(kn_web *w)
+{
+    DIR *folder = w->scenes ? opendir(w->scenes) : NULL;
+    w->scene_files = 0;
+    for (const struct dirent *e; folder && w->scene_files < KN_WEB_SCENES && (e = readdir(folder));) {
+        size_t size = strlen(e->d_name);
+        if (size > 5 && size < sizeof w->scene_file[0] && *e->d_name != '.' && !strcmp(e->d_name + size - 5, ".yaml"))
+            strcpy(w->scene_file[w->scene_files++], e->d_name);
+    }
+    if (folder) closedir(folder);
+    qsort(w->scene_file, (size_t)w->scene_files, sizeof w->scene_file[0], by_name);
+}
+
+// The path of one that was listed: what a page says is looked up, never used.
+static json_t *scene_path(const kn_web *w, const char *name)
+{
+    char path[4096];
+    for (int i = 0; i < w->scene_files; i++) {
+        if (strcmp(w->scene_file[i], name) != 0) continue;
+        snprintf(path, sizeof path, "%s/%s", w->scenes, w->scene_file[i]);
+        char *whole = realpath(path, NULL);
+        json_t *text = json_string(whole ? whole : path);
+        free(whole);
+        return text;
+    }
+    return NULL;
+}
+
+// ---- as kneadd wants it
+
+static json_t *set_request(const kn_request *r)
+{
+    static const struct { const char *name, *unit; } keys[] = {
+        {"k1", "Pa"}, {"c1", "Pa*s"}, {"c2", "Pa*s"}, {"alpha", "Pa*s"}, {"beta", "1/Pa"}, {"c_max", "Pa*s"},
+        {"c_min", "Pa*s"}, {"p0", "Pa"}, {"p1", "Pa"}};
+    char text[96];
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
+        if (strcmp(keys[i].name, r->name) != 0) continue;
+        snprintf(text, sizeof text, "material.%s=%.6g %s", keys[i].name, r->value, keys[i].unit);
+        return json_pack("{s:s, s:[s]}", "command", "set", "values", text);
+    }
+    return NULL;
+}
+
+static json_t *material_request(const kn_request *r)
+{
+    char text[96];
+    for (const kn_library_entry *e = kn_library; e->name; e++) {
+        if (strcmp(e->name, r->name) != 0) continue;
+        snprintf(text, sizeof text, "material=%s", e->name);
+        return json_pack("{s:s, s:[s]}", "command", "set", "values", text);
+    }
+    return NULL;
+}
+
+static json_t *request_of(const kn_web *w, const kn_request *r) // NULL: the name is none
+{
+    switch (r->verb) {
+    case KN_VERB_SET: return set_request(r);
+    case KN_VERB_MATERIAL: return material_request(r);
+    case KN_VERB_QUALITY: return json_pack("{s:s, s:s}", "command", "quality", "name", r->name);
+    case KN_VERB_SCENE: {
+        json_t *path = scene_path(w, r->name);
+        return path ? json_pack("{s:s, s:o}", "command", "load", "scene", path) : NULL;
+    }
+    default: return json_pack("{s:s}", "command", kn_verb_word(r->verb));
+    }
+}
+
+static void order(kn_web *w, int page, const kn_request *r)
+{
+    char error[300];
+    int tag = 0;
+    while (tag < KN_ASKER_CALLS && w->asked[tag].id) tag++;
+    json_t *request = request_of(w, r);
+    if (!request) {
+        kn_web_answer_page(w, page, r->id, false, "%s %s: there is no such name", kn_verb_word(r->verb), r->name);
+        return;
+    }
+    if (tag < KN_ASKER_CALLS &&
+        kn_asker_ask(&w->asker, tag, request, r->verb == KN_VERB_ESTOP, error, sizeof error)) {
+        w->asked[tag].page = page;
+        w->asked[tag].id = r->id;
+        w->asked[tag].verb = r->verb;
+    } else
+        kn_web_answer_page(w, page, r->id, false, "%s", tag < KN_ASKER_CALLS ? error : "too much is being asked");
+    json_decref(request);
+}
+
+// ---- what kneadd answered
+
+static void tell_done(kn_web *w, int page, uint32_t id, kn_verb verb, const json_t *answer)
+{
+    const long long generation = json_integer_value(json_object_get(answer, "generation"));
+    const json_t *after = json_object_get(answer, "stored_after_j"),
+                 *before = json_object_get(answer, "stored_before_j");
+#define DONE(...) kn_web_answer_page(w, page, id, true, __VA_ARGS__)
+    switch (verb) {
+    case KN_VERB_RESET: DONE("The object is as new."); break;
+    case KN_VERB_UNDO: DONE("Undone: the object is as before the last press, reset or restore."); break;
+    case KN_VERB_SNAPSHOT: DONE("Snapshot %lld is on disk.", generation); break;
+    case KN_VERB_RESTORE: DONE("The object is as in snapshot %lld.", generation); break;
+    case KN_VERB_ESTOP: DONE("Stopped: every force is zero until Recover."); break;
+    case KN_VERB_RECOVER: DONE("Recovered: the tool engages once it is clear of the object."); break;
+    case KN_VERB_SCENE: DONE("Loading."); break;
+    case KN_VERB_QUALITY: DONE("Quality taken."); break;
+    default:
+        if (after)
+            DONE("Taken: the object stores %.3g mJ, %.3g before.", 1e3 * json_number_value(after),
+                 1e3 * json_number_value(before));
+        else DONE("Taken.");
+    }
+#undef DONE
+}
+
+static void take_status(kn_web *w, const json_t *answer)
+{
+    const char *error = json_string_value(json_object_get(answer, "error"));
+    json_decref(w->status);
+    w->status = error ? NULL : json_deep_copy(answer);
+    snprintf(w->control_error, sizeof w->control_error, "%s", error ? error : "");
+    kn_web_refresh(w);
+}
+
+void kn_web_on_answered(void *self, int tag, const json_t *answer)
+{
+    kn_web *w = self;
+    if (tag == STATUS_TAG) {
+        take_status(w, answer);
+        return;
+    }
+    const int page = w->asked[tag].page;
+    const uint32_t id = w->asked[tag].id;
+    const char *error = json_string_value(json_object_get(answer, "error"));
+    w->asked[tag].id = 0;
+    if (error) kn_web_answer_page(w, page, id, false, "%s", error);
+    else tell_done(w, page, id, w->asked[tag].verb, answer);
+    w->status_ms = 0; // it has changed
+    kn_web_ask_status(w);
+}
+
+void kn_web_ask_status(kn_web *w)
+{
+    int64_t now_ms = kn_live_now_ms();
+    if (!w->control || kn_gateway_pages(&w->gateway) == 0 || now_ms - w->status_ms < 1000) return;
+    json_t *request = json_pack("{s:s}", "command", "status");
+    char error[sizeof w->control_error];
+    w->status_ms = now_ms;
+    if (request && !kn_asker_ask(&w->asker, STATUS_TAG, request, false, error, sizeof error)) {
+        json_t *none = json_pack("{s:s}", "error", error);
+        take_status(w, none);
+        json_decref(none);
+    }
+    json_decref(request);
+}
+
+// ---- the picture
+
+static bool take_style(kn_web *w, const char *name)
+{
+    static const char *const names[] = {"lined", "solid", "wire"};
+    for (int i = 0; i < 3; i++)
+        if (strcmp(names[i], name) == 0) return w->look.style = (kn_view_style)i, true;
+    return false;
+}
+
+static void look(kn_web *w, const kn_request *r)
+{
+    w->look.azimuth_deg = r->azimuth_deg;
+    w->look.elevation_deg = r->elevation_deg;
+    if (w->moving) kn_reach_look(&w->reach, r->azimuth_deg, r->elevation_deg);
+}
+
+void kn_web_on_request(void *self, int page, const kn_request *r)
+{
+    kn_web *w = self;
+    switch (r->verb) {
+    case KN_VERB_VIEW: look(w, r); break;
+    case KN_VERB_STYLE:
+        kn_web_answer_page(w, page, r->id, take_style(w, r->name), "%s", r->name);
+        break;
+    default: order(w, page, r); return;
+    }
+    kn_web_refresh(w);
+}

@@ -1,0 +1,236 @@
+// What stands beside the picture: an operator's buttons, the material, the scene, the view, numbers. They show what the
+// page was told (`about`), and ask.
+'use strict';
+const by = (id) => document.getElementById(id);
+const round3 = (x) => Number(x.toPrecision(3)).toLocaleString('en', { maximumFractionDigits: 6 });
+let about = null;
+
+function writeTo(element, text) { // only what is new, so that nobody is read the same again
+    if (element.textContent !== text) element.textContent = text;
+}
+
+// ---- orders
+
+let unsaid = 0; // the timer that takes what was said away
+
+function report(ok, words) {
+    clearTimeout(unsaid);
+    by('said').dataset.level = ok ? 'ok' : 'fault';
+    writeTo(by('said'), words);
+    unsaid = setTimeout(() => writeTo(by('said'), ''), ok ? 8000 : 30000);
+}
+
+async function order(what, fields) {
+    const { ok, words } = await ask(what, fields);
+    report(ok, words);
+    return ok;
+}
+
+for (const what of ['undo', 'reset', 'snapshot', 'restore', 'estop', 'recover'])
+    by(what).addEventListener('click', () => { letGo(); order(what); });
+
+function explain(id, words) {
+    by(id).hidden = !words;
+    writeTo(by(id), words ?? '');
+}
+
+function showOperator({ why, saves, snapshot, stopped }) {
+    for (const what of ['undo', 'reset', 'estop']) by(what).disabled = Boolean(why);
+    if (stopped !== by('estop').hidden) { // one of the two is there, and the focus goes over with it
+        const focused = [by('estop'), by('recover')].includes(document.activeElement);
+        by('estop').hidden = stopped;
+        by('recover').hidden = !stopped;
+        if (focused) by(stopped ? 'recover' : 'estop').focus();
+    }
+    by('snapshot').disabled = Boolean(why) || !saves;
+    by('restore').disabled = Boolean(why) || !saves || snapshot === 0;
+    explain('why', why && `No orders: ${why}.`);
+    explain('why-saves', why ? null : !saves ? 'Nothing is saved: kneadd was started without --state-dir.'
+        : snapshot === 0 ? 'Nothing has been saved yet.' : null);
+}
+
+// ---- material
+
+const KEYS = { // in the order of the page; [words, unit]
+    k1: ['Spring k1', 'Pa'], c1: ['Dashpot c1', 'Pa·s'], c2: ['Damper c2', 'Pa·s'],
+    alpha: ['Damper α', 'Pa·s'], beta: ['Thinning β', '1/Pa'],
+    c_max: ['Damper at rest', 'Pa·s'], c_min: ['Damper under load', 'Pa·s'],
+    p0: ['Thins from p0', 'Pa'], p1: ['Thins up to p1', 'Pa'],
+};
+const DECADES = 2, TICKS = 100; // about the value of the scene, each way; steps of the slider in a decade
+const sliders = new Map();      // by key: {input, output, from: the value in the middle, dragged}
+
+function quantity(x, unit) {
+    if (unit === '1/Pa') return `${round3(1e3 * x)} 1/kPa`;
+    const [factor, prefix] = x >= 1e9 ? [1e-9, 'G'] : x >= 1e6 ? [1e-6, 'M'] : x >= 1e3 ? [1e-3, 'k'] : [1, ''];
+    return `${round3(factor * x)} ${prefix}${unit}`;
+}
+
+function addSlider(key, value) {
+    const [words, unit] = KEYS[key], row = document.createElement('div');
+    const label = Object.assign(document.createElement('label'), { textContent: words, htmlFor: `m-${key}` });
+    const output = Object.assign(document.createElement('output'), { htmlFor: `m-${key}` });
+    const input = Object.assign(document.createElement('input'),
+        { type: 'range', id: `m-${key}`, min: -DECADES * TICKS, max: DECADES * TICKS, step: 1 });
+    const one = { input, output, from: value, dragged: false };
+    const chosen = () => one.from * 10 ** (Number(input.value) / TICKS);
+    const say = (x) => {
+        output.textContent = quantity(x, unit);
+        input.setAttribute('aria-valuetext', output.textContent);
+    };
+    one.show = (x) => {
+        input.disabled = x === 0; // a logarithm has no place for it
+        if (x > 0) input.value = Math.round(TICKS * Math.log10(x / one.from));
+        say(x);
+    };
+    input.addEventListener('input', () => { one.dragged = true; say(chosen()); });
+    input.addEventListener('change', async () => {
+        one.dragged = true;
+        if (!await order('set', { name: key, value: Number(chosen().toPrecision(6)) })) one.show(about.material[key]);
+        one.dragged = false;
+    });
+    row.className = 'slider';
+    row.append(label, output, input);
+    by('sliders').append(row);
+    sliders.set(key, one);
+}
+
+function showMaterial(material, scene) {
+    const keys = Object.keys(KEYS).filter((key) => key in material), made = `${scene} ${keys}`;
+    if (by('sliders').dataset.made !== made) {
+        by('sliders').dataset.made = made;
+        by('sliders').replaceChildren();
+        sliders.clear();
+        for (const key of keys) addSlider(key, material[key] || 1);
+    }
+    for (const [key, one] of sliders) if (!one.dragged) one.show(material[key]);
+}
+
+// ---- lists
+
+function fill(id, names, chosen, first) {
+    const select = by(id), list = first ? [first, ...names] : names;
+    if (select.dataset.names !== list.join()) {
+        select.dataset.names = list.join();
+        select.replaceChildren(...list.map((name) => new Option(name, name)));
+    }
+    if (document.activeElement !== select || !names.includes(select.value)) select.value = chosen;
+}
+
+for (const what of ['quality', 'scene', 'material', 'style'])
+    by(what).addEventListener('change', ({ target }) => {
+        if (target.value !== '…') order(what, { name: target.value });
+        if (what === 'material') target.value = '…'; // a thing to do, not a thing that is: sliders may have left it
+    });
+by('what').addEventListener('change', ({ target }) => choose(target.value));
+
+// ---- view
+
+const orbit = { pointer: null, azimuth: 28, elevation: 27, x: 0, y: 0 };
+let looking = 0;
+
+function look(azimuth, elevation) {
+    orbit.azimuth = ((azimuth + 540) % 360) - 180;
+    orbit.elevation = Math.min(90, Math.max(2, elevation));
+    looking ||= requestAnimationFrame(() => {
+        looking = 0;
+        ask('view', { azimuth: orbit.azimuth, elevation: orbit.elevation, zoom: 1 });
+    });
+}
+
+const turn = (azimuth, elevation) => look(orbit.azimuth + azimuth, orbit.elevation + elevation);
+
+function beginOrbit(event) {
+    Object.assign(orbit, { pointer: event.pointerId, x: event.clientX, y: event.clientY });
+    by('picture').setPointerCapture(event.pointerId);
+}
+window.addEventListener('pointermove', (event) => {
+    if (orbit.pointer !== event.pointerId) return;
+    turn((orbit.x - event.clientX) * 0.4, (event.clientY - orbit.y) * 0.3);
+    Object.assign(orbit, { x: event.clientX, y: event.clientY });
+});
+for (const end of ['pointerup', 'pointercancel'])
+    window.addEventListener(end, ({ pointerId }) => { if (orbit.pointer === pointerId) orbit.pointer = null; });
+for (const button of document.querySelectorAll('[data-view]'))
+    button.addEventListener('click', () => look(...button.dataset.view.split(',').map(Number)));
+
+// ---- numbers
+
+function numbers({ mesh, loop, energy }) {
+    const rows = [];
+    if (energy) rows.push(['Energy stored', `${round3(energy.stored_mj)} mJ`],
+                          ['Dissipated since new', `${round3(energy.dissipated_mj)} mJ`]);
+    if (loop) rows.push(
+        ['Ticks missed', loop.ticks ? `${loop.missed} of ${loop.ticks.toLocaleString('en')}; the machine stood still `
+            + `in ${loop.explained} of them` : '–'],
+        ['Time of a tick', loop.p99_us ? `mean ${round3(loop.mean_us ?? 0)} µs; half below ${loop.p50_us} µs, 99 % `
+            + `below ${loop.p99_us} µs` : '–']);
+    rows.push(['Lattice', `${mesh.nodes.toLocaleString('en')} nodes, ${mesh.edges.toLocaleString('en')} edges, `
+                          + `${mesh.cells.toLocaleString('en')} cells`],
+              ['Surface', `${mesh.triangles.toLocaleString('en')} triangles, ${mesh.hz ?? 0} per second of `
+                          + `${round3((mesh.bytes ?? 0) / 1000)} kB`]);
+    return rows;
+}
+
+function showNumbers(told) {
+    const rows = numbers(told), list = by('numbers');
+    while (list.children.length < rows.length) {
+        const row = document.createElement('div');
+        row.append(document.createElement('dt'), document.createElement('dd'));
+        list.append(row);
+    }
+    while (list.children.length > rows.length) list.lastChild.remove();
+    rows.forEach(([name, value], i) => {
+        writeTo(list.children[i].firstChild, name);
+        writeTo(list.children[i].lastChild, value);
+    });
+}
+
+function showTouch(touch) {
+    by('touch-box').hidden = !touch;
+    if (!touch || !by('touch-box').open) return;
+    const ctx = by('touch').getContext('2d'), most = Math.max(1e-9, ...touch.kpa);
+    const style = getComputedStyle(by('touch')), ink = style.getPropertyValue('--force');
+    ctx.clearRect(0, 0, 160, 160);
+    ctx.fillStyle = ink;
+    touch.kpa.forEach((kpa, i) => {
+        ctx.globalAlpha = Math.max(0.04, kpa / most);
+        ctx.fillRect(20 * (i % 8) + 1, 20 * (7 - Math.floor(i / 8)) + 1, 18, 18);
+    });
+    writeTo(by('touch-words'), touch.area_mm2 > 0
+        ? `${round3(touch.area_mm2)} mm² touched, ${round3(touch.peak_kpa)} kPa at most` : 'nothing touches');
+}
+
+// ---- all of it
+
+function showAbout(told) {
+    about = told;
+    if (!told) return showOperator({ why: 'knead web has gone', saves: false, snapshot: 0, stopped: false });
+    writeTo(by('names'), [told.scene, told.tool].filter(Boolean).join(' · '));
+    showOperator(told.control);
+    if (told.material) showMaterial(told.material, told.scene);
+    fill('material', told.materials, '…', '…');
+    fill('scene', told.scenes.includes(told.scene) ? told.scenes : [told.scene, ...told.scenes], told.scene);
+    by('why-scenes').hidden = told.scenes.length > 0;
+    fill('quality', told.points ?? [], told.control.quality ?? '');
+    for (const id of ['material', 'scene', 'quality']) by(id).disabled = Boolean(told.control.why);
+    by('style').value = told.view.style;
+    if (orbit.pointer === null && !looking) Object.assign(orbit, told.view);
+    showNumbers(told);
+}
+
+// ---- downloads
+
+async function save(name, as) {
+    const answer = await fetch(`/get/${name}`, { headers: { Authorization: `Bearer ${location.hash.slice(1)}` } })
+        .catch(() => null);
+    if (!answer?.ok) return report(false, answer ? await answer.text() : 'knead web is not there');
+    const link = document.createElement('a');
+    Object.assign(link, { download: as, href: URL.createObjectURL(await answer.blob()) });
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    report(true, `Saved ${as}.`);
+}
+const stem = () => (about?.scene ?? 'scene').replace(/\.yaml$/, '');
+by('save-material').addEventListener('click', () => save('material.yaml', `${stem()}-material.yaml`));
+by('save-scene').addEventListener('click', () => save('scene.yaml', `${stem()}-served.yaml`));

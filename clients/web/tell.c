@@ -1,0 +1,295 @@
+// What a page is told: with every picture how it is in this moment, and what seldom changes when it has changed.
+#include "clients/web/web.h"
+#include "core/scene/library.h"
+#include "core/springs.h"
+#include <inttypes.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+// In words; returns "ok", "wait" or "fault".
+static const char *status(const kn_web *w, int page, char *words, size_t size)
+{
+    const kn_pointer_news *n = &w->news;
+#define SAY(level, ...) return snprintf(words, size, __VA_ARGS__), level
+    if (w->live.scene_error[0]) SAY("fault", "the scene that is served cannot be read: %s", w->live.scene_error);
+    if (kn_live_now_ms() - w->mesh_ms > KN_WEB_UNHEARD_MS) SAY("wait", "waiting for kneadd: nothing is served");
+    if (!w->live.scene) SAY("wait", "waiting for the scene");
+    if (!w->tool) SAY("fault", "the scene has no probe%s%s", w->probe ? " " : "", w->probe ? w->probe : "");
+    if (!w->moving) SAY("fault", "no device: %.300s", w->error);
+    if (!kn_reach_fits(&w->reach, &w->live.mesh)) SAY("wait", "waiting for the mesh of this scene");
+    if (w->owner >= 0 && w->owner != page) SAY("wait", "another page holds the tool");
+    if (n->mode == KN_POINTER_SILENT) SAY("fault", "force is zero; a new session begins in a moment");
+    if (n->fault > KN_FAULT_IMPULSE)
+        SAY("fault", "force taken to zero: %s. Way back: %s", kn_fault_name((kn_fault)n->fault),
+            kn_fault_remedy((kn_fault)n->fault));
+    if (n->fault || n->mode == KN_POINTER_LET_GO)
+        SAY("fault", "force taken to zero: %s. The tool lifts; let go, then press again",
+            n->fault ? kn_fault_name((kn_fault)n->fault) : "none came for 20 ms");
+    if (!n->heard && n->mode == KN_POINTER_FOLLOW)
+        SAY("wait", "no force from kneadd: does another hand hold %s?", w->tool->name);
+    if (!n->released || w->button == KN_BUTTON_BARRED) SAY("wait", "let go, then press again");
+    if (!(n->flags & KN_FLAG_ENGAGED))
+        SAY("wait", n->contact ? "poses were late: the force fades and returns" : "taking hold");
+    if (w->button == KN_BUTTON_BESIDE) SAY("wait", "nothing is under the tool here");
+    if (n->flags & KN_FLAG_CLAMPED) SAY("ok", "in contact; the force is at the device's limit");
+    if (n->contact) SAY("ok", "in contact");
+    SAY("ok", w->button == KN_BUTTON_UP  ? "ready: press on the object"
+              : n->depth_m > 0 ? "held: nothing pushes back"
+                               : "coming down");
+#undef SAY
+}
+
+typedef struct json { char *at, *end; } json;
+
+__attribute__((format(printf, 2, 3))) static void put(json *t, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    int n = vsnprintf(t->at, (size_t)(t->end - t->at), format, args);
+    va_end(args);
+    t->at = n < t->end - t->at ? t->at + n : t->end - 1;
+}
+
+static void put_words(json *t, const char *name, const char *words) // as JSON has them
+{
+    put(t, ",\"%s\":\"", name);
+    for (; *words; words++)
+        put(t, (unsigned char)*words < ' ' || *words == '"' || *words == '\\' ? "\\u%04x" : "%c", *words);
+    put(t, "\"");
+}
+
+// ---- in this moment
+
+enum { FORCE, DEPTH, WORK, ROUND_TRIP, TRACES };
+
+static double traced(const kn_web_sample *s, int which)
+{
+    switch (which) {
+    case FORCE: return s->news.force_n;
+    case DEPTH: return 1e3 * s->news.depth_m;
+    case WORK: return (double)s->work_mj;
+    default: return (double)s->round_trip_ms;
+    }
+}
+
+// One number per millisecond since this page was told last; null: nothing was heard in it.
+static void put_traces(kn_web *w, kn_web_page *p, json *t)
+{
+    static const char *const names[TRACES] = {"force", "depth", "work", "trip"};
+    if (w->traced - p->told > KN_WEB_TRACE) p->told = w->traced < KN_WEB_TRACE ? 0 : w->traced - KN_WEB_TRACE;
+    put(t, ",\"trace\":{");
+    for (int k = 0; k < TRACES; k++) {
+        put(t, "%s\"%s\":[", k ? "," : "", names[k]);
+        for (uint64_t i = p->told; i < w->traced; i++) {
+            double x = traced(&w->trace[i % KN_WEB_TRACE], k);
+            put(t, isfinite(x) ? "%s%.2f" : "%snull", i > p->told ? "," : "", x);
+        }
+        put(t, "]");
+    }
+    put(t, "}");
+    p->told = w->traced;
+}
+
+static void put_answers(kn_web *w, int page, json *t)
+{
+    const char *comma = "";
+    put(t, ",\"answers\":[");
+    for (int i = 0; i < KN_WEB_ANSWERS; i++) {
+        kn_web_answer *a = &w->answer[i];
+        if (a->page != page) continue;
+        put(t, "%s{\"id\":%u,\"ok\":%s", comma, a->id, a->ok ? "true" : "false");
+        put_words(t, "words", a->words);
+        put(t, "}");
+        a->page = -1;
+        comma = ",";
+    }
+    put(t, "]");
+}
+
+static void put_touch(const kn_web *w, json *t)
+{
+    const knead_touch_patch_t *p = &w->vitals.touch;
+    if (!w->vitals.touch_ms || kn_live_now_ms() - w->vitals.touch_ms > 500) return;
+    put(t, ",\"touch\":{\"area_mm2\":%.1f,\"peak_kpa\":%.2f,\"kpa\":[", 1e6 * p->area_m2,
+        1e-3 * p->peak_pressure_pa);
+    for (int i = 0; i < 64; i++) {
+        double x = p->pressure_pa[i / 8][i % 8];
+        put(t, "%s%.2f", i ? "," : "", isfinite(x) ? 1e-3 * x : 0);
+    }
+    put(t, "]}");
+}
+
+size_t kn_web_write(void *self, int page, uint8_t *bytes, size_t size)
+{
+    kn_web *w = self;
+    kn_web_page *p = &w->gateway.page[page];
+    char words[400], *begin = (char *)bytes + 4;
+    json t = {begin, (char *)bytes + size - w->jpeg_size};
+    const char *level = status(w, page, words, sizeof words);
+    bool own = w->shown > w->wish.event - KN_WEB_EVENTS && w->event[w->shown % KN_WEB_EVENTS].page == page;
+    uint32_t event = own ? w->event[w->shown % KN_WEB_EVENTS].number : 0;
+    put(&t,
+        "{\"frame\":%u,\"event\":%u,\"tick\":%" PRId64
+        ",\"force_n\":%.3f,\"depth_mm\":%.2f,\"deepest_mm\":%.1f,\"contact\":%s,\"mine\":%s,\"level\":\"%s\"",
+        p->sent, event, w->live.mesh.tick, w->news.force_n, 1e3 * w->news.depth_m,
+        w->moving ? 1e3 * kn_reach_deepest(&w->reach, &w->wish) : 0, w->news.contact ? "true" : "false",
+        w->owner == page ? "true" : "false", level);
+    put_words(&t, "status", words);
+    put_traces(w, p, &t);
+    put_answers(w, page, &t);
+    put_touch(w, &t);
+    if (p->about != w->abouts && w->about) {
+        put(&t, ",\"about\":%s", w->about);
+        p->about = w->abouts;
+    }
+    put(&t, "}");
+    uint32_t length = (uint32_t)(t.at - begin);
+    memcpy(bytes, &length, 4); // little endian, as every machine this runs on
+    size_t picture = p->picture == w->pictures ? 0 : w->jpeg_size;
+    p->picture = w->pictures;
+    memcpy(t.at, w->jpeg, picture);
+    return 4 + length + picture;
+}
+
+// ---- what seldom changes
+
+void kn_web_count(kn_web *w)
+{
+    char why[300];
+    kn_springs springs = {0};
+    kn_model *model = kn_model_build(&w->live.scene->model, why, sizeof why);
+    memset(&w->counts, 0, sizeof w->counts);
+    if (model && kn_springs_init(&springs, model)) w->counts.edges = springs.count;
+    if (model) w->counts.nodes = model->node_count;
+    if (model) w->counts.cells = model->def.mesh ? model->def.mesh->element_count : kn_grid_cells(&model->grid, NULL);
+    kn_springs_free(&springs);
+    kn_model_destroy(model);
+}
+
+static json_t *rounded(double x) // so that what has not changed to the eye is not sent again
+{
+    char text[32];
+    snprintf(text, sizeof text, "%.4g", x);
+    return isfinite(x) ? json_real(strtod(text, NULL)) : json_null();
+}
+
+static json_t *material(const kn_material *m)
+{
+    static const char *const dampers[] = {"none", "constant", "exponential", "ramp"};
+    json_t *o = json_pack("{s:s, s:o, s:o}", "damper", dampers[m->damper], "k1", rounded(m->k1_pa), "c1",
+                          rounded(m->c1_pa_s));
+    switch (m->damper) {
+    case KN_DAMPER_NONE: break;
+    case KN_DAMPER_CONSTANT: json_object_set_new(o, "c2", rounded(m->c2_pa_s)); break;
+    case KN_DAMPER_EXPONENTIAL:
+        json_object_set_new(o, "alpha", rounded(m->alpha_pa_s));
+        json_object_set_new(o, "beta", rounded(m->beta_per_pa));
+        break;
+    case KN_DAMPER_RAMP:
+        json_object_set_new(o, "c_max", rounded(m->c_max_pa_s));
+        json_object_set_new(o, "c_min", rounded(m->c_min_pa_s));
+        break;
+    }
+    if (m->damper == KN_DAMPER_EXPONENTIAL || m->damper == KN_DAMPER_RAMP) {
+        json_object_set_new(o, "p0", rounded(m->p0_pa));
+        json_object_set_new(o, "p1", rounded(m->p1_pa));
+    }
+    return o;
+}
+
+static json_t *materials(void)
+{
+    json_t *names = json_array();
+    for (const kn_library_entry *e = kn_library; e->name; e++) json_array_append_new(names, json_string(e->name));
+    return names;
+}
+
+static json_t *scenes(const kn_web *w)
+{
+    json_t *names = json_array();
+    for (int i = 0; i < w->scene_files; i++) json_array_append_new(names, json_string(w->scene_file[i]));
+    return names;
+}
+
+// Points that a running kneadd takes: another lattice needs a start.
+static json_t *points(const kn_scene *scene)
+{
+    json_t *names = json_array();
+    for (int q = 0; q < KN_QUALITIES; q++)
+        if (scene->point[q].live) json_array_append_new(names, json_string(kn_quality_name((kn_quality)q)));
+    return names;
+}
+
+static json_t *loop(const kn_vitals *v)
+{
+    const knead_status_t *s = &v->status;
+    if (!v->status_ms) return json_null();
+    return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:o}", "ticks", (json_int_t)s->tick, "missed",
+                     (json_int_t)s->missed_cycles, "explained", (json_int_t)s->missed_explained, "overruns",
+                     (json_int_t)s->overruns, "p50_us", (json_int_t)kn_vitals_share_us(s->execution_hist, 0.5), "p99_us",
+                     (json_int_t)kn_vitals_share_us(s->execution_hist, 0.99), "mean_us",
+                     v->health_ms ? rounded(v->health.execution_us[0]) : json_null());
+}
+
+static json_t *energy(const kn_vitals *v)
+{
+    if (!v->energy_ms) return json_null();
+    return json_pack("{s:o, s:o}", "stored_mj", rounded(1e3 * v->stored_j), "dissipated_mj",
+                     rounded(1e3 * (v->work_j - v->stored_j)));
+}
+
+static json_t *mesh(const kn_web *w)
+{
+    const kn_mesh *m = &w->live.mesh;
+    return json_pack("{s:i, s:i, s:i, s:i, s:i, s:o, s:o}", "nodes", w->counts.nodes, "edges", w->counts.edges, "cells",
+                     w->counts.cells, "vertices", (int)m->vertex_count, "triangles", (int)m->triangle_count, "hz",
+                     rounded(round(w->meshes_hz)), "bytes", rounded(w->mesh_bytes));
+}
+
+// Whether kneadd hears orders, and what of its state they may ask for.
+static json_t *control(const kn_web *w)
+{
+    const json_t *state = json_object_get(w->status, "state"), *quality = json_object_get(w->status, "quality");
+    const char *mode = json_string_value(json_object_get(w->status, "mode"));
+    const char *why = !w->control ? "knead web was started without --control"
+                      : w->status ? NULL
+                      : *w->control_error ? w->control_error : "kneadd has not answered yet";
+    // a latched fault that a lift does not clear has the same way back
+    const bool stopped = mode && (strcmp(mode, "ESTOP") == 0 || strcmp(mode, "FAULT") == 0);
+    return json_pack("{s:s?, s:b, s:I, s:s?, s:b, s:s?, s:s?}", "why", why, "saves",
+                     json_is_string(json_object_get(state, "directory")), "snapshot",
+                     json_integer_value(json_object_get(state, "snapshot_gen")), "mode", mode, "stopped",
+                     stopped, "quality",
+                     json_string_value(json_object_get(quality, "in_force")), "asked",
+                     json_string_value(json_object_get(quality, "asked")));
+}
+
+static json_t *view(const kn_web *w)
+{
+    static const char *const styles[] = {"lined", "solid", "wire"};
+    return json_pack("{s:f, s:f, s:s}", "azimuth", w->look.azimuth_deg, "elevation", w->look.elevation_deg, "style",
+                     styles[w->look.style]);
+}
+
+void kn_web_refresh(kn_web *w)
+{
+    const kn_scene *s = w->live.scene;
+    json_t *all = json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "scene", s ? s->name : "", "tool",
+                            w->tool ? w->tool->name : "", "control", control(w), "scenes", scenes(w), "materials",
+                            materials(), "loop", loop(&w->vitals), "energy", energy(&w->vitals), "mesh", mesh(w), "view",
+                            view(w));
+    if (all && s) json_object_set_new(all, "material", material(&s->model.material));
+    if (all && s) json_object_set_new(all, "points", points(s));
+    char *text = all ? json_dumps(all, JSON_COMPACT | JSON_REAL_PRECISION(6)) : NULL;
+    json_decref(all);
+    if (!text || strlen(text) > KN_WEB_ABOUT || (w->about && strcmp(text, w->about) == 0)) {
+        free(text);
+        return;
+    }
+    free(w->about);
+    w->about = text;
+    w->abouts++;
+}

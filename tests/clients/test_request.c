@@ -1,0 +1,69 @@
+// What a page may ask for in words.
+#include "clients/web/request.h"
+#include "tests/check.h"
+
+static char error[124];
+
+static bool taken(kn_request *r, const char *text)
+{
+    *error = 0;
+    return kn_request_parse(r, text, strlen(text), error, sizeof error);
+}
+
+TEST("every verb without fields is taken as it is")
+{
+    kn_request r;
+    char text[64];
+    for (kn_verb v = KN_VERB_RESET; v <= KN_VERB_STOP; v++) {
+        snprintf(text, sizeof text, "{\"id\": 4294967295, \"do\": \"%s\"}", kn_verb_word(v));
+        CHECK(taken(&r, text) && r.verb == v && r.id == 4294967295u);
+    }
+}
+
+TEST("fields are taken, each with its bounds")
+{
+    kn_request r;
+    CHECK(taken(&r, "{\"id\":1,\"do\":\"set\",\"name\":\"k1\",\"value\":4.6e5}"));
+    CHECK(!strcmp(r.name, "k1") && r.value == 4.6e5);
+    CHECK(taken(&r, "{\"id\":1,\"do\":\"scene\",\"name\":\"dough-small.yaml\"}"));
+    CHECK(!strcmp(r.name, "dough-small.yaml"));
+    CHECK(taken(&r, "{\"id\":1,\"do\":\"view\",\"azimuth\":-180,\"elevation\":90,\"zoom\":1}"));
+    CHECK(r.azimuth_deg == -180 && r.elevation_deg == 90 && r.zoom == 1);
+    CHECK(taken(&r, "{\"id\":1,\"do\":\"play\",\"value\":12}") && r.value == 12);
+    CHECK(!taken(&r, "{\"id\":1,\"do\":\"view\",\"azimuth\":181,\"elevation\":20,\"zoom\":1}"));
+    CHECK(strstr(error, "azimuth"));
+    CHECK(!taken(&r, "{\"id\":1,\"do\":\"view\",\"azimuth\":0,\"elevation\":1,\"zoom\":1}"));
+    CHECK(!taken(&r, "{\"id\":1,\"do\":\"play\",\"value\":1.5}") && strstr(error, "recording"));
+    CHECK(!taken(&r, "{\"id\":1,\"do\":\"play\",\"value\":0}"));
+}
+
+TEST("whatever else it is, it is refused in words that fit into a close reason")
+{
+    static const char *const bad[] = {
+        "", "x", "[]", "null", "{}", "{\"id\":1}", "{\"do\":\"undo\"}", "{\"id\":0,\"do\":\"undo\"}",
+        "{\"id\":4294967296,\"do\":\"undo\"}", "{\"id\":1.0,\"do\":\"undo\"}", "{\"id\":\"1\",\"do\":\"undo\"}",
+        "{\"id\":1,\"do\":\"Undo\"}", "{\"id\":1,\"do\":7}", "{\"id\":1,\"do\":\"undo\",\"value\":1}",
+        "{\"id\":1,\"id\":1,\"do\":\"undo\"}",
+        "{\"id\":1,\"do\":\"undo\"} x", "{\"id\":1,\"do\":\"set\",\"name\":\"k1\"}",
+        "{\"id\":1,\"do\":\"set\",\"name\":\"k1\",\"value\":\"1\"}", "{\"id\":1,\"do\":\"scene\",\"name\":\"\"}",
+        "{\"id\":1,\"do\":\"scene\",\"name\":\"a/b\"}", "{\"id\":1,\"do\":\"scene\",\"name\":\"a\\u0000b\"}",
+        "{\"id\":1,\"do\":\"scene\",\"name\":\"a b\"}", "{\"id\":1,\"do\":\"scene\",\"name\":\"\xc3\xa4\"}",
+        "{\"id\":1,\"do\":\"scene\",\"name\":\"0123456789012345678901234567890123456789012345678901234567890123\"}"};
+    kn_request r;
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        CHECK(!taken(&r, bad[i]));
+        CHECK(strstr(error, "expected") && strlen(error) < 120);
+    }
+}
+
+TEST("a message that is longer than any of ours is not read")
+{
+    kn_request r;
+    char text[KN_REQUEST_MAX + 2];
+    memset(text, ' ', sizeof text);
+    memcpy(text, "{\"id\":1,\"do\":\"undo\"}", 20);
+    CHECK(kn_request_parse(&r, text, KN_REQUEST_MAX, error, sizeof error));
+    CHECK(!kn_request_parse(&r, text, KN_REQUEST_MAX + 1, error, sizeof error));
+}
+
+TESTS_MAIN

@@ -1,0 +1,26 @@
+// libFuzzer target: any bytes from a page are a request whose every field is within its bounds, or one line of complaint
+// that fits into a WebSocket's close reason.
+#include "clients/web/request.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void require(int condition)
+{
+    if (!condition) abort();
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    char error[124] = "";
+    kn_request r;
+    bool ok = kn_request_parse(&r, (const char *)data, size, error, sizeof error);
+    require(ok == !*error && strlen(error) < 120);
+    if (!ok) return 0;
+    require(r.id >= 1 && r.verb < KN_VERBS && *kn_verb_word(r.verb) && strlen(r.name) < sizeof r.name);
+    require(!strpbrk(r.name, "/\\ \n'\"") && isfinite(r.value));
+    require(fabs(r.azimuth_deg) <= 180 && r.elevation_deg <= 90 && r.zoom <= KN_REQUEST_ZOOM);
+    if (r.verb == KN_VERB_VIEW) require(r.elevation_deg >= 2 && r.zoom >= 1);
+    return 0;
+}
