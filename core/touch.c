@@ -179,3 +179,16 @@ void kn_touch_read(const kn_model *model, const kn_state *state, int p, kn_touch
     kn_touch_face_of(model, p, touch->normal, &face);
     for (int at = 0; next_piece(model, state, p, &at, &one);) map_piece(&face, turn, &one, touch);
 }
+
+// --- nodes ----------------------------------------------------------------------------------------------------------
+
+void kn_touch_nodes(const kn_model *m, const kn_state *state, double (*force_n)[3])
+{
+    const kn_contact *c = &kn_state_scratch(state)->contact;
+    memset(force_n, 0, (size_t)m->node_count * sizeof *force_n);
+    for (const kn_hold *hold = c->hold; hold < c->hold + c->hold_count; hold++)
+        for (int k = 0; k < 3 && !hold->gone && hold->force_n[2] >= 0; k++) force_n[hold->node][k] -= hold->force_n[k];
+    for (const kn_sample *s = c->sample; s < c->sample + c->sample_count; s++)
+        for (int a = 0; a < s->nodes && s->probe != KN_TABLE && s->line.active; a++)
+            for (int k = 0; k < 3; k++) force_n[s->node[a]][k] += s->weight[a] * s->force_n[k];
+}

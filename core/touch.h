@@ -45,4 +45,8 @@ void kn_touch_face_of(const kn_model *model, int p, const double normal[3], kn_t
 // Of probe p, after a kn_step with this state. Real-time safe: two passes over the samples of the contact.
 void kn_touch_read(const kn_model *model, const kn_state *state, int p, kn_touch *touch);
 
+// What all tools together did to each node in that step, N: force_n[node_count]. A sample's force goes to the nodes that
+// it hangs on, by its weights, so that the sum is that on the tools, the other way. The table's is not among them.
+void kn_touch_nodes(const kn_model *model, const kn_state *state, double (*force_n)[3]);
+
 #endif

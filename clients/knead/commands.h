@@ -13,6 +13,7 @@
     X(devices, "what could be a hand on this machine: how to use it, what it lacks, the fix; --json")                  \
     X(doctor, "what this machine lacks for real time, LCM and devices, how late it wakes a thread; each with the fix")        \
     X(element, "springs and dampers in series and parallel: what they do by the papers' rules, and what is so")        \
+    X(export, "a recording as files for ParaView, MeshLab and tables: shape, stress, forces through time")           \
     X(hand, "a real device as the hand on a running kneadd: serial paddle, SpaceNavigator, Haply; untested")           \
     X(latency, "from a pose to its force through LCM on a real kneadd, stage by stage, beside a bare echo")            \
     X(mesh, "fills a closed surface, OBJ or STL, with tetrahedra for a scene; checks a mesh and says what it has")     \

@@ -1,6 +1,7 @@
 #include "clients/knead/lineup.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/measure_option.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -122,12 +123,11 @@ static void paste(kn_lineup *l, int panel)
 
 static kn_scale scale_of(const kn_view_options *o, bool distance, double most)
 {
-    static const double least[KN_MEASURES] = {1e-5, 1, 1e-3}; // of an object at rest: rounding is not made a picture of
     const int measure = distance ? (int)KN_MEASURE_DISPLACEMENT : o->measure;
     if (measure < 0) return (kn_scale){"", "", 1};
     const double asked = distance && o->measure >= 0 ? 0 : o->top_si;
     return (kn_scale){distance ? "distance" : kn_measure_names[measure].words, kn_measure_names[measure].unit,
-                      asked > 0 ? asked : kn_scale_round(fmax(most, least[measure]))};
+                      kn_measure_scale((kn_measure)measure, asked, most)};
 }
 
 int kn_lineup_shoot(kn_lineup *l, const kn_extent *e, bool framed)

@@ -3,6 +3,8 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/output.h"
+#include "clients/knead/progress.h"
+#include "clients/knead/rows.h"
 #include "core/hash.h"
 #include "server/backend/fpga.h"
 #include "server/log.h"
@@ -15,7 +17,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
-#include <unistd.h>
 
 static const char help[] =
     "usage: knead replay [SCENE] LOG [OPTION]...\n\n"
@@ -37,9 +38,6 @@ static const char help[] =
     "  --set KEY=VALUE   any key of the scene; knead check --keys lists them\n"
     "  --quality NAME    the scene's point fast, balanced or accurate; own: none of them\n\n"
     "Exit codes: 0 ok, 1 --verify failed or cannot be made, 2 bad input, 3 a file cannot be written.\n";
-
-static const char columns[] = "tick,time_s,probe,x_m,y_m,z_m,contact_fx_n,contact_fy_n,contact_fz_n,fx_n,fy_n,fz_n,"
-                              "tx_n_m,ty_n_m,tz_n_m,contacts,residual,execution_ns\n";
 
 #define SETS_MAX 64
 #define SET_SIZE 80 // "solver.dt=" and a time
@@ -64,7 +62,7 @@ typedef struct replay_run {
     bool differs;
     char difference[200];
     double peak_n;
-    int64_t clock_ns, shown_ns; // of real time, of the progress bar
+    int64_t clock_ns; // of real time
 } replay_run;
 
 // ---- options
@@ -196,18 +194,6 @@ static int parse(replay_options *opt, int argc, char **argv, bool *done)
 }
 
 // ---- what is written
-
-static void write_row(replay_run *run, int p)
-{
-    const kn_replay_tick *t = &run->replay->tick;
-    const kn_force *f = &t->out.force[p];
-    const double *x = t->pose[p].position_m;
-    fprintf(run->csv, "%lld,%.3f,%s,%.9g,%.9g,%.9g", (long long)t->out.tick, t->time_s,
-            run->replay->model->def.probe[p].name, x[0], x[1], x[2]);
-    const double *vectors[] = {f->contact_force_n, f->force_n, f->torque_n_m};
-    for (int i = 0; i < 3; i++) fprintf(run->csv, ",%.9g,%.9g,%.9g", vectors[i][0], vectors[i][1], vectors[i][2]);
-    fprintf(run->csv, ",%d,%.3g,%lld\n", f->contacts, f->residual, (long long)t->execution_ns);
-}
 
 static void log_bytes(replay_run *run, int64_t utime, const char *prefix, const char *probe, void *bytes, int size)
 {
@@ -363,18 +349,6 @@ static void keep_pace(replay_run *run)
     while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL) == EINTR) continue;
 }
 
-static void show_progress(replay_run *run, bool last)
-{
-    static const char bar[] = "########################################";
-    const kn_replay_tally *tally = &run->replay->tally;
-    int64_t now = now_ns();
-    if (!isatty(STDERR_FILENO) || (!last && now - run->shown_ns < 100000000)) return;
-    run->shown_ns = now;
-    double share = tally->ticks_total > 0 ? fmin(1.0, (double)tally->ticks / (double)tally->ticks_total) : 1.0;
-    if (last) fprintf(stderr, "\r%60s\r", "");
-    else fprintf(stderr, "\r[%-40.*s] %3.0f %%  %.1f s", (int)(40 * share), bar, 100 * share, run->replay->tick.time_s);
-}
-
 static void take_tick(replay_run *run)
 {
     const kn_tick_out *out = &run->replay->tick.out;
@@ -383,7 +357,7 @@ static void take_tick(replay_run *run)
         if (!out->force[p].live) continue;
         run->peak_n = fmax(run->peak_n, sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]));
         hash_force(run, p);
-        if (run->csv) write_row(run, p);
+        if (run->csv) kn_rows_tick(run->csv, run->replay, p);
         if (run->opt->verify) verify_force(run, p);
     }
     if (run->out) log_tick(run);
@@ -428,7 +402,7 @@ static int open_outputs(replay_run *run)
     if (path)
         return kn_complain("replay", KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", path,
                            strerror(errno));
-    if (run->csv) fputs(columns, run->csv);
+    if (run->csv) kn_rows_head(run->csv);
     return KN_EXIT_OK;
 }
 
@@ -467,14 +441,15 @@ static int play(replay_run *run)
     run->hash = KN_HASH_SEED;
     run->initial_hash = kn_state_hash(r->model, kn_replay_state(r));
     bool first = true;
+    kn_progress bar = kn_progress_open("replay", (double)r->tally.ticks_total);
     while (kn_replay_step(r)) {
         if (first && run->out) log_scene(run, r->tick.utime);
         first = false;
         take_tick(run);
-        show_progress(run, false);
+        kn_progress_step(&bar, (double)r->tally.ticks);
         if (run->opt->real_time) keep_pace(run);
     }
-    show_progress(run, true);
+    kn_progress_close(&bar);
     tell(run);
     code = close_outputs(run);
     if (code != KN_EXIT_OK) return code;

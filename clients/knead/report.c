@@ -1,4 +1,5 @@
 #include "clients/knead/report.h"
+#include "clients/knead/rows.h"
 #include <math.h>
 #include <stdlib.h>
 
@@ -98,12 +99,9 @@ static int by_number(const void *a, const void *b)
     return (x->seq > y->seq) - (x->seq < y->seq);
 }
 
-static void print_vector(FILE *out, const double v[3]) { fprintf(out, ",%.9g,%.9g,%.9g", v[0], v[1], v[2]); }
-
 void kn_report_csv(FILE *out, const kn_hand *hand, const kn_record *record, const char *probe)
 {
-    fprintf(out, "tick,time_s,probe,x_m,y_m,z_m,contact_fx_n,contact_fy_n,contact_fz_n,fx_n,fy_n,fz_n,"
-                 "tx_n_m,ty_n_m,tz_n_m,contacts,residual,execution_ns\n");
+    kn_rows_head(out);
     qsort(record->pose, (size_t)record->pose_count, sizeof *record->pose, by_number); // they came in order, tries apart
     int64_t first_tick = record->force_count ? record->force[0].force.tick : 0;
     for (int i = 0; i < record->force_count; i++) {
@@ -112,11 +110,8 @@ void kn_report_csv(FILE *out, const kn_hand *hand, const kn_record *record, cons
         const knead_probe_pose_t *pose =
             bsearch(&key, record->pose, (size_t)record->pose_count, sizeof *record->pose, by_number);
         if (!attempt_of(hand, f) || !pose) continue;
-        fprintf(out, "%lld,%.3f,%s", (long long)f->tick, 1e-3 * (double)(f->tick - first_tick), probe);
-        print_vector(out, pose->position_m);
-        print_vector(out, f->contact_force_n);
-        print_vector(out, f->force_n);
-        print_vector(out, f->torque_n_m);
-        fprintf(out, ",%d,%.3g,%lld\n", f->contacts, f->residual, (long long)f->execution_ns);
+        kn_rows_add(out, &(kn_row_of_force){f->tick, f->execution_ns, 1e-3 * (double)(f->tick - first_tick), probe,
+                                            pose->position_m, f->contact_force_n, f->force_n, f->torque_n_m,
+                                            f->proxy_position_m, f->contacts, f->residual});
     }
 }

@@ -3,9 +3,9 @@
 #include "clients/knead/complain.h"
 #include "clients/knead/film.h"
 #include "clients/knead/join.h"
+#include "clients/knead/measure_option.h"
 #include "clients/knead/output.h"
 #include "clients/viewer/offscreen.h"
-#include "core/scene/units.h"
 #include <errno.h>
 #include <getopt.h>
 #include <math.h>
@@ -91,13 +91,6 @@ static bool camera(const char *text, kn_view_options *o)
     return false;
 }
 
-static bool measure(const char *text, kn_view_options *o)
-{
-    o->measure = KN_MEASURES - 1;
-    while (o->measure >= 0 && strcmp(kn_measure_names[o->measure].name, text) != 0) o->measure--;
-    return o->measure >= 0;
-}
-
 typedef struct asked { // what cannot be in options yet
     double azimuth_deg, elevation_deg; // NAN: as the camera
     bool sized;
@@ -110,7 +103,7 @@ static const char *take(kn_view_options *o, asked *a, int option, const char *te
     case 'C': o->compare = true; return NULL;
     case 'k': return camera(text, o) ? NULL : "front, back, left, right, top or corner";
     case 'z': return number(text, 0.2, 20, &o->look.zoom) ? NULL : "0.2..20";
-    case 'c': return measure(text, o) ? NULL : "displacement, stress or residual";
+    case 'c': return kn_measure_take(text, &o->measure) ? NULL : KN_MEASURE_EXPECTED;
     case 'T': o->top = text; return NULL;
     case 'y': return style(text, o) ? NULL : "lined, solid, wire or edges";
     case 'P': o->plain = true; return NULL;
@@ -132,20 +125,6 @@ static const char *take(kn_view_options *o, asked *a, int option, const char *te
     case 'o': return number(text, -720, 720, &o->orbit_deg_s) ? NULL : "degrees per second, -720..720";
     default: return number(text, 0, 3600, &o->wait_s) ? NULL : "seconds, 0..3600";
     }
-}
-
-// --top in the unit of the measure, or of a distance.
-static bool top(kn_view_options *o)
-{
-    kn_quantity q;
-    kn_unit unit = {0};
-    char error[100];
-    const char *name = kn_measure_names[o->measure < 0 ? KN_MEASURE_DISPLACEMENT : o->measure].unit;
-    if (*name && !kn_unit_parse(&unit, name, error, sizeof error)) return false;
-    if (!kn_quantity_parse(&q, o->top, error, sizeof error) || (*name && q.bare)) return false;
-    if (!kn_unit_same_dimension(&q.unit, &unit)) return false;
-    o->top_si = kn_quantity_in(&q, &unit);
-    return o->top_si >= 1e-9 && o->top_si <= 1e12;
 }
 
 #define REFUSE(...) return kn_complain("view", KN_EXIT_USAGE, __VA_ARGS__)
@@ -229,9 +208,11 @@ static int check_scale(kn_view_options *o)
     if (!o->top) return KN_EXIT_OK;
     const bool distance = o->measure < 0 && o->compare;
     if (o->measure < 0 && !distance) REFUSE("--top %s: expected --color as well", o->top);
-    if (top(o)) return KN_EXIT_OK;
-    REFUSE("--top %s: expected a %s above 0, e.g. %s", o->top, distance ? "distance" : kn_measure_names[o->measure].words,
-           distance ? "'2 mm'" : (const char *[]){"'2 mm'", "'5 kPa'", "0.1"}[o->measure]);
+    const kn_measure measure = distance ? KN_MEASURE_DISPLACEMENT : (kn_measure)o->measure;
+    o->top_si = kn_measure_top(measure, o->top);
+    if (o->top_si > 0) return KN_EXIT_OK;
+    REFUSE("--top %s: expected a %s above 0, e.g. %s", o->top, distance ? "distance" : kn_measure_names[measure].words,
+           kn_measure_top_example(measure));
 }
 
 // Several stand side by side: 4:3 each, as long as that fits on a screen.

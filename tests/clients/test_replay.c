@@ -273,7 +273,7 @@ TEST("the CSV has the columns it promises, one row per force, and contact before
     CHECK_STR(
         line,
         "tick,time_s,probe,x_m,y_m,z_m,contact_fx_n,contact_fy_n,contact_fz_n,fx_n,fy_n,fz_n,tx_n_m,ty_n_m,tz_n_m,"
-        "contacts,residual,execution_ns\n");
+        "contacts,residual,execution_ns,proxy_x_m,proxy_y_m,proxy_z_m\n");
     int rows = 0, commas = 0, pressed = 0;
     double t, first = -1.0;
     char probe[32];
@@ -282,7 +282,7 @@ TEST("the CSV has the columns it promises, one row per force, and contact before
         long long tick_number;
         commas = 0;
         for (const char *c = line; *c; c++) commas += *c == ',';
-        CHECK(commas == 17);
+        CHECK(commas == 20);
         CHECK(sscanf(line, "%lld,%lf,%31[^,],%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf", &tick_number, &t, probe, x, x + 1,
                      x + 2, x + 3, x + 4, x + 5, x + 6, x + 7, x + 8) == 12);
         if (rows == 0) first = t;

@@ -126,7 +126,7 @@ TEST("the CSV has a row per force with the pose it echoes, whatever order the po
     FILE *in = fmemopen(text, size, "r");
     CHECK(fgets(line, sizeof line, in) != NULL);
     CHECK_STR(line, "tick,time_s,probe,x_m,y_m,z_m,contact_fx_n,contact_fy_n,contact_fz_n,fx_n,fy_n,fz_n,"
-                    "tx_n_m,ty_n_m,tz_n_m,contacts,residual,execution_ns\n");
+                    "tx_n_m,ty_n_m,tz_n_m,contacts,residual,execution_ns,proxy_x_m,proxy_y_m,proxy_z_m\n");
     int rows = 0;
     double lowest = 1, force_there = 0;
     while (fgets(line, sizeof line, in)) {

@@ -144,6 +144,34 @@ TEST("a plate's map is the force on its nodes, and it does not slip")
     rig_close(&r);
 }
 
+TEST("what nodes feel adds up to what tools do: a plate's on the top, a rough ball's and a fallen finger's on the skin")
+{
+    kn_probe_def rough = ball, tool[] = {plate, rough, finger};
+    tool[1].friction = 0.5;
+    const double low_m[] = {0, 0.012, 0.008}, degrees[] = {0, 0, 90};
+    for (int i = 0; i < 3; i++) {
+        rig r = pressed(tool[i], low_m[i], degrees[i], 0, 1, 0);
+        if (i == 1) go(&r, 0.02, 0.01, 0, 50);
+        double (*node)[3] = calloc((size_t)r.model->node_count, sizeof *node), sum[3] = {0};
+        const double *f = r.output.probe[0].force_n;
+        int loaded = 0, below = 0;
+        kn_touch_nodes(r.model, r.state, node);
+        for (int n = 0; n < r.model->node_count; n++) {
+            for (int k = 0; k < 3; k++) sum[k] += node[n][k];
+            loaded += node[n][2] != 0;
+            below += node[n][2] != 0 && r.model->rest_m[n][2] < 0.0299;
+        }
+        for (int k = 0; k < 3; k++) CHECK_NEAR(sum[k], -f[k], 1e-9 * fabs(f[2]));
+        CHECK(f[2] > 0.05 && loaded >= 4 && below == 0);
+        r.input.probe[0].attached = false;
+        go(&r, 0, 0, 0, 1);
+        kn_touch_nodes(r.model, r.state, node);
+        for (int n = 0; n < r.model->node_count; n++) CHECK(dot(node[n], node[n]) == 0);
+        free(node);
+        rig_close(&r);
+    }
+}
+
 TEST("a centred press has its centre of pressure, and the middle of its map, under the tool")
 {
     rig r = rig_open(ball);

@@ -1,0 +1,72 @@
+#include "clients/knead/batch.h"
+#include <dirent.h>
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static bool fail(const char *path, const char *why, char *error, size_t size)
+{
+    snprintf(error, size, "%.300s: %s", path, why);
+    return false;
+}
+
+// 1 empty, 0 not, -1 neither a folder nor nothing.
+static int empty(const char *path)
+{
+    struct stat there;
+    if (lstat(path, &there) != 0) return 1;
+    DIR *stream = S_ISDIR(there.st_mode) ? opendir(path) : NULL;
+    if (!stream) return -1;
+    int names = 0;
+    for (struct dirent *e; (e = readdir(stream));) names += strcmp(e->d_name, ".") && strcmp(e->d_name, "..");
+    closedir(stream);
+    return names == 0;
+}
+
+bool kn_batch_open(kn_batch *b, const char *path, bool *taken, char *error, size_t size)
+{
+    *b = (kn_batch){0};
+    *taken = empty(path) != 1;
+    if (*taken)
+        return fail(path, empty(path) < 0 ? "is no folder, expected a new one" : "is not empty, expected a new folder",
+                    error, size);
+    size_t length = strlen(path);
+    while (length > 1 && path[length - 1] == '/') length--; // the name beside it
+    if (length == 0 || length + 8 > sizeof b->folder) return fail(path, "expected a path of 1 to 3800 bytes", error, size);
+    snprintf(b->path, sizeof b->path, "%.*s", (int)length, path);
+    snprintf(b->folder, sizeof b->folder, "%.*s.XXXXXX", (int)length, path);
+    if (!mkdtemp(b->folder)) {
+        b->folder[0] = 0;
+        return fail(path, strerror(errno), error, size);
+    }
+    mode_t mask = umask(0);
+    umask(mask);
+    chmod(b->folder, 0777 & ~mask); // mkdtemp's 0700 is for secrets
+    return true;
+}
+
+bool kn_batch_keep(kn_batch *b, char *error, size_t size)
+{
+    if (!b->folder[0]) return true;
+    if (rename(b->folder, b->path) == 0) { // over an empty folder, too
+        b->folder[0] = 0;
+        return true;
+    }
+    fail(b->path, strerror(errno), error, size);
+    kn_batch_drop(b);
+    return false;
+}
+
+void kn_batch_drop(kn_batch *b)
+{
+    DIR *stream = b->folder[0] ? opendir(b->folder) : NULL;
+    if (!stream) return;
+    for (struct dirent *e; (e = readdir(stream));)
+        if (strcmp(e->d_name, ".") && strcmp(e->d_name, "..")) unlinkat(dirfd(stream), e->d_name, 0);
+    closedir(stream);
+    rmdir(b->folder);
+    b->folder[0] = 0;
+}

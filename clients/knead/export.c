@@ -1,0 +1,398 @@
+// knead export: an object through time as files for other programs: ParaView and VTK, MeshLab and Open3D, tables.
+#include "clients/knead/batch.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/measure_option.h"
+#include "clients/knead/output.h"
+#include "clients/knead/paraview.h"
+#include "clients/knead/ply.h"
+#include "clients/knead/progress.h"
+#include "clients/knead/rows.h"
+#include "clients/viewer/beside.h"
+#include <ctype.h>
+#include <getopt.h>
+#include <limits.h>
+#include <math.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define HALF_TICK_S 0.0005
+#define MOMENTS_MAX 100000 // five digits of a name
+
+static const char help[] =
+    "usage: knead export LOG --vtk DIR [OPTION]...        a recording, stepped through the daemon's own servo\n"
+    "       knead export --scene F --vtk DIR [OPTION]...  a scene's object at rest\n\n"
+    "Writes an object as files for other programs, in SI units; a name ends with its unit. Expected is at least one of\n\n"
+    "  --vtk DIR          for ParaView and VTK: open DIR/object.pvd. Every node with its displacement, velocity, von\n"
+    "                     Mises stress, residual strain and contact force, every cell with its volume, the tools with\n"
+    "                     their forces; DIR/edges.pvd has every edge with its stress, strain and residual strain\n"
+    "  --ply PATH         for MeshLab and Open3D: the surface with normals, and --color as number (quality) and colour;\n"
+    "                     with --at or --scene a file, else a folder with one for each moment\n"
+    "  --csv FILE         a table: a row per tick and live probe of the same part of the recording, the columns of\n"
+    "                     knead replay --csv\n\n"
+    "  --from S, --to S   part of the recording, seconds since its first session began (0, its end)\n"
+    "  --every S          between two moments of it, 0.001 or more (0.1)\n"
+    "  --at SECONDS|end   that moment alone\n"
+    "  --color WHAT       of --ply: displacement, stress (von Mises) or residual (displacement)\n"
+    "  --top QUANTITY     end of its colour scale, e.g. '5 kPa', '2 mm', 0.1 (what the file needs; for a folder you say\n"
+    "                     it, so that a colour means the same in all)\n"
+    "  --snapshot PATH    as knead replay's: where a log goes on that begins on a kneaded object\n\n"
+    "DIR is new, or an empty folder; a FILE is replaced. All appear whole, or not at all.\n"
+    "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written, or interrupted.\n";
+
+typedef struct options {
+    const char *log, *scene, *snapshot, *vtk, *ply, *csv;
+    double from_s, to_s, every_s, at_s; // to_s INFINITY: end; at_s NAN: a series, INFINITY: end
+    bool spaced;                        // --from, --to or --every
+    int measure;
+    const char *top;
+    double top_si; // 0: what is needed
+    bool help;
+} options;
+
+typedef struct run {
+    const options *o;
+    kn_batch vtk, plys;
+    kn_beside ply, csv;
+    kn_paraview *paraview;
+    kn_gauge *gauge;
+    int gauged;  // of which model, see kn_moment
+    int models;  // that the log has gone through
+    int moments;
+    double first_s, last_s; // of them
+} run;
+
+static volatile sig_atomic_t interrupted;
+
+static void on_signal(int number)
+{
+    (void)number;
+    interrupted = 1;
+}
+
+#define REFUSE(...) return kn_complain("export", KN_EXIT_USAGE, __VA_ARGS__)
+#define FAIL(...) return kn_complain("export", KN_EXIT_DEVICE, __VA_ARGS__)
+
+// ---- options
+
+static bool seconds(const char *text, double least, double *value)
+{
+    char *end;
+    *value = strtod(text, &end);
+    return end != text && !*end && *value >= least && *value <= 1e9;
+}
+
+static const char *take(options *o, int option, const char *text) // NULL, or what was expected
+{
+    o->spaced |= option == 'f' || option == 't' || option == 'e';
+    switch (option) {
+    case 'v': o->vtk = text; return NULL;
+    case 'p': o->ply = text; return NULL;
+    case 'c': o->csv = text; return NULL;
+    case 'S': o->scene = text; return NULL;
+    case 's': o->snapshot = text; return NULL;
+    case 'T': o->top = text; return NULL;
+    case 'm': return kn_measure_take(text, &o->measure) ? NULL : KN_MEASURE_EXPECTED;
+    case 'f': return seconds(text, -1e9, &o->from_s) ? NULL : "seconds";
+    case 't': return seconds(text, -1e9, &o->to_s) ? NULL : "seconds";
+    case 'e': return seconds(text, 0.001, &o->every_s) ? NULL : "seconds, 0.001 or more: a tick is a millisecond";
+    default:
+        o->at_s = INFINITY;
+        return strcmp(text, "end") == 0 || seconds(text, -1e9, &o->at_s) ? NULL : "seconds, or end";
+    }
+}
+
+static int check_outputs(const options *o)
+{
+    const bool one = !isnan(o->at_s) || o->scene;
+    const char *files[] = {o->csv, one ? o->ply : NULL};
+    for (int i = 0; i < 2; i++)
+        if (kn_output_same(o->log, files[i]) || kn_output_same(o->scene, files[i]))
+            REFUSE("%s: is being read, expected another file to write", files[i]);
+    const char *all[] = {o->vtk, o->ply, o->csv};
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < i; k++)
+            if (all[i] && all[k] && (!strcmp(all[i], all[k]) || kn_output_same(all[i], all[k])))
+                REFUSE("%s: expected a path of its own for each output", all[i]);
+    if (o->ply && !one && !o->top) REFUSE("--ply %s: expected --top as well, or --at for one moment", o->ply);
+    return KN_EXIT_OK;
+}
+
+static int check(options *o)
+{
+    if (!o->log && !o->scene) REFUSE("expected a LOG or --scene F; knead export --help tells the rest");
+    if (o->log && o->scene) REFUSE("--scene %s: expected a log or a scene; a log holds its own", o->scene);
+    if (!o->vtk && !o->ply && !o->csv) REFUSE("expected --vtk DIR, --ply PATH or --csv FILE");
+    if (o->scene && (o->csv || o->spaced || !isnan(o->at_s) || o->snapshot))
+        REFUSE("--csv, --from, --to, --every, --at and --snapshot: expected a log; nothing happens to a scene at rest");
+    if (!isnan(o->at_s) && o->spaced) REFUSE("--at: expected no --from, --to and --every beside it");
+    if (o->to_s < o->from_s) REFUSE("--to %g: expected no less than --from %g", o->to_s, o->from_s);
+    if (o->top && !o->ply) REFUSE("--top %s: expected --ply as well", o->top);
+    if (o->top && (o->top_si = kn_measure_top((kn_measure)o->measure, o->top)) == 0)
+        REFUSE("--top %s: expected a %s above 0, e.g. %s", o->top, kn_measure_names[o->measure].words,
+               kn_measure_top_example((kn_measure)o->measure));
+    return check_outputs(o);
+}
+
+static int parse(int argc, char **argv, options *o)
+{
+    static const struct option names[] = {
+        {"vtk", 1, NULL, 'v'},   {"ply", 1, NULL, 'p'},   {"csv", 1, NULL, 'c'},      {"scene", 1, NULL, 'S'},
+        {"from", 1, NULL, 'f'},  {"to", 1, NULL, 't'},    {"every", 1, NULL, 'e'},    {"at", 1, NULL, 'a'},
+        {"color", 1, NULL, 'm'}, {"top", 1, NULL, 'T'},   {"snapshot", 1, NULL, 's'}, {"help", 0, NULL, 'h'},
+        {NULL, 0, NULL, 0}};
+    int option, which = 0;
+    opterr = 0; // our own words
+    while ((option = getopt_long(argc, argv, ":h", names, &which)) != -1) {
+        const char *word = argv[optind - 1];
+        if (option == ':') REFUSE("%s: expected a value", word);
+        if (option == '?') REFUSE("%s: no such option; knead export --help lists them", word);
+        if (option == 'h') return o->help = true, KN_EXIT_OK;
+        const char *expected = take(o, option, optarg);
+        if (expected) REFUSE("--%s %s: expected %s", names[which].name, optarg, expected);
+    }
+    if (optind < argc) o->log = argv[optind++];
+    if (optind < argc) REFUSE("%s: expected one log", argv[optind]);
+    return check(o);
+}
+
+// ---- outputs
+
+static int open_folder(kn_batch *batch, const char *path)
+{
+    char error[PATH_MAX];
+    bool taken;
+    if (!path || kn_batch_open(batch, path, &taken, error, sizeof error)) return KN_EXIT_OK;
+    return kn_complain("export", taken ? KN_EXIT_USAGE : KN_EXIT_DEVICE, "%s", error);
+}
+
+static int open_outputs(run *r)
+{
+    const options *o = r->o;
+    const bool one = !isnan(o->at_s) || o->scene;
+    char error[PATH_MAX];
+    int code = open_folder(&r->vtk, o->vtk);
+    if (code == KN_EXIT_OK) code = open_folder(&r->plys, one ? NULL : o->ply);
+    if (code != KN_EXIT_OK) return code;
+    if (o->ply && one && !kn_beside_open(&r->ply, o->ply, error, sizeof error)) FAIL("%s", error);
+    if (o->csv && !kn_beside_open(&r->csv, o->csv, error, sizeof error)) FAIL("%s", error);
+    if (o->vtk && !(r->paraview = kn_paraview_open(r->vtk.folder, error, sizeof error))) FAIL("%s", error);
+    if (o->csv) kn_rows_head(r->csv.file);
+    return KN_EXIT_OK;
+}
+
+static int keep_outputs(run *r)
+{
+    char error[PATH_MAX];
+    kn_paraview *paraview = r->paraview;
+    r->paraview = NULL;
+    if (paraview && !kn_paraview_close(paraview, error, sizeof error)) FAIL("%s", error);
+    if (r->csv.file && !kn_beside_keep(&r->csv, error, sizeof error)) FAIL("%s", error);
+    if (r->ply.file && !kn_beside_keep(&r->ply, error, sizeof error)) FAIL("%s", error);
+    if (!kn_batch_keep(&r->plys, error, sizeof error)) FAIL("%s", error);
+    if (!kn_batch_keep(&r->vtk, error, sizeof error)) FAIL("%s", error);
+    return KN_EXIT_OK;
+}
+
+static void drop_outputs(run *r) // those that were not kept
+{
+    char error[1];
+    if (r->paraview) kn_paraview_close(r->paraview, error, 0);
+    if (r->csv.file) kn_beside_drop(&r->csv);
+    if (r->ply.file) kn_beside_drop(&r->ply);
+    kn_batch_drop(&r->plys);
+    kn_batch_drop(&r->vtk);
+    kn_gauge_destroy(r->gauge);
+}
+
+// ---- moments
+
+static bool whole(const kn_moment *m)
+{
+    for (int i = 0; i < m->model->node_count; i++) {
+        double x[3];
+        kn_state_position(m->model, m->state, i, x);
+        if (!isfinite(x[0] + x[1] + x[2])) return false;
+    }
+    return true;
+}
+
+// A name may hold anything, a line of a PLY's head only words.
+static void say_of(const char *scene, double time_s, char *about, size_t size)
+{
+    snprintf(about, size, "%s at %.3f s", scene, time_s);
+    for (char *c = about; *c; c++)
+        if (!isprint((unsigned char)*c)) *c = '_';
+}
+
+static bool write_ply(run *r, FILE *file, const kn_moment *m, const char *scene)
+{
+    const kn_measure what = (kn_measure)r->o->measure;
+    kn_still still = {0};
+    char about[128];
+    if (!r->gauge || r->gauged != m->models) {
+        kn_gauge_destroy(r->gauge);
+        r->gauge = kn_gauge_create(m->model);
+        r->gauged = m->models;
+    }
+    say_of(scene, m->time_s, about, sizeof about);
+    bool ok = r->gauge && kn_still_state(&still, m->model, m->state) &&
+              kn_still_measure(&still, m->model, m->state, r->gauge, what, false) &&
+              kn_ply_write(file, &still, what, kn_measure_scale(what, r->o->top_si, kn_still_most(&still)), about);
+    kn_still_free(&still);
+    return ok;
+}
+
+static int add_surface(run *r, const kn_moment *m, const char *scene)
+{
+    char path[PATH_MAX], error[PATH_MAX];
+    kn_beside file;
+    if (r->ply.file && !write_ply(r, r->ply.file, m, scene)) FAIL("out of memory");
+    if (!r->plys.folder[0]) return KN_EXIT_OK;
+    snprintf(path, sizeof path, "%s/surface_%05d.ply", r->plys.folder, r->moments);
+    if (!kn_beside_open(&file, path, error, sizeof error)) FAIL("%s", error);
+    if (!write_ply(r, file.file, m, scene)) {
+        kn_beside_drop(&file);
+        FAIL("out of memory");
+    }
+    if (!kn_beside_keep(&file, error, sizeof error)) FAIL("%s", error);
+    return KN_EXIT_OK;
+}
+
+static int add_moment(run *r, const kn_moment *m, const char *scene)
+{
+    char error[PATH_MAX];
+    if (!whole(m))
+        REFUSE("%s: the object's shape is no number at %.3f s: it diverged, expected --to before that", r->o->log,
+               m->time_s);
+    if (r->moments == MOMENTS_MAX)
+        REFUSE("--every %g: expected at most %d moments, there are more before %.3f s", r->o->every_s, MOMENTS_MAX,
+               m->time_s);
+    if (r->paraview && !kn_paraview_add(r->paraview, m, error, sizeof error)) FAIL("%s", error);
+    if (r->moments == 0) r->first_s = m->time_s;
+    r->last_s = m->time_s;
+    int code = add_surface(r, m, scene);
+    r->moments++;
+    return code;
+}
+
+static kn_moment moment_of(kn_replay *r, int models)
+{
+    kn_moment m = {.model = r->model, .models = models, .state = kn_replay_state(r), .time_s = r->tick.time_s};
+    for (int p = 0; p < r->tick.out.probes; p++) {
+        const kn_force *f = &r->tick.out.force[p];
+        struct kn_moment_tool *t = &m.tool[p];
+        t->live = f->live;
+        t->gain = f->gain;
+        memcpy(t->position_m, f->proxy_position_m, sizeof t->position_m);
+        memcpy(t->orientation_wxyz, f->proxy_orientation_wxyz, sizeof t->orientation_wxyz);
+        memcpy(t->force_n, f->force_n, sizeof t->force_n);
+        memcpy(t->contact_force_n, f->contact_force_n, sizeof t->contact_force_n);
+        memcpy(t->torque_n_m, f->torque_n_m, sizeof t->torque_n_m);
+    }
+    return m;
+}
+
+// ---- a recording, a scene
+
+static int take_tick(run *r, kn_replay *replay, double *next_s)
+{
+    const options *o = r->o;
+    const double t = replay->tick.time_s;
+    const bool one = !isnan(o->at_s);
+    r->models += replay->tick.out.changed != NULL;
+    if (t < (one ? o->at_s : o->from_s) - HALF_TICK_S) return KN_EXIT_OK;
+    for (int p = 0; r->csv.file && p < replay->tick.out.probes; p++)
+        if (replay->tick.out.force[p].live) kn_rows_tick(r->csv.file, replay, p);
+    if (t < *next_s - HALF_TICK_S) return KN_EXIT_OK;
+    while (!one && *next_s <= t + HALF_TICK_S) *next_s += o->every_s;
+    const kn_moment m = moment_of(replay, r->models);
+    return add_moment(r, &m, replay->scene->name);
+}
+
+static int step_through(run *r, kn_replay *replay)
+{
+    const options *o = r->o;
+    const bool one = !isnan(o->at_s);
+    const double end_s = one ? o->at_s : o->to_s;
+    double next_s = one ? o->at_s : o->from_s, last_s = -INFINITY;
+    int code = KN_EXIT_OK;
+    kn_progress bar = kn_progress_open("export", fmin((double)replay->tally.ticks_total, fmax(1, 1e3 * end_s)));
+    while (code == KN_EXIT_OK && !interrupted && last_s < end_s - HALF_TICK_S && kn_replay_step(replay)) {
+        last_s = replay->tick.time_s;
+        if (!one && last_s > end_s + HALF_TICK_S) break; // ticks are missing there; of one moment the next will do
+        code = take_tick(r, replay, &next_s);
+        kn_progress_step(&bar, (double)replay->tally.ticks);
+    }
+    kn_progress_close(&bar);
+    if (code != KN_EXIT_OK) return code;
+    if (interrupted) FAIL("interrupted: nothing is written");
+    if (isinf(last_s)) REFUSE("%s: not one tick in it, expected a recorded session", o->log);
+    if (one && isinf(end_s)) { // its end is known now
+        const kn_moment m = moment_of(replay, r->models);
+        return add_moment(r, &m, replay->scene->name);
+    }
+    if (r->moments == 0)
+        REFUSE("--%s %g: %s ends at %.3f s", one ? "at" : "from", one ? o->at_s : o->from_s, o->log, last_s);
+    return KN_EXIT_OK;
+}
+
+static int of_log(run *r)
+{
+    char error[512];
+    const options *o = r->o;
+    const kn_replay_def def = {.log_path = o->log, .snapshot_path = o->snapshot};
+    kn_replay *replay = kn_replay_create(&def, error, sizeof error);
+    if (!replay) REFUSE("%s", error);
+    int code = open_outputs(r);
+    if (code == KN_EXIT_OK) code = step_through(r, replay);
+    if (code == KN_EXIT_OK && replay->damage[0])
+        kn_complain("export", KN_EXIT_OK, "%s: %s: what stands before it was used", o->log, replay->damage);
+    kn_replay_destroy(replay);
+    return code;
+}
+
+static int of_scene(run *r)
+{
+    char error[512];
+    kn_scene *scene = kn_scene_load(r->o->scene, NULL, 0, error, sizeof error);
+    if (!scene) REFUSE("%s", error);
+    kn_model *model = kn_model_build(&scene->model, error, sizeof error);
+    kn_state *state = model ? kn_state_create(model) : NULL;
+    int code = state ? open_outputs(r)
+                     : kn_complain("export", model ? KN_EXIT_DEVICE : KN_EXIT_USAGE, "%s: %s", r->o->scene,
+                                   model ? "out of memory" : error);
+    if (code == KN_EXIT_OK) code = add_moment(r, &(kn_moment){.model = model, .state = state}, scene->name);
+    kn_state_destroy(state);
+    kn_model_destroy(model);
+    kn_scene_destroy(scene);
+    return code;
+}
+
+static void tell(const run *r)
+{
+    const options *o = r->o;
+    const char *moments = r->moments == 1 ? "moment" : "moments";
+    if (o->vtk) printf("%s/object.pvd: %d %s, %.3f .. %.3f s\n", o->vtk, r->moments, moments, r->first_s, r->last_s);
+    if (o->ply) printf("%s: %d %s\n", o->ply, r->moments, moments);
+    if (o->csv) printf("%s\n", o->csv);
+}
+
+int kn_export_main(int argc, char **argv)
+{
+    options o = {.to_s = INFINITY, .every_s = 0.1, .at_s = NAN, .measure = KN_MEASURE_DISPLACEMENT};
+    int code = parse(argc, argv, &o);
+    if (code == KN_EXIT_OK && o.help) fputs(help, stdout);
+    if (code != KN_EXIT_OK || o.help) return code;
+    struct sigaction action = {.sa_handler = on_signal};
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+    sigaction(SIGHUP, &action, NULL);
+    run r = {.o = &o};
+    code = o.scene ? of_scene(&r) : of_log(&r);
+    if (code == KN_EXIT_OK) code = keep_outputs(&r);
+    if (code == KN_EXIT_OK) tell(&r);
+    drop_outputs(&r);
+    return code;
+}

@@ -1,0 +1,92 @@
+#!/usr/bin/env bash
+# knead export: a press as VTK's, PLY's and CSV files, read back by VTK's own readers; scenes at rest; and whatever can be wrong, which
+# leaves nothing behind.
+. "$KN_SOURCE/tests/e2e/kneadd.sh"
+/usr/bin/python3 -c 'import vtk' 2>/dev/null || { echo "skipped: no VTK here (package python3-vtk9)"; exit 77; }
+exported() { /usr/bin/python3 "$KN_SOURCE/tests/e2e/exported.py" "$@" || failed=1; }
+# refused SENTENCE EXIT PATTERN OPTION...: one line, and nothing new in this folder
+refused() {
+    local sentence=$1 code=$2 pattern=$3 got before after
+    shift 3
+    before=$(ls -A)
+    knead export "$@" >out 2>err
+    got=$?
+    after=$(ls -A)
+    check "$sentence ($(cat out err))" eval '[ $got = $code ] && [ $(wc -l <err) = 1 ] && [ ! -s out ] && [[ $(cat err) =~ $pattern ]]'
+    check "and leaves nothing" [ "$before" = "$after" ]
+}
+touch out err
+scenes=$KN_SOURCE/core/scenes
+pressed "$scenes/dough-small.yaml" press.lcmlog || exit 70
+edges=$(knead check "$scenes/dough-small.yaml" | grep -oE '[0-9]+ edges' | cut -d' ' -f1)
+
+check "a press for ParaView and as a table" knead export press.lcmlog --vtk press --csv press.csv
+knead replay press.lcmlog --csv replay.csv >/dev/null
+check "whose rows are knead replay's, but for the time they took" \
+    cmp <(cut -d, -f1-17,19-21 press.csv) <(cut -d, -f1-17,19-21 replay.csv | awk -F, 'NR == 1 || $2 >= 0')
+exported log press press.csv 144 "$edges"
+check "part of it" knead export press.lcmlog --vtk part --csv part.csv --from 0.2 --to 0.3 --every 0.05
+check "has three moments" [ "$(ls part | grep -c ^object_)" = 3 ]
+check "and a row for each of its 101 ticks" [ "$(wc -l <part.csv)" = 102 ]
+
+at=$(grep -o 'timestep="[0-9.]*"' press/object.pvd | tail -1 | tr -dc 0-9.)
+for what in displacement:displacement_m stress:von_mises_stress_pa residual:residual_strain; do
+    check "the surface in ${what%:*}" knead export press.lcmlog --at "$at" --ply a.ply --color "${what%:*}"
+    exported ply a.ply press "${what#*:}"
+done
+check "a surface for each moment" knead export press.lcmlog --ply plys --color stress --top '20 kPa' --every 0.5
+knead export press.lcmlog --at 0.5 --ply one.ply --color stress --top '20 kPa'
+check "one of which is that alone" cmp one.ply plys/surface_00001.ply
+
+cat >flat.yaml <<'END'
+version: 1
+object: {size: [4 cm, 2 cm], spacing: 5 mm, thickness: 1 cm}
+material: dough
+support: bonded
+device: bench
+probes: [{name: ball, shape: sphere, radius: 1 cm}]
+END
+check "a block of two resolutions at rest" knead export --scene "$scenes/dough-fine.yaml" --vtk fine
+exported rest fine 4.86e-5
+check "a bun of tetrahedra" knead export --scene "$scenes/bun.yaml" --vtk bun
+exported rest bun "$(knead mesh "$scenes/meshes/bun.msh" | sed -n 's/.*volume \([0-9.]*\) cm^3.*/\1e-6/p')"
+check "a tool of parts" knead export --scene "$scenes/rolling-pin.yaml" --vtk pin --ply pin.ply
+check "a flat object" knead export --scene flat.yaml --vtk flat
+exported flat flat 8e-4
+
+refused "nothing to export" 2 'expected a LOG or --scene' --vtk x
+refused "nothing to write" 2 'expected --vtk DIR, --ply PATH or --csv FILE' press.lcmlog
+refused "no such log" 2 'nosuch.lcmlog: .*expected an LCM event log' nosuch.lcmlog --vtk x
+refused "a log that is none" 2 'expected an LCM event log|no record of an LCM event log' press.csv --vtk x
+refused "a folder with something in it" 2 'press: is not empty, expected a new folder' press.lcmlog --vtk press
+refused "a file where a folder is to be" 2 'press.csv: is no folder' press.lcmlog --vtk press.csv
+refused "a folder in none" 3 'nosuch/x: No such file' press.lcmlog --vtk nosuch/x
+refused "a table in none" 3 'nosuch/x.csv: No such file' press.lcmlog --csv nosuch/x.csv --vtk x
+refused "a file that is being read" 2 'press.lcmlog: is being read' press.lcmlog --csv press.lcmlog
+refused "two outputs in one place" 2 'expected a path of its own' press.lcmlog --csv x --vtk x
+refused "no time between moments" 2 '--every 0: expected seconds, 0.001 or more' press.lcmlog --vtk x --every 0
+refused "a moment after the end" 2 '--at 99: press.lcmlog ends at [0-9.]+ s' press.lcmlog --vtk x --at 99
+refused "a part after it" 2 '--from 99: press.lcmlog ends at [0-9.]+ s' press.lcmlog --vtk x --csv y --from 99
+refused "a part that ends before it begins" 2 '--to 1: expected no less than --from 2' press.lcmlog --vtk x --from 2 --to 1
+refused "a moment and a part" 2 'expected no --from' press.lcmlog --vtk x --from 1 --at 2
+refused "a colour that is none" 2 '--color heat: expected displacement, stress or residual' press.lcmlog --ply x --at 1 --color heat
+refused "colours that would mean something else in every file" 2 'expected --top' press.lcmlog --ply x
+refused "a scene's motion" 2 'nothing happens to a scene at rest' --scene "$scenes/dough-small.yaml" --vtk x --every 1
+refused "a scene that is none" 2 'nosuch.yaml:1:1: ' --scene nosuch.yaml --vtk x
+head -c 300000 press.lcmlog >cut.lcmlog
+knead export cut.lcmlog --vtk cut >out 2>err
+check "a damaged log is used up to there" [ -e cut/object.pvd ]
+check "and says so: $(cat err)" grep -q "what stands before it was used" err
+(ulimit -f 200 && trap '' XFSZ && knead export press.lcmlog --vtk full --csv full.csv) >out 2>err
+got=$?
+check "a disk that is full is told ($(cat err))" eval '[ $got = 3 ] && [ $(wc -l <err) = 1 ]'
+check "and leaves nothing" [ -z "$(ls -A | grep full)" ]
+knead export press.lcmlog --vtk stopped --every 0.001 >out 2>err &
+exporter=$!
+for ((tries = 0; tries < 500; tries++)); do [ "$(ls stopped.* 2>/dev/null | wc -l)" -lt 50 ] || break; pause 0.02; done
+kill -INT $exporter
+wait $exporter
+got=$?
+check "interrupted, it says so ($(cat err))" eval '[ $got = 3 ] && grep -q "interrupted: nothing is written" err'
+check "and leaves nothing, either" [ -z "$(ls -A | grep stopped)" ]
+exit $failed
