@@ -9,22 +9,21 @@ static const double beside_m = 0.02;  // how far beside the object the tool may 
 static const double uneven_m = 2e-3;  // more of a dent is not waited for
 static const double thinnest = 0.5;   // of the block's height must stay under the tool: thinner cells turn inside out
 
-bool kn_reach_open(kn_reach *r, const kn_model_def *def, const kn_probe_def *tool, double azimuth_deg,
-                   double elevation_deg, float aspect)
+bool kn_reach_open(kn_reach *r, const kn_model_def *def, const kn_probe_def *tool, const kn_camera_view *view)
 {
-    *r = (kn_reach){.def = def, .tool = tool, .aspect = aspect};
+    *r = (kn_reach){.def = def, .tool = tool};
     r->top = kn_dent_top(def, &r->vertices);
     kn_model_def_extent(def, r->extent_m);
-    kn_reach_look(r, azimuth_deg, elevation_deg);
+    kn_reach_look(r, view);
     return r->top != NULL;
 }
 
-void kn_reach_look(kn_reach *r, double azimuth_deg, double elevation_deg)
+void kn_reach_look(kn_reach *r, const kn_camera_view *view)
 {
     float low[3] = {0}, high[3];
     for (int i = 0; i < 3; i++) high[i] = (float)(r->extent_m[i] * (i == 2 ? 1.0 : 0.5));
     for (int i = 0; i < 2; i++) low[i] = -high[i];
-    kn_camera_aim(&r->camera, low, high, azimuth_deg, elevation_deg, r->aspect);
+    kn_camera_look(&r->camera, low, high, view);
 }
 
 void kn_reach_close(kn_reach *r)

@@ -12,14 +12,12 @@ typedef struct kn_reach {
     uint8_t *top;
     int vertices;     // of the scene's mesh
     double extent_m[3]; // of the undeformed object
-    float aspect;
     kn_camera camera; // of the picture
 } kn_reach;
 
 // False: memory is short.
-bool kn_reach_open(kn_reach *reach, const kn_model_def *def, const kn_probe_def *tool, double azimuth_deg,
-                   double elevation_deg, float aspect);
-void kn_reach_look(kn_reach *reach, double azimuth_deg, double elevation_deg); // from elsewhere
+bool kn_reach_open(kn_reach *reach, const kn_model_def *def, const kn_probe_def *tool, const kn_camera_view *view);
+void kn_reach_look(kn_reach *reach, const kn_camera_view *view); // from elsewhere
 void kn_reach_close(kn_reach *reach);
 
 bool kn_reach_fits(const kn_reach *reach, const kn_mesh *mesh); // false: not yet, or another scene's

@@ -113,6 +113,7 @@ function show(now) {
     if (hand.holder === null && !now.contact) slider.max = now.deepest_mm; // in a press: what is left below this place
     showDepth();
     showTouch(now.touch);
+    showLegend(now.top);
     drawTrace();
 }
 

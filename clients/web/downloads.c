@@ -51,6 +51,11 @@ bool kn_web_fetch(void *self, const char *name, kn_web_file *file)
 {
     kn_web *w = self;
     if (strcmp(name, "material.yaml") == 0) return material(w, file);
+    if (strcmp(name, "picture.png") == 0 && w->png_there) {
+        file->type = "image/png";
+        kn_web_png_path(w, file->path);
+        return true;
+    }
     if (strcmp(name, "scene.yaml") == 0) return scene(w, file);
     return false;
 }

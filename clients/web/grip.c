@@ -82,6 +82,13 @@ static void take_up(kn_web *w)
     w->moving = kn_device_start(&w->device, move, w, w->url, w->tool->name, w->error, sizeof w->error);
 }
 
+kn_camera_view kn_web_camera(const kn_web *w)
+{
+    return (kn_camera_view){.azimuth_deg = w->look.azimuth_deg, .elevation_deg = w->look.elevation_deg,
+                            .zoom = w->look.zoom, .turns = w->look.turns,
+                            .aspect = (float)w->width / (float)w->height};
+}
+
 void kn_web_take_scene(kn_web *w)
 {
     if (!w->live.scene || w->live.scene->text_hash == w->scene_hash) return;
@@ -96,8 +103,8 @@ void kn_web_take_scene(kn_web *w)
     kn_web_count(w);
     kn_web_refresh(w);
     snprintf(w->error, sizeof w->error, "out of memory");
-    if (!tool || !kn_reach_open(&w->reach, &w->live.scene->model, tool, w->look.azimuth_deg, w->look.elevation_deg,
-                                (float)w->width / (float)w->height)) {
+    const kn_camera_view view = kn_web_camera(w);
+    if (!tool || !kn_reach_open(&w->reach, &w->live.scene->model, tool, &view)) {
         if (on) let_go(w);
         return;
     }
@@ -145,6 +152,7 @@ void kn_web_on_gone(void *self, int page)
     kn_web *w = self;
     for (int i = 0; i < KN_WEB_EVENTS; i++)
         if (w->event[i].page == page) w->event[i].page = -1; // not the next one's in that place
+    if (w->png_page == page) w->png_page = -1;
     if (w->owner != page) return;
     w->owner = -1;
     w->button = KN_BUTTON_UP;

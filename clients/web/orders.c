@@ -200,7 +200,30 @@ static void look(kn_web *w, const kn_request *r)
 {
     w->look.azimuth_deg = r->azimuth_deg;
     w->look.elevation_deg = r->elevation_deg;
-    if (w->moving) kn_reach_look(&w->reach, r->azimuth_deg, r->elevation_deg);
+    w->look.zoom = r->zoom;
+    const kn_camera_view view = kn_web_camera(w);
+    if (w->moving) kn_reach_look(&w->reach, &view);
+}
+
+static void take_measure(kn_web *w, int page, const kn_request *r)
+{
+    int measure = strcmp(r->name, "none") == 0 ? -1 : KN_MEASURES;
+    for (int i = 0; i < KN_MEASURES; i++)
+        if (strcmp(r->name, kn_measure_names[i].name) == 0) measure = i;
+    const bool is = measure < 0 || kn_web_measured(w, measure);
+    if (is) w->measure = measure, w->top = 0;
+    kn_web_answer_page(w, page, r->id, is, is ? "Coloured." : "The meshes do not tell it: the scene's mesh.measures.");
+}
+
+static void take_picture(kn_web *w, int page, const kn_request *r)
+{
+    const bool now = w->png_page < 0 && w->folder[0];
+    if (!now) kn_web_answer_page(w, page, r->id, false, "%s", w->folder[0] ? "Another one is being made."
+                                                                          : "There is no folder to write it to.");
+    if (!now) return;
+    w->png_page = page;
+    w->png_id = r->id;
+    w->png_there = false;
 }
 
 void kn_web_on_request(void *self, int page, const kn_request *r)
@@ -211,6 +234,8 @@ void kn_web_on_request(void *self, int page, const kn_request *r)
     case KN_VERB_STYLE:
         kn_web_answer_page(w, page, r->id, take_style(w, r->name), "%s", r->name);
         break;
+    case KN_VERB_MEASURE: take_measure(w, page, r); break;
+    case KN_VERB_PICTURE: take_picture(w, page, r); break;
     default: order(w, page, r); return;
     }
     kn_web_refresh(w);

@@ -1,4 +1,5 @@
 #include "clients/web/painter.h"
+#include "clients/viewer/image.h"
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,6 +11,13 @@
 #define QUALITY 82 // of JPEG: the squares of the table stay clean
 
 size_t kn_painter_largest(int width, int height) { return tjBufSize(width, height, TJSAMP_420); }
+
+static void write_png(kn_painter *p, uint8_t *rgba)
+{
+    p->png_error[0] = 0;
+    if (kn_label_draw(&p->label, p->width, p->height, rgba, p->png_error, sizeof p->png_error))
+        kn_image_write_png(p->png, p->width, p->height, rgba, p->png_error, sizeof p->png_error);
+}
 
 static void draw(kn_painter *p, kn_renderer *r, tjhandle packer, uint8_t *rgba)
 {
@@ -24,6 +32,7 @@ static void draw(kn_painter *p, kn_renderer *r, tjhandle packer, uint8_t *rgba)
         if (tjCompress2(packer, rgba, p->width, 0, p->height, TJPF_RGBX, &p->jpeg, &size, TJSAMP_420, QUALITY,
                         TJFLAG_NOREALLOC) != 0)
             size = 0;
+        if (p->png) write_png(p, rgba);
     }
     p->size = size;
 }

@@ -6,6 +6,7 @@
 //
 //     fill painter->still -> kn_painter_draw ... done(arg), in the painter's thread -> kn_painter_drawn: jpeg, size
 #include "clients/knead/still.h"
+#include "clients/viewer/label.h"
 #include <pthread.h>
 #include <semaphore.h>
 #include <stdatomic.h>
@@ -15,6 +16,9 @@ typedef struct kn_painter {
     bool fresh;     // still's topology or rest shape is another one
     uint8_t *jpeg;  // of the last drawing; the caller's between drawings
     unsigned long size; // 0: it could not be drawn
+    const char *png;    // the caller's: where the next one is written, too, without loss and with its words; NULL: not
+    kn_label label;     // those words
+    char png_error[256]; // "", or why it was not written
     // private
     int width, height;
     void (*done)(void *arg);

@@ -20,9 +20,9 @@ function report(ok, words) {
     unsaid = setTimeout(() => writeTo(by('said'), ''), ok ? 8000 : 30000);
 }
 
-async function order(what, fields) {
+async function order(what, fields, silent = false) {
     const { ok, words } = await ask(what, fields);
-    report(ok, words);
+    if (!ok || !silent) report(ok, words);
     return ok;
 }
 
@@ -117,24 +117,26 @@ function fill(id, names, chosen, first) {
     if (document.activeElement !== select || !names.includes(select.value)) select.value = chosen;
 }
 
-for (const what of ['quality', 'scene', 'material', 'style'])
+for (const what of ['quality', 'scene', 'material', 'style', 'measure'])
     by(what).addEventListener('change', ({ target }) => {
-        if (target.value !== '…') order(what, { name: target.value });
+        const silent = ['style', 'measure'].includes(what); // whose effect is seen
+        if (target.value !== '…') order(what, { name: target.value }, silent);
         if (what === 'material') target.value = '…'; // a thing to do, not a thing that is: sliders may have left it
     });
 by('what').addEventListener('change', ({ target }) => choose(target.value));
 
 // ---- view
 
-const orbit = { pointer: null, azimuth: 28, elevation: 27, x: 0, y: 0 };
+const orbit = { pointer: null, azimuth: 28, elevation: 27, zoom: 1, x: 0, y: 0 };
 let looking = 0;
 
-function look(azimuth, elevation) {
+function look(azimuth, elevation, zoom = orbit.zoom) {
     orbit.azimuth = ((azimuth + 540) % 360) - 180;
     orbit.elevation = Math.min(90, Math.max(2, elevation));
+    orbit.zoom = Math.min(4, Math.max(1, zoom));
     looking ||= requestAnimationFrame(() => {
         looking = 0;
-        ask('view', { azimuth: orbit.azimuth, elevation: orbit.elevation, zoom: 1 });
+        ask('view', { azimuth: orbit.azimuth, elevation: orbit.elevation, zoom: orbit.zoom });
     });
 }
 
@@ -153,6 +155,30 @@ for (const end of ['pointerup', 'pointercancel'])
     window.addEventListener(end, ({ pointerId }) => { if (orbit.pointer === pointerId) orbit.pointer = null; });
 for (const button of document.querySelectorAll('[data-view]'))
     button.addEventListener('click', () => look(...button.dataset.view.split(',').map(Number)));
+
+for (const [id, factor] of [['closer', 1.25], ['farther', 0.8]])
+    by(id).addEventListener('click', () => look(orbit.azimuth, orbit.elevation, orbit.zoom * factor));
+
+function showMeasures({ measure, measures }) {
+    const select = by('measure'), made = measures.map(({ name }) => name).join();
+    if (select.dataset.made !== made) {
+        select.dataset.made = made;
+        select.replaceChildren(new Option('material', 'none'),
+                               ...measures.map(({ name, words }) => new Option(words, name)));
+    }
+    if (document.activeElement !== select) select.value = measure;
+}
+
+const TOPS = { // of a scale, as the legend tells it
+    displacement: (x) => `${round3(1e3 * x)} mm`, stress: (x) => quantity(x, 'Pa'), residual: (x) => `${round3(100 * x)} %`,
+};
+
+function showLegend(top) {
+    by('legend').hidden = !top || !TOPS[about?.view.measure];
+    if (by('legend').hidden) return;
+    writeTo(by('legend-words'), about.view.measures.find(({ name }) => name === about.view.measure)?.words ?? '');
+    writeTo(by('legend-top'), TOPS[about.view.measure](top));
+}
 
 // ---- numbers
 
@@ -215,7 +241,11 @@ function showAbout(told) {
     fill('quality', told.points ?? [], told.control.quality ?? '');
     for (const id of ['material', 'scene', 'quality']) by(id).disabled = Boolean(told.control.why);
     by('style').value = told.view.style;
-    if (orbit.pointer === null && !looking) Object.assign(orbit, told.view);
+    showMeasures(told.view);
+    if (orbit.pointer === null && !looking) {
+        const { azimuth, elevation, zoom } = told.view;
+        Object.assign(orbit, { azimuth, elevation, zoom });
+    }
     showNumbers(told);
 }
 
@@ -233,4 +263,7 @@ async function save(name, as) {
 }
 const stem = () => (about?.scene ?? 'scene').replace(/\.yaml$/, '');
 by('save-material').addEventListener('click', () => save('material.yaml', `${stem()}-material.yaml`));
+by('save-picture').addEventListener('click', async () => {
+    if (await order('picture')) save('picture.png', `${stem()}.png`);
+});
 by('save-scene').addEventListener('click', () => save('scene.yaml', `${stem()}-served.yaml`));

@@ -8,7 +8,7 @@
 //
 //     do                                            fields
 //     reset undo snapshot restore estop recover     .
-//     record stop                                   .
+//     record stop picture                           .
 //     quality material scene style measure          name: 1..63 of a-z A-Z 0-9 . _ -, one that the page was told
 //     set                                           name; value: finite
 //     view                                          azimuth, elevation, degrees; zoom, 1..KN_REQUEST_ZOOM
@@ -22,7 +22,7 @@
 
 typedef enum kn_verb {
     KN_VERB_RESET, KN_VERB_UNDO, KN_VERB_SNAPSHOT, KN_VERB_RESTORE, KN_VERB_ESTOP, KN_VERB_RECOVER,
-    KN_VERB_RECORD, KN_VERB_STOP,
+    KN_VERB_RECORD, KN_VERB_STOP, KN_VERB_PICTURE,
     KN_VERB_QUALITY, KN_VERB_MATERIAL, KN_VERB_SCENE, KN_VERB_STYLE, KN_VERB_MEASURE,
     KN_VERB_SET, KN_VERB_VIEW, KN_VERB_VERIFY, KN_VERB_PLAY,
     KN_VERBS

@@ -141,6 +141,7 @@ size_t kn_web_write(void *self, int page, uint8_t *bytes, size_t size)
     put_traces(w, p, &t);
     put_answers(w, page, &t);
     put_touch(w, &t);
+    if (w->measure >= 0 && w->painter.still.view.value) put(&t, ",\"top\":%.6g", w->top);
     if (p->about != w->abouts && w->about) {
         put(&t, ",\"about\":%s", w->about);
         p->about = w->abouts;
@@ -267,11 +268,23 @@ static json_t *control(const kn_web *w)
                      json_string_value(json_object_get(quality, "asked")));
 }
 
+static json_t *measures(const kn_web *w)
+{
+    json_t *names = json_array();
+    for (int i = 0; i < KN_MEASURES; i++)
+        if (kn_web_measured(w, i))
+            json_array_append_new(names, json_pack("{s:s, s:s}", "name", kn_measure_names[i].name, "words",
+                                                   kn_measure_names[i].words));
+    return names;
+}
+
 static json_t *view(const kn_web *w)
 {
     static const char *const styles[] = {"lined", "solid", "wire"};
-    return json_pack("{s:f, s:f, s:s}", "azimuth", w->look.azimuth_deg, "elevation", w->look.elevation_deg, "style",
-                     styles[w->look.style]);
+    return json_pack("{s:f, s:f, s:f, s:s, s:s, s:o}", "azimuth", w->look.azimuth_deg, "elevation",
+                     w->look.elevation_deg, "zoom", w->look.zoom > 0 ? w->look.zoom : 1, "style",
+                     styles[w->look.style], "measure", w->measure < 0 ? "none" : kn_measure_names[w->measure].name,
+                     "measures", measures(w));
 }
 
 void kn_web_refresh(kn_web *w)

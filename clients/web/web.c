@@ -53,10 +53,55 @@ static bool fill_still(kn_web *w)
     kn_view_scene view = s->view;
     kn_still_free(s);
     s->view = view;
+    s->view.value = NULL; // of the old one
     w->mesh_id = 0;
     if (!kn_still_live(s, &w->live, error, sizeof error) || error[0]) return false;
     w->mesh_id = w->live.mesh.mesh_id;
     return w->painter.fresh = true;
+}
+
+bool kn_web_measured(const kn_web *w, int measure)
+{
+    return measure == KN_MEASURE_DISPLACEMENT || (measure == KN_MEASURE_STRESS && w->live.mesh.stress_pa) ||
+           (measure == KN_MEASURE_RESIDUAL && w->live.mesh.residual_strain);
+}
+
+// The scale follows what there is to see, but not every breath of it.
+static void color(kn_web *w)
+{
+    static const double least[KN_MEASURES] = {1e-3, 100, 0.01}; // tops of the scale: below them all is rounding
+    kn_still *s = &w->painter.still;
+    s->view.value = NULL;
+    if (w->measure < 0 || !kn_still_told(s, &w->live, (kn_measure)w->measure)) return;
+    const double top = kn_scale_round(fmax(kn_still_most(s), least[w->measure]));
+    if (top > w->top || top < 0.3 * w->top) w->top = top;
+    kn_still_scale(s, w->top);
+}
+
+void kn_web_png_path(const kn_web *w, char path[128]) { snprintf(path, 128, "%s/picture.png", w->folder); }
+
+static void label(kn_web *w)
+{
+    static char path[128], caption[160];
+    static kn_scale scale;
+    kn_painter *p = &w->painter;
+    kn_web_png_path(w, path);
+    snprintf(caption, sizeof caption, "%s, %.3f s", w->live.scene->name, 1e-3 * (double)w->live.mesh.tick);
+    p->png = w->png_page >= 0 && !w->png_there ? path : NULL;
+    p->label = (kn_label){.caption = caption};
+    if (w->measure < 0) return;
+    scale = (kn_scale){kn_measure_names[w->measure].words, kn_measure_names[w->measure].unit, w->top};
+    p->label.scale = &scale;
+}
+
+// It has been drawn: whoever asked for it may fetch it.
+static void tell_png(kn_web *w)
+{
+    if (w->png_page < 0 || w->png_there || !w->painter.png) return;
+    const char *why = w->painter.size > 0 ? w->painter.png_error : "it could not be drawn";
+    kn_web_answer_page(w, w->png_page, w->png_id, !*why, "%s", *why ? why : "The picture is ready.");
+    w->png_there = !*why;
+    w->png_page = -1;
 }
 
 // The newest event that kneadd had answered when this mesh was.
@@ -78,9 +123,13 @@ static void paint(kn_web *w)
     bool moves = w->owner >= 0 && now_ms - w->gateway.page[w->owner].pointed_ms < MOVES_MS && newest == w->painting;
     // a tenth of a period early is not skipped
     if ((double)(now_ms - w->frame_ms) * w->rate_hz < (moves ? 1400 : 900) || !fill_still(w)) return;
-    w->painter.still.view.azimuth_deg = w->look.azimuth_deg;
-    w->painter.still.view.elevation_deg = w->look.elevation_deg;
-    w->painter.still.view.style = w->look.style;
+    kn_view_scene *view = &w->painter.still.view;
+    view->azimuth_deg = w->look.azimuth_deg;
+    view->elevation_deg = w->look.elevation_deg;
+    view->zoom = w->look.zoom;
+    view->style = w->look.style;
+    color(w);
+    label(w);
     w->frame_ms = now_ms;
     w->painting = newest;
     w->drawing = true;
@@ -102,6 +151,7 @@ static void on_painted(struct ev_loop *ev, ev_async *a, int events)
     w->shown = w->painting;
     w->drawing = false;
     w->pictures++;
+    tell_png(w);
     kn_web_take_samples(w);
     kn_gateway_news(&w->gateway);
 }
@@ -172,10 +222,14 @@ static void watch(kn_web *w)
 static bool open_all(kn_web *w)
 {
     size_t largest = kn_painter_largest(w->width, w->height);
+    const char *folder = getenv("TMPDIR") ? getenv("TMPDIR") : "/tmp";
     w->ev = ev_default_loop(EVFLAG_AUTO);
     w->jpeg = malloc(largest);
     w->painter.still.view = w->look = kn_view_scene_default();
+    w->look.turns = w->painter.still.view.turns = true;
     for (int i = 0; i < KN_WEB_ANSWERS; i++) w->answer[i].page = -1;
+    snprintf(w->folder, sizeof w->folder, "%s/knead-web.XXXXXX", strlen(folder) < 40 ? folder : "/tmp");
+    if (!mkdtemp(w->folder)) w->folder[0] = 0;
     kn_web_list_scenes(w);
     kn_mailbox_init(&w->wishes, w->wish_slots, sizeof *w->wish_slots);
     snprintf(w->error, sizeof w->error, "out of memory");
@@ -213,6 +267,9 @@ static void close_all(kn_web *w)
     kn_reach_close(&w->reach);
     kn_ring_free(&w->samples);
     free(w->jpeg);
+    char path[128];
+    kn_web_png_path(w, path);
+    if (w->folder[0]) unlink(path), rmdir(w->folder);
 }
 
 static int bind_and_become(const kn_web *w, char **command)
@@ -296,7 +353,7 @@ static int parse(kn_web *w, int argc, char **argv)
 
 int kn_web_main(int argc, char **argv)
 {
-    static kn_web w = {.width = 800, .height = 450, .listen_fd = -1, .rate_hz = 30, .owner = -1,
+    static kn_web w = {.width = 800, .height = 450, .listen_fd = -1, .rate_hz = 30, .owner = -1, .measure = -1, .png_page = -1,
                     .gateway.fd = -1};
     int code = parse(&w, argc, argv);
     if (code == KN_EXIT_OK && w.help) return fputs(help, stdout), KN_EXIT_OK;

@@ -50,6 +50,7 @@ typedef struct kn_web {
     kn_vitals vitals;
     kn_asker asker;
     char error[512];
+    char folder[64];            // for what is written, of this run alone; "": none
 
     // grip.c
     int64_t meshes, mesh_ms;    // seen; when the last came
@@ -82,6 +83,11 @@ typedef struct kn_web {
     int32_t painting, shown;    // newest event in the picture that is being drawn, that was drawn
     bool drawing;               // from the painter's begin until its picture has been taken
     kn_view_scene look;         // from where and in which style the next one is drawn
+    int measure;                // that it is coloured by, -1: none
+    double top;                 // of its scale
+    int png_page;               // that waits for the next picture as a file, -1: none; the answer's id
+    uint32_t png_id;
+    bool png_there;             // it has been made
     double meshes_hz, mesh_bytes; // per second; of one
     int64_t counted_ms, counted_meshes, counted_bytes;
 
@@ -102,10 +108,15 @@ typedef struct kn_web {
 
 // grip.c
 void kn_web_take_scene(kn_web *w);   // when another one was heard: another tool, a hand that begins anew
+kn_camera_view kn_web_camera(const kn_web *w);
 void kn_web_post_wish(kn_web *w);
 void kn_web_take_samples(kn_web *w);
 void kn_web_on_message(void *web, int page, const kn_web_message *message);
 void kn_web_on_gone(void *web, int page);
+
+// web.c
+void kn_web_png_path(const kn_web *w, char path[128]);
+bool kn_web_measured(const kn_web *w, int measure); // whether the meshes tell it
 
 // orders.c
 void kn_web_list_scenes(kn_web *w);

@@ -30,7 +30,7 @@ class Served:
 
     def __init__(self, scene, *options):
         os.makedirs("state", exist_ok=True)
-        self.serve(scene, ["--control", "control", "--state-dir", "state", "--touch"])
+        self.serve(scene, ["--control", "control", "--state-dir", "state", "--touch", "--set", "mesh.measures=both"])
         scenes = f"{os.environ['KN_SOURCE']}/core/scenes"
         self.web = self.start("web", ["knead", "web", "--control", "control", "--scenes", scenes, *options], "http://")
         self.address = next(word for word in open("web.log").read().split() if word.startswith("http://"))

@@ -1,6 +1,7 @@
 # The live page, as who visits it has it. Driven by test_web.sh.
 import json
 import os
+import struct
 import subprocess
 import sys
 import time
@@ -176,6 +177,40 @@ def by_operator(page, bus):
     said(page, "as new")
 
 
+def choose(page, id, name):
+    page.run("""const s = document.getElementById(arguments[0]);
+        s.value = arguments[1]; s.dispatchEvent(new Event('change'));""", id, name)
+
+
+def by_colours(page, bus):
+    page.devtools("Browser.setDownloadBehavior", behavior="allow", downloadPath=os.getcwd() + "/saved")
+    dent(page, bus)
+    page.keep("material")
+    for name, unit in ("displacement", " mm"), ("stress", "Pa"), ("residual", " %"):
+        choose(page, "measure", name)
+        check(f"coloured by {name}: another picture, with a scale",
+              until(lambda: (page.keep(name), page.changed("material", name) > 5000)[1])
+              and until(lambda: page.text("legend-top").endswith(unit)), page.text("said"), page.text("legend-top"))
+        time.sleep(0.3)
+        page.screenshot(f"{ARTEFACTS}/web-{name}.png")
+    click(page, "save-picture")
+    check("the picture is saved, whole", until(lambda: os.path.exists("saved/dough-small.png")), page.text("said"))
+    png = open("saved/dough-small.png", "rb").read()
+    check("as PNG of the asked size", png[:8] == b"\x89PNG\r\n\x1a\n" and struct.unpack(">II", png[16:24]) == (800, 450),
+          png[:30])
+    open(f"{ARTEFACTS}/web-saved.png", "wb").write(png)
+    choose(page, "measure", "none")
+    check("and as it is again", until(lambda: page.run("return document.getElementById('legend').hidden")))
+    click(page, "closer")
+    check("closer: a larger object", until(lambda: (page.keep("closer"), page.changed("material", "closer") > 20000)[1]))
+    page.hover(*TOP)
+    page.press(*TOP)
+    check("pressed where it is seen", until(lambda: page.now()["contact"] and page.now()["force_n"] > 0.3), page.now())
+    page.release()
+    click(page, "farther")
+    click(page, "reset")
+
+
 def by_material(page):
     page.run("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
     before = page.run("return about.material.k1")
@@ -187,7 +222,6 @@ def by_material(page):
                                                          for s in ctl("status")["set"] if s.startswith("material.k1=")),
           ctl("status").get("set"), wanted)
     check("and the page shows it", until(lambda: abs(page.run("return about.material.k1") / wanted - 1) < 1e-3))
-    page.devtools("Browser.setDownloadBehavior", behavior="allow", downloadPath=os.getcwd() + "/saved")
     for id, name in ("save-material", "dough-small-material.yaml"), ("save-scene", "dough-small-served.yaml"):
         click(page, id)
         check(f"{name} is saved", until(lambda: os.path.exists("saved/" + name)), os.listdir("."))
@@ -196,22 +230,20 @@ def by_material(page):
         told = subprocess.run(["knead", "check", *words, "--text"], capture_output=True, text=True)
         k1 = next((float(line.split()[1]) for line in told.stdout.splitlines() if line.startswith("  k1:")), 0)
         check("what was saved loads, with that spring", abs(k1 / wanted - 1) < 1e-3, told.stderr, k1, wanted)
-    choose = lambda id, name: page.run("""const s = document.getElementById(arguments[0]);
-        s.value = arguments[1]; s.dispatchEvent(new Event('change'));""", id, name)
-    choose("material", "liver")
+    choose(page, "material", "liver")
     check("a material that the object cannot go on in: refused in kneadd's words",
           said(page, "a damper where there was none"), page.text("said"))
-    choose("material", "dough")
+    choose(page, "material", "dough")
     check("one that it can go on in: taken", said(page, "Taken") and
           until(lambda: abs(page.run("return about.material.k1") / before - 1) < 1e-3), page.text("said"), before)
-    choose("scene", "dough.yaml")
+    choose(page, "scene", "dough.yaml")
     check("another scene: served, and shown", until(lambda: page.text("names").startswith("dough.yaml"), 20),
           page.text("names"), page.text("said"))
     until(lambda: "quality" in ctl("status"))
-    choose("quality", "fast")
+    choose(page, "quality", "fast")
     check("quality: fast", until(lambda: ctl("status")["quality"]["in_force"] == "fast"), ctl("status")["quality"])
     check("the page shows it", until(lambda: page.run("return document.getElementById('quality').value") == "fast"))
-    choose("scene", "dough-small.yaml")
+    choose(page, "scene", "dough-small.yaml")
     check("and back", until(lambda: page.text("names").startswith("dough-small.yaml"), 20), page.text("names"))
     check("ready to be pressed",
           until(lambda: ready(page), 20), page.now()["status"])
@@ -315,6 +347,7 @@ def main():
     by_finger(page, bus)
     by_operator(page, bus)
     by_view(page, bus)
+    by_colours(page, bus)
     by_material(page)
     looks(page)
     two_tabs(page, bus, server.address)
