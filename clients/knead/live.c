@@ -1,6 +1,7 @@
 #include "clients/knead/live.h"
 #include "clients/knead/join.h"
 #include "proto/knead_contact_force_t.h"
+#include "proto/knead_probe_pose_t.h"
 #include "proto/knead_scene_t.h"
 #include "server/wire.h"
 #include <poll.h>
@@ -10,6 +11,7 @@
 
 #define FORGET_MS 200 // forces come every ms: a hand that was silent this long is gone
 #define FORCE "KNEAD_FORCE_"
+#define POSE "KNEAD_POSE_"
 
 int64_t kn_live_now_ms(void)
 {
@@ -39,10 +41,17 @@ static void on_scene(const lcm_recv_buf_t *buffer, const char *channel, void *us
     live->scene = scene;
 }
 
-static kn_live_probe *slot(kn_live *live, const char *name)
+static kn_live_probe *find(kn_live *live, const char *name)
 {
     for (int i = 0; i < live->probe_count; i++)
         if (strcmp(live->probe[i].name, name) == 0) return &live->probe[i];
+    return NULL;
+}
+
+static kn_live_probe *slot(kn_live *live, const char *name)
+{
+    kn_live_probe *known = find(live, name);
+    if (known) return known;
     if (live->probe_count == KN_PROBES_MAX || strlen(name) >= KN_NAME_MAX) return NULL;
     kn_live_probe *p = &live->probe[live->probe_count++];
     strcpy(p->name, name);
@@ -63,6 +72,18 @@ static void on_force(const lcm_recv_buf_t *buffer, const char *channel, void *us
     memcpy(p->force_n, force.force_n, sizeof p->force_n);
     p->gain = force.gain;
     p->heard_ms = kn_live_now_ms();
+}
+
+static void on_pose(const lcm_recv_buf_t *buffer, const char *channel, void *user)
+{
+    knead_probe_pose_t pose;
+    if (!kn_join_heard(buffer, channel)) return;
+    if (knead_probe_pose_t_decode(buffer->data, 0, (int)buffer->data_size, &pose) < 0) return;
+    kn_live_probe *p = find(user, channel + strlen(POSE)); // of a tool that the server answers
+    if (!p) return;
+    memcpy(p->hand_position_m, pose.position_m, sizeof p->hand_position_m);
+    memcpy(p->hand_orientation_wxyz, pose.orientation_wxyz, sizeof p->hand_orientation_wxyz);
+    p->hand_ms = kn_live_now_ms();
 }
 
 static void on_mesh_init(const lcm_recv_buf_t *buffer, const char *channel, void *user)
@@ -91,6 +112,7 @@ bool kn_live_open(kn_live *live, const char *url, const char *mesh_url, char *er
     }
     lcm_subscribe(live->bus, "KNEAD_SCENE", on_scene, live);
     lcm_subscribe(live->bus, FORCE "[a-z0-9_]+", on_force, live);
+    lcm_subscribe(live->bus, POSE "[a-z0-9_]+", on_pose, live);
     lcm_subscribe(live->mesh_bus, "KNEAD_MESH_INIT", on_mesh_init, live);
     lcm_subscribe(live->mesh_bus, "KNEAD_MESH_UPDATE", on_mesh_update, live);
     return true;
@@ -112,6 +134,8 @@ const kn_live_probe *kn_live_find(const kn_live *live, const char *name)
             return &live->probe[i];
     return NULL;
 }
+
+bool kn_live_held(const kn_live_probe *p) { return p->hand_ms > 0 && kn_live_now_ms() - p->hand_ms <= FORGET_MS; }
 
 void kn_live_close(kn_live *live)
 {

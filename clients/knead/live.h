@@ -17,6 +17,8 @@ typedef struct kn_live_probe {
     double force_n[3];    // what the hand is given
     double gain;          // 0: not in the model
     int64_t heard_ms;     // CLOCK_MONOTONIC
+    double hand_position_m[3], hand_orientation_wxyz[4]; // of the device that holds it
+    int64_t hand_ms;      // heard last
 } kn_live_probe;
 
 typedef struct kn_live {
@@ -38,6 +40,8 @@ void kn_live_listen(kn_live *live, int timeout_ms);
 
 // The probe of that name, or NULL when it was not heard in the last 200 ms: nobody holds it.
 const kn_live_probe *kn_live_find(const kn_live *live, const char *name);
+
+bool kn_live_held(const kn_live_probe *probe); // a pose was heard in the last 200 ms
 
 void kn_live_close(kn_live *live);
 

@@ -164,9 +164,18 @@ void kn_still_probe(kn_still *s, const kn_probe_def *def, const double position_
         kn_shape_keep(tool);
     }
     p->outside = gain == 0;
+    p->held = false;
     memcpy(p->position_m, position_m, sizeof p->position_m);
     memcpy(p->orientation_wxyz, orientation_wxyz, sizeof p->orientation_wxyz);
     memcpy(p->force_n, force_n, sizeof p->force_n);
+}
+
+void kn_still_hand(kn_still *s, const double position_m[3], const double orientation_wxyz[4])
+{
+    kn_view_probe *p = &s->view.probe[s->view.probe_count - 1];
+    p->held = true;
+    memcpy(p->hand_position_m, position_m, sizeof p->hand_position_m);
+    memcpy(p->hand_orientation_wxyz, orientation_wxyz, sizeof p->hand_orientation_wxyz);
 }
 
 bool kn_still_live(kn_still *s, const kn_live *live, char *error, size_t error_size)
@@ -197,5 +206,6 @@ void kn_still_update(kn_still *s, const kn_live *live)
     for (int i = 0; i < def->probe_count; i++) {
         const kn_live_probe *p = kn_live_find(live, def->probe[i].name);
         if (p) kn_still_probe(s, &def->probe[i], p->position_m, p->orientation_wxyz, p->force_n, p->gain);
+        if (p && kn_live_held(p)) kn_still_hand(s, p->hand_position_m, p->hand_orientation_wxyz);
     }
 }

@@ -45,6 +45,9 @@ void kn_still_update(kn_still *still, const kn_live *live);
 // orientation_wxyz: all 0 is level.
 void kn_still_probe(kn_still *still, const kn_probe_def *def, const double position_m[3],
                     const double orientation_wxyz[4], const double force_n[3], double gain);
+
+// Where the hand is that holds the tool that was added last.
+void kn_still_hand(kn_still *still, const double position_m[3], const double orientation_wxyz[4]);
 void kn_still_free(kn_still *still);
 
 #endif

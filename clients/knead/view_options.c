@@ -260,6 +260,7 @@ int kn_view_parse(int argc, char **argv, kn_view_options *o)
     int option, which = 0;
     *o = (kn_view_options){.measure = -1, .at_s = INFINITY, .to_s = INFINITY, .wait_s = 6, .fps = 30, .speed = 1,
                            .width = 1280, .height = 720, .look = kn_view_scene_default()};
+    o->look.hands = true;
     opterr = 0; // our own words
     while ((option = getopt_long(argc, argv, ":h", names, &which)) != -1) {
         const char *word = argv[optind - 1];

@@ -95,6 +95,7 @@ static void tools_of_saved(const kn_source *s, kn_still *still)
         kn_still_probe(still, &s->model->def.probe[i], inside ? s->state->probe[i].position_m : hand->position_m,
                        inside ? s->state->tool[i].orientation_wxyz : hand->orientation_wxyz, servo->safety[i].force_n,
                        servo->safety[i].gain);
+        kn_still_hand(still, hand->position_m, hand->orientation_wxyz);
     }
 }
 
@@ -130,6 +131,8 @@ static void tools_of_log(const kn_replay *r, kn_still *still)
         if (!f->live) continue;
         kn_still_probe(still, &r->model->def.probe[i], f->proxy_position_m, f->proxy_orientation_wxyz, f->force_n,
                        f->gain);
+        const kn_pose *hand = &r->servo.tool[i]; // as the clutch has it
+        if (r->servo.last[i].session != 0) kn_still_hand(still, hand->position_m, hand->orientation_wxyz);
     }
 }
 

@@ -22,9 +22,11 @@
     X(PFNGLBUFFERDATAPROC, BufferData)                                                                                 \
     X(PFNGLCHECKFRAMEBUFFERSTATUSPROC, CheckFramebufferStatus)                                                         \
     X(PFNGLCLEARPROC, Clear)                                                                                           \
+    X(PFNGLCOLORMASKPROC, ColorMask)                                                                                   \
     X(PFNGLCOMPILESHADERPROC, CompileShader)                                                                           \
     X(PFNGLCREATEPROGRAMPROC, CreateProgram)                                                                           \
     X(PFNGLCREATESHADERPROC, CreateShader)                                                                             \
+    X(PFNGLCULLFACEPROC, CullFace)                                                                                     \
     X(PFNGLDELETEPROGRAMPROC, DeleteProgram)                                                                           \
     X(PFNGLDELETESHADERPROC, DeleteShader)                                                                             \
     X(PFNGLDISABLEPROC, Disable)                                                                                       \

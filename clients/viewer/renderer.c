@@ -19,10 +19,14 @@
 #define PLATE_THICKNESS_M 0.002
 #define ARROW_SQUARES_PER_N 0.2f
 #define ARROW_LEAST_N 0.05f
+#define HAND_LINE 0.008f // its width, of half the picture's height
+#define HAND_AWAY_M 0.0005
+#define HAND_TURNED_COS 0.9986f // 3 degrees
 
 static const float table_color[3] = {0.925f, 0.93f, 0.935f}; // the background too: the table fades into it
 static const float tool_color[3] = {0.45f, 0.52f, 0.60f};
 static const float outside_color[3] = {0.74f, 0.77f, 0.80f};
+static const float hand_color[3] = {0.42f, 0.58f, 0.88f};
 static const float arrow_color[3] = {0.86f, 0.30f, 0.12f};
 
 struct kn_renderer {
@@ -431,6 +435,54 @@ static bool somewhere(const kn_view_probe *p) // finite
     return isfinite(x[0] + x[1] + x[2] + q[0] + q[1] + q[2] + q[3]);
 }
 
+// The hand as a tool without force. False: it is where its tool is, or nobody's.
+static bool hand_of(const kn_view_scene *scene, const kn_view_probe *p, kn_view_probe *hand)
+{
+    const double *x = p->position_m, *y = p->hand_position_m;
+    if (!scene->hands || !p->held) return false;
+    *hand = *p;
+    memcpy(hand->position_m, y, sizeof hand->position_m);
+    memcpy(hand->orientation_wxyz, p->hand_orientation_wxyz, sizeof hand->orientation_wxyz);
+    memset(hand->force_n, 0, sizeof hand->force_n);
+    if (!somewhere(hand)) return false;
+    const frame tool = frame_of(p), held = frame_of(hand);
+    float least = 1; // cosine of the largest turn of an axis
+    for (int i = 0; i < 3; i++) least = fminf(least, kn_dot(tool.axis[i], held.axis[i]));
+    return hypot(hypot(x[0] - y[0], x[1] - y[1]), x[2] - y[2]) > HAND_AWAY_M || least < HAND_TURNED_COS;
+}
+
+// Its outline, through everything: what is left of the insides of a slightly larger one behind the hand itself.
+static void draw_hand(const kn_renderer *r, const kn_view_probe *hand)
+{
+    const kn_gl *gl = r->gl;
+    const double *x = hand->position_m;
+    const float *eye = r->camera.eye;
+    const float away = hypotf(hypotf((float)x[0] - eye[0], (float)x[1] - eye[1]), (float)x[2] - eye[2]);
+    solid s[SOLIDS_MAX];
+    const int count = solids_of(r, hand, s);
+    gl->Clear(GL_DEPTH_BUFFER_BIT);
+    for (int outline = 0; outline < 2; outline++) {
+        const GLboolean seen = outline ? GL_TRUE : GL_FALSE;
+        gl->ColorMask(seen, seen, seen, seen);
+        gl->CullFace(outline ? GL_FRONT : GL_BACK);
+        set_number(gl, r->solid, "u_grow", (float)outline * HAND_LINE * r->camera.tan_half * away);
+        set_number(gl, r->solid, "u_flat", (float)outline);
+        for (int i = 0; i < count; i++) draw_shape(r, r->solid, s[i].shape, s[i].place, hand_color, 0, 0);
+    }
+    gl->CullFace(GL_BACK);
+    set_number(gl, r->solid, "u_grow", 0);
+    set_number(gl, r->solid, "u_flat", 0);
+}
+
+// Last: nothing that comes after them may need what is near.
+static void draw_hands(const kn_renderer *r, const kn_view_scene *scene)
+{
+    kn_view_probe hand;
+    r->gl->UseProgram(r->solid);
+    for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
+        if (hand_of(scene, &scene->probe[i], &hand)) draw_hand(r, &hand);
+}
+
 static void draw_probe(const kn_renderer *r, GLuint program, const kn_view_probe *p)
 {
     if (p->outside && program == r->depth) return;
@@ -689,6 +741,9 @@ static void find_regions(const kn_renderer *r, const kn_view_scene *scene, const
     }
     for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
         if (somewhere(&scene->probe[i])) cover_probe(r, &e, &scene->probe[i]);
+    kn_view_probe hand;
+    for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
+        if (hand_of(scene, &scene->probe[i], &hand)) cover_probe(r, &e, &hand);
     float dim = 0.6f * (r->skin->rest_high[2] - r->skin->rest_low[2]); // where the darkening of the table ends
     for (int corner = 0; corner < 4 && foot[0] <= foot[2]; corner++) {
         float p[3] = {corner & 1 ? foot[2] + dim : foot[0] - dim, corner & 2 ? foot[3] + dim : foot[1] - dim,
@@ -766,9 +821,10 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     use_lit(r, r->solid);
     set_number(gl, r->solid, "u_bias", SHADOW_BIAS * LIT_RADIUS * scale_of(r->skin) / (float)SHADOW_SIZE(r));
     draw_solids(r, r->solid, scene);
+    const bool soft = r->samples > 1; // the solids' edges are half there
+    if (soft) draw_hands(r, scene);
     gl->Disable(GL_CULL_FACE);
 
-    bool soft = r->samples > 1; // the solids' edges are half there
     kn_gl_target_picture(gl, target, region);
     if (!soft) gl->Scissor(table.x, table.y, table.width, table.height); // above it the backdrop is there already
     if (soft) gl->Disable(GL_DEPTH_TEST);
@@ -776,6 +832,10 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE); // behind what is there
     draw_table(r, foot, corner);
     gl->Disable(GL_BLEND);
+    gl->Enable(GL_CULL_FACE);
+    gl->Scissor(region.x, region.y, region.width, region.height);
+    if (!soft) draw_hands(r, scene);
+    gl->Disable(GL_CULL_FACE);
     gl->Disable(GL_DEPTH_TEST);
     kn_offscreen_read_rgba(r->screen, rgba);
 }

@@ -20,6 +20,8 @@ typedef struct kn_view_probe {
     double orientation_wxyz[4]; // all 0: level
     double force_n[3];     // on the tool; drawn beyond the tool, one square of the table per 5 N; none below 0.05 N
     bool outside;          // not in the model (no session yet, or latched): drawn pale and without a shadow
+    bool held;             // hand_* say where the hand is that holds it
+    double hand_position_m[3], hand_orientation_wxyz[4];
 } kn_view_probe;
 
 typedef enum kn_view_style {
@@ -44,6 +46,7 @@ typedef struct kn_view_scene {
     bool follow;                 // an object that has left its place, lifted or pushed, is in the picture with it
     const float (*frame)[3];     // [2] low, high: this box is in the picture instead, whatever happens. NULL: none
     double zoom;                 // 2 shows half as much; 0: 1
+    bool hands;                  // where a hand is 0.5 mm or 3 degrees away from its tool, its outline shows it
     bool turns;                  // framed for every azimuth, so that an object that is gone round stays as large
 } kn_view_scene;
 

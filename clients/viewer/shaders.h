@@ -29,7 +29,7 @@ static const char *const kn_shader_solid_vertex = KN_GLSL
     "layout(location = 2) in vec3 a_side;\n"
     "layout(location = 3) in float a_value;\n"
     "uniform mat4 u_model, u_camera, u_light;\n"
-    "uniform float u_bias;\n"
+    "uniform float u_bias, u_grow;\n"
     "out vec3 v_position, v_normal, v_side, v_shadow;\n"
     "out float v_value;\n"
     "void main()\n"
@@ -40,7 +40,7 @@ static const char *const kn_shader_solid_vertex = KN_GLSL
     "    v_normal = normalize(mat3(u_model) * a_normal);\n"
     "    v_side = a_side;\n"
     "    v_shadow = (u_light * vec4(p.xyz + u_bias * v_normal, 1.0)).xyz;\n" // off the surface: no speckles of own shadow
-    "    gl_Position = u_camera * p;\n"
+    "    gl_Position = u_camera * (p + vec4(u_grow * v_normal, 0.0));\n"
     "}\n";
 
 // The colour of a number, 0..1: straight lines between the scale's colours, in linear light.
@@ -60,7 +60,7 @@ static const char *const kn_shader_solid_fragment = KN_GLSL KN_GLSL_SHADOW KN_GL
     "in vec3 v_position, v_normal, v_side, v_shadow;\n"
     "in float v_value;\n"
     "uniform vec3 u_eye, u_key;\n"
-    "uniform float u_gloss, u_lines, u_wire, u_height;\n"
+    "uniform float u_gloss, u_lines, u_wire, u_height, u_flat;\n"
     "out vec4 o_color;\n"
     "void main()\n"
     "{\n"
@@ -74,7 +74,7 @@ static const char *const kn_shader_solid_fragment = KN_GLSL KN_GLSL_SHADOW KN_GL
     "    vec3 sky = mix(vec3(0.24, 0.22, 0.20), vec3(0.40, 0.44, 0.50), 0.5 + 0.5 * n.z) * near_table;\n"
     "    vec3 light = sky + key * vec3(0.84, 0.80, 0.74);\n"
     "    float shine = pow(max(dot(n, h), 0.0), 40.0) * key * u_gloss;\n"
-    "    o_color = vec4(sqrt(color * light + shine), 1.0);\n"
+    "    o_color = vec4(sqrt(mix(color * light + shine, u_color, u_flat)), 1.0);\n"
     "}\n";
 
 // Edges of the lattice: bare lines, without light.

@@ -6,97 +6,11 @@
 #include "clients/viewer/skin.h"
 #include "core/surface.h"
 #include "core/shape.h"
-#include "tests/check.h"
+#include "tests/clients/pictured.h"
 #include "tests/core/surface_of.h"
 #include <png.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-enum { WIDTH = 640, HEIGHT = 360, PIXELS = WIDTH * HEIGHT };
-
-typedef struct block {
-    kn_surface *surface;
-    float (*rest)[3], (*dented)[3];
-} block;
-
-static const int (*triangles(const block *b))[3] { return (const int(*)[3])b->surface->triangle; }
-
-static block block_create(void)
-{
-    char error[300];
-    kn_model_def def = kn_model_def_default();
-    memcpy(def.nodes, (int[]){11, 11, 7}, sizeof def.nodes);
-    def.spacing_m = 0.005;
-    kn_model *model = kn_model_build(&def, error, sizeof error);
-    block b = {.surface = kn_surface_create(model)};
-    size_t n = (size_t)b.surface->vertex_count;
-    b.rest = calloc(n, sizeof *b.rest);
-    b.dented = calloc(n, sizeof *b.dented);
-    for (size_t i = 0; i < n; i++) {
-        double x_m[3];
-        kn_grid_rest(&model->grid, b.surface->node[i], x_m);
-        double height = x_m[2] / 0.03, beside = fmax(0, fabs(x_m[0]) - 0.005);
-        for (int k = 0; k < 3; k++) b.rest[i][k] = b.dented[i][k] = (float)x_m[k];
-        b.dented[i][2] -= (float)(0.01 * height * height * exp(-beside / 0.003));
-    }
-    kn_model_destroy(model);
-    return b;
-}
-
-static void block_destroy(block *b)
-{
-    kn_surface_destroy(b->surface);
-    free(b->rest);
-    free(b->dented);
-}
-
-// A renderer that knows the block, or the end of the test where there is no OpenGL.
-static kn_renderer *open_with(const block *b, int samples)
-{
-    char error[300];
-    kn_renderer *r = kn_renderer_open(WIDTH, HEIGHT, samples, error, sizeof error);
-    if (!r) SKIP("%s", error);
-    const float (*rest)[3] = (const float(*)[3])b->rest;
-    CHECK(kn_renderer_mesh(r, b->surface->vertex_count, rest, b->surface->triangle_count, triangles(b)));
-    return r;
-}
-
-static kn_renderer *open_renderer(const block *b) { return open_with(b, 4); }
-
-static uint8_t *draw(kn_renderer *r, kn_view_scene scene, float (*xyz)[3])
-{
-    uint8_t *rgba = malloc(PIXELS * 4);
-    scene.xyz = (const float(*)[3])xyz;
-    kn_renderer_draw(r, &scene, rgba);
-    return rgba;
-}
-
-// warm; table and tools are not
-static bool is_dough(const uint8_t *p) { return p[0] > p[2] + 25 && p[0] < p[2] + 120; }
-static bool is_arrow(const uint8_t *p) { return p[0] > 2 * p[2] + 60 && p[0] > 2 * p[1]; }
-
-static bool is_tool(const uint8_t *p) { return p[2] > p[0] + 7; } // bluish; the table hardly is
-
-static int count(const uint8_t *rgba, bool (*is)(const uint8_t *))
-{
-    int n = 0;
-    for (int i = 0; i < PIXELS; i++) n += is(rgba + 4 * i);
-    return n;
-}
-
-// Pixels that differ visibly between two pictures, inside the given rows and columns.
-static int changed(const uint8_t *a, const uint8_t *b, int left, int top, int right, int bottom)
-{
-    int n = 0;
-    for (int y = top; y < bottom; y++)
-        for (int x = left; x < right; x++)
-            for (int k = 0, i = 4 * (y * WIDTH + x); k < 3; k++)
-                if (abs(a[i + k] - b[i + k]) > 8) {
-                    n++;
-                    break;
-                }
-    return n;
-}
 
 TEST("a block has six smooth faces, sharp edges, and lines around its quads")
 {
