@@ -39,10 +39,12 @@ static bool fill(kn_still *s, int vertex_count, const float *now, int triangle_c
     return true;
 }
 
-// Colour tells the three kinds of material apart: dough, jelly, clay.
-static void paint(kn_view_scene *view, const kn_material *m)
+// Colour tells the three kinds of material apart: dough, jelly, clay. A flat object has flat tools.
+static void paint(kn_view_scene *view, const kn_model_def *def)
 {
     static const float jelly[3] = {0.80f, 0.33f, 0.40f}, clay[3] = {0.74f, 0.47f, 0.36f};
+    const kn_material *m = &def->material;
+    view->thickness_m = def->thickness_m;
     memcpy(view->color, kn_view_scene_default().color, sizeof view->color);
     double in, out;
     if (kn_material_stroke(m, &in, &out)) memcpy(view->color, jelly, sizeof jelly);
@@ -69,7 +71,7 @@ bool kn_still_state(kn_still *s, const kn_model *model, const kn_state *state)
     if (ok) kn_surface_positions(surface, model, state, xyz);
     ok = ok && fill(s, surface->vertex_count, xyz, surface->triangle_count, surface->triangle) &&
          rest_shape(s, model, surface);
-    paint(&s->view, &model->def.material);
+    paint(&s->view, &model->def);
     free(xyz);
     kn_surface_destroy(surface);
     return ok;
@@ -191,7 +193,7 @@ bool kn_still_live(kn_still *s, const kn_live *live, char *error, size_t error_s
     if (!known)
         snprintf(error, error_size, "%s%s",
                  live->scene ? "the mesh is not of the scene that was heard" : "no scene was heard", live->scene_error);
-    if (known) paint(&s->view, &model->def.material);
+    if (known) paint(&s->view, &model->def);
     if (known) kn_still_update(s, live);
     kn_surface_destroy(surface);
     kn_model_destroy(model);

@@ -45,6 +45,7 @@ struct kn_renderer {
     float key[3], light[16];
     float backdrop_camera[16]; // that the backdrop was drawn for; zero: none yet
     float square_m;
+    double thickness_m; // of the scene that is drawn
 };
 
 kn_view_scene kn_view_scene_default(void)
@@ -381,9 +382,18 @@ static int solids_of_part(const kn_renderer *r, const frame *tool, const kn_soli
 static int solids_of(const kn_renderer *r, const kn_view_probe *p, solid out[SOLIDS_MAX])
 {
     const frame f = frame_of(p);
-    const double *size = p->def.size_m;
+    const double *size = p->def.size_m, flat = r->thickness_m;
     int count = 0;
     kn_shape tool = {0};
+    if (flat > 0 && p->def.shape == KN_PROBE_SPHERE) {
+        const frame across = {{{1, 0, 0}, {0, 0, -1}, {0, 1, 0}}, {f.at[0], f.at[1], f.at[2]}};
+        out[0] = solid_at(&across, &r->rod, -0.5 * flat, p->def.radius_m, p->def.radius_m, flat);
+        return 1;
+    }
+    if (flat > 0 && p->def.shape == KN_PROBE_PLATE) {
+        out[0] = solid_at(&f, &r->box, 0, size[0], flat, PLATE_THICKNESS_M);
+        return 1;
+    }
     if (p->def.shape == KN_PROBE_PLATE) out[count++] = solid_at(&f, &r->box, 0, size[0], size[1], PLATE_THICKNESS_M);
     kn_outside_shape(&p->def, &tool);
     for (int i = 0; i < tool.part_count; i++) count += solids_of_part(r, &f, &tool.part[i], out + count);
@@ -805,6 +815,7 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     const kn_gl *gl = kn_offscreen_begin(r->screen);
     const kn_gl_target *target = kn_offscreen_target(r->screen);
     float foot[4];
+    r->thickness_m = scene->thickness_m;
     load_tools(r, scene);
     aim(r, scene);
     light_up(r, scene);
