@@ -8,6 +8,7 @@
 // `knead NAME --version` is answered here. Results go to stdout, complaints to stderr, one line each.
 #define KN_COMMANDS(X)                                                                                                 \
     X(check, "says what a scene is, what it costs, what to watch for; --keys: every key there is")                     \
+    X(completion, "prints what bash or zsh completes knead, kneadd and knead-simdev by")                               \
     X(creep, "virtual rheometer: a weight on a specimen, then not; height, what comes back, what stays")               \
     X(ctl, "an operator's word to a running kneadd: status, reset, quality, snapshot, restore, undo, estop ...")                      \
     X(devices, "what could be a hand on this machine: how to use it, what it lacks, the fix; --json")                  \

@@ -19,7 +19,7 @@ static void print_help(FILE *out)
 {
     fprintf(out, "knead: feel, record and replay objects that are kneaded. The daemon that serves them is kneadd.\n\n"
                  "usage: knead SUBCOMMAND [OPTION]...\n\n");
-    for (const command *c = commands; c->name; c++) fprintf(out, "  %-9s %s\n", c->name, c->summary);
+    for (const command *c = commands; c->name; c++) fprintf(out, "  %-10s %s\n", c->name, c->summary);
     fprintf(out, "\n`knead SUBCOMMAND --help` tells the rest; `knead --version` the version.\n"
                  "Exit codes: 0 ok, 1 the check asked for failed, 2 bad input, 3 device or transport, 70 internal.\n");
 }

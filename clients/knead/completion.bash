@@ -1,0 +1,98 @@
+# Completion of knead, kneadd and knead-simdev in bash, and in zsh by its bashcompinit: what --help says is read when Tab is
+# pressed, so there is no second list that could be out of date.
+#
+#     source <(knead completion)            for this shell; `cmake --install` puts it where bash-completion finds it
+#
+# Subcommands are those of `knead --help`, options those of usage lines and of lines that begin with one, their values
+# "a|b|c" after the option, or a list like "blend, secant or tangent" that begins its explanation. Else files.
+
+# Lines "--option value value ..." and "word value", of a help text on stdin; word: what may stand without a dash.
+_knead_parse() {
+    awk '
+    function options(text, values) {
+        while (match(text, /--[a-z][a-z0-9-]*/)) {
+            print substr(text, RSTART, RLENGTH) values
+            text = substr(text, RSTART + RLENGTH)
+        }
+    }
+    function choices(text,    i, n, item, found) { # "a|b|c" after an option
+        if (!match(text, /^[a-z0-9_]+(\|[a-zA-Z0-9_.]+)+/)) return ""
+        n = split(substr(text, RSTART, RLENGTH), item, "|")
+        for (i = 1; i <= n; i++) if (item[i] ~ /^[a-z0-9_]+$/) found = found " " item[i]
+        return found
+    }
+    function listed(text,    i, n, item, found, count) { # "a, b (why), c: what it is, or d"
+        gsub(/ *\([^)]*\)?/, "", text)
+        gsub(/: [^,;]*/, "", text)
+        gsub(/; |, or | or /, ", ", text)
+        n = split(text, item, ", ")
+        for (i = 1; i <= n && item[i] ~ /^[a-z0-9][a-z0-9_-]*$/; i++) { found = found " " item[i]; count++ }
+        return count > 1 ? found : ""
+    }
+    /^usage:/ { usage = 1 }
+    usage && NF == 0 { usage = 0 }
+    usage {
+        text = $0
+        while (match(text, /--[a-z][a-z0-9-]*/)) {
+            option = substr(text, RSTART, RLENGTH)
+            text = substr(text, RSTART + RLENGTH)
+            print option choices(substr(text, 2))
+        }
+        commands = commands || / COMMAND \[/
+        sub(/^usage:/, "")
+        if ($1 == "knead" && $3 ~ /^[a-z]+$/) print $3
+        next
+    }
+    /^ +--?[a-z]/ {
+        text = $0
+        sub(/^ +/, "", text)
+        at = match(text, /   */)
+        left = at ? substr(text, 1, at - 1) : text
+        right = at ? substr(text, at + RLENGTH) : ""
+        values = ""
+        if (match(left, / [a-z0-9_]+\|/)) values = choices(substr(left, RSTART + 1))
+        else if (left ~ / [A-Z]+$/ && left !~ /URL|FILE|DIR|PATH|TIME/) values = listed(right)
+        options(left, values)
+        next
+    }
+    commands && /^  [a-z]+ / { print $1 }'
+}
+
+_knead() {
+    local program=${COMP_WORDS[0]} word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD - 1]} parsed line words='' known
+    local IFS=$'\n' # zsh has no mapfile
+    COMPREPLY=()
+    if [ "$word" = = ]; then word=; elif [ "$before" = = ]; then before=${COMP_WORDS[COMP_CWORD - 2]}; fi # --option=value
+    if [ "${program##*/}" = knead ]; then
+        known=$("$program" --help 2>/dev/null | sed -n 's/^  \([a-z]*\) .*/\1/p')
+        if [ "$COMP_CWORD" = 1 ]; then
+            COMPREPLY=($(compgen -W "$known"$'\n--help\n--version' -- "$word"))
+            return
+        fi
+        case $'\n'$known$'\n' in *$'\n'"${COMP_WORDS[1]}"$'\n'*) ;; *) return ;; esac # nothing is run that is no subcommand
+        parsed=$("$program" "${COMP_WORDS[1]}" --help 2>/dev/null | _knead_parse)
+    else
+        parsed=$("$program" --help 2>/dev/null | _knead_parse)
+    fi
+    if [ "$before" = --set ] || [ "$before" = set ]; then
+        [ "${program##*/}" = knead ] || program=knead
+        compopt -o nospace 2>/dev/null
+        words=$("$program" check --keys 2>/dev/null | sed -n 's/^\([a-z0-9_]*\.[a-z0-9_.]*\) .*/\1=/p')
+        COMPREPLY=($(compgen -W "$words" -- "$word"))
+        return
+    fi
+    case $word in
+    -*)
+        words=$(sed -n 's/^\(--[^ ]*\).*/\1/p' <<<"$parsed")
+        COMPREPLY=($(compgen -W "$words"$'\n--help\n--version' -- "$word" | sort -u))
+        return
+        ;;
+    esac
+    case $before in --*) words=$(sed -n "s/^$before //p" <<<"$parsed" | tr ' ' '\n' | sort -u) ;; esac
+    [ -n "$words" ] || words=$(grep -v '^-' <<<"$parsed" | sort -u)
+    COMPREPLY=($(compgen -W "$words" -- "$word"))
+    [ -n "$words" ] && [ -z "$word" ] && return
+    [ ${#COMPREPLY[@]} -gt 0 ] || COMPREPLY=($(compgen -f -- "$word"))
+    for line in "${COMPREPLY[@]}"; do [ ! -d "$line" ] || compopt -o filenames 2>/dev/null; done
+}
+complete -F _knead knead kneadd knead-simdev

@@ -1,0 +1,31 @@
+// knead completion: a script for the shell, which asks the programs themselves what they take.
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include <stdbool.h>
+#include <stdio.h>
+#include <string.h>
+
+// A file of the source tree, part of the program; `cmake --install` copies the same one.
+extern const char completion_bash[];
+__asm__(".section .rodata\ncompletion_bash: .incbin \"" KN_CLI_DIR "/completion.bash\"\n.byte 0\n.previous\n");
+
+static const char help[] =
+    "usage: knead completion [bash|zsh]\n\n"
+    "Prints what a shell completes knead, kneadd and knead-simdev by: subcommands, options, their values, keys of a\n"
+    "scene, files. It reads --help when Tab is pressed.\n\n"
+    "    source <(knead completion)         in this bash; in every one: the line in ~/.bashrc\n"
+    "    source <(knead completion zsh)     in this zsh\n\n"
+    "cmake --install puts it where the package bash-completion finds it.\n\n"
+    "Exit codes: 0 ok, 2 bad input.\n";
+
+int kn_completion_main(int argc, char **argv)
+{
+    const char *shell = argc > 1 ? argv[1] : "bash";
+    const bool zsh = !strcmp(shell, "zsh");
+    if (argc > 2 || !(zsh || !strcmp(shell, "bash") || !strcmp(shell, "--help")))
+        return kn_complain("completion", KN_EXIT_USAGE, "%s: expected bash or zsh", argv[argc > 2 ? 2 : 1]);
+    if (!strcmp(shell, "--help")) return fputs(help, stdout), KN_EXIT_OK;
+    if (zsh) fputs("autoload -U +X compinit && compinit -i\nautoload -U +X bashcompinit && bashcompinit\n", stdout);
+    fputs(completion_bash, stdout);
+    return KN_EXIT_OK;
+}

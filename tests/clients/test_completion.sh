@@ -1,0 +1,71 @@
+#!/usr/bin/env bash
+# knead completion, as a shell asks for it: the function that `complete -F` names, called with COMP_WORDS in a real bash. What --help
+# says is completed, all of it, for every program.
+failed=0
+check() { # check SENTENCE COMMAND...
+    local sentence=$1
+    shift
+    if "$@"; then echo "ok   $sentence"; else echo "FAIL $sentence: $*" && failed=1; fi
+}
+source <(knead completion)
+# completed WORD...: the last one is being typed; what comes, on one line
+completed() {
+    local function
+    function=$(complete -p "${1##*/}" | sed 's/.*-F \([^ ]*\) .*/\1/')
+    COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)) COMPREPLY=()
+    "$function" 2>err
+    echo "${COMPREPLY[*]}"
+}
+is() { # is "EXPECTED" WORD...
+    local got
+    got=$(completed "${@:2}")
+    check "${*:2} -> $1" [ "$got" = "$1" ]
+    [ "$got" = "$1" ] || echo "     it was: $got"
+}
+is "replay" knead rep
+is "completion" knead comp
+is "--help" knead --h
+is "--verify --version" knead replay --ver
+is "--solver" knead replay --so
+is "fixed" knead replay --solver fi
+is "blend fixed implicit rk4 secant tangent" knead replay --solver ""
+is "stress" knead view --color s
+is "gmsh tetgen" knead mesh --tool ""
+is "set snapshot status stop" knead ctl --json s
+is "auto off require" kneadd --realtime ""
+is "auto off require" kneadd --realtime = ""
+is "fixed" kneadd --backend fi
+is "--uart" knead-simdev --ua
+is "solver.iterations= solver.iterations_max=" knead check scene.yaml --set solver.it
+is "material.k1=" knead ctl set material.k1
+is "paddle" knead hand pa
+is "" knead nosuch --
+touch dough.yaml "two words.yaml" && mkdir scenes
+is "dough.yaml" knead check do
+is "dough.yaml" knead view --scene do
+is "two words.yaml" knead check two
+is "scenes" knead view --scene sc
+touch -- '$(touch run)'
+completed knead '$(touch run)' "" >/dev/null
+completed knead check '$(touch' >/dev/null
+check "nothing that is typed is run" [ ! -e run ]
+
+# every option of every help, found by another eye: every word of two dashes in a line that begins with one, before its explanation
+programs=(kneadd knead-simdev)
+for name in $(knead --help | sed -n 's/^  \([a-z]*\) .*/\1/p'); do programs+=("knead $name"); done
+options=0
+for program in "${programs[@]}"; do
+    offered=" $(completed $program --) "
+    for option in $($program --help | sed -n 's/^ \+\(-.*\)/\1/p' | sed 's/  .*//' | grep -oE -- '--[a-z-]+'); do
+        options=$((options + 1))
+        [[ $offered == *" $option "* ]] || { echo "FAIL $program: $option is not completed" && failed=1; }
+    done
+done
+check "all $options options of ${#programs[@]} helps are completed" [ $options -gt 150 ]
+prefix=$PWD/prefix
+cmake --install "$KN_BUILD" --prefix "$prefix" >install.log
+for program in knead kneadd knead-simdev; do
+    check "$program has an installed one" cmp -s "$prefix/share/bash-completion/completions/$program" <(knead completion)
+done
+check "nothing on stderr" [ ! -s err ]
+exit $failed
