@@ -49,6 +49,7 @@ const char kn_view_help[] =
     "and size of a pixel are told, also in the file's texts, in mm.\n\n"
     "Compared are points that lie beside each other at rest: the same vertices, or of another mesh the nearest.\n"
     "Squares on the table, and the black bar: 1 cm, for an object of 2 to 20 cm. Arrow: one square per 5 N.\n"
+    "KNEAD_GL=osmesa or egl in the environment: what draws it (the first of them that is there).\n"
     "Exit codes: 0 ok, 2 bad input, 3 nothing heard, no OpenGL, no ffmpeg, or the picture cannot be written.\n";
 
 static bool number(const char *text, double low, double high, double *value)

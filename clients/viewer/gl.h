@@ -2,7 +2,7 @@
 #define KN_CLIENTS_VIEWER_GL_H
 // The functions of OpenGL 3.3 core that the viewer calls, found at run time, and the frame buffer it draws into.
 //
-// Nothing links libGL: the context gives the addresses (OSMesaGetProcAddress, later eglGetProcAddress), and a process
+// Nothing links libGL: the context gives the addresses (OSMesaGetProcAddress, eglGetProcAddress), and a process
 // can hold a desktop's libGL beside them without either one answering for the other. A new function is one line in the
 // list.
 #include <GL/glcorearb.h>

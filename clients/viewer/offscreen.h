@@ -2,11 +2,11 @@
 #define KN_CLIENTS_VIEWER_OFFSCREEN_H
 // A place to draw without a window: an OpenGL 3.3 core context, frame buffers of a given size, and their pixels.
 //
-// One back end so far, OSMesa (offscreen_osmesa.c): Mesa's software rasteriser, no display, no GPU, no root. Mesa 25.1
-// dropped it; EGL's surfaceless platform is the successor, and since all drawing goes into the frame buffers of gl.h
-// it only has to make a context. Not thread safe: one thread opens, draws, reads and closes.
+// Two back ends (offscreen_backend.h): OSMesa, Mesa's software rasteriser as a library of its own, which Mesa 25.1 dropped,
+// and EGL's surfaceless platform; no display, no GPU, no root. KNEAD_GL=osmesa or =egl of the environment chooses; without
+// it the first of the two that is there. Not thread safe: one thread opens, draws, reads and closes.
 //
-// libOSMesa is loaded when the first picture is wanted, not when the program starts: it brings 117 MB of LLVM, which
+// The library is loaded when the first picture is wanted, not when the program starts: it brings 117 MB of LLVM, which
 // `knead probe` must neither wait for (25 ms) nor lock into memory.
 //
 // LP_NUM_THREADS, the number of rasteriser threads, is set to 1 when the environment does not say: the servo has the

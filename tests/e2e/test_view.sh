@@ -81,6 +81,11 @@ wait
 expect "a moment of a recording" 0 '^$' knead view press.lcmlog --at 0.5 --png a.png --size 320x180
 expect "the same again" 0 '^$' knead view press.lcmlog --at 0.5 --png b.png --size 320x180
 check "a moment is a picture, to the byte" cmp a.png b.png
+KNEAD_GL=egl knead view press.lcmlog --at 0.5 --png egl.png --size 320x180 >out 2>err
+case $? in
+0) check "by EGL the same" cmp a.png egl.png ;;
+*) check "or EGL is not there" grep -q 'install the package' err ;;
+esac
 expect "its end" 0 '^$' knead view press.lcmlog --png end.png --size 320x180
 for what in stress residual displacement; do
     expect "in the colours of $what" 0 '^$' knead view press.lcmlog --at 0.5 --color $what --png $what.png --size 320x180

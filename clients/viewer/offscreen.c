@@ -1,0 +1,101 @@
+#include "clients/viewer/offscreen.h"
+#include "clients/viewer/offscreen_backend.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#ifdef KN_SANITIZED // the leak sanitizer's hook: OSMesa 22.3 forgets 200 bytes with every context that it destroys,
+// fontconfig 651 once (label.c), EGL its display
+const char *__lsan_default_suppressions(void);
+const char *__lsan_default_suppressions(void)
+{
+    return "leak:libOSMesa\nleak:libfontconfig\nleak:libEGL\nleak:swrast_dri\n";
+}
+#endif
+
+struct kn_offscreen {
+    const kn_offscreen_backend *backend;
+    void *context;
+    kn_gl gl;
+    kn_gl_target target;
+};
+
+static const kn_offscreen_backend *const backends[] = {&kn_offscreen_osmesa, &kn_offscreen_egl}; // in this order
+enum { BACKENDS = sizeof backends / sizeof *backends };
+static const kn_offscreen_backend *last;
+
+// The one that KNEAD_GL names, or the first that is there; NULL: none, and why the first one is not.
+static const kn_offscreen_backend *choose(char *error, size_t error_size)
+{
+    const char *asked = getenv("KNEAD_GL");
+    char later[300];
+    setenv("LP_NUM_THREADS", "1", 0); // read once, when the first context is made
+    for (int i = 0; asked && *asked && i < BACKENDS; i++)
+        if (strcmp(backends[i]->name, asked) == 0)
+            return backends[i]->load(error, error_size) ? backends[i] : NULL;
+    if (asked && *asked) return snprintf(error, error_size, "KNEAD_GL=%s: expected osmesa or egl", asked), NULL;
+    for (int i = 0; i < BACKENDS; i++)
+        if (backends[i]->load(i == 0 ? error : later, i == 0 ? error_size : sizeof later)) return backends[i];
+    return NULL;
+}
+
+kn_gl_proc kn_offscreen_get_proc(const char *name) { return last ? last->get_proc(name) : NULL; }
+
+static bool open_context(kn_offscreen *screen, int width, int height, int samples, char *error, size_t error_size)
+{
+    const char *name = screen->backend->name;
+    screen->context = screen->backend->create();
+    if (!screen->context) {
+        snprintf(error, error_size, "%s makes no OpenGL 3.3 core context here", name);
+        return false;
+    }
+    const char *missing = kn_gl_load(&screen->gl, screen->backend->get_proc);
+    if (missing) {
+        snprintf(error, error_size, "%s has no %s", name, missing);
+        return false;
+    }
+    if (kn_gl_target_create(&screen->gl, &screen->target, width, height, samples)) return true;
+    snprintf(error, error_size, "%s makes no frame buffer of %d x %d with %d samples", name, width, height, samples);
+    return false;
+}
+
+kn_offscreen *kn_offscreen_open(int width, int height, int samples, char *error, size_t error_size)
+{
+    if (width < KN_OFFSCREEN_MIN || width > KN_OFFSCREEN_MAX || height < KN_OFFSCREEN_MIN ||
+        height > KN_OFFSCREEN_MAX) {
+        snprintf(error, error_size, "a picture of %d x %d pixels, expected %d..%d on each side", width, height,
+                 KN_OFFSCREEN_MIN, KN_OFFSCREEN_MAX);
+        return NULL;
+    }
+    const kn_offscreen_backend *backend = choose(error, error_size);
+    if (!backend) return NULL;
+    kn_offscreen *screen = calloc(1, sizeof *screen);
+    if (!screen) {
+        snprintf(error, error_size, "out of memory");
+        return NULL;
+    }
+    screen->backend = last = backend;
+    if (open_context(screen, width, height, samples, error, error_size)) return screen;
+    kn_offscreen_close(screen);
+    return NULL;
+}
+
+const kn_gl *kn_offscreen_begin(kn_offscreen *screen)
+{
+    screen->backend->use(screen->context);
+    return &screen->gl;
+}
+
+const kn_gl_target *kn_offscreen_target(const kn_offscreen *screen) { return &screen->target; }
+
+void kn_offscreen_read_rgba(kn_offscreen *screen, uint8_t *rgba)
+{
+    kn_gl_target_read(&screen->gl, &screen->target, rgba);
+}
+
+void kn_offscreen_close(kn_offscreen *screen)
+{
+    if (!screen) return;
+    if (screen->context) screen->backend->destroy(screen->context);
+    free(screen);
+}
