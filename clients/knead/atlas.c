@@ -2,6 +2,7 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/plot.h"
+#include "clients/knead/progress.h"
 #include <errno.h>
 #include <math.h>
 #include <stdatomic.h>
@@ -72,11 +73,11 @@ static void bury(const kn_atlas *a, progress *p, int cell, int status)
 static void wait_for(const kn_atlas *a, progress *p, pid_t *child, int jobs)
 {
     int status;
-    bool terminal = isatty(STDERR_FILENO);
+    kn_progress bar = kn_progress_open("stability", cells_of(a));
     for (int running = jobs; running > 0;) {
-        pid_t ended = waitpid(-1, &status, terminal ? WNOHANG : 0);
+        pid_t ended = waitpid(-1, &status, bar.terminal ? WNOHANG : 0);
         if (ended == 0) {
-            fprintf(stderr, "\rcell %d of %d ", atomic_load(&p->done), cells_of(a));
+            kn_progress_step(&bar, atomic_load(&p->done));
             nanosleep(&(struct timespec){.tv_nsec = 100000000}, NULL);
         }
         if (ended < 0 && errno != EINTR) break;
@@ -87,7 +88,7 @@ static void wait_for(const kn_atlas *a, progress *p, pid_t *child, int jobs)
             if (cell < 0 || child[j] < 0) running--;
         }
     }
-    if (terminal) fputs("\r                              \r", stderr);
+    kn_progress_close(&bar);
 }
 
 static int share_out(const kn_atlas *a, progress *p, int jobs)

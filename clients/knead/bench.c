@@ -319,7 +319,10 @@ int kn_bench_advance(kn_bench *b, double until_s)
 {
     int code = KN_EXIT_OK;
     if (b->model) {
-        while (code == KN_EXIT_OK && b->time_s < until_s - 0.5 * b->model->def.solver.dt_s) code = step_lattice(b);
+        while (code == KN_EXIT_OK && b->time_s < until_s - 0.5 * b->model->def.solver.dt_s) {
+            code = step_lattice(b);
+            kn_progress_step(&b->bar, (double)b->stepped++);
+        }
         return code;
     }
     if (!kn_network_advance(&b->net, &b->now, &b->drive, until_s, KN_BENCH_TOLERANCE))
@@ -328,6 +331,14 @@ int kn_bench_advance(kn_bench *b, double until_s)
     read_element(b);
     return KN_EXIT_OK;
 }
+
+void kn_bench_bar(kn_bench *b, double seconds)
+{
+    if (b->model) b->bar = kn_progress_open(b->opt->subcommand, fmax(1, seconds / b->model->def.solver.dt_s));
+    b->stepped = 0;
+}
+
+void kn_bench_bar_end(kn_bench *b) { kn_progress_close(&b->bar); }
 
 void kn_bench_print(const kn_bench *b)
 {

@@ -9,6 +9,7 @@
 //         ///////////// table       first paper, equation 4) unless --area constant
 //
 // Compression is positive. SI inside; gf and cm are for reading.
+#include "clients/knead/progress.h"
 #include "clients/knead/table.h"
 #include "core/network.h"
 #include "core/scene/scene.h"
@@ -44,6 +45,8 @@ typedef struct kn_bench {
     kn_state *lattice;
     int64_t step;
     double time_s, strain, stress_pa, force_n; // what the instrument reads
+    kn_progress bar; // of steps of the lattice, while one is open
+    int64_t stepped; // since it was
 } kn_bench;
 
 // Reads the options that the subcommand has: letters of which option belongs to whom stand in one table. *done after
@@ -63,6 +66,10 @@ int kn_bench_load(kn_bench *b, double load_n);
 int kn_bench_strain(kn_bench *b, double from, double rate_per_s);
 int kn_bench_swing(kn_bench *b, double amplitude, double omega);
 int kn_bench_advance(kn_bench *b, double until_s);
+
+// A bar for that many seconds of a lattice, which take their time, and its end; of an element it is none.
+void kn_bench_bar(kn_bench *b, double seconds);
+void kn_bench_bar_end(kn_bench *b);
 
 void kn_bench_print(const kn_bench *b); // the lines that begin every report
 

@@ -85,7 +85,9 @@ static int run(kn_bench *b, kn_table *t)
         reading r;
         for (int lattice = 0; lattice <= (model != NULL); lattice++) {
             b->model = lattice ? model : NULL; // the element first, to compare with
+            kn_bench_bar(b, opt->hold_s + opt->rest_s);
             int code = creep(b, t, opt->load_n[i], &r);
+            kn_bench_bar_end(b);
             b->model = model;
             if (code != KN_EXIT_OK) return code;
             print_row(lattice ? "lattice" : "element", opt->load_n[i], &r);

@@ -3,6 +3,7 @@
 #include "clients/knead/complain.h"
 #include "clients/knead/job.h"
 #include "clients/knead/origin.h"
+#include "clients/knead/progress.h"
 #include "core/hash.h"
 #include <errno.h>
 #include <fcntl.h>
@@ -23,17 +24,6 @@ static void on_signal(int number) { stopped = number; }
 static const char *in_folder(const kn_crew *c, const char *name, const char *ending, char path[PATH_MAX])
 {
     return kn_folder_path(&c->folder, name, ending, path);
-}
-
-static void show(const kn_crew *c, int done, int all, const kn_run *run)
-{
-    char name[96] = "";
-    if (!isatty(STDERR_FILENO)) return;
-    fprintf(stderr, "\r%100s\r", "");
-    if (done >= all) return;
-    fprintf(stderr, "[%-30.*s] %d of %d", 30 * done / all, "##############################", done, all);
-    if (run) fprintf(stderr, "  %s", kn_run_name(run, name));
-    else fprintf(stderr, "  by GNU parallel, %s", c->hosts ? c->hosts : "on this machine");
 }
 
 // ---- the folder
@@ -153,19 +143,20 @@ static int play_serially(kn_crew *c)
 {
     const kn_plan *plan = c->plan;
     int code = KN_EXIT_OK;
+    kn_progress bar = kn_progress_open("tradeoff", 2 * plan->count); // both rounds
     for (int i = 0; i < plan->count && code == KN_EXIT_OK; i++) {
         kn_trace t = {0};
         if (!is_missing(c, &plan->run[i], true)) continue;
-        show(c, i, plan->count, &plan->run[i]);
+        kn_progress_step(&bar, i);
         code = play_here(c, &plan->run[i], &t);
         if (code == KN_EXIT_OK) code = keep(c, &plan->run[i], &t);
         kn_trace_free(&t);
     }
     for (int i = 0; i < plan->count && code == KN_EXIT_OK; i++) {
-        show(c, i, plan->count, &plan->run[i]);
+        kn_progress_step(&bar, plan->count + i);
         code = play_again(c, &plan->run[i]);
     }
-    show(c, 1, 1, NULL);
+    kn_progress_close(&bar);
     return code;
 }
 
@@ -267,12 +258,13 @@ static int attend(const kn_crew *c, pid_t child)
 {
     static const struct timespec pause = {0, 200000000};
     int status = 0, asked = 0;
+    kn_progress bar = kn_progress_open(c->hosts ? "tradeoff on hosts" : "tradeoff by parallel", c->plan->count);
     while (waitpid(child, &status, WNOHANG) == 0) {
         if (stopped && asked++ < 2) kill(child, SIGTERM); // the first one lets running jobs end, the second does not
-        show(c, count_traces(c), c->plan->count, NULL);
+        if (bar.terminal) kn_progress_step(&bar, count_traces(c));
         nanosleep(&pause, NULL);
     }
-    show(c, 1, 1, NULL);
+    kn_progress_close(&bar);
     return WIFEXITED(status) ? WEXITSTATUS(status) : 128;
 }
 

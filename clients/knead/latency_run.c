@@ -2,6 +2,7 @@
 #include "clients/knead/hand.h"
 #include "clients/knead/join.h"
 #include "clients/knead/latency.h"
+#include "clients/knead/progress.h"
 #include "proto/knead_contact_force_t.h"
 #include "server/clock.h"
 #include "server/mailbox.h"
@@ -37,6 +38,7 @@ typedef struct run {
     int hands;
     uint32_t echo_seq;
     atomic_bool done;
+    atomic_int worked; // ms of the hand at work
     atomic_int ready; // threads that have their sockets; < 0: one could not
 } run;
 
@@ -222,7 +224,7 @@ static void *hand_main(void *self)
         kn_wake wake = kn_clock_wait(&clock);
         if (!move(r, &wake, &at_work)) break;
         if (!at_work) continue;
-        worked++;
+        atomic_store_explicit(&r->worked, ++worked, memory_order_relaxed);
         l->missed_ms += wake.missed;
         int64_t due_ns = clock.start_ns + clock.tick * KN_PERIOD_NS;
         r->echo_seq++;
@@ -303,6 +305,18 @@ static void join_answers(kn_flights *sent, const kn_flights *heard)
     }
 }
 
+// Five looks a second, and those only for a terminal: what is measured is how late this machine wakes threads.
+static void wait_for_hand(run *r, pthread_t hand)
+{
+    kn_progress bar = kn_progress_open("latency", 1000 * r->l->seconds);
+    while (bar.terminal && pthread_tryjoin_np(hand, NULL) != 0) {
+        kn_progress_step(&bar, atomic_load_explicit(&r->worked, memory_order_relaxed));
+        sleep_until(kn_now_ns() + 200000000);
+    }
+    if (!bar.terminal) pthread_join(hand, NULL);
+    kn_progress_close(&bar);
+}
+
 static bool run_threads(run *r)
 {
     pthread_t hand, ear, echo;
@@ -310,7 +324,7 @@ static bool run_threads(run *r)
     bool echoes = pthread_create(&echo, NULL, echo_main, r) == 0;
     while (echoes && atomic_load(&r->ready) >= 0 && atomic_load(&r->ready) < 2) sleep_until(kn_now_ns() + 1000000);
     bool moved = echoes && atomic_load(&r->ready) == 2 && pthread_create(&hand, NULL, hand_main, r) == 0;
-    if (moved) pthread_join(hand, NULL);
+    if (moved) wait_for_hand(r, hand);
     if (moved) sleep_until(kn_now_ns() + straggler_ns);
     atomic_store(&r->done, true);
     if (echoes) pthread_join(echo, NULL);

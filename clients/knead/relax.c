@@ -115,7 +115,9 @@ static int run(kn_bench *b, kn_table *t)
     for (int lattice = 0; lattice <= (model != NULL); lattice++) {
         reading r;
         b->model = lattice ? model : NULL;
+        kn_bench_bar(b, opt->hold_s + (opt->ramp_per_s > 0 ? opt->strain / opt->ramp_per_s : 0));
         int code = relax(b, t, &r);
+        kn_bench_bar_end(b);
         b->model = model;
         if (code != KN_EXIT_OK) return code;
         print_row(lattice ? "lattice" : "element", &r);

@@ -5,6 +5,7 @@
 #include "clients/knead/pad.h"
 #include "clients/knead/plot.h"
 #include "clients/knead/profile.h"
+#include "clients/knead/progress.h"
 #include "clients/knead/rig.h"
 #include "clients/knead/slab.h"
 #include "clients/knead/table.h"
@@ -64,6 +65,8 @@ typedef struct zwidth {
     kn_coupling most; // of the class, at a round trip of 1 ms
     kn_table table;
     bool sound;
+    kn_progress bar;
+    int searched; // couplings, of its total
 } zwidth;
 
 static kn_rig_result on_lattice(const zwidth *z, const kn_rig_def *def)
@@ -111,6 +114,7 @@ static void measure(zwidth *z, double friction_n_s_m, int trip)
     double k[DAMPINGS], trip_s = 1e-3 * trip;
     for (int i = 0; i < DAMPINGS; i++) {
         bool skip = z->quick && i > 1;
+        if (!skip) kn_progress_step(&z->bar, z->searched++);
         k[i] = skip ? NAN : largest(z, friction_n_s_m, trip, damping_share[i] * z->most.damping_n_s_m);
     }
     kn_coupling chosen = kn_coupling_default(z->profile.mass_kg, friction_n_s_m, 1e-3, trip_s, z->most);
@@ -120,6 +124,7 @@ static void measure(zwidth *z, double friction_n_s_m, int trip)
     double delayed = kn_coupling_delayed(friction_n_s_m, 1e-3, trip_s, z->most.damping_n_s_m);
     kn_table_add(&z->table, (double[]){trip, friction_n_s_m, k[0], k[1], k[2], k[3], colgate, delayed,
                                        chosen.stiffness_n_m, chosen.damping_n_s_m, loud});
+    kn_progress_close(&z->bar); // a row takes its place
     printf("%4d ms %9.3g", trip, friction_n_s_m);
     for (int i = 0; i < DAMPINGS; i++) {
         static const int order[DAMPINGS] = {1, 2, 0, 3};
@@ -142,6 +147,7 @@ static void survey(zwidth *z)
     if (!z->quick) printf("  b_vc %-4.3g", 2.0 * b);
     printf("  Colgate   delayed   default\n");
     z->sound = true;
+    z->bar = kn_progress_open("zwidth", z->quick ? (TRIPS - 1) * 2 : FRICTIONS * TRIPS * DAMPINGS);
     for (int f = 0; f < (z->quick ? 1 : FRICTIONS); f++) {
         char label[40];
         snprintf(label, sizeof label, "friction %.3g N s/m", friction_share[f] * d->damping_n_s_m);

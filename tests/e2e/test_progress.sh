@@ -1,0 +1,24 @@
+#!/usr/bin/env bash
+# What takes long shows a bar on a terminal, script(1)'s, and nothing of it elsewhere; the line that it was on is empty when anything
+# else is told.
+. "$KN_SOURCE/tests/e2e/kneadd.sh"
+pressed "$KN_SOURCE/core/scenes/dough-small.yaml" press.lcmlog || exit 70
+# bar NAME COMMAND...
+bar() {
+    local name=$1
+    shift
+    script -qec "$*" seen </dev/null >/dev/null
+    "$@" >plain 2>plain.err </dev/null
+    check "$name has a bar on a terminal" grep -qaE $'\r'"$name"'[a-z ]*  \[#* *\] +[0-9]+ %' seen
+    check "and none elsewhere" eval '! grep -qa " %  \|\[#*  *\]" plain.err'
+    # what is left on the lines of a terminal: of each, what stands after its last carriage return but one
+    check "the line is empty afterwards" eval '! sed "s/\r$//; s/.*\r//" seen | grep -qa "\[#* *\]"'
+}
+bar creep knead creep dough --lattice 3x3x3 --hold 60 --rest 60
+bar relax knead relax dough --lattice 3x3x3 --ramp 10%/s --hold 60
+bar stability knead stability --quick --family bar --jobs 1
+bar zwidth knead zwidth --quick
+bar replay knead replay press.lcmlog
+bar export knead export press.lcmlog --csv press.csv
+bar tradeoff knead tradeoff "$KN_SOURCE/core/scenes/dough-small.yaml" press.lcmlog --quick --solver blend --iterations 4 --precision f32
+exit $failed
