@@ -17,6 +17,7 @@ static void write_log(kn_record *r, const char *channel, int64_t utime, void *da
                                   .channel = (char *)channel, .data = data};
     if (lcm_eventlog_write_event(r->log, &event) != 0)
         snprintf(r->log_error, sizeof r->log_error, "%s", strerror(errno));
+    atomic_fetch_add(&r->logged, size);
 }
 
 // Room for one more in an array that doubles.
@@ -71,6 +72,7 @@ static void on_message(const lcm_recv_buf_t *buf, const char *channel, void *sel
     if (scene) hear_scene(r, buf);
     if (!scene && !r->started) return;
     write_log(r, channel, buf->recv_utime, buf->data, (int)buf->data_size);
+    if (r->log_only) return;
     if (!strcmp(channel, r->force_channel)) hear_force(r, buf);
     else if (!strcmp(channel, r->pose_channel)) hear_pose(r, buf);
 }

@@ -25,6 +25,8 @@ typedef struct kn_record {
     knead_probe_pose_t *pose;
     int force_count, pose_count;
     bool out_of_memory;
+    bool log_only; // the caller's, before kn_record_start: forces and poses go to the log alone, whatever they come to
+    _Atomic(int64_t) logged; // bytes of messages in the log so far
     // private
     lcm_t *lcm;
     struct _lcm_eventlog_t *log;

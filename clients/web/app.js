@@ -54,7 +54,7 @@ function connect() {
         if (data.byteLength > 4 + size) {
             const jpeg = new Blob([new Uint8Array(data, 4 + size)], { type: 'image/jpeg' });
             const bitmap = await createImageBitmap(jpeg).catch(() => null); // a bad one must not stop the next
-            // when newer than what is there, not only when the newest: two that overtake each other would never be drawn
+            // newer than what is there, not only the newest: two that overtake each other would never be drawn
             if (bitmap && mine === socket && now.frame > drawn) draw(bitmap, now);
             bitmap?.close();
         }

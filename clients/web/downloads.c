@@ -47,6 +47,16 @@ static bool scene(const kn_web *w, kn_web_file *file)
     return file->bytes;
 }
 
+static bool recording(kn_web *w, int number, const char *kind, kn_web_file *file)
+{
+    const kn_take *one = kn_takes_find(&w->takes, number);
+    const bool csv = strcmp(kind, "csv") == 0;
+    if (!one || (csv ? !one->csv : strcmp(kind, "lcmlog") != 0)) return false;
+    if (csv) file->type = "text/csv; charset=utf-8";
+    kn_takes_path(&w->takes, number, kind, file->path);
+    return true;
+}
+
 bool kn_web_fetch(void *self, const char *name, kn_web_file *file)
 {
     kn_web *w = self;
@@ -56,6 +66,10 @@ bool kn_web_fetch(void *self, const char *name, kn_web_file *file)
         kn_web_png_path(w, file->path);
         return true;
     }
+    int number;
+    char kind[8], end;
+    if (sscanf(name, "recording/%6d.%7[a-z]%c", &number, kind, &end) == 2)
+        return recording(w, number, kind, file);
     if (strcmp(name, "scene.yaml") == 0) return scene(w, file);
     return false;
 }

@@ -63,7 +63,7 @@ static bool goes_on(const kn_web *w, const kn_probe_def *tool)
            memcmp(extent_m, w->reach.extent_m, sizeof extent_m) == 0 && def->spacing_m == w->held_spacing_m;
 }
 
-static void let_go(kn_web *w)
+void kn_web_let_go(kn_web *w)
 {
     if (w->moving) kn_device_stop(&w->device);
     w->moving = false;
@@ -73,7 +73,7 @@ static void let_go(kn_web *w)
     kn_web_post_wish(w);
 }
 
-static void take_up(kn_web *w)
+void kn_web_take_up(kn_web *w)
 {
     int64_t session = 0;
     if (getrandom(&session, 7, 0) < 0) session = kn_live_now_ms();
@@ -94,7 +94,7 @@ void kn_web_take_scene(kn_web *w)
     if (!w->live.scene || w->live.scene->text_hash == w->scene_hash) return;
     const kn_probe_def *tool = choose_tool(w);
     const bool on = goes_on(w, tool);
-    if (!on) let_go(w);
+    if (!on) kn_web_let_go(w);
     kn_reach_close(&w->reach);
     w->scene_hash = w->live.scene->text_hash;
     w->mesh_id = 0;
@@ -105,12 +105,12 @@ void kn_web_take_scene(kn_web *w)
     snprintf(w->error, sizeof w->error, "out of memory");
     const kn_camera_view view = kn_web_camera(w);
     if (!tool || !kn_reach_open(&w->reach, &w->live.scene->model, tool, &view)) {
-        if (on) let_go(w);
+        if (on) kn_web_let_go(w);
         return;
     }
     w->held = *tool;
     w->held_spacing_m = w->live.scene->model.spacing_m;
-    if (!on) take_up(w);
+    if (!on && !w->lent) kn_web_take_up(w);
 }
 
 // ---- what a page wants
@@ -153,6 +153,11 @@ void kn_web_on_gone(void *self, int page)
     for (int i = 0; i < KN_WEB_EVENTS; i++)
         if (w->event[i].page == page) w->event[i].page = -1; // not the next one's in that place
     if (w->png_page == page) w->png_page = -1;
+    if (w->replayed.page == page) w->replayed.page = -1;
+    for (int i = 0; i < KN_ASKER_CALLS; i++)
+        if (w->asked[i].page == page) w->asked[i].page = -1;
+    for (int i = 0; i < KN_WEB_ANSWERS; i++)
+        if (w->answer[i].page == page) w->answer[i].page = -1;
     if (w->owner != page) return;
     w->owner = -1;
     w->button = KN_BUTTON_UP;

@@ -7,7 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STATUS_TAG KN_ASKER_CALLS // of our own question
+#define STATUS_TAG KN_ASKER_CALLS       // of our own questions
+#define SAVE_TAG (KN_ASKER_CALLS + 1)
+#define SILENT_MS 1300 // a session ends after 1 s without poses: then another hand may come
 
 void kn_web_answer_page(kn_web *w, int page, uint32_t id, bool ok, const char *format, ...)
 {
@@ -157,10 +159,8 @@ static void take_status(kn_web *w, const json_t *answer)
 void kn_web_on_answered(void *self, int tag, const json_t *answer)
 {
     kn_web *w = self;
-    if (tag == STATUS_TAG) {
-        take_status(w, answer);
-        return;
-    }
+    if (tag == STATUS_TAG) take_status(w, answer);
+    if (tag >= STATUS_TAG) return; // a take that has no snapshot is told so when it is verified
     const int page = w->asked[tag].page;
     const uint32_t id = w->asked[tag].id;
     const char *error = json_string_value(json_object_get(answer, "error"));
@@ -226,6 +226,89 @@ static void take_picture(kn_web *w, int page, const kn_request *r)
     w->png_there = false;
 }
 
+// ---- recordings
+
+static const char *snapshots(const kn_web *w) // kneadd's folder of them, NULL: none
+{
+    return json_string_value(json_object_get(json_object_get(w->status, "state"), "directory"));
+}
+
+static void record(kn_web *w, int page, const kn_request *r)
+{
+    char error[200];
+    if (!w->tool || w->lent) kn_web_answer_page(w, page, r->id, false, "There is no tool in hand.");
+    else if (!kn_takes_begin(&w->takes, w->tool->name, error, sizeof error))
+        kn_web_answer_page(w, page, r->id, false, "%s", error);
+    else kn_web_answer_page(w, page, r->id, true, "It begins with the scene, within 5 s.");
+}
+
+static void verify(kn_web *w, int page, const kn_request *r)
+{
+    char error[200];
+    if (!kn_takes_verify(&w->takes, (int)r->value, snapshots(w), error, sizeof error)) {
+        kn_web_answer_page(w, page, r->id, false, "%s", error);
+        return;
+    }
+    w->replayed.page = page, w->replayed.id = r->id;
+}
+
+// The tool is let go of first, and its session ends.
+static void play(kn_web *w, int page, const kn_request *r)
+{
+    const char *why = !kn_takes_find(&w->takes, (int)r->value) ? "There is no such recording."
+                      : w->lent || w->takes.child_pid          ? "Another recording is being replayed."
+                      : !w->moving                             ? "There is no tool in hand."
+                                                               : NULL;
+    if (why) {
+        kn_web_answer_page(w, page, r->id, false, "%s", why);
+        return;
+    }
+    kn_web_let_go(w);
+    w->lent = (int)r->value;
+    w->lent_ms = kn_live_now_ms();
+    w->replayed.page = page, w->replayed.id = r->id;
+}
+
+static void give_back(kn_web *w)
+{
+    w->lent = 0;
+    if (w->tool && w->reach.top) kn_web_take_up(w);
+}
+
+void kn_web_on_replayed(void *self, int number, bool ok, const char *words)
+{
+    kn_web *w = self;
+    (void)number;
+    if (w->lent) give_back(w);
+    kn_web_answer_page(w, w->replayed.page, w->replayed.id, ok, "%s", words);
+    kn_web_refresh(w);
+}
+
+static void end_take(kn_web *w, int page, const kn_request *r)
+{
+    const bool any = kn_takes_busy(&w->takes) || w->lent;
+    kn_takes_end(&w->takes);
+    if (w->lent && w->lent_ms) give_back(w), kn_web_answer_page(w, w->replayed.page, w->replayed.id, false, "Stopped.");
+    kn_web_answer_page(w, page, r->id, any, any ? "Stopped." : "Nothing is being recorded or played.");
+}
+
+void kn_web_turn(kn_web *w)
+{
+    char error[200];
+    kn_take *one = w->takes.now;
+    if (one && one->number != w->saved_of && atomic_load(&one->state) == KN_TAKE_RUNS) {
+        w->saved_of = one->number; // so that it goes on from there when it is replayed
+        json_t *request = json_pack("{s:s}", "command", "snapshot");
+        if (request && snapshots(w)) kn_asker_ask(&w->asker, SAVE_TAG, request, false, error, sizeof error);
+        json_decref(request);
+    }
+    if (!w->lent || !w->lent_ms || kn_live_now_ms() - w->lent_ms < SILENT_MS) return;
+    w->lent_ms = 0;
+    if (w->tool && kn_takes_play(&w->takes, w->lent, w->tool->name, error, sizeof error)) return;
+    give_back(w);
+    kn_web_answer_page(w, w->replayed.page, w->replayed.id, false, "%s", w->tool ? error : "There is no such tool.");
+}
+
 void kn_web_on_request(void *self, int page, const kn_request *r)
 {
     kn_web *w = self;
@@ -236,6 +319,10 @@ void kn_web_on_request(void *self, int page, const kn_request *r)
         break;
     case KN_VERB_MEASURE: take_measure(w, page, r); break;
     case KN_VERB_PICTURE: take_picture(w, page, r); break;
+    case KN_VERB_RECORD: record(w, page, r); break;
+    case KN_VERB_STOP: end_take(w, page, r); break;
+    case KN_VERB_VERIFY: verify(w, page, r); break;
+    case KN_VERB_PLAY: play(w, page, r); break;
     default: order(w, page, r); return;
     }
     kn_web_refresh(w);

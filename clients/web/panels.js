@@ -170,7 +170,8 @@ function showMeasures({ measure, measures }) {
 }
 
 const TOPS = { // of a scale, as the legend tells it
-    displacement: (x) => `${round3(1e3 * x)} mm`, stress: (x) => quantity(x, 'Pa'), residual: (x) => `${round3(100 * x)} %`,
+    displacement: (x) => `${round3(1e3 * x)} mm`, stress: (x) => quantity(x, 'Pa'),
+    residual: (x) => `${round3(100 * x)} %`,
 };
 
 function showLegend(top) {
@@ -178,6 +179,47 @@ function showLegend(top) {
     if (by('legend').hidden) return;
     writeTo(by('legend-words'), about.view.measures.find(({ name }) => name === about.view.measure)?.words ?? '');
     writeTo(by('legend-top'), TOPS[about.view.measure](top));
+}
+
+// ---- recordings
+
+by('record').addEventListener('click', () => order(about.recording || about.playing ? 'stop' : 'record'));
+
+function addTake(number) {
+    const [row, words, told] = ['li', 'span', 'p'].map((name) => document.createElement(name));
+    const buttons = Object.assign(document.createElement('p'), { className: 'buttons' });
+    const add = (name, does) => {
+        const button = Object.assign(document.createElement('button'), { type: 'button', textContent: name });
+        button.setAttribute('aria-label', `${name}, recording ${number}`);
+        button.addEventListener('click', does);
+        buttons.append(button);
+    };
+    const file = (kind) => save(`recording/${number}.${kind}`, `${stem()}-${number}.${kind}`);
+    const one = () => about.recordings.find((take) => take.number === number);
+    add('Log', () => file('lcmlog'));
+    add('CSV', async () => { if (one()?.csv || await order('verify', { value: number }) || one()?.csv) file('csv'); });
+    add('Verify', () => order('verify', { value: number }));
+    add('Play', () => order('play', { value: number }));
+    row.dataset.number = number;
+    told.className = 'why';
+    row.append(words, told, buttons);
+    return row;
+}
+
+function showTakes({ recordings, recording, playing, replaying }) {
+    writeTo(by('record'), recording ? 'Stop' : playing ? 'Stop playing' : 'Record');
+    by('record').classList.toggle('on', recording);
+    const rows = new Map([...by('takes').children].map((row) => [Number(row.dataset.number), row]));
+    for (const [number, row] of rows) if (!recordings.some((take) => take.number === number)) row.remove();
+    for (const take of recordings.sort((a, b) => b.number - a.number)) {
+        const row = rows.get(take.number) ?? addTake(take.number);
+        if (!row.isConnected) by('takes').prepend(row);
+        const [words, told, buttons] = row.children;
+        writeTo(words, { waits: `${take.number}: waits for the scene`, failed: `${take.number}: failed` }[take.state]
+            ?? `${take.number}: ${take.s.toFixed(1)} s, ${take.mb.toFixed(1)} MB`);
+        writeTo(told, replaying === take.number ? 'is being replayed' : take.words);
+        buttons.hidden = take.state !== 'whole';
+    }
 }
 
 // ---- numbers
@@ -247,6 +289,7 @@ function showAbout(told) {
         Object.assign(orbit, { azimuth, elevation, zoom });
     }
     showNumbers(told);
+    showTakes(told);
 }
 
 // ---- downloads

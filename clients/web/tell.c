@@ -18,6 +18,7 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
     if (kn_live_now_ms() - w->mesh_ms > KN_WEB_UNHEARD_MS) SAY("wait", "waiting for kneadd: nothing is served");
     if (!w->live.scene) SAY("wait", "waiting for the scene");
     if (!w->tool) SAY("fault", "the scene has no probe%s%s", w->probe ? " " : "", w->probe ? w->probe : "");
+    if (w->lent) SAY("wait", "recording %d is being played", w->lent);
     if (!w->moving) SAY("fault", "no device: %.300s", w->error);
     if (!kn_reach_fits(&w->reach, &w->live.mesh)) SAY("wait", "waiting for the mesh of this scene");
     if (w->owner >= 0 && w->owner != page) SAY("wait", "another page holds the tool");
@@ -230,8 +231,8 @@ static json_t *loop(const kn_vitals *v)
     if (!v->status_ms) return json_null();
     return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:o}", "ticks", (json_int_t)s->tick, "missed",
                      (json_int_t)s->missed_cycles, "explained", (json_int_t)s->missed_explained, "overruns",
-                     (json_int_t)s->overruns, "p50_us", (json_int_t)kn_vitals_share_us(s->execution_hist, 0.5), "p99_us",
-                     (json_int_t)kn_vitals_share_us(s->execution_hist, 0.99), "mean_us",
+                     (json_int_t)s->overruns, "p50_us", (json_int_t)kn_vitals_share_us(s->execution_hist, 0.5),
+                     "p99_us", (json_int_t)kn_vitals_share_us(s->execution_hist, 0.99), "mean_us",
                      v->health_ms ? rounded(v->health.execution_us[0]) : json_null());
 }
 
@@ -268,6 +269,23 @@ static json_t *control(const kn_web *w)
                      json_string_value(json_object_get(quality, "asked")));
 }
 
+static json_t *recordings(const kn_web *w)
+{
+    static const char *const states[] = {"waits", "runs", "whole", "failed"};
+    json_t *list = json_array();
+    for (int i = 0; i < KN_TAKES; i++) {
+        const kn_take *one = &w->takes.take[i];
+        const int state = atomic_load(&one->state);
+        if (!one->number) continue;
+        json_array_append_new(
+            list, json_pack("{s:i, s:s, s:f, s:f, s:b, s:s}", "number", one->number, "state", states[state], "s",
+                            floor(1e-2 * atomic_load(&one->ms)) / 10, "mb",
+                            floor(1e-5 * (double)atomic_load(&one->bytes)) / 10, "csv", one->csv, "words",
+                            state >= KN_TAKE_WHOLE ? one->words : ""));
+    }
+    return list;
+}
+
 static json_t *measures(const kn_web *w)
 {
     json_t *names = json_array();
@@ -290,10 +308,11 @@ static json_t *view(const kn_web *w)
 void kn_web_refresh(kn_web *w)
 {
     const kn_scene *s = w->live.scene;
-    json_t *all = json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "scene", s ? s->name : "", "tool",
-                            w->tool ? w->tool->name : "", "control", control(w), "scenes", scenes(w), "materials",
-                            materials(), "loop", loop(&w->vitals), "energy", energy(&w->vitals), "mesh", mesh(w), "view",
-                            view(w));
+    json_t *all = json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:b, s:i, s:i}", "scene",
+                            s ? s->name : "", "tool", w->tool ? w->tool->name : "", "control", control(w), "scenes", scenes(w), "materials",
+                            materials(), "loop", loop(&w->vitals), "energy", energy(&w->vitals), "mesh", mesh(w),
+                            "view", view(w), "recordings", recordings(w), "recording", kn_takes_busy(&w->takes), "playing",
+                            w->lent, "replaying", w->takes.child_pid ? w->takes.child_of : 0);
     if (all && s) json_object_set_new(all, "material", material(&s->model.material));
     if (all && s) json_object_set_new(all, "points", points(s));
     char *text = all ? json_dumps(all, JSON_COMPACT | JSON_REAL_PRECISION(6)) : NULL;

@@ -191,6 +191,7 @@ static void on_due(struct ev_loop *ev, ev_timer *t, int events) // ten times a s
     if (silent && w->button != KN_BUTTON_UP) w->button = KN_BUTTON_BARRED;
     kn_web_post_wish(w);
     kn_web_ask_status(w);
+    kn_web_turn(w);
     if (now_ms - w->counted_ms >= 1000) count(w, now_ms);
     if (now_ms - w->frame_ms > 200) kn_gateway_news(&w->gateway);
 }
@@ -246,6 +247,7 @@ static bool open_all(kn_web *w)
     w->asker.answered = kn_web_on_answered;
     w->gateway.arg = w->asker.arg = w;
     kn_asker_open(&w->asker, w->ev);
+    w->takes = (kn_takes){.folder = w->folder, .url = w->url, .ev = w->ev, .done = kn_web_on_replayed, .arg = w};
     return kn_live_open(&w->live, w->url, w->mesh_url, w->error, sizeof w->error) &&
            kn_vitals_open(&w->vitals, w->live.bus, w->live.mesh_bus) &&
            kn_painter_open(&w->painter, w->width, w->height, call_back, w, w->error, sizeof w->error) &&
@@ -268,6 +270,7 @@ static void close_all(kn_web *w)
     kn_ring_free(&w->samples);
     free(w->jpeg);
     char path[128];
+    kn_takes_close(&w->takes);
     kn_web_png_path(w, path);
     if (w->folder[0]) unlink(path), rmdir(w->folder);
 }
@@ -353,7 +356,8 @@ static int parse(kn_web *w, int argc, char **argv)
 
 int kn_web_main(int argc, char **argv)
 {
-    static kn_web w = {.width = 800, .height = 450, .listen_fd = -1, .rate_hz = 30, .owner = -1, .measure = -1, .png_page = -1,
+    static kn_web w = {.width = 800, .height = 450, .listen_fd = -1, .rate_hz = 30, .owner = -1,
+                       .measure = -1, .png_page = -1, .replayed.page = -1,
                     .gateway.fd = -1};
     int code = parse(&w, argc, argv);
     if (code == KN_EXIT_OK && w.help) return fputs(help, stdout), KN_EXIT_OK;

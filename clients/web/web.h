@@ -9,6 +9,7 @@
 #include "clients/web/asker.h"
 #include "clients/web/gateway.h"
 #include "clients/web/painter.h"
+#include "clients/web/takes.h"
 #include "clients/web/vitals.h"
 #include "server/mailbox.h"
 #include "server/ring.h"
@@ -17,7 +18,7 @@
 #define KN_WEB_EVENTS 64       // of the pointer, on their way through kneadd
 #define KN_WEB_ANSWERS 16      // to requests, that wait for their pages
 #define KN_WEB_SCENES 32       // that are listed
-#define KN_WEB_LET_GO_MS 400   // a pressing page that is silent so long is gone: it speaks every 50 ms; so is the thread
+#define KN_WEB_LET_GO_MS 400   // a pressing page that is silent so long is gone: it speaks every 50 ms; so is a thread
 #define KN_WEB_UNHEARD_MS 1000 // without a mesh: nobody serves
 
 typedef enum kn_button { KN_BUTTON_UP, KN_BUTTON_PRESSES, KN_BUTTON_BESIDE, KN_BUTTON_BARRED } kn_button;
@@ -49,6 +50,7 @@ typedef struct kn_web {
     kn_live live;
     kn_vitals vitals;
     kn_asker asker;
+    kn_takes takes;
     char error[512];
     char folder[64];            // for what is written, of this run alone; "": none
 
@@ -100,6 +102,11 @@ typedef struct kn_web {
     char scene_file[KN_WEB_SCENES][64]; // names in `scenes`
     int scene_files;
 
+    int lent;                   // the recording that has the tool, 0: none
+    int64_t lent_ms;            // since when nobody has sent poses; 0: a child does
+    struct { int page, number; uint32_t id; } replayed; // who is told how it ended; page -1: nobody
+    int saved_of;               // the last recording that a snapshot was asked for
+
     // tell.c
     char *about;                // the JSON that every page gets when it is another one than it had
     int abouts;                 // its number, rising
@@ -109,6 +116,8 @@ typedef struct kn_web {
 // grip.c
 void kn_web_take_scene(kn_web *w);   // when another one was heard: another tool, a hand that begins anew
 kn_camera_view kn_web_camera(const kn_web *w);
+void kn_web_let_go(kn_web *w);       // of the tool altogether: another hand may take it
+void kn_web_take_up(kn_web *w);
 void kn_web_post_wish(kn_web *w);
 void kn_web_take_samples(kn_web *w);
 void kn_web_on_message(void *web, int page, const kn_web_message *message);
@@ -121,6 +130,8 @@ bool kn_web_measured(const kn_web *w, int measure); // whether the meshes tell i
 // orders.c
 void kn_web_list_scenes(kn_web *w);
 void kn_web_on_request(void *web, int page, const kn_request *request);
+void kn_web_on_replayed(void *web, int number, bool ok, const char *words);
+void kn_web_turn(kn_web *w);         // ten times a second: what recordings wait for
 void kn_web_on_answered(void *web, int tag, const json_t *answer);
 void kn_web_ask_status(kn_web *w); // once a second at most
 __attribute__((format(printf, 5, 6))) void kn_web_answer_page(kn_web *w, int page, uint32_t id, bool ok,

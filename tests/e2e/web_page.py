@@ -196,18 +196,58 @@ def by_colours(page, bus):
     click(page, "save-picture")
     check("the picture is saved, whole", until(lambda: os.path.exists("saved/dough-small.png")), page.text("said"))
     png = open("saved/dough-small.png", "rb").read()
-    check("as PNG of the asked size", png[:8] == b"\x89PNG\r\n\x1a\n" and struct.unpack(">II", png[16:24]) == (800, 450),
-          png[:30])
+    check("as PNG of the asked size",
+          png[:8] == b"\x89PNG\r\n\x1a\n" and struct.unpack(">II", png[16:24]) == (800, 450), png[:30])
     open(f"{ARTEFACTS}/web-saved.png", "wb").write(png)
     choose(page, "measure", "none")
     check("and as it is again", until(lambda: page.run("return document.getElementById('legend').hidden")))
     click(page, "closer")
-    check("closer: a larger object", until(lambda: (page.keep("closer"), page.changed("material", "closer") > 20000)[1]))
+    check("closer: a larger object",
+          until(lambda: (page.keep("closer"), page.changed("material", "closer") > 20000)[1]))
     page.hover(*TOP)
     page.press(*TOP)
     check("pressed where it is seen", until(lambda: page.now()["contact"] and page.now()["force_n"] > 0.3), page.now())
     page.release()
     click(page, "farther")
+    click(page, "reset")
+
+
+def asks(page, what, **fields):  # {"ok", "words"}
+    return page.driver.execute_async_script("ask(arguments[0], arguments[1]).then(arguments[2])", what, fields)
+
+
+def by_recordings(page, bus):
+    take = lambda: (page.run("return about.recordings") or [{}])[0]
+    dent(page, bus)  # so that it begins on a kneaded object
+    click(page, "record")
+    check("recording: it runs within 8 s", until(lambda: take().get("state") == "runs"), take(), page.text("said"))
+    deep = dent(page, bus)
+    click(page, "record")
+    check("stopped: whole", until(lambda: take()["state"] == "whole"), take())
+    check("as long as it was", 1 < take()["s"] < 30 and take()["mb"] > 0.3, take())
+    row = lambda name: page.run("""[...document.querySelectorAll('#takes button')]
+        .find((b) => b.textContent === arguments[0]).click()""", name)
+    row("Log")
+    log = "saved/dough-small-1.lcmlog"
+    check("its log is saved", until(lambda: os.path.exists(log)), page.text("said"))
+    told = subprocess.run(["knead", "replay", log, "--verify", "--snapshot", "state"], capture_output=True, text=True)
+    check("which knead replay --verify finds true to the bit", told.returncode == 0 and "verified" in told.stdout,
+          told.stdout, told.stderr)
+    row("CSV")
+    check("its forces as CSV", until(lambda: os.path.exists("saved/dough-small-1.csv"), 30), page.text("said"))
+    rows = open("saved/dough-small-1.csv").read().splitlines()
+    check("with a row for each", rows[0].startswith("tick,time_s,probe,x_m") and len(rows) > 1000, rows[0], len(rows))
+    check("and it is said how many were verified", until(lambda: f"verified {len(rows) - 1} forces" in take()["words"]),
+          take(), len(rows))
+    click(page, "reset")
+    until(lambda: bus.dent_mm() < 0.01)
+    answer = asks(page, "play", value=1)
+    check("played: the hand that was recorded presses the object of now",
+          answer["ok"] and bus.dent_mm() > 0.3 * deep, answer, bus.dent_mm(), deep)
+    check("then the page has the tool again", until(lambda: ready(page)), page.now()["status"])
+    answer = asks(page, "verify", value=7)
+    check("no such recording: told", not answer["ok"] and "no such" in answer["words"], answer)
+    check("nothing to stop: told", "Nothing" in asks(page, "stop")["words"])
     click(page, "reset")
 
 
@@ -348,6 +388,7 @@ def main():
     by_operator(page, bus)
     by_view(page, bus)
     by_colours(page, bus)
+    by_recordings(page, bus)
     by_material(page)
     looks(page)
     two_tabs(page, bus, server.address)
