@@ -3,6 +3,7 @@
 #include "clients/knead/complain.h"
 #include "clients/knead/plot.h"
 #include "clients/knead/progress.h"
+#include "clients/knead/result.h"
 #include <errno.h>
 #include <math.h>
 #include <stdatomic.h>
@@ -160,8 +161,16 @@ static void print_counts(const kn_atlas *a, const char *name, int from, int to)
     for (int w = 0; w < KN_WAYS; w++) {
         int count[KN_JUDGEMENTS] = {0};
         for (int c = from; c < to; c++) count[a->cell[c].score[w].verdict]++;
+        json_t *row = kn_result_add("families");
+        kn_result_text(row, "family", name);
+        kn_result_text(row, "solver", kn_way_name[w]);
+        kn_result_integer(row, "cells", to - from);
+        if (w == 0) kn_result_number(row, "most", most);
         printf("%-8s %-8s %6d", w ? "" : name, kn_way_name[w], to - from);
-        for (int v = 0; v < KN_JUDGEMENTS; v++) printf(" %10d", count[v]);
+        for (int v = 0; v < KN_JUDGEMENTS; v++) {
+            printf(" %10d", count[v]);
+            kn_result_integer(row, kn_judgement_name[v], count[v]);
+        }
         if (w == 0) printf(" %8d %6d %6.2f %%", coarse, loose, 100 * most);
         printf("\n");
     }
@@ -258,6 +267,8 @@ bool kn_atlas_print(const kn_atlas *a)
     for (int m = 0; m < a->maps; m++) print_map(a, m);
     print_reasons(a);
     int count = print_bad(a);
+    kn_result_integer(kn_result(), "cells", cells_of(a));
+    kn_result_integer(kn_result(), "bad", count);
     printf("\nthe default solver is right, or refuses with a reason, in %d of %d cells\n", cells_of(a) - count,
            cells_of(a));
     return count == 0;

@@ -35,7 +35,8 @@ bool kn_batch_open(kn_batch *b, const char *path, bool *taken, char *error, size
                     error, size);
     size_t length = strlen(path);
     while (length > 1 && path[length - 1] == '/') length--; // the name beside it
-    if (length == 0 || length + 8 > sizeof b->folder) return fail(path, "expected a path of 1 to 3800 bytes", error, size);
+    if (length == 0 || length + 8 > sizeof b->folder)
+        return fail(path, "expected a path of 1 to 3800 bytes", error, size);
     snprintf(b->path, sizeof b->path, "%.*s", (int)length, path);
     snprintf(b->folder, sizeof b->folder, "%.*s.XXXXXX", (int)length, path);
     if (!mkdtemp(b->folder)) {

@@ -15,7 +15,7 @@ typedef struct kn_batch {
 // then says whether it is that.
 bool kn_batch_open(kn_batch *batch, const char *path, bool *taken, char *error, size_t error_size);
 
-// Either one ends it; of a batch that is not open (all 0) nothing happens. False: one sentence in error, and it is gone.
+// Either one ends it; of one that is not open (all 0) nothing happens. False: one sentence in error, and it is gone.
 bool kn_batch_keep(kn_batch *batch, char *error, size_t error_size);
 void kn_batch_drop(kn_batch *batch); // with the files in it
 

@@ -1,6 +1,7 @@
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/result.h"
 #include "core/scene/library.h"
 #include "core/scene/units.h"
 #include <getopt.h>
@@ -343,6 +344,7 @@ void kn_bench_bar_end(kn_bench *b) { kn_progress_close(&b->bar); }
 void kn_bench_print(const kn_bench *b)
 {
     const int *n = b->opt->lattice;
+    kn_result_text(kn_result(), "specimen", b->title);
     printf("specimen  %s, ", b->title);
     if (n[0] != n[2] || n[1] != n[2])
         printf("%.3g x %.3g x 1 cm", (double)n[0] / n[2], (double)n[1] / n[2]);

@@ -1,6 +1,7 @@
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/result.h"
 #include "core/scene/units.h"
 #include <getopt.h>
 #include <math.h>
@@ -99,7 +100,8 @@ static int take_lattice(kn_bench_options *opt, const char *text)
     return bad(opt, "lattice", text, "cells along x, y, z like 4x4x4, at most 64 each");
 }
 
-enum { LOAD = 256, HOLD, REST, STRAIN, RAMP, FREQ, AMPLITUDE, SPEED, WAIT, PARAM, SET, AREA, LATTICE, CSV, PNG, HELP };
+enum { LOAD = 256, HOLD, REST, STRAIN, RAMP, FREQ, AMPLITUDE, SPEED, WAIT, PARAM, SET, AREA, LATTICE, CSV, PNG, JSON,
+       HELP };
 
 static const struct option list[] = {{"load", 1, 0, LOAD},
                                      {"hold", 1, 0, HOLD},
@@ -116,10 +118,11 @@ static const struct option list[] = {{"load", 1, 0, LOAD},
                                      {"lattice", 1, 0, LATTICE},
                                      {"csv", 1, 0, CSV},
                                      {"png", 1, 0, PNG},
+                                     {"json", 0, 0, JSON},
                                      {"help", 0, 0, HELP},
                                      {0, 0, 0, 0}};
 
-// Which options an experiment has beside param, set, csv, png and help.
+// Which options an experiment has beside param, set, csv, png, json and help.
 static bool has_option(const char *subcommand, int option)
 {
     static const struct {
@@ -132,7 +135,7 @@ static bool has_option(const char *subcommand, int option)
     for (size_t i = 0; i < sizeof own / sizeof *own; i++)
         for (int k = 0; k < 8 && !strcmp(own[i].subcommand, subcommand); k++)
             if (own[i].option[k] == option) return true;
-    return option == PARAM || option == SET || option == CSV || option == PNG || option == HELP;
+    return option == PARAM || option == SET || option == CSV || option == PNG || option == JSON || option == HELP;
 }
 
 static int take_option(kn_bench_options *opt, int option, const char *value)
@@ -170,6 +173,9 @@ static int take_option(kn_bench_options *opt, int option, const char *value)
         return KN_EXIT_OK;
     case CSV:
         opt->csv = value;
+        return KN_EXIT_OK;
+    case JSON:
+        kn_result_open();
         return KN_EXIT_OK;
     default:
         opt->png = value;

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_CELLS_H
 #define KN_CLIENTS_CELLS_H
-// The cells of an object in VTK's order, for files: cubes of a block, squares of a flat one, elements of a mesh. A block
-// that is one node wide has none. Where parts of a block of two resolutions meet, cells share the nodes that both have.
+// The cells of an object in VTK's order, for files: cubes of a block, squares of a flat one, elements of a mesh. One that
+// is a node wide has none. Where parts of a block of two resolutions meet, cells share the nodes that both have.
 #include "core/state.h"
 
 typedef struct kn_cells {

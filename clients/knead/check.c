@@ -3,6 +3,7 @@
 #include "clients/knead/complain.h"
 #include "clients/knead/cost.h"
 #include "clients/knead/like.h"
+#include "clients/knead/result.h"
 #include "core/composite.h"
 #include "core/field.h"
 #include "core/impact.h"
@@ -13,6 +14,7 @@
 #include "core/tool.h"
 #include <getopt.h>
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <unistd.h>
@@ -24,8 +26,21 @@ static const char usage[] =
     "                                                object.accuracy? 1: no\n"
     "       knead check --keys                       every key of a scene: unit, range, default, meaning\n"
     "       knead check SCENE --text                 the scene with every value written out, in SI\n"
+    "       knead check SCENE --json                 the main of it for programs, with all warnings\n"
     "\n"
     "A scene that cannot be used gives one line, file:line:col: what is wrong, what was expected, and exit 2.\n";
+
+// A line, and one of the list `warnings`.
+__attribute__((format(printf, 1, 2))) static void warn(const char *format, ...)
+{
+    char text[300];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    printf("warning   %s\n", text);
+    kn_result_text(kn_result_add("warnings"), "text", text);
+}
 
 // A net's own elastic constants, measured when it was built: what the springs make of the material.
 static void print_net(const kn_model *model)
@@ -47,9 +62,9 @@ static void print_net(const kn_model *model)
                "a press is a third stiffer\n",
                mesh->element_count, model->def.pressure == KN_PRESSURE_CELLS ? "each closed" : "one skin around them",
                model->def.inside_pressure_pa);
-    if (own->shear < 0.7 * isotropic) printf("warning   the mesh's directions leave it soft in shear\n");
-    if (fabs(model->creep_error) > 0.1) printf("warning   no gamma makes it creep as the material does\n");
-    if (model->top_count == 0) printf("warning   nothing of it looks up: a plate would not touch it\n");
+    if (own->shear < 0.7 * isotropic) warn("the mesh's directions leave it soft in shear");
+    if (fabs(model->creep_error) > 0.1) warn("no gamma makes it creep as the material does");
+    if (model->top_count == 0) warn("nothing of it looks up: a plate would not touch it");
 }
 
 static void print_composite(const kn_scene *scene, const kn_model *model)
@@ -113,8 +128,8 @@ static void print_plastic(const kn_material *m)
     bool depends = kn_material_thinning(m, m->p0_pa) > 0;
     printf(depends ? ", c2 within %.2g %% at every stress\n" : "\n", 100 * off);
     if (depends && off > 0.05)
-        printf("warning   |c/c2 - 1| is up to %.2g %%, above 5 %%: c1 is not much larger than c2 at rest, it hides how "
-               "c2 depends on the stress\n", 100 * off);
+        warn("|c/c2 - 1| is up to %.2g %%, above 5 %%: c1 is not much larger than c2 at rest, it hides how c2 depends "
+             "on the stress", 100 * off);
 }
 
 static void print_material(const kn_model *model)
@@ -167,8 +182,8 @@ static void print_cost(const kn_model *model)
     double blow = kn_cost_blow_us(model, &own);
     if (blow > 0)
         printf("          in a blow up to %d times over: %.0f us at the cap\n", KN_IMPACT_PASSES, blow);
-    if (kn_cost_newton(model)) printf("warning   each edge solves its damper by itself, at some 40 times the time\n");
-    if (us > 1e6 * s->dt_s) printf("warning   slower than real time\n");
+    if (kn_cost_newton(model)) warn("each edge solves its damper by itself, at some 40 times the time");
+    if (us > 1e6 * s->dt_s) warn("slower than real time");
 }
 
 // What of its height an object loses to its own weight: the mean of its column, the base carrying rho g H and the top
@@ -187,7 +202,7 @@ static void print_sag(const kn_model_def *def)
     printf("sag       %s%.2g %% of its height in %g s under %.3g m/s^2%s\n", sag < 0.2 ? "about " : "more than ",
            100 * fmin(sag, 0.2), seconds, g, def->gravity_m_s2 > 0 ? "" : ", which this scene leaves out");
     if (flown > 0.02 && def->gravity_m_s2 > 0)
-        printf("warning   it does not keep its shape: the damper at rest is too soft for its weight\n");
+        warn("it does not keep its shape: the damper at rest is too soft for its weight");
 }
 
 static void print_solver(const kn_model *model)
@@ -213,12 +228,12 @@ static void print_solver(const kn_model *model)
         printf("kernels   %s\n", model->kernels->name);
         print_cost(model);
         if (model->isa == KN_ISA_BASE)
-            printf("warning   no fused multiply-add: the same bits in software, far from real time\n");
+            warn("no fused multiply-add: the same bits in software, far from real time");
     }
     double bytes = (double)model->state_bytes + (double)model_bytes(model);
     printf("memory    state %zu bytes, model %zu bytes\n", model->state_bytes, model_bytes(model));
     if (bytes > (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE))
-        printf("warning   more than this machine's memory\n");
+        warn("more than this machine's memory");
 }
 
 // The points of speed against accuracy that the scene names.
@@ -251,7 +266,7 @@ static void print_coupling(const kn_scene *scene)
         printf("          the hand is given %g of the force: %g N of the object reach the clamp\n", d->force_scale,
                d->force_limit_n / d->force_scale);
     if (d->hand.stiffness_n_m > bound)
-        printf("warning   such a device bears a coupling of %.3g N/m at most: it will buzz at a wall\n", bound);
+        warn("such a device bears a coupling of %.3g N/m at most: it will buzz at a wall", bound);
 }
 
 static void print_device(const kn_scene *scene)
@@ -329,9 +344,9 @@ static void print_probe(const kn_model *model, int index)
     if (p->shape != KN_PROBE_PLATE) print_touch(p);
     printf("\n");
     if (p->shape == KN_PROBE_PLATE ? p->size_m[0] < h || p->size_m[1] < h : model->shape[index].fine_m < 0.5 * h)
-        printf("warning   %s is narrower than the spacing: it may pass between nodes\n", p->name);
+        warn("%s is narrower than the spacing: it may pass between nodes", p->name);
     else if (p->shape != KN_PROBE_PLATE && roundest_m(&model->shape[index]) < 1.5 * h * (1 - 1e-9))
-        printf("warning   %s is smaller than 1.5 spacings (%g mm): it feels the cells\n", p->name, 1.5e3 * h);
+        warn("%s is smaller than 1.5 spacings (%g mm): it feels the cells", p->name, 1.5e3 * h);
 }
 
 // Sides and gas alone let cells lean; rounding decides which way, and how far depends on it (measured: nodes moved by 2
@@ -339,16 +354,47 @@ static void print_probe(const kn_model *model, int index)
 static void print_shear(const kn_model_def *def)
 {
     bool axis = def->structure == KN_STRUCTURE_AXIS, gas = def->pressure != KN_PRESSURE_NONE;
-    if (axis) printf("warning   a lattice without diagonals cannot keep its shape; once folded it may swing for ever\n");
+    if (axis) warn("a lattice without diagonals cannot keep its shape; once folded it may swing for ever");
     if (gas && !def->mesh && (axis || def->diagonal_stiffness < 0.01))
-        printf("warning   gas does not resist shear: below a diagonal_stiffness of 0.01 rounding decides the shape\n");
+        warn("gas does not resist shear: below a diagonal_stiffness of 0.01 rounding decides the shape");
     if (def->pressure == KN_PRESSURE_OBJECT)
-        printf("warning   one pressure for the object does not keep single cells from turning inside out\n");
+        warn("one pressure for the object does not keep single cells from turning inside out");
+}
+
+static void tell_result(const kn_scene *scene, const kn_model *model)
+{
+    const kn_solver_def *s = &model->def.solver;
+    const kn_effort own = {s->iterations, s->iterations_max, s->tolerance, s->passes, s->linearization};
+    const bool stepped = s->kind == KN_SOLVER_IMPLICIT;
+    json_t *to = kn_result();
+    char hash[24];
+    double extent_m[3];
+    snprintf(hash, sizeof hash, "%016llx", (unsigned long long)scene->text_hash);
+    kn_model_def_extent(&scene->model, extent_m);
+    kn_result_text(to, "scene", scene->name);
+    kn_result_text(to, "hash", hash);
+    for (int k = 0; k < 3; k++) kn_result_number(to, (const char *[]){"x_m", "y_m", "z_m"}[k], extent_m[k]);
+    kn_result_integer(to, "nodes", model->node_count - (model->composite ? kn_composite_tied(model) : 0));
+    kn_result_integer(to, "edges", model->def.mesh ? model->edge_count
+                                   : model->composite ? kn_composite_edges(model) : kn_grid_edges(&model->grid, NULL));
+    kn_result_number(to, "mass_kg", kn_model_mass(model));
+    kn_result_number(to, "k1_pa", model->law.mat.k1_pa);
+    kn_result_number(to, "c1_pa_s", model->law.mat.c1_pa_s);
+    kn_result_number(to, "dt_s", s->dt_s);
+    kn_result_number(to, "usual_us", stepped ? kn_cost_us(model, &own, false) : NAN);
+    kn_result_number(to, "cap_us", stepped ? kn_cost_us(model, &own, true) : NAN);
+    kn_result_integer(to, "state_bytes", (int64_t)model->state_bytes);
+    kn_result_integer(to, "model_bytes", (int64_t)model_bytes(model));
+    kn_result_text(to, "device", scene->device.name);
+    kn_result_number(to, "mesh_hz", scene->mesh_hz);
+    for (int p = 0; p < scene->model.probe_count; p++)
+        kn_result_text(kn_result_add("probes"), "name", scene->model.probe[p].name);
 }
 
 static void print_scene(const kn_scene *scene, const kn_model *model)
 {
     const kn_model_def *def = &scene->model;
+    tell_result(scene, model);
     printf("scene     %s, version %d, hash %016llx\n", scene->name, scene->version,
            (unsigned long long)scene->text_hash);
     print_object(scene, model);
@@ -358,9 +404,9 @@ static void print_scene(const kn_scene *scene, const kn_model *model)
     print_quality(scene, model);
     print_device(scene);
     for (int p = 0; p < def->probe_count; p++) print_probe(model, p);
-    if (def->probe_count == 0) printf("warning   no probe: nothing can touch the object\n");
+    if (def->probe_count == 0) warn("no probe: nothing can touch the object");
     if (def->support == KN_SUPPORT_NONE && def->gravity_m_s2 > 0)
-        printf("warning   nothing holds the object: it falls\n");
+        warn("nothing holds the object: it falls");
     print_shear(def);
 }
 
@@ -386,15 +432,17 @@ int kn_check_main(int argc, char **argv)
                                             {"set", required_argument, NULL, 's'},
                                             {"quality", required_argument, NULL, 'q'},
                                             {"log", required_argument, NULL, 'l'},
+                                            {"json", no_argument, NULL, 'j'},
                                             {0}};
     const char **sets = calloc((size_t)argc + 1, sizeof *sets); // and one of ours
     int count = 0, status = -1;
     const char *log = NULL;
-    bool text = false;
+    bool text = false, json = false;
     if (!sets) return KN_EXIT_INTERNAL;
     for (int c; status < 0 && (c = getopt_long(argc, argv, "h", options, NULL)) != -1;) {
         if (c == 's') sets[count++] = optarg;
         else if (c == 't') text = true;
+        else if (c == 'j') json = true;
         else if (c == 'l') log = optarg;
         else if (c == 'q') {
             if (!(sets[count++] = kn_quality_set(optarg)))
@@ -410,6 +458,9 @@ int kn_check_main(int argc, char **argv)
     }
     if (status < 0 && argc - optind != 1)
         status = kn_complain("check", KN_EXIT_USAGE, "expected one scene file; --help tells the rest");
+    if (status < 0 && json && (log || text))
+        status = kn_complain("check", KN_EXIT_USAGE, "--json: expected no --log and no --text beside it");
+    if (status < 0 && json) kn_result_open();
     if (status < 0 && log) status = kn_like_uniform(argv[optind], log, sets, count);
     if (status < 0) status = check(argv[optind], sets, count, text);
     free(sets);

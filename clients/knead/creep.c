@@ -2,6 +2,7 @@
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/result.h"
 #include "clients/knead/table.h"
 #include <stdio.h>
 
@@ -20,7 +21,8 @@ static const char help[] =
     "scenes,\n"
     "                    beside the element\n"
     "  --csv FILE        load_n,time_s,strain,height_m,stress_pa\n"
-    "  --png FILE        the curves, by gnuplot\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
+    "  --png FILE        the curves, by gnuplot\n"
+    "  --json            what is printed, as JSON\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
     "Stress is W h/(S0 h0): it falls while the specimen creeps. Exit codes: 0 ok, 2 bad input, 3 a file cannot be "
     "written.\n";
 
@@ -68,6 +70,14 @@ static int creep(kn_bench *b, kn_table *t, double load_n, reading *r)
 
 static void print_row(const char *name, double load_n, const reading *r)
 {
+    json_t *row = kn_result_add("loads");
+    kn_result_text(row, "of", name);
+    kn_result_number(row, "load_n", load_n);
+    kn_result_number(row, "stress_pa", r->stress_pa);
+    kn_result_number(row, "height_m", KN_BENCH_HEIGHT_M * (1 - r->strain));
+    kn_result_number(row, "strain", r->strain);
+    kn_result_number(row, "recovered_strain", r->strain - r->residual);
+    kn_result_number(row, "residual_strain", r->residual);
     printf("%8.4g %-8s %9.4g %9.2f %9.4f %9.4f %9.4f %9.4f\n", load_n / KN_GF_N, name, r->stress_pa / 1e3,
            r->stress_pa / KN_GF_CM2_PA, 1e2 * KN_BENCH_HEIGHT_M * (1 - r->strain), r->strain, r->strain - r->residual,
            r->residual);

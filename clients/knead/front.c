@@ -1,4 +1,5 @@
 #include "clients/knead/front.h"
+#include "clients/knead/result.h"
 #include "clients/knead/felt.h"
 #include "server/servo.h"
 #include <math.h>
@@ -231,28 +232,67 @@ const kn_row *kn_front_elsewhere(const kn_front *front, const kn_plan *plan, con
 
 // ---- CSV
 
+#define NUMBERS 17
+static const char *const number_names[NUMBERS] = {
+    "median_us", "p90_us", "force_solver", "force_step", "force_lattice", "force_all", "shape_solver", "shape_step",
+    "shape_lattice", "shape_all", "peak", "lag_s", "depth_m", "jump_n_per_ms", "reference_jump_n_per_ms",
+    "variation_peaks", "reference_variation_peaks"};
+
+static void numbers_of(const kn_row *r, double to[NUMBERS])
+{
+    const double values[NUMBERS] = {
+        r->median_us,     r->p90_us,        r->force.solver, r->force.step, r->force.lattice,    r->force.all,
+        r->shape.solver,  r->shape.step,    r->shape.lattice, r->shape.all, r->peak,             r->lag_s,
+        r->depth_m,       r->jump_n,        r->reference_jump_n, r->variation, r->reference_variation};
+    memcpy(to, values, sizeof values);
+}
+
 bool kn_front_csv(const kn_front *front, FILE *f)
 {
-    fprintf(f, "spacing_m,nodes,backend,dt_s,solver,precision,iterations,iterations_max,tolerance,passes,own,"
-               "median_us,p90_us,force_solver,force_step,force_lattice,force_all,shape_solver,shape_step,"
-               "shape_lattice,shape_all,peak,lag_s,depth_m,jump_n_per_ms,reference_jump_n_per_ms,variation_peaks,"
-               "reference_variation_peaks,chatters,latched,force_front,shape_front\n");
+    fprintf(f, "spacing_m,nodes,backend,dt_s,solver,precision,iterations,iterations_max,tolerance,passes,own");
+    for (int k = 0; k < NUMBERS; k++) fprintf(f, ",%s", number_names[k]);
+    fprintf(f, ",chatters,latched,force_front,shape_front\n");
     for (int i = 0; i < front->count; i++) {
         const kn_row *r = &front->row[i];
         const kn_run *run = r->run;
         fprintf(f, "%.9g,%d,cpu,%.9g,%s,%s,%d,%d,%.9g,%d,%d", run->spacing_m, run->nodes, run->dt_s,
                 kn_method_name(run->method), run->precision == KN_PRECISION_F64 ? "f64" : "f32", run->iterations,
                 run->iterations_max, run->tolerance, run->passes, run->own);
-        const double values[] = {r->median_us,     r->p90_us,      r->force.solver,     r->force.step,
-                                 r->force.lattice, r->force.all,   r->shape.solver,     r->shape.step,
-                                 r->shape.lattice, r->shape.all,   r->peak,             r->lag_s,
-                                 r->depth_m,       r->jump_n,      r->reference_jump_n, r->variation,
-                                 r->reference_variation};
-        for (size_t k = 0; k < sizeof values / sizeof *values; k++) {
+        double values[NUMBERS];
+        numbers_of(r, values);
+        for (int k = 0; k < NUMBERS; k++) {
             if (isfinite(values[k])) fprintf(f, ",%.6g", values[k]);
             else fputc(',', f); // not measured
         }
         fprintf(f, ",%d,%d,%d,%d\n", r->chatters, r->latched, r->front, r->shape_front);
     }
     return !ferror(f);
+}
+
+void kn_front_result(const kn_front *front)
+{
+    for (int i = 0; i < front->count; i++) {
+        const kn_row *r = &front->row[i];
+        const kn_run *run = r->run;
+        json_t *to = kn_result_add("points");
+        double values[NUMBERS];
+        char name[96];
+        kn_result_text(to, "name", kn_run_name(run, name));
+        kn_result_number(to, "spacing_m", run->spacing_m);
+        kn_result_integer(to, "nodes", run->nodes);
+        kn_result_number(to, "dt_s", run->dt_s);
+        kn_result_text(to, "solver", kn_method_name(run->method));
+        kn_result_text(to, "precision", run->precision == KN_PRECISION_F64 ? "f64" : "f32");
+        kn_result_integer(to, "iterations", run->iterations);
+        kn_result_integer(to, "iterations_max", run->iterations_max);
+        kn_result_number(to, "tolerance", run->tolerance);
+        kn_result_integer(to, "passes", run->passes);
+        kn_result_bool(to, "own", run->own);
+        numbers_of(r, values);
+        for (int k = 0; k < NUMBERS; k++) kn_result_number(to, number_names[k], values[k]);
+        kn_result_bool(to, "chatters", r->chatters);
+        kn_result_bool(to, "latched", r->latched);
+        kn_result_bool(to, "force_front", r->front);
+        kn_result_bool(to, "shape_front", r->shape_front);
+    }
 }

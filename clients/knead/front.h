@@ -73,5 +73,6 @@ extern const kn_bound kn_front_bounds[KN_QUALITY_OWN];
 const kn_row *kn_front_elsewhere(const kn_front *front, const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN]);
 
 bool kn_front_csv(const kn_front *front, FILE *f);
+void kn_front_result(const kn_front *front); // the same numbers as the list `points`, see result.h
 
 #endif

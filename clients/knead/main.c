@@ -1,5 +1,6 @@
 // knead: everything around the daemon, one command with a file per subcommand. See commands.h.
 #include "clients/knead/commands.h"
+#include "clients/knead/result.h"
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
@@ -56,6 +57,7 @@ static int run(int argc, char **argv)
 int main(int argc, char **argv)
 {
     int code = run(argc, argv);
+    kn_result_close(code);
     if (!(fflush(stdout) | ferror(stdout))) return code; // both: what failed on the way is not told by the last flush
     fputs("knead: standard output could not be written to its end\n", stderr);
     return code == KN_EXIT_OK ? KN_EXIT_DEVICE : code;

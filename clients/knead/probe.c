@@ -9,6 +9,7 @@
 #include "clients/knead/probe_options.h"
 #include "clients/knead/profile.h"
 #include "clients/knead/report.h"
+#include "clients/knead/result.h"
 #include "core/scene/scene.h"
 #include "server/clock.h"
 #include <errno.h>
@@ -380,6 +381,31 @@ static void print_grasp(const kn_grasp *g)
            (long long)n->acted);
 }
 
+static void tell_result(const probe *p, const kn_report *r)
+{
+    json_t *to = kn_result();
+    kn_result_text(to, "scene", p->scene->name);
+    kn_result_text(to, "tool", p->tool->name);
+    kn_result_integer(to, "tries", p->player.hand.tries);
+    kn_result_number(to, "contact_from_s", r->contact_from_s);
+    kn_result_number(to, "contact_s", r->contact_s);
+    kn_result_number(to, "peak_n", r->peak_n);
+    kn_result_number(to, "peak_s", r->peak_s);
+    kn_result_number(to, "hold_end_n", r->hold_end_n);
+    kn_result_number(to, "given_peak_n", r->given_peak_n);
+    kn_result_number(to, "gain_min", r->gain_min);
+    kn_result_number(to, "residual_m", r->residual_m);
+    kn_result_integer(to, "sent", r->sent);
+    kn_result_integer(to, "forces", r->forces);
+    kn_result_integer(to, "matched", r->matched);
+    kn_result_integer(to, "strange", r->strange);
+    kn_result_integer(to, "stale", r->stale);
+    kn_result_integer(to, "lost", r->lost);
+    kn_result_integer(to, "missed", r->missed);
+    kn_result_number(to, "round_trip_p50_ms", r->round_trip_p50_ms);
+    kn_result_number(to, "round_trip_p99_ms", r->round_trip_p99_ms);
+}
+
 static int finish(probe *p)
 {
     kn_report report;
@@ -401,6 +427,7 @@ static int finish(probe *p)
         kn_safety limited; // fills in the defaults
         kn_safety_init(&limited, &p->scene->limits);
         double scale = limited.limits.force_scale;
+        tell_result(p, &report);
         kn_report_print(stdout, &report, &p->player.hand, limited.limits.clamp_n / scale);
         if (scale != 1.0) printf("  hand's share    %8.2f N    at most, force_scale %g\n", report.given_peak_n, scale);
         printf("  cycles missed   %8lld      by kneadd, %d here\n", (long long)report.missed,

@@ -2,6 +2,7 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/hand.h"
 #include "clients/knead/join.h"
+#include "clients/knead/result.h"
 #include "core/scene/units.h"
 #include <errno.h>
 #include <getopt.h>
@@ -34,7 +35,9 @@ static const char help[] =
     "  --drop-at S:MS   fault injection: S seconds into the first try no pose is sent for MS milliseconds\n"
     "  --lcm-url URL    poses and forces (LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
     "  --mesh-url URL   meshes (" KN_MESH_URL ")\n"
-    "  --quiet          no progress, no table\n\n"
+    "  --quiet          no progress, no table\n"
+    "  --json           the table as JSON, of a session that came to its end\n"
+    "  --json           the table as JSON\n\n"
     "With --hand the path is only what the hand intends: a simulated haptic device goes where arm, grip and the force\n"
     "that comes back take it. What it felt is told at the end, and whether it buzzed or drove the hand.\n\n"
     "  --hand HAND      light, normal or firm; none: brought there, let go of, 1 N leans on it along z alone\n"
@@ -182,12 +185,12 @@ static bool urls_are_known(const kn_probe_options *opt)
 
 int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *done)
 {
-    enum { PATH = 256, PROBE, HOLD, DEPTH, SPEED, FREQUENCY, RECORD, CSV, TRIES, DROP, LCM_URL, MESH_URL, QUIET, HELP,
+    enum { PATH = 256, PROBE, HOLD, DEPTH, SPEED, FREQUENCY, RECORD, CSV, TRIES, DROP, LCM_URL, MESH_URL, QUIET, JSON, HELP,
            HAND, DEVICE, AXES, DELAY, LOSS, LOCAL, HELD, MOTORS };
     static const struct option list[] = {
         {"path", 1, 0, PATH},       {"probe", 1, 0, PROBE},         {"hold", 1, 0, HOLD},       {"depth", 1, 0, DEPTH},
         {"speed", 1, 0, SPEED},     {"frequency", 1, 0, FREQUENCY}, {"record", 1, 0, RECORD},   {"csv", 1, 0, CSV},
-        {"tries", 1, 0, TRIES},     {"drop-at", 1, 0, DROP},        {"lcm-url", 1, 0, LCM_URL}, {"quiet", 0, 0, QUIET},
+        {"tries", 1, 0, TRIES},     {"drop-at", 1, 0, DROP},        {"lcm-url", 1, 0, LCM_URL}, {"quiet", 0, 0, QUIET}, {"json", 0, 0, JSON},
         {"help", 0, 0, HELP},       {"mesh-url", 1, 0, MESH_URL},   {"hand", 1, 0, HAND},
         {"device", 1, 0, DEVICE},   {"axes", 1, 0, AXES},           {"delay", 1, 0, DELAY},     {"loss", 1, 0, LOSS},
         {"local", 0, 0, LOCAL},     {"held", 0, 0, HELD},         {"motors", 1, 0, MOTORS},
@@ -211,6 +214,7 @@ int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *d
         case LCM_URL: opt->lcm_url = optarg; break;
         case MESH_URL: opt->mesh_url = optarg; break;
         case QUIET: opt->quiet = true; break;
+        case JSON: kn_result_open(); break;
         case HAND: ok = hand(optarg, opt); break;
         case DEVICE: opt->device = optarg; break;
         case AXES: ok = axes(optarg, &opt->axes); break;

@@ -2,6 +2,7 @@
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/result.h"
 #include "clients/knead/table.h"
 #include <math.h>
 #include <stdio.h>
@@ -20,7 +21,8 @@ static const char help[] =
     "scenes,\n"
     "                    beside the element; needs --ramp\n"
     "  --csv FILE        time_s,held_s,strain,stress_pa,modulus_pa,force_n; held_s is negative during the ramp\n"
-    "  --png FILE        the curves, by gnuplot\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
+    "  --png FILE        the curves, by gnuplot\n"
+    "  --json            what is printed, as JSON\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"time_s", "held_s", "strain", "stress_pa", "modulus_pa", "force_n", NULL};
@@ -91,6 +93,13 @@ static int relax(kn_bench *b, kn_table *t, reading *r)
 
 static void print_row(const char *name, const reading *r)
 {
+    static const char *const fallen[] = {"half_s", "e_s", "tenth_s"};
+    json_t *row = kn_result_add("runs");
+    kn_result_text(row, "of", name);
+    kn_result_number(row, "peak_pa", r->peak_pa);
+    kn_result_number(row, "held_pa", r->begin_pa);
+    kn_result_number(row, "end_pa", r->end_pa);
+    for (int i = 0; i < 3; i++) kn_result_number(row, fallen[i], r->fallen_s[i]);
     printf("%-8s %11.5g %11.5g %11.5g", name, r->peak_pa, r->begin_pa, r->end_pa);
     for (int i = 0; i < 3; i++)
         if (isnan(r->fallen_s[i]))

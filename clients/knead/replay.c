@@ -4,6 +4,7 @@
 #include "clients/knead/complain.h"
 #include "clients/knead/output.h"
 #include "clients/knead/progress.h"
+#include "clients/knead/result.h"
 #include "clients/knead/rows.h"
 #include "core/hash.h"
 #include "server/backend/fpga.h"
@@ -25,6 +26,7 @@ static const char help[] =
     "  --csv FILE        one row per tick and live probe\n"
     "  --out FILE        what the daemon would have said, as a log: scene, poses, forces, events\n"
     "  --hash            print one number of all forces and the final state\n"
+    "  --json            what is printed, and what could not be used of the log, as JSON\n"
     "  --verify          compare with the log's forces, bit for bit; exit 1 if one differs, or the log is not whole\n"
     "  --snapshot PATH   a snapshot, or kneadd's --state-dir: what the log's server restored, or where a log goes on that\n"
     "                    begins on a kneaded object\n"
@@ -127,6 +129,7 @@ static int take_option(replay_options *opt, int option, const char *value)
     case 'o': opt->out_path = value; return KN_EXIT_OK;
     case 'H': opt->hash = true; return KN_EXIT_OK;
     case 'v': opt->verify = true; return KN_EXIT_OK;
+    case 'j': kn_result_open(); return KN_EXIT_OK;
     case 'r':
         opt->real_time = !strcmp(value, "real");
         return opt->real_time || !strcmp(value, "max") ? KN_EXIT_OK : bad("speed", value, "max or real");
@@ -168,6 +171,7 @@ static int parse(replay_options *opt, int argc, char **argv, bool *done)
                                             {"dt", required_argument, NULL, 'd'},
                                             {"set", required_argument, NULL, 'k'},
                                             {"quality", required_argument, NULL, 'q'},
+                                            {"json", no_argument, NULL, 'j'},
                                             {"help", no_argument, NULL, 'h'},
                                             {NULL, 0, NULL, 0}};
     optind = 0; // a test calls this more than once
@@ -315,6 +319,7 @@ static int verdict(const replay_run *run)
         return kn_complain("replay", KN_EXIT_FAILED,
                            "%s: cannot be verified whole: %lld malformed records were left out; %lld forces are equal",
                            log, (long long)tally->malformed, (long long)run->verified);
+    kn_result_integer(kn_result(), "verified_forces", run->verified);
     printf("verified %lld forces, %d probe%s\n", (long long)run->verified, probes, probes == 1 ? "" : "s");
     return KN_EXIT_OK;
 }
@@ -431,6 +436,33 @@ static int judge_circuit(replay_run *run)
     return agrees && n.different == 0 ? KN_EXIT_OK : KN_EXIT_FAILED;
 }
 
+static void tell_result(const replay_run *run)
+{
+    const kn_replay_tally *t = &run->replay->tally;
+    json_t *to = kn_result();
+    kn_result_text(to, "scene", run->replay->scene->name);
+    kn_result_integer(to, "ticks", t->ticks);
+    kn_result_number(to, "end_s", run->replay->tick.time_s);
+    kn_result_number(to, "peak_contact_force_n", run->peak_n);
+    kn_result_integer(to, "forces", t->forces);
+    kn_result_integer(to, "gaps", t->gaps);
+    kn_result_integer(to, "malformed", t->malformed);
+    kn_result_integer(to, "refused", t->refused);
+    kn_result_integer(to, "checkpoints", t->checkpoints);
+    kn_result_integer(to, "mismatches", t->mismatches);
+    kn_result_number(to, "outside_m", t->outside_m);
+    kn_result_text(to, "damage", run->replay->damage);
+    if (run->replay->resumed_tick >= 0) kn_result_integer(to, "resumed_tick", run->replay->resumed_tick);
+}
+
+static void tell_hash(uint64_t hash)
+{
+    char text[24];
+    snprintf(text, sizeof text, "0x%016llx", (unsigned long long)hash);
+    kn_result_text(kn_result(), "hash", text); // a JSON number has 53 bits
+    printf("hash %s\n", text);
+}
+
 static int play(replay_run *run)
 {
     kn_replay *r = run->replay;
@@ -453,10 +485,11 @@ static int play(replay_run *run)
     tell(run);
     code = close_outputs(run);
     if (code != KN_EXIT_OK) return code;
+    tell_result(run);
     if (r->resumed_tick >= 0) printf("went on from the snapshot of tick %lld\n", (long long)r->resumed_tick);
     printf("replayed %lld ticks, peak contact force %.3f N\n", (long long)r->tally.ticks, run->peak_n);
     uint64_t state = kn_state_hash(r->model, kn_replay_state(r));
-    if (run->opt->hash) printf("hash 0x%016llx\n", (unsigned long long)kn_hash_bytes(run->hash, &state, sizeof state));
+    if (run->opt->hash) tell_hash(kn_hash_bytes(run->hash, &state, sizeof state));
     code = judge_circuit(run);
     return code == KN_EXIT_OK && run->opt->verify ? verdict(run) : code;
 }

@@ -4,6 +4,7 @@
 #include "clients/knead/complain.h"
 #include "clients/knead/output.h"
 #include "clients/knead/plot.h"
+#include "clients/knead/result.h"
 #include <getopt.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -30,6 +31,7 @@ static const char help[] =
     "  --family NAME     one family of maps:\n";
 
 static const char help_end[] = "  --csv FILE        every cell and solver: verdict, errors, reason\n"
+                               "  --json            the counts of every family and solver as JSON\n"
                                "  --plot FILE       the maps of the default solver, a PNG by gnuplot\n"
                                "  --jobs N          processes side by side (as many as there are processors)\n\n"
                                "Exit codes: 0 ok, 1 the default solver has a cell that is neither right nor refused,\n"
@@ -63,6 +65,9 @@ static int take(options *opt, int option, const char *value)
     case 'q':
         opt->quick = true;
         return KN_EXIT_OK;
+    case 'J':
+        kn_result_open();
+        return KN_EXIT_OK;
     case 'f':
         opt->family = value;
         for (int f = 0; kn_families[f]; f++)
@@ -82,7 +87,7 @@ static int take(options *opt, int option, const char *value)
 
 static int parse(options *opt, int argc, char **argv, bool *done)
 {
-    static const struct option list[] = {{"quick", 0, 0, 'q'}, {"family", 1, 0, 'f'}, {"csv", 1, 0, 'c'},
+    static const struct option list[] = {{"quick", 0, 0, 'q'}, {"json", 0, 0, 'J'}, {"family", 1, 0, 'f'}, {"csv", 1, 0, 'c'},
                                          {"plot", 1, 0, 'p'},  {"jobs", 1, 0, 'j'},   {"help", 0, 0, 'h'},
                                          {0, 0, 0, 0}};
     optind = 1;

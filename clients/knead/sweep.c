@@ -2,6 +2,7 @@
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/result.h"
 #include "clients/knead/table.h"
 #include "core/oneport.h"
 #include <math.h>
@@ -18,7 +19,8 @@ static const char help[] =
     "  --freq L:H[:N]    N frequencies from L to H, Hz (0.001:100:26)\n"
     "  --amplitude A     swings that far, 1% or 0.01, and takes the fundamental of the stress once it repeats\n"
     "  --csv FILE        frequency_hz,storage_pa,loss_pa,loss_tangent,linear_strain,harmonics\n"
-    "  --png FILE        the curves, by gnuplot\n" KN_BENCH_HELP "\n"
+    "  --png FILE        the curves, by gnuplot\n"
+    "  --json            what is printed, as JSON\n" KN_BENCH_HELP "\n"
     "Without --amplitude the moduli are those of a swing of no size: a damper that depends on the stress has the\n"
     "viscosity that it has at rest, and linear_strain is the largest amplitude for which that is exact (its stress "
     "stays\n"
@@ -126,6 +128,7 @@ static int run(kn_bench *b, kn_table *t)
         else
             printf("any\n");
     }
+    kn_result_table("frequencies", t);
     if (any_nonlinear && opt->amplitude == 0)
         printf("\na damper depends on the stress: larger swings meet a softer specimen, see --amplitude\n");
     return KN_EXIT_OK;

@@ -10,6 +10,7 @@
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/result.h"
 #include "clients/knead/table.h"
 #include <math.h>
 #include <stdio.h>
@@ -26,7 +27,8 @@ static const char help[] =
     "  --wait TIME       between the bites, the plate at the height of the untouched specimen (5 s)\n"
     "  --csv FILE        bite,time_s,plate_m,strain,force_n,stress_pa; plate_m: how far the plate is below that "
     "height\n"
-    "  --png FILE        the curves, by gnuplot\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
+    "  --png FILE        the curves, by gnuplot\n"
+    "  --json            what is printed, as JSON\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"bite", "time_s", "plate_m", "strain", "force_n", "stress_pa", NULL};
@@ -156,6 +158,11 @@ static void print(const kn_bench *b, const bite r[2])
     const kn_bench_options *opt = b->opt;
     double first_j = r[0].down_j + r[0].up_j, second_j = r[1].down_j + r[1].up_j;
     kn_bench_print(b);
+    kn_result_number(kn_result(), "hardness_n", r[0].peak_n);
+    kn_result_number(kn_result(), "second_peak_n", r[1].peak_n);
+    kn_result_number(kn_result(), "cohesiveness", second_j / first_j);
+    kn_result_number(kn_result(), "springiness", (opt->strain - r[1].touched) / opt->strain);
+    kn_result_number(kn_result(), "resilience", r[0].up_j / r[0].down_j);
     printf("test      twice to %g %% at %g mm/s, %g s between\n\n", 100 * opt->strain, 1e3 * opt->speed_m_s,
            opt->wait_s);
     printf("%-10s %10s %10s %12s %12s\n", "", "peak N", "touch mm", "down N mm", "up N mm");

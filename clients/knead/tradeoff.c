@@ -9,6 +9,7 @@
 #include "clients/knead/plot.h"
 #include "clients/knead/points.h"
 #include "clients/knead/tradeoff_options.h"
+#include "clients/knead/result.h"
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -190,6 +191,11 @@ static int report(sweep *s)
         return kn_complain("tradeoff", KN_EXIT_USAGE,
                            "%s: its tools never touch the object, expected a log with a force", s->opt.log);
     kn_front_name(&s->front, &s->plan, s->named);
+    kn_front_result(&s->front);
+    for (int q = 0; q < KN_QUALITY_OWN; q++) {
+        char name[96];
+        if (s->named[q]) kn_result_text(kn_result(), kn_quality_name((kn_quality)q), kn_run_name(s->named[q]->run, name));
+    }
     kn_chart_print(&s->front, &s->plan, s->named);
     print_times(s);
     print_named(s);

@@ -1,6 +1,7 @@
 #include "clients/knead/tradeoff_options.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/result.h"
 #include "core/scene/units.h"
 #include <getopt.h>
 #include <math.h>
@@ -20,6 +21,7 @@ static const char help[] =
     "  --budget-us N     pick the most accurate point whose p90 is at most N us; exit 1 if there is none\n"
     "  --write           exchange the scene's `quality` for the three points; all else stays, byte for byte\n"
     "  --csv FILE        every point, every number; an empty cell was not measured\n"
+    "  --json            every point, and which ones are named, as JSON\n"
     "  --plot FILE.png   time of a tick against error, by gnuplot\n"
     "  --set KEY=VALUE   any key of the scene, in every point\n"
     "the points, instead of the usual ones: lists with commas, of which every combination is played; what is not\n"
@@ -181,6 +183,7 @@ static int take_option(kn_tradeoff_options *opt, int letter, const char *value)
         if (list_axes[i].letter == letter) return take_list(opt, &list_axes[i], value);
     switch (letter) {
     case 'q': opt->quick = true; return KN_EXIT_OK;
+    case 'o': kn_result_open(); return KN_EXIT_OK;
     case 'w': opt->write = true; return KN_EXIT_OK;
     case 'c': opt->csv = value; return KN_EXIT_OK;
     case 'f': opt->plot = value; return KN_EXIT_OK;
@@ -215,6 +218,7 @@ static int check(const kn_tradeoff_options *opt)
 int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv, bool *done)
 {
     static const struct option options[] = {
+        {"json", no_argument, NULL, 'o'},
         {"quick", no_argument, NULL, 'q'},           {"budget-us", required_argument, NULL, 'b'},
         {"write", no_argument, NULL, 'w'},           {"csv", required_argument, NULL, 'c'},
         {"plot", required_argument, NULL, 'f'},      {"set", required_argument, NULL, 'k'},

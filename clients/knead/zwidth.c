@@ -6,6 +6,7 @@
 #include "clients/knead/plot.h"
 #include "clients/knead/profile.h"
 #include "clients/knead/progress.h"
+#include "clients/knead/result.h"
 #include "clients/knead/rig.h"
 #include "clients/knead/slab.h"
 #include "clients/knead/table.h"
@@ -31,7 +32,8 @@ static const char help[] =
     "  --probe NAME      that tool (the first that can be coupled)\n"
     "  --quick           fewer delays, frictions and couplings: a second or two\n"
     "  --csv FILE        the table\n"
-    "  --plot FILE       the curves beside the bounds, a PNG by gnuplot\n\n"
+    "  --plot FILE       the curves beside the bounds, a PNG by gnuplot\n"
+    "  --json            the table as JSON\n\n"
     "The device holds a force for 1 ms and reads its position in steps; the velocity is filtered at 100 Hz. A loop\n"
     "buzzes when, after 3 s, force or position move above 10 Hz by more than the encoder's steps make of it.\n"
     "  round trip        from a pose to its force; 0: at once, 1 ms: in the next period, which is what a server does\n"
@@ -192,6 +194,7 @@ static int take(zwidth *z, int option, const char *value)
     case 'S': z->scene_path = value; return KN_EXIT_OK;
     case 't': z->tool = value; return KN_EXIT_OK;
     case 'q': z->quick = true; return KN_EXIT_OK;
+    case 'j': kn_result_open(); return KN_EXIT_OK;
     case 'm': return take_material(z, value);
     case 's':
         if (strncmp(value, "device.", 7) != 0)
@@ -210,7 +213,7 @@ static int parse(zwidth *z, int argc, char **argv, bool *done)
 {
     static const struct option list[] = {{"device", 1, 0, 'd'}, {"set", 1, 0, 's'},  {"hand", 1, 0, 'h'},
                                          {"material", 1, 0, 'm'}, {"quick", 0, 0, 'q'}, {"csv", 1, 0, 'c'},
-                                         {"plot", 1, 0, 'p'},   {"scene", 1, 0, 'S'}, {"probe", 1, 0, 't'},
+                                         {"plot", 1, 0, 'p'}, {"json", 0, 0, 'j'},   {"scene", 1, 0, 'S'}, {"probe", 1, 0, 't'},
                                          {"help", 0, 0, '!'}, {0, 0, 0, 0}};
     optind = 1;
     for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
@@ -239,6 +242,11 @@ static int report(zwidth *z)
     z->most = z->profile.hand;
     kn_table_init(&z->table, columns);
     survey(z);
+    kn_result_text(kn_result(), "device", z->profile.name);
+    kn_result_text(kn_result(), "hand", kn_grip_name(z->grip));
+    kn_result_text(kn_result(), "on", z->scene ? z->scene->name : z->material->name);
+    kn_result_bool(kn_result(), "default_calm", z->sound);
+    kn_result_table("couplings", &z->table);
     if (z->csv) code = kn_table_write(&z->table, "zwidth", z->csv);
     if (code == KN_EXIT_OK && z->plot) code = draw(z);
     kn_table_free(&z->table);
