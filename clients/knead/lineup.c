@@ -139,8 +139,9 @@ int kn_lineup_shoot(kn_lineup *l, const kn_extent *e, bool framed)
         const kn_scale scale = scale_of(l->o, distance, e->most[distance]);
         l->still[i].view.frame = framed ? e->box : NULL;
         l->still[i].view.follow = true;
-        ok = kn_shot_take(l->shot[i], &l->still[i], distance || l->o->measure >= 0 ? &scale : NULL, l->o->plain, l->panel,
-                          error, sizeof error);
+        const kn_shot_words words = i + 1 >= l->count ? KN_SHOT_LEGEND : KN_SHOT_NAMED; // the last of the same scale
+        ok = kn_shot_take(l->shot[i], &l->still[i], distance || l->o->measure >= 0 ? &scale : NULL,
+                          l->o->plain ? KN_SHOT_PLAIN : words, l->panel, error, sizeof error);
         if (ok) paste(l, i);
     }
     return ok ? KN_EXIT_OK : kn_complain("view", KN_EXIT_DEVICE, "%s", error);

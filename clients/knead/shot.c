@@ -72,7 +72,7 @@ static bool write_on(const kn_shot *shot, const kn_still *s, const kn_scale *sca
     return kn_label_draw(&label, shot->width, shot->height, rgba, error, error_size);
 }
 
-bool kn_shot_take(kn_shot *shot, kn_still *s, const kn_scale *scale, bool plain, uint8_t *rgba, char *error,
+bool kn_shot_take(kn_shot *shot, kn_still *s, const kn_scale *scale, kn_shot_words words, uint8_t *rgba, char *error,
                   size_t error_size)
 {
     if (!load_mesh(shot, s)) {
@@ -83,7 +83,8 @@ bool kn_shot_take(kn_shot *shot, kn_still *s, const kn_scale *scale, bool plain,
     kn_still_scale(s, scale ? scale->top : 1);
     s->view.xyz = (const float(*)[3])s->now;
     kn_renderer_draw(shot->renderer, &s->view, rgba);
-    return plain || write_on(shot, s, scale, rgba, error, error_size);
+    return words == KN_SHOT_PLAIN ||
+           write_on(shot, s, words == KN_SHOT_LEGEND ? scale : NULL, rgba, error, error_size);
 }
 
 void kn_shot_close(kn_shot *shot)

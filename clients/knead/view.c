@@ -13,11 +13,13 @@
 static int look(kn_lineup *l, const kn_view_options *o, kn_extent *e)
 {
     int code = kn_lineup_open(l, o);
-    if (code == KN_EXIT_OK && kn_view_has(o, KN_VIEW_LOG)) code = kn_lineup_to(l, o->at_s);
-    for (int i = 0; code == KN_EXIT_OK && i < l->count; i++)
-        if (l->source[i].kind == KN_VIEW_LOG && l->source[i].ended && isfinite(o->at_s))
-            code = kn_complain("view", KN_EXIT_USAGE, "--at %g: %s ends at %.3f s", o->at_s, l->source[i].path,
-                               l->source[i].time_s);
+    for (int i = 0; code == KN_EXIT_OK && i < l->count; i++) {
+        kn_source *s = &l->source[i];
+        if (s->kind != KN_VIEW_LOG) continue;
+        code = kn_source_to(s, o->at_s[i]);
+        if (code == KN_EXIT_OK && s->ended && isfinite(o->at_s[i]))
+            code = kn_complain("view", KN_EXIT_USAGE, "--at %g: %s ends at %.3f s", o->at_s[i], s->path, s->time_s);
+    }
     return code == KN_EXIT_OK ? kn_lineup_stills(l, e) : code;
 }
 

@@ -21,7 +21,7 @@ const char kn_view_help[] =
     "       knead view --video FILE [OPTION]... [OBJECT]... as a film: logs, or for --seconds what is served\n"
     "       knead view --depth FILE [OPTION]... [OBJECT]    as a range finder above the table sees it\n\n"
     "Draws the object, its tools and the force on the hand, without a screen. Up to 4 objects stand side by side, seen alike.\n\n"
-    "  --at SECONDS|end   moment of the recording, since its first session began (end)\n"
+    "  --at SECONDS|end   moment of the recording, since its first session began (end); 1,3,end: three of them side by side\n"
     "  --scene FILE       the scene that a snapshot is of; alone: at rest\n"
     "  --size WxH         pixels, 16..4096 each, of a film even (1280x720; of several 640x480 each, at most 1920x480;\n"
     "                     range images 640x640)\n"
@@ -95,7 +95,25 @@ static bool camera(const char *text, kn_view_options *o)
 typedef struct asked { // what cannot be in options yet
     double azimuth_deg, elevation_deg; // NAN: as the camera
     bool sized;
+    int moments; // of --at; 0: not given
 } asked;
+
+// "0.5,2,end"
+static bool moments(const char *text, kn_view_options *o, asked *a)
+{
+    char one[32];
+    for (a->moments = 0; a->moments < KN_VIEW_FILES_MAX; text++) {
+        const size_t n = strcspn(text, ",");
+        if (n == 0 || n >= sizeof one) return false;
+        snprintf(one, sizeof one, "%.*s", (int)n, text);
+        double *at_s = &o->at_s[a->moments++];
+        *at_s = INFINITY;
+        if (strcmp(one, "end") != 0 && !number(one, -1e9, 1e9, at_s)) return false;
+        text += n;
+        if (!*text) return true;
+    }
+    return false;
+}
 
 static const char *take(kn_view_options *o, asked *a, int option, const char *text) // NULL, or what was expected
 {
@@ -114,7 +132,7 @@ static const char *take(kn_view_options *o, asked *a, int option, const char *te
     case 'l': o->url = text; return NULL;
     case 'm': o->mesh_url = text; return NULL;
     case 'n': o->look.style = KN_VIEW_SOLID; return NULL;
-    case 't': return strcmp(text, "end") == 0 || number(text, -1e9, 1e9, &o->at_s) ? NULL : "seconds, or end";
+    case 't': return moments(text, o, a) ? NULL : "seconds, or end; as many as 4, with commas between";
     case 's': return (a->sized = size(text, o)) ? NULL : "WxH, 16..4096 pixels on each side, e.g. 1280x720";
     case 'a': return number(text, -360, 360, &a->azimuth_deg) ? NULL : "degrees, -360..360";
     case 'e': return number(text, 0, 90, &a->elevation_deg) ? NULL : "degrees, 0..90";
@@ -177,11 +195,26 @@ static int check_files(kn_view_options *o, const char *out, const char *option)
 
 // ---- all together
 
+// One recording at several moments is several objects; one moment is that of all.
+static int share_out(kn_view_options *o, const asked *a)
+{
+    if (a->moments == 0) return KN_EXIT_OK;
+    if (!kn_view_has(o, KN_VIEW_LOG)) REFUSE("--at: expected a log to step");
+    if (o->video) REFUSE("--at: expected --from and --to for a film");
+    for (int i = 1; a->moments == 1 && i < o->file_count; i++) o->at_s[i] = o->at_s[0];
+    while (a->moments > o->file_count && o->file[o->file_count - 1] == o->file[0]) { // of the only one
+        o->file[o->file_count] = o->file[0];
+        o->kind[o->file_count++] = o->kind[0];
+    }
+    if (a->moments > 1 && a->moments != o->file_count)
+        REFUSE("--at: %d moments of %d objects, expected one, one of each, or one recording", a->moments, o->file_count);
+    return KN_EXIT_OK;
+}
+
 static int check_film(const kn_view_options *o)
 {
     const bool recorded = kn_view_has(o, KN_VIEW_LOG), live = o->file_count == 0;
     if (!recorded && !live) REFUSE("--video: expected a log among them; what is at rest does not move");
-    if (isfinite(o->at_s)) REFUSE("--at: expected --from and --to for a film");
     if (recorded && o->seconds > 0) REFUSE("--seconds: is for what is served, expected --from and --to for a log");
     if (live && !(o->seconds > 0)) REFUSE("--video: expected a log, or --seconds N of what is served");
     if (live && o->speed != 1) REFUSE("--speed %g: expected a log; what is served is as fast as it is", o->speed);
@@ -235,8 +268,8 @@ static int check(kn_view_options *o, const asked *a)
     int code = check_scale(o);
     if (code == KN_EXIT_OK) code = check_files(o, out, option);
     if (code != KN_EXIT_OK) return code;
+    if ((code = share_out(o, a)) != KN_EXIT_OK) return code;
     if (o->compare && o->file_count != 2) REFUSE("--compare: expected two objects, there are %d", o->file_count);
-    if (isfinite(o->at_s) && !kn_view_has(o, KN_VIEW_LOG)) REFUSE("--at: expected a log to step");
     if (!a->sized) default_size(o);
     if (o->depth && (code = check_depth(o, a)) != KN_EXIT_OK) return code;
     if (isfinite(a->azimuth_deg)) o->look.azimuth_deg = a->azimuth_deg;
@@ -257,9 +290,9 @@ int kn_view_parse(int argc, char **argv, kn_view_options *o)
         {"from", 1, NULL, 'F'},      {"to", 1, NULL, 'G'},       {"seconds", 1, NULL, 'N'}, {"fps", 1, NULL, 'f'},
         {"speed", 1, NULL, 'x'},     {"orbit", 1, NULL, 'o'},    {"depth", 1, NULL, 'd'},   {"compare", 0, NULL, 'C'},
         {"camera", 1, NULL, 'k'},    {"zoom", 1, NULL, 'z'},     {NULL, 0, NULL, 0}};
-    asked a = {NAN, NAN, false};
+    asked a = {NAN, NAN, false, 0};
     int option, which = 0;
-    *o = (kn_view_options){.measure = -1, .at_s = INFINITY, .to_s = INFINITY, .wait_s = 6, .fps = 30, .speed = 1,
+    *o = (kn_view_options){.measure = -1, .at_s = {INFINITY, INFINITY, INFINITY, INFINITY}, .to_s = INFINITY, .wait_s = 6, .fps = 30, .speed = 1,
                            .width = 1280, .height = 720, .look = kn_view_scene_default()};
     o->look.hands = true;
     opterr = 0; // our own words

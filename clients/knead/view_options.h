@@ -15,7 +15,7 @@ typedef struct kn_view_options {
     kn_view_kind kind[KN_VIEW_FILES_MAX]; // told by their first bytes
     const char *scene; // that a snapshot is of, or NULL
     const char *url, *mesh_url;
-    double at_s;   // INFINITY: end
+    double at_s[KN_VIEW_FILES_MAX]; // of each recording; INFINITY: end
     double wait_s; // for a server
     double from_s, to_s, seconds; // a film's part of the recording; of what is live. to_s INFINITY, seconds 0: none given
     double fps, speed, orbit_deg_s; // of a film

@@ -228,6 +228,15 @@ static bool measured(kn_source *s, const kn_view_options *o, const kn_model *mod
                             colored ? (kn_measure)o->measure : KN_MEASURE_DISPLACEMENT, edges);
 }
 
+// What a caption calls it: objects of several files by these, whose scenes may have one name.
+static const char *name_of(const kn_source *s, const kn_view_options *o)
+{
+    const char *base = strrchr(s->path, '/');
+    for (int i = 1; i < o->file_count; i++)
+        if (strcmp(o->file[i], o->file[0]) != 0) return base ? base + 1 : s->path;
+    return s->replay ? s->replay->scene->name : s->scene->name;
+}
+
 int kn_source_still(kn_source *s, const kn_view_options *o, kn_still *still)
 {
     if (s->kind == KN_VIEW_BUS) return still_of_bus(s, o, still);
@@ -236,12 +245,12 @@ int kn_source_still(kn_source *s, const kn_view_options *o, kn_still *still)
     if (!kn_still_state(still, model, state) || !measured(s, o, model, state, still)) return no_memory();
     if (s->replay) {
         tools_of_log(s->replay, still);
-        snprintf(still->caption, sizeof still->caption, "%s at %.3f s", s->replay->scene->name, s->time_s);
+        snprintf(still->caption, sizeof still->caption, "%s at %.3f s", name_of(s, o), s->time_s);
     } else if (s->saved) {
         tools_of_saved(s, still);
-        snprintf(still->caption, sizeof still->caption, "%s, snapshot %" PRId64 " of tick %" PRId64, s->scene->name,
+        snprintf(still->caption, sizeof still->caption, "%s, snapshot %" PRId64 " of tick %" PRId64, name_of(s, o),
                  s->saved->generation, s->saved->tick);
-    } else snprintf(still->caption, sizeof still->caption, "%s at rest", s->scene->name);
+    } else snprintf(still->caption, sizeof still->caption, "%s at rest", name_of(s, o));
     return KN_EXIT_OK;
 }
 

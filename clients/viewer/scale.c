@@ -1,5 +1,6 @@
 #include "clients/viewer/scale.h"
 #include <math.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -46,7 +47,8 @@ double kn_scale_tick(const kn_scale *scale, int i, char *text, size_t size)
 {
     char unit[16];
     double by = prefix(scale, unit), first = scale->top / pow(10, floor(log10(scale->top * 1.000001)));
-    int ticks = first < 1.5 || first > 4.5 ? 5 : 4; // 1 and 5 in fifths, 2 in quarters; another top as it comes
+    const bool thirds = fabs(first - 1.5) < 1e-6 || fabs(first - 3) < 1e-6 || fabs(first - 6) < 1e-6;
+    const int ticks = thirds ? 3 : first < 1.5 || first > 4.5 ? 5 : 4; // 1 and 5 in fifths, 2 in quarters; others as they come
     if (i > ticks) return -1;
     snprintf(text, size, "%.3g", by * scale->top * i / ticks);
     return (double)i / ticks;

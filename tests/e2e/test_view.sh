@@ -120,6 +120,14 @@ expect "two things" 2 'expected one of them$' knead view press.lcmlog --depth x.
 expect "two objects, and how far they are apart" 0 '^$' knead view --compare press.lcmlog "$scene" --png two.png
 picture two.png 1920 480
 check "is told" grep -Eq 'at rest; up to [0-9.]+ mm apart$' out
+expect "three moments of one" 0 '^$' knead view press.lcmlog --at 0.2,0.5,end --png three.png --size 960x180
+check "are told" grep -Eq 'at 0.200 s; .* at 0.500 s; .* at ' out
+expect "as many as there are objects" 0 '^$' knead view press.lcmlog press.lcmlog --at 0.2,0.5 --png x2.png --size 960x180
+expect "or one of all" 0 '^$' knead view press.lcmlog press.lcmlog --at 0.2 --png x2.png --size 960x180
+check "at the same moment" grep -q 'at 0.200 s; .* at 0.200 s$' out
+expect "two moments of three" 2 '2 moments of 3 objects' knead view press.lcmlog press.lcmlog press.lcmlog --at 1,2 --png x.png
+expect "one and another of its moments" 0 '^$' knead view press.lcmlog --at 0.2,0.5 --compare --png x2.png --size 960x180
+expect "no moment" 2 'expected seconds, or end; as many as 4' knead view press.lcmlog --at 1,,2 --png x.png
 expect "one compared with itself" 0 '^$' knead view --compare press.lcmlog press.lcmlog --png same.png --size 960x240
 check "is nowhere from it" grep -q '; up to 0 mm apart$' out
 expect "three things" 2 'expected two objects, there are 3' knead view --compare press.lcmlog "$scene" "$scene" --png x.png
