@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/random.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #define CONNECTIONS 256 // at once, idle ones included: libwebsockets ends those after half a minute
@@ -264,6 +265,11 @@ static void on_acceptable(struct ev_loop *ev, ev_io *w, int events)
     (void)ev, (void)events;
     kn_gateway *g = w->data;
     int fd = accept4(g->fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC), on = 1;
+    if (fd < 0 && (errno == EMFILE || errno == ENFILE)) { // it would be asked again at once, and again
+        tell_refusal(g, "too many descriptors are open");
+        ev_io_stop(g->ev, &g->acceptable);
+        ev_timer_again(g->ev, &g->pause);
+    }
     if (fd < 0) return;
     setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
     if (g->connections < CONNECTIONS) {
@@ -272,6 +278,23 @@ static void on_acceptable(struct ev_loop *ev, ev_io *w, int events)
     }
     tell_refusal(g, "too many connections");
     close(fd);
+}
+
+static void on_paused(struct ev_loop *ev, ev_timer *w, int events)
+{
+    (void)events;
+    kn_gateway *g = w->data;
+    ev_timer_stop(ev, w);
+    ev_io_start(ev, &g->acceptable);
+}
+
+// As many descriptors as connections may come, where that is allowed: a shell's limit may be lower.
+static void raise_limit(void)
+{
+    struct rlimit most;
+    if (getrlimit(RLIMIT_NOFILE, &most) != 0 || most.rlim_cur >= 4 * CONNECTIONS) return;
+    most.rlim_cur = most.rlim_max < 4 * CONNECTIONS ? most.rlim_max : 4 * CONNECTIONS;
+    setrlimit(RLIMIT_NOFILE, &most);
 }
 
 // The address as the kernel has it: whatever was meant, nobody but this machine must be able to connect.
@@ -303,6 +326,7 @@ bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, int port, int fd, size_t
         .options = LWS_SERVER_OPTION_LIBEV | LWS_SERVER_OPTION_DISABLE_IPV6 |
                    LWS_SERVER_OPTION_HTTP_HEADERS_SECURITY_BEST_PRACTICES_ENFORCE};
     g->ev = ev;
+    raise_limit(); // before libwebsockets sizes its table by it
     g->fd = fd >= 0 ? fd : kn_gateway_listen(port, error, error_size);
     if (g->fd < 0) return false;
     snprintf(error, error_size, "--listen-fd %d: expected a socket that listens on 127.0.0.1", fd);
@@ -314,7 +338,8 @@ bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, int port, int fd, size_t
     snprintf(error, error_size, "libwebsockets does not start on libev: install the package libwebsockets-evlib-ev");
     if (!g->context) return false;
     ev_io_init(&g->acceptable, on_acceptable, g->fd, EV_READ);
-    g->acceptable.data = g;
+    ev_timer_init(&g->pause, on_paused, 0, 0.1);
+    g->acceptable.data = g->pause.data = g;
     ev_io_start(ev, &g->acceptable);
     return true;
 }
@@ -343,7 +368,7 @@ void kn_gateway_news(kn_gateway *g)
 
 void kn_gateway_close(kn_gateway *g)
 {
-    if (g->context) ev_io_stop(g->ev, &g->acceptable);
+    if (g->context) ev_io_stop(g->ev, &g->acceptable), ev_timer_stop(g->ev, &g->pause);
     if (g->context) lws_context_destroy(g->context);
     if (g->fd >= 0) close(g->fd);
     free(g->buffer);

@@ -65,6 +65,7 @@ typedef struct kn_gateway {
     struct lws_context *context;
     struct ev_loop *ev;
     ev_io acceptable;
+    ev_timer pause; // without descriptors nobody is accepted for a moment
     int fd, connections;
     int64_t told_ms; // of the last refusal
     char token[KN_GATEWAY_TOKEN + 1], origin[40]; // http://127.0.0.1:PORT

@@ -43,7 +43,7 @@ class Served:
 
     def start(self, name, command, word):  # returns once it has said the word
         log = open(f"{name}.log", "w")
-        process = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL)
+        process = self.last = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL)
         said = lambda: open(f"{name}.log").read().strip()
         if not until(lambda: word in said() or process.poll() is not None) or process.poll() is not None:
             told = said()

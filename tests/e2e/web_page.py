@@ -341,6 +341,42 @@ def looks(page):
     check("every control and picture has a name", unnamed == [], unnamed)
 
 
+def by_tab(page):  # what the focus comes by, and whether it is seen there
+    page.run("document.querySelectorAll('details').forEach((d) => { d.open = false; })")
+    page.run("window.scrollTo(0, 0); picture.focus()")
+    came = []
+    while len(came) < 40:
+        at = page.run("""const e = document.activeElement, s = getComputedStyle(e), b = e.getBoundingClientRect();
+            return [e.id || e.textContent.trim(), s.outlineStyle !== 'none' && parseFloat(s.outlineWidth) >= 2,
+                    b.bottom > 0 && b.top < innerHeight]""")
+        if page.run("return document.activeElement === document.body"):
+            break  # at the end
+        came.append(at)
+        page.key("Down", "Tab", "Tab")
+        page.key("Up", "Tab", "Tab")
+    names = [name for name, _, _ in came]
+    wanted = ["picture", "Corner", "Front", "Side", "Top", "closer", "farther", "measure", "depth", "undo", "reset"]
+    check("Tab goes through the page in its order", names[:len(wanted)] == wanted, names)
+    check("to the stop, the traces and every box, too",
+          {"estop", "what", "Material", "Recordings", "Numbers"} <= set(names), names)
+    check("the focus is seen wherever it is", all(seen and inside for _, seen, inside in came),
+          [name for name, seen, inside in came if not (seen and inside)])
+
+
+def without_control(server, page):
+    server.start("bare", ["knead", "web"], "http://")
+    page.driver.switch_to.new_window("window")
+    page.open(next(word for word in open("bare.log").read().split() if word.startswith("http://")))
+    disabled = lambda: page.run("return ['undo', 'reset', 'snapshot', 'restore', 'estop'].every((id) => $(id).disabled)")
+    check("without --control: no button of an operator can be pressed", until(disabled))
+    check("and the page says why", "without --control" in page.text("why"), page.text("why"))
+    check("the picture is there", until(lambda: page.run("return knead.frames > 5")))
+    page.driver.close()
+    page.driver.switch_to.window(page.driver.window_handles[0])
+    server.last.terminate()
+    server.last.wait(10)
+
+
 def two_tabs(page, bus, address):
     driver, first = page.driver, page.driver.current_window_handle
     page.hover(*TOP)
@@ -391,6 +427,8 @@ def main():
     by_recordings(page, bus)
     by_material(page)
     looks(page)
+    by_tab(page)
+    without_control(server, page)
     two_tabs(page, bus, server.address)
     check("a clean console", not (log := page.complaints()), log)
     goodbye(page, server)

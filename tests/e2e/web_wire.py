@@ -7,7 +7,7 @@ import struct
 import sys
 import threading
 import time
-from served import Bus, Served, check, until
+from served import Bus, Served, check, cpu_s, until
 import served as results
 
 TEXT, BINARY, CLOSE = 1, 2, 8
@@ -336,6 +336,54 @@ def crowds(server, page):
         s.close()
 
 
+def few_descriptors(server):
+    for limits, count, sentence in [("64:4096", 100, "a shell that allows 64 descriptors"),
+                                    ("64:64", 70, "a machine that allows no more")]:
+        command = ["prlimit", f"--nofile={limits}", "knead", "web"]
+        server.start("few", command, "http://")
+        few = Few(open("few.log").read().split("http://127.0.0.1:")[1].split()[0])
+        idle = [socket.create_connection(("127.0.0.1", few.port), timeout=10) for _ in range(count)]
+        time.sleep(0.5)
+        begin = cpu_s(server.last.pid)
+        time.sleep(2)
+        busy = cpu_s(server.last.pid) - begin
+        check(f"{sentence}: {count} idle connections cost no time", busy < 0.6, busy)
+        if limits == "64:64":
+            for s in idle:
+                s.close()
+        wire = Wire(few)
+        check(f"{sentence}: a page gets in {'once they have gone' if limits == '64:64' else 'beside them'}",
+              wire.state()[0] is not None)
+        wire.close()
+        for s in idle:
+            s.close()
+        server.last.terminate()
+        check("and it ends with 0", server.last.wait(10) == 0, server.last.returncode)
+
+
+class Few:  # where another knead web listens
+    def __init__(self, address):
+        self.port, self.token = int(address.split("/")[0]), address.split("#")[1]
+
+
+def generations(server, bus):
+    """Meshes that are no more: after undo, reset, restore and another scene the page draws the new one, and at once."""
+    wire = Wire(server)
+    for do in "reset", "undo", "snapshot", "restore", "reset":
+        answer = wire.ask(do)
+        tick = wire.state()[0]["tick"]
+        check(f"{do}: pictures go on", answer["ok"] and until(lambda: wire.state()[0]["tick"] > tick + 100), answer)
+    for name in "bun.yaml", "dough.yaml", "dough-small.yaml":
+        answer, seen = wire.ask("scene", name=name), {}
+
+        def drawn():  # the page was told of it, and has a picture of its mesh
+            now, picture = wire.state()
+            seen.update(now.get("about", {}))
+            return seen.get("scene") == name and picture > 0 and not now["status"].startswith("waiting")
+        check(f"{name}: loaded under the page, drawn", answer["ok"] and until(drawn, 20), answer, seen.get("scene"))
+    wire.close()
+
+
 def dead_man(server, bus):
     wire = Wire(server)
 
@@ -426,6 +474,8 @@ def main():
     # seconds, not cycles: one standstill that its sentinel overlooks is 30 cycles at once
     check("the servo does not notice", storm[1] / storm[0] <= 2 * calm[1] / calm[0] + 0.2, calm, storm)
     page.stop()
+    generations(server, bus)
+    few_descriptors(server)
     dead_man(server, bus)
     another_scene(server, bus)
     memory(server, seconds)
