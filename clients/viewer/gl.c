@@ -54,11 +54,15 @@ static void copy(const kn_gl *gl, GLuint from, GLuint to, kn_gl_region r)
                         GL_COLOR_BUFFER_BIT, GL_NEAREST);
 }
 
-void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *t, kn_gl_region region)
+void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *t, kn_gl_region region, bool before_backdrop)
 {
     bool direct = t->solids == t->picture;
     gl->Disable(GL_SCISSOR_TEST);
-    copy(gl, t->backdrop, t->picture, (kn_gl_region){0, 0, t->width, t->height});
+    if (before_backdrop) copy(gl, t->backdrop, t->picture, (kn_gl_region){0, 0, t->width, t->height});
+    else {
+        gl->BindFramebuffer(GL_FRAMEBUFFER, t->picture);
+        gl->Clear(direct ? GL_DEPTH_BUFFER_BIT : GL_COLOR_BUFFER_BIT); // with one sample the table covers all of it
+    }
     gl->BindFramebuffer(GL_FRAMEBUFFER, t->solids);
     gl->Viewport(0, 0, t->width, t->height);
     gl->Enable(GL_SCISSOR_TEST);

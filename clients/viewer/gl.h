@@ -95,8 +95,8 @@ bool kn_gl_target_create(const kn_gl *gl, kn_gl_target *target, int width, int h
                          int samples); // false: refused by the context
 void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *target); // what is drawn from here on is the backdrop
 // Empties the region of the solids (several samples are the dearest part of a picture: no more of them than needed) and
-// makes the picture the backdrop; what is drawn from here on goes to the solids.
-void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region);
+// makes the picture the backdrop or, not before_backdrop, empty; what is drawn from here on goes to the solids.
+void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region, bool before_backdrop);
 // The solids take their place in the picture. What is drawn from here on goes into that region of it: behind the solids
 // where alpha, the share of a pixel that they cover, leaves room or, with one sample, where their depth does.
 void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region);

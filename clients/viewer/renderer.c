@@ -44,6 +44,7 @@ struct kn_renderer {
     int side; // of the object that the camera sees at the left: 0 the front, 1 the right, 2 the back, 3 the left
     float key[3], light[16];
     float backdrop_camera[16]; // that the backdrop was drawn for; zero: none yet
+    float last_camera[16];     // of the picture before
     float square_m;
     double thickness_m; // of the scene that is drawn
 };
@@ -153,6 +154,7 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
 {
     const kn_gl *gl = kn_offscreen_begin(r->screen);
     memset(r->backdrop_camera, 0, sizeof r->backdrop_camera);
+    memset(r->last_camera, 0, sizeof r->last_camera);
     kn_skin_destroy(r->skin);
     free(r->corners);
     r->corners = NULL;
@@ -658,15 +660,19 @@ static void draw_table(const kn_renderer *r, const float foot[4], float corner)
     gl->DrawArrays(GL_TRIANGLES, 0, r->square.corners);
 }
 
-// The table without an object is the same as long as nobody moves the camera.
-static void draw_backdrop(kn_renderer *r)
+// The table without an object is the same as long as nobody moves the camera. False: it has moved since the picture
+// before, and what is drawn now would be for this one alone.
+static bool draw_backdrop(kn_renderer *r)
 {
     static const float nobody[4] = {1e9f, 1e9f, 1e9f, 1e9f};
-    if (memcmp(r->camera.matrix, r->backdrop_camera, sizeof r->backdrop_camera) == 0) return;
+    const bool still = memcmp(r->camera.matrix, r->last_camera, sizeof r->last_camera) == 0;
+    memcpy(r->last_camera, r->camera.matrix, sizeof r->last_camera);
+    if (!still || memcmp(r->camera.matrix, r->backdrop_camera, sizeof r->backdrop_camera) == 0) return still;
     memcpy(r->backdrop_camera, r->camera.matrix, sizeof r->backdrop_camera);
     clear_shadow_map(r);
     kn_gl_target_backdrop(r->gl, kn_offscreen_target(r->screen));
     draw_table(r, nobody, 0);
+    return true;
 }
 
 // ---- the part of the picture that an object, its probes and their shadows take up
@@ -823,11 +829,12 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     kn_gl_region region, table;
     find_regions(r, scene, foot, &region, &table);
     upload(r, scene);
-    draw_backdrop(r);
+    const bool before_backdrop = draw_backdrop(r);
+    const kn_gl_region all = {0, 0, r->width, r->height};
 
     gl->Enable(GL_DEPTH_TEST);
     draw_shadow_map(r, scene);
-    kn_gl_target_solids(gl, target, region);
+    kn_gl_target_solids(gl, target, region, before_backdrop);
     gl->Enable(GL_CULL_FACE);
     use_lit(r, r->solid);
     set_number(gl, r->solid, "u_bias", SHADOW_BIAS * LIT_RADIUS * scale_of(r->skin) / (float)SHADOW_SIZE(r));
@@ -837,7 +844,8 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     gl->Disable(GL_CULL_FACE);
 
     kn_gl_target_picture(gl, target, region);
-    if (!soft) gl->Scissor(table.x, table.y, table.width, table.height); // above it the backdrop is there already
+    const kn_gl_region rest = !before_backdrop ? all : soft ? region : table; // where the backdrop is not there already
+    gl->Scissor(rest.x, rest.y, rest.width, rest.height);
     if (soft) gl->Disable(GL_DEPTH_TEST);
     if (soft) gl->Enable(GL_BLEND);
     gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE); // behind what is there
