@@ -91,12 +91,13 @@ kn_camera_view kn_web_camera(const kn_web *w)
 
 void kn_web_take_scene(kn_web *w)
 {
-    if (!w->live.scene || w->live.scene->text_hash == w->scene_hash) return;
+    if (!w->live.scene || (w->live.scene == w->scene && w->live.scene->text_hash == w->scene_hash)) return;
     const kn_probe_def *tool = choose_tool(w);
     const bool on = goes_on(w, tool);
     if (!on) kn_web_let_go(w);
     kn_reach_close(&w->reach);
-    w->scene_hash = w->live.scene->text_hash;
+    w->scene = w->live.scene;
+    w->scene_hash = w->scene->text_hash;
     w->mesh_id = 0;
     w->tool = tool;
     kn_vitals_touch(&w->vitals, tool ? tool->name : NULL);

@@ -1,4 +1,5 @@
-// What a page asks for in words: of kneadd over its control socket, or of the picture. Every request is answered once.
+// What a page asks for in words: of kneadd over its control socket, or of the picture. Every request is answered once,
+// unless a page asks for more than it reads.
 #include "clients/web/web.h"
 #include "core/scene/library.h"
 #include <dirent.h>
@@ -313,7 +314,10 @@ void kn_web_on_request(void *self, int page, const kn_request *r)
 {
     kn_web *w = self;
     switch (r->verb) {
-    case KN_VERB_VIEW: look(w, r); break;
+    case KN_VERB_VIEW:
+        look(w, r);
+        kn_web_answer_page(w, page, r->id, true, "Looked at from there.");
+        break;
     case KN_VERB_STYLE:
         kn_web_answer_page(w, page, r->id, take_style(w, r->name), "%s", r->name);
         break;

@@ -295,8 +295,8 @@ function showAbout(told) {
 // ---- downloads
 
 async function save(name, as) {
-    const answer = await fetch(`/get/${name}`, { headers: { Authorization: `Bearer ${location.hash.slice(1)}` } })
-        .catch(() => null);
+    const headers = { Authorization: `Bearer ${location.hash.slice(1)}` };
+    const answer = await fetch(`/get/${name}`, { headers, cache: 'no-store' }).catch(() => null);
     if (!answer?.ok) return report(false, answer ? await answer.text() : 'knead web is not there');
     const link = document.createElement('a');
     Object.assign(link, { download: as, href: URL.createObjectURL(await answer.blob()) });

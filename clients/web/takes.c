@@ -49,7 +49,8 @@ static bool write_path(const char *log_path, const char *probe, const char *path
                 p.orientation_wxyz[3]);
     }
     if (log) lcm_eventlog_destroy(log);
-    return out && fclose(out) == 0;
+    const bool whole = out && !ferror(out);
+    return out && fclose(out) == 0 && whole;
 }
 
 static bool record(kn_takes *t, kn_take *one, const char *path)
@@ -86,7 +87,7 @@ static void *run(void *self)
     kn_takes_path(t, one->number, "path", path);
     bool ok = record(t, one, log);
     if (ok && !write_path(log, t->probe, path)) {
-        snprintf(one->words, sizeof one->words, "The folder for recordings is full.");
+        snprintf(one->words, sizeof one->words, "Its poses could not be written: is the folder for recordings full?");
         ok = false;
     }
     atomic_store(&one->state, ok ? KN_TAKE_WHOLE : KN_TAKE_FAILED);

@@ -9,6 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define STALE_MS 3500 // what comes once a second, and has not
+
 // In words; returns "ok", "wait" or "fault".
 static const char *status(const kn_web *w, int page, char *words, size_t size)
 {
@@ -225,10 +227,12 @@ static json_t *points(const kn_scene *scene)
     return names;
 }
 
+static bool stale(int64_t heard_ms) { return !heard_ms || kn_live_now_ms() - heard_ms > STALE_MS; }
+
 static json_t *loop(const kn_vitals *v)
 {
     const knead_status_t *s = &v->status;
-    if (!v->status_ms) return json_null();
+    if (stale(v->status_ms)) return json_null();
     return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:o}", "ticks", (json_int_t)s->tick, "missed",
                      (json_int_t)s->missed_cycles, "explained", (json_int_t)s->missed_explained, "overruns",
                      (json_int_t)s->overruns, "p50_us", (json_int_t)kn_vitals_share_us(s->execution_hist, 0.5),
@@ -238,7 +242,7 @@ static json_t *loop(const kn_vitals *v)
 
 static json_t *energy(const kn_vitals *v)
 {
-    if (!v->energy_ms) return json_null();
+    if (stale(v->energy_ms)) return json_null();
     return json_pack("{s:o, s:o}", "stored_mj", rounded(1e3 * v->stored_j), "dissipated_mj",
                      rounded(1e3 * (v->work_j - v->stored_j)));
 }

@@ -6,17 +6,23 @@ const TRACES = {
     force: { unit: 'N', least: 1, label: 'Force' },
     depth: { unit: 'mm', least: 1, label: 'Depth below the first touch' },
     work: { unit: 'mJ', least: 1, label: 'Work of the hand on the object' },
+    stored: { unit: 'mJ', least: 1, label: 'Energy that the object stores, audited once a second' },
+    dissipated: { unit: 'mJ', least: 1, label: 'Energy dissipated since the object was new, audited once a second' },
     trip: { unit: 'ms', least: 2, label: 'Time from a pose going out to its force coming in' },
 };
 for (const one of Object.values(TRACES)) one.ring = new Float32Array(RING).fill(NaN);
 let tick = 0, shown = 'force';
 
 function record(samples) {
-    const count = samples.force.length;
+    const count = samples.force.length, audit = about?.energy;
     let late = Math.round(performance.now()) - tick - count;
     const put = (name, value) => { TRACES[name].ring[tick % RING] = value ?? NaN; };
     if (late > LATE) for (; late > 0; late--, tick++) for (const name in TRACES) put(name, NaN);
-    for (let i = 0; i < count; i++, tick++) for (const name in TRACES) put(name, samples[name][i]);
+    for (let i = 0; i < count; i++, tick++) {
+        for (const name in samples) put(name, samples[name][i]);
+        put('stored', audit?.stored_mj);
+        put('dissipated', audit?.dissipated_mj);
+    }
 }
 
 function choose(name) {

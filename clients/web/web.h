@@ -56,7 +56,8 @@ typedef struct kn_web {
 
     // grip.c
     int64_t meshes, mesh_ms;    // seen; when the last came
-    uint64_t scene_hash;        // of the scene that tool and reach are of
+    const kn_scene *scene;      // that tool and reach are of; may be gone already
+    uint64_t scene_hash;        // its
     const kn_probe_def *tool;
     kn_probe_def held;          // that tool, for comparison once its scene is gone
     double held_spacing_m;

@@ -148,6 +148,32 @@ def dent(page, bus):  # a press from the page; how deep it stays
     return bus.dent_mm()
 
 
+def by_traces(page):
+    page.run("document.getElementById('touch-box').open = true")
+    ready(page)
+    until(lambda: page.now()["status"].startswith("ready"))
+    page.press(*TOP)
+    check("what the tool touches is told", until(lambda: "kPa at most" in page.text("touch-words")),
+          page.text("touch-words"))
+    until(lambda: page.now()["depth_mm"] > 4.7)
+    page.release()
+    until(lambda: not page.now()["contact"])
+    time.sleep(2)
+    most = page.run("""const of = (name) => Math.max(...TRACES[name].ring.filter(Number.isFinite));
+        return Object.fromEntries(Object.keys(TRACES).map((name) => [name, of(name)]))""")
+    check("the traces are of that press: force, depth, work, energies",
+          most["force"] > 0.5 and most["depth"] > 4 and most["work"] > 0.5 and most["dissipated"] > 0.5
+          and most["stored"] > 0.01, most)
+    middle = page.run("""const all = [...TRACES.trip.ring].filter(Number.isFinite).sort((a, b) => a - b);
+        return all[Math.floor(all.length / 2)]""")
+    check("and of the round trip, in the device's own time", 0.05 < middle < 20, middle)
+    for name in "depth", "work", "stored", "dissipated", "trip", "force":
+        choose(page, "what", name)
+    check("each can be chosen, and has its name", page.run("return trace.ariaLabel").startswith("Force"),
+          page.run("return trace.ariaLabel"))
+    page.run("document.getElementById('touch-box').open = false")
+
+
 def by_operator(page, bus):
     deep = dent(page, bus)
     click(page, "undo")
@@ -421,6 +447,7 @@ def main():
     by_mouse(page, bus)
     by_keys(page, bus)
     by_finger(page, bus)
+    by_traces(page)
     by_operator(page, bus)
     by_view(page, bus)
     by_colours(page, bus)
