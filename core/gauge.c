@@ -15,8 +15,10 @@ const kn_measure_name kn_measure_names[KN_MEASURES] = {
 
 // Symmetric tensors are vectors: xx yy zz yz xz xy.
 typedef struct share { // of a node: weighted sums over its edges
-    double weight, square;        // V_e, V_e r_e^2
-    double fit[6][6], against[6]; // the normal equations of S: the lower half
+    double weight;     // V_e
+    double fit[6][6];  // the normal equations of S, which directions at rest decide: their Cholesky factor
+    double against[6]; // their right side, and V_e r_e^2: of the state that is read
+    double square;
 } share;
 
 struct kn_gauge {
@@ -50,6 +52,27 @@ static void average_stiffness(kn_gauge *g)
     }
 }
 
+// What a node's edges say nothing of (a flat object's third direction, shear without diagonals) stays 0: a little
+// weight on S itself sees to it.
+static void factor_fits(kn_gauge *g)
+{
+    for (int e = 0; e < g->springs.count; e++) {
+        const kn_spring *s = &g->springs.spring[e];
+        double nn[6];
+        square_of(g, s, nn);
+        for (int end = 0; end < 2; end++) {
+            share *to = &g->node[g->master[end ? s->j : s->i]];
+            to->weight += s->volume_m3;
+            for (int i = 0; i < 6; i++)
+                for (int k = 0; k <= i; k++) to->fit[i][k] += s->volume_m3 * twice(i) * nn[i] * twice(k) * nn[k];
+        }
+    }
+    for (share *s = g->node; s < g->node + g->springs.model->node_count; s++) {
+        for (int i = 0; i < 6; i++) s->fit[i][i] += 1e-9 * s->weight;
+        if (s->weight > 0) kn_six_factor(s->fit);
+    }
+}
+
 kn_gauge *kn_gauge_create(const kn_model *model)
 {
     kn_gauge *g = calloc(1, sizeof *g);
@@ -61,9 +84,16 @@ kn_gauge *kn_gauge_create(const kn_model *model)
         kn_gauge_destroy(g);
         return NULL;
     }
-    average_stiffness(g);
     for (int i = 0; i < model->node_count; i++) g->master[i] = model->composite ? kn_composite_master(model, i) : i;
+    average_stiffness(g);
+    factor_fits(g);
     return g;
+}
+
+size_t kn_gauge_bytes(const kn_model *model)
+{
+    const size_t nodes = (size_t)model->node_count;
+    return sizeof(kn_gauge) + nodes * (sizeof(share) + sizeof(int)) + kn_springs_bytes(model);
 }
 
 void kn_gauge_destroy(kn_gauge *gauge)
@@ -84,26 +114,9 @@ static void add_edge(kn_gauge *g, const kn_state *state, int number)
     square_of(g, e, nn);
     for (int end = 0; end < 2; end++) {
         share *to = &g->node[g->master[end ? e->j : e->i]];
-        to->weight += e->volume_m3;
         to->square += e->volume_m3 * now.residual * now.residual;
-        for (int i = 0; i < 6; i++) {
-            const double row = e->volume_m3 * twice(i) * nn[i];
-            to->against[i] += row * pull_pa;
-            for (int k = 0; k <= i; k++) to->fit[i][k] += row * twice(k) * nn[k];
-        }
+        for (int i = 0; i < 6; i++) to->against[i] += e->volume_m3 * twice(i) * nn[i] * pull_pa;
     }
-}
-
-// What a node's edges say nothing of (a flat object's third direction, shear without diagonals) stays 0: a little
-// weight on S itself sees to it.
-static void fit(const share *s, double x[6])
-{
-    double a[6][6];
-    memcpy(a, s->fit, sizeof a);
-    memcpy(x, s->against, 6 * sizeof *x);
-    for (int i = 0; i < 6; i++) a[i][i] += 1e-9 * s->weight;
-    kn_six_factor(a);
-    kn_six_solve((const double(*)[6])a, x);
 }
 
 static double von_mises(const double s[6])
@@ -116,7 +129,8 @@ static double stress(const kn_gauge *g, const share *s)
 {
     double x[6], sigma[6] = {0};
     if (!(s->weight > 0)) return 0;
-    fit(s, x);
+    memcpy(x, s->against, sizeof x);
+    kn_six_solve(s->fit, x);
     for (int i = 0; i < 6; i++)
         for (int k = 0; k < 6; k++) sigma[i] += g->stiffness[i][k] * x[k];
     return von_mises(sigma);
@@ -134,7 +148,10 @@ void kn_gauge_read_all(kn_gauge *g, const kn_state *state, double *const value[K
 {
     const kn_model *m = g->springs.model;
     const bool edges = value[KN_MEASURE_STRESS] || value[KN_MEASURE_RESIDUAL];
-    memset(g->node, 0, (size_t)m->node_count * sizeof *g->node);
+    for (int i = 0; i < m->node_count; i++) {
+        memset(g->node[i].against, 0, sizeof g->node[i].against);
+        g->node[i].square = 0;
+    }
     for (int e = 0; edges && e < g->springs.count; e++) add_edge(g, state, e);
     for (int i = 0; i < m->node_count; i++) {
         const share *s = &g->node[g->master[i]];

@@ -25,8 +25,9 @@ typedef struct kn_gauge kn_gauge;
 
 kn_gauge *kn_gauge_create(const kn_model *model); // borrows it; NULL: memory is short
 void kn_gauge_destroy(kn_gauge *gauge);           // NULL is fine
+size_t kn_gauge_bytes(const kn_model *model);     // memory that one takes, at most
 
-// value[node_count]. Of a composite's nodes in one place all say the same. Some 200 ns an edge, allocates nothing.
+// value[node_count]. Of a composite's nodes in one place all say the same. Some 50 ns an edge, allocates nothing.
 void kn_gauge_read(kn_gauge *gauge, const kn_state *state, kn_measure what, double *value);
 // Several in one pass over the edges: value[what][node_count], NULL where it is not asked for.
 void kn_gauge_read_all(kn_gauge *gauge, const kn_state *state, double *const value[KN_MEASURES]);

@@ -42,6 +42,11 @@ bool kn_springs_init(kn_springs *s, const kn_model *model)
     return fits;
 }
 
+size_t kn_springs_bytes(const kn_model *model)
+{
+    return ((size_t)edges_of(model) + 1) * (sizeof(kn_spring) + sizeof(kn_edge));
+}
+
 void kn_springs_free(kn_springs *springs)
 {
     free(springs->spring);

@@ -28,6 +28,7 @@ typedef struct kn_springs {
 // Allocates; false: memory is short.
 bool kn_springs_init(kn_springs *springs, const kn_model *model);
 void kn_springs_free(kn_springs *springs); // zeroed is fine
+size_t kn_springs_bytes(const kn_model *model); // memory that init takes, what it frees again included
 
 // Real-time safe, some 100 ns; a law of force takes a Newton iteration.
 kn_spring_now kn_spring_look(const kn_springs *springs, const kn_state *state, int number);

@@ -374,8 +374,7 @@ static void *mesh_main(void *arg)
 {
     server *d = arg;
     pthread_barrier_wait(&d->go);
-    struct timespec tick = {.tv_nsec = KN_PERIOD_NS},
-                    rest = {.tv_nsec = (d->skin.period_ticks - 1) * (long)KN_PERIOD_NS};
+    const int64_t rest_ns = (d->skin.period_ticks - 1) * (int64_t)KN_PERIOD_NS;
     int64_t second_ns = 0, missed_told = 0, created_told = 0, tick_told = -1, unpublished_told = 0;
     kn_quality quality_told = d->on.scene->quality;
     bool exhausted_told = false, lost_told = false;
@@ -390,9 +389,11 @@ static void *mesh_main(void *arg)
             tell_quality(d, &quality_told, &exhausted_told);
         }
         kn_trace_drain(&d->trace);
-        // until just before the next frame is due, then every ms: on a grid of its own it would be a period late
+        // until just before the next frame is due, however long this one took to measure, then every ms: on a grid of
+        // its own it would be a period late
+        const int64_t taken_ns = kn_now_ns();
         bool published = kn_skin_publish(&d->skin, kn_wall_us());
-        nanosleep(published ? &rest : &tick, NULL);
+        kn_clock_sleep(taken_ns + (published ? rest_ns : KN_PERIOD_NS));
     }
     return NULL;
 }

@@ -3,6 +3,7 @@
 #include "proto/knead_mesh_init_t.h"
 #include "proto/knead_mesh_update_t.h"
 #include "proto/knead_probe_pose_t.h"
+#include "server/say.h"
 #include "server/wire.h"
 #include <math.h>
 #include <stdio.h>
@@ -25,7 +26,8 @@ static knead_mesh_init_t topology_message(const kn_skin *skin, int64_t utime)
 
 size_t kn_skin_bytes(const kn_scene *scene, const kn_model *model)
 {
-    return scene->mesh_measures ? 3 * kn_state_kept(model) : 0;
+    const size_t values = 2 * (sizeof(double) + sizeof(float)) * (size_t)model->node_count;
+    return scene->mesh_measures ? 3 * kn_state_kept(model) + kn_gauge_bytes(model) + values : 0;
 }
 
 static bool open_frames(kn_skin *skin)
@@ -112,7 +114,7 @@ void kn_skin_capture(kn_skin *skin, const kn_model *model, const kn_state *state
 
 bool kn_skin_follows(const kn_skin *skin, const kn_model *model)
 {
-    return atomic_load(&skin->told) == model;
+    return !skin->measures || atomic_load(&skin->told) == model;
 }
 
 static void send_bytes(kn_skin *skin, const char *channel, uint8_t *bytes, int size) // room for a tag behind them
@@ -136,7 +138,8 @@ static bool measure(kn_skin *skin, const kn_skin_frame *frame)
     if (g->model != frame->model) {
         kn_gauge_destroy(g->gauge);
         g->gauge = kn_gauge_create(frame->model);
-        g->model = g->gauge ? frame->model : NULL;
+        g->model = frame->model;
+        if (!g->gauge) kn_say("kneadd: not enough memory to measure with: meshes tell places alone");
     }
     if (!g->gauge) return false;
     kn_gauge_read_all(g->gauge, frame->state, g->node_value);
@@ -181,7 +184,8 @@ bool kn_skin_publish(kn_skin *skin, int64_t utime)
     if (!fresh) return false;
     atomic_store(&skin->told, frame->model);
     bool measured = measure(skin, frame);
-    int size = KN_SKIN_BYTES / (measured ? 20 : 12); // vertices of a chunk
+    int told = measured ? __builtin_popcount((unsigned)skin->measures) : 0;
+    int size = KN_SKIN_BYTES / (12 + 4 * told); // vertices of a chunk
     for (int i = 0; i * size < skin->surface->vertex_count; i++) {
         // back to back, larger meshes would overflow the usual 208 kB receive buffer of the screens
         if (i > 0) nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);

@@ -55,13 +55,14 @@ typedef struct kn_skin {
 bool kn_skin_open(kn_skin *skin, const char *url, const kn_scene *scene, const kn_model *model, char *error,
                   size_t error_size);
 void kn_skin_close(kn_skin *skin);
-size_t kn_skin_bytes(const kn_scene *scene, const kn_model *model); // memory that its states take
+size_t kn_skin_bytes(const kn_scene *scene, const kn_model *model); // memory that measuring takes
 
 // Servo thread, every tick; copies when a frame is due. generation is the servo's: it tells the surfaces before and
 // after a reset apart. model: that is served, with the lattice of the first. Real-time safe.
 void kn_skin_capture(kn_skin *skin, const kn_model *model, const kn_state *state, int64_t tick, int32_t generation);
 
-// Any thread: whether the mesh thread has taken a frame of that model; those before it are then not looked at any more.
+// Any thread: whether the mesh thread looks at no model before that one any more. Where something is measured that is
+// when it has taken a frame of it.
 bool kn_skin_follows(const kn_skin *skin, const kn_model *model);
 
 // Mesh thread.

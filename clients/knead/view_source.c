@@ -177,14 +177,23 @@ static void listen_to(kn_source *s, double at_s)
     s->time_s = 1e-3 * (double)(kn_live_now_ms() - s->opened_ms);
 }
 
+static int untold(const kn_live *live, kn_measure what)
+{
+    const int bit = what == KN_MEASURE_STRESS ? KN_MESH_STRESS : KN_MESH_RESIDUAL;
+    const char *name = kn_measure_names[what].name;
+    if (what == KN_MEASURE_DISPLACEMENT) return no_memory();
+    if (live->scene->mesh_measures & bit)
+        return kn_complain("view", KN_EXIT_DEVICE, "--color %s: kneadd tells none now, though its scene asks for it", name);
+    return kn_complain("view", KN_EXIT_USAGE,
+                       "--color %s: the scene that is served has no such mesh.measures, expected a start with it", name);
+}
+
 static int still_of_bus(kn_source *s, const kn_view_options *o, kn_still *still)
 {
     char error[400];
     if (!kn_still_live(still, &s->live, error, sizeof error)) return kn_complain("view", KN_EXIT_DEVICE, "%s", error);
     if (o->measure >= 0 && !error[0] && !kn_still_told(still, &s->live, (kn_measure)o->measure))
-        return kn_complain("view", KN_EXIT_USAGE,
-                           "--color %s: the scene that is served has no such mesh.measures, expected a start with it",
-                           kn_measure_names[o->measure].name);
+        return untold(&s->live, (kn_measure)o->measure);
     if (error[0])
         fprintf(stderr, "knead view: %s; drawn without probes and colours, with the edges of the shape as it is\n", error);
     snprintf(still->caption, sizeof still->caption, "%s live, tick %" PRId64,
