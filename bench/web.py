@@ -70,19 +70,48 @@ def measure(name, page, server, seconds, press):
           f"{cpu[0]:9.0f} | {cpu[1]:7.0f} | {cpu[2]:6.0f} | {max(0, cpu[3] - sum(cpu[:3])):4.0f} |", flush=True)
 
 
+def press(page, u, v, drag):  # as deep as the slider says, then drag pixels deeper
+    page.hover(u, v)
+    until(lambda: page.now()["status"].startswith("ready"))
+    time.sleep(0.5)
+    page.press(u, v)
+    until(lambda: page.now()["depth_mm"] > 4.7)
+    for _ in range(drag // 5):
+        page.mouse("Moved", page.x, page.y + 5)
+        time.sleep(0.05)
+    time.sleep(1)
+
+
+def show(page, path):  # a block that has been pressed once, and is pressed now
+    page.devtools("Emulation.setDeviceMetricsOverride", width=1280, height=960, deviceScaleFactor=1, mobile=False)
+    page.run("document.getElementById('material-box').open = true")
+    press(page, 0.42, 0.42, drag=40)
+    page.release()
+    press(page, 0.56, 0.38, drag=20)
+    page.screenshot(path)
+    page.release()
+
+
 def main():
     options = argparse.ArgumentParser()
     options.add_argument("--seconds", type=float, default=20, help="per row (20)")
     options.add_argument("--scene", default="dough.yaml", help="of core/scenes (dough.yaml)")
     options.add_argument("--rate", default="30", help="pictures per second (30)")
     options.add_argument("--size", default="800x450", help="of a picture (960x540)")
+    options.add_argument("--picture", metavar="/FILE", help="measure nothing: the page in a press, as PNG")
     o = options.parse_args()
+    if o.picture and not os.path.isabs(o.picture):
+        options.error(f"--picture {o.picture}: expected a path from /: tests/netns runs this in a folder of its own")
     os.environ.setdefault("KN_REALTIME", "auto")
     model = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), "?")
     print(f"machine   {model}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}, {platform.release()}")
     server, bus, page = Served(o.scene, "--rate", o.rate, "--size", o.size), Bus(), Browser()
     if not page.open(server.address):
         sys.exit("bench/web.py: the page draws nothing: " + page.text("status"))
+    if o.picture:
+        show(page, o.picture)
+        page.driver.quit()
+        return server.stop()
     print(f"browser   Chromium {page.driver.capabilities['browserVersion']}, headless, drawing in software\n"
           f"scene     {o.scene}, {o.rate} pictures/s asked, {o.size}\n")
     print("| pointer | events |   fps | p50 ms | p95 ms | p99 ms | web cpu % | browser | kneadd | rest |")
