@@ -20,8 +20,8 @@ struct kn_film {
     struct sigaction before; // of SIGPIPE
 };
 
-// H.264 as everything plays it, crf 18: no difference seen; VP9 the same, quick enough to follow the pictures; a palette
-// for every picture of a GIF, one for all of them would keep them all in memory.
+// H.264 as everything plays it, crf 18: no difference seen; VP9 the same, quick enough to follow the pictures; a
+// palette for every picture of a GIF, one for all of them would keep them all in memory.
 typedef struct format {
     const char *ending, *args[16];
 } format;

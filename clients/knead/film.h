@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_FILM_H
 #define KN_CLIENTS_FILM_H
-// Pictures as a film: handed to the program ffmpeg through a pipe, at the rate that it encodes them. ffmpeg is run, without
-// a shell, never linked. The file is written beside its path and renamed when it is whole.
+// Pictures as a film: handed to the program ffmpeg through a pipe, at the rate that it encodes them. ffmpeg is run,
+// without a shell, never linked. The file is written beside its path and renamed when it is whole.
 //
 //     kn_film_open -> kn_film_add, picture by picture -> kn_film_keep, or kn_film_drop
 //
@@ -18,8 +18,8 @@ typedef struct kn_film kn_film;
 bool kn_film_knows(const char *path); // by its ending
 bool kn_film_ready(char *error, size_t error_size); // ffmpeg is there, else one sentence
 
-// stopped: nonzero gives up what waits for ffmpeg. NULL and one sentence in error: ffmpeg is not there, or path cannot be
-// written. width and height even, fps > 0.
+// stopped: nonzero gives up what waits for ffmpeg. NULL and one sentence in error: ffmpeg is not there, or path cannot
+// be written. width and height even, fps > 0.
 kn_film *kn_film_open(const char *path, int width, int height, double fps, const volatile sig_atomic_t *stopped,
                       char *error, size_t error_size);
 

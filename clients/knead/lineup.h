@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_LINEUP_H
 #define KN_CLIENTS_LINEUP_H
-// Everything that one picture of `knead view` shows: an object, or several side by side at the same moment, seen alike and
-// in the colours of one scale; with --compare a last panel, the second object by its distance from the first.
+// Everything that one picture of `knead view` shows: an object, or several side by side at the same moment, seen alike
+// and in the colours of one scale; with --compare a last panel, the second object by its distance from the first.
 //
 //     kn_lineup_open -> { kn_lineup_to a moment -> kn_lineup_stills -> kn_lineup_shoot -> kn_lineup_drop }... -> close
 //

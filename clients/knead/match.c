@@ -4,7 +4,8 @@
 #include <stdlib.h>
 
 #define SAME_M 1e-6 // places of rest are floats
-#define COARSE 0.6  // of the longest side: no point of a square's face is further from its corners, nor of an equal triangle's
+// Of the longest side: no point of a square's face is further from its corners, nor of an equal triangle's.
+#define COARSE 0.6
 
 typedef struct spot {
     float x[3];
@@ -89,8 +90,8 @@ bool kn_match_make(kn_match *m, const kn_still *first, const kn_still *second, c
               find_nearest(first, second, m->first, &m->apart_m) && find_nearest(second, first, NULL, &m->apart_m);
     m->same = ok && first->vertex_count == second->vertex_count && m->apart_m < SAME_M;
     if (ok && m->apart_m > COARSE * fmax(longest_side(first), longest_side(second))) {
-        snprintf(error, error_size, "at rest the two are up to %.3g mm apart, expected objects of one shape: compared are "
-                 "points that lie beside each other at rest", 1e3 * m->apart_m);
+        snprintf(error, error_size, "at rest the two are up to %.3g mm apart, expected objects of one shape: "
+                 "compared are points that lie beside each other at rest", 1e3 * m->apart_m);
         ok = false;
     }
     if (!ok) kn_match_free(m);

@@ -1,8 +1,8 @@
 #ifndef KN_CLIENTS_MATCH_H
 #define KN_CLIENTS_MATCH_H
-// Two objects compared point by point: for every vertex of the second, which vertex of the first lies beside it at rest.
-// The same meshes have the same vertices; of others it is the nearest. Distance is how far apart two such points have
-// come: |(x2 - X2) - (x1 - X1)|, x now, X at rest.
+// Two objects compared point by point: for every vertex of the second, which vertex of the first lies beside it at
+// rest. The same meshes have the same vertices; of others it is the nearest. Distance is how far apart two such points
+// have come: |(x2 - X2) - (x1 - X1)|, x now, X at rest.
 #include "clients/knead/still.h"
 
 typedef struct kn_match {

@@ -44,8 +44,8 @@ static int picture(const kn_view_options *o)
 
 enum { TEXTS = 7 };
 
-static bool write_range(const kn_view_options *o, const kn_range *r, const char *caption, const uint16_t *level, char *error,
-                        size_t error_size)
+static bool write_range(const kn_view_options *o, const kn_range *r, const char *caption, const uint16_t *level,
+                        char *error, size_t error_size)
 {
     char step[32], pixel[32], left[32], top[32];
     snprintf(step, sizeof step, "%.9g", 1e3 * r->step_m);
@@ -69,8 +69,9 @@ static int range_image(const kn_view_options *o)
     uint16_t *level = malloc(2 * (size_t)o->width * (size_t)o->height);
     if (code == KN_EXIT_OK && !level) code = kn_complain("view", KN_EXIT_DEVICE, "out of memory");
     if (code == KN_EXIT_OK) {
-        kn_range r = kn_range_frame(o->width, o->height, s->vertex_count, (const float(*)[3])s->rest, (const float(*)[3])s->now);
-        kn_range_draw(&r, (const float(*)[3])s->now, s->triangle_count, (const int(*)[3])s->triangle, level);
+        const float(*rest)[3] = (const float(*)[3])s->rest, (*now)[3] = (const float(*)[3])s->now;
+        kn_range r = kn_range_frame(o->width, o->height, s->vertex_count, rest, now);
+        kn_range_draw(&r, now, s->triangle_count, (const int(*)[3])s->triangle, level);
         if (!write_range(o, &r, s->caption, level, error, sizeof error))
             code = kn_complain("view", KN_EXIT_DEVICE, "%s", error);
         else

@@ -126,7 +126,8 @@ int kn_view_film(const kn_view_options *o)
     film f = {.o = o, .live = o->file_count == 0, .extent = kn_extent_none};
     if (f.live) f.pictures = (int)ceil(o->seconds * o->fps);
     int code = kn_output_try("view", o->video);
-    if (code == KN_EXIT_OK && !kn_film_ready(error, sizeof error)) code = kn_complain("view", KN_EXIT_DEVICE, "%s", error);
+    if (code == KN_EXIT_OK && !kn_film_ready(error, sizeof error))
+        code = kn_complain("view", KN_EXIT_DEVICE, "%s", error);
     if (code == KN_EXIT_OK && !f.live) code = survey(&f);
     if (code == KN_EXIT_OK) code = kn_lineup_open(&f.lineup, o);
     if (code == KN_EXIT_OK && !f.live) code = kn_lineup_to(&f.lineup, o->from_s);

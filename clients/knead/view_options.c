@@ -15,13 +15,13 @@
 
 const char kn_view_help[] =
     "usage: knead view --png FILE [OPTION]...               what a running kneadd serves\n"
-    "       knead view --png FILE [OPTION]... OBJECT...     files: a log, stepped to its end or to --at; a scene, at rest;\n"
-    "                                                       a snapshot that kneadd --state-dir keeps, with --scene\n"
+    "       knead view --png FILE [OPTION]... OBJECT...     files: a log, stepped to its end or to --at; a scene at\n"
+    "                                                       rest; a snapshot of kneadd --state-dir, with --scene\n"
     "       knead view --png FILE --compare A B             two of them, and how far apart their surfaces are\n"
     "       knead view --video FILE [OPTION]... [OBJECT]... as a film: logs, or for --seconds what is served\n"
     "       knead view --depth FILE [OPTION]... [OBJECT]    as a range finder above the table sees it\n\n"
-    "Draws the object, its tools and the force on the hand, without a screen. Up to 4 objects stand side by side, seen alike.\n\n"
-    "  --at SECONDS|end   moment of the recording, since its first session began (end); 1,3,end: three of them side by side\n"
+    "Draws the object, its tools and the force on the hand, without a screen. Up to 4 objects stand side by side.\n\n"
+    "  --at SECONDS|end   moment of the recording, since its first session began (end); 1,3,end: three side by side\n"
     "  --scene FILE       the scene that a snapshot is of; alone: at rest\n"
     "  --size WxH         pixels, 16..4096 each, of a film even (1280x720; of several 640x480 each, at most 1920x480;\n"
     "                     range images 640x640)\n"
@@ -45,9 +45,9 @@ const char kn_view_help[] =
     "  --fps N            pictures per second, 1..120 (30)\n"
     "  --speed X          of a recording: 2 is twice as fast, 0.01..1000 (1)\n"
     "  --orbit DEG        the camera goes round by so many degrees per second of the film (0)\n\n"
-    "Range images: a PNG of 16-bit grey of the object without its tools, straight from above, x to the right, y up. 0 is\n"
-    "nothing there, else the height above the table is (value - 1) times a step, 1 um for an object of up to 5 cm; step\n"
-    "and size of a pixel are told, also in the file's texts, in mm.\n\n"
+    "Range images: a PNG of 16-bit grey of the object without its tools, straight from above, x to the right, y up.\n"
+    "0 is nothing there, else the height above the table is (value - 1) times a step, 1 um for an object of up to 5 cm;\n"
+    "step and size of a pixel are told, also in the file's texts, in mm.\n\n"
     "Compared are points that lie beside each other at rest: the same vertices, or of another mesh the nearest.\n"
     "Squares on the table, and the black bar: 1 cm, for an object of 2 to 20 cm. Arrow: one square per 5 N.\n"
     "KNEAD_GL=osmesa or egl in the environment: what draws it (the first of them that is there).\n"
@@ -83,7 +83,8 @@ static bool camera(const char *text, kn_view_options *o)
     static const struct {
         const char *name;
         double azimuth_deg, elevation_deg;
-    } from[] = {{"front", 0, 14}, {"right", 90, 14}, {"back", 180, 14}, {"left", 270, 14}, {"top", 0, 90}, {"corner", 28, 27}};
+    } from[] = {{"front", 0, 14}, {"right", 90, 14}, {"back", 180, 14}, {"left", 270, 14},
+                {"top", 0, 90},   {"corner", 28, 27}};
     for (int i = 0; i < 6; i++) {
         if (strcmp(from[i].name, text) != 0) continue;
         o->look.azimuth_deg = from[i].azimuth_deg;
@@ -208,7 +209,8 @@ static int share_out(kn_view_options *o, const asked *a)
         o->kind[o->file_count++] = o->kind[0];
     }
     if (a->moments > 1 && a->moments != o->file_count)
-        REFUSE("--at: %d moments of %d objects, expected one, one of each, or one recording", a->moments, o->file_count);
+        REFUSE("--at: %d moments of %d objects, expected one, one of each, or one recording", a->moments,
+               o->file_count);
     return KN_EXIT_OK;
 }
 
@@ -293,7 +295,8 @@ int kn_view_parse(int argc, char **argv, kn_view_options *o)
         {"camera", 1, NULL, 'k'},    {"zoom", 1, NULL, 'z'},     {NULL, 0, NULL, 0}};
     asked a = {NAN, NAN, false, 0};
     int option, which = 0;
-    *o = (kn_view_options){.measure = -1, .at_s = {INFINITY, INFINITY, INFINITY, INFINITY}, .to_s = INFINITY, .wait_s = 6, .fps = 30, .speed = 1,
+    *o = (kn_view_options){.measure = -1, .at_s = {INFINITY, INFINITY, INFINITY, INFINITY}, .to_s = INFINITY,
+                           .wait_s = 6, .fps = 30, .speed = 1,
                            .width = 1280, .height = 720, .look = kn_view_scene_default()};
     o->look.hands = true;
     opterr = 0; // our own words
@@ -306,7 +309,8 @@ int kn_view_parse(int argc, char **argv, kn_view_options *o)
         if (expected) REFUSE("--%s %s: expected %s", names[which].name, optarg, expected);
     }
     for (; optind < argc; optind++) {
-        if (o->file_count == KN_VIEW_FILES_MAX) REFUSE("%s: expected %d objects at most", argv[optind], KN_VIEW_FILES_MAX);
+        if (o->file_count == KN_VIEW_FILES_MAX)
+            REFUSE("%s: expected %d objects at most", argv[optind], KN_VIEW_FILES_MAX);
         o->file[o->file_count++] = argv[optind];
     }
     return check(o, &a);

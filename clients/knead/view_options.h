@@ -17,7 +17,8 @@ typedef struct kn_view_options {
     const char *url, *mesh_url;
     double at_s[KN_VIEW_FILES_MAX]; // of each recording; INFINITY: end
     double wait_s; // for a server
-    double from_s, to_s, seconds; // a film's part of the recording; of what is live. to_s INFINITY, seconds 0: none given
+    double from_s, to_s;            // a film's part of the recording; INFINITY: to its end
+    double seconds;                 // a film of what is live; 0: not given
     double fps, speed, orbit_deg_s; // of a film
     int width, height;
     kn_view_scene look; // where from, style

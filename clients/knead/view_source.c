@@ -173,7 +173,8 @@ static int open_bus(kn_source *s, const kn_view_options *o)
 static void listen_to(kn_source *s, double at_s)
 {
     int64_t left_ms;
-    while ((left_ms = s->opened_ms + llround(1000 * at_s) - kn_live_now_ms()) > 0) kn_live_listen(&s->live, (int)left_ms);
+    while ((left_ms = s->opened_ms + llround(1000 * at_s) - kn_live_now_ms()) > 0)
+        kn_live_listen(&s->live, (int)left_ms);
     s->time_s = 1e-3 * (double)(kn_live_now_ms() - s->opened_ms);
 }
 
@@ -195,7 +196,8 @@ static int still_of_bus(kn_source *s, const kn_view_options *o, kn_still *still)
     if (o->measure >= 0 && !error[0] && !kn_still_told(still, &s->live, (kn_measure)o->measure))
         return untold(&s->live, (kn_measure)o->measure);
     if (error[0])
-        fprintf(stderr, "knead view: %s; drawn without probes and colours, with the edges of the shape as it is\n", error);
+        fprintf(stderr, "knead view: %s; drawn without probes and colours, with the edges of the shape as it is\n",
+                error);
     snprintf(still->caption, sizeof still->caption, "%s live, tick %" PRId64,
              s->live.scene ? s->live.scene->name : "an object", s->live.mesh.tick);
     return KN_EXIT_OK;

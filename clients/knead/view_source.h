@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_VIEW_SOURCE_H
 #define KN_CLIENTS_VIEW_SOURCE_H
-// Where `knead view` gets an object from: a running kneadd, a recording that is stepped to a moment, a snapshot, or a scene
-// at rest.
+// Where `knead view` gets an object from: a running kneadd, a recording that is stepped to a moment, a snapshot, or a
+// scene at rest.
 //
 //     kn_source_open -> kn_source_to a moment -> kn_source_still, as often as pictures are wanted -> kn_source_close
 //

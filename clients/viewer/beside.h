@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_VIEWER_BESIDE_H
 #define KN_CLIENTS_VIEWER_BESIDE_H
-// A file that appears whole: written under a name that nobody has, in the folder of its path, then renamed. Whoever looks
-// at the path sees the old file or the whole new one.
+// A file that appears whole: written under a name that nobody has, in the folder of its path, then renamed. Whoever
+// looks at the path sees the old file or the whole new one.
 //
 //     kn_beside_open -> write .file, or the name .tmp -> kn_beside_keep, or kn_beside_drop
 #include <stdbool.h>

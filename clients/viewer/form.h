@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_VIEWER_FORM_H
 #define KN_CLIENTS_VIEWER_FORM_H
-// Triangles in OpenGL's memory, ready to be drawn: an object's skin, which is given anew with every picture, and the unit
-// solids that tools, arrows and the table are made of. They go with their context: nothing is deleted singly.
+// Triangles in OpenGL's memory, ready to be drawn: an object's skin, which is given anew with every picture, and the
+// unit solids that tools, arrows and the table are made of. They go with their context: nothing is deleted singly.
 #include "clients/viewer/gl.h"
 
 typedef struct kn_form {

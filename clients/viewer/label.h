@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_VIEWER_LABEL_H
 #define KN_CLIENTS_VIEWER_LABEL_H
-// What is written on a picture: what it is of, how long the bar on the table is, what the colours mean. Cairo's text, in
-// whatever sans-serif face fontconfig has.
+// What is written on a picture: what it is of, how long the bar on the table is, what the colours mean. Cairo's text,
+// in whatever sans-serif face fontconfig has.
 #include "clients/viewer/scale.h"
 #include <stdbool.h>
 #include <stdint.h>

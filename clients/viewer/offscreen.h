@@ -2,9 +2,9 @@
 #define KN_CLIENTS_VIEWER_OFFSCREEN_H
 // A place to draw without a window: an OpenGL 3.3 core context, frame buffers of a given size, and their pixels.
 //
-// Two back ends (offscreen_backend.h): OSMesa, Mesa's software rasteriser as a library of its own, which Mesa 25.1 dropped,
-// and EGL's surfaceless platform; no display, no GPU, no root. KNEAD_GL=osmesa or =egl of the environment chooses; without
-// it the first of the two that is there. Not thread safe: one thread opens, draws, reads and closes.
+// Two back ends (offscreen_backend.h): OSMesa, Mesa's software rasteriser as a library of its own, which Mesa 25.1
+// dropped, and EGL's surfaceless platform; no display, no GPU, no root. KNEAD_GL=osmesa or =egl of the environment
+// chooses; without it the first of the two that is there. Not thread safe: one thread opens, draws, reads and closes.
 //
 // The library is loaded when the first picture is wanted, not when the program starts: it brings 117 MB of LLVM, which
 // `knead probe` must neither wait for (25 ms) nor lock into memory.

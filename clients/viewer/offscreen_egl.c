@@ -1,6 +1,6 @@
-// A back end of offscreen: EGL on Mesa's surfaceless platform, for a Mesa that has no OSMesa any more (25.1). No libEGL is
-// linked. Drawn in software like the other one, unless the environment says LIBGL_ALWAYS_SOFTWARE=0: a GPU's driver beside
-// the servo is nothing that a viewer should bring along unasked.
+// A back end of offscreen: EGL on Mesa's surfaceless platform, for a Mesa that has no OSMesa any more (25.1). No libEGL
+// is linked. Drawn in software like the other one, unless the environment says LIBGL_ALWAYS_SOFTWARE=0: a GPU's driver
+// beside the servo is nothing that a viewer should bring along unasked.
 #define EGL_NO_X11
 #include "clients/viewer/offscreen_backend.h"
 #include <EGL/egl.h>

@@ -2,13 +2,12 @@
 #include "clients/viewer/camera.h"
 #include "clients/viewer/form.h"
 #include "clients/viewer/offscreen.h"
+#include "clients/viewer/region.h"
 #include "clients/viewer/scale.h"
 #include "clients/viewer/shaders.h"
 #include "clients/viewer/skin.h"
+#include "clients/viewer/tool.h"
 #include "clients/viewer/vec.h"
-#include "core/field.h"
-#include "core/outside.h"
-#include "core/turn.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -16,12 +15,7 @@
 #define SHADOW_SIZE(r) ((r)->samples > 1 ? 1024 : 512) // texels: 0.16 mm each on a 5 cm block, or twice that
 #define LIT_RADIUS 1.6f          // of the object's longest side, around it: where shadows are cast
 #define SHADOW_BIAS 3.0f         // 1.5 texels off the surface
-#define PLATE_THICKNESS_M 0.002
-#define ARROW_SQUARES_PER_N 0.2f
-#define ARROW_LEAST_N 0.05f
 #define HAND_LINE 0.008f // its width, of half the picture's height
-#define HAND_AWAY_M 0.0005
-#define HAND_TURNED_COS 0.9986f // 3 degrees
 
 static const float table_color[3] = {0.925f, 0.93f, 0.935f}; // the background too: the table fades into it
 static const float tool_color[3] = {0.45f, 0.52f, 0.60f};
@@ -34,9 +28,8 @@ struct kn_renderer {
     const kn_gl *gl;
     GLuint depth, solid, table, edge; // programs
     GLuint shadow_frame, shadow_map;
-    kn_form box, ball, rod, cone, square, object, edges;
-    kn_form tool[KN_PROBES_MAX];        // meshes, where a probe has one
-    uint64_t tool_hash[KN_PROBES_MAX]; // of which
+    kn_tools tools;
+    kn_form square, object, edges;
     kn_skin *skin;
     float *corners; // [triangle_count][3][6]
     int width, height, samples;
@@ -46,7 +39,6 @@ struct kn_renderer {
     float backdrop_camera[16]; // that the backdrop was drawn for; zero: none yet
     float last_camera[16];     // of the picture before
     float square_m;
-    double thickness_m; // of the scene that is drawn
 };
 
 kn_view_scene kn_view_scene_default(void)
@@ -59,19 +51,9 @@ kn_view_scene kn_view_scene_default(void)
 
 static void create_shapes(kn_renderer *r)
 {
-    static const float box[][2] = {{0, 0}, {0.70710678f, 0}, {0.70710678f, 1}, {0, 1}};
-    static const float rod[][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}}, cone[][2] = {{0, 0}, {1, 0}, {0, 1}};
     static const float square[] = {-1, -1, 0, 0, 0, 1, 1, -1, 0, 0, 0, 1, 1,  1, 0, 0, 0, 1,
                                    -1, -1, 0, 0, 0, 1, 1, 1,  0, 0, 0, 1, -1, 1, 0, 0, 0, 1};
-    float ball[17][2];
-    for (int i = 0; i < 17; i++) {
-        ball[i][0] = i % 16 == 0 ? 0 : sinf(3.1415927f * (float)i / 16);
-        ball[i][1] = -cosf(3.1415927f * (float)i / 16);
-    }
-    r->box = kn_form_turn(r->gl, 4, box, 4);
-    r->rod = kn_form_turn(r->gl, 4, rod, 24);
-    r->cone = kn_form_turn(r->gl, 3, cone, 24);
-    r->ball = kn_form_turn(r->gl, 17, (const float(*)[2])ball, 32);
+    r->tools = kn_tools_create(r->gl);
     r->square = kn_form_create(r->gl);
     kn_form_corners(r->gl, &r->square, 6, square, GL_STATIC_DRAW);
     r->object = kn_form_create(r->gl);
@@ -277,190 +259,15 @@ static void draw_shape(const kn_renderer *r, GLuint program, const kn_form *s, c
 
 // ---- tools
 
-#define SOLIDS_MAX (3 * KN_PARTS_MAX) // a capsule is three
-
-typedef struct solid { // a unit shape, and where it is
-    const kn_form *shape;
-    float place[16];
-} solid;
-
-typedef struct frame { // of a tool: where its own axes point, and its origin
-    float axis[3][3], at[3];
-} frame;
-
-static frame frame_of(const kn_view_probe *p)
-{
-    static const double level[4] = {1}; // plates stay it
-    frame f;
-    double unit[4], r[3][3];
-    kn_turn_unit(p->def.shape == KN_PROBE_PLATE ? level : p->orientation_wxyz, unit);
-    kn_turn_matrix(unit, r);
-    for (int i = 0; i < 3; i++) {
-        f.at[i] = (float)p->position_m[i];
-        for (int k = 0; k < 3; k++) f.axis[k][i] = (float)r[i][k];
-    }
-    return f;
-}
-
-// z up along the tool from its origin, sides stretched by x, y, height.
-static solid solid_at(const frame *f, const kn_form *s, double z, double x, double y, double height)
-{
-    const float size[3] = {(float)x, (float)y, (float)height};
-    solid out = {.shape = s, .place[15] = 1};
-    for (int i = 0; i < 3; i++) {
-        for (int k = 0; k < 3; k++) out.place[4 * k + i] = size[k] * f->axis[k][i];
-        out.place[12 + i] = f->at[i] + (float)z * f->axis[2][i];
-    }
-    return out;
-}
-
-// Where the axes and the origin of a part of it are.
-static frame frame_within(const frame *tool, const kn_solid *part)
-{
-    frame f = {.at = {tool->at[0], tool->at[1], tool->at[2]}};
-    for (int i = 0; i < 3; i++)
-        for (int k = 0; k < 3; k++) {
-            f.at[i] += (float)part->at_m[k] * tool->axis[k][i];
-            for (int j = 0; j < 3; j++) f.axis[k][i] += (float)part->turn[j][k] * tool->axis[j][i];
-        }
-    return f;
-}
-
-// What a mesh tool looks like, when it is seen first. Out of memory: nothing is drawn.
-static void load_tool(kn_renderer *r, int probe, const kn_field *f)
-{
-    float (*x)[3] = malloc((size_t)f->vertex_count * sizeof *x);
-    float *corners = malloc((size_t)f->triangle_count * 18 * sizeof *corners);
-    for (int i = 0; x && i < f->vertex_count; i++)
-        for (int k = 0; k < 3; k++) x[i][k] = (float)f->x_m[i][k];
-    kn_skin *skin = x && corners ? kn_skin_create(f->vertex_count, (const float(*)[3])x, f->triangle_count,
-                                                  (const int(*)[3])f->triangle) : NULL;
-    if (r->tool[probe].array == 0) r->tool[probe] = kn_form_create(r->gl);
-    r->tool[probe].corners = 0;
-    r->tool_hash[probe] = f->hash;
-    if (skin) {
-        kn_skin_corners(skin, (const float(*)[3])x, corners);
-        kn_form_corners(r->gl, &r->tool[probe], 3 * f->triangle_count, corners, GL_STATIC_DRAW);
-    }
-    kn_skin_destroy(skin);
-    free(corners);
-    free(x);
-}
-
-static void load_tools(kn_renderer *r, const kn_view_scene *scene)
-{
-    for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++) {
-        const kn_shape *parts = scene->probe[i].def.parts;
-        const kn_field *field = parts ? parts->part[0].field : NULL;
-        if (field && field->hash != r->tool_hash[i]) load_tool(r, i, field);
-    }
-}
-
-static const kn_form *tool_of(const kn_renderer *r, const kn_field *field)
-{
-    int i = 0;
-    while (i < KN_PROBES_MAX - 1 && r->tool_hash[i] != field->hash) i++;
-    return &r->tool[i];
-}
-
-// Rounded edges are drawn sharp.
-static int solids_of_part(const kn_renderer *r, const frame *tool, const kn_solid *p, solid *out)
-{
-    const frame f = frame_within(tool, p);
-    const double radius = p->radius_m, length = p->length_m, *half = p->half_m, wide = half[0] + radius;
-    switch (p->kind) {
-    case KN_SOLID_FIELD: out[0] = solid_at(&f, tool_of(r, p->field), 0, 1, 1, 1); return 1;
-    case KN_SOLID_BOX: out[0] = solid_at(&f, &r->box, 0, 2 * wide, 2 * (half[1] + radius), length); return 1;
-    case KN_SOLID_CYLINDER: out[0] = solid_at(&f, &r->rod, 0, wide, wide, length); return 1;
-    case KN_SOLID_SPHERE: out[0] = solid_at(&f, &r->ball, 0, radius, radius, radius); return 1;
-    default:
-        out[0] = solid_at(&f, &r->ball, 0, radius, radius, radius);
-        out[1] = solid_at(&f, &r->rod, 0, radius, radius, length);
-        out[2] = solid_at(&f, &r->ball, length, radius, radius, radius);
-        return 3;
-    }
-}
-
-static int solids_of(const kn_renderer *r, const kn_view_probe *p, solid out[SOLIDS_MAX])
-{
-    const frame f = frame_of(p);
-    const double *size = p->def.size_m, flat = r->thickness_m;
-    int count = 0;
-    kn_shape tool = {0};
-    if (flat > 0 && p->def.shape == KN_PROBE_SPHERE) {
-        const frame across = {{{1, 0, 0}, {0, 0, -1}, {0, 1, 0}}, {f.at[0], f.at[1], f.at[2]}};
-        out[0] = solid_at(&across, &r->rod, -0.5 * flat, p->def.radius_m, p->def.radius_m, flat);
-        return 1;
-    }
-    if (flat > 0 && p->def.shape == KN_PROBE_PLATE) {
-        out[0] = solid_at(&f, &r->box, 0, size[0], flat, PLATE_THICKNESS_M);
-        return 1;
-    }
-    if (p->def.shape == KN_PROBE_PLATE) out[count++] = solid_at(&f, &r->box, 0, size[0], size[1], PLATE_THICKNESS_M);
-    kn_outside_shape(&p->def, &tool);
-    for (int i = 0; i < tool.part_count; i++) count += solids_of_part(r, &f, &tool.part[i], out + count);
-    return count;
-}
-
-static double height_of(const kn_probe_def *def) // of its back above its origin
-{
-    kn_shape tool = {0};
-    if (def->shape == KN_PROBE_PLATE) return PLATE_THICKNESS_M;
-    kn_outside_shape(def, &tool);
-    return kn_shape_support(&tool, (double[]){0, 0, 1});
-}
-
-typedef struct arrow {
-    float tail[3], direction[3], length; // length 0: none
-} arrow;
-
-// Beyond the tool whichever way it points: a push into the hand begins at the tool's back, a pull ends there.
-static arrow arrow_of(const kn_renderer *r, const kn_view_probe *p)
-{
-    arrow a = {.direction = {(float)p->force_n[0], (float)p->force_n[1], (float)p->force_n[2]}};
-    float newton = kn_normalize(a.direction);
-    if (!(newton >= ARROW_LEAST_N) || !isfinite(newton)) return (arrow){0};
-    a.length = ARROW_SQUARES_PER_N * newton * r->square_m;
-    const frame f = frame_of(p);
-    const bool pull = kn_dot(a.direction, f.axis[2]) < 0;
-    for (int i = 0; i < 3; i++) {
-        a.tail[i] = f.at[i] + (float)height_of(&p->def) * f.axis[2][i];
-        if (pull) a.tail[i] -= a.length * a.direction[i];
-    }
-    return a;
-}
-
-static void draw_arrow(const kn_renderer *r, GLuint program, const arrow *a)
+static void draw_arrow(const kn_renderer *r, GLuint program, const kn_tool_arrow *a)
 {
     float m[16], at[3];
     float width = fminf(0.08f * r->square_m, a->length / 4.5f), head = 3 * width; // a short arrow is small, not stubby
     place(m, a->tail, a->direction, width, width, a->length - head);
-    draw_shape(r, program, &r->rod, m, arrow_color, 0.1f, 0);
+    draw_shape(r, program, &r->tools.rod, m, arrow_color, 0.1f, 0);
     for (int i = 0; i < 3; i++) at[i] = a->tail[i] + (a->length - head) * a->direction[i];
     place(m, at, a->direction, 2 * width, 2 * width, head);
-    draw_shape(r, program, &r->cone, m, arrow_color, 0.1f, 0);
-}
-
-static bool somewhere(const kn_view_probe *p) // finite
-{
-    const double *x = p->position_m, *q = p->orientation_wxyz;
-    return isfinite(x[0] + x[1] + x[2] + q[0] + q[1] + q[2] + q[3]);
-}
-
-// The hand as a tool without force. False: it is where its tool is, or nobody's.
-static bool hand_of(const kn_view_scene *scene, const kn_view_probe *p, kn_view_probe *hand)
-{
-    const double *x = p->position_m, *y = p->hand_position_m;
-    if (!scene->hands || !p->held) return false;
-    *hand = *p;
-    memcpy(hand->position_m, y, sizeof hand->position_m);
-    memcpy(hand->orientation_wxyz, p->hand_orientation_wxyz, sizeof hand->orientation_wxyz);
-    memset(hand->force_n, 0, sizeof hand->force_n);
-    if (!somewhere(hand)) return false;
-    const frame tool = frame_of(p), held = frame_of(hand);
-    float least = 1; // cosine of the largest turn of an axis
-    for (int i = 0; i < 3; i++) least = fminf(least, kn_dot(tool.axis[i], held.axis[i]));
-    return hypot(hypot(x[0] - y[0], x[1] - y[1]), x[2] - y[2]) > HAND_AWAY_M || least < HAND_TURNED_COS;
+    draw_shape(r, program, &r->tools.cone, m, arrow_color, 0.1f, 0);
 }
 
 // Its outline, through everything: what is left of the insides of a slightly larger one behind the hand itself.
@@ -470,8 +277,8 @@ static void draw_hand(const kn_renderer *r, const kn_view_probe *hand)
     const double *x = hand->position_m;
     const float *eye = r->camera.eye;
     const float away = hypotf(hypotf((float)x[0] - eye[0], (float)x[1] - eye[1]), (float)x[2] - eye[2]);
-    solid s[SOLIDS_MAX];
-    const int count = solids_of(r, hand, s);
+    kn_tool_solid s[KN_TOOL_SOLIDS_MAX];
+    const int count = kn_tool_solids(&r->tools, hand, s);
     gl->Clear(GL_DEPTH_BUFFER_BIT);
     for (int outline = 0; outline < 2; outline++) {
         const GLboolean seen = outline ? GL_TRUE : GL_FALSE;
@@ -492,17 +299,17 @@ static void draw_hands(const kn_renderer *r, const kn_view_scene *scene)
     kn_view_probe hand;
     r->gl->UseProgram(r->solid);
     for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
-        if (hand_of(scene, &scene->probe[i], &hand)) draw_hand(r, &hand);
+        if (kn_tool_hand(scene, &scene->probe[i], &hand)) draw_hand(r, &hand);
 }
 
 static void draw_probe(const kn_renderer *r, GLuint program, const kn_view_probe *p)
 {
     if (p->outside && program == r->depth) return;
-    solid s[SOLIDS_MAX];
-    for (int i = 0, n = solids_of(r, p, s); i < n; i++)
+    kn_tool_solid s[KN_TOOL_SOLIDS_MAX];
+    for (int i = 0, n = kn_tool_solids(&r->tools, p, s); i < n; i++)
         draw_shape(r, program, s[i].shape, s[i].place, p->outside ? outside_color : tool_color,
-                   s[i].shape == &r->box ? 0.25f : 0.5f, 0);
-    arrow a = arrow_of(r, p);
+                   s[i].shape == &r->tools.box ? 0.25f : 0.5f, 0);
+    kn_tool_arrow a = kn_tool_arrow_of(p, r->square_m);
     if (a.length > 0) draw_arrow(r, program, &a);
 }
 
@@ -541,7 +348,7 @@ static void draw_solids(const kn_renderer *r, GLuint program, const kn_view_scen
 {
     draw_object(r, program, scene);
     for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
-        if (somewhere(&scene->probe[i])) draw_probe(r, program, &scene->probe[i]);
+        if (kn_tool_somewhere(&scene->probe[i])) draw_probe(r, program, &scene->probe[i]);
 }
 
 static void clear_shadow_map(const kn_renderer *r)
@@ -582,8 +389,8 @@ static void use_lit(const kn_renderer *r, GLuint program)
     set_number(gl, program, "u_height", r->skin->rest_high[2] - r->skin->rest_low[2]);
 }
 
-// Where the object stands on the table now: the box around what is in its lowest quarter, and the radius of its corners:
-// |x| + |y| reaches 2 half sides in a rectangle and sqrt 2 of them in an ellipse.
+// Where the object stands on the table now: the box around what is in its lowest quarter, and the radius of its
+// corners: |x| + |y| reaches 2 half sides in a rectangle and sqrt 2 of them in an ellipse.
 static float footprint(const kn_skin *s, const float (*xyz)[3], float foot[4])
 {
     float quarter = s->rest_low[2] + 0.25f * (s->rest_high[2] - s->rest_low[2]);
@@ -675,102 +482,6 @@ static bool draw_backdrop(kn_renderer *r)
     return true;
 }
 
-// ---- the part of the picture that an object, its probes and their shadows take up
-
-typedef struct extent {
-    float low[2], high[2]; // -1..1 across the picture
-} extent;
-
-typedef struct parts { // everything that stands on the table, and what of the table is not as without it
-    extent all, table;
-} parts;
-
-static void cover(const kn_renderer *r, extent *e, const float p[3])
-{
-    const float *m = r->camera.matrix;
-    float w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
-    for (int i = 0; i < 2; i++) {
-        float at = (m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i]) / w;
-        bool known = w > 0; // behind the camera it may come out anywhere
-        e->low[i] = fminf(e->low[i], known ? at : -1);
-        e->high[i] = fmaxf(e->high[i], known ? at : 1);
-    }
-}
-
-static void cover_point(const kn_renderer *r, parts *e, const float p[3]) // and its shadow on the table
-{
-    float q[3], down = fmaxf(0, p[2] - level_of(r)) / r->key[2];
-    cover(r, &e->all, p);
-    for (int i = 0; i < 3; i++) q[i] = p[i] - down * r->key[i];
-    cover(r, &e->all, q);
-    cover(r, &e->table, q);
-}
-
-static void cover_solid(const kn_renderer *r, parts *e, const solid *s) // the box around its unit shape
-{
-    const float *m = s->place, half = s->shape->half;
-    for (int corner = 0; corner < 8; corner++) {
-        float x = corner & 1 ? half : -half, y = corner & 2 ? half : -half, p[3];
-        float z = corner & 4 ? s->shape->high : s->shape->low;
-        for (int i = 0; i < 3; i++) p[i] = m[i] * x + m[4 + i] * y + m[8 + i] * z + m[12 + i];
-        cover_point(r, e, p);
-    }
-}
-
-static void cover_probe(const kn_renderer *r, parts *e, const kn_view_probe *p)
-{
-    solid s[SOLIDS_MAX];
-    for (int i = 0, n = solids_of(r, p, s); i < n; i++) cover_solid(r, e, &s[i]);
-    arrow a = arrow_of(r, p);
-    if (!(a.length > 0)) return;
-    float wide = 0.2f * r->square_m; // more than the head
-    frame f = {.axis = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
-    for (int end = 0; end < 2; end++) {
-        for (int i = 0; i < 3; i++) f.at[i] = a.tail[i] + (end ? a.length : 0) * a.direction[i];
-        solid around_end = solid_at(&f, &r->ball, 0, wide, wide, wide);
-        cover_solid(r, e, &around_end);
-    }
-}
-
-static int pixel(float at, int size, int margin) // of -1..1, inside the picture
-{
-    float p = 0.5f * (at + 1) * (float)size + (float)margin;
-    return (int)fminf(fmaxf(p, 0), (float)size);
-}
-
-static kn_gl_region around(const kn_renderer *r, const extent *e)
-{
-    kn_gl_region g = {pixel(e->low[0], r->width, -2), pixel(e->low[1], r->height, -2), 0, 0};
-    g.width = pixel(e->high[0], r->width, 3) - g.x;
-    g.height = pixel(e->high[1], r->height, 3) - g.y;
-    return g.width > 0 && g.height > 0 ? g : (kn_gl_region){0};
-}
-
-static void find_regions(const kn_renderer *r, const kn_view_scene *scene, const float foot[4], kn_gl_region *all,
-                         kn_gl_region *table)
-{
-    static const extent nothing = {{INFINITY, INFINITY}, {-INFINITY, -INFINITY}};
-    parts e = {nothing, nothing};
-    for (int v = 0; v < r->skin->vertex_count; v++) {
-        const float *p = scene->xyz[v];
-        if (isfinite(p[0] + p[1] + p[2])) cover_point(r, &e, p);
-    }
-    for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
-        if (somewhere(&scene->probe[i])) cover_probe(r, &e, &scene->probe[i]);
-    kn_view_probe hand;
-    for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
-        if (hand_of(scene, &scene->probe[i], &hand)) cover_probe(r, &e, &hand);
-    float dim = 0.6f * (r->skin->rest_high[2] - r->skin->rest_low[2]); // where the darkening of the table ends
-    for (int corner = 0; corner < 4 && foot[0] <= foot[2]; corner++) {
-        float p[3] = {corner & 1 ? foot[2] + dim : foot[0] - dim, corner & 2 ? foot[3] + dim : foot[1] - dim,
-                      level_of(r)};
-        cover(r, &e.all, p);
-        cover(r, &e.table, p);
-    }
-    *all = around(r, &e.all);
-    *table = around(r, &e.table);
-}
-
 static void set_values(const kn_gl *gl, const kn_form *s, const float *value, int count)
 {
     gl->BindVertexArray(s->array);
@@ -821,13 +532,14 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     const kn_gl *gl = kn_offscreen_begin(r->screen);
     const kn_gl_target *target = kn_offscreen_target(r->screen);
     float foot[4];
-    r->thickness_m = scene->thickness_m;
-    load_tools(r, scene);
+    kn_tools_load(&r->tools, scene);
     aim(r, scene);
     light_up(r, scene);
     float corner = footprint(r->skin, scene->xyz, foot);
     kn_gl_region region, table;
-    find_regions(r, scene, foot, &region, &table);
+    const kn_region_def seen = {&r->camera, r->key, r->width, r->height, level_of(r), r->square_m,
+                                0.6f * (r->skin->rest_high[2] - r->skin->rest_low[2])};
+    kn_region_find(&seen, &r->tools, scene, r->skin->vertex_count, foot, &region, &table);
     upload(r, scene);
     const bool before_backdrop = draw_backdrop(r);
     const kn_gl_region all = {0, 0, r->width, r->height};

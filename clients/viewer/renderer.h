@@ -1,13 +1,13 @@
 #ifndef KN_CLIENTS_VIEWER_RENDERER_H
 #define KN_CLIENTS_VIEWER_RENDERER_H
-// A picture of an object: its skin, lit from the left of whoever looks, with a cast shadow and the lines of the lattice;
-// the probes and an arrow for what the hand feels; a table with squares of 1 cm (or the power of ten that fits). The skin
-// may have the colours of numbers (scale.h), and the lattice may stand there as bare lines.
+// A picture of an object: its skin, lit from the left of whoever looks, with a cast shadow and the lines of the
+// lattice; the probes and an arrow for what the hand feels; a table with squares of 1 cm (or the power of ten that
+// fits). The skin may have the colours of numbers (scale.h), and the lattice may stand there as bare lines.
 //
 //     kn_renderer_open -> kn_renderer_mesh -> kn_renderer_draw, as often as positions come -> kn_renderer_close
 //
-// The same input gives the same bytes on the same Mesa. Frame: scene frame of proto/README.md, metres, z up.
-// One thread; everything is allocated by open and mesh, nothing by draw (Mesa itself may, and the first picture of a tool
+// The same input gives the same bytes on the same Mesa. Frame: scene frame of proto/README.md, metres, z up. One
+// thread; everything is allocated by open and mesh, nothing by draw (Mesa itself may, and the first picture of a tool
 // that is a mesh).
 #include "core/model.h"
 #include <stdint.h>
@@ -58,8 +58,9 @@ kn_view_scene kn_view_scene_default(void);
 // offscreen.h: size, library).
 kn_renderer *kn_renderer_open(int width, int height, int samples, char *error, size_t error_size);
 
-// The object's topology and its shape at rest, which decides creases (skin.h) and frames the camera: it stands still while
-// the object is deformed. May be called again. False: not a mesh (skin.h) or out of memory; the old one is gone then.
+// The object's topology and its shape at rest, which decides creases (skin.h) and frames the camera: it stands still
+// while the object is deformed. May be called again. False: not a mesh (skin.h) or out of memory; the old one is gone
+// then.
 bool kn_renderer_mesh(kn_renderer *renderer, int vertex_count, const float (*rest)[3], int triangle_count,
                       const int (*triangle)[3]);
 
@@ -67,8 +68,8 @@ bool kn_renderer_mesh(kn_renderer *renderer, int vertex_count, const float (*res
 // vertex that is not finite are left out.
 void kn_renderer_draw(kn_renderer *renderer, const kn_view_scene *scene, uint8_t *rgba);
 
-// The bar on the table: its length, and where the middle of its nearer edge is in the picture, pixels from the upper left
-// corner.
+// The bar on the table: its length, and where the middle of its nearer edge is in the picture, pixels from the upper
+// left corner.
 double kn_renderer_bar(const kn_renderer *renderer, float at[2]);
 
 void kn_renderer_close(kn_renderer *renderer); // NULL is fine

@@ -48,7 +48,7 @@ double kn_scale_tick(const kn_scale *scale, int i, char *text, size_t size)
     char unit[16];
     double by = prefix(scale, unit), first = scale->top / pow(10, floor(log10(scale->top * 1.000001)));
     const bool thirds = fabs(first - 1.5) < 1e-6 || fabs(first - 3) < 1e-6 || fabs(first - 6) < 1e-6;
-    const int ticks = thirds ? 3 : first < 1.5 || first > 4.5 ? 5 : 4; // 1 and 5 in fifths, 2 in quarters; others as they come
+    const int ticks = thirds ? 3 : first < 1.5 || first > 4.5 ? 5 : 4; // 1 and 5 in fifths
     if (i > ticks) return -1;
     snprintf(text, size, "%.3g", by * scale->top * i / ticks);
     return (double)i / ticks;

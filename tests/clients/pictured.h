@@ -1,7 +1,7 @@
 #ifndef KN_TESTS_CLIENTS_PICTURED_H
 #define KN_TESTS_CLIENTS_PICTURED_H
-// A block that tests take pictures of: 5 x 5 x 3 cm in cells of 5 mm, at rest and with a dent of 1 cm across its top; and
-// what is what in a picture, by its colour.
+// A block that tests take pictures of: 5 x 5 x 3 cm in cells of 5 mm, at rest and with a dent of 1 cm across its top;
+// and what is what in a picture, by its colour.
 #include "clients/viewer/renderer.h"
 #include "core/surface.h"
 #include "tests/check.h"

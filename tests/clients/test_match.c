@@ -45,7 +45,7 @@ TEST("of the same mesh the same vertices are compared: an object is nowhere from
     kn_still_free(&a), kn_still_free(&b), kn_still_free(&flat);
 }
 
-TEST("of another mesh the nearest at rest: the same shape differs by what lies between vertices, a bent one by the bend")
+TEST("of another mesh the nearest at rest: the same shape differs by what is between vertices, a bent one by its bend")
 {
     kn_match m;
     kn_still coarse = sheet(21, 0, 0.002f), fine = sheet(44, 0, 0.002f), flat = sheet(44, 0, 0);

@@ -19,7 +19,8 @@ static uint8_t *drawn_by(const char *way, const block *b, char *error, size_t er
     kn_renderer *r = kn_renderer_open(WIDTH, HEIGHT, 4, error, error_size);
     unsetenv("KNEAD_GL");
     if (!r) return NULL;
-    CHECK(kn_renderer_mesh(r, b->surface->vertex_count, (const float(*)[3])b->rest, b->surface->triangle_count, triangles(b)));
+    CHECK(kn_renderer_mesh(r, b->surface->vertex_count, (const float(*)[3])b->rest, b->surface->triangle_count,
+                           triangles(b)));
     uint8_t *rgba = draw(r, pressed(), b->dented), *again = draw(r, pressed(), b->dented);
     CHECK(memcmp(rgba, again, PIXELS * 4) == 0);
     free(again);

@@ -1,5 +1,6 @@
-// Pictures held against pictures: tests/clients/pictures/NAME.png, 176 x 99, which were looked at. Another Mesa may draw
-// other pixels along an outline; what is missing, mirrored or of another colour is told, and the mutations below prove it.
+// Pictures held against pictures: tests/clients/pictures/NAME.png, 176 x 99, which were looked at. Another Mesa may
+// draw other pixels along an outline; what is missing, mirrored or of another colour is told, and the mutations below
+// prove it.
 //
 //     KN_PICTURES=write build/release/tests/test_clients_pictures       draws the references anew: look at them
 //
@@ -69,7 +70,8 @@ static uint8_t *drawn(const look *l)
     if (l->colored) scene.value = value;
     scene.probe_count = l->tool != NO_TOOL;
     if (l->tool != NO_TOOL)
-        scene.probe[0] = (kn_view_probe){.def = tools[l->tool], .position_m = {0, 0, l->tool == KN_PROBE_PLATE ? 0.02 : 0.034},
+        scene.probe[0] = (kn_view_probe){.def = tools[l->tool],
+                                         .position_m = {0, 0, l->tool == KN_PROBE_PLATE ? 0.02 : 0.034},
                                          .force_n = {0, 0, l->force_n}, .held = l->hand_z_m > 0,
                                          .hand_position_m = {0, 0, l->hand_z_m}};
     kn_renderer_draw(renderer, &scene, rgba);
@@ -162,7 +164,7 @@ static void differs(const look *l, const look *mutated, const char *what)
     free(now);
 }
 
-TEST("and would be told different: without arrow, tool, hand or dent, mirrored, in other colours, another style or place")
+TEST("and would be told different: without arrow, tool, hand or dent, mirrored, in other colours or style")
 {
     open_all();
     for (int i = 0; i < LOOKS; i++) {

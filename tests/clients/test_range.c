@@ -69,7 +69,8 @@ TEST("a block stands as high as it is over its whole footprint, and nothing besi
     for (int i = 0; i < PIXELS; i++) {
         if (b->level[i] == 0) continue;
         over++;
-        if (fabs((b->level[i] - 1) * r.step_m - 0.03) > r.step_m) KN_TEST_FAIL("pixel %d stands at level %d", i, b->level[i]);
+        if (fabs((b->level[i] - 1) * r.step_m - 0.03) > r.step_m)
+            KN_TEST_FAIL("pixel %d stands at level %d", i, b->level[i]);
     }
     CHECK_NEAR(over * r.pixel_m * r.pixel_m, 0.05 * 0.05, 0.01 * 0.05 * 0.05);
     CHECK_NEAR(r.pixel_m, 0.0002, 1e-12);

@@ -1,0 +1,202 @@
+#include "clients/viewer/tool.h"
+#include "clients/viewer/skin.h"
+#include "clients/viewer/vec.h"
+#include "core/field.h"
+#include "core/outside.h"
+#include "core/turn.h"
+#include <stdlib.h>
+#include <string.h>
+
+#define PLATE_THICKNESS_M 0.002
+#define ARROW_SQUARES_PER_N 0.2f
+#define ARROW_LEAST_N 0.05f
+#define HAND_AWAY_M 0.0005
+#define HAND_TURNED_COS 0.9986f // 3 degrees
+
+kn_tools kn_tools_create(const kn_gl *gl)
+{
+    static const float box[][2] = {{0, 0}, {0.70710678f, 0}, {0.70710678f, 1}, {0, 1}};
+    static const float rod[][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}}, cone[][2] = {{0, 0}, {1, 0}, {0, 1}};
+    float ball[17][2];
+    for (int i = 0; i < 17; i++) {
+        ball[i][0] = i % 16 == 0 ? 0 : sinf(3.1415927f * (float)i / 16);
+        ball[i][1] = -cosf(3.1415927f * (float)i / 16);
+    }
+    kn_tools t = {.gl = gl};
+    t.box = kn_form_turn(gl, 4, box, 4);
+    t.rod = kn_form_turn(gl, 4, rod, 24);
+    t.cone = kn_form_turn(gl, 3, cone, 24);
+    t.ball = kn_form_turn(gl, 17, (const float(*)[2])ball, 32);
+    return t;
+}
+
+typedef struct frame { // of a tool: where its own axes point, and its origin
+    float axis[3][3], at[3];
+} frame;
+
+static frame frame_of(const kn_view_probe *p)
+{
+    static const double level[4] = {1}; // plates stay it
+    frame f;
+    double unit[4], r[3][3];
+    kn_turn_unit(p->def.shape == KN_PROBE_PLATE ? level : p->orientation_wxyz, unit);
+    kn_turn_matrix(unit, r);
+    for (int i = 0; i < 3; i++) {
+        f.at[i] = (float)p->position_m[i];
+        for (int k = 0; k < 3; k++) f.axis[k][i] = (float)r[i][k];
+    }
+    return f;
+}
+
+// z up along the tool from its origin, sides stretched by x, y, height.
+static kn_tool_solid solid_at(const frame *f, const kn_form *s, double z, double x, double y, double height)
+{
+    const float size[3] = {(float)x, (float)y, (float)height};
+    kn_tool_solid out = {.shape = s, .place[15] = 1};
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 3; k++) out.place[4 * k + i] = size[k] * f->axis[k][i];
+        out.place[12 + i] = f->at[i] + (float)z * f->axis[2][i];
+    }
+    return out;
+}
+
+// Where the axes and the origin of a part of it are.
+static frame frame_within(const frame *tool, const kn_solid *part)
+{
+    frame f = {.at = {tool->at[0], tool->at[1], tool->at[2]}};
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++) {
+            f.at[i] += (float)part->at_m[k] * tool->axis[k][i];
+            for (int j = 0; j < 3; j++) f.axis[k][i] += (float)part->turn[j][k] * tool->axis[j][i];
+        }
+    return f;
+}
+
+// What a mesh tool looks like, when it is seen first. Out of memory: nothing is drawn.
+static void load_mesh(kn_tools *t, int probe, const kn_field *f)
+{
+    float (*x)[3] = malloc((size_t)f->vertex_count * sizeof *x);
+    float *corners = malloc((size_t)f->triangle_count * 18 * sizeof *corners);
+    for (int i = 0; x && i < f->vertex_count; i++)
+        for (int k = 0; k < 3; k++) x[i][k] = (float)f->x_m[i][k];
+    kn_skin *skin = x && corners ? kn_skin_create(f->vertex_count, (const float(*)[3])x, f->triangle_count,
+                                                  (const int(*)[3])f->triangle) : NULL;
+    if (t->mesh[probe].array == 0) t->mesh[probe] = kn_form_create(t->gl);
+    t->mesh[probe].corners = 0;
+    t->hash[probe] = f->hash;
+    if (skin) {
+        kn_skin_corners(skin, (const float(*)[3])x, corners);
+        kn_form_corners(t->gl, &t->mesh[probe], 3 * f->triangle_count, corners, GL_STATIC_DRAW);
+    }
+    kn_skin_destroy(skin);
+    free(corners);
+    free(x);
+}
+
+void kn_tools_load(kn_tools *t, const kn_view_scene *scene)
+{
+    t->thickness_m = scene->thickness_m;
+    for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++) {
+        const kn_shape *parts = scene->probe[i].def.parts;
+        const kn_field *field = parts ? parts->part[0].field : NULL;
+        if (field && field->hash != t->hash[i]) load_mesh(t, i, field);
+    }
+}
+
+static const kn_form *tool_of(const kn_tools *t, const kn_field *field)
+{
+    int i = 0;
+    while (i < KN_PROBES_MAX - 1 && t->hash[i] != field->hash) i++;
+    return &t->mesh[i];
+}
+
+// Rounded edges are drawn sharp.
+static int solids_of_part(const kn_tools *t, const frame *tool, const kn_solid *p, kn_tool_solid *out)
+{
+    const frame f = frame_within(tool, p);
+    const double radius = p->radius_m, length = p->length_m, *half = p->half_m, wide = half[0] + radius;
+    switch (p->kind) {
+    case KN_SOLID_FIELD: out[0] = solid_at(&f, tool_of(t, p->field), 0, 1, 1, 1); return 1;
+    case KN_SOLID_BOX: out[0] = solid_at(&f, &t->box, 0, 2 * wide, 2 * (half[1] + radius), length); return 1;
+    case KN_SOLID_CYLINDER: out[0] = solid_at(&f, &t->rod, 0, wide, wide, length); return 1;
+    case KN_SOLID_SPHERE: out[0] = solid_at(&f, &t->ball, 0, radius, radius, radius); return 1;
+    default:
+        out[0] = solid_at(&f, &t->ball, 0, radius, radius, radius);
+        out[1] = solid_at(&f, &t->rod, 0, radius, radius, length);
+        out[2] = solid_at(&f, &t->ball, length, radius, radius, radius);
+        return 3;
+    }
+}
+
+int kn_tool_solids(const kn_tools *t, const kn_view_probe *p, kn_tool_solid out[KN_TOOL_SOLIDS_MAX])
+{
+    const frame f = frame_of(p);
+    const double *size = p->def.size_m, flat = t->thickness_m;
+    int count = 0;
+    kn_shape shape = {0};
+    if (flat > 0 && p->def.shape == KN_PROBE_SPHERE) {
+        const frame across = {{{1, 0, 0}, {0, 0, -1}, {0, 1, 0}}, {f.at[0], f.at[1], f.at[2]}};
+        out[0] = solid_at(&across, &t->rod, -0.5 * flat, p->def.radius_m, p->def.radius_m, flat);
+        return 1;
+    }
+    if (flat > 0 && p->def.shape == KN_PROBE_PLATE) {
+        out[0] = solid_at(&f, &t->box, 0, size[0], flat, PLATE_THICKNESS_M);
+        return 1;
+    }
+    if (p->def.shape == KN_PROBE_PLATE) out[count++] = solid_at(&f, &t->box, 0, size[0], size[1], PLATE_THICKNESS_M);
+    kn_outside_shape(&p->def, &shape);
+    for (int i = 0; i < shape.part_count; i++) count += solids_of_part(t, &f, &shape.part[i], out + count);
+    return count;
+}
+
+static double height_of(const kn_probe_def *def) // of its back above its origin
+{
+    kn_shape shape = {0};
+    if (def->shape == KN_PROBE_PLATE) return PLATE_THICKNESS_M;
+    kn_outside_shape(def, &shape);
+    return kn_shape_support(&shape, (double[]){0, 0, 1});
+}
+
+// Beyond the tool whichever way it points: a push into the hand begins at the tool's back, a pull ends there.
+kn_tool_arrow kn_tool_arrow_of(const kn_view_probe *p, float square_m)
+{
+    kn_tool_arrow a = {.direction = {(float)p->force_n[0], (float)p->force_n[1], (float)p->force_n[2]}};
+    float newton = kn_normalize(a.direction);
+    if (!(newton >= ARROW_LEAST_N) || !isfinite(newton)) return (kn_tool_arrow){0};
+    a.length = ARROW_SQUARES_PER_N * newton * square_m;
+    const frame f = frame_of(p);
+    const bool pull = kn_dot(a.direction, f.axis[2]) < 0;
+    for (int i = 0; i < 3; i++) {
+        a.tail[i] = f.at[i] + (float)height_of(&p->def) * f.axis[2][i];
+        if (pull) a.tail[i] -= a.length * a.direction[i];
+    }
+    return a;
+}
+
+kn_tool_solid kn_tool_ball(const kn_tools *t, const float at_m[3], double radius_m)
+{
+    const frame f = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {at_m[0], at_m[1], at_m[2]}};
+    return solid_at(&f, &t->ball, 0, radius_m, radius_m, radius_m);
+}
+
+bool kn_tool_somewhere(const kn_view_probe *p) // finite
+{
+    const double *x = p->position_m, *q = p->orientation_wxyz;
+    return isfinite(x[0] + x[1] + x[2] + q[0] + q[1] + q[2] + q[3]);
+}
+
+// The hand as a tool without force. False: it is where its tool is, or nobody's.
+bool kn_tool_hand(const kn_view_scene *scene, const kn_view_probe *p, kn_view_probe *hand)
+{
+    const double *x = p->position_m, *y = p->hand_position_m;
+    if (!scene->hands || !p->held) return false;
+    *hand = *p;
+    memcpy(hand->position_m, y, sizeof hand->position_m);
+    memcpy(hand->orientation_wxyz, p->hand_orientation_wxyz, sizeof hand->orientation_wxyz);
+    memset(hand->force_n, 0, sizeof hand->force_n);
+    if (!kn_tool_somewhere(hand)) return false;
+    const frame tool = frame_of(p), held = frame_of(hand);
+    float least = 1; // cosine of the largest turn of an axis
+    for (int i = 0; i < 3; i++) least = fminf(least, kn_dot(tool.axis[i], held.axis[i]));
+    return hypot(hypot(x[0] - y[0], x[1] - y[1]), x[2] - y[2]) > HAND_AWAY_M || least < HAND_TURNED_COS;
+}
