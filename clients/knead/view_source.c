@@ -195,9 +195,11 @@ static int still_of_bus(kn_source *s, const kn_view_options *o, kn_still *still)
     if (!kn_still_live(still, &s->live, error, sizeof error)) return kn_complain("view", KN_EXIT_DEVICE, "%s", error);
     if (o->measure >= 0 && !error[0] && !kn_still_told(still, &s->live, (kn_measure)o->measure))
         return untold(&s->live, (kn_measure)o->measure);
-    if (error[0])
+    if (error[0] && !s->told) {
         fprintf(stderr, "knead view: %s; drawn without probes and colours, with the edges of the shape as it is\n",
                 error);
+        s->told = true; // once for a film
+    }
     snprintf(still->caption, sizeof still->caption, "%s live, tick %" PRId64,
              s->live.scene ? s->live.scene->name : "an object", s->live.mesh.tick);
     return KN_EXIT_OK;

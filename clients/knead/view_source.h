@@ -24,6 +24,7 @@ typedef struct kn_source { // read only
     kn_state *state;
     kn_saved *saved;   // of a snapshot
     int64_t opened_ms;
+    bool told; // that its scene is not known
     kn_gauge *gauge; // of that model, while one is needed
     const kn_model *gauged;
 } kn_source;

@@ -5,12 +5,9 @@
 #include <string.h>
 
 #ifdef KN_SANITIZED // the leak sanitizer's hook: OSMesa 22.3 forgets 200 bytes with every context that it destroys,
-// fontconfig 651 once (label.c), EGL its display
+// fontconfig 651 once (label.c)
 const char *__lsan_default_suppressions(void);
-const char *__lsan_default_suppressions(void)
-{
-    return "leak:libOSMesa\nleak:libfontconfig\nleak:libEGL\nleak:swrast_dri\n";
-}
+const char *__lsan_default_suppressions(void) { return "leak:libOSMesa\nleak:libfontconfig\n"; }
 #endif
 
 struct kn_offscreen {

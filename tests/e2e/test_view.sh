@@ -56,6 +56,9 @@ picture live.png 320 180
 if command -v ffmpeg >/dev/null; then
     expect "a film of what a server serves" 0 '^$' knead view --video live.mp4 --seconds 1 --fps 10 --size 160x90 --wait 20
     film live.mp4 h264 160 90 10
+    expect "in colours, gone round" 0 '^$' \
+        knead view --video live.webm --seconds 0.5 --fps 8 --size 160x90 --wait 20 --color displacement --top '2 mm' --orbit 90
+    film live.webm vp9 160 90 4
 fi
 kill $hand
 stop_kneadd
@@ -165,6 +168,8 @@ video() { knead view press.lcmlog --size 160x90 --from 0.2 --to 0.7 --fps 10 "$@
 if command -v ffmpeg >/dev/null; then
     expect "a film in the colours of stress" 0 '^$' video --video press.mp4 --color stress --orbit 90
     film press.mp4 h264 160 90 6
+    expect "two compared" 0 '^$' video press.lcmlog --compare --video two.mp4 --fps 4 --size 480x90
+    film two.mp4 h264 480 90 3
     expect "twice as fast" 0 '^$' video --video fast.webm --speed 2
     film fast.webm vp9 160 90 3
     expect "as a GIF" 0 '^$' video --video press.gif
