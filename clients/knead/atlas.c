@@ -300,6 +300,8 @@ int kn_atlas_write(const kn_atlas *a, const char *path)
     return kn_complain("stability", KN_EXIT_DEVICE, "%s: could not be written to its end", path);
 }
 
+static const char *const colour[KN_JUDGEMENTS] = {"56b4e9", "d0d0d0", "e69f00", "d55e00", "000000", "000000"};
+
 static void draw_map(FILE *f, const kn_atlas *a, int map)
 {
     const kn_map *m = &a->map[map];
@@ -310,7 +312,7 @@ static void draw_map(FILE *f, const kn_atlas *a, int map)
                     (int)a->cell[a->first[map] + j * m->columns + i].score[KN_WAY_DEFAULT].verdict);
     fprintf(f, "END\nset xtics (");
     for (int i = 0; i < m->columns; i++) fprintf(f, "%s'%.3g' %d", i ? "," : "", m->x[i], i);
-    fprintf(f, ") rotate by 90 right\nset ytics (");
+    fprintf(f, ") rotate by 45 right\nset ytics (");
     for (int j = 0; j < m->rows; j++) {
         fprintf(f, j ? "," : "");
         char number[32];
@@ -324,21 +326,41 @@ static void draw_map(FILE *f, const kn_atlas *a, int map)
     kn_plot_quote(f, m->y_text[0] ? "" : m->down);
     fprintf(f, "\nset title ");
     kn_plot_quote(f, m->title);
-    fprintf(f, "\nplot $map%d using 1:2:(0.45):(0.45):3 with boxxyerror fs solid noborder lc palette notitle\n", map);
+    fprintf(f, "\nplot $map%d using 1:2:(0.46):(0.46):3 with boxxyerror fs solid noborder lc palette notitle", map);
+    for (int v = KN_TRIAL_REFUSED; v < KN_JUDGEMENTS; v++) // for eyes and printers without colours
+        fprintf(f, ", $map%d using 1:($3 == %d ? $2 : NaN):('%c') with labels font 'sans,12' tc rgb '%s' notitle", map,
+                v, mark[v], v < KN_TRIAL_DIVERGED ? "black" : "white");
+    fprintf(f, "\n");
+}
+
+// What the colours are, below the maps, and the marks that stand in the cells of all that is not right.
+static void write_legend(FILE *f, int columns, int high)
+{
+    fprintf(f, "set origin 0,0\nset size 1,%g\nset lmargin 0\nset rmargin 0\nset tmargin 0\nset bmargin 0\n"
+               "unset title\nunset xlabel\nunset ylabel\nunset tics\nunset border\nset xrange [0:1]\nset yrange [0:1]\n"
+               "set key center center maxrows %d samplen 1.5\nplot ", 60.0 / high, columns < 3 ? 2 : 1);
+    for (int v = 0; v < KN_JUDGEMENTS; v++)
+        fprintf(f, "NaN with points pt 5 ps 2.5 lc rgb '#%s' title '%s%s%.1s', ", colour[v], kn_judgement_name[v],
+                v ? "  " : "", v ? &mark[v] : "");
+    fprintf(f, "NaN notitle\n");
 }
 
 int kn_atlas_draw(const kn_atlas *a, const char *path)
 {
     int code = KN_EXIT_OK, columns = a->maps < 4 ? a->maps : 4, rows = (a->maps + columns - 1) / columns;
-    FILE *f = kn_plot_open("stability", path, &code);
+    const int wide = 420 * columns < 840 ? 840 : 420 * columns, high = 320 * rows + 120;
+    FILE *f = kn_plot_open("stability", path, wide, high, &code);
     if (!f) return code;
-    fprintf(f, "set terminal pngcairo noenhanced size %d,%d font 'sans,9'\n", 420 * columns, 320 * rows + 60);
-    fprintf(f, "set palette defined (0 '#0b6b6b', 1 '#b9c7c7', 2 '#d9822b', 3 '#b02a37', 4 '#000000')\n");
-    fprintf(f, "set cbrange [0:4]\nunset colorbox\n");
-    fprintf(f, "set multiplot layout %d,%d title 'the default solver at the extremes: teal right, grey refused, "
-               "orange chattering, red wrong, black diverged'\n",
-            rows, columns);
-    for (int m = 0; m < a->maps; m++) draw_map(f, a, m);
+    fprintf(f, "unset grid\nset border 0\nset tics scale 0\nunset colorbox\nset cbrange [0:%d]\n"
+               "set palette maxcolors %d defined (", KN_JUDGEMENTS - 1, KN_JUDGEMENTS);
+    for (int v = 0; v < KN_JUDGEMENTS; v++) fprintf(f, "%s%d '#%s'", v ? ", " : "", v, colour[v]);
+    fprintf(f, ")\nset multiplot title 'the default solver at the extremes' font 'sans,14'\n");
+    for (int m = 0; m < a->maps; m++) {
+        fprintf(f, "set origin %g,%g\nset size %g,%g\n", (double)(m % columns) / columns,
+                (60.0 + 320 * (rows - 1 - m / columns)) / high, 1.0 / columns, 310.0 / high);
+        draw_map(f, a, m);
+    }
+    write_legend(f, columns, high);
     fprintf(f, "unset multiplot\n");
     return kn_plot_close(f, "stability", path);
 }

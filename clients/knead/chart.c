@@ -85,7 +85,6 @@ void kn_chart_print(const kn_front *front, const kn_plan *plan, const kn_row *co
 // ---- the picture
 
 enum { LATTICES = 6 };
-static const char *const hues[LATTICES] = {"d9822b", "0b6b6b", "5b3a8c", "b02a37", "2f7d32", "1f4e9c"};
 
 typedef struct marker { // what a point looks like, by what it is
     int type;
@@ -193,9 +192,14 @@ static void write_names(FILE *f, const picture *pic, const panel *p)
                                                       "center offset 0,1.3"};
     for (kn_quality q = 0; q < KN_QUALITY_OWN; q++) {
         const kn_row *r = pic->named[q];
-        if (!r || !p->named) continue;
-        fprintf(f, "set label %d '%s' at %g,%g %s point pt 6 ps 2.2 lw 2 lc rgb 'black' front\n", (int)q + 1,
-                kn_quality_name(q), r->median_us, height(p, r), place[q]);
+        char words[64] = "";
+        if (!r || !p->named || (q > 0 && r == pic->named[q - 1])) continue;
+        for (kn_quality same = q; same < KN_QUALITY_OWN && pic->named[same] == r; same++) // one point may have all names
+            snprintf(words + strlen(words), sizeof words - strlen(words), "%s%s", same > q ? ", " : "",
+                     kn_quality_name(same));
+        if (p->shape) words[0] = '\0'; // the ring says it: names stand in the first panel
+        fprintf(f, "set label %d '%s' at %g,%g %s point pt 6 ps 2.2 lw 2 lc rgb 'black' front\n", (int)q + 1, words,
+                r->median_us, height(p, r), strchr(words, ',') ? "left offset -0.8,-1.4" : place[q]);
     }
 }
 
@@ -210,17 +214,17 @@ static void write_panel(FILE *f, const picture *pic, int number)
     fprintf(f, "plot ");
     for (int l = p->all ? -1 : 0; l < (p->all ? 0 : pic->lattices); l++)
         fprintf(f, "$front%d_%d using 1:2 with steps lw 2.5 lc rgb '#90%s' notitle, ", number, l + 1,
-                l < 0 ? "000000" : hues[l]);
+                l < 0 ? "000000" : kn_plot_colour[l]);
     for (int l = 0; l < pic->lattices && !p->all; l++)
         fprintf(f,
                 "$points%d using ($3==%d ? $1 : NaN):2:($6-$1):(0) with vectors nohead lw 1.2 lc rgb '#b0%s' "
-                "notitle, ", number, l, hues[l]);
+                "notitle, ", number, l, kn_plot_colour[l]);
     for (int l = 0; l < pic->lattices; l++)
         for (int m = 0; m < MARKERS; m++)
             if (pic->used[l][m])
                 fprintf(f,
                         "$points%d using ($3==%d && $4==%d ? $1 : NaN):2 with points pt %d ps 1.2 "
-                        "lc rgb '#%s' notitle, ", number, l, m, markers[m].type, hues[l]);
+                        "lc rgb '#%s' notitle, ", number, l, m, markers[m].type, kn_plot_colour[l]);
     if (pic->any_bad)
         fprintf(f, "$points%d using ($5==1 ? $1 : NaN):2 with points pt 2 ps 1.8 lw 2 lc rgb '#cc0000' notitle, ",
                 number);
@@ -231,7 +235,7 @@ static void write_panel(FILE *f, const picture *pic, int number)
 static void write_legend(FILE *f, const picture *pic)
 {
     fprintf(f, "unset title\nunset xlabel\nunset ylabel\nunset border\nunset tics\nunset grid\nunset logscale\n"
-               "unset label\nset key at screen 0.5,0.01 center bottom maxrows 3 Left reverse samplen 1.5 width 1 "
+               "unset label\nset key at screen 0.5,0.01 center bottom font 'sans,10' maxrows 3 Left reverse samplen 1.5 width 1 "
                "spacing 1.3\nset origin 0,0\nset size 1,0.19\nset xrange [0:1]\nset yrange [0:1]\nplot ");
     for (int l = 0; l < pic->lattices; l++) {
         const kn_row *r = pic->front->row;
@@ -241,7 +245,8 @@ static void write_legend(FILE *f, const picture *pic)
         if (r->force.lattice > 0)
             snprintf(off, sizeof off, ": force %.1f %% from %.3g mm", 100 * r->force.lattice,
                      1e3 * pic->front->finest_m);
-        fprintf(f, "NaN with lines lw 5 lc rgb '#%s' title '%s%d nodes%s', ", hues[l], text, pic->nodes[l], off);
+        fprintf(f, "NaN with lines lw 5 lc rgb '#%s' title '%s%d nodes%s', ", kn_plot_colour[l], text, pic->nodes[l],
+                off);
     }
     for (int m = 0; m < MARKERS; m++) {
         bool any = false;
@@ -262,9 +267,9 @@ static void write_script(FILE *f, const picture *pic)
         write_points(f, pic, p);
     }
     snprintf(title, sizeof title, "%s: processor time of a tick against its error, one core", pic->plan->scene->name);
-    fprintf(f, "set terminal pngcairo noenhanced size 1280,560 font 'sans,10'\nset multiplot title ");
+    fprintf(f, "set multiplot title ");
     kn_plot_quote(f, title);
-    fprintf(f, " font 'sans,12'\nset grid lt 1 lc rgb '#dddddd'\nset logscale xy\nset tics nomirror\n"
+    fprintf(f, " font 'sans,13'\nset logscale xy\n"
                "set lmargin 9\nset rmargin 1.8\nset xlabel 'median of a 1 ms tick under the tool, µs' offset 0,0.4\n");
     for (int p = 0; p < PANELS; p++) write_panel(f, pic, p);
     write_legend(f, pic);
@@ -283,7 +288,7 @@ int kn_chart_draw(const kn_front *front, const kn_plan *plan, const kn_row *cons
         pic.used[lattice_number(&pic, r)][marker_of(r, plan)] = true;
         pic.any_bad |= !usable(r);
     }
-    FILE *f = kn_plot_open("tradeoff", path, &code);
+    FILE *f = kn_plot_open("tradeoff", path, 1280, 560, &code);
     if (!f) return code;
     write_script(f, &pic);
     return kn_plot_close(f, "tradeoff", path);

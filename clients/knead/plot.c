@@ -11,6 +11,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+extern const char plot_gp[]; // a file of the source tree, part of the program
+__asm__(".section .rodata\nplot_gp: .incbin \"" KN_CLI_DIR "/plot.gp\"\n.byte 0\n.previous\n");
+
+const char *const kn_plot_colour[KN_PLOT_COLOURS] = {"0072b2", "d55e00", "000000", "009e73",
+                                                     "e69f00", "cc79a7", "56b4e9", "777777"};
+
 static void (*before)(int); // of SIGPIPE, while a plot is open: one at a time
 static int said = -1;       // what gnuplot writes to its standard error: warnings, and why it ends
 
@@ -27,7 +33,7 @@ int kn_plot_try(const char *subcommand, const char *path)
     return code == KN_EXIT_OK ? kn_output_try(subcommand, path) : code;
 }
 
-FILE *kn_plot_open(const char *subcommand, const char *path, int *code)
+FILE *kn_plot_open(const char *subcommand, const char *path, int wide, int high, int *code)
 {
     if ((*code = find_gnuplot(subcommand, path)) != KN_EXIT_OK) return NULL;
     *code = KN_EXIT_DEVICE;
@@ -49,6 +55,7 @@ FILE *kn_plot_open(const char *subcommand, const char *path, int *code)
     close(terminal);
     close(errors);
     if (!f) kn_plot_close(f, subcommand, path);
+    else fprintf(f, "wide = %d\nhigh = %d\n%s", wide, high, plot_gp);
     return f;
 }
 

@@ -75,52 +75,97 @@ static void write_data(FILE *f, const kn_table *t, int series)
     fprintf(f, "END\n");
 }
 
-static void write_curve(FILE *f, const kn_table *t, const kn_axes *a, int series, int y, const char *name)
+enum { PANEL = 600, HEIGHT = 460, ROW = 22, HEAD = 44, FOOT = 56, LEFT = 98, RIGHT = 26 }; // pixels
+
+static bool dashed(const kn_table *t, const kn_axes *a, int series, int y)
 {
-    static const char *const colour[] = {"0b6b6b", "d9822b", "5b3a8c", "b02a37",
-                                         "2f7d32", "1f4e9c", "7a7a7a", "b8860b"};
-    bool dashed = y == a->y2 || (t->pairs && series % 2);
-    int hue = t->series == 1 ? y == a->y2 : t->pairs ? series / 2 : series;
-    char title[100];
-    snprintf(title, sizeof title, "%s%s%s", name ? name : "", name && t->series > 1 ? ", " : "",
-             !name || t->series > 1 ? t->label[series] : "");
-    fprintf(f, "$series%d using ($%d*%g):($%d*%g) with %s lw 2 %s lc rgb '#%s' title ", series, a->x + 1, a->x_scale,
-            y + 1, a->y_scale, a->points ? "linespoints pt 7 ps 0.6" : "lines", dashed ? "dt 2" : "", colour[hue % 8]);
-    kn_plot_quote(f, title);
+    return (a->y2 && y == a->y2) || (t->pairs && series % 2);
+}
+
+// One colour for a series, and for what belongs to it; two curves of a single one have two.
+static int hue(const kn_table *t, const kn_axes *a, int series, int y)
+{
+    if (t->series == 1) return 1 + (a->y2 && y == a->y2);
+    return 1 + (t->pairs ? series / 2 : series);
+}
+
+static void write_curve(FILE *f, const kn_table *t, const kn_axes *a, int series, int y)
+{
+    const bool bound = a->y2 && y == a->y2 && t->series > 1; // what the first curve is beside: without points
+    fprintf(f, "$series%d using ($%d*%g):($%d*%g) with %s lt %d%s notitle, ", series, a->x + 1, a->x_scale, y + 1,
+            a->y_scale, a->points && !bound ? "linespoints" : "lines", hue(t, a, series, y),
+            dashed(t, a, series, y) ? " dt 2" : "");
+}
+
+// Which of two curves is which: within the axes; what the series are stands below, once.
+static void write_names(FILE *f, const kn_table *t, const kn_axes *a)
+{
+    const char *const names[] = {a->y_name, a->y2 ? a->y2_name : NULL};
+    for (int i = 0; i < 2; i++) {
+        if (!names[i]) continue;
+        if (t->series == 1) fprintf(f, "NaN with %s lt %d", a->points ? "linespoints" : "lines", 1 + i);
+        else fprintf(f, "NaN with lines lw 2 lc rgb '#444444'");
+        fprintf(f, "%s title ", i ? " dt 2" : "");
+        kn_plot_quote(f, names[i]);
+        fprintf(f, ", ");
+    }
+    fprintf(f, "NaN notitle\n");
 }
 
 static void write_axes(FILE *f, const kn_table *t, const kn_axes *a)
 {
-    fprintf(f, "unset logscale\nset format '%%g'\nset xlabel offset 0,0.5 ");
+    fprintf(f, "unset logscale\nset format '%%g'\nset key top right opaque\nset xlabel ");
     kn_plot_quote(f, a->x_label);
     fprintf(f, "\nset ylabel ");
     kn_plot_quote(f, a->y_label);
-    if (a->log_x) fprintf(f, "\nset logscale x\nset format x '%%g'");
-    if (a->log_y)
-        fprintf(f, "\nset logscale y\nset format y '%%g'");
-    else
-        fprintf(f, "\nset yrange [*<0:*]");
-    if (a->log_y) fprintf(f, "\nset yrange [*:*]");
-    fprintf(f, "\nplot ");
+    fprintf(f, "\nset xrange [*:*]\nset yrange [*%s:*]\n", a->log_y ? "" : "<0");
+    if (a->log_x) fprintf(f, "set logscale x\n");
+    if (a->log_y) fprintf(f, "set logscale y\n");
+    fprintf(f, "plot ");
     for (int s = 0; s < t->series; s++) {
-        if (s) fprintf(f, ", ");
-        write_curve(f, t, a, s, a->y, a->y_name);
-        if (!a->y2) continue;
-        fprintf(f, ", ");
-        write_curve(f, t, a, s, a->y2, a->y2_name);
+        write_curve(f, t, a, s, a->y);
+        if (a->y2) write_curve(f, t, a, s, a->y2);
     }
-    fprintf(f, "\n");
+    write_names(f, t, a);
 }
 
-static void write_script(FILE *f, const kn_table *t, const char *title, const kn_axes *axes, int count)
+static int legend_rows(const kn_table *t, int count)
 {
-    fprintf(f, "set terminal pngcairo noenhanced size %d,480 font 'sans,11'\n", 600 * count);
-    fprintf(f, "set grid\nset key bmargin center horizontal\n");
+    const int across = 3 * count;
+    return t->series > 1 ? (t->series + across - 1) / across : 0;
+}
+
+// Below the panels, of a plot without axes.
+static void write_legend(FILE *f, const kn_table *t, const kn_axes *a, int rows, int high)
+{
+    fprintf(f, "unset title\nunset xlabel\nunset ylabel\nunset border\nunset tics\nunset grid\nunset logscale\n"
+               "set lmargin 0\nset rmargin 0\nset tmargin 0\nset bmargin 0\nset origin 0,0\nset size 1,%g\n"
+               "set xrange [0:1]\nset yrange [0:1]\nset key noopaque inside center center maxrows %d\nplot ",
+            (double)(ROW * rows + 8) / high, rows);
+    for (int s = 0; s < t->series; s++) {
+        fprintf(f, "NaN with %s lt %d%s title ", a->points ? "linespoints" : "lines", hue(t, a, s, a->y),
+                dashed(t, a, s, a->y) ? " dt 2" : "");
+        kn_plot_quote(f, t->label[s]);
+        fprintf(f, ", ");
+    }
+    fprintf(f, "NaN notitle\n");
+}
+
+static void write_script(FILE *f, const kn_table *t, const char *title, const kn_axes *axes, int count, int high)
+{
+    const int rows = legend_rows(t, count), wide = PANEL * count;
     for (int s = 0; s < t->series; s++) write_data(f, t, s);
-    fprintf(f, "set multiplot layout 1,%d title ", count);
+    fprintf(f, "set multiplot title ");
     kn_plot_quote(f, title);
-    fprintf(f, "\n");
-    for (int i = 0; i < count; i++) write_axes(f, t, &axes[i]);
+    fprintf(f, " font 'sans,13'\n");
+    for (int i = 0; i < count; i++) {
+        fprintf(f, "set lmargin at screen %g\nset rmargin at screen %g\nset bmargin at screen %g\n"
+                   "set tmargin at screen %g\n",
+                (double)(PANEL * i + LEFT) / wide, (double)(PANEL * (i + 1) - RIGHT) / wide,
+                (double)(FOOT + ROW * rows + (rows ? 8 : 0)) / high, 1 - (double)HEAD / high);
+        write_axes(f, t, &axes[i]);
+    }
+    if (rows) write_legend(f, t, &axes[0], rows, high);
     fprintf(f, "unset multiplot\n");
 }
 
@@ -129,8 +174,9 @@ int kn_table_draw(const kn_table *t, const char *subcommand, const char *path, c
 {
     if (t->short_of_memory) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
     int code;
-    FILE *f = kn_plot_open(subcommand, path, &code);
+    const int high = HEIGHT + ROW * legend_rows(t, count);
+    FILE *f = kn_plot_open(subcommand, path, PANEL * count, high, &code);
     if (!f) return code;
-    write_script(f, t, title, axes, count);
+    write_script(f, t, title, axes, count, high);
     return kn_plot_close(f, subcommand, path);
 }

@@ -45,7 +45,7 @@ static const char help[] =
 
 enum { TRIPS = 6, FRICTIONS = 5, DAMPINGS = 4, SETS = 32 };
 static const int trip_ms[TRIPS] = {0, 1, 2, 5, 10, 20};
-static const double friction_share[FRICTIONS] = {1.0, 0.5, 2.0, 5.0, 10.0};
+static const double friction_share[FRICTIONS] = {0.5, 1.0, 2.0, 5.0, 10.0}; // --quick: the second
 static const double damping_share[DAMPINGS] = {1.0, 0.0, 0.5, 2.0}; // of the class's b_vc
 static const double least_n_m = 10.0, most_n_m = 20000.0, ladder = 1.25;
 enum { HALVINGS = 4 };
@@ -150,9 +150,9 @@ static void survey(zwidth *z)
     printf("  Colgate   delayed   default\n");
     z->sound = true;
     z->bar = kn_progress_open("zwidth", z->quick ? (TRIPS - 1) * 2 : FRICTIONS * TRIPS * DAMPINGS);
-    for (int f = 0; f < (z->quick ? 1 : FRICTIONS); f++) {
+    for (int f = z->quick; f < (z->quick ? 2 : FRICTIONS); f++) {
         char label[40];
-        snprintf(label, sizeof label, "friction %.3g N s/m", friction_share[f] * d->damping_n_s_m);
+        snprintf(label, sizeof label, "friction %.3g N·s/m", friction_share[f] * d->damping_n_s_m);
         kn_table_series(&z->table, label);
         for (int t = 0; t < TRIPS; t++)
             if (!z->quick || trip_ms[t] != 10) measure(z, friction_share[f] * d->damping_n_s_m, trip_ms[t]);

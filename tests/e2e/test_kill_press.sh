@@ -78,10 +78,11 @@ check "the next press touches where the dent is: $(head -1 <<<"$shares") to $(ta
     awk '$1 > 0.2 { n++ } $1 > 0.2 && ($2 < 0.8 * $1 || $2 > 1.05 * $1) { bad++ } END { exit n == 0 || bad > 0 }' dents.txt
 hardest=$(awk '$4 == 0 && $6 > most { most = $6; n = $2 } END { print n ? n : 1 }' forces.txt)
 [ -z "${KN_PICTURE:-}" ] || gnuplot <<GNUPLOT
-set terminal pngcairo size 1400,480 font "sans,11"
+wide = 1400; high = 480
+load "$KN_SOURCE/clients/knead/plot.gp"
 set output "$KN_PICTURE"
 set multiplot layout 1,3 title "kneadd killed in a press by knead probe and started again: what the device gave"
-set grid; set ylabel "N"
+set ylabel "N"
 set title "$kills presses, forces rendered"; set xlabel "ms since the last message"; set xrange [-30:60]
 plot for [i=1:$kills] sprintf("forces.%d.dat", i) with lines lc rgb "#803465a4" notitle
 set title "$few, the local model rendered"; set xrange [-100:400]
