@@ -50,7 +50,25 @@ def play(page, seconds, press):  # an event every 25 to 45 ms: a circle over the
         time.sleep(max(0, now + pace.uniform(0.025, 0.045) - time.monotonic()))
 
 
-def measure(name, page, server, seconds, press):
+def missed(bus, before=(0, 0, 0)):  # ticks, missed ones, and of these not explained by the machine, since before
+    return tuple(a - b for a, b in zip((bus.tick, bus.missed, bus.unexplained), before))
+
+
+def rate(counts):  # in words
+    return f"{1e6 * counts[1] / max(1, counts[0]):6.0f} | {1e6 * counts[2] / max(1, counts[0]):11.0f} |"
+
+
+def alone(server, bus, seconds):  # without a page, for comparison: a status comes every second
+    until(lambda: bus.tick)
+    before, cpu, begin = missed(bus), [server.cpu_s(), cpu_s(server.kneadd.pid), machine_cpu_s()], time.monotonic()
+    time.sleep(seconds)
+    after, elapsed = [server.cpu_s(), cpu_s(server.kneadd.pid), machine_cpu_s()], time.monotonic() - begin
+    web, kneadd, all_ = [(b - a) / elapsed * 100 for a, b in zip(cpu, after)]
+    print(f"| no page |        |       |        |        |        | {web:9.0f} |         | {kneadd:6.0f} | "
+          f"{max(0, all_ - web - kneadd):4.0f} | {rate(missed(bus, before))}", flush=True)
+
+
+def measure(name, page, server, bus, seconds, press):
     page.hover(0.5, 0.42)
     until(lambda: page.now()["status"].startswith("ready"))
     if press:
@@ -59,7 +77,7 @@ def measure(name, page, server, seconds, press):
     page.run("knead.latency.length = 0")
     events, frames = page.run("return [knead.events, knead.frames]")
     shares = lambda: [server.cpu_s(), browser_cpu_s(page), cpu_s(server.kneadd.pid), machine_cpu_s()]
-    begin, before = time.monotonic(), shares()
+    begin, before, ticks = time.monotonic(), shares(), missed(bus)
     play(page, seconds, press)
     elapsed = time.monotonic() - begin
     cpu = [(after - before) / elapsed * 100 for after, before in zip(shares(), before)]
@@ -67,7 +85,8 @@ def measure(name, page, server, seconds, press):
     page.release() if press else None
     p50, p95, p99 = (percentile(latency, share) for share in (0.5, 0.95, 0.99))
     print(f"| {name:7} | {len(latency):6} | {frames / elapsed:5.1f} | {p50:6.1f} | {p95:6.1f} | {p99:6.1f} | "
-          f"{cpu[0]:9.0f} | {cpu[1]:7.0f} | {cpu[2]:6.0f} | {max(0, cpu[3] - sum(cpu[:3])):4.0f} |", flush=True)
+          f"{cpu[0]:9.0f} | {cpu[1]:7.0f} | {cpu[2]:6.0f} | {max(0, cpu[3] - sum(cpu[:3])):4.0f} | "
+          f"{rate(missed(bus, ticks))}", flush=True)
 
 
 def press(page, u, v, drag):  # as deep as the slider says, then drag pixels deeper
@@ -105,7 +124,11 @@ def main():
     os.environ.setdefault("KN_REALTIME", "auto")
     model = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), "?")
     print(f"machine   {model}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}, {platform.release()}")
-    server, bus, page = Served(o.scene, "--rate", o.rate, "--size", o.size), Bus(), Browser()
+    server, bus = Served(o.scene, "--rate", o.rate, "--size", o.size), Bus()
+    head = ("| pointer | events |   fps | p50 ms | p95 ms | p99 ms | web cpu % | browser | kneadd | rest | missed | "
+            "unexplained |\n|---------|-------:|------:|-------:|-------:|-------:|----------:|--------:|-------:|-----:|"
+            "-------:|------------:|")
+    page = Browser()
     if not page.open(server.address):
         sys.exit("bench/web.py: the page draws nothing: " + page.text("status"))
     if o.picture:
@@ -114,11 +137,15 @@ def main():
         return server.stop()
     print(f"browser   Chromium {page.driver.capabilities['browserVersion']}, headless, drawing in software\n"
           f"scene     {o.scene}, {o.rate} pictures/s asked, {o.size}\n")
-    print("| pointer | events |   fps | p50 ms | p95 ms | p99 ms | web cpu % | browser | kneadd | rest |")
-    print("|---------|-------:|------:|-------:|-------:|-------:|----------:|--------:|-------:|-----:|")
-    measure("hovers", page, server, o.seconds, press=False)
-    measure("presses", page, server, o.seconds, press=True)
-    print(f"\nmissed cycles {bus.missed}, of these not explained by the machine {bus.unexplained}")
+    paint_ms = page.run("return performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? NaN")
+    first_ms = page.run("return knead.first_ms")
+    print(f"first paint {paint_ms:.0f} ms after the address was opened, the object drawn after {first_ms:.0f}\n\n{head}")
+    page.driver.get("about:blank")
+    alone(server, bus, o.seconds)
+    page.open(server.address)
+    measure("hovers", page, server, bus, o.seconds, press=False)
+    measure("presses", page, server, bus, o.seconds, press=True)
+    print("\nmissed: ticks of a million that were not run; unexplained: those for which the machine did not stand still")
     page.driver.quit()
     server.stop()
 

@@ -76,6 +76,7 @@ class Bus(threading.Thread):
     def __init__(self):
         super().__init__(daemon=True)
         self.force_n = self.mesh_tick = self.generation = 0
+        self.tick = 0  # of the newest status
         self.missed = self.unexplained = 0  # cycles; that the machine does not explain
         self.statuses = self.spoilt = 0  # one per second; of these, with more unexplained misses than the last
         self.rest = self.now = None  # heights of the vertices
@@ -103,7 +104,7 @@ class Bus(threading.Thread):
             if channel.startswith(b"KNEAD_FORCE_"):
                 self.force_n = sum(f * f for f in struct.unpack_from(">3d", payload, 104)) ** 0.5
             elif channel == b"KNEAD_STATUS":
-                self.missed, explained = struct.unpack_from(">2q", payload, 32)
+                self.tick, self.missed, explained = struct.unpack_from(">3q", payload, 24)
                 self.statuses += 1
                 self.spoilt += self.missed - explained > self.unexplained
                 self.unexplained = self.missed - explained
