@@ -194,7 +194,7 @@ static void write_names(FILE *f, const picture *pic, const panel *p)
         const kn_row *r = pic->named[q];
         char words[64] = "";
         if (!r || !p->named || (q > 0 && r == pic->named[q - 1])) continue;
-        for (kn_quality same = q; same < KN_QUALITY_OWN && pic->named[same] == r; same++) // one point may have all names
+        for (kn_quality same = q; same < KN_QUALITY_OWN && pic->named[same] == r; same++) // one may have all names
             snprintf(words + strlen(words), sizeof words - strlen(words), "%s%s", same > q ? ", " : "",
                      kn_quality_name(same));
         if (p->shape) words[0] = '\0'; // the ring says it: names stand in the first panel
@@ -235,7 +235,8 @@ static void write_panel(FILE *f, const picture *pic, int number)
 static void write_legend(FILE *f, const picture *pic)
 {
     fprintf(f, "unset title\nunset xlabel\nunset ylabel\nunset border\nunset tics\nunset grid\nunset logscale\n"
-               "unset label\nset key at screen 0.5,0.01 center bottom font 'sans,10' maxrows 3 Left reverse samplen 1.5 width 1 "
+               "unset label\nset key at screen 0.5,0.01 center bottom font 'sans,10' maxrows 3 Left reverse\n"
+               "set key samplen 1.5 width 1 "
                "spacing 1.3\nset origin 0,0\nset size 1,0.19\nset xrange [0:1]\nset yrange [0:1]\nplot ");
     for (int l = 0; l < pic->lattices; l++) {
         const kn_row *r = pic->front->row;

@@ -54,6 +54,8 @@ check "on the loopback route" [ "$(ip -4 route get 239.255.76.67 | grep -c 'dev 
 kill -INT -- -$run
 wait $run
 check "Ctrl-C ends it with exit 0" [ $? = 0 ]
+check "having said what it has ended: $(tail -n 1 up.log)" \
+    [ "$(tail -n 1 up.log)" = "stopped: the page has ended; kneadd has ended, forces at zero; the route is gone" ]
 check "and takes the route away" [ "$(routes)" = "$before" ]
 check "still no packet left" [ "$(left)" = "$sent" ]
 [ $failed = 0 ] || tail -n 30 press.log up.log
