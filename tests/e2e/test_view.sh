@@ -70,14 +70,25 @@ expect "what the server does not tell" 2 '--color stress: the scene that is serv
     knead view --png x.png --color stress --size 320x180 --wait 20
 stop_kneadd
 start_kneadd dough-small.yaml --set mesh.measures=both
-hand plate >hand.out 2>&1 &
-hand=$!
-sleep 1.5
+declare -A top=([stress]='1 kPa' [residual]=0.1)
 for what in stress residual; do
-    expect "$what of what is served" 0 '^$' knead view --png live-$what.png --color $what --size 320x180 --wait 20
+    expect "$what at rest" 0 '^$' knead view --png rest-$what.png --color $what --top "${top[$what]}" --plain --size 320x180 --wait 20
 done
-check "two things" [ "$(cmp -s live-stress.png live-residual.png; echo $?)" = 1 ]
-kill $hand
+knead probe --path press --quiet >hand.out 2>&1 & # 2.3 s until it touches, then down for 1 s, held for 4
+hand=$!
+sleep 4
+for what in stress residual; do
+    expect "$what of what is served" 0 '^$' \
+        knead view --png live-$what.png --color $what --top "${top[$what]}" --plain --size 320x180 --wait 20
+done
+wait $hand
+for what in stress residual; do
+    expect "$what of what was pressed" 0 '^$' \
+        knead view --png left-$what.png --color $what --top "${top[$what]}" --plain --size 320x180 --wait 20
+    check "is another picture" [ "$(cmp -s rest-$what.png left-$what.png; echo $?)" = 1 ]
+done
+check "at rest neither is any: one picture; then two" \
+    [ "$(cmp -s rest-stress.png rest-residual.png; echo $?) $(cmp -s left-stress.png left-residual.png; echo $?)" = '0 1' ]
 stop_kneadd
 wait
 
