@@ -13,7 +13,6 @@
 #include "proto/knead_mesh_update_t.h"
 #include <math.h>
 #include <stdbool.h>
-#include <string.h>
 
 #define KN_MESH_VERTICES_MAX (1 << 22) // far above what the wire carries at 30 Hz; bounds the memory a message asks for
 
@@ -23,17 +22,16 @@ typedef struct kn_mesh {
     bool whole;         // positions_m is filled
     int32_t *triangles; // [triangle_count][3], every one < vertex_count
     float *positions_m; // [vertex_count][3], all of one tick, finite
-    float *residual_strain, *stress_pa; // [vertex_count] of that tick, finite; NULL: the scene's mesh.measures ask for none
-    float *staged_m;    // private from here on: chunks of staged_tick as they come in; both measures behind the positions
-    uint8_t *seen;      // [vertex_count]
-    bool told[2];       // of the measures, by every chunk of staged_tick
-    int64_t staged_tick, staged_generation, seen_count;
+    float *residual_strain, *stress_pa; // [vertex_count] of that tick, finite; NULL: the scene's mesh.measures say no
+    float *staged_m;    // private from here on: chunks of staged_tick as they come in; measures behind the positions
+    uint8_t *seen;      // [vertex_count]; told: bits, the measures that every chunk so far told
+    int64_t staged_tick, staged_generation, seen_count, told;
 } kn_mesh;
 
-static inline int64_t kn_mesh_int(const uint8_t *data, int offset) // big-endian int32
+static inline int64_t kn_mesh_int(const void *data, int offset) // big-endian int32
 {
-    return (int32_t)((uint32_t)data[offset] << 24 | (uint32_t)data[offset + 1] << 16 | (uint32_t)data[offset + 2] << 8 |
-                     data[offset + 3]);
+    const uint8_t *d = (const uint8_t *)data + offset;
+    return (int32_t)((uint32_t)d[0] << 24 | (uint32_t)d[1] << 16 | (uint32_t)d[2] << 8 | d[3]);
 }
 
 static inline void kn_mesh_free(kn_mesh *m)
@@ -45,24 +43,20 @@ static inline void kn_mesh_free(kn_mesh *m)
 // False: nothing new (the same mesh again), malformed, or out of memory; the mesh is then as before.
 static inline bool kn_mesh_init(kn_mesh *m, const void *data, uint32_t size)
 {
-    enum { INDEX_COUNT = 8 + 24 + 8, TRIANGLES = INDEX_COUNT + 5, TAG = 16 }; // byte offsets, after
-    // the type's hash; kneadd --key appends a tag
+    enum { INDEX_COUNT = 8 + 24 + 8, TRIANGLES = INDEX_COUNT + 5, TAG = 16 }; // bytes; kneadd --key appends a tag
     if (size < TRIANGLES || (size - TRIANGLES - 4 * kn_mesh_int(data, INDEX_COUNT)) & ~TAG) return false;
     knead_mesh_init_t msg;
     if (knead_mesh_init_t_decode(data, 0, (int)size, &msg) < 0) return false;
     bool fits = msg.vertex_count > 0 && msg.vertex_count <= KN_MESH_VERTICES_MAX && msg.triangle_count >= 0 &&
-                (int64_t)msg.triangle_count * 3 == msg.index_count;
-    for (int32_t i = 0; fits && i < msg.index_count; i++)
-        fits = msg.triangles[i] >= 0 && msg.triangles[i] < msg.vertex_count;
-    fits = fits && !(m->positions_m && m->mesh_id == msg.mesh_id);
+                (int64_t)msg.triangle_count * 3 == msg.index_count && !(m->positions_m && m->mesh_id == msg.mesh_id);
+    for (int i = 0; fits && i < msg.index_count; i++) fits = (uint32_t)msg.triangles[i] < (uint32_t)msg.vertex_count;
     if (fits) {
         size_t n = (size_t)msg.vertex_count;
         kn_mesh next = {.mesh_id = msg.mesh_id, .vertex_count = msg.vertex_count, .triangle_count = msg.triangle_count,
                         .positions_m = calloc(5 * n, sizeof(float)), .staged_m = calloc(5 * n, sizeof(float)),
                         .seen = calloc(n, 1), .staged_tick = -1};
         fits = next.positions_m && next.staged_m && next.seen;
-        if (fits) next.triangles = msg.triangles, msg.triangles = NULL; // taken over from the decoder
-        if (fits) kn_mesh_free(m), *m = next;
+        if (fits) next.triangles = msg.triangles, msg.triangles = NULL, kn_mesh_free(m), *m = next; // the decoder's
         else kn_mesh_free(&next);
     }
     knead_mesh_init_t_decode_cleanup(&msg);
@@ -74,38 +68,30 @@ static inline bool kn_mesh_update(kn_mesh *m, const void *data, uint32_t size)
 {
     enum { COUNTS = 8 + 24 + 20, FLOATS = COUNTS + 13, TAG = 16 };
     if (size < FLOATS || !m->positions_m) return false;
-    int64_t n[3] = {kn_mesh_int(data, COUNTS), kn_mesh_int(data, COUNTS + 4), kn_mesh_int(data, COUNTS + 8)};
+    const int64_t n[3] = {kn_mesh_int(data, COUNTS), kn_mesh_int(data, COUNTS + 4), kn_mesh_int(data, COUNTS + 8)};
     if (n[0] < 0 || n[1] < 0 || n[2] < 0 || (size - FLOATS - 4 * (n[0] + n[1] + n[2])) & ~TAG) return false;
     knead_mesh_update_t msg;
     if (knead_mesh_update_t_decode(data, 0, (int)size, &msg) < 0) return false;
-    bool fits = msg.mesh_id == m->mesh_id && msg.first >= 0 && msg.count >= 0 && n[0] == 3 * (int64_t)msg.count &&
-                (int64_t)msg.first + msg.count <= m->vertex_count;
-    const size_t vertices = (size_t)m->vertex_count;
+    const int64_t all = m->vertex_count, first = msg.first, at[3] = {3 * first, 3 * all + first, 4 * all + first};
+    bool fits = msg.mesh_id == m->mesh_id && first >= 0 && msg.count >= 0 && n[0] == 3 * (int64_t)msg.count &&
+                (!n[1] || n[1] == msg.count) && (!n[2] || n[2] == msg.count) && first + msg.count <= all;
     const float *told[3] = {msg.positions_m, msg.residual_strain, msg.stress_pa};
-    for (int k = 0; k < 3; k++) {
-        fits = fits && (k == 0 || n[k] == 0 || n[k] == msg.count);
+    for (int k = 0; k < 3; k++)
         for (int64_t i = 0; fits && i < n[k]; i++) fits = isfinite(told[k][i]);
+    if (fits && (msg.tick != m->staged_tick || msg.generation != m->staged_generation)) { // another tick
+        memset(m->seen, 0, (size_t)all);
+        m->seen_count = 0, m->told = 3, m->staged_tick = msg.tick, m->staged_generation = msg.generation;
     }
-    if (fits) {
-        if (msg.tick != m->staged_tick || msg.generation != m->staged_generation) { // the tick before was not whole
-            memset(m->seen, 0, (size_t)m->vertex_count);
-            m->seen_count = 0, m->staged_tick = msg.tick, m->staged_generation = msg.generation;
-            m->told[0] = m->told[1] = true;
-        }
-        float *staged[3] = {m->staged_m + 3 * msg.first, m->staged_m + 3 * vertices + msg.first,
-                            m->staged_m + 4 * vertices + msg.first};
-        for (int k = 0; k < 3; k++)
-            if (n[k]) memcpy(staged[k], told[k], sizeof(float) * (size_t)n[k]);
-        m->told[0] &= n[1] == msg.count, m->told[1] &= n[2] == msg.count;
-        for (int32_t v = msg.first; v < msg.first + msg.count; v++) m->seen_count += !m->seen[v], m->seen[v] = 1;
-    }
-    bool news = !m->whole || m->tick != msg.tick || m->generation != msg.generation; // else a chunk that came twice
-    bool whole = fits && news && m->seen_count == m->vertex_count;
+    for (int k = 0; fits && k < 3; k++) memcpy(m->staged_m + at[k], n[k] ? told[k] : m->staged_m, 4 * (size_t)n[k]);
+    if (fits) m->told &= (n[1] == msg.count) | (n[2] == msg.count) << 1;
+    for (int64_t v = first; fits && v < first + msg.count; v++) m->seen_count += !m->seen[v], m->seen[v] = 1;
+    const bool again = m->whole && m->tick == msg.tick && m->generation == msg.generation; // a chunk that came twice
+    const bool whole = fits && !again && m->seen_count == all;
     if (whole) {
-        float *previous_m = m->positions_m;
-        m->positions_m = m->staged_m, m->staged_m = previous_m;
-        m->residual_strain = m->told[0] ? m->positions_m + 3 * vertices : NULL;
-        m->stress_pa = m->told[1] ? m->positions_m + 4 * vertices : NULL;
+        float *before_m = m->positions_m;
+        m->positions_m = m->staged_m, m->staged_m = before_m;
+        m->residual_strain = m->told & 1 ? m->positions_m + 3 * all : NULL;
+        m->stress_pa = m->told & 2 ? m->positions_m + 4 * all : NULL;
         m->tick = msg.tick, m->generation = msg.generation, m->whole = true;
     }
     knead_mesh_update_t_decode_cleanup(&msg);
