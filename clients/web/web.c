@@ -112,8 +112,8 @@ static int32_t answered(const kn_web *w)
     return w->painting;
 }
 
-// Pictures come at the asked rate. While a pointer moves, one that shows nothing new of it comes later, at two thirds
-// of that rate, so that the painter is free when something does.
+// Pictures come at the asked rate; one that came late is made up for, since meshes come on a grid of their own. While a
+// pointer moves, one that shows nothing new of it waits a little, so that the painter is free when something does.
 static void paint(kn_web *w)
 {
     if (!w->live.scene || !kn_gateway_wants(&w->gateway) || w->drawing) return;
@@ -121,8 +121,9 @@ static void paint(kn_web *w)
     int64_t now_ms = kn_live_now_ms();
     int32_t newest = answered(w);
     bool moves = w->owner >= 0 && now_ms - w->gateway.page[w->owner].pointed_ms < MOVES_MS && newest == w->painting;
+    const double period_ms = 1000.0 / w->rate_hz;
     // a tenth of a period early is not skipped
-    if ((double)(now_ms - w->frame_ms) * w->rate_hz < (moves ? 1400 : 900) || !fill_still(w)) return;
+    if ((double)now_ms < w->due_ms + (moves ? 0.4 : -0.1) * period_ms || !fill_still(w)) return;
     kn_view_scene *view = &w->painter.still.view;
     view->azimuth_deg = w->look.azimuth_deg;
     view->elevation_deg = w->look.elevation_deg;
@@ -131,6 +132,7 @@ static void paint(kn_web *w)
     color(w);
     label(w);
     w->frame_ms = now_ms;
+    w->due_ms = fmax(w->due_ms, (double)now_ms - period_ms) + period_ms;
     w->painting = newest;
     w->drawing = true;
     kn_painter_draw(&w->painter);

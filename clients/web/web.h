@@ -80,6 +80,7 @@ typedef struct kn_web {
     // pictures
     int64_t mesh_id;            // of the painter's still
     int64_t frame_ms;           // when the last drawing began
+    double due_ms;              // when the next one should
     uint8_t *jpeg;              // the newest picture: the painter is at the next one
     size_t jpeg_size;
     uint32_t pictures;
