@@ -438,6 +438,8 @@ const kn_state *kn_replay_state(kn_replay *r)
     return r->servo.backend->state(r->servo.backend->self);
 }
 
+const kn_model *kn_replay_model(const kn_replay *r) { return r->servo.model; }
+
 // ---- second reading: tick by tick
 
 // The next record of the part that is replayed, until it is used up; false at the end.
@@ -693,6 +695,7 @@ static void run_tick(kn_replay *r)
         kn_change_destroy(r->private->change);
         r->private->change = r->private->next;
         r->private->next = NULL;
+        r->changes++;
     }
     if (!r->tick.in.undo || r->tick.out.restored_hash != 0 || !r->same) return;
     r->same = false; // its points are the server's alone, in no snapshot
@@ -736,8 +739,10 @@ static bool step_by_time(kn_replay *r)
 {
     reading *v = r->private;
     kn_tick_in *in = &r->tick.in;
+    const int64_t utime = v->first_pose_utime + 1000 * (v->tick + 1);
+    if (utime > v->last_utime) return false;
     *in = (kn_tick_in){.tick = v->tick + 1};
-    r->tick.utime = v->first_pose_utime + 1000 * in->tick;
+    r->tick.utime = utime;
     r->tick.time_s = 1e-3 * (double)in->tick;
     // half a period after its own time, so that the jitter of a sender on the same period moves no pose to another tick
     int64_t until = r->tick.utime + 500;
@@ -760,7 +765,6 @@ static bool step_by_time(kn_replay *r)
         r->tick.pose[p] = pose;
         in->fresh[p] = v->live[p] = true;
     }
-    if (!v->held && r->tick.utime > v->last_utime) return false;
     unsigned ended = kn_receiver_expire(&v->receiver, 1000 * until);
     for (int p = 0; p < r->model->def.probe_count; p++) {
         if (ended >> p & 1) v->live[p] = false;

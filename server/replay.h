@@ -63,7 +63,8 @@ typedef struct kn_replay_tally { // honest about what could not be used
 
 typedef struct kn_replay {
     kn_scene *scene;
-    kn_model *model;
+    kn_model *model; // of the log's beginning; kn_replay_model is the one in force
+    int changes;     // of the model in force: counts up with each, an address may come back
     kn_backend backend;
     kn_servo servo;
     kn_replay_tick tick;
@@ -80,10 +81,12 @@ typedef struct kn_replay {
 // a snapshot that it needs and is not there.
 kn_replay *kn_replay_create(const kn_replay_def *def, char *error, size_t error_size);
 
-// Runs one tick; false at the end of the log.
+// Runs one tick; false at the end of the log, where tick.out, .pose and .time_s remain those of the last one.
 bool kn_replay_step(kn_replay *replay);
 
+// The object now and what it is made of now: both are another's once a step has gone over to what was set.
 const kn_state *kn_replay_state(kn_replay *replay);
+const kn_model *kn_replay_model(const kn_replay *replay);
 void kn_replay_destroy(kn_replay *replay); // NULL is fine
 
 #endif

@@ -57,8 +57,7 @@ typedef struct run {
     kn_beside ply, csv;
     kn_paraview *paraview;
     kn_gauge *gauge;
-    int gauged;  // of which model, see kn_moment
-    int models;  // that the log has gone through
+    int gauged; // of which model, see kn_moment
     int moments;
     double first_s, last_s; // of them
 } run;
@@ -277,9 +276,12 @@ static int add_moment(run *r, const kn_moment *m, const char *scene)
     return code;
 }
 
-static kn_moment moment_of(kn_replay *r, int models)
+static kn_moment moment_of(kn_replay *r)
 {
-    kn_moment m = {.model = r->model, .models = models, .state = kn_replay_state(r), .time_s = r->tick.time_s};
+    kn_moment m = {.model = kn_replay_model(r),
+                   .models = r->changes,
+                   .state = kn_replay_state(r),
+                   .time_s = r->tick.time_s};
     for (int p = 0; p < r->tick.out.probes; p++) {
         const kn_force *f = &r->tick.out.force[p];
         struct kn_moment_tool *t = &m.tool[p];
@@ -296,18 +298,22 @@ static kn_moment moment_of(kn_replay *r, int models)
 
 // ---- a recording, a scene
 
+static void add_rows(run *r, const kn_replay *replay)
+{
+    for (int p = 0; r->csv.file && p < replay->tick.out.probes; p++)
+        if (replay->tick.out.force[p].live) kn_rows_tick(r->csv.file, replay, p);
+}
+
 static int take_tick(run *r, kn_replay *replay, double *next_s)
 {
     const options *o = r->o;
     const double t = replay->tick.time_s;
     const bool one = !isnan(o->at_s);
-    r->models += replay->tick.out.changed != NULL;
     if (t < (one ? o->at_s : o->from_s) - HALF_TICK_S) return KN_EXIT_OK;
-    for (int p = 0; r->csv.file && p < replay->tick.out.probes; p++)
-        if (replay->tick.out.force[p].live) kn_rows_tick(r->csv.file, replay, p);
+    add_rows(r, replay);
     if (t < *next_s - HALF_TICK_S) return KN_EXIT_OK;
     while (!one && *next_s <= t + HALF_TICK_S) *next_s += o->every_s;
-    const kn_moment m = moment_of(replay, r->models);
+    const kn_moment m = moment_of(replay);
     return add_moment(r, &m, replay->scene->name);
 }
 
@@ -330,7 +336,8 @@ static int step_through(run *r, kn_replay *replay)
     if (interrupted) FAIL("interrupted: nothing is written");
     if (isinf(last_s)) REFUSE("%s: not one tick in it, expected a recorded session", o->log);
     if (one && isinf(end_s)) { // its end is known now
-        const kn_moment m = moment_of(replay, r->models);
+        add_rows(r, replay);
+        const kn_moment m = moment_of(replay);
         return add_moment(r, &m, replay->scene->name);
     }
     if (r->moments == 0)

@@ -231,10 +231,11 @@ static bool measured(kn_source *s, const kn_view_options *o, const kn_model *mod
 {
     const bool edges = o->look.style == KN_VIEW_EDGES, colored = o->measure >= 0;
     if (!colored && !edges) return true;
-    if (colored && s->gauged != model) {
+    const int changes = s->replay ? s->replay->changes : 0;
+    if (colored && (!s->gauge || s->gauged != changes)) {
         kn_gauge_destroy(s->gauge);
         s->gauge = kn_gauge_create(model);
-        s->gauged = model;
+        s->gauged = changes;
     }
     if (colored && !s->gauge) return false;
     return kn_still_measure(still, model, state, colored ? s->gauge : NULL,
@@ -253,7 +254,7 @@ static const char *name_of(const kn_source *s, const kn_view_options *o)
 int kn_source_still(kn_source *s, const kn_view_options *o, kn_still *still)
 {
     if (s->kind == KN_VIEW_BUS) return still_of_bus(s, o, still);
-    const kn_model *model = s->replay ? s->replay->model : s->model;
+    const kn_model *model = s->replay ? kn_replay_model(s->replay) : s->model;
     const kn_state *state = s->replay ? kn_replay_state(s->replay) : s->state;
     if (!kn_still_state(still, model, state) || !measured(s, o, model, state, still)) return no_memory();
     if (s->replay) {

@@ -25,8 +25,8 @@ typedef struct kn_source { // read only
     kn_saved *saved;   // of a snapshot
     int64_t opened_ms;
     bool told; // that its scene is not known
-    kn_gauge *gauge; // of that model, while one is needed
-    const kn_model *gauged;
+    kn_gauge *gauge; // while one is needed
+    int gauged;      // of the model after so many changes in the recording
 } kn_source;
 
 // The options' file of that number; the bus until the first whole mesh is there and its tools are, when there are none.

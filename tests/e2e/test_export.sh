@@ -38,6 +38,27 @@ check "a surface for each moment" knead export press.lcmlog --ply plys --color s
 knead export press.lcmlog --at 0.5 --ply one.ply --color stress --top '20 kPa'
 check "one of which is that alone" cmp one.ply plys/surface_00001.ply
 
+# a log without forces ends with its last pose, and so does every program that reads it
+python3 - press.lcmlog poses.lcmlog <<'END'
+import struct, sys
+log, poses = open(sys.argv[1], "rb").read(), open(sys.argv[2], "wb")
+at = 0
+while at + 28 <= len(log):
+    channel, data = struct.unpack_from(">II", log, at + 20)
+    if b"KNEAD_FORCE" not in log[at + 28:at + 28 + channel]: poses.write(log[at:at + 28 + channel + data])
+    at += 28 + channel + data
+END
+for name in press poses; do
+    knead export $name.lcmlog --at end --vtk $name-end --csv $name-end.csv >/dev/null
+    knead replay $name.lcmlog --csv replay.csv --json >result
+    row=$(tail -1 replay.csv | cut -d, -f1-17,19-21)
+    check "the end of $name.lcmlog is a row like knead replay's: $row" [ "$(tail -n +2 $name-end.csv | cut -d, -f1-17,19-21)" = "$row" ]
+    end=$(knead view $name.lcmlog --depth end.png --size 16x16 | sed -n 's/.* at \(-*[0-9.]*\) s;.*/\1/p')
+    check "and at $end s for each: $(grep -o 'timestep="[^"]*"' $name-end/object.pvd | head -1)" \
+        [ "$(cut -d, -f2 <<<"$row") $(grep -oE '"end_s": *[0-9.]+' result | grep -oE '[0-9.]+$')" = "$end $(awk -v t="$end" 'BEGIN { print t + 0 }')" ]
+    check "also for ParaView" grep -q "timestep=\"${end}000\"" $name-end/object.pvd
+done
+
 cat >flat.yaml <<'END'
 version: 1
 object: {size: [4 cm, 2 cm], spacing: 5 mm, thickness: 1 cm}

@@ -29,6 +29,8 @@ for try in 1 2 3; do
     pressing
     stiffer=$(ctl --json set 'material.k1=940 gf/cm^3')
     sleep 0.4
+    ctl snapshot >/dev/null
+    cp "$(ls -t state/*.knead | head -1)" pressed.knead
     ctl set 'material.k1=600 gf/cm^3' 'device.clamp=2 N' >second
     sleep 0.4
     wait $hand
@@ -47,6 +49,13 @@ check "a stiffer spring stores more: $stiffer" \
     awk -v a="$(stored before "$stiffer")" -v b="$(stored after "$stiffer")" 'BEGIN { exit !(a > 0 && b > 1.5 * a && b < 2.5 * a) }'
 check "and for a reader: $(cat second)" grep -qE '^set: tick [0-9]+, the object stores [0-9.e-]+ mJ, [0-9.e-]+ before$' second
 check "the log replays over both to the bit: $(cat said why | tail -1)" grep -q '^verified' said
+# what is seen of the log is of the material in force then: that of the snapshot, which tells its own
+knead view pressed.knead --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --color stress --top '20 kPa' --plain --png snapshot.png >seen
+knead replay set.lcmlog --csv rows.csv >/dev/null 2>&1
+at_tick() { awk -F, -v tick="$1" '$1 == tick { print $2 }' rows.csv; }
+seen_s=$(at_tick "$(grep -oE '[0-9]+$' seen)")
+knead view set.lcmlog --at "$seen_s" --color stress --top '20 kPa' --plain --png log.png >/dev/null
+check "the log's stress under the finger is that of the material that was set: $(cat seen)" cmp snapshot.png log.png
 knead replay set.lcmlog --set material.k1=940\ gf/cm^3 --csv other.csv >out 2>err
 check "with a setting of its own it is another computation" [ -s other.csv -a ! -s err ]
 
