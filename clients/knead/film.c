@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -15,6 +16,7 @@ struct kn_film {
     FILE *said; // its stderr, a file without a name: a pipe that nobody reads would stop it
     pid_t ffmpeg; // 0: it has ended
     int pipe, status;
+    bool broken; // a picture could not be handed over
     size_t picture_bytes;
     const volatile sig_atomic_t *stopped;
     struct sigaction before; // of SIGPIPE
@@ -90,7 +92,9 @@ bool kn_film_ready(char *error, size_t error_size)
     char name[4096];
     for (const char *p = path ? path : "/usr/bin:/bin"; *p;) {
         const size_t n = strcspn(p, ":");
-        if (snprintf(name, sizeof name, "%.*s/%s", (int)n, p, program) < (int)sizeof name && access(name, X_OK) == 0)
+        struct stat there;
+        if (snprintf(name, sizeof name, "%.*s/%s", (int)n, p, program) < (int)sizeof name &&
+            stat(name, &there) == 0 && S_ISREG(there.st_mode) && access(name, X_OK) == 0)
             return true;
         p += n + (p[n] == ':');
     }
@@ -108,6 +112,7 @@ static bool start(kn_film *film, const format *f, int width, int height, double 
     if (film->ffmpeg == 0) become(film, ends[0], f, width, height, fps);
     if (film->ffmpeg < 0) film->ffmpeg = 0, film->status = -1;
     const bool started = film->ffmpeg > 0;
+    if (started) setpgid(film->ffmpeg, film->ffmpeg); // here too: whoever comes first, from now on it is a group
     close(ends[0]);
     return started;
 }
@@ -136,7 +141,7 @@ bool kn_film_add(kn_film *film, const uint8_t *rgba)
     for (size_t done = 0; done < film->picture_bytes;) {
         if (*film->stopped) return false;
         const ssize_t n = write(film->pipe, rgba + done, film->picture_bytes - done);
-        if (n < 0 && errno != EINTR) return false;
+        if (n < 0 && errno != EINTR) return film->broken = true, false;
         if (n > 0) done += (size_t)n;
     }
     return true;
@@ -148,7 +153,7 @@ static void end(kn_film *film, bool at_once)
     if (film->pipe >= 0) close(film->pipe);
     film->pipe = -1;
     while (film->ffmpeg > 0) {
-        if (at_once || *film->stopped) kill(film->ffmpeg, SIGKILL);
+        if (at_once || *film->stopped) kill(-film->ffmpeg, SIGKILL); // with whatever a wrapper of it has started
         const pid_t ended = waitpid(film->ffmpeg, &film->status, 0);
         if (ended > 0 || errno != EINTR) film->ffmpeg = 0;
     }
@@ -179,7 +184,10 @@ bool kn_film_keep(kn_film *film, char *error, size_t error_size)
 {
     char line[300];
     end(film, false);
-    const bool whole = WIFEXITED(film->status) && WEXITSTATUS(film->status) == 0 && !*film->stopped;
+    struct stat made;
+    const bool ended_well = WIFEXITED(film->status) && WEXITSTATUS(film->status) == 0 && !*film->stopped;
+    // one that reads nothing and is content with it has made nothing
+    const bool whole = ended_well && !film->broken && stat(film->out.tmp, &made) == 0 && made.st_size > 0;
     last_line(film->said, line, sizeof line);
     bool kept = whole && kn_beside_keep(&film->out, error, error_size);
     if (!whole) {
