@@ -438,6 +438,12 @@ const kn_state *kn_replay_state(kn_replay *r)
     return r->servo.backend->state(r->servo.backend->self);
 }
 
+double kn_replay_end_s(const kn_replay *r)
+{
+    const reading *v = r->private;
+    return 1e-3 * (double)(r->forces_logged ? v->last_tick - v->first_force_tick : r->tally.ticks_total - 1);
+}
+
 const kn_model *kn_replay_model(const kn_replay *r) { return r->servo.model; }
 
 // ---- second reading: tick by tick

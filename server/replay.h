@@ -24,6 +24,8 @@
 #include "proto/knead_contact_force_t.h"
 #include "server/servo.h"
 
+#define KN_REPLAY_HALF_TICK_S 0.0005 // times that are apart by less are one tick's
+
 typedef struct kn_replay_def { // what it points at is borrowed as long as the replay lives
     const char *log_path;
     const char *scene_path;  // NULL: the scene that the log holds. Another scene than the log's is refused without sets
@@ -87,6 +89,8 @@ bool kn_replay_step(kn_replay *replay);
 // The object now and what it is made of now: both are another's once a step has gone over to what was set.
 const kn_state *kn_replay_state(kn_replay *replay);
 const kn_model *kn_replay_model(const kn_replay *replay);
+// tick.time_s of the last tick that the log tells of, tally.ticks_total of them being run at most.
+double kn_replay_end_s(const kn_replay *replay);
 void kn_replay_destroy(kn_replay *replay); // NULL is fine
 
 #endif

@@ -2,7 +2,9 @@
 #include "clients/knead/batch.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/interrupt.h"
 #include "clients/knead/measure_option.h"
+#include "clients/knead/number.h"
 #include "clients/knead/output.h"
 #include "clients/knead/paraview.h"
 #include "clients/knead/ply.h"
@@ -10,14 +12,13 @@
 #include "clients/knead/rows.h"
 #include "clients/viewer/beside.h"
 #include <ctype.h>
+#include <errno.h>
 #include <getopt.h>
 #include <limits.h>
 #include <math.h>
-#include <signal.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define HALF_TICK_S 0.0005
 #define MOMENTS_MAX 100000 // five digits of a name
 
 static const char help[] =
@@ -39,7 +40,7 @@ static const char help[] =
     "                     it, so that a colour means the same in all)\n"
     "  --snapshot PATH    as knead replay's: where a log goes on that begins on a kneaded object\n\n"
     "DIR is new, or an empty folder; a FILE is replaced. All appear whole, or not at all.\n"
-    "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written, or interrupted.\n";
+    "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 typedef struct options {
     const char *log, *scene, *snapshot, *vtk, *ply, *csv;
@@ -62,25 +63,10 @@ typedef struct run {
     double first_s, last_s; // of them
 } run;
 
-static volatile sig_atomic_t interrupted;
-
-static void on_signal(int number)
-{
-    (void)number;
-    interrupted = 1;
-}
-
 #define REFUSE(...) return kn_complain("export", KN_EXIT_USAGE, __VA_ARGS__)
 #define FAIL(...) return kn_complain("export", KN_EXIT_DEVICE, __VA_ARGS__)
 
 // ---- options
-
-static bool seconds(const char *text, double least, double *value)
-{
-    char *end;
-    *value = strtod(text, &end);
-    return end != text && !*end && *value >= least && *value <= 1e9;
-}
 
 static const char *take(options *o, int option, const char *text) // NULL, or what was expected
 {
@@ -93,12 +79,14 @@ static const char *take(options *o, int option, const char *text) // NULL, or wh
     case 's': o->snapshot = text; return NULL;
     case 'T': o->top = text; return NULL;
     case 'm': return kn_measure_take(text, &o->measure) ? NULL : KN_MEASURE_EXPECTED;
-    case 'f': return seconds(text, -1e9, &o->from_s) ? NULL : "seconds";
-    case 't': return seconds(text, -1e9, &o->to_s) ? NULL : "seconds";
-    case 'e': return seconds(text, 0.001, &o->every_s) ? NULL : "seconds, 0.001 or more: a tick is a millisecond";
+    case 'f': return kn_number_take(text, -1e9, 1e9, &o->from_s) ? NULL : "seconds";
+    case 't': return kn_number_take(text, -1e9, 1e9, &o->to_s) ? NULL : "seconds";
+    case 'e':
+        if (kn_number_take(text, 0.001, 1e9, &o->every_s)) return NULL;
+        return "seconds, 0.001 or more: a tick is a millisecond";
     default:
         o->at_s = INFINITY;
-        return strcmp(text, "end") == 0 || seconds(text, -1e9, &o->at_s) ? NULL : "seconds, or end";
+        return strcmp(text, "end") == 0 || kn_number_take(text, -1e9, 1e9, &o->at_s) ? NULL : "seconds, or end";
     }
 }
 
@@ -107,13 +95,14 @@ static int check_outputs(const options *o)
     const bool one = !isnan(o->at_s) || o->scene;
     const char *files[] = {o->csv, one ? o->ply : NULL};
     for (int i = 0; i < 2; i++)
-        if (kn_output_same(o->log, files[i]) || kn_output_same(o->scene, files[i]))
+        if (kn_output_same(o->log, files[i]) || kn_output_same(o->scene, files[i]) ||
+            kn_output_same(o->snapshot, files[i]))
             REFUSE("%s: is being read, expected another file to write", files[i]);
     const char *all[] = {o->vtk, o->ply, o->csv};
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < i; k++)
-            if (all[i] && all[k] && (!strcmp(all[i], all[k]) || kn_output_same(all[i], all[k])))
-                REFUSE("%s: expected a path of its own for each output", all[i]);
+            if (all[i] && all[k] && (kn_output_holds(all[i], all[k]) || kn_output_holds(all[k], all[i])))
+                REFUSE("%s: expected a path of its own for each output, none in another", all[i]);
     if (o->ply && !one && !o->top) REFUSE("--ply %s: expected --top as well, or --at for one moment", o->ply);
     return KN_EXIT_OK;
 }
@@ -148,6 +137,7 @@ static int parse(int argc, char **argv, options *o)
         if (option == ':') REFUSE("%s: expected a value", word);
         if (option == '?') REFUSE("%s: no such option; knead export --help lists them", word);
         if (option == 'h') return o->help = true, KN_EXIT_OK;
+        if (!*optarg) REFUSE("--%s '': expected a value", names[which].name);
         const char *expected = take(o, option, optarg);
         if (expected) REFUSE("--%s %s: expected %s", names[which].name, optarg, expected);
     }
@@ -187,6 +177,9 @@ static int keep_outputs(run *r)
     kn_paraview *paraview = r->paraview;
     r->paraview = NULL;
     if (paraview && !kn_paraview_close(paraview, error, sizeof error)) FAIL("%s", error);
+    // a disk that is full is told before the first of them appears
+    if ((r->csv.file && fflush(r->csv.file) != 0) || (r->ply.file && fflush(r->ply.file) != 0))
+        FAIL("%s: %s", r->csv.file && ferror(r->csv.file) ? r->o->csv : r->o->ply, strerror(errno));
     if (r->csv.file && !kn_beside_keep(&r->csv, error, sizeof error)) FAIL("%s", error);
     if (r->ply.file && !kn_beside_keep(&r->ply, error, sizeof error)) FAIL("%s", error);
     if (!kn_batch_keep(&r->plys, error, sizeof error)) FAIL("%s", error);
@@ -265,9 +258,6 @@ static int add_moment(run *r, const kn_moment *m, const char *scene)
     if (!whole(m))
         REFUSE("%s: the object's shape is no number at %.3f s: it diverged, expected --to before that", r->o->log,
                m->time_s);
-    if (r->moments == MOMENTS_MAX)
-        REFUSE("--every %g: expected at most %d moments, there are more before %.3f s", r->o->every_s, MOMENTS_MAX,
-               m->time_s);
     if (r->paraview && !kn_paraview_add(r->paraview, m, error, sizeof error)) FAIL("%s", error);
     if (r->moments == 0) r->first_s = m->time_s;
     r->last_s = m->time_s;
@@ -309,12 +299,23 @@ static int take_tick(run *r, kn_replay *replay, double *next_s)
     const options *o = r->o;
     const double t = replay->tick.time_s;
     const bool one = !isnan(o->at_s);
-    if (t < (one ? o->at_s : o->from_s) - HALF_TICK_S) return KN_EXIT_OK;
+    if (t < (one ? o->at_s : o->from_s) - KN_REPLAY_HALF_TICK_S) return KN_EXIT_OK;
     add_rows(r, replay);
-    if (t < *next_s - HALF_TICK_S) return KN_EXIT_OK;
-    while (!one && *next_s <= t + HALF_TICK_S) *next_s += o->every_s;
+    if (t < *next_s - KN_REPLAY_HALF_TICK_S) return KN_EXIT_OK;
+    while (!one && *next_s <= t + KN_REPLAY_HALF_TICK_S) *next_s += o->every_s;
     const kn_moment m = moment_of(replay);
     return add_moment(r, &m, replay->scene->name);
+}
+
+// Before the first of them.
+static int check_moments(const options *o, const kn_replay *replay)
+{
+    const double end_s = kn_replay_end_s(replay), begin_s = end_s - 1e-3 * (double)(replay->tally.ticks_total - 1);
+    const double span_s = fmin(o->to_s, end_s) - fmax(o->from_s, begin_s) + KN_REPLAY_HALF_TICK_S;
+    const double moments = floor(span_s / o->every_s) + 1;
+    if (!isnan(o->at_s) || !(o->vtk || o->ply) || moments <= MOMENTS_MAX) return KN_EXIT_OK;
+    REFUSE("--every %g: expected at most %d moments, of %s that would be %.0f", o->every_s, MOMENTS_MAX, o->log,
+           moments);
 }
 
 static int step_through(run *r, kn_replay *replay)
@@ -325,15 +326,15 @@ static int step_through(run *r, kn_replay *replay)
     double next_s = one ? o->at_s : o->from_s, last_s = -INFINITY;
     int code = KN_EXIT_OK;
     kn_progress bar = kn_progress_open("export", fmin((double)replay->tally.ticks_total, fmax(1, 1e3 * end_s)));
-    while (code == KN_EXIT_OK && !interrupted && last_s < end_s - HALF_TICK_S && kn_replay_step(replay)) {
+    while (code == KN_EXIT_OK && !kn_interrupted && last_s < end_s - KN_REPLAY_HALF_TICK_S && kn_replay_step(replay)) {
         last_s = replay->tick.time_s;
-        if (!one && last_s > end_s + HALF_TICK_S) break; // ticks are missing there; of one moment the next will do
+        if (!one && last_s > end_s + KN_REPLAY_HALF_TICK_S) break; // ticks are missing there; of one the next will do
         code = take_tick(r, replay, &next_s);
         kn_progress_step(&bar, (double)replay->tally.ticks);
     }
     kn_progress_close(&bar);
     if (code != KN_EXIT_OK) return code;
-    if (interrupted) FAIL("interrupted: nothing is written");
+    if (kn_interrupted) FAIL("interrupted: nothing is written");
     if (isinf(last_s)) REFUSE("%s: not one tick in it, expected a recorded session", o->log);
     if (one && isinf(end_s)) { // its end is known now
         add_rows(r, replay);
@@ -352,7 +353,8 @@ static int of_log(run *r)
     const kn_replay_def def = {.log_path = o->log, .snapshot_path = o->snapshot};
     kn_replay *replay = kn_replay_create(&def, error, sizeof error);
     if (!replay) REFUSE("%s", error);
-    int code = open_outputs(r);
+    int code = check_moments(o, replay);
+    if (code == KN_EXIT_OK) code = open_outputs(r);
     if (code == KN_EXIT_OK) code = step_through(r, replay);
     if (code == KN_EXIT_OK && replay->damage[0])
         kn_complain("export", KN_EXIT_OK, "%s: %s: what stands before it was used", o->log, replay->damage);
@@ -392,14 +394,12 @@ int kn_export_main(int argc, char **argv)
     int code = parse(argc, argv, &o);
     if (code == KN_EXIT_OK && o.help) fputs(help, stdout);
     if (code != KN_EXIT_OK || o.help) return code;
-    struct sigaction action = {.sa_handler = on_signal};
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
-    sigaction(SIGHUP, &action, NULL);
+    kn_interrupt_watch();
     run r = {.o = &o};
     code = o.scene ? of_scene(&r) : of_log(&r);
     if (code == KN_EXIT_OK) code = keep_outputs(&r);
     if (code == KN_EXIT_OK) tell(&r);
     drop_outputs(&r);
+    if (code != KN_EXIT_OK) kn_interrupt_die(); // what was whole before it came is there
     return code;
 }

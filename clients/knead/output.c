@@ -3,6 +3,9 @@
 #include "clients/knead/complain.h"
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -21,6 +24,33 @@ int kn_output_try(const char *subcommand, const char *path)
     close(file);
     if (!known) unlink(path);
     return KN_EXIT_OK;
+}
+
+// The path without links, where its folder is there; else as it is. Without a slash at its end.
+static void resolve(const char *path, char to[2 * PATH_MAX])
+{
+    char folder[PATH_MAX], known[PATH_MAX];
+    size_t n = strlen(path);
+    while (n > 1 && path[n - 1] == '/') n--;
+    snprintf(folder, sizeof folder, "%.*s", (int)n, path);
+    snprintf(to, 2 * PATH_MAX, "%s", folder);
+    if (realpath(folder, known)) {
+        snprintf(to, 2 * PATH_MAX, "%s", known);
+        return;
+    }
+    char *slash = strrchr(folder, '/');
+    const char *name = slash ? slash + 1 : folder;
+    if (slash) *slash = 0;
+    if (realpath(!slash ? "." : *folder ? folder : "/", known)) snprintf(to, 2 * PATH_MAX, "%s/%s", known, name);
+}
+
+bool kn_output_holds(const char *a, const char *b)
+{
+    char outer[2 * PATH_MAX], inner[2 * PATH_MAX];
+    resolve(a, outer);
+    resolve(b, inner);
+    const size_t n = strlen(outer);
+    return kn_output_same(a, b) || (strncmp(outer, inner, n) == 0 && (!inner[n] || inner[n] == '/'));
 }
 
 bool kn_output_same(const char *a, const char *b)

@@ -2,6 +2,7 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/film.h"
+#include "clients/knead/interrupt.h"
 #include "clients/knead/lineup.h"
 #include "clients/knead/output.h"
 #include "clients/knead/progress.h"
@@ -16,9 +17,6 @@ typedef struct film { // at work
     kn_lineup lineup;
     kn_film *out;
 } film;
-
-static volatile sig_atomic_t stopped;
-static void on_signal(int number) { stopped = number; }
 
 static double moment(const kn_view_options *o, int picture) { return o->from_s + picture * o->speed / o->fps; }
 
@@ -73,7 +71,7 @@ static int shoot(film *f)
     kn_lineup *l = &f->lineup;
     int code = KN_EXIT_OK;
     kn_progress bar = kn_progress_open("film", f->pictures);
-    for (int picture = 0; code == KN_EXIT_OK && picture < f->pictures && !stopped; picture++) {
+    for (int picture = 0; code == KN_EXIT_OK && picture < f->pictures && !kn_interrupted; picture++) {
         kn_extent now = f->extent;
         code = kn_lineup_to(l, moment(o, picture));
         // what is live does not wait for a picture that takes long: the one before stands for those that were missed
@@ -96,28 +94,14 @@ static int develop(film *f)
 {
     char error[400];
     const kn_view_options *o = f->o;
-    f->out = kn_film_open(o->video, o->width, o->height, o->fps, &stopped, error, sizeof error);
+    f->out = kn_film_open(o->video, o->width, o->height, o->fps, &kn_interrupted, error, sizeof error);
     if (!f->out) return kn_complain("view", KN_EXIT_DEVICE, "%s", error);
     const int code = shoot(f);
-    if (code != KN_EXIT_OK || stopped) return kn_film_drop(f->out), code;
+    if (code != KN_EXIT_OK || kn_interrupted) return kn_film_drop(f->out), code;
     if (!kn_film_keep(f->out, error, sizeof error))
-        return stopped ? KN_EXIT_OK : kn_complain("view", KN_EXIT_DEVICE, "%s", error);
+        return kn_interrupted ? KN_EXIT_OK : kn_complain("view", KN_EXIT_DEVICE, "%s", error);
     printf("%s: %d x %d, %d pictures, %.1f s\n", o->video, o->width, o->height, f->pictures, f->pictures / o->fps);
     return code;
-}
-
-static void watch_signals(void)
-{
-    static const int deadly[] = {SIGINT, SIGTERM, SIGHUP};
-    for (int i = 0; i < 3; i++) sigaction(deadly[i], &(struct sigaction){.sa_handler = on_signal}, NULL);
-}
-
-// Dies of the signal that came, if one did: whoever started us sees what ended us.
-static void die_of_it(void)
-{
-    if (!stopped) return;
-    signal((int)stopped, SIG_DFL);
-    raise((int)stopped);
 }
 
 int kn_view_film(const kn_view_options *o)
@@ -132,10 +116,10 @@ int kn_view_film(const kn_view_options *o)
     if (code == KN_EXIT_OK) code = kn_lineup_open(&f.lineup, o);
     if (code == KN_EXIT_OK && !f.live) code = kn_lineup_to(&f.lineup, o->from_s);
     if (code == KN_EXIT_OK) {
-        watch_signals(); // from here on there is something to clear away
+        kn_interrupt_watch(); // from here on there is something to clear away
         code = develop(&f);
     }
     kn_lineup_close(&f.lineup);
-    die_of_it();
+    kn_interrupt_die();
     return code;
 }

@@ -4,6 +4,7 @@
 #include "clients/knead/film.h"
 #include "clients/knead/join.h"
 #include "clients/knead/measure_option.h"
+#include "clients/knead/number.h"
 #include "clients/knead/output.h"
 #include "clients/viewer/offscreen.h"
 #include <errno.h>
@@ -23,8 +24,8 @@ const char kn_view_help[] =
     "Draws the object, its tools and the force on the hand, without a screen. Up to 4 objects stand side by side.\n\n"
     "  --at SECONDS|end   moment of the recording, since its first session began (end); 1,3,end: three side by side\n"
     "  --scene FILE       the scene that a snapshot is of; alone: at rest\n"
-    "  --size WxH         pixels, 16..4096 each, of a film even (1280x720; of several 640x480 each, at most 1920x480;\n"
-    "                     range images 640x640)\n"
+    "  --size WxH         pixels, 16..4096 on each side, of several 16 or more for each, of a film even (1280x720;\n"
+    "                     of several 640x480 each, at most 1920x480; range images 640x640)\n"
     "  --camera FROM      front, back, left, right, top or corner, where the two below begin (corner: 28, 27)\n"
     "  --azimuth DEG      where from: 0 the front, 90 the right, -360..360\n"
     "  --elevation DEG    0 level .. 90 from above\n"
@@ -53,17 +54,9 @@ const char kn_view_help[] =
     "KNEAD_GL=osmesa or egl in the environment: what draws it (the first of them that is there).\n"
     "Exit codes: 0 ok, 2 bad input, 3 nothing heard, no OpenGL, no ffmpeg, or the picture cannot be written.\n";
 
-static bool number(const char *text, double low, double high, double *value)
-{
-    char *end;
-    *value = strtod(text, &end);
-    return end != text && !*end && *value >= low && *value <= high;
-}
-
 static bool size(const char *text, kn_view_options *o)
 {
-    char end = 0;
-    return sscanf(text, "%5dx%5d%c", &o->width, &o->height, &end) == 2 && o->width >= KN_OFFSCREEN_MIN &&
+    return kn_number_pair(text, &o->width, &o->height) && o->width >= KN_OFFSCREEN_MIN &&
            o->width <= KN_OFFSCREEN_MAX && o->height >= KN_OFFSCREEN_MIN && o->height <= KN_OFFSCREEN_MAX;
 }
 
@@ -110,7 +103,7 @@ static bool moments(const char *text, kn_view_options *o, asked *a)
         snprintf(one, sizeof one, "%.*s", (int)n, text);
         double *at_s = &o->at_s[a->moments++];
         *at_s = INFINITY;
-        if (strcmp(one, "end") != 0 && !number(one, -1e9, 1e9, at_s)) return false;
+        if (strcmp(one, "end") != 0 && !kn_number_take(one, -1e9, 1e9, at_s)) return false;
         text += n;
         if (!*text) return true;
     }
@@ -123,7 +116,7 @@ static const char *take(kn_view_options *o, asked *a, int option, const char *te
     case 'd': o->depth = text; return NULL;
     case 'C': o->compare = true; return NULL;
     case 'k': return camera(text, o) ? NULL : "front, back, left, right, top or corner";
-    case 'z': return number(text, 0.2, 20, &o->look.zoom) ? NULL : "0.2..20";
+    case 'z': return kn_number_take(text, 0.2, 20, &o->look.zoom) ? NULL : "0.2..20";
     case 'c': return kn_measure_take(text, &o->measure) ? NULL : KN_MEASURE_EXPECTED;
     case 'T': o->top = text; return NULL;
     case 'y': return style(text, o) ? NULL : "lined, solid, wire or edges";
@@ -136,15 +129,15 @@ static const char *take(kn_view_options *o, asked *a, int option, const char *te
     case 'n': o->look.style = KN_VIEW_SOLID; return NULL;
     case 't': return moments(text, o, a) ? NULL : "seconds, or end; as many as 4, with commas between";
     case 's': return (a->sized = size(text, o)) ? NULL : "WxH, 16..4096 pixels on each side, e.g. 1280x720";
-    case 'a': return number(text, -360, 360, &a->azimuth_deg) ? NULL : "degrees, -360..360";
-    case 'e': return number(text, 0, 90, &a->elevation_deg) ? NULL : "degrees, 0..90";
-    case 'F': return number(text, -1e9, 1e9, &o->from_s) ? NULL : "seconds";
-    case 'G': return number(text, -1e9, 1e9, &o->to_s) ? NULL : "seconds";
-    case 'N': return number(text, 0.1, 3600, &o->seconds) ? NULL : "seconds, 0.1..3600";
-    case 'f': return number(text, 1, 120, &o->fps) ? NULL : "pictures per second, 1..120";
-    case 'x': return number(text, 0.01, 1000, &o->speed) ? NULL : "how many times as fast, 0.01..1000";
-    case 'o': return number(text, -720, 720, &o->orbit_deg_s) ? NULL : "degrees per second, -720..720";
-    default: return number(text, 0, 3600, &o->wait_s) ? NULL : "seconds, 0..3600";
+    case 'a': return kn_number_take(text, -360, 360, &a->azimuth_deg) ? NULL : "degrees, -360..360";
+    case 'e': return kn_number_take(text, 0, 90, &a->elevation_deg) ? NULL : "degrees, 0..90";
+    case 'F': return kn_number_take(text, -1e9, 1e9, &o->from_s) ? NULL : "seconds";
+    case 'G': return kn_number_take(text, -1e9, 1e9, &o->to_s) ? NULL : "seconds";
+    case 'N': return kn_number_take(text, 0.1, 3600, &o->seconds) ? NULL : "seconds, 0.1..3600";
+    case 'f': return kn_number_take(text, 1, 120, &o->fps) ? NULL : "pictures per second, 1..120";
+    case 'x': return kn_number_take(text, 0.01, 1000, &o->speed) ? NULL : "how many times as fast, 0.01..1000";
+    case 'o': return kn_number_take(text, -720, 720, &o->orbit_deg_s) ? NULL : "degrees per second, -720..720";
+    default: return kn_number_take(text, 0, 3600, &o->wait_s) ? NULL : "seconds, 0..3600";
     }
 }
 
@@ -274,6 +267,12 @@ static int check(kn_view_options *o, const asked *a)
     if ((code = share_out(o, a)) != KN_EXIT_OK) return code;
     if (o->compare && o->file_count != 2) REFUSE("--compare: expected two objects, there are %d", o->file_count);
     if (!a->sized) default_size(o);
+    const int panels = o->file_count + o->compare;
+    if (panels > 1 && o->width / panels < KN_OFFSCREEN_MIN)
+        REFUSE("--size %dx%d: expected %d pixels or more for each of %d pictures side by side", o->width, o->height,
+               KN_OFFSCREEN_MIN, panels);
+    const char *gl = getenv("KNEAD_GL");
+    if (gl && *gl && !kn_offscreen_knows(gl)) REFUSE("KNEAD_GL=%s: expected osmesa or egl", gl);
     if (o->depth && (code = check_depth(o, a)) != KN_EXIT_OK) return code;
     if (isfinite(a->azimuth_deg)) o->look.azimuth_deg = a->azimuth_deg;
     if (isfinite(a->elevation_deg)) o->look.elevation_deg = a->elevation_deg;
@@ -305,6 +304,7 @@ int kn_view_parse(int argc, char **argv, kn_view_options *o)
         if (option == ':') REFUSE("%s: expected a value", word);
         if (option == '?') REFUSE("%s: no such option; knead view --help lists them", word);
         if (option == 'h') return o->help = true, KN_EXIT_OK;
+        if (optarg && !*optarg) REFUSE("--%s '': expected a value", names[which].name);
         const char *expected = take(o, &a, option, optarg);
         if (expected) REFUSE("--%s %s: expected %s", names[which].name, optarg, expected);
     }

@@ -9,7 +9,6 @@
 #include <sys/stat.h>
 
 #define SETTLE_MS 50   // after the first whole mesh: the probes' forces, and a mesh that is not older than they are
-#define HALF_TICK_S 0.0005
 
 static int no_memory(void) { return kn_complain("view", KN_EXIT_DEVICE, "out of memory"); }
 
@@ -113,7 +112,7 @@ static int open_log(kn_source *s)
 static int step_log(kn_source *s, double at_s)
 {
     kn_replay *r = s->replay;
-    while (!s->ended && s->time_s < at_s - HALF_TICK_S) {
+    while (!s->ended && s->time_s < at_s - KN_REPLAY_HALF_TICK_S) {
         if (kn_replay_step(r)) s->time_s = r->tick.time_s;
         else s->ended = true;
     }

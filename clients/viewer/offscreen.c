@@ -21,6 +21,13 @@ static const kn_offscreen_backend *const backends[] = {&kn_offscreen_osmesa, &kn
 enum { BACKENDS = sizeof backends / sizeof *backends };
 static const kn_offscreen_backend *last;
 
+bool kn_offscreen_knows(const char *name)
+{
+    int i = 0;
+    while (i < BACKENDS && strcmp(backends[i]->name, name) != 0) i++;
+    return i < BACKENDS;
+}
+
 // The one that KNEAD_GL names, or the first that is there; NULL: none, and why the first one is not.
 static const kn_offscreen_backend *choose(char *error, size_t error_size)
 {

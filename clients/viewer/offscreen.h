@@ -18,6 +18,8 @@
 
 typedef struct kn_offscreen kn_offscreen;
 
+bool kn_offscreen_knows(const char *name); // as KNEAD_GL has it: "osmesa" or "egl"
+
 // samples: 1..4 per pixel. NULL and one sentence in error: size out of range, library missing, context refused.
 kn_offscreen *kn_offscreen_open(int width, int height, int samples, char *error, size_t error_size);
 

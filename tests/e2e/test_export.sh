@@ -85,6 +85,33 @@ refused "a folder in none" 3 'nosuch/x: No such file' press.lcmlog --vtk nosuch/
 refused "a table in none" 3 'nosuch/x.csv: No such file' press.lcmlog --csv nosuch/x.csv --vtk x
 refused "a file that is being read" 2 'press.lcmlog: is being read' press.lcmlog --csv press.lcmlog
 refused "two outputs in one place" 2 'expected a path of its own' press.lcmlog --csv x --vtk x
+refused "two outputs in one place, told otherwise" 2 'expected a path of its own' press.lcmlog --csv x --vtk ./x --at 0.1
+refused "with a slash behind it" 2 'expected a path of its own' press.lcmlog --vtk x --ply x/
+ln -s . here
+refused "by a link" 2 'expected a path of its own' press.lcmlog --csv x --ply here/x --at 0.1
+mkdir empty
+refused "one output in another" 2 'expected a path of its own for each output, none in another' press.lcmlog --vtk empty --csv empty/x
+refused "nowhere" 2 "^knead export: --vtk '': expected a value$" press.lcmlog --vtk ''
+refused "a table nowhere" 2 "^knead export: --csv '': expected a value$" press.lcmlog --csv ''
+for text in ' 1' 0x2 1e inf nan +; do
+    refused "a time that is none" 2 '--at .*: expected seconds, or end' press.lcmlog --at "$text" --csv x
+done
+# a log of 200 s is refused as fast as it is read: stepped to the last name there is it would take a hundred times as long
+python3 - poses.lcmlog long.lcmlog <<'END'
+import struct, sys
+log, long = bytearray(open(sys.argv[1], "rb").read()), open(sys.argv[2], "wb")
+for again in range(40):
+    at = 0
+    while at + 28 <= len(log):
+        channel, data = struct.unpack_from(">II", log, at + 20)
+        struct.pack_into(">Q", log, at + 12, struct.unpack_from(">Q", log, at + 12)[0] + 5_000_000 * (again > 0))
+        at += 28 + channel + data
+    long.write(log)
+END
+refused "more moments than there are names" 2 '--every 0.001: expected at most 100000 moments, of long.lcmlog that would be' \
+    long.lcmlog --vtk x --every 0.001
+check "a part of it is not" knead export long.lcmlog --ply part-ply --top '1 mm' --every 0.001 --from 0.001 --to 0.003
+check "and has three" [ "$(ls part-ply | wc -l)" = 3 ]
 refused "no time between moments" 2 '--every 0: expected seconds, 0.001 or more' press.lcmlog --vtk x --every 0
 refused "a moment after the end" 2 '--at 99: press.lcmlog ends at [0-9.]+ s' press.lcmlog --vtk x --at 99
 refused "a part after it" 2 '--from 99: press.lcmlog ends at [0-9.]+ s' press.lcmlog --vtk x --csv y --from 99
@@ -108,6 +135,6 @@ for ((tries = 0; tries < 500; tries++)); do [ "$(ls stopped.* 2>/dev/null | wc -
 kill -INT $exporter
 wait $exporter
 got=$?
-check "interrupted, it says so ($(cat err))" eval '[ $got = 3 ] && grep -q "interrupted: nothing is written" err'
+check "interrupted, it says so and dies of it ($(cat err))" eval '[ $got = 130 ] && grep -q "interrupted: nothing is written" err'
 check "and leaves nothing, either" [ -z "$(ls -A | grep stopped)" ]
 exit $failed

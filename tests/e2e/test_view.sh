@@ -35,6 +35,17 @@ check "no picture of nothing" [ ! -e x.png ]
 expect "a bus that is none" 2 'knead view: nosuch://1: expected udpm://GROUP:PORT' knead view --png x.png --lcm-url nosuch://1
 expect "no picture asked for" 2 'expected --png' knead view
 expect "a size that is none" 2 '^knead view: --size 9x9: expected WxH, 16..4096' knead view --png x.png --size 9x9
+for size in '32x+32' ' 32x32' 0x20x32 32x32x 32; do
+    expect "nor is this" 2 '^knead view: --size .*: expected WxH, 16..4096' knead view --png x.png --size "$size"
+done
+for text in ' 1' 0x2 1e inf nan; do
+    expect "a number that is none" 2 '^knead view: --zoom .*: expected 0.2..20' knead view --png x.png --zoom "$text"
+done
+expect "a picture nowhere" 2 "^knead view: --png '': expected a value$" knead view --scene "$scene" --png ''
+expect "drawn by nothing" 2 '^knead view: KNEAD_GL=foo: expected osmesa or egl$' env KNEAD_GL=foo knead view --scene "$scene" --png x.png
+expect "too narrow for four" 2 '^knead view: --size 48x32: expected 16 pixels or more for each of 4 pictures side by side$' \
+    knead view "$scene" "$scene" "$scene" "$scene" --png x.png --size 48x32
+expect "and not" 0 '^$' knead view "$scene" "$scene" "$scene" "$scene" --png four.png --size 64x16
 expect "a scene that is none" 2 'nosuch.yaml:1:1: ' knead view --png x.png --scene nosuch.yaml
 expect "a log that is none" 2 'expected an LCM event log' knead view --png x.png nosuch.lcmlog
 expect "a picture over a device" 3 '/dev/null: is no regular file' knead view --png /dev/null --scene "$scene"
@@ -191,6 +202,22 @@ if command -v ffmpeg >/dev/null; then
     cp press.mp4 kept.mp4
     PATH=$PWD/fake:$PATH expect "ffmpeg's own complaint" 3 'ffmpeg made no film of it: no room left$' video --video kept.mp4
     check "leaves the film that was there" cmp -s press.mp4 kept.mp4
+    printf '#!/bin/sh\nexec <&-\nsleep 0.5\n' >fake/ffmpeg
+    PATH=$PWD/fake:$PATH expect "an ffmpeg that reads nothing" 3 'ffmpeg made no film of it: it said nothing$' \
+        video --video kept.mp4 --size 640x360
+    PATH=$PWD/fake:$PATH expect "and one that had room for all of it" 3 'ffmpeg made no film of it' video --video kept.mp4 --size 16x16 --fps 1
+    check "leaves it, too" cmp -s press.mp4 kept.mp4
+    printf '#!/bin/sh\nsleep 1000 & echo $! >child\nwait\n' >fake/ffmpeg
+    PATH=$PWD/fake:$PATH knead view press.lcmlog --video never.mp4 --size 640x360 >out 2>err &
+    filming=$!
+    for _ in {1..200}; do [ -s child ] && break; sleep 0.1; done
+    kill -INT $filming
+    wait $filming
+    got=$?
+    pause 0.2
+    check "what a wrapper of ffmpeg has started ends with it ($got)" \
+        eval '[ $got = 130 ] && [ -s child ] && [[ $(cut -d" " -f3 /proc/$(cat child)/stat 2>/dev/null) != [RSD] ]]'
+
     knead view press.lcmlog --video never.mp4 --fps 120 --speed 0.01 >out 2>err &
     filming=$!
     # once it has begun, there is a file beside it
@@ -202,9 +229,11 @@ if command -v ffmpeg >/dev/null; then
     check "and leaves nothing" [ -z "$(compgen -G 'never*')" ]
 fi
 bare=$PWD/bare
-mkdir bare && ln -s "$(command -v knead)" bare/knead
+mkdir -p bare folder/ffmpeg && ln -s "$(command -v knead)" bare/knead
 expect "no ffmpeg" 3 'no films without the program ffmpeg: install the package ffmpeg$' \
     env PATH="$bare" knead view press.lcmlog --video x.mp4
+expect "a folder of that name" 3 'no films without the program ffmpeg: install the package ffmpeg$' \
+    env PATH="$bare:$PWD/folder" "$(command -v knead)" view press.lcmlog --video x.mp4
 expect "a film that is none" 2 '--video x.avi: expected .mp4, ' knead view press.lcmlog --video x.avi
 expect "a film of nothing" 2 'expected a log, or --seconds N' knead view --video x.mp4
 expect "a film that is odd" 2 'expected even numbers' knead view press.lcmlog --video x.mp4 --size 161x90
