@@ -38,7 +38,7 @@ typedef struct kn_view_scene {
     const float (*edge)[2][3];   // [edge_count] its ends, m
     const float (*edge_value)[2]; // [edge_count] theirs on the scale; NULL: the object's colour
     float color[3];              // of the object, sRGB 0..1
-    double thickness_m;          // of a flat object: to it a ball is a disc and a plate a line, as wide. 0: no flat one
+    double thickness_m;          // of a flat object: to it a ball is a disc and a plate a line, 1 % less wide; 0: not flat
     int probe_count;             // 0 .. KN_PROBES_MAX
     kn_view_probe probe[KN_PROBES_MAX];
     double azimuth_deg;          // 0: from the front (-y), 90: from the right (+x)

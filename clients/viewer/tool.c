@@ -8,6 +8,7 @@
 #include <string.h>
 
 #define PLATE_THICKNESS_M 0.002
+#define FLAT_SHARE 0.99 // of a flat object's thickness its tools have: sides in one plane would flicker
 #define ARROW_SQUARES_PER_N 0.2f
 #define ARROW_LEAST_N 0.05f
 #define HAND_AWAY_M 0.0005
@@ -131,7 +132,7 @@ static int solids_of_part(const kn_tools *t, const frame *tool, const kn_solid *
 int kn_tool_solids(const kn_tools *t, const kn_view_probe *p, kn_tool_solid out[KN_TOOL_SOLIDS_MAX])
 {
     const frame f = frame_of(p);
-    const double *size = p->def.size_m, flat = t->thickness_m;
+    const double *size = p->def.size_m, flat = FLAT_SHARE * t->thickness_m;
     int count = 0;
     kn_shape shape = {0};
     if (flat > 0 && p->def.shape == KN_PROBE_SPHERE) {

@@ -395,6 +395,27 @@ TEST("what moves far away is drawn whole: only what nothing touches is kept from
     block_destroy(&b);
 }
 
+TEST("tools in a flat object do not shine through its sides")
+{
+    block b = block_create();
+    kn_renderer *r = open_renderer(&b);
+    kn_view_scene scene = kn_view_scene_default();
+    scene.thickness_m = 0.05; // the block's
+    uint8_t *bare = draw(r, scene, b.rest);
+    scene.probe_count = 1;
+    for (int plate = 0; plate < 2; plate++) {
+        scene.probe[0] = (kn_view_probe){.def = {.shape = plate ? KN_PROBE_PLATE : KN_PROBE_SPHERE,
+                                                 .radius_m = 0.01, .size_m = {0.01, 0.01}},
+                                         .position_m = {0, 0, 0.015}};
+        uint8_t *with = draw(r, scene, b.rest);
+        CHECK(changed(bare, with, 0, 0, WIDTH, HEIGHT) == 0);
+        free(with);
+    }
+    free(bare);
+    kn_renderer_close(r);
+    block_destroy(&b);
+}
+
 TEST("positions that are not finite leave a hole and hurt nothing else")
 {
     block b = block_create();
