@@ -16,7 +16,7 @@ _knead_parse() {
         }
     }
     function choices(text,    i, n, item, found) { # "a|b|c" after an option
-        if (!match(text, /^[a-z0-9_]+(\|[a-zA-Z0-9_.]+)+/)) return ""
+        if (!match(text, /^[a-zA-Z0-9_]+(\|[a-zA-Z0-9_.]+)+/)) return ""
         n = split(substr(text, RSTART, RLENGTH), item, "|")
         for (i = 1; i <= n; i++) if (item[i] ~ /^[a-z0-9_]+$/) found = found " " item[i]
         return found
@@ -24,6 +24,7 @@ _knead_parse() {
     function listed(text,    i, n, item, found, count) { # "a, b (why), c: what it is, or d"
         gsub(/ *\([^)]*\)?/, "", text)
         gsub(/: [^,;]*/, "", text)
+        sub(/;$/, "", text) # it goes on in the next line
         gsub(/; |, or | or /, ", ", text)
         n = split(text, item, ", ")
         for (i = 1; i <= n && item[i] ~ /^[a-z0-9][a-z0-9_-]*$/; i++) { found = found " " item[i]; count++ }
@@ -39,6 +40,10 @@ _knead_parse() {
             print option choices(substr(text, 2))
         }
         commands = commands || / COMMAND \[/
+        if (match($0, / \[[a-z]+\|[a-z|]+\]/)) { # "[bash|zsh]" of its own
+            n = split(substr($0, RSTART + 2, RLENGTH - 3), item, "|")
+            for (i = 1; i <= n; i++) print item[i]
+        }
         sub(/^usage:/, "")
         if ($1 == "knead" && $3 ~ /^[a-z]+$/) print $3
         next
@@ -50,7 +55,7 @@ _knead_parse() {
         left = at ? substr(text, 1, at - 1) : text
         right = at ? substr(text, at + RLENGTH) : ""
         values = ""
-        if (match(left, / [a-z0-9_]+\|/)) values = choices(substr(left, RSTART + 1))
+        if (match(left, / [a-zA-Z0-9_]+\|/)) values = choices(substr(left, RSTART + 1))
         else if (left ~ / [A-Z]+$/ && left !~ /URL|FILE|DIR|PATH|TIME/) values = listed(right)
         options(left, values)
         next

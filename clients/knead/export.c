@@ -35,7 +35,7 @@ static const char help[] =
     "  --from S, --to S   part of the recording, seconds since its first session began (0, its end)\n"
     "  --every S          between two moments of it, 0.001 or more (0.1)\n"
     "  --at SECONDS|end   that moment alone\n"
-    "  --color WHAT       of --ply: displacement, stress (von Mises) or residual (displacement)\n"
+    "  --color WHAT       displacement, stress (von Mises) or residual, of --ply (displacement)\n"
     "  --top QUANTITY     end of its colour scale, e.g. '5 kPa', '2 mm', 0.1 (what the file needs; for a folder you say\n"
     "                     it, so that a colour means the same in all)\n"
     "  --snapshot PATH    as knead replay's: where a log goes on that begins on a kneaded object\n\n"
