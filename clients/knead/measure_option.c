@@ -33,5 +33,5 @@ const char *kn_measure_top_example(kn_measure measure)
 double kn_measure_scale(kn_measure measure, double asked, double most)
 {
     static const double least[KN_MEASURES] = {1e-5, 1, 1e-3};
-    return asked > 0 ? asked : kn_scale_round(fmax(most, least[measure]));
+    return asked > 0 ? asked : kn_scale_top(fmax(most, least[measure]));
 }

@@ -9,14 +9,18 @@ const float kn_scale_color[KN_SCALE_COLORS][3] = {HEX(0x440154), HEX(0x472d7b), 
                                                   HEX(0x2c728e), HEX(0x21918c), HEX(0x28ae80),
                                                   HEX(0x5ec962), HEX(0xaddc30), HEX(0xfde725)};
 
-double kn_scale_round(double most)
+static double step_above(double most, int count, const double *steps)
 {
-    static const double steps[] = {1, 2, 5, 10};
     if (!(most > 1e-9)) return 1e-9;
     double ten = pow(10, floor(log10(most))), top = 0;
-    for (int i = 0; i < 4 && top < most; i++) top = steps[i] * ten * (1 + 1e-12); // 3 * 0.1 is a little more than 0.3
+    // 3 * 0.1 is a little more than 0.3
+    for (int i = 0; i < count && top < most; i++) top = steps[i] * ten * (1 + 1e-12);
     return top;
 }
+
+double kn_scale_round(double most) { return step_above(most, 4, (const double[]){1, 2, 5, 10}); }
+
+double kn_scale_top(double most) { return step_above(most, 7, (const double[]){1, 1.5, 2, 3, 5, 7.5, 10}); }
 
 void kn_scale_at(double share, float srgb[3])
 {

@@ -14,6 +14,7 @@ typedef struct kn_scale { // from 0 to top
 } kn_scale;
 
 double kn_scale_round(double most); // the smallest of 1, 2 or 5 times a power of ten that holds it; 0 or less: 1e-9
+double kn_scale_top(double most);   // of 1.5, 3 or 7.5, too: what it holds fills three fifths of a legend or more
 void kn_scale_at(double share, float srgb[3]); // 0..1; beyond: the ends
 
 // "von Mises stress, kPa".

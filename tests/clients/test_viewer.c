@@ -202,6 +202,17 @@ static void check_scale(double most, const char *unit, double top, const char *t
 
 TEST("a scale ends at 1, 2 or 5 of a power of ten and is told in the unit that suits it")
 {
+    for (double most = 1e-6; most < 1e7; most *= 1.07) { // as small as it can be told in
+        const kn_scale scale = {"stress", "Pa", kn_scale_top(most)};
+        char text[64];
+        CHECK(scale.top >= most && scale.top <= 5.0 / 3 * most);
+        int ticks = 0;
+        while (kn_scale_tick(&scale, ticks, text, sizeof text) >= 0) {
+            CHECK(strlen(text) <= 4);
+            ticks++;
+        }
+        CHECK(ticks >= 4 && ticks <= 6);
+    }
     check_scale(3217, "Pa", 5000, "strain, kPa", "5", 5);
     check_scale(0.0093, "m", 0.01, "strain, mm", "10", 5);
     check_scale(0.13, "", 0.2, "strain, %", "20", 4);
