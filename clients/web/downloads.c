@@ -20,15 +20,25 @@ static size_t block_of(const char *text, const char *head, const char **begin)
     return end ? (size_t)(end + 1 - *begin) : strlen(*begin);
 }
 
+// A name as it may stand in a comment: it came over the bus, and what ends a line, in ASCII or beyond, would end the
+// comment.
+static void plain(const char *name, char *to, size_t size)
+{
+    snprintf(to, size, "%s", name);
+    for (; *to; to++)
+        if (*to < ' ' || *to > '~') *to = '?';
+}
+
 // The material as it is served, as a file for `material: FILE.yaml`.
 static bool material(const kn_web *w, kn_web_file *file)
 {
     const char *text = w->live.scene ? w->live.scene->text : NULL, *part, *weight;
     size_t size = text ? block_of(text, "material:", &part) : 0, more = text ? block_of(text, "density:", &weight) : 0;
     if (size == 0 || more == 0) return false;
-    char head[256];
-    int n = snprintf(head, sizeof head, "# As it was served in %s. In a scene: `material: FILE.yaml`, beside it.\n",
-                     w->live.scene->name);
+    char head[256], name[128];
+    plain(w->live.scene->name, name, sizeof name);
+    int n =
+        snprintf(head, sizeof head, "# As it was served in %s. In a scene: `material: FILE.yaml`, beside it.\n", name);
     file->type = "application/yaml; charset=utf-8";
     file->size = (size_t)n + size + more;
     file->bytes = malloc(file->size);

@@ -455,6 +455,8 @@ def memory(server, seconds):
 
 def main():
     seconds = 60 * float(sys.argv[2]) if sys.argv[1:2] == ["--minutes"] else 20
+    # a build that checks addresses keeps what is freed, 256 MB of it: memory that no leak has grown
+    os.environ["ASAN_OPTIONS"] = os.environ.get("ASAN_OPTIONS", "") + ":quarantine_size_mb=1"
     server, bus = Served("dough-small.yaml"), Bus()
     check("it listens on 127.0.0.1 and nowhere else", listens_on(server) == ["0100007F"], listens_on(server))
     until(lambda: bus.now)
@@ -483,4 +485,5 @@ def main():
     sys.exit(results.failed)
 
 
-main()
+if __name__ == "__main__":
+    main()
