@@ -157,8 +157,7 @@ void kn_web_on_gone(void *self, int page)
     if (w->replayed.page == page) w->replayed.page = -1;
     for (int i = 0; i < KN_ASKER_CALLS; i++)
         if (w->asked[i].page == page) w->asked[i].page = -1;
-    for (int i = 0; i < KN_WEB_ANSWERS; i++)
-        if (w->answer[i].page == page) w->answer[i].page = -1;
+    w->waiting[page].count = 0;
     if (w->owner != page) return;
     w->owner = -1;
     w->button = KN_BUTTON_UP;

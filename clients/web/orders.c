@@ -10,20 +10,17 @@
 
 #define STATUS_TAG KN_ASKER_CALLS       // of our own questions
 #define SAVE_TAG (KN_ASKER_CALLS + 1)
+#define PICTURE_MS 5000 // a picture that was asked for is not waited for longer
 #define SILENT_MS 1300 // a session ends after 1 s without poses: then another hand may come
 
 void kn_web_answer_page(kn_web *w, int page, uint32_t id, bool ok, const char *format, ...)
 {
-    int free_one = -1;
-    for (int i = 0; i < KN_WEB_ANSWERS && free_one < 0; i++)
-        if (w->answer[i].page < 0) free_one = i;
-    if (page < 0 || free_one < 0) return; // nobody, or one who asks and never reads
-    kn_web_answer *a = &w->answer[free_one];
+    if (page < 0 || w->waiting[page].count == KN_WEB_ANSWERS) return; // nobody, or one who asks and never reads
+    kn_web_answer *a = &w->waiting[page].answer[w->waiting[page].count++];
     va_list args;
     va_start(args, format);
     vsnprintf(a->words, sizeof a->words, format, args);
     va_end(args);
-    a->page = page;
     a->id = id;
     a->ok = ok;
     kn_gateway_news(&w->gateway);
@@ -31,19 +28,26 @@ void kn_web_answer_page(kn_web *w, int page, uint32_t id, bool ok, const char *f
 
 // ---- the scenes that may be loaded
 
-static int by_name(const void *a, const void *b) { return strcmp(a, b); }
+static int by_name(const struct dirent **a, const struct dirent **b) { return strcmp((*a)->d_name, (*b)->d_name); }
+
+static int is_scene(const struct dirent *e)
+{
+    const size_t size = strlen(e->d_name);
+    return size > 5 && *e->d_name != '.' && strcmp(e->d_name + size - 5, ".yaml") == 0;
+}
 
 void kn_web_list_scenes(kn_web *w)
 {
-    DIR *folder = w->scenes ? opendir(w->scenes) : NULL;
-    w->scene_files = 0;
-    for (const struct dirent *e; folder && w->scene_files < KN_WEB_SCENES && (e = readdir(folder));) {
-        size_t size = strlen(e->d_name);
-        if (size > 5 && size < sizeof w->scene_file[0] && *e->d_name != '.' && !strcmp(e->d_name + size - 5, ".yaml"))
-            strcpy(w->scene_file[w->scene_files++], e->d_name);
+    struct dirent **found = NULL;
+    const int count = w->scenes ? scandir(w->scenes, &found, is_scene, by_name) : 0;
+    w->scene_files = w->scenes_unlisted = 0;
+    for (int i = 0; i < count; i++) {
+        if (w->scene_files < KN_WEB_SCENES && kn_request_is_name(found[i]->d_name))
+            strcpy(w->scene_file[w->scene_files++], found[i]->d_name);
+        else w->scenes_unlisted++;
+        free(found[i]);
     }
-    if (folder) closedir(folder);
-    qsort(w->scene_file, (size_t)w->scene_files, sizeof w->scene_file[0], by_name);
+    free(found);
 }
 
 // The path of one that was listed: what a page says is looked up, never used.
@@ -224,6 +228,7 @@ static void take_picture(kn_web *w, int page, const kn_request *r)
     if (!now) return;
     w->png_page = page;
     w->png_id = r->id;
+    w->png_ms = kn_live_now_ms();
     w->png_there = false;
 }
 
@@ -240,13 +245,13 @@ static void record(kn_web *w, int page, const kn_request *r)
     if (!w->tool || w->lent) kn_web_answer_page(w, page, r->id, false, "There is no tool in hand.");
     else if (!kn_takes_begin(&w->takes, w->tool->name, error, sizeof error))
         kn_web_answer_page(w, page, r->id, false, "%s", error);
-    else kn_web_answer_page(w, page, r->id, true, "It begins with the scene, within 5 s.");
+    else kn_web_answer_page(w, page, r->id, true, "It begins with the scene, which is told every 5 s.");
 }
 
 static void verify(kn_web *w, int page, const kn_request *r)
 {
-    char error[200];
-    if (!kn_takes_verify(&w->takes, (int)r->value, snapshots(w), error, sizeof error)) {
+    char error[200] = "Another recording is being replayed.";
+    if (w->lent || !kn_takes_verify(&w->takes, (int)r->value, snapshots(w), error, sizeof error)) {
         kn_web_answer_page(w, page, r->id, false, "%s", error);
         return;
     }
@@ -270,6 +275,12 @@ static void play(kn_web *w, int page, const kn_request *r)
     w->replayed.page = page, w->replayed.id = r->id;
 }
 
+static void tell_replayed(kn_web *w, bool ok, const char *words) // whoever asked for it, once
+{
+    kn_web_answer_page(w, w->replayed.page, w->replayed.id, ok, "%s", words);
+    w->replayed.page = -1;
+}
+
 static void give_back(kn_web *w)
 {
     w->lent = 0;
@@ -281,21 +292,35 @@ void kn_web_on_replayed(void *self, int number, bool ok, const char *words)
     kn_web *w = self;
     (void)number;
     if (w->lent) give_back(w);
-    kn_web_answer_page(w, w->replayed.page, w->replayed.id, ok, "%s", words);
+    tell_replayed(w, ok, words);
     kn_web_refresh(w);
 }
 
 static void end_take(kn_web *w, int page, const kn_request *r)
 {
-    const bool any = kn_takes_busy(&w->takes) || w->lent;
-    kn_takes_end(&w->takes);
-    if (w->lent && w->lent_ms) give_back(w), kn_web_answer_page(w, w->replayed.page, w->replayed.id, false, "Stopped.");
-    kn_web_answer_page(w, page, r->id, any, any ? "Stopped." : "Nothing is being recorded or played.");
+    const int number = (int)r->value;
+    bool any = kn_takes_end(&w->takes, number);
+    if (w->lent == number && w->lent_ms) { // its session's end is still waited for
+        give_back(w);
+        tell_replayed(w, false, "Stopped.");
+        any = true;
+    }
+    kn_web_answer_page(w, page, r->id, any, any ? "Stopped." : "Nothing of that recording goes on.");
+}
+
+// No mesh, or no page that takes one: then none is drawn.
+static void give_up_picture(kn_web *w)
+{
+    if (w->png_page < 0 || w->png_there || w->drawing || kn_live_now_ms() - w->png_ms < PICTURE_MS) return;
+    kn_web_answer_page(w, w->png_page, w->png_id, false, "No picture has been drawn for 5 s: is anything served?");
+    w->png_page = -1;
 }
 
 void kn_web_turn(kn_web *w)
 {
     char error[200];
+    give_up_picture(w);
+    if (kn_takes_tidy(&w->takes)) kn_web_refresh(w);
     kn_take *one = w->takes.now;
     if (one && one->number != w->saved_of && atomic_load(&one->state) == KN_TAKE_RUNS) {
         w->saved_of = one->number; // so that it goes on from there when it is replayed
@@ -307,7 +332,7 @@ void kn_web_turn(kn_web *w)
     w->lent_ms = 0;
     if (w->tool && kn_takes_play(&w->takes, w->lent, w->tool->name, error, sizeof error)) return;
     give_back(w);
-    kn_web_answer_page(w, w->replayed.page, w->replayed.id, false, "%s", w->tool ? error : "There is no such tool.");
+    tell_replayed(w, false, w->tool ? error : "There is no such tool.");
 }
 
 void kn_web_on_request(void *self, int page, const kn_request *r)

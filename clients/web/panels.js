@@ -183,7 +183,10 @@ function showLegend(top) {
 
 // ---- recordings
 
-by('record').addEventListener('click', () => order(about.recording || about.playing ? 'stop' : 'record'));
+by('record').addEventListener('click', () => {
+    const value = about?.recording || about?.playing;
+    order(value ? 'stop' : 'record', value ? { value } : {});
+});
 
 function addTake(number) {
     const [row, words, told] = ['li', 'span', 'p'].map((name) => document.createElement(name));
@@ -195,10 +198,10 @@ function addTake(number) {
         buttons.append(button);
     };
     const file = (kind) => save(`recording/${number}.${kind}`, `${stem()}-${number}.${kind}`);
-    const one = () => about.recordings.find((take) => take.number === number);
+    const one = () => about?.recordings.find((take) => take.number === number);
     add('Log', () => file('lcmlog'));
     add('CSV', async () => { if (one()?.csv || await order('verify', { value: number }) || one()?.csv) file('csv'); });
-    add('Verify', () => order('verify', { value: number }));
+    add('Verify', () => order(about?.replaying === number ? 'stop' : 'verify', { value: number }));
     add('Play', () => order('play', { value: number }));
     row.dataset.number = number;
     told.className = 'why';
@@ -208,7 +211,7 @@ function addTake(number) {
 
 function showTakes({ recordings, recording, playing, replaying }) {
     writeTo(by('record'), recording ? 'Stop' : playing ? 'Stop playing' : 'Record');
-    by('record').classList.toggle('on', recording);
+    by('record').classList.toggle('on', Boolean(recording));
     const rows = new Map([...by('takes').children].map((row) => [Number(row.dataset.number), row]));
     for (const [number, row] of rows) if (!recordings.some((take) => take.number === number)) row.remove();
     for (const take of recordings.sort((a, b) => b.number - a.number)) {
@@ -219,6 +222,9 @@ function showTakes({ recordings, recording, playing, replaying }) {
             ?? `${take.number}: ${take.s.toFixed(1)} s, ${take.mb.toFixed(1)} MB`);
         writeTo(told, replaying === take.number ? 'is being replayed' : take.words);
         buttons.hidden = take.state !== 'whole';
+        const verify = buttons.children[2], now = replaying === take.number ? 'Stop' : 'Verify';
+        writeTo(verify, now); // one button for both, so that the focus stays
+        verify.setAttribute('aria-label', `${now}, recording ${take.number}`);
     }
 }
 

@@ -13,13 +13,12 @@ static const struct {
     [KN_VERB_RESET] = {"reset", 0},         [KN_VERB_UNDO] = {"undo", 0},
     [KN_VERB_SNAPSHOT] = {"snapshot", 0},   [KN_VERB_RESTORE] = {"restore", 0},
     [KN_VERB_ESTOP] = {"estop", 0},         [KN_VERB_RECOVER] = {"recover", 0},
-    [KN_VERB_RECORD] = {"record", 0},       [KN_VERB_STOP] = {"stop", 0},
-    [KN_VERB_PICTURE] = {"picture", 0},
+    [KN_VERB_RECORD] = {"record", 0},       [KN_VERB_PICTURE] = {"picture", 0},
     [KN_VERB_QUALITY] = {"quality", NAME},  [KN_VERB_MATERIAL] = {"material", NAME},
     [KN_VERB_SCENE] = {"scene", NAME},      [KN_VERB_STYLE] = {"style", NAME},
     [KN_VERB_MEASURE] = {"measure", NAME},  [KN_VERB_SET] = {"set", NAME | VALUE},
     [KN_VERB_VIEW] = {"view", VIEW},        [KN_VERB_VERIFY] = {"verify", NUMBER},
-    [KN_VERB_PLAY] = {"play", NUMBER},
+    [KN_VERB_PLAY] = {"play", NUMBER},      [KN_VERB_STOP] = {"stop", NUMBER},
 };
 
 const char *kn_verb_word(kn_verb verb) { return verbs[verb].word; }
@@ -35,13 +34,19 @@ static bool take_verb(kn_request *r, const json_t *value)
     return false;
 }
 
+bool kn_request_is_name(const char *text)
+{
+    static const char of[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
+    const size_t size = strlen(text);
+    return size > 0 && size < KN_REQUEST_NAME && strspn(text, of) == size;
+}
+
 static bool take_name(kn_request *r, const json_t *value)
 {
     const char *name = json_string_value(value);
-    size_t size = name ? strlen(name) : 0;
-    if (size == 0 || size >= sizeof r->name || json_string_length(value) != size) return false;
-    memcpy(r->name, name, size + 1);
-    return strspn(name, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-") == size;
+    if (!name || json_string_length(value) != strlen(name) || !kn_request_is_name(name)) return false;
+    strcpy(r->name, name);
+    return true;
 }
 
 static bool take_number(double *to, const json_t *value, double least, double most)

@@ -11,7 +11,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#define SCENE_MS 8000 // kneadd tells it every 5 s
+#define HEED_MS 50 // how soon a thread that waits heeds its end
 
 void kn_takes_path(const kn_takes *t, int number, const char *kind, char path[128])
 {
@@ -45,22 +45,28 @@ static bool write_path(const char *log_path, const char *probe, const char *path
         if (first_ns < 0) first_ns = p.sent_ns;
         last_ns = p.sent_ns;
         fprintf(out, "%.6f,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g\n", 1e-9 * (double)(p.sent_ns - first_ns),
-                p.position_m[0], p.position_m[1], p.position_m[2], p.orientation_wxyz[0], p.orientation_wxyz[1], p.orientation_wxyz[2],
-                p.orientation_wxyz[3]);
+                p.position_m[0], p.position_m[1], p.position_m[2], p.orientation_wxyz[0], p.orientation_wxyz[1],
+                p.orientation_wxyz[2], p.orientation_wxyz[3]);
     }
     if (log) lcm_eventlog_destroy(log);
     const bool whole = out && !ferror(out);
     return out && fclose(out) == 0 && whole;
 }
 
+// False: none came, or the take was ended.
+static bool hear_scene(kn_takes *t, kn_take *one, kn_record *r)
+{
+    const int64_t end_ns = kn_now_ns() + KN_TAKE_SCENE_MS * 1000000ll;
+    while (!kn_record_scene(r, HEED_MS) && !atomic_load(&t->end) && kn_now_ns() < end_ns);
+    if (kn_record_scene(r, 0)) return !atomic_load(&t->end);
+    snprintf(one->words, sizeof one->words, "No scene was heard for %d s.", KN_TAKE_SCENE_MS / 1000);
+    return false;
+}
+
 static bool record(kn_takes *t, kn_take *one, const char *path)
 {
     kn_record *r = kn_record_open(t->url, one->words, sizeof one->words);
-    bool ok = r;
-    if (ok && !kn_record_scene(r, SCENE_MS)) {
-        snprintf(one->words, sizeof one->words, "No scene was heard for 8 s.");
-        ok = false;
-    }
+    bool ok = r && hear_scene(t, one, r);
     if (ok) r->log_only = true;
     ok = ok && kn_record_start(r, t->probe, path, one->words, sizeof one->words);
     if (ok) {
@@ -86,6 +92,10 @@ static void *run(void *self)
     kn_takes_path(t, one->number, "lcmlog", log);
     kn_takes_path(t, one->number, "path", path);
     bool ok = record(t, one, log);
+    if (atomic_load(&t->end) && atomic_load(&one->ms) == 0) {
+        atomic_store(&one->state, KN_TAKE_EMPTY);
+        return NULL;
+    }
     if (ok && !write_path(log, t->probe, path)) {
         snprintf(one->words, sizeof one->words, "Its poses could not be written: is the folder for recordings full?");
         ok = false;
@@ -97,7 +107,7 @@ static void *run(void *self)
 static bool ended(const kn_take *one)
 {
     int state = atomic_load(&one->state);
-    return state == KN_TAKE_WHOLE || state == KN_TAKE_FAILED;
+    return state >= KN_TAKE_WHOLE;
 }
 
 bool kn_takes_busy(const kn_takes *t) { return t->now && !ended(t->now); }
@@ -105,6 +115,7 @@ bool kn_takes_busy(const kn_takes *t) { return t->now && !ended(t->now); }
 bool kn_takes_begin(kn_takes *t, const char *probe, char *error, size_t error_size)
 {
     kn_take *one = &t->take[t->count % KN_TAKES];
+    kn_takes_tidy(t);
     const char *why = kn_takes_busy(t)                          ? "A recording runs already."
                       : !*t->folder                             ? "There is no folder to record to."
                       : t->child_pid && t->child_of == one->number ? "The oldest recording is in use."
@@ -127,10 +138,21 @@ bool kn_takes_begin(kn_takes *t, const char *probe, char *error, size_t error_si
     return false;
 }
 
-void kn_takes_end(kn_takes *t)
+bool kn_takes_end(kn_takes *t, int number)
 {
-    atomic_store(&t->end, true);
-    if (t->child_pid && t->child_plays) kill(t->child_pid, SIGINT);
+    const bool runs = kn_takes_busy(t) && t->now->number == number, child = t->child_pid && t->child_of == number;
+    if (runs) atomic_store(&t->end, true);
+    if (child) kill(t->child_pid, SIGINT), t->child_stopped = true;
+    return runs || child;
+}
+
+bool kn_takes_tidy(kn_takes *t)
+{
+    if (!t->now || atomic_load(&t->now->state) != KN_TAKE_EMPTY) return false;
+    pthread_join(t->thread, NULL);
+    drop(t, t->now);
+    t->now = NULL;
+    return true;
 }
 
 kn_take *kn_takes_find(kn_takes *t, int number)
@@ -164,15 +186,18 @@ static void on_child(struct ev_loop *ev, ev_child *w, int events)
     (void)events;
     kn_takes *t = w->data;
     kn_take *one = kn_takes_find(t, t->child_of);
-    const bool ok = WIFEXITED(w->rstatus) && WEXITSTATUS(w->rstatus) == 0;
+    const bool stopped = t->child_stopped;
+    const bool ok = !stopped && WIFEXITED(w->rstatus) && WEXITSTATUS(w->rstatus) == 0;
     char words[200] = "It ended without a word.";
     ev_child_stop(ev, w);
     t->child_pid = 0;
     last_line(t, words, sizeof words);
     if (t->child_plays && ok) snprintf(words, sizeof words, "Played to its end.");
+    if (stopped) snprintf(words, sizeof words, "Stopped.");
     if (one && !t->child_plays) {
         char path[128];
         kn_takes_path(t, one->number, "csv", path);
+        if (stopped) unlink(path); // half of it
         one->csv = access(path, R_OK) == 0;
         snprintf(one->words, sizeof one->words, "%s", words);
     }
@@ -199,6 +224,7 @@ static bool start(kn_takes *t, int number, bool plays, char *const argv[], char 
     t->child_pid = pid;
     t->child_of = number;
     t->child_plays = plays;
+    t->child_stopped = false;
     ev_child_init(&t->child, on_child, pid, 0);
     t->child.data = t;
     ev_child_start(t->ev, &t->child);
@@ -238,12 +264,12 @@ bool kn_takes_play(kn_takes *t, int number, const char *probe, char *error, size
 void kn_takes_close(kn_takes *t)
 {
     char path[128];
+    atomic_store(&t->end, true);
     if (t->child_pid) {
         ev_child_stop(t->ev, &t->child);
         kill(t->child_pid, SIGTERM);
         waitpid(t->child_pid, NULL, 0);
     }
-    atomic_store(&t->end, true);
     if (t->now) pthread_join(t->thread, NULL);
     t->now = NULL;
     for (int i = 0; i < KN_TAKES; i++) drop(t, &t->take[i]);

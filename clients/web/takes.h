@@ -15,9 +15,10 @@
 #define KN_TAKES 6               // are kept; the oldest gives way
 #define KN_TAKE_SECONDS 120      // at most,
 #define KN_TAKE_BYTES (96 << 20) // and of messages
+#define KN_TAKE_SCENE_MS 8000    // that it waits for a scene at most
 
-typedef enum kn_take_state { KN_TAKE_WAITS, KN_TAKE_RUNS, KN_TAKE_WHOLE, KN_TAKE_FAILED } kn_take_state;
-// WAITS: for the scene, which kneadd tells every 5 s
+typedef enum kn_take_state { KN_TAKE_WAITS, KN_TAKE_RUNS, KN_TAKE_WHOLE, KN_TAKE_FAILED, KN_TAKE_EMPTY } kn_take_state;
+// WAITS: for the scene, which kneadd tells every 5 s; EMPTY: ended before it ran, and is tidied away
 
 typedef struct kn_take {
     int number;         // 1 and up; 0: free
@@ -42,11 +43,13 @@ typedef struct kn_takes {
     char probe[64];
     ev_child child;
     int child_pid, child_of;  // 0: none
-    bool child_plays;
+    bool child_plays, child_stopped;
 } kn_takes;
 
 bool kn_takes_begin(kn_takes *takes, const char *probe, char *error, size_t error_size);
-void kn_takes_end(kn_takes *takes);                // the one that runs, or the child that plays
+// Of that number: its recording, if that waits or runs; the child that verifies or plays it. False: there is neither.
+bool kn_takes_end(kn_takes *takes, int number);
+bool kn_takes_tidy(kn_takes *takes);               // an EMPTY one goes; whether there was one
 kn_take *kn_takes_find(kn_takes *takes, int number); // that is whole, or NULL
 bool kn_takes_busy(const kn_takes *takes);         // a take runs
 // snapshots: kneadd's --state-dir, NULL: none, for a take that began on a kneaded object. Makes forces.csv, too.

@@ -98,17 +98,14 @@ static void put_traces(kn_web *w, kn_web_page *p, json *t)
 
 static void put_answers(kn_web *w, int page, json *t)
 {
-    const char *comma = "";
     put(t, ",\"answers\":[");
-    for (int i = 0; i < KN_WEB_ANSWERS; i++) {
-        kn_web_answer *a = &w->answer[i];
-        if (a->page != page) continue;
-        put(t, "%s{\"id\":%u,\"ok\":%s", comma, a->id, a->ok ? "true" : "false");
+    for (int i = 0; i < w->waiting[page].count; i++) {
+        const kn_web_answer *a = &w->waiting[page].answer[i];
+        put(t, "%s{\"id\":%u,\"ok\":%s", i ? "," : "", a->id, a->ok ? "true" : "false");
         put_words(t, "words", a->words);
         put(t, "}");
-        a->page = -1;
-        comma = ",";
     }
+    w->waiting[page].count = 0;
     put(t, "]");
 }
 
@@ -280,7 +277,7 @@ static json_t *recordings(const kn_web *w)
     for (int i = 0; i < KN_TAKES; i++) {
         const kn_take *one = &w->takes.take[i];
         const int state = atomic_load(&one->state);
-        if (!one->number) continue;
+        if (!one->number || state == KN_TAKE_EMPTY) continue;
         json_array_append_new(
             list, json_pack("{s:i, s:s, s:f, s:f, s:b, s:s}", "number", one->number, "state", states[state], "s",
                             floor(1e-2 * atomic_load(&one->ms)) / 10, "mb",
@@ -309,17 +306,44 @@ static json_t *view(const kn_web *w)
                      "measures", measures(w));
 }
 
-void kn_web_refresh(kn_web *w)
+static json_t *told(const char *words) // a name of the bus; "?" when it is no UTF-8
+{
+    json_t *text = json_string(words);
+    return text ? text : json_string("?");
+}
+
+static json_t *about(const kn_web *w)
 {
     const kn_scene *s = w->live.scene;
-    json_t *all = json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:b, s:i, s:i}", "scene",
-                            s ? s->name : "", "tool", w->tool ? w->tool->name : "", "control", control(w), "scenes", scenes(w), "materials",
-                            materials(), "loop", loop(&w->vitals), "energy", energy(&w->vitals), "mesh", mesh(w),
-                            "view", view(w), "recordings", recordings(w), "recording", kn_takes_busy(&w->takes), "playing",
-                            w->lent, "replaying", w->takes.child_pid ? w->takes.child_of : 0);
+    json_t *all = json_pack(
+        "{s:o, s:o, s:o, s:o, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:i, s:i, s:i}", "scene", told(s ? s->name : ""),
+        "tool", told(w->tool ? w->tool->name : ""), "control", control(w), "scenes", scenes(w), "unlisted",
+        w->scenes_unlisted, "materials", materials(), "loop", loop(&w->vitals), "energy", energy(&w->vitals), "mesh",
+        mesh(w), "view", view(w), "recordings", recordings(w), "recording",
+        kn_takes_busy(&w->takes) ? w->takes.now->number : 0, "playing", w->lent, "replaying",
+        w->takes.child_pid ? w->takes.child_of : 0);
     if (all && s) json_object_set_new(all, "material", material(&s->model.material));
     if (all && s) json_object_set_new(all, "points", points(s));
-    char *text = all ? json_dumps(all, JSON_COMPACT | JSON_REAL_PRECISION(6)) : NULL;
+    return all;
+}
+
+// Too much is told without what may be long, so that it never ends in the middle.
+static char *fitting(json_t *all)
+{
+    static const char *const long_ones[] = {"scenes", "recordings", "scene", "tool"};
+    char *text = json_dumps(all, JSON_COMPACT | JSON_REAL_PRECISION(6));
+    for (int i = 0; text && strlen(text) > KN_WEB_ABOUT && i < 4; i++) {
+        json_object_set_new(all, long_ones[i], i < 2 ? json_array() : json_string("?"));
+        free(text);
+        text = json_dumps(all, JSON_COMPACT | JSON_REAL_PRECISION(6));
+    }
+    return text;
+}
+
+void kn_web_refresh(kn_web *w)
+{
+    json_t *all = about(w);
+    char *text = all ? fitting(all) : NULL;
     json_decref(all);
     if (!text || strlen(text) > KN_WEB_ABOUT || (w->about && strcmp(text, w->about) == 0)) {
         free(text);

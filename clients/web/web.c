@@ -14,7 +14,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define ROOM (KN_WEB_ABOUT + 24576) // of a message, beside the picture
+// of a message, beside the picture: about; 16 answers of 200 characters, which are 6 bytes each at most; the traces
+#define ROOM (KN_WEB_ABOUT + 40960)
+#define FOLDER_MAX 40 // characters of TMPDIR, with its NUL: w->folder has room for them and our own name
 #define MOVES_MS 200 // a pointer that was heard of so recently
 
 static const char help[] =
@@ -180,6 +182,7 @@ static void count(kn_web *w, int64_t now_ms) // once a second
     w->counted_ms = now_ms;
     w->counted_meshes = w->live.meshes;
     w->counted_bytes = w->vitals.mesh_bytes;
+    if (kn_gateway_pages(&w->gateway) > 0) kn_web_list_scenes(w);
     kn_web_refresh(w);
 }
 
@@ -222,17 +225,27 @@ static void watch(kn_web *w)
     }
 }
 
+// Without one the page is served all the same.
+static void make_folder(kn_web *w)
+{
+    const char *wanted = getenv("TMPDIR") ? getenv("TMPDIR") : "/tmp";
+    const bool fits = strlen(wanted) < FOLDER_MAX;
+    if (!fits)
+        fprintf(stderr, "knead web: TMPDIR %s: expected %d characters at most; /tmp it is\n", wanted, FOLDER_MAX - 1);
+    snprintf(w->folder, sizeof w->folder, "%s/knead-web.XXXXXX", fits ? wanted : "/tmp");
+    if (mkdtemp(w->folder)) return;
+    fprintf(stderr, "knead web: %s: %s: nothing can be recorded, no picture saved\n", w->folder, strerror(errno));
+    w->folder[0] = 0;
+}
+
 static bool open_all(kn_web *w)
 {
     size_t largest = kn_painter_largest(w->width, w->height);
-    const char *folder = getenv("TMPDIR") ? getenv("TMPDIR") : "/tmp";
     w->ev = ev_default_loop(EVFLAG_AUTO);
     w->jpeg = malloc(largest);
     w->painter.still.view = w->look = kn_view_scene_default();
     w->look.turns = w->painter.still.view.turns = true;
-    for (int i = 0; i < KN_WEB_ANSWERS; i++) w->answer[i].page = -1;
-    snprintf(w->folder, sizeof w->folder, "%s/knead-web.XXXXXX", strlen(folder) < 40 ? folder : "/tmp");
-    if (!mkdtemp(w->folder)) w->folder[0] = 0;
+    make_folder(w);
     kn_web_list_scenes(w);
     kn_mailbox_init(&w->wishes, w->wish_slots, sizeof *w->wish_slots);
     snprintf(w->error, sizeof w->error, "out of memory");

@@ -16,7 +16,7 @@
 
 #define KN_WEB_TRACE 256       // ms of force that wait for a page
 #define KN_WEB_EVENTS 64       // of the pointer, on their way through kneadd
-#define KN_WEB_ANSWERS 16      // to requests, that wait for their pages
+#define KN_WEB_ANSWERS 16      // to requests, that wait for a page
 #define KN_WEB_SCENES 32       // that are listed
 #define KN_WEB_LET_GO_MS 400   // a pressing page that is silent so long is gone: it speaks every 50 ms; so is a thread
 #define KN_WEB_UNHEARD_MS 1000 // without a mesh: nobody serves
@@ -30,7 +30,6 @@ typedef struct kn_web_sample { // of a millisecond, from the device's thread
 } kn_web_sample;
 
 typedef struct kn_web_answer {
-    int page; // -1: free
     uint32_t id;
     bool ok;
     char words[200];
@@ -91,18 +90,19 @@ typedef struct kn_web {
     double top;                 // of its scale
     int png_page;               // that waits for the next picture as a file, -1: none; the answer's id
     uint32_t png_id;
+    int64_t png_ms;             // since when
     bool png_there;             // it has been made
     double meshes_hz, mesh_bytes; // per second; of one
     int64_t counted_ms, counted_meshes, counted_bytes;
 
     // orders.c
-    kn_web_answer answer[KN_WEB_ANSWERS];
+    struct { kn_web_answer answer[KN_WEB_ANSWERS]; int count; } waiting[KN_GATEWAY_PAGES]; // each page's own
     struct { int page; uint32_t id; kn_verb verb; } asked[KN_ASKER_CALLS + 1]; // by tag; id 0: free
     json_t *status;             // of kneadd, as its control socket told it last; NULL: it did not
     int64_t status_ms;          // when it was asked for
     char control_error[200];    // why there is none
-    char scene_file[KN_WEB_SCENES][64]; // names in `scenes`
-    int scene_files;
+    char scene_file[KN_WEB_SCENES][KN_REQUEST_NAME]; // names in `scenes`
+    int scene_files, scenes_unlisted; // these: too many, or by names that no request may say
 
     int lent;                   // the recording that has the tool, 0: none
     int64_t lent_ms;            // since when nobody has sent poses; 0: a child does
@@ -130,10 +130,10 @@ void kn_web_png_path(const kn_web *w, char path[128]);
 bool kn_web_measured(const kn_web *w, int measure); // whether the meshes tell it
 
 // orders.c
-void kn_web_list_scenes(kn_web *w);
+void kn_web_list_scenes(kn_web *w);  // once a second: files come and go
 void kn_web_on_request(void *web, int page, const kn_request *request);
 void kn_web_on_replayed(void *web, int number, bool ok, const char *words);
-void kn_web_turn(kn_web *w);         // ten times a second: what recordings wait for
+void kn_web_turn(kn_web *w);         // ten times a second: what recordings and pictures wait for
 void kn_web_on_answered(void *web, int tag, const json_t *answer);
 void kn_web_ask_status(kn_web *w); // once a second at most
 __attribute__((format(printf, 5, 6))) void kn_web_answer_page(kn_web *w, int page, uint32_t id, bool ok,

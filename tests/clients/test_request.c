@@ -30,6 +30,7 @@ TEST("fields are taken, each with its bounds")
     CHECK(taken(&r, "{\"id\":1,\"do\":\"view\",\"azimuth\":-180,\"elevation\":90,\"zoom\":1}"));
     CHECK(r.azimuth_deg == -180 && r.elevation_deg == 90 && r.zoom == 1);
     CHECK(taken(&r, "{\"id\":1,\"do\":\"play\",\"value\":12}") && r.value == 12);
+    CHECK(taken(&r, "{\"id\":1,\"do\":\"stop\",\"value\":3}") && r.verb == KN_VERB_STOP && r.value == 3);
     CHECK(!taken(&r, "{\"id\":1,\"do\":\"view\",\"azimuth\":181,\"elevation\":20,\"zoom\":1}"));
     CHECK(strstr(error, "azimuth"));
     CHECK(!taken(&r, "{\"id\":1,\"do\":\"view\",\"azimuth\":0,\"elevation\":1,\"zoom\":1}"));
@@ -44,7 +45,7 @@ TEST("whatever else it is, it is refused in words that fit into a close reason")
         "{\"id\":4294967296,\"do\":\"undo\"}", "{\"id\":1.0,\"do\":\"undo\"}", "{\"id\":\"1\",\"do\":\"undo\"}",
         "{\"id\":1,\"do\":\"Undo\"}", "{\"id\":1,\"do\":7}", "{\"id\":1,\"do\":\"undo\",\"value\":1}",
         "{\"id\":1,\"id\":1,\"do\":\"undo\"}",
-        "{\"id\":1,\"do\":\"undo\"} x", "{\"id\":1,\"do\":\"set\",\"name\":\"k1\"}",
+        "{\"id\":1,\"do\":\"undo\"} x", "{\"id\":1,\"do\":\"stop\"}", "{\"id\":1,\"do\":\"set\",\"name\":\"k1\"}",
         "{\"id\":1,\"do\":\"set\",\"name\":\"k1\",\"value\":\"1\"}", "{\"id\":1,\"do\":\"scene\",\"name\":\"\"}",
         "{\"id\":1,\"do\":\"scene\",\"name\":\"a/b\"}", "{\"id\":1,\"do\":\"scene\",\"name\":\"a\\u0000b\"}",
         "{\"id\":1,\"do\":\"scene\",\"name\":\"a b\"}", "{\"id\":1,\"do\":\"scene\",\"name\":\"\xc3\xa4\"}",
