@@ -66,6 +66,7 @@ function connect() {
     mine.onclose = ({ code, reason }) => {
         if (mine !== socket) return;
         letGo();
+        socket = null; // a picture that is still being unpacked is of before
         waiting = [];
         picture.classList.add('stale');
         for (const id of answers.keys()) hear({ id, ok: false, words: 'knead web has gone before it answered' });

@@ -35,7 +35,7 @@ function explain(id, words) {
 }
 
 function showOperator({ why, saves, snapshot, stopped }) {
-    for (const what of ['undo', 'reset', 'estop']) by(what).disabled = Boolean(why);
+    for (const what of ['undo', 'reset', 'estop', 'recover']) by(what).disabled = Boolean(why);
     if (stopped !== by('estop').hidden) { // one of the two is there, and the focus goes over with it
         const focused = [by('estop'), by('recover')].includes(document.activeElement);
         by('estop').hidden = stopped;
@@ -72,23 +72,33 @@ function addSlider(key, value) {
     const output = Object.assign(document.createElement('output'), { htmlFor: `m-${key}` });
     const input = Object.assign(document.createElement('input'),
         { type: 'range', id: `m-${key}`, min: -DECADES * TICKS, max: DECADES * TICKS, step: 1 });
-    const one = { input, output, from: value, dragged: false };
+    const one = { input, output, from: value, dragged: false, shown: '' };
     const chosen = () => one.from * 10 ** (Number(input.value) / TICKS);
     const say = (x) => {
         output.textContent = quantity(x, unit);
         input.setAttribute('aria-valuetext', output.textContent);
     };
     one.show = (x) => {
-        input.disabled = x === 0; // a logarithm has no place for it
+        one.fixed = x === 0; // a logarithm has no place for it
         if (x > 0) input.value = Math.round(TICKS * Math.log10(x / one.from));
+        one.shown = input.value;
         say(x);
     };
+    const settle = () => { // dragged away and back: nothing has changed, and no `change` will tell
+        if (input.value !== one.shown) return;
+        one.dragged = false;
+        if (about?.material) one.show(about.material[key]);
+    };
+    for (const end of ['pointerup', 'pointercancel', 'keyup', 'blur']) input.addEventListener(end, settle);
     input.addEventListener('input', () => { one.dragged = true; say(chosen()); });
     input.addEventListener('change', async () => {
         one.dragged = true;
-        if (!await order('set', { name: key, value: Number(chosen().toPrecision(6)) })) one.show(about.material[key]);
+        one.shown = input.value;
+        const taken = await order('set', { name: key, value: Number(chosen().toPrecision(6)) });
         one.dragged = false;
+        if (!taken && about?.material) one.show(about.material[key]);
     });
+    input.setAttribute('aria-describedby', 'why why-zero');
     row.className = 'slider';
     row.append(label, output, input);
     by('sliders').append(row);
@@ -104,6 +114,7 @@ function showMaterial(material, scene) {
         for (const key of keys) addSlider(key, material[key] || 1);
     }
     for (const [key, one] of sliders) if (!one.dragged) one.show(material[key]);
+    explain('why-zero', [...sliders.values()].some((one) => one.fixed) && 'A value of 0 is no place on a slider.');
 }
 
 // ---- lists
@@ -194,6 +205,7 @@ function addTake(number) {
     const add = (name, does) => {
         const button = Object.assign(document.createElement('button'), { type: 'button', textContent: name });
         button.setAttribute('aria-label', `${name}, recording ${number}`);
+        button.setAttribute('aria-describedby', 'why');
         button.addEventListener('click', does);
         buttons.append(button);
     };
@@ -277,17 +289,32 @@ function showTouch(touch) {
 
 // ---- all of it
 
+// What is kneadd's to answer is open while that hears orders; what is knead web's, while that is there.
+function showAble(why, there) {
+    for (const select of ['material', 'scene', 'quality']) by(select).disabled = Boolean(why);
+    for (const one of sliders.values()) {
+        one.input.disabled = Boolean(why) || one.fixed;
+        if (!there) one.dragged = false;
+    }
+    const own = '#view button, #view select, #style, #record, #takes button, [id^=save]';
+    for (const element of document.querySelectorAll(own)) element.disabled = !there;
+}
+
 function showAbout(told) {
     about = told;
-    if (!told) return showOperator({ why: 'knead web has gone', saves: false, snapshot: 0, stopped: false });
+    if (!told) {
+        showOperator({ why: 'knead web has gone', saves: false, snapshot: 0, stopped: false });
+        return showAble('knead web has gone', false);
+    }
     writeTo(by('names'), [told.scene, told.tool].filter(Boolean).join(' · '));
     showOperator(told.control);
     if (told.material) showMaterial(told.material, told.scene);
     fill('material', told.materials, '…', '…');
     fill('scene', told.scenes.includes(told.scene) ? told.scenes : [told.scene, ...told.scenes], told.scene);
-    by('why-scenes').hidden = told.scenes.length > 0;
+    const { length } = told.scenes, more = told.unlisted;
+    explain('why-scenes', more > 0 ? `${more} more there: listed are 32 at most, named in letters, digits and . _ -`
+        : length === 0 ? 'Others are listed when knead web is told where: --scenes DIR' : null);
     fill('quality', told.points ?? [], told.control.quality ?? '');
-    for (const id of ['material', 'scene', 'quality']) by(id).disabled = Boolean(told.control.why);
     by('style').value = told.view.style;
     showMeasures(told.view);
     if (orbit.pointer === null && !looking) {
@@ -296,6 +323,7 @@ function showAbout(told) {
     }
     showNumbers(told);
     showTakes(told);
+    showAble(told.control.why, true);
 }
 
 // ---- downloads

@@ -273,8 +273,32 @@ def by_recordings(page, bus):
     check("then the page has the tool again", until(lambda: ready(page)), page.now()["status"])
     answer = asks(page, "verify", value=7)
     check("no such recording: told", not answer["ok"] and "no such" in answer["words"], answer)
-    check("nothing to stop: told", "Nothing" in asks(page, "stop")["words"])
+    check("nothing to stop: told", "Nothing" in asks(page, "stop", value=1)["words"])
     click(page, "reset")
+
+
+def by_slider(page):  # dragged away and back, by mouse: no change comes of it, and it follows kneadd again
+    page.run("document.getElementById('m-k1').scrollIntoView({ block: 'center' })")
+    x, y, share = page.run("""const i = document.getElementById('m-k1'), b = i.getBoundingClientRect();
+        return [b.x, b.y + b.height / 2, [(i.value - i.min) / (i.max - i.min), b.width]]""")
+    at = x + 8 + share[0] * (share[1] - 16)
+    page.mouse("Moved", at, y, held=0)
+    page.mouse("Pressed", at, y)
+    value = page.run("return document.getElementById('m-k1').value")
+    drag = lambda x: page.devtools("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y, button="left", buttons=1)
+    drag(at + 40)
+    away = page.run("return document.getElementById('m-k1').value")
+    drag(at)
+    page.mouse("Released", at, y, held=0)
+    back = page.run("return document.getElementById('m-k1').value")
+    check("a slider, dragged away and back", away != value == back, value, away, back)
+    wanted = page.run("return about.material.k1")
+    told = ctl("set", f"material.k1={wanted / 1.5:.6g} Pa")
+    check("follows kneadd again", until(lambda: page.run("return document.getElementById('m-k1').value") != value), value, told)
+    ctl("set", f"material.k1={wanted:.6g} Pa")
+    check("both ways", until(lambda: page.run("return document.getElementById('m-k1').value") == value), value)
+    page.run("picture.focus()")
+    page.key("Down", "Escape"), page.key("Up", "Escape")  # by keys again: the focus is seen from here on
 
 
 def by_material(page):
@@ -296,6 +320,7 @@ def by_material(page):
         told = subprocess.run(["knead", "check", *words, "--text"], capture_output=True, text=True)
         k1 = next((float(line.split()[1]) for line in told.stdout.splitlines() if line.startswith("  k1:")), 0)
         check("what was saved loads, with that spring", abs(k1 / wanted - 1) < 1e-3, told.stderr, k1, wanted)
+    by_slider(page)
     choose(page, "material", "liver")
     check("a material that the object cannot go on in: refused in kneadd's words",
           said(page, "a damper where there was none"), page.text("said"))
@@ -438,6 +463,48 @@ def goodbye(page, server):
           until(lambda: "knead web has ended" in page.text("words")), page.text("words"))
     codes = server.web.wait(10), server.kneadd.wait(10)
     check("both ended with 0", codes == (0, 0), codes)
+    without_web(page, server)
+
+
+ORDERS = "#controls button, #more button, #more select, #sliders input, #view button, #view select"
+
+
+def complaints(page):  # but for connections that are refused while nobody is there
+    refused = "WebSocket connection to", "net::ERR_CONNECTION_REFUSED"
+    return [line for line in page.complaints() if not any(words in line["message"] for words in refused)]
+
+
+def without_web(page, server):
+    able = page.run(f"return [...document.querySelectorAll('{ORDERS}')].filter((e) => !e.disabled).map((e) => e.id)")
+    check("nothing can be asked for that nobody would hear", able == [], able)
+    bare = page.run(f"""return [...document.querySelectorAll('{ORDERS}')].filter((e) => {{
+        const ids = (e.getAttribute('aria-describedby') ?? e.parentElement.getAttribute('aria-describedby')
+            ?? e.closest('[role=group]')?.getAttribute('aria-describedby') ?? '').split(' ');
+        return !ids.some((id) => document.getElementById(id)?.textContent);
+    }}).map((e) => e.id || e.textContent)""")
+    check("and each says why", bare == [], bare)
+    page.run(f"""for (const e of document.querySelectorAll('{ORDERS}')) {{ // what was on its way
+        for (const kind of ['input', 'change', 'pointerup']) e.dispatchEvent(new Event(kind));
+        e.disabled = false;
+        e.click();
+    }}""")
+    for key in "r", "u", "+", " ", "Escape":
+        page.run("document.getElementById('picture').focus()")
+        page.key("Down", key), page.key("Up", key)
+    page.press(*TOP)
+    page.release()
+    time.sleep(0.5)
+    check("whoever tries all the same is told: no error", not (log := complaints(page)), log)
+    server.start("web", ["knead", "web", "--port", str(server.port)], "http://")
+    check("started again at that port: the page is told that its token is of before",
+          until(lambda: "token" in page.text("words")), page.text("words"))
+    page.open(next(word for word in open("web.log").read().split() if word.startswith("http://")))
+    check("and the new address opens", until(lambda: "waiting for kneadd" in page.text("words")), page.text("words"))
+    enabled = lambda: not page.run("return document.getElementById('style').disabled")
+    check("what is the page's own can be asked for again", until(enabled))
+    check("all with a clean console", not (log := complaints(page)), log)
+    server.last.terminate()
+    server.last.wait(10)
 
 
 def main():
