@@ -15,6 +15,7 @@ static kn_backend backend;
 static kn_served served;
 static kn_loop loop;
 static kn_keeper keeper = {.store.dir = -1};
+static kn_skin skin; // that measures nothing
 static kn_operator operator;
 static kn_control_def def;
 static int stops;
@@ -47,8 +48,8 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
     served = (kn_served){.base = scene, .scene = scene, .model = model, .backend = backend};
     static const kn_served_def how = {.scene_path = "fuzz.yaml"};
     kn_operator_init(&operator, &(kn_operated){.served = &served, .def = &how, .limits = &scene->limits, .loop = &loop,
-                                               .keeper = &keeper, .ask = ask, .goes_on = goes_on, .stop = stop,
-                                               .load = load, .built = built});
+                                               .keeper = &keeper, .skin = &skin, .ask = ask,
+                                               .goes_on = goes_on, .stop = stop, .load = load, .built = built});
     def = kn_operator_control(&operator);
     return 0;
 }
