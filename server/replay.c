@@ -5,6 +5,7 @@
 #include "server/log.h"
 #include "server/receiver.h"
 #include "server/store.h"
+#include "server/survey.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -12,36 +13,19 @@
 #include <string.h>
 #include <time.h>
 
-#define POSES 4096             // remembered per probe, a power of two: a force may come this many poses after its own
-#define LONGEST_PAUSE 3600000  // ms without a record that a replay steps through; more is a broken clock
+#define POSES 4096 // remembered per probe, a power of two: a force may come this many poses after its own
 
 typedef struct kn_replay_private { // `v` below
     kn_log log;
-    int64_t end_offset; // where the part that is replayed ends
     kn_log_record record;
     bool held; // record has been read and not been used yet
     kn_receiver receiver;
     kn_pose *poses[KN_PROBES_MAX]; // [POSES], slot seq % POSES
 
-    // found by the first reading
-    knead_event_t *events;
-    size_t event_count, event_capacity, next_event;
-    char *scene_name, *scene_text;
-    uint64_t scene_hash;
-    struct other { // scenes that were changed to
-        uint64_t hash;
-        char *text;
-    } * others;
-    size_t other_count;
+    kn_survey found;   // by the first reading
+    size_t next_event; // of those found
     kn_change *change, *next; // in force, about to be; NULL: none
     kn_replay_def def;
-    int64_t forces, records;
-    char felt[KN_PROBES_MAX][64]; // probes that have forces
-    int64_t first_tick, last_tick, first_force_tick; // -1: none
-    int64_t first_utime, last_utime, first_pose_utime, origin_utime;
-    bool started; // the log begins with the server's start
-    bool undoes;  // something was undone
-    int64_t restores; // from a snapshot
 
     const char *snapshot_path;
     kn_saved saved; // read last
@@ -59,157 +43,42 @@ typedef struct kn_replay_private { // `v` below
     uint64_t rest_hash;
 } reading;
 
-// ---- first reading: what is in the log
-
-static bool keep_event(reading *v, const knead_event_t *e)
-{
-    if (v->event_count == v->event_capacity) {
-        size_t capacity = v->event_capacity ? 2 * v->event_capacity : 256;
-        knead_event_t *events = realloc(v->events, capacity * sizeof *events);
-        if (!events) return false;
-        v->events = events;
-        v->event_capacity = capacity;
-    }
-    v->events[v->event_count++] = *e;
-    return true;
-}
-
-// Told again every few seconds.
-static bool keep_other(reading *v, const knead_scene_t *s)
-{
-    for (size_t i = 0; i < v->other_count; i++)
-        if (v->others[i].hash == (uint64_t)s->text_hash) return true;
-    struct other *more = realloc(v->others, (v->other_count + 1) * sizeof *more);
-    char *text = strdup(s->text);
-    if (more) v->others = more;
-    if (more && text)
-        more[v->other_count++] = (struct other){(uint64_t)s->text_hash, text};
-    else
-        free(text);
-    return more && text;
-}
-
-static bool keep_scene(reading *v, const knead_scene_t *s)
-{
-    v->scene_name = strdup(s->name);
-    v->scene_text = strdup(s->text);
-    v->scene_hash = (uint64_t)s->text_hash;
-    return v->scene_name && v->scene_text;
-}
-
-// A tick number from a force or an event. Why the replay has to end before it, or NULL.
-static const char *see_tick(reading *v, int64_t tick, int64_t utime)
-{
-    if (v->first_tick < 0) {
-        v->first_tick = v->last_tick = tick;
-        v->origin_utime = utime - 1000 * tick;
-    }
-    if (tick > v->last_tick + LONGEST_PAUSE) return "a jump of more than an hour";
-    if (tick > v->last_tick) v->last_tick = tick;
-    return NULL;
-}
-
-static void keep_probe(reading *v, const char *name)
-{
-    for (int i = 0; i < KN_PROBES_MAX; i++) {
-        if (!*v->felt[i]) snprintf(v->felt[i], sizeof v->felt[i], "%s", name);
-        if (!strcmp(v->felt[i], name)) return;
-    }
-}
-
-// Takes note of a record. Why the part that can be replayed ends before it, or NULL.
-static const char *survey(kn_replay *r, const kn_log_record *record)
-{
-    reading *v = r->private;
-    bool first = v->first_tick < 0;
-    switch (record->kind) {
-    case KN_LOG_FORCE:
-        v->forces++;
-        keep_probe(v, record->probe);
-        if (v->first_force_tick < 0) v->first_force_tick = record->force.tick;
-        return see_tick(v, record->force.tick, record->utime);
-    case KN_LOG_EVENT:
-        if (record->event.kind == KNEAD_EVENT_T_KIND_START) {
-            if (!first) return "a second run of the server";
-            v->started = true;
-        }
-        if (record->event.kind == KNEAD_EVENT_T_KIND_RESTORE) {
-            v->undoes |= record->event.arg[0] == 0;
-            v->restores += record->event.arg[0] != 0;
-        }
-        if (!keep_event(v, &record->event)) return "more events than memory";
-        return see_tick(v, record->event.tick, record->utime);
-    case KN_LOG_SCENE:
-        if (v->scene_text && (uint64_t)record->scene.text_hash != v->scene_hash) {
-            if (strcmp(record->scene.name, v->scene_name) != 0) return "a second scene";
-            return keep_other(v, &record->scene) ? NULL : "more scenes than memory";
-        }
-        if (v->scene_text) return NULL;
-        return keep_scene(v, &record->scene) ? NULL : "a scene larger than memory";
-    case KN_LOG_POSE:
-        if (v->first_pose_utime < 0) v->first_pose_utime = record->utime;
-        return NULL;
-    case KN_LOG_MALFORMED: r->tally.malformed++; return NULL;
-    case KN_LOG_OTHER:
-    case KN_LOG_END: break;
-    }
-    return NULL;
-}
-
-static bool scan(kn_replay *r, const char *path, char *error, size_t error_size)
-{
-    reading *v = r->private;
-    kn_log log;
-    kn_log_record record;
-    if (!kn_log_open(&log, path, error, error_size)) return false;
-    v->first_tick = v->last_tick = v->first_force_tick = v->first_pose_utime = v->tick = -1;
-    for (int64_t at = 0; kn_log_read(&log, &record) != KN_LOG_END; at = log.offset) {
-        const char *ends = survey(r, &record);
-        if (!ends && v->records > 0 && record.utime > v->last_utime + 1000 * (int64_t)LONGEST_PAUSE)
-            ends = "a jump of more than an hour";
-        if (ends) {
-            snprintf(r->damage, sizeof r->damage, "%s begins at byte %lld, after %lld records", ends, (long long)at,
-                     (long long)v->records);
-            break;
-        }
-        if (v->records++ == 0) v->first_utime = v->last_utime = record.utime;
-        if (record.utime > v->last_utime) v->last_utime = record.utime;
-        v->end_offset = log.offset;
-    }
-    if (log.damage[0]) snprintf(r->damage, sizeof r->damage, "%s", log.damage);
-    r->forces_logged = v->forces > 0;
-    kn_log_close(&log);
-    if (v->forces > 0 || v->first_pose_utime >= 0) return true;
-    snprintf(error, error_size, "%s: %s%sholds no poses and no forces (%lld records), expected a hand's", path, r->damage,
-             r->damage[0] ? "; " : "", (long long)v->records);
-    return false;
-}
-
 // ---- what it is replayed on
+
+static bool look_through(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
+{
+    reading *v = r->private;
+    bool found = kn_survey_log(&v->found, def->log_path, error, error_size);
+    v->tick = -1;
+    r->forces_logged = v->found.forces > 0;
+    r->tally.malformed = v->found.malformed;
+    memcpy(r->damage, v->found.damage, sizeof r->damage);
+    return found;
+}
 
 static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     reading *v = r->private;
-    r->logged_name = v->scene_name;
-    r->logged_text = v->scene_text;
+    r->logged_name = v->found.scene_name;
+    r->logged_text = v->found.scene_text;
     if (def->scene_path) r->scene = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
-    else if (!v->scene_text)
+    else if (!v->found.scene_text)
         snprintf(error, error_size, "%s: holds no KNEAD_SCENE record, name the scene", def->log_path);
     else
-        r->scene = kn_scene_parse_beside(def->log_path, v->scene_name, v->scene_text, strlen(v->scene_text), def->sets,
-                                         def->set_count, error, error_size);
+        r->scene = kn_scene_parse_beside(def->log_path, v->found.scene_name, v->found.scene_text,
+                                         strlen(v->found.scene_text), def->sets, def->set_count, error, error_size);
     if (!r->scene) return false;
-    r->same = !def->afresh && v->scene_text && r->scene->text_hash == v->scene_hash;
-    if (r->same || !v->scene_text || def->set_count > 0) return true;
+    r->same = !def->afresh && v->found.scene_text && r->scene->text_hash == v->found.scene_hash;
+    if (r->same || !v->found.scene_text || def->set_count > 0) return true;
     if (!def->scene_path) {
         snprintf(error, error_size, "%s: its scene '%s' means something else to this version", def->log_path,
-                 v->scene_name);
+                 v->found.scene_name);
         return false;
     }
     snprintf(error, error_size,
              "%s: the log was recorded with another scene, '%s': leave the scene out, or say with --set, "
              "--quality, --solver, --precision or --dt what is to be different",
-             def->scene_path, v->scene_name);
+             def->scene_path, v->found.scene_name);
     return false;
 }
 
@@ -250,11 +119,11 @@ static bool check_probes(const kn_replay *r, const kn_replay_def *def, char *err
     const char *set = NULL;
     for (int i = 0; i < def->set_count; i++)
         if (strstr(def->sets[i], ".name=")) set = def->sets[i];
-    for (int i = 0; !r->same && i < KN_PROBES_MAX && *r->private->felt[i]; i++) {
-        if (probe_of(r, r->private->felt[i]) >= 0) continue;
+    for (int i = 0; !r->same && i < KN_PROBES_MAX && *r->private->found.felt[i]; i++) {
+        if (probe_of(r, r->private->found.felt[i]) >= 0) continue;
         snprintf(error, error_size,
                  "%s%s: leaves no probe `%s`, whose forces are in the log, expected to keep that name",
-                 set ? "--set " : "", set ? set : r->scene->name, r->private->felt[i]);
+                 set ? "--set " : "", set ? set : r->scene->name, r->private->found.felt[i]);
         return false;
     }
     return true;
@@ -267,11 +136,12 @@ static bool of_the_run(void *replay, const kn_saved *saved)
 {
     const kn_replay *r = replay;
     const reading *v = r->private;
-    if (saved->text_hash != r->scene->text_hash || saved->tick < v->first_tick - 1 || saved->tick >= v->last_tick)
+    if (saved->text_hash != r->scene->text_hash || saved->tick < v->found.first_tick - 1 ||
+        saved->tick >= v->found.last_tick)
         return false;
     // ticks follow the poses by two in a thousand, and the logger's clock is set now and then
-    double ran_us = 1e3 * (double)(saved->tick - v->first_tick);
-    double apart_us = (double)(saved->utime - v->origin_utime) - 1e3 * (double)saved->tick;
+    double ran_us = 1e3 * (double)(saved->tick - v->found.first_tick);
+    double apart_us = (double)(saved->utime - v->found.origin_utime) - 1e3 * (double)saved->tick;
     return fabs(apart_us) <= 2e6 + 3e-3 * fabs(ran_us);
 }
 
@@ -306,8 +176,8 @@ static bool check_restores(kn_replay *r, const kn_replay_def *def, char *error, 
 {
     reading *v = r->private;
     char why[200] = "no such snapshot";
-    for (size_t i = 0; i < v->event_count && v->restores > 0; i++) {
-        const knead_event_t *e = &v->events[i];
+    for (size_t i = 0; i < v->found.event_count && v->found.restores > 0; i++) {
+        const knead_event_t *e = &v->found.events[i];
         if (e->kind == KNEAD_EVENT_T_KIND_SET) break; // of another material from here on: seen when it is there
         if (e->kind != KNEAD_EVENT_T_KIND_RESTORE || e->arg[0] == 0) continue;
         if (def->snapshot_path && find_state(r, (uint64_t)e->state_hash, why, sizeof why)) continue;
@@ -329,8 +199,8 @@ static bool prepare_snapshots(kn_replay *r, const kn_replay_def *def, char *erro
     r->resumed_tick = -1;
     v->snapshot_path = def->snapshot_path;
     v->saved.servo = r->servo;
-    bool fits = !v->undoes || kn_undo_init(&v->undo, r->model);
-    if (v->undoes && fits) r->servo.undo = &v->undo;
+    bool fits = !v->found.undoes || kn_undo_init(&v->undo, r->model);
+    if (v->found.undoes && fits) r->servo.undo = &v->undo;
     if (def->snapshot_path) fits &= (v->saved.state = kn_state_keep(r->model)) != NULL;
     if (fits) return check_restores(r, def, error, error_size);
     snprintf(error, error_size, "%s: not enough memory", def->log_path);
@@ -342,7 +212,7 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
 {
     reading *v = r->private;
     char why[200];
-    bool restores = v->restores > 0, wanted = def->snapshot_path && !(restores && v->started);
+    bool restores = v->found.restores > 0, wanted = def->snapshot_path && !(restores && v->found.started);
     if (wanted && !(r->same && r->forces_logged)) {
         snprintf(error, error_size, "%s: --snapshot expects a log with forces, in its own scene and computation",
                  def->log_path);
@@ -352,17 +222,18 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
         resume(r);
         return true;
     }
-    if (wanted && !restores && !v->started) {
+    if (wanted && !restores && !v->found.started) {
         snprintf(error, error_size, "%s: %s, expected one of the run of %s, of a tick from %lld to %lld",
-                 def->snapshot_path, why, def->log_path, (long long)v->first_tick - 1, (long long)v->last_tick - 1);
+                 def->snapshot_path, why, def->log_path, (long long)v->found.first_tick - 1,
+                 (long long)v->found.last_tick - 1);
         return false;
     }
-    if (!r->same || v->started) return true;
-    for (size_t i = 0; i < v->event_count; i++) {
-        const knead_event_t *e = &v->events[i];
+    if (!r->same || v->found.started) return true;
+    for (size_t i = 0; i < v->found.event_count; i++) {
+        const knead_event_t *e = &v->found.events[i];
         bool undone = e->kind == KNEAD_EVENT_T_KIND_RESTORE && e->arg[0] == 0;
         bool replaced = e->kind == KNEAD_EVENT_T_KIND_RESET || e->kind == KNEAD_EVENT_T_KIND_RESTORE;
-        bool first = v->first_force_tick < 0 || e->tick <= v->first_force_tick;
+        bool first = v->found.first_force_tick < 0 || e->tick <= v->found.first_force_tick;
         if (replaced && !undone && first) return true; // whatever had been there
         if (replaced || e->state_hash == 0) continue;
         if ((uint64_t)e->state_hash == kn_state_hash(r->model, kn_replay_state(r))) return true;
@@ -379,7 +250,7 @@ static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t 
 {
     reading *v = r->private;
     v->def = *def;
-    if (!scan(r, def->log_path, error, error_size) || !choose_scene(r, def, error, error_size) ||
+    if (!look_through(r, def, error, error_size) || !choose_scene(r, def, error, error_size) ||
         !build(r, def, error, error_size) || !check_probes(r, def, error, error_size) ||
         !prepare_snapshots(r, def, error, error_size) || !begin(r, def, error, error_size) ||
         !kn_log_open(&v->log, def->log_path, error, error_size))
@@ -393,9 +264,9 @@ static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t 
         }
     }
     r->tally.first_gap = r->tally.first_mismatch = -1;
-    int64_t before = r->resumed_tick >= 0 ? r->resumed_tick : v->first_tick - 1;
-    r->tally.ticks_total = r->forces_logged ? v->last_tick - before
-                                            : (v->last_utime - v->first_pose_utime) / 1000 + 1;
+    int64_t before = r->resumed_tick >= 0 ? r->resumed_tick : v->found.first_tick - 1;
+    r->tally.ticks_total = r->forces_logged ? v->found.last_tick - before
+                                            : (v->found.last_utime - v->found.first_pose_utime) / 1000 + 1;
     return true;
 }
 
@@ -416,15 +287,11 @@ void kn_replay_destroy(kn_replay *r)
     if (v) {
         kn_log_close(&v->log);
         for (int p = 0; p < KN_PROBES_MAX; p++) free(v->poses[p]);
-        free(v->events);
-        for (size_t i = 0; i < v->other_count; i++) free(v->others[i].text);
-        free(v->others);
+        kn_survey_free(&v->found);
         kn_change_destroy(v->next);
         kn_change_destroy(v->change);
         kn_undo_free(&v->undo);
         kn_state_destroy(v->saved.state);
-        free(v->scene_name);
-        free(v->scene_text);
     }
     free(v);
     if (r->backend.destroy) r->backend.destroy(r->backend.self);
@@ -441,7 +308,8 @@ const kn_state *kn_replay_state(kn_replay *r)
 double kn_replay_end_s(const kn_replay *r)
 {
     const reading *v = r->private;
-    return 1e-3 * (double)(r->forces_logged ? v->last_tick - v->first_force_tick : r->tally.ticks_total - 1);
+    int64_t last = r->forces_logged ? v->found.last_tick - v->found.first_force_tick : r->tally.ticks_total - 1;
+    return 1e-3 * (double)last;
 }
 
 const kn_model *kn_replay_model(const kn_replay *r) { return r->servo.model; }
@@ -452,7 +320,7 @@ const kn_model *kn_replay_model(const kn_replay *r) { return r->servo.model; }
 static bool next_record(reading *v)
 {
     if (v->held) return true;
-    if (v->log.offset >= v->end_offset || kn_log_read(&v->log, &v->record) == KN_LOG_END) return false;
+    if (v->log.offset >= v->found.end_offset || kn_log_read(&v->log, &v->record) == KN_LOG_END) return false;
     return v->held = true;
 }
 
@@ -516,9 +384,9 @@ static int32_t missed_before(const reading *v, int64_t tick)
 {
     for (int p = 0; v->grouped && v->group_tick == tick && p < KN_PROBES_MAX; p++)
         if (v->has[p]) return v->force[p].missed_cycles;
-    for (size_t i = v->next_event; i < v->event_count && v->events[i].tick == tick; i++)
-        if (v->events[i].kind == KNEAD_EVENT_T_KIND_CHECKPOINT && v->events[i].arg[0] > 0)
-            return (int32_t)fmin(v->events[i].arg[0], fmin((double)tick, LONGEST_PAUSE));
+    for (size_t i = v->next_event; i < v->found.event_count && v->found.events[i].tick == tick; i++)
+        if (v->found.events[i].kind == KNEAD_EVENT_T_KIND_CHECKPOINT && v->found.events[i].arg[0] > 0)
+            return (int32_t)fmin(v->found.events[i].arg[0], fmin((double)tick, KN_SURVEY_PAUSE_MS));
     return 0;
 }
 
@@ -534,11 +402,11 @@ static bool choose_tick(kn_replay *r, kn_tick_in *in)
 {
     reading *v = r->private;
     gather(r);
-    while (v->next_event < v->event_count && v->events[v->next_event].tick <= v->tick) v->next_event++;
-    bool event = v->next_event < v->event_count;
+    while (v->next_event < v->found.event_count && v->found.events[v->next_event].tick <= v->tick) v->next_event++;
+    bool event = v->next_event < v->found.event_count;
     if (!v->grouped && !event) return false;
-    int64_t known = v->grouped ? v->group_tick : v->events[v->next_event].tick;
-    if (event && v->events[v->next_event].tick < known) known = v->events[v->next_event].tick;
+    int64_t known = v->grouped ? v->group_tick : v->found.events[v->next_event].tick;
+    if (event && v->found.events[v->next_event].tick < known) known = v->found.events[v->next_event].tick;
     int32_t missed = missed_before(v, known);
 
     // between two ticks that left a trace every other one ran, too; an untouched one that lies still can be left alone
@@ -606,7 +474,8 @@ static void apply_restore(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
         in->restored_tick = (int64_t)e->arg[1];
     } else {
         r->same = false;
-        snprintf(r->damage, sizeof r->damage, "a snapshot that is not there any more, at tick %lld", (long long)e->tick);
+        snprintf(r->damage, sizeof r->damage, "a snapshot that is not there any more, at tick %lld",
+                 (long long)e->tick);
     }
 }
 
@@ -618,11 +487,12 @@ static void apply_set(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
     double high = e->arg[0], low = e->arg[1];
     bool is_hash = high >= 0 && high <= UINT32_MAX && low >= 0 && low <= UINT32_MAX;
     uint64_t hash = is_hash ? (uint64_t)high << 32 | (uint64_t)low : 0;
-    const char *text = hash == v->scene_hash ? v->scene_text : NULL;
-    for (size_t i = 0; i < v->other_count && !text; i++)
-        if (v->others[i].hash == hash) text = v->others[i].text;
-    kn_scene *scene = text ? kn_scene_parse_beside(v->def.log_path, v->scene_name, text, strlen(text), v->def.sets,
-                                                   v->def.set_count, why, sizeof why)
+    const char *text = hash == v->found.scene_hash ? v->found.scene_text : NULL;
+    for (size_t i = 0; i < v->found.other_count && !text; i++)
+        if (v->found.others[i].hash == hash) text = v->found.others[i].text;
+    const kn_replay_def *def = &v->def;
+    kn_scene *scene = text ? kn_scene_parse_beside(def->log_path, v->found.scene_name, text, strlen(text), def->sets,
+                                                   def->set_count, why, sizeof why)
                            : NULL;
     if (scene && r->same && scene->text_hash != hash) {
         kn_scene_destroy(scene);
@@ -642,8 +512,8 @@ static void apply_set(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
 static void apply_events(kn_replay *r, kn_tick_in *in)
 {
     reading *v = r->private;
-    for (size_t i = v->next_event; i < v->event_count && v->events[i].tick == in->tick; i++) {
-        const knead_event_t *e = &v->events[i];
+    for (size_t i = v->next_event; i < v->found.event_count && v->found.events[i].tick == in->tick; i++) {
+        const knead_event_t *e = &v->found.events[i];
         switch (e->kind) {
         case KNEAD_EVENT_T_KIND_RESET: in->reset = true; break;
         case KNEAD_EVENT_T_KIND_RECOVER: in->recover = true; break;
@@ -672,8 +542,8 @@ static void check_hashes(kn_replay *r)
     reading *v = r->private;
     const kn_tick_out *out = &r->tick.out;
     if (!r->same) return;
-    for (size_t i = v->next_event; i < v->event_count && v->events[i].tick == out->tick; i++) {
-        const knead_event_t *e = &v->events[i];
+    for (size_t i = v->next_event; i < v->found.event_count && v->found.events[i].tick == out->tick; i++) {
+        const knead_event_t *e = &v->found.events[i];
         bool met = false;
         for (int k = 0; k < out->event_count && !met; k++)
             met = out->event[k].kind == e->kind && out->event[k].probe == e->probe &&
@@ -730,8 +600,8 @@ static bool step_by_forces(kn_replay *r)
         v->grouped = false;
         memset(v->has, 0, sizeof v->has);
     }
-    r->tick.utime = v->origin_utime + 1000 * in->tick;
-    r->tick.time_s = 1e-3 * (double)(in->tick - v->first_force_tick);
+    r->tick.utime = v->found.origin_utime + 1000 * in->tick;
+    r->tick.time_s = 1e-3 * (double)(in->tick - v->found.first_force_tick);
     run_tick(r);
     check_hashes(r);
 
@@ -745,8 +615,8 @@ static bool step_by_time(kn_replay *r)
 {
     reading *v = r->private;
     kn_tick_in *in = &r->tick.in;
-    const int64_t utime = v->first_pose_utime + 1000 * (v->tick + 1);
-    if (utime > v->last_utime) return false;
+    const int64_t utime = v->found.first_pose_utime + 1000 * (v->tick + 1);
+    if (utime > v->found.last_utime) return false;
     *in = (kn_tick_in){.tick = v->tick + 1};
     r->tick.utime = utime;
     r->tick.time_s = 1e-3 * (double)in->tick;

@@ -1,0 +1,137 @@
+#include "server/survey.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static bool keep_event(kn_survey *s, const knead_event_t *e)
+{
+    if (s->event_count == s->event_capacity) {
+        size_t capacity = s->event_capacity ? 2 * s->event_capacity : 256;
+        knead_event_t *events = realloc(s->events, capacity * sizeof *events);
+        if (!events) return false;
+        s->events = events;
+        s->event_capacity = capacity;
+    }
+    s->events[s->event_count++] = *e;
+    return true;
+}
+
+// Told again every few seconds.
+static bool keep_other(kn_survey *s, const knead_scene_t *told)
+{
+    for (size_t i = 0; i < s->other_count; i++)
+        if (s->others[i].hash == (uint64_t)told->text_hash) return true;
+    kn_survey_scene *more = realloc(s->others, (s->other_count + 1) * sizeof *more);
+    char *text = strdup(told->text);
+    if (more) s->others = more;
+    if (more && text)
+        more[s->other_count++] = (kn_survey_scene){(uint64_t)told->text_hash, text};
+    else
+        free(text);
+    return more && text;
+}
+
+static bool keep_scene(kn_survey *s, const knead_scene_t *told)
+{
+    s->scene_name = strdup(told->name);
+    s->scene_text = strdup(told->text);
+    s->scene_hash = (uint64_t)told->text_hash;
+    return s->scene_name && s->scene_text;
+}
+
+// A tick number from a force or an event. Why the replay has to end before it, or NULL.
+static const char *see_tick(kn_survey *s, int64_t tick, int64_t utime)
+{
+    if (s->first_tick < 0) {
+        s->first_tick = s->last_tick = tick;
+        s->origin_utime = utime - 1000 * tick;
+    }
+    if (tick > s->last_tick + KN_SURVEY_PAUSE_MS) return "a jump of more than an hour";
+    if (tick > s->last_tick) s->last_tick = tick;
+    return NULL;
+}
+
+static void keep_probe(kn_survey *s, const char *name)
+{
+    for (int i = 0; i < KN_PROBES_MAX; i++) {
+        if (!*s->felt[i]) snprintf(s->felt[i], sizeof s->felt[i], "%s", name);
+        if (!strcmp(s->felt[i], name)) return;
+    }
+}
+
+// Takes note of a record. Why the part that can be replayed ends before it, or NULL.
+static const char *note(kn_survey *s, const kn_log_record *record)
+{
+    bool first = s->first_tick < 0;
+    switch (record->kind) {
+    case KN_LOG_FORCE:
+        s->forces++;
+        keep_probe(s, record->probe);
+        if (s->first_force_tick < 0) s->first_force_tick = record->force.tick;
+        return see_tick(s, record->force.tick, record->utime);
+    case KN_LOG_EVENT:
+        if (record->event.kind == KNEAD_EVENT_T_KIND_START) {
+            if (!first) return "a second run of the server";
+            s->started = true;
+        }
+        if (record->event.kind == KNEAD_EVENT_T_KIND_RESTORE) {
+            s->undoes |= record->event.arg[0] == 0;
+            s->restores += record->event.arg[0] != 0;
+        }
+        if (!keep_event(s, &record->event)) return "more events than memory";
+        return see_tick(s, record->event.tick, record->utime);
+    case KN_LOG_SCENE:
+        if (s->scene_text && (uint64_t)record->scene.text_hash != s->scene_hash) {
+            if (strcmp(record->scene.name, s->scene_name) != 0) return "a second scene";
+            return keep_other(s, &record->scene) ? NULL : "more scenes than memory";
+        }
+        if (s->scene_text) return NULL;
+        return keep_scene(s, &record->scene) ? NULL : "a scene larger than memory";
+    case KN_LOG_POSE:
+        if (s->first_pose_utime < 0) s->first_pose_utime = record->utime;
+        return NULL;
+    case KN_LOG_MALFORMED: s->malformed++; return NULL;
+    case KN_LOG_OTHER:
+    case KN_LOG_END: break;
+    }
+    return NULL;
+}
+
+bool kn_survey_log(kn_survey *survey, const char *path, char *error, size_t error_size)
+{
+    kn_survey *s = survey;
+    kn_log log;
+    kn_log_record record;
+    *s = (kn_survey){0};
+    if (!kn_log_open(&log, path, error, error_size)) return false;
+    s->first_tick = s->last_tick = s->first_force_tick = s->first_pose_utime = -1;
+    for (int64_t at = 0; kn_log_read(&log, &record) != KN_LOG_END; at = log.offset) {
+        const char *ends = note(s, &record);
+        if (!ends && s->records > 0 && record.utime > s->last_utime + 1000 * (int64_t)KN_SURVEY_PAUSE_MS)
+            ends = "a jump of more than an hour";
+        if (ends) {
+            snprintf(s->damage, sizeof s->damage, "%s begins at byte %lld, after %lld records", ends, (long long)at,
+                     (long long)s->records);
+            break;
+        }
+        if (s->records++ == 0) s->first_utime = s->last_utime = record.utime;
+        if (record.utime > s->last_utime) s->last_utime = record.utime;
+        s->end_offset = log.offset;
+    }
+    if (log.damage[0]) snprintf(s->damage, sizeof s->damage, "%s", log.damage);
+    kn_log_close(&log);
+    if (s->forces > 0 || s->first_pose_utime >= 0) return true;
+    snprintf(error, error_size, "%s: %s%sholds no poses and no forces (%lld records), expected a hand's", path,
+             s->damage, s->damage[0] ? "; " : "", (long long)s->records);
+    return false;
+}
+
+void kn_survey_free(kn_survey *survey)
+{
+    for (size_t i = 0; i < survey->other_count; i++) free(survey->others[i].text);
+    free(survey->others);
+    free(survey->events);
+    free(survey->scene_name);
+    free(survey->scene_text);
+    *survey = (kn_survey){0};
+}
