@@ -16,6 +16,7 @@
     X(element, "springs and dampers in series and parallel: what they do by the papers' rules, and what is so")        \
     X(export, "a recording as files for ParaView, MeshLab and tables: shape, stress, forces through time")           \
     X(hand, "a real device as the hand on a running kneadd: serial paddle, SpaceNavigator, Haply; untested")           \
+    X(identify, "measured creep, relaxation, sweep or shape -> material and structure, and how well they are known")     \
     X(latency, "from a pose to its force through LCM on a real kneadd, stage by stage, beside a bare echo")            \
     X(mesh, "fills a closed surface, OBJ or STL, with tetrahedra for a scene; checks a mesh and says what it has")     \
     X(probe, "a virtual hand: press, poke or swing a tool on a running kneadd; force table, recording")                \

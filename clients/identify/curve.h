@@ -1,0 +1,69 @@
+#ifndef KN_CLIENTS_IDENTIFY_CURVE_H
+#define KN_CLIENTS_IDENTIFY_CURVE_H
+// Measured curves out of CSV files as rheometers, texture analysers and spreadsheets write them (sheet.h reads the
+// text), in SI, in the order of time, and thinned to what a fit needs. Whatever was done to the readings is said.
+//
+// Compression is positive, as on a bench (core/network.h). Strain is displacement over the initial height; stress is
+// force over the area that the sample has by then, S h = S0 h0 (first paper, equation 4), unless the file gives stress
+// itself.
+#include <stdbool.h>
+
+#define KN_CURVE_STEPS 32
+#define KN_CURVES_MAX 32
+#define KN_CURVE_NAME 64
+
+typedef enum kn_curve_kind {
+    KN_CURVE_CREEP, // value: strain. The load is known: step[]
+    KN_CURVE_RELAX, // value: stress, Pa; or modulus, Pa, where no strain is known. The strain is known: strain[], or held
+    KN_CURVE_SWEEP  // value: G', other: G'', Pa; time_s is the frequency, Hz
+} kn_curve_kind;
+
+typedef struct kn_curve_step { // a load from a moment on
+    double time_s;
+    double stress_pa; // load over S0: the nominal stress W/S0
+} kn_curve_step;
+
+typedef struct kn_curve {
+    kn_curve_kind kind;
+    char name[KN_CURVE_NAME]; // of the file without folder and ending, and of the column where a file has several
+    const char *file;         // as given
+    int count;
+    double *time_s;  // rising; creep: 0 is when the first load came
+    double *value;
+    double *other;   // sweep: loss modulus; relax: strain, NULL where it is not in the file
+    double *weight;  // how many readings each stands for, >= 1
+    int *line;       // of the file, of the first of these
+    double noise;    // standard deviation of one reading of value, from second differences of neighbours; see
+                     // kn_curve_noise. > 0
+    // creep
+    int steps;
+    kn_curve_step step[KN_CURVE_STEPS]; // the first at time 0; 0 Pa: released
+    bool constant_area; // stress is the nominal one, not nominal x (1 - strain)
+    double height_m, area_m2; // of the specimen; 0: unknown, the file gives strain and stress
+    // relax
+    double strain;   // held, after a step; 0: unknown, value is a modulus
+    double begin_s;  // when the strain was reached (0 where time counts from there)
+} kn_curve;
+
+// What options say of all files; 0 or NULL: not given, then the file's own lines must say it.
+typedef struct kn_curve_options {
+    double height_m, area_m2, load_n, stress_pa; // of creep: load or nominal stress
+    double release_s; // creep: when the load was taken off; 0: the file says, or never
+    double strain;    // relax: held
+    bool constant_area;
+    const char *subcommand; // "identify creep", for complaints
+} kn_curve_options;
+
+// Adds the curves of a file to curve[*count..] (a wide file has one per column of load), and prints on stdout what was
+// done to its readings (sorted, left out, thinned), one line each. Returns an exit code, after one line of complaint.
+int kn_curve_load(kn_curve curve[KN_CURVES_MAX], int *count, kn_curve_kind kind, const char *file,
+                  const kn_curve_options *options);
+void kn_curve_free(kn_curve *curve);
+
+// Standard deviation of independent noise on values over time, whatever smooth curve is under it: of each three
+// neighbours the middle one less the straight line through the others, scaled by what that keeps of independent noise;
+// the median of their sizes, so that jumps and outliers do not count. Where most readings repeat (a coarse gauge), a
+// step of the gauge over sqrt(12). Never 0: 1e-6 of the largest value at least.
+double kn_curve_noise(int count, const double *time_s, const double *value);
+
+#endif

@@ -1,0 +1,41 @@
+// knead identify: from what was measured on a lump to the numbers of a virtual one. See experiments.h.
+#include "clients/identify/experiments.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include <stdio.h>
+#include <string.h>
+
+typedef struct experiment {
+    const char *name, *summary;
+    int (*main)(int argc, char **argv);
+} experiment;
+
+static const experiment experiments[] = {
+#define KN_EXPERIMENT(name, summary) {#name, summary, kn_identify_##name##_main},
+    KN_EXPERIMENTS(KN_EXPERIMENT)
+#undef KN_EXPERIMENT
+    {NULL, NULL, NULL}};
+
+static void print_help(void)
+{
+    printf("usage: knead identify EXPERIMENT FILE... [OPTION]...\n\n"
+           "From what was measured on a lump to the numbers of a virtual one, each with what the data know of it.\n\n");
+    for (const experiment *e = experiments; e->name; e++) printf("  %-6s %s\n", e->name, e->summary);
+    printf("\n`knead identify EXPERIMENT --help` tells the rest.\n");
+}
+
+int kn_identify_main(int argc, char **argv)
+{
+    if (argc > 1 && (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h"))) {
+        print_help();
+        return KN_EXIT_OK;
+    }
+    for (const experiment *e = experiments; argc > 1 && e->name; e++) {
+        if (strcmp(argv[1], e->name) != 0) continue;
+        char full[40]; // what getopt begins its complaints with
+        snprintf(full, sizeof full, "knead identify %s", e->name);
+        argv[1] = full;
+        return e->main(argc - 1, argv + 1);
+    }
+    return kn_complain("identify", KN_EXIT_USAGE, "expected an experiment, creep, relax, sweep or shape; --help");
+}
