@@ -1,0 +1,274 @@
+#include "clients/identify/chain.h"
+#include <math.h>
+#include <string.h>
+
+enum { STAGES = 5, UNITS = KN_CHAIN_VOIGTS + 2, NEWTON_MAX = 60, STEPS_MAX = 20000 };
+
+// Strains: the spring's, the Voigt units', the damper's.
+enum { SPRING = 0, VOIGT = 1, DAMPER = KN_CHAIN_VOIGTS + 1 };
+
+static const double tolerance = 1e-7; // of a step, of the largest strain so far
+
+#define GAMMA 0.25
+static const double along[STAGES] = {1. / 4, 3. / 4, 11. / 20, 1. / 2, 1};
+static const double row[STAGES][STAGES] = {{0},
+                                           {1. / 2},
+                                           {17. / 50, -1. / 25},
+                                           {371. / 1360, -137. / 2720, 15. / 544},
+                                           {25. / 24, -49. / 48, 125. / 16, -85. / 12}};
+static const double against[STAGES] = {-3. / 16, -27. / 32, 25. / 32, 0, 1. / 4}; // order 4 less order 3
+
+typedef struct drive {
+    bool load;          // else the strain's rate is prescribed
+    double nominal_pa;  // load
+    bool constant_area; // load
+    double rate_per_s;  // strain
+} drive;
+
+typedef struct state {
+    double time_s, x[UNITS], stress_pa, rate[UNITS];
+    double largest, step_s;
+} state;
+
+double kn_chain_viscosity(const kn_chain *chain, double stress_pa)
+{
+    if (chain->beta_per_pa == 0) return chain->alpha_pa_s;
+    return chain->alpha_pa_s * exp(-chain->beta_per_pa * fmin(fmax(fabs(stress_pa), chain->p0_pa), chain->p1_pa));
+}
+
+// Flow rate of the damper and its slope; 0 without one.
+static double flow(const kn_chain *chain, double p, double *slope)
+{
+    *slope = 0;
+    if (chain->alpha_pa_s == 0) return 0;
+    double c = kn_chain_viscosity(chain, p), a = fabs(p);
+    bool inside = a > chain->p0_pa && a <= chain->p1_pa;
+    *slope = (1 + (inside ? chain->beta_per_pa * a : 0)) / c;
+    return p / c;
+}
+
+static double total(const double *x)
+{
+    double sum = 0;
+    for (int i = 0; i < UNITS; i++) sum += x[i];
+    return sum;
+}
+
+// What the units take up of the strain in a stage of length h at stress p, beyond base; returns the sum and its slope.
+static double take(const kn_chain *chain, double h, const double *base, double p, double *taken, double *slope)
+{
+    double sum = 0, steep;
+    *slope = 0;
+    memset(taken, 0, UNITS * sizeof *taken);
+    if (chain->spring_pa > 0) {
+        taken[SPRING] = p / chain->spring_pa - base[SPRING];
+        *slope += 1 / chain->spring_pa;
+    }
+    for (int i = 0; i < chain->voigts; i++) {
+        double give = chain->c_pa_s[i] + h * chain->k_pa[i];
+        taken[VOIGT + i] = h * (p - chain->k_pa[i] * base[VOIGT + i]) / give;
+        *slope += h / give;
+    }
+    taken[DAMPER] = h * flow(chain, p, &steep);
+    *slope += h * steep;
+    for (int i = 0; i < UNITS; i++) sum += taken[i];
+    return sum;
+}
+
+// The stress of a stage of length h that begins with the strains base. Newton, and where that leaves what is known of
+// the root, halving: the sum rises with p.
+static bool meet(const kn_chain *chain, const drive *d, double h, const double *base, double *stress, double *taken)
+{
+    double p = *stress, low = -INFINITY, high = INFINITY, begun = total(base);
+    double feedback = d->load && !d->constant_area ? d->nominal_pa : 0;
+    for (int i = 0; i < NEWTON_MAX; i++) {
+        double slope, sum = take(chain, h, base, p, taken, &slope), f, steep;
+        if (d->load) {
+            f = p - d->nominal_pa + feedback * (begun + sum);
+            steep = 1 + feedback * slope;
+        } else {
+            f = sum - h * d->rate_per_s;
+            steep = slope;
+        }
+        if (!isfinite(f) || !(steep > 0)) return false;
+        if (f > 0) high = p;
+        else low = p;
+        double next = p - f / steep;
+        if (fabs(next - p) <= 1e-8 * fabs(p) + 1e-16 * fabs(d->nominal_pa)) { // the one after would move by its square
+            *stress = next;
+            take(chain, h, base, next, taken, &slope);
+            return true;
+        }
+        bool over = fabs(p) < chain->p1_pa && fabs(next) > chain->p1_pa && chain->beta_per_pa > 0;
+        if (over) next = copysign(chain->p1_pa, next); // the slope has a kink there
+        if (!(next > low && next < high) && isfinite(low) && isfinite(high)) next = (low + high) / 2;
+        p = next;
+    }
+    double slope;
+    *stress = p;
+    take(chain, h, base, p, taken, &slope);
+    return true; // to rounding: halving has come to its end
+}
+
+// Stress and rates that belong to the strains: a stage too short to change them.
+static bool observe(const kn_chain *chain, const drive *d, state *s)
+{
+    double taken[UNITS], steep, p = s->stress_pa;
+    bool spring = chain->spring_pa > 0;
+    if (d->load) p = d->nominal_pa * (1 - (d->constant_area ? 0 : total(s->x)));
+    else if (spring) p = chain->spring_pa * s->x[SPRING];
+    else if (!meet(chain, d, 1e-15, s->x, &p, taken)) return false;
+    s->stress_pa = p;
+    double others = flow(chain, p, &steep);
+    memset(s->rate, 0, sizeof s->rate);
+    s->rate[DAMPER] = others;
+    for (int i = 0; i < chain->voigts; i++) {
+        if (chain->c_pa_s[i] > 0) s->rate[VOIGT + i] = (p - chain->k_pa[i] * s->x[VOIGT + i]) / chain->c_pa_s[i];
+        others += s->rate[VOIGT + i];
+    }
+    if (spring && d->load && !d->constant_area)
+        s->rate[SPRING] = -d->nominal_pa * others / (chain->spring_pa + d->nominal_pa);
+    else if (spring && !d->load) s->rate[SPRING] = d->rate_per_s - others;
+    return true;
+}
+
+// One step of length h; its error of the largest strain, infinite where there is no answer.
+static double step(const kn_chain *chain, const drive *d, const state *from, double h, state *to)
+{
+    double taken[STAGES][UNITS], base[UNITS], p = from->stress_pa, error = 0;
+    for (int j = 0; j < STAGES; j++) {
+        memcpy(base, from->x, sizeof base);
+        for (int m = 0; m < j; m++)
+            for (int i = 0; i < UNITS; i++) base[i] += row[j][m] / GAMMA * taken[m][i];
+        if (!meet(chain, d, GAMMA * h, base, &p, taken[j])) return INFINITY;
+    }
+    *to = *from;
+    to->time_s = from->time_s + h;
+    to->stress_pa = p;
+    for (int i = 0; i < UNITS; i++) {
+        double difference = 0;
+        to->x[i] = base[i] + taken[STAGES - 1][i]; // stiffly accurate: the last stage is the step
+        for (int j = 0; j < STAGES; j++) difference += against[j] / GAMMA * taken[j][i];
+        error = fmax(error, fabs(difference));
+        to->largest = fmax(to->largest, fabs(to->x[i]));
+    }
+    if (!observe(chain, d, to)) return INFINITY;
+    (void)along; // drives are constant within a step
+    return to->largest > 0 ? error / to->largest : 0;
+}
+
+// Readings of one piece, between its ends: all that lie in (from, to].
+typedef struct readings {
+    int count, next;
+    const double *time_s;
+    double *out;
+    bool strain;
+} readings;
+
+static double hermite(double a, double slope_a, double b, double slope_b, double h, double s)
+{
+    double along_s = 1 - s;
+    return along_s * along_s * ((1 + 2 * s) * a + s * h * slope_a) + s * s * ((3 - 2 * s) * b - along_s * h * slope_b);
+}
+
+static bool read_between(const kn_chain *chain, const drive *d, const state *a, const state *b, readings *r)
+{
+    for (; r->next < r->count && r->time_s[r->next] <= b->time_s; r->next++) {
+        state at = *b;
+        double h = b->time_s - a->time_s, s = h > 0 ? (r->time_s[r->next] - a->time_s) / h : 1;
+        for (int i = 0; i < UNITS; i++) at.x[i] = hermite(a->x[i], a->rate[i], b->x[i], b->rate[i], h, s);
+        if (!r->strain && s < 1 && !observe(chain, d, &at)) return false;
+        r->out[r->next] = r->strain ? total(at.x) : at.stress_pa;
+    }
+    return true;
+}
+
+// Without a load every Voigt unit goes back by itself.
+static void rest(const kn_chain *chain, state *s, double until_s, readings *r)
+{
+    double begun[UNITS], from = s->time_s;
+    memcpy(begun, s->x, sizeof begun);
+    begun[SPRING] = 0;
+    for (bool last = false; !last;) {
+        last = r->next >= r->count || r->time_s[r->next] > until_s;
+        double t = last ? until_s : r->time_s[r->next];
+        memcpy(s->x, begun, sizeof begun);
+        for (int i = 0; i < chain->voigts; i++) {
+            double c = chain->c_pa_s[i];
+            s->x[VOIGT + i] *= c > 0 ? exp(-chain->k_pa[i] / c * (t - from)) : chain->k_pa[i] > 0 ? 0 : 1;
+        }
+        if (!last) r->out[r->next++] = total(s->x);
+    }
+    s->time_s = until_s;
+    s->stress_pa = 0;
+}
+
+// Follows a drive until a time.
+static bool follow(const kn_chain *chain, const drive *d, state *s, double until_s, readings *r)
+{
+    double span = until_s - s->time_s;
+    if (!(span > 0)) return true;
+    if (d->load && d->nominal_pa == 0 && isfinite(until_s)) return rest(chain, s, until_s, r), true;
+    if (chain->spring_pa > 0 && d->load) { // it gives way at once
+        double others = total(s->x) - s->x[SPRING];
+        s->x[SPRING] = d->constant_area ? d->nominal_pa / chain->spring_pa
+                                        : d->nominal_pa * (1 - others) / (chain->spring_pa + d->nominal_pa);
+    }
+    if (!observe(chain, d, s)) return false;
+    double h = 1e-4 * span;
+    for (int n = 0; n < STEPS_MAX; n++) {
+        state next;
+        bool last = s->time_s + 1.0001 * h >= until_s;
+        if (last) h = until_s - s->time_s;
+        double error = step(chain, d, s, h, &next);
+        if (error > tolerance) {
+            h *= fmin(fmax(0.9 * pow(tolerance / error, 0.25), 0.1), 0.5);
+            if (!(h > 1e-15 * span)) return false;
+            continue;
+        }
+        if (last) next.time_s = until_s;
+        if (!read_between(chain, d, s, &next, r)) return false;
+        *s = next;
+        if (last) return true;
+        h *= error > 0 ? fmin(0.9 * pow(tolerance / error, 0.25), 5) : 5;
+    }
+    return false;
+}
+
+bool kn_chain_creep(const kn_chain *chain, bool constant_area, int steps, const kn_chain_step *at, int count,
+                    const double *time_s, double *strain)
+{
+    state s = {.time_s = at[0].time_s};
+    readings r = {.count = count, .time_s = time_s, .out = strain, .strain = true};
+    for (; r.next < count && time_s[r.next] <= s.time_s; r.next++) strain[r.next] = 0;
+    for (int i = 0; i < steps && r.next < count; i++) {
+        drive d = {.load = true, .nominal_pa = at[i].value, .constant_area = constant_area};
+        double until = i + 1 < steps ? at[i + 1].time_s : time_s[count - 1];
+        if (!follow(chain, &d, &s, until, &r)) return false;
+    }
+    return true;
+}
+
+bool kn_chain_stress(const kn_chain *chain, int steps, const kn_chain_step *at, int count, const double *time_s,
+                     double *stress_pa)
+{
+    state s = {.time_s = at[0].time_s};
+    readings r = {.count = count, .time_s = time_s, .out = stress_pa};
+    if (at[0].value != 0) { // a jump at the start
+        if (!(chain->spring_pa > 0)) return false;
+        s.x[SPRING] = at[0].value;
+    }
+    for (; r.next < count && time_s[r.next] < s.time_s; r.next++) stress_pa[r.next] = 0;
+    for (int i = 0; i < steps && r.next < count; i++) {
+        bool last = i + 1 == steps;
+        double until = last ? time_s[count - 1] : at[i + 1].time_s, span = until - at[i].time_s;
+        double grown = last ? 0 : at[i + 1].value - at[i].value;
+        drive d = {.rate_per_s = span > 0 && !last ? grown / span : 0};
+        if (span == 0 && grown != 0) {
+            if (!(chain->spring_pa > 0)) return false;
+            s.x[SPRING] += grown;
+        }
+        if (!follow(chain, &d, &s, until, &r)) return false;
+    }
+    return true;
+}

@@ -1,0 +1,383 @@
+#include "clients/identify/fit.h"
+#include <cminpack-1/cminpack.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+// Difference quotients are taken over this much of a logarithm: models answer to 1e-8 or so.
+static const double step_log = 1e-5;
+static const double wall = 1e3; // residual per unit of a logarithm beyond a bound
+
+typedef struct search {
+    kn_fit *fit;
+    int count;                     // of unknowns that are free
+    int number[KN_FIT_UNKNOWNS];   // of them
+    double *ahead, *behind;        // residuals at two places
+    bool lost;                     // the model had no answer at the start
+} search;
+
+static double inwards(const kn_fit_unknown *u) { return u->linear ? u->value : log(u->value); }
+static double lowest(const kn_fit_unknown *u) { return u->linear ? u->low : log(u->low); }
+static double highest(const kn_fit_unknown *u) { return u->linear ? u->high : log(u->high); }
+
+// What the model is asked for at a place of the search: all values, those beyond a bound on it.
+static void values_at(const search *s, const double *x, double *value)
+{
+    for (int i = 0; i < s->fit->unknowns; i++) value[i] = s->fit->unknown[i].value;
+    for (int k = 0; k < s->count; k++) {
+        const kn_fit_unknown *u = &s->fit->unknown[s->number[k]];
+        double in = fmin(fmax(x[k], lowest(u)), highest(u));
+        value[s->number[k]] = u->linear ? in : fmin(fmax(exp(in), u->low), u->high);
+    }
+}
+
+// Residuals of the readings, then one for each free unknown: how far it is beyond its bounds.
+static bool residuals_at(const search *s, const double *x, double *residual)
+{
+    kn_fit *fit = s->fit;
+    double value[KN_FIT_UNKNOWNS];
+    values_at(s, x, value);
+    fit->evaluations++;
+    if (!fit->misfit(fit->of, value, residual)) return false;
+    for (int i = 0; i < fit->readings; i++)
+        if (!isfinite(residual[i])) return false;
+    for (int k = 0; k < s->count; k++) {
+        const kn_fit_unknown *u = &fit->unknown[s->number[k]];
+        residual[fit->readings + k] = wall * (x[k] - fmin(fmax(x[k], lowest(u)), highest(u)));
+    }
+    return true;
+}
+
+static double squares(const double *residual, int count)
+{
+    double sum = 0;
+    for (int i = 0; i < count; i++) sum += residual[i] * residual[i];
+    return sum;
+}
+
+// One column of the Jacobian; two-sided where the last digits count. A side on which there is no answer is left out.
+static bool column(search *s, const double *x, const double *here, int k, bool both, double *out)
+{
+    int rows = s->fit->readings + s->count;
+    const kn_fit_unknown *u = &s->fit->unknown[s->number[k]];
+    double at[KN_FIT_UNKNOWNS], h = u->linear ? step_log * (u->high - u->low) : step_log;
+    memcpy(at, x, (size_t)s->count * sizeof *x);
+    at[k] = x[k] + h;
+    bool ahead = at[k] <= highest(u) && residuals_at(s, at, s->ahead), behind = false;
+    at[k] = x[k] - h;
+    if (both || !ahead) behind = at[k] >= lowest(u) && residuals_at(s, at, s->behind);
+    if (!ahead && !behind) return false;
+    double width = (double)(ahead + behind) * h;
+    const double *above = ahead ? s->ahead : here, *below = behind ? s->behind : here;
+    for (int i = 0; i < rows; i++) out[i] = (above[i] - below[i]) / width;
+    return true;
+}
+
+static int minpack_asks(void *p, int rows, int count, const double *x, double *residual, double *jacobian, int stride,
+                        int what)
+{
+    search *s = p;
+    (void)count;
+    if (what == 1) {
+        if (residuals_at(s, x, residual)) return 0;
+        for (int i = 0; i < rows; i++) residual[i] = 1e10; // no answer there: a step back is all that is left
+        return 0;
+    }
+    if (what == 2)
+        for (int k = 0; k < s->count; k++)
+            if (!column(s, x, residual, k, false, jacobian + (size_t)stride * (size_t)k))
+                memset(jacobian + (size_t)stride * (size_t)k, 0, (size_t)rows * sizeof *jacobian);
+    return 0;
+}
+
+static bool search_open(search *s, kn_fit *fit)
+{
+    *s = (search){.fit = fit};
+    for (int i = 0; i < fit->unknowns; i++)
+        if (!fit->unknown[i].fixed) s->number[s->count++] = i;
+    size_t rows = (size_t)(fit->readings + s->count);
+    s->ahead = calloc(2 * rows, sizeof *s->ahead);
+    s->behind = s->ahead ? s->ahead + rows : NULL;
+    return s->ahead;
+}
+
+// From the unknowns' values to the nearest minimum; the sum there, INFINITY where there is no answer, and the values.
+static double descend(kn_fit *fit)
+{
+    search s;
+    if (!search_open(&s, fit)) return INFINITY;
+    int rows = fit->readings + s.count, ipvt[KN_FIT_UNKNOWNS], nfev, njev;
+    size_t n = (size_t)s.count, m = (size_t)rows;
+    double *work = calloc(m * (n + 2) + 1, sizeof *work), x[KN_FIT_UNKNOWNS], small[5][KN_FIT_UNKNOWNS];
+    double sum = INFINITY;
+    for (int k = 0; k < s.count; k++) x[k] = inwards(&fit->unknown[s.number[k]]);
+    if (work && residuals_at(&s, x, work)) {
+        double *residual = work, *jacobian = work + m, *wa4 = jacobian + m * n;
+        if (s.count > 0) {
+            for (int k = 0; k < s.count; k++) small[0][k] = 1; // the scale of every unknown: one logarithm
+            lmder(minpack_asks, &s, rows, s.count, x, residual, jacobian, rows, 1e-12, 1e-10, 1e-12, 200, small[0], 2,
+                  1, 0, &nfev, &njev, ipvt, small[1], small[2], small[3], small[4], wa4);
+        }
+        double value[KN_FIT_UNKNOWNS];
+        values_at(&s, x, value);
+        for (int i = 0; i < fit->unknowns; i++) fit->unknown[i].value = value[i];
+        for (int k = 0; k < s.count; k++) {
+            kn_fit_unknown *u = &fit->unknown[s.number[k]];
+            u->at_bound = x[k] <= lowest(u) + 1e-6 || x[k] >= highest(u) - 1e-6;
+            x[k] = inwards(u);
+        }
+        sum = residuals_at(&s, x, residual) ? squares(residual, fit->readings) : INFINITY;
+    }
+    free(work);
+    free(s.ahead);
+    return sum;
+}
+
+// A^-1 of a symmetric matrix by its Cholesky factor, in place; false: not positive definite. What is 1e-12 of a
+// diagonal element is lost in the differences.
+static bool invert(int n, double a[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS])
+{
+    double l[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS] = {0}, inverse[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS] = {0};
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j <= i; j++) {
+            double sum = a[i][j];
+            for (int k = 0; k < j; k++) sum -= l[i][k] * l[j][k];
+            if (i == j && !(sum > 1e-12 * a[i][i])) return false;
+            l[i][j] = i == j ? sqrt(sum) : sum / l[j][j];
+        }
+    for (int c = 0; c < n; c++) // columns of L^-1
+        for (int i = c; i < n; i++) {
+            double sum = i == c;
+            for (int k = c; k < i; k++) sum -= l[i][k] * inverse[k][c];
+            inverse[i][c] = sum / l[i][i];
+        }
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) {
+            a[i][j] = 0;
+            for (int k = i > j ? i : j; k < n; k++) a[i][j] += inverse[k][i] * inverse[k][j];
+        }
+    return true;
+}
+
+// C at the best. An unknown that changes nothing is left out of it and has an infinite variance.
+static bool curve(kn_fit *fit)
+{
+    search s;
+    if (!search_open(&s, fit)) return false;
+    size_t rows = (size_t)(fit->readings + s.count);
+    double *work = calloc(rows * ((size_t)s.count + 1), sizeof *work), x[KN_FIT_UNKNOWNS];
+    double normal[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS];
+    int seen[KN_FIT_UNKNOWNS], count = 0;
+    memset(fit->covariance, 0, sizeof fit->covariance);
+    for (int k = 0; k < s.count; k++) x[k] = inwards(&fit->unknown[s.number[k]]);
+    bool ok = work && residuals_at(&s, x, work);
+    for (int k = 0; ok && k < s.count; k++) {
+        double *jacobian = work + rows * (size_t)(count + 1);
+        bool moves = column(&s, x, work, k, true, jacobian) && squares(jacobian, fit->readings) > 0;
+        if (moves) seen[count++] = k;
+        else fit->covariance[s.number[k]][s.number[k]] = INFINITY;
+    }
+    for (int a = 0; a < count; a++)
+        for (int b = 0; b < count; b++) {
+            normal[a][b] = 0;
+            for (int i = 0; i < fit->readings; i++)
+                normal[a][b] += work[rows * (size_t)(a + 1) + (size_t)i] * work[rows * (size_t)(b + 1) + (size_t)i];
+        }
+    bool lost = ok && !invert(count, normal);
+    fit->singular = lost || count < s.count;
+    for (int a = 0; ok && a < count; a++)
+        for (int b = 0; b < count; b++) {
+            fit->covariance[s.number[seen[a]]][s.number[seen[b]]] = lost ? a == b ? (double)INFINITY : 0 : normal[a][b];
+        }
+    free(work);
+    free(s.ahead);
+    return ok;
+}
+
+static bool finish(kn_fit *fit, double sum)
+{
+    int count = 0;
+    for (int i = 0; i < fit->unknowns; i++) count += !fit->unknown[i].fixed;
+    fit->sum = sum;
+    fit->freedom = fit->readings - count;
+    fit->scale = fit->freedom > 0 ? sqrt(sum / fit->freedom) : (double)INFINITY;
+    return isfinite(sum) && curve(fit);
+}
+
+bool kn_fit_run(kn_fit *fit) { return finish(fit, descend(fit)); }
+
+bool kn_fit_run_from(kn_fit *fit, int starts, const double (*start)[KN_FIT_UNKNOWNS])
+{
+    kn_fit_unknown best[KN_FIT_UNKNOWNS];
+    double least = INFINITY;
+    for (int k = 0; k < starts; k++) {
+        for (int i = 0; i < fit->unknowns; i++)
+            fit->unknown[i].value = fmin(fmax(start[k][i], fit->unknown[i].low), fit->unknown[i].high);
+        double sum = descend(fit);
+        if (!(sum < least)) continue;
+        least = sum;
+        memcpy(best, fit->unknown, sizeof best);
+    }
+    if (isfinite(least)) memcpy(fit->unknown, best, sizeof best);
+    return finish(fit, least);
+}
+
+// ---- intervals
+
+double kn_fit_held(const kn_fit *fit, int unknown, double value)
+{
+    kn_fit other = *fit;
+    other.unknown[unknown].value = value;
+    other.unknown[unknown].fixed = true;
+    double sum = descend(&other);
+    return isfinite(sum) ? sum : NAN;
+}
+
+// One side of a profile: the others are carried along from point to point.
+typedef struct side {
+    kn_fit fit; // the unknown is fixed in it
+    int unknown;
+    double base, unit; // S at the best; s^2
+} side;
+
+// How many standard deviations S has risen when the unknown is at `in` (a logarithm, or itself).
+static double risen(side *p, double in)
+{
+    kn_fit_unknown *u = &p->fit.unknown[p->unknown];
+    u->value = u->linear ? in : fmin(fmax(exp(in), u->low), u->high);
+    double sum = descend(&p->fit);
+    return isfinite(sum) ? sqrt(fmax(sum - p->base, 0) / p->unit) : (double)INFINITY;
+}
+
+// Where that reaches t between a place where it has not and one where it has: the Illinois method.
+static double reach(side *p, double t, double a, double za, double b, double zb)
+{
+    double fa = za - t, fb = fmin(zb, 4 * t) - t;
+    for (int i = 0; i < 40 && fabs(b - a) > 1e-4 * (1e-3 + fabs(b)); i++) {
+        double c = b - fb * (b - a) / (fb - fa), fc = fmin(risen(p, c), 4 * t) - t;
+        if (fabs(fc) < 2e-3 * t) return c;
+        if ((fc > 0) != (fb > 0)) {
+            a = b;
+            fa = fb;
+        } else fa /= 2;
+        b = c;
+        fb = fc;
+    }
+    return b;
+}
+
+static double walk(const kn_fit *fit, int unknown, double t, double toward, bool *open)
+{
+    const kn_fit_unknown *u = &fit->unknown[unknown];
+    side p = {.fit = *fit, .unknown = unknown, .base = fit->sum, .unit = fit->scale * fit->scale};
+    double from = inwards(u), end = toward > 0 ? highest(u) : lowest(u), z = 0;
+    double guess = t * fit->scale * sqrt(fit->covariance[unknown][unknown]), span = u->linear ? u->high - u->low : 1;
+    double step = isfinite(guess) && guess > 1e-9 * span ? fmin(guess, span / 2) : 0.02 * span;
+    p.fit.unknown[unknown].fixed = true;
+    *open = false;
+    while (toward * (end - from) > 0) {
+        double next = toward * (end - from) < step ? end : from + toward * step, risen_to = risen(&p, next);
+        if (risen_to >= t) return reach(&p, t, from, z, next, risen_to);
+        from = next;
+        z = risen_to;
+        step *= 2;
+    }
+    *open = true;
+    return end;
+}
+
+static kn_fit_interval by_curvature(const kn_fit *fit, int unknown, double t)
+{
+    const kn_fit_unknown *u = &fit->unknown[unknown];
+    double half = t * fit->scale * sqrt(fit->covariance[unknown][unknown]), x = inwards(u);
+    kn_fit_interval out = {.how = KN_FIT_CURVATURE, .low = x - half, .high = x + half};
+    out.open_low = !(out.low >= lowest(u));
+    out.open_high = !(out.high <= highest(u));
+    out.low = out.open_low ? lowest(u) : out.low;
+    out.high = out.open_high ? highest(u) : out.high;
+    return out;
+}
+
+kn_fit_interval kn_fit_interval_by(kn_fit *fit, int unknown, double confidence, kn_fit_how how)
+{
+    const kn_fit_unknown *u = &fit->unknown[unknown];
+    if (u->fixed || fit->freedom < 1)
+        return (kn_fit_interval){.low = u->low, .high = u->high, .open_low = true, .open_high = true};
+    double t = kn_fit_student(confidence, fit->freedom);
+    kn_fit_interval out = by_curvature(fit, unknown, t);
+    if (how == KN_FIT_PROFILE && fit->scale > 0) {
+        out.how = KN_FIT_PROFILE;
+        out.low = walk(fit, unknown, t, -1, &out.open_low);
+        out.high = walk(fit, unknown, t, 1, &out.open_high);
+    }
+    if (!u->linear) out.low = out.open_low ? u->low : exp(out.low);
+    if (!u->linear) out.high = out.open_high ? u->high : exp(out.high);
+    return out;
+}
+
+kn_fit_interval kn_fit_interval_of(kn_fit *fit, int unknown, double confidence)
+{
+    const kn_fit_unknown *u = &fit->unknown[unknown];
+    kn_fit_interval out = kn_fit_interval_by(fit, unknown, confidence, KN_FIT_CURVATURE);
+    double half = (out.high - out.low) / 2;
+    bool near = !out.open_low && !out.open_high && half <= 0.05 * fabs(u->value);
+    return near || u->fixed ? out : kn_fit_interval_by(fit, unknown, confidence, KN_FIT_PROFILE);
+}
+
+// ---- what a fit is worth
+
+double kn_fit_runs(int readings, const double *residual)
+{
+    int up = 0, down = 0, runs = 0, before = 0;
+    for (int i = 0; i < readings; i++) {
+        int sign = (residual[i] > 0) - (residual[i] < 0);
+        if (sign == 0) continue;
+        runs += sign != before;
+        before = sign;
+        up += sign > 0;
+        down += sign < 0;
+    }
+    double n = up + down, both = 2.0 * up * down;
+    if (n < 20) return NAN;
+    if (up == 0 || down == 0) return sqrt(n);
+    double expected = both / n + 1, variance = both * (both - n) / (n * n * (n - 1));
+    return (expected - runs) / sqrt(variance);
+}
+
+double kn_fit_aicc(int readings, int unknowns, double sum)
+{
+    double n = readings, p = unknowns + 1; // the scale is one, too
+    if (n - p - 1 <= 0) return INFINITY;
+    return n * log(sum / n) + 2 * p + 2 * p * (p + 1) / (n - p - 1);
+}
+
+// Quantile of the normal distribution by Newton on erfc.
+static double normal_quantile(double confidence)
+{
+    double z = 2;
+    for (int i = 0; i < 50; i++) z -= (erf(z / sqrt(2.0)) - confidence) / (sqrt(2 / acos(-1.0)) * exp(-z * z / 2));
+    return z;
+}
+
+// Share of Student's distribution between -t and t, by Simpson's rule.
+static double student_share(double t, double nu)
+{
+    enum { PARTS = 400 };
+    double c = exp(lgamma((nu + 1) / 2) - lgamma(nu / 2)) / sqrt(nu * acos(-1.0)), sum = 0, h = t / PARTS;
+    for (int i = 0; i <= PARTS; i++)
+        sum += (i == 0 || i == PARTS ? 1 : i % 2 ? 4 : 2) * pow(1 + (i * h) * (i * h) / nu, -(nu + 1) / 2);
+    return 2 * c * sum * h / 3;
+}
+
+double kn_fit_student(double confidence, double freedom)
+{
+    double z = normal_quantile(confidence);
+    if (freedom > 1e4) return z;
+    double low = z, high = z;
+    while (student_share(high, freedom) < confidence) high *= 2;
+    for (int i = 0; i < 60; i++) {
+        double middle = (low + high) / 2;
+        *(student_share(middle, freedom) < confidence ? &low : &high) = middle;
+    }
+    return high;
+}
