@@ -1,0 +1,122 @@
+#include "clients/identify/identified.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/result.h"
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+void kn_identified_take(kn_identified *n, const char *name, const char *unit, double value, kn_fit_interval interval)
+{
+    static const kn_known known[2][2] = {{KN_KNOWN, KN_AT_LEAST}, {KN_AT_MOST, KN_UNKNOWN}};
+    *n = (kn_identified){.name = name, .unit = unit, .value = value, .interval = interval};
+    n->known = known[interval.open_low][interval.open_high];
+}
+
+void kn_identified_print(const kn_identified *n, char *text, size_t size)
+{
+    const kn_fit_interval *i = &n->interval;
+    switch (n->known) {
+    case KN_KNOWN: snprintf(text, size, "%.5g %s  [%.5g .. %.5g]", n->value, n->unit, i->low, i->high); break;
+    case KN_AT_MOST: snprintf(text, size, "<= %.4g %s", i->high, n->unit); break;
+    case KN_AT_LEAST: snprintf(text, size, ">= %.4g %s", i->low, n->unit); break;
+    case KN_UNKNOWN: snprintf(text, size, "unknown"); break;
+    }
+}
+
+void kn_identified_tell(json_t *to, const kn_identified *n)
+{
+    static const char *const known[] = {"known", "at_most", "at_least", "unknown"};
+    if (!to) return;
+    json_t *row = json_object();
+    json_object_set_new(to, n->name, row);
+    kn_result_number(row, "value", n->value);
+    kn_result_text(row, "unit", n->unit);
+    kn_result_text(row, "known", known[n->known]);
+    kn_result_number(row, "low", n->interval.open_low ? (double)NAN : n->interval.low);
+    kn_result_number(row, "high", n->interval.open_high ? (double)NAN : n->interval.high);
+    kn_result_text(row, "by", n->interval.how == KN_FIT_PROFILE ? "profile" : "curvature");
+    if (*n->words) kn_result_text(row, "words", n->words);
+}
+
+static const char mark[] = "# Identified by knead identify";
+
+// Whether the file may be written: none is there, or one of ours.
+static int may_write(const char *subcommand, const char *path)
+{
+    char begin[sizeof mark] = "";
+    FILE *f = fopen(path, "r");
+    if (!f && errno == ENOENT) return KN_EXIT_OK;
+    if (!f) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+    size_t n = fread(begin, 1, sizeof begin - 1, f);
+    fclose(f);
+    if (n == 0 || !strcmp(begin, mark)) return KN_EXIT_OK;
+    return kn_complain(subcommand, KN_EXIT_USAGE,
+                       "%s: is there and was not written by knead identify; expected another name", path);
+}
+
+static const kn_identified *find(int count, const kn_identified *number, const char *name)
+{
+    for (int i = 0; i < count; i++)
+        if (!strcmp(number[i].name, name)) return &number[i];
+    return NULL;
+}
+
+static void line(FILE *f, const char *key, double value, const char *unit, const kn_identified *n)
+{
+    char text[120], said[200];
+    snprintf(text, sizeof text, "  %s: %.9g %s", key, value, unit);
+    fprintf(f, "%-32s", text);
+    if (n && n->known == KN_KNOWN) fprintf(f, " # %.5g .. %.5g", n->interval.low, n->interval.high);
+    else if (n) {
+        kn_identified_print(n, said, sizeof said);
+        fprintf(f, " # %s%s%s", said, *n->words ? ": " : "", n->words);
+    }
+    fprintf(f, "\n");
+}
+
+static void damper(FILE *f, const kn_material *m, int count, const kn_identified *number)
+{
+    switch (m->damper) {
+    case KN_DAMPER_NONE: fprintf(f, "  damper: none\n"); break;
+    case KN_DAMPER_CONSTANT:
+        fprintf(f, "  damper: constant\n");
+        line(f, "c2", m->c2_pa_s, "Pa*s", find(count, number, "c2"));
+        break;
+    case KN_DAMPER_EXPONENTIAL:
+        fprintf(f, "  damper: exponential\n");
+        line(f, "alpha", m->alpha_pa_s, "Pa*s", find(count, number, "alpha"));
+        line(f, "beta", m->beta_per_pa, "1/Pa", find(count, number, "beta"));
+        line(f, "p0", m->p0_pa, "Pa", find(count, number, "P0"));
+        line(f, "p1", m->p1_pa, "Pa", find(count, number, "P1"));
+        break;
+    case KN_DAMPER_RAMP:
+        fprintf(f, "  damper: ramp\n");
+        line(f, "c_max", m->c_max_pa_s, "Pa*s", find(count, number, "c_max"));
+        line(f, "c_min", m->c_min_pa_s, "Pa*s", find(count, number, "c_min"));
+        line(f, "p0", m->p0_pa, "Pa", find(count, number, "P0"));
+        line(f, "p1", m->p1_pa, "Pa", find(count, number, "P1"));
+        break;
+    }
+}
+
+int kn_material_file_write(const char *subcommand, const char *path, const char *origin, const kn_material *material,
+                           double density_kg_m3, const char *density_words, int count, const kn_identified *number)
+{
+    int code = may_write(subcommand, path);
+    const char *wrong = kn_material_check(material);
+    if (code != KN_EXIT_OK) return code;
+    if (wrong) return kn_complain(subcommand, KN_EXIT_FAILED, "%s: not written: %s", path, wrong);
+    FILE *f = fopen(path, "w");
+    if (!f) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+    fprintf(f, "%s %s\n# Intervals hold the truth 95 times in 100 if the model is right and the noise independent.\n", mark,
+            origin);
+    fprintf(f, "material:\n");
+    line(f, "k1", material->k1_pa, "Pa", find(count, number, "k1"));
+    line(f, "c1", material->c1_pa_s, "Pa*s", find(count, number, "c1"));
+    damper(f, material, count, number);
+    fprintf(f, "density: %.6g kg/m^3%s%s\n", density_kg_m3, *density_words ? "  # " : "", density_words);
+    bool failed = ferror(f);
+    if (fclose(f) != 0 || failed) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: cannot be written", path);
+    return KN_EXIT_OK;
+}

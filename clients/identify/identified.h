@@ -1,0 +1,38 @@
+#ifndef KN_CLIENTS_IDENTIFY_IDENTIFIED_H
+#define KN_CLIENTS_IDENTIFY_IDENTIFIED_H
+// A number with what the data know of it, and a material made of such numbers as a file that a scene loads.
+#include "clients/identify/fit.h"
+#include "core/material.h"
+#include <jansson.h>
+
+typedef enum kn_known {
+    KN_KNOWN,    // within interval, with the confidence that was asked for
+    KN_AT_MOST,  // only bounded from above
+    KN_AT_LEAST, // only from below
+    KN_UNKNOWN   // by neither side
+} kn_known;
+
+typedef struct kn_identified {
+    const char *name, *unit; // "k1", "Pa": SI
+    double value;            // the best, or what was put in its place
+    kn_known known;
+    kn_fit_interval interval;
+    char words[240]; // why it is not known, or what was put in its place; "" where it is known
+} kn_identified;
+
+// Sets known by which sides of the interval are open.
+void kn_identified_take(kn_identified *number, const char *name, const char *unit, double value,
+                        kn_fit_interval interval);
+
+// "46091.3 Pa  [45900 .. 46300]", "<= 945 Pa": as a line of a report says it, without the name.
+void kn_identified_print(const kn_identified *number, char *text, size_t size);
+
+void kn_identified_tell(json_t *to, const kn_identified *number); // --json: an object by the number's name
+
+// The file that a scene names as `material: FILE`: every number with its interval beside it. origin: a sentence on
+// where it is from. stress_unit: as kn_identified's. An exit code, after a complaint. A file that is there and is no
+// material of this command's is not overwritten.
+int kn_material_file_write(const char *subcommand, const char *path, const char *origin, const kn_material *material,
+                           double density_kg_m3, const char *density_words, int count, const kn_identified *number);
+
+#endif

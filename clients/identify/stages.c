@@ -1,0 +1,157 @@
+#include "clients/identify/stages.h"
+#include "clients/identify/fit.h"
+#include "clients/identify/joint.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { FEWEST = 10, HALF_LINE = 10, STARTS = 3 };
+
+// ---- 1: equation 5
+
+typedef struct recovery {
+    int count;
+    const double *time_s, *strain;
+    const kn_stages *stages;
+} recovery;
+
+static double recovered(double release_pa, double k1, double c1, double since_s)
+{
+    return release_pa / k1 * -expm1(-k1 / c1 * since_s);
+}
+
+static bool recovery_misfit(void *of, const double *value, double *residual)
+{
+    const recovery *r = of;
+    for (int i = 0; i < r->count; i++)
+        residual[i] = recovered(r->stages->release_pa, value[0], value[1], r->time_s[i] - r->stages->release_s) -
+                      (r->stages->release_strain - r->strain[i]);
+    return true;
+}
+
+static bool fit_recovery(kn_stages *s, const kn_curve *c, int from)
+{
+    recovery r = {.count = c->count - from, .time_s = c->time_s + from, .strain = c->value + from, .stages = s};
+    double back = s->release_strain - c->value[c->count - 1], stiff = s->release_pa / fmax(back, 1e-6);
+    double span = c->time_s[c->count - 1] - s->release_s;
+    if (r.count < FEWEST || !(back > 0)) return false;
+    kn_fit fit = {.unknowns = 2, .readings = r.count, .misfit = recovery_misfit, .of = &r};
+    fit.unknown[0] = (kn_fit_unknown){.name = "k1", .value = stiff, .low = 1e-4 * stiff, .high = 1e4 * stiff};
+    double c1 = stiff * span / 10;
+    fit.unknown[1] = (kn_fit_unknown){.name = "c1", .value = c1, .low = 1e-5 * c1, .high = 1e5 * c1};
+    if (!kn_fit_run(&fit)) return false;
+    s->material.k1_pa = fit.unknown[0].value;
+    s->material.c1_pa_s = fit.unknown[1].value;
+    return true;
+}
+
+double kn_stages_recovered(const kn_stages *s, double since_release_s)
+{
+    return recovered(s->release_pa, s->material.k1_pa, s->material.c1_pa_s, since_release_s);
+}
+
+// ---- 2: what the Voigt part does under the measured stress, a straight line between two readings
+
+static void subtract_voigt(kn_stages *s, const kn_curve *c)
+{
+    double k1 = s->material.k1_pa, tau = s->material.c1_pa_s / k1, x = 0, from_s = c->step[0].time_s;
+    double from_pa = c->step[0].stress_pa;
+    for (int i = 0; i < s->count; i++) {
+        double h = c->time_s[i] - from_s, to_pa = s->stress_pa[i], gone = -expm1(-h / tau);
+        double slope = h > 0 ? (to_pa - from_pa) / h : 0;
+        x += (from_pa / k1 - x) * gone + slope / k1 * (h - tau * gone);
+        s->voigt[i] = x;
+        s->damper[i] = c->value[i] - x;
+        from_s = c->time_s[i];
+        from_pa = to_pa;
+    }
+}
+
+// ---- 3: the damper
+
+// Slope of the straight line nearest to the readings around one.
+static double slope_around(const double *t, const double *x, int count, int at)
+{
+    int from = at < HALF_LINE ? 0 : at - HALF_LINE, to = at + HALF_LINE < count ? at + HALF_LINE : count - 1;
+    double n = to - from + 1, mean_t = 0, mean_x = 0, tt = 0, tx = 0;
+    for (int i = from; i <= to; i++) {
+        mean_t += t[i] / n;
+        mean_x += x[i] / n;
+    }
+    for (int i = from; i <= to; i++) {
+        tt += (t[i] - mean_t) * (t[i] - mean_t);
+        tx += (t[i] - mean_t) * (x[i] - mean_x);
+    }
+    return tt > 0 ? tx / tt : 0;
+}
+
+static bool damper_misfit(void *of, const double *value, double *residual)
+{
+    const kn_stages *s = of;
+    for (int i = 0, n = 0; i < s->count; i++) {
+        if (isnan(s->c2_pa_s[i])) continue;
+        double p = fmin(fmax(s->stress_pa[i], value[2]), value[3]);
+        residual[n++] = log(value[0]) - value[1] * p - log(s->c2_pa_s[i]);
+    }
+    return true;
+}
+
+static bool fit_damper(kn_stages *s, const kn_curve *c)
+{
+    double low = INFINITY, high = 0, mean = 0, top = c->step[0].stress_pa;
+    int count = 0;
+    for (int i = 0; i < s->count; i++) {
+        double v = slope_around(c->time_s, s->damper, s->count, i);
+        s->c2_pa_s[i] = v > 0 && s->stress_pa[i] > 0 ? s->stress_pa[i] / v : (double)NAN;
+        if (isnan(s->c2_pa_s[i])) continue;
+        low = fmin(low, s->stress_pa[i]);
+        high = fmax(high, s->stress_pa[i]);
+        mean += log(s->c2_pa_s[i]);
+        count++;
+    }
+    if (count < FEWEST || !(high > low)) return false;
+    double alpha = exp(mean / count), start[STARTS][KN_FIT_UNKNOWNS];
+    kn_fit fit = {.unknowns = 4, .readings = count, .misfit = damper_misfit, .of = s};
+    fit.unknown[0] = (kn_fit_unknown){.name = "alpha", .low = alpha * 1e-6, .high = alpha * 1e12};
+    fit.unknown[1] = (kn_fit_unknown){.name = "beta", .low = 1e-4 / top, .high = 100 / top};
+    fit.unknown[2] = (kn_fit_unknown){.name = "P0", .low = low / 2, .high = high};
+    fit.unknown[3] = (kn_fit_unknown){.name = "P1", .low = low, .high = 1.5 * top};
+    for (int k = 0; k < STARTS; k++) {
+        double beta = (k + 1) * 2 / top;
+        memcpy(start[k], (double[]){alpha * exp(beta * (low + high) / 2), beta, 0.9 * low, 1.1 * high}, 4 * sizeof(double));
+    }
+    if (!kn_fit_run_from(&fit, STARTS, start)) return false;
+    s->material.damper = KN_DAMPER_EXPONENTIAL;
+    s->material.alpha_pa_s = fit.unknown[0].value;
+    s->material.beta_per_pa = fit.unknown[1].value;
+    s->material.p0_pa = fit.unknown[2].value;
+    s->material.p1_pa = fmax(fit.unknown[3].value, fit.unknown[2].value * 1.0001);
+    return true;
+}
+
+bool kn_stages_fit(kn_stages *s, const kn_curve *c)
+{
+    *s = (kn_stages){.release_s = kn_joint_release(c)};
+    while (s->count < c->count && c->time_s[s->count] <= s->release_s) s->count++;
+    if (!isfinite(s->release_s) || s->count < FEWEST) return false;
+    size_t n = (size_t)s->count;
+    s->stress_pa = calloc(4 * (size_t)c->count, sizeof *s->stress_pa);
+    if (!s->stress_pa) return false;
+    s->voigt = s->stress_pa + c->count;
+    s->damper = s->voigt + n;
+    s->c2_pa_s = s->damper + n;
+    kn_joint_stress(c, s->stress_pa);
+    s->release_strain = c->value[s->count - 1];
+    s->release_pa = s->stress_pa[s->count - 1];
+    bool ok = fit_recovery(s, c, s->count);
+    if (ok) subtract_voigt(s, c);
+    ok = ok && fit_damper(s, c);
+    if (!ok) kn_stages_free(s);
+    return ok;
+}
+
+void kn_stages_free(kn_stages *s)
+{
+    free(s->stress_pa);
+    s->stress_pa = NULL;
+}
