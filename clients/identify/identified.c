@@ -3,6 +3,7 @@
 #include "clients/knead/complain.h"
 #include "clients/knead/result.h"
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
