@@ -1,0 +1,294 @@
+#include "clients/identify/curve.h"
+#include "clients/identify/curve_parts.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+void kn_curve_free(kn_curve *c)
+{
+    free(c->time_s);
+    free(c->value);
+    free(c->other);
+    free(c->weight);
+    free(c->line);
+    memset(c, 0, sizeof *c);
+}
+
+void kn_curve_say(const kn_curve_file *f, const char *format, ...)
+{
+    va_list args;
+    printf("%s: ", f->sheet.file);
+    va_start(args, format);
+    vprintf(format, args);
+    va_end(args);
+    putchar('\n');
+}
+
+// ---- noise
+
+enum { SAMPLES = 100000 }; // of triples: as good as all of ten million, and sorted in no time
+
+static int by_size(const void *a, const void *b)
+{
+    const double *p = a, *q = b;
+    return (*p > *q) - (*p < *q);
+}
+
+static double largest(int count, const double *value)
+{
+    double most = 0;
+    for (int i = 0; i < count; i++) most = fmax(most, fabs(value[i]));
+    return most;
+}
+
+// Smallest difference of two neighbours that differ at all: a step of the gauge.
+static double gauge(int count, const double *value)
+{
+    double least = INFINITY;
+    for (int i = 1; i < count; i++)
+        if (value[i] != value[i - 1]) least = fmin(least, fabs(value[i] - value[i - 1]));
+    return isfinite(least) ? least : 0;
+}
+
+// Of independent noise the middle one of three less the line through the others keeps 1 + a^2 + b^2 of its variance.
+static double bend(const double *t, const double *y)
+{
+    const double span = t[2] - t[0];
+    if (!(span > 0)) return NAN;
+    const double b = (t[1] - t[0]) / span, a = 1 - b;
+    return fabs(y[1] - a * y[0] - b * y[2]) / sqrt(1 + a * a + b * b);
+}
+
+double kn_curve_noise(int count, const double *time_s, const double *value)
+{
+    static const double median_of_normal = 0.674489750196082; // of |x|, x normal with standard deviation 1
+    const double floor = 1e-6 * largest(count, value);
+    const int step = count / SAMPLES + 1;
+    double *sizes = malloc((size_t)(count > 2 ? count / step + 1 : 1) * sizeof *sizes), noise = 0;
+    int n = 0, same = 0, pairs = 0;
+    for (int i = 0; sizes && i + 2 < count; i += step) {
+        const double size = bend(time_s + i, value + i);
+        same += value[i] == value[i + 1];
+        pairs++;
+        if (isfinite(size)) sizes[n++] = size;
+    }
+    if (2 * same > pairs)
+        noise = gauge(count, value) / sqrt(12);
+    else if (n > 0) {
+        qsort(sizes, (size_t)n, sizeof *sizes, by_size);
+        noise = 0.5 * (sizes[(n - 1) / 2] + sizes[n / 2]) / median_of_normal;
+    }
+    free(sizes);
+    return fmax(noise, floor > 0 ? floor : 1e-300);
+}
+
+// ---- readings
+
+static bool copy(double **to, const double *from, int count)
+{
+    *to = malloc((size_t)(count > 0 ? count : 1) * sizeof **to);
+    if (*to) memcpy(*to, from, (size_t)count * sizeof **to);
+    return *to;
+}
+
+static bool take(kn_sheet *s, int column, int begin, int end, bool only, double **to)
+{
+    if (column < 0) return true;
+    double **from = &s->column[column].value;
+    if (!only) return copy(to, *from + begin, end - begin);
+    *to = *from;
+    *from = NULL;
+    return true;
+}
+
+int kn_curve_readings(kn_curve_file *f, kn_readings *r, int begin, int end, int time, int value, int other, int load,
+                      bool only)
+{
+    kn_sheet *s = &f->sheet;
+    only &= begin == 0 && end == s->rows;
+    *r = (kn_readings){.count = end - begin};
+    bool ok = take(s, time, begin, end, only, &r->time_s) && take(s, value, begin, end, only, &r->value) &&
+              take(s, other, begin, end, only, &r->other) && take(s, load, begin, end, only, &r->load);
+    if (only) {
+        r->line = s->line;
+        s->line = NULL;
+    } else if (ok) {
+        r->line = malloc((size_t)(r->count > 0 ? r->count : 1) * sizeof *r->line);
+        if (r->line) memcpy(r->line, s->line + begin, (size_t)r->count * sizeof *r->line);
+    }
+    if (ok && r->line) return KN_EXIT_OK;
+    kn_readings_free(r);
+    return kn_complain(s->subcommand, KN_EXIT_DEVICE, "%s: out of memory", s->file);
+}
+
+static int check_enough(kn_curve_file *f, const kn_readings *r, const char *name)
+{
+    const kn_sheet *s = &f->sheet;
+    if (r->count < KN_CURVE_LEAST)
+        return kn_sheet_complain(s, r->count ? r->line[0] : s->header_line, 1,
+                                 "%d readings of %s that can be used, expected at least %d", r->count, name,
+                                 KN_CURVE_LEAST);
+    int i = 1;
+    while (i < r->count && r->value[i] == r->value[0]) i++;
+    if (i == r->count)
+        return kn_sheet_complain(s, r->line[0], 1, "%s is %g in all readings, expected one that changes", name,
+                                 r->value[0]);
+    return KN_EXIT_OK;
+}
+
+int kn_curve_order(kn_curve_file *f, kn_readings *r, const char *name)
+{
+    int line = 0, out = kn_readings_compact(r, &line);
+    if (out > 0)
+        kn_curve_say(f, "%d reading%s of %s missing, left out; the first in line %d", out, out > 1 ? "s" : "", name,
+                     line);
+    int moved = kn_readings_sort(r);
+    if (moved > 0) kn_curve_say(f, "the rows are not in the order of time: %d moved", moved);
+    int merged = moved < 0 ? -1 : kn_readings_merge(r);
+    if (merged < 0) return kn_complain(f->sheet.subcommand, KN_EXIT_DEVICE, "%s: out of memory", f->sheet.file);
+    if (merged > 0) kn_curve_say(f, "%d readings have the time of another: averaged", merged);
+    return check_enough(f, r, name);
+}
+
+void kn_curve_upright(const kn_curve_file *f, int count, double *value, const char *name)
+{
+    double below = 0, above = 0;
+    for (int i = 0; i < count; i++) *(value[i] < 0 ? &below : &above) += fabs(value[i]);
+    if (!(below > 20 * above)) return;
+    for (int i = 0; i < count; i++) value[i] = -value[i];
+    kn_curve_say(f, "%s is below 0, as of a file where compression is: its sign is changed", name);
+}
+
+double kn_curve_begin(const kn_curve_file *f, const kn_readings *r)
+{
+    if (isfinite(f->begin_s)) return f->begin_s;
+    const int few = r->count < 20 ? r->count - 1 : 19;
+    const double usual = few > 0 ? (r->time_s[few] - r->time_s[0]) / few : 0;
+    return r->time_s[0] >= 0 && r->time_s[0] <= 5 * usual ? 0 : r->time_s[0];
+}
+
+// ---- curves
+
+// Its file without folder and ending, and what else there is to tell it by.
+static void name_curve(kn_curve *c, const char *file, const char *part)
+{
+    const char *base = strrchr(file, '/') ? strrchr(file, '/') + 1 : file, *dot = strrchr(base, '.');
+    const int length = dot && dot > base ? (int)(dot - base) : (int)strlen(base);
+    snprintf(c->name, sizeof c->name, "%.*s%s%s", length > 40 ? 40 : length, base, *part ? " " : "", part);
+    for (char *p = c->name; *p; p++)
+        if ((unsigned char)*p < ' ') *p = ' ';
+}
+
+kn_curve *kn_curve_add(kn_curve_file *f, kn_curve_kind kind, const char *part)
+{
+    if (*f->count == KN_CURVES_MAX) {
+        kn_complain(f->sheet.subcommand, KN_EXIT_USAGE, "%s: more than %d curves, expected fewer", f->sheet.file,
+                    KN_CURVES_MAX);
+        return NULL;
+    }
+    kn_curve *c = &f->curve[(*f->count)++];
+    *c = (kn_curve){.kind = kind, .file = f->sheet.file, .constant_area = f->constant_area};
+    if (isfinite(f->height_m)) c->height_m = f->height_m;
+    if (isfinite(f->area_m2)) c->area_m2 = f->area_m2;
+    name_curve(c, f->sheet.file, part);
+    return c;
+}
+
+static double noise_of(kn_curve_kind kind, const kn_readings *r)
+{
+    if (kind != KN_CURVE_SWEEP) return kn_curve_noise(r->count, r->time_s, r->value);
+    double *log_hz = malloc(3 * (size_t)r->count * sizeof *log_hz), noise = 1e-6;
+    if (!log_hz) return noise;
+    double *storage = log_hz + r->count, *loss = storage + r->count;
+    for (int i = 0; i < r->count; i++) {
+        log_hz[i] = log(r->time_s[i]);
+        storage[i] = log(r->value[i]);
+        loss[i] = log(r->other[i]);
+    }
+    noise = hypot(kn_curve_noise(r->count, log_hz, storage), kn_curve_noise(r->count, log_hz, loss)) / sqrt(2);
+    free(log_hz);
+    return noise;
+}
+
+int kn_curve_finish(kn_curve_file *f, kn_curve *c, kn_readings *r, int changes, const double *change_s)
+{
+    const int before = r->count;
+    c->noise = noise_of(c->kind, r);
+    const bool ok = kn_readings_thin(r, KN_CURVE_READINGS, changes, change_s);
+    c->count = r->count;
+    c->time_s = r->time_s;
+    c->value = r->value;
+    c->other = r->other;
+    c->weight = r->weight;
+    c->line = r->line;
+    free(r->load);
+    memset(r, 0, sizeof *r);
+    if (!ok) return kn_complain(f->sheet.subcommand, KN_EXIT_DEVICE, "%s: out of memory", f->sheet.file);
+    if (c->count < before)
+        kn_curve_say(f, "%s: %d readings thinned to %d means, denser after a change of load", c->name, before,
+                     c->count);
+    return KN_EXIT_OK;
+}
+
+// ---- a file
+
+static double given(double option)
+{
+    return option > 0 ? option : NAN;
+}
+
+static int take_notes(kn_curve_file *f)
+{
+    const kn_curve_options *o = f->opt;
+    const struct {
+        const char *key, *unit;
+        double *value, option;
+    } notes[] = {{"height", "m", &f->height_m, o->height_m},    {"area", "m^2", &f->area_m2, o->area_m2},
+                 {"load", "N", &f->load_n, o->load_n},          {"stress", "Pa", &f->stress_pa, o->stress_pa},
+                 {"release", "s", &f->release_s, o->release_s}, {"begin", "s", &f->begin_s, 0},
+                 {"strain", "1", &f->strain, o->strain}};
+    for (size_t i = 0; i < sizeof notes / sizeof *notes; i++) {
+        const double option = given(notes[i].option);
+        *notes[i].value = NAN;
+        int code = kn_sheet_note_take(&f->sheet, notes[i].key, notes[i].unit, notes[i].value);
+        if (code != KN_EXIT_OK) return code;
+        const bool bad = strcmp(notes[i].key, "begin") != 0 && *notes[i].value <= 0;
+        for (int n = 0; bad && n < f->sheet.notes; n++)
+            if (!strcmp(f->sheet.note[n].key, notes[i].key))
+                return kn_sheet_complain(&f->sheet, f->sheet.note[n].line, f->sheet.note[n].at,
+                                         "%s of %s, expected one above 0", notes[i].key, f->sheet.note[n].value);
+        if (isfinite(option)) *notes[i].value = option;
+    }
+    f->constant_area = o->constant_area;
+    for (int n = 0; n < f->sheet.notes; n++)
+        f->constant_area |= !strcmp(f->sheet.note[n].key, "section") && !strcmp(f->sheet.note[n].value, "constant");
+    return KN_EXIT_OK;
+}
+
+// Notes stand above the table or below it: they are taken once all rows are there.
+int kn_curve_rows(kn_curve_file *f, int count, const int wanted[])
+{
+    int code = kn_sheet_read(&f->sheet, count, wanted);
+    return code == KN_EXIT_OK ? take_notes(f) : code;
+}
+
+int kn_curve_load(kn_curve curve[KN_CURVES_MAX], int *count, kn_curve_kind kind, const char *file,
+                  const kn_curve_options *options)
+{
+    static int (*const load[])(kn_curve_file * f) = {kn_curve_load_creep, kn_curve_load_relax, kn_curve_load_sweep};
+    kn_curve_file *f = malloc(sizeof *f);
+    if (!f) return kn_complain(options->subcommand, KN_EXIT_DEVICE, "%s: out of memory", file);
+    *f = (kn_curve_file){.opt = options, .curve = curve, .count = count};
+    const int before = *count;
+    int code = kn_sheet_open(&f->sheet, file, options->units, options->subcommand);
+    if (code == KN_EXIT_OK) code = load[kind](f);
+    if (code == KN_EXIT_OK && f->sheet.commas) kn_curve_say(f, "numbers have decimal commas");
+    while (code != KN_EXIT_OK && *count > before) kn_curve_free(&curve[--*count]);
+    kn_sheet_close(&f->sheet);
+    free(f);
+    return code;
+}

@@ -1,0 +1,365 @@
+// Creep: what a specimen does under a load that comes and goes. See curve.h.
+#include "clients/identify/curve_parts.h"
+#include "clients/identify/load_steps.h"
+#include "clients/knead/bench.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct columns { // of the sheet; -1: there is none
+    int time, load, value;
+    kn_role what, load_is;
+    int loads, of_load[KN_CURVES_MAX]; // a wide file's
+    double load_n[KN_CURVES_MAX];
+} columns;
+
+// Strain first: an instrument knows its own specimen best.
+static int choose_value(kn_curve_file *f, columns *c)
+{
+    static const kn_role roles[] = {KN_STRAIN, KN_DISPLACEMENT, KN_HEIGHT, KN_COMPLIANCE};
+    int code = KN_EXIT_OK;
+    c->value = -1;
+    for (int i = 0; i < 4 && c->value < 0 && code == KN_EXIT_OK; i++) {
+        c->what = roles[i];
+        c->value = kn_role_find(&f->sheet, c->what, &code);
+    }
+    if (c->value >= 0 || code != KN_EXIT_OK) return code;
+    return kn_sheet_complain(&f->sheet, f->sheet.header_line, 1,
+                             "no height, displacement, strain or compliance, expected one, e.g. 'height_mm'");
+}
+
+static int choose_load(kn_curve_file *f, columns *c)
+{
+    int code = KN_EXIT_OK;
+    c->load = -1;
+    if (c->what == KN_COMPLIANCE) return KN_EXIT_OK;
+    c->load_is = KN_STRESS;
+    c->load = kn_role_find(&f->sheet, KN_STRESS, &code);
+    if (c->load >= 0 || code != KN_EXIT_OK) return code;
+    c->load_is = KN_LOAD;
+    c->load = kn_role_find(&f->sheet, KN_LOAD, &code);
+    return code;
+}
+
+static int choose(kn_curve_file *f, columns *c)
+{
+    int code = KN_EXIT_OK;
+    c->time = kn_role_find(&f->sheet, KN_TIME, &code);
+    if (code != KN_EXIT_OK) return code;
+    if (c->time < 0)
+        return kn_sheet_complain(&f->sheet, f->sheet.header_line, 1, "no time, expected a column like 'time_s'");
+    c->loads = kn_role_find_loads(&f->sheet, KN_CURVES_MAX, c->of_load, c->load_n);
+    if (c->loads == 0) return (code = choose_value(f, c)) == KN_EXIT_OK ? choose_load(f, c) : code;
+    const kn_heading *h = &f->sheet.column[c->of_load[0]].heading;
+    c->what = h->has_unit && kn_measure_is(&h->unit, "m") ? KN_DISPLACEMENT : KN_STRAIN;
+    if (c->what == KN_DISPLACEMENT && (strstr(h->word, "height") || strstr(h->word, "gap"))) c->what = KN_HEIGHT;
+    c->load = c->value = -1;
+    return KN_EXIT_OK;
+}
+
+// ---- readings -> strain
+
+// How many readings there are before the load came.
+static int before_load(const kn_readings *r)
+{
+    double most = 0;
+    int n = 0;
+    for (int i = 0; r->load && i < r->count; i++) most = fmax(most, fabs(r->load[i]));
+    while (r->load && n < r->count && fabs(r->load[n]) <= 0.02 * most) n++;
+    return n < r->count ? n : 0;
+}
+
+static double mean(const double *value, int count)
+{
+    double sum = 0;
+    for (int i = 0; i < count; i++) sum += value[i];
+    return sum / count;
+}
+
+static int height_to_strain(kn_curve_file *f, kn_readings *r, int unloaded, kn_curve *c)
+{
+    for (int i = 0; i < r->count; i++)
+        if (r->value[i] <= 0)
+            return kn_sheet_complain(&f->sheet, r->line[i], 1, "height of %g m, expected one above 0", r->value[i]);
+    if (!isfinite(f->height_m)) {
+        c->height_m = unloaded ? mean(r->value, unloaded) : r->value[0];
+        kn_curve_say(f, "initial height %.5g mm, of the %s", 1e3 * c->height_m,
+                     unloaded ? "readings before the load" : "first reading: a note '# height: 1 cm' knows it better");
+    }
+    for (int i = 0; i < r->count; i++) r->value[i] = 1 - r->value[i] / c->height_m;
+    if (mean(r->value, r->count) < 0)
+        return kn_sheet_complain(&f->sheet, r->line[0], 1,
+                                 "the height grows under the load or is above the initial one, expected compression");
+    return KN_EXIT_OK;
+}
+
+static int displacement_to_strain(kn_curve_file *f, kn_readings *r, kn_role what)
+{
+    if (what == KN_DISPLACEMENT) {
+        if (!isfinite(f->height_m))
+            return kn_sheet_complain(&f->sheet, f->sheet.header_line, 1,
+                                     "a displacement without the specimen's height, expected a line '# height: 1 cm' "
+                                     "or --height '1 cm'");
+        for (int i = 0; i < r->count; i++) r->value[i] /= f->height_m;
+    }
+    return KN_EXIT_OK;
+}
+
+static int to_strain(kn_curve_file *f, kn_readings *r, kn_role what, kn_curve *c)
+{
+    const int unloaded = before_load(r);
+    if (what == KN_HEIGHT) return height_to_strain(f, r, unloaded, c);
+    int code = displacement_to_strain(f, r, what);
+    if (code != KN_EXIT_OK) return code;
+    const double zero = unloaded ? mean(r->value, unloaded) : 0;
+    for (int i = 0; i < r->count; i++) r->value[i] -= zero;
+    kn_curve_upright(f, r->count, r->value, kn_role_name(what));
+    if (unloaded && zero != 0) kn_curve_say(f, "%s counts from that before the load", kn_role_name(what));
+    if (what == KN_COMPLIANCE && isfinite(f->stress_pa))
+        for (int i = 0; i < r->count; i++) r->value[i] *= f->stress_pa;
+    return KN_EXIT_OK;
+}
+
+static int check_strain(kn_curve_file *f, const kn_readings *r, kn_role what)
+{
+    for (int i = 0; i < r->count && what != KN_COMPLIANCE; i++)
+        if (r->value[i] >= 1)
+            return kn_sheet_complain(&f->sheet, r->line[i], 1,
+                                     "strain of %.3g, more than the whole height: is the height "
+                                     "right? expected less than 1",
+                                     r->value[i]);
+    return KN_EXIT_OK;
+}
+
+// ---- the load
+
+static int need_area(kn_curve_file *f)
+{
+    if (isfinite(f->area_m2)) return KN_EXIT_OK;
+    return kn_sheet_complain(&f->sheet, f->sheet.header_line, 1,
+                             "a load without the specimen's area, expected a line "
+                             "'# area: 1 cm^2' or --area '1 cm^2'");
+}
+
+// A stress that falls as the section grows is W h/(S0 h0): over 1 - strain it comes in steps.
+static void to_nominal(kn_curve_file *f, kn_readings *r, bool *constant)
+{
+    double *nominal = malloc((size_t)r->count * sizeof *nominal);
+    *constant = true;
+    if (!nominal) return;
+    for (int i = 0; i < r->count; i++) nominal[i] = r->load[i] / (1 - r->value[i]);
+    if (kn_load_steps_flat(r, nominal, r->load)) {
+        *constant = f->constant_area;
+        memcpy(r->load, nominal, (size_t)r->count * sizeof *nominal);
+    }
+    free(nominal);
+}
+
+static int steps_of_column(kn_curve_file *f, kn_readings *r, kn_role load_is, kn_curve *c)
+{
+    kn_load_steps found;
+    int code = load_is == KN_LOAD ? need_area(f) : KN_EXIT_OK;
+    if (code != KN_EXIT_OK) return code;
+    kn_curve_upright(f, r->count, r->load, kn_role_name(load_is));
+    if (load_is == KN_STRESS)
+        to_nominal(f, r, &c->constant_area);
+    else
+        for (int i = 0; i < r->count; i++) r->load[i] /= f->area_m2;
+    kn_load_steps_find(&found, r);
+    if (found.count == 0)
+        return kn_sheet_complain(&f->sheet, r->line[0], 1, "the %s changes more than %d times, expected steps",
+                                 kn_role_name(load_is), KN_LOAD_STEPS);
+    if (found.between)
+        kn_curve_say(f, "%d reading%s while the %s changed, left out", found.between, found.between > 1 ? "s" : "",
+                     kn_role_name(load_is));
+    for (int i = 0; i < found.count; i++) {
+        const kn_load_step *s = &found.step[i];
+        if (s->load == 0 && c->steps == 0) continue; // not loaded yet
+        if (s->load < 0)
+            return kn_sheet_complain(&f->sheet, r->line[s->begin], 1, "%s of %g, expected none below 0",
+                                     kn_role_name(load_is), s->load);
+        const bool first = i == 0; // there is no reading before the load
+        const double begin = first ? kn_curve_begin(f, r) : 0.5 * (s->early_s + s->late_s);
+        if (c->steps == KN_CURVE_STEPS) break;
+        c->step[c->steps++] = (kn_curve_step){begin, s->load, first ? begin : s->early_s, first ? begin : s->late_s};
+    }
+    if (c->steps > 0) return KN_EXIT_OK;
+    return kn_sheet_complain(&f->sheet, r->line[0], 1, "the %s is 0 throughout, expected one that the specimen bears",
+                             kn_role_name(load_is));
+}
+
+static int step_of_notes(kn_curve_file *f, kn_readings *r, kn_role what, double load_n, kn_curve *c)
+{
+    double stress_pa = f->stress_pa;
+    if (what == KN_COMPLIANCE || isfinite(stress_pa)) c->constant_area |= what == KN_COMPLIANCE;
+    if (what == KN_COMPLIANCE && !isfinite(stress_pa)) stress_pa = 1;
+    if (isfinite(load_n) || !isfinite(stress_pa)) {
+        if (!isfinite(load_n)) load_n = f->load_n;
+        if (!isfinite(load_n))
+            return kn_sheet_complain(&f->sheet, f->sheet.header_line, 1,
+                                     "no load, expected a column like 'load_gf', a "
+                                     "line '# load: 50 gf' or --load 50gf");
+        int code = need_area(f);
+        if (code != KN_EXIT_OK) return code;
+        stress_pa = load_n / f->area_m2;
+    }
+    const double begin = isfinite(f->begin_s) ? f->begin_s : r->time_s[0] > 0 ? kn_curve_begin(f, r) : 0;
+    c->step[c->steps++] = (kn_curve_step){begin, stress_pa, begin, begin};
+    return KN_EXIT_OK;
+}
+
+// When notes or options say it they know it better than two readings around it.
+static int take_release(kn_curve_file *f, const kn_readings *r, kn_curve *c)
+{
+    if (!isfinite(f->release_s)) return KN_EXIT_OK;
+    kn_curve_step *last = &c->step[c->steps - 1];
+    if (f->release_s <= c->step[0].time_s || f->release_s > r->time_s[r->count - 1])
+        return kn_complain(f->sheet.subcommand, KN_EXIT_USAGE,
+                           "%s: released at %g s, expected a time between the load, %g "
+                           "s, and the last reading, %g s",
+                           f->sheet.file, f->release_s, c->step[0].time_s, r->time_s[r->count - 1]);
+    if (last->stress_pa > 0) {
+        if (c->steps == KN_CURVE_STEPS || f->release_s <= last->time_s) return KN_EXIT_OK;
+        last = &c->step[c->steps++];
+    } else if (f->release_s < last->early_s || f->release_s > last->late_s) {
+        kn_curve_say(f, "released at %g s, as the load says, not at %g s", last->time_s, f->release_s);
+        return KN_EXIT_OK;
+    }
+    *last = (kn_curve_step){f->release_s, 0, f->release_s, f->release_s};
+    return KN_EXIT_OK;
+}
+
+static void say_steps(const kn_curve_file *f, const kn_curve *c, const kn_readings *r, kn_role what)
+{
+    const kn_curve_step *last = &c->step[c->steps - 1];
+    char until[80] = "never taken off";
+    if (last->stress_pa == 0 && last->late_s > last->early_s)
+        snprintf(until, sizeof until, "taken off at %.5g s, between readings at %.5g and %.5g s", last->time_s,
+                 last->early_s, last->late_s);
+    else if (last->stress_pa == 0)
+        snprintf(until, sizeof until, "taken off at %.5g s", last->time_s);
+    char stress[40];
+    if (what == KN_COMPLIANCE && c->step[0].stress_pa == 1)
+        snprintf(stress, sizeof stress, "stress unknown");
+    else
+        snprintf(stress, sizeof stress, "%.4g kPa of nominal stress", 1e-3 * c->step[0].stress_pa);
+    kn_curve_say(f, "%s: %d readings of %s, %s%s, %s", c->name, r->count, kn_role_name(what), stress,
+                 c->steps > 1 + (last->stress_pa == 0) ? ", in steps" : "", until);
+}
+
+// ---- a curve
+
+// Time counts from the load; what was read before it, and what has no value any more, goes.
+static int begin_at_load(kn_curve_file *f, kn_readings *r, kn_curve *c, const char *name)
+{
+    const double begin = c->step[0].time_s;
+    int line = 0, early = 0;
+    kn_readings_compact(r, &line);
+    while (early < r->count &&
+           (r->time_s[early] < begin || (r->load && r->load[early] == 0 && r->time_s[early] <= begin)))
+        early++;
+    kn_readings_skip(r, early);
+    if (early > 0) kn_curve_say(f, "%d reading%s before the load, left out", early, early > 1 ? "s" : "");
+    for (int i = 0; i < r->count; i++) r->time_s[i] -= begin;
+    for (int i = 0; i < c->steps; i++) {
+        c->step[i].time_s -= begin;
+        c->step[i].early_s -= begin;
+        c->step[i].late_s -= begin;
+    }
+    return kn_curve_order(f, r, name);
+}
+
+static int add_curve(kn_curve_file *f, const columns *cols, kn_readings *r, double load_n, const char *part)
+{
+    const char *name = kn_role_name(cols->what);
+    kn_curve *c = kn_curve_add(f, KN_CURVE_CREEP, part);
+    int code = c ? kn_curve_order(f, r, name) : KN_EXIT_USAGE;
+    if (code == KN_EXIT_OK) code = to_strain(f, r, cols->what, c);
+    if (code == KN_EXIT_OK)
+        code = r->load ? steps_of_column(f, r, cols->load_is, c) : step_of_notes(f, r, cols->what, load_n, c);
+    if (code == KN_EXIT_OK) code = take_release(f, r, c);
+    if (code == KN_EXIT_OK) code = begin_at_load(f, r, c, name);
+    if (code == KN_EXIT_OK) code = check_strain(f, r, cols->what);
+    if (code != KN_EXIT_OK) return code;
+    say_steps(f, c, r, cols->what);
+    double changes[KN_CURVE_STEPS];
+    for (int i = 0; i < c->steps; i++) changes[i] = c->step[i].time_s;
+    return kn_curve_finish(f, c, r, c->steps, changes);
+}
+
+static int add_wide(kn_curve_file *f, const columns *c)
+{
+    int code = KN_EXIT_OK;
+    for (int i = 0; i < c->loads && code == KN_EXIT_OK; i++) {
+        char part[32];
+        kn_readings r = {0};
+        snprintf(part, sizeof part, "%.4g gf", c->load_n[i] / KN_GF_N);
+        code = kn_curve_readings(f, &r, 0, f->sheet.rows, c->time, c->of_load[i], -1, -1, false);
+        if (code == KN_EXIT_OK) code = add_curve(f, c, &r, c->load_n[i], part);
+        kn_readings_free(&r);
+    }
+    return code;
+}
+
+// Where time begins anew: past the end of the rows that one curve has.
+static int range_end(const kn_sheet *s, const columns *c, int begin)
+{
+    const double *t = s->column[c->time].value;
+    for (int i = begin + 1; i < s->rows; i++) {
+        if (!(t[i] < t[i - 1])) continue;
+        if (i - begin < KN_CURVE_LEAST || t[i] > 0.5 * (t[i - 1] + t[begin])) return s->rows; // rows in disorder
+        return i;
+    }
+    return s->rows;
+}
+
+static int key_of(const kn_curve_file *f, const columns *c)
+{
+    int code = KN_EXIT_OK;
+    if (c->load < 0 || c->load_is == KN_LOAD) return c->load;
+    const int load = kn_role_find((kn_sheet *)&f->sheet, KN_LOAD, &code);
+    return load >= 0 ? load : c->load;
+}
+
+static int add_long(kn_curve_file *f, const columns *c, int key)
+{
+    const kn_sheet *s = &f->sheet;
+    int code = KN_EXIT_OK;
+    for (int begin = 0, end; begin < s->rows && code == KN_EXIT_OK; begin = end) {
+        end = range_end(s, c, begin);
+        const bool only = begin == 0 && end == s->rows;
+        char part[32] = "";
+        kn_readings r = {0};
+        if (end < s->rows && (key < 0 || s->column[key].value[end] == s->column[key].value[begin]))
+            return kn_sheet_complain(s, s->line[end], s->column[c->time].at,
+                                     "time begins anew, expected one time for all, or another load from here on");
+        if (!only && key >= 0) {
+            const bool force = kn_measure_is(&s->column[key].heading.unit, "Pa") == false;
+            snprintf(part, sizeof part, "%.4g %s", s->column[key].value[begin] / (force ? KN_GF_N : 1e3),
+                     force ? "gf" : "kPa");
+        }
+        code = kn_curve_readings(f, &r, begin, end, c->time, c->value, -1, c->load, only);
+        if (code == KN_EXIT_OK) code = add_curve(f, c, &r, NAN, part);
+        kn_readings_free(&r);
+    }
+    return code;
+}
+
+int kn_curve_load_creep(kn_curve_file *f)
+{
+    columns c = {0};
+    int wanted[KN_CURVES_MAX + 4], n = 0, code = choose(f, &c);
+    if (code != KN_EXIT_OK) return code;
+    const int key = c.loads ? -1 : key_of(f, &c);
+    wanted[n++] = c.time;
+    for (int i = 0; i < c.loads; i++) wanted[n++] = c.of_load[i];
+    if (c.value >= 0) wanted[n++] = c.value;
+    if (c.load >= 0) wanted[n++] = c.load;
+    if (key >= 0 && key != c.load) wanted[n++] = key;
+    code = kn_curve_rows(f, n, wanted);
+    if (code != KN_EXIT_OK) return code;
+    return c.loads ? add_wide(f, &c) : add_long(f, &c, key);
+}

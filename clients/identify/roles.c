@@ -1,0 +1,138 @@
+#include "clients/identify/roles.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include <ctype.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+// Names in small letters (heading.h), the ones to prefer first. A name with a blank before it, " time", is also taken
+// as part of a longer one, "test time".
+static const char *const names[KN_ROLE_COUNT][14] = {
+    [KN_TIME] = {"time", "t", "test time", "elapsed time", "total time", "run time", "step time", "interval time",
+                 "zeit", " time"},
+    [KN_HEIGHT] = {"height", "h", "gap", "thickness", "sample height", "l", " height", " gap", " thickness"},
+    [KN_DISPLACEMENT] = {"displacement", "disp", "deformation", "deflection", "compression", "indentation", "stroke",
+                         "extension", "distance", "travel", "d", " displacement", " deformation", " distance"},
+    [KN_STRAIN] = {"strain", "compressive strain", "engineering strain", "shear strain", "gamma", "epsilon",
+                   "deformation", "compression", "x", " strain"},
+    [KN_COMPLIANCE] = {"compliance", "creep compliance", "j", "j(t)", "d(t)", " compliance"},
+    [KN_LOAD] = {"load", "force", "weight", "f", "w", "compressive force", "kraft", " load", " force"},
+    [KN_STRESS] = {"stress", "shear stress", "compressive stress", "sigma", "tau", "pressure", "p", " stress"},
+    [KN_MODULUS] = {"modulus", "relaxation modulus", "g(t)", "e(t)", "g", "e", "complex modulus", "shear modulus",
+                    "|g*|", "|e*|", "g*", "e*", "dynamic modulus", " relaxation modulus"},
+    [KN_FREQUENCY] = {"frequency", "freq", "f", "angular frequency", "omega", "w", "ang. frequency", " frequency"},
+    [KN_STORAGE] = {"g'", "e'", "storage modulus", "storage", "gp", "elastic modulus", "shear storage modulus",
+                    " storage modulus"},
+    [KN_LOSS] = {"g''", "e''", "loss modulus", "loss", "gpp", "viscous modulus", "shear loss modulus", " loss modulus"},
+    [KN_TANGENT] = {"tan delta", "tan(delta)", "tandelta", "tan d", "loss tangent", "loss factor", "damping factor",
+                    "tan(d)"},
+    [KN_PHASE] = {"phase angle", "delta", "phase", "phase shift", "phase shift angle", "phase lag", " phase angle"}};
+
+static const struct kind {
+    const char *name, *unit;
+} kinds[KN_ROLE_COUNT] = {
+#define X(role, name, unit) {name, unit},
+    KN_ROLES(X)
+#undef X
+};
+
+const char *kn_role_name(kn_role role)
+{
+    return kinds[role].name;
+}
+
+// A weight in grams or kilograms is one in gf and kgf; a frequency in rad/s is one.
+static bool fits(const kn_heading *h, kn_role role)
+{
+    if (kn_measure_is(&h->unit, kinds[role].unit)) return true;
+    if (role == KN_LOAD) return kn_measure_is(&h->unit, "kg");
+    if (role == KN_PHASE) return kn_measure_is(&h->unit, "1");
+    return role == KN_FREQUENCY && kn_measure_is(&h->unit, "rad/s");
+}
+
+// Twice is once.
+static void convert(kn_heading *h, kn_role role)
+{
+    const bool angular =
+        kn_measure_is(&h->unit, "rad/s") || strstr(h->word, "ang") || strstr(h->word, "omega") || !strcmp(h->word, "w");
+    if (role == KN_LOAD && kn_measure_is(&h->unit, "kg")) {
+        h->unit.times *= 9.80665;
+        kn_measure newton;
+        if (kn_measure_parse(&newton, "N", NULL, 0)) h->unit.dimension = newton.dimension;
+    } else if (role == KN_FREQUENCY && angular && strcmp(h->unit_text, "Hz") != 0) {
+        h->unit.over *= 2 * M_PI;
+        h->unit.dimension.rad = 0;
+        snprintf(h->unit_text, sizeof h->unit_text, "Hz");
+    }
+}
+
+static bool ends_with(const char *text, const char *end)
+{
+    const size_t n = strlen(text), m = strlen(end);
+    return n > m && !strcmp(text + n - m, end);
+}
+
+static bool is_called(const kn_heading *h, const char *name)
+{
+    if (*name != ' ') return !strcmp(h->word, name);
+    return !strcmp(h->word, name + 1) || ends_with(h->word, name) ||
+           (!strncmp(h->word, name + 1, strlen(name + 1)) && h->word[strlen(name + 1)] == ' ');
+}
+
+static const bool may_be_bare[KN_ROLE_COUNT] = {[KN_STRAIN] = true, [KN_TANGENT] = true};
+
+int kn_role_find(kn_sheet *s, kn_role role, int *code)
+{
+    int other = -1; // of the name, not of the kind
+    for (int n = 0; n < 14 && names[role][n]; n++)
+        for (int c = 0; c < s->columns; c++) {
+            kn_heading *h = &s->column[c].heading;
+            if (!is_called(h, names[role][n])) continue;
+            if (h->has_unit ? fits(h, role) : may_be_bare[role] && !*h->unit_text) {
+                convert(h, role);
+                return c;
+            }
+            if (other < 0 && *names[role][n] != ' ' && (n == 0 || !h->has_unit)) other = c;
+        }
+    if (other < 0) return -1;
+    const kn_heading *h = &s->column[other].heading;
+    if (h->has_unit || *h->unit_text)
+        *code = kn_sheet_complain(s, s->header_line, s->column[other].at, "%s in '%s', expected a %s, e.g. in %s",
+                                  h->name, h->unit_text, kinds[role].name, kinds[role].unit);
+    else
+        *code = kn_sheet_complain(s, s->header_line, s->column[other].at,
+                                  "%s has no unit, expected one, e.g. '%s [%s]', or --units '%s=%s'", h->name, h->name,
+                                  kinds[role].unit, h->word, kinds[role].unit);
+    return -1;
+}
+
+// "10 gf", "0.1N", "W = 10 gf" within a name
+static bool load_in(const char *name, double *load_n)
+{
+    char error[100], text[KN_HEADING_NAME];
+    for (const char *at = name; (at = strpbrk(at, "0123456789")); at += strspn(at, "0123456789.,")) {
+        const size_t number = strspn(at, "0123456789.,"), blanks = strspn(at + number, " ");
+        size_t end = number + blanks;
+        while (isalpha((unsigned char)at[end])) end++;
+        snprintf(text, sizeof text, "%.*s", (int)end, at);
+        if (kn_heading_quantity(text, "N", load_n, error, sizeof error) && *load_n > 0) return true;
+        if (!kn_heading_quantity(text, "kg", load_n, error, sizeof error) || !(*load_n > 0)) continue;
+        *load_n *= 9.80665;
+        return true;
+    }
+    return false;
+}
+
+int kn_role_find_loads(const kn_sheet *s, int most, int column[], double load_n[])
+{
+    int count = 0;
+    for (int c = 0; c < s->columns && count < most; c++) {
+        const kn_heading *h = &s->column[c].heading;
+        if (!load_in(h->name, &load_n[count])) continue;
+        if (h->has_unit ? !kn_measure_is(&h->unit, "m") && !kn_measure_is(&h->unit, "1") : *h->unit_text != '\0')
+            continue;
+        column[count++] = c;
+    }
+    return count;
+}
