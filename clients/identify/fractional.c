@@ -1,0 +1,54 @@
+#include "clients/identify/fractional.h"
+#include <complex.h>
+#include <math.h>
+
+enum { NODES = 18 }; // 0.6 digits each; more would lose to rounding, exp(0.4 NODES), what they gain
+
+// The contour at t = 1, and the two addends of 1/Z there.
+typedef struct contour {
+    const kn_fractional *f;
+    double complex node[NODES], weight[NODES], part_v[NODES], part_g[NODES];
+} contour;
+
+static void prepare(contour *c, const kn_fractional *f)
+{
+    const double r = 0.4 * NODES, pi = acos(-1.0);
+    c->f = f;
+    c->node[0] = r;
+    c->weight[0] = 0.5 * exp(r) * r / NODES;
+    for (int k = 1; k < NODES; k++) {
+        const double angle = k * pi / NODES, cot = 1 / tan(angle);
+        c->node[k] = r * angle * (cot + I);
+        c->weight[k] = r / NODES * cexp(c->node[k]) * (1 + I * (angle + (angle * cot - 1) * cot));
+    }
+    for (int k = 0; k < NODES; k++) {
+        c->part_v[k] = cpow(c->node[k], -f->v_order) / f->v_pa_s;
+        c->part_g[k] = cpow(c->node[k], -f->g_order) / f->g_pa_s;
+    }
+}
+
+// times 1: integral of the modulus from 0 to t; times 0: the modulus.
+static double invert(const contour *c, double t, int times)
+{
+    const double v = pow(t, c->f->v_order), g = pow(t, c->f->g_order);
+    double sum = 0;
+    for (int k = 0; k < NODES; k++) {
+        double complex at = c->weight[k] / (c->node[k] * (c->part_v[k] * v + c->part_g[k] * g));
+        if (times) at *= t / c->node[k];
+        sum += creal(at);
+    }
+    return sum;
+}
+
+static double after_ramp(const contour *c, double ramp, double t)
+{
+    if (ramp < 1e-4 * t) return invert(c, t + ramp / 2, 0); // of the second order in their ratio
+    return (invert(c, t + ramp, 1) - (t > 0 ? invert(c, t, 1) : 0)) / ramp;
+}
+
+void kn_fractional_relax(const kn_fractional *f, double ramp_s, int count, const double *time_s, double *modulus_pa)
+{
+    contour c;
+    prepare(&c, f);
+    for (int i = 0; i < count; i++) modulus_pa[i] = after_ramp(&c, ramp_s, time_s[i]);
+}

@@ -1,0 +1,113 @@
+#include "clients/identify/hold.h"
+#include "clients/identify/special.h"
+#include <math.h>
+
+#define SMALL 1e-12 // beta P below which exp(-beta P) is 1
+enum { NEWTON_MAX = 60 };
+
+// exp(-beta clamp(P)), as a share of alpha.
+static double share(const kn_hold *h, double p)
+{
+    return exp(-h->beta_per_pa * fmin(fmax(p, h->p0_pa), h->p1_pa));
+}
+
+double kn_hold_time(const kn_hold *h, double p)
+{
+    const double thins = p > h->p0_pa && p < h->p1_pa ? h->beta_per_pa * p : 0;
+    return h->alpha_s * share(h, p) + h->c1_s * (1 + thins);
+}
+
+// Below this stress, and above p1, it falls exponentially.
+static double floor_of(const kn_hold *h)
+{
+    return h->beta_per_pa > 0 ? fmax(h->p0_pa, SMALL / h->beta_per_pa) : INFINITY;
+}
+
+// E1(x) - E1(y), the integral of exp(-u)/u from x to y > x. Nearby by Gauss and Legendre's rule of six points over
+// ln u, which costs a tenth and cancels nothing: to 1e-13 of itself.
+static double e1_between(double x, double y)
+{
+    static const double place[3] = {0.2386191860831969, 0.6612093864662645, 0.9324695142031521};
+    static const double weight[3] = {0.4679139345726910, 0.3607615730481386, 0.1713244923791704};
+    const double half = log(y / x) / 2, middle = sqrt(x * y);
+    if (half * (1 + y) > 0.5) return kn_e1(x) - kn_e1(y);
+    double sum = 0;
+    for (int i = 0; i < 3; i++) {
+        const double apart = exp(half * place[i]);
+        sum += weight[i] * (exp(-middle * apart) + exp(-middle / apart));
+    }
+    return half * sum;
+}
+
+// (1) from one stress to a lower one, both between floor and p1.
+static double between(const kn_hold *h, double from, double to)
+{
+    const double b = h->beta_per_pa;
+    return h->alpha_s * e1_between(b * to, b * from) + h->c1_s * (log(from / to) + b * (from - to));
+}
+
+static double outside(const kn_hold *h, double clamped)
+{
+    return h->alpha_s * share(h, clamped) + h->c1_s;
+}
+
+double kn_hold_until(const kn_hold *h, double to)
+{
+    const double low = floor_of(h);
+    double from = h->begin_pa, t = 0;
+    if (from > h->p1_pa && low < h->p1_pa) {
+        const double end = fmax(to, h->p1_pa);
+        t += outside(h, h->p1_pa) * log(from / end);
+        from = end;
+    }
+    if (from > low && from > to) {
+        const double end = fmax(to, low);
+        t += between(h, from, end);
+        from = end;
+    }
+    return from > to ? t + outside(h, fmin(from, low)) * log(from / to) : t;
+}
+
+// ln P where (1) has taken `wait` from a stress on, which is at least `least`: Newton's method in ln P between what is
+// known to hold it. Far too low, where the time grows as exp(-beta P), it is the logarithm of the time that is met.
+static double after(const kn_hold *h, double from, double wait, double least)
+{
+    double high = log(from), low = log(least), u = high - wait / kn_hold_time(h, from);
+    if (!(wait > 0)) return high;
+    for (int i = 0; i < NEWTON_MAX && low < high; i++) {
+        if (!(u > low && u < high)) u = (low + high) / 2;
+        const double p = exp(u), t = between(h, from, p), tau = kn_hold_time(h, p);
+        if (t > wait) low = u;
+        else high = u;
+        const double step = t > 2 * wait ? t / tau * log(t / wait) : (t - wait) / tau;
+        u += step;
+        if (fabs(step) < 1e-9) return u; // its own error is the square of that
+    }
+    return u;
+}
+
+// A stretch of one law: where it ends, and when.
+typedef struct stretch {
+    double from_pa, from_s;
+} stretch;
+
+void kn_hold_stress(const kn_hold *h, int count, const double *time_s, double *stress_pa)
+{
+    const double low = floor_of(h);
+    const double at_p1 = h->begin_pa > h->p1_pa && low < h->p1_pa ? kn_hold_until(h, h->p1_pa) : 0;
+    const double at_low = h->begin_pa > low ? kn_hold_until(h, low) : 0;
+    stretch s = {h->begin_pa, 0}; // the last stress found
+    for (int i = 0; i < count; i++) {
+        const double t = time_s[i];
+        if (t < at_p1) {
+            stress_pa[i] = h->begin_pa * exp(-t / outside(h, h->p1_pa));
+            continue;
+        }
+        if (s.from_s < at_p1) s = (stretch){h->p1_pa, at_p1};
+        if (t < at_low) s = (stretch){exp(after(h, s.from_pa, t - s.from_s, low)), t};
+        stress_pa[i] = s.from_pa;
+        if (t < at_low) continue;
+        const double begin = fmin(h->begin_pa, low);
+        stress_pa[i] = begin * exp(-(t - at_low) / outside(h, begin));
+    }
+}
