@@ -77,8 +77,10 @@ static double after(const kn_hold *h, double from, double wait, double least)
     for (int i = 0; i < NEWTON_MAX && low < high; i++) {
         if (!(u > low && u < high)) u = (low + high) / 2;
         const double p = exp(u), t = between(h, from, p), tau = kn_hold_time(h, p);
-        if (t > wait) low = u;
-        else high = u;
+        if (t > wait)
+            low = u;
+        else
+            high = u;
         const double step = t > 2 * wait ? t / tau * log(t / wait) : (t - wait) / tau;
         u += step;
         if (fabs(step) < 1e-9) return u; // its own error is the square of that

@@ -95,7 +95,8 @@ bool kn_memory_creep(kn_memory *m, kn_memory_compliance *compliance, const void 
         const int first = m->step[phase];
         const double from = m->time_s[first], to = m->time_s[first + PHASE];
         strain[i] = 0;
-        if (time_s[i] > from) strain[i] = between(m, first, PHASE * pow((time_s[i] - from) / (to - from), 1.0 / GRADING));
+        if (time_s[i] > from)
+            strain[i] = between(m, first, PHASE * pow((time_s[i] - from) / (to - from), 1.0 / GRADING));
         if (!isfinite(strain[i])) return false;
     }
     return true;

@@ -13,8 +13,8 @@
 
 typedef struct kn_memory {
     int nodes, steps;
-    double *time_s;             // of the nodes; each change of load is one
-    int step[KN_MEMORY_STEPS];  // node of each change
+    double *time_s;            // of the nodes; each change of load is one
+    int step[KN_MEMORY_STEPS]; // node of each change
     double nominal_pa[KN_MEMORY_STEPS];
     bool constant_area;
     // private: of the pairs (n, j < n), n(n-1)/2 + j

@@ -40,7 +40,8 @@ static double apart(const kn_material *m, double rate, double *begin_pa)
     kn_hold_stress(&hold, TIMES, time_s, stress_pa);
     for (int i = 0; i < TIMES; i++) {
         for (int k = 0; k < 2; k++) { // a step over a kink of the damper is of the first order
-            const double kink = k ? m->p0_pa : m->p1_pa, when = kink < *begin_pa ? kn_hold_until(&hold, kink) : INFINITY;
+            const double kink = k ? m->p0_pa : m->p1_pa,
+                         when = kink < *begin_pa ? kn_hold_until(&hold, kink) : INFINITY;
             if (when < time_s[i] && rise_s + when > at.time_s)
                 CHECK(kn_network_advance(&net, &at, &held, rise_s + when, 1e-13));
         }
@@ -53,8 +54,8 @@ static double apart(const kn_material *m, double rate, double *begin_pa)
 TEST("the exponential integral is what the tables say, on both sides of where its two forms meet")
 {
     // Abramowitz and Stegun, table 5.1, and its series and fraction in 30 digits
-    static const double known[][2] = {{0.01, 4.037929576538114}, {0.5, 0.5597735947761608},
-                                      {1, 0.21938393439552028},  {2, 0.04890051070806112},
+    static const double known[][2] = {{0.01, 4.037929576538114},  {0.5, 0.5597735947761608},
+                                      {1, 0.21938393439552028},   {2, 0.04890051070806112},
                                       {10, 4.156968929685324e-6}, {100, 3.6835977616820322e-46}};
     for (int i = 0; i < 6; i++) CHECK_NEAR(kn_e1(known[i][0]) / known[i][1], 1, 2e-15);
     CHECK_NEAR(kn_e1(1 + 1e-9) - kn_e1(1), -1e-9 * exp(-1.0), 3e-16);
@@ -106,8 +107,10 @@ TEST("the time to a stress and the stress at a time are each other's inverse, wh
         double p;
         kn_hold_stress(&hold, 1, &t, &p);
         if (p > 1e-300) CHECK_NEAR(kn_hold_until(&hold, p) / t, 1, 1e-9);
-        if (p > 1e-300) CHECK_NEAR(kn_hold_time(&hold, p) * (kn_hold_until(&hold, p * (1 - 1e-6)) - t) /
-                                       pow(kn_hold_time(&hold, p), 2), 1e-6, 1e-9);
+        if (p > 1e-300)
+            CHECK_NEAR(kn_hold_time(&hold, p) * (kn_hold_until(&hold, p * (1 - 1e-6)) - t) /
+                           pow(kn_hold_time(&hold, p), 2),
+                       1e-6, 1e-9);
     }
 }
 

@@ -1,0 +1,230 @@
+#include "clients/identify/models.h"
+#include "clients/identify/bins.h"
+#include "clients/identify/ramp.h"
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+enum { EARLY, LATE };
+
+static double now_s(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+// ---- readings, early and late
+
+static bool room(kn_law_curve *c, int count)
+{
+    for (int part = EARLY; part <= LATE; part++) {
+        c->part[part].time_s = calloc(2 * (size_t)count + 1, sizeof *c->part[part].time_s);
+        if (!c->part[part].time_s) return false;
+        c->part[part].value = c->part[part].time_s + count;
+    }
+    return true;
+}
+
+static void put(kn_law_curve *c, int part, double time_s, double value)
+{
+    kn_law_part *p = &c->part[part];
+    p->time_s[p->count] = time_s;
+    p->value[p->count++] = value;
+}
+
+static bool take_relax(kn_law_curve *c, const kn_models_options *options, double *cut_s)
+{
+    kn_bins b;
+    kn_ramp ramp;
+    char none[120];
+    double begin = c->curve->begin_s;
+    if (kn_ramp_of(&ramp, c->curve, none, sizeof none)) {
+        c->strain = ramp.strain;
+        c->ramp_s = ramp.end_s - ramp.start_s;
+        if (c->ramp_s > 0) begin = ramp.end_s;
+    } else
+        c->strain = c->curve->strain > 0 ? c->curve->strain : 1;
+    if (!kn_bins_make(&b, c->curve, begin)) return false;
+    const bool ok = room(c, b.count);
+    const double last = b.count ? b.time_s[b.count - 1] : 0;
+    *cut_s = options->cut_s > 0 ? options->cut_s : b.count && last >= 100 * b.time_s[0] ? last / 10 : last / 2;
+    for (int i = 0; ok && i < b.count; i++) put(c, b.time_s[i] <= *cut_s ? EARLY : LATE, b.time_s[i], b.value[i]);
+    kn_bins_free(&b);
+    return ok;
+}
+
+static bool take_creep(kn_law_curve *c, const kn_models_options *options, double *cut_s)
+{
+    const kn_curve *curve = c->curve;
+    const double end = curve->time_s[curve->count - 1];
+    double from[KN_CURVE_STEPS], stress[KN_CURVE_STEPS];
+    if (!room(c, curve->count)) return false;
+    for (int k = 0; k < curve->steps; k++) from[k] = curve->step[k].time_s, stress[k] = curve->step[k].stress_pa;
+    for (int i = 0, k = 0; i < curve->count; i++) {
+        while (k + 1 < curve->steps && curve->time_s[i] > from[k + 1]) k++;
+        const double until = k + 1 < curve->steps ? fmin(from[k + 1], end) : end;
+        const double cut = options->cut_s > 0 ? options->cut_s : (until - from[k]) / 2;
+        if (k == 0) *cut_s = cut;
+        put(c, curve->time_s[i] - from[k] <= cut ? EARLY : LATE, curve->time_s[i], curve->value[i]);
+    }
+    // without it, for many changes of load, the yardsticks have no answer
+    kn_memory_open(&c->memory, curve->constant_area, curve->steps, from, stress, end);
+    return true;
+}
+
+static double largest(const kn_law_curve *c)
+{
+    double most = 0;
+    for (int part = EARLY; part <= LATE; part++)
+        for (int i = 0; i < c->part[part].count; i++) most = fmax(most, fabs(c->part[part].value[i]));
+    return most;
+}
+
+static bool take(kn_models *m, int curves, const kn_curve *curve, const kn_models_options *options)
+{
+    m->relax = curve->kind == KN_CURVE_RELAX;
+    for (int c = 0; c < curves; c++) {
+        kn_law_curve *to = &m->curve[m->curves++];
+        double cut;
+        *to = (kn_law_curve){.curve = &curve[c], .strain = 1};
+        if (!(m->relax ? take_relax : take_creep)(to, options, &cut)) return false;
+        if (c == 0) m->cut_s = cut;
+        m->early += to->part[EARLY].count;
+        m->late += to->part[LATE].count;
+    }
+    return true;
+}
+
+// ---- one fit
+
+typedef struct work {
+    kn_models *m;
+    const kn_law *law;
+    double *scratch;
+} work;
+
+// Residuals of one part of all curves; `scale` false: as shares, of the reading or of the curve's largest strain.
+static bool residuals(const work *w, const double *value, int part, bool scale, double *residual)
+{
+    for (int c = 0, n = 0; c < w->m->curves; c++) {
+        kn_law_curve *curve = &w->m->curve[c];
+        const kn_law_part *p = &curve->part[part];
+        const double most = w->m->relax ? 0 : largest(curve);
+        const double unit = scale ? fmax(curve->curve->noise, KN_MODELS_COARSE * most) : most;
+        if (!kn_law_predict(w->law, value, w->m->curve, c, p->count, p->time_s, w->scratch)) return false;
+        for (int i = 0; i < p->count; i++, n++) {
+            if (!w->m->relax)
+                residual[n] = (w->scratch[i] - p->value[i]) / unit;
+            else if (!scale)
+                residual[n] = w->scratch[i] / p->value[i] - 1;
+            else if (w->scratch[i] > 0)
+                residual[n] = log(w->scratch[i] / p->value[i]);
+            else
+                return false;
+        }
+    }
+    return true;
+}
+
+static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
+{
+    return residuals(of, value, EARLY, true, residual);
+}
+
+static double error_of(const work *w, const double *value, int part, double *residual)
+{
+    const int count = part == EARLY ? w->m->early : w->m->late;
+    double sum = 0;
+    if (!residuals(w, value, part, false, residual)) return INFINITY;
+    for (int i = 0; i < count; i++) sum += w->m->relax ? fabs(residual[i]) : residual[i] * residual[i];
+    return w->m->relax ? sum / count : sqrt(sum / count);
+}
+
+static void judge(const work *w, kn_models_row *row, double *residual)
+{
+    double value[KN_FIT_UNKNOWNS];
+    for (int i = 0; i < row->unknowns; i++) value[i] = row->unknown[i].value;
+    row->runs = residuals(w, value, EARLY, true, residual) ? kn_fit_runs(w->m->early, residual) : NAN;
+    row->early = error_of(w, value, EARLY, residual);
+    row->held = error_of(w, value, LATE, residual);
+}
+
+static void fit_law(kn_models *m, const kn_law *law, kn_models_row *row, double *scratch)
+{
+    double start[KN_LAW_STARTS][KN_FIT_UNKNOWNS];
+    work w = {m, law, scratch};
+    kn_fit fit = {.readings = m->early, .misfit = misfit, .of = &w};
+    *row = (kn_models_row){
+        .law = *law, .readings = m->early, .aicc = INFINITY, .early = INFINITY, .held = INFINITY, .runs = NAN};
+    row->unknowns = fit.unknowns = kn_law_unknowns(law, m->curves, m->curve, fit.unknown);
+    if (fit.unknowns + 2 >= m->early) return;
+    const kn_models_row *last = m->rows ? &m->row[m->rows - 1] : NULL; // the same with fewer numbers
+    const bool follows = last && last->fitted && last->law.kind == law->kind;
+    const int starts =
+        kn_law_starts(law, m->curves, m->curve, follows ? last->unknowns : 0, follows ? last->unknown : NULL, start);
+    if (!kn_fit_run_from(&fit, starts, start)) return;
+    row->fitted = true;
+    memcpy(row->unknown, fit.unknown, sizeof row->unknown);
+    row->aicc = kn_fit_aicc(fit.readings, fit.unknowns, fit.sum);
+    judge(&w, row, scratch + m->early + m->late);
+}
+
+// Variants of one name are one row: the one that the early part asks for.
+static void keep(kn_models *m, const kn_models_row *row)
+{
+    kn_models_row *before = m->rows ? &m->row[m->rows - 1] : NULL;
+    if (before && !strcmp(row->law.name, before->law.name)) {
+        if (row->aicc < before->aicc) *before = *row;
+    } else if (m->rows < KN_MODELS_MAX)
+        m->row[m->rows++] = *row;
+}
+
+static bool fit_all(kn_models *m)
+{
+    kn_law law[KN_LAWS_MAX];
+    const int laws = kn_laws(law, m->relax);
+    double *scratch = calloc(2 * ((size_t)m->early + (size_t)m->late), sizeof *scratch);
+    for (int i = 0; scratch && i < laws; i++) {
+        kn_models_row row;
+        fit_law(m, &law[i], &row, scratch);
+        keep(m, &row);
+    }
+    const bool ok = scratch != NULL;
+    free(scratch);
+    return ok;
+}
+
+bool kn_models_compare(kn_models *m, int curves, const kn_curve *curve, const kn_models_options *options, char *error,
+                       size_t error_size)
+{
+    const double begin = now_s();
+    *m = (kn_models){0};
+    snprintf(error, error_size, "out of memory");
+    if (!take(m, curves, curve, options)) return false;
+    snprintf(error, error_size, "%d readings up to the cut and %d behind it are too few to compare models: 8 and 3",
+             m->early, m->late);
+    if (m->early < 8 || m->late < 3) return false;
+    for (int c = 0; m->relax && c < curves; c++)
+        for (int part = EARLY; part <= LATE; part++)
+            for (int i = 0; i < m->curve[c].part[part].count; i++)
+                if (!(m->curve[c].part[part].value[i] > 0)) {
+                    snprintf(error, error_size, "%s falls to 0 or below, so errors have no shares", curve[c].name);
+                    return false;
+                }
+    snprintf(error, error_size, "out of memory");
+    const bool ok = fit_all(m);
+    m->took_s = now_s() - begin;
+    return ok;
+}
+
+void kn_models_free(kn_models *m)
+{
+    for (int c = 0; c < m->curves; c++) {
+        for (int part = EARLY; part <= LATE; part++) free(m->curve[c].part[part].time_s);
+        kn_memory_close(&m->curve[c].memory);
+    }
+    *m = (kn_models){0};
+}

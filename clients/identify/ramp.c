@@ -1,0 +1,91 @@
+#include "clients/identify/ramp.h"
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+static int by_size(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+// Median of the strain in the later half of the time. NAN: no memory.
+static double held(const kn_curve *c)
+{
+    const double half = (c->time_s[0] + c->time_s[c->count - 1]) / 2;
+    double *value = malloc((size_t)c->count * sizeof *value), median = NAN;
+    int n = 0;
+    for (int i = 0; value && i < c->count; i++)
+        if (c->time_s[i] >= half) value[n++] = c->other[i];
+    if (value) {
+        qsort(value, (size_t)n, sizeof *value, by_size);
+        median = (value[(n - 1) / 2] + value[n / 2]) / 2;
+    }
+    free(value);
+    return median;
+}
+
+// Least squares through the readings first..last, or just these two.
+static void line(const kn_curve *c, int first, int last, double *rate, double *at_zero)
+{
+    const double n = last - first + 1;
+    double t = 0, x = 0, tt = 0, tx = 0;
+    for (int i = first; i <= last; i++) t += c->time_s[i] / n, x += c->other[i] / n;
+    for (int i = first; i <= last; i++) {
+        tt += (c->time_s[i] - t) * (c->time_s[i] - t);
+        tx += (c->time_s[i] - t) * (c->other[i] - x);
+    }
+    *rate = tt > 0 ? tx / tt : 0;
+    *at_zero = t - x / *rate;
+}
+
+static double follow(const kn_ramp *r, double t)
+{
+    if (t <= r->start_s) return 0;
+    return t >= r->end_s ? r->strain : r->strain * (t - r->start_s) / (r->end_s - r->start_s);
+}
+
+// The column itself up to where it is held, as many readings as there is room for.
+static void take_column(kn_ramp *r, const kn_curve *c, int end)
+{
+    const int most = KN_CHAIN_STEPS - 2;
+    r->steps = 0;
+    if (c->other[0] > 0) r->step[r->steps++] = (kn_chain_step){r->start_s, 0};
+    for (int i = 0, before = -1; i < most; i++) {
+        const int k = (int)((double)i * end / (most - 1));
+        if (k == before || (r->steps && c->time_s[k] <= r->step[r->steps - 1].time_s)) continue;
+        before = k;
+        r->step[r->steps++] = (kn_chain_step){c->time_s[k], fmax(c->other[k], 0)};
+    }
+    r->end_s = r->step[r->steps - 1].time_s;
+    r->step[r->steps - 1].value = r->strain;
+}
+
+bool kn_ramp_of(kn_ramp *r, const kn_curve *c, char *error, unsigned long error_size)
+{
+    *r = (kn_ramp){.strain = c->other ? held(c) : NAN, .straight = true};
+    snprintf(error, error_size, "has no column of strain that rises above 0 and is held");
+    if (!(r->strain > 0)) return false;
+    int low = 0, high = 0, end = 0;
+    while (high < c->count && c->other[high] < 0.9 * r->strain) high++;
+    while (end < c->count - 1 && c->other[end] < 0.995 * r->strain) end++;
+    for (low = high; low > 0 && c->other[low - 1] > 0.1 * r->strain; low--) continue;
+    if (high == 0) { // held from the first reading on
+        r->start_s = r->end_s = fmin(c->begin_s, c->time_s[0]);
+        return true;
+    }
+    if (high == c->count) return false;
+    double rate;
+    line(c, high - low < 3 ? low - (low > 0) : low, high - low < 3 ? high : high - 1, &rate, &r->start_s);
+    if (!(rate > 0)) return false;
+    r->end_s = r->start_s + r->strain / rate;
+    r->steps = 2;
+    r->step[0] = (kn_chain_step){r->start_s, 0};
+    r->step[1] = (kn_chain_step){r->end_s, r->strain};
+    for (int i = 0; i < c->count; i++)
+        r->apart = fmax(r->apart, fabs(c->other[i] - follow(r, c->time_s[i])) / r->strain);
+    const double noise = kn_curve_noise(c->count, c->time_s, c->other) / r->strain;
+    r->straight = r->apart <= fmax(KN_RAMP_STRAIGHT, 5 * noise);
+    if (!r->straight) take_column(r, c, end);
+    return true;
+}
