@@ -1,0 +1,227 @@
+#include "clients/identify/creep_figures.h"
+#include "clients/identify/figure.h"
+#include "clients/identify/stages.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { LAW = 100 }; // points of a damper law
+
+enum { MEANS = 40 }; // of what is left
+
+typedef struct numbers { // of one curve, one block of memory
+    double *fitted, *stress, *fitted_stress, *left, *since, *came_back, *fitted_back, *equation5;
+    int means;
+    double mean_s[MEANS], mean_left[MEANS];
+} numbers;
+
+static bool allocate(numbers *n, int count)
+{
+    double *all = calloc(8 * (size_t)count, sizeof *all);
+    if (!all) return false;
+    double **const each[] = {&n->fitted, &n->stress,    &n->fitted_stress, &n->left,
+                             &n->since,  &n->came_back, &n->fitted_back,   &n->equation5};
+    for (int i = 0; i < 8; i++) *each[i] = all + (size_t)i * (size_t)count;
+    return true;
+}
+
+// Means of neighbours, over their own standard deviation: a bend of the model that hides in the noise of single
+// readings stands out of it. The same number of readings in each after the early ones.
+static void average(numbers *n, const kn_curve *c)
+{
+    n->means = 0;
+    for (int i = 0, end; i < c->count; i = end) {
+        const double from = c->time_s[i];
+        const int most = (c->count - i) / (MEANS - n->means) + 1;
+        double time = 0, sum = 0;
+        for (end = i; end < c->count && end - i < most && (end == i || c->time_s[end] < 1.5 * from); end++)
+            time += c->time_s[end], sum += n->left[end];
+        n->mean_s[n->means] = time / (end - i);
+        n->mean_left[n->means++] = sum / sqrt(end - i);
+        if (n->means == MEANS) break;
+    }
+}
+
+static bool compute(numbers *n, const kn_curve *c, const kn_joint *joint, double late_s)
+{
+    if (!allocate(n, c->count)) return false;
+    if (!kn_joint_predict(&joint->material, c, late_s, n->fitted)) {
+        free(n->fitted);
+        return false;
+    }
+    kn_joint_stress(c, n->stress);
+    for (int i = 0; i < c->count; i++) {
+        n->fitted_stress[i] = kn_joint_load(c, c->time_s[i] - late_s) * (c->constant_area ? 1 : 1 - n->fitted[i]);
+        n->left[i] = (c->value[i] - n->fitted[i]) * sqrt(c->weight[i]) / c->noise;
+    }
+    average(n, c);
+    return true;
+}
+
+// What came back since the release, by measurement, joint fit and equation 5; how many readings that are.
+static int recover(numbers *n, const kn_curve *c, const kn_stages *s)
+{
+    int begin = 0;
+    while (begin < c->count && c->time_s[begin] < s->release_s) begin++;
+    if (begin == 0 || begin == c->count) return 0;
+    for (int i = begin; i < c->count; i++) {
+        n->since[i - begin] = c->time_s[i] - s->release_s;
+        n->came_back[i - begin] = s->release_strain - c->value[i];
+        n->fitted_back[i - begin] = n->fitted[begin - 1] - n->fitted[i];
+        n->equation5[i - begin] = kn_stages_recovered(s, n->since[i - begin]);
+    }
+    return c->count - begin;
+}
+
+// ---- the damper's law
+
+typedef struct law {
+    double stress[LAW], c2[LAW];
+} law;
+
+static void follow(law *l, const kn_material *m, double low_pa, double high_pa)
+{
+    for (int i = 0; i < LAW; i++) {
+        l->stress[i] = low_pa + (high_pa - low_pa) * i / (LAW - 1);
+        l->c2[i] = kn_material_c2(m, l->stress[i]);
+    }
+}
+
+static kn_figure_panel damper_panel(const char *title)
+{
+    return (kn_figure_panel){.title = title, .x_label = "stress, kPa", .y_label = "damper c2, kPa s", .log_y = true};
+}
+
+static void add_law(kn_figure_panel *p, const law *l, const char *name, kn_figure_look look, int hue)
+{
+    kn_figure_add(p, (kn_figure_series){name, LAW, l->stress, l->c2, 1e-3, 1e-3, look, hue});
+}
+
+// ---- figures 6 to 9
+
+static void add(kn_figure_panel *p, const char *name, int count, const double *x, const double *y, double scale,
+                kn_figure_look look, int hue)
+{
+    kn_figure_add(p, (kn_figure_series){name, count, x, y, 1, scale, look, hue});
+}
+
+static int draw_paper(const char *subcommand, const char *path, const kn_curve *c, const kn_joint *joint, numbers *n,
+                      const kn_stages *s)
+{
+    static kn_figure_panel p[4];
+    static law joint_law, stages_law;
+    const double height = c->height_m > 0 ? 1e3 * c->height_m : 1;
+    const char *displacement = c->height_m > 0 ? "displacement, mm" : "strain";
+    p[0] = (kn_figure_panel){.title = "displacement (figure 6)", .x_label = "time, s", .y_label = displacement};
+    add(&p[0], "measured", c->count, c->time_s, c->value, height, KN_FIGURE_POINTS, 1);
+    add(&p[0], "identified", c->count, c->time_s, n->fitted, height, KN_FIGURE_LINE, 2);
+    p[1] =
+        (kn_figure_panel){.title = "stress, by equation 4 (figure 7)", .x_label = "time, s", .y_label = "stress, kPa"};
+    add(&p[1], "of the measured displacement", c->count, c->time_s, n->stress, 1e-3, KN_FIGURE_POINTS, 1);
+    add(&p[1], "of the identified one", c->count, c->time_s, n->fitted_stress, 1e-3, KN_FIGURE_LINE, 2);
+    if (!s) return kn_figure_draw(subcommand, path, c->name, p, 2, 2);
+
+    const int back = recover(n, c, s);
+    p[2] = (kn_figure_panel){
+        .title = "what came back (figure 8)", .x_label = "time since the release, s", .y_label = displacement};
+    add(&p[2], "measured", back, n->since, n->came_back, height, KN_FIGURE_POINTS, 1);
+    add(&p[2], "identified", back, n->since, n->fitted_back, height, KN_FIGURE_LINE, 2);
+    add(&p[2], "equation 5 alone", back, n->since, n->equation5, height, KN_FIGURE_DASHES, 0);
+    p[3] = damper_panel("damper (figure 9)");
+    double low = INFINITY, high = 0;
+    for (int i = 0; i < s->count; i++) low = fmin(low, s->stress_pa[i]), high = fmax(high, s->stress_pa[i]);
+    follow(&joint_law, &joint->material, low, high);
+    follow(&stages_law, &s->material, low, high);
+    kn_figure_add(&p[3], (kn_figure_series){"by subtraction", s->count, s->stress_pa, s->c2_pa_s, 1e-3, 1e-3,
+                                            KN_FIGURE_POINTS, 1});
+    add_law(&p[3], &joint_law, "identified", KN_FIGURE_LINE, 2);
+    add_law(&p[3], &stages_law, "fitted to the points", KN_FIGURE_DASHES, 0);
+    return kn_figure_draw(subcommand, path, c->name, p, 4, 2);
+}
+
+int kn_creep_figures_paper(const char *subcommand, const char *path, const kn_curve *curve, const kn_joint *joint,
+                           double late_s)
+{
+    numbers n;
+    kn_stages stages;
+    if (!compute(&n, curve, joint, late_s))
+        return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: not drawn, out of memory", path);
+    const bool staged = kn_stages_fit(&stages, curve);
+    int code = draw_paper(subcommand, path, curve, joint, &n, staged ? &stages : NULL);
+    if (staged) kn_stages_free(&stages);
+    free(n.fitted);
+    return code;
+}
+
+// ---- all curves
+
+typedef struct all { // too large for a stack
+    numbers of[KN_CURVES_MAX];
+    kn_stages stages[KN_CURVES_MAX];
+    bool staged[KN_CURVES_MAX];
+    kn_figure_panel panel[4];
+    law law;
+    int computed;
+} all;
+
+// Where c2 by subtraction is noise alone it says nothing: within three decades of the law.
+static void clip(kn_stages *s, const kn_material *m)
+{
+    for (int i = 0; i < s->count; i++)
+        if (fabs(log10(s->c2_pa_s[i] / kn_material_c2(m, s->stress_pa[i]))) > 1.5) s->c2_pa_s[i] = NAN;
+}
+
+static void add_curve(all *a, int k, const kn_curve *c, const kn_joint *joint)
+{
+    const numbers *n = &a->of[k];
+    add(&a->panel[0], c->name, c->count, c->time_s, c->value, 1, KN_FIGURE_POINTS, k + 1);
+    add(&a->panel[0], NULL, c->count, c->time_s, n->fitted, 1, KN_FIGURE_LINE, k + 1);
+    add(&a->panel[1], NULL, c->count, c->time_s, c->value, 1, KN_FIGURE_POINTS, k + 1);
+    add(&a->panel[1], NULL, c->count, c->time_s, n->fitted, 1, KN_FIGURE_LINE, k + 1);
+    add(&a->panel[2], NULL, n->means, n->mean_s, n->mean_left, 1, KN_FIGURE_LINE, k + 1);
+    a->staged[k] = kn_stages_fit(&a->stages[k], c);
+    if (!a->staged[k]) return;
+    const kn_stages *s = &a->stages[k];
+    clip(&a->stages[k], &joint->material);
+    kn_figure_add(&a->panel[3],
+                  (kn_figure_series){NULL, s->count, s->stress_pa, s->c2_pa_s, 1e-3, 1e-3, KN_FIGURE_POINTS, k + 1});
+}
+
+static int draw_all(all *a, const char *subcommand, const char *path, int curves, const kn_curve *curve,
+                    const kn_joint *joint)
+{
+    a->panel[0] =
+        (kn_figure_panel){.title = "points: measured; lines: identified", .x_label = "time, s", .y_label = "strain"};
+    a->panel[1] = (kn_figure_panel){
+        .title = "the same, logarithmic", .x_label = "time, s", .y_label = "strain", .log_x = true, .log_y = true};
+    a->panel[2] = (kn_figure_panel){.title = "what is left, means of neighbours; grey: two standard deviations",
+                                    .x_label = "time, s",
+                                    .y_label = "(measured - identified)/deviation",
+                                    .log_x = true,
+                                    .band = 2};
+    a->panel[3] = damper_panel("damper; points: by the first paper's two stages");
+    for (int k = 0; k < curves; k++) {
+        if (!compute(&a->of[k], &curve[k], joint, joint->late_s[k]))
+            return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: not drawn, out of memory", path);
+        a->computed++;
+        add_curve(a, k, &curve[k], joint);
+    }
+    follow(&a->law, &joint->material, joint->lowest_pa, joint->highest_pa);
+    add_law(&a->panel[3], &a->law, "identified law", KN_FIGURE_LINE, 0);
+    return kn_figure_draw(subcommand, path, "creep", a->panel, 4, 2);
+}
+
+int kn_creep_figures_fits(const char *subcommand, const char *path, int curves, const kn_curve *curve,
+                          const kn_joint *joint)
+{
+    all *a = calloc(1, sizeof *a);
+    if (!a) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: not drawn, out of memory", path);
+    int code = draw_all(a, subcommand, path, curves, curve, joint);
+    for (int k = 0; k < curves; k++)
+        if (a->staged[k]) kn_stages_free(&a->stages[k]);
+    for (int k = 0; k < a->computed; k++) free(a->of[k].fitted);
+    free(a);
+    return code;
+}

@@ -1,0 +1,202 @@
+#include "clients/identify/figure.h"
+#include "clients/knead/plot.h"
+#include <math.h>
+#include <stdio.h>
+
+enum { PANEL = 600, HIGH = 446, HEAD = 40, LEFT = 92, RIGHT = 26, TOP = 38, FOOT = 62, ROW = 22 }; // pixels
+enum { IN_A_CORNER = 4 }; // names; more stand below all panels
+
+void kn_figure_add(kn_figure_panel *panel, kn_figure_series series)
+{
+    if (series.x_scale == 0) series.x_scale = 1;
+    if (series.y_scale == 0) series.y_scale = 1;
+    if (panel->series < KN_FIGURE_SERIES && series.count > 0) panel->of[panel->series++] = series;
+}
+
+static bool point(const kn_figure_panel *p, const kn_figure_series *s, int i, double at[2])
+{
+    at[0] = s->x[i] * s->x_scale;
+    at[1] = s->y[i] * s->y_scale;
+    return isfinite(at[0]) && isfinite(at[1]) && !(p->log_x && at[0] <= 0) && !(p->log_y && at[1] <= 0);
+}
+
+// ---- where the key goes
+
+typedef struct extent {
+    double low[2], high[2];
+} extent;
+
+static void on_axes(const kn_figure_panel *p, double at[2])
+{
+    if (p->log_x) at[0] = log(at[0]);
+    if (p->log_y) at[1] = log(at[1]);
+}
+
+static extent measure(const kn_figure_panel *p)
+{
+    extent e = {{INFINITY, INFINITY}, {-INFINITY, -INFINITY}};
+    for (int s = 0; s < p->series; s++)
+        for (int i = 0; i < p->of[s].count; i++) {
+            double at[2];
+            if (!point(p, &p->of[s], i, at)) continue;
+            on_axes(p, at);
+            for (int k = 0; k < 2; k++) e.low[k] = fmin(e.low[k], at[k]), e.high[k] = fmax(e.high[k], at[k]);
+        }
+    return e;
+}
+
+// Each series counts alike, however dense its readings are.
+static const char *key_corner(const kn_figure_panel *p)
+{
+    static const char *const names[2][2] = {{"bottom left", "bottom right"}, {"top left", "top right"}};
+    const extent e = measure(p);
+    double weight[2][2] = {{0, 1e-3}, {1e-3, 0}}; // of two empty ones the usual
+    for (int s = 0; s < p->series; s++)
+        for (int i = 0; i < p->of[s].count; i++) {
+            double at[2];
+            if (!point(p, &p->of[s], i, at)) continue;
+            on_axes(p, at);
+            const double x = (at[0] - e.low[0]) / (e.high[0] - e.low[0]),
+                         y = (at[1] - e.low[1]) / (e.high[1] - e.low[1]);
+            if (fabs(x - 0.5) > 0.12 && fabs(y - 0.5) > 0.12) weight[y > 0.5][x > 0.5] += 1.0 / p->of[s].count;
+        }
+    int best = 3;
+    for (int c = 0; c < 4; c++)
+        if (weight[c >> 1][c & 1] < weight[best >> 1][best & 1]) best = c;
+    return names[best >> 1][best & 1];
+}
+
+// ---- gnuplot
+
+static void put_data(FILE *f, int number, const kn_figure_panel *p)
+{
+    for (int s = 0; s < p->series; s++) {
+        fprintf(f, "$d%d_%d << END\n", number, s);
+        for (int i = 0; i < p->of[s].count; i++) {
+            double at[2];
+            if (point(p, &p->of[s], i, at))
+                fprintf(f, "%.9g %.9g\n", at[0], at[1]);
+            else if (p->of[s].look != KN_FIGURE_POINTS)
+                fputc('\n', f); // a gap in a line
+        }
+        fprintf(f, "END\n");
+    }
+}
+
+static int names(const kn_figure_panel *p)
+{
+    int n = 0;
+    for (int s = 0; s < p->series; s++) n += p->of[s].name != NULL;
+    return n;
+}
+
+static void put_series(FILE *f, int number, int index, const kn_figure_series *s, bool named)
+{
+    static const char *const looks[] = {"points pt 7 ps 0.45", "lines lw 2", "lines lw 2 dt 2", "steps lw 2"};
+    const char *colour = s->hue > 0 ? kn_plot_colour[(s->hue - 1) % KN_PLOT_COLOURS] : "000000";
+    fprintf(f, "$d%d_%d using 1:2 with %s lc rgb '#%s%s' ", number, index, looks[s->look],
+            s->look == KN_FIGURE_POINTS ? "80" : "", colour);
+    if (s->name && named) {
+        fputs("title ", f);
+        kn_plot_quote(f, s->name);
+    } else {
+        fputs("notitle", f);
+    }
+    fputs(", ", f);
+}
+
+static bool any_point(const kn_figure_panel *p)
+{
+    double at[2];
+    for (int s = 0; s < p->series; s++)
+        for (int i = 0; i < p->of[s].count; i++)
+            if (point(p, &p->of[s], i, at)) return true;
+    return false;
+}
+
+static void put_label(FILE *f, const char *what, const char *text)
+{
+    fprintf(f, "set %s ", what);
+    kn_plot_quote(f, text ? text : "");
+    fputc('\n', f);
+}
+
+static void put_panel(FILE *f, int number, const kn_figure_panel *p)
+{
+    fprintf(f, "unset logscale\nset format '%%g'\nset xrange [*:*]\nset yrange [*%s:*]\nunset object\n",
+            p->log_y || p->band > 0 ? "" : "<0");
+    if (p->log_x) fprintf(f, "set logscale x\n");
+    if (p->log_y) fprintf(f, "set logscale y\n");
+    if (p->band > 0)
+        fprintf(f, "set object 1 rectangle from graph 0, first %g to graph 1, first %g behind fc rgb '#eeeeee' lw 0\n",
+                -p->band, p->band);
+    put_label(f, "title", p->title);
+    put_label(f, "xlabel", p->x_label);
+    put_label(f, "ylabel", p->y_label);
+    fprintf(f, "set key %s opaque\nset key font 'sans,10'\nplot ", key_corner(p));
+    if (!any_point(p)) fprintf(f, "[1:10] [1:10] "); // nothing to see is no failure
+    for (int s = 0; s < p->series; s++) put_series(f, number, s, &p->of[s], names(p) <= IN_A_CORNER);
+    fprintf(f, "NaN notitle\n");
+}
+
+static void put_place(FILE *f, int column, int row, int wide, int high)
+{
+    const double top = high - HEAD - HIGH * row;
+    fprintf(f,
+            "set lmargin at screen %g\nset rmargin at screen %g\nset tmargin at screen %g\nset bmargin at screen %g\n",
+            (double)(PANEL * column + LEFT) / wide, (double)(PANEL * (column + 1) - RIGHT) / wide, (top - TOP) / high,
+            (top - HIGH + FOOT) / high);
+}
+
+// The panel whose many names stand below all of them: the first; they mean the same hues in the others.
+static const kn_figure_panel *legend_of(const kn_figure_panel *panel, int panels)
+{
+    for (int i = 0; i < panels; i++)
+        if (names(&panel[i]) > IN_A_CORNER) return &panel[i];
+    return NULL;
+}
+
+static int legend_rows(const kn_figure_panel *p, int across)
+{
+    return p ? (names(p) + 4 * across - 1) / (4 * across) : 0;
+}
+
+static void put_legend(FILE *f, const kn_figure_panel *p, int rows, int high)
+{
+    fprintf(f,
+            "unset title\nunset xlabel\nunset ylabel\nunset border\nunset tics\nunset grid\nunset logscale\n"
+            "unset object\nset lmargin 0\nset rmargin 0\nset tmargin 0\nset bmargin 0\nset origin 0,0\nset size 1,%g\n"
+            "set xrange [0:1]\nset yrange [0:1]\nset key noopaque inside center center maxrows %d\nplot ",
+            (double)(ROW * rows + 8) / high, rows);
+    for (int s = 0; s < p->series; s++) {
+        const char *colour = p->of[s].hue > 0 ? kn_plot_colour[(p->of[s].hue - 1) % KN_PLOT_COLOURS] : "000000";
+        if (!p->of[s].name) continue;
+        fprintf(f, "NaN with %s lc rgb '#%s' title ",
+                p->of[s].look == KN_FIGURE_POINTS ? "points pt 7 ps 0.9" : "lines lw 2", colour);
+        kn_plot_quote(f, p->of[s].name);
+        fputs(", ", f);
+    }
+    fprintf(f, "NaN notitle\n");
+}
+
+int kn_figure_draw(const char *subcommand, const char *path, const char *title, const kn_figure_panel *panel,
+                   int panels, int across)
+{
+    const kn_figure_panel *many = legend_of(panel, panels);
+    const int rows = legend_rows(many, across), wide = PANEL * across;
+    const int high = HEAD + HIGH * ((panels + across - 1) / across) + (rows ? ROW * rows + 8 : 0);
+    int code;
+    FILE *f = kn_plot_open(subcommand, path, wide, high, &code);
+    if (!f) return code;
+    for (int i = 0; i < panels; i++) put_data(f, i, &panel[i]);
+    fprintf(f, "set multiplot title ");
+    kn_plot_quote(f, title);
+    fprintf(f, " font 'sans,13'\nset grid\n");
+    for (int i = 0; i < panels; i++) {
+        put_place(f, i % across, i / across, wide, high);
+        put_panel(f, i, &panel[i]);
+    }
+    if (rows) put_legend(f, many, rows, high);
+    fprintf(f, "unset multiplot\n");
+    return kn_plot_close(f, subcommand, path);
+}

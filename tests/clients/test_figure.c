@@ -1,0 +1,59 @@
+// Panels of points and lines: what cannot be drawn is left out, and the picture is as large as its panels need.
+#include "clients/identify/figure.h"
+#include "clients/knead/commands.h"
+#include "tests/check.h"
+#include <unistd.h>
+
+static char path[] = "/tmp/test_figure.XXXXXX";
+
+// Width and height of the PNG, 0 if it is none.
+static void measure(int size[2])
+{
+    unsigned char head[24] = {0};
+    FILE *in = fopen(path, "rb");
+    size[0] = size[1] = 0;
+    if (in && fread(head, 1, sizeof head, in) == sizeof head && !memcmp(head + 1, "PNG", 3))
+        for (int i = 0; i < 2; i++) size[i] = head[16 + 4 * i + 2] << 8 | head[16 + 4 * i + 3];
+    if (in) fclose(in);
+}
+
+static int draw(const kn_figure_panel *panel, int panels, int across, int size[2])
+{
+    int code = kn_figure_draw("identify creep", path, "it's a test", panel, panels, across);
+    measure(size);
+    return code;
+}
+
+TEST("numbers that are none, and zeros on a logarithmic axis, are gaps")
+{
+    if (system("command -v gnuplot >/dev/null 2>&1") != 0) SKIP("gnuplot is not installed");
+    int file = mkstemp(path), size[2];
+    CHECK(file >= 0 && close(file) == 0);
+    const double x[] = {0, 1, 2, 3}, y[] = {1, NAN, INFINITY, -4};
+    static kn_figure_panel p = {.title = "a", .x_label = "b", .y_label = "c", .log_x = true, .log_y = true, .band = 2};
+    kn_figure_add(&p, (kn_figure_series){"points", 4, x, y, .hue = 1});
+    kn_figure_add(&p, (kn_figure_series){"line", 4, x, y, .look = KN_FIGURE_LINE, .hue = 9});
+    CHECK(draw(&p, 1, 1, size) == KN_EXIT_OK); // nothing is left of it
+    CHECK(size[0] == 600 && size[1] > 400);
+    p.log_y = p.log_x = false;
+    CHECK(draw(&p, 1, 1, size) == KN_EXIT_OK);
+}
+
+TEST("panels stand in rows, and many names below them")
+{
+    int few[2], many[2];
+    const double x[] = {0, 1, 2}, y[] = {1, 3, 2};
+    static kn_figure_panel p[3];
+    for (int i = 0; i < 3; i++) kn_figure_add(&p[i], (kn_figure_series){"a", 3, x, y, .look = KN_FIGURE_LINE});
+    CHECK(draw(p, 3, 2, few) == KN_EXIT_OK);
+    CHECK(few[0] == 1200 && few[1] > 800);
+    for (int i = 0; i < 6; i++) kn_figure_add(&p[0], (kn_figure_series){"b", 3, x, y, .hue = i});
+    CHECK(draw(p, 3, 2, many) == KN_EXIT_OK);
+    CHECK(many[1] > few[1]);
+    for (int i = 0; i < 2 * KN_FIGURE_SERIES; i++) kn_figure_add(&p[0], (kn_figure_series){"c", 3, x, y, .hue = i});
+    CHECK(p[0].series == KN_FIGURE_SERIES);
+    CHECK(draw(p, 1, 1, many) == KN_EXIT_OK);
+    CHECK(unlink(path) == 0);
+}
+
+TESTS_MAIN
