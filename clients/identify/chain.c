@@ -10,13 +10,15 @@ enum { SPRING = 0, VOIGT = 1, DAMPER = KN_CHAIN_VOIGTS + 1 };
 static const double tolerance = 1e-7; // of a step, of the largest strain so far
 
 #define GAMMA 0.25
-static const double along[STAGES] = {1. / 4, 3. / 4, 11. / 20, 1. / 2, 1};
-static const double row[STAGES][STAGES] = {{0},
-                                           {1. / 2},
-                                           {17. / 50, -1. / 25},
-                                           {371. / 1360, -137. / 2720, 15. / 544},
-                                           {25. / 24, -49. / 48, 125. / 16, -85. / 12}};
-static const double against[STAGES] = {-3. / 16, -27. / 32, 25. / 32, 0, 1. / 4}; // order 4 less order 3
+// Coefficients over the diagonal's GAMMA: they multiply GAMMA h times the rates.
+static const double weight[STAGES][STAGES] = {
+    {0},
+    {1. / 2 / GAMMA},
+    {17. / 50 / GAMMA, -1. / 25 / GAMMA},
+    {371. / 1360 / GAMMA, -137. / 2720 / GAMMA, 15. / 544 / GAMMA},
+    {25. / 24 / GAMMA, -49. / 48 / GAMMA, 125. / 16 / GAMMA, -85. / 12 / GAMMA}};
+// of order 4 less order 3
+static const double against[STAGES] = {-3. / 16 / GAMMA, -27. / 32 / GAMMA, 25. / 32 / GAMMA, 0, 1. / 4 / GAMMA};
 
 typedef struct drive {
     bool load;          // else the strain's rate is prescribed
@@ -54,60 +56,61 @@ static double total(const double *x)
     return sum;
 }
 
-// What the units take up of the strain in a stage of length h at stress p, beyond base; returns the sum and its slope.
-static double take(const kn_chain *chain, double h, const double *base, double p, double *taken, double *slope)
+// The units without the damper in stages of one length h: each takes up share p + rest, straight in the stress p.
+typedef struct stage {
+    double h, share[UNITS], all; // their sum
+} stage;
+
+static stage stage_of(const kn_chain *chain, double h)
 {
-    double sum = 0, steep;
-    *slope = 0;
-    memset(taken, 0, UNITS * sizeof *taken);
-    if (chain->spring_pa > 0) {
-        taken[SPRING] = p / chain->spring_pa - base[SPRING];
-        *slope += 1 / chain->spring_pa;
+    stage g = {.h = h};
+    if (chain->spring_pa > 0) g.share[SPRING] = 1 / chain->spring_pa;
+    for (int i = 0; i < chain->voigts; i++) g.share[VOIGT + i] = h / (chain->c_pa_s[i] + h * chain->k_pa[i]);
+    for (int i = 0; i < UNITS; i++) g.all += g.share[i];
+    return g;
+}
+
+// What they take up beyond base at no stress.
+static double rests(const kn_chain *chain, const stage *g, const double *base, double *out)
+{
+    double sum = out[SPRING] = chain->spring_pa > 0 ? -base[SPRING] : 0;
+    for (int i = 0; i < KN_CHAIN_VOIGTS; i++) {
+        out[VOIGT + i] = i < chain->voigts ? -g->share[VOIGT + i] * chain->k_pa[i] * base[VOIGT + i] : 0;
+        sum += out[VOIGT + i];
     }
-    for (int i = 0; i < chain->voigts; i++) {
-        double give = chain->c_pa_s[i] + h * chain->k_pa[i];
-        taken[VOIGT + i] = h * (p - chain->k_pa[i] * base[VOIGT + i]) / give;
-        *slope += h / give;
-    }
-    taken[DAMPER] = h * flow(chain, p, &steep);
-    *slope += h * steep;
-    for (int i = 0; i < UNITS; i++) sum += taken[i];
     return sum;
 }
 
-// The stress of a stage of length h that begins with the strains base. Newton, and where that leaves what is known of
-// the root, halving: the sum rises with p.
-static bool meet(const kn_chain *chain, const drive *d, double h, const double *base, double *stress, double *taken)
+// The stress of a stage that begins with the strains base, and what the units take up. Newton, and where that leaves
+// what is known of the root, halving: the sum rises with p.
+static bool meet(const kn_chain *chain, const drive *d, const stage *g, const double *base, double *stress,
+                 double *taken)
 {
-    double p = *stress, low = -INFINITY, high = INFINITY, begun = total(base);
+    double p = *stress, low = -INFINITY, high = INFINITY, steep, rate;
     double feedback = d->load && !d->constant_area ? d->nominal_pa : 0;
+    double rest = rests(chain, g, base, taken), begun = d->load ? total(base) : 0;
     for (int i = 0; i < NEWTON_MAX; i++) {
-        double slope, sum = take(chain, h, base, p, taken, &slope), f, steep;
-        if (d->load) {
-            f = p - d->nominal_pa + feedback * (begun + sum);
-            steep = 1 + feedback * slope;
-        } else {
-            f = sum - h * d->rate_per_s;
-            steep = slope;
-        }
-        if (!isfinite(f) || !(steep > 0)) return false;
+        rate = flow(chain, p, &steep);
+        double sum = g->all * p + rest + g->h * rate, slope = g->all + g->h * steep;
+        double f = d->load ? p - d->nominal_pa + feedback * (begun + sum) : sum - g->h * d->rate_per_s;
+        slope = d->load ? 1 + feedback * slope : slope;
+        if (!isfinite(f) || !(slope > 0)) return false;
         if (f > 0) high = p;
         else low = p;
-        double next = p - f / steep;
-        if (fabs(next - p) <= 1e-8 * fabs(p) + 1e-16 * fabs(d->nominal_pa)) { // the one after would move by its square
-            *stress = next;
-            take(chain, h, base, next, taken, &slope);
-            return true;
-        }
+        double next = p - f / slope;
+        bool there = fabs(next - p) <= 1e-8 * fabs(p) + 1e-16 * fabs(d->nominal_pa); // the next: its square
         bool over = fabs(p) < chain->p1_pa && fabs(next) > chain->p1_pa && chain->beta_per_pa > 0;
         if (over) next = copysign(chain->p1_pa, next); // the slope has a kink there
-        if (!(next > low && next < high) && isfinite(low) && isfinite(high)) next = (low + high) / 2;
+        if (!there && !(next > low && next < high) && isfinite(low) && isfinite(high)) next = (low + high) / 2;
+        rate += steep * (next - p);
         p = next;
+        if (there) break;
+        if (i == NEWTON_MAX - 1) rate = flow(chain, p, &steep); // to rounding: halving has come to its end
     }
-    double slope;
     *stress = p;
-    take(chain, h, base, p, taken, &slope);
-    return true; // to rounding: halving has come to its end
+    for (int i = 0; i < UNITS; i++) taken[i] += g->share[i] * p;
+    taken[DAMPER] = g->h * rate;
+    return true;
 }
 
 // Stress and rates that belong to the strains: a stage too short to change them.
@@ -117,7 +120,10 @@ static bool observe(const kn_chain *chain, const drive *d, state *s)
     bool spring = chain->spring_pa > 0;
     if (d->load) p = d->nominal_pa * (1 - (d->constant_area ? 0 : total(s->x)));
     else if (spring) p = chain->spring_pa * s->x[SPRING];
-    else if (!meet(chain, d, 1e-15, s->x, &p, taken)) return false;
+    else {
+        stage instant = stage_of(chain, 1e-15);
+        if (!meet(chain, d, &instant, s->x, &p, taken)) return false;
+    }
     s->stress_pa = p;
     double others = flow(chain, p, &steep);
     memset(s->rate, 0, sizeof s->rate);
@@ -136,11 +142,12 @@ static bool observe(const kn_chain *chain, const drive *d, state *s)
 static double step(const kn_chain *chain, const drive *d, const state *from, double h, state *to)
 {
     double taken[STAGES][UNITS], base[UNITS], p = from->stress_pa, error = 0;
+    const stage g = stage_of(chain, GAMMA * h);
     for (int j = 0; j < STAGES; j++) {
         memcpy(base, from->x, sizeof base);
         for (int m = 0; m < j; m++)
-            for (int i = 0; i < UNITS; i++) base[i] += row[j][m] / GAMMA * taken[m][i];
-        if (!meet(chain, d, GAMMA * h, base, &p, taken[j])) return INFINITY;
+            for (int i = 0; i < UNITS; i++) base[i] += weight[j][m] * taken[m][i];
+        if (!meet(chain, d, &g, base, &p, taken[j])) return INFINITY;
     }
     *to = *from;
     to->time_s = from->time_s + h;
@@ -148,12 +155,11 @@ static double step(const kn_chain *chain, const drive *d, const state *from, dou
     for (int i = 0; i < UNITS; i++) {
         double difference = 0;
         to->x[i] = base[i] + taken[STAGES - 1][i]; // stiffly accurate: the last stage is the step
-        for (int j = 0; j < STAGES; j++) difference += against[j] / GAMMA * taken[j][i];
+        for (int j = 0; j < STAGES; j++) difference += against[j] * taken[j][i];
         error = fmax(error, fabs(difference));
         to->largest = fmax(to->largest, fabs(to->x[i]));
     }
     if (!observe(chain, d, to)) return INFINITY;
-    (void)along; // drives are constant within a step
     return to->largest > 0 ? error / to->largest : 0;
 }
 

@@ -115,7 +115,7 @@ static double descend(kn_fit *fit)
         double *residual = work, *jacobian = work + m, *wa4 = jacobian + m * n;
         if (s.count > 0) {
             for (int k = 0; k < s.count; k++) small[0][k] = 1; // the scale of every unknown: one logarithm
-            lmder(minpack_asks, &s, rows, s.count, x, residual, jacobian, rows, 1e-12, 1e-10, 1e-12, 200, small[0], 2,
+            lmder(minpack_asks, &s, rows, s.count, x, residual, jacobian, rows, 1e-10, 1e-8, 1e-12, 200, small[0], 2,
                   1, 0, &nfev, &njev, ipvt, small[1], small[2], small[3], small[4], wa4);
         }
         double value[KN_FIT_UNKNOWNS];
@@ -165,7 +165,7 @@ static bool curve(kn_fit *fit)
     search s;
     if (!search_open(&s, fit)) return false;
     size_t rows = (size_t)(fit->readings + s.count);
-    double *work = calloc(rows * ((size_t)s.count + 1), sizeof *work), x[KN_FIT_UNKNOWNS];
+    double *work = calloc(rows * ((size_t)s.count + 1), sizeof *work), x[KN_FIT_UNKNOWNS] = {0};
     double normal[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS];
     int seen[KN_FIT_UNKNOWNS], count = 0;
     memset(fit->covariance, 0, sizeof fit->covariance);
@@ -222,6 +222,16 @@ bool kn_fit_run_from(kn_fit *fit, int starts, const double (*start)[KN_FIT_UNKNO
     return finish(fit, least);
 }
 
+double kn_fit_sum(kn_fit *fit, const double value[KN_FIT_UNKNOWNS])
+{
+    double *residual = malloc((size_t)fit->readings * sizeof *residual);
+    bool ok = residual && fit->misfit(fit->of, value, residual);
+    double sum = ok ? squares(residual, fit->readings) : (double)NAN;
+    fit->evaluations++;
+    free(residual);
+    return sum;
+}
+
 // ---- intervals
 
 double kn_fit_held(const kn_fit *fit, int unknown, double value)
@@ -253,9 +263,9 @@ static double risen(side *p, double in)
 static double reach(side *p, double t, double a, double za, double b, double zb)
 {
     double fa = za - t, fb = fmin(zb, 4 * t) - t;
-    for (int i = 0; i < 40 && fabs(b - a) > 1e-4 * (1e-3 + fabs(b)); i++) {
+    for (int i = 0; i < 40 && fabs(b - a) > 1e-4 * (1e-2 + fabs(b)); i++) {
         double c = b - fb * (b - a) / (fb - fa), fc = fmin(risen(p, c), 4 * t) - t;
-        if (fabs(fc) < 2e-3 * t) return c;
+        if (fabs(fc) < 4e-3 * t) return c;
         if ((fc > 0) != (fb > 0)) {
             a = b;
             fa = fb;

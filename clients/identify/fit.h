@@ -12,7 +12,7 @@
 // Intervals, of one unknown at a time, the others free:
 //
 //     curvature   ln v +- t s sqrt(C_ii), C = (J'J)^-1, t of Student's distribution with n - p degrees of freedom
-//     profile     where S, minimised over all other unknowns, has risen by t^2 s^2; a side on which it never does is open
+//     profile     where S, minimised over all other unknowns, has risen by t^2 s^2; a side where it never does is open
 //
 // They are 95 % intervals if the model is right and the noise independent. Whether that is so, kn_fit_runs asks.
 //
@@ -52,6 +52,8 @@ bool kn_fit_run(kn_fit *fit);
 
 // The best of several starts, each of them all unknowns' values.
 bool kn_fit_run_from(kn_fit *fit, int starts, const double (*start)[KN_FIT_UNKNOWNS]);
+
+double kn_fit_sum(kn_fit *fit, const double value[KN_FIT_UNKNOWNS]); // S there; NAN: no answer
 
 typedef enum kn_fit_how { KN_FIT_CURVATURE, KN_FIT_PROFILE } kn_fit_how;
 

@@ -110,8 +110,8 @@ int kn_material_file_write(const char *subcommand, const char *path, const char 
     if (wrong) return kn_complain(subcommand, KN_EXIT_FAILED, "%s: not written: %s", path, wrong);
     FILE *f = fopen(path, "w");
     if (!f) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
-    fprintf(f, "%s %s\n# Intervals hold the truth 95 times in 100 if the model is right and the noise independent.\n", mark,
-            origin);
+    fprintf(f, "%s %s\n# Intervals hold the truth 95 times in 100 if the model is right and the noise independent.\n",
+            mark, origin);
     fprintf(f, "material:\n");
     line(f, "k1", material->k1_pa, "Pa", find(count, number, "k1"));
     line(f, "c1", material->c1_pa_s, "Pa*s", find(count, number, "c1"));

@@ -9,11 +9,11 @@
 //
 // P0 below the least stress that any load left changes nothing that can be seen. It is sought only where letting it go
 // makes the fit better by more than chance would; else the fit has it at that least stress, where nothing is
-// extrapolated, and its interval says how high it could be. P1 above the largest stress has no gradient either: a search
-// that begins there stays there and bends the others (beta by 0.4 %), so it begins at several shares of the largest.
+// extrapolated, and its interval says how high it could be. P1 above the largest stress has no gradient either: a
+// search that begins there stays there and bends the others (beta by 0.4 %), so it begins at several shares of it.
 //
-// Readings that stand alone more than five standard deviations from the curve are left out and named; where they come in
-// rows the model is wrong, not the reading, and they stay.
+// Readings that stand alone more than five standard deviations from the curve are left out and named; where they come
+// in rows the model is wrong, not the reading, and they stay.
 #include "clients/identify/curve.h"
 #include "clients/identify/identified.h"
 

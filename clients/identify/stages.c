@@ -118,7 +118,8 @@ static bool fit_damper(kn_stages *s, const kn_curve *c)
     fit.unknown[3] = (kn_fit_unknown){.name = "P1", .low = low, .high = 1.5 * top};
     for (int k = 0; k < STARTS; k++) {
         double beta = (k + 1) * 2 / top;
-        memcpy(start[k], (double[]){alpha * exp(beta * (low + high) / 2), beta, 0.9 * low, 1.1 * high}, 4 * sizeof(double));
+        double begin[4] = {alpha * exp(beta * (low + high) / 2), beta, 0.9 * low, 1.1 * high};
+        memcpy(start[k], begin, sizeof begin);
     }
     if (!kn_fit_run_from(&fit, STARTS, start)) return false;
     s->material.damper = KN_DAMPER_EXPONENTIAL;

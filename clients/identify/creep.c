@@ -1,0 +1,276 @@
+// knead identify creep: from creep curves to the numbers of the papers' element.
+#include "clients/identify/joint.h"
+#include "clients/identify/options.h"
+#include "clients/identify/stages.h"
+#include "clients/knead/bench.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/output.h"
+#include "clients/knead/plot.h"
+#include "clients/knead/result.h"
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char help[] =
+    "usage: knead identify creep FILE... [OPTION]...\n\n"
+    "From how a lump gave way under a load, and what came back after it, to the numbers of a virtual one: k1 and c1, "
+    "which\n"
+    "bring it back, and the damper alpha exp(-beta P) between P0 and P1, which does not.\n\n"
+    "    knead identify creep 10gf.csv 30gf.csv 50gf.csv --out dough.yaml\n"
+    "    knead identify creep all.csv --height 1cm --area 1cm^2 --release 60 --report dough\n\n"
+    "A file is a table with a name and a unit over each column: time, and height, displacement or strain; load or "
+    "stress\n"
+    "where they are recorded. Lines before it may say what is the same for all of it:\n"
+    "    # load: 50 gf       # height: 1 cm       # area: 1 cm^2       # release: 60 s\n"
+    "    time (s); displacement (mm)\n"
+    "Commas, semicolons, tabs, decimal commas are found out; readings may be missing and in any order. Several columns "
+    "of\n"
+    "displacement with a load in their names are several curves. Every load adds to what can be known: one below P0 "
+    "for\n"
+    "P0, a large one sampled fast for P1.\n\n"
+    "  --load W, --stress P   of files that do not say it\n"
+    "  --height H, --area S   of the specimen, as made\n"
+    "  --release TIME         when the load was taken off\n"
+    "  --units NAME=UNIT,...  of columns that have none: --units time=s,height=mm\n"
+    "  --constant-area        stress is load/S0; else the section grows as the height falls, S h = S0 h0\n"
+    "  --late                 each load may have come at another moment than its file says: that is fitted, too\n"
+    KN_IDENTIFY_OUTPUT_HELP
+    "\nTold are the best numbers over whole curves together, with intervals that hold the truth 95 times in 100 if\n"
+    "the model is right and the noise independent; whether that is so; what these curves cannot tell; and beside it\n"
+    "the first paper's way, in two stages.\n"
+    "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
+
+typedef struct work {
+    kn_identify_options opt;
+    kn_curve curve[KN_CURVES_MAX];
+    int curves;
+    kn_joint joint;
+} work;
+
+// ---- what is told
+
+static double gf_cm2(double pa) { return pa / KN_GF_CM2_PA; }
+
+// What the number is in the first paper's units, of a specimen of 1 cm.
+static void print_papers(const kn_identified *n, int which)
+{
+    static const char *const unit[] = {"gf/cm^3", "gf s/cm^3", "gf s/cm^3", "cm^2/gf", "gf/cm^2", "gf/cm^2"};
+    double value = which == KN_JOINT_BETA ? n->value * KN_GF_CM2_PA : gf_cm2(n->value);
+    if (n->known == KN_KNOWN) printf("   %.4g %s", value, unit[which]);
+}
+
+static void print_numbers(const kn_joint *j)
+{
+    printf("\n%-7s %-44s   %s\n", "", "best, and within 95 %", "as the first paper says it, per cm");
+    for (int i = 0; i < KN_JOINT_NUMBERS; i++) {
+        char text[120];
+        kn_identified_print(&j->number[i], text, sizeof text);
+        printf("%-7s %-44s", j->number[i].name, text);
+        print_papers(&j->number[i], i);
+        printf("\n");
+        if (*j->number[i].words) printf("        %s\n", j->number[i].words);
+    }
+}
+
+static void print_curves(const work *w)
+{
+    const kn_joint *j = &w->joint;
+    printf("\n%-20s %9s %9s %10s %9s %9s\n", "curve", "load kPa", "readings", "misfit %", "/ noise", "runs");
+    for (int k = 0; k < w->curves; k++) {
+        const kn_curve *c = &w->curve[k];
+        double most = 0;
+        for (int i = 0; i < c->count; i++) most = fmax(most, c->value[i]);
+        printf("%-20s %9.4g %9d %10.2g %9.3g %9.2g", c->name, c->step[0].stress_pa / 1e3, c->count,
+               100 * j->rms[k] / most, j->rms[k] / c->noise, j->runs[k]);
+        if (w->opt.late) printf("   came %.3g s %s", fabs(j->late_s[k]), j->late_s[k] < 0 ? "early" : "late");
+        printf("\n");
+    }
+    printf("misfit: of the largest strain; runs: standard deviations fewer than noise has, above 3 the model bends "
+           "otherwise\n");
+}
+
+static void print_stages(const work *w)
+{
+    bool first = true;
+    for (int k = 0; k < w->curves; k++) {
+        kn_stages s;
+        if (!kn_stages_fit(&s, &w->curve[k])) continue;
+        if (first) printf("\nthe first paper's two stages, curve by curve, off the joint fit by\n");
+        first = false;
+        const kn_material *a = &s.material, *b = &w->joint.material;
+        printf("%-20s k1 %+.3g %%   c1 %+.3g %%   alpha %+.3g %%   beta %+.3g %%\n", w->curve[k].name,
+               100 * (a->k1_pa / b->k1_pa - 1), 100 * (a->c1_pa_s / b->c1_pa_s - 1),
+               100 * (a->alpha_pa_s / b->alpha_pa_s - 1), 100 * (a->beta_per_pa / b->beta_per_pa - 1));
+        json_t *row = kn_result_add("two_stages");
+        kn_result_text(row, "curve", w->curve[k].name);
+        kn_result_number(row, "k1_pa", a->k1_pa);
+        kn_result_number(row, "c1_pa_s", a->c1_pa_s);
+        kn_result_number(row, "alpha_pa_s", a->alpha_pa_s);
+        kn_result_number(row, "beta_per_pa", a->beta_per_pa);
+        kn_stages_free(&s);
+    }
+}
+
+// ---- what is to be doubted, in words
+
+static void doubt(const char *words)
+{
+    printf("note: %s\n", words);
+    json_t *row = kn_result_add("notes");
+    kn_result_text(row, "words", words);
+}
+
+static void doubt_curves(const work *w)
+{
+    const kn_joint *j = &w->joint;
+    char text[400];
+    for (int k = 0; k < w->curves; k++) {
+        const kn_curve *c = &w->curve[k];
+        if (!isfinite(kn_joint_release(c))) {
+            snprintf(text, sizeof text, "%s: its load was never taken off, or the file does not say when: k1 and c1 "
+                     "rest on how it gave way, not on what came back", c->name);
+            doubt(text);
+        }
+        if (j->runs[k] > 3 && j->rms[k] > 1.1 * c->noise) {
+            snprintf(text, sizeof text, "%s: what is left after the fit is no noise (%.2g of it, runs %.2g): the "
+                     "model, the moment of the load or a scale is wrong; the intervals speak of noise alone", c->name,
+                     j->rms[k] / c->noise, j->runs[k]);
+            doubt(text);
+        }
+    }
+}
+
+static void doubt_all(const work *w)
+{
+    const kn_joint *j = &w->joint;
+    char text[400];
+    if (w->curves == 1)
+        doubt("one load alone: the damper is known only for the stresses that it passed through, and beyond them beta "
+              "cannot be told from P0 and P1; another load would tell them apart");
+    if (fabs(j->alpha_beta) > 0.98) {
+        snprintf(text, sizeof text, "alpha and beta are known together, not apart (correlation %.3f): the stresses lie "
+                 "within %.3g to %.3g kPa; a smaller and a larger load would part them", j->alpha_beta,
+                 j->lowest_pa / 1e3, j->highest_pa / 1e3);
+        doubt(text);
+    }
+    for (int i = 0; i < j->outliers; i++) {
+        const kn_joint_outlier *o = &j->outlier[i];
+        const kn_curve *c = &w->curve[o->curve];
+        snprintf(text, sizeof text, "%s:%d:1: left out, %.2g standard deviations from the curve while its neighbours "
+                 "are not", c->file, c->line[o->reading], o->deviations);
+        doubt(text);
+    }
+}
+
+static void tell(const work *w)
+{
+    const kn_joint *j = &w->joint;
+    json_t *to = kn_result(), *numbers = to ? json_object() : NULL;
+    if (to) json_object_set_new(to, "numbers", numbers);
+    for (int i = 0; i < KN_JOINT_NUMBERS; i++) kn_identified_tell(numbers, &j->number[i]);
+    kn_result_number(to, "lowest_stress_pa", j->lowest_pa);
+    kn_result_number(to, "highest_stress_pa", j->highest_pa);
+    kn_result_number(to, "alpha_beta_correlation", j->alpha_beta);
+    kn_result_integer(to, "readings", j->readings);
+    for (int k = 0; k < w->curves; k++) {
+        json_t *row = kn_result_add("curves");
+        kn_result_text(row, "name", w->curve[k].name);
+        kn_result_number(row, "load_pa", w->curve[k].step[0].stress_pa);
+        kn_result_integer(row, "readings", w->curve[k].count);
+        kn_result_number(row, "rms_strain", j->rms[k]);
+        kn_result_number(row, "noise_strain", w->curve[k].noise);
+        kn_result_number(row, "runs", j->runs[k]);
+        kn_result_number(row, "late_s", j->late_s[k]);
+    }
+}
+
+// ---- files
+
+static int write_csv(const work *w)
+{
+    const char *path = w->opt.csv;
+    FILE *f = fopen(path, "w");
+    if (!f) return kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+    fprintf(f, "curve,time_s,strain,fit_strain,stress_pa,readings\n");
+    bool ok = true;
+    for (int k = 0; ok && k < w->curves; k++) {
+        const kn_curve *c = &w->curve[k];
+        double *fit = calloc(2 * (size_t)c->count, sizeof *fit), *stress = fit ? fit + c->count : NULL;
+        ok = fit && kn_joint_predict(&w->joint.material, c, w->joint.late_s[k], fit);
+        if (ok) kn_joint_stress(c, stress);
+        for (int i = 0; ok && i < c->count; i++)
+            fprintf(f, "%s,%.9g,%.9g,%.9g,%.9g,%.9g\n", c->name, c->time_s[i], c->value[i], fit[i], stress[i],
+                    c->weight[i]);
+        free(fit);
+    }
+    ok = !ferror(f) && ok;
+    if (fclose(f) != 0 || !ok) return kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "%s: cannot be written", path);
+    return KN_EXIT_OK;
+}
+
+static int write_material(const work *w, const char *path)
+{
+    char origin[300];
+    double density = w->opt.density_kg_m3;
+    snprintf(origin, sizeof origin, "creep from %s%s: %d curves, %d readings, stresses %.4g to %.4g Pa.",
+             w->curve[0].file, w->opt.files > 1 ? " and others" : "", w->curves, w->joint.readings, w->joint.lowest_pa,
+             w->joint.highest_pa);
+    return kn_material_file_write(w->opt.subcommand, path, origin, &w->joint.material, density > 0 ? density : 1200,
+                                  density > 0 ? "" : "not measured: dough's; --density says another", KN_JOINT_NUMBERS,
+                                  w->joint.number);
+}
+
+static int load(work *w)
+{
+    int code = KN_EXIT_OK;
+    for (int i = 0; i < w->opt.files && code == KN_EXIT_OK; i++)
+        code = kn_curve_load(w->curve, &w->curves, KN_CURVE_CREEP, w->opt.file[i], &w->opt.curve);
+    return code;
+}
+
+// Whether everything can be written, before the work.
+static int try_outputs(const kn_identify_options *opt)
+{
+    int code = opt->png ? kn_plot_try(opt->subcommand, opt->png) : KN_EXIT_OK;
+    if (code == KN_EXIT_OK && opt->csv) code = kn_output_try(opt->subcommand, opt->csv);
+    if (code == KN_EXIT_OK && opt->out) code = kn_output_try(opt->subcommand, opt->out);
+    return code;
+}
+
+static int identify(work *w)
+{
+    kn_joint_options how = {.confidence = 0.95, .late = w->opt.late};
+    int code = try_outputs(&w->opt);
+    if (code == KN_EXIT_OK) code = load(w);
+    if (code != KN_EXIT_OK) return code;
+    if (!kn_joint_fit(&w->joint, w->curves, w->curve, &how))
+        return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
+                           "%s: no numbers of the element come near these curves; expected creep under a load",
+                           w->curve[0].file);
+    print_numbers(&w->joint);
+    print_curves(w);
+    print_stages(w);
+    printf("\n");
+    doubt_curves(w);
+    doubt_all(w);
+    tell(w);
+    if (w->opt.csv) code = write_csv(w);
+    if (code == KN_EXIT_OK && w->opt.out) code = write_material(w, w->opt.out);
+    return code;
+}
+
+int kn_identify_creep_main(int argc, char **argv)
+{
+    work *w = calloc(1, sizeof *w);
+    bool done = false;
+    if (!w) return kn_complain("identify creep", KN_EXIT_DEVICE, "out of memory");
+    int code = kn_identify_options_parse(&w->opt, "identify creep", 'c', help, argc, argv, &done);
+    if (code == KN_EXIT_OK && !done) code = identify(w);
+    for (int k = 0; k < w->curves; k++) kn_curve_free(&w->curve[k]);
+    kn_identify_options_free(&w->opt);
+    free(w);
+    return code;
+}

@@ -1,0 +1,402 @@
+#include "clients/identify/joint.h"
+#include "clients/identify/chain.h"
+#include "clients/identify/stages.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+// The unknowns beyond the six are how late each curve's load came.
+enum { LATE = KN_JOINT_NUMBERS };
+_Static_assert(KN_CURVE_STEPS <= KN_CHAIN_STEPS, "a curve's loads are a chain's");
+
+static const double huber = 3;    // deviations beyond which a reading pulls no harder, while outliers are looked for
+static const double outlying = 5; // deviations, of the curve's own median
+
+typedef struct joint_work {
+    int curves;
+    const kn_curve *curve;
+    bool robust, late;
+    double *strain; // of one curve
+    bool *left_out; // of all readings, curve by curve
+    int most;       // readings of the longest curve
+} joint_work;
+
+// ---- the curves
+
+double kn_joint_load(const kn_curve *c, double time_s)
+{
+    double load = 0;
+    for (int i = 0; i < c->steps && c->step[i].time_s < time_s; i++) load = c->step[i].stress_pa;
+    return load;
+}
+
+double kn_joint_release(const kn_curve *c)
+{
+    return c->steps > 0 && c->step[c->steps - 1].stress_pa == 0 ? c->step[c->steps - 1].time_s : (double)INFINITY;
+}
+
+void kn_joint_stress(const kn_curve *c, double *stress_pa)
+{
+    for (int i = 0; i < c->count; i++)
+        stress_pa[i] = kn_joint_load(c, c->time_s[i]) * (c->constant_area ? 1 : 1 - c->value[i]);
+}
+
+static kn_chain chain_of(const kn_material *m)
+{
+    return (kn_chain){.voigts = 1,
+                      .k_pa = {m->k1_pa},
+                      .c_pa_s = {m->c1_pa_s},
+                      .alpha_pa_s = m->alpha_pa_s,
+                      .beta_per_pa = m->beta_per_pa,
+                      .p0_pa = m->p0_pa,
+                      .p1_pa = m->p1_pa};
+}
+
+bool kn_joint_predict(const kn_material *material, const kn_curve *c, double late_s, double *strain)
+{
+    kn_chain chain = chain_of(material);
+    kn_chain_step step[KN_CURVE_STEPS];
+    for (int i = 0; i < c->steps; i++)
+        step[i] = (kn_chain_step){c->step[i].time_s + late_s, c->step[i].stress_pa};
+    return kn_chain_creep(&chain, c->constant_area, c->steps, step, c->count, c->time_s, strain);
+}
+
+// ---- residuals
+
+static kn_material material_of(const double *v)
+{
+    return (kn_material){.k1_pa = v[KN_JOINT_K1],
+                         .c1_pa_s = v[KN_JOINT_C1],
+                         .damper = KN_DAMPER_EXPONENTIAL,
+                         .alpha_pa_s = v[KN_JOINT_ALPHA],
+                         .beta_per_pa = v[KN_JOINT_BETA],
+                         .p0_pa = v[KN_JOINT_P0],
+                         .p1_pa = v[KN_JOINT_P1]};
+}
+
+// Huber's loss as a square: beyond k it grows like |r|.
+static double tame(double r) { return fabs(r) <= huber ? r : copysign(sqrt(2 * huber * fabs(r) - huber * huber), r); }
+
+static bool misfit(void *of, const double *value, double *residual)
+{
+    joint_work *w = of;
+    kn_material m = material_of(value);
+    const bool *left_out = w->left_out;
+    int n = 0;
+    for (int k = 0; k < w->curves; left_out += w->curve[k++].count) {
+        const kn_curve *c = &w->curve[k];
+        if (!kn_joint_predict(&m, c, w->late ? value[LATE + k] : 0, w->strain)) return false;
+        for (int i = 0; i < c->count; i++) {
+            if (left_out[i]) continue;
+            double r = (w->strain[i] - c->value[i]) * sqrt(c->weight[i]) / c->noise;
+            residual[n++] = w->robust ? tame(r) : r;
+        }
+    }
+    return true;
+}
+
+// ---- what was measured
+
+static void visited(kn_joint *j, int curves, const kn_curve *curve)
+{
+    j->lowest_pa = INFINITY;
+    j->highest_pa = 0;
+    for (int k = 0; k < curves; k++) {
+        const kn_curve *c = &curve[k];
+        for (int i = 0; i < c->steps; i++) {
+            double load = c->step[i].stress_pa, begun = 0;
+            double until = i + 1 < c->steps ? c->step[i + 1].time_s : (double)INFINITY;
+            if (load == 0) continue;
+            for (int n = 0; n < c->count && c->time_s[n] <= until; n++) {
+                if (c->time_s[n] <= c->step[i].time_s) begun = c->value[n]; // the last before this load
+                else j->lowest_pa = fmin(j->lowest_pa, load * (c->constant_area ? 1 : 1 - c->value[n]));
+            }
+            j->highest_pa = fmax(j->highest_pa, load * (c->constant_area ? 1 : 1 - begun));
+        }
+    }
+    j->lowest_pa = fmin(fmax(j->lowest_pa, 1e-3 * j->highest_pa), j->highest_pa);
+}
+
+static double largest_strain(int curves, const kn_curve *curve)
+{
+    double most = 0;
+    for (int k = 0; k < curves; k++)
+        for (int i = 0; i < curve[k].count; i++) most = fmax(most, curve[k].value[i]);
+    return most;
+}
+
+static double longest(int curves, const kn_curve *curve)
+{
+    double most = 0;
+    for (int k = 0; k < curves; k++) most = fmax(most, curve[k].time_s[curve[k].count - 1]);
+    return most;
+}
+
+static void bound(kn_fit *fit, const kn_joint *j, int curves, const kn_curve *curve)
+{
+    static const char *const name[] = {"k1", "c1", "alpha", "beta", "P0", "P1"};
+    double stiff = j->highest_pa / largest_strain(curves, curve), viscous = stiff * longest(curves, curve);
+    double top = j->highest_pa;
+    const double low[] = {1e-5 * stiff, 1e-8 * viscous, 1e-7 * viscous, 1e-3 / top, 0.1 * j->lowest_pa, j->lowest_pa};
+    const double high[] = {1e6 * stiff, 1e4 * viscous, 1e15 * viscous, 100 / top, top, 3 * top};
+    for (int i = 0; i < KN_JOINT_NUMBERS; i++)
+        fit->unknown[i] = (kn_fit_unknown){.name = name[i], .low = low[i], .high = high[i]};
+    fit->unknown[KN_JOINT_P0].value = j->lowest_pa;
+    fit->unknown[KN_JOINT_P1].value = top;
+    fit->unknown[KN_JOINT_P0].fixed = fit->unknown[KN_JOINT_P1].fixed = true;
+    fit->unknowns = KN_JOINT_NUMBERS;
+}
+
+// ---- the search
+
+static void values(const kn_fit *fit, double out[KN_FIT_UNKNOWNS])
+{
+    for (int i = 0; i < fit->unknowns; i++) out[i] = fit->unknown[i].value;
+}
+
+// Starts for k1, c1, alpha, beta: the two stages of the curve that was released under the largest load, and guesses
+// from the size of things. P0 and P1 stand where no reading meets them.
+static int guesses(const kn_fit *fit, const kn_joint *j, int curves, const kn_curve *curve,
+                   double start[4][KN_FIT_UNKNOWNS])
+{
+    double top = j->highest_pa, stiff = top / largest_strain(curves, curve), seconds = longest(curves, curve);
+    const kn_curve *best = NULL;
+    int count = 0;
+    for (int k = 0; k < curves; k++)
+        if (isfinite(kn_joint_release(&curve[k])) && (!best || curve[k].step[0].stress_pa > best->step[0].stress_pa))
+            best = &curve[k];
+    kn_stages s;
+    if (best && kn_stages_fit(&s, best)) {
+        values(fit, start[count]);
+        const kn_material *m = &s.material;
+        memcpy(start[count++], (double[]){m->k1_pa, m->c1_pa_s, m->alpha_pa_s, m->beta_per_pa}, 4 * sizeof(double));
+        kn_stages_free(&s);
+    }
+    for (int k = 0; k < 3; k++) {
+        double k1 = 3 * stiff, beta = (double[]){1, 4, 8}[k] / top;
+        values(fit, start[count]);
+        memcpy(start[count++], (double[]){k1, k1 * seconds / 20, stiff * seconds * exp(beta * top / 2), beta},
+               4 * sizeof(double));
+    }
+    return count;
+}
+
+// The two best of the starts come first; how many there are of them.
+static int best_two(kn_fit *fit, int starts, double start[4][KN_FIT_UNKNOWNS])
+{
+    double sum[4];
+    for (int k = 0; k < starts; k++) sum[k] = kn_fit_sum(fit, start[k]);
+    for (int k = 0; k < 2 && k < starts; k++)
+        for (int i = k + 1; i < starts; i++) {
+            if (!(sum[i] < sum[k]) && !(isnan(sum[k]) && !isnan(sum[i]))) continue;
+            double better[KN_FIT_UNKNOWNS], lower = sum[i];
+            memcpy(better, start[i], sizeof better);
+            memcpy(start[i], start[k], sizeof better);
+            memcpy(start[k], better, sizeof better);
+            sum[i] = sum[k];
+            sum[k] = lower;
+        }
+    return starts < 2 ? starts : 2;
+}
+
+// P1 let go from several shares of the largest stress; kept where that is better.
+static bool seek_p1(kn_fit *fit, const kn_joint *j)
+{
+    static const double share[] = {0.6, 0.8, 0.93};
+    double start[4][KN_FIT_UNKNOWNS];
+    int count = 0;
+    for (int k = 0; k < 3; k++) {
+        values(fit, start[count]);
+        start[count][KN_JOINT_P1] = share[k] * j->highest_pa;
+        if (start[count][KN_JOINT_P1] > 1.02 * fit->unknown[KN_JOINT_P0].value) count++;
+    }
+    values(fit, start[count]); // beyond the largest, where it has no gradient
+    start[count++][KN_JOINT_P1] = 1.1 * j->highest_pa;
+    fit->unknown[KN_JOINT_P1].fixed = false;
+    return kn_fit_run_from(fit, count, start);
+}
+
+// P0 let go from above the least stress, and kept there only where chance does not explain what that gains.
+static bool seek_p0(kn_fit *fit, const kn_joint *j, double confidence)
+{
+    kn_fit other = *fit;
+    double start[3][KN_FIT_UNKNOWNS], t = kn_fit_student(confidence, fit->freedom);
+    int count = 0;
+    for (int k = 0; k < 2; k++) {
+        values(fit, start[count]);
+        start[count][KN_JOINT_P0] = j->lowest_pa * (double[]){1.3, 2.5}[k];
+        if (start[count][KN_JOINT_P0] < 0.9 * fit->unknown[KN_JOINT_P1].value) count++;
+    }
+    other.unknown[KN_JOINT_P0].fixed = false;
+    if (count == 0 || !kn_fit_run_from(&other, count, start)) return true;
+    bool seen = fit->sum - other.sum > t * t * other.scale * other.scale;
+    seen = seen && other.unknown[KN_JOINT_P0].value > 1.001 * j->lowest_pa;
+    long spent = other.evaluations;
+    if (seen) *fit = other;
+    fit->evaluations = spent;
+    return true;
+}
+
+// ---- outliers
+
+static int by_size(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+// Deviations of one curve's readings from the fit, in units of their own median: 1 is what noise makes usual.
+static bool deviations(const joint_work *w, const kn_fit *fit, int k, double *out)
+{
+    const kn_curve *c = &w->curve[k];
+    double value[KN_FIT_UNKNOWNS], *size = malloc((size_t)c->count * sizeof *size);
+    values(fit, value);
+    kn_material m = material_of(value);
+    bool ok = size && kn_joint_predict(&m, c, w->late ? value[LATE + k] : 0, w->strain);
+    for (int i = 0; ok && i < c->count; i++) {
+        out[i] = (w->strain[i] - c->value[i]) * sqrt(c->weight[i]);
+        size[i] = fabs(out[i]);
+    }
+    if (ok) qsort(size, (size_t)c->count, sizeof *size, by_size);
+    double usual = ok ? fmax(1.4826 * size[c->count / 2], c->noise) : 1;
+    for (int i = 0; ok && i < c->count; i++) out[i] /= usual;
+    free(size);
+    return ok;
+}
+
+static int leave_out(kn_joint *j, const joint_work *w, const kn_fit *fit)
+{
+    int count = 0;
+    double *d = malloc((size_t)w->most * sizeof *d);
+    bool *left_out = w->left_out;
+    for (int k = 0; d && k < w->curves; left_out += w->curve[k++].count) {
+        int n = w->curve[k].count;
+        if (!deviations(w, fit, k, d)) continue;
+        for (int i = 0; i < n && j->outliers < KN_JOINT_OUTLIERS; i++) {
+            bool row = (i > 0 && fabs(d[i - 1]) > outlying / 2) || (i + 1 < n && fabs(d[i + 1]) > outlying / 2);
+            if (fabs(d[i]) <= outlying || row) continue;
+            left_out[i] = true;
+            j->outlier[j->outliers++] = (kn_joint_outlier){k, i, fabs(d[i])};
+            count++;
+        }
+    }
+    free(d);
+    return count;
+}
+
+// ---- what came of it
+
+static void interval(kn_joint *j, kn_fit *fit, int i, const kn_joint_options *opt)
+{
+    static const char *const unit[] = {"Pa", "Pa*s", "Pa*s", "1/Pa", "Pa", "Pa"};
+    const kn_fit_unknown *u = &fit->unknown[i];
+    kn_fit_interval known = {.low = u->low, .high = u->high, .open_low = true, .open_high = true};
+    if (i == KN_JOINT_P0 && u->fixed) { // how high could it be?
+        kn_fit free_of = *fit;
+        free_of.unknown[i].fixed = false;
+        free_of.unknown[i].low = 0.999 * j->lowest_pa; // all that lies below is as good
+        if (!opt->no_intervals) known = kn_fit_interval_by(&free_of, i, opt->confidence, KN_FIT_PROFILE);
+        fit->evaluations = free_of.evaluations;
+        known.open_low = true;
+    } else if (!opt->no_intervals) {
+        bool bent = i >= KN_JOINT_P0; // their likelihood has a kink at the end of what was measured
+        known = bent ? kn_fit_interval_by(fit, i, opt->confidence, KN_FIT_PROFILE)
+                     : kn_fit_interval_of(fit, i, opt->confidence);
+    }
+    kn_identified_take(&j->number[i], u->name, unit[i], u->value, known);
+}
+
+static void say(kn_joint *j)
+{
+    kn_identified *p0 = &j->number[KN_JOINT_P0], *p1 = &j->number[KN_JOINT_P1];
+    if (p0->known != KN_KNOWN)
+        snprintf(p0->words, sizeof p0->words,
+                 "no load went below %.4g Pa; taken as that, and not extrapolated: measure a smaller one",
+                 j->lowest_pa);
+    if (p1->known != KN_KNOWN)
+        snprintf(p1->words, sizeof p1->words,
+                 "the largest stress, %.4g Pa, did not last; a larger load, sampled faster at its start, would tell",
+                 j->highest_pa);
+    for (int i = KN_JOINT_K1; i <= KN_JOINT_BETA; i++) {
+        kn_identified *n = &j->number[i];
+        if (n->known == KN_AT_MOST)
+            snprintf(n->words, sizeof n->words, "these curves cannot tell it from 0");
+        else if (n->known == KN_AT_LEAST)
+            snprintf(n->words, sizeof n->words, "these curves cannot tell it from infinity");
+        else if (n->known == KN_UNKNOWN)
+            snprintf(n->words, sizeof n->words, "these curves do not depend on it alone");
+    }
+}
+
+static bool conclude(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_options *opt)
+{
+    double (*c)[KN_FIT_UNKNOWNS] = fit->covariance, value[KN_FIT_UNKNOWNS];
+    const int a = KN_JOINT_ALPHA, b = KN_JOINT_BETA;
+    for (int i = 0; i < KN_JOINT_NUMBERS; i++) interval(j, fit, i, opt);
+    values(fit, value);
+    j->material = material_of(value);
+    j->material.p1_pa = fmax(j->material.p1_pa, 1.0001 * j->material.p0_pa);
+    j->sum = fit->sum;
+    j->scale = fit->scale;
+    j->readings = fit->readings;
+    j->unknowns = fit->readings - fit->freedom;
+    j->evaluations = fit->evaluations;
+    j->alpha_beta = c[a][a] > 0 && c[b][b] > 0 ? c[a][b] / sqrt(c[a][a] * c[b][b]) : 0;
+    say(j);
+    const bool *left_out = w->left_out;
+    for (int k = 0; k < w->curves; left_out += w->curve[k++].count) {
+        const kn_curve *curve = &w->curve[k];
+        j->late_s[k] = w->late ? value[LATE + k] : 0;
+        if (!kn_joint_predict(&j->material, curve, j->late_s[k], w->strain)) return false;
+        double sum = 0, weight = 0;
+        int n = 0;
+        for (int i = 0; i < curve->count; i++) {
+            if (left_out[i]) continue;
+            w->strain[n] = w->strain[i] - curve->value[i];
+            sum += curve->weight[i] * w->strain[n] * w->strain[n];
+            weight += curve->weight[i];
+            n++;
+        }
+        j->rms[k] = sqrt(sum / weight);
+        j->runs[k] = kn_fit_runs(n, w->strain);
+    }
+    return true;
+}
+
+static bool search(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_options *opt)
+{
+    double start[4][KN_FIT_UNKNOWNS];
+    int starts = guesses(fit, j, w->curves, w->curve, start);
+    w->robust = true;
+    if (!kn_fit_run_from(fit, best_two(fit, starts, start), start) || !seek_p1(fit, j)) return false;
+    w->robust = false;
+    fit->readings -= leave_out(j, w, fit);
+    if (fit->readings <= KN_FIT_UNKNOWNS || !kn_fit_run(fit)) return false;
+    if (!seek_p0(fit, j, opt->confidence)) return false;
+    if (!opt->late || LATE + w->curves > KN_FIT_UNKNOWNS) return true;
+    w->late = true;
+    for (int k = 0; k < w->curves; k++)
+        fit->unknown[LATE + k] = (kn_fit_unknown){.name = "late", .low = -5, .high = 5, .linear = true};
+    fit->unknowns = LATE + w->curves;
+    return kn_fit_run(fit);
+}
+
+bool kn_joint_fit(kn_joint *joint, int curves, const kn_curve *curve, const kn_joint_options *opt)
+{
+    *joint = (kn_joint){.outliers = 0};
+    joint_work w = {.curves = curves, .curve = curve};
+    kn_fit fit = {.misfit = misfit, .of = &w};
+    for (int k = 0; k < curves; k++) {
+        fit.readings += curve[k].count;
+        w.most = curve[k].count > w.most ? curve[k].count : w.most;
+    }
+    w.strain = calloc((size_t)w.most + 1, sizeof *w.strain);
+    w.left_out = calloc((size_t)fit.readings + 1, sizeof *w.left_out);
+    visited(joint, curves, curve);
+    bound(&fit, joint, curves, curve);
+    bool ok = w.strain && w.left_out && fit.readings > KN_JOINT_NUMBERS;
+    ok = ok && search(joint, &w, &fit, opt) && conclude(joint, &w, &fit, opt);
+    free(w.strain);
+    free(w.left_out);
+    return ok;
+}

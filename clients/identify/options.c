@@ -1,0 +1,130 @@
+#include "clients/identify/options.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/number.h"
+#include "clients/knead/result.h"
+#include "core/scene/units.h"
+#include <getopt.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { LOAD = 256, STRESS, HEIGHT, AREA, RELEASE, STRAIN, UNITS, CONSTANT, LATE, NOISE, CUT, NO_MODELS, OUT, DENSITY,
+       REPORT, PNG, CSV, JSON, HELP };
+
+static const struct option list[] = {{"load", 1, 0, LOAD},       {"stress", 1, 0, STRESS},
+                                     {"height", 1, 0, HEIGHT},   {"area", 1, 0, AREA},
+                                     {"release", 1, 0, RELEASE}, {"strain", 1, 0, STRAIN},
+                                     {"units", 1, 0, UNITS},     {"constant-area", 0, 0, CONSTANT},
+                                     {"late", 0, 0, LATE},       {"noise", 1, 0, NOISE},
+                                     {"cut", 1, 0, CUT},         {"no-models", 0, 0, NO_MODELS},
+                                     {"out", 1, 0, OUT},         {"density", 1, 0, DENSITY},
+                                     {"report", 1, 0, REPORT},   {"png", 1, 0, PNG},
+                                     {"csv", 1, 0, CSV},         {"json", 0, 0, JSON},
+                                     {"help", 0, 0, HELP},       {0, 0, 0, 0}};
+
+// Whose these are; the others are everybody's.
+static bool has_option(char experiment, int option)
+{
+    static const struct {
+        int option;
+        const char *whose;
+    } own[] = {{LOAD, "c"},    {STRESS, "c"}, {RELEASE, "c"},   {LATE, "c"}, {HEIGHT, "cr"},
+               {AREA, "cr"},   {STRAIN, "r"}, {CONSTANT, "cr"}, {NOISE, "r"}, {CUT, "cr"},
+               {NO_MODELS, "cr"}};
+    for (size_t i = 0; i < sizeof own / sizeof *own; i++)
+        if (own[i].option == option) return strchr(own[i].whose, experiment);
+    return true;
+}
+
+static int bad(const kn_identify_options *opt, const char *name, const char *text, const char *expected)
+{
+    return kn_complain(opt->subcommand, KN_EXIT_USAGE, "--%s '%s': expected %s", name, text, expected);
+}
+
+// A quantity above 0.
+static int take(const kn_identify_options *opt, const char *name, const char *text, const char *unit_name,
+                const char *expected, double *value)
+{
+    kn_quantity q;
+    kn_unit unit;
+    char error[200];
+    kn_unit_parse(&unit, unit_name, error, sizeof error);
+    bool fits = kn_quantity_parse(&q, text, error, sizeof error);
+    bool bare_ok = !strcmp(unit_name, "s");
+    fits = fits && (q.bare ? bare_ok : kn_unit_same_dimension(&q.unit, &unit));
+    if (fits) *value = kn_quantity_in(&q, &unit);
+    return fits && *value > 0 && *value < 1e30 ? KN_EXIT_OK : bad(opt, name, text, expected);
+}
+
+static int take_strain(kn_identify_options *opt, const char *text)
+{
+    char share[40];
+    size_t n = strlen(text);
+    bool percent = n > 1 && n < sizeof share && text[n - 1] == '%';
+    snprintf(share, sizeof share, "%s", text);
+    if (percent) share[n - 1] = 0;
+    if (percent && n > 2 && share[n - 2] == ' ') share[n - 2] = 0;
+    if (!kn_number_take(share, 1e-6, percent ? 90 : 0.9, &opt->curve.strain))
+        return bad(opt, "strain", text, "a share of the height like 10% or 0.1, up to 90 %");
+    opt->curve.strain /= percent ? 100 : 1;
+    return KN_EXIT_OK;
+}
+
+static int take_option(kn_identify_options *opt, int option, const char *text)
+{
+    kn_curve_options *c = &opt->curve;
+    switch (option) {
+    case LOAD: return take(opt, "load", text, "N", "a weight or force like 50gf or '0.5 N'", &c->load_n);
+    case STRESS: return take(opt, "stress", text, "Pa", "a stress like '5 kPa'", &c->stress_pa);
+    case HEIGHT: return take(opt, "height", text, "m", "a length like '1 cm'", &c->height_m);
+    case AREA: return take(opt, "area", text, "m^2", "an area like '1 cm^2'", &c->area_m2);
+    case RELEASE: return take(opt, "release", text, "s", "a time like 60 or '60 s'", &c->release_s);
+    case STRAIN: return take_strain(opt, text);
+    case UNITS: c->units = text; return KN_EXIT_OK;
+    case CONSTANT: c->constant_area = true; return KN_EXIT_OK;
+    case LATE: opt->late = true; return KN_EXIT_OK;
+    case NOISE:
+        opt->constant_noise = !strcmp(text, "constant");
+        return opt->constant_noise || !strcmp(text, "relative") ? KN_EXIT_OK
+                                                                : bad(opt, "noise", text, "constant or relative");
+    case CUT: return take(opt, "cut", text, "s", "a time like 100 or '100 s'", &opt->cut_s);
+    case NO_MODELS: opt->no_models = true; return KN_EXIT_OK;
+    case OUT: opt->out = text; return KN_EXIT_OK;
+    case DENSITY:
+        return take(opt, "density", text, "kg/m^3", "a density like '1.2 g/cm^3'", &opt->density_kg_m3);
+    case REPORT: opt->report = text; return KN_EXIT_OK;
+    case PNG: opt->png = text; return KN_EXIT_OK;
+    case CSV: opt->csv = text; return KN_EXIT_OK;
+    default: kn_result_open(); return KN_EXIT_OK;
+    }
+}
+
+int kn_identify_options_parse(kn_identify_options *opt, const char *subcommand, char experiment, const char *help,
+                              int argc, char **argv, bool *done)
+{
+    *opt = (kn_identify_options){.subcommand = subcommand, .curve.subcommand = subcommand};
+    opt->file = calloc((size_t)argc, sizeof *opt->file);
+    if (!opt->file) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
+    optind = 1;
+    for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
+        if (c == HELP) {
+            fputs(help, stdout);
+            *done = true;
+            return KN_EXIT_OK;
+        }
+        if (c == '?' || c == ':' || !has_option(experiment, c)) {
+            const char *written = c == '?' || c == ':' || !optarg ? argv[optind - 1] : argv[optind - 2];
+            return kn_complain(subcommand, KN_EXIT_USAGE, "%s: %s", written,
+                               c == ':' ? "expected a value" : "unknown option; --help lists them");
+        }
+        int code = take_option(opt, c, optarg);
+        if (code != KN_EXIT_OK) return code;
+    }
+    for (int i = optind; i < argc; i++) opt->file[opt->files++] = argv[i];
+    if (opt->files == 0)
+        return kn_complain(subcommand, KN_EXIT_USAGE, "expected a file of readings, CSV; --help tells its columns");
+    return KN_EXIT_OK;
+}
+
+void kn_identify_options_free(kn_identify_options *opt) { free(opt->file); }

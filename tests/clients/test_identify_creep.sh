@@ -1,0 +1,93 @@
+#!/usr/bin/env bash
+# knead identify creep: from the curves of knead creep back to its dough, what it says it does not know, and bad input.
+set -u
+. "$KN_SOURCE/tests/clients/refuses.sh"
+ok() { echo "ok   $1"; }
+no() { fail "$1"; }
+
+# curves LOAD[,LOAD]... NOISE: LOADgf.csv as an instrument writes them, every 0.3 s
+curves() {
+    knead creep dough --load "$1" --csv all.csv >creep.txt || exit 1
+    awk -F, -v share="$2" 'BEGIN { srand(7) }
+        function normal(   s, i) { s = -6; for (i = 0; i < 12; i++) s += rand(); return s }
+        NR > 1 { g = sprintf("%.0f", $1 / 0.00980665)
+                 t[g, n[g]] = $2; x[g, n[g]++] = $3; if ($3 > most[g]) most[g] = $3 }
+        END { for (g in n) { file = g "gf.csv"
+            printf "# load: %s gf\n# height: 1 cm\n# area: 1 cm^2\n# release: 60 s\ntime [s],displacement [mm]\n", g > file
+            for (i = 2; i < n[g]; i++) printf "%.3f,%.5f\n", t[g, i], 10 * (x[g, i] + share * most[g] * normal()) > file
+            close(file) } }' all.csv
+}
+files="10gf.csv 30gf.csv 50gf.csv 70gf.csv 90gf.csv"
+
+curves 10gf,30gf,50gf,70gf,90gf 0.01
+knead identify creep $files --out dough.yaml --csv fit.csv --json >o.json 2>err || no "five loads: $(cat err)"
+python3 - <<'PY' && ok "five loads, 1 % of noise: k1, c1, alpha, beta within 2 %, P1 within 5 %, P0 bounded" || no "five loads"
+import json, sys
+n = json.load(open("o.json"))["numbers"]
+truth = {"k1": 46091.26, "c1": 245166.25, "alpha": 8002226.4, "beta": 8.31069e-4, "P1": 7845.32}
+for name, value in truth.items():
+    bound = 0.05 if name == "P1" else 0.02
+    assert n[name]["known"] == "known" and abs(n[name]["value"] / value - 1) < bound, (name, n[name])
+    assert n[name]["low"] < n[name]["value"] < n[name]["high"]
+assert n["P0"]["known"] == "at_most" and 900 < n["P0"]["high"] < 1000 and n["P0"]["low"] is None and n["P0"]["words"]
+PY
+[ "$(wc -l <fit.csv)" -gt 2900 ] && head -1 fit.csv | grep -q '^curve,time_s,strain,fit_strain,stress_pa,readings$' &&
+    ok "--csv: readings and fit" || no "--csv"
+
+cp "$KN_SOURCE/core/scenes/dough-small.yaml" scene.yaml && sed -i 's/^material: .*/material: dough.yaml/' scene.yaml
+knead check scene.yaml >check.txt 2>err && ok "a scene loads what --out wrote" || no "scene: $(cat err)"
+knead creep scene.yaml --load 50gf --json >back.json && python3 - <<'PY' && ok "and creeps as the dough did" || no "creeps back"
+import json
+assert abs(json.load(open("back.json"))["loads"][0]["height_m"] - 0.005266) < 5e-5
+PY
+
+knead identify creep 50gf.csv >one.txt 2>err || no "one load: $(cat err)"
+grep -q '^P0 *<= ' one.txt && grep -q '^P1 *>= ' one.txt && grep -q 'cannot be told from P0 and P1' one.txt &&
+    grep -q 'known together, not apart' one.txt && ok "one load: says what it cannot know" || no "one load"
+
+# the same readings as other programs write them, shuffled, some missing, one far off, give the same numbers
+python3 - <<'PY'
+import random
+random.seed(5)
+lines = open("50gf.csv").read().split("\n")
+rows = [l for l in lines[5:] if l]
+random.shuffle(rows)
+rows[3] = rows[3].split(",")[0] + ",nan"
+rows[4] = rows[4].split(",")[0] + ","
+t, x = rows[9].split(",")
+rows[9] = "%s,%.5f" % (t, float(x) + 2)
+head = "time;displacement\r\ns;mm\r\n"
+open("odd.csv", "w", encoding="utf-8", newline="").write(
+    "\ufeff# load: 50 gf\r\n# height: 10 mm\r\n# area: 100 mm^2\r\n# release: 1 min\r\n" + head +
+    "".join(r.replace(",", ";").replace(".", ",") + "\r\n" for r in rows))
+PY
+knead identify creep odd.csv >odd.txt 2>err || no "odd: $(cat err)"
+grep -q 'odd.csv:[0-9]*:1: left out, .* standard deviations' odd.txt && ok "the outlier is left out, by its line" || no "outlier"
+best() { awk -v n="$1" '$1 == n { print $2; exit }' "$2"; }
+near() { awk -v a="$(best "$1" one.txt)" -v b="$(best "$1" odd.txt)" 'BEGIN { exit !(a > 0 && b / a < 1.01 && b / a > 0.99) }'; }
+near k1 && near c1 && near alpha && near beta && ok "shuffled, missing, semicolons, decimal commas, Windows: the same numbers" ||
+    no "odd numbers"
+
+sed 's/^# release.*//' 50gf.csv | awk -F, 'NR < 6 || $1 <= 60' >held.csv
+knead identify creep held.csv >held.txt 2>err && grep -q 'never taken off' held.txt &&
+    ok "a load that was never taken off is said" || no "never released: $(cat err)"
+
+refuses 2 "knead identify creep: expected a file of readings, CSV; --help tells its columns" identify creep
+: >empty.csv
+refuses 2 "knead identify creep: empty.csv: is empty, expected a table" identify creep empty.csv
+printf 'time,displacement\n0,1\n1,2\n' >unitless.csv
+refuses 2 "unitless.csv:1:1: time has no unit, expected one, e.g. 'time [s]', or --units 'time=s'" \
+    identify creep unitless.csv --load 50gf --height 1cm --area 1cm^2
+printf '# load: 50 gf\n# height: 1 cm\n# area: 1 cm^2\ntime (s),displacement (mm)\n' >zero.csv
+for i in $(seq 1 30); do echo "$i,0"; done >>zero.csv
+refuses 2 "zero.csv:5:1: displacement is 0 in all readings, expected one that changes" identify creep zero.csv
+sed 's/^1,.*/1,11/; s/,0$/,12/' zero.csv >beyond.csv
+refuses 2 "beyond.csv:5:1: strain of 1.1, more than the whole height: is the height right? expected less than 1" \
+    identify creep beyond.csv
+refuses 2 "knead identify creep: --load '0': expected a weight or force like 50gf or '0.5 N'" identify creep 50gf.csv --load 0
+refuses 2 "knead identify creep: --height '5 s': expected a length like '1 cm'" identify creep 50gf.csv --height '5 s'
+refuses 2 "knead identify creep: --bogus: unknown option; --help lists them" identify creep 50gf.csv --bogus
+refuses 2 "knead identify creep: 50gf.csv: is there and was not written by knead identify; expected another name" \
+    identify creep 50gf.csv --out 50gf.csv
+[ "$(head -1 50gf.csv)" = "# load: 50 gf" ] && ok "and it is as it was" || no "50gf.csv was changed"
+exit $failed
