@@ -150,7 +150,8 @@ int kn_curve_order(kn_curve_file *f, kn_readings *r, const char *name)
     if (moved > 0) kn_curve_say(f, "the rows are not in the order of time: %d moved", moved);
     int merged = moved < 0 ? -1 : kn_readings_merge(r);
     if (merged < 0) return kn_complain(f->sheet.subcommand, KN_EXIT_DEVICE, "%s: out of memory", f->sheet.file);
-    if (merged > 0) kn_curve_say(f, "%d readings have the time of another: averaged", merged);
+    if (merged > 0)
+        kn_curve_say(f, "%d reading%s the time of another: averaged", merged, merged > 1 ? "s have" : " has");
     return check_enough(f, r, name);
 }
 
@@ -166,9 +167,12 @@ void kn_curve_upright(const kn_curve_file *f, int count, double *value, const ch
 double kn_curve_begin(const kn_curve_file *f, const kn_readings *r)
 {
     if (isfinite(f->begin_s)) return f->begin_s;
-    const int few = r->count < 20 ? r->count - 1 : 19;
-    const double usual = few > 0 ? (r->time_s[few] - r->time_s[0]) / few : 0;
-    return r->time_s[0] >= 0 && r->time_s[0] <= 5 * usual ? 0 : r->time_s[0];
+    const double first = r->time_s[0], span = r->time_s[r->count - 1] - first;
+    if (first <= span) return 0; // before it, too: then there are readings before the load
+    kn_curve_say(
+        f, "time counts from long before, from its first reading, %.6g s, on here; a note '# begin:' knows better",
+        first);
+    return first;
 }
 
 // ---- curves
@@ -241,6 +245,16 @@ static double given(double option)
     return option > 0 ? option : NAN;
 }
 
+static int bad_note(const kn_curve_file *f, const char *key)
+{
+    const kn_sheet *s = &f->sheet;
+    int n = 0;
+    while (strcmp(s->note[n].key, key) != 0) n++;
+    return kn_sheet_complain(s, s->note[n].line, s->note[n].at, "%s of %s, expected one above 0", key,
+                             s->note[n].value);
+}
+
+// A file knows itself better than options do, which are of all files.
 static int take_notes(kn_curve_file *f)
 {
     const kn_curve_options *o = f->opt;
@@ -249,24 +263,20 @@ static int take_notes(kn_curve_file *f)
         double *value, option;
     } notes[] = {{"height", "m", &f->height_m, o->height_m},    {"area", "m^2", &f->area_m2, o->area_m2},
                  {"load", "N", &f->load_n, o->load_n},          {"stress", "Pa", &f->stress_pa, o->stress_pa},
-                 {"release", "s", &f->release_s, o->release_s}, {"begin", "s", &f->begin_s, 0},
-                 {"strain", "1", &f->strain, o->strain}};
-    for (size_t i = 0; i < sizeof notes / sizeof *notes; i++) {
-        const double option = given(notes[i].option);
+                 {"release", "s", &f->release_s, o->release_s}, {"strain", "1", &f->strain, o->strain}};
+    int code = KN_EXIT_OK;
+    for (size_t i = 0; i < sizeof notes / sizeof *notes && code == KN_EXIT_OK; i++) {
         *notes[i].value = NAN;
-        int code = kn_sheet_note_take(&f->sheet, notes[i].key, notes[i].unit, notes[i].value);
-        if (code != KN_EXIT_OK) return code;
-        const bool bad = strcmp(notes[i].key, "begin") != 0 && *notes[i].value <= 0;
-        for (int n = 0; bad && n < f->sheet.notes; n++)
-            if (!strcmp(f->sheet.note[n].key, notes[i].key))
-                return kn_sheet_complain(&f->sheet, f->sheet.note[n].line, f->sheet.note[n].at,
-                                         "%s of %s, expected one above 0", notes[i].key, f->sheet.note[n].value);
-        if (isfinite(option)) *notes[i].value = option;
+        code = kn_sheet_note_take(&f->sheet, notes[i].key, notes[i].unit, notes[i].value);
+        if (code == KN_EXIT_OK && *notes[i].value <= 0) code = bad_note(f, notes[i].key);
+        if (isnan(*notes[i].value)) *notes[i].value = given(notes[i].option);
     }
+    f->begin_s = NAN;
+    if (code == KN_EXIT_OK) code = kn_sheet_note_take(&f->sheet, "begin", "s", &f->begin_s);
     f->constant_area = o->constant_area;
     for (int n = 0; n < f->sheet.notes; n++)
         f->constant_area |= !strcmp(f->sheet.note[n].key, "section") && !strcmp(f->sheet.note[n].value, "constant");
-    return KN_EXIT_OK;
+    return code;
 }
 
 // Notes stand above the table or below it: they are taken once all rows are there.

@@ -3,14 +3,15 @@
 // Measured curves out of CSV files as rheometers, texture analysers and spreadsheets write them (sheet.h reads the
 // text), in SI, in the order of time, and thinned to what a fit needs. Whatever was done to the readings is said.
 //
-//     creep   time and strain | displacement | height | compliance; the load from a column load | stress, whose changes
-//             are the steps, or from the notes or options. Several curves in a file: columns headed by their loads
-//             ("10 gf [mm]"), or one below the other, time beginning anew with another load (`knead creep --csv`)
+//     creep   time and strain | displacement | height | compliance; the load from a column load | stress, whose
+//             changes are the steps, or from the notes or options. Several curves in a file: columns headed by their
+//             loads ("10 gf [mm]"), or one below the other, time beginning anew with another load (`knead creep --csv`)
 //     relax   time and stress | load | modulus; perhaps strain | displacement | height
 //     sweep   frequency, Hz or rad/s, and storage and loss modulus, or |modulus| and tan delta | phase angle
 //
 // Notes, lines "# key: value" anywhere in a file: load, stress, height, area, release (when the load was taken off),
-// begin (when it came; relax: when the strain was reached), strain, section: constant. Options go before notes.
+// begin (when it came; relax: when the strain was reached), strain, section: constant. A file's notes go before the
+// options, which are of all files.
 //
 // Readings are left out before the load, while it changes, and where they are missing; those of one time are averaged;
 // more than KN_CURVE_READINGS are thinned, never across a change of load: neighbours whose times since the last change
@@ -29,15 +30,15 @@
 
 typedef enum kn_curve_kind {
     KN_CURVE_CREEP, // value: strain. The load is known: step[]
-    KN_CURVE_RELAX, // value: stress, Pa; or modulus, Pa, where no strain is known. other: the strain, or strain: held
+    KN_CURVE_RELAX, // value: stress, Pa; or modulus, Pa, where no strain is known. The strain: other, or held
     KN_CURVE_SWEEP  // value: G', other: G'', Pa; time_s is the frequency, Hz
 } kn_curve_kind;
 
 typedef struct kn_curve_step { // a load from a moment on
     double time_s;
     double stress_pa;       // load over S0: the nominal stress W/S0
-    double early_s, late_s; // time_s is the middle of the two readings between which it came; both are time_s where it is
-                            // known
+    double early_s, late_s; // the readings between which it came; time_s is where the lines on either side of it meet,
+                            // their middle where the noise is too large for that. Both are time_s where it is known
 } kn_curve_step;
 
 typedef struct kn_curve {
@@ -45,7 +46,7 @@ typedef struct kn_curve {
     char name[KN_CURVE_NAME]; // of the file without folder and ending, and of the column where a file has several
     const char *file;         // as given
     int count;
-    double *time_s; // rising; creep: 0 is when the first load came
+    double *time_s; // rising, two may be equal where the value jumps; creep: 0 is when the first load came
     double *value;
     double *other;  // sweep: loss modulus; relax: strain, NULL where it is not in the file
     double *weight; // how many readings each stands for, >= 1

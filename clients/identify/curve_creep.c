@@ -158,6 +158,20 @@ static void to_nominal(kn_curve_file *f, kn_readings *r, bool *constant)
     free(nominal);
 }
 
+// The strain is continuous, only its slope jumps with the load: the load came where the lines through the readings on
+// either side meet. Where noise hides that, in the middle between the readings.
+static double moment(const kn_readings *r, const kn_load_step *s, double noise)
+{
+    const double *t = r->time_s + s->begin, *x = r->value + s->begin, middle = 0.5 * (s->early_s + s->late_s);
+    const int a = s->begin - 1;
+    if (a < 1 || s->begin + 2 >= s->end || !isfinite(x[-1]) || !isfinite(x[-2]) || t[-1] != s->early_s) return middle;
+    const double before = (x[-1] - x[-2]) / (t[-1] - t[-2]), next = (x[1] - x[0]) / (t[1] - t[0]);
+    const double after = 2 * next - (x[2] - x[1]) / (t[2] - t[1]); // it falls off at once
+    const double jump = after - before, meet = t[0] - (x[0] - x[-1] - before * (t[0] - t[-1])) / jump;
+    if (!(4 * noise < 0.25 * fabs(jump) * (s->late_s - s->early_s))) return middle;
+    return fmin(fmax(meet, s->early_s), s->late_s);
+}
+
 static int steps_of_column(kn_curve_file *f, kn_readings *r, kn_role load_is, kn_curve *c)
 {
     kn_load_steps found;
@@ -168,6 +182,7 @@ static int steps_of_column(kn_curve_file *f, kn_readings *r, kn_role load_is, kn
         to_nominal(f, r, &c->constant_area);
     else
         for (int i = 0; i < r->count; i++) r->load[i] /= f->area_m2;
+    const double noise = kn_curve_noise(r->count, r->time_s, r->value);
     kn_load_steps_find(&found, r);
     if (found.count == 0)
         return kn_sheet_complain(&f->sheet, r->line[0], 1, "the %s changes more than %d times, expected steps",
@@ -182,7 +197,7 @@ static int steps_of_column(kn_curve_file *f, kn_readings *r, kn_role load_is, kn
             return kn_sheet_complain(&f->sheet, r->line[s->begin], 1, "%s of %g, expected none below 0",
                                      kn_role_name(load_is), s->load);
         const bool first = i == 0; // there is no reading before the load
-        const double begin = first ? kn_curve_begin(f, r) : 0.5 * (s->early_s + s->late_s);
+        const double begin = first ? kn_curve_begin(f, r) : moment(r, s, noise);
         if (c->steps == KN_CURVE_STEPS) break;
         c->step[c->steps++] = (kn_curve_step){begin, s->load, first ? begin : s->early_s, first ? begin : s->late_s};
     }
@@ -206,7 +221,7 @@ static int step_of_notes(kn_curve_file *f, kn_readings *r, kn_role what, double 
         if (code != KN_EXIT_OK) return code;
         stress_pa = load_n / f->area_m2;
     }
-    const double begin = isfinite(f->begin_s) ? f->begin_s : r->time_s[0] > 0 ? kn_curve_begin(f, r) : 0;
+    const double begin = kn_curve_begin(f, r);
     c->step[c->steps++] = (kn_curve_step){begin, stress_pa, begin, begin};
     return KN_EXIT_OK;
 }

@@ -95,6 +95,19 @@ static int keep_hold(kn_curve_file *f, kn_readings *r, kn_curve *c)
     return KN_EXIT_OK;
 }
 
+// Without a column of strain: where the stress is largest, if it rises to there.
+static double begin_of_hold(const kn_curve_file *f, const kn_readings *r)
+{
+    int peak = 0;
+    for (int i = 0; i < r->count; i++)
+        if (r->value[i] > r->value[peak]) peak = i;
+    if (isfinite(f->begin_s) || r->value[0] > 0.8 * r->value[peak] || r->count - peak < KN_CURVE_LEAST)
+        return kn_curve_begin(f, r);
+    kn_curve_say(f, "rises until %.5g s: the strain is taken as reached there; a note '# begin:' knows better",
+                 r->time_s[peak]);
+    return r->time_s[peak];
+}
+
 static int take_strain(kn_curve_file *f, kn_readings *r, const columns *cols, kn_curve *c)
 {
     if (r->other) {
@@ -105,7 +118,7 @@ static int take_strain(kn_curve_file *f, kn_readings *r, const columns *cols, kn
     if (c->strain >= 1)
         return kn_complain(f->sheet.subcommand, KN_EXIT_USAGE, "%s: strain of %g, expected less than 1, like 10 %%",
                            f->sheet.file, c->strain);
-    c->begin_s = kn_curve_begin(f, r);
+    c->begin_s = begin_of_hold(f, r);
     int before = 0;
     while (before < r->count && r->time_s[before] < c->begin_s) before++;
     if (before > 0)

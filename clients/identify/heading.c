@@ -6,6 +6,8 @@
 #include <string.h>
 #include <strings.h>
 
+#define GRAVITY 9.80665 // m/s^2, by which a mass is a weight: that of core/scene/units.h
+
 // ---- units
 
 // What units.h does not have, since a scene needs no second way to say it.
@@ -256,7 +258,9 @@ bool kn_heading_quantity(const char *text, const char *unit, double *value, char
         return snprintf(error, error_size, "'%.24s' has no unit, expected e.g. %.20s %s", text, number, unit), false;
     if (bare) return true;
     if (!kn_measure_parse(&m, text + n, error, error_size)) return false;
-    if (!kn_measure_is(&m, unit))
+    if (!strcmp(unit, "N") && kn_measure_is(&m, "kg"))
+        *value *= GRAVITY;
+    else if (!kn_measure_is(&m, unit))
         return snprintf(error, error_size, "'%.24s' is not in units of %s", text, unit), false;
     *value = kn_measure_si(&m, *value);
     return true;

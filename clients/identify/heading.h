@@ -35,6 +35,7 @@ void kn_heading_read(kn_heading *h, const char *text); // always gives a name, i
 
 // "50 gf", "0,5 cm", "10 %", "1 min" -> SI in the dimension of unit. A number without a unit is one only if unit is
 // "1".
+// A weight may be a mass: in N, "50 g" is 50 gf.
 bool kn_heading_quantity(const char *text, const char *unit, double *value, char *error, size_t error_size);
 
 #endif

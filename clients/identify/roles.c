@@ -117,9 +117,6 @@ static bool load_in(const char *name, double *load_n)
         while (isalpha((unsigned char)at[end])) end++;
         snprintf(text, sizeof text, "%.*s", (int)end, at);
         if (kn_heading_quantity(text, "N", load_n, error, sizeof error) && *load_n > 0) return true;
-        if (!kn_heading_quantity(text, "kg", load_n, error, sizeof error) || !(*load_n > 0)) continue;
-        *load_n *= 9.80665;
-        return true;
     }
     return false;
 }

@@ -16,6 +16,7 @@
 // Every function that can fail does so after one line of complaint, with an exit code.
 #include "clients/identify/heading.h"
 #include "clients/identify/lines.h"
+#include "clients/identify/note.h"
 
 #define KN_SHEET_COLUMNS 128
 #define KN_SHEET_NOTES 32
@@ -28,18 +29,13 @@ typedef struct kn_sheet_column {
     double *value; // of each row, SI; NAN: missing; NULL: not asked for
 } kn_sheet_column;
 
-typedef struct kn_sheet_note { // "# load: 50 gf"
-    char key[32], value[64];
-    int line, at;
-} kn_sheet_note;
-
 typedef struct kn_sheet {
     const char *file, *subcommand;
     int columns, rows;
     kn_sheet_column column[KN_SHEET_COLUMNS];
     int *line; // of each row
     int notes;
-    kn_sheet_note note[KN_SHEET_NOTES];
+    kn_note note[KN_SHEET_NOTES];
     int header_line;
     bool commas; // were decimal ones
     // private

@@ -1,0 +1,112 @@
+#include "clients/identify/header.h"
+#include "clients/identify/cell.h"
+#include "clients/identify/heading.h"
+#include "clients/identify/note.h"
+#include <stdio.h>
+#include <string.h>
+
+static char separator_of(const char *line)
+{
+    return strchr(line, '\t') ? '\t' : strchr(line, ';') ? ';' : strchr(line, ',') ? ',' : ' ';
+}
+
+typedef struct census { // of a line
+    int cells, numbers, missing;
+    bool first; // is a number
+} census;
+
+static census count_cells(const char *line, char separator)
+{
+    census n = {0};
+    kn_cell c;
+    double value;
+    bool ignored;
+    for (const char *at = line; kn_cell_next(separator, &at, &c); n.cells++) {
+        kn_cell_content is = kn_cell_read(&c, separator, &value, &ignored, &ignored);
+        n.numbers += is == KN_CELL_NUMBER;
+        n.first |= n.cells == 0 && is == KN_CELL_NUMBER;
+        n.missing += is == KN_CELL_MISSING;
+    }
+    return n;
+}
+
+typedef struct search {
+    int header, commented; // lines that may hold the names; 0: none yet
+    char separator, commented_separator;
+    int cells, commented_cells;
+    int data; // the first line of numbers
+} search;
+
+// Whether the line is a row of numbers below such names: most of it are, and it has no more cells than they. One number
+// after a word is not: "Diameter;25" stands before tables.
+static bool is_row(const char *line, char separator, int cells)
+{
+    census n = count_cells(line, separator);
+    if (n.numbers == 0 || (n.numbers == 1 && !n.first && n.cells > 1 && n.missing == 0)) return false;
+    return 2 * (n.numbers + n.missing) >= n.cells && n.cells - n.missing <= cells;
+}
+
+static void look_at(search *found, const kn_lines *l)
+{
+    const char *line = l->text + strspn(l->text, " \t");
+    kn_note note;
+    const bool comment = *line == '#';
+    if (comment) line += strspn(line, "# \t");
+    if (!*line || (comment && kn_note_read(l->text, 0, &note))) return;
+    const char separator = separator_of(line);
+    const census n = count_cells(line, separator);
+    if (!comment && ((found->header && is_row(line, found->separator, found->cells)) ||
+                     (found->commented && is_row(line, found->commented_separator, found->commented_cells)))) {
+        found->data = l->number;
+        return;
+    }
+    if (n.numbers > 0 || n.cells - n.missing < 2) return;
+    if (comment) {
+        found->commented = l->number;
+        found->commented_separator = separator;
+        found->commented_cells = n.cells;
+    } else {
+        found->header = l->number;
+        found->separator = separator;
+        found->cells = n.cells;
+    }
+}
+
+bool kn_header_is_units(const char *line, char separator)
+{
+    int units = 0, others = 0;
+    kn_cell c;
+    for (const char *at = line; kn_cell_next(separator, &at, &c);) {
+        char text[KN_HEADING_NAME];
+        kn_measure m;
+        if (c.length == 0) continue;
+        if (strchr("([", *c.text) && c.length > 2) c.text++, c.length -= 2;
+        snprintf(text, sizeof text, "%.*s", c.length, c.text);
+        if (kn_measure_parse(&m, text, NULL, 0))
+            units++;
+        else
+            others++;
+    }
+    return units > 0 && units >= others;
+}
+
+bool kn_header_find(kn_header *header, kn_lines *lines)
+{
+    search found = {0}, before = {0};
+    int units = 0;
+    while (!found.data && kn_lines_next(lines)) {
+        const search was = found;
+        look_at(&found, lines);
+        if (found.header == was.header) continue;
+        before = was;
+        if (kn_header_is_units(lines->text, found.separator)) units = found.header;
+    }
+    const bool below = units > 0 && units == found.header && before.header > 0;
+    if (below)
+        *header = (kn_header){before.header, units, before.separator};
+    else if (found.header)
+        *header = (kn_header){found.header, 0, found.separator};
+    else
+        *header = (kn_header){found.commented, 0, found.commented_separator};
+    return found.data > 0;
+}
