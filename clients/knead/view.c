@@ -4,7 +4,7 @@
 #include "clients/knead/lineup.h"
 #include "clients/knead/view_film.h"
 #include "clients/viewer/image.h"
-#include "clients/viewer/range.h"
+#include "clients/viewer/range_file.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -42,23 +42,6 @@ static int picture(const kn_view_options *o)
 
 // ---- a range image
 
-enum { TEXTS = 7 };
-
-static bool write_range(const kn_view_options *o, const kn_range *r, const char *caption, const uint16_t *level,
-                        char *error, size_t error_size)
-{
-    char step[32], pixel[32], left[32], top[32];
-    snprintf(step, sizeof step, "%.9g", 1e3 * r->step_m);
-    snprintf(pixel, sizeof pixel, "%.9g", 1e3 * r->pixel_m);
-    snprintf(left, sizeof left, "%.9g", 1e3 * r->left_m);
-    snprintf(top, sizeof top, "%.9g", 1e3 * r->top_m);
-    const kn_image_text text[TEXTS] = {
-        {"Software", "knead " KN_VERSION}, {"Title", caption},
-        {"Description", "Range image from above: 0 is nothing there, else height_mm = step_mm * (value - 1)"},
-        {"step_mm", step}, {"pixel_mm", pixel}, {"left_mm", left}, {"top_mm", top}};
-    return kn_image_write_gray16(o->depth, r->width, r->height, level, r->pixel_m, TEXTS, text, error, error_size);
-}
-
 static int range_image(const kn_view_options *o)
 {
     char error[400];
@@ -72,7 +55,7 @@ static int range_image(const kn_view_options *o)
         const float(*rest)[3] = (const float(*)[3])s->rest, (*now)[3] = (const float(*)[3])s->now;
         kn_range r = kn_range_frame(o->width, o->height, s->vertex_count, rest, now);
         kn_range_draw(&r, now, s->triangle_count, (const int(*)[3])s->triangle, level);
-        if (!write_range(o, &r, s->caption, level, error, sizeof error))
+        if (!kn_range_save(o->depth, &r, s->caption, level, error, sizeof error))
             code = kn_complain("view", KN_EXIT_DEVICE, "%s", error);
         else
             printf("%s: %d x %d, %s; height above the table = %g mm * (value - 1), 0: nothing there; pixel %g mm; "

@@ -1,8 +1,11 @@
 #include "clients/viewer/image.h"
 #include "clients/viewer/beside.h"
+#include <errno.h>
 #include <math.h>
 #include <png.h>
 #include <setjmp.h>
+#include <stdlib.h>
+#include <string.h>
 
 bool kn_image_write_png(const char *path, int width, int height, const uint8_t *rgba, char *error, size_t error_size)
 {
@@ -68,4 +71,89 @@ bool kn_image_write_gray16(const char *path, int width, int height, const uint16
     snprintf(error, error_size, "%s: %s", path, c.words);
     kn_beside_drop(&out);
     return false;
+}
+
+// ---- and back
+
+static bool fits(png_structp png, png_infop info, int most, char *words, size_t size)
+{
+    const unsigned wide = png_get_image_width(png, info), high = png_get_image_height(png, info);
+    const int depth = png_get_bit_depth(png, info), type = png_get_color_type(png, info);
+    if (depth != 16 || type != PNG_COLOR_TYPE_GRAY)
+        snprintf(words, size, "%d bits of %s, expected 16 bits of grey", depth,
+                 type == PNG_COLOR_TYPE_GRAY      ? "grey"
+                 : type == PNG_COLOR_TYPE_PALETTE ? "a palette"
+                                                  : "colour");
+    else if (wide > (unsigned)most || high > (unsigned)most)
+        snprintf(words, size, "%u x %u pixels, expected at most %d on a side", wide, high, most);
+    else
+        return true;
+    return false;
+}
+
+static void find_texts(png_structp png, png_infop info, int count, kn_image_found *text)
+{
+    png_textp there;
+    const int all = png_get_text(png, info, &there, NULL);
+    for (int i = 0; i < count; i++) {
+        text[i].text[0] = '\0';
+        for (int k = 0; k < all; k++)
+            if (!strcmp(there[k].key, text[i].key)) snprintf(text[i].text, sizeof text[i].text, "%s", there[k].text);
+    }
+}
+
+// Nothing of it is needed after a longjmp but *level, which the caller frees.
+static bool read_gray16(png_structp png, png_infop info, FILE *file, int most, int *width, int *height,
+                        uint16_t **level, char *words, size_t size)
+{
+    png_init_io(png, file);
+    png_set_sig_bytes(png, 8);
+    png_read_info(png, info);
+    if (!fits(png, info, most, words, size)) return false;
+    *width = (int)png_get_image_width(png, info);
+    *height = (int)png_get_image_height(png, info);
+    *level = malloc((size_t)*width * (size_t)*height * sizeof **level);
+    if (!*level) return snprintf(words, size, "out of memory"), false;
+#if __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
+    png_set_swap(png);
+#endif
+    const int passes = png_set_interlace_handling(png);
+    png_read_update_info(png, info);
+    for (int pass = 0; pass < passes; pass++)
+        for (int y = 0; y < *height; y++) png_read_row(png, (png_bytep)(*level + (size_t)y * (size_t)*width), NULL);
+    png_read_end(png, info);
+    return true;
+}
+
+bool kn_image_read_gray16(const char *path, int most, int *width, int *height, uint16_t **level, double *pixel_m,
+                          int text_count, kn_image_found *text, char *error, size_t error_size)
+{
+    complaint c = {.words = "out of memory"};
+    png_byte head[8] = {0};
+    FILE *file = fopen(path, "rb");
+    *level = NULL;
+    errno = file ? 0 : errno;
+    const bool whole = file && fread(head, 1, sizeof head, file) == sizeof head;
+    if (!whole || png_sig_cmp(head, 0, sizeof head) != 0) {
+        snprintf(error, error_size, "%s: %s", path, errno ? strerror(errno) : "is no PNG, expected a range image");
+        if (file) fclose(file);
+        return false;
+    }
+    png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &c, give_up, stay_calm);
+    png_infop info = png ? png_create_info_struct(png) : NULL;
+    volatile bool read = false;
+    if (info && setjmp(c.leave) == 0)
+        read = read_gray16(png, info, file, most, width, height, level, c.words, sizeof c.words);
+    if (read) {
+        const png_uint_32 per_m = png_get_pixels_per_meter(png, info);
+        *pixel_m = per_m > 0 ? 1.0 / per_m : 0;
+        find_texts(png, info, text_count, text);
+    } else {
+        snprintf(error, error_size, "%s: %s", path, c.words);
+        free(*level);
+        *level = NULL;
+    }
+    png_destroy_read_struct(&png, &info, NULL);
+    fclose(file);
+    return read;
 }

@@ -19,4 +19,15 @@ typedef struct kn_image_text {
 bool kn_image_write_gray16(const char *path, int width, int height, const uint16_t *level, double pixel_m,
                            int text_count, const kn_image_text *text, char *error, size_t error_size);
 
+// Reads such a PNG, of at most `most` pixels on a side. The texts that it has of those keys are copied, "" stays where
+// it has none. level [height][width] is the caller's to free, pixel_m 0 where the file does not say it. False and one
+// sentence in error: not there, no PNG, damaged, other than 16-bit grey.
+typedef struct kn_image_found {
+    const char *key;
+    char text[64];
+} kn_image_found;
+
+bool kn_image_read_gray16(const char *path, int most, int *width, int *height, uint16_t **level, double *pixel_m,
+                          int text_count, kn_image_found *text, char *error, size_t error_size);
+
 #endif

@@ -59,17 +59,23 @@ static void draw_triangle(const kn_range *r, const float *const corner[3], uint1
     }
 }
 
-void kn_range_draw(kn_range *r, const float (*now)[3], int triangle_count, const int (*triangle)[3], uint16_t *level)
+bool kn_range_look(kn_range *r, const uint16_t *level)
 {
     const size_t pixels = (size_t)r->width * (size_t)r->height;
     uint16_t low = 0, high = 0;
-    memset(level, 0, pixels * sizeof *level);
-    for (int t = 0; t < triangle_count; t++)
-        draw_triangle(r, (const float *const[3]){now[triangle[t][0]], now[triangle[t][1]], now[triangle[t][2]]}, level);
     for (size_t i = 0; i < pixels; i++) {
         if (level[i] > high) high = level[i];
         if (level[i] > 0 && (low == 0 || level[i] < low)) low = level[i];
     }
     r->lowest_m = low > 0 ? (low - 1) * r->step_m : 0;
     r->highest_m = high > 0 ? (high - 1) * r->step_m : 0;
+    return high > 0;
+}
+
+void kn_range_draw(kn_range *r, const float (*now)[3], int triangle_count, const int (*triangle)[3], uint16_t *level)
+{
+    memset(level, 0, (size_t)r->width * (size_t)r->height * sizeof *level);
+    for (int t = 0; t < triangle_count; t++)
+        draw_triangle(r, (const float *const[3]){now[triangle[t][0]], now[triangle[t][1]], now[triangle[t][2]]}, level);
+    kn_range_look(r, level);
 }

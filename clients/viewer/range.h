@@ -3,6 +3,7 @@
 // A range image, as a range finder above the table would make it: for every pixel how high the surface there stands
 // above the table. Parallel lines of sight straight down, x to the right, y up the picture, square pixels. Pure;
 // heights are those of the triangles to a float's precision, no depth buffer's.
+#include <stdbool.h>
 #include <stdint.h>
 
 typedef struct kn_range {
@@ -21,5 +22,8 @@ kn_range kn_range_frame(int width, int height, int vertex_count, const float (*r
 // table is level 1. Triangles with a place that is not finite are left out.
 void kn_range_draw(kn_range *range, const float (*now)[3], int triangle_count, const int (*triangle)[3],
                    uint16_t *level);
+
+// Fills lowest_m and highest_m from the levels. False: nothing is seen.
+bool kn_range_look(kn_range *range, const uint16_t *level);
 
 #endif

@@ -1,6 +1,6 @@
 // Range images of a block of 5 x 5 x 3 cm in cells of 5 mm, at rest and with a dent of 1 cm across its top.
 #include "clients/viewer/image.h"
-#include "clients/viewer/range.h"
+#include "clients/viewer/range_file.h"
 #include "core/surface.h"
 #include "tests/check.h"
 #include <png.h>
@@ -144,6 +144,33 @@ TEST("a file holds the levels to the bit, how large a pixel is, and the words")
     unlink(path);
     CHECK(!kn_image_write_gray16("nosuch/x.png", 7, 5, level, 0.0001, 2, text, error, sizeof error));
     CHECK_STR(error, "nosuch/x.png: No such file or directory");
+}
+
+TEST("a range image is read as it was written; what is told beside the file goes before its words")
+{
+    static const char path[] = "test_range_file.png";
+    const kn_range_given none = {NAN, NAN, NAN, NAN}, other = {1e-4, NAN, NAN, -0.5};
+    kn_range r = {.width = 7, .height = 5, .pixel_m = 2e-4, .left_m = -0.0006, .top_m = 4e-4, .step_m = 1e-6}, back;
+    static uint16_t level[7 * 5];
+    uint16_t *read = NULL;
+    char error[300];
+    for (int i = 0; i < 35; i++) level[i] = (uint16_t)(i % 3 ? i * 1871 + 3 : 0);
+    CHECK(kn_range_save(path, &r, "dough", level, error, sizeof error));
+    CHECK(kn_range_load(path, &none, &back, &read, error, sizeof error));
+    CHECK(back.width == 7 && back.height == 5 && read && memcmp(level, read, sizeof level) == 0);
+    CHECK_NEAR(back.pixel_m, 2e-4, 1e-12);
+    CHECK_NEAR(back.left_m, -0.0006, 1e-12);
+    CHECK_NEAR(back.top_m, 4e-4, 1e-12);
+    CHECK_NEAR(back.step_m, 1e-6, 1e-14);
+    CHECK_NEAR(back.highest_m, 1e-6 * (34 * 1871 + 2), 1e-12);
+    CHECK_NEAR(back.lowest_m, 1e-6 * (1871 + 2), 1e-12);
+    free(read);
+    CHECK(kn_range_load(path, &other, &back, &read, error, sizeof error));
+    CHECK(back.step_m == 1e-4 && back.top_m == -0.5 && fabs(back.left_m + 0.0006) < 1e-12);
+    free(read);
+    unlink(path);
+    CHECK(!kn_range_load(path, &none, &back, &read, error, sizeof error) && !read);
+    CHECK_STR(error, "test_range_file.png: No such file or directory");
 }
 
 TESTS_MAIN
