@@ -3,7 +3,8 @@
 // `knead identify EXPERIMENT ...`: one line here is all that an experiment needs besides its file,
 // kn_identify_<name>_main in <name>.c. argv[0] of it is "knead identify <name>".
 #define KN_EXPERIMENTS(X)                                                                                              \
-    X(creep, "creep curves under one load or several -> k1, c1 and the damper, with intervals")
+    X(creep, "creep curves under one load or several -> k1, c1 and the damper, with intervals")                        \
+    X(shape, "a range image of a pressed lump, and the force -> structure, inside pressure, stress area")
 
 #define KN_EXPERIMENT(name, summary) int kn_identify_##name##_main(int argc, char **argv);
 KN_EXPERIMENTS(KN_EXPERIMENT)

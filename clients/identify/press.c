@@ -1,0 +1,279 @@
+#include "clients/identify/press.h"
+#include "clients/knead/foot.h"
+#include "clients/knead/path.h"
+#include "server/backend/backend.h"
+#include "server/replay.h"
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double lead_s = 0.2;   // of a path, before it goes down: the plate catches the nodes it touches
+static const double still_m = 1e-4; // of the lowest place: still there
+static const double period_s = 1e-3;
+static const double thinnest = 0.2; // of the height, what a press leaves at least
+
+#define LONGEST_TICKS 3600000 // an hour: 350 MB for one probe
+
+void kn_press_free(kn_press *p)
+{
+    free(p->input);
+    free(p->logged_n);
+    memset(p, 0, sizeof *p);
+}
+
+// When the tool that counts was last at its lowest place.
+static void find_hold(kn_press *p)
+{
+    double lowest_m = INFINITY;
+    for (int pass = 0; pass < 2; pass++)
+        for (int64_t t = 0; t < p->ticks; t++) {
+            const kn_probe_input *in = &p->input[t * p->probes + p->probe];
+            if (!in->attached) continue;
+            if (pass == 0)
+                lowest_m = fmin(lowest_m, in->position_m[2]);
+            else if (in->position_m[2] <= lowest_m + still_m)
+                p->hold_end_s = kn_press_time(p, t);
+        }
+    p->end_s = kn_press_time(p, p->ticks - 1);
+}
+
+// ---- a path
+
+static int choose_probe(const kn_model_def *def, const char *name, char *error, size_t error_size)
+{
+    for (int i = 0; i < def->probe_count; i++)
+        if (name ? !strcmp(def->probe[i].name, name) : def->probe[i].shape == KN_PROBE_PLATE) return i;
+    if (!name && def->probe_count > 0) return 0;
+    snprintf(error, error_size,
+             name ? "--probe %s: the scene has none of that name"
+                  : "the scene has no probe%s, expected one to press with",
+             name ? name : "");
+    return -1;
+}
+
+// The plate is on the path at the end of every tick: it begins where the path was a tick ago, and goes as fast as leads
+// to where it is now.
+static void follow(kn_press *p, const kn_path *path, double from_s)
+{
+    for (int64_t t = 0; t < p->ticks; t++) {
+        kn_path_point before, now;
+        kn_probe_input *in = &p->input[t * p->probes + p->probe];
+        const double at_s = from_s + period_s * (double)(t + 1);
+        kn_path_at(path, at_s - period_s, &before);
+        kn_path_at(path, at_s, &now);
+        in->attached = true;
+        memcpy(in->position_m, before.position_m, sizeof in->position_m);
+        memcpy(in->orientation_wxyz, now.orientation_wxyz, sizeof in->orientation_wxyz);
+        for (int k = 0; k < 3; k++) in->velocity_m_s[k] = (now.position_m[k] - before.position_m[k]) / period_s;
+    }
+}
+
+static double begin_of(const kn_path *path, const char *name)
+{
+    for (int i = 0; i < path->count; i++)
+        if (!strcmp(path->piece[i].name, name)) return path->piece[i].start_s;
+    return 0;
+}
+
+bool kn_press_path(kn_press *p, const kn_scene *scene, const kn_press_def *def, char *error, size_t error_size)
+{
+    const kn_model_def *object = &scene->model;
+    double extent_m[3];
+    kn_model_def_extent(object, extent_m);
+    *p = (kn_press){.probes = object->probe_count, .probe = choose_probe(object, def->probe, error, error_size)};
+    if (p->probe < 0) return false;
+    const double depth_m = def->depth_m > 0 ? def->depth_m : 0.01;
+    if (depth_m > (1 - thinnest) * extent_m[2]) {
+        snprintf(error, error_size, "a press of %g mm, expected at most %.3g mm, %g of the object's height",
+                 1e3 * depth_m, 1e3 * (1 - thinnest) * extent_m[2], 1 - thinnest);
+        return false;
+    }
+    const kn_path_def shape = {.touch_z_m = extent_m[2] + kn_foot_m(&object->probe[p->probe]),
+                               .depth_m = depth_m,
+                               .speed_m_s = def->speed_m_s > 0 ? def->speed_m_s : 0.01,
+                               .hold_s = def->hold_s < 0   ? 0
+                                         : def->hold_s > 0 ? def->hold_s
+                                                           : 30};
+    kn_path *path = kn_path_press(&shape);
+    const double from_s = path ? begin_of(path, "press") - lead_s : 0;
+    if (path) p->ticks = (int64_t)ceil((path->duration_s - from_s) / period_s);
+    if (path && p->ticks <= LONGEST_TICKS) p->input = calloc((size_t)(p->ticks * p->probes), sizeof *p->input);
+    if (p->input) {
+        p->begin_s = period_s - lead_s;
+        follow(p, path, from_s);
+        find_hold(p);
+    } else
+        snprintf(error, error_size, "a press of %.0f s, expected at most an hour of it", path ? path->duration_s : 0);
+    kn_path_destroy(path);
+    return p->input;
+}
+
+// ---- a log: what its poses are to the lattice, servo and safety decide; so the servo plays it, and the way to the
+// lattice is listened to
+
+typedef struct listener {
+    kn_backend own; // of the replay
+    kn_press *press;
+    int64_t room;
+    bool held;            // some tool was in the object
+    bool short_of_memory; // or it is longer than an hour
+} listener;
+
+static bool grow(listener *l)
+{
+    kn_press *p = l->press;
+    if (p->ticks < l->room) return true;
+    const int64_t room = l->room ? 2 * l->room : 65536;
+    kn_probe_input *input = realloc(p->input, (size_t)(room * p->probes) * sizeof *input);
+    if (input) p->input = input;
+    double *logged_n = input ? realloc(p->logged_n, (size_t)room * sizeof *logged_n) : NULL;
+    if (!logged_n) return false;
+    p->logged_n = logged_n;
+    l->room = room;
+    return true;
+}
+
+static void heard(void *self, const kn_input *input)
+{
+    listener *l = self;
+    kn_press *p = l->press;
+    if (p->ticks < LONGEST_TICKS && grow(l)) {
+        memcpy(&p->input[p->ticks * p->probes], input->probe, (size_t)p->probes * sizeof *p->input);
+        for (int i = 0; i < p->probes; i++) l->held |= input->probe[i].attached;
+        p->logged_n[p->ticks++] = (double)NAN;
+    } else
+        l->short_of_memory = true;
+    l->own.submit(l->own.self, input);
+}
+
+static kn_backend_status waited(void *self, int64_t deadline_ns, kn_output *output)
+{
+    listener *l = self;
+    return l->own.wait(l->own.self, deadline_ns, output);
+}
+
+static const kn_state *looked(void *self)
+{
+    return ((listener *)self)->own.state(((listener *)self)->own.self);
+}
+static void as_new(void *self)
+{
+    ((listener *)self)->own.reset(((listener *)self)->own.self);
+}
+static void given_back(void *self, const kn_state *s)
+{
+    ((listener *)self)->own.restore(((listener *)self)->own.self, s);
+}
+
+static int first_held(const kn_press *p)
+{
+    for (int64_t t = 0; t < p->ticks; t++)
+        for (int i = 0; i < p->probes; i++)
+            if (p->input[t * p->probes + i].attached) return i;
+    return -1;
+}
+
+static void take_force(kn_press *p, const kn_replay_tick *tick, int wanted)
+{
+    for (int i = 0; i < p->probes; i++) {
+        const bool counts = wanted >= 0 ? i == wanted : p->input[(p->ticks - 1) * p->probes + i].attached;
+        if (counts && tick->logged[i]) p->logged_n[p->ticks - 1] = tick->logged[i]->contact_force_n[2];
+    }
+}
+
+// Plays it to its end. Ticks in which nobody touches may be left out of a log: until somebody does, the time is anew
+// that of the last.
+static bool listen(kn_replay *r, listener *l)
+{
+    kn_press *p = l->press;
+    const int wanted = p->probe;
+    while (kn_replay_step(r) && !l->short_of_memory) {
+        if (p->ticks == 0) continue;
+        if (!l->held) p->begin_s = r->tick.time_s - period_s * (double)(p->ticks - 1);
+        take_force(p, &r->tick, wanted);
+    }
+    return !l->short_of_memory;
+}
+
+bool kn_press_log(kn_press *p, const kn_scene *scene, const kn_press_def *def, const char *log, char *error,
+                  size_t error_size)
+{
+    const char *const set = "quality=own"; // what the poses mean does not depend on it; without one only the log's own
+                                           // scene would do
+    *p = (kn_press){.probes = scene->model.probe_count, .probe = -1};
+    if (def->probe && (p->probe = choose_probe(&scene->model, def->probe, error, error_size)) < 0) return false;
+    kn_replay *r = kn_replay_create(&(kn_replay_def){.log_path = log, .sets = &set, .set_count = 1, .afresh = true},
+                                    error, error_size);
+    if (!r) return false;
+    bool good = r->model->def.probe_count == p->probes;
+    for (int i = 0; good && i < p->probes; i++) good = !strcmp(r->model->def.probe[i].name, scene->model.probe[i].name);
+    if (!good) snprintf(error, error_size, "%s: is of a scene with other probes, expected those of the scene", log);
+    listener l = {.own = r->backend, .press = p};
+    r->backend.self = &l;
+    r->backend.submit = heard;
+    r->backend.wait = waited;
+    r->backend.state = looked;
+    r->backend.reset = as_new;
+    r->backend.restore = given_back;
+    if (good && !(good = listen(r, &l))) snprintf(error, error_size, "%s: longer than an hour, or out of memory", log);
+    r->backend = l.own;
+    kn_replay_destroy(r);
+    if (good && p->probe < 0) p->probe = first_held(p);
+    if (good && (p->probe < 0 || first_held(p) < 0)) {
+        snprintf(error, error_size, "%s: no tool comes to the object in it", log);
+        good = false;
+    }
+    if (good)
+        find_hold(p);
+    else
+        kn_press_free(p);
+    return good;
+}
+
+// ---- playing it
+
+void kn_pressed_free(kn_pressed *p)
+{
+    free(p->force_n);
+    for (int i = 0; i < KN_PRESS_MOMENTS; i++) free(p->shape_m[i]);
+    memset(p, 0, sizeof *p);
+}
+
+static bool make_room(kn_pressed *out, int64_t ticks, const kn_press_play *play)
+{
+    memset(out, 0, sizeof *out);
+    out->vertex_count = play->surface->vertex_count;
+    bool ok = (out->force_n = calloc((size_t)ticks + 1, sizeof *out->force_n));
+    for (int i = 0; i < play->moments; i++)
+        ok &= (out->shape_m[i] = calloc((size_t)out->vertex_count, sizeof *out->shape_m[i])) != NULL;
+    return ok;
+}
+
+static int64_t tick_at(const kn_press *p, double time_s)
+{
+    return (int64_t)fmin(fmax(round((time_s - p->begin_s) / period_s), 0), (double)(p->ticks - 1));
+}
+
+bool kn_press_run(const kn_press *p, const kn_press_play *play, kn_pressed *out)
+{
+    enum { TELL_EVERY = 1000 };
+    const int64_t ticks = tick_at(p, play->until_s) + 1;
+    kn_backend b = {0};
+    bool ok = make_room(out, ticks, play) && kn_backend_cpu(&b, play->model);
+    for (int64_t t = 0; ok && t < ticks; t++) {
+        kn_input in = {0};
+        kn_output result;
+        memcpy(in.probe, &p->input[t * p->probes], (size_t)p->probes * sizeof *p->input);
+        b.submit(b.self, &in);
+        ok = b.wait(b.self, 0, &result) == KN_BACKEND_OK;
+        out->force_n[out->ticks++] = result.probe[p->probe].force_n[2];
+        for (int i = 0; i < play->moments; i++)
+            if (tick_at(p, play->moment_s[i]) == t)
+                kn_surface_positions(play->surface, play->model, b.state(b.self), (float *)out->shape_m[i]);
+        if (play->told && (t + 1) % TELL_EVERY == 0) play->told(play->of, TELL_EVERY);
+    }
+    if (b.destroy) b.destroy(b.self);
+    if (!ok) kn_pressed_free(out);
+    return ok;
+}

@@ -1,0 +1,65 @@
+#ifndef KN_CLIENTS_IDENTIFY_PRESS_H
+#define KN_CLIENTS_IDENTIFY_PRESS_H
+// What a hand did to an object, tick by tick, so that it can be done again to another model of it; and what came of it:
+// the force on the tool in every tick, the surface at a few moments.
+//
+// By default the first paper's press: the tool comes down at 1 cm/s to 1 cm below the top, stays for 30 s, and leaves.
+// Time 0 is when it begins to come down, touching. Or the poses of a log, as its server gave them to the lattice, times
+// being those of `knead view --at`.
+#include "core/scene/scene.h"
+#include "core/step.h"
+#include "core/surface.h"
+
+#define KN_PRESS_MOMENTS 4
+
+typedef struct kn_press {
+    int probe; // whose force counts
+    int probes;
+    int64_t ticks;         // of 1 ms
+    double begin_s;        // time at the end of the first
+    kn_probe_input *input; // [ticks * probes]
+    double *logged_n;      // [ticks] contact force of a log, upwards; NAN: it has none; NULL: no log
+    double hold_end_s;     // until when the tool was within 0.1 mm of its lowest place
+    double end_s;
+} kn_press;
+
+typedef struct kn_press_def { // 0 in a field: its default
+    const char *probe;        // name; NULL: the first plate, else the first probe; of a log the first that is held
+    double depth_m;           // 10 mm
+    double speed_m_s;         // 10 mm/s
+    double hold_s;            // 30 s; < 0: none
+} kn_press_def;
+
+// Allocate. False and one sentence in error.
+bool kn_press_path(kn_press *press, const kn_scene *scene, const kn_press_def *def, char *error, size_t error_size);
+bool kn_press_log(kn_press *press, const kn_scene *scene, const kn_press_def *def, const char *log, char *error,
+                  size_t error_size);
+void kn_press_free(kn_press *press); // zeroed is fine
+
+static inline double kn_press_time(const kn_press *press, int64_t tick)
+{
+    return press->begin_s + 1e-3 * (double)tick;
+}
+
+typedef struct kn_pressed { // owned
+    double *force_n;        // [ticks] on the probe, upwards
+    int64_t ticks;          // that were played
+    int vertex_count;
+    float (*shape_m[KN_PRESS_MOMENTS])[3]; // [vertex_count] of kn_surface, at each moment
+} kn_pressed;
+
+// Plays the press on that model, until until_s at the most. told: after every second of it, may be NULL. False: the
+// physics went bad, *stop became true, or memory is short.
+typedef struct kn_press_play {
+    const kn_model *model;
+    const kn_surface *surface; // of that model
+    int moments;
+    const double *moment_s; // [moments]
+    double until_s;
+    void (*told)(void *of, int64_t ticks); // how many more
+    void *of;
+} kn_press_play;
+bool kn_press_run(const kn_press *press, const kn_press_play *play, kn_pressed *pressed);
+void kn_pressed_free(kn_pressed *pressed); // zeroed is fine
+
+#endif

@@ -1,0 +1,389 @@
+#include "clients/identify/relief.h"
+#include "clients/identify/relief_points.h"
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define SUBRAYS 8 // of a ray, each a quarter of a degree
+#define ALL_RAYS (KN_RELIEF_RAYS * SUBRAYS)
+
+static const double march = 0.25; // of a pixel, along a ray
+static const double exact = 1e-3; // of the height: what the solver itself may be off by
+static const double finest_step_m = 1e-6;
+enum { PATCHES = 32, PATCH_LEAST = 4, LEVELS = 65534 };
+
+void kn_relief_free(kn_relief *r)
+{
+    free(r->level);
+    free(r->counts);
+    free(r->patch_m);
+    free(r->patch_sigma_m);
+    free(r->point_m);
+    memset(r, 0, sizeof *r);
+}
+
+static double angle_of(int subray)
+{
+    return (subray + 0.5) * 2 * M_PI / ALL_RAYS;
+}
+
+static bool inside(const kn_relief_box *b, double x_m, double y_m)
+{
+    return x_m > b->low_m[0] && x_m < b->high_m[0] && y_m > b->low_m[1] && y_m < b->high_m[1];
+}
+
+// ---- the outline as measured
+
+static bool seen(const kn_relief *r, double x_m, double y_m)
+{
+    const double column = floor((x_m - r->frame.left_m) / r->frame.pixel_m + 0.5);
+    const double row = floor((r->frame.top_m - y_m) / r->frame.pixel_m + 0.5);
+    if (!(column >= 0 && column < r->frame.width && row >= 0 && row < r->frame.height)) return false;
+    return r->level[(size_t)row * (size_t)r->frame.width + (size_t)column] > 0;
+}
+
+static void find_middle(kn_relief *r)
+{
+    double sum[2] = {0}, count = 0;
+    for (int y = 0; y < r->frame.height; y++)
+        for (int x = 0; x < r->frame.width; x++) {
+            if (r->level[(size_t)y * (size_t)r->frame.width + (size_t)x] == 0) continue;
+            sum[0] += x, sum[1] += y, count++;
+        }
+    r->centre_m[0] = r->frame.left_m + sum[0] / count * r->frame.pixel_m;
+    r->centre_m[1] = r->frame.top_m - sum[1] / count * r->frame.pixel_m;
+}
+
+// From outside inwards, to the first pixel that is seen and not alone: of the next three two are seen, too.
+static double march_in(const kn_relief *r, double angle, double from_m)
+{
+    const double step_m = march * r->frame.pixel_m, way[2] = {cos(angle), sin(angle)};
+    for (double at_m = from_m; at_m > 0; at_m -= step_m) {
+        int more = 0;
+        if (!seen(r, r->centre_m[0] + at_m * way[0], r->centre_m[1] + at_m * way[1])) continue;
+        for (int i = 1; i <= 3; i++) {
+            const double in_m = fmax(0, at_m - i * r->frame.pixel_m);
+            more += seen(r, r->centre_m[0] + in_m * way[0], r->centre_m[1] + in_m * way[1]);
+        }
+        if (more >= 2) return at_m + 0.5 * step_m;
+    }
+    return 0;
+}
+
+static bool at_border(const kn_relief *r, double x_m, double y_m)
+{
+    const kn_range *f = &r->frame;
+    const double column = (x_m - f->left_m) / f->pixel_m, row = (f->top_m - y_m) / f->pixel_m;
+    return column < 0.6 || row < 0.6 || column > f->width - 1.6 || row > f->height - 1.6;
+}
+
+static void find_outline(kn_relief *r, const kn_relief_box *hidden)
+{
+    const double far_m = hypot(r->frame.width, r->frame.height) * r->frame.pixel_m;
+    for (int i = 0; i < KN_RELIEF_RAYS; i++) {
+        bool good = true;
+        r->ray_m[i] = 0;
+        for (int k = 0; k < SUBRAYS; k++) {
+            const double angle = angle_of(i * SUBRAYS + k), reach_m = march_in(r, angle, far_m);
+            const double x_m = r->centre_m[0] + reach_m * cos(angle), y_m = r->centre_m[1] + reach_m * sin(angle);
+            good &= reach_m > 0 && !inside(hidden, x_m, y_m) && !at_border(r, x_m, y_m);
+            r->ray_m[i] += reach_m / SUBRAYS;
+        }
+        r->ray_counts[i] = good;
+        r->rays += good;
+    }
+    r->ray_sigma_m = hypot(r->frame.pixel_m / sqrt(12), exact * r->tall_m);
+}
+
+// ---- the patches
+
+// Whose height is compared: seen, not hidden, and further in than the outline by a thirtieth of the height.
+static void choose_pixels(kn_relief *r, const kn_relief_box *hidden)
+{
+    const double margin_m = fmax(2 * r->frame.pixel_m, r->tall_m / 30);
+    for (int y = 0; y < r->frame.height; y++)
+        for (int x = 0; x < r->frame.width; x++) {
+            const size_t at = (size_t)y * (size_t)r->frame.width + (size_t)x;
+            const double x_m = r->frame.left_m + x * r->frame.pixel_m, y_m = r->frame.top_m - y * r->frame.pixel_m;
+            const double away[2] = {x_m - r->centre_m[0], y_m - r->centre_m[1]};
+            const double turn = atan2(away[1], away[0]) / (2 * M_PI) * KN_RELIEF_RAYS + KN_RELIEF_RAYS;
+            const double outline_m = r->ray_m[(int)turn % KN_RELIEF_RAYS];
+            r->counts[at] =
+                r->level[at] > 0 && !inside(hidden, x_m, y_m) && hypot(away[0], away[1]) < outline_m - margin_m;
+        }
+}
+
+static int ascending(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+// Standard deviation of independent noise on each pixel, from the median size of second differences along rows.
+static bool find_noise(kn_relief *r)
+{
+    enum { SAMPLES = 100000 };
+    const size_t pixels = (size_t)r->frame.width * (size_t)r->frame.height;
+    const size_t every = pixels / SAMPLES + 1;
+    double *difference = malloc((pixels / every + 1) * sizeof *difference);
+    int count = 0;
+    if (!difference) return false;
+    for (size_t at = 1; at + 1 < pixels; at += every) {
+        if (!r->counts[at - 1] || !r->counts[at] || !r->counts[at + 1]) continue;
+        difference[count++] = fabs(r->level[at - 1] - 2.0 * r->level[at] + r->level[at + 1]) * r->frame.step_m;
+    }
+    qsort(difference, (size_t)count, sizeof *difference, ascending);
+    const double median_m = count > 0 ? difference[count / 2] : 0;
+    r->noise_m = fmax(median_m / (0.6745 * sqrt(6)), r->frame.step_m / sqrt(12));
+    free(difference);
+    return true;
+}
+
+typedef struct mean {
+    double sum;
+    int count;
+} mean;
+
+// Of the pixels of a patch that count and are seen in this picture.
+static mean mean_of(const kn_relief *r, const uint16_t *level, double step_m, int patch)
+{
+    const int first[2] = {patch % r->across * r->side, patch / r->across * r->side};
+    mean m = {0};
+    for (int y = first[1]; y < first[1] + r->side && y < r->frame.height; y++)
+        for (int x = first[0]; x < first[0] + r->side && x < r->frame.width; x++) {
+            const size_t at = (size_t)y * (size_t)r->frame.width + (size_t)x;
+            if (!r->counts[at] || level[at] == 0) continue;
+            m.sum += (level[at] - 1) * step_m;
+            m.count++;
+        }
+    return m;
+}
+
+static bool make_patches(kn_relief *r, double extent_m)
+{
+    r->side = (int)fmax(PATCH_LEAST, extent_m / PATCHES / r->frame.pixel_m);
+    r->across = (r->frame.width + r->side - 1) / r->side;
+    r->down = (r->frame.height + r->side - 1) / r->side;
+    const size_t all = (size_t)r->across * (size_t)r->down;
+    r->patch_m = malloc(all * sizeof *r->patch_m);
+    r->patch_sigma_m = malloc(all * sizeof *r->patch_sigma_m);
+    if (!r->patch_m || !r->patch_sigma_m) return false;
+    for (int i = 0; i < r->across * r->down; i++) {
+        const mean m = mean_of(r, r->level, r->frame.step_m, i);
+        const bool good = m.count >= r->side * r->side / 2;
+        r->patch_m[i] = good ? m.sum / m.count : (double)NAN;
+        if (good) r->patch_sigma_m[i] = hypot(r->noise_m / sqrt(m.count), exact * r->tall_m);
+        r->patches += good;
+    }
+    return true;
+}
+
+// ---- is it this object?
+
+static void box_of(int vertices, const float (*rest_m)[3], double low_m[3], double high_m[3])
+{
+    for (int k = 0; k < 3; k++) low_m[k] = INFINITY, high_m[k] = -INFINITY;
+    for (int v = 0; v < vertices; v++)
+        for (int k = 0; k < 3; k++) {
+            low_m[k] = fmin(low_m[k], rest_m[v][k]);
+            high_m[k] = fmax(high_m[k], rest_m[v][k]);
+        }
+}
+
+static bool fits(const kn_relief *r, const double low_m[3], const double high_m[3], char *error, size_t error_size)
+{
+    double reach_m[2] = {0}, there_m[2];
+    for (int i = 0; i < KN_RELIEF_RAYS; i++) {
+        const double angle = (i + 0.5) * 2 * M_PI / KN_RELIEF_RAYS;
+        const double way_m[2] = {fabs(r->ray_m[i] * cos(angle)), fabs(r->ray_m[i] * sin(angle))};
+        for (int k = 0; k < 2; k++) reach_m[k] = fmax(reach_m[k], 2 * way_m[k]);
+    }
+    for (int k = 0; k < 2; k++) there_m[k] = high_m[k] - low_m[k];
+    if (r->frame.highest_m > 2 * r->tall_m)
+        snprintf(error, error_size, "stands %.3g mm high, expected about the object's %.3g mm",
+                 1e3 * r->frame.highest_m, 1e3 * r->tall_m);
+    else if (reach_m[0] < 0.6 * there_m[0] || reach_m[0] > 1.8 * there_m[0] || reach_m[1] < 0.6 * there_m[1] ||
+             reach_m[1] > 1.8 * there_m[1])
+        snprintf(error, error_size, "sees something of %.3g x %.3g mm, expected about the object's %.3g x %.3g mm",
+                 1e3 * reach_m[0], 1e3 * reach_m[1], 1e3 * there_m[0], 1e3 * there_m[1]);
+    else if (fabs(r->centre_m[0] - 0.5 * (low_m[0] + high_m[0])) > 0.25 * there_m[0] ||
+             fabs(r->centre_m[1] - 0.5 * (low_m[1] + high_m[1])) > 0.25 * there_m[1])
+        snprintf(error, error_size,
+                 "has its middle at %.3g, %.3g mm, expected the object's place; is left or top right?",
+                 1e3 * r->centre_m[0], 1e3 * r->centre_m[1]);
+    else if (r->rays < KN_RELIEF_RAYS / 6 || r->patches < 10)
+        snprintf(error, error_size, "shows %d of %d rays of the outline and %d patches of the top, expected more of it",
+                 r->rays, KN_RELIEF_RAYS, r->patches);
+    else
+        return true;
+    return false;
+}
+
+bool kn_relief_image(kn_relief *r, const kn_range *frame, uint16_t *level, int vertices, const float (*rest_m)[3],
+                     const kn_relief_box *hidden, char *error, size_t error_size)
+{
+    double low_m[3], high_m[3];
+    box_of(vertices, rest_m, low_m, high_m);
+    *r = (kn_relief){.frame = *frame, .level = level, .tall_m = high_m[2] - low_m[2]};
+    find_middle(r);
+    find_outline(r, hidden);
+    r->counts = calloc((size_t)frame->width, (size_t)frame->height);
+    bool ok = r->counts;
+    if (ok) choose_pixels(r, hidden);
+    ok = ok && find_noise(r) && make_patches(r, fmax(high_m[0] - low_m[0], high_m[1] - low_m[1]));
+    r->readings = r->rays + r->patches;
+    if (!ok)
+        snprintf(error, error_size, "out of memory");
+    else if (fits(r, (const double *)low_m, (const double *)high_m, error, error_size))
+        return true;
+    kn_relief_free(r);
+    return false;
+}
+
+// ---- a model's
+
+typedef struct outline {
+    const double *centre_m;
+    double reach_m[ALL_RAYS];
+} outline;
+
+// Where the side from a to b crosses the rays between their angles.
+static void sweep(outline *o, const float a[3], const float b[3])
+{
+    double p[2] = {a[0] - o->centre_m[0], a[1] - o->centre_m[1]}, q[2] = {b[0] - o->centre_m[0], b[1] - o->centre_m[1]};
+    double turn = p[0] * q[1] - p[1] * q[0];
+    if (!isfinite(turn) || turn == 0) return;
+    if (turn < 0) { // counter-clockwise
+        const double other[2] = {p[0], p[1]};
+        memcpy(p, q, sizeof p);
+        memcpy(q, other, sizeof q);
+        turn = -turn;
+    }
+    double from = atan2(p[1], p[0]), to = atan2(q[1], q[0]);
+    if (to < from) to += 2 * M_PI;
+    const double unit = 2 * M_PI / ALL_RAYS;
+    for (int k = (int)ceil(from / unit - 0.5); (k + 0.5) * unit <= to; k++) {
+        const double way[2] = {cos((k + 0.5) * unit), sin((k + 0.5) * unit)};
+        const double across = way[0] * (q[1] - p[1]) - way[1] * (q[0] - p[0]);
+        double *reach_m = &o->reach_m[((k % ALL_RAYS) + ALL_RAYS) % ALL_RAYS];
+        if (across > 0) *reach_m = fmax(*reach_m, turn / across);
+    }
+}
+
+// Largest way beyond lines at the object's sides at rest, of ends of rays that count.
+static void bulge_of(const kn_relief *r, const double centre_m[2], const double *ray_m, const double low_m[3],
+                     const double high_m[3], double bulge_m[2])
+{
+    for (int k = 0; k < 2; k++) bulge_m[k] = (double)NAN;
+    for (int i = 0; i < KN_RELIEF_RAYS; i++) {
+        const double angle = (i + 0.5) * 2 * M_PI / KN_RELIEF_RAYS, way[2] = {cos(angle), sin(angle)};
+        if (!r->ray_counts[i]) continue;
+        for (int k = 0; k < 2; k++) {
+            const double at_m = centre_m[k] + ray_m[i] * way[k];
+            if (fabs(way[k]) > M_SQRT1_2) bulge_m[k] = fmax(bulge_m[k], fmax(at_m - high_m[k], low_m[k] - at_m));
+        }
+    }
+}
+
+static double *compare_outline(const kn_relief *r, const double centre_m[2], const float (*now_m)[3], int triangles,
+                               const int (*triangle)[3], double ray_m[KN_RELIEF_RAYS], double *residual,
+                               double *squares)
+{
+    outline o = {.centre_m = centre_m};
+    for (int t = 0; t < triangles; t++)
+        for (int e = 0; e < 3; e++) sweep(&o, now_m[triangle[t][e]], now_m[triangle[t][(e + 1) % 3]]);
+    for (int i = 0; i < KN_RELIEF_RAYS; i++) {
+        ray_m[i] = 0;
+        for (int k = 0; k < SUBRAYS; k++) ray_m[i] += o.reach_m[i * SUBRAYS + k] / SUBRAYS;
+        if (!r->ray_counts[i]) continue;
+        const double off_m = ray_m[i] - r->ray_m[i];
+        *squares += off_m * off_m;
+        *residual++ = off_m / r->ray_sigma_m;
+    }
+    return residual;
+}
+
+static bool compare_heights(const kn_relief *r, const double shift_m[2], const float (*now_m)[3], int triangles,
+                            const int (*triangle)[3], double *residual, double *squares)
+{
+    kn_range frame = r->frame;
+    uint16_t *level = malloc((size_t)frame.width * (size_t)frame.height * sizeof *level);
+    if (!level) return false;
+    frame.left_m += shift_m[0];
+    frame.top_m += shift_m[1];
+    frame.step_m = fmax(finest_step_m, 3 * r->tall_m / LEVELS);
+    kn_range_draw(&frame, now_m, triangles, triangle, level);
+    for (int i = 0; i < r->across * r->down; i++) {
+        if (isnan(r->patch_m[i])) continue;
+        // what the model leaves empty is told by the outline
+        const mean m = mean_of(r, level, frame.step_m, i);
+        const double off_m = m.count > 0 ? m.sum / m.count - r->patch_m[i] : 0;
+        *squares += off_m * off_m;
+        *residual++ = off_m / r->patch_sigma_m[i];
+    }
+    free(level);
+    return true;
+}
+
+bool kn_relief_compare(const kn_relief *r, const double shift_m[2], const float (*now_m)[3], const float (*rest_m)[3],
+                       int vertices, int triangles, const int (*triangle)[3], double *residual,
+                       kn_relief_misfit *misfit)
+{
+    double squares[2] = {0}, ray_m[KN_RELIEF_RAYS], low_m[3], high_m[3];
+    const double centre_m[2] = {r->centre_m[0] + shift_m[0], r->centre_m[1] + shift_m[1]};
+    if (r->points > 0) {
+        for (int i = 0; i < r->points; i++) {
+            const double off_m = -kn_relief_distance(r->point_m[i], now_m, triangles, triangle);
+            squares[0] += off_m * off_m;
+            residual[i] = off_m / r->point_sigma_m;
+        }
+        if (misfit)
+            *misfit = (kn_relief_misfit){
+                sqrt(squares[0] / r->points), (double)NAN, {{(double)NAN, (double)NAN}, {(double)NAN, (double)NAN}}};
+        return true;
+    }
+    residual = compare_outline(r, centre_m, now_m, triangles, triangle, ray_m, residual, &squares[1]);
+    if (!compare_heights(r, shift_m, now_m, triangles, triangle, residual, &squares[0])) return false;
+    if (!misfit) return true;
+    misfit->height_m = sqrt(squares[0] / r->patches);
+    misfit->outline_m = sqrt(squares[1] / r->rays);
+    box_of(vertices, rest_m, low_m, high_m);
+    bulge_of(r, centre_m, r->ray_m, (const double *)low_m, (const double *)high_m, misfit->bulge_m[0]);
+    bulge_of(r, centre_m, ray_m, (const double *)low_m, (const double *)high_m, misfit->bulge_m[1]);
+    return true;
+}
+
+// ---- points
+
+bool kn_relief_points(kn_relief *r, int count, double (*point_m)[3], int vertices, const float (*rest_m)[3],
+                      const kn_relief_box *hidden, char *error, size_t error_size)
+{
+    double low_m[3], high_m[3];
+    int kept = 0, far = 0;
+    box_of(vertices, rest_m, low_m, high_m);
+    *r = (kn_relief){.point_m = point_m, .tall_m = high_m[2] - low_m[2]};
+    r->point_sigma_m = 0.01 * r->tall_m;
+    for (int i = 0; i < count; i++) {
+        bool near = true;
+        for (int k = 0; k < 3; k++)
+            near &= point_m[i][k] > low_m[k] - r->tall_m && point_m[i][k] < high_m[k] + r->tall_m;
+        far += !near;
+        if (near && point_m[i][2] > 0 && !inside(hidden, point_m[i][0], point_m[i][1]))
+            memmove(point_m[kept++], point_m[i], sizeof *point_m);
+    }
+    const int every = (kept + KN_RELIEF_POINTS - 1) / KN_RELIEF_POINTS;
+    for (int i = 0; every > 0 && i < kept; i += every) memmove(point_m[r->points++], point_m[i], sizeof *point_m);
+    r->readings = r->points;
+    if (r->points >= 20 && far <= count / 2) return true;
+    if (far > count / 2)
+        snprintf(
+            error, error_size,
+            "%d of %d points are farther from the object than it is high, expected its surface, in the scene's frame",
+            far, count);
+    else
+        snprintf(error, error_size, "%d points of the surface that the tool does not hide, expected 20 or more",
+                 r->points);
+    kn_relief_free(r);
+    return false;
+}

@@ -1,0 +1,220 @@
+#include "clients/identify/search.h"
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double first_trust = 0.8, most_trust = 1.6; // of a logarithm
+static const double secant = 0.2, short_secant = 0.3;    // to look at, to be believed at the end
+static const double settled = 0.005, near = 1e-3;
+static const double promise = 1e-3; // of the sum, less is not worth a look
+
+void kn_search_free(kn_search *s)
+{
+    for (int i = 0; i < s->looks; i++) free(s->at[i].residual);
+    for (int k = 0; k < KN_SEARCH_UNKNOWNS; k++) free(s->slope[k]);
+    memset(s, 0, sizeof *s);
+}
+
+static double distance(const kn_search *s, const double *a, const double *b)
+{
+    double sum = 0;
+    for (int k = 0; k < s->unknowns; k++) sum += (a[k] - b[k]) * (a[k] - b[k]);
+    return sqrt(sum);
+}
+
+// Number of the look at that place, taken now unless it was; -1: memory is short, or there have been enough.
+static int look_at(kn_search *s, const double at[KN_SEARCH_UNKNOWNS])
+{
+    double value[KN_SEARCH_UNKNOWNS] = {0};
+    for (int i = 0; i < s->looks; i++)
+        if (distance(s, s->at[i].at, at) < near) return i;
+    if (s->looks == KN_SEARCH_LOOKS) return -1;
+    kn_look *l = &s->at[s->looks];
+    *l = (kn_look){.residual = calloc((size_t)s->readings + 1, sizeof *l->residual), .sum = INFINITY};
+    if (!l->residual) return -1;
+    s->looks++;
+    for (int k = 0; k < s->unknowns; k++) {
+        l->at[k] = at[k];
+        value[k] = fmin(fmax(exp(at[k]), s->low[k]), s->high[k]);
+    }
+    if (!s->look(s->of, value, l->residual)) return s->looks - 1;
+    l->sum = 0;
+    for (int i = 0; i < s->readings; i++) l->sum += l->residual[i] * l->residual[i];
+    if (!isfinite(l->sum)) l->sum = INFINITY;
+    return s->looks - 1;
+}
+
+static void choose_best(kn_search *s)
+{
+    for (int i = 0; i < s->looks; i++)
+        if (s->at[i].sum < s->at[s->best].sum) s->best = i;
+}
+
+// ---- the straight model
+
+static double cross(const double a[2], const double b[2])
+{
+    return a[0] * b[1] - a[1] * b[0];
+}
+
+// The looks nearest to the best one that lie in as many directions as there are unknowns; their greatest distance,
+// INFINITY: there are none.
+static double neighbours(const kn_search *s, int number[KN_SEARCH_UNKNOWNS])
+{
+    const double *here = s->at[s->best].at;
+    double farthest = 0;
+    for (int k = 0; k < s->unknowns; k++) {
+        double nearest = INFINITY;
+        for (int i = 0; i < s->looks; i++) {
+            const double *there = s->at[i].at, d = distance(s, here, there);
+            if (i == s->best || !isfinite(s->at[i].sum) || d >= nearest || d < 10 * near) continue;
+            if (k == 1) {
+                const double *first = s->at[number[0]].at;
+                const double a[2] = {first[0] - here[0], first[1] - here[1]},
+                             b[2] = {there[0] - here[0], there[1] - here[1]};
+                if (fabs(cross(a, b)) < 0.35 * hypot(a[0], a[1]) * d) continue;
+            }
+            nearest = d;
+            number[k] = i;
+        }
+        farthest = fmax(farthest, nearest);
+    }
+    return farthest;
+}
+
+static void find_slopes(kn_search *s, const int number[KN_SEARCH_UNKNOWNS])
+{
+    const kn_look *here = &s->at[s->best];
+    double way[2][2] = {{1, 0}, {0, 1}};
+    for (int k = 0; k < s->unknowns; k++)
+        for (int j = 0; j < s->unknowns; j++) way[k][j] = s->at[number[k]].at[j] - here->at[j];
+    const double det = cross(way[0], way[1]);
+    for (int i = 0; i < s->readings; i++) {
+        double rise[2] = {0};
+        for (int k = 0; k < s->unknowns; k++) rise[k] = s->at[number[k]].residual[i] - here->residual[i];
+        s->slope[0][i] = (rise[0] * way[1][1] - rise[1] * way[0][1]) / det;
+        if (s->unknowns > 1) s->slope[1][i] = (rise[1] * way[0][0] - rise[0] * way[1][0]) / det;
+    }
+}
+
+static bool straight(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
+{
+    const kn_search *s = of;
+    const kn_look *here = &s->at[s->best];
+    memcpy(residual, here->residual, (size_t)s->readings * sizeof *residual);
+    for (int k = 0; k < s->unknowns; k++) {
+        const double way = log(value[k]) - here->at[k];
+        for (int i = 0; i < s->readings; i++) residual[i] += s->slope[k][i] * way;
+    }
+    return true;
+}
+
+static kn_fit fit_of(const kn_search *s, double trust)
+{
+    kn_fit fit = {.unknowns = s->unknowns, .readings = s->readings, .misfit = straight, .of = (void *)(uintptr_t)s};
+    for (int k = 0; k < s->unknowns; k++) {
+        const double at = s->at[s->best].at[k];
+        fit.unknown[k] = (kn_fit_unknown){.name = s->name[k],
+                                          .value = exp(at),
+                                          .low = fmax(s->low[k], exp(at - trust)),
+                                          .high = fmin(s->high[k], exp(at + trust))};
+    }
+    return fit;
+}
+
+// ---- the search
+
+// A look beside the best one in every direction that the neighbours lack.
+static bool look_around(kn_search *s)
+{
+    int number[KN_SEARCH_UNKNOWNS];
+    for (int tries = 0; tries < 2 && neighbours(s, number) > short_secant; tries++)
+        for (int k = 0; k < s->unknowns; k++) {
+            double there[KN_SEARCH_UNKNOWNS];
+            memcpy(there, s->at[s->best].at, sizeof there);
+            there[k] += there[k] + secant > log(s->high[k]) ? -secant : secant;
+            if (tries == 0 && k > 0 && neighbours(s, number) <= short_secant) break;
+            if (look_at(s, there) < 0) return false;
+        }
+    choose_best(s);
+    return true;
+}
+
+static void note_bounds(kn_search *s)
+{
+    for (int k = 0; k < s->unknowns; k++) {
+        const double at = s->at[s->best].at[k];
+        s->value[k] = fmin(fmax(exp(at), s->low[k]), s->high[k]);
+        s->at_low[k] = at < log(s->low[k]) + 0.01;
+        s->at_high[k] = at > log(s->high[k]) - 0.01;
+    }
+}
+
+// One step; *trust follows. False: nothing more is to be gained, or looked at.
+static bool step(kn_search *s, double *trust)
+{
+    int number[KN_SEARCH_UNKNOWNS];
+    const double reach = neighbours(s, number);
+    if (!isfinite(reach)) return false;
+    find_slopes(s, number);
+    kn_fit fit = fit_of(s, *trust);
+    if (!kn_fit_run(&fit)) return false;
+    double to[KN_SEARCH_UNKNOWNS], way = 0;
+    const double before = s->at[s->best].sum;
+    for (int k = 0; k < s->unknowns; k++) {
+        to[k] = log(fit.unknown[k].value);
+        way = fmax(way, fabs(to[k] - s->at[s->best].at[k]));
+    }
+    if (way < settled || (way < secant && before - fit.sum < promise * before)) {
+        s->settled = reach <= short_secant;
+        return !s->settled && look_around(s) && neighbours(s, number) < reach;
+    }
+    const int next = look_at(s, to);
+    if (next < 0) return false;
+    const double kept = (before - s->at[next].sum) / fmax(before - fit.sum, 1e-300);
+    if (!(kept > 0.25))
+        *trust = 0.4 * way;
+    else if (kept > 0.75)
+        *trust = fmin(2 * fmax(*trust, way), most_trust);
+    choose_best(s);
+    return *trust > settled;
+}
+
+bool kn_search_run(kn_search *s)
+{
+    double trust = first_trust;
+    for (int k = 0; k < s->unknowns; k++)
+        if (!(s->slope[k] = calloc((size_t)s->readings + 1, sizeof *s->slope[k]))) return false;
+    for (int i = 0; i < s->starts; i++) {
+        double at[KN_SEARCH_UNKNOWNS] = {0};
+        for (int k = 0; k < s->unknowns; k++) at[k] = log(s->start[i][k]);
+        if (look_at(s, at) < 0) return false;
+        if (s->unknowns == 0) break;
+    }
+    choose_best(s);
+    if (!isfinite(s->at[s->best].sum)) return false;
+    s->settled = s->unknowns == 0;
+    if (s->unknowns > 0 && look_around(s))
+        while (step(s, &trust)) continue;
+    note_bounds(s);
+    int number[KN_SEARCH_UNKNOWNS];
+    if (s->unknowns > 0 && isfinite(neighbours(s, number))) find_slopes(s, number);
+    return true;
+}
+
+kn_fit_interval kn_search_interval(const kn_search *s, int unknown, double worth)
+{
+    kn_fit fit = fit_of(s, INFINITY);
+    kn_fit_interval i = {KN_FIT_CURVATURE, s->low[unknown], s->high[unknown], true, true};
+    if (!kn_fit_run(&fit)) return i;
+    const double spread = fit.scale * sqrt(fit.covariance[unknown][unknown] * s->readings / fmax(worth, 1));
+    const double half = kn_fit_student(0.95, fmax(worth - s->unknowns, 1)) * spread;
+    const double value = s->value[unknown];
+    if (!isfinite(half)) return i;
+    i.open_low = value * exp(-half) <= s->low[unknown];
+    i.open_high = value * exp(half) >= s->high[unknown];
+    if (!i.open_low) i.low = value * exp(-half);
+    if (!i.open_high) i.high = value * exp(half);
+    return i;
+}

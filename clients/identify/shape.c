@@ -1,0 +1,168 @@
+// knead identify shape: the structure that behaves as a pressed lump did; the first paper's section 5 and its outlook.
+#include "clients/identify/shape_report.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/output.h"
+#include "clients/knead/plot.h"
+#include "clients/knead/progress.h"
+#include "clients/knead/result.h"
+#include "clients/viewer/beside.h"
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+static const char me[] = "identify shape";
+
+// ---- the fits, several at a time
+
+typedef struct crew {
+    kn_candidate *candidate;
+    const kn_evidence *evidence;
+    int count, next;
+    bool short_of_memory;
+    kn_progress bar;
+    double done, total; // ticks
+    pthread_mutex_t lock;
+} crew;
+
+static void told(void *of, int64_t ticks)
+{
+    crew *w = of;
+    pthread_mutex_lock(&w->lock);
+    w->done += (double)ticks;
+    if (w->done > 0.95 * w->total) w->total = w->done / 0.95; // there were more presses than are usual
+    w->bar.total = w->total;
+    kn_progress_step(&w->bar, w->done);
+    pthread_mutex_unlock(&w->lock);
+}
+
+static void *toil(void *of)
+{
+    crew *w = of;
+    for (;;) {
+        pthread_mutex_lock(&w->lock);
+        const int mine = w->next++;
+        pthread_mutex_unlock(&w->lock);
+        if (mine >= w->count) return NULL;
+        if (!kn_candidate_fit(&w->candidate[mine], w->evidence, told, w)) w->short_of_memory = true;
+    }
+}
+
+static int fit_all(kn_candidate *candidate, int count, const kn_evidence *evidence, int jobs)
+{
+    pthread_t thread[KN_CANDIDATES];
+    crew w = {.candidate = candidate, .evidence = evidence, .count = count};
+    int started = 0;
+    for (int i = 0; i < count; i++) w.total += kn_candidate_work(&candidate[i], evidence);
+    pthread_mutex_init(&w.lock, NULL);
+    w.bar = kn_progress_open("presses", w.total);
+    while (started < jobs - 1 && started < count - 1 && pthread_create(&thread[started], NULL, toil, &w) == 0)
+        started++;
+    toil(&w);
+    for (int i = 0; i < started; i++) pthread_join(thread[i], NULL);
+    kn_progress_close(&w.bar);
+    pthread_mutex_destroy(&w.lock);
+    return w.short_of_memory ? kn_complain(me, KN_EXIT_INTERNAL, "out of memory") : KN_EXIT_OK;
+}
+
+// ---- files
+
+static int try_files(const kn_shape_options *o)
+{
+    const char *const outputs[] = {o->out, o->out_depth, o->png};
+    const char *const inputs[] = {o->scene.scene_path, o->points,   o->force,    o->log,
+                                  o->depth[0],         o->depth[1], o->depth[2], o->depth[3]};
+    int code = KN_EXIT_OK;
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; outputs[i] && k < 8; k++)
+            if (kn_output_same(outputs[i], inputs[k]))
+                return kn_complain(me, KN_EXIT_USAGE, "%s: is being read, expected another file to write", outputs[i]);
+    for (int i = 0; i < 2 && code == KN_EXIT_OK; i++) code = outputs[i] ? kn_output_try(me, outputs[i]) : KN_EXIT_OK;
+    return code == KN_EXIT_OK && o->png ? kn_plot_try(me, o->png) : code;
+}
+
+static int write_scene(const kn_shape_options *o, const kn_candidate *best, const kn_verdict *v)
+{
+    char error[600];
+    kn_beside out;
+    char *text = kn_candidate_scene(best, &o->scene, error, sizeof error);
+    bool ok = text;
+    if (ok && (ok = kn_beside_open(&out, o->out, error, sizeof error))) {
+        fprintf(out.file, "# Structure identified by knead identify shape from %s: %s.\n# %s\n%s",
+                o->depths ? o->depth[0] : o->points, best->words, v->words, text);
+        ok = kn_beside_keep(&out, error, sizeof error);
+    }
+    free(text);
+    return ok ? KN_EXIT_OK : kn_complain(me, KN_EXIT_DEVICE, "%s", error);
+}
+
+static int write_depth(const kn_shape_options *o, const kn_evidence *e, const kn_candidate *best)
+{
+    char error[600], title[100];
+    const kn_surface *s = best->best.surface;
+    kn_range frame = e->relief[0].frame;
+    uint16_t *level = malloc((size_t)frame.width * (size_t)frame.height * sizeof *level);
+    if (!level) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
+    kn_range_draw(&frame, (const float(*)[3])best->best.pressed.shape_m[0], s->triangle_count,
+                  (const int(*)[3])s->triangle, level);
+    snprintf(title, sizeof title, "%s at %.3f s", best->name, e->moment_s[0]);
+    const bool ok = kn_range_save(o->out_depth, &frame, title, level, error, sizeof error);
+    free(level);
+    return ok ? KN_EXIT_OK : kn_complain(me, KN_EXIT_DEVICE, "%s", error);
+}
+
+static int write_files(const kn_shape_options *o, const kn_evidence *e, const kn_candidate *c, const kn_verdict *v)
+{
+    const kn_candidate *best = &c[v->best];
+    int code = o->out ? write_scene(o, best, v) : KN_EXIT_OK;
+    if (code == KN_EXIT_OK && o->out_depth) code = write_depth(o, e, best);
+    return code == KN_EXIT_OK && o->png ? kn_shape_draw(o, e, best) : code;
+}
+
+// ---- all of it
+
+static int identify(const kn_shape_options *o, kn_candidate *candidate, int count)
+{
+    kn_evidence e;
+    kn_verdict v;
+    if (candidate[0].scene->model.thickness_m > 0)
+        return kn_complain(me, KN_EXIT_USAGE, "%s: is flat, expected an object of three dimensions",
+                           o->scene.scene_path);
+    kn_shape_print_object(o, candidate);
+    int code = kn_shape_measured(&e, o, &candidate[0]);
+    if (code != KN_EXIT_OK) return code;
+    code = fit_all(candidate, count, &e, o->jobs);
+    if (code == KN_EXIT_OK) {
+        kn_verdict_make(&v, count, candidate, &e);
+        kn_shape_print(o, &e, candidate, count, &v);
+        if (v.best < 0)
+            code = kn_complain(me, KN_EXIT_USAGE, "%s", v.words);
+        else
+            code = write_files(o, &e, candidate, &v);
+    }
+    kn_evidence_free(&e);
+    return code;
+}
+
+static int run(const kn_shape_options *o)
+{
+    char error[700];
+    kn_candidate candidate[KN_CANDIDATES] = {0};
+    int code = try_files(o);
+    if (code != KN_EXIT_OK) return code;
+    const int count = kn_candidates_open(candidate, &o->scene, o->only, error, sizeof error);
+    if (count == 0) return kn_complain(me, KN_EXIT_USAGE, "%s", error);
+    code = identify(o, candidate, count);
+    for (int i = 0; i < count; i++) kn_candidate_free(&candidate[i]);
+    return code;
+}
+
+int kn_identify_shape_main(int argc, char **argv)
+{
+    kn_shape_options o;
+    int code = kn_shape_options_parse(&o, argc, argv);
+    if (code == KN_EXIT_OK && !o.help) code = run(&o);
+    kn_shape_options_free(&o);
+    kn_result_close(code);
+    return code;
+}

@@ -1,0 +1,241 @@
+// What was measured, out of files, for `knead identify shape`.
+#include "clients/identify/shape_options.h"
+#include "clients/identify/sheet.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/foot.h"
+#include "core/outside.h"
+#include "core/turn.h"
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char me[] = "identify shape";
+static const double beside_m = 1e-3; // of the tool's plan, hidden too
+
+// ---- what the tool hides
+
+static void plan_of(const kn_probe_def *def, const double turn_wxyz[4], double low_m[2], double high_m[2])
+{
+    kn_shape shape = {0};
+    double unit[4], r[3][3];
+    if (def->shape == KN_PROBE_PLATE) {
+        for (int k = 0; k < 2; k++) low_m[k] = -0.5 * def->size_m[k], high_m[k] = 0.5 * def->size_m[k];
+        return;
+    }
+    kn_outside_shape(def, &shape);
+    kn_turn_unit(turn_wxyz, unit);
+    kn_turn_matrix(unit, r);
+    for (int k = 0; k < 2; k++) { // ways of the scene in the tool's frame
+        const double right[3] = {r[k][0], r[k][1], r[k][2]}, left[3] = {-r[k][0], -r[k][1], -r[k][2]};
+        high_m[k] = kn_shape_support(&shape, right);
+        low_m[k] = -kn_shape_support(&shape, left);
+    }
+}
+
+// Of the tool that counts, while it is no higher than the top was.
+static kn_relief_box hidden_at(const kn_press *p, const kn_scene *scene, double time_s)
+{
+    kn_relief_box box = {{0}, {0}};
+    double extent_m[3];
+    const int64_t tick = (int64_t)fmin(fmax(round((time_s - p->begin_s) / 1e-3), 0), (double)(p->ticks - 1));
+    const kn_probe_input *in = &p->input[tick * p->probes + p->probe];
+    const kn_probe_def *def = &scene->model.probe[p->probe];
+    kn_model_def_extent(&scene->model, extent_m);
+    if (!in->attached || in->position_m[2] - kn_foot_m(def) > extent_m[2] + 1e-4) return box;
+    plan_of(def, in->orientation_wxyz, box.low_m, box.high_m);
+    for (int k = 0; k < 2; k++) {
+        box.low_m[k] += in->position_m[k] - beside_m;
+        box.high_m[k] += in->position_m[k] + beside_m;
+    }
+    return box;
+}
+
+// ---- surfaces
+
+static int take_image(kn_evidence *e, const kn_shape_options *o, const kn_candidate *c, int number)
+{
+    char error[400];
+    kn_range range;
+    uint16_t *level;
+    if (!kn_range_load(o->depth[number], &o->given, &range, &level, error, sizeof error))
+        return kn_complain(me, KN_EXIT_USAGE, "%s", error);
+    const kn_relief_box hidden = hidden_at(&e->press, c->scene, e->moment_s[number]);
+    kn_relief *r = &e->relief[number];
+    if (!kn_relief_image(r, &range, level, c->best.surface->vertex_count, c->best.rest_m, &hidden, error, sizeof error))
+        return kn_complain(me, KN_EXIT_USAGE, "%s: %s", o->depth[number], error);
+    e->reliefs++;
+    printf("%-10s %s, %d x %d pixels of %.3g mm, at %.3f s: %d patches of %.3g mm, %d of %d rays of the outline; "
+           "noise %.2g mm\n",
+           number ? "" : "shape", o->depth[number], range.width, range.height, 1e3 * range.pixel_m, e->moment_s[number],
+           r->patches, 1e3 * r->side * range.pixel_m, r->rays, KN_RELIEF_RAYS, 1e3 * r->noise_m);
+    return KN_EXIT_OK;
+}
+
+// Column of that name and dimension; -1 after a complaint.
+static int named(const kn_sheet *s, const char *name, const char *unit)
+{
+    for (int i = 0; i < s->columns; i++) {
+        const kn_heading *h = &s->column[i].heading;
+        if (strcmp(h->word, name) != 0) continue;
+        if (h->has_unit && kn_measure_is(&h->unit, unit)) return i;
+        kn_sheet_complain(s, s->header_line, s->column[i].at, "column '%s' has %s, expected a length like %s [mm]",
+                          h->name, h->has_unit ? "another unit" : "no unit", name);
+        return -1;
+    }
+    kn_sheet_complain(s, s->header_line, 1, "no column %s, expected x, y and z with their units", name);
+    return -1;
+}
+
+static int read_points(kn_sheet *s, const char *file, double (**point_m)[3])
+{
+    int wanted[3], code = kn_sheet_open(s, file, NULL, me);
+    for (int k = 0; code == KN_EXIT_OK && k < 3; k++)
+        if ((wanted[k] = named(s, (const char *const[]){"x", "y", "z"}[k], "m")) < 0) code = KN_EXIT_USAGE;
+    if (code == KN_EXIT_OK) code = kn_sheet_read(s, 3, wanted);
+    if (code == KN_EXIT_OK && !(*point_m = calloc((size_t)s->rows + 1, sizeof **point_m)))
+        code = kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
+    for (int i = 0, kept = 0; code == KN_EXIT_OK && i < s->rows; i++, kept++)
+        for (int k = 0; k < 3; k++) (*point_m)[kept][k] = s->column[wanted[k]].value[i];
+    return code;
+}
+
+static int take_points(kn_evidence *e, const kn_shape_options *o, const kn_candidate *c, int number)
+{
+    char error[400];
+    kn_sheet s;
+    double(*point_m)[3] = NULL;
+    int code = read_points(&s, o->points, &point_m);
+    const int rows = code == KN_EXIT_OK ? s.rows : 0;
+    kn_sheet_close(&s);
+    if (code != KN_EXIT_OK) {
+        free(point_m);
+        return code;
+    }
+    const kn_relief_box hidden = hidden_at(&e->press, c->scene, e->moment_s[number]);
+    kn_relief *r = &e->relief[number];
+    if (!kn_relief_points(r, rows, point_m, c->best.surface->vertex_count, c->best.rest_m, &hidden, error,
+                          sizeof error))
+        return kn_complain(me, KN_EXIT_USAGE, "%s: %s", o->points, error);
+    e->reliefs++;
+    printf("%-10s %s, at %.3f s: %d of %d points\n", number ? "" : "shape", o->points, e->moment_s[number], r->points,
+           rows);
+    return KN_EXIT_OK;
+}
+
+// ---- force
+
+// The best column of a force: contact_fz_n of our own tables, what is called force or load, any in N.
+static int force_of(const kn_sheet *s)
+{
+    int best = -1, rank = 0;
+    for (int i = 0; i < s->columns; i++) {
+        const kn_heading *h = &s->column[i].heading;
+        if (!h->has_unit || !kn_measure_is(&h->unit, "N")) continue;
+        const int here = strstr(h->word, "contact") && strstr(h->word, "fz")   ? 3
+                         : strstr(h->word, "force") || strstr(h->word, "load") ? 2
+                                                                               : 1;
+        if (here > rank) best = i, rank = here;
+    }
+    return best;
+}
+
+static int time_of(const kn_sheet *s)
+{
+    for (int i = 0; i < s->columns; i++)
+        if (s->column[i].heading.has_unit && kn_measure_is(&s->column[i].heading.unit, "s")) return i;
+    return -1;
+}
+
+static int read_force(kn_sheet *s, const char *file, double **time_s, double **force_n, int *count)
+{
+    int code = kn_sheet_open(s, file, NULL, me);
+    if (code != KN_EXIT_OK) return code;
+    const int wanted[2] = {time_of(s), force_of(s)};
+    if (wanted[0] < 0 || wanted[1] < 0)
+        return kn_sheet_complain(s, s->header_line, 1,
+                                 "no column of %s with its unit, expected e.g. time [s], force [N]",
+                                 wanted[0] < 0 ? "time" : "force");
+    if ((code = kn_sheet_read(s, 2, wanted)) != KN_EXIT_OK) return code;
+    *time_s = calloc((size_t)s->rows + 1, sizeof **time_s);
+    *force_n = calloc((size_t)s->rows + 1, sizeof **force_n);
+    if (!*time_s || !*force_n) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
+    for (int i = 0; i < s->rows; i++) {
+        const double t = s->column[wanted[0]].value[i], f = s->column[wanted[1]].value[i];
+        if (isnan(t) || isnan(f)) continue; // missing
+        (*time_s)[*count] = t;
+        (*force_n)[(*count)++] = f;
+    }
+    return KN_EXIT_OK;
+}
+
+static int logged_force(const kn_press *p, double **time_s, double **force_n, int *count)
+{
+    *time_s = calloc((size_t)p->ticks + 1, sizeof **time_s);
+    *force_n = calloc((size_t)p->ticks + 1, sizeof **force_n);
+    if (!*time_s || !*force_n) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
+    for (int64_t t = 0; t < p->ticks; t++) {
+        if (isnan(p->logged_n[t])) continue;
+        (*time_s)[*count] = kn_press_time(p, t);
+        (*force_n)[(*count)++] = p->logged_n[t];
+    }
+    return KN_EXIT_OK;
+}
+
+static int take_force(kn_evidence *e, const kn_shape_options *o)
+{
+    char error[300];
+    kn_sheet s;
+    double *time_s = NULL, *force_n = NULL;
+    int count = 0, code = KN_EXIT_OK;
+    if (o->force) {
+        code = read_force(&s, o->force, &time_s, &force_n, &count);
+        kn_sheet_close(&s);
+        for (int i = 0; i < count; i++) time_s[i] -= o->force_begin_s;
+    } else
+        code = logged_force(&e->press, &time_s, &force_n, &count);
+    if (code != KN_EXIT_OK || (count == 0 && !o->force)) { // a log without forces has poses all the same
+        free(time_s);
+        free(force_n);
+        return code;
+    }
+    const char *file = o->force ? o->force : o->log;
+    if (!kn_pull_make(&e->pull, &e->press, count, time_s, force_n, error, sizeof error))
+        return kn_complain(me, KN_EXIT_USAGE, "%s: %s", file, error);
+    e->pulled = true;
+    printf("force      %s: %d readings in %d spans, up to %.4g N%s; noise %.2g N\n", file, e->pull.count, e->pull.bins,
+           e->pull.most_n, e->pull.turned ? ", compression being negative there" : "", e->pull.noise_n);
+    return KN_EXIT_OK;
+}
+
+// ---- all of it
+
+static int take_press(kn_evidence *e, const kn_shape_options *o, const kn_candidate *c)
+{
+    char error[600];
+    const bool ok = o->log ? kn_press_log(&e->press, c->scene, &o->press, o->log, error, sizeof error)
+                           : kn_press_path(&e->press, c->scene, &o->press, error, sizeof error);
+    if (!ok) return kn_complain(me, KN_EXIT_USAGE, "%s", error);
+    for (int i = 0; i < o->depths + (o->points != NULL); i++) {
+        double *at_s = &e->moment_s[i];
+        *at_s = o->at_s[i] == KN_SHAPE_HOLD ? e->press.hold_end_s : fmin(o->at_s[i], e->press.end_s);
+        if (isfinite(o->at_s[i]) && o->at_s[i] > e->press.end_s)
+            return kn_complain(me, KN_EXIT_USAGE, "--at %g: the press ends at %.3f s", o->at_s[i], e->press.end_s);
+    }
+    return KN_EXIT_OK;
+}
+
+int kn_shape_measured(kn_evidence *e, const kn_shape_options *o, const kn_candidate *c)
+{
+    *e = (kn_evidence){.align = o->align};
+    int code = take_press(e, o, c);
+    for (int i = 0; code == KN_EXIT_OK && i < o->depths; i++) code = take_image(e, o, c, i);
+    if (code == KN_EXIT_OK && o->points) code = take_points(e, o, c, o->depths);
+    if (code == KN_EXIT_OK && (o->force || o->log)) code = take_force(e, o);
+    if (code == KN_EXIT_OK)
+        kn_evidence_close(e);
+    else
+        kn_evidence_free(e);
+    return code;
+}

@@ -1,0 +1,280 @@
+#include "clients/identify/shape_options.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/number.h"
+#include "clients/knead/result.h"
+#include "core/scene/units.h"
+#include <getopt.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+static const char help[] =
+    "usage: knead identify shape SCENE --depth IMAGE.png [--force FILE.csv | --log LOG] [OPTION]...\n"
+    "       knead identify shape SCENE --points FILE.csv [--force FILE.csv | --log LOG] [OPTION]...\n\n"
+    "Which structure of the first paper behaves as a lump did that was pressed: diagonals, inside pressure, or both;\n"
+    "and with which inside pressure P0 and stress area gamma of its edges. The scene says the object, its material\n"
+    "(knead identify creep finds it) and the tool. Each structure is pressed as the lump was, and its numbers are\n"
+    "fitted to what was measured: the surface seen from above, and the force, each by its own noise.\n\n"
+    "    knead identify shape dough.yaml --depth dent.png --force press.csv --out found.yaml\n"
+    "    knead identify shape dough.yaml --log press.lcmlog --depth held.png --at 36\n"
+    "    knead identify shape bun.yaml --points scan.csv --at end --probe finger\n\n"
+    "what was measured:\n"
+    "  --depth FILE      range image from above, as knead view --depth writes it: PNG of 16-bit grey; up to 4\n"
+    "  --points FILE     places on the surface, m in the scene's frame: columns x, y, z with their units\n"
+    "  --at WHEN[,WHEN]  when each was taken: hold, its end, or end, of the whole press, or seconds (hold; with --log\n"
+    "                    end). 0 is when the press begins; of a log as in knead view --at\n"
+    "  --force FILE      contact force over time: a column in s, one in N, gf or the like; compared until the hold "
+    "ends\n"
+    "  --force-begin S   when the press begins by the clock of that file, seconds (0)\n"
+    "  --align           the images may lie a little beside where they say, as a foreign camera's: found to parts of "
+    "a\n"
+    "                    pixel\n"
+    "  --step L, --pixel L, --left L, --top L    of images that do not say it: height of a grey level, side of a\n"
+    "                    pixel, x and y of the middle of the first one, e.g. '0.1 mm'; over their texts\n"
+    "the press:\n"
+    "  --log LOG         the poses of a recording, and its forces unless --force gives some; else the paper's press:\n"
+    "  --down L          how far below the top ('10 mm')\n"
+    "  --speed V         ('10 mm/s')\n"
+    "  --hold TIME       at the bottom ('30 s')\n"
+    "  --probe NAME      which tool (the first plate, else the first; of a log the first that touches)\n"
+    "the structures:\n"
+    "  --only LIST       of diagonals, pressure, both, mesh, mesh-pressure (all that the scene can have)\n"
+    "  --mesh FILE --mesh-unit mm    tetrahedra of the same object, as one more structure, with and without gas\n"
+    "  --set KEY=VALUE   any key of the scene\n"
+    "  --jobs N          structures at a time (as many as there are processors)\n"
+    "what comes of it:\n"
+    "  --out FILE        the scene with the structure that fits best and its numbers: kneadd loads it\n"
+    "  --out-depth FILE  range image of that structure, in the frame of the first --depth\n"
+    "  --png FILE        measured, found, their difference, and the forces, by gnuplot\n"
+    "  --json            what is printed, as JSON\n\n"
+    "Columns: P0 and gamma with 95 % intervals, were the model right; rms of the height, of the outline and, over its\n"
+    "largest, of the force; how far the sides bulge along x and y, measured > model; off: rms residual in units of "
+    "the\n"
+    "noise; dAICc: how much worse supported than the best (10: hardly any support left). Residuals of neighbours that\n"
+    "agree count as fewer readings. From above only the widest place of a side is seen, not its height.\n"
+    "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
+
+enum {
+    DEPTH = 256,
+    POINTS,
+    AT,
+    FORCE,
+    FORCE_BEGIN,
+    ALIGN,
+    STEP,
+    PIXEL,
+    LEFT,
+    TOP,
+    LOG,
+    DOWN,
+    SPEED,
+    HOLD,
+    PROBE,
+    ONLY,
+    MESH,
+    MESH_UNIT,
+    SET,
+    JOBS,
+    OUT,
+    OUT_DEPTH,
+    PNG,
+    JSON,
+    HELP
+};
+
+static const struct option list[] = {{"depth", 1, 0, DEPTH},
+                                     {"points", 1, 0, POINTS},
+                                     {"at", 1, 0, AT},
+                                     {"force", 1, 0, FORCE},
+                                     {"force-begin", 1, 0, FORCE_BEGIN},
+                                     {"align", 0, 0, ALIGN},
+                                     {"step", 1, 0, STEP},
+                                     {"pixel", 1, 0, PIXEL},
+                                     {"left", 1, 0, LEFT},
+                                     {"top", 1, 0, TOP},
+                                     {"log", 1, 0, LOG},
+                                     {"down", 1, 0, DOWN},
+                                     {"speed", 1, 0, SPEED},
+                                     {"hold", 1, 0, HOLD},
+                                     {"probe", 1, 0, PROBE},
+                                     {"only", 1, 0, ONLY},
+                                     {"mesh", 1, 0, MESH},
+                                     {"mesh-unit", 1, 0, MESH_UNIT},
+                                     {"set", 1, 0, SET},
+                                     {"jobs", 1, 0, JOBS},
+                                     {"out", 1, 0, OUT},
+                                     {"out-depth", 1, 0, OUT_DEPTH},
+                                     {"png", 1, 0, PNG},
+                                     {"json", 0, 0, JSON},
+                                     {"help", 0, 0, HELP},
+                                     {0, 0, 0, 0}};
+
+#define REFUSE(...) return kn_complain("identify shape", KN_EXIT_USAGE, __VA_ARGS__)
+
+// A quantity of that dimension; seconds may be bare.
+static bool take_si(const char *text, const char *unit_text, double least, double most, double *value)
+{
+    kn_unit unit;
+    kn_quantity q;
+    char why[128];
+    if (!kn_unit_parse(&unit, unit_text, why, sizeof why) || !kn_quantity_parse(&q, text, why, sizeof why))
+        return false;
+    if (q.bare ? strcmp(unit_text, "s") != 0 : !kn_unit_same_dimension(&q.unit, &unit)) return false;
+    *value = kn_quantity_in(&q, &unit);
+    return *value >= least && *value <= most;
+}
+
+// "hold,end,3.5"
+static bool take_moments(const char *text, kn_shape_options *o)
+{
+    for (o->moments = 0; o->moments < KN_PRESS_MOMENTS;) {
+        const size_t n = strcspn(text, ",");
+        char one[32];
+        double *at_s = &o->at_s[o->moments++];
+        if (n == 0 || n >= sizeof one) return false;
+        snprintf(one, sizeof one, "%.*s", (int)n, text);
+        if (!strcmp(one, "hold"))
+            *at_s = KN_SHAPE_HOLD;
+        else if (!strcmp(one, "end"))
+            *at_s = INFINITY;
+        else if (!take_si(one, "s", 0, 3600, at_s))
+            return false;
+        if (!text[n]) return true;
+        text += n + 1;
+    }
+    return false;
+}
+
+static bool take_jobs(const char *text, int *jobs)
+{
+    double value;
+    if (!kn_number_take(text, 1, 64, &value) || value != floor(value)) return false;
+    *jobs = (int)value;
+    return true;
+}
+
+// NULL, or what was expected.
+static const char *take(kn_shape_options *o, int option, const char *text)
+{
+    switch (option) {
+    case DEPTH:
+        if (o->depths == KN_PRESS_MOMENTS) return "at most 4 images";
+        o->depth[o->depths++] = text;
+        return NULL;
+    case POINTS:
+        o->points = text;
+        return NULL;
+    case AT:
+        return take_moments(text, o) ? NULL : "hold, end, or seconds from 0 to 3600; up to 4, with commas between";
+    case FORCE:
+        o->force = text;
+        return NULL;
+    case FORCE_BEGIN:
+        return take_si(text, "s", -1e6, 1e6, &o->force_begin_s) ? NULL : "seconds";
+    case ALIGN:
+        o->align = true;
+        return NULL;
+    case STEP:
+        return take_si(text, "m", 1e-9, 0.1, &o->given.step_m) ? NULL : "a height above 0 like '0.1 mm'";
+    case PIXEL:
+        return take_si(text, "m", 1e-7, 0.1, &o->given.pixel_m) ? NULL : "a length above 0 like '0.1 mm'";
+    case LEFT:
+        return take_si(text, "m", -10, 10, &o->given.left_m) ? NULL : "a place like '-32 mm'";
+    case TOP:
+        return take_si(text, "m", -10, 10, &o->given.top_m) ? NULL : "a place like '32 mm'";
+    case LOG:
+        o->log = text;
+        return NULL;
+    case DOWN:
+        return take_si(text, "m", 1e-5, 1, &o->press.depth_m) ? NULL : "a depth above 0 like '10 mm'";
+    case SPEED:
+        return take_si(text, "m/s", 1e-5, 1, &o->press.speed_m_s) ? NULL : "a speed above 0 like '10 mm/s'";
+    case HOLD:
+        if (!take_si(text, "s", 0, 3600, &o->press.hold_s)) return "a time from 0 to 3600 s";
+        if (o->press.hold_s == 0) o->press.hold_s = -1;
+        return NULL;
+    case PROBE:
+        o->press.probe = text;
+        return NULL;
+    case ONLY:
+        o->only = text;
+        return NULL;
+    case MESH:
+        o->scene.mesh = text;
+        return NULL;
+    case MESH_UNIT:
+        o->scene.mesh_unit = text;
+        return NULL;
+    case SET:
+        o->sets[o->scene.set_count++] = text;
+        return NULL;
+    case JOBS:
+        return take_jobs(text, &o->jobs) ? NULL : "a whole number from 1 to 64";
+    case OUT:
+        o->out = text;
+        return NULL;
+    case OUT_DEPTH:
+        o->out_depth = text;
+        return NULL;
+    case PNG:
+        o->png = text;
+        return NULL;
+    case JSON:
+        kn_result_open();
+        return NULL;
+    default:
+        o->help = true;
+        return NULL;
+    }
+}
+
+static int check(kn_shape_options *o, int argc, char **argv)
+{
+    if (argc - optind != 1) REFUSE("expected one scene%s; --help tells the rest", argc > optind ? ", and options" : "");
+    o->scene.scene_path = argv[optind];
+    const int surfaces = o->depths + (o->points != NULL);
+    if (surfaces == 0) REFUSE("expected --depth IMAGE.png or --points FILE.csv: a shape");
+    if (surfaces > KN_PRESS_MOMENTS) REFUSE("--points: expected at most %d surfaces", KN_PRESS_MOMENTS);
+    if (o->moments > surfaces)
+        REFUSE("--at: %d moments, expected one of each of the %d surfaces", o->moments, surfaces);
+    for (int i = o->moments; i < surfaces; i++) o->at_s[i] = o->log ? INFINITY : KN_SHAPE_HOLD;
+    if (o->log && (o->press.depth_m > 0 || o->press.speed_m_s > 0 || o->press.hold_s != 0))
+        REFUSE("--down, --speed, --hold: expected no --log, which has a press of its own");
+    if (o->force_begin_s != 0 && !o->force) REFUSE("--force-begin: expected --force");
+    if ((o->align || o->out_depth) && o->depths == 0) REFUSE("--align, --out-depth: expected --depth");
+    if (!o->scene.mesh != !o->scene.mesh_unit) REFUSE("--mesh: expected --mesh-unit with it: m, cm, mm or um");
+    if (o->scene.mesh_unit && strcmp(o->scene.mesh_unit, "m") != 0 && strcmp(o->scene.mesh_unit, "cm") != 0 &&
+        strcmp(o->scene.mesh_unit, "mm") != 0 && strcmp(o->scene.mesh_unit, "um") != 0)
+        REFUSE("--mesh-unit %s: expected m, cm, mm or um", o->scene.mesh_unit);
+    return KN_EXIT_OK;
+}
+
+int kn_shape_options_parse(kn_shape_options *o, int argc, char **argv)
+{
+    const double none = (double)NAN;
+    int option, which = 0;
+    *o = (kn_shape_options){.given = {none, none, none, none},
+                            .jobs = (int)fmax(1, (double)sysconf(_SC_NPROCESSORS_ONLN))};
+    o->sets = calloc((size_t)argc + 1, sizeof *o->sets);
+    if (!o->sets) return kn_complain("identify shape", KN_EXIT_INTERNAL, "out of memory");
+    o->scene.sets = o->sets;
+    opterr = 0; // our own words
+    optind = 0; // for a second time in one process
+    while ((option = getopt_long(argc, argv, ":h", list, &which)) != -1) {
+        const char *word = argv[optind - 1];
+        if (option == ':') REFUSE("%s: expected a value", word);
+        if (option == '?') REFUSE("%s: unknown option; --help lists them", word);
+        const char *expected = take(o, option == 'h' ? HELP : option, optarg);
+        if (expected) REFUSE("--%s %s: expected %s", list[which].name, optarg, expected);
+    }
+    if (o->help) fputs(help, stdout);
+    return o->help ? KN_EXIT_OK : check(o, argc, argv);
+}
+
+void kn_shape_options_free(kn_shape_options *o)
+{
+    free(o->sets);
+}

@@ -1,0 +1,83 @@
+#include "clients/identify/verdict.h"
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+static double aicc(const kn_candidate *c, int readings, double worth)
+{
+    const int n = (int)fmax(worth, c->unknowns + 3);
+    return kn_fit_aicc(n, c->unknowns, fmax(c->sum, readings) * n / readings);
+}
+
+static void judge(kn_verdict *v, int count, const kn_candidate *c, int readings)
+{
+    double best_sum = INFINITY, worth = 0, least = INFINITY;
+    for (int i = 0; i < count; i++)
+        if (c[i].found && c[i].sum < best_sum) best_sum = c[i].sum, worth = c[i].worth;
+    for (int i = 0; i < count; i++) {
+        v->off[i] = c[i].found ? sqrt(c[i].sum / readings) : (double)INFINITY;
+        v->delta[i] = c[i].found ? aicc(&c[i], readings, worth) : (double)INFINITY;
+        if (!c[i].found || c[i].no_gas_left || !(v->delta[i] < least)) continue;
+        least = v->delta[i];
+        v->best = i;
+    }
+    for (int i = 0; i < count && v->best < 0; i++)
+        if (c[i].found && v->delta[i] < least) least = v->delta[i], v->best = i;
+    for (int i = 0; i < count; i++) v->delta[i] -= least;
+    for (int i = 0; i < count; i++) {
+        if (i == v->best || c[i].no_gas_left || !(v->delta[i] < KN_VERDICT_APART)) continue;
+        if (v->rival < 0 || v->delta[i] < v->delta[v->rival]) v->rival = i;
+    }
+}
+
+__attribute__((format(printf, 2, 3))) static void add(kn_verdict *v, const char *format, ...)
+{
+    const size_t n = strlen(v->words);
+    va_list args;
+    va_start(args, format);
+    vsnprintf(v->words + n, sizeof v->words - n, format, args);
+    va_end(args);
+}
+
+static void tell_rival(kn_verdict *v, const kn_candidate *c)
+{
+    const kn_candidate *a = &c[v->best], *b = &c[v->rival];
+    add(v, " It cannot be told apart from %s (dAICc %.1f)", b->words, v->delta[v->rival]);
+    if (a->gas != b->gas)
+        add(v, ": so little gas hardly changes what was measured.");
+    else
+        add(v, ": a range image of the withdrawn tool's dent, or the force over the hold, may tell more.");
+}
+
+static void tell(kn_verdict *v, int count, const kn_candidate *c, const kn_evidence *e)
+{
+    const kn_candidate *best = &c[v->best];
+    if (v->explained) {
+        add(v, "%s explains it: what is left is %.2g times the noise.", best->name, v->off[v->best]);
+    } else {
+        add(v, "None of them explains it. %s comes nearest and is %.1f times the noise off", best->name,
+            v->off[v->best]);
+        if (e->reliefs > 0) add(v, ", %.2g mm of the shape", 1e3 * best->misfit[0].height_m);
+        if (e->pulled) add(v, ", %.2g %% of the force", 100 * best->pull_share);
+        add(v, ": take its numbers as the nearest there are; material, lattice or the set-up is another, too.");
+    }
+    if (v->rival >= 0) tell_rival(v, c);
+    for (int i = 0; i < count; i++)
+        if (c[i].no_gas_left && i != v->best)
+            add(v, " The fit of %s leaves no gas: it is the same without.", c[i].name);
+    if (best->no_gas_left) add(v, " The fit leaves no gas in it.");
+    if (!best->settled) add(v, " Its fit had not settled.");
+}
+
+void kn_verdict_make(kn_verdict *v, int count, const kn_candidate *candidate, const kn_evidence *evidence)
+{
+    *v = (kn_verdict){.best = -1, .rival = -1};
+    judge(v, count, candidate, evidence->readings);
+    if (v->best < 0) {
+        add(v, "No structure can be pressed like that: %s", candidate[0].why);
+        return;
+    }
+    v->explained = v->off[v->best] <= KN_VERDICT_OFF;
+    tell(v, count, candidate, evidence);
+}

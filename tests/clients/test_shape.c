@@ -1,0 +1,418 @@
+// knead identify shape: structures and inside pressures found again from range images and forces that were made by
+// others, with noise on both.
+//
+// The blind cases: structure, P0 (0.2 .. 3 atm) and gamma (0.7 .. 1.4 of its own) drawn at random; the block of
+// dough-small.yaml is pressed as in the first paper; at the end of the hold its range image gets noise of 1 % of its
+// height on every pixel, and the force noise of 1 % of its largest. The command is given these two files and the scene
+// as it is. KN_CASES=10 of them by default 2; KN_SCENE another scene; KN_NOISE another noise.
+#include "clients/identify/candidate.h"
+#include "clients/identify/experiments.h"
+#include "clients/identify/relief_points.h"
+#include "clients/viewer/image.h"
+#include "clients/viewer/range_file.h"
+#include "tests/check.h"
+#include <fcntl.h>
+#include <jansson.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#define SMALL KN_SOURCE_DIR "/core/scenes/dough-small.yaml"
+
+enum { PIXELS = 320 };
+
+static uint64_t seed = 20261123; // of the blind cases
+
+static double uniform(void) // 0..1
+{
+    seed = seed * 6364136223846793005u + 1442695040888963407u;
+    return (double)(seed >> 11) / 9007199254740992.0;
+}
+
+static double gauss(void)
+{
+    return sqrt(-2 * log(1 - uniform())) * cos(2 * M_PI * uniform());
+}
+
+typedef struct lump { // how something was made and measured
+    const char *scene, *structure, *set;
+    double pressure_pa, area_factor, noise, shift_m[2];
+    const char *hold; // "30" or less
+    bool at_end;      // image after the withdrawal
+} lump;
+
+static void must(bool ok, const char *what)
+{
+    if (ok) return;
+    fprintf(stderr, "%s\n", what);
+    exit(1);
+}
+
+static void write_force(const kn_press *press, const kn_pressed *pressed, double noise)
+{
+    double most_n = 0;
+    FILE *f = fopen("force.csv", "w");
+    must(f, "force.csv cannot be written");
+    for (int64_t t = 0; t < pressed->ticks; t++) most_n = fmax(most_n, pressed->force_n[t]);
+    fputs("time_s,force_n\n", f);
+    for (int64_t t = 0; t < pressed->ticks; t += 5)
+        fprintf(f, "%.4f,%.6g\n", kn_press_time(press, t), pressed->force_n[t] + noise * most_n * gauss());
+    fclose(f);
+}
+
+static void write_image(const kn_surface *s, const float (*rest_m)[3], const float (*now_m)[3], const lump *l)
+{
+    static uint16_t level[PIXELS * PIXELS];
+    char error[300];
+    double tall_m = 0;
+    for (int v = 0; v < s->vertex_count; v++) tall_m = fmax(tall_m, rest_m[v][2]);
+    kn_range r = kn_range_frame(PIXELS, PIXELS, s->vertex_count, rest_m, now_m);
+    kn_range_draw(&r, now_m, s->triangle_count, (const int(*)[3])s->triangle, level);
+    for (int i = 0; i < PIXELS * PIXELS; i++) {
+        const double noisy = level[i] + l->noise * tall_m / r.step_m * gauss();
+        if (level[i] > 0) level[i] = (uint16_t)fmin(fmax(round(noisy), 1), 65535);
+    }
+    r.left_m -= l->shift_m[0]; // it says it lies elsewhere
+    r.top_m -= l->shift_m[1];
+    must(kn_range_save("depth.png", &r, "measured", level, error, sizeof error), error);
+}
+
+// Files depth.png and force.csv of it.
+static void measure(const lump *l)
+{
+    char error[600];
+    kn_candidate c[KN_CANDIDATES];
+    kn_press press;
+    kn_pressed pressed;
+    const kn_candidate_def def = {l->scene, &l->set, l->set != NULL, NULL, NULL};
+    must(kn_candidates_open(c, &def, l->structure, error, sizeof error) == 1, error);
+    must(kn_press_path(&press, c->scene, &(kn_press_def){.hold_s = atof(l->hold)}, error, sizeof error), error);
+    const kn_model_def object = kn_candidate_model(c, l->pressure_pa, l->area_factor);
+    kn_model *model = kn_model_build(&object, error, sizeof error);
+    must(model, error);
+    const double at_s = l->at_end ? press.end_s : press.hold_end_s;
+    const kn_press_play play = {
+        .model = model, .surface = c->best.surface, .moments = 1, .moment_s = &at_s, .until_s = at_s};
+    must(kn_press_run(&press, &play, &pressed), "the press diverges");
+    write_force(&press, &pressed, l->noise);
+    write_image(c->best.surface, c->best.rest_m, (const float(*)[3])pressed.shape_m[0], l);
+    kn_pressed_free(&pressed);
+    kn_model_destroy(model);
+    kn_press_free(&press);
+    kn_candidate_free(c);
+}
+
+// The command, in a process of its own; its exit code.
+static int command(int count, const char *const *argument, const char *out, const char *err)
+{
+    char *argv[40] = {(char *)(uintptr_t) "knead identify shape"};
+    for (int i = 0; i < count; i++) argv[i + 1] = (char *)(uintptr_t)argument[i];
+    fflush(NULL);
+    const pid_t child = fork();
+    if (child == 0) {
+        const int o = open(out, O_WRONLY | O_CREAT | O_TRUNC, 0666), e = open(err, O_WRONLY | O_CREAT | O_TRUNC, 0666);
+        dup2(o, STDOUT_FILENO);
+        dup2(e, STDERR_FILENO);
+        const int code = kn_identify_shape_main(count + 1, argv);
+        fflush(NULL);
+        _exit(code);
+    }
+    int status = 0;
+    waitpid(child, &status, 0);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+#define COMMAND(out, err, ...)                                                                                         \
+    command((int)(sizeof((const char *[]){__VA_ARGS__}) / sizeof(char *)), (const char *[]){__VA_ARGS__}, out, err)
+
+static json_t *found(void)
+{
+    json_error_t why;
+    json_t *root = json_load_file("found.json", 0, &why);
+    if (!root) KN_TEST_FAIL("no JSON: %s", why.text);
+    return root;
+}
+
+static json_t *structure(json_t *root, const char *name)
+{
+    size_t i;
+    json_t *one;
+    json_array_foreach(json_object_get(root, "structures"), i,
+                       one) if (!strcmp(json_string_value(json_object_get(one, "structure")), name)) return one;
+    return NULL;
+}
+
+static double pressure_of(json_t *one)
+{
+    return json_number_value(json_object_get(json_object_get(one, "inside_pressure"), "value"));
+}
+
+static const char *text_of(json_t *root, const char *key)
+{
+    const char *text = json_string_value(json_object_get(root, key));
+    return text ? text : "";
+}
+
+// ---- tests
+
+typedef struct blind {
+    const char *scene, *hold;
+    double noise;
+} blind;
+
+static bool blind_case(int number, const blind *b)
+{
+    static const char *const names[] = {"diagonals", "pressure", "both"};
+    const lump l = {.scene = b->scene,
+                    .structure = names[(int)(3 * uniform())],
+                    .noise = b->noise,
+                    .hold = b->hold,
+                    .pressure_pa = 101325 * 0.2 * pow(15, uniform()),
+                    .area_factor = 0.7 * pow(2, uniform())};
+    measure(&l);
+    const int code = COMMAND("found.json", "err", b->scene, "--depth", "depth.png", "--force", "force.csv", "--hold",
+                             b->hold, "--json");
+    json_t *root = found(), *best = structure(root, text_of(root, "best"));
+    const bool gas = strcmp(l.structure, "diagonals") != 0;
+    const double off = gas ? pressure_of(best) / l.pressure_pa - 1 : 0;
+    const double area = json_number_value(json_object_get(best, "gamma_factor")) / l.area_factor - 1;
+    const bool good = code == 0 && !strcmp(text_of(root, "best"), l.structure) && fabs(off) < 0.1;
+    double seconds = 0;
+    int presses = 0;
+    size_t i;
+    json_t *one;
+    json_array_foreach(json_object_get(root, "structures"), i, one)
+    {
+        seconds += json_number_value(json_object_get(one, "seconds"));
+        presses += (int)json_integer_value(json_object_get(one, "presses"));
+    }
+    printf("  case %d: %s, P0 %.3f atm, gamma x %.3f -> %s, P0 %+.2f %%, gamma %+.2f %%; %.2f noises off; %d presses, "
+           "%.1f s%s%s\n",
+           number, l.structure, l.pressure_pa / 101325, l.area_factor, text_of(root, "best"), 100 * off, 100 * area,
+           json_number_value(json_object_get(best, "off")), presses, seconds, *text_of(root, "rival") ? "; rival " : "",
+           text_of(root, "rival"));
+    fflush(stdout);
+    json_decref(root);
+    return good;
+}
+
+TEST("nine of ten blind cases: structure, and P0 within a tenth, from image and force with 1 % noise")
+{
+    const char *cases = getenv("KN_CASES"), *scene = getenv("KN_SCENE"), *noise = getenv("KN_NOISE");
+    const int count = cases ? atoi(cases) : 2;
+    const blind b = {scene ? scene : SMALL, cases ? "30" : "2", noise ? atof(noise) : 0.01};
+    int good = 0;
+    for (int i = 0; i < count; i++) good += blind_case(i + 1, &b);
+    printf("  %d of %d\n", good, count);
+    CHECK(good * 10 >= count * 9);
+}
+
+TEST("a lump of finer cells than the model's: the nearest structure is told, and that it does not explain it")
+{
+    const lump l = {.scene = SMALL,
+                    .structure = "both",
+                    .set = "object.spacing=5 mm",
+                    .noise = 0.01,
+                    .hold = "2",
+                    .pressure_pa = 101325,
+                    .area_factor = 1};
+    measure(&l);
+    CHECK(COMMAND("found.json", "err", SMALL, "--depth", "depth.png", "--force", "force.csv", "--hold", "2",
+                  "--json") == 0);
+    json_t *root = found(), *best = structure(root, text_of(root, "best"));
+    printf("  %s\n  P0 %.3f atm\n", text_of(root, "words"), pressure_of(best) / 101325);
+    CHECK(json_is_false(json_object_get(root, "explained")));
+    CHECK(strstr(text_of(root, "words"), "None of them explains it"));
+    json_decref(root);
+}
+
+TEST("an image that lies beside where it says is aligned to a fifth of a pixel")
+{
+    const lump l = {.scene = SMALL,
+                    .structure = "both",
+                    .noise = 0.01,
+                    .hold = "1",
+                    .pressure_pa = 5e4,
+                    .area_factor = 1,
+                    .shift_m = {0.00013, -0.00031}};
+    measure(&l);
+    CHECK(COMMAND("found.json", "err", SMALL, "--depth", "depth.png", "--force", "force.csv", "--hold", "1", "--only",
+                  "both", "--align", "--json") == 0);
+    json_t *root = found(), *best = structure(root, "both");
+    CHECK_NEAR(json_number_value(json_object_get(best, "shift_x_m")), 0.00013, 4e-5);
+    CHECK_NEAR(json_number_value(json_object_get(best, "shift_y_m")), -0.00031, 4e-5);
+    CHECK_NEAR(pressure_of(best), 5e4, 2.5e3);
+    json_decref(root);
+}
+
+TEST("what is found is written: a scene that loads with its numbers, and the range image of it")
+{
+    char error[300];
+    const lump l = {.scene = SMALL,
+                    .structure = "pressure",
+                    .noise = 0.01,
+                    .hold = "1",
+                    .pressure_pa = 2e5,
+                    .area_factor = 1.2,
+                    .at_end = true};
+    measure(&l);
+    CHECK(COMMAND("found.txt", "err", SMALL, "--depth", "depth.png", "--at", "end", "--force", "force.csv", "--hold",
+                  "1", "--only", "pressure,both", "--out", "found.yaml", "--out-depth", "model.png") == 0);
+    kn_scene *scene = kn_scene_load("found.yaml", NULL, 0, error, sizeof error);
+    CHECK(scene);
+    if (!scene) return;
+    CHECK_NEAR(scene->model.inside_pressure_pa, 2e5, 2e4);
+    CHECK_NEAR(scene->model.diagonal_stiffness, 0.02, 1e-12);
+    CHECK(scene->model.pressure == KN_PRESSURE_CELLS);
+    CHECK_NEAR(scene->model.material.p1_pa, 1.2 * 80 * 98.0665, 0.03 * 80 * 98.0665);
+    kn_scene_destroy(scene);
+    kn_range a, b;
+    uint16_t *was = NULL, *is = NULL;
+    const kn_range_given none = {NAN, NAN, NAN, NAN};
+    CHECK(kn_range_load("depth.png", &none, &a, &was, error, sizeof error));
+    CHECK(kn_range_load("model.png", &none, &b, &is, error, sizeof error));
+    double squares = 0;
+    int both = 0;
+    for (int i = 0; was && is && i < PIXELS * PIXELS; i++)
+        if (was[i] > 0 && is[i] > 0) squares += pow((was[i] - is[i]) * a.step_m, 2), both++;
+    CHECK(both > 5000);
+    CHECK_NEAR(sqrt(squares / both), 0.01 * 0.03, 0.00005); // the noise alone
+    free(was);
+    free(is);
+}
+
+TEST("a stress area s times as large is a damper whose law is stretched: T'(s b) = s T(b)")
+{
+    kn_candidate c[KN_CANDIDATES];
+    char error[300];
+    CHECK(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1);
+    const double s = 1.7;
+    kn_law as_is, stretched;
+    kn_law_build(&as_is, &c[0].scene->model.material, 1e-3, true);
+    const kn_model_def def = kn_candidate_model(&c[0], 0, s);
+    kn_law_build(&stretched, &def.material, 1e-3, true);
+    for (double b = 10; b < 1e6; b *= 1.3)
+        CHECK_NEAR(kn_law_stress(&stretched, s * b), s * kn_law_stress(&as_is, b), 1e-9 * s * b);
+    kn_candidate_free(&c[0]);
+}
+
+TEST("points of a surface are as far away as they are, outside and inside")
+{
+    const float x[4][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    const int triangle[4][3] = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
+    CHECK_NEAR(kn_relief_distance((double[]){0.2, 0.2, -0.5}, x, 4, triangle), 0.5, 1e-12);
+    CHECK_NEAR(kn_relief_distance((double[]){0.2, 0.2, 0.1}, x, 4, triangle), -0.1, 1e-12);
+    CHECK_NEAR(kn_relief_distance((double[]){1, 1, 1}, x, 4, triangle), 2 / sqrt(3), 1e-7);
+    CHECK_NEAR(kn_relief_distance((double[]){-3, -4, 0}, x, 4, triangle), 5, 1e-12);
+    CHECK_NEAR(kn_relief_distance((double[]){2, 0, 0}, x, 4, triangle), 1, 1e-12);
+}
+
+// ---- bad input: one line each, exit 2
+
+static void write_text(const char *path, const char *text)
+{
+    FILE *f = fopen(path, "w");
+    must(f && fputs(text, f) >= 0 && fclose(f) == 0, path);
+}
+
+static void refuses(const char *expected, int count, const char *const *argument)
+{
+    char line[1200] = "";
+    const int code = command(count, argument, "out", "err");
+    FILE *f = fopen("err", "r");
+    const size_t n = f ? fread(line, 1, sizeof line - 1, f) : 0;
+    if (f) fclose(f);
+    line[n] = '\0';
+    const char *end = strchr(line, '\n');
+    if (code != 2 || !strstr(line, expected) || !end || end[1])
+        KN_TEST_FAIL("exit %d, expected 2 and one line with: %s\n%s", code, expected, line);
+}
+
+#define REFUSES(expected, ...)                                                                                         \
+    refuses(expected, (int)(sizeof((const char *[]){__VA_ARGS__}) / sizeof(char *)), (const char *[]){__VA_ARGS__})
+
+static void gray(const char *path, int width, int height, int value, bool texts)
+{
+    char error[300];
+    uint16_t *level = calloc((size_t)width * (size_t)height, sizeof *level);
+    for (int i = 0; i < width * height; i++) level[i] = (uint16_t)value;
+    const kn_image_text words[] = {{"step_mm", "0.001"}, {"pixel_mm", "0.2"}, {"left_mm", "-32"}, {"top_mm", "x"}};
+    must(kn_image_write_gray16(path, width, height, level, 0, texts ? 4 : 0, words, error, sizeof error), error);
+    free(level);
+}
+
+TEST("images that are none are told in one line")
+{
+    const uint8_t rgba[4 * 4 * 4] = {0};
+    char error[300], bytes[3000];
+    write_text("words.png", "this is text");
+    kn_image_write_png("color.png", 4, 4, rgba, error, sizeof error);
+    gray("bare.png", 64, 64, 7, false);
+    gray("odd.png", 64, 64, 7, true);
+    gray("wide.png", 9000, 2, 7, false);
+    gray("nothing.png", 64, 64, 0, false);
+    gray("full.png", 320, 320, 20001, false);
+    FILE *f = fopen("odd.png", "rb"), *half = fopen("half.png", "wb");
+    const size_t n = fread(bytes, 1, sizeof bytes, f);
+    fwrite(bytes, 1, n * 2 / 3, half);
+    fclose(f);
+    fclose(half);
+    REFUSES("nosuch.png: No such file", SMALL, "--depth", "nosuch.png");
+    REFUSES("words.png: is no PNG, expected a range image", SMALL, "--depth", "words.png");
+    REFUSES("color.png: 8 bits of colour, expected 16 bits of grey", SMALL, "--depth", "color.png");
+    REFUSES("bare.png: does not say step_mm, expected a range image of knead view --depth, or --step", SMALL, "--depth",
+            "bare.png");
+    REFUSES("bare.png: does not say top_mm, expected a range image of knead view --depth, or --top", SMALL, "--depth",
+            "bare.png", "--step", "1 um", "--pixel", "0.2 mm", "--left", "0 mm");
+    REFUSES("odd.png: top_mm is x, expected a place in mm", SMALL, "--depth", "odd.png");
+    REFUSES("wide.png: 9000 x 2 pixels, expected at most 8192 on a side", SMALL, "--depth", "wide.png");
+    REFUSES("half.png: ", SMALL, "--depth", "half.png");
+    REFUSES("nothing.png: every pixel is 0, expected to see something", SMALL, "--depth", "nothing.png", "--step",
+            "1 um", "--pixel", "0.2 mm", "--left", "-6 mm", "--top", "6 mm");
+    REFUSES("full.png: sees something of 12", SMALL, "--depth", "full.png", "--step", "1 um", "--pixel", "0.04 mm",
+            "--left", "-6 mm", "--top", "6 mm");
+    REFUSES("full.png: stands 200 mm high, expected about the object's 30 mm", SMALL, "--depth", "full.png", "--step",
+            "10 um", "--pixel", "0.2 mm", "--left", "-32 mm", "--top", "32 mm");
+    REFUSES("/: ", SMALL, "--depth", "/");
+}
+
+TEST("what cannot be asked for is told in one line")
+{
+    const lump l = {
+        .scene = SMALL, .structure = "both", .noise = 0.01, .hold = "1", .pressure_pa = 1e5, .area_factor = 1};
+    measure(&l);
+    write_text("nounit.csv", "time,force\n0,1\n");
+    write_text("late.csv", "time_s,force_n\n100,1\n101,2\n");
+    write_text("back.csv", "time_s,force_n\n0,1\n1,2\n0.5,1\n");
+    write_text("far.csv", "x_m,y_m,z_m\n5,5,5\n6,6,6\n");
+    write_text("few.csv", "x_mm,y_mm,z_mm\n20,20,30\n");
+    write_text("flat.csv", "x_mm,y_mm\n20,20\n");
+    REFUSES("expected one scene", "--depth", "depth.png");
+    REFUSES("expected --depth IMAGE.png or --points FILE.csv: a shape", SMALL);
+    REFUSES("--nonsense: unknown option", SMALL, "--nonsense");
+    REFUSES("--at x: expected hold, end, or seconds", SMALL, "--depth", "depth.png", "--at", "x");
+    REFUSES("--at 99: the press ends at", SMALL, "--depth", "depth.png", "--at", "99");
+    REFUSES("--at: 2 moments, expected one of each of the 1 surfaces", SMALL, "--depth", "depth.png", "--at",
+            "hold,end");
+    REFUSES("--pixel 0.2: expected a length above 0", SMALL, "--depth", "depth.png", "--pixel", "0.2");
+    REFUSES("--down 5 m: expected a depth", SMALL, "--depth", "depth.png", "--down", "5 m");
+    REFUSES("a press of 28 mm, expected at most 24 mm", SMALL, "--depth", "depth.png", "--down", "28 mm");
+    REFUSES("--only diagonal: 'diagonal' is no structure", SMALL, "--depth", "depth.png", "--only", "diagonal");
+    REFUSES("--only mesh: dough-small.yaml has no such structure without --mesh", SMALL, "--depth", "depth.png",
+            "--only", "mesh");
+    REFUSES("--mesh: expected --mesh-unit", SMALL, "--depth", "depth.png", "--mesh", "x.msh");
+    REFUSES("--mesh nosuch.msh: no such file", SMALL, "--depth", "depth.png", "--mesh", "nosuch.msh", "--mesh-unit",
+            "mm");
+    REFUSES("--probe thumb: the scene has none of that name", SMALL, "--depth", "depth.png", "--probe", "thumb");
+    REFUSES("depth.png: is being read", SMALL, "--depth", "depth.png", "--out-depth", "depth.png");
+    REFUSES("--hold: expected no --log", SMALL, "--depth", "depth.png", "--hold", "3", "--log", "x.lcmlog");
+    REFUSES("x.lcmlog: No such file", SMALL, "--depth", "depth.png", "--log", "x.lcmlog");
+    REFUSES("nosuch.yaml:1:1: No such file", "nosuch.yaml", "--depth", "depth.png");
+    REFUSES("no column of", SMALL, "--depth", "depth.png", "--force", "nounit.csv");
+    REFUSES("late.csv: 0 readings between", SMALL, "--depth", "depth.png", "--force", "late.csv");
+    REFUSES("back.csv: reading 3 is earlier", SMALL, "--depth", "depth.png", "--force", "back.csv");
+    REFUSES("far.csv: 2 of 2 points are farther", SMALL, "--points", "far.csv");
+    REFUSES("few.csv: 1 points of the surface", SMALL, "--points", "few.csv");
+    REFUSES("no column z", SMALL, "--points", "flat.csv");
+}
+
+TESTS_MAIN
