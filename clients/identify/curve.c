@@ -54,16 +54,23 @@ static double gauge(int count, const double *value)
     return isfinite(least) ? least : 0;
 }
 
+static double share(const double *weight, int i)
+{
+    return weight ? 1 / weight[i] : 1;
+}
+
 // Of independent noise the middle one of three less the line through the others keeps 1 + a^2 + b^2 of its variance.
-static double bend(const double *t, const double *y)
+static double bend(const double *t, const double *y, const double *weight)
 {
     const double span = t[2] - t[0];
     if (!(span > 0)) return NAN;
     const double b = (t[1] - t[0]) / span, a = 1 - b;
-    return fabs(y[1] - a * y[0] - b * y[2]) / sqrt(1 + a * a + b * b);
+    return fabs(y[1] - a * y[0] - b * y[2]) /
+           sqrt(share(weight, 1) + a * a * share(weight, 0) + b * b * share(weight, 2));
 }
 
-double kn_curve_noise(int count, const double *time_s, const double *value)
+// weight: of how many readings each is the mean; NULL: of one.
+static double noise_of(int count, const double *time_s, const double *value, const double *weight)
 {
     static const double median_of_normal = 0.674489750196082; // of |x|, x normal with standard deviation 1
     const double floor = 1e-6 * largest(count, value);
@@ -71,19 +78,24 @@ double kn_curve_noise(int count, const double *time_s, const double *value)
     double *sizes = malloc((size_t)(count > 2 ? count / step + 1 : 1) * sizeof *sizes), noise = 0;
     int n = 0, same = 0, pairs = 0;
     for (int i = 0; sizes && i + 2 < count; i += step) {
-        const double size = bend(time_s + i, value + i);
+        const double size = bend(time_s + i, value + i, weight ? weight + i : NULL);
         same += value[i] == value[i + 1];
         pairs++;
         if (isfinite(size)) sizes[n++] = size;
     }
-    if (2 * same > pairs)
+    if (2 * same > pairs) {
         noise = gauge(count, value) / sqrt(12);
-    else if (n > 0) {
+    } else if (n > 0) {
         qsort(sizes, (size_t)n, sizeof *sizes, by_size);
         noise = 0.5 * (sizes[(n - 1) / 2] + sizes[n / 2]) / median_of_normal;
     }
     free(sizes);
     return fmax(noise, floor > 0 ? floor : 1e-300);
+}
+
+double kn_curve_noise(int count, const double *time_s, const double *value)
+{
+    return noise_of(count, time_s, value, NULL);
 }
 
 // ---- readings
@@ -202,26 +214,27 @@ kn_curve *kn_curve_add(kn_curve_file *f, kn_curve_kind kind, const char *part)
     return c;
 }
 
-static double noise_of(kn_curve_kind kind, const kn_readings *r)
+// Of the logarithms, both moduli together.
+static double noise_of_sweep(const kn_readings *r)
 {
-    if (kind != KN_CURVE_SWEEP) return kn_curve_noise(r->count, r->time_s, r->value);
-    double *log_hz = malloc(3 * (size_t)r->count * sizeof *log_hz), noise = 1e-6;
-    if (!log_hz) return noise;
+    double *log_hz = malloc(3 * (size_t)r->count * sizeof *log_hz);
+    if (!log_hz) return 1e-6;
     double *storage = log_hz + r->count, *loss = storage + r->count;
     for (int i = 0; i < r->count; i++) {
         log_hz[i] = log(r->time_s[i]);
         storage[i] = log(r->value[i]);
         loss[i] = log(r->other[i]);
     }
-    noise = hypot(kn_curve_noise(r->count, log_hz, storage), kn_curve_noise(r->count, log_hz, loss)) / sqrt(2);
+    const double first = noise_of(r->count, log_hz, storage, r->weight),
+                 second = noise_of(r->count, log_hz, loss, r->weight);
     free(log_hz);
-    return noise;
+    return hypot(first, second) / sqrt(2);
 }
 
 int kn_curve_finish(kn_curve_file *f, kn_curve *c, kn_readings *r, int changes, const double *change_s)
 {
     const int before = r->count;
-    c->noise = noise_of(c->kind, r);
+    c->noise = c->kind == KN_CURVE_SWEEP ? noise_of_sweep(r) : noise_of(r->count, r->time_s, r->value, r->weight);
     const bool ok = kn_readings_thin(r, KN_CURVE_READINGS, changes, change_s);
     c->count = r->count;
     c->time_s = r->time_s;

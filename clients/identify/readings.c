@@ -202,14 +202,15 @@ static double choose_factor(const kn_readings *r, const piece *p, int most)
 // times, which is small beside the noise of one reading but not beside that of the mean of ten thousand.
 static void straighten(kn_readings *r, int begin, int end, const double *variance)
 {
-    double before = r->value[begin];
+    double before = r->value[begin], bend = 0;
     for (int i = begin + 1; i < end - 1; i++) {
         const double *t = r->time_s + i, *y = r->value + i, here = *y;
         const double left = t[0] - t[-1], right = t[1] - t[0];
-        const double bend = 2 * ((y[1] - here) / right - (here - before) / left) / (left + right);
-        if (variance[i] > 0 && left > 0 && right > 0) r->value[i] -= 0.5 * bend * variance[i];
+        if (left > 0 && right > 0) bend = 2 * ((y[1] - here) / right - (here - before) / left) / (left + right);
+        r->value[i] -= 0.5 * bend * variance[i];
         before = here;
     }
+    r->value[end - 1] -= 0.5 * bend * variance[end - 1]; // which has a neighbour on one side alone
 }
 
 static int thin_piece(kn_readings *r, const piece *p, int most, int to, double *variance)

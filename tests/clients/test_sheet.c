@@ -20,9 +20,15 @@ static int read_bytes(const void *text, size_t size, const char *units, int colu
     return code;
 }
 
-static int read_text(const char *text, int columns) { return read_bytes(text, strlen(text), NULL, columns); }
+static int read_text(const char *text, int columns)
+{
+    return read_bytes(text, strlen(text), NULL, columns);
+}
 
-static double at(int column, int row) { return row < s.rows ? s.column[column].value[row] : -999; }
+static double at(int column, int row)
+{
+    return row < s.rows ? s.column[column].value[row] : -999;
+}
 
 // Whether what was heard is one line that begins with the file and this place, and has these words.
 static bool complained(const char *place, const char *words)
@@ -94,9 +100,21 @@ TEST("units are written in many ways and mean the same")
     static const struct {
         const char *text;
         double si;
-    } all[] = {{"cm2", 1e-4}, {"cm\xc2\xb2", 1e-4}, {"cm^2", 1e-4}, {"mPa", 1e-3}, {"Pa.s", 1}, {"Pa\xc2\xb7s", 1},
-               {"gf/cm2", 98.0665}, {"h", 3600}, {"percent", 0.01}, {"-", 1}, {"1", 1}, {"bar", 1e5},
-               {"s\xe2\x81\xbb\xc2\xb9", 1}, {"kN", 1e3}, {"GPa", 1e9}};
+    } all[] = {{"cm2", 1e-4},
+               {"cm\xc2\xb2", 1e-4},
+               {"cm^2", 1e-4},
+               {"mPa", 1e-3},
+               {"Pa.s", 1},
+               {"Pa\xc2\xb7s", 1},
+               {"gf/cm2", 98.0665},
+               {"h", 3600},
+               {"percent", 0.01},
+               {"-", 1},
+               {"1", 1},
+               {"bar", 1e5},
+               {"s\xe2\x81\xbb\xc2\xb9", 1},
+               {"kN", 1e3},
+               {"GPa", 1e9}};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         kn_measure m;
         CHECK(kn_measure_parse(&m, all[i].text, NULL, 0));
@@ -124,9 +142,10 @@ TEST("a quantity of a note has a unit, and a mass is a weight")
 
 TEST("commas, semicolons, tabs and blanks separate, whichever the names have")
 {
-    static const char *const texts[] = {"time_s,height_mm\n0,10\n1.5,9.5\n", "time_s;height_mm\n0;10\n1.5;9.5\n",
-                                        "time_s\theight_mm\n0\t10\n1.5\t9.5\n", "time_s height_mm\n0 10\n  1.5   9.5\n",
-                                        "Time (s)  Height (mm)\n0 10\n1.5 9.5\n", "Time, s\tHeight, mm\n0\t10\n1.5\t9.5\n"};
+    static const char *const texts[] = {
+        "time_s,height_mm\n0,10\n1.5,9.5\n",      "time_s;height_mm\n0;10\n1.5;9.5\n",
+        "time_s\theight_mm\n0\t10\n1.5\t9.5\n",   "time_s height_mm\n0 10\n  1.5   9.5\n",
+        "Time (s)  Height (mm)\n0 10\n1.5 9.5\n", "Time, s\tHeight, mm\n0\t10\n1.5\t9.5\n"};
     for (int i = 0; i < 6; i++) {
         CHECK(read_text(texts[i], 2) == KN_EXIT_OK);
         CHECK(s.rows == 2 && s.columns == 2);
@@ -150,9 +169,10 @@ TEST("both marks in one file, and separators of thousands, are refused by their 
 
 TEST("BOM, CR LF, CR alone, quotes, separators at the end and blank lines change nothing")
 {
-    static const char *const texts[] = {"\xef\xbb\xbftime_s,height_mm\r\n0,10\r\n\r\n1.5,9.5\r\n",
-                                        "time_s,height_mm\r0,10\r1.5,9.5\r", "\"time_s\",\"height_mm\"\n\"0\",\"10\"\n\n1.5,9.5",
-                                        "time_s,height_mm,\n0,10,\n1.5,9.5,\n,,\n", "time_s,height_mm\n 0 , 10 \n\t1.5,9.5\n"};
+    static const char *const texts[] = {
+        "\xef\xbb\xbftime_s,height_mm\r\n0,10\r\n\r\n1.5,9.5\r\n", "time_s,height_mm\r0,10\r1.5,9.5\r",
+        "\"time_s\",\"height_mm\"\n\"0\",\"10\"\n\n1.5,9.5", "time_s,height_mm,\n0,10,\n1.5,9.5,\n,,\n",
+        "time_s,height_mm\n 0 , 10 \n\t1.5,9.5\n"};
     for (int i = 0; i < 5; i++) {
         CHECK(read_text(texts[i], 2) == KN_EXIT_OK);
         CHECK(s.rows == 2 && at(0, 1) == 1.5 && at(1, 0) == 0.01 && at(1, 1) == 0.0095);
@@ -189,13 +209,15 @@ TEST("units may stand in a row of their own, in brackets or not")
     CHECK(read_text("Time;Height;Force\ns;mm;mN\n0;10;1\n", 3) == KN_EXIT_OK);
     CHECK(s.rows == 1 && at(1, 0) == 0.01 && at(2, 0) == 0.001 && s.header_line == 1);
     CHECK(read_text("Amplitude sweep - 1\nStorage modulus\tTan(delta)\tTemp\n[kPa]\t\t[\xc2\xb0"
-                    "C]\n2\t0.1\t25\n", 2) == KN_EXIT_OK);
+                    "C]\n2\t0.1\t25\n",
+                    2) == KN_EXIT_OK);
     CHECK(s.rows == 1 && at(0, 0) == 2000 && at(1, 0) == 0.1 && s.header_line == 2);
 }
 
 TEST("what stands before a table is skipped, whatever it is")
 {
-    CHECK(read_text("sep=;\nProject;Dough\nDiameter;25\nDate;2026-11-22\n\nTime [s];Height [mm]\n0;10\n1;9\n", 2) == KN_EXIT_OK);
+    CHECK(read_text("sep=;\nProject;Dough\nDiameter;25\nDate;2026-11-22\n\nTime [s];Height [mm]\n0;10\n1;9\n", 2) ==
+          KN_EXIT_OK);
     CHECK(s.rows == 2 && s.header_line == 6 && s.line[0] == 7);
 }
 
@@ -245,9 +267,24 @@ TEST("more cells than names are complained of: they are most often decimal comma
 
 TEST("every number is as strtod reads it")
 {
-    static const char *const numbers[] = {"0", "-0.0", "1", "+2.5", ".5", "5.", "0.1", "123456789012345", "1234567890123456",
-                                          "0.000000000000001", "3.14159265358979", "1e-3", "1E5", "-2.5e+3",
-                                          "9007199254740993", "0.30000000000000004", "1e22", "1e-300"};
+    static const char *const numbers[] = {"0",
+                                          "-0.0",
+                                          "1",
+                                          "+2.5",
+                                          ".5",
+                                          "5.",
+                                          "0.1",
+                                          "123456789012345",
+                                          "1234567890123456",
+                                          "0.000000000000001",
+                                          "3.14159265358979",
+                                          "1e-3",
+                                          "1E5",
+                                          "-2.5e+3",
+                                          "9007199254740993",
+                                          "0.30000000000000004",
+                                          "1e22",
+                                          "1e-300"};
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
         char text[100];
         snprintf(text, sizeof text, "time_s,strain\n0,%s\n", numbers[i]);
@@ -261,8 +298,10 @@ TEST("every number is as strtod reads it")
 TEST("notes are read above, within and below the table, and others left alone")
 {
     double load = -1, release = -1, height = -1;
-    CHECK(read_text("# load: 50 gf\n# Height = 1 cm\n# measured by: somebody: else\n# this is a sentence that says: nothing\n"
-                    "time_s,strain\n0,0\n# release: 1 min;;\n1,0.1\n", 2) == KN_EXIT_OK);
+    CHECK(read_text(
+              "# load: 50 gf\n# Height = 1 cm\n# measured by: somebody: else\n# this is a sentence that says: nothing\n"
+              "time_s,strain\n0,0\n# release: 1 min;;\n1,0.1\n",
+              2) == KN_EXIT_OK);
     CHECK(kn_sheet_note_take(&s, "load", "N", &load) == KN_EXIT_OK && fabs(load - 0.4903325) < 1e-12);
     CHECK(kn_sheet_note_take(&s, "height", "m", &height) == KN_EXIT_OK && height == 0.01);
     CHECK(kn_sheet_note_take(&s, "release", "s", &release) == KN_EXIT_OK && release == 60);
@@ -285,7 +324,8 @@ TEST("--units gives units to names that have none")
     const char *text = "Time\tRelaxation Modulus\n0\t10\n1\t9\n";
     CHECK(read_bytes(text, strlen(text), "time=min,modulus=kPa", 2) == KN_EXIT_OK);
     CHECK(at(0, 1) == 60 && at(1, 0) == 10000);
-    CHECK(read_bytes(text, strlen(text), "time=min,height=mm", 2) == KN_EXIT_USAGE && complained(":1:1: no column 'height'", ""));
+    CHECK(read_bytes(text, strlen(text), "time=min,height=mm", 2) == KN_EXIT_USAGE &&
+          complained(":1:1: no column 'height'", ""));
     CHECK(read_bytes(text, strlen(text), "time=parsec", 2) == KN_EXIT_USAGE && strstr(kn_heard, "parsec"));
     CHECK(read_bytes(text, strlen(text), "time", 2) == KN_EXIT_USAGE && strstr(kn_heard, "time=s"));
 }
@@ -311,7 +351,8 @@ TEST("a long line, a byte 0 and more columns than there can be are told where th
     int n = snprintf(text, sizeof text, "time_s,height_mm\n0,1\n1,");
     memset(text + n, '1', 70000);
     CHECK(read_bytes(text, (size_t)n + 70000, NULL, 2) == KN_EXIT_USAGE && complained(":3:1: a line of more", ""));
-    CHECK(read_bytes("time_s,height_mm\n0,1\n1,\0\n", 25, NULL, 2) == KN_EXIT_USAGE && complained(":3:1: a byte 0", ""));
+    CHECK(read_bytes("time_s,height_mm\n0,1\n1,\0\n", 25, NULL, 2) == KN_EXIT_USAGE &&
+          complained(":3:1: a byte 0", ""));
     for (n = 0; n < 2 * 200; n += 2) memcpy(text + n, "a,", 2);
     memcpy(text + n, "\n1,1\n", 6);
     CHECK(read_text(text, 2) == KN_EXIT_USAGE && complained(":1:1: more than 128 columns", ""));
@@ -321,11 +362,13 @@ TEST("files that cannot be read are told in one line")
 {
     kn_hear();
     int code = kn_sheet_open(&s, "/nowhere/at/all.csv", NULL, "identify creep");
-    CHECK(!strcmp(kn_hear_end(), "knead identify creep: /nowhere/at/all.csv: No such file or directory\n") && code == KN_EXIT_USAGE);
+    CHECK(!strcmp(kn_hear_end(), "knead identify creep: /nowhere/at/all.csv: No such file or directory\n") &&
+          code == KN_EXIT_USAGE);
     kn_sheet_close(&s);
     kn_hear();
     code = kn_sheet_open(&s, "/tmp", NULL, "identify creep");
-    CHECK(!strcmp(kn_hear_end(), "knead identify creep: /tmp: is a folder, expected a file\n") && code == KN_EXIT_USAGE);
+    CHECK(!strcmp(kn_hear_end(), "knead identify creep: /tmp: is a folder, expected a file\n") &&
+          code == KN_EXIT_USAGE);
     kn_sheet_close(&s);
 }
 

@@ -1,0 +1,503 @@
+// Measured curves in SI, in the order of time, thinned, and what is said of what was done to them.
+#include "clients/identify/curve.h"
+#include "clients/knead/commands.h"
+#include "tests/check.h"
+#include "tests/clients/heard.h"
+#include <stdarg.h>
+#include <stdint.h>
+
+static kn_curve curve[KN_CURVES_MAX];
+static int curves;
+static kn_curve_options none = {.subcommand = "identify creep"}, options;
+
+static char *text; // of the file that is being written
+static size_t length;
+static FILE *out;
+
+static void begin(const char *head)
+{
+    free(text);
+    out = open_memstream(&text, &length);
+    fputs(head, out);
+    options = none;
+}
+
+__attribute__((format(printf, 1, 2))) static void row(const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    vfprintf(out, format, args);
+    va_end(args);
+}
+
+static int load(kn_curve_kind kind)
+{
+    while (curves > 0) kn_curve_free(&curve[--curves]);
+    fclose(out);
+    kn_hear();
+    int code = kn_curve_load(curve, &curves, kind, kn_write(text, length), &options);
+    kn_hear_end();
+    return code;
+}
+
+static bool said(const char *words)
+{
+    return strstr(kn_heard, words) != NULL;
+}
+
+// Refused in one line, at a line of the file or (0) of it as a whole, with these words.
+static bool refused(int line, const char *words)
+{
+    char place[100], *end = strchr(kn_heard, '\n');
+    snprintf(place, sizeof place, ":%d:", line);
+    if (line == 0) *place = 0;
+    return curves == 0 && end && !end[1] && strstr(kn_heard, place) && strstr(kn_heard, words) &&
+           strstr(kn_heard, kn_written);
+}
+
+// A creep whose every number is easy: 1 - exp(-t/10) mm under the load, and exp(-(t-20)/10) of it after 20 s.
+static double crept_mm(double t)
+{
+    if (t < 0) return 0;
+    return t <= 20 ? 1 - exp(-t / 10) : (1 - exp(-2.0)) * exp(-(t - 20) / 10);
+}
+
+static uint64_t seed = 1;
+static double uniform(void)
+{
+    seed = seed * 6364136223846793005u + 1442695040888963407u;
+    return ((double)(seed >> 11) + 0.5) / 9007199254740992.0;
+}
+static double normal(void)
+{
+    return sqrt(-2 * log(uniform())) * cos(2 * M_PI * uniform());
+}
+
+static const char notes[] = "# load: 50 gf\n# area: 1 cm^2\n# height: 1 cm\n# release: 20 s\n";
+
+// ---- creep
+
+TEST("a displacement over the height is a strain, a load over the area a stress")
+{
+    begin(notes);
+    row("time_s,displacement_mm\n");
+    for (int i = 0; i <= 80; i++) row("%g,%.9g\n", 0.5 * i, crept_mm(0.5 * i));
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curves == 1);
+    CHECK(curve->count == 81 && curve->steps == 2 && !curve->constant_area);
+    CHECK_NEAR(curve->step[0].stress_pa, 4903.325, 1e-9);
+    CHECK(curve->step[1].time_s == 20 && curve->step[1].stress_pa == 0 && curve->step[1].early_s == 20);
+    CHECK_NEAR(curve->value[40], 0.1 * (1 - exp(-2.0)), 1e-9);
+    CHECK(curve->line[40] == 46 && curve->weight[40] == 1 && curve->height_m == 0.01 && curve->area_m2 == 1e-4);
+    CHECK_STR(curve->name, "a");
+    CHECK(said("81 readings of displacement, 4.903 kPa of nominal stress, taken off at 20 s"));
+}
+
+TEST("a height and a load that was recorded: time and height count from the load, the release is found")
+{
+    begin("# area: 1 cm^2\ntime_s;height_mm;load_gf\n");
+    for (int i = 0; i <= 100; i++) {
+        const double t = 0.5 * i - 4.75; // the load comes between two readings
+        row("%g;%.12g;%g\n", t + 4.75, 12 - crept_mm(t), t > 0 && t <= 20 ? 50.0 : 0);
+    }
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->steps == 2);
+    CHECK(said("initial height 12 mm, of the readings before the load"));
+    CHECK(said("10 readings before the load, left out"));
+    CHECK(curve->count == 91);
+    CHECK_NEAR(curve->step[1].time_s, 20, 0.05);
+    CHECK(curve->step[1].early_s > 19.5 && curve->step[1].late_s < 20.5);
+    CHECK_NEAR(curve->time_s[0], 0.25, 0.05);
+    CHECK_NEAR(curve->value[0], crept_mm(0.25) / 12, 1e-9);
+    CHECK_NEAR(curve->height_m, 0.012, 1e-12);
+}
+
+TEST("where noise hides when the load came it is the middle between two readings")
+{
+    begin("# area: 1 cm^2\n# height: 1 cm\ntime_s;displacement_mm;load_gf\n");
+    for (int i = 0; i <= 80; i++) row("%g;%.9g;%g\n", 0.5 * i, crept_mm(0.5 * i) + 0.05 * normal(), i <= 40 ? 50.0 : 0);
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK);
+    CHECK(curve->step[0].time_s == 0 && curve->step[1].time_s == 20.25);
+}
+
+TEST("a load that is only near its value, and some time on its way, makes one step")
+{
+    begin("# area: 1 cm^2\n# height: 1 cm\ntime_s;displacement_mm;load_gf\n");
+    for (int i = 0; i <= 80; i++) {
+        const double way = i == 9 || i == 10 ? 20.0 * (i - 8) : i > 10 ? 50 + 0.5 * normal() : 0.3 * normal();
+        row("%g;%.9g;%g\n", 0.5 * i, crept_mm(0.5 * i - 5), way);
+    }
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK);
+    CHECK(curve->steps == 1 && said("2 readings while the load changed, left out") && said("never taken off"));
+    CHECK_NEAR(curve->step[0].stress_pa, 4903, 20);
+}
+
+TEST("a staircase of loads is one curve with its steps")
+{
+    begin("# area: 1 cm^2\n# height: 1 cm\ntime_s;displacement_mm;load_gf\n");
+    for (int i = 0; i < 90; i++) row("%d;%.9g;%d\n", i, 0.01 * i, i < 30 ? 10 : i < 60 ? 20 : 30);
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->steps == 3);
+    CHECK_NEAR(curve->step[2].stress_pa, 30 * 98.0665, 1e-6);
+    CHECK(curve->step[2].time_s >= 59 && curve->step[2].time_s <= 60 && said("in steps"));
+}
+
+TEST("columns with loads in their names are curves of their own, of different lengths")
+{
+    begin("# height: 1 cm\n# area: 1 cm^2\ntime_s\tdisplacement_mm 10 gf\t50 gf [mm]\tx (0.1 N) [mm]\n");
+    for (int i = 0; i < 20; i++) {
+        if (i < 12)
+            row("%d\t%g\t%g\t%g\n", i, 0.01 * i, 0.1 * i, 0.02 * i);
+        else
+            row("%d\t%g\t\t%g\n", i, 0.01 * i, 0.02 * i);
+    }
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curves == 3);
+    CHECK(curve[0].count == 20 && curve[1].count == 12 && curve[2].count == 20);
+    CHECK_STR(curve[1].name, "a 50 gf");
+    CHECK_NEAR(curve[0].step[0].stress_pa, 980.665, 1e-9);
+    CHECK_NEAR(curve[2].step[0].stress_pa, 1000, 1e-9);
+    CHECK_NEAR(curve[1].value[11], 0.11, 1e-12);
+}
+
+TEST("time that begins anew with another load begins another curve")
+{
+    begin("# area: 1 cm^2\nload_gf,time_s,height_mm\n");
+    for (int k = 1; k <= 3; k++)
+        for (int i = 0; i < 20; i++) row("%d,%d,%g\n", 10 * k, i, 10 + k - 0.01 * k * i);
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curves == 3);
+    CHECK_STR(curve[2].name, "a 30 gf");
+    CHECK_NEAR(curve[1].height_m, 0.012, 1e-12); // each its own
+    CHECK_NEAR(curve[2].height_m, 0.013, 1e-12);
+    CHECK(curve[1].line[0] == 23 && curve[1].step[0].time_s == 0);
+}
+
+TEST("time that begins anew under the same load is refused where it does")
+{
+    begin(notes);
+    row("time_s,displacement_mm\n");
+    for (int k = 0; k < 2; k++)
+        for (int i = 0; i < 20; i++) row("%d,%g\n", i, 0.01 * i);
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(26, "time begins anew"));
+}
+
+TEST("a stress that falls as the section grows is the weight's; one that is held is held")
+{
+    begin("time_s,strain,stress_pa\n");
+    for (int i = 0; i <= 40; i++) row("%d,%.9g,%.9g\n", i, 0.01 * i, 5000 * (1 - 0.01 * i));
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && !curve->constant_area);
+    CHECK_NEAR(curve->step[0].stress_pa, 5000, 1e-3);
+    begin("time_s,strain,stress_pa\n");
+    for (int i = 0; i <= 40; i++) row("%d,%.9g,5000\n", i, 0.01 * i);
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->constant_area && curve->step[0].stress_pa == 5000);
+}
+
+TEST("a compliance is a strain under 1 Pa, or under the stress that is known")
+{
+    begin("Time [min]\tCreep Compliance [1/kPa]\n");
+    for (int i = 0; i < 10; i++) row("%d\t%g\n", i, 0.002 * i);
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK);
+    CHECK(curve->constant_area && curve->step[0].stress_pa == 1 && said("stress unknown"));
+    CHECK_NEAR(curve->value[9], 0.018e-3, 1e-18);
+    CHECK(curve->time_s[9] == 540);
+    begin("# stress: 2 kPa\nTime [min]\tCreep Compliance [1/kPa]\n");
+    for (int i = 0; i < 10; i++) row("%d\t%g\n", i, 0.002 * i);
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->step[0].stress_pa == 2000);
+    CHECK_NEAR(curve->value[9], 0.036, 1e-15);
+}
+
+TEST("compression below 0 changes its sign, and that is said")
+{
+    begin(notes);
+    row("time_s,displacement_mm\n");
+    for (int i = 0; i <= 40; i++) row("%d,%.9g\n", i, -crept_mm(i));
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && said("its sign is changed") && curve->value[10] > 0);
+}
+
+TEST("a file's notes go before the options, the options before nothing")
+{
+    begin(notes);
+    row("time_s,displacement_mm\n");
+    for (int i = 0; i <= 40; i++) row("%d,%.9g\n", i, crept_mm(i));
+    options.load_n = 9;
+    options.release_s = 5;
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->step[1].time_s == 20);
+    CHECK_NEAR(curve->step[0].stress_pa, 4903.325, 1e-9);
+    begin("time_s,displacement_mm\n");
+    for (int i = 0; i <= 40; i++) row("%d,%.9g\n", i, crept_mm(i));
+    options = (kn_curve_options){
+        .subcommand = "identify creep", .load_n = 1, .area_m2 = 1e-3, .height_m = 0.02, .release_s = 5};
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->step[1].time_s == 5 && curve->step[0].stress_pa == 1000);
+    CHECK_NEAR(curve->value[20], crept_mm(20) / 20, 1e-9);
+}
+
+TEST("a note knows the release better than the readings around it, where they agree")
+{
+    for (int k = 0; k < 2; k++) {
+        begin(k ? "# release: 20.1 s\n" : "# release: 25 s\n");
+        row("# area: 1 cm^2\n# height: 1 cm\ntime_s;displacement_mm;load_gf\n");
+        for (int i = 0; i <= 80; i++) row("%g;%.9g;%g\n", 0.5 * i, crept_mm(0.5 * i), i <= 40 ? 50.0 : 0);
+        CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->steps == 2);
+        if (k)
+            CHECK(curve->step[1].time_s == 20.1 && curve->step[1].early_s == 20.1);
+        else
+            CHECK(said("not at 25 s") && curve->step[1].time_s < 20.5);
+    }
+}
+
+TEST("gaps, disorder and readings of one time are mended, counted and said")
+{
+    begin(notes);
+    row("time_s,displacement_mm\n");
+    for (int i = 40; i >= 0; i--) row("%d,%.9g\n", i, crept_mm(i));
+    row("7,%.9g\n50,\n51,nan\n", crept_mm(7));
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->count == 41);
+    CHECK(said("2 readings of displacement missing, left out; the first in line 48"));
+    CHECK(said("not in the order of time") && said("1 reading has the time of another: averaged"));
+    CHECK(curve->time_s[7] == 7 && curve->weight[7] == 2 && curve->weight[8] == 1);
+    CHECK_NEAR(curve->value[7], crept_mm(7) / 10, 1e-9);
+}
+
+TEST("a clock that counts from long before is told, and counts from the first reading")
+{
+    begin("# load: 50 gf\n# area: 1 cm^2\n# height: 1 cm\ntime_s,displacement_mm\n");
+    for (int i = 0; i <= 40; i++) row("%d,%.9g\n", 100000 + i, crept_mm(i));
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && said("time counts from long before") && curve->time_s[40] == 40);
+}
+
+TEST("what is lacking is told in one line that says how to give it")
+{
+    const char rows[] = "0,1\n1,2\n2,3\n3,4\n4,5\n5,6\n6,7\n7,7.5\n8,8\n";
+    static const struct {
+        const char *head;
+        int line;
+        const char *words;
+    } all[] = {{"time_s,displacement_mm\n", 1, "--height"},
+               {"# height: 1 cm\ntime_s,displacement_mm\n", 2, "--load"},
+               {"# height: 1 cm\n# load: 1 N\ntime_s,displacement_mm\n", 3, "--area"},
+               {"time,displacement_mm\n", 1, "--units 'time=s'"},
+               {"time_s,displacement\n", 1, "--units 'displacement=m'"},
+               {"time_s,displacement_s\n", 1, "expected a displacement"},
+               {"time_mm,displacement_mm\n", 1, "expected a time"},
+               {"time_s,colour\n", 1, "no height, displacement, strain or compliance"},
+               {"instant_s,displacement_mm\n", 1, "no time"},
+               {"# height: -1 cm\ntime_s,displacement_mm\n", 1, "above 0"},
+               {"# height: 1 s\ntime_s,displacement_mm\n", 1, "not in units of m"}};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
+        begin(all[i].head);
+        row("%s", rows);
+        CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(all[i].line, all[i].words));
+    }
+}
+
+TEST("what cannot be is told by its line")
+{
+    begin(notes);
+    row("time_s,displacement_mm\n0,0\n1,1\n2,2\n3,3\n4,4\n5,12\n6,5\n7,6\n30,6\n");
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(11, "more than the whole height"));
+    begin(notes);
+    row("time_s,height_mm\n0,9\n1,8\n2,7\n3,6\n4,-4\n5,3\n6,3\n7,2\n30,2\n");
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(10, "height of -0.004 m"));
+    begin(notes);
+    row("time_s,height_mm\n0,10\n1,11\n2,12\n3,13\n4,14\n5,15\n6,16\n7,17\n30,18\n");
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(6, "expected compression"));
+    begin(notes);
+    row("time_s,displacement_mm\n0,0\n1,0\n2,0\n3,0\n4,0\n5,0\n6,0\n7,0\n30,0\n");
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(6, "is 0 in all readings"));
+    begin(notes);
+    row("time_s,displacement_mm\n0,0\n1,1\n2,2\n30,3\n");
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(6, "4 readings of displacement that can be used"));
+    begin(notes);
+    row("time_s,displacement_mm,load_gf\n0,0,0\n1,1,0\n2,2,0\n3,3,0\n4,4,0\n5,4,0\n6,5,0\n7,6,0\n30,6,0\n");
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(6, "the load is 0 throughout"));
+    begin(notes);
+    row("time_s,displacement_mm\n0,0\n1,1\n2,2\n3,3\n4,4\n5,4.1\n6,5\n7,6\n8,6\n");
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(0, "released at 20 s"));
+}
+
+TEST("more curves than there is room for are refused, and those before stay")
+{
+    while (curves > 0) kn_curve_free(&curve[--curves]);
+    begin(notes);
+    row("time_s,displacement_mm\n");
+    for (int i = 0; i <= 40; i++) row("%d,%.9g\n", i, crept_mm(i));
+    fclose(out);
+    int code = KN_EXIT_OK;
+    kn_hear();
+    for (int i = 0; i <= KN_CURVES_MAX && code == KN_EXIT_OK; i++)
+        code = kn_curve_load(curve, &curves, KN_CURVE_CREEP, kn_write(text, length), &none);
+    kn_hear_end();
+    CHECK(code == KN_EXIT_USAGE && curves == KN_CURVES_MAX && said("more than 32 curves"));
+}
+
+// ---- thinning
+
+TEST("many readings become some six hundred means that lie on the curve, none across a release")
+{
+    enum { MANY = 100000 };
+    begin(notes);
+    row("time_s,displacement_mm\n");
+    for (int i = 0; i <= MANY; i++) row("%.9g,%.12g\n", 40.0 * i / MANY, crept_mm(40.0 * i / MANY));
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && said("readings thinned to"));
+    CHECK(curve->count > 400 && curve->count <= KN_CURVE_READINGS);
+    double readings = 0, worst = 0;
+    bool rising = true, single = curve->weight[0] == 1 && curve->weight[1] == 1;
+    for (int i = 0; i < curve->count; i++) {
+        readings += curve->weight[i];
+        worst = fmax(worst, fabs(curve->value[i] - crept_mm(curve->time_s[i]) / 10));
+        if (i > 0) rising &= curve->time_s[i] > curve->time_s[i - 1];
+        if (curve->time_s[i] > 20 && curve->time_s[i] < 20.0009) single &= curve->weight[i] == 1;
+    }
+    CHECK(readings == MANY + 1 && rising && single);
+    CHECK(worst < 2e-7); // plain means of 5 % wide bins are 1.5e-5 off
+}
+
+TEST("a mean is as much better than a reading as its weight says")
+{
+    enum { MANY = 50000 };
+    begin("# load: 50 gf\n# area: 1 cm^2\n# height: 1 cm\ntime_s,displacement_mm\n");
+    for (int i = 0; i <= MANY; i++) {
+        const double t = 20.0 * i / MANY;
+        row("%.9g,%.9g\n", t, crept_mm(t) + 0.02 * normal());
+    }
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK);
+    CHECK_NEAR(curve->noise, 0.002, 0.0001);
+    double sum = 0;
+    for (int i = 0; i < curve->count; i++) {
+        const double off = curve->value[i] - crept_mm(curve->time_s[i]) / 10;
+        sum += off * off * curve->weight[i] / (curve->noise * curve->noise);
+    }
+    CHECK_NEAR(sum / curve->count, 1, 0.2);
+}
+
+// ---- noise
+
+TEST("the noise on a smooth curve is found, whatever the curve, and jumps do not count")
+{
+    enum { N = 3000 };
+    static double t[N], y[N];
+    for (int i = 0; i < N; i++) {
+        t[i] = i < 1000 ? 0.01 * i : 10 + 0.1 * (i - 1000); // two rates
+        y[i] = 5 * exp(-t[i] / 30) + (t[i] > 50 ? 3 : 0) + 0.01 * normal() + (i % 397 == 0 ? 2 : 0);
+    }
+    CHECK_NEAR(kn_curve_noise(N, t, y), 0.01, 0.0007);
+}
+
+TEST("of a coarse gauge the noise is its step over the root of 12, and it is never 0")
+{
+    enum { N = 1000 };
+    static double t[N], y[N];
+    for (int i = 0; i < N; i++) t[i] = i, y[i] = 0.01 * floor(i / 20.0);
+    CHECK_NEAR(kn_curve_noise(N, t, y), 0.01 / sqrt(12), 1e-9);
+    for (int i = 0; i < N; i++) y[i] = 3;
+    CHECK_NEAR(kn_curve_noise(N, t, y), 3e-6, 1e-12);
+    CHECK(kn_curve_noise(2, t, (double[]){0, 0}) > 0);
+}
+
+// ---- relaxation
+
+TEST("a modulus without a strain stays one, with a strain it is a stress")
+{
+    for (int k = 0; k < 2; k++) {
+        begin(k ? "# strain: 10 %\n" : "");
+        row("Time\tRelaxation Modulus\n");
+        for (int i = 1; i <= 20; i++) row("%d\t%g\n", i, 1000 * exp(-i / 5.0));
+        options.units = "time=s,modulus=kPa";
+        CHECK(load(KN_CURVE_RELAX) == KN_EXIT_OK && curve->count == 20 && curve->begin_s == 0);
+        CHECK(curve->strain == (k ? 0.1 : 0) && !curve->other);
+        CHECK_NEAR(curve->value[4], (k ? 1e5 : 1e6) * exp(-1), 1);
+    }
+}
+
+TEST("a force is a stress by the area that the specimen has at that strain")
+{
+    for (int k = 0; k < 3; k++) {
+        begin("# area: 2 cm^2\n");
+        if (k < 2) row("# strain: 20 %%\n");
+        if (k > 0) row("# section: constant\n");
+        row("time_s;force_N\n");
+        for (int i = 1; i <= 20; i++) row("%d;%g\n", i, -exp(-i / 5.0));
+        CHECK(load(KN_CURVE_RELAX) == KN_EXIT_OK && said("its sign is changed"));
+        CHECK_NEAR(curve->value[4], (k ? 1 : 0.8) * exp(-1) / 2e-4, 0.01);
+    }
+    begin("# area: 2 cm^2\ntime_s;force_N\n");
+    for (int i = 1; i <= 20; i++) row("%d;%g\n", i, exp(-i / 5.0));
+    CHECK(load(KN_CURVE_RELAX) == KN_EXIT_USAGE && refused(2, "--strain"));
+}
+
+TEST("a ramp that was recorded ends where its line reaches the strain, and stays in the curve")
+{
+    begin("# height: 1 cm\ntime_s,displacement_mm,stress_kPa\n");
+    for (int i = -10; i <= 300; i++) {
+        const double t = 0.1 * i, strain = t < 0 ? 0 : t < 2 ? 0.05 * t : t < 25 ? 0.1 : 0;
+        row("%.9g,%.9g,%.9g\n", t, 10 * strain, t < 0 ? 0 : t < 2 ? 5 * t : t < 25 ? 10 * exp(-(t - 2) / 10) : 0);
+    }
+    CHECK(load(KN_CURVE_RELAX) == KN_EXIT_OK);
+    CHECK_NEAR(curve->begin_s, 2, 0.02);
+    CHECK_NEAR(curve->strain, 0.1, 1e-9);
+    CHECK(curve->other && said("10 readings before the strain") && said("51 readings after the strain was given up"));
+    CHECK_NEAR(curve->other[10], 0.05, 1e-6);
+}
+
+TEST("a stress that rises at first is held from its peak on")
+{
+    begin("# strain: 10 %\ntime_s,stress_kPa\n");
+    for (int i = 0; i <= 100; i++) row("%d,%g\n", i, i < 10 ? i : 10 * exp(-(i - 10) / 20.0));
+    CHECK(load(KN_CURVE_RELAX) == KN_EXIT_OK && curve->begin_s == 10 && curve->count == 91 && said("rises until 10 s"));
+}
+
+TEST("both sides of a jump that are written down at one time are kept")
+{
+    begin("# strain: 10 %\ntime_s,stress_kPa\n0,100\n0,40\n");
+    for (int i = 1; i <= 20; i++) row("%d,%g\n", i, 40 * exp(-i / 20.0));
+    CHECK(load(KN_CURVE_RELAX) == KN_EXIT_OK && curve->count == 22 && curve->value[0] == 100e3 &&
+          curve->value[1] == 40e3);
+}
+
+// ---- sweeps
+
+TEST("frequencies in Hz or rad/s, moduli by parts, by tan delta or by an angle are the same sweep")
+{
+    static const char *const heads[] = {"frequency_hz,storage_pa,loss_pa\n", "omega [rad/s],G' (kPa),G\" [Pa]\n",
+                                        "f [Hz],|G*| [Pa],tan delta\n",
+                                        "Angular frequency (1/s),|E*| [Pa],phase angle (\xc2\xb0)\n"};
+    for (int k = 0; k < 4; k++) {
+        begin(heads[k]);
+        for (int i = 10; i >= 1; i--) {
+            const double hz = 0.1 * i, storage = 1000.0 * i, loss = 300.0 * i, size = hypot(storage, loss);
+            if (k == 0) row("%.12g,%.12g,%.12g\n", hz, storage, loss);
+            if (k == 1) row("%.12g,%.12g,%.12g\n", 2 * M_PI * hz, storage / 1e3, loss);
+            if (k == 2) row("%.12g,%.12g,%.12g\n", hz, size, 0.3);
+            if (k == 3) row("%.12g,%.12g,%.12g\n", 2 * M_PI * hz, size, atan(0.3) * 180 / M_PI);
+        }
+        CHECK(load(KN_CURVE_SWEEP) == KN_EXIT_OK && curve->count == 10);
+        CHECK_NEAR(curve->time_s[4], 0.5, 1e-9);
+        CHECK_NEAR(curve->value[4], 5000, 1e-6);
+        CHECK_NEAR(curve->other[4], 1500, 1e-6);
+    }
+}
+
+TEST("the noise of a sweep is relative, and a frequency that was measured again counts twice")
+{
+    begin("f_hz,storage_pa,loss_pa\n");
+    for (int k = 0; k < 2; k++)
+        for (int i = 0; i < 400; i++) {
+            const double hz = 0.01 * exp(i * 0.02);
+            row("%.9g,%.9g,%.9g\n", hz, 1e3 * hz * (1 + 0.02 * normal()), 1e4 * sqrt(hz) * (1 + 0.02 * normal()));
+        }
+    CHECK(load(KN_CURVE_SWEEP) == KN_EXIT_OK && curve->count == 400 && curve->weight[200] == 2);
+    CHECK_NEAR(curve->noise, 0.02, 0.002); // of one reading
+}
+
+TEST("a frequency or a modulus of 0 is refused by its line, a single modulus by its names'")
+{
+    begin("f_hz,storage_pa,loss_pa\n0,1,1\n");
+    for (int i = 1; i <= 10; i++) row("%d,%d,1\n", i, i);
+    CHECK(load(KN_CURVE_SWEEP) == KN_EXIT_USAGE && refused(2, "frequency of 0 Hz"));
+    begin("f_hz,storage_pa,loss_pa\n");
+    for (int i = 1; i <= 10; i++) row("%d,%d,%d\n", i, i, i - 5);
+    CHECK(load(KN_CURVE_SWEEP) == KN_EXIT_USAGE && refused(2, "expected both above 0"));
+    begin("f_hz,storage_pa\n");
+    for (int i = 1; i <= 10; i++) row("%d,%d\n", i, i);
+    CHECK(load(KN_CURVE_SWEEP) == KN_EXIT_USAGE && refused(1, "no storage and loss modulus"));
+    free(text);
+    text = NULL;
+}
+
+TESTS_MAIN
