@@ -93,7 +93,7 @@ void kn_cell_text(char *to, size_t size, const kn_cell *c)
     size_t n = 0;
     for (int i = 0; i < c->length && n + 1 < size; i++) {
         if (c->quoted && c->text[i] == '"' && i + 1 < c->length && c->text[i + 1] == '"') i++;
-        to[n++] = c->text[i];
+        to[n++] = (unsigned char)c->text[i] < ' ' || c->text[i] == 0x7f ? '?' : c->text[i];
     }
     to[n] = '\0';
 }

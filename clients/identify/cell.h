@@ -19,6 +19,8 @@ bool kn_cell_next(char separator, const char **at, kn_cell *cell);
 // *comma, *point: set if the number has such a decimal mark; a comma is none where it separates, unless quoted.
 kn_cell_content kn_cell_read(const kn_cell *cell, char separator, double *value, bool *comma, bool *point);
 
-void kn_cell_text(char *to, size_t size, const kn_cell *cell); // doubled quotes within quotes are one
+// As much of it as there is room for: doubled quotes within quotes are one, control characters '?', for it is shown on
+// terminals.
+void kn_cell_text(char *to, size_t size, const kn_cell *cell);
 
 #endif

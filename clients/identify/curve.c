@@ -152,8 +152,24 @@ static int check_enough(kn_curve_file *f, const kn_readings *r, const char *name
     return KN_EXIT_OK;
 }
 
+// SI, far beyond anything on a bench; sums and quotients of what is left are numbers.
+static const double absurd = 1e30;
+
+static int check_sane(kn_curve_file *f, const kn_readings *r)
+{
+    const double *const all[] = {r->time_s, r->value, r->other, r->load};
+    for (int i = 0; i < r->count; i++)
+        for (int k = 0; k < 4; k++)
+            if (all[k] && fabs(all[k][i]) > absurd)
+                return kn_sheet_complain(&f->sheet, r->line[i], 1, "%g in SI units, expected at most %g", all[k][i],
+                                         absurd);
+    return KN_EXIT_OK;
+}
+
 int kn_curve_order(kn_curve_file *f, kn_readings *r, const char *name)
 {
+    const int sane = check_sane(f, r);
+    if (sane != KN_EXIT_OK) return sane;
     int line = 0, out = kn_readings_compact(r, &line);
     if (out > 0)
         kn_curve_say(f, "%d reading%s of %s missing, left out; the first in line %d", out, out > 1 ? "s" : "", name,
@@ -281,7 +297,8 @@ static int take_notes(kn_curve_file *f)
     for (size_t i = 0; i < sizeof notes / sizeof *notes && code == KN_EXIT_OK; i++) {
         *notes[i].value = NAN;
         code = kn_sheet_note_take(&f->sheet, notes[i].key, notes[i].unit, notes[i].value);
-        if (code == KN_EXIT_OK && *notes[i].value <= 0) code = bad_note(f, notes[i].key);
+        const double value = *notes[i].value;
+        if (code == KN_EXIT_OK && (value < 1e-15 || value > 1e15)) code = bad_note(f, notes[i].key);
         if (isnan(*notes[i].value)) *notes[i].value = given(notes[i].option);
     }
     f->begin_s = NAN;

@@ -128,6 +128,8 @@ static void copy(char *to, size_t size, const char *text, size_t length)
     while (length > 0 && isspace((unsigned char)*text)) text++, length--;
     while (length > 0 && isspace((unsigned char)text[length - 1])) length--;
     snprintf(to, size, "%.*s", (int)length, text);
+    for (char *p = to; *p; p++)
+        if ((unsigned char)*p < ' ' || *p == 0x7f) *p = '?'; // it is shown on terminals
 }
 
 static bool take_unit(kn_heading *h, const char *text, size_t length)

@@ -4,7 +4,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-enum { ROOM = 1 << 20 }; // of the buffer; a header is sought in the first one
+enum { ROOM = 1 << 18 }; // of the buffer; a header is sought in the first one
 
 static bool fail(kn_lines *l, const char *why)
 {

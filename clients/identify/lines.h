@@ -26,7 +26,7 @@ typedef struct kn_lines {
 // False and one clause in error: cannot be read, is a folder, is empty.
 bool kn_lines_open(kn_lines *l, const char *file);
 bool kn_lines_next(kn_lines *l);
-bool kn_lines_rewind(kn_lines *l); // to the first line; false once more than the first megabyte has been read
+bool kn_lines_rewind(kn_lines *l); // to the first line; false once more than the first 256 kB have been read
 void kn_lines_close(kn_lines *l);
 
 #endif

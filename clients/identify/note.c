@@ -19,5 +19,7 @@ bool kn_note_read(const char *text, int line, kn_note *note)
     size_t length = strcspn(value, ";\t"); // a spreadsheet fills its lines up with separators
     while (length > 0 && strchr(" ,", value[length - 1])) length--;
     snprintf(note->value, sizeof note->value, "%.*s", (int)length, value);
+    for (char *p = note->value; *p; p++)
+        if ((unsigned char)*p < ' ' || *p == 0x7f) *p = '?'; // it is shown on terminals
     return words <= 3 && *note->value;
 }

@@ -152,7 +152,7 @@ int kn_sheet_open(kn_sheet *s, const char *file, const char *units, const char *
     if (!kn_lines_open(&s->lines, file)) return kn_complain(subcommand, KN_EXIT_USAGE, "%s: %s", file, s->lines.error);
     if (!kn_header_find(&header, &s->lines)) return no_table(s, &header);
     if (!kn_lines_rewind(&s->lines))
-        return kn_sheet_complain(s, 1, 1, "no numbers in the first megabyte, expected a table");
+        return kn_sheet_complain(s, 1, 1, "no numbers in the first 256 kB, expected a table");
     s->header_line = header.names;
     s->separator = header.separator;
     while (s->lines.number < (header.units ? header.units : header.names) && kn_lines_next(&s->lines)) {
@@ -189,9 +189,7 @@ static bool grow(kn_sheet *s, int count, const int wanted[])
 static int bad_cell(const kn_sheet *s, const kn_sheet_column *column, const kn_cell *c)
 {
     char text[32];
-    snprintf(text, sizeof text, "%.*s", c->length, c->text);
-    for (char *p = text; *p; p++)
-        if ((unsigned char)*p < ' ') *p = '?';
+    kn_cell_text(text, sizeof text, c);
     const bool commas = strchr(text, ',') && strchr(text, '.');
     return kn_sheet_complain(s, s->lines.number, (int)(c->text - s->lines.text) + 1, "'%s' for %s, expected a number%s",
                              text, column->heading.name,
