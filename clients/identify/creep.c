@@ -1,8 +1,9 @@
 // knead identify creep: from creep curves to the numbers of the papers' element.
+#include "clients/identify/creep_figures.h"
+#include "clients/identify/creep_report.h"
 #include "clients/identify/joint.h"
 #include "clients/identify/options.h"
 #include "clients/identify/stages.h"
-#include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/output.h"
@@ -10,6 +11,7 @@
 #include "clients/knead/result.h"
 #include <errno.h>
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -48,17 +50,21 @@ typedef struct work {
     kn_curve curve[KN_CURVES_MAX];
     int curves;
     kn_joint joint;
+    kn_models models;
+    bool compared;
+    int notes;
+    char note[KN_CREEP_NOTES][400]; // what is to be doubted, in words
 } work;
 
 // ---- what is told
 
-static double gf_cm2(double pa) { return pa / KN_GF_CM2_PA; }
+static const double gf_cm2 = 98.0665; // Pa
 
 // What the number is in the first paper's units, of a specimen of 1 cm.
 static void print_papers(const kn_identified *n, int which)
 {
     static const char *const unit[] = {"gf/cm^3", "gf s/cm^3", "gf s/cm^3", "cm^2/gf", "gf/cm^2", "gf/cm^2"};
-    double value = which == KN_JOINT_BETA ? n->value * KN_GF_CM2_PA : gf_cm2(n->value);
+    double value = which == KN_JOINT_BETA ? n->value * gf_cm2 : n->value / gf_cm2;
     if (n->known == KN_KNOWN) printf("   %.4g %s", value, unit[which]);
 }
 
@@ -116,52 +122,48 @@ static void print_stages(const work *w)
 
 // ---- what is to be doubted, in words
 
-static void doubt(const char *words)
+__attribute__((format(printf, 2, 3))) static void doubt(work *w, const char *format, ...)
 {
-    printf("note: %s\n", words);
-    json_t *row = kn_result_add("notes");
-    kn_result_text(row, "words", words);
+    va_list args;
+    if (w->notes == KN_CREEP_NOTES) return;
+    char *note = w->note[w->notes++];
+    va_start(args, format);
+    vsnprintf(note, sizeof w->note[0], format, args);
+    va_end(args);
+    printf("note: %s\n", note);
+    kn_result_text(kn_result_add("notes"), "words", note);
 }
 
-static void doubt_curves(const work *w)
+static void doubt_curves(work *w)
 {
     const kn_joint *j = &w->joint;
-    char text[400];
     for (int k = 0; k < w->curves; k++) {
         const kn_curve *c = &w->curve[k];
-        if (!isfinite(kn_joint_release(c))) {
-            snprintf(text, sizeof text, "%s: its load was never taken off, or the file does not say when: k1 and c1 "
-                     "rest on how it gave way, not on what came back", c->name);
-            doubt(text);
-        }
-        if (j->runs[k] > 3 && j->rms[k] > 1.1 * c->noise) {
-            snprintf(text, sizeof text, "%s: what is left after the fit is no noise (%.2g of it, runs %.2g): the "
-                     "model, the moment of the load or a scale is wrong; the intervals speak of noise alone", c->name,
-                     j->rms[k] / c->noise, j->runs[k]);
-            doubt(text);
-        }
+        if (!isfinite(kn_joint_release(c)))
+            doubt(w, "%s: its load was never taken off, or the file does not say when: k1 and c1 rest on how it gave "
+                  "way, not on what came back", c->name);
+        if (j->runs[k] > 3)
+            doubt(w, "%s: what is left after the fit is no noise (%.3g times as much, runs %.2g): the model, the "
+                  "moment of the load or a scale is wrong, and the intervals speak of noise alone", c->name,
+                  j->rms[k] / c->noise, j->runs[k]);
     }
 }
 
-static void doubt_all(const work *w)
+static void doubt_all(work *w)
 {
     const kn_joint *j = &w->joint;
-    char text[400];
     if (w->curves == 1)
-        doubt("one load alone: the damper is known only for the stresses that it passed through, and beyond them beta "
-              "cannot be told from P0 and P1; another load would tell them apart");
-    if (fabs(j->alpha_beta) > 0.98) {
-        snprintf(text, sizeof text, "alpha and beta are known together, not apart (correlation %.3f): the stresses lie "
-                 "within %.3g to %.3g kPa; a smaller and a larger load would part them", j->alpha_beta,
-                 j->lowest_pa / 1e3, j->highest_pa / 1e3);
-        doubt(text);
-    }
+        doubt(w, "one load alone: the damper is known only for the stresses that it passed through, and beyond them "
+              "beta cannot be told from P0 and P1; another load would tell them apart");
+    if (fabs(j->alpha_beta) > 0.98)
+        doubt(w, "alpha and beta are known together, not apart (correlation %.3f): the stresses lie within %.3g to "
+              "%.3g kPa; a smaller and a larger load would part them", j->alpha_beta, j->lowest_pa / 1e3,
+              j->highest_pa / 1e3);
     for (int i = 0; i < j->outliers; i++) {
         const kn_joint_outlier *o = &j->outlier[i];
         const kn_curve *c = &w->curve[o->curve];
-        snprintf(text, sizeof text, "%s:%d:1: left out, %.2g standard deviations from the curve while its neighbours "
-                 "are not", c->file, c->line[o->reading], o->deviations);
-        doubt(text);
+        doubt(w, "%s:%d:1: left out, %.2g standard deviations from the curve while its neighbours are not", c->file,
+              c->line[o->reading], o->deviations);
     }
 }
 
@@ -240,26 +242,62 @@ static int try_outputs(const kn_identify_options *opt)
     return code;
 }
 
-static int identify(work *w)
+static void compare(work *w)
 {
+    char error[200];
+    const kn_models_options how = {.cut_s = w->opt.cut_s};
+    if (w->opt.no_models) return;
+    w->compared = kn_models_compare(&w->models, w->curves, w->curve, &how, error, sizeof error);
+    if (!w->compared) {
+        doubt(w, "other models were not compared: %s", error);
+        return;
+    }
+    kn_models_print(&w->models);
+    kn_models_tell(&w->models);
+}
+
+static int write_report(const work *w, kn_document *d)
+{
+    char path[PATH_MAX];
+    const kn_creep_found found = {w->opt.subcommand, w->curves, w->curve, &w->joint, w->compared ? &w->models : NULL,
+                                  w->notes, w->note};
+    int code = write_material(w, kn_document_file(d, "material.yaml", path));
+    return code == KN_EXIT_OK ? kn_creep_report(d, &found) : code;
+}
+
+static int write(const work *w, kn_document *d)
+{
+    const kn_identify_options *o = &w->opt;
+    int code = o->csv ? write_csv(w) : KN_EXIT_OK;
+    if (code == KN_EXIT_OK && o->out) code = write_material(w, o->out);
+    if (code == KN_EXIT_OK && o->png)
+        code = kn_creep_figures_fits(o->subcommand, o->png, w->curves, w->curve, &w->joint);
+    if (code == KN_EXIT_OK && kn_document_is_open(d)) code = write_report(w, d);
+    return kn_document_close(d, code);
+}
+
+static int identify(work *w, int argc, char **argv)
+{
+    kn_document d = {0};
     kn_joint_options how = {.confidence = 0.95, .late = w->opt.late};
     int code = try_outputs(&w->opt);
+    if (code == KN_EXIT_OK)
+        code = kn_document_open(&d, w->opt.subcommand, w->opt.report, "A material by creep", argc, argv);
     if (code == KN_EXIT_OK) code = load(w);
-    if (code != KN_EXIT_OK) return code;
-    if (!kn_joint_fit(&w->joint, w->curves, w->curve, &how))
-        return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
+    if (code == KN_EXIT_OK && !kn_joint_fit(&w->joint, w->curves, w->curve, &how))
+        code = kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
                            "%s: no numbers of the element come near these curves; expected creep under a load",
                            w->curve[0].file);
+    if (code != KN_EXIT_OK) return kn_document_close(&d, code);
     print_numbers(&w->joint);
     print_curves(w);
     print_stages(w);
+    compare(w);
     printf("\n");
     doubt_curves(w);
     doubt_all(w);
     tell(w);
-    if (w->opt.csv) code = write_csv(w);
-    if (code == KN_EXIT_OK && w->opt.out) code = write_material(w, w->opt.out);
-    return code;
+    return write(w, &d);
 }
 
 int kn_identify_creep_main(int argc, char **argv)
@@ -268,8 +306,9 @@ int kn_identify_creep_main(int argc, char **argv)
     bool done = false;
     if (!w) return kn_complain("identify creep", KN_EXIT_DEVICE, "out of memory");
     int code = kn_identify_options_parse(&w->opt, "identify creep", 'c', help, argc, argv, &done);
-    if (code == KN_EXIT_OK && !done) code = identify(w);
+    if (code == KN_EXIT_OK && !done) code = identify(w, argc, argv);
     for (int k = 0; k < w->curves; k++) kn_curve_free(&w->curve[k]);
+    kn_models_free(&w->models);
     kn_identify_options_free(&w->opt);
     free(w);
     return code;

@@ -6,6 +6,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+const char *const kn_loop_name[KN_LOOP_WAYS] = {"element", "diagonals", "diagonals and gas"};
+
 // Loads the bench as the curve says and reads it at the curve's readings.
 static int follow(kn_bench *b, const kn_curve *c, double *strain)
 {
@@ -34,31 +36,38 @@ static double apart(const double *a, const double *b, const kn_curve *c)
     return sqrt(sum / c->count) / most;
 }
 
-int kn_loop_creep(kn_loop *loop, const char *subcommand, const char *scene, const kn_curve *c)
+static int run(kn_loop *loop, kn_loop_way way, const char *subcommand, const char *scene, const kn_curve *c)
 {
+    static const char *gas[] = {"object.pressure=cells"};
+    const int n = way == KN_LOOP_ELEMENT ? 0 : KN_LOOP_CELLS;
     kn_bench_options opt = {.subcommand = subcommand,
                             .specimen = scene,
                             .constant_area = c->constant_area,
-                            .lattice = {KN_LOOP_CELLS, KN_LOOP_CELLS, KN_LOOP_CELLS}};
+                            .sets = gas,
+                            .set_count = way == KN_LOOP_GAS,
+                            .lattice = {n, n, n}};
     kn_bench b;
-    *loop = (kn_loop){.element = calloc(2 * (size_t)c->count, sizeof *loop->element)};
-    if (!loop->element) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
-    loop->lattice = loop->element + c->count;
     int code = kn_bench_open(&b, &opt);
-    kn_model *model = code == KN_EXIT_OK ? b.model : NULL;
-    b.model = NULL;
-    if (code == KN_EXIT_OK) code = follow(&b, c, loop->element);
-    b.model = model;
-    if (code == KN_EXIT_OK) code = follow(&b, c, loop->lattice);
+    if (code == KN_EXIT_OK) code = follow(&b, c, loop->strain[way]);
     kn_bench_close(&b);
-    loop->data_element = apart(c->value, loop->element, c);
-    loop->data_lattice = apart(c->value, loop->lattice, c);
-    loop->element_lattice = apart(loop->element, loop->lattice, c);
+    loop->from_data[way] = apart(c->value, loop->strain[way], c);
+    loop->from_element[way] = apart(loop->strain[KN_LOOP_ELEMENT], loop->strain[way], c);
+    return code;
+}
+
+int kn_loop_creep(kn_loop *loop, const char *subcommand, const char *scene, const kn_curve *c)
+{
+    int code = KN_EXIT_OK;
+    *loop = (kn_loop){.strain = {calloc(KN_LOOP_WAYS * (size_t)c->count, sizeof(double))}};
+    if (!loop->strain[0]) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
+    for (int way = 1; way < KN_LOOP_WAYS; way++) loop->strain[way] = loop->strain[way - 1] + c->count;
+    for (int way = 0; way < KN_LOOP_WAYS && code == KN_EXIT_OK; way++)
+        code = run(loop, (kn_loop_way)way, subcommand, scene, c);
     return code;
 }
 
 void kn_loop_free(kn_loop *loop)
 {
-    free(loop->element);
-    *loop = (kn_loop){.element = NULL};
+    free(loop->strain[0]);
+    *loop = (kn_loop){.strain = {NULL}};
 }

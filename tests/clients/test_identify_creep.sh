@@ -68,6 +68,21 @@ near() { awk -v a="$(best "$1" one.txt)" -v b="$(best "$1" odd.txt)" 'BEGIN { ex
 near k1 && near c1 && near alpha && near beta && ok "shuffled, missing, semicolons, decimal commas, Windows: the same numbers" ||
     no "odd numbers"
 
+knead identify creep 10gf.csv 50gf.csv --report page --png fit.png >page.txt 2>err || no "--report: $(cat err)"
+python3 - <<'PY' && ok "--report: one page, whose pictures and links are all there; the lattice goes back as the element does at 4 %" || no "page"
+import os, re
+page = open("page/index.html", encoding="utf-8").read()
+for name in re.findall(r'(?:src|href)="([^"#:]+)"', page):
+    assert os.path.getsize("page/" + name) > 100, name
+assert len(re.findall("<img", page)) >= 6 and all(re.search(r'alt="[^"]{10}', i) for i in re.findall("<img[^>]*>", page))
+back = re.search(r"lattice, diagonals and gas.*?10gf(.*?)</tr>", page, re.S).group(1)
+element, diagonals, gas = [float(x) for x in re.findall(r">\s*([0-9.]+)\s*<", back)]
+assert element < 2 and diagonals < 25 and gas < 12, (element, diagonals, gas)
+PY
+head -c 8 fit.png | grep -q PNG && ok "--png: a picture" || no "--png"
+(cd page && knead check scene.yaml >/dev/null) && ok "and its scene is served" || no "scene of the page"
+refuses 2 "knead identify creep: page: is not empty, expected a new folder" identify creep 50gf.csv --report page
+
 sed 's/^# release.*//' 50gf.csv | awk -F, 'NR < 6 || $1 <= 60' >held.csv
 knead identify creep held.csv >held.txt 2>err && grep -q 'never taken off' held.txt &&
     ok "a load that was never taken off is said" || no "never released: $(cat err)"

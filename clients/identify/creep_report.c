@@ -1,0 +1,235 @@
+#include "clients/identify/creep_report.h"
+#include "clients/identify/creep_figures.h"
+#include "clients/identify/figure.h"
+#include "clients/identify/loop.h"
+#include "clients/identify/squeeze.h"
+#include "clients/identify/stages.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define GF_CM2_PA 98.0665 // what the paper counts in
+enum { PAPER_FIGURES = 8 }; // curves that get a picture of their own
+
+// ---- what was measured, what was found
+
+static void curves(kn_document *d, const kn_creep_found *f)
+{
+    const kn_joint *j = f->joint;
+    kn_document_section(d, "What was measured");
+    kn_document_table(d, "Curves, and what the fit leaves of each", "lrrrrr",
+                      "curve\tload, kPa\treadings\tlargest strain\tmisfit, % of it\tmisfit / noise");
+    for (int k = 0; k < f->curves; k++) {
+        const kn_curve *c = &f->curve[k];
+        double most = 0;
+        for (int i = 0; i < c->count; i++) most = fmax(most, c->value[i]);
+        kn_document_row(d, "%s\t%.4g\t%d\t%.4g\t%.2g\t%.3g", c->name, c->step[0].stress_pa / 1e3, c->count, most,
+                        100 * j->rms[k] / most, j->rms[k] / c->noise);
+    }
+    kn_document_text(d, "Stress is the load over the area that the specimen has by then%s. Noise is what neighbouring "
+                     "readings differ by, whatever the model.",
+                     f->curve[0].constant_area ? ", taken as constant" : ", S h = S0 h0");
+}
+
+static void numbers(kn_document *d, const kn_creep_found *f)
+{
+    kn_document_section(d, "The material");
+    kn_document_table(d, "k1 beside c1, in a row with the damper alpha exp(-beta P), P between P0 and P1", "lll",
+                      "number\tbest, and within 95 %\twhat limits it");
+    for (int i = 0; i < KN_JOINT_NUMBERS; i++) {
+        char text[120];
+        const kn_identified *n = &f->joint->number[i];
+        kn_identified_print(n, text, sizeof text);
+        kn_document_row(d, "%s\t%s\t%s", n->name, text, n->words);
+    }
+    kn_document_link(d, "material.yaml", "the material, for `material: material.yaml` of a scene");
+    kn_document_link(d, "scene.yaml", "a block of it under a plate: kneadd --scene scene.yaml");
+    kn_document_text(d, "Intervals hold the truth 95 times in 100 if the model is right and the noise independent. "
+                     "Stresses from %.4g to %.4g kPa were measured under load.",
+                     f->joint->lowest_pa / 1e3, f->joint->highest_pa / 1e3);
+}
+
+static void trust(kn_document *d, const kn_creep_found *f)
+{
+    kn_document_section(d, "How far to trust it");
+    for (int i = 0; i < f->notes; i++) kn_document_verdict(d, KN_DOCUMENT_BEWARE, "%s", f->note[i]);
+    if (f->notes == 0)
+        kn_document_verdict(d, KN_DOCUMENT_HOLDS, "What the fit leaves looks like noise in every curve.");
+}
+
+// ---- pictures of the fit
+
+static int fits(kn_document *d, const kn_creep_found *f)
+{
+    char path[PATH_MAX], name[KN_CURVE_NAME + 40], alt[200];
+    kn_document_section(d, "The fit");
+    kn_document_file(d, "fit.png", path);
+    int code = kn_creep_figures_fits(f->subcommand, path, f->curves, f->curve, f->joint);
+    if (code != KN_EXIT_OK) return code;
+    kn_document_picture(d, "fit.png", "Strain over time of every curve with its fit, what is left, and the damper law",
+                        "Points: measured. Lines: the one material. Below: what is left, in standard deviations of "
+                        "the noise, and the damper over the stresses that were measured.");
+    for (int k = 0; k < f->curves && k < PAPER_FIGURES; k++) {
+        const kn_curve *c = &f->curve[k];
+        snprintf(name, sizeof name, "figures-%d.png", k + 1);
+        snprintf(alt, sizeof alt, "Displacement, stress, recovery and damper of %s", c->name);
+        code = kn_creep_figures_paper(f->subcommand, kn_document_file(d, name, path), c, f->joint, f->joint->late_s[k]);
+        if (code != KN_EXIT_OK) return code;
+        snprintf(name, sizeof name, "figures-%d.png", k + 1);
+        char caption[300];
+        snprintf(caption, sizeof caption, "%s, as figures 6 to 9 of Tomokuni, Sugiyama and Hirai: displacement, stress "
+                 "by equation 4, what came back with equation 5, the damper.", c->name);
+        kn_document_picture(d, name, alt, caption);
+    }
+    return KN_EXIT_OK;
+}
+
+static void two_stages(kn_document *d, const kn_creep_found *f)
+{
+    kn_document_section(d, "The first paper's two stages beside it");
+    kn_document_text(d, "The paper finds k1 and c1 from what came back, then the damper from what is left. A curve at "
+                     "a time, in %% off the joint fit; of dough k1 and c1 are 2.7 %% low even without noise, since the "
+                     "stress falls while a specimen creeps.");
+    kn_document_table(d, "Two stages, off the joint fit", "lrrrr", "curve\tk1\tc1\talpha\tbeta");
+    for (int k = 0; k < f->curves; k++) {
+        kn_stages s;
+        if (!kn_stages_fit(&s, &f->curve[k])) continue;
+        const kn_material *a = &s.material, *b = &f->joint->material;
+        kn_document_row(d, "%s\t%+.3g %%\t%+.3g %%\t%+.3g %%\t%+.3g %%", f->curve[k].name,
+                        100 * (a->k1_pa / b->k1_pa - 1), 100 * (a->c1_pa_s / b->c1_pa_s - 1),
+                        100 * (a->alpha_pa_s / b->alpha_pa_s - 1), 100 * (a->beta_per_pa / b->beta_per_pa - 1));
+        kn_stages_free(&s);
+    }
+}
+
+static void models(kn_document *d, const kn_models *m)
+{
+    char text[1000];
+    if (!m) return;
+    kn_document_section(d, "Other models");
+    kn_document_table(d, "Fitted to the early readings, judged by the later ones", "lrrrr",
+                      "model (figure 2 of the paper)\tnumbers\tfitted, %\tlater, %\tAICc");
+    for (int i = 0; i < m->rows; i++) {
+        const kn_models_row *r = &m->row[i];
+        if (!r->fitted) continue;
+        kn_document_row(d, "%s%s%s%s\t%d\t%.3g\t%.3g\t%.1f", r->law.name, *r->law.letters ? " (" : "", r->law.letters,
+                        *r->law.letters ? ")" : "", r->unknowns, 100 * r->early, 100 * r->held,
+                        r->aicc - m->row[kn_models_best(m)].aicc);
+    }
+    kn_models_verdict(m, text, sizeof text);
+    kn_document_verdict(d, KN_DOCUMENT_BEWARE, "%s.", text);
+}
+
+// ---- the way back
+
+static int write_scene(const kn_document *d, const char *subcommand, char path[PATH_MAX])
+{
+    FILE *f = fopen(kn_document_file(d, "scene.yaml", path), "w");
+    if (!f) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+    fprintf(f, "# The first paper's block, 5 x 5 x 3 cm, of the material that was identified, under its plate.\n"
+               "version: 1\n"
+               "object: {size: [5 cm, 5 cm, 3 cm], spacing: 1 cm, structure: diagonals}\n"
+               "material: material.yaml\n"
+               "gravity: 0 m/s^2\n"
+               "support: bonded\n"
+               "device: bench\n"
+               "probes:\n"
+               "  - {name: plate, shape: plate, size: [1 cm, 6 cm]}\n"
+               "  - {name: finger, shape: sphere, radius: 1.5 cm}\n");
+    return fclose(f) == 0 ? KN_EXIT_OK : kn_complain(subcommand, KN_EXIT_DEVICE, "%s: cannot be written", path);
+}
+
+// One curve in both panels: what was measured, and each way back.
+static void lay_over(kn_figure_panel *panel, const kn_curve *c, const kn_loop *l, int hue)
+{
+    kn_figure_add(&panel[0], (kn_figure_series){c->name, c->count, c->time_s, c->value, .hue = hue});
+    kn_figure_add(&panel[1], (kn_figure_series){NULL, c->count, c->time_s, c->value, .hue = hue});
+    kn_figure_add(&panel[0], (kn_figure_series){NULL, c->count, c->time_s, l->strain[KN_LOOP_ELEMENT],
+                                                .look = KN_FIGURE_LINE, .hue = hue});
+    for (int way = KN_LOOP_DIAGONALS; way < KN_LOOP_WAYS; way++)
+        kn_figure_add(&panel[1], (kn_figure_series){NULL, c->count, c->time_s, l->strain[way],
+                                                    .look = way == KN_LOOP_GAS ? KN_FIGURE_LINE : KN_FIGURE_DASHES,
+                                                    .hue = hue});
+}
+
+static int loops(kn_document *d, const kn_creep_found *f, const char *scene)
+{
+    char path[PATH_MAX];
+    kn_figure_panel *panel = calloc(2, sizeof *panel);
+    kn_loop *loop = calloc((size_t)f->curves, sizeof *loop);
+    int code = panel && loop ? KN_EXIT_OK : kn_complain(f->subcommand, KN_EXIT_DEVICE, "out of memory");
+    kn_document_table(d, "Root mean squares of differences from the data, % of the largest strain", "lrrr",
+                      "curve\telement\tlattice, diagonals\tlattice, diagonals and gas");
+    for (int k = 0; k < f->curves && code == KN_EXIT_OK; k++) {
+        code = kn_loop_creep(&loop[k], f->subcommand, scene, &f->curve[k]);
+        const double *off = loop[k].from_data;
+        kn_document_row(d, "%s\t%.3g\t%.3g\t%.3g", f->curve[k].name, 100 * off[KN_LOOP_ELEMENT],
+                        100 * off[KN_LOOP_DIAGONALS], 100 * off[KN_LOOP_GAS]);
+        lay_over(panel, &f->curve[k], &loop[k], k + 1);
+    }
+    for (int p = 0; panel && p < 2; p++) {
+        panel[p].title = p ? "dashes: lattice, diagonals; lines: with gas" : "lines: the element";
+        panel[p].x_label = "time, s";
+        panel[p].y_label = "strain";
+    }
+    if (code == KN_EXIT_OK)
+        code = kn_figure_draw(f->subcommand, kn_document_file(d, "back.png", path), "measured, and creeping again",
+                              panel, 2, 2);
+    for (int k = 0; loop && k < f->curves; k++) kn_loop_free(&loop[k]);
+    free(loop);
+    free(panel);
+    return code;
+}
+
+static int pressed(kn_document *d, const kn_creep_found *f, const char *scene)
+{
+    char path[3][PATH_MAX];
+    const char *png[2] = {kn_document_file(d, "held.png", path[0]), kn_document_file(d, "left.png", path[1])};
+    kn_squeeze q;
+    kn_figure_panel panel = {.x_label = "time, s", .y_label = "force, N"};
+    int code = kn_squeeze_run(&q, f->subcommand, scene, png);
+    if (code == KN_EXIT_OK) {
+        kn_figure_add(&panel, (kn_figure_series){"plate", (int)q.ticks, q.time_s, q.force_n, .look = KN_FIGURE_LINE,
+                                                 .hue = 1});
+        code = kn_figure_draw(f->subcommand, kn_document_file(d, "press.png", path[2]), "the paper's press", &panel, 1,
+                              1);
+    }
+    if (code == KN_EXIT_OK) {
+        kn_document_text(d, "A block of it, 5 x 5 x 3 cm, under the paper's plate: 1 cm deep at 1 cm/s, 30 s of hold. "
+                         "It takes %.3g N at most and %.3g N at the end of the hold; of %.3g mm, %.3g mm stay.",
+                         q.peak_n, q.held_n, 1e3 * q.pressed_m, 1e3 * q.left_m);
+        kn_document_picture(d, "press.png", "Force of the plate over time", "The force that the plate meets.");
+        kn_document_picture(d, "held.png", "The block under the plate", "At the end of the hold.");
+        kn_document_picture(d, "left.png", "The block with its dent", "After the plate has left.");
+    }
+    kn_squeeze_free(&q);
+    return code;
+}
+
+int kn_creep_report(kn_document *d, const kn_creep_found *f)
+{
+    char scene[PATH_MAX];
+    curves(d, f);
+    numbers(d, f);
+    trust(d, f);
+    int code = fits(d, f);
+    if (code != KN_EXIT_OK) return code;
+    two_stages(d, f);
+    models(d, f->models);
+    kn_document_section(d, "The way back");
+    kn_document_text(d, "The material that was found creeps again under the same loads: as one element, integrated to "
+                     "a tolerance by code of its own, and as blocks of %d x %d x %d cells through the solver that "
+                     "serves scenes. A lattice creeps as its element does while strains are small. Beyond, its edges "
+                     "turn: with diagonals alone it gives way more, with gas in its cells, too, less.",
+                     KN_LOOP_CELLS, KN_LOOP_CELLS, KN_LOOP_CELLS);
+    code = write_scene(d, f->subcommand, scene);
+    if (code == KN_EXIT_OK) code = loops(d, f, scene);
+    if (code != KN_EXIT_OK) return code;
+    kn_document_picture(d, "back.png", "Measured strain with the element's and the lattices'",
+                        "Points: measured. Left: the element. Right: lattices.");
+    return pressed(d, f, scene);
+}
