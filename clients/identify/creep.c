@@ -152,7 +152,7 @@ static void doubt_curves(work *w)
 static void doubt_all(work *w)
 {
     const kn_joint *j = &w->joint;
-    if (w->curves == 1)
+    if (w->curves == 1 && j->material.damper == KN_DAMPER_EXPONENTIAL)
         doubt(w, "one load alone: the damper is known only for the stresses that it passed through, and beyond them "
               "beta cannot be told from P0 and P1; another load would tell them apart");
     if (fabs(j->alpha_beta) > 0.98)
@@ -217,9 +217,9 @@ static int write_material(const work *w, const char *path)
 {
     char origin[300];
     double density = w->opt.density_kg_m3;
-    snprintf(origin, sizeof origin, "creep from %s%s: %d curves, %d readings, stresses %.4g to %.4g Pa.",
-             w->curve[0].file, w->opt.files > 1 ? " and others" : "", w->curves, w->joint.readings, w->joint.lowest_pa,
-             w->joint.highest_pa);
+    snprintf(origin, sizeof origin, "creep from %s%s: %d curve%s, %d readings, stresses %.4g to %.4g Pa.",
+             basename(w->curve[0].file), w->opt.files > 1 ? " and others" : "", w->curves, w->curves == 1 ? "" : "s",
+             w->joint.readings, w->joint.lowest_pa, w->joint.highest_pa);
     return kn_material_file_write(w->opt.subcommand, path, origin, &w->joint.material, density > 0 ? density : 1200,
                                   density > 0 ? "" : "not measured: dough's; --density says another", KN_JOINT_NUMBERS,
                                   w->joint.number);

@@ -11,6 +11,7 @@ _Static_assert(KN_CURVE_STEPS <= KN_CHAIN_STEPS, "a curve's loads are a chain's"
 
 static const double huber = 3;    // deviations beyond which a reading pulls no harder, while outliers are looked for
 static const double outlying = 5; // deviations, of the curve's own median
+static const double one_stress = 0.97; // least over largest from which a damper that depends on it is one number
 
 typedef struct joint_work {
     int curves;
@@ -132,6 +133,9 @@ static double longest(int curves, const kn_curve *curve)
     return most;
 }
 
+// One stress alone: no beta, and nothing beyond P0 and P1.
+static bool constant(const kn_joint *j) { return j->lowest_pa > one_stress * j->highest_pa; }
+
 static void bound(kn_fit *fit, const kn_joint *j, int curves, const kn_curve *curve)
 {
     static const char *const name[] = {"k1", "c1", "alpha", "beta", "P0", "P1"};
@@ -145,6 +149,10 @@ static void bound(kn_fit *fit, const kn_joint *j, int curves, const kn_curve *cu
     fit->unknown[KN_JOINT_P1].value = top;
     fit->unknown[KN_JOINT_P0].fixed = fit->unknown[KN_JOINT_P1].fixed = true;
     fit->unknowns = KN_JOINT_NUMBERS;
+    if (!constant(j)) return;
+    fit->unknown[KN_JOINT_ALPHA].name = "c2";
+    fit->unknown[KN_JOINT_BETA].low = fit->unknown[KN_JOINT_BETA].value = 0;
+    fit->unknown[KN_JOINT_BETA].fixed = true;
 }
 
 // ---- the search
@@ -177,6 +185,10 @@ static int guesses(const kn_fit *fit, const kn_joint *j, int curves, const kn_cu
         values(fit, start[count]);
         memcpy(start[count++], (double[]){k1, k1 * seconds / 20, stiff * seconds * exp(beta * top / 2), beta},
                4 * sizeof(double));
+    }
+    for (int k = 0; k < count && constant(j); k++) {
+        start[k][KN_JOINT_ALPHA] = stiff * seconds * (double[]){1, 1, 10, 100}[k];
+        start[k][KN_JOINT_BETA] = 0;
     }
     return count;
 }
@@ -291,7 +303,8 @@ static void interval(kn_joint *j, kn_fit *fit, int i, const kn_joint_options *op
     static const char *const unit[] = {"Pa", "Pa*s", "Pa*s", "1/Pa", "Pa", "Pa"};
     const kn_fit_unknown *u = &fit->unknown[i];
     kn_fit_interval known = {.low = u->low, .high = u->high, .open_low = true, .open_high = true};
-    if (i == KN_JOINT_P0 && u->fixed) { // how high could it be?
+    if (constant(j) && i >= KN_JOINT_BETA) { // not there
+    } else if (i == KN_JOINT_P0 && u->fixed) { // how high could it be?
         kn_fit free_of = *fit;
         free_of.unknown[i].fixed = false;
         free_of.unknown[i].low = 0.999 * j->lowest_pa; // all that lies below is as good
@@ -308,6 +321,11 @@ static void interval(kn_joint *j, kn_fit *fit, int i, const kn_joint_options *op
 
 static void say(kn_joint *j)
 {
+    if (constant(j)) {
+        snprintf(j->number[KN_JOINT_BETA].words, sizeof j->number[0].words,
+                 "one stress alone: how the damper depends on it is not in these curves; it is taken as constant");
+        return;
+    }
     kn_identified *p0 = &j->number[KN_JOINT_P0], *p1 = &j->number[KN_JOINT_P1];
     if (p0->known != KN_KNOWN)
         snprintf(p0->words, sizeof p0->words,
@@ -336,6 +354,10 @@ static bool conclude(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_opt
     values(fit, value);
     j->material = material_of(value);
     j->material.p1_pa = fmax(j->material.p1_pa, 1.0001 * j->material.p0_pa);
+    if (constant(j)) {
+        j->material.damper = KN_DAMPER_CONSTANT;
+        j->material.c2_pa_s = j->material.alpha_pa_s;
+    }
     j->sum = fit->sum;
     j->scale = fit->scale;
     j->readings = fit->readings;
@@ -368,11 +390,12 @@ static bool search(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_optio
     double start[4][KN_FIT_UNKNOWNS];
     int starts = guesses(fit, j, w->curves, w->curve, start);
     w->robust = true;
-    if (!kn_fit_run_from(fit, best_two(fit, starts, start), start) || !seek_p1(fit, j)) return false;
+    if (!kn_fit_run_from(fit, best_two(fit, starts, start), start)) return false;
+    if (!constant(j) && !seek_p1(fit, j)) return false;
     w->robust = false;
     fit->readings -= leave_out(j, w, fit);
     if (fit->readings <= KN_FIT_UNKNOWNS || !kn_fit_run(fit)) return false;
-    if (!seek_p0(fit, j, opt->confidence)) return false;
+    if (!constant(j) && !seek_p0(fit, j, opt->confidence)) return false;
     if (!opt->late || LATE + w->curves > KN_FIT_UNKNOWNS) return true;
     w->late = true;
     for (int k = 0; k < w->curves; k++)

@@ -12,11 +12,15 @@
 // extrapolated, and its interval says how high it could be. P1 above the largest stress has no gradient either: a
 // search that begins there stays there and bends the others (beta by 0.4 %), so it begins at several shares of it.
 //
+// Curves of one stress alone (a constant area, a small strain, or a compliance) say one number of the damper: it is
+// constant then, c2.
+//
 // Readings that stand alone more than five standard deviations from the curve are left out and named; where they come
 // in rows the model is wrong, not the reading, and they stay.
 #include "clients/identify/curve.h"
 #include "clients/identify/identified.h"
 
+// ALPHA is c2 where the damper is constant.
 enum { KN_JOINT_K1, KN_JOINT_C1, KN_JOINT_ALPHA, KN_JOINT_BETA, KN_JOINT_P0, KN_JOINT_P1, KN_JOINT_NUMBERS };
 #define KN_JOINT_OUTLIERS 64
 

@@ -174,6 +174,22 @@ TEST("where the damper is another than the model's, the runs say so")
     end(c, 3);
 }
 
+TEST("one constant stress: one number of the damper, and beta is said to be none of these curves' business")
+{
+    kn_joint j;
+    kn_material linear = {.k1_pa = 46e3, .c1_pa_s = 245e3, .damper = KN_DAMPER_CONSTANT, .c2_pa_s = 4e6};
+    kn_curve c = creeps_of(&linear, 1, 60, 70, 0.3); // 0.2 % of strain
+    creeps_noise(&c, &c, 0.01);
+    CHECK(kn_joint_fit(&j, 1, &c, &usual));
+    CHECK(j.material.damper == KN_DAMPER_CONSTANT);
+    CHECK_STR(j.number[KN_JOINT_ALPHA].name, "c2");
+    CHECK_NEAR(j.material.k1_pa / 46e3, 1, 0.02);
+    CHECK_NEAR(j.material.c2_pa_s / 4e6, 1, 0.02);
+    CHECK(j.number[KN_JOINT_BETA].known == KN_UNKNOWN && *j.number[KN_JOINT_BETA].words);
+    CHECK(kn_material_check(&j.material) == NULL);
+    creeps_free(&c);
+}
+
 TEST("the two stages of the paper: 2.7 % low in k1 and c1 without noise")
 {
     kn_curve c = creeps_of(&creeps_dough, 50, 60, 70, 0.3);
