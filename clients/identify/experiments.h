@@ -1,6 +1,6 @@
 #ifndef KN_CLIENTS_IDENTIFY_EXPERIMENTS_H
 #define KN_CLIENTS_IDENTIFY_EXPERIMENTS_H
-// `knead identify EXPERIMENT ...`: one line here is all that an experiment needs besides its file,
+// `knead identify COMMAND ...`: one line here is all that an experiment needs besides its file,
 // kn_identify_<name>_main in <name>.c. argv[0] of it is "knead identify <name>".
 #define KN_EXPERIMENTS(X)                                                                                              \
     X(creep, "creep curves under one load or several -> k1, c1 and the damper, with intervals")                        \

@@ -18,10 +18,10 @@ static const experiment experiments[] = {
 
 static void print_help(void)
 {
-    printf("usage: knead identify EXPERIMENT FILE... [OPTION]...\n\n"
+    printf("usage: knead identify COMMAND [OPTION]... FILE...\n\n"
            "From what was measured on a lump to the numbers of a virtual one, each with what the data know of it.\n\n");
     for (const experiment *e = experiments; e->name; e++) printf("  %-6s %s\n", e->name, e->summary);
-    printf("\n`knead identify EXPERIMENT --help` tells the rest.\n");
+    printf("\n`knead identify COMMAND --help` tells the rest.\n");
 }
 
 int kn_identify_main(int argc, char **argv)
@@ -37,5 +37,5 @@ int kn_identify_main(int argc, char **argv)
         argv[1] = full;
         return e->main(argc - 1, argv + 1);
     }
-    return kn_complain("identify", KN_EXIT_USAGE, "expected an experiment, creep, relax, sweep or shape; --help");
+    return kn_complain("identify", KN_EXIT_USAGE, "expected creep, relax, sweep or shape; --help tells the rest");
 }

@@ -76,6 +76,11 @@ _knead() {
         fi
         case $'\n'$known$'\n' in *$'\n'"${COMP_WORDS[1]}"$'\n'*) ;; *) return ;; esac # nothing is run that is no subcommand
         parsed=$("$program" "${COMP_WORDS[1]}" --help 2>/dev/null | _knead_parse)
+        if [ "${COMP_WORDS[1]}" = identify ] && [ "$COMP_CWORD" -gt 2 ]; then # its commands have a --help of their own
+            case $'\n'$parsed$'\n' in
+            *$'\n'"${COMP_WORDS[2]}"$'\n'*) parsed=$("$program" identify "${COMP_WORDS[2]}" --help 2>/dev/null | _knead_parse) ;;
+            esac
+        fi
     else
         parsed=$("$program" --help 2>/dev/null | _knead_parse)
     fi

@@ -45,6 +45,8 @@ is "--uart" knead-simdev --ua
 is "solver.iterations= solver.iterations_max=" knead check scene.yaml --set solver.it
 is "material.k1=" knead ctl set material.k1
 is "paddle" knead hand pa
+is "creep" knead identify cr
+is "--release --report" knead identify creep --re
 is "" knead nosuch --
 touch dough.yaml "two words.yaml" && mkdir scenes
 is "dough.yaml" knead check do
@@ -59,6 +61,7 @@ check "nothing that is typed is run" [ ! -e run ]
 # every option of every help, found by another eye: every word of two dashes in a line that begins with one, before its explanation
 programs=(kneadd knead-simdev)
 for name in $(knead --help | sed -n 's/^  \([a-z]*\) .*/\1/p'); do programs+=("knead $name"); done
+for name in $(knead identify --help | sed -n 's/^  \([a-z]*\) .*/\1/p'); do programs+=("knead identify $name"); done
 options=0
 for program in "${programs[@]}"; do
     offered=" $(completed $program --) "
