@@ -81,30 +81,37 @@ static kn_scene *scene_of(const kn_scene *base, const kind *k, const kn_candidat
     return scene;
 }
 
-static bool open_one(kn_candidate *c, const kn_scene *base, const kind *k, const kn_candidate_def *def, char *error,
-                     size_t error_size)
+// What else there is of one that has its scene.
+static bool prepare(kn_candidate *c, char *error, size_t error_size)
 {
-    *c = (kn_candidate){.name = k->name, .words = k->words, .gas = k->gas, .area_factor = 1};
-    c->scene = scene_of(base, k, def, error, error_size);
-    if (!c->scene) return false;
-    const kn_damper damper = c->scene->model.material.damper;
-    c->area = damper == KN_DAMPER_EXPONENTIAL || damper == KN_DAMPER_RAMP;
-    c->pressure_pa = c->scene->model.inside_pressure_pa;
     char why[200];
+    c->area_factor = 1;
+    c->pressure_pa = c->scene->model.inside_pressure_pa;
     c->first = kn_model_build(&c->scene->model, why, sizeof why);
     if (!c->first) snprintf(error, error_size, "%s: %s: %s", c->scene->name, c->name, why);
-    c->best.surface = c->first ? kn_surface_create(c->first) : NULL;
-    if (!c->best.surface) return false;
+    if (!c->first) return false;
+    snprintf(error, error_size, "out of memory");
     c->gamma = c->first->gamma;
-    c->rest_m = calloc((size_t)c->best.surface->vertex_count, sizeof *c->rest_m);
+    c->best.surface = kn_surface_create(c->first);
+    if (c->best.surface) c->rest_m = calloc((size_t)c->best.surface->vertex_count, sizeof *c->rest_m);
     for (int v = 0; c->rest_m && v < c->best.surface->vertex_count; v++) {
         double x_m[3];
         kn_surface_rest(c->best.surface, c->first, v, x_m);
         for (int i = 0; i < 3; i++) c->rest_m[v][i] = (float)x_m[i];
     }
     c->best.rest_m = (const float(*)[3])c->rest_m;
-    if (!c->rest_m) snprintf(error, error_size, "out of memory");
     return c->rest_m;
+}
+
+static bool open_one(kn_candidate *c, const kn_scene *base, const kind *k, const kn_candidate_def *def, char *error,
+                     size_t error_size)
+{
+    *c = (kn_candidate){.name = k->name, .words = k->words, .gas = k->gas};
+    c->scene = scene_of(base, k, def, error, error_size);
+    if (!c->scene) return false;
+    const kn_damper damper = c->scene->model.material.damper;
+    c->area = damper == KN_DAMPER_EXPONENTIAL || damper == KN_DAMPER_RAMP;
+    return prepare(c, error, error_size);
 }
 
 void kn_candidate_free(kn_candidate *c)
@@ -296,4 +303,21 @@ char *kn_candidate_scene(const kn_candidate *c, const kn_candidate_def *def, cha
     if (scene && !text) snprintf(error, error_size, "out of memory");
     kn_scene_destroy(scene);
     return text;
+}
+
+bool kn_candidate_finer(kn_candidate *finer, const kn_candidate *c, const kn_candidate_def *def, char *error,
+                        size_t error_size)
+{
+    char set[64];
+    const char *const sets[] = {set};
+    *finer = (kn_candidate){.name = "halved cells", .words = c->words};
+    char *text = kn_candidate_scene(c, def, error, error_size);
+    snprintf(set, sizeof set, "object.spacing=%.17g m", 0.5 * c->scene->model.spacing_m);
+    if (text)
+        finer->scene =
+            kn_scene_parse_beside(def->scene_path, def->scene_path, text, strlen(text), sets, 1, error, error_size);
+    free(text);
+    if (finer->scene && prepare(finer, error, error_size)) return true;
+    kn_candidate_free(finer);
+    return false;
 }

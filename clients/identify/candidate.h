@@ -71,4 +71,9 @@ double kn_candidate_work(const kn_candidate *candidate, const kn_evidence *evide
 // A scene with what was found, that kneadd loads: its canonical text under a comment. NULL and one line in error.
 char *kn_candidate_scene(const kn_candidate *candidate, const kn_candidate_def *def, char *error, size_t error_size);
 
+// The same block with the same numbers in cells half as wide, with nothing left to be sought: what of a misfit is the
+// lattice's. False and one line in error; finer is freed then.
+bool kn_candidate_finer(kn_candidate *finer, const kn_candidate *candidate, const kn_candidate_def *def, char *error,
+                        size_t error_size);
+
 #endif

@@ -6,7 +6,7 @@
 
 static const double first_trust = 0.8, most_trust = 1.6; // of a logarithm
 static const double secant = 0.2, short_secant = 0.3;    // to look at, to be believed at the end
-static const double settled = 0.005, near = 1e-3;
+static const double settled = 0.005, near = 1e-3, far = 1e9;
 static const double promise = 1e-3; // of the sum, less is not worth a look
 
 void kn_search_free(kn_search *s)
@@ -66,6 +66,7 @@ static double neighbours(const kn_search *s, int number[KN_SEARCH_UNKNOWNS])
     double farthest = 0;
     for (int k = 0; k < s->unknowns; k++) {
         double nearest = INFINITY;
+        number[k] = s->best;
         for (int i = 0; i < s->looks; i++) {
             const double *there = s->at[i].at, d = distance(s, here, there);
             if (i == s->best || !isfinite(s->at[i].sum) || d >= nearest || d < 10 * near) continue;
@@ -125,19 +126,28 @@ static kn_fit fit_of(const kn_search *s, double trust)
 
 // ---- the search
 
-// A look beside the best one in every direction that the neighbours lack.
-static bool look_around(kn_search *s)
+static bool look_beside(kn_search *s, int unknown)
+{
+    double there[KN_SEARCH_UNKNOWNS];
+    memcpy(there, s->at[s->best].at, sizeof there);
+    there[unknown] += there[unknown] + secant > log(s->high[unknown]) ? -secant : secant;
+    return look_at(s, there) >= 0;
+}
+
+// Looks beside the best one until there are neighbours as near as that, across the way to the nearest one first. False:
+// there have been enough looks.
+static bool look_around(kn_search *s, double reach)
 {
     int number[KN_SEARCH_UNKNOWNS];
-    for (int tries = 0; tries < 2 && neighbours(s, number) > short_secant; tries++)
-        for (int k = 0; k < s->unknowns; k++) {
-            double there[KN_SEARCH_UNKNOWNS];
-            memcpy(there, s->at[s->best].at, sizeof there);
-            there[k] += there[k] + secant > log(s->high[k]) ? -secant : secant;
-            if (tries == 0 && k > 0 && neighbours(s, number) <= short_secant) break;
-            if (look_at(s, there) < 0) return false;
+    for (int tries = 0; tries < s->unknowns && neighbours(s, number) > reach; tries++) {
+        int unknown = 0;
+        if (s->unknowns > 1) {
+            const double *here = s->at[s->best].at, *there = s->at[number[0]].at;
+            const bool along = fabs(there[0] - here[0]) > fabs(there[1] - here[1]);
+            unknown = distance(s, here, there) > reach ? !along : along;
         }
-    choose_best(s);
+        if (!look_beside(s, unknown)) return false;
+    }
     return true;
 }
 
@@ -155,6 +165,10 @@ static void note_bounds(kn_search *s)
 static bool step(kn_search *s, double *trust)
 {
     int number[KN_SEARCH_UNKNOWNS];
+    for (int i = 0; i < 2; i++) { // neighbours in all directions, how far ever; one of them may be the best then
+        if (!look_around(s, far)) return false;
+        choose_best(s);
+    }
     const double reach = neighbours(s, number);
     if (!isfinite(reach)) return false;
     find_slopes(s, number);
@@ -167,8 +181,11 @@ static bool step(kn_search *s, double *trust)
         way = fmax(way, fabs(to[k] - s->at[s->best].at[k]));
     }
     if (way < settled || (way < secant && before - fit.sum < promise * before)) {
+        const int looks = s->looks;
         s->settled = reach <= short_secant;
-        return !s->settled && look_around(s) && neighbours(s, number) < reach;
+        if (s->settled || !look_around(s, short_secant)) return false;
+        choose_best(s);
+        return s->looks > looks;
     }
     const int next = look_at(s, to);
     if (next < 0) return false;
@@ -195,8 +212,10 @@ bool kn_search_run(kn_search *s)
     choose_best(s);
     if (!isfinite(s->at[s->best].sum)) return false;
     s->settled = s->unknowns == 0;
-    if (s->unknowns > 0 && look_around(s))
+    if (s->unknowns > 0 && look_around(s, short_secant)) {
+        choose_best(s);
         while (step(s, &trust)) continue;
+    }
     note_bounds(s);
     int number[KN_SEARCH_UNKNOWNS];
     if (s->unknowns > 0 && isfinite(neighbours(s, number))) find_slopes(s, number);
@@ -208,7 +227,8 @@ kn_fit_interval kn_search_interval(const kn_search *s, int unknown, double worth
     kn_fit fit = fit_of(s, INFINITY);
     kn_fit_interval i = {KN_FIT_CURVATURE, s->low[unknown], s->high[unknown], true, true};
     if (!kn_fit_run(&fit)) return i;
-    const double spread = fit.scale * sqrt(fit.covariance[unknown][unknown] * s->readings / fmax(worth, 1));
+    const double scale = fmax(fit.scale, 1); // sigma is known; what is below it is luck, or our own lattice again
+    const double spread = scale * sqrt(fit.covariance[unknown][unknown] * s->readings / fmax(worth, 1));
     const double half = kn_fit_student(0.95, fmax(worth - s->unknowns, 1)) * spread;
     const double value = s->value[unknown];
     if (!isfinite(half)) return i;

@@ -121,6 +121,20 @@ static int write_files(const kn_shape_options *o, const kn_evidence *e, const kn
 
 // ---- all of it
 
+static int press_finer(const kn_shape_options *o, const kn_evidence *e, const kn_candidate *best)
+{
+    char error[600];
+    kn_candidate finer;
+    if (best->scene->model.mesh)
+        return kn_complain(me, KN_EXIT_USAGE, "--finer: %s has a mesh of its own, expected a block", best->name);
+    if (!kn_candidate_finer(&finer, best, &o->scene, error, sizeof error))
+        return kn_complain(me, KN_EXIT_USAGE, "--finer: %s", error);
+    const int code = fit_all(&finer, 1, e, 1);
+    if (code == KN_EXIT_OK) kn_shape_print_finer(e, best, &finer);
+    kn_candidate_free(&finer);
+    return code;
+}
+
 static int identify(const kn_shape_options *o, kn_candidate *candidate, int count)
 {
     kn_evidence e;
@@ -139,6 +153,7 @@ static int identify(const kn_shape_options *o, kn_candidate *candidate, int coun
             code = kn_complain(me, KN_EXIT_USAGE, "%s", v.words);
         else
             code = write_files(o, &e, candidate, &v);
+        if (code == KN_EXIT_OK && o->finer) code = press_finer(o, &e, &candidate[v.best]);
     }
     kn_evidence_free(&e);
     return code;

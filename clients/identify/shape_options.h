@@ -16,7 +16,7 @@ typedef struct kn_shape_options { // paths point into argv
     double force_begin_s;          // in the file of the force, when the press begins
     kn_press_def press;
     kn_range_given given;
-    bool align, help;
+    bool align, finer, help;
     const char *only;
     int jobs;
     const char *png, *out, *out_depth;

@@ -42,18 +42,19 @@ static const char *millimetres(double m, char text[16])
 
 static void print_row(const kn_evidence *e, const kn_candidate *c, double off, double delta)
 {
-    char text[2][48], mm[6][16], share[16] = "-";
+    char text[2][48], mm[6][16], share[16] = "-", apart[16] = "-";
     if (!c->found) {
         printf("%-13s has no answer: %s\n", c->name, c->why);
         return;
     }
     const kn_relief_misfit *m = &c->misfit[0];
     if (e->pulled) snprintf(share, sizeof share, "%.2g", 100 * c->pull_share);
-    printf("%-13s %-24s %-24s %7s %8s %6s>%-6s%6s>%-6s %6s %7.3g %7.4g %5d %6.0f\n", c->name,
+    if (!isnan(delta)) snprintf(apart, sizeof apart, "%.4g", delta);
+    printf("%-13s %-24s %-24s %7s %8s %6s>%-6s%6s>%-6s %6s %7.3g %7s %5d %6.0f\n", c->name,
            number(&c->known[0], c->gas, atm_pa, text[0]), number(&c->known[c->gas], c->area, 1, text[1]),
            millimetres(m->height_m, mm[0]), millimetres(m->outline_m, mm[1]), millimetres(m->bulge_m[0][0], mm[2]),
            millimetres(m->bulge_m[1][0], mm[3]), millimetres(m->bulge_m[0][1], mm[4]),
-           millimetres(m->bulge_m[1][1], mm[5]), share, off, delta, c->presses, c->seconds);
+           millimetres(m->bulge_m[1][1], mm[5]), share, off, apart, c->presses, c->seconds);
 }
 
 static void tell_surfaces(json_t *row, const kn_evidence *e, const kn_candidate *c)
@@ -119,4 +120,34 @@ void kn_shape_print(const kn_shape_options *o, const kn_evidence *e, const kn_ca
     if (v->rival >= 0) kn_result_text(kn_result(), "rival", c[v->rival].name);
     kn_result_text(kn_result(), "words", v->words);
     kn_result_integer(kn_result(), "readings", e->readings);
+}
+
+void kn_shape_print_finer(const kn_evidence *e, const kn_candidate *best, const kn_candidate *finer)
+{
+    const double off = sqrt(finer->sum / e->readings), was = sqrt(best->sum / e->readings);
+    double sum = 0;
+    putchar('\n');
+    print_row(e, finer, off, (double)NAN);
+    for (int i = 0; finer->found && i < e->readings; i++)
+        sum += pow(finer->residual[i] - best->residual[i], 2) / e->readings;
+    const double moved = sqrt(sum);
+    if (!finer->found)
+        printf("so nothing is known of the lattice's part.\n");
+    else if (moved > 0.5 * was)
+        printf("Halving the cells moves what these numbers predict by %.1f times the noise: structure and numbers hold "
+               "for "
+               "this lattice; --set object.spacing='%g mm' for a finer one.\n",
+               moved, 1e3 * finer->scene->model.spacing_m);
+    else
+        printf("Halving the cells moves what these numbers predict by %.1f times the noise: the lattice is not what is "
+               "wrong.\n",
+               moved);
+    if (!kn_result()) return;
+    json_t *row = json_object();
+    json_object_set_new(kn_result(), "halved_cells", row);
+    if (!finer->found) return;
+    kn_result_number(row, "off", off);
+    kn_result_number(row, "moved", moved);
+    tell_surfaces(row, e, finer);
+    if (e->pulled) kn_result_number(row, "force_rms_share", finer->pull_share);
 }

@@ -25,8 +25,10 @@ static void judge(kn_verdict *v, int count, const kn_candidate *c, int readings)
     for (int i = 0; i < count && v->best < 0; i++)
         if (c[i].found && v->delta[i] < least) least = v->delta[i], v->best = i;
     for (int i = 0; i < count; i++) v->delta[i] -= least;
-    for (int i = 0; i < count; i++) {
-        if (i == v->best || c[i].no_gas_left || !(v->delta[i] < KN_VERDICT_APART)) continue;
+    v->explained = v->best >= 0 && v->off[v->best] <= KN_VERDICT_OFF;
+    for (int i = 0; i < count && v->best >= 0; i++) {
+        const bool near = v->explained ? v->delta[i] < KN_VERDICT_APART : v->off[i] < KN_VERDICT_NEAR * v->off[v->best];
+        if (i == v->best || c[i].no_gas_left || !near) continue;
         if (v->rival < 0 || v->delta[i] < v->delta[v->rival]) v->rival = i;
     }
 }
@@ -43,6 +45,11 @@ __attribute__((format(printf, 2, 3))) static void add(kn_verdict *v, const char 
 static void tell_rival(kn_verdict *v, const kn_candidate *c)
 {
     const kn_candidate *a = &c[v->best], *b = &c[v->rival];
+    if (!v->explained) {
+        add(v, " %s is nearly as near, %.1f times: which of the two it is cannot be told like this.", b->name,
+            v->off[v->rival]);
+        return;
+    }
     add(v, " It cannot be told apart from %s (dAICc %.1f)", b->words, v->delta[v->rival]);
     if (a->gas != b->gas)
         add(v, ": so little gas hardly changes what was measured.");
@@ -78,6 +85,5 @@ void kn_verdict_make(kn_verdict *v, int count, const kn_candidate *candidate, co
         add(v, "No structure can be pressed like that: %s", candidate[0].why);
         return;
     }
-    v->explained = v->off[v->best] <= KN_VERDICT_OFF;
     tell(v, count, candidate, evidence);
 }

@@ -6,10 +6,14 @@
 //     dAICc   of Akaike's criterion against the best, by as many independent readings as the best one's residuals are
 //             worth; S no less than n: what is below the noise supports nobody
 //
+// Where nothing explains it the model's error decides, not the noise: then all that are off by up to KN_VERDICT_NEAR times
+// as much as the best are as likely.
+//
 // Gas whose pressure the fit has taken away is no structure of its own: it is the same without gas.
 #include "clients/identify/candidate.h"
 
 #define KN_VERDICT_OFF 3.0
+#define KN_VERDICT_NEAR 1.3
 #define KN_VERDICT_APART 10.0 // of dAICc: hardly any support is left
 
 typedef struct kn_verdict {

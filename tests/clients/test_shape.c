@@ -206,22 +206,32 @@ TEST("nine of ten blind cases: structure, and P0 within a tenth, from image and 
     CHECK(good * 10 >= count * 9);
 }
 
-TEST("a lump of finer cells than the model's: the nearest structure is told, and that it does not explain it")
+TEST("a lump of finer cells than the model's: it is told that nothing explains it, and in such cells that all is well")
 {
     const lump l = {.scene = SMALL,
                     .structure = "both",
                     .set = "object.spacing=5 mm",
                     .noise = 0.01,
-                    .hold = "2",
+                    .hold = "1",
                     .pressure_pa = 101325,
                     .area_factor = 1};
     measure(&l);
-    CHECK(COMMAND("found.json", "err", SMALL, "--depth", "depth.png", "--force", "force.csv", "--hold", "2",
+    CHECK(COMMAND("found.json", "err", SMALL, "--depth", "depth.png", "--force", "force.csv", "--hold", "1", "--finer",
                   "--json") == 0);
     json_t *root = found(), *best = structure(root, text_of(root, "best"));
-    printf("  %s\n  P0 %.3f atm\n", text_of(root, "words"), pressure_of(best) / 101325);
+    printf("  in cells of 1 cm: %s, P0 %.3f atm; %.1f noises off, halved cells %.1f\n", text_of(root, "best"),
+           pressure_of(best) / 101325, json_number_value(json_object_get(best, "off")),
+           json_number_value(json_object_get(json_object_get(root, "halved_cells"), "off")));
+    CHECK(json_number_value(json_object_get(json_object_get(root, "halved_cells"), "moved")) >
+          0.5 * json_number_value(json_object_get(best, "off")));
     CHECK(json_is_false(json_object_get(root, "explained")));
     CHECK(strstr(text_of(root, "words"), "None of them explains it"));
+    json_decref(root);
+    CHECK(COMMAND("found.json", "err", SMALL, "--set", "object.spacing=5 mm", "--only", "both", "--depth", "depth.png",
+                  "--force", "force.csv", "--hold", "1", "--json") == 0);
+    root = found();
+    CHECK(json_is_true(json_object_get(root, "explained")));
+    CHECK_NEAR(pressure_of(structure(root, "both")), 101325, 0.02 * 101325);
     json_decref(root);
 }
 
