@@ -137,6 +137,20 @@ int kn_curve_readings(kn_curve_file *f, kn_readings *r, int begin, int end, int 
     return kn_complain(s->subcommand, KN_EXIT_DEVICE, "%s: out of memory", s->file);
 }
 
+int kn_curve_range_end(const kn_sheet *s, int time, int begin)
+{
+    const double *t = s->column[time].value;
+    double first = NAN, last = NAN;
+    for (int i = begin; i < s->rows; i++) {
+        if (isnan(t[i])) continue;
+        if (isnan(first)) first = t[i];
+        if (t[i] < last)
+            return i - begin < KN_CURVE_LEAST || t[i] > 0.5 * (last + first) ? s->rows : i; // or in disorder
+        last = t[i];
+    }
+    return s->rows;
+}
+
 static int check_enough(kn_curve_file *f, const kn_readings *r, const char *name)
 {
     const kn_sheet *s = &f->sheet;

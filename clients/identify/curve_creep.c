@@ -1,6 +1,5 @@
 // Creep: what a specimen does under a load that comes and goes. See curve.h.
 #include "clients/identify/curve_parts.h"
-#include "clients/identify/load_steps.h"
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
@@ -123,9 +122,10 @@ static int to_strain(kn_curve_file *f, kn_readings *r, kn_role what, kn_curve *c
     return KN_EXIT_OK;
 }
 
-static int check_strain(kn_curve_file *f, const kn_readings *r, kn_role what)
+// In shear, under a stress that is held, a strain may be as large as it likes.
+static int check_strain(kn_curve_file *f, const kn_readings *r, const kn_curve *c)
 {
-    for (int i = 0; i < r->count && what != KN_COMPLIANCE; i++)
+    for (int i = 0; i < r->count && !c->constant_area; i++)
         if (r->value[i] >= 1)
             return kn_sheet_complain(&f->sheet, r->line[i], 1,
                                      "strain of %.3g, more than the whole height: is the height "
@@ -134,118 +134,7 @@ static int check_strain(kn_curve_file *f, const kn_readings *r, kn_role what)
     return KN_EXIT_OK;
 }
 
-// ---- the load
-
-static int need_area(kn_curve_file *f)
-{
-    if (isfinite(f->area_m2)) return KN_EXIT_OK;
-    return kn_sheet_complain(&f->sheet, f->sheet.header_line, 1,
-                             "a load without the specimen's area, expected a line "
-                             "'# area: 1 cm^2' or --area '1 cm^2'");
-}
-
-// A stress that falls as the section grows is W h/(S0 h0): over 1 - strain it comes in steps.
-static void to_nominal(kn_curve_file *f, kn_readings *r, bool *constant)
-{
-    double *nominal = malloc((size_t)r->count * sizeof *nominal);
-    *constant = true;
-    if (!nominal) return;
-    for (int i = 0; i < r->count; i++) nominal[i] = r->load[i] / (1 - r->value[i]);
-    if (kn_load_steps_flat(r, nominal, r->load)) {
-        *constant = f->constant_area;
-        memcpy(r->load, nominal, (size_t)r->count * sizeof *nominal);
-    }
-    free(nominal);
-}
-
-// The strain is continuous, only its slope jumps with the load: the load came where the lines through the readings on
-// either side meet. Where noise hides that, in the middle between the readings.
-static double moment(const kn_readings *r, const kn_load_step *s, double noise)
-{
-    const double *t = r->time_s + s->begin, *x = r->value + s->begin, middle = 0.5 * (s->early_s + s->late_s);
-    const int a = s->begin - 1;
-    if (a < 1 || s->begin + 2 >= s->end || !isfinite(x[-1]) || !isfinite(x[-2]) || t[-1] != s->early_s) return middle;
-    const double before = (x[-1] - x[-2]) / (t[-1] - t[-2]), next = (x[1] - x[0]) / (t[1] - t[0]);
-    const double after = 2 * next - (x[2] - x[1]) / (t[2] - t[1]); // it falls off at once
-    const double jump = after - before, meet = t[0] - (x[0] - x[-1] - before * (t[0] - t[-1])) / jump;
-    if (!(4 * noise < 0.25 * fabs(jump) * (s->late_s - s->early_s))) return middle;
-    return fmin(fmax(meet, s->early_s), s->late_s);
-}
-
-static int steps_of_column(kn_curve_file *f, kn_readings *r, kn_role load_is, kn_curve *c)
-{
-    kn_load_steps found;
-    int code = load_is == KN_LOAD ? need_area(f) : KN_EXIT_OK;
-    if (code != KN_EXIT_OK) return code;
-    kn_curve_upright(f, r->count, r->load, kn_role_name(load_is));
-    if (load_is == KN_STRESS)
-        to_nominal(f, r, &c->constant_area);
-    else
-        for (int i = 0; i < r->count; i++) r->load[i] /= f->area_m2;
-    const double noise = kn_curve_noise(r->count, r->time_s, r->value);
-    kn_load_steps_find(&found, r);
-    if (found.count == 0)
-        return kn_sheet_complain(&f->sheet, r->line[0], 1, "the %s changes more than %d times, expected steps",
-                                 kn_role_name(load_is), KN_LOAD_STEPS);
-    if (found.between)
-        kn_curve_say(f, "%d reading%s while the %s changed, left out", found.between, found.between > 1 ? "s" : "",
-                     kn_role_name(load_is));
-    for (int i = 0; i < found.count; i++) {
-        const kn_load_step *s = &found.step[i];
-        if (s->load == 0 && c->steps == 0) continue; // not loaded yet
-        if (s->load < 0)
-            return kn_sheet_complain(&f->sheet, r->line[s->begin], 1, "%s of %g, expected none below 0",
-                                     kn_role_name(load_is), s->load);
-        const bool first = i == 0; // there is no reading before the load
-        const double begin = first ? kn_curve_begin(f, r) : moment(r, s, noise);
-        if (c->steps == KN_CURVE_STEPS) break;
-        c->step[c->steps++] = (kn_curve_step){begin, s->load, first ? begin : s->early_s, first ? begin : s->late_s};
-    }
-    if (c->steps > 0) return KN_EXIT_OK;
-    return kn_sheet_complain(&f->sheet, r->line[0], 1, "the %s is 0 throughout, expected one that the specimen bears",
-                             kn_role_name(load_is));
-}
-
-static int step_of_notes(kn_curve_file *f, kn_readings *r, kn_role what, double load_n, kn_curve *c)
-{
-    double stress_pa = f->stress_pa;
-    if (what == KN_COMPLIANCE || isfinite(stress_pa)) c->constant_area |= what == KN_COMPLIANCE;
-    if (what == KN_COMPLIANCE && !isfinite(stress_pa)) stress_pa = 1;
-    if (isfinite(load_n) || !isfinite(stress_pa)) {
-        if (!isfinite(load_n)) load_n = f->load_n;
-        if (!isfinite(load_n))
-            return kn_sheet_complain(&f->sheet, f->sheet.header_line, 1,
-                                     "no load, expected a column like 'load_gf', a "
-                                     "line '# load: 50 gf' or --load 50gf");
-        int code = need_area(f);
-        if (code != KN_EXIT_OK) return code;
-        stress_pa = load_n / f->area_m2;
-    }
-    const double begin = kn_curve_begin(f, r);
-    c->step[c->steps++] = (kn_curve_step){begin, stress_pa, begin, begin};
-    return KN_EXIT_OK;
-}
-
-// When notes or options say it they know it better than two readings around it.
-static int take_release(kn_curve_file *f, const kn_readings *r, kn_curve *c)
-{
-    if (!isfinite(f->release_s)) return KN_EXIT_OK;
-    kn_curve_step *last = &c->step[c->steps - 1];
-    if (f->release_s <= c->step[0].time_s || f->release_s > r->time_s[r->count - 1])
-        return kn_complain(f->sheet.subcommand, KN_EXIT_USAGE,
-                           "%s: released at %g s, expected a time between the load, %g "
-                           "s, and the last reading, %g s",
-                           f->sheet.file, f->release_s, c->step[0].time_s, r->time_s[r->count - 1]);
-    if (last->stress_pa > 0) {
-        if (c->steps == KN_CURVE_STEPS || f->release_s <= last->time_s) return KN_EXIT_OK;
-        last = &c->step[c->steps++];
-    } else if (f->release_s < last->early_s || f->release_s > last->late_s) {
-        kn_curve_say(f, "released at %g s, as the load says, not at %g s", last->time_s, f->release_s);
-        return KN_EXIT_OK;
-    }
-    *last = (kn_curve_step){f->release_s, 0, f->release_s, f->release_s};
-    return KN_EXIT_OK;
-}
+// ---- a curve
 
 static void say_steps(const kn_curve_file *f, const kn_curve *c, const kn_readings *r, kn_role what)
 {
@@ -264,8 +153,6 @@ static void say_steps(const kn_curve_file *f, const kn_curve *c, const kn_readin
     kn_curve_say(f, "%s: %d readings of %s, %s%s, %s", c->name, r->count, kn_role_name(what), stress,
                  c->steps > 1 + (last->stress_pa == 0) ? ", in steps" : "", until);
 }
-
-// ---- a curve
 
 // Time counts from the load; what was read before it, and what has no value any more, goes.
 static int begin_at_load(kn_curve_file *f, kn_readings *r, kn_curve *c, const char *name)
@@ -294,10 +181,11 @@ static int add_curve(kn_curve_file *f, const columns *cols, kn_readings *r, doub
     int code = c ? kn_curve_order(f, r, name) : KN_EXIT_USAGE;
     if (code == KN_EXIT_OK) code = to_strain(f, r, cols->what, c);
     if (code == KN_EXIT_OK)
-        code = r->load ? steps_of_column(f, r, cols->load_is, c) : step_of_notes(f, r, cols->what, load_n, c);
-    if (code == KN_EXIT_OK) code = take_release(f, r, c);
+        code = r->load ? kn_curve_load_column(f, r, cols->load_is, c)
+                       : kn_curve_load_given(f, r, cols->what == KN_COMPLIANCE, load_n, c);
+    if (code == KN_EXIT_OK) code = kn_curve_load_release(f, r, c);
     if (code == KN_EXIT_OK) code = begin_at_load(f, r, c, name);
-    if (code == KN_EXIT_OK) code = check_strain(f, r, cols->what);
+    if (code == KN_EXIT_OK) code = check_strain(f, r, c);
     if (code != KN_EXIT_OK) return code;
     say_steps(f, c, r, cols->what);
     double changes[KN_CURVE_STEPS];
@@ -319,24 +207,51 @@ static int add_wide(kn_curve_file *f, const columns *c)
     return code;
 }
 
-// Where time begins anew: past the end of the rows that one curve has.
-static int range_end(const kn_sheet *s, const columns *c, int begin)
+static int key_of(kn_curve_file *f, const columns *c)
 {
-    const double *t = s->column[c->time].value;
-    for (int i = begin + 1; i < s->rows; i++) {
-        if (!(t[i] < t[i - 1])) continue;
-        if (i - begin < KN_CURVE_LEAST || t[i] > 0.5 * (t[i - 1] + t[begin])) return s->rows; // rows in disorder
-        return i;
-    }
-    return s->rows;
+    if (c->load < 0 || c->load_is == KN_LOAD) return c->load;
+    const int load = kn_role_find(&f->sheet, KN_LOAD, NULL);
+    return load >= 0 ? load : c->load;
 }
 
-static int key_of(const kn_curve_file *f, const columns *c)
+static double largest(const kn_sheet *s, int column, int begin, int end)
 {
-    int code = KN_EXIT_OK;
-    if (c->load < 0 || c->load_is == KN_LOAD) return c->load;
-    const int load = kn_role_find((kn_sheet *)&f->sheet, KN_LOAD, &code);
-    return load >= 0 ? load : c->load;
+    double most = 0;
+    for (int i = begin; column >= 0 && i < end; i++) most = fmax(most, fabs(s->column[column].value[i]));
+    return most;
+}
+
+static double last_time(const double *t, int begin, int end)
+{
+    double last = 0;
+    for (int i = begin; i < end; i++)
+        if (isfinite(t[i])) last = t[i];
+    return last;
+}
+
+// An instrument's next interval, whose time begins anew without a load, is the recovery of the one before it: its time
+// goes on from there.
+static void join_recoveries(const kn_curve_file *f, const columns *c, int key)
+{
+    const kn_sheet *s = &f->sheet;
+    double *t = s->column[c->time].value;
+    for (int begin = 0, end; (end = kn_curve_range_end(s, c->time, begin)) < s->rows;) {
+        const int next = kn_curve_range_end(s, c->time, end);
+        const double from = last_time(t, begin, end);
+        if (largest(s, key, end, next) < 0.02 * largest(s, key, begin, end) && from > 0 && t[end] >= 0) {
+            kn_curve_say(f, "time begins anew in line %d, without load: what came back, from %.5g s on", s->line[end],
+                         from);
+            for (int i = end; i < next; i++) t[i] += from;
+        } else {
+            begin = end;
+        }
+    }
+}
+
+static void name_part(const kn_sheet *s, int key, int begin, int end, char part[32])
+{
+    const bool stress = kn_measure_is(&s->column[key].heading.unit, "Pa");
+    snprintf(part, 32, "%.4g %s", largest(s, key, begin, end) / (stress ? 1e3 : KN_GF_N), stress ? "kPa" : "gf");
 }
 
 static int add_long(kn_curve_file *f, const columns *c, int key)
@@ -344,18 +259,16 @@ static int add_long(kn_curve_file *f, const columns *c, int key)
     const kn_sheet *s = &f->sheet;
     int code = KN_EXIT_OK;
     for (int begin = 0, end; begin < s->rows && code == KN_EXIT_OK; begin = end) {
-        end = range_end(s, c, begin);
+        end = kn_curve_range_end(s, c->time, begin);
         const bool only = begin == 0 && end == s->rows;
+        const double here = largest(s, key, begin, end),
+                     next = largest(s, key, end, kn_curve_range_end(s, c->time, end));
         char part[32] = "";
         kn_readings r = {0};
-        if (end < s->rows && (key < 0 || s->column[key].value[end] == s->column[key].value[begin]))
+        if (end < s->rows && (key < 0 || fabs(next - here) <= 0.01 * here))
             return kn_sheet_complain(s, s->line[end], s->column[c->time].at,
                                      "time begins anew, expected one time for all, or another load from here on");
-        if (!only && key >= 0) {
-            const bool force = kn_measure_is(&s->column[key].heading.unit, "Pa") == false;
-            snprintf(part, sizeof part, "%.4g %s", s->column[key].value[begin] / (force ? KN_GF_N : 1e3),
-                     force ? "gf" : "kPa");
-        }
+        if (!only && key >= 0) name_part(s, key, begin, end, part);
         code = kn_curve_readings(f, &r, begin, end, c->time, c->value, -1, c->load, only);
         if (code == KN_EXIT_OK) code = add_curve(f, c, &r, NAN, part);
         kn_readings_free(&r);
@@ -363,12 +276,19 @@ static int add_long(kn_curve_file *f, const columns *c, int key)
     return code;
 }
 
+static bool has_numbers(const kn_sheet *s, int column)
+{
+    for (int i = 0; i < s->rows; i++)
+        if (isfinite(s->column[column].value[i])) return true;
+    return false;
+}
+
 int kn_curve_load_creep(kn_curve_file *f)
 {
     columns c = {0};
     int wanted[KN_CURVES_MAX + 4], n = 0, code = choose(f, &c);
     if (code != KN_EXIT_OK) return code;
-    const int key = c.loads ? -1 : key_of(f, &c);
+    int key = c.loads ? -1 : key_of(f, &c);
     wanted[n++] = c.time;
     for (int i = 0; i < c.loads; i++) wanted[n++] = c.of_load[i];
     if (c.value >= 0) wanted[n++] = c.value;
@@ -376,5 +296,8 @@ int kn_curve_load_creep(kn_curve_file *f)
     if (key >= 0 && key != c.load) wanted[n++] = key;
     code = kn_curve_rows(f, n, wanted);
     if (code != KN_EXIT_OK) return code;
-    return c.loads ? add_wide(f, &c) : add_long(f, &c, key);
+    if (c.load >= 0 && !has_numbers(&f->sheet, c.load)) c.load = key = -1; // a name without a column
+    if (c.loads) return add_wide(f, &c);
+    if (key >= 0) join_recoveries(f, &c, key);
+    return add_long(f, &c, key);
 }

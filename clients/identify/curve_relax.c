@@ -168,6 +168,10 @@ int kn_curve_load_relax(kn_curve_file *f)
     int code = choose(f, &cols);
     if (code == KN_EXIT_OK)
         code = kn_curve_rows(f, cols.strain >= 0 ? 3 : 2, (int[]){cols.time, cols.value, cols.strain});
+    const int end = code == KN_EXIT_OK ? kn_curve_range_end(&f->sheet, cols.time, 0) : 0;
+    if (code == KN_EXIT_OK && end < f->sheet.rows)
+        code = kn_sheet_complain(&f->sheet, f->sheet.line[end], f->sheet.column[cols.time].at,
+                                 "time begins anew, expected one relaxation in a file");
     if (code == KN_EXIT_OK)
         code = kn_curve_readings(f, &r, 0, f->sheet.rows, cols.time, cols.value, cols.strain, -1, true);
     kn_curve *c = code == KN_EXIT_OK ? kn_curve_add(f, KN_CURVE_RELAX, "") : NULL;

@@ -35,6 +35,7 @@ typedef struct search {
     char separator, commented_separator;
     int cells, commented_cells;
     int data; // the first line of numbers
+    char of_rows;
 } search;
 
 // Whether the line is a row of numbers below such names: most of it are, and it has no more cells than they. One number
@@ -46,6 +47,14 @@ static bool is_row(const char *line, char separator, int cells)
     return 2 * (n.numbers + n.missing) >= n.cells && n.cells - n.missing <= cells;
 }
 
+// What separates the cells of such a row; 0: it is none.
+static char row_separator(const char *line, int header, char separator, int cells)
+{
+    if (!header) return 0;
+    if (is_row(line, separator, cells)) return separator;
+    return count_cells(line, ' ').numbers > 1 && is_row(line, ' ', cells) ? ' ' : 0;
+}
+
 static void look_at(search *found, const kn_lines *l)
 {
     const char *line = l->text + strspn(l->text, " \t");
@@ -55,9 +64,11 @@ static void look_at(search *found, const kn_lines *l)
     if (!*line || (comment && kn_note_read(l->text, 0, &note))) return;
     const char separator = separator_of(line);
     const census n = count_cells(line, separator);
-    if (!comment && ((found->header && is_row(line, found->separator, found->cells)) ||
-                     (found->commented && is_row(line, found->commented_separator, found->commented_cells)))) {
+    char of_rows = row_separator(line, found->header, found->separator, found->cells);
+    if (!of_rows) of_rows = row_separator(line, found->commented, found->commented_separator, found->commented_cells);
+    if (!comment && of_rows) {
         found->data = l->number;
+        found->of_rows = of_rows;
         return;
     }
     if (n.numbers > 0 || n.cells - n.missing < 2) return;
@@ -79,7 +90,7 @@ bool kn_header_is_units(const char *line, char separator)
     for (const char *at = line; kn_cell_next(separator, &at, &c);) {
         char text[KN_HEADING_NAME];
         kn_measure m;
-        if (c.length == 0) continue;
+        if (c.length == 0 || (c.length == 2 && !strncmp(c.text, "[]", 2))) continue;
         if (strchr("([", *c.text) && c.length > 2) c.text++, c.length -= 2;
         snprintf(text, sizeof text, "%.*s", c.length, c.text);
         if (kn_measure_parse(&m, text, NULL, 0))
@@ -103,10 +114,10 @@ bool kn_header_find(kn_header *header, kn_lines *lines)
     }
     const bool below = units > 0 && units == found.header && before.header > 0;
     if (below)
-        *header = (kn_header){before.header, units, before.separator};
+        *header = (kn_header){before.header, units, before.separator, found.of_rows};
     else if (found.header)
-        *header = (kn_header){found.header, 0, found.separator};
+        *header = (kn_header){found.header, 0, found.separator, found.of_rows};
     else
-        *header = (kn_header){found.commented, 0, found.commented_separator};
+        *header = (kn_header){found.commented, 0, found.commented_separator, found.of_rows};
     return found.data > 0;
 }

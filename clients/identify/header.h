@@ -8,6 +8,7 @@
 typedef struct kn_header {
     int names, units; // lines, 1..; 0: none
     char separator;   // the first of tab, ';', ',' that the names have, else ' '
+    char of_rows;     // the same, or ' ' where blanks are between the numbers below
 } kn_header;
 
 // False: no numbers below any names; names is then the line that could have been it, or 0.

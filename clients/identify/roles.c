@@ -9,8 +9,8 @@
 // Names in small letters (heading.h), the ones to prefer first. A name with a blank before it, " time", is also taken
 // as part of a longer one, "test time".
 static const char *const names[KN_ROLE_COUNT][14] = {
-    [KN_TIME] = {"time", "t", "test time", "elapsed time", "total time", "run time", "step time", "interval time",
-                 "zeit", " time"},
+    [KN_TIME] = {"total time", "test time", "time (sequence)", "elapsed time", "run time", "time", "t", "zeit",
+                 "step time", "interval time", " time"}, // of a whole test before that of a part of it
     [KN_HEIGHT] = {"height", "h", "gap", "thickness", "sample height", "l", " height", " gap", " thickness"},
     [KN_DISPLACEMENT] = {"displacement", "disp", "deformation", "deflection", "compression", "indentation", "stroke",
                          "extension", "distance", "travel", "d", " displacement", " deformation", " distance"},
@@ -24,7 +24,8 @@ static const char *const names[KN_ROLE_COUNT][14] = {
     [KN_FREQUENCY] = {"frequency", "freq", "f", "angular frequency", "omega", "w", "ang. frequency", " frequency"},
     [KN_STORAGE] = {"g'", "e'", "storage modulus", "storage", "gp", "elastic modulus", "shear storage modulus",
                     " storage modulus"},
-    [KN_LOSS] = {"g''", "e''", "loss modulus", "loss", "gpp", "viscous modulus", "shear loss modulus", " loss modulus"},
+    [KN_LOSS] = {"g''", "e''", "loss modulus", "loss", "gpp", "viscous modulus", "shear loss modulus",
+                 "shear modulus (viscous component)", " loss modulus"},
     [KN_TANGENT] = {"tan delta", "tan(delta)", "tandelta", "tan d", "loss tangent", "loss factor", "damping factor",
                     "tan(d)"},
     [KN_PHASE] = {"phase angle", "delta", "phase", "phase shift", "phase shift angle", "phase lag", " phase angle"}};
@@ -93,9 +94,10 @@ int kn_role_find(kn_sheet *s, kn_role role, int *code)
                 convert(h, role);
                 return c;
             }
-            if (other < 0 && *names[role][n] != ' ' && (n == 0 || !h->has_unit)) other = c;
+            const bool its_own = !strcmp(names[role][n], kinds[role].name); // else it may well be something else
+            if (other < 0 && *names[role][n] != ' ' && (its_own || !h->has_unit)) other = c;
         }
-    if (other < 0) return -1;
+    if (other < 0 || !code) return -1;
     const kn_heading *h = &s->column[other].heading;
     if (h->has_unit || *h->unit_text)
         *code = kn_sheet_complain(s, s->header_line, s->column[other].at, "%s in '%s', expected a %s, e.g. in %s",

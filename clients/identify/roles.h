@@ -27,7 +27,7 @@ typedef enum kn_role {
 
 const char *kn_role_name(kn_role role);
 
-// The column, or -1. *code: after a complaint that its unit is missing or of another kind.
+// The column, or -1. *code: after a complaint that its unit is missing or of another kind; NULL: then there is none.
 int kn_role_find(kn_sheet *s, kn_role role, int *code);
 
 // Several columns of one quantity, each headed by its load, "10 gf [mm]", "displacement_mm 10 gf": their number, at

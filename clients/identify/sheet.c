@@ -155,6 +155,7 @@ int kn_sheet_open(kn_sheet *s, const char *file, const char *units, const char *
         return kn_sheet_complain(s, 1, 1, "no numbers in the first 256 kB, expected a table");
     s->header_line = header.names;
     s->separator = header.separator;
+    s->of_rows = header.of_rows;
     while (s->lines.number < (header.units ? header.units : header.names) && kn_lines_next(&s->lines)) {
         const char *line = s->lines.text;
         if (s->lines.number == header.names && !take_names(s, line))
@@ -186,46 +187,57 @@ static bool grow(kn_sheet *s, int count, const int wanted[])
     return ok;
 }
 
-static int bad_cell(const kn_sheet *s, const kn_sheet_column *column, const kn_cell *c)
+// Of what was set aside, and did not end in the names again.
+static int bad_text(const kn_sheet *s)
 {
-    char text[32];
-    kn_cell_text(text, sizeof text, c);
-    const bool commas = strchr(text, ',') && strchr(text, '.');
-    return kn_sheet_complain(s, s->lines.number, (int)(c->text - s->lines.text) + 1, "'%s' for %s, expected a number%s",
-                             text, column->heading.name,
-                             commas ? " without separators of thousands" : ", or nothing where a reading is missing");
+    const char *text = s->strange.text;
+    if (s->strange.lines > 1)
+        return kn_sheet_complain(s, s->strange.line, 1,
+                                 "'%s' and more text, expected one table in a file: cut the others out", text);
+    const bool thousands = strchr(text, ',') && strchr(text, '.');
+    return kn_sheet_complain(
+        s, s->strange.line, s->strange.at, "'%s' for %s, expected a number%s", text, s->strange.name,
+        thousands ? " without separators of thousands" : ", or nothing where a reading is missing");
 }
 
-// slot[index of a cell]: the column that it belongs to, or -1. cells: how many names there are.
+static void set_aside(kn_sheet *s, const kn_sheet_column *column, const kn_cell *c, bool numbers)
+{
+    s->strange.lines += !numbers;
+    if (s->strange.name) return;
+    s->strange.line = s->lines.number;
+    s->strange.at = (int)(c->text - s->lines.text) + 1;
+    s->strange.name = column->heading.name;
+    kn_cell_text(s->strange.text, sizeof s->strange.text, c);
+}
+
+// slot[index of a cell]: the column that it belongs to, or -1. cells: how many names there are. A line with text for a
+// number is set aside; once a row comes after it, it is an error.
 static int take_row(kn_sheet *s, int cells, const int slot[])
 {
-    kn_cell c;
-    int index = 0;
+    kn_cell c, bad = {0};
+    int index = 0, numbers = 0;
+    const kn_sheet_column *of_bad = NULL;
     const char *line = s->lines.text;
-    for (const char *at = line; kn_cell_next(s->separator, &at, &c); index++) {
-        double value;
-        if (index >= cells) {
-            if (c.length == 0) continue;
+    for (const char *at = line; kn_cell_next(s->of_rows, &at, &c); index++) {
+        double value = NAN;
+        if (index >= cells && c.length == 0) continue;
+        if (index >= cells)
             return kn_sheet_complain(s, s->lines.number, (int)(c.text - line) + 1,
-                                     "more cells than the %d names, expected "
-                                     "as many%s",
-                                     cells, s->separator == ',' ? " (are these decimal commas?)" : "");
-        }
+                                     "more cells than the %d names, expected as many%s", cells,
+                                     s->of_rows == ',' ? " (are these decimal commas?)" : "");
         if (slot[index] < 0) continue;
         kn_sheet_column *column = &s->column[slot[index]];
-        switch (kn_cell_read(&c, s->separator, &value, &s->commas, &s->points)) {
-        case KN_CELL_NUMBER:
-            column->value[s->rows] = column->heading.has_unit ? kn_measure_si(&column->heading.unit, value) : value;
-            break;
-        case KN_CELL_MISSING:
-            column->value[s->rows] = NAN;
-            break;
-        case KN_CELL_TEXT:
-            return bad_cell(s, column, &c);
-        }
+        const kn_cell_content is = kn_cell_read(&c, s->of_rows, &value, &s->commas, &s->points);
+        numbers += is == KN_CELL_NUMBER;
+        if (is == KN_CELL_TEXT && !of_bad) of_bad = column, bad = c;
+        if (is == KN_CELL_NUMBER && column->heading.has_unit) value = kn_measure_si(&column->heading.unit, value);
+        column->value[s->rows] = is == KN_CELL_NUMBER ? value : NAN;
     }
     for (; index < cells; index++) // a short row: what it lacks is missing
         if (slot[index] >= 0) s->column[slot[index]].value[s->rows] = NAN;
+    if (of_bad) set_aside(s, of_bad, &bad, numbers > 0);
+    if (of_bad || numbers == 0) return KN_EXIT_OK; // or nothing of what is wanted
+    if (s->strange.name) return bad_text(s);
     s->line[s->rows++] = s->lines.number;
     if (s->commas && s->points)
         return kn_sheet_complain(s, s->lines.number, 1,
@@ -248,24 +260,30 @@ static bool is_repeated(const kn_sheet *s, const char *line)
     return same >= 2 && 2 * same >= s->columns;
 }
 
+// Whether a line that is no row is skipped: the names again, units below them, notes, nothing.
+static bool is_skipped(kn_sheet *s, bool *repeated)
+{
+    const char *text = s->lines.text + strspn(s->lines.text, " \t");
+    if (text[strspn(text, " \t,;")] == '\0') return true;
+    if (*text == '#' && strncasecmp(text, "#N", 2) != 0) {
+        take_note(s);
+        return true;
+    }
+    const bool below = *repeated, words = isalpha((unsigned char)*text) || *text == '"'; // rows begin with a digit
+    *repeated = words && is_repeated(s, text);
+    if (*repeated) s->strange.lines = 0, s->strange.name = NULL;
+    return *repeated || (below && kn_header_is_units(text, s->separator));
+}
+
 int kn_sheet_read(kn_sheet *s, int count, const int wanted[])
 {
-    int slot[KN_SHEET_COLUMNS], code = KN_EXIT_OK, cells = 0;
+    int slot[KN_SHEET_COLUMNS], code = KN_EXIT_OK;
+    const int cells = s->columns ? s->column[s->columns - 1].index + 1 : 0;
+    bool repeated = false;
     for (int i = 0; i < KN_SHEET_COLUMNS; i++) slot[i] = -1;
     for (int i = 0; i < count; i++) slot[s->column[wanted[i]].index] = wanted[i];
-    if (s->columns) cells = s->column[s->columns - 1].index + 1;
-    bool repeated = false;
     while (code == KN_EXIT_OK && kn_lines_next(&s->lines)) {
-        const char *text = s->lines.text + strspn(s->lines.text, " \t");
-        if (text[strspn(text, " \t,;")] == '\0') continue;
-        if (*text == '#' && strncasecmp(text, "#N", 2) != 0) {
-            take_note(s);
-            continue;
-        }
-        if (isalpha((unsigned char)*text) || *text == '"') { // rarely: most rows begin with a digit
-            if ((repeated && kn_header_is_units(text, s->separator)) || (repeated = is_repeated(s, text))) continue;
-        }
-        repeated = false;
+        if (is_skipped(s, &repeated)) continue;
         if ((int64_t)(s->rows + 1) * count > KN_SHEET_CELLS)
             return kn_sheet_complain(s, s->lines.number, 1,
                                      "more than %d rows of %d columns, expected fewer: thin it, "
@@ -274,6 +292,6 @@ int kn_sheet_read(kn_sheet *s, int count, const int wanted[])
         if (!grow(s, count, wanted)) return kn_complain(s->subcommand, KN_EXIT_DEVICE, "%s: out of memory", s->file);
         code = take_row(s, cells, slot);
     }
-    if (code == KN_EXIT_OK && *s->lines.error) code = kn_sheet_complain(s, s->lines.number, 1, "%s", s->lines.error);
-    return code;
+    if (code == KN_EXIT_OK && *s->lines.error) return kn_sheet_complain(s, s->lines.number, 1, "%s", s->lines.error);
+    return code == KN_EXIT_OK && s->strange.name ? bad_text(s) : code;
 }

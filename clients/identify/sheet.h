@@ -10,8 +10,8 @@
 //     0,3;9,96;M-                            rows; a column that nobody wants may hold anything
 //
 // Separated by tabs, semicolons, commas or blanks, whichever the names have, in that order; a decimal comma where the
-// separator is none, and in "0,5". A reading is missing where its cell is empty, -, nan, NA or #N/A. Repeated names,
-// as of an instrument's next interval, are skipped.
+// separator is none, and in "0,5". A reading is missing where its cell is empty, -, nan, NA or #N/A. Names that come
+// again, with their units, as above an instrument's next interval, are skipped, and so is text before them.
 //
 // Every function that can fail does so after one line of complaint, with an exit code.
 #include "clients/identify/heading.h"
@@ -40,9 +40,14 @@ typedef struct kn_sheet {
     bool commas; // were decimal ones
     // private
     kn_lines lines;
-    char separator;
+    char separator, of_rows;
     int room;
     bool points; // were decimal ones
+    struct {     // text in a number's place, until it is known whether the names come again below it
+        int lines, line, at; // lines: without any number
+        char text[32];
+        const char *name; // of the column; NULL: nothing is strange
+    } strange;
 } kn_sheet;
 
 // Up to the names. units: "time=s,modulus=Pa", for columns whose names have none; NULL: none.

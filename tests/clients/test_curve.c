@@ -177,6 +177,41 @@ TEST("time that begins anew under the same load is refused where it does")
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(26, "time begins anew"));
 }
 
+TEST("an interval without load whose time begins anew is the recovery of the one before")
+{
+    begin("Project:;Dough\nInterval and data points:;2;20;20\n"); // as RheoCompass writes them
+    for (int k = 0; k < 2; k++) {
+        row("Interval data:;Point No.;Time;Shear Strain;Shear Stress;Status\n;[];[s];[%%];[Pa];[]\n");
+        for (int i = 1; i <= 20; i++)
+            row(";%d;%d;%.9g;%s;Dy_auto\n", i, i, 100 * crept_mm(k ? 20 + i : i), k ? "0,01" : "100,00");
+        if (k == 0) row("\nInterval and data points:;2\n");
+    }
+    for (char *p = (fflush(out), text); *p; p++) // its decimal commas
+        if (*p == '.' && p[1] >= '0' && p[1] <= '9') *p = ',';
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curves == 1 && curve->steps == 2 && curve->constant_area);
+    CHECK(said("time begins anew in line 29, without load: what came back, from 20 s on"));
+    CHECK(curve->count == 40 && curve->time_s[39] == 40 && curve->step[0].stress_pa == 100);
+    CHECK(curve->step[1].time_s >= 20 && curve->step[1].time_s <= 21);
+}
+
+TEST("a rheometer's many columns: the time of the whole test, the strain, the stress; in shear it may be large")
+{
+    begin("Action Name;Time (sequence)(s);Time (action)(s);Shear stress(Pa);Shear rate(s-\xc2\xb9);Shear strain(%);"
+          "Normal force(N);Frequency(Hz);Gap(mm)\n"); // as rSpace writes them
+    for (int i = 0; i <= 20; i++) row("Creep;%d,5;%d;30,54;47,57;%d,7E+001;0,2;;9,15\n", 112 + i, i % 5, 10 * i);
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->count == 21 && curve->constant_area);
+    CHECK_NEAR(curve->value[20], 20.07, 0.01);
+    CHECK_NEAR(curve->step[0].stress_pa, 30.54, 1e-9);
+    CHECK(curve->time_s[20] == 20 && said("time counts from long before"));
+}
+
+TEST("a name of a load above an empty column is none")
+{
+    begin("# stress: 10 Pa\nt\tstrain\tstress\tT\ns\t-\tPa\tC\n"); // as RepTate's files have it
+    for (int i = 0; i <= 20; i++) row("%d\t%g\n", i, 1e-4 * i);
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->count == 21 && curve->step[0].stress_pa == 10);
+}
+
 TEST("a stress that falls as the section grows is the weight's; one that is held is held")
 {
     begin("time_s,strain,stress_pa\n");
@@ -440,6 +475,13 @@ TEST("a stress that rises at first is held from its peak on")
     begin("# strain: 10 %\ntime_s,stress_kPa\n");
     for (int i = 0; i <= 100; i++) row("%d,%g\n", i, i < 10 ? i : 10 * exp(-(i - 10) / 20.0));
     CHECK(load(KN_CURVE_RELAX) == KN_EXIT_OK && curve->begin_s == 10 && curve->count == 91 && said("rises until 10 s"));
+}
+
+TEST("two relaxations in one file are refused where the second begins")
+{
+    begin("# strain: 10 %\ntime_s,stress_kPa\n");
+    for (int i = 0; i < 40; i++) row("%d,%g\n", i % 20, exp(-(i % 20) / 20.0));
+    CHECK(load(KN_CURVE_RELAX) == KN_EXIT_USAGE && refused(23, "time begins anew"));
 }
 
 TEST("both sides of a jump that are written down at one time are kept")

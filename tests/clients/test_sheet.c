@@ -234,6 +234,27 @@ TEST("names that come again above another interval are skipped, and so are their
     CHECK(s.rows == 3 && at(0, 2) == 2 && s.line[2] == 7);
 }
 
+TEST("text between two intervals is skipped where the names come again below it, else it is told")
+{
+    CHECK(read_text("Time;Height;Status\ns;mm;[]\n0;10;M\n1;9;M\n\nInterval;2\nResult: again\nTime;Height;Status\n"
+                    "[s];[mm];[]\n2;8;M\n",
+                    2) == KN_EXIT_OK);
+    CHECK(s.rows == 3 && at(0, 2) == 2 && s.line[2] == 10);
+    CHECK(read_text("Time\tHeight\ns\tmm\n0\t10\n1\t9\n[step]\nPeak hold - 2\nTime\tViscosity\ns\tPa.s\n2\t8\n", 2) ==
+          KN_EXIT_USAGE);
+    CHECK(complained(":5:1: '[step]' and more text", "expected one table in a file"));
+    CHECK(read_text("time_s,height_mm\n0,10\nend of it\n", 2) == KN_EXIT_USAGE &&
+          complained(":3:1: 'end of it' for time", ""));
+}
+
+TEST("names between tabs may stand over numbers between blanks")
+{
+    CHECK(read_text("T=0;Mw=13.5;chem=PI;\nw\tG'\tTemp\nrad/s\tPa\t\xc2\xb0"
+                    "C\n   100    1988.3    0.1\n   68.1   910.8   0.1\n",
+                    2) == KN_EXIT_OK);
+    CHECK(s.rows == 2 && at(0, 0) == 100 && at(1, 1) == 910.8);
+}
+
 TEST("a column that nobody wants may hold anything")
 {
     CHECK(read_text("time_s,height_mm,status\n0,10,M-\n1,9,\"a, b\"\n", 2) == KN_EXIT_OK);
