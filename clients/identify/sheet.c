@@ -293,5 +293,9 @@ int kn_sheet_read(kn_sheet *s, int count, const int wanted[])
         code = take_row(s, cells, slot);
     }
     if (code == KN_EXIT_OK && *s->lines.error) return kn_sheet_complain(s, s->lines.number, 1, "%s", s->lines.error);
-    return code == KN_EXIT_OK && s->strange.name ? bad_text(s) : code;
+    if (code == KN_EXIT_OK && s->strange.name) return bad_text(s);
+    if (code == KN_EXIT_OK && s->rows == 0)
+        return kn_sheet_complain(s, s->header_line, 1, "no numbers below %s, expected rows of them",
+                                 s->column[wanted[0]].heading.name);
+    return code;
 }
