@@ -73,6 +73,18 @@ static bool column(search *s, const double *x, const double *here, int k, bool b
     return true;
 }
 
+// At a bound, where the sum would fall beyond it, the unknown stays: its column is the wall's alone. With its own, every
+// step would go over the wall and be refused, ever shorter, and the others would not move either.
+static void stay_inside(const search *s, const double *x, const double *residual, int k, double *out)
+{
+    const kn_fit_unknown *u = &s->fit->unknown[s->number[k]];
+    double slope = 0, low = lowest(u), high = highest(u), near = 1e-9 * (high - low);
+    for (int i = 0; i < s->fit->readings; i++) slope += out[i] * residual[i];
+    if (!((x[k] <= low + near && slope > 0) || (x[k] >= high - near && slope < 0))) return;
+    memset(out, 0, (size_t)(s->fit->readings + s->count) * sizeof *out);
+    out[s->fit->readings + k] = wall;
+}
+
 static int minpack_asks(void *p, int rows, int count, const double *x, double *residual, double *jacobian, int stride,
                         int what)
 {
@@ -84,9 +96,11 @@ static int minpack_asks(void *p, int rows, int count, const double *x, double *r
         return 0;
     }
     if (what == 2)
-        for (int k = 0; k < s->count; k++)
-            if (!column(s, x, residual, k, false, jacobian + (size_t)stride * (size_t)k))
-                memset(jacobian + (size_t)stride * (size_t)k, 0, (size_t)rows * sizeof *jacobian);
+        for (int k = 0; k < s->count; k++) {
+            double *out = jacobian + (size_t)stride * (size_t)k;
+            if (!column(s, x, residual, k, false, out)) memset(out, 0, (size_t)rows * sizeof *jacobian);
+            else stay_inside(s, x, residual, k, out);
+        }
     return 0;
 }
 
