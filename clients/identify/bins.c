@@ -2,6 +2,21 @@
 #include <math.h>
 #include <stdlib.h>
 
+// Of the readings that belong to one bin.
+typedef struct sums {
+    double weight, time, value, ln_value, least;
+} sums;
+
+static void close_bin(kn_bins *b, const sums *s)
+{
+    if (!(s->weight > 0)) return;
+    const int k = b->count - 1;
+    const double mean = s->value / s->weight;
+    b->time_s[k] = s->time / s->weight;
+    b->value[k] = s->least > 0.5 * mean ? exp(s->ln_value / s->weight) : mean;
+    b->weight[k] = s->weight;
+}
+
 bool kn_bins_make(kn_bins *b, const kn_curve *c, double begin_s)
 {
     const size_t n = (size_t)c->count + 1;
@@ -9,21 +24,24 @@ bool kn_bins_make(kn_bins *b, const kn_curve *c, double begin_s)
     if (!b->time_s || !b->line) return kn_bins_free(b), false;
     b->value = b->time_s + n;
     b->weight = b->value + n;
+    sums s = {0};
     double last = -INFINITY;
     for (int i = 0; i < c->count; i++) {
         const double t = c->time_s[i] - begin_s, w = c->weight[i], bin = floor(KN_BINS_PER_DECADE * log10(t));
         if (!(t > 0)) continue;
-        if (bin > last) b->line[b->count++] = c->line[i];
-        const int k = b->count - 1;
-        b->time_s[k] += w * log(t);
-        b->value[k] += w * c->value[i];
-        b->weight[k] += w;
+        if (bin > last) {
+            close_bin(b, &s);
+            s = (sums){.least = INFINITY};
+            b->line[b->count++] = c->line[i];
+        }
         last = bin;
+        s.weight += w;
+        s.time += w * t;
+        s.value += w * c->value[i];
+        s.ln_value += w * log(fmax(c->value[i], 1e-300));
+        s.least = fmin(s.least, c->value[i]);
     }
-    for (int k = 0; k < b->count; k++) {
-        b->time_s[k] = exp(b->time_s[k] / b->weight[k]);
-        b->value[k] /= b->weight[k];
-    }
+    close_bin(b, &s);
     return true;
 }
 

@@ -30,7 +30,7 @@ double kn_hold_time(const kn_hold *hold, double stress_pa);
 // where exp(beta P) is beyond a double.
 double kn_hold_until(const kn_hold *hold, double stress_pa);
 
-// Stress at count times >= 0 that rise: (1) inverted, each time from the one before, to 1e-13 of itself.
+// Stress at count times >= 0 that rise: (1) inverted, each time from the one before, to 1e-11 of itself.
 void kn_hold_stress(const kn_hold *hold, int count, const double *time_s, double *stress_pa);
 
 #endif

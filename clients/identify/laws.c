@@ -135,7 +135,7 @@ static int unknowns_of_dough(const kn_law *law, const size *z, int curves, kn_fi
     if (law->p0) add(out, &n, "P0", 1e-3 * p, p, false);
     if (law->p1) add(out, &n, "P1", 0.05 * p, 3 * p, false);
     for (int c = 0; law->relax && c < curves && n < KN_FIT_UNKNOWNS; c++)
-        add(out, &n, begin_name[c], 1e-3 * p, 30 * p, false);
+        add(out, &n, begin_name[c], 1e-3 * p, 10 * p, false);
     return n;
 }
 

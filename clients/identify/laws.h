@@ -4,7 +4,7 @@
 //
 //     held      springs, dampers   k_inf + sum of k_i exp(-t/tau_i): a class of one-ports but for what its dashpot
 //                                  carries while the strain still grows, so classes that differ in that alone are one
-//               the papers' damper hold.h, from a stress of its own for each curve
+//               the papers' damper hold.h, from a stress of its own for each curve at time 0
 //               logarithm          a - b ln t
 //               fractional Maxwell fractional.h
 //     creep     springs, dampers   chain.h, the class's Voigt form

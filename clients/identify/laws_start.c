@@ -72,16 +72,18 @@ static int start_dough_relax(const kn_law *law, const look *l, int curves, const
             if (law->c1) start[count][n++] = early[k] * l->first_s / (1 + beta * l->first_pa * strain);
             if (law->p0) start[count][n++] = l->last_pa * strain * (k % 2 ? 1.1 : 1.6);
             for (int c = 0; c < curves && n < KN_FIT_UNKNOWNS; c++)
-                start[count][n++] = modulus_near(&curve[c], l->first_s) * curve[c].strain * (k == 3 ? 1.3 : 1.02);
+                start[count][n++] = modulus_near(&curve[c], l->first_s) * curve[c].strain * (k == 3 ? 1.1 : 1);
         }
     return count;
 }
 
-// The slopes of ln G against ln t at both ends are the orders.
+// The slopes of ln G against ln t at both ends are the orders; or it is nearly a Maxwell unit, of the time in which as
+// much is gone as is left.
 static int start_fractional_relax(const look *l, places start)
 {
     const double early = log(l->first_pa / l->middle_pa) / log(l->middle_s / l->first_s);
     const double late = log(l->middle_pa / l->last_pa) / log(l->last_s / l->middle_s);
+    const double tau = l->last_s / fmax(log(l->first_pa / l->last_pa), 1e-3);
     for (int s = 0; s < 3; s++) {
         const double b = fmin(fmax(early, 0.01), 0.5),
                      a = s == 2 ? 0.9 : fmin(fmax(late * (s ? 4 : 1.5), 1.5 * b), 0.95);
@@ -90,7 +92,14 @@ static int start_fractional_relax(const look *l, places start)
         start[s][2] = l->first_pa * pow(l->first_s, b);
         start[s][3] = fmin(b / a, 0.9);
     }
-    return 3;
+    for (int s = 3; s < 5; s++) {
+        const double a = s == 3 ? 0.97 : 0.7, b = 0.02;
+        start[s][0] = l->first_pa * pow(tau, a);
+        start[s][1] = a;
+        start[s][2] = l->first_pa * pow(l->first_s, b);
+        start[s][3] = b / a;
+    }
+    return 5;
 }
 
 static int starts_relax(const kn_law *law, int curves, const kn_law_curve *curve, places start)

@@ -8,6 +8,7 @@
 #define RUNS 3.0    // standard deviations of kn_fit_runs from which residuals are not noise
 #define NEAR_AICC 2 // of the best: as well supported (Burnham and Anderson, Model selection, 2.6)
 #define NEAR_HELD 1.1
+#define EXACT 1e-4 // a misfit that averages leave of a perfect curve
 
 int kn_models_best(const kn_models *m)
 {
@@ -94,7 +95,7 @@ void kn_models_verdict(const kn_models *m, char *text, size_t size)
     say_elements(m, text, size);
     for (int i = 0; i < m->rows; i++) {
         known |= !isnan(m->row[i].runs);
-        noise |= m->row[i].runs <= RUNS;
+        noise |= m->row[i].runs <= RUNS || m->row[i].early < EXACT;
     }
     if (known && !noise)
         append(text, size,

@@ -1,0 +1,231 @@
+// knead identify relax: from how stress fell while a strain was held to the numbers of the papers' element.
+#include "clients/identify/experiments.h"
+#include "clients/identify/relax_told.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/output.h"
+#include "clients/knead/plot.h"
+#include "clients/knead/result.h"
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char help[] =
+    "usage: knead identify relax FILE... [OPTION]...\n\n"
+    "From how the stress fell while a lump was held compressed to the numbers of a virtual one: k1 and c1, which give\n"
+    "back, and the damper alpha exp(-beta P) between P0 and P1, which lets the stress go.\n\n"
+    "    knead identify relax ramp.csv --height 1cm --area 1cm^2 --out dough.yaml\n"
+    "    knead identify relax modulus.csv --strain 5% --png fit.png\n\n"
+    "A file is a table with a name and a unit over each column: time; stress, load or modulus; strain, displacement "
+    "or\n"
+    "height where they were recorded. Lines before it may say what is the same for all of it:\n"
+    "    # strain: 10 %       # height: 1 cm       # area: 1 cm^2       # begin: 1.5 s\n"
+    "    time (s); load (gf)\n"
+    "With the way to the strain in the file, rise and hold are fitted together, and all numbers are found: a slow "
+    "rise,\n"
+    "some 2 %/s, tells most. A hold alone knows c1/k1, alpha/k1 and beta; k1 then is at least what the strain says if\n"
+    "nothing had flowed by the first reading. A modulus without --strain makes no material.\n\n"
+    "  --strain S             held, of files that do not say it: 10% or 0.1\n"
+    "  --height H, --area S   of the specimen, as made\n"
+    "  --units NAME=UNIT,...  of columns that have none: --units time=s,modulus=Pa\n"
+    "  --constant-area        stress is load/S0; else the section grows as the height falls, S h = S0 h0\n"
+    "  --noise relative       what is left is judged in shares of the stress, of readings averaged in 20 bins a\n"
+    "                         decade of time, so that each decade counts the same (as it is without)\n"
+    "  --noise constant       in Pa, each reading the same: where the instrument's noise is what "
+    "limits\n" KN_IDENTIFY_OUTPUT_HELP
+    "\nTold are the best numbers, with intervals that hold the truth 95 times in 100 if the model is right and the "
+    "noise\n"
+    "independent; whether that is so; what these curves cannot tell; and how other models fare that are fitted to the\n"
+    "early part and judged by the later one.\n"
+    "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
+
+typedef struct work {
+    kn_identify_options opt;
+    kn_curve curve[KN_CURVES_MAX];
+    int curves;
+    kn_relaxation fit;
+    kn_models models;
+    bool compared;
+} work;
+
+// ---- what is told
+
+static void print_number(const kn_identified *n)
+{
+    char text[120];
+    kn_identified_print(n, text, sizeof text);
+    printf("%-9s %s\n", n->name, text);
+    if (*n->words) printf("          %s\n", n->words);
+}
+
+static void print_numbers(const kn_relaxation *r)
+{
+    printf("\n%-9s best, and within 95 %%\n", "");
+    if (r->scale != KN_RELAXATION_MODULUS) {
+        print_number(&r->number[KN_RELAXATION_K1]);
+        if (r->scale == KN_RELAXATION_RISE)
+            for (int i = KN_RELAXATION_C1; i <= KN_RELAXATION_ALPHA; i++) print_number(&r->number[i]);
+    }
+    if (r->scale != KN_RELAXATION_RISE)
+        for (int i = 0; i < 2; i++) print_number(&r->ratio[i]);
+    for (int i = KN_RELAXATION_BETA; i < KN_RELAXATION_NUMBERS; i++) print_number(&r->number[i]);
+    printf("%s\n", kn_relax_scale(r));
+}
+
+static void print_curves(const kn_relaxation *r)
+{
+    printf("\n%-20s %9s %9s %9s %9s %9s %6s\n", "curve", "strain %", "readings", "rise", "hold", "misfit %", "runs");
+    for (int c = 0; c < r->curves; c++) {
+        const kn_relaxation_curve *k = &r->curve[c];
+        char strain[20] = "-";
+        if (k->ramp.strain > 0) snprintf(strain, sizeof strain, "%.4g", 100 * k->ramp.strain);
+        printf("%-20s %9s %9d %9d %9d %9.2g %6.2g\n", k->curve->name, strain, k->curve->count, k->rise.count,
+               k->hold.count, 100 * k->misfit, k->runs);
+    }
+    printf(
+        "rise, hold: means that are fitted. misfit: mean of |fit/measured - 1|; runs: standard deviations fewer than "
+        "noise\nhas, above 3 the model bends otherwise\n");
+}
+
+static void doubt(void *to, const char *words)
+{
+    (void)to;
+    printf("note: %s\n", words);
+    kn_result_text(kn_result_add("notes"), "words", words);
+}
+
+static void tell(const kn_relaxation *r)
+{
+    static const char *const scale[] = {"rise", "bound", "modulus"};
+    json_t *to = kn_result(), *numbers = to ? json_object() : NULL;
+    if (!to) return;
+    json_object_set_new(to, "numbers", numbers);
+    for (int i = 0; i < KN_RELAXATION_NUMBERS; i++) kn_identified_tell(numbers, &r->number[i]);
+    if (r->scale != KN_RELAXATION_RISE)
+        for (int i = 0; i < 2; i++) kn_identified_tell(numbers, &r->ratio[i]);
+    kn_result_text(to, "scale", scale[r->scale]);
+    kn_result_number(to, "lowest_stress_pa", r->lowest_pa);
+    kn_result_number(to, "highest_stress_pa", r->highest_pa);
+    for (int c = 0; c < r->curves; c++) {
+        json_t *row = kn_result_add("curves");
+        kn_result_text(row, "name", r->curve[c].curve->name);
+        kn_result_number(row, "strain", r->curve[c].ramp.strain > 0 ? r->curve[c].ramp.strain : (double)NAN);
+        kn_result_integer(row, "readings", r->curve[c].curve->count);
+        kn_result_number(row, "misfit", r->curve[c].misfit);
+        kn_result_number(row, "runs", r->curve[c].runs);
+    }
+}
+
+// ---- files
+
+static int write_csv(const kn_relax_told *told, const char *path)
+{
+    FILE *f = fopen(path, "w");
+    if (!f) return kn_complain(told->opt->subcommand, KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+    fprintf(f, "curve,held_s,stress_pa,fit_pa,readings\n");
+    for (int c = 0; c < told->fit->curves; c++) {
+        const kn_relaxation_curve *k = &told->fit->curve[c];
+        for (int i = 0; i < k->rise.count + k->hold.count; i++) {
+            const kn_bins *b = i < k->rise.count ? &k->rise : &k->hold;
+            const int n = i < k->rise.count ? i : i - k->rise.count;
+            fprintf(f, "%s,%.9g,%.9g,%.9g,%.9g\n", k->curve->name, b->time_s[n], b->value[n], k->fit_pa[i],
+                    b->weight[n]);
+        }
+    }
+    const bool ok = !ferror(f);
+    if (fclose(f) == 0 && ok) return KN_EXIT_OK;
+    return kn_complain(told->opt->subcommand, KN_EXIT_DEVICE, "%s: cannot be written", path);
+}
+
+static int write_material(const kn_relax_told *told, const char *path)
+{
+    const kn_relaxation *r = told->fit;
+    const double density = told->opt->density_kg_m3;
+    char origin[600];
+    snprintf(origin, sizeof origin, "relax from %s%s: %d curve%s, stresses %.4g to %.4g Pa.\n# %s", told->opt->file[0],
+             told->opt->files > 1 ? " and others" : "", r->curves, r->curves > 1 ? "s" : "", r->lowest_pa,
+             r->highest_pa, kn_relax_scale(r));
+    return kn_material_file_write(told->opt->subcommand, path, origin, &r->material, density > 0 ? density : 1200,
+                                  density > 0 ? "" : "not measured: dough's; --density says another",
+                                  KN_RELAXATION_NUMBERS, r->number);
+}
+
+// ---- the command
+
+static int try_outputs(const kn_identify_options *opt)
+{
+    int code = opt->png ? kn_plot_try(opt->subcommand, opt->png) : KN_EXIT_OK;
+    if (code == KN_EXIT_OK && opt->csv) code = kn_output_try(opt->subcommand, opt->csv);
+    if (code == KN_EXIT_OK && opt->out) code = kn_output_try(opt->subcommand, opt->out);
+    return code;
+}
+
+static int load(work *w)
+{
+    int code = KN_EXIT_OK;
+    for (int i = 0; i < w->opt.files && code == KN_EXIT_OK; i++)
+        code = kn_curve_load(w->curve, &w->curves, KN_CURVE_RELAX, w->opt.file[i], &w->opt.curve);
+    return code;
+}
+
+static int fit(work *w)
+{
+    char error[400];
+    const kn_relaxation_options how = {.confidence = 0.95, .constant_noise = w->opt.constant_noise};
+    if (!kn_relaxation_fit(&w->fit, w->curves, w->curve, &how, error, sizeof error))
+        return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s", error);
+    if (w->opt.out && w->fit.scale == KN_RELAXATION_MODULUS)
+        return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
+                           "--out %s: a modulus makes no material, expected the strain that was held, --strain",
+                           w->opt.out);
+    return KN_EXIT_OK;
+}
+
+static void compare(work *w)
+{
+    const kn_models_options how = {.cut_s = w->opt.cut_s};
+    char error[400];
+    if (w->opt.no_models) return;
+    w->compared = kn_models_compare(&w->models, w->curves, w->curve, &how, error, sizeof error);
+    if (w->compared) {
+        kn_models_print(&w->models);
+        kn_models_tell(&w->models);
+    } else
+        printf("\nmodels      not compared: %s\n", error);
+}
+
+static int identify(work *w, int argc, char **argv)
+{
+    int code = try_outputs(&w->opt);
+    if (code == KN_EXIT_OK) code = load(w);
+    if (code == KN_EXIT_OK) code = fit(w);
+    if (code != KN_EXIT_OK) return code;
+    print_numbers(&w->fit);
+    print_curves(&w->fit);
+    kn_relax_doubts(&w->fit, doubt, NULL);
+    tell(&w->fit);
+    compare(w);
+    const kn_relax_told told = {&w->opt, &w->fit, w->compared ? &w->models : NULL};
+    if (w->opt.csv) code = write_csv(&told, w->opt.csv);
+    if (code == KN_EXIT_OK && w->opt.out) code = write_material(&told, w->opt.out);
+    if (code == KN_EXIT_OK && w->opt.png) code = kn_relax_draw(&told, w->opt.png);
+    if (code == KN_EXIT_OK && w->opt.report) code = kn_relax_report(&told, argc, argv, write_csv, write_material);
+    return code;
+}
+
+int kn_identify_relax_main(int argc, char **argv)
+{
+    work *w = calloc(1, sizeof *w);
+    bool done = false;
+    if (!w) return kn_complain("identify relax", KN_EXIT_DEVICE, "out of memory");
+    int code = kn_identify_options_parse(&w->opt, "identify relax", 'r', help, argc, argv, &done);
+    if (code == KN_EXIT_OK && !done) code = identify(w, argc, argv);
+    kn_models_free(&w->models);
+    kn_relaxation_free(&w->fit);
+    for (int k = 0; k < w->curves; k++) kn_curve_free(&w->curve[k]);
+    kn_identify_options_free(&w->opt);
+    free(w);
+    return code;
+}

@@ -1,0 +1,225 @@
+#include "clients/identify/relax_told.h"
+#include "clients/identify/document.h"
+#include "clients/identify/figure.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#define NUMERICS 5e-4 // a misfit that averages and differences leave of a perfect curve
+
+const char *kn_relax_scale(const kn_relaxation *r)
+{
+    switch (r->scale) {
+    case KN_RELAXATION_RISE:
+        return "The scale, k1, is in how the stress rose with the strain.";
+    case KN_RELAXATION_BOUND:
+        return "A hold knows c1/k1, alpha/k1 and beta, not k1: that is at least this, c1 and alpha grow with it.";
+    case KN_RELAXATION_MODULUS:
+        break;
+    }
+    return "Stresses are in units of the modulus: beta, P0, P1 are those of the stress divided by the strain held, "
+           "which "
+           "--strain says.";
+}
+
+void kn_relax_doubts(const kn_relaxation *r, void (*say)(void *to, const char *words), void *to)
+{
+    char text[400];
+    for (int c = 0; c < r->curves; c++) {
+        const kn_relaxation_curve *k = &r->curve[c];
+        if (k->runs > 3 && k->misfit > NUMERICS) {
+            snprintf(text, sizeof text,
+                     "%s: what is left after the fit comes in runs of one sign (%.2g standard "
+                     "deviations): the model bends otherwise than the material, and intervals are too narrow",
+                     k->curve->name, k->runs);
+            say(to, text);
+        }
+        if (k->rises && !k->ramp.straight) {
+            snprintf(text, sizeof text,
+                     "%s: the strain did not rise in a straight line (%.2g %% off): its own column is "
+                     "used, and its noise is in c1",
+                     k->curve->name, 100 * k->ramp.apart);
+            say(to, text);
+        }
+        if (k->rises && k->ramp.strain / (k->ramp.end_s - k->ramp.start_s) > 0.05) {
+            snprintf(text, sizeof text,
+                     "%s: so fast a rise, %.3g %% a second, is met by c1, and tells little of the "
+                     "others; some 2 %% a second tell most",
+                     k->curve->name, 100 * k->ramp.strain / (k->ramp.end_s - k->ramp.start_s));
+            say(to, text);
+        }
+    }
+    if (r->scale == KN_RELAXATION_RISE || r->number[KN_RELAXATION_C1].value > 0) return;
+    say(to,
+        "without c1 the stress would have been infinite when the strain was reached at once; the virtual material has "
+        "none, and answers at once with a spring");
+}
+
+// ---- the picture
+
+enum { POINTS = 200, SHOWN = 4 };
+
+typedef struct drawing {
+    double time_s[POINTS], model_pa[SHOWN][POINTS], cut_s[2], cut_pa[2];
+    double *left[KN_RELAXATION_CURVES];
+} drawing;
+
+static void add_curve(kn_figure_panel p[2], const kn_relaxation_curve *k, double *left, int hue)
+{
+    const double *fit = k->fit_pa + k->rise.count;
+    const char *name = k->curve->name;
+    for (int i = 0; i < k->hold.count; i++) left[i] = 100 * (k->hold.value[i] / fit[i] - 1);
+    kn_figure_add(
+        &p[0], (kn_figure_series){name, k->hold.count, k->hold.time_s, k->hold.value, 1, 1e-3, KN_FIGURE_POINTS, hue});
+    kn_figure_add(&p[0], (kn_figure_series){"fit", k->hold.count, k->hold.time_s, fit, 1, 1e-3, KN_FIGURE_LINE, 0});
+    kn_figure_add(&p[1], (kn_figure_series){name, k->hold.count, k->hold.time_s, left, 1, 1, KN_FIGURE_POINTS, hue});
+}
+
+static void add_model(kn_figure_panel *p, drawing *d, kn_models *m, int row, int place)
+{
+    const kn_models_row *r = &m->row[row];
+    double value[KN_FIT_UNKNOWNS];
+    for (int i = 0; i < r->unknowns; i++) value[i] = r->unknown[i].value;
+    if (!r->fitted || !kn_law_predict(&r->law, value, m->curve, 0, POINTS, d->time_s, d->model_pa[place])) return;
+    for (int i = 0; i < POINTS; i++) // what falls far below the readings would flatten them
+        if (d->model_pa[place][i] < d->cut_pa[1]) d->model_pa[place][i] = NAN;
+    kn_figure_add(p, (kn_figure_series){r->law.name, POINTS, d->time_s, d->model_pa[place], 1, 1e-3,
+                                        r->law.yardstick ? KN_FIGURE_DASHES : KN_FIGURE_LINE, place + 2});
+}
+
+// The best of what came later, of the elements and of all; the logarithm; a Maxwell unit; whichever are different.
+static void add_models(kn_figure_panel *p, drawing *d, kn_models *m)
+{
+    const kn_law_part *early = &m->curve[0].part[0], *late = &m->curve[0].part[1];
+    const double from = early->time_s[0], to = late->count ? late->time_s[late->count - 1] : m->cut_s;
+    for (int i = 0; i < POINTS; i++) d->time_s[i] = from * pow(to / from, i / (POINTS - 1.0));
+    kn_figure_add(
+        p, (kn_figure_series){"fitted", early->count, early->time_s, early->value, 1, 1e-3, KN_FIGURE_POINTS, 1});
+    kn_figure_add(p,
+                  (kn_figure_series){"not seen", late->count, late->time_s, late->value, 1, 1e-3, KN_FIGURE_POINTS, 8});
+    d->cut_s[0] = d->cut_s[1] = m->cut_s;
+    d->cut_pa[0] = early->value[0];
+    d->cut_pa[1] = late->count ? late->value[late->count - 1] / 2 : early->value[0] / 10;
+    kn_figure_add(p, (kn_figure_series){NULL, 2, d->cut_s, d->cut_pa, 1, 1e-3, KN_FIGURE_DASHES, 0});
+    bool taken[KN_MODELS_MAX] = {false};
+    for (int place = 0; place < SHOWN; place++) {
+        int best = -1;
+        for (int i = 0; i < m->rows; i++) {
+            const bool wanted = place == 0 || (place == 1 && !m->row[i].law.yardstick) || place == 2 ||
+                                (place == 3 && m->row[i].law.kind == KN_LAW_UNITS);
+            if (!taken[i] && wanted && m->row[i].fitted && (best < 0 || m->row[i].held < m->row[best].held)) best = i;
+        }
+        if (best < 0) continue;
+        taken[best] = true;
+        add_model(p, d, m, best, place);
+    }
+}
+
+int kn_relax_draw(const kn_relax_told *t, const char *path)
+{
+    drawing *d = calloc(1, sizeof *d);
+    kn_figure_panel *p = calloc(3, sizeof *p);
+    double *left = NULL;
+    int count = 0, code = KN_EXIT_DEVICE;
+    for (int c = 0; c < t->fit->curves; c++) count += t->fit->curve[c].hold.count;
+    if (d && p && (left = calloc((size_t)count + 1, sizeof *left))) {
+        const char *since = "time since the strain was reached, s";
+        p[0] = (kn_figure_panel){
+            .title = "stress", .x_label = since, .y_label = "stress, kPa", .log_x = true, .log_y = true};
+        p[1] = (kn_figure_panel){
+            .title = "what is left", .x_label = since, .y_label = "measured/fit - 1, %", .log_x = true};
+        p[2] = (kn_figure_panel){.title = "models, fitted left of the dashes",
+                                 .x_label = since,
+                                 .y_label = "stress, kPa",
+                                 .log_x = true,
+                                 .log_y = true};
+        for (int c = 0, n = 0; c < t->fit->curves; n += t->fit->curve[c++].hold.count)
+            add_curve(p, &t->fit->curve[c], left + n, c + 1);
+        if (t->models) add_models(&p[2], d, t->models);
+        code = kn_figure_draw(t->opt->subcommand, path, "relaxation, and the papers' element", p, t->models ? 3 : 2, 3);
+    } else
+        kn_complain(t->opt->subcommand, KN_EXIT_DEVICE, "out of memory");
+    free(left);
+    free(p);
+    free(d);
+    return code;
+}
+
+// ---- the report
+
+static void say_doubt(void *to, const char *words)
+{
+    kn_document_verdict(to, KN_DOCUMENT_BEWARE, "%s", words);
+}
+
+static void tell_number(kn_document *d, const kn_identified *n)
+{
+    char text[120];
+    kn_identified_print(n, text, sizeof text);
+    kn_document_row(d, "%s\t%s\t%s", n->name, text, n->words);
+}
+
+static void tell_models(kn_document *d, const kn_models *m)
+{
+    char text[1000];
+    kn_document_section(d, "Which model these data support");
+    kn_models_verdict(m, text, sizeof text);
+    kn_document_text(d, "Fitted up to %.4g s of the hold, judged by what came after that: %s.", m->cut_s, text);
+    kn_document_table(d, "Models", "llrrrrl",
+                      "model\tfigure 2\tnumbers\tfitted, %\tlater, %\tAICc above the best\tnumbers found");
+    for (int i = 0; i < m->rows; i++) {
+        const kn_models_row *r = &m->row[i];
+        kn_models_numbers(r, text, sizeof text);
+        if (r->fitted)
+            kn_document_row(d, "%s\t%s\t%d\t%.3g\t%.3g\t%.1f\t%s", r->law.name, r->law.letters, r->unknowns,
+                            100 * r->early, 100 * r->held, r->aicc - m->row[kn_models_best(m)].aicc, text);
+    }
+}
+
+static void tell_fit(kn_document *d, const kn_relaxation *r)
+{
+    kn_document_section(d, "What was measured");
+    kn_document_table(d, "Curves", "lrrrr", "curve\tstrain, %\treadings\tmisfit, %\truns");
+    for (int c = 0; c < r->curves; c++) {
+        const kn_relaxation_curve *k = &r->curve[c];
+        char strain[20] = "unknown";
+        if (k->ramp.strain > 0) snprintf(strain, sizeof strain, "%.4g", 100 * k->ramp.strain);
+        kn_document_row(d, "%s\t%s\t%d\t%.2g\t%.2g", k->curve->name, strain, k->curve->count, 100 * k->misfit, k->runs);
+    }
+    kn_document_section(d, "The material");
+    kn_document_text(d, "%s", kn_relax_scale(r));
+    kn_document_table(d, "The papers' element", "lrl", "number\tbest, and within 95 %\twhat to know");
+    for (int i = 0; i < KN_RELAXATION_NUMBERS; i++) tell_number(d, &r->number[i]);
+    for (int i = 0; i < 2 && r->scale != KN_RELAXATION_RISE; i++) tell_number(d, &r->ratio[i]);
+    kn_relax_doubts(r, say_doubt, d);
+}
+
+int kn_relax_report(const kn_relax_told *t, int argc, char *const *argv,
+                    int (*write_csv)(const kn_relax_told *told, const char *path),
+                    int (*write_material)(const kn_relax_told *told, const char *path))
+{
+    kn_document d;
+    char path[PATH_MAX];
+    int code = kn_document_open(&d, t->opt->subcommand, t->opt->report, "Stress relaxation", argc, argv);
+    if (code != KN_EXIT_OK) return code;
+    tell_fit(&d, t->fit);
+    code = kn_relax_draw(t, kn_document_file(&d, "fit.png", path));
+    if (code == KN_EXIT_OK) {
+        kn_document_section(&d, "Pictures");
+        kn_document_picture(&d, "fit.png",
+                            "Stress over time since the strain was reached, with the fit; what is left; "
+                            "models",
+                            "Points: means of the readings, 20 in a decade of time. Lines: the fit.");
+    }
+    if (t->models) tell_models(&d, t->models);
+    if (code == KN_EXIT_OK) code = write_csv(t, kn_document_file(&d, "readings.csv", path));
+    kn_document_section(&d, "Files");
+    kn_document_link(&d, "readings.csv", "readings and fit");
+    if (code == KN_EXIT_OK && t->fit->scale != KN_RELAXATION_MODULUS) {
+        code = write_material(t, kn_document_file(&d, "material.yaml", path));
+        kn_document_link(&d, "material.yaml", "the material, for a scene");
+    }
+    return kn_document_close(&d, code);
+}

@@ -1,0 +1,611 @@
+#include "clients/identify/relaxation.h"
+#include "clients/identify/chain.h"
+#include "clients/identify/hold.h"
+#include "clients/identify/laws.h"
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { K1, C1, ALPHA, BETA, P0, P1, BEGIN, RISE_BINS = 40, RISE_LEAST = 5 };
+#define NEVER_C1 1e-3 // of the shortest time constant measured: no share of any
+#define INSIDE 1.05
+#define LEAST_RISE 0.05 // of the largest stress: readings below it are all noise as shares
+
+typedef struct work {
+    kn_relaxation *r;
+    bool constant_noise;
+    kn_fit fit;             // the unknowns are those of the enum, then a beginning for each curve
+    double c1_low, c1_high; // where it may be; a fixed one's bounds are its value
+    double lowest, highest; // stresses measured: of the holds, of all
+} work;
+
+// ---- readings
+
+// Whether a reading is beside the corner between rise and hold, where the stress jumps within a sample.
+static bool beside_corner(const kn_curve *c, int i, double end_s)
+{
+    const double before = i > 0 ? c->time_s[i - 1] : -INFINITY;
+    const double after = i + 1 < c->count ? c->time_s[i + 1] : INFINITY;
+    return before < end_s && after > end_s;
+}
+
+// The readings without those beside the corner, as a curve of its own; freed with one call of free.
+static double *without_corner(const kn_curve *from, double end_s, kn_curve *to)
+{
+    double *room = calloc(4 * (size_t)from->count + 4, sizeof *room);
+    *to = *from;
+    to->count = 0;
+    if (!room) return NULL;
+    to->time_s = room;
+    to->value = room + from->count;
+    to->weight = to->value + from->count;
+    to->line = (int *)(void *)(to->weight + from->count);
+    for (int i = 0; i < from->count; i++) {
+        if (beside_corner(from, i, end_s)) continue;
+        to->time_s[to->count] = from->time_s[i];
+        to->value[to->count] = from->value[i];
+        to->weight[to->count] = from->weight[i];
+        to->line[to->count++] = from->line[i];
+    }
+    return room;
+}
+
+// Means over equal times of a rise, of stresses that are more than noise.
+static bool take_rise(kn_bins *b, const kn_curve *c, const kn_ramp *ramp)
+{
+    double most = 0;
+    *b = (kn_bins){.time_s = calloc(3 * RISE_BINS, sizeof *b->time_s), .line = calloc(RISE_BINS, sizeof *b->line)};
+    if (!b->time_s || !b->line) return false;
+    b->value = b->time_s + RISE_BINS;
+    b->weight = b->value + RISE_BINS;
+    for (int i = 0; i < c->count; i++) most = fmax(most, c->value[i]);
+    int last = -1;
+    for (int i = 0; i < c->count; i++) {
+        const double share = (c->time_s[i] - ramp->start_s) / (ramp->end_s - ramp->start_s), w = c->weight[i];
+        if (!(share > 0 && share < 1) || c->value[i] < LEAST_RISE * most) continue;
+        const int bin = (int)(share * RISE_BINS);
+        if (bin > last) b->line[b->count++] = c->line[i];
+        last = bin;
+        b->time_s[b->count - 1] += w * (c->time_s[i] - ramp->end_s);
+        b->value[b->count - 1] += w * c->value[i];
+        b->weight[b->count - 1] += w;
+    }
+    for (int k = 0; k < b->count; k++) b->time_s[k] /= b->weight[k], b->value[k] /= b->weight[k];
+    return true;
+}
+
+static bool take_curve(kn_relaxation_curve *to, const kn_curve *curve)
+{
+    char none[120];
+    kn_curve clean;
+    to->curve = curve;
+    const bool known = kn_ramp_of(&to->ramp, curve, none, sizeof none);
+    if (!known) to->ramp.strain = curve->strain;
+    to->rises = known && to->ramp.end_s > to->ramp.start_s;
+    if (!to->rises) return kn_bins_make(&to->hold, curve, curve->begin_s);
+    double *room = without_corner(curve, to->ramp.end_s, &clean);
+    const bool ok = room && take_rise(&to->rise, &clean, &to->ramp) && kn_bins_make(&to->hold, &clean, to->ramp.end_s);
+    free(room);
+    to->rises = to->rise.count >= RISE_LEAST;
+    if (!to->rises) to->rise.count = 0;
+    return ok;
+}
+
+static bool take(kn_relaxation *r, int curves, const kn_curve *curve, char *error, size_t size)
+{
+    r->scale = KN_RELAXATION_BOUND;
+    for (int c = 0; c < curves; c++) {
+        kn_relaxation_curve *to = &r->curve[r->curves++];
+        snprintf(error, size, "out of memory");
+        if (!take_curve(to, &curve[c])) return false;
+        if (to->rises) r->scale = KN_RELAXATION_RISE;
+        if (!(to->ramp.strain > 0)) r->scale = KN_RELAXATION_MODULUS;
+        const size_t count = (size_t)(to->rise.count + to->hold.count);
+        to->fit_pa = calloc(2 * count + 1, sizeof *to->fit_pa);
+        if (!to->fit_pa) return false;
+        to->residual = to->fit_pa + count;
+        r->readings += (int)count;
+        snprintf(error, size, "%s: %d readings of the hold, expected 8 or more", curve[c].file, to->hold.count);
+        if (to->hold.count < 8) return false;
+    }
+    return true;
+}
+
+// A stress of 0 or less has no logarithm, and of the first ones of a hold there is none in a model either.
+static bool check(const kn_relaxation *r, bool constant_noise, char *error, size_t size)
+{
+    for (int c = 0; c < r->curves; c++) {
+        const kn_relaxation_curve *k = &r->curve[c];
+        if (r->scale == KN_RELAXATION_MODULUS && k->ramp.strain > 0) {
+            snprintf(error, size,
+                     "%s: has a strain, and another file has none; expected one for all or for none, --strain",
+                     k->curve->file);
+            return false;
+        }
+        for (int i = 0; i < k->hold.count; i++) {
+            if (k->hold.value[i] > 0 || (constant_noise && i > 0)) continue;
+            snprintf(error, size, "%s:%d:1: a stress of %.4g Pa on average, expected one above 0%s", k->curve->file,
+                     k->hold.line[i], k->hold.value[i], i > 0 ? ", or --noise constant" : "");
+            return false;
+        }
+    }
+    return true;
+}
+
+// ---- what the element says
+
+static bool by_chain(const double *v, const kn_relaxation_curve *c, double *out)
+{
+    const kn_chain row = {.voigts = 1,
+                          .k_pa = {v[K1]},
+                          .c_pa_s = {v[C1]},
+                          .alpha_pa_s = v[ALPHA],
+                          .beta_per_pa = v[BETA],
+                          .p0_pa = v[P0],
+                          .p1_pa = fmin(v[P1], 600 / v[BETA])};
+    double time_s[RISE_BINS + 1];
+    for (int i = 0; i < c->rise.count; i++) time_s[i] = c->ramp.end_s + c->rise.time_s[i];
+    time_s[c->rise.count] = c->ramp.end_s + c->hold.time_s[0];
+    if (row.p0_pa >= row.p1_pa) return false;
+    return kn_chain_stress(&row, c->ramp.steps, c->ramp.step, c->rise.count + 1, time_s, out) && out[c->rise.count] > 0;
+}
+
+// From a stress at a time on in closed form.
+static void by_hold(const double *v, double begin_pa, double begin_s, const kn_bins *b, double *out)
+{
+    const kn_hold h = {.begin_pa = begin_pa,
+                       .alpha_s = v[ALPHA] / v[K1],
+                       .c1_s = v[C1] / v[K1],
+                       .beta_per_pa = v[BETA],
+                       .p0_pa = v[P0],
+                       .p1_pa = v[P1]};
+    for (int i = 0; i < b->count; i++) out[i] = b->time_s[i] - begin_s; // in place
+    kn_hold_stress(&h, b->count, out, out);
+}
+
+static bool predict(const double *v, const kn_relaxation_curve *c, int number, double *out)
+{
+    if (!c->rises) {
+        by_hold(v, v[BEGIN + number], 0, &c->hold, out);
+        return true;
+    }
+    if (!by_chain(v, c, out)) return false;
+    by_hold(v, out[c->rise.count], c->hold.time_s[0], &c->hold, out + c->rise.count);
+    return true;
+}
+
+static bool difference(const work *w, const kn_relaxation_curve *c, const double *fit, double *residual)
+{
+    for (int part = 0, n = 0; part < 2; part++) {
+        const kn_bins *b = part ? &c->hold : &c->rise;
+        for (int i = 0; i < b->count; i++, n++) {
+            if (w->constant_noise)
+                residual[n] = (fit[n] - b->value[i]) * sqrt(b->weight[i]) / c->curve->noise;
+            else if (fit[n] > 0)
+                residual[n] = log(fit[n] / b->value[i]);
+            else
+                return false;
+        }
+    }
+    return true;
+}
+
+static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
+{
+    const work *w = of;
+    for (int c = 0, n = 0; c < w->r->curves; c++) {
+        const kn_relaxation_curve *k = &w->r->curve[c];
+        double *out = residual + n; // in place
+        if (!predict(value, k, c, out) || !difference(w, k, out, out)) return false;
+        n += k->rise.count + k->hold.count;
+    }
+    return true;
+}
+
+// ---- the search
+
+// First, holds alone, whose closed form costs little: from the places of laws.h, as a law of theirs.
+typedef struct holds {
+    const work *w;
+    kn_law law;
+    kn_law_curve curve[KN_RELAXATION_CURVES];
+} holds;
+
+static void expand(const kn_law *law, int curves, const double *from, double to[KN_FIT_UNKNOWNS])
+{
+    int n = 2;
+    to[K1] = 1;
+    to[ALPHA] = from[0];
+    to[BETA] = from[1];
+    to[C1] = law->c1 ? from[n++] : 0;
+    to[P0] = law->p0 ? from[n++] : 0;
+    to[P1] = INFINITY;
+    for (int c = 0; c < curves; c++) to[BEGIN + c] = from[n + c];
+}
+
+static bool misfit_of_holds(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
+{
+    const holds *f = of;
+    const kn_relaxation *r = f->w->r;
+    double v[KN_FIT_UNKNOWNS];
+    expand(&f->law, r->curves, value, v);
+    for (int c = 0, n = 0; c < r->curves; n += r->curve[c++].hold.count) {
+        kn_relaxation_curve alone = r->curve[c];
+        alone.rise.count = 0;
+        by_hold(v, v[BEGIN + c], 0, &alone.hold, residual + n); // in place
+        if (!difference(f->w, &alone, residual + n, residual + n)) return false;
+    }
+    return true;
+}
+
+// The holds' best with that law. False: none.
+static bool fit_holds(const work *w, bool c1, bool p0, double out[KN_FIT_UNKNOWNS])
+{
+    holds f = {.w = w, .law = {.kind = KN_LAW_DOUGH, .relax = true, .c1 = c1, .p0 = p0}};
+    double start[KN_LAW_STARTS][KN_FIT_UNKNOWNS], value[KN_FIT_UNKNOWNS];
+    kn_fit fit = {.misfit = misfit_of_holds, .of = &f};
+    for (int c = 0; c < w->r->curves; c++) {
+        const kn_bins *b = &w->r->curve[c].hold;
+        f.curve[c] = (kn_law_curve){.curve = w->r->curve[c].curve, .strain = 1};
+        f.curve[c].part[0] = (kn_law_part){b->count, b->time_s, b->value};
+        fit.readings += b->count;
+    }
+    fit.unknowns = kn_law_unknowns(&f.law, w->r->curves, f.curve, fit.unknown);
+    if (fit.readings <= fit.unknowns) return false;
+    const int starts = kn_law_starts(&f.law, w->r->curves, f.curve, 0, NULL, start);
+    if (!kn_fit_run_from(&fit, starts, (const double(*)[KN_FIT_UNKNOWNS])start)) return false;
+    for (int i = 0; i < fit.unknowns; i++) value[i] = fit.unknown[i].value;
+    expand(&f.law, w->r->curves, value, out);
+    w->r->evaluations += fit.evaluations;
+    return true;
+}
+
+static void leave_out(kn_fit_unknown *u, double value)
+{
+    u->fixed = true;
+    u->value = u->low = u->high = value;
+}
+
+// The unknowns around such numbers: how far each may go. c1, P0 and P1 are out of it.
+static void unknowns_around(work *w, const double v[KN_FIT_UNKNOWNS])
+{
+    static const char *const name[] = {"k1", "c1", "alpha", "beta", "P0", "P1"};
+    kn_fit *fit = &w->fit;
+    double scale = 1;
+    *fit = (kn_fit){.readings = w->r->readings, .misfit = misfit, .of = w, .unknowns = BEGIN + w->r->curves};
+    for (int c = 0; c < w->r->curves; c++) // (1), where the hold begins
+        if (w->r->curve[c].rises)
+            scale = v[BEGIN + c] * (1 + v[C1] / v[ALPHA] * exp(v[BETA] * v[BEGIN + c])) / w->r->curve[c].ramp.strain;
+    for (int i = 0; i < KN_RELAXATION_NUMBERS; i++) {
+        const double at = i <= ALPHA ? v[i] * scale : v[i];
+        fit->unknown[i] = (kn_fit_unknown){.name = name[i], .value = at, .low = at / 1e4, .high = at * 1e4};
+    }
+    const double fastest = fit->unknown[ALPHA].value * exp(-v[BETA] * w->highest);
+    w->c1_low = NEVER_C1 * fastest;
+    w->c1_high = 1e3 * fit->unknown[ALPHA].value;
+    fit->unknown[ALPHA].low /= 1e20, fit->unknown[ALPHA].high *= 1e20; // it goes with exp(beta P)
+    fit->unknown[K1].fixed = w->r->scale != KN_RELAXATION_RISE;
+    for (int c = 0; c < w->r->curves; c++) {
+        const double at = v[BEGIN + c], first = w->r->curve[c].hold.value[0];
+        fit->unknown[BEGIN + c] = (kn_fit_unknown){"Pi", at, first / 10, first * 10, .fixed = w->r->curve[c].rises};
+    }
+    leave_out(&fit->unknown[C1], v[C1] * scale);
+    leave_out(&fit->unknown[P0], 0);
+    leave_out(&fit->unknown[P1], INFINITY);
+}
+
+static void let(kn_fit_unknown *u, double low, double high)
+{
+    u->fixed = false;
+    u->low = low;
+    u->high = high;
+}
+
+static double aicc_of(const kn_fit *fit)
+{
+    return kn_fit_aicc(fit->readings, fit->readings - fit->freedom, fit->sum);
+}
+
+// The element without P0 and P1, with c1 or without: from the holds' best, with k1 and c1 larger where a rise knows
+// them, and, with c1, from what was found without it.
+static bool fit_base(work *w, bool c1, const kn_fit *without)
+{
+    static const double more[4] = {1, 1.5, 3, 1}, dash[4] = {1, 1, 1, 4};
+    double v[KN_FIT_UNKNOWNS], start[5][KN_FIT_UNKNOWNS];
+    if (!fit_holds(w, c1, false, v)) return false;
+    unknowns_around(w, v);
+    kn_fit_unknown *u = w->fit.unknown;
+    int starts = u[K1].fixed ? 1 : 4;
+    if (c1) let(&u[C1], w->c1_low, w->c1_high);
+    for (int s = 0; s < starts; s++) {
+        for (int i = 0; i < w->fit.unknowns; i++) start[s][i] = u[i].value;
+        for (int i = K1; i <= ALPHA; i++) start[s][i] *= u[K1].fixed ? 1 : more[s];
+        start[s][C1] *= dash[s];
+    }
+    for (int i = 0; without && i < w->fit.unknowns; i++) start[starts][i] = without->unknown[i].value;
+    if (without) start[starts++][C1] = 10 * w->c1_low;
+    return kn_fit_run_from(&w->fit, starts, (const double(*)[KN_FIT_UNKNOWNS])start);
+}
+
+// P0 or P1 beside what w->fit has found without it, from several shares of the stresses: beyond them it has no
+// gradient.
+static bool add_clamp(work *w, int which)
+{
+    static const double below[3] = {1.15, 1.8, 3.5}, above[2] = {0.85, 0.65};
+    const int starts = which == P0 ? 3 : 2;
+    double start[3][KN_FIT_UNKNOWNS];
+    kn_fit_unknown *u = w->fit.unknown;
+    let(&u[which], which == P0 ? w->lowest / 100 : w->lowest, w->highest); // what was not measured says nothing
+    for (int s = 0; s < starts; s++) {
+        for (int i = 0; i < w->fit.unknowns; i++) start[s][i] = u[i].value;
+        start[s][which] = which == P0 ? fmin(below[s] * w->lowest, 0.9 * w->highest) : above[s] * w->highest;
+    }
+    return kn_fit_run_from(&w->fit, starts, (const double(*)[KN_FIT_UNKNOWNS])start);
+}
+
+static void measured(work *w)
+{
+    w->lowest = INFINITY;
+    for (int c = 0; c < w->r->curves; c++)
+        for (int part = 0; part < 2; part++) {
+            const kn_bins *b = part ? &w->r->curve[c].hold : &w->r->curve[c].rise;
+            for (int i = 0; i < b->count; i++) {
+                if (part && b->value[i] > 0) w->lowest = fmin(w->lowest, b->value[i]);
+                w->highest = fmax(w->highest, b->value[i]);
+            }
+        }
+}
+
+// Stresses that the fit has where something was measured.
+static void visited(kn_relaxation *r)
+{
+    r->lowest_pa = INFINITY;
+    for (int c = 0; c < r->curves; c++)
+        for (int i = 0; i < r->curve[c].rise.count + r->curve[c].hold.count; i++) {
+            if (i >= r->curve[c].rise.count) r->lowest_pa = fmin(r->lowest_pa, r->curve[c].fit_pa[i]);
+            r->highest_pa = fmax(r->highest_pa, r->curve[c].fit_pa[i]);
+        }
+}
+
+// Whether P0 and P1, where they are in the fit, are well within what was measured: at its end they are none.
+static bool is_inside(const work *w)
+{
+    const kn_fit_unknown *p0 = &w->fit.unknown[P0], *p1 = &w->fit.unknown[P1];
+    return (p0->fixed || p0->value > INSIDE * w->lowest) && (p1->fixed || p1->value < w->highest / INSIDE);
+}
+
+// Takes w->fit as the best so far if it is better by more than 2 of the criterion, which ever more numbers must be.
+static void consider(work *w, bool ok, kn_fit *best, double *least)
+{
+    if (!ok || !is_inside(w) || !(aicc_of(&w->fit) < *least - (*least < INFINITY ? 2 : 0))) return;
+    *least = aicc_of(&w->fit);
+    *best = w->fit;
+}
+
+// P0, P1 and both, each from what was found with one number less.
+static void consider_clamps(work *w, const kn_fit *base, kn_fit *best, double *least)
+{
+    w->fit = *base;
+    consider(w, add_clamp(w, P1), best, least);
+    w->fit = *base;
+    const bool ok = add_clamp(w, P0);
+    consider(w, ok, best, least);
+    consider(w, ok && add_clamp(w, P1), best, least);
+}
+
+// With c1, since what is found of the others without it is bent where it is not 0; its interval says whether it is. P0
+// and P1 as the criterion says. w->fit is the best.
+static bool choose(work *w)
+{
+    kn_fit best = {0}, base;
+    double least = INFINITY;
+    measured(w);
+    const bool without = fit_base(w, false, NULL);
+    base = w->fit;
+    if (!fit_base(w, true, without ? &base : NULL)) return false;
+    base = w->fit;
+    consider(w, true, &best, &least);
+    consider_clamps(w, &base, &best, &least);
+    w->fit = best;
+    w->r->p0 = !best.unknown[P0].fixed, w->r->p1 = !best.unknown[P1].fixed;
+    return isfinite(least);
+}
+
+// ---- what is known
+
+// S with an unknown that is not in the fit held at a value, over what chance explains: > 0 is excluded.
+static double excess(const kn_fit *fit, int unknown, double value, double t)
+{
+    const double sum = kn_fit_held(fit, unknown, value);
+    return isnan(sum) ? 1 : sum - fit->sum - t * t * fit->scale * fit->scale;
+}
+
+// How far it may go from a place where it changes nothing: where that is, or `to`.
+static double bound(const kn_fit *fit, int unknown, double from, double to, double confidence)
+{
+    const double t = kn_fit_student(confidence, fit->freedom);
+    double a = log(from), b = log(to);
+    if (excess(fit, unknown, to, t) <= 0) return to;
+    for (int i = 0; i < 9; i++) {
+        const double middle = (a + b) / 2;
+        *(excess(fit, unknown, exp(middle), t) > 0 ? &b : &a) = middle;
+    }
+    return exp(a);
+}
+
+static void put_bound(kn_identified *n, const char *name, const char *unit, bool at_most, double value, const char *why)
+{
+    const kn_fit_interval i = {KN_FIT_PROFILE, at_most ? 0 : value, at_most ? value : (double)INFINITY, at_most,
+                               !at_most};
+    kn_identified_take(n, name, unit, value, i);
+    snprintf(n->words, sizeof n->words, "%s", why);
+}
+
+static void scale_by(kn_identified *n, double factor)
+{
+    n->value *= factor;
+    n->interval.low *= factor;
+    n->interval.high *= factor;
+}
+
+// (1), over all curves: each is a bound, so the largest is.
+static double least_k1(const kn_relaxation *r, const kn_fit *fit)
+{
+    double k1 = 0;
+    for (int c = 0; c < r->curves; c++) {
+        const double p = r->curve[c].fit_pa[0], inside = fmin(fmax(p, fit->unknown[P0].value), fit->unknown[P1].value);
+        const double c2 = fit->unknown[ALPHA].value * exp(-fit->unknown[BETA].value * inside);
+        k1 = fmax(k1, p * (1 + fit->unknown[C1].value / c2) / r->curve[c].ramp.strain);
+    }
+    return k1;
+}
+
+static void know_dampers(work *w, const kn_relaxation_options *o)
+{
+    kn_relaxation *r = w->r;
+    kn_identified *n = r->number;
+    const double lowest = r->lowest_pa, highest = r->highest_pa;
+    if (r->p0)
+        kn_identified_take(&n[P0], "P0", "Pa", w->fit.unknown[P0].value,
+                           kn_fit_interval_of(&w->fit, P0, o->confidence));
+    else {
+        put_bound(&n[P0], "P0", "Pa", true, bound(&w->fit, P0, lowest, 0.99 * highest, o->confidence),
+                  "the fit is no better with one; it has the lowest stress measured");
+        n[P0].value = lowest;
+    }
+    if (r->p1)
+        kn_identified_take(&n[P1], "P1", "Pa", w->fit.unknown[P1].value,
+                           kn_fit_interval_of(&w->fit, P1, o->confidence));
+    else {
+        put_bound(&n[P1], "P1", "Pa", false, bound(&w->fit, P1, highest, 1.01 * lowest, o->confidence),
+                  "the fit is no better with one; it has the highest stress measured");
+        n[P1].value = highest;
+    }
+}
+
+static void know_c1(work *w, const kn_relaxation_options *o, const char *name, const char *unit, kn_identified *n)
+{
+    kn_identified_take(n, name, unit, w->fit.unknown[C1].value, kn_fit_interval_of(&w->fit, C1, o->confidence));
+    if (n->known != KN_AT_MOST) return;
+    n->value = 0;
+    snprintf(n->words, sizeof n->words, "cannot be told from 0, which is taken");
+}
+
+// The numbers of a hold alone are in units of k1; in Pa with the bound of k1.
+static void know_without_rise(work *w, const kn_relaxation_options *o)
+{
+    kn_relaxation *r = w->r;
+    const bool modulus = r->scale == KN_RELAXATION_MODULUS;
+    const double k1 = modulus ? 1 : least_k1(r, &w->fit);
+    know_c1(w, o, "c1/k1", "s", &r->ratio[0]);
+    kn_identified_take(&r->ratio[1], "alpha/k1", "s", w->fit.unknown[ALPHA].value,
+                       kn_fit_interval_of(&w->fit, ALPHA, o->confidence));
+    put_bound(&r->number[K1], "k1", "Pa", false, k1,
+              modulus ? "a hold without its strain does not know it"
+                      : "equal if nothing had flowed by the first reading; c1 and alpha go with it");
+    if (modulus) r->number[K1].known = KN_UNKNOWN;
+    for (int i = 0; i < 2; i++) {
+        r->number[C1 + i] = r->ratio[i];
+        r->number[C1 + i].name = i ? "alpha" : "c1";
+        r->number[C1 + i].unit = "Pa*s";
+        scale_by(&r->number[C1 + i], k1);
+        if (modulus) r->number[C1 + i].known = KN_UNKNOWN;
+    }
+}
+
+static void know(work *w, const kn_relaxation_options *o)
+{
+    kn_relaxation *r = w->r;
+    kn_identified *n = r->number;
+    if (r->scale == KN_RELAXATION_RISE) {
+        const double k1 = w->fit.unknown[K1].value;
+        kn_identified_take(&n[K1], "k1", "Pa", k1, kn_fit_interval_of(&w->fit, K1, o->confidence));
+        know_c1(w, o, "c1", "Pa*s", &n[C1]);
+        kn_identified_take(&n[ALPHA], "alpha", "Pa*s", w->fit.unknown[ALPHA].value,
+                           kn_fit_interval_of(&w->fit, ALPHA, o->confidence));
+    } else
+        know_without_rise(w, o);
+    kn_identified_take(&n[BETA], "beta", "1/Pa", w->fit.unknown[BETA].value,
+                       kn_fit_interval_of(&w->fit, BETA, o->confidence));
+    know_dampers(w, o);
+}
+
+// Values alone, for repetitions.
+static void know_values(work *w)
+{
+    static const char *const name[] = {"k1", "c1", "alpha", "beta", "P0", "P1"};
+    static const char *const unit[] = {"Pa", "Pa*s", "Pa*s", "1/Pa", "Pa", "Pa"};
+    for (int i = 0; i < KN_RELAXATION_NUMBERS; i++)
+        w->r->number[i] = (kn_identified){.name = name[i], .unit = unit[i], .value = w->fit.unknown[i].value};
+}
+
+static void judge(work *w)
+{
+    kn_relaxation *r = w->r;
+    double value[KN_FIT_UNKNOWNS];
+    for (int i = 0; i < w->fit.unknowns; i++) value[i] = w->fit.unknown[i].value;
+    for (int c = 0; c < r->curves; c++) {
+        kn_relaxation_curve *k = &r->curve[c];
+        const int count = k->rise.count + k->hold.count;
+        predict(value, k, c, k->fit_pa);
+        difference(w, k, k->fit_pa, k->residual);
+        k->begin_pa = value[BEGIN + c];
+        k->runs = kn_fit_runs(count, k->residual);
+        for (int i = 0; i < count; i++) {
+            const double at = i < k->rise.count ? k->rise.value[i] : k->hold.value[i - k->rise.count];
+            k->misfit += fabs(k->fit_pa[i] / at - 1) / count;
+        }
+    }
+    visited(r);
+    r->sum = w->fit.sum;
+    r->scale_of_noise = w->fit.scale;
+    r->aicc = aicc_of(&w->fit);
+    r->unknowns = w->fit.readings - w->fit.freedom;
+}
+
+static void make_material(kn_relaxation *r)
+{
+    const kn_identified *n = r->number;
+    if (r->scale == KN_RELAXATION_MODULUS) return;
+    r->material = (kn_material){.k1_pa = n[K1].value,
+                                .c1_pa_s = n[C1].value,
+                                .damper = KN_DAMPER_EXPONENTIAL,
+                                .alpha_pa_s = n[ALPHA].value,
+                                .beta_per_pa = n[BETA].value,
+                                .p0_pa = fmin(n[P0].value, 0.999 * n[P1].value),
+                                .p1_pa = n[P1].value};
+}
+
+bool kn_relaxation_fit(kn_relaxation *r, int curves, const kn_curve *curve, const kn_relaxation_options *options,
+                       char *error, size_t error_size)
+{
+    *r = (kn_relaxation){0};
+    snprintf(error, error_size, "%d curves at once, expected at most %d", curves, KN_RELAXATION_CURVES);
+    if (curves > KN_RELAXATION_CURVES) return false;
+    if (!take(r, curves, curve, error, error_size)) return false;
+    if (!check(r, options->constant_noise, error, error_size)) return false;
+    work w = {.r = r, .constant_noise = options->constant_noise};
+    snprintf(error, error_size,
+             "%s: no numbers of the element come near; expected a stress that falls while the strain "
+             "is held",
+             curve->file);
+    if (!choose(&w)) return false;
+    judge(&w);
+    if (options->no_intervals)
+        know_values(&w);
+    else
+        know(&w, options);
+    make_material(r);
+    return true;
+}
+
+void kn_relaxation_free(kn_relaxation *r)
+{
+    for (int c = 0; c < r->curves; c++) {
+        kn_bins_free(&r->curve[c].rise);
+        kn_bins_free(&r->curve[c].hold);
+        free(r->curve[c].fit_pa);
+    }
+    *r = (kn_relaxation){0};
+}

@@ -1,0 +1,85 @@
+#!/usr/bin/env bash
+# knead identify relax: from the curve of knead relax back to its dough, what a hold alone cannot know, which model wins, and bad input.
+set -u
+. "$KN_SOURCE/tests/clients/refuses.sh"
+ok() { echo "ok   $1"; }
+no() { fail "$1"; }
+
+knead relax dough --strain 30% --ramp 2%/s --hold 300 --csv all.csv >relax.txt || exit 1
+
+knead identify relax all.csv --out dough.yaml --csv fit.csv --json >o.json 2>err || no "rise and hold: $(cat err)"
+python3 - <<'PY' && ok "rise and hold: every number within 0.5 %, P1 at least what was seen" || no "rise and hold"
+import json
+o = json.load(open("o.json"))
+n = o["numbers"]
+truth = {"k1": 46091.26, "c1": 245166.25, "alpha": 8002226.4, "beta": 8.31069e-4, "P0": 882.6}
+for name, value in truth.items():
+    assert n[name]["known"] == "known" and abs(n[name]["value"] / value - 1) < 0.005, (name, n[name])
+assert n["P1"]["known"] == "at_least" and 4000 < n["P1"]["low"] < 7845 and n["P1"]["high"] is None
+assert o["scale"] == "rise" and o["models"] and o["verdict"]
+PY
+[ "$(wc -l <fit.csv)" -gt 100 ] && head -1 fit.csv | grep -q '^curve,held_s,stress_pa,fit_pa,readings$' &&
+    awk -F, 'NR > 1 && ($3 / $4 > 1.002 || $3 / $4 < 0.998) { exit 1 }' fit.csv && ok "--csv: readings and fit" || no "--csv"
+
+cp "$KN_SOURCE/core/scenes/dough-small.yaml" scene.yaml && sed -i 's/^material: .*/material: dough.yaml/' scene.yaml
+knead check scene.yaml >check.txt 2>err && ok "a scene loads what --out wrote" || no "scene: $(cat err)"
+knead relax scene.yaml --strain 30% --ramp 2%/s --hold 300 --json >back.json && python3 - <<'PY' && ok "and relaxes as the dough did" || no "relaxes back"
+import json, re
+held = json.load(open("back.json"))["runs"][0]
+said = [l.split() for l in open("relax.txt") if l.startswith("element")][0]
+assert abs(held["held_pa"] / float(said[2]) - 1) < 3e-3 and abs(held["half_s"] / float(said[4]) - 1) < 5e-3, (held, said)
+PY
+
+# the hold alone: strain as a note, none, and as an option
+awk -F, 'BEGIN { print "# strain: 30 %\ntime [s],stress [Pa]" } NR > 1 && $2 > 0 { printf "%.6f,%.4f\n", $2, $4 }' all.csv >hold.csv
+knead identify relax hold.csv --no-models >hold.txt 2>err || no "hold: $(cat err)"
+grep -q '^k1 *>= ' hold.txt && grep -q '^c1/k1 *5\.[23]' hold.txt && grep -q '^alpha/k1 *17[234]' hold.txt &&
+    grep -q 'had flowed by the first reading' hold.txt && ok "a hold alone: c1/k1, alpha/k1, beta, and k1 at least" || no "hold: $(cat hold.txt)"
+awk -F, 'BEGIN { print "time [s],modulus [Pa]" } NR > 1 && $2 > 0 { printf "%.6f,%.4f\n", $2, $4 / 0.3 }' all.csv >modulus.csv
+knead identify relax modulus.csv --no-models >modulus.txt 2>err || no "modulus: $(cat err)"
+grep -q 'in units of the modulus' modulus.txt && ! grep -q '^k1 ' modulus.txt && ok "a modulus: in its units, and no k1" || no "modulus"
+refuses 2 "knead identify relax: --out m.yaml: a modulus makes no material, expected the strain that was held, --strain" identify relax modulus.csv --out m.yaml
+knead identify relax modulus.csv --strain 30% --no-models --out m.yaml >with.txt 2>err && grep -q 'k1: .*>= .*nothing had flowed' m.yaml &&
+    ok "with --strain it makes one, which says that k1 is a bound" || no "modulus with --strain: $(cat err)"
+
+# a curve of a power law in three parts, like muscle's: no element is it, and the verdict says so
+python3 - <<'PY'
+import math
+with open("muscle.csv", "w") as f:
+    f.write("# strain: 5 %\ntime [s],stress [Pa]\n")
+    for i in range(500):
+        t = 0.014 * 10 ** (i * 4.85 / 500)
+        f.write("%.6g,%.6g\n" % (t, 2000 * t ** -0.11 / (1 + (t / 250) ** 0.55)))
+PY
+knead identify relax muscle.csv --cut 100 --json >muscle.json 2>err || no "muscle: $(cat err)"
+python3 - <<'PY' && ok "a curve like muscle's: a yardstick wins, the papers' damper foretells it best of the elements" || no "muscle"
+import json
+o = json.load(open("muscle.json"))
+rows = {r["name"]: r for r in o["models"]}
+thins = min(r["later_error"] for n, r in rows.items() if "thinning" in n)
+assert "a yardstick wins" in o["verdict"], o["verdict"]
+assert all(r["later_error"] > 2 * thins for n, r in rows.items() if "unit" in n or n == "spring"), rows
+assert any("runs of one sign" in n["words"] for n in o["notes"])
+assert o["models_cut_s"] == 100
+PY
+
+if command -v gnuplot >/dev/null; then
+    knead identify relax muscle.csv --png fit.png --report report >out 2>err || no "--png, --report: $(cat err)"
+    head -c 8 fit.png | od -An -c | grep -q 'P   N   G' && [ -s report/index.html ] && [ -s report/material.yaml ] && [ -s report/readings.csv ] &&
+        grep -q 'fractional Maxwell' report/index.html && ok "--png, --report" || no "--png, --report"
+fi
+
+refuses 2 "knead identify relax: expected a file of readings, CSV; --help tells its columns" identify relax
+refuses 2 "knead identify relax: --noise 'loud': expected constant or relative" identify relax hold.csv --noise loud
+refuses 2 "knead identify relax: --load: unknown option; --help lists them" identify relax hold.csv --load 5gf
+refuses 2 "knead identify relax: --strain '150%': expected a share of the height like 10% or 0.1, up to 90 %" identify relax hold.csv --strain 150%
+printf 'time [s],stress [Pa]\n# strain: 10 %%\n' >below.csv
+for i in $(seq 1 40); do echo "$i,$((20 - i))"; done >>below.csv
+knead identify relax below.csv >out 2>err
+[ $? = 2 ] && grep -q '^below.csv:[0-9]*:1: a stress of .* expected one above 0, or --noise constant$' err && ok "a stress below 0 has no logarithm" || no "below: $(cat err)"
+knead identify relax hold.csv modulus.csv >out 2>err
+[ $? = 2 ] && grep -q '^modulus.csv: \|^knead identify relax: hold.csv: has a strain' err && ok "files with and without a strain" || no "mixed: $(cat err)"
+printf 'mine\n' >mine.yaml
+knead identify relax hold.csv --no-models --out mine.yaml >out 2>err
+[ $? = 2 ] && [ "$(cat mine.yaml)" = mine ] && ok "what another wrote is not overwritten" || no "overwritten: $(cat err)"
+exit $failed
