@@ -9,8 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LOAD = 256, STRESS, HEIGHT, AREA, RELEASE, STRAIN, UNITS, CONSTANT, LATE, NOISE, CUT, NO_MODELS, OUT, DENSITY,
-       REPORT, PNG, CSV, JSON, HELP };
+enum { LOAD = 256, STRESS, HEIGHT, AREA, RELEASE, STRAIN, UNITS, CONSTANT, LATE, SHEAR, NOISE, CUT, NO_MODELS, OUT,
+       DENSITY, REPORT, PNG, CSV, JSON, HELP };
 
 static const struct option list[] = {{"load", 1, 0, LOAD},       {"stress", 1, 0, STRESS},
                                      {"height", 1, 0, HEIGHT},   {"area", 1, 0, AREA},
@@ -21,7 +21,7 @@ static const struct option list[] = {{"load", 1, 0, LOAD},       {"stress", 1, 0
                                      {"out", 1, 0, OUT},         {"density", 1, 0, DENSITY},
                                      {"report", 1, 0, REPORT},   {"png", 1, 0, PNG},
                                      {"csv", 1, 0, CSV},         {"json", 0, 0, JSON},
-                                     {"help", 0, 0, HELP},       {0, 0, 0, 0}};
+                                     {"shear", 0, 0, SHEAR},     {"help", 0, 0, HELP},       {0, 0, 0, 0}};
 
 // Whose these are; the others are everybody's.
 static bool has_option(char experiment, int option)
@@ -31,7 +31,7 @@ static bool has_option(char experiment, int option)
         const char *whose;
     } own[] = {{LOAD, "c"},    {STRESS, "c"}, {RELEASE, "c"},   {LATE, "c"}, {HEIGHT, "cr"},
                {AREA, "cr"},   {STRAIN, "r"}, {CONSTANT, "cr"}, {NOISE, "r"}, {CUT, "cr"},
-               {NO_MODELS, "cr"}};
+               {SHEAR, "s"},   {NO_MODELS, "cr"}};
     for (size_t i = 0; i < sizeof own / sizeof *own; i++)
         if (own[i].option == option) return strchr(own[i].whose, experiment);
     return true;
@@ -84,6 +84,7 @@ static int take_option(kn_identify_options *opt, int option, const char *text)
     case UNITS: c->units = text; return KN_EXIT_OK;
     case CONSTANT: c->constant_area = true; return KN_EXIT_OK;
     case LATE: opt->late = true; return KN_EXIT_OK;
+    case SHEAR: opt->shear = true; return KN_EXIT_OK;
     case NOISE:
         opt->constant_noise = !strcmp(text, "constant");
         return opt->constant_noise || !strcmp(text, "relative") ? KN_EXIT_OK

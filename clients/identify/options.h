@@ -12,6 +12,7 @@ typedef struct kn_identify_options {
     const char *out, *png, *csv, *report;
     bool no_models;       // no comparison with other models
     bool late;            // creep: the moment of each load is fitted, too
+    bool shear;           // sweep: the moduli are of shear
     bool constant_noise;  // relax: deviations of equal size, not of equal share
     double cut_s;         // models are fitted before it and judged after it; 0: found
 } kn_identify_options;

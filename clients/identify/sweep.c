@@ -1,0 +1,302 @@
+// knead identify sweep: from storage and loss modulus over frequency to springs and dampers.
+#include "clients/identify/document.h"
+#include "clients/identify/experiments.h"
+#include "clients/identify/figure.h"
+#include "clients/identify/options.h"
+#include "clients/identify/spectrum.h"
+#include "clients/knead/commands.h"
+#include "clients/knead/complain.h"
+#include "clients/knead/output.h"
+#include "clients/knead/plot.h"
+#include "clients/knead/result.h"
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char help[] =
+    "usage: knead identify sweep FILE... [OPTION]...\n\n"
+    "From storage modulus G' and loss modulus G'' over frequency to springs and dampers: every element of the first\n"
+    "paper's figure 2 that such a measurement can tell from the others, and which of them the data support.\n\n"
+    "    knead identify sweep sweep.csv --out putty.yaml --png fit.png\n\n"
+    "A file is a table with a name and a unit over each column: frequency, Hz or rad/s; G' and G'', or |G*| with tan\n"
+    "delta or the phase angle. Several files are of one material.\n\n"
+    "  --shear           the moduli are of shear; the numbers are of compression, three times as much of what keeps\n"
+    "                    its volume\n"
+    "  --units NAME=UNIT,...  of columns that have none: --units omega=rad/s,storage=Pa\n"
+    "  --out FILE        the material, for `material: FILE` of a scene; every number with its interval beside it; of\n"
+    "                    the elements that a scene can have, s|d, s-d, (s|d)-d, the best supported\n"
+    "  --density D       written beside it, e.g. '1.2 g/cm^3' (1.2 g/cm^3, and said)\n"
+    "  --report DIR      a page, DIR/index.html, with all that is told here, the picture, moduli and the material\n"
+    "  --png FILE        moduli, fit and what is left, by gnuplot\n"
+    "  --csv FILE        moduli and fit\n"
+    "  --json            what is printed, as JSON\n"
+    "\nSwings are small: of a damper that depends on the stress they know c2 at rest, not beta, P0, P1. For these: "
+    "knead\n"
+    "identify creep or relax.\n"
+    "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
+
+#define AT_REST                                                                                                        \
+    "a sweep of small swings knows the damper at rest, c2 = c_max, not how it thins: beta, P0 and P1 take creep or "   \
+    "relax"
+
+typedef struct work {
+    kn_identify_options opt;
+    kn_curve curve[KN_CURVES_MAX];
+    int curves;
+    double scale;
+    kn_spectrum found;
+} work;
+
+// ---- what is told
+
+static void numbers_of(const kn_spectrum_row *row, char *text, size_t size)
+{
+    *text = '\0';
+    for (int i = 0; i < row->parts; i++) {
+        char one[120];
+        const size_t n = strlen(text);
+        kn_identified_print(&row->number[i], one, sizeof one);
+        snprintf(text + n, size - n, "%s%s %s", i ? ", " : "", row->number[i].name, one);
+    }
+}
+
+static void verdict(const kn_spectrum *s, char *text, size_t size)
+{
+    const kn_spectrum_row *best = &s->row[s->best];
+    snprintf(text, size, "the data support %s (%s), mean error %.3g %%", best->expression, best->letters,
+             100 * best->error);
+    for (int i = 0; i < s->rows; i++) {
+        const size_t n = strlen(text);
+        if (i != s->best && s->row[i].fitted && s->row[i].aicc < best->aicc + KN_SPECTRUM_NEAR)
+            snprintf(text + n, size - n, "; as well %s (%s)", s->row[i].expression, s->row[i].letters);
+    }
+    size_t n = strlen(text);
+    if (best->runs > 3 && best->error > 5e-4)
+        snprintf(text + n, size - n,
+                 "; but what is left comes in runs of one sign: it bends otherwise than the data, and "
+                 "intervals are too narrow");
+    n = strlen(text);
+    if (s->material >= 0 && s->material != s->best)
+        snprintf(text + n, size - n,
+                 "; no material of a scene is it, the nearest that is one is %s, mean error %.3g %%",
+                 s->row[s->material].expression, 100 * s->row[s->material].error);
+}
+
+static void print(const kn_spectrum *s)
+{
+    char text[700];
+    printf("\n%-16s %-9s %2s %8s %9s %6s  %s\n", "element", "figure 2", "n", "misfit %", "AICc", "runs",
+           "numbers, and within 95 %");
+    for (int i = 0; i < s->rows; i++) {
+        const kn_spectrum_row *r = &s->row[i];
+        numbers_of(r, text, sizeof text);
+        printf("%-16s %-9s %2d %8.3g %9.1f %6.2g  %s\n", r->expression, r->letters, r->parts, 100 * r->error,
+               r->aicc - s->row[s->best].aicc, r->runs, text);
+    }
+    printf("misfit: mean of |model/measured - 1| of both moduli. AICc: above that of the element chosen. runs: of what "
+           "is left, in\n"
+           "standard deviations of noise, above 3 it bends otherwise\n");
+    verdict(s, text, sizeof text);
+    printf("verdict     %s.\n", text);
+    if (s->material >= 0 && s->row[s->material].material.damper != KN_DAMPER_NONE) printf("note: %s\n", AT_REST);
+}
+
+static void tell(const kn_spectrum *s)
+{
+    char text[700];
+    if (!kn_result()) return;
+    for (int i = 0; i < s->rows; i++) {
+        const kn_spectrum_row *r = &s->row[i];
+        json_t *to = kn_result_add("elements"), *numbers = json_object();
+        kn_result_text(to, "expression", r->expression);
+        kn_result_text(to, "letters", r->letters);
+        if (r->name) kn_result_text(to, "name", r->name);
+        kn_result_number(to, "misfit", r->error);
+        kn_result_number(to, "aicc", r->aicc);
+        kn_result_number(to, "runs", r->runs);
+        for (int k = 0; r->fitted && k < r->parts; k++) kn_identified_tell(numbers, &r->number[k]);
+        json_object_set_new(to, "numbers", numbers);
+    }
+    verdict(s, text, sizeof text);
+    kn_result_text(kn_result(), "best", s->row[s->best].expression);
+    if (s->material >= 0) kn_result_text(kn_result(), "material", s->row[s->material].expression);
+    kn_result_text(kn_result(), "verdict", text);
+}
+
+// ---- files
+
+static int write_csv(const work *w, const char *path)
+{
+    FILE *f = fopen(path, "w");
+    if (!f) return kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+    fprintf(f, "curve,frequency_hz,storage_pa,loss_pa,fit_storage_pa,fit_loss_pa\n");
+    for (int c = 0; c < w->curves; c++)
+        for (int i = 0; i < w->curve[c].count; i++) {
+            double storage, loss;
+            kn_spectrum_modulus(&w->found.row[w->found.best], w->curve[c].time_s[i], &storage, &loss);
+            fprintf(f, "%s,%.9g,%.9g,%.9g,%.9g,%.9g\n", w->curve[c].name, w->curve[c].time_s[i],
+                    w->scale * w->curve[c].value[i], w->scale * w->curve[c].other[i], storage, loss);
+        }
+    const bool ok = !ferror(f);
+    if (fclose(f) == 0 && ok) return KN_EXIT_OK;
+    return kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "%s: cannot be written", path);
+}
+
+static int write_material(const work *w, const char *path)
+{
+    const kn_spectrum_row *row = &w->found.row[w->found.material];
+    const double density = w->opt.density_kg_m3;
+    char origin[700];
+    snprintf(origin, sizeof origin, "sweep from %s%s: %s at %d frequencies, mean error %.3g %%%s.\n# %s.",
+             w->opt.file[0], w->opt.files > 1 ? " and others" : "", row->expression, w->found.readings,
+             100 * row->error, w->scale > 1 ? ", moduli of shear times 3" : "",
+             row->material.damper == KN_DAMPER_NONE ? "It has no damper in series: nothing stays" : AT_REST);
+    return kn_material_file_write(w->opt.subcommand, path, origin, &row->material, density > 0 ? density : 1200,
+                                  density > 0 ? "" : "not measured: dough's; --density says another", row->parts,
+                                  row->number);
+}
+
+enum { POINTS = 200 };
+
+typedef struct drawing {
+    double hz[POINTS], storage[2][POINTS], loss[2][POINTS];
+    double *left; // of storage, then of loss, of all curves
+} drawing;
+
+static void add_row(kn_figure_panel *p, drawing *d, const kn_spectrum_row *row, int k)
+{
+    for (int i = 0; i < POINTS; i++) kn_spectrum_modulus(row, d->hz[i], &d->storage[k][i], &d->loss[k][i]);
+    const kn_figure_look look = k ? KN_FIGURE_DASHES : KN_FIGURE_LINE;
+    kn_figure_add(p, (kn_figure_series){row->expression, POINTS, d->hz, d->storage[k], 1, 1, look, k ? 8 : 0});
+    kn_figure_add(p, (kn_figure_series){NULL, POINTS, d->hz, d->loss[k], 1, 1, look, k ? 8 : 0});
+}
+
+static void add_curve(const work *w, kn_figure_panel p[2], const kn_curve *c, double *left, bool named)
+{
+    double *other = left + w->found.readings;
+    for (int i = 0; i < c->count; i++) {
+        double storage, loss;
+        kn_spectrum_modulus(&w->found.row[w->found.best], c->time_s[i], &storage, &loss);
+        left[i] = 100 * (w->scale * c->value[i] / storage - 1);
+        other[i] = 100 * (w->scale * c->other[i] / loss - 1);
+    }
+    const char *g[2] = {named ? "G'" : NULL, named ? "G''" : NULL};
+    kn_figure_add(&p[0], (kn_figure_series){g[0], c->count, c->time_s, c->value, 1, w->scale, KN_FIGURE_POINTS, 1});
+    kn_figure_add(&p[0], (kn_figure_series){g[1], c->count, c->time_s, c->other, 1, w->scale, KN_FIGURE_POINTS, 2});
+    kn_figure_add(&p[1], (kn_figure_series){g[0], c->count, c->time_s, left, 1, 1, KN_FIGURE_POINTS, 1});
+    kn_figure_add(&p[1], (kn_figure_series){g[1], c->count, c->time_s, other, 1, 1, KN_FIGURE_POINTS, 2});
+}
+
+static int draw(const work *w, const char *path)
+{
+    drawing *d = calloc(1, sizeof *d);
+    kn_figure_panel *p = calloc(2, sizeof *p);
+    int code = KN_EXIT_DEVICE;
+    if (d && p && (d->left = calloc(2 * (size_t)w->found.readings + 1, sizeof *d->left))) {
+        double low = INFINITY, high = 0;
+        p[0] = (kn_figure_panel){
+            .title = "moduli", .x_label = "frequency, Hz", .y_label = "modulus, Pa", .log_x = true, .log_y = true};
+        p[1] = (kn_figure_panel){
+            .title = "what is left", .x_label = "frequency, Hz", .y_label = "measured/fit - 1, %", .log_x = true};
+        for (int c = 0, n = 0; c < w->curves; n += w->curve[c++].count) {
+            add_curve(w, p, &w->curve[c], d->left + n, c == 0);
+            low = fmin(low, w->curve[c].time_s[0]);
+            high = fmax(high, w->curve[c].time_s[w->curve[c].count - 1]);
+        }
+        for (int i = 0; i < POINTS; i++) d->hz[i] = low * pow(high / low, i / (POINTS - 1.0));
+        add_row(&p[0], d, &w->found.row[w->found.best], 0);
+        if (w->found.material >= 0 && w->found.material != w->found.best)
+            add_row(&p[0], d, &w->found.row[w->found.material], 1);
+        code = kn_figure_draw(w->opt.subcommand, path, "storage and loss modulus", p, 2, 2);
+    } else
+        kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "out of memory");
+    if (d) free(d->left);
+    free(p);
+    free(d);
+    return code;
+}
+
+static int report(const work *w, int argc, char *const *argv)
+{
+    kn_document d;
+    char path[PATH_MAX], text[700];
+    const kn_spectrum *s = &w->found;
+    int code = kn_document_open(&d, w->opt.subcommand, w->opt.report, "Frequency sweep", argc, argv);
+    if (code != KN_EXIT_OK) return code;
+    kn_document_section(&d, "Which element these data support");
+    verdict(s, text, sizeof text);
+    kn_document_text(&d, "%d frequencies: %s.", s->readings, text);
+    kn_document_table(&d, "Elements", "llrrrl",
+                      "element\tfigure 2\tmisfit, %\tAICc above the one chosen\truns\tnumbers, and within 95 %");
+    for (int i = 0; i < s->rows; i++) {
+        const kn_spectrum_row *r = &s->row[i];
+        numbers_of(r, text, sizeof text);
+        kn_document_row(&d, "%s\t%s\t%.3g\t%.1f\t%.2g\t%s", r->expression, r->letters, 100 * r->error,
+                        r->aicc - s->row[s->best].aicc, r->runs, text);
+    }
+    kn_document_verdict(&d, KN_DOCUMENT_BEWARE, "%s", AT_REST);
+    code = draw(w, kn_document_file(&d, "fit.png", path));
+    if (code == KN_EXIT_OK)
+        kn_document_picture(&d, "fit.png", "Storage and loss modulus over frequency, and what the fit leaves",
+                            "Points: measured. Lines: the element with the most support.");
+    kn_document_section(&d, "Files");
+    if (code == KN_EXIT_OK) code = write_csv(w, kn_document_file(&d, "moduli.csv", path));
+    kn_document_link(&d, "moduli.csv", "moduli and fit");
+    if (code == KN_EXIT_OK && s->material >= 0) {
+        code = write_material(w, kn_document_file(&d, "material.yaml", path));
+        kn_document_link(&d, "material.yaml", "the material, for a scene");
+    }
+    return kn_document_close(&d, code);
+}
+
+// ---- the command
+
+static int try_outputs(const kn_identify_options *opt)
+{
+    int code = opt->png ? kn_plot_try(opt->subcommand, opt->png) : KN_EXIT_OK;
+    if (code == KN_EXIT_OK && opt->csv) code = kn_output_try(opt->subcommand, opt->csv);
+    if (code == KN_EXIT_OK && opt->out) code = kn_output_try(opt->subcommand, opt->out);
+    return code;
+}
+
+static int load(work *w)
+{
+    int code = KN_EXIT_OK;
+    for (int i = 0; i < w->opt.files && code == KN_EXIT_OK; i++)
+        code = kn_curve_load(w->curve, &w->curves, KN_CURVE_SWEEP, w->opt.file[i], &w->opt.curve);
+    return code;
+}
+
+static int identify(work *w, int argc, char **argv)
+{
+    int code = try_outputs(&w->opt);
+    if (code == KN_EXIT_OK) code = load(w);
+    if (code != KN_EXIT_OK) return code;
+    w->scale = w->opt.shear ? 3 : 1;
+    if (!kn_spectrum_fit(&w->found, w->curves, w->curve, w->scale, 0.95))
+        return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
+                           "%s: no element comes near; expected storage and loss moduli at 4 frequencies or more",
+                           w->opt.file[0]);
+    print(&w->found);
+    tell(&w->found);
+    if (w->opt.csv) code = write_csv(w, w->opt.csv);
+    if (code == KN_EXIT_OK && w->opt.out) code = write_material(w, w->opt.out);
+    if (code == KN_EXIT_OK && w->opt.png) code = draw(w, w->opt.png);
+    if (code == KN_EXIT_OK && w->opt.report) code = report(w, argc, argv);
+    return code;
+}
+
+int kn_identify_sweep_main(int argc, char **argv)
+{
+    work *w = calloc(1, sizeof *w);
+    bool done = false;
+    if (!w) return kn_complain("identify sweep", KN_EXIT_DEVICE, "out of memory");
+    int code = kn_identify_options_parse(&w->opt, "identify sweep", 's', help, argc, argv, &done);
+    if (code == KN_EXIT_OK && !done) code = identify(w, argc, argv);
+    for (int k = 0; k < w->curves; k++) kn_curve_free(&w->curve[k]);
+    kn_identify_options_free(&w->opt);
+    free(w);
+    return code;
+}

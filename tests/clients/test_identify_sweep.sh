@@ -1,0 +1,74 @@
+#!/usr/bin/env bash
+# knead identify sweep: from the moduli of knead sweep back to the element that made them, for every class of figure 2; bad input.
+set -u
+. "$KN_SOURCE/tests/clients/refuses.sh"
+ok() { echo "ok   $1"; }
+no() { fail "$1"; }
+
+# swept NOISE SPECIMEN...: sweep.csv, with that share of noise
+swept() {
+    local share=$1
+    shift
+    knead sweep "$@" --csv all.csv >sweep.txt || exit 1
+    awk -F, -v share="$share" 'BEGIN { srand(11); print "frequency [Hz];G'"'"' [Pa];G'"''"' [Pa]" }
+        function normal(   s, i) { s = -6; for (i = 0; i < 12; i++) s += rand(); return s }
+        NR > 1 { printf "%.6g;%.8g;%.8g\n", $1, $2 * (1 + share * normal()), $3 * (1 + share * normal()) }' all.csv >sweep.csv
+}
+
+# finds BEST NUMBER=VALUE...: the element that is named, its numbers within 5 %, their intervals around the truth or near it
+finds() {
+    knead identify sweep sweep.csv --json >o.json 2>err || { no "$1: $(cat err)"; return; }
+    python3 - "$@" <<'PY' && ok "$1: $*" || no "$1"
+import json, sys
+o = json.load(open("o.json"))
+assert o["best"] == sys.argv[1], (o["best"], o["verdict"])
+row = [e for e in o["elements"] if e["expression"] == o["best"]][0]
+for said in sys.argv[2:]:
+    name, value = said.split("=")
+    n, value = row["numbers"][name], float(value)
+    assert n["known"] == "known" and abs(n["value"] / value - 1) < 0.05, (name, n)
+    wide = n["high"] - n["low"]
+    assert n["low"] - wide < value < n["high"] + wide and wide < 0.2 * value, (name, n)
+PY
+}
+
+range="--freq 0.0005:5:31"
+swept 0.01 voigt --param s1='10 kPa' --param d1='20 kPa*s' $range && finds 's|d' k1=1e4 c1=2e4
+swept 0.01 maxwell --param s1='10 kPa' --param d1='50 kPa*s' $range && finds s-d k1=1e4 c2=5e4
+swept 0.01 '(s|d)-s' --param s1='10 kPa' --param d1='50 kPa*s' --param s2='20 kPa' $range && finds '(s|d)-s' s1=1e4 d1=5e4 s2=2e4
+swept 0.01 burgers --param s1='20 kPa' --param d1='1 MPa*s' --param s2='10 kPa' --param d2='50 kPa*s' $range &&
+    finds '(s|d)-s-d' s1=1e4 d1=5e4 s2=2e4 d2=1e6
+swept 0.01 'voigt-voigt' --param s1='20 kPa' --param d1='1 MPa*s' --param s2='10 kPa' --param d2='20 kPa*s' $range &&
+    grep -q . sweep.csv && finds '(s|d)-(s|d)'
+swept 0.01 dough $range && finds '(s|d)-d' k1=46091 c1=245166 c2=3842871
+
+knead identify sweep sweep.csv --out dough.yaml --csv fit.csv >dough.txt 2>err || no "dough: $(cat err)"
+grep -q 'c2 = c_max, not how it thins' dough.txt && grep -q 'not how it thins' dough.yaml && ok "it says that a linear sweep does not know beta, P0, P1" ||
+    no "what a sweep cannot know"
+cp "$KN_SOURCE/core/scenes/dough-small.yaml" scene.yaml && sed -i 's/^material: .*/material: dough.yaml/' scene.yaml
+knead sweep scene.yaml $range --csv back.csv >out 2>err || no "scene: $(cat err)"
+paste -d, all.csv back.csv | awk -F, 'NR > 1 { a = $8 / $2; b = $9 / $3; if (a > 1.05 || a < 0.95 || b > 1.05 || b < 0.95) exit 1 }' &&
+    ok "a scene loads what --out wrote, and swings as the dough did" || no "swings back"
+head -1 fit.csv | grep -q '^curve,frequency_hz,storage_pa,loss_pa,fit_storage_pa,fit_loss_pa$' && [ "$(wc -l <fit.csv)" = 32 ] &&
+    ok "--csv: moduli and fit" || no "--csv"
+knead identify sweep sweep.csv --shear --out shear.yaml >out 2>err || no "--shear: $(cat err)"
+awk '$1 == "k1:" { k = $2 } END { exit !(k > 3 * 46091 * 0.95 && k < 3 * 46091 * 1.05) }' shear.yaml && grep -q 'shear times 3' shear.yaml &&
+    ok "--shear: three times as much in compression" || no "--shear"
+
+swept 0.01 burgers --param s1='20 kPa' --param d1='1 MPa*s' --param s2='10 kPa' --param d2='50 kPa*s' $range
+knead identify sweep sweep.csv --out nearest.yaml >out 2>err && grep -q 'no material of a scene is it, the nearest' out && [ -s nearest.yaml ] &&
+    ok "an element that no scene can have: the nearest, and that it is not it" || no "nearest: $(cat err)"
+if command -v gnuplot >/dev/null; then
+    knead identify sweep sweep.csv --png fit.png --report report >out 2>err || no "--png, --report: $(cat err)"
+    head -c 8 fit.png | od -An -c | grep -q 'P   N   G' && [ -s report/index.html ] && [ -s report/moduli.csv ] && ok "--png, --report" || no "--png, --report"
+fi
+
+refuses 2 "knead identify sweep: expected a file of readings, CSV; --help tells its columns" identify sweep
+refuses 2 "knead identify sweep: --strain: unknown option; --help lists them" identify sweep sweep.csv --strain 5%
+refuses 2 "knead identify relax: --shear: unknown option; --help lists them" identify relax sweep.csv --shear
+sed 's/^\(5;[^;]*\);.*/\1;-3/' sweep.csv >minus.csv
+knead identify sweep minus.csv >out 2>err
+[ $? = 2 ] && grep -q '^minus.csv:32:[0-9]*: .*expected both above 0$' err && ok "a modulus below 0 is named" || no "minus: $(cat err)"
+knead identify sweep nowhere.csv >out 2>err
+[ $? != 0 ] && [ "$(wc -l <err)" = 1 ] && ok "a file that is not there" || no "nowhere: $(cat err)"
+exit $failed
