@@ -60,17 +60,19 @@ static bool compute(numbers *n, const kn_curve *c, const kn_joint *joint, double
     return true;
 }
 
-// What came back since the release, by measurement, joint fit and equation 5; how many readings that are.
+// What came back since the release, by measurement, joint fit and equation 5, all from the joint fit's strain at the
+// release on, so that they can be compared; how many readings that are.
 static int recover(numbers *n, const kn_curve *c, const kn_stages *s)
 {
     int begin = 0;
     while (begin < c->count && c->time_s[begin] < s->release_s) begin++;
     if (begin == 0 || begin == c->count) return 0;
+    const double released = n->fitted[c->time_s[begin] == s->release_s ? begin : begin - 1];
     for (int i = begin; i < c->count; i++) {
         n->since[i - begin] = c->time_s[i] - s->release_s;
-        n->came_back[i - begin] = s->release_strain - c->value[i];
-        n->fitted_back[i - begin] = n->fitted[begin - 1] - n->fitted[i];
-        n->equation5[i - begin] = kn_stages_recovered(s, n->since[i - begin]);
+        n->came_back[i - begin] = released - c->value[i];
+        n->fitted_back[i - begin] = released - n->fitted[i];
+        n->equation5[i - begin] = released - s->release_strain + kn_stages_recovered(s, n->since[i - begin]);
     }
     return c->count - begin;
 }

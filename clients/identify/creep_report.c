@@ -38,7 +38,7 @@ static void curves(kn_document *d, const kn_creep_found *f)
 static void numbers(kn_document *d, const kn_creep_found *f)
 {
     kn_document_section(d, "The material");
-    kn_document_table(d, "k1 beside c1, in a row with the damper alpha exp(-beta P), P between P0 and P1", "lll",
+    kn_document_table(d, "k1 beside c1, in a row with the damper alpha exp(-beta P), P between P0 and P1", "lnl",
                       "number\tbest, and within 95 %\twhat limits it");
     for (int i = 0; i < KN_JOINT_NUMBERS; i++) {
         char text[120];

@@ -108,6 +108,17 @@ void kn_document_verdict(kn_document *d, kn_document_mood mood, const char *form
     fputs("</p>\n", d->body);
 }
 
+static void put_cell(FILE *out, const char *text, size_t length, char column, bool head, bool first)
+{
+    const char *tag = head || first ? "th" : "td";
+    fprintf(out, "<%s", tag);
+    if (head || first) fprintf(out, " scope=\"%s\"", head ? "col" : "row");
+    if (column != 'l') fprintf(out, " class=\"%c\"", column);
+    fputc('>', out);
+    put(out, text, length);
+    fprintf(out, "</%s>", tag);
+}
+
 // One row: cells between tabs. The first cell of a body's row is its name.
 static void put_cells(kn_document *d, const char *text, bool head)
 {
@@ -115,12 +126,7 @@ static void put_cells(kn_document *d, const char *text, bool head)
     fputs("<tr>", d->body);
     for (size_t i = 0; i < columns; i++) {
         const size_t length = strcspn(text, "\t");
-        const char *tag = head || i == 0 ? "th" : "td", *scope = head     ? " scope=\"col\""
-                                                                 : i == 0 ? " scope=\"row\""
-                                                                          : "";
-        fprintf(d->body, "<%s%s%s>", tag, scope, d->columns[i] == 'r' ? " class=\"r\"" : "");
-        put(d->body, text, length);
-        fprintf(d->body, "</%s>", tag);
+        put_cell(d->body, text, length, d->columns[i], head, i == 0);
         text += length + (text[length] == '\t');
     }
     fputs("</tr>\n", d->body);

@@ -29,7 +29,7 @@ typedef struct kn_document {
     FILE *body; // into memory; NULL: not open
     char *text;
     size_t size;
-    char title[200], command[1000], columns[24]; // l or r of each column of the open table
+    char title[200], command[1000], columns[24]; // of the open table
     int sections;
     char heading[24][80];
     bool in_table, failed;
