@@ -15,6 +15,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 static const char help[] =
     "usage: knead identify creep FILE... [OPTION]...\n\n"
@@ -50,6 +51,7 @@ typedef struct work {
     kn_curve curve[KN_CURVES_MAX];
     int curves;
     kn_joint joint;
+    double took_s; // the fit
     kn_models models;
     bool compared;
     int notes;
@@ -95,7 +97,7 @@ static void print_curves(const work *w)
         printf("\n");
     }
     printf("misfit: of the largest strain; runs: standard deviations fewer than noise has, above 3 the model bends "
-           "otherwise\n");
+           "otherwise\nfitted in %.2g s, with intervals\n", w->took_s);
 }
 
 static void print_stages(const work *w)
@@ -177,6 +179,7 @@ static void tell(const work *w)
     kn_result_number(to, "highest_stress_pa", j->highest_pa);
     kn_result_number(to, "alpha_beta_correlation", j->alpha_beta);
     kn_result_integer(to, "readings", j->readings);
+    kn_result_number(to, "fit_s", w->took_s);
     for (int k = 0; k < w->curves; k++) {
         json_t *row = kn_result_add("curves");
         kn_result_text(row, "name", w->curve[k].name);
@@ -276,6 +279,13 @@ static int write(const work *w, kn_document *d)
     return kn_document_close(d, code);
 }
 
+static double seconds(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
 static int identify(work *w, int argc, char **argv)
 {
     kn_document d = {0};
@@ -284,11 +294,13 @@ static int identify(work *w, int argc, char **argv)
     if (code == KN_EXIT_OK)
         code = kn_document_open(&d, w->opt.subcommand, w->opt.report, "A material by creep", argc, argv);
     if (code == KN_EXIT_OK) code = load(w);
+    const double began_s = seconds();
     if (code == KN_EXIT_OK && !kn_joint_fit(&w->joint, w->curves, w->curve, &how))
         code = kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
                            "%s: no numbers of the element come near these curves; expected creep under a load",
                            w->curve[0].file);
     if (code != KN_EXIT_OK) return kn_document_close(&d, code);
+    w->took_s = seconds() - began_s;
     print_numbers(&w->joint);
     print_curves(w);
     print_stages(w);
