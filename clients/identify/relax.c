@@ -39,7 +39,7 @@ static const char help[] =
     "noise\n"
     "independent; whether that is so; what these curves cannot tell; and how other models fare that are fitted to the\n"
     "early part and judged by the later one.\n"
-    "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
+    "Exit codes: 0 ok, 1 no material of a scene, 2 bad input, 3 a file cannot be written.\n";
 
 typedef struct work {
     kn_identify_options opt;
@@ -144,6 +144,10 @@ static int write_material(const kn_relax_told *told, const char *path)
     const kn_relaxation *r = told->fit;
     const double density = told->opt->density_kg_m3;
     char origin[600];
+    if (kn_relax_beyond(r))
+        return kn_complain(told->opt->subcommand, KN_EXIT_FAILED,
+                           "--out %s: not written, %s is more than a scene takes: this is not the papers' element",
+                           path, kn_relax_beyond(r));
     snprintf(origin, sizeof origin, "relax from %s%s: %d curve%s, stresses %.4g to %.4g Pa.\n# %s", told->opt->file[0],
              told->opt->files > 1 ? " and others" : "", r->curves, r->curves > 1 ? "s" : "", r->lowest_pa,
              r->highest_pa, kn_relax_scale(r));

@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#define FAR 0.05
 #define NUMERICS 5e-4 // a misfit that averages and differences leave of a perfect curve
 
 const char *kn_relax_scale(const kn_relaxation *r)
@@ -24,11 +25,30 @@ const char *kn_relax_scale(const kn_relaxation *r)
            "--strain says.";
 }
 
+const char *kn_relax_beyond(const kn_relaxation *r)
+{
+    static const double most[KN_RELAXATION_NUMBERS] = {1e9, 1e9, 1e15, 1, 1e9, 1e9};
+    static char text[80];
+    for (int i = 0; i < KN_RELAXATION_NUMBERS && r->scale != KN_RELAXATION_MODULUS; i++) {
+        const kn_identified *n = &r->number[i];
+        snprintf(text, sizeof text, "%s of %.3g %s", n->name, n->value, n->unit);
+        if (!(n->value <= most[i])) return text;
+    }
+    return NULL;
+}
+
 void kn_relax_doubts(const kn_relaxation *r, void (*say)(void *to, const char *words), void *to)
 {
     char text[400];
     for (int c = 0; c < r->curves; c++) {
         const kn_relaxation_curve *k = &r->curve[c];
+        if (k->misfit > FAR) {
+            snprintf(text, sizeof text,
+                     "%s: the fit is %.2g %% off on average: this is not the papers' element, and its "
+                     "numbers say little",
+                     k->curve->name, 100 * k->misfit);
+            say(to, text);
+        }
         if (k->runs > 3 && k->misfit > NUMERICS) {
             snprintf(text, sizeof text,
                      "%s: what is left after the fit comes in runs of one sign (%.2g standard "
@@ -50,6 +70,19 @@ void kn_relax_doubts(const kn_relaxation *r, void (*say)(void *to, const char *w
                      k->curve->name, 100 * k->ramp.strain / (k->ramp.end_s - k->ramp.start_s));
             say(to, text);
         }
+    }
+    if (r->scale != KN_RELAXATION_RISE && r->ratio[0].known != KN_KNOWN && r->ratio[1].known != KN_KNOWN) {
+        const double b = r->number[KN_RELAXATION_BETA].value * r->highest_pa;
+        snprintf(text, sizeof text, "c1/k1 and alpha/k1 are not known apart%s",
+                 b < 1 ? ": it falls exponentially, whose "
+                         "time constant is their sum"
+                       : "");
+        say(to, text);
+    }
+    if (kn_relax_beyond(r)) {
+        snprintf(text, sizeof text, "%s is more than a scene takes: this is not the papers' element",
+                 kn_relax_beyond(r));
+        say(to, text);
     }
     if (r->scale == KN_RELAXATION_RISE || r->number[KN_RELAXATION_C1].value > 0) return;
     say(to,
@@ -217,7 +250,7 @@ int kn_relax_report(const kn_relax_told *t, int argc, char *const *argv,
     if (code == KN_EXIT_OK) code = write_csv(t, kn_document_file(&d, "readings.csv", path));
     kn_document_section(&d, "Files");
     kn_document_link(&d, "readings.csv", "readings and fit");
-    if (code == KN_EXIT_OK && t->fit->scale != KN_RELAXATION_MODULUS) {
+    if (code == KN_EXIT_OK && t->fit->scale != KN_RELAXATION_MODULUS && !kn_relax_beyond(t->fit)) {
         code = write_material(t, kn_document_file(&d, "material.yaml", path));
         kn_document_link(&d, "material.yaml", "the material, for a scene");
     }

@@ -9,7 +9,8 @@
 
 enum { K1, C1, ALPHA, BETA, P0, P1, BEGIN, RISE_BINS = 40, RISE_LEAST = 5 };
 #define NEVER_C1 1e-3 // of the shortest time constant measured: no share of any
-#define INSIDE 1.05
+#define INSIDE 1.05   // P0 and P1 are in the fit only so far within the stresses measured
+#define FALLS 0.98
 #define LEAST_RISE 0.05 // of the largest stress: readings below it are all noise as shares
 
 typedef struct work {
@@ -129,6 +130,31 @@ static bool check(const kn_relaxation *r, bool constant_noise, char *error, size
                      k->hold.line[i], k->hold.value[i], i > 0 ? ", or --noise constant" : "");
             return false;
         }
+    }
+    return true;
+}
+
+// Mean stress of a quarter of the bins of a hold.
+static double quarter(const kn_bins *b, bool last)
+{
+    const int n = b->count / 4 > 0 ? b->count / 4 : 1, from = last ? b->count - n : 0;
+    double sum = 0;
+    for (int i = from; i < from + n; i++) sum += b->value[i] / n;
+    return sum;
+}
+
+// What does not relax has no relaxation time: the search would run to the end of all numbers.
+static bool check_falls(const kn_relaxation *r, char *error, size_t size)
+{
+    for (int c = 0; c < r->curves; c++) {
+        const kn_bins *b = &r->curve[c].hold;
+        const double before = quarter(b, false), after = quarter(b, true);
+        if (after < FALLS * before) continue;
+        snprintf(error, size,
+                 "%s:%d:1: the stress does not fall while the strain is held, %.4g Pa at first and %.4g Pa at last, "
+                 "expected a relaxation",
+                 r->curve[c].curve->file, b->line[0], before, after);
+        return false;
     }
     return true;
 }
@@ -584,7 +610,7 @@ bool kn_relaxation_fit(kn_relaxation *r, int curves, const kn_curve *curve, cons
     snprintf(error, error_size, "%d curves at once, expected at most %d", curves, KN_RELAXATION_CURVES);
     if (curves > KN_RELAXATION_CURVES) return false;
     if (!take(r, curves, curve, error, error_size)) return false;
-    if (!check(r, options->constant_noise, error, error_size)) return false;
+    if (!check(r, options->constant_noise, error, error_size) || !check_falls(r, error, error_size)) return false;
     work w = {.r = r, .constant_noise = options->constant_noise};
     snprintf(error, error_size,
              "%s: no numbers of the element come near; expected a stress that falls while the strain "

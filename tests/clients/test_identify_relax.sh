@@ -77,6 +77,13 @@ printf 'time [s],stress [Pa]\n# strain: 10 %%\n' >below.csv
 for i in $(seq 1 40); do echo "$i,$((20 - i))"; done >>below.csv
 knead identify relax below.csv >out 2>err
 [ $? = 2 ] && grep -q '^below.csv:[0-9]*:1: a stress of .* expected one above 0, or --noise constant$' err && ok "a stress below 0 has no logarithm" || no "below: $(cat err)"
+awk 'BEGIN { print "# strain: 10 %\ntime [s],stress [Pa]"; for (i = 1; i < 90; i++) printf "%d,%.1f\n", i, i < 30 ? 1000 : 500 }' >drop.csv
+knead identify relax drop.csv --no-models --out drop.yaml >out 2>err
+[ $? = 1 ] && grep -q 'not written, .* is more than a scene takes' err && [ ! -e drop.yaml ] && grep -q '^beta' out && ok "a stress that drops is not the element, and makes no material" ||
+    no "drop: $(cat err)"
+awk 'BEGIN { print "# strain: 10 %\ntime [s],stress [Pa]"; for (i = 1; i < 60; i++) printf "%d,%.1f\n", i, 1000 + i }' >rise.csv
+knead identify relax rise.csv >out 2>err
+[ $? = 2 ] && grep -q '^rise.csv:[0-9]*:1: the stress does not fall while the strain is held' err && ok "a stress that rises is no relaxation" || no "rise: $(cat err)"
 knead identify relax hold.csv modulus.csv >out 2>err
 [ $? = 2 ] && grep -q '^modulus.csv: \|^knead identify relax: hold.csv: has a strain' err && ok "files with and without a strain" || no "mixed: $(cat err)"
 printf 'mine\n' >mine.yaml
