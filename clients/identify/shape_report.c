@@ -36,7 +36,7 @@ static const char *millimetres(double m, char text[16])
     if (isnan(m))
         snprintf(text, 16, "-");
     else
-        snprintf(text, 16, "%.3g", 1e3 * m);
+        snprintf(text, 16, "%.3f", 1e3 * m);
     return text;
 }
 
@@ -50,7 +50,7 @@ static void print_row(const kn_evidence *e, const kn_candidate *c, double off, d
     const kn_relief_misfit *m = &c->misfit[0];
     if (e->pulled) snprintf(share, sizeof share, "%.2g", 100 * c->pull_share);
     if (!isnan(delta)) snprintf(apart, sizeof apart, "%.4g", delta);
-    printf("%-13s %-24s %-24s %7s %8s %6s>%-6s%6s>%-6s %6s %7.3g %7s %5d %6.0f\n", c->name,
+    printf("%-13s %-24s %-24s %7s %8s %7s>%-7s%7s>%-7s %6s %7.3g %7s %5d %6.0f\n", c->name,
            number(&c->known[0], c->gas, atm_pa, text[0]), number(&c->known[c->gas], c->area, 1, text[1]),
            millimetres(m->height_m, mm[0]), millimetres(m->outline_m, mm[1]), millimetres(m->bulge_m[0][0], mm[2]),
            millimetres(m->bulge_m[1][0], mm[3]), millimetres(m->bulge_m[0][1], mm[4]),
