@@ -7,7 +7,8 @@
 static const double first_trust = 0.8, most_trust = 1.6; // of a logarithm
 static const double secant = 0.2, short_secant = 0.3;    // to look at, to be believed at the end
 static const double settled = 0.005, near = 1e-3, far = 1e9;
-static const double promise = 1e-3; // of the sum, less is not worth a look
+static const double promise = 1e-3;                    // of the sum, less is not worth a look,
+static const double promise_far = 1e-2, far_off = 100; // nor this where the sum is ten times the noise and more
 
 void kn_search_free(kn_search *s)
 {
@@ -180,7 +181,8 @@ static bool step(kn_search *s, double *trust)
         to[k] = log(fit.unknown[k].value);
         way = fmax(way, fabs(to[k] - s->at[s->best].at[k]));
     }
-    if (way < settled || (way < secant && before - fit.sum < promise * before)) {
+    const double least = before > far_off * s->readings ? promise_far : promise;
+    if (way < settled || (way < secant && before - fit.sum < least * before)) {
         const int looks = s->looks;
         s->settled = reach <= short_secant;
         if (s->settled || !look_around(s, short_secant)) return false;

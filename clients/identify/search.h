@@ -5,8 +5,8 @@
 // Looks are kept. Around the best of them the model is taken to be straight in the logarithms, by the nearest looks
 // that lie in different directions (secants); kn_fit finds the best of that straight model within a trust region, there
 // the next look is taken, and the region grows or shrinks by whether it kept what it promised. It ends where the next
-// step would be below half a percent, or promises less than a thousandth of the sum, and the secants are short enough
-// to be believed.
+// step would be below half a percent, or promises less than a thousandth of the sum (a hundredth, far off), and the
+// secants are short enough to be believed.
 //
 // Differences over 20 % instead of kn_fit's own 1e-5 of a logarithm: a press in f32 with a tolerance of 0.001 is not
 // smooth in the last digits.
