@@ -202,6 +202,8 @@ bool kn_models_compare(kn_models *m, int curves, const kn_curve *curve, const kn
 {
     const double begin = now_s();
     *m = (kn_models){0};
+    snprintf(error, error_size, "%d relaxation curves at once, expected at most %d", curves, KN_MODELS_HOLDS);
+    if (curve->kind == KN_CURVE_RELAX && curves > KN_MODELS_HOLDS) return false;
     snprintf(error, error_size, "out of memory");
     if (!take(m, curves, curve, options)) return false;
     snprintf(error, error_size, "%d readings up to the cut and %d behind it are too few to compare models: 8 and 3",

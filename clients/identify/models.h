@@ -17,6 +17,7 @@
 
 #define KN_MODELS_COARSE 0.003
 #define KN_MODELS_MAX 12
+#define KN_MODELS_HOLDS 6 // relaxation curves at once: the papers' damper has a stress for each
 
 typedef struct kn_models_row {
     kn_law law;

@@ -33,7 +33,7 @@ enum {
     KN_RELAXATION_P1,
     KN_RELAXATION_NUMBERS
 };
-#define KN_RELAXATION_CURVES 6 // each hold costs an unknown
+#define KN_RELAXATION_CURVES 6 // each hold costs an unknown: 12 are the most
 
 typedef enum kn_relaxation_scale {
     KN_RELAXATION_RISE,   // k1 is in a rise of the strain

@@ -257,6 +257,10 @@ TEST("too few readings, and stresses that are none, are refused in a sentence")
     for (int i = 100; i < 110; i++) data.value[i] = -1;
     CHECK(!kn_models_compare(&m, 1, &data.curve, &options, error, sizeof error) && strstr(error, "falls to 0"));
     kn_models_free(&m);
+    kn_curve many[7];
+    for (int i = 0; i < 7; i++) many[i] = data.curve;
+    CHECK(!kn_models_compare(&m, 7, many, &options, error, sizeof error) && strstr(error, "at most 6"));
+    kn_models_free(&m);
 }
 
 TESTS_MAIN
