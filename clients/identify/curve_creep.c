@@ -189,7 +189,8 @@ static int add_curve(kn_curve_file *f, const columns *cols, kn_readings *r, doub
     if (code != KN_EXIT_OK) return code;
     say_steps(f, c, r, cols->what);
     double changes[KN_CURVE_STEPS];
-    for (int i = 0; i < c->steps; i++) changes[i] = c->step[i].time_s;
+    for (int i = 0; i < c->steps; i++) // a reading at that very moment ends what was before it
+        changes[i] = i ? nextafter(c->step[i].time_s, INFINITY) : c->step[i].time_s;
     return kn_curve_finish(f, c, r, c->steps, changes);
 }
 

@@ -370,16 +370,15 @@ static bool conclude(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_opt
         const kn_curve *curve = &w->curve[k];
         j->late_s[k] = w->late ? value[LATE + k] : 0;
         if (!kn_joint_predict(&j->material, curve, j->late_s[k], w->strain)) return false;
-        double sum = 0, weight = 0;
+        double sum = 0;
         int n = 0;
         for (int i = 0; i < curve->count; i++) {
             if (left_out[i]) continue;
             w->strain[n] = w->strain[i] - curve->value[i];
             sum += curve->weight[i] * w->strain[n] * w->strain[n];
-            weight += curve->weight[i];
             n++;
         }
-        j->rms[k] = sqrt(sum / weight);
+        j->rms[k] = sqrt(sum / n);
         j->runs[k] = kn_fit_runs(n, w->strain);
     }
     return true;

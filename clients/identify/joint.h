@@ -33,7 +33,7 @@ typedef struct kn_joint {
     kn_material material;
     kn_identified number[KN_JOINT_NUMBERS];
     double lowest_pa, highest_pa; // stresses that were measured under load
-    double rms[KN_CURVES_MAX];    // of the residuals of each curve, strain
+    double rms[KN_CURVES_MAX];    // of the residuals of one reading of each curve, strain; a mean's count by its weight
     double runs[KN_CURVES_MAX];   // kn_fit_runs of each
     double late_s[KN_CURVES_MAX]; // how much later than its file says a load came; 0 unless asked for
     int readings, unknowns, outliers;

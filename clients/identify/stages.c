@@ -11,7 +11,7 @@ enum { FEWEST = 10, HALF_LINE = 10, STARTS = 3 };
 
 typedef struct recovery {
     int count;
-    const double *time_s, *strain;
+    const double *time_s, *strain, *weight;
     const kn_stages *stages;
 } recovery;
 
@@ -24,14 +24,19 @@ static bool recovery_misfit(void *of, const double *value, double *residual)
 {
     const recovery *r = of;
     for (int i = 0; i < r->count; i++)
-        residual[i] = recovered(r->stages->release_pa, value[0], value[1], r->time_s[i] - r->stages->release_s) -
-                      (r->stages->release_strain - r->strain[i]);
+        residual[i] = sqrt(r->weight[i]) *
+                      (recovered(r->stages->release_pa, value[0], value[1], r->time_s[i] - r->stages->release_s) -
+                       (r->stages->release_strain - r->strain[i]));
     return true;
 }
 
 static bool fit_recovery(kn_stages *s, const kn_curve *c, int from)
 {
-    recovery r = {.count = c->count - from, .time_s = c->time_s + from, .strain = c->value + from, .stages = s};
+    recovery r = {.count = c->count - from,
+                  .time_s = c->time_s + from,
+                  .strain = c->value + from,
+                  .weight = c->weight + from,
+                  .stages = s};
     double back = s->release_strain - c->value[c->count - 1], stiff = s->release_pa / fmax(back, 1e-6);
     double span = c->time_s[c->count - 1] - s->release_s;
     if (r.count < FEWEST || !(back > 0)) return false;
@@ -69,18 +74,23 @@ static void subtract_voigt(kn_stages *s, const kn_curve *c)
 
 // ---- 3: the damper
 
-// Slope of the straight line nearest to the readings around one.
-static double slope_around(const double *t, const double *x, int count, int at)
+// Slope of the straight line nearest to the readings around one: HALF_LINE on either side, or, where
+// they are means that lie dense after the load came, those of as long a time as so many steady ones would take.
+static double slope_around(const kn_curve *c, const double *x, int count, int at)
 {
+    const double *t = c->time_s, half_s = 0.999 * HALF_LINE * (t[count - 1] - t[0]) / (count - 1);
     int from = at < HALF_LINE ? 0 : at - HALF_LINE, to = at + HALF_LINE < count ? at + HALF_LINE : count - 1;
-    double n = to - from + 1, mean_t = 0, mean_x = 0, tt = 0, tx = 0;
+    while (from > 0 && t[from - 1] > t[at] - half_s) from--;
+    while (to + 1 < count && t[to + 1] < t[at] + half_s) to++;
+    double n = 0, mean_t = 0, mean_x = 0, tt = 0, tx = 0;
+    for (int i = from; i <= to; i++) n += c->weight[i];
     for (int i = from; i <= to; i++) {
-        mean_t += t[i] / n;
-        mean_x += x[i] / n;
+        mean_t += c->weight[i] * t[i] / n;
+        mean_x += c->weight[i] * x[i] / n;
     }
     for (int i = from; i <= to; i++) {
-        tt += (t[i] - mean_t) * (t[i] - mean_t);
-        tx += (t[i] - mean_t) * (x[i] - mean_x);
+        tt += c->weight[i] * (t[i] - mean_t) * (t[i] - mean_t);
+        tx += c->weight[i] * (t[i] - mean_t) * (x[i] - mean_x);
     }
     return tt > 0 ? tx / tt : 0;
 }
@@ -101,7 +111,7 @@ static bool fit_damper(kn_stages *s, const kn_curve *c)
     double low = INFINITY, high = 0, mean = 0, top = c->step[0].stress_pa;
     int count = 0;
     for (int i = 0; i < s->count; i++) {
-        double v = slope_around(c->time_s, s->damper, s->count, i);
+        double v = slope_around(c, s->damper, s->count, i);
         s->c2_pa_s[i] = v > 0 && s->stress_pa[i] > 0 ? s->stress_pa[i] / v : (double)NAN;
         if (isnan(s->c2_pa_s[i])) continue;
         low = fmin(low, s->stress_pa[i]);
@@ -130,6 +140,16 @@ static bool fit_damper(kn_stages *s, const kn_curve *c)
     return true;
 }
 
+// A single reading there is taken as it is; a mean lies earlier, and is carried on.
+static void at_release(kn_stages *s, const kn_curve *c)
+{
+    const int last = s->count - 1;
+    const double on = c->weight[last] > 1 ? slope_around(c, c->value, s->count, last) : 0;
+    s->release_strain = c->value[last] + on * (s->release_s - c->time_s[last]);
+    s->release_pa = s->stress_pa[last];
+    if (!c->constant_area) s->release_pa *= (1 - s->release_strain) / (1 - c->value[last]);
+}
+
 bool kn_stages_fit(kn_stages *s, const kn_curve *c)
 {
     *s = (kn_stages){.release_s = kn_joint_release(c)};
@@ -142,8 +162,7 @@ bool kn_stages_fit(kn_stages *s, const kn_curve *c)
     s->damper = s->voigt + n;
     s->c2_pa_s = s->damper + n;
     kn_joint_stress(c, s->stress_pa);
-    s->release_strain = c->value[s->count - 1];
-    s->release_pa = s->stress_pa[s->count - 1];
+    at_release(s, c);
     bool ok = fit_recovery(s, c, s->count);
     if (ok) subtract_voigt(s, c);
     ok = ok && fit_damper(s, c);
