@@ -1,7 +1,7 @@
 #include "clients/identify/creep_report.h"
 #include "clients/identify/creep_figures.h"
 #include "clients/identify/figure.h"
-#include "clients/identify/loop.h"
+#include "clients/identify/recreep.h"
 #include "clients/identify/squeeze.h"
 #include "clients/identify/stages.h"
 #include "clients/knead/commands.h"
@@ -144,15 +144,15 @@ static int write_scene(const kn_document *d, const char *subcommand, char path[P
 }
 
 // One curve in both panels: what was measured, and each way back.
-static void lay_over(kn_figure_panel *panel, const kn_curve *c, const kn_loop *l, int hue)
+static void lay_over(kn_figure_panel *panel, const kn_curve *c, const kn_recreep *l, int hue)
 {
     kn_figure_add(&panel[0], (kn_figure_series){c->name, c->count, c->time_s, c->value, .hue = hue});
     kn_figure_add(&panel[1], (kn_figure_series){NULL, c->count, c->time_s, c->value, .hue = hue});
-    kn_figure_add(&panel[0], (kn_figure_series){NULL, c->count, c->time_s, l->strain[KN_LOOP_ELEMENT],
+    kn_figure_add(&panel[0], (kn_figure_series){NULL, c->count, c->time_s, l->strain[KN_RECREEP_ELEMENT],
                                                 .look = KN_FIGURE_LINE, .hue = hue});
-    for (int way = KN_LOOP_DIAGONALS; way < KN_LOOP_WAYS; way++)
+    for (int way = KN_RECREEP_DIAGONALS; way < KN_RECREEP_WAYS; way++)
         kn_figure_add(&panel[1], (kn_figure_series){NULL, c->count, c->time_s, l->strain[way],
-                                                    .look = way == KN_LOOP_GAS ? KN_FIGURE_LINE : KN_FIGURE_DASHES,
+                                                    .look = way == KN_RECREEP_GAS ? KN_FIGURE_LINE : KN_FIGURE_DASHES,
                                                     .hue = hue});
 }
 
@@ -160,16 +160,16 @@ static int loops(kn_document *d, const kn_creep_found *f, const char *scene)
 {
     char path[PATH_MAX];
     kn_figure_panel *panel = calloc(2, sizeof *panel);
-    kn_loop *loop = calloc((size_t)f->curves, sizeof *loop);
-    int code = panel && loop ? KN_EXIT_OK : kn_complain(f->subcommand, KN_EXIT_DEVICE, "out of memory");
+    kn_recreep *back = calloc((size_t)f->curves, sizeof *back);
+    int code = panel && back ? KN_EXIT_OK : kn_complain(f->subcommand, KN_EXIT_DEVICE, "out of memory");
     kn_document_table(d, "Root mean squares of differences from the data, % of the largest strain", "lrrr",
                       "curve\telement\tlattice, diagonals\tlattice, diagonals and gas");
     for (int k = 0; k < f->curves && code == KN_EXIT_OK; k++) {
-        code = kn_loop_creep(&loop[k], f->subcommand, scene, &f->curve[k]);
-        const double *off = loop[k].from_data;
-        kn_document_row(d, "%s\t%.3g\t%.3g\t%.3g", f->curve[k].name, 100 * off[KN_LOOP_ELEMENT],
-                        100 * off[KN_LOOP_DIAGONALS], 100 * off[KN_LOOP_GAS]);
-        lay_over(panel, &f->curve[k], &loop[k], k + 1);
+        code = kn_recreep_run(&back[k], f->subcommand, scene, &f->curve[k]);
+        const double *off = back[k].from_data;
+        kn_document_row(d, "%s\t%.3g\t%.3g\t%.3g", f->curve[k].name, 100 * off[KN_RECREEP_ELEMENT],
+                        100 * off[KN_RECREEP_DIAGONALS], 100 * off[KN_RECREEP_GAS]);
+        lay_over(panel, &f->curve[k], &back[k], k + 1);
     }
     for (int p = 0; panel && p < 2; p++) {
         panel[p].title = p ? "dashes: lattice, diagonals; lines: with gas" : "lines: the element";
@@ -179,8 +179,8 @@ static int loops(kn_document *d, const kn_creep_found *f, const char *scene)
     if (code == KN_EXIT_OK)
         code = kn_figure_draw(f->subcommand, kn_document_file(d, "back.png", path), "measured, and creeping again",
                               panel, 2, 2);
-    for (int k = 0; loop && k < f->curves; k++) kn_loop_free(&loop[k]);
-    free(loop);
+    for (int k = 0; back && k < f->curves; k++) kn_recreep_free(&back[k]);
+    free(back);
     free(panel);
     return code;
 }
@@ -225,7 +225,7 @@ int kn_creep_report(kn_document *d, const kn_creep_found *f)
                      "a tolerance by code of its own, and as blocks of %d x %d x %d cells through the solver that "
                      "serves scenes. A lattice creeps as its element does while strains are small. Beyond, its edges "
                      "turn: with diagonals alone it gives way more, with gas in its cells, too, less.",
-                     KN_LOOP_CELLS, KN_LOOP_CELLS, KN_LOOP_CELLS);
+                     KN_RECREEP_CELLS, KN_RECREEP_CELLS, KN_RECREEP_CELLS);
     code = write_scene(d, f->subcommand, scene);
     if (code == KN_EXIT_OK) code = loops(d, f, scene);
     if (code != KN_EXIT_OK) return code;

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_IDENTIFY_CREEP_REPORT_H
 #define KN_CLIENTS_IDENTIFY_CREEP_REPORT_H
 // The page of `knead identify creep --report DIR`: all that was told, with pictures; and the way back: the material
-// creeps again as one element and as a lattice, laid over the data (loop.h), and a block of it is pressed.
+// creeps again as one element and as a lattice, laid over the data (recreep.h), and a block of it is pressed.
 #include "clients/identify/document.h"
 #include "clients/identify/joint.h"
 #include "clients/identify/models.h"

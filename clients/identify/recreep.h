@@ -1,5 +1,5 @@
-#ifndef KN_CLIENTS_IDENTIFY_LOOP_H
-#define KN_CLIENTS_IDENTIFY_LOOP_H
+#ifndef KN_CLIENTS_IDENTIFY_RECREEP_H
+#define KN_CLIENTS_IDENTIFY_RECREEP_H
 // The way back: a material that was found from creep curves creeps again, under the same loads, as one element
 // integrated to a tolerance (core/network.h) and as blocks of cells through the solver that serves scenes, so that the
 // data, the element and the lattices can be laid over each other.
@@ -9,18 +9,18 @@
 // which keeps the volume as equation 4 supposes, a block is stiffer (0.87 and 0.61). The report says by how much.
 #include "clients/identify/curve.h"
 
-enum { KN_LOOP_CELLS = 2 }; // along each side of a block: it creeps evenly, more of them give the same four digits
+enum { KN_RECREEP_CELLS = 2 }; // along each side of a block: it creeps evenly, more of them give the same four digits
 
-typedef enum kn_loop_way { KN_LOOP_ELEMENT, KN_LOOP_DIAGONALS, KN_LOOP_GAS, KN_LOOP_WAYS } kn_loop_way;
-extern const char *const kn_loop_name[KN_LOOP_WAYS]; // "element", ...
+typedef enum kn_recreep_way { KN_RECREEP_ELEMENT, KN_RECREEP_DIAGONALS, KN_RECREEP_GAS, KN_RECREEP_WAYS } kn_recreep_way;
+extern const char *const kn_recreep_name[KN_RECREEP_WAYS]; // "element", ...
 
-typedef struct kn_loop {
-    double *strain[KN_LOOP_WAYS]; // at the readings of its curve; ended by kn_loop_free
-    double from_data[KN_LOOP_WAYS], from_element[KN_LOOP_WAYS]; // root mean squares, of the largest strain measured
-} kn_loop;
+typedef struct kn_recreep {
+    double *strain[KN_RECREEP_WAYS]; // at the readings of its curve; ended by kn_recreep_free
+    double from_data[KN_RECREEP_WAYS], from_element[KN_RECREEP_WAYS]; // root mean squares, of the largest strain measured
+} kn_recreep;
 
 // scene: a file of a block, whose material it is. An exit code, after a complaint. Takes seconds, and shows it.
-int kn_loop_creep(kn_loop *loop, const char *subcommand, const char *scene, const kn_curve *curve);
-void kn_loop_free(kn_loop *loop);
+int kn_recreep_run(kn_recreep *back, const char *subcommand, const char *scene, const kn_curve *curve);
+void kn_recreep_free(kn_recreep *back);
 
 #endif

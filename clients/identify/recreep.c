@@ -1,4 +1,4 @@
-#include "clients/identify/loop.h"
+#include "clients/identify/recreep.h"
 #include "clients/identify/joint.h"
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
@@ -6,7 +6,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-const char *const kn_loop_name[KN_LOOP_WAYS] = {"element", "diagonals", "diagonals and gas"};
+const char *const kn_recreep_name[KN_RECREEP_WAYS] = {"element", "diagonals", "diagonals and gas"};
 
 // Loads the bench as the curve says and reads it at the curve's readings.
 static int follow(kn_bench *b, const kn_curve *c, double *strain)
@@ -36,38 +36,38 @@ static double apart(const double *a, const double *b, const kn_curve *c)
     return sqrt(sum / c->count) / most;
 }
 
-static int run(kn_loop *loop, kn_loop_way way, const char *subcommand, const char *scene, const kn_curve *c)
+static int run(kn_recreep *back, kn_recreep_way way, const char *subcommand, const char *scene, const kn_curve *c)
 {
     static const char *gas[] = {"object.pressure=cells"};
-    const int n = way == KN_LOOP_ELEMENT ? 0 : KN_LOOP_CELLS;
+    const int n = way == KN_RECREEP_ELEMENT ? 0 : KN_RECREEP_CELLS;
     kn_bench_options opt = {.subcommand = subcommand,
                             .specimen = scene,
                             .constant_area = c->constant_area,
                             .sets = gas,
-                            .set_count = way == KN_LOOP_GAS,
+                            .set_count = way == KN_RECREEP_GAS,
                             .lattice = {n, n, n}};
     kn_bench b;
     int code = kn_bench_open(&b, &opt);
-    if (code == KN_EXIT_OK) code = follow(&b, c, loop->strain[way]);
+    if (code == KN_EXIT_OK) code = follow(&b, c, back->strain[way]);
     kn_bench_close(&b);
-    loop->from_data[way] = apart(c->value, loop->strain[way], c);
-    loop->from_element[way] = apart(loop->strain[KN_LOOP_ELEMENT], loop->strain[way], c);
+    back->from_data[way] = apart(c->value, back->strain[way], c);
+    back->from_element[way] = apart(back->strain[KN_RECREEP_ELEMENT], back->strain[way], c);
     return code;
 }
 
-int kn_loop_creep(kn_loop *loop, const char *subcommand, const char *scene, const kn_curve *c)
+int kn_recreep_run(kn_recreep *back, const char *subcommand, const char *scene, const kn_curve *c)
 {
     int code = KN_EXIT_OK;
-    *loop = (kn_loop){.strain = {calloc(KN_LOOP_WAYS * (size_t)c->count, sizeof(double))}};
-    if (!loop->strain[0]) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
-    for (int way = 1; way < KN_LOOP_WAYS; way++) loop->strain[way] = loop->strain[way - 1] + c->count;
-    for (int way = 0; way < KN_LOOP_WAYS && code == KN_EXIT_OK; way++)
-        code = run(loop, (kn_loop_way)way, subcommand, scene, c);
+    *back = (kn_recreep){.strain = {calloc(KN_RECREEP_WAYS * (size_t)c->count, sizeof(double))}};
+    if (!back->strain[0]) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
+    for (int way = 1; way < KN_RECREEP_WAYS; way++) back->strain[way] = back->strain[way - 1] + c->count;
+    for (int way = 0; way < KN_RECREEP_WAYS && code == KN_EXIT_OK; way++)
+        code = run(back, (kn_recreep_way)way, subcommand, scene, c);
     return code;
 }
 
-void kn_loop_free(kn_loop *loop)
+void kn_recreep_free(kn_recreep *back)
 {
-    free(loop->strain[0]);
-    *loop = (kn_loop){.strain = {NULL}};
+    free(back->strain[0]);
+    *back = (kn_recreep){.strain = {NULL}};
 }
