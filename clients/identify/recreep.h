@@ -11,12 +11,15 @@
 
 enum { KN_RECREEP_CELLS = 2 }; // along each side of a block: it creeps evenly, more of them give the same four digits
 
-typedef enum kn_recreep_way { KN_RECREEP_ELEMENT, KN_RECREEP_DIAGONALS, KN_RECREEP_GAS, KN_RECREEP_WAYS } kn_recreep_way;
+typedef enum kn_recreep_way {
+    KN_RECREEP_ELEMENT, KN_RECREEP_DIAGONALS, KN_RECREEP_GAS, KN_RECREEP_WAYS
+} kn_recreep_way;
 extern const char *const kn_recreep_name[KN_RECREEP_WAYS]; // "element", ...
 
 typedef struct kn_recreep {
     double *strain[KN_RECREEP_WAYS]; // at the readings of its curve; ended by kn_recreep_free
-    double from_data[KN_RECREEP_WAYS], from_element[KN_RECREEP_WAYS]; // root mean squares, of the largest strain measured
+    // root mean squares, of the largest strain measured
+    double from_data[KN_RECREEP_WAYS], from_element[KN_RECREEP_WAYS];
 } kn_recreep;
 
 // scene: a file of a block, whose material it is. An exit code, after a complaint. Takes seconds, and shows it.

@@ -192,20 +192,20 @@ static int report(const options *o, const kn_scene *scene, const kn_latency *l)
     return code;
 }
 
-static int measure(const options *o, const char *path, const kn_scene *scene, kn_served *served)
+static int measure(const options *o, const char *path, const kn_scene *scene, kn_latency_served *served)
 {
     kn_latency l = {.seconds = o->seconds, .drift_ppm = o->drift_ppm, .probe = scene->model.probe[0].name};
-    kn_served_urls(served, l.echo_url);
+    kn_latency_served_urls(served, l.echo_url);
     l.url = o->url ? o->url : served->url;
     kn_path *way = make_path(scene, o, &l.work);
     l.path = way;
     int code = way ? KN_EXIT_OK : KN_EXIT_INTERNAL;
-    if (code == KN_EXIT_OK && o->load) code = kn_served_load(served);
-    if (code == KN_EXIT_OK && !o->url) code = kn_served_start(served, path, o->phase ? o->phase : "lock");
+    if (code == KN_EXIT_OK && o->load) code = kn_latency_served_load(served);
+    if (code == KN_EXIT_OK && !o->url) code = kn_latency_served_start(served, path, o->phase ? o->phase : "lock");
     if (code == KN_EXIT_OK && !kn_latency_run(&l, &interrupted))
         code = kn_complain("latency", KN_EXIT_DEVICE, "%s", l.error);
-    kn_served_stop_load(served);
-    bool ended = kn_served_stop(served, &l.flights[KN_LATENCY_POSE]);
+    kn_latency_served_stop_load(served);
+    bool ended = kn_latency_served_stop(served, &l.flights[KN_LATENCY_POSE]);
     if (code == KN_EXIT_OK && !ended) code = kn_complain("latency", KN_EXIT_DEVICE, "kneadd did not end well");
     if (code == KN_EXIT_OK) code = report(o, scene, &l);
     kn_latency_free(&l);
@@ -227,7 +227,7 @@ int kn_latency_main(int argc, char **argv)
     if (scene->model.probe_count > 0) {
         signal(SIGINT, on_signal);
         signal(SIGTERM, on_signal);
-        kn_served served = {.trace = -1};
+        kn_latency_served served = {.trace = -1};
         code = measure(&o, path, scene, &served);
     } else {
         code = kn_complain("latency", KN_EXIT_USAGE, "%s: has no probe, expected a tool to measure with", scene->name);

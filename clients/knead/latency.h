@@ -58,21 +58,22 @@ bool kn_latency_run(kn_latency *l, const volatile int *stop);
 void kn_latency_free(kn_latency *l);
 
 // A kneadd and a stress-ng of our own; both end with this process, however it does.
-typedef struct kn_served {
+typedef struct kn_latency_served {
     int pid, load_pid, trace; // 0, 0, -1: none
     FILE *said;               // what kneadd writes on its standard output
     char url[KN_LATENCY_URL_SIZE], mesh_url[KN_LATENCY_URL_SIZE];
     char greeting[512]; // its first line
-} kn_served;
+} kn_latency_served;
 
 // Buses of this process's own, on LCM's group: the URLs of served, and one for the echo.
-void kn_served_urls(kn_served *s, char echo_url[KN_LATENCY_URL_SIZE]);
+void kn_latency_served_urls(kn_latency_served *s, char echo_url[KN_LATENCY_URL_SIZE]);
 // Starts the kneadd beside this program, else that of PATH, and waits until it serves. An exit code, after a complaint
 // of its own or of ours.
-int kn_served_start(kn_served *s, const char *scene, const char *phase);
-int kn_served_load(kn_served *s);                     // stress-ng, the same
-bool kn_served_stop(kn_served *s, kn_flights *poses); // and gives the poses their stages; false: kneadd ended badly
-void kn_served_stop_load(kn_served *s);
+int kn_latency_served_start(kn_latency_served *s, const char *scene, const char *phase);
+int kn_latency_served_load(kn_latency_served *s); // stress-ng, the same
+// And gives the poses their stages; false: kneadd ended badly.
+bool kn_latency_served_stop(kn_latency_served *s, kn_flights *poses);
+void kn_latency_served_stop_load(kn_latency_served *s);
 
 // What is said about it. Microseconds. A pose that the next one overtook has no answer of its own and is missed; in the
 // percentiles it is as late as the answer to the next, infinitely when there is none.

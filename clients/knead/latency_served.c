@@ -17,7 +17,7 @@
 static const int ports_from = 12000, ports_each = 3, ports_sets = 6000; // below those that Linux hands out
 
 // Two runs at once must not hear each other: stock liblcm tells buses apart by port only.
-void kn_served_urls(kn_served *s, char echo_url[KN_LATENCY_URL_SIZE])
+void kn_latency_served_urls(kn_latency_served *s, char echo_url[KN_LATENCY_URL_SIZE])
 {
     int port = ports_from + ports_each * (int)(getpid() % ports_sets);
     snprintf(s->url, sizeof s->url, "udpm://239.255.76.67:%d?ttl=0", port);
@@ -49,7 +49,7 @@ static const char *find_kneadd(char path[PATH_MAX])
     return access(path, X_OK) == 0 ? path : "kneadd";
 }
 
-int kn_served_start(kn_served *s, const char *scene, const char *phase)
+int kn_latency_served_start(kn_latency_served *s, const char *scene, const char *phase)
 {
     char program[PATH_MAX], trace[32];
     int pipes[2];
@@ -70,7 +70,7 @@ int kn_served_start(kn_served *s, const char *scene, const char *phase)
     return kn_complain("latency", KN_EXIT_DEVICE, "kneadd cannot be run: expected it beside knead, or in PATH");
 }
 
-int kn_served_load(kn_served *s)
+int kn_latency_served_load(kn_latency_served *s)
 {
     if (system("command -v stress-ng >/dev/null 2>&1") != 0)
         return kn_complain("latency", KN_EXIT_DEVICE, "--load: stress-ng is not installed (package stress-ng)");
@@ -83,7 +83,7 @@ int kn_served_load(kn_served *s)
     return kn_complain("latency", KN_EXIT_DEVICE, "--load: stress-ng ended at once");
 }
 
-void kn_served_stop_load(kn_served *s)
+void kn_latency_served_stop_load(kn_latency_served *s)
 {
     if (!s->load_pid) return;
     kill(s->load_pid, SIGTERM);
@@ -117,7 +117,7 @@ static void take_stages(FILE *trace, kn_flights *poses)
     }
 }
 
-bool kn_served_stop(kn_served *s, kn_flights *poses)
+bool kn_latency_served_stop(kn_latency_served *s, kn_flights *poses)
 {
     int status = 0;
     if (s->pid) {

@@ -30,6 +30,12 @@ foreign=$(comm -23 <(symbols --undefined-only "$lib" | sort -u) <(known | sort -
     grep -vE "^(__|_GLOBAL_OFFSET_TABLE_|($libc)\$)")
 [ -z "$foreign" ] && echo "ok   libknead calls libm, memory and strings" || { printf 'FAIL libknead calls %s\n' $foreign && fail=1; }
 
+# What is shared is named once: a program may link any of the libraries together.
+libraries=$(find "$KN_BUILD" -name 'libknead*.a' ! -path '*/hdl/*')
+twice=$(for one in $libraries; do symbols --defined-only "$one" | grep -E '^kn_' | sort -u; done | sort | uniq -d)
+[ -n "$libraries" ] && [ -z "$twice" ] && echo "ok   no name is defined by two libraries" ||
+    { printf 'FAIL defined by two libraries: %s\n' "$twice" && fail=1; }
+
 # The servo reaches the lattice through server/backend/backend.h alone.
 found=$(grep -rnE '\b(kn_step|kn_state_create|kn_state_reset) *\(' --include='*.c' server | grep -v '^server/backend/')
 [ -z "$found" ] && echo "ok   only server/backend steps the lattice" || { printf 'FAIL %s\n' "$found" && fail=1; }
