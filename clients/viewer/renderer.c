@@ -26,7 +26,7 @@ static const float arrow_color[3] = {0.86f, 0.30f, 0.12f};
 struct kn_renderer {
     kn_offscreen *screen;
     const kn_gl *gl;
-    GLuint depth, solid, table, edge; // programs
+    GLuint depth, solid, table, bare, edge; // programs; bare: the table where nothing casts a shadow
     GLuint shadow_frame, shadow_map;
     kn_tools tools;
     kn_form square, object, edges;
@@ -99,8 +99,9 @@ static bool create(kn_renderer *r, char *error, size_t error_size)
     r->depth = kn_gl_program(gl, kn_shader_depth_vertex, kn_shader_depth_fragment, error, error_size);
     r->solid = kn_gl_program(gl, kn_shader_solid_vertex, kn_shader_solid_fragment, error, error_size);
     r->table = kn_gl_program(gl, kn_shader_table_vertex, kn_shader_table_fragment, error, error_size);
+    r->bare = kn_gl_program(gl, kn_shader_table_vertex, kn_shader_bare_fragment, error, error_size);
     r->edge = kn_gl_program(gl, kn_shader_edge_vertex, kn_shader_edge_fragment, error, error_size);
-    if (!r->depth || !r->solid || !r->table || !r->edge) return false;
+    if (!r->depth || !r->solid || !r->table || !r->bare || !r->edge) return false;
     create_shapes(r);
     if (create_shadow_map(r)) return true;
     snprintf(error, error_size, "OpenGL makes no shadow map of %d x %d", SHADOW_SIZE(r), SHADOW_SIZE(r));
@@ -441,7 +442,7 @@ double kn_renderer_bar(const kn_renderer *r, float at[2])
     return r->square_m;
 }
 
-static void draw_table(const kn_renderer *r, const float foot[4], float corner)
+static void draw_table(const kn_renderer *r, GLuint program, const float foot[4], float corner)
 {
     const kn_gl *gl = r->gl;
     const float tan_half = r->camera.tan_half, tan_half_x = tan_half * r->camera.aspect;
@@ -452,19 +453,37 @@ static void draw_table(const kn_renderer *r, const float foot[4], float corner)
         sight[1][i] = tan_half * r->camera.up[i];
         sight[2][i] = -r->camera.back[i];
     }
-    use_lit(r, r->table);
-    set_color(gl, r->table, table_color);
-    set_vector(gl, r->table, "u_right", sight[0]);
-    set_vector(gl, r->table, "u_up", sight[1]);
-    set_vector(gl, r->table, "u_forward", sight[2]);
-    gl->Uniform4fv(gl->GetUniformLocation(r->table, "u_foot"), 1, foot);
-    set_number(gl, r->table, "u_corner", corner);
-    gl->Uniform4fv(gl->GetUniformLocation(r->table, "u_bar"), 1, bar);
-    set_number(gl, r->table, "u_square", s);
-    set_number(gl, r->table, "u_reach", 4 * scale_of(r->skin));
-    set_number(gl, r->table, "u_level", level_of(r));
+    use_lit(r, program);
+    set_color(gl, program, table_color);
+    set_vector(gl, program, "u_right", sight[0]);
+    set_vector(gl, program, "u_up", sight[1]);
+    set_vector(gl, program, "u_forward", sight[2]);
+    gl->Uniform4fv(gl->GetUniformLocation(program, "u_foot"), 1, foot);
+    set_number(gl, program, "u_corner", corner);
+    gl->Uniform4fv(gl->GetUniformLocation(program, "u_bar"), 1, bar);
+    set_number(gl, program, "u_square", s);
+    set_number(gl, program, "u_reach", 4 * scale_of(r->skin));
+    set_number(gl, program, "u_level", level_of(r));
     gl->BindVertexArray(r->square.array);
     gl->DrawArrays(GL_TRIANGLES, 0, r->square.corners);
+}
+
+// The table within a part of the picture: `near`, in that part, where the object and its shadows may be, and around it.
+static void draw_table_parts(const kn_renderer *r, kn_gl_region part, kn_gl_region near, const float foot[4],
+                             float corner)
+{
+    if (near.width == 0) near.x = part.x, near.y = part.y; // nowhere
+    const int right = near.x + near.width, top = near.y + near.height, end = part.x + part.width;
+    const kn_gl_region around[] = {{part.x, part.y, part.width, near.y - part.y},
+                                   {part.x, top, part.width, part.y + part.height - top},
+                                   {part.x, near.y, near.x - part.x, near.height},
+                                   {right, near.y, end - right, near.height},
+                                   near};
+    for (int i = 0; i < 5; i++) {
+        if (around[i].width <= 0 || around[i].height <= 0) continue;
+        r->gl->Scissor(around[i].x, around[i].y, around[i].width, around[i].height);
+        draw_table(r, i < 4 ? r->bare : r->table, foot, corner);
+    }
 }
 
 // The table without an object is the same as long as nobody moves the camera. False: it has moved since the picture
@@ -476,9 +495,8 @@ static bool draw_backdrop(kn_renderer *r)
     memcpy(r->last_camera, r->camera.matrix, sizeof r->last_camera);
     if (!still || memcmp(r->camera.matrix, r->backdrop_camera, sizeof r->backdrop_camera) == 0) return still;
     memcpy(r->backdrop_camera, r->camera.matrix, sizeof r->backdrop_camera);
-    clear_shadow_map(r);
     kn_gl_target_backdrop(r->gl, kn_offscreen_target(r->screen));
-    draw_table(r, nobody, 0);
+    draw_table(r, r->bare, nobody, 0);
     return true;
 }
 
@@ -542,7 +560,6 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     kn_region_find(&seen, &r->tools, scene, r->skin->vertex_count, foot, &region, &table);
     upload(r, scene);
     const bool before_backdrop = draw_backdrop(r);
-    const kn_gl_region all = {0, 0, r->width, r->height};
 
     gl->Enable(GL_DEPTH_TEST);
     draw_shadow_map(r, scene);
@@ -556,12 +573,11 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     gl->Disable(GL_CULL_FACE);
 
     kn_gl_target_picture(gl, target, region);
-    const kn_gl_region rest = !before_backdrop ? all : soft ? region : table; // where the backdrop is not there already
-    gl->Scissor(rest.x, rest.y, rest.width, rest.height);
+    const kn_gl_region all = {0, 0, r->width, r->height};
     if (soft) gl->Disable(GL_DEPTH_TEST);
     if (soft) gl->Enable(GL_BLEND);
     gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE); // behind what is there
-    draw_table(r, foot, corner);
+    draw_table_parts(r, !before_backdrop ? all : soft ? region : table, table, foot, corner); // elsewhere the backdrop is
     gl->Disable(GL_BLEND);
     gl->Enable(GL_CULL_FACE);
     gl->Scissor(region.x, region.y, region.width, region.height);

@@ -103,33 +103,47 @@ static const char *const kn_shader_table_vertex = KN_GLSL
     "    gl_Position = vec4(a_position.xy, 0.999999, 1.0);\n" // behind everything
     "}\n";
 
-// Squares of u_square metres, every fifth line stronger; a bar as long as one square; fades into the background. Beside
-// the object, u_height tall, the sky is hidden by it: darker near its footprint u_foot (low x, low y, high x, high y), whose corners are rounded by u_corner.
-static const char *const kn_shader_table_fragment = KN_GLSL KN_GLSL_SHADOW
-    "in vec3 v_sight;\n"
-    "uniform vec3 u_color, u_eye;\n"
-    "uniform mat4 u_light;\n"
-    "uniform vec4 u_foot, u_bar;\n"
-    "uniform float u_corner, u_square, u_reach, u_height, u_level;\n"
-    "out vec4 o_color;\n"
-    "float grid(vec2 p, vec2 pixel, float width)\n"
-    "{\n"
-    "    vec2 d = abs(fract(p - 0.5) - 0.5) / pixel;\n"
-    "    vec2 strength = clamp(width + 0.5 - d, 0.0, 1.0) * clamp(0.25 / pixel, 0.0, 1.0);\n"
-    "    return max(strength.x, strength.y);\n"
+// Squares of u_square metres, every fifth line stronger; a bar as long as one square; fades into the background. dim: what
+// the object takes from its light.
+#define KN_GLSL_TABLE                                                                                                  \
+    "in vec3 v_sight;\n"                                                                                               \
+    "uniform vec3 u_color, u_eye;\n"                                                                                   \
+    "uniform vec4 u_bar;\n"                                                                                            \
+    "uniform float u_square, u_reach, u_level;\n"                                                                      \
+    "out vec4 o_color;\n"                                                                                              \
+    "float grid(vec2 p, vec2 pixel, float width)\n"                                                                    \
+    "{\n"                                                                                                              \
+    "    vec2 d = abs(fract(p - 0.5) - 0.5) / pixel;\n"                                                                \
+    "    vec2 strength = clamp(width + 0.5 - d, 0.0, 1.0) * clamp(0.25 / pixel, 0.0, 1.0);\n"                          \
+    "    return max(strength.x, strength.y);\n"                                                                        \
+    "}\n"                                                                                                              \
+    "float away(vec2 p, vec4 box) { return length(max(max(box.xy - p, p - box.zw), 0.0)); }\n"                         \
+    "float dim(vec3 p);\n"                                                                                             \
+    "void main()\n"                                                                                                    \
+    "{\n"                                                                                                              \
+    "    vec3 p = u_eye + v_sight * (u_level - u_eye.z) / min(v_sight.z, -1e-4);\n" /* beyond the horizon: far away */ \
+    "    vec2 pixel = fwidth(p.xy) / u_square;\n"                                                                      \
+    "    float fade = 1.0 - smoothstep(0.35, 1.0, length(p.xy) / u_reach);\n"                                          \
+    "    float lines = max(0.16 * grid(p.xy / u_square, pixel, 0.6), 0.30 * grid(p.xy / (5.0 * u_square), pixel / 5.0, 0.8));\n" \
+    "    float shade = (1.0 - lines) * dim(p);\n"                                                                          \
+    "    float bar = clamp(1.0 - away(p.xy, u_bar) / (u_square * max(pixel.x, pixel.y)), 0.0, 1.0);\n"                 \
+    "    o_color = vec4(sqrt(u_color * mix(1.0, mix(shade, 0.03, bar), fade)), 1.0);\n"                                \
     "}\n"
-    "float away(vec2 p, vec4 box) { return length(max(max(box.xy - p, p - box.zw), 0.0)); }\n"
-    "void main()\n"
+
+// Beside the object, u_height tall, the sky is hidden by it: darker near its footprint u_foot (low x, low y, high x,
+// high y), whose corners are rounded by u_corner.
+static const char *const kn_shader_table_fragment = KN_GLSL KN_GLSL_SHADOW KN_GLSL_TABLE
+    "uniform mat4 u_light;\n"
+    "uniform vec4 u_foot;\n"
+    "uniform float u_corner, u_height;\n"
+    "float dim(vec3 p)\n"
     "{\n"
-    "    vec3 p = u_eye + v_sight * (u_level - u_eye.z) / min(v_sight.z, -1e-4);\n" // beyond the horizon: far away
-    "    vec2 pixel = fwidth(p.xy) / u_square;\n"
-    "    float fade = 1.0 - smoothstep(0.35, 1.0, length(p.xy) / u_reach);\n"
-    "    float lines = max(0.16 * grid(p.xy / u_square, pixel, 0.6), 0.30 * grid(p.xy / (5.0 * u_square), pixel / 5.0, 0.8));\n"
     "    vec4 inner = u_foot + vec4(u_corner, u_corner, -u_corner, -u_corner);\n"
-    "    float near = max(1.0 - max(away(p.xy, inner) - u_corner, 0.0) / (0.6 * u_height), 0.0), hidden = 0.45 * near * near * near;\n"
-    "    float shade = (1.0 - lines) * (1.0 - hidden) * mix(0.62, 1.0, lit((u_light * vec4(p, 1.0)).xyz));\n"
-    "    float bar = clamp(1.0 - away(p.xy, u_bar) / (u_square * max(pixel.x, pixel.y)), 0.0, 1.0);\n"
-    "    o_color = vec4(sqrt(u_color * mix(1.0, mix(shade, 0.03, bar), fade)), 1.0);\n"
+    "    float near = max(1.0 - max(away(p.xy, inner) - u_corner, 0.0) / (0.6 * u_height), 0.0);\n"
+    "    return (1.0 - 0.45 * near * near * near) * mix(0.62, 1.0, lit((u_light * vec4(p, 1.0)).xyz));\n"
     "}\n";
+
+// Where the object is out of sight and nothing casts a shadow: the same colours.
+static const char *const kn_shader_bare_fragment = KN_GLSL KN_GLSL_TABLE "float dim(vec3 p) { return 1.0; }\n";
 
 #endif
