@@ -6,7 +6,8 @@
 #include <string.h>
 
 // The unknowns beyond the six are how late each curve's load came.
-enum { LATE = KN_JOINT_NUMBERS };
+enum { LATE = KN_JOINT_NUMBERS, ROW = 3 }; // more outliers than that beside each other are the model's
+_Static_assert(LATE + KN_CURVES_MAX <= KN_FIT_UNKNOWNS, "every curve's load may be late");
 _Static_assert(KN_CURVE_STEPS <= KN_CHAIN_STEPS, "a curve's loads are a chain's");
 
 static const double huber = 3;    // deviations beyond which a reading pulls no harder, while outliers are looked for
@@ -98,24 +99,57 @@ static bool misfit(void *of, const double *value, double *residual)
 
 // ---- what was measured
 
-static void visited(kn_joint *j, int curves, const kn_curve *curve)
+static int by_size(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+// The middle one of the last readings up to a time: an outlier among them does not matter. 0 before the first.
+static double strain_at(const kn_curve *c, double until_s)
+{
+    enum { LAST = 5 };
+    double last[LAST];
+    int n = 0, end = 0;
+    while (end < c->count && c->time_s[end] <= until_s) end++;
+    for (int i = end - 1; i >= 0 && n < LAST; i--) last[n++] = c->value[i];
+    qsort(last, (size_t)n, sizeof *last, by_size);
+    return n ? last[n / 2] : 0;
+}
+
+static double step_end(const kn_curve *c, int step)
+{
+    return step + 1 < c->steps ? c->step[step + 1].time_s : c->time_s[c->count - 1];
+}
+
+// Least and largest stress of all loads, from the strains at which each of them came and went.
+static void visit(kn_joint *j, const kn_curve *c, const double end_strain[KN_CURVE_STEPS])
+{
+    for (int i = 0; i < c->steps; i++) {
+        const double load = c->step[i].stress_pa, begun = i ? end_strain[i - 1] : 0;
+        if (load == 0) continue;
+        const double first = load * (c->constant_area ? 1 : 1 - begun);
+        const double last = load * (c->constant_area ? 1 : 1 - end_strain[i]);
+        j->lowest_pa = fmin(j->lowest_pa, fmin(first, last));
+        j->highest_pa = fmax(j->highest_pa, fmax(first, last));
+    }
+}
+
+static void visit_all(kn_joint *j, int curves, const double (*end_strain)[KN_CURVE_STEPS], const kn_curve *curve)
 {
     j->lowest_pa = INFINITY;
     j->highest_pa = 0;
-    for (int k = 0; k < curves; k++) {
-        const kn_curve *c = &curve[k];
-        for (int i = 0; i < c->steps; i++) {
-            double load = c->step[i].stress_pa, begun = 0;
-            double until = i + 1 < c->steps ? c->step[i + 1].time_s : (double)INFINITY;
-            if (load == 0) continue;
-            for (int n = 0; n < c->count && c->time_s[n] <= until; n++) {
-                if (c->time_s[n] <= c->step[i].time_s) begun = c->value[n]; // the last before this load
-                else j->lowest_pa = fmin(j->lowest_pa, load * (c->constant_area ? 1 : 1 - c->value[n]));
-            }
-            j->highest_pa = fmax(j->highest_pa, load * (c->constant_area ? 1 : 1 - begun));
-        }
-    }
+    for (int k = 0; k < curves; k++) visit(j, &curve[k], end_strain[k]);
     j->lowest_pa = fmin(fmax(j->lowest_pa, 1e-3 * j->highest_pa), j->highest_pa);
+}
+
+// By the readings: near enough for a search to begin.
+static void visited(kn_joint *j, int curves, const kn_curve *curve)
+{
+    double end_strain[KN_CURVES_MAX][KN_CURVE_STEPS];
+    for (int k = 0; k < curves; k++)
+        for (int i = 0; i < curve[k].steps; i++) end_strain[k][i] = strain_at(&curve[k], step_end(&curve[k], i));
+    visit_all(j, curves, end_strain, curve);
 }
 
 static double largest_strain(int curves, const kn_curve *curve)
@@ -145,7 +179,7 @@ static void bound(kn_fit *fit, const kn_joint *j, int curves, const kn_curve *cu
     const double high[] = {1e6 * stiff, 1e4 * viscous, 1e15 * viscous, 100 / top, top, 3 * top};
     for (int i = 0; i < KN_JOINT_NUMBERS; i++)
         fit->unknown[i] = (kn_fit_unknown){.name = name[i], .low = low[i], .high = high[i]};
-    fit->unknown[KN_JOINT_P0].value = j->lowest_pa;
+    fit->unknown[KN_JOINT_P0].value = 0.5 * j->lowest_pa; // well below: no reading meets it
     fit->unknown[KN_JOINT_P1].value = top;
     fit->unknown[KN_JOINT_P0].fixed = fit->unknown[KN_JOINT_P1].fixed = true;
     fit->unknowns = KN_JOINT_NUMBERS;
@@ -211,6 +245,29 @@ static int best_two(kn_fit *fit, int starts, double start[4][KN_FIT_UNKNOWNS])
     return starts < 2 ? starts : 2;
 }
 
+// The stresses that the fitted element has borne. The last reading before a load is taken off is not its end, and noise
+// and outliers have their own ideas of it. P0, which the search had below all of them, comes up to the least: nothing
+// that was measured changes by that.
+static bool visited_by_fit(kn_joint *j, joint_work *w, kn_fit *fit)
+{
+    double end_strain[KN_CURVES_MAX][KN_CURVE_STEPS], end_s[KN_CURVE_STEPS], value[KN_FIT_UNKNOWNS];
+    values(fit, value);
+    const kn_material m = material_of(value);
+    for (int k = 0; k < w->curves; k++) {
+        kn_curve ends = w->curve[k];
+        for (int i = 0; i < ends.steps; i++) end_s[i] = step_end(&w->curve[k], i);
+        ends.time_s = end_s;
+        ends.count = ends.steps;
+        if (!kn_joint_predict(&m, &ends, w->late ? value[LATE + k] : 0, end_strain[k])) return false;
+    }
+    visit_all(j, w->curves, end_strain, w->curve);
+    kn_fit_unknown *p0 = &fit->unknown[KN_JOINT_P0];
+    p0->low = 0.1 * j->lowest_pa;
+    p0->value = j->lowest_pa;
+    fit->unknown[KN_JOINT_P1].low = fmin(j->lowest_pa, fit->unknown[KN_JOINT_P1].value);
+    return true;
+}
+
 // P1 let go from several shares of the largest stress; kept where that is better.
 static bool seek_p1(kn_fit *fit, const kn_joint *j)
 {
@@ -220,7 +277,7 @@ static bool seek_p1(kn_fit *fit, const kn_joint *j)
     for (int k = 0; k < 3; k++) {
         values(fit, start[count]);
         start[count][KN_JOINT_P1] = share[k] * j->highest_pa;
-        if (start[count][KN_JOINT_P1] > 1.02 * fit->unknown[KN_JOINT_P0].value) count++;
+        if (start[count][KN_JOINT_P1] > 1.02 * j->lowest_pa) count++;
     }
     values(fit, start[count]); // beyond the largest, where it has no gradient
     start[count++][KN_JOINT_P1] = 1.1 * j->highest_pa;
@@ -251,12 +308,6 @@ static bool seek_p0(kn_fit *fit, const kn_joint *j, double confidence)
 
 // ---- outliers
 
-static int by_size(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 // Deviations of one curve's readings from the fit, in units of their own median: 1 is what noise makes usual.
 static bool deviations(const joint_work *w, const kn_fit *fit, int k, double *out)
 {
@@ -276,6 +327,15 @@ static bool deviations(const joint_work *w, const kn_fit *fit, int k, double *ou
     return ok;
 }
 
+// How many readings beside each other, this one among them, are off by half of what an outlier is.
+static int beside(const double *d, int n, int at)
+{
+    int from = at, to = at;
+    while (from > 0 && fabs(d[from - 1]) > outlying / 2) from--;
+    while (to + 1 < n && fabs(d[to + 1]) > outlying / 2) to++;
+    return to - from + 1;
+}
+
 static int leave_out(kn_joint *j, const joint_work *w, const kn_fit *fit)
 {
     int count = 0;
@@ -285,8 +345,7 @@ static int leave_out(kn_joint *j, const joint_work *w, const kn_fit *fit)
         int n = w->curve[k].count;
         if (!deviations(w, fit, k, d)) continue;
         for (int i = 0; i < n && j->outliers < KN_JOINT_OUTLIERS; i++) {
-            bool row = (i > 0 && fabs(d[i - 1]) > outlying / 2) || (i + 1 < n && fabs(d[i + 1]) > outlying / 2);
-            if (fabs(d[i]) <= outlying || row) continue;
+            if (fabs(d[i]) <= outlying || beside(d, n, i) > ROW) continue;
             left_out[i] = true;
             j->outlier[j->outliers++] = (kn_joint_outlier){k, i, fabs(d[i])};
             count++;
@@ -384,6 +443,15 @@ static bool conclude(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_opt
     return true;
 }
 
+static bool seek_late(joint_work *w, kn_fit *fit)
+{
+    w->late = true;
+    for (int k = 0; k < w->curves; k++)
+        fit->unknown[LATE + k] = (kn_fit_unknown){.name = "late", .low = -5, .high = 5, .linear = true};
+    fit->unknowns = LATE + w->curves;
+    return fit->readings > fit->unknowns && kn_fit_run(fit);
+}
+
 static bool search(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_options *opt)
 {
     double start[4][KN_FIT_UNKNOWNS];
@@ -393,14 +461,9 @@ static bool search(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_optio
     if (!constant(j) && !seek_p1(fit, j)) return false;
     w->robust = false;
     fit->readings -= leave_out(j, w, fit);
-    if (fit->readings <= KN_FIT_UNKNOWNS || !kn_fit_run(fit)) return false;
+    if (fit->readings <= KN_JOINT_NUMBERS || !kn_fit_run(fit) || !visited_by_fit(j, w, fit)) return false;
     if (!constant(j) && !seek_p0(fit, j, opt->confidence)) return false;
-    if (!opt->late || LATE + w->curves > KN_FIT_UNKNOWNS) return true;
-    w->late = true;
-    for (int k = 0; k < w->curves; k++)
-        fit->unknown[LATE + k] = (kn_fit_unknown){.name = "late", .low = -5, .high = 5, .linear = true};
-    fit->unknowns = LATE + w->curves;
-    return kn_fit_run(fit);
+    return !opt->late || seek_late(w, fit);
 }
 
 bool kn_joint_fit(kn_joint *joint, int curves, const kn_curve *curve, const kn_joint_options *opt)

@@ -15,8 +15,8 @@
 // Curves of one stress alone (a constant area, a small strain, or a compliance) say one number of the damper: it is
 // constant then, c2.
 //
-// Readings that stand alone more than five standard deviations from the curve are left out and named; where they come
-// in rows the model is wrong, not the reading, and they stay.
+// Readings that stand more than five standard deviations from the curve, alone or up to three beside each other, are
+// left out and named; where they come in longer rows the model is wrong, not the reading, and they stay.
 #include "clients/identify/curve.h"
 #include "clients/identify/identified.h"
 

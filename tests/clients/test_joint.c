@@ -140,6 +140,49 @@ TEST("an outlier is left out and named; missing and late readings do no harm")
     end(c, 5);
 }
 
+TEST("outliers move no bound of P0; two beside each other are left out, too")
+{
+    kn_joint with, without;
+    kn_curve c = creeps_of(&creeps_dough, 50, 60, 70, 0.3);
+    creeps_noise(&c, &c, 0.01);
+    CHECK(kn_joint_fit(&without, 1, &c, &usual));
+    c.value[30] = 0.97; // as if 50 gf had pressed with 1.5
+    c.value[100] += 0.08;
+    c.value[101] += 0.09;
+    CHECK(kn_joint_fit(&with, 1, &c, &usual));
+    CHECK(with.outliers == without.outliers + 3);
+    CHECK_NEAR(with.lowest_pa / without.lowest_pa, 1, 2e-3);
+    CHECK_NEAR(with.material.p0_pa / GF, 26.3, 0.3);
+    creeps_free(&c);
+}
+
+TEST("a handful of readings without noise is enough, wherever they lie: the load's end is the element's, not the last reading's")
+{
+    static const double every_s[] = {3, 9, 13};
+    for (int k = 0; k < 3; k++) {
+        kn_joint j;
+        kn_curve c = creeps_of(&creeps_dough, 50, 60, 70, every_s[k]);
+        CHECK(kn_joint_fit(&j, 1, &c, &usual));
+        for (int i = 0; i < KN_JOINT_P0; i++) CHECK_NEAR(off(&j, i), 0, 1e-3);
+        CHECK_NEAR(j.lowest_pa / GF, 26.33, 0.02);
+        creeps_free(&c);
+    }
+}
+
+TEST("ten loads, each late by a time of its own")
+{
+    static const double gf[] = {5, 10, 15, 20, 25, 30, 40, 50, 60, 70}; // below P1: what is beyond it looks like a delay
+    kn_curve c[10];
+    kn_joint j;
+    for (int k = 0; k < 10; k++) {
+        c[k] = creeps_of(&creeps_dough, gf[k], 60, 70, 1);
+        for (int i = 0; i < c[k].count; i++) c[k].time_s[i] += 0.03 * k;
+    }
+    CHECK(kn_joint_fit(&j, 10, c, &(kn_joint_options){.confidence = 0.95, .late = true, .no_intervals = true}));
+    for (int k = 0; k < 10; k++) CHECK_NEAR(j.late_s[k], 0.03 * k, 0.01);
+    end(c, 10);
+}
+
 TEST("a load that came 0.15 s late is found, and bends c1 where it is not looked for")
 {
     kn_curve c[5];
