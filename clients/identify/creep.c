@@ -91,8 +91,10 @@ static void print_curves(const work *w)
         const kn_curve *c = &w->curve[k];
         double most = 0;
         for (int i = 0; i < c->count; i++) most = fmax(most, c->value[i]);
-        printf("%-20s %9.4g %9d %10.2g %9.3g %9.2g", c->name, c->step[0].stress_pa / 1e3, c->count,
-               100 * j->rms[k] / most, j->rms[k] / c->noise, j->runs[k]);
+        char runs[20] = "-"; // too few readings to say
+        if (isfinite(j->runs[k])) snprintf(runs, sizeof runs, "%.2g", j->runs[k]);
+        printf("%-20s %9.4g %9d %10.2g %9.3g %9s", c->name, c->step[0].stress_pa / 1e3, c->count,
+               100 * j->rms[k] / most, j->rms[k] / c->noise, runs);
         if (w->opt.late) printf("   came %.3g s %s", fabs(j->late_s[k]), j->late_s[k] < 0 ? "early" : "late");
         printf("\n");
     }
@@ -136,6 +138,18 @@ __attribute__((format(printf, 2, 3))) static void doubt(work *w, const char *for
     kn_result_text(kn_result_add("notes"), "words", note);
 }
 
+static int under_load(const kn_curve *c)
+{
+    int n = 0;
+    for (int i = 0; i < c->count; i++) n += kn_joint_load(c, c->time_s[i]) > 0;
+    return n;
+}
+
+static bool follows_change(const kn_curve *c, int reading)
+{
+    return reading < 2 || kn_joint_load(c, c->time_s[reading - 2]) != kn_joint_load(c, c->time_s[reading]);
+}
+
 static void doubt_curves(work *w)
 {
     const kn_joint *j = &w->joint;
@@ -144,10 +158,14 @@ static void doubt_curves(work *w)
         if (!isfinite(kn_joint_release(c)))
             doubt(w, "%s: its load was never taken off, or the file does not say when: k1 and c1 rest on how it gave "
                   "way, not on what came back", c->name);
-        if (j->runs[k] > 3)
+        // noise is known to 1.7/sqrt(n) of itself, by its median; far below it, what is left is nothing to anybody
+        const double times = j->rms[k] / c->noise, sure = 1 + 5 / sqrt(c->count);
+        if ((j->runs[k] > 3 && times > 0.5) || times > sure)
             doubt(w, "%s: what is left after the fit is no noise (%.3g times as much, runs %.2g): the model, the "
-                  "moment of the load or a scale is wrong, and the intervals speak of noise alone", c->name,
-                  j->rms[k] / c->noise, j->runs[k]);
+                  "moment of the load%s or a scale is wrong, and the intervals speak of noise alone", c->name, times,
+                  j->runs[k], w->opt.late ? "" : " (--late fits it)");
+        if (under_load(c) == 0)
+            doubt(w, "%s: no reading under its load: how it gave way is known from its end alone", c->name);
     }
 }
 
@@ -164,8 +182,11 @@ static void doubt_all(work *w)
     for (int i = 0; i < j->outliers; i++) {
         const kn_joint_outlier *o = &j->outlier[i];
         const kn_curve *c = &w->curve[o->curve];
-        doubt(w, "%s:%d:1: left out, %.2g standard deviations from the curve while its neighbours are not", c->file,
-              c->line[o->reading], o->deviations);
+        doubt(w, "%s:%d:1: left out, %.3g standard deviations from the curve while those around it are not%s", c->file,
+              c->line[o->reading], o->deviations,
+              follows_change(c, o->reading) && !w->opt.late
+                  ? "; it follows a change of the load, which may have come at another moment: --late"
+                  : "");
     }
 }
 

@@ -284,6 +284,26 @@ static bool has_numbers(const kn_sheet *s, int column)
     return false;
 }
 
+// Of two columns that say the same in other words one is used; which, is said.
+static void say_unused(kn_curve_file *f, const columns *c)
+{
+    static const kn_role values[] = {KN_STRAIN, KN_DISPLACEMENT, KN_HEIGHT, KN_COMPLIANCE}, loads[] = {KN_STRESS, KN_LOAD};
+    for (int i = 0; i < 4 && c->value >= 0; i++) {
+        const int other = values[i] == c->what ? -1 : kn_role_find(&f->sheet, values[i], NULL);
+        if (other >= 0 && other != c->value)
+            kn_curve_say(f, "the column of %s is used, not that of %s", kn_role_name(c->what), kn_role_name(values[i]));
+    }
+    for (int i = 0; i < 2 && c->load >= 0; i++) {
+        const int other = loads[i] == c->load_is ? -1 : kn_role_find(&f->sheet, loads[i], NULL);
+        if (other >= 0 && other != c->load)
+            kn_curve_say(f, "the column of %s is used, not that of %s", kn_role_name(c->load_is), kn_role_name(loads[i]));
+    }
+    for (int i = 0; i < f->sheet.notes && c->load >= 0; i++)
+        if (!strcmp(f->sheet.note[i].key, "load") || !strcmp(f->sheet.note[i].key, "stress"))
+            kn_curve_say(f, "the column of %s is used, not what line %d says", kn_role_name(c->load_is),
+                         f->sheet.note[i].line);
+}
+
 int kn_curve_load_creep(kn_curve_file *f)
 {
     columns c = {0};
@@ -299,6 +319,7 @@ int kn_curve_load_creep(kn_curve_file *f)
     if (code != KN_EXIT_OK) return code;
     if (c.load >= 0 && !has_numbers(&f->sheet, c.load)) c.load = key = -1; // a name without a column
     if (c.loads) return add_wide(f, &c);
+    say_unused(f, &c);
     if (key >= 0) join_recoveries(f, &c, key);
     return add_long(f, &c, key);
 }

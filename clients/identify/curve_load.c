@@ -4,6 +4,7 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -108,15 +109,25 @@ int kn_curve_load_given(kn_curve_file *f, const kn_readings *r, bool compliance,
     return KN_EXIT_OK;
 }
 
+static int bad_release(const kn_curve_file *f, double from_s, double to_s)
+{
+    const kn_sheet *s = &f->sheet;
+    int n = 0;
+    while (n < s->notes && strcmp(s->note[n].key, "release") != 0) n++;
+    char text[160];
+    snprintf(text, sizeof text,
+             "released at %g s, expected a time between the load, %g s, and the last reading, %g s", f->release_s,
+             from_s, to_s);
+    if (n < s->notes) return kn_sheet_complain(s, s->note[n].line, s->note[n].at, "%s", text);
+    return kn_complain(s->subcommand, KN_EXIT_USAGE, "%s: %s", s->file, text);
+}
+
 int kn_curve_load_release(kn_curve_file *f, const kn_readings *r, kn_curve *c)
 {
     if (!isfinite(f->release_s)) return KN_EXIT_OK;
     kn_curve_step *last = &c->step[c->steps - 1];
     if (f->release_s <= c->step[0].time_s || f->release_s > r->time_s[r->count - 1])
-        return kn_complain(f->sheet.subcommand, KN_EXIT_USAGE,
-                           "%s: released at %g s, expected a time between the load, %g "
-                           "s, and the last reading, %g s",
-                           f->sheet.file, f->release_s, c->step[0].time_s, r->time_s[r->count - 1]);
+        return bad_release(f, c->step[0].time_s, r->time_s[r->count - 1]);
     if (last->stress_pa > 0) {
         if (c->steps == KN_CURVE_STEPS || f->release_s <= last->time_s) return KN_EXIT_OK;
         last = &c->step[c->steps++];

@@ -2,6 +2,7 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/number.h"
+#include "clients/knead/output.h"
 #include "clients/knead/result.h"
 #include "core/scene/units.h"
 #include <getopt.h>
@@ -101,6 +102,29 @@ static int take_option(kn_identify_options *opt, int option, const char *text)
     }
 }
 
+// Nothing that is read is written over, no two outputs are one, and no readings count twice.
+static int keep_apart(const kn_identify_options *opt)
+{
+    const char *const name[] = {"out", "png", "csv", "report"}, *const output[] = {opt->out, opt->png, opt->csv,
+                                                                                    opt->report};
+    for (int i = 0; i < 4; i++)
+        for (int k = 0; output[i] && k < opt->files; k++)
+            if (kn_output_same(output[i], opt->file[k]))
+                return kn_complain(opt->subcommand, KN_EXIT_USAGE, "--%s %s: is being read, expected another name",
+                                   name[i], output[i]);
+    for (int i = 0; i < 4; i++)
+        for (int k = i + 1; output[i] && k < 4; k++)
+            if (output[k] && (kn_output_holds(output[i], output[k]) || kn_output_holds(output[k], output[i])))
+                return kn_complain(opt->subcommand, KN_EXIT_USAGE, "--%s %s and --%s %s: expected names apart",
+                                   name[i], output[i], name[k], output[k]);
+    for (int i = 0; i < opt->files; i++)
+        for (int k = i + 1; k < opt->files; k++)
+            if (kn_output_same(opt->file[i], opt->file[k]))
+                return kn_complain(opt->subcommand, KN_EXIT_USAGE, "%s and %s: one file, expected its readings once",
+                                   opt->file[i], opt->file[k]);
+    return KN_EXIT_OK;
+}
+
 int kn_identify_options_parse(kn_identify_options *opt, const char *subcommand, char experiment, const char *help,
                               int argc, char **argv, bool *done)
 {
@@ -125,7 +149,7 @@ int kn_identify_options_parse(kn_identify_options *opt, const char *subcommand, 
     for (int i = optind; i < argc; i++) opt->file[opt->files++] = argv[i];
     if (opt->files == 0)
         return kn_complain(subcommand, KN_EXIT_USAGE, "expected a file of readings, CSV; --help tells its columns");
-    return KN_EXIT_OK;
+    return keep_apart(opt);
 }
 
 void kn_identify_options_free(kn_identify_options *opt) { free(opt->file); }

@@ -83,6 +83,19 @@ static bool is_called(const kn_heading *h, const char *name)
 
 static const bool may_be_bare[KN_ROLE_COUNT] = {[KN_STRAIN] = true, [KN_TANGENT] = true};
 
+static bool is_it(const kn_heading *h, kn_role role)
+{
+    return h->has_unit ? fits(h, role) : may_be_bare[role] && !*h->unit_text;
+}
+
+// Another column of that very name and kind; -1: none. Which of them was meant nobody knows.
+static int twin(const kn_sheet *s, kn_role role, const char *name, int column)
+{
+    for (int c = column + 1; *name != ' ' && c < s->columns; c++)
+        if (is_called(&s->column[c].heading, name) && is_it(&s->column[c].heading, role)) return c;
+    return -1;
+}
+
 int kn_role_find(kn_sheet *s, kn_role role, int *code)
 {
     int other = -1; // of the name, not of the kind
@@ -90,7 +103,13 @@ int kn_role_find(kn_sheet *s, kn_role role, int *code)
         for (int c = 0; c < s->columns; c++) {
             kn_heading *h = &s->column[c].heading;
             if (!is_called(h, names[role][n])) continue;
-            if (h->has_unit ? fits(h, role) : may_be_bare[role] && !*h->unit_text) {
+            if (is_it(h, role)) {
+                const int again = twin(s, role, names[role][n], c);
+                if (again >= 0 && code)
+                    *code = kn_sheet_complain(s, s->header_line, s->column[again].at,
+                                              "a second column of %s, '%s', expected one: cut the other out",
+                                              kinds[role].name, s->column[again].heading.name);
+                if (again >= 0 && code) return -1;
                 convert(h, role);
                 return c;
             }

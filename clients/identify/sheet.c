@@ -41,10 +41,17 @@ static void take_note(kn_sheet *s)
 int kn_sheet_note_take(const kn_sheet *s, const char *key, const char *unit, double *value)
 {
     char error[120];
+    const kn_note *first = NULL;
     for (int i = 0; i < s->notes; i++) {
-        if (strcmp(s->note[i].key, key) != 0) continue;
-        if (!kn_heading_quantity(s->note[i].value, unit, value, error, sizeof error))
-            return kn_sheet_complain(s, s->note[i].line, s->note[i].at, "%s: %s", key, error);
+        const kn_note *n = &s->note[i];
+        const double before = *value;
+        if (strcmp(n->key, key) != 0) continue;
+        if (!kn_heading_quantity(n->value, unit, value, error, sizeof error))
+            return kn_sheet_complain(s, n->line, n->at, "%s: %s", key, error);
+        if (first && *value != before)
+            return kn_sheet_complain(s, n->line, n->at, "%s of %s here, of %s in line %d, expected one", key, n->value,
+                                     first->value, first->line);
+        first = n;
     }
     return KN_EXIT_OK;
 }

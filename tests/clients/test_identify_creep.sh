@@ -75,17 +75,46 @@ page = open("page/index.html", encoding="utf-8").read()
 for name in re.findall(r'(?:src|href)="([^"#:]+)"', page):
     assert os.path.getsize("page/" + name) > 100, name
 assert len(re.findall("<img", page)) >= 6 and all(re.search(r'alt="[^"]{10}', i) for i in re.findall("<img[^>]*>", page))
-back = re.search(r"lattice, diagonals and gas.*?10gf(.*?)</tr>", page, re.S).group(1)
-element, diagonals, gas = [float(x) for x in re.findall(r">\s*([0-9.]+)\s*<", back)]
-assert element < 2 and diagonals < 25 and gas < 12, (element, diagonals, gas)
+back = re.search(r"with gas from element.*?10gf(.*?)</tr>", page, re.S).group(1)
+strain, element, diagonals, gas, diagonals_e, gas_e = [float(x) for x in re.findall(r">\s*([0-9.]+)\s*<", back)]
+assert 0.03 < strain < 0.05 and element < 2 and diagonals < 25 and gas < 12, (strain, element, diagonals, gas)
+assert diagonals_e < 25 and gas_e < 12 and "Lattices of them strain differently" in page
 PY
 head -c 8 fit.png | grep -q PNG && ok "--png: a picture" || no "--png"
 (cd page && knead check scene.yaml >/dev/null) && ok "and its scene is served" || no "scene of the page"
 refuses 2 "knead identify creep: page: is not empty, expected a new folder" identify creep 50gf.csv --report page
 
+knead identify creep 10gf.csv 50gf.csv --report cut >cut.txt 2>err &
+report=$!
+until ls -d cut.* >/dev/null 2>&1 || ! kill -0 $report 2>/dev/null; do sleep 0.02; done
+kill -TERM $report
+wait $report
+[ $? = 143 ] && ! ls -d cut cut.[!t]* >/dev/null 2>&1 && ok "a report that is ended leaves nothing" || no "ended report: $(ls -d cut*)"
+
+cp 50gf.csv mine.csv
+refuses 2 "knead identify creep: --csv ./mine.csv: is being read, expected another name" identify creep mine.csv --csv ./mine.csv
+refuses 2 "knead identify creep: --png mine.csv: is being read, expected another name" identify creep mine.csv --png mine.csv
+cmp -s 50gf.csv mine.csv && ok "what is read is not written over" || no "readings were written over"
+refuses 2 "knead identify creep: --out both and --csv both: expected names apart" identify creep mine.csv --csv both --out both
+refuses 2 "knead identify creep: mine.csv and ./mine.csv: one file, expected its readings once" identify creep mine.csv ./mine.csv
+sed '1a # load: 30 gf' 50gf.csv >said.csv
+refuses 2 "said.csv:2:9: load of 30 gf here, of 50 gf in line 1, expected one" identify creep said.csv
+sed 's/^time.*/time [s],displacement [mm],displacement [mm]/; s/^[0-9].*/&,0/' 50gf.csv >twice.csv
+refuses 2 "twice.csv:5:28: a second column of displacement, 'displacement', expected one: cut the other out" identify creep twice.csv
+sed 's/^time.*/time [s],displacement [mm],height [mm]/; s/^[0-9].*/&,5/' 50gf.csv >spare.csv
+knead identify creep spare.csv --no-models >spare.txt 2>err && grep -q 'the column of displacement is used, not that of height' spare.txt &&
+    ok "of two columns that say the same, which one is used is said" || no "spare column: $(cat err)"
+
 sed 's/^# release.*//' 50gf.csv | awk -F, 'NR < 6 || $1 <= 60' >held.csv
 knead identify creep held.csv >held.txt 2>err && grep -q 'never taken off' held.txt &&
     ok "a load that was never taken off is said" || no "never released: $(cat err)"
+
+mkdir late && cd late && curves 10gf,50gf,70gf 0.001
+awk -F, 'NR > 5 { $1 += 0.15 } { print }' OFS=, 70gf.csv >late70.csv
+knead identify creep 10gf.csv 50gf.csv late70.csv --no-models >late.txt 2>err && grep -q 'note: late70.*--late' late.txt &&
+    knead identify creep 10gf.csv 50gf.csv late70.csv --no-models --late | grep -q 'late70 .*came 0.1[0-9]* s late' &&
+    ok "a load that came late is doubted, and found with --late" || no "late: $(cat late.txt)"
+cd ..
 
 refuses 2 "knead identify creep: expected a file of readings, CSV; --help tells its columns" identify creep
 : >empty.csv
@@ -103,6 +132,6 @@ refuses 2 "knead identify creep: --load '0': expected a weight or force like 50g
 refuses 2 "knead identify creep: --height '5 s': expected a length like '1 cm'" identify creep 50gf.csv --height '5 s'
 refuses 2 "knead identify creep: --bogus: unknown option; --help lists them" identify creep 50gf.csv --bogus
 refuses 2 "knead identify creep: 50gf.csv: is there and was not written by knead identify; expected another name" \
-    identify creep 50gf.csv --out 50gf.csv
+    identify creep 10gf.csv --out 50gf.csv
 [ "$(head -1 50gf.csv)" = "# load: 50 gf" ] && ok "and it is as it was" || no "50gf.csv was changed"
 exit $failed
