@@ -1,6 +1,7 @@
 #include "clients/identify/document.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/interrupt.h"
 #include <errno.h>
 #include <stdarg.h>
 #include <stdint.h>
@@ -62,9 +63,18 @@ static void end_table(kn_document *d)
 
 // ---- pieces
 
+// To a signal.
+static void give_way(kn_document *d)
+{
+    if (!kn_interrupted) return;
+    kn_batch_drop(&d->batch);
+    kn_interrupt_die();
+}
+
 void kn_document_section(kn_document *d, const char *heading)
 {
     if (!kn_document_is_open(d)) return;
+    give_way(d);
     end_table(d);
     if (d->sections) fputs("</section>\n", d->body);
     fprintf(d->body, "<section aria-labelledby=\"s%d\">\n<h2 id=\"s%d\">", d->sections, d->sections);
@@ -208,15 +218,22 @@ void kn_document_link(kn_document *d, const char *name, const char *words)
 
 // ---- the folder
 
+static void append(kn_document *d, const char *text)
+{
+    const size_t n = strlen(d->command);
+    snprintf(d->command + n, sizeof d->command - n, "%s", text);
+}
+
 // What was typed, as a shell would take it again.
 static void remember(kn_document *d, int argc, char *const *argv)
 {
     for (int i = 0; i < argc; i++) {
         const bool plain =
             i == 0 || !argv[i][strcspn(argv[i], " \t()[]*?'\"$&;|<>#^")]; // argv[0] has blanks of its own
-        const size_t n = strlen(d->command);
-        snprintf(d->command + n, sizeof d->command - n, "%s%s%s%s", i ? " " : "", plain ? "" : "'", argv[i],
-                 plain ? "" : "'");
+        if (i) append(d, " ");
+        if (!plain) append(d, "'");
+        for (const char *p = argv[i]; *p; p++) append(d, *p == '\'' && !plain ? "'\\''" : (const char[]){*p, '\0'});
+        if (!plain) append(d, "'");
     }
 }
 
@@ -230,6 +247,7 @@ int kn_document_open(kn_document *d, const char *subcommand, const char *folder,
     d->subcommand = subcommand;
     snprintf(d->title, sizeof d->title, "%s", title);
     remember(d, argc, argv);
+    kn_interrupt_watch(); // from here on there is something to clear away
     if (!kn_batch_open(&d->batch, folder, &taken, error, sizeof error))
         return kn_complain(subcommand, taken ? KN_EXIT_USAGE : KN_EXIT_DEVICE, "%s", error);
     if ((d->body = open_memstream(&d->text, &d->size))) return KN_EXIT_OK;
@@ -285,6 +303,7 @@ static int write_page(kn_document *d)
 int kn_document_close(kn_document *d, int code)
 {
     if (!d->body) return code;
+    give_way(d);
     end_table(d);
     if (d->sections) fputs("</section>\n", d->body);
     if (fflush(d->body) != 0 && code == KN_EXIT_OK) code = kn_complain(d->subcommand, KN_EXIT_DEVICE, "out of memory");

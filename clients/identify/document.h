@@ -14,6 +14,8 @@
 //     kn_document_picture(&d, "fit.png", "Strain over time: ...", "Points: measured. Lines: ...");
 //     code = kn_document_close(&d, code);
 //
+// Ctrl-C or a plain kill takes the unfinished folder away: looked for at each section and at the end.
+//
 // Text goes in as it is: &, < and what is no UTF-8 are taken care of. After a failure, and of one that is not open (all
 // 0), all do nothing, so that callers need not ask whether a report is wanted.
 #include "clients/knead/batch.h"

@@ -45,8 +45,8 @@ static extent measure(const kn_figure_panel *p)
     return e;
 }
 
-// Each series counts alike, however dense its readings are.
-static const char *key_corner(const kn_figure_panel *p)
+// Where the key hides least, and how much that is: each series counts alike, however dense its readings are.
+static const char *key_corner(const kn_figure_panel *p, double *hidden)
 {
     static const char *const names[2][2] = {{"bottom left", "bottom right"}, {"top left", "top right"}};
     const extent e = measure(p);
@@ -63,6 +63,7 @@ static const char *key_corner(const kn_figure_panel *p)
     int best = 3;
     for (int c = 0; c < 4; c++)
         if (weight[c >> 1][c & 1] < weight[best >> 1][best & 1]) best = c;
+    *hidden = weight[best >> 1][best & 1];
     return names[best >> 1][best & 1];
 }
 
@@ -133,7 +134,16 @@ static void put_panel(FILE *f, int number, const kn_figure_panel *p)
     put_label(f, "title", p->title);
     put_label(f, "xlabel", p->x_label);
     put_label(f, "ylabel", p->y_label);
-    fprintf(f, "set key %s opaque\nset key font 'sans,10'\nplot ", key_corner(p));
+    double hidden;
+    const char *corner = key_corner(p, &hidden);
+    const int rows = names(p) <= IN_A_CORNER ? names(p) : 0;
+    if (rows > 0 && hidden > 0.01) { // nowhere is room: above all that is drawn some is made
+        fprintf(f, "set offsets 0, 0, graph %g, 0\n", 0.06 + 0.075 * rows);
+        corner = "top right";
+    } else {
+        fprintf(f, "set offsets 0, 0, 0, 0\n");
+    }
+    fprintf(f, "set key %s opaque\nset key font 'sans,10'\nplot ", corner);
     if (!any_point(p)) fprintf(f, "[1:10] [1:10] "); // nothing to see is no failure
     for (int s = 0; s < p->series; s++) put_series(f, number, s, &p->of[s], names(p) <= IN_A_CORNER);
     fprintf(f, "NaN notitle\n");

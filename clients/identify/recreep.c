@@ -26,14 +26,18 @@ static int follow(kn_bench *b, const kn_curve *c, double *strain)
     return code;
 }
 
+double kn_recreep_largest(const kn_curve *c)
+{
+    double most = 0;
+    for (int i = 0; i < c->count; i++) most = fmax(most, c->value[i]);
+    return most;
+}
+
 static double apart(const double *a, const double *b, const kn_curve *c)
 {
-    double sum = 0, most = 0;
-    for (int i = 0; i < c->count; i++) {
-        sum += (a[i] - b[i]) * (a[i] - b[i]);
-        most = fmax(most, c->value[i]);
-    }
-    return sqrt(sum / c->count) / most;
+    double sum = 0;
+    for (int i = 0; i < c->count; i++) sum += (a[i] - b[i]) * (a[i] - b[i]);
+    return sqrt(sum / c->count) / kn_recreep_largest(c);
 }
 
 static int run(kn_recreep *back, kn_recreep_way way, const char *subcommand, const char *scene, const kn_curve *c)

@@ -26,4 +26,6 @@ typedef struct kn_recreep {
 int kn_recreep_run(kn_recreep *back, const char *subcommand, const char *scene, const kn_curve *curve);
 void kn_recreep_free(kn_recreep *back);
 
+double kn_recreep_largest(const kn_curve *curve); // strain
+
 #endif
