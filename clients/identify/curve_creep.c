@@ -319,7 +319,8 @@ int kn_curve_load_creep(kn_curve_file *f)
     if (code != KN_EXIT_OK) return code;
     if (c.load >= 0 && !has_numbers(&f->sheet, c.load)) c.load = key = -1; // a name without a column
     if (c.loads) return add_wide(f, &c);
-    say_unused(f, &c);
     if (key >= 0) join_recoveries(f, &c, key);
-    return add_long(f, &c, key);
+    code = add_long(f, &c, key);
+    if (code == KN_EXIT_OK) say_unused(f, &c);
+    return code;
 }
