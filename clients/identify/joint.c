@@ -375,6 +375,8 @@ static void interval(kn_joint *j, kn_fit *fit, int i, const kn_joint_options *op
         known = bent ? kn_fit_interval_by(fit, i, opt->confidence, KN_FIT_PROFILE)
                      : kn_fit_interval_of(fit, i, opt->confidence);
     }
+    // beyond the largest stress every P1 is as good as any other
+    if (i == KN_JOINT_P1 && !known.open_high) known.high = fmin(known.high, fmax(j->highest_pa, u->value));
     kn_identified_take(&j->number[i], u->name, unit[i], u->value, known);
 }
 
