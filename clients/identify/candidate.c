@@ -254,7 +254,7 @@ static double pull_share(const kn_evidence *e, const kn_candidate *c)
 double kn_candidate_work(const kn_candidate *c, const kn_evidence *e)
 {
     static const double presses[2][2] = {{1, 4}, {7, 11}};
-    return presses[c->gas][c->area] * (e->until_s - e->press.begin_s) / 1e-3;
+    return presses[c->gas][c->area] * (double)(kn_press_tick(&e->press, e->until_s) + 1);
 }
 
 bool kn_candidate_fit(kn_candidate *c, const kn_evidence *e, void (*told)(void *of, int64_t ticks), void *of)

@@ -6,7 +6,7 @@
 void kn_evidence_close(kn_evidence *e)
 {
     e->readings = e->pulled ? e->pull.bins : 0;
-    e->until_s = e->pulled ? e->press.hold_end_s : e->press.begin_s;
+    e->until_s = e->pulled ? e->press.hold_end_s : e->press.time_s[0];
     for (int i = 0; i < e->reliefs; i++) {
         e->readings += e->relief[i].readings;
         e->until_s = fmax(e->until_s, e->moment_s[i]);

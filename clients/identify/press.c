@@ -17,9 +17,23 @@ static const double thinnest = 0.2; // of the height, what a press leaves at lea
 
 void kn_press_free(kn_press *p)
 {
+    free(p->time_s);
     free(p->input);
     free(p->logged_n);
     memset(p, 0, sizeof *p);
+}
+
+int64_t kn_press_tick(const kn_press *p, double time_s)
+{
+    int64_t first = 0, last = p->ticks - 1;
+    while (first < last) {
+        const int64_t middle = (first + last) / 2;
+        if (p->time_s[middle] < time_s - KN_REPLAY_HALF_TICK_S)
+            first = middle + 1;
+        else
+            last = middle;
+    }
+    return first;
 }
 
 // When the tool that counts was last at its lowest place.
@@ -33,9 +47,9 @@ static void find_hold(kn_press *p)
             if (pass == 0)
                 lowest_m = fmin(lowest_m, in->position_m[2]);
             else if (in->position_m[2] <= lowest_m + still_m)
-                p->hold_end_s = kn_press_time(p, t);
+                p->hold_end_s = p->time_s[t];
         }
-    p->end_s = kn_press_time(p, p->ticks - 1);
+    p->end_s = p->time_s[p->ticks - 1];
 }
 
 // ---- a path
@@ -60,6 +74,7 @@ static void follow(kn_press *p, const kn_path *path, double from_s)
         kn_path_point before, now;
         kn_probe_input *in = &p->input[t * p->probes + p->probe];
         const double at_s = from_s + period_s * (double)(t + 1);
+        p->time_s[t] = period_s * (double)(t + 1) - lead_s;
         kn_path_at(path, at_s - period_s, &before);
         kn_path_at(path, at_s, &now);
         in->attached = true;
@@ -99,14 +114,17 @@ bool kn_press_path(kn_press *p, const kn_scene *scene, const kn_press_def *def, 
     const double from_s = path ? begin_of(path, "press") - lead_s : 0;
     if (path) p->ticks = (int64_t)ceil((path->duration_s - from_s) / period_s);
     if (path && p->ticks <= LONGEST_TICKS) p->input = calloc((size_t)(p->ticks * p->probes), sizeof *p->input);
-    if (p->input) {
-        p->begin_s = period_s - lead_s;
+    if (p->input) p->time_s = calloc((size_t)p->ticks, sizeof *p->time_s);
+    const bool ok = p->time_s;
+    if (ok) {
         follow(p, path, from_s);
         find_hold(p);
-    } else
+    } else {
         snprintf(error, error_size, "a press of %.0f s, expected at most an hour of it", path ? path->duration_s : 0);
+        kn_press_free(p);
+    }
     kn_path_destroy(path);
-    return p->input;
+    return ok;
 }
 
 // ---- a log: what its poses are to the lattice, servo and safety decide; so the servo plays it, and the way to the
@@ -116,7 +134,6 @@ typedef struct listener {
     kn_backend own; // of the replay
     kn_press *press;
     int64_t room;
-    bool held;            // some tool was in the object
     bool short_of_memory; // or it is longer than an hour
 } listener;
 
@@ -127,9 +144,11 @@ static bool grow(listener *l)
     const int64_t room = l->room ? 2 * l->room : 65536;
     kn_probe_input *input = realloc(p->input, (size_t)(room * p->probes) * sizeof *input);
     if (input) p->input = input;
-    double *logged_n = input ? realloc(p->logged_n, (size_t)room * sizeof *logged_n) : NULL;
-    if (!logged_n) return false;
-    p->logged_n = logged_n;
+    double *time_s = realloc(p->time_s, (size_t)room * sizeof *time_s);
+    if (time_s) p->time_s = time_s;
+    double *logged_n = realloc(p->logged_n, (size_t)room * sizeof *logged_n);
+    if (logged_n) p->logged_n = logged_n;
+    if (!input || !time_s || !logged_n) return false;
     l->room = room;
     return true;
 }
@@ -140,7 +159,6 @@ static void heard(void *self, const kn_input *input)
     kn_press *p = l->press;
     if (p->ticks < LONGEST_TICKS && grow(l)) {
         memcpy(&p->input[p->ticks * p->probes], input->probe, (size_t)p->probes * sizeof *p->input);
-        for (int i = 0; i < p->probes; i++) l->held |= input->probe[i].attached;
         p->logged_n[p->ticks++] = (double)NAN;
     } else
         l->short_of_memory = true;
@@ -182,15 +200,15 @@ static void take_force(kn_press *p, const kn_replay_tick *tick, int wanted)
     }
 }
 
-// Plays it to its end. Ticks in which nobody touches may be left out of a log: until somebody does, the time is anew
-// that of the last.
+// Plays it to its end. A tick's time is the replay's: neither cycles that were missed nor ticks in which nobody
+// touches, which may be left out of a log, are among those heard.
 static bool listen(kn_replay *r, listener *l)
 {
     kn_press *p = l->press;
     const int wanted = p->probe;
-    while (kn_replay_step(r) && !l->short_of_memory) {
-        if (p->ticks == 0) continue;
-        if (!l->held) p->begin_s = r->tick.time_s - period_s * (double)(p->ticks - 1);
+    for (int64_t heard_of = 0; kn_replay_step(r) && !l->short_of_memory; heard_of = p->ticks) {
+        if (p->ticks == heard_of) continue;
+        p->time_s[p->ticks - 1] = r->tick.time_s;
         take_force(p, &r->tick, wanted);
     }
     return !l->short_of_memory;
@@ -250,15 +268,10 @@ static bool make_room(kn_pressed *out, int64_t ticks, const kn_press_play *play)
     return ok;
 }
 
-static int64_t tick_at(const kn_press *p, double time_s)
-{
-    return (int64_t)fmin(fmax(round((time_s - p->begin_s) / period_s), 0), (double)(p->ticks - 1));
-}
-
 bool kn_press_run(const kn_press *p, const kn_press_play *play, kn_pressed *out)
 {
     enum { TELL_EVERY = 1000 };
-    const int64_t ticks = tick_at(p, play->until_s) + 1;
+    const int64_t ticks = kn_press_tick(p, play->until_s) + 1;
     kn_backend b = {0};
     bool ok = make_room(out, ticks, play) && kn_backend_cpu(&b, play->model);
     for (int64_t t = 0; ok && t < ticks; t++) {
@@ -269,7 +282,7 @@ bool kn_press_run(const kn_press *p, const kn_press_play *play, kn_pressed *out)
         ok = b.wait(b.self, 0, &result) == KN_BACKEND_OK;
         out->force_n[out->ticks++] = result.probe[p->probe].force_n[2];
         for (int i = 0; i < play->moments; i++)
-            if (tick_at(p, play->moment_s[i]) == t)
+            if (kn_press_tick(p, play->moment_s[i]) == t)
                 kn_surface_positions(play->surface, play->model, b.state(b.self), (float *)out->shape_m[i]);
         if (play->told && (t + 1) % TELL_EVERY == 0) play->told(play->of, TELL_EVERY);
     }

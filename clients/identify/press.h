@@ -4,8 +4,9 @@
 // the force on the tool in every tick, the surface at a few moments.
 //
 // By default the first paper's press: the tool comes down at 1 cm/s to 1 cm below the top, stays for 30 s, and leaves.
-// Time 0 is when it begins to come down, touching. Or the poses of a log, as its server gave them to the lattice, times
-// being those of `knead view --at`.
+// Time 0 is when it begins to come down, touching. Or the poses of a log, as its server gave them to the lattice. Its
+// times are those of `knead view --at` and `knead replay --csv`, which go on while a server misses cycles; the lattice
+// stood still then, so that ticks of 1 ms each are not 1 ms apart everywhere.
 #include "core/scene/scene.h"
 #include "core/step.h"
 #include "core/surface.h"
@@ -16,7 +17,7 @@ typedef struct kn_press {
     int probe; // whose force counts
     int probes;
     int64_t ticks;         // of 1 ms
-    double begin_s;        // time at the end of the first
+    double *time_s;        // [ticks] at the end of each; rising
     kn_probe_input *input; // [ticks * probes]
     double *logged_n;      // [ticks] contact force of a log, upwards; NAN: it has none; NULL: no log
     double hold_end_s;     // until when the tool was within 0.1 mm of its lowest place
@@ -36,10 +37,8 @@ bool kn_press_log(kn_press *press, const kn_scene *scene, const kn_press_def *de
                   size_t error_size);
 void kn_press_free(kn_press *press); // zeroed is fine
 
-static inline double kn_press_time(const kn_press *press, int64_t tick)
-{
-    return press->begin_s + 1e-3 * (double)tick;
-}
+// The first tick that ends then or later, to half a tick, as `knead view --at` finds it; else the last.
+int64_t kn_press_tick(const kn_press *press, double time_s);
 
 typedef struct kn_pressed { // owned
     double *force_n;        // [ticks] on the probe, upwards

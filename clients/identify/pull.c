@@ -50,7 +50,7 @@ static bool keep(kn_pull *p, const kn_press *press, int count, char *error, size
         }
     }
     for (int i = 0; i < count; i++) {
-        if (p->time_s[i] < press->begin_s || p->time_s[i] > press->hold_end_s) continue;
+        if (p->time_s[i] < press->time_s[0] || p->time_s[i] > press->hold_end_s) continue;
         p->time_s[p->count] = p->time_s[i];
         p->force_n[p->count++] = p->force_n[i];
         sum_n += p->force_n[i];
@@ -70,7 +70,8 @@ bool kn_pull_make(kn_pull *p, const kn_press *press, int count, double *time_s, 
         snprintf(error, error_size,
                  "%d readings between %.3g s, where the press begins, and %.3g s, the end of its hold, "
                  "expected %d or more%s",
-                 p->count, press->begin_s, press->hold_end_s, LEAST, p->count >= LEAST ? ", and a force in them" : "");
+                 p->count, press->time_s[0], press->hold_end_s, LEAST,
+                 p->count >= LEAST ? ", and a force in them" : "");
         ok = false;
     }
     if (ok) p->bin = calloc((size_t)p->count, sizeof *p->bin);
@@ -89,11 +90,12 @@ void kn_pull_compare(const kn_pull *p, const kn_press *press, const kn_pressed *
 {
     double sum_n[KN_PULL_BINS] = {0};
     int readings[KN_PULL_BINS] = {0};
+    int64_t after = 1;
     for (int i = 0; i < p->count; i++) {
-        const double tick = fmin(fmax((p->time_s[i] - press->begin_s) / 1e-3, 0), (double)(pressed->ticks - 1));
-        const int64_t before = (int64_t)tick, after = before + 1 < pressed->ticks ? before + 1 : before;
-        const double share = tick - (double)before;
-        sum_n[p->bin[i]] += (1 - share) * pressed->force_n[before] + share * pressed->force_n[after];
+        while (after + 1 < pressed->ticks && press->time_s[after] < p->time_s[i]) after++;
+        const double from_s = press->time_s[after - 1], to_s = press->time_s[after];
+        const double share = fmin(fmax((p->time_s[i] - from_s) / (to_s - from_s), 0), 1);
+        sum_n[p->bin[i]] += (1 - share) * pressed->force_n[after - 1] + share * pressed->force_n[after];
         readings[p->bin[i]]++;
     }
     for (int b = 0; b < p->bins; b++) {

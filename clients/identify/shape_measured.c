@@ -39,7 +39,7 @@ static kn_relief_box hidden_at(const kn_press *p, const kn_scene *scene, double 
 {
     kn_relief_box box = {{0}, {0}};
     double extent_m[3];
-    const int64_t tick = (int64_t)fmin(fmax(round((time_s - p->begin_s) / 1e-3), 0), (double)(p->ticks - 1));
+    const int64_t tick = kn_press_tick(p, time_s);
     const kn_probe_input *in = &p->input[tick * p->probes + p->probe];
     const kn_probe_def *def = &scene->model.probe[p->probe];
     kn_model_def_extent(&scene->model, extent_m);
@@ -177,7 +177,7 @@ static int logged_force(const kn_press *p, double **time_s, double **force_n, in
     if (!*time_s || !*force_n) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
     for (int64_t t = 0; t < p->ticks; t++) {
         if (isnan(p->logged_n[t])) continue;
-        (*time_s)[*count] = kn_press_time(p, t);
+        (*time_s)[*count] = p->time_s[t];
         (*force_n)[(*count)++] = p->logged_n[t];
     }
     return KN_EXIT_OK;

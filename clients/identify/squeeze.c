@@ -47,7 +47,7 @@ static int draw(const char *subcommand, const kn_model *model, const kn_state *r
     bool ok = shot && kn_still_state(&still, model, rest) && still.vertex_count == done->vertex_count;
     if (ok) memcpy(still.now, done->shape_m[moment], (size_t)still.vertex_count * sizeof *still.now);
     if (ok && moment == 0) {
-        int64_t tick = (int64_t)((press->hold_end_s - press->begin_s) * 1e3);
+        const int64_t tick = kn_press_tick(press, press->hold_end_s);
         const kn_probe_input *in = &press->input[tick * press->probes + press->probe];
         kn_still_probe(&still, &model->def.probe[press->probe], in->position_m, in->orientation_wxyz,
                        (const double[3]){0, 0, done->force_n[tick]}, 1);
@@ -67,7 +67,7 @@ static bool keep(kn_squeeze *q, const kn_press *press, const kn_pressed *done)
     if (!q->time_s) return false;
     q->force_n = q->time_s + done->ticks;
     for (int64_t t = 0; t < done->ticks; t++) {
-        q->time_s[t] = kn_press_time(press, t);
+        q->time_s[t] = press->time_s[t];
         q->force_n[t] = done->force_n[t];
         q->peak_n = fmax(q->peak_n, done->force_n[t]);
         if (q->time_s[t] <= press->hold_end_s) q->held_n = done->force_n[t];

@@ -11,6 +11,9 @@
 #include "clients/identify/relief_points.h"
 #include "clients/viewer/image.h"
 #include "clients/viewer/range_file.h"
+#include "server/log.h"
+#include "server/replay.h"
+#include "server/wire.h"
 #include "tests/check.h"
 #include <fcntl.h>
 #include <jansson.h>
@@ -57,7 +60,7 @@ static void write_force(const kn_press *press, const kn_pressed *pressed, double
     for (int64_t t = 0; t < pressed->ticks; t++) most_n = fmax(most_n, pressed->force_n[t]);
     fputs("time_s,force_n\n", f);
     for (int64_t t = 0; t < pressed->ticks; t += 5)
-        fprintf(f, "%.4f,%.6g\n", kn_press_time(press, t), pressed->force_n[t] + noise * most_n * gauss());
+        fprintf(f, "%.4f,%.6g\n", press->time_s[t], pressed->force_n[t] + noise * most_n * gauss());
     fclose(f);
 }
 
@@ -371,6 +374,112 @@ TEST("points of a surface are as far away as they are, outside and inside")
     CHECK_NEAR(kn_relief_distance((double[]){1, 1, 1}, x, 4, triangle), 2 / sqrt(3), 1e-7);
     CHECK_NEAR(kn_relief_distance((double[]){-3, -4, 0}, x, 4, triangle), 5, 1e-12);
     CHECK_NEAR(kn_relief_distance((double[]){2, 0, 0}, x, 4, triangle), 1, 1e-12);
+}
+
+// ---- logs: a server without clock and bus, whose plate is pressed 3 mm at 2 cm/s, held for 0.5 s and lifted
+
+enum { DOWN_MS = 2150, HELD_MS = 500, UP_MS = 300, MISSED_MS = 21 };
+
+typedef struct recorder {
+    kn_servo servo;
+    kn_tick_in in;
+    kn_tick_out out;
+    kn_pose hand;
+    lcm_eventlog_t *log;
+} recorder;
+
+static void record_message(recorder *r, const char *channel, uint8_t *bytes, int size)
+{
+    must(size > 0 && kn_log_write(r->log, r->hand.utime, channel, bytes, (size_t)size), channel);
+}
+
+static void record_tick(recorder *r, double speed_m_s, int missed)
+{
+    uint8_t bytes[512];
+    knead_probe_pose_t pose;
+    knead_contact_force_t force;
+    r->in.missed = missed;
+    r->in.tick += 1 + missed;
+    r->hand.utime = 1700000000000000 + 1000 * r->in.tick;
+    r->hand.seq++;
+    r->hand.velocity_m_s[2] = speed_m_s;
+    r->hand.position_m[2] += 1e-3 * speed_m_s;
+    r->in.pose[0] = &r->hand;
+    r->in.fresh[0] = true;
+    kn_wire_pose(&pose, &r->hand);
+    record_message(r, "KNEAD_POSE_plate", bytes, knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &pose));
+    kn_servo_tick(&r->servo, &r->in, &r->out);
+    kn_wire_force(&force, &r->out, 0, r->hand.utime, 1);
+    record_message(r, "KNEAD_FORCE_plate", bytes, knead_contact_force_t_encode(bytes, 0, sizeof bytes, &force));
+}
+
+// Three cycles of seven are missed on the way down, and all of that again as the plate is held.
+static void record_press(const char *path)
+{
+    static uint8_t bytes[16384];
+    char error[300];
+    recorder r = {.in.tick = -1, .hand = {.session = 7, .orientation_wxyz = {1}, .position_m = {0, 0, 0.07}}};
+    kn_backend backend = {0};
+    knead_scene_t text;
+    kn_scene *scene = kn_scene_load(SMALL, NULL, 0, error, sizeof error);
+    must(scene, error);
+    kn_model *model = kn_model_build(&scene->model, error, sizeof error);
+    must(model && kn_backend_cpu(&backend, model) && (r.log = lcm_eventlog_create(path, "w")), "no server");
+    kn_servo_init(&r.servo, scene, model, &backend);
+    r.hand.utime = 1700000000000000;
+    kn_wire_scene(&text, scene, 0, r.hand.utime);
+    record_message(&r, "KNEAD_SCENE", bytes, knead_scene_t_encode(bytes, 0, sizeof bytes, &text));
+    for (int i = 0; i < DOWN_MS + HELD_MS + UP_MS; i++) {
+        const bool trouble = i == 2050 || i == 2075 || i == 2100, standing = i == DOWN_MS + HELD_MS / 2;
+        record_tick(&r,
+                    i < DOWN_MS             ? -0.02
+                    : i < DOWN_MS + HELD_MS ? 0
+                                            : 0.02,
+                    trouble    ? MISSED_MS / 3
+                    : standing ? MISSED_MS
+                               : 0);
+    }
+    lcm_eventlog_destroy(r.log);
+    backend.destroy(backend.self);
+    kn_model_destroy(model);
+    kn_scene_destroy(scene);
+}
+
+TEST("a log's press keeps the log's clock where its server missed cycles: times, forces, surfaces as in its replay")
+{
+    char error[400];
+    kn_candidate c[KN_CANDIDATES];
+    kn_press press = {0};
+    kn_pressed pressed = {0};
+    record_press("missed.lcmlog");
+    must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
+    must(kn_press_log(&press, c->scene, &(kn_press_def){0}, "missed.lcmlog", error, sizeof error), error);
+    const double at_s = 2.13; // while it goes down, 21 ms of it missed
+    const kn_press_play play = {c->first, c->best.surface, 1, &at_s, press.end_s, NULL, NULL};
+    must(kn_press_run(&press, &play, &pressed), "the press diverges");
+    float(*seen)[3] = calloc((size_t)pressed.vertex_count, sizeof *seen);
+    kn_replay *r = kn_replay_create(&(kn_replay_def){.log_path = "missed.lcmlog"}, error, sizeof error);
+    must(r, error);
+    int64_t t = 0;
+    double apart = 0;
+    for (bool taken = false; kn_replay_step(r) && t < press.ticks; t++) {
+        CHECK_NEAR(press.time_s[t], r->tick.time_s, 1e-9);
+        CHECK(kn_press_tick(&press, r->tick.time_s) == t);
+        CHECK_NEAR(pressed.force_n[t], r->tick.out.force[0].contact_force_n[2], 1e-6);
+        if (taken || r->tick.time_s < at_s - KN_REPLAY_HALF_TICK_S) continue;
+        kn_surface_positions(c->best.surface, c->first, kn_replay_state(r), (float *)seen);
+        taken = true;
+    }
+    CHECK(t == DOWN_MS + HELD_MS + UP_MS && press.ticks == t);
+    CHECK_NEAR(press.end_s, 1e-3 * (DOWN_MS + HELD_MS + UP_MS + 2 * MISSED_MS - 1), 1e-9);
+    for (int v = 0; v < pressed.vertex_count; v++)
+        for (int k = 0; k < 3; k++) apart = fmax(apart, fabs(seen[v][k] - pressed.shape_m[0][v][k]));
+    CHECK_NEAR(apart, 0, 1e-7);
+    free(seen);
+    kn_replay_destroy(r);
+    kn_pressed_free(&pressed);
+    kn_press_free(&press);
+    kn_candidate_free(c);
 }
 
 // ---- bad input: one line each, exit 2
