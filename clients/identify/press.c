@@ -10,6 +10,7 @@
 
 static const double lead_s = 0.2;   // of a path, before it goes down: the plate catches the nodes it touches
 static const double still_m = 1e-4; // of the lowest place: still there
+static const double shaking_m = 1e-6;
 static const double period_s = 1e-3;
 static const double thinnest = 0.2; // of the height, what a press leaves at least
 
@@ -36,19 +37,36 @@ int64_t kn_press_tick(const kn_press *p, double time_s)
     return first;
 }
 
-// When the tool that counts was last at its lowest place.
+static const kn_probe_input *tool_at(const kn_press *p, int64_t tick)
+{
+    return &p->input[tick * p->probes + p->probe];
+}
+
+// The tick from which on it rises to where it is in that one. What shakes by less than 1 um in 10 ms, 0.1 mm/s, has not
+// left yet; a slow withdrawal rises in every tick.
+static int64_t begin_of_rise(const kn_press *p, int64_t tick)
+{
+    enum { WINDOW = 10 };
+    for (; tick > 0 && tool_at(p, tick - 1)->attached; tick--) {
+        const double z_m = tool_at(p, tick)->position_m[2];
+        const kn_probe_input *early = tool_at(p, tick > WINDOW ? tick - WINDOW : 0);
+        const bool rises = z_m > tool_at(p, tick - 1)->position_m[2];
+        if (!rises && !(early->attached && z_m - early->position_m[2] > shaking_m)) break;
+    }
+    return tick;
+}
+
+// The last time near the lowest place is some 0.1 s after the tool has begun to leave it, and its force is gone by
+// then.
 static void find_hold(kn_press *p)
 {
     double lowest_m = INFINITY;
-    for (int pass = 0; pass < 2; pass++)
-        for (int64_t t = 0; t < p->ticks; t++) {
-            const kn_probe_input *in = &p->input[t * p->probes + p->probe];
-            if (!in->attached) continue;
-            if (pass == 0)
-                lowest_m = fmin(lowest_m, in->position_m[2]);
-            else if (in->position_m[2] <= lowest_m + still_m)
-                p->hold_end_s = p->time_s[t];
-        }
+    int64_t last = 0;
+    for (int64_t t = 0; t < p->ticks; t++)
+        if (tool_at(p, t)->attached) lowest_m = fmin(lowest_m, tool_at(p, t)->position_m[2]);
+    for (int64_t t = 0; t < p->ticks; t++)
+        if (tool_at(p, t)->attached && tool_at(p, t)->position_m[2] <= lowest_m + still_m) last = t;
+    p->hold_end_s = p->time_s[begin_of_rise(p, last)];
     p->end_s = p->time_s[p->ticks - 1];
 }
 

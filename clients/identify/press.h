@@ -20,7 +20,7 @@ typedef struct kn_press {
     double *time_s;        // [ticks] at the end of each; rising
     kn_probe_input *input; // [ticks * probes]
     double *logged_n;      // [ticks] contact force of a log, upwards; NAN: it has none; NULL: no log
-    double hold_end_s;     // until when the tool was within 0.1 mm of its lowest place
+    double hold_end_s;     // when the tool begins to rise from its lowest place, give or take 0.1 mm
     double end_s;
 } kn_press;
 
