@@ -1,9 +1,8 @@
 // knead identify shape: the structure that behaves as a pressed lump did; the first paper's section 5 and its outlook.
+#include "clients/identify/shape_files.h"
 #include "clients/identify/shape_report.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
-#include "clients/knead/output.h"
-#include "clients/knead/plot.h"
 #include "clients/knead/progress.h"
 #include "clients/knead/result.h"
 #include "clients/viewer/beside.h"
@@ -66,20 +65,6 @@ static int fit_all(kn_candidate *candidate, int count, const kn_evidence *eviden
 }
 
 // ---- files
-
-static int try_files(const kn_shape_options *o)
-{
-    const char *const outputs[] = {o->out, o->out_depth, o->png};
-    const char *const inputs[] = {o->scene.scene_path, o->points,   o->force,    o->log,
-                                  o->depth[0],         o->depth[1], o->depth[2], o->depth[3]};
-    int code = KN_EXIT_OK;
-    for (int i = 0; i < 3; i++)
-        for (int k = 0; outputs[i] && k < 8; k++)
-            if (kn_output_same(outputs[i], inputs[k]))
-                return kn_complain(me, KN_EXIT_USAGE, "%s: is being read, expected another file to write", outputs[i]);
-    for (int i = 0; i < 2 && code == KN_EXIT_OK; i++) code = outputs[i] ? kn_output_try(me, outputs[i]) : KN_EXIT_OK;
-    return code == KN_EXIT_OK && o->png ? kn_plot_try(me, o->png) : code;
-}
 
 static int write_scene(const kn_shape_options *o, const kn_candidate *best, const kn_verdict *v)
 {
@@ -163,7 +148,7 @@ static int run(const kn_shape_options *o)
 {
     char error[700];
     kn_candidate candidate[KN_CANDIDATES] = {0};
-    int code = try_files(o);
+    int code = kn_shape_files_try(o);
     if (code != KN_EXIT_OK) return code;
     const int count = kn_candidates_open(candidate, &o->scene, o->only, error, sizeof error);
     if (count == 0) return kn_complain(me, KN_EXIT_USAGE, "%s", error);

@@ -56,5 +56,10 @@ bool kn_output_holds(const char *a, const char *b)
 bool kn_output_same(const char *a, const char *b)
 {
     struct stat x, y;
-    return a && b && stat(a, &x) == 0 && stat(b, &y) == 0 && x.st_dev == y.st_dev && x.st_ino == y.st_ino;
+    char first[2 * PATH_MAX], second[2 * PATH_MAX];
+    if (!a || !b) return false;
+    if (stat(a, &x) == 0 && stat(b, &y) == 0) return x.st_dev == y.st_dev && x.st_ino == y.st_ino;
+    resolve(a, first);
+    resolve(b, second);
+    return strcmp(first, second) == 0;
 }

@@ -9,7 +9,7 @@ int kn_output_try(const char *subcommand, const char *path);
 // Whether b is a, or is in it, by what their folders are; neither need be there.
 bool kn_output_holds(const char *a, const char *b);
 
-// Whether both lead to one file that is there. NULL is none.
+// Whether both lead to one file, be it there or not yet. NULL is none.
 bool kn_output_same(const char *a, const char *b);
 
 #endif

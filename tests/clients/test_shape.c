@@ -628,4 +628,36 @@ TEST("what cannot be asked for is told in one line")
     REFUSES("no column z", SMALL, "--points", "flat.csv");
 }
 
+static size_t bytes_of(const char *path)
+{
+    FILE *f = fopen(path, "rb");
+    must(f && fseek(f, 0, SEEK_END) == 0, path);
+    const long bytes = ftell(f);
+    fclose(f);
+    return (size_t)bytes;
+}
+
+TEST("no output replaces what is read, what the scene names, or another output")
+{
+    static const char material[] = "elements: {k1: 80 gf/cm^2}\n";
+    write_text("depth.png", "");
+    write_text("blk.msh", "$MeshFormat\n");
+    write_text("sub.yaml", material);
+    write_text("named.yaml", "version: 1\nmaterial: sub.yaml\n");
+    REFUSES("--out blk.msh: is being read, as --mesh ./blk.msh, expected another", SMALL, "--depth", "depth.png",
+            "--mesh", "./blk.msh", "--mesh-unit", "mm", "--out", "blk.msh");
+    REFUSES("--out ./sub.yaml: is being read, named.yaml names it", "named.yaml", "--depth", "depth.png", "--out",
+            "./sub.yaml");
+    REFUSES("--png sub.yaml: is being read, --set material=sub.yaml names it", SMALL, "--set", "material=sub.yaml",
+            "--depth", "depth.png", "--png", "sub.yaml");
+    REFUSES("--out same, --out-depth ./same: are one file", SMALL, "--depth", "depth.png", "--out", "same",
+            "--out-depth", "./same");
+    REFUSES("--out same, --png same: are one file", SMALL, "--depth", "depth.png", "--out", "same", "--png", "same");
+    REFUSES("--out force.csv: is being read, as --force force.csv", SMALL, "--depth", "depth.png", "--force",
+            "force.csv", "--out", "force.csv");
+    CHECK(bytes_of("blk.msh") == strlen("$MeshFormat\n"));
+    CHECK(bytes_of("sub.yaml") == strlen(material));
+    CHECK(access("same", F_OK) != 0);
+}
+
 TESTS_MAIN
