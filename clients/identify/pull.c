@@ -6,7 +6,7 @@
 #include <string.h>
 
 static const double exact = 0.005; // of the largest force
-enum { LEAST = 10 };
+enum { LEAST = 10, AROUND = 3, MIDDLE = 2, DENSE = 100 };
 
 void kn_pull_free(kn_pull *p)
 {
@@ -40,7 +40,6 @@ static void fill_bins(kn_pull *p)
 // Those of the press; the times rise. False: one is none.
 static bool keep(kn_pull *p, const kn_press *press, int count, char *error, size_t error_size)
 {
-    double sum_n = 0;
     for (int i = 0; i < count; i++) {
         const bool sound = isfinite(p->time_s[i]) && isfinite(p->force_n[i]);
         if (!sound || (i > 0 && p->time_s[i] < p->time_s[i - 1])) {
@@ -53,11 +52,80 @@ static bool keep(kn_pull *p, const kn_press *press, int count, char *error, size
         if (p->time_s[i] < press->time_s[0] || p->time_s[i] > press->hold_end_s) continue;
         p->time_s[p->count] = p->time_s[i];
         p->force_n[p->count++] = p->force_n[i];
-        sum_n += p->force_n[i];
     }
+    return true;
+}
+
+static int ascending(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+// In order: the readings of up to `reach` to either side, as many near an end; with the one itself, or without.
+static int around(const kn_pull *p, int reading, int reach, bool itself, double sorted[2 * AROUND + 1])
+{
+    const int first = (int)fmin(fmax(reading - reach, 0), p->count - 1 - 2 * reach);
+    int n = 0;
+    for (int i = first; i <= first + 2 * reach; i++)
+        if (itself || i != reading) sorted[n++] = p->force_n[i];
+    qsort(sorted, (size_t)n, sizeof *sorted, ascending);
+    return n;
+}
+
+// Whether it stands out of its six neighbours by more than the largest force and by more than they differ, but for the
+// highest and the lowest of them. Of few readings one alone may have seen the peak of a press: it has to be absurd.
+static bool is_stray(const kn_pull *p, int reading)
+{
+    double sorted[2 * AROUND + 1];
+    const int n = around(p, reading, AROUND, false, sorted);
+    const double off_n = fabs(p->force_n[reading] - 0.5 * (sorted[n / 2 - 1] + sorted[n / 2]));
+    return off_n > (p->count < DENSE ? 20 : 1) * p->most_n + 4 * (sorted[n - 2] - sorted[1]);
+}
+
+// False: memory is short.
+static bool leave_out_strays(kn_pull *p)
+{
+    double sum_n = 0, sorted[2 * AROUND + 1];
+    int kept = 0;
+    bool *stray = calloc((size_t)p->count, sizeof *stray);
+    if (!stray) return false;
+    for (int i = 0; i < p->count; i++) {
+        const int n = around(p, i, MIDDLE, true, sorted);
+        p->most_n = fmax(p->most_n, fabs(sorted[n / 2]));
+    }
+    for (int i = 0; i < p->count; i++) stray[i] = is_stray(p, i);
+    for (int i = 0; i < p->count; i++) {
+        if (stray[i] && p->strays++ == 0) p->stray_s = p->time_s[i], p->stray_n = p->force_n[i];
+        if (stray[i]) continue;
+        p->time_s[kept] = p->time_s[i];
+        p->force_n[kept++] = p->force_n[i];
+        sum_n += p->force_n[kept - 1];
+    }
+    free(stray);
+    p->count = kept;
     p->turned = sum_n < 0;
     for (int i = 0; i < p->count && p->turned; i++) p->force_n[i] = -p->force_n[i];
     return true;
+}
+
+// There are enough of them, and a force is among them.
+static bool are_enough(const kn_pull *p, const kn_press *press, char *error, size_t error_size)
+{
+    const bool many = p->count >= LEAST && p->time_s[p->count - 1] > p->time_s[0];
+    if (many && p->most_n > 0 && p->strays <= p->count / 20 + 2) return true;
+    if (many && p->most_n > 0)
+        snprintf(
+            error, error_size,
+            "%d of %d readings are far from their neighbours, the first of them %.4g N at %.4g s, expected a force "
+            "that changes steadily",
+            p->strays, p->strays + p->count, p->stray_n, p->stray_s);
+    else
+        snprintf(error, error_size,
+                 "%d readings between %.3g s, where the press begins, and %.3g s, the end of its hold, "
+                 "expected %d or more%s",
+                 p->count, press->time_s[0], press->hold_end_s, LEAST, many ? ", and a force in them" : "");
+    return false;
 }
 
 bool kn_pull_make(kn_pull *p, const kn_press *press, int count, double *time_s, double *force_n, char *error,
@@ -65,15 +133,8 @@ bool kn_pull_make(kn_pull *p, const kn_press *press, int count, double *time_s, 
 {
     *p = (kn_pull){.time_s = time_s, .force_n = force_n};
     bool ok = keep(p, press, count, error, error_size);
-    for (int i = 0; ok && i < p->count; i++) p->most_n = fmax(p->most_n, fabs(force_n[i]));
-    if (ok && (p->count < LEAST || !(p->time_s[p->count - 1] > p->time_s[0]) || !(p->most_n > 0))) {
-        snprintf(error, error_size,
-                 "%d readings between %.3g s, where the press begins, and %.3g s, the end of its hold, "
-                 "expected %d or more%s",
-                 p->count, press->time_s[0], press->hold_end_s, LEAST,
-                 p->count >= LEAST ? ", and a force in them" : "");
-        ok = false;
-    }
+    if (ok && p->count >= LEAST && !leave_out_strays(p)) snprintf(error, error_size, "out of memory"), ok = false;
+    ok = ok && are_enough(p, press, error, error_size);
     if (ok) p->bin = calloc((size_t)p->count, sizeof *p->bin);
     if (ok && !p->bin) snprintf(error, error_size, "out of memory"), ok = false;
     if (!ok) {

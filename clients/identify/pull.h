@@ -6,7 +6,8 @@
 //     r = (F' - F)/sigma      F, F': means over the readings of a span, the model's taken at the times of these
 //
 // Sigma is the noise of a reading over the root of their number, and half a percent of the largest force, which the
-// solver may be off by.
+// solver may be off by. The largest is that of the medians of five, and what stands far out of its neighbours is left
+// out: one reading of 5000 N would make every other one as good as unmeasured.
 #include "clients/identify/press.h"
 
 #define KN_PULL_BINS 300
@@ -15,6 +16,8 @@ typedef struct kn_pull {
     int count;                // readings
     double *time_s, *force_n; // owned; rising times of the press, compression positive
     double noise_n, most_n;   // of a reading; largest
+    int strays;               // readings left out for that
+    double stray_s, stray_n;  // the first of them
     int bins;                 // that hold readings
     int *bin;                 // [count] of each reading
     double bin_n[KN_PULL_BINS], bin_sigma_n[KN_PULL_BINS], bin_s[KN_PULL_BINS];
