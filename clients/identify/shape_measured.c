@@ -126,19 +126,35 @@ static int take_points(kn_evidence *e, const kn_shape_options *o, const kn_candi
 
 // ---- force
 
-// The best column of a force: contact_fz_n of our own tables, what is called force or load, any in N.
+// How much a column in N looks like the force of the press: contact_fz_n of our own tables, what is called force or
+// load, or something of that.
+static int rank_of(const kn_heading *h)
+{
+    if (!h->has_unit || !kn_measure_is(&h->unit, "N")) return 0;
+    if (strstr(h->word, "contact") && strstr(h->word, "fz")) return 4;
+    if (!strcmp(h->word, "force") || !strcmp(h->word, "contact force") || !strcmp(h->word, "load")) return 3;
+    return strstr(h->word, "force") || strstr(h->word, "load") ? 2 : 1;
+}
+
+// Column of the force; -1 after a complaint. Which one of several is meant nobody can know: a sensor's z may lie.
 static int force_of(const kn_sheet *s)
 {
-    int best = -1, rank = 0;
-    for (int i = 0; i < s->columns; i++) {
-        const kn_heading *h = &s->column[i].heading;
-        if (!h->has_unit || !kn_measure_is(&h->unit, "N")) continue;
-        const int here = strstr(h->word, "contact") && strstr(h->word, "fz")   ? 3
-                         : strstr(h->word, "force") || strstr(h->word, "load") ? 2
-                                                                               : 1;
-        if (here > rank) best = i, rank = here;
+    char names[300] = "";
+    int best = -1, most = 0, several = 0;
+    for (int i = 0; i < s->columns; i++)
+        if (rank_of(&s->column[i].heading) > most) best = i, most = rank_of(&s->column[i].heading);
+    for (int i = 0; i < s->columns && best >= 0; i++) {
+        if (rank_of(&s->column[i].heading) != most) continue;
+        const size_t n = strlen(names);
+        snprintf(names + n, sizeof names - n, "%s'%.60s'", several++ ? ", " : "", s->column[i].heading.name);
     }
-    return best;
+    if (best < 0)
+        kn_sheet_complain(s, s->header_line, 1, "no column of force with its unit, expected e.g. time [s], force [N]");
+    if (several < 2) return best;
+    kn_sheet_complain(s, s->header_line, s->column[best].at,
+                      "%s: %d columns of a force, expected one, of the contact force along z, or that one called force",
+                      names, several);
+    return -1;
 }
 
 static int time_of(const kn_sheet *s)
@@ -148,16 +164,28 @@ static int time_of(const kn_sheet *s)
     return -1;
 }
 
-static int read_force(kn_sheet *s, const char *file, double **time_s, double **force_n, int *count)
+// Rows of our own tables are of several probes.
+static void choose_rows(kn_sheet *s, const char *probe)
+{
+    for (int i = 0; i < s->columns; i++)
+        if (!strcmp(s->column[i].heading.word, "probe")) s->only.text = probe, s->only.column = i;
+}
+
+// told: the columns and whose rows they are.
+static int read_force(kn_sheet *s, const char *file, const char *probe, double **time_s, double **force_n, int *count,
+                      char told[2 * KN_HEADING_NAME + 100])
 {
     int code = kn_sheet_open(s, file, NULL, me);
     if (code != KN_EXIT_OK) return code;
     const int wanted[2] = {time_of(s), force_of(s)};
-    if (wanted[0] < 0 || wanted[1] < 0)
+    if (wanted[1] < 0) return KN_EXIT_USAGE;
+    if (wanted[0] < 0)
         return kn_sheet_complain(s, s->header_line, 1,
-                                 "no column of %s with its unit, expected e.g. time [s], force [N]",
-                                 wanted[0] < 0 ? "time" : "force");
+                                 "no column of time with its unit, expected e.g. time [s], force [N]");
+    choose_rows(s, probe);
     if ((code = kn_sheet_read(s, 2, wanted)) != KN_EXIT_OK) return code;
+    snprintf(told, 2 * KN_HEADING_NAME + 100, ", '%s' over '%s'%s%.40s", s->column[wanted[1]].heading.name,
+             s->column[wanted[0]].heading.name, s->only.text ? " of " : "", s->only.text ? s->only.text : "");
     *time_s = calloc((size_t)s->rows + 1, sizeof **time_s);
     *force_n = calloc((size_t)s->rows + 1, sizeof **force_n);
     if (!*time_s || !*force_n) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
@@ -183,14 +211,23 @@ static int logged_force(const kn_press *p, double **time_s, double **force_n, in
     return KN_EXIT_OK;
 }
 
-static int take_force(kn_evidence *e, const kn_shape_options *o)
+static void print_force(const kn_pull *p, const char *file, const char *told)
 {
-    char error[300];
+    printf("force      %s%s: %d readings in %d spans, up to %.4g N%s; noise %.2g N\n", file, told, p->count, p->bins,
+           p->most_n, p->turned ? ", compression being negative there" : "", p->noise_n);
+    if (p->strays > 0)
+        printf("           left out: %d far from their neighbours, the first of them %.4g N at %.4g s\n", p->strays,
+               p->stray_n, p->stray_s);
+}
+
+static int take_force(kn_evidence *e, const kn_shape_options *o, const kn_candidate *c)
+{
+    char error[300], told[2 * KN_HEADING_NAME + 100] = "";
     kn_sheet s;
     double *time_s = NULL, *force_n = NULL;
     int count = 0, code = KN_EXIT_OK;
     if (o->force) {
-        code = read_force(&s, o->force, &time_s, &force_n, &count);
+        code = read_force(&s, o->force, c->scene->model.probe[e->press.probe].name, &time_s, &force_n, &count, told);
         kn_sheet_close(&s);
         for (int i = 0; i < count; i++) time_s[i] -= o->force_begin_s;
     } else
@@ -204,8 +241,7 @@ static int take_force(kn_evidence *e, const kn_shape_options *o)
     if (!kn_pull_make(&e->pull, &e->press, count, time_s, force_n, error, sizeof error))
         return kn_complain(me, KN_EXIT_USAGE, "%s: %s", file, error);
     e->pulled = true;
-    printf("force      %s: %d readings in %d spans, up to %.4g N%s; noise %.2g N\n", file, e->pull.count, e->pull.bins,
-           e->pull.most_n, e->pull.turned ? ", compression being negative there" : "", e->pull.noise_n);
+    print_force(&e->pull, file, told);
     return KN_EXIT_OK;
 }
 
@@ -232,7 +268,7 @@ int kn_shape_measured(kn_evidence *e, const kn_shape_options *o, const kn_candid
     int code = take_press(e, o, c);
     for (int i = 0; code == KN_EXIT_OK && i < o->depths; i++) code = take_image(e, o, c, i);
     if (code == KN_EXIT_OK && o->points) code = take_points(e, o, c, o->depths);
-    if (code == KN_EXIT_OK && (o->force || o->log)) code = take_force(e, o);
+    if (code == KN_EXIT_OK && (o->force || o->log)) code = take_force(e, o, c);
     if (code == KN_EXIT_OK)
         kn_evidence_close(e);
     else

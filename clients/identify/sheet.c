@@ -217,6 +217,16 @@ static void set_aside(kn_sheet *s, const kn_sheet_column *column, const kn_cell 
     kn_cell_text(s->strange.text, sizeof s->strange.text, c);
 }
 
+static bool is_other(kn_sheet *s, int index, const kn_cell *c)
+{
+    char text[KN_HEADING_NAME];
+    if (!s->only.text || index != s->column[s->only.column].index) return false;
+    kn_cell_text(text, sizeof text, c);
+    const bool other = strcmp(text, s->only.text) != 0;
+    s->only.left_out += other;
+    return other;
+}
+
 // slot[index of a cell]: the column that it belongs to, or -1. cells: how many names there are. A line with text for a
 // number is set aside; once a row comes after it, it is an error.
 static int take_row(kn_sheet *s, int cells, const int slot[])
@@ -232,6 +242,7 @@ static int take_row(kn_sheet *s, int cells, const int slot[])
             return kn_sheet_complain(s, s->lines.number, (int)(c.text - line) + 1,
                                      "more cells than the %d names, expected as many%s", cells,
                                      s->of_rows == ',' ? " (are these decimal commas?)" : "");
+        if (is_other(s, index, &c)) return KN_EXIT_OK;
         if (slot[index] < 0) continue;
         kn_sheet_column *column = &s->column[slot[index]];
         const kn_cell_content is = kn_cell_read(&c, s->of_rows, &value, &s->commas, &s->points);
@@ -301,6 +312,10 @@ int kn_sheet_read(kn_sheet *s, int count, const int wanted[])
     }
     if (code == KN_EXIT_OK && *s->lines.error) return kn_sheet_complain(s, s->lines.number, 1, "%s", s->lines.error);
     if (code == KN_EXIT_OK && s->strange.name) return bad_text(s);
+    if (code == KN_EXIT_OK && s->rows == 0 && s->only.left_out > 0)
+        return kn_sheet_complain(s, s->header_line, s->column[s->only.column].at,
+                                 "%d rows of another %s than '%s', expected rows of it", s->only.left_out,
+                                 s->column[s->only.column].heading.name, s->only.text);
     if (code == KN_EXIT_OK && s->rows == 0)
         return kn_sheet_complain(s, s->header_line, 1, "no numbers below %s, expected rows of them",
                                  s->column[wanted[0]].heading.name);

@@ -38,6 +38,11 @@ typedef struct kn_sheet {
     kn_note note[KN_SHEET_NOTES];
     int header_line;
     bool commas; // were decimal ones
+    struct {     // rows of a table of several things; NULL: all
+        const char *text;
+        int column;   // in which it stands
+        int left_out; // rows with another text
+    } only;
     // private
     kn_lines lines;
     char separator, of_rows;
@@ -53,7 +58,8 @@ typedef struct kn_sheet {
 // Up to the names. units: "time=s,modulus=Pa", for columns whose names have none; NULL: none.
 int kn_sheet_open(kn_sheet *s, const char *file, const char *units, const char *subcommand);
 
-// The rest: rows of the columns wanted[]. A cell of them that is no number is an error.
+// The rest: rows of the columns wanted[]. A cell of them that is no number is an error. `only` is set before it, or not
+// at all.
 int kn_sheet_read(kn_sheet *s, int count, const int wanted[]);
 
 // The value of a note, SI, in the dimension of unit; *value is left alone where there is none. Keys in small letters.

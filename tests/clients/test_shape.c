@@ -175,6 +175,28 @@ static const char *text_of(json_t *root, const char *key)
     return text ? text : "";
 }
 
+static void write_text(const char *path, const char *text)
+{
+    FILE *f = fopen(path, "w");
+    must(f && fputs(text, f) >= 0 && fclose(f) == 0, path);
+}
+
+static void refuses(const char *expected, int count, const char *const *argument)
+{
+    char line[1200] = "";
+    const int code = command(count, argument, "out", "err");
+    FILE *f = fopen("err", "r");
+    const size_t n = f ? fread(line, 1, sizeof line - 1, f) : 0;
+    if (f) fclose(f);
+    line[n] = '\0';
+    const char *end = strchr(line, '\n');
+    if (code != 2 || !strstr(line, expected) || !end || end[1])
+        KN_TEST_FAIL("exit %d, expected 2 and one line with: %s\n%s", code, expected, line);
+}
+
+#define REFUSES(expected, ...)                                                                                         \
+    refuses(expected, (int)(sizeof((const char *[]){__VA_ARGS__}) / sizeof(char *)), (const char *[]){__VA_ARGS__})
+
 // ---- tests
 
 typedef struct blind {
@@ -519,29 +541,79 @@ TEST("a log's press keeps the log's clock where its server missed cycles: times,
     kn_candidate_free(c);
 }
 
+// ---- forces
+
+// A press of 2 s at 500 Hz, up to 4 N, and what is made of one spoilt reading of it.
+static kn_pull spoilt(const kn_press *press, double from_s, double spike_n, int spikes)
+{
+    enum { READINGS = 1000 };
+    char error[300];
+    kn_pull p;
+    double *time_s = calloc(READINGS, sizeof *time_s), *force_n = calloc(READINGS, sizeof *force_n);
+    for (int i = 0; i < READINGS; i++) {
+        const double t = time_s[i] = 2e-3 * i;
+        force_n[i] = 4 * fmin(t, 1) * exp(-fmax(t - 1, 0)) + 0.01 * gauss();
+        if (t >= from_s && spikes-- > 0) force_n[i] = spike_n;
+    }
+    must(kn_pull_make(&p, press, READINGS, time_s, force_n, error, sizeof error), error);
+    return p;
+}
+
+TEST("a reading far from its neighbours is left out and does not count as the largest force")
+{
+    char error[300];
+    kn_candidate c[KN_CANDIDATES];
+    kn_press press;
+    must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
+    must(kn_press_path(&press, c->scene, &(kn_press_def){.hold_s = 1}, error, sizeof error), error);
+    const double spikes[] = {5000, 1e300, -1e300, 30};
+    for (int i = 0; i < 4; i++)
+        for (int many = 0; many < 3; many++) {
+            kn_pull p = spoilt(&press, i == 3 ? 0 : 0.7, spikes[i], many);
+            CHECK(p.strays == many && p.count == 1000 - many && !p.turned);
+            CHECK(many == 0 || p.stray_n == spikes[i]);
+            CHECK_NEAR(p.most_n, 4, 0.05);
+            for (int b = 0; b < p.bins; b++)
+                CHECK_NEAR(p.bin_n[b], 4 * fmin(p.bin_s[b], 1) * exp(-fmax(p.bin_s[b] - 1, 0)), 0.05);
+            kn_pull_free(&p);
+        }
+    kn_press_free(&press);
+    kn_candidate_free(c);
+}
+
+TEST(
+    "of several columns of a force none is guessed; of several probes the pressing one's rows are read, and it is said")
+{
+    char line[8000] = "";
+    const lump l = {
+        .scene = SMALL, .structure = "diagonals", .noise = 0.01, .hold = "1", .pressure_pa = 1e5, .area_factor = 1};
+    measure(&l);
+    write_text("three.csv", "time [s],fx [N],fy [N],fz [N]\n0,0,0,1\n1,0,0,2\n");
+    REFUSES("three.csv:1:10: 'fx', 'fy', 'fz': 3 columns of a force, expected one", SMALL, "--depth", "depth.png",
+            "--force", "three.csv");
+    FILE *in = fopen("force.csv", "r"), *out = fopen("rows.csv", "w");
+    must(in && out && fgets(line, sizeof line, in), "force.csv cannot be read");
+    fputs("tick,time_s,probe,fz_n,contact_fz_n\n", out);
+    for (int i = 0; fgets(line, sizeof line, in); i++) {
+        double t, f;
+        must(sscanf(line, "%lf,%lf", &t, &f) == 2, line);
+        fprintf(out, "%d,%.4f,finger,0,-7\n%d,%.4f,plate,0,%.6g\n", i, t, i, t, f);
+    }
+    fclose(in);
+    fclose(out);
+    CHECK(COMMAND("found.txt", "err", SMALL, "--depth", "depth.png", "--force", "rows.csv", "--hold", "1", "--only",
+                  "diagonals") == 0);
+    in = fopen("found.txt", "r");
+    line[in ? fread(line, 1, sizeof line - 1, in) : 0] = '\0';
+    if (in) fclose(in);
+    CHECK(strstr(line, "rows.csv, 'contact_fz' over 'time' of plate: "));
+    CHECK(strstr(line, "diagonals explains it"));
+    write_text("other.csv", "time_s,probe,force_n\n0,thumb,1\n1,thumb,2\n");
+    REFUSES("other.csv:1:8: 2 rows of another probe than 'plate', expected rows of it", SMALL, "--depth", "depth.png",
+            "--force", "other.csv");
+}
+
 // ---- bad input: one line each, exit 2
-
-static void write_text(const char *path, const char *text)
-{
-    FILE *f = fopen(path, "w");
-    must(f && fputs(text, f) >= 0 && fclose(f) == 0, path);
-}
-
-static void refuses(const char *expected, int count, const char *const *argument)
-{
-    char line[1200] = "";
-    const int code = command(count, argument, "out", "err");
-    FILE *f = fopen("err", "r");
-    const size_t n = f ? fread(line, 1, sizeof line - 1, f) : 0;
-    if (f) fclose(f);
-    line[n] = '\0';
-    const char *end = strchr(line, '\n');
-    if (code != 2 || !strstr(line, expected) || !end || end[1])
-        KN_TEST_FAIL("exit %d, expected 2 and one line with: %s\n%s", code, expected, line);
-}
-
-#define REFUSES(expected, ...)                                                                                         \
-    refuses(expected, (int)(sizeof((const char *[]){__VA_ARGS__}) / sizeof(char *)), (const char *[]){__VA_ARGS__})
 
 static void gray(const char *path, int width, int height, int value, bool texts)
 {
