@@ -85,11 +85,15 @@ static int write_depth(const kn_shape_options *o, const kn_evidence *e, const kn
 {
     char error[600], title[100];
     const kn_surface *s = best->best.surface;
-    kn_range frame = e->relief[0].frame;
+    kn_range frame = e->relief[0].frame; // drawn where the image lies, saved as where it says: pixel on pixel
     uint16_t *level = malloc((size_t)frame.width * (size_t)frame.height * sizeof *level);
     if (!level) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
+    frame.left_m += best->shift_m[0];
+    frame.top_m += best->shift_m[1];
     kn_range_draw(&frame, (const float(*)[3])best->best.pressed.shape_m[0], s->triangle_count,
                   (const int(*)[3])s->triangle, level);
+    frame.left_m = e->relief[0].frame.left_m;
+    frame.top_m = e->relief[0].frame.top_m;
     snprintf(title, sizeof title, "%s at %.3f s", best->name, e->moment_s[0]);
     const bool ok = kn_range_save(o->out_depth, &frame, title, level, error, sizeof error);
     free(level);

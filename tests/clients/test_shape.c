@@ -281,6 +281,44 @@ TEST("a lump of finer cells than the model's: it is told that nothing explains i
     json_decref(root);
 }
 
+// Of two range images' heights where both see something.
+static double apart_m(const char *one, const char *other, int *both)
+{
+    char error[300];
+    kn_range a = {0}, b = {0};
+    uint16_t *was = NULL, *is = NULL;
+    double squares = 0;
+    const kn_range_given none = {NAN, NAN, NAN, NAN};
+    CHECK(kn_range_load(one, &none, &a, &was, error, sizeof error));
+    CHECK(kn_range_load(other, &none, &b, &is, error, sizeof error));
+    CHECK(a.left_m == b.left_m && a.top_m == b.top_m && a.pixel_m == b.pixel_m);
+    *both = 0;
+    for (int i = 0; was && is && i < PIXELS * PIXELS; i++)
+        if (was[i] > 0 && is[i] > 0) squares += pow(was[i] * a.step_m - is[i] * b.step_m, 2), ++*both;
+    free(was);
+    free(is);
+    return sqrt(squares / *both);
+}
+
+// Mean place of what a range image sees.
+static void middle_of(const char *path, double middle_m[2])
+{
+    char error[300];
+    kn_range r = {0};
+    uint16_t *level = NULL;
+    int seen = 0;
+    CHECK(kn_range_load(path, &(kn_range_given){NAN, NAN, NAN, NAN}, &r, &level, error, sizeof error));
+    middle_m[0] = middle_m[1] = 0;
+    for (int i = 0; level && i < r.width * r.height; i++) {
+        if (level[i] == 0) continue;
+        middle_m[0] += r.left_m + i % r.width * r.pixel_m;
+        middle_m[1] += r.top_m - i / r.width * r.pixel_m;
+        seen++;
+    }
+    for (int k = 0; k < 2; k++) middle_m[k] /= seen;
+    free(level);
+}
+
 TEST("an image that lies beside where it says, with lost and stray pixels, is aligned to a fifth of a pixel")
 {
     const lump l = {.scene = SMALL,
@@ -293,8 +331,12 @@ TEST("an image that lies beside where it says, with lost and stray pixels, is al
                     .lost = 0.05};
     measure(&l);
     CHECK(COMMAND("found.json", "err", SMALL, "--depth", "depth.png", "--force", "force.csv", "--hold", "1", "--only",
-                  "both", "--align", "--json") == 0);
+                  "both", "--align", "--out-depth", "model.png", "--json") == 0);
     json_t *root = found(), *best = structure(root, "both");
+    double measured_m[2], model_m[2];
+    middle_of("depth.png", measured_m);
+    middle_of("model.png", model_m);
+    for (int k = 0; k < 2; k++) CHECK_NEAR(model_m[k], measured_m[k], 6e-5); // pixel on pixel, as they were seen
     CHECK_NEAR(json_number_value(json_object_get(best, "shift_x_m")), 0.00013, 4e-5);
     CHECK_NEAR(json_number_value(json_object_get(best, "shift_y_m")), -0.00031, 4e-5);
     CHECK_NEAR(pressure_of(best), 5e4, 2.5e3);
@@ -358,19 +400,9 @@ TEST("what is found is written: a scene that loads with its numbers, and the ran
     CHECK(scene->model.pressure == KN_PRESSURE_CELLS);
     CHECK_NEAR(scene->model.material.p1_pa, 1.2 * 80 * 98.0665, 0.03 * 80 * 98.0665);
     kn_scene_destroy(scene);
-    kn_range a, b;
-    uint16_t *was = NULL, *is = NULL;
-    const kn_range_given none = {NAN, NAN, NAN, NAN};
-    CHECK(kn_range_load("depth.png", &none, &a, &was, error, sizeof error));
-    CHECK(kn_range_load("model.png", &none, &b, &is, error, sizeof error));
-    double squares = 0;
-    int both = 0;
-    for (int i = 0; was && is && i < PIXELS * PIXELS; i++)
-        if (was[i] > 0 && is[i] > 0) squares += pow((was[i] - is[i]) * a.step_m, 2), both++;
+    int both;
+    CHECK_NEAR(apart_m("depth.png", "model.png", &both), 0.01 * 0.03, 0.00005); // the noise alone
     CHECK(both > 5000);
-    CHECK_NEAR(sqrt(squares / both), 0.01 * 0.03, 0.00005); // the noise alone
-    free(was);
-    free(is);
 }
 
 TEST("a stress area s times as large is a damper whose law is stretched: T'(s b) = s T(b)")
