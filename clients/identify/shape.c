@@ -114,8 +114,10 @@ static int press_finer(const kn_shape_options *o, const kn_evidence *e, const kn
 {
     char error[600];
     kn_candidate finer;
-    if (best->scene->model.mesh)
-        return kn_complain(me, KN_EXIT_USAGE, "--finer: %s has a mesh of its own, expected a block", best->name);
+    if (best->scene->model.mesh) { // among blocks, else it would have been refused
+        printf("\n%s has elements of its own: not pressed once more in halved cells.\n", best->name);
+        return KN_EXIT_OK;
+    }
     if (!kn_candidate_finer(&finer, best, &o->scene, error, sizeof error))
         return kn_complain(me, KN_EXIT_USAGE, "--finer: %s", error);
     const int code = fit_all(&finer, 1, e, 1);
@@ -124,17 +126,40 @@ static int press_finer(const kn_shape_options *o, const kn_evidence *e, const kn
     return code;
 }
 
+// What would be in vain after the fits. Blocks are the first of the candidates.
+static int check_wanted(const kn_shape_options *o, const kn_candidate *candidate)
+{
+    if (candidate[0].scene->model.thickness_m > 0)
+        return kn_complain(me, KN_EXIT_USAGE, "%s: is flat, expected an object of three dimensions",
+                           o->scene.scene_path);
+    if (o->finer && candidate[0].scene->model.mesh)
+        return kn_complain(me, KN_EXIT_USAGE,
+                           "--finer: %s has elements of its own, expected a block among the structures",
+                           candidate[0].name);
+    if (o->png && o->depths == 0 && !o->force && !o->log)
+        return kn_complain(me, KN_EXIT_USAGE, "--png %s: expected --depth or a force, points are not drawn", o->png);
+    return KN_EXIT_OK;
+}
+
+// Where the log turned out to have no forces.
+static int check_drawn(const kn_shape_options *o, const kn_evidence *e)
+{
+    if (!o->png || o->depths > 0 || e->pulled) return KN_EXIT_OK;
+    return kn_complain(me, KN_EXIT_USAGE, "--png %s: expected --depth or a force, %s has none and points are not drawn",
+                       o->png, o->log);
+}
+
 static int identify(const kn_shape_options *o, kn_candidate *candidate, int count)
 {
     kn_evidence e;
     kn_verdict v;
-    if (candidate[0].scene->model.thickness_m > 0)
-        return kn_complain(me, KN_EXIT_USAGE, "%s: is flat, expected an object of three dimensions",
-                           o->scene.scene_path);
-    kn_shape_print_object(o, candidate);
-    int code = kn_shape_measured(&e, o, &candidate[0]);
+    int code = check_wanted(o, candidate);
     if (code != KN_EXIT_OK) return code;
-    code = fit_all(candidate, count, &e, o->jobs);
+    kn_shape_print_object(o, candidate);
+    code = kn_shape_measured(&e, o, &candidate[0]);
+    if (code != KN_EXIT_OK) return code;
+    code = check_drawn(o, &e);
+    if (code == KN_EXIT_OK) code = fit_all(candidate, count, &e, o->jobs);
     if (code == KN_EXIT_OK) {
         kn_verdict_make(&v, count, candidate, &e);
         kn_shape_print(o, &e, candidate, count, &v);

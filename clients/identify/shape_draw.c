@@ -71,8 +71,6 @@ int kn_shape_draw(const kn_shape_options *o, const kn_evidence *e, const kn_cand
     const kn_range *frame = &e->relief[0].frame;
     const bool pictured = frame->width > 0;
     int code = KN_EXIT_OK;
-    if (!pictured && !e->pulled)
-        return kn_complain("identify shape", KN_EXIT_USAGE, "--png: expected --depth or a force, points are not drawn");
     uint16_t *level = malloc((size_t)frame->width * (size_t)frame->height * sizeof *level + 1);
     if (!level) return kn_complain("identify shape", KN_EXIT_INTERNAL, "out of memory");
     FILE *f = kn_plot_open("identify shape", o->png, WIDE, HIGH, &code);

@@ -730,6 +730,11 @@ TEST("what cannot be asked for is told in one line")
     REFUSES("far.csv: 2 of 2 points are farther", SMALL, "--points", "far.csv");
     REFUSES("few.csv: 1 points of the surface", SMALL, "--points", "few.csv");
     REFUSES("no column z", SMALL, "--points", "flat.csv");
+    REFUSES("--png p.png: expected --depth or a force, points are not drawn", SMALL, "--points", "points.csv", "--png",
+            "p.png", "--out", "early.yaml");
+    CHECK(access("early.yaml", F_OK) != 0);
+    REFUSES("--finer: mesh has elements of its own, expected a block", KN_SOURCE_DIR "/core/scenes/bun.yaml", "--depth",
+            "depth.png", "--finer");
 }
 
 static size_t bytes_of(const char *path)
