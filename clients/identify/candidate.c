@@ -9,7 +9,8 @@
 #include <time.h>
 
 static const double atm_pa = 101325;
-static const double weak = 0.1; // diagonals below this are not what `diagonals` means
+static const double weak = 0.1;  // diagonals below this are not what `diagonals` means
+static const double alike = 0.1; // of a side of the box around the object, what a mesh of it may differ by
 static const double area_low = 0.2, area_high = 5;
 
 // ---- which there are
@@ -125,6 +126,24 @@ void kn_candidate_free(kn_candidate *c)
     memset(c, 0, sizeof *c);
 }
 
+// By their boxes, both of which stand in the middle of the scene: of another object a mesh would be fitted, too.
+static bool is_same_object(const kn_candidate *c, const kn_scene *base, const kn_candidate_def *def, char *error,
+                           size_t error_size)
+{
+    double is_m[3], was_m[3];
+    bool same = true;
+    kn_model_def_extent(&c->scene->model, is_m);
+    kn_model_def_extent(&base->model, was_m);
+    for (int k = 0; k < 3; k++) same &= fabs(is_m[k] - was_m[k]) <= alike * was_m[k];
+    if (!same)
+        snprintf(error, error_size,
+                 "--mesh %s: is %.3g x %.3g x %.3g mm, expected the object's %.3g x %.3g x %.3g mm but for a tenth; is "
+                 "--mesh-unit %s right?",
+                 def->mesh, 1e3 * is_m[0], 1e3 * is_m[1], 1e3 * is_m[2], 1e3 * was_m[0], 1e3 * was_m[1], 1e3 * was_m[2],
+                 def->mesh_unit);
+    return same;
+}
+
 int kn_candidates_open(kn_candidate candidate[KN_CANDIDATES], const kn_candidate_def *def, const char *only,
                        char *error, size_t error_size)
 {
@@ -135,7 +154,10 @@ int kn_candidates_open(kn_candidate candidate[KN_CANDIDATES], const kn_candidate
     for (int k = 0; ok && k < KN_CANDIDATES; k++) {
         const bool there = kinds[k].mesh ? def->mesh || base->model.mesh : !base->model.mesh;
         if (!there || !is_wanted(only, kinds[k].name)) continue;
-        ok = open_one(&candidate[count++], base, &kinds[k], def, error, error_size);
+        kn_candidate *c = &candidate[count++];
+        ok = open_one(c, base, &kinds[k], def, error, error_size) &&
+             (!kinds[k].mesh || !def->mesh || is_same_object(c, base, def, error, error_size));
+        c->one_skin = base->model.pressure == KN_PRESSURE_OBJECT;
     }
     if (ok && count == 0)
         snprintf(error, error_size, "--only %s: %s has no such structure%s", only, base->name,
@@ -228,6 +250,7 @@ static void take(kn_candidate *c, const kn_search *s)
 {
     c->sought = s->unknowns;
     c->settled = s->settled;
+    c->early = s->settled && s->early;
     if (c->gas) {
         c->pressure_pa = s->value[0];
         kn_identified_take(&c->known[0], "inside_pressure", "Pa", s->value[0], kn_search_interval(s, 0, c->worth));

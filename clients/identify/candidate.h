@@ -27,6 +27,7 @@ typedef struct kn_candidate {
     kn_exhibit best;          // its surface is owned
     float (*rest_m)[3];
     bool gas, area; // what is sought
+    bool one_skin;  // the scene asks for gas in one skin around all cells, which no structure has
     // of kn_candidate_fit
     bool found;    // else it has no answer anywhere
     char why[200]; // then why
@@ -40,7 +41,7 @@ typedef struct kn_candidate {
     kn_relief_misfit misfit[KN_PRESS_MOMENTS];
     double pull_share; // rms of force over the largest
     int presses;
-    bool settled;
+    bool settled, early; // as kn_search has them
     double seconds;
 } kn_candidate;
 

@@ -11,6 +11,7 @@
 static const double lead_s = 0.2;   // of a path, before it goes down: the plate catches the nodes it touches
 static const double still_m = 1e-4; // of the lowest place: still there
 static const double shaking_m = 1e-6;
+static const double near_m = 1e-3; // to the top at rest: it touches
 static const double period_s = 1e-3;
 static const double thinnest = 0.2; // of the height, what a press leaves at least
 
@@ -202,11 +203,18 @@ static void given_back(void *self, const kn_state *s)
     ((listener *)self)->own.restore(((listener *)self)->own.self, s);
 }
 
-static int first_held(const kn_press *p)
+// The first tool that comes down to the object as it was at rest, or that very one; -1: none does. A held tool in the
+// air counts for none.
+static int first_touching(const kn_press *p, const kn_model_def *object, int wanted)
 {
+    double extent_m[3];
+    kn_model_def_extent(object, extent_m);
     for (int64_t t = 0; t < p->ticks; t++)
-        for (int i = 0; i < p->probes; i++)
-            if (p->input[t * p->probes + i].attached) return i;
+        for (int i = 0; i < p->probes; i++) {
+            const kn_probe_input *in = &p->input[t * p->probes + i];
+            const bool low = in->position_m[2] - kn_foot_m(&object->probe[i]) <= extent_m[2] + near_m;
+            if (in->attached && low && (wanted < 0 || i == wanted)) return i;
+        }
     return -1;
 }
 
@@ -255,9 +263,11 @@ bool kn_press_log(kn_press *p, const kn_scene *scene, const kn_press_def *def, c
     if (good && !(good = listen(r, &l))) snprintf(error, error_size, "%s: longer than an hour, or out of memory", log);
     r->backend = l.own;
     kn_replay_destroy(r);
-    if (good && p->probe < 0) p->probe = first_held(p);
-    if (good && (p->probe < 0 || first_held(p) < 0)) {
-        snprintf(error, error_size, "%s: no tool comes to the object in it", log);
+    if (good && (p->probe = first_touching(p, &scene->model, p->probe)) < 0) {
+        snprintf(error, error_size,
+                 def->probe ? "%s: the %s never touches the object in it, expected a tool that does"
+                            : "%s: no tool touches the object in it, expected a press",
+                 log, def->probe);
         good = false;
     }
     if (good)

@@ -185,6 +185,7 @@ static bool step(kn_search *s, double *trust)
     if (way < settled || (way < secant && before - fit.sum < least * before)) {
         const int looks = s->looks;
         s->settled = reach <= short_secant;
+        s->early = way >= settled && before - fit.sum >= promise * before;
         if (s->settled || !look_around(s, short_secant)) return false;
         choose_best(s);
         return s->looks > looks;

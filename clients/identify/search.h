@@ -35,6 +35,7 @@ typedef struct kn_search {
     double value[KN_SEARCH_UNKNOWNS];
     bool at_low[KN_SEARCH_UNKNOWNS], at_high[KN_SEARCH_UNKNOWNS];
     bool settled;                      // it ended as above, not for want of looks
+    bool early;                        // and far off, where a thousandth of the sum was still promised
     double *slope[KN_SEARCH_UNKNOWNS]; // of the residuals by each logarithm, at the best; owned
 } kn_search;
 

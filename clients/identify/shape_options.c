@@ -57,7 +57,9 @@ static const char help[] =
     "largest, of the force; how far the sides bulge along x and y, measured > model; off: rms residual in units of "
     "the\n"
     "noise; dAICc: how much worse supported than the best (10: hardly any support left). Residuals of neighbours that\n"
-    "agree count as fewer readings. From above only the widest place of a side is seen, not its height.\n"
+    "agree count as fewer readings. From above only the widest place of a side is seen, not its height. At the end of "
+    "a\n"
+    "row: stopped early, so far off that its last per cent was not looked for; not settled, its presses were used up.\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 enum {

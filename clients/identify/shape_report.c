@@ -12,6 +12,9 @@ void kn_shape_print_object(const kn_shape_options *o, const kn_candidate *c)
     printf("object     %s: %.3g x %.3g x %.3g mm, %d nodes\n", o->scene.scene_path, 1e3 * extent_m[0],
            1e3 * extent_m[1], 1e3 * extent_m[2], c->first->node_count);
     kn_result_text(kn_result(), "scene", o->scene.scene_path);
+    if (c->one_skin)
+        printf("note       the scene's object.pressure=object is left out: each structure has gas in every cell, or "
+               "none\n");
 }
 
 // "1.03 [0.98 .. 1.08]", "< 0.05", "-"
@@ -50,11 +53,14 @@ static void print_row(const kn_evidence *e, const kn_candidate *c, double off, d
     const kn_relief_misfit *m = &c->misfit[0];
     if (e->pulled) snprintf(share, sizeof share, "%.2g", 100 * c->pull_share);
     if (!isnan(delta)) snprintf(apart, sizeof apart, "%.4g", delta);
-    printf("%-13s %-24s %-24s %7s %8s %7s>%-7s%7s>%-7s %6s %7.3g %7s %5d %6.0f\n", c->name,
+    printf("%-13s %-24s %-24s %7s %8s %7s>%-7s%7s>%-7s %6s %7.3g %7s %5d %6.0f%s\n", c->name,
            number(&c->known[0], c->gas, atm_pa, text[0]), number(&c->known[c->gas], c->area, 1, text[1]),
            millimetres(m->height_m, mm[0]), millimetres(m->outline_m, mm[1]), millimetres(m->bulge_m[0][0], mm[2]),
            millimetres(m->bulge_m[1][0], mm[3]), millimetres(m->bulge_m[0][1], mm[4]),
-           millimetres(m->bulge_m[1][1], mm[5]), share, off, apart, c->presses, c->seconds);
+           millimetres(m->bulge_m[1][1], mm[5]), share, off, apart, c->presses, c->seconds,
+           !c->settled ? "  not settled"
+           : c->early  ? "  stopped early"
+                       : "");
 }
 
 static void tell_surfaces(json_t *row, const kn_evidence *e, const kn_candidate *c)
@@ -93,6 +99,7 @@ static void tell(const kn_evidence *e, const kn_candidate *c, double off, double
     kn_result_integer(row, "presses", c->presses);
     kn_result_number(row, "seconds", c->seconds);
     kn_result_bool(row, "settled", c->settled);
+    kn_result_bool(row, "stopped_early", c->early);
     kn_result_bool(row, "no_gas_left", c->no_gas_left);
     if (!e->align) return;
     kn_result_number(row, "shift_x_m", c->shift_m[0]);

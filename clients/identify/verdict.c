@@ -26,10 +26,15 @@ static void judge(kn_verdict *v, int count, const kn_candidate *c, int readings)
         if (c[i].found && v->delta[i] < least) least = v->delta[i], v->best = i;
     for (int i = 0; i < count; i++) v->delta[i] -= least;
     v->explained = v->best >= 0 && v->off[v->best] <= KN_VERDICT_OFF;
+    for (int i = 0; i < count && v->best >= 0 && !v->explained; i++)
+        if (c[i].found && c[i].no_gas_left == c[v->best].no_gas_left && v->off[i] < v->off[v->best]) v->best = i;
+    v->explained = v->best >= 0 && v->off[v->best] <= KN_VERDICT_OFF;
     for (int i = 0; i < count && v->best >= 0; i++) {
         const bool near = v->explained ? v->delta[i] < KN_VERDICT_APART : v->off[i] < KN_VERDICT_NEAR * v->off[v->best];
         if (i == v->best || c[i].no_gas_left || !near) continue;
-        if (v->rival < 0 || v->delta[i] < v->delta[v->rival]) v->rival = i;
+        const bool nearer =
+            v->rival >= 0 && (v->explained ? v->delta[i] < v->delta[v->rival] : v->off[i] < v->off[v->rival]);
+        if (v->rival < 0 || nearer) v->rival = i;
     }
 }
 

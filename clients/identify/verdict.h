@@ -6,8 +6,8 @@
 //     dAICc   of Akaike's criterion against the best, by as many independent readings as the best one's residuals are
 //             worth; S no less than n: what is below the noise supports nobody
 //
-// Where nothing explains it the model's error decides, not the noise: then all that are off by up to KN_VERDICT_NEAR times
-// as much as the best are as likely.
+// Where nothing explains it the model's error decides, not the noise: then the best is the one that is least off,
+// whatever its numbers cost, and all that are off by up to KN_VERDICT_NEAR times as much are as likely.
 //
 // Gas whose pressure the fit has taken away is no structure of its own: it is the same without gas.
 #include "clients/identify/candidate.h"

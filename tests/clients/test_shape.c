@@ -9,6 +9,7 @@
 #include "clients/identify/candidate.h"
 #include "clients/identify/experiments.h"
 #include "clients/identify/relief_points.h"
+#include "clients/identify/verdict.h"
 #include "clients/knead/path.h"
 #include "clients/viewer/image.h"
 #include "clients/viewer/range_file.h"
@@ -271,6 +272,7 @@ TEST("a lump of finer cells than the model's: it is told that nothing explains i
     CHECK(json_number_value(json_object_get(json_object_get(root, "halved_cells"), "moved")) >
           0.5 * json_number_value(json_object_get(best, "off")));
     CHECK(json_is_false(json_object_get(root, "explained")));
+    CHECK(json_is_true(json_object_get(structure(root, "diagonals"), "stopped_early")));
     CHECK(strstr(text_of(root, "words"), "None of them explains it"));
     json_decref(root);
     CHECK(COMMAND("found.json", "err", SMALL, "--set", "object.spacing=5 mm", "--only", "both", "--depth", "depth.png",
@@ -573,6 +575,26 @@ TEST("a log's press keeps the log's clock where its server missed cycles: times,
     kn_candidate_free(c);
 }
 
+TEST("where nothing explains it the least off is nearest, and none that is less off is called farther")
+{
+    kn_verdict v;
+    const kn_evidence e = {.readings = 1000};
+    kn_candidate c[3] = {
+        {.name = "diagonals", .words = "D", .found = true, .unknowns = 1, .worth = 12, .settled = true},
+        {.name = "pressure", .words = "P", .found = true, .unknowns = 2, .worth = 12, .settled = true},
+        {.name = "both", .words = "B", .found = true, .unknowns = 2, .worth = 12, .settled = true}};
+    const double off[3] = {10.5, 10.2, 10};
+    for (int i = 0; i < 3; i++) c[i].sum = off[i] * off[i] * e.readings;
+    c[1].no_gas_left = true;
+    kn_verdict_make(&v, 3, c, &e);
+    CHECK(v.best == 2 && v.rival == 0 && !v.explained && v.delta[0] < v.delta[2]);
+    CHECK(strstr(v.words, "both comes nearest and is 10.0 times") &&
+          strstr(v.words, "diagonals is nearly as near, 10.5"));
+    for (int i = 0; i < 3; i++) c[i].sum = 0.01 * off[i] * off[i] * e.readings;
+    kn_verdict_make(&v, 3, c, &e);
+    CHECK(v.best == 0 && v.rival == 2 && v.explained); // the fewest numbers that explain it
+}
+
 // ---- forces
 
 // A press of 2 s at 500 Hz, up to 4 N, and what is made of one spoilt reading of it.
@@ -634,12 +656,13 @@ TEST(
     fclose(in);
     fclose(out);
     CHECK(COMMAND("found.txt", "err", SMALL, "--depth", "depth.png", "--force", "rows.csv", "--hold", "1", "--only",
-                  "diagonals") == 0);
+                  "diagonals", "--set", "object.pressure=object") == 0);
     in = fopen("found.txt", "r");
     line[in ? fread(line, 1, sizeof line - 1, in) : 0] = '\0';
     if (in) fclose(in);
     CHECK(strstr(line, "rows.csv, 'contact_fz' over 'time' of plate: "));
     CHECK(strstr(line, "diagonals explains it"));
+    CHECK(strstr(line, "note       the scene's object.pressure=object is left out"));
     write_text("other.csv", "time_s,probe,force_n\n0,thumb,1\n1,thumb,2\n");
     REFUSES("other.csv:1:8: 2 rows of another probe than 'plate', expected rows of it", SMALL, "--depth", "depth.png",
             "--force", "other.csv");
@@ -730,6 +753,12 @@ TEST("what cannot be asked for is told in one line")
     REFUSES("far.csv: 2 of 2 points are farther", SMALL, "--points", "far.csv");
     REFUSES("few.csv: 1 points of the surface", SMALL, "--points", "few.csv");
     REFUSES("no column z", SMALL, "--points", "flat.csv");
+    record_press();
+    REFUSES("missed.lcmlog: the finger never touches the object in it", SMALL, "--depth", "depth.png", "--log",
+            "missed.lcmlog", "--probe", "finger", "--force", "force.csv");
+    REFUSES(
+        "bun.msh: is 60 x 60 x 24 mm, expected the object's 50 x 50 x 30 mm but for a tenth; is --mesh-unit mm right?",
+        SMALL, "--depth", "depth.png", "--mesh", KN_SOURCE_DIR "/core/scenes/meshes/bun.msh", "--mesh-unit", "mm");
     REFUSES("--png p.png: expected --depth or a force, points are not drawn", SMALL, "--points", "points.csv", "--png",
             "p.png", "--out", "early.yaml");
     CHECK(access("early.yaml", F_OK) != 0);
