@@ -18,7 +18,7 @@ static const char help[] =
     "and with which inside pressure P0 and stress area gamma of its edges. The scene says the object, its material\n"
     "(knead identify creep finds it) and the tool. Each structure is pressed as the lump was, and its numbers are\n"
     "fitted to what was measured: the surface seen from above, and the force, each by its own noise.\n\n"
-    "    knead identify shape dough.yaml --depth dent.png --force press.csv --out found.yaml\n"
+    "    knead identify shape dough.yaml --depth dent-range.png --force force.csv --out found.yaml\n"
     "    knead identify shape dough.yaml --log press.lcmlog --depth held.png --at 36\n"
     "    knead identify shape bun.yaml --points scan.csv --at end --probe finger\n\n"
     "what was measured:\n"
