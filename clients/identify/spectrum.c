@@ -6,6 +6,8 @@
 #include <string.h>
 
 enum { STARTS = 16 };
+#define NONE 1e10 // a part so many times stiffer, or softer, than all that was measured is none
+#define EXACT 1e-4 // no rheometer's moduli are that good: what is left below it is digits, and chooses no element
 
 typedef struct work {
     const kn_curve *curve;
@@ -65,6 +67,8 @@ static void add_classes(kn_spectrum *s)
             snprintf(row->expression, sizeof row->expression, "%s", text);
             row->name = kn_oneport_name(&class);
             kn_element_parse(&row->net.element, text, error, sizeof error);
+            row->parts = row->net.element.leaves;
+            row->aicc = INFINITY;
         }
         add_letter(&s->row[k], kn_catalogue[i].letter);
     }
@@ -111,9 +115,54 @@ static void bounds(const work *w, kn_fit *fit)
     for (int leaf = 0; leaf < fit->unknowns; leaf++) {
         const bool spring = is_spring(w->element, leaf);
         fit->unknown[leaf] = (kn_fit_unknown){.name = name[leaf],
-                                              .low = spring ? least / 1e4 : least / fast / 1e4,
-                                              .high = spring ? most * 1e4 : most / slow * 1e4};
+                                              .low = (spring ? least : least / fast) / NONE,
+                                              .high = (spring ? most : most / slow) * NONE};
     }
+}
+
+// The best place for what a smaller element has found: each of its parts at one of that kind, the others at a bound, as
+// if they were not there. Which of these is the smaller element is not asked: it has its sum.
+typedef struct nesting {
+    kn_fit *fit; // of the larger one
+    const kn_element *element;
+    const kn_spectrum_row *within;
+    double at[KN_FIT_UNKNOWNS], *best, least;
+} nesting;
+
+static void nest(nesting *n, int leaf, unsigned placed)
+{
+    const kn_element *small = &n->within->net.element;
+    if (leaf == n->element->leaves) {
+        const double sum = placed + 1 == 1u << small->leaves ? kn_fit_sum(n->fit, n->at) : (double)NAN;
+        if (!(sum < n->least)) return;
+        n->least = sum;
+        memcpy(n->best, n->at, sizeof n->at);
+        return;
+    }
+    for (int i = 0; i < small->leaves; i++) {
+        if (placed & 1u << i || is_spring(small, i) != is_spring(n->element, leaf)) continue;
+        n->at[leaf] = n->within->net.part[i].modulus;
+        nest(n, leaf + 1, placed | 1u << i);
+    }
+    for (int high = 0; high < 2; high++) {
+        n->at[leaf] = high ? n->fit->unknown[leaf].high : n->fit->unknown[leaf].low;
+        nest(n, leaf + 1, placed);
+    }
+}
+
+// From what elements of fewer parts have found: where one is within this one, the search ends no higher than theirs did.
+static int start_within(kn_fit *fit, const kn_element *element, const kn_spectrum *found,
+                        double start[][KN_FIT_UNKNOWNS])
+{
+    int count = 0;
+    for (int i = 0; i < found->rows; i++) {
+        const kn_spectrum_row *row = &found->row[i];
+        if (!row->fitted || row->parts >= element->leaves) continue;
+        nesting n = {.fit = fit, .element = element, .within = row, .best = start[count], .least = INFINITY};
+        nest(&n, 0, 0);
+        count += isfinite(n.least);
+    }
+    return count;
 }
 
 // What each part is called: of a material k1, c1, c2, else s1, d1, ...
@@ -132,7 +181,7 @@ static void judge(kn_spectrum_row *row, kn_fit *fit, double confidence)
     double value[KN_FIT_UNKNOWNS], *residual = calloc((size_t)fit->readings, sizeof *residual);
     for (int i = 0; i < fit->unknowns; i++) value[i] = row->net.part[i].modulus = fit->unknown[i].value;
     row->is_material = kn_network_material(&row->net, &row->material);
-    row->aicc = kn_fit_aicc(fit->readings, fit->unknowns, fit->sum);
+    row->aicc = kn_fit_aicc(fit->readings, fit->unknowns, fit->sum + fit->readings * EXACT * EXACT);
     row->runs = NAN;
     if (residual && fit->misfit(fit->of, value, residual)) {
         row->runs = kn_fit_runs(fit->readings, residual);
@@ -149,19 +198,18 @@ static void judge(kn_spectrum_row *row, kn_fit *fit, double confidence)
     }
 }
 
-static void fit_row(const work *all, kn_spectrum_row *row, double confidence)
+static void fit_row(const work *all, const kn_spectrum *found, kn_spectrum_row *row, double confidence)
 {
     work w = *all;
     unsigned seed = 1;
-    double start[STARTS][KN_FIT_UNKNOWNS];
+    double start[STARTS + KN_SPECTRUM_ROWS][KN_FIT_UNKNOWNS];
     w.element = &row->net.element;
-    row->parts = w.element->leaves;
-    row->aicc = INFINITY;
     kn_fit fit = {.readings = 2 * w.readings, .unknowns = row->parts, .misfit = misfit, .of = &w};
     bounds(&w, &fit);
     for (int s = 0; s < STARTS; s++) place(&w, &seed, start[s]);
-    row->fitted = row->parts <= KN_SPECTRUM_PARTS && fit.readings > fit.unknowns + 2 &&
-                  kn_fit_run_from(&fit, STARTS, (const double(*)[KN_FIT_UNKNOWNS])start);
+    if (row->parts > KN_SPECTRUM_PARTS || fit.readings <= fit.unknowns + 2) return;
+    const int starts = STARTS + start_within(&fit, w.element, found, start + STARTS);
+    row->fitted = kn_fit_run_from(&fit, starts, (const double(*)[KN_FIT_UNKNOWNS])start);
     if (row->fitted) judge(row, &fit, confidence);
 }
 
@@ -186,7 +234,9 @@ bool kn_spectrum_fit(kn_spectrum *s, int curves, const kn_curve *curve, double s
     for (int c = 0; c < curves; c++) s->readings += curve[c].count;
     const work w = {.curve = curve, .curves = curves, .readings = s->readings, .scale = scale};
     add_classes(s);
-    for (int i = 0; i < s->rows; i++) fit_row(&w, &s->row[i], confidence);
+    for (int parts = 1; parts <= KN_SPECTRUM_PARTS; parts++) // smaller ones first: larger ones go on from them
+        for (int i = 0; i < s->rows; i++)
+            if (s->row[i].parts == parts) fit_row(&w, s, &s->row[i], confidence);
     s->best = choose(s, false);
     s->material = choose(s, true);
     return s->best >= 0;

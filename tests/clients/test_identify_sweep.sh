@@ -30,6 +30,24 @@ for said in sys.argv[2:]:
     wide = n["high"] - n["low"]
     assert n["low"] - wide < value < n["high"] + wide and wide < 0.2 * value, (name, n)
 PY
+    nested "$1"
+}
+
+# nested WHAT: an element that has another within it fits no worse: its sum of squares of logarithms, by AICc's own equation
+nested() {
+    python3 - "$1" "$(($(wc -l <sweep.csv) - 1))" <<'PY' && ok "$1: what has another element within it comes as near" || no "nested"
+import json, sys
+o, n = json.load(open("o.json")), 2 * int(sys.argv[2])
+rows = {e["expression"]: e for e in o["elements"]}
+within = {"(s|d)-s": ["s|d"], "(s|d)-d": ["s|d", "s-d"], "(s|d)-s-d": ["(s|d)-s", "(s|d)-d", "s-d"],
+          "(s|d)-(s|d)": ["(s|d)-s", "(s|d)-d", "s|d"]}
+def log_sum(e):
+    p = len(e["numbers"]) + 1
+    return (e["aicc"] - 2 * p - 2 * p * (p + 1) / (n - p - 1)) / n
+for large, small in within.items():
+    for s in small:
+        assert log_sum(rows[large]) <= log_sum(rows[s]) + 1e-3, (large, s, rows[large]["misfit"], rows[s]["misfit"])
+PY
 }
 
 range="--freq 0.0005:5:31"
@@ -40,6 +58,8 @@ swept 0.01 burgers --param s1='20 kPa' --param d1='1 MPa*s' --param s2='10 kPa' 
     finds '(s|d)-s-d' s1=1e4 d1=5e4 s2=2e4 d2=1e6
 swept 0.01 'voigt-voigt' --param s1='20 kPa' --param d1='1 MPa*s' --param s2='10 kPa' --param d2='20 kPa*s' $range &&
     grep -q . sweep.csv && finds '(s|d)-(s|d)'
+swept 0 dough $range && finds '(s|d)-d'
+swept 0.05 dough $range && knead identify sweep sweep.csv --json >o.json && nested "noise of 5 %"
 swept 0.01 dough $range && finds '(s|d)-d' k1=46091 c1=245166 c2=3842871
 
 knead identify sweep sweep.csv --out dough.yaml --csv fit.csv >dough.txt 2>err || no "dough: $(cat err)"
