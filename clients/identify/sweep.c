@@ -26,7 +26,8 @@ static const char help[] =
     "                    its volume\n"
     "  --units NAME=UNIT,...  of columns that have none: --units omega=rad/s,storage=Pa\n"
     "  --out FILE        the material, for `material: FILE` of a scene; every number with its interval beside it; of\n"
-    "                    the elements that a scene can have, s|d, s-d, (s|d)-d, the best supported\n"
+    "                    the elements that a scene can have, s|d, s-d, (s|d)-d, the best supported; none that is more\n"
+    "                    than 30 % off on average is written\n"
     "  --density D       written beside it, e.g. '1.2 g/cm^3' (1.2 g/cm^3, and said)\n"
     "  --report DIR      a page, DIR/index.html, with all that is told here, the picture, moduli and the material\n"
     "  --png FILE        moduli, fit and what is left, by gnuplot\n"
@@ -35,11 +36,15 @@ static const char help[] =
     "\nSwings are small: of a damper that depends on the stress they know c2 at rest, not beta, P0, P1. For these: "
     "knead\n"
     "identify creep or relax.\n"
-    "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
+    "Exit codes: 0 ok, 1 no material of a scene, 2 bad input, 3 a file cannot be written.\n";
 
 #define AT_REST                                                                                                        \
     "a sweep of small swings knows the damper at rest, c2 = c_max, not how it thins: beta, P0 and P1 take creep or "   \
     "relax"
+
+#define FAR 0.05    // a misfit that noise must explain, as in relax
+#define ABSURD 0.30 // what a scene would load has nothing to do with the data
+#define FLOOR 1e-3  // a misfit that nobody feels
 
 typedef struct work {
     kn_identify_options opt;
@@ -48,6 +53,38 @@ typedef struct work {
     double scale;
     kn_spectrum found;
 } work;
+
+// ---- what is to be doubted
+
+static double noise(const work *w)
+{
+    double most = 0;
+    for (int c = 0; c < w->curves; c++) most = fmax(most, w->curve[c].noise);
+    return most;
+}
+
+// Whether the element that a scene can load is beside the data; then one sentence on how far. The mean of |x| of normal
+// deviates is 0.8 of their standard deviation: twice the noise is more than any of it.
+static bool doubt(const work *w, char *text, size_t size)
+{
+    const kn_spectrum *s = &w->found;
+    if (s->material < 0) return false;
+    const kn_spectrum_row *m = &s->row[s->material], *best = &s->row[s->best];
+    const bool rejected = m->error > FLOOR && m->aicc > best->aicc + KN_SPECTRUM_NEAR;
+    const bool beyond_noise = m->error > FAR && m->error > 2 * noise(w);
+    if (!rejected && !beyond_noise) return false;
+    snprintf(text, size, "%s, which a scene can load, does not describe these data: it is %.3g %% off on average",
+             m->expression, 100 * m->error);
+    const size_t n = strlen(text);
+    if (m != best && m->error > 1.1 * best->error)
+        snprintf(text + n, size - n, ", %s %.3g %%", best->expression, 100 * best->error);
+    return true;
+}
+
+static bool is_absurd(const work *w)
+{
+    return w->found.material >= 0 && w->found.row[w->found.material].error > ABSURD;
+}
 
 // ---- what is told
 
@@ -84,23 +121,39 @@ static void verdict(const kn_spectrum *s, char *text, size_t size)
                  s->row[s->material].expression, 100 * s->row[s->material].error);
 }
 
-static void print(const kn_spectrum *s)
+static void note(const char *words)
 {
-    char text[700];
+    printf("note: %s\n", words);
+    kn_result_text(kn_result_add("notes"), "words", words);
+}
+
+// "-" where there are too few readings to tell.
+static const char *runs_of(const kn_spectrum_row *row, char text[16])
+{
+    snprintf(text, 16, "-");
+    if (!isnan(row->runs)) snprintf(text, 16, "%.2g", row->runs);
+    return text;
+}
+
+static void print(const work *w)
+{
+    const kn_spectrum *s = &w->found;
+    char text[700], runs[16];
     printf("\n%-16s %-9s %2s %8s %9s %6s  %s\n", "element", "figure 2", "n", "misfit %", "AICc", "runs",
            "numbers, and within 95 %");
     for (int i = 0; i < s->rows; i++) {
         const kn_spectrum_row *r = &s->row[i];
         numbers_of(r, text, sizeof text);
-        printf("%-16s %-9s %2d %8.3g %9.1f %6.2g  %s\n", r->expression, r->letters, r->parts, 100 * r->error,
-               r->aicc - s->row[s->best].aicc, r->runs, text);
+        printf("%-16s %-9s %2d %8.3g %9.1f %6s  %s\n", r->expression, r->letters, r->parts, 100 * r->error,
+               r->aicc - s->row[s->best].aicc, runs_of(r, runs), text);
     }
     printf("misfit: mean of |model/measured - 1| of both moduli. AICc: above that of the element chosen. runs: of what "
            "is left, in\n"
            "standard deviations of noise, above 3 it bends otherwise\n");
     verdict(s, text, sizeof text);
     printf("verdict     %s.\n", text);
-    if (s->material >= 0 && s->row[s->material].material.damper != KN_DAMPER_NONE) printf("note: %s\n", AT_REST);
+    if (doubt(w, text, sizeof text)) note(text);
+    if (s->material >= 0 && s->row[s->material].material.damper != KN_DAMPER_NONE) note(AT_REST);
 }
 
 static void tell(const kn_spectrum *s)
@@ -148,11 +201,18 @@ static int write_material(const work *w, const char *path)
 {
     const kn_spectrum_row *row = &w->found.row[w->found.material];
     const double density = w->opt.density_kg_m3;
-    char origin[700];
+    char origin[1200], doubts[400];
+    if (is_absurd(w))
+        return kn_complain(w->opt.subcommand, KN_EXIT_FAILED,
+                           "--out %s: not written, %s is %.3g %% off on average: no element that a scene can load "
+                           "describes these data",
+                           path, row->expression, 100 * row->error);
     snprintf(origin, sizeof origin, "sweep from %s%s: %s at %d frequencies, mean error %.3g %%%s.\n# %s.",
              w->opt.file[0], w->opt.files > 1 ? " and others" : "", row->expression, w->found.readings,
              100 * row->error, w->scale > 1 ? ", moduli of shear times 3" : "",
              row->material.damper == KN_DAMPER_NONE ? "It has no damper in series: nothing stays" : AT_REST);
+    const size_t n = strlen(origin);
+    if (doubt(w, doubts, sizeof doubts)) snprintf(origin + n, sizeof origin - n, "\n# Beware: %s.", doubts);
     return kn_material_file_write(w->opt.subcommand, path, origin, &row->material, density > 0 ? density : 1200,
                                   density > 0 ? "" : "not measured: dough's; --density says another", row->parts,
                                   row->number);
@@ -221,7 +281,7 @@ static int draw(const work *w, const char *path)
 static int report(const work *w, int argc, char *const *argv)
 {
     kn_document d;
-    char path[PATH_MAX], text[700];
+    char path[PATH_MAX], text[700], runs[16];
     const kn_spectrum *s = &w->found;
     int code = kn_document_open(&d, w->opt.subcommand, w->opt.report, "Frequency sweep", argc, argv);
     if (code != KN_EXIT_OK) return code;
@@ -233,9 +293,10 @@ static int report(const work *w, int argc, char *const *argv)
     for (int i = 0; i < s->rows; i++) {
         const kn_spectrum_row *r = &s->row[i];
         numbers_of(r, text, sizeof text);
-        kn_document_row(&d, "%s\t%s\t%.3g\t%.1f\t%.2g\t%s", r->expression, r->letters, 100 * r->error,
-                        r->aicc - s->row[s->best].aicc, r->runs, text);
+        kn_document_row(&d, "%s\t%s\t%.3g\t%.1f\t%s\t%s", r->expression, r->letters, 100 * r->error,
+                        r->aicc - s->row[s->best].aicc, runs_of(r, runs), text);
     }
+    if (doubt(w, text, sizeof text)) kn_document_verdict(&d, KN_DOCUMENT_BEWARE, "%s", text);
     kn_document_verdict(&d, KN_DOCUMENT_BEWARE, "%s", AT_REST);
     code = draw(w, kn_document_file(&d, "fit.png", path));
     if (code == KN_EXIT_OK)
@@ -244,7 +305,7 @@ static int report(const work *w, int argc, char *const *argv)
     kn_document_section(&d, "Files");
     if (code == KN_EXIT_OK) code = write_csv(w, kn_document_file(&d, "moduli.csv", path));
     kn_document_link(&d, "moduli.csv", "moduli and fit");
-    if (code == KN_EXIT_OK && s->material >= 0) {
+    if (code == KN_EXIT_OK && s->material >= 0 && !is_absurd(w)) {
         code = write_material(w, kn_document_file(&d, "material.yaml", path));
         kn_document_link(&d, "material.yaml", "the material, for a scene");
     }
@@ -279,7 +340,7 @@ static int identify(work *w, int argc, char **argv)
         return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
                            "%s: no element comes near; expected storage and loss moduli at 4 frequencies or more",
                            w->opt.file[0]);
-    print(&w->found);
+    print(w);
     tell(&w->found);
     if (w->opt.csv) code = write_csv(w, w->opt.csv);
     if (code == KN_EXIT_OK && w->opt.out) code = write_material(w, w->opt.out);

@@ -75,9 +75,19 @@ knead identify sweep sweep.csv --shear --out shear.yaml >out 2>err || no "--shea
 awk '$1 == "k1:" { k = $2 } END { exit !(k > 3 * 46091 * 0.95 && k < 3 * 46091 * 1.05) }' shear.yaml && grep -q 'shear times 3' shear.yaml &&
     ok "--shear: three times as much in compression" || no "--shear"
 
-swept 0.01 burgers --param s1='20 kPa' --param d1='1 MPa*s' --param s2='10 kPa' --param d2='50 kPa*s' $range
+swept 0.01 burgers --param s1='2 MPa' --param d1='1 MPa*s' --param s2='10 kPa' --param d2='50 kPa*s' --freq 0.0005:0.5:31
 knead identify sweep sweep.csv --out nearest.yaml >out 2>err && grep -q 'no material of a scene is it, the nearest' out && [ -s nearest.yaml ] &&
     ok "an element that no scene can have: the nearest, and that it is not it" || no "nearest: $(cat err)"
+far='(s|d)-d, which a scene can load, does not describe these data: it is [0-9.]* % off on average, (s|d)-s-d [0-9.]* %'
+grep -q "^note: $far\$" out && grep -q "^# Beware: $far.\$" nearest.yaml && ok "output and material say how far it is off" || no "how far: $(cat out nearest.yaml)"
+knead sweep burgers --param s1='50 kPa' --param d1='4 MPa*s' --param s2='46 kPa' --param d2='245 kPa*s' --freq 0.0001:100 --csv swb.csv >out
+knead identify sweep swb.csv --out absurd.yaml >out 2>err
+[ $? = 1 ] && [ ! -s absurd.yaml ] && grep -q '^note: .*does not describe these data: it is 1[0-9][0-9] % off' out &&
+    grep -q '^knead identify sweep: --out absurd.yaml: not written, .* is 1[0-9][0-9] % off on average: no element' err &&
+    ok "an element that is beside all data makes no material" || no "absurd: $(cat err)"
+swept 0.01 burgers --param s1='20 kPa' --param d1='1 MPa*s' --param s2='10 kPa' --param d2='50 kPa*s' $range
+knead identify sweep sweep.csv --out absurd.yaml >out 2>err
+[ $? = 1 ] && [ ! -s absurd.yaml ] && grep -q 'no material of a scene is it, the nearest' out || no "absurd, too: $(cat err)"
 if command -v gnuplot >/dev/null; then
     knead identify sweep sweep.csv --png fit.png --report report >out 2>err || no "--png, --report: $(cat err)"
     head -c 8 fit.png | od -An -c | grep -q 'P   N   G' && [ -s report/index.html ] && [ -s report/moduli.csv ] && ok "--png, --report" || no "--png, --report"
