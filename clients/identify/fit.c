@@ -257,27 +257,33 @@ double kn_fit_held(const kn_fit *fit, int unknown, double value)
     return isfinite(sum) ? sum : NAN;
 }
 
-// One side of a profile: the others are carried along from point to point.
+// One side of a profile. Each search for the others begins where they were at the place nearest to it that is still
+// within the interval: one from beyond may have gone where they have no gradient any more, and stays there.
 typedef struct side {
     kn_fit fit; // the unknown is fixed in it
     int unknown;
     double base, unit; // S at the best; s^2
+    double best, t;    // where that is; how many standard deviations are sought
+    double within[KN_FIT_UNKNOWNS]; // all values there
 } side;
 
 // How many standard deviations S has risen when the unknown is at `in` (a logarithm, or itself).
 static double risen(side *p, double in)
 {
     kn_fit_unknown *u = &p->fit.unknown[p->unknown];
+    for (int i = 0; i < p->fit.unknowns; i++) p->fit.unknown[i].value = p->within[i];
     u->value = u->linear ? in : fmin(fmax(exp(in), u->low), u->high);
-    double sum = descend(&p->fit);
-    return isfinite(sum) ? sqrt(fmax(sum - p->base, 0) / p->unit) : (double)INFINITY;
+    const double sum = descend(&p->fit), z = isfinite(sum) ? sqrt(fmax(sum - p->base, 0) / p->unit) : (double)INFINITY;
+    for (int i = 0; z < p->t && i < p->fit.unknowns; i++) p->within[i] = p->fit.unknown[i].value;
+    return z;
 }
 
 // Where that reaches t between a place where it has not and one where it has: the Illinois method.
-static double reach(side *p, double t, double a, double za, double b, double zb)
+static double reach(side *p, double a, double za, double b, double zb)
 {
+    const double t = p->t;
     double fa = za - t, fb = fmin(zb, 4 * t) - t;
-    for (int i = 0; i < 40 && fabs(b - a) > 1e-4 * (1e-2 + fabs(b)); i++) {
+    for (int i = 0; i < 40 && fabs(b - a) > 1e-3 * fabs(b - p->best); i++) {
         double c = b - fb * (b - a) / (fb - fa), fc = fmin(risen(p, c), 4 * t) - t;
         if (fabs(fc) < 4e-3 * t) return c;
         if ((fc > 0) != (fb > 0)) {
@@ -293,15 +299,16 @@ static double reach(side *p, double t, double a, double za, double b, double zb)
 static double walk(const kn_fit *fit, int unknown, double t, double toward, bool *open)
 {
     const kn_fit_unknown *u = &fit->unknown[unknown];
-    side p = {.fit = *fit, .unknown = unknown, .base = fit->sum, .unit = fit->scale * fit->scale};
-    double from = inwards(u), end = toward > 0 ? highest(u) : lowest(u), z = 0;
+    side p = {.fit = *fit, .unknown = unknown, .base = fit->sum, .unit = fit->scale * fit->scale, .t = t};
+    double from = p.best = inwards(u), end = toward > 0 ? highest(u) : lowest(u), z = 0;
     double guess = t * fit->scale * sqrt(fit->covariance[unknown][unknown]), span = u->linear ? u->high - u->low : 1;
     double step = isfinite(guess) && guess > 1e-9 * span ? fmin(guess, span / 2) : 0.02 * span;
+    for (int i = 0; i < fit->unknowns; i++) p.within[i] = fit->unknown[i].value;
     p.fit.unknown[unknown].fixed = true;
     *open = false;
     while (toward * (end - from) > 0) {
         double next = toward * (end - from) < step ? end : from + toward * step, risen_to = risen(&p, next);
-        if (risen_to >= t) return reach(&p, t, from, z, next, risen_to);
+        if (risen_to >= t) return reach(&p, from, z, next, risen_to);
         from = next;
         z = risen_to;
         step *= 2;

@@ -254,6 +254,42 @@ TEST("without c1 in the material its upper bound is told, and 0 taken")
     kn_relaxation_free(&r);
 }
 
+// exp(-(t/50 s)^0.5), 61 readings from 0.1 to 100 s: not the element's, so what it leaves is no noise
+static void stretched(made *m, double size_pa)
+{
+    begin(m);
+    m->curve.strain = 0.1;
+    for (int i = 0; i < 61; i++) {
+        const double t = 0.1 * pow(1000, i / 60.0);
+        put(m, t, size_pa * exp(-sqrt(t / 50)), 0.1);
+    }
+}
+
+// From a place far beyond the interval P0 comes back below all stresses, where nothing pulls it up again: the sides
+// towards it were then 0.9999 and 0.9998 of the value. The numbers are of profiles walked in small steps from the best.
+TEST("a profile closes where the others are at their best, on both sides and in any unit of stress")
+{
+    static made m;
+    kn_relaxation r[2];
+    for (int k = 0; k < 2; k++) {
+        stretched(&m, k ? 2e23 : 2000);
+        r[k] = fit(&m.curve, 1, false, false);
+    }
+    const kn_identified *alpha = &r[0].ratio[1], *beta = &r[0].number[KN_RELAXATION_BETA];
+    const kn_identified *same = &r[1].ratio[1], *scaled = &r[1].number[KN_RELAXATION_BETA];
+    CHECK(r[0].p0 && !r[0].p1);
+    CHECK_NEAR(alpha->interval.low / alpha->value, 0.8552, 1e-3);
+    CHECK_NEAR(alpha->interval.high / alpha->value, 1.1904, 1e-3);
+    CHECK_NEAR(beta->interval.low / beta->value, 0.9393, 1e-3);
+    CHECK_NEAR(beta->interval.high / beta->value, 1.0663, 1e-3);
+    CHECK_NEAR(same->interval.low / alpha->interval.low, 1, 1e-3);
+    CHECK_NEAR(same->interval.high / alpha->interval.high, 1, 1e-3);
+    CHECK_NEAR(1e20 * scaled->interval.low / beta->interval.low, 1, 1e-3);
+    CHECK_NEAR(1e20 * scaled->interval.high / beta->interval.high, 1, 1e-3);
+    kn_relaxation_free(&r[0]);
+    kn_relaxation_free(&r[1]);
+}
+
 TEST("what is no relaxation is refused in a sentence that names the file")
 {
     static made m;
