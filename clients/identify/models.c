@@ -83,6 +83,14 @@ static double largest(const kn_law_curve *c)
     return most;
 }
 
+static double least(const kn_models *m, int part)
+{
+    double pa = INFINITY;
+    for (int c = 0; c < m->curves; c++)
+        for (int i = 0; i < m->curve[c].part[part].count; i++) pa = fmin(pa, m->curve[c].part[part].value[i]);
+    return pa;
+}
+
 static bool take(kn_models *m, int curves, const kn_curve *curve, const kn_models_options *options)
 {
     m->relax = curve->kind == KN_CURVE_RELAX;
@@ -95,6 +103,7 @@ static bool take(kn_models *m, int curves, const kn_curve *curve, const kn_model
         m->early += to->part[EARLY].count;
         m->late += to->part[LATE].count;
     }
+    if (m->relax) m->early_pa = least(m, EARLY), m->late_pa = least(m, LATE);
     return true;
 }
 
@@ -152,6 +161,20 @@ static void judge(const work *w, kn_models_row *row, double *residual)
     row->held = error_of(w, value, LATE, residual);
 }
 
+// Of a logarithm a standard deviation of 1, or of a number itself its own size, is as good as none.
+static bool is_loose(const kn_fit *fit, int unknown)
+{
+    const kn_fit_unknown *u = &fit->unknown[unknown];
+    const double off = fit->scale * sqrt(fit->covariance[unknown][unknown]);
+    return u->at_bound || !(off < (u->linear ? fabs(u->value) : 1));
+}
+
+static double aicc_of(const kn_models *m, const kn_fit *fit)
+{
+    const double fine = KN_MODELS_FINE / (m->relax ? 1 : KN_MODELS_COARSE); // of one residual
+    return kn_fit_aicc(fit->readings, fit->unknowns, fmax(fit->sum, fit->readings * fine * fine));
+}
+
 static void fit_law(kn_models *m, const kn_law *law, kn_models_row *row, double *scratch)
 {
     double start[KN_LAW_STARTS][KN_FIT_UNKNOWNS];
@@ -168,7 +191,8 @@ static void fit_law(kn_models *m, const kn_law *law, kn_models_row *row, double 
     if (!kn_fit_run_from(&fit, starts, start)) return;
     row->fitted = true;
     memcpy(row->unknown, fit.unknown, sizeof row->unknown);
-    row->aicc = kn_fit_aicc(fit.readings, fit.unknowns, fit.sum);
+    for (int i = 0; i < fit.unknowns; i++) row->loose[i] = is_loose(&fit, i);
+    row->aicc = aicc_of(m, &fit);
     judge(&w, row, scratch + m->early + m->late);
 }
 

@@ -15,7 +15,11 @@
 #include "clients/identify/laws.h"
 #include <jansson.h>
 
+// Misfits below KN_MODELS_FINE are what averages and differences leave of a perfect curve, and choose no model; later
+// errors below KN_MODELS_SAME are the same.
 #define KN_MODELS_COARSE 0.003
+#define KN_MODELS_FINE 1e-4
+#define KN_MODELS_SAME 1e-3
 #define KN_MODELS_MAX 12
 #define KN_MODELS_HOLDS 6 // relaxation curves at once: the papers' damper has a stress for each
 
@@ -23,6 +27,7 @@ typedef struct kn_models_row {
     kn_law law;
     int unknowns, readings;                  // early ones
     kn_fit_unknown unknown[KN_FIT_UNKNOWNS]; // the best
+    bool loose[KN_FIT_UNKNOWNS];             // the early readings do not know that one: at a bound, or anything
     bool fitted;
     double early, held; // errors, shares
     double aicc, runs;  // kn_fit_runs of the early residuals of all curves one after the other
@@ -37,6 +42,7 @@ typedef struct kn_models {
     kn_models_row row[KN_MODELS_MAX];
     bool relax;
     int curves, early, late; // of curves, and of readings
+    double early_pa, late_pa; // relax: the least stresses of both
     kn_law_curve curve[KN_CURVES_MAX];
     double cut_s; // of the first curve
     double took_s;

@@ -8,7 +8,7 @@
 #define RUNS 3.0    // standard deviations of kn_fit_runs from which residuals are not noise
 #define NEAR_AICC 2 // of the best: as well supported (Burnham and Anderson, Model selection, 2.6)
 #define NEAR_HELD 1.1
-#define EXACT 1e-4 // a misfit that averages leave of a perfect curve
+#define BELOW 0.98
 
 int kn_models_best(const kn_models *m)
 {
@@ -18,12 +18,17 @@ int kn_models_best(const kn_models *m)
     return best;
 }
 
+static double held_of(const kn_models_row *row)
+{
+    return fmax(row->held, KN_MODELS_SAME);
+}
+
 static int best_held(const kn_models *m, bool yardsticks)
 {
     int best = -1;
     for (int i = 0; i < m->rows; i++) {
         if (m->row[i].law.yardstick && !yardsticks) continue;
-        if (m->row[i].fitted && (best < 0 || m->row[i].held < m->row[best].held)) best = i;
+        if (m->row[i].fitted && (best < 0 || held_of(&m->row[i]) < held_of(&m->row[best]))) best = i;
     }
     return best;
 }
@@ -44,30 +49,68 @@ static void append_name(char *text, size_t size, const kn_models_row *row)
     append(text, size, name);
 }
 
+// As good as the best on what was fitted.
+static bool describes(const kn_models *m, int i)
+{
+    const kn_models_row *row = &m->row[i], *best = &m->row[kn_models_best(m)];
+    const bool both_fine = row->early < KN_MODELS_FINE && best->early < KN_MODELS_FINE;
+    return row->fitted && (both_fine || row->aicc <= best->aicc + NEAR_AICC);
+}
+
 static bool supported(const kn_models *m, int i)
 {
-    const kn_models_row *row = &m->row[i];
-    const double held = m->row[best_held(m, true)].held;
-    return row->fitted && row->aicc <= m->row[kn_models_best(m)].aicc + NEAR_AICC && row->held <= NEAR_HELD * held;
+    return describes(m, i) && held_of(&m->row[i]) <= NEAR_HELD * held_of(&m->row[best_held(m, true)]);
+}
+
+static int append_names(const kn_models *m, bool (*those)(const kn_models *m, int i), char *text, size_t size)
+{
+    int count = 0;
+    for (int i = 0; i < m->rows; i++) {
+        if (!those(m, i)) continue;
+        append(text, size, count++ ? ", " : "");
+        append_name(text, size, &m->row[i]);
+    }
+    return count;
+}
+
+// A damper that depends on the stress fits what was seen and fails at stresses below all of that: another one there, by
+// a P0 above them, is not excluded.
+static bool is_below_all(const kn_models *m)
+{
+    bool any = false;
+    for (int i = 0; i < m->rows; i++) {
+        if (supported(m, i)) return false;
+        any |= describes(m, i) && m->row[i].law.kind == KN_LAW_DOUGH;
+    }
+    return any && m->relax && m->late_pa < BELOW * m->early_pa;
 }
 
 // Who is as good as the best on both parts; and where that is no one, who is best on which.
 static void say_support(const kn_models *m, char *text, size_t size)
 {
-    int count = 0;
-    for (int i = 0; i < m->rows; i++) {
-        if (!supported(m, i)) continue;
-        append(text, size, count++ ? ", " : "the data support ");
-        append_name(text, size, &m->row[i]);
-    }
-    if (count) {
+    bool any = false;
+    for (int i = 0; i < m->rows; i++) any |= supported(m, i);
+    if (any) {
+        append(text, size, "the data support ");
+        append_names(m, supported, text, size);
         append(text, size, ": best on what was fitted (AICc within 2) and on what came later (within 1.1 times)");
         return;
     }
-    append_name(text, size, &m->row[kn_models_best(m)]);
-    append(text, size, " describes best what was fitted, ");
+    const int count = append_names(m, describes, text, size);
+    append(text, size, count > 1 ? " describe best what was fitted, " : " describes best what was fitted, ");
     append_name(text, size, &m->row[best_held(m, true)]);
-    append(text, size, " what came later: none does both");
+    append(text, size, is_below_all(m) ? " what came later" : " what came later: none does both");
+}
+
+static void say_below(const kn_models *m, char *text, size_t size)
+{
+    char words[300];
+    if (!is_below_all(m)) return;
+    snprintf(words, sizeof words,
+             ". The later stresses, down to %.3g Pa, are below all that were fitted, %.3g Pa and more: the damper there, "
+             "and a P0 between them, the fit has not seen, so this speaks against no thinning; a later --cut shows more",
+             m->late_pa, m->early_pa);
+    append(text, size, words);
 }
 
 static void say_elements(const kn_models *m, char *text, size_t size)
@@ -93,9 +136,10 @@ void kn_models_verdict(const kn_models *m, char *text, size_t size)
     }
     say_support(m, text, size);
     say_elements(m, text, size);
+    say_below(m, text, size);
     for (int i = 0; i < m->rows; i++) {
         known |= !isnan(m->row[i].runs);
-        noise |= m->row[i].runs <= RUNS || m->row[i].early < EXACT;
+        noise |= m->row[i].runs <= RUNS || m->row[i].early < KN_MODELS_FINE;
     }
     if (known && !noise)
         append(text, size,
@@ -109,8 +153,8 @@ void kn_models_numbers(const kn_models_row *row, char *text, size_t size)
     for (int i = 0; i < row->unknowns; i++) {
         char one[80];
         const char *unit = kn_law_unit(&row->law, i);
-        snprintf(one, sizeof one, "%s%s %.3g%s%s", i ? ", " : "", row->unknown[i].name, row->unknown[i].value,
-                 *unit ? " " : "", unit);
+        snprintf(one, sizeof one, "%s%s %.3g%s%s%s", i ? ", " : "", row->unknown[i].name, row->unknown[i].value,
+                 *unit ? " " : "", unit, row->loose[i] ? " (?)" : "");
         append(text, size, one);
     }
 }
@@ -140,7 +184,8 @@ void kn_models_print(const kn_models *m)
     for (int i = 0; i < m->rows; i++) print_row(m, &m->row[i]);
     printf(
         "letters: figure 2 of the first paper. n: numbers fitted. AICc: above the best one's. runs: of residuals, in\n"
-        "standard deviations of noise; above 3 the model bends otherwise than the data\n");
+        "standard deviations of noise; above 3 the model bends otherwise than the data. (?): not known from what was\n"
+        "fitted, at a bound or anything\n");
     kn_models_verdict(m, text, sizeof text);
     printf("verdict     %s.\n", text);
 }
@@ -163,6 +208,10 @@ void kn_models_tell(const kn_models *m)
         for (int k = 0; row->fitted && k < row->unknowns; k++)
             kn_result_number(numbers, row->unknown[k].name, row->unknown[k].value);
         json_object_set_new(to, "numbers", numbers);
+        json_t *loose = json_array();
+        for (int k = 0; row->fitted && k < row->unknowns; k++)
+            if (row->loose[k]) json_array_append_new(loose, json_string(row->unknown[k].name));
+        json_object_set_new(to, "not_known", loose);
     }
     kn_models_verdict(m, text, sizeof text);
     kn_result_text(kn_result(), "verdict", text);

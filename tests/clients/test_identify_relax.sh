@@ -21,6 +21,16 @@ PY
 [ "$(wc -l <fit.csv)" -gt 100 ] && head -1 fit.csv | grep -q '^curve,held_s,stress_pa,fit_pa,readings$' &&
     awk -F, 'NR > 1 && ($3 / $4 > 1.002 || $3 / $4 < 0.998) { exit 1 }' fit.csv && ok "--csv: readings and fit" || no "--csv"
 
+python3 - <<'PY' && ok "no verdict against the element where it was fitted above its P0 alone, and P0 is not called known" || no "verdict on what was not seen"
+import json
+o = json.load(open("o.json"))
+rows = {r["name"]: r for r in o["models"]}
+thins, above = rows["(s|d)-d thinning"], rows["(s|d)-d thinning above P0"]
+assert thins["fitted_error"] < 1e-6 and abs(thins["aicc"] - min(r["aicc"] for r in o["models"])) < 1e-6, rows
+assert above["not_known"] == ["P0"] and thins["not_known"] == [], rows
+assert "the fit has not seen" in o["verdict"] and "none does both" not in o["verdict"], o["verdict"]
+PY
+
 cp "$KN_SOURCE/core/scenes/dough-small.yaml" scene.yaml && sed -i 's/^material: .*/material: dough.yaml/' scene.yaml
 knead check scene.yaml >check.txt 2>err && ok "a scene loads what --out wrote" || no "scene: $(cat err)"
 knead relax scene.yaml --strain 30% --ramp 2%/s --hold 300 --json >back.json && python3 - <<'PY' && ok "and relaxes as the dough did" || no "relaxes back"

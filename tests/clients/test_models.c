@@ -232,6 +232,20 @@ TEST("where a yardstick is the truth the verdict says so, and the papers' damper
     kn_models_free(&m);
 }
 
+TEST("of a curve without noise, errors that averages leave choose no model")
+{
+    static made data;
+    const kn_network net = burgers();
+    hold(&data, &net, 0);
+    kn_models m = compare(1, &data.curve);
+    const kn_models_row *row = row_of(&m, "two Maxwell units");
+    CHECK(row->early < KN_MODELS_FINE);
+    CHECK_NEAR(row->aicc, kn_fit_aicc(m.early, 4, m.early * KN_MODELS_FINE * KN_MODELS_FINE), 1e-9);
+    CHECK(strstr(verdict(&m), "the data support two Maxwell units (g h j k): ") != NULL);
+    for (int i = 0; i < 4; i++) CHECK(!row->loose[i]);
+    kn_models_free(&m);
+}
+
 TEST("what no model makes is said to be none's")
 {
     static made data;
