@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <signal.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
@@ -19,6 +20,8 @@ const char *const kn_plot_colour[KN_PLOT_COLOURS] = {"0072b2", "d55e00", "000000
 
 static void (*before)(int); // of SIGPIPE, while a plot is open: one at a time
 static int said = -1;       // what gnuplot writes to its standard error: warnings, and why it ends
+static int drawn = -1;      // what it draws: it does not say what it could not write
+static int image = -1;      // where that goes
 
 static int find_gnuplot(const char *subcommand, const char *path)
 {
@@ -38,20 +41,20 @@ FILE *kn_plot_open(const char *subcommand, const char *path, int wide, int high,
     if ((*code = find_gnuplot(subcommand, path)) != KN_EXIT_OK) return NULL;
     *code = KN_EXIT_DEVICE;
     fflush(stdout);
-    int image = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    image = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
     int terminal = dup(STDOUT_FILENO), errors = dup(STDERR_FILENO);
     said = memfd_create("gnuplot", MFD_CLOEXEC);
-    if (image < 0 || terminal < 0 || errors < 0 || said < 0) {
+    drawn = memfd_create("picture", MFD_CLOEXEC);
+    if (image < 0 || terminal < 0 || errors < 0 || said < 0 || drawn < 0) {
         kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", path, strerror(errno));
         return NULL;
     }
     before = signal(SIGPIPE, SIG_IGN);
-    dup2(image, STDOUT_FILENO);
+    dup2(drawn, STDOUT_FILENO);
     dup2(said, STDERR_FILENO);
     FILE *f = popen("exec gnuplot", "w");
     dup2(terminal, STDOUT_FILENO);
     dup2(errors, STDERR_FILENO);
-    close(image);
     close(terminal);
     close(errors);
     if (!f) kn_plot_close(f, subcommand, path);
@@ -72,16 +75,34 @@ static void explain(int status, char *text, size_t size)
     else snprintf(text, size, "exit %d, said: %s", status < 0 ? -1 : WEXITSTATUS(status), last);
 }
 
+// The picture into its file. False with errno; ENODATA: there is none.
+static bool deliver(void)
+{
+    char part[65536];
+    off_t at = 0;
+    for (ssize_t n; (n = pread(drawn, part, sizeof part, at)) != 0; at += n) {
+        if (n < 0) return false;
+        for (ssize_t out = 0, done; out < n; out += done)
+            if ((done = write(image, part + out, (size_t)(n - out))) < 0) return false;
+    }
+    errno = ENODATA;
+    return at > 0;
+}
+
 int kn_plot_close(FILE *f, const char *subcommand, const char *path)
 {
     char why[300] = "";
     int status = f ? pclose(f) : -1;
     if (status != 0) explain(status, why, sizeof why);
+    bool ok = status == 0 && deliver();
+    const int error = errno;
+    ok &= close(image) == 0;
     signal(SIGPIPE, before);
+    close(drawn);
     close(said);
-    said = -1;
-    return status == 0 ? KN_EXIT_OK
-                       : kn_complain(subcommand, KN_EXIT_DEVICE, "%s: gnuplot could not draw it: %s", path, why);
+    image = drawn = said = -1;
+    if (status != 0) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: gnuplot could not draw it: %s", path, why);
+    return ok ? KN_EXIT_OK : kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s, nothing drawn", path, strerror(error));
 }
 
 void kn_plot_quote(FILE *f, const char *text)

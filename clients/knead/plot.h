@@ -9,8 +9,8 @@
 int kn_plot_try(const char *subcommand, const char *path);
 
 // Where the script of a picture of so many pixels goes, plot.gp being in it already; NULL after a complaint in one line
-// in the name of the subcommand, and then *code. gnuplot inherits the file as its standard output: no shell and no
-// script sees the path.
+// in the name of the subcommand, and then *code. No shell and no script sees the path: gnuplot draws into
+// memory, and what it has drawn is written when the plot is closed, so that a full disk is told.
 FILE *kn_plot_open(const char *subcommand, const char *path, int wide, int high, int *code);
 int kn_plot_close(FILE *f, const char *subcommand, const char *path); // an exit code
 
