@@ -125,6 +125,15 @@ static int keep_apart(const kn_identify_options *opt)
     return KN_EXIT_OK;
 }
 
+// The argument at which getopt_long stopped: of "-xy" it is still in the middle, of a value of its own beyond both.
+static const char *stopped_at(int c, char *const *argv)
+{
+    const char *last = argv[optind - 1];
+    if (c == '?' && optopt > 0 && optopt < LOAD) // a single letter
+        return last[0] == '-' && last[1] == optopt && !last[2] ? last : argv[optind];
+    return c != '?' && c != ':' && optarg == last ? argv[optind - 2] : last;
+}
+
 int kn_identify_options_parse(kn_identify_options *opt, const char *subcommand, char experiment, const char *help,
                               int argc, char **argv, bool *done)
 {
@@ -139,8 +148,7 @@ int kn_identify_options_parse(kn_identify_options *opt, const char *subcommand, 
             return KN_EXIT_OK;
         }
         if (c == '?' || c == ':' || !has_option(experiment, c)) {
-            const char *written = c == '?' || c == ':' || !optarg ? argv[optind - 1] : argv[optind - 2];
-            return kn_complain(subcommand, KN_EXIT_USAGE, "%s: %s", written,
+            return kn_complain(subcommand, KN_EXIT_USAGE, "%s: %s", stopped_at(c, argv),
                                c == ':' ? "expected a value" : "unknown option; --help lists them");
         }
         int code = take_option(opt, c, optarg);
