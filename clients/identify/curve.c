@@ -156,8 +156,8 @@ static int check_enough(kn_curve_file *f, const kn_readings *r, const char *name
     const kn_sheet *s = &f->sheet;
     if (r->count < KN_CURVE_LEAST)
         return kn_sheet_complain(s, r->count ? r->line[0] : s->header_line, 1,
-                                 "%d readings of %s that can be used, expected at least %d", r->count, name,
-                                 KN_CURVE_LEAST);
+                                 "%d reading%s of %s that can be used, expected at least %d", r->count,
+                                 r->count == 1 ? "" : "s", name, KN_CURVE_LEAST);
     int i = 1;
     while (i < r->count && r->value[i] == r->value[0]) i++;
     if (i == r->count)
@@ -166,17 +166,15 @@ static int check_enough(kn_curve_file *f, const kn_readings *r, const char *name
     return KN_EXIT_OK;
 }
 
-// SI, far beyond anything on a bench; sums and quotients of what is left are numbers.
-static const double absurd = 1e30;
-
+// Of what was made of cells, which the sheet has looked at one by one.
 static int check_sane(kn_curve_file *f, const kn_readings *r)
 {
     const double *const all[] = {r->time_s, r->value, r->other, r->load};
     for (int i = 0; i < r->count; i++)
         for (int k = 0; k < 4; k++)
-            if (all[k] && fabs(all[k][i]) > absurd)
+            if (all[k] && fabs(all[k][i]) > KN_SHEET_MOST)
                 return kn_sheet_complain(&f->sheet, r->line[i], 1, "%g in SI units, expected at most %g", all[k][i],
-                                         absurd);
+                                         KN_SHEET_MOST);
     return KN_EXIT_OK;
 }
 
@@ -188,12 +186,13 @@ int kn_curve_order(kn_curve_file *f, kn_readings *r, const char *name)
     if (out > 0)
         kn_curve_say(f, "%d reading%s of %s missing, left out; the first in line %d", out, out > 1 ? "s" : "", name,
                      line);
+    const char *along = *f->count && f->curve[*f->count - 1].kind == KN_CURVE_SWEEP ? "frequency" : "time";
     int moved = kn_readings_sort(r);
-    if (moved > 0) kn_curve_say(f, "the rows are not in the order of time: %d moved", moved);
+    if (moved > 0) kn_curve_say(f, "the rows are not in the order of %s: %d moved", along, moved);
     int merged = moved < 0 ? -1 : kn_readings_merge(r);
     if (merged < 0) return kn_complain(f->sheet.subcommand, KN_EXIT_DEVICE, "%s: out of memory", f->sheet.file);
     if (merged > 0)
-        kn_curve_say(f, "%d reading%s the time of another: averaged", merged, merged > 1 ? "s have" : " has");
+        kn_curve_say(f, "%d reading%s the %s of another: averaged", merged, merged > 1 ? "s have" : " has", along);
     return check_enough(f, r, name);
 }
 

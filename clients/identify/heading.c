@@ -230,13 +230,24 @@ static void simplify(char word[KN_HEADING_NAME], const char *name)
     word[n] = '\0';
 }
 
+// "displacement [furlong]": what stands in square brackets at the end is meant as a unit.
+static void unknown_unit(kn_heading *h, char *text)
+{
+    const size_t n = strlen(text);
+    char *open = strrchr(text, '[');
+    if (!open || open == text || text[n - 1] != ']' || open + 2 == text + n) return;
+    copy(h->unit_text, sizeof h->unit_text, open + 1, (size_t)(text + n - 2 - open));
+    *open = '\0';
+}
+
 void kn_heading_read(kn_heading *h, const char *text)
 {
     char left[KN_HEADING_NAME];
     memset(h, 0, sizeof *h);
     copy(left, sizeof left, text, strlen(text));
-    if (!in_brackets(h, left) && !after_mark(h, left, '/') && !after_mark(h, left, ',') && !after_underscore(h, left))
-        last_word(h, left);
+    const bool known = in_brackets(h, left) || after_mark(h, left, '/') || after_mark(h, left, ',') ||
+                       after_underscore(h, left) || last_word(h, left);
+    if (!known) unknown_unit(h, left);
     copy(h->name, sizeof h->name, left, strlen(left));
     simplify(h->word, h->name);
 }

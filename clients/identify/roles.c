@@ -118,7 +118,11 @@ int kn_role_find(kn_sheet *s, kn_role role, int *code)
         }
     if (other < 0 || !code) return -1;
     const kn_heading *h = &s->column[other].heading;
-    if (h->has_unit || *h->unit_text)
+    if (!h->has_unit && *h->unit_text)
+        *code = kn_sheet_complain(s, s->header_line, s->column[other].at,
+                                  "%s: the unit '%s' is unknown, expected one of %s, e.g. %s", h->name, h->unit_text,
+                                  kinds[role].name, kinds[role].unit);
+    else if (h->has_unit)
         *code = kn_sheet_complain(s, s->header_line, s->column[other].at, "%s in '%s', expected a %s, e.g. in %s",
                                   h->name, h->unit_text, kinds[role].name, kinds[role].unit);
     else

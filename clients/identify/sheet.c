@@ -249,6 +249,9 @@ static int take_row(kn_sheet *s, int cells, const int slot[])
         numbers += is == KN_CELL_NUMBER;
         if (is == KN_CELL_TEXT && !of_bad) of_bad = column, bad = c;
         if (is == KN_CELL_NUMBER && column->heading.has_unit) value = kn_measure_si(&column->heading.unit, value);
+        if (is == KN_CELL_NUMBER && fabs(value) > KN_SHEET_MOST)
+            return kn_sheet_complain(s, s->lines.number, (int)(c.text - line) + 1,
+                                     "%g in SI units, expected at most %g", value, KN_SHEET_MOST);
         column->value[s->rows] = is == KN_CELL_NUMBER ? value : NAN;
     }
     for (; index < cells; index++) // a short row: what it lacks is missing

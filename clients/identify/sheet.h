@@ -21,6 +21,7 @@
 #define KN_SHEET_COLUMNS 128
 #define KN_SHEET_NOTES 32
 #define KN_SHEET_CELLS (1 << 26) // numbers in memory, 512 MB; more is refused
+#define KN_SHEET_MOST 1e30 // of a number in SI, far beyond anything on a bench; sums and quotients of such are numbers
 
 typedef struct kn_sheet_column {
     kn_heading heading;
