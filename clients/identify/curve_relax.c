@@ -88,7 +88,8 @@ static int keep_hold(kn_curve_file *f, kn_readings *r, kn_curve *c)
     c->begin_s = isfinite(f->begin_s) ? f->begin_s
                  : reached > 0        ? ramp_end(r, reached, c->strain)
                                       : kn_curve_begin(f, r);
-    if (end < r->count) kn_curve_say(f, "%d readings after the strain was given up, left out", r->count - end);
+    if (end < r->count) kn_curve_say(f, "%d reading%s after the strain was given up, left out", r->count - end,
+                     r->count - end > 1 ? "s" : "");
     if (before > 0) kn_curve_say(f, "%d reading%s before the strain, left out", before, before > 1 ? "s" : "");
     r->count = end;
     kn_readings_skip(r, before);

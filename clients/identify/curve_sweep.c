@@ -35,6 +35,18 @@ static int choose(kn_curve_file *f, columns *c)
                              "[Pa], or |G*| and tan delta or phase angle");
 }
 
+// Beyond a right angle cosine and tangent change their signs, and moduli below 0 would be told of a number that is none
+// of the file's.
+static int check_phase(kn_curve_file *f, const kn_readings *r, const columns *c)
+{
+    const double right = acos(-1.0) / 2;
+    for (int i = 0; i < r->count && c->phase >= 0; i++)
+        if (r->other[i] <= 0 || r->other[i] >= right * (1 - 1e-9))
+            return kn_sheet_complain(&f->sheet, r->line[i], 1,
+                                     "phase angle of %.6g deg, expected one between 0 and 90", 90 * r->other[i] / right);
+    return KN_EXIT_OK;
+}
+
 // |G*| or G' with tan delta or the angle -> G' and G''.
 static void to_parts(kn_readings *r, const columns *c)
 {
@@ -71,6 +83,7 @@ int kn_curve_load_sweep(kn_curve_file *f)
     if (code == KN_EXIT_OK) code = kn_curve_readings(f, &r, 0, f->sheet.rows, cols.frequency, first, second, -1, true);
     kn_curve *c = code == KN_EXIT_OK ? kn_curve_add(f, KN_CURVE_SWEEP, "") : NULL;
     if (code == KN_EXIT_OK && !c) code = KN_EXIT_USAGE;
+    if (code == KN_EXIT_OK) code = check_phase(f, &r, &cols);
     if (code == KN_EXIT_OK) {
         to_parts(&r, &cols);
         code = kn_curve_order(f, &r, "the modulus");

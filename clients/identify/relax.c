@@ -79,10 +79,11 @@ static void print_curves(const kn_relaxation *r)
     printf("\n%-20s %9s %9s %9s %9s %9s %6s\n", "curve", "strain %", "readings", "rise", "hold", "misfit %", "runs");
     for (int c = 0; c < r->curves; c++) {
         const kn_relaxation_curve *k = &r->curve[c];
-        char strain[20] = "-";
+        char strain[20] = "-", runs[20] = "-";
         if (k->ramp.strain > 0) snprintf(strain, sizeof strain, "%.4g", 100 * k->ramp.strain);
-        printf("%-20s %9s %9d %9d %9d %9.2g %6.2g\n", k->curve->name, strain, k->curve->count, k->rise.count,
-               k->hold.count, 100 * k->misfit, k->runs);
+        if (!isnan(k->runs)) snprintf(runs, sizeof runs, "%.2g", k->runs);
+        printf("%-20s %9s %9d %9d %9d %9.2g %6s\n", k->curve->name, strain, k->curve->count, k->rise.count,
+               k->hold.count, 100 * k->misfit, runs);
     }
     printf(
         "rise, hold: means that are fitted. misfit: mean of |fit/measured - 1|; runs: standard deviations fewer than "
@@ -182,7 +183,8 @@ static int fit(work *w)
         return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s", error);
     if (w->opt.out && w->fit.scale == KN_RELAXATION_MODULUS)
         return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
-                           "--out %s: a modulus makes no material, expected the strain that was held, --strain",
+                           "--out %s: without the strain that was held there is no material, expected it in the file or "
+                           "by --strain",
                            w->opt.out);
     return KN_EXIT_OK;
 }

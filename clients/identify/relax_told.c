@@ -217,9 +217,10 @@ static void tell_fit(kn_document *d, const kn_relaxation *r)
     kn_document_table(d, "Curves", "lrrrr", "curve\tstrain, %\treadings\tmisfit, %\truns");
     for (int c = 0; c < r->curves; c++) {
         const kn_relaxation_curve *k = &r->curve[c];
-        char strain[20] = "unknown";
+        char strain[20] = "unknown", runs[20] = "-";
         if (k->ramp.strain > 0) snprintf(strain, sizeof strain, "%.4g", 100 * k->ramp.strain);
-        kn_document_row(d, "%s\t%s\t%d\t%.2g\t%.2g", k->curve->name, strain, k->curve->count, 100 * k->misfit, k->runs);
+        if (!isnan(k->runs)) snprintf(runs, sizeof runs, "%.2g", k->runs);
+        kn_document_row(d, "%s\t%s\t%d\t%.2g\t%s", k->curve->name, strain, k->curve->count, 100 * k->misfit, runs);
     }
     kn_document_section(d, "The material");
     kn_document_text(d, "%s", kn_relax_scale(r));

@@ -107,7 +107,8 @@ static bool take(kn_relaxation *r, int curves, const kn_curve *curve, char *erro
         if (!to->fit_pa) return false;
         to->residual = to->fit_pa + count;
         r->readings += (int)count;
-        snprintf(error, size, "%s: %d readings of the hold, expected 8 or more", curve[c].file, to->hold.count);
+        snprintf(error, size, "%s: %d reading%s of the hold, expected 8 or more", curve[c].file, to->hold.count,
+                 to->hold.count == 1 ? "" : "s");
         if (to->hold.count < 8) return false;
     }
     return true;

@@ -48,7 +48,7 @@ grep -q '^k1 *>= ' hold.txt && grep -q '^c1/k1 *5\.[23]' hold.txt && grep -q '^a
 awk -F, 'BEGIN { print "time [s],modulus [Pa]" } NR > 1 && $2 > 0 { printf "%.6f,%.4f\n", $2, $4 / 0.3 }' all.csv >modulus.csv
 knead identify relax modulus.csv --no-models >modulus.txt 2>err || no "modulus: $(cat err)"
 grep -q 'in units of the modulus' modulus.txt && ! grep -q '^k1 ' modulus.txt && ok "a modulus: in its units, and no k1" || no "modulus"
-refuses 2 "knead identify relax: --out m.yaml: a modulus makes no material, expected the strain that was held, --strain" identify relax modulus.csv --out m.yaml
+refuses 2 "knead identify relax: --out m.yaml: without the strain that was held there is no material, expected it in the file or by --strain" identify relax modulus.csv --out m.yaml
 knead identify relax modulus.csv --strain 30% --no-models --out m.yaml >with.txt 2>err && grep -q 'k1: .*>= .*nothing had flowed' m.yaml &&
     ok "with --strain it makes one, which says that k1 is a bound" || no "modulus with --strain: $(cat err)"
 
@@ -96,6 +96,12 @@ knead identify relax rise.csv >out 2>err
 [ $? = 2 ] && grep -q '^rise.csv:[0-9]*:1: the stress does not fall while the strain is held' err && ok "a stress that rises is no relaxation" || no "rise: $(cat err)"
 knead identify relax hold.csv modulus.csv >out 2>err
 [ $? = 2 ] && grep -q '^modulus.csv: \|^knead identify relax: hold.csv: has a strain' err && ok "files with and without a strain" || no "mixed: $(cat err)"
+sed '2s/.*/time [s],stress [Pa],displacement [furlong]/; 3,$s/$/,1/' hold.csv >furlong.csv
+knead identify relax furlong.csv --height '1 cm' >out 2>err
+[ $? = 2 ] && [ "$(cat err)" = "furlong.csv:2:22: displacement: the unit 'furlong' is unknown, expected one of displacement, e.g. m" ] &&
+    ok "a unit that is none" || no "furlong: $(cat err)"
+sed 1d hold.csv >strainless.csv
+refuses 2 "knead identify relax: --out m.yaml: without the strain that was held there is no material, expected it in the file or by --strain" identify relax strainless.csv --out m.yaml
 printf 'mine\n' >mine.yaml
 knead identify relax hold.csv --no-models --out mine.yaml >out 2>err
 [ $? = 2 ] && [ "$(cat mine.yaml)" = mine ] && ok "what another wrote is not overwritten" || no "overwritten: $(cat err)"

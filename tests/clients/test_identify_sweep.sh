@@ -99,6 +99,25 @@ refuses 2 "knead identify relax: --shear: unknown option; --help lists them" ide
 sed 's/^\(5;[^;]*\);.*/\1;-3/' sweep.csv >minus.csv
 knead identify sweep minus.csv >out 2>err
 [ $? = 2 ] && grep -q '^minus.csv:32:[0-9]*: .*expected both above 0$' err && ok "a modulus below 0 is named" || no "minus: $(cat err)"
+awk 'BEGIN { print "frequency [Hz],|G*| [Pa],phase angle [deg]"; for (i = 0; i < 12; i++) printf "%g,20909,%d\n", 0.1 + i, i == 3 ? 100 : 30 + i }' >angle.csv
+knead identify sweep angle.csv >out 2>err
+[ $? = 2 ] && [ "$(cat err)" = "angle.csv:5:1: phase angle of 100 deg, expected one between 0 and 90" ] && ok "a phase angle beyond a right one" || no "angle: $(cat err)"
+awk 'NR == 3 || NR == 1 { print } { if (NR > 1) print }' all.csv | cut -d, -f1-3 >twice.csv
+knead identify sweep twice.csv >out 2>err
+grep -q '^twice.csv: 1 reading has the frequency of another: averaged$' out && ok "a frequency that comes twice" || no "twice: $(cat out err)"
+sed -n 1,9p sweep.csv >few.csv
+knead identify sweep few.csv >out 2>err && ! grep -q nan out && grep -q ' - ' out && ok "runs of few readings are -" || no "few: $(cat out err)"
+sed '4s/;[^;]*;/;1e40;/' sweep.csv >beyond.csv
+knead identify sweep beyond.csv >out 2>err
+[ $? = 2 ] && grep -Eq '^beyond.csv:4:[0-9]*[2-9]: .* in SI units, expected at most 1e\+30$' err && ok "a number beyond all has its place" || no "beyond: $(cat err)"
+refuses 2 "knead identify sweep: -xy: unknown option; --help lists them" identify sweep -xy sweep.csv
+refuses 2 "knead identify sweep: -dash.csv: unknown option; --help lists them" identify sweep sweep.csv -dash.csv
+refuses 2 "knead identify sweep: -x: unknown option; --help lists them" identify sweep sweep.csv -x
+refuses 2 "knead identify sweep: --strain=5%: unknown option; --help lists them" identify sweep sweep.csv --strain=5%
+if command -v gnuplot >/dev/null && [ -c /dev/full ]; then
+    knead identify sweep sweep.csv --png /dev/full >out 2>err
+    [ $? = 3 ] && [ "$(cat err)" = "knead identify sweep: /dev/full: No space left on device, nothing drawn" ] && ok "a picture that cannot be written is told" || no "/dev/full: $(cat err)"
+fi
 knead identify sweep nowhere.csv >out 2>err
 [ $? != 0 ] && [ "$(wc -l <err)" = 1 ] && ok "a file that is not there" || no "nowhere: $(cat err)"
 exit $failed
