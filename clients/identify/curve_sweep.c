@@ -43,7 +43,8 @@ static int check_phase(kn_curve_file *f, const kn_readings *r, const columns *c)
     for (int i = 0; i < r->count && c->phase >= 0; i++)
         if (r->other[i] <= 0 || r->other[i] >= right * (1 - 1e-9))
             return kn_sheet_complain(&f->sheet, r->line[i], 1,
-                                     "phase angle of %.6g deg, expected one between 0 and 90", 90 * r->other[i] / right);
+                                     "phase angle of %.6g deg, expected one between 0 and 90",
+                                     90 * r->other[i] / right);
     return KN_EXIT_OK;
 }
 

@@ -107,8 +107,9 @@ static void say_below(const kn_models *m, char *text, size_t size)
     char words[300];
     if (!is_below_all(m)) return;
     snprintf(words, sizeof words,
-             ". The later stresses, down to %.3g Pa, are below all that were fitted, %.3g Pa and more: the damper there, "
-             "and a P0 between them, the fit has not seen, so this speaks against no thinning; a later --cut shows more",
+             ". The later stresses, down to %.3g Pa, are below all that were fitted, %.3g Pa and more: the damper "
+             "there, and a P0 between them, the fit has not seen, so this speaks against no thinning; a later --cut "
+             "shows more",
              m->late_pa, m->early_pa);
     append(text, size, words);
 }

@@ -150,7 +150,7 @@ static void nest(nesting *n, int leaf, unsigned placed)
     }
 }
 
-// From what elements of fewer parts have found: where one is within this one, the search ends no higher than theirs did.
+// From what elements of fewer parts have found: where one is within this one, the search ends no higher than theirs.
 static int start_within(kn_fit *fit, const kn_element *element, const kn_spectrum *found,
                         double start[][KN_FIT_UNKNOWNS])
 {
