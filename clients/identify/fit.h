@@ -63,8 +63,7 @@ typedef struct kn_fit_interval {
     bool open_low, open_high; // the data do not close that side; low or high is then the bound
 } kn_fit_interval;
 
-// confidence: 0.95. By curvature where that is within 5 % of the value, else by profile, which may find a better
-// minimum than the fit had: that is then the fit's.
+// confidence: 0.95. By curvature where that is within 5 % of the value, else by profile.
 kn_fit_interval kn_fit_interval_of(kn_fit *fit, int unknown, double confidence);
 kn_fit_interval kn_fit_interval_by(kn_fit *fit, int unknown, double confidence, kn_fit_how how);
 
