@@ -383,6 +383,7 @@ TEST("a long line, a byte 0 and more columns than there can be are told where th
 
 TEST("files that cannot be read are told in one line")
 {
+    kn_sheet_close(&s);
     kn_hear();
     int code = kn_sheet_open(&s, "/nowhere/at/all.csv", NULL, "identify creep");
     CHECK(!strcmp(kn_hear_end(), "knead identify creep: /nowhere/at/all.csv: No such file or directory\n") &&
