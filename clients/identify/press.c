@@ -67,7 +67,8 @@ static void find_hold(kn_press *p)
         if (tool_at(p, t)->attached) lowest_m = fmin(lowest_m, tool_at(p, t)->position_m[2]);
     for (int64_t t = 0; t < p->ticks; t++)
         if (tool_at(p, t)->attached && tool_at(p, t)->position_m[2] <= lowest_m + still_m) last = t;
-    p->hold_end_s = p->time_s[begin_of_rise(p, last)];
+    const int64_t rise = begin_of_rise(p, last);
+    p->hold_end_s = p->time_s[rise > 0 ? rise - 1 : 0]; // in the tick itself its velocity says so, and the force is gone
     p->end_s = p->time_s[p->ticks - 1];
 }
 
