@@ -255,6 +255,7 @@ TEST("nine of ten blind cases: structure, and P0 within a tenth, from image and 
 
 TEST("a lump of finer cells than the model's: it is told that nothing explains it, and in such cells that all is well")
 {
+    seed = 20261123; // the same lump after any number of blind cases
     const lump l = {.scene = SMALL,
                     .structure = "both",
                     .set = "object.spacing=5 mm",
