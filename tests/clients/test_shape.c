@@ -10,19 +10,14 @@
 #include "clients/identify/experiments.h"
 #include "clients/identify/relief_points.h"
 #include "clients/identify/verdict.h"
-#include "clients/knead/path.h"
 #include "clients/viewer/image.h"
 #include "clients/viewer/range_file.h"
-#include "server/log.h"
-#include "server/replay.h"
-#include "server/wire.h"
 #include "tests/check.h"
+#include "tests/clients/recorded_press.h"
 #include <fcntl.h>
 #include <jansson.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-#define SMALL KN_SOURCE_DIR "/core/scenes/dough-small.yaml"
 
 enum { PIXELS = 320 };
 
@@ -46,13 +41,6 @@ typedef struct lump { // how something was made and measured
     const char *hold; // "30" or less
     bool at_end;      // image after the withdrawal
 } lump;
-
-static void must(bool ok, const char *what)
-{
-    if (ok) return;
-    fprintf(stderr, "%s\n", what);
-    exit(1);
-}
 
 static void write_force(const kn_press *press, const kn_pressed *pressed, double noise)
 {
@@ -432,150 +420,6 @@ TEST("points of a surface are as far away as they are, outside and inside")
     CHECK_NEAR(kn_relief_distance((double[]){1, 1, 1}, x, 4, triangle), 2 / sqrt(3), 1e-7);
     CHECK_NEAR(kn_relief_distance((double[]){-3, -4, 0}, x, 4, triangle), 5, 1e-12);
     CHECK_NEAR(kn_relief_distance((double[]){2, 0, 0}, x, 4, triangle), 1, 1e-12);
-}
-
-// ---- logs: a server without clock and bus, whose plate is pressed 3 mm at 1 cm/s, held for 0.5 s and lifted
-
-enum { MISSED_MS = 21 };
-
-typedef struct recorder {
-    kn_servo servo;
-    kn_tick_in in;
-    kn_tick_out out;
-    kn_pose hand;
-    kn_path *path;
-    lcm_eventlog_t *log;
-} recorder;
-
-static void record_message(recorder *r, const char *channel, uint8_t *bytes, int size)
-{
-    must(size > 0 && kn_log_write(r->log, r->hand.utime, channel, bytes, (size_t)size), channel);
-}
-
-static void record_tick(recorder *r, int missed)
-{
-    uint8_t bytes[512];
-    knead_probe_pose_t pose;
-    knead_contact_force_t force;
-    kn_path_point at;
-    r->in.missed = missed;
-    r->in.tick += 1 + missed;
-    r->hand.utime = 1700000000000000 + 1000 * r->in.tick;
-    r->hand.seq++;
-    kn_path_at(r->path, 1e-3 * (double)r->in.tick, &at);
-    memcpy(r->hand.position_m, at.position_m, sizeof at.position_m);
-    memcpy(r->hand.velocity_m_s, at.velocity_m_s, sizeof at.velocity_m_s);
-    r->in.pose[0] = &r->hand;
-    r->in.fresh[0] = true;
-    kn_wire_pose(&pose, &r->hand);
-    record_message(r, "KNEAD_POSE_plate", bytes, knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &pose));
-    kn_servo_tick(&r->servo, &r->in, &r->out);
-    kn_wire_force(&force, &r->out, 0, r->hand.utime, 1);
-    record_message(r, "KNEAD_FORCE_plate", bytes, knead_contact_force_t_encode(bytes, 0, sizeof bytes, &force));
-}
-
-// missed.lcmlog, once. Three times seven cycles are missed on the way down, and as many again while the plate is held.
-// Returns the time when the hand begins to rise.
-static double record_press(void)
-{
-    static const char file[] = "missed.lcmlog";
-    static double rises_s;
-    static uint8_t bytes[16384];
-    char error[300];
-    recorder r = {.in.tick = -1, .hand = {.session = 7, .orientation_wxyz = {1}}};
-    const kn_path_def press = {.touch_z_m = 0.03, .clear_m = 0.005, .depth_m = 0.003, .speed_m_s = 0.01, .hold_s = 0.5};
-    kn_backend backend = {0};
-    if (rises_s > 0) return rises_s;
-    knead_scene_t text;
-    kn_scene *scene = kn_scene_load(SMALL, NULL, 0, error, sizeof error);
-    must(scene && (r.path = kn_path_press(&press)), error);
-    kn_model *model = kn_model_build(&scene->model, error, sizeof error);
-    must(model && kn_backend_cpu(&backend, model) && (r.log = lcm_eventlog_create(file, "w")), "no server");
-    kn_servo_init(&r.servo, scene, model, &backend);
-    r.hand.utime = 1700000000000000;
-    kn_wire_scene(&text, scene, 0, r.hand.utime);
-    record_message(&r, "KNEAD_SCENE", bytes, knead_scene_t_encode(bytes, 0, sizeof bytes, &text));
-    const double held_s = r.path->hold_end_s - press.hold_s;
-    const int64_t down = (int64_t)(1e3 * held_s) - 200, standing = down + 400;
-    while (1e-3 * (double)r.in.tick < r.path->hold_end_s + 0.3) {
-        const int64_t next = r.in.tick + 1;
-        bool trouble = false;
-        for (int i = 0; i < 3; i++) trouble |= next == down + 30 * i || next == standing + 30 * i;
-        record_tick(&r, trouble ? MISSED_MS / 3 : 0); // 20 at once, and the servo would let go
-    }
-    rises_s = r.path->hold_end_s;
-    kn_path_destroy(r.path);
-    lcm_eventlog_destroy(r.log);
-    backend.destroy(backend.self);
-    kn_model_destroy(model);
-    kn_scene_destroy(scene);
-    return rises_s;
-}
-
-TEST("the hold ends when the tool begins to rise: dough still presses then, at any speed, in a log, and without a hold")
-{
-    char error[400];
-    kn_candidate c[KN_CANDIDATES];
-    kn_press press = {0};
-    kn_pressed pressed = {0};
-    must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
-    must(kn_press_path(&press, c->scene, &(kn_press_def){.hold_s = 1}, error, sizeof error), error);
-    const kn_press_play play = {.model = c->first, .surface = c->best.surface, .until_s = press.hold_end_s};
-    must(kn_press_run(&press, &play, &pressed), "the press diverges");
-    const double end_n = pressed.force_n[pressed.ticks - 1], before_n = pressed.force_n[pressed.ticks - 51];
-    CHECK(end_n > 0.3);
-    CHECK_NEAR(end_n / before_n, 1, 0.02); // it relaxes still, and by no more in 50 ms
-    CHECK_NEAR(press.hold_end_s, 1.05 + 1, 0.01); // down in 1 s, 50 ms to begin and to end it, of which half count
-    kn_pressed_free(&pressed);
-    kn_press_free(&press);
-    const kn_press_def slow = {.speed_m_s = 1e-4, .depth_m = 1e-3, .hold_s = 1}, none = {.hold_s = -1};
-    must(kn_press_path(&press, c->scene, &slow, error, sizeof error), error);
-    CHECK_NEAR(press.hold_end_s, 10.05 + 1, 0.01);
-    kn_press_free(&press);
-    must(kn_press_path(&press, c->scene, &none, error, sizeof error), error);
-    CHECK_NEAR(press.hold_end_s, 1.05, 0.01);
-    kn_press_free(&press);
-    const double rises_s = record_press();
-    must(kn_press_log(&press, c->scene, &(kn_press_def){0}, "missed.lcmlog", error, sizeof error), error);
-    CHECK_NEAR(press.hold_end_s, rises_s, 0.01);
-    kn_press_free(&press);
-    kn_candidate_free(c);
-}
-
-TEST("a log's press keeps the log's clock where its server missed cycles: times, forces, surfaces as in its replay")
-{
-    char error[400];
-    kn_candidate c[KN_CANDIDATES];
-    kn_press press = {0};
-    kn_pressed pressed = {0};
-    const double at_s = record_press() - 0.55; // on its way down, 21 ms of it missed
-    must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
-    must(kn_press_log(&press, c->scene, &(kn_press_def){0}, "missed.lcmlog", error, sizeof error), error);
-    const kn_press_play play = {c->first, c->best.surface, 1, &at_s, press.end_s, NULL, NULL};
-    must(kn_press_run(&press, &play, &pressed), "the press diverges");
-    float(*seen)[3] = calloc((size_t)pressed.vertex_count, sizeof *seen);
-    kn_replay *r = kn_replay_create(&(kn_replay_def){.log_path = "missed.lcmlog"}, error, sizeof error);
-    must(r, error);
-    int64_t t = 0;
-    double apart = 0;
-    for (bool taken = false; kn_replay_step(r) && t < press.ticks; t++) {
-        CHECK_NEAR(press.time_s[t], r->tick.time_s, 1e-9);
-        CHECK(kn_press_tick(&press, r->tick.time_s) == t);
-        CHECK_NEAR(pressed.force_n[t], r->tick.out.force[0].contact_force_n[2], 1e-6);
-        if (taken || r->tick.time_s < at_s - KN_REPLAY_HALF_TICK_S) continue;
-        kn_surface_positions(c->best.surface, c->first, kn_replay_state(r), (float *)seen);
-        taken = true;
-    }
-    CHECK(press.ticks == t);
-    CHECK_NEAR(press.end_s - press.time_s[0], 1e-3 * (double)(t - 1 + 2 * MISSED_MS), 1e-9);
-    for (int v = 0; v < pressed.vertex_count; v++)
-        for (int k = 0; k < 3; k++) apart = fmax(apart, fabs(seen[v][k] - pressed.shape_m[0][v][k]));
-    CHECK_NEAR(apart, 0, 1e-7);
-    free(seen);
-    kn_replay_destroy(r);
-    kn_pressed_free(&pressed);
-    kn_press_free(&press);
-    kn_candidate_free(c);
 }
 
 TEST("where nothing explains it the least off is nearest, and none that is less off is called farther")

@@ -1,0 +1,74 @@
+// clients/identify/press.h: what a hand did, by a path and by a log whose server missed cycles, done again to a model.
+#include "clients/identify/press.h"
+#include "clients/identify/candidate.h"
+#include "server/replay.h"
+#include "tests/check.h"
+#include "tests/clients/recorded_press.h"
+
+TEST("the hold ends when the tool begins to rise: dough still presses then, at any speed, in a log, and without a hold")
+{
+    char error[400];
+    kn_candidate c[KN_CANDIDATES];
+    kn_press press = {0};
+    kn_pressed pressed = {0};
+    must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
+    must(kn_press_path(&press, c->scene, &(kn_press_def){.hold_s = 1}, error, sizeof error), error);
+    const kn_press_play play = {.model = c->first, .surface = c->best.surface, .until_s = press.hold_end_s};
+    must(kn_press_run(&press, &play, &pressed), "the press diverges");
+    const double end_n = pressed.force_n[pressed.ticks - 1], before_n = pressed.force_n[pressed.ticks - 51];
+    CHECK(end_n > 0.3);
+    CHECK_NEAR(end_n / before_n, 1, 0.02); // it relaxes still, and by no more in 50 ms
+    CHECK_NEAR(press.hold_end_s, 1.05 + 1, 0.01); // down in 1 s, 50 ms to begin and to end it, of which half count
+    kn_pressed_free(&pressed);
+    kn_press_free(&press);
+    const kn_press_def slow = {.speed_m_s = 1e-4, .depth_m = 1e-3, .hold_s = 1}, none = {.hold_s = -1};
+    must(kn_press_path(&press, c->scene, &slow, error, sizeof error), error);
+    CHECK_NEAR(press.hold_end_s, 10.05 + 1, 0.01);
+    kn_press_free(&press);
+    must(kn_press_path(&press, c->scene, &none, error, sizeof error), error);
+    CHECK_NEAR(press.hold_end_s, 1.05, 0.01);
+    kn_press_free(&press);
+    const double rises_s = record_press();
+    must(kn_press_log(&press, c->scene, &(kn_press_def){0}, "missed.lcmlog", error, sizeof error), error);
+    CHECK_NEAR(press.hold_end_s, rises_s, 0.01);
+    kn_press_free(&press);
+    kn_candidate_free(c);
+}
+
+TEST("a log's press keeps the log's clock where its server missed cycles: times, forces, surfaces as in its replay")
+{
+    char error[400];
+    kn_candidate c[KN_CANDIDATES];
+    kn_press press = {0};
+    kn_pressed pressed = {0};
+    const double at_s = record_press() - 0.55; // on its way down, 21 ms of it missed
+    must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
+    must(kn_press_log(&press, c->scene, &(kn_press_def){0}, "missed.lcmlog", error, sizeof error), error);
+    const kn_press_play play = {c->first, c->best.surface, 1, &at_s, press.end_s, NULL, NULL};
+    must(kn_press_run(&press, &play, &pressed), "the press diverges");
+    float(*seen)[3] = calloc((size_t)pressed.vertex_count, sizeof *seen);
+    kn_replay *r = kn_replay_create(&(kn_replay_def){.log_path = "missed.lcmlog"}, error, sizeof error);
+    must(r, error);
+    int64_t t = 0;
+    double apart = 0;
+    for (bool taken = false; kn_replay_step(r) && t < press.ticks; t++) {
+        CHECK_NEAR(press.time_s[t], r->tick.time_s, 1e-9);
+        CHECK(kn_press_tick(&press, r->tick.time_s) == t);
+        CHECK_NEAR(pressed.force_n[t], r->tick.out.force[0].contact_force_n[2], 1e-6);
+        if (taken || r->tick.time_s < at_s - KN_REPLAY_HALF_TICK_S) continue;
+        kn_surface_positions(c->best.surface, c->first, kn_replay_state(r), (float *)seen);
+        taken = true;
+    }
+    CHECK(press.ticks == t);
+    CHECK_NEAR(press.end_s - press.time_s[0], 1e-3 * (double)(t - 1 + 2 * MISSED_MS), 1e-9);
+    for (int v = 0; v < pressed.vertex_count; v++)
+        for (int k = 0; k < 3; k++) apart = fmax(apart, fabs(seen[v][k] - pressed.shape_m[0][v][k]));
+    CHECK_NEAR(apart, 0, 1e-7);
+    free(seen);
+    kn_replay_destroy(r);
+    kn_pressed_free(&pressed);
+    kn_press_free(&press);
+    kn_candidate_free(c);
+}
+
+TESTS_MAIN
