@@ -258,7 +258,7 @@ static bool visited_by_fit(kn_joint *j, joint_work *w, kn_fit *fit)
         for (int i = 0; i < ends.steps; i++) end_s[i] = step_end(&w->curve[k], i);
         ends.time_s = end_s;
         ends.count = ends.steps;
-        if (!kn_joint_predict(&m, &ends, w->late ? value[LATE + k] : 0, end_strain[k])) return false;
+        if (!kn_joint_predict(&m, &ends, 0, end_strain[k])) return false; // lateness is sought after this
     }
     visit_all(j, w->curves, end_strain, w->curve);
     kn_fit_unknown *p0 = &fit->unknown[KN_JOINT_P0];
