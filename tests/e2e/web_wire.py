@@ -10,7 +10,7 @@ import time
 from served import Bus, Served, check, cpu_s, until
 import served as results
 
-TEXT, BINARY, CLOSE = 1, 2, 8
+TEXT, BINARY, CLOSE, PING, PONG = 1, 2, 8, 9, 10
 POINTER, SEEN = 1, 2
 
 
@@ -29,7 +29,7 @@ class Wire:
         lines += [f"Origin: {f'http://{good}' if origin is None else origin}"] if origin != "" else []
         lines += [f"Sec-WebSocket-Protocol: {protocol}"] if protocol else []
         self.s.sendall("\r\n".join(lines + ["", ""]).encode())
-        self.got, self.seen, self.number = b"", 0, 0
+        self.got, self.number, self.pings = b"", 0, 0
         head = self.read_until(b"\r\n\r\n").decode(errors="replace")
         self.status = int(head.split()[1]) if head else 0
         self.body = "" if self.status == 101 else self.rest().decode(errors="replace")
@@ -60,16 +60,20 @@ class Wire:
         size = struct.pack(">B", 128 | len(payload)) if len(payload) < 126 else struct.pack(">BQ", 255, len(payload))
         self.s.sendall(struct.pack(">B", 128 * last | kind) + size + b"\0\0\0\0" + payload)  # a mask of zeros
 
-    def receive(self):  # (kind, payload); None: nothing within 10 s, or hung up
-        try:
-            while len(self.got) < 2 or len(self.got) < self.frame()[1]:
-                if not self.fill():
-                    return None
-        except OSError:
-            return None
-        begin, end = self.frame()
-        kind, payload, self.got = self.got[0] & 15, self.got[begin:end], self.got[end:]
-        return kind, payload
+    def receive(self):  # (kind, payload); None: nothing within 10 s, or hung up. A ping is answered, as a browser does
+        while True:
+            try:
+                while len(self.got) < 2 or len(self.got) < self.frame()[1]:
+                    if not self.fill():
+                        return None
+                begin, end = self.frame()
+                kind, payload, self.got = self.got[0] & 15, self.got[begin:end], self.got[end:]
+                if kind != PING:
+                    return kind, payload
+                self.pings += 1
+                self.send(PONG, payload)
+            except OSError:
+                return None
 
     def frame(self):  # where the payload of the first frame begins and ends
         size = self.got[1] & 127
@@ -439,18 +443,22 @@ def spoilt(bus, during):  # (seconds, those in which the servo missed a cycle th
 def memory(server, seconds):
     page = Page(server, presses=True)
     time.sleep(5)
-    before, end, worst = server.memory_kb(), time.monotonic() + seconds, 0
-    while time.monotonic() < end:
-        for token in None, "0" * 32:
-            wire = Wire(server, token)
-            wire.state()
-            wire.close()
-        time.sleep(0.2)
-        worst = max(worst, server.memory_kb() - before)
+    before, end, worst, pictures, fewest = server.memory_kb(), time.monotonic() + seconds, 0, page.pictures, float("inf")
+    while (begin := time.monotonic()) < end:
+        while time.monotonic() < begin + 20:
+            for token in None, "0" * 32:
+                wire = Wire(server, token)
+                wire.state()
+                wire.close()
+            time.sleep(0.2)
+            worst = max(worst, server.memory_kb() - before)
+        fewest, pictures = min(fewest, (page.pictures - pictures) / (time.monotonic() - begin)), page.pictures
+    stays = page.is_alive()
     page.stop()
-    print(f"     {page.pictures} pictures in {seconds + 5:.0f} s; memory {before} kB, grown by at most {worst} kB")
+    print(f"     {page.pictures} pictures in {seconds + 5:.0f} s, {fewest:.1f} a second or more in each 20 s, "
+          f"{page.wire.pings} pings; memory {before} kB, grown by at most {worst} kB")
     check(f"memory is flat over {seconds:.0f} s", worst < 1024, worst)
-    check("while pictures came", page.pictures > 5 * seconds, page.pictures)
+    check("while pictures came to the end", stays and fewest > 5, stays, fewest)
 
 
 def main():
