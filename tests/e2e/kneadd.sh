@@ -2,10 +2,13 @@
 # directory).
 PATH=$KN_BUILD/tests/tools:$PATH
 failed=0
-check() { # check SENTENCE COMMAND...: one line, like tests/check.h
+check() { # check SENTENCE COMMAND...: one line, like tests/check.h; fails as the command does: check ... || cat what it judged
     local sentence=$1
     shift
-    if "$@"; then echo "ok   $sentence"; else echo "FAIL $sentence: $*" && failed=1; fi
+    "$@" && echo "ok   $sentence" && return
+    echo "FAIL $sentence: $*"
+    failed=1
+    return 1
 }
 exec {never}<> <(:)
 pause() { read -rt "$1" -u "$never" || return 0; } # seconds, without the fork that sleep is
