@@ -40,6 +40,7 @@ typedef struct rig {
     kn_board board; // of a circuit
     const char *const *how;
     int kills;
+    pthread_t replugs; // while kills > 0
     atomic_int tid;
     long faulted;
     kn_keeper keeper;
@@ -156,7 +157,7 @@ TEST("ticks of touching, faults, recoveries, sessions, resets, undos, copies: no
     CHECK(r.ticks == most && r.forces > most / 2 && r.pressed > most / 10); // it was about something
     CHECK(r.contacts > most / 10);
     CHECK(r.keeper.saves > 20 && r.keeper.errors == 0 && r.lent.loop.servo.generation > most / ROUND);
-    CHECK(r.lent.loop.account.faults >= most / ROUND);                             // and went wrong in between
+    CHECK(r.lent.loop.account.faults >= most / ROUND); // and went wrong in between
     rig_close(&r);
 }
 
@@ -241,6 +242,26 @@ static void notify(void *arg)
     ev_async_send(events, arg);
 }
 
+// The circuit is lost and there again; by a thread of its own, since a device may take longer to start than a hand
+// may be silent.
+static void *replug_main(void *arg)
+{
+    rig *r = arg;
+    kn_board_kill(&r->board);
+    r->board = kn_board_start(r->how);
+    return NULL;
+}
+
+static void replug(rig *r)
+{
+    pthread_attr_t small; // all memory is locked
+    pthread_attr_init(&small);
+    pthread_attr_setstacksize(&small, 1 << 18);
+    if (r->kills++ > 0) pthread_join(r->replugs, NULL);
+    if (pthread_create(&r->replugs, &small, replug_main, r) != 0) exit(1);
+    pthread_attr_destroy(&small);
+}
+
 static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
 {
     (void)revents;
@@ -251,11 +272,7 @@ static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
     if (r->ticks % ROUND == 3500 || r->ticks % ROUND == 5900) kn_loop_order(&r->lent.loop, KN_ORDER_RESET, 0);
     if (r->ticks % ROUND == 3600) kn_loop_order(&r->lent.loop, KN_ORDER_UNDO, 0);
     if (r->faulted == 0 && r->ticks >= 200) r->faulted = faults_of(r->tid);
-    if (r->how && r->ticks / 1500 > r->kills) { // the circuit is lost in a press, and there again
-        r->kills++;
-        kn_board_kill(&r->board);
-        r->board = kn_board_start(r->how);
-    }
+    if (r->how && r->ticks / 1500 > r->kills) replug(r); // in a press
     if (r->ticks >= live_ticks && !r->lent.loop.stop) {
         r->faulted = faults_of(r->tid) - r->faulted;
         r->lent.loop.stop = true;
@@ -285,6 +302,7 @@ static void run_live(rig *r, const char *const *how)
     ev_async_stop(events, &ticked);
     munlockall();
     rig_drain(r);
+    if (r->kills > 0) pthread_join(r->replugs, NULL);
     if (how) kn_board_kill(&r->board);
     if (finished < 0) SKIP("no seccomp here: %s", strerror(errno));
     if (calls != 0)
