@@ -30,8 +30,8 @@ void kn_identified_print(const kn_identified *number, char *text, size_t size);
 void kn_identified_tell(json_t *to, const kn_identified *number); // --json: an object by the number's name
 
 // The file that a scene names as `material: FILE`: every number with its interval beside it. origin: a sentence on
-// where it is from. stress_unit: as kn_identified's. An exit code, after a complaint. A file that is there and is no
-// material of this command's is not overwritten.
+// where it is from; density_words: on where the density is. An exit code, after a complaint. A file that is there and
+// is no material of this command's is not overwritten.
 int kn_material_file_write(const char *subcommand, const char *path, const char *origin, const kn_material *material,
                            double density_kg_m3, const char *density_words, int count, const kn_identified *number);
 
