@@ -45,9 +45,11 @@ static int check_from(const film *f)
 static int survey(film *f)
 {
     kn_lineup *l = &f->lineup;
+    const bool rests = f->pictures > 0; // only the camera moves
     int code = kn_lineup_open(l, f->o);
+    if (code == KN_EXIT_OK && rests) code = kn_lineup_stills(l, &f->extent);
     kn_progress bar = kn_progress_open("looking through", code == KN_EXIT_OK ? ticks(l, true) : 1);
-    while (code == KN_EXIT_OK && moment(f->o, f->pictures) <= f->o->to_s) {
+    while (code == KN_EXIT_OK && !rests && moment(f->o, f->pictures) <= f->o->to_s) {
         code = kn_lineup_to(l, moment(f->o, f->pictures));
         if (code != KN_EXIT_OK || kn_lineup_ended(l)) break; // that moment is in none of them
         code = kn_lineup_stills(l, &f->extent);
@@ -108,7 +110,7 @@ int kn_view_film(const kn_view_options *o)
 {
     char error[200];
     film f = {.o = o, .live = o->file_count == 0, .extent = kn_extent_none};
-    if (f.live) f.pictures = (int)ceil(o->seconds * o->fps);
+    if (o->seconds > 0) f.pictures = (int)ceil(o->seconds * o->fps); // else the recordings say how many
     int code = kn_output_try("view", o->video);
     if (code == KN_EXIT_OK && !kn_film_ready(error, sizeof error))
         code = kn_complain("view", KN_EXIT_DEVICE, "%s", error);

@@ -42,7 +42,7 @@ const char kn_view_help[] =
     "  --mesh-url URL     meshes (" KN_MESH_URL ")\n\n"
     "Films (by the program ffmpeg; " KN_FILM_NAMES "):\n"
     "  --from S, --to S   part of the recording (0, its end)\n"
-    "  --seconds N        how much of what is served, 0.1..3600\n"
+    "  --seconds N        how much of what is served, or how long round a snapshot or a scene, 0.1..3600\n"
     "  --fps N            pictures per second, 1..120 (30)\n"
     "  --speed X          of a recording: 2 is twice as fast, 0.01..1000 (1)\n"
     "  --orbit DEG        the camera goes round by so many degrees per second of the film (0)\n\n"
@@ -209,9 +209,12 @@ static int share_out(kn_view_options *o, const asked *a)
 
 static int check_film(const kn_view_options *o)
 {
-    const bool recorded = kn_view_has(o, KN_VIEW_LOG), live = o->file_count == 0;
-    if (!recorded && !live) REFUSE("--video: expected a log among them; what is at rest does not move");
-    if (recorded && o->seconds > 0) REFUSE("--seconds: is for what is served, expected --from and --to for a log");
+    const bool recorded = kn_view_has(o, KN_VIEW_LOG), live = o->file_count == 0, rests = !recorded && !live;
+    if (rests && !(o->seconds > 0 && o->orbit_deg_s != 0))
+        REFUSE("--video: expected a log among them, or --orbit and --seconds; what is at rest does not move by itself");
+    if (rests && (o->speed != 1 || isfinite(o->to_s) || o->from_s != 0))
+        REFUSE("--from, --to and --speed: expected a log among them");
+    if (recorded && o->seconds > 0) REFUSE("--seconds: is for what does not end, expected --from and --to for a log");
     if (live && !(o->seconds > 0)) REFUSE("--video: expected a log, or --seconds N of what is served");
     if (live && o->speed != 1) REFUSE("--speed %g: expected a log; what is served is as fast as it is", o->speed);
     if (live && (isfinite(o->to_s) || o->from_s != 0)) REFUSE("--from and --to: expected a log");

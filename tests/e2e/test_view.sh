@@ -227,6 +227,9 @@ if command -v ffmpeg >/dev/null; then
     wait $filming
     check "a film that is interrupted dies of it" [ $? = 130 ]
     check "and leaves nothing" [ -z "$(compgen -G 'never*')" ]
+    expect "a film round a snapshot" 0 '^$' knead view kept --scene "$scene" --orbit 90 --seconds 1 --fps 8 --size 160x90 --video round.mp4
+    check "is as long as asked for" grep -q '8 pictures, 1.0 s$' out
+    expect "a film of what rests" 2 'or --orbit and --seconds; what is at rest' knead view kept --scene "$scene" --video x.mp4
 fi
 bare=$PWD/bare
 mkdir -p bare folder/ffmpeg && ln -s "$(command -v knead)" bare/knead
