@@ -89,24 +89,22 @@ def measure(name, page, server, bus, seconds, press):
           f"{rate(missed(bus, ticks))}", flush=True)
 
 
-def press(page, u, v, drag):  # as deep as the slider says, then drag pixels deeper
+def press(page, u, v, mm):  # as deep as the slider says, then deeper by the wheel
     page.hover(u, v)
     until(lambda: page.now()["status"].startswith("ready"))
     time.sleep(0.5)
     page.press(u, v)
     until(lambda: page.now()["depth_mm"] > 4.7)
-    for _ in range(drag // 5):
-        page.mouse("Moved", page.x, page.y + 5)
-        time.sleep(0.05)
+    page.devtools("Input.dispatchMouseEvent", type="mouseWheel", x=page.x, y=page.y, deltaX=0, deltaY=200 * mm, buttons=1)
     time.sleep(1)
 
 
 def show(page, path):  # a block that has been pressed once, and is pressed now
     page.devtools("Emulation.setDeviceMetricsOverride", width=1280, height=960, deviceScaleFactor=1, mobile=False)
     page.run("document.getElementById('material-box').open = true")
-    press(page, 0.42, 0.42, drag=40)
+    press(page, 0.42, 0.42, 4)
     page.release()
-    press(page, 0.56, 0.38, drag=20)
+    press(page, 0.56, 0.38, -2)
     page.screenshot(path)
     page.release()
 
@@ -116,7 +114,7 @@ def main():
     options.add_argument("--seconds", type=float, default=20, help="per row (20)")
     options.add_argument("--scene", default="dough.yaml", help="of core/scenes (dough.yaml)")
     options.add_argument("--rate", default="30", help="pictures per second (30)")
-    options.add_argument("--size", default="800x450", help="of a picture (960x540)")
+    options.add_argument("--size", default="800x450", help="of a picture (800x450)")
     options.add_argument("--picture", metavar="/FILE", help="measure nothing: the page in a press, as PNG")
     o = options.parse_args()
     if o.picture and not os.path.isabs(o.picture):

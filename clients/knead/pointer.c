@@ -6,6 +6,7 @@
 static const double air_m_s = 0.15, sideways_m_s = 0.4;  // a hand's unhurried speeds
 static const double air_m_s2 = 3.0, sideways_m_s2 = 6.0;
 static const double press_m_s[2] = {0.03, 0.01};         // round, flat
+static const double stroke_m_s[2] = {0.03, 0.004};       // sideways in a press
 static const double touch_m_s[2] = {0.03, 1e-4};         // see path.c's landing
 static const double object_m_s2 = 0.2;                   // 0 to 1 cm/s in 50 ms: dough's 1 kN s/m answers with 0.2 N/ms
 static const double flushing_m_s = 5e-4;                 // a flat one, from the first touch until it lies flat
@@ -125,15 +126,18 @@ static void move_up(kn_pointer *p, double goal_m, double dt_s)
     *z += *v * dt_s;
 }
 
-static void move_sideways(kn_pointer *p, double dt_s)
+static void move_sideways(kn_pointer *p, bool press, double dt_s)
 {
     double way[2], far_m, *v = p->point.velocity_m_s;
     for (int i = 0; i < 2; i++) way[i] = p->wish.at_m[i] - p->point.position_m[i];
     far_m = hypot(way[0], way[1]);
-    double speed = lifted(p) ? fmin(sideways_m_s, braking(far_m, 0.5 * sideways_m_s2, 0.0)) : 0.0;
+    bool down = press && p->point.position_m[2] < p->wish.touch_z_m, free = !down && !p->news.contact;
+    bool moves = down || lifted(p);
+    double a_m_s2 = free ? sideways_m_s2 : object_m_s2, most_m_s = free ? sideways_m_s : stroke_m_s[p->flat];
+    double speed = moves ? fmin(most_m_s, braking(far_m, 0.5 * a_m_s2, 0.0)) : 0.0; // half, as above
     for (int i = 0; i < 2; i++) {
-        v[i] = toward(v[i], far_m > 0.0 ? speed * way[i] / far_m : 0.0, sideways_m_s2 * dt_s);
-        if (far_m < 1e-5 && lifted(p)) p->point.position_m[i] = p->wish.at_m[i], v[i] = 0.0;
+        v[i] = toward(v[i], far_m > 0.0 ? speed * way[i] / far_m : 0.0, a_m_s2 * dt_s);
+        if (far_m < 1e-5 && moves) p->point.position_m[i] = p->wish.at_m[i], v[i] = 0.0;
         p->point.position_m[i] += v[i] * dt_s;
     }
 }
@@ -144,13 +148,13 @@ static void follow(kn_pointer *p)
     double *x = p->point.position_m;
     if (!p->placed) memcpy(x, (double[]){p->wish.at_m[0], p->wish.at_m[1], p->wish.hover_z_m}, 3 * sizeof *x);
     p->placed = true;
-    bool over = hypot(p->wish.at_m[0] - x[0], p->wish.at_m[1] - x[1]) < there_m;
+    bool over = hypot(p->wish.at_m[0] - x[0], p->wish.at_m[1] - x[1]) < there_m || isfinite(p->ground_m);
     bool engaged = p->news.flags & KN_FLAG_ENGAGED;
     bool press = p->mode == KN_POINTER_FOLLOW && p->wish.held && p->wish.pressed && !p->barred && engaged && over;
     double goal_m = press ? p->wish.touch_z_m - p->wish.depth_m : p->wish.hover_z_m;
     p->ground_m =
         press ? fmin(fmin(p->ground_m, p->wish.touch_z_m), x[2]) : INFINITY; // what was pushed down stays there
-    move_sideways(p, dt_s);
+    move_sideways(p, press, dt_s);
     if (press && x[2] > goal_m) move_down(p, goal_m, dt_s);
     else move_up(p, goal_m, dt_s);
     p->news.depth_m = p->wish.pressed ? fmax(0.0, p->wish.touch_z_m - x[2]) : 0.0;

@@ -3,7 +3,7 @@
 // The hand behind a pointer: it turns a few dozen wishes per second (there; press; this deep) into the pose of every
 // millisecond, as a device's hand (device.h). Pure, so that a test can play kneadd.
 //
-//     wishes --> follow: hover above, come down, press, lift  --> pose        speed and acceleration bounded
+//     wishes --> follow: hover above, come down, press, stroke, lift --> pose speed and acceleration bounded
 //     force  --> watch:  own watchdog of 20 ms, kneadd's latch --> let go: lift; then wait for the button to come up;
 //                        what lifting does not clear: silence of 1.2 s and a new session
 //
@@ -16,9 +16,9 @@
 typedef struct kn_pointer_wish { // of the page; positions are the tool's
     bool held;        // there is a page. Without one the tool is lifted, and then no poses are sent
     bool pressed;
-    double at_m[2];   // x and y
+    double at_m[2];   // x and y; another one while pressed, once news.depth_m > 0: a stroke at the depth that it has
     double hover_z_m; // clear of the object everywhere
-    double touch_z_m; // where the tool touches the object at at_m; looked at while pressed
+    double touch_z_m; // where the tool touches the object at at_m as the press begins; looked at while pressed
     double flush_z_m; // <= touch_z_m: where a flat tool lies on all that is under it
     double depth_m;   // >= 0, below touch_z_m
     int32_t event;    // number of the wish, rising; 0: none yet

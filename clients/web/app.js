@@ -33,6 +33,8 @@ function ask(what, fields = {}) {
     return new Promise((answer) => answers.set(id, answer));
 }
 
+const inSight = () => new Promise((then) => document.addEventListener('visibilitychange', then, { once: true }));
+
 function hear({ id, ok, words }) {
     answers.get(id)?.({ ok, words });
     answers.delete(id);
@@ -58,6 +60,7 @@ function connect() {
             if (bitmap && mine === socket && now.frame > drawn) draw(bitmap, now);
             bitmap?.close();
         }
+        while (document.hidden && mine === socket) await inSight(); // nobody looks: no pictures are made
         if (mine !== socket) return;
         send(SEEN, now.frame);
         if (now.frame > drawn) show(now);
@@ -113,6 +116,8 @@ function show(now) {
     $('readings').classList.toggle('touching', now.contact);
     if (hand.holder === null && !now.contact) slider.max = now.deepest_mm; // in a press: what is left below this place
     showDepth();
+    write('bar', now.bar_mm ? `bar on the table: ${now.bar_mm < 9.9 ? `${now.bar_mm} mm` : `${now.bar_mm / 10} cm`}` : '');
+    write('time', `${(now.tick / 1000).toFixed(1)} s served`);
     showTouch(now.touch);
     showLegend(now.top);
     drawTrace();
@@ -120,11 +125,11 @@ function show(now) {
 
 // ---- the hand: where it points, who presses (a pointer's id, 'key', or null), how deep
 
-const REPEAT_MS = 50, DRAG_MM = 0.1, WHEEL_MM = 0.005, KEY_MM = 0.5, KEY_STEP = 0.015; // mm per px; of the picture
-const hand = { u: 0.5, v: 0.5, holder: null, depth_mm: 5, from_y: 0, drag_mm: 0 };
+const REPEAT_MS = 50, WHEEL_MM = 0.005, KEY_MM = 0.5, KEY_STEP = 0.015; // mm per px; of the picture
+const hand = { u: 0.5, v: 0.5, holder: null, depth_mm: 5 };
 let soon = 0, soonAt = 0; // the animation frame that will tell, and the first handler that asked for it
 
-const depthNow = () => clamp(hand.depth_mm + hand.drag_mm, 0, Number(slider.max));
+const depthNow = () => clamp(hand.depth_mm, 0, Number(slider.max));
 function sayPointer() {
     send(POINTER, ++knead.events, hand.holder === null ? 0 : 1, hand.u, hand.v, Math.min(0.0999, depthNow() / 1000));
 }
@@ -147,9 +152,8 @@ function showDepth() {
     write('depth-now', `${depthNow().toFixed(1)} mm`);
 }
 
-function setDepth(mm, drag_mm = hand.drag_mm) {
+function setDepth(mm) {
     hand.depth_mm = clamp(mm, 0, Number(slider.max));
-    hand.drag_mm = drag_mm;
     showDepth();
     if (hand.holder !== null) tellSoon();
 }
@@ -163,8 +167,6 @@ function press(holder) {
 function letGo() {
     if (hand.holder === null) return;
     hand.holder = null;
-    hand.drag_mm = 0; // a drag is for one press: the next begins at the slider's depth
-    showDepth();
     tell();
 }
 
@@ -180,7 +182,6 @@ picture.addEventListener('pointerdown', (event) => {
     if (event.button !== 0) return;
     picture.setPointerCapture(event.pointerId);
     aim(event);
-    hand.from_y = event.clientY;
     press(event.pointerId);
 });
 picture.addEventListener('pointermove', (event) => {
@@ -192,7 +193,7 @@ picture.addEventListener('pointermove', (event) => {
 // changes under a mouse that is driven by its debugging protocol.
 window.addEventListener('pointermove', (event) => {
     if (hand.holder !== event.pointerId) return;
-    if (event.buttons & 1) setDepth(hand.depth_mm, (event.clientY - hand.from_y) * DRAG_MM);
+    if (event.buttons & 1) aim(event), tellSoon(); // a stroke, at the depth that it has
     else letGo(); // released while another button was down: no pointerup tells of that
 });
 for (const end of ['pointerup', 'pointercancel'])
@@ -212,7 +213,7 @@ picture.addEventListener('keydown', (event) => {
     const { key } = event;
     if (event.ctrlKey || event.altKey || event.metaKey) return;
     if (ARROWS[key] && event.shiftKey) turn(-6 * ARROWS[key][0], -4 * ARROWS[key][1]);
-    else if (ARROWS[key] && hand.holder === null) {
+    else if (ARROWS[key]) {
         hand.u = clamp(hand.u + ARROWS[key][0] * KEY_STEP, 0, 1);
         hand.v = clamp(hand.v + ARROWS[key][1] * KEY_STEP, 0, 1);
         tellSoon();
@@ -221,11 +222,11 @@ picture.addEventListener('keydown', (event) => {
     else if (key === 'Escape') letGo();
     else if (key === 'r' || key === 'R') $('reset').click();
     else if (key === 'u' || key === 'U') $('undo').click();
-    else if (!ARROWS[key]) return;
+    else return;
     event.preventDefault();
 });
 picture.addEventListener('keyup', ({ key }) => { if ([' ', 'Enter'].includes(key) && hand.holder === 'key') letGo(); });
-slider.addEventListener('input', () => setDepth(Number(slider.value), 0));
+slider.addEventListener('input', () => setDepth(Number(slider.value)));
 setInterval(() => { if (hand.holder !== null) sayPointer(); }, REPEAT_MS); // silence lets go, over there
 window.addEventListener('hashchange', () => location.reload());
 connect();

@@ -7,7 +7,8 @@
 #include <string.h>
 #include <sys/random.h>
 
-#define IDLE_MS 2000 // after so long another page may take the tool
+#define IDLE_MS 2000 // after so long another page may take the tool...
+#define HELD_MS 5000 // ...and after so long another program: a page that nobody touches lets it go
 
 static kn_hand_out move(void *self, const kn_hand_force *force, int elapsed_ms) // in the device's thread
 {
@@ -28,7 +29,8 @@ static kn_hand_out move(void *self, const kn_hand_force *force, int elapsed_ms) 
 
 void kn_web_post_wish(kn_web *w)
 {
-    w->wish.held = kn_gateway_pages(&w->gateway) > 0 && w->moving && w->wish.hover_z_m > 0;
+    const bool used = w->owner >= 0 && kn_live_now_ms() - w->gateway.page[w->owner].pointed_ms <= HELD_MS;
+    w->wish.held = used && w->moving && w->wish.hover_z_m > 0;
     w->wish.pressed = w->button == KN_BUTTON_PRESSES;
     *(kn_pointer_wish *)kn_mailbox_back(&w->wishes) = w->wish;
     kn_mailbox_post(&w->wishes);
@@ -84,8 +86,10 @@ void kn_web_take_up(kn_web *w)
 
 kn_camera_view kn_web_camera(const kn_web *w)
 {
-    return (kn_camera_view){.azimuth_deg = w->look.azimuth_deg, .elevation_deg = w->look.elevation_deg,
-                            .zoom = w->look.zoom, .turns = w->look.turns,
+    return (kn_camera_view){.azimuth_deg = w->look.azimuth_deg,
+                            .elevation_deg = w->look.elevation_deg,
+                            .zoom = w->look.zoom,
+                            .turns = w->look.turns,
                             .aspect = (float)w->width / (float)w->height};
 }
 
@@ -128,8 +132,11 @@ static void point(kn_web *w, int page, const kn_web_message *m)
         if (m->pressed) w->button = KN_BUTTON_BARRED;
         return;
     }
-    if (w->button == KN_BUTTON_UP) kn_reach_aim(&w->reach, m->u, m->v, &w->wish);
-    if (!m->pressed) w->button = KN_BUTTON_UP;
+    kn_web_take_samples(w);
+    const bool strokes = w->button == KN_BUTTON_PRESSES && w->news.depth_m > 0; // it has met what was looked at
+    if (w->button == KN_BUTTON_UP || strokes) kn_reach_aim(&w->reach, m->u, m->v, &w->wish);
+    if (!m->pressed)
+        w->button = KN_BUTTON_UP;
     else if (w->button == KN_BUTTON_UP)
         w->button = kn_reach_touch(&w->reach, &w->live.mesh, &w->wish) ? KN_BUTTON_PRESSES : KN_BUTTON_BESIDE;
     w->wish.pressed = w->button == KN_BUTTON_PRESSES;
@@ -163,4 +170,3 @@ void kn_web_on_gone(void *self, int page)
     w->button = KN_BUTTON_UP;
     kn_web_post_wish(w);
 }
-

@@ -44,8 +44,11 @@ static void setup(bench *b, const char *scene, int probe)
     kn_servo_init(&b->servo, b->scene, b->model, &b->backend);
     b->surface = kn_surface_create(b->model);
     b->top = kn_dent_top(&b->scene->model, &vertices);
-    b->mesh = (kn_mesh){.whole = true, .vertex_count = vertices, .triangle_count = b->surface->triangle_count,
-                        .triangles = b->surface->triangle, .positions_m = calloc((size_t)vertices, 3 * sizeof(float))};
+    b->mesh = (kn_mesh){.whole = true,
+                        .vertex_count = vertices,
+                        .triangle_count = b->surface->triangle_count,
+                        .triangles = b->surface->triangle,
+                        .positions_m = calloc((size_t)vertices, 3 * sizeof(float))};
     look(b);
     b->probe = probe;
     const kn_probe_def *tool = &b->model->def.probe[probe];
@@ -91,8 +94,12 @@ static void run(bench *b, int ms)
         kn_servo_tick(&b->servo, &in, &b->out);
         const kn_force *f = &b->out.force[b->probe];
         b->answered = f->live;
-        b->force = (kn_hand_force){.session = f->session, .seq = f->seq, .tick = b->out.tick, .flags = f->flags,
-                                   .fault = f->fault, .contacts = f->contacts};
+        b->force = (kn_hand_force){.session = f->session,
+                                   .seq = f->seq,
+                                   .tick = b->out.tick,
+                                   .flags = f->flags,
+                                   .fault = f->fault,
+                                   .contacts = f->contacts};
         memcpy(b->force.force_n, f->force_n, sizeof b->force.force_n);
         b->peak_n = fmax(b->peak_n, fabs(f->force_n[2]));
         b->faults += f->fault != 0;
@@ -111,6 +118,14 @@ static void press(bench *b, double x_m, double y_m, double depth_m, int ms)
            radius_m = b->model->def.probe[b->probe].radius_m;
     b->wish.depth_m = fmin(depth_m, fmax(0, b->wish.touch_z_m - radius_m - 0.5 * height_m));
     b->wish.pressed = true;
+    run(b, ms);
+}
+
+static void stroke(bench *b, double x_m, double y_m, int ms) // as a page does it: once the object was met
+{
+    if (!(b->pointer.news.depth_m > 0)) return;
+    b->wish.at_m[0] = x_m;
+    b->wish.at_m[1] = y_m;
     run(b, ms);
 }
 
@@ -147,6 +162,28 @@ TEST("a press goes to the depth that is asked, is felt, and leaves its dent when
     teardown(&b);
 }
 
+TEST("dragged in a press the tool strokes: there at the depth that it had, at press speed, and leaves a furrow")
+{
+    bench b;
+    setup(&b, "dough.yaml", FINGER);
+    run(&b, 600);
+    press(&b, -0.01, 0, 0.004, 1000);
+    double z_m = b.pointer.point.position_m[2];
+    b.fastest_m_s = 0;
+    stroke(&b, 0.01, 0, 1500);
+    CHECK_NEAR(b.pointer.point.position_m[0], 0.01, 1e-5);
+    CHECK_NEAR(b.pointer.point.position_m[2], z_m, 1e-6);
+    CHECK(b.fastest_m_s > 0.02 && b.fastest_m_s < 0.031);
+    CHECK(b.pointer.news.contact && b.pointer.news.depth_m > 0.0039);
+    let_go(&b, 600);
+    CHECK(!b.pointer.news.contact);
+    look(&b);
+    CHECK(dent(&b) > 0.002); // half the way
+    CHECK(b.faults == 0);
+    CHECK(b.servo.safety[FINGER].guards == 0);
+    teardown(&b);
+}
+
 TEST("whatever a mouse does, ball or plate, down to half of dough, jelly or clay: the pose never jumps, no guard trips")
 {
     static const char *const scenes[] = {"dough.yaml", "jelly.yaml", "clay.yaml"};
@@ -170,6 +207,7 @@ TEST("whatever a mouse does, ball or plate, down to half of dough, jelly or clay
                       i % 6 == 3 ? 2500 : 60 + (int)(random >> 20) % 500);
                 if (i % 2) b.wish.depth_m *= 0.5, run(&b, 100); // the wheel, back and forth
                 if (i % 2) b.wish.depth_m *= 2, run(&b, 100);
+                stroke(&b, 0.02 * ((random >> 4 & 255) / 127.5 - 1), y_m, (int)(random >> 14) % 700);
                 let_go(&b, (int)(random >> 12) % 400);
                 double highest_m = 0;
                 look(&b);

@@ -118,6 +118,9 @@ class Bus(threading.Thread):
     def dent_mm(self):  # how far below its place at rest the lowest-pressed vertex is
         return 1e3 * max(rest - now for rest, now in zip(self.rest, self.now)) if self.now else 0
 
+    def dented(self, mm=0.5):  # vertices that are so much below their place at rest
+        return sum(1e3 * (rest - now) > mm for rest, now in zip(self.rest, self.now)) if self.now else 0
+
 
 class Browser:
     """Headless Chromium on one page, driven by real pointer, touch and key events."""

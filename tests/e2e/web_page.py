@@ -68,17 +68,26 @@ def by_mouse(page, bus):
 
     page.press(*TOP)
     until(lambda: page.now()["depth_mm"] > 4.7)
-    for i in range(6):
-        page.mouse("Moved", page.x, page.y + 5)
-    check("dragged down, it goes deeper", until(lambda: page.now()["depth_mm"] > 7.7), page.now())
+    wide = bus.dented()
+    for i in range(8):
+        page.mouse("Moved", page.x + 10, page.y)
+        time.sleep(0.05)
+    check("dragged, it strokes", until(lambda: bus.dented() > 1.3 * wide), wide, bus.dented())
+    check("as deep as it was", page.now()["depth_mm"] > 4.7 and page.now()["contact"], page.now())
     page.screenshot(ARTEFACTS + "/web.png")
     page.devtools("Input.dispatchMouseEvent", type="mouseWheel", x=page.x, y=page.y, deltaX=0, deltaY=200, buttons=1)
-    check("so it does by the wheel", until(lambda: page.now()["depth_mm"] > 8.7), page.now())
+    check("so it does by the wheel", until(lambda: page.now()["depth_mm"] > 5.7), page.now())
     page.mouse("Moved", 2, 2)  # out of the picture
     page.mouse("Released", 2, 2, held=0)
     check("let go outside of the picture, it lets go", until(lambda: page.now()["force_n"] == 0), page.now())
-    check("the drag is forgotten, the wheel is not", page.text("depth-now") == "6.0 mm", page.text("depth-now"))
+    check("and the depth stays what the wheel made it", page.text("depth-now") == "6.0 mm", page.text("depth-now"))
 
+    reset(page, bus, lambda: page.run("document.getElementById('reset').click()"))
+    page.hover(*TOP)
+
+    time.sleep(6)
+    poke = subprocess.run(["knead", "probe", "--path", "poke", "--hold", "0.2 s", "--quiet"], capture_output=True, text=True)
+    check("untouched for 5 s, it lets another hand have the tool", poke.returncode == 0, poke.stderr)
     reset(page, bus, lambda: page.run("document.getElementById('reset').click()"))
     page.hover(*TOP)
 
