@@ -63,12 +63,9 @@ static bool write_on(const kn_shot *shot, const kn_still *s, const kn_scale *sca
                      size_t error_size)
 {
     char bar[32];
-    kn_label label = {.caption = s->caption, .scale = s->view.value ? scale : NULL, .bar = bar};
-    const double bar_cm = 100 * kn_renderer_bar(shot->renderer, label.bar_at);
-    const bool mm = bar_cm < 0.99; // a float's 1 cm is a little less
-    snprintf(bar, sizeof bar, "%.4g %s", mm ? 10 * bar_cm : bar_cm, mm ? "mm" : "cm");
-    const float *at = label.bar_at;
-    if (!(at[0] > 0 && at[0] < (float)shot->width && at[1] > 0 && at[1] < (float)shot->height)) label.bar = NULL;
+    kn_label label = {.caption = s->caption, .scale = s->view.value ? scale : NULL};
+    const double bar_m = kn_renderer_bar(shot->renderer, label.bar_at);
+    kn_label_bar(&label, bar, bar_m, shot->width, shot->height);
     return kn_label_draw(&label, shot->width, shot->height, rgba, error, error_size);
 }
 

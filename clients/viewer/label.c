@@ -118,6 +118,14 @@ static void swap(uint8_t *rgba, size_t pixels) // cairo's words are 0xAARRGGBB, 
     }
 }
 
+void kn_label_bar(kn_label *label, char words[32], double bar_m, int width, int height)
+{
+    const bool mm = bar_m < 0.0099; // a float's 1 cm is a little less
+    const float *at = label->bar_at;
+    snprintf(words, 32, "%.4g %s", bar_m * (mm ? 1e3 : 1e2), mm ? "mm" : "cm");
+    if (at[0] > 0 && at[0] < (float)width && at[1] > 0 && at[1] < (float)height) label->bar = words;
+}
+
 bool kn_label_draw(const kn_label *label, int width, int height, uint8_t *rgba, char *error, size_t error_size)
 {
     if (!load(error, error_size)) return false;

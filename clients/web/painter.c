@@ -14,7 +14,9 @@ size_t kn_painter_largest(int width, int height) { return tjBufSize(width, heigh
 
 static void write_png(kn_painter *p, uint8_t *rgba)
 {
+    char bar[32];
     p->png_error[0] = 0;
+    kn_label_bar(&p->label, bar, p->bar_m, p->width, p->height);
     if (kn_label_draw(&p->label, p->width, p->height, rgba, p->png_error, sizeof p->png_error))
         kn_image_write_png(p->png, p->width, p->height, rgba, p->png_error, sizeof p->png_error);
 }
@@ -29,6 +31,7 @@ static void draw(kn_painter *p, kn_renderer *r, tjhandle packer, uint8_t *rgba)
     if (ready) {
         s->view.xyz = (const float(*)[3])s->now;
         kn_renderer_draw(r, &s->view, rgba);
+        p->bar_m = kn_renderer_bar(r, p->label.bar_at);
         if (tjCompress2(packer, rgba, p->width, 0, p->height, TJPF_RGBX, &p->jpeg, &size, TJSAMP_420, QUALITY,
                         TJFLAG_NOREALLOC) != 0)
             size = 0;

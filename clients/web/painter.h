@@ -17,7 +17,8 @@ typedef struct kn_painter {
     uint8_t *jpeg;  // of the last drawing; the caller's between drawings
     unsigned long size; // 0: it could not be drawn
     const char *png;    // the caller's: where the next one is written, too, without loss and with its words; NULL: not
-    kn_label label;     // those words
+    kn_label label;     // those words; the bar's are the painter's
+    double bar_m;       // length of the bar on the table, of the last drawing
     char png_error[256]; // "", or why it was not written
     // private
     int width, height;

@@ -31,6 +31,7 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
     if (n->fault || n->mode == KN_POINTER_LET_GO)
         SAY("fault", "force taken to zero: %s. The tool lifts; let go, then press again",
             n->fault ? kn_fault_name((kn_fault)n->fault) : "none came for 20 ms");
+    if (n->mode == KN_POINTER_ABSENT && w->button == KN_BUTTON_UP) SAY("ok", "ready: press on the object");
     if (!n->heard && n->mode == KN_POINTER_FOLLOW)
         SAY("wait", "no force from kneadd: does another hand hold %s?", w->tool->name);
     if (!n->released || w->button == KN_BUTTON_BARRED) SAY("wait", "let go, then press again");
@@ -112,7 +113,9 @@ static void put_answers(kn_web *w, int page, json *t)
 static void put_touch(const kn_web *w, json *t)
 {
     const knead_touch_patch_t *p = &w->vitals.touch;
-    if (!w->vitals.touch_ms || kn_live_now_ms() - w->vitals.touch_ms > 500) return;
+    if (!w->vitals.touch_ms || kn_live_now_ms() - w->vitals.touch_ms > 500 ||
+        !isfinite(p->area_m2 + p->peak_pressure_pa)) // JSON has no word for it
+        return;
     put(t, ",\"touch\":{\"area_mm2\":%.1f,\"peak_kpa\":%.2f,\"kpa\":[", 1e6 * p->area_m2,
         1e-3 * p->peak_pressure_pa);
     for (int i = 0; i < 64; i++) {
@@ -141,6 +144,7 @@ size_t kn_web_write(void *self, int page, uint8_t *bytes, size_t size)
     put_traces(w, p, &t);
     put_answers(w, page, &t);
     put_touch(w, &t);
+    if (w->bar_m > 0) put(&t, ",\"bar_mm\":%.4g", 1e3 * w->bar_m);
     if (w->measure >= 0 && w->painter.still.view.value) put(&t, ",\"top\":%.6g", w->top);
     if (p->about != w->abouts && w->about) {
         put(&t, ",\"about\":%s", w->about);
@@ -262,7 +266,8 @@ static json_t *control(const kn_web *w)
                       : *w->control_error ? w->control_error : "kneadd has not answered yet";
     // a latched fault that a lift does not clear has the same way back
     const bool stopped = mode && (strcmp(mode, "ESTOP") == 0 || strcmp(mode, "FAULT") == 0);
-    return json_pack("{s:s?, s:b, s:I, s:s?, s:b, s:s?, s:s?}", "why", why, "saves",
+    return json_pack("{s:s?, s:b, s:b, s:I, s:s?, s:b, s:s?, s:s?}", "why", why, "orders",
+                     w->control != NULL, "saves",
                      json_is_string(json_object_get(state, "directory")), "snapshot",
                      json_integer_value(json_object_get(state, "snapshot_gen")), "mode", mode, "stopped",
                      stopped, "quality",

@@ -151,6 +151,7 @@ static void on_painted(struct ev_loop *ev, ev_async *a, int events)
     kn_web *w = a->data;
     if (!kn_painter_drawn(&w->painter)) return;
     w->jpeg_size = w->painter.size;
+    w->bar_m = w->painter.bar_m;
     memcpy(w->jpeg, w->painter.jpeg, w->jpeg_size);
     w->shown = w->painting;
     w->drawing = false;
@@ -245,6 +246,7 @@ static bool open_all(kn_web *w)
     w->jpeg = malloc(largest);
     w->painter.still.view = w->look = kn_view_scene_default();
     w->look.turns = w->painter.still.view.turns = true;
+    w->painter.still.view.hands = true;
     make_folder(w);
     kn_web_list_scenes(w);
     kn_mailbox_init(&w->wishes, w->wish_slots, sizeof *w->wish_slots);

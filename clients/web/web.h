@@ -82,6 +82,7 @@ typedef struct kn_web {
     double due_ms;              // when the next one should
     uint8_t *jpeg;              // the newest picture: the painter is at the next one
     size_t jpeg_size;
+    double bar_m;               // on its table
     uint32_t pictures;
     int32_t painting, shown;    // newest event in the picture that is being drawn, that was drawn
     bool drawing;               // from the painter's begin until its picture has been taken
