@@ -207,7 +207,7 @@ static void look(kn_web *w, const kn_request *r)
     w->look.elevation_deg = r->elevation_deg;
     w->look.zoom = r->zoom;
     const kn_camera_view view = kn_web_camera(w);
-    if (w->moving) kn_reach_look(&w->reach, &view);
+    if (w->reach.top) kn_reach_look(&w->reach, &view); // also while a recording has the tool
 }
 
 static void take_measure(kn_web *w, int page, const kn_request *r)

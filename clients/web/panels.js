@@ -31,11 +31,12 @@ for (const what of ['undo', 'reset', 'snapshot', 'restore', 'estop', 'recover'])
 
 function explain(id, words) {
     by(id).hidden = !words;
-    writeTo(by(id), words ?? '');
+    writeTo(by(id), words || '');
 }
 
-function showOperator({ why, saves, snapshot, stopped }) {
-    for (const what of ['undo', 'reset', 'estop', 'recover']) by(what).disabled = Boolean(why);
+function showOperator({ why, orders, saves, snapshot, stopped }) {
+    for (const what of ['undo', 'reset', 'recover']) by(what).disabled = Boolean(why);
+    by('estop').disabled = !orders; // whatever else fails, as long as it could be heard
     if (stopped !== by('estop').hidden) { // one of the two is there, and the focus goes over with it
         const focused = [by('estop'), by('recover')].includes(document.activeElement);
         by('estop').hidden = stopped;
@@ -226,7 +227,7 @@ function showTakes({ recordings, recording, playing, replaying }) {
     by('record').classList.toggle('on', Boolean(recording));
     const rows = new Map([...by('takes').children].map((row) => [Number(row.dataset.number), row]));
     for (const [number, row] of rows) if (!recordings.some((take) => take.number === number)) row.remove();
-    for (const take of recordings.sort((a, b) => b.number - a.number)) {
+    for (const take of recordings.sort((a, b) => a.number - b.number)) { // the newest comes to stand first
         const row = rows.get(take.number) ?? addTake(take.number);
         if (!row.isConnected) by('takes').prepend(row);
         const [words, told, buttons] = row.children;
@@ -303,7 +304,7 @@ function showAble(why, there) {
 function showAbout(told) {
     about = told;
     if (!told) {
-        showOperator({ why: 'knead web has gone', saves: false, snapshot: 0, stopped: false });
+        showOperator({ why: 'knead web has gone', orders: false, saves: false, snapshot: 0, stopped: false });
         return showAble('knead web has gone', false);
     }
     writeTo(by('names'), [told.scene, told.tool].filter(Boolean).join(' · '));

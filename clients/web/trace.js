@@ -17,6 +17,7 @@ function record(samples) {
     const count = samples.force.length, audit = about?.energy;
     let late = Math.round(performance.now()) - tick - count;
     const put = (name, value) => { TRACES[name].ring[tick % RING] = value ?? NaN; };
+    if (late > RING) tick += late - RING, late = RING; // all of the ring is
     if (late > LATE) for (; late > 0; late--, tick++) for (const name in TRACES) put(name, NaN);
     for (let i = 0; i < count; i++, tick++) {
         for (const name in samples) put(name, samples[name][i]);
