@@ -1,4 +1,5 @@
 #include "clients/web/gateway.h"
+#include <arpa/inet.h>
 #include <errno.h>
 #include <libwebsockets.h>
 #include <netinet/in.h>
@@ -247,15 +248,22 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
 
 // ---- listening
 
-int kn_gateway_listen(int port, char *error, size_t error_size)
+bool kn_gateway_host(const char *text, struct in_addr *host)
 {
-    struct sockaddr_in at = {
-        .sin_family = AF_INET, .sin_port = htons((uint16_t)port), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    return inet_pton(AF_INET, text, host) == 1 && host->s_addr != htonl(INADDR_ANY) &&
+           !IN_MULTICAST(ntohl(host->s_addr));
+}
+
+int kn_gateway_listen(const char *host, int port, char *error, size_t error_size)
+{
+    struct sockaddr_in at = {.sin_family = AF_INET, .sin_port = htons((uint16_t)port)};
+    kn_gateway_host(host, &at.sin_addr);
     int fd = socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0), on = 1;
     if (fd >= 0 && !setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) &&
         !bind(fd, (struct sockaddr *)&at, sizeof at) && !listen(fd, 32))
         return fd;
-    snprintf(error, error_size, "127.0.0.1:%d: %s%s", port, strerror(errno), port ? "; --port 0 takes a free one" : "");
+    snprintf(error, error_size, "%s:%d: %s%s", host, port, strerror(errno),
+             errno == EADDRINUSE && port ? "; --port 0 takes a free one" : "");
     if (fd >= 0) close(fd);
     return -1;
 }
@@ -297,23 +305,24 @@ static void raise_limit(void)
     setrlimit(RLIMIT_NOFILE, &most);
 }
 
-// The address as the kernel has it: whatever was meant, nobody but this machine must be able to connect.
-static bool make_address(kn_gateway *g)
+// The address as the kernel has it: whatever was meant, nobody must be able to connect at another one.
+static bool make_address(kn_gateway *g, const char *host)
 {
     struct sockaddr_in at = {0};
+    struct in_addr expected;
     socklen_t size = sizeof at;
     uint8_t random[KN_GATEWAY_TOKEN / 2];
     if (getsockname(g->fd, (struct sockaddr *)&at, &size) != 0 || at.sin_family != AF_INET ||
-        at.sin_addr.s_addr != htonl(INADDR_LOOPBACK) || getrandom(random, sizeof random, 0) != sizeof random)
+        !kn_gateway_host(host, &expected) || at.sin_addr.s_addr != expected.s_addr || getrandom(random, sizeof random, 0) != sizeof random)
         return false;
     for (size_t i = 0; i < sizeof random; i++) sprintf(g->token + 2 * i, "%02x", random[i]);
-    snprintf(g->origin, sizeof g->origin, "http://127.0.0.1:%d", ntohs(at.sin_port));
+    snprintf(g->origin, sizeof g->origin, "http://%s:%d", inet_ntoa(at.sin_addr), ntohs(at.sin_port));
     snprintf(g->address, sizeof g->address, "%s/#%s", g->origin, g->token);
     return true;
 }
 
-bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, int port, int fd, size_t largest, char *error,
-                     size_t error_size)
+bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, const char *host, int port, int fd, size_t largest,
+                     char *error, size_t error_size)
 {
     static const struct lws_protocols protocols[] = {
         {"http", on_event, sizeof(session), KN_REQUEST_MAX, 0, NULL, AT_ONCE},
@@ -327,10 +336,10 @@ bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, int port, int fd, size_t
                    LWS_SERVER_OPTION_HTTP_HEADERS_SECURITY_BEST_PRACTICES_ENFORCE};
     g->ev = ev;
     raise_limit(); // before libwebsockets sizes its table by it
-    g->fd = fd >= 0 ? fd : kn_gateway_listen(port, error, error_size);
+    g->fd = fd >= 0 ? fd : kn_gateway_listen(host, port, error, error_size);
     if (g->fd < 0) return false;
-    snprintf(error, error_size, "--listen-fd %d: expected a socket that listens on 127.0.0.1", fd);
-    if (!make_address(g)) return false;
+    snprintf(error, error_size, "--listen-fd %d: expected a socket that listens on %s", fd, host);
+    if (!make_address(g, host)) return false;
     lws_set_log_level(LLL_ERR, NULL);
     g->buffer_size = largest;
     g->buffer = malloc(LWS_PRE + largest);

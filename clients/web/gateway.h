@@ -7,12 +7,13 @@
 //             <- state and picture --  write(page, ...)    <--  whoever has news: kn_gateway_news
 //             -- GET, with the token in a header -->  fetch  -- a file, or bytes
 //
-// Only 127.0.0.1 is listened on, by a socket that is bound here and read back (libwebsockets 4.1 ignores an interface
+// One address alone is listened on, 127.0.0.1 unless told, by a socket that is bound here and read back (libwebsockets 4.1 ignores an interface
 // given as an address and listens on all of them). The page must come from there (Origin, Host) and must know the
 // token, so that no other page and no other user of this machine gets at the tool. Whoever is refused is told why, in
 // words.
 #include "clients/web/request.h"
 #include <ev.h>
+#include <netinet/in.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -49,7 +50,7 @@ typedef struct kn_web_file { // a download
 } kn_web_file;
 
 typedef struct kn_gateway {
-    char address[96];    // http://127.0.0.1:PORT/#TOKEN
+    char address[96];    // http://HOST:PORT/#TOKEN
     kn_web_page page[KN_GATEWAY_PAGES];
     int64_t refused;
     // the caller's
@@ -68,16 +69,17 @@ typedef struct kn_gateway {
     ev_timer pause; // without descriptors nobody is accepted for a moment
     int fd, connections;
     int64_t told_ms; // of the last refusal
-    char token[KN_GATEWAY_TOKEN + 1], origin[40]; // http://127.0.0.1:PORT
+    char token[KN_GATEWAY_TOKEN + 1], origin[40]; // http://HOST:PORT
     uint8_t *buffer;
     size_t buffer_size;
 } kn_gateway;
 
-// port 0: a free one; fd >= 0: a listening socket that is already there, port is not looked at. largest: bytes of a
-// message. The callbacks must be set. False and one line in error.
-bool kn_gateway_open(kn_gateway *gateway, struct ev_loop *ev, int port, int fd, size_t largest, char *error,
-                     size_t error_size);
-int kn_gateway_listen(int port, char *error, size_t error_size); // on 127.0.0.1; -1 and one line in error
+// host: an address as kn_gateway_host has it. port 0: a free one; fd >= 0: a socket that listens there already, port is not
+// looked at. largest: bytes of a message. The callbacks must be set. False and one line in error.
+bool kn_gateway_open(kn_gateway *gateway, struct ev_loop *ev, const char *host, int port, int fd, size_t largest,
+                     char *error, size_t error_size);
+int kn_gateway_listen(const char *host, int port, char *error, size_t error_size); // -1 and one line in error
+bool kn_gateway_host(const char *text, struct in_addr *host); // whether it is an IPv4 address of one machine
 int kn_gateway_pages(const kn_gateway *gateway);
 bool kn_gateway_wants(const kn_gateway *gateway); // some page would take a picture now
 void kn_gateway_news(kn_gateway *gateway);        // every page is written to as soon as it can take it

@@ -26,8 +26,9 @@ static const char help[] =
     "runs\n"
     "until SIGINT or SIGTERM. Only this machine reaches it (another one: ssh -L N:127.0.0.1:N), and only with the "
     "token in\n"
-    "the address.\n\n"
+    "the address. --address opens it to a network: without encryption, so let it be one of your own.\n\n"
     "  --probe NAME       the tool in hand (the scene's first round one, else its first probe)\n"
+    "  --address HOST     an IPv4 address of this machine, at which alone the page is served (127.0.0.1)\n"
     "  --port N           0..65535; 0: a free one (0)\n"
     "  --rate HZ          pictures per second, 5..60, at most the scene's mesh.rate (30)\n"
     "  --size WxH         of a picture, 160..1920 pixels each (800x450)\n"
@@ -268,7 +269,7 @@ static bool open_all(kn_web *w)
     return kn_live_open(&w->live, w->url, w->mesh_url, w->error, sizeof w->error) &&
            kn_vitals_open(&w->vitals, w->live.bus, w->live.mesh_bus) &&
            kn_painter_open(&w->painter, w->width, w->height, call_back, w, w->error, sizeof w->error) &&
-           kn_gateway_open(&w->gateway, w->ev, w->port, w->listen_fd, largest + ROOM, w->error, sizeof w->error);
+           kn_gateway_open(&w->gateway, w->ev, w->host, w->port, w->listen_fd, largest + ROOM, w->error, sizeof w->error);
 }
 
 static void close_all(kn_web *w)
@@ -295,7 +296,7 @@ static void close_all(kn_web *w)
 static int bind_and_become(const kn_web *w, char **command)
 {
     char error[256];
-    int fd = kn_gateway_listen(w->port, error, sizeof error);
+    int fd = kn_gateway_listen(w->host, w->port, error, sizeof error);
     if (fd < 0) return fail(KN_EXIT_DEVICE, error);
     if (fd == 3 ? fcntl(3, F_SETFD, 0) < 0 : dup2(fd, 3) < 0) return fail(KN_EXIT_DEVICE, strerror(errno));
     execvp(command[0], command);
@@ -331,7 +332,9 @@ static bool is_directory(const char *path)
 
 static const char *take(kn_web *w, int option, const char *text) // NULL, or what was expected
 {
+    struct in_addr host;
     switch (option) {
+    case 'a': return kn_gateway_host(w->host = text, &host) ? NULL : "an IPv4 address of this machine";
     case 'h': w->help = true; return NULL;
     case 'b': w->bind = true; return NULL;
     case 'P': w->probe = text; return NULL;
@@ -349,7 +352,7 @@ static const char *take(kn_web *w, int option, const char *text) // NULL, or wha
 static int parse(kn_web *w, int argc, char **argv)
 {
     static const struct option names[] = {
-        {"probe", 1, NULL, 'P'}, {"port", 1, NULL, 'p'},       {"rate", 1, NULL, 'r'},     {"size", 1, NULL, 's'},
+        {"address", 1, NULL, 'a'}, {"probe", 1, NULL, 'P'}, {"port", 1, NULL, 'p'},       {"rate", 1, NULL, 'r'},     {"size", 1, NULL, 's'},
         {"bind", 0, NULL, 'b'},  {"control", 1, NULL, 'c'}, {"lcm-url", 1, NULL, 'l'},  {"mesh-url", 1, NULL, 'm'},
         {"help", 0, NULL, 'h'},  {"listen-fd", 1, NULL, 'f'},  {"scenes", 1, NULL, 'S'},  {NULL, 0, NULL, 0}};
     opterr = 0; // our own words
@@ -375,7 +378,7 @@ int kn_web_main(int argc, char **argv)
 {
     static kn_web w = {.width = 800, .height = 450, .listen_fd = -1, .rate_hz = 30, .owner = -1,
                        .measure = -1, .png_page = -1, .replayed.page = -1,
-                    .gateway.fd = -1};
+                    .gateway.fd = -1, .host = "127.0.0.1"};
     int code = parse(&w, argc, argv);
     if (code == KN_EXIT_OK && w.help) return fputs(help, stdout), KN_EXIT_OK;
     if (code != KN_EXIT_OK) return code;

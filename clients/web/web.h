@@ -36,7 +36,7 @@ typedef struct kn_web_answer {
 } kn_web_answer;
 
 typedef struct kn_web {
-    const char *probe, *url, *mesh_url, *control, *scenes;
+    const char *probe, *url, *mesh_url, *control, *scenes, *host;
     int port, width, height, listen_fd, rate_hz;
     bool bind, help;
     struct ev_loop *ev;

@@ -4,6 +4,7 @@ import json
 import os
 import socket
 import struct
+import subprocess
 import sys
 import threading
 import time
@@ -146,6 +147,23 @@ def listens_on(server):  # addresses, from the kernel
             if state == "0A" and int(local.split(":")[1], 16) == server.port:
                 found.append(local.split(":")[0])
     return found
+
+
+def another_address(server):
+    subprocess.run(["ip", "addr", "add", "192.0.2.5/32", "dev", "lo"], check=True)
+    web = server.start("other", ["knead", "web", "--address", "192.0.2.5"], "http://192.0.2.5:")
+    port = int(open("other.log").read().split("192.0.2.5:")[1].split("/")[0])
+    there = {line.split()[1] for line in open("/proc/net/tcp").readlines()[1:] if line.split()[3] == "0A"}
+    check("told another address, it listens there alone", [a for a in there if a.endswith(f":{port:04X}")] ==
+          [f"050200C0:{port:04X}"], there)
+
+    def get(host):
+        with socket.create_connection(("192.0.2.5", port), timeout=10) as s:
+            s.sendall(f"GET / HTTP/1.1\r\nHost: {host}:{port}\r\nConnection: close\r\n\r\n".encode())
+            return int(s.recv(65536).split()[1])
+    check("by that name, and no other", get("192.0.2.5") == 200 and get("127.0.0.1") == 403)
+    web.terminate()
+    check("and ends with 0", web.wait(10) == 0, web.returncode)
 
 
 def files(server):
@@ -485,6 +503,7 @@ def main():
     check("the servo does not notice", storm[1] / storm[0] <= 2 * calm[1] / calm[0] + 0.2, calm, storm)
     page.stop()
     generations(server, bus)
+    another_address(server)
     few_descriptors(server)
     dead_man(server, bus)
     another_scene(server, bus)
