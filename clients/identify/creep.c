@@ -44,7 +44,7 @@ static const char help[] =
     "\nTold are the best numbers over whole curves together, with intervals that hold the truth 95 times in 100 if\n"
     "the model is right and the noise independent; whether that is so; what these curves cannot tell; and beside it\n"
     "the first paper's way, in two stages.\n"
-    "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
+    "Exit codes: 0 ok, 1 no material of a scene, 2 bad input, 3 a file cannot be written.\n";
 
 typedef struct work {
     kn_identify_options opt;
@@ -53,7 +53,7 @@ typedef struct work {
     kn_joint joint;
     double took_s; // the fit
     kn_models models;
-    bool compared;
+    bool compared, served; // by a scene
     int notes;
     char note[KN_CREEP_NOTES][400]; // what is to be doubted, in words
 } work;
@@ -172,6 +172,9 @@ static void doubt_curves(work *w)
 static void doubt_all(work *w)
 {
     const kn_joint *j = &w->joint;
+    char why[300];
+    w->served = kn_material_served(&j->material, why, sizeof why);
+    if (!w->served) doubt(w, "no scene takes this material: %s", why);
     if (w->curves == 1 && j->material.damper == KN_DAMPER_EXPONENTIAL)
         doubt(w, "one load alone: the damper is known only for the stresses that it passed through, and beyond them "
               "beta cannot be told from P0 and P1; another load would tell them apart");
@@ -240,13 +243,11 @@ static int write_csv(const work *w)
 static int write_material(const work *w, const char *path)
 {
     char origin[300];
-    double density = w->opt.density_kg_m3;
     snprintf(origin, sizeof origin, "creep from %s%s: %d curve%s, %d readings, stresses %.4g to %.4g Pa.",
              basename(w->curve[0].file), w->opt.files > 1 ? " and others" : "", w->curves, w->curves == 1 ? "" : "s",
              w->joint.readings, w->joint.lowest_pa, w->joint.highest_pa);
-    return kn_material_file_write(w->opt.subcommand, path, origin, &w->joint.material, density > 0 ? density : 1200,
-                                  density > 0 ? "" : "not measured: dough's; --density says another", KN_JOINT_NUMBERS,
-                                  w->joint.number);
+    return kn_material_file_write(w->opt.subcommand, path, origin, &w->joint.material, w->opt.density_kg_m3,
+                                  KN_JOINT_NUMBERS, w->joint.number);
 }
 
 static int load(work *w)
@@ -284,8 +285,8 @@ static int write_report(const work *w, kn_document *d)
 {
     char path[PATH_MAX];
     const kn_creep_found found = {w->opt.subcommand, w->curves, w->curve, &w->joint, w->compared ? &w->models : NULL,
-                                  w->notes, w->note};
-    int code = write_material(w, kn_document_file(d, "material.yaml", path));
+                                  w->notes, w->note, w->served};
+    int code = w->served ? write_material(w, kn_document_file(d, "material.yaml", path)) : KN_EXIT_OK;
     return code == KN_EXIT_OK ? kn_creep_report(d, &found) : code;
 }
 
@@ -293,10 +294,10 @@ static int write(const work *w, kn_document *d)
 {
     const kn_identify_options *o = &w->opt;
     int code = o->csv ? write_csv(w) : KN_EXIT_OK;
-    if (code == KN_EXIT_OK && o->out) code = write_material(w, o->out);
     if (code == KN_EXIT_OK && o->png)
         code = kn_creep_figures_fits(o->subcommand, o->png, w->curves, w->curve, &w->joint);
     if (code == KN_EXIT_OK && kn_document_is_open(d)) code = write_report(w, d);
+    if (code == KN_EXIT_OK && o->out) code = write_material(w, o->out); // last: no scene may take it
     return kn_document_close(d, code);
 }
 

@@ -46,8 +46,10 @@ static void numbers(kn_document *d, const kn_creep_found *f)
         kn_identified_print(n, text, sizeof text);
         kn_document_row(d, "%s\t%s\t%s", n->name, text, n->words);
     }
-    kn_document_link(d, "material.yaml", "the material, for `material: material.yaml` of a scene");
-    kn_document_link(d, "scene.yaml", "a block of it under a plate: kneadd --scene scene.yaml");
+    if (f->served) {
+        kn_document_link(d, "material.yaml", "the material, for `material: material.yaml` of a scene");
+        kn_document_link(d, "scene.yaml", "a block of it under a plate: kneadd --scene scene.yaml");
+    }
     kn_document_text(d, "Intervals hold the truth 95 times in 100 if the model is right and the noise independent. "
                      "Stresses from %.4g to %.4g kPa were measured under load.",
                      f->joint->lowest_pa / 1e3, f->joint->highest_pa / 1e3);
@@ -229,16 +231,9 @@ static int pressed(kn_document *d, const kn_creep_found *f, const char *scene)
     return code;
 }
 
-int kn_creep_report(kn_document *d, const kn_creep_found *f)
+static int way_back(kn_document *d, const kn_creep_found *f)
 {
     char scene[PATH_MAX];
-    curves(d, f);
-    numbers(d, f);
-    trust(d, f);
-    int code = fits(d, f);
-    if (code != KN_EXIT_OK) return code;
-    two_stages(d, f);
-    models(d, f->models);
     kn_document_section(d, "The way back");
     kn_document_text(d, "The material that was found creeps again under the same loads: as one element, integrated to "
                      "a tolerance by code of its own, and as blocks of %d x %d x %d cells through the solver that "
@@ -246,10 +241,22 @@ int kn_creep_report(kn_document *d, const kn_creep_found *f)
                      "larger the strain, the farther apart they are. With diagonals alone a block gives way more, with "
                      "gas in its cells, too, less.",
                      KN_RECREEP_CELLS, KN_RECREEP_CELLS, KN_RECREEP_CELLS);
-    code = write_scene(d, f->subcommand, scene);
+    int code = write_scene(d, f->subcommand, scene);
     if (code == KN_EXIT_OK) code = loops(d, f, scene);
     if (code != KN_EXIT_OK) return code;
     kn_document_picture(d, "back.png", "Measured strain with the element's and the lattices'",
                         "Points: measured. Left: the element. Right: lattices.");
     return pressed(d, f, scene);
+}
+
+int kn_creep_report(kn_document *d, const kn_creep_found *f)
+{
+    curves(d, f);
+    numbers(d, f);
+    trust(d, f);
+    int code = fits(d, f);
+    if (code != KN_EXIT_OK) return code;
+    two_stages(d, f);
+    models(d, f->models);
+    return f->served ? way_back(d, f) : KN_EXIT_OK;
 }

@@ -16,9 +16,11 @@ typedef struct kn_creep_found {
     const kn_models *models; // NULL: none were compared
     int notes;
     const char (*note)[400];
+    bool served; // a scene takes the material
 } kn_creep_found;
 
-// Fills an open document, in whose folder material.yaml is already. An exit code.
+// Fills an open document, in whose folder material.yaml is already if it is served; else there is no way back. An exit
+// code.
 int kn_creep_report(kn_document *d, const kn_creep_found *found);
 
 #endif

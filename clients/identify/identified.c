@@ -2,9 +2,11 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/result.h"
+#include "core/scene/scene.h"
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 void kn_identified_take(kn_identified *n, const char *name, const char *unit, double value, kn_fit_interval interval)
@@ -39,6 +41,8 @@ void kn_identified_tell(json_t *to, const kn_identified *n)
     kn_result_text(row, "by", n->interval.how == KN_FIT_PROFILE ? "profile" : "curvature");
     if (*n->words) kn_result_text(row, "words", n->words);
 }
+
+enum { DOUGH_KG_M3 = 1200 };
 
 static const char mark[] = "# Identified by knead identify";
 
@@ -101,22 +105,50 @@ static void damper(FILE *f, const kn_material *m, int count, const kn_identified
     }
 }
 
-int kn_material_file_write(const char *subcommand, const char *path, const char *origin, const kn_material *material,
-                           double density_kg_m3, const char *density_words, int count, const kn_identified *number)
+static void print_material(FILE *f, const kn_material *m, int count, const kn_identified *number)
 {
+    fprintf(f, "material:\n");
+    line(f, "k1", m->k1_pa, "Pa", find(count, number, "k1"));
+    line(f, "c1", m->c1_pa_s, "Pa*s", find(count, number, "c1"));
+    damper(f, m, count, number);
+}
+
+bool kn_material_served(const kn_material *material, char *why, size_t why_size)
+{
+    char *text = NULL, error[512];
+    size_t size = 0;
+    FILE *f = open_memstream(&text, &size);
+    snprintf(why, why_size, "out of memory");
+    if (!f) return false;
+    fprintf(f, "version: 1\nobject: {size: [1 cm, 1 cm, 1 cm], spacing: 1 cm}\ndensity: %d kg/m^3\nsupport: bonded\n"
+               "device: bench\n", DOUGH_KG_M3);
+    print_material(f, material, 0, NULL);
+    kn_scene *scene = fclose(f) == 0 ? kn_scene_parse("scene", text, size, NULL, 0, error, sizeof error) : NULL;
+    if (!scene && size) { // without a place in a text that nobody sees, and another way to write it
+        const char *words = strstr(error, ": ") ? strstr(error, ": ") + 2 : error, *end = strstr(words, " (or ");
+        snprintf(why, why_size, "%.*s", end ? (int)(end - words) : (int)strlen(words), words);
+    }
+    const bool served = scene;
+    kn_scene_destroy(scene);
+    free(text);
+    return served;
+}
+
+int kn_material_file_write(const char *subcommand, const char *path, const char *origin, const kn_material *material,
+                           double density_kg_m3, int count, const kn_identified *number)
+{
+    char why[512];
     int code = may_write(subcommand, path);
-    const char *wrong = kn_material_check(material);
     if (code != KN_EXIT_OK) return code;
-    if (wrong) return kn_complain(subcommand, KN_EXIT_FAILED, "%s: not written: %s", path, wrong);
+    if (!kn_material_served(material, why, sizeof why))
+        return kn_complain(subcommand, KN_EXIT_FAILED, "--out %s: not written, no scene takes it: %s", path, why);
     FILE *f = fopen(path, "w");
     if (!f) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
     fprintf(f, "%s %s\n# Intervals hold the truth 95 times in 100 if the model is right and the noise independent.\n",
             mark, origin);
-    fprintf(f, "material:\n");
-    line(f, "k1", material->k1_pa, "Pa", find(count, number, "k1"));
-    line(f, "c1", material->c1_pa_s, "Pa*s", find(count, number, "c1"));
-    damper(f, material, count, number);
-    fprintf(f, "density: %.6g kg/m^3%s%s\n", density_kg_m3, *density_words ? "  # " : "", density_words);
+    print_material(f, material, count, number);
+    if (density_kg_m3 > 0) fprintf(f, "density: %.6g kg/m^3\n", density_kg_m3);
+    else fprintf(f, "density: %d kg/m^3  # not measured: dough's; --density says another\n", DOUGH_KG_M3);
     bool failed = ferror(f);
     if (fclose(f) != 0 || failed) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: cannot be written", path);
     return KN_EXIT_OK;

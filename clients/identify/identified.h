@@ -29,10 +29,14 @@ void kn_identified_print(const kn_identified *number, char *text, size_t size);
 
 void kn_identified_tell(json_t *to, const kn_identified *number); // --json: an object by the number's name
 
+// Whether a scene takes that material: a small one of it is read, so that the limits are core/scene's own. Else why is
+// "material.alpha is 1e+21 Pa*s, out of range, expected a number from 1e-06 to 1e+15 Pa*s".
+bool kn_material_served(const kn_material *material, char *why, size_t why_size);
+
 // The file that a scene names as `material: FILE`: every number with its interval beside it. origin: a sentence on
-// where it is from; density_words: on where the density is. An exit code, after a complaint. A file that is there and
-// is no material of this command's is not overwritten.
+// where it is from; density 0: not measured, dough's is taken, and said. An exit code, after a complaint: what no scene
+// takes is not written (1), and a file that is there and is no material of this command's is not overwritten (2).
 int kn_material_file_write(const char *subcommand, const char *path, const char *origin, const kn_material *material,
-                           double density_kg_m3, const char *density_words, int count, const kn_identified *number);
+                           double density_kg_m3, int count, const kn_identified *number);
 
 #endif

@@ -4,6 +4,7 @@
 #include "clients/knead/number.h"
 #include "clients/knead/output.h"
 #include "clients/knead/result.h"
+#include "core/scene/keys.h"
 #include "core/scene/units.h"
 #include <getopt.h>
 #include <stdio.h>
@@ -72,6 +73,17 @@ static int take_strain(kn_identify_options *opt, const char *text)
     return KN_EXIT_OK;
 }
 
+static int take_density(kn_identify_options *opt, const char *text)
+{
+    char expected[80];
+    const kn_key *key = &kn_keys[KN_KEY_DENSITY];
+    double *value = &opt->density_kg_m3;
+    snprintf(expected, sizeof expected, "a density like '1.2 g/cm^3', %g to %g kg/m^3", key->least, key->most);
+    int code = take(opt, "density", text, "kg/m^3", expected, value);
+    return code == KN_EXIT_OK && !(*value >= key->least && *value <= key->most) ? bad(opt, "density", text, expected)
+                                                                                : code;
+}
+
 static int take_option(kn_identify_options *opt, int option, const char *text)
 {
     kn_curve_options *c = &opt->curve;
@@ -93,8 +105,7 @@ static int take_option(kn_identify_options *opt, int option, const char *text)
     case CUT: return take(opt, "cut", text, "s", "a time like 100 or '100 s'", &opt->cut_s);
     case NO_MODELS: opt->no_models = true; return KN_EXIT_OK;
     case OUT: opt->out = text; return KN_EXIT_OK;
-    case DENSITY:
-        return take(opt, "density", text, "kg/m^3", "a density like '1.2 g/cm^3'", &opt->density_kg_m3);
+    case DENSITY: return take_density(opt, text);
     case REPORT: opt->report = text; return KN_EXIT_OK;
     case PNG: opt->png = text; return KN_EXIT_OK;
     case CSV: opt->csv = text; return KN_EXIT_OK;

@@ -143,17 +143,11 @@ static int write_csv(const kn_relax_told *told, const char *path)
 static int write_material(const kn_relax_told *told, const char *path)
 {
     const kn_relaxation *r = told->fit;
-    const double density = told->opt->density_kg_m3;
     char origin[600];
-    if (kn_relax_beyond(r))
-        return kn_complain(told->opt->subcommand, KN_EXIT_FAILED,
-                           "--out %s: not written, %s is more than a scene takes: this is not the papers' element",
-                           path, kn_relax_beyond(r));
     snprintf(origin, sizeof origin, "relax from %s%s: %d curve%s, stresses %.4g to %.4g Pa.\n# %s", told->opt->file[0],
              told->opt->files > 1 ? " and others" : "", r->curves, r->curves > 1 ? "s" : "", r->lowest_pa,
              r->highest_pa, kn_relax_scale(r));
-    return kn_material_file_write(told->opt->subcommand, path, origin, &r->material, density > 0 ? density : 1200,
-                                  density > 0 ? "" : "not measured: dough's; --density says another",
+    return kn_material_file_write(told->opt->subcommand, path, origin, &r->material, told->opt->density_kg_m3,
                                   KN_RELAXATION_NUMBERS, r->number);
 }
 
@@ -215,9 +209,9 @@ static int identify(work *w, int argc, char **argv)
     compare(w);
     const kn_relax_told told = {&w->opt, &w->fit, w->compared ? &w->models : NULL};
     if (w->opt.csv) code = write_csv(&told, w->opt.csv);
-    if (code == KN_EXIT_OK && w->opt.out) code = write_material(&told, w->opt.out);
     if (code == KN_EXIT_OK && w->opt.png) code = kn_relax_draw(&told, w->opt.png);
     if (code == KN_EXIT_OK && w->opt.report) code = kn_relax_report(&told, argc, argv, write_csv, write_material);
+    if (code == KN_EXIT_OK && w->opt.out) code = write_material(&told, w->opt.out); // last: no scene may take it
     return code;
 }
 

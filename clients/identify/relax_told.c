@@ -25,21 +25,15 @@ const char *kn_relax_scale(const kn_relaxation *r)
            "--strain says.";
 }
 
-const char *kn_relax_beyond(const kn_relaxation *r)
+// Whether there is a material of it, and no scene takes that.
+static bool is_refused(const kn_relaxation *r, char *why, size_t size)
 {
-    static const double most[KN_RELAXATION_NUMBERS] = {1e9, 1e9, 1e15, 1, 1e9, 1e9};
-    static char text[80];
-    for (int i = 0; i < KN_RELAXATION_NUMBERS && r->scale != KN_RELAXATION_MODULUS; i++) {
-        const kn_identified *n = &r->number[i];
-        snprintf(text, sizeof text, "%s of %.3g %s", n->name, n->value, n->unit);
-        if (!(n->value <= most[i])) return text;
-    }
-    return NULL;
+    return r->scale != KN_RELAXATION_MODULUS && !kn_material_served(&r->material, why, size);
 }
 
 void kn_relax_doubts(const kn_relaxation *r, void (*say)(void *to, const char *words), void *to)
 {
-    char text[400];
+    char text[400], why[300];
     for (int c = 0; c < r->curves; c++) {
         const kn_relaxation_curve *k = &r->curve[c];
         if (k->misfit > FAR) {
@@ -79,9 +73,8 @@ void kn_relax_doubts(const kn_relaxation *r, void (*say)(void *to, const char *w
                        : "");
         say(to, text);
     }
-    if (kn_relax_beyond(r)) {
-        snprintf(text, sizeof text, "%s is more than a scene takes: this is not the papers' element",
-                 kn_relax_beyond(r));
+    if (is_refused(r, why, sizeof why)) {
+        snprintf(text, sizeof text, "no scene takes this material, which is not the papers' element: %s", why);
         say(to, text);
     }
     if (r->scale == KN_RELAXATION_RISE || r->number[KN_RELAXATION_C1].value > 0) return;
@@ -235,7 +228,7 @@ int kn_relax_report(const kn_relax_told *t, int argc, char *const *argv,
                     int (*write_material)(const kn_relax_told *told, const char *path))
 {
     kn_document d;
-    char path[PATH_MAX];
+    char path[PATH_MAX], why[300];
     int code = kn_document_open(&d, t->opt->subcommand, t->opt->report, "Stress relaxation", argc, argv);
     if (code != KN_EXIT_OK) return code;
     tell_fit(&d, t->fit);
@@ -251,7 +244,7 @@ int kn_relax_report(const kn_relax_told *t, int argc, char *const *argv,
     if (code == KN_EXIT_OK) code = write_csv(t, kn_document_file(&d, "readings.csv", path));
     kn_document_section(&d, "Files");
     kn_document_link(&d, "readings.csv", "readings and fit");
-    if (code == KN_EXIT_OK && t->fit->scale != KN_RELAXATION_MODULUS && !kn_relax_beyond(t->fit)) {
+    if (code == KN_EXIT_OK && t->fit->scale != KN_RELAXATION_MODULUS && !is_refused(t->fit, why, sizeof why)) {
         code = write_material(t, kn_document_file(&d, "material.yaml", path));
         kn_document_link(&d, "material.yaml", "the material, for a scene");
     }

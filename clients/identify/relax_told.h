@@ -14,9 +14,6 @@ typedef struct kn_relax_told {
 // A sentence on what these curves know of the scale, and what rests on it.
 const char *kn_relax_scale(const kn_relaxation *fit);
 
-// NULL, or which number is beyond what a scene takes (core/scene/keys.h), "k1 of 1e+72 Pa": a fit that went nowhere.
-const char *kn_relax_beyond(const kn_relaxation *fit);
-
 // Calls say for each sentence on what is to be doubted.
 void kn_relax_doubts(const kn_relaxation *fit, void (*say)(void *to, const char *words), void *to);
 

@@ -86,6 +86,11 @@ static bool is_absurd(const work *w)
     return w->found.material >= 0 && w->found.row[w->found.material].error > ABSURD;
 }
 
+static bool is_served(const work *w, char *why, size_t size)
+{
+    return w->found.material < 0 || kn_material_served(&w->found.row[w->found.material].material, why, size);
+}
+
 // ---- what is told
 
 static void numbers_of(const kn_spectrum_row *row, char *text, size_t size)
@@ -138,7 +143,7 @@ static const char *runs_of(const kn_spectrum_row *row, char text[16])
 static void print(const work *w)
 {
     const kn_spectrum *s = &w->found;
-    char text[700], runs[16];
+    char text[700], why[300], runs[16];
     printf("\n%-16s %-9s %2s %8s %9s %6s  %s\n", "element", "figure 2", "n", "misfit %", "AICc", "runs",
            "numbers, and within 95 %");
     for (int i = 0; i < s->rows; i++) {
@@ -153,6 +158,10 @@ static void print(const work *w)
     verdict(s, text, sizeof text);
     printf("verdict     %s.\n", text);
     if (doubt(w, text, sizeof text)) note(text);
+    if (!is_served(w, why, sizeof why)) {
+        snprintf(text, sizeof text, "no scene takes this material: %s", why);
+        note(text);
+    }
     if (s->material >= 0 && s->row[s->material].material.damper != KN_DAMPER_NONE) note(AT_REST);
 }
 
@@ -200,7 +209,6 @@ static int write_csv(const work *w, const char *path)
 static int write_material(const work *w, const char *path)
 {
     const kn_spectrum_row *row = &w->found.row[w->found.material];
-    const double density = w->opt.density_kg_m3;
     char origin[1200], doubts[400];
     if (is_absurd(w))
         return kn_complain(w->opt.subcommand, KN_EXIT_FAILED,
@@ -213,8 +221,7 @@ static int write_material(const work *w, const char *path)
              row->material.damper == KN_DAMPER_NONE ? "It has no damper in series: nothing stays" : AT_REST);
     const size_t n = strlen(origin);
     if (doubt(w, doubts, sizeof doubts)) snprintf(origin + n, sizeof origin - n, "\n# Beware: %s.", doubts);
-    return kn_material_file_write(w->opt.subcommand, path, origin, &row->material, density > 0 ? density : 1200,
-                                  density > 0 ? "" : "not measured: dough's; --density says another", row->parts,
+    return kn_material_file_write(w->opt.subcommand, path, origin, &row->material, w->opt.density_kg_m3, row->parts,
                                   row->number);
 }
 
@@ -281,7 +288,7 @@ static int draw(const work *w, const char *path)
 static int report(const work *w, int argc, char *const *argv)
 {
     kn_document d;
-    char path[PATH_MAX], text[700], runs[16];
+    char path[PATH_MAX], text[700], why[300], runs[16];
     const kn_spectrum *s = &w->found;
     int code = kn_document_open(&d, w->opt.subcommand, w->opt.report, "Frequency sweep", argc, argv);
     if (code != KN_EXIT_OK) return code;
@@ -296,7 +303,9 @@ static int report(const work *w, int argc, char *const *argv)
         kn_document_row(&d, "%s\t%s\t%.3g\t%.1f\t%s\t%s", r->expression, r->letters, 100 * r->error,
                         r->aicc - s->row[s->best].aicc, runs_of(r, runs), text);
     }
+    const bool served = is_served(w, why, sizeof why);
     if (doubt(w, text, sizeof text)) kn_document_verdict(&d, KN_DOCUMENT_BEWARE, "%s", text);
+    if (!served) kn_document_verdict(&d, KN_DOCUMENT_BEWARE, "No scene takes this material: %s", why);
     kn_document_verdict(&d, KN_DOCUMENT_BEWARE, "%s", AT_REST);
     code = draw(w, kn_document_file(&d, "fit.png", path));
     if (code == KN_EXIT_OK)
@@ -305,7 +314,7 @@ static int report(const work *w, int argc, char *const *argv)
     kn_document_section(&d, "Files");
     if (code == KN_EXIT_OK) code = write_csv(w, kn_document_file(&d, "moduli.csv", path));
     kn_document_link(&d, "moduli.csv", "moduli and fit");
-    if (code == KN_EXIT_OK && s->material >= 0 && !is_absurd(w)) {
+    if (code == KN_EXIT_OK && s->material >= 0 && served && !is_absurd(w)) {
         code = write_material(w, kn_document_file(&d, "material.yaml", path));
         kn_document_link(&d, "material.yaml", "the material, for a scene");
     }
@@ -343,9 +352,9 @@ static int identify(work *w, int argc, char **argv)
     print(w);
     tell(&w->found);
     if (w->opt.csv) code = write_csv(w, w->opt.csv);
-    if (code == KN_EXIT_OK && w->opt.out) code = write_material(w, w->opt.out);
     if (code == KN_EXIT_OK && w->opt.png) code = draw(w, w->opt.png);
     if (code == KN_EXIT_OK && w->opt.report) code = report(w, argc, argv);
+    if (code == KN_EXIT_OK && w->opt.out) code = write_material(w, w->opt.out); // last: no scene may take it
     return code;
 }
 

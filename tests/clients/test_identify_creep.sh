@@ -109,6 +109,14 @@ sed 's/^# release.*//' 50gf.csv | awk -F, 'NR < 6 || $1 <= 60' >held.csv
 knead identify creep held.csv >held.txt 2>err && grep -q 'never taken off' held.txt &&
     ok "a load that was never taken off is said" || no "never released: $(cat err)"
 
+sed 's/^# release.*//' 50gf.csv >unsaid.csv
+knead identify creep unsaid.csv --no-models --report unsaid --out unsaid.yaml >unsaid.txt 2>err
+[ $? = 1 ] && grep -Eq '^knead identify creep: --out unsaid.yaml: not written, no scene takes it: material.alpha is [0-9.e+]* Pa\*s, out of range, expected a number from 1e-06 to 1e\+15 Pa\*s$' err &&
+    [ "$(wc -l <err)" = 1 ] && [ ! -e unsaid.yaml ] && grep -q '^note: no scene takes this material' unsaid.txt && [ -s unsaid/index.html ] &&
+    [ ! -e unsaid/material.yaml ] && ! grep -q 'way back' unsaid/index.html && ok "a material that no scene takes is not written, and told with all else" ||
+    no "no scene takes it: $(cat err)"
+refuses 2 "knead identify creep: --density '40 g/cm^3': expected a density like '1.2 g/cm^3', 1 to 30000 kg/m^3" identify creep 50gf.csv --density '40 g/cm^3'
+
 mkdir late && cd late && curves 10gf,50gf,70gf 0.001
 awk -F, 'NR > 5 { $1 += 0.15 } { print }' OFS=, 70gf.csv >late70.csv
 knead identify creep 10gf.csv 50gf.csv late70.csv --no-models >late.txt 2>err && grep -q 'note: late70.*--late' late.txt &&

@@ -85,6 +85,11 @@ knead identify sweep swb.csv --out absurd.yaml >out 2>err
 [ $? = 1 ] && [ ! -s absurd.yaml ] && grep -q '^note: .*does not describe these data: it is 1[0-9][0-9] % off' out &&
     grep -q '^knead identify sweep: --out absurd.yaml: not written, .* is 1[0-9][0-9] % off on average: no element' err &&
     ok "an element that is beside all data makes no material" || no "absurd: $(cat err)"
+swept 0 maxwell --param s1='10 kPa' --param d1='50 kPa*s' $range && sed '1s/Pa/MPa/g' sweep.csv >stiff.csv
+knead identify sweep stiff.csv --out stiff.yaml >out 2>err
+[ $? = 1 ] && [ ! -e stiff.yaml ] && grep -q '^note: no scene takes this material: material.k1 is 1e+10 Pa, out of range' out &&
+    grep -q '^knead identify sweep: --out stiff.yaml: not written, no scene takes it: material.k1' err && ok "a material that no scene takes is not written" ||
+    no "no scene takes it: $(cat out err)"
 swept 0.01 burgers --param s1='20 kPa' --param d1='1 MPa*s' --param s2='10 kPa' --param d2='50 kPa*s' $range
 knead identify sweep sweep.csv --out absurd.yaml >out 2>err
 [ $? = 1 ] && [ ! -s absurd.yaml ] && grep -q 'no material of a scene is it, the nearest' out || no "absurd, too: $(cat err)"
