@@ -9,6 +9,7 @@
 #include "clients/knead/output.h"
 #include "clients/knead/plot.h"
 #include "clients/knead/result.h"
+#include "clients/knead/table.h"
 #include <errno.h>
 #include <math.h>
 #include <stdarg.h>
@@ -230,9 +231,10 @@ static int write_csv(const work *w)
         double *fit = calloc(2 * (size_t)c->count, sizeof *fit), *stress = fit ? fit + c->count : NULL;
         ok = fit && kn_joint_predict(&w->joint.material, c, w->joint.late_s[k], fit);
         if (ok) kn_joint_stress(c, stress);
-        for (int i = 0; ok && i < c->count; i++)
-            fprintf(f, "%s,%.9g,%.9g,%.9g,%.9g,%.9g\n", c->name, c->time_s[i], c->value[i], fit[i], stress[i],
-                    c->weight[i]);
+        for (int i = 0; ok && i < c->count; i++) {
+            kn_table_text(c->name, f);
+            fprintf(f, ",%.9g,%.9g,%.9g,%.9g,%.9g\n", c->time_s[i], c->value[i], fit[i], stress[i], c->weight[i]);
+        }
         free(fit);
     }
     ok = !ferror(f) && ok;
@@ -242,9 +244,9 @@ static int write_csv(const work *w)
 
 static int write_material(const work *w, const char *path)
 {
-    char origin[300];
-    snprintf(origin, sizeof origin, "creep from %s%s: %d curve%s, %d readings, stresses %.4g to %.4g Pa.",
-             basename(w->curve[0].file), w->opt.files > 1 ? " and others" : "", w->curves, w->curves == 1 ? "" : "s",
+    char origin[600], source[KN_SOURCE_MAX];
+    snprintf(origin, sizeof origin, "creep from %s: %d curve%s, %d readings, stresses %.4g to %.4g Pa.",
+             kn_material_source(w->opt.file[0], w->opt.files, source), w->curves, w->curves == 1 ? "" : "s",
              w->joint.readings, w->joint.lowest_pa, w->joint.highest_pa);
     return kn_material_file_write(w->opt.subcommand, path, origin, &w->joint.material, w->opt.density_kg_m3,
                                   KN_JOINT_NUMBERS, w->joint.number);

@@ -2,6 +2,7 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/result.h"
+#include "core/scene/keys.h"
 #include "core/scene/scene.h"
 #include <errno.h>
 #include <math.h>
@@ -103,6 +104,16 @@ static void damper(FILE *f, const kn_material *m, int count, const kn_identified
         line(f, "p1", m->p1_pa, "Pa", find(count, number, "P1"));
         break;
     }
+}
+
+const char *kn_material_source(const char *file, int files, char text[KN_SOURCE_MAX])
+{
+    const char *base = strrchr(file, '/') ? strrchr(file, '/') + 1 : file;
+    const bool plain = kn_key_quotable(base);
+    snprintf(text, KN_SOURCE_MAX, "%s%s", base, files > 1 ? " and others" : ""); // a name has 255 bytes at most
+    for (char *c = text; *c; c++)
+        if ((unsigned char)*c < ' ' || (!plain && (unsigned char)*c > '~')) *c = '?';
+    return text;
 }
 
 static void print_material(FILE *f, const kn_material *m, int count, const kn_identified *number)

@@ -29,6 +29,11 @@ void kn_identified_print(const kn_identified *number, char *text, size_t size);
 
 void kn_identified_tell(json_t *to, const kn_identified *number); // --json: an object by the number's name
 
+#define KN_SOURCE_MAX 300
+// "dough.csv and others", the first of so many files without its folder, for a comment's one line: a character that may
+// not stand there is a question mark.
+const char *kn_material_source(const char *file, int files, char text[KN_SOURCE_MAX]);
+
 // Whether a scene takes that material: a small one of it is read, so that the limits are core/scene's own. Else why is
 // "material.alpha is 1e+21 Pa*s, out of range, expected a number from 1e-06 to 1e+15 Pa*s".
 bool kn_material_served(const kn_material *material, char *why, size_t why_size);

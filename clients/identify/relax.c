@@ -6,6 +6,7 @@
 #include "clients/knead/output.h"
 #include "clients/knead/plot.h"
 #include "clients/knead/result.h"
+#include "clients/knead/table.h"
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -131,8 +132,8 @@ static int write_csv(const kn_relax_told *told, const char *path)
         for (int i = 0; i < k->rise.count + k->hold.count; i++) {
             const kn_bins *b = i < k->rise.count ? &k->rise : &k->hold;
             const int n = i < k->rise.count ? i : i - k->rise.count;
-            fprintf(f, "%s,%.9g,%.9g,%.9g,%.9g\n", k->curve->name, b->time_s[n], b->value[n], k->fit_pa[i],
-                    b->weight[n]);
+            kn_table_text(k->curve->name, f);
+            fprintf(f, ",%.9g,%.9g,%.9g,%.9g\n", b->time_s[n], b->value[n], k->fit_pa[i], b->weight[n]);
         }
     }
     const bool ok = !ferror(f);
@@ -143,10 +144,10 @@ static int write_csv(const kn_relax_told *told, const char *path)
 static int write_material(const kn_relax_told *told, const char *path)
 {
     const kn_relaxation *r = told->fit;
-    char origin[600];
-    snprintf(origin, sizeof origin, "relax from %s%s: %d curve%s, stresses %.4g to %.4g Pa.\n# %s", told->opt->file[0],
-             told->opt->files > 1 ? " and others" : "", r->curves, r->curves > 1 ? "s" : "", r->lowest_pa,
-             r->highest_pa, kn_relax_scale(r));
+    char origin[800], source[KN_SOURCE_MAX];
+    snprintf(origin, sizeof origin, "relax from %s: %d curve%s, stresses %.4g to %.4g Pa.\n# %s",
+             kn_material_source(told->opt->file[0], told->opt->files, source), r->curves, r->curves > 1 ? "s" : "",
+             r->lowest_pa, r->highest_pa, kn_relax_scale(r));
     return kn_material_file_write(told->opt->subcommand, path, origin, &r->material, told->opt->density_kg_m3,
                                   KN_RELAXATION_NUMBERS, r->number);
 }

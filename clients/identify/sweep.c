@@ -9,6 +9,7 @@
 #include "clients/knead/output.h"
 #include "clients/knead/plot.h"
 #include "clients/knead/result.h"
+#include "clients/knead/table.h"
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -194,13 +195,16 @@ static int write_csv(const work *w, const char *path)
     FILE *f = fopen(path, "w");
     if (!f) return kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
     fprintf(f, "curve,frequency_hz,storage_pa,loss_pa,fit_storage_pa,fit_loss_pa\n");
-    for (int c = 0; c < w->curves; c++)
-        for (int i = 0; i < w->curve[c].count; i++) {
+    for (int k = 0; k < w->curves; k++) {
+        const kn_curve *c = &w->curve[k];
+        for (int i = 0; i < c->count; i++) {
             double storage, loss;
-            kn_spectrum_modulus(&w->found.row[w->found.best], w->curve[c].time_s[i], &storage, &loss);
-            fprintf(f, "%s,%.9g,%.9g,%.9g,%.9g,%.9g\n", w->curve[c].name, w->curve[c].time_s[i],
-                    w->scale * w->curve[c].value[i], w->scale * w->curve[c].other[i], storage, loss);
+            kn_spectrum_modulus(&w->found.row[w->found.best], c->time_s[i], &storage, &loss);
+            kn_table_text(c->name, f);
+            fprintf(f, ",%.9g,%.9g,%.9g,%.9g,%.9g\n", c->time_s[i], w->scale * c->value[i], w->scale * c->other[i],
+                    storage, loss);
         }
+    }
     const bool ok = !ferror(f);
     if (fclose(f) == 0 && ok) return KN_EXIT_OK;
     return kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "%s: cannot be written", path);
@@ -209,14 +213,14 @@ static int write_csv(const work *w, const char *path)
 static int write_material(const work *w, const char *path)
 {
     const kn_spectrum_row *row = &w->found.row[w->found.material];
-    char origin[1200], doubts[400];
+    char origin[1200], source[KN_SOURCE_MAX], doubts[400];
     if (is_absurd(w))
         return kn_complain(w->opt.subcommand, KN_EXIT_FAILED,
                            "--out %s: not written, %s is %.3g %% off on average: no element that a scene can load "
                            "describes these data",
                            path, row->expression, 100 * row->error);
-    snprintf(origin, sizeof origin, "sweep from %s%s: %s at %d frequencies, mean error %.3g %%%s.\n# %s.",
-             w->opt.file[0], w->opt.files > 1 ? " and others" : "", row->expression, w->found.readings,
+    snprintf(origin, sizeof origin, "sweep from %s: %s at %d frequencies, mean error %.3g %%%s.\n# %s.",
+             kn_material_source(w->opt.file[0], w->opt.files, source), row->expression, w->found.readings,
              100 * row->error, w->scale > 1 ? ", moduli of shear times 3" : "",
              row->material.damper == KN_DAMPER_NONE ? "It has no damper in series: nothing stays" : AT_REST);
     const size_t n = strlen(origin);

@@ -51,6 +51,17 @@ static int end_of(const kn_table *t, int series)
     return series + 1 < t->series ? t->start[series + 1] : t->rows;
 }
 
+void kn_table_text(const char *text, FILE *f)
+{
+    const bool quoted = text[strcspn(text, ",\"\r\n")];
+    if (quoted) putc('"', f);
+    for (const char *c = text; *c; c++) {
+        if (*c == '"') putc('"', f);
+        putc(*c, f);
+    }
+    if (quoted) putc('"', f);
+}
+
 int kn_table_write(const kn_table *t, const char *subcommand, const char *path)
 {
     if (t->short_of_memory) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");

@@ -2,6 +2,7 @@
 #define KN_CLIENTS_TABLE_H
 // Curves of an experiment: rows of numbers, in series that each have a label. Written as CSV, drawn by gnuplot.
 #include <stdbool.h>
+#include <stdio.h>
 
 #define KN_SERIES_MAX 32
 
@@ -23,6 +24,9 @@ void kn_table_add(kn_table *t, const double *row);    // of width numbers
 
 // Both return an exit code and complain in one line in the name of the subcommand.
 int kn_table_write(const kn_table *t, const char *subcommand, const char *path);
+
+// A cell of text in such a file, between quotes where a comma, a quote or a line's end is in it (RFC 4180).
+void kn_table_text(const char *text, FILE *f);
 
 // One pair of axes. y2: a second curve over the same x, 0 for none (column 0 is never drawn upwards).
 typedef struct kn_axes {

@@ -41,6 +41,18 @@ import json
 assert abs(json.load(open("back.json"))["loads"][0]["height_m"] - 0.005266) < 5e-5
 PY
 
+odd=$'a, "b"\n\001\303.csv'
+cp 50gf.csv "$odd"
+knead identify creep "$odd" --no-models --csv odd-fit.csv --out odd-name.yaml >out 2>err || no "odd name: $(cat err)"
+python3 - <<'PY' && ok "commas, quotes and line ends in a file's name break neither table nor material" || no "odd name: $(head -3 odd-fit.csv odd-name.yaml)"
+import csv
+rows = list(csv.reader(open("odd-fit.csv", newline="", encoding="latin-1")))
+assert all(len(r) == 6 for r in rows) and rows[1][0].startswith('a, "b"'), rows[:2]
+assert open("odd-name.yaml").readline().startswith('# Identified by knead identify creep from a, "b"???.csv: 1 curve')
+PY
+sed 's/^material: .*/material: odd-name.yaml/' scene.yaml >odd-scene.yaml
+knead check odd-scene.yaml >check.txt 2>err && ok "which a scene loads" || no "odd name: $(cat err)"
+
 knead identify creep 50gf.csv >one.txt 2>err || no "one load: $(cat err)"
 grep -q '^P0 *<= ' one.txt && grep -q '^P1 *>= ' one.txt && grep -q 'cannot be told from P0 and P1' one.txt &&
     grep -q 'known together, not apart' one.txt && ok "one load: says what it cannot know" || no "one load"
