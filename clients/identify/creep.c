@@ -265,7 +265,7 @@ static int try_outputs(const kn_identify_options *opt)
 {
     int code = opt->png ? kn_plot_try(opt->subcommand, opt->png) : KN_EXIT_OK;
     if (code == KN_EXIT_OK && opt->csv) code = kn_output_try(opt->subcommand, opt->csv);
-    if (code == KN_EXIT_OK && opt->out) code = kn_output_try(opt->subcommand, opt->out);
+    if (code == KN_EXIT_OK && opt->out) code = kn_material_file_try(opt->subcommand, opt->out);
     return code;
 }
 

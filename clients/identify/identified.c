@@ -1,7 +1,9 @@
 #include "clients/identify/identified.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/output.h"
 #include "clients/knead/result.h"
+#include "clients/viewer/beside.h"
 #include "core/scene/keys.h"
 #include "core/scene/scene.h"
 #include <errno.h>
@@ -9,6 +11,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 void kn_identified_take(kn_identified *n, const char *name, const char *unit, double value, kn_fit_interval interval)
 {
@@ -106,6 +109,16 @@ static void damper(FILE *f, const kn_material *m, int count, const kn_identified
     }
 }
 
+int kn_material_file_try(const char *subcommand, const char *path)
+{
+    struct stat there;
+    int code = kn_output_try(subcommand, path);
+    if (code == KN_EXIT_OK && lstat(path, &there) == 0 && !S_ISREG(there.st_mode)) // as kn_beside_open has it
+        return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: is no regular file, expected a file that may be replaced",
+                           path);
+    return code == KN_EXIT_OK ? may_write(subcommand, path) : code;
+}
+
 const char *kn_material_source(const char *file, int files, char text[KN_SOURCE_MAX])
 {
     const char *base = strrchr(file, '/') ? strrchr(file, '/') + 1 : file;
@@ -149,18 +162,17 @@ int kn_material_file_write(const char *subcommand, const char *path, const char 
                            double density_kg_m3, int count, const kn_identified *number)
 {
     char why[512];
+    kn_beside out;
     int code = may_write(subcommand, path);
     if (code != KN_EXIT_OK) return code;
     if (!kn_material_served(material, why, sizeof why))
         return kn_complain(subcommand, KN_EXIT_FAILED, "--out %s: not written, no scene takes it: %s", path, why);
-    FILE *f = fopen(path, "w");
-    if (!f) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+    if (!kn_beside_open(&out, path, why, sizeof why)) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s", why);
+    FILE *f = out.file;
     fprintf(f, "%s %s\n# Intervals hold the truth 95 times in 100 if the model is right and the noise independent.\n",
             mark, origin);
     print_material(f, material, count, number);
     if (density_kg_m3 > 0) fprintf(f, "density: %.6g kg/m^3\n", density_kg_m3);
     else fprintf(f, "density: %d kg/m^3  # not measured: dough's; --density says another\n", DOUGH_KG_M3);
-    bool failed = ferror(f);
-    if (fclose(f) != 0 || failed) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: cannot be written", path);
-    return KN_EXIT_OK;
+    return kn_beside_keep(&out, why, sizeof why) ? KN_EXIT_OK : kn_complain(subcommand, KN_EXIT_DEVICE, "%s", why);
 }

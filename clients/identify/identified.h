@@ -38,9 +38,13 @@ const char *kn_material_source(const char *file, int files, char text[KN_SOURCE_
 // "material.alpha is 1e+21 Pa*s, out of range, expected a number from 1e-06 to 1e+15 Pa*s".
 bool kn_material_served(const kn_material *material, char *why, size_t why_size);
 
+// Whether it can be written there, before the work. An exit code, after a complaint.
+int kn_material_file_try(const char *subcommand, const char *path);
+
 // The file that a scene names as `material: FILE`: every number with its interval beside it. origin: a sentence on
 // where it is from; density 0: not measured, dough's is taken, and said. An exit code, after a complaint: what no scene
-// takes is not written (1), and a file that is there and is no material of this command's is not overwritten (2).
+// takes is not written (1), and a file that is there and is no material of this command's is not overwritten (2); one
+// that is, stays until the new one is whole.
 int kn_material_file_write(const char *subcommand, const char *path, const char *origin, const kn_material *material,
                            double density_kg_m3, int count, const kn_identified *number);
 

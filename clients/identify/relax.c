@@ -158,7 +158,7 @@ static int try_outputs(const kn_identify_options *opt)
 {
     int code = opt->png ? kn_plot_try(opt->subcommand, opt->png) : KN_EXIT_OK;
     if (code == KN_EXIT_OK && opt->csv) code = kn_output_try(opt->subcommand, opt->csv);
-    if (code == KN_EXIT_OK && opt->out) code = kn_output_try(opt->subcommand, opt->out);
+    if (code == KN_EXIT_OK && opt->out) code = kn_material_file_try(opt->subcommand, opt->out);
     return code;
 }
 
@@ -197,23 +197,32 @@ static void compare(work *w)
         printf("\nmodels      not compared: %s\n", error);
 }
 
+static int write(const kn_relax_told *told, kn_document *d)
+{
+    const kn_identify_options *o = told->opt;
+    int code = o->csv ? write_csv(told, o->csv) : KN_EXIT_OK;
+    if (code == KN_EXIT_OK && o->png) code = kn_relax_draw(told, o->png);
+    if (code == KN_EXIT_OK && kn_document_is_open(d)) code = kn_relax_report(d, told, write_csv, write_material);
+    if (code == KN_EXIT_OK && o->out) code = write_material(told, o->out); // last: no scene may take it
+    return kn_document_close(d, code);
+}
+
 static int identify(work *w, int argc, char **argv)
 {
+    kn_document d = {0};
     int code = try_outputs(&w->opt);
+    if (code == KN_EXIT_OK)
+        code = kn_document_open(&d, w->opt.subcommand, w->opt.report, "Stress relaxation", argc, argv);
     if (code == KN_EXIT_OK) code = load(w);
     if (code == KN_EXIT_OK) code = fit(w);
-    if (code != KN_EXIT_OK) return code;
+    if (code != KN_EXIT_OK) return kn_document_close(&d, code);
     print_numbers(&w->fit);
     print_curves(&w->fit);
     kn_relax_doubts(&w->fit, doubt, NULL);
     tell(&w->fit);
     compare(w);
     const kn_relax_told told = {&w->opt, &w->fit, w->compared ? &w->models : NULL};
-    if (w->opt.csv) code = write_csv(&told, w->opt.csv);
-    if (code == KN_EXIT_OK && w->opt.png) code = kn_relax_draw(&told, w->opt.png);
-    if (code == KN_EXIT_OK && w->opt.report) code = kn_relax_report(&told, argc, argv, write_csv, write_material);
-    if (code == KN_EXIT_OK && w->opt.out) code = write_material(&told, w->opt.out); // last: no scene may take it
-    return code;
+    return write(&told, &d);
 }
 
 int kn_identify_relax_main(int argc, char **argv)

@@ -1,5 +1,4 @@
 #include "clients/identify/relax_told.h"
-#include "clients/identify/document.h"
 #include "clients/identify/figure.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
@@ -223,30 +222,27 @@ static void tell_fit(kn_document *d, const kn_relaxation *r)
     kn_relax_doubts(r, say_doubt, d);
 }
 
-int kn_relax_report(const kn_relax_told *t, int argc, char *const *argv,
+int kn_relax_report(kn_document *d, const kn_relax_told *t,
                     int (*write_csv)(const kn_relax_told *told, const char *path),
                     int (*write_material)(const kn_relax_told *told, const char *path))
 {
-    kn_document d;
     char path[PATH_MAX], why[300];
-    int code = kn_document_open(&d, t->opt->subcommand, t->opt->report, "Stress relaxation", argc, argv);
-    if (code != KN_EXIT_OK) return code;
-    tell_fit(&d, t->fit);
-    code = kn_relax_draw(t, kn_document_file(&d, "fit.png", path));
+    tell_fit(d, t->fit);
+    int code = kn_relax_draw(t, kn_document_file(d, "fit.png", path));
     if (code == KN_EXIT_OK) {
-        kn_document_section(&d, "Pictures");
-        kn_document_picture(&d, "fit.png",
+        kn_document_section(d, "Pictures");
+        kn_document_picture(d, "fit.png",
                             "Stress over time since the strain was reached, with the fit; what is left; "
                             "models",
                             "Points: means of the readings, 20 in a decade of time. Lines: the fit.");
     }
-    if (t->models) tell_models(&d, t->models);
-    if (code == KN_EXIT_OK) code = write_csv(t, kn_document_file(&d, "readings.csv", path));
-    kn_document_section(&d, "Files");
-    kn_document_link(&d, "readings.csv", "readings and fit");
+    if (t->models) tell_models(d, t->models);
+    if (code == KN_EXIT_OK) code = write_csv(t, kn_document_file(d, "readings.csv", path));
+    kn_document_section(d, "Files");
+    kn_document_link(d, "readings.csv", "readings and fit");
     if (code == KN_EXIT_OK && t->fit->scale != KN_RELAXATION_MODULUS && !is_refused(t->fit, why, sizeof why)) {
-        code = write_material(t, kn_document_file(&d, "material.yaml", path));
-        kn_document_link(&d, "material.yaml", "the material, for a scene");
+        code = write_material(t, kn_document_file(d, "material.yaml", path));
+        kn_document_link(d, "material.yaml", "the material, for a scene");
     }
-    return kn_document_close(&d, code);
+    return code;
 }

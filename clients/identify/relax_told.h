@@ -1,6 +1,7 @@
 #ifndef KN_CLIENTS_IDENTIFY_RELAX_TOLD_H
 #define KN_CLIENTS_IDENTIFY_RELAX_TOLD_H
 // What `knead identify relax` has found, for eyes and for programs.
+#include "clients/identify/document.h"
 #include "clients/identify/models.h"
 #include "clients/identify/options.h"
 #include "clients/identify/relaxation.h"
@@ -20,8 +21,8 @@ void kn_relax_doubts(const kn_relaxation *fit, void (*say)(void *to, const char 
 // Stress over time with the fit; what is left; the models beside the first curve. One PNG; an exit code.
 int kn_relax_draw(const kn_relax_told *told, const char *path);
 
-// --report: the folder, with its pictures, the readings and the material. An exit code.
-int kn_relax_report(const kn_relax_told *told, int argc, char *const *argv,
+// Fills an open document, with its pictures, the readings and the material. An exit code.
+int kn_relax_report(kn_document *d, const kn_relax_told *told,
                     int (*write_csv)(const kn_relax_told *told, const char *path),
                     int (*write_material)(const kn_relax_told *told, const char *path));
 

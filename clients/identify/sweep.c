@@ -289,40 +289,37 @@ static int draw(const work *w, const char *path)
     return code;
 }
 
-static int report(const work *w, int argc, char *const *argv)
+static int report(kn_document *d, const work *w)
 {
-    kn_document d;
     char path[PATH_MAX], text[700], why[300], runs[16];
     const kn_spectrum *s = &w->found;
-    int code = kn_document_open(&d, w->opt.subcommand, w->opt.report, "Frequency sweep", argc, argv);
-    if (code != KN_EXIT_OK) return code;
-    kn_document_section(&d, "Which element these data support");
+    kn_document_section(d, "Which element these data support");
     verdict(s, text, sizeof text);
-    kn_document_text(&d, "%d frequencies: %s.", s->readings, text);
-    kn_document_table(&d, "Elements", "llrrrl",
+    kn_document_text(d, "%d frequencies: %s.", s->readings, text);
+    kn_document_table(d, "Elements", "llrrrl",
                       "element\tfigure 2\tmisfit, %\tAICc above the one chosen\truns\tnumbers, and within 95 %");
     for (int i = 0; i < s->rows; i++) {
         const kn_spectrum_row *r = &s->row[i];
         numbers_of(r, text, sizeof text);
-        kn_document_row(&d, "%s\t%s\t%.3g\t%.1f\t%s\t%s", r->expression, r->letters, 100 * r->error,
+        kn_document_row(d, "%s\t%s\t%.3g\t%.1f\t%s\t%s", r->expression, r->letters, 100 * r->error,
                         r->aicc - s->row[s->best].aicc, runs_of(r, runs), text);
     }
     const bool served = is_served(w, why, sizeof why);
-    if (doubt(w, text, sizeof text)) kn_document_verdict(&d, KN_DOCUMENT_BEWARE, "%s", text);
-    if (!served) kn_document_verdict(&d, KN_DOCUMENT_BEWARE, "No scene takes this material: %s", why);
-    kn_document_verdict(&d, KN_DOCUMENT_BEWARE, "%s", AT_REST);
-    code = draw(w, kn_document_file(&d, "fit.png", path));
+    if (doubt(w, text, sizeof text)) kn_document_verdict(d, KN_DOCUMENT_BEWARE, "%s", text);
+    if (!served) kn_document_verdict(d, KN_DOCUMENT_BEWARE, "No scene takes this material: %s", why);
+    kn_document_verdict(d, KN_DOCUMENT_BEWARE, "%s", AT_REST);
+    int code = draw(w, kn_document_file(d, "fit.png", path));
     if (code == KN_EXIT_OK)
-        kn_document_picture(&d, "fit.png", "Storage and loss modulus over frequency, and what the fit leaves",
+        kn_document_picture(d, "fit.png", "Storage and loss modulus over frequency, and what the fit leaves",
                             "Points: measured. Lines: the element with the most support.");
-    kn_document_section(&d, "Files");
-    if (code == KN_EXIT_OK) code = write_csv(w, kn_document_file(&d, "moduli.csv", path));
-    kn_document_link(&d, "moduli.csv", "moduli and fit");
+    kn_document_section(d, "Files");
+    if (code == KN_EXIT_OK) code = write_csv(w, kn_document_file(d, "moduli.csv", path));
+    kn_document_link(d, "moduli.csv", "moduli and fit");
     if (code == KN_EXIT_OK && s->material >= 0 && served && !is_absurd(w)) {
-        code = write_material(w, kn_document_file(&d, "material.yaml", path));
-        kn_document_link(&d, "material.yaml", "the material, for a scene");
+        code = write_material(w, kn_document_file(d, "material.yaml", path));
+        kn_document_link(d, "material.yaml", "the material, for a scene");
     }
-    return kn_document_close(&d, code);
+    return code;
 }
 
 // ---- the command
@@ -331,7 +328,7 @@ static int try_outputs(const kn_identify_options *opt)
 {
     int code = opt->png ? kn_plot_try(opt->subcommand, opt->png) : KN_EXIT_OK;
     if (code == KN_EXIT_OK && opt->csv) code = kn_output_try(opt->subcommand, opt->csv);
-    if (code == KN_EXIT_OK && opt->out) code = kn_output_try(opt->subcommand, opt->out);
+    if (code == KN_EXIT_OK && opt->out) code = kn_material_file_try(opt->subcommand, opt->out);
     return code;
 }
 
@@ -343,23 +340,32 @@ static int load(work *w)
     return code;
 }
 
+static int write(const work *w, kn_document *d)
+{
+    const kn_identify_options *o = &w->opt;
+    int code = o->csv ? write_csv(w, o->csv) : KN_EXIT_OK;
+    if (code == KN_EXIT_OK && o->png) code = draw(w, o->png);
+    if (code == KN_EXIT_OK && kn_document_is_open(d)) code = report(d, w);
+    if (code == KN_EXIT_OK && o->out) code = write_material(w, o->out); // last: no scene may take it
+    return kn_document_close(d, code);
+}
+
 static int identify(work *w, int argc, char **argv)
 {
+    kn_document d = {0};
     int code = try_outputs(&w->opt);
+    if (code == KN_EXIT_OK)
+        code = kn_document_open(&d, w->opt.subcommand, w->opt.report, "Frequency sweep", argc, argv);
     if (code == KN_EXIT_OK) code = load(w);
-    if (code != KN_EXIT_OK) return code;
     w->scale = w->opt.shear ? 3 : 1;
-    if (!kn_spectrum_fit(&w->found, w->curves, w->curve, w->scale, 0.95))
-        return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
+    if (code == KN_EXIT_OK && !kn_spectrum_fit(&w->found, w->curves, w->curve, w->scale, 0.95))
+        code = kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
                            "%s: no element comes near; expected storage and loss moduli at 4 frequencies or more",
                            w->opt.file[0]);
+    if (code != KN_EXIT_OK) return kn_document_close(&d, code);
     print(w);
     tell(&w->found);
-    if (w->opt.csv) code = write_csv(w, w->opt.csv);
-    if (code == KN_EXIT_OK && w->opt.png) code = draw(w, w->opt.png);
-    if (code == KN_EXIT_OK && w->opt.report) code = report(w, argc, argv);
-    if (code == KN_EXIT_OK && w->opt.out) code = write_material(w, w->opt.out); // last: no scene may take it
-    return code;
+    return write(w, &d);
 }
 
 int kn_identify_sweep_main(int argc, char **argv)

@@ -105,4 +105,11 @@ refuses 2 "knead identify relax: --out m.yaml: without the strain that was held 
 printf 'mine\n' >mine.yaml
 knead identify relax hold.csv --no-models --out mine.yaml >out 2>err
 [ $? = 2 ] && [ "$(cat mine.yaml)" = mine ] && ok "what another wrote is not overwritten" || no "overwritten: $(cat err)"
+mkdir full && : >full/mine && printf 'mine\n' >early.csv
+refuses 2 "knead identify relax: full: is not empty, expected a new folder" identify relax hold.csv --csv early.csv --out early.yaml --report full
+[ "$(cat early.csv)" = mine ] && [ ! -e early.yaml ] && ok "a report that cannot be is refused before anything is written" || no "refused late"
+knead identify relax modulus.csv --strain 30% --no-models --out m.yaml >with.txt 2>err && [ "$(ls m.yaml*)" = m.yaml ] &&
+    ok "what this command wrote is replaced, and nothing else is left" || no "m.yaml: $(ls m.yaml*)"
+ln -s m.yaml link.yaml
+refuses 3 "knead identify relax: link.yaml: is no regular file, expected a file that may be replaced" identify relax modulus.csv --strain 30% --no-models --out link.yaml
 exit $failed

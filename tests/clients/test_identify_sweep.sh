@@ -125,4 +125,7 @@ if command -v gnuplot >/dev/null && [ -c /dev/full ]; then
 fi
 knead identify sweep nowhere.csv >out 2>err
 [ $? != 0 ] && [ "$(wc -l <err)" = 1 ] && ok "a file that is not there" || no "nowhere: $(cat err)"
+mkdir full && : >full/mine && printf 'mine\n' >early.csv
+refuses 2 "knead identify sweep: full: is not empty, expected a new folder" identify sweep sweep.csv --csv early.csv --out early.yaml --report full
+[ "$(cat early.csv)" = mine ] && [ ! -e early.yaml ] && ok "a report that cannot be is refused before anything is written" || no "refused late"
 exit $failed
