@@ -144,7 +144,8 @@ static int to_stress(kn_curve_file *f, kn_readings *r, kn_role what, kn_curve *c
     if (what == KN_LOAD && !(c->strain > 0) && !c->constant_area)
         return kn_sheet_complain(&f->sheet, f->sheet.header_line, 1,
                                  "a load without the strain, by which the section has "
-                                 "grown, expected a line '# strain: 10 %%', --strain or --section constant");
+                                 "grown, expected a line '# strain: 10 %%' or '# section: constant', --strain or "
+                                 "--constant-area");
     for (int i = 0; i < r->count; i++) {
         if (what == KN_LOAD)
             r->value[i] *= (c->constant_area ? 1 : 1 - strain_of(r, c, i)) / f->area_m2;

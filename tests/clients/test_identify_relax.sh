@@ -102,6 +102,10 @@ knead identify relax furlong.csv --height '1 cm' >out 2>err
     ok "a unit that is none" || no "furlong: $(cat err)"
 sed 1d hold.csv >strainless.csv
 refuses 2 "knead identify relax: --out m.yaml: without the strain that was held there is no material, expected it in the file or by --strain" identify relax strainless.csv --out m.yaml
+awk -F, 'BEGIN { print "# area: 1 cm^2\ntime [s],load [N]" } NR > 2 { printf "%s,%.7g\n", $1, $2 * 1e-4 }' hold.csv >load.csv
+refuses 2 "load.csv:2:1: a load without the strain, by which the section has grown, expected a line '# strain: 10 %' or '# section: constant', --strain or --constant-area" identify relax load.csv
+knead identify relax load.csv --constant-area --no-models >out 2>err && sed '1i # section: constant' load.csv >section.csv &&
+    knead identify relax section.csv --no-models >out 2>err && ok "and what it expects is taken" || no "load: $(cat err)"
 printf 'mine\n' >mine.yaml
 knead identify relax hold.csv --no-models --out mine.yaml >out 2>err
 [ $? = 2 ] && [ "$(cat mine.yaml)" = mine ] && ok "what another wrote is not overwritten" || no "overwritten: $(cat err)"
