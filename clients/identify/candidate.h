@@ -3,10 +3,12 @@
 // A structure that may explain what was measured, and the fit of it: the inside pressure P0 where it has gas, and the
 // factor on gamma, the stress area of an edge, where its material's damper depends on the stress.
 //
-//     diagonals           sides, face and body diagonals                              (a) of the first paper's Fig. 12
-//     pressure            sides, diagonals of 0.02, gas in every cell                 (b), with what keeps it from
-//     shearing both                diagonals and gas                                           (c) mesh, mesh-pressure
-//     the edges of a mesh of tetrahedra or triangles, without and with gas in its elements
+// clang-format off
+//     diagonals            sides, face and body diagonals               (a) of the first paper's figure 12
+//     pressure             sides, diagonals of 0.02, gas in every cell  (b), with what keeps it from shearing
+//     both                 diagonals and gas                            (c)
+//     mesh, mesh-pressure  the edges of a mesh of tetrahedra or triangles, without and with gas in its elements
+// clang-format on
 //
 // gamma is what the stress that a damper feels is worked out with, |f|/(gamma kappa L0) (core/grid.h); springs and
 // dashpots do not see it. So gamma times s is the damper's law stretched: p0 s, p1 s, beta/s, c2 at p0 and p1 as it was

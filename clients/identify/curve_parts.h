@@ -10,7 +10,7 @@ typedef struct kn_curve_file {
     const kn_curve_options *opt;
     kn_curve *curve; // [KN_CURVES_MAX]
     int *count;
-    double height_m, area_m2, load_n, stress_pa, release_s, begin_s, strain; // options, else notes; NAN: neither
+    double height_m, area_m2, load_n, stress_pa, release_s, begin_s, strain; // notes, else options; NAN: neither
     bool constant_area;
 } kn_curve_file;
 

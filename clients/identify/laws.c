@@ -55,7 +55,7 @@ static int add_catalogue(kn_law law[KN_LAWS_MAX], bool relax)
 int kn_laws(kn_law law[KN_LAWS_MAX], bool relax)
 {
     int count = add_catalogue(law, relax);
-    // the papers' damper: what it has beyond its first numbers must pay for itself, see models.h
+    // the papers' damper, and what it may have beyond its first numbers: see models.h
     for (int more = 0; more < 4; more++) {
         kn_law *d = &law[count++];
         *d = (kn_law){.kind = KN_LAW_DOUGH, .relax = relax, .letters = "d", .c1 = !relax || more % 2};

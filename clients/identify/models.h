@@ -3,14 +3,17 @@
 // Which model the data can support: all of laws.h fitted to the early part of curves and judged by the later one, which
 // they have not seen.
 //
+// clang-format off
 //     relaxation   residuals are of ln(stress), of bins.h: every decade counts the same.
 //                  Early is up to a tenth of the last time where the readings span two decades, else up to half of it
 //     creep        residuals are of strain, in units of each curve's noise, or of KN_MODELS_COARSE of its largest
-//     strain
-//                  where that is more. Early is the first half of the time under each load, and of each time without
+//                  strain where that is more. Early is the first half of the time under each load, and of each without
+// clang-format on
 //
-// What the papers' damper has beyond three numbers, c1, P0, P1, stays only where Akaike's criterion for small samples
-// on the early part asks for it. Errors: relaxation, mean of |model/measured - 1|; creep, root mean square of the
+// What the papers' damper has beyond its first numbers has rows of its own, which stay, whatever their AICc: relaxation
+// without c1, with it, and above P0; creep without P0 and above it. Two fits are of one name, c1 or none above P0 in
+// relaxation, P1 or none in creep: of those the one stays that has the lower AICc, Akaike's criterion for small
+// samples, on the early part. Errors: relaxation, mean of |model/measured - 1|; creep, root mean square of the
 // deviations in shares of each curve's largest strain.
 #include "clients/identify/laws.h"
 #include <jansson.h>

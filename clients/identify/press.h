@@ -48,7 +48,7 @@ typedef struct kn_pressed { // owned
 } kn_pressed;
 
 // Plays the press on that model, until until_s at the most. told: after every second of it, may be NULL. False: the
-// physics went bad, *stop became true, or memory is short.
+// physics went bad, or memory is short.
 typedef struct kn_press_play {
     const kn_model *model;
     const kn_surface *surface; // of that model
