@@ -4,6 +4,7 @@
 #include "clients/identify/stages.h"
 #include "tests/check.h"
 #include "tests/clients/creeps.h"
+#include <unistd.h>
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 enum { SETS = 10 }; // what the numbers are is another preset's business
@@ -98,6 +99,8 @@ TEST("95 in 100 intervals hold the truth")
         double sum[KN_JOINT_NUMBERS] = {0};
         for (int s = 0; s < sets; s++) {
             kn_joint j;
+            if (asked && s % 100 == 0 && isatty(STDERR_FILENO))
+                fprintf(stderr, "noise %g %%: %d of %d sets\n", 100 * noise[n], s, sets);
             for (int k = 0; k < 5; k++) creeps_noise(&noisy[k], &clean[k], noise[n]);
             CHECK(kn_joint_fit(&j, 5, noisy, &usual));
             for (int i = 0; i < KN_JOINT_NUMBERS; i++) {
@@ -110,6 +113,7 @@ TEST("95 in 100 intervals hold the truth")
             printf("  %s %.1f %% (off by %+.2f %%)", (const char *[]){"k1", "c1", "alpha", "beta", "P0", "P1"}[i],
                    100.0 * held[i] / sets, 100 * sum[i]);
         printf("\n");
+        fflush(stdout); // through a pipe, too: the next noise takes as long
         for (int i = 0; i < KN_JOINT_NUMBERS; i++) {
             if (sets < 200) continue;
             CHECK(100.0 * held[i] / sets >= 95 - slack);
