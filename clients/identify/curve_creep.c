@@ -78,11 +78,12 @@ static double mean(const double *value, int count)
     return sum / count;
 }
 
-static int height_to_strain(kn_curve_file *f, kn_readings *r, int unloaded, kn_curve *c)
+static int height_to_strain(kn_curve_file *f, kn_readings *r, int unloaded, int column, kn_curve *c)
 {
     for (int i = 0; i < r->count; i++)
         if (r->value[i] <= 0)
-            return kn_sheet_complain(&f->sheet, r->line[i], 1, "height of %g m, expected one above 0", r->value[i]);
+            return kn_sheet_complain(&f->sheet, r->line[i], kn_sheet_at(&f->sheet, r->line[i], column),
+                                     "height of %g m, expected one above 0", r->value[i]);
     if (!isfinite(f->height_m)) {
         c->height_m = unloaded ? mean(r->value, unloaded) : r->value[0];
         kn_curve_say(f, "initial height %.5g mm, of the %s", 1e3 * c->height_m,
@@ -107,10 +108,10 @@ static int displacement_to_strain(kn_curve_file *f, kn_readings *r, kn_role what
     return KN_EXIT_OK;
 }
 
-static int to_strain(kn_curve_file *f, kn_readings *r, kn_role what, kn_curve *c)
+static int to_strain(kn_curve_file *f, kn_readings *r, kn_role what, int column, kn_curve *c)
 {
     const int unloaded = before_load(r);
-    if (what == KN_HEIGHT) return height_to_strain(f, r, unloaded, c);
+    if (what == KN_HEIGHT) return height_to_strain(f, r, unloaded, column, c);
     int code = displacement_to_strain(f, r, what);
     if (code != KN_EXIT_OK) return code;
     const double zero = unloaded ? mean(r->value, unloaded) : 0;
@@ -123,11 +124,11 @@ static int to_strain(kn_curve_file *f, kn_readings *r, kn_role what, kn_curve *c
 }
 
 // In shear, under a stress that is held, a strain may be as large as it likes.
-static int check_strain(kn_curve_file *f, const kn_readings *r, const kn_curve *c)
+static int check_strain(kn_curve_file *f, const kn_readings *r, int column, const kn_curve *c)
 {
     for (int i = 0; i < r->count && !c->constant_area; i++)
         if (r->value[i] >= 1)
-            return kn_sheet_complain(&f->sheet, r->line[i], 1,
+            return kn_sheet_complain(&f->sheet, r->line[i], kn_sheet_at(&f->sheet, r->line[i], column),
                                      "strain of %.3g, more than the whole height: is the height "
                                      "right? expected less than 1",
                                      r->value[i]);
@@ -174,18 +175,19 @@ static int begin_at_load(kn_curve_file *f, kn_readings *r, kn_curve *c, const ch
     return kn_curve_order(f, r, name);
 }
 
-static int add_curve(kn_curve_file *f, const columns *cols, kn_readings *r, double load_n, const char *part)
+static int add_curve(kn_curve_file *f, const columns *cols, int column, kn_readings *r, double load_n,
+                     const char *part)
 {
     const char *name = kn_role_name(cols->what);
     kn_curve *c = kn_curve_add(f, KN_CURVE_CREEP, part);
     int code = c ? kn_curve_order(f, r, name) : KN_EXIT_USAGE;
-    if (code == KN_EXIT_OK) code = to_strain(f, r, cols->what, c);
+    if (code == KN_EXIT_OK) code = to_strain(f, r, cols->what, column, c);
     if (code == KN_EXIT_OK)
         code = r->load ? kn_curve_load_column(f, r, cols->load_is, c)
                        : kn_curve_load_given(f, r, cols->what == KN_COMPLIANCE, load_n, c);
     if (code == KN_EXIT_OK) code = kn_curve_load_release(f, r, c);
     if (code == KN_EXIT_OK) code = begin_at_load(f, r, c, name);
-    if (code == KN_EXIT_OK) code = check_strain(f, r, c);
+    if (code == KN_EXIT_OK) code = check_strain(f, r, column, c);
     if (code != KN_EXIT_OK) return code;
     say_steps(f, c, r, cols->what);
     double changes[KN_CURVE_STEPS];
@@ -202,7 +204,7 @@ static int add_wide(kn_curve_file *f, const columns *c)
         kn_readings r = {0};
         snprintf(part, sizeof part, "%.4g gf", c->load_n[i] / KN_GF_N);
         code = kn_curve_readings(f, &r, 0, f->sheet.rows, c->time, c->of_load[i], -1, -1, false);
-        if (code == KN_EXIT_OK) code = add_curve(f, c, &r, c->load_n[i], part);
+        if (code == KN_EXIT_OK) code = add_curve(f, c, c->of_load[i], &r, c->load_n[i], part);
         kn_readings_free(&r);
     }
     return code;
@@ -271,7 +273,7 @@ static int add_long(kn_curve_file *f, const columns *c, int key)
                                      "time begins anew, expected one time for all, or another load from here on");
         if (!only && key >= 0) name_part(s, key, begin, end, part);
         code = kn_curve_readings(f, &r, begin, end, c->time, c->value, -1, c->load, only);
-        if (code == KN_EXIT_OK) code = add_curve(f, c, &r, NAN, part);
+        if (code == KN_EXIT_OK) code = add_curve(f, c, c->value, &r, NAN, part);
         kn_readings_free(&r);
     }
     return code;

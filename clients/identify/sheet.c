@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/stat.h>
 
 int kn_sheet_complain(const kn_sheet *s, int line, int at, const char *format, ...)
 {
@@ -19,6 +20,21 @@ int kn_sheet_complain(const kn_sheet *s, int line, int at, const char *format, .
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
     return kn_complain(s->subcommand, KN_EXIT_USAGE, "%s:%d:%d: %s", s->file, line, at, text);
+}
+
+// Ten million rows do not remember it: the file is read once more, up to there.
+int kn_sheet_at(const kn_sheet *s, int line, int column)
+{
+    struct stat is;
+    kn_lines l;
+    kn_cell c;
+    int at = 1, index = 0;
+    if (stat(s->file, &is) != 0 || !S_ISREG(is.st_mode) || !kn_lines_open(&l, s->file)) return at;
+    while (l.number < line && kn_lines_next(&l)) continue;
+    for (const char *cell = l.text; l.number == line && kn_cell_next(s->of_rows, &cell, &c); index++)
+        if (index == s->column[column].index) at = (int)(c.text - l.text) + 1;
+    kn_lines_close(&l);
+    return at;
 }
 
 void kn_sheet_close(kn_sheet *s)

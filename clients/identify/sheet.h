@@ -66,6 +66,9 @@ int kn_sheet_read(kn_sheet *s, int count, const int wanted[]);
 // The value of a note, SI, in the dimension of unit; *value is left alone where there is none. Keys in small letters.
 int kn_sheet_note_take(const kn_sheet *s, const char *key, const char *unit, double *value);
 
+// Where a column's cell begins in a line: the character, 1..; 1 where the file cannot be read again, as a pipe.
+int kn_sheet_at(const kn_sheet *s, int line, int column);
+
 // file:line:at: what is wrong
 __attribute__((format(printf, 4, 5))) int kn_sheet_complain(const kn_sheet *s, int line, int at, const char *format,
                                                             ...);

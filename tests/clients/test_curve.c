@@ -325,7 +325,7 @@ TEST("what cannot be is told by its line")
 {
     begin(notes);
     row("time_s,displacement_mm\n0,0\n1,1\n2,2\n3,3\n4,4\n5,12\n6,5\n7,6\n30,6\n");
-    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(11, "more than the whole height"));
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(11, ":11:3: strain of 1.2, more than the whole height"));
     begin(notes);
     row("time_s,height_mm\n0,9\n1,8\n2,7\n3,6\n4,-4\n5,3\n6,3\n7,2\n30,2\n");
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(10, "height of -0.004 m"));

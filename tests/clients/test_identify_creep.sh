@@ -146,7 +146,7 @@ printf '# load: 50 gf\n# height: 1 cm\n# area: 1 cm^2\ntime (s),displacement (mm
 for i in $(seq 1 30); do echo "$i,0"; done >>zero.csv
 refuses 2 "zero.csv:5:1: displacement is 0 in all readings, expected one that changes" identify creep zero.csv
 sed 's/^1,.*/1,11/; s/,0$/,12/' zero.csv >beyond.csv
-refuses 2 "beyond.csv:5:1: strain of 1.1, more than the whole height: is the height right? expected less than 1" \
+refuses 2 "beyond.csv:5:3: strain of 1.1, more than the whole height: is the height right? expected less than 1" \
     identify creep beyond.csv
 refuses 2 "knead identify creep: --load '0': expected a weight or force like 50gf or '0.5 N'" identify creep 50gf.csv --load 0
 refuses 2 "knead identify creep: --height '5 s': expected a length like '1 cm'" identify creep 50gf.csv --height '5 s'
