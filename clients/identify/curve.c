@@ -137,16 +137,40 @@ int kn_curve_readings(kn_curve_file *f, kn_readings *r, int begin, int end, int 
     return kn_complain(s->subcommand, KN_EXIT_DEVICE, "%s: out of memory", s->file);
 }
 
+enum { FEW = 3 }; // rows in a wrong place beside each other are fewer
+
+// Rows from `at` on in which time rises anew, counted to KN_CURVE_LEAST; 0 where it then goes on from where it was,
+// `last` and no farther than next_s: they only stand in a wrong place.
+static int rows_anew(const kn_sheet *s, const double *t, int at, double last, double next_s)
+{
+    double before = t[at];
+    int rows = 0;
+    for (int i = at; i < s->rows && rows < KN_CURVE_LEAST; i++) {
+        if (isnan(t[i])) continue;
+        if (t[i] >= last && t[i] <= next_s) return 0;
+        if (t[i] < before) break;
+        before = t[i];
+        rows++;
+    }
+    return rows;
+}
+
 int kn_curve_range_end(const kn_sheet *s, int time, int begin)
 {
     const double *t = s->column[time].value;
-    double first = NAN, last = NAN;
+    double first = NAN, last = NAN, step = 0;
+    int enough = FEW;
     for (int i = begin; i < s->rows; i++) {
         if (isnan(t[i])) continue;
-        if (isnan(first)) first = t[i];
-        if (t[i] < last)
-            return i - begin < KN_CURVE_LEAST || t[i] > 0.5 * (last + first) ? s->rows : i; // or in disorder
-        last = t[i];
+        if (isnan(first)) first = last = t[i];
+        if (t[i] >= last) {
+            if (t[i] > last) step = t[i] - last;
+            last = t[i];
+            continue;
+        }
+        if (i - begin < KN_CURVE_LEAST) return s->rows; // all of it is in disorder
+        if (t[i] <= 0.5 * (last + first) && rows_anew(s, t, i, last, last + 3 * step) >= enough) return i;
+        enough = KN_CURVE_LEAST; // in disorder three rows rise by chance
     }
     return s->rows;
 }

@@ -257,6 +257,25 @@ static void name_part(const kn_sheet *s, int key, int begin, int end, char part[
     snprintf(part, 32, "%.4g %s", largest(s, key, begin, end) / (stress ? 1e3 : KN_GF_N), stress ? "kPa" : "gf");
 }
 
+// 1,002 after 999: of a file with decimal commas a separator of thousands is one, too.
+static bool is_thousand(const kn_curve_file *f, double last, double next)
+{
+    return f->sheet.commas && 1000 * next >= last && 1000 * next < 1.1 * last;
+}
+
+static int refuse_second(const kn_curve_file *f, const columns *c, int begin, int end)
+{
+    const kn_sheet *s = &f->sheet;
+    const double *t = s->column[c->time].value;
+    if (is_thousand(f, last_time(t, begin, end), t[end]))
+        return kn_sheet_complain(s, s->line[end], kn_sheet_at(s, s->line[end], c->time),
+                                 "time begins anew where a thousand is reached, expected numbers without separators "
+                                 "of thousands");
+    return kn_sheet_complain(s, s->line[end], s->column[c->time].at,
+                             "time begins anew, as a second table's does, expected one time for all, or another load "
+                             "from here on");
+}
+
 static int add_long(kn_curve_file *f, const columns *c, int key)
 {
     const kn_sheet *s = &f->sheet;
@@ -269,8 +288,7 @@ static int add_long(kn_curve_file *f, const columns *c, int key)
         char part[32] = "";
         kn_readings r = {0};
         if (end < s->rows && (key < 0 || fabs(next - here) <= 0.01 * here))
-            return kn_sheet_complain(s, s->line[end], s->column[c->time].at,
-                                     "time begins anew, expected one time for all, or another load from here on");
+            return refuse_second(f, c, begin, end);
         if (!only && key >= 0) name_part(s, key, begin, end, part);
         code = kn_curve_readings(f, &r, begin, end, c->time, c->value, -1, c->load, only);
         if (code == KN_EXIT_OK) code = add_curve(f, c, c->value, &r, NAN, part);

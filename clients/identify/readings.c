@@ -63,6 +63,26 @@ static bool permute(double *values, const place *order, int count, double *room)
     return true;
 }
 
+// The longest of all series of readings that are in order already: the others are those in a wrong place. One of four
+// hundred that stands at the end has moved, not the four hundred behind where it belongs. last: room for count.
+static int longest_in_order(const place *order, int count, int *last)
+{
+    int longest = 0;
+    for (int i = 0; i < count; i++) {
+        int low = 0, high = longest;
+        while (low < high) {
+            const int middle = low + (high - low) / 2;
+            if (last[middle] < order[i].index)
+                low = middle + 1;
+            else
+                high = middle;
+        }
+        last[low] = order[i].index; // ends the series of low + 1 that ends earliest
+        longest += low == longest;
+    }
+    return longest;
+}
+
 int kn_readings_sort(kn_readings *r)
 {
     bool sorted = true;
@@ -74,8 +94,7 @@ int kn_readings_sort(kn_readings *r)
     if (order && room) {
         for (int i = 0; i < r->count; i++) order[i] = (place){r->time_s[i], i};
         qsort(order, (size_t)r->count, sizeof *order, by_time);
-        moved = 0;
-        for (int i = 0; i < r->count; i++) moved += order[i].index != i;
+        moved = r->count - longest_in_order(order, r->count, (int *)room);
         double *const all[] = {r->time_s, r->value, r->other, r->load, r->weight};
         for (int i = 0; i < 5; i++) permute(all[i], order, r->count, room);
         int *lines = (int *)room;

@@ -16,7 +16,7 @@ void kn_readings_free(kn_readings *r);
 // Leaves out those without a number; *first_line: of the first of them. How many.
 int kn_readings_compact(kn_readings *r, int *first_line);
 
-// Into the order of time; those of the same time stay in theirs. How many had to move; -1: no memory.
+// Into the order of time; those of the same time stay in theirs. How many stood in a wrong place; -1: no memory.
 int kn_readings_sort(kn_readings *r);
 
 // Those of the same time and load become their mean, whose weight is their number, but not across a jump by a quarter

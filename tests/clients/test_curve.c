@@ -177,6 +177,38 @@ TEST("time that begins anew under the same load is refused where it does")
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(26, "time begins anew"));
 }
 
+TEST("a row in a wrong place is sorted in, and one has moved, not all behind it")
+{
+    for (int at = 30; at <= 80; at += 50) { // in the middle, at the end
+        begin(notes);
+        row("time_s,displacement_mm\n");
+        for (int i = 0; i <= 80; i++) {
+            if (i != 9) row("%g,%.9g\n", 0.5 * i, crept_mm(0.5 * i));
+            if (i == at) row("4.5,%.9g\n", crept_mm(4.5));
+        }
+        CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curves == 1 && curve->count == 81);
+        CHECK(said("not in the order of time: 1 moved") && curve->time_s[9] == 4.5);
+    }
+}
+
+TEST("a second table is refused where it begins, with a row in a wrong place before it, too, and one of larger steps")
+{
+    begin(notes);
+    row("time_s,displacement_mm\n");
+    for (int k = 0; k < 2; k++)
+        for (int i = 0; i < 40; i++) row("%d,%g\n", k == 0 && i == 20 ? 3 : i * (k ? 9 : 1), 0.01 * i);
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(46, "time begins anew, as a second table's does"));
+}
+
+TEST("time that begins anew at a thousand, in a file of decimal commas, is told as that")
+{
+    begin(notes);
+    row("time [s];displacement [um]\n");
+    for (int i = 0; i < 20; i++) row("%d;%d,5\n", 980 + i, 100 + i);
+    for (int i = 0; i < 20; i++) row("1,%03d;%d,5\n", i, 120 + i);
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(26, "without separators of thousands"));
+}
+
 TEST("an interval without load whose time begins anew is the recovery of the one before")
 {
     begin("Project:;Dough\nInterval and data points:;2;20;20\n"); // as RheoCompass writes them
