@@ -15,16 +15,22 @@ typedef struct columns { // of the sheet; -1: there is none
     double load_n[KN_CURVES_MAX];
 } columns;
 
-// Strain first: an instrument knows its own specimen best.
+// Strain first: an instrument knows its own specimen best. But a bare x may be anything, and gives way to a column with
+// a unit.
 static int choose_value(kn_curve_file *f, columns *c)
 {
     static const kn_role roles[] = {KN_STRAIN, KN_DISPLACEMENT, KN_HEIGHT, KN_COMPLIANCE};
-    int code = KN_EXIT_OK;
+    int code = KN_EXIT_OK, bare = -1;
     c->value = -1;
     for (int i = 0; i < 4 && c->value < 0 && code == KN_EXIT_OK; i++) {
         c->what = roles[i];
+        if (bare >= 0 && kn_role_find(&f->sheet, c->what, NULL) < 0) continue; // the bare one will do
         c->value = kn_role_find(&f->sheet, c->what, &code);
+        if (c->value < 0 || kn_role_is_sure(&f->sheet, c->what, c->value)) continue;
+        bare = c->value;
+        c->value = -1;
     }
+    if (c->value < 0 && bare >= 0 && code == KN_EXIT_OK) c->value = bare, c->what = KN_STRAIN; // no other may be bare
     if (c->value >= 0 || code != KN_EXIT_OK) return code;
     return kn_sheet_complain(&f->sheet, f->sheet.header_line, 1,
                              "no height, displacement, strain or compliance, expected one, e.g. 'height_mm'");
@@ -310,8 +316,12 @@ static void say_unused(kn_curve_file *f, const columns *c)
     static const kn_role values[] = {KN_STRAIN, KN_DISPLACEMENT, KN_HEIGHT, KN_COMPLIANCE}, loads[] = {KN_STRESS, KN_LOAD};
     for (int i = 0; i < 4 && c->value >= 0; i++) {
         const int other = values[i] == c->what ? -1 : kn_role_find(&f->sheet, values[i], NULL);
-        if (other >= 0 && other != c->value)
+        if (other < 0 || other == c->value) continue;
+        if (kn_role_is_sure(&f->sheet, values[i], other))
             kn_curve_say(f, "the column of %s is used, not that of %s", kn_role_name(c->what), kn_role_name(values[i]));
+        else
+            kn_curve_say(f, "the column of %s is used, not '%s', which has no unit", kn_role_name(c->what),
+                         f->sheet.column[other].heading.name);
     }
     for (int i = 0; i < 2 && c->load >= 0; i++) {
         const int other = loads[i] == c->load_is ? -1 : kn_role_find(&f->sheet, loads[i], NULL);
@@ -322,6 +332,15 @@ static void say_unused(kn_curve_file *f, const columns *c)
         if (!strcmp(f->sheet.note[i].key, "load") || !strcmp(f->sheet.note[i].key, "stress"))
             kn_curve_say(f, "the column of %s is used, not what line %d says", kn_role_name(c->load_is),
                          f->sheet.note[i].line);
+}
+
+// Per cent are as often written without a unit as shares are, and below 1 nothing tells them apart.
+static void say_bare(kn_curve_file *f, const columns *c)
+{
+    if (c->value < 0 || c->what != KN_STRAIN || f->sheet.column[c->value].heading.has_unit) return;
+    const char *name = f->sheet.column[c->value].heading.name;
+    kn_curve_say(f, "'%s' has no unit and is taken as a share of the height, 0.05 as 5 %%; were it per cent: '%s [%%]'",
+                 name, name);
 }
 
 int kn_curve_load_creep(kn_curve_file *f)
@@ -342,5 +361,6 @@ int kn_curve_load_creep(kn_curve_file *f)
     if (key >= 0) join_recoveries(f, &c, key);
     code = add_long(f, &c, key);
     if (code == KN_EXIT_OK) say_unused(f, &c);
+    if (code == KN_EXIT_OK) say_bare(f, &c);
     return code;
 }

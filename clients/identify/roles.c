@@ -88,6 +88,12 @@ static bool is_it(const kn_heading *h, kn_role role)
     return h->has_unit ? fits(h, role) : may_be_bare[role] && !*h->unit_text;
 }
 
+// A unit says that it is meant, or the quantity's own word does: a bare x may be anything.
+static bool is_sure(const kn_heading *h, kn_role role)
+{
+    return h->has_unit || strstr(h->word, kinds[role].name);
+}
+
 // Another column of that very name and kind; -1: none. Which of them was meant nobody knows.
 static int twin(const kn_sheet *s, kn_role role, const char *name, int column)
 {
@@ -96,13 +102,24 @@ static int twin(const kn_sheet *s, kn_role role, const char *name, int column)
     return -1;
 }
 
+bool kn_role_is_sure(const kn_sheet *s, kn_role role, int column)
+{
+    return is_sure(&s->column[column].heading, role);
+}
+
 int kn_role_find(kn_sheet *s, kn_role role, int *code)
 {
     int other = -1; // of the name, not of the kind
+    bool sure = false;
+    for (int c = 0; c < s->columns; c++)
+        for (int n = 0; n < 14 && names[role][n]; n++) {
+            const kn_heading *h = &s->column[c].heading;
+            sure |= is_called(h, names[role][n]) && is_it(h, role) && is_sure(h, role);
+        }
     for (int n = 0; n < 14 && names[role][n]; n++)
         for (int c = 0; c < s->columns; c++) {
             kn_heading *h = &s->column[c].heading;
-            if (!is_called(h, names[role][n])) continue;
+            if (!is_called(h, names[role][n]) || (sure && is_it(h, role) && !is_sure(h, role))) continue;
             if (is_it(h, role)) {
                 const int again = twin(s, role, names[role][n], c);
                 if (again >= 0 && code)

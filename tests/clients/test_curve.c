@@ -255,6 +255,27 @@ TEST("a stress that falls as the section grows is the weight's; one that is held
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->constant_area && curve->step[0].stress_pa == 5000);
 }
 
+TEST("a bare x gives way to a column with a unit, whatever stands in it; where it is alone it is a strain")
+{
+    static const char *const bare[] = {"x", "gamma", "deformation"};
+    for (int k = 0; k < 3; k++) {
+        begin(notes);
+        row("time_s,%s,displacement_mm\n", bare[k]);
+        for (int i = 0; i <= 40; i++) row("%d,%s,%.9g\n", i, k ? "7" : "dry", crept_mm(i));
+        CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && said("is used, not '") && said("which has no unit"));
+        CHECK_NEAR(curve->value[10], crept_mm(10) / 10, 1e-9);
+    }
+    begin(notes);
+    row("time_s,x,strain [%%]\n");
+    for (int i = 0; i <= 40; i++) row("%d,7,%.9g\n", i, 10 * crept_mm(i));
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && !said("has no unit"));
+    CHECK_NEAR(curve->value[10], crept_mm(10) / 10, 1e-9);
+    begin(notes);
+    row("time_s,x\n");
+    for (int i = 0; i <= 40; i++) row("%d,%.9g\n", i, 0.1 * crept_mm(i));
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && said("'x' has no unit and is taken as a share of the height"));
+}
+
 TEST("a compliance is a strain under 1 Pa, or under the stress that is known")
 {
     begin("Time [min]\tCreep Compliance [1/kPa]\n");
