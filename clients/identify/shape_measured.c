@@ -1,4 +1,5 @@
 // What was measured, out of files, for `knead identify shape`.
+#include "clients/identify/readings.h"
 #include "clients/identify/shape_options.h"
 #include "clients/identify/sheet.h"
 #include "clients/knead/commands.h"
@@ -88,7 +89,8 @@ static int named(const kn_sheet *s, const char *name, const char *unit)
     return -1;
 }
 
-static int read_points(kn_sheet *s, const char *file, double (**point_m)[3])
+// missing: points without all three coordinates, left out.
+static int read_points(kn_sheet *s, const char *file, double (**point_m)[3], int *count, int *missing, int *first_line)
 {
     int wanted[3], code = kn_sheet_open(s, file, NULL, me);
     for (int k = 0; code == KN_EXIT_OK && k < 3; k++)
@@ -96,8 +98,15 @@ static int read_points(kn_sheet *s, const char *file, double (**point_m)[3])
     if (code == KN_EXIT_OK) code = kn_sheet_read(s, 3, wanted);
     if (code == KN_EXIT_OK && !(*point_m = calloc((size_t)s->rows + 1, sizeof **point_m)))
         code = kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
-    for (int i = 0, kept = 0; code == KN_EXIT_OK && i < s->rows; i++, kept++)
-        for (int k = 0; k < 3; k++) (*point_m)[kept][k] = s->column[wanted[k]].value[i];
+    for (int i = 0; code == KN_EXIT_OK && i < s->rows; i++) {
+        bool whole = true;
+        for (int k = 0; k < 3; k++) {
+            (*point_m)[*count][k] = s->column[wanted[k]].value[i];
+            whole &= !isnan((*point_m)[*count][k]);
+        }
+        if (!whole && (*missing)++ == 0) *first_line = s->line[i];
+        *count += whole;
+    }
     return code;
 }
 
@@ -106,8 +115,7 @@ static int take_points(kn_evidence *e, const kn_shape_options *o, const kn_candi
     char error[400];
     kn_sheet s;
     double(*point_m)[3] = NULL;
-    int code = read_points(&s, o->points, &point_m);
-    const int rows = code == KN_EXIT_OK ? s.rows : 0;
+    int rows = 0, missing = 0, line = 0, code = read_points(&s, o->points, &point_m, &rows, &missing, &line);
     kn_sheet_close(&s);
     if (code != KN_EXIT_OK) {
         free(point_m);
@@ -121,6 +129,9 @@ static int take_points(kn_evidence *e, const kn_shape_options *o, const kn_candi
     e->reliefs++;
     printf("%-10s %s, at %.3f s: %d of %d points\n", number ? "" : "shape", o->points, e->moment_s[number], r->points,
            rows);
+    if (missing > 0)
+        printf("           left out: %d that lack%s a coordinate, the first in line %d\n", missing,
+               missing > 1 ? "" : "s", line);
     return KN_EXIT_OK;
 }
 
@@ -171,6 +182,15 @@ static void choose_rows(kn_sheet *s, const char *probe)
         if (!strcmp(s->column[i].heading.word, "probe")) s->only.text = probe, s->only.column = i;
 }
 
+// Into the order of time, since nothing is lost by it. False: no memory.
+static bool sort_force(const char *file, int count, double *time_s, double *force_n, int *line)
+{
+    kn_readings r = {.count = count, .time_s = time_s, .value = force_n, .line = line};
+    const int moved = kn_readings_sort(&r);
+    if (moved > 0) printf("           %s: the rows are not in the order of time: %d moved\n", file, moved);
+    return moved >= 0;
+}
+
 // told: the columns and whose rows they are.
 static int read_force(kn_sheet *s, const char *file, const char *probe, double **time_s, double **force_n, int *count,
                       char told[2 * KN_HEADING_NAME + 100])
@@ -193,8 +213,10 @@ static int read_force(kn_sheet *s, const char *file, const char *probe, double *
         const double t = s->column[wanted[0]].value[i], f = s->column[wanted[1]].value[i];
         if (isnan(t) || isnan(f)) continue; // missing
         (*time_s)[*count] = t;
+        s->line[*count] = s->line[i];
         (*force_n)[(*count)++] = f;
     }
+    if (!sort_force(file, *count, *time_s, *force_n, s->line)) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
     return KN_EXIT_OK;
 }
 

@@ -9,10 +9,12 @@
 #include "clients/identify/candidate.h"
 #include "clients/identify/experiments.h"
 #include "clients/identify/relief_points.h"
+#include "clients/identify/shape_options.h"
 #include "clients/identify/verdict.h"
 #include "clients/viewer/image.h"
 #include "clients/viewer/range_file.h"
 #include "tests/check.h"
+#include "tests/clients/heard.h"
 #include "tests/clients/recorded_press.h"
 #include <fcntl.h>
 #include <jansson.h>
@@ -482,6 +484,30 @@ TEST("a reading far from its neighbours is left out and does not count as the la
     kn_candidate_free(c);
 }
 
+TEST("points that lack a coordinate are left out, rows of a force in a wrong place sorted in, and both are said")
+{
+    char error[300];
+    kn_candidate c[KN_CANDIDATES];
+    kn_evidence e;
+    must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
+    FILE *points = fopen("lacking.csv", "w"), *force = fopen("disorder.csv", "w");
+    must(points && force, "no room for readings");
+    fputs("x [mm],y [mm],z [mm]\n1,1,\n1,,1\n", points);
+    for (int i = 0; i < 60; i++) fprintf(points, "%g,%g,10\n", -10 + 0.3 * i, -10 + 0.2 * i);
+    fputs("time [s],force [N]\n0.3,0.6\n", force);
+    for (int i = 0; i < 100; i++) fprintf(force, "%g,%g\n", 0.02 * i, 0.04 * i);
+    must(fclose(points) == 0 && fclose(force) == 0, "no room for readings");
+    const kn_shape_options o = {
+        .points = "lacking.csv", .force = "disorder.csv", .at_s = {INFINITY}, .press = {.hold_s = 1}};
+    kn_hear();
+    const int code = kn_shape_measured(&e, &o, c);
+    kn_hear_end();
+    CHECK(code == 0 && strstr(kn_heard, "left out: 2 that lack a coordinate, the first in line 2"));
+    CHECK(strstr(kn_heard, "disorder.csv: the rows are not in the order of time: 1 moved"));
+    if (code == 0) kn_evidence_free(&e);
+    kn_candidate_free(c);
+}
+
 TEST(
     "of several columns of a force none is guessed; of several probes the pressing one's rows are read, and it is said")
 {
@@ -596,7 +622,7 @@ TEST("what cannot be asked for is told in one line")
     REFUSES("nosuch.yaml:1:1: No such file", "nosuch.yaml", "--depth", "depth.png");
     REFUSES("no column of", SMALL, "--depth", "depth.png", "--force", "nounit.csv");
     REFUSES("late.csv: 0 readings between", SMALL, "--depth", "depth.png", "--force", "late.csv");
-    REFUSES("back.csv: reading 3 is earlier", SMALL, "--depth", "depth.png", "--force", "back.csv");
+    REFUSES("back.csv: 3 readings between", SMALL, "--depth", "depth.png", "--force", "back.csv");
     REFUSES("far.csv: 2 of 2 points are farther", SMALL, "--points", "far.csv");
     REFUSES("few.csv: 1 points of the surface", SMALL, "--points", "few.csv");
     REFUSES("no column z", SMALL, "--points", "flat.csv");
