@@ -1,6 +1,7 @@
 // Which load a specimen that creeps has borne, and from when to when. See curve.h.
 #include "clients/identify/curve_parts.h"
 #include "clients/identify/load_steps.h"
+#include "clients/identify/onset.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include <math.h>
@@ -46,6 +47,19 @@ static double moment(const kn_readings *r, const kn_load_step *s, double noise)
     return fmin(fmax(meet, s->early_s), s->late_s);
 }
 
+// Nobody said when the load came, and the strain does not begin there. A height that counts from the first reading is
+// level there by itself.
+static void say_begin(const kn_curve_file *f, const kn_readings *r, const kn_curve *c, double noise)
+{
+    const double begin = c->step[0].time_s, span = r->time_s[r->count - 1] - r->time_s[0];
+    const bool from_first = c->height_m > 0 && !isfinite(f->height_m);
+    double least_s;
+    const double at_s = kn_onset(r->count, r->time_s, r->value, noise, &least_s);
+    if (isfinite(f->begin_s) || !(least_s > (from_first ? fmax(begin, r->time_s[0]) : begin) + 1e-3 * span)) return;
+    kn_curve_say(f, "the strain begins at %.3g s, but the load is taken to have come at %.3g s, as nothing says when it "
+                    "did: a note '# begin: %.3g s' or --late", at_s, begin, at_s);
+}
+
 static int take_steps(kn_curve_file *f, const kn_readings *r, const kn_load_steps *found, double noise, kn_curve *c)
 {
     for (int i = 0; i < found->count && c->steps < KN_CURVE_STEPS; i++) {
@@ -59,6 +73,7 @@ static int take_steps(kn_curve_file *f, const kn_readings *r, const kn_load_step
         if (i == 0) { // there is no reading before it
             const double begin = kn_curve_begin(f, r);
             c->step[c->steps++] = (kn_curve_step){begin, s->load, begin, begin};
+            say_begin(f, r, c, noise);
         } else {
             c->step[c->steps++] = (kn_curve_step){moment(r, s, noise), s->load, s->early_s, s->late_s};
         }
@@ -106,6 +121,7 @@ int kn_curve_load_given(kn_curve_file *f, const kn_readings *r, bool compliance,
     }
     const double begin = kn_curve_begin(f, r);
     c->step[c->steps++] = (kn_curve_step){begin, stress_pa, begin, begin};
+    say_begin(f, r, c, kn_curve_noise(r->count, r->time_s, r->value));
     return KN_EXIT_OK;
 }
 

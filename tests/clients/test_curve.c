@@ -349,6 +349,26 @@ TEST("a clock that counts from long before is told, and counts from the first re
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && said("time counts from long before") && curve->time_s[40] == 40);
 }
 
+TEST("a strain that begins long after the load is said to have come is told, be there readings before it or none")
+{
+    for (int k = 0; k < 6; k++) {
+        const double noise = k & 1 ? 0.01 : 0;
+        begin(k == 4 ? "# begin: 5 s\n" : "# load: 50 gf\n");
+        row("# load: 50 gf\n# area: 1 cm^2\n# height: 1 cm\n# release: 25 s\ntime_s,displacement_mm\n");
+        for (int i = k / 2 == 1 ? 26 : 0; i <= 200; i++) // none before it
+            row("%g,%.9g\n", 0.2 * i, crept_mm(0.2 * i - (k == 5 ? 0 : 5)) + noise * normal());
+        CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->step[1].time_s == (k == 4 ? 20 : 25));
+        CHECK(said("the strain begins at") == (k < 4));
+    }
+}
+
+TEST("a height that counts from the first reading does not begin late by that")
+{
+    begin("# load: 50 gf\n# area: 1 cm^2\ntime_s,height_mm\n");
+    for (int i = 1; i <= 80; i++) row("%g,%.9g\n", 0.5 * i, 10 - crept_mm(0.5 * i));
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && !said("the strain begins at"));
+}
+
 TEST("what is lacking is told in one line that says how to give it")
 {
     const char rows[] = "0,1\n1,2\n2,3\n3,4\n4,5\n5,6\n6,7\n7,7.5\n8,8\n";
