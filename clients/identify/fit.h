@@ -20,7 +20,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#define KN_FIT_UNKNOWNS 38 // the papers' six, and one for each of KN_CURVES_MAX curves
+#define KN_FIT_UNKNOWNS 70 // the papers' six, and two for each of KN_CURVES_MAX curves
 
 typedef struct kn_fit_unknown {
     const char *name;

@@ -1,13 +1,14 @@
 #include "clients/identify/joint.h"
 #include "clients/identify/chain.h"
+#include "clients/identify/onset.h"
 #include "clients/identify/stages.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-// The unknowns beyond the six are how late each curve's load came.
+// The unknowns beyond the six are how late each curve's load came, and how much longer it stayed, by turns.
 enum { LATE = KN_JOINT_NUMBERS, ROW = 3 }; // more outliers than that beside each other are the model's
-_Static_assert(LATE + KN_CURVES_MAX <= KN_FIT_UNKNOWNS, "every curve's load may be late");
+_Static_assert(LATE + 2 * KN_CURVES_MAX <= KN_FIT_UNKNOWNS, "every curve's load may be late");
 _Static_assert(KN_CURVE_STEPS <= KN_CHAIN_STEPS, "a curve's loads are a chain's");
 
 static const double huber = 3;    // deviations beyond which a reading pulls no harder, while outliers are looked for
@@ -25,11 +26,28 @@ typedef struct joint_work {
 
 // ---- the curves
 
-double kn_joint_load(const kn_curve *c, double time_s)
+typedef struct lateness {
+    double late_s, held_s;
+} lateness;
+
+static double came(const kn_curve *c, int step, lateness l)
+{
+    const bool release = step > 0 && step + 1 == c->steps && c->step[step].stress_pa == 0;
+    return c->step[step].time_s + l.late_s + (release ? l.held_s : 0);
+}
+
+static double load_at(const kn_curve *c, double time_s, lateness l)
 {
     double load = 0;
-    for (int i = 0; i < c->steps && c->step[i].time_s < time_s; i++) load = c->step[i].stress_pa;
+    for (int i = 0; i < c->steps && came(c, i, l) < time_s; i++) load = c->step[i].stress_pa;
     return load;
+}
+
+double kn_joint_load(const kn_curve *c, double time_s) { return load_at(c, time_s, (lateness){0, 0}); }
+
+double kn_joint_fitted_load(const kn_joint *j, int k, const kn_curve *c, double time_s)
+{
+    return load_at(c, time_s, (lateness){j->late_s[k], j->held_s[k]});
 }
 
 double kn_joint_release(const kn_curve *c)
@@ -54,13 +72,22 @@ static kn_chain chain_of(const kn_material *m)
                       .p1_pa = m->p1_pa};
 }
 
-bool kn_joint_predict(const kn_material *material, const kn_curve *c, double late_s, double *strain)
+static bool predict(const kn_material *material, const kn_curve *c, lateness l, double *strain)
 {
     kn_chain chain = chain_of(material);
     kn_chain_step step[KN_CURVE_STEPS];
-    for (int i = 0; i < c->steps; i++)
-        step[i] = (kn_chain_step){c->step[i].time_s + late_s, c->step[i].stress_pa};
+    for (int i = 0; i < c->steps; i++) step[i] = (kn_chain_step){came(c, i, l), c->step[i].stress_pa};
     return kn_chain_creep(&chain, c->constant_area, c->steps, step, c->count, c->time_s, strain);
+}
+
+bool kn_joint_predict(const kn_material *material, const kn_curve *c, double late_s, double *strain)
+{
+    return predict(material, c, (lateness){late_s, 0}, strain);
+}
+
+bool kn_joint_fitted(const kn_joint *j, int k, const kn_curve *c, double *strain)
+{
+    return predict(&j->material, c, (lateness){j->late_s[k], j->held_s[k]}, strain);
 }
 
 // ---- residuals
@@ -79,6 +106,11 @@ static kn_material material_of(const double *v)
 // Huber's loss as a square: beyond k it grows like |r|.
 static double tame(double r) { return fabs(r) <= huber ? r : copysign(sqrt(2 * huber * fabs(r) - huber * huber), r); }
 
+static lateness lateness_of(const joint_work *w, const double *v, int k)
+{
+    return w->late ? (lateness){v[LATE + 2 * k], v[LATE + 2 * k + 1]} : (lateness){0, 0};
+}
+
 static bool misfit(void *of, const double *value, double *residual)
 {
     joint_work *w = of;
@@ -87,7 +119,7 @@ static bool misfit(void *of, const double *value, double *residual)
     int n = 0;
     for (int k = 0; k < w->curves; left_out += w->curve[k++].count) {
         const kn_curve *c = &w->curve[k];
-        if (!kn_joint_predict(&m, c, w->late ? value[LATE + k] : 0, w->strain)) return false;
+        if (!predict(&m, c, lateness_of(w, value, k), w->strain)) return false;
         for (int i = 0; i < c->count; i++) {
             if (left_out[i]) continue;
             double r = (w->strain[i] - c->value[i]) * sqrt(c->weight[i]) / c->noise;
@@ -254,11 +286,13 @@ static bool visited_by_fit(kn_joint *j, joint_work *w, kn_fit *fit)
     values(fit, value);
     const kn_material m = material_of(value);
     for (int k = 0; k < w->curves; k++) {
+        const lateness l = lateness_of(w, value, k);
         kn_curve ends = w->curve[k];
-        for (int i = 0; i < ends.steps; i++) end_s[i] = step_end(&w->curve[k], i);
+        for (int i = 0; i < ends.steps; i++)
+            end_s[i] = i + 1 < ends.steps ? came(&ends, i + 1, l) : fmax(step_end(&ends, i), i ? end_s[i - 1] : 0);
         ends.time_s = end_s;
         ends.count = ends.steps;
-        if (!kn_joint_predict(&m, &ends, 0, end_strain[k])) return false; // lateness is sought after this
+        if (!predict(&m, &ends, l, end_strain[k])) return false;
     }
     visit_all(j, w->curves, end_strain, w->curve);
     kn_fit_unknown *p0 = &fit->unknown[KN_JOINT_P0];
@@ -315,7 +349,7 @@ static bool deviations(const joint_work *w, const kn_fit *fit, int k, double *ou
     double value[KN_FIT_UNKNOWNS], *size = malloc((size_t)c->count * sizeof *size);
     values(fit, value);
     kn_material m = material_of(value);
-    bool ok = size && kn_joint_predict(&m, c, w->late ? value[LATE + k] : 0, w->strain);
+    bool ok = size && predict(&m, c, lateness_of(w, value, k), w->strain);
     for (int i = 0; ok && i < c->count; i++) {
         out[i] = (w->strain[i] - c->value[i]) * sqrt(c->weight[i]);
         size[i] = fabs(out[i]);
@@ -429,8 +463,10 @@ static bool conclude(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_opt
     const bool *left_out = w->left_out;
     for (int k = 0; k < w->curves; left_out += w->curve[k++].count) {
         const kn_curve *curve = &w->curve[k];
-        j->late_s[k] = w->late ? value[LATE + k] : 0;
-        if (!kn_joint_predict(&j->material, curve, j->late_s[k], w->strain)) return false;
+        const lateness l = lateness_of(w, value, k);
+        j->late_s[k] = l.late_s;
+        j->held_s[k] = l.held_s;
+        if (!predict(&j->material, curve, l, w->strain)) return false;
         double sum = 0;
         int n = 0;
         for (int i = 0; i < curve->count; i++) {
@@ -445,18 +481,52 @@ static bool conclude(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_opt
     return true;
 }
 
-static bool seek_late(joint_work *w, kn_fit *fit)
+// Where the strain begins, if that is later than the load is said to have come; and whether the release was late with
+// the load or came as noted: by whichever is nearer to where the strain is largest.
+static lateness late_at_first(const kn_curve *c)
+{
+    double least_s;
+    const double at_s = kn_onset(c->count, c->time_s, c->value, c->noise, &least_s);
+    if (!(least_s > 0)) return (lateness){0, 0};
+    const double release_s = kn_joint_release(c);
+    int peak = 0;
+    for (int i = 0; i < c->count; i++)
+        if (c->value[i] > c->value[peak]) peak = i;
+    const bool as_noted = fabs(c->time_s[peak] - release_s) < fabs(c->time_s[peak] - release_s - at_s);
+    return (lateness){at_s, as_noted ? -at_s : 0};
+}
+
+// Held for the start; a load that was never taken off stays.
+static void begin_late(joint_work *w, kn_fit *fit)
 {
     w->late = true;
-    for (int k = 0; k < w->curves; k++)
-        fit->unknown[LATE + k] = (kn_fit_unknown){.name = "late", .low = -5, .high = 5, .linear = true};
-    fit->unknowns = LATE + w->curves;
+    for (int k = 0; k < w->curves; k++) {
+        const kn_curve *c = &w->curve[k];
+        const lateness l = late_at_first(c);
+        const double long_s = c->time_s[c->count - 1];
+        const double load_s = isfinite(kn_joint_release(c)) ? kn_joint_release(c) - c->step[c->steps - 2].time_s : 0;
+        kn_fit_unknown *u = &fit->unknown[LATE + 2 * k];
+        u[0] = (kn_fit_unknown){.name = "late", .low = -long_s, .high = long_s, .linear = true, .fixed = true};
+        u[1] = (kn_fit_unknown){.name = "held", .low = -0.9 * load_s, .high = load_s, .linear = true, .fixed = true};
+        u[0].value = fmin(l.late_s, u[0].high);
+        u[1].value = fmax(l.held_s, u[1].low);
+    }
+    fit->unknowns = LATE + 2 * w->curves;
+}
+
+static bool seek_late(joint_work *w, kn_fit *fit)
+{
+    for (int k = 0; k < w->curves; k++) {
+        fit->unknown[LATE + 2 * k].fixed = false;
+        fit->unknown[LATE + 2 * k + 1].fixed = !isfinite(kn_joint_release(&w->curve[k]));
+    }
     return fit->readings > fit->unknowns && kn_fit_run(fit);
 }
 
 static bool search(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_options *opt)
 {
     double start[4][KN_FIT_UNKNOWNS];
+    if (opt->late) begin_late(w, fit);
     int starts = guesses(fit, j, w->curves, w->curve, start);
     w->robust = true;
     if (!kn_fit_run_from(fit, best_two(fit, starts, start), start)) return false;

@@ -12,6 +12,12 @@
 // extrapolated, and its interval says how high it could be. P1 above the largest stress has no gradient either: a
 // search that begins there stays there and bends the others (beta by 0.4 %), so it begins at several shares of it.
 //
+// Where it is asked for, each curve's clock may be off, by up to its whole length: all its loads came by so much later
+// (or earlier) than its file says. That is what a recording does which was started too soon or too late. A load that
+// came late while its release was as noted is another thing, so the last load's duration is an unknown of its own, from
+// a tenth of what the file says to twice that. The search begins where the strain does (onset.h), and where it is
+// largest.
+//
 // Curves of one stress alone (a constant area, a small strain, or a compliance) say one number of the damper: it is
 // constant then, c2.
 //
@@ -36,6 +42,7 @@ typedef struct kn_joint {
     double rms[KN_CURVES_MAX];    // of the residuals of one reading of each curve, strain; a mean's count by its weight
     double runs[KN_CURVES_MAX];   // kn_fit_runs of each
     double late_s[KN_CURVES_MAX]; // how much later than its file says a load came; 0 unless asked for
+    double held_s[KN_CURVES_MAX]; // and how much longer it stayed: its release was late by late_s + held_s
     int readings, unknowns, outliers;
     kn_joint_outlier outlier[KN_JOINT_OUTLIERS];
     double sum, scale;
@@ -45,15 +52,20 @@ typedef struct kn_joint {
 
 typedef struct kn_joint_options {
     double confidence; // 0.95
-    bool late;         // each curve's load may have come at another time than its file says: fitted, too
+    bool late;         // each curve's load may have come and gone at other times than its file says: fitted, too
     bool no_intervals; // values alone
 } kn_joint_options;
 
 // False: no memory, or no start from which the model could be computed; then joint is not to be used.
 bool kn_joint_fit(kn_joint *joint, int curves, const kn_curve *curve, const kn_joint_options *options);
 
-// The strain that a material makes of a curve's loads at its readings. False: absurd numbers.
+// The strain that a material makes of a curve's loads at its readings, all of them late_s later than the file says.
+// False: absurd numbers.
 bool kn_joint_predict(const kn_material *material, const kn_curve *curve, double late_s, double *strain);
+
+// The same of the k-th curve that was fitted, with what was found of when its loads came and went.
+bool kn_joint_fitted(const kn_joint *joint, int k, const kn_curve *curve, double *strain);
+double kn_joint_fitted_load(const kn_joint *joint, int k, const kn_curve *curve, double time_s); // nominal stress
 
 // The stress at each reading, by equation 4 from what was measured; 0 after the load.
 void kn_joint_stress(const kn_curve *curve, double *stress_pa);

@@ -187,6 +187,28 @@ TEST("ten loads, each late by a time of its own")
     end(c, 10);
 }
 
+TEST("a clock that is late and a hand that is late are found for what they are, seconds late, too")
+{
+    for (int hand = 0; hand < 2; hand++) {
+        kn_curve c[3];
+        kn_joint j;
+        const double late_s = hand ? 0.6 : 12, gf[] = {10, 50, 90};
+        for (int k = 0; k < 3; k++) {
+            c[k] = creeps_of(&creeps_dough, gf[k], hand ? 60 - late_s : 60, 65, 0.3);
+            for (int i = 0; i < c[k].count; i++) c[k].time_s[i] += late_s;
+            c[k].step[1] = (kn_curve_step){.time_s = 60, .early_s = 60, .late_s = 60}; // as was noted
+        }
+        CHECK(kn_joint_fit(&j, 3, c, &(kn_joint_options){.confidence = 0.95, .late = true, .no_intervals = true}));
+        for (int k = 0; k < 3; k++) {
+            CHECK_NEAR(j.late_s[k], late_s, 0.01);
+            CHECK_NEAR(j.held_s[k], hand ? -late_s : 0, 0.01);
+            CHECK(j.rms[k] < 1e-4 && kn_joint_fitted_load(&j, k, &c[k], late_s + 30) > 0);
+        }
+        for (int i = 0; i < KN_JOINT_P0; i++) CHECK(off(&j, i) < 0.005);
+        end(c, 3);
+    }
+}
+
 TEST("a load that came 0.15 s late is found, and bends c1 where it is not looked for")
 {
     kn_curve c[5];
