@@ -40,7 +40,8 @@ static const char help[] =
     "  --release TIME         when the load was taken off\n"
     "  --units NAME=UNIT,...  of columns that have none: --units time=s,height=mm\n"
     "  --constant-area        stress is load/S0; else the section grows as the height falls, S h = S0 h0\n"
-    "  --late                 each load may have come at another moment than its file says: that is fitted, too\n"
+    "  --late                 each load may have come, by up to the whole curve, and gone at other moments than\n"
+    "                         its file says: fitted, too, as how late it came and how much longer it stayed\n"
     KN_IDENTIFY_OUTPUT_HELP
     "\nTold are the best numbers over whole curves together, with intervals that hold the truth 95 times in 100 if\n"
     "the model is right and the noise independent; whether that is so; what these curves cannot tell; and beside it\n"
@@ -97,6 +98,8 @@ static void print_curves(const work *w)
         printf("%-20s %9.4g %9d %10.2g %9.3g %9s", c->name, c->step[0].stress_pa / 1e3, c->count,
                100 * j->rms[k] / most, j->rms[k] / c->noise, runs);
         if (w->opt.late) printf("   came %.3g s %s", fabs(j->late_s[k]), j->late_s[k] < 0 ? "early" : "late");
+        if (w->opt.late && isfinite(kn_joint_release(c)))
+            printf(", stayed %.3g s %s", fabs(j->held_s[k]), j->held_s[k] < 0 ? "shorter" : "longer");
         printf("\n");
     }
     printf("misfit: of the largest strain; runs: standard deviations fewer than noise has, above 3 the model bends "
@@ -214,6 +217,7 @@ static void tell(const work *w)
         kn_result_number(row, "noise_strain", w->curve[k].noise);
         kn_result_number(row, "runs", j->runs[k]);
         kn_result_number(row, "late_s", j->late_s[k]);
+        kn_result_number(row, "held_s", j->held_s[k]);
     }
 }
 
@@ -229,7 +233,7 @@ static int write_csv(const work *w)
     for (int k = 0; ok && k < w->curves; k++) {
         const kn_curve *c = &w->curve[k];
         double *fit = calloc(2 * (size_t)c->count, sizeof *fit), *stress = fit ? fit + c->count : NULL;
-        ok = fit && kn_joint_predict(&w->joint.material, c, w->joint.late_s[k], fit);
+        ok = fit && kn_joint_fitted(&w->joint, k, c, fit);
         if (ok) kn_joint_stress(c, stress);
         for (int i = 0; ok && i < c->count; i++) {
             kn_table_text(c->name, f);
