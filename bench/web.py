@@ -89,17 +89,13 @@ def measure(name, page, server, bus, seconds, press):
           f"{rate(missed(bus, ticks))}", flush=True)
 
 
-def wheel(page, mm):
-    page.devtools("Input.dispatchMouseEvent", type="mouseWheel", x=page.x, y=page.y, deltaX=0, deltaY=200 * mm, buttons=1)
-
-
 def press(page, u, v, mm):  # as deep as the slider says, then deeper by the wheel
     page.hover(u, v)
     until(lambda: page.now()["status"].startswith("ready"))
     time.sleep(0.5)
     page.press(u, v)
     until(lambda: page.now()["depth_mm"] > 4.7)
-    wheel(page, mm)
+    page.wheel(mm)
     time.sleep(1)
 
 
@@ -108,7 +104,7 @@ def show(page, path):  # a block that has been pressed once, and is pressed now
     page.run("document.getElementById('material-box').open = true")
     press(page, 0.42, 0.42, 4)
     page.release()
-    wheel(page, -4)
+    page.wheel(-4)
     press(page, 0.56, 0.38, 2)
     page.screenshot(path)
     page.release()

@@ -169,6 +169,10 @@ class Browser:
         self.hover(u, v)
         self.mouse("Pressed", self.x, self.y)
 
+    def wheel(self, mm):  # deeper
+        self.devtools("Input.dispatchMouseEvent", type="mouseWheel", x=self.x, y=self.y, deltaX=0, deltaY=200 * mm,
+                      buttons=1)
+
     def release(self):
         self.mouse("Released", self.x, self.y, held=0)
 

@@ -75,7 +75,7 @@ def by_mouse(page, bus):
     check("dragged, it strokes", until(lambda: bus.dented() > 1.3 * wide), wide, bus.dented())
     check("as deep as it was", page.now()["depth_mm"] > 4.7 and page.now()["contact"], page.now())
     page.screenshot(ARTEFACTS + "/web.png")
-    page.devtools("Input.dispatchMouseEvent", type="mouseWheel", x=page.x, y=page.y, deltaX=0, deltaY=200, buttons=1)
+    page.wheel(1)
     check("so it does by the wheel", until(lambda: page.now()["depth_mm"] > 5.7), page.now())
     page.mouse("Moved", 2, 2)  # out of the picture
     page.mouse("Released", 2, 2, held=0)
@@ -86,7 +86,8 @@ def by_mouse(page, bus):
     page.hover(*TOP)
 
     time.sleep(6)
-    poke = subprocess.run(["knead", "probe", "--path", "poke", "--hold", "0.2 s", "--quiet"], capture_output=True, text=True)
+    poke = subprocess.run(["knead", "probe", "--path", "poke", "--hold", "0.2 s", "--quiet"],
+                          capture_output=True, text=True)
     check("untouched for 5 s, it lets another hand have the tool", poke.returncode == 0, poke.stderr)
     reset(page, bus, lambda: page.run("document.getElementById('reset').click()"))
     page.hover(*TOP)
