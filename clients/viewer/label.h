@@ -13,8 +13,8 @@ typedef struct kn_label {
     float bar_at[2];       // where: middle of the text's upper edge, pixels from the upper left corner
 } kn_label;
 
-// Says how long the bar is whose text belongs at bar_at, where that is in the picture. words: the caller's, as long as the
-// label is used.
+// Says how long the bar is whose text belongs at bar_at, where that is in the picture. words: the caller's, as long
+// as the label is used.
 void kn_label_bar(kn_label *label, char words[32], double bar_m, int width, int height);
 
 // On rgba [height][width][4], top row first. False and one sentence in error: libcairo is not there, out of memory.

@@ -7,10 +7,10 @@
 //             <- state and picture --  write(page, ...)    <--  whoever has news: kn_gateway_news
 //             -- GET, with the token in a header -->  fetch  -- a file, or bytes
 //
-// One address alone is listened on, 127.0.0.1 unless told, by a socket that is bound here and read back (libwebsockets 4.1 ignores an interface
-// given as an address and listens on all of them). The page must come from there (Origin, Host) and must know the
-// token, so that no other page and no other user of this machine gets at the tool. Whoever is refused is told why, in
-// words.
+// One address alone is listened on, 127.0.0.1 unless told, by a socket that is bound here and read back
+// (libwebsockets 4.1 ignores an interface given as an address and listens on all of them). The page must come from
+// there (Origin, Host) and must know the token, so that no other page and no other user of this machine gets at the
+// tool. Whoever is refused is told why, in words.
 #include "clients/web/request.h"
 #include <ev.h>
 #include <netinet/in.h>
@@ -74,8 +74,8 @@ typedef struct kn_gateway {
     size_t buffer_size;
 } kn_gateway;
 
-// host: an address as kn_gateway_host has it. port 0: a free one; fd >= 0: a socket that listens there already, port is not
-// looked at. largest: bytes of a message. The callbacks must be set. False and one line in error.
+// host: an address as kn_gateway_host has it. port 0: a free one; fd >= 0: a socket that listens there already, port
+// is not looked at. largest: bytes of a message. The callbacks must be set. False and one line in error.
 bool kn_gateway_open(kn_gateway *gateway, struct ev_loop *ev, const char *host, int port, int fd, size_t largest,
                      char *error, size_t error_size);
 int kn_gateway_listen(const char *host, int port, char *error, size_t error_size); // -1 and one line in error

@@ -269,7 +269,8 @@ static bool open_all(kn_web *w)
     return kn_live_open(&w->live, w->url, w->mesh_url, w->error, sizeof w->error) &&
            kn_vitals_open(&w->vitals, w->live.bus, w->live.mesh_bus) &&
            kn_painter_open(&w->painter, w->width, w->height, call_back, w, w->error, sizeof w->error) &&
-           kn_gateway_open(&w->gateway, w->ev, w->host, w->port, w->listen_fd, largest + ROOM, w->error, sizeof w->error);
+           kn_gateway_open(&w->gateway, w->ev, w->host, w->port, w->listen_fd, largest + ROOM, w->error,
+                           sizeof w->error);
 }
 
 static void close_all(kn_web *w)
@@ -352,7 +353,8 @@ static const char *take(kn_web *w, int option, const char *text) // NULL, or wha
 static int parse(kn_web *w, int argc, char **argv)
 {
     static const struct option names[] = {
-        {"address", 1, NULL, 'a'}, {"probe", 1, NULL, 'P'}, {"port", 1, NULL, 'p'},       {"rate", 1, NULL, 'r'},     {"size", 1, NULL, 's'},
+        {"address", 1, NULL, 'a'},
+        {"probe", 1, NULL, 'P'}, {"port", 1, NULL, 'p'},       {"rate", 1, NULL, 'r'},     {"size", 1, NULL, 's'},
         {"bind", 0, NULL, 'b'},  {"control", 1, NULL, 'c'}, {"lcm-url", 1, NULL, 'l'},  {"mesh-url", 1, NULL, 'm'},
         {"help", 0, NULL, 'h'},  {"listen-fd", 1, NULL, 'f'},  {"scenes", 1, NULL, 'S'},  {NULL, 0, NULL, 0}};
     opterr = 0; // our own words
