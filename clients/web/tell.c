@@ -265,7 +265,9 @@ static json_t *control(const kn_web *w)
                       : w->status ? NULL
                       : *w->control_error ? w->control_error : "kneadd has not answered yet";
     // a latched fault that a lift does not clear has the same way back
-    const bool stopped = mode && (strcmp(mode, "ESTOP") == 0 || strcmp(mode, "FAULT") == 0);
+    // (but one that ends by itself, of a session that has fallen silent since nobody touches the page, is none)
+    const bool fault = mode && strcmp(mode, "FAULT") == 0 && w->news.mode != KN_POINTER_ABSENT;
+    const bool stopped = fault || (mode && strcmp(mode, "ESTOP") == 0);
     return json_pack("{s:s?, s:b, s:b, s:I, s:s?, s:b, s:s?, s:s?}", "why", why, "orders",
                      w->control != NULL, "saves",
                      json_is_string(json_object_get(state, "directory")), "snapshot",
