@@ -139,16 +139,27 @@ int kn_curve_readings(kn_curve_file *f, kn_readings *r, int begin, int end, int 
 
 enum { FEW = 3 }; // rows in a wrong place beside each other are fewer
 
-// Rows from `at` on in which time rises anew, counted to KN_CURVE_LEAST; 0 where it then goes on from where it was,
-// `last` and no farther than next_s: they only stand in a wrong place.
+// Whether time goes on at row i from where it was, `last` and no farther than next_s, by a leap: a second table of larger
+// steps walks through there as it goes on, by steps of its own.
+static bool leaps_back(const kn_sheet *s, const double *t, int i, double before, double own_step, double last,
+                       double next_s)
+{
+    int next = i + 1;
+    if (!(t[i] >= last && t[i] <= next_s)) return false;
+    while (next < s->rows && isnan(t[next])) next++;
+    return t[i] - before > 3 * (next < s->rows && t[next] >= t[i] ? t[next] - t[i] : own_step);
+}
+
+// Rows from `at` on in which time rises anew, counted to KN_CURVE_LEAST; 0 where they only stand in a wrong place.
 static int rows_anew(const kn_sheet *s, const double *t, int at, double last, double next_s)
 {
-    double before = t[at];
+    double before = t[at], step = 0;
     int rows = 0;
     for (int i = at; i < s->rows && rows < KN_CURVE_LEAST; i++) {
         if (isnan(t[i])) continue;
-        if (t[i] >= last && t[i] <= next_s) return 0;
+        if (leaps_back(s, t, i, before, step, last, next_s)) return 0;
         if (t[i] < before) break;
+        step = fmax(step, t[i] - before);
         before = t[i];
         rows++;
     }
@@ -159,7 +170,7 @@ int kn_curve_range_end(const kn_sheet *s, int time, int begin)
 {
     const double *t = s->column[time].value;
     double first = NAN, last = NAN, step = 0;
-    int enough = FEW;
+    int falls = 0; // in disorder there are many, and three rows rise by chance
     for (int i = begin; i < s->rows; i++) {
         if (isnan(t[i])) continue;
         if (isnan(first)) first = last = t[i];
@@ -168,9 +179,10 @@ int kn_curve_range_end(const kn_sheet *s, int time, int begin)
             last = t[i];
             continue;
         }
-        if (i - begin < KN_CURVE_LEAST) return s->rows; // all of it is in disorder
-        if (t[i] <= 0.5 * (last + first) && rows_anew(s, t, i, last, last + 3 * step) >= enough) return i;
-        enough = KN_CURVE_LEAST; // in disorder three rows rise by chance
+        if (i - begin >= KN_CURVE_LEAST * (1 + falls) && t[i] <= 0.5 * (last + first) &&
+            rows_anew(s, t, i, last, last + 3 * step) >= (falls ? KN_CURVE_LEAST : FEW))
+            return i;
+        falls++;
     }
     return s->rows;
 }
@@ -227,6 +239,14 @@ void kn_curve_upright(const kn_curve_file *f, int count, double *value, const ch
     if (!(below > 20 * above)) return;
     for (int i = 0; i < count; i++) value[i] = -value[i];
     kn_curve_say(f, "%s is below 0, as of a file where compression is: its sign is changed", name);
+}
+
+void kn_curve_say_bare(const kn_curve_file *f, int column)
+{
+    if (column < 0 || f->sheet.column[column].heading.has_unit) return;
+    const char *name = f->sheet.column[column].heading.name;
+    kn_curve_say(f, "'%s' has no unit and is taken as a share of the height, 0.05 as 5 %%; were it per cent: '%s [%%]'",
+                 name, name);
 }
 
 double kn_curve_begin(const kn_curve_file *f, const kn_readings *r)

@@ -15,22 +15,12 @@ typedef struct columns { // of the sheet; -1: there is none
     double load_n[KN_CURVES_MAX];
 } columns;
 
-// Strain first: an instrument knows its own specimen best. But a bare x may be anything, and gives way to a column with
-// a unit.
+// Strain first: an instrument knows its own specimen best.
 static int choose_value(kn_curve_file *f, columns *c)
 {
     static const kn_role roles[] = {KN_STRAIN, KN_DISPLACEMENT, KN_HEIGHT, KN_COMPLIANCE};
-    int code = KN_EXIT_OK, bare = -1;
-    c->value = -1;
-    for (int i = 0; i < 4 && c->value < 0 && code == KN_EXIT_OK; i++) {
-        c->what = roles[i];
-        if (bare >= 0 && kn_role_find(&f->sheet, c->what, NULL) < 0) continue; // the bare one will do
-        c->value = kn_role_find(&f->sheet, c->what, &code);
-        if (c->value < 0 || kn_role_is_sure(&f->sheet, c->what, c->value)) continue;
-        bare = c->value;
-        c->value = -1;
-    }
-    if (c->value < 0 && bare >= 0 && code == KN_EXIT_OK) c->value = bare, c->what = KN_STRAIN; // no other may be bare
+    int code = KN_EXIT_OK;
+    c->value = kn_role_find_first(&f->sheet, 4, roles, &c->what, &code);
     if (c->value >= 0 || code != KN_EXIT_OK) return code;
     return kn_sheet_complain(&f->sheet, f->sheet.header_line, 1,
                              "no height, displacement, strain or compliance, expected one, e.g. 'height_mm'");
@@ -277,7 +267,7 @@ static int refuse_second(const kn_curve_file *f, const columns *c, int begin, in
         return kn_sheet_complain(s, s->line[end], kn_sheet_at(s, s->line[end], c->time),
                                  "time begins anew where a thousand is reached, expected numbers without separators "
                                  "of thousands");
-    return kn_sheet_complain(s, s->line[end], s->column[c->time].at,
+    return kn_sheet_complain(s, s->line[end], kn_sheet_at(s, s->line[end], c->time),
                              "time begins anew, as a second table's does, expected one time for all, or another load "
                              "from here on");
 }
@@ -334,15 +324,6 @@ static void say_unused(kn_curve_file *f, const columns *c)
                          f->sheet.note[i].line);
 }
 
-// Per cent are as often written without a unit as shares are, and below 1 nothing tells them apart.
-static void say_bare(kn_curve_file *f, const columns *c)
-{
-    if (c->value < 0 || c->what != KN_STRAIN || f->sheet.column[c->value].heading.has_unit) return;
-    const char *name = f->sheet.column[c->value].heading.name;
-    kn_curve_say(f, "'%s' has no unit and is taken as a share of the height, 0.05 as 5 %%; were it per cent: '%s [%%]'",
-                 name, name);
-}
-
 int kn_curve_load_creep(kn_curve_file *f)
 {
     columns c = {0};
@@ -361,6 +342,6 @@ int kn_curve_load_creep(kn_curve_file *f)
     if (key >= 0) join_recoveries(f, &c, key);
     code = add_long(f, &c, key);
     if (code == KN_EXIT_OK) say_unused(f, &c);
-    if (code == KN_EXIT_OK) say_bare(f, &c);
+    if (code == KN_EXIT_OK && c.what == KN_STRAIN) kn_curve_say_bare(f, c.value);
     return code;
 }

@@ -56,8 +56,8 @@ static void say_begin(const kn_curve_file *f, const kn_readings *r, const kn_cur
     double least_s;
     const double at_s = kn_onset(r->count, r->time_s, r->value, noise, &least_s);
     if (isfinite(f->begin_s) || !(least_s > (from_first ? fmax(begin, r->time_s[0]) : begin) + 1e-3 * span)) return;
-    kn_curve_say(f, "the strain begins at %.3g s, but the load is taken to have come at %.3g s, as nothing says when it "
-                    "did: a note '# begin: %.3g s' or --late", at_s, begin, at_s);
+    kn_curve_say(f, "the strain begins at %.6g s, but the load is taken to have come at %.6g s, as nothing says when it "
+                    "did: a note '# begin: %.6g s' or --late", at_s, begin, at_s);
 }
 
 static int take_steps(kn_curve_file *f, const kn_readings *r, const kn_load_steps *found, double noise, kn_curve *c)

@@ -52,6 +52,9 @@ int kn_curve_load_release(kn_curve_file *f, const kn_readings *r, kn_curve *c);
 // Changes the sign of all where nearly all of them are below 0 (compression is positive here), and says so.
 void kn_curve_upright(const kn_curve_file *f, int count, double *value, const char *name);
 
+// A strain without a unit is a share of the height; that is said, since per cent are as often written so.
+void kn_curve_say_bare(const kn_curve_file *f, int column);
+
 // Where time counts from if readings begin at the load: 0, or their first time where that is far from 0.
 double kn_curve_begin(const kn_curve_file *f, const kn_readings *r);
 

@@ -20,8 +20,7 @@ static int choose(kn_curve_file *f, columns *c)
     c->time = kn_role_find(s, KN_TIME, &code);
     for (int i = 0; i < 3 && c->value < 0 && code == KN_EXIT_OK; i++)
         c->value = kn_role_find(s, c->what = values[i], &code);
-    for (int i = 0; i < 3 && c->strain < 0 && code == KN_EXIT_OK; i++)
-        c->strain = kn_role_find(s, c->strain_is = strains[i], &code);
+    if (code == KN_EXIT_OK) c->strain = kn_role_find_first(s, 3, strains, &c->strain_is, &code);
     if (code != KN_EXIT_OK) return code;
     if (c->time < 0) return kn_sheet_complain(s, s->header_line, 1, "no time, expected a column like 'time_s'");
     if (c->value >= 0) return KN_EXIT_OK;
@@ -172,7 +171,7 @@ int kn_curve_load_relax(kn_curve_file *f)
         code = kn_curve_rows(f, cols.strain >= 0 ? 3 : 2, (int[]){cols.time, cols.value, cols.strain});
     const int end = code == KN_EXIT_OK ? kn_curve_range_end(&f->sheet, cols.time, 0) : 0;
     if (code == KN_EXIT_OK && end < f->sheet.rows)
-        code = kn_sheet_complain(&f->sheet, f->sheet.line[end], f->sheet.column[cols.time].at,
+        code = kn_sheet_complain(&f->sheet, f->sheet.line[end], kn_sheet_at(&f->sheet, f->sheet.line[end], cols.time),
                                  "time begins anew, expected one relaxation in a file");
     if (code == KN_EXIT_OK)
         code = kn_curve_readings(f, &r, 0, f->sheet.rows, cols.time, cols.value, cols.strain, -1, true);
@@ -185,6 +184,7 @@ int kn_curve_load_relax(kn_curve_file *f)
     if (code == KN_EXIT_OK) code = kn_curve_order(f, &r, kn_role_name(cols.what));
     if (code == KN_EXIT_OK) {
         say(f, c, &r, cols.what);
+        if (cols.strain_is == KN_STRAIN) kn_curve_say_bare(f, cols.strain);
         code = kn_curve_finish(f, c, &r, 1, &c->begin_s);
     }
     kn_readings_free(&r);

@@ -74,11 +74,14 @@ static bool ends_with(const char *text, const char *end)
     return n > m && !strcmp(text + n - m, end);
 }
 
+// A strain rate is no strain.
 static bool is_called(const kn_heading *h, const char *name)
 {
     if (*name != ' ') return !strcmp(h->word, name);
-    return !strcmp(h->word, name + 1) || ends_with(h->word, name) ||
-           (!strncmp(h->word, name + 1, strlen(name + 1)) && h->word[strlen(name + 1)] == ' ');
+    if (!strcmp(h->word, name + 1)) return true;
+    const char *rest = h->word + strlen(name + 1);
+    return !ends_with(h->word, " rate") &&
+           (ends_with(h->word, name) || (!strncmp(h->word, name + 1, strlen(name + 1)) && *rest == ' '));
 }
 
 static const bool may_be_bare[KN_ROLE_COUNT] = {[KN_STRAIN] = true, [KN_TANGENT] = true};
@@ -94,11 +97,14 @@ static bool is_sure(const kn_heading *h, kn_role role)
     return h->has_unit || strstr(h->word, kinds[role].name);
 }
 
-// Another column of that very name and kind; -1: none. Which of them was meant nobody knows.
+// Another column of that very name and kind, as sure as this one; -1: none. Which of them was meant nobody knows.
 static int twin(const kn_sheet *s, kn_role role, const char *name, int column)
 {
-    for (int c = column + 1; *name != ' ' && c < s->columns; c++)
-        if (is_called(&s->column[c].heading, name) && is_it(&s->column[c].heading, role)) return c;
+    const bool sure = is_sure(&s->column[column].heading, role);
+    for (int c = column + 1; *name != ' ' && c < s->columns; c++) {
+        const kn_heading *h = &s->column[c].heading;
+        if (is_called(h, name) && is_it(h, role) && (is_sure(h, role) || !sure)) return c;
+    }
     return -1;
 }
 
@@ -147,6 +153,21 @@ int kn_role_find(kn_sheet *s, kn_role role, int *code)
                                   "%s has no unit, expected one, e.g. '%s [%s]', or --units '%s=%s'", h->name, h->name,
                                   kinds[role].unit, h->word, kinds[role].unit);
     return -1;
+}
+
+int kn_role_find_first(kn_sheet *s, int count, const kn_role *roles, kn_role *role, int *code)
+{
+    int bare = -1;
+    kn_role bare_is = *roles;
+    for (int i = 0; i < count; i++) {
+        if (bare >= 0 && kn_role_find(s, roles[i], NULL) < 0) continue; // the bare one will do
+        const int column = kn_role_find(s, *role = roles[i], code);
+        if (*code != KN_EXIT_OK) return -1;
+        if (column >= 0 && kn_role_is_sure(s, *role, column)) return column;
+        if (column >= 0) bare = column, bare_is = *role;
+    }
+    *role = bare_is;
+    return bare;
 }
 
 // "10 gf", "0.1N", "W = 10 gf" within a name

@@ -34,6 +34,10 @@ int kn_role_find(kn_sheet *s, kn_role role, int *code);
 // well be something else, and one of another quantity goes before it.
 bool kn_role_is_sure(const kn_sheet *s, kn_role role, int column);
 
+// The first of the roles that there is a column of, and *role which: one that is sure before one that is not.
+// -1: none, or *code, KN_EXIT_OK before, says a complaint.
+int kn_role_find_first(kn_sheet *s, int count, const kn_role *roles, kn_role *role, int *code);
+
 // Several columns of one quantity, each headed by its load, "10 gf [mm]", "displacement_mm 10 gf": their number, at
 // most `most`, and each one's load, N. 0: none.
 int kn_role_find_loads(const kn_sheet *s, int most, int column[], double load_n[]);

@@ -1,5 +1,5 @@
 // What was measured, out of files, for `knead identify shape`.
-#include "clients/identify/readings.h"
+#include "clients/identify/curve_parts.h"
 #include "clients/identify/shape_options.h"
 #include "clients/identify/sheet.h"
 #include "clients/knead/commands.h"
@@ -123,15 +123,17 @@ static int take_points(kn_evidence *e, const kn_shape_options *o, const kn_candi
     }
     const kn_relief_box hidden = hidden_at(&e->press, c->scene, e->moment_s[number]);
     kn_relief *r = &e->relief[number];
+    char lacking[100] = "";
+    if (missing > 0)
+        snprintf(lacking, sizeof lacking, "left out: %d that lack%s a coordinate, the first in line %d", missing,
+                 missing > 1 ? "" : "s", line);
     if (!kn_relief_points(r, rows, point_m, c->best.surface->vertex_count, c->best.rest_m, &hidden, error,
                           sizeof error))
-        return kn_complain(me, KN_EXIT_USAGE, "%s: %s", o->points, error);
+        return kn_complain(me, KN_EXIT_USAGE, "%s: %s%s%s", o->points, error, missing > 0 ? "; " : "", lacking);
     e->reliefs++;
     printf("%-10s %s, at %.3f s: %d of %d points\n", number ? "" : "shape", o->points, e->moment_s[number], r->points,
            rows);
-    if (missing > 0)
-        printf("           left out: %d that lack%s a coordinate, the first in line %d\n", missing,
-               missing > 1 ? "" : "s", line);
+    if (missing > 0) printf("           %s\n", lacking);
     return KN_EXIT_OK;
 }
 
@@ -204,6 +206,10 @@ static int read_force(kn_sheet *s, const char *file, const char *probe, double *
                                  "no column of time with its unit, expected e.g. time [s], force [N]");
     choose_rows(s, probe);
     if ((code = kn_sheet_read(s, 2, wanted)) != KN_EXIT_OK) return code;
+    const int end = kn_curve_range_end(s, wanted[0], 0);
+    if (end < s->rows)
+        return kn_sheet_complain(s, s->line[end], kn_sheet_at(s, s->line[end], wanted[0]),
+                                 "time begins anew, expected one press in a file");
     snprintf(told, 2 * KN_HEADING_NAME + 100, ", '%s' over '%s'%s%.40s", s->column[wanted[1]].heading.name,
              s->column[wanted[0]].heading.name, s->only.text ? " of " : "", s->only.text ? s->only.text : "");
     *time_s = calloc((size_t)s->rows + 1, sizeof **time_s);

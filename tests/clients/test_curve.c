@@ -200,6 +200,47 @@ TEST("a second table is refused where it begins, with a row in a wrong place bef
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(46, "time begins anew, as a second table's does"));
 }
 
+TEST("an interval whose steps are larger is another one, wherever they meet the last time of the one before")
+{
+    for (int k = 2; k <= 14; k++) {
+        begin(notes); // the same load
+        row("time_s,displacement_mm\n");
+        for (int i = 0; i < 40; i++) row("%d,%g\n", i, 0.01 * i);
+        for (int i = 0; i < 40; i++) row("%d,%g\n", i * k, 0.01 * i);
+        CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(46, "time begins anew"));
+        begin("# area: 1 cm^2\n# height: 1 cm\ntime_s,displacement_mm,load_gf\n"); // its recovery
+        for (int i = 1; i <= 60; i++) row("%d,%.9g,50\n", i, crept_mm(i));
+        for (int i = 1; i <= 60; i++) row("%d,%.9g,0\n", k * i, crept_mm(60 + k * i));
+        CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curves == 1 && curve->count == 120 && curve->steps == 2);
+        CHECK(said("without load: what came back, from 60 s on") && curve->time_s[119] == 60 + 60 * k);
+    }
+}
+
+TEST("five loads of eight readings each are five curves, and a second table is seen behind rows in a wrong place, too")
+{
+    begin("# area: 1 cm^2\n# height: 1 cm\nload_gf,time_s,displacement_mm\n");
+    for (int k = 1; k <= 5; k++)
+        for (int i = 0; i < 8; i++) row("%d,%d,%g\n", 10 * k, i, 0.01 * k * i);
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curves == 5 && curve[4].count == 8);
+    begin(notes);
+    row("time_s,displacement_mm\n");
+    for (int k = 0; k < 2; k++)
+        for (int i = 0; i < 40; i++) row("%d,%g\n", k == 0 && (i == 1 || i == 2) ? 3 - i : i, 0.01 * i);
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(46, "time begins anew"));
+}
+
+TEST("rows in any order are sorted")
+{
+    begin(notes);
+    row("time_s,displacement_mm\n");
+    for (int i = 0; i < 397; i++) row("%g,%.9g\n", 0.1 * (i * 151 % 397), crept_mm(0.1 * (i * 151 % 397)));
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curves == 1 && curve->count == 397);
+    begin(notes);
+    row("time_s,displacement_mm\n");
+    for (int i = 396; i >= 0; i--) row("%g,%.9g\n", 0.1 * i, crept_mm(0.1 * i));
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curves == 1 && curve->count == 397);
+}
+
 TEST("time that begins anew at a thousand, in a file of decimal commas, is told as that")
 {
     begin(notes);
@@ -274,6 +315,29 @@ TEST("a bare x gives way to a column with a unit, whatever stands in it; where i
     row("time_s,x\n");
     for (int i = 0; i <= 40; i++) row("%d,%.9g\n", i, 0.1 * crept_mm(i));
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && said("'x' has no unit and is taken as a share of the height"));
+    begin("# area: 1 cm^2\n# height: 1 cm\ntime [s],load [gf],x,displacement [mm]\n"); // relaxation, too
+    for (int i = 0; i <= 40; i++) row("%d,%g,7,1\n", i, 50 * exp(-i / 20.0));
+    CHECK(load(KN_CURVE_RELAX) == KN_EXIT_OK);
+    CHECK_NEAR(curve->strain, 0.1, 1e-9);
+    begin("# area: 1 cm^2\ntime [s],load [gf],x\n");
+    for (int i = 0; i <= 40; i++) row("%d,%g,0.1\n", i, 50 * exp(-i / 20.0));
+    CHECK(load(KN_CURVE_RELAX) == KN_EXIT_OK && said("'x' has no unit and is taken as a share of the height"));
+}
+
+TEST("a strain rate is no strain, nor a second column of one, and a strain with a unit has no twin without")
+{
+    static const char *const heads[] = {"time_s,gamma,strain rate\n", "time_s,x [%],x\n", "time_s,x,x [%]\n"};
+    for (int k = 0; k < 3; k++) {
+        begin(notes);
+        row("%s", heads[k]);
+        for (int i = 0; i <= 40; i++) {
+            const double strain = 0.1 * crept_mm(i);
+            row("%d,%.9g,%.9g\n", i, k == 2 ? 7 : k ? 100 * strain : strain,
+                k == 2 ? 100 * strain : 7);
+        }
+        CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK);
+        CHECK_NEAR(curve->value[10], 0.1 * crept_mm(10), 1e-9);
+    }
 }
 
 TEST("a compliance is a strain under 1 Pa, or under the stress that is known")

@@ -11,6 +11,7 @@
 #include "clients/identify/relief_points.h"
 #include "clients/identify/shape_options.h"
 #include "clients/identify/verdict.h"
+#include "clients/knead/commands.h"
 #include "clients/viewer/image.h"
 #include "clients/viewer/range_file.h"
 #include "tests/check.h"
@@ -505,6 +506,15 @@ TEST("points that lack a coordinate are left out, rows of a force in a wrong pla
     CHECK(code == 0 && strstr(kn_heard, "left out: 2 that lack a coordinate, the first in line 2"));
     CHECK(strstr(kn_heard, "disorder.csv: the rows are not in the order of time: 1 moved"));
     if (code == 0) kn_evidence_free(&e);
+    force = fopen("disorder.csv", "w");
+    must(force, "no room for readings");
+    fputs("time [s],force [N]\n", force);
+    for (int i = 0; i < 200; i++) fprintf(force, "%g,%g\n", 0.02 * (i % 100), 0.04 * i);
+    must(fclose(force) == 0, "no room for readings");
+    kn_hear();
+    CHECK(kn_shape_measured(&e, &o, c) == KN_EXIT_USAGE);
+    kn_hear_end();
+    CHECK(strstr(kn_heard, "disorder.csv:102:1: time begins anew, expected one press in a file"));
     kn_candidate_free(c);
 }
 
