@@ -41,7 +41,8 @@ static const char help[] =
     "  --units NAME=UNIT,...  of columns that have none: --units time=s,height=mm\n"
     "  --constant-area        stress is load/S0; else the section grows as the height falls, S h = S0 h0\n"
     "  --late                 each load may have come, by up to the whole curve, and gone at other moments than\n"
-    "                         its file says: fitted, too, as how late it came and how much longer it stayed\n"
+    "                         its file says: fitted, too, as how late it came and how much longer it stayed;\n"
+    "                         all that follows counts time from there\n"
     KN_IDENTIFY_OUTPUT_HELP
     "\nTold are the best numbers over whole curves together, with intervals that hold the truth 95 times in 100 if\n"
     "the model is right and the noise independent; whether that is so; what these curves cannot tell; and beside it\n"
@@ -190,8 +191,8 @@ static void doubt_all(work *w)
         const kn_joint_outlier *o = &j->outlier[i];
         const kn_curve *c = &w->curve[o->curve];
         doubt(w, "%s:%d:1: left out, %.3g standard deviations from the curve while those around it are not%s", c->file,
-              c->line[o->reading], o->deviations,
-              follows_change(c, o->reading) && !w->opt.late
+              o->line, o->deviations,
+              !w->opt.late && follows_change(c, o->reading)
                   ? "; it follows a change of the load, which may have come at another moment: --late"
                   : "");
     }
@@ -233,7 +234,7 @@ static int write_csv(const work *w)
     for (int k = 0; ok && k < w->curves; k++) {
         const kn_curve *c = &w->curve[k];
         double *fit = calloc(2 * (size_t)c->count, sizeof *fit), *stress = fit ? fit + c->count : NULL;
-        ok = fit && kn_joint_fitted(&w->joint, k, c, fit);
+        ok = fit && kn_joint_predict(&w->joint.material, c, fit);
         if (ok) kn_joint_stress(c, stress);
         for (int i = 0; ok && i < c->count; i++) {
             kn_table_text(c->name, f);
@@ -329,6 +330,7 @@ static int identify(work *w, int argc, char **argv)
                            w->curve[0].file);
     if (code != KN_EXIT_OK) return kn_document_close(&d, code);
     w->took_s = seconds() - began_s;
+    kn_joint_settle(&w->joint, w->curves, w->curve);
     print_numbers(&w->joint);
     print_curves(w);
     print_stages(w);

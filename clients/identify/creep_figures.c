@@ -44,16 +44,16 @@ static void average(numbers *n, const kn_curve *c)
     }
 }
 
-static bool compute(numbers *n, const kn_curve *c, const kn_joint *joint, int k)
+static bool compute(numbers *n, const kn_curve *c, const kn_joint *joint)
 {
     if (!allocate(n, c->count)) return false;
-    if (!kn_joint_fitted(joint, k, c, n->fitted)) {
+    if (!kn_joint_predict(&joint->material, c, n->fitted)) {
         free(n->fitted);
         return false;
     }
     kn_joint_stress(c, n->stress);
     for (int i = 0; i < c->count; i++) {
-        n->fitted_stress[i] = kn_joint_fitted_load(joint, k, c, c->time_s[i]) * (c->constant_area ? 1 : 1 - n->fitted[i]);
+        n->fitted_stress[i] = kn_joint_load(c, c->time_s[i]) * (c->constant_area ? 1 : 1 - n->fitted[i]);
         n->left[i] = (c->value[i] - n->fitted[i]) * sqrt(c->weight[i]) / c->noise;
     }
     average(n, c);
@@ -143,12 +143,12 @@ static int draw_paper(const char *subcommand, const char *path, const kn_curve *
     return kn_figure_draw(subcommand, path, c->name, p, 4, 2);
 }
 
-int kn_creep_figures_paper(const char *subcommand, const char *path, const kn_curve *curve, const kn_joint *joint,
-                           int k)
+int kn_creep_figures_paper(const char *subcommand, const char *path, const kn_curve *curve,
+                           const kn_joint *joint)
 {
     numbers n;
     kn_stages stages;
-    if (!compute(&n, curve, joint, k))
+    if (!compute(&n, curve, joint))
         return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: not drawn, out of memory", path);
     const bool staged = kn_stages_fit(&stages, curve);
     int code = draw_paper(subcommand, path, curve, joint, &n, staged ? &stages : NULL);
@@ -205,7 +205,7 @@ static int draw_all(all *a, const char *subcommand, const char *path, int curves
                                     .band = 2};
     a->panel[3] = damper_panel("damper; points: by the first paper's two stages");
     for (int k = 0; k < curves; k++) {
-        if (!compute(&a->of[k], &curve[k], joint, k))
+        if (!compute(&a->of[k], &curve[k], joint))
             return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: not drawn, out of memory", path);
         a->computed++;
         add_curve(a, k, &curve[k], joint);

@@ -79,7 +79,7 @@ static int fits(kn_document *d, const kn_creep_found *f)
         const kn_curve *c = &f->curve[k];
         snprintf(name, sizeof name, "figures-%d.png", k + 1);
         snprintf(alt, sizeof alt, "Displacement, stress, recovery and damper of %s", c->name);
-        code = kn_creep_figures_paper(f->subcommand, kn_document_file(d, name, path), c, f->joint, k);
+        code = kn_creep_figures_paper(f->subcommand, kn_document_file(d, name, path), c, f->joint);
         if (code != KN_EXIT_OK) return code;
         snprintf(name, sizeof name, "figures-%d.png", k + 1);
         char caption[300];

@@ -36,18 +36,11 @@ static double came(const kn_curve *c, int step, lateness l)
     return c->step[step].time_s + l.late_s + (release ? l.held_s : 0);
 }
 
-static double load_at(const kn_curve *c, double time_s, lateness l)
+double kn_joint_load(const kn_curve *c, double time_s)
 {
     double load = 0;
-    for (int i = 0; i < c->steps && came(c, i, l) < time_s; i++) load = c->step[i].stress_pa;
+    for (int i = 0; i < c->steps && c->step[i].time_s < time_s; i++) load = c->step[i].stress_pa;
     return load;
-}
-
-double kn_joint_load(const kn_curve *c, double time_s) { return load_at(c, time_s, (lateness){0, 0}); }
-
-double kn_joint_fitted_load(const kn_joint *j, int k, const kn_curve *c, double time_s)
-{
-    return load_at(c, time_s, (lateness){j->late_s[k], j->held_s[k]});
 }
 
 double kn_joint_release(const kn_curve *c)
@@ -80,14 +73,32 @@ static bool predict(const kn_material *material, const kn_curve *c, lateness l, 
     return kn_chain_creep(&chain, c->constant_area, c->steps, step, c->count, c->time_s, strain);
 }
 
-bool kn_joint_predict(const kn_material *material, const kn_curve *c, double late_s, double *strain)
+bool kn_joint_predict(const kn_material *material, const kn_curve *c, double *strain)
 {
-    return predict(material, c, (lateness){late_s, 0}, strain);
+    return predict(material, c, (lateness){0, 0}, strain);
 }
 
-bool kn_joint_fitted(const kn_joint *j, int k, const kn_curve *c, double *strain)
+static void settle(kn_curve *c, lateness l)
 {
-    return predict(&j->material, c, (lateness){j->late_s[k], j->held_s[k]}, strain);
+    int early = 0;
+    for (int i = 0; i < c->steps; i++) {
+        const double moved_s = came(c, i, l) - l.late_s - c->step[i].time_s;
+        c->step[i].time_s += moved_s;
+        c->step[i].early_s += moved_s;
+        c->step[i].late_s += moved_s;
+    }
+    for (int i = 0; i < c->count; i++) early += (c->time_s[i] -= l.late_s) < 0;
+    if (early == c->count) return;
+    c->count -= early;
+    memmove(c->time_s, c->time_s + early, (size_t)c->count * sizeof *c->time_s);
+    memmove(c->value, c->value + early, (size_t)c->count * sizeof *c->value);
+    memmove(c->weight, c->weight + early, (size_t)c->count * sizeof *c->weight);
+    memmove(c->line, c->line + early, (size_t)c->count * sizeof *c->line);
+}
+
+void kn_joint_settle(const kn_joint *j, int curves, kn_curve *curve)
+{
+    for (int k = 0; k < curves; k++) settle(&curve[k], (lateness){j->late_s[k], j->held_s[k]});
 }
 
 // ---- residuals
@@ -381,7 +392,7 @@ static int leave_out(kn_joint *j, const joint_work *w, const kn_fit *fit)
         for (int i = 0; i < n && j->outliers < KN_JOINT_OUTLIERS; i++) {
             if (fabs(d[i]) <= outlying || beside(d, n, i) > ROW) continue;
             left_out[i] = true;
-            j->outlier[j->outliers++] = (kn_joint_outlier){k, i, fabs(d[i])};
+            j->outlier[j->outliers++] = (kn_joint_outlier){k, i, w->curve[k].line[i], fabs(d[i])};
             count++;
         }
     }
@@ -520,7 +531,7 @@ static bool seek_late(joint_work *w, kn_fit *fit)
         fit->unknown[LATE + 2 * k].fixed = false;
         fit->unknown[LATE + 2 * k + 1].fixed = !isfinite(kn_joint_release(&w->curve[k]));
     }
-    return fit->readings > fit->unknowns && kn_fit_run(fit);
+    return kn_fit_run(fit);
 }
 
 static bool search(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_options *opt)

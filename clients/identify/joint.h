@@ -31,8 +31,8 @@ enum { KN_JOINT_K1, KN_JOINT_C1, KN_JOINT_ALPHA, KN_JOINT_BETA, KN_JOINT_P0, KN_
 #define KN_JOINT_OUTLIERS 64
 
 typedef struct kn_joint_outlier {
-    int curve, reading;
-    double deviations; // of the noise
+    int curve, reading, line; // of its file
+    double deviations;        // of the noise
 } kn_joint_outlier;
 
 typedef struct kn_joint {
@@ -59,13 +59,12 @@ typedef struct kn_joint_options {
 // False: no memory, or no start from which the model could be computed; then joint is not to be used.
 bool kn_joint_fit(kn_joint *joint, int curves, const kn_curve *curve, const kn_joint_options *options);
 
-// The strain that a material makes of a curve's loads at its readings, all of them late_s later than the file says.
-// False: absurd numbers.
-bool kn_joint_predict(const kn_material *material, const kn_curve *curve, double late_s, double *strain);
+// Puts the loads where they were found to have come and gone: time counts from there, as a curve's does, and readings
+// from before it are dropped (outliers keep their lines, not their places). So that all that follows says the same.
+void kn_joint_settle(const kn_joint *joint, int curves, kn_curve *curve);
 
-// The same of the k-th curve that was fitted, with what was found of when its loads came and went.
-bool kn_joint_fitted(const kn_joint *joint, int k, const kn_curve *curve, double *strain);
-double kn_joint_fitted_load(const kn_joint *joint, int k, const kn_curve *curve, double time_s); // nominal stress
+// The strain that a material makes of a curve's loads at its readings. False: absurd numbers.
+bool kn_joint_predict(const kn_material *material, const kn_curve *curve, double *strain);
 
 // The stress at each reading, by equation 4 from what was measured; 0 after the load.
 void kn_joint_stress(const kn_curve *curve, double *stress_pa);

@@ -134,6 +134,18 @@ awk -F, 'NR > 5 { $1 += 0.15 } { print }' OFS=, 70gf.csv >late70.csv
 knead identify creep 10gf.csv 50gf.csv late70.csv --no-models >late.txt 2>err && grep -q 'note: late70.*--late' late.txt &&
     knead identify creep 10gf.csv 50gf.csv late70.csv --no-models --late | grep -q 'late70 .*came 0.1[0-9]* s late' &&
     ok "a load that came late is doubted, and found with --late" || no "late: $(cat late.txt)"
+{ # a recording that was started 12 s too soon
+    sed 5q 70gf.csv && for i in $(seq 0 39); do echo "$(awk "BEGIN { print 0.3 * $i }"),0"; done
+    awk -F, 'NR > 5 { $1 += 12; print }' OFS=, 70gf.csv
+} >early70.csv
+knead identify creep 10gf.csv 50gf.csv early70.csv --late --no-models --csv early.csv >early.txt 2>err
+grep -q 'early70 .*came 1[12].* s late, stayed' early.txt && awk -F, '
+    $1 == "early70" && $2 < 0 { bad = 1 }
+    $1 == "early70" && $2 < 59 && $5 < 1000 { bad = 1 }
+    $1 == "early70" && $2 > 61 && $5 != 0 { bad = 1 }
+    $1 == "early70" && ($3 - $4) ^ 2 > 1e-4 { bad = 1 }
+    END { exit bad }' early.csv && grep -Eq '^early70 +k1 [+-][0-9.]* %' early.txt &&
+    ok "what was found with --late holds for all that follows: time, stress, the two stages" || no "early: $(cat err early.txt)"
 cd ..
 
 refuses 2 "knead identify creep: expected a file of readings, CSV; --help tells its columns" identify creep
