@@ -112,10 +112,10 @@ static void damper(FILE *f, const kn_material *m, int count, const kn_identified
 int kn_material_file_try(const char *subcommand, const char *path)
 {
     struct stat there;
-    int code = kn_output_try(subcommand, path);
-    if (code == KN_EXIT_OK && lstat(path, &there) == 0 && !S_ISREG(there.st_mode)) // as kn_beside_open has it
+    if (lstat(path, &there) == 0 && !S_ISREG(there.st_mode)) // as kn_beside_open has it; before a link is followed
         return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: is no regular file, expected a file that may be replaced",
                            path);
+    const int code = kn_output_try(subcommand, path);
     return code == KN_EXIT_OK ? may_write(subcommand, path) : code;
 }
 

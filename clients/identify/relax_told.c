@@ -73,7 +73,7 @@ void kn_relax_doubts(const kn_relaxation *r, void (*say)(void *to, const char *w
         say(to, text);
     }
     if (is_refused(r, why, sizeof why)) {
-        snprintf(text, sizeof text, "no scene takes this material, which is not the papers' element: %s", why);
+        snprintf(text, sizeof text, "no scene takes this material: %s", why);
         say(to, text);
     }
     if (r->scale == KN_RELAXATION_RISE || r->number[KN_RELAXATION_C1].value > 0) return;
