@@ -162,6 +162,7 @@ static void follow(kn_pointer *p)
 
 kn_hand_out kn_pointer_tick(kn_pointer *p, const kn_pointer_wish *wish, const kn_hand_force *force, int elapsed_ms)
 {
+    if (wish->press != p->wish.press) p->ground_m = INFINITY, p->barred = false;
     p->wish = *wish;
     feel(p, force, elapsed_ms);
     decide(p);

@@ -14,8 +14,9 @@
 #include "core/model.h"
 
 typedef struct kn_pointer_wish { // of the page; positions are the tool's
-    bool held;        // there is a page. Without one the tool is lifted, and then no poses are sent
+    bool held;        // somebody uses it. Else the tool is lifted, and then no poses are sent
     bool pressed;
+    int32_t press;    // number of the press: another one while pressed means that the button came up in between
     double at_m[2];   // x and y; another one while pressed, once news.depth_m > 0: a stroke at the depth that it has
     double hover_z_m; // clear of the object everywhere
     double touch_z_m; // where the tool touches the object at at_m as the press begins; looked at while pressed

@@ -250,8 +250,9 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
 
 bool kn_gateway_host(const char *text, struct in_addr *host)
 {
-    return inet_pton(AF_INET, text, host) == 1 && host->s_addr != htonl(INADDR_ANY) &&
-           !IN_MULTICAST(ntohl(host->s_addr));
+    if (inet_pton(AF_INET, text, host) != 1) return false;
+    const uint32_t address = ntohl(host->s_addr);
+    return address >> 24 != 0 && !IN_MULTICAST(address) && !IN_BADCLASS(address); // nobody's, many's, everybody's
 }
 
 int kn_gateway_listen(const char *host, int port, char *error, size_t error_size)
@@ -263,7 +264,9 @@ int kn_gateway_listen(const char *host, int port, char *error, size_t error_size
         !bind(fd, (struct sockaddr *)&at, sizeof at) && !listen(fd, 32))
         return fd;
     snprintf(error, error_size, "%s:%d: %s%s", host, port, strerror(errno),
-             errno == EADDRINUSE && port ? "; --port 0 takes a free one" : "");
+             errno == EADDRINUSE && port ? "; --port 0 takes a free one"
+             : errno == EADDRNOTAVAIL    ? "; expected an address of this machine"
+                                         : "");
     if (fd >= 0) close(fd);
     return -1;
 }
@@ -313,10 +316,13 @@ static bool make_address(kn_gateway *g, const char *host)
     socklen_t size = sizeof at;
     uint8_t random[KN_GATEWAY_TOKEN / 2];
     if (getsockname(g->fd, (struct sockaddr *)&at, &size) != 0 || at.sin_family != AF_INET ||
-        !kn_gateway_host(host, &expected) || at.sin_addr.s_addr != expected.s_addr || getrandom(random, sizeof random, 0) != sizeof random)
+        !kn_gateway_host(host, &expected) || at.sin_addr.s_addr != expected.s_addr ||
+        getrandom(random, sizeof random, 0) != sizeof random)
         return false;
     for (size_t i = 0; i < sizeof random; i++) sprintf(g->token + 2 * i, "%02x", random[i]);
-    snprintf(g->origin, sizeof g->origin, "http://%s:%d", inet_ntoa(at.sin_addr), ntohs(at.sin_port));
+    int n = snprintf(g->origin, sizeof g->origin, "http://%s", inet_ntoa(at.sin_addr));
+    if (ntohs(at.sin_port) != 80) // which no browser says
+        snprintf(g->origin + n, sizeof g->origin - (size_t)n, ":%d", ntohs(at.sin_port));
     snprintf(g->address, sizeof g->address, "%s/#%s", g->origin, g->token);
     return true;
 }

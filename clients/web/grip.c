@@ -70,8 +70,8 @@ void kn_web_let_go(kn_web *w)
     if (w->moving) kn_device_stop(&w->device);
     w->moving = false;
     if (w->button != KN_BUTTON_UP) w->button = KN_BUTTON_BARRED;
-    w->wish = (kn_pointer_wish){
-        .event = w->wish.event}; // nothing of the old object is true of this one; no hover_z_m: no tool
+    // nothing of the old object is true of this one; no hover_z_m: no tool
+    w->wish = (kn_pointer_wish){.event = w->wish.event, .press = w->wish.press};
     kn_web_post_wish(w);
 }
 
@@ -120,25 +120,32 @@ void kn_web_take_scene(kn_web *w)
 
 // ---- what a page wants
 
+bool kn_web_is_taken(const kn_web *w, int page)
+{
+    return w->owner >= 0 && w->owner != page && kn_live_now_ms() - w->gateway.page[w->owner].pointed_ms <= IDLE_MS;
+}
+
 static void point(kn_web *w, int page, const kn_web_message *m)
 {
     kn_web_page *p = &w->gateway.page[page];
-    int64_t now_ms = kn_live_now_ms();
-    if (w->owner >= 0 && w->owner != page && now_ms - w->gateway.page[w->owner].pointed_ms <= IDLE_MS) return;
+    if (kn_web_is_taken(w, page)) return;
     if (w->owner != page) w->button = KN_BUTTON_UP;
     w->owner = page;
-    p->pointed_ms = now_ms;
+    p->pointed_ms = kn_live_now_ms();
     if (!w->moving || !kn_reach_fits(&w->reach, &w->live.mesh)) {
         if (m->pressed) w->button = KN_BUTTON_BARRED;
         return;
     }
     kn_web_take_samples(w);
-    const bool strokes = w->button == KN_BUTTON_PRESSES && w->news.depth_m > 0; // it has met what was looked at
-    if (w->button == KN_BUTTON_UP || strokes) kn_reach_aim(&w->reach, m->u, m->v, &w->wish);
-    if (!m->pressed)
+    const bool met = w->button == KN_BUTTON_PRESSES && w->news.depth_m > 0; // what was looked at
+    if (w->button == KN_BUTTON_UP || (met && !w->turned)) kn_reach_aim(&w->reach, m->u, m->v, &w->wish);
+    if (!m->pressed) {
         w->button = KN_BUTTON_UP;
-    else if (w->button == KN_BUTTON_UP)
+    } else if (w->button == KN_BUTTON_UP) {
         w->button = kn_reach_touch(&w->reach, &w->live.mesh, &w->wish) ? KN_BUTTON_PRESSES : KN_BUTTON_BESIDE;
+        w->turned = false;
+        w->wish.press++;
+    }
     w->wish.pressed = w->button == KN_BUTTON_PRESSES;
     w->wish.depth_m = fmin(m->depth_m, kn_reach_deepest(&w->reach, &w->wish));
     if (m->number != p->event) {

@@ -92,6 +92,14 @@ static json_t *material_request(const kn_request *r)
     return NULL;
 }
 
+// Of what a page has saved; else of kneadd's newest, which is its own of half a second ago.
+static json_t *restore_request(const kn_web *w)
+{
+    if (!w->snapshot || !w->live.scene || strcmp(w->snapshot_of, w->live.scene->name) != 0)
+        return json_pack("{s:s}", "command", "restore");
+    return json_pack("{s:s, s:I}", "command", "restore", "generation", (json_int_t)w->snapshot);
+}
+
 static json_t *request_of(const kn_web *w, const kn_request *r) // NULL: the name is none
 {
     switch (r->verb) {
@@ -102,6 +110,7 @@ static json_t *request_of(const kn_web *w, const kn_request *r) // NULL: the nam
         json_t *path = scene_path(w, r->name);
         return path ? json_pack("{s:s, s:o}", "command", "load", "scene", path) : NULL;
     }
+    case KN_VERB_RESTORE: return restore_request(w);
     default: return json_pack("{s:s}", "command", kn_verb_word(r->verb));
     }
 }
@@ -137,7 +146,11 @@ static void tell_done(kn_web *w, int page, uint32_t id, kn_verb verb, const json
     switch (verb) {
     case KN_VERB_RESET: DONE("The object is as new."); break;
     case KN_VERB_UNDO: DONE("Undone: the object is as before the last press, reset or restore."); break;
-    case KN_VERB_SNAPSHOT: DONE("Snapshot %lld is on disk.", generation); break;
+    case KN_VERB_SNAPSHOT:
+        w->snapshot = generation;
+        snprintf(w->snapshot_of, sizeof w->snapshot_of, "%s", w->live.scene ? w->live.scene->name : "");
+        DONE("Snapshot %lld is on disk.", generation);
+        break;
     case KN_VERB_RESTORE: DONE("The object is as in snapshot %lld.", generation); break;
     case KN_VERB_ESTOP: DONE("Stopped: every force is zero until Recover."); break;
     case KN_VERB_RECOVER: DONE("Recovered: the tool engages once it is clear of the object."); break;
@@ -157,6 +170,7 @@ static void take_status(kn_web *w, const json_t *answer)
     const char *error = json_string_value(json_object_get(answer, "error"));
     json_decref(w->status);
     w->status = error ? NULL : json_deep_copy(answer);
+    if (error) w->snapshot = 0; // whoever answers next may have another directory
     snprintf(w->control_error, sizeof w->control_error, "%s", error ? error : "");
     kn_web_refresh(w);
 }
@@ -206,6 +220,7 @@ static void look(kn_web *w, const kn_request *r)
     w->look.azimuth_deg = r->azimuth_deg;
     w->look.elevation_deg = r->elevation_deg;
     w->look.zoom = r->zoom;
+    w->turned = true;
     const kn_camera_view view = kn_web_camera(w);
     if (w->reach.top) kn_reach_look(&w->reach, &view); // also while a recording has the tool
 }

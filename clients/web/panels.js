@@ -45,7 +45,7 @@ function showOperator({ why, orders, saves, snapshot, stopped }) {
     }
     by('snapshot').disabled = Boolean(why) || !saves;
     by('restore').disabled = Boolean(why) || !saves || snapshot === 0;
-    explain('why', why && `No orders: ${why}.`);
+    explain('why', why && `${orders ? 'No orders but the stop' : 'No orders'}: ${why}.`);
     explain('why-saves', why ? null : !saves ? 'Nothing is saved: kneadd was started without --state-dir.'
         : snapshot === 0 ? 'Nothing has been saved yet.' : null);
 }

@@ -11,23 +11,27 @@
 
 #define STALE_MS 3500 // what comes once a second, and has not
 
+static bool stale(int64_t heard_ms) { return !heard_ms || kn_live_now_ms() - heard_ms > STALE_MS; }
+
 // In words; returns "ok", "wait" or "fault".
 static const char *status(const kn_web *w, int page, char *words, size_t size)
 {
     const kn_pointer_news *n = &w->news;
 #define SAY(level, ...) return snprintf(words, size, __VA_ARGS__), level
+#define SAY_FAULT(fault) \
+    SAY("fault", "force taken to zero: %s. Way back: %s", kn_fault_name(fault), kn_fault_remedy(fault))
     if (w->live.scene_error[0]) SAY("fault", "the scene that is served cannot be read: %s", w->live.scene_error);
     if (kn_live_now_ms() - w->mesh_ms > KN_WEB_UNHEARD_MS) SAY("wait", "waiting for kneadd: nothing is served");
     if (!w->live.scene) SAY("wait", "waiting for the scene");
     if (!w->tool) SAY("fault", "the scene has no probe%s%s", w->probe ? " " : "", w->probe ? w->probe : "");
+    if (!stale(w->vitals.status_ms) && w->vitals.status.mode == KNEAD_STATUS_T_MODE_ESTOP) // of all, or of no tool
+        SAY_FAULT(KN_FAULT_ESTOP);
     if (w->lent) SAY("wait", "recording %d is being played", w->lent);
     if (!w->moving) SAY("fault", "no device: %.300s", w->error);
     if (!kn_reach_fits(&w->reach, &w->live.mesh)) SAY("wait", "waiting for the mesh of this scene");
-    if (w->owner >= 0 && w->owner != page) SAY("wait", "another page holds the tool");
+    if (kn_web_is_taken(w, page)) SAY("wait", "another page holds the tool");
     if (n->mode == KN_POINTER_SILENT) SAY("fault", "force is zero; a new session begins in a moment");
-    if (n->fault > KN_FAULT_IMPULSE)
-        SAY("fault", "force taken to zero: %s. Way back: %s", kn_fault_name((kn_fault)n->fault),
-            kn_fault_remedy((kn_fault)n->fault));
+    if (n->fault > KN_FAULT_IMPULSE) SAY_FAULT((kn_fault)n->fault);
     if (n->fault || n->mode == KN_POINTER_LET_GO)
         SAY("fault", "force taken to zero: %s. The tool lifts; let go, then press again",
             n->fault ? kn_fault_name((kn_fault)n->fault) : "none came for 20 ms");
@@ -43,6 +47,7 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
     SAY("ok", w->button == KN_BUTTON_UP  ? "ready: press on the object"
               : n->depth_m > 0 ? "held: nothing pushes back"
                                : "coming down");
+#undef SAY_FAULT
 #undef SAY
 }
 
@@ -228,8 +233,6 @@ static json_t *points(const kn_scene *scene)
     return names;
 }
 
-static bool stale(int64_t heard_ms) { return !heard_ms || kn_live_now_ms() - heard_ms > STALE_MS; }
-
 static json_t *loop(const kn_vitals *v)
 {
     const knead_status_t *s = &v->status;
@@ -256,6 +259,19 @@ static json_t *mesh(const kn_web *w)
                      rounded(round(w->meshes_hz)), "bytes", rounded(w->mesh_bytes));
 }
 
+static bool fault_of_another(const kn_web *w)
+{
+    const json_t *probes = json_object_get(w->status, "probes"), *one;
+    size_t i;
+    json_array_foreach(probes, i, one) {
+        const char *name = json_string_value(json_object_get(one, "name"));
+        const char *fault = json_string_value(json_object_get(one, "fault"));
+        const bool own = w->tool && name && strcmp(name, w->tool->name) == 0;
+        if (!own && fault && strcmp(fault, kn_fault_name(KN_FAULT_NONE)) != 0) return true;
+    }
+    return false;
+}
+
 // Whether kneadd hears orders, and what of its state they may ask for.
 static json_t *control(const kn_web *w)
 {
@@ -266,7 +282,8 @@ static json_t *control(const kn_web *w)
                       : *w->control_error ? w->control_error : "kneadd has not answered yet";
     // a latched fault that a lift does not clear has the same way back
     // (but one that ends by itself, of a session that has fallen silent since nobody touches the page, is none)
-    const bool fault = mode && strcmp(mode, "FAULT") == 0 && w->news.mode != KN_POINTER_ABSENT;
+    const bool fault =
+        mode && strcmp(mode, "FAULT") == 0 && (w->news.mode != KN_POINTER_ABSENT || fault_of_another(w));
     const bool stopped = fault || (mode && strcmp(mode, "ESTOP") == 0);
     return json_pack("{s:s?, s:b, s:b, s:I, s:s?, s:b, s:s?, s:s?}", "why", why, "orders",
                      w->control != NULL, "saves",

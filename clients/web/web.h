@@ -73,6 +73,7 @@ typedef struct kn_web {
     uint64_t traced;
     int owner;                  // the page that has the tool, -1: none
     kn_button button;           // of that page
+    bool turned;                // the picture, since this press began: where the pointer is in it says nothing
     struct { uint32_t number; int page; int64_t tick; } event[KN_WEB_EVENTS]; // tick of kneadd's answer, INT64_MAX:
                                                                               // not yet
 
@@ -102,6 +103,8 @@ typedef struct kn_web {
     json_t *status;             // of kneadd, as its control socket told it last; NULL: it did not
     int64_t status_ms;          // when it was asked for
     char control_error[200];    // why there is none
+    int64_t snapshot;           // generation of the last that a page asked for, 0: none
+    char snapshot_of[64];       // its scene
     char scene_file[KN_WEB_SCENES][KN_REQUEST_NAME]; // names in `scenes`
     int scene_files, scenes_unlisted; // these: too many, or by names that no request may say
 
@@ -123,6 +126,7 @@ void kn_web_let_go(kn_web *w);       // of the tool altogether: another hand may
 void kn_web_take_up(kn_web *w);
 void kn_web_post_wish(kn_web *w);
 void kn_web_take_samples(kn_web *w);
+bool kn_web_is_taken(const kn_web *w, int page); // the tool is another page's, which uses it
 void kn_web_on_message(void *web, int page, const kn_web_message *message);
 void kn_web_on_gone(void *web, int page);
 

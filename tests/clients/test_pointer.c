@@ -184,6 +184,26 @@ TEST("dragged in a press the tool strokes: there at the depth that it had, at pr
     teardown(&b);
 }
 
+TEST("a button that came up and went down again between two ticks lifts the tool, and presses anew elsewhere")
+{
+    bench b;
+    setup(&b, "dough.yaml", FINGER);
+    run(&b, 600);
+    press(&b, -0.01, 0, 0.005, 600);
+    CHECK(b.pointer.news.contact);
+    const double there_m = b.pointer.point.position_m[0];
+    b.wish.press++;
+    press(&b, 0.01, 0, 0.005, 1);
+    for (int i = 0; i < 2000 && b.pointer.point.position_m[2] < b.wish.hover_z_m - 0.001; i++) {
+        CHECK(fabs(b.pointer.point.position_m[0] - there_m) < 1e-4); // it draws no furrow on its way
+        run(&b, 1);
+    }
+    run(&b, 1200);
+    CHECK(b.pointer.news.contact && fabs(b.pointer.point.position_m[0] - 0.01) < 1e-4);
+    CHECK(b.faults == 0);
+    teardown(&b);
+}
+
 TEST("whatever a mouse does, ball or plate, down to half of dough, jelly or clay: the pose never jumps, no guard trips")
 {
     static const char *const scenes[] = {"dough.yaml", "jelly.yaml", "clay.yaml"};

@@ -76,7 +76,7 @@ def by_mouse(page, bus):
     check("as deep as it was", page.now()["depth_mm"] > 4.7 and page.now()["contact"], page.now())
     page.screenshot(ARTEFACTS + "/web.png")
     page.wheel(1)
-    check("so it does by the wheel", until(lambda: page.now()["depth_mm"] > 5.7), page.now())
+    check("it goes deeper by the wheel", until(lambda: page.now()["depth_mm"] > 5.7), page.now())
     page.mouse("Moved", 2, 2)  # out of the picture
     page.mouse("Released", 2, 2, held=0)
     check("let go outside of the picture, it lets go", until(lambda: page.now()["force_n"] == 0), page.now())
@@ -195,6 +195,7 @@ def by_operator(page, bus):
     check("snapshot: on disk, by its number", said(page, "is on disk"), page.text("said"))
     click(page, "reset")
     check("reset: as new", said(page, "as new") and until(lambda: bus.dent_mm() < 0.01), page.text("said"))
+    time.sleep(1.2)  # kneadd has saved that, too
     click(page, "restore")
     check("restore: the dent is back", said(page, "as in snapshot") and until(lambda: bus.dent_mm() > 0.7 * deep), deep,
           bus.dent_mm(), page.text("said"))
@@ -444,6 +445,10 @@ def two_tabs(page, bus, address):
     page.hover(*TOP)
     driver.switch_to.new_window("window")
     page.open(address)
+    second = driver.current_window_handle
+    driver.switch_to.window(first)  # 2 s untouched, its tool would be for anybody
+    page.hover(*TOP)
+    driver.switch_to.window(second)
     check("a second page is told that another one holds the tool",
           until(lambda: "another page" in page.text("words")), page.text("words"))
     check("as something to wait for", page.text("level") == "Waiting", page.text("level"))

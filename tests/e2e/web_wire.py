@@ -11,6 +11,7 @@ import time
 from served import Bus, Served, check, cpu_s, until
 import served as results
 
+MESA_KB = 1032  # OSMesa's buffer for uploads: when it is full another one is mapped, and for 40 ms there are two
 TEXT, BINARY, CLOSE, PING, PONG = 1, 2, 8, 9, 10
 POINTER, SEEN = 1, 2
 
@@ -151,6 +152,12 @@ def listens_on(port):  # addresses, from the kernel
 
 def another_address(server):
     subprocess.run(["ip", "addr", "add", "192.0.2.5/32", "dev", "lo"], check=True)
+    for host in "0.0.0.0", "localhost", "::1", "224.0.0.1", "255.255.255.255", "192.0.2.6":
+        code, wanted = (3, "an address") if host == "192.0.2.6" else (2, "an IPv4 address")
+        run = subprocess.run(["knead", "web", "--address", host], capture_output=True, text=True, timeout=20)
+        check(f"--address {host}: told in one line, with what was expected",
+              run.returncode == code and f"expected {wanted} of this machine" in run.stderr and
+              run.stderr.count("\n") == 1, run.returncode, run.stderr)
     web = server.start("other", ["knead", "web", "--address", "192.0.2.5"], "http://192.0.2.5:")
     port = int(open("other.log").read().split("192.0.2.5:")[1].split("/")[0])
     check("told another address, it listens there alone", listens_on(port) == ["050200C0"], listens_on(port))
@@ -425,6 +432,46 @@ def dead_man(server, bus):
     wire.close()
 
 
+def stopped(server):
+    wire = Wire(server)  # on which nobody points
+    told = lambda: wire.state()[0]["status"]
+    answer = wire.ask("estop")
+    check("an untouched page tells the emergency stop", answer["ok"] and until(lambda: "emergency stop" in told(), 3),
+          answer, told())
+    answer = wire.ask("recover")
+    check("and that it is over", answer["ok"] and until(lambda: told().startswith("ready")), answer, told())
+    wire.close()
+
+
+def turned(server, bus):
+    wire, other = Wire(server), Wire(server)
+
+    def told(**where):
+        wire.point(u=0.42, **where)
+        return wire.state()[0]["status"]
+    other.state()
+    for _ in range(3):
+        until(lambda: told().startswith("ready"))
+        if until(lambda: told(pressed=1) and bus.force_n > 0.5, 3):
+            break
+    check("beside it another page is told who holds the tool",
+          until(lambda: told(pressed=1) and other.state()[0]["status"] == "another page holds the tool", 3))
+    end, wide = time.monotonic() + 1, bus.dented()
+    while time.monotonic() < end:
+        told(pressed=1)
+    wide, answer = bus.dented(), other.ask("view", azimuth=118, elevation=27, zoom=1)
+    end = time.monotonic() + 2
+    while time.monotonic() < end:
+        told(pressed=1)
+    check("another page turns the picture: the tool that presses stays where it is",
+          answer["ok"] and bus.force_n > 0.1 and bus.dented() <= 1.15 * wide, answer, wide, bus.dented(), bus.force_n)
+    other.ask("view", azimuth=28, elevation=27, zoom=1)
+    check("2 s untouched, the tool may be the other page's, and it is told so",
+          until(lambda: not other.state()[0]["status"].startswith("another page"), 4), other.state()[0]["status"])
+    wire.ask("reset")
+    wire.close(), other.close()
+
+
 def another_scene(server, bus):
     wire = Wire(server)
 
@@ -473,7 +520,7 @@ def memory(server, seconds):
     page.stop()
     print(f"     {page.pictures} pictures in {seconds + 5:.0f} s, {fewest:.1f} a second or more in each 20 s, "
           f"{page.wire.pings} pings; memory {before} kB, grown by at most {worst} kB")
-    check(f"memory is flat over {seconds:.0f} s", worst < 1024, worst)
+    check(f"memory is flat over {seconds:.0f} s", worst < 1024 + MESA_KB, worst)
     check("while pictures came to the end", stays and fewest > 5, stays, fewest)
 
 
@@ -503,7 +550,9 @@ def main():
     generations(server, bus)
     another_address(server)
     few_descriptors(server)
+    stopped(server)
     dead_man(server, bus)
+    turned(server, bus)
     another_scene(server, bus)
     memory(server, seconds)
     server.stop()
