@@ -37,7 +37,7 @@ def percentile(sorted_ms, share):
     return sorted_ms[min(len(sorted_ms) - 1, math.ceil(share * len(sorted_ms)) - 1)] if sorted_ms else math.nan
 
 
-def play(page, seconds, press):  # an event every 25 to 45 ms: a circle over the block; in a press its depth +- 2 mm
+def play(page, seconds, press):  # an event every 25 to 45 ms: a circle over the block; in a press a stroke to and fro
     pace, end, i = random.Random(1), time.monotonic() + seconds, 0
     x, y = page.place(0.5, 0.42)
     while (now := time.monotonic()) < end:
