@@ -326,8 +326,8 @@ static int identify(work *w, int argc, char **argv)
     const double began_s = seconds();
     if (code == KN_EXIT_OK && !kn_joint_fit(&w->joint, w->curves, w->curve, &how))
         code = kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
-                           "%s: no numbers of the element come near these curves; expected creep under a load",
-                           w->curve[0].file);
+                           "%s: no numbers of the element come near these curves; expected creep under a load%s",
+                           w->curve[0].file, how.late ? ", in more readings than --late has numbers to find" : "");
     if (code != KN_EXIT_OK) return kn_document_close(&d, code);
     w->took_s = seconds() - began_s;
     kn_joint_settle(&w->joint, w->curves, w->curve);

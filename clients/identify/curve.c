@@ -139,27 +139,23 @@ int kn_curve_readings(kn_curve_file *f, kn_readings *r, int begin, int end, int 
 
 enum { FEW = 3 }; // rows in a wrong place beside each other are fewer
 
-// Whether time goes on at row i from where it was, `last` and no farther than next_s, by a leap: a second table of larger
-// steps walks through there as it goes on, by steps of its own.
-static bool leaps_back(const kn_sheet *s, const double *t, int i, double before, double own_step, double last,
-                       double next_s)
+static bool strides(const kn_sheet *s, const double *t, int i, double longer_s)
 {
     int next = i + 1;
-    if (!(t[i] >= last && t[i] <= next_s)) return false;
     while (next < s->rows && isnan(t[next])) next++;
-    return t[i] - before > 3 * (next < s->rows && t[next] >= t[i] ? t[next] - t[i] : own_step);
+    return next < s->rows && t[next] - t[i] > longer_s;
 }
 
-// Rows from `at` on in which time rises anew, counted to KN_CURVE_LEAST; 0 where they only stand in a wrong place.
-static int rows_anew(const kn_sheet *s, const double *t, int at, double last, double next_s)
+// Rows from `at` on in which time rises anew, counted to KN_CURVE_LEAST. 0 where one or two stand in a wrong place and
+// time then goes on from where it was, `last`: by three of its steps at most, and by no strides that are another table's.
+static int rows_anew(const kn_sheet *s, const double *t, int at, double last, double step)
 {
-    double before = t[at], step = 0;
+    double before = t[at];
     int rows = 0;
     for (int i = at; i < s->rows && rows < KN_CURVE_LEAST; i++) {
         if (isnan(t[i])) continue;
-        if (leaps_back(s, t, i, before, step, last, next_s)) return 0;
         if (t[i] < before) break;
-        step = fmax(step, t[i] - before);
+        if (rows < FEW && t[i] >= last && t[i] <= last + 3 * step && !strides(s, t, i, 10 * step)) return 0;
         before = t[i];
         rows++;
     }
@@ -169,20 +165,20 @@ static int rows_anew(const kn_sheet *s, const double *t, int at, double last, do
 int kn_curve_range_end(const kn_sheet *s, int time, int begin)
 {
     const double *t = s->column[time].value;
-    double first = NAN, last = NAN, step = 0;
+    double first = NAN, last = NAN, step = 0, before = NAN;
     int falls = 0; // in disorder there are many, and three rows rise by chance
     for (int i = begin; i < s->rows; i++) {
         if (isnan(t[i])) continue;
-        if (isnan(first)) first = last = t[i];
-        if (t[i] >= last) {
-            if (t[i] > last) step = t[i] - last;
-            last = t[i];
-            continue;
+        if (isnan(first)) first = last = before = t[i];
+        if (t[i] > last) step = t[i] - last;
+        if (t[i] < before) {
+            if (i - begin >= KN_CURVE_LEAST && i - begin >= 4 * falls && t[i] <= 0.5 * (last + first) &&
+                rows_anew(s, t, i, last, step) >= (falls ? KN_CURVE_LEAST : FEW))
+                return i;
+            falls++;
         }
-        if (i - begin >= KN_CURVE_LEAST * (1 + falls) && t[i] <= 0.5 * (last + first) &&
-            rows_anew(s, t, i, last, last + 3 * step) >= (falls ? KN_CURVE_LEAST : FEW))
-            return i;
-        falls++;
+        last = fmax(last, t[i]);
+        before = t[i];
     }
     return s->rows;
 }

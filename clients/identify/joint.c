@@ -527,11 +527,13 @@ static void begin_late(joint_work *w, kn_fit *fit)
 
 static bool seek_late(joint_work *w, kn_fit *fit)
 {
+    int held = 0;
     for (int k = 0; k < w->curves; k++) {
         fit->unknown[LATE + 2 * k].fixed = false;
         fit->unknown[LATE + 2 * k + 1].fixed = !isfinite(kn_joint_release(&w->curve[k]));
     }
-    return kn_fit_run(fit);
+    for (int i = 0; i < fit->unknowns; i++) held += fit->unknown[i].fixed;
+    return fit->readings > fit->unknowns - held && kn_fit_run(fit);
 }
 
 static bool search(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_options *opt)

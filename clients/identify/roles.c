@@ -91,10 +91,11 @@ static bool is_it(const kn_heading *h, kn_role role)
     return h->has_unit ? fits(h, role) : may_be_bare[role] && !*h->unit_text;
 }
 
-// A unit says that it is meant, or the quantity's own word does: a bare x may be anything.
+// A unit says that it is meant, or the quantity's own word or letter does: a bare x may be anything.
 static bool is_sure(const kn_heading *h, kn_role role)
 {
-    return h->has_unit || strstr(h->word, kinds[role].name);
+    const bool letter = role == KN_STRAIN && (!strcmp(h->word, "gamma") || !strcmp(h->word, "epsilon"));
+    return h->has_unit || letter || strstr(h->word, kinds[role].name);
 }
 
 // Another column of that very name and kind, as sure as this one; -1: none. Which of them was meant nobody knows.

@@ -30,7 +30,7 @@ const char *kn_role_name(kn_role role);
 // The column, one that is sure before others; or -1. *code: after a complaint that its unit is missing or of another kind; NULL: then there is none.
 int kn_role_find(kn_sheet *s, kn_role role, int *code);
 
-// Whether a column that was found has a unit, or the quantity's own word in its name where it needs none. Else it may
+// Whether a column that was found has a unit, or the quantity's own word or letter for a name where it needs none. Else it may
 // well be something else, and one of another quantity goes before it.
 bool kn_role_is_sure(const kn_sheet *s, kn_role role, int column);
 

@@ -202,7 +202,7 @@ TEST("a second table is refused where it begins, with a row in a wrong place bef
 
 TEST("an interval whose steps are larger is another one, wherever they meet the last time of the one before")
 {
-    for (int k = 2; k <= 14; k++) {
+    for (int k = 2; k <= 30; k++) {
         begin(notes); // the same load
         row("time_s,displacement_mm\n");
         for (int i = 0; i < 40; i++) row("%d,%g\n", i, 0.01 * i);
@@ -227,6 +227,30 @@ TEST("five loads of eight readings each are five curves, and a second table is s
     for (int k = 0; k < 2; k++)
         for (int i = 0; i < 40; i++) row("%d,%g\n", k == 0 && (i == 1 || i == 2) ? 3 - i : i, 0.01 * i);
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(46, "time begins anew"));
+    begin(notes);
+    row("time_s,displacement_mm\n");
+    for (int k = 0; k < 2; k++) // one stands twenty rows too early
+        for (int i = 0; i < 40; i++) row("%d,%g\n", k || i < 20 || i > 27 ? i : i == 20 ? 27 : i - 1, 0.01 * i);
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(46, "time begins anew"));
+    static const int few[] = {0, 1, 2, 4, 5, 6, 7, 8, 9, 3, 10, 11};
+    begin(notes);
+    row("time_s,displacement_mm\n");
+    for (int i = 0; i < 24; i++) row("%d,%g\n", i < 12 ? few[i] : i - 12, 0.01 * i);
+    CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(18, "time begins anew"));
+}
+
+TEST("of readings that lie equally dense on a logarithm one in a wrong place is sorted in, too")
+{
+    for (int each = 4; each <= 20; each++)
+        for (int row_s = 0; row_s < each; row_s++) {
+            begin("# strain: 10 %\ntime_s,stress_kPa\n");
+            for (int i = 0; i <= 3 * each; i++) {
+                const double t = pow(10, (double)i / each), moved = pow(10, (double)row_s / each);
+                if (i != row_s) row("%.9g,%.9g\n", t, pow(t, -0.1));
+                if (i == 3 * each - 3) row("%.9g,%.9g\n", moved, pow(moved, -0.1));
+            }
+            CHECK(load(KN_CURVE_RELAX) == KN_EXIT_OK && curve->count == 3 * each + 1);
+        }
 }
 
 TEST("rows in any order are sorted")
@@ -298,7 +322,7 @@ TEST("a stress that falls as the section grows is the weight's; one that is held
 
 TEST("a bare x gives way to a column with a unit, whatever stands in it; where it is alone it is a strain")
 {
-    static const char *const bare[] = {"x", "gamma", "deformation"};
+    static const char *const bare[] = {"x", "compression", "deformation"};
     for (int k = 0; k < 3; k++) {
         begin(notes);
         row("time_s,%s,displacement_mm\n", bare[k]);
@@ -322,6 +346,10 @@ TEST("a bare x gives way to a column with a unit, whatever stands in it; where i
     begin("# area: 1 cm^2\ntime [s],load [gf],x\n");
     for (int i = 0; i <= 40; i++) row("%d,%g,0.1\n", i, 50 * exp(-i / 20.0));
     CHECK(load(KN_CURVE_RELAX) == KN_EXIT_OK && said("'x' has no unit and is taken as a share of the height"));
+    begin("time [s],gamma,gap [mm],G(t) [Pa]\n"); // its letter is a strain, beside a rheometer's gap
+    for (int i = 0; i <= 40; i++) row("%d,0.01,1,%g\n", i, 50 * exp(-i / 20.0));
+    CHECK(load(KN_CURVE_RELAX) == KN_EXIT_OK && said("'gamma' has no unit"));
+    CHECK_NEAR(curve->strain, 0.01, 1e-9);
 }
 
 TEST("a strain rate is no strain, nor a second column of one, and a strain with a unit has no twin without")
