@@ -157,7 +157,7 @@ static void follow(kn_pointer *p)
     move_sideways(p, press, dt_s);
     if (press && x[2] > goal_m) move_down(p, goal_m, dt_s);
     else move_up(p, goal_m, dt_s);
-    p->news.depth_m = p->wish.pressed ? fmax(0.0, p->wish.touch_z_m - x[2]) : 0.0;
+    p->news.depth_m = press ? fmax(0.0, p->wish.touch_z_m - x[2]) : 0.0;
 }
 
 kn_hand_out kn_pointer_tick(kn_pointer *p, const kn_pointer_wish *wish, const kn_hand_force *force, int elapsed_ms)

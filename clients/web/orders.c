@@ -92,11 +92,19 @@ static json_t *material_request(const kn_request *r)
     return NULL;
 }
 
+// Generations are numbered by scene, in one directory.
+static void of_what(const kn_web *w, char text[sizeof w->snapshot_of])
+{
+    const char *folder = json_string_value(json_object_get(json_object_get(w->status, "state"), "directory"));
+    snprintf(text, sizeof w->snapshot_of, "%s/%s", w->live.scene ? w->live.scene->name : "", folder ? folder : "");
+}
+
 // Of what a page has saved; else of kneadd's newest, which is its own of half a second ago.
 static json_t *restore_request(const kn_web *w)
 {
-    if (!w->snapshot || !w->live.scene || strcmp(w->snapshot_of, w->live.scene->name) != 0)
-        return json_pack("{s:s}", "command", "restore");
+    char now[sizeof w->snapshot_of];
+    of_what(w, now);
+    if (!w->snapshot || strcmp(w->snapshot_of, now) != 0) return json_pack("{s:s}", "command", "restore");
     return json_pack("{s:s, s:I}", "command", "restore", "generation", (json_int_t)w->snapshot);
 }
 
@@ -148,7 +156,7 @@ static void tell_done(kn_web *w, int page, uint32_t id, kn_verb verb, const json
     case KN_VERB_UNDO: DONE("Undone: the object is as before the last press, reset or restore."); break;
     case KN_VERB_SNAPSHOT:
         w->snapshot = generation;
-        snprintf(w->snapshot_of, sizeof w->snapshot_of, "%s", w->live.scene ? w->live.scene->name : "");
+        of_what(w, w->snapshot_of);
         DONE("Snapshot %lld is on disk.", generation);
         break;
     case KN_VERB_RESTORE: DONE("The object is as in snapshot %lld.", generation); break;
@@ -170,7 +178,6 @@ static void take_status(kn_web *w, const json_t *answer)
     const char *error = json_string_value(json_object_get(answer, "error"));
     json_decref(w->status);
     w->status = error ? NULL : json_deep_copy(answer);
-    if (error) w->snapshot = 0; // whoever answers next may have another directory
     snprintf(w->control_error, sizeof w->control_error, "%s", error ? error : "");
     kn_web_refresh(w);
 }

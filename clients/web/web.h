@@ -104,7 +104,7 @@ typedef struct kn_web {
     int64_t status_ms;          // when it was asked for
     char control_error[200];    // why there is none
     int64_t snapshot;           // generation of the last that a page asked for, 0: none
-    char snapshot_of[64];       // its scene
+    char snapshot_of[400];      // its scene and directory
     char scene_file[KN_WEB_SCENES][KN_REQUEST_NAME]; // names in `scenes`
     int scene_files, scenes_unlisted; // these: too many, or by names that no request may say
 
