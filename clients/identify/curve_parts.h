@@ -1,6 +1,7 @@
 #ifndef KN_CLIENTS_IDENTIFY_CURVE_PARTS_H
 #define KN_CLIENTS_IDENTIFY_CURVE_PARTS_H
 // What curve.c, curve_creep.c, curve_load.c, curve_relax.c and curve_sweep.c share of one file that is being read.
+// shape_measured.c asks it where a second table begins.
 #include "clients/identify/curve.h"
 #include "clients/identify/readings.h"
 #include "clients/identify/roles.h"
