@@ -43,6 +43,14 @@ int64_t kn_busy_within(const kn_busy *busy, int64_t from_ns, int64_t to_ns); // 
 int64_t kn_now_ns(void);  // CLOCK_MONOTONIC; no system call, as the next
 int64_t kn_wall_us(void); // us since 1970, CLOCK_REALTIME: a message's utime; may be set at any time
 
+// A time that is handed in, for a process that plays server, link and hands in one thread (tests/rig.h). The two
+// functions above tell now_ns, and kn_clock_sleep calls sleep instead of the kernel.
+typedef struct kn_time {
+    int64_t now_ns;
+    void (*sleep)(struct kn_time *time, int64_t until_ns); // sets now_ns to until_ns or later; NULL: to until_ns
+} kn_time;
+void kn_clock_hand(kn_time *time); // borrowed until the next call; NULL: the kernel's clocks again
+
 void kn_clock_start(kn_clock *clock, int64_t start_ns);
 // Sleeps until the next deadline; until ns. Real-time safe.
 kn_wake kn_clock_wait(kn_clock *clock);

@@ -6,14 +6,13 @@
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
-static const long poll_ns = 2000000; // of thread and operator: nothing wakes them, since the servo calls nobody
+static const int64_t poll_ns = 2000000; // of thread and operator: nothing wakes them, since the servo calls nobody
 
 static void rest(void)
 {
-    nanosleep(&(struct timespec){.tv_nsec = poll_ns}, NULL);
+    kn_clock_sleep(kn_now_ns() + poll_ns);
 }
 
 // --- open and close -------------------------------------------------------------------------------------------------

@@ -205,14 +205,18 @@ static void await_pose(kn_loop *loop, kn_wake *wake)
     wake->held_ns = wake->now_ns - woke_ns;
 }
 
+kn_wake kn_loop_wait(kn_loop *loop)
+{
+    if (loop->execution_ns > KN_PERIOD_NS) kn_clock_sleep(kn_now_ns() + breath_ns);
+    kn_wake wake = kn_clock_wait(&loop->clock);
+    await_pose(loop, &wake);
+    return wake;
+}
+
 void *kn_loop_run(void *arg)
 {
-    kn_loop *loop = arg;
     kn_wake wake;
-    do {
-        if (loop->execution_ns > KN_PERIOD_NS) kn_clock_sleep(kn_now_ns() + breath_ns);
-        wake = kn_clock_wait(&loop->clock);
-        await_pose(loop, &wake);
-    } while (kn_loop_tick(loop, &wake));
+    do wake = kn_loop_wait(arg);
+    while (kn_loop_tick(arg, &wake));
     return NULL;
 }

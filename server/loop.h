@@ -114,7 +114,9 @@ bool kn_loop_obeyed(const kn_loop *loop, int64_t number, int64_t *tick);
 bool kn_loop_estopped(const kn_loop *loop);
 
 void *kn_loop_run(void *loop); // thread body
-// One turn of it, after the wait. False when the loop may end.
+// One turn of it: the wait for the next tick and for a pose that is on its way, then the tick. False when the loop may
+// end.
+kn_wake kn_loop_wait(kn_loop *loop);
 bool kn_loop_tick(kn_loop *loop, const kn_wake *wake);
 
 #endif

@@ -5,7 +5,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #define SECRET 64       // bytes, of what stands in the place of a quotation
 #define PATIENCE_MS 500 // for a tick or the main thread: longer, and this is no running server
@@ -26,7 +25,7 @@ void kn_operator_free(kn_operator *o)
 
 static void rest(void)
 {
-    nanosleep(&(struct timespec){.tv_nsec = 500000}, NULL);
+    kn_clock_sleep(kn_now_ns() + 500000);
 }
 
 // --- status ---

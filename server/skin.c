@@ -9,7 +9,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 static knead_mesh_init_t topology_message(const kn_skin *skin, int64_t utime)
 {
@@ -188,7 +187,7 @@ bool kn_skin_publish(kn_skin *skin, int64_t utime)
     int size = KN_SKIN_BYTES / (12 + 4 * told); // vertices of a chunk
     for (int i = 0; i * size < skin->surface->vertex_count; i++) {
         // back to back, larger meshes would overflow the usual 208 kB receive buffer of the screens
-        if (i > 0) nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
+        if (i > 0) kn_clock_sleep(kn_now_ns() + 1000000);
         send_bytes(skin, "KNEAD_MESH_UPDATE", skin->update, encode_chunk(skin, frame, utime, i, size, measured));
     }
     return true;

@@ -14,7 +14,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/random.h>
-#include <time.h>
 #include <unistd.h>
 
 static const int hand_priority = 60; // as knead probe's device, below kneadd's threads
@@ -171,13 +170,6 @@ static void send_pose(run *r, int path, kn_pose *pose, bool counts)
     else sendto(r->ear_udp, bytes, size, 0, (struct sockaddr *)&r->echo_address, sizeof r->echo_address);
 }
 
-static void sleep_until(int64_t ns)
-{
-    struct timespec due = {ns / 1000000000, ns % 1000000000};
-    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL) != 0) {
-    }
-}
-
 static void take_hand(run *r)
 {
     double top_m = r->l->path->piece[0].from.position_m[2]; // above the object, where a path begins
@@ -194,7 +186,7 @@ static bool move(run *r, const kn_wake *wake, bool *at_work)
     kn_hand_out out = kn_hand_tick(&r->hand, fresh ? force : NULL, 1 + wake->missed);
     if (out.end) { // on a machine that stood still too often: anew, after the silence that ends a session
         if (r->hand.trouble != KN_HAND_SPOILT || r->hands == HANDS_MAX) return false;
-        sleep_until(kn_now_ns() + 1200000000);
+        kn_clock_sleep(kn_now_ns() + 1200000000);
         r->l->interrupted += r->hand.trips;
         take_hand(r);
         return true;
@@ -229,7 +221,7 @@ static void *hand_main(void *self)
         int64_t due_ns = clock.start_ns + clock.tick * KN_PERIOD_NS;
         r->echo_seq++;
         for (int path = KN_LATENCY_LCM; path <= KN_LATENCY_UDP; path++) {
-            sleep_until(due_ns + echo_at_ns[path]);
+            kn_clock_sleep(due_ns + echo_at_ns[path]);
             send_pose(r, path, &(kn_pose){.session = 1, .seq = r->echo_seq, .orientation_wxyz = {1}}, true);
         }
     }
@@ -311,7 +303,7 @@ static void wait_for_hand(run *r, pthread_t hand)
     kn_progress bar = kn_progress_open("latency", 1000 * r->l->seconds);
     while (bar.terminal && pthread_tryjoin_np(hand, NULL) != 0) {
         kn_progress_step(&bar, atomic_load_explicit(&r->worked, memory_order_relaxed));
-        sleep_until(kn_now_ns() + 200000000);
+        kn_clock_sleep(kn_now_ns() + 200000000);
     }
     if (!bar.terminal) pthread_join(hand, NULL);
     kn_progress_close(&bar);
@@ -322,10 +314,10 @@ static bool run_threads(run *r)
     pthread_t hand, ear, echo;
     if (pthread_create(&ear, NULL, ear_main, r) != 0) return false;
     bool echoes = pthread_create(&echo, NULL, echo_main, r) == 0;
-    while (echoes && atomic_load(&r->ready) >= 0 && atomic_load(&r->ready) < 2) sleep_until(kn_now_ns() + 1000000);
+    while (echoes && atomic_load(&r->ready) >= 0 && atomic_load(&r->ready) < 2) kn_clock_sleep(kn_now_ns() + 1000000);
     bool moved = echoes && atomic_load(&r->ready) == 2 && pthread_create(&hand, NULL, hand_main, r) == 0;
     if (moved) wait_for_hand(r, hand);
-    if (moved) sleep_until(kn_now_ns() + straggler_ns);
+    if (moved) kn_clock_sleep(kn_now_ns() + straggler_ns);
     atomic_store(&r->done, true);
     if (echoes) pthread_join(echo, NULL);
     pthread_join(ear, NULL);

@@ -3,11 +3,11 @@
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include "proto/knead_scene_t.h"
+#include "server/clock.h"
 #include "server/wire.h"
 #include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <time.h>
 
 #define FORGET_MS 200 // forces come every ms: a hand that was silent this long is gone
 #define FORCE "KNEAD_FORCE_"
@@ -15,9 +15,7 @@
 
 int64_t kn_live_now_ms(void)
 {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (int64_t)now.tv_sec * 1000 + now.tv_nsec / 1000000;
+    return kn_now_ns() / 1000000;
 }
 
 static void on_scene(const lcm_recv_buf_t *buffer, const char *channel, void *user)

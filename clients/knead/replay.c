@@ -8,6 +8,7 @@
 #include "clients/knead/rows.h"
 #include "core/hash.h"
 #include "server/backend/fpga.h"
+#include "server/clock.h"
 #include "server/log.h"
 #include "server/replay.h"
 #include "server/wire.h"
@@ -17,7 +18,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 static const char help[] =
     "usage: knead replay [SCENE] LOG [OPTION]...\n\n"
@@ -340,18 +340,10 @@ static int refuse_verify(const replay_run *run)
 
 // ---- the run
 
-static int64_t now_ns(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return 1000000000 * (int64_t)t.tv_sec + t.tv_nsec;
-}
-
 static void keep_pace(replay_run *run)
 {
     run->clock_ns += 1000000;
-    struct timespec t = {run->clock_ns / 1000000000, run->clock_ns % 1000000000};
-    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL) == EINTR) continue;
+    kn_clock_sleep(run->clock_ns);
 }
 
 static void take_tick(replay_run *run)
@@ -469,7 +461,7 @@ static int play(replay_run *run)
     int code = run->opt->verify ? refuse_verify(run) : KN_EXIT_OK;
     if (code == KN_EXIT_OK) code = open_outputs(run);
     if (code != KN_EXIT_OK) return code;
-    run->clock_ns = now_ns();
+    run->clock_ns = kn_now_ns();
     run->hash = KN_HASH_SEED;
     run->initial_hash = kn_state_hash(r->model, kn_replay_state(r));
     bool first = true;

@@ -16,7 +16,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/random.h>
-#include <time.h>
 #include <unistd.h>
 
 static const int scene_wait_ms = 6000; // KNEAD_SCENE comes every 5 s
@@ -228,7 +227,7 @@ static void watch(hand *h)
     int64_t begin_ms = kn_live_now_ms(), now_ms = begin_ms;
     h->told.answer_ms = begin_ms;
     while (!interrupted && (h->opt.seconds == 0.0 || 1e-3 * (double)(now_ms - begin_ms) < h->opt.seconds)) {
-        nanosleep(&(struct timespec){.tv_nsec = look_ms * 1000000}, NULL);
+        kn_clock_sleep(kn_now_ns() + look_ms * 1000000);
         const kn_bridge_news *n = kn_bridge_latest(&h->bridge);
         now_ms = kn_live_now_ms();
         tell_tether(&h->told, n, name, now_ms);
