@@ -5,15 +5,11 @@
 #include "server/backend/fpga.h"
 #include "server/bus.h"
 #include "server/control.h"
+#include "server/exchange.h"
 #include "server/health.h"
 #include "server/keeper.h"
-#include "server/loop.h"
 #include "server/operator.h"
-#include "server/publisher.h"
-#include "server/receiver.h"
 #include "server/say.h"
-#include "server/sentinel.h"
-#include "server/trace.h"
 #include <ev.h>
 #include <inttypes.h>
 #include <signal.h>
@@ -38,10 +34,9 @@ typedef struct server {
     int64_t rest_ns; // that a tick takes here while nothing touches the object
     kn_bus bus, mesh_bus;
     int claim, mesh_claim, fd; // of the two buses; what is heard on the first
-    kn_receiver receiver;
+    kn_exchange exchange; // of the main thread
     kn_auth auth; // when a key was given
     kn_batch batch;
-    kn_publisher publisher;
     kn_skin skin;
     kn_control *control; // NULL: nobody to listen to
     kn_operator operator;
@@ -61,7 +56,6 @@ typedef struct server {
     atomic_bool goes_on; // with that
     bool stuck;      // the worker
     bool estopped;   // from the first tick on
-    kn_change *told; // whose scene is told, NULL: that of the start
     ev_timer status_due, scene_due;
     ev_signal signals[SIGNALS];
     int64_t stop_ns; // when the first signal came, 0: none has
@@ -69,7 +63,6 @@ typedef struct server {
     int64_t start_ns;
     int32_t mode_told;
     kn_checkup checkup;
-    kn_force force[KN_PROBES_MAX]; // of the latest tick
 } server;
 
 // --- main thread ---
@@ -77,14 +70,7 @@ typedef struct server {
 static void take_datagrams(server *d, int limit)
 {
     kn_bus_read(&d->bus, d->fd, limit < KN_BATCH ? limit : KN_BATCH, &d->batch);
-    int64_t now_ns = kn_now_ns();
-    d->receiver.epoch_us = kn_wall_us() - now_ns / 1000; // anew: a wall clock may be set
-    for (int i = 0; i < d->batch.count; i++) {
-        int probe;
-        kn_pose pose;
-        if (kn_receiver_judge(&d->receiver, &d->batch.datagram[i], now_ns, &probe, &pose) == KN_ACCEPTED)
-            kn_loop_post(&d->loop, probe, &pose);
-    }
+    kn_exchange_hear(&d->exchange, &d->batch);
 }
 
 static void on_readable(struct ev_loop *ev, ev_io *w, int events)
@@ -101,44 +87,16 @@ static void tell_status(server *d)
     kn_health health;
     kn_checkup_tell(&d->checkup, &health);
     d->mode_told = health.status.mode;
-    kn_publisher_status(&d->publisher, &health.status);
-    kn_publisher_health(&d->publisher, &health.more);
-}
-
-static void publish_records(server *d)
-{
-    for (const kn_record *record; (record = kn_ring_front(&d->loop.records)); kn_ring_pop(&d->loop.records)) {
-        kn_publisher_record(&d->publisher, record);
-        kn_trace_record(&d->trace, record, &d->on.model->def);
-        kn_sentinel_hear(&d->sentinel, &record->wake);
-        memcpy(d->force, record->out.force, sizeof d->force);
-    }
-    const kn_touched *touched;
-    for (; d->loop.touches.capacity && (touched = kn_ring_front(&d->loop.touches)); kn_ring_pop(&d->loop.touches))
-        kn_publisher_touch(&d->publisher, touched);
-}
-
-static void go_over(server *d)
-{
-    kn_change *changed = atomic_load_explicit(&d->loop.changed, memory_order_acquire);
-    if (changed == d->told || !kn_publisher_go_over(&d->publisher, changed->scene)) return;
-    kn_publisher_scene(&d->publisher, kn_wall_us());
-    d->told = changed;
-    atomic_store(&d->operator.told, changed);
+    kn_publisher_status(&d->exchange.publisher, &health.status);
+    kn_publisher_health(&d->exchange.publisher, &health.more);
 }
 
 static void on_ticked(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)events;
     server *d = w->data;
-    bool done = atomic_load_explicit(&d->loop.done, memory_order_acquire); // first: then the records hold the last one
-    go_over(d); // before the event of it, for whoever hears both
-    publish_records(d);
-    kn_sentinel_judge(&d->sentinel, kn_now_ns());
-
-    unsigned ended = kn_receiver_expire(&d->receiver, kn_now_ns());
-    for (int p = 0; ended >> p; p++)
-        if (ended >> p & 1) kn_loop_post(&d->loop, p, NULL);
+    bool done = kn_exchange_ticked(&d->exchange);
+    atomic_store(&d->operator.told, d->exchange.told);
     d->budget = DATAGRAMS_PER_TICK;
     if (!ev_is_active(&d->readable)) ev_io_start(ev, &d->readable);
     if (atomic_load_explicit(&d->loop.account.mode, memory_order_relaxed) != d->mode_told) tell_status(d);
@@ -155,7 +113,7 @@ static void on_scene_due(struct ev_loop *ev, ev_timer *w, int events)
 {
     (void)events;
     server *d = w->data;
-    kn_publisher_scene(&d->publisher, kn_wall_us());
+    kn_publisher_scene(&d->exchange.publisher, kn_wall_us());
     bool young = kn_now_ns() - d->start_ns < SCENE_YOUNG_NS; // whoever waits for a server comes just after it
     w->repeat = young ? 1 : SCENE_S;
     ev_timer_again(ev, w);
@@ -176,7 +134,7 @@ static void on_asked(struct ev_loop *ev, ev_async *w, int events)
     server *d = w->data;
     kn_health *health = kn_mailbox_back(&d->operator.health);
     kn_checkup_now(&d->checkup, health);
-    memcpy(health->force, d->force, sizeof health->force);
+    memcpy(health->force, d->exchange.force, sizeof health->force);
     kn_mailbox_post(&d->operator.health);
 }
 
@@ -445,14 +403,16 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
     d->fd = kn_bus_listen(&d->bus, error, error_size);
     if (d->fd < 0) return false;
     uint64_t hash = kn_state_hash(d->on.model, d->on.backend.state(d->on.backend.self));
-    kn_receiver_init(&d->receiver, &d->on.model->def);
-    memcpy(d->receiver.peer, def->peer, sizeof def->peer);
-    d->receiver.peers = def->peers;
-    d->receiver.auth = def->key ? &d->auth : NULL;
-    if (!kn_publisher_open(&d->publisher, d->bus.url, d->on.scene, hash, error, error_size) ||
+    kn_exchange *x = &d->exchange;
+    *x = (kn_exchange){.loop = &d->loop, .trace = &d->trace, .sentinel = &d->sentinel};
+    kn_receiver_init(&x->receiver, &d->on.model->def);
+    memcpy(x->receiver.peer, def->peer, sizeof def->peer);
+    x->receiver.peers = def->peers;
+    x->receiver.auth = def->key ? &d->auth : NULL;
+    if (!kn_publisher_open(&x->publisher, d->bus.url, d->on.scene, hash, error, error_size) ||
         !kn_skin_open(&d->skin, d->mesh_bus.url, d->on.scene, d->on.model, error, error_size))
         return false;
-    d->publisher.auth = d->skin.auth = d->receiver.auth;
+    x->publisher.auth = d->skin.auth = x->receiver.auth;
     if (kn_loop_init(&d->loop, d->on.scene, d->on.model, &d->on.backend, &d->skin, d->on.audit) &&
         (!def->touch || kn_loop_touch(&d->loop)) && kn_sentinel_init(&d->sentinel) && watch_events(d)) {
         d->loop.servo.sets = &d->on.sets;
@@ -463,8 +423,8 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
             kn_loop_order(&d->loop, KN_ORDER_ESTOP, 0);
             atomic_store(&d->loop.account.mode, KNEAD_STATUS_T_MODE_ESTOP);
         }
-        d->checkup = (kn_checkup){.served = &d->on, .loop = &d->loop, .receiver = &d->receiver,
-                                  .publisher = &d->publisher, .keeper = &d->keeper, .sentinel = &d->sentinel,
+        d->checkup = (kn_checkup){.served = &d->on, .loop = &d->loop, .receiver = &x->receiver,
+                                  .publisher = &x->publisher, .keeper = &d->keeper, .sentinel = &d->sentinel,
                                   .rt = &d->rt, .fd = d->fd};
         return true;
     }
@@ -550,11 +510,11 @@ static void tell_ready(server *d, FILE *out)
         fprintf(out, "kneadd: an emergency stop stands: every force stays 0 until %sknead ctl recover\n",
                 d->control ? "" : "a start with --control and ");
     if (*d->rt.missing) fprintf(out, "kneadd: not real time: %s\n", d->rt.missing);
-    if (d->receiver.auth)
+    if (d->exchange.receiver.auth)
         fprintf(out, "kneadd: poses are taken from holders of the key, forces are signed with it\n");
-    else if (d->receiver.peers > 0)
+    else if (d->exchange.receiver.peers > 0)
         fprintf(out, "kneadd: poses are taken from %d addresses; that is no authentication: an address can be forged\n",
-                d->receiver.peers);
+                d->exchange.receiver.peers);
     if (d->on.model->isa == KN_ISA_BASE) fprintf(out, "kneadd: not real time: fused multiply-add in software\n");
     const kn_fixed_model *fixed = d->on.model->fixed;
     if (fixed && fixed->error > KN_FIXED_ERROR)
@@ -600,12 +560,12 @@ static void tell_circuit(server *d)
 static void tell_summary(server *d, FILE *out)
 {
     kn_account *a = &d->loop.account;
-    const kn_receiver *r = &d->receiver;
+    const kn_receiver *r = &d->exchange.receiver;
     fprintf(out,
             "kneadd: stopped after %" PRId64 " ticks, %" PRId64 " missed (%" PRId64
             " explained by the machine), %" PRId64 " overruns; %" PRId64 " published, %" PRId64 " not queued\n",
-            a->ticks, a->missed, kn_sentinel_judge(&d->sentinel, INT64_MAX), a->overruns, d->publisher.published,
-            a->unpublished);
+            a->ticks, a->missed, kn_sentinel_judge(&d->sentinel, INT64_MAX), a->overruns,
+            d->exchange.publisher.published, a->unpublished);
     const kn_sentinel *s = &d->sentinel;
     fprintf(out,
             "kneadd: woken 1 ms late or more %" PRId64 " times (%" PRId64 " explained), 0.5 ms %" PRId64 " (%" PRId64
@@ -705,7 +665,7 @@ static void free_all(server *d)
     kn_sentinel_free(&d->sentinel);
     kn_loop_free(&d->loop);
     kn_skin_close(&d->skin);
-    kn_publisher_close(&d->publisher);
+    kn_publisher_close(&d->exchange.publisher);
     if (d->fd >= 0) close(d->fd);
     if (d->claim >= 0) close(d->claim);
     if (d->mesh_claim >= 0) close(d->mesh_claim);

@@ -1,0 +1,47 @@
+#include "server/exchange.h"
+#include <string.h>
+
+void kn_exchange_hear(kn_exchange *x, const kn_batch *batch)
+{
+    int64_t now_ns = kn_now_ns();
+    x->receiver.epoch_us = kn_wall_us() - now_ns / 1000; // anew: a wall clock may be set
+    for (int i = 0; i < batch->count; i++) {
+        int probe;
+        kn_pose pose;
+        if (kn_receiver_judge(&x->receiver, &batch->datagram[i], now_ns, &probe, &pose) == KN_ACCEPTED)
+            kn_loop_post(x->loop, probe, &pose);
+    }
+}
+
+static void publish_records(kn_exchange *x)
+{
+    for (const kn_record *record; (record = kn_ring_front(&x->loop->records)); kn_ring_pop(&x->loop->records)) {
+        kn_publisher_record(&x->publisher, record);
+        if (x->trace) kn_trace_record(x->trace, record, &x->publisher.scene->model);
+        if (x->sentinel) kn_sentinel_hear(x->sentinel, &record->wake);
+        memcpy(x->force, record->out.force, sizeof x->force);
+    }
+    const kn_touched *touched;
+    for (; x->loop->touches.capacity && (touched = kn_ring_front(&x->loop->touches)); kn_ring_pop(&x->loop->touches))
+        kn_publisher_touch(&x->publisher, touched);
+}
+
+static void go_over(kn_exchange *x)
+{
+    kn_change *changed = atomic_load_explicit(&x->loop->changed, memory_order_acquire);
+    if (changed == x->told || !kn_publisher_go_over(&x->publisher, changed->scene)) return;
+    kn_publisher_scene(&x->publisher, kn_wall_us());
+    x->told = changed;
+}
+
+bool kn_exchange_ticked(kn_exchange *x)
+{
+    bool done = atomic_load_explicit(&x->loop->done, memory_order_acquire); // first: then the records hold the last one
+    go_over(x); // before the event of it, for whoever hears both
+    publish_records(x);
+    if (x->sentinel) kn_sentinel_judge(x->sentinel, kn_now_ns());
+    unsigned ended = kn_receiver_expire(&x->receiver, kn_now_ns());
+    for (int p = 0; ended >> p; p++)
+        if (ended >> p & 1) kn_loop_post(x->loop, p, NULL);
+    return done;
+}
