@@ -67,6 +67,15 @@ static bool open_bus(kn_device *d)
     return true;
 }
 
+bool kn_device_tick(kn_device *d, int elapsed_ms)
+{
+    d->fresh = false;
+    for (int n = 0; n < 2 + 2 * KN_CONTACT_UNITS && lcm_handle_timeout(d->lcm, 0) > 0; n++); // the newest stay
+    kn_hand_out out = d->hand(d->self, d->fresh ? &d->force : NULL, elapsed_ms);
+    if (out.send) publish(d, &out);
+    return !out.end;
+}
+
 static void *run(void *self)
 {
     kn_device *d = self;
@@ -77,22 +86,17 @@ static void *run(void *self)
 
     kn_clock clock;
     kn_clock_start(&clock, kn_now_ns());
-    for (bool end = false; !atomic_load(&d->stop) && !end;) {
+    for (bool goes_on = true; goes_on && !atomic_load(&d->stop);) {
         int missed = kn_clock_wait(&clock).missed;
         atomic_fetch_add(&d->missed, missed);
-
-        d->fresh = false;
-        for (int n = 0; n < 2 + 2 * KN_CONTACT_UNITS && lcm_handle_timeout(d->lcm, 0) > 0; n++); // the newest stay
-        kn_hand_out out = d->hand(d->self, d->fresh ? &d->force : NULL, 1 + missed);
-        if (out.send) publish(d, &out);
-        end = out.end;
+        goes_on = kn_device_tick(d, 1 + missed);
     }
     atomic_store(&d->done, true);
     return NULL;
 }
 
-bool kn_device_start(kn_device *d, kn_device_hand *hand, void *self, const char *url, const char *probe, char *error,
-                     size_t error_size)
+static void prepare(kn_device *d, kn_device_hand *hand, void *self, const char *url, const char *probe, char *error,
+                    size_t error_size)
 {
     d->hand = hand;
     d->self = self;
@@ -102,6 +106,25 @@ bool kn_device_start(kn_device *d, kn_device_hand *hand, void *self, const char 
     snprintf(d->pose_channel, sizeof d->pose_channel, "KNEAD_POSE_%s", probe);
     snprintf(d->force_channel, sizeof d->force_channel, "KNEAD_FORCE_%s", probe);
     snprintf(d->contact_channel, sizeof d->contact_channel, "KNEAD_CONTACT_%s", probe);
+}
+
+bool kn_device_join(kn_device *d, kn_device_hand *hand, void *self, const char *url, const char *probe, char *error,
+                    size_t error_size)
+{
+    prepare(d, hand, self, url, probe, error, error_size);
+    return open_bus(d);
+}
+
+void kn_device_leave(kn_device *d)
+{
+    if (d->lcm) lcm_destroy(d->lcm);
+    d->lcm = NULL;
+}
+
+bool kn_device_start(kn_device *d, kn_device_hand *hand, void *self, const char *url, const char *probe, char *error,
+                     size_t error_size)
+{
+    prepare(d, hand, self, url, probe, error, error_size);
     sem_init(&d->ready, 0, 0);
     if (pthread_create(&d->thread, NULL, run, d) != 0) {
         snprintf(error, error_size, "no thread for the device");
@@ -119,7 +142,6 @@ void kn_device_stop(kn_device *d)
 {
     atomic_store(&d->stop, true);
     pthread_join(d->thread, NULL);
-    if (d->lcm) lcm_destroy(d->lcm);
-    d->lcm = NULL;
+    kn_device_leave(d);
     sem_destroy(&d->ready);
 }

@@ -37,4 +37,11 @@ bool kn_device_start(kn_device *device, kn_device_hand *hand, void *self, const 
 int kn_device_priority_error(const kn_device *device);
 void kn_device_stop(kn_device *device); // and joins; the tool stops where it is
 
+// The same without a thread of its own: the caller calls tick every ms, elapsed_ms after the last one, until that is
+// false.
+bool kn_device_join(kn_device *device, kn_device_hand *hand, void *self, const char *url, const char *probe,
+                    char *error, size_t error_size);
+bool kn_device_tick(kn_device *device, int elapsed_ms);
+void kn_device_leave(kn_device *device);
+
 #endif

@@ -35,11 +35,15 @@ static const char *choose(const char *url, const char *otherwise)
     return url;
 }
 
-static bool parse(kn_bus *bus, const char *url, char *error, size_t error_size)
+static bool take_key(char *error, size_t error_size)
 {
     const char *key = getenv("KNEAD_KEY");
-    if (key && *key && !keyed && !(keyed = kn_auth_load(&auth, key, error, error_size))) return false;
-    return kn_bus_parse(bus, url, lan(), error, error_size);
+    return !key || !*key || keyed || (keyed = kn_auth_load(&auth, key, error, error_size));
+}
+
+static bool parse(kn_bus *bus, const char *url, char *error, size_t error_size)
+{
+    return take_key(error, error_size) && kn_bus_parse(bus, url, lan(), error, error_size);
 }
 
 bool kn_join_check(const char *url, const char *otherwise, char *error, size_t error_size)
@@ -52,6 +56,7 @@ lcm_t *kn_join(const char *url, const char *otherwise, char *error, size_t error
     char full[256];
     kn_bus bus;
     url = choose(url, otherwise);
+    if (!strcmp(url, KN_MEMORY_URL)) return take_key(error, error_size) ? lcm_create(url) : NULL;
     if (!parse(&bus, url, error, error_size) || !kn_bus_check_route(&bus, error, error_size)) return NULL;
     snprintf(full, sizeof full, strstr(url, "recv_buf_size=") ? "%s" : strchr(url, '?') ? "%s&recv_buf_size=%d" :
              "%s?recv_buf_size=%d", url, buffer_bytes());

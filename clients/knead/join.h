@@ -8,6 +8,7 @@
 #include <stddef.h>
 
 #define KN_FORCE_URL "udpm://239.255.76.67:7667?ttl=0" // poses, forces, scene, events, status
+#define KN_MEMORY_URL "memq://" // no bus: a queue of this lcm_t, for whoever carries messages by hand (tests/rig.h)
 #define KN_MESH_URL "udpm://239.255.76.67:7668?ttl=0"
 
 // Whether kn_join would understand the URL; nothing is opened. False and one line in error: bad input, where a failing

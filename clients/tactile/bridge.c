@@ -100,16 +100,20 @@ static void close_lost(kn_bridge *b)
     b->retry_ms = retry_ms;
 }
 
-static void on_forces(struct ev_loop *ev, ev_io *watcher, int events)
+void kn_bridge_hear(kn_bridge *b)
 {
-    (void)ev, (void)events;
-    kn_bridge *b = watcher->data;
     for (int n = 0; n < 2 + 2 * KN_CONTACT_UNITS && lcm_handle_timeout(b->lcm, 0) > 0; n++); // the newest stay
     if (b->heard && !b->now.tether.render.def.local) {
         kn_tether_give(&b->now.tether, now_s());
         answer(b);
     }
     b->heard = false;
+}
+
+static void on_forces(struct ev_loop *ev, ev_io *watcher, int events)
+{
+    (void)ev, (void)events;
+    kn_bridge_hear(watcher->data);
 }
 
 static void open_device(kn_bridge *b)
@@ -119,16 +123,10 @@ static void open_device(kn_bridge *b)
     b->open = b->device->open(b->device, b, error, sizeof error);
 }
 
-static void on_timer(struct ev_loop *ev, ev_io *watcher, int events)
+void kn_bridge_tick(kn_bridge *b, int elapsed_ms)
 {
-    (void)ev, (void)events;
-    kn_bridge *b = watcher->data;
     kn_tactile *d = b->device;
-    uint64_t times = 1;
-    if (read(b->timer_fd, &times, sizeof times) != sizeof times) return;
-    int elapsed_ms = times < 1000 ? (int)times : 1000;
     b->now.late += elapsed_ms - 1;
-
     if (b->open && d->tick) d->tick(d, elapsed_ms);
     bool live = kn_tether_live(&b->now.tether);
     kn_tether_tick(&b->now.tether, now_s(), elapsed_ms);
@@ -144,6 +142,14 @@ static void on_timer(struct ev_loop *ev, ev_io *watcher, int events)
     memcpy(b->now.state, d->state, sizeof d->state);
     *(kn_bridge_news *)kn_mailbox_back(&b->news) = b->now;
     kn_mailbox_post(&b->news);
+}
+
+static void on_timer(struct ev_loop *ev, ev_io *watcher, int events)
+{
+    (void)ev, (void)events;
+    kn_bridge *b = watcher->data;
+    uint64_t times = 1;
+    if (read(b->timer_fd, &times, sizeof times) == sizeof times) kn_bridge_tick(b, times < 1000 ? (int)times : 1000);
 }
 
 static void on_stop(struct ev_loop *ev, ev_async *watcher, int events)
@@ -165,14 +171,14 @@ static bool open_bus(kn_bridge *b)
     lcm_subscription_t *contacts = NULL;
     if (b->now.tether.render.def.local) contacts = lcm_subscribe(b->lcm, b->contact_channel, on_contact, b);
     if (contacts) lcm_subscription_set_queue_capacity(contacts, 2 * KN_CONTACT_UNITS);
-    ev_io_init(&b->forces, on_forces, lcm_get_fileno(b->lcm), EV_READ);
-    b->forces.data = b;
-    ev_io_start(b->ev, &b->forces);
     return true;
 }
 
-static bool open_timer(kn_bridge *b)
+static bool watch(kn_bridge *b)
 {
+    ev_io_init(&b->forces, on_forces, lcm_get_fileno(b->lcm), EV_READ);
+    b->forces.data = b;
+    ev_io_start(b->ev, &b->forces);
     // libev's own timers are as coarse as epoll's milliseconds
     const struct itimerspec every = {{0, KN_PERIOD_NS}, {0, KN_PERIOD_NS}};
     b->timer_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
@@ -186,18 +192,23 @@ static bool open_timer(kn_bridge *b)
     return true;
 }
 
+static void let_go(kn_bridge *b)
+{
+    if (b->open && b->device->give) b->device->give(b->device, (double[3]){0}, false);
+    if (b->open) b->device->close(b->device);
+    if (b->device->destroy) b->device->destroy(b->device);
+}
+
 static void *run(void *self)
 {
     kn_bridge *b = self;
     b->priority_error = kn_join_priority(priority); // before the subscription: LCM's receive thread inherits it
-    bool ok = open_bus(b) && open_timer(b) && b->device->open(b->device, b, b->error, b->error_size);
+    bool ok = open_bus(b) && watch(b) && b->device->open(b->device, b, b->error, b->error_size);
     b->open = ok;
     atomic_store(&b->up, ok);
     sem_post(&b->ready);
     if (ok) ev_run(b->ev, 0);
-    if (b->open && b->device->give) b->device->give(b->device, (double[3]){0}, false);
-    if (b->open) b->device->close(b->device);
-    if (b->device->destroy) b->device->destroy(b->device);
+    let_go(b);
     return NULL;
 }
 
@@ -209,7 +220,7 @@ static void close_all(kn_bridge *b)
     sem_destroy(&b->ready);
 }
 
-bool kn_bridge_start(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size)
+static void prepare(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size)
 {
     b->device = device;
     b->url = def->url;
@@ -222,6 +233,23 @@ bool kn_bridge_start(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device,
     snprintf(b->contact_channel, sizeof b->contact_channel, "KNEAD_CONTACT_%s", def->probe);
     kn_tether_init(&b->now.tether, def->session, &def->render);
     kn_mailbox_init(&b->news, b->slots, sizeof *b->slots);
+}
+
+bool kn_bridge_open(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size)
+{
+    prepare(b, def, device, error, error_size);
+    return open_bus(b) && (b->open = device->open(device, b, error, error_size));
+}
+
+void kn_bridge_close(kn_bridge *b)
+{
+    let_go(b);
+    if (b->lcm) lcm_destroy(b->lcm);
+}
+
+bool kn_bridge_start(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size)
+{
+    prepare(b, def, device, error, error_size);
     sem_init(&b->ready, 0, 0);
     b->ev = ev_loop_new(EVFLAG_AUTO);
     if (b->ev) {

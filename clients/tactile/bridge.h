@@ -96,6 +96,13 @@ const kn_bridge_news *kn_bridge_latest(kn_bridge *bridge); // valid until the ne
 int kn_bridge_priority_error(const kn_bridge *bridge);     // 0, or why there is no SCHED_FIFO (errno)
 void kn_bridge_stop(kn_bridge *bridge);                    // zero force, closes the device
 
+// The same without a thread and a timer of its own: the caller calls tick every ms, elapsed_ms after the last one, and
+// hear as soon as bridge->lcm has messages. A driver that watches bridge->ev cannot be opened so.
+bool kn_bridge_open(kn_bridge *bridge, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size);
+void kn_bridge_hear(kn_bridge *bridge);
+void kn_bridge_tick(kn_bridge *bridge, int elapsed_ms);
+void kn_bridge_close(kn_bridge *bridge);
+
 // For drivers, from within their callbacks.
 void kn_bridge_moved(kn_bridge *bridge, const kn_tactile_pose *pose);
 // It is gone: it will be closed within the ms and tried again every 500 ms.
