@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# knead hand with the local model, by the simulated paddle and arm: behind a link of 20 ms, where forces are refused;
-# beside kneadd, where it gives what kneadd gives. And a force in kneadd's name that no physics makes.
+# knead hand with the local model, by the simulated paddle and arm: behind a link of 20 ms, where forces are refused. And a
+# force in kneadd's name that no physics makes. By its numbers all this is tests/tactile/test_link.c's; here real devices' protocols,
+# a real bus and real clocks are between, and what knead hand says is read.
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 
@@ -25,27 +26,13 @@ calm() { # the force changes little from one ms to the next; $1: the column of w
 }
 
 start_kneadd dough-small.yaml --set device=unknown --local-model
-hear finger 30 >hear.csv & hear=$!
-hold 13 --local
-kill $hear
-wait $hear 2>/dev/null
-check "beside kneadd the local model pushes back" [ "$(rows '$4 > 0.5')" -gt 100 ]
-check "it is what was rendered" [ "$(count 'local model,')" -gt 1000 ]
-check "it does not buzz" calm 4 paddle.csv
-check "in air it leaves the paddle alone" [ "$(rows '$2 > -0.01 && $4 > 0.01')" = 0 ]
-check "its guard had nothing to do" grep -q 'impulse guard hit 0, tripped 0' hand.txt
-given=$(awk -F, 'NR > 1 && $4 > 0.3 { sum += $4; n++ } END { print sum / n }' paddle.csv)
-served=$(awk -F, '$1 == "force" && $7 > 0.3 { sum += $7; n++ } END { print sum / n }' hear.csv)
-echo "pressing, $given N are given, by kneadd $served N"
-check "and gives what kneadd gives: within a tenth" holds "$given > 0.9 * $served && $given < 1.1 * $served"
-
 link 'udpm://239.255.76.67:7667?ttl=0' "$far" 20 60 & link=$!
 hold 6 --lcm-url "$far"
 check "20 ms away a force is refused: one line" [ "$(told 'a round trip above 5 ms')" = 1 ]
 check "that says what to do" [ "$(told '--local')" = 1 ]
 check "and nothing is given, not even for a moment" [ "$(rows '$4 != 0')" = 0 ]
 check "the motor stays off" [ "$(tail -n 2 paddle.csv | head -n 1 | cut -d, -f5)" = 0 ]
-hold 13 --lcm-url "$far" --local
+hold 8 --lcm-url "$far" --local
 check "with the local model it is pushed back" [ "$(rows '$4 > 0.5')" -gt 100 ]
 check "without a buzz" calm 4 paddle.csv
 check "it is told how far kneadd is" holds "$(sed -n 's/.*round trip \([0-9.]*\) ms.*/\1/p' hand.txt) > 15"
@@ -80,15 +67,5 @@ check "what the motor is asked for never jumps" \
 check "it fades, in steps, to 0 N and a motor that is off" \
     awk -F, 'NR > 1 { off += on && !$5 && pressed > 5; pressed += $4 > 0.2; on = $5 } END { exit !off }' paddle.csv
 check "and a new session begins" [ "$(count tripped)" = 1 ]
-
-# the same on the simulated device, which has the same output stage: it gets out of the way and tries again
-wild finger 60 30 & wild=$!
-knead probe --path poke --hand light --quiet 2>probe.err
-status=$?
-wait $wild
-cat probe.err
-check "a simulated device's hand ends its path after all" [ $status = 0 ]
-check "though its guard had tripped" grep -q 'taken to 0 N: own impulse guard' probe.err
-check "and lifts the tool for a new session" grep -q 'once more in a new session' probe.err
 stop_kneadd
 exit $failed

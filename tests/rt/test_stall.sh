@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
 # kneadd frozen for 5, 20, 50 and 200 ms at random instants of a press (kill -STOP and -CONT, 3 times each; KN_STALLS=N for more): cycles
 # that it missed are counted and skipped, none is made up for, two cycles later it is on time; every step is 1 ms, as its log replays
-# to the bit; forces keep the rules of core/safety.h on either side, and a device that hears nothing gives 0 N after 20 ms.
+# to the bit; forces keep the rules of core/safety.h on either side, and a device that hears nothing gives 0 N after 20 ms. In virtual
+# time the same is tests/tactile/test_link.c's; here a real clock, a real stop and what is said of it are.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 stalls=${KN_STALLS:-3}
 RANDOM=1
 start_logger stall.lcmlog
 start_kneadd dough-small.yaml --set device=touch --trace trace.csv
-presser finger 1e6 >felt.csv & hand=$!
+presser finger 1e6 >felt.txt & hand=$!
 for ((n = 0; n < stalls; n++)); do
     for ms in 005 020 050 200; do
         sleep "$((RANDOM % 2 + 2)).$((100 + RANDOM % 900))" # a new session begins 1.2 s after a trip, and presses 0.5 s later
@@ -19,7 +20,6 @@ done
 sleep 1
 kill $hand
 wait $hand
-check "the device wrote down every tick" [ $? = 0 ]
 pause 1.5 # its session ends
 lines=$(grep -c '^Overrun' kneadd.err)
 began=$(date +%s%N)
@@ -49,7 +49,7 @@ awk -F, 'NR > 1 {
     END { printf "ticks %d stalls %d skipped %d longest %d foreign %d lame %d\n", ticks, stalls, skipped, longest, foreign, lame }' trace.csv |
     tee ticks.txt
 rules stall.lcmlog finger 3.3 4 | tee served.txt
-awk -v clamp=3.3 -v guard=4 -f "$KN_SOURCE/tests/tactile/device.awk" felt.csv | tee felt.txt
+cat felt.txt
 check "it was frozen $((4 * stalls)) times" [ "$(number stalls ticks.txt)" -ge $((4 * stalls)) ]
 check "what it missed is counted" [ "$(counter missed)" -ge "$(number skipped ticks.txt)" ]
 line='^Overrun detected! The servo loop missed its desired rate of 1000 Hz. The loop took [0-9]*\.[0-9]{3} ms \(missed cycles : [0-9]+\)\.$'
@@ -59,12 +59,7 @@ told=$(grep -oE '[0-9]+\)\.$' kneadd.err | awk '{ n += $1 } END { print n + 0 }'
 check "which tell of $told of $(counter missed) missed cycles, each once" [ "$told" -le "$(counter missed)" -a $((20 * told)) -ge $((19 * $(counter missed))) ]
 check "no tick is in another's cycle: nothing is made up for" [ "$(number foreign ticks.txt)" = 0 ]
 check "two cycles later it is on time, but for a tenth of them" [ $((10 * $(number lame ticks.txt))) -le "$(number stalls ticks.txt)" ]
-for n in over_clamp over_guard over_slope late_zero; do
-    check "kneadd: $n" [ "$(number $n served.txt)" = 0 ]
-done
-for n in over_clamp over_guard over_slope after_deadline; do
-    check "the device: $n" [ "$(number $n felt.txt)" = 0 ]
-done
+check "neither kneadd nor the device breaks a rule" [ "$(number broken served.txt) $(number broken felt.txt)" = "0 0" ]
 check "0 N after 20 ms without a force" [ "$(number zero_at felt.txt)" -le 20 ]
 check "the device was pressed for most of it" [ "$(number pressed felt.txt)" -gt $((stalls * 2000)) ]
 check "its steps are of 1 ms each: the log replays to the bit" knead replay stall.lcmlog --verify

@@ -10,40 +10,11 @@
 //     seed=1
 //
 // At its end, or by SIGTERM: what it did, per direction:  poses carried N lost N flipped N twice N swapped N
+#include "tests/tactile/link.h"
 #include "clients/knead/join.h"
-#include "server/clock.h"
 #include <poll.h>
 #include <signal.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <time.h>
-
-#define WAY 1024 // messages under way in one direction
-#define LONGEST 65000
-#define SWAP_NS 1500000
-
-typedef struct fault {
-    double loss, burst, jitter, twice, swap, flip, seed;
-} fault;
-
-typedef struct message {
-    int64_t due_ns, number;
-    char channel[64];
-    unsigned size;
-    void *bytes;
-} message;
-
-typedef struct way {
-    lcm_t *from, *to;
-    const fault *fault;
-    int64_t delay_ns, number;
-    uint64_t dice;
-    int burst; // of the messages that are lost in a row, how many are left
-    int count;
-    message list[WAY]; // in no order
-    int64_t carried, lost, flipped, twice, swapped;
-} way;
 
 static volatile sig_atomic_t interrupted;
 
@@ -53,92 +24,33 @@ static void on_signal(int number)
     interrupted = 1;
 }
 
-static double throw(way *w) // [0, 1), Marsaglia's xorshift
-{
-    w->dice ^= w->dice << 13;
-    w->dice ^= w->dice >> 7;
-    w->dice ^= w->dice << 17;
-    return (double)(w->dice >> 11) * 0x1p-53;
-}
-
-static bool loses(way *w)
-{
-    const fault *f = w->fault;
-    // good ones between two bursts are (1 - q)/q on average
-    if (w->burst == 0 && throw(w) < f->loss / (f->loss + f->burst * (1.0 - f->loss))) w->burst = (int)f->burst;
-    if (w->burst == 0) return false;
-    w->burst--;
-    return true;
-}
-
-static void put(way *w, const char *channel, const void *bytes, unsigned size, int64_t due_ns)
-{
-    if (w->count == WAY || size > LONGEST) return; // as any link
-    message *m = &w->list[w->count++];
-    *m = (message){.due_ns = due_ns, .number = w->number++, .size = size, .bytes = malloc(size)};
-    snprintf(m->channel, sizeof m->channel, "%s", channel);
-    memcpy(m->bytes, bytes, size);
-}
-
 static void on_message(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
-    way *w = self;
-    const fault *f = w->fault;
-    bool scene = !strcmp(channel, "KNEAD_SCENE"); // who would not hear it would not begin
-    if (!scene && loses(w)) {
-        w->lost++;
-        return;
-    }
-    int64_t due_ns = kn_now_ns() + w->delay_ns + (int64_t)(5e5 * f->jitter * throw(w));
-    bool swaps = throw(w) < f->swap, twice = throw(w) < f->twice, flips = throw(w) < f->flip && !scene;
-    put(w, channel, buf->data, buf->data_size, due_ns + (swaps ? SWAP_NS : 0));
-    if (flips && w->count > 0) {
-        message *m = &w->list[w->count - 1];
-        unsigned bit = (unsigned)(throw(w) * 8.0 * m->size);
-        ((unsigned char *)m->bytes)[bit / 8] ^= (unsigned char)(1u << bit % 8);
-    }
-    if (twice) put(w, channel, buf->data, buf->data_size, due_ns);
-    w->carried++;
-    w->swapped += swaps;
-    w->twice += twice;
-    w->flipped += flips;
+    kn_way_take(self, channel, buf->data, buf->data_size);
 }
 
-// What has been due longest; of the same time, what came first.
-static message *first(way *w)
+static void publish(void *to, const char *channel, const void *bytes, unsigned size)
 {
-    message *best = NULL;
-    for (message *m = w->list; m < w->list + w->count; m++)
-        if (!best || m->due_ns < best->due_ns || (m->due_ns == best->due_ns && m->number < best->number)) best = m;
-    return best;
+    lcm_publish(to, channel, bytes, size);
 }
 
-static void deliver(way *w)
-{
-    for (message *m; (m = first(w)) && m->due_ns <= kn_now_ns();) {
-        lcm_publish(w->to, m->channel, m->bytes, m->size);
-        free(m->bytes);
-        *m = w->list[--w->count];
-    }
-}
-
-static bool open_way(way *w, lcm_t *from, lcm_t *to, const char *channels, double delay_ms, const fault *f,
+static bool open_way(kn_way *w, lcm_t *from, lcm_t *to, const char *channels, double delay_ms, const kn_link_fault *f,
                      uint64_t salt)
 {
-    *w = (way){.from = from, .to = to, .delay_ns = (int64_t)(1e6 * delay_ms), .fault = f};
-    w->dice = ((uint64_t)f->seed + salt) * 0x9e3779b97f4a7c15u | 1;
-    for (int i = 0; i < 10; i++) throw(w);
+    kn_way_init(w, f, delay_ms, salt);
+    w->deliver = publish;
+    w->to = to;
     lcm_subscription_t *all = lcm_subscribe(from, channels, on_message, w);
     return all && lcm_subscription_set_queue_capacity(all, 64) == 0;
 }
 
-static bool take_faults(fault *f, int count, char **words)
+static bool take_faults(kn_link_fault *f, int count, char **words)
 {
     struct {
         const char *name;
         double *value;
     } all[] = {{"loss", &f->loss}, {"burst", &f->burst}, {"jitter", &f->jitter}, {"twice", &f->twice},
-               {"swap", &f->swap}, {"flip", &f->flip}, {"seed", &f->seed}};
+               {"swap", &f->swap}, {"flip", &f->flip},   {"seed", &f->seed}};
     for (int i = 0; i < count; i++) {
         size_t at = strcspn(words[i], "="), n = 0;
         while (n < sizeof all / sizeof *all && (strlen(all[n].name) != at || strncmp(all[n].name, words[i], at))) n++;
@@ -148,7 +60,7 @@ static bool take_faults(fault *f, int count, char **words)
     return f->burst >= 1 && f->loss < 1;
 }
 
-static void tell(const char *what, const way *w)
+static void tell(const char *what, const kn_way *w)
 {
     printf("%s carried %lld lost %lld flipped %lld twice %lld swapped %lld\n", what, (long long)w->carried,
            (long long)w->lost, (long long)w->flipped, (long long)w->twice, (long long)w->swapped);
@@ -156,8 +68,8 @@ static void tell(const char *what, const way *w)
 
 int main(int argc, char **argv)
 {
-    static way down, up;
-    fault f = {.burst = 1, .seed = 1};
+    static kn_way down, up;
+    kn_link_fault f = {.burst = 1, .seed = 1};
     char error[256] = "usage: link NEAR_URL FAR_URL DELAY_MS SECONDS [FAULT=VALUE]...";
     kn_join_priority(60);
     signal(SIGTERM, on_signal);
@@ -173,10 +85,12 @@ int main(int argc, char **argv)
     int64_t end_ns = kn_now_ns() + (int64_t)(1e9 * atof(argv[4]));
     while (kn_now_ns() < end_ns && !interrupted) {
         ppoll(ends, 2, &(struct timespec){.tv_nsec = down.count + up.count ? 100000 : 10000000}, NULL);
-        while (lcm_handle_timeout(near, 0) > 0);
-        while (lcm_handle_timeout(far, 0) > 0);
-        deliver(&down);
-        deliver(&up);
+        while (lcm_handle_timeout(near, 0) > 0)
+            ;
+        while (lcm_handle_timeout(far, 0) > 0)
+            ;
+        kn_way_deliver(&down);
+        kn_way_deliver(&up);
     }
     tell("poses", &up);
     tell("forces", &down);

@@ -1,0 +1,241 @@
+// What a simulated device in a hand feels of kneadd, near and behind a delay, and what two hands can do together: in
+// virtual time, on the device of `knead probe`.
+#include "clients/knead/foot.h"
+#include "clients/knead/grasp.h"
+#include "clients/knead/path.h"
+#include "tests/check.h"
+#include "tests/rig.h"
+
+static struct {
+    kn_rig rig;
+    kn_device device[2];
+    kn_player player[2];
+    kn_grasp grasp;
+    double contact_n, sum_n[2][3]; // of the object, the largest; of each hand's force while it is high
+    int high[2], wild;             // forces that are still to be 60 N
+} p;
+
+static void serve(const char *scene, const char *const *sets, int count, bool local_model)
+{
+    char path[256];
+    memset(&p, 0, sizeof p);
+    snprintf(path, sizeof path, "%s/core/scenes/%s", KN_SOURCE_DIR, scene);
+    kn_rig_serve(&p.rig,
+                 &(kn_served_def){.scene_path = path, .sets = sets, .set_count = count, .local_model = local_model});
+}
+
+static void notice(kn_rig_end *e, knead_contact_force_t *f)
+{
+    int n = (int)(e - p.rig.end);
+    p.contact_n = fmax(p.contact_n, kn_rules_between(f->contact_force_n, (double[3]){0}));
+    if (p.wild > 0 && f->force_n[2] > 0.1) f->force_n[2] = 60, p.wild--;
+    if (p.player[n].hand.mode != KN_HAND_PLAY || p.player[n].hand.point.position_m[2] < 0.0449) return;
+    for (int i = 0; i < 3; i++) p.sum_n[n][i] += f->force_n[i];
+    p.high[n]++;
+}
+
+// A hand on that tool plays a path; def: with a device in it, NULL: without.
+static void join(const char *probe, const kn_path *path, const kn_grasp_def *def)
+{
+    char error[256] = "";
+    int n = p.rig.ends, tool = 0;
+    const kn_scene *s = p.rig.on.scene;
+    while (strcmp(s->model.probe[tool].name, probe)) tool++;
+    const kn_probe_def *t = &s->model.probe[tool];
+    kn_hand_def hand = {.path = path, .clear_z_m = 0.1, .session = 100 * (n + 1), .tries = p.wild > 0 ? 2 : 1};
+    kn_device_hand *tick = kn_player_tick;
+    void *self = &p.player[n];
+    if (def && def->render.local) hand.hold_ms = KN_RENDER_LOCAL_HOLD_MS, hand.zero_ms = KN_RENDER_LOCAL_ZERO_MS;
+    kn_player_init(&p.player[n], &hand);
+    if (def) {
+        kn_grasp_def g = *def;
+        g.render.device = s->device;
+        g.render.coupling_n_m = t->coupling_n_m, g.render.coupling_n_s_m = t->coupling_n_s_m;
+        g.render.radius_m = t->radius_m;
+        g.render.guard_n_per_ms = s->limits.guard_n_per_ms;
+        CHECK(t->coupling_n_m > 0);
+        kn_grasp_init(&p.grasp, &g, &p.player[n]);
+        tick = kn_grasp_tick, self = &p.grasp;
+    }
+    kn_rig_end *e = kn_rig_join(&p.rig, &(kn_link_fault){0}, 0, 370000 + 340000 * n);
+    e->device = &p.device[n];
+    e->sent = notice;
+    bool opened = kn_device_join(e->device, tick, self, KN_MEMORY_URL, probe, error, sizeof error);
+    kn_rig_joined(e, opened, e->device->lcm, error);
+}
+
+static void play(void) // until every hand has ended
+{
+    for (bool plays = true; plays;) {
+        plays = false;
+        kn_rig_run(&p.rig, 100);
+        for (int i = 0; i < p.rig.ends; i++) plays |= p.rig.end[i].due_ns != INT64_MAX;
+    }
+    for (int i = 0; i < p.rig.ends; i++) CHECK(kn_rules_broken(&p.rig.end[i].served) == 0);
+}
+
+// Whether it was calm, played to its end.
+static bool feel(const char *name, const kn_path *path, kn_grasp_def def)
+{
+    join("finger", path, &def);
+    play();
+    const kn_grasp_news *n = &p.grasp.news;
+    bool done = p.player[0].hand.mode == KN_HAND_DONE;
+    printf("     %s: %.2f N at most, buzz %.3f N, %d turns, %.2f mJ given, damped for %lld ms, %lld models, %s\n", name,
+           p.rig.end[0].served.largest_n, n->loudest_n, n->turns, 1e3 * n->given_j, (long long)n->acted,
+           (long long)p.grasp.render.model.taken,
+           !done                    ? "spoilt"
+           : n->buzzes || n->drives ? "not calm"
+                                    : "calm");
+    return done && !n->buzzes && !n->drives;
+}
+
+static double ramp(double t, double from, double to)
+{
+    return t < from ? 0 : t > to ? 1 : (t - from) / (to - from);
+}
+
+// Press, slide 5 mm, lift, tap twice: the hand's way, which its grip follows by some mm less.
+static kn_path *way(void)
+{
+    enum { POINTS = 451 };
+    static kn_path_point point[POINTS];
+    static double time_s[POINTS];
+    for (int i = 0; i < POINTS; i++) {
+        double t = time_s[i] = 0.01 * i, tap = t < 3.2 || t > 4.2 ? 0 : 0.006 * (1 - cos(12.566 * (t - 3.2)));
+        double down_m = 0.014 * (ramp(t, 0.3, 0.8) - ramp(t, 2.4, 2.8)) + tap;
+        double along_m = 0.005 * (ramp(t, 1.4, 2.2) - ramp(t, 2.8, 3.2));
+        point[i] = (kn_path_point){.position_m = {along_m, 0, 0.051 - down_m}, .orientation_wxyz = {1}};
+    }
+    return kn_path_through(POINTS, time_s, point);
+}
+
+TEST("pressing, sliding, tapping jelly 0 to 30 ms away the local model stays calm and the hand gets nothing back")
+{
+    static const char *const jelly[] = {"material={variant: viscoelastic, k1: 21.7 kPa, c1: 225 Pa s, damper: none}",
+                                        "density=1.02 g/cm^3", "device=omega", "probes.finger.coupling=800 N/m",
+                                        "probes.finger.damping=2 N*s/m"};
+    static const int delay_ms[] = {0, 5, 30, 20};
+    kn_path *path = way();
+    serve("dough-small.yaml", jelly, 5, true);
+    feel("no link", path, (kn_grasp_def){.grip = KN_GRIP_NORMAL});
+    double near_n = p.grasp.news.loudest_n;
+    kn_rig_close(&p.rig);
+    int64_t acted = 0;
+    for (int i = 0; i < 4; i++) {
+        serve("dough-small.yaml", jelly, 5, true);
+        CHECK(feel("local model", path,
+                   (kn_grasp_def){.grip = KN_GRIP_NORMAL,
+                                  .delay_ms = delay_ms[i],
+                                  .loss = delay_ms[i] == 30 ? 0.2 : 0,
+                                  .render.local = true}));
+        CHECK(p.grasp.news.loudest_n < 1.5 * near_n + 0.02 && p.grasp.news.given_j < 1e-3);
+        CHECK(p.grasp.render.model.taken > 2500);
+        acted = p.grasp.news.acted;
+        kn_rig_close(&p.rig);
+    }
+    serve("dough-small.yaml", jelly, 5, true);
+    if (feel("20 ms, held", path, (kn_grasp_def){.grip = KN_GRIP_NORMAL, .delay_ms = 20, .render.held = true}))
+        CHECK(p.grasp.news.acted > 100 + 3 * acted); // calm by the controller's damping alone
+    kn_rig_close(&p.rig);
+    kn_path_destroy(path);
+}
+
+TEST("a device on dough is calm near kneadd, in any hand; its forces 20 ms away are refused, and held they shake it")
+{
+    static const char *const touch[] = {"device=touch"};
+    kn_path *press = kn_path_press(&(kn_path_def){.touch_z_m = 0.045, .depth_m = 0.01, .hold_s = 2}),
+            *sine = kn_path_sine(&(kn_path_def){.touch_z_m = 0.045, .hold_s = 2});
+    serve("dough-small.yaml", touch, 1, false);
+    CHECK(feel("firm", press, (kn_grasp_def){.grip = KN_GRIP_FIRM}) && p.rig.end[0].served.largest_n > 0.5);
+    kn_rig_close(&p.rig);
+    serve("dough-small.yaml", touch, 1, false);
+    CHECK(feel("swing", sine, (kn_grasp_def){.grip = KN_GRIP_LIGHT}));
+    kn_rig_close(&p.rig);
+    serve("dough-small.yaml", touch, 1, false);
+    CHECK(feel("left alone", sine, (kn_grasp_def){.grip = KN_GRIP_NONE}));
+    kn_rig_close(&p.rig);
+    serve("dough-small.yaml", touch, 1, false);
+    CHECK(!feel("20 ms", sine, (kn_grasp_def){.grip = KN_GRIP_LIGHT, .delay_ms = 20}));
+    const kn_trip *trip = &p.player[0].hand.trip[0];
+    CHECK(p.player[0].hand.trips == 1 && !strcmp(trip->piece, "engage") && p.grasp.render.largest_n == 0);
+    CHECK_STR(trip->refusal, kn_render_why(KN_RENDER_FAR));
+    kn_rig_close(&p.rig);
+    serve("dough-small.yaml", touch, 1, false);
+    CHECK(!feel("20 ms, held", press, (kn_grasp_def){.grip = KN_GRIP_LIGHT, .delay_ms = 20, .render.held = true}));
+    CHECK(p.player[0].hand.mode == KN_HAND_GAVE_UP || p.grasp.news.acted > 100);
+    kn_rig_close(&p.rig);
+    kn_path_destroy(press);
+    kn_path_destroy(sine);
+}
+
+TEST("a light hand on jelly is calm, also 5 ms and a fifth of the messages away, also with one axis")
+{
+    static const char *const scaled[] = {"device={profile: touch, force_scale: 0.25}"};
+    static const kn_grasp_def hands[] = {{.grip = KN_GRIP_LIGHT},
+                                         {.grip = KN_GRIP_LIGHT, .delay_ms = 5, .loss = 0.2, .render.held = true},
+                                         {.grip = KN_GRIP_LIGHT, .axes = 1}};
+    kn_path *press = kn_path_press(&(kn_path_def){.touch_z_m = 0.075, .depth_m = 0.01, .hold_s = 2}),
+            *sine = kn_path_sine(&(kn_path_def){.touch_z_m = 0.075, .hold_s = 2});
+    for (int i = 0; i < 3; i++) {
+        serve("jelly.yaml", scaled, 1, false);
+        CHECK(feel("jelly", i < 2 ? press : sine, hands[i]));
+        kn_rig_close(&p.rig);
+    }
+    kn_path_destroy(press);
+    kn_path_destroy(sine);
+}
+
+TEST("a wild force in kneadd's name trips the guard of a device in a hand, which lifts it and tries again")
+{
+    static const char *const device[] = {"device=unknown"};
+    kn_path *poke = kn_path_poke(&(kn_path_def){.touch_z_m = 0.045});
+    serve("dough-small.yaml", device, 1, false);
+    p.wild = 20;
+    CHECK(feel("wild", poke, (kn_grasp_def){.grip = KN_GRIP_LIGHT}));
+    const kn_hand *h = &p.player[0].hand;
+    CHECK(h->trips == 1 && h->tries == 2 && p.wild < 20);
+    CHECK_STR(h->trip[0].refusal, kn_render_why(KN_RENDER_REFLEX));
+    kn_rig_close(&p.rig);
+    kn_path_destroy(poke);
+}
+
+TEST("the paper's press on a device of 3.3 N: the object gives what it gave, the hand a quarter, and no limit acts")
+{
+    static const char *const scaled[] = {"device={profile: touch, force_scale: 0.25}"};
+    kn_path *press = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .depth_m = 0.01, .hold_s = 1});
+    serve("dough.yaml", scaled, 1, false);
+    join("plate", press, NULL);
+    play();
+    double given_n = p.rig.end[0].served.largest_n;
+    printf("     the object gives %.2f N, the hand is given %.2f N\n", p.contact_n, given_n);
+    CHECK(p.player[0].hand.mode == KN_HAND_DONE && p.contact_n > 11 && given_n > 2.8 && given_n < 3.3);
+    CHECK_NEAR(given_n, 0.25 * p.contact_n, 1e-9);
+    kn_rig_close(&p.rig);
+    kn_path_destroy(press);
+}
+
+TEST("two fingers lift a piece of dough off the table and carry it, half of it each, squeezing it equally")
+{
+    char error[256];
+    kn_path *path[2] = {kn_path_load(KN_SOURCE_DIR "/clients/examples/thumb.csv", error, sizeof error),
+                        kn_path_load(KN_SOURCE_DIR "/clients/examples/index.csv", error, sizeof error)};
+    serve("pinch.yaml", NULL, 0, false);
+    join("thumb", path[0], NULL);
+    join("index", path[1], NULL);
+    play();
+    double mean_n[2][3], weight_n = 9.81 * kn_model_mass(p.rig.on.model);
+    for (int i = 0; i < 6; i++) mean_n[i / 3][i % 3] = p.sum_n[i / 3][i % 3] / p.high[i / 3];
+    printf("     thumb %.3f N along x, %.3f along z; index %.3f, %.3f; weight %.3f N\n", mean_n[0][0], mean_n[0][2],
+           mean_n[1][0], mean_n[1][2], weight_n);
+    CHECK(p.player[0].hand.mode == KN_HAND_DONE && p.player[1].hand.mode == KN_HAND_DONE);
+    CHECK(p.high[0] > 500 && p.high[1] > 500);
+    CHECK_NEAR(-mean_n[0][2] - mean_n[1][2], weight_n, 0.03 * weight_n);
+    CHECK_NEAR(-mean_n[0][2], 0.5 * weight_n, 0.1 * weight_n);
+    CHECK_NEAR(-mean_n[0][0], mean_n[1][0], 0.05 * fabs(mean_n[1][0]));
+    kn_rig_close(&p.rig);
+    kn_path_destroy(path[0]);
+    kn_path_destroy(path[1]);
+}
+
+TESTS_MAIN

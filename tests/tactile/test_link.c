@@ -1,0 +1,289 @@
+// What kneadd gives and what the motors of two devices give, one that renders forces and one that renders the local
+// model, on a bad link, behind a delay, in a kill and under a freeze: in virtual time.
+#include "clients/knead/profile.h"
+#include "tests/check.h"
+#include "tests/rig.h"
+#include <fcntl.h>
+#include <unistd.h>
+
+#if defined(KN_SANITIZED)
+enum { ROW_MS = 1000, KILLS = 3, FREEZES = 1 };
+#else
+enum { ROW_MS = 2200, KILLS = 8, FREEZES = 1 };
+#endif
+
+static struct {
+    kn_rig rig;
+    kn_bridge bridge[2];
+    kn_presser near, far; // the latter renders the local model
+    uint64_t dice;
+} p;
+
+static int throw(int from, int to) // ms
+{
+    p.dice = p.dice * 6364136223846793005u + 1442695040888963407u;
+    return from + (int)((p.dice >> 33) % (uint64_t)(to - from));
+}
+
+static int times(const char *name, int of_one, int usual) // the usual, or as many as the environment asks for
+{
+    const char *asked = getenv(name);
+    return asked ? of_one * atoi(asked) : usual;
+}
+
+static void join(kn_presser *presser, const char *probe, double x_m, bool local, const kn_link_fault *fault,
+                 double delay_ms)
+{
+    char error[256] = "";
+    int n = p.rig.ends;
+    kn_rig_end *e = kn_rig_join(&p.rig, fault, delay_ms, 370000 + 340000 * n);
+    kn_bridge_def def = {
+        .url = KN_MEMORY_URL, .probe = probe, .session = 1000 * (n + 1), .render = {.radius_m = 0.015, .local = local}};
+    CHECK(kn_profile_load(&def.render.device, "presser", "touch", NULL, 0) == 0);
+    kn_presser_init(presser, x_m, &def.render);
+    e->bridge = &p.bridge[n];
+    bool opened = kn_bridge_open(e->bridge, &def, &presser->base, error, sizeof error);
+    kn_rig_joined(e, opened, e->bridge->lcm, error);
+}
+
+static void serve(bool local_model)
+{
+    static const char *const coarse = "object={size: [6 cm, 3 cm, 3 cm], spacing: 1.5 cm, structure: diagonals}";
+    kn_rig_serve(&p.rig, &(kn_served_def){.scene_path = KN_SOURCE_DIR "/tests/e2e/two_fingers.yaml",
+                                          .sets = &coarse,
+                                          .set_count = 1,
+                                          .local_model = local_model});
+}
+
+static void start(const kn_link_fault *fault, double delay_ms, const kn_auth *auth)
+{
+    memset(&p, 0, sizeof p);
+    p.rig.auth = auth;
+    serve(true);
+    join(&p.near, "near", -0.015, false, fault, delay_ms);
+    kn_rig_run(&p.rig, 300); // the first that is let in has the ticks follow its poses
+    join(&p.far, "far", 0.015, true, fault, delay_ms);
+}
+
+static void check_rules(const char *name)
+{
+    const kn_rules *n = &p.near.rules, *f = &p.far.rules,
+                   *judged[] = {&p.rig.end[0].served, &p.rig.end[1].served, n, f};
+    for (int i = 0; i < 4; i++) {
+        if (!kn_rules_broken(judged[i])) continue;
+        KN_TEST_FAIL("%s: %s breaks a rule", name, i < 2 ? "kneadd" : "a device");
+        kn_rules_print(judged[i]);
+    }
+    printf("     %s: forces: pressed %lld ms, at most %.3f N/ms in contact, %.3f else; model: %lld ms, %.3f, %.3f\n",
+           name, (long long)n->pressed, n->contact_n, n->transition_n, (long long)f->pressed, f->contact_n,
+           f->transition_n);
+}
+
+// What kneadd lacks is what the link lost, or made late, and kneadd counts what the link did; but for two poses and a
+// run of lost ones that are under way at the end.
+static void check_counts(bool swapped)
+{
+    for (kn_rig_end *e = p.rig.end; e < p.rig.end + 2; e++) {
+        const kn_packets *n = &p.rig.exchange.receiver.source[e - p.rig.end].packets;
+        const kn_way *up = &e->up;
+        double share = (double)(swapped ? up->swapped : up->lost) / (double)(up->carried + up->lost);
+        double lacks = 1 - (double)e->served.fresh / (double)e->served.ticks;
+        CHECK_NEAR(lacks, share, 0.002);
+        CHECK_NEAR(n->lost, up->lost, 2 + n->lost_in_a_row_max);
+        CHECK_NEAR(n->duplicate, up->twice, 2);
+        CHECK_NEAR(n->reordered, up->swapped, 2);
+    }
+}
+
+static void run_row(const char *name, const kn_link_fault *fault, const kn_auth *auth)
+{
+    start(fault, 0, auth);
+    kn_rig_run(&p.rig, times("KN_LINK_SECONDS", 1000, ROW_MS));
+    check_rules(name);
+}
+
+TEST("a link that loses, repeats, swaps, delays or flips breaks no rule, and kneadd lacks and counts what the link did")
+{
+    static const struct {
+        const char *name;
+        kn_link_fault fault;
+        bool counts, swapped;
+    } rows[] = {{"no fault", {.burst = 1}, true, false},
+                {"loss 1 %", {.loss = 0.01}, true, false},
+                {"loss 5 %", {.loss = 0.05}, true, false},
+                {"loss 20 %", {.loss = 0.2}, true, false},
+                {"bursts of 3", {.loss = 0.05, .burst = 3}, true, false},
+                {"bursts of 20", {.loss = 0.05, .burst = 20}, true, false},
+                {"repeats", {.twice = 0.01}, true, false},
+                {"swaps", {.swap = 0.01}, true, true},
+                {"jitter of 5 ms", {.jitter = 5}, false, false},
+                {"flipped bits", {.flip = 0.001}, false, false},
+                {"all at once",
+                 {.loss = 0.05, .burst = 3, .jitter = 4, .twice = 0.01, .swap = 0.01, .flip = 0.001},
+                 false,
+                 false}};
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        run_row(rows[i].name, &rows[i].fault, NULL);
+        if (rows[i].counts) check_counts(rows[i].swapped);
+        const kn_packets *n = &p.rig.exchange.receiver.source[0].packets;
+        if (rows[i].fault.jitter > 0) CHECK(n->late > 0 && n->reordered > 0);
+        kn_rig_close(&p.rig);
+    }
+}
+
+TEST("kneadd killed or frozen in a press: 0 N in 20 ms, the local model's in 300, and no rule is broken")
+{
+    const int kills = times("KN_KILLS", 1, KILLS);
+    start(&(kn_link_fault){0}, 0, NULL);
+    for (int kill = 0; kill < kills; kill++) {
+        if (!p.rig.serves) serve(true);
+        kn_rig_run(&p.rig, throw(1300, 2500)); // a new session begins 1.2 s after the kill, and presses 0.4 s later
+        if (kill % 2) {
+            p.rig.frozen_ns = p.rig.time.now_ns + 1;
+            p.rig.thawed_ns = p.rig.time.now_ns + 400 * (int64_t)KN_PERIOD_NS;
+            kn_rig_until(&p.rig, p.rig.thawed_ns);
+        }
+        kn_rig_kill(&p.rig);
+        kn_rig_run(&p.rig, throw(30, 400)); // until the next one is up
+    }
+    check_rules("kills");
+    CHECK(p.near.rules.outages == kills && p.near.rules.felt >= kills / 3 && p.far.rules.felt >= kills / 5);
+    CHECK(p.near.rules.zero_at <= 20 && p.far.rules.zero_at <= 300);
+    kn_rig_close(&p.rig);
+}
+
+TEST("a freeze of 5 to 200 ms: cycles are missed, counted and skipped, none made up for, and no rule is broken")
+{
+    static const int freeze_ms[] = {5, 20, 50, 200};
+    start(&(kn_link_fault){0}, 0, NULL);
+    kn_loop *loop = &p.rig.loop;
+    int64_t skipped = 0;
+    const int freezes = times("KN_STALLS", 4, 4 * FREEZES);
+    for (int n = 0; n < freezes; n++) {
+        kn_rig_run(&p.rig, throw(2100, 2900)); // a new session begins 1.2 s after a trip, and presses 0.5 s later
+        int64_t tick = loop->clock.tick, due_ns = loop->clock.start_ns + (tick + 1) * KN_PERIOD_NS;
+        p.rig.frozen_ns = p.rig.time.now_ns + 1;
+        p.rig.thawed_ns = p.rig.frozen_ns + freeze_ms[n % 4] * (int64_t)KN_PERIOD_NS + throw(0, KN_PERIOD_NS);
+        int64_t missed = (p.rig.thawed_ns - due_ns) / KN_PERIOD_NS;
+        kn_wake wake = kn_loop_wait(loop);
+        kn_loop_tick(loop, &wake);
+        CHECK(wake.missed == missed && missed >= freeze_ms[n % 4] - 1 && wake.tick == tick + 1 + missed);
+        CHECK(atomic_load(&loop->account.missed) == (skipped += missed));
+        for (int i = 0; i < 3; i++) {
+            wake = kn_loop_wait(loop);
+            kn_loop_tick(loop, &wake);
+            CHECK(wake.missed == 0 && wake.late_ns == 0 && wake.tick == tick + missed + 2 + i);
+        }
+    }
+    kn_rig_run(&p.rig, 1000);
+    check_rules("freezes");
+    CHECK(p.near.rules.zero_at <= 20 && p.near.rules.pressed > freezes * 500);
+    kn_rig_close(&p.rig);
+}
+
+// For so long, how much the force in the far motors changes from one ms to the next, beside the force: where it is
+// felt.
+static double restless(int ms, double *mean_n)
+{
+    double sum_n = 0, changes_n = 0, last_n = 0;
+    int count = 0;
+    for (int i = 0; i < ms; i++) {
+        kn_rig_run(&p.rig, 1);
+        double f = p.far.now.force_n[2];
+        if (f > 0.3 && last_n > 0.3) sum_n += f, changes_n += fabs(f - last_n), count++;
+        last_n = f;
+    }
+    *mean_n = count ? sum_n / count : 0;
+    return changes_n / sum_n;
+}
+
+TEST("the local model gives what kneadd gives, calmly; behind 20 ms it still does, and forces are refused, in words")
+{
+    double far_n, behind_n;
+    start(&(kn_link_fault){0}, 0, NULL);
+    CHECK(restless(2500, &far_n) < 0.03);
+    const kn_render *near = &p.bridge[0].now.tether.render, *far = &p.bridge[1].now.tether.render;
+    CHECK(far->guards == 0 && far->reflexes == 0 && far->model.taken > 2000 && p.far.rules.pressed > 1000);
+    CHECK_NEAR(p.far.rules.largest_n, p.near.rules.largest_n, 0.1 * p.near.rules.largest_n);
+    kn_rig_close(&p.rig);
+
+    start(&(kn_link_fault){0}, 20, NULL);
+    CHECK(restless(2500, &behind_n) < 0.03);
+    CHECK(near->stop == KN_RENDER_FAR && near->refusals == 1 && strstr(kn_render_why(near->stop), "--local render"));
+    CHECK(p.near.rules.largest_n == 0);
+    CHECK(far->round_trip_s > 0.015 && far->guards == 0 && p.far.rules.pressed > 1000);
+    CHECK_NEAR(behind_n, far_n, 0.1 * far_n);
+    check_rules("behind 20 ms");
+    kn_rig_close(&p.rig);
+}
+
+TEST("a device with the local model on a kneadd that sends no contacts gives 0 N")
+{
+    memset(&p, 0, sizeof p);
+    serve(false);
+    join(&p.near, "near", -0.015, false, &(kn_link_fault){0}, 0);
+    join(&p.far, "far", 0.015, true, &(kn_link_fault){0}, 0);
+    kn_rig_run(&p.rig, 2000);
+    CHECK(p.near.rules.pressed > 500 && p.rig.end[1].served.pressed > 500 && p.far.rules.largest_n == 0);
+    kn_rig_close(&p.rig);
+}
+
+static int wild_left;
+
+static void be_wild(kn_rig_end *end, knead_contact_force_t *force)
+{
+    (void)end;
+    if (wild_left > 0 && force->force_n[2] > 0.3) force->force_n[2] = 60, wild_left--;
+}
+
+TEST("a wild force in kneadd's name trips the guard of the device: it fades in steps, and a new session begins")
+{
+    start(&(kn_link_fault){0}, 0, NULL);
+    for (int i = 0; i < 1500 && p.near.now.force_n[2] < 1; i++) kn_rig_run(&p.rig, 1);
+    const kn_tether *t = &p.bridge[0].now.tether;
+    int64_t session = t->session;
+    double last_n = p.near.now.force_n[2];
+    CHECK(last_n > 0.9 && p.near.live && t->render.reflexes == 0);
+    p.rig.end[0].sent = be_wild;
+    wild_left = 20;
+    for (int i = 0; i < 40; i++) {
+        kn_rig_run(&p.rig, 1);
+        CHECK(fabs(p.near.now.force_n[2] - last_n) <= 0.5 + 1e-9);
+        last_n = p.near.now.force_n[2];
+    }
+    CHECK(last_n == 0 && !p.near.live && t->render.reflexes == 1);
+    kn_rig_run(&p.rig, 3000);
+    CHECK(t->session == session + 1 && p.near.rules.pressed > 1000 && t->render.reflexes == 1);
+    kn_rig_close(&p.rig);
+}
+
+TEST("with a key nothing flipped is taken, and everything else is")
+{
+    static kn_auth auth;
+    char path[] = "link-key-XXXXXX", error[200] = "";
+    int fd = mkstemp(path);
+    for (int i = 0; i < KN_AUTH_KEY; i++) CHECK(dprintf(fd, "%02x", 7 * i % 256) == 2);
+    close(fd);
+    setenv("KNEAD_KEY", path, 1); // of the devices; from now on
+    CHECK(kn_auth_load(&auth, path, error, sizeof error));
+    const kn_receiver *r = &p.rig.exchange.receiver;
+    const kn_rig_end *e = p.rig.end;
+
+    run_row("flipped bits, a key", &(kn_link_fault){.flip = 0.001}, &auth);
+    CHECK(r->rejected[KN_REJECT_MAC] == e[0].up.flipped + e[1].up.flipped && e[0].up.flipped > 0);
+    CHECK(r->accepted == r->received - r->rejected[KN_REJECT_MAC]);
+    for (int i = 0; i < 2; i++) CHECK_NEAR(1 - (double)e[i].served.fresh / (double)e[i].served.ticks, 0.001, 0.01);
+    kn_rig_close(&p.rig);
+
+    run_row("every message flipped, a key", &(kn_link_fault){.flip = 1}, &auth);
+    CHECK(r->received > 1000 && r->accepted == 0 && r->rejected[KN_REJECT_MAC] == r->received);
+    CHECK(p.near.rules.heard + p.far.rules.heard == 0);
+    kn_rig_close(&p.rig);
+
+    run_row("worse, a key",
+            &(kn_link_fault){.loss = 0.2, .burst = 20, .jitter = 4, .twice = 0.01, .swap = 0.01, .flip = 0.001}, &auth);
+    kn_rig_close(&p.rig);
+    unlink(path);
+}
+
+TESTS_MAIN
