@@ -3,6 +3,7 @@
 #include "proto/knead_mesh_init_t.h"
 #include "proto/knead_mesh_update_t.h"
 #include "proto/knead_probe_pose_t.h"
+#include "server/clock.h"
 #include "server/say.h"
 #include "server/wire.h"
 #include <math.h>

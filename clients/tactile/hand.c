@@ -8,6 +8,7 @@
 #include "clients/tactile/mount.h"
 #include "clients/tactile/paddle.h"
 #include "clients/tactile/spacenav.h"
+#include "server/clock.h"
 #include <errno.h>
 #include <inttypes.h>
 #include <math.h>
