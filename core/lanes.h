@@ -60,11 +60,13 @@ typedef __m256d native;
 // GNU vectors of all 16 lanes: the compiler makes of them what the processor has. Fused operations and roots: by lane.
 typedef real native __attribute__((vector_size(KN_LANES * sizeof(real)), may_alias));
 typedef __typeof__((native){0} < (native){0}) native_mask;
+// Blocks are aligned to 64 bytes, 16 doubles by themselves to 128.
+typedef real stored __attribute__((vector_size(KN_LANES * sizeof(real)), may_alias, aligned(64)));
 #define PARTS 1
 #define N(op) base_##op
 LANES_INLINE native base_set1(real a) { return a - (native){0}; }
-LANES_INLINE native base_load(const real *p) { return *(const native *)(const void *)p; }
-LANES_INLINE void base_store(real *p, native a) { *(native *)(void *)p = a; }
+LANES_INLINE native base_load(const real *p) { return *(const stored *)(const void *)p; }
+LANES_INLINE void base_store(real *p, native a) { *(stored *)(void *)p = a; }
 LANES_INLINE native base_add(native a, native b) { return a + b; }
 LANES_INLINE native base_sub(native a, native b) { return a - b; }
 LANES_INLINE native base_mul(native a, native b) { return a * b; }
