@@ -23,7 +23,7 @@ found=$(grep -rnE '^ *# *include +<' --include='*.[ch]' core | grep -vE "<($syst
 
 # What libknead.a calls outside itself: libm, and these of libc; bcmp is clang's memcmp where only equality counts. (Names with __ are the compiler's: assertions, sanitizers.)
 libc='abort|aligned_alloc|bcmp|calloc|free|malloc|memcmp|memcpy|memmove|memset|qsort|snprintf|strcmp|strlen|strncmp|strspn|vsnprintf'
-symbols() { nm "$@" | awk 'NF == 2 && $1 == "U" || NF == 3 { sub(/@.*/, "", $NF); print $NF }'; }
+symbols() { nm -g "$@" | awk 'NF == 2 && $1 == "U" || NF == 3 { sub(/@.*/, "", $NF); print $NF }'; }
 lib=$KN_BUILD/core/libknead.a
 known() { symbols --defined-only "$lib" && symbols -D --defined-only "$(cc -print-file-name=libm.so.6)"; }
 foreign=$(comm -23 <(symbols --undefined-only "$lib" | sort -u) <(known | sort -u) |
