@@ -1,5 +1,5 @@
-// steady [--attempts N] [--timeout S] [--calm S] COMMAND...: runs a test that keeps a millisecond's time, and beside it
-// a witness of whether the machine let it.
+// steady [--timeout S] COMMAND...: run a test that keeps a millisecond's time, and beside it a witness of whether the
+// machine let it.
 //
 //     processor 0   witness  |.|.|.|.|.|            |.|.|.|.|    sleeps of 1 ms, whose timers come unless the host has
 //     processor 1   witness  |.|.|.|.|.|.|.|.|.|.|.|.|.|.|.|     taken the processor away: a standstill
@@ -9,19 +9,12 @@
 // kernel counts it (schedstat's run_delay). So a test's own load excuses nothing: no thread ahead of the witness, nor
 // the 50 ms of every second that the kernel keeps from a real-time thread which never sleeps, and from all above it.
 //
-//     an attempt passes                                  0
-//     an attempt exits with more than 1, or is killed    that, at once: skipped, bad input, no device, a crash
-//     an attempt takes longer than --timeout (600 s)     1, at once; what it started is killed
-//     both attempts fail, one of them undisturbed        1
-//     both fail, each in a standstill                    77 and the figures: nothing was learnt
-//     one fails, with 10 standstills, one a second, of   77, at once: the next one would not be better
-//     each processor
-//     $KN_UNTIL (s since 1970) is over                   77: none begins, but another after one that failed undisturbed
+//     the test passes, or exits with more than 1, or is killed    its exit code: passed, skipped, bad input, a crash
+//     it takes longer than --timeout (600 s)                      1; what it started is killed
+//     it fails while the machine never stood still                1
+//     it fails while the machine stood still                      77 and the figures: nothing was learnt
 //
-// A single undisturbed failure is a failure: nothing excuses it, and the other proves nothing. It may go again all the
-// same, as a machine that never stood still for 10 ms may have for 9. After a disturbed attempt the next one waits until
-// the machine has not stood still for --calm (5 s), or for four times that. A machine that stands still all the time
-// would take hours for all tests: hence an end to it, which tests/run sets.
+// There is one attempt: tests/run makes the second.
 #include <errno.h>
 #include <fcntl.h>
 #include <pthread.h>
@@ -44,24 +37,17 @@
 #define STANDSTILL_NS (10 * MS) // a pose 20 ms late fades the force; some of that is used up without it
 #define LOST_NS MS              // less is an ordinary wake
 #define STACK_BYTES (128 << 10)
-enum { FAILED = 1, USAGE = 2, SKIPPED = 77, INTERNAL = 70, HOPELESS = 10, WITNESS_PRIORITY = 99 };
+enum { FAILED = 1, USAGE = 2, SKIPPED = 77, INTERNAL = 70, WITNESS_PRIORITY = 99 };
 
 typedef struct witness {
     int processor;
     bool sees; // can tell a standstill from load
-    _Atomic int64_t standstills, longest_ns, lost_ns, last_ns;
+    _Atomic int64_t standstills, longest_ns, lost_ns;
 } witness;
 
-typedef struct figures { // of all processors together, since they were last taken
+typedef struct figures { // all processors together
     int64_t standstills, longest_ns, lost_ns, watched_ns;
 } figures;
-
-typedef struct options {
-    int attempts;
-    int64_t timeout_ns, calm_ns;
-    double until; // s since 1970, 0: none
-    char **command;
-} options;
 
 static witness witnesses[CPU_SETSIZE];
 static int witness_count;
@@ -107,7 +93,6 @@ static void *watch(void *memory)
         if (still_ns > w->longest_ns) w->longest_ns = still_ns;
         if (still_ns < STANDSTILL_NS) continue;
         w->standstills++;
-        w->last_ns = woken_ns;
     }
     return NULL;
 }
@@ -162,23 +147,13 @@ static void start_witnesses(void)
 
 static figures take_figures(int64_t since_ns)
 {
-    figures f = {0};
+    figures f = {.watched_ns = (now_ns() - since_ns) * witness_count};
     for (int i = 0; i < witness_count; i++) {
-        int64_t longest_ns = atomic_exchange(&witnesses[i].longest_ns, 0);
-        if (longest_ns > f.longest_ns) f.longest_ns = longest_ns;
-        f.standstills += atomic_exchange(&witnesses[i].standstills, 0);
-        f.lost_ns += atomic_exchange(&witnesses[i].lost_ns, 0);
+        if (witnesses[i].longest_ns > f.longest_ns) f.longest_ns = witnesses[i].longest_ns;
+        f.standstills += witnesses[i].standstills;
+        f.lost_ns += witnesses[i].lost_ns;
     }
-    f.watched_ns = (now_ns() - since_ns) * witness_count;
     return f;
-}
-
-static void add_figures(figures *all, const figures *f)
-{
-    all->standstills += f->standstills;
-    all->lost_ns += f->lost_ns;
-    all->watched_ns += f->watched_ns;
-    if (f->longest_ns > all->longest_ns) all->longest_ns = f->longest_ns;
 }
 
 static void print_figures(const figures *f)
@@ -186,16 +161,6 @@ static void print_figures(const figures *f)
     double share = f->watched_ns > 0 ? (double)f->lost_ns / (double)f->watched_ns : 0.0;
     printf("%lld standstills of 10 ms or more, the longest %.1f ms, %.2f %% of the processors' time lost%s\n",
            (long long)f->standstills, 1e-6 * (double)f->longest_ns, 100.0 * share, blind);
-}
-
-static void wait_for_calm(int64_t calm_ns)
-{
-    int64_t start_ns = now_ns(), last_ns = start_ns;
-    while (now_ns() < last_ns + calm_ns && now_ns() < start_ns + 4 * calm_ns) {
-        sleep_until(now_ns() + 100 * MS);
-        for (int i = 0; i < witness_count; i++)
-            if (witnesses[i].last_ns > last_ns) last_ns = witnesses[i].last_ns;
-    }
 }
 
 static pid_t start_command(char **command)
@@ -223,13 +188,13 @@ static void end_command(pid_t group)
 
 // Its exit code, 128 + signal when it was killed, -1 when it did not end in time. A signal to us is one to the command,
 // and ends us after it.
-static int run_command(const options *opt)
+static int run_command(char **command, int64_t timeout_ns)
 {
-    pid_t child = start_command(opt->command);
+    pid_t child = start_command(command);
     if (child < 0) return perror("steady: fork"), INTERNAL;
     int status = 0, signal = 0;
     bool late = false;
-    for (int64_t end_ns = now_ns() + opt->timeout_ns; !late && signal <= 0;) {
+    for (int64_t end_ns = now_ns() + timeout_ns; !late && signal <= 0;) {
         siginfo_t ended = {0};
         if (waitid(P_PID, (id_t)child, &ended, WEXITED | WNOHANG | WNOWAIT) == 0 && ended.si_pid == child) break;
         int64_t left_ns = end_ns - now_ns();
@@ -246,95 +211,41 @@ static int run_command(const options *opt)
     return WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
 }
 
-static int attempt(const options *opt, int n, figures *f)
+static int run(char **command, int64_t timeout_ns)
 {
     int64_t start_ns = now_ns();
-    take_figures(start_ns);
-    int code = run_command(opt);
+    int code = run_command(command, timeout_ns);
     sleep_until(now_ns() + 5 * MS); // a witness of the end has its say
-    *f = take_figures(start_ns);
+    figures f = take_figures(start_ns);
     double took_s = 1e-9 * (double)(now_ns() - start_ns);
     if (code >= 0)
-        printf("steady: attempt %d of %d: exit %d after %.1f s; ", n, opt->attempts, code, took_s);
+        printf("steady: exit %d after %.1f s; ", code, took_s);
     else
-        printf("steady: attempt %d of %d: did not end in %.1f s; ", n, opt->attempts, took_s);
-    print_figures(f);
-    return code;
-}
-
-static bool is_hopeless(const figures *f)
-{
-    return f->standstills >= HOPELESS * witness_count && f->standstills * SECOND >= f->watched_ns; // of all processors
-}
-
-static bool time_is_left(const options *opt)
-{
-    return opt->until == 0.0 || (double)time(NULL) < opt->until;
-}
-
-static int run(const options *opt)
-{
-    figures all = {0}, f;
-    int undisturbed = 0, n = 0;
-    if (!time_is_left(opt)) return puts("skipped: no time was left, KN_UNTIL is over"), SKIPPED;
-    while (n < opt->attempts && undisturbed < 2 && (undisturbed > 0 || time_is_left(opt))) {
-        int code = attempt(opt, ++n, &f);
-        if (code != FAILED) return code >= 0 ? code : FAILED;
-        add_figures(&all, &f);
-        undisturbed += f.standstills == 0;
-        if (undisturbed == 0 && is_hopeless(&f)) break;
-        if (n < opt->attempts && f.standstills > 0) wait_for_calm(opt->calm_ns);
-    }
-    if (undisturbed > 0) return FAILED;
-    printf("skipped: the machine stood still in each of %d failed attempts: ", n);
-    print_figures(&all);
+        printf("steady: did not end in %.1f s; ", took_s);
+    print_figures(&f);
+    if (code != FAILED || f.standstills == 0) return code >= 0 ? code : FAILED;
+    printf("skipped: the machine stood still while it failed: ");
+    print_figures(&f);
     return SKIPPED;
-}
-
-static int usage(const char *what, const char *expected)
-{
-    fprintf(stderr, "steady: %s: expected %s\n", what, expected);
-    return USAGE;
-}
-
-static bool read_number(const char *text, double least, double most, double *value)
-{
-    char *end;
-    *value = strtod(text, &end);
-    return end != text && !*end && *value >= least && *value <= most;
-}
-
-static int read_options(options *opt, int argc, char **argv)
-{
-    double value;
-    int i = 1;
-    for (; i + 1 < argc && strncmp(argv[i], "--", 2) == 0; i += 2) {
-        bool attempts = strcmp(argv[i], "--attempts") == 0, timeout = strcmp(argv[i], "--timeout") == 0;
-        if (!attempts && !timeout && strcmp(argv[i], "--calm") != 0) break;
-        if (!read_number(argv[i + 1], attempts, attempts ? 100 : 1e6, &value))
-            return usage(argv[i + 1], attempts ? "1 to 100 attempts" : "seconds");
-        if (attempts)
-            opt->attempts = (int)value;
-        else
-            *(timeout ? &opt->timeout_ns : &opt->calm_ns) = (int64_t)(1e9 * value);
-    }
-    opt->command = argv + i;
-    if (i < argc && argv[i][0] != '-') return 0;
-    return usage(i < argc ? argv[i] : "no command", "[--attempts N] [--timeout S] [--calm S] COMMAND...");
 }
 
 int main(int argc, char **argv)
 {
-    options opt = {.attempts = 2, .timeout_ns = 600 * SECOND, .calm_ns = 5 * SECOND};
     static const int signals[] = {SIGCHLD, SIGINT, SIGTERM, SIGHUP};
+    double timeout_s = 600.0;
+    char **command = argv + 1, *end = "";
     setvbuf(stdout, NULL, _IOLBF, 0);
-    int code = read_options(&opt, argc, argv);
-    if (code != 0) return code;
-    const char *until = getenv("KN_UNTIL");
-    if (until && !read_number(until, 1.0, 1e15, &opt.until)) return usage(until, "KN_UNTIL: seconds since 1970");
+    if (argc > 2 && strcmp(argv[1], "--timeout") == 0) {
+        timeout_s = strtod(argv[2], &end);
+        command += 2;
+    }
+    if (!*command || **command == '-' || *end || end == argv[2] || !(timeout_s >= 0.0 && timeout_s <= 1e6)) {
+        fprintf(stderr, "steady: expected [--timeout S] COMMAND...\n");
+        return USAGE;
+    }
     sigemptyset(&news);
     for (int i = 0; i < 4; i++) sigaddset(&news, signals[i]);
     sigprocmask(SIG_BLOCK, &news, NULL); // before there are threads
     start_witnesses();
-    return run(&opt);
+    return run(command, (int64_t)(1e9 * timeout_s));
 }
