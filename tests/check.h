@@ -7,6 +7,7 @@
 //
 // Every failed CHECK prints file:line and its values and the program goes on; exit 1 if any failed, 77 after SKIP.
 #include <math.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,6 +15,7 @@
 typedef struct kn_test_case {
     const char *sentence;
     void (*run)(void);
+    bool at_night; // only where tests/run --all asks for it (KN_NIGHT=1)
     struct kn_test_case *next;
 } kn_test_case;
 
@@ -28,12 +30,13 @@ static inline void kn_test_add(kn_test_case *t)
 
 #define KN_TEST_CAT2(a, b) a##b
 #define KN_TEST_CAT(a, b) KN_TEST_CAT2(a, b)
-#define TEST(sentence_) KN_TEST_DEFINE(sentence_, __LINE__)
-#define KN_TEST_DEFINE(sentence_, line)                                                                                \
+#define TEST(sentence_) KN_TEST_DEFINE(sentence_, __LINE__, false)
+#define NIGHT_TEST(sentence_) KN_TEST_DEFINE(sentence_, __LINE__, true)
+#define KN_TEST_DEFINE(sentence_, line, night)                                                                              \
     static void KN_TEST_CAT(kn_test_run_, line)(void);                                                                 \
     __attribute__((constructor)) static void KN_TEST_CAT(kn_test_register_, line)(void)                                \
     {                                                                                                                  \
-        static kn_test_case t = {sentence_, KN_TEST_CAT(kn_test_run_, line), NULL};                                    \
+        static kn_test_case t = {sentence_, KN_TEST_CAT(kn_test_run_, line), night, NULL};                             \
         kn_test_add(&t);                                                                                               \
     }                                                                                                                  \
     static void KN_TEST_CAT(kn_test_run_, line)(void)
@@ -62,6 +65,13 @@ static inline void kn_test_add(kn_test_case *t)
         if (!kn_v || strcmp(kn_v, kn_e) != 0)                                                                          \
             KN_TEST_FAIL("%s is \"%s\", expected \"%s\"", #value, kn_v ? kn_v : "(null)", kn_e);                       \
     } while (0)
+// How often a test does something: in the gate's sanitized build, in its release, at night (tests/run --all). What it
+// checks is the same in all three.
+#if defined(KN_SANITIZED)
+#define KN_LENGTH(sanitized, release, night) (getenv("KN_NIGHT") ? (night) : (sanitized))
+#else
+#define KN_LENGTH(sanitized, release, night) (getenv("KN_NIGHT") ? (night) : (release))
+#endif
 #define SKIP(...)                                                                                                      \
     do {                                                                                                               \
         printf("skipped: " __VA_ARGS__);                                                                               \
@@ -73,8 +83,10 @@ static inline void kn_test_add(kn_test_case *t)
     int main(void)                                                                                                     \
     {                                                                                                                  \
         int failed = 0, count = 0;                                                                                     \
-        for (kn_test_case *t = kn_test_first; t; t = t->next, count++) {                                               \
+        for (kn_test_case *t = kn_test_first; t; t = t->next) {                                                        \
             int before = kn_test_failures;                                                                             \
+            if (t->at_night && !getenv("KN_NIGHT")) continue;                                                          \
+            count++;                                                                                                   \
             t->run();                                                                                                  \
             printf("%s %s\n", kn_test_failures == before ? "ok  " : "FAIL", t->sentence);                              \
             fflush(stdout);                                                                                            \

@@ -1,6 +1,6 @@
-# What tests/run and server/run share: say what will be changed on this machine, ask once, install. Sourced by bash.
+# What tests/run and server/run share: say what will be changed on this machine, ask once, install, build. Sourced by bash.
 #
-#     setup_missing run|test     names of the packages in tests/packages that are not installed ("run": without test:)
+#     setup_missing run|gate|night   print the packages in tests/packages for that purpose, and for those before it, that are missing
 #     setup_consent YES LINE...  shows the lines; YES=1 goes on, a terminal is asked, anything else exits 2
 #     setup_install NAME...      as root or through sudo; otherwise prints the commands and exits 3
 #     setup_build PRESET [TARGET...]  configures and builds into build/PRESET; shows the compiler's words only when it fails
@@ -8,13 +8,10 @@
 setup_root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 setup_packages() {
-    local name why
-    while IFS='#' read -r name why; do
-        name=${name//[[:space:]]/}
-        [ -n "$name" ] || continue
-        [ "$1" = run ] && [[ $why == " test:"* ]] && continue
-        echo "$name"
-    done <"$setup_root/tests/packages"
+    local purposes=run
+    [ "$1" = run ] || purposes="run|gate"
+    [ "$1" != night ] || purposes="run|gate|night"
+    sed -nE "s/^([a-z0-9][^ ]*) +# ($purposes) .*/\1/p" "$setup_root/tests/packages"
 }
 
 setup_missing() {

@@ -1,5 +1,6 @@
 #!/bin/sh
 # The command line of `knead`: help for newcomers, one line for every mistake, the exit codes that are promised.
+# gate in checked: what it looks for are crashes on bad input
 set -u
 failures=0
 fail() { echo "FAIL $*"; failures=$((failures + 1)); }

@@ -1,5 +1,6 @@
 // What a simulated device in a hand feels of kneadd, near and behind a delay, and what two hands can do together: in
 // virtual time, on the device of `knead probe`.
+// gate in release: arithmetic, ten times slower with the sanitizers
 #include "clients/knead/foot.h"
 #include "clients/knead/grasp.h"
 #include "clients/knead/path.h"

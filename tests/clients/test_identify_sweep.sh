@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
 # knead identify sweep: from the moduli of knead sweep back to the element that made them, for every class of figure 2; bad input.
+# gate in release: many runs of programs that start slowly with the sanitizers
 set -u
 . "$KN_SOURCE/tests/clients/refuses.sh"
 ok() { echo "ok   $1"; }

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # knead mesh: says what a mesh has, refuses broken ones and surfaces that do not hold water, and has gmsh or tetgen fill
 # those that do; without these programs it says which package is missing.
+# gate in release: many runs of programs that start slowly with the sanitizers
 set -u
 failed=0
 fail() { echo "FAIL $1"; failed=1; }

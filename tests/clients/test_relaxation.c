@@ -171,7 +171,7 @@ TEST("with noise of 1 % of the peak the numbers of 20 sets are as near as their 
     }
 }
 
-TEST("95 % intervals of a hold's numbers hold the truth in 180 to 198 of 200 sets")
+TEST("95 % intervals of a hold's numbers hold the truth in 180 to 198 of 200 sets, in 7 of 10 at least")
 {
     const double truth[] = {dough.c1_pa_s / dough.k1_pa, dough.alpha_pa_s / dough.k1_pa, dough.beta_per_pa,
                             dough.p0_pa};
@@ -179,22 +179,23 @@ TEST("95 % intervals of a hold's numbers hold the truth in 180 to 198 of 200 set
     int inside[4] = {0};
     double took = 0;
     hold(&clean, &dough);
-    for (int set = 0; set < 200; set++) {
+    const int sets = KN_LENGTH(10, 10, 200);
+    for (int set = 0; set < sets; set++) {
         m = clean;
         m.curve = clean.curve;
         m.curve.time_s = m.time_s, m.curve.value = m.value, m.curve.weight = m.weight, m.curve.line = m.line;
         for (int i = 0; i < m.curve.count; i++) m.value[i] *= 1 + 0.01 * gauss();
         const clock_t from = clock();
         kn_relaxation r = fit(&m.curve, 1, false, false);
-        took += (double)(clock() - from) / CLOCKS_PER_SEC / 200;
+        took += (double)(clock() - from) / CLOCKS_PER_SEC / sets;
         const kn_identified *number[] = {&r.ratio[0], &r.ratio[1], &r.number[KN_RELAXATION_BETA],
                                          &r.number[KN_RELAXATION_P0]};
         for (int i = 0; i < 4; i++) inside[i] += holds(number[i], truth[i]);
         kn_relaxation_free(&r);
     }
-    printf("     of 200: c1/k1 %d, alpha/k1 %d, beta %d, P0 %d; %.0f ms each\n", inside[0], inside[1], inside[2],
+    printf("     of %d: c1/k1 %d, alpha/k1 %d, beta %d, P0 %d; %.0f ms each\n", sets, inside[0], inside[1], inside[2],
            inside[3], 1e3 * took);
-    for (int i = 0; i < 4; i++) CHECK(inside[i] >= 180 && inside[i] <= 198);
+    for (int i = 0; i < 4; i++) CHECK(sets < 200 ? inside[i] >= 7 : inside[i] >= 180 && inside[i] <= 198);
 }
 
 TEST("a hold alone bounds k1 from below, and by how much had flowed it is too low")

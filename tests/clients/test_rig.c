@@ -1,3 +1,5 @@
+// gate in release: arithmetic, ten times slower with the sanitizers
+
 #include "clients/knead/pad.h"
 #include "clients/knead/profile.h"
 #include "clients/knead/rig.h"

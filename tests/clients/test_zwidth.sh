@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # knead zwidth: the same text every time; a delay costs what the delayed bound says it costs; a light hand on jelly bears more than
 # nobody on a wall; files; a coupling that is too stiff is told by the exit code; one line for whatever is not an option.
+# gate in release: arithmetic, ten times slower with the sanitizers
 set -u
 source "$KN_SOURCE/tests/clients/refuses.sh"
 

@@ -2,6 +2,7 @@
 # kneadd --backend pty: under a hand that presses, the board (a process behind a pseudo-terminal, or a piece of memory) killed and started
 # again meanwhile (twice; KN_KILLS=N): the force is the same as if nothing had happened, to the bit. Then the log again on the board,
 # in its own time, killed at random as well (3 times; KN_REPLAY_KILLS=N).
+# night: kills of a board in real time; server.device and server.circuit hold its rules
 source "$KN_SOURCE/tests/e2e/kneadd.sh" && source "$KN_SOURCE/tests/e2e/board.sh" || exit 70
 kills=${KN_KILLS:-2} replay_kills=${KN_REPLAY_KILLS:-3}
 RANDOM=${KN_SEED:-1}

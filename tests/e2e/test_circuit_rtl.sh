@@ -2,6 +2,7 @@
 # kneadd on the circuit itself, under Verilator, in real time: an object small enough for it under a hand that presses, the
 # board killed and started again meanwhile (2 times; KN_KILLS=N). Then a poke from a log, on the circuit and on the small one, in
 # their own time: the same bits.
+# night: a circuit under Verilator in real time
 source "$KN_SOURCE/tests/e2e/kneadd.sh" && source "$KN_SOURCE/tests/e2e/board.sh" || exit 70
 kills=${KN_KILLS:-2}
 RANDOM=${KN_SEED:-1}

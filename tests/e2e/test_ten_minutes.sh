@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # The README's "Ten minutes", run as written: every ```sh block, and after it the last line that it promises (numbers may differ).
 # A block that starts server/run is another terminal's: it stays up, and Ctrl-C ends it when the next such block comes.
+# night: the README at its own pace
 set -u
 cd "$KN_SOURCE" || exit 1
 log=$(mktemp -d) server= fail=0

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # knead tradeoff on a recorded press: what --jobs and a host play is what is played here, to the bit; a sweep that was killed
 # goes on with what it had; --write exchanges one block of the scene and nothing else.
+# night: seven points swept four times; clients.tradeoff holds the numbers
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 command -v gnuplot >/dev/null || { echo "skipped: no gnuplot"; exit 77; }
 

@@ -1,6 +1,7 @@
 #!/bin/sh
 # Same bits from gcc and clang at -O1 as from this build: builds the core and the golden presses with each and compares what they print.
 # At -O3, and on every instruction set, it is golden.golden of each preset that says so.
+# night: builds the core twelve times over; golden.golden compares the two builds of the gate
 set -eu
 out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # The small circuit, too, is core/fixed and its registers the simulated device's: the same bits in random models (KN_MODELS=N of them,
 # KN_CASES=N transfers, KN_SEED=N).
+# night: Verilates two circuits
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need verilator g++
 sizes="-GLOG_NODES=5 -GLOG_EDGES=7 -GLOG_LIST=4"

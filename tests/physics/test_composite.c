@@ -186,7 +186,7 @@ TEST("a press is within 1 % of the uniform block's force and 2 % of its shape, w
         }
 }
 
-TEST("a ball that slides over the box's border feels it as little as the nodes it slides over")
+NIGHT_TEST("a ball that slides over the box's border feels it as little as the nodes it slides over")
 {
     // 6 cm/s through 54 mm from the middle: over the border at 15 mm, deep in the dough from 650 ms to 750 ms
     double jump[2] = {0};

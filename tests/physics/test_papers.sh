@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
 # bench/papers --quick: every statement of the papers that a short run can bear out, its pictures and its tables.
+# night: a minute of presses; the sentences of physics/ hold most of what it finds
 set -u
 failed=0
 fail() { echo "FAIL $1"; failed=1; }

@@ -70,7 +70,7 @@ static double predicted(const kn_scene *scene, double seconds) // as knead check
     return 0.85 * 0.5 * weight_pa * kn_material_compliance(&def->material, seconds);
 }
 
-TEST("dough stands: 1.5 % in five minutes, as its stiffness at rest predicts")
+NIGHT_TEST("dough stands: 1.5 % in five minutes, as its stiffness at rest predicts")
 {
     kn_scene *scene = weighed(NULL, 0);
     double sag = sag_after(scene, 300, 0);
@@ -80,7 +80,7 @@ TEST("dough stands: 1.5 % in five minutes, as its stiffness at rest predicts")
     kn_scene_destroy(scene);
 }
 
-TEST("with a linear damper of the viscosity that a press meets it slumps to less than half")
+NIGHT_TEST("with a linear damper of the viscosity that a press meets it slumps to less than half")
 {
     kn_scene *scene = weighed((const char *const[]){"material.damper=constant", "material.c2=1387 gf s/cm^3"}, 2);
     double sag = sag_after(scene, 300, 0);
@@ -89,7 +89,7 @@ TEST("with a linear damper of the viscosity that a press meets it slumps to less
     kn_scene_destroy(scene);
 }
 
-TEST("a plastic block holds its shape too by its force-dependent damper, and flows away with a linear one")
+NIGHT_TEST("a plastic block holds its shape too by its force-dependent damper, and flows away with a linear one")
 {
     kn_scene *scene = weighed((const char *const[]){"material=dough-plastic"}, 1);
     double holds = sag_after(scene, 300, 0);
@@ -131,7 +131,7 @@ TEST("gas in the cells does not stop a lattice of sides from leaning over; diago
     kn_scene_destroy(scene);
 }
 
-TEST("with gas it sags by 1 %, however weak the diagonals")
+NIGHT_TEST("with gas it sags by 1 %, however weak the diagonals")
 {
     static const char *const weak[] = {"object.pressure=cells", "object.diagonal_stiffness=0.02", "solver.dt=2 ms"};
     kn_scene *scene = weighed(weak, 3);

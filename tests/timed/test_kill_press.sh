@@ -36,7 +36,7 @@ play_once() {
     stop_kneadd >/dev/null
     dent press.lcmlog >dent.txt 2>&1
     [ $again = 1 ] && [ "$played $(grep -c ' taken to 0 N: ' probe.err)" != "0 1" ] && cat probe.err && return 1
-    echo "$name $kill played $played $(awk -f "$KN_SOURCE/tests/e2e/kill_press.awk" -v deadline=$deadline -v shifted="$name.$kill.dat" motors.csv)" \
+    echo "$name $kill played $played $(awk -f "$KN_SOURCE/tests/timed/kill_press.awk" -v deadline=$deadline -v shifted="$name.$kill.dat" motors.csv)" \
         "$(cat dent.txt)" | tee -a $name.txt
     [ $played = 0 ] || cat probe.err
     return 0
