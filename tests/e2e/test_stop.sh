@@ -1,9 +1,7 @@
 #!/usr/bin/env bash
 # SIGTERM while a hand presses: the force it is given comes down to zero at a bounded slope, then kneadd ends with 0.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-lcm-logger -q -f stop.lcmlog >/dev/null 2>&1 &
-logger=$!
-sleep 0.3
+start_logger stop.lcmlog
 start_kneadd dough-small.yaml
 knead probe --path press --hold '20 s' --quiet >/dev/null 2>&1 &
 hand=$!
@@ -14,8 +12,7 @@ done
 stop_kneadd
 kill $hand
 sleep 0.2
-kill -INT $logger
-wait $logger 2>/dev/null
+stop_logger
 logcheck stop.lcmlog | tee stopped
 within() { awk -v a="$1" -v b="$2" 'BEGIN { exit !(a <= b) }'; }
 check "kneadd ended with 0" [ "$status" = 0 ]
