@@ -62,7 +62,10 @@ setup_build() {
     local preset=$1 log=$setup_root/build/$1/build.log
     shift
     mkdir -p "${log%/*}"
-    (cd "$setup_root" && cmake --preset "$preset" &&
+    ! command -v ninja >/dev/null || export CMAKE_GENERATOR=Ninja # these are of a new folder; an old one keeps what it has
+    ! command -v mold >/dev/null || export LDFLAGS=-fuse-ld=mold
+    ! command -v ccache >/dev/null || export OBJCACHE=ccache # Verilator's
+    (cd "$setup_root" && cmake --preset "$preset" -DKNEAD_RTL="${KN_RTL:-ON}" &&
         cmake --build --preset "$preset" -j "$(nproc)" ${1+--target "$@"}) </dev/null >"$log" 2>&1 && return 0
     cat "$log"
     return 1

@@ -28,7 +28,7 @@ static void help(void)
          "  --bar NAME        as the memory of a PCI card, in /dev/shm/NAME\n"
          "  --engine NAME     what steps: golden, the lattice in integers, in real time; rtl, the circuit of hdl/rtl,\n"
          "                    and nano, the small one, with the link before them (--uart), under Verilator, in a\n"
-         "                    time of their own (URI?miss=1000), if Verilator was there when this was built\n"
+         "                    time of their own (URI?miss=1000), if it was built with Verilator\n"
          "  --caps N,E,B      log2 of the nodes, edges and nodes under tools that golden takes (12,16,10); rtl:\n"
          "                    10,13,8, nano: 5,7,4\n"
          "  --seed N          of chance (1)\n"
