@@ -173,7 +173,7 @@ static void open_session(kn_safety *s)
 }
 
 // Counts silence and flow; returns how many of the elapsed ms the gain has to fade for want of poses.
-static int listen(kn_safety *s, bool fresh, int ms)
+static int listen(kn_safety *s, bool fresh, bool leaving, int ms)
 {
     const kn_safety_limits *l = &s->limits;
     int before = s->silent_ms < l->zero_ms ? s->silent_ms : l->zero_ms;
@@ -182,7 +182,8 @@ static int listen(kn_safety *s, bool fresh, int ms)
     s->silent_ms = fresh ? 0 : silent;
 
     if (silent >= l->zero_ms) { // the deadline wins over every ramp
-        if (s->attached) kn_safety_trip(s, KN_FAULT_POSE_SILENCE);
+        if (s->attached && !leaving) kn_safety_trip(s, KN_FAULT_POSE_SILENCE);
+        s->attached &= !leaving;
         s->gain = 0.0;
         zero(s->brake_n);
         s->flowing_ms = 0;
@@ -248,7 +249,7 @@ static bool may_engage(const kn_safety *s, const kn_safety_in *in)
 {
     bool way_back = !s->latched || s->fault == KN_FAULT_POSE_SILENCE;
     bool settled = s->gain == 0.0 && s->gain_drop == 0.0 && !braked(s) && !s->braking;
-    return way_back && settled && in->live && in->fresh && in->clear && s->flowing_ms >= s->limits.flow_ms;
+    return way_back && settled && in->live && in->fresh && in->clear && !in->leaving && s->flowing_ms >= s->limits.flow_ms;
 }
 
 static void engage(kn_safety *s)
@@ -271,10 +272,11 @@ bool kn_safety_watch(kn_safety *s, const kn_safety_in *in)
     s->gap_ms = s->gap_ms < l->zero_ms ? s->gap_ms + ms : l->zero_ms;
 
     if (in->opened) open_session(s);
-    int silence_ms = listen(s, fresh, ms);
+    int silence_ms = listen(s, fresh, in->leaving, ms);
     take_commands(s, in);
     // a silence that only fades is named, too, and forgotten when the poses are back in time
-    if (!s->latched) s->fault = s->attached && s->silent_ms > l->hold_ms ? KN_FAULT_POSE_SILENCE : KN_FAULT_NONE;
+    bool silent = s->attached && s->silent_ms > l->hold_ms && !in->leaving;
+    if (!s->latched) s->fault = silent ? KN_FAULT_POSE_SILENCE : KN_FAULT_NONE;
     double brake_above = l->brake_m_s * (s->braking ? brake_release : 1.0);
     s->braking = !s->latched && in->live && s->flowing_ms >= l->flow_ms && norm(in->velocity_m_s) > brake_above;
 

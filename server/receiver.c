@@ -221,6 +221,10 @@ static void count_new(kn_source *source, const knead_probe_pose_t *m, int64_t no
 static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns, kn_pose *pose)
 {
     if (expired(source, now_ns)) source->last.session = 0;
+    if (m->session == source->leaving && now_ns - source->heard_ns < SILENCE_NS) {
+        count_stale(source, m->seq);
+        return KN_REJECT_STALE;
+    }
     if (source->last.session != 0 && source->last.session != m->session) return KN_REJECT_SESSION;
     kn_verdict verdict = check_motion(source, m);
     if (verdict == KN_ACCEPTED && !afford(source, now_ns)) verdict = KN_REJECT_RATE;
@@ -238,6 +242,7 @@ static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t 
         source->reference = *pose;
     source->last = *pose;
     source->heard_ns = now_ns;
+    source->leaving = m->buttons & KN_BUTTON_LEAVING ? m->session : 0;
     return KN_ACCEPTED;
 }
 
@@ -281,4 +286,12 @@ unsigned kn_receiver_expire(kn_receiver *r, int64_t now_ns)
         ended |= 1u << p;
     }
     return ended;
+}
+
+bool kn_receiver_leave(kn_receiver *r, int probe, int64_t session)
+{
+    kn_source *source = &r->source[probe];
+    if (source->last.session != session || source->leaving != session) return false;
+    source->last.session = 0;
+    return true;
 }

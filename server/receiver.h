@@ -14,6 +14,9 @@
 // A probe belongs to the first session that sends it a good pose, until that session has been silent for 1 s; then any
 // session may come, the same number with a new seq included. sent_ns is never judged: a played log is old.
 //
+// A session may say that a pose is its last (KN_BUTTON_LEAVING): later ones are stale for 1 s, and the probe is free once
+// the servo says that the session has left.
+//
 // With a key, a pose must carry its tag (auth.h), and its utime lie within a minute of our own clock; a session that has
 // ended is not opened again while its poses could still do so. For what was recorded can be sent again by anybody.
 // Real-time safe.
@@ -66,6 +69,7 @@ typedef struct kn_source { // who moves one probe
     kn_pose last;          // accepted; session 0: nobody owns the probe
     kn_pose reference;     // accepted; speeds are measured from here. Moves on to last when that is >= 1 ms newer
     int64_t heard_ns;      // when last was accepted
+    int64_t leaving;       // session whose last pose last is, 0: it has not said so
     struct kn_ended {      // sessions that have been, and until when they are remembered
         int64_t session, until_ns;
     } ended[KN_ENDED_MAX];
@@ -95,5 +99,8 @@ kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_
 
 // Ends sessions that have been silent for 1 s; returns a bit per probe whose session ended by this call.
 unsigned kn_receiver_expire(kn_receiver *r, int64_t now_ns);
+
+// Ends that session, which has left by kn_force. Returns whether the probe was its own until this call.
+bool kn_receiver_leave(kn_receiver *r, int probe, int64_t session);
 
 #endif

@@ -647,6 +647,8 @@ static bool step_by_time(kn_replay *r)
         in->pose[p] = v->live[p] ? &r->tick.pose[p] : NULL;
     }
     run_tick(r);
+    for (int p = 0; p < r->model->def.probe_count; p++)
+        if (r->tick.out.force[p].left && kn_receiver_leave(&v->receiver, p, r->tick.out.force[p].session)) v->live[p] = false;
     return true;
 }
 

@@ -3,6 +3,7 @@
 #include "core/turn.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
+#include "proto/knead_probe_pose_t.h"
 #include "server/change.h"
 #include "server/clutch.h"
 #include <assert.h>
@@ -23,6 +24,7 @@ SAME_FLAG(GUARD);
 SAME_FLAG(BRAKE);
 SAME_FLAG(STALE);
 static_assert(KN_QUALITY_FAST == 0 && KN_QUALITY_OWN == 3, "numbers of KIND_QUALITY");
+static_assert(KN_BUTTON_LEAVING == KNEAD_PROBE_POSE_T_BUTTON_LEAVING, "the same bit");
 SAME_FAULT(NONE);
 SAME_FAULT(POSE_SILENCE);
 SAME_FAULT(IMPULSE);
@@ -98,6 +100,7 @@ static void read_probe(tick *t, int p)
         *last = *pose;
         kn_clutch_move(&t->servo->clutch[p], last, &t->servo->tool[p]);
     }
+    w->leaving = w->live && last->buttons & KN_BUTTON_LEAVING;
     w->clutch = w->live && t->servo->clutch[p].held;
     if (w->opened) tell(t, KNEAD_EVENT_T_KIND_SESSION_OPEN, p);
     memcpy(w->velocity_m_s, t->servo->tool[p].velocity_m_s, sizeof w->velocity_m_s);
@@ -323,6 +326,11 @@ static void step(tick *t)
     t->servo->capped += t->output.capped;
 }
 
+static bool at_rest(const kn_safety *s)
+{
+    return s->gain == 0.0 && s->brake_n[0] == 0.0 && s->brake_n[1] == 0.0 && s->brake_n[2] == 0.0;
+}
+
 static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
 
 static void guard_probe(tick *t, int p)
@@ -339,6 +347,7 @@ static void guard_probe(tick *t, int p)
     f->flags = kn_safety_filter(s, &t->watch[p], force, torque, f->force_n, f->torque_n_m);
     if (latched(s) && latched(s) != t->fault[p]) tell(t, KNEAD_EVENT_T_KIND_FAULT, p)->arg[0] = s->fault;
     f->live = t->watch[p].live;
+    f->left = t->watch[p].leaving && !s->attached && at_rest(s);
     f->session = last->session;
     f->seq = last->seq;
     f->sent_ns = last->sent_ns;
@@ -377,11 +386,6 @@ static void tell_contact(tick *t, int p)
         unit[c].generation = t->servo->generation;
         unit[c].flags = f->flags;
     }
-}
-
-static bool at_rest(const kn_safety *s)
-{
-    return s->gain == 0.0 && s->brake_n[0] == 0.0 && s->brake_n[1] == 0.0 && s->brake_n[2] == 0.0;
 }
 
 void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out)

@@ -28,6 +28,7 @@ typedef struct kn_pose { // a validated pose: finite, unit quaternion, inside th
 
 #define KN_BUTTON_CLUTCH 1 // bits of buttons: the device moves, the tool stays
 #define KN_BUTTON_GRIP 2   // the contact is tied to the tool, up to the probe's grip
+#define KN_BUTTON_LEAVING (1 << 30) // no button: this pose is the session's last
 
 typedef struct kn_clutch { // see clutch.h
     bool held;
@@ -64,6 +65,7 @@ typedef struct kn_tick_in {
 
 typedef struct kn_force { // one probe's answer; everything contact_force_t needs but the clocks
     bool live;            // there is a session to answer
+    bool left;            // it has said that it leaves, its force is 0 and its tool out of the model: it may end
     int64_t session, seq, sent_ns;
     double contact_force_n[3], contact_torque_n_m[3];
     double force_n[3], torque_n_m[3];

@@ -39,10 +39,10 @@ static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *sel
     kn_wire_unit(&f->unit[f->units++], &message);
 }
 
-static void publish(kn_device *d, const kn_hand_out *out)
+static void publish(kn_device *d, const kn_hand_out *out, int32_t buttons)
 {
     uint8_t bytes[256];
-    knead_probe_pose_t pose = {.utime = kn_wall_us(), .session = out->session, .seq = out->seq};
+    knead_probe_pose_t pose = {.utime = kn_wall_us(), .session = out->session, .seq = out->seq, .buttons = buttons};
     memcpy(pose.position_m, out->point.position_m, sizeof pose.position_m);
     memcpy(pose.velocity_m_s, out->point.velocity_m_s, sizeof pose.velocity_m_s);
     memcpy(pose.orientation_wxyz, out->point.orientation_wxyz, sizeof pose.orientation_wxyz);
@@ -50,6 +50,15 @@ static void publish(kn_device *d, const kn_hand_out *out)
     pose.sent_ns = kn_now_ns();
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &pose);
     kn_join_send(d->lcm, d->pose_channel, bytes, size); // a lost pose is what watchdogs are for
+}
+
+// Once.
+static void say_leaving(kn_device *d)
+{
+    if (!d->last.send) return;
+    d->last.seq++;
+    publish(d, &d->last, KNEAD_PROBE_POSE_T_BUTTON_LEAVING);
+    d->last.send = false;
 }
 
 static bool open_bus(kn_device *d)
@@ -72,7 +81,8 @@ bool kn_device_tick(kn_device *d, int elapsed_ms)
     d->fresh = false;
     for (int n = 0; n < 2 + 2 * KN_CONTACT_UNITS && lcm_handle_timeout(d->lcm, 0) > 0; n++); // the newest stay
     kn_hand_out out = d->hand(d->self, d->fresh ? &d->force : NULL, elapsed_ms);
-    if (out.send) publish(d, &out);
+    if (out.send) publish(d, &out, 0), d->last = out;
+    if (out.end) say_leaving(d);
     return !out.end;
 }
 
@@ -91,6 +101,7 @@ static void *run(void *self)
         atomic_fetch_add(&d->missed, missed);
         goes_on = kn_device_tick(d, 1 + missed);
     }
+    say_leaving(d);
     atomic_store(&d->done, true);
     return NULL;
 }
@@ -117,7 +128,7 @@ bool kn_device_join(kn_device *d, kn_device_hand *hand, void *self, const char *
 
 void kn_device_leave(kn_device *d)
 {
-    if (d->lcm) lcm_destroy(d->lcm);
+    if (d->lcm) say_leaving(d), lcm_destroy(d->lcm);
     d->lcm = NULL;
 }
 

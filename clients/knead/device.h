@@ -23,6 +23,7 @@ typedef struct kn_device {
     size_t error_size;
     int priority_error;
     kn_hand_force force;
+    kn_hand_out last; // that was sent
     bool fresh;
     lcm_t *lcm;
     atomic_bool stop;
@@ -35,7 +36,7 @@ bool kn_device_start(kn_device *device, kn_device_hand *hand, void *self, const 
                      char *error, size_t error_size);
 // 0, or why there is no SCHED_FIFO (errno).
 int kn_device_priority_error(const kn_device *device);
-void kn_device_stop(kn_device *device); // and joins; the tool stops where it is
+void kn_device_stop(kn_device *device); // and joins; the tool stops where it is, its session ends
 
 // The same without a thread of its own: the caller calls tick every ms, elapsed_ms after the last one, until that is
 // false.

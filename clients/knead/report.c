@@ -10,7 +10,7 @@ static const kn_attempt *attempt_of(const kn_hand *hand, const knead_contact_for
 {
     for (int i = 0; i < hand->tries; i++) {
         const kn_attempt *t = &hand->attempt[i];
-        if (f->session == t->session && f->seq >= 1 && f->seq <= t->sent) return t;
+        if (f->session == t->session && f->seq >= 1 && f->seq <= t->sent + 1) return t; // the one more says that it leaves
     }
     return NULL;
 }
@@ -24,7 +24,8 @@ static double path_time(const kn_attempt *t, const knead_contact_force_t *f)
 static void add_to_table(kn_report *r, const kn_hand *hand, const kn_attempt *t, const knead_contact_force_t *f)
 {
     double s = path_time(t, f), contact_n = norm(f->contact_force_n);
-    if (!t->play_seq || s < 0.0 || (f->seq == t->sent && (f->flags & KN_FLAG_STALE))) return;
+    bool after = f->seq > t->sent || (f->seq == t->sent && f->flags & KN_FLAG_STALE);
+    if (!t->play_seq || s < 0.0 || after) return;
     r->gain_min = fmin(r->gain_min, f->gain);
     r->given_peak_n = fmax(r->given_peak_n, norm(f->force_n));
     if (s <= hand->def.path->hold_end_s) r->hold_end_n = contact_n;

@@ -42,11 +42,20 @@ static void answer(kn_bridge *b)
     if (b->open && b->device->give) b->device->give(b->device, t->render.given_n, kn_tether_live(t));
 }
 
-void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
+static void send_pose(kn_bridge *b, knead_probe_pose_t *pose)
 {
     uint8_t bytes[256];
+    pose->utime = kn_wall_us();
+    pose->sent_ns = kn_now_ns();
+    int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, pose);
+    kn_join_send(b->lcm, b->pose_channel, bytes, size); // a lost pose is what watchdogs are for
+}
+
+void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
+{
     kn_tether *t = &b->now.tether;
-    knead_probe_pose_t pose = {.buttons = device->buttons, .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE};
+    knead_probe_pose_t pose = {.buttons = device->buttons & ~KNEAD_PROBE_POSE_T_BUTTON_LEAVING,
+                               .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE};
     kn_device_position(&b->mount, device->position_m, pose.position_m);
     kn_device_velocity(&b->mount, device->velocity_m_s, pose.velocity_m_s);
     kn_mount_orientation(&b->mount, device->orientation_wxyz, pose.orientation_wxyz);
@@ -56,10 +65,8 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
     if (!kn_tether_pose(t, device->position_m, device->velocity_m_s)) return;
     pose.session = t->session;
     pose.seq = t->seq;
-    pose.utime = kn_wall_us();
-    pose.sent_ns = kn_now_ns();
-    int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &pose);
-    kn_join_send(b->lcm, b->pose_channel, bytes, size); // a lost pose is what watchdogs are for
+    send_pose(b, &pose);
+    b->last = pose;
     memcpy(b->now.position_m, pose.position_m, sizeof pose.position_m);
     b->now.buttons = pose.buttons;
     if (!t->render.def.local || b->device->answers) return;
@@ -194,6 +201,11 @@ static bool watch(kn_bridge *b)
 
 static void let_go(kn_bridge *b)
 {
+    if (b->last.session) { // its last pose once more, as the last
+        b->last.seq++;
+        b->last.buttons = KNEAD_PROBE_POSE_T_BUTTON_LEAVING;
+        send_pose(b, &b->last);
+    }
     if (b->open && b->device->give) b->device->give(b->device, (double[3]){0}, false);
     if (b->open) b->device->close(b->device);
     if (b->device->destroy) b->device->destroy(b->device);

@@ -14,6 +14,7 @@
 // The thread neither prints nor waits: what it has to tell lies in news, for another thread to look at.
 #include "clients/tactile/tether.h"
 #include "proto/knead_contact_force_t.h"
+#include "proto/knead_probe_pose_t.h"
 #include "server/mailbox.h"
 #include <ev.h>
 #include <lcm/lcm.h>
@@ -71,6 +72,7 @@ struct kn_bridge {
     kn_bridge_news now, slots[3];
     kn_mailbox news;
     lcm_t *lcm;
+    knead_probe_pose_t last; // that was sent; session 0: none
     ev_io forces, timer;
     ev_async stop;
     int timer_fd, retry_ms;

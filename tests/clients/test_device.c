@@ -216,6 +216,26 @@ TEST("the paper's press on a device of 3.3 N: the object gives what it gave, the
     kn_path_destroy(press);
 }
 
+TEST("a hand that ends in a press leaves its tool without a fault, and 100 ms later another may take it")
+{
+    const double time_s[] = {0, 0.8, 1.2};
+    kn_path_point point[] = {{{0, 0, 0.06}, {0}, {1}}, {{0, 0, 0.045}, {0}, {1}}, {{0, 0, 0.042}, {0}, {1}}};
+    kn_path *press = kn_path_through(3, time_s, point), *poke = kn_path_poke(&(kn_path_def){.touch_z_m = 0.045});
+    serve("dough-small.yaml", NULL, 0, false);
+    join("finger", press, NULL);
+    play();
+    kn_rig_run(&p.rig, 100);
+    const kn_force *f = &p.rig.exchange.force[1];
+    CHECK(p.contact_n > 0.3 && !f->live && f->gain == 0 && p.rig.loop.servo.safety[1].faults == 0);
+    CHECK(p.rig.exchange.receiver.source[1].last.session == 0);
+    join("finger", poke, NULL);
+    play();
+    CHECK(p.player[1].hand.mode == KN_HAND_DONE && p.player[1].hand.trips == 0);
+    kn_rig_close(&p.rig);
+    kn_path_destroy(press);
+    kn_path_destroy(poke);
+}
+
 TEST("two fingers lift a piece of dough off the table and carry it, half of it each, squeezing it equally")
 {
     char error[256];

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # What a kneadd accepts and refuses, over the bus, counted to the datagram: stale, replayed, jumping, non-finite
-# poses, a second publisher, a session that starts anew.
+# poses, a second publisher, a session that starts anew after a silence, and one after another that has left.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 start_kneadd dough-small.yaml
 second() { # second BUS OPTION...: another one ends with exit 3 and says in one line whose the bus is
@@ -26,8 +26,9 @@ poses 12 session=7 seq=101 utime=1
 poses 13 session=0 seq=101
 poses 50 session=7 seq=101
 sleep 1300
-poses 40 session=7 seq=1
-sleep 1300
+poses 40 session=7 seq=1 leave
+poses 16 session=7 seq=41
+sleep 200
 poses 30 session=8 seq=1
 EOF
 )
@@ -36,7 +37,7 @@ stop_kneadd
 check "kneadd ended well" [ "$status" = 0 ]
 check "the good ones are accepted, a session that starts anew and the next owner included" \
     [ "$(counter accepted)" = 220 ]
-check "late and repeated ones are stale" [ "$(counter stale)" = 15 ]
+check "late and repeated ones are stale, and those of a session that has said its last" [ "$(counter stale)" = 31 ]
 check "a second publisher is refused" [ "$(counter session)" = 20 ]
 check "NaN and infinity are refused" [ "$(counter nonfinite)" = 13 ]
 check "jumps are refused, by way and by velocity" [ "$(counter jump)" = 19 ]

@@ -1,13 +1,13 @@
 // send PROBE [KEY] <<EOF: what a test wants a kneadd to hear, from a socket of its own, so that it can send anything.
 //
-//     poses COUNT session=S seq=Q [step=1] [rate=1000] [utime=U] [x=0] [z=0.2] [vz=0]
+//     poses COUNT session=S seq=Q [step=1] [rate=1000] [utime=U] [x=0] [z=0.2] [vz=0] [leave]
 //     flood COUNT seed=S [rate=50000]
 //     stock COUNT seed=S [rate=50000]
 //     leak COUNT [rate=50000]
 //     forge COUNT seed=S [rate=50000]
 //     sleep MS
 //
-// poses: seq rises by step, utime is seq in ms; with a KEY (a file) they are of now, signed and kept. flood: relatives
+// poses: seq rises by step, utime is seq in ms; leave: the last one says that the session ends; with a KEY (a file) they are of now, signed and kept. flood: relatives
 // of poses (kn_random_datagram), each of its own session; rate=0: as fast as they are taken. stock: the same, and every
 // fourth of what liblcm does not expect (kn_lcm_datagram). leak: arrays that are not there. forge: what a holder of the
 // key never sends, or not now (kn_forged_datagram), of its own poses among others.
@@ -97,6 +97,7 @@ static void send_poses(const char *line, int64_t count)
         pose.utime = utime ? utime : 1000 * seq; // not the clock's: a held-up sender would make other speeds
         pose.sent_ns = now_us() * 1000;
         if (keyed) pose.utime = wall_us();
+        if (n + 1 == count && strstr(line, " leave")) pose.buttons = KNEAD_PROBE_POSE_T_BUTTON_LEAVING;
         size_t size = kn_pose_datagram(bytes, sizeof bytes - KN_WIRE_MAC, channel, &pose);
         if (keyed) keep(bytes, size = kn_sign_datagram(bytes, size, channel, &auth));
         send_bytes(bytes, size);

@@ -395,6 +395,29 @@ TEST("the first session owns its probe until it has been silent for a second; ot
     CHECK_VERDICT(send_pose(good_pose(2, 1)), KN_ACCEPTED); // judged by arrival, even when nobody called expire
 }
 
+TEST("a session that has said its last is stale for a second, and over when the servo says so")
+{
+    start();
+    knead_probe_pose_t last = good_pose(1, 7);
+    CHECK_VERDICT(send_pose(good_pose(1, 6)), KN_ACCEPTED);
+    CHECK(!kn_receiver_leave(&receiver, 0, 1)); // it has not said so
+    last.buttons = KN_BUTTON_LEAVING;
+    CHECK_VERDICT(send_pose(last), KN_ACCEPTED);
+    CHECK_VERDICT(send_pose(good_pose(1, 8)), KN_REJECT_STALE);
+    CHECK_VERDICT(send_pose(good_pose(2, 1)), KN_REJECT_SESSION);
+    CHECK(!kn_receiver_leave(&receiver, 0, 2));
+    CHECK(kn_receiver_leave(&receiver, 0, 1));
+    CHECK(!kn_receiver_leave(&receiver, 0, 1));
+    CHECK_VERDICT(send_pose(good_pose(1, 9)), KN_REJECT_STALE);
+    CHECK_VERDICT(send_pose(good_pose(2, 1)), KN_ACCEPTED);
+    CHECK_VERDICT(send_pose(good_pose(1, 10)), KN_REJECT_SESSION);
+    last = good_pose(2, 2), last.buttons = KN_BUTTON_LEAVING;
+    CHECK_VERDICT(send_pose(last), KN_ACCEPTED);
+    CHECK(kn_receiver_leave(&receiver, 0, 2));
+    now_ns += 1000 * MS;
+    CHECK_VERDICT(send_pose(good_pose(2, 1)), KN_ACCEPTED); // a log played again
+}
+
 TEST("rejected poses do not keep a session alive")
 {
     start();

@@ -164,6 +164,33 @@ TEST("without poses the force is zero by 20 ms, says why, and comes back by lift
     rig_free(r);
 }
 
+TEST("a hand that says its last pose: the force fades as in a silence, nothing is latched, and then it has left")
+{
+    rig *r = rig_make(NULL);
+    press(r, 0.004);
+    double last_n = r->out.force[0].force_n[2], steepest_n = 0;
+    CHECK(last_n > 1);
+    r->pose[0].buttons = KN_BUTTON_LEAVING;
+    move(r, 0, -0.01);
+    last_n = r->out.force[0].force_n[2];
+    for (int ms = 1; ms <= 20; ms++) {
+        CHECK(!r->out.force[0].left);
+        tick(r);
+        steepest_n = fmax(steepest_n, fabs(r->out.force[0].force_n[2] - last_n));
+        last_n = r->out.force[0].force_n[2];
+        CHECK(r->out.force[0].fault == KN_FAULT_NONE && !(r->out.force[0].flags & KN_FLAG_LATCHED));
+    }
+    CHECK(r->out.force[0].left && last_n == 0 && r->servo.safety[0].faults == 0);
+    CHECK(steepest_n <= 1.001 * kn_safety_slope(&r->servo.safety[0].limits));
+    r->in.pose[0] = NULL;
+    tick(r);
+    CHECK(!r->out.force[0].live && !r->out.force[0].left);
+    r->pose[0] = (kn_pose){.orientation_wxyz = {1}, .position_m = {0, 0, 0.031}, .session = 2};
+    hover(r, 0, 450);
+    CHECK(r->out.force[0].flags & KN_FLAG_ENGAGED);
+    rig_free(r);
+}
+
 TEST("a probe without a session neither pushes nor answers, and another may push meanwhile")
 {
     rig *r = rig_make(NULL);

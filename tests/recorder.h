@@ -1,0 +1,105 @@
+#ifndef KN_TESTS_RECORDER_H
+#define KN_TESTS_RECORDER_H
+// kneadd without clock and bus: the servo on a scene, whose poses, events and forces go into a log in the order that
+// they would have on the bus. What happens to a real one may happen here: late and lost poses, missed cycles, sessions
+// that end and come again, several tools, a reset, a stop.
+#include "proto/knead_event_t.h"
+#include "server/log.h"
+#include "server/served.h"
+#include "server/wire.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define KN_RECORDER_START_US 1700000000000000
+
+typedef struct kn_recorder {
+    kn_served on;
+    kn_servo servo;
+    kn_tick_in in; // of the next tick
+    kn_tick_out out;
+    kn_pose hand[KN_PROBES_MAX], mailbox[KN_PROBES_MAX];
+    lcm_eventlog_t *log;
+    int64_t utime, late_us; // of the last tick; how much later than its millisecond the next one is
+    int64_t lose_tick;      // whose forces the logger loses
+    bool mute;              // the logger does not run
+} kn_recorder;
+
+static inline void kn_recorder_put(kn_recorder *r, const char *channel, void *bytes, int size)
+{
+    if (r->mute || (size > 0 && kn_log_write(r->log, r->utime, channel, bytes, (size_t)size))) return;
+    fprintf(stderr, "%s is not written\n", channel);
+    exit(1);
+}
+
+static inline void kn_recorder_scene(kn_recorder *r)
+{
+    static uint8_t bytes[1 << 16];
+    knead_scene_t m;
+    kn_wire_scene(&m, r->on.scene, 0, r->utime);
+    kn_recorder_put(r, "KNEAD_SCENE", bytes, knead_scene_t_encode(bytes, 0, sizeof bytes, &m));
+}
+
+// The tools stand at the origin. Ends the program when the scene or the log cannot be had.
+static inline void kn_recorder_open(kn_recorder *r, const char *log, const kn_served_def *def)
+{
+    char error[512];
+    *r = (kn_recorder){.in.tick = -1, .utime = KN_RECORDER_START_US, .lose_tick = -1};
+    int code = kn_served_load(&r->on, def, error, sizeof error);
+    if (code != 0) fprintf(stderr, "%s\n", error), exit(code);
+    if (!(r->log = lcm_eventlog_create(log, "w"))) perror(log), exit(3);
+    kn_servo_init(&r->servo, r->on.scene, r->on.model, &r->on.backend);
+    for (int p = 0; p < KN_PROBES_MAX; p++) r->hand[p] = (kn_pose){.session = p + 1, .orientation_wxyz = {1}};
+    kn_recorder_scene(r);
+}
+
+static inline void kn_recorder_close(kn_recorder *r)
+{
+    lcm_eventlog_destroy(r->log);
+    kn_served_free(&r->on);
+}
+
+// A pose onto the bus and into the mailbox.
+static inline void kn_recorder_pose(kn_recorder *r, int p)
+{
+    char channel[80];
+    uint8_t bytes[512];
+    knead_probe_pose_t m;
+    r->hand[p].seq++;
+    r->hand[p].utime = r->utime;
+    kn_wire_pose(&m, &r->hand[p]);
+    snprintf(channel, sizeof channel, "KNEAD_POSE_%s", r->on.scene->model.probe[p].name);
+    kn_recorder_put(r, channel, bytes, knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &m));
+    r->mailbox[p] = r->hand[p];
+    r->in.pose[p] = &r->mailbox[p];
+    r->in.fresh[p] = true;
+}
+
+static inline void kn_recorder_tick(kn_recorder *r)
+{
+    char channel[80];
+    uint8_t bytes[512];
+    r->in.tick += 1 + r->in.missed;
+    r->utime = KN_RECORDER_START_US + 1000 * r->in.tick + r->late_us;
+    kn_servo_tick(&r->servo, &r->in, &r->out);
+    for (int i = 0; i < r->out.event_count; i++) {
+        knead_event_t m;
+        kn_wire_event(&m, &r->out.event[i], r->utime);
+        kn_recorder_put(r, "KNEAD_EVENT", bytes, knead_event_t_encode(bytes, 0, sizeof bytes, &m));
+    }
+    for (int p = 0; p < r->on.scene->model.probe_count; p++) {
+        knead_contact_force_t m;
+        if (!r->out.force[p].live || r->in.tick == r->lose_tick) continue;
+        kn_wire_force(&m, &r->out, p, r->utime, 12345);
+        snprintf(channel, sizeof channel, "KNEAD_FORCE_%s", r->on.scene->model.probe[p].name);
+        kn_recorder_put(r, channel, bytes, knead_contact_force_t_encode(bytes, 0, sizeof bytes, &m));
+    }
+    for (int p = 0; p < KN_PROBES_MAX; p++)
+        if (r->out.force[p].left) r->in.pose[p] = NULL;
+    memset(r->in.fresh, 0, sizeof r->in.fresh);
+    r->in.reset = r->in.recover = false;
+    r->in.take = KN_TAKE_NONE;
+    r->in.missed = 0;
+}
+
+#endif
