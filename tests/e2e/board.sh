@@ -1,5 +1,4 @@
 # Sourced behind kneadd.sh by the end-to-end tests with a simulated board: a knead-simdev, its words in board.txt.
-ahead= # before knead-simdev: a circuit has no processor to wait for
 board() { # board OPTION...: serves when it returns
     local tries
     rm -f board board.txt

@@ -10,6 +10,7 @@ check() { # check SENTENCE COMMAND...: one line, like tests/check.h; fails as th
     failed=1
     return 1
 }
+python3() { /usr/bin/python3 "$@"; } # Debian's, whatever comes first in PATH
 exec {never}<> <(:)
 pause() { read -rt "$1" -u "$never" || return 0; } # seconds, without the fork that sleep is
 has() { # has WORD FILE: a line with it; the same
@@ -30,42 +31,10 @@ start_kneadd() { # start_kneadd SCENE OPTION...: a file here, or one of core/sce
     done
     echo "FAIL kneadd did not come up:" && cat kneadd.log kneadd.err && exit 1
 }
-# press OPTION...: by knead probe; after a pause once more where the machine has spoilt all of its tries
-press() {
-    local pause status
-    for pause in 5 15 0; do
-        knead probe --path press --quiet "$@" && return
-        status=$?
-        [ $status = 3 ] || break
-        sleep $pause
-    done
-    echo "FAIL knead probe: exit $status" && exit 1
-}
-# record FILE SCENE [SERVED...] -- OPTION...: a press by a hand that waits for kneadd, so that nothing had touched the object and no time
-# is lost; spoilt, or with gaps, once more on a fresh one
-record() {
-    local file=$1 scene=$2 served=() pause played
-    shift 2
-    while [ "$1" != -- ]; do served+=("$1") && shift; done
-    for pause in 2 10 0; do
-        knead probe --path press --tries 1 --quiet --record "$file" "${@:2}" 2>record.err &
-        hand=$!
-        sleep 0.3
-        start_kneadd "$scene" "${served[@]}"
-        wait $hand
-        played=$?
-        stop_kneadd >/dev/null
-        [ $played = 0 ] && ! grep -q 'has gaps' record.err && return
-        cat record.err
-        [ $played = 0 ] || [ $played = 3 ] || break
-        sleep $pause
-    done
-    echo "FAIL knead probe: exit $played" && exit 1
-}
-# lcm-logger that does not run for 0.1 s loses records: ahead of everything but kneadd
+# what plays a hand or keeps a log is spoilt by a standstill of some ms: ahead of everything but kneadd, where the machine grants it
+ahead=
+[ "$KN_REALTIME" = off ] || ! chrt -f 50 true 2>/dev/null || ahead="chrt -f 50"
 start_logger() { # start_logger FILE
-    local ahead=
-    [ "$KN_REALTIME" = off ] || ! chrt -f 50 true 2>/dev/null || ahead="chrt -f 50"
     $ahead lcm-logger -q -f "$1" >/dev/null 2>&1 &
     logger=$!
     sleep 0.3

@@ -6,7 +6,6 @@
 source "$KN_SOURCE/tests/e2e/kneadd.sh" && source "$KN_SOURCE/tests/e2e/board.sh" || exit 70
 kills=${KN_KILLS:-2} replay_kills=${KN_REPLAY_KILLS:-3}
 RANDOM=${KN_SEED:-1}
-[ "$KN_REALTIME" = off ] || ! chrt -f 50 true 2>/dev/null || ahead="chrt -f 50" # of everything but kneadd
 get_in_step() { # returns once the circuit is in step, so that to kill it is to lose it; gives it 20 s
     local tries
     for ((tries = 0; tries < 200; tries++)); do
@@ -19,7 +18,7 @@ number() { grep -oE "$1 -?[0-9]+" "$2" | grep -oE -- '-?[0-9]+$'; }
 
 board --uart --link "$PWD/board"
 start_kneadd dough-small.yaml --backend "pty:$PWD/board" --control ctl
-knead probe --path press --hold "$((2 + kills * 2)) s" --quiet --record press.lcmlog & probe=$!
+$ahead knead probe --path press --hold "$((2 + kills * 2)) s" --quiet --record press.lcmlog & probe=$!
 for ((kill = 1; kill <= kills; kill++)); do
     pause "1.$((100 + RANDOM % 900))"
     get_in_step

@@ -10,7 +10,7 @@ small=(--set 'object.size=[2 cm, 1 cm, 1 cm]' --set solver.kind=fixed --set solv
 
 board --engine rtl --uart --link "$PWD/board"
 start_kneadd dough-small.yaml "${small[@]}" --backend "pty:$PWD/board"
-knead probe --path press --depth '3 mm' --hold "$((2 + kills * 2)) s" --quiet & probe=$!
+$ahead knead probe --path press --depth '3 mm' --hold "$((2 + kills * 2)) s" --quiet & probe=$!
 for ((kill = 1; kill <= kills; kill++)); do
     pause "1.$((100 + RANDOM % 900))"
     kill_board
@@ -31,11 +31,12 @@ check "it never gave another number than its twin" grep -q 'different 0,' kneadd
 check "and had the twin's state at the end" grep -q "its state is the twin's" kneadd.err
 kill_board
 
-record poke.lcmlog dough-small.yaml "${small[@]}" -- --path poke --depth '2 mm' --speed '2 cm/s'
-knead replay poke.lcmlog --hash >twin.txt
+pressed "$KN_SOURCE/core/scenes/dough-small.yaml" press.lcmlog 2 'object.size=[2 cm, 1 cm, 1 cm]' solver.kind=fixed solver.passes=1 \
+    solver.iterations=3
+knead replay press.lcmlog --hash >twin.txt
 for engine in rtl nano; do
     board --engine $engine --uart --link "$PWD/board"
-    knead replay poke.lcmlog --backend "pty:$PWD/board" --hash >circuit.txt
+    knead replay press.lcmlog --backend "pty:$PWD/board" --hash >circuit.txt
     check "replayed on $engine: $(grep circuit circuit.txt)" grep -qE '^circuit: ([0-9]+) of \1 ticks' circuit.txt
     check "and the hash of forces and state is the twin's: $(hash_of twin.txt)" grep -qx "hash $(hash_of twin.txt)" circuit.txt
     kill_board

@@ -45,7 +45,7 @@ log, poses = open(sys.argv[1], "rb").read(), open(sys.argv[2], "wb")
 at = 0
 while at + 28 <= len(log):
     channel, data = struct.unpack_from(">II", log, at + 20)
-    if b"KNEAD_FORCE" not in log[at + 28:at + 28 + channel]: poses.write(log[at:at + 28 + channel + data])
+    if log[at + 28:at + 28 + channel].startswith((b"KNEAD_SCENE", b"KNEAD_POSE")): poses.write(log[at:at + 28 + channel + data])
     at += 28 + channel + data
 END
 for name in press poses; do

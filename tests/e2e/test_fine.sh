@@ -1,11 +1,15 @@
 #!/usr/bin/env bash
-# A block of two resolutions is served, pressed, and replays to the bit; played on its uniform lattice the press is what
+# A block of two resolutions is served; a press of it replays to the bit; played on its uniform lattice the press is what
 # the scene says it is, and a box that is too small is found out.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 fine=$KN_SOURCE/core/scenes/dough-fine.yaml
-small=(--set object.size='[3 cm, 3 cm, 1.8 cm]' --set probes.spatula.reach='[-1 mm, 1 mm, -1 mm, 1 mm]')
+size='object.size=[3 cm, 3 cm, 1.8 cm]' reach='probes.spatula.reach=[-1 mm, 1 mm, -1 mm, 1 mm]'
+small=(--set "$size" --set "$reach")
 
-record press.lcmlog dough-fine.yaml "${small[@]}" -- --depth '4 mm' --hold '200 ms'
+start_kneadd dough-fine.yaml "${small[@]}"
+stop_kneadd
+check "it is served" [ $status = 0 ]
+pressed "$fine" press.lcmlog 6 "$size" "$reach"
 knead replay press.lcmlog --verify 2>warned
 check "it replays to the bit" [ $? = 0 ]
 check "without a warning" [ ! -s warned ]

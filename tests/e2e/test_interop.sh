@@ -2,14 +2,11 @@
 # Stock LCM tools beside a kneadd: lcm-logger records what liblcm can decode; lcm-logplayer plays its poses into a
 # kneadd, twice, and they are as good as a hand's.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-lcm-logger -q -f one.lcmlog >/dev/null 2>&1 & # first, so that it hears the scene that is told at the start
-logger=$!
-sleep 0.3
+start_logger one.lcmlog # first, so that it hears the scene that is told at the start
 start_kneadd dough-small.yaml
 send plate <<<"poses 3000 session=7 seq=1" >/dev/null
 sleep 1.2 # a status after the last pose
-kill -INT $logger
-wait $logger 2>/dev/null
+stop_logger
 stop_kneadd
 logcheck one.lcmlog | tee one
 poses=$(number poses one) forces=$(number forces one)
@@ -26,7 +23,7 @@ check "and in ticks: last tick + 1 = executed + missed" \
 
 start_kneadd dough-small.yaml
 lcm-logplayer -e 'KNEAD_POSE.*' one.lcmlog >/dev/null 2>&1
-sleep 1.3 # the session ends, its number may come again
+sleep 1.3 # the silent session ends, its number may come again
 lcm-logplayer -e 'KNEAD_POSE.*' one.lcmlog >/dev/null 2>&1
 stop_kneadd
 accepted=$(counter accepted)

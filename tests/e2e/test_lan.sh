@@ -20,7 +20,7 @@ openssl rand -hex 32 >key 2>/dev/null || head -c 32 /dev/urandom | od -An -tx1 |
 chmod 600 key
 tr 0-9a-f 1-9a-f0 <key >wrong && chmod 600 wrong
 export KNEAD_LAN=card2
-poke() { there env "$@" knead probe --path poke --quiet; }
+poke() { there $ahead env "$@" knead probe --path poke --quiet; }
 expect() { # expect PATTERN OPTION...: kneadd ends with 2 and one line
     kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" "${@:2}" >out 2>err
     local code=$?
@@ -39,19 +39,17 @@ start_kneadd dough-small.yaml --lan card --peer 10.9.0.2
 check "that an address proves nothing is said" grep -q 'that is no authentication' kneadd.log
 check "a hand on the other host is pushed back" poke KNEAD_KEY=
 there ip route change 224.0.0.0/4 dev card2 src 10.9.0.3
-sleep 1.2
 poke KNEAD_KEY= >out 2>&1
 check "from another address it is not" [ $? = 3 ]
 stop_kneadd
 check "each of its poses was counted: $(counter peer)" [ "$(counter peer)" -gt 1000 ]
 
 start_kneadd dough-small.yaml --lan card --key key
-nsenter -t $other -n lcm-logger -q --lcm-url='udpm://239.255.76.67:7667?ttl=1' -f record.lcmlog >/dev/null 2>&1 &
+$ahead nsenter -t $other -n lcm-logger -q --lcm-url='udpm://239.255.76.67:7667?ttl=1' -f record.lcmlog >/dev/null 2>&1 &
 logger=$!
 sleep 0.5
 check "with a key it may come from anywhere" poke KNEAD_KEY=key
 stop_logger
-sleep 1.2
 poke KNEAD_KEY= >out 2>&1
 check "without the key it is refused" [ $? = 3 ]
 poke KNEAD_KEY=wrong >out 2>&1

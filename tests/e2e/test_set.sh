@@ -11,8 +11,8 @@ expect() { # expect PATTERN CODE COMMAND...: ends with CODE and one line
 felt() { ctl --json status | python3 -c 'import json, sys
 print(max(sum(x * x for x in p["force_n"]) ** 0.5 for p in json.load(sys.stdin)["probes"]))'; }
 pressing() { # until the finger is pushed back
-    for _ in $(seq 80); do
-        sleep 0.1
+    for _ in $(seq 200); do
+        pause 0.05
         awk -v f="$(felt)" 'BEGIN { exit !(f > 0.2) }' && return
     done
 }
@@ -20,30 +20,23 @@ field() { python3 -c "import json, sys; print(json.load(sys.stdin)$1)"; }
 stored() { sed -n "s/.*\"stored_$1_j\":\([0-9.e-]*\).*/\1/p" <<<"$2"; }
 
 mkdir state
-printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.8,0,0,0.045 1,0,0,0.041 5,0,0,0.041 5.5,0,0,0.06 >path.csv
-for try in 1 2 3; do
-    rm -rf set.lcmlog state/*
-    start_logger set.lcmlog
-    start_kneadd dough-small.yaml --control control --state-dir state
-    knead probe --probe finger --path path.csv --quiet >/dev/null 2>hand.err & hand=$!
-    pressing
-    stiffer=$(ctl --json set 'material.k1=940 gf/cm^3')
-    sleep 0.4
-    ctl snapshot >/dev/null
-    cp "$(ls -t state/*.knead | head -1)" pressed.knead
-    ctl set 'material.k1=600 gf/cm^3' 'device.clamp=2 N' >second
-    sleep 0.4
-    wait $hand
-    code=$?
-    sleep 0.8 # a snapshot of it
-    kill -KILL $server
-    wait $server 2>/dev/null
-    stop_logger
-    knead replay set.lcmlog --verify >said 2>why
-    grep -q '^verified\|equal' said why && [ $code = 0 ] && break
-    grep -q 'ticks ran whose force or pose is not in the log' why || [ $code != 0 ] || break
-    echo "try $try:" && cat hand.err why
-done
+printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.8,0,0,0.045 1,0,0,0.041 3,0,0,0.041 3.5,0,0,0.06 >path.csv
+start_logger set.lcmlog
+start_kneadd dough-small.yaml --control control --state-dir state
+$ahead knead probe --probe finger --path path.csv --quiet >/dev/null 2>hand.err & hand=$!
+pressing
+stiffer=$(ctl --json set 'material.k1=940 gf/cm^3')
+pause 0.4
+ctl snapshot >/dev/null
+cp "$(ls -t state/*.knead | head -1)" pressed.knead
+ctl set 'material.k1=600 gf/cm^3' 'device.clamp=2 N' >second
+wait $hand
+code=$?
+pause 1 # a snapshot of it
+kill -KILL $server
+wait $server 2>/dev/null
+stop_logger
+knead replay set.lcmlog --verify >said 2>why
 check "the hand went on: $(cat hand.err)" [ $code = 0 ]
 check "a stiffer spring stores more: $stiffer" \
     awk -v a="$(stored before "$stiffer")" -v b="$(stored after "$stiffer")" 'BEGIN { exit !(a > 0 && b > 1.5 * a && b < 2.5 * a) }'
@@ -146,21 +139,16 @@ for i in $(seq $((2 * $(nproc)))); do
     while :; do :; done &
     busy+=($!)
 done
-for i in $(seq 10); do
+for i in 1 2 3 4; do
     ctl set "material.k1=$((430 - i)) gf/cm^3" >out 2>err && ((++materials)) || cat err
     ctl set "device.clamp=$((2000 - i)) mN" >out 2>err && ((++limits)) || cat err
 done
 kill "${busy[@]}"
 stop_kneadd
-check "beside busy processes: $materials materials of 10" [ $materials = 10 ]
-check "and $limits lower limits of 10" [ $limits = 10 ]
+check "beside busy processes: $materials materials of 4" [ $materials = 4 ]
+check "and $limits lower limits of 4" [ $limits = 4 ]
 
-# how long it takes, for the table
-start_kneadd dough.yaml --control control --set object.size='[4.5 cm, 4.5 cm, 2.7 cm]' --set object.spacing='3 mm'
-nodes=$(sed -n 's/.*, \([0-9]*\) nodes.*/\1/p' kneadd.log)
-before=$(date +%s%N)
-ctl set 'material.k1=600 gf/cm^3' >out 2>err
-echo "$nodes nodes: $(cat out err), in $((($(date +%s%N) - before) / 1000000)) ms"
+start_kneadd dough.yaml --control control
 expect 'a tick would take .* ms here, expected 1 ms at most' 2 \
     ctl set solver.passes=20 solver.iterations=1000 solver.iterations_max=1000
 stop_kneadd

@@ -3,7 +3,7 @@
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 start_logger stop.lcmlog
 start_kneadd dough-small.yaml
-knead probe --path press --hold '20 s' --quiet >/dev/null 2>&1 &
+$ahead knead probe --path press --hold '20 s' --quiet >/dev/null 2>&1 &
 hand=$!
 for _ in $(seq 100); do # until the hand presses, by what the log holds
     sleep 0.2

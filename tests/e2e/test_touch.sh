@@ -14,17 +14,17 @@ check "other buses are refused" says 2 'knead touch: tcpq://127.0.0.1:7700: expe
     knead touch --lcm-url tcpq://127.0.0.1:7700
 
 start_kneadd dough-small.yaml
-press --path poke & hand=$!
+send plate <<<"poses 100000 session=7 seq=1" >/dev/null & hand=$!
 check "nobody asked kneadd: nothing is told" \
     says 3 'knead touch: no KNEAD_TOUCH_plate for [0-9.]* s: is kneadd running with --touch' knead touch --probe plate \
-    --seconds 2
-wait $hand
+    --seconds 1
+kill $hand
 stop_kneadd
 
 start_kneadd dough-small.yaml --touch
-knead touch --probe plate --once --seconds 60 >once.txt 2>once.err & once=$!
-knead touch --json --seconds 15 >all.json 2>json.err & all=$!
-press --hold '1 s' --record press.lcmlog
+knead touch --probe plate --once --seconds 20 >once.txt 2>once.err & once=$!
+knead touch --json --seconds 9 >all.json 2>json.err & all=$!
+check "a hand presses" $ahead knead probe --path press --hold '0.5 s' --quiet --record press.lcmlog
 wait $once
 check "the first touch is told" [ $? = 0 ]
 wait $all
@@ -49,8 +49,8 @@ check "a press with touch patches replays to the bit" knead replay press.lcmlog 
 check "a tool that nobody holds is told as such" \
     says 3 'knead touch: no KNEAD_TOUCH_finger for [0-9.]* s' knead touch --probe finger --seconds 0.5
 if command -v script >/dev/null; then
-    press --path poke --probe finger & hand=$!
-    script -qec 'knead touch --probe finger --seconds 12' screen.txt >/dev/null
+    $ahead knead probe --path poke --probe finger --quiet & hand=$!
+    script -qec 'knead touch --probe finger --seconds 6' screen.txt >/dev/null
     wait $hand
     check "a terminal gets a picture" grep -q '@@.*kPa' screen.txt
     check "drawn over itself" grep -qF "$(printf '\033')[11A" screen.txt

@@ -5,7 +5,7 @@
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 command -v gnuplot >/dev/null || { echo "skipped: no gnuplot"; exit 77; }
 
-record press.lcmlog dough-small.yaml -- --depth '4 mm' --hold '200 ms'
+pressed "$KN_SOURCE/core/scenes/dough-small.yaml" press.lcmlog 4
 cp "$KN_SOURCE/core/scenes/dough-small.yaml" scene.yaml
 points=(scene.yaml press.lcmlog --quick --solver blend,secant --iterations 2,4,8)
 sweep() { knead tradeoff "${points[@]}" "$@"; }

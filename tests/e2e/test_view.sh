@@ -54,12 +54,9 @@ expect "a picture over its own scene" 2 'own.yaml: is being read' knead view --p
 check "the scene is whole" cmp -s "$scene" own.yaml
 expect "a folder that is none" 3 'nosuch/x.png: No such file' knead view --png nosuch/x.png --scene "$scene"
 
-lcm-logger --quiet press.lcmlog &
-logger=$!
 start_kneadd dough-small.yaml
 hand plate >hand.out 2>&1 &
 hand=$!
-sleep 1
 expect "what a server serves" 0 '^$' knead view --png live.png --size 320x180 --wait 20
 check "names the scene and the tick" grep -q 'dough-small.yaml live, tick' out
 expect "and how far it has moved" 0 '^$' knead view --png moved.png --color displacement --size 320x180 --wait 20
@@ -74,8 +71,6 @@ fi
 kill $hand
 stop_kneadd
 check "kneadd ends well" [ $status = 0 ]
-sleep 0.3
-kill $logger
 start_kneadd dough-small.yaml
 expect "what the server does not tell" 2 '--color stress: the scene that is served has no such mesh.measures' \
     knead view --png x.png --color stress --size 320x180 --wait 20
@@ -85,9 +80,8 @@ declare -A top=([stress]='1 kPa' [residual]=0.1)
 for what in stress residual; do
     expect "$what at rest" 0 '^$' knead view --png rest-$what.png --color $what --top "${top[$what]}" --plain --size 320x180 --wait 20
 done
-knead probe --path press --quiet >hand.out 2>&1 & # 2.3 s until it touches, then down for 1 s, held for 4
+$ahead knead probe --path press --hold '0.2 s' --quiet >hand.out 2>&1 &
 hand=$!
-sleep 4
 for what in stress residual; do
     expect "$what of what is served" 0 '^$' \
         knead view --png live-$what.png --color $what --top "${top[$what]}" --plain --size 320x180 --wait 20
@@ -101,29 +95,29 @@ done
 check "at rest neither is any: one picture; then two" \
     [ "$(cmp -s rest-stress.png rest-residual.png; echo $?) $(cmp -s left-stress.png left-residual.png; echo $?)" = '0 1' ]
 stop_kneadd
-wait
 
-expect "a moment of a recording" 0 '^$' knead view press.lcmlog --at 0.5 --png a.png --size 320x180
-expect "the same again" 0 '^$' knead view press.lcmlog --at 0.5 --png b.png --size 320x180
+pressed "$scene" press.lcmlog
+expect "a moment of a recording" 0 '^$' knead view press.lcmlog --at 2 --png a.png --size 320x180
+expect "the same again" 0 '^$' knead view press.lcmlog --at 2 --png b.png --size 320x180
 check "a moment is a picture, to the byte" cmp a.png b.png
-KNEAD_GL=egl knead view press.lcmlog --at 0.5 --png egl.png --size 320x180 >out 2>err
+KNEAD_GL=egl knead view press.lcmlog --at 2 --png egl.png --size 320x180 >out 2>err
 case $? in
 0) check "by EGL the same" cmp a.png egl.png ;;
 *) check "or EGL is not there" grep -q 'install the package' err ;;
 esac
 expect "its end" 0 '^$' knead view press.lcmlog --png end.png --size 320x180
 for what in stress residual displacement; do
-    expect "in the colours of $what" 0 '^$' knead view press.lcmlog --at 0.5 --color $what --png $what.png --size 320x180
+    expect "in the colours of $what" 0 '^$' knead view press.lcmlog --at 2 --color $what --png $what.png --size 320x180
     check "which are others" [ "$(cmp -s a.png $what.png; echo $?)" = 1 ]
 done
-expect "of a scale that is asked for" 0 '^$' knead view press.lcmlog --at 0.5 --color stress --top '100 kPa' --png top.png --size 320x180
+expect "of a scale that is asked for" 0 '^$' knead view press.lcmlog --at 2 --color stress --top '100 kPa' --png top.png --size 320x180
 check "which is another picture" [ "$(cmp -s top.png stress.png; echo $?)" = 1 ]
 for style in solid wire edges; do
-    expect "$style" 0 '^$' knead view press.lcmlog --at 0.5 --style $style --png $style.png --size 320x180
+    expect "$style" 0 '^$' knead view press.lcmlog --at 2 --style $style --png $style.png --size 320x180
     check "is another picture, too" [ "$(cmp -s a.png $style.png; echo $?)" = 1 ]
 done
-expect "every edge in its colour" 0 '^$' knead view press.lcmlog --at 0.5 --style edges --color stress --png x.png --size 320x180
-expect "nothing written on it" 0 '^$' knead view press.lcmlog --at 0.5 --plain --png plain.png --size 320x180
+expect "every edge in its colour" 0 '^$' knead view press.lcmlog --at 2 --style edges --color stress --png x.png --size 320x180
+expect "nothing written on it" 0 '^$' knead view press.lcmlog --at 2 --plain --png plain.png --size 320x180
 check "is seen" [ "$(cmp -s a.png plain.png; echo $?)" = 1 ]
 expect "a colour that is none" 2 '^knead view: --color heat: expected displacement, stress or residual$' knead view --png x.png --color heat
 expect "a style that is none" 2 '^knead view: --style dots: expected lined, solid, wire or edges$' knead view --png x.png --style dots
@@ -145,13 +139,13 @@ expect "two things" 2 'expected one of them$' knead view press.lcmlog --depth x.
 expect "two objects, and how far they are apart" 0 '^$' knead view --compare press.lcmlog "$scene" --png two.png
 picture two.png 1920 480
 check "is told" grep -Eq 'at rest; up to [0-9.]+ mm apart$' out
-expect "three moments of one" 0 '^$' knead view press.lcmlog --at 0.2,0.5,end --png three.png --size 960x180
-check "are told" grep -Eq 'at 0.200 s; .* at 0.500 s; .* at ' out
-expect "as many as there are objects" 0 '^$' knead view press.lcmlog press.lcmlog --at 0.2,0.5 --png x2.png --size 960x180
-expect "or one of all" 0 '^$' knead view press.lcmlog press.lcmlog --at 0.2 --png x2.png --size 960x180
-check "at the same moment" grep -q 'at 0.200 s; .* at 0.200 s$' out
+expect "three moments of one" 0 '^$' knead view press.lcmlog --at 1,2,end --png three.png --size 960x180
+check "are told" grep -Eq 'at 1.000 s; .* at 2.000 s; .* at ' out
+expect "as many as there are objects" 0 '^$' knead view press.lcmlog press.lcmlog --at 1,2 --png x2.png --size 960x180
+expect "or one of all" 0 '^$' knead view press.lcmlog press.lcmlog --at 1 --png x2.png --size 960x180
+check "at the same moment" grep -q 'at 1.000 s; .* at 1.000 s$' out
 expect "two moments of three" 2 '2 moments of 3 objects' knead view press.lcmlog press.lcmlog press.lcmlog --at 1,2 --png x.png
-expect "one and another of its moments" 0 '^$' knead view press.lcmlog --at 0.2,0.5 --compare --png x2.png --size 960x180
+expect "one and another of its moments" 0 '^$' knead view press.lcmlog --at 1,2 --compare --png x2.png --size 960x180
 expect "no moment" 2 'expected seconds, or end; as many as 4' knead view press.lcmlog --at 1,,2 --png x.png
 expect "one compared with itself" 0 '^$' knead view --compare press.lcmlog press.lcmlog --png same.png --size 960x240
 check "is nowhere from it" grep -q '; up to 0 mm apart$' out
@@ -168,7 +162,7 @@ expect "from nowhere" 2 'expected front, back, left, right, top or corner$' knea
 
 mkdir state
 start_kneadd dough-small.yaml --state-dir "$PWD/state"
-press --hold '0.2 s'
+$ahead knead probe --path poke --quiet
 stop_kneadd
 snapshot=$(compgen -G 'state/dough-small.*.knead' | sort | tail -1)
 cp "$snapshot" kept
@@ -186,7 +180,7 @@ head -c 2000 /dev/zero >zeros
 expect "what is none of them" 2 'zeros: expected an LCM event log, a snapshot or a scene$' knead view zeros --png x.png
 expect "a scene beside a log" 2 'expected a snapshot of it, or nothing else' knead view press.lcmlog --scene "$scene" --png x.png
 
-video() { knead view press.lcmlog --size 160x90 --from 0.2 --to 0.7 --fps 10 "$@"; }
+video() { knead view press.lcmlog --size 160x90 --from 1.2 --to 1.7 --fps 10 "$@"; }
 if command -v ffmpeg >/dev/null; then
     expect "a film in the colours of stress" 0 '^$' video --video press.mp4 --color stress --orbit 90
     film press.mp4 h264 160 90 6

@@ -1,5 +1,5 @@
 # The wire of knead web, by hand: every refusal, every bad message, slow and idle clients. Driven by test_web_wire.sh;
-# web_wire.py --minutes N watches the memory for longer than its 20 s.
+# web_wire.py --minutes N watches the memory for longer than its 4 s, at night 20. At night it asks, too, whether the servo notices.
 import json
 import os
 import socket
@@ -417,10 +417,8 @@ def dead_man(server, bus):
     def told(**where):
         wire.point(**where)
         return wire.state()[0]["status"]
-    for _ in range(3):  # a machine that stands still for 20 ms spoils a press
-        until(lambda: told().startswith("ready"))
-        if until(lambda: told(pressed=1) and bus.force_n > 0.5, 3):
-            break
+    until(lambda: told().startswith("ready"))
+    until(lambda: told(pressed=1) and bus.force_n > 0.5)
     check("a page presses", bus.force_n > 0.5, bus.force_n, told())
     check("it falls silent, its connection stays: the force goes to zero",
           until(lambda: bus.force_n == 0, 5), bus.force_n)
@@ -450,10 +448,8 @@ def turned(server, bus):
         wire.point(u=0.42, **where)
         return wire.state()[0]["status"]
     other.state()
-    for _ in range(3):
-        until(lambda: told().startswith("ready"))
-        if until(lambda: told(pressed=1) and bus.force_n > 0.5, 3):
-            break
+    until(lambda: told().startswith("ready"))
+    until(lambda: told(pressed=1) and bus.force_n > 0.5)
     check("beside it another page is told who holds the tool",
           until(lambda: told(pressed=1) and other.state()[0]["status"] == "another page holds the tool", 3))
     end, wide = time.monotonic() + 1, bus.dented()
@@ -478,10 +474,8 @@ def another_scene(server, bus):
     def told(**where):
         wire.point(**where)
         return wire.state()[0]["status"]
-    for _ in range(3):
-        until(lambda: told().startswith("ready"))
-        if until(lambda: told(pressed=1) and bus.force_n > 0.5, 3):
-            break
+    until(lambda: told().startswith("ready"))
+    until(lambda: told(pressed=1) and bus.force_n > 0.5)
     check("a page presses again", bus.force_n > 0.5, bus.force_n, told(pressed=1))
     server.kneadd.terminate()
     server.kneadd.wait(10)
@@ -508,7 +502,7 @@ def memory(server, seconds):
     time.sleep(5)
     before, end, worst, pictures, fewest = server.memory_kb(), time.monotonic() + seconds, 0, page.pictures, float("inf")
     while (begin := time.monotonic()) < end:
-        while time.monotonic() < begin + 20:
+        while time.monotonic() < min(begin + 20, end):
             for token in None, "0" * 32:
                 wire = Wire(server, token)
                 wire.state()
@@ -521,11 +515,12 @@ def memory(server, seconds):
     print(f"     {page.pictures} pictures in {seconds + 5:.0f} s, {fewest:.1f} a second or more in each 20 s, "
           f"{page.wire.pings} pings; memory {before} kB, grown by at most {worst} kB")
     check(f"memory is flat over {seconds:.0f} s", worst < 1024 + MESA_KB, worst)
-    check("while pictures came to the end", stays and fewest > 5, stays, fewest)
+    check("while pictures came to the end", stays and fewest > 1, stays, fewest)
 
 
 def main():
-    seconds = 60 * float(sys.argv[2]) if sys.argv[1:2] == ["--minutes"] else 20
+    night = "KN_NIGHT" in os.environ
+    seconds = 60 * float(sys.argv[2]) if sys.argv[1:2] == ["--minutes"] else 20 if night else 4
     # a build that checks addresses keeps what is freed, 256 MB of it: memory that no leak has grown
     os.environ["ASAN_OPTIONS"] = os.environ.get("ASAN_OPTIONS", "") + ":quarantine_size_mb=1"
     server, bus = Served("dough-small.yaml"), Bus()
@@ -537,15 +532,19 @@ def main():
     for trouble in ((lambda: files(server)), (lambda: refusals(server)), (lambda: bad_messages(server)),
                     (lambda: requests(server)), (lambda: downloads(server)), (lambda: crowds(server, page)),
                     (lambda: slow(server, bus))):
+        if not night:
+            trouble()
+            continue
         # in turns, since a machine's other work comes and goes
         for total, during in (calm, lambda: time.sleep(3)), (storm, trouble):
             total[:] = map(sum, zip(total, spoilt(bus, during)))
     rate = (page.frames - frames) / (time.monotonic() - begin)
-    check("the page that was there all the time was served all the time", page.is_alive() and rate > 5, rate)
-    print(f"     {rate:.1f} messages/s to it; seconds with unexplained misses: {calm[1]} of {calm[0]} in peace, "
-          f"{storm[1]} of {storm[0]} in trouble")
-    # seconds, not cycles: one standstill that its sentinel overlooks is 30 cycles at once
-    check("the servo does not notice", storm[1] / storm[0] <= 2 * calm[1] / calm[0] + 0.2, calm, storm)
+    check("the page that was there all the time was served all the time", page.is_alive() and rate > 1, rate)
+    if night:
+        print(f"     {rate:.1f} messages/s to it; seconds with unexplained misses: {calm[1]} of {calm[0]} in peace, "
+              f"{storm[1]} of {storm[0]} in trouble")
+        # seconds, not cycles: one standstill that its sentinel overlooks is 30 cycles at once
+        check("the servo does not notice", storm[1] / storm[0] <= 2 * calm[1] / calm[0] + 0.2, calm, storm)
     page.stop()
     generations(server, bus)
     another_address(server)

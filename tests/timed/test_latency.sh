@@ -45,17 +45,13 @@ check "kneadd refuses a phase of another name and a trace that cannot be written
 
 [ "$KN_REALTIME" != off ] && chrt -f 90 true 2>/dev/null || { echo "skipped: no SCHED_FIFO here" && exit 77; }
 
-# A hand of 500 ppm passes two periods of a free grid in 4 s. A machine that stood still for long spoils a run.
+# A hand of 500 ppm passes two periods of a free grid in 4 s.
 measure() { knead latency "$small" --seconds 4 --drift 500 "$@" >said.txt 2>said.err; }
-for try in 1 2 3; do
-    measure --phase free --contract 0,0 --json free.json
-    free_code=$?
-    measure --phase lock --contract 1e9,1e9 --json lock.json --plot lock.png
-    lock_code=$?
-    cat said.txt
-    [ $free_code = 1 ] && [ $lock_code = 0 ] && sound free.json && sound lock.json && break
-    cat said.err
-done
+measure --phase free --contract 0,0 --json free.json
+free_code=$?
+measure --phase lock --contract 1e9,1e9 --json lock.json --plot lock.png
+lock_code=$?
+cat said.txt said.err
 check "a contract that no free clock keeps is missed" [ $free_code = 1 ]
 check "one that every machine keeps is kept" [ $lock_code = 0 ]
 for phase in free lock; do

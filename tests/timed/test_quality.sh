@@ -4,7 +4,6 @@
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 [ "$KN_REALTIME" != off ] && chrt -f 90 true 2>/dev/null || { echo "skipped: no SCHED_FIFO here" && exit 77; }
 verifies() { knead replay "$1" --verify >"$1.said" 2>"$1.err" || { cat "$1.said" "$1.err"; return 1; }; }
-whole() { verifies "$1" || ! grep -q 'ticks ran whose force or pose is not in the log' "$1.err"; }
 expect() { # expect PATTERN OPTION...: kneadd ends with 2 and one line
     kneadd --scene "$KN_SOURCE/core/scenes/jelly.yaml" "${@:2}" >out 2>err
     local code=$?
@@ -17,34 +16,24 @@ expect 'quick: expected fast, balanced, accurate or own' --quality quick
 printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.8,0,0,0.045 1,0,0,0.041 6,0,0,0.038 6.5,0,0,0.06 >path.csv
 affordable='{iterations: 10, iterations_max: 12, passes: 1}' # far below the budget: it is the thief who exceeds it
 pressed() { awk -v f="$(number last_n before.txt)" 'BEGIN { exit !(f > 0.3) }'; }
-press() { # sets stole, the exit code of the thief, and early, the points taken before it came
-    start_logger "$1"
-    start_kneadd dough.yaml --quality accurate --set quality.accurate="$affordable" --control control
-    knead probe --path path.csv --quiet >/dev/null 2>hand.err &
-    hand=$!
-    for _ in $(seq 150); do
-        sleep 0.1
-        logcheck "$1" >before.txt 2>/dev/null && pressed && break
-    done
-    early=$(number stepped before.txt)
-    steal "$server"
-    stole=$?
-    sleep 1
-    knead ctl --control control quality best >refused 2>&1
-    refused=$?
-    knead ctl --control control quality accurate >took
-    wait $hand
-    stop_kneadd
-    stop_logger
-}
-for try in 1 2 3; do
-    rm -f slow.lcmlog
-    press slow.lcmlog
-    [ $stole = 0 ] || exit $stole
-    [ "$early" = 0 ] && whole slow.lcmlog && break
-    echo "try $try: $early points taken before any time was stolen" && cat hand.err kneadd.err
+start_logger slow.lcmlog
+start_kneadd dough.yaml --quality accurate --set quality.accurate="$affordable" --control control
+$ahead knead probe --path path.csv --quiet >/dev/null 2>hand.err &
+hand=$!
+for _ in $(seq 150); do
+    pause 0.1
+    logcheck slow.lcmlog >before.txt 2>/dev/null && pressed && break
 done
-[ "$early" = 0 ] || { echo "FAIL this machine is too slow for dough at its accurate point" && exit 1; }
+steal "$server"
+stole=$?
+[ $stole = 0 ] || exit $stole
+pause 1
+knead ctl --control control quality best >refused 2>&1
+refused=$?
+knead ctl --control control quality accurate >took
+wait $hand
+stop_kneadd
+stop_logger
 logcheck slow.lcmlog | tee slow.txt
 check "a hand pressed when the time was stolen" pressed
 check "kneadd took a lower point" [ "$(number stepped slow.txt)" -ge 1 ]
