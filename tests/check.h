@@ -79,8 +79,11 @@ static inline void kn_test_add(kn_test_case *t)
         exit(77);                                                                                                      \
     } while (0)
 
+#ifndef KN_TEST_MAIN // kn_test_law in the program of a folder
+#define KN_TEST_MAIN main
+#endif
 #define TESTS_MAIN                                                                                                     \
-    int main(void)                                                                                                     \
+    int KN_TEST_MAIN(void)                                                                                                     \
     {                                                                                                                  \
         int failed = 0, count = 0;                                                                                     \
         for (kn_test_case *t = kn_test_first; t; t = t->next) {                                                        \

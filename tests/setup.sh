@@ -16,13 +16,8 @@ setup_packages() {
 
 setup_missing() {
     command -v dpkg-query >/dev/null || return 0 # not Debian: cmake will name what it does not find
-    local name
-    for name in $(setup_packages "$1"); do
-        case $(dpkg-query -W -f '${db:Status-Abbrev}' "$name" 2>/dev/null) in
-        ?i*) ;;
-        *) echo "$name" ;;
-        esac
-    done
+    mapfile -t wanted < <(setup_packages "$1")
+    printf '%s\n' "${wanted[@]}" | grep -vxFf <(dpkg-query -W -f '${db:Status-Abbrev}${Package}\n' "${wanted[@]}" 2>/dev/null | sed -n 's/^.i. *//p')
 }
 
 setup_consent() {
@@ -64,7 +59,9 @@ setup_build() {
     mkdir -p "${log%/*}"
     ! command -v ninja >/dev/null || export CMAKE_GENERATOR=Ninja # these are of a new folder; an old one keeps what it has
     ! command -v mold >/dev/null || export LDFLAGS=-fuse-ld=mold
-    ! command -v ccache >/dev/null || export OBJCACHE=ccache # Verilator's
+    if command -v ccache >/dev/null; then # paths count from the tree, so that another clone finds the objects, too
+        export CMAKE_C_COMPILER_LAUNCHER=ccache OBJCACHE=ccache CCACHE_BASEDIR=$setup_root CCACHE_NOHASHDIR=1 CCACHE_DEPEND=1
+    fi
     (cd "$setup_root" && cmake --preset "$preset" -DKNEAD_RTL="${KN_RTL:-ON}" &&
         cmake --build --preset "$preset" -j "$(nproc)" ${1+--target "$@"}) </dev/null >"$log" 2>&1 && return 0
     cat "$log"

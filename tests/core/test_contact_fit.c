@@ -1,3 +1,4 @@
+// gate in release: arithmetic, ten times slower with the sanitizers
 #include "clients/knead/arm.h"
 #include "clients/knead/buzz.h"
 #include "core/contact_fit.h"

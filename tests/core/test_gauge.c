@@ -1,3 +1,4 @@
+// gate in release: arithmetic, ten times slower with the sanitizers
 #include "core/gauge.h"
 #include "core/composite.h"
 #include "core/energy.h"

@@ -20,8 +20,8 @@ expect() {
 end() { stop_kneadd; stop_logger; } # the log, too
 press() { $ahead knead probe --path path.csv --quiet >/dev/null 2>hand.err & hand=$!; }
 pressing() { # until the finger is pushed back
-    for _ in $(seq 100); do
-        pause 0.05
+    for _ in $(seq 50); do
+        pause 0.2
         within 0.3 "$(ctl --json status | python3 -c 'import json, sys
 print(max(sum(x * x for x in p["force_n"]) ** 0.5 for p in json.load(sys.stdin)["probes"]))')" && return
     done

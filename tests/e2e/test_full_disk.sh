@@ -19,7 +19,7 @@ until_saves() { # until_saves NAME SINCE: look until two more are saved
     for ((tries = 0; tries < 300; tries++)); do
         look "$1"
         [ "$(grown "$2" "$1" 'state["snapshots"]')" -lt 2 ] || break
-        pause 0.1
+        pause 0.4
     done
 }
 pause 1

@@ -17,9 +17,9 @@ check "that build it" sh -c "cd '$KN_SOURCE' && sh -e '$PWD/build.sh'"
 
 start_kneadd dough-small.yaml
 built/hand >hand.txt & hand=$!
-for _ in $(seq 400); do awk '$5 > 0.1 { n++ } END { exit n == 0 }' hand.txt && break; pause 0.05; done
+for _ in $(seq 150); do awk '$5 > 0.1 { n++ } END { exit n == 0 }' hand.txt && break; pause 0.2; done
 kill -KILL "$server"
-for _ in $(seq 400); do tail -1 hand.txt | grep -q 'no force' && break; pause 0.05; done
+for _ in $(seq 150); do tail -1 hand.txt | grep -q 'no force' && break; pause 0.2; done
 kill $hand
 wait "$server" $hand 2>/dev/null
 cat hand.txt

@@ -22,7 +22,7 @@ sleep 0.3
 hear finger 40 >hear.csv & hear=$!
 knead hand haply --quiet --force-limit '3 N' >hand.txt 2>hand.err & hand=$!
 for _ in $(seq 800); do
-    sleep 0.05
+    pause 0.5
     [ "$(last 1 | tr -dc 0-9)0" -gt 285000 ] && break
 done
 kill -INT $hand
@@ -59,12 +59,12 @@ haply 10001 40 >haply.csv & service=$!
 sleep 0.3
 knead hand haply --quiet >hand.txt 2>hand.err & hand=$!
 for _ in $(seq 500); do
-    sleep 0.02
+    pause 0.1
     tail -n 2 haply.csv | awk -F, 'NR == 1 { exit !($7 + 0 > 0.3) }' && break
 done
 kill -KILL "$server"
 wait "$server" 2>/dev/null
-for _ in $(seq 200); do [ "$(told 'no force from kneadd for')" = 0 ] || break; pause 0.05; done
+for _ in $(seq 200); do [ "$(told 'no force from kneadd for')" = 0 ] || break; pause 0.2; done
 pause 1
 kill -INT $hand
 wait $hand

@@ -103,7 +103,7 @@ check "the generation before was there, and nothing half written was left" [ "$p
 check "every file that is kept can be restored: $files" [ "$files" -gt 0 -a "$good" = "$files" ]
 check "the logs have them all" [ ${#lost[@]} = $kills ]
 
-mkdir state
+mkdir state fresh
 start_kneadd dough-small.yaml --state-dir state
 kneader finger &
 hand=$!
@@ -130,6 +130,19 @@ knead replay life.lcmlog --snapshot then --verify >said 2>why
 check "with it the log replays to the bit: $(cat said why | tail -1)" grep -q '^verified' said
 start_kneadd dough-small.yaml --state-dir state
 check "the next start has what the orderly end left: $(grep restored kneadd.log)" grep -qF "restored $last" kneadd.log
+stop_kneadd
+
+# a press before a kill -9, and one after it
+touched() { awk -F, 'NR == 1 { for (i = 1; i <= NF; i++) c[$i] = i; next } $c["contacts"] > 0 { print 1e3 * $c["z_m"]; exit }' "$1"; }
+start_kneadd dough-small.yaml --state-dir fresh --control control
+$ahead knead probe --hold '0.2 s' --quiet --csv before.csv
+knead ctl --control control snapshot >/dev/null
+kill -KILL $server
+dead
+start_kneadd dough-small.yaml --state-dir fresh
+$ahead knead probe --hold '0.2 s' --quiet --csv after.csv
+check "a press after a kill meets the dent of the one before it: at $(touched before.csv) mm, then at $(touched after.csv)" \
+    awk -v a="$(touched before.csv)" -v b="$(touched after.csv)" 'BEGIN { exit !(b > 0 && b < a - 1) }'
 stop_kneadd
 
 # one that is damaged is told, and the one before it taken; another scene is not touched by it

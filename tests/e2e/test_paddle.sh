@@ -58,12 +58,12 @@ paddle tty 40 >paddle.csv 2>>paddle.err & paddle=$!
 sleep 0.2
 start_hand
 for _ in $(seq 500); do # until it presses
-    sleep 0.02
+    pause 0.1
     tail -n 2 paddle.csv | awk -F, 'NR == 1 { exit !($4 + 0 > 0.3) }' && break
 done
 kill -KILL "$server"
 wait "$server" 2>/dev/null
-for _ in $(seq 400); do [ "$(told 'is kneadd running')" = 0 ] || break; pause 0.05; done
+for _ in $(seq 150); do [ "$(told 'is kneadd running')" = 0 ] || break; pause 0.2; done
 stop_hand
 kill $paddle
 wait $paddle 2>/dev/null

@@ -59,14 +59,15 @@ check "the press is repeated in a new session" grep -q '^  try [23]: ' drop.txt
 # A killed server cannot ramp anything down.
 recorded() { stat -c %s killed.lcmlog 2>/dev/null || echo 0; }
 start_kneadd dough-small.yaml
-$ahead knead probe --hold '4 s' --record killed.lcmlog --tries 2 >killed.txt 2>killed.err & hand=$!
-while kill -0 $hand 2>/dev/null && [ "$(recorded)" -lt 2300000 ]; do pause 0.02; done
+$ahead knead probe --hold '4 s' --record killed.lcmlog --motors motors.csv --tries 2 >killed.txt 2>killed.err & hand=$!
+while kill -0 $hand 2>/dev/null && [ "$(recorded)" -lt 2300000 ]; do pause 0.2; done
 kill -KILL "$server" # some 0.5 KB per ms: the press is in its hold now
 wait "$server" $hand 2>/dev/null
 died=$?
 cat killed.err
 check "without a server the hand ends with exit 3" [ $died = 3 ]
 check "its own watchdog took the force to 0 N" grep -q 'N taken to 0 N: own watchdog: no force for ' killed.err
+check "as it gave it: some, then none" awk -F, 'NR > 1 { f = $7 * $7 + $8 * $8 + $9 * $9; some += f > 0 } END { exit !(some && f == 0) }' motors.csv
 check "and it says that nobody answers any more" grep -q 'no force for 3 s: kneadd has ended' killed.err
 
 cp log.lcmlog kept.lcmlog

@@ -44,14 +44,14 @@ NOTIFY_SOCKET=$PWD/notify $limits setpriv --reuid 65534 --regid 65534 --clear-gr
     --no-new-privs --bounding-set=-all --inh-caps=-all --ambient-caps=-all \
     ./kneadd --scene dough-small.yaml --control "$PWD/control" --realtime $mode >kneadd.log 2>kneadd.err &
 server=$!
-for _ in $(seq 400); do [ "$(heard READY=1)" -gt 0 ] && break; pause 0.05; done
+for _ in $(seq 150); do [ "$(heard READY=1)" -gt 0 ] && break; pause 0.2; done
 check "it says when it serves" [ "$(heard 'READY=1 STATUS=serving dough-small.yaml')" = 1 ]
 [ $mode = off ] || check "with all of real time: $(cat kneadd.err)" grep -q 'SCHED_FIFO, memory locked' kneadd.log
 check "without a capability" [ "$(sed -n 's/^CapEff:\s*//p' /proc/$server/status)" = 0000000000000000 ]
 alive() { # alive N: until it has said so N times more
     local since
     since=$(heard WATCHDOG=1)
-    for _ in $(seq 400); do [ "$(heard WATCHDOG=1)" -ge $((since + $1)) ] && return; pause 0.05; done
+    for _ in $(seq 150); do [ "$(heard WATCHDOG=1)" -ge $((since + $1)) ] && return; pause 0.2; done
     return 1
 }
 check "and again and again that it is alive" alive 2

@@ -11,8 +11,8 @@ expect() { # expect PATTERN CODE COMMAND...: ends with CODE and one line
 felt() { ctl --json status | python3 -c 'import json, sys
 print(max(sum(x * x for x in p["force_n"]) ** 0.5 for p in json.load(sys.stdin)["probes"]))'; }
 pressing() { # until the finger is pushed back
-    for _ in $(seq 200); do
-        pause 0.05
+    for _ in $(seq 50); do
+        pause 0.2
         awk -v f="$(felt)" 'BEGIN { exit !(f > 0.2) }' && return
     done
 }

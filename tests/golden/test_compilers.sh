@@ -33,9 +33,9 @@ done | xargs -P "$(nproc)" -I{} sh -c '{}'
 
 # the numbers pinned in test_golden.c do not matter here, only that all builds agree; one line each, whoever computed it
 unset KN_ALL_ISAS
-hashes() { { "$1" 2>/dev/null || true; } | grep '^ *golden ' | sort -u; }
+hashes() { { "$@" 2>/dev/null || true; } | grep '^ *golden ' | sort -u; }
 presses=$(grep -c '^TEST(' tests/golden/test_golden.c)
-hashes "$KN_BUILD/tests/test_golden_golden" >"$out/this"
+hashes "$KN_BUILD/tests/test_golden" golden >"$out/this"
 for cc in $compilers; do
     $cc -o "$out/$cc/golden" "$out/$cc"/*.o -lm
     hashes "$out/$cc/golden" >"$out/$cc.txt"

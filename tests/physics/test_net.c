@@ -228,7 +228,7 @@ TEST("under a plate and under a ball a net's implicit step agrees with Runge-Kut
     kn_simplices_destroy(mesh);
 }
 
-TEST("gas in the elements, closed one by one or as a whole, agrees with Runge-Kutta within 1 %")
+NIGHT_TEST("gas in the elements, closed one by one or as a whole, agrees with Runge-Kutta within 1 %")
 {
     kn_simplices *mesh;
     kn_model_def def = net_def(&mesh, 1);

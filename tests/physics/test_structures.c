@@ -83,7 +83,7 @@ static shape press_shape(kn_model_def def, double hold_s)
     return s;
 }
 
-TEST("pressed 1 cm and held 30 s (847 nodes): gas makes the sides bulge, keeps the volume, and no cell inverts")
+NIGHT_TEST("pressed 1 cm and held 30 s (847 nodes): gas makes the sides bulge, keeps the volume, and no cell inverts")
 {
     shape a = press_shape(press_def(2), 30);
     shape b = press_shape(with_gas(press_def(2), KN_PRESSURE_CELLS, 0.02), 30);
@@ -196,11 +196,10 @@ static void compare(const char *name, kn_model_def implicit)
     run_free(&without);
 }
 
-TEST("with gas the implicit step agrees with explicit Runge-Kutta within 1 %, per cell and per object, block and flat")
+NIGHT_TEST("with gas the implicit step agrees with explicit Runge-Kutta within 1 %, per cell and per object, block and flat")
 {
     compare("cells, block", with_gas(press_def(1), KN_PRESSURE_CELLS, 1));
     compare("object, flat", with_gas(flat(press_def(1)), KN_PRESSURE_OBJECT, 1));
-    if (KN_LENGTH(0, 0, 1) == 0) return;
     compare("object, block", with_gas(press_def(1), KN_PRESSURE_OBJECT, 1));
     compare("cells, weak diagonals", with_gas(press_def(1), KN_PRESSURE_CELLS, 0.1));
     compare("cells, flat", with_gas(flat(press_def(1)), KN_PRESSURE_CELLS, 1));

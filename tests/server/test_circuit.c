@@ -1,5 +1,6 @@
 // A circuit in step with its twin, at 1 kHz, against knead-simdev: what the queue between them is for, and the
 // deadline. KN_LOSSES=N: times that it is lost by each fault (5).
+// gate in release: a board in real time
 #include "core/scene/scene.h"
 #include "hdl/registers.h"
 #include "server/backend/fpga.h"

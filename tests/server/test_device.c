@@ -1,6 +1,7 @@
 // The driver of a circuit against knead-simdev, a process of its own, over a pseudo-terminal and shared memory.
 //     KN_TICKS=N   ticks of each comparison (1000)        KN_KILLS=N   times that the device is killed in a run (4)
 //     KN_ENGINE=rtl   the circuit itself steps, under Verilator, in a time of its own; nano: the small one
+// a program of its own: malloc and its kin are interposed
 #include "server/backend/device.h"
 #include "hdl/registers.h"
 #include "server/clock.h"

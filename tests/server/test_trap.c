@@ -4,6 +4,7 @@
 // runs the kernel itself reports every other system call (seccomp).
 // KN_TICKS=N: of the first run, 1e5; KN_LIVE_TICKS=N: of each live one, 4000, a ms each.
 // gate in release: the sanitizers allocate themselves
+// a program of its own: malloc and its kin are interposed
 #include "clients/knead/path.h"
 #include "server/keeper.h"
 #include "tests/allocations.h"
