@@ -18,6 +18,15 @@ has() { # has WORD FILE: a line with it; the same
     while read -r line; do [[ $line != *"$1"* ]] || return 0; done <"$2"
     return 1
 }
+# expect PATTERN CODE COMMAND...: it ends with CODE and says one line, on stderr, in which PATTERN (extended) is found; without a fork
+expect() {
+    local pattern=$1 code=$2 got said told
+    "${@:3}" >out 2>err
+    got=$?
+    mapfile -t said <out
+    mapfile -t told <err
+    check "${told[*]-${*:3}}" eval '[ "$got ${#said[@]} ${#told[@]}" = "$code 0 1" ] && [[ ${told[0]} =~ $pattern ]]'
+}
 start_kneadd() { # start_kneadd SCENE OPTION...: a file here, or one of core/scenes; returns once it serves
     local tries scene=$KN_SOURCE/core/scenes/$1
     [ ! -e "$1" ] || scene=$1
@@ -50,6 +59,6 @@ stop_kneadd() { # sets status to its exit code; its summary is in kneadd.log
     grep kneadd: kneadd.log
 }
 # counter NAME: the number before NAME in the summary, 0 when it is not told
-counter() { grep -oE "[0-9]+ $1\b" kneadd.log | head -1 | grep -oE '^[0-9]+' || echo 0; }
+counter() { [[ $(<kneadd.log) =~ ([0-9]+)\ "$1"($|[^a-z_]) ]] && echo "${BASH_REMATCH[1]}" || echo 0; }
 # number NAME FILE: the number after NAME in what logcheck printed
-number() { grep -oE "\b$1 -?[0-9.]+" "$2" | grep -oE '[0-9.-]+$'; }
+number() { [[ $(<"$2") =~ (^|[^a-z_])"$1"\ (-?[0-9.]+) ]] && echo "${BASH_REMATCH[2]}"; }

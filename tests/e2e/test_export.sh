@@ -6,14 +6,10 @@
 exported() { /usr/bin/python3 "$KN_SOURCE/tests/e2e/exported.py" "$@" || failed=1; }
 # refused SENTENCE EXIT PATTERN OPTION...: one line, and nothing new in this folder
 refused() {
-    local sentence=$1 code=$2 pattern=$3 got before after
-    shift 3
-    before=$(ls -A)
-    knead export "$@" >out 2>err
-    got=$?
-    after=$(ls -A)
-    check "$sentence ($(cat out err))" eval '[ $got = $code ] && [ $(wc -l <err) = 1 ] && [ ! -s out ] && [[ $(cat err) =~ $pattern ]]'
-    check "and leaves nothing" [ "$before" = "$after" ]
+    local before=(*)
+    expect "$3" "$2" knead export "${@:4}"
+    local after=(*)
+    check "$1, and leaves nothing" [ "${before[*]}" = "${after[*]}" ]
 }
 touch out err
 scenes=$KN_SOURCE/core/scenes

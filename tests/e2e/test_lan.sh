@@ -21,19 +21,15 @@ chmod 600 key
 tr 0-9a-f 1-9a-f0 <key >wrong && chmod 600 wrong
 export KNEAD_LAN=card2
 poke() { there $ahead env "$@" knead probe --path poke --quiet; }
-expect() { # expect PATTERN OPTION...: kneadd ends with 2 and one line
-    kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" "${@:2}" >out 2>err
-    local code=$?
-    check "refused: $(cat err)" [ "$code $(cat out err | wc -l) $(grep -c -e "$1" err)" = "2 1 1" ]
-}
-expect '--lan: expected --key FILE or --peer ADDRESS beside it' --lan card
-expect '--peer: expected --lan IFACE beside it' --peer 10.9.0.2
-expect '10.9.0: expected --peer with an IPv4 address' --lan card --peer 10.9.0
-expect 'cord: no such network interface' --lan cord --peer 10.9.0.2
-expect 'expected ttl=1 or more' --lan card --peer 10.9.0.2 --lcm-url 'udpm://239.255.76.67:7667?ttl=0'
-expect 'expected ttl=0' --lcm-url 'udpm://239.255.76.67:7667?ttl=1'
+refuses() { expect "$1" 2 kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" "${@:2}"; } # refuses PATTERN OPTION...
+refuses '--lan: expected --key FILE or --peer ADDRESS beside it' --lan card
+refuses '--peer: expected --lan IFACE beside it' --peer 10.9.0.2
+refuses '10.9.0: expected --peer with an IPv4 address' --lan card --peer 10.9.0
+refuses 'cord: no such network interface' --lan cord --peer 10.9.0.2
+refuses 'expected ttl=1 or more' --lan card --peer 10.9.0.2 --lcm-url 'udpm://239.255.76.67:7667?ttl=0'
+refuses 'expected ttl=0' --lcm-url 'udpm://239.255.76.67:7667?ttl=1'
 cp key open && chmod 644 open
-expect 'open: others may read or write it, expected mode 0600' --key open
+refuses 'open: others may read or write it, expected mode 0600' --key open
 
 start_kneadd dough-small.yaml --lan card --peer 10.9.0.2
 check "that an address proves nothing is said" grep -q 'that is no authentication' kneadd.log

@@ -3,11 +3,6 @@
 # the bit, and a kill -9 takes nothing of it. knead ctl load: another scene, or none when it is wrong.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 ctl() { knead ctl --control control "$@"; }
-expect() { # expect PATTERN CODE COMMAND...: ends with CODE and one line
-    "${@:3}" >out 2>err
-    local code=$?
-    check "$(cat err)" [ "$code $(cat out err | wc -l) $(grep -c -e "$1" err)" = "$2 1 1" ]
-}
 felt() { ctl --json status | python3 -c 'import json, sys
 print(max(sum(x * x for x in p["force_n"]) ** 0.5 for p in json.load(sys.stdin)["probes"]))'; }
 pressing() { # until the finger is pushed back
@@ -100,7 +95,7 @@ printf "o'brien:\$y\$j9: 1\n" >quoted
 printf '{MIIEpAIBAAKCAQEA0: 1}\n' >letters
 printf 'matreial: 1\n' >typo.yaml
 for file in shadow quoted letters; do
-    expect "$file:1:.*unknown key \.\.\. (knead check" 2 ctl load $file
+    expect "$file:1:.*unknown key \.\.\. \(knead check" 2 ctl load $file
 done
 python3 -c 'import json, os, socket
 for size in range(400, 512): # what no longer fits into a reply is cut off

@@ -9,11 +9,6 @@ dent() { # DEPTH: a session of its own
 }
 state() { sed -n 's/.*"state":"\([0-9a-f]*\)".*/\1/p' <<<"$1"; }
 generation() { sed -n 's/.*"generation":\([0-9]*\).*/\1/p' <<<"$1"; }
-expect() { # expect PATTERN CODE COMMAND...: ends with CODE and one line
-    "${@:3}" >out 2>err
-    local code=$?
-    check "refused: $(cat err)" [ "$code $(cat out err | wc -l) $(grep -c -e "$1" err)" = "$2 1 1" ]
-}
 mkdir kept
 start_logger state.lcmlog
 start_kneadd dough-small.yaml --control control --state-dir kept

@@ -3,20 +3,15 @@
 # nothing of it where nobody asked.
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
-says() { # says CODE WORDS COMMAND...: one line on stderr
-    "${@:3}" >out 2>err
-    [ $? = "$1" ] && [ "$(wc -l <err)" = 1 ] && grep -q "^$2" err
-}
 
-check "seconds must be some" says 2 'knead touch: --seconds 0: expected 0.1 to 86400' knead touch --seconds 0
-check "a tool has a name" says 2 'knead touch: --probe a.b: expected a tool' knead touch --probe a.b
-check "other buses are refused" says 2 'knead touch: tcpq://127.0.0.1:7700: expected udpm' \
+expect 'knead touch: --seconds 0: expected 0.1 to 86400' 2 knead touch --seconds 0
+expect 'knead touch: --probe a.b: expected a tool' 2 knead touch --probe a.b
+expect 'knead touch: tcpq://127.0.0.1:7700: expected udpm' 2 \
     knead touch --lcm-url tcpq://127.0.0.1:7700
 
 start_kneadd dough-small.yaml
 send plate <<<"poses 100000 session=7 seq=1" >/dev/null & hand=$!
-check "nobody asked kneadd: nothing is told" \
-    says 3 'knead touch: no KNEAD_TOUCH_plate for [0-9.]* s: is kneadd running with --touch' knead touch --probe plate \
+expect 'knead touch: no KNEAD_TOUCH_plate for [0-9.]* s: is kneadd running with --touch' 3 knead touch --probe plate \
     --seconds 1
 kill $hand
 stop_kneadd
@@ -46,8 +41,7 @@ steps = [b["pose_seq"] - a["pose_seq"] for a, b in zip(lines, lines[1:]) if a["s
 assert sorted(steps)[len(steps) // 2] == 4, "a patch every fourth pose"
 PY
 check "a press with touch patches replays to the bit" knead replay press.lcmlog --verify
-check "a tool that nobody holds is told as such" \
-    says 3 'knead touch: no KNEAD_TOUCH_finger for [0-9.]* s' knead touch --probe finger --seconds 0.5
+expect 'knead touch: no KNEAD_TOUCH_finger for [0-9.]* s' 3 knead touch --probe finger --seconds 0.5
 if command -v script >/dev/null; then
     $ahead knead probe --path poke --probe finger --quiet & hand=$!
     script -qec 'knead touch --probe finger --seconds 6' screen.txt >/dev/null

@@ -3,11 +3,12 @@
 . "$KN_SOURCE/tests/e2e/kneadd.sh"
 # expect SENTENCE EXIT PATTERN COMMAND...: exit code, and the one line on stderr (empty: ^$)
 expect() {
-    local sentence=$1 code=$2 pattern=$3 got
+    local sentence=$1 code=$2 pattern=$3 got told
     shift 3
     "$@" >out 2>err
     got=$?
-    check "$sentence ($(cat out err))" eval '[ $got = $code ] && [ $(wc -l <err) -le 1 ] && [[ $(cat err) =~ $pattern ]]'
+    mapfile -t told <err
+    check "$sentence (${told[*]})" eval '[ $got = $code ] && [ ${#told[@]} -le 1 ] && [[ ${told[*]} =~ $pattern ]]'
 }
 # film FILE CODEC WIDTH HEIGHT PICTURES: what ffprobe says of it, every picture decoded
 film() {
