@@ -16,14 +16,14 @@ knead hand haply >hand.txt 2>hand.err
 check "without a service: one line, exit 3" [ "$? $(wc -l <hand.err)" = "3 1" ]
 cat hand.err
 
-haply 10001 40 malformed=5000:300 mute=8000:1500 hangup=11000:1000 gone=14000:800 cold=17000:500 >haply.csv 2>haply.err &
+haply 10001 40 malformed=5000:300 mute=8000:1500 hangup=12500:1000 gone=15500:800 cold=18500:500 >haply.csv 2>haply.err &
 service=$!
 sleep 0.3
 hear finger 40 >hear.csv & hear=$!
 knead hand haply --quiet --force-limit '3 N' >hand.txt 2>hand.err & hand=$!
 for _ in $(seq 800); do
     pause 0.5
-    [ "$(last 1 | tr -dc 0-9)0" -gt 285000 ] && break
+    [ "$(last 1 | tr -dc 0-9)0" -gt 300000 ] && break
 done
 kill -INT $hand
 wait $hand
@@ -46,8 +46,8 @@ check "one that hangs up is one line" [ "$(told 'haply lost: the Inverse Service
 check "an arm that is gone is one line" [ "$(told 'no longer has arm 049D')" = 1 ]
 check "each is found again" [ "$(told 'haply is back')" = 3 ]
 check "and greeted again: axes, preset" [ "$(last 10)" -ge 4 ]
-check "an arm that is not calibrated gives no pose and gets no force" [ "$(rows 'new && ms > 17050 && ms < 17500 && f > 0')" = 0 ]
-check "after all of it, it is pushed back again" [ "$(rows 'ms > 19500 && fz > 0.5')" -gt 50 ]
+check "an arm that is not calibrated gives no pose and gets no force" [ "$(rows 'new && ms > 18550 && ms < 19000 && f > 0')" = 0 ]
+check "after all of it, it is pushed back again" [ "$(rows 'ms > 21000 && fz > 0.5')" -gt 50 ]
 check "the grip turns the tool and presses its button" \
     [ "$(awk -F, '$1 == "pose" && $11 > 0.707 && $14 > 0.707 && $15 == 2' hear.csv | wc -l)" -gt 100 ]
 check "no pose was refused by kneadd's owner of the tool" grep -q 'forces of others 0' hand.txt
