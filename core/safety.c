@@ -182,8 +182,8 @@ static int listen(kn_safety *s, bool fresh, bool leaving, int ms)
     s->silent_ms = fresh ? 0 : silent;
 
     if (silent >= l->zero_ms) { // the deadline wins over every ramp
-        if (s->attached && !leaving) kn_safety_trip(s, KN_FAULT_POSE_SILENCE);
-        s->attached &= !leaving;
+        if (leaving) s->attached = false;
+        else if (s->attached) kn_safety_trip(s, KN_FAULT_POSE_SILENCE);
         s->gain = 0.0;
         zero(s->brake_n);
         s->flowing_ms = 0;

@@ -100,7 +100,7 @@ typedef struct kn_safety_in {
     bool opened;  // its first tick
     bool fresh;   // a new pose arrived for this tick
     bool clear;   // the pose is clear of the object; looked at only while the probe is not attached
-    bool leaving; // the last pose was the session's last: the silence that follows fades and latches nothing
+    bool leaving; // the last pose was the session's last: the force fades as in a silence, and no fault is latched
     bool stop;    // the server is stopping: ramp down and latch
     bool reset;   // the object is as new: the probe leaves the model at once, the force it gave fades
     bool recover; // operator's: a latched fault but NONFINITE is forgotten, one under an ESTOP stands again; the probe

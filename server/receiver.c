@@ -118,7 +118,9 @@ static kn_verdict check_fields(const knead_probe_pose_t *m)
 static kn_verdict check_motion(const kn_source *source, const knead_probe_pose_t *m)
 {
     bool goes_on = source->last.session != 0;
-    if (goes_on && m->seq <= source->last.seq) return KN_REJECT_STALE;
+    const kn_pose *last = &source->last;
+    if (goes_on && (m->seq <= last->seq || last->buttons & KN_BUTTON_LEAVING)) return KN_REJECT_STALE;
+    if (!goes_on && m->buttons & KN_BUTTON_LEAVING) return KN_REJECT_STALE; // of a session that has ended by itself
     if (length(m->velocity_m_s, 3) > SPEED_MAX_M_S) return KN_REJECT_JUMP;
     if (!goes_on) return KN_ACCEPTED;
     if (m->utime < source->last.utime) return KN_REJECT_CLOCK;
@@ -133,7 +135,7 @@ static kn_verdict check_motion(const kn_source *source, const knead_probe_pose_t
 
 static bool afford(kn_source *source, int64_t now_ns)
 {
-    int64_t credit_ns = source->last.session == 0 ? CREDIT_NS : source->credit_ns + (now_ns - source->heard_ns);
+    int64_t credit_ns = source->heard_ns == 0 ? CREDIT_NS : source->credit_ns + (now_ns - source->heard_ns);
     if (credit_ns > CREDIT_NS) credit_ns = CREDIT_NS;
     if (credit_ns < COST_NS) return false;
     source->credit_ns = credit_ns - COST_NS;
@@ -218,13 +220,19 @@ static void count_new(kn_source *source, const knead_probe_pose_t *m, int64_t no
     source->refused = 0;
 }
 
+static kn_pose pose_of(const knead_probe_pose_t *m)
+{
+    kn_pose pose = {
+        .session = m->session, .seq = m->seq, .sent_ns = m->sent_ns, .utime = m->utime, .buttons = m->buttons};
+    memcpy(pose.position_m, m->position_m, sizeof pose.position_m);
+    memcpy(pose.orientation_wxyz, m->orientation_wxyz, sizeof pose.orientation_wxyz);
+    memcpy(pose.velocity_m_s, m->velocity_m_s, sizeof pose.velocity_m_s);
+    return pose;
+}
+
 static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns, kn_pose *pose)
 {
     if (expired(source, now_ns)) source->last.session = 0;
-    if (m->session == source->leaving && now_ns - source->heard_ns < SILENCE_NS) {
-        count_stale(source, m->seq);
-        return KN_REJECT_STALE;
-    }
     if (source->last.session != 0 && source->last.session != m->session) return KN_REJECT_SESSION;
     kn_verdict verdict = check_motion(source, m);
     if (verdict == KN_ACCEPTED && !afford(source, now_ns)) verdict = KN_REJECT_RATE;
@@ -233,17 +241,31 @@ static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t 
     if (verdict != KN_ACCEPTED) return verdict;
 
     count_new(source, m, now_ns);
-    *pose = (kn_pose){
-        .session = m->session, .seq = m->seq, .sent_ns = m->sent_ns, .utime = m->utime, .buttons = m->buttons};
-    memcpy(pose->position_m, m->position_m, sizeof pose->position_m);
-    memcpy(pose->orientation_wxyz, m->orientation_wxyz, sizeof pose->orientation_wxyz);
-    memcpy(pose->velocity_m_s, m->velocity_m_s, sizeof pose->velocity_m_s);
+    *pose = pose_of(m);
     if (source->last.session == 0 || (uint64_t)m->utime - (uint64_t)source->reference.utime >= SPEED_WINDOW_US)
         source->reference = *pose;
     source->last = *pose;
     source->heard_ns = now_ns;
-    source->leaving = m->buttons & KN_BUTTON_LEAVING ? m->session : 0;
     return KN_ACCEPTED;
+}
+
+// Without a key: a session that has said its last is stale for as long as it goes on, and a second more.
+static kn_verdict admit_anybody(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns, kn_pose *pose)
+{
+    struct kn_ended *place = source->ended; // its own, or that which is forgotten first
+    for (int i = 1; i < KN_ENDED_MAX && place->session != m->session; i++) {
+        struct kn_ended *e = &source->ended[i];
+        if (e->session == m->session || e->until_ns < place->until_ns) place = e;
+    }
+    if (place->session == m->session && place->until_ns > now_ns) {
+        place->until_ns = now_ns + SILENCE_NS;
+        count_stale(source, m->seq);
+        return KN_REJECT_STALE;
+    }
+    kn_verdict verdict = admit(source, m, now_ns, pose);
+    if (verdict == KN_ACCEPTED && m->buttons & KN_BUTTON_LEAVING)
+        *place = (struct kn_ended){m->session, now_ns + SILENCE_NS};
+    return verdict;
 }
 
 static kn_verdict admit_authentic(const kn_receiver *r, kn_source *source, const knead_probe_pose_t *m, int64_t now_ns,
@@ -268,12 +290,21 @@ kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_
     if (verdict == KN_ACCEPTED && (verdict = check_fields(&message)) != KN_ACCEPTED)
         count_refused(&r->source[*probe], &message);
     if (verdict == KN_ACCEPTED && r->auth) verdict = admit_authentic(r, &r->source[*probe], &message, now_ns, pose);
-    else if (verdict == KN_ACCEPTED) verdict = admit(&r->source[*probe], &message, now_ns, pose);
+    else if (verdict == KN_ACCEPTED) verdict = admit_anybody(&r->source[*probe], &message, now_ns, pose);
     r->received++;
     if (verdict == KN_ACCEPTED)
         r->accepted++;
     else
         r->rejected[verdict]++;
+    return verdict;
+}
+
+kn_verdict kn_receiver_read(const kn_receiver *r, const kn_datagram *datagram, int *probe, kn_pose *pose)
+{
+    knead_probe_pose_t message = {0};
+    kn_verdict verdict = unpack(r, datagram, probe, &message);
+    if (verdict == KN_ACCEPTED) verdict = check_fields(&message);
+    if (verdict == KN_ACCEPTED) *pose = pose_of(&message);
     return verdict;
 }
 
@@ -291,7 +322,7 @@ unsigned kn_receiver_expire(kn_receiver *r, int64_t now_ns)
 bool kn_receiver_leave(kn_receiver *r, int probe, int64_t session)
 {
     kn_source *source = &r->source[probe];
-    if (source->last.session != session || source->leaving != session) return false;
+    if (source->last.session != session || !(source->last.buttons & KN_BUTTON_LEAVING)) return false;
     source->last.session = 0;
     return true;
 }

@@ -14,8 +14,8 @@
 // A probe belongs to the first session that sends it a good pose, until that session has been silent for 1 s; then any
 // session may come, the same number with a new seq included. sent_ns is never judged: a played log is old.
 //
-// A session may say that a pose is its last (KN_BUTTON_LEAVING): later ones are stale for 1 s, and the probe is free once
-// the servo says that the session has left.
+// A session may say that a pose is its last (KN_BUTTON_LEAVING). Whatever else it sends is stale, until it has been silent
+// for 1 s. The probe is free as soon as the servo says that the session has left.
 //
 // With a key, a pose must carry its tag (auth.h), and its utime lie within a minute of our own clock; a session that has
 // ended is not opened again while its poses could still do so. For what was recorded can be sent again by anybody.
@@ -59,7 +59,7 @@ typedef enum kn_verdict {
 
 const char *kn_verdict_name(kn_verdict verdict); // "stale"; "accepted"
 
-#define KN_ENDED_MAX 32 // with a key; no more sessions can be opened within two minutes
+#define KN_ENDED_MAX 128 // with a key; no more sessions can be opened within two minutes
 
 typedef struct kn_packets { // of one probe's sessions, as health_t has them
     int64_t accepted, lost, late, duplicate, reordered, lost_in_a_row_max;
@@ -69,8 +69,7 @@ typedef struct kn_source { // who moves one probe
     kn_pose last;          // accepted; session 0: nobody owns the probe
     kn_pose reference;     // accepted; speeds are measured from here. Moves on to last when that is >= 1 ms newer
     int64_t heard_ns;      // when last was accepted
-    int64_t leaving;       // session whose last pose last is, 0: it has not said so
-    struct kn_ended {      // sessions that have been, and until when they are remembered
+    struct kn_ended {      // sessions that have been (with a key), or have said so, and until when they are remembered
         int64_t session, until_ns;
     } ended[KN_ENDED_MAX];
     int64_t credit_ns;     // time not yet spent on poses, each of which costs 0.2 ms
@@ -97,10 +96,13 @@ void kn_receiver_init(kn_receiver *r, const kn_model_def *def);
 // Judges and counts one datagram that arrived at now_ns (monotonic). When accepted, *probe and *pose say what it was.
 kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_t now_ns, int *probe, kn_pose *pose);
 
+// The same by its bytes alone, whatever came before it: KN_ACCEPTED, it is a pose. Counts nothing.
+kn_verdict kn_receiver_read(const kn_receiver *r, const kn_datagram *datagram, int *probe, kn_pose *pose);
+
 // Ends sessions that have been silent for 1 s; returns a bit per probe whose session ended by this call.
 unsigned kn_receiver_expire(kn_receiver *r, int64_t now_ns);
 
-// Ends that session, which has left by kn_force. Returns whether the probe was its own until this call.
+// Ends a session of which kn_force.left is told. Returns whether it had the probe until now.
 bool kn_receiver_leave(kn_receiver *r, int probe, int64_t session);
 
 #endif

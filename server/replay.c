@@ -324,17 +324,18 @@ static bool next_record(reading *v)
     return v->held = true;
 }
 
-static kn_verdict judge(reading *v, int64_t now_ns, int *probe, kn_pose *pose)
+// As it was on the bus; one that is longer than a pose can be is cut.
+static kn_datagram datagram_of(const kn_log_record *record)
 {
-    const kn_log_record *record = &v->record;
     kn_datagram d = {.here = true};
     size_t name = strlen(record->channel) + 1, size = 8 + name + record->size;
-    if (size > sizeof d.bytes) return KN_REJECT_LENGTH;
+    d.truncated = size > sizeof d.bytes;
+    if (d.truncated) size = 8 + name;
     memcpy(d.bytes, "LC02\0\0\0\0", 8);
     memcpy(d.bytes + 8, record->channel, name);
-    memcpy(d.bytes + 8 + name, record->data, record->size);
+    memcpy(d.bytes + 8 + name, record->data, size - 8 - name);
     d.size = size;
-    return kn_receiver_judge(&v->receiver, &d, now_ns, probe, pose);
+    return d;
 }
 
 // With forces: the daemon has judged in its time; here a pose has only to be one.
@@ -343,8 +344,8 @@ static void remember_pose(kn_replay *r)
     reading *v = r->private;
     int p;
     kn_pose pose;
-    memset(v->receiver.source, 0, sizeof v->receiver.source);
-    kn_verdict verdict = judge(v, 0, &p, &pose);
+    const kn_datagram d = datagram_of(&v->record);
+    kn_verdict verdict = kn_receiver_read(&v->receiver, &d, &p, &pose);
     if (verdict == KN_ACCEPTED) v->poses[p][(uint64_t)pose.seq % POSES] = pose;
     else if (verdict == KN_REJECT_LENGTH || verdict == KN_REJECT_TYPE) r->tally.malformed++;
 }
@@ -634,7 +635,8 @@ static bool step_by_time(kn_replay *r)
             if (v->record.event.kind == KNEAD_EVENT_T_KIND_SET) apply_set(r, in, &v->record.event);
         }
         if (v->record.kind != KN_LOG_POSE) continue;
-        if (judge(v, 1000 * v->record.utime, &p, &pose) != KN_ACCEPTED) {
+        const kn_datagram d = datagram_of(&v->record);
+        if (kn_receiver_judge(&v->receiver, &d, 1000 * v->record.utime, &p, &pose) != KN_ACCEPTED) {
             r->tally.refused++;
             continue;
         }

@@ -59,13 +59,13 @@ typedef struct kn_tick_in {
     int64_t execution_ns;         // of the last tick, read to publish; 0: no clock, nothing is judged by it
     int64_t (*now_ns)(void);      // CLOCK_MONOTONIC, for stamps in out; NULL: no clock
     int64_t deadline_ns;          // CLOCK_MONOTONIC: by then the backend answers or its last answer stands; 0: no clock
-    const kn_pose *pose[KN_PROBES_MAX]; // the latest pose of each probe, NULL: no session (none yet, or silent for 1 s)
+    const kn_pose *pose[KN_PROBES_MAX]; // the latest pose of each probe, NULL: no session (none yet, left, or silent for 1 s)
     bool fresh[KN_PROBES_MAX];          // that pose was not used by an earlier tick
 } kn_tick_in;
 
 typedef struct kn_force { // one probe's answer; everything contact_force_t needs but the clocks
     bool live;            // there is a session to answer
-    bool left;            // it has said that it leaves, its force is 0 and its tool out of the model: it may end
+    bool left;            // the session has sent its last pose, its force is 0, its tool is out of the model: it may end
     int64_t session, seq, sent_ns;
     double contact_force_n[3], contact_torque_n_m[3];
     double force_n[3], torque_n_m[3];

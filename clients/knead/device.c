@@ -101,7 +101,6 @@ static void *run(void *self)
         atomic_fetch_add(&d->missed, missed);
         goes_on = kn_device_tick(d, 1 + missed);
     }
-    say_leaving(d);
     atomic_store(&d->done, true);
     return NULL;
 }

@@ -203,7 +203,7 @@ static void let_go(kn_bridge *b)
 {
     if (b->last.session) { // its last pose once more, as the last
         b->last.seq++;
-        b->last.buttons = KNEAD_PROBE_POSE_T_BUTTON_LEAVING;
+        b->last.buttons |= KNEAD_PROBE_POSE_T_BUTTON_LEAVING;
         send_pose(b, &b->last);
     }
     if (b->open && b->device->give) b->device->give(b->device, (double[3]){0}, false);

@@ -66,6 +66,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         require(probe == 0 || probe == 1);
         require(pose.session != 0 && fabs(norm(pose.orientation_wxyz, 4) - 1) <= 1e-3);
         require(norm(pose.position_m, 3) <= 1 && norm(pose.velocity_m_s, 3) <= 5);
+        if (control & 64) kn_receiver_leave(&receiver, probe, pose.session);
         if (control & 128) kn_receiver_expire(&receiver, now_ns);
     }
     for (int i = 0; i < KN_REJECT_COUNT; i++) sum += receiver.rejected[i];

@@ -300,11 +300,16 @@ TEST("more sessions than are remembered are refused until the oldest has become 
 {
     start_keyed();
     int accepted = 0;
-    for (int session = 1; session <= 2 * KN_ENDED_MAX; session++, now_ns += 1100 * MS) {
-        knead_probe_pose_t pose = pose_of_now(session, 1);
-        kn_datagram d = signed_pose(&key, "KNEAD_POSE_hand", &pose);
-        accepted += judge(&d) == KN_ACCEPTED;
+    for (int session = 1; session <= 2 * KN_ENDED_MAX; session++, now_ns += 100 * MS) {
+        for (int seq = 1; seq <= 2; seq++) {
+            knead_probe_pose_t pose = pose_of_now(session, seq);
+            if (seq == 2) pose.buttons = KN_BUTTON_LEAVING;
+            kn_datagram d = signed_pose(&key, "KNEAD_POSE_hand", &pose);
+            accepted += judge(&d) == KN_ACCEPTED;
+        }
+        kn_receiver_leave(&receiver, 0, session);
     }
+    accepted /= 2;
     CHECK(accepted == KN_ENDED_MAX);
     now_ns += 121000 * MS;
     knead_probe_pose_t pose = pose_of_now(1, 1); // forgotten, and by now its recording is too old
@@ -410,10 +415,13 @@ TEST("a session that has said its last is stale for a second, and over when the 
     CHECK(!kn_receiver_leave(&receiver, 0, 1));
     CHECK_VERDICT(send_pose(good_pose(1, 9)), KN_REJECT_STALE);
     CHECK_VERDICT(send_pose(good_pose(2, 1)), KN_ACCEPTED);
-    CHECK_VERDICT(send_pose(good_pose(1, 10)), KN_REJECT_SESSION);
+    CHECK_VERDICT(send_pose(good_pose(1, 10)), KN_REJECT_STALE);
     last = good_pose(2, 2), last.buttons = KN_BUTTON_LEAVING;
     CHECK_VERDICT(send_pose(last), KN_ACCEPTED);
     CHECK(kn_receiver_leave(&receiver, 0, 2));
+    for (int i = 0; i < 3; i++, now_ns += 600 * MS) CHECK_VERDICT(send_pose(good_pose(1, 11 + i)), KN_REJECT_STALE);
+    last = good_pose(3, 1), last.buttons = KN_BUTTON_LEAVING;
+    CHECK_VERDICT(send_pose(last), KN_REJECT_STALE); // of a session that nobody has opened
     now_ns += 1000 * MS;
     CHECK_VERDICT(send_pose(good_pose(2, 1)), KN_ACCEPTED); // a log played again
 }
