@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The live page in Chromium: pressed by mouse, keys and finger; reset; left in mid-press; looked at in light and dark.
+# The live page in Chromium: pressed by mouse; at night by keys and finger, too, reset, left in mid-press, looked at in light and dark.
 for program in chromium chromedriver; do
     [ -x /usr/bin/$program ] || { echo "skipped: no $program here (packages chromium, chromium-driver)"; exit 77; }
 done

@@ -1,4 +1,4 @@
-# The live page, as who visits it has it. Driven by test_web.sh.
+# The live page, as who visits it has it: in the gate pressed by mouse, left, and its servers gone. Driven by test_web.sh.
 import json
 import os
 import struct
@@ -528,18 +528,19 @@ def main():
     check("the page opens and draws", page.open(server.address), page.text("status"))
     check("it names scene and tool", page.text("names") == "dough-small.yaml · finger", page.text("names"))
     by_mouse(page, bus)
-    by_keys(page, bus)
-    by_finger(page, bus)
-    by_traces(page)
-    by_operator(page, bus)
-    by_view(page, bus)
-    by_colours(page, bus)
-    by_recordings(page, bus)
-    by_material(page)
-    looks(page)
-    by_tab(page)
-    without_control(server, page)
-    two_tabs(page, bus, server.address)
+    if "KN_NIGHT" in os.environ:
+        by_keys(page, bus)
+        by_finger(page, bus)
+        by_traces(page)
+        by_operator(page, bus)
+        by_view(page, bus)
+        by_colours(page, bus)
+        by_recordings(page, bus)
+        by_material(page)
+        looks(page)
+        by_tab(page)
+        without_control(server, page)
+        two_tabs(page, bus, server.address)
     check("a clean console", not (log := page.complaints()), log)
     goodbye(page, server)
     page.driver.quit()
