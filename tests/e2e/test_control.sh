@@ -13,12 +13,9 @@ s.sendall(sys.argv[1].encode()); s.shutdown(socket.SHUT_WR)
 while got := s.recv(65536): sys.stdout.write(got.decode())' "$1"; }
 end() { stop_kneadd; stop_logger; } # the log, too
 press() { $ahead knead probe --path path.csv --quiet >/dev/null 2>hand.err & hand=$!; }
-pressing() { # until the finger is pushed back
-    for _ in $(seq 50); do
-        pause 0.2
-        within 0.3 "$(ctl --json status | python3 -c 'import json, sys
-print(max(sum(x * x for x in p["force_n"]) ** 0.5 for p in json.load(sys.stdin)["probes"]))')" && return
-    done
+pressing() { # until the finger has been in the dough for 0.4 s
+    until ctl --json status | grep -q '"in_contact":true' || ! kill -0 $hand 2>/dev/null; do pause 0.1; done
+    pause 0.4
 }
 field() { ctl --json status | python3 -c "import json, sys; print(json.load(sys.stdin)$1)"; }
 

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # knead hand haply: an Inverse Service made from its documentation, with a simulated arm and a person behind it, closed
 # round a served dough over LCM.
+# night: an arm in real time for a minute; tactile.haply_json, tactile.hand and fuzz.haply have its parts, e2e.paddle the same bridge
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 

@@ -2,7 +2,7 @@
 # kneadd --state-dir killed at random times of a press, again and again: no file is ever refused, the generation before is there, and the
 # next life goes on with the object of at most 1 s before.
 #
-#     KN_KILLS=N    how often (20 at night, else 6)
+#     KN_KILLS=N    how often (20 at night, else 3)
 #     KN_JOBS=N     so many daemons side by side, each with its own hand, network and directory (1)
 #     KN_KEPT=FILE  what became of each, kept for a run that is ended early: "kill SERVED REFUSED RESTORED PREVIOUS", 0 or 1;
 #                   "file GOOD" for each file that a job had at the end of 50; "lost MS"
@@ -81,7 +81,7 @@ if [ "${1:-}" = job ]; then
     job "${@:2}"
     exit
 fi
-kills=${KN_KILLS:-$((KN_NIGHT ? 20 : 6))} jobs=${KN_JOBS:-1} kept=$(realpath "${KN_KEPT:-kept}")
+kills=${KN_KILLS:-$((KN_NIGHT ? 20 : 3))} jobs=${KN_JOBS:-1} kept=$(realpath "${KN_KEPT:-kept}")
 script=$(realpath "$0")
 for ((j = 1; j <= jobs; j++)); do
     "$KN_SOURCE/tests/netns" "$script" job $j $((kills / jobs + (j <= kills % jobs))) "$kept" &

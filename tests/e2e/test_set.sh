@@ -3,13 +3,9 @@
 # the bit, and a kill -9 takes nothing of it. knead ctl load: another scene, or none when it is wrong.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 ctl() { knead ctl --control control "$@"; }
-felt() { ctl --json status | python3 -c 'import json, sys
-print(max(sum(x * x for x in p["force_n"]) ** 0.5 for p in json.load(sys.stdin)["probes"]))'; }
-pressing() { # until the finger is pushed back
-    for _ in $(seq 50); do
-        pause 0.2
-        awk -v f="$(felt)" 'BEGIN { exit !(f > 0.2) }' && return
-    done
+pressing() { # until the finger has been in the dough for 0.4 s
+    until ctl --json status | grep -q '"in_contact":true' || ! kill -0 $hand 2>/dev/null; do pause 0.1; done
+    pause 0.4
 }
 field() { python3 -c "import json, sys; print(json.load(sys.stdin)$1)"; }
 stored() { sed -n "s/.*\"stored_$1_j\":\([0-9.e-]*\).*/\1/p" <<<"$2"; }

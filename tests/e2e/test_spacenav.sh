@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
 # knead hand spacenav: the real libspnav on a spacenavd that has no puck, steering a tool onto a served dough over LCM.
+# night: a puck in real time for a minute; tactile.puck and tactile.hand have its parts, e2e.paddle the same bridge
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 

@@ -9,6 +9,7 @@ from served import Browser, Bus, Served, check, until
 import served as results
 
 ARTEFACTS = os.environ.get("KN_ARTEFACTS", os.environ["KN_BUILD"] + "/tests")
+NIGHT = "KN_NIGHT" in os.environ
 TOP = (0.5, 0.4)  # of the picture: on the top of the block
 
 # What must be legible against what it is on (WCAG 2.1 AA), for whatever is shown.
@@ -65,7 +66,11 @@ def by_mouse(page, bus):
     page.keep("dented")
     dented = page.changed("new", "dented")
     check("the dent is seen", dented > 1000, dented)
+    if NIGHT:
+        stroke(page, bus, dented)
 
+
+def stroke(page, bus, dented):  # and all that the mouse does else
     page.press(*TOP)
     until(lambda: page.now()["depth_mm"] > 4.7)
     wide = bus.dented()
@@ -528,7 +533,7 @@ def main():
     check("the page opens and draws", page.open(server.address), page.text("status"))
     check("it names scene and tool", page.text("names") == "dough-small.yaml · finger", page.text("names"))
     by_mouse(page, bus)
-    if "KN_NIGHT" in os.environ:
+    if NIGHT:
         by_keys(page, bus)
         by_finger(page, bus)
         by_traces(page)
