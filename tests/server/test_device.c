@@ -363,7 +363,7 @@ TEST("a list of any length goes there and comes back, however many frames it tak
         char line[256];
         kn_device_result result;
         sim s = start_on(bar, bar ? NULL : golden() ? "flip=0.02,drop=0.02" : NULL, "3");
-        kn_device *d = open_patient(&s, 20);
+        kn_device *d = open_patient(&s, 100);
         rig *r = nano() ? make(32, 100, 5) : make(300, 900, 5);
         uint64_t seed = 9;
         int most = nano() ? 15 : 255;

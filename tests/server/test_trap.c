@@ -275,7 +275,8 @@ static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
     if (r->ticks % ROUND == 3600) kn_loop_order(&r->lent.loop, KN_ORDER_UNDO, 0);
     if (r->faulted == 0 && r->ticks >= 200) r->faulted = faults_of(r->tid);
     if (r->how && r->ticks / 1500 > r->kills && r->ticks < live_ticks) replug(r); // in a press
-    if (r->ticks >= live_ticks && !r->lent.loop.stop) {
+    bool enough = r->ticks >= live_ticks && r->pressed > live_ticks / 8; // a busy machine makes the hand fall silent
+    if ((enough || r->ticks >= 10 * live_ticks) && !r->lent.loop.stop) {
         r->faulted = faults_of(r->tid) - r->faulted;
         r->lent.loop.stop = true;
     }
