@@ -82,7 +82,7 @@ bool kn_device_tick(kn_device *d, int elapsed_ms)
     for (int n = 0; n < 2 + 2 * KN_CONTACT_UNITS && lcm_handle_timeout(d->lcm, 0) > 0; n++); // the newest stay
     kn_hand_out out = d->hand(d->self, d->fresh ? &d->force : NULL, elapsed_ms);
     if (out.send) publish(d, &out, 0), d->last = out;
-    if (out.end) say_leaving(d);
+    if (out.end || out.leaves) say_leaving(d);
     return !out.end;
 }
 

@@ -91,8 +91,9 @@ typedef struct kn_hand { // read only for the caller
 } kn_hand;
 
 typedef struct kn_hand_out {
-    bool end;  // nothing will come any more
-    bool send; // point, as pose seq of session
+    bool end;    // nothing will come any more
+    bool leaves; // nothing more of the session before: another hand may have the tool
+    bool send;   // point, as pose seq of session
     int64_t session, seq;
     kn_path_point point;
 } kn_hand_out;

@@ -13,11 +13,11 @@ static const double flushing_m_s = 5e-4;                 // a flat one, from the
 static const double landing_m = 1e-3, landing_m_s2 = 2e-3; // a flat one's last millimetre takes a second
 static const double clear_m = 1e-3, there_m = 2e-4;
 static const int clear_ms = 300;    // for a fault to be taken back after the lift: 200 ms of poses and some
-static const int silence_ms = 1200; // a session ends after 1 s without poses
+static const int leaving_ms = 100;  // for the force to fade and the tool to be free
 
 void kn_pointer_init(kn_pointer *p, kn_probe_shape shape, int64_t session)
 {
-    *p = (kn_pointer){.flat = kn_foot_flat(shape), .session = session, .mode_ms = silence_ms};
+    *p = (kn_pointer){.flat = kn_foot_flat(shape), .session = session, .mode_ms = leaving_ms};
     p->point.orientation_wxyz[0] = 1.0;
     kn_watchdog_init(&p->watchdog, 0, 0);
 }
@@ -63,9 +63,8 @@ static void decide(kn_pointer *p)
     bool trouble = p->watchdog.tripped || (p->force.flags & KN_FLAG_LATCHED);
     switch (p->mode) {
     case KN_POINTER_ABSENT:
-        if (!p->wish.held) break;
-        if (p->mode_ms >= silence_ms) open_session(p);
-        else kn_watchdog_rearm(&p->watchdog); // kneadd still holds the session that fell silent
+        if (!p->wish.held || p->mode_ms < leaving_ms) break;
+        open_session(p);
         enter(p, KN_POINTER_FOLLOW);
         break;
     case KN_POINTER_FOLLOW:
@@ -78,7 +77,7 @@ static void decide(kn_pointer *p)
         else if (p->mode_ms >= clear_ms) enter(p, KN_POINTER_SILENT);
         break;
     case KN_POINTER_SILENT:
-        if (p->mode_ms < silence_ms) break;
+        if (p->mode_ms < leaving_ms) break;
         open_session(p);
         enter(p, p->wish.held ? KN_POINTER_FOLLOW : KN_POINTER_ABSENT);
         break;
@@ -169,7 +168,7 @@ kn_hand_out kn_pointer_tick(kn_pointer *p, const kn_pointer_wish *wish, const kn
     p->mode_ms += elapsed_ms;
     p->news.mode = p->mode;
     p->news.released = !p->barred;
-    if (p->mode == KN_POINTER_ABSENT || p->mode == KN_POINTER_SILENT) return (kn_hand_out){.send = false};
+    if (p->mode == KN_POINTER_ABSENT || p->mode == KN_POINTER_SILENT) return (kn_hand_out){.leaves = true};
     follow(p);
     p->seq++;
     if (!p->asked_event && wish->event != p->news.event) p->asked_event = wish->event, p->asked_seq = p->seq;

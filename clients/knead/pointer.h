@@ -5,7 +5,7 @@
 //
 //     wishes --> follow: hover above, come down, press, stroke, lift --> pose speed and acceleration bounded
 //     force  --> watch:  own watchdog of 20 ms, kneadd's latch --> let go: lift; then wait for the button to come up;
-//                        what lifting does not clear: silence of 1.2 s and a new session
+//                        what lifting does not clear: it leaves, and a new session begins
 //
 // In the air the tool may be quick. It meets the object at touch speed and presses at press speed: dough at rest is a
 // wall, and a tool that runs into a wall trips the impulse guard. A round one's contact begins with a point: it may
@@ -14,7 +14,7 @@
 #include "core/model.h"
 
 typedef struct kn_pointer_wish { // of the page; positions are the tool's
-    bool held;        // somebody uses it. Else the tool is lifted, and then no poses are sent
+    bool held;        // somebody uses it. Else the tool is lifted, and then it leaves
     bool pressed;
     int32_t press;    // number of the press: another one while pressed means that the button came up in between
     double at_m[2];   // x and y; another one while pressed, once news.depth_m > 0: a stroke at the depth that it has
@@ -27,7 +27,7 @@ typedef struct kn_pointer_wish { // of the page; positions are the tool's
 } kn_pointer_wish;
 
 typedef enum kn_pointer_mode {
-    KN_POINTER_ABSENT,  // no poses
+    KN_POINTER_ABSENT,  // it has left: no poses
     KN_POINTER_FOLLOW,
     KN_POINTER_LET_GO,  // a fault: lifting, and waiting for it to clear
     KN_POINTER_SILENT   // before a new session

@@ -11,7 +11,7 @@
 #define STATUS_TAG KN_ASKER_CALLS       // of our own questions
 #define SAVE_TAG (KN_ASKER_CALLS + 1)
 #define PICTURE_MS 5000 // a picture that was asked for is not waited for longer
-#define SILENT_MS 1300 // a session ends after 1 s without poses: then another hand may come
+#define LEAVING_MS 300 // of the tool that was let go: then another hand may come
 
 void kn_web_answer_page(kn_web *w, int page, uint32_t id, bool ok, const char *format, ...)
 {
@@ -186,7 +186,8 @@ void kn_web_on_answered(void *self, int tag, const json_t *answer)
 {
     kn_web *w = self;
     if (tag == STATUS_TAG) take_status(w, answer);
-    if (tag >= STATUS_TAG) return; // a take that has no snapshot is told so when it is verified
+    if (tag == SAVE_TAG && !json_is_true(json_object_get(answer, "ok"))) w->saved_of = 0; // asked again
+    if (tag >= STATUS_TAG) return;
     const int page = w->asked[tag].page;
     const uint32_t id = w->asked[tag].id;
     const char *error = json_string_value(json_object_get(answer, "error"));
@@ -344,13 +345,15 @@ void kn_web_turn(kn_web *w)
     give_up_picture(w);
     if (kn_takes_tidy(&w->takes)) kn_web_refresh(w);
     kn_take *one = w->takes.now;
-    if (one && one->number != w->saved_of && atomic_load(&one->state) == KN_TAKE_RUNS) {
-        w->saved_of = one->number; // so that it goes on from there when it is replayed
+    if (one && one->number != w->saved_of && atomic_load(&one->state) == KN_TAKE_RUNS && snapshots(w) &&
+        kn_live_now_ms() - w->saved_ms >= 200) {
         json_t *request = json_pack("{s:s}", "command", "snapshot");
-        if (request && snapshots(w)) kn_asker_ask(&w->asker, SAVE_TAG, request, false, error, sizeof error);
+        const bool asked = request && kn_asker_ask(&w->asker, SAVE_TAG, request, false, error, sizeof error);
+        if (asked) w->saved_of = one->number; // so that it goes on from there when it is replayed
+        w->saved_ms = kn_live_now_ms();
         json_decref(request);
     }
-    if (!w->lent || !w->lent_ms || kn_live_now_ms() - w->lent_ms < SILENT_MS) return;
+    if (!w->lent || !w->lent_ms || kn_live_now_ms() - w->lent_ms < LEAVING_MS) return;
     w->lent_ms = 0;
     if (w->tool && kn_takes_play(&w->takes, w->lent, w->tool->name, error, sizeof error)) return;
     give_back(w);

@@ -111,7 +111,8 @@ typedef struct kn_web {
     int lent;                   // the recording that has the tool, 0: none
     int64_t lent_ms;            // since when nobody has sent poses; 0: a child does
     struct { int page, number; uint32_t id; } replayed; // who is told how it ended; page -1: nobody
-    int saved_of;               // the last recording that a snapshot was asked for
+    int saved_of;               // the last recording that a snapshot was asked for, unless it was refused
+    int64_t saved_ms;           // when
 
     // tell.c
     char *about;                // the JSON that every page gets when it is another one than it had

@@ -258,10 +258,12 @@ TEST("without a page it lifts, and then kneadd hears no more of it; the next pag
     CHECK(b.pointer.mode == KN_POINTER_ABSENT && b.pointer.news.force_n == 0);
     int sent = b.sent;
     run(&b, 100);
-    CHECK(b.sent == sent);
+    CHECK(b.sent == sent && kn_pointer_tick(&b.pointer, &b.wish, NULL, 1).leaves);
+    int64_t session = b.pointer.session;
     b.wish.pressed = false, b.wish.held = true;
-    run(&b, 1200);
-    CHECK(b.pointer.mode == KN_POINTER_FOLLOW && b.sent > sent);
+    run(&b, 1);
+    CHECK(b.pointer.mode == KN_POINTER_FOLLOW && b.sent > sent && b.pointer.session == session + 1);
+    CHECK(!kn_pointer_tick(&b.pointer, &b.wish, NULL, 1).leaves);
     teardown(&b);
 }
 
