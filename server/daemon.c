@@ -24,8 +24,7 @@
 #define START_DELAY_NS 20000000 // until tick 0: by then every thread has left the barrier and sleeps
 #define PATIENCE_NS 300000000   // timeout(1) and shells send the first signal twice; a stop takes 100 ms at most
 #define SIGNALS 3
-#define SCENE_S 5                   // how often the scene is told, by when a client that comes has it
-#define SCENE_YOUNG_NS 20000000000  // and every second in the beginning
+#define SCENE_S 1 // how often the scene is told, by when a client that comes has it
 #define CONTROL_TURN_MS 20 // how long a stop may wait for that thread
 #define REST_TICK_NS 500000 // in contact a tick takes about twice as long as at rest, and has 1 ms
 
@@ -111,12 +110,9 @@ static void on_status_due(struct ev_loop *ev, ev_timer *w, int events)
 
 static void on_scene_due(struct ev_loop *ev, ev_timer *w, int events)
 {
-    (void)events;
+    (void)ev, (void)events;
     server *d = w->data;
     kn_publisher_scene(&d->exchange.publisher, kn_wall_us());
-    bool young = kn_now_ns() - d->start_ns < SCENE_YOUNG_NS; // whoever waits for a server comes just after it
-    w->repeat = young ? 1 : SCENE_S;
-    ev_timer_again(ev, w);
 }
 
 static void stop(server *d)

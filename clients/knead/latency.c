@@ -142,8 +142,8 @@ static kn_scene *ask_scene(const char *url, char *error, size_t size) // of a kn
     kn_record *record = kn_record_open(url, error, size);
     kn_scene *scene = NULL;
     if (!record) return NULL;
-    if (!kn_record_scene(record, 6000))
-        snprintf(error, size, "no KNEAD_SCENE for 6 s: is kneadd running on this bus?");
+    if (!kn_record_scene(record, 4000))
+        snprintf(error, size, "no KNEAD_SCENE for 4 s: is kneadd running on this bus?");
     else
         scene = kn_scene_parse(record->scene_name, record->scene_text, strlen(record->scene_text), NULL, 0, error,
                                size);

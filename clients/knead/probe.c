@@ -20,7 +20,7 @@
 #include <sys/random.h>
 #include <unistd.h>
 
-static const int scene_wait_ms = 6000;          // KNEAD_SCENE comes every 5 s
+static const int scene_wait_ms = 4000;          // KNEAD_SCENE comes every 1 s
 static const int64_t mesh_wait_ns = 3000000000; // KNEAD_MESH_INIT comes every 1 s
 static const double press_m = 0.01;             // the first paper's
 static const double shallowest_m = 1e-4;        // less is no press
@@ -99,7 +99,7 @@ static int find_scene(probe *p)
     p->record = kn_record_open(p->opt.lcm_url, p->error, sizeof p->error);
     if (!p->record) return complain(KN_EXIT_DEVICE, p->error);
     if (!kn_record_scene(p->record, scene_wait_ms))
-        return complain(KN_EXIT_DEVICE, "no KNEAD_SCENE for 6 s: is kneadd running on this bus? "
+        return complain(KN_EXIT_DEVICE, "no KNEAD_SCENE for 4 s: is kneadd running on this bus? "
                                         "(server/run, or kneadd --scene core/scenes/dough.yaml)");
     const char *text = p->record->scene_text;
     p->scene = kn_scene_parse(p->record->scene_name, text, strlen(text), NULL, 0, p->error, sizeof p->error);

@@ -17,7 +17,7 @@
 #define CELLS 8
 #define FRAME_MS 40     // between two pictures: 25 per second
 #define SILENCE_MS 300  // patches come every 4 ms
-#define PATIENCE_MS 6000 // for the first one
+#define PATIENCE_MS 4000 // for the first one
 
 static const char help[] =
     "usage: knead touch [--probe NAME] [OPTION]...\n\n"

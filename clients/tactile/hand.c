@@ -19,7 +19,7 @@
 #include <sys/random.h>
 #include <unistd.h>
 
-static const int scene_wait_ms = 6000; // KNEAD_SCENE comes every 5 s
+static const int scene_wait_ms = 4000; // KNEAD_SCENE comes every 1 s
 static const int look_ms = 50;
 static const int answer_ms = 3000;     // without a force, it is said that nobody answers
 static const int stalled_ms = 10;      // more than this and the silence is our own
@@ -110,7 +110,7 @@ static int look_at_scene(hand *h)
         kn_live_listen(&live, look_ms);
     int code = live.scene          ? use_scene(h, live.scene)
                : *live.scene_error ? complain(KN_EXIT_USAGE, live.scene_error)
-                                   : complain(KN_EXIT_DEVICE, "no KNEAD_SCENE for 6 s: is kneadd running on this bus? "
+                                   : complain(KN_EXIT_DEVICE, "no KNEAD_SCENE for 4 s: is kneadd running on this bus? "
                                                               "(server/run, or kneadd --scene core/scenes/dough.yaml)");
     kn_live_close(&live);
     return code;

@@ -268,7 +268,7 @@ static void record(kn_web *w, int page, const kn_request *r)
     if (!w->tool || w->lent) kn_web_answer_page(w, page, r->id, false, "There is no tool in hand.");
     else if (!kn_takes_begin(&w->takes, w->tool->name, error, sizeof error))
         kn_web_answer_page(w, page, r->id, false, "%s", error);
-    else kn_web_answer_page(w, page, r->id, true, "It begins with the scene, which is told every 5 s.");
+    else kn_web_answer_page(w, page, r->id, true, "It begins with the scene, which is told every second.");
 }
 
 static void verify(kn_web *w, int page, const kn_request *r)

@@ -18,7 +18,7 @@
 #define KN_TAKE_SCENE_MS 8000    // that it waits for a scene at most
 
 typedef enum kn_take_state { KN_TAKE_WAITS, KN_TAKE_RUNS, KN_TAKE_WHOLE, KN_TAKE_FAILED, KN_TAKE_EMPTY } kn_take_state;
-// WAITS: for the scene, which kneadd tells every 5 s; EMPTY: ended before it ran, and is tidied away
+// WAITS: for the scene, which kneadd tells every second; EMPTY: ended before it ran, and is tidied away
 
 typedef struct kn_take {
     int number;         // 1 and up; 0: free

@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import sys
 import time
 from served import Served, check, until
@@ -51,6 +52,7 @@ def recorded(page, number, seconds, id):
 
 
 def stop_while_it_waits(page, server):
+    server.kneadd.send_signal(signal.SIGSTOP)  # or the scene would be there within a second
     page.send_request(10, "record")
     check("record: taken", page.waits(10)["ok"], page.answers)
     page.hears(lambda: page.about["recording"])
@@ -60,6 +62,7 @@ def stop_while_it_waits(page, server):
     check("it ends at once, and leaves nothing",
           page.hears(lambda: not page.about["recording"] and not page.about["recordings"], 4),
           time.monotonic() - begin, page.about["recordings"])
+    server.kneadd.send_signal(signal.SIGCONT)
 
 
 def back_to_back(page, server):

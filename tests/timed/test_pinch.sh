@@ -4,7 +4,7 @@
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 finger() { knead probe --probe "$1" --path "$KN_SOURCE/clients/examples/$1.csv" --tries 1 --quiet 2>"$1.err"; }
 
-# Both wait for the same KNEAD_SCENE, which comes every 5 s: that is what lets them begin together.
+# Both wait for the same KNEAD_SCENE, which comes every second: that is what lets them begin together.
 start_logger pinch.lcmlog
 start_kneadd pinch.yaml
 finger thumb & thumb=$!
