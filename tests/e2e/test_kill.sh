@@ -110,13 +110,14 @@ hand=$!
 kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --state-dir state >out 2>err
 second=$?
 check "a second one is refused: $(cat err)" [ "$second $(wc -l <err)" = "3 1" ]
-sleep 3
+while [ -z "$(compgen -G 'state/*')" ]; do pause 0.1; done
+pause 1
 stop_kneadd
 
 # what a life that began with a restored object did, is in its log and its snapshot; and is undone, and saved at its end
 start_logger life.lcmlog
 start_kneadd dough-small.yaml --state-dir state
-sleep 6
+pause 3 # it presses for 1.5 s of every 2
 cp -r state then
 stop_kneadd
 stop_logger
@@ -134,13 +135,14 @@ stop_kneadd
 
 # a press before a kill -9, and one after it
 touched() { awk -F, 'NR == 1 { for (i = 1; i <= NF; i++) c[$i] = i; next } $c["contacts"] > 0 { print 1e3 * $c["z_m"]; exit }' "$1"; }
+printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.5,0,0,0.045 1.5,0,0,0.035 2,0,0,0.06 >path.csv
 start_kneadd dough-small.yaml --state-dir fresh --control control
-$ahead knead probe --hold '0.2 s' --quiet --csv before.csv
+$ahead knead probe --path path.csv --quiet --csv before.csv
 knead ctl --control control snapshot >/dev/null
 kill -KILL $server
 dead
 start_kneadd dough-small.yaml --state-dir fresh
-$ahead knead probe --hold '0.2 s' --quiet --csv after.csv
+$ahead knead probe --path path.csv --quiet --csv after.csv
 check "a press after a kill meets the dent of the one before it: at $(touched before.csv) mm, then at $(touched after.csv)" \
     awk -v a="$(touched before.csv)" -v b="$(touched after.csv)" 'BEGIN { exit !(b > 0 && b < a - 1) }'
 stop_kneadd

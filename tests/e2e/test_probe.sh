@@ -9,9 +9,12 @@ holds() { awk "BEGIN { exit !($1) }"; }                  # a comparison of numbe
 # play NAME OPTION...: a probe's table in NAME.txt, its complaints in NAME.err
 play() { $ahead knead probe "${@:2}" >"$1.txt" 2>"$1.err" || { cat "$1.err"; return 1; }; }
 
-start_kneadd dough-small.yaml
-check "a press is played" play press --hold '0.5 s' --record press.lcmlog --csv press.csv
-cat press.txt
+# A record verifies from an untouched object on. The hand waits for the scene, so it is there from the first tick.
+$ahead knead probe --hold '0.5 s' --record press.lcmlog --csv press.csv >press.txt 2>press.err & hand=$!
+start_kneadd dough-small.yaml --control control
+wait $hand
+check "a press is played, and recorded" [ $? = 0 ]
+cat press.txt press.err
 check "its table says of what" grep -q '^press of dough-small.yaml, tool plate$' press.txt
 check "the force relaxes while the plate is held" \
     holds "$(number peak press.txt) > $(number 'end of hold' press.txt) && $(number 'end of hold' press.txt) > 0"
@@ -19,49 +22,33 @@ dent=$(number 'residual depth' press.txt)
 check "dough keeps a dent and gives a part of it back" holds "$dent > 1 && $dent < 10"
 check "every force echoes a pose" holds "$(number 'echoes matched' press.txt) == $(number 'forces received' press.txt)"
 check "the CSV has a row for each" holds "$(wc -l <press.csv) - 1 == $(number 'echoes matched' press.txt)"
+check "it replays to the very forces that it holds" knead replay press.lcmlog --verify
 
-check "a press into its own dent begins where the plate touches" play again --hold '0.2 s'
-check "and has little left to do" holds "$(number 'residual depth' again.txt) < 0.5 * $dent"
+if [ -n "${KN_NIGHT:-}" ]; then
+    check "a press into its own dent begins where the plate touches" play again --hold '0.2 s'
+    check "and has little left to do" holds "$(number 'residual depth' again.txt) < 0.5 * $dent"
+fi
 printf '%s\n' time_s,x_m,y_m,z_m 0,0.015,0,0.06 0.5,0.015,0,0.045 1,0.015,0,0.042 2,0.01,0,0.06 >path.csv
 for path in poke sine path.csv; do
     check "$path is played" play $path --path $path --hold '0.5 s'
     check "$path touches" holds "$(number contact $path.txt) > 0"
 done
-knead probe --probe spoon 2>spoon.err
-check "a tool that the scene does not have is refused" [ $? = 2 ]
-check "with those it has" grep -q 'has no probe `spoon`; it has: plate finger' spoon.err
-knead probe --depth '29 mm' 2>deep.err
-check "so is a press into the table" [ $? = 2 ]
-check "with what may be asked" grep -q 'expected at most 27.0 mm' deep.err
-knead probe --path sine --frequency '1000 Hz' 2>fast.err
-check "so is a swing faster than a hand is rendered" [ $? = 2 ]
-check "with what may be swung" grep -q 'is 3.14 m/s fast, expected at most 1.2 m/s: 382 Hz' fast.err
-stop_kneadd
+expect 'has no probe `spoon`; it has: plate finger' 2 knead probe --probe spoon
+expect 'expected at most 27.0 mm' 2 knead probe --depth '29 mm'
+expect 'is 3.14 m/s fast, expected at most 1.2 m/s: 382 Hz' 2 knead probe --path sine --frequency '1000 Hz'
 
-# A record verifies from an untouched object on. The hand waits for the scene, so it is there from the first tick.
-$ahead knead probe --hold '0.2 s' --record log.lcmlog >log.txt 2>log.err & hand=$!
-start_kneadd dough-small.yaml
-wait $hand
-played=$?
-stop_kneadd
-check "a press on an untouched object is recorded" [ $played = 0 ]
-check "and replays to the very forces that it holds" knead replay log.lcmlog --verify
-
-start_kneadd dough-small.yaml
-$ahead knead probe --hold '0.2 s' --drop-at 2.3:60 >drop.txt 2>drop.err
-stop_kneadd
+$ahead knead probe --path path.csv --drop-at 0.9:60 >drop.txt 2>drop.err
 cat drop.err
 check "60 ms without a pose latch a fault, and the hand says why" \
-    grep -q 'press, 2\.[0-9]* s, .*: kneadd latched: pose silence; way back: ' drop.err
+    grep -q 'path, 0\.9[0-9]* s, .*: kneadd latched: pose silence; way back: ' drop.err
 check "lifting clears it" grep -q 'tool lifted, fault cleared; once more' drop.err
-check "the press is repeated in a new session" grep -q '^  try [23]: ' drop.txt
+check "the path is played again in a new session" grep -q '^  try [23]: ' drop.txt
 
 # A killed server cannot ramp anything down.
-recorded() { stat -c %s killed.lcmlog 2>/dev/null || echo 0; }
-start_kneadd dough-small.yaml
-$ahead knead probe --hold '4 s' --record killed.lcmlog --motors motors.csv --tries 2 >killed.txt 2>killed.err & hand=$!
-while kill -0 $hand 2>/dev/null && [ "$(recorded)" -lt 2300000 ]; do pause 0.2; done
-kill -KILL "$server" # some 0.5 KB per ms: the press is in its hold now
+printf '%s\n' time_s,x_m,y_m,z_m 0,-0.015,0,0.06 0.5,-0.015,0,0.038 1.5,-0.015,0,0.028 60,-0.015,0,0.028 >hold.csv
+$ahead knead probe --path hold.csv --motors motors.csv --tries 2 >killed.txt 2>killed.err & hand=$!
+until knead ctl --control control --json status 2>/dev/null | grep -q '"in_contact":true' || ! kill -0 $hand 2>/dev/null; do pause 0.1; done
+kill -KILL "$server"
 wait "$server" $hand 2>/dev/null
 died=$?
 cat killed.err
@@ -70,8 +57,8 @@ check "its own watchdog took the force to 0 N" grep -q 'N taken to 0 N: own watc
 check "as it gave it: some, then none" awk -F, 'NR > 1 { f = $7 * $7 + $8 * $8 + $9 * $9; some += f > 0 } END { exit !(some && f == 0) }' motors.csv
 check "and it says that nobody answers any more" grep -q 'no force for 3 s: kneadd has ended' killed.err
 
-cp log.lcmlog kept.lcmlog
+cp press.lcmlog kept.lcmlog
 knead probe --lcm-url 'udpm://239.255.76.67:7700?ttl=0' --record kept.lcmlog 2>nobody.err
 check "on a bus without a server it does not move at all" grep -q 'no KNEAD_SCENE for 4 s: is kneadd running' nobody.err
-check "and an older record stays whole" cmp log.lcmlog kept.lcmlog
+check "and an older record stays whole" cmp press.lcmlog kept.lcmlog
 exit $failed
