@@ -28,28 +28,35 @@ check "having said which route it would add" grep -q '239.255.76.67/32 dev lo' r
 check "and changed nothing" [ "$(routes)" = "$before" ]
 
 status=$(git -C "$KN_SOURCE" status --porcelain 2>/dev/null)
-"$KN_SOURCE/server/run" --once --yes </dev/null >press.log 2>&1
-check "with --yes it plays the press and exits 0" [ $? = 0 ]
-row() { grep -qE "^ +$1 +-?[0-9.]+ $2" press.log; }
-check "contact is in the table" row contact s
-check "so is the peak" row peak N
-check "the end of the hold" row 'end of hold' N
-check "and the residual depth" row 'residual depth' mm
+row() { grep -qE "^ +$1 +-?[0-9.]+ $2" "$log"; }
 png() { head -c 8 "$KN_SOURCE/out/$1" | cmp -s - <(printf '\211PNG\r\n\032\n'); }
-check "press.png is a picture" png press.png
-check "dent.png is one" png dent.png
-check "press.csv has a row per ms" [ "$(wc -l <"$KN_SOURCE/out/press.csv")" -gt 5000 ]
-check "the tree is as it was" [ "$(git -C "$KN_SOURCE" status --porcelain 2>/dev/null)" = "$status" ]
-check "the route is gone" [ "$(routes)" = "$before" ]
-check "no packet left the machine" [ "$(left)" = "$sent" ]
+pressed() { # pressed LOG: what a run has told and written
+    log=$1
+    check "contact is in the table" row contact s
+    check "so is the peak" row peak N
+    check "the end of the hold" row 'end of hold' N
+    check "and the residual depth" row 'residual depth' mm
+    check "press.png is a picture" png press.png
+    check "dent.png is one" png dent.png
+    check "press.csv has a row per ms" [ "$(wc -l <"$KN_SOURCE/out/press.csv")" -gt 5000 ]
+    check "the tree is as it was" [ "$(git -C "$KN_SOURCE" status --porcelain 2>/dev/null)" = "$status" ]
+}
+if [ -n "${KN_NIGHT:-}" ]; then
+    "$KN_SOURCE/server/run" --once --yes </dev/null >press.log 2>&1
+    check "with --yes and --once it plays the press and exits 0" [ $? = 0 ]
+    pressed press.log
+    check "the route is gone" [ "$(routes)" = "$before" ]
+    check "no packet left the machine" [ "$(left)" = "$sent" ]
+fi
 
 # Up until Ctrl-C, which leaves nothing behind either.
 set -m # its own process group, as a terminal would give it; a background job would ignore Ctrl-C
 "$KN_SOURCE/server/run" --yes </dev/null >up.log 2>&1 &
 run=$!
 set +m
-for _ in $(seq 300); do grep -q 'Ctrl-C ends it' up.log || sleep 0.2; done
+for _ in $(seq 300); do grep -q 'Ctrl-C ends it' up.log && break; sleep 0.2; done
 check "without --once it serves on" grep -q 'serving a fresh block' up.log
+pressed up.log
 check "on the loopback route" [ "$(ip -4 route get 239.255.76.67 | grep -c 'dev lo')" = 1 ]
 kill -INT -- -$run
 wait $run
@@ -57,6 +64,6 @@ check "Ctrl-C ends it with exit 0" [ $? = 0 ]
 check "having said what it has ended: $(tail -n 1 up.log)" \
     [ "$(tail -n 1 up.log)" = "stopped: the page has ended; kneadd has ended, forces at zero; the route is gone" ]
 check "and takes the route away" [ "$(routes)" = "$before" ]
-check "still no packet left" [ "$(left)" = "$sent" ]
-[ $failed = 0 ] || tail -n 30 press.log up.log
+check "no packet left the machine" [ "$(left)" = "$sent" ]
+[ $failed = 0 ] || tail -n 30 *.log
 exit $failed
