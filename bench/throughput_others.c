@@ -136,7 +136,7 @@ static void list_features(feature f[FEATURES])
     f[CONSTANT].def.material.damper = KN_DAMPER_CONSTANT;
     f[CONSTANT].def.material.c2_pa_s = plain.material.alpha_pa_s;
     f[EXPONENTIAL].name = "+ damper, c2 exponential";
-    f[EXPONENTIAL].def.material = dough();
+    f[EXPONENTIAL].def.material = dough;
     f[STROKE] = f[EXPONENTIAL];
     f[STROKE].name = "  + a stroke for it";
     f[STROKE].over = EXPONENTIAL;

@@ -3,38 +3,21 @@
 // Creep curves of the first paper's dough as core/network.h computes them, with noise: 60 s under a load, 70 s after.
 #include "clients/identify/curve.h"
 #include "core/network.h"
-#include <math.h>
+#include "tests/dice.h"
+#include "tests/dough.h"
 #include <stdlib.h>
 #include <string.h>
 
-#define GF 98.0665 // Pa of 1 gf/cm^2
-
-static const kn_material creeps_dough = {.k1_pa = 470 * GF, .c1_pa_s = 2500 * GF, .damper = KN_DAMPER_EXPONENTIAL,
-                                         .alpha_pa_s = 8.16e4 * GF, .beta_per_pa = 0.0815 / GF, .p0_pa = 9 * GF,
-                                         .p1_pa = 80 * GF};
-
-// The same numbers on every machine.
-static unsigned long long creeps_seed = 20261123;
-
-static double creeps_uniform(void)
-{
-    creeps_seed = creeps_seed * 6364136223846793005ull + 1442695040888963407ull;
-    return ((double)(creeps_seed >> 11) + 0.5) / 9007199254740992.0;
-}
-
-static double creeps_normal(void)
-{
-    return sqrt(-2 * log(creeps_uniform())) * cos(2 * acos(-1.0) * creeps_uniform());
-}
+static uint64_t creeps_seed = 20261123;
 
 // A curve without noise; every_s: between readings. Ended by creeps_free.
 static kn_curve creeps_of(const kn_material *material, double load_gf, double loaded_s, double rest_s, double every_s)
 {
     kn_network net = kn_network_of(material);
     kn_network_state s = {0};
-    kn_drive d = {.kind = KN_DRIVE_LOAD, .value = load_gf * GF};
+    kn_drive d = {.kind = KN_DRIVE_LOAD, .value = load_gf * GF_CM2};
     kn_curve c = {.kind = KN_CURVE_CREEP, .file = "creep.csv", .steps = rest_s > 0 ? 2 : 1,
-                  .step = {{.stress_pa = load_gf * GF}, {.time_s = loaded_s, .early_s = loaded_s, .late_s = loaded_s}},
+                  .step = {{.stress_pa = load_gf * GF_CM2}, {.time_s = loaded_s, .early_s = loaded_s, .late_s = loaded_s}},
                   .height_m = 0.01, .area_m2 = 1e-4};
     size_t count = (size_t)((loaded_s + rest_s) / every_s + 0.5);
     snprintf(c.name, sizeof c.name, "%g gf", load_gf);
@@ -72,7 +55,7 @@ static void creeps_noise(kn_curve *to, const kn_curve *from, double share)
 {
     double most = 0;
     for (int i = 0; i < from->count; i++) most = fmax(most, from->value[i]);
-    for (int i = 0; i < from->count; i++) to->value[i] = from->value[i] + share * most * creeps_normal();
+    for (int i = 0; i < from->count; i++) to->value[i] = from->value[i] + share * most * kn_dice_normal(&creeps_seed);
     to->noise = kn_curve_noise(to->count, to->time_s, to->value);
 }
 

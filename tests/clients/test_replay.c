@@ -3,6 +3,7 @@
 #include "server/replay.h"
 #include "server/store.h"
 #include "tests/check.h"
+#include "tests/dice.h"
 #include "tests/recorder.h"
 #include <sys/stat.h>
 #include <sys/wait.h>
@@ -10,12 +11,7 @@
 
 typedef kn_recorder recorder;
 
-static unsigned long long seed;
-static double uniform(void)
-{
-    seed = seed * 6364136223846793005u + 1442695040888963407u;
-    return (double)(seed >> 11) / 9007199254740992.0;
-}
+static uint64_t seed;
 
 static recorder *record_with(const char *path, const char *set)
 {
@@ -42,7 +38,7 @@ static void record_end(recorder *r)
 
 static void tick(recorder *r)
 {
-    r->late_us = (int64_t)(300 * uniform());
+    r->late_us = (int64_t)(300 * kn_dice(&seed));
     kn_recorder_tick(r);
 }
 
@@ -57,12 +53,12 @@ static void move(recorder *r, int p, double z_m, int ms, double trouble)
         v += fmax(-2e-4, fmin(2e-4, target - v));
         hand->position_m[2] += 1e-3 * v;
         hand->velocity_m_s[2] = v;
-        if (uniform() < trouble) r->in.missed = 1 + (int)(3.0 * uniform());
-        if (uniform() < trouble)
+        if (kn_dice(&seed) < trouble) r->in.missed = 1 + (int)(3.0 * kn_dice(&seed));
+        if (kn_dice(&seed) < trouble)
             hand->seq++; // lost on its way
         else
             kn_recorder_pose(r, p);
-        if (uniform() < trouble) kn_recorder_pose(r, p); // two in one tick: the later one counts
+        if (kn_dice(&seed) < trouble) kn_recorder_pose(r, p); // two in one tick: the later one counts
         tick(r);
     }
 }
@@ -608,7 +604,7 @@ TEST("no byte of a log can hurt: bytes flipped everywhere in its first records a
     int64_t records = 0;
     for (size_t i = 0; i < size; i += 11) { // every one is fuzz_log's affair
         uint8_t was = bytes[i];
-        bytes[i] = (uint8_t)(uniform() * 256.0);
+        bytes[i] = (uint8_t)(kn_dice(&seed) * 256.0);
         f = fopen("bad.lcmlog", "wb");
         fwrite(bytes, 1, size, f);
         fclose(f);

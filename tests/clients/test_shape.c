@@ -18,6 +18,7 @@
 #include "tests/check.h"
 #include "tests/clients/heard.h"
 #include "tests/clients/recorded_press.h"
+#include "tests/dice.h"
 #include <fcntl.h>
 #include <jansson.h>
 #include <sys/wait.h>
@@ -26,17 +27,6 @@
 enum { PIXELS = 320 };
 
 static uint64_t seed = 20261123; // of the blind cases
-
-static double uniform(void) // 0..1
-{
-    seed = seed * 6364136223846793005u + 1442695040888963407u;
-    return (double)(seed >> 11) / 9007199254740992.0;
-}
-
-static double gauss(void)
-{
-    return sqrt(-2 * log(1 - uniform())) * cos(2 * M_PI * uniform());
-}
 
 typedef struct lump { // how something was made and measured
     const char *scene, *structure, *set;
@@ -54,7 +44,7 @@ static void write_force(const kn_press *press, const kn_pressed *pressed, double
     for (int64_t t = 0; t < pressed->ticks; t++) most_n = fmax(most_n, pressed->force_n[t]);
     fputs("time_s,force_n\n", f);
     for (int64_t t = 0; t < pressed->ticks; t += 5)
-        fprintf(f, "%.4f,%.6g\n", press->time_s[t], pressed->force_n[t] + noise * most_n * gauss());
+        fprintf(f, "%.4f,%.6g\n", press->time_s[t], pressed->force_n[t] + noise * most_n * kn_dice_normal(&seed));
     fclose(f);
 }
 
@@ -67,12 +57,12 @@ static void write_image(const kn_surface *s, const float (*rest_m)[3], const flo
     kn_range r = kn_range_frame(PIXELS, PIXELS, s->vertex_count, rest_m, now_m);
     kn_range_draw(&r, now_m, s->triangle_count, (const int(*)[3])s->triangle, level);
     for (int i = 0; i < PIXELS * PIXELS; i++) {
-        const double noisy = level[i] + l->noise * tall_m / r.step_m * gauss();
+        const double noisy = level[i] + l->noise * tall_m / r.step_m * kn_dice_normal(&seed);
         if (level[i] > 0)
             level[i] = (uint16_t)fmin(fmax(round(noisy), 1), 65535);
-        else if (l->lost > 0 && uniform() < l->lost / 20)
+        else if (l->lost > 0 && kn_dice(&seed) < l->lost / 20)
             level[i] = 15000;
-        if (l->lost > 0 && uniform() < l->lost) level[i] = 0;
+        if (l->lost > 0 && kn_dice(&seed) < l->lost) level[i] = 0;
     }
     r.left_m -= l->shift_m[0]; // it says it lies elsewhere
     r.top_m -= l->shift_m[1];
@@ -86,8 +76,8 @@ static void write_points(const kn_surface *s, const float (*now_m)[3])
     must(f, "points.csv cannot be written");
     fputs("x [mm];y [mm];z [mm]\n", f);
     for (int v = 0; v < s->vertex_count; v++)
-        fprintf(f, "%.4f;%.4f;%.4f\n", 1e3 * now_m[v][0] + 0.1 * gauss(), 1e3 * now_m[v][1] + 0.1 * gauss(),
-                1e3 * now_m[v][2] + 0.1 * gauss());
+        fprintf(f, "%.4f;%.4f;%.4f\n", 1e3 * now_m[v][0] + 0.1 * kn_dice_normal(&seed), 1e3 * now_m[v][1] + 0.1 * kn_dice_normal(&seed),
+                1e3 * now_m[v][2] + 0.1 * kn_dice_normal(&seed));
     fclose(f);
 }
 
@@ -201,11 +191,11 @@ static bool blind_case(int number, const blind *b)
 {
     static const char *const names[] = {"diagonals", "pressure", "both"};
     const lump l = {.scene = b->scene,
-                    .structure = names[(int)(3 * uniform())],
+                    .structure = names[(int)(3 * kn_dice(&seed))],
                     .noise = b->noise,
                     .hold = b->hold,
-                    .pressure_pa = 101325 * 0.2 * pow(15, uniform()),
-                    .area_factor = 0.7 * pow(2, uniform())};
+                    .pressure_pa = 101325 * 0.2 * pow(15, kn_dice(&seed)),
+                    .area_factor = 0.7 * pow(2, kn_dice(&seed))};
     measure(&l);
     const int code = COMMAND("found.json", "err", b->scene, "--depth", "depth.png", "--force", "force.csv", "--hold",
                              b->hold, "--json");
@@ -457,7 +447,7 @@ static kn_pull spoilt(const kn_press *press, double from_s, double spike_n, int 
     double *time_s = calloc(READINGS, sizeof *time_s), *force_n = calloc(READINGS, sizeof *force_n);
     for (int i = 0; i < READINGS; i++) {
         const double t = time_s[i] = 2e-3 * i;
-        force_n[i] = 4 * fmin(t, 1) * exp(-fmax(t - 1, 0)) + 0.01 * gauss();
+        force_n[i] = 4 * fmin(t, 1) * exp(-fmax(t - 1, 0)) + 0.01 * kn_dice_normal(&seed);
         if (t >= from_s && spikes-- > 0) force_n[i] = spike_n;
     }
     must(kn_pull_make(&p, press, READINGS, time_s, force_n, error, sizeof error), error);

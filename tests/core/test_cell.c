@@ -1,12 +1,7 @@
 #include "core/cell.h"
 #include "tests/check.h"
+#include "tests/dice.h"
 #include <stdint.h>
-
-static double random_unit(uint64_t *seed)
-{
-    *seed = *seed * 6364136223846793005u + 1442695040888963407u;
-    return (double)(*seed >> 11) / (double)(1ull << 53) * 2 - 1;
-}
 
 static kn_grid grid_of(int nx, int ny, int nz, double thickness_m)
 {
@@ -22,7 +17,7 @@ static double (*crumpled(const kn_grid *g, double by_m, uint64_t seed))[3]
     if (!x) abort();
     for (int i = 0; i < g->nodes; i++) {
         kn_grid_rest(g, i, x[i]);
-        for (int k = 0; k < 3; k++) x[i][k] += g->flat && k == 1 ? 0 : by_m * random_unit(&seed);
+        for (int k = 0; k < 3; k++) x[i][k] += g->flat && k == 1 ? 0 : by_m * kn_dice_in(&seed, -1, 1);
     }
     return x;
 }
@@ -91,7 +86,7 @@ TEST("cells share their faces: however the inside is crumpled, the volumes add u
     uint64_t seed = 3;
     for (int i = 0; i < g.nodes; i++)
         if (kn_grid_share(&g, i) == 1)
-            for (int k = 0; k < 3; k++) x[i][k] += 0.004 * random_unit(&seed);
+            for (int k = 0; k < 3; k++) x[i][k] += 0.004 * kn_dice_in(&seed, -1, 1);
     for (int c = 0; c < count; c++) {
         gather(&cells[c], (const double(*)[3])x, corner);
         sum += kn_cell_volume(&g, (const double(*)[3])corner, gradient);

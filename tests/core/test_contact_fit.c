@@ -4,6 +4,7 @@
 #include "core/contact_fit.h"
 #include "core/mobility.h"
 #include "tests/check.h"
+#include "tests/dice.h"
 #include <stdbool.h>
 
 // The units that are identified in the real lattice, against what the real lattice does next.
@@ -68,9 +69,7 @@ static void rig_free(rig *r)
 
 static bool lose(rig *r, int way)
 {
-    r->random = r->random * 6364136223846793005u + 1442695040888963407u;
-    double chance = (double)(r->random >> 11) / 9007199254740992.0;
-    return r->lost[way] = chance < (r->lost[way] ? 2.0 / 3.0 : r->loss / (1 - r->loss) / 3.0);
+    return r->lost[way] = kn_dice(&r->random) < (r->lost[way] ? 2.0 / 3.0 : r->loss / (1 - r->loss) / 3.0);
 }
 
 // The server's tick, and the client's with the unit of LAG ms before: what it renders now.

@@ -2,6 +2,7 @@
 #include "clients/knead/buzz.h"
 #include "core/contact_model.h"
 #include "tests/check.h"
+#include "tests/dice.h"
 
 // A server and a client in simulated time: the server holds one three-element unit under a surface and a proxy in its
 // solve; poses go to it and answers come back through a link with delay, jitter and loss. The server's arithmetic is
@@ -109,16 +110,10 @@ typedef struct link { // one way; bursts of loss of three on the average
     struct { int at; kn_contact_unit unit; double x[3], v[3]; } item[QUEUE];
 } link;
 
-static double chance(link *l)
-{
-    l->random = l->random * 6364136223846793005u + 1442695040888963407u;
-    return (double)(l->random >> 11) / 9007199254740992.0;
-}
-
 static void put(link *l, int now, const kn_contact_unit *unit, const double x[3], const double v[3], bool down)
 {
-    l->bad = chance(l) < (l->bad ? 2.0 / 3.0 : l->loss / (1 - l->loss) / 3.0);
-    double late = chance(l);
+    l->bad = kn_dice(&l->random) < (l->bad ? 2.0 / 3.0 : l->loss / (1 - l->loss) / 3.0);
+    double late = kn_dice(&l->random);
     if (l->bad || down || l->count == QUEUE) return;
     l->item[l->count].at = now + l->delay_ms + (int)(late * (l->jitter_ms + 0.999));
     l->item[l->count].unit = *unit;

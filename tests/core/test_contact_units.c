@@ -3,6 +3,7 @@
 #include "core/contact_fit.h"
 #include "core/shape.h"
 #include "tests/check.h"
+#include "tests/dice.h"
 #include <stdbool.h>
 #include <stdlib.h>
 
@@ -92,9 +93,7 @@ static void rig_free(rig *r)
 
 static bool lose(rig *r, int way)
 {
-    r->random = r->random * 6364136223846793005u + 1442695040888963407u;
-    double chance = (double)(r->random >> 11) / 9007199254740992.0;
-    return r->lost[way] = chance < (r->lost[way] ? 2.0 / 3.0 : r->loss / (1 - r->loss) / 3.0);
+    return r->lost[way] = kn_dice(&r->random) < (r->lost[way] ? 2.0 / 3.0 : r->loss / (1 - r->loss) / 3.0);
 }
 
 static void serve(const rig *r, side *s)

@@ -39,7 +39,7 @@ static const press paced = {.depth_m = 0.004, .hold_s = 1, .pace = 1};
 
 TEST("a press of every material, with the fast settings: no window gives more than it got")
 {
-    const kn_material materials[] = {dough(), jelly(), clay()};
+    const kn_material materials[] = {dough, jelly(), clay()};
     for (int m = 0; m < 3; m++)
         for (int gas = 0; gas < 2; gas++) {
             kn_model_def def = press_def(1);
@@ -59,7 +59,7 @@ TEST("so it is with balls, rough and sticky ones, coupled ones, and on a table")
 {
     for (int c = 0; c < 5; c++) {
         kn_model_def def = ball_def(1);
-        def.material = c == 4 ? jelly() : dough();
+        def.material = c == 4 ? jelly() : dough;
         if (c >= 1) def.probe[0].friction = 0.8, def.probe[0].adhesion_pa = 500;
         if (c >= 2) def.probe[0].coupling_n_m = 600, def.probe[0].coupling_n_s_m = 1.5;
         if (c >= 3) def.support = KN_SUPPORT_FRICTION, def.support_friction = 0.4, def.gravity_m_s2 = 9.81;

@@ -6,12 +6,7 @@
 
 #include <time.h>
 #include "tests/core/surface_of.h"
-
-static double random_in(uint64_t *seed, double low, double high)
-{
-    *seed = *seed * 6364136223846793005u + 1442695040888963407u;
-    return low + (high - low) * (double)(*seed >> 11) * 0x1p-53;
-}
+#include "tests/dice.h"
 
 static kn_shape of(kn_solid part)
 {
@@ -35,7 +30,7 @@ static error compare(const kn_field *f, const kn_shape *exact)
         bool within = i % 4 > 0;
         for (int k = 0; k < 3; k++) {
             double size = f->box_m[1][k] - f->box_m[0][k], more = within ? f->cell_m : 2 * size;
-            p[k] = random_in(&seed, f->box_m[0][k] - more, f->box_m[1][k] + more);
+            p[k] = kn_dice_in(&seed, f->box_m[0][k] - more, f->box_m[1][k] + more);
         }
         double d = kn_shape_distance(exact, p, way), off = kn_field_distance(f, p, own) - d;
         if (within) e.anywhere = fmax(e.anywhere, fabs(off) / f->cell_m);
@@ -104,7 +99,7 @@ TEST("value and gradient go on smoothly from cell to cell, and from the grid to 
     uint64_t seed = 3;
     for (int i = 0; i < 20000; i++) {
         double p[3], q[3], a[3], b[3];
-        for (int k = 0; k < 3; k++) p[k] = q[k] = random_in(&seed, f->box_m[0][k] - 0.001, f->box_m[1][k] + 0.001);
+        for (int k = 0; k < 3; k++) p[k] = q[k] = kn_dice_in(&seed, f->box_m[0][k] - 0.001, f->box_m[1][k] + 0.001);
         int k = i % 3, line = 1 + (int)((p[k] - f->low_m[k]) / f->cell_m); // across a border of cells
         double border = f->low_m[k] + (line - 0.5) * f->cell_m;
         p[k] = border - 1e-9, q[k] = border + 1e-9;

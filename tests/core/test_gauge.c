@@ -126,7 +126,7 @@ static const press paced = {.depth_m = 0.004, .hold_s = 2, .pace = 1};
 TEST("held dough: its stress fades while what will stay grows; lifted, that has stayed")
 {
     kn_model_def def = press_def(1);
-    def.material = dough();
+    def.material = dough;
     marks pressed = after(&def, &paced, 0.4), held = after(&def, &paced, 2.3), lifted = after(&def, &paced, 6);
     printf("     pressed %.0f Pa, %.3f; held %.0f Pa, %.3f; lifted %.0f Pa, %.3f\n", pressed.stress_pa,
            pressed.residual, held.stress_pa, held.residual, lifted.stress_pa, lifted.residual);
@@ -151,7 +151,7 @@ TEST("jelly keeps nothing, clay all")
 TEST("every solver says the same of the same press")
 {
     kn_model_def def = press_def(1);
-    def.material = dough();
+    def.material = dough;
     marks implicit = after(&def, &paced, 1);
     def.solver.kind = KN_SOLVER_FIXED;
     def.solver.precision = KN_PRECISION_F64;

@@ -1,15 +1,6 @@
 #include "core/law.h"
 #include "tests/check.h"
-
-#define GF_CM2 98.0665 // Pa; in the lab's units a modulus in gf/cm^3 acts over 1 cm, so it is gf/cm^2 per unit strain
-
-static const kn_material dough = {.k1_pa = 470 * GF_CM2,
-                                  .c1_pa_s = 2500 * GF_CM2,
-                                  .damper = KN_DAMPER_EXPONENTIAL,
-                                  .alpha_pa_s = 8.16e4 * GF_CM2,
-                                  .beta_per_pa = 0.0815 / GF_CM2,
-                                  .p0_pa = 9 * GF_CM2,
-                                  .p1_pa = 80 * GF_CM2};
+#include "tests/dough.h"
 
 // The oracle: s + A s/c2(s) = b by bisection on [0, |b|] until the interval is two neighbouring doubles. Shares nothing
 // with the law but the damper's formula, written out here once more.

@@ -1,15 +1,6 @@
 #include "core/material.h"
 #include "tests/check.h"
-
-#define GF_CM2 98.0665 // Pa
-
-static const kn_material dough = {.k1_pa = 470 * GF_CM2,
-                                  .c1_pa_s = 2500 * GF_CM2,
-                                  .damper = KN_DAMPER_EXPONENTIAL,
-                                  .alpha_pa_s = 8.16e4 * GF_CM2,
-                                  .beta_per_pa = 0.0815 / GF_CM2,
-                                  .p0_pa = 9 * GF_CM2,
-                                  .p1_pa = 80 * GF_CM2};
+#include "tests/dough.h"
 
 TEST("the identified dough's damper falls from 39 190 to 120 gf s/cm^3, through 8 330 at 28 gf/cm^2 and 1 387 at 50")
 {

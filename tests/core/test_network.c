@@ -198,7 +198,7 @@ typedef struct creep {
 
 static creep dough_creep(double load_gf, double rest_s)
 {
-    kn_material mat = dough();
+    kn_material mat = dough;
     kn_network net = kn_network_of(&mat);
     kn_network_state state = {0};
     kn_drive load = {KN_DRIVE_LOAD, .value = load_gf * GF_CM2}, rest = {.kind = KN_DRIVE_STRESS};
@@ -245,7 +245,7 @@ static double e1(double x) // exponential integral by its series, good for x < 1
 
 TEST("held at one length dough relaxes from 55 to 28.57 gf/cm^2 in 20.0 s, in closed form with c1")
 {
-    kn_material m = dough();
+    kn_material m = dough;
     kn_network net = kn_network_of(&m);
     double high = 55 * GF_CM2, beta = m.beta_per_pa;
     double at_rest = high + m.c1_pa_s * kn_material_flow(&m, high); // k1 x where the two rates cancel
@@ -265,7 +265,7 @@ TEST("held at one length dough relaxes from 55 to 28.57 gf/cm^2 in 20.0 s, in cl
 
 TEST("a damper alone of any force dependence carries the one stress at which it flows as fast as it is pressed")
 {
-    kn_material m = dough();
+    kn_material m = dough;
     kn_network net = network("d", (const double[]){1});
     net.part[0] = (kn_part){.modulus = m.alpha_pa_s, .beta_per_pa = m.beta_per_pa, .p0_pa = m.p0_pa, .p1_pa = m.p1_pa};
     for (double stress = 1; stress < 200; stress += 1) { // across both kinks, from a specimen at rest every time
@@ -280,7 +280,7 @@ TEST("a damper alone of any force dependence carries the one stress at which it 
 
 TEST("a material is the element (s|d)-d less what it lacks, and those elements are materials again")
 {
-    kn_material m = dough(), back;
+    kn_material m = dough, back;
     for (int i = 1; i < 16; i++) {
         kn_material some = m;
         if (!(i & 1)) some.k1_pa = 0;

@@ -1,5 +1,6 @@
 #include "core/safety.h"
 #include "tests/check.h"
+#include "tests/dice.h"
 
 typedef struct rig { // a probe in the hands of a test: one call is one tick
     kn_safety s;
@@ -343,12 +344,7 @@ TEST("a force scale divides what the hand is given before the guard and the clam
     CHECK(r.s.fault == KN_FAULT_NONFINITE && isfinite(r.out_n[2]));
 }
 
-static unsigned long long seed = 1;
-static double uniform(void) // [0, 1)
-{
-    seed = seed * 6364136223846793005u + 1442695040888963407u;
-    return (double)(seed >> 11) / 9007199254740992.0;
-}
+static uint64_t seed = 1;
 
 static bool braked(const kn_safety *s) { return length(s->brake_n) != 0.0; }
 
@@ -356,20 +352,20 @@ static bool braked(const kn_safety *s) { return length(s->brake_n) != 0.0; }
 static void random_tick(rig *r, int *burst)
 {
     if (*burst > 0) (*burst)--;
-    else if (uniform() < 0.003) *burst = (int)(uniform() * uniform() * 60.0);
+    else if (kn_dice(&seed) < 0.003) *burst = (int)(kn_dice(&seed) * kn_dice(&seed) * 60.0);
     r->in.fresh = *burst == 0;
-    r->in.clear = uniform() < 0.5;
-    r->in.elapsed_ms = uniform() < 0.001 ? 1 + (int)(uniform() * 30.0) : 1;
-    r->in.reset = uniform() < 0.0005;
-    r->in.recover = uniform() < 0.01;
-    r->in.opened = r->in.fresh && uniform() < 0.0002;
-    double walk = uniform() < 0.0002 ? 20.0 : 0.5, pull = 0.999;
+    r->in.clear = kn_dice(&seed) < 0.5;
+    r->in.elapsed_ms = kn_dice(&seed) < 0.001 ? 1 + (int)(kn_dice(&seed) * 30.0) : 1;
+    r->in.reset = kn_dice(&seed) < 0.0005;
+    r->in.recover = kn_dice(&seed) < 0.01;
+    r->in.opened = r->in.fresh && kn_dice(&seed) < 0.0002;
+    double walk = kn_dice(&seed) < 0.0002 ? 20.0 : 0.5, pull = 0.999;
     for (int i = 0; i < 3; i++) {
         if (!isfinite(r->contact_n[i])) r->contact_n[i] = 0.0;
-        r->contact_n[i] = pull * r->contact_n[i] + walk * (2.0 * uniform() - 1.0);
-        r->in.velocity_m_s[i] = 0.998 * r->in.velocity_m_s[i] + 0.04 * (2.0 * uniform() - 1.0);
+        r->contact_n[i] = pull * r->contact_n[i] + walk * (2.0 * kn_dice(&seed) - 1.0);
+        r->in.velocity_m_s[i] = 0.998 * r->in.velocity_m_s[i] + 0.04 * (2.0 * kn_dice(&seed) - 1.0);
     }
-    if (uniform() < 0.0001) r->contact_n[1] = uniform() < 0.5 ? (double)NAN : 1e300;
+    if (kn_dice(&seed) < 0.0001) r->contact_n[1] = kn_dice(&seed) < 0.5 ? (double)NAN : 1e300;
 }
 
 // Property, over a million ticks: the clamp, the deadline and the slope hold whatever happens.

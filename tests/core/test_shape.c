@@ -1,6 +1,7 @@
 #include "core/shape.h"
 #include "core/vec.h"
 #include "tests/check.h"
+#include "tests/dice.h"
 
 #include <stdint.h>
 
@@ -35,15 +36,9 @@ static double at(const kn_shape *shape, double x, double y, double z)
     return kn_shape_distance(shape, (double[]){x, y, z}, way);
 }
 
-static double random_in(uint64_t *seed, double low, double high)
-{
-    *seed = *seed * 6364136223846793005u + 1442695040888963407u;
-    return low + (high - low) * (double)(*seed >> 11) * 0x1p-53;
-}
-
 static void somewhere(uint64_t *seed, double half, double out[3])
 {
-    for (int k = 0; k < 3; k++) out[k] = random_in(seed, -half, half);
+    for (int k = 0; k < 3; k++) out[k] = kn_dice_in(seed, -half, half);
 }
 
 TEST("a ball, a finger: distance to a point, and to an axis")

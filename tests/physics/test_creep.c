@@ -93,7 +93,7 @@ typedef struct creep {
 // 60 s under a load of so many gram-force, then `rest_s` without, on the bar.
 static creep bar_creep(double load_gf, kn_precision precision, double dt_s, double rest_s)
 {
-    kn_model_def def = bar_def(dough(), precision);
+    kn_model_def def = bar_def(dough, precision);
     def.solver.dt_s = dt_s;
     kn_model *model = build(&def);
     kn_state *state = kn_state_create(model);
@@ -114,7 +114,7 @@ static creep bar_creep(double load_gf, kn_precision precision, double dt_s, doub
 
 static creep oracle_creep(double load_gf, double rest_s)
 {
-    element e = {.m = dough(), .load_pa = load_gf * GF_CM2, .area_grows = true};
+    element e = {.m = dough, .load_pa = load_gf * GF_CM2, .area_grows = true};
     oracle_advance(&e, 60);
     double y[2] = {e.voigt, e.damper};
     creep c = {.stress_pa = oracle_stress(&e, y), .height_m = 0.01 * oracle_height(y)};

@@ -192,7 +192,7 @@ TEST("with the fast settings (f32, blend, one pass) no more than 1e-3 of the wor
 
 TEST("while the hand is still, stored energy falls and the force relaxes, at every step, in all three materials")
 {
-    kn_material materials[3] = {dough(), jelly(), clay()};
+    kn_material materials[3] = {dough, jelly(), clay()};
     for (int m = 0; m < 3; m++) {
         kn_model_def def = converged(press_def(1));
         def.material = materials[m];
@@ -224,7 +224,7 @@ TEST("while the hand is still, stored energy falls and the force relaxes, at eve
 
 TEST("the plate pushes and never pulls: it lets go in tension while it is lifted, at every precision and material")
 {
-    kn_material materials[3] = {dough(), jelly(), clay()};
+    kn_material materials[3] = {dough, jelly(), clay()};
     for (int t = 0; t < 6; t++) {
         kn_model_def def = press_def(1);
         def.material = materials[t / 2];

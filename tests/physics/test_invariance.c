@@ -1,5 +1,6 @@
 // What must not matter: the direction of the axes, the place, the side of a mirror, the order of memory.
 #include "tests/check.h"
+#include "tests/dice.h"
 #include "tests/physics/press.h"
 
 TEST("a press on a block turned by a quarter about z gives the same force, although memory runs along another axis")
@@ -98,12 +99,6 @@ TEST("a press in the middle leaves a dent that is its own mirror image")
     }
 }
 
-static double random_unit(uint64_t *seed)
-{
-    *seed = *seed * 6364136223846793005u + 1442695040888963407u;
-    return (double)(*seed >> 11) / (double)(1ull << 53) * 2 - 1;
-}
-
 static size_t component(const kn_model *model, int node, int k)
 {
     return kn_grid_offset(&model->grid, node) + (size_t)k * kn_grid_stride(&model->grid);
@@ -137,7 +132,7 @@ TEST("internal forces add up to nothing: a free body thrown about keeps its mome
     kn_state *state = kn_state_create(model);
     uint64_t seed = 7;
     for (int i = 0; i < model->grid.nodes; i++)
-        for (int k = 0; k < 3; k++) ((double *)state->velocity)[component(model, i, k)] = 0.05 * random_unit(&seed);
+        for (int k = 0; k < 3; k++) ((double *)state->velocity)[component(model, i, k)] = 0.05 * kn_dice_in(&seed, -1, 1);
     double p0[3], l0[3], p1[3], l1[3], size, ignored;
     momentum(model, state, p0, l0, &size);
     kn_input in = {0};

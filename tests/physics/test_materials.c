@@ -55,7 +55,7 @@ TEST("clay keeps all: more than 99.9 % of the depth is left")
 TEST("dough keeps a dent and gives a part back")
 {
     for (int p = 0; p < 2; p++) {
-        dents[p][1] = press_and_rest(dough(), (kn_precision)p);
+        dents[p][1] = press_and_rest(dough, (kn_precision)p);
         double left = dents[p][1].left_m / dents[p][1].pressed_m;
         printf("     %s: of 1 cm jelly keeps %.4f cm, dough %.4f cm, clay %.4f cm\n", p ? "f64" : "f32",
                100 * dents[p][0].left_m, 100 * dents[p][1].left_m, 100 * dents[p][2].left_m);

@@ -110,9 +110,9 @@ TEST("under a ball of two cells' radius it is as good on jelly, and on dough sti
     jelly.material = (kn_material){.k1_pa = 4.7e4, .c1_pa_s = 100, .damper = KN_DAMPER_NONE};
     slide spline = slide_on(jelly, KN_SKIN_SPLINE, "jelly, r = 2h");
     slide flat = slide_on(jelly, KN_SKIN_BILINEAR, "jelly, r = 2h");
-    slide dough = slide_on(def, KN_SKIN_BILINEAR, "dough, r = 2h");
+    slide flowing = slide_on(def, KN_SKIN_BILINEAR, "dough, r = 2h");
     CHECK(flat.ripple < 1.1 * spline.ripple && flat.jump < 1.4 * spline.jump);
-    CHECK(dough.jump <= 0.005 && dough.buzz <= 0.007 && dough.ripple <= 0.05);
+    CHECK(flowing.jump <= 0.005 && flowing.buzz <= 0.007 && flowing.ripple <= 0.05);
 }
 
 TEST("what the ball feels points away from the object, and is nothing in the air")

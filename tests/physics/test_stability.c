@@ -37,7 +37,7 @@ TEST("k1, c1 and alpha of the dough times 1e-4 to 1e4, f32 and f64: a press stay
 
 TEST("the same through c1 = 0, k1 = 0, a rigid and a nearly fluid damper, with a ball")
 {
-    kn_material m[5] = {dough(), dough(), jelly(), clay(), dough()};
+    kn_material m[5] = {dough, dough, jelly(), clay(), dough};
     m[0].c1_pa_s = 0;
     m[1].k1_pa = 0;
     m[2].c1_pa_s = 0;

@@ -191,7 +191,7 @@ static double kernel_error(const kn_material *mat, kn_precision precision, kn_is
 // In f32 a stop may be met one step sooner or later, in which the force is neither.
 TEST("every kernel gives the referee's force: to 1e-9 in f64, to 1e-4 in f32 but for the steps in which a stop is met")
 {
-    kn_material flowing = dough();
+    kn_material flowing = dough;
     flowing.ratio = 0.9;
     flowing.stroke[0] = 0.5;
     flowing.stroke[1] = 0.95;

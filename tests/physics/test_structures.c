@@ -1,5 +1,6 @@
 // The first paper's structures: diagonals, and gas in the cells or in the object, in a block and in a flat object.
 #include "tests/check.h"
+#include "tests/dice.h"
 #include "tests/physics/press.h"
 
 static const double level[4] = {1, 0, 0, 0};
@@ -207,12 +208,6 @@ NIGHT_TEST("with gas the implicit step agrees with explicit Runge-Kutta within 1
 
 // --- what must not matter -------------------------------------------------------------------------------------------
 
-static double random_unit(uint64_t *seed)
-{
-    *seed = *seed * 6364136223846793005u + 1442695040888963407u;
-    return (double)(*seed >> 11) / (double)(1ull << 53) * 2 - 1;
-}
-
 static double *component(const kn_model *m, void *field, int node, int k)
 {
     return (double *)field + m->offset[node] + (size_t)k * m->stride;
@@ -240,7 +235,7 @@ TEST("gas pushes nothing away: a free body thrown about keeps its momentum to 1e
         double before[3] = {0}, after[3] = {0}, size = 0;
         for (int i = 0; i < m->node_count; i++)
             for (int k = 0; k < 3; k++) {
-                double v = *component(m, state->velocity, i, k) = 0.2 * random_unit(&seed);
+                double v = *component(m, state->velocity, i, k) = 0.2 * kn_dice_in(&seed, -1, 1);
                 before[k] += m->node_mass_kg[i] * v;
                 size += m->node_mass_kg[i] * fabs(v);
             }
@@ -275,7 +270,7 @@ TEST("a block with gas that is turned by a general rotation moves as it would ha
         uint64_t seed = 11;
         for (int i = 0; i < m->node_count; i++) {
             double v[3], turned[3], place[3];
-            for (int k = 0; k < 3; k++) v[k] = 0.1 * random_unit(&seed);
+            for (int k = 0; k < 3; k++) v[k] = 0.1 * kn_dice_in(&seed, -1, 1);
             rotate(v, turned);
             rotate(m->rest_m[i], place);
             for (int k = 0; k < 3; k++) {

@@ -403,7 +403,7 @@ TEST("smooth fingers let it lie, unless they grip; what is more than the grip be
 TEST("a stiff tool thrown at a thin block at 1 m/s does not come out on the other side")
 {
     static const char *const names[3] = {"dough", "jelly", "clay"};
-    kn_material materials[3] = {dough(), jelly(), clay()};
+    kn_material materials[3] = {dough, jelly(), clay()};
     for (int i = 0; i < 6; i++) {
         kn_probe_def tool = ball(0.3);
         tool.coupling_n_m = 2000, tool.coupling_n_s_m = 4;

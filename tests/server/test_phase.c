@@ -1,5 +1,6 @@
 #include "server/phase.h"
 #include "tests/check.h"
+#include "tests/dice.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,12 +26,6 @@ typedef struct rig {
     int probes;
     sender sender[2];
 } rig;
-
-static double chance(rig *r) // 0 .. 1, reproducible
-{
-    r->random = r->random * UINT64_C(6364136223846793005) + UINT64_C(1442695040888963407);
-    return (double)(r->random >> 11) / 9007199254740992.0;
-}
 
 static void start(rig *r)
 {
@@ -61,10 +56,10 @@ static kn_arrival arrival(rig *r, sender *s, double now_ns)
 {
     int64_t seq = s->seq;
     while (s->session != 0 && s->next_ns + s->late_ns <= now_ns) {
-        bool drop = s->loss > 0 && chance(r) < s->loss;
+        bool drop = s->loss > 0 && kn_dice(&r->random) < s->loss;
         if (!drop) s->earlier_ns = s->arrived_ns;
         if (!drop) s->arrived_ns = (int64_t)(s->next_ns + s->late_ns);
-        s->late_ns = s->jitter_ns * pow(chance(r), 6); // half of them within 2 % of it, 1 in 16 beyond two thirds
+        s->late_ns = s->jitter_ns * pow(kn_dice(&r->random), 6); // half of them within 2 % of it, 1 in 16 beyond two thirds
         s->next_ns += s->period_ns;
         s->seq += !drop;
         s->dropped += drop;
@@ -82,7 +77,7 @@ static void run(rig *r, int ticks)
         r->sender[p].dropped = r->sender[p].lost = r->sender[p].repeated = r->sender[p].waits = r->sender[p].waited_ns = 0;
     for (int n = 0; n < ticks; n++, r->ticks++) {
         int64_t due_ns = r->clock.start_ns + (r->clock.tick + 1) * MS, tick = r->clock.tick;
-        int64_t now_ns = due_ns + (int64_t)(5e3 + 25e3 * chance(r));
+        int64_t now_ns = due_ns + (int64_t)(5e3 + 25e3 * kn_dice(&r->random));
         kn_wake wake = kn_clock_wake(&r->clock, due_ns - 500 * US, now_ns);
         CHECK(wake.tick == tick + 1 && wake.missed == 0);
         if (r->ticks > 0) {

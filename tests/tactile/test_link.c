@@ -2,6 +2,7 @@
 // model, on a bad link, behind a delay, in a kill and under a freeze: in virtual time.
 #include "clients/knead/profile.h"
 #include "tests/check.h"
+#include "tests/dice.h"
 #include "tests/rig.h"
 #include <fcntl.h>
 #include <unistd.h>
@@ -21,8 +22,7 @@ static struct {
 
 static int throw(int from, int to) // ms
 {
-    p.dice = p.dice * 6364136223846793005u + 1442695040888963407u;
-    return from + (int)((p.dice >> 33) % (uint64_t)(to - from));
+    return (int)kn_dice_in(&p.dice, from, to);
 }
 
 static int times(const char *name, int of_one, int usual) // the usual, or as many as the environment asks for

@@ -1,0 +1,15 @@
+#ifndef KN_TESTS_DOUGH_H
+#define KN_TESTS_DOUGH_H
+#include "core/material.h"
+
+#define GF_CM2 98.0665 // Pa. The papers' gf/cm^3 act over the 1 cm cube they were measured on: gf/cm^2 per unit strain
+
+static const kn_material dough = {.k1_pa = 470 * GF_CM2,
+                                  .c1_pa_s = 2500 * GF_CM2,
+                                  .damper = KN_DAMPER_EXPONENTIAL,
+                                  .alpha_pa_s = 8.16e4 * GF_CM2,
+                                  .beta_per_pa = 0.0815 / GF_CM2,
+                                  .p0_pa = 9 * GF_CM2,
+                                  .p1_pa = 80 * GF_CM2};
+
+#endif
