@@ -315,7 +315,10 @@ TEST("a name that leads to another line by now is looked up again, once the one 
     unlink(name_of_link);
     CHECK(kn_device_identify(d, after_ms(5000)) == KN_LINK_GONE && kn_device_loss(d) == KN_LOSS_REMOVED);
     s = start_on(false, NULL, "1");
-    CHECK(kn_device_identify(d, after_ms(5000)) == KN_LINK_OK);
+    kn_link_status status = KN_LINK_GONE; // where its answer is late, it is asked again
+    for (int64_t until = after_ms(5000); status != KN_LINK_OK && kn_now_ns() < until; usleep(1000))
+        status = kn_device_identify(d, after_ms(500));
+    CHECK(status == KN_LINK_OK);
     kn_device_close(d);
     stop(&s, SIGTERM, line);
     close(nobody);
@@ -387,7 +390,7 @@ TEST("a load that was broken off is no state to resume, though all that its chec
 {
     char line[256];
     sim s = start_on(false, NULL, "1");
-    kn_device *d = open_patient(&s, 20);
+    kn_device *d = open_patient(&s, 100);
     rig *r = make(NODES, EDGES, 5);
     uint64_t seed = 3;
     int broken_off = 0;
@@ -455,7 +458,7 @@ TEST("nothing is allocated but by open")
         char line[256];
         kn_device_result result;
         sim s = start_on(bar, bar ? "hang=0.02" : "drop=0.02,flip=0.02", "1");
-        kn_device *d = open_patient(&s, 1.6);
+        kn_device *d = open_patient(&s, 5);
         rig *r = make(NODES, EDGES, 5);
         uint64_t seed = 9;
         uint32_t crc;
