@@ -25,7 +25,7 @@ record_same() {
 record_judge() {
     local since age
     [ "$(record_commit HEAD)" != unknown ] || { echo "$record: no git here, so its age is unknown" && return 0; }
-    [ -f $record ] || { echo "$record: there is none yet: run 'tests/run --all' and commit it" && return 0; }
+    [ -f $record ] || { echo "$record: there is none: run 'tests/run --all' and commit it" && return 1; }
     since=$(record_commit "$(record_value commit)")
     [ "$since" != unknown ] || since=$(git rev-list -1 HEAD -- $record) # the history was written anew
     age=$(git rev-list --count "$since..HEAD")
