@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Every bad scene, by knead check and by kneadd --scene: one line on stderr, file:line:col, nothing on stdout, exit 2,
 # within a second of processor time and 256 MB, and no file is made.
+# gate in release: many runs of programs that start slowly with the sanitizers; fuzz.scene looks into the parser
 set -u
 failed=0 count=0 every=1 kneadd_every=8 # of the scenes; kneadd reads them by the same parser
 mkdir here files files/folder

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # knead check: the scenes we ship are good and described; every bad file gives its one line, file:line:col, and exit 2.
-# gate in checked: what it looks for are crashes on bad input
+# gate in release: many runs of programs that start slowly with the sanitizers
 set -u
 failed=0
 fail() { echo "FAIL $1"; failed=1; }

@@ -1,6 +1,6 @@
 #!/bin/sh
 # The command line of `knead`: help for newcomers, one line for every mistake, the exit codes that are promised.
-# gate in checked: what it looks for are crashes on bad input
+# gate in release: many runs of programs that start slowly with the sanitizers
 set -u
 failures=0
 fail() { echo "FAIL $*"; failures=$((failures + 1)); }

@@ -2,7 +2,7 @@
 // draw other pixels along an outline; what is missing, mirrored or of another colour is told, and the mutations below
 // prove it.
 //
-//     KN_PICTURES=write build/release/tests/test_clients_pictures       draws the references anew: look at them
+//     KN_PICTURES=write tests/one clients.pictures       draws the references anew: look at them
 //
 // A pixel is wrong when nothing like it is within one pixel in the other picture. Equal are two pictures with less than
 // WRONG_SHARE of such pixels, either way, and less than APART on the mean of what is left when both are blurred.

@@ -238,7 +238,7 @@ static loop close_loop(bool jelly, bool far, gesture what)
     return l;
 }
 
-TEST("30 ms away from the lattice, a fifth of all lost: 2 points more error than at it, no more buzz or energy")
+NIGHT_TEST("30 ms away from the lattice, a fifth of all lost: 2 points more error than at it, no more buzz or energy")
 {
     for (int jelly = 0; jelly < 2; jelly++)
         for (int what = PRESS; what <= SLIDE; what++) {

@@ -163,7 +163,7 @@ TEST("every solver says the same of the same press")
     CHECK_NEAR(fixed.residual, implicit.residual, 0.05 * implicit.residual);
 }
 
-TEST("at the stops of its dampers, too: what stays ends there, and Runge-Kutta's stress is the implicit step's")
+NIGHT_TEST("at the stops of its dampers, too: what stays ends there, and Runge-Kutta's stress is the implicit step's")
 {
     const press p = {.depth_m = 0.001, .hold_s = 1};
     kn_model_def def = press_def(1);

@@ -85,7 +85,7 @@ TEST("a state that was written, read and stepped has the bits of the one that we
         uint8_t *bytes = malloc(room), *again = malloc(room);
         kn_state *straight = kn_state_create(o.model), *read = kn_state_create(o.model), *kept = kn_state_keep(o.model);
         int contacts = 0, anchors = 0;
-        for (int at = 0; at < 300; at += KN_LENGTH(120, 60, 60)) { // before, on the way down, holding, on the way up, after
+        for (int at = 0; at < 300; at += KN_LENGTH(150, 60, 60)) { // before, on the way down, holding, on the way up, after
             while (straight->tick < at) step(&o, &kinds[i], straight);
             for (int p = 0; p < KN_PROBES_MAX; p++) contacts += straight->probe[p].contacts;
             anchors += straight->anchor_count;

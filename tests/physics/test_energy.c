@@ -162,7 +162,7 @@ TEST("the work of the plate is stored or dissipated: 5e-4 is missing at 1 ms, ha
     CHECK_NEAR(whole / half, 2, 0.2);
 }
 
-TEST("with gas in the cells nothing is created either, and 5e-4 is missing of a press at 5 mm/s, half of it at half the step")
+NIGHT_TEST("with gas in the cells nothing is created either, and 5e-4 is missing of a press at 5 mm/s, half of it at half the step")
 {
     const press slow = {.depth_m = 0.0055, .hold_s = 0.1, .pace = 0.5};
     kn_model_def def = converged(press_def(1));

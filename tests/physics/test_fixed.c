@@ -49,7 +49,7 @@ TEST("dough under a plate")
     compare("144 nodes", press_def(1), 0.01, hold ? atof(hold) : 2, 0.005, 0.005);
 }
 
-TEST("dough under a plate, of more nodes than so few iterations reach across")
+NIGHT_TEST("dough under a plate, of more nodes than so few iterations reach across")
 {
     compare("847 nodes", press_def(2), 0.003, 0.2, 0.02, 0.02);
 }

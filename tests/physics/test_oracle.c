@@ -22,7 +22,7 @@ static void compare(kn_model_def implicit, const press *p, double seconds, doubl
     run_free(&fast);
 }
 
-TEST("under a plate the force and the dent of the implicit step agree with Runge-Kutta within 1 %")
+NIGHT_TEST("under a plate the force and the dent of the implicit step agree with Runge-Kutta within 1 %")
 {
     press p = {.depth_m = 0.001, .hold_s = 0.05}; // down, held, lifted off
     compare(press_def(1), &p, 0.225, 0.01);
