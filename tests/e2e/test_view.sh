@@ -88,7 +88,8 @@ declare -A top=([stress]='1 kPa' [residual]=0.1)
 for what in stress residual; do
     expect "$what at rest" 0 '^$' knead view --png rest-$what.png --color $what --top "${top[$what]}" --plain --size 320x180 --wait 20
 done
-$ahead knead probe --path press --hold '0.2 s' --quiet >hand.out 2>&1 &
+printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.5,0,0,0.045 1.5,0,0,0.035 2,0,0,0.06 >path.csv
+$ahead knead probe --path path.csv --quiet >hand.out 2>&1 &
 hand=$!
 if night; then
     for what in stress residual; do
