@@ -136,7 +136,7 @@ static bool of_the_run(void *replay, const kn_saved *saved)
 {
     const kn_replay *r = replay;
     const reading *v = r->private;
-    if (saved->text_hash != r->scene->text_hash || saved->tick < v->found.first_tick - 1 ||
+    if (saved->text_hash != r->scene->text_hash || saved->tick < v->found.before_tick ||
         saved->tick >= v->found.last_tick)
         return false;
     // ticks follow the poses by two in a thousand, and the logger's clock is set now and then
@@ -224,7 +224,7 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
     }
     if (wanted && !restores && !v->found.started) {
         snprintf(error, error_size, "%s: %s, expected one of the run of %s, of a tick from %lld to %lld",
-                 def->snapshot_path, why, def->log_path, (long long)v->found.first_tick - 1,
+                 def->snapshot_path, why, def->log_path, (long long)v->found.before_tick,
                  (long long)v->found.last_tick - 1);
         return false;
     }
@@ -264,7 +264,7 @@ static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t 
         }
     }
     r->tally.first_gap = r->tally.first_mismatch = -1;
-    int64_t before = r->resumed_tick >= 0 ? r->resumed_tick : v->found.first_tick - 1;
+    int64_t before = r->resumed_tick >= 0 ? r->resumed_tick : v->found.before_tick;
     r->tally.ticks_total = r->forces_logged ? v->found.last_tick - before
                                             : (v->found.last_utime - v->found.first_pose_utime) / 1000 + 1;
     return true;
@@ -385,10 +385,10 @@ static int32_t missed_before(const reading *v, int64_t tick)
 {
     for (int p = 0; v->grouped && v->group_tick == tick && p < KN_PROBES_MAX; p++)
         if (v->has[p]) return v->force[p].missed_cycles;
-    for (size_t i = v->next_event; i < v->found.event_count && v->found.events[i].tick == tick; i++)
-        if (v->found.events[i].kind == KNEAD_EVENT_T_KIND_CHECKPOINT && v->found.events[i].arg[0] > 0)
-            return (int32_t)fmin(v->found.events[i].arg[0], fmin((double)tick, KN_SURVEY_PAUSE_MS));
-    return 0;
+    int64_t missed = 0;
+    for (size_t i = v->next_event; !missed && i < v->found.event_count && v->found.events[i].tick == tick; i++)
+        missed = kn_survey_missed(&v->found.events[i]);
+    return (int32_t)missed;
 }
 
 static bool anyone_live(const reading *v)

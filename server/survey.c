@@ -1,4 +1,5 @@
 #include "server/survey.h"
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -39,13 +40,21 @@ static bool keep_scene(kn_survey *s, const knead_scene_t *told)
     return s->scene_name && s->scene_text;
 }
 
+int64_t kn_survey_missed(const knead_event_t *e)
+{
+    if (e->kind != KNEAD_EVENT_T_KIND_CHECKPOINT || !(e->arg[0] > 0)) return 0;
+    return (int64_t)fmin(e->arg[0], fmin((double)e->tick, KN_SURVEY_PAUSE_MS));
+}
+
 // A tick number from a force or an event. Why the replay has to end before it, or NULL.
-static const char *see_tick(kn_survey *s, int64_t tick, int64_t utime)
+static const char *see_tick(kn_survey *s, int64_t tick, int64_t missed, int64_t utime)
 {
     if (s->first_tick < 0) {
         s->first_tick = s->last_tick = tick;
+        s->before_tick = tick - 1;
         s->origin_utime = utime - 1000 * tick;
     }
+    if (tick == s->first_tick && tick - 1 - missed < s->before_tick) s->before_tick = tick - 1 - missed;
     if (tick > s->last_tick + KN_SURVEY_PAUSE_MS) return "a jump of more than an hour";
     if (tick > s->last_tick) s->last_tick = tick;
     return NULL;
@@ -68,7 +77,7 @@ static const char *note(kn_survey *s, const kn_log_record *record)
         s->forces++;
         keep_probe(s, record->probe);
         if (s->first_force_tick < 0) s->first_force_tick = record->force.tick;
-        return see_tick(s, record->force.tick, record->utime);
+        return see_tick(s, record->force.tick, record->force.missed_cycles, record->utime);
     case KN_LOG_EVENT:
         if (record->event.kind == KNEAD_EVENT_T_KIND_START) {
             if (!first) return "a second run of the server";
@@ -79,7 +88,7 @@ static const char *note(kn_survey *s, const kn_log_record *record)
             s->restores += record->event.arg[0] != 0;
         }
         if (!keep_event(s, &record->event)) return "more events than memory";
-        return see_tick(s, record->event.tick, record->utime);
+        return see_tick(s, record->event.tick, kn_survey_missed(&record->event), record->utime);
     case KN_LOG_SCENE:
         if (s->scene_text && (uint64_t)record->scene.text_hash != s->scene_hash) {
             if (strcmp(record->scene.name, s->scene_name) != 0) return "a second scene";

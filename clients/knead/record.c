@@ -72,8 +72,10 @@ static void on_message(const lcm_recv_buf_t *buf, const char *channel, void *sel
     if (scene) hear_scene(r, buf);
     if (!scene && !r->started) return;
     write_log(r, channel, buf->recv_utime, buf->data, (int)buf->data_size);
+    const bool force = !strcmp(channel, r->force_channel);
+    if (force) atomic_store(&r->felt, true);
     if (r->log_only) return;
-    if (!strcmp(channel, r->force_channel)) hear_force(r, buf);
+    if (force) hear_force(r, buf);
     else if (!strcmp(channel, r->pose_channel)) hear_pose(r, buf);
 }
 

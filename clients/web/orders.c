@@ -345,8 +345,8 @@ void kn_web_turn(kn_web *w)
     give_up_picture(w);
     if (kn_takes_tidy(&w->takes)) kn_web_refresh(w);
     kn_take *one = w->takes.now;
-    if (one && one->number != w->saved_of && atomic_load(&one->state) == KN_TAKE_RUNS && snapshots(w) &&
-        kn_live_now_ms() - w->saved_ms >= 200) {
+    const bool feels = one && atomic_load(&one->felt) && atomic_load(&one->state) == KN_TAKE_RUNS;
+    if (feels && one->number != w->saved_of && snapshots(w) && kn_live_now_ms() - w->saved_ms >= 200) {
         json_t *request = json_pack("{s:s}", "command", "snapshot");
         const bool asked = request && kn_asker_ask(&w->asker, SAVE_TAG, request, false, error, sizeof error);
         if (asked) w->saved_of = one->number; // so that it goes on from there when it is replayed

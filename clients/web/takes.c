@@ -77,6 +77,7 @@ static bool record(kn_takes *t, kn_take *one, const char *path)
             usleep(20000);
             atomic_store(&one->ms, (int)((kn_now_ns() - begin_ns) / 1000000));
             atomic_store(&one->bytes, atomic_load(&r->logged));
+            atomic_store(&one->felt, atomic_load(&r->felt));
         }
         ok = kn_record_stop(r, one->words, sizeof one->words);
     }

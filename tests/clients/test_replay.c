@@ -420,6 +420,31 @@ TEST("a snapshot of a straight run at any tick and the log from there on give th
     kn_state_destroy(saved.state);
 }
 
+TEST("a log that begins with missed cycles goes on from the snapshot of the tick before them")
+{
+    for (int told = 0; told < 2; told++) { // by a checkpoint, by a force
+        scratch();
+        seed = 8;
+        recorder *r = record("behind.lcmlog");
+        kn_store store = new_store(r);
+        r->mute = true;
+        r->hand[1].session = 22;
+        move(r, 1, 0.040, 1500, 0.0);
+        if (!told) end_session(r, 1), quiet(r, 10);
+        kn_saved saved = keep(r, &store);
+        r->mute = false;
+        r->in.missed = 18;
+        if (!told) quiet(r, 1);
+        r->hand[1].session = 23;
+        move(r, 1, 0.039, 300, 0.0);
+        record_end(r);
+        kn_store_close(&store);
+        CHECK(REPLAY("behind.lcmlog", "--snapshot", state, "--verify") == KN_EXIT_OK);
+        CHECK(strstr(out, "verified"));
+        kn_state_destroy(saved.state);
+    }
+}
+
 TEST("restores replay with their snapshots, undos without; without them, or with others, they are refused by name")
 {
     scratch();
