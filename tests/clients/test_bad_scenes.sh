@@ -3,10 +3,10 @@
 # within a second of processor time and 256 MB, and no file is made.
 # gate in release: many runs of programs that start slowly with the sanitizers; fuzz.scene looks into the parser
 set -u
-failed=0 count=0 every=1 kneadd_every=8 # of the scenes; kneadd reads them by the same parser
+failed=0 count=0 every=2 kneadd_every=8 # of the scenes, all at night; kneadd reads them by the same parser
 mkdir here files files/folder
 limit="ulimit -v 262144"
-grep -q __asan_init "$(command -v knead)" && limit=: every=4 # its shadow is larger than that, and it starts six times as slowly
+grep -q __asan_init "$(command -v knead)" && limit=: # its shadow is larger than that
 [ -z "${KN_NIGHT:-}" ] || every=1 kneadd_every=1
 
 # tell SCENE PROGRAM...: what it says and how it ends

@@ -220,7 +220,7 @@ TEST("whatever a mouse does, ball or plate, down to half of dough, jelly or clay
             setup(&b, scenes[s], probe);
             double radius_m = b.model->def.probe[probe].radius_m;
             uint32_t random = 1;
-            for (int i = 0; i < 16; i++) {
+            for (int i = 0; i < KN_LENGTH(8, 8, 16); i++) {
                 random = random * 1664525 + 1013904223;
                 double x_m = 0.02 * ((random >> 8 & 255) / 127.5 - 1), y_m = 0.02 * ((random >> 16 & 255) / 127.5 - 1);
                 if (i % 3 == 0) x_m = y_m = 0; // again and again into the same dent

@@ -121,23 +121,24 @@ ended=$?
 wait $loading
 check "a stop while it loads is a stop" [ $ended = 0 ]
 
-# that a tick would take too long is not said of a machine that has no time for whoever measures it
-kneadd() { exec nice -n 10 kneadd "$@"; }
-start_kneadd dough-small.yaml --control control
-unset -f kneadd
-busy=() materials=0 limits=0
-for i in $(seq $((2 * $(nproc)))); do
-    while :; do :; done &
-    busy+=($!)
-done
-for i in 1 2 3 4; do
-    ctl set "material.k1=$((430 - i)) gf/cm^3" >out 2>err && ((++materials)) || cat err
-    ctl set "device.clamp=$((2000 - i)) mN" >out 2>err && ((++limits)) || cat err
-done
-kill "${busy[@]}"
-stop_kneadd
-check "beside busy processes: $materials materials of 4" [ $materials = 4 ]
-check "and $limits lower limits of 4" [ $limits = 4 ]
+if [ -n "${KN_NIGHT:-}" ]; then # that a tick would take too long is not said of a machine that has no time for whoever measures it
+    kneadd() { exec nice -n 10 kneadd "$@"; }
+    start_kneadd dough-small.yaml --control control
+    unset -f kneadd
+    busy=() materials=0 limits=0
+    for i in $(seq $((2 * $(nproc)))); do
+        while :; do :; done &
+        busy+=($!)
+    done
+    for i in 1 2 3 4; do
+        ctl set "material.k1=$((430 - i)) gf/cm^3" >out 2>err && ((++materials)) || cat err
+        ctl set "device.clamp=$((2000 - i)) mN" >out 2>err && ((++limits)) || cat err
+    done
+    kill "${busy[@]}"
+    stop_kneadd
+    check "beside busy processes: $materials materials of 4" [ $materials = 4 ]
+    check "and $limits lower limits of 4" [ $limits = 4 ]
+fi
 
 start_kneadd dough.yaml --control control
 expect 'a tick would take .* ms here, expected 1 ms at most' 2 \

@@ -382,7 +382,7 @@ TEST("two fingers lift a block of dough: each carries half of it, it stays level
     close_scene(&s);
 }
 
-TEST("smooth fingers let it lie, unless they grip; what is more than the grip bears tears loose")
+NIGHT_TEST("smooth fingers let it lie, unless they grip; what is more than the grip bears tears loose")
 {
     for (int gripped = 0; gripped < 3; gripped++) { // not, by 5 N, by less than it weighs
         kn_model_def def = block_on_table(0.5);
