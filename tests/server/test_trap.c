@@ -70,15 +70,20 @@ static void rig_open(rig *r, const char *const *how)
     kn_keeper_start(&r->keeper, &r->lent.loop);
 }
 
-static void rig_close(rig *r)
+static void remove_saved(const rig *r)
 {
-    kn_path_destroy(r->path);
     char name[256];
     for (int64_t g = 0; g <= r->keeper.store.generation; g++) {
         snprintf(name, sizeof name, "%s/%s.%08lld.knead", r->directory, r->keeper.store.series, (long long)g);
         unlink(name);
     }
     rmdir(r->directory);
+}
+
+static void rig_close(rig *r)
+{
+    kn_path_destroy(r->path);
+    remove_saved(r);
     kn_keeper_close(&r->keeper);
     kn_lent_close(&r->lent);
 }
@@ -307,6 +312,7 @@ static void run_live(rig *r, const char *const *how)
     rig_drain(r);
     if (r->kills > 0) pthread_join(r->replugs, NULL);
     if (how) kn_board_kill(&r->board);
+    remove_saved(r);
     if (finished < 0) SKIP("no seccomp here: %s", strerror(errno));
     if (calls != 0)
         KN_TEST_FAIL("%ld system calls that the tick must not make, the last one number %ld", (long)calls,
