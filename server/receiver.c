@@ -176,10 +176,11 @@ static int ones(uint64_t bits)
 }
 
 // Not newer than the last one: come again, or overtaken.
-static void count_stale(kn_source *source, int64_t seq)
+static void count_stale(kn_source *source, const knead_probe_pose_t *m)
 {
+    if (m->session != source->last.session || m->seq > source->last.seq) return; // sent after its session's last pose
     kn_packets *n = &source->packets;
-    uint64_t behind = (uint64_t)source->last.seq - (uint64_t)seq, bit = behind < 64 ? UINT64_C(1) << behind : 0;
+    uint64_t behind = (uint64_t)source->last.seq - (uint64_t)m->seq, bit = behind < 64 ? UINT64_C(1) << behind : 0;
     if (bit == 0 || source->seen & bit) {
         n->duplicate++;
         return;
@@ -236,7 +237,7 @@ static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t 
     if (source->last.session != 0 && source->last.session != m->session) return KN_REJECT_SESSION;
     kn_verdict verdict = check_motion(source, m);
     if (verdict == KN_ACCEPTED && !afford(source, now_ns)) verdict = KN_REJECT_RATE;
-    if (verdict == KN_REJECT_STALE) count_stale(source, m->seq);
+    if (verdict == KN_REJECT_STALE) count_stale(source, m);
     else if (verdict != KN_ACCEPTED) count_refused(source, m);
     if (verdict != KN_ACCEPTED) return verdict;
 
@@ -249,7 +250,7 @@ static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t 
     return KN_ACCEPTED;
 }
 
-// Without a key: a session that has said its last is stale for as long as it goes on, and a second more.
+// Without a key: what a session sends after its last pose is refused until it has sent nothing for a second.
 static kn_verdict admit_anybody(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns, kn_pose *pose)
 {
     struct kn_ended *place = source->ended; // its own, or that which is forgotten first
@@ -259,7 +260,7 @@ static kn_verdict admit_anybody(kn_source *source, const knead_probe_pose_t *m, 
     }
     if (place->session == m->session && place->until_ns > now_ns) {
         place->until_ns = now_ns + SILENCE_NS;
-        count_stale(source, m->seq);
+        count_stale(source, m);
         return KN_REJECT_STALE;
     }
     kn_verdict verdict = admit(source, m, now_ns, pose);

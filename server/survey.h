@@ -23,7 +23,7 @@ typedef struct kn_survey {
     int64_t forces, records, malformed;
     char felt[KN_PROBES_MAX][64]; // probes that have forces
     int64_t first_tick, last_tick, first_force_tick; // -1: none
-    int64_t before_tick; // the server's last one before the first: further back where it missed cycles between
+    int64_t before_tick; // that the server ran last before first_tick: first_tick - 1, unless it missed cycles between
     int64_t first_utime, last_utime, first_pose_utime, origin_utime; // us; of tick 0 the last, as if it had been told
     bool started;       // the log begins with the server's start
     bool undoes;        // something was undone
@@ -32,7 +32,7 @@ typedef struct kn_survey {
     char damage[160];   // "" or what is wrong with the file; what stands before it is told of
 } kn_survey;
 
-int64_t kn_survey_missed(const knead_event_t *e); // cycles just before its tick that no force tells; 0: none
+int64_t kn_survey_missed(const knead_event_t *e); // cycles missed just before its tick, which no force reports; 0: none
 
 // False and one line in error when it cannot be read, or holds no hand's poses or forces; free it all the same.
 bool kn_survey_log(kn_survey *survey, const char *path, char *error, size_t error_size);

@@ -65,8 +65,8 @@ static inline void kn_test_add(kn_test_case *t)
         if (!kn_v || strcmp(kn_v, kn_e) != 0)                                                                          \
             KN_TEST_FAIL("%s is \"%s\", expected \"%s\"", #value, kn_v ? kn_v : "(null)", kn_e);                       \
     } while (0)
-// How often a test does something: in the gate's sanitized build, in its release, at night (tests/run --all). What it
-// checks is the same in all three.
+// How often a test does something, or of how many variants: in the gate's sanitized build, in its release, at night
+// (tests/run --all).
 #if defined(KN_SANITIZED)
 #define KN_LENGTH(sanitized, release, night) (getenv("KN_NIGHT") ? (night) : (sanitized))
 #else

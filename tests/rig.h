@@ -142,7 +142,7 @@ static inline void kn_rig_sleep(kn_time *time, int64_t until_ns)
     if (until_ns > r->time.now_ns) kn_rig_until(r, until_ns);
     if (!kn_rig_frozen(r)) return;
     kn_rig_until(r, r->thawed_ns);
-    if (r->thawed_ns & 1) kn_rig_hear(r); // before the servo thread runs, or behind it
+    if (r->thawed_ns & 1) kn_rig_hear(r); // an odd thaw: poses are heard before the servo's tick; an even one: after it
 }
 
 static inline void kn_rig_ticked(void *rig)

@@ -57,7 +57,7 @@ setup_build() {
     local preset=$1 log=$setup_root/build/$1/build.log
     shift
     mkdir -p "${log%/*}"
-    ! command -v ninja >/dev/null || export CMAKE_GENERATOR=Ninja # these are of a new folder; an old one keeps what it has
+    ! command -v ninja >/dev/null || export CMAKE_GENERATOR=Ninja # cmake takes these when it first sees a folder, and keeps them
     ! command -v mold >/dev/null || export LDFLAGS=-fuse-ld=mold
     if command -v ccache >/dev/null; then # paths count from the tree, so that another clone finds the objects, too
         export CMAKE_C_COMPILER_LAUNCHER=ccache OBJCACHE=ccache CCACHE_BASEDIR=$setup_root CCACHE_NOHASHDIR=1 CCACHE_DEPEND=1

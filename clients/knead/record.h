@@ -27,7 +27,7 @@ typedef struct kn_record {
     bool out_of_memory;
     bool log_only; // the caller's, before kn_record_start: forces and poses go to the log alone, whatever they come to
     _Atomic(int64_t) logged; // bytes of messages in the log so far
-    atomic_bool felt;        // and whether a force of the probe is among them
+    atomic_bool felt;        // the log holds a force of the probe
     // private
     lcm_t *lcm;
     struct _lcm_eventlog_t *log;

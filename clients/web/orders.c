@@ -11,7 +11,7 @@
 #define STATUS_TAG KN_ASKER_CALLS       // of our own questions
 #define SAVE_TAG (KN_ASKER_CALLS + 1)
 #define PICTURE_MS 5000 // a picture that was asked for is not waited for longer
-#define LEAVING_MS 300 // of the tool that was let go: then another hand may come
+#define LEAVING_MS 300 // after the tool was let go, until another hand takes it
 
 void kn_web_answer_page(kn_web *w, int page, uint32_t id, bool ok, const char *format, ...)
 {

@@ -25,7 +25,7 @@ typedef struct kn_take {
     _Atomic int state;  // kn_take_state; whoever reads WHOLE or FAILED may read the rest
     _Atomic int ms;     // its length so far
     _Atomic int64_t bytes;
-    atomic_bool felt;   // the log has begun: a snapshot asked for from now on is of a tick it can go on from
+    atomic_bool felt;   // the log holds a force: a replay can go on from any snapshot taken from now on
     bool csv;           // forces.csv has been made
     char words[200];    // what came of it, "" nothing yet
 } kn_take;

@@ -1,4 +1,4 @@
-# The live page, as who visits it has it: in the gate pressed by mouse, left, and its servers gone. Driven by test_web.sh.
+# The live page, as its visitors have it. The gate presses by mouse, leaves the page, and ends its servers. Driven by test_web.sh.
 import json
 import os
 import struct

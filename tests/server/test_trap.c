@@ -3,7 +3,7 @@
 // that line, too. malloc and its kin and the mutex are interposed here and count while a thread is armed; in the live
 // runs the kernel itself reports every other system call (seccomp).
 // KN_TICKS=N: of the first run, 1e5; KN_LIVE_TICKS=N: of each live one, 4000, a ms each.
-// gate in release: the sanitizers allocate themselves
+// without sanitizers: they allocate themselves
 // a program of its own: malloc and its kin are interposed
 #include "clients/knead/path.h"
 #include "server/keeper.h"
