@@ -8,14 +8,14 @@
 record=tests/nightly.txt record_age_max=80 # commits
 record_covers=(hdl server/backend tests/timed) # a change to these needs a night of its own
 record_hdl=("${record_covers[@]:0:2}" clients/simdev core/{fixed,solver_fixed}.{c,h}
-    tests/hdl tests/e2e/{board,test_circuit,test_circuit_rtl}.sh tests/server/test_device.c)
+    tests/hdl tests/e2e/{board,test_circuit,test_circuit_rtl}.sh)
 record_threads=({server/,tests/server/test_}{ring,mailbox,keeper}.c server/{ring,mailbox,keeper}.h)
 
 record_commit() { git rev-parse -q --verify "$1^{commit}" 2>/dev/null || echo unknown; }
 record_value() { sed -n "s/^$1 //p" $record 2>/dev/null; }
 record_hash() { git ls-tree "$1" "${record_covers[@]}" | git hash-object --stdin; }
 
-# Return whether these files are as they were that night. Where nobody knows, they are not.
+# Return whether these files are as they were that night. Where git cannot tell, they are not.
 record_same() {
     local commit
     commit=$(record_value commit)
@@ -32,7 +32,7 @@ record_judge() {
     [ "$(record_commit HEAD)" != unknown ] || { echo "$record: green; no git here, so its age is unknown" && return 0; }
     since=$(record_commit "$(record_value commit)")
     if [ "$since" = unknown ] && [ "$(git rev-parse --is-shallow-repository)" = false ]; then
-        since=$(git rev-list -1 HEAD -- $record) # the history was written anew
+        since=$(git rev-list -1 HEAD -- $record) # rebased: the age counts from the record's own commit
     fi
     age=$(git rev-list --count "$since..HEAD" 2>/dev/null)
     if [ -z "$since" ] || [ -z "$age" ]; then
