@@ -236,6 +236,35 @@ TEST("a hand that ends in a press leaves its tool without a fault, and 100 ms la
     kn_path_destroy(poke);
 }
 
+TEST("kneadd killed in a press: a device in a hand gives 0 N 20 ms after the last force, its local model after 300")
+{
+    static const char *const touch[] = {"device=touch"};
+    kn_path *press = kn_path_press(&(kn_path_def){.touch_z_m = 0.045, .depth_m = 0.01, .hold_s = 2});
+    for (int local = 0; local < 2; local++) {
+        const int silent_ms = local ? 300 : 20;
+        serve("dough-small.yaml", touch, 1, local);
+        join("finger", press, &(kn_grasp_def){.grip = KN_GRIP_FIRM, .render.local = local});
+        kn_rig_run(&p.rig, 3500);
+        const double *given_n = p.grasp.render.given_n, none_n[3] = {0};
+        const double held_n = kn_rules_between(given_n, none_n);
+        double before_n[3], step_n = 0;
+        int last_ms = 0;
+        kn_rig_kill(&p.rig);
+        for (int ms = 1; ms <= 500; ms++) {
+            memcpy(before_n, given_n, sizeof before_n);
+            kn_rig_run(&p.rig, 1);
+            step_n = fmax(step_n, kn_rules_between(given_n, before_n));
+            if (kn_rules_between(given_n, none_n) > 0) last_ms = ms;
+        }
+        printf("     %s: %.2f N, %.2f N/ms at most, 0 N after %d ms\n", local ? "local" : "forces", held_n, step_n, last_ms);
+        CHECK(held_n > 0.3 && last_ms > silent_ms / 3 && last_ms <= silent_ms);
+        CHECK(step_n <= 0.5);
+        CHECK(p.player[0].hand.trips == 1);
+        kn_rig_close(&p.rig);
+    }
+    kn_path_destroy(press);
+}
+
 TEST("two fingers lift a piece of dough off the table and carry it, half of it each, squeezing it equally")
 {
     char error[256];
