@@ -61,6 +61,10 @@ ms() { echo $(($(grown "$1" "$2" monotonic_us) / 1000)); }
 ran() { echo $(($(grown "$1" "$2" tick) - $(grown "$1" "$2" 'loop["missed_cycles"]'))); }
 check "the servo ticks on: $(ran full fuller) ticks in $(ms full fuller) ms; before $(ran begin well) in $(ms begin well)" \
     [ $((2 * $(ran full fuller))) -gt "$(ms full fuller)" ]
+late() { echo $(($(grown "$1" "$2" 'loop["missed_cycles"]') - $(grown "$1" "$2" 'loop["missed_explained"]'))); }
+[ -z "${KN_NIGHT:-}" ] ||
+    check "and misses no more: $(late full fuller) in $(ms full fuller) ms that are not the machine's, $(late begin well) in $(ms begin well) before" \
+        [ "$(late full fuller)" -le $((2 * $(late begin well) + 40)) ]
 check "poses come in: $(grown full fuller 'link["accepted"]')" [ "$(grown full fuller 'link["accepted"]')" -gt 1000 ]
 errors=$(of later 'state["snapshot_errors"]')
 check "with room again it saves by itself, and nothing fails any more" \
