@@ -24,7 +24,7 @@
 #define START_DELAY_NS 20000000 // until tick 0: by then every thread has left the barrier and sleeps
 #define PATIENCE_NS 300000000   // timeout(1) and shells send the first signal twice; a stop takes 100 ms at most
 #define SIGNALS 3
-#define SCENE_S 1 // between two tellings of the scene: a new client waits that long at most
+#define SCENE_S 1 // between two messages with the scene; a new client waits at most that long
 #define CONTROL_TURN_MS 20 // how long a stop may wait for that thread
 #define REST_TICK_NS 500000 // in contact a tick takes about twice as long as at rest, and has 1 ms
 

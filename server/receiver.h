@@ -14,8 +14,9 @@
 // A probe belongs to the first session that sends it a good pose, until that session has been silent for 1 s; then any
 // session may come, the same number with a new seq included. sent_ns is never judged: a played log is old.
 //
-// A session may say that a pose is its last (KN_BUTTON_LEAVING). Whatever else it sends is stale until it has been silent
-// for 1 s; with a key it is replayed, for two minutes. The probe is free as soon as the servo says that the session has left.
+// A session may say that a pose is its last (KN_BUTTON_LEAVING). Whatever it sends after that is stale until it has been
+// silent for 1 s; with a key it is replayed, for two minutes. The probe is free as soon as the servo says that the
+// session has left.
 //
 // With a key, a pose must carry its tag (auth.h), and its utime lie within a minute of our own clock; a session that has
 // ended is not opened again while its poses could still do so. For what was recorded can be sent again by anybody.
@@ -69,7 +70,7 @@ typedef struct kn_source { // who moves one probe
     kn_pose last;          // accepted; session 0: nobody owns the probe
     kn_pose reference;     // accepted; speeds are measured from here. Moves on to last when that is >= 1 ms newer
     int64_t heard_ns;      // when last was accepted
-    struct kn_ended {      // ended sessions (with a key all, without one those that left), and until when they are remembered
+    struct kn_ended {      // ended sessions, remembered until then: with a key all, without one those that left
         int64_t session, until_ns;
     } ended[KN_ENDED_MAX];
     int64_t credit_ns;     // time not yet spent on poses, each of which costs 0.2 ms

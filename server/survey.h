@@ -23,7 +23,7 @@ typedef struct kn_survey {
     int64_t forces, records, malformed;
     char felt[KN_PROBES_MAX][64]; // probes that have forces
     int64_t first_tick, last_tick, first_force_tick; // -1: none
-    int64_t before_tick; // that the server ran last before first_tick: first_tick - 1, unless it missed cycles between
+    int64_t before_tick; // the last one the server ran before first_tick: first_tick - 1 unless it missed cycles
     int64_t first_utime, last_utime, first_pose_utime, origin_utime; // us; of tick 0 the last, as if it had been told
     bool started;       // the log begins with the server's start
     bool undoes;        // something was undone

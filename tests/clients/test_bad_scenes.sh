@@ -149,6 +149,6 @@ done <ends
 
 [ -z "$(ls -A here)" ] || { echo "FAIL files were made: $(ls -A here)" && failed=1; }
 echo "$count bad scenes: $kept kept as files, $made_count made of bytes," \
-    "$((count - kept - made_count)) beyond a key's range; every ${every}th read by knead check, every ${kneadd_every}th by kneadd"
+    "$((count - kept - made_count)) beyond a key's range; knead check read 1 in $every, kneadd 1 in $kneadd_every"
 [ $kept -ge 200 ] || { echo "FAIL only $kept bad scenes in $bad" && failed=1; }
 exit $failed

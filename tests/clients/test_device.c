@@ -256,7 +256,8 @@ TEST("kneadd killed in a press: a device in a hand gives 0 N 20 ms after the las
             step_n = fmax(step_n, kn_rules_between(given_n, before_n));
             if (kn_rules_between(given_n, none_n) > 0) last_ms = ms;
         }
-        printf("     %s: %.2f N, %.2f N/ms at most, 0 N after %d ms\n", local ? "local" : "forces", held_n, step_n, last_ms);
+        printf("     %s: %.2f N, %.2f N/ms at most, 0 N after %d ms\n", local ? "local" : "forces", held_n, step_n,
+               last_ms);
         CHECK(held_n > 0.3 && last_ms > silent_ms / 3 && last_ms <= silent_ms);
         CHECK(step_n <= 0.5);
         CHECK(p.player[0].hand.trips == 1);

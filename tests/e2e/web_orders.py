@@ -79,8 +79,7 @@ def back_to_back(page, server):
     page.send_request(24, "verify", value=2)
     page.send_request(25, "play", value=2)
     play, verify = page.waits(25), page.waits(24, 40)
-    check("the other way round, too", verify and verify["ok"] and play and not play["ok"], verify, play,
-          sorted((f, oct(os.stat(f"state/{f}").st_mode)) for f in os.listdir("state")), open("kneadd.log").read())
+    check("the other way round, too", verify and verify["ok"] and play and not play["ok"], verify, play)
     page.send_request(26, "play", value=2)
     page.send_request(27, "stop", value=2)
     check("play, stopped before it begins: both are answered", page.waits(27)["ok"] and page.waits(26)["words"] == "Stopped.",

@@ -45,4 +45,14 @@ static inline void kn_board_kill(kn_board *b)
     fclose(b->out);
 }
 
+// Kills it for good, and removes its link or the file of its memory.
+static inline void kn_board_end(kn_board *b)
+{
+    char kind[8], name[128], path[160];
+    kn_board_kill(b);
+    if (sscanf(b->uri, "%7[a-z]:%127[^?]", kind, name) != 2) return;
+    snprintf(path, sizeof path, "%s%s", strcmp(kind, "shm") == 0 ? "/dev/shm/" : "", name);
+    unlink(path);
+}
+
 #endif

@@ -153,7 +153,7 @@ TEST("a lattice whose load takes longer than a second over its line gets in step
     kn_device_stats stats;
     CHECK(kn_backend_fpga_agrees(&o.backend, why, &stats));
     unmake(&o);
-    kn_board_kill(&b);
+    kn_board_end(&b);
 }
 
 TEST("a queue is as long as a load takes, and refused by its number where there is no room for it")
@@ -170,7 +170,7 @@ TEST("a queue is as long as a load takes, and refused by its number where there 
     CHECK(kn_backend_fpga_counts(&o.backend, &n));
     CHECK(n.load_ns > 1000000000 && n.queue >= 2048 && n.queue >= n.load_ns * 3 / 2000000);
     unmake(&o);
-    kn_board_kill(&b);
+    kn_board_end(&b);
 }
 
 TEST("a tool on more nodes than the circuit lists costs one loss and one load each time, not one after the other")
@@ -194,7 +194,7 @@ TEST("a tool on more nodes than the circuit lists costs one loss and one load ea
     CHECK(n.loads == PRESSES + 1 || n.loads == PRESSES); // the last press's is on its way
     CHECK(n.on_circuit > TICKS);
     unmake(&o);
-    kn_board_kill(&b);
+    kn_board_end(&b);
 }
 
 TEST("a circuit that has another object than it was given is given all of it again, once")
@@ -224,8 +224,7 @@ TEST("a circuit that has another object than it was given is given all of it aga
     CHECK(kn_backend_fpga_agrees(&o.backend, why, &stats));
     close(fd);
     unmake(&o);
-    kn_board_kill(&b);
-    unlink(path);
+    kn_board_end(&b);
 }
 
 static int by_size(const void *a, const void *b)
@@ -264,7 +263,7 @@ static void be_lost(const char *const board[], kn_loss reason, const char *what,
                lasted_ms[back / 2], lasted_ms[back * 9 / 10], lasted_ms[back - 1], 1e-6 * (double)n.load_ns);
     putchar('\n');
     unmake(&o);
-    kn_board_kill(&b);
+    kn_board_end(&b);
 }
 
 TEST("a circuit that was lost comes back: 144 nodes, unplugged, hung, switched off and on")
@@ -272,10 +271,9 @@ TEST("a circuit that was lost comes back: 144 nodes, unplugged, hung, switched o
     const int times = getenv("KN_LOSSES") ? atoi(getenv("KN_LOSSES")) : 5;
     static const char *const fault[] = {"disconnect=0.003", "hang=0.003", "blank=0.003"};
     static const kn_loss reason[] = {KN_LOSS_REMOVED, KN_LOSS_TIMEOUT, KN_LOSS_BLANK};
-    char name[64], link[80], file[80], what[64];
+    char name[64], link[80], what[64];
     snprintf(name, sizeof name, "knead-lost-%d", (int)getpid());
     snprintf(link, sizeof link, "/tmp/%s", name);
-    snprintf(file, sizeof file, "/dev/shm/%s", name);
     for (int i = 0; i < 3; i++) {
         const char *const by_line[] = {"--uart", "--link", link, "--fault", fault[i], NULL};
         const char *const by_memory[] = {"--bar", name, "--fault", fault[i], NULL};
@@ -286,8 +284,6 @@ TEST("a circuit that was lost comes back: 144 nodes, unplugged, hung, switched o
     }
     const char *const slowly[] = {"--uart", "--link", link, "--baud", "3000000", "--fault", "hang=0.001", NULL};
     be_lost(slowly, KN_LOSS_TIMEOUT, "3 Mbaud, hang=0.001", (times + 2) / 3);
-    unlink(link);
-    unlink(file);
 }
 
 TEST("a circuit to which a state is none is given all of its object again")
@@ -311,8 +307,7 @@ TEST("a circuit to which a state is none is given all of its object again")
     CHECK(kn_backend_fpga_agrees(&o.backend, why, &stats));
     close(fd);
     unmake(&o);
-    kn_board_kill(&b);
-    unlink(path);
+    kn_board_end(&b);
 }
 
 // The next tick on a backend that has no circuit, then a sleep until one would have been waited for: what the machine
@@ -354,7 +349,7 @@ TEST("a circuit that hangs costs no tick its deadline: the wait ends when a slee
     CHECK(early < TICKS / 10); // it did wait
     CHECK(waited <= 2 * slept + TICKS / 20);
     unmake(&o);
-    kn_board_kill(&b);
+    kn_board_end(&b);
 }
 
 TESTS_MAIN

@@ -417,7 +417,7 @@ TEST("a session that has said its last is stale for a second, and over when the 
     CHECK_VERDICT(send_pose(good_pose(2, 1)), KN_ACCEPTED);
     CHECK_VERDICT(send_pose(good_pose(1, 10)), KN_REJECT_STALE);
     const kn_packets *n = &receiver.source[0].packets;
-    CHECK(n->duplicate == 0 && n->reordered == 0 && n->lost == 0); // of a session that is over nothing counts
+    CHECK(n->duplicate == 0 && n->reordered == 0 && n->lost == 0); // a session that is over counts nowhere
     last = good_pose(2, 2), last.buttons = KN_BUTTON_LEAVING;
     CHECK_VERDICT(send_pose(last), KN_ACCEPTED);
     CHECK(kn_receiver_leave(&receiver, 0, 2));

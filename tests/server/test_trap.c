@@ -26,7 +26,6 @@
 
 static atomic_long locks, calls, last_call;
 
-#if INTERPOSED
 static int (*real_lock)(pthread_mutex_t *);
 
 int pthread_mutex_lock(pthread_mutex_t *mutex)
@@ -35,7 +34,6 @@ int pthread_mutex_lock(pthread_mutex_t *mutex)
     if (!real_lock) *(void **)&real_lock = dlsym(RTLD_NEXT, "pthread_mutex_lock");
     return real_lock(mutex);
 }
-#endif
 
 typedef struct rig {
     kn_lent lent;
@@ -132,7 +130,6 @@ TEST("ticks of touching, faults, recoveries, sessions, resets, undos, copies: no
 {
     static rig r;
     rig_open(&r, NULL);
-    if (!INTERPOSED) SKIP("the sanitizers own malloc");
     const int64_t most = wanted("KN_TICKS", 100000);
     bool locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0; // as kneadd's
     long faulted = 0;
@@ -171,7 +168,6 @@ TEST("ticks of touching, faults, recoveries, sessions, resets, undos, copies: no
 // The trap itself, or the counts above would prove nothing.
 TEST("the trap sees an allocation and a lock")
 {
-    if (!INTERPOSED) return;
     pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
     long a = allocations, l = locks;
     armed = true;
@@ -311,7 +307,7 @@ static void run_live(rig *r, const char *const *how)
     munlockall();
     rig_drain(r);
     if (r->kills > 0) pthread_join(r->replugs, NULL);
-    if (how) kn_board_kill(&r->board);
+    if (how) kn_board_end(&r->board);
     remove_saved(r);
     if (finished < 0) SKIP("no seccomp here: %s", strerror(errno));
     if (calls != 0)
