@@ -8,7 +8,7 @@
 #include <unistd.h>
 
 #if defined(KN_SANITIZED)
-enum { ROW_MS = 1000, KILLS = 3, FREEZES = 1 };
+enum { ROW_MS = 1000, KILLS = 5, FREEZES = 1 };
 #else
 enum { ROW_MS = 2200, KILLS = 8, FREEZES = 1 };
 #endif
@@ -147,7 +147,7 @@ TEST("kneadd killed or frozen in a press: 0 N in 20 ms, the local model's in 300
         kn_rig_run(&p.rig, throw(30, 400)); // until the next one is up
     }
     check_rules("kills");
-    CHECK(p.near.rules.outages == kills && p.near.rules.felt >= kills / 3 && 5 * p.far.rules.felt >= kills);
+    CHECK(p.near.rules.outages == kills && p.near.rules.felt >= kills / 3 && p.far.rules.felt >= kills / 5);
     CHECK(p.near.rules.zero_at <= 20 && p.far.rules.zero_at <= 300);
     kn_rig_close(&p.rig);
 }
