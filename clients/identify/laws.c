@@ -10,9 +10,9 @@
 // ---- which there are
 
 // The row of springs and dampers that a class is to this experiment.
-static kn_law of_class(const kn_oneport *o, bool relax)
+static kn_fit_law of_class(const kn_oneport *o, bool relax)
 {
-    kn_law law = {.kind = KN_LAW_UNITS, .relax = relax};
+    kn_fit_law law = {.kind = KN_FIT_LAW_UNITS, .relax = relax};
     law.spring = relax ? !o->fluid : o->elastic;
     law.damper = !relax && o->fluid;
     law.units = relax ? o->relaxation : o->retardation;
@@ -28,14 +28,14 @@ static kn_law of_class(const kn_oneport *o, bool relax)
     return law;
 }
 
-static void add_letter(kn_law *law, char letter)
+static void add_letter(kn_fit_law *law, char letter)
 {
     const size_t n = strlen(law->letters);
     if (n + 3 > sizeof law->letters) return;
     snprintf(law->letters + n, sizeof law->letters - n, n ? " %c" : "%c", letter);
 }
 
-static int add_catalogue(kn_law law[KN_LAWS_MAX], bool relax)
+static int add_catalogue(kn_fit_law law[KN_FIT_LAWS_MAX], bool relax)
 {
     int count = 0;
     for (int i = 0; i < KN_CATALOGUE; i++) {
@@ -43,7 +43,7 @@ static int add_catalogue(kn_law law[KN_LAWS_MAX], bool relax)
         char error[64];
         if (!kn_element_parse(&e, kn_catalogue[i].expression, error, sizeof error)) continue; // our own text
         const kn_oneport o = kn_oneport_of(&e);
-        const kn_law one = of_class(&o, relax);
+        const kn_fit_law one = of_class(&o, relax);
         int k = 0;
         while (k < count && strcmp(law[k].name, one.name) != 0) k++;
         if (k == count) law[count++] = one;
@@ -52,20 +52,20 @@ static int add_catalogue(kn_law law[KN_LAWS_MAX], bool relax)
     return count;
 }
 
-int kn_laws(kn_law law[KN_LAWS_MAX], bool relax)
+int kn_fit_laws(kn_fit_law law[KN_FIT_LAWS_MAX], bool relax)
 {
     int count = add_catalogue(law, relax);
     // the papers' damper, and what it may have beyond its first numbers: see models.h
     for (int more = 0; more < 4; more++) {
-        kn_law *d = &law[count++];
-        *d = (kn_law){.kind = KN_LAW_DOUGH, .relax = relax, .letters = "d", .c1 = !relax || more % 2};
+        kn_fit_law *d = &law[count++];
+        *d = (kn_fit_law){.kind = KN_FIT_LAW_DOUGH, .relax = relax, .letters = "d", .c1 = !relax || more % 2};
         d->p0 = more / 2;
         d->p1 = !relax && more % 2;
         snprintf(d->name, sizeof d->name, "(s|d)-d thinning%s", d->p0 ? " above P0" : d->c1 ? "" : ", c1 = 0");
     }
-    law[count] = (kn_law){.kind = KN_LAW_LOGARITHM, .relax = relax, .yardstick = true};
+    law[count] = (kn_fit_law){.kind = KN_FIT_LAW_LOGARITHM, .relax = relax, .yardstick = true};
     snprintf(law[count++].name, sizeof law->name, relax ? "a - b ln t" : "b ln(1 + t/tau)");
-    law[count] = (kn_law){.kind = KN_LAW_FRACTIONAL, .relax = relax, .yardstick = true};
+    law[count] = (kn_fit_law){.kind = KN_FIT_LAW_FRACTIONAL, .relax = relax, .yardstick = true};
     snprintf(law[count++].name, sizeof law->name, "fractional Maxwell");
     return count;
 }
@@ -77,11 +77,11 @@ typedef struct size {
     double modulus_pa, stress_pa, first_s, last_s;
 } size;
 
-static size size_of(bool relax, int curves, const kn_law_curve *curve)
+static size size_of(bool relax, int curves, const kn_fit_law_curve *curve)
 {
     size z = {0, 0, INFINITY, 0};
     for (int c = 0; c < curves; c++) {
-        const kn_law_part *early = &curve[c].part[0], *late = &curve[c].part[1];
+        const kn_fit_law_part *early = &curve[c].part[0], *late = &curve[c].part[1];
         double most = 0, load = 0;
         for (int i = 0; i < early->count; i++) {
             most = fmax(most, early->value[i]);
@@ -101,7 +101,7 @@ static void add(kn_fit_unknown out[KN_FIT_UNKNOWNS], int *n, const char *name, d
     out[(*n)++] = (kn_fit_unknown){.name = name, .low = low, .high = high, .linear = linear};
 }
 
-static int unknowns_of_units(const kn_law *law, const size *z, kn_fit_unknown out[KN_FIT_UNKNOWNS])
+static int unknowns_of_units(const kn_fit_law *law, const size *z, kn_fit_unknown out[KN_FIT_UNKNOWNS])
 {
     static const char *const k[] = {"k1", "k2", "k3"}, *const tau[] = {"tau1", "tau2", "tau3"};
     const double low = 1e-6 * z->modulus_pa, high = 1e4 * z->modulus_pa;
@@ -118,7 +118,7 @@ static int unknowns_of_units(const kn_law *law, const size *z, kn_fit_unknown ou
 static const char *const begin_name[KN_FIT_UNKNOWNS] = {"Pi",    "Pi(2)", "Pi(3)", "Pi(4)",  "Pi(5)",  "Pi(6)",
                                                         "Pi(7)", "Pi(8)", "Pi(9)", "Pi(10)", "Pi(11)", "Pi(12)"};
 
-static int unknowns_of_dough(const kn_law *law, const size *z, int curves, kn_fit_unknown out[KN_FIT_UNKNOWNS])
+static int unknowns_of_dough(const kn_fit_law *law, const size *z, int curves, kn_fit_unknown out[KN_FIT_UNKNOWNS])
 {
     const double p = z->stress_pa, low = 1e-6 * z->modulus_pa, high = 1e4 * z->modulus_pa;
     int n = 0;
@@ -139,24 +139,25 @@ static int unknowns_of_dough(const kn_law *law, const size *z, int curves, kn_fi
     return n;
 }
 
-int kn_law_unknowns(const kn_law *law, int curves, const kn_law_curve *curve, kn_fit_unknown out[KN_FIT_UNKNOWNS])
+int kn_fit_law_unknowns(const kn_fit_law *law, int curves, const kn_fit_law_curve *curve,
+                        kn_fit_unknown out[KN_FIT_UNKNOWNS])
 {
     const size z = size_of(law->relax, curves, curve);
     const double most = 1e4 * z.modulus_pa;
     int n = 0;
     switch (law->kind) {
-    case KN_LAW_UNITS:
+    case KN_FIT_LAW_UNITS:
         return unknowns_of_units(law, &z, out);
-    case KN_LAW_DOUGH:
+    case KN_FIT_LAW_DOUGH:
         return unknowns_of_dough(law, &z, curves, out);
-    case KN_LAW_LOGARITHM:
+    case KN_FIT_LAW_LOGARITHM:
         add(out, &n, law->relax ? "a" : "1/b", law->relax ? -most : 1e-6 * z.modulus_pa, most, law->relax);
         if (law->relax)
             add(out, &n, "b", -most, most, true);
         else
             add(out, &n, "tau", 1e-6 * z.first_s, 1e3 * z.last_s, false);
         return n;
-    case KN_LAW_FRACTIONAL:
+    case KN_FIT_LAW_FRACTIONAL:
         break;
     }
     add(out, &n, "V", 1e-6 * z.modulus_pa, 1e3 * most * z.last_s, false);
@@ -166,13 +167,13 @@ int kn_law_unknowns(const kn_law *law, int curves, const kn_law_curve *curve, kn
     return n;
 }
 
-const char *kn_law_unit(const kn_law *law, int unknown)
+const char *kn_fit_law_unit(const kn_fit_law *law, int unknown)
 {
     kn_fit_unknown u[KN_FIT_UNKNOWNS];
-    const kn_law_curve none = {.strain = 1};
-    if (unknown >= kn_law_unknowns(law, 0, &none, u)) return "Pa"; // stresses of each curve
+    const kn_fit_law_curve none = {.strain = 1};
+    if (unknown >= kn_fit_law_unknowns(law, 0, &none, u)) return "Pa"; // stresses of each curve
     const char *name = u[unknown].name;
-    if (law->kind == KN_LAW_FRACTIONAL) return unknown == 0 ? "Pa*s^a" : unknown == 2 ? "Pa*s^b" : "";
+    if (law->kind == KN_FIT_LAW_FRACTIONAL) return unknown == 0 ? "Pa*s^a" : unknown == 2 ? "Pa*s^b" : "";
     if (!strcmp(name, "beta")) return "1/Pa";
     if (!strncmp(name, "tau", 3) || strstr(name, "/k1")) return "s";
     return name[0] == 'c' || !strcmp(name, "alpha") ? "Pa*s" : "Pa";
@@ -180,7 +181,7 @@ const char *kn_law_unit(const kn_law *law, int unknown)
 
 // ---- what each says
 
-static bool units_relax(const kn_law *law, const double *v, const kn_law_curve *c, int count, const double *t,
+static bool units_relax(const kn_fit_law *law, const double *v, const kn_fit_law_curve *c, int count, const double *t,
                         double *out)
 {
     for (int i = 0; i < count; i++) {
@@ -194,7 +195,7 @@ static bool units_relax(const kn_law *law, const double *v, const kn_law_curve *
     return true;
 }
 
-static bool dough_relax(const kn_law *law, const double *v, int number, int count, const double *t, double *out)
+static bool dough_relax(const kn_fit_law *law, const double *v, int number, int count, const double *t, double *out)
 {
     int n = 2;
     kn_hold h = {.alpha_s = v[0], .beta_per_pa = v[1], .p1_pa = INFINITY};
@@ -206,7 +207,7 @@ static bool dough_relax(const kn_law *law, const double *v, int number, int coun
 }
 
 // ln t, or its mean over the time that the strain took.
-static bool logarithm_relax(const double *v, const kn_law_curve *c, int count, const double *t, double *out)
+static bool logarithm_relax(const double *v, const kn_fit_law_curve *c, int count, const double *t, double *out)
 {
     const double r = c->ramp_s;
     for (int i = 0; i < count; i++) {
@@ -222,7 +223,7 @@ static kn_fractional fractional_of(const double *v)
     return (kn_fractional){.v_pa_s = v[0], .v_order = v[1], .g_pa_s = v[2], .g_order = v[3] * v[1]};
 }
 
-static bool fractional_relax(const double *v, const kn_law_curve *c, int count, const double *t, double *out)
+static bool fractional_relax(const double *v, const kn_fit_law_curve *c, int count, const double *t, double *out)
 {
     const kn_fractional f = fractional_of(v);
     kn_fractional_relax(&f, c->ramp_s, count, t, out);
@@ -230,7 +231,7 @@ static bool fractional_relax(const double *v, const kn_law_curve *c, int count, 
     return true;
 }
 
-static bool row_creep(const kn_chain *chain, const kn_law_curve *c, int count, const double *t, double *out)
+static bool row_creep(const kn_chain *chain, const kn_fit_law_curve *c, int count, const double *t, double *out)
 {
     kn_chain_step step[KN_CURVE_STEPS];
     for (int i = 0; i < c->curve->steps; i++)
@@ -238,11 +239,11 @@ static bool row_creep(const kn_chain *chain, const kn_law_curve *c, int count, c
     return kn_chain_creep(chain, c->curve->constant_area, c->curve->steps, step, count, t, out);
 }
 
-static kn_chain row_of(const kn_law *law, const double *v)
+static kn_chain row_of(const kn_fit_law *law, const double *v)
 {
     kn_chain row = {.voigts = law->units};
     int n = 0;
-    if (law->kind == KN_LAW_DOUGH) {
+    if (law->kind == KN_FIT_LAW_DOUGH) {
         row = (kn_chain){.voigts = 1, .k_pa = {v[0]}, .c_pa_s = {v[1]}, .alpha_pa_s = v[2], .beta_per_pa = v[3]};
         n = 4;
         if (law->p0) row.p0_pa = v[n++];
@@ -283,34 +284,34 @@ static void fractional_compliance(const void *of, int count, const double *lag, 
     }
 }
 
-static bool predict_relax(const kn_law *law, const double *v, const kn_law_curve *c, int number, int count,
+static bool predict_relax(const kn_fit_law *law, const double *v, const kn_fit_law_curve *c, int number, int count,
                           const double *t, double *out)
 {
     switch (law->kind) {
-    case KN_LAW_UNITS:
+    case KN_FIT_LAW_UNITS:
         return units_relax(law, v, c, count, t, out);
-    case KN_LAW_DOUGH:
+    case KN_FIT_LAW_DOUGH:
         return dough_relax(law, v, number, count, t, out);
-    case KN_LAW_LOGARITHM:
+    case KN_FIT_LAW_LOGARITHM:
         return logarithm_relax(v, c, count, t, out);
-    case KN_LAW_FRACTIONAL:
+    case KN_FIT_LAW_FRACTIONAL:
         return fractional_relax(v, c, count, t, out);
     }
     return false;
 }
 
-bool kn_law_predict(const kn_law *law, const double *value, kn_law_curve *curve, int c, int count, const double *time_s,
-                    double *out)
+bool kn_fit_law_predict(const kn_fit_law *law, const double *value, kn_fit_law_curve *curve, int c, int count,
+                        const double *time_s, double *out)
 {
     if (count == 0) return true;
     if (law->relax) return predict_relax(law, value, &curve[c], c, count, time_s, out);
-    if (law->kind == KN_LAW_UNITS || law->kind == KN_LAW_DOUGH) {
+    if (law->kind == KN_FIT_LAW_UNITS || law->kind == KN_FIT_LAW_DOUGH) {
         const kn_chain row = row_of(law, value);
         return !(row.p0_pa > row.p1_pa) && row_creep(&row, &curve[c], count, time_s, out);
     }
     if (!curve[c].memory.nodes) return false;
     const kn_fractional f = fractional_of(value);
-    if (law->kind == KN_LAW_FRACTIONAL)
+    if (law->kind == KN_FIT_LAW_FRACTIONAL)
         return kn_memory_creep(&curve[c].memory, fractional_compliance, &f, count, time_s, out);
     return kn_memory_creep(&curve[c].memory, logarithm_compliance, value, count, time_s, out);
 }

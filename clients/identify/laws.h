@@ -17,12 +17,17 @@
 #include "clients/identify/fit.h"
 #include "clients/identify/memory.h"
 
-#define KN_LAWS_MAX 16
+#define KN_FIT_LAWS_MAX 16
 
-typedef enum kn_law_kind { KN_LAW_UNITS, KN_LAW_DOUGH, KN_LAW_LOGARITHM, KN_LAW_FRACTIONAL } kn_law_kind;
+typedef enum kn_fit_law_kind {
+    KN_FIT_LAW_UNITS,
+    KN_FIT_LAW_DOUGH,
+    KN_FIT_LAW_LOGARITHM,
+    KN_FIT_LAW_FRACTIONAL
+} kn_fit_law_kind;
 
-typedef struct kn_law {
-    kn_law_kind kind;
+typedef struct kn_fit_law {
+    kn_fit_law_kind kind;
     char name[48];
     char letters[16]; // of the first paper's figure 2, "b d f"; "": none
     bool yardstick;   // no row of springs and dampers
@@ -32,37 +37,38 @@ typedef struct kn_law {
     int units;           // relax: Maxwell units. creep: Voigt units
     // DOUGH: what it has beside k1, alpha, beta
     bool c1, p0, p1;
-} kn_law;
+} kn_fit_law;
 
 // One curve's readings, those that are fitted and those that are predicted, in the order of time.
-typedef struct kn_law_part {
+typedef struct kn_fit_law_part {
     int count;
     double *time_s; // relax: since the strain was reached
     double *value;  // relax: stress, Pa, or modulus. creep: strain
-} kn_law_part;
+} kn_fit_law_part;
 
-typedef struct kn_law_curve {
+typedef struct kn_fit_law_curve {
     const kn_curve *curve;
-    double strain, ramp_s; // relax; strain 1 where the values are moduli
-    kn_memory memory;      // creep
-    kn_law_part part[2];   // early, late
-} kn_law_curve;
+    double strain, ramp_s;   // relax; strain 1 where the values are moduli
+    kn_memory memory;        // creep
+    kn_fit_law_part part[2]; // early, late
+} kn_fit_law_curve;
 
 // All laws of an experiment; the springs and dampers of the catalogue first, one for each class. Returns how many.
-int kn_laws(kn_law law[KN_LAWS_MAX], bool relax);
+int kn_fit_laws(kn_fit_law law[KN_FIT_LAWS_MAX], bool relax);
 
 // The unknowns of a law with their bounds. Behind them, for the papers' damper in a hold, a stress for each curve.
-int kn_law_unknowns(const kn_law *law, int curves, const kn_law_curve *curve, kn_fit_unknown out[KN_FIT_UNKNOWNS]);
-const char *kn_law_unit(const kn_law *law, int unknown); // "Pa", "Pa*s", ..., of the unknown of that number
+int kn_fit_law_unknowns(const kn_fit_law *law, int curves, const kn_fit_law_curve *curve,
+                        kn_fit_unknown out[KN_FIT_UNKNOWNS]);
+const char *kn_fit_law_unit(const kn_fit_law *law, int unknown); // "Pa", "Pa*s", ..., of the unknown of that number
 
-// Where a search may begin: up to KN_LAW_STARTS places. found: what was found for the papers' damper with fewer
+// Where a search may begin: up to KN_FIT_LAW_STARTS places. found: what was found for the papers' damper with fewer
 // numbers, from which a creep goes on; count 0: nothing yet.
-#define KN_LAW_STARTS 12
-int kn_law_starts(const kn_law *law, int curves, const kn_law_curve *curve, int count, const kn_fit_unknown *found,
-                  double start[][KN_FIT_UNKNOWNS]);
+#define KN_FIT_LAW_STARTS 12
+int kn_fit_law_starts(const kn_fit_law *law, int curves, const kn_fit_law_curve *curve, int count,
+                      const kn_fit_unknown *found, double start[][KN_FIT_UNKNOWNS]);
 
 // What the law says of curve number c at count times that rise. False: no answer.
-bool kn_law_predict(const kn_law *law, const double *value, kn_law_curve *curve, int c, int count, const double *time_s,
-                    double *out);
+bool kn_fit_law_predict(const kn_fit_law *law, const double *value, kn_fit_law_curve *curve, int c, int count,
+                        const double *time_s, double *out);
 
 #endif

@@ -18,7 +18,7 @@ static double now_s(void)
 
 // ---- readings, early and late
 
-static bool room(kn_law_curve *c, int count)
+static bool room(kn_fit_law_curve *c, int count)
 {
     for (int part = EARLY; part <= LATE; part++) {
         c->part[part].time_s = calloc(2 * (size_t)count + 1, sizeof *c->part[part].time_s);
@@ -28,14 +28,14 @@ static bool room(kn_law_curve *c, int count)
     return true;
 }
 
-static void put(kn_law_curve *c, int part, double time_s, double value)
+static void put(kn_fit_law_curve *c, int part, double time_s, double value)
 {
-    kn_law_part *p = &c->part[part];
+    kn_fit_law_part *p = &c->part[part];
     p->time_s[p->count] = time_s;
     p->value[p->count++] = value;
 }
 
-static bool take_relax(kn_law_curve *c, const kn_models_options *options, double *cut_s)
+static bool take_relax(kn_fit_law_curve *c, const kn_models_options *options, double *cut_s)
 {
     kn_bins b;
     kn_ramp ramp;
@@ -56,7 +56,7 @@ static bool take_relax(kn_law_curve *c, const kn_models_options *options, double
     return ok;
 }
 
-static bool take_creep(kn_law_curve *c, const kn_models_options *options, double *cut_s)
+static bool take_creep(kn_fit_law_curve *c, const kn_models_options *options, double *cut_s)
 {
     const kn_curve *curve = c->curve;
     const double end = curve->time_s[curve->count - 1];
@@ -75,7 +75,7 @@ static bool take_creep(kn_law_curve *c, const kn_models_options *options, double
     return true;
 }
 
-static double largest(const kn_law_curve *c)
+static double largest(const kn_fit_law_curve *c)
 {
     double most = 0;
     for (int part = EARLY; part <= LATE; part++)
@@ -95,9 +95,9 @@ static bool take(kn_models *m, int curves, const kn_curve *curve, const kn_model
 {
     m->relax = curve->kind == KN_CURVE_RELAX;
     for (int c = 0; c < curves; c++) {
-        kn_law_curve *to = &m->curve[m->curves++];
+        kn_fit_law_curve *to = &m->curve[m->curves++];
         double cut;
-        *to = (kn_law_curve){.curve = &curve[c], .strain = 1};
+        *to = (kn_fit_law_curve){.curve = &curve[c], .strain = 1};
         if (!(m->relax ? take_relax : take_creep)(to, options, &cut)) return false;
         if (c == 0) m->cut_s = cut;
         m->early += to->part[EARLY].count;
@@ -111,7 +111,7 @@ static bool take(kn_models *m, int curves, const kn_curve *curve, const kn_model
 
 typedef struct work {
     kn_models *m;
-    const kn_law *law;
+    const kn_fit_law *law;
     double *scratch;
 } work;
 
@@ -119,11 +119,11 @@ typedef struct work {
 static bool residuals(const work *w, const double *value, int part, bool scale, double *residual)
 {
     for (int c = 0, n = 0; c < w->m->curves; c++) {
-        kn_law_curve *curve = &w->m->curve[c];
-        const kn_law_part *p = &curve->part[part];
+        kn_fit_law_curve *curve = &w->m->curve[c];
+        const kn_fit_law_part *p = &curve->part[part];
         const double most = w->m->relax ? 0 : largest(curve);
         const double unit = scale ? fmax(curve->curve->noise, KN_MODELS_COARSE * most) : most;
-        if (!kn_law_predict(w->law, value, w->m->curve, c, p->count, p->time_s, w->scratch)) return false;
+        if (!kn_fit_law_predict(w->law, value, w->m->curve, c, p->count, p->time_s, w->scratch)) return false;
         for (int i = 0; i < p->count; i++, n++) {
             if (!w->m->relax)
                 residual[n] = (w->scratch[i] - p->value[i]) / unit;
@@ -175,19 +175,19 @@ static double aicc_of(const kn_models *m, const kn_fit *fit)
     return kn_fit_aicc(fit->readings, fit->unknowns, fmax(fit->sum, fit->readings * fine * fine));
 }
 
-static void fit_law(kn_models *m, const kn_law *law, kn_models_row *row, double *scratch)
+static void fit_law(kn_models *m, const kn_fit_law *law, kn_models_row *row, double *scratch)
 {
-    double start[KN_LAW_STARTS][KN_FIT_UNKNOWNS];
+    double start[KN_FIT_LAW_STARTS][KN_FIT_UNKNOWNS];
     work w = {m, law, scratch};
     kn_fit fit = {.readings = m->early, .misfit = misfit, .of = &w};
     *row = (kn_models_row){
         .law = *law, .readings = m->early, .aicc = INFINITY, .early = INFINITY, .held = INFINITY, .runs = NAN};
-    row->unknowns = fit.unknowns = kn_law_unknowns(law, m->curves, m->curve, fit.unknown);
+    row->unknowns = fit.unknowns = kn_fit_law_unknowns(law, m->curves, m->curve, fit.unknown);
     if (fit.unknowns + 2 >= m->early) return;
     const kn_models_row *last = m->rows ? &m->row[m->rows - 1] : NULL; // the same with fewer numbers
     const bool follows = last && last->fitted && last->law.kind == law->kind;
-    const int starts =
-        kn_law_starts(law, m->curves, m->curve, follows ? last->unknowns : 0, follows ? last->unknown : NULL, start);
+    const int starts = kn_fit_law_starts(law, m->curves, m->curve, follows ? last->unknowns : 0,
+                                         follows ? last->unknown : NULL, start);
     if (!kn_fit_run_from(&fit, starts, start)) return;
     row->fitted = true;
     memcpy(row->unknown, fit.unknown, sizeof row->unknown);
@@ -208,8 +208,8 @@ static void keep(kn_models *m, const kn_models_row *row)
 
 static bool fit_all(kn_models *m)
 {
-    kn_law law[KN_LAWS_MAX];
-    const int laws = kn_laws(law, m->relax);
+    kn_fit_law law[KN_FIT_LAWS_MAX];
+    const int laws = kn_fit_laws(law, m->relax);
     double *scratch = calloc(2 * ((size_t)m->early + (size_t)m->late), sizeof *scratch);
     for (int i = 0; scratch && i < laws; i++) {
         kn_models_row row;

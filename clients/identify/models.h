@@ -27,7 +27,7 @@
 #define KN_MODELS_HOLDS 6 // relaxation curves at once: the papers' damper has a stress for each
 
 typedef struct kn_models_row {
-    kn_law law;
+    kn_fit_law law;
     int unknowns, readings;                  // early ones
     kn_fit_unknown unknown[KN_FIT_UNKNOWNS]; // the best
     bool loose[KN_FIT_UNKNOWNS];             // the early readings do not know that one: at a bound, or anything
@@ -44,9 +44,9 @@ typedef struct kn_models {
     int rows;
     kn_models_row row[KN_MODELS_MAX];
     bool relax;
-    int curves, early, late; // of curves, and of readings
+    int curves, early, late;  // of curves, and of readings
     double early_pa, late_pa; // relax: the least stresses of both
-    kn_law_curve curve[KN_CURVES_MAX];
+    kn_fit_law_curve curve[KN_CURVES_MAX];
     double cut_s; // of the first curve
     double took_s;
 } kn_models;

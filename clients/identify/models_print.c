@@ -80,7 +80,7 @@ static bool is_below_all(const kn_models *m)
     bool any = false;
     for (int i = 0; i < m->rows; i++) {
         if (supported(m, i)) return false;
-        any |= describes(m, i) && m->row[i].law.kind == KN_LAW_DOUGH;
+        any |= describes(m, i) && m->row[i].law.kind == KN_FIT_LAW_DOUGH;
     }
     return any && m->relax && m->late_pa < BELOW * m->early_pa;
 }
@@ -153,7 +153,7 @@ void kn_models_numbers(const kn_models_row *row, char *text, size_t size)
     *text = '\0';
     for (int i = 0; i < row->unknowns; i++) {
         char one[80];
-        const char *unit = kn_law_unit(&row->law, i);
+        const char *unit = kn_fit_law_unit(&row->law, i);
         snprintf(one, sizeof one, "%s%s %.3g%s%s%s", i ? ", " : "", row->unknown[i].name, row->unknown[i].value,
                  *unit ? " " : "", unit, row->loose[i] ? " (?)" : "");
         append(text, size, one);

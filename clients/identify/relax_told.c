@@ -107,7 +107,7 @@ static void add_model(kn_figure_panel *p, drawing *d, kn_models *m, int row, int
     const kn_models_row *r = &m->row[row];
     double value[KN_FIT_UNKNOWNS];
     for (int i = 0; i < r->unknowns; i++) value[i] = r->unknown[i].value;
-    if (!r->fitted || !kn_law_predict(&r->law, value, m->curve, 0, POINTS, d->time_s, d->model_pa[place])) return;
+    if (!r->fitted || !kn_fit_law_predict(&r->law, value, m->curve, 0, POINTS, d->time_s, d->model_pa[place])) return;
     for (int i = 0; i < POINTS; i++) // what falls far below the readings would flatten them
         if (d->model_pa[place][i] < d->cut_pa[1]) d->model_pa[place][i] = NAN;
     kn_figure_add(p, (kn_figure_series){r->law.name, POINTS, d->time_s, d->model_pa[place], 1, 1e-3,
@@ -117,7 +117,7 @@ static void add_model(kn_figure_panel *p, drawing *d, kn_models *m, int row, int
 // The best of what came later, of the elements and of all; the logarithm; a Maxwell unit; whichever are different.
 static void add_models(kn_figure_panel *p, drawing *d, kn_models *m)
 {
-    const kn_law_part *early = &m->curve[0].part[0], *late = &m->curve[0].part[1];
+    const kn_fit_law_part *early = &m->curve[0].part[0], *late = &m->curve[0].part[1];
     const double from = early->time_s[0], to = late->count ? late->time_s[late->count - 1] : m->cut_s;
     for (int i = 0; i < POINTS; i++) d->time_s[i] = from * pow(to / from, i / (POINTS - 1.0));
     kn_figure_add(
@@ -133,7 +133,7 @@ static void add_models(kn_figure_panel *p, drawing *d, kn_models *m)
         int best = -1;
         for (int i = 0; i < m->rows; i++) {
             const bool wanted = place == 0 || (place == 1 && !m->row[i].law.yardstick) || place == 2 ||
-                                (place == 3 && m->row[i].law.kind == KN_LAW_UNITS);
+                                (place == 3 && m->row[i].law.kind == KN_FIT_LAW_UNITS);
             if (!taken[i] && wanted && m->row[i].fitted && (best < 0 || m->row[i].held < m->row[best].held)) best = i;
         }
         if (best < 0) continue;

@@ -95,11 +95,11 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
 // First, holds alone, whose closed form costs little: from the places of laws.h, as a law of theirs.
 typedef struct holds {
     const work *w;
-    kn_law law;
-    kn_law_curve curve[KN_RELAXATION_CURVES];
+    kn_fit_law law;
+    kn_fit_law_curve curve[KN_RELAXATION_CURVES];
 } holds;
 
-static void expand(const kn_law *law, int curves, const double *from, double to[KN_FIT_UNKNOWNS])
+static void expand(const kn_fit_law *law, int curves, const double *from, double to[KN_FIT_UNKNOWNS])
 {
     int n = 2;
     to[K1] = 1;
@@ -129,18 +129,18 @@ static bool misfit_of_holds(void *of, const double value[KN_FIT_UNKNOWNS], doubl
 // The holds' best with that law. False: none.
 static bool fit_holds(const work *w, bool c1, bool p0, double out[KN_FIT_UNKNOWNS])
 {
-    holds f = {.w = w, .law = {.kind = KN_LAW_DOUGH, .relax = true, .c1 = c1, .p0 = p0}};
-    double start[KN_LAW_STARTS][KN_FIT_UNKNOWNS], value[KN_FIT_UNKNOWNS];
+    holds f = {.w = w, .law = {.kind = KN_FIT_LAW_DOUGH, .relax = true, .c1 = c1, .p0 = p0}};
+    double start[KN_FIT_LAW_STARTS][KN_FIT_UNKNOWNS], value[KN_FIT_UNKNOWNS];
     kn_fit fit = {.misfit = misfit_of_holds, .of = &f};
     for (int c = 0; c < w->r->curves; c++) {
         const kn_bins *b = &w->r->curve[c].hold;
-        f.curve[c] = (kn_law_curve){.curve = w->r->curve[c].curve, .strain = 1};
-        f.curve[c].part[0] = (kn_law_part){b->count, b->time_s, b->value};
+        f.curve[c] = (kn_fit_law_curve){.curve = w->r->curve[c].curve, .strain = 1};
+        f.curve[c].part[0] = (kn_fit_law_part){b->count, b->time_s, b->value};
         fit.readings += b->count;
     }
-    fit.unknowns = kn_law_unknowns(&f.law, w->r->curves, f.curve, fit.unknown);
+    fit.unknowns = kn_fit_law_unknowns(&f.law, w->r->curves, f.curve, fit.unknown);
     if (fit.readings <= fit.unknowns) return false;
-    const int starts = kn_law_starts(&f.law, w->r->curves, f.curve, 0, NULL, start);
+    const int starts = kn_fit_law_starts(&f.law, w->r->curves, f.curve, 0, NULL, start);
     if (!kn_fit_run_from(&fit, starts, (const double(*)[KN_FIT_UNKNOWNS])start)) return false;
     for (int i = 0; i < fit.unknowns; i++) value[i] = fit.unknown[i].value;
     expand(&f.law, w->r->curves, value, out);

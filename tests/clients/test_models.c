@@ -93,10 +93,10 @@ TEST("in a hold and in creep every element of the catalogue has a row, and those
 {
     static const char *const held[] = {"a", "b d f", "c e i", "g h j k"};
     static const char *const creeping[] = {"a", "b", "c e", "d f", "g h j k", "i"};
-    kn_law law[KN_LAWS_MAX];
-    CHECK(kn_laws(law, true) <= KN_LAWS_MAX);
+    kn_fit_law law[KN_FIT_LAWS_MAX];
+    CHECK(kn_fit_laws(law, true) <= KN_FIT_LAWS_MAX);
     for (int i = 0; i < 4; i++) CHECK_STR(law[i].letters, held[i]);
-    CHECK(kn_laws(law, false) <= KN_LAWS_MAX);
+    CHECK(kn_fit_laws(law, false) <= KN_FIT_LAWS_MAX);
     for (int i = 0; i < 6; i++) CHECK_STR(law[i].letters, creeping[i]);
     CHECK_STR(law[4].name, "(s|d)-s-d");
 }
