@@ -8,6 +8,8 @@
 
 enum { WIDTH = 640, HEIGHT = 360, PIXELS = WIDTH * HEIGHT };
 
+OWNS(kn_renderer, kn_renderer_close)
+
 typedef struct block {
     kn_surface *surface;
     float (*rest)[3], (*dented)[3];
@@ -21,7 +23,7 @@ static inline block block_create(void)
     kn_model_def def = kn_model_def_default();
     memcpy(def.nodes, (int[]){11, 11, 7}, sizeof def.nodes);
     def.spacing_m = 0.005;
-    kn_model *model = kn_model_build(&def, error, sizeof error);
+    OWN(kn_model) *model = kn_model_build(&def, error, sizeof error);
     block b = {.surface = kn_surface_create(model)};
     size_t n = (size_t)b.surface->vertex_count;
     b.rest = calloc(n, sizeof *b.rest);
@@ -33,7 +35,6 @@ static inline block block_create(void)
         for (int k = 0; k < 3; k++) b.rest[i][k] = b.dented[i][k] = (float)x_m[k];
         b.dented[i][2] -= (float)(0.01 * height * height * exp(-beside / 0.003));
     }
-    kn_model_destroy(model);
     return b;
 }
 

@@ -16,8 +16,8 @@ static void make(double push_m)
     kn_model_def def = kn_model_def_default();
     int vertices = 0;
     model = kn_model_build(&def, error, sizeof error);
-    kn_state *state = kn_state_create(model);
-    kn_surface *surface = kn_surface_create(model);
+    OWN(kn_state) *state = kn_state_create(model);
+    OWN(kn_surface) *surface = kn_surface_create(model);
     mesh = (kn_mesh){.vertex_count = surface->vertex_count, .triangle_count = surface->triangle_count, .whole = true};
     mesh.triangles = malloc(sizeof(int32_t) * 3 * (size_t)surface->triangle_count);
     mesh.positions_m = malloc(sizeof(float) * 3 * (size_t)surface->vertex_count);
@@ -29,8 +29,6 @@ static void make(double push_m)
         float *at = mesh.positions_m + 3 * v;
         if (top[v] && fabsf(at[0]) < 0.006f && fabsf(at[1]) < 0.006f) at[2] -= (float)push_m;
     }
-    kn_surface_destroy(surface);
-    kn_state_destroy(state);
 }
 
 static void forget(void)
@@ -139,9 +137,9 @@ TEST("a tool of any shape is found to touch where the model's clearance ends")
         kn_model_def def = kn_model_def_default();
         def.probe_count = 1;
         def.probe[0] = tools[i];
-        kn_model *with = kn_model_build(&def, error, sizeof error);
+        OWN(kn_model) *with = kn_model_build(&def, error, sizeof error);
         CHECK(with != NULL);
-        kn_state *state = kn_state_create(with);
+        OWN(kn_state) *state = kn_state_create(with);
         double first, last, at[3] = {0.005, 0.005}; // over a node
         CHECK(kn_dent_touch(&mesh, top, 0.01, &tools[i], at[0], at[1], &first, &last));
         CHECK_NEAR(first, 0.03 + kn_foot_m(&tools[i]), 1e-8);
@@ -150,8 +148,6 @@ TEST("a tool of any shape is found to touch where the model's clearance ends")
         CHECK_NEAR(kn_clearance(with, state, 0, at, level), 1e-4, 1e-6);
         at[2] = first - 1e-4;
         CHECK(kn_clearance(with, state, 0, at, level) <= 0);
-        kn_state_destroy(state);
-        kn_model_destroy(with);
     }
     forget();
 }

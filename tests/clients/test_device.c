@@ -7,6 +7,8 @@
 #include "tests/check.h"
 #include "tests/rig.h"
 
+OWNS(kn_path, kn_path_destroy)
+
 static struct {
     kn_rig rig;
     kn_device device[2];
@@ -117,7 +119,7 @@ TEST("pressing, sliding, tapping jelly 0 to 30 ms away the local model stays cal
                                         "density=1.02 g/cm^3", "device=omega", "probes.finger.coupling=800 N/m",
                                         "probes.finger.damping=2 N*s/m"};
     static const int delay_ms[] = {0, 5, 30, 20};
-    kn_path *path = way();
+    OWN(kn_path) *path = way();
     serve("dough-small.yaml", jelly, 5, true);
     feel("no link", path, (kn_grasp_def){.grip = KN_GRIP_NORMAL});
     double near_n = p.grasp.news.loudest_n;
@@ -139,14 +141,13 @@ TEST("pressing, sliding, tapping jelly 0 to 30 ms away the local model stays cal
     if (feel("20 ms, held", path, (kn_grasp_def){.grip = KN_GRIP_NORMAL, .delay_ms = 20, .render.held = true}))
         CHECK(p.grasp.news.acted > 100 + 3 * acted); // calm by the controller's damping alone
     kn_rig_close(&p.rig);
-    kn_path_destroy(path);
 }
 
 TEST("a device on dough is calm near kneadd, in any hand; its forces 20 ms away are refused, and held they shake it")
 {
     static const char *const touch[] = {"device=touch"};
-    kn_path *press = kn_path_press(&(kn_path_def){.touch_z_m = 0.045, .depth_m = 0.01, .hold_s = 2}),
-            *sine = kn_path_sine(&(kn_path_def){.touch_z_m = 0.045, .hold_s = 2});
+    OWN(kn_path) *press = kn_path_press(&(kn_path_def){.touch_z_m = 0.045, .depth_m = 0.01, .hold_s = 2}),
+                 *sine = kn_path_sine(&(kn_path_def){.touch_z_m = 0.045, .hold_s = 2});
     serve("dough-small.yaml", touch, 1, false);
     CHECK(feel("firm", press, (kn_grasp_def){.grip = KN_GRIP_FIRM}) && p.rig.end[0].served.largest_n > 0.5);
     kn_rig_close(&p.rig);
@@ -166,8 +167,6 @@ TEST("a device on dough is calm near kneadd, in any hand; its forces 20 ms away 
     CHECK(!feel("20 ms, held", press, (kn_grasp_def){.grip = KN_GRIP_LIGHT, .delay_ms = 20, .render.held = true}));
     CHECK(p.player[0].hand.mode == KN_HAND_GAVE_UP || p.grasp.news.acted > 100);
     kn_rig_close(&p.rig);
-    kn_path_destroy(press);
-    kn_path_destroy(sine);
 }
 
 TEST("a light hand on jelly is calm, also 5 ms and a fifth of the messages away, also with one axis")
@@ -176,21 +175,19 @@ TEST("a light hand on jelly is calm, also 5 ms and a fifth of the messages away,
     static const kn_grasp_def hands[] = {{.grip = KN_GRIP_LIGHT},
                                          {.grip = KN_GRIP_LIGHT, .delay_ms = 5, .loss = 0.2, .render.held = true},
                                          {.grip = KN_GRIP_LIGHT, .axes = 1}};
-    kn_path *press = kn_path_press(&(kn_path_def){.touch_z_m = 0.075, .depth_m = 0.01, .hold_s = 2}),
-            *sine = kn_path_sine(&(kn_path_def){.touch_z_m = 0.075, .hold_s = 2});
+    OWN(kn_path) *press = kn_path_press(&(kn_path_def){.touch_z_m = 0.075, .depth_m = 0.01, .hold_s = 2}),
+                 *sine = kn_path_sine(&(kn_path_def){.touch_z_m = 0.075, .hold_s = 2});
     for (int i = 0; i < 3; i++) {
         serve("jelly.yaml", scaled, 1, false);
         CHECK(feel("jelly", i < 2 ? press : sine, hands[i]));
         kn_rig_close(&p.rig);
     }
-    kn_path_destroy(press);
-    kn_path_destroy(sine);
 }
 
 TEST("a wild force in kneadd's name trips the guard of a device in a hand, which lifts it and tries again")
 {
     static const char *const device[] = {"device=unknown"};
-    kn_path *poke = kn_path_poke(&(kn_path_def){.touch_z_m = 0.045});
+    OWN(kn_path) *poke = kn_path_poke(&(kn_path_def){.touch_z_m = 0.045});
     serve("dough-small.yaml", device, 1, false);
     p.wild = 20;
     CHECK(feel("wild", poke, (kn_grasp_def){.grip = KN_GRIP_LIGHT}));
@@ -198,13 +195,12 @@ TEST("a wild force in kneadd's name trips the guard of a device in a hand, which
     CHECK(h->trips == 1 && h->tries == 2 && p.wild < 20);
     CHECK_STR(h->trip[0].refusal, kn_render_why(KN_RENDER_REFLEX));
     kn_rig_close(&p.rig);
-    kn_path_destroy(poke);
 }
 
 TEST("the paper's press on a device of 3.3 N: the object gives what it gave, the hand a quarter, and no limit acts")
 {
     static const char *const scaled[] = {"device={profile: touch, force_scale: 0.25}"};
-    kn_path *press = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .depth_m = 0.01, .hold_s = 1});
+    OWN(kn_path) *press = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .depth_m = 0.01, .hold_s = 1});
     serve("dough.yaml", scaled, 1, false);
     join("plate", press, NULL);
     play();
@@ -213,14 +209,13 @@ TEST("the paper's press on a device of 3.3 N: the object gives what it gave, the
     CHECK(p.player[0].hand.mode == KN_HAND_DONE && p.contact_n > 11 && given_n > 2.8 && given_n < 3.3);
     CHECK_NEAR(given_n, 0.25 * p.contact_n, 1e-9);
     kn_rig_close(&p.rig);
-    kn_path_destroy(press);
 }
 
 TEST("a hand that ends in a press leaves its tool without a fault, and 100 ms later another may take it")
 {
     const double time_s[] = {0, 0.8, 1.2};
     kn_path_point point[] = {{{0, 0, 0.06}, {0}, {1}}, {{0, 0, 0.045}, {0}, {1}}, {{0, 0, 0.042}, {0}, {1}}};
-    kn_path *press = kn_path_through(3, time_s, point), *poke = kn_path_poke(&(kn_path_def){.touch_z_m = 0.045});
+    OWN(kn_path) *press = kn_path_through(3, time_s, point), *poke = kn_path_poke(&(kn_path_def){.touch_z_m = 0.045});
     serve("dough-small.yaml", NULL, 0, false);
     join("finger", press, NULL);
     play();
@@ -232,8 +227,6 @@ TEST("a hand that ends in a press leaves its tool without a fault, and 100 ms la
     play();
     CHECK(p.player[1].hand.mode == KN_HAND_DONE && p.player[1].hand.trips == 0);
     kn_rig_close(&p.rig);
-    kn_path_destroy(press);
-    kn_path_destroy(poke);
 }
 
 TEST("kneadd killed in a press: a device in a hand gives 0 N 20 ms after the last force, its local model after 300")
@@ -269,11 +262,11 @@ TEST("kneadd killed in a press: a device in a hand gives 0 N 20 ms after the las
 TEST("two fingers lift a piece of dough off the table and carry it, half of it each, squeezing it equally")
 {
     char error[256];
-    kn_path *path[2] = {kn_path_load(KN_SOURCE_DIR "/clients/examples/thumb.csv", error, sizeof error),
-                        kn_path_load(KN_SOURCE_DIR "/clients/examples/index.csv", error, sizeof error)};
+    OWN(kn_path) *thumb = kn_path_load(KN_SOURCE_DIR "/clients/examples/thumb.csv", error, sizeof error);
+    OWN(kn_path) *index = kn_path_load(KN_SOURCE_DIR "/clients/examples/index.csv", error, sizeof error);
     serve("pinch.yaml", NULL, 0, false);
-    join("thumb", path[0], NULL);
-    join("index", path[1], NULL);
+    join("thumb", thumb, NULL);
+    join("index", index, NULL);
     play();
     double mean_n[2][3], weight_n = 9.81 * kn_model_mass(p.rig.on.model);
     for (int i = 0; i < 6; i++) mean_n[i / 3][i % 3] = p.sum_n[i / 3][i % 3] / p.high[i / 3];
@@ -285,8 +278,6 @@ TEST("two fingers lift a piece of dough off the table and carry it, half of it e
     CHECK_NEAR(-mean_n[0][2], 0.5 * weight_n, 0.1 * weight_n);
     CHECK_NEAR(-mean_n[0][0], mean_n[1][0], 0.05 * fabs(mean_n[1][0]));
     kn_rig_close(&p.rig);
-    kn_path_destroy(path[0]);
-    kn_path_destroy(path[1]);
 }
 
 TESTS_MAIN

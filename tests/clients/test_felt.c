@@ -44,43 +44,39 @@ static kn_trace block(int cells)
 
 TEST("a force that comes 3 ms later lags by 3 ms, and one that comes earlier leads")
 {
-    kn_trace now = press(0, 10), late = press(0.003, 10), early = press(-0.0005, 8);
+    AT_END(kn_trace_free) kn_trace now = press(0, 10), late = press(0.003, 10), early = press(-0.0005, 8);
     CHECK_NEAR(kn_felt_lag(&late, &now), 0.003, 2e-5);
     CHECK_NEAR(kn_felt_lag(&early, &now), -0.0005, 2e-5);
     CHECK_NEAR(kn_felt_lag(&now, &now), 0, 1e-12);
-    kn_trace_free(&now), kn_trace_free(&late), kn_trace_free(&early);
 }
 
 TEST("where nothing moves at 10 Hz there is no lag to tell")
 {
-    kn_trace slow = empty(), none = empty();
+    AT_END(kn_trace_free) kn_trace slow = empty(), none = empty();
     for (int i = 0; i < TICKS; i++) slow.force_n[2 * i][0] = pow(sin(M_PI * i / TICKS), 8); // one slow push
     CHECK(isnan(kn_felt_lag(&slow, &slow)));
     CHECK(isnan(kn_felt_lag(&none, &none)));
-    kn_trace_free(&slow), kn_trace_free(&none);
 }
 
 TEST("a tenth more force is an error of a tenth, whichever tool feels it")
 {
-    kn_trace a = press(0, 11), b = press(0, 10), none = empty();
+    AT_END(kn_trace_free) kn_trace a = press(0, 11), b = press(0, 10), none = empty();
     CHECK_NEAR(kn_felt_force(&a, &b), 0.1, 1e-12);
     CHECK_NEAR(kn_felt_peak(&a) / kn_felt_peak(&b), 1.1, 1e-12);
     CHECK_NEAR(kn_felt_variation(&b), 20, 1e-3);
     CHECK(isnan(kn_felt_force(&a, &none)));
-    kn_trace_free(&a), kn_trace_free(&b), kn_trace_free(&none);
 }
 
 TEST("a force that jumps once has that jump, though its peak is elsewhere")
 {
-    kn_trace t = empty();
+    AT_END(kn_trace_free) kn_trace t = empty();
     for (int i = 0; i < TICKS; i++) t.force_n[2 * i][2] = 0.01 * i + (i >= 500 ? 2.5 : 0);
     CHECK_NEAR(kn_felt_jump(&t), 2.51, 1e-9);
-    kn_trace_free(&t);
 }
 
 TEST("lattices of different spacing with one displacement have one shape")
 {
-    kn_trace coarse = block(4), fine = block(6), finest = block(12);
+    AT_END(kn_trace_free) kn_trace coarse = block(4), fine = block(6), finest = block(12);
     CHECK_NEAR(kn_felt_shape(&coarse, &fine), 0, 1e-12);
     CHECK_NEAR(kn_felt_shape(&coarse, &finest), 0, 1e-12);
     CHECK_NEAR(kn_felt_shape(&finest, &coarse), 0, 1e-12);
@@ -88,15 +84,13 @@ TEST("lattices of different spacing with one displacement have one shape")
     memcpy(corner, coarse.shape_m[coarse.nodes - 1], sizeof corner);
     coarse.shape_m[coarse.nodes - 1][2] += 0.01;
     CHECK(kn_felt_shape(&coarse, &fine) > 0.01);
-    kn_trace_free(&coarse), kn_trace_free(&fine), kn_trace_free(&finest);
 }
 
 TEST("the deepest node tells the depth")
 {
-    kn_trace t = block(4);
+    AT_END(kn_trace_free) kn_trace t = block(4);
     t.shape_m[7][2] = -0.0096;
     CHECK_NEAR(kn_felt_depth(&t), 0.0096, 1e-12);
-    kn_trace_free(&t);
 }
 
 TESTS_MAIN

@@ -19,27 +19,23 @@ static int shown(kn_renderer *r, const block *b, kn_probe_def def, double thickn
 
 TEST("to a flat object a ball is a disc as wide as it is thick, to a block it is a ball")
 {
-    block b = block_create();
-    kn_renderer *r = open_renderer(&b);
+    AT_END(block_destroy) block b = block_create();
+    OWN(kn_renderer) *r = open_renderer(&b);
     const kn_probe_def ball = {.shape = KN_PROBE_SPHERE, .radius_m = 0.004};
     const double from_front = shown(r, &b, ball, 0, 0), from_right = shown(r, &b, ball, 0, 90);
     CHECK_NEAR(from_right, from_front, 0.03 * from_front);
     // the front of a disc is a circle, its side 2 r by its width: 8 mm by 2 mm over pi (4 mm)^2
     CHECK_NEAR(shown(r, &b, ball, 0.002, 0), from_front, 0.05 * from_front);
     CHECK_NEAR(shown(r, &b, ball, 0.002, 90), from_front * 0.008 * 0.002 / (M_PI * 0.004 * 0.004), 0.05 * from_front);
-    kn_renderer_close(r);
-    block_destroy(&b);
 }
 
 TEST("and a plate is a line across it")
 {
-    block b = block_create();
-    kn_renderer *r = open_renderer(&b);
+    AT_END(block_destroy) block b = block_create();
+    OWN(kn_renderer) *r = open_renderer(&b);
     const kn_probe_def plate = {.shape = KN_PROBE_PLATE, .size_m = {0.01, 0.03}};
     const double wide = shown(r, &b, plate, 0, 90);
     CHECK_NEAR(shown(r, &b, plate, 0.01, 90), wide / 3, 0.05 * wide);
-    kn_renderer_close(r);
-    block_destroy(&b);
 }
 
 TESTS_MAIN

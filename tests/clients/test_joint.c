@@ -69,7 +69,7 @@ TEST("with a load below P0 every number is known")
 TEST("one load reproduces its curve, and says what it cannot know")
 {
     kn_joint j;
-    kn_curve c = creeps_of(&dough, 50, 60, 70, 0.3);
+    AT_END(creeps_free) kn_curve c = creeps_of(&dough, 50, 60, 70, 0.3);
     creeps_noise(&c, &c, 0.01);
     CHECK(kn_joint_fit(&j, 1, &c, &usual));
     CHECK_NEAR(j.scale, 1, 0.15); // what is left is the noise
@@ -77,7 +77,6 @@ TEST("one load reproduces its curve, and says what it cannot know")
     CHECK(j.number[KN_JOINT_P0].known == KN_AT_MOST);
     CHECK(j.number[KN_JOINT_P1].known == KN_AT_LEAST);
     CHECK(fabs(j.alpha_beta) > 0.98);
-    creeps_free(&c);
 }
 
 TEST("95 in 100 intervals hold the truth")
@@ -142,7 +141,7 @@ TEST("an outlier is left out and named; missing and late readings do no harm")
 TEST("outliers move no bound of P0; two beside each other are left out, too")
 {
     kn_joint with, without;
-    kn_curve c = creeps_of(&dough, 50, 60, 70, 0.3);
+    AT_END(creeps_free) kn_curve c = creeps_of(&dough, 50, 60, 70, 0.3);
     creeps_noise(&c, &c, 0.01);
     CHECK(kn_joint_fit(&without, 1, &c, &usual));
     c.value[30] = 0.97; // as if 50 gf had pressed with 1.5
@@ -152,7 +151,6 @@ TEST("outliers move no bound of P0; two beside each other are left out, too")
     CHECK(with.outliers == without.outliers + 3);
     CHECK_NEAR(with.lowest_pa / without.lowest_pa, 1, 2e-3);
     CHECK_NEAR(with.material.p0_pa / GF_CM2, 26.3, 0.3);
-    creeps_free(&c);
 }
 
 TEST("a handful of readings without noise is enough, wherever they lie: the load's end is the element's, not the last reading's")
@@ -160,11 +158,10 @@ TEST("a handful of readings without noise is enough, wherever they lie: the load
     static const double every_s[] = {3, 9, 13};
     for (int k = 0; k < 3; k++) {
         kn_joint j;
-        kn_curve c = creeps_of(&dough, 50, 60, 70, every_s[k]);
+        AT_END(creeps_free) kn_curve c = creeps_of(&dough, 50, 60, 70, every_s[k]);
         CHECK(kn_joint_fit(&j, 1, &c, &usual));
         for (int i = 0; i < KN_JOINT_P0; i++) CHECK_NEAR(off(&j, i), 0, 1e-3);
         CHECK_NEAR(j.lowest_pa / GF_CM2, 26.33, 0.02);
-        creeps_free(&c);
     }
 }
 
@@ -251,7 +248,7 @@ TEST("one constant stress: one number of the damper, and beta is said to be none
 {
     kn_joint j;
     kn_material linear = {.k1_pa = 46e3, .c1_pa_s = 245e3, .damper = KN_DAMPER_CONSTANT, .c2_pa_s = 4e6};
-    kn_curve c = creeps_of(&linear, 1, 60, 70, 0.3); // 0.2 % of strain
+    AT_END(creeps_free) kn_curve c = creeps_of(&linear, 1, 60, 70, 0.3); // 0.2 % of strain
     creeps_noise(&c, &c, 0.01);
     CHECK(kn_joint_fit(&j, 1, &c, &usual));
     CHECK(j.material.damper == KN_DAMPER_CONSTANT);
@@ -260,12 +257,11 @@ TEST("one constant stress: one number of the damper, and beta is said to be none
     CHECK_NEAR(j.material.c2_pa_s / 4e6, 1, 0.02);
     CHECK(j.number[KN_JOINT_BETA].known == KN_UNKNOWN && *j.number[KN_JOINT_BETA].words);
     CHECK(kn_material_check(&j.material) == NULL);
-    creeps_free(&c);
 }
 
 TEST("the two stages of the paper: 2.7 % low in k1 and c1 without noise")
 {
-    kn_curve c = creeps_of(&dough, 50, 60, 70, 0.3);
+    AT_END(creeps_free) kn_curve c = creeps_of(&dough, 50, 60, 70, 0.3);
     kn_stages s;
     CHECK(kn_stages_fit(&s, &c));
     CHECK_NEAR(s.material.k1_pa / dough.k1_pa - 1, -0.027, 0.003);
@@ -275,6 +271,5 @@ TEST("the two stages of the paper: 2.7 % low in k1 and c1 without noise")
     kn_stages_free(&s);
     c.steps = 1; // never released
     CHECK(!kn_stages_fit(&s, &c));
-    creeps_free(&c);
 }
 TESTS_MAIN

@@ -35,34 +35,32 @@ static double most(const kn_still *first, const kn_still *second, kn_match *m)
 TEST("of the same mesh the same vertices are compared: an object is nowhere from itself")
 {
     kn_match m;
-    kn_still a = sheet(11, 0, 0.002f), b = sheet(11, 0, 0.002f), flat = sheet(11, 0, 0);
+    AT_END(kn_still_free) kn_still a = sheet(11, 0, 0.002f), b = sheet(11, 0, 0.002f), flat = sheet(11, 0, 0);
     CHECK(most(&a, &b, &m) == 0);
     CHECK(m.same && m.count == 121 && m.apart_m == 0);
     for (int v = 0; v < m.count; v++) CHECK(m.first[v] == v);
     kn_match_free(&m);
     CHECK_NEAR(most(&a, &flat, &m), 0.002, 1e-8);
     kn_match_free(&m);
-    kn_still_free(&a), kn_still_free(&b), kn_still_free(&flat);
 }
 
 TEST("of another mesh the nearest at rest: the same shape differs by what is between vertices, a bent one by its bend")
 {
     kn_match m;
-    kn_still coarse = sheet(21, 0, 0.002f), fine = sheet(44, 0, 0.002f), flat = sheet(44, 0, 0);
+    AT_END(kn_still_free) kn_still coarse = sheet(21, 0, 0.002f), fine = sheet(44, 0, 0.002f), flat = sheet(44, 0, 0);
     CHECK(most(&coarse, &fine, &m) < 0.0004);
     CHECK(!m.same && m.apart_m < 0.0005 && m.apart_m > 0);
     CHECK(kn_match_fits(&m, &coarse, &flat) && !kn_match_fits(&m, &coarse, &coarse));
     kn_match_free(&m);
     CHECK_NEAR(most(&coarse, &flat, &m), 0.002, 1e-5);
     kn_match_free(&m);
-    kn_still_free(&coarse), kn_still_free(&fine), kn_still_free(&flat);
 }
 
 TEST("the nearest is the nearest")
 {
-    kn_match m;
+    AT_END(kn_match_free) kn_match m;
     char error[300];
-    kn_still a = sheet(17, 0, 0), b = sheet(23, 0.0003f, 0);
+    AT_END(kn_still_free) kn_still a = sheet(17, 0, 0), b = sheet(23, 0.0003f, 0);
     CHECK(kn_match_make(&m, &a, &b, error, sizeof error));
     for (int v = 0; v < m.count; v++) {
         float least = INFINITY;
@@ -71,18 +69,15 @@ TEST("the nearest is the nearest")
         const int u = m.first[v];
         CHECK_NEAR(hypotf(a.rest[u][0] - b.rest[v][0], a.rest[u][1] - b.rest[v][1]), least, 1e-9);
     }
-    kn_match_free(&m);
-    kn_still_free(&a), kn_still_free(&b);
 }
 
 TEST("objects of different shapes are refused, by how much they differ")
 {
     kn_match m;
     char error[300];
-    kn_still a = sheet(11, 0, 0), b = sheet(11, 0.003f, 0);
+    AT_END(kn_still_free) kn_still a = sheet(11, 0, 0), b = sheet(11, 0.003f, 0);
     CHECK(!kn_match_make(&m, &a, &b, error, sizeof error));
     CHECK(strstr(error, "up to 3 mm apart, expected objects of one shape") != NULL);
-    kn_still_free(&a), kn_still_free(&b);
 }
 
 TESTS_MAIN

@@ -39,7 +39,7 @@ static bool update(kn_mesh *m, int64_t id, int64_t tick, int32_t first, int32_t 
 
 TEST("a tick is applied when its last chunk is in, in any order")
 {
-    kn_mesh m = {0};
+    AT_END(kn_mesh_free) kn_mesh m = {0};
     CHECK(kn_mesh_init(&m, datagram, encode_init(7, 4, 3)));
     CHECK(!m.whole);
     CHECK(!update(&m, 7, 10, 2, 2, 1));
@@ -47,12 +47,11 @@ TEST("a tick is applied when its last chunk is in, in any order")
     CHECK(m.whole && m.tick == 10 && m.positions_m[0] == 1 && m.positions_m[11] == 1);
     CHECK(!update(&m, 7, 10, 0, 2, 2));
     CHECK(m.positions_m[0] == 1);
-    kn_mesh_free(&m);
 }
 
 TEST("the chunks of a tick that stays incomplete change nothing")
 {
-    kn_mesh m = {0};
+    AT_END(kn_mesh_free) kn_mesh m = {0};
     kn_mesh_init(&m, datagram, encode_init(7, 4, 3));
     CHECK(update(&m, 7, 10, 0, 4, 1));
     CHECK(!update(&m, 7, 11, 0, 2, 2));
@@ -60,12 +59,11 @@ TEST("the chunks of a tick that stays incomplete change nothing")
     CHECK(m.tick == 10 && m.positions_m[0] == 1 && m.positions_m[11] == 1);
     CHECK(update(&m, 7, 12, 0, 2, 3));
     CHECK(m.tick == 12 && m.positions_m[0] == 3 && m.positions_m[11] == 3);
-    kn_mesh_free(&m);
 }
 
 TEST("the same topology again keeps the positions, another one starts anew")
 {
-    kn_mesh m = {0};
+    AT_END(kn_mesh_free) kn_mesh m = {0};
     kn_mesh_init(&m, datagram, encode_init(7, 4, 3));
     update(&m, 7, 10, 0, 4, 1);
     CHECK(!kn_mesh_init(&m, datagram, encode_init(7, 4, 3)));
@@ -73,12 +71,11 @@ TEST("the same topology again keeps the positions, another one starts anew")
     CHECK(!update(&m, 8, 11, 0, 4, 2));
     CHECK(kn_mesh_init(&m, datagram, encode_init(8, 4, 3)));
     CHECK(!m.whole && m.mesh_id == 8);
-    kn_mesh_free(&m);
 }
 
 TEST("measures are those of the tick, and only when every chunk of it tells them as finite numbers")
 {
-    kn_mesh m = {0};
+    AT_END(kn_mesh_free) kn_mesh m = {0};
     kn_mesh_init(&m, datagram, encode_init(7, 4, 3));
     CHECK(update(&m, 7, 10, 0, 4, 1) && !m.residual_strain && !m.stress_pa);
     CHECK(!update_measured(&m, 11, 2, 2, true, true, 3));
@@ -95,12 +92,11 @@ TEST("measures are those of the tick, and only when every chunk of it tells them
     CHECK(!update_measured(&m, 13, 0, 4, true, true, NAN) && m.tick == 12);
     CHECK(!update_measured(&m, 13, 0, 4, true, true, INFINITY) && m.tick == 12);
     CHECK(update_measured(&m, 14, 0, 4, true, false, 6) && m.residual_strain && !m.stress_pa);
-    kn_mesh_free(&m);
 }
 
 TEST("chunks outside the mesh, corners outside the mesh and positions that are no numbers are refused")
 {
-    kn_mesh m = {0};
+    AT_END(kn_mesh_free) kn_mesh m = {0};
     CHECK(!kn_mesh_init(&m, datagram, encode_init(7, 4, 4)));
     CHECK(!kn_mesh_init(&m, datagram, encode_init(7, 4, -1)));
     CHECK(!update(&m, 7, 10, 0, 4, 1)); // no topology yet
@@ -111,13 +107,12 @@ TEST("chunks outside the mesh, corners outside the mesh and positions that are n
     CHECK(!update(&m, 7, 10, 0, 4, NAN));
     CHECK(!m.whole);
     CHECK(update(&m, 7, 10, 0, 4, 1));
-    kn_mesh_free(&m);
 }
 
 TEST("counts that the datagram does not hold never reach the decoder")
 {
     static const int32_t lies[] = {-1, INT32_MIN, INT32_MAX, 0x20000001, 0x40000000, 13, 11, 0};
-    kn_mesh m = {0};
+    AT_END(kn_mesh_free) kn_mesh m = {0};
     kn_mesh_init(&m, datagram, encode_init(7, 4, 3));
     for (int field = 52; field <= 60; field += 4) // position_count, strain_count, stress_count
         for (size_t i = 0; i < sizeof lies / sizeof *lies; i++) {
@@ -132,12 +127,11 @@ TEST("counts that the datagram does not hold never reach the decoder")
         CHECK(!kn_mesh_init(&m, datagram, size));
     }
     CHECK(m.mesh_id == 7);
-    kn_mesh_free(&m);
 }
 
 TEST("no cut and no changed byte of a datagram is more than refused")
 {
-    kn_mesh m = {0};
+    AT_END(kn_mesh_free) kn_mesh m = {0};
     kn_mesh_init(&m, datagram, encode_init(7, 4, 3));
     uint32_t size = encode_update(7, 20, 0, 4, 1);
     for (uint32_t cut = 0; cut < size; cut++) CHECK(!kn_mesh_update(&m, datagram, cut));
@@ -151,7 +145,6 @@ TEST("no cut and no changed byte of a datagram is more than refused")
             kn_mesh_init(&m, datagram, size);
         }
     for (int32_t i = 0; i < 3 * m.triangle_count; i++) CHECK(m.triangles[i] >= 0 && m.triangles[i] < m.vertex_count);
-    kn_mesh_free(&m);
 }
 
 TESTS_MAIN

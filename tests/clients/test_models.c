@@ -106,14 +106,13 @@ TEST("the hold of a Burgers element is two Maxwell units, and its numbers are fo
     static made data;
     const kn_network net = burgers();
     hold(&data, &net, 0.005);
-    kn_models m = compare(1, &data.curve);
+    AT_END(kn_models_free) kn_models m = compare(1, &data.curve);
     const kn_models_row *row = row_of(&m, "two Maxwell units");
     CHECK(&m.row[kn_models_best(&m)] == row);
     CHECK_NEAR(number(row, "k1") + number(row, "k2"), 2e4, 300); // at once both springs answer
     CHECK(row->held < 0.01 && row->runs < 3);
     CHECK(strstr(verdict(&m), "the data support two Maxwell units (g h j k)") && !strstr(verdict(&m), "yardstick"));
     CHECK(row_of(&m, "Maxwell unit")->held > 0.1 && row_of(&m, "a - b ln t")->held > 0.1);
-    kn_models_free(&m);
 }
 
 TEST("the creep of a Burgers element is its own, four numbers within 5 %")
@@ -121,7 +120,7 @@ TEST("the creep of a Burgers element is its own, four numbers within 5 %")
     static made data;
     const kn_network net = burgers();
     creep(&data, &net, 3000, 0.002);
-    kn_models m = compare(1, &data.curve);
+    AT_END(kn_models_free) kn_models m = compare(1, &data.curve);
     const kn_models_row *row = row_of(&m, "(s|d)-s-d");
     CHECK(&m.row[kn_models_best(&m)] == row);
     CHECK_NEAR(number(row, "k0") / 2e4, 1, 0.05);
@@ -129,7 +128,6 @@ TEST("the creep of a Burgers element is its own, four numbers within 5 %")
     CHECK_NEAR(number(row, "tau1") / 5, 1, 0.05);
     CHECK_NEAR(number(row, "c") / 1e6, 1, 0.05);
     CHECK(row->held < 0.005);
-    kn_models_free(&m);
 }
 
 TEST("creeps of the papers' dough under three loads are its element's, and no other's")
@@ -142,7 +140,7 @@ TEST("creeps of the papers' dough under three loads are its element's, and no ot
         creep(&data[i], &net, load[i], 0.005);
         curve[i] = data[i].curve;
     }
-    kn_models m = compare(3, curve);
+    AT_END(kn_models_free) kn_models m = compare(3, curve);
     const kn_models_row *row = row_of(&m, "(s|d)-d thinning");
     CHECK_NEAR(number(row, "k1") / dough.k1_pa, 1, 0.03);
     CHECK_NEAR(number(row, "alpha") / dough.alpha_pa_s, 1, 0.03);
@@ -152,7 +150,6 @@ TEST("creeps of the papers' dough under three loads are its element's, and no ot
         if (!strstr(m.row[i].law.name, "thinning"))
             CHECK(m.row[i].aicc > row->aicc + 100 && m.row[i].held > 2 * row->held);
     CHECK(strstr(verdict(&m), "thinning") && !strstr(verdict(&m), "yardstick"));
-    kn_models_free(&m);
 }
 
 // A relaxation like fish muscle's: five decades, three to four fold in each three of them, as fractional Maxwell.
@@ -172,7 +169,7 @@ TEST("where a yardstick is the truth the verdict says so, and the papers' damper
 {
     static made data;
     muscle(&data, 0.003);
-    kn_models m = compare(1, &data.curve);
+    AT_END(kn_models_free) kn_models m = compare(1, &data.curve);
     const kn_models_row *row = row_of(&m, "fractional Maxwell"), *thins = row_of(&m, "(s|d)-d thinning, c1 = 0");
     CHECK(&m.row[kn_models_best(&m)] == row);
     CHECK_NEAR(number(row, "a"), 0.7, 0.05);
@@ -181,7 +178,6 @@ TEST("where a yardstick is the truth the verdict says so, and the papers' damper
     CHECK(strstr(verdict(&m), "a yardstick wins") && !strstr(verdict(&m), "none of them is the material"));
     CHECK(thins->held < 0.2 && row_of(&m, "Maxwell unit")->held > 3 * thins->held);
     CHECK(row_of(&m, "two Maxwell units")->held > 2 * thins->held);
-    kn_models_free(&m);
 }
 
 TEST("of a curve without noise, errors that averages leave choose no model")
@@ -189,13 +185,12 @@ TEST("of a curve without noise, errors that averages leave choose no model")
     static made data;
     const kn_network net = burgers();
     hold(&data, &net, 0);
-    kn_models m = compare(1, &data.curve);
+    AT_END(kn_models_free) kn_models m = compare(1, &data.curve);
     const kn_models_row *row = row_of(&m, "two Maxwell units");
     CHECK(row->early < KN_MODELS_FINE);
     CHECK_NEAR(row->aicc, kn_fit_aicc(m.early, 4, m.early * KN_MODELS_FINE * KN_MODELS_FINE), 1e-9);
     CHECK(strstr(verdict(&m), "the data support two Maxwell units (g h j k): ") != NULL);
     for (int i = 0; i < 4; i++) CHECK(!row->loose[i]);
-    kn_models_free(&m);
 }
 
 TEST("what no model makes is said to be none's")
@@ -203,9 +198,8 @@ TEST("what no model makes is said to be none's")
     static made data;
     muscle(&data, 0.0005);
     for (int i = 0; i < data.curve.count; i++) data.value[i] *= 1 + 0.03 * sin(6 * log(data.time_s[i]));
-    kn_models m = compare(1, &data.curve);
+    AT_END(kn_models_free) kn_models m = compare(1, &data.curve);
     CHECK(strstr(verdict(&m), "none of them is the material"));
-    kn_models_free(&m);
 }
 
 TEST("too few readings, and stresses that are none, are refused in a sentence")

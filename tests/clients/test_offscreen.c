@@ -16,7 +16,7 @@ static kn_view_scene pressed(void)
 static uint8_t *drawn_by(const char *way, const block *b, char *error, size_t error_size)
 {
     setenv("KNEAD_GL", way, 1);
-    kn_renderer *r = kn_renderer_open(WIDTH, HEIGHT, 4, error, error_size);
+    OWN(kn_renderer) *r = kn_renderer_open(WIDTH, HEIGHT, 4, error, error_size);
     unsetenv("KNEAD_GL");
     if (!r) return NULL;
     CHECK(kn_renderer_mesh(r, b->surface->vertex_count, (const float(*)[3])b->rest, b->surface->triangle_count,
@@ -24,7 +24,6 @@ static uint8_t *drawn_by(const char *way, const block *b, char *error, size_t er
     uint8_t *rgba = draw(r, pressed(), b->dented), *again = draw(r, pressed(), b->dented);
     CHECK(memcmp(rgba, again, PIXELS * 4) == 0);
     free(again);
-    kn_renderer_close(r);
     return rgba;
 }
 
@@ -40,7 +39,7 @@ TEST("a way that is none is told with those that are")
 TEST("OSMesa and EGL draw the same picture, each from its own library, one after the other and again")
 {
     char error[300] = "";
-    block b = block_create();
+    AT_END(block_destroy) block b = block_create();
     uint8_t *osmesa = drawn_by("osmesa", &b, error, sizeof error);
     if (!osmesa) SKIP("%s", error);
     CHECK(dlopen("libOSMesa.so.8", RTLD_NOW | RTLD_NOLOAD) != NULL);
@@ -56,7 +55,6 @@ TEST("OSMesa and EGL draw the same picture, each from its own library, one after
     uint8_t *back = drawn_by("osmesa", &b, error, sizeof error);
     CHECK(back && memcmp(osmesa, back, PIXELS * 4) == 0);
     free(osmesa), free(egl), free(back);
-    block_destroy(&b);
 }
 
 TESTS_MAIN

@@ -17,8 +17,8 @@ static kn_view_scene held(double hand_x_m, double hand_z_m)
 
 static void check_outline(int samples)
 {
-    block b = block_create();
-    kn_renderer *r = open_with(&b, samples);
+    AT_END(block_destroy) block b = block_create();
+    OWN(kn_renderer) *r = open_with(&b, samples);
     kn_view_scene with = held(0, 0.035), without = with, inside = held(0, 0.02);
     without.hands = false;
     uint8_t *at_it = draw(r, with, b.rest), *none = draw(r, without, b.rest), *through = draw(r, inside, b.rest);
@@ -44,8 +44,6 @@ static void check_outline(int samples)
     uint8_t *again = draw(r, with, b.rest);
     CHECK(memcmp(at_it, again, PIXELS * 4) == 0); // nothing stays behind
     free(at_it), free(none), free(through), free(again);
-    kn_renderer_close(r);
-    block_destroy(&b);
 }
 
 TEST("a hand that is away from its tool is outlined, through the object; one that is at it is not")
@@ -56,8 +54,8 @@ TEST("a hand that is away from its tool is outlined, through the object; one tha
 
 TEST("a turned hand is outlined, a hand somewhere that is no number is not")
 {
-    block b = block_create();
-    kn_renderer *r = open_renderer(&b);
+    AT_END(block_destroy) block b = block_create();
+    OWN(kn_renderer) *r = open_renderer(&b);
     kn_view_scene scene = held(0, 0.035), nowhere = held(NAN, 0.02);
     scene.probe[0].def = (kn_probe_def){.shape = KN_PROBE_BOX, .size_m = {0.01, 0.004, 0.01}};
     uint8_t *level = draw(r, scene, b.rest), *none = draw(r, nowhere, b.rest);
@@ -67,8 +65,6 @@ TEST("a turned hand is outlined, a hand somewhere that is no number is not")
     CHECK(count(level, is_outline) == 0 && count(none, is_outline) == 0);
     CHECK(count(turned, is_outline) > 50);
     free(level), free(none), free(turned);
-    kn_renderer_close(r);
-    block_destroy(&b);
 }
 
 TESTS_MAIN

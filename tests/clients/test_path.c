@@ -3,6 +3,8 @@
 #include "tests/check.h"
 #include <unistd.h>
 
+OWNS(kn_path, kn_path_destroy)
+
 static const kn_path_def dough = {.touch_z_m = 0.03, .hold_s = 0.5};
 
 static double speed(const kn_path_point *p)
@@ -41,7 +43,7 @@ static const kn_piece *named(const kn_path *path, const char *name)
 
 TEST("a press comes to rest on the surface, goes 1 cm deep at 1 cm/s, holds, and ends clear of the object")
 {
-    kn_path *path = kn_path_press(&dough);
+    OWN(kn_path) *path = kn_path_press(&dough);
     kn_path_point p;
     check_smooth(path, KN_PATH_AIR_M_S, KN_PATH_AIR_M_S / KN_PATH_RAMP_S);
     CHECK_STR(kn_path_at(path, 0, &p)->name, "approach");
@@ -65,12 +67,11 @@ TEST("a press comes to rest on the surface, goes 1 cm deep at 1 cm/s, holds, and
     kn_path_at(path, path->duration_s, &p);
     CHECK_NEAR(p.position_m[2], 0.05, 1e-12);
     CHECK_NEAR(named(path, "rest")->duration_s, 1, 1e-12);
-    kn_path_destroy(path);
 }
 
 TEST("a landing is slower than 0.1 mm/s in the last micrometre above the surface")
 {
-    kn_path *path = kn_path_press(&dough);
+    OWN(kn_path) *path = kn_path_press(&dough);
     kn_path_point p;
     double fastest_m_s = 0;
     for (double t = 0; t < named(path, "press")->start_s; t += 1e-4) {
@@ -79,13 +80,12 @@ TEST("a landing is slower than 0.1 mm/s in the last micrometre above the surface
         if (p.position_m[2] < 0.03 + 5e-7) fastest_m_s = fmax(fastest_m_s, speed(&p));
     }
     CHECK(fastest_m_s > 0 && fastest_m_s < 1e-4);
-    kn_path_destroy(path);
 }
 
 TEST("depth, speed and clearance are what was asked, and the default hold is 4 s")
 {
-    kn_path *path = kn_path_press(&(kn_path_def){.touch_z_m = 0.1, .clear_m = 0.01, .depth_m = 0.005, .speed_m_s = 0.02,
-                                                 .hold_s = -1});
+    OWN(kn_path) *path = kn_path_press(
+        &(kn_path_def){.touch_z_m = 0.1, .clear_m = 0.01, .depth_m = 0.005, .speed_m_s = 0.02, .hold_s = -1});
     kn_path_point p;
     check_smooth(path, KN_PATH_AIR_M_S, KN_PATH_AIR_M_S / KN_PATH_RAMP_S);
     kn_path_at(path, path->hold_end_s, &p);
@@ -93,31 +93,29 @@ TEST("depth, speed and clearance are what was asked, and the default hold is 4 s
     CHECK_NEAR(named(path, "hold")->duration_s, 4, 1e-12);
     kn_path_at(path, named(path, "press")->start_s + 0.1, &p);
     CHECK_NEAR(p.velocity_m_s[2], -0.02, 1e-12);
-    kn_path_destroy(path);
 }
 
 TEST("a way shorter than the ramps is slower, not steeper")
 {
-    kn_path *path = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .depth_m = 1e-4, .speed_m_s = 0.02});
+    OWN(kn_path) *path = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .depth_m = 1e-4, .speed_m_s = 0.02});
     kn_path_point p;
     check_smooth(path, KN_PATH_AIR_M_S, KN_PATH_AIR_M_S / KN_PATH_RAMP_S);
     kn_path_at(path, named(path, "press")->start_s + KN_PATH_RAMP_S, &p);
     CHECK_NEAR(p.velocity_m_s[2], -0.002, 1e-9);
-    kn_path_destroy(path);
 }
 
 TEST("a poke is a press without a hold, and fast")
 {
-    kn_path *path = kn_path_poke(&dough);
+    OWN(kn_path) *path = kn_path_poke(&dough);
     check_smooth(path, 0.05, 0.05 / KN_PATH_RAMP_S);
     CHECK(path->hold_end_s == 0);
     CHECK_STR(path->piece[0].name, "poke");
-    kn_path_destroy(path);
 }
 
 TEST("a sine swings whole periods between the surface and its depth")
 {
-    kn_path *path = kn_path_sine(&(kn_path_def){.touch_z_m = 0.03, .depth_m = 0.002, .hold_s = 1.1, .frequency_hz = 4});
+    OWN(kn_path) *path =
+        kn_path_sine(&(kn_path_def){.touch_z_m = 0.03, .depth_m = 0.002, .hold_s = 1.1, .frequency_hz = 4});
     const kn_piece *swing = named(path, "swing");
     double lowest = 1, highest = 0, w = 2 * M_PI * 4;
     kn_path_point p;
@@ -130,7 +128,6 @@ TEST("a sine swings whole periods between the surface and its depth")
     }
     CHECK_NEAR(lowest, 0.028, 1e-7);
     CHECK_NEAR(highest, 0.03, 1e-7);
-    kn_path_destroy(path);
 }
 
 TEST("a retreat stops, lifts straight up and ends where it was sent, from any motion")
@@ -181,8 +178,8 @@ static kn_path *load(const char *text, char error[256])
 TEST("a CSV path goes smoothly through every row, at rest at both ends")
 {
     char error[256];
-    kn_path *path = load("time_s,x_m,y_m,z_m\n"
-                         "1,0,0,0.05\n1.5,0.01,0,0.04\r\n2.25, -0.01, 0.02, 0.03\n3,0,0,0.05\n", error);
+    OWN(kn_path) *path = load("time_s,x_m,y_m,z_m\n"
+                              "1,0,0,0.05\n1.5,0.01,0,0.04\r\n2.25, -0.01, 0.02, 0.03\n3,0,0,0.05\n", error);
     CHECK_STR(error, "");
     if (!path) return;
     kn_path_point p;
@@ -192,14 +189,13 @@ TEST("a CSV path goes smoothly through every row, at rest at both ends")
     CHECK_NEAR(p.position_m[0], -0.01, 1e-12);
     CHECK_NEAR(p.position_m[1], 0.02, 1e-12);
     CHECK_NEAR(p.position_m[2], 0.03, 1e-12);
-    kn_path_destroy(path);
 }
 
 TEST("orientations of a CSV path stay of length 1 and turn the short way")
 {
     char error[256];
-    kn_path *path = load("time_s,x_m,y_m,z_m,qw,qx,qy,qz\n"
-                         "0,0,0,0.05,1,0,0,0\n1,0,0,0.05,-0.7071068,0,0,-0.7071068\n", error);
+    OWN(kn_path) *path = load("time_s,x_m,y_m,z_m,qw,qx,qy,qz\n"
+                              "0,0,0,0.05,1,0,0,0\n1,0,0,0.05,-0.7071068,0,0,-0.7071068\n", error);
     CHECK_STR(error, "");
     if (!path) return;
     kn_path_point p;
@@ -211,7 +207,6 @@ TEST("orientations of a CSV path stay of length 1 and turn the short way")
     kn_path_at(path, 0.5, &p);
     CHECK_NEAR(p.orientation_wxyz[3], sin(M_PI / 8), 1e-6);
     CHECK(p.orientation_wxyz[0] > 0);
-    kn_path_destroy(path);
 }
 
 TEST("a bad CSV path is refused in one line that names file, line and column")
@@ -236,12 +231,11 @@ TEST("a bad CSV path is refused in one line that names file, line and column")
     };
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         char error[256];
-        kn_path *path = load(bad[i].text, error);
+        OWN(kn_path) *path = load(bad[i].text, error);
         CHECK(!path);
         CHECK(!strncmp(error, file, strlen(file)));
         CHECK_STR(error + strlen(file), bad[i].complaint);
         CHECK(!strchr(error, '\n'));
-        kn_path_destroy(path);
     }
     char error[256];
     CHECK(!kn_path_load("/nowhere/path.csv", error, sizeof error));

@@ -123,7 +123,7 @@ static const char *path_of(const look *l)
 
 static uint8_t *reference(const look *l)
 {
-    png_image image = {.version = PNG_IMAGE_VERSION};
+    AT_END(png_image_free) png_image image = {.version = PNG_IMAGE_VERSION};
     uint8_t *rgba = NULL;
     if (!png_image_begin_read_from_file(&image, path_of(l)) || image.width != W || image.height != H)
         KN_TEST_FAIL("%s: %s", path_of(l), image.message);
@@ -132,7 +132,6 @@ static uint8_t *reference(const look *l)
         rgba = malloc(PNG_IMAGE_SIZE(image));
         if (!png_image_finish_read(&image, NULL, rgba, 0, NULL)) KN_TEST_FAIL("%s: %s", path_of(l), image.message);
     }
-    png_image_free(&image);
     return rgba;
 }
 

@@ -10,7 +10,7 @@ TEST("the hold ends when the tool begins to rise: dough still presses then, at a
     char error[400];
     kn_candidate c[KN_CANDIDATES];
     kn_press press = {0};
-    kn_pressed pressed = {0};
+    AT_END(kn_pressed_free) kn_pressed pressed = {0};
     must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
     must(kn_press_path(&press, c->scene, &(kn_press_def){.hold_s = 1}, error, sizeof error), error);
     const kn_press_play play = {.model = c->first, .surface = c->best.surface, .until_s = press.hold_end_s};
@@ -19,7 +19,6 @@ TEST("the hold ends when the tool begins to rise: dough still presses then, at a
     CHECK(end_n > 0.3);
     CHECK_NEAR(end_n / before_n, 1, 0.02); // it relaxes still, and by no more in 50 ms
     CHECK_NEAR(press.hold_end_s, 1.05 + 1, 0.01); // down in 1 s, 50 ms to begin and to end it, of which half count
-    kn_pressed_free(&pressed);
     kn_press_free(&press);
     const kn_press_def slow = {.speed_m_s = 1e-4, .depth_m = 1e-3, .hold_s = 1}, none = {.hold_s = -1};
     must(kn_press_path(&press, c->scene, &slow, error, sizeof error), error);
@@ -39,8 +38,8 @@ TEST("a log's press keeps the log's clock where its server missed cycles: times,
 {
     char error[400];
     kn_candidate c[KN_CANDIDATES];
-    kn_press press = {0};
-    kn_pressed pressed = {0};
+    AT_END(kn_press_free) kn_press press = {0};
+    AT_END(kn_pressed_free) kn_pressed pressed = {0};
     const double at_s = record_press() - 0.55; // on its way down, 21 ms of it missed
     must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
     must(kn_press_log(&press, c->scene, &(kn_press_def){0}, "missed.lcmlog", error, sizeof error), error);
@@ -66,8 +65,6 @@ TEST("a log's press keeps the log's clock where its server missed cycles: times,
     CHECK_NEAR(apart, 0, 1e-7);
     free(seen);
     kn_replay_destroy(r);
-    kn_pressed_free(&pressed);
-    kn_press_free(&press);
     kn_candidate_free(c);
 }
 

@@ -47,6 +47,8 @@ static void block_destroy(block *b)
     free(b);
 }
 
+OWNS(block, block_destroy)
+
 static kn_range draw(block *b, const float (*now)[3])
 {
     kn_range r = kn_range_frame(WIDTH, HEIGHT, b->surface->vertex_count, (const float(*)[3])b->rest, now);
@@ -63,7 +65,7 @@ static double height_m(const block *b, const kn_range *r, double x_m, double y_m
 
 TEST("a block stands as high as it is over its whole footprint, and nothing beside it")
 {
-    block *b = block_create();
+    OWN(block) *b = block_create();
     const kn_range r = draw(b, (const float(*)[3])b->rest);
     int over = 0;
     for (int i = 0; i < PIXELS; i++) {
@@ -79,12 +81,11 @@ TEST("a block stands as high as it is over its whole footprint, and nothing besi
     CHECK_NEAR(r.highest_m, 0.03, r.step_m);
     CHECK(height_m(b, &r, 0.0255, 0) < 0 && height_m(b, &r, 0, -0.0255) < 0);
     CHECK(height_m(b, &r, 0.0245, 0.0245) > 0 && height_m(b, &r, -0.0245, -0.0245) > 0);
-    block_destroy(b);
 }
 
 TEST("a dent is as deep as the mesh has it: at its vertices, and half way between them")
 {
-    block *b = block_create();
+    OWN(block) *b = block_create();
     const kn_range r = draw(b, (const float(*)[3])b->dented);
     for (int v = 0; v < b->surface->vertex_count; v++) {
         const float *x = b->rest[v];
@@ -97,7 +98,6 @@ TEST("a dent is as deep as the mesh has it: at its vertices, and half way betwee
     const double half_m = 0.03 - 0.5 * (dent_m(0.01) + dent_m(0.015));
     CHECK_NEAR(height_m(b, &r, 0.0125, 0), half_m, 0.5 * r.pixel_m * 0.4 + r.step_m);
     CHECK_NEAR(height_m(b, &r, 0.0125, 0), height_m(b, &r, -0.0125, 0), 0.4 * r.pixel_m + r.step_m);
-    block_destroy(b);
 }
 
 TEST("x is to the right and y up the picture; what is above hides what is below; no number is no surface")

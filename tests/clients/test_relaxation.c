@@ -76,7 +76,7 @@ TEST("a slow rise and a hold without noise give every number back but P1, of whi
 {
     static made m;
     ramp_and_hold(&m, &dough, 0.02, 0.1);
-    kn_relaxation r = fit(&m.curve, 1, false, false);
+    AT_END(kn_relaxation_free) kn_relaxation r = fit(&m.curve, 1, false, false);
     const kn_identified *n = r.number;
     CHECK(r.scale == KN_RELAXATION_RISE && r.p0 && !r.p1);
     CHECK_NEAR(n[KN_RELAXATION_K1].value / dough.k1_pa, 1, 0.002);
@@ -89,7 +89,6 @@ TEST("a slow rise and a hold without noise give every number back but P1, of whi
     CHECK(!kn_material_check(&r.material));
     for (int i = 0; i < r.curve[0].hold.count; i++) // of the best, not of the last place where an interval was sought
         CHECK_NEAR(r.curve[0].fit_pa[r.curve[0].rise.count + i] / r.curve[0].hold.value[i], 1, 5e-4);
-    kn_relaxation_free(&r);
 }
 
 // Profile likelihood of noise-free data at that noise gives these as intervals (458 .. 483, 2468 .. 2533, 7.7e4 ..
@@ -109,13 +108,12 @@ TEST("with noise of 1 % of the peak the numbers of 20 sets are as near as their 
         m.curve.weight = m.weight, m.curve.line = m.line;
         m.curve.noise = noise;
         for (int i = 0; i < m.curve.count; i++) m.value[i] += noise * kn_dice_normal(&seed);
-        kn_relaxation r = fit(&m.curve, 1, true, true);
+        AT_END(kn_relaxation_free) kn_relaxation r = fit(&m.curve, 1, true, true);
         for (int i = 0; i < 5; i++) {
             const double off = r.number[i].value / truth[i] - 1;
             CHECK_NEAR(off, 0, 2 * half[i]);
             square[i] += off * off / 20;
         }
-        kn_relaxation_free(&r);
     }
     for (int i = 0; i < 5; i++) { // half a 95 % interval is two standard deviations
         printf("     %-5s off by %.2f %%, a half interval of %.1f %%\n",
@@ -139,12 +137,11 @@ TEST("95 % intervals of a hold's numbers hold the truth in 180 to 198 of 200 set
         m.curve.time_s = m.time_s, m.curve.value = m.value, m.curve.weight = m.weight, m.curve.line = m.line;
         for (int i = 0; i < m.curve.count; i++) m.value[i] *= 1 + 0.01 * kn_dice_normal(&seed);
         const clock_t from = clock();
-        kn_relaxation r = fit(&m.curve, 1, false, false);
+        AT_END(kn_relaxation_free) kn_relaxation r = fit(&m.curve, 1, false, false);
         took += (double)(clock() - from) / CLOCKS_PER_SEC / sets;
         const kn_identified *number[] = {&r.ratio[0], &r.ratio[1], &r.number[KN_RELAXATION_BETA],
                                          &r.number[KN_RELAXATION_P0]};
         for (int i = 0; i < 4; i++) inside[i] += holds(number[i], truth[i]);
-        kn_relaxation_free(&r);
     }
     printf("     of %d: c1/k1 %d, alpha/k1 %d, beta %d, P0 %d; %.0f ms each\n", sets, inside[0], inside[1], inside[2],
            inside[3], 1e3 * took);
@@ -155,16 +152,14 @@ TEST("a hold alone bounds k1 from below, and by how much had flowed it is too lo
 {
     static made m;
     hold(&m, &dough);
-    kn_relaxation r = fit(&m.curve, 1, false, false);
+    AT_END(kn_relaxation_free) kn_relaxation r = fit(&m.curve, 1, false, false);
     const kn_identified *k1 = &r.number[KN_RELAXATION_K1];
     CHECK(r.scale == KN_RELAXATION_BOUND && k1->known == KN_AT_LEAST && k1->value < dough.k1_pa && k1->value > 2e3);
     CHECK_NEAR(r.material.c1_pa_s / r.material.k1_pa, 5.319, 0.05);
     m.curve.strain = 0;
-    kn_relaxation none = fit(&m.curve, 1, false, false);
+    AT_END(kn_relaxation_free) kn_relaxation none = fit(&m.curve, 1, false, false);
     CHECK(none.scale == KN_RELAXATION_MODULUS && none.number[KN_RELAXATION_K1].known == KN_UNKNOWN);
     CHECK_NEAR(none.ratio[0].value / r.ratio[0].value, 1, 1e-6);
-    kn_relaxation_free(&r);
-    kn_relaxation_free(&none);
 }
 
 TEST("two holds of one material share its numbers and know them better than one")
@@ -185,13 +180,11 @@ TEST("two holds of one material share its numbers and know them better than one"
     }
     for (int i = 0; i < a.curve.count; i++) a.value[i] *= 1 + 0.003 * kn_dice_normal(&seed), b.value[i] *= 1 + 0.003 * kn_dice_normal(&seed);
     const kn_curve both[] = {a.curve, b.curve};
-    kn_relaxation one = fit(both, 1, false, false), two = fit(both, 2, false, false);
+    AT_END(kn_relaxation_free) kn_relaxation one = fit(both, 1, false, false), two = fit(both, 2, false, false);
     const kn_fit_interval *i1 = &one.ratio[0].interval, *i2 = &two.ratio[0].interval;
     CHECK(i2->high - i2->low < i1->high - i1->low);
     CHECK_NEAR(two.ratio[0].value, 5.319, 0.3);
     CHECK_NEAR(two.number[KN_RELAXATION_BETA].value / dough.beta_per_pa, 1, 0.1);
-    kn_relaxation_free(&one);
-    kn_relaxation_free(&two);
 }
 
 TEST("without c1 in the material its upper bound is told, and 0 taken")
@@ -201,11 +194,10 @@ TEST("without c1 in the material its upper bound is told, and 0 taken")
     bare.c1_pa_s = 0;
     hold(&m, &bare);
     for (int i = 0; i < m.curve.count; i++) m.value[i] *= 1 + 0.005 * kn_dice_normal(&seed);
-    kn_relaxation r = fit(&m.curve, 1, false, false);
+    AT_END(kn_relaxation_free) kn_relaxation r = fit(&m.curve, 1, false, false);
     CHECK(r.ratio[0].known == KN_AT_MOST && r.ratio[0].interval.high < 0.5);
     CHECK_NEAR(r.number[KN_RELAXATION_BETA].value / dough.beta_per_pa, 1, 0.05);
     CHECK(!kn_material_check(&r.material));
-    kn_relaxation_free(&r);
 }
 
 // exp(-(t/50 s)^0.5), 61 readings from 0.1 to 100 s: not the element's, so what it leaves is no noise

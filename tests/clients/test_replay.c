@@ -9,6 +9,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+OWNS(kn_replay, kn_replay_destroy)
+
 typedef kn_recorder recorder;
 
 static uint64_t seed;
@@ -334,9 +336,8 @@ TEST("a log that begins on an untouched object replays; one of an object already
                              .sets = (const char *const[]){"quality=own"},
                              .set_count = 1,
                              .afresh = true};
-        kn_replay *again = kn_replay_create(&def, why, sizeof why);
+        OWN(kn_replay) *again = kn_replay_create(&def, why, sizeof why);
         CHECK(again && !again->same && kn_replay_step(again) && again->tally.mismatches == 0);
-        kn_replay_destroy(again);
     }
 }
 
@@ -451,7 +452,7 @@ TEST("restores replay with their snapshots, undos without; without them, or with
     seed = 4;
     recorder *r = record("restored.lcmlog");
     kn_store store = new_store(r);
-    kn_undo points;
+    AT_END(kn_undo_free) kn_undo points;
     CHECK(kn_undo_init(&points, r->on.model));
     r->servo.undo = &points;
     r->hand[1].session = 22;
@@ -487,7 +488,6 @@ TEST("restores replay with their snapshots, undos without; without them, or with
     FILE *f = fopen(name, "r+");
     fseek(f, 9000, SEEK_SET), fputc(1, f), fclose(f);
     CHECK(REPLAY("restored.lcmlog", "--snapshot", state, "--verify") == KN_EXIT_USAGE && strstr(err, "checksum"));
-    kn_undo_free(&points);
     kn_state_destroy(saved.state);
 }
 
@@ -545,7 +545,7 @@ TEST("points of quality are taken at the log's ticks and never by the time of th
     long long hash = hash_in(out);
     CHECK(REPLAY("again.lcmlog", "--verify", "--hash") == KN_EXIT_OK && hash_in(out) == hash);
     kn_replay_def def = {.log_path = "slow.lcmlog"};
-    kn_replay *r = kn_replay_create(&def, err, sizeof err);
+    OWN(kn_replay) *r = kn_replay_create(&def, err, sizeof err);
     int taken = 0, reduced = 0;
     while (r && kn_replay_step(r)) {
         CHECK(r->tick.in.execution_ns == 0);
@@ -554,7 +554,6 @@ TEST("points of quality are taken at the log's ticks and never by the time of th
         reduced += (r->tick.out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_REDUCED) != 0;
     }
     CHECK(taken == 4 && reduced > 500 && r->tally.checkpoints > 4 && r->tally.mismatches == 0); // the third: none below
-    kn_replay_destroy(r);
 }
 
 TEST("--quality replays a log with another of its points, and what its machine did is then not repeated")
@@ -593,14 +592,13 @@ TEST("poses alone are judged as the receiver judges them and put on the grid by 
     move(r, 0, 0.030, 2700, 0.0);
     move(r, 0, 0.027, 900, 0.0);
     record_end(r);
-    kn_log log;
+    AT_END(kn_log_close) kn_log log;
     kn_log_record record;
     CHECK(kn_log_open(&log, "full.lcmlog", err, sizeof err));
     lcm_eventlog_t *poses = lcm_eventlog_create("poses.lcmlog", "w");
     while (kn_log_read(&log, &record) != KN_LOG_END)
         if (record.kind == KN_LOG_POSE || record.kind == KN_LOG_SCENE)
             CHECK(kn_log_write(poses, record.utime, record.channel, (void *)record.data, record.size));
-    kn_log_close(&log);
     lcm_eventlog_destroy(poses);
     for (int i = 0; i < 2; i++) {
         CHECK(REPLAY(i ? "poses.lcmlog" : "full.lcmlog") == KN_EXIT_OK);
@@ -633,17 +631,15 @@ TEST("no byte of a log can hurt: bytes flipped everywhere in its first records a
         f = fopen("bad.lcmlog", "wb");
         fwrite(bytes, 1, size, f);
         fclose(f);
-        kn_log log;
+        AT_END(kn_log_close) kn_log log;
         kn_log_record record;
         CHECK(kn_log_open(&log, "bad.lcmlog", err, sizeof err));
         while (kn_log_read(&log, &record) != KN_LOG_END) records++;
-        kn_log_close(&log);
         if (i % 5 == 0) { // all the way through
             kn_replay_def def = {.log_path = "bad.lcmlog"};
-            kn_replay *replay_ = kn_replay_create(&def, err, sizeof err);
+            OWN(kn_replay) *replay_ = kn_replay_create(&def, err, sizeof err);
             int64_t ticks = 0;
             while (replay_ && ticks++ < 100000 && kn_replay_step(replay_)) continue;
-            kn_replay_destroy(replay_);
         }
         bytes[i] = was;
     }

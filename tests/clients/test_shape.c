@@ -86,13 +86,13 @@ static void measure(const lump *l)
 {
     char error[600];
     kn_candidate c[KN_CANDIDATES];
-    kn_press press;
-    kn_pressed pressed;
+    AT_END(kn_press_free) kn_press press;
+    AT_END(kn_pressed_free) kn_pressed pressed;
     const kn_candidate_def def = {l->scene, &l->set, l->set != NULL, NULL, NULL};
     must(kn_candidates_open(c, &def, l->structure, error, sizeof error) == 1, error);
     must(kn_press_path(&press, c->scene, &(kn_press_def){.hold_s = atof(l->hold)}, error, sizeof error), error);
     const kn_model_def object = kn_candidate_model(c, l->pressure_pa, l->area_factor);
-    kn_model *model = kn_model_build(&object, error, sizeof error);
+    OWN(kn_model) *model = kn_model_build(&object, error, sizeof error);
     must(model, error);
     const double at_s = l->at_end ? press.end_s : press.hold_end_s;
     const kn_press_play play = {
@@ -101,9 +101,6 @@ static void measure(const lump *l)
     write_force(&press, &pressed, l->noise);
     write_image(c->best.surface, c->best.rest_m, (const float(*)[3])pressed.shape_m[0], l);
     write_points(c->best.surface, (const float(*)[3])pressed.shape_m[0]);
-    kn_pressed_free(&pressed);
-    kn_model_destroy(model);
-    kn_press_free(&press);
     kn_candidate_free(c);
 }
 
@@ -377,14 +374,13 @@ TEST("what is found is written: a scene that loads with its numbers, and the ran
     measure(&l);
     CHECK(COMMAND("found.txt", "err", SMALL, "--depth", "depth.png", "--at", "end", "--force", "force.csv", "--hold",
                   "1", "--only", "pressure,both", "--out", "found.yaml", "--out-depth", "model.png") == 0);
-    kn_scene *scene = kn_scene_load("found.yaml", NULL, 0, error, sizeof error);
+    OWN(kn_scene) *scene = kn_scene_load("found.yaml", NULL, 0, error, sizeof error);
     CHECK(scene);
     if (!scene) return;
     CHECK_NEAR(scene->model.inside_pressure_pa, 2e5, 2e4);
     CHECK_NEAR(scene->model.diagonal_stiffness, 0.02, 1e-12);
     CHECK(scene->model.pressure == KN_PRESSURE_CELLS);
     CHECK_NEAR(scene->model.material.p1_pa, 1.2 * 80 * 98.0665, 0.03 * 80 * 98.0665);
-    kn_scene_destroy(scene);
     int both;
     CHECK_NEAR(apart_m("depth.png", "model.png", &both), 0.01 * 0.03, 0.00005); // the noise alone
     CHECK(both > 5000);
@@ -458,21 +454,19 @@ TEST("a reading far from its neighbours is left out and does not count as the la
 {
     char error[300];
     kn_candidate c[KN_CANDIDATES];
-    kn_press press;
+    AT_END(kn_press_free) kn_press press;
     must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
     must(kn_press_path(&press, c->scene, &(kn_press_def){.hold_s = 1}, error, sizeof error), error);
     const double spikes[] = {5000, 1e300, -1e300, 30};
     for (int i = 0; i < 4; i++)
         for (int many = 0; many < 3; many++) {
-            kn_pull p = spoilt(&press, i == 3 ? 0 : 0.7, spikes[i], many);
+            AT_END(kn_pull_free) kn_pull p = spoilt(&press, i == 3 ? 0 : 0.7, spikes[i], many);
             CHECK(p.strays == many && p.count == 1000 - many && !p.turned);
             CHECK(many == 0 || p.stray_n == spikes[i]);
             CHECK_NEAR(p.most_n, 4, 0.05);
             for (int b = 0; b < p.bins; b++)
                 CHECK_NEAR(p.bin_n[b], 4 * fmin(p.bin_s[b], 1) * exp(-fmax(p.bin_s[b] - 1, 0)), 0.05);
-            kn_pull_free(&p);
         }
-    kn_press_free(&press);
     kn_candidate_free(c);
 }
 

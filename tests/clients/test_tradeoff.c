@@ -175,19 +175,17 @@ TEST("a log that is cut, or of another scene, is refused in one line before anyt
     CHECK(RUN(SMALL, "--iterations", "8") == KN_EXIT_USAGE && said("tradeoff.lcmlog: cut within a record at byte"));
     CHECK(said("complete records, expected a whole log of one run") && !said("runs "));
 
-    kn_scene *jelly = kn_scene_load(KN_SOURCE_DIR "/core/scenes/jelly.yaml", NULL, 0, error, sizeof error);
+    OWN(kn_scene) *jelly = kn_scene_load(KN_SOURCE_DIR "/core/scenes/jelly.yaml", NULL, 0, error, sizeof error);
     record("tradeoff.lcmlog", 0.003);
     record_with("tradeoff.lcmlog", "jelly.yaml", jelly->text);
-    kn_scene_destroy(jelly);
     CHECK(RUN(SMALL, "--iterations", "8") == KN_EXIT_USAGE && !said("runs "));
     CHECK(said("tradeoff.lcmlog: was recorded with another scene, 'jelly.yaml', expected one of dough-small.yaml"));
 
     // of this one, by another solver, with a point, and for screens: the hand is what counts
     const char *const sets[] = {"solver.iterations=9", "quality.fast.iterations=3", "mesh.measures=both"};
-    kn_scene *dough = kn_scene_load(SCENE, sets, 3, error, sizeof error);
+    OWN(kn_scene) *dough = kn_scene_load(SCENE, sets, 3, error, sizeof error);
     record("tradeoff.lcmlog", 0.003);
     record_with("tradeoff.lcmlog", "dough-small.yaml", dough->text);
-    kn_scene_destroy(dough);
     CHECK(RUN(SMALL, "--quick", "--iterations", "8") == KN_EXIT_OK);
 }
 

@@ -13,10 +13,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+OWNS(kn_skin, kn_skin_destroy)
+
 TEST("a block has six smooth faces, sharp edges, and lines around its quads")
 {
-    block b = block_create();
-    kn_skin *s =
+    AT_END(block_destroy) block b = block_create();
+    OWN(kn_skin) *s =
         kn_skin_create(b.surface->vertex_count, (const float(*)[3])b.rest, b.surface->triangle_count, triangles(&b));
     CHECK(s != NULL);
     CHECK(s->group_count == 2 * (11 * 11 + 11 * 7 + 11 * 7)); // a normal per node and face
@@ -40,17 +42,14 @@ TEST("a block has six smooth faces, sharp edges, and lines around its quads")
     for (int i = 0; i < 3 * s->triangle_count; i++) sloped += corner[6 * i + 5] > 0.3f && corner[6 * i + 5] < 0.95f;
     CHECK(sloped > 0); // the flanks of the dent, which stay one surface with the top
     free(corner);
-    kn_skin_destroy(s);
-    block_destroy(&b);
 }
 
 TEST("what is not a mesh is refused")
 {
     static const float xyz[3][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
     static const int good[1][3] = {{0, 1, 2}}, beyond[1][3] = {{0, 1, 3}}, negative[1][3] = {{0, -1, 2}};
-    kn_skin *s = kn_skin_create(3, xyz, 1, good);
+    OWN(kn_skin) *s = kn_skin_create(3, xyz, 1, good);
     CHECK(s != NULL);
-    kn_skin_destroy(s);
     CHECK(kn_skin_create(3, xyz, 1, beyond) == NULL);
     CHECK(kn_skin_create(3, xyz, 1, negative) == NULL);
     CHECK(kn_skin_create(3, xyz, 0, good) == NULL);
@@ -95,8 +94,8 @@ TEST("a PNG holds the pixels it was given, appears at once, and says why it cann
 
 TEST("the block fills a good part of the picture and stands clear of its border")
 {
-    block b = block_create();
-    kn_renderer *r = open_renderer(&b);
+    AT_END(block_destroy) block b = block_create();
+    OWN(kn_renderer) *r = open_renderer(&b);
     uint8_t *rest = draw(r, kn_view_scene_default(), b.rest);
     double share = (double)count(rest, is_dough) / PIXELS;
     CHECK(share > 0.12 && share < 0.45);
@@ -110,14 +109,12 @@ TEST("the block fills a good part of the picture and stands clear of its border"
     for (int i = 0; i < PIXELS; i++) opaque += rest[4 * i + 3] == 255;
     CHECK(opaque == PIXELS);
     free(rest);
-    kn_renderer_close(r);
-    block_destroy(&b);
 }
 
 TEST("with one sample per pixel nothing but outlines differs, shadows and table included, picture after picture")
 {
-    block b = block_create();
-    kn_renderer *fine = open_with(&b, 4), *coarse = open_with(&b, 1);
+    AT_END(block_destroy) block b = block_create();
+    OWN(kn_renderer) *fine = open_with(&b, 4), *coarse = open_with(&b, 1);
     kn_view_scene scene = kn_view_scene_default();
     scene.probe_count = 1;
     scene.probe[0] = (kn_view_probe){.def = {.shape = KN_PROBE_SPHERE, .radius_m = 0.015}, .force_n = {0, 0, 8}};
@@ -129,9 +126,6 @@ TEST("with one sample per pixel nothing but outlines differs, shadows and table 
         free(a);
         free(z);
     }
-    kn_renderer_close(fine);
-    kn_renderer_close(coarse);
-    block_destroy(&b);
 }
 
 static bool is_low(const uint8_t *p) { return p[2] > p[1] + 30 && p[0] > p[1] + 20; }  // the scale's violet, lit
@@ -165,8 +159,8 @@ static void paint(kn_renderer *r, const block *b, kn_view_style style, float all
 
 TEST("the skin has the colours of its numbers, in every style, and its own where there are none")
 {
-    block b = block_create();
-    kn_renderer *r = open_renderer(&b);
+    AT_END(block_destroy) block b = block_create();
+    OWN(kn_renderer) *r = open_renderer(&b);
     for (int style = KN_VIEW_LINED; style <= KN_VIEW_EDGES; style++) {
         int low[2], high[2];
         paint(r, &b, (kn_view_style)style, 0, &low[0], &high[0]);
@@ -185,8 +179,6 @@ TEST("the skin has the colours of its numbers, in every style, and its own where
     free(unknown);
     free(plain);
     free(value);
-    kn_renderer_close(r);
-    block_destroy(&b);
 }
 
 static void check_scale(double most, const char *unit, double top, const char *title, const char *last, int ticks)
@@ -225,8 +217,8 @@ TEST("a scale ends at 1, 2 or 5 of a power of ten and is told in the unit that s
 
 TEST("a dent across the top shows, and only there; its profile shows from the front")
 {
-    block b = block_create();
-    kn_renderer *r = open_renderer(&b);
+    AT_END(block_destroy) block b = block_create();
+    OWN(kn_renderer) *r = open_renderer(&b);
     kn_view_scene scene = kn_view_scene_default();
     uint8_t *rest = draw(r, scene, b.rest), *dented = draw(r, scene, b.dented);
     int all = changed(rest, dented, 0, 0, WIDTH, HEIGHT);
@@ -242,18 +234,16 @@ TEST("a dent across the top shows, and only there; its profile shows from the fr
     CHECK_NEAR(left, 1 - 1.5 * 1.0 / (5 * 3), 0.04);
     free(rest);
     free(dented);
-    kn_renderer_close(r);
-    block_destroy(&b);
 }
 
 TEST("the same input gives the same bytes, in the next picture and in the next renderer")
 {
-    block b = block_create();
+    AT_END(block_destroy) block b = block_create();
     kn_view_scene scene = kn_view_scene_default();
     scene.probe_count = 1;
     scene.probe[0] = (kn_view_probe){.def = {.shape = KN_PROBE_SPHERE, .radius_m = 0.01}, .position_m = {0, 0, 0.04},
                                      .force_n = {1, 0, 3}};
-    kn_renderer *r = open_renderer(&b), *other = open_renderer(&b);
+    OWN(kn_renderer) *r = open_renderer(&b), *other = open_renderer(&b);
     kn_view_scene elsewhere = kn_view_scene_default(); // another camera, too: the backdrop is drawn anew
     elsewhere.azimuth_deg = -40;
     uint8_t *first = draw(r, scene, b.dented), *between = draw(r, elsewhere, b.rest);
@@ -265,15 +255,12 @@ TEST("the same input gives the same bytes, in the next picture and in the next r
     free(between);
     free(second);
     free(third);
-    kn_renderer_close(r);
-    kn_renderer_close(other);
-    block_destroy(&b);
 }
 
 TEST("a plate hides dough; its arrow grows with the force and is absent without one")
 {
-    block b = block_create();
-    kn_renderer *r = open_renderer(&b);
+    AT_END(block_destroy) block b = block_create();
+    OWN(kn_renderer) *r = open_renderer(&b);
     kn_view_scene scene = kn_view_scene_default();
     uint8_t *bare = draw(r, scene, b.rest);
     scene.probe_count = 1;
@@ -290,8 +277,6 @@ TEST("a plate hides dough; its arrow grows with the force and is absent without 
     CHECK(arrow[0] == 0);
     CHECK(arrow[1] > 100 && arrow[2] > arrow[1] * 3 / 2);
     free(bare);
-    kn_renderer_close(r);
-    block_destroy(&b);
 }
 
 // Straight from the front, level: a tool before the block shows its outline. Area, measured by the block's front.
@@ -316,8 +301,8 @@ TEST("every shape shows its own outline, and turns with its pose")
                               box = {.shape = KN_PROBE_BOX, .size_m = {0.006, 0.002, 0.012}},
                               cross = {.shape = KN_PROBE_CROSS, .size_m = {0.012, 0.003, 0.004}};
     const double ball = 3.14159 * 0.004 * 0.004;
-    block b = block_create();
-    kn_renderer *r = open_renderer(&b);
+    AT_END(block_destroy) block b = block_create();
+    OWN(kn_renderer) *r = open_renderer(&b);
     double scale = shown_m2(r, &b, &box, level) / (0.006 * 0.012); // it is 5 mm nearer than the front
     CHECK(scale > 1 && scale < 1.2);
     CHECK_NEAR(shown_m2(r, &b, &box, over) / scale, 0.006 * 0.012, 0.1 * 0.006 * 0.012);
@@ -338,14 +323,12 @@ TEST("every shape shows its own outline, and turns with its pose")
     CHECK_NEAR(shown_m2(r, &b, &mesh, level), shown_m2(r, &b, &box, level), 1e-6);
     CHECK_NEAR(shown_m2(r, &b, &mesh, over), shown_m2(r, &b, &box, over), 1e-6);
     kn_shape_drop(&of_file);
-    kn_renderer_close(r);
-    block_destroy(&b);
 }
 
 TEST("the arrow of a turned tool begins at its back")
 {
-    block b = block_create();
-    kn_renderer *r = open_renderer(&b);
+    AT_END(block_destroy) block b = block_create();
+    OWN(kn_renderer) *r = open_renderer(&b);
     kn_view_scene scene = kn_view_scene_default();
     scene.azimuth_deg = scene.elevation_deg = 0;
     scene.probe_count = 1;
@@ -360,14 +343,12 @@ TEST("the arrow of a turned tool begins at its back")
     }
     CHECK(arrow < WIDTH && abs(arrow - tool) <= 4);
     free(picture);
-    kn_renderer_close(r);
-    block_destroy(&b);
 }
 
 TEST("an object that is lifted leaves the picture, unless it is followed; in its place nothing changes")
 {
-    block b = block_create();
-    kn_renderer *r = open_renderer(&b);
+    AT_END(block_destroy) block b = block_create();
+    OWN(kn_renderer) *r = open_renderer(&b);
     kn_view_scene fixed = kn_view_scene_default(), follow = fixed;
     follow.follow = true;
     uint8_t *rest = draw(r, fixed, b.dented), *same = draw(r, follow, b.dented);
@@ -381,14 +362,12 @@ TEST("an object that is lifted leaves the picture, unless it is followed; in its
     free(same);
     free(cut);
     free(whole);
-    kn_renderer_close(r);
-    block_destroy(&b);
 }
 
 TEST("what moves far away is drawn whole: only what nothing touches is kept from the picture before")
 {
-    block b = block_create();
-    kn_renderer *r = open_renderer(&b), *fresh = open_renderer(&b);
+    AT_END(block_destroy) block b = block_create();
+    OWN(kn_renderer) *r = open_renderer(&b), *fresh = open_renderer(&b);
     kn_view_scene scene = kn_view_scene_default();
     for (int v = 0; v < b.surface->vertex_count; v++) b.dented[v][0] += 0.04f; // slid to the right
     scene.probe_count = 1;
@@ -402,15 +381,12 @@ TEST("what moves far away is drawn whole: only what nothing touches is kept from
     free(before);
     free(after);
     free(at_once);
-    kn_renderer_close(r);
-    kn_renderer_close(fresh);
-    block_destroy(&b);
 }
 
 TEST("tools in a flat object do not shine through its sides")
 {
-    block b = block_create();
-    kn_renderer *r = open_renderer(&b);
+    AT_END(block_destroy) block b = block_create();
+    OWN(kn_renderer) *r = open_renderer(&b);
     kn_view_scene scene = kn_view_scene_default();
     scene.thickness_m = 0.05; // the block's
     uint8_t *bare = draw(r, scene, b.rest);
@@ -424,14 +400,12 @@ TEST("tools in a flat object do not shine through its sides")
         free(with);
     }
     free(bare);
-    kn_renderer_close(r);
-    block_destroy(&b);
 }
 
 TEST("positions that are not finite leave a hole and hurt nothing else")
 {
-    block b = block_create();
-    kn_renderer *r = open_renderer(&b);
+    AT_END(block_destroy) block b = block_create();
+    OWN(kn_renderer) *r = open_renderer(&b);
     uint8_t *whole = draw(r, kn_view_scene_default(), b.rest);
     int vertex = b.surface->vertex_count - 1; // a corner of the top
     b.rest[vertex][0] = NAN;
@@ -441,8 +415,6 @@ TEST("positions that are not finite leave a hole and hurt nothing else")
     CHECK(lost > 0 && lost < PIXELS / 50);
     free(whole);
     free(holed);
-    kn_renderer_close(r);
-    block_destroy(&b);
 }
 
 TESTS_MAIN

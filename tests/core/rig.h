@@ -71,6 +71,8 @@ static inline void unmake(rig *r)
     free(r);
 }
 
+OWNS(rig, unmake)
+
 static inline void tick(rig *r, int count)
 {
     kn_fixed_tick(&r->fixed, r->bound, count, r->reaction, &r->result);

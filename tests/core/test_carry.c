@@ -57,21 +57,20 @@ TEST("carried into the same material an object goes on to the same bits")
 {
     static const char *const scenes[] = {"dough-small.yaml", "jelly.yaml", "bun.yaml", "pinch.yaml"};
     for (size_t s = 0; s < sizeof scenes / sizeof *scenes; s++) {
-        object a = object_of(scenes[s], NULL), b = object_of(scenes[s], NULL);
+        AT_END(object_free) object a = object_of(scenes[s], NULL), b = object_of(scenes[s], NULL);
         hold(&a, 150);
         CHECK(kn_carry_misfit(a.model, b.model) == NULL);
         kn_carry(a.model, a.state, b.model, b.state);
         hold(&a, 100);
         hold(&b, 100);
         CHECK(kn_state_hash(a.model, a.state) == kn_state_hash(b.model, b.state));
-        object_free(&a);
-        object_free(&b);
     }
 }
 
 TEST("a spring twice as stiff stores twice as much of the same stretch, and no node has moved")
 {
-    object a = object_of("dough-small.yaml", NULL), b = object_of("dough-small.yaml", "material.k1=940 gf/cm^3");
+    AT_END(object_free) object a = object_of("dough-small.yaml", NULL);
+    AT_END(object_free) object b = object_of("dough-small.yaml", "material.k1=940 gf/cm^3");
     hold(&a, 3000); // until what a last step does is little
     kn_carry(a.model, a.state, b.model, b.state);
     for (int i = 0; i < a.model->node_count; i++) {
@@ -82,14 +81,13 @@ TEST("a spring twice as stiff stores twice as much of the same stretch, and no n
     }
     printf("     %.4g mJ, then %.4g\n", 1e3 * elastic(&a), 1e3 * elastic(&b));
     CHECK_NEAR(elastic(&b) / elastic(&a), 2, 0.01);
-    object_free(&a);
-    object_free(&b);
 }
 
 TEST("what is stiffer from now on relaxes to what it would have been all along, from where it was")
 {
-    object soft = object_of("jelly.yaml", NULL), hard = object_of("jelly.yaml", "material.k1=20 kPa"),
-           turned = object_of("jelly.yaml", "material.k1=20 kPa");
+    AT_END(object_free) object soft = object_of("jelly.yaml", NULL);
+    AT_END(object_free) object hard = object_of("jelly.yaml", "material.k1=20 kPa");
+    AT_END(object_free) object turned = object_of("jelly.yaml", "material.k1=20 kPa");
     double before = hold(&soft, 1000);
     kn_carry(soft.model, soft.state, turned.model, turned.state);
     hold(&hard, 3000);
@@ -98,14 +96,12 @@ TEST("what is stiffer from now on relaxes to what it would have been all along, 
     printf("     %.4f N soft, %.4f N turned, %.4f N hard from the start\n", before, now, always);
     CHECK(now > 1.2 * before);
     CHECK_NEAR(now / always, 1, 1e-3);
-    object_free(&soft);
-    object_free(&hard);
-    object_free(&turned);
 }
 
 TEST("another stress area keeps the length of every Voigt part, not its strain")
 {
-    object a = object_of("dough-small.yaml", NULL), b = object_of("dough-small.yaml", "object.diagonal_stiffness=0.5");
+    AT_END(object_free) object a = object_of("dough-small.yaml", NULL);
+    AT_END(object_free) object b = object_of("dough-small.yaml", "object.diagonal_stiffness=0.5");
     hold(&a, 500);
     CHECK(kn_carry_misfit(a.model, b.model) == NULL && a.model->grid.gamma != b.model->grid.gamma);
     kn_carry(a.model, a.state, b.model, b.state);
@@ -117,8 +113,6 @@ TEST("another stress area keeps the length of every Voigt part, not its strain")
         off = fmax(off, fabs(p - q));
     }
     CHECK(most > 0.01 && off < 1e-7);
-    object_free(&a);
-    object_free(&b);
 }
 
 TEST("what an object cannot go on in is named")
@@ -148,14 +142,12 @@ TEST("what an object cannot go on in is named")
         {"pinch.yaml", "probes.thumb.friction=0.5", NULL},
     };
     for (size_t t = 0; t < sizeof table / sizeof *table; t++) {
-        object a = object_of(table[t].scene, NULL), b = object_of(table[t].scene, table[t].set);
+        AT_END(object_free) object a = object_of(table[t].scene, NULL), b = object_of(table[t].scene, table[t].set);
         const char *why = kn_carry_misfit(a.model, b.model);
         if (table[t].why)
             CHECK_STR(why ? why : "nothing", table[t].why);
         else
             CHECK(why == NULL);
-        object_free(&a);
-        object_free(&b);
     }
 }
 

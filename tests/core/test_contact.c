@@ -51,7 +51,7 @@ static kn_contact *find(bench *b)
 
 TEST("clearance is the distance above the object, and falls below zero inside it")
 {
-    bench b = bench_open();
+    AT_END(bench_close) bench b = bench_open();
     double high[3] = {0.001, 0.002, 0.034}, low[3] = {0.001, 0.002, 0.028}, aside[3] = {0.05, 0, 0.01};
     CHECK_NEAR(kn_clearance(b.model, b.state, 0, high, level), 0.004, 1e-12);
     CHECK_NEAR(kn_clearance(b.model, b.state, 0, low, level), -0.002, 1e-12);
@@ -60,12 +60,11 @@ TEST("clearance is the distance above the object, and falls below zero inside it
     CHECK_NEAR(kn_clearance(b.model, b.state, 1, high, level), 0.004, 2e-4); // the skin is looked at every half spacing
     CHECK(kn_clearance(b.model, b.state, 1, low, level) < -0.012);           // its centre is under the skin
     CHECK_NEAR(kn_clearance(b.model, b.state, 1, aside, level), 0.05 - 0.025 - 0.012, 2e-4);
-    bench_close(&b);
 }
 
 TEST("the model's probe moves with the reported velocity and makes up a gap in 20 ms")
 {
-    bench b = bench_open();
+    AT_END(bench_close) bench b = bench_open();
     put(&b, 0, 0, 0, 0.05, -0.01);
     find(&b);
     CHECK_NEAR(b.state->probe[0].velocity_m_s[2], -0.01, 1e-15); // no gap when it enters
@@ -75,12 +74,11 @@ TEST("the model's probe moves with the reported velocity and makes up a gap in 2
     b.input.probe[0].attached = false;
     find(&b);
     CHECK(b.state->probe[0].attached == 0);
-    bench_close(&b);
 }
 
 TEST("a plate holds the top nodes it reaches, and no others")
 {
-    bench b = bench_open();
+    AT_END(bench_close) bench b = bench_open();
     put(&b, 0, 0, 0, 0.031, 0);
     CHECK(find(&b)->hold_count == 0);
     b.input.probe[0].attached = false;
@@ -93,14 +91,13 @@ TEST("a plate holds the top nodes it reaches, and no others")
         kn_grid_rest(&b.model->grid, contact->hold[i].node, x);
         CHECK(fabs(x[0]) < 0.0051 && fabs(x[2] - 0.03) < 1e-12);
     }
-    bench_close(&b);
 }
 
 TEST("two plates in the same place share the nodes, not the force")
 {
     kn_model_def def = kn_model_def_default();
     char error[200];
-    bench b = {0};
+    AT_END(bench_close) bench b = {0};
     def.probe_count = 2;
     for (int p = 0; p < 2; p++) def.probe[p] = (kn_probe_def){.shape = KN_PROBE_PLATE, .size_m = {0.2, 0.2}};
     b.model = kn_model_build(&def, error, sizeof error);
@@ -110,7 +107,6 @@ TEST("two plates in the same place share the nodes, not the force")
     CHECK(kn_step(b.model, b.state, &b.input, &b.output) == KN_OK);
     CHECK(kn_state_scratch(b.state)->contact.hold_count == 36);
     CHECK(b.output.probe[0].force_n[2] > 0 && b.output.probe[1].force_n[2] == 0);
-    bench_close(&b);
 }
 
 TEST("a block far lighter than its viscosity still solves in f32: held rows keep their blocks")
@@ -119,7 +115,7 @@ TEST("a block far lighter than its viscosity still solves in f32: held rows keep
     for (int heavy = 0; heavy < 2; heavy++) {
         kn_model_def def = kn_model_def_default();
         char error[200];
-        bench b = {0};
+        AT_END(bench_close) bench b = {0};
         def.material = (kn_material){.k1_pa = 1000, .c1_pa_s = 10, .damper = KN_DAMPER_NONE};
         def.spacing_m = 1e-4, def.density_kg_m3 = heavy ? 1200 : 30;
         def.probe_count = 1;
@@ -130,7 +126,6 @@ TEST("a block far lighter than its viscosity still solves in f32: held rows keep
         for (int i = 0; i < 200; i++, b.input.probe[0].position_m[2] -= 1e-7)
             CHECK(kn_step(b.model, b.state, &b.input, &b.output) == KN_OK);
         force[heavy] = b.output.probe[0].force_n[2];
-        bench_close(&b);
     }
     CHECK(force[1] > 0);
     CHECK_NEAR(force[0], force[1], 0.02 * force[1]);
@@ -138,17 +133,16 @@ TEST("a block far lighter than its viscosity still solves in f32: held rows keep
 
 TEST("a node touched in mid-step moves by what is left of the step")
 {
-    bench b = bench_open();
+    AT_END(bench_close) bench b = bench_open();
     put(&b, 0, 0, 0, 0.030004, -0.01); // 4 um above, 10 um to go
     kn_contact *contact = find(&b);
     CHECK(contact->hold_count == 33);
     CHECK_NEAR(contact->hold[0].velocity_m_s[2], -0.006, 1e-9);
-    bench_close(&b);
 }
 
 static void check_flat(kn_skin_form skin)
 {
-    bench b = bench_open_with(skin);
+    AT_END(bench_close) bench b = bench_open_with(skin);
     put(&b, 1, 0.0013, -0.0021, 0.03 + 0.012 - 0.001, 0);
     kn_contact *contact = find(&b);
     CHECK(contact->sample_count > 20 && contact->samples_lost == 0);
@@ -170,7 +164,6 @@ static void check_flat(kn_skin_form skin)
     }
     double cap = 3.14159265 * (2 * 0.012 * 0.001 - 0.001 * 0.001); // circle in which the ball cuts the plane
     CHECK_NEAR(inside, cap, 0.1 * cap);
-    bench_close(&b);
 }
 
 TEST("the skin under a sphere is flat where the block is: weights sum to 1 and every sample lies in the top plane")
@@ -182,7 +175,7 @@ TEST("the skin under a sphere is flat where the block is: weights sum to 1 and e
 TEST("the skin ends at the block's edge: a sphere over the rim finds nothing outside")
 {
     for (int skin = 0; skin < 2; skin++) {
-        bench b = bench_open_with((kn_skin_form)skin);
+        AT_END(bench_close) bench b = bench_open_with((kn_skin_form)skin);
         put(&b, 1, 0.025, 0, 0.03 + 0.012 - 0.001, 0);
         kn_contact *contact = find(&b);
         CHECK(contact->sample_count > 0);
@@ -194,13 +187,12 @@ TEST("the skin ends at the block's edge: a sphere over the rim finds nothing out
             }
             CHECK(x <= 0.025 + 1e-12);
         }
-        bench_close(&b);
     }
 }
 
 TEST("forces of a sphere push it out along the normal, with a torque about its centre of zero")
 {
-    bench b = bench_open();
+    AT_END(bench_close) bench b = bench_open();
     put(&b, 1, 0.002, 0.001, 0.0425, -0.01);
     for (int i = 0; i < 150; i++, b.input.probe[1].position_m[2] -= 1e-5)
         CHECK(kn_step(b.model, b.state, &b.input, &b.output) == KN_OK);
@@ -208,12 +200,11 @@ TEST("forces of a sphere push it out along the normal, with a torque about its c
     CHECK(ball->contacts > 10 && ball->force_n[2] > 0.05);
     for (int k = 0; k < 3; k++) CHECK_NEAR(ball->torque_n_m[k], 0, 1e-6 * ball->force_n[2]); // frictionless
     CHECK(ball->work_j > 0);
-    bench_close(&b);
 }
 
 TEST("a number that is not one ends in zero force until the object is reset")
 {
-    bench b = bench_open();
+    AT_END(bench_close) bench b = bench_open();
     put(&b, 0, 0, 0, 0.0299, -0.01);
     CHECK(kn_step(b.model, b.state, &b.input, &b.output) == KN_OK);
     CHECK(b.output.probe[0].force_n[2] > 0);
@@ -225,7 +216,6 @@ TEST("a number that is not one ends in zero force until the object is reset")
     kn_state_reset(b.model, b.state);
     CHECK(kn_step(b.model, b.state, &b.input, &b.output) == KN_OK);
     CHECK(b.output.probe[0].force_n[2] > 0);
-    bench_close(&b);
 }
 
 TESTS_MAIN

@@ -122,7 +122,7 @@ TEST("a unit of 30 ms ago under the poses since gives the force that the lattice
     for (int jelly = 0; jelly < 2; jelly++)
         for (int what = PRESS; what <= SLIDE; what++) {
             if ((jelly + what) % KN_LENGTH(2, 1, 1)) continue;
-            rig r = rig_make(jelly);
+            AT_END(rig_free) rig r = rig_make(jelly);
             double past[LAG] = {0}, off = 0, held = 0, all = 0, x[3], v[3], force[3];
             for (int n = 0; n < 3000; n++) {
                 follow((gesture)what, 1e-3 * n, x, v);
@@ -136,7 +136,6 @@ TEST("a unit of 30 ms ago under the poses since gives the force that the lattice
             if (!(sqrt(off / all) <= bound[jelly][what]) || !(off <= 0.3 * 0.3 * held))
                 KN_TEST_FAIL("%s, %d: %.4f, the last force held %.4f", jelly ? "jelly" : "dough", what, sqrt(off / all),
                              sqrt(held / all));
-            rig_free(&r);
         }
 }
 
@@ -145,7 +144,7 @@ TEST("behind a coupling of a virtual hand, 50 kN/m, it is the foundation that gi
     kn_model_def def = block(false);
     def.probe[0].coupling_n_m = 5e4;
     def.probe[0].coupling_n_s_m = 50;
-    rig r = rig_of(def);
+    AT_END(rig_free) rig r = rig_of(def);
     kn_contact_model_init(&r.client, &(kn_contact_model_def){.session = 7, .radius_m = RADIUS_M, .force_limit_n = 20,
                                                              .stiffness_n_m = 5e4, .damping_n_s_m = 50});
     double off = 0, all = 0, x[3], v[3], force[3];
@@ -156,7 +155,6 @@ TEST("behind a coupling of a virtual hand, 50 kN/m, it is the foundation that gi
         all += pow(r.out.probe[0].force_n[2], 2);
     }
     if (!(sqrt(off / all) <= 0.12)) KN_TEST_FAIL("%.3f", sqrt(off / all));
-    rig_free(&r);
 }
 
 typedef struct loop {
@@ -200,7 +198,7 @@ static void bare_step(bare *b, const kn_arm *arm, const double rendered_n[3])
 // A simulated device in a hand, round the lattice: at once, or by the client 30 ms away with a fifth of all lost.
 static loop close_loop(bool jelly, bool far, gesture what)
 {
-    rig r = rig_make(jelly);
+    AT_END(rig_free) rig r = rig_make(jelly);
     r.loss = far ? 0.2 : 0;
     kn_arm arm;
     kn_arm_def def = {.mass_kg = 0.1, .damping_n_s_m = 0.2, .encoder_m = 20e-6, .force_limit_n = 12,
@@ -234,7 +232,6 @@ static loop close_loop(bool jelly, bool far, gesture what)
     l.error = sqrt(b.away / b.whole);
     kn_state_destroy(b.state);
     kn_model_destroy(b.model);
-    rig_free(&r);
     return l;
 }
 
@@ -260,7 +257,7 @@ TEST("a rigid plate is told as all nodes that it will meet; 30 ms off it feeds n
     for (int jelly = 0; jelly < 2; jelly++) {
         kn_model_def def = block(jelly);
         def.probe[0] = (kn_probe_def){.name = "plate", .shape = KN_PROBE_PLATE, .size_m = {0.010, 0.060}};
-        rig r = rig_of(def);
+        AT_END(rig_free) rig r = rig_of(def);
         r.loss = 0.2;
         kn_arm arm;
         kn_arm_def device = {.mass_kg = 0.1, .damping_n_s_m = 0.2, .encoder_m = 20e-6, .force_limit_n = 12,
@@ -284,13 +281,12 @@ TEST("a rigid plate is told as all nodes that it will meet; 30 ms off it feeds n
         CHECK(ahead.k_vc_n_per_m == 0 && pressed.k_vc_n_per_m == 0);
         CHECK(jelly ? pressed.valid_ms == 100 : pressed.valid_ms < 10);
         CHECK(!jelly || force[2] > 0.5);
-        rig_free(&r);
     }
 }
 
 TEST("looking on changes nothing: the lattice goes on to the bit as without")
 {
-    rig watched = rig_make(false), alone = rig_make(false);
+    AT_END(rig_free) rig watched = rig_make(false), alone = rig_make(false);
     double x[3], v[3], force[3];
     for (int n = 0; n < 900; n++) {
         follow(PRESS, 1e-3 * n, x, v);
@@ -301,8 +297,6 @@ TEST("looking on changes nothing: the lattice goes on to the bit as without")
     }
     CHECK(memcmp(&watched.out, &alone.out, sizeof alone.out) == 0);
     CHECK(kn_state_hash(watched.model, watched.state) == kn_state_hash(alone.model, alone.state));
-    rig_free(&watched);
-    rig_free(&alone);
 }
 
 TEST("a column without diagonals under a level load answers with A times its area over its height")
@@ -314,7 +308,7 @@ TEST("a column without diagonals under a level load answers with A times its are
     def.nodes[2] = 5;
     def.probe_count = 1;
     def.probe[0] = (kn_probe_def){.name = "finger", .shape = KN_PROBE_SPHERE, .radius_m = 0.02};
-    kn_model *model = kn_model_build(&def, error, sizeof error);
+    OWN(kn_model) *model = kn_model_build(&def, error, sizeof error);
     if (!model) KN_TEST_FAIL("%s", error);
     kn_mobility *m = kn_mobility_create(model);
     double a = 0, push[3] = {0, 0, -0.25}; // 1 cm by 1 cm by 4 cm
@@ -326,12 +320,11 @@ TEST("a column without diagonals under a level load answers with A times its are
         CHECK_NEAR(a, model->law.a_pa_s * 1e-4 / 0.04, 0.003 * a); // and a little inertia
     }
     kn_mobility_destroy(m);
-    kn_model_destroy(model);
 }
 
 TEST("a tool that comes near is told the plane that it will meet, one far off that there is nothing")
 {
-    rig r = rig_make(false);
+    AT_END(rig_free) rig r = rig_make(false);
     double x[3] = {0.003, -0.002, TOP_M + RADIUS_M + 0.050}, v[3] = {0}, force[3];
     for (int n = 0; n < 5; n++) step(&r, x, v, force);
     CHECK(r.unit[4].contact_count == 0);
@@ -345,5 +338,4 @@ TEST("a tool that comes near is told the plane that it will meet, one far off th
     r.in.probe[0].attached = false;
     step(&r, x, v, force);
     CHECK(r.unit[(r.tick - 1) % (LAG + 1)].contact_count == 0);
-    rig_free(&r);
 } TESTS_MAIN

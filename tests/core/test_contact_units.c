@@ -91,6 +91,8 @@ static void rig_free(rig *r)
     free(r);
 }
 
+OWNS(rig, rig_free)
+
 static bool lose(rig *r, int way)
 {
     return r->lost[way] = kn_dice(&r->random) < (r->lost[way] ? 2.0 / 3.0 : r->loss / (1 - r->loss) / 3.0);
@@ -193,7 +195,7 @@ static double jump_of(const off *o, double share) // that share of all changes a
 static played play(tool what, double angle, double slide_m_s, double loss)
 {
     static double past[LAG][2][3];
-    rig *r = rig_make(what);
+    OWN(rig) *r = rig_make(what);
     played all = {.force = 0};
     r->loss = loss;
     memset(past, 0, sizeof past);
@@ -210,7 +212,6 @@ static played play(tool what, double angle, double slide_m_s, double loss)
         memcpy(past[n % LAG][0], now->force_n, sizeof now->force_n);
         memcpy(past[n % LAG][1], now->torque_n_m, sizeof now->torque_n_m);
     }
-    rig_free(r);
     for (int i = 0; i < 3; i++) {
         all.off[i].force = sqrt(all.off[i].force / all.force);
         all.off[i].torque = sqrt(all.off[i].torque / all.torque);
@@ -251,7 +252,7 @@ TEST("a cross, whose patch breaks in two and grows together again, is rendered n
 
 TEST("the units' forces are the tool's, and at their places they have its torque")
 {
-    rig *r = rig_make(TWO_BALLS);
+    OWN(rig) *r = rig_make(TWO_BALLS);
     int several = 0;
     for (int n = 0; n < 1400; n++) {
         pose p = rock(TWO_BALLS, 1e-3 * n, 0.15, 0);
@@ -279,12 +280,11 @@ TEST("the units' forces are the tool's, and at their places they have its torque
         }
     }
     CHECK(several > 400);
-    rig_free(r);
 }
 
 TEST("a ball that is about to touch beside one that presses is told as a plane where it will")
 {
-    rig *r = rig_make(TWO_BALLS);
+    OWN(rig) *r = rig_make(TWO_BALLS);
     pose p = {.turn = {cos(0.1), 0, sin(0.1), 0}}; // the ball at +x is 6 mm lower
     double seen_m = 0;
     for (int n = 0; n < 600; n++) {
@@ -298,7 +298,6 @@ TEST("a ball that is about to touch beside one that presses is told as a plane w
         seen_m = p.x[2] - unit[1].normal[2] * unit[1].proxy_m[2] - unit[1].normal[0] * unit[1].proxy_m[0];
     }
     CHECK_NEAR(seen_m, 0.003, 0.0012); // of way left
-    rig_free(r);
 }
 
 TEST("a plate over two ridges is told as two units, beside each other")
@@ -308,9 +307,9 @@ TEST("a plate over two ridges is told as two units, beside each other")
     def.probe_count = 2;
     def.probe[0] = (kn_probe_def){.name = "narrow", .shape = KN_PROBE_PLATE, .size_m = {0.020, 0.060}};
     def.probe[1] = (kn_probe_def){.name = "wide", .shape = KN_PROBE_PLATE, .size_m = {0.060, 0.060}};
-    kn_model *model = kn_model_build(&def, error, sizeof error);
+    OWN(kn_model) *model = kn_model_build(&def, error, sizeof error);
     if (!model) KN_TEST_FAIL("%s", error);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_state) *state = kn_state_create(model);
     kn_contact_fit *fit = kn_contact_fit_create(model, (kn_coupling){K_VC, B_VC});
     kn_input in = {.probe[0].attached = true};
     kn_output out;
@@ -338,6 +337,4 @@ TEST("a plate over two ridges is told as two units, beside each other")
     }
     CHECK(two > 50);
     kn_contact_fit_destroy(fit);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 } TESTS_MAIN

@@ -23,7 +23,7 @@ TEST("every word of device.profile has a file, and every file is a word")
     int files = 0, count = 1;
     for (const char *w = words; *w; w++) count += *w == '|';
     for (const kn_library_entry *e = kn_devices; e->name; e++, files++) {
-        kn_scene *scene = with(e->name);
+        OWN(kn_scene) *scene = with(e->name);
         CHECK(strstr(words, e->name) != NULL);
         if (!scene) KN_TEST_FAIL("%s", error);
         if (!scene) continue;
@@ -34,38 +34,32 @@ TEST("every word of device.profile has a file, and every file is a word")
         CHECK(d->hand.stiffness_n_m > 0 && d->hand.stiffness_n_m == d->coupling_n_m);
         CHECK(d->coupling_n_m <= d->stiffness_limit_n_m);
         CHECK(kn_device_check(d) == NULL);
-        kn_scene_destroy(scene);
     }
     CHECK(files == count);
 }
 
 TEST("a scene that only names a bench says no more of it; of a device its text has all, should its profile change")
 {
-    kn_scene *bench = with("bench"), *touch = with("touch");
+    OWN(kn_scene) *bench = with("bench"), *touch = with("touch");
     CHECK(bench && !strstr(bench->text, "mass:") && !strstr(bench->text, "force_scale"));
     CHECK(bench && bench->limits.clamp_n == 40.0 && bench->limits.force_scale == 1.0);
     CHECK(touch && touch->limits.clamp_n == 3.3 && touch->limits.force_scale == 1.0);
     CHECK(touch && strstr(touch->text, "mass: 0.08 kg\n") && strstr(touch->text, "coupling: 600 N/m\n"));
-    kn_scene *again = kn_scene_parse("x", touch->text, strlen(touch->text), NULL, 0, error, sizeof error);
+    OWN(kn_scene) *again = kn_scene_parse("x", touch->text, strlen(touch->text), NULL, 0, error, sizeof error);
     CHECK(again && memcmp(&again->device, &touch->device, sizeof touch->device) == 0);
     CHECK(again && again->text_hash == touch->text_hash);
-    kn_scene_destroy(again);
-    kn_scene_destroy(bench);
-    kn_scene_destroy(touch);
 }
 
 TEST("a scene that says more has all of its device in its text, and reading that gives the same device")
 {
-    kn_scene *scene = with("{profile: touch, force_scale: 0.25, round_trip: 3 ms, basis: [2, -1, 3], clamp: 3 N}");
+    OWN(kn_scene) *scene = with("{profile: touch, force_scale: 0.25, round_trip: 3 ms, basis: [2, -1, 3], clamp: 3 N}");
     if (!scene) KN_TEST_FAIL("%s", error);
     if (!scene) return;
     CHECK(strstr(scene->text, "force_scale: 0.25\n") && strstr(scene->text, "mass: 0.08 kg\n"));
     CHECK(strstr(scene->text, "basis: [2, -1, 3]\n") && strstr(scene->text, "encoder: 4e-05 m\n"));
-    kn_scene *again = kn_scene_parse("x", scene->text, strlen(scene->text), NULL, 0, error, sizeof error);
+    OWN(kn_scene) *again = kn_scene_parse("x", scene->text, strlen(scene->text), NULL, 0, error, sizeof error);
     CHECK(again && memcmp(&again->device, &scene->device, sizeof scene->device) == 0);
     CHECK(again && strcmp(again->text, scene->text) == 0 && again->text_hash == scene->text_hash);
-    kn_scene_destroy(again);
-    kn_scene_destroy(scene);
 }
 
 TEST("the coupling is the profile's, lowered by the round trip, divided for the scene by what the hand is given")
@@ -78,12 +72,11 @@ TEST("the coupling is the profile's, lowered by the round trip, divided for the 
         {"{profile: touch, round_trip: 2 ms, coupling: 700 N/m}", 700, 700},
     };
     for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
-        kn_scene *scene = with(row[i].device);
+        OWN(kn_scene) *scene = with(row[i].device);
         if (!scene) KN_TEST_FAIL("%s", error);
         if (!scene) continue;
         CHECK_NEAR(scene->device.hand.stiffness_n_m, row[i].hand_n_m, 1e-9);
         CHECK_NEAR(scene->device.coupling_n_m, row[i].scene_n_m, 1e-9);
-        kn_scene_destroy(scene);
     }
 }
 
@@ -95,11 +88,10 @@ TEST("a file of the user's begins with a profile and changes it; what is wrong i
     const char *wrong = "device: {profile: falcon}\ngravity: 1 m/s^2\n";
     CHECK(fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text));
     snprintf(set, sizeof set, "%s", path);
-    kn_scene *scene = with(set);
+    OWN(kn_scene) *scene = with(set);
     if (!scene) KN_TEST_FAIL("%s", error);
     CHECK(scene && scene->device.mass_kg == 0.3 && scene->device.force_limit_n == 8.0);
     CHECK(scene && strstr(scene->text, "profile: falcon\n"));
-    kn_scene_destroy(scene);
     CHECK(ftruncate(fd, 0) == 0 && pwrite(fd, wrong, strlen(wrong), 0) == (ssize_t)strlen(wrong));
     CHECK(!with(set) && strstr(error, "gravity stands in"));
     close(fd);

@@ -40,12 +40,11 @@ static int same(const kn_scene *a, const kn_scene *b)
 TEST("the mesh stands on the table in the middle, and its mean edge is what the scene calls spacing")
 {
     copy(CUBE, in_folder("cube.msh"));
-    kn_scene *scene = parse("mesh: cube.msh, mesh_unit: cm", NULL, 0);
+    OWN(kn_scene) *scene = parse("mesh: cube.msh, mesh_unit: cm", NULL, 0);
     CHECK_STR(error, "");
     CHECK(scene && scene->model.mesh == scene->mesh && scene->mesh->node_count == 8 && scene->model.nodes[0] == 0);
     CHECK(scene && scene->mesh->x_m[0][0] == -0.05 && scene->mesh->x_m[0][2] == 0 && scene->mesh->x_m[7][2] == 0.1);
     CHECK(scene && scene->model.spacing_m > 0.1 && scene->model.spacing_m < 0.13);
-    kn_scene_destroy(scene);
 }
 
 TEST("the text of a scene with a mesh is the scene, from any folder and with any name")
@@ -55,12 +54,10 @@ TEST("the text of a scene with a mesh is the scene, from any folder and with any
         char object[256];
         copy(CUBE, in_folder(name[i]));
         snprintf(object, sizeof object, "mesh: \"%s\", mesh_unit: mm", name[i]);
-        kn_scene *scene = parse(object, NULL, 0), *again = NULL;
+        OWN(kn_scene) *scene = parse(object, NULL, 0), *again = NULL;
         CHECK_STR(error, "");
         if (scene) again = kn_scene_parse("nowhere/x", scene->text, strlen(scene->text), NULL, 0, error, sizeof error);
         CHECK(same(scene, again) && strcmp(scene->text, again->text) == 0);
-        kn_scene_destroy(scene);
-        kn_scene_destroy(again);
         unlink(in_folder(name[i]));
     }
 }
@@ -68,26 +65,23 @@ TEST("the text of a scene with a mesh is the scene, from any folder and with any
 TEST("a text whose mesh has moved finds it beside the log, and is the same scene")
 {
     copy(CUBE, in_folder("cube.msh"));
-    kn_scene *scene = parse("mesh: cube.msh, mesh_unit: mm", NULL, 0);
+    OWN(kn_scene) *scene = parse("mesh: cube.msh, mesh_unit: mm", NULL, 0);
     mkdir(in_folder("moved"), 0700);
     rename(in_folder("cube.msh"), in_folder("moved/cube.msh"));
     size_t size = strlen(scene->text);
     CHECK(!kn_scene_parse("scene.yaml", scene->text, size, NULL, 0, error, sizeof error));
     CHECK_STR(error, "scene.yaml:3:9: object.mesh: No such file or directory, expected a Gmsh mesh");
-    kn_scene *moved = kn_scene_parse_beside(in_folder("moved/log"), "scene.yaml", scene->text, size, NULL, 0, error,
-                                            sizeof error);
+    OWN(kn_scene) *moved = kn_scene_parse_beside(in_folder("moved/log"), "scene.yaml", scene->text, size, NULL, 0,
+                                                 error, sizeof error);
     CHECK(same(scene, moved) && strcmp(scene->text, moved->text) != 0); // the text says where it is now
-    kn_scene_destroy(moved);
 
     // where it was there is another one now: that one is refused, the one beside the log is still the right one
     copy(TEXT_CUBE, in_folder("cube.msh"));
     CHECK(!kn_scene_parse("scene.yaml", scene->text, size, NULL, 0, error, sizeof error));
     CHECK(strncmp(error, "scene.yaml:5:14: object.mesh_hash is 050304b91b7c46d9, but the mesh is ", 71) == 0);
-    moved = kn_scene_parse_beside(in_folder("moved/log"), "scene.yaml", scene->text, size, NULL, 0, error,
-                                  sizeof error);
-    CHECK(same(scene, moved));
-    kn_scene_destroy(moved);
-    kn_scene_destroy(scene);
+    OWN(kn_scene) *beside = kn_scene_parse_beside(in_folder("moved/log"), "scene.yaml", scene->text, size, NULL, 0,
+                                                  error, sizeof error);
+    CHECK(same(scene, beside));
     unlink(in_folder("moved/cube.msh"));
     rmdir(in_folder("moved"));
     unlink(in_folder("cube.msh"));
@@ -96,13 +90,11 @@ TEST("a text whose mesh has moved finds it beside the log, and is the same scene
 TEST("--set puts a mesh in the place of a block or of another mesh, whose hash it need not have")
 {
     static const char *const set[] = {"object.mesh=" CUBE, "object.mesh_unit=mm"};
-    kn_scene *scene = parse("size: [1 cm, 1 cm, 1 cm], spacing: 5 mm", set, 2);
+    OWN(kn_scene) *scene = parse("size: [1 cm, 1 cm, 1 cm], spacing: 5 mm", set, 2);
     CHECK(scene && scene->mesh && scene->mesh->element_count == 6);
     const char *other = "object.mesh=" TEXT_CUBE;
-    kn_scene *third = kn_scene_parse("x", scene->text, strlen(scene->text), &other, 1, error, sizeof error);
+    OWN(kn_scene) *third = kn_scene_parse("x", scene->text, strlen(scene->text), &other, 1, error, sizeof error);
     CHECK(third && third->text_hash != scene->text_hash); // other bytes, if the same mesh
-    kn_scene_destroy(third);
-    kn_scene_destroy(scene);
     CHECK(!parse("mesh: " CUBE ", mesh_unit: mm", (const char *[]){"object.spacing=1 mm"}, 1));
     CHECK_STR(error, "--set object.spacing: object.spacing means nothing with object.mesh, expected it left out");
 }

@@ -43,7 +43,7 @@ static kn_scene *parse(const char *keys, const char *const *sets, int count)
 TEST("a closed surface of a file is a tool, in metres, with cells of an eighth of the spacing or as asked for")
 {
     write_box(in_folder("stamp.stl"), 20, 15, 12, 0);
-    kn_scene *scene = parse("mesh: stamp.stl, mesh_unit: mm", NULL, 0);
+    OWN(kn_scene) *scene = parse("mesh: stamp.stl, mesh_unit: mm", NULL, 0);
     CHECK_STR(error, "");
     if (!scene) return;
     const kn_shape *tool = scene->model.probe[0].parts;
@@ -52,24 +52,20 @@ TEST("a closed surface of a file is a tool, in metres, with cells of an eighth o
     CHECK_NEAR(kn_shape_distance(tool, (double[]){0.002, 0.001, -0.003}, way), 0.003, 1e-7);
     CHECK_NEAR(kn_shape_span(tool, 0), 0.02, 1e-12);
     CHECK_NEAR(tool->part[0].field->cell_m, 0.005 / 8, 1e-15);
-    kn_scene_destroy(scene);
-    scene = parse("mesh: stamp.stl, mesh_unit: mm, mesh_cell: 1 mm", NULL, 0);
-    CHECK(scene && scene->tool[0]->part[0].field->cell_m == 0.001 && strstr(scene->text, "mesh_cell: 0.001 m\n"));
-    kn_scene_destroy(scene);
-    scene = parse("mesh: stamp.stl, mesh_unit: mm", (const char *[]){"probes.stamp.shape=sphere",
-                                                                     "probes.stamp.radius=1 cm"}, 2);
-    CHECK(scene && !scene->tool[0] && !strstr(scene->text, "stl"));
-    kn_scene_destroy(scene);
+    OWN(kn_scene) *asked = parse("mesh: stamp.stl, mesh_unit: mm, mesh_cell: 1 mm", NULL, 0);
+    CHECK(asked && asked->tool[0]->part[0].field->cell_m == 0.001 && strstr(asked->text, "mesh_cell: 0.001 m\n"));
+    OWN(kn_scene) *ball = parse("mesh: stamp.stl, mesh_unit: mm",
+                                (const char *[]){"probes.stamp.shape=sphere", "probes.stamp.radius=1 cm"}, 2);
+    CHECK(ball && !ball->tool[0] && !strstr(ball->text, "stl"));
 }
 
 TEST("the text of its scene is the scene from any folder; moved it is the same, with another content it is refused")
 {
-    kn_scene *scene = parse("mesh: stamp.stl, mesh_unit: mm", NULL, 0), *again;
+    OWN(kn_scene) *scene = parse("mesh: stamp.stl, mesh_unit: mm", NULL, 0);
     size_t size = strlen(scene->text);
-    again = kn_scene_parse("nowhere/x", scene->text, size, NULL, 0, error, sizeof error);
+    OWN(kn_scene) *again = kn_scene_parse("nowhere/x", scene->text, size, NULL, 0, error, sizeof error);
     CHECK(again && strcmp(again->text, scene->text) == 0 && again->text_hash == scene->text_hash);
     CHECK(again && again->tool[0]->part[0].field->hash == scene->tool[0]->part[0].field->hash);
-    kn_scene_destroy(again);
     mkdir(in_folder("moved"), 0700);
     rename(in_folder("stamp.stl"), in_folder("moved/stamp.stl"));
     CHECK(!kn_scene_parse("x.yaml", scene->text, size, NULL, 0, error, sizeof error));
@@ -77,13 +73,11 @@ TEST("the text of its scene is the scene from any folder; moved it is the same, 
     write_box(in_folder("stamp.stl"), 20, 15, 13, 0); // another one in its place
     CHECK(!kn_scene_parse("x.yaml", scene->text, size, NULL, 0, error, sizeof error));
     CHECK(strstr(error, ": probes.stamp.mesh_hash is ") && strstr(error, "it was changed since"));
-    again = kn_scene_parse_beside(in_folder("moved/log"), "x.yaml", scene->text, size, NULL, 0, error, sizeof error);
-    CHECK(again && again->text_hash == scene->text_hash && strcmp(again->text, scene->text) != 0);
-    kn_scene_destroy(again);
-    again = parse("mesh: stamp.stl, mesh_unit: mm", NULL, 0);
-    CHECK(again && again->text_hash != scene->text_hash);
-    kn_scene_destroy(again);
-    kn_scene_destroy(scene);
+    OWN(kn_scene) *moved = kn_scene_parse_beside(in_folder("moved/log"), "x.yaml", scene->text, size, NULL, 0, error,
+                                                 sizeof error);
+    CHECK(moved && moved->text_hash == scene->text_hash && strcmp(moved->text, scene->text) != 0);
+    OWN(kn_scene) *other = parse("mesh: stamp.stl, mesh_unit: mm", NULL, 0);
+    CHECK(other && other->text_hash != scene->text_hash);
     unlink(in_folder("moved/stamp.stl"));
     rmdir(in_folder("moved"));
 }

@@ -4,6 +4,8 @@
 #include "tests/physics/press.h"
 #include "tests/check.h"
 
+OWNS(kn_audit, kn_audit_destroy)
+
 typedef struct played { // a press, audited
     kn_audit_news news;
     double work_j, either_j;
@@ -12,9 +14,9 @@ typedef struct played { // a press, audited
 
 static played play(const kn_model_def *def, const press *p, double seconds)
 {
-    kn_model *model = build(def);
-    kn_state *state = kn_state_create(model);
-    kn_audit *audit = kn_audit_create(model);
+    OWN(kn_model) *model = build(def);
+    OWN(kn_state) *state = kn_state_create(model);
+    OWN(kn_audit) *audit = kn_audit_create(model);
     played r = {.least_lost = INFINITY};
     int64_t windows = 0;
     for (int i = 1; i <= (int)lround(seconds * 1000); i++) {
@@ -29,9 +31,6 @@ static played play(const kn_model_def *def, const press *p, double seconds)
         windows = r.news.windows;
     }
     r.work_j = state->probe[0].work_j;
-    kn_audit_destroy(audit);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
     return r;
 }
 
@@ -75,9 +74,9 @@ TEST("a tool that meets the object from inside grows into it, and its work is co
     char error[200];
     def.material = jelly();
     def.probe[0].coupling_n_m = 600, def.probe[0].coupling_n_s_m = 1.5;
-    kn_model *model = kn_model_build(&def, error, sizeof error);
-    kn_state *state = kn_state_create(model);
-    kn_audit *audit = kn_audit_create(model);
+    OWN(kn_model) *model = kn_model_build(&def, error, sizeof error);
+    OWN(kn_state) *state = kn_state_create(model);
+    OWN(kn_audit) *audit = kn_audit_create(model);
     kn_input in = {.probe[0] = {.attached = true, .position_m = {0, 0, 0.036}, .orientation_wxyz = {1}}};
     kn_output out;
     for (int i = 0; i < 4000; i++) {
@@ -89,9 +88,6 @@ TEST("a tool that meets the object from inside grows into it, and its work is co
     printf("     %.4f mJ of work, %.4f mJ stored\n", 1e3 * news->work_j, 1e3 * news->stored.elastic);
     CHECK(news->work_j > news->stored.elastic && news->stored.elastic > 0);
     CHECK(news->windows >= 2 && news->created == 0);
-    kn_audit_destroy(audit);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 static kn_scene *scene_of(const char *name, double damper_pa_s)
@@ -109,8 +105,8 @@ static kn_scene *scene_of(const char *name, double damper_pa_s)
 // After 0.3 s under the scene's first tool.
 static kn_energy pressed(const kn_scene *scene)
 {
-    kn_model *model = build(&scene->model);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&scene->model);
+    OWN(kn_state) *state = kn_state_create(model);
     const press p = {.depth_m = 0.002, .hold_s = 1};
     kn_energy energy = {0};
     kn_output out;
@@ -119,8 +115,6 @@ static kn_energy pressed(const kn_scene *scene)
         CHECK(kn_step(model, state, &in, &out) == KN_OK);
     }
     CHECK(kn_energy_of(model, state, &energy));
-    kn_state_destroy(state);
-    kn_model_destroy(model);
     return energy;
 }
 
@@ -129,23 +123,21 @@ static const char *const scenes[] = {"dough.yaml", "dough-pressure.yaml", "dough
 TEST("blocks, composites and meshes: a damper that hardly moves stores what none does, by its strain, not by its length")
 {
     for (int c = 0; c < 4; c++) {
-        kn_scene *elastic = scene_of(scenes[c], 0), *stiff = scene_of(scenes[c], 1e8);
+        OWN(kn_scene) *elastic = scene_of(scenes[c], 0), *stiff = scene_of(scenes[c], 1e8);
         kn_energy a = pressed(elastic), b = pressed(stiff);
         printf("     %s: %.6g and %.6g mJ, gas %.4g mJ\n", scenes[c], 1e3 * a.elastic, 1e3 * b.elastic, 1e3 * a.gas);
         CHECK(a.elastic > 1e-6);
         CHECK_NEAR(b.elastic / a.elastic, 1, 1e-3);
         CHECK((a.gas > 0) == (elastic->model.pressure != KN_PRESSURE_NONE));
-        kn_scene_destroy(elastic);
-        kn_scene_destroy(stiff);
     }
 }
 
 TEST("lifted, each of them has its weight times the height, and nothing else")
 {
     for (int c = 0; c < 4; c++) {
-        kn_scene *scene = scene_of(scenes[c], 1e8);
-        kn_model *m = build(&scene->model);
-        kn_state *state = kn_state_create(m);
+        OWN(kn_scene) *scene = scene_of(scenes[c], 1e8);
+        OWN(kn_model) *m = build(&scene->model);
+        OWN(kn_state) *state = kn_state_create(m);
         kn_energy energy;
         CHECK(kn_energy_of(m, state, &energy));
         CHECK_NEAR(kn_energy_sum(&energy), 0, 1e-20);
@@ -153,9 +145,6 @@ TEST("lifted, each of them has its weight times the height, and nothing else")
         CHECK(kn_energy_of(m, state, &energy));
         CHECK_NEAR(energy.height, kn_model_mass(m) * 9.81 * 0.01, 1e-6 * energy.height);
         CHECK_NEAR(energy.elastic + energy.gas, 0, 1e-7 * energy.height);
-        kn_state_destroy(state);
-        kn_model_destroy(m);
-        kn_scene_destroy(scene);
     }
 }
 
@@ -189,7 +178,7 @@ static void rig_close(rig *r)
 
 TEST("a tool that leaves and comes again takes none of its work with it")
 {
-    rig r = rig_open();
+    AT_END(rig_close) rig r = rig_open();
     const press p = {.depth_m = 0.004, .hold_s = 1};
     double work_j = 0;
     for (int i = 1; i <= 6000; i++) { // twice, 3 s each, lifted at the end
@@ -201,12 +190,11 @@ TEST("a tool that leaves and comes again takes none of its work with it")
     for (int i = 0; i < 1000; i++) rig_step(&r, &(kn_input){0});
     CHECK(work_j > 1e-5 && kn_audit_read(r.audit)->created == 0);
     CHECK_NEAR(kn_audit_read(r.audit)->work_j, 2 * work_j, 0.01 * work_j);
-    rig_close(&r);
 }
 
 TEST("energy out of nowhere is told, and a reset is not taken for it")
 {
-    rig r = rig_open();
+    AT_END(rig_close) rig r = rig_open();
     const press p = {.depth_m = 0.004, .hold_s = 30};
     for (int i = 1; i <= 9000; i++) {
         kn_input in = press_input(r.model, &p, i * 1e-3);
@@ -221,12 +209,11 @@ TEST("energy out of nowhere is told, and a reset is not taken for it")
     }
     CHECK(kn_audit_read(r.audit)->created == 1);
     CHECK(kn_audit_read(r.audit)->windows >= 6);
-    rig_close(&r);
 }
 
 TEST("an object gone bad has no energy to tell of: none is created by it, and the next object is audited from new")
 {
-    rig r = rig_open();
+    AT_END(rig_close) rig r = rig_open();
     const press p = {.depth_m = 0.004, .hold_s = 30};
     int64_t windows = 0;
     for (int i = 1; i <= 9000; i++) {
@@ -244,7 +231,6 @@ TEST("an object gone bad has no energy to tell of: none is created by it, and th
     CHECK(kn_audit_read(r.audit)->created == 0);
     CHECK(windows >= 1 && windows <= 2); // of the ticks before it went bad alone
     CHECK(kn_audit_read(r.audit)->windows > windows);
-    rig_close(&r);
 }
 
 TESTS_MAIN

@@ -8,6 +8,8 @@
 #include "tests/core/surface_of.h"
 #include "tests/dice.h"
 
+OWNS(kn_field, kn_field_drop)
+
 static kn_shape of(kn_solid part)
 {
     kn_shape shape = {0};
@@ -60,7 +62,7 @@ TEST("a ball of triangles is the ball: on its surface to s^3/4r^2 and the triang
     const double r = 0.01, cell = 0.000625;
     for (int fine = 1; fine <= 2; fine++) {
         const int n = 40;
-        kn_field *f = surface_field(surface_ball(r, n), cell / fine);
+        OWN(kn_field) *f = surface_field(surface_ball(r, n), cell / fine);
         const kn_shape exact = of(kn_solid_sphere(r));
         error e = compare(f, &exact);
         double s = f->cell_m, chord = chord_of(f, r), bound = s * s * s / (4 * r * r) + chord;
@@ -69,14 +71,13 @@ TEST("a ball of triangles is the ball: on its surface to s^3/4r^2 and the triang
         CHECK(e.near * s <= bound && e.anywhere < 1 && e.turned < 2 * s / r && e.beyond < 0.1);
         CHECK_NEAR(f->fine_m, r, s);
         CHECK_NEAR(f->bound_m, r, 1e-9);
-        kn_field_drop(f);
     }
 }
 
 TEST("a sharp box of triangles is the box within one cell")
 {
     const double size[3] = {0.02, 0.03, 0.01};
-    kn_field *f = surface_field(surface_box(size, 0, 3), 0.0005);
+    OWN(kn_field) *f = surface_field(surface_box(size, 0, 3), 0.0005);
     const kn_shape exact = of(kn_solid_box(size, 0));
     error e = compare(f, &exact);
     printf("     in cells: %.2f near it, %.2f anywhere; %.2f beyond\n", e.near, e.anywhere, e.beyond);
@@ -90,12 +91,11 @@ TEST("a sharp box of triangles is the box within one cell")
         axis[k] = 1, back[k] = -1;
         CHECK_NEAR(kn_field_support(f, axis) + kn_field_support(f, back), size[k], 1e-15);
     }
-    kn_field_drop(f);
 }
 
 TEST("value and gradient go on smoothly from cell to cell, and from the grid to what is beyond")
 {
-    kn_field *f = surface_field(surface_box((double[]){0.02, 0.03, 0.01}, 0, 3), 0.0005);
+    OWN(kn_field) *f = surface_field(surface_box((double[]){0.02, 0.03, 0.01}, 0, 3), 0.0005);
     uint64_t seed = 3;
     for (int i = 0; i < 20000; i++) {
         double p[3], q[3], a[3], b[3];
@@ -109,7 +109,6 @@ TEST("value and gradient go on smoothly from cell to cell, and from the grid to 
         p[k] = f->low_m[k] + 0.75 * f->cell_m - 1e-9, q[k] = p[k] + 2e-9;
         CHECK_NEAR(kn_field_distance(f, p, a), kn_field_distance(f, q, b), 3e-9);
     }
-    kn_field_drop(f);
 }
 
 TEST("what lies in two bodies that pass through each other lies inside; a surface turned inside out is the same")
@@ -124,26 +123,24 @@ TEST("what lies in two bodies that pass through each other lies inside; a surfac
         for (int c = 0; c < 3; c++) // inside out
             both.triangle[t][2 - c] = t < a.triangles ? a.triangle[t][c] : a.vertices + b.triangle[t - a.triangles][c];
     free(a.x_m), free(a.triangle), free(b.x_m), free(b.triangle);
-    kn_field *f = surface_field(both, 0.0007);
+    OWN(kn_field) *f = surface_field(both, 0.0007);
     double way[3];
     CHECK(kn_field_distance(f, (double[]){0.001, 0.002, 0.01}, way) < -0.002);  // in both
     CHECK(kn_field_distance(f, (double[]){0.008, 0.002, 0.01}, way) < -0.001);  // in one
     CHECK(kn_field_distance(f, (double[]){0.001, 0.002, 0.05}, way) < -0.002);  // in the other
     CHECK(kn_field_distance(f, (double[]){0.008, 0.002, 0.05}, way) > 0.002);
-    kn_field_drop(f);
 }
 
 TEST("a field that two keep stays until the second lets go, and its points are counted before they are made")
 {
     kn_field *f = surface_field(surface_ball(0.01, 8), 0.001);
-    kn_shape shape = of(kn_solid_field(f));
+    AT_END(kn_shape_drop) kn_shape shape = of(kn_solid_field(f));
     kn_shape_keep(&shape);
     kn_field_drop(f);
     double way[3];
     CHECK(kn_shape_distance(&shape, (double[]){0, 0, 0}, way) < -0.009);
     CHECK(shape.bound_m == f->bound_m && shape.fine_m == f->fine_m);
     CHECK(kn_field_points((double[]){0.02, 0.02, 0.02}, 0.001) >= (double)f->n[0] * f->n[1] * f->n[2]);
-    kn_shape_drop(&shape);
 }
 
 // An upright prism of n sides, its ends fans: nothing but long triangles, as drawing programs write a cylinder.
@@ -169,10 +166,9 @@ static surface_of prism(double radius_m, double height_m, int n)
 static double seconds_of(surface_of s, double cell_m, double middle_m[3])
 {
     clock_t begin = clock();
-    kn_field *f = surface_field(s, cell_m);
+    OWN(kn_field) *f = surface_field(s, cell_m);
     double taken = (double)(clock() - begin) / CLOCKS_PER_SEC, way[3];
     CHECK_NEAR(kn_field_distance(f, middle_m, way), -0.01, cell_m);
-    kn_field_drop(f);
     return taken;
 }
 

@@ -24,7 +24,7 @@ TEST("1/sqrt is right to 2^-16 over all of its 36 bits")
 TEST("inner forces sum to nothing, to the bit")
 {
     uint64_t seed = 7;
-    rig *r = make(60, 400, 3);
+    OWN(rig) *r = make(60, 400, 3);
     for (int t = 0; t < 50; t++) {
         move_all(r, &seed, 1 << 14);
         tick(r, 60);
@@ -33,13 +33,12 @@ TEST("inner forces sum to nothing, to the bit")
             for (int k = 0; k < 3; k++) sum[k] += r->reaction[n][k], size += llabs(r->reaction[n][k]);
         CHECK(sum[0] == 0 && sum[1] == 0 && sum[2] == 0 && size > 1000);
     }
-    unmake(r);
 }
 
 TEST("the order of edges changes no bit")
 {
     uint64_t seed = 11, other = 11, shuffle = 5;
-    rig *a = make(80, 600, 9), *b = make(80, 600, 9);
+    OWN(rig) *a = make(80, 600, 9), *b = make(80, 600, 9);
     int place[600];
     for (int e = 0; e < 600; e++) place[e] = e;
     for (int e = 599; e > 0; e--) {
@@ -55,7 +54,6 @@ TEST("the order of edges changes no bit")
     }
     CHECK(memcmp(a->fixed.x, b->fixed.x, 240 * sizeof *a->fixed.x) == 0);
     for (int e = 0; e < 600; e++) CHECK(b->fixed.h[e] == a->fixed.h[place[e]]);
-    unmake(a), unmake(b);
 }
 
 // One edge along x between two nodes that a test moves.
@@ -72,7 +70,7 @@ static rig *bar(void)
 
 TEST("an edge is the three-element law: R of the table, and a spring that follows")
 {
-    rig *r = bar();
+    OWN(rig) *r = bar();
     const kn_fixed_config *c = &r->image.config;
     double kv = ldexp(100000, -c->kv_shift), beta = ldexp(c->beta, -c->beta_shift - KN_FIXED_H_FRACTION), h = 0,
            most = 0;
@@ -89,12 +87,11 @@ TEST("an edge is the three-element law: R of the table, and a spring that follow
         CHECK_NEAR(ldexp((double)r->fixed.h[0], -KN_FIXED_H_FRACTION), h, 2 + 2e-4 * fabs(h));
     }
     CHECK(most > 1000);
-    unmake(r);
 }
 
 TEST("what does not fit saturates and says so, each by its own flag")
 {
-    rig *r = bar();
+    OWN(rig) *r = bar();
     r->image.node[1].held = 0;
     const int32_t most = (1 << 24) - 1;
     struct {
@@ -126,12 +123,11 @@ TEST("what does not fit saturates and says so, each by its own flag")
     CHECK(r->result.flags & KN_FIXED_SAT_U);
     kn_fixed_rest(&r->fixed);
     CHECK(r->fixed.flags == 0);
-    unmake(r);
 }
 
 TEST("a node that nothing joins, and an edge without length, do no harm")
 {
-    rig *r = make(4, 2, 1);
+    OWN(rig) *r = make(4, 2, 1);
     r->image.edge[0] = (kn_fixed_edge){.i = 0, .j = 1, .kv = 1000, .ia = 1000};
     r->image.edge[1] = (kn_fixed_edge){.i = 1, .j = 2, .kv = 1000, .ia = 1000};
     memcpy(r->image.node[1].x, r->image.node[0].x, sizeof r->image.node[0].x);
@@ -139,12 +135,11 @@ TEST("a node that nothing joins, and an edge without length, do no harm")
     r->bound[0] = (kn_fixed_bound){.node = 3, .value = {1000, 0, 0}};
     for (int t = 0; t < 10; t++) tick(r, 1);
     CHECK(r->fixed.x[9] == r->image.node[3].x[0] && r->result.residual == 1000);
-    unmake(r);
 }
 
 TEST("an image that no circuit takes is told what is wrong")
 {
-    rig *r = make(4, 3, 1);
+    OWN(rig) *r = make(4, 3, 1);
     kn_fixed_image good = r->image;
 #define REFUSED(change, why)                                                                                           \
     do {                                                                                                               \
@@ -160,7 +155,6 @@ TEST("an image that no circuit takes is told what is wrong")
     REFUSED(r->image.table[512] = 131073, "the table's R outside 0..1");
     r->image.edge[2].j = r->image.edge[2].i;
     CHECK_STR(kn_fixed_check(&r->image), "an edge without two nodes");
-    unmake(r);
 }
 
 TESTS_MAIN

@@ -7,6 +7,8 @@
 #include "tests/physics/press.h"
 #include "tests/check.h"
 
+OWNS(kn_gauge, kn_gauge_destroy)
+
 // All nodes displaced by a uniform strain, at rest.
 static void stretch(const kn_model *m, kn_state *state, const double strain[3])
 {
@@ -40,9 +42,9 @@ static double elastic(const kn_model *m, kn_state *state, double ex, double ey, 
 static void check_uniform(const kn_model_def *def, const char *what, double share)
 {
     const double e = 1e-4;
-    kn_model *m = build(def);
-    kn_state *state = kn_state_create(m);
-    kn_gauge *gauge = kn_gauge_create(m);
+    OWN(kn_model) *m = build(def);
+    OWN(kn_state) *state = kn_state_create(m);
+    OWN(kn_gauge) *gauge = kn_gauge_create(m);
     double *value = malloc((size_t)m->node_count * sizeof *value), least = INFINITY, most = 0, most_even = 0;
     CHECK(!m->composite == !kn_composite_is(def));
     double c11 = 2 * elastic(m, state, e, 0, 0) / (e * e), c22 = 2 * elastic(m, state, 0, e, 0) / (e * e);
@@ -66,9 +68,6 @@ static void check_uniform(const kn_model_def *def, const char *what, double shar
         CHECK_NEAR(value[i], e * sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]), 1e-9);
     }
     free(value);
-    kn_gauge_destroy(gauge);
-    kn_state_destroy(state);
-    kn_model_destroy(m);
 }
 
 TEST("under a uniform strain von Mises' stress is the continuum's at every node, to the corners")
@@ -105,9 +104,9 @@ static marks look(kn_gauge *gauge, const kn_model *m, const kn_state *state)
 // At a time of a press.
 static marks after(const kn_model_def *def, const press *p, double seconds)
 {
-    kn_model *m = build(def);
-    kn_state *state = kn_state_create(m);
-    kn_gauge *gauge = kn_gauge_create(m);
+    OWN(kn_model) *m = build(def);
+    OWN(kn_state) *state = kn_state_create(m);
+    OWN(kn_gauge) *gauge = kn_gauge_create(m);
     kn_output out;
     const double dt = def->solver.dt_s;
     for (int i = 1; i <= (int)lround(seconds / dt); i++) {
@@ -115,9 +114,6 @@ static marks after(const kn_model_def *def, const press *p, double seconds)
         CHECK(kn_step(m, state, &in, &out) == KN_OK);
     }
     marks r = look(gauge, m, state);
-    kn_gauge_destroy(gauge);
-    kn_state_destroy(state);
-    kn_model_destroy(m);
     return r;
 }
 

@@ -49,14 +49,13 @@ TEST("in f64 the lanes' law is the exact one to 1e-11, to 1e-14 as identified, a
             kn_model_def def = press_def(1);
             def.solver.precision = KN_PRECISION_F64;
             def.material.c1_pa_s *= c1[i];
-            kn_model *model = build(&def);
+            OWN(kn_model) *model = build(&def);
             CHECK(model->law.kind == KN_LAW_EXACT && kn_law_in_lanes(&model->law));
             errors worst = worst_of(model, how);
             printf("     c1 times %g, linearisation %d: stress %.1e, slope %.1e\n", c1[i], how, worst.stress,
                    worst.slope);
             CHECK_NEAR(worst.stress, 0, c1[i] == 1 ? 1e-14 : 1e-11);
             CHECK_NEAR(worst.slope, 0, 3e-3);
-            kn_model_destroy(model);
         }
 }
 

@@ -27,16 +27,14 @@ TEST("a mesh in either version, as text or as bytes, is the same mesh to the bit
                                        HERE "meshes/cube-22-binary.msh", HERE "meshes/cube-41-binary.msh"};
     static const char *const format[] = {"2.2 ASCII", "4.1 ASCII", "2.2 binary", "4.1 binary"};
     kn_msh_facts facts;
-    kn_simplices *first = kn_msh_load(file[0], 1000, &facts, error, sizeof error);
+    OWN(kn_simplices) *first = kn_msh_load(file[0], 1000, &facts, error, sizeof error);
     CHECK(first && first->dimension == 3 && first->node_count == 8 && first->element_count == 6);
     for (int i = 0; i < 4; i++) {
-        kn_simplices *s = kn_msh_load(file[i], 1000, &facts, error, sizeof error);
+        OWN(kn_simplices) *s = kn_msh_load(file[i], 1000, &facts, error, sizeof error);
         CHECK(same(first, s));
         CHECK_STR(facts.format, format[i]);
         CHECK(facts.left_out == 0 && facts.loose == 0);
-        kn_simplices_destroy(s);
     }
-    kn_simplices_destroy(first);
 }
 
 TEST("every example mesh can be read, and is of good shape and of the size it says")
@@ -51,14 +49,13 @@ TEST("every example mesh can be read, and is of good shape and of the size it sa
         kn_simplices_measures m;
         kn_msh_facts facts;
         snprintf(path, sizeof path, KN_SOURCE_DIR "/core/scenes/meshes/%s", example[i].file);
-        kn_simplices *s = kn_msh_load(path, 1000, &facts, error, sizeof error);
+        OWN(kn_simplices) *s = kn_msh_load(path, 1000, &facts, error, sizeof error);
         if (!s) KN_TEST_FAIL("%s", error);
         if (!s || !kn_simplices_measure(s, &m)) continue;
         CHECK(s->dimension == example[i].dimension && facts.loose == 0);
         CHECK_NEAR(m.volume / example[i].volume, 1, 0.03); // a round one is cut off by its facets
         CHECK_NEAR(m.high_m[2] - m.low_m[2], example[i].height_m, 1e-4);
         CHECK(m.quality_min > 0.4 && m.quality_mean > 0.75);
-        kn_simplices_destroy(s);
     }
 }
 
@@ -98,9 +95,8 @@ TEST("a file cut off anywhere gives one line, never a mesh")
             char *part = malloc(cut + 1); // of that size, so that a sanitizer sees a read beyond it
             memcpy(part, bytes, cut);
             error[0] = '\0';
-            kn_simplices *s = kn_msh_read("t.msh", part, cut, 1000, NULL, error, sizeof error);
+            OWN(kn_simplices) *s = kn_msh_read("t.msh", part, cut, 1000, NULL, error, sizeof error);
             CHECK(!s && strncmp(error, "t.msh:", 6) == 0 && !strchr(error, '\n'));
-            kn_simplices_destroy(s);
             free(part);
         }
     }
@@ -113,26 +109,24 @@ TEST("a file cut off anywhere gives one line, never a mesh")
 TEST("points, lines and skin beside tetrahedra are left out, and so are nodes that no element has")
 {
     kn_msh_facts facts = {.loose = -1};
-    kn_simplices *s = read_text(HEAD "$PhysicalNames\n1\n3 1 \"$Nodes\"\n$EndPhysicalNames\n" NODES
-                                     "$Elements\n4\n1 15 0 1\n2 1 1 3 7 90\n3 2 2 1 1 7 4000000000 90\n"
-                                     "12 4 3 1 2 3 7 90 4000000000 5\n$EndElements\n$NodeData\n1\n$EndNodeData\n",
-                                &facts);
+    OWN(kn_simplices) *s = read_text(HEAD "$PhysicalNames\n1\n3 1 \"$Nodes\"\n$EndPhysicalNames\n" NODES
+                                          "$Elements\n4\n1 15 0 1\n2 1 1 3 7 90\n3 2 2 1 1 7 4000000000 90\n"
+                                          "12 4 3 1 2 3 7 90 4000000000 5\n$EndElements\n$NodeData\n1\n$EndNodeData\n",
+                                     &facts);
     CHECK_STR(error, "");
     CHECK(s && s->dimension == 3 && s->element_count == 1 && s->node_count == 4 && s->tag[0] == 12);
     CHECK(facts.left_out == 3 && facts.loose == 1);
     CHECK(s && s->element[0][0] == 0 && s->element[0][3] == 3 && s->x_m[2][1] == 1); // in the order of the file
-    kn_simplices_destroy(s);
 }
 
 TEST("parameters behind the coordinates of a node are passed over")
 {
-    kn_simplices *s = read_text("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n2 4 1 4\n2 1 1 3\n1\n2\n3\n"
-                                "0 0 0 0.5 0.5\n1 0 0 0.5 0.5\n0 1 0 0.5 0.5\n3 1 0 1\n4\n0 0 1\n$EndNodes\n"
-                                "$Elements\n1 1 1 1\n3 1 4 1\n1 1 2 3 4\n$EndElements\n",
-                                NULL);
+    OWN(kn_simplices) *s = read_text("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n2 4 1 4\n2 1 1 3\n1\n2\n3\n"
+                                     "0 0 0 0.5 0.5\n1 0 0 0.5 0.5\n0 1 0 0.5 0.5\n3 1 0 1\n4\n0 0 1\n$EndNodes\n"
+                                     "$Elements\n1 1 1 1\n3 1 4 1\n1 1 2 3 4\n$EndElements\n",
+                                     NULL);
     CHECK_STR(error, "");
     CHECK(s && s->node_count == 4 && s->x_m[3][2] == 1);
-    kn_simplices_destroy(s);
 }
 
 TEST("triangles stand up from the plane they were drawn in, and from behind they are turned round")
@@ -143,12 +137,11 @@ TEST("triangles stand up from the plane they were drawn in, and from behind they
         char text[512];
         snprintf(text, sizeof text, HEAD "$Nodes\n3\n%s$EndNodes\n$Elements\n1\n1 2 2 1 1 %s\n$EndElements\n",
                  nodes[i / 2], element[i % 2]);
-        kn_simplices *s = read_text(text, NULL);
+        OWN(kn_simplices) *s = read_text(text, NULL);
         kn_simplices_measures m = {.volume = 0};
         CHECK_STR(error, "");
         CHECK(s && s->dimension == 2 && s->element[0][3] == -1 && s->x_m[0][1] == 0 && s->x_m[2][2] == 1);
         CHECK(s && kn_simplices_measure(s, &m) && m.volume == 1);
-        kn_simplices_destroy(s);
     }
 }
 
@@ -161,9 +154,8 @@ TEST("5 mm, 0.5 cm and 0.005 m are the same bits")
         snprintf(text, sizeof text,
                  HEAD "$Nodes\n4\n1 0 0 0\n2 %s 0 0\n3 0 %s 0\n4 0 0 %s\n$EndNodes\n$Elements\n1\n1 4 0 1 2 3 4\n"
                       "$EndElements\n", edge[i], edge[i], edge[i]);
-        kn_simplices *s = kn_msh_read("t.msh", text, strlen(text), per_m[i], NULL, error, sizeof error);
+        OWN(kn_simplices) *s = kn_msh_read("t.msh", text, strlen(text), per_m[i], NULL, error, sizeof error);
         CHECK(s && s->x_m[1][0] == 0.005);
-        kn_simplices_destroy(s);
     }
 }
 

@@ -52,7 +52,7 @@ static int bits(unsigned used)
 
 TEST("nodes that are neighbours, across a corner, too, are one patch; with a free node between them two")
 {
-    rig r = rig_make();
+    AT_END(rig_free) rig r = rig_make();
     CHECK(draw(&r, 0, (const char *const[]){"...........", "..##.......", "....#......", "...#......."}, 4) == 1);
     CHECK(kn_patches_at(r.patches, 0, at(&r, 4, 2)) == 0 && kn_patches_at(r.patches, 0, at(&r, 0, 0)) == -1);
     CHECK(bits(draw(&r, 1, (const char *const[]){".......", "..#.#..", "..#.##."}, 3)) == 2);
@@ -60,12 +60,11 @@ TEST("nodes that are neighbours, across a corner, too, are one patch; with a fre
     CHECK(kn_patches_at(r.patches, 0, at(&r, 2, 1)) == 0); // the other tool's stay
     CHECK(draw(&r, 0, (const char *const[]){"."}, 1) == 0);
     CHECK(kn_patches_at(r.patches, 0, at(&r, 2, 1)) == -1);
-    rig_free(&r);
 }
 
 TEST("a patch keeps its number while it moves; of two that meet one goes on with all of both")
 {
-    rig r = rig_make();
+    AT_END(rig_free) rig r = rig_make();
     draw(&r, 0, (const char *const[]){"##..22....."}, 1);
     int left = kn_patches_at(r.patches, 0, at(&r, 0, 0)), right = kn_patches_at(r.patches, 0, at(&r, 4, 0));
     CHECK(left >= 0 && right >= 0 && left != right);
@@ -76,24 +75,22 @@ TEST("a patch keeps its number while it moves; of two that meet one goes on with
     CHECK(used == 1u << right); // it had more of the load
     CHECK_NEAR(r.share[right][left], 1, 0);
     CHECK_NEAR(r.share[right][right], 1, 0);
-    rig_free(&r);
 }
 
 TEST("of one that breaks in two the stronger part keeps the number, and each takes its part of what was")
 {
-    rig r = rig_make();
+    AT_END(rig_free) rig r = rig_make();
     draw(&r, 0, (const char *const[]){"#######"}, 1);
     unsigned used = draw(&r, 0, (const char *const[]){"#...###"}, 1);
     int left = kn_patches_at(r.patches, 0, at(&r, 0, 0)), right = kn_patches_at(r.patches, 0, at(&r, 5, 0));
     CHECK(used == (1u << left | 1u << right) && right == 0);
     CHECK_NEAR(r.share[left][0], 0.25, 1e-12);
     CHECK_NEAR(r.share[right][0], 0.75, 1e-12);
-    rig_free(&r);
 }
 
 TEST("of more than eight patches the strongest are their own, the rest share one")
 {
-    rig r = rig_make();
+    AT_END(rig_free) rig r = rig_make();
     const char *rows[9];
     for (int y = 0; y < 9; y++) rows[y] = y == 0 ? "2.2.2.2.2.2" : y % 2 ? "..........." : "#.#.#.#.#.#";
     CHECK(bits(draw(&r, 0, rows, 9)) == KN_PATCHES_MAX);
@@ -101,12 +98,11 @@ TEST("of more than eight patches the strongest are their own, the rest share one
         for (int x = 0; x < 11; x += 2) CHECK(kn_patches_at(r.patches, 0, at(&r, x, y)) >= 0);
     for (int x = 2; x < 11; x += 2)
         CHECK(kn_patches_at(r.patches, 0, at(&r, x, 0)) != kn_patches_at(r.patches, 0, at(&r, x - 2, 0)));
-    rig_free(&r);
 }
 
 TEST("a patch goes on over the edge of the block")
 {
-    rig r = rig_make();
+    AT_END(rig_free) rig r = rig_make();
     int below = -1;
     const double *rim = r.model->rest_m[at(&r, 3, 0)];
     for (int i = 0; i < r.model->node_count; i++) { // the next one down the side
@@ -118,5 +114,4 @@ TEST("a patch goes on over the edge of the block")
     kn_patches_press(r.patches, at(&r, 3, 0), 1);
     kn_patches_press(r.patches, below, 1);
     CHECK(bits(kn_patches_end(r.patches, r.share)) == 1);
-    rig_free(&r);
 } TESTS_MAIN

@@ -42,29 +42,25 @@ static int same(const kn_scene *a, const kn_scene *b)
 TEST("the text of a scene is the scene: reading it gives the same bits and the same text")
 {
     for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++) {
-        kn_scene *scene = load(scenes[i], NULL), *again = parse(scene->text, NULL, 0);
+        OWN(kn_scene) *scene = load(scenes[i], NULL), *again = parse(scene->text, NULL, 0);
         CHECK(again && same(scene, again));
-        kn_scene_destroy(again);
-        kn_scene_destroy(scene);
     }
 }
 
 TEST("every scene can be built")
 {
     for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++) {
-        kn_scene *scene = load(scenes[i], NULL);
-        kn_model *model = kn_model_build(&scene->model, error, sizeof error);
+        OWN(kn_scene) *scene = load(scenes[i], NULL);
+        OWN(kn_model) *model = kn_model_build(&scene->model, error, sizeof error);
         CHECK_STR(scene->name, strrchr(scenes[i], '/') + 1);
         CHECK(model != NULL);
         CHECK(scene->model.probe_count == 2);
-        kn_model_destroy(model);
-        kn_scene_destroy(scene);
     }
 }
 
 TEST("dough is the identified material of the first paper, per centimetre of specimen")
 {
-    kn_scene *scene = load(scenes[0], NULL);
+    OWN(kn_scene) *scene = load(scenes[0], NULL), *small = load(scenes[1], NULL);
     const kn_model_def *def = &scene->model;
     const kn_model_def paper = kn_model_def_default();
     CHECK_NEAR(def->material.k1_pa / paper.material.k1_pa, 1, 1e-15);
@@ -76,10 +72,7 @@ TEST("dough is the identified material of the first paper, per centimetre of spe
     CHECK(def->nodes[0] * def->nodes[1] * def->nodes[2] == 847);
     CHECK(def->density_kg_m3 == 1200 && def->gravity_m_s2 == 0 && def->support == KN_SUPPORT_BONDED);
     CHECK(scene->limits.clamp_n == 40 && strcmp(scene->device.name, "bench") == 0);
-    kn_scene_destroy(scene);
-    scene = load(scenes[1], NULL);
-    CHECK(scene->model.nodes[0] * scene->model.nodes[1] * scene->model.nodes[2] == 144);
-    kn_scene_destroy(scene);
+    CHECK(small->model.nodes[0] * small->model.nodes[1] * small->model.nodes[2] == 144);
 }
 
 static const char in_cm[] = "version: 1\n"
@@ -97,26 +90,21 @@ static const char in_si[] = "version: 1\n"
 
 TEST("a scene in centimetres and one in metres are the same bits")
 {
-    kn_scene *a = parse(in_cm, NULL, 0), *b = parse(in_si, NULL, 0);
+    OWN(kn_scene) *a = parse(in_cm, NULL, 0), *b = parse(in_si, NULL, 0);
     CHECK(a && b && same(a, b));
     CHECK(a->limits.guard_n_per_ms == 3);
-    kn_scene_destroy(a);
-    kn_scene_destroy(b);
 }
 
 TEST("what a scene leaves out has the core's defaults")
 {
-    kn_scene *scene = parse(in_cm, NULL, 0);
+    const char *without = "probes.ball.foundation=2.5e7 N/m^3";
+    OWN(kn_scene) *scene = parse(in_cm, NULL, 0), *default_too = parse(in_cm, &without, 1);
     const kn_solver_def core = kn_model_def_default().solver;
     CHECK(scene && memcmp(&scene->model.solver, &core, sizeof core) == 0);
     kn_safety safety;
     kn_safety_init(&safety, &(kn_safety_limits){.guard_n_per_ms = 3});
     CHECK(memcmp(&scene->limits, &safety.limits, sizeof safety.limits) == 0);
-    kn_scene_destroy(scene);
-    const char *without = "probes.ball.foundation=2.5e7 N/m^3";
-    scene = parse(in_cm, &without, 1);
-    CHECK(scene->model.probe[0].foundation_n_m3 == KN_FOUNDATION_N_M3);
-    kn_scene_destroy(scene);
+    CHECK(default_too->model.probe[0].foundation_n_m3 == KN_FOUNDATION_N_M3);
 }
 
 TEST("every key can be set")
@@ -160,7 +148,7 @@ TEST("every key can be set")
                                       "probes.ball.shape=plate",
                                       "probes.ball.size=[1 cm, 2 cm]",
                                       "probes.ball.name=slab"};
-    kn_scene *scene = parse(in_cm, set, sizeof set / sizeof *set);
+    OWN(kn_scene) *scene = parse(in_cm, set, sizeof set / sizeof *set);
     if (!scene) KN_TEST_FAIL("%s", error);
     if (!scene) return;
     CHECK_STR(scene->text,
@@ -179,7 +167,6 @@ TEST("every key can be set")
               "probes:\n  - name: slab\n    shape: plate\n    size: [0.01 m, 0.02 m]\n");
     CHECK(scene->model.material.c2_pa_s == 0 &&
           scene->model.probe[0].radius_m == 0); // of the damper and shape that were
-    kn_scene_destroy(scene);
 }
 
 static const char points[] =
@@ -189,24 +176,22 @@ static const char points[] =
 TEST("a named point of quality stands in the place of solver's keys, and is in the text and its hash")
 {
     const char *sets[] = {points, kn_quality_set("fast"), "solver.tolerance=0.01"};
-    kn_scene *none = parse(in_cm, sets, 0), *own = parse(in_cm, sets, 1), *fast = parse(in_cm, sets, 3);
+    OWN(kn_scene) *none = parse(in_cm, sets, 0), *own = parse(in_cm, sets, 1), *fast = parse(in_cm, sets, 3);
     CHECK(none && own && fast);
     CHECK(memcmp(&none->model, &own->model, sizeof own->model) == 0 && own->quality == KN_QUALITY_OWN);
     CHECK(fast->model.solver.iterations == 5 && fast->model.solver.iterations_max == 9);
     CHECK(fast->model.solver.tolerance == 0.01 && fast->model.solver.passes == 1);
     CHECK(strstr(fast->text, "  iterations: 4\n"));
     CHECK(strstr(fast->text, "\nquality:\n  chosen: fast\n  fast:\n    iterations: 5\n"));
-    kn_scene *again = parse(fast->text, NULL, 0), *back = parse(fast->text, (const char *[]){"quality=own"}, 1);
+    OWN(kn_scene) *again = parse(fast->text, NULL, 0), *back = parse(fast->text, (const char *[]){"quality=own"}, 1);
     CHECK(again && same(again, fast));
     CHECK(back && back->model.solver.iterations == 4 && !strstr(back->text, "chosen"));
-    kn_scene *all[] = {none, own, fast, again, back};
-    for (int i = 0; i < 5; i++) kn_scene_destroy(all[i]);
 }
 
 TEST("only points with the chosen one's lattice and precision can be taken later")
 {
     const char *sets[] = {points, "quality=balanced"};
-    kn_scene *own = parse(in_cm, sets, 1), *balanced = parse(in_cm, sets, 2);
+    OWN(kn_scene) *own = parse(in_cm, sets, 1), *balanced = parse(in_cm, sets, 2);
     CHECK(own && balanced && balanced->model.nodes[0] == 6 && balanced->model.solver.precision == KN_PRECISION_F64);
     for (int q = 0; q < KN_QUALITIES; q++) {
         CHECK(own->point[q].defined && own->point[q].live == (q != KN_QUALITY_BALANCED));
@@ -214,18 +199,14 @@ TEST("only points with the chosen one's lattice and precision can be taken later
     }
     const kn_effort *e = &own->point[KN_QUALITY_ACCURATE].effort;
     CHECK(e->passes == 2 && e->tolerance == 1e-4 && e->linearization == KN_LINEARIZATION_SECANT && e->iterations == 4);
-    kn_scene_destroy(own);
-    kn_scene_destroy(balanced);
 }
 
 TEST("a --set of a key that the chosen point has is meant, whichever came first")
 {
     const char *sets[] = {points, "solver.iterations=7", "quality=fast", "quality.fast.iterations_max=8"};
-    kn_scene *scene = parse(in_cm, sets, 4), *again = scene ? parse(scene->text, NULL, 0) : NULL;
+    OWN(kn_scene) *scene = parse(in_cm, sets, 4), *again = scene ? parse(scene->text, NULL, 0) : NULL;
     CHECK(scene && scene->model.solver.iterations == 7 && scene->model.solver.iterations_max == 8);
     CHECK(again && same(scene, again));
-    kn_scene_destroy(again);
-    kn_scene_destroy(scene);
 }
 
 // A scene of in_cm with this damper instead.
@@ -239,48 +220,39 @@ static kn_scene *damped(const char *a, const char *b, const char *c)
 
 TEST("an exponential damper by its ends is the one by alpha and beta, in the canonical text too; a ramp keeps its ends")
 {
-    kn_scene *dough = load(scenes[0], NULL);
+    OWN(kn_scene) *dough = load(scenes[0], NULL);
     static const char *const ends =
         "material={k1: 470 gf/cm^3, c1: 2500 gf s/cm^3, damper: exponential, c_max: 39187 gf "
         "s/cm^3, c_min: 120.25 gf s/cm^3, p0: 9 gf/cm^2, p1: 80 gf/cm^2}";
     static const char *const height = "material.specimen_height=1 cm";
-    kn_scene *same = damped(ends, height, NULL);
+    OWN(kn_scene) *same = damped(ends, height, NULL);
     const kn_material *a = &dough->model.material, *b = &same->model.material;
     for (double s = 100; s < 1e4; s += 100) CHECK_NEAR(kn_material_c2(b, s) / kn_material_c2(a, s), 1, 1e-3);
     CHECK(strstr(same->text, "alpha: ") && !strstr(same->text, "c_max"));
-    kn_scene *ramp = damped(ends, height, "material.damper=ramp");
+    OWN(kn_scene) *ramp = damped(ends, height, "material.damper=ramp");
     CHECK_NEAR(ramp->model.material.c_max_pa_s, 39187 * 98.0665, 1e-6);
     CHECK(ramp->model.material.alpha_pa_s == 0 && strstr(ramp->text, "damper: ramp\n  c_max: ") &&
           !strstr(ramp->text, "beta"));
-    kn_scene *again = parse(ramp->text, NULL, 0);
+    OWN(kn_scene) *again = parse(ramp->text, NULL, 0);
     CHECK_STR(again->text, ramp->text);
-    kn_scene_destroy(dough);
-    kn_scene_destroy(same);
-    kn_scene_destroy(ramp);
-    kn_scene_destroy(again);
 }
 
 TEST("a stroke has a ratio: 0.2, its own when it leaves no way, c2/(c1 + c2) without a spring; text without one has "
      "neither")
 {
-    kn_scene *scene = damped("material.stroke=[0.02, 0.98]", NULL, NULL);
+    OWN(kn_scene) *scene = damped("material.stroke=[0.02, 0.98]", NULL, NULL);
     CHECK(scene->model.material.ratio == 0.2 && strstr(scene->text, "stroke: [0.02, 0.98]\n  ratio: 0.2\n"));
-    kn_scene *again = parse(scene->text, NULL, 0);
+    OWN(kn_scene) *again = parse(scene->text, NULL, 0);
     CHECK_STR(again->text, scene->text);
-    kn_scene_destroy(again);
-    kn_scene_destroy(scene);
-    scene = damped("material.stroke=[1, 1]", NULL, NULL);
-    CHECK(scene->model.material.ratio == 1);
-    kn_scene_destroy(scene);
-    scene = damped("material={k1: 0 Pa, c1: 30 kPa s, damper: constant, c2: 10 kPa s, stroke: [0, 1]}", NULL, NULL);
-    CHECK_NEAR(scene->model.material.ratio, 0.25, 1e-15);
-    kn_scene_destroy(scene);
-    scene = damped("material.stroke=[0.3, 0.7]", "material.ratio=0.5", NULL);
-    CHECK(scene->model.material.ratio == 0.5 && scene->model.material.stroke[1] == 0.7);
-    kn_scene_destroy(scene);
-    scene = parse(in_cm, NULL, 0);
-    CHECK(!strstr(scene->text, "stroke") && !strstr(scene->text, " ratio"));
-    kn_scene_destroy(scene);
+    OWN(kn_scene) *stuck = damped("material.stroke=[1, 1]", NULL, NULL);
+    CHECK(stuck->model.material.ratio == 1);
+    OWN(kn_scene) *plastic =
+        damped("material={k1: 0 Pa, c1: 30 kPa s, damper: constant, c2: 10 kPa s, stroke: [0, 1]}", NULL, NULL);
+    CHECK_NEAR(plastic->model.material.ratio, 0.25, 1e-15);
+    OWN(kn_scene) *told = damped("material.stroke=[0.3, 0.7]", "material.ratio=0.5", NULL);
+    CHECK(told->model.material.ratio == 0.5 && told->model.material.stroke[1] == 0.7);
+    OWN(kn_scene) *without = parse(in_cm, NULL, 0);
+    CHECK(!strstr(without->text, "stroke") && !strstr(without->text, " ratio"));
 }
 
 TEST("a material by its name has its density and the canonical text writes all of it out; what the scene says itself "
@@ -292,16 +264,14 @@ TEST("a material by its name has its density and the canonical text writes all o
                                 "material: dough\nsupport: bonded\ndevice: touch\n";
     static const char *const softer[] = {"material.k1=300 gf/cm^3"}, *const other[] = {"material.k1=1 Pa",
                                                                                        "material=clay"};
-    kn_scene *a = parse(named, NULL, 0), *again = parse(a->text, NULL, 0), *dough = load(scenes[0], NULL);
+    OWN(kn_scene) *a = parse(named, NULL, 0), *again = parse(a->text, NULL, 0), *dough = load(scenes[0], NULL);
     CHECK(memcmp(&a->model.material, &dough->model.material, sizeof a->model.material) == 0);
     CHECK(a->model.density_kg_m3 == 1200 && strstr(a->text, "material:\n  k1: 46091."));
     CHECK_STR(again->text, a->text);
-    kn_scene *b = parse(heavy, NULL, 0), *c = parse(named, softer, 1), *d = parse(named, other, 2);
+    OWN(kn_scene) *b = parse(heavy, NULL, 0), *c = parse(named, softer, 1), *d = parse(named, other, 2);
     CHECK(b->model.density_kg_m3 == 2000 && b->model.material.k1_pa == a->model.material.k1_pa);
     CHECK_NEAR(c->model.material.k1_pa, 300 * 98.0665, 1e-9);
     CHECK(d->model.material.k1_pa == 0 && d->model.density_kg_m3 == 1800 && !strstr(d->text, "alpha"));
-    kn_scene *all[] = {a, again, dough, b, c, d};
-    for (int i = 0; i < 6; i++) kn_scene_destroy(all[i]);
 }
 
 static kn_material variant(const char *name)
@@ -309,10 +279,9 @@ static kn_material variant(const char *name)
     char set[80];
     const char *sets[] = {set};
     snprintf(set, sizeof set, "material=%s", name);
-    kn_scene *scene = parse(in_cm, sets, 1);
+    OWN(kn_scene) *scene = parse(in_cm, sets, 1);
     if (!scene) KN_TEST_FAIL("%s: %s", name, error);
     kn_material mat = scene->model.material;
-    kn_scene_destroy(scene);
     return mat;
 }
 
@@ -347,7 +316,7 @@ TEST("the keys of structure and gas can be set, and a size of two values with a 
     static const char *const set[] = {"object.size=[6 cm, 3 cm]", "object.thickness=2 cm",
                                       "object.diagonal_stiffness=0.02", "object.pressure=object",
                                       "object.inside_pressure=0.5 atm"};
-    kn_scene *dough = load(scenes[0], NULL), *scene = parse(dough->text, set, 5);
+    OWN(kn_scene) *dough = load(scenes[0], NULL), *scene = parse(dough->text, set, 5);
     if (!scene) KN_TEST_FAIL("%s", error);
     if (!scene) return;
     CHECK(strstr(scene->text, "object:\n  size: [0.06 m, 0.03 m]\n  spacing: 0.005 m\n  thickness: 0.02 m\n"
@@ -357,53 +326,41 @@ TEST("the keys of structure and gas can be set, and a size of two values with a 
     CHECK(scene->model.thickness_m == 0.02 && scene->model.pressure == KN_PRESSURE_OBJECT);
     // read again it is the same; made a block by --set, its thickness goes; made of sides, its diagonals go
     static const char *const back[] = {"object.size=[6 cm, 4 cm, 3 cm]", "object.structure=axis", "object.pressure=none"};
-    kn_scene *again = parse(scene->text, NULL, 0), *block = parse(scene->text, back, 3);
+    OWN(kn_scene) *again = parse(scene->text, NULL, 0), *block = parse(scene->text, back, 3);
     CHECK(again && again->text_hash == scene->text_hash);
     CHECK(block && block->model.nodes[1] == 9 && block->model.thickness_m == 0);
     CHECK(block && block->model.diagonal_stiffness == 0 && block->model.inside_pressure_pa == 0);
-    kn_scene_destroy(scene);
-    kn_scene_destroy(dough);
-    kn_scene_destroy(again);
-    kn_scene_destroy(block);
 }
 
 TEST("moduli per height are times the specimen's height, also one set later")
 {
     static const char *const set[] = {"material.k1=470 gf/cm^3", "material.specimen_height=2 cm"};
-    kn_scene *scene = parse(in_cm, set, 2);
+    OWN(kn_scene) *scene = parse(in_cm, set, 2);
     CHECK_NEAR(scene->model.material.k1_pa, 470 * 9806.65 * 0.02, 1e-10);
     CHECK(scene->model.material.c1_pa_s == 50); // a plain modulus is left alone
-    kn_scene_destroy(scene);
     const char *later = "material.k1=300 gf/cm^3"; // the canonical text still knows the height
-    kn_scene *dough = load(scenes[0], NULL), *softer = parse(dough->text, &later, 1);
+    OWN(kn_scene) *dough = load(scenes[0], NULL), *softer = parse(dough->text, &later, 1);
     CHECK_NEAR(softer->model.material.k1_pa, 300 * 98.0665, 1e-10);
     CHECK(softer->text_hash != dough->text_hash);
-    kn_scene_destroy(dough);
-    kn_scene_destroy(softer);
 }
 
 TEST("--set takes mappings, the short form of device, and the last of two")
 {
     static const char *const set[] = {"device=bench", "device={clamp: 7 N, hold: 1 ms}", "material.k1=1 Pa",
                                       "material.k1=2 Pa"};
-    kn_scene *scene = parse(in_cm, set, 4);
+    OWN(kn_scene) *scene = parse(in_cm, set, 4);
     CHECK(scene && scene->limits.clamp_n == 7 && scene->limits.hold_ms == 1 && strcmp(scene->device.name, "bench") == 0);
     CHECK(scene && scene->model.material.k1_pa == 2);
-    kn_scene_destroy(scene);
 }
 
 TEST("a size is a whole number of spacings to a millionth, and the grid alone is what counts")
 {
-    kn_scene *third = load(scenes[0], "object.spacing=3.3333333333333333 mm");
+    OWN(kn_scene) *third = load(scenes[0], "object.spacing=3.3333333333333333 mm");
     CHECK(third->model.nodes[0] == 16 && third->model.nodes[1] == 16 && third->model.nodes[2] == 10);
-    kn_scene *again = parse(third->text, NULL, 0);
+    OWN(kn_scene) *again = parse(third->text, NULL, 0);
     CHECK(again && same(third, again));
-    kn_scene_destroy(again);
-    kn_scene_destroy(third);
-    kn_scene *dough = load(scenes[0], NULL), *nearly = load(scenes[0], "object.size=[50.000001 mm, 5 cm, 3 cm]");
+    OWN(kn_scene) *dough = load(scenes[0], NULL), *nearly = load(scenes[0], "object.size=[50.000001 mm, 5 cm, 3 cm]");
     CHECK(dough->text_hash == nearly->text_hash);
-    kn_scene_destroy(dough);
-    kn_scene_destroy(nearly);
     CHECK_STR(complaint("object.spacing=3.333 mm"),
               "--set object.spacing: object.size along x, 0.05 m, is 15.0015 spacings of 0.003333 m, "
               "expected a whole number (0.003333333333 m would be)");
@@ -478,13 +435,10 @@ TEST("a point that the scene has not is told by --quality")
 TEST("a skin that nobody chose is the spline and is not in the text; a chosen one is, and is read back")
 {
     const char *set = "object.skin=bilinear";
-    kn_scene *none = parse(in_cm, NULL, 0), *chosen = parse(in_cm, &set, 1), *again = parse(chosen->text, NULL, 0);
+    OWN(kn_scene) *none = parse(in_cm, NULL, 0), *chosen = parse(in_cm, &set, 1), *again = parse(chosen->text, NULL, 0);
     CHECK(none->model.skin == KN_SKIN_SPLINE && !strstr(none->text, "skin"));
     CHECK(chosen->model.skin == KN_SKIN_BILINEAR && strstr(chosen->text, "  skin: bilinear\n"));
     CHECK(again && same(chosen, again));
-    kn_scene_destroy(none);
-    kn_scene_destroy(chosen);
-    kn_scene_destroy(again);
 }
 
 static const char hammer[] =
@@ -495,7 +449,7 @@ static const char hammer[] =
 
 TEST("a union in a scene is the shape that its parts make, each turned about x, then y, then z, and put in its place")
 {
-    kn_scene *scene = parse(hammer, NULL, 0);
+    OWN(kn_scene) *scene = parse(hammer, NULL, 0);
     if (!scene) KN_TEST_FAIL("%s", error);
     if (!scene) return;
     const kn_shape *tool = scene->model.probe[0].parts;
@@ -508,13 +462,12 @@ TEST("a union in a scene is the shape that its parts make, each turned about x, 
     double at[3] = {0.001 + 0.018 * c, 0.002 + 0.018 * 0.5, 0.06}; // on an arm, 2 mm from its end
     for (int k = 0; k < 3; k++) at[k] += 0.001 * along[k];
     CHECK_NEAR(kn_shape_distance(tool, at, way), -0.001, 1e-15);
-    kn_scene_destroy(scene);
 }
 
 TEST("the text of a scene with a union is the scene; --set takes a key of one part, and another shape drops them")
 {
     const char *sets[] = {"probes.hammer.parts.1.radius=6 mm", "probes.hammer.parts.2.turn=[1.5 rad, 0 rad, 0 rad]"};
-    kn_scene *scene = parse(hammer, sets, 2), *again = scene ? parse(scene->text, NULL, 0) : NULL;
+    OWN(kn_scene) *scene = parse(hammer, sets, 2), *again = scene ? parse(scene->text, NULL, 0) : NULL;
     if (!scene) KN_TEST_FAIL("%s", error);
     CHECK(scene && strstr(scene->text, "        radius: 0.006 m\n") && strstr(scene->text, "turn: [1.5 rad, 0 rad, 0 rad]"));
     CHECK(again && strcmp(scene->text, again->text) == 0 && scene->text_hash == again->text_hash);
@@ -526,12 +479,9 @@ TEST("the text of a scene with a union is the scene; --set takes a key of one pa
         CHECK(memcmp(a->half_m, b->half_m, sizeof a->half_m) == 0 && memcmp(a->at_m, b->at_m, sizeof a->at_m) == 0 &&
               memcmp(a->turn, b->turn, sizeof a->turn) == 0);
     }
-    kn_scene_destroy(again);
-    kn_scene_destroy(scene);
     const char *ball[] = {"probes.hammer.shape=sphere", "probes.hammer.radius=1 cm"};
-    scene = parse(hammer, ball, 2);
-    CHECK(scene && !scene->model.probe[0].parts && !strstr(scene->text, "parts"));
-    kn_scene_destroy(scene);
+    OWN(kn_scene) *whole = parse(hammer, ball, 2);
+    CHECK(whole && !whole->model.probe[0].parts && !strstr(whole->text, "parts"));
     CHECK(!parse(hammer, (const char *[]){"probes.hammer.parts.3.radius=6 mm"}, 1));
     CHECK_STR(error, "--set probes.hammer.parts.3.radius: no part '3', expected 1 to 2");
     CHECK(!parse(hammer, (const char *[]){"probes.hammer.parts=[]"}, 1));
@@ -539,9 +489,8 @@ TEST("the text of a scene with a union is the scene; --set takes a key of one pa
     CHECK(!parse(hammer, (const char *[]){"object.spacing=1 cm"}, 1));
     CHECK_STR(error, "--set object.spacing: probes.hammer.parts.1: a tool's radius must be at least the lattice "
                      "spacing, or it falls between the nodes (spacing 0.01 m)");
-    scene = load(pin, NULL);
-    CHECK(scene->tool[0] && scene->tool[0]->part_count == 3);
-    kn_scene_destroy(scene);
+    OWN(kn_scene) *rolling = load(pin, NULL);
+    CHECK(rolling->tool[0] && rolling->tool[0]->part_count == 3);
 }
 
 TEST("the README lists every key as knead check --keys does")

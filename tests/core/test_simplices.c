@@ -36,7 +36,7 @@ static kn_simplices *block(int nx, int ny, int nz, double h)
 
 TEST("a block of tetrahedra is good, and has the volume and the edges of a block")
 {
-    kn_simplices *s = block(3, 2, 4, 0.01);
+    OWN(kn_simplices) *s = block(3, 2, 4, 0.01);
     kn_simplices_measures m;
     if (!kn_simplices_check(s, error, sizeof error)) KN_TEST_FAIL("%s", error);
     CHECK(kn_simplices_measure(s, &m));
@@ -46,14 +46,13 @@ TEST("a block of tetrahedra is good, and has the volume and the edges of a block
     CHECK_NEAR(m.edge_min_m, 0.01, 1e-15);
     CHECK_NEAR(m.edge_max_m, 0.01 * sqrt(3), 1e-15);
     CHECK_NEAR(m.quality_min, 12 * pow(0.5, 2. / 3) / (3 + 2 * 2 + 3), 1e-12);
-    kn_simplices_destroy(s);
 }
 
 TEST("the regular tetrahedron and the regular triangle have quality 1, whatever their size")
 {
     static const double corner[4][3] = {{0, 0, 0}, {1, 1, 0}, {1, 0, 1}, {0, 1, 1}};
     for (double h = 1e-4; h < 10; h *= 100) {
-        kn_simplices *s = kn_simplices_create(3, 4, 1), *flat = kn_simplices_create(2, 3, 1);
+        OWN(kn_simplices) *s = kn_simplices_create(3, 4, 1), *flat = kn_simplices_create(2, 3, 1);
         kn_simplices_measures m;
         for (int i = 0; i < 4; i++)
             for (int k = 0; k < 3; k++) s->x_m[i][k] = h * corner[i][k];
@@ -72,42 +71,35 @@ TEST("the regular tetrahedron and the regular triangle have quality 1, whatever 
         CHECK_NEAR(m.quality_mean, 1, 1e-12);
         CHECK_NEAR(kn_simplices_lowest(flat, &lowest), h * sqrt(0.75), 1e-12 * h);
         CHECK(m.edges == 3);
-        kn_simplices_destroy(s);
-        kn_simplices_destroy(flat);
     }
 }
 
 TEST("what no file can hold is refused too: a node that does not exist, one that is nowhere, one of no element")
 {
-    kn_simplices *s = block(1, 1, 1, 0.01);
+    OWN(kn_simplices) *s = block(1, 1, 1, 0.01), *nowhere = block(1, 1, 1, 0.01), *twice = block(1, 1, 2, 0.01);
     s->element[4][2] = 8;
     CHECK(!kn_simplices_check(s, error, sizeof error));
     CHECK_STR(error, "element 104 has a node that does not exist");
     s->element[4][2] = -1;
     CHECK(!kn_simplices_check(s, error, sizeof error));
-    kn_simplices_destroy(s);
-    s = block(1, 1, 1, 0.01);
-    s->x_m[7][1] = NAN;
+    nowhere->x_m[7][1] = NAN;
     int blame = -1;
-    CHECK(!kn_simplices_blame(s, &blame, error, sizeof error));
+    CHECK(!kn_simplices_blame(nowhere, &blame, error, sizeof error));
     CHECK_STR(error, "a node of element 105 is not at a finite place");
     CHECK(blame == 5);
-    kn_simplices_destroy(s);
-    s = block(1, 1, 2, 0.01);
-    s->element_count = 6;
-    CHECK(!kn_simplices_check(s, error, sizeof error));
+    twice->element_count = 6;
+    CHECK(!kn_simplices_check(twice, error, sizeof error));
     CHECK_STR(error, "node 9 of 12 belongs to no element");
-    s->element_count = 0;
-    CHECK(!kn_simplices_check(s, error, sizeof error));
+    twice->element_count = 0;
+    CHECK(!kn_simplices_check(twice, error, sizeof error));
     CHECK_STR(error, "0 elements, expected 1 to 2097152");
-    kn_simplices_destroy(s);
 }
 
 TEST("nodes in one place are found across the borders of whatever sorts them")
 {
     for (int trial = 0; trial < 200; trial++) {
         // two blocks that touch, with their own nodes on the common side, the other's a hair off
-        kn_simplices *a = block(2, 2, 2, 0.01), *s = kn_simplices_create(3, 54, 96);
+        OWN(kn_simplices) *a = block(2, 2, 2, 0.01), *s = kn_simplices_create(3, 54, 96);
         double off = 0.8e-11 * (trial % 7 - 3), shift = 1e-4 * trial;
         for (int i = 0; i < 54; i++)
             for (int k = 0; k < 3; k++)
@@ -115,31 +107,28 @@ TEST("nodes in one place are found across the borders of whatever sorts them")
         for (int e = 0; e < 96; e++)
             for (int k = 0; k < 4; k++) s->element[e][k] = a->element[e % 48][k] + (e < 48 ? 0 : 27);
         CHECK(!kn_simplices_check(s, error, sizeof error) && strstr(error, "different nodes in one place"));
-        kn_simplices_destroy(a);
-        kn_simplices_destroy(s);
     }
 }
 
 TEST("a mesh a hundred times as large as any that is stepped is still checked: no search is quadratic")
 {
-    kn_simplices *s = block(60, 60, 60, 0.001); // 226 981 nodes, 1 296 000 tetrahedra: a quadratic search takes hours
+    // 226 981 nodes, 1 296 000 tetrahedra: a quadratic search takes hours
+    OWN(kn_simplices) *s = block(60, 60, 60, 0.001);
     CHECK(s != NULL);
     if (s && !kn_simplices_check(s, error, sizeof error)) KN_TEST_FAIL("%s", error);
-    kn_simplices_destroy(s);
 }
 
 TEST("elements flat throughout are refused, whose worst one alone would pass")
 {
-    kn_simplices *s = block(3, 3, 2, 0.01);
+    OWN(kn_simplices) *s = block(3, 3, 2, 0.01);
     CHECK(kn_simplices_check(s, error, sizeof error));
     for (int i = 0; i < s->node_count; i++) s->x_m[i][2] *= 0.05;
     CHECK(!kn_simplices_check(s, error, sizeof error) && strstr(error, "flat or drawn out throughout (mean quality"));
-    kn_simplices_destroy(s);
 }
 
 TEST("in the scene's frame an object stands on the table, centred over the origin")
 {
-    kn_simplices *s = block(3, 2, 4, 0.01);
+    OWN(kn_simplices) *s = block(3, 2, 4, 0.01);
     kn_simplices_measures m;
     for (int i = 0; i < s->node_count; i++)
         for (int k = 0; k < 3; k++) s->x_m[i][k] += 1 + k;
@@ -147,7 +136,6 @@ TEST("in the scene's frame an object stands on the table, centred over the origi
     CHECK(kn_simplices_measure(s, &m) && m.low_m[2] == 0);
     CHECK_NEAR(m.low_m[0], -0.015, 1e-12);
     CHECK_NEAR(m.high_m[1], 0.01, 1e-12);
-    kn_simplices_destroy(s);
 }
 
 TESTS_MAIN

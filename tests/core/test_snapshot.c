@@ -80,10 +80,11 @@ static void step(const object *o, const kind *k, kn_state *state)
 TEST("a state that was written, read and stepped has the bits of the one that went on, whatever the object, mid-press")
 {
     for (int i = 0; i < KINDS; i++) {
-        object o = object_of(&kinds[i]);
+        AT_END(object_free) object o = object_of(&kinds[i]);
         size_t room = kn_snapshot_size_max(o.model), size = 0;
         uint8_t *bytes = malloc(room), *again = malloc(room);
-        kn_state *straight = kn_state_create(o.model), *read = kn_state_create(o.model), *kept = kn_state_keep(o.model);
+        OWN(kn_state) *straight = kn_state_create(o.model), *read = kn_state_create(o.model);
+        OWN(kn_state) *kept = kn_state_keep(o.model);
         int contacts = 0, anchors = 0;
         for (int at = 0; at < 300; at += KN_LENGTH(150, 60, 60)) { // before, on the way down, holding, on the way up, after
             while (straight->tick < at) step(&o, &kinds[i], straight);
@@ -96,7 +97,7 @@ TEST("a state that was written, read and stepped has the bits of the one that we
             CHECK(kn_snapshot_write(o.model, kept, again, room) == size && memcmp(bytes, again, size) == 0);
             kn_state_reset(o.model, read); // a scratch that has stepped something else
             kn_state_copy(o.model, read, kept);
-            kn_state *fresh = kn_state_create(o.model);
+            OWN(kn_state) *fresh = kn_state_create(o.model);
             kn_state_copy(o.model, fresh, kept);
             for (int n = 0; n < 40; n++)
                 step(&o, &kinds[i], read), step(&o, &kinds[i], fresh), step(&o, &kinds[i], straight);
@@ -104,15 +105,12 @@ TEST("a state that was written, read and stepped has the bits of the one that we
                         kn_state_hash(o.model, fresh) == kn_state_hash(o.model, straight);
             if (!same) fprintf(stderr, "%s, at step %d\n", kinds[i].what, at);
             CHECK(same);
-            kn_state_destroy(fresh);
         }
         printf("     %s: %zu bytes, at most %zu; a state takes %zu, a kept one %zu\n", kinds[i].what, size, room,
                o.model->state_bytes, kn_state_kept(o.model));
         CHECK(contacts > 0 && kn_state_kept(o.model) < o.model->state_bytes);
         CHECK((anchors > 0) == (straight->anchor != NULL));
         free(bytes), free(again);
-        kn_state_destroy(straight), kn_state_destroy(read), kn_state_destroy(kept);
-        object_free(&o);
     }
 }
 
@@ -133,31 +131,27 @@ TEST("no state is read into another lattice or material; tools, device and quali
         {{"", "dough-small.yaml", {"device=touch"}, 0}, KN_SNAPSHOT_FITS},
         {{"", "dough-small.yaml", {"solver.iterations=20"}, 0}, KN_SNAPSHOT_FITS},
     };
-    object o = object_of(&kinds[0]);
-    kn_state *state = kn_state_create(o.model);
+    AT_END(object_free) object o = object_of(&kinds[0]);
+    OWN(kn_state) *state = kn_state_create(o.model);
     while (state->tick < 100) step(&o, &kinds[0], state);
     size_t size = kn_snapshot_size(o.model, state);
     uint8_t *bytes = malloc(size);
     CHECK(kn_snapshot_write(o.model, state, bytes, size - 1) == 0);
     CHECK(kn_snapshot_write(o.model, state, bytes, size) == size);
     for (size_t t = 0; t < sizeof table / sizeof *table; t++) {
-        object other = object_of(&table[t].other);
-        kn_state *into = kn_state_keep(other.model);
+        AT_END(object_free) object other = object_of(&table[t].other);
+        OWN(kn_state) *into = kn_state_keep(other.model);
         kn_snapshot_fit fit = kn_snapshot_read(other.model, bytes, size, into);
         if (fit != table[t].fit) fprintf(stderr, "%s: %s\n", table[t].other.sets[0], kn_snapshot_fit_name(fit));
         CHECK(fit == table[t].fit);
-        kn_state_destroy(into);
-        object_free(&other);
     }
     free(bytes);
-    kn_state_destroy(state);
-    object_free(&o);
 }
 
 TEST("every truncation is refused; of every single byte changed there comes a state of finite numbers or a refusal")
 {
-    object o = object_of(&kinds[8]); // with anchors
-    kn_state *state = kn_state_create(o.model), *into = kn_state_keep(o.model);
+    AT_END(object_free) object o = object_of(&kinds[8]); // with anchors
+    OWN(kn_state) *state = kn_state_create(o.model), *into = kn_state_keep(o.model);
     while (state->tick < 170) step(&o, &kinds[8], state);
     CHECK(state->anchor_count > 0);
     size_t size = kn_snapshot_size(o.model, state);
@@ -180,14 +174,12 @@ TEST("every truncation is refused; of every single byte changed there comes a st
     CHECK(kn_snapshot_read(o.model, bytes, size, into) == KN_SNAPSHOT_FITS);
     CHECK(kn_state_hash(o.model, into) == kn_state_hash(o.model, state));
     free(bytes);
-    kn_state_destroy(state), kn_state_destroy(into);
-    object_free(&o);
 }
 
 TEST("a state gone bad, a number that is none, anchors out of order: not read")
 {
-    object o = object_of(&kinds[8]);
-    kn_state *state = kn_state_create(o.model), *worse = kn_state_keep(o.model), *into = kn_state_keep(o.model);
+    AT_END(object_free) object o = object_of(&kinds[8]);
+    OWN(kn_state) *state = kn_state_create(o.model), *worse = kn_state_keep(o.model), *into = kn_state_keep(o.model);
     while (state->tick < 170) step(&o, &kinds[8], state);
     size_t room = kn_snapshot_size_max(o.model);
     uint8_t *bytes = malloc(room);
@@ -225,15 +217,13 @@ TEST("a state gone bad, a number that is none, anchors out of order: not read")
         CHECK(size > 0 && fit == KN_SNAPSHOT_VALUE);
     }
     free(bytes);
-    kn_state_destroy(state), kn_state_destroy(worse), kn_state_destroy(into);
-    object_free(&o);
 }
 
 TEST("an object has moved when a node or an edge's strain has by as much as that, not when a tool above it has")
 {
     for (int i = 0; i < 2; i++) {
-        object o = object_of(&kinds[i]);
-        kn_state *state = kn_state_create(o.model), *before = kn_state_keep(o.model);
+        AT_END(object_free) object o = object_of(&kinds[i]);
+        OWN(kn_state) *state = kn_state_create(o.model), *before = kn_state_keep(o.model);
         while (state->tick < 10) step(&o, &kinds[i], state); // in air
         CHECK(state->probe[0].attached && !kn_state_moved(o.model, state, before, 1e-6));
         while (state->tick < 100) step(&o, &kinds[i], state);
@@ -246,8 +236,6 @@ TEST("an object has moved when a node or an edge's strain has by as much as that
         else
             ((float *)state->strain)[last] += (float)(2e-6 / o.model->def.spacing_m);
         CHECK(kn_state_moved(o.model, state, before, 1e-6) && !kn_state_moved(o.model, state, before, 3e-6));
-        kn_state_destroy(state), kn_state_destroy(before);
-        object_free(&o);
     }
 }
 

@@ -20,9 +20,8 @@ TEST("at rest the dough needs steps of 1.9e-7 s (144 nodes), 4.7e-8 s (847): Run
         def.nodes[0] = def.nodes[1] = 5 * per_cm + 1;
         def.nodes[2] = 3 * per_cm + 1;
         def.spacing_m = 0.01 / per_cm;
-        kn_model *model = build(&def);
+        OWN(kn_model) *model = build(&def);
         CHECK_NEAR(model->rk4_limit_s, limit[per_cm], 0.02 * limit[per_cm]);
-        kn_model_destroy(model);
         char error[256] = "";
         def.solver.dt_s = 1e-3;
         CHECK(!kn_model_build(&def, error, sizeof error));
@@ -38,9 +37,9 @@ TEST("the limit is where a resting lattice starts to blow up: 2 % below it a sma
         def.material = (kn_material){.k1_pa = 1e3, .c1_pa_s = 2500 * GF_CM2, .damper = KN_DAMPER_NONE};
         def.support = KN_SUPPORT_NONE;
         def.gravity_m_s2 = 0;
-        kn_model *model = build(&def);
+        OWN(kn_model) *model = build(&def);
         model->def.solver.dt_s = model->rk4_limit_s * (above ? 1.02 : 0.98);
-        kn_state *state = kn_state_create(model);
+        OWN(kn_state) *state = kn_state_create(model);
         double *v = state->velocity;
         for (int i = 0; i < model->grid.nodes; i++)
             for (size_t k = 0; k < 3; k++) // speeds so small that the lattice stays linear
@@ -57,8 +56,6 @@ TEST("the limit is where a resting lattice starts to blow up: 2 % below it a sma
             last = energy;
         }
         CHECK(above ? last > 100 * first : last < first);
-        kn_state_destroy(state);
-        kn_model_destroy(model);
     }
 }
 
@@ -75,16 +72,14 @@ TEST("Runge-Kutta is of fourth order: half the step, a sixteenth of the error")
         def.density_kg_m3 = 1e4;
         def.solver.mass_scale = 200; // a slow bar: 2 rad/s per step at most
         def.probe_count = 0;
-        kn_model *model = build(&def);
-        kn_state *state = kn_state_create(model);
+        OWN(kn_model) *model = build(&def);
+        OWN(kn_state) *state = kn_state_create(model);
         kn_input in = {.top_load_n = 0.5};
         kn_output out;
         for (int step = 0; step < 50 << i; step++) kn_step(model, state, &in, &out);
         double x[3];
         kn_state_position(model, state, 1, x);
         end[i] = x[2];
-        kn_state_destroy(state);
-        kn_model_destroy(model);
     }
     double order = log2((end[0] - end[1]) / (end[1] - end[2]));
     printf("     order %.2f\n", order);
@@ -101,15 +96,13 @@ static double loaded_bar(kn_material material, kn_solver kind, double dt_s)
     def.nodes[2] = 2;
     def.structure = KN_STRUCTURE_AXIS;
     def.probe_count = 0;
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     kn_input in = {.top_load_n = 0.3};
     kn_output out;
     double x[3];
     for (int step = 0; step < (int)lround(0.2 / dt_s); step++) CHECK(kn_step(model, state, &in, &out) == KN_OK);
     kn_state_position(model, state, 1, x);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
     return x[2];
 }
 
@@ -136,8 +129,8 @@ TEST("reactions, loads and weight account for every change of momentum")
     def.support = KN_SUPPORT_NONE;
     def.gravity_m_s2 = 9.81;
     def.probe_count = 0;
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     void *scratch = malloc(kn_rk4_scratch(model));
     static uint8_t fixed[NODES];
     static double velocity[NODES][3], force[NODES][3], reaction[NODES][3];
@@ -166,8 +159,6 @@ TEST("reactions, loads and weight account for every change of momentum")
         }
     }
     free(scratch);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 TESTS_MAIN

@@ -35,8 +35,8 @@ static void press(const kn_model *model, kn_state *state, int steps)
 TEST("a new state is the object at rest, undeformed, at tick 0, and reset brings back the very same bits")
 {
     for (int t = 0; t < 4; t++) {
-        kn_model *model = block(stiff(t / 2 ? KN_DAMPER_CONSTANT : KN_DAMPER_NONE), (kn_precision)(t % 2));
-        kn_state *state = kn_state_create(model);
+        OWN(kn_model) *model = block(stiff(t / 2 ? KN_DAMPER_CONSTANT : KN_DAMPER_NONE), (kn_precision)(t % 2));
+        OWN(kn_state) *state = kn_state_create(model);
         CHECK(state->tick == 0 && !state->bad && !state->probe[0].attached);
         for (int i = 0; i < model->grid.nodes; i++) {
             double x[3], v[3], rest[3];
@@ -50,28 +50,22 @@ TEST("a new state is the object at rest, undeformed, at tick 0, and reset brings
         CHECK(state->tick == 100 && kn_state_hash(model, state) != rest);
         kn_state_reset(model, state);
         CHECK(kn_state_hash(model, state) == rest);
-        kn_state_destroy(state);
-        kn_model_destroy(model);
     }
 }
 
 TEST("a viscoelastic object has no strain per edge, the others have")
 {
-    kn_model *none = block(stiff(KN_DAMPER_NONE), KN_PRECISION_F32),
-             *some = block(stiff(KN_DAMPER_CONSTANT), KN_PRECISION_F32);
-    kn_state *a = kn_state_create(none), *b = kn_state_create(some);
+    OWN(kn_model) *none = block(stiff(KN_DAMPER_NONE), KN_PRECISION_F32),
+                  *some = block(stiff(KN_DAMPER_CONSTANT), KN_PRECISION_F32);
+    OWN(kn_state) *a = kn_state_create(none), *b = kn_state_create(some);
     CHECK(!a->strain && b->strain);
     CHECK(a->bytes < b->bytes && a->bytes <= none->state_bytes && b->bytes <= some->state_bytes);
-    kn_state_destroy(a);
-    kn_state_destroy(b);
-    kn_model_destroy(none);
-    kn_model_destroy(some);
 }
 
 TEST("copying a state is a snapshot: the copy has the same hash and the same future, apart from the original")
 {
-    kn_model *model = block(stiff(KN_DAMPER_CONSTANT), KN_PRECISION_F32);
-    kn_state *state = kn_state_create(model), *copy = kn_state_create(model);
+    OWN(kn_model) *model = block(stiff(KN_DAMPER_CONSTANT), KN_PRECISION_F32);
+    OWN(kn_state) *state = kn_state_create(model), *copy = kn_state_create(model);
     press(model, copy, 30); // something to overwrite
     press(model, state, 150);
     kn_state_copy(model, copy, state);
@@ -81,15 +75,12 @@ TEST("copying a state is a snapshot: the copy has the same hash and the same fut
     CHECK(kn_state_hash(model, copy) == at);
     press(model, copy, 100);
     CHECK(kn_state_hash(model, copy) == kn_state_hash(model, state));
-    kn_state_destroy(state);
-    kn_state_destroy(copy);
-    kn_model_destroy(model);
 }
 
 TEST("the hash sees one bit of any node, edge or probe; not the tick, so that the same history later is the same")
 {
-    kn_model *model = block(stiff(KN_DAMPER_CONSTANT), KN_PRECISION_F32);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = block(stiff(KN_DAMPER_CONSTANT), KN_PRECISION_F32);
+    OWN(kn_state) *state = kn_state_create(model);
     press(model, state, 120);
     uint64_t before = kn_state_hash(model, state);
     unsigned char *bytes[] = {state->displacement, state->velocity, state->strain,
@@ -101,8 +92,6 @@ TEST("the hash sees one bit of any node, edge or probe; not the tick, so that th
     }
     state->tick += 1000;
     CHECK(kn_state_hash(model, state) == before);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 TEST("the hash of bytes depends on every byte, the length and the seed")

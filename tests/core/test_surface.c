@@ -49,32 +49,27 @@ static double enclosed(const kn_surface *s, const kn_model *model, const kn_stat
 
 TEST("the skin holds every outer node once and is closed: each side of a triangle is met once the other way round")
 {
-    kn_model *model = block(6, 5, 4);
-    kn_surface *s = kn_surface_create(model);
+    OWN(kn_model) *model = block(6, 5, 4);
+    OWN(kn_surface) *s = kn_surface_create(model);
     CHECK(s->vertex_count == 6 * 5 * 4 - 4 * 3 * 2);
     CHECK(s->triangle_count == 2 * 2 * (5 * 4 + 5 * 3 + 4 * 3));
     CHECK(s->vertex_count - 3 * s->triangle_count / 2 + s->triangle_count == 2); // Euler
     check_closed(s);
-    kn_surface_destroy(s);
-    kn_model_destroy(model);
 }
 
 TEST("triangles turn counter-clockwise from outside: together they enclose the volume of the block")
 {
-    kn_model *model = block(6, 5, 4);
-    kn_state *state = kn_state_create(model);
-    kn_surface *s = kn_surface_create(model);
+    OWN(kn_model) *model = block(6, 5, 4);
+    OWN(kn_state) *state = kn_state_create(model);
+    OWN(kn_surface) *s = kn_surface_create(model);
     CHECK_NEAR(enclosed(s, model, state), 0.05 * 0.04 * 0.03, 1e-10);
-    kn_surface_destroy(s);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 TEST("a flat block's skin is closed too, as thick as it is, with a vertex in front of every node and one behind")
 {
-    kn_model *model = block(6, 1, 4);
-    kn_state *state = kn_state_create(model);
-    kn_surface *s = kn_surface_create(model);
+    OWN(kn_model) *model = block(6, 1, 4);
+    OWN(kn_state) *state = kn_state_create(model);
+    OWN(kn_surface) *s = kn_surface_create(model);
     CHECK(s->vertex_count == 2 * 6 * 4);
     check_closed(s);
     CHECK_NEAR(enclosed(s, model, state), 0.05 * 0.02 * 0.03, 1e-10);
@@ -87,16 +82,13 @@ TEST("a flat block's skin is closed too, as thick as it is, with a vertex in fro
         behind += x[1] > 0;
     }
     CHECK(behind == 6 * 4);
-    kn_surface_destroy(s);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 TEST("positions follow the nodes")
 {
-    kn_model *model = block(3, 3, 3);
-    kn_state *state = kn_state_create(model);
-    kn_surface *s = kn_surface_create(model);
+    OWN(kn_model) *model = block(3, 3, 3);
+    OWN(kn_state) *state = kn_state_create(model);
+    OWN(kn_surface) *s = kn_surface_create(model);
     float x[3 * 27];
     CHECK(s->vertex_count == 26);
     kn_surface_positions(s, model, state, x);
@@ -105,9 +97,6 @@ TEST("positions follow the nodes")
         kn_grid_rest(&model->grid, s->node[i], rest);
         for (int k = 0; k < 3; k++) CHECK_NEAR(x[3 * i + k], rest[k], 1e-8);
     }
-    kn_surface_destroy(s);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 TESTS_MAIN

@@ -107,13 +107,13 @@ TEST("the map integrates to the contact force: ball, held ball, box, cross, pill
               {finger, 0.008, 90, {0.6, 0.8, 0}}, {finger, 0.008, 50, {1, 0, 0}}, {box, 0.003, 15, {0, 1, 0}},
               {box, 0.003, 25, {0.8, 0.6, 0}}, {held, 0.012, 0, {0, 0, 1}}};
     for (int i = 0; i < (int)(sizeof it / sizeof *it); i++) {
-        rig r = pressed(it[i].tool, it[i].low_m, it[i].degrees, it[i].axis[0], it[i].axis[1], it[i].axis[2]);
+        const double *axis = it[i].axis;
+        AT_END(rig_close) rig r = pressed(it[i].tool, it[i].low_m, it[i].degrees, axis[0], axis[1], axis[2]);
         double *f = r.output.probe[0].force_n, force = sqrt(dot(f, f));
         CHECK(force > 0.05);
         CHECK_NEAR(integral(&r), force, 1e-9 * force);
         CHECK(r.touch.area_m2 > 1e-5 && r.touch.peak_pressure_pa * r.touch.area_m2 > force);
         CHECK(peak(&r) > 0 && peak(&r) < 1.2 * r.touch.peak_pressure_pa);
-        rig_close(&r);
     }
 }
 
@@ -121,17 +121,16 @@ TEST("with friction it integrates to the contact force along the normal")
 {
     kn_probe_def rough = ball;
     rough.friction = 0.5;
-    rig r = pressed(rough, 0.012, 0, 0, 0, 1);
+    AT_END(rig_close) rig r = pressed(rough, 0.012, 0, 0, 0, 1);
     go(&r, 0.02, 0.01, 0, 150);
     CHECK(fabs(r.output.probe[0].force_n[0]) > 0.1 * r.output.probe[0].force_n[2]);
     double along = dot(r.output.probe[0].force_n, r.touch.normal); // the tool stands as the scene does
     CHECK_NEAR(integral(&r), along, 1e-9 * along);
-    rig_close(&r);
 }
 
 TEST("a plate's map is the force on its nodes, and it does not slip")
 {
-    rig r = rig_open(plate);
+    AT_END(rig_close) rig r = rig_open(plate);
     put(&r, 0, 0, 0.0301);
     go(&r, 0, 0, -0.01, 200);
     double up = r.output.probe[0].force_n[2];
@@ -141,7 +140,6 @@ TEST("a plate's map is the force on its nodes, and it does not slip")
     for (int k = 0; k < 3; k++) CHECK_NEAR(r.touch.centre_m[k], 0, k < 2 ? 1e-5 : 1e-4);
     for (int k = 0; k < 3; k++) CHECK(r.touch.slip_velocity_m_s[k] == 0);
     CHECK(r.touch.pressure_pa[0][0] > r.touch.pressure_pa[3][3]); // a rigid edge bites
-    rig_close(&r);
 }
 
 TEST("what nodes feel adds up to what tools do: a plate's on the top, a rough ball's and a fallen finger's on the skin")
@@ -150,7 +148,7 @@ TEST("what nodes feel adds up to what tools do: a plate's on the top, a rough ba
     tool[1].friction = 0.5;
     const double low_m[] = {0, 0.012, 0.008}, degrees[] = {0, 0, 90};
     for (int i = 0; i < 3; i++) {
-        rig r = pressed(tool[i], low_m[i], degrees[i], 0, 1, 0);
+        AT_END(rig_close) rig r = pressed(tool[i], low_m[i], degrees[i], 0, 1, 0);
         if (i == 1) go(&r, 0.02, 0.01, 0, 50);
         double (*node)[3] = calloc((size_t)r.model->node_count, sizeof *node), sum[3] = {0};
         const double *f = r.output.probe[0].force_n;
@@ -168,13 +166,12 @@ TEST("what nodes feel adds up to what tools do: a plate's on the top, a rough ba
         kn_touch_nodes(r.model, r.state, node);
         for (int n = 0; n < r.model->node_count; n++) CHECK(dot(node[n], node[n]) == 0);
         free(node);
-        rig_close(&r);
     }
 }
 
 TEST("a centred press has its centre of pressure, and the middle of its map, under the tool")
 {
-    rig r = rig_open(ball);
+    AT_END(rig_close) rig r = rig_open(ball);
     put(&r, 0, 0, 0.0421);
     go(&r, 0, 0, -0.01, 200);
     CHECK_NEAR(r.touch.centre_m[0], 0, 1e-6);
@@ -188,28 +185,26 @@ TEST("a centred press has its centre of pressure, and the middle of its map, und
         CHECK_NEAR(here, r.touch.pressure_pa[i % 8][i / 8], p);
     }
     CHECK(r.touch.pressure_pa[3][3] > r.touch.pressure_pa[1][3] && r.touch.pressure_pa[0][0] == 0);
-    rig_close(&r);
 }
 
 TEST("what leans to a side has its centre of pressure there, and the map's rows and columns are where they say")
 {
-    rig r = pressed(box, 0.0008, 8, 0, 1, 0); // about y by the right hand: its side of -x is lifted, +x goes down
+    // about y by the right hand: its side of -x is lifted, +x goes down
+    AT_END(rig_close) rig r = pressed(box, 0.0008, 8, 0, 1, 0);
     double column[8] = {0};
     for (int i = 0; i < 64; i++) column[i % 8] += r.touch.pressure_pa[i / 8][i % 8];
     CHECK(r.touch.centre_m[0] > 0.003);
     CHECK(column[7] + column[6] > column[0] + column[1]);
-    rig_close(&r);
-    r = pressed(box, 0.0008, 8, 1, 0, 0); // about x: +y is lifted
+    AT_END(rig_close) rig other = pressed(box, 0.0008, 8, 1, 0, 0); // about x: +y is lifted
     double row[8] = {0};
-    for (int i = 0; i < 64; i++) row[i / 8] += r.touch.pressure_pa[i / 8][i % 8];
-    CHECK(r.touch.centre_m[1] < -0.0015);
+    for (int i = 0; i < 64; i++) row[i / 8] += other.touch.pressure_pa[i / 8][i % 8];
+    CHECK(other.touch.centre_m[1] < -0.0015);
     CHECK(row[0] + row[1] + row[2] + row[3] > row[4] + row[5] + row[6] + row[7]);
-    rig_close(&r);
 }
 
 TEST("a finger on its side shows its length, and touches with all of it")
 {
-    rig r = rig_open(finger);
+    AT_END(rig_close) rig r = rig_open(finger);
     kn_touch_face face;
     turn(&r, 90, 0, 1, 0); // its axis along x
     put(&r, -0.008, 0, 0.0381);
@@ -223,32 +218,28 @@ TEST("a finger on its side shows its length, and touches with all of it")
     CHECK_NEAR(face.size_m[1], 0.016, 1e-4);
     for (int j = 2; j < 6; j++) CHECK(r.touch.pressure_pa[3][j] > 0.5 * r.touch.pressure_pa[3][3]);
     CHECK(r.touch.pressure_pa[0][3] == 0 && r.touch.pressure_pa[7][3] == 0);
-    rig_close(&r);
 }
 
 TEST("slip is the drag's: of a tool that is drawn along x the skin goes along -x, in the tool's frame")
 {
-    rig r = pressed(ball, 0.012, 0, 0, 0, 1);
+    AT_END(rig_close) rig r = pressed(ball, 0.012, 0, 0, 0, 1);
     CHECK(fabs(r.touch.slip_velocity_m_s[0]) < 1e-3 && fabs(r.touch.slip_velocity_m_s[2]) < 1e-4); // a press
     go(&r, 0.05, 0, 0, 100);
     CHECK(r.touch.slip_velocity_m_s[0] < -0.02 && r.touch.slip_velocity_m_s[0] > -0.06);
     CHECK(fabs(r.touch.slip_velocity_m_s[1]) < 1e-3);
-    rig_close(&r);
-    r = pressed(box, 0, 90, 0, 0, 1); // the tool's y is the scene's -x
-    go(&r, 0.05, 0, 0, 100);
-    CHECK(r.touch.slip_velocity_m_s[1] > 0.02 && fabs(r.touch.slip_velocity_m_s[0]) < 5e-3);
-    rig_close(&r);
+    AT_END(rig_close) rig across = pressed(box, 0, 90, 0, 0, 1); // the tool's y is the scene's -x
+    go(&across, 0.05, 0, 0, 100);
+    CHECK(across.touch.slip_velocity_m_s[1] > 0.02 && fabs(across.touch.slip_velocity_m_s[0]) < 5e-3);
     kn_probe_def glued = ball;
     glued.friction = 3;
-    r = pressed(glued, 0.012, 0, 0, 0, 1);
-    go(&r, 0.0005, 0, 0, 1500); // it holds: what is left is the foundation that gives way
-    CHECK(fabs(r.touch.slip_velocity_m_s[0]) < 0.0004);
-    rig_close(&r);
+    AT_END(rig_close) rig stuck = pressed(glued, 0.012, 0, 0, 0, 1);
+    go(&stuck, 0.0005, 0, 0, 1500); // it holds: what is left is the foundation that gives way
+    CHECK(fabs(stuck.touch.slip_velocity_m_s[0]) < 0.0004);
 }
 
 TEST("the same press by a tool that stands turned gives the same map, area, centre and peak")
 {
-    rig a = rig_open(box), b = rig_open(box);
+    AT_END(rig_close) rig a = rig_open(box), b = rig_open(box);
     put(&a, 0.003, 0.001, 0.0304);
     turn(&a, 5, 0, 1, 0);
     put(&b, -0.001, 0.003, 0.0304); // all of it by 90 degrees about z, on a block that looks the same then
@@ -264,13 +255,11 @@ TEST("the same press by a tool that stands turned gives the same map, area, cent
     for (int k = 0; k < 3; k++) CHECK_NEAR(a.touch.normal[k], b.touch.normal[k], 1e-3);
     CHECK_NEAR(a.touch.peak_pressure_pa, b.touch.peak_pressure_pa, 5e-3 * a.touch.peak_pressure_pa);
     CHECK_NEAR(a.touch.area_m2, b.touch.area_m2, 0.02 * a.touch.area_m2);
-    rig_close(&a);
-    rig_close(&b);
 }
 
 TEST("a face is right-handed and across its normal, for normals of every way")
 {
-    rig r = rig_open(box);
+    AT_END(rig_close) rig r = rig_open(box);
     const double normals[][3] = {{0, 0, 1}, {0.6, 0, 0.8}, {0, -1, 0}, {0.48, 0.64, -0.6}, {0, 0, -1}};
     for (int i = 0; i < 5; i++) {
         kn_touch_face f;
@@ -285,13 +274,12 @@ TEST("a face is right-handed and across its normal, for normals of every way")
     kn_touch_face_of(r.model, 0, normals[0], &f);
     CHECK_NEAR(f.low_m[0], -0.01, 1e-12);
     CHECK_NEAR(f.size_m[1], 0.015, 1e-12);
-    rig_close(&r);
 }
 
 TEST("what does not touch, or is not there, has an empty patch")
 {
     const kn_touch nothing = {0};
-    rig r = rig_open(ball);
+    AT_END(rig_close) rig r = rig_open(ball);
     put(&r, 0, 0, 0.06);
     go(&r, 0, 0, 0, 1);
     CHECK(memcmp(&r.touch, &nothing, sizeof nothing) == 0);
@@ -300,7 +288,6 @@ TEST("what does not touch, or is not there, has an empty patch")
     r.input.probe[0].attached = false;
     go(&r, 0, 0, 0, 1);
     CHECK(memcmp(&r.touch, &nothing, sizeof nothing) == 0);
-    rig_close(&r);
 }
 
 TESTS_MAIN

@@ -10,10 +10,9 @@
 static uint64_t golden(kn_model_def def)
 {
     press p = {.depth_m = 0.002, .hold_s = 0.05}; // 300 ticks: down, held, on the way up
-    run r = press_run(&def, &p, 0.3, 1e-3);
+    AT_END(run_free) run r = press_run(&def, &p, 0.3, 1e-3);
     CHECK(r.status == KN_OK && peak_n(&r) > 0.01);
     uint64_t hash = kn_hash_bytes(r.hash, r.force_n, (size_t)r.samples * sizeof *r.force_n);
-    run_free(&r);
     return hash;
 }
 
@@ -91,11 +90,10 @@ TEST("ten seconds of a press on dough-small")
         kn_model_def def = press_def(1);
         def.solver.isa = isa;
         if (!kn_isa_supported(isa)) continue;
-        run r = press_run(&def, &p, 10, 1e-3);
+        AT_END(run_free) run r = press_run(&def, &p, 10, 1e-3);
         uint64_t hash = kn_hash_bytes(r.hash, r.force_n, (size_t)r.samples * sizeof *r.force_n);
         printf("     golden ten-seconds %016llx\n", (unsigned long long)hash);
         CHECK(r.status == KN_OK && r.samples == 10000 && hash == 0xba6e31bc7568c78e);
-        run_free(&r);
     }
 }
 
@@ -116,8 +114,8 @@ TEST("a rubbing finger on a coupling, pressed askew into a block that lies on a 
     def.support_friction = 0.5;
     def.probe[0] = (kn_probe_def){.name = "finger", .shape = KN_PROBE_CAPSULE, .radius_m = 0.008, .length_m = 0.03,
                                   .friction = 0.4, .coupling_n_m = 600, .coupling_n_s_m = 1.5};
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     uint64_t hash = KN_HASH_SEED;
     double least = 0;
     for (int i = 0; i < 300; i++) {
@@ -136,8 +134,6 @@ TEST("a rubbing finger on a coupling, pressed askew into a block that lies on a 
     printf("     golden finger-askew %016llx\n", (unsigned long long)hash);
     CHECK(least < -0.01 && state->anchor_count > 10);
     CHECK(hash == 0xa9d453b9e7aecbb3);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 TEST("dough-small by Runge-Kutta, 300 steps of 10 us with the mass times 100")
@@ -147,8 +143,8 @@ TEST("dough-small by Runge-Kutta, 300 steps of 10 us with the mass times 100")
     def.solver.precision = KN_PRECISION_F64;
     def.solver.dt_s = 1e-5;
     def.solver.mass_scale = 100;
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     press p = {.depth_m = 0.002, .hold_s = 0.05};
     kn_output out;
     for (int i = 1; i <= 300; i++) {
@@ -159,8 +155,6 @@ TEST("dough-small by Runge-Kutta, 300 steps of 10 us with the mass times 100")
     printf("     golden dough-small-rk4 %016llx\n", (unsigned long long)hash);
     CHECK(out.probe[0].force_n[2] > 0);
     CHECK(hash == 0x9935c08eee9a133b);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 TESTS_MAIN

@@ -41,8 +41,8 @@ static balance strain(const double e[3][3])
     kn_model_def def = tight(local(8, 0.005, true));
     def.material = jelly();
     def.support = KN_SUPPORT_NONE;
-    kn_model *m = build(&def);
-    kn_state *state = kn_state_create(m);
+    OWN(kn_model) *m = build(&def);
+    OWN(kn_state) *state = kn_state_create(m);
     const kn_work *w = kn_state_work(state);
     balance b = {0};
     for (int i = 0; i < m->node_count; i++) {
@@ -66,8 +66,6 @@ static balance strain(const double e[3][3])
         double *kind = outside ? &b.boundary : corner ? &b.corners : &b.inside;
         *kind = fmax(*kind, size);
     }
-    kn_state_destroy(state);
-    kn_model_destroy(m);
     return b;
 }
 
@@ -88,14 +86,12 @@ TEST("uniform stretches are in balance through every face, edge and corner of th
 TEST("mass and spread load are the uniform block's, its nodes are as many as its definition tells")
 {
     kn_model_def coarse = local(8, 0.005, true), even = local(8, 0.005, false);
-    kn_model *m = build(&coarse), *u = build(&even);
+    OWN(kn_model) *m = build(&coarse), *u = build(&even);
     double share = 0;
     for (int t = 0; t < m->top_count; t++) share += m->top_share[t];
     CHECK(fabs(kn_model_mass(m) / kn_model_mass(u) - 1) < 1e-12 && fabs(share - 1) < 1e-12);
     CHECK(kn_composite_tied(m) > 0 && m->node_count < u->node_count);
     CHECK(m->node_count == kn_composite_nodes(&coarse));
-    kn_model_destroy(m);
-    kn_model_destroy(u);
 }
 
 // How far the middle of the top has gone down after 2 s under a load, where the base slides.
@@ -104,8 +100,8 @@ static double creep(kn_model_def def)
     def = tight(def);
     def.support = KN_SUPPORT_FRICTIONLESS;
     def.probe_count = 0;
-    kn_model *m = build(&def);
-    kn_state *state = kn_state_create(m);
+    OWN(kn_model) *m = build(&def);
+    OWN(kn_state) *state = kn_state_create(m);
     kn_output out;
     double u[3];
     for (int i = 0; i < 400; i++) {
@@ -113,8 +109,6 @@ static double creep(kn_model_def def)
         kn_step(m, state, &in, &out);
     }
     kn_composite_displacement(m, state, (int[3]){8, 8, 12}, u);
-    kn_state_destroy(state);
-    kn_model_destroy(m);
     return u[2];
 }
 
@@ -135,8 +129,8 @@ enum { TICKS = 900 };
 // Down at 1 cm/s to 6 mm, there for 100 ms, and up.
 static played play(const kn_model_def *def, double x_m, double y_m, double slide_m_s, int ticks)
 {
-    kn_model *m = build(def);
-    kn_state *state = kn_state_create(m);
+    OWN(kn_model) *m = build(def);
+    OWN(kn_state) *state = kn_state_create(m);
     played r = {calloc(TICKS, sizeof *r.force_n), calloc((size_t)m->grid.nodes, sizeof *r.shape_m), 0};
     const press p = {.depth_m = 0.006, .hold_s = 0.1};
     for (int i = 0; i < ticks; i++) {
@@ -154,8 +148,6 @@ static played play(const kn_model_def *def, double x_m, double y_m, double slide
         kn_composite_displacement(m, state, at, r.shape_m[i]);
     }
     r.hash = kn_state_hash(m, state);
-    kn_state_destroy(state);
-    kn_model_destroy(m);
     return r;
 }
 
@@ -173,16 +165,14 @@ TEST("a press is within 1 % of the uniform block's force and 2 % of its shape, w
             kn_model_def def[2] = {local(12, 0.0025, true), local(12, 0.0025, false)};
             for (int i = 0; i < 2 && ball; i++)
                 def[i].probe[0] = (kn_probe_def){.name = "ball", .shape = KN_PROBE_SPHERE, .radius_m = 0.005};
-            played own = play(&def[0], at[t][0], at[t][1], 0, TICKS),
-                   uniform = play(&def[1], at[t][0], at[t][1], 0, TICKS);
+            AT_END(played_free) played own = play(&def[0], at[t][0], at[t][1], 0, TICKS),
+                                       uniform = play(&def[1], at[t][0], at[t][1], 0, TICKS);
             double force = relative_error((const double(*)[3])own.force_n, (const double(*)[3])uniform.force_n, TICKS);
             double shape = relative_error((const double(*)[3])own.shape_m, (const double(*)[3])uniform.shape_m,
                                           25 * 25 * 13);
             printf("     %s at %g, %g mm: force %.2f %%, shape %.2f %%\n", ball ? "ball" : "plate", 1e3 * at[t][0],
                    1e3 * at[t][1], 100 * force, 100 * shape);
             CHECK(force < 0.01 && shape < 0.02);
-            played_free(&own);
-            played_free(&uniform);
         }
 }
 
@@ -193,10 +183,9 @@ NIGHT_TEST("a ball that slides over the box's border feels it as little as the n
     for (int i = 0; i < 2; i++) {
         kn_model_def def = local(12, 0.0025, i == 0);
         def.probe[0] = (kn_probe_def){.name = "ball", .shape = KN_PROBE_SPHERE, .radius_m = 0.01};
-        played r = play(&def, -0.025, 0, 0.06, TICKS);
+        AT_END(played_free) played r = play(&def, -0.025, 0, 0.06, TICKS);
         for (int t = 400; t < 750; t++)
             for (int k = 0; k < 3; k++) jump[i] = fmax(jump[i], fabs(r.force_n[t][k] - r.force_n[t - 1][k]));
-        played_free(&r);
     }
     printf("     most in a millisecond: %.3f N, on the uniform block %.3f N\n", jump[0], jump[1]);
     CHECK(jump[0] < 2 * jump[1]);
@@ -211,10 +200,9 @@ TEST("it gives the same bits on every instruction set, in both precisions")
             def.solver.precision = p ? KN_PRECISION_F64 : KN_PRECISION_F32;
             def.solver.isa = isa;
             if (!kn_isa_supported(isa)) continue;
-            played r = play(&def, 0, 0, 0, 200);
+            AT_END(played_free) played r = play(&def, 0, 0, 0, 200);
             CHECK(hash == 0 || r.hash == hash);
             hash = r.hash;
-            played_free(&r);
         }
     }
 }

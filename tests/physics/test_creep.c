@@ -95,8 +95,8 @@ static creep bar_creep(double load_gf, kn_precision precision, double dt_s, doub
 {
     kn_model_def def = bar_def(dough, precision);
     def.solver.dt_s = dt_s;
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     kn_input in = {0};
     kn_output out;
     for (int i = 0; i < (int)lround(60 / dt_s); i++) { // over 1 cm^2 the load W h/h0 newtons is the stress W h/(S0 h0)
@@ -107,8 +107,6 @@ static creep bar_creep(double load_gf, kn_precision precision, double dt_s, doub
     in.top_load_n = 0;
     for (int i = 0; i < (int)lround(rest_s / dt_s); i++) kn_step(model, state, &in, &out);
     c.final_m = height(model, state);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
     return c;
 }
 
@@ -160,8 +158,8 @@ TEST("with a constant damper creep and recovery follow F/k (1 - e^(-kt/c1)) + F 
 {
     kn_material m = {.k1_pa = 4e4, .c1_pa_s = 2e4, .damper = KN_DAMPER_CONSTANT, .c2_pa_s = 4e5}; // tau 0.5 s
     kn_model_def def = bar_def(m, KN_PRECISION_F64);
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     kn_input in = {.top_load_n = 0.4}; // 4 kPa
     kn_output out;
     double sigma = 4e3;
@@ -173,8 +171,6 @@ TEST("with a constant damper creep and recovery follow F/k (1 - e^(-kt/c1)) + F 
         strain += sigma / m.c2_pa_s * fmin(t, 2);
         if (i % 100 == 0) CHECK_NEAR(1 - height(model, state) / 0.01, strain, 1e-3 * strain);
     }
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 TEST("a block of dough creeps under a spread load as the element does: to 0.1 % where it is linear, else 13 %")
@@ -198,8 +194,8 @@ TEST("a block of dough creeps under a spread load as the element does: to 0.1 % 
         def.material.k1_pa *= 1000;
         def.material.c1_pa_s *= 1000;
         def.material.alpha_pa_s *= 1000;
-        kn_model *model = build(&def);
-        kn_state *state = kn_state_create(model);
+        OWN(kn_model) *model = build(&def);
+        OWN(kn_state) *state = kn_state_create(model);
         element e = {.m = def.material, .load_pa = stress[t] * GF_CM2};
         kn_input in = {.top_load_n = stress[t] * 9 * GF_N}; // on 3 x 3 cm
         kn_output out;
@@ -215,8 +211,6 @@ TEST("a block of dough creeps under a spread load as the element does: to 0.1 % 
         }
         printf("     %.0f gf/cm^2: %.1f %% apart\n", stress[t], 100 * sqrt(difference / size));
         CHECK_NEAR(sqrt(difference / size), 0, bound[t]);
-        kn_state_destroy(state);
-        kn_model_destroy(model);
     }
 }
 

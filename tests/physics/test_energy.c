@@ -120,9 +120,9 @@ static const press at_once = {.depth_m = 0.003, .hold_s = 0.1, .pace = 1};
 static double imbalance(kn_model_def def, double dt, press p)
 {
     def.solver.dt_s = dt;
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
-    audit a = audit_start(model, state);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
+    AT_END(audit_free) audit a = audit_start(model, state);
     double work = 0;
     kn_output out;
     for (int i = 1; i <= (int)lround((press_up_s(&p) + 0.15) / p.pace / dt); i++) {
@@ -147,9 +147,6 @@ static double imbalance(kn_model_def def, double dt, press p)
         CHECK(a.stopped > 10);
         CHECK(a.shortest >= 1 + a.law.in - 1e-9 && a.longest <= 1 + a.law.out + 1e-9);
     }
-    audit_free(&a);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
     return result;
 }
 
@@ -197,9 +194,9 @@ TEST("while the hand is still, stored energy falls and the force relaxes, at eve
         kn_model_def def = converged(press_def(1));
         def.material = materials[m];
         press p = {.depth_m = 0.001, .hold_s = 5};
-        kn_model *model = build(&def);
-        kn_state *state = kn_state_create(model);
-        audit a = audit_start(model, state);
+        OWN(kn_model) *model = build(&def);
+        OWN(kn_state) *state = kn_state_create(model);
+        AT_END(audit_free) audit a = audit_start(model, state);
         double energy = 0, force = 0;
         int still = (int)lround(press_down_s(&p) * 1000) + 20; // the blow of the last slowing down is over
         for (int i = 1; i <= still + 200; i++) {
@@ -216,9 +213,6 @@ TEST("while the hand is still, stored energy falls and the force relaxes, at eve
             force = out.probe[0].force_n[2];
         }
         CHECK(force >= -1e-6);
-        audit_free(&a);
-        kn_state_destroy(state);
-        kn_model_destroy(model);
     }
 }
 
@@ -230,12 +224,11 @@ TEST("the plate pushes and never pulls: it lets go in tension while it is lifted
         def.material = materials[t / 2];
         def.solver.precision = (kn_precision)(t % 2);
         press p = {.depth_m = 0.004, .hold_s = 0.1};
-        run r = press_run(&def, &p, press_up_s(&p) + 0.5, 1e-3);
+        AT_END(run_free) run r = press_run(&def, &p, press_up_s(&p) + 0.5, 1e-3);
         double lowest = 0;
         for (int i = 0; i < r.samples; i++) lowest = fmin(lowest, r.force_n[i][2]);
         CHECK(lowest >= -0.01 * peak_n(&r));
         CHECK_NEAR(r.force_n[r.samples - 1][2], 0, 0);
-        run_free(&r);
     }
 }
 

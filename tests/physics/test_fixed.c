@@ -34,13 +34,12 @@ static void compare(const char *name, kn_model_def def, double depth_m, double h
     const press p = {.depth_m = depth_m, .hold_s = hold_s};
     const double seconds = press_up_s(&p) + depth_m / PRESS_SPEED + 0.5;
     const kn_model_def integers = fixed(def), reals = converged(def);
-    run a = press_run(&integers, &p, seconds, 1e-3), b = press_run(&reals, &p, seconds, 1e-3);
+    AT_END(run_free) run a = press_run(&integers, &p, seconds, 1e-3), b = press_run(&reals, &p, seconds, 1e-3);
     printf("     %s: peak %.3g N, force %.3f %%, at most %.2f %% of the peak, shape %.4f %% of the depth, total "
            "variation %.2f (%.2f)\n",
            name, peak_n(&b), 100 * force_error(&a, &b), 100 * peak_error(&a, &b), 100 * shape_apart(&a, &b, depth_m),
            variation(&a), variation(&b));
     CHECK(a.status == KN_OK && force_error(&a, &b) < force && shape_apart(&a, &b, depth_m) < shape);
-    run_free(&a), run_free(&b);
 }
 
 TEST("dough under a plate")
@@ -81,8 +80,8 @@ TEST("a state that was copied goes on to the same bits")
 {
     const kn_model_def def = fixed(press_def(1));
     const press p = {.depth_m = 0.004, .hold_s = 0.1};
-    kn_model *model = build(&def);
-    kn_state *a = kn_state_create(model), *b = kn_state_create(model), *kept = kn_state_keep(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *a = kn_state_create(model), *b = kn_state_create(model), *kept = kn_state_keep(model);
     kn_output out;
     for (int i = 0; i < 400; i++) {
         kn_input in = press_input(model, &p, (i + 1) * 1e-3);
@@ -91,16 +90,13 @@ TEST("a state that was copied goes on to the same bits")
         if (i > 200) kn_step(model, b, &in, &out);
     }
     CHECK(kn_state_hash(model, a) == kn_state_hash(model, b));
-    kn_state_destroy(a), kn_state_destroy(b), kn_state_destroy(kept);
-    kn_model_destroy(model);
 }
 
 static void refused(kn_model_def def, const char *why)
 {
     char error[256] = "";
-    kn_model *model = kn_model_build(&def, error, sizeof error);
+    OWN(kn_model) *model = kn_model_build(&def, error, sizeof error);
     if (model || !strstr(error, why)) KN_TEST_FAIL("%s, expected: %s", model ? "built" : error, why);
-    kn_model_destroy(model);
 }
 
 TEST("what integers cannot be is refused by name")

@@ -8,8 +8,8 @@
 // repeats.
 static run press_late(kn_model_def def, const press *p, double seconds, int late)
 {
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     int steps = (int)lround(seconds * 1000);
     run r = {.samples = steps, .force_n = calloc((size_t)steps, sizeof *r.force_n)};
     kn_input in = {0};
@@ -19,8 +19,6 @@ static run press_late(kn_model_def def, const press *p, double seconds, int late
         CHECK(kn_step(model, state, &in, &out) == KN_OK);
         memcpy(r.force_n[i - 1], out.probe[0].force_n, sizeof *r.force_n);
     }
-    kn_state_destroy(state);
-    kn_model_destroy(model);
     return r;
 }
 
@@ -29,25 +27,23 @@ TEST("poses lost, repeated or late, every 50th, move the force by at most 4, 7, 
     press p = {.depth_m = 0.01, .hold_s = 0.5};
     for (int t = 0; t < 4; t++) {
         kn_model_def def = t % 2 ? ball_def(1) : press_def(t / 2 + 1);
-        run clean = press_late(def, &p, 1, 0);
+        AT_END(run_free) run clean = press_late(def, &p, 1, 0);
         for (int late = 1; late <= 3; late++) {
-            run r = press_late(def, &p, 1, late);
+            AT_END(run_free) run r = press_late(def, &p, 1, late);
             double worst = 0;
             for (int i = 100; i < r.samples; i++)
                 worst = fmax(worst, fabs(r.force_n[i][2] - clean.force_n[i][2]) / clean.force_n[i][2]);
             printf("     %s, %d ms: at most %.2f %%\n", def.probe[0].name, late, 100 * worst);
             CHECK(worst <= 0.01 + 0.03 * late);
-            run_free(&r);
         }
-        run_free(&clean);
     }
 }
 
 TEST("a steady hand is followed exactly, a jump of the pose is caught up with in about 20 ms and never at once")
 {
     kn_model_def def = ball_def(1);
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     kn_input in = {0};
     kn_output out;
     in.probe[0] = (kn_probe_input){.attached = true, .position_m = {0, 0, 0.1}, .velocity_m_s = {0.02, 0, 0}};
@@ -63,8 +59,6 @@ TEST("a steady hand is followed exactly, a jump of the pose is caught up with in
         kn_step(model, state, &in, &out);
         CHECK_NEAR(out.probe[0].position_m[0], to - 1e-3 * pow(1 - 1.0 / 20, i), 1e-9);
     }
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 TESTS_MAIN

@@ -6,14 +6,12 @@
 // One step under a plate that has come from above at a speed; the force on it.
 static double struck(const kn_model_def *def, double speed_m_s)
 {
-    kn_model *model = build(def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(def);
+    OWN(kn_state) *state = kn_state_create(model);
     kn_input in = {.probe[0] = {.attached = true, .velocity_m_s = {0, 0, -speed_m_s}}};
     in.probe[0].position_m[2] = model->rest_m[model->top[0]][2];
     kn_output out;
     CHECK(kn_step(model, state, &in, &out) == KN_OK);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
     return out.probe[0].force_n[2];
 }
 
@@ -30,8 +28,8 @@ TEST("dough struck at 0.1 to 1 m/s answers in the same millisecond with the forc
 TEST("a plate that is torn away at 1 m/s takes nothing along")
 {
     kn_model_def def = press_def(1);
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     press p = {.depth_m = 0.002, .hold_s = 1};
     kn_input in;
     kn_output out;
@@ -45,8 +43,6 @@ TEST("a plate that is torn away at 1 m/s takes nothing along")
     displacement(model, state, under, after);
     CHECK(out.probe[0].contacts == 0 && out.probe[0].force_n[2] == 0);
     CHECK(fabs(after[2] - before[2]) < 1e-4); // it would be 1 mm
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 TEST("a heavy node that a plate has thrown flies on when the plate slows down")
@@ -55,8 +51,8 @@ TEST("a heavy node that a plate has thrown flies on when the plate slows down")
     def.nodes[0] = def.nodes[1] = def.nodes[2] = 1;
     def.structure = KN_STRUCTURE_AXIS;
     def.support = KN_SUPPORT_NONE;
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     kn_input in = {.probe[0].attached = true};
     kn_output out;
     for (int i = 0; i < 100; i++) { // to 0.1 m/s downwards in 50 ms, and to rest in as many
@@ -68,16 +64,14 @@ TEST("a heavy node that a plate has thrown flies on when the plate slows down")
     double v[3];
     kn_state_velocity(model, state, 0, v);
     CHECK_NEAR(v[2], -0.1, 3e-3); // let go one step late
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 TEST("a plate in steps of 0.1 s is where its pose is, not past it")
 {
     kn_model_def def = press_def(1);
     def.solver.dt_s = 0.1;
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     kn_input in = {.probe[0].attached = true};
     kn_output out;
     for (int i = 0; i < 20; i++) {
@@ -85,15 +79,13 @@ TEST("a plate in steps of 0.1 s is where its pose is, not past it")
         kn_step(model, state, &in, &out);
     }
     CHECK_NEAR(out.probe[0].position_m[2], 0.06, 1e-12);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 // A block whose upper cells begin without any volume is let go; where the middle of its top is after some steps.
 static double sprung(const kn_model_def *def, int steps)
 {
-    kn_model *model = build(def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(def);
+    OWN(kn_state) *state = kn_state_create(model);
     kn_input in = {0};
     kn_output out;
     double u[3];
@@ -101,8 +93,6 @@ static double sprung(const kn_model_def *def, int steps)
         kn_real_set(model, state->displacement, model->offset[model->top[i]] + 2 * model->stride, -def->spacing_m);
     for (int i = 0; i < steps; i++) CHECK(kn_step(model, state, &in, &out) == KN_OK);
     displacement(model, state, model->top[model->top_count / 2], u);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
     return u[2];
 }
 
@@ -127,8 +117,8 @@ TEST("at rest an answer is converged after a few lines through the law, not neve
     kn_model_def def = converged(press_def(1));
     def.solver.passes = 100;
     def.solver.linearization = KN_LINEARIZATION_BLEND; // the secant creeps
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     press p = {.depth_m = 0.002, .hold_s = 1};
     kn_output out;
     for (int i = 1; i <= 800; i++) {
@@ -137,8 +127,6 @@ TEST("at rest an answer is converged after a few lines through the law, not neve
         CHECK(out.passes < 60);
     }
     CHECK(out.passes < 5);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 TEST("a scene is refused whose sphere is 500 times as stiff as its object, or whose gas takes 0.1 s steps")

@@ -17,11 +17,9 @@ TEST("a press on a block turned by a quarter about z gives the same force, altho
             along.solver.tolerance = across.solver.tolerance = 1e-12;
             along.solver.iterations_max = across.solver.iterations_max = 400;
         }
-        run a = press_run(&along, &p, 1, 1e-3), b = press_run(&across, &p, 1, 1e-3);
+        AT_END(run_free) run a = press_run(&along, &p, 1, 1e-3), b = press_run(&across, &p, 1, 1e-3);
         CHECK(peak_n(&a) > 1);
         CHECK_NEAR(force_error(&a, &b), 0, precision ? 1e-9 : 1e-4);
-        run_free(&a);
-        run_free(&b);
     }
 }
 
@@ -40,8 +38,8 @@ static void squeeze(int axis, double *force_n, int steps)
         def.probe[b] = (kn_probe_def){.shape = KN_PROBE_SPHERE, .radius_m = 0.01};
         snprintf(def.probe[b].name, sizeof def.probe[b].name, "ball%d", b);
     }
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     double half = 0.5 * (sides[0] - 1) * def.spacing_m, centre[3] = {0, 0, 0.5 * (def.nodes[2] - 1) * def.spacing_m};
     for (int i = 0; i < steps; i++) {
         kn_input in = {0};
@@ -59,8 +57,6 @@ static void squeeze(int axis, double *force_n, int steps)
         for (int k = 1; k < 3; k++) // the face is symmetric about the ball: nothing pushes it aside
             CHECK_NEAR(out.probe[0].force_n[(axis + k) % 3], 0, 1e-6 + 1e-6 * fabs(force_n[i]));
     }
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 TEST("a free block squeezed between two balls feels the same along x, y and z, and the two forces balance")
@@ -81,7 +77,7 @@ TEST("a press in the middle leaves a dent that is its own mirror image")
         def.solver.precision = (kn_precision)precision;
         kn_grid g;
         kn_grid_init(&g, def.nodes, def.spacing_m, 0, 1);
-        run r = press_run(&def, &p, 1, 1e-3);
+        AT_END(run_free) run r = press_run(&def, &p, 1, 1e-3);
         double worst = 0;
         for (int i = 0; i < r.nodes; i++) {
             int c[3];
@@ -95,7 +91,6 @@ TEST("a press in the middle leaves a dent that is its own mirror image")
         for (int i = 0; i < r.samples; i++)
             for (int k = 0; k < 2; k++) CHECK_NEAR(r.force_n[i][k], 0, (precision ? 1e-9 : 1e-4) * peak_n(&r));
         CHECK_NEAR(worst, 0, precision ? 1e-12 : 1e-7); // m
-        run_free(&r);
     }
 }
 
@@ -128,8 +123,8 @@ TEST("internal forces add up to nothing: a free body thrown about keeps its mome
     def.solver.precision = KN_PRECISION_F64;
     def.solver.tolerance = 1e-12;
     def.solver.iterations_max = 500;
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     uint64_t seed = 7;
     for (int i = 0; i < model->grid.nodes; i++)
         for (int k = 0; k < 3; k++) ((double *)state->velocity)[component(model, i, k)] = 0.05 * kn_dice_in(&seed, -1, 1);
@@ -143,8 +138,6 @@ TEST("internal forces add up to nothing: a free body thrown about keeps its mome
         CHECK_NEAR(p1[k], p0[k], 1e-6 * size);
         CHECK_NEAR(l1[k], l0[k], 1e-6 * size * 0.05); // arm of 5 cm
     }
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 TEST("a free body carried 5 cm away feels a ball as it did at home")
@@ -155,8 +148,8 @@ TEST("a free body carried 5 cm away feels a ball as it did at home")
         def.support = KN_SUPPORT_NONE;
         def.density_kg_m3 = 1e5; // heavy enough to stay while it is dented
         def.solver.precision = KN_PRECISION_F64;
-        kn_model *model = build(&def);
-        kn_state *state = kn_state_create(model);
+        OWN(kn_model) *model = build(&def);
+        OWN(kn_state) *state = kn_state_create(model);
         double shift[3] = {away * 0.05, away * -0.03, away * 0.02};
         for (int i = 0; i < model->grid.nodes; i++)
             for (int k = 0; k < 3; k++) ((double *)state->displacement)[component(model, i, k)] = shift[k];
@@ -168,8 +161,6 @@ TEST("a free body carried 5 cm away feels a ball as it did at home")
             CHECK(kn_step(model, state, &in, &out) == KN_OK);
             force[away][i] = out.probe[0].force_n[2];
         }
-        kn_state_destroy(state);
-        kn_model_destroy(model);
     }
     CHECK(force[0][299] > 0.05);
     for (int i = 0; i < 300; i++) CHECK_NEAR(force[1][i], force[0][i], 1e-6 * force[0][299]);

@@ -12,8 +12,8 @@ static dent press_and_rest(kn_material material, kn_precision precision)
     kn_model_def def = press_def(1);
     def.material = material;
     def.solver.precision = precision;
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     press p = {.depth_m = 0.01, .hold_s = 1};
     int node = kn_grid_node(&model->grid, 2, 3, 3); // on top, under the plate
     dent d = {0};
@@ -27,8 +27,6 @@ static dent press_and_rest(kn_material material, kn_precision precision)
         d.left_m = -u[2];
     }
     CHECK(out.probe[0].contacts == 0);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
     return d;
 }
 

@@ -47,8 +47,8 @@ static double strain_under(kn_model_def def, double stress_pa, double dt_s, int 
     def.probe_count = 0;
     def.solver.dt_s = dt_s;
     def = converged(def);
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     double extent[3];
     kn_model_def_extent(&def, extent);
     kn_input in = {.top_load_n = stress_pa * extent[0] * extent[1]};
@@ -57,42 +57,36 @@ static double strain_under(kn_model_def def, double stress_pa, double dt_s, int 
     double third = extent[2] / 3, strain = 1 - top_height(model, state) / extent[2];
     if (middle)
         strain = 1 - (layer_height(model, state, 2 * third) - layer_height(model, state, third)) / third;
-    kn_state_destroy(state);
-    kn_model_destroy(model);
     return strain;
 }
 
 TEST("a block of tetrahedra under a small load yields by load over k1 and its own E along z, within 3 %")
 {
     for (int per_cm = 1; per_cm <= 2; per_cm++) {
-        kn_simplices *mesh;
+        OWN(kn_simplices) *mesh = NULL;
         kn_model_def def = net_def(&mesh, per_cm);
         def.material = jelly();
-        kn_model *model = build(&def);
+        OWN(kn_model) *model = build(&def);
         double strain = strain_under(def, 20, 0.05, 60, false), own = model->moduli.young[2];
         printf("     %d per cm: %.4f %%, element %.4f %%, E along z %.4f\n", per_cm, 100 * strain,
                100 * 20 / def.material.k1_pa, own);
         CHECK_NEAR(strain * own * def.material.k1_pa / 20, 1, 0.03);
         CHECK_NEAR(own, 1, 0.08);
-        kn_model_destroy(model);
-        kn_simplices_destroy(mesh);
     }
 }
 
 // Directions of the springs and E V/L^2 give C11 = 10/9, C12 = C44 = 4/9 of E.
 TEST("a body-centred lattice has the constants of its directions: nu 2/7, shear 4/3 of an isotropic body's, within 3 %")
 {
-    kn_simplices *mesh;
+    OWN(kn_simplices) *mesh = NULL;
     kn_model_def def = net_def(&mesh, 2);
-    kn_model *model = build(&def);
+    OWN(kn_model) *model = build(&def);
     const kn_net_moduli *own = &model->moduli;
     printf("     E %.3f %.3f %.3f, nu %.3f, G/Giso %.3f, gamma %.3f\n", own->young[0], own->young[1], own->young[2],
            own->poisson, own->shear * 2 * (1 + own->poisson), model->gamma);
     for (int k = 0; k < 3; k++) CHECK_NEAR(own->young[k], 1, 0.04);
     CHECK_NEAR(own->poisson, 2.0 / 7, 0.01);
     CHECK_NEAR(own->shear * 2 * (1 + own->poisson), 4.0 / 3, 0.04);
-    kn_model_destroy(model);
-    kn_simplices_destroy(mesh);
 }
 
 // 60 s of the element under a constant stress: p and then the damper, in small steps.
@@ -105,7 +99,7 @@ NIGHT_TEST("dough of tetrahedra creeps in 60 s as the element does, within 10 % 
 {
     // Under a dead load the corners, which few springs hold, sink deeper than what is below them once their dampers
     // thin: with 1 cm between corners the whole height shrinks by a quarter more, and no gamma serves both.
-    kn_simplices *mesh;
+    OWN(kn_simplices) *mesh = NULL;
     kn_model_def def = net_def(&mesh, 1);
     for (double gf = 20; gf <= 30; gf += 10) {
         // the load is small against k1, so that the block's own area hardly changes: a tenth of the modulus everywhere
@@ -118,20 +112,19 @@ NIGHT_TEST("dough of tetrahedra creeps in 60 s as the element does, within 10 % 
                100 * (strain / element - 1), 100 * (whole / element - 1));
         CHECK_NEAR(strain / element, 1, 0.10);
     }
-    kn_simplices_destroy(mesh);
 }
 
 TEST("internal forces add up to nothing: a free net thrown about keeps its momentum to 1e-6 in 200 steps")
 {
-    kn_simplices *mesh;
+    OWN(kn_simplices) *mesh = NULL;
     kn_model_def def = net_def(&mesh, 1);
     def.support = KN_SUPPORT_NONE;
     def.probe_count = 0;
     def.solver.precision = KN_PRECISION_F64;
     def.solver.tolerance = 1e-14;
     def.solver.iterations_max = 500;
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     double before[3] = {0}, after[3] = {0}, size = 0;
     for (int i = 0; i < model->node_count; i++)
         for (size_t k = 0; k < 3; k++) {
@@ -147,17 +140,14 @@ TEST("internal forces add up to nothing: a free net thrown about keeps its momen
         for (size_t k = 0; k < 3; k++)
             after[k] += model->node_mass_kg[i] * ((double *)state->velocity)[model->offset[i] + k];
     for (int k = 0; k < 3; k++) CHECK_NEAR(after[k], before[k], 1e-6 * size);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
-    kn_simplices_destroy(mesh);
 }
 
 TEST("a copy of a net's state goes on with the same bits")
 {
-    kn_simplices *mesh;
+    OWN(kn_simplices) *mesh = NULL;
     kn_model_def def = net_def(&mesh, 1);
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model), *copy = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model), *copy = kn_state_create(model);
     press p = {.depth_m = 0.004, .hold_s = 0.05};
     for (int i = 0; i < 200; i++) {
         kn_input in = press_input(model, &p, (i + 1) * 1e-3);
@@ -168,32 +158,25 @@ TEST("a copy of a net's state goes on with the same bits")
         CHECK(i < 99 || kn_state_hash(model, copy) == kn_state_hash(model, state));
     }
     CHECK(state->probe[0].contacts > 0);
-    kn_state_destroy(copy);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
-    kn_simplices_destroy(mesh);
 }
 
 TEST("a net has the same bits on every instruction set")
 {
-    kn_simplices *mesh;
+    OWN(kn_simplices) *mesh = NULL;
     kn_model_def def = net_def(&mesh, 1);
     press p = {.depth_m = 0.004, .hold_s = 0.05};
     for (int kind = 0; kind < 6; kind++) {
         def.solver.precision = (kn_precision)(kind % 2);
         def.pressure = (kn_pressure)(kind / 2);
         def.solver.isa = KN_ISA_BASE;
-        run base = press_run(&def, &p, 0.3, 0.1);
+        AT_END(run_free) run base = press_run(&def, &p, 0.3, 0.1);
         for (kn_isa isa = KN_ISA_AVX2; isa <= KN_ISA_AVX512; isa++) {
             def.solver.isa = isa;
             if (!kn_isa_supported(isa)) continue;
-            run other = press_run(&def, &p, 0.3, 0.1);
+            AT_END(run_free) run other = press_run(&def, &p, 0.3, 0.1);
             CHECK(other.hash == base.hash && peak_n(&base) > 1);
-            run_free(&other);
         }
-        run_free(&base);
     }
-    kn_simplices_destroy(mesh);
 }
 
 // A press of 1 mm by the fast step and by Runge-Kutta, with the mass scaled so that it is stable.
@@ -207,36 +190,32 @@ static void compare(const char *what, kn_model_def implicit)
     implicit.solver.dt_s = 5e-4;
     implicit = converged(implicit);
     press p = {.depth_m = 0.001, .hold_s = 0.03};
-    run oracle = press_run(&exact, &p, 0.16, 1e-2), fast = press_run(&implicit, &p, 0.16, 1e-2);
+    AT_END(run_free) run oracle = press_run(&exact, &p, 0.16, 1e-2), fast = press_run(&implicit, &p, 0.16, 1e-2);
     CHECK(oracle.status == KN_OK && fast.status == KN_OK);
     printf("     %s: peak %.4f N, Runge-Kutta %.4f N; force %.3f %%, dent %.3f %% apart\n", what, peak_n(&fast),
            peak_n(&oracle), 100 * force_error(&fast, &oracle), 100 * shape_error(&fast, &oracle));
     CHECK(peak_n(&oracle) > 0.1);
     CHECK_NEAR(force_error(&fast, &oracle), 0, 0.01);
     CHECK_NEAR(shape_error(&fast, &oracle), 0, 0.01);
-    run_free(&oracle);
-    run_free(&fast);
 }
 
 TEST("under a plate and under a ball a net's implicit step agrees with Runge-Kutta within 1 %")
 {
-    kn_simplices *mesh;
+    OWN(kn_simplices) *mesh = NULL;
     kn_model_def def = net_def(&mesh, 1);
     compare("plate", def);
     def.probe[0] = ball_def(1).probe[0];
     compare("ball", def);
-    kn_simplices_destroy(mesh);
 }
 
 NIGHT_TEST("gas in the elements, closed one by one or as a whole, agrees with Runge-Kutta within 1 %")
 {
-    kn_simplices *mesh;
+    OWN(kn_simplices) *mesh = NULL;
     kn_model_def def = net_def(&mesh, 1);
     def.pressure = KN_PRESSURE_CELLS;
     compare("cells", def);
     def.pressure = KN_PRESSURE_OBJECT;
     compare("object", def);
-    kn_simplices_destroy(mesh);
 }
 
 TESTS_MAIN

@@ -11,15 +11,13 @@ static void compare(kn_model_def implicit, const press *p, double seconds, doubl
     exact.solver.dt_s = 1.8e-5; // just below the limit
     implicit.solver.dt_s = 2.5e-4;
     implicit = converged(implicit);
-    run oracle = press_run(&exact, p, seconds, 9e-3), fast = press_run(&implicit, p, seconds, 9e-3);
+    AT_END(run_free) run oracle = press_run(&exact, p, seconds, 9e-3), fast = press_run(&implicit, p, seconds, 9e-3);
     CHECK(oracle.status == KN_OK && fast.status == KN_OK);
     printf("     %s: peak %.4f N, Runge-Kutta %.4f N; force %.3f %%, dent %.3f %% apart\n", implicit.probe[0].name,
            peak_n(&fast), peak_n(&oracle), 100 * force_error(&fast, &oracle), 100 * shape_error(&fast, &oracle));
     CHECK(peak_n(&oracle) > 0.1);
     CHECK_NEAR(force_error(&fast, &oracle), 0, bound);
     CHECK_NEAR(shape_error(&fast, &oracle), 0, bound);
-    run_free(&oracle);
-    run_free(&fast);
 }
 
 NIGHT_TEST("under a plate the force and the dent of the implicit step agree with Runge-Kutta within 1 %")

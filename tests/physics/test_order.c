@@ -36,8 +36,8 @@ static void patch(kn_model_def def, double stress_pa, double *along, double *sid
     def.solver.precision = KN_PRECISION_F64;
     def.solver.tolerance = 1e-12;
     def.solver.iterations_max = 500;
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     double h = def.spacing_m, depth = def.thickness_m > 0 ? def.thickness_m : (def.nodes[1] - 1) * h;
     double area = (def.nodes[0] - 1) * h * depth;
     kn_input in = {.top_load_n = stress_pa * area};
@@ -55,8 +55,6 @@ static void patch(kn_model_def def, double stress_pa, double *along, double *sid
         displacement(model, state, i, u);
         CHECK_NEAR(u[2], *along * x[2], 1e-4 * fabs(*along) * 0.01);
     }
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 TEST("uniaxial patch test: any block with diagonals has the material's modulus exactly, E = 2.7 k/h, and nu = 0.35")
@@ -105,8 +103,8 @@ TEST("its own weight shortens a column by rho g H^2 / (2 E), whatever its mass s
         def.probe_count = 0;
         def.solver.precision = KN_PRECISION_F64;
         def.solver.mass_scale = scaled ? 10 : 1;
-        kn_model *model = build(&def);
-        kn_state *state = kn_state_create(model);
+        OWN(kn_model) *model = build(&def);
+        OWN(kn_state) *state = kn_state_create(model);
         kn_input in = {0};
         kn_output out;
         double u[3], height = 0.04;
@@ -114,8 +112,6 @@ TEST("its own weight shortens a column by rho g H^2 / (2 E), whatever its mass s
         displacement(model, state, 4, u);
         double expected = -def.density_kg_m3 * def.gravity_m_s2 * height * height / (2 * def.material.k1_pa);
         CHECK_NEAR(u[2], expected, 1e-4 * fabs(expected));
-        kn_state_destroy(state);
-        kn_model_destroy(model);
     }
 }
 

@@ -30,8 +30,8 @@ static void lean(const kn_model *model, kn_state *state, double share)
 static double top_after(const kn_scene *scene, double seconds, double leaning, int axis)
 {
     char error[400];
-    kn_model *model = kn_model_build(&scene->model, error, sizeof error);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = kn_model_build(&scene->model, error, sizeof error);
+    OWN(kn_state) *state = kn_state_create(model);
     lean(model, state, leaning);
     kn_input input = {0};
     kn_output output;
@@ -43,9 +43,7 @@ static double top_after(const kn_scene *scene, double seconds, double leaning, i
         kn_state_position(model, state, model->top[t], x_m);
         sum_m += x_m[axis] - model->rest_m[model->top[t]][axis];
     }
-    kn_state_destroy(state);
     double mean_m = sum_m / model->top_count;
-    kn_model_destroy(model);
     return mean_m;
 }
 
@@ -72,33 +70,28 @@ static double predicted(const kn_scene *scene, double seconds) // as knead check
 
 NIGHT_TEST("dough stands: 1.5 % in five minutes, as its stiffness at rest predicts")
 {
-    kn_scene *scene = weighed(NULL, 0);
+    OWN(kn_scene) *scene = weighed(NULL, 0);
     double sag = sag_after(scene, 300, 0);
     printf("     dough sags %.2f %%, predicted %.2f %%\n", 100 * sag, 100 * predicted(scene, 300));
     CHECK(sag < 0.016);
     CHECK_NEAR(sag / predicted(scene, 300), 1, 0.05);
-    kn_scene_destroy(scene);
 }
 
 NIGHT_TEST("with a linear damper of the viscosity that a press meets it slumps to less than half")
 {
-    kn_scene *scene = weighed((const char *const[]){"material.damper=constant", "material.c2=1387 gf s/cm^3"}, 2);
+    OWN(kn_scene) *scene = weighed((const char *const[]){"material.damper=constant", "material.c2=1387 gf s/cm^3"}, 2);
     double sag = sag_after(scene, 300, 0);
     printf("     linear damper: %.0f %%\n", 100 * sag);
     CHECK(sag > 0.5);
-    kn_scene_destroy(scene);
 }
 
 NIGHT_TEST("a plastic block holds its shape too by its force-dependent damper, and flows away with a linear one")
 {
-    kn_scene *scene = weighed((const char *const[]){"material=dough-plastic"}, 1);
-    double holds = sag_after(scene, 300, 0);
-    kn_scene_destroy(scene);
-    scene = weighed((const char *const[]){"material={k1: 0 Pa, c1: 2774 gf s/cm^3, damper: constant, c2: 2774 gf s/cm^3}",
-                                          "material.specimen_height=1 cm"},
-                    2);
-    double flows = sag_after(scene, 300, 0);
-    kn_scene_destroy(scene);
+    static const char *const linear[] = {
+        "material={k1: 0 Pa, c1: 2774 gf s/cm^3, damper: constant, c2: 2774 gf s/cm^3}",
+        "material.specimen_height=1 cm"};
+    OWN(kn_scene) *plastic = weighed((const char *const[]){"material=dough-plastic"}, 1), *slack = weighed(linear, 2);
+    double holds = sag_after(plastic, 300, 0), flows = sag_after(slack, 300, 0);
     printf("     plastic: %.2f %%, with a linear damper of 1387 gf s/cm^3 %.0f %%\n", 100 * holds, 100 * flows);
     CHECK_NEAR(holds, 0.012, 0.001);
     CHECK_NEAR(flows, 0.52, 0.05);
@@ -106,39 +99,31 @@ NIGHT_TEST("a plastic block holds its shape too by its force-dependent damper, a
 
 TEST("leaning by 2 % it stands with diagonals, and without them lies down within a second")
 {
-    kn_scene *scene = weighed(NULL, 0);
-    CHECK(sag_after(scene, 1, 0.02) < 0.01);
-    kn_scene_destroy(scene);
-    scene = weighed((const char *const[]){"object.structure=axis"}, 1);
-    double sag = sag_after(scene, 1, 0.02);
+    OWN(kn_scene) *whole = weighed(NULL, 0), *sides = weighed((const char *const[]){"object.structure=axis"}, 1);
+    CHECK(sag_after(whole, 1, 0.02) < 0.01);
+    double sag = sag_after(sides, 1, 0.02);
     printf("     sides only: %.0f %% after 1 s\n", 100 * sag);
     CHECK(sag > 0.5);
-    kn_scene_destroy(scene);
 }
 
 TEST("gas in the cells does not stop a lattice of sides from leaning over; diagonals of a hundredth do")
 {
     static const char *const weak[] = {"object.pressure=cells", "object.diagonal_stiffness=0.01"};
     static const char *const none[] = {"object.pressure=cells", "object.structure=axis"};
-    kn_scene *scene = weighed(none, 2);
-    double drift = drift_after(scene, 20, 0.02);
-    kn_scene_destroy(scene);
-    scene = weighed(weak, 2);
-    double held = drift_after(scene, 20, 0.02);
+    OWN(kn_scene) *sides = weighed(none, 2), *braced = weighed(weak, 2);
+    double drift = drift_after(sides, 20, 0.02), held = drift_after(braced, 20, 0.02);
     printf("     after 20 s the top has gone %.2f mm sideways without diagonals, %.3f mm with them\n", 1e3 * drift,
            1e3 * held);
     CHECK(drift > 2e-3 && fabs(held) < 0.1 * drift);
-    kn_scene_destroy(scene);
 }
 
 NIGHT_TEST("with gas it sags by 1 %, however weak the diagonals")
 {
     static const char *const weak[] = {"object.pressure=cells", "object.diagonal_stiffness=0.02", "solver.dt=2 ms"};
-    kn_scene *scene = weighed(weak, 3);
+    OWN(kn_scene) *scene = weighed(weak, 3);
     double sag = sag_after(scene, 300, 0);
     printf("     with gas %.2f %%\n", 100 * sag);
     CHECK_NEAR(sag, 0.01, 0.001);
-    kn_scene_destroy(scene);
 }
 
 TESTS_MAIN

@@ -16,22 +16,20 @@ typedef struct setting {
 static void compare(int per_cm, double seconds, const setting *settings, int count)
 {
     kn_model_def def = converged(press_def(per_cm));
-    run reference = press_run(&def, &path, seconds, 1e-3);
+    AT_END(run_free) run reference = press_run(&def, &path, seconds, 1e-3);
     CHECK(reference.status == KN_OK && peak_n(&reference) > 1);
     for (int i = 0; i < count; i++) {
         const setting *s = &settings[i];
         def = press_def(per_cm);
         def.solver.linearization = s->how;
         def.solver.precision = s->precision;
-        run r = press_run(&def, &path, seconds, 1e-3);
+        AT_END(run_free) run r = press_run(&def, &path, seconds, 1e-3);
         printf("     %4d nodes, %-12s force %.3f %%, shape %.3f %%, variation %.2f x peak\n", r.nodes, s->name,
                100 * force_error(&r, &reference), 100 * shape_error(&r, &reference), variation(&r));
         CHECK_NEAR(force_error(&r, &reference), 0, s->force);
         CHECK_NEAR(shape_error(&r, &reference), 0, s->shape);
         CHECK(variation(&r) < 4);
-        run_free(&r);
     }
-    run_free(&reference);
 }
 
 static const setting small[] = {
@@ -61,14 +59,12 @@ TEST("847 nodes: the same bounds hold, but 1 % for the tangent")
 TEST("two references that share only the physics agree: tangent and secant, both iterated to convergence")
 {
     kn_model_def def = converged(press_def(1));
-    run secant = press_run(&def, &path, SECONDS, 1e-3);
+    AT_END(run_free) run secant = press_run(&def, &path, SECONDS, 1e-3);
     def.solver.linearization = KN_LINEARIZATION_BLEND;
     def.solver.passes = 8;
-    run blend = press_run(&def, &path, SECONDS, 1e-3);
+    AT_END(run_free) run blend = press_run(&def, &path, SECONDS, 1e-3);
     CHECK_NEAR(force_error(&blend, &secant), 0, 1e-3);
     CHECK_NEAR(shape_error(&blend, &secant), 0, 1e-3);
-    run_free(&secant);
-    run_free(&blend);
 }
 
 // -1: this processor lacks the instruction set.
@@ -76,16 +72,14 @@ static int hash_of(kn_model_def def, kn_isa isa, const press *p, uint64_t *hash,
 {
     char error[256];
     def.solver.isa = isa;
-    kn_model *model = kn_model_build(&def, error, sizeof error);
+    OWN(kn_model) *model = kn_model_build(&def, error, sizeof error);
     if (!model) return -1;
     bool got = model->isa == isa;
-    kn_model_destroy(model);
     if (!got) return -1;
-    run r = press_run(&def, p, 0.3, 1e-3);
+    AT_END(run_free) run r = press_run(&def, p, 0.3, 1e-3);
     *hash = r.hash;
     *peak = peak_n(&r);
     CHECK(r.status == KN_OK);
-    run_free(&r);
     return 0;
 }
 
@@ -144,8 +138,8 @@ TEST("long rows (two vectors of lanes) and rows along every axis give the same b
 TEST("a run is repeatable: the same inputs give the same bits, and a copy of the state goes on as the original does")
 {
     kn_model_def def = press_def(1);
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model), *copy = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model), *copy = kn_state_create(model);
     press p = {.depth_m = 0.002, .hold_s = 0.02};
     kn_output out;
     for (int i = 1; i <= 300; i++) {
@@ -161,9 +155,6 @@ TEST("a run is repeatable: the same inputs give the same bits, and a copy of the
         kn_step(model, state, &in, &out);
     }
     CHECK(kn_state_hash(model, state) == kn_state_hash(model, copy));
-    kn_state_destroy(state);
-    kn_state_destroy(copy);
-    kn_model_destroy(model);
 }
 
 TESTS_MAIN

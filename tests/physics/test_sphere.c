@@ -26,8 +26,8 @@ static slide slide_over(kn_model_def def, double radius_m)
     enum { DOWN = 300, WAIT = 200, ALONG = 2000, SKIP = 500 };
     static double force[ALONG - SKIP];
     def.probe[0].radius_m = radius_m;
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     double top = (def.nodes[2] - 1) * def.spacing_m;
     slide s = {.fewest = 1000};
     for (int i = 1; i <= DOWN + WAIT + ALONG; i++) {
@@ -52,8 +52,6 @@ static slide slide_over(kn_model_def def, double radius_m)
     }
     s.ripple = sqrt(s.ripple) / s.mean_n;
     s.buzz = rms_above_10hz(force, n) / s.mean_n;
-    kn_state_destroy(state);
-    kn_model_destroy(model);
     return s;
 }
 
@@ -119,11 +117,10 @@ TEST("what the ball feels points away from the object, and is nothing in the air
 {
     kn_model_def def = ball_def(2);
     press p = {.depth_m = 0.003, .hold_s = 0.1};
-    run r = press_run(&def, &p, press_up_s(&p) + 1.5, 1e-3);
+    AT_END(run_free) run r = press_run(&def, &p, press_up_s(&p) + 1.5, 1e-3);
     CHECK(peak_n(&r) > 0.2);
     for (int i = 0; i < r.samples; i++) CHECK(r.force_n[i][2] >= 0);
     for (int k = 0; k < 3; k++) CHECK_NEAR(r.force_n[r.samples - 1][k], 0, 0);
-    run_free(&r);
 }
 
 TESTS_MAIN

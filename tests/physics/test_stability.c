@@ -25,13 +25,12 @@ TEST("k1, c1 and alpha of the dough times 1e-4 to 1e4, f32 and f64: a press stay
         scale_material(&def.material, t / 5 % 3, scales[t % 5]);
         def.solver.precision = (kn_precision)(t / 15);
         press p = {.depth_m = 0.003, .hold_s = 0.05};
-        run r = press_run(&def, &p, 0.6, 1e-3);
+        AT_END(run_free) run r = press_run(&def, &p, 0.6, 1e-3);
         CHECK(r.status == KN_OK);
         CHECK(finite_all(&r.force_n[0][0], 3 * r.samples) && finite_all(&r.shape_m[0][0], 3 * r.nodes));
         for (int i = 0; i < r.nodes; i++)
             for (int k = 0; k < 3; k++) CHECK(fabs(r.shape_m[i][k]) < 0.05);
         CHECK(peak_n(&r) > 0);
-        run_free(&r);
     }
 }
 
@@ -48,10 +47,9 @@ TEST("the same through c1 = 0, k1 = 0, a rigid and a nearly fluid damper, with a
         def.material = m[t % 5];
         def.solver.precision = (kn_precision)(t / 5);
         press p = {.depth_m = 0.003, .hold_s = 0.05};
-        run r = press_run(&def, &p, 0.6, 1e-3);
+        AT_END(run_free) run r = press_run(&def, &p, 0.6, 1e-3);
         CHECK(r.status == KN_OK && finite_all(&r.force_n[0][0], 3 * r.samples));
         CHECK(peak_n(&r) > 0);
-        run_free(&r);
     }
 }
 
@@ -65,8 +63,8 @@ TEST("a dead load only ever lowers the top, at every scale and at steps of 0.1 t
         def.density_kg_m3 = 0.01; // no inertia, which may ring where c1 is small
         scale_material(&def.material, t / 5 % 3, scales[t % 5]);
         def.solver.dt_s = steps[t / 15];
-        kn_model *model = build(&def);
-        kn_state *state = kn_state_create(model);
+        OWN(kn_model) *model = build(&def);
+        OWN(kn_state) *state = kn_state_create(model);
         double before = 0, u[3];
         // a load that bends the softest of them by a tenth at most
         kn_input in = {.top_load_n = 4e-4 * fmin(400, fmin(def.material.k1_pa / 10, def.material.c1_pa_s / 10))};
@@ -79,16 +77,14 @@ TEST("a dead load only ever lowers the top, at every scale and at steps of 0.1 t
             before = u[2];
         }
         CHECK(before <= 0);
-        kn_state_destroy(state);
-        kn_model_destroy(model);
     }
 }
 
 TEST("a physics gone bad is told once and gives no force: after a NaN pose the state stays bad until it is reset")
 {
     kn_model_def def = ball_def(1);
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     press p = {.depth_m = 0.003, .hold_s = 1};
     kn_input in;
     kn_output out;
@@ -101,8 +97,6 @@ TEST("a physics gone bad is told once and gives no force: after a NaN pose the s
     for (int k = 0; k < 3; k++) CHECK(out.probe[0].force_n[k] == 0);
     kn_state_reset(model, state);
     CHECK(kn_step(model, state, &in, &out) == KN_OK);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
 }
 
 TESTS_MAIN

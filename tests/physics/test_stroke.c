@@ -163,8 +163,8 @@ static double kernel_error(const kn_material *mat, kn_precision precision, kn_is
 {
     double error[3] = {0}; // the largest ones, falling
     kn_model_def def = bar_def(mat, precision, isa);
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     kn_work *work = kn_state_work(state);
     edge_run *r = drive_referee(mat, 1e-3);
     size_t top = model->offset[1] + 2 * model->stride;
@@ -183,8 +183,6 @@ static double kernel_error(const kn_material *mat, kn_precision precision, kn_is
         kn_real_set(model, state->displacement, top, driven_strain((i + 1) * 1e-3) * def.spacing_m);
     }
     free(r);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
     return error[but];
 }
 
@@ -218,8 +216,8 @@ static double runge_kutta_error(const kn_material *mat, double dt, int but)
     def.solver.kind = KN_SOLVER_RK4;
     def.solver.dt_s = dt;
     def.solver.mass_scale = 1e9; // both nodes are held: only the edge's own time constant is left
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&def);
+    OWN(kn_state) *state = kn_state_create(model);
     edge_run *r = drive_referee(mat, 1e-3);
     double error[3] = {0}, velocity[2][3] = {{0}}, reaction[2][3], area = model->kappa_m * def.spacing_m;
     uint8_t fixed[2] = {7, 7};
@@ -231,8 +229,6 @@ static double runge_kutta_error(const kn_material *mat, double dt, int but)
         keep_largest(error, fabs(-reaction[0][2] / area - r->stress_pa[i]) / r->peak_pa);
     }
     free(r);
-    kn_state_destroy(state);
-    kn_model_destroy(model);
     return error[but];
 }
 
@@ -285,11 +281,11 @@ static double *press_scene(const char *object, const char *material, const char 
              "solver: {precision: %s, linearization: secant, passes: 5, tolerance: 1e-8, iterations_max: 1000}\n"
              "probes: [{name: plate, shape: plate, size: [1 cm, 6 cm]}]\n",
              object, material, precision);
-    kn_scene *scene =
+    OWN(kn_scene) *scene =
         kn_scene_parse(KN_SOURCE_DIR "/core/scenes/pressed.yaml", text, strlen(text), NULL, 0, error, sizeof error);
     if (!scene) KN_TEST_FAIL("%s", error);
-    kn_model *model = build(&scene->model);
-    kn_state *state = kn_state_create(model);
+    OWN(kn_model) *model = build(&scene->model);
+    OWN(kn_state) *state = kn_state_create(model);
     double *force = calloc((size_t)steps, sizeof *force), top = 0;
     for (int i = 0; i < model->node_count; i++) top = fmax(top, model->rest_m[i][2]);
     for (int i = 0; i < steps; i++) {
@@ -302,9 +298,6 @@ static double *press_scene(const char *object, const char *material, const char 
         CHECK(kn_step(model, state, &in, &out) == KN_OK);
         force[i] = out.probe[0].force_n[2];
     }
-    kn_state_destroy(state);
-    kn_model_destroy(model);
-    kn_scene_destroy(scene);
     return force;
 }
 

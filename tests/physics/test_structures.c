@@ -58,8 +58,8 @@ static void measure_sides(const kn_model *m, const kn_state *state, shape *s)
 static shape press_shape(kn_model_def def, double hold_s)
 {
     const press p = {.depth_m = 0.01, .hold_s = hold_s};
-    kn_model *m = build(&def);
-    kn_state *state = kn_state_create(m);
+    OWN(kn_model) *m = build(&def);
+    OWN(kn_state) *state = kn_state_create(m);
     int count = kn_grid_cells(&m->grid, NULL);
     kn_cell *cells = malloc((size_t)count * sizeof *cells);
     if (!state || !cells) abort();
@@ -77,8 +77,6 @@ static shape press_shape(kn_model_def def, double hold_s)
     measure_cells(m, state, cells, count, &s);
     measure_sides(m, state, &s);
     free(cells);
-    kn_state_destroy(state);
-    kn_model_destroy(m);
     printf("     peak %.2f N, end %.2f N, dip %.3f N; out by %.2f and %.2f mm; volume %+.2f %%, least V/V0 %.2f\n", s.peak_n,
            s.end_n, s.dip_n, 1e3 * s.bulge_m[0], 1e3 * s.bulge_m[1], 100 * s.grown, s.least);
     return s;
@@ -133,8 +131,8 @@ static run press_disc(double thickness_m, double aside_m)
     def.thickness_m = thickness_m;
     def.probe[0].radius_m = 0.015;
     const press p = {.depth_m = 0.005, .hold_s = 0.2};
-    kn_model *m = build(&def);
-    kn_state *state = kn_state_create(m);
+    OWN(kn_model) *m = build(&def);
+    OWN(kn_state) *state = kn_state_create(m);
     run r = {.samples = 700};
     r.force_n = calloc((size_t)r.samples, sizeof *r.force_n);
     if (!state || !r.force_n) abort();
@@ -147,23 +145,18 @@ static run press_disc(double thickness_m, double aside_m)
         memcpy(r.force_n[i], out.probe[0].force_n, sizeof *r.force_n);
         CHECK(out.probe[0].force_n[1] == 0 && out.probe[0].force_n[2] >= 0);
     }
-    kn_state_destroy(state);
-    kn_model_destroy(m);
     return r;
 }
 
 TEST("to a flat object a ball is a disc: it presses wherever along y it is held, twice as hard an object twice as thick")
 {
-    run thin = press_disc(0.01, 0), thick = press_disc(0.02, 0), aside = press_disc(0.01, 0.05);
+    AT_END(run_free) run thin = press_disc(0.01, 0), thick = press_disc(0.02, 0), aside = press_disc(0.01, 0.05);
     printf("     peak %.3f N, total variation %.2f of it\n", peak_n(&thin), variation(&thin));
     CHECK(peak_n(&thin) > 0.3 && variation(&thin) < 2.2);
     for (int i = 0; i < thin.samples; i++) {
         CHECK_NEAR(thick.force_n[i][2], 2 * thin.force_n[i][2], 1e-4 * peak_n(&thick));
         CHECK_NEAR(aside.force_n[i][2], thin.force_n[i][2], 0);
     }
-    run_free(&thin);
-    run_free(&thick);
-    run_free(&aside);
 }
 
 // --- against Runge-Kutta --------------------------------------------------------------------------------------------
@@ -179,9 +172,9 @@ static void compare(const char *name, kn_model_def implicit)
     implicit.solver.dt_s = 2.5e-4;
     kn_model_def loose = implicit;
     loose.pressure = KN_PRESSURE_NONE;
-    run oracle = press_run(&exact, &p, 0.33, 9e-3), fast = press_run(&implicit, &p, 0.33, 9e-3);
+    AT_END(run_free) run oracle = press_run(&exact, &p, 0.33, 9e-3), fast = press_run(&implicit, &p, 0.33, 9e-3);
     implicit = converged(implicit);
-    run best = press_run(&implicit, &p, 0.33, 9e-3), without = press_run(&loose, &p, 0.33, 9e-3);
+    AT_END(run_free) run best = press_run(&implicit, &p, 0.33, 9e-3), without = press_run(&loose, &p, 0.33, 9e-3);
     printf("     %s: peak %.3f N, Runge-Kutta %.3f N, without gas %.3f N; force %.2f %% (f32, blend %.2f %%), dent "
            "%.2f %% apart\n",
            name, peak_n(&best), peak_n(&oracle), peak_n(&without), 100 * force_error(&best, &oracle),
@@ -191,10 +184,6 @@ static void compare(const char *name, kn_model_def implicit)
     CHECK_NEAR(force_error(&best, &oracle), 0, 0.01);
     CHECK_NEAR(shape_error(&best, &oracle), 0, 0.01);
     CHECK_NEAR(force_error(&fast, &oracle), 0, 0.02);
-    run_free(&oracle);
-    run_free(&best);
-    run_free(&fast);
-    run_free(&without);
 }
 
 NIGHT_TEST("with gas the implicit step agrees with explicit Runge-Kutta within 1 %, per cell and per object, block and flat")
@@ -229,8 +218,8 @@ TEST("gas pushes nothing away: a free body thrown about keeps its momentum to 1e
 {
     for (kn_pressure pressure = KN_PRESSURE_CELLS; pressure <= KN_PRESSURE_OBJECT; pressure++) {
         kn_model_def def = free_body(pressure);
-        kn_model *m = build(&def);
-        kn_state *state = kn_state_create(m);
+        OWN(kn_model) *m = build(&def);
+        OWN(kn_state) *state = kn_state_create(m);
         uint64_t seed = 7;
         double before[3] = {0}, after[3] = {0}, size = 0;
         for (int i = 0; i < m->node_count; i++)
@@ -245,8 +234,6 @@ TEST("gas pushes nothing away: a free body thrown about keeps its momentum to 1e
         for (int i = 0; i < m->node_count; i++)
             for (int k = 0; k < 3; k++) after[k] += m->node_mass_kg[i] * *component(m, state->velocity, i, k);
         for (int k = 0; k < 3; k++) CHECK_NEAR(after[k], before[k], 1e-6 * size);
-        kn_state_destroy(state);
-        kn_model_destroy(m);
     }
 }
 
@@ -265,7 +252,7 @@ TEST("a block with gas that is turned by a general rotation moves as it would ha
 {
     for (kn_pressure pressure = KN_PRESSURE_CELLS; pressure <= KN_PRESSURE_OBJECT; pressure++) {
         kn_model_def def = free_body(pressure);
-        kn_model *m = build(&def);
+        OWN(kn_model) *m = build(&def);
         kn_state *state[2] = {kn_state_create(m), kn_state_create(m)};
         uint64_t seed = 11;
         for (int i = 0; i < m->node_count; i++) {
@@ -296,7 +283,6 @@ TEST("a block with gas that is turned by a general rotation moves as it would ha
         printf("     moved by %.2f mm, apart by %.1e m\n", 1e3 * farthest, worst);
         CHECK(farthest > 1e-4 && worst < 1e-10);
         for (int s = 0; s < 2; s++) kn_state_destroy(state[s]);
-        kn_model_destroy(m);
     }
 }
 
@@ -305,15 +291,13 @@ TEST("an object with gas that nobody touches stays as it is, to the bit")
     for (int t = 0; t < 4; t++) {
         kn_model_def def = with_gas(press_def(2), t & 1 ? KN_PRESSURE_OBJECT : KN_PRESSURE_CELLS, 1);
         if (t & 2) def = flat(def);
-        kn_model *m = build(&def);
-        kn_state *state = kn_state_create(m);
+        OWN(kn_model) *m = build(&def);
+        OWN(kn_state) *state = kn_state_create(m);
         uint64_t hash = kn_state_hash(m, state);
         kn_input in = {0};
         kn_output out;
         for (int i = 0; i < 20; i++) kn_step(m, state, &in, &out);
         CHECK(kn_state_hash(m, state) == hash);
-        kn_state_destroy(state);
-        kn_model_destroy(m);
     }
 }
 
@@ -327,16 +311,14 @@ TEST("every instruction set gives the same bits with gas, in rows of one, two an
         if (def.nodes[1] == 1) def.thickness_m = 0.02;
         def.solver.precision = (kn_precision)(t / 12);
         def.solver.isa = KN_ISA_BASE;
-        run base = press_run(&def, &p, 0.1, 1e-3);
+        AT_END(run_free) run base = press_run(&def, &p, 0.1, 1e-3);
         CHECK(base.status == KN_OK && peak_n(&base) > 0.1);
         for (int isa = KN_ISA_AVX2; isa <= KN_ISA_AVX512; isa++) {
             if (!kn_isa_supported((kn_isa)isa)) continue;
             def.solver.isa = (kn_isa)isa;
-            run other = press_run(&def, &p, 0.1, 1e-3);
+            AT_END(run_free) run other = press_run(&def, &p, 0.1, 1e-3);
             CHECK(other.hash == base.hash);
-            run_free(&other);
         }
-        run_free(&base);
     }
 }
 
@@ -351,11 +333,9 @@ TEST("a press turned by a quarter about z gives the same force with gas, althoug
     along.solver.precision = across.solver.precision = KN_PRECISION_F64;
     along.solver.tolerance = across.solver.tolerance = 1e-12;
     along.solver.iterations_max = across.solver.iterations_max = 400;
-    run a = press_run(&along, &p, 1, 1e-3), b = press_run(&across, &p, 1, 1e-3);
+    AT_END(run_free) run a = press_run(&along, &p, 1, 1e-3), b = press_run(&across, &p, 1, 1e-3);
     CHECK(peak_n(&a) > 1);
     CHECK_NEAR(force_error(&a, &b), 0, 1e-9);
-    run_free(&a);
-    run_free(&b);
 }
 
 // Mean number of CG iterations that a step takes to 1e-4 of the residual it started from.
@@ -366,8 +346,8 @@ static double iterations(kn_model_def def)
     def.solver.iterations = 1;
     def.solver.iterations_max = 1000;
     def.solver.tolerance = 1e-4;
-    kn_model *m = build(&def);
-    kn_state *state = kn_state_create(m);
+    OWN(kn_model) *m = build(&def);
+    OWN(kn_state) *state = kn_state_create(m);
     double sum = 0;
     int steps = 1500;
     for (int i = 1; i <= steps; i++) {
@@ -377,8 +357,6 @@ static double iterations(kn_model_def def)
         kn_step(m, state, &in, &out);
         sum += out.iterations;
     }
-    kn_state_destroy(state);
-    kn_model_destroy(m);
     return sum / steps;
 }
 

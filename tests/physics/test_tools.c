@@ -93,21 +93,20 @@ TEST("a box on a stiff coupling presses as one that follows its pose within 1 %,
     kn_model_def box = with_tool(press_def(2), (kn_probe_def){.name = "box", .shape = KN_PROBE_BOX,
                                                               .size_m = {0.01, 0.06, 0.02}, .foundation_n_m3 = 1e9,
                                                               .friction = 10});
-    run a = press_run(&plate, &p, 0.8, 0.001), rigid = press_run(&box, &p, 0.8, 0.001);
+    AT_END(run_free) run a = press_run(&plate, &p, 0.8, 0.001), rigid = press_run(&box, &p, 0.8, 0.001);
     box.probe[0].coupling_n_m = 1e7;
     box.probe[0].coupling_n_s_m = 2e5; // 20 ms, as a rigid one catches up
-    run coupled = press_run(&box, &p, 0.8, 0.001);
+    AT_END(run_free) run coupled = press_run(&box, &p, 0.8, 0.001);
     printf("     force %.2f %% from the rigid box, of %.2f N at most where a plate's is %.2f N; worst residual %.1e\n",
            100 * force_error(&coupled, &rigid), peak_n(&rigid), peak_n(&a), coupled.worst_residual);
     CHECK(force_error(&coupled, &rigid) < 0.01);
     CHECK(fabs(peak_n(&rigid) / peak_n(&a) - 1) < 0.1); // it holds nodes, the box a smooth skin
-    run_free(&a), run_free(&rigid), run_free(&coupled);
 }
 
 TEST("what the object does to a coupled tool is what its coupling does, to rounding")
 {
     kn_model_def def = with_tool(press_def(2), finger(0.5));
-    scene s = open_scene(&def);
+    AT_END(close_scene) scene s = open_scene(&def);
     s.in.probe[0].position_m[2] = 0.030 + 0.008;
     double worst = 0;
     for (int i = 0; i < 400; i++) {
@@ -126,7 +125,6 @@ TEST("what the object does to a coupled tool is what its coupling does, to round
     }
     CHECK(s.out.probe[0].force_n[2] > 0.5);
     CHECK(worst < 1e-9 * s.out.probe[0].force_n[2]);
-    close_scene(&s);
 }
 
 // A mallet: a box, and a capsule that leans across it.
@@ -171,13 +169,13 @@ static void third_law(kn_probe_def tool, double above_m, kn_skin_form skin)
     for (int k = 0; k < 3; k++) def.nodes[k] = 5;
     def.support = KN_SUPPORT_NONE;
     def.solver.tolerance = 1e-13;
-    scene s = open_scene(&def);
+    AT_END(close_scene) scene s = open_scene(&def);
     s.in.probe[0].position_m[0] = 0.006;
     s.in.probe[0].position_m[2] = 0.020 + above_m;
     double worst = 0, spin = 0, peak = 0;
     for (int i = 0; i < 200; i++) {
         double before[6] = {0}, after[6] = {0}, x[3], v[3], at[3];
-        kn_state *old = kn_state_create(s.model);
+        OWN(kn_state) *old = kn_state_create(s.model);
         kn_state_copy(s.model, old, s.state);
         move(&s, 0, 0.02, -0.03, 0.001);
         memcpy(at, old->probe[0].attached ? old->probe[0].position_m : s.out.probe[0].position_m, sizeof at);
@@ -196,21 +194,18 @@ static void third_law(kn_probe_def tool, double above_m, kn_skin_form skin)
             if (i > 0) spin = fmax(spin, fabs(after[3 + k] - before[3 + k] + s.out.probe[0].torque_n_m[k]));
             peak = fmax(peak, fabs(s.out.probe[0].force_n[k]));
         }
-        kn_state_destroy(old);
     }
     printf("     %s, of %.2f N: force %.1e N, moment %.1e N m\n", tool.name, peak, worst, spin);
     CHECK(peak > 0.01 && worst < 1e-9 * peak && spin < 1e-9 * peak * 0.01);
-    close_scene(&s);
 }
 
 TEST("what the object gains in momentum and spin is what the tool lost: Newton's third law, to rounding")
 {
-    kn_shape parts;
+    AT_END(kn_shape_drop) kn_shape parts;
     third_law(finger(0.5), 0.008, KN_SKIN_SPLINE);
     third_law(finger(0.5), 0.008, KN_SKIN_BILINEAR);
     third_law(mallet(&parts), 0.002, KN_SKIN_SPLINE);
     third_law(egg(&parts), 0, KN_SKIN_SPLINE);
-    kn_shape_drop(&parts);
 }
 
 // A ball in jelly, 2 mm deep, dragged along x.
@@ -218,7 +213,7 @@ static void drag(double friction, double *ratio_first, double *ratio_last)
 {
     kn_model_def def = with_tool(press_def(2), ball(friction));
     def.material = jelly();
-    scene s = open_scene(&def);
+    AT_END(close_scene) scene s = open_scene(&def);
     s.in.probe[0].position_m[0] = -0.006;
     s.in.probe[0].position_m[2] = 0.030 + 0.01;
     move(&s, 0, 0, -0.01, 0.2);
@@ -226,7 +221,6 @@ static void drag(double friction, double *ratio_first, double *ratio_last)
     *ratio_first = -s.out.probe[0].force_n[0] / s.out.probe[0].force_n[2];
     move(&s, 0, 0.01, 0, 1.2);
     *ratio_last = -s.out.probe[0].force_n[0] / s.out.probe[0].force_n[2];
-    close_scene(&s);
 }
 
 TEST("a ball that slides is held back by its friction times what it presses with, one that has not yet by less")
@@ -245,7 +239,7 @@ TEST("a tool that sticks at half of its cone does not creep on what does not")
 {
     kn_model_def def = with_tool(press_def(2), finger(0.8));
     def.material = jelly();
-    scene s = open_scene(&def);
+    AT_END(close_scene) scene s = open_scene(&def);
     s.in.probe[0].position_m[2] = 0.030 + 0.008;
     move(&s, 0, 0, -0.01, 0.3);
     move(&s, 0, 0.005, 0, 0.1);
@@ -256,7 +250,6 @@ TEST("a tool that sticks at half of its cone does not creep on what does not")
            1e3 * (s.out.probe[0].position_m[0] - early));
     CHECK(ratio > 0.1 && ratio < 0.6);
     CHECK_NEAR(s.out.probe[0].position_m[0], early, 1e-6);
-    close_scene(&s);
 }
 
 // Most that a flat foot on jelly pulls with on its way up.
@@ -266,7 +259,7 @@ static double pull(double adhesion_pa, double *left_at_m, double *work_j)
                          .adhesion_pa = adhesion_pa};
     kn_model_def def = with_tool(press_def(2), tool);
     def.material = jelly();
-    scene s = open_scene(&def);
+    AT_END(close_scene) scene s = open_scene(&def);
     s.in.probe[0].position_m[2] = 0.030;
     double most = 0;
     move(&s, 0, 0, -0.01, 0.1);
@@ -278,7 +271,6 @@ static double pull(double adhesion_pa, double *left_at_m, double *work_j)
         *work_j = s.out.probe[0].work_j;
     }
     CHECK(s.out.probe[0].contacts == 0 && s.out.probe[0].force_n[2] == 0);
-    close_scene(&s);
     return most;
 }
 
@@ -314,7 +306,7 @@ TEST("a block rests on its table; a push below friction leaves it there, one abo
     def.material = jelly();
     kn_probe_def side = finger(0);
     def = with_tool(def, side);
-    scene s = open_scene(&def);
+    AT_END(close_scene) scene s = open_scene(&def);
     double weight = kn_model_mass(s.model) * g, c[3], from[3];
     s.in.probe[0].position_m[0] = -0.015 - 0.008 - 1e-4;
     s.in.probe[0].position_m[2] = 0.004; // low: it slides rather than falls over
@@ -332,7 +324,6 @@ TEST("a block rests on its table; a push below friction leaves it there, one abo
     CHECK(push_n > 0.2 * weight && push_n < 0.5 * weight && stays_m < 3e-4);
     CHECK(slides_n > 0.45 * weight && slides_n < 0.65 * weight && c[0] - from[0] > 3e-3);
     CHECK(fabs(c[1]) < 1e-5 && lowest(&s) > -3e-4);
-    close_scene(&s);
 }
 
 // Two fingers on a block: closed by 3 mm a side, raised by 3 cm in 2 s, held.
@@ -357,7 +348,7 @@ TEST("two fingers lift a block of dough: each carries half of it, it stays level
     kn_model_def def = block_on_table(0.5);
     def.probe_count = 2;
     def.probe[0] = def.probe[1] = finger(0.8);
-    scene s = open_scene(&def);
+    AT_END(close_scene) scene s = open_scene(&def);
     double weight = kn_model_mass(s.model) * g, c[3], its = 0;
     pinch_and_lift(&s, 0.006);
     for (int i = 0; i < 500; i++) step(&s), its += s.out.iterations / 500.0;
@@ -379,7 +370,6 @@ TEST("two fingers lift a block of dough: each carries half of it, it stays level
     printf("     dropped, it lies at %.2f mm with marks %.2f mm deep\n", 1e3 * lowest(&s), 1e3 * mark);
     CHECK_NEAR(lowest(&s), 0, 5e-4);
     CHECK(mark > 5e-4);
-    close_scene(&s);
 }
 
 NIGHT_TEST("smooth fingers let it lie, unless they grip; what is more than the grip bears tears loose")
@@ -391,12 +381,11 @@ NIGHT_TEST("smooth fingers let it lie, unless they grip; what is more than the g
             def.probe[p] = finger(0);
             def.probe[p].grip_n = gripped == 2 ? 0.02 : 5;
         }
-        scene s = open_scene(&def);
+        AT_END(close_scene) scene s = open_scene(&def);
         for (int p = 0; p < 2; p++) s.in.probe[p].grip = gripped > 0;
         pinch_and_lift(&s, 0.0035);
         if (gripped == 1) CHECK(lowest(&s) > 0.025);
         else CHECK(lowest(&s) < 0.001);
-        close_scene(&s);
     }
 }
 
@@ -411,7 +400,7 @@ TEST("a stiff tool thrown at a thin block at 1 m/s does not come out on the othe
         def.nodes[2] = 3; // 1 cm
         def.material = materials[i % 3];
         if (i >= 3) def.support = KN_SUPPORT_FRICTION, def.support_friction = 0.5;
-        scene s = open_scene(&def);
+        AT_END(close_scene) scene s = open_scene(&def);
         s.in.probe[0].position_m[2] = 0.01 + 0.01 + 0.005;
         double deepest = INFINITY;
         for (int k = 0; k < 25; k++) {
@@ -423,7 +412,6 @@ TEST("a stiff tool thrown at a thin block at 1 m/s does not come out on the othe
                1e3 * deepest, s.out.probe[0].force_n[2]);
         CHECK(deepest > 0.002); // its centre never reaches the table
         CHECK(s.out.probe[0].force_n[2] > 1);
-        close_scene(&s);
     }
 }
 
@@ -433,7 +421,7 @@ static void slide_along(kn_probe_def tool, double force_n[SLIDE])
 {
     tool.friction = tool.coupling_n_m = tool.coupling_n_s_m = 0;
     kn_model_def def = with_tool(press_def(2), tool);
-    scene s = open_scene(&def);
+    AT_END(close_scene) scene s = open_scene(&def);
     s.in.probe[0].position_m[0] = -0.006, s.in.probe[0].position_m[1] = 0.0013;
     s.in.probe[0].position_m[2] = 0.030 + 0.01;
     move(&s, 0, 0, -0.01, 0.2);
@@ -441,17 +429,15 @@ static void slide_along(kn_probe_def tool, double force_n[SLIDE])
         move(&s, 0, 0.01, 0, 0.001);
         force_n[i] = s.out.probe[0].force_n[2];
     }
-    close_scene(&s);
 }
 
 TEST("a ball of triangles slides as the ball does: force within 1 %, jumps per millisecond no larger by a tenth")
 {
     static double exact[SLIDE], own[SLIDE];
-    kn_shape parts;
+    AT_END(kn_shape_drop) kn_shape parts;
     double mean = 0, off = 0, jump[2] = {0};
     slide_along(ball(0), exact);
     slide_along(of_field(surface_field(surface_ball(0.01, 40), 0.005 / 8), &parts), own);
-    kn_shape_drop(&parts);
     for (int i = 0; i < SLIDE; i++) mean += exact[i] / SLIDE;
     for (int i = 0; i < SLIDE; i++) {
         off = fmax(off, fabs(own[i] - exact[i]) / mean);
@@ -470,19 +456,17 @@ TEST("a box of triangles presses as the box does within 1 %")
 {
     const double size[3] = {0.02, 0.02, 0.015}, edge = 0.003;
     press p = {.depth_m = 0.004, .hold_s = 0.2};
-    kn_shape parts;
+    AT_END(kn_shape_drop) kn_shape parts;
     kn_model_def def = with_tool(press_def(2), (kn_probe_def){.name = "box", .shape = KN_PROBE_BOX,
                                                               .size_m = {size[0], size[1], size[2]},
                                                               .edge_m = edge});
-    run exact = press_run(&def, &p, 0.7, 0.001);
+    AT_END(run_free) run exact = press_run(&def, &p, 0.7, 0.001);
     kn_probe_def tool = of_field(surface_field(surface_box(size, edge, 40), 0.005 / 8), &parts);
     tool.friction = tool.coupling_n_m = tool.coupling_n_s_m = 0;
     def.probe[0] = tool;
-    run own = press_run(&def, &p, 0.7, 0.001);
-    kn_shape_drop(&parts);
+    AT_END(run_free) run own = press_run(&def, &p, 0.7, 0.001);
     printf("     %.2f %% apart, of %.2f N\n", 100 * force_error(&own, &exact), peak_n(&exact));
     CHECK(peak_n(&exact) > 1 && force_error(&own, &exact) < 0.01);
-    run_free(&exact), run_free(&own);
 }
 
 TEST("a coupled tool that comes in inside is pushed out gently: its force grows from nothing")
@@ -490,7 +474,7 @@ TEST("a coupled tool that comes in inside is pushed out gently: its force grows 
     kn_probe_def tool = ball(0.3);
     tool.coupling_n_m = 600, tool.coupling_n_s_m = 1.5;
     kn_model_def def = with_tool(press_def(2), tool);
-    scene s = open_scene(&def);
+    AT_END(close_scene) scene s = open_scene(&def);
     s.in.probe[0].position_m[2] = 0.03 + 0.01 - 0.004;
     double last = 0, jump = 0, peak = 0;
     for (int i = 0; i < 600; i++) {
@@ -501,7 +485,6 @@ TEST("a coupled tool that comes in inside is pushed out gently: its force grows 
     }
     printf("     4 mm inside: at most %.4f N/ms, up to %.2f N\n", jump, peak);
     CHECK(peak > 0.2 && jump < 0.05);
-    close_scene(&s);
 }
 
 // A quarter turn of everything about z.
@@ -545,14 +528,13 @@ static void turned_by_a_quarter(kn_probe_def tool, kn_skin_form skin)
 
 TEST("the whole scene and the hand turned by a quarter turn forces and torques with them, to rounding")
 {
-    kn_shape parts;
+    AT_END(kn_shape_drop) kn_shape parts;
     turned_by_a_quarter((kn_probe_def){.name = "box", .shape = KN_PROBE_BOX, .size_m = {0.02, 0.014, 0.02},
                                        .edge_m = 0.002, .friction = 0.4, .coupling_n_m = 900, .coupling_n_s_m = 3},
                         KN_SKIN_SPLINE);
     if (getenv("KN_NIGHT")) turned_by_a_quarter(mallet(&parts), KN_SKIN_SPLINE);
     turned_by_a_quarter(mallet(&parts), KN_SKIN_BILINEAR);
     if (getenv("KN_NIGHT")) turned_by_a_quarter(egg(&parts), KN_SKIN_SPLINE);
-    kn_shape_drop(&parts);
 }
 
 TEST("a copy of a state that sticks goes on to the same bits")
@@ -560,9 +542,9 @@ TEST("a copy of a state that sticks goes on to the same bits")
     kn_model_def def = block_on_table(0.5);
     def.probe_count = 2;
     def.probe[0] = def.probe[1] = finger(0.8);
-    scene s = open_scene(&def);
+    AT_END(close_scene) scene s = open_scene(&def);
     pinch_and_lift(&s, 0.006);
-    kn_state *copy = kn_state_create(s.model);
+    OWN(kn_state) *copy = kn_state_create(s.model);
     kn_state_copy(s.model, copy, s.state);
     CHECK(s.state->anchor_count > 50 && kn_state_hash(s.model, copy) == kn_state_hash(s.model, s.state));
     for (int i = 0; i < 50; i++) {
@@ -573,8 +555,6 @@ TEST("a copy of a state that sticks goes on to the same bits")
     CHECK(kn_state_hash(s.model, copy) == kn_state_hash(s.model, s.state));
     copy->anchor[3].stretch_m[1] += 1e-12;
     CHECK(kn_state_hash(s.model, copy) != kn_state_hash(s.model, s.state));
-    kn_state_destroy(copy);
-    close_scene(&s);
 }
 
 TESTS_MAIN

@@ -15,6 +15,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+OWNS(kn_control, kn_control_close)
+
 static char path[64];
 static sem_t hurry; // what a slow answer waits for
 static _Atomic int answered;
@@ -165,7 +167,7 @@ TEST("nobody commands but root, the server's own user and its group; whoever doe
 {
     enum { NOBODY = 65534 };
     if (geteuid() != 0) return; // who is not root cannot be anybody else
-    kn_control *c = start();
+    OWN(kn_control) *c = start();
     CHECK_STR(ask_as(c, NOBODY, NOBODY), "refused");
     chmod(path, 0666); // even if the file lets everybody
     hush();
@@ -174,7 +176,6 @@ TEST("nobody commands but root, the server's own user and its group; whoever doe
     const char *told = unhush();
     CHECK(answered == 0 && strstr(told, "kneadd: control: uid 65534 pid ") && strstr(told, ": refused\n"));
     CHECK_STR(ask_as(c, NOBODY, getegid()), "{\"ok\":true,\"request\":{}}\n");
-    kn_control_close(c);
 }
 
 TEST("what is no JSON object is told where, and nothing is asked")
@@ -189,7 +190,7 @@ TEST("what is no JSON object is told where, and nothing is asked")
                {"[1]\n", "expected one object per line"},
                {"\xff\xfe{}\n", "no JSON at byte"},
                {"{\"a\":1e999}\n", "no JSON at byte"}};
-    kn_control *c = start();
+    OWN(kn_control) *c = start();
     int fd = dial();
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         const char *told = say(c, fd, bad[i].line);
@@ -199,12 +200,11 @@ TEST("what is no JSON object is told where, and nothing is asked")
     CHECK(answered == 0);
     CHECK_STR(say(c, fd, "{}\n"), "{\"ok\":true,\"request\":{}}\n"); // and the next one is heard
     close(fd);
-    kn_control_close(c);
 }
 
 TEST("a line of a megabyte is one complaint, deep nesting another, random bytes are none but complaints")
 {
-    kn_control *c = start();
+    OWN(kn_control) *c = start();
     int fd = dial();
     static char many[5000];
     memset(many, 'x', sizeof many - 1);
@@ -225,12 +225,11 @@ TEST("a line of a megabyte is one complaint, deep nesting another, random bytes 
     say(c, fd, "\n");
     CHECK_STR(say(c, fd, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
     close(fd);
-    kn_control_close(c);
 }
 
 TEST("after a hundred commands at once a peer gets a hundred a second, and another is heard all the same")
 {
-    kn_control *c = start();
+    OWN(kn_control) *c = start();
     int fd = dial(), other = dial();
     int refused = 0;
     int64_t start_ns = kn_now_ns();
@@ -239,13 +238,12 @@ TEST("after a hundred commands at once a peer gets a hundred a second, and anoth
     CHECK(answered >= 100 && answered <= 101 + paid && refused == 300 - answered);
     CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
     close(fd), close(other);
-    kn_control_close(c);
 }
 
 TEST("an urgent line is answered however many came before it, and a flood of them is done once a turn")
 {
     static const char line[] = "{\"urgent\":1}\n", ok[] = "{\"ok\":true,\"request\":{\"urgent\":1}}\n";
-    kn_control *c = start();
+    OWN(kn_control) *c = start();
     int fd = dial(), size = 0;
     bool refused = false;
     for (int i = 0; i < 1000 && !refused; i++) refused = strstr(say(c, fd, "{}\n"), "commands a second") != NULL;
@@ -262,12 +260,11 @@ TEST("an urgent line is answered however many came before it, and a flood of the
     while ((size = (int)recv(fd, flood, sizeof flood, MSG_DONTWAIT)) > 0) answered += size;
     CHECK(answered == 1 + 250 * (int)strlen(ok));
     close(fd);
-    kn_control_close(c);
 }
 
 TEST("what was done ahead is done again at its turn when something in between may have taken it back")
 {
-    kn_control *c = start();
+    OWN(kn_control) *c = start();
     int fd = dial();
     hush();
     CHECK_STR(say(c, fd, "{\"urgent\":1}\n{\"audit\":1}\n{\"urgent\":2}\n"),
@@ -276,12 +273,11 @@ TEST("what was done ahead is done again at its turn when something in between ma
     unhush();
     CHECK(answered == 3);
     close(fd);
-    kn_control_close(c);
 }
 
 TEST("a ninth peer takes the place of the one that was silent for longest")
 {
-    kn_control *c = start();
+    OWN(kn_control) *c = start();
     int fd[KN_CONTROL_PEERS];
     for (int i = 0; i < KN_CONTROL_PEERS; i++) {
         fd[i] = dial();
@@ -298,12 +294,11 @@ TEST("a ninth peer takes the place of the one that was silent for longest")
     for (int i = 0; i < KN_CONTROL_PEERS; i++)
         if (i != 3) close(fd[i]);
     close(late);
-    kn_control_close(c);
 }
 
 TEST("who does not read answers is let go when they no longer fit, and holds up nobody")
 {
-    kn_control *c = start();
+    OWN(kn_control) *c = start();
     int fd = dial(), other = dial(), small = 1;
     CHECK(setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &small, sizeof small) == 0);
     bool gone = false;
@@ -318,14 +313,13 @@ TEST("who does not read answers is let go when they no longer fit, and holds up 
     CHECK(gone);
     CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
     close(fd), close(other);
-    kn_control_close(c);
 }
 
 TEST("the socket is nobody else's to write to, replaces a dead one, and neither a live one nor a file")
 {
     char error[256] = "";
     struct stat there;
-    kn_control *c = start();
+    OWN(kn_control) *c = start();
     CHECK(stat(path, &there) == 0 && S_ISSOCK(there.st_mode) && (there.st_mode & 0777) == 0660);
     CHECK(!kn_control_open(path, &def, error, sizeof error) && strstr(error, "another server answers there"));
     struct sockaddr_un at = {.sun_family = AF_UNIX};
@@ -341,12 +335,11 @@ TEST("the socket is nobody else's to write to, replaces a dead one, and neither 
     CHECK(access(at.sun_path, F_OK) == 0 && unlink(at.sun_path) == 0);
     CHECK(!kn_control_open("/nowhere/at/all", &def, error, sizeof error));
     CHECK_STR(error, "--control /nowhere/at/all: No such file or directory");
-    kn_control_close(c);
 }
 
 TEST("changes leave a line with who made them, questions none, and control characters are not shown")
 {
-    kn_control *c = start();
+    OWN(kn_control) *c = start();
     int fd = dial();
     char expected[128];
     hush();
@@ -356,7 +349,6 @@ TEST("changes leave a line with who made them, questions none, and control chara
              (int)getuid(), (int)getpid());
     CHECK_STR(told, expected);
     close(fd);
-    kn_control_close(c);
 }
 
 TEST("all of a request stands in the log, and how many lines there were that are none, once a second")
@@ -402,7 +394,7 @@ static void *work(void *control)
 
 TEST("everybody is heard in turn, a line each, and nobody waits for another one's slow request")
 {
-    kn_control *c = start();
+    OWN(kn_control) *c = start();
     pthread_t worker;
     sem_init(&hurry, 0, 0);
     CHECK(pthread_create(&worker, NULL, work, c) == 0);
@@ -439,7 +431,6 @@ TEST("everybody is heard in turn, a line each, and nobody waits for another one'
     kn_control_end(c);
     pthread_join(worker, NULL);
     close(second), close(other);
-    kn_control_close(c);
 }
 
 static const char *heard(int fd) // by who turns no more

@@ -207,12 +207,11 @@ static void step(pair *p)
 static void check_states(pair *p)
 {
     uint32_t crc = 0;
-    rig *read = make(NODES, EDGES, 1);
+    OWN(rig) *read = make(NODES, EDGES, 1);
     while (kn_device_crc(p->device, after_ms(500), &crc) != KN_LINK_OK) recover(p);
     CHECK(crc == kn_fixed_crc(&p->before->fixed));
     while (kn_device_read(p->device, &read->fixed, after_ms(500)) != KN_LINK_OK) recover(p);
     CHECK(kn_fixed_crc(&read->fixed) == crc);
-    unmake(read);
 }
 
 // ---- sentences
@@ -265,7 +264,7 @@ TEST("a circuit is identified, by one program at a time; what does not fit is re
         kn_link second;
         CHECK(!kn_link_open(&second, s.uri, why) && strstr(why, "another program has it"));
         CHECK(kn_device_state_of(d) == KN_DEVICE_CLOSED);
-        rig *r = make(NODES, EDGES, 1);
+        OWN(rig) *r = make(NODES, EDGES, 1);
         CHECK(kn_device_load(d, &r->image, &r->fixed, after_ms(500)) == KN_LINK_PROTOCOL);
         CHECK(kn_device_identify(d, after_ms(500)) == KN_LINK_OK);
         CHECK(kn_device_state_of(d) == KN_DEVICE_IDENTIFIED);
@@ -282,7 +281,6 @@ TEST("a circuit is identified, by one program at a time; what does not fit is re
         CHECK(kn_device_load(d, &r->image, &r->fixed, after_ms(2000)) == KN_LINK_OK);
         CHECK(kn_device_state_of(d) == KN_DEVICE_SYNCED);
         CHECK(kn_device_submit(d, r->bound, 1024) == KN_LINK_PROTOCOL && kn_device_state_of(d) == KN_DEVICE_SYNCED);
-        unmake(r);
         kn_device_close(d);
         stop(&s, SIGTERM, line);
     }
@@ -291,11 +289,10 @@ TEST("a circuit is identified, by one program at a time; what does not fit is re
     char line[256];
     sim s = start(small);
     kn_device *d = open_patient(&s, 50);
-    rig *r = make(NODES, EDGES, 1);
+    OWN(rig) *r = make(NODES, EDGES, 1);
     CHECK(kn_device_identify(d, after_ms(500)) == KN_LINK_OK && kn_device_caps_of(d)->bounds == 7);
     CHECK(kn_device_load(d, &r->image, &r->fixed, after_ms(500)) == KN_LINK_PROTOCOL);
     CHECK(strstr(kn_device_why(d), "60 nodes and 400 edges: expected at most 32 and 64"));
-    unmake(r);
     kn_device_close(d);
     stop(&s, SIGTERM, line);
 }
@@ -367,7 +364,7 @@ TEST("a list of any length goes there and comes back, however many frames it tak
         kn_device_result result;
         sim s = start_on(bar, bar ? NULL : golden() ? "flip=0.02,drop=0.02" : NULL, "3");
         kn_device *d = open_patient(&s, 100);
-        rig *r = nano() ? make(32, 100, 5) : make(300, 900, 5);
+        OWN(rig) *r = nano() ? make(32, 100, 5) : make(300, 900, 5);
         uint64_t seed = 9;
         int most = nano() ? 15 : 255;
         CHECK(kn_device_identify(d, after_ms(500)) == KN_LINK_OK);
@@ -380,7 +377,6 @@ TEST("a list of any length goes there and comes back, however many frames it tak
             CHECK(memcmp(result.reaction, r->reaction, (size_t)counts[i] * sizeof *r->reaction) == 0);
             CHECK(result.residual == r->result.residual && result.tick == i + 1);
         }
-        unmake(r);
         kn_device_close(d);
         stop(&s, SIGTERM, line);
     }
@@ -391,7 +387,7 @@ TEST("a load that was broken off is no state to resume, though all that its chec
     char line[256];
     sim s = start_on(false, NULL, "1");
     kn_device *d = open_patient(&s, 100);
-    rig *r = make(NODES, EDGES, 5);
+    OWN(rig) *r = make(NODES, EDGES, 5);
     uint64_t seed = 3;
     int broken_off = 0;
     CHECK(kn_device_identify(d, after_ms(500)) == KN_LINK_OK);
@@ -416,7 +412,6 @@ TEST("a load that was broken off is no state to resume, though all that its chec
         kn_fixed_rest(&r->fixed);
     }
     CHECK(broken_off > 5);
-    unmake(r);
     kn_device_close(d);
     stop(&s, SIGTERM, line);
 }
@@ -429,7 +424,7 @@ TEST("how long a step takes when there is next to nothing to step")
         kn_device_result result;
         sim s = start_on(bar, NULL, "1");
         kn_device *d = open_patient(&s, 100);
-        rig *r = make(2, 1, 5);
+        OWN(rig) *r = make(2, 1, 5);
         uint64_t seed = 9;
         int ticks = 10 * wanted("KN_TICKS", 1000), taken = 0;
         CHECK(kn_device_identify(d, after_ms(500)) == KN_LINK_OK);
@@ -445,7 +440,6 @@ TEST("how long a step takes when there is next to nothing to step")
         CHECK(taken == ticks && stats.lost == 0);
         printf("     %-4s %d ticks of 2 nodes and 1 edge: p50 %.1f us, p99 %.1f us\n", bar ? "shm" : "pty", ticks,
                1e-3 * (double)stats.p50_ns, 1e-3 * (double)stats.p99_ns);
-        unmake(r);
         kn_device_close(d);
         stop(&s, SIGTERM, line);
     }
@@ -459,7 +453,7 @@ TEST("nothing is allocated but by open")
         kn_device_result result;
         sim s = start_on(bar, bar ? "hang=0.02" : "drop=0.02,flip=0.02", "1");
         kn_device *d = open_patient(&s, 5);
-        rig *r = make(NODES, EDGES, 5);
+        OWN(rig) *r = make(NODES, EDGES, 5);
         uint64_t seed = 9;
         uint32_t crc;
         int steps = 0;
@@ -477,7 +471,6 @@ TEST("nothing is allocated but by open")
             armed = false;
         }
         CHECK(allocations == 0 && steps > 100);
-        unmake(r);
         kn_device_close(d);
         stop(&s, SIGTERM, line);
     }
@@ -598,7 +591,7 @@ TEST("why it was lost has a name")
                 {"refuse=1", false, KN_LOSS_REFUSED},
                 {"disconnect=1", false, KN_LOSS_REMOVED}, {"disconnect=1", true, KN_LOSS_REMOVED}};
     if (!golden()) return;
-    rig *r = make(NODES, EDGES, 5);
+    OWN(rig) *r = make(NODES, EDGES, 5);
     tick(r, 20);
     for (size_t i = 0; i < sizeof runs / sizeof *runs; i++) {
         char line[256];
@@ -616,7 +609,6 @@ TEST("why it was lost has a name")
         kn_device_close(d);
         if (runs[i].fault) stop(&s, SIGTERM, line);
     }
-    unmake(r);
 }
 
 // ---- what no board was there for

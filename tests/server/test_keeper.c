@@ -74,6 +74,8 @@ static void rig_close(rig *r)
     free(r);
 }
 
+OWNS(rig, rig_close)
+
 static void write_files(rig *r) // the thread's whole life, if it had this moment
 {
     r->keeper.ending = true;
@@ -125,7 +127,7 @@ static uint64_t hash(rig *r)
 
 TEST("nothing is written of an object that nobody touches; of one that is kneaded, at most every half second")
 {
-    rig *r = rig_open();
+    OWN(rig) *r = rig_open();
     for (int i = 0; i < 3000; i++) tick(r, AIR), write_files(r);
     CHECK(r->keeper.saves == 0 && kn_keeper_age_ms(&r->keeper) == -1);
     int64_t first = r->tick, before = 0, shortest = 1 << 20, last_tick = -500;
@@ -147,19 +149,18 @@ TEST("nothing is written of an object that nobody touches; of one that is kneade
     for (int i = 0; i < 10000; i++) tick(r, AIR), write_files(r);
     int64_t middle = r->keeper.saves;
     CHECK(middle - early <= 20);
-    if (SANITIZED) return rig_close(r); // for which 150 s are a minute
+    if (SANITIZED) return; // for which 150 s are a minute
     for (int i = 0; i < 140000; i++) tick(r, AIR), write_files(r);
     int64_t late = r->keeper.saves;
     for (int i = 0; i < 10000; i++) tick(r, AIR), write_files(r);
     printf("     then %lld in 10 s alone, and %lld in 10 s after 150\n", (long long)(middle - early),
            (long long)(r->keeper.saves - late));
     CHECK(r->keeper.saves - late < middle - early);
-    rig_close(r);
 }
 
 TEST("a server that starts goes on with the last object, tells it by an event of the very state, the tool out of it")
 {
-    rig *r = rig_open();
+    OWN(rig) *r = rig_open();
     move(r, AIR, 450);
     move(r, DEEP, 1400); // in the middle of a press
     CHECK(r->out.force[1].contacts > 0);
@@ -178,7 +179,6 @@ TEST("a server that starts goes on with the last object, tells it by an event of
     r->steepest_n = 0;
     press(r, DEEP - 2e-3);
     CHECK(r->keeper.errors == 0 && kn_keeper_age_ms(&r->keeper) >= 0);
-    rig_close(r);
 }
 
 static bool broken;
@@ -224,7 +224,7 @@ static int heard(ear *e, long long *sum)
 TEST("a full disk is counted, once a save, and told in a line a second that add up; the servo goes on, and the object "
      "is saved when there is room, changed or not")
 {
-    rig *r = rig_open();
+    OWN(rig) *r = rig_open();
     kn_files files = kn_files_system;
     files.write = no_write;
     press(r, DEEP);
@@ -249,7 +249,6 @@ TEST("a full disk is counted, once a save, and told in a line a second that add 
     CHECK(r->keeper.errors == errors && r->keeper.store.generation == good + 1 && r->keeper.generation == good + 1);
     int lines = heard(&e, &told);
     CHECK(lines >= 1 && lines <= most && told == errors);
-    rig_close(r);
 }
 
 // --- orders, while it runs ---
@@ -280,7 +279,7 @@ static void await(running *x, int64_t ticks)
 
 TEST("snapshot, restore and undo are answered with generation, tick and state hash, or with why not")
 {
-    rig *r = rig_open();
+    OWN(rig) *r = rig_open();
     running x = {.r = r, .z_m = AIR};
     pthread_t servo, keeper;
     pthread_create(&servo, NULL, run, &x);
@@ -310,12 +309,11 @@ TEST("snapshot, restore and undo are answered with generation, tick and state ha
     pthread_join(keeper, NULL);
     CHECK(r->restores == 3 && r->steepest_n < 2.4);
     CHECK(r->keeper.errors == 0);
-    rig_close(r);
 }
 
 TEST("an emergency stop and the end of it are on disk when they are answered, and every start begins as was said last")
 {
-    rig *r = rig_open();
+    OWN(rig) *r = rig_open();
     pthread_t keeper;
     char why[300] = "";
     pthread_create(&keeper, NULL, kn_keeper_run, &r->keeper);
@@ -330,7 +328,6 @@ TEST("an emergency stop and the end of it are on disk when they are answered, an
     end(r);
     serve(r, r->directory);
     CHECK(kn_store_estopped(&r->keeper.store));
-    rig_close(r);
 }
 
 TEST("without a directory nothing is saved, restored or told, and undo works")

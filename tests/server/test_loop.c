@@ -125,14 +125,13 @@ TEST("where the scene asks, meshes tell stress and residual strain of the same t
         {"mesh.measures=none", false, false}, {"mesh.measures=stress", true, false},
         {"mesh.measures=residual", false, true}, {"mesh.measures=both", true, true}};
     for (size_t i = 0; i < sizeof asked / sizeof *asked; i++) {
-        static rig r;
+        AT_END(rig_close) rig r;
         rig_open(&r, asked[i].set);
         press(&r);
         show_now(&r);
         CHECK(r.mesh.whole && r.mesh.tick == r.tick - 1);
         CHECK(asked[i].stress ? tells(&r, r.mesh.stress_pa, KN_MEASURE_STRESS) : !r.mesh.stress_pa);
         CHECK(asked[i].residual ? tells(&r, r.mesh.residual_strain, KN_MEASURE_RESIDUAL) : !r.mesh.residual_strain);
-        rig_close(&r);
     }
 }
 
@@ -162,7 +161,7 @@ TEST("an object that goes on in another material tells that one's stress, and wh
 
 TEST("resets asked for between two ticks are one, in the next one, and an event tells the untouched object's hash")
 {
-    static rig r;
+    AT_END(rig_close) rig r;
     rig_open(&r, NULL);
     uint64_t rest = kn_state_hash(r.lent.model, r.lent.backend.state(r.lent.backend.self));
     press(&r);
@@ -174,12 +173,11 @@ TEST("resets asked for between two ticks are one, in the next one, and an event 
     CHECK(r.out.event[0].state_hash == rest);
     hover(&r, 5);
     CHECK(r.kinds[KNEAD_EVENT_T_KIND_RESET] == 1);
-    rig_close(&r);
 }
 
 TEST("a reset under a hand fades what it felt, keeps it out until it is lifted, and then it feels new dough")
 {
-    static rig r;
+    AT_END(rig_close) rig r;
     rig_open(&r, NULL);
     press(&r);
     double first = given_n(&r), slope = kn_safety_slope(&r.lent.loop.servo.safety[0].limits), last = first;
@@ -195,12 +193,11 @@ TEST("a reset under a hand fades what it felt, keeps it out until it is lifted, 
     CHECK(r.out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_ENGAGED);
     CHECK_NEAR(given_n(&r) / first, 1.0, 1e-9);
     CHECK(r.lent.loop.servo.safety[0].faults == 0);
-    rig_close(&r);
 }
 
 TEST("an emergency stop fades every force, holds off every session until a recover, and an order knows its tick")
 {
-    static rig r;
+    AT_END(rig_close) rig r;
     rig_open(&r, NULL);
     press(&r);
     double slope = kn_safety_slope(&r.lent.loop.servo.safety[0].limits), last = given_n(&r);
@@ -233,12 +230,11 @@ TEST("an emergency stop fades every force, holds off every session until a recov
     kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0);
     hover(&r, 1);
     CHECK(kn_loop_estopped(&r.lent.loop) && r.out.force[0].fault == KNEAD_CONTACT_FORCE_T_FAULT_ESTOP);
-    rig_close(&r);
 }
 
 TEST("a recover while an emergency stop still fades gives nothing back before the tool was lifted")
 {
-    static rig r;
+    AT_END(rig_close) rig r;
     rig_open(&r, NULL);
     press(&r);
     kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0);
@@ -252,12 +248,11 @@ TEST("a recover while an emergency stop still fades gives nothing back before th
         last = given_n(&r);
     }
     CHECK(r.out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_REENGAGE_LIFT);
-    rig_close(&r);
 }
 
 TEST("meshes after a reset are of another generation, and the object at rest")
 {
-    static rig r;
+    AT_END(rig_close) rig r;
     rig_open(&r, NULL);
     hover(&r, 20);
     double rest = dent_m(&r);
@@ -270,7 +265,6 @@ TEST("meshes after a reset are of another generation, and the object at rest")
         hover(&r, 20);
         CHECK(dent_m(&r) == rest && r.mesh.generation == before + i);
     }
-    rig_close(&r);
 }
 
 TEST("what a tool touches is told every 4 ms where it was asked for, and changes no bit of a force")
@@ -306,7 +300,7 @@ TEST("what a tool touches is told every 4 ms where it was asked for, and changes
 
 TEST("checkpoints tell the audit: what is stored, the tools' work, what was dissipated; creation is counted and named")
 {
-    rig r;
+    AT_END(rig_close) rig r;
     rig_open(&r, "material=jelly");
     press(&r);
     double work_j = r.lent.backend.state(r.lent.backend.self)->probe[0].work_j;
@@ -338,7 +332,6 @@ TEST("checkpoints tell the audit: what is stored, the tools' work, what was diss
     double balance_mj = health.energy_balance_mj;
     kn_account_health(&r.lent.loop.account, &health);
     CHECK(health.trips[KNEAD_HEALTH_T_TRIP_PASSIVITY] == 1 && health.energy_balance_mj < balance_mj);
-    rig_close(&r);
 }
 
 TESTS_MAIN

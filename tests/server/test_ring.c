@@ -6,7 +6,7 @@
 
 TEST("records come out in the order they went in; a full ring refuses and keeps what it has")
 {
-    kn_ring ring;
+    AT_END(kn_ring_free) kn_ring ring;
     CHECK(kn_ring_init(&ring, 4, sizeof(int)));
     CHECK(kn_ring_front(&ring) == NULL);
     for (int n = 0; n < 4; n++) CHECK(kn_ring_push(&ring, &n));
@@ -19,7 +19,6 @@ TEST("records come out in the order they went in; a full ring refuses and keeps 
         int next = n + 4;
         CHECK(kn_ring_push(&ring, &next));
     }
-    kn_ring_free(&ring);
 }
 
 enum { RECORDS = 200000 };
@@ -39,7 +38,7 @@ static void *push_records(void *ring)
 
 TEST("of a record's start alone that much is written")
 {
-    kn_ring ring;
+    AT_END(kn_ring_free) kn_ring ring;
     CHECK(kn_ring_init(&ring, 2, sizeof(record)));
     record r = {.n = 7, .copy = {7, 7}};
     for (int i = 0; i < 2; i++) {
@@ -48,12 +47,11 @@ TEST("of a record's start alone that much is written")
         CHECK(read->n == 7 && read->copy[0] == 7 && read->copy[1] == 0);
         kn_ring_pop(&ring);
     }
-    kn_ring_free(&ring);
 }
 
 TEST("between two threads every record arrives once, whole and in order")
 {
-    kn_ring ring;
+    AT_END(kn_ring_free) kn_ring ring;
     CHECK(kn_ring_init(&ring, 64, sizeof(record)));
     pthread_t writer;
     CHECK(pthread_create(&writer, NULL, push_records, &ring) == 0);
@@ -72,7 +70,6 @@ TEST("between two threads every record arrives once, whole and in order")
     pthread_join(writer, NULL);
     CHECK(wrong == 0);
     CHECK(kn_ring_front(&ring) == NULL);
-    kn_ring_free(&ring);
 }
 
 TESTS_MAIN

@@ -39,6 +39,9 @@ static void rig_free(rig *r)
     free(r);
 }
 
+OWNS(rig, rig_free)
+OWNS(kn_change, kn_change_destroy)
+
 static void tick(rig *r)
 {
     r->in.tick += 1 + r->in.missed;
@@ -85,7 +88,7 @@ static double pushed(const rig *r) { return r->out.force[0].contact_force_n[2]; 
 
 TEST("a press at 1 cm/s is felt in full: the guard never acts, contact and given force agree at gain 1")
 {
-    rig *r = rig_make(NULL);
+    OWN(rig) *r = rig_make(NULL);
     double peak = 0.0, jump = 0.0, last = 0.0;
     press(r, 0.0);
     for (int i = 0; i < 1050; i++) {
@@ -99,12 +102,11 @@ TEST("a press at 1 cm/s is felt in full: the guard never acts, contact and given
     printf("     peak %.2f N, steepest %.2f N/ms\n", peak, jump);
     CHECK(r->servo.safety[0].guards == 0 && r->servo.safety[0].faults == 0);
     CHECK(peak > 5.0 && peak < 40.0);
-    rig_free(r);
 }
 
 TEST("local models of every tool with a session, where they are asked for, change no bit of the forces")
 {
-    rig *told = rig_make(NULL), *plain = rig_make(NULL);
+    OWN(rig) *told = rig_make(NULL), *plain = rig_make(NULL);
     CHECK(kn_backend_cpu_identify(&told->backend, (kn_coupling){800, 2}));
     press(told, 0.002);
     press(plain, 0.002);
@@ -122,13 +124,11 @@ TEST("local models of every tool with a session, where they are asked for, chang
     told->in.reset = true;
     hover(told, 0, 1);
     CHECK(unit->generation == 1 && unit->contact_count == 0);
-    rig_free(told);
-    rig_free(plain);
 }
 
 TEST("a tool that appears inside the object is not in it until it has been lifted out")
 {
-    rig *r = rig_make(NULL);
+    OWN(rig) *r = rig_make(NULL);
     r->pose[0].position_m[2] = 0.025;
     hover(r, 0, 500);
     CHECK(pushed(r) == 0.0 && !r->servo.safety[0].attached);
@@ -137,12 +137,11 @@ TEST("a tool that appears inside the object is not in it until it has been lifte
     hover(r, 0, 201);
     CHECK(r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_ENGAGED);
     CHECK(r->kinds[KNEAD_EVENT_T_KIND_ATTACH] == 1);
-    rig_free(r);
 }
 
 TEST("without poses the force is zero by 20 ms, says why, and comes back by lifting")
 {
-    rig *r = rig_make(NULL);
+    OWN(rig) *r = rig_make(NULL);
     press(r, 0.005);
     double held = r->out.force[0].force_n[2];
     CHECK(held > 1.0);
@@ -161,12 +160,11 @@ TEST("without poses the force is zero by 20 ms, says why, and comes back by lift
     r->pose[0].position_m[2] = 0.05;
     hover(r, 0, 201);
     CHECK(r->out.force[0].fault == KN_FAULT_NONE && (r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_ENGAGED));
-    rig_free(r);
 }
 
 TEST("a hand that says its last pose: the force fades as in a silence, nothing is latched, and then it has left")
 {
-    rig *r = rig_make(NULL);
+    OWN(rig) *r = rig_make(NULL);
     press(r, 0.004);
     double last_n = r->out.force[0].force_n[2], steepest_n = 0;
     CHECK(last_n > 1);
@@ -188,24 +186,22 @@ TEST("a hand that says its last pose: the force fades as in a silence, nothing i
     r->pose[0] = (kn_pose){.orientation_wxyz = {1}, .position_m = {0, 0, 0.031}, .session = 2};
     hover(r, 0, 450);
     CHECK(r->out.force[0].flags & KN_FLAG_ENGAGED);
-    rig_free(r);
 }
 
 TEST("a probe without a session neither pushes nor answers, and another may push meanwhile")
 {
-    rig *r = rig_make(NULL);
+    OWN(rig) *r = rig_make(NULL);
     press(r, 0.003);
     CHECK(r->out.probes == 2 && r->out.force[0].live && !r->out.force[1].live);
     CHECK(r->out.force[1].contact_force_n[2] == 0.0);
     r->in.pose[0] = NULL; // the daemon ends a session after 1 s of silence
     tick(r);
     CHECK(!r->out.force[0].live && r->kinds[KNEAD_EVENT_T_KIND_SESSION_END] == 1);
-    rig_free(r);
 }
 
 TEST("a new session number is a new hand: it has to engage again")
 {
-    rig *r = rig_make(NULL);
+    OWN(rig) *r = rig_make(NULL);
     press(r, 0.003);
     r->pose[0].session = 7;
     move(r, 0, 0.0);
@@ -213,14 +209,13 @@ TEST("a new session number is a new hand: it has to engage again")
     CHECK(r->kinds[KNEAD_EVENT_T_KIND_SESSION_END] == 1 && r->kinds[KNEAD_EVENT_T_KIND_SESSION_OPEN] == 2);
     hover(r, 0, 20);
     CHECK(r->out.force[0].force_n[2] == 0.0);
-    rig_free(r);
 }
 
 TEST("late, repeated and dropped poses cost no more than a few per cent of the contact force")
 {
     double peak[2], turned[2];
     for (int lossy = 0; lossy < 2; lossy++) {
-        rig *r = rig_make(NULL);
+        OWN(rig) *r = rig_make(NULL);
         press(r, 0.0);
         double last = 0.0, z = r->pose[0].position_m[2];
         peak[lossy] = turned[lossy] = 0.0;
@@ -237,7 +232,6 @@ TEST("late, repeated and dropped poses cost no more than a few per cent of the c
             turned[lossy] += fabs(pushed(r) - last);
             last = pushed(r);
         }
-        rig_free(r);
     }
     printf("     peak %.3f and %.3f N, total variation %.3f and %.3f N\n", peak[0], peak[1], turned[0], turned[1]);
     CHECK_NEAR(peak[1] / peak[0], 1.0, 0.05);
@@ -246,7 +240,7 @@ TEST("late, repeated and dropped poses cost no more than a few per cent of the c
 
 TEST("a reset makes the object new and takes the probe out of it")
 {
-    rig *r = rig_make(NULL);
+    OWN(rig) *r = rig_make(NULL);
     uint64_t rest = kn_state_hash(r->model, r->backend.state(r->backend.self));
     press(r, 0.005);
     double held = r->out.force[0].force_n[2];
@@ -257,7 +251,6 @@ TEST("a reset makes the object new and takes the probe out of it")
     CHECK_NEAR(r->out.force[0].force_n[2], held * 16.0 / 17.0, 1e-9);
     hover(r, 0, 20);
     CHECK(r->out.force[0].force_n[2] == 0.0 && !r->servo.safety[0].attached);
-    rig_free(r);
 }
 
 // The hand goes, the tool leaves the model.
@@ -287,8 +280,8 @@ static uint64_t object_hash(const rig *r) { return kn_state_hash(r->model, r->ba
 
 TEST("undo takes back one press after the other, a reset too; a press in air is none, and there is an end to it")
 {
-    rig *r = rig_make(NULL);
-    kn_undo points;
+    OWN(rig) *r = rig_make(NULL);
+    AT_END(kn_undo_free) kn_undo points;
     CHECK(kn_undo_init(&points, r->model));
     r->servo.undo = &points;
     r->in.undo = true;
@@ -319,17 +312,15 @@ TEST("undo takes back one press after the other, a reset too; a press in air is 
     }
     CHECK(kneaded != once && once != untouched && kneaded != untouched);
     CHECK(r->kinds[KNEAD_EVENT_T_KIND_RESTORE] == 3 && r->servo.generation == 4);
-    kn_undo_free(&points);
-    rig_free(r);
 }
 
 TEST("sixteen presses are remembered, of a large object as many as fit, and the oldest go")
 {
-    rig *r = rig_make(NULL);
-    kn_undo points;
+    OWN(rig) *r = rig_make(NULL);
+    AT_END(kn_undo_free) kn_undo points;
     CHECK(kn_undo_init(&points, r->model) && points.room == KN_UNDO_POINTS);
     CHECK(kn_undo_bytes(r->model) == KN_UNDO_POINTS * kn_state_kept(r->model));
-    kn_state *state = kn_state_create(r->model);
+    OWN(kn_state) *state = kn_state_create(r->model);
     for (int i = 1; i <= 20; i++) {
         ((float *)state->displacement)[0] = 1e-3f * (float)i;
         kn_undo_keep(&points, state);
@@ -341,16 +332,13 @@ TEST("sixteen presses are remembered, of a large object as many as fit, and the 
         CHECK(was && ((const float *)was->displacement)[0] == 1e-3f * (float)i);
     }
     CHECK(!kn_undo_take(&points));
-    kn_state_destroy(state);
-    kn_undo_free(&points);
-    rig_free(r);
 }
 
 TEST("an object that is restored under a tool lets go of it through zero, and is the very state that it was")
 {
-    rig *r = rig_make(NULL);
+    OWN(rig) *r = rig_make(NULL);
     finger_in(r, 0.008);
-    kn_state *then = kn_state_keep(r->model);
+    OWN(kn_state) *then = kn_state_keep(r->model);
     kn_state_copy(r->model, then, r->backend.state(r->backend.self));
     uint64_t hash = kn_state_hash(r->model, then);
     hover(r, 1, 50);
@@ -370,13 +358,11 @@ TEST("an object that is restored under a tool lets go of it through zero, and is
     }
     CHECK(last == 0 && steepest <= kn_safety_slope(&r->servo.safety[1].limits) + 1e-9);
     CHECK(r->out.force[1].flags & KNEAD_CONTACT_FORCE_T_FLAG_REENGAGE_LIFT); // it is inside
-    kn_state_destroy(then);
-    rig_free(r);
 }
 
 TEST("stopping takes every force to zero before the loop may end")
 {
-    rig *r = rig_make(NULL);
+    OWN(rig) *r = rig_make(NULL);
     press(r, 0.005);
     r->in.stop = true;
     int ms = 0;
@@ -385,7 +371,6 @@ TEST("stopping takes every force to zero before the loop may end")
     CHECK(ms == 16);
     CHECK(r->out.force[0].force_n[2] == 0.0 && r->kinds[KNEAD_EVENT_T_KIND_STOP] == 1);
     CHECK(r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_STOPPING);
-    rig_free(r);
 }
 
 #define POINTS                                                                                                         \
@@ -412,7 +397,7 @@ static int told(const rig *r) { return r->kinds[KNEAD_EVENT_T_KIND_QUALITY]; }
 
 TEST("ten ticks running over the budget take the next lower point, through zero force, by a flag and an event")
 {
-    rig *r = rig_make("quality={chosen: accurate, " POINTS "}");
+    OWN(rig) *r = rig_make("quality={chosen: accurate, " POINTS "}");
     press_and_rest(r);
     hold(r, 200, 700000);
     for (int i = 0; i < 20; i++) hold(r, 9, OVER_NS), hold(r, 1, 700000); // never ten running
@@ -439,12 +424,11 @@ TEST("ten ticks running over the budget take the next lower point, through zero 
     CHECK(lowest == 0 && steepest <= slope && last == pushed(r) && last > 0.5 * before);
     hold(r, 2000, 700000);
     CHECK(told(r) == 1 && r->servo.quality == KN_QUALITY_BALANCED && r->kinds[KNEAD_EVENT_T_KIND_DETACH] == 0);
-    rig_free(r);
 }
 
 TEST("it goes down point by point, says once that there is none below, and comes back only when it is told")
 {
-    rig *r = rig_make("quality={chosen: accurate, " POINTS "}");
+    OWN(rig) *r = rig_make("quality={chosen: accurate, " POINTS "}");
     press_and_rest(r);
     hold(r, 10, OVER_NS);
     hold(r, 10, OVER_NS);
@@ -468,22 +452,19 @@ TEST("it goes down point by point, says once that there is none below, and comes
     r->in.stop = true;
     hold(r, 100, OVER_NS);
     CHECK(told(r) == 5);
-    rig_free(r);
 }
 
 TEST("points of another lattice or precision are passed over, and a scene without points has nothing to say")
 {
-    rig *r = rig_make("quality={accurate: {iterations: 9}, balanced: {spacing: 5 mm, iterations: 2}, "
-                      "fast: {iterations: 2, precision: f64}}");
+    OWN(rig) *r = rig_make("quality={accurate: {iterations: 9}, balanced: {spacing: 5 mm, iterations: 2}, "
+                           "fast: {iterations: 2, precision: f64}}");
     press_and_rest(r);
     hold(r, 50, OVER_NS);
     CHECK(told(r) == 1 && r->servo.quality == KN_QUALITY_OWN && !(r->out.force[0].flags & 2048));
-    rig_free(r);
-    r = rig_make(NULL);
-    press_and_rest(r);
-    hold(r, 50, OVER_NS);
-    CHECK(told(r) == 0);
-    rig_free(r);
+    OWN(rig) *plain = rig_make(NULL);
+    press_and_rest(plain);
+    hold(plain, 50, OVER_NS);
+    CHECK(told(plain) == 0);
 }
 
 TEST("a point taken while it runs gives the bits of a servo that began with it")
@@ -492,7 +473,7 @@ TEST("a point taken while it runs gives the bits of a servo that began with it")
     for (int q = 0; q < KN_QUALITY_OWN; q++) {
         char chosen[256];
         snprintf(chosen, sizeof chosen, "quality={chosen: %s, " POINTS "}", names[q]);
-        rig *began = rig_make(chosen), *took = rig_make("quality={" POINTS "}"), *own = rig_make(NULL);
+        OWN(rig) *began = rig_make(chosen), *took = rig_make("quality={" POINTS "}"), *own = rig_make(NULL);
         took->in.take = KN_TAKE_COMMAND;
         took->in.quality = (kn_quality)q;
         press(took, 0.004);
@@ -501,7 +482,6 @@ TEST("a point taken while it runs gives the bits of a servo that began with it")
         CHECK(pushed(began) == pushed(took) && pushed(own) != pushed(took));
         CHECK(kn_state_hash(began->model, began->backend.state(began->backend.self)) ==
               kn_state_hash(took->model, took->backend.state(took->backend.self)));
-        rig_free(began), rig_free(took), rig_free(own);
     }
 }
 
@@ -559,10 +539,10 @@ TEST("under a hand the material becomes another one through zero force, and the 
                                        "solver.passes=4",
                                        NULL};
     for (size_t i = 0; i < sizeof sets / sizeof *sets; i++) {
-        rig *r = rig_make(NULL);
+        OWN(rig) *r = rig_make(NULL);
         press_and_hold(r, 0.004, 300);
         double before = r->out.force[0].force_n[2], least;
-        kn_change *c = r->in.change = change_to(r, sets[i]);
+        OWN(kn_change) *c = r->in.change = change_to(r, sets[i]);
         double slope = steepest(r, 300, &least);
         printf("     %-26s %.2f N, %.2f N/ms at most, then %.2f N\n", sets[i] ? sets[i] : "the same", before, slope,
                r->out.force[0].force_n[2]);
@@ -570,35 +550,29 @@ TEST("under a hand the material becomes another one through zero force, and the 
         CHECK(r->servo.model == c->model && r->servo.scene == c->scene && r->servo.backend == &c->backend);
         CHECK(slope <= kn_safety_slope(&r->servo.safety[0].limits) + 1e-9 && least == 0);
         CHECK(r->servo.safety[0].gain == 1 && r->servo.safety[0].faults == 0 && r->servo.safety[0].guards == 0);
-        kn_change_destroy(c);
-        rig_free(r);
     }
 }
 
 TEST("what is changed back is felt as if nothing had been, but for what crept meanwhile")
 {
-    rig *r = rig_make(NULL), *same = rig_make(NULL);
+    OWN(rig) *r = rig_make(NULL), *same = rig_make(NULL);
     double least;
     press_and_hold(r, 0.004, 0);
     press_and_hold(same, 0.004, 600);
-    kn_change *there = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
+    OWN(kn_change) *there = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
     steepest(r, 300, &least);
-    kn_change *back = r->in.change = change_to(r, NULL);
+    OWN(kn_change) *back = r->in.change = change_to(r, NULL);
     steepest(r, 300, &least);
     printf("     %.3f N, %.3f N without\n", r->out.force[0].force_n[2], same->out.force[0].force_n[2]);
     CHECK_NEAR(r->out.force[0].force_n[2] / same->out.force[0].force_n[2], 1, 0.02);
-    rig_free(r);
-    rig_free(same);
-    kn_change_destroy(there);
-    kn_change_destroy(back);
 }
 
 TEST("a lower clamp holds when the force comes back, and it goes down under the old one")
 {
-    rig *r = rig_make(NULL);
+    OWN(rig) *r = rig_make(NULL);
     double least;
     press_and_hold(r, 0.004, 300);
-    kn_change *c = r->in.change = change_to(r, "device={profile: bench, clamp: 0.5 N}");
+    OWN(kn_change) *c = r->in.change = change_to(r, "device={profile: bench, clamp: 0.5 N}");
     CHECK(!kn_safety_raised(&c->scene->limits, &r->scene->limits) &&
           kn_safety_raised(&r->scene->limits, &c->scene->limits));
     hover(r, 0, 1);
@@ -608,41 +582,35 @@ TEST("a lower clamp holds when the force comes back, and it goes down under the 
     CHECK(slope <= 40.0 / 17 + 1e-9 && least == 0);
     CHECK_NEAR(r->out.force[0].force_n[2], 0.5, 1e-9);
     CHECK(!r->servo.safety[0].relimiting && r->servo.safety[0].limits.clamp_n == 0.5);
-    rig_free(r);
-    kn_change_destroy(c);
 }
 
 TEST("a change while nobody is there, in the tick of a reset or a stop, or of an object gone bad, is one")
 {
-    rig *r = rig_make(NULL);
+    OWN(rig) *r = rig_make(NULL);
     double least;
-    kn_change *first = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
+    OWN(kn_change) *first = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
     tick(r);
     CHECK(r->kinds[KNEAD_EVENT_T_KIND_SET] == 1 && r->servo.model == first->model && !r->servo.safety[0].relimiting);
     r->in.change = NULL;
     press_and_hold(r, 0.002, 0);
-    kn_change *second = r->in.change = change_to(r, NULL);
+    OWN(kn_change) *second = r->in.change = change_to(r, NULL);
     r->in.reset = true;
     CHECK(steepest(r, 30, &least) < 2.4 && least == 0);
     CHECK(r->kinds[KNEAD_EVENT_T_KIND_SET] == 2 && r->kinds[KNEAD_EVENT_T_KIND_RESET] == 1);
     CHECK(kn_state_hash(r->servo.model, r->servo.backend->state(r->servo.backend->self)) != 0);
     ((kn_state *)(uintptr_t)r->servo.backend->state(r->servo.backend->self))->bad = 1;
-    kn_change *third = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
+    OWN(kn_change) *third = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
     hover(r, 0, 1);
     r->in.change = NULL;
     CHECK(r->servo.diverged > 0 && r->out.force[0].fault == KN_FAULT_NONFINITE);
     r->in.reset = true;
     hover(r, 0, 1);
     CHECK(!r->servo.backend->state(r->servo.backend->self)->bad);
-    rig_free(r);
-    kn_change_destroy(first);
-    kn_change_destroy(second);
-    kn_change_destroy(third);
 }
 
 TEST("when the physics diverges every probe is latched, nothing but numbers goes out, and only a reset helps")
 {
-    rig *r = rig_make(NULL);
+    OWN(rig) *r = rig_make(NULL);
     real_backend = r->backend;
     r->backend.wait = bad_wait;
     press(r, 0.005);
@@ -661,12 +629,11 @@ TEST("when the physics diverges every probe is latched, nothing but numbers goes
     r->in.reset = true;
     hover(r, 0, 300);
     CHECK(r->out.force[0].fault == KN_FAULT_NONE && r->servo.safety[0].attached);
-    rig_free(r);
 }
 
 TEST("a checkpoint comes every 1000 ticks, and whenever cycles were missed that no force record tells")
 {
-    rig *r = rig_make(NULL);
+    OWN(rig) *r = rig_make(NULL);
     for (int i = 0; i < 2500; i++) tick(r);
     CHECK(r->kinds[KNEAD_EVENT_T_KIND_CHECKPOINT] == 3 && r->kinds[KNEAD_EVENT_T_KIND_START] == 1);
     r->in.missed = 4;
@@ -680,7 +647,6 @@ TEST("a checkpoint comes every 1000 ticks, and whenever cycles were missed that 
     tick(r);
     CHECK(r->out.event_count >= 1 && r->out.event[0].kind == KNEAD_EVENT_T_KIND_CHECKPOINT &&
           r->out.event[0].arg[0] == 0.0);
-    rig_free(r);
 }
 
 TEST("steps shorter than a tick are taken as often as fits, and other steps are refused")
@@ -690,18 +656,17 @@ TEST("steps shorter than a tick are taken as often as fits, and other steps are 
     double force[2];
     const char *sets[] = {NULL, "solver.dt=0.25 ms"};
     for (int i = 0; i < 2; i++) {
-        rig *r = rig_make(sets[i]);
+        OWN(rig) *r = rig_make(sets[i]);
         press(r, 0.005);
         CHECK(r->backend.state(r->backend.self)->tick == r->servo.ticks * (i ? 4 : 1));
         force[i] = pushed(r);
-        rig_free(r);
     }
     CHECK_NEAR(force[1] / force[0], 1.0, 0.05);
 }
 
 TEST("a clutch: the force fades to 0 and stays there, the tool stays where it presses, and the force ramps in again")
 {
-    rig *r = rig_make("material=jelly");
+    OWN(rig) *r = rig_make("material=jelly");
     press(r, 0.003);
     for (int i = 49; i >= 0; i--) move(r, 0, -0.0002 * i);
     hover(r, 0, 50);
@@ -728,7 +693,6 @@ TEST("a clutch: the force fades to 0 and stays there, the tool stays where it pr
     CHECK_NEAR(r->servo.tool[0].position_m[2], z, 1e-15);
     CHECK(before_n == pushed(r) && before_n > 0);
     CHECK(r->servo.safety[0].faults == 0);
-    rig_free(r);
 }
 
 TESTS_MAIN

@@ -64,6 +64,8 @@ static void rig_free(rig *r)
     free(r);
 }
 
+OWNS(rig, rig_free)
+
 // A pose per tick; NULL: silence. The hand comes down into the dough by 8 mm, drifts and goes up again.
 static kn_tick_out *tick(rig *r, bool silent, int buttons)
 {
@@ -131,7 +133,7 @@ TEST("a servo that goes on from a file has the forces, events and states of the 
     static const int at[] = {3, 250, 700, 806, 1010, 1190, 1320, 1600};
     for (size_t k = 0; k < sizeof at / sizeof *at; k++) {
         const char *set = "quality={fast: {iterations: 5}, accurate: {passes: 2}}";
-        rig *a = rig_of("dough-small.yaml", set), *b = rig_of("dough-small.yaml", set);
+        OWN(rig) *a = rig_of("dough-small.yaml", set), *b = rig_of("dough-small.yaml", set);
         uint8_t *bytes = malloc(kn_saved_size_max(a->model));
         char why[200] = "";
         for (int n = 0, compared = 0; n < 1700; n++) { // of them with the tool under load
@@ -163,7 +165,6 @@ TEST("a servo that goes on from a file has the forces, events and states of the 
             if (n == 1699) CHECK(compared > 0 || at[k] > 1000);
         }
         free(bytes);
-        rig_free(a), rig_free(b);
     }
 }
 
@@ -171,7 +172,7 @@ TEST("a servo that goes on from a file has the forces, events and states of the 
 
 TEST("every flipped byte and every truncation of a file is refused with a reason, and the generation before is taken")
 {
-    rig *r = rig_of("dough-small.yaml", NULL);
+    OWN(rig) *r = rig_of("dough-small.yaml", NULL);
     work(r, 600);
     size_t room = kn_saved_size_max(r->model);
     uint8_t *bytes = malloc(room + 1);
@@ -220,7 +221,6 @@ TEST("every flipped byte and every truncation of a file is refused with a reason
     CHECK(!kn_store_load(&s, 5, &r->found, name, NULL, why, sizeof why) && !strcmp(why, "none"));
     kn_store_close(&s);
     free(bytes);
-    rig_free(r);
 }
 
 static uint64_t dice = 88172645463325252u; // Marsaglia's xorshift
@@ -249,7 +249,7 @@ TEST("a large file, mutated at random, is refused with a reason (KN_MUTATIONS of
 {
     const char *text = getenv("KN_MUTATIONS");
     int most = text ? atoi(text) : 1000, refused = 0, unchanged = 0;
-    rig *r = rig_of("dough.yaml", NULL); // 847 nodes
+    OWN(rig) *r = rig_of("dough.yaml", NULL); // 847 nodes
     work(r, 600);
     size_t room = kn_saved_size_max(r->model) + 8192;
     uint8_t *bytes = calloc(1, room), *bad = calloc(1, room);
@@ -268,7 +268,6 @@ TEST("a large file, mutated at random, is refused with a reason (KN_MUTATIONS of
     CHECK(kn_saved_decode(r->scene, r->model, bytes, size, &r->found, why, sizeof why));
     free(bytes);
     free(bad);
-    rig_free(r);
 }
 
 TEST("a file of another scene, lattice, material or version is refused by name")
@@ -279,7 +278,7 @@ TEST("a file of another scene, lattice, material or version is refused by name")
                  {"dough-small.yaml", "object.spacing=5 mm", "another lattice"},
                  {"dough-small.yaml", "material.k1=300 gf/cm^3", "another material or structure"},
                  {"dough-small.yaml", "probes.finger.radius=2 cm", ""}};
-    rig *r = rig_of("dough-small.yaml", NULL);
+    OWN(rig) *r = rig_of("dough-small.yaml", NULL);
     work(r, 600);
     uint8_t *bytes = malloc(kn_saved_size_max(r->model));
     char why[200];
@@ -287,12 +286,11 @@ TEST("a file of another scene, lattice, material or version is refused by name")
     r->saved.servo.safety[1].nonfinite = true;
     size_t size = kn_saved_encode(r->scene, r->model, &r->saved, bytes, kn_saved_size_max(r->model));
     for (size_t t = 0; t < sizeof table / sizeof *table; t++) {
-        rig *o = rig_of(table[t].scene, table[t].set);
+        OWN(rig) *o = rig_of(table[t].scene, table[t].set);
         *why = '\0';
         CHECK(kn_saved_decode(o->scene, o->model, bytes, size, &o->found, why, sizeof why) == !*table[t].why);
         CHECK_STR(why, table[t].why);
         CHECK(*why || (o->found.servo.safety[1].nonfinite && !o->found.servo.safety[0].nonfinite));
-        rig_free(o);
     }
     static const struct {
         size_t at; // of a byte in the file's head, made one more
@@ -309,13 +307,12 @@ TEST("a file of another scene, lattice, material or version is refused by name")
         bytes[head[t].at]--;
     }
     free(bytes);
-    rig_free(r);
 }
 
 TEST("the last eight generations stay; other lattices and scenes in the same directory are left alone and not taken")
 {
-    rig *r = rig_of("dough-small.yaml", NULL), *o = rig_of("dough-small.yaml", "object.spacing=5 mm"),
-        *j = rig_of("jelly.yaml", NULL);
+    OWN(rig) *r = rig_of("dough-small.yaml", NULL), *o = rig_of("dough-small.yaml", "object.spacing=5 mm"),
+             *j = rig_of("jelly.yaml", NULL);
     char why[200], name[256], path[400];
     work(r, 500), work(o, 10), work(j, 10);
     clear_directory(o->directory, true), clear_directory(j->directory, true);
@@ -362,13 +359,12 @@ TEST("the last eight generations stay; other lattices and scenes in the same dir
     CHECK(!kn_store_save(&s, &r->saved, true, why, sizeof why) && strstr(why, "100 that stay are there"));
     CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why) && files_in(r->directory) == there);
     kn_store_close(&s);
-    rig_free(r), rig_free(o), rig_free(j);
 }
 
 TEST(
     "a directory that is not there, not ours or everybody's ends with 2, one that is locked with 3; links are not read")
 {
-    rig *r = rig_of("dough-small.yaml", NULL);
+    OWN(rig) *r = rig_of("dough-small.yaml", NULL);
     kn_store s = store_of(r), second;
     char error[512], path[400], target[400], name[256], why[200];
     CHECK(kn_store_open(&second, r->directory, r->scene, r->model, error, sizeof error) == 3);
@@ -399,7 +395,6 @@ TEST(
         CHECK(strstr(error, "somebody else's"));
         kn_store_close(&s);
     }
-    rig_free(r);
 }
 
 // --- S3: a disk that fails ---
@@ -453,7 +448,7 @@ static const kn_files bad_files = {bad_open,  bad_read,   bad_write,    bad_sync
 TEST("whatever call fails, and how: what there was is there, why is told, and the next snapshot is taken")
 {
     static const int with[] = {ENOSPC, EIO, EROFS, EDQUOT};
-    rig *r = rig_of("dough-small.yaml", NULL);
+    OWN(rig) *r = rig_of("dough-small.yaml", NULL);
     kn_store s = store_of(r);
     char why[200];
     work(r, 400);
@@ -499,12 +494,11 @@ TEST("whatever call fails, and how: what there was is there, why is told, and th
     disk.fail_at = 0, disk.most = 1000;
     CHECK(newest(r, &s, why) == good && r->found.generation == s.generation);
     kn_store_close(&s);
-    rig_free(r);
 }
 
 TEST("an emergency stop whose file or its removal fails in any call is not said to be kept")
 {
-    rig *r = rig_of("dough-small.yaml", NULL);
+    OWN(rig) *r = rig_of("dough-small.yaml", NULL);
     kn_store s = store_of(r);
     char why[300];
     for (int stands = 1; stands >= 0; stands--) {
@@ -520,7 +514,6 @@ TEST("an emergency stop whose file or its removal fails in any call is not said 
         CHECK(kn_store_estopped(&s) == stands);
     }
     kn_store_close(&s);
-    rig_free(r);
 }
 
 // --- S2: power fails ---
@@ -691,7 +684,7 @@ static int lose_power(rig *r, bool sync, bool sync_dir, long *cuts)
 
 TEST("power cut after any call, with any of what was not synced lost, torn or reordered: the old object or the new one")
 {
-    rig *r = rig_of("dough-small.yaml", NULL);
+    OWN(rig) *r = rig_of("dough-small.yaml", NULL);
     long cuts = 0, without = 0;
     work(r, 500);
     CHECK(lose_power(r, true, true, &cuts) == 0);
@@ -699,7 +692,6 @@ TEST("power cut after any call, with any of what was not synced lost, torn or re
     CHECK(lose_power(r, true, false, &without) > 0);
     printf("     %ld ways to lose power\n", cuts);
     CHECK(cuts > 100);
-    rig_free(r);
 }
 
 TESTS_MAIN

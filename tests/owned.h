@@ -1,0 +1,29 @@
+#ifndef KN_TESTS_OWNED_H
+#define KN_TESTS_OWNED_H
+// What a test makes ends where its block does, the last made first:
+//
+//     OWN(kn_scene) *scene = load("dough.yaml");    then kn_scene_destroy(scene)
+//     AT_END(rig_free) rig r = rig_make();          then rig_free(&r)
+//
+// A pointer's type is made known once, by OWNS.
+#include "core/model.h"
+#include "core/scene/scene.h"
+#include "core/simplices.h"
+#include "core/state.h"
+#include "core/surface.h"
+
+#define AT_END(end) __attribute__((unused, cleanup(end)))
+#define OWN(type) AT_END(type##_at_end) type
+#define OWNS(type, end)                                                                                                \
+    static inline void type##_at_end(type **owned)                                                                     \
+    {                                                                                                                  \
+        end(*owned);                                                                                                   \
+    }
+
+OWNS(kn_scene, kn_scene_destroy)
+OWNS(kn_model, kn_model_destroy)
+OWNS(kn_state, kn_state_destroy)
+OWNS(kn_simplices, kn_simplices_destroy)
+OWNS(kn_surface, kn_surface_destroy)
+
+#endif
