@@ -18,9 +18,11 @@ static struct {
     int high[2], wild;             // forces that are still to be 60 N
 } p;
 
+// In place of what was served before.
 static void serve(const char *scene, const char *const *sets, int count, bool local_model)
 {
     char path[256];
+    kn_rig_close(&p.rig);
     memset(&p, 0, sizeof p);
     snprintf(path, sizeof path, "%s/core/scenes/%s", KN_SOURCE_DIR, scene);
     kn_rig_serve(&p.rig,
@@ -123,7 +125,6 @@ TEST("pressing, sliding, tapping jelly 0 to 30 ms away the local model stays cal
     serve("dough-small.yaml", jelly, 5, true);
     feel("no link", path, (kn_grasp_def){.grip = KN_GRIP_NORMAL});
     double near_n = p.grasp.news.loudest_n;
-    kn_rig_close(&p.rig);
     int64_t acted = 0;
     for (int i = 0; i < 4; i++) {
         serve("dough-small.yaml", jelly, 5, true);
@@ -135,12 +136,10 @@ TEST("pressing, sliding, tapping jelly 0 to 30 ms away the local model stays cal
         CHECK(p.grasp.news.loudest_n < 1.5 * near_n + 0.02 && p.grasp.news.given_j < 1e-3);
         CHECK(p.grasp.render.model.taken > 2500);
         acted = p.grasp.news.acted;
-        kn_rig_close(&p.rig);
     }
     serve("dough-small.yaml", jelly, 5, true);
     if (feel("20 ms, held", path, (kn_grasp_def){.grip = KN_GRIP_NORMAL, .delay_ms = 20, .render.held = true}))
         CHECK(p.grasp.news.acted > 100 + 3 * acted); // calm by the controller's damping alone
-    kn_rig_close(&p.rig);
 }
 
 TEST("a device on dough is calm near kneadd, in any hand; its forces 20 ms away are refused, and held they shake it")
@@ -150,23 +149,18 @@ TEST("a device on dough is calm near kneadd, in any hand; its forces 20 ms away 
                  *sine = kn_path_sine(&(kn_path_def){.touch_z_m = 0.045, .hold_s = 2});
     serve("dough-small.yaml", touch, 1, false);
     CHECK(feel("firm", press, (kn_grasp_def){.grip = KN_GRIP_FIRM}) && p.rig.end[0].served.largest_n > 0.5);
-    kn_rig_close(&p.rig);
     serve("dough-small.yaml", touch, 1, false);
     CHECK(feel("swing", sine, (kn_grasp_def){.grip = KN_GRIP_LIGHT}));
-    kn_rig_close(&p.rig);
     serve("dough-small.yaml", touch, 1, false);
     CHECK(feel("left alone", sine, (kn_grasp_def){.grip = KN_GRIP_NONE}));
-    kn_rig_close(&p.rig);
     serve("dough-small.yaml", touch, 1, false);
     CHECK(!feel("20 ms", sine, (kn_grasp_def){.grip = KN_GRIP_LIGHT, .delay_ms = 20}));
     const kn_trip *trip = &p.player[0].hand.trip[0];
     CHECK(p.player[0].hand.trips == 1 && !strcmp(trip->piece, "engage") && p.grasp.render.largest_n == 0);
     CHECK_STR(trip->refusal, kn_render_why(KN_RENDER_FAR));
-    kn_rig_close(&p.rig);
     serve("dough-small.yaml", touch, 1, false);
     CHECK(!feel("20 ms, held", press, (kn_grasp_def){.grip = KN_GRIP_LIGHT, .delay_ms = 20, .render.held = true}));
     CHECK(p.player[0].hand.mode == KN_HAND_GAVE_UP || p.grasp.news.acted > 100);
-    kn_rig_close(&p.rig);
 }
 
 TEST("a light hand on jelly is calm, also 5 ms and a fifth of the messages away, also with one axis")
@@ -180,7 +174,6 @@ TEST("a light hand on jelly is calm, also 5 ms and a fifth of the messages away,
     for (int i = 0; i < 3; i++) {
         serve("jelly.yaml", scaled, 1, false);
         CHECK(feel("jelly", i < 2 ? press : sine, hands[i]));
-        kn_rig_close(&p.rig);
     }
 }
 
@@ -194,7 +187,6 @@ TEST("a wild force in kneadd's name trips the guard of a device in a hand, which
     const kn_hand *h = &p.player[0].hand;
     CHECK(h->trips == 1 && h->tries == 2 && p.wild < 20);
     CHECK_STR(h->trip[0].refusal, kn_render_why(KN_RENDER_REFLEX));
-    kn_rig_close(&p.rig);
 }
 
 TEST("the paper's press on a device of 3.3 N: the object gives what it gave, the hand a quarter, and no limit acts")
@@ -208,7 +200,6 @@ TEST("the paper's press on a device of 3.3 N: the object gives what it gave, the
     printf("     the object gives %.2f N, the hand is given %.2f N\n", p.contact_n, given_n);
     CHECK(p.player[0].hand.mode == KN_HAND_DONE && p.contact_n > 11 && given_n > 2.8 && given_n < 3.3);
     CHECK_NEAR(given_n, 0.25 * p.contact_n, 1e-9);
-    kn_rig_close(&p.rig);
 }
 
 TEST("a hand that ends in a press leaves its tool without a fault, and 100 ms later another may take it")
@@ -226,7 +217,6 @@ TEST("a hand that ends in a press leaves its tool without a fault, and 100 ms la
     join("finger", poke, NULL);
     play();
     CHECK(p.player[1].hand.mode == KN_HAND_DONE && p.player[1].hand.trips == 0);
-    kn_rig_close(&p.rig);
 }
 
 TEST("kneadd killed in a press: a device in a hand gives 0 N 20 ms after the last force, its local model after 300")
@@ -277,7 +267,6 @@ TEST("two fingers lift a piece of dough off the table and carry it, half of it e
     CHECK_NEAR(-mean_n[0][2] - mean_n[1][2], weight_n, 0.03 * weight_n);
     CHECK_NEAR(-mean_n[0][2], 0.5 * weight_n, 0.1 * weight_n);
     CHECK_NEAR(-mean_n[0][0], mean_n[1][0], 0.05 * fabs(mean_n[1][0]));
-    kn_rig_close(&p.rig);
 }
 
 TESTS_MAIN

@@ -46,6 +46,12 @@ static void join(kn_presser *presser, const char *probe, double x_m, bool local,
     kn_rig_joined(e, opened, e->bridge->lcm, error);
 }
 
+static void begin(void) // in place of what was served before
+{
+    kn_rig_close(&p.rig);
+    memset(&p, 0, sizeof p);
+}
+
 static void serve(bool local_model)
 {
     static const char *const coarse = "object={size: [6 cm, 3 cm, 3 cm], spacing: 1.5 cm, structure: diagonals}";
@@ -57,7 +63,7 @@ static void serve(bool local_model)
 
 static void start(const kn_link_fault *fault, double delay_ms, const kn_auth *auth)
 {
-    memset(&p, 0, sizeof p);
+    begin();
     p.rig.auth = auth;
     serve(true);
     join(&p.near, "near", -0.015, false, fault, delay_ms);
@@ -127,7 +133,6 @@ TEST("a link that loses, repeats, swaps, delays or flips breaks no rule, and kne
         if (rows[i].counts) check_counts(rows[i].swapped);
         const kn_packets *n = &p.rig.exchange.receiver.source[0].packets;
         if (rows[i].fault.jitter > 0) CHECK(n->late > 0 && n->reordered > 0);
-        kn_rig_close(&p.rig);
     }
 }
 
@@ -149,7 +154,6 @@ TEST("kneadd killed or frozen in a press: 0 N in 20 ms, the local model's in 300
     check_rules("kills");
     CHECK(p.near.rules.outages == kills && p.near.rules.felt >= kills / 3 && p.far.rules.felt >= kills / 5);
     CHECK(p.near.rules.zero_at <= 20 && p.far.rules.zero_at <= 300);
-    kn_rig_close(&p.rig);
 }
 
 TEST("a freeze of 5 to 200 ms: cycles are missed, counted and skipped, none made up for, and no rule is broken")
@@ -178,7 +182,6 @@ TEST("a freeze of 5 to 200 ms: cycles are missed, counted and skipped, none made
     kn_rig_run(&p.rig, 1000);
     check_rules("freezes");
     CHECK(p.near.rules.zero_at <= 20 && p.near.rules.pressed > freezes * 500);
-    kn_rig_close(&p.rig);
 }
 
 // For so long, how much the force in the far motors changes from one ms to the next, beside the force: where it is
@@ -205,7 +208,6 @@ TEST("the local model gives what kneadd gives, calmly; behind 20 ms it still doe
     const kn_render *near = &p.bridge[0].now.tether.render, *far = &p.bridge[1].now.tether.render;
     CHECK(far->guards == 0 && far->reflexes == 0 && far->model.taken > 2000 && p.far.rules.pressed > 1000);
     CHECK_NEAR(p.far.rules.largest_n, p.near.rules.largest_n, 0.1 * p.near.rules.largest_n);
-    kn_rig_close(&p.rig);
 
     start(&(kn_link_fault){0}, 20, NULL);
     CHECK(restless(2500, &behind_n) < 0.03);
@@ -214,18 +216,16 @@ TEST("the local model gives what kneadd gives, calmly; behind 20 ms it still doe
     CHECK(far->round_trip_s > 0.015 && far->guards == 0 && p.far.rules.pressed > 1000);
     CHECK_NEAR(behind_n, far_n, 0.1 * far_n);
     check_rules("behind 20 ms");
-    kn_rig_close(&p.rig);
 }
 
 TEST("a device with the local model on a kneadd that sends no contacts gives 0 N")
 {
-    memset(&p, 0, sizeof p);
+    begin();
     serve(false);
     join(&p.near, "near", -0.015, false, &(kn_link_fault){0}, 0);
     join(&p.far, "far", 0.015, true, &(kn_link_fault){0}, 0);
     kn_rig_run(&p.rig, 2000);
     CHECK(p.near.rules.pressed > 500 && p.rig.end[1].served.pressed > 500 && p.far.rules.largest_n == 0);
-    kn_rig_close(&p.rig);
 }
 
 static int wild_left;
@@ -254,7 +254,6 @@ TEST("a wild force in kneadd's name trips the guard of the device: it fades in s
     CHECK(last_n == 0 && !p.near.live && t->render.reflexes == 1);
     kn_rig_run(&p.rig, 3000);
     CHECK(t->session == session + 1 && p.near.rules.pressed > 1000 && t->render.reflexes == 1);
-    kn_rig_close(&p.rig);
 }
 
 TEST("with a key nothing flipped is taken, and everything else is")
@@ -273,16 +272,13 @@ TEST("with a key nothing flipped is taken, and everything else is")
     CHECK(r->rejected[KN_REJECT_MAC] == e[0].up.flipped + e[1].up.flipped && e[0].up.flipped > 0);
     CHECK(r->accepted == r->received - r->rejected[KN_REJECT_MAC]);
     for (int i = 0; i < 2; i++) CHECK_NEAR(1 - (double)e[i].served.fresh / (double)e[i].served.ticks, 0.001, 0.01);
-    kn_rig_close(&p.rig);
 
     run_row("every message flipped, a key", &(kn_link_fault){.flip = 1}, &auth);
     CHECK(r->received > 1000 && r->accepted == 0 && r->rejected[KN_REJECT_MAC] == r->received);
     CHECK(p.near.rules.heard + p.far.rules.heard == 0);
-    kn_rig_close(&p.rig);
 
     run_row("worse, a key",
             &(kn_link_fault){.loss = 0.2, .burst = 20, .jitter = 4, .twice = 0.01, .swap = 0.01, .flip = 0.001}, &auth);
-    kn_rig_close(&p.rig);
     unlink(path);
 }
 
