@@ -1,15 +1,9 @@
 // libFuzzer target: any bytes from a serial line are frames that say what was sent, or skipped and counted, each byte
 // once; and a whole frame behind any of them is heard once twenty bytes more have come.
 #include "clients/tactile/frame.h"
-#include <stdlib.h>
+#include "tests/fuzz/fuzz.h"
 #include <string.h>
 
-static void require(int condition)
-{
-    if (!condition) abort();
-}
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     kn_deframer d = {.kind = KN_FRAME_STATE};

@@ -1,14 +1,9 @@
 // libFuzzer target: any bytes from an Inverse Service are a state whose every number can be used, no such arm, or one
 // line of complaint; and whatever it calls its arm, what is said to it is shorter than a message may be.
 #include "clients/tactile/haply_json.h"
+#include "tests/fuzz/fuzz.h"
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-
-static void require(int condition)
-{
-    if (!condition) abort();
-}
 
 static void judge(const uint8_t *data, size_t size, const char *device_id)
 {
@@ -26,7 +21,6 @@ static void judge(const uint8_t *data, size_t size, const char *device_id)
     require(kn_haply_greet(text, s.device_id, s.device_id) < KN_HAPLY_MESSAGE);
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     judge(data, size, "");

@@ -2,13 +2,8 @@
 // of a device, whose reply answers it, and coded again it is what came; the same bytes as a payload of a good frame are
 // heard and answered as well.
 #include "server/backend/frame.h"
-#include <stdlib.h>
+#include "tests/fuzz/fuzz.h"
 #include <string.h>
-
-static void require(bool condition)
-{
-    if (!condition) abort();
-}
 
 typedef struct memory {
     uint32_t words[64];
@@ -44,7 +39,6 @@ static void serve(const uint8_t *payload, size_t size)
     require(kn_reply_parse(&reply, &asked, f.bytes, replied));
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     kn_framer f = {0};

@@ -1,15 +1,9 @@
 // libFuzzer target: any bytes are either one line of complaint or a mesh that a lattice can be made of, no larger than
 // they are.
 #include "core/scene/msh.h"
-#include <stdlib.h>
+#include "tests/fuzz/fuzz.h"
 #include <string.h>
 
-static void require(int condition)
-{
-    if (!condition) abort();
-}
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     char error[512] = "";

@@ -42,7 +42,6 @@ static void judge(const char *file, const kn_range_given *given)
     free(level);
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     static uint8_t png[1 << 16];

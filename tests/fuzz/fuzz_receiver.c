@@ -3,13 +3,8 @@
 // since chance alone finds neither the type hash nor a quaternion of length one.
 #include "server/receiver.h"
 #include "tests/server/datagram.h"
+#include "tests/fuzz/fuzz.h"
 #include <math.h>
-#include <stdlib.h>
-
-static void require(bool condition)
-{
-    if (!condition) abort();
-}
 
 static double norm(const double *v, int count)
 {
@@ -48,7 +43,6 @@ static kn_datagram next_datagram(reader *in, unsigned control, int64_t seq)
     return d;
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     kn_model_def def = {.probe_count = 2, .probe = {{.name = "hand"}, {.name = "thumb"}}};

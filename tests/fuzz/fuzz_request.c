@@ -1,16 +1,10 @@
 // libFuzzer target: any bytes from a page are a request whose every field is within its bounds, or one line of complaint
 // that fits into a WebSocket's close reason.
 #include "clients/web/request.h"
+#include "tests/fuzz/fuzz.h"
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
-static void require(int condition)
-{
-    if (!condition) abort();
-}
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     char error[124] = "";

@@ -1,13 +1,8 @@
 // libFuzzer target: any bytes are either one line of complaint or a scene whose text is the scene.
 // What follows the first NUL is a --set.
 #include "core/scene/scene.h"
-#include <stdlib.h>
+#include "tests/fuzz/fuzz.h"
 #include <string.h>
-
-static void require(int condition)
-{
-    if (!condition) abort();
-}
 
 // One line, "f.yaml:line:col: ...", "--set key: ..." or "--quality name: ...", printable: none of the file's own bytes are quoted.
 static void check_complaint(const char *error)
@@ -18,7 +13,6 @@ static void check_complaint(const char *error)
     for (; *error; error++) require(*error >= ' ' && *error <= '~');
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     char error[512] = "";

@@ -1,13 +1,8 @@
 // libFuzzer target: any bytes as OBJ or STL are either one line of complaint or a surface that holds water.
 #include "core/scene/shell.h"
+#include "tests/fuzz/fuzz.h"
 #include <stdint.h>
-#include <stdlib.h>
 #include <string.h>
-
-static void require(int condition)
-{
-    if (!condition) abort();
-}
 
 static void judge(const char *name, const uint8_t *data, size_t size)
 {
@@ -28,7 +23,6 @@ static void judge(const char *name, const uint8_t *data, size_t size)
     kn_shell_destroy(s);
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     judge("f.obj", data, size);

@@ -3,8 +3,8 @@
 // bytes are an offset and a byte there, what is left of three is cut off at the end.
 #include "core/snapshot.h"
 #include "server/snapshot.h"
+#include "tests/fuzz/fuzz.h"
 #include <sodium.h>
-#include <stdlib.h>
 #include <string.h>
 
 static const char text[] =
@@ -18,11 +18,6 @@ static kn_saved saved, found;
 static kn_tick_in in = {.tick = -1};
 static uint8_t *good, *bytes;
 static size_t good_size, lattice, room;
-
-static void require(int condition)
-{
-    if (!condition) abort();
-}
 
 static void press(kn_servo *servo, int ticks)
 {
@@ -97,7 +92,6 @@ static void judge(size_t size)
     press(&servo, 1);
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     memset(bytes, 0, 64);

@@ -1,16 +1,10 @@
 #ifndef KN_TESTS_MEMORY_FILE_H
 #define KN_TESTS_MEMORY_FILE_H
 // The fuzzer's bytes as a file that never meets a disk.
-#include <stdint.h>
+#include "tests/fuzz/fuzz.h"
 #include <stdio.h>
-#include <stdlib.h>
 #include <sys/mman.h>
 #include <unistd.h>
-
-static inline void require(int condition)
-{
-    if (!condition) abort();
-}
 
 // Its path, until the next call.
 static inline const char *memory_file(const uint8_t *data, size_t size)
