@@ -13,6 +13,7 @@
 // key never sends, or not now (kn_forged_datagram), of its own poses among others.
 // SIGTERM ends what is being sent. Prints how many datagrams it sent.
 #include "server/auth.h"
+#include "server/clock.h"
 #include "tests/server/datagram.h"
 #include <arpa/inet.h>
 #include <inttypes.h>
@@ -46,20 +47,6 @@ static double option(const char *line, const char *name, double otherwise)
     return at ? strtod(at + strlen(name), NULL) : otherwise; // strtod reads nan and inf as well
 }
 
-static int64_t now_us(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000;
-}
-
-static int64_t wall_us(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_REALTIME, &t);
-    return t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000;
-}
-
 // What a listener has of this sender.
 typedef struct kn_recording {
     unsigned char bytes[256];
@@ -76,15 +63,15 @@ static void keep(const unsigned char *bytes, size_t size)
 }
 
 // Sleeps until the n-th of a stream is due; one that was held up catches up.
-static void pace(int64_t start_us, int64_t n, double rate)
+static void pace(int64_t start_ns, int64_t n, double rate)
 {
-    int64_t ahead_us = start_us + (int64_t)(1e6 * (double)n / rate) - now_us();
-    if (ahead_us > 500) nanosleep(&(struct timespec){.tv_nsec = ahead_us * 1000}, NULL);
+    int64_t ahead_ns = start_ns + (int64_t)(1e9 * (double)n / rate) - kn_now_ns();
+    if (ahead_ns > 500000) nanosleep(&(struct timespec){.tv_nsec = ahead_ns}, NULL);
 }
 
 static void send_poses(const char *line, int64_t count)
 {
-    int64_t seq = (int64_t)option(line, " seq=", 1), step = (int64_t)option(line, " step=", 1), start_us = now_us();
+    int64_t seq = (int64_t)option(line, " seq=", 1), step = (int64_t)option(line, " step=", 1), start_ns = kn_now_ns();
     int64_t utime = (int64_t)option(line, " utime=", 0);
     knead_probe_pose_t pose = {.session = (int64_t)option(line, " session=", 1),
                                .orientation_wxyz = {1, 0, 0, 0},
@@ -92,11 +79,11 @@ static void send_poses(const char *line, int64_t count)
                                .velocity_m_s = {0, 0, option(line, " vz=", 0)}};
     for (int64_t n = 0; n < count && !ended; n++, seq += step) {
         unsigned char bytes[KN_TEST_DATAGRAM];
-        pace(start_us, n, option(line, " rate=", 1000));
+        pace(start_ns, n, option(line, " rate=", 1000));
         pose.seq = seq;
         pose.utime = utime ? utime : 1000 * seq; // not the clock's: a held-up sender would make other speeds
-        pose.sent_ns = now_us() * 1000;
-        if (keyed) pose.utime = wall_us();
+        pose.sent_ns = kn_now_ns();
+        if (keyed) pose.utime = kn_wall_us();
         if (n + 1 == count && strstr(line, " leave")) pose.buttons = KNEAD_PROBE_POSE_T_BUTTON_LEAVING;
         size_t size = kn_pose_datagram(bytes, sizeof bytes - KN_WIRE_MAC, channel, &pose);
         if (keyed) keep(bytes, size = kn_sign_datagram(bytes, size, channel, &auth));
@@ -132,11 +119,11 @@ static void send_many(const char *line, int64_t count, make *one)
 {
     uint64_t random = (uint64_t)option(line, " seed=", 1);
     double rate = option(line, " rate=", 50000);
-    int64_t start_us = now_us();
+    int64_t start_ns = kn_now_ns();
     for (int64_t n = 0; n < count && !ended; n += BATCH) {
         int size = count - n < BATCH ? (int)(count - n) : BATCH;
         for (int i = 0; i < size; i++) batch_size[i] = one(batch[i], &random, n + i);
-        if (rate > 0) pace(start_us, n, rate);
+        if (rate > 0) pace(start_ns, n, rate);
         send_batch(size);
     }
 }
@@ -163,7 +150,7 @@ static size_t forged(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, in
 {
     knead_probe_pose_t pose = {.session = 1000000 + n,
                                .seq = n,
-                               .utime = wall_us(),
+                               .utime = kn_wall_us(),
                                .orientation_wxyz = {1, 0, 0, 0},
                                .position_m = {0, 0, 0.2}};
     const kn_recording *r = recorded > 0 ? &recording[kn_random_bits(random) % (size_t)recorded] : NULL;

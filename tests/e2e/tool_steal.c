@@ -6,10 +6,10 @@
 // What a tick needs and how long a sleep is are the machine's, so the gaps get shorter step by step. In all less than
 // the 0.95 s of every second that the kernel leaves real-time threads (sched_rt_runtime_us). Exit 77 and why: this may
 // not be done here.
+#include "server/clock.h"
 #include <dirent.h>
 #include <errno.h>
 #include <sched.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -18,13 +18,6 @@
 #define BURST_NS 900000
 #define STEP_NS 200000000
 #define ABOVE_SERVO 90
-
-static int64_t now_ns(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return t.tv_sec * INT64_C(1000000000) + t.tv_nsec;
-}
 
 // The thread that kneadd calls "servo", 0: none.
 static int find_servo(const char *pid)
@@ -55,8 +48,8 @@ int main(int argc, char **argv)
         return 77;
     }
     for (size_t i = 0; i < sizeof gap_ns / sizeof *gap_ns; i++)
-        for (int64_t end_ns = now_ns() + STEP_NS, ns; (ns = now_ns()) < end_ns;) {
-            while (now_ns() - ns < BURST_NS) continue;
+        for (int64_t end_ns = kn_now_ns() + STEP_NS, ns; (ns = kn_now_ns()) < end_ns;) {
+            while (kn_now_ns() - ns < BURST_NS) continue;
             nanosleep(&(struct timespec){.tv_nsec = gap_ns[i]}, NULL);
         }
     return 0;

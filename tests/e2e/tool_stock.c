@@ -4,6 +4,7 @@
 // until "ready" was printed.
 #include "proto/knead_mesh_update_t.h"
 #include "proto/knead_probe_pose_t.h"
+#include "server/clock.h"
 #include <arpa/inet.h>
 #include <inttypes.h>
 #include <poll.h>
@@ -14,7 +15,6 @@
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
-#include <time.h>
 #include <unistd.h>
 
 #define URL "udpm://239.255.76.67:7667?ttl=0"
@@ -81,13 +81,6 @@ static int listen_to_group(void)
     return fine ? fd : -1;
 }
 
-static int64_t now_us(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000;
-}
-
 static bool other[65536]; // ports: who sent before the stream
 
 // Takes what waits; how much of it is of the stream.
@@ -115,17 +108,17 @@ int main(void)
     int fd = listen_to_group();
     sigaction(SIGTERM, &(struct sigaction){.sa_handler = on_signal}, NULL);
     if (user < 0 || fd < 0 || read(ready[0], &byte, 1) != 1) return 3;
-    for (int64_t end_us = now_us() + 1200000; now_us() < end_us; usleep(1000)) drain(fd, true);
+    for (int64_t end_ns = kn_now_ns() + 1200000000; kn_now_ns() < end_ns; usleep(1000)) drain(fd, true);
     puts("ready");
     fflush(stdout);
 
-    int64_t datagrams = 0, first_us = 0, last_us = 0, count;
+    int64_t datagrams = 0, first_ns = 0, last_ns = 0, count;
     long before_kb = memory_kb(user), most_kb = before_kb;
     pid_t gone = 0;
     while (!ended && (gone = waitpid(user, &status, WNOHANG)) == 0) {
         poll(&(struct pollfd){.fd = fd, .events = POLLIN}, 1, 1);
-        if ((count = drain(fd, false)) > 0) last_us = now_us();
-        if (datagrams == 0 && count > 0) first_us = last_us;
+        if ((count = drain(fd, false)) > 0) last_ns = kn_now_ns();
+        if (datagrams == 0 && count > 0) first_ns = last_ns;
         datagrams += count;
         long kb = memory_kb(user);
         if (kb > most_kb) most_kb = kb;
@@ -141,6 +134,6 @@ int main(void)
         snprintf(fate, sizeof fate, "ended with %d", WEXITSTATUS(status));
     printf("liblcm %d.%d.%d %s %" PRId64 " ms and %" PRId64 " datagrams into the stream; its memory grew by %ld kB\n",
            LCM_MAJOR_VERSION, LCM_MINOR_VERSION, LCM_MICRO_VERSION, fate,
-           ((gone ? now_us() : last_us) - first_us) / 1000, datagrams, most_kb - before_kb);
+           ((gone ? kn_now_ns() : last_ns) - first_ns) / 1000000, datagrams, most_kb - before_kb);
     return 0;
 }

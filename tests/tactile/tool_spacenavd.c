@@ -5,6 +5,7 @@
 //     pull=MS                it is pulled out                      noise=MS       200 events of random bytes
 //     half=MS                half an event                         hangup=MS:MS   is away, for so long
 //     old                    protocol 0: says nothing to whoever asks for another
+#include "server/clock.h"
 #include <poll.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -12,7 +13,6 @@
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/un.h>
-#include <time.h>
 #include <unistd.h>
 
 enum { MOTION, PRESS, RELEASE, DEVICE, CLIENTS = 8, ASK_PROTOCOL = 0x7faa5500 };
@@ -23,9 +23,7 @@ static const char *path;
 
 static int now_ms(void)
 {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    int64_t ms = t.tv_sec * INT64_C(1000) + t.tv_nsec / 1000000;
+    int64_t ms = kn_now_ns() / 1000000;
     if (clients == 0 && begin_ms == 0) return -1;
     if (begin_ms == 0) begin_ms = ms;
     return (int)(ms - begin_ms);

@@ -2,20 +2,13 @@
 // kneadd's name, NEWTON upwards, one behind each of 20 and of two poses later: a client may take the newest only, and
 // those behind forces that were heard late are not. Exit 1 when nothing was pressed for SECONDS.
 #include "proto/knead_contact_force_t.h"
+#include "server/clock.h"
 #include <stdio.h>
 #include <stdlib.h>
-#include <time.h>
 
 static const int wild = 20;
 static const char *wanted_n;
 static int sent;
-
-static double now_s(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
 
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, const knead_contact_force_t *heard, void *self)
 {
@@ -36,7 +29,8 @@ int main(int argc, char **argv)
     wanted_n = argv[2];
     snprintf(channel, sizeof channel, "KNEAD_FORCE_%s", argv[1]);
     knead_contact_force_t_subscription_t *heard = knead_contact_force_t_subscribe(lcm, channel, on_force, lcm);
-    for (double end_s = now_s() + atof(argv[3]); sent < wild && now_s() < end_s;) lcm_handle_timeout(lcm, 20);
+    int64_t end_ns = kn_now_ns() + (int64_t)(1e9 * atof(argv[3]));
+    while (sent < wild && kn_now_ns() < end_ns) lcm_handle_timeout(lcm, 20);
     knead_contact_force_t_unsubscribe(lcm, heard);
     lcm_destroy(lcm);
     return sent < wild;
