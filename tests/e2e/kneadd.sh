@@ -58,6 +58,18 @@ stop_kneadd() { # sets status to its exit code; its summary is in kneadd.log
     status=$?
     grep kneadd: kneadd.log
 }
+# of kneadd --control control
+ctl() { knead ctl --control control "$@"; }
+field() { ctl --json status | python3 -c "import json, sys; print(json.load(sys.stdin)$1)"; } # field '["mode"]': of its status
+pressing() { # until the hand has been in the dough for 0.4 s
+    until ctl --json status 2>/dev/null | grep -q '"in_contact":true' || ! kill -0 $hand 2>/dev/null; do pause 0.1; done
+    pause 0.4
+}
+memory() { awk '/^VmRSS/ { print $2 }' "/proc/$server/status"; } # of kneadd, kB
+# verifies LOG: it replays to the very forces that it holds
+verifies() { knead replay "$1" --verify >"$1.said" 2>"$1.err" || { cat "$1.said" "$1.err"; return 1; }; }
+told() { grep -c -- "$1" hand.err; } # how many lines of the hand have that in them
+holds() { awk "BEGIN { exit !($1) }"; } # a comparison of numbers
 # counter NAME: the number before NAME in the summary, 0 when it is not told
 counter() { [[ $(<kneadd.log) =~ ([0-9]+)\ "$1"($|[^a-z_]) ]] && echo "${BASH_REMATCH[1]}" || echo 0; }
 # number NAME FILE: the number after NAME in what logcheck printed

@@ -6,7 +6,6 @@ if [ "$1" != inside ]; then # what is mounted here goes with the namespace
     exec unshare -m "$0" inside
 fi
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-ctl() { knead ctl --control control "$@"; }
 look() { ctl --json status >"$1.json"; }
 of() { python3 -c 'import json, sys; print(eval(sys.argv[2], json.load(open(sys.argv[1] + ".json"))))' "$1" "$2"; } # of NAME EXPRESSION
 grown() { echo $(($(of "$2" "$3") - $(of "$1" "$3"))); }

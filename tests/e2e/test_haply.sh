@@ -9,7 +9,6 @@ rows() { # rows AWK-CONDITION: of haply.csv; ms x y z fx fy fz said wrong greete
     awk -F, 'NR > 1 { new = $8 != said; ms = $1; x = $2; y = $3; z = $4; fx = $5; fy = $6; fz = $7; said = $8; wrong = $9; greeted = $10
              f = sqrt(fx * fx + fy * fy + fz * fz); if ('"$1"') n++ } END { print n + 0 }' haply.csv
 }
-told() { grep -c -- "$1" hand.err; }
 last() { tail -n 2 haply.csv | head -n 1 | cut -d, -f"$1"; }
 
 start_kneadd dough-small.yaml

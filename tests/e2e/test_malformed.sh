@@ -4,7 +4,6 @@
 # stopped, more than its socket holds: what the kernel dropped is told.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 count=${KN_DATAGRAMS:-100000}
-memory() { awk '/VmRSS/ { print $2 }' "/proc/$server/status"; }
 now_ms() { date +%s%3N; }
 of_all() { # of_all REASON...: sum of these counters
     local sum=0 name

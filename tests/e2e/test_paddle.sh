@@ -7,7 +7,6 @@ source "$KN_SOURCE/tests/e2e/kneadd.sh"
 column() { # column AWK-CONDITION FILE: rows for which it holds; $1 ms $2 z $3 asked $4 given $5 enabled $6 tripped
     awk -F, "NR > 1 && ($1) { n++ } END { print n + 0 }" "$2"
 }
-told() { grep -c -- "$1" hand.err; }
 count() { grep -oE "$1 [0-9]+" hand.txt | grep -oE '[0-9]+$'; }
 start_hand() { # start_hand OPTION...
     knead hand paddle --tty tty --quiet "$@" >hand.txt 2>hand.err & hand=$!

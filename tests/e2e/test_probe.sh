@@ -5,7 +5,6 @@ set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 
 number() { sed -n "s/^  $1 *\([0-9.-]*\).*/\1/p" "$2"; } # of a line of the table
-holds() { awk "BEGIN { exit !($1) }"; }                  # a comparison of numbers
 # play NAME OPTION...: a probe's table in NAME.txt, its complaints in NAME.err
 play() { $ahead knead probe "${@:2}" >"$1.txt" 2>"$1.err" || { cat "$1.err"; return 1; }; }
 

@@ -2,7 +2,6 @@
 # What was recorded is what is replayed: two presses by knead probe, recorded by itself and by lcm-logger, give back their own forces to
 # the bit; and so do several replays of one log.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-verifies() { knead replay "$1" --verify >"$1.said" 2>"$1.err" || { cat "$1.said" "$1.err"; return 1; }; }
 press() { $ahead knead probe --path press --hold '200 ms' --quiet --record "$1"; }
 
 start_logger bus.lcmlog # first, so that it hears the server's start

@@ -2,12 +2,6 @@
 # knead ctl set: under a finger the dough becomes another one through zero force, what it stores is told, the log replays to
 # the bit, and a kill -9 takes nothing of it. knead ctl load: another scene, or none when it is wrong.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-ctl() { knead ctl --control control "$@"; }
-pressing() { # until the finger has been in the dough for 0.4 s
-    until ctl --json status | grep -q '"in_contact":true' || ! kill -0 $hand 2>/dev/null; do pause 0.1; done
-    pause 0.4
-}
-field() { python3 -c "import json, sys; print(json.load(sys.stdin)$1)"; }
 stored() { sed -n "s/.*\"stored_$1_j\":\([0-9.e-]*\).*/\1/p" <<<"$2"; }
 
 mkdir state
@@ -49,7 +43,7 @@ check "$(grep 'as it was set' kneadd.log)" \
     grep -q '^kneadd: as it was set before: material.k1=600 gf/cm^3, device.clamp=2 N$' kneadd.log
 check "$(grep restored kneadd.log)" grep -q '^kneadd: restored state/dough-small' kneadd.log
 check "what is set is in the status" \
-    [ "$(ctl --json status | field '["set"]')" = "['material.k1=600 gf/cm^3', 'device.clamp=2 N']" ]
+    [ "$(field '["set"]')" = "['material.k1=600 gf/cm^3', 'device.clamp=2 N']" ]
 expect 'device.clamp: allows a hand more' 2 ctl set 'device.clamp=100 N'
 expect 'another lattice' 2 ctl set 'object.spacing=5 mm'
 expect 'another tool' 2 ctl set 'probes.finger.radius=2 cm'
@@ -63,7 +57,7 @@ expect 'another mesh.rate' 2 ctl set 'mesh.rate=45 Hz'
 expect 'other mesh.measures' 2 ctl set mesh.measures=stress
 expect 'quality' 2 ctl set quality=fast
 expect 'expected at most 32 settings' 2 ctl set "material.k1=$(printf '%01200d' 7)"
-check "none of that was done" [ "$(ctl --json status | field '["set"]')" = "['material.k1=600 gf/cm^3', 'device.clamp=2 N']" ]
+check "none of that was done" [ "$(field '["set"]')" = "['material.k1=600 gf/cm^3', 'device.clamp=2 N']" ]
 for i in $(seq 30); do ctl set "material.k1=$((400 + i)) gf/cm^3" >/dev/null || break; done
 check "thirty, one after the other" [ "$i" = 30 ]
 stop_kneadd
@@ -111,7 +105,7 @@ check "the old one serves on" grep -q '^scene  *dough-small.yaml' <(ctl status)
 check "another one: $(ctl load "$KN_SOURCE/core/scenes/jelly.yaml")" grep -q '^scene  *jelly.yaml' <(ctl status)
 check "and back: $(ctl load "$KN_SOURCE/core/scenes/dough-small.yaml")" grep -q '^scene  *dough-small.yaml' <(ctl status)
 check "to what was saved of it" [ "$(grep -c '^kneadd: restored state/dough-small' kneadd.log)" = 2 ]
-check "which is as it was set" grep -q 'material.k1=430 gf/cm^3' <(ctl --json status | field '["set"]')
+check "which is as it was set" grep -q 'material.k1=430 gf/cm^3' <(field '["set"]')
 ctl load "$KN_SOURCE/core/scenes/jelly.yaml" >loaded 2>&1 &
 loading=$!
 sleep 0.0$((RANDOM % 9 + 1))

@@ -4,18 +4,17 @@
 # night: server.soak has the same counters in virtual time
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 seconds=${KN_SECONDS:-10}
-resident() { awk '/^VmRSS/ { print $2 }' "/proc/$server/status"; } # kB
 mkdir state
 start_kneadd dough-small.yaml --state-dir state --control control
 kneader finger &
 hand=$!
 for ((tenth = 1; tenth <= 10; tenth++)); do
     sleep "$(awk "BEGIN { print $seconds / 10 }")"
-    [ $tenth = 2 ] && early=$(resident) # it has pressed once, and saved
-    echo "$((tenth * seconds / 10)) s: $(resident) kB, $(knead ctl --control control --json status |
+    [ $tenth = 2 ] && early=$(memory) # it has pressed once, and saved
+    echo "$((tenth * seconds / 10)) s: $(memory) kB, $(ctl --json status |
         grep -oE '"(tick|missed_cycles|missed_explained|num_overruns|received|accepted|solver_capped|snapshot_errors)":[0-9]+' | tr '\n' ' ')"
 done
-late=$(resident)
+late=$(memory)
 kill $hand
 stop_kneadd
 check "kneadd ended well" [ "$status" = 0 ]

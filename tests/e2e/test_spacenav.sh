@@ -8,7 +8,6 @@ poses() { # poses AWK-CONDITION: of hear.csv; t s n x y z vx vy vz qw qx qy qz b
     awk -F, '$1 == "pose" { t = $2; s = $3; n = $4; x = $5; y = $6; z = $7; vx = $8; vy = $9; vz = $10
              qw = $11; qx = $12; qy = $13; qz = $14; b = $15; if (!first) first = s; if ('"$1"') c++ } END { print c + 0 }' hear.csv
 }
-told() { grep -c -- "$1" hand.err; }
 export SPNAV_SOCKET=$PWD/spnav.sock
 
 start_kneadd dough-small.yaml

@@ -2,7 +2,6 @@
 # What was kneaded can be kept, had back and undone by knead ctl; an emergency stop outlives the process; the log
 # replays over all of it to the bit, with the snapshots at hand. What cannot be restored is said, by name.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-ctl() { knead ctl --control control "$@"; }
 dent() { # DEPTH: a session of its own
     printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.8,0,0,0.045 1,0,0,"$1" 1.5,0,0,"$1" 2,0,0,0.06 >path.csv
     $ahead knead probe --probe finger --path path.csv --quiet >/dev/null || { echo "FAIL a finger presses" && failed=1; }
@@ -51,7 +50,6 @@ late=$?
 check "an undo of what is not in the log is no error of the computation: $(grep undo out)" \
     [ $late = 1 -a "$(grep -c 'an undo of what was kneaded before this log begins' out)" -ge 1 ]
 # an emergency stop stands through a kill and a restart, in the log of that run, too; a recover ends it for good
-mode() { ctl --json status | python3 -c 'import json, sys; print(json.load(sys.stdin)["mode"])'; }
 mkdir held
 start_kneadd dough-small.yaml --control control --state-dir held
 ctl estop >said
@@ -59,10 +57,10 @@ kill -KILL $server
 wait $server 2>/dev/null
 start_logger held.lcmlog
 start_kneadd dough-small.yaml --control control --state-dir held
-held=$(mode)
+held=$(field '["mode"]')
 told=$(grep '^kneadd: an emergency stop stands' kneadd.log)
 knead probe --path poke --tries 1 --quiet >/dev/null 2>held.err
-felt=$(ctl --json status | python3 -c 'import json, sys; print(json.load(sys.stdin)["force"]["force_max_n"])')
+felt=$(field '["force"]["force_max_n"]')
 freed=$(ctl recover)
 dent 0.041
 stop_kneadd >/dev/null
@@ -73,7 +71,8 @@ check "a hand feels nothing: $felt N, $(head -1 held.err)" [ "$felt" = 0.0 ]
 check "until a recover: $freed" grep -qE 'peak contact force ([1-9]|0\.[1-9])' out
 check "the log replays from that start on: $(cat err)" [ -s out -a ! -s err ]
 start_kneadd dough-small.yaml --control control --state-dir held
-check "the next start is free: $(mode)" [ "$(mode)" = IDLE -a ! -e held/estop ]
+free=$(field '["mode"]')
+check "the next start is free: $free" [ "$free" = IDLE -a ! -e held/estop ]
 stop_kneadd
 
 start_kneadd jelly.yaml --control control --state-dir kept

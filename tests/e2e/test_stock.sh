@@ -3,7 +3,6 @@
 # same stream of malformed datagrams. What became of the one is told, the other must not mind.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 start_kneadd dough-small.yaml
-memory() { awk '/VmRSS/ { print $2 }' "/proc/$server/status"; }
 send plate >valid <<<"poses 1000000 session=7 seq=1" &
 hand=$!
 sleep 0.5
