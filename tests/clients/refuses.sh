@@ -1,14 +1,16 @@
 # Sourced by tests of knead: what has failed, and one line for whatever cannot be done.
-failed=0
+failed=0 program=knead
 python3() { /usr/bin/python3 "$@"; } # Debian's, whatever comes first in PATH
+ok() { echo "ok   $1"; }
 fail() { echo "FAIL $1"; failed=1; }
 
-refuses() { # refuses CODE EXPECTED-LINE ARGUMENT...: exactly that line on stderr
-    local code=$1 expected=$2
+refuses() { # refuses CODE EXPECTED-LINE ARGUMENT...: exactly that line on stderr, nothing on stdout
+    local code=$1 expected=$2 status told
     shift 2
-    knead "$@" >out 2>err
-    local status=$?
-    [ $status = "$code" ] && [ "$(cat err)" = "$expected" ] && return
-    fail "knead $*: exit $status, expected $code and: $expected"
-    cat err
+    $program "$@" >out 2>err
+    status=$?
+    mapfile -t told <err
+    [ $status = "$code" ] && [ ! -s out ] && [ ${#told[@]} = 1 ] && [ "${told[0]}" = "$expected" ] && return
+    fail "$program $*: exit $status, expected $code and: $expected"
+    cat out err
 }

@@ -2,32 +2,21 @@
 # knead check: the scenes we ship are good and described; every bad file gives its one line, file:line:col, and exit 2.
 # gate in release: many runs of programs that start slowly with the sanitizers
 set -u
-failed=0
-fail() { echo "FAIL $1"; failed=1; }
-
-# refuses EXPECTED-LINE ARGUMENT...: exactly that line on stderr, nothing on stdout, exit 2
-refuses() {
-    local expected=$1
-    shift
-    knead check "$@" >out 2>err
-    local status=$?
-    [ $status = 2 ] && [ ! -s out ] && [ "$(cat err)" = "$expected" ] && [ "$(wc -l <err)" = 1 ] && return
-    fail "knead check $*: exit $status, expected 2 and: $expected"
-    cat err
-}
+source "$KN_SOURCE/tests/clients/refuses.sh"
+program="knead check"
 
 mkdir folder
 dough=$KN_SOURCE/core/scenes/dough.yaml
-refuses "knead check: --set material.k1: '300' has no unit, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
+refuses 2 "knead check: --set material.k1: '300' has no unit, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
     "$dough" --set material.k1=300
-refuses "knead check: --quality quick: expected fast, balanced, accurate or own" "$dough" --quality quick
-refuses "knead check: --quality fast: the scene names no point of quality, expected this left out" \
+refuses 2 "knead check: --quality quick: expected fast, balanced, accurate or own" "$dough" --quality quick
+refuses 2 "knead check: --quality fast: the scene names no point of quality, expected this left out" \
     "$KN_SOURCE/core/scenes/jelly.yaml" --quality fast
 knead check "$dough" --quality fast | grep -q "^quality *fast: .*; in force" || fail "the point in force"
-refuses "knead check: --set =3: expected key=value, e.g. material.k1='300 gf/cm^3'" "$dough" --set =3
-refuses "knead check: '': expected the name of a scene file" ''
-refuses "knead check: unrecognized option '--wood'" "$dough" --wood
-refuses "knead check: expected one scene file; --help tells the rest"
+refuses 2 "knead check: --set =3: expected key=value, e.g. material.k1='300 gf/cm^3'" "$dough" --set =3
+refuses 2 "knead check: '': expected the name of a scene file" ''
+refuses 2 "knead check: unrecognized option '--wood'" "$dough" --wood
+refuses 2 "knead check: expected one scene file; --help tells the rest"
 
 # an unstable Runge-Kutta step is refused with its limit
 knead check "$dough" --set solver.kind=rk4 >out 2>err
@@ -53,22 +42,22 @@ knead check "$fine" | grep -q "^accuracy *1 % of the force: spacing in a box x -
     fail "the box is not told"
 knead check "$fine" --set object.margin='5 cm' | grep -q "^accuracy *the tools reach all of it: uniform" || fail "a box that is the block"
 knead check "$fine" --set object.accuracy=0 | grep -q "^accuracy" && fail "accuracy 0 makes a box"
-refuses "knead check: --set object.accuracy: probes.plate.reach is missing, expected [x, x, y, y] with object.accuracy" \
+refuses 2 "knead check: --set object.accuracy: probes.plate.reach is missing, expected [x, x, y, y] with object.accuracy" \
     "$dough" --set object.accuracy='1 %'
-refuses "$fine:8:13: object.size along z is 17 spacings, expected an even number with object.accuracy" \
+refuses 2 "$fine:8:13: object.size along z is 17 spacings, expected an even number with object.accuracy" \
     "$fine" --set object.size='[4.5 cm, 4.5 cm, 2.55 cm]'
-refuses "$fine:8:13: object.accuracy: a fine box goes without pressure" "$fine" --set object.pressure=cells
-refuses "$fine:8:13: object.accuracy means nothing with 'structure: axis', expected it left out" "$fine" --set object.structure=axis
-refuses "$fine:8:13: object.accuracy means nothing with object.mesh, expected it left out" \
+refuses 2 "$fine:8:13: object.accuracy: a fine box goes without pressure" "$fine" --set object.pressure=cells
+refuses 2 "$fine:8:13: object.accuracy means nothing with 'structure: axis', expected it left out" "$fine" --set object.structure=axis
+refuses 2 "$fine:8:13: object.accuracy means nothing with object.mesh, expected it left out" \
     "$fine" --set object.mesh="$KN_SOURCE/tests/core/meshes/cube-41.msh" --set object.mesh_unit=mm
 knead check "$fine" --set object.structure=axis --set object.accuracy=0 >/dev/null || fail "accuracy 0 asks for something"
-refuses "$fine:8:13: object.accuracy: a fine box needs the implicit solver" "$fine" --set solver.kind=rk4 --set solver.dt='1 us'
-refuses "knead check: --set probes.spatula.reach: probes.spatula.reach ends at -1 m along x, expected 1 m or more" \
+refuses 2 "$fine:8:13: object.accuracy: a fine box needs the implicit solver" "$fine" --set solver.kind=rk4 --set solver.dt='1 us'
+refuses 2 "knead check: --set probes.spatula.reach: probes.spatula.reach ends at -1 m along x, expected 1 m or more" \
     "$fine" --set probes.spatula.reach='[1 m, -1 m, 0, 0]'
-refuses "knead check: --set probes.spatula.reach: probes.spatula.reach and all others are beside the object, expected a reach on it" \
+refuses 2 "knead check: --set probes.spatula.reach: probes.spatula.reach and all others are beside the object, expected a reach on it" \
     "$fine" --set probes.spatula.reach='[1 m, 2 m, 0, 0]' --set probes.fingertip.reach='[1 m, 2 m, 0, 0]'
-refuses "knead check: $dough: states no object.accuracy, expected it with --log" "$dough" --log none.lcmlog
-refuses "knead check: none.lcmlog: No such file or directory, expected an LCM event log" "$fine" --log none.lcmlog
+refuses 2 "knead check: $dough: states no object.accuracy, expected it with --log" "$dough" --log none.lcmlog
+refuses 2 "knead check: none.lcmlog: No such file or directory, expected an LCM event log" "$fine" --log none.lcmlog
 
 # a material of one's own, seen from the scene's folder, or from here when --set names it; the complaint names its line
 printf '# mine\nmaterial: {k1: 5 kPa, c1: 1 kPa s, damper: constant, c2: 1 MPa s}\ndensity: 1.5 g/cm^3\n' >folder/mine.yaml
@@ -76,13 +65,13 @@ sed 's/^material: .*/material: mine.yaml/' "$dough" >folder/own.yaml
 knead check folder/own.yaml | grep -q "^material *k1 5000 Pa" || fail "a material beside the scene"
 knead check "$dough" --set material=folder/mine.yaml --text | grep -q "^density: 1500 kg/m^3" || fail "its density"
 sed 's/k1: 5 kPa/k1: 5/' folder/mine.yaml >folder/bad.yaml
-refuses "folder/bad.yaml:2:16: material.k1: '5' has no unit, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
+refuses 2 "folder/bad.yaml:2:16: material.k1: '5' has no unit, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
     "$dough" --set material=folder/bad.yaml
 sed 's/k1: 5 kPa, //' folder/mine.yaml >folder/bad.yaml
-refuses "knead check: --set material: material.k1 is missing, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
+refuses 2 "knead check: --set material: material.k1 is missing, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
     "$dough" --set material=folder/bad.yaml
 echo 'support: none' >>folder/mine.yaml
-refuses "folder/own.yaml:9:11: support stands in folder/mine.yaml, expected a material and its density alone" folder/own.yaml
+refuses 2 "folder/own.yaml:9:11: support stands in folder/mine.yaml, expected a material and its density alone" folder/own.yaml
 
 # plastic: one damper in effect, or warned of; a stroke says what it leaves
 knead check "$dough" --set material=dough-plastic >out && grep -q "^plastic .* c2 within 3.8 % at every stress" out || fail "plastic"

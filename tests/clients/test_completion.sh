@@ -2,12 +2,7 @@
 # knead completion, as a shell asks for it: the function that `complete -F` names, called with COMP_WORDS in a real bash. What --help
 # says is completed, all of it, for every program.
 # gate in release: some six hundred programs are started, which the sanitizers make three times as slow
-failed=0
-check() { # check SENTENCE COMMAND...
-    local sentence=$1
-    shift
-    if "$@"; then echo "ok   $sentence"; else echo "FAIL $sentence: $*" && failed=1; fi
-}
+source "$KN_SOURCE/tests/e2e/kneadd.sh" # check
 source <(knead completion)
 # completed WORD...: the last one is being typed; what comes, on one line
 completed() {
@@ -20,8 +15,7 @@ completed() {
 is() { # is "EXPECTED" WORD...
     local got
     got=$(completed "${@:2}")
-    check "${*:2} -> $1" [ "$got" = "$1" ]
-    [ "$got" = "$1" ] || echo "     it was: $got"
+    check "${*:2} -> $1" [ "$got" = "$1" ] || echo "     it was: $got"
 }
 is "replay" knead rep
 is "completion" knead comp

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # knead element: the paper's verdicts on its figure 2, the mechanics beside them, one line for a wrong expression.
 set -u
-failed=0
-fail() { echo "FAIL $1"; failed=1; }
+source "$KN_SOURCE/tests/clients/refuses.sh"
+program="knead element"
 
 # says EXPRESSION LINE...: every line is in what is said of the expression
 says() {
@@ -10,15 +10,6 @@ says() {
     shift
     knead element "$expression" >out 2>err || fail "$expression: exit $?: $(cat err)"
     for line; do grep -qF -- "$line" out || fail "$expression: not said: $line"; done
-}
-refuses() { # refuses EXPECTED-LINE ARGUMENT...
-    local expected=$1
-    shift
-    knead element "$@" >out 2>err
-    local status=$?
-    [ $status = 2 ] && [ ! -s out ] && [ "$(cat err)" = "$expected" ] && return
-    fail "knead element $*: exit $status, expected 2 and: $expected"
-    cat err
 }
 having() { awk -v n="$1" -v word="$2" '/^\(/ && $n == word { printf "%s", substr($1, 2, 1) }' catalogue; }
 
@@ -41,9 +32,9 @@ says 's-(s|d)' 'the rule says "remains" here and "decreases" of (s-d)|s, the sam
 says '((s-d)|d)-d' 'parameters  3 of 4 can be identified: it is more complicated than what it does' 'class       Jeffreys'
 says s 'not rheological: no residual deformation, vibration remains' 'swings for ever'
 
-refuses "EXPR:1:3: unknown element 'x', expected s, d, a name like voigt, or (" 's-x'
-refuses "EXPR:1:1: ends here, expected s, d, a name like voigt, or (" ''
-refuses "knead element: expected one expression like '(s|d)-d', or --catalogue; --help tells the rest"
-refuses "knead element: expected one expression like '(s|d)-d', or --catalogue; --help tells the rest" --catalogue s
-refuses "knead element: unrecognized option '--wood'" --wood
+refuses 2 "EXPR:1:3: unknown element 'x', expected s, d, a name like voigt, or (" 's-x'
+refuses 2 "EXPR:1:1: ends here, expected s, d, a name like voigt, or (" ''
+refuses 2 "knead element: expected one expression like '(s|d)-d', or --catalogue; --help tells the rest"
+refuses 2 "knead element: expected one expression like '(s|d)-d', or --catalogue; --help tells the rest" --catalogue s
+refuses 2 "knead element: unrecognized option '--wood'" --wood
 exit $failed

@@ -3,19 +3,8 @@
 # those that do; without these programs it says which package is missing.
 # gate in release: many runs of programs that start slowly with the sanitizers
 set -u
-failed=0
-fail() { echo "FAIL $1"; failed=1; }
-
-# refuses STATUS EXPECTED-LINE ARGUMENT...: exactly that line on stderr, nothing on stdout
-refuses() {
-    local expected_status=$1 expected=$2
-    shift 2
-    knead mesh "$@" >out 2>err
-    local status=$?
-    [ $status = "$expected_status" ] && [ ! -s out ] && [ "$(<err)" = "$expected" ] && return
-    fail "knead mesh $*: exit $status, expected $expected_status and: $expected"
-    cat err
-}
+source "$KN_SOURCE/tests/clients/refuses.sh"
+program="knead mesh"
 
 # ---- a mesh there is
 meshes=$KN_SOURCE/core/scenes/meshes

@@ -1,16 +1,8 @@
 #!/usr/bin/env bash
 # The command line of knead-simdev: help, one line for every mistake, exit codes, a name that is taken.
 set -u
-failed=0
-fail() { echo "FAIL $1" && failed=1; }
-
-refuses() { # refuses CODE EXPECTED-LINE ARGUMENT...
-    local code=$1 expected=$2
-    shift 2
-    timeout 5 knead-simdev "$@" >out 2>err
-    local status=$?
-    [ $status = "$code" ] && [ "$(cat err)" = "knead-simdev: $expected" ] || fail "$*: exit $status, $(cat err)"
-}
+source "$KN_SOURCE/tests/clients/refuses.sh"
+program="timeout 5 knead-simdev"
 
 serves() { # serves ARGUMENT...: $pid, $uri
     knead-simdev "$@" >served 2>served.err &
@@ -30,28 +22,28 @@ done
 knead-simdev --help >/dev/full 2>err
 [ $? -eq 3 ] || fail "a full disk"
 
-refuses 2 "no way in: expected one of --uart and --bar NAME"
-refuses 2 "--uart and --bar: expected one of --uart and --bar NAME" --uart --bar x
-refuses 2 "a/b: expected --bar with a name of 1 to 199 letters, without /" --bar a/b
-refuses 2 "--link: expected --uart beside it" --bar x --link y
-refuses 2 "spin=1: expected --fault NAME[=RATE], a rate of 0 to 1; --help has the names" --uart --fault flip,spin=1
-refuses 2 "flip=2: expected --fault NAME[=RATE], a rate of 0 to 1; --help has the names" --uart --fault flip=2
-refuses 2 "flip: expected --uart: memory has no frames" --bar x --fault flip
-refuses 2 "1,2: expected --caps with 0..16,0..20,1..10" --uart --caps 1,2
-refuses 2 "1x: expected --seed with a whole number" --uart --seed 1x
-refuses 2 "fast: expected --engine golden, rtl or nano" --uart --engine fast
-refuses 2 "torn: expected --engine golden: the circuit steps when it is asked" --uart --engine rtl --fault torn
-refuses 2 "--caps: expected --engine golden: the circuit is built for 10,13,8" --uart --engine rtl --caps 1,2,3
-refuses 2 "--caps: expected --engine golden: the small circuit is built for 5,7,4" --uart --engine nano --caps 1,2,3
-refuses 2 "more: expected options only" --uart more
-refuses 3 "none/link: No such file or directory" --uart --link none/link
+refuses 2 "knead-simdev: no way in: expected one of --uart and --bar NAME"
+refuses 2 "knead-simdev: --uart and --bar: expected one of --uart and --bar NAME" --uart --bar x
+refuses 2 "knead-simdev: a/b: expected --bar with a name of 1 to 199 letters, without /" --bar a/b
+refuses 2 "knead-simdev: --link: expected --uart beside it" --bar x --link y
+refuses 2 "knead-simdev: spin=1: expected --fault NAME[=RATE], a rate of 0 to 1; --help has the names" --uart --fault flip,spin=1
+refuses 2 "knead-simdev: flip=2: expected --fault NAME[=RATE], a rate of 0 to 1; --help has the names" --uart --fault flip=2
+refuses 2 "knead-simdev: flip: expected --uart: memory has no frames" --bar x --fault flip
+refuses 2 "knead-simdev: 1,2: expected --caps with 0..16,0..20,1..10" --uart --caps 1,2
+refuses 2 "knead-simdev: 1x: expected --seed with a whole number" --uart --seed 1x
+refuses 2 "knead-simdev: fast: expected --engine golden, rtl or nano" --uart --engine fast
+refuses 2 "knead-simdev: torn: expected --engine golden: the circuit steps when it is asked" --uart --engine rtl --fault torn
+refuses 2 "knead-simdev: --caps: expected --engine golden: the circuit is built for 10,13,8" --uart --engine rtl --caps 1,2,3
+refuses 2 "knead-simdev: --caps: expected --engine golden: the small circuit is built for 5,7,4" --uart --engine nano --caps 1,2,3
+refuses 2 "knead-simdev: more: expected options only" --uart more
+refuses 3 "knead-simdev: none/link: No such file or directory" --uart --link none/link
 echo mine >file
-refuses 3 "file: File exists" --uart --link file
+refuses 3 "knead-simdev: file: File exists" --uart --link file
 [ "$(cat file)" = mine ] || fail "a file of that name"
 
 serves --bar "knead-simdev-$$"
 [ "$uri" = "shm:knead-simdev-$$" ] || fail "says $uri"
-refuses 3 "knead-simdev-$$: Device or resource busy" --bar "knead-simdev-$$"
+refuses 3 "knead-simdev: knead-simdev-$$: Device or resource busy" --bar "knead-simdev-$$"
 kill "$pid"
 wait "$pid" || fail "SIGTERM: exit $?"
 [ "$(tail -1 served)" = "golden: 0 requests" ] && [ ! -e "/dev/shm/knead-simdev-$$" ] || fail "$(tail -1 served)"

@@ -2,8 +2,7 @@
 # bench/papers --quick: every statement of the papers that a short run can bear out, its pictures and its tables.
 # night: a minute of presses; the sentences of physics/ hold most of what it finds
 set -u
-failed=0
-fail() { echo "FAIL $1"; failed=1; }
+source "$KN_SOURCE/tests/clients/refuses.sh"
 
 command -v gnuplot >/dev/null || { echo "skipped: gnuplot is not installed"; exit 77; }
 "$KN_SOURCE"/bench/papers --quick --out papers >out 2>&1 || { fail "bench/papers: exit $?"; tail -n 5 out; }
