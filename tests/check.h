@@ -6,6 +6,7 @@
 //     } TESTS_MAIN
 //
 // Every failed CHECK prints file:line and its values and the program goes on; exit 1 if any failed, 77 after SKIP.
+#include "tests/built.h"
 #include "tests/owned.h"
 #include <math.h>
 #include <stdbool.h>

@@ -19,11 +19,10 @@ static inline const int (*triangles(const block *b))[3] { return (const int(*)[3
 
 static inline block block_create(void)
 {
-    char error[300];
     kn_model_def def = kn_model_def_default();
     memcpy(def.nodes, (int[]){11, 11, 7}, sizeof def.nodes);
     def.spacing_m = 0.005;
-    OWN(kn_model) *model = kn_model_build(&def, error, sizeof error);
+    OWN(kn_model) *model = build(&def);
     block b = {.surface = kn_surface_create(model)};
     size_t n = (size_t)b.surface->vertex_count;
     b.rest = calloc(n, sizeof *b.rest);

@@ -12,10 +12,9 @@ static uint8_t *top;
 
 static void make(double push_m)
 {
-    char error[256];
     kn_model_def def = kn_model_def_default();
     int vertices = 0;
-    model = kn_model_build(&def, error, sizeof error);
+    model = build(&def);
     OWN(kn_state) *state = kn_state_create(model);
     OWN(kn_surface) *surface = kn_surface_create(model);
     mesh = (kn_mesh){.vertex_count = surface->vertex_count, .triangle_count = surface->triangle_count, .whole = true};
@@ -133,12 +132,10 @@ TEST("a tool of any shape is found to touch where the model's clearance ends")
     static const double level[4] = {1};
     make(0);
     for (size_t i = 0; i < sizeof tools / sizeof *tools; i++) {
-        char error[256];
         kn_model_def def = kn_model_def_default();
         def.probe_count = 1;
         def.probe[0] = tools[i];
-        OWN(kn_model) *with = kn_model_build(&def, error, sizeof error);
-        CHECK(with != NULL);
+        OWN(kn_model) *with = build(&def);
         OWN(kn_state) *state = kn_state_create(with);
         double first, last, at[3] = {0.005, 0.005}; // over a node
         CHECK(kn_dent_touch(&mesh, top, 0.01, &tools[i], at[0], at[1], &first, &last));

@@ -35,12 +35,10 @@ static void look(bench *b)
 
 static void setup(bench *b, const char *scene, int probe)
 {
-    char path[512], error[300];
     int vertices;
     memset(b, 0, sizeof *b);
-    snprintf(path, sizeof path, KN_SOURCE_DIR "/core/scenes/%s", scene);
-    b->scene = kn_scene_load(path, NULL, 0, error, sizeof error);
-    b->model = kn_model_build(&b->scene->model, error, sizeof error);
+    b->scene = load_scene(scene, NULL, 0);
+    b->model = build(&b->scene->model);
     kn_backend_cpu(&b->backend, b->model);
     kn_servo_init(&b->servo, b->scene, b->model, &b->backend);
     b->surface = kn_surface_create(b->model);

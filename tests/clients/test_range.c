@@ -19,12 +19,11 @@ static double dent_m(double x_m) { return 0.01 * exp(-fmax(0, fabs(x_m) - 0.005)
 
 static block *block_create(void)
 {
-    char error[300];
     kn_model_def def = kn_model_def_default();
     memcpy(def.nodes, (int[]){11, 11, 7}, sizeof def.nodes);
     def.spacing_m = 0.005;
     block *b = calloc(1, sizeof *b);
-    b->model = kn_model_build(&def, error, sizeof error);
+    b->model = build(&def);
     b->surface = kn_surface_create(b->model);
     size_t n = (size_t)b->surface->vertex_count;
     b->rest = calloc(n, sizeof *b->rest);

@@ -168,14 +168,13 @@ static void record_with(const char *path, const char *name, const char *text)
 
 TEST("a log that is cut, or of another scene, is refused in one line before anything is played")
 {
-    char error[512];
     record("tradeoff.lcmlog", 0.003);
     copy_part("tradeoff.lcmlog", "whole", 0);
     copy_part("whole", "tradeoff.lcmlog", 90001);
     CHECK(RUN(SMALL, "--iterations", "8") == KN_EXIT_USAGE && said("tradeoff.lcmlog: cut within a record at byte"));
     CHECK(said("complete records, expected a whole log of one run") && !said("runs "));
 
-    OWN(kn_scene) *jelly = kn_scene_load(KN_SOURCE_DIR "/core/scenes/jelly.yaml", NULL, 0, error, sizeof error);
+    OWN(kn_scene) *jelly = load_scene("jelly.yaml", NULL, 0);
     record("tradeoff.lcmlog", 0.003);
     record_with("tradeoff.lcmlog", "jelly.yaml", jelly->text);
     CHECK(RUN(SMALL, "--iterations", "8") == KN_EXIT_USAGE && !said("runs "));
@@ -183,7 +182,7 @@ TEST("a log that is cut, or of another scene, is refused in one line before anyt
 
     // of this one, by another solver, with a point, and for screens: the hand is what counts
     const char *const sets[] = {"solver.iterations=9", "quality.fast.iterations=3", "mesh.measures=both"};
-    OWN(kn_scene) *dough = kn_scene_load(SCENE, sets, 3, error, sizeof error);
+    OWN(kn_scene) *dough = load_scene("dough-small.yaml", sets, 3);
     record("tradeoff.lcmlog", 0.003);
     record_with("tradeoff.lcmlog", "dough-small.yaml", dough->text);
     CHECK(RUN(SMALL, "--quick", "--iterations", "8") == KN_EXIT_OK);

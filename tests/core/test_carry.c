@@ -12,13 +12,9 @@ typedef struct object {
 
 static object object_of(const char *scene, const char *set)
 {
-    char path[512], error[512] = "";
-    object o;
-    snprintf(path, sizeof path, "%s/core/scenes/%s", KN_SOURCE_DIR, scene);
-    o.scene = kn_scene_load(path, &set, set ? 1 : 0, error, sizeof error);
-    o.model = o.scene ? kn_model_build(&o.scene->model, error, sizeof error) : NULL;
-    o.state = o.model ? kn_state_create(o.model) : NULL;
-    if (!o.state) fprintf(stderr, "%s %s: %s\n", scene, set ? set : "", error), exit(1);
+    object o = {.scene = load_scene(scene, &set, set ? 1 : 0)};
+    o.model = build(&o.scene->model);
+    o.state = kn_state_create(o.model);
     return o;
 }
 

@@ -16,15 +16,13 @@ typedef struct bench { // dough, 5 x 5 x 3 cm at 5 mm, with a plate and a sphere
 static bench bench_open_with(kn_skin_form skin)
 {
     kn_model_def def = kn_model_def_default();
-    char error[200];
     bench b = {0};
     def.nodes[0] = def.nodes[1] = 11, def.nodes[2] = 7, def.spacing_m = 0.005;
     def.skin = skin;
     def.probe_count = 2;
     def.probe[0] = (kn_probe_def){.name = "plate", .shape = KN_PROBE_PLATE, .size_m = {0.01, 0.06}};
     def.probe[1] = (kn_probe_def){.name = "ball", .shape = KN_PROBE_SPHERE, .radius_m = 0.012};
-    b.model = kn_model_build(&def, error, sizeof error);
-    if (!b.model) fprintf(stderr, "%s\n", error), exit(70);
+    b.model = build(&def);
     b.state = kn_state_create(b.model);
     return b;
 }
@@ -96,11 +94,10 @@ TEST("a plate holds the top nodes it reaches, and no others")
 TEST("two plates in the same place share the nodes, not the force")
 {
     kn_model_def def = kn_model_def_default();
-    char error[200];
     AT_END(bench_close) bench b = {0};
     def.probe_count = 2;
     for (int p = 0; p < 2; p++) def.probe[p] = (kn_probe_def){.shape = KN_PROBE_PLATE, .size_m = {0.2, 0.2}};
-    b.model = kn_model_build(&def, error, sizeof error);
+    b.model = build(&def);
     b.state = kn_state_create(b.model);
     put(&b, 0, 0, 0, 0.0299, 0);
     put(&b, 1, 0, 0, 0.0299, 0);
@@ -114,13 +111,12 @@ TEST("a block far lighter than its viscosity still solves in f32: held rows keep
     double force[2];
     for (int heavy = 0; heavy < 2; heavy++) {
         kn_model_def def = kn_model_def_default();
-        char error[200];
         AT_END(bench_close) bench b = {0};
         def.material = (kn_material){.k1_pa = 1000, .c1_pa_s = 10, .damper = KN_DAMPER_NONE};
         def.spacing_m = 1e-4, def.density_kg_m3 = heavy ? 1200 : 30;
         def.probe_count = 1;
         def.probe[0] = (kn_probe_def){.shape = KN_PROBE_PLATE, .size_m = {1e-4, 1e-3}};
-        b.model = kn_model_build(&def, error, sizeof error);
+        b.model = build(&def);
         b.state = kn_state_create(b.model);
         put(&b, 0, 0, 0, 3e-4, -1e-4);
         for (int i = 0; i < 200; i++, b.input.probe[0].position_m[2] -= 1e-7)

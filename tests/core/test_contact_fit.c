@@ -47,9 +47,7 @@ typedef struct rig {
 
 static rig rig_of(kn_model_def def)
 {
-    static char error[256];
-    rig r = {.model = kn_model_build(&def, error, sizeof error)};
-    if (!r.model) KN_TEST_FAIL("%s", error);
+    rig r = {.model = build(&def)};
     r.state = kn_state_create(r.model);
     r.fit = kn_contact_fit_create(r.model, (kn_coupling){K_VC, B_VC});
     kn_contact_model_init(&r.client, &(kn_contact_model_def){.session = 7, .radius_m = RADIUS_M, .force_limit_n = 20,
@@ -173,11 +171,9 @@ typedef struct bare {
 
 static bare bare_make(bool jelly)
 {
-    static char error[256];
     kn_model_def def = block(jelly);
     def.probe[0].coupling_n_m = def.probe[0].coupling_n_s_m = 0;
-    bare b = {.model = kn_model_build(&def, error, sizeof error)};
-    if (!b.model) KN_TEST_FAIL("%s", error);
+    bare b = {.model = build(&def)};
     b.state = kn_state_create(b.model);
     b.in.probe[0].attached = true;
     return b;
@@ -301,15 +297,13 @@ TEST("looking on changes nothing: the lattice goes on to the bit as without")
 
 TEST("a column without diagonals under a level load answers with A times its area over its height")
 {
-    static char error[256];
     kn_model_def def = kn_model_def_default();
     def.structure = KN_STRUCTURE_AXIS;
     def.nodes[0] = def.nodes[1] = 2;
     def.nodes[2] = 5;
     def.probe_count = 1;
     def.probe[0] = (kn_probe_def){.name = "finger", .shape = KN_PROBE_SPHERE, .radius_m = 0.02};
-    OWN(kn_model) *model = kn_model_build(&def, error, sizeof error);
-    if (!model) KN_TEST_FAIL("%s", error);
+    OWN(kn_model) *model = build(&def);
     kn_mobility *m = kn_mobility_create(model);
     double a = 0, push[3] = {0, 0, -0.25}; // 1 cm by 1 cm by 4 cm
     for (int round = 0; round < 4; round++) {

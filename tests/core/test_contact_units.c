@@ -53,7 +53,6 @@ static kn_model_def dough(void)
 
 static rig *rig_make(tool what)
 {
-    static char error[256];
     rig *r = calloc(1, sizeof *r);
     kn_model_def def = dough();
     if (what == TWO_BALLS) {
@@ -69,8 +68,7 @@ static rig *rig_make(tool what)
         memcpy(def.probe[0].size_m, (double[]){0.04, 0.012, 0.010}, sizeof def.probe[0].size_m);
         def.probe[0].edge_m = 0.003;
     }
-    r->model = kn_model_build(&def, error, sizeof error);
-    if (!r->model) KN_TEST_FAIL("%s", error);
+    r->model = build(&def);
     r->near.state = kn_state_create(r->model);
     r->far.state = kn_state_create(r->model);
     r->fit = kn_contact_fit_create(r->model, (kn_coupling){K_VC, B_VC});
@@ -302,13 +300,11 @@ TEST("a ball that is about to touch beside one that presses is told as a plane w
 
 TEST("a plate over two ridges is told as two units, beside each other")
 {
-    static char error[256];
     kn_model_def def = dough();
     def.probe_count = 2;
     def.probe[0] = (kn_probe_def){.name = "narrow", .shape = KN_PROBE_PLATE, .size_m = {0.020, 0.060}};
     def.probe[1] = (kn_probe_def){.name = "wide", .shape = KN_PROBE_PLATE, .size_m = {0.060, 0.060}};
-    OWN(kn_model) *model = kn_model_build(&def, error, sizeof error);
-    if (!model) KN_TEST_FAIL("%s", error);
+    OWN(kn_model) *model = build(&def);
     OWN(kn_state) *state = kn_state_create(model);
     kn_contact_fit *fit = kn_contact_fit_create(model, (kn_coupling){K_VC, B_VC});
     kn_input in = {.probe[0].attached = true};

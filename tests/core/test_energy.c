@@ -71,10 +71,9 @@ TEST("so it is with balls, rough and sticky ones, coupled ones, and on a table")
 TEST("a tool that meets the object from inside grows into it, and its work is counted")
 {
     kn_model_def def = ball_def(1);
-    char error[200];
     def.material = jelly();
     def.probe[0].coupling_n_m = 600, def.probe[0].coupling_n_s_m = 1.5;
-    OWN(kn_model) *model = kn_model_build(&def, error, sizeof error);
+    OWN(kn_model) *model = build(&def);
     OWN(kn_state) *state = kn_state_create(model);
     OWN(kn_audit) *audit = kn_audit_create(model);
     kn_input in = {.probe[0] = {.attached = true, .position_m = {0, 0, 0.036}, .orientation_wxyz = {1}}};
@@ -92,10 +91,7 @@ TEST("a tool that meets the object from inside grows into it, and its work is co
 
 static kn_scene *scene_of(const char *name, double damper_pa_s)
 {
-    char path[300], error[300];
-    snprintf(path, sizeof path, KN_SOURCE_DIR "/core/scenes/%s", name);
-    kn_scene *scene = kn_scene_load(path, NULL, 0, error, sizeof error);
-    if (!scene) fprintf(stderr, "%s\n", error), exit(1);
+    kn_scene *scene = load_scene(name, NULL, 0);
     scene->model.gravity_m_s2 = 9.81;
     scene->model.material = jelly();
     if (damper_pa_s > 0) scene->model.material.damper = KN_DAMPER_CONSTANT, scene->model.material.c2_pa_s = damper_pa_s;

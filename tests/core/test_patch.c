@@ -11,15 +11,13 @@ typedef struct rig {
 
 static rig rig_make(void)
 {
-    static char error[256];
     kn_model_def def = kn_model_def_default();
     def.nodes[0] = def.nodes[1] = 11;
     def.nodes[2] = 3;
     def.probe_count = 2;
     for (int p = 0; p < 2; p++)
         def.probe[p] = (kn_probe_def){.name = {(char)('a' + p)}, .shape = KN_PROBE_SPHERE, .radius_m = 0.01};
-    rig r = {.model = kn_model_build(&def, error, sizeof error)};
-    if (!r.model) KN_TEST_FAIL("%s", error);
+    rig r = {.model = build(&def)};
     r.patches = kn_patches_create(r.model);
     CHECK(r.patches != NULL);
     return r;

@@ -32,12 +32,8 @@ typedef struct object {
 
 static object object_of(const kind *k)
 {
-    char path[512], error[512] = "";
-    object o;
-    snprintf(path, sizeof path, "%s/core/scenes/%s", KN_SOURCE_DIR, k->scene);
-    o.scene = kn_scene_load(path, k->sets, k->sets[0] ? 1 : 0, error, sizeof error);
-    o.model = o.scene ? kn_model_build(&o.scene->model, error, sizeof error) : NULL;
-    if (!o.model) fprintf(stderr, "%s: %s\n", k->what, error), exit(1);
+    object o = {.scene = load_scene(k->scene, k->sets, k->sets[0] ? 1 : 0)};
+    o.model = build(&o.scene->model);
     return o;
 }
 

@@ -4,15 +4,12 @@
 
 static kn_model *block(kn_material material, kn_precision precision)
 {
-    char error[256];
     kn_model_def def = kn_model_def_default();
     def.material = material;
     def.solver.precision = precision;
     def.probe_count = 1;
     def.probe[0] = (kn_probe_def){.name = "ball", .shape = KN_PROBE_SPHERE, .radius_m = 0.015};
-    kn_model *model = kn_model_build(&def, error, sizeof error);
-    if (!model) fprintf(stderr, "%s\n", error), exit(1);
-    return model;
+    return build(&def);
 }
 
 static kn_material stiff(kn_damper damper)

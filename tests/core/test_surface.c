@@ -3,15 +3,12 @@
 
 static kn_model *block(int nx, int ny, int nz)
 {
-    char error[256];
     kn_model_def def = kn_model_def_default();
     def.probe_count = 0;
     def.nodes[0] = nx, def.nodes[1] = ny, def.nodes[2] = nz;
     if (ny == 1) def.thickness_m = 0.02;
     def.spacing_m = 0.01;
-    kn_model *model = kn_model_build(&def, error, sizeof error);
-    if (!model) fprintf(stderr, "%s\n", error), exit(1);
-    return model;
+    return build(&def);
 }
 
 // Each side of a triangle is met once the other way round.

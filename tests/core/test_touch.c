@@ -25,14 +25,12 @@ static const kn_probe_def plate = {.shape = KN_PROBE_PLATE, .size_m = {0.02, 0.0
 static rig rig_open(kn_probe_def tool)
 {
     kn_model_def def = kn_model_def_default();
-    char error[200];
     rig r = {0};
     def.nodes[0] = def.nodes[1] = 11, def.nodes[2] = 7, def.spacing_m = 0.005;
     def.probe_count = 1;
     def.probe[0] = tool;
     strcpy(def.probe[0].name, "tool");
-    r.model = kn_model_build(&def, error, sizeof error);
-    if (!r.model) fprintf(stderr, "%s\n", error), exit(70);
+    r.model = build(&def);
     r.state = kn_state_create(r.model);
     r.input.probe[0] = (kn_probe_input){.attached = true, .orientation_wxyz = {1}};
     return r;

@@ -7,12 +7,9 @@
 
 static kn_scene *weighed(const char *const *sets, int count)
 {
-    char error[400];
     const char *all[8] = {"gravity=9.81 m/s^2"};
     for (int i = 0; i < count; i++) all[1 + i] = sets[i];
-    kn_scene *scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", all, 1 + count, error, sizeof error);
-    if (!scene) KN_TEST_FAIL("%s", error);
-    return scene;
+    return load_scene("dough-small.yaml", all, 1 + count);
 }
 
 // Leans the block by so much of its height: no edge along an axis gets longer or shorter by it, to first order.
@@ -29,8 +26,7 @@ static void lean(const kn_model *model, kn_state *state, double share)
 // How far the top face has moved along an axis, in the mean, m.
 static double top_after(const kn_scene *scene, double seconds, double leaning, int axis)
 {
-    char error[400];
-    OWN(kn_model) *model = kn_model_build(&scene->model, error, sizeof error);
+    OWN(kn_model) *model = build(&scene->model);
     OWN(kn_state) *state = kn_state_create(model);
     lean(model, state, leaning);
     kn_input input = {0};

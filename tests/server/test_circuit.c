@@ -42,15 +42,8 @@ static object make(const char *file)
 {
     static const char *const set[] = {"solver.kind=fixed", "solver.precision=f64", "solver.passes=1",
                                       "solver.iterations=2"};
-    char error[256] = "", path[512];
-    object o = {0};
-    snprintf(path, sizeof path, KN_SOURCE_DIR "/core/scenes/%s", file);
-    o.scene = kn_scene_load(path, set, 4, error, sizeof error);
-    o.model = o.scene ? kn_model_build(&o.scene->model, error, sizeof error) : NULL;
-    if (!o.model) {
-        fprintf(stderr, "%s\n", error);
-        exit(1);
-    }
+    object o = {.scene = load_scene(file, set, 4)};
+    o.model = build(&o.scene->model);
     return o;
 }
 

@@ -143,7 +143,7 @@ TEST("an object that goes on in another material tells that one's stress, and wh
     press(&r);
     show_now(&r);
     const char *sets[] = {"mesh.measures=both", "material.k1=2000 gf/cm^3"};
-    kn_scene *scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", sets, 2, error, sizeof error);
+    kn_scene *scene = load_scene("dough-small.yaml", sets, 2);
     kn_change *change = kn_change_create(scene, r.lent.scene, r.lent.model, false, error, sizeof error);
     CHECK(change);
     if (!change) return;

@@ -17,14 +17,10 @@ typedef struct rig {
 
 static rig *rig_make(const char *set)
 {
-    char error[256] = "";
     rig *r = calloc(1, sizeof *r);
-    r->scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", &set, set ? 1 : 0, error, sizeof error);
-    r->model = r->scene ? kn_model_build(&r->scene->model, error, sizeof error) : NULL;
-    if (!r->model || !kn_backend_cpu(&r->backend, r->model)) {
-        printf("%s\n", error);
-        exit(1);
-    }
+    r->scene = load_scene("dough-small.yaml", &set, set ? 1 : 0);
+    r->model = build(&r->scene->model);
+    if (!kn_backend_cpu(&r->backend, r->model)) exit(1);
     kn_servo_init(&r->servo, r->scene, r->model, &r->backend);
     r->in.tick = -1;
     for (int p = 0; p < KN_PROBES_MAX; p++) r->pose[p] = (kn_pose){.orientation_wxyz = {1}, .position_m = {0, 0, 0.08}};
@@ -499,9 +495,8 @@ static kn_backend_status bad_wait(void *self, int64_t deadline_ns, kn_output *ou
 static kn_change *change_to(rig *r, const char *set)
 {
     char error[256] = "";
-    kn_scene *scene =
-        kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", &set, set ? 1 : 0, error, sizeof error);
-    kn_change *c = scene ? kn_change_create(scene, r->servo.scene, r->servo.model, false, error, sizeof error) : NULL;
+    kn_scene *scene = load_scene("dough-small.yaml", &set, set ? 1 : 0);
+    kn_change *c = kn_change_create(scene, r->servo.scene, r->servo.model, false, error, sizeof error);
     if (!c) printf("%s\n", error), exit(1);
     return c;
 }

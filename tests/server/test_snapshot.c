@@ -24,12 +24,10 @@ typedef struct rig {
 
 static rig *rig_of(const char *file, const char *set)
 {
-    char error[512] = "", path[512];
     rig *r = calloc(1, sizeof *r);
-    snprintf(path, sizeof path, "%s/core/scenes/%s", KN_SOURCE_DIR, file);
-    r->scene = kn_scene_load(path, &set, set ? 1 : 0, error, sizeof error);
-    r->model = r->scene ? kn_model_build(&r->scene->model, error, sizeof error) : NULL;
-    if (!r->model || !kn_backend_cpu(&r->backend, r->model)) printf("%s\n", error), exit(1);
+    r->scene = load_scene(file, &set, set ? 1 : 0);
+    r->model = build(&r->scene->model);
+    if (!kn_backend_cpu(&r->backend, r->model)) exit(1);
     kn_servo_init(&r->servo, r->scene, r->model, &r->backend);
     kn_servo_init(&r->found.servo, r->scene, r->model, &r->backend);
     r->in.tick = -1;

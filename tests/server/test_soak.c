@@ -61,14 +61,13 @@ typedef struct soak {
 static server *start_server(void)
 {
     static const char *const size = "object.size=[3 cm, 3 cm, 2 cm]"; // 48 nodes: a tick is shorter
-    char error[256] = "";
     server *d = calloc(1, sizeof *d);
-    d->scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", &size, 1, error, sizeof error);
-    d->model = d->scene ? kn_model_build(&d->scene->model, error, sizeof error) : NULL;
-    d->audit = d->model ? kn_audit_create(d->model) : NULL;
+    d->scene = load_scene("dough-small.yaml", &size, 1);
+    d->model = build(&d->scene->model);
+    d->audit = kn_audit_create(d->model);
     if (!d->audit || !kn_backend_cpu(&d->backend, d->model) || !kn_undo_init(&d->undo, d->model) ||
         !kn_loop_init(&d->loop, d->scene, d->model, &d->backend, NULL, d->audit))
-        printf("%s\n", error), exit(1);
+        exit(1);
     d->loop.servo.undo = &d->undo;
     d->loop.free = true;
     return d;

@@ -1,0 +1,34 @@
+#ifndef KN_TESTS_BUILT_H
+#define KN_TESTS_BUILT_H
+// A model of a def, a scene of core/scenes; or the end of the program, and why there is none.
+#include "core/model.h"
+#include "core/scene/scene.h"
+#include <stdio.h>
+#include <stdlib.h>
+
+static inline kn_model *build(const kn_model_def *def)
+{
+    char error[256];
+    kn_model *model = kn_model_build(def, error, sizeof error);
+    if (!model) {
+        fprintf(stderr, "cannot build the model: %s\n", error);
+        exit(1);
+    }
+    return model;
+}
+
+#ifdef KN_SOURCE_DIR // else there are none
+static inline kn_scene *load_scene(const char *file, const char *const *sets, int count)
+{
+    char path[512], error[512];
+    snprintf(path, sizeof path, KN_SOURCE_DIR "/core/scenes/%s", file);
+    kn_scene *scene = kn_scene_load(path, sets, count, error, sizeof error);
+    if (!scene) {
+        fprintf(stderr, "%s\n", error);
+        exit(1);
+    }
+    return scene;
+}
+#endif
+
+#endif
