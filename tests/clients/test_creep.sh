@@ -50,8 +50,8 @@ refuses 2 "knead creep: --lattice: an edge cannot be (s-d)|s (zener), expected s
     creep zener --param s1=1kPa --param d1='1 kPa*s' --param s2=1kPa --lattice 2x2x2
 refuses 2 "missing.yaml:1:1: No such file or directory, expected a scene file" creep missing.yaml
 refuses 2 "knead creep: expected one specimen, a material like dough or an expression like '(s|d)-d'; --help tells the rest" creep
-refuses 3 "knead creep: folder: Is a directory, expected a file that can be written" creep dough --csv "$(mkdir folder && echo folder)"
-refuses 3 "knead creep: folder: Is a directory, expected a file that can be written" creep dough --png folder
+begun=yes refuses 3 "knead creep: folder: Is a directory, expected a file that can be written" creep dough --csv "$(mkdir folder && echo folder)"
+begun=yes refuses 3 "knead creep: folder: Is a directory, expected a file that can be written" creep dough --png folder
 mkdir bare && ln -s "$(command -v sh)" bare/sh
 knead=$(command -v knead)
 PATH=$PWD/bare "$knead" creep dough --png none.png >out 2>err

@@ -36,14 +36,14 @@ refuses 2 "knead-simdev: torn: expected --engine golden: the circuit steps when 
 refuses 2 "knead-simdev: --caps: expected --engine golden: the circuit is built for 10,13,8" --uart --engine rtl --caps 1,2,3
 refuses 2 "knead-simdev: --caps: expected --engine golden: the small circuit is built for 5,7,4" --uart --engine nano --caps 1,2,3
 refuses 2 "knead-simdev: more: expected options only" --uart more
-refuses 3 "knead-simdev: none/link: No such file or directory" --uart --link none/link
+begun=yes refuses 3 "knead-simdev: none/link: No such file or directory" --uart --link none/link
 echo mine >file
-refuses 3 "knead-simdev: file: File exists" --uart --link file
+begun=yes refuses 3 "knead-simdev: file: File exists" --uart --link file
 [ "$(cat file)" = mine ] || fail "a file of that name"
 
 serves --bar "knead-simdev-$$"
 [ "$uri" = "shm:knead-simdev-$$" ] || fail "says $uri"
-refuses 3 "knead-simdev: knead-simdev-$$: Device or resource busy" --bar "knead-simdev-$$"
+begun=yes refuses 3 "knead-simdev: knead-simdev-$$: Device or resource busy" --bar "knead-simdev-$$"
 kill "$pid"
 wait "$pid" || fail "SIGTERM: exit $?"
 [ "$(tail -1 served)" = "golden: 0 requests" ] && [ ! -e "/dev/shm/knead-simdev-$$" ] || fail "$(tail -1 served)"
