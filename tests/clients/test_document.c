@@ -2,7 +2,7 @@
 #include "clients/identify/document.h"
 #include "clients/knead/commands.h"
 #include "tests/check.h"
-#include <dirent.h>
+#include "tests/cleared.h"
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -25,14 +25,7 @@ static void read_page(void)
 
 static void clean(void)
 {
-    char path[400];
-    DIR *all = opendir(out);
-    for (struct dirent *e; all && (e = readdir(all));) {
-        snprintf(path, sizeof path, "%s/%s", out, e->d_name);
-        unlink(path);
-    }
-    if (all) closedir(all);
-    rmdir(out);
+    clear_directory(out, true);
     rmdir(folder);
 }
 

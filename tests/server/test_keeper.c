@@ -2,8 +2,8 @@
 #include "core/snapshot.h"
 #include "proto/knead_event_t.h"
 #include "tests/check.h"
+#include "tests/cleared.h"
 #include "tests/server/lent.h"
-#include <dirent.h>
 #include <errno.h>
 #include <unistd.h>
 
@@ -29,18 +29,6 @@ typedef struct rig {
     int restores, saves_seen;
     double steepest_n;
 } rig;
-
-static void clear_directory(const char *path, bool itself)
-{
-    char name[600];
-    DIR *d = opendir(path);
-    for (struct dirent *e; d && (e = readdir(d));) {
-        snprintf(name, sizeof name, "%s/%s", path, e->d_name);
-        if (strcmp(e->d_name, ".") && strcmp(e->d_name, "..")) unlink(name);
-    }
-    if (d) closedir(d);
-    if (itself) rmdir(path);
-}
 
 static void serve(rig *r, const char *directory)
 {

@@ -1,6 +1,6 @@
 #include "server/store.h"
 #include "tests/check.h"
-#include <dirent.h>
+#include "tests/cleared.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <sodium.h>
@@ -37,18 +37,6 @@ static rig *rig_of(const char *file, const char *set)
     strcpy(r->directory, "/tmp/knead_snapshot_XXXXXX");
     if (!mkdtemp(r->directory)) exit(1);
     return r;
-}
-
-static void clear_directory(const char *path, bool itself)
-{
-    char name[600];
-    DIR *d = opendir(path);
-    for (struct dirent *e; d && (e = readdir(d));) {
-        snprintf(name, sizeof name, "%s/%s", path, e->d_name);
-        if (e->d_name[0] != '.' || !strcmp(e->d_name, ".tmp")) unlink(name);
-    }
-    if (d) closedir(d);
-    if (itself) rmdir(path);
 }
 
 static void rig_free(rig *r)
