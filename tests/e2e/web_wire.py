@@ -20,6 +20,17 @@ def message(kind, number=1, pressed=0, u=0.5, v=0.4, depth_m=0.005):
     return struct.pack("<IBBHfff", number, kind, pressed, 0, u, v, depth_m)
 
 
+def get(port, path, *headers, address="127.0.0.1", host=None):  # (status, head in small letters, body)
+    lines = [f"GET {path} HTTP/1.1", f"Host: {host or f'{address}:{port}'}", "Connection: close", *headers, "", ""]
+    with socket.create_connection((address, port), timeout=10) as s:
+        s.sendall("\r\n".join(lines).encode())
+        got = b""
+        while more := s.recv(65536):
+            got += more
+    head, _, body = got.partition(b"\r\n\r\n")
+    return int(head.split()[1]), head.decode().lower(), body
+
+
 class Wire:
     """A WebSocket that may do everything wrong. status: of the HTTP answer, 101 when it was let in."""
 
@@ -98,6 +109,14 @@ class Wire:
         self.number += 1
         self.send(BINARY, message(POINTER, self.number, **where))
 
+    def status_at(self, **where):  # what is told of a tool that points there
+        self.point(**where)
+        return self.state()[0]["status"]
+
+    def press(self, bus, **where):
+        until(lambda: self.status_at(**where).startswith("ready"))
+        until(lambda: self.status_at(pressed=1, **where) and bus.force_n > 0.5)
+
     def ask(self, do, id=1, **fields):  # {"ok", "words"}; None: hung up
         self.send(TEXT, json.dumps({"id": id, "do": do, **fields}).encode())
         while (now := self.state()[0]) is not None:
@@ -161,37 +180,23 @@ def another_address(server):
     web = server.start("other", ["knead", "web", "--address", "192.0.2.5"], "http://192.0.2.5:")
     port = int(open("other.log").read().split("192.0.2.5:")[1].split("/")[0])
     check("told another address, it listens there alone", listens_on(port) == ["050200C0"], listens_on(port))
-
-    def get(host):
-        with socket.create_connection(("192.0.2.5", port), timeout=10) as s:
-            s.sendall(f"GET / HTTP/1.1\r\nHost: {host}:{port}\r\nConnection: close\r\n\r\n".encode())
-            return int(s.recv(65536).split()[1])
-    check("by that name, and no other", get("192.0.2.5") == 200 and get("127.0.0.1") == 403)
+    check("by that name, and no other", get(port, "/", address="192.0.2.5")[0] == 200 and
+          get(port, "/", address="192.0.2.5", host=f"127.0.0.1:{port}")[0] == 403)
     web.terminate()
     check("and ends with 0", web.wait(10) == 0, web.returncode)
 
 
 def files(server):
-    def get(path, host=None):
-        with socket.create_connection(("127.0.0.1", server.port), timeout=10) as s:
-            host = host or f"127.0.0.1:{server.port}"
-            s.sendall(f"GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n".encode())
-            got = b""
-            while more := s.recv(65536):
-                got += more
-        head, _, body = got.partition(b"\r\n\r\n")
-        return int(head.split()[1]), head.decode().lower(), body
-
     for path, name in ("/", "page.html"), ("/app.js", "app.js"), ("/panels.js", "panels.js"), \
             ("/trace.js", "trace.js"), ("/style.css", "style.css"):
-        status, head, body = get(path)
+        status, head, body = get(server.port, path)
         same = body == open(f"{os.environ['KN_SOURCE']}/clients/web/{name}", "rb").read()
         check(f"{path} is {name}, under a policy that lets nothing else in",
               status == 200 and same and "default-src 'none'" in head, status, head)
     for path in "/nosuch", "/../../../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/page.html/":
-        status, _, body = get(path)
+        status, _, body = get(server.port, path)
         check(f"{path} is no file", status in (400, 403, 404) and b"root:" not in body, status, body)
-    status, _, body = get("/", host="evil.example")
+    status, _, body = get(server.port, "/", host="evil.example")
     check("the page of another host's name is refused", status == 403 and b"wrong Host" in body, status, body)
 
 
@@ -296,28 +301,18 @@ def requests(server):
 
 
 def downloads(server):
-    def get(path, token=None, *headers):
-        with socket.create_connection(("127.0.0.1", server.port), timeout=10) as s:
-            lines = [f"GET {path} HTTP/1.1", f"Host: 127.0.0.1:{server.port}", "Connection: close", *headers]
-            lines += [f"Authorization: Bearer {token}"] if token else []
-            s.sendall("\r\n".join(lines + ["", ""]).encode())
-            got = b""
-            while more := s.recv(65536):
-                got += more
-        head, _, body = got.partition(b"\r\n\r\n")
-        return int(head.split()[1]), body
-
-    status, body = get("/get/material.yaml", server.token)
+    by = lambda token: f"Authorization: Bearer {token}"
+    status, _, body = get(server.port, "/get/material.yaml", by(server.token))
     check("a download with the token", status == 200 and b"\nmaterial:\n  k1: " in body and b"density: " in body,
           status, body)
-    for sentence, token, headers, wanted in [
-            ("no token", None, [], 401), ("a wrong token", "0" * 32, [], 401),
-            ("a short one", server.token[:31], [], 401), ("a long one", server.token + "0", [], 401),
-            ("another origin", server.token, ["Origin: http://evil.example"], 403)]:
-        status, body = get("/get/material.yaml", token, *headers)
+    for sentence, headers, wanted in [
+            ("no token", [], 401), ("a wrong token", [by("0" * 32)], 401),
+            ("a short one", [by(server.token[:31])], 401), ("a long one", [by(server.token + "0")], 401),
+            ("another origin", ["Origin: http://evil.example", by(server.token)], 403)]:
+        status, _, body = get(server.port, "/get/material.yaml", *headers)
         check(f"a download with {sentence}: refused", status == wanted and b"material" not in body, status, body)
     for path in "/get/", "/get/../../../../etc/passwd", "/get/%2e%2e%2fetc%2fpasswd", "/get/recording/1/../../x":
-        status, body = get(path, server.token)
+        status, _, body = get(server.port, path, by(server.token))
         check(f"{path}: no such download", status in (400, 403, 404) and b"root:" not in body, status, body)
 
 
@@ -413,13 +408,8 @@ def generations(server, bus):
 
 def dead_man(server, bus):
     wire = Wire(server)
-
-    def told(**where):
-        wire.point(**where)
-        return wire.state()[0]["status"]
-    until(lambda: told().startswith("ready"))
-    until(lambda: told(pressed=1) and bus.force_n > 0.5)
-    check("a page presses", bus.force_n > 0.5, bus.force_n, told())
+    wire.press(bus)
+    check("a page presses", bus.force_n > 0.5, bus.force_n, wire.status_at())
     check("it falls silent, its connection stays: the force goes to zero",
           until(lambda: bus.force_n == 0, 5), bus.force_n)
     dent = bus.dent_mm()
@@ -443,22 +433,18 @@ def stopped(server):
 
 def turned(server, bus):
     wire, other = Wire(server), Wire(server)
-
-    def told(**where):
-        wire.point(u=0.42, **where)
-        return wire.state()[0]["status"]
+    held = lambda: wire.status_at(u=0.42, pressed=1)
     other.state()
-    until(lambda: told().startswith("ready"))
-    until(lambda: told(pressed=1) and bus.force_n > 0.5)
+    wire.press(bus, u=0.42)
     check("beside it another page is told who holds the tool",
-          until(lambda: told(pressed=1) and other.state()[0]["status"] == "another page holds the tool", 3))
+          until(lambda: held() and other.state()[0]["status"] == "another page holds the tool", 3))
     end, wide = time.monotonic() + 1, bus.dented()
     while time.monotonic() < end:
-        told(pressed=1)
+        held()
     wide, answer = bus.dented(), other.ask("view", azimuth=118, elevation=27, zoom=1)
     end = time.monotonic() + 2
     while time.monotonic() < end:
-        told(pressed=1)
+        held()
     check("another page turns the picture: the tool that presses stays where it is",
           answer["ok"] and bus.force_n > 0 and bus.dented() <= 1.15 * wide, answer, wide, bus.dented(), bus.force_n)
     other.ask("view", azimuth=28, elevation=27, zoom=1)
@@ -470,12 +456,8 @@ def turned(server, bus):
 
 def another_scene(server, bus):
     wire = Wire(server)
-
-    def told(**where):
-        wire.point(**where)
-        return wire.state()[0]["status"]
-    until(lambda: told().startswith("ready"))
-    until(lambda: told(pressed=1) and bus.force_n > 0.5)
+    told = wire.status_at
+    wire.press(bus)
     check("a page presses again", bus.force_n > 0.5, bus.force_n, told(pressed=1))
     server.kneadd.terminate()
     server.kneadd.wait(10)
