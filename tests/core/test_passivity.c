@@ -8,6 +8,14 @@ static kn_passivity_def touch(void)
     return (kn_passivity_def){.mass_kg = 0.08, .round_trip_s = 1e-3, .coupling_n_m = 600.0, .force_limit_n = 3.3};
 }
 
+static kn_passivity fresh(void)
+{
+    kn_passivity p;
+    kn_passivity_def def = touch();
+    kn_passivity_init(&p, &def);
+    return p;
+}
+
 // One period at z with a wanted force; what the controller makes of it is what is sent.
 static double tick(kn_passivity *p, double z_m, double speed_m_s, double stored_j, double wanted_n)
 {
@@ -20,9 +28,7 @@ static double tick(kn_passivity *p, double z_m, double speed_m_s, double stored_
 
 TEST("energy given is the held force times the distance between two samples, to the bit")
 {
-    kn_passivity p;
-    kn_passivity_def def = touch();
-    kn_passivity_init(&p, &def);
+    kn_passivity p = fresh();
     double out[3], sum = 0.0, before[3] = {0.01, 0.02, 0.03};
     for (int n = 0; n < 50; n++) {
         double at[3] = {0.01 + 1e-4 * n, 0.02 - 2e-5 * n * n, 0.03}, force[3] = {0.1 * n, -0.2, 5.0};
@@ -40,9 +46,7 @@ TEST("energy given is the held force times the distance between two samples, to 
 
 TEST("in free air nothing is observed, nothing is spent and nothing acts")
 {
-    kn_passivity p;
-    kn_passivity_def def = touch();
-    kn_passivity_init(&p, &def);
+    kn_passivity p = fresh();
     for (int n = 0; n < 2000; n++) {
         double w = 0.004 * 3.14159 * n;
         CHECK(tick(&p, 0.02 * sin(w), 0.25 * cos(w), 0.0, 0.0) == 0.0);
@@ -52,9 +56,7 @@ TEST("in free air nothing is observed, nothing is spent and nothing acts")
 
 TEST("a spring gives back all that was put into it and never finds the controller in the way")
 {
-    kn_passivity p;
-    kn_passivity_def def = touch();
-    kn_passivity_init(&p, &def);
+    kn_passivity p = fresh();
     const double k = 600.0, depth = 0.004;
     for (int n = 0; n <= 1000; n++) { // the force of the middle of each period: no energy of the hold's own
         double w = 6.283185307179586e-3;
@@ -68,9 +70,7 @@ TEST("a spring gives back all that was put into it and never finds the controlle
 
 TEST("long kneading earns no more than a millijoule beyond what is stored")
 {
-    kn_passivity p;
-    kn_passivity_def def = touch();
-    kn_passivity_init(&p, &def);
+    kn_passivity p = fresh();
     for (int n = 0; n < 3000; n++) tick(&p, -1e-5 * n, -0.01, 0.0, 1.0); // 30 mJ of dissipation
     CHECK_NEAR(p.given_j, -30e-3, 1e-4);
     CHECK_NEAR(p.credit_j, 1e-3 + 1.0 / 1200.0, 2e-5);
@@ -96,9 +96,7 @@ TEST("an active object gives the hand a tenth of what it would without the contr
 {
     double given[2];
     for (int i = 0; i < 2; i++) { // a mass on a spring of negative damping: x'' = (-k x + 2 v) / m
-        kn_passivity p;
-        kn_passivity_def def = touch();
-        kn_passivity_init(&p, &def);
+        kn_passivity p = fresh();
         double x = 2e-3, v = 0.0, force = 0.0;
         for (int n = 0; n < 300; n++) {
             double wanted = -300.0 * x + 2.0 * v;
@@ -130,9 +128,7 @@ TEST("damping is bounded by m / 2 (T + t_d + 1/w_f), and by 10 N s/m for heavy d
 
 TEST("a debt is not paid in the air: it fades in 100 ms and is counted")
 {
-    kn_passivity p;
-    kn_passivity_def def = touch();
-    kn_passivity_init(&p, &def);
+    kn_passivity p = fresh();
     tick(&p, 0.0, 0.0, 0.0, 1.0);
     tick(&p, 0.005, 0.1, 0.0, 0.0); // 5 mJ given, then off
     for (int n = 0; n < 100; n++) CHECK(tick(&p, 0.005 + 1e-4 * n, 0.1, 0.0, 0.0) == 0.0);
@@ -143,9 +139,7 @@ TEST("a debt is not paid in the air: it fades in 100 ms and is counted")
 
 TEST("the observer hears what was sent, not what was wanted: a clamp hides no energy")
 {
-    kn_passivity p;
-    kn_passivity_def def = touch();
-    kn_passivity_init(&p, &def);
+    kn_passivity p = fresh();
     double out[3];
     kn_passivity_filter(&p, still, still, 0.0, (double[3]){0, 0, 9.0}, out);
     CHECK(out[2] == 9.0);
@@ -175,9 +169,7 @@ TEST("a light touch through a coarse encoder looks like energy given, and is not
 
 TEST("a position that is not a number is passed over")
 {
-    kn_passivity p;
-    kn_passivity_def def = touch();
-    kn_passivity_init(&p, &def);
+    kn_passivity p = fresh();
     tick(&p, 0.0, 0.0, 0.0, 1.0);
     tick(&p, NAN, 0.0, 0.0, 1.0);
     tick(&p, -0.001, 0.0, 0.0, 1.0);
