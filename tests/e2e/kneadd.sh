@@ -57,17 +57,18 @@ stop_kneadd() { # sets status to its exit code; its summary is in kneadd.log
     wait "$server"
     status=$?
     grep kneadd: kneadd.log
+    check "kneadd lived and ended with 0" [ $status = 0 ]
 }
 # of kneadd --control control
 ctl() { knead ctl --control control "$@"; }
 field() { ctl --json status | python3 -c "import json, sys; print(json.load(sys.stdin)$1)"; } # field '["mode"]': of its status
-pressing() { # until the hand has been in the dough for 0.4 s
+touching() { # until the hand is in the dough, or has ended
     until ctl --json status 2>/dev/null | grep -q '"in_contact":true' || ! kill -0 $hand 2>/dev/null; do pause 0.1; done
-    pause 0.4
 }
+pressing() { touching && pause 0.4; }
 memory() { awk '/^VmRSS/ { print $2 }' "/proc/$server/status"; } # of kneadd, kB
-# verifies LOG: it replays to the very forces that it holds
-verifies() { knead replay "$1" --verify >"$1.said" 2>"$1.err" || { cat "$1.said" "$1.err"; return 1; }; }
+# verifies LOG [OPTION...]: it replays to the very forces that it holds
+verifies() { knead replay "$@" --verify >"$1.said" 2>"$1.err" || { cat "$1.said" "$1.err"; return 1; }; }
 told() { grep -c -- "$1" hand.err; } # how many lines of the hand have that in them
 holds() { awk "BEGIN { exit !($1) }"; } # a comparison of numbers
 # counter NAME: the number before NAME in the summary, 0 when it is not told

@@ -17,10 +17,8 @@ for ((kill = 1; kill <= kills; kill++)); do
     pause "0.$((100 + RANDOM % 400))"
     board --engine rtl --uart --link "$PWD/board"
 done
-wait $probe
-check "the hand pressed to the end" [ $? = 0 ]
+check "the hand pressed to the end" wait $probe
 stop_kneadd
-check "kneadd stopped" [ $status = 0 ]
 grep 'circuit' kneadd.err
 on=$(sed -n 's/^kneadd: \([0-9]*\) ticks on the circuit.*/\1/p' kneadd.err)
 alone=$(sed -n 's/.*; \([0-9]*\) by the twin alone.*/\1/p' kneadd.err)

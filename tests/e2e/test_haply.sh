@@ -12,9 +12,7 @@ rows() { # rows AWK-CONDITION: of haply.csv; ms x y z fx fy fz said wrong greete
 last() { tail -n 2 haply.csv | head -n 1 | cut -d, -f"$1"; }
 
 start_kneadd dough-small.yaml
-knead hand haply >hand.txt 2>hand.err
-check "without a service: one line, exit 3" [ "$? $(wc -l <hand.err)" = "3 1" ]
-cat hand.err
+expect 'the Inverse Service does not answer' 3 knead hand haply
 
 haply 10001 40 malformed=5000:300 mute=8000:1500 hangup=12500:1000 gone=15500:800 cold=18500:500 >haply.csv 2>haply.err &
 service=$!
@@ -26,8 +24,7 @@ for _ in $(seq 800); do
     [ "$(last 1 | tr -dc 0-9)0" -gt 300000 ] && break
 done
 kill -INT $hand
-wait $hand
-check "it ends well" [ $? = 0 ]
+check "it ends well" wait $hand
 sleep 0.5
 kill $service $hear
 wait $service $hear 2>/dev/null

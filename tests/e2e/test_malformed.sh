@@ -34,7 +34,6 @@ flood() { # flood NAME RATE
     echo "$1: $flood malformed in $took ms, $((flood / (took > 0 ? took : 1))) k/s; $drops dropped by the kernel;" \
         "$accepted of $valid poses accepted; memory $before -> $after kB;" \
         "$missed ticks missed, $explained by the machine"
-    check "$1: kneadd lived and ended well" [ "$status" = 0 ]
     check "$1: all were sent" [ "$flood" = "$count" ]
     check "$1: received = sent - kernel drops" [ "$datagrams" = $((valid + flood + $(counter published) - drops)) ]
     check "$1: each in one counter" [ "$reasons" = "$datagrams" ]
@@ -58,5 +57,4 @@ drops=$(counter 'dropped by the kernel')
 check "stopped: $sent were sent, $drops dropped by the kernel" [ "$sent" = 60000 -a "$drops" -gt 0 ]
 check "stopped: received and dropped are what was sent" [ $(($(counter datagrams) + drops)) = $((sent + $(counter published))) ]
 check "stopped: what the socket held was received" [ $(($(counter datagrams) - $(counter published))) -gt 500 ]
-check "stopped: kneadd lived and ended well" [ "$status" = 0 ]
 exit $failed

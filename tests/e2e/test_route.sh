@@ -24,24 +24,17 @@ sniff_stop() { # sets left to the number of datagrams that left
 }
 
 sniff_start
-kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime "$KN_REALTIME" >refused 2>&1
-code=$?
+expect 'ip route add 239.255.76.67/32 dev lo' 3 \
+    kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime "$KN_REALTIME"
 sniff_stop
-cat refused
-check "a route by the network card is refused with exit 3" [ $code = 3 ]
-check "in one line" [ "$(wc -l <refused)" = 1 ]
-check "that names the cure" grep -q 'ip route add 239.255.76.67/32 dev lo' refused
-check "and nothing left" [ "$left" = 0 ]
+check "a route by the network card is refused, and nothing left" [ "$left" = 0 ]
 
 ip route add 239.255.76.67/32 dev lo
 sniff_start
 start_kneadd dough-small.yaml
-lcm-logger -q -f bus.lcmlog >/dev/null 2>&1 &
-logger=$!
-sleep 0.3
+start_logger bus.lcmlog
 send plate <<<"poses 500 session=7 seq=1" >/dev/null
-kill -INT $logger
-wait $logger 2>/dev/null
+stop_logger
 stop_kneadd
 sniff_stop
 check "with the cure it serves" [ "$status" = 0 -a "$(counter accepted)" = 500 ]

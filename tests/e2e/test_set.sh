@@ -15,18 +15,15 @@ pause 0.4
 ctl snapshot >/dev/null
 cp "$(ls -t state/*.knead | head -1)" pressed.knead
 ctl set 'material.k1=600 gf/cm^3' 'device.clamp=2 N' >second
-wait $hand
-code=$?
+check "the hand went on" wait $hand || cat hand.err
 pause 1 # a snapshot of it
 kill -KILL $server
 wait $server 2>/dev/null
 stop_logger
-knead replay set.lcmlog --verify >said 2>why
-check "the hand went on: $(cat hand.err)" [ $code = 0 ]
 check "a stiffer spring stores more: $stiffer" \
     awk -v a="$(stored before "$stiffer")" -v b="$(stored after "$stiffer")" 'BEGIN { exit !(a > 0 && b > 1.5 * a && b < 2.5 * a) }'
 check "and for a reader: $(cat second)" grep -qE '^set: tick [0-9]+, the object stores [0-9.e-]+ mJ, [0-9.e-]+ before$' second
-check "the log replays over both to the bit: $(cat said why | tail -1)" grep -q '^verified' said
+check "the log replays over both to the bit" verifies set.lcmlog
 # what is seen of the log is of the material in force then: that of the snapshot, which tells its own
 knead view pressed.knead --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --color stress --top '20 kPa' --plain --png snapshot.png >seen
 knead replay set.lcmlog --csv rows.csv >/dev/null 2>&1
@@ -61,7 +58,6 @@ check "none of that was done" [ "$(field '["set"]')" = "['material.k1=600 gf/cm^
 for i in $(seq 30); do ctl set "material.k1=$((400 + i)) gf/cm^3" >/dev/null || break; done
 check "thirty, one after the other" [ "$i" = 30 ]
 stop_kneadd
-check "kneadd ended well" [ "$status" = 0 ]
 
 # a scene whose file has been edited meanwhile goes on with the object, and with what was set
 sed 's/clamp: [0-9.]* N/clamp: 9 N/; s/rate: 60 Hz/rate: 30 Hz/' "$KN_SOURCE/core/scenes/dough-small.yaml" >dough-small.yaml
@@ -110,10 +106,8 @@ ctl load "$KN_SOURCE/core/scenes/jelly.yaml" >loaded 2>&1 &
 loading=$!
 sleep 0.0$((RANDOM % 9 + 1))
 kill -TERM $server # before, between or after
-wait $server
-ended=$?
+check "a stop while it loads is a stop" wait $server
 wait $loading
-check "a stop while it loads is a stop" [ $ended = 0 ]
 
 if [ -n "${KN_NIGHT:-}" ]; then # that a tick would take too long is not said of a machine that has no time for whoever measures it
     kneadd() { exec nice -n 10 kneadd "$@"; }

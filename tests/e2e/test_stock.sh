@@ -40,7 +40,6 @@ echo "again:       the stock liblcm $(tail -1 again | cut -d' ' -f3-)"
 echo "leak only:   the stock liblcm $(tail -1 arrays | cut -d' ' -f3-)"
 echo "kneadd:      alive, $total malformed of $received counted, $(counter accepted) of $valid poses accepted," \
     "memory +$((after - before)) kB"
-check "kneadd lived and ended well" [ "$status" = 0 ]
 check "it counted all of it" [ "$received" -ge $((valid + total)) -a "$received" -lt $((valid + total + 100)) ]
 check "at least 99 % of the valid stream is accepted" [ "$(counter accepted)" -ge $((valid * 99 / 100)) ]
 check "nothing else is accepted" [ "$(counter accepted)" -le "$valid" ]

@@ -14,7 +14,6 @@ kill $hand
 sleep 0.2
 stop_logger
 logcheck stop.lcmlog | tee stopped
-check "kneadd ended with 0" [ "$status" = 0 ]
 check "the hand was being pushed" holds "$(number peak_n stopped) >= 5"
 check "the stop is told in the forces, for at most 100 ms" \
     [ "$(number stopping stopped)" -gt 0 -a "$(number stopping stopped)" -le 101 ]
@@ -28,7 +27,6 @@ server=$!
 for _ in $(seq 200); do grep -q serving large && break; sleep 0.1; done
 sleep 0.3
 kill -TERM $server
-wait $server
-check "a scene beyond real time serves and ends well" [ $? = 0 ]
+check "a scene beyond real time serves and ends well" wait $server
 check "it says so at start" grep -q '^kneadd: not real time: a tick takes .* ms here' large
 exit $failed
