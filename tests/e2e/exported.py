@@ -1,14 +1,9 @@
 # What knead export wrote, read back by VTK.
 #     exported.py log FOLDER CSV NODES EDGES | rest FOLDER VOLUME | flat FOLDER AREA | ply FILE FOLDER ARRAY
 import csv, math, sys, xml.etree.ElementTree as xml
-import vtk
+import served, vtk
+from served import check
 from vtk.util.numpy_support import vtk_to_numpy as numbers
-
-failed = False
-def check(sentence, good, *seen):
-    global failed
-    failed = failed or not good
-    print("ok  " if good else "FAIL", sentence, *([] if good else seen))
 
 def read(path):
     reader = vtk.vtkXMLUnstructuredGridReader()
@@ -148,4 +143,4 @@ if what == "log": log(rest_of[0], rest_of[1], int(rest_of[2]), int(rest_of[3]))
 elif what == "rest": rest(rest_of[0], float(rest_of[1]))
 elif what == "flat": rest(rest_of[0], float(rest_of[1]), lambda grid: volumes(grid, "Area"))
 elif what == "ply": ply(rest_of[0], most(rest_of[1], rest_of[2]))
-sys.exit(failed)
+sys.exit(served.failed)
