@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <signal.h>
 #include <spawn.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,6 +16,24 @@ typedef struct kn_board {
     FILE *out;
     char uri[160];
 } kn_board;
+
+static pid_t kn_board_pids[4]; // those that run, else 0
+
+// A board that outlives its test holds the pipe of its output open, and ctest waits for that.
+static inline void kn_board_kill_all(void)
+{
+    for (int i = 0; i < 4; i++)
+        if (kn_board_pids[i]) kill(kn_board_pids[i], SIGKILL);
+}
+
+static inline void kn_board_replace(pid_t old, pid_t by)
+{
+    for (int i = 0; i < 4; i++) {
+        if (kn_board_pids[i] != old) continue;
+        kn_board_pids[i] = by;
+        return;
+    }
+}
 
 // argument: its options, NULL behind the last. Ends the program when there is none.
 static inline kn_board kn_board_start(const char *const argument[])
@@ -28,6 +47,9 @@ static inline kn_board kn_board_start(const char *const argument[])
     posix_spawn_file_actions_adddup2(&actions, pipe_of[1], 1);
     if (posix_spawn(&b.pid, all[0], &actions, NULL, (char *const *)all, environ)) exit(1);
     posix_spawn_file_actions_destroy(&actions);
+    static bool once;
+    if (!once) once = atexit(kn_board_kill_all) == 0;
+    kn_board_replace(0, b.pid);
     close(pipe_of[1]);
     b.out = fdopen(pipe_of[0], "r");
     if (!b.out || !fgets(b.uri, 100, b.out)) {
@@ -42,6 +64,7 @@ static inline void kn_board_kill(kn_board *b)
 {
     kill(b->pid, SIGKILL);
     waitpid(b->pid, NULL, 0);
+    kn_board_replace(b->pid, 0);
     fclose(b->out);
 }
 

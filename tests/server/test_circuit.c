@@ -47,12 +47,13 @@ static object make(const char *file)
     return o;
 }
 
-// The object on the circuit at this address.
+// The object on the circuit at this address; a busy machine may not answer at once.
 static void attach(object *o, const char *uri)
 {
     char why[KN_LINK_WHY] = "";
     bool device;
-    if (kn_backend_fpga(&o->backend, o->model, uri, SIZE_MAX, why, &device)) return;
+    for (int tries = 0; tries < 20; tries++)
+        if (kn_backend_fpga(&o->backend, o->model, uri, SIZE_MAX, why, &device)) return;
     KN_TEST_FAIL("%s", why);
     exit(1);
 }

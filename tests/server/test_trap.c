@@ -275,8 +275,12 @@ static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
     if (r->ticks % ROUND == 3500 || r->ticks % ROUND == 5900) kn_loop_order(&r->lent.loop, KN_ORDER_RESET, 0);
     if (r->ticks % ROUND == 3600) kn_loop_order(&r->lent.loop, KN_ORDER_UNDO, 0);
     if (r->faulted == 0 && r->ticks >= 200) r->faulted = faults_of(r->tid);
-    if (r->how && r->ticks / 1500 > r->kills && r->ticks < live_ticks) replug(r); // in a press
-    bool enough = r->ticks >= live_ticks && r->pressed > live_ticks / 8; // a busy machine makes the hand fall silent
+    kn_fpga_counts n = {0};
+    if (r->how) kn_backend_fpga_counts(&r->lent.backend, &n);
+    const int64_t kills = live_ticks / 1500;
+    if (n.in_step && n.losses >= r->kills && r->kills < kills && r->ticks / 1500 > r->kills) replug(r); // in a press
+    // A busy machine makes the hand fall silent, and a circuit that was lost come back late.
+    bool enough = r->ticks >= live_ticks && r->pressed > live_ticks / 8 && (!r->how || n.losses >= kills);
     if ((enough || r->ticks >= 10 * live_ticks) && !r->lent.loop.stop) {
         r->faulted = faults_of(r->tid) - r->faulted;
         r->lent.loop.stop = true;
