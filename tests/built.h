@@ -1,6 +1,6 @@
 #ifndef KN_TESTS_BUILT_H
 #define KN_TESTS_BUILT_H
-// A model of a def, a scene of core/scenes; or the end of the program, and why there is none.
+// The model of a def, a scene of core/scenes. Where there is none, they say why and end the program.
 #include "core/model.h"
 #include "core/scene/scene.h"
 #include <stdio.h>
@@ -17,7 +17,7 @@ static inline kn_model *build(const kn_model_def *def)
     return model;
 }
 
-#ifdef KN_SOURCE_DIR // else there are none
+#ifdef KN_SOURCE_DIR // the tools are built without it
 static inline kn_scene *load_scene(const char *file, const char *const *sets, int count)
 {
     char path[512], error[512];

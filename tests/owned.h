@@ -5,7 +5,7 @@
 //     OWN(kn_scene) *scene = load("dough.yaml");    then kn_scene_destroy(scene)
 //     AT_END(rig_free) rig r = rig_make();          then rig_free(&r)
 //
-// A pointer's type is made known once, by OWNS.
+// OWNS(type, its destroy), once in a file, lets OWN be used for that type.
 #include "core/model.h"
 #include "core/scene/scene.h"
 #include "core/simplices.h"

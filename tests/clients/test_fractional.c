@@ -82,7 +82,7 @@ static double apart(bool constant_area)
 {
     const row r = {4e4, 2e5, 5e5};
     const double from[] = {0, 30, 60}, load[] = {3000, 5000, 0};
-    AT_END(kn_memory_close) kn_memory m;
+    AT_END(kn_memory_close) kn_memory m = {0};
     kn_network net = {0};
     char error[64];
     CHECK(kn_element_parse(&net.element, "(s|d)-d", error, sizeof error));

@@ -58,7 +58,7 @@ TEST("of another mesh the nearest at rest: the same shape differs by what is bet
 
 TEST("the nearest is the nearest")
 {
-    AT_END(kn_match_free) kn_match m;
+    AT_END(kn_match_free) kn_match m = {0};
     char error[300];
     AT_END(kn_still_free) kn_still a = sheet(17, 0, 0), b = sheet(23, 0.0003f, 0);
     CHECK(kn_match_make(&m, &a, &b, error, sizeof error));

@@ -452,7 +452,7 @@ TEST("restores replay with their snapshots, undos without; without them, or with
     seed = 4;
     recorder *r = record("restored.lcmlog");
     kn_store store = new_store(r);
-    AT_END(kn_undo_free) kn_undo points;
+    AT_END(kn_undo_free) kn_undo points = {0};
     CHECK(kn_undo_init(&points, r->on.model));
     r->servo.undo = &points;
     r->hand[1].session = 22;
@@ -592,7 +592,7 @@ TEST("poses alone are judged as the receiver judges them and put on the grid by 
     move(r, 0, 0.030, 2700, 0.0);
     move(r, 0, 0.027, 900, 0.0);
     record_end(r);
-    AT_END(kn_log_close) kn_log log;
+    AT_END(kn_log_close) kn_log log = {0};
     kn_log_record record;
     CHECK(kn_log_open(&log, "full.lcmlog", err, sizeof err));
     lcm_eventlog_t *poses = lcm_eventlog_create("poses.lcmlog", "w");
@@ -631,7 +631,7 @@ TEST("no byte of a log can hurt: bytes flipped everywhere in its first records a
         f = fopen("bad.lcmlog", "wb");
         fwrite(bytes, 1, size, f);
         fclose(f);
-        AT_END(kn_log_close) kn_log log;
+        AT_END(kn_log_close) kn_log log = {0};
         kn_log_record record;
         CHECK(kn_log_open(&log, "bad.lcmlog", err, sizeof err));
         while (kn_log_read(&log, &record) != KN_LOG_END) records++;

@@ -59,10 +59,10 @@ static kn_rig_result on_lattice(const char *class, const char *material, kn_grip
 {
     char set[64], error[300];
     kn_device_def device;
-    AT_END(kn_slab_close) kn_slab slab;
     snprintf(set, sizeof set, "material=%s", material);
     const char *const sets[] = {set};
     OWN(kn_scene) *scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", sets, 1, error, sizeof error);
+    AT_END(kn_slab_close) kn_slab slab = {0};
     if (!scene || kn_profile_load(&device, "test", class, NULL, 0) != 0) fprintf(stderr, "%s\n", error), exit(1);
     kn_coupling coupling = kn_coupling_default(device.mass_kg, device.damping_n_s_m, 1e-3, 1e-3, device.hand);
     kn_rig_def def = {.arm = kn_arm_of(&device), .coupling = coupling, .trip_ms = 1, .passivity = true, .motion = motion};

@@ -86,13 +86,13 @@ static void measure(const lump *l)
 {
     char error[600];
     kn_candidate c[KN_CANDIDATES];
-    AT_END(kn_press_free) kn_press press;
-    AT_END(kn_pressed_free) kn_pressed pressed;
+    AT_END(kn_press_free) kn_press press = {0};
+    AT_END(kn_pressed_free) kn_pressed pressed = {0};
     const kn_candidate_def def = {l->scene, &l->set, l->set != NULL, NULL, NULL};
     must(kn_candidates_open(c, &def, l->structure, error, sizeof error) == 1, error);
     must(kn_press_path(&press, c->scene, &(kn_press_def){.hold_s = atof(l->hold)}, error, sizeof error), error);
     const kn_model_def object = kn_candidate_model(c, l->pressure_pa, l->area_factor);
-    OWN(kn_model) *model = kn_model_build(&object, error, sizeof error);
+    kn_model *model = kn_model_build(&object, error, sizeof error);
     must(model, error);
     const double at_s = l->at_end ? press.end_s : press.hold_end_s;
     const kn_press_play play = {
@@ -101,6 +101,7 @@ static void measure(const lump *l)
     write_force(&press, &pressed, l->noise);
     write_image(c->best.surface, c->best.rest_m, (const float(*)[3])pressed.shape_m[0], l);
     write_points(c->best.surface, (const float(*)[3])pressed.shape_m[0]);
+    kn_model_destroy(model);
     kn_candidate_free(c);
 }
 
@@ -454,7 +455,7 @@ TEST("a reading far from its neighbours is left out and does not count as the la
 {
     char error[300];
     kn_candidate c[KN_CANDIDATES];
-    AT_END(kn_press_free) kn_press press;
+    AT_END(kn_press_free) kn_press press = {0};
     must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
     must(kn_press_path(&press, c->scene, &(kn_press_def){.hold_s = 1}, error, sizeof error), error);
     const double spikes[] = {5000, 1e300, -1e300, 30};

@@ -15,6 +15,7 @@ static object object_of(const char *scene, const char *set)
     object o = {.scene = load_scene(scene, &set, set ? 1 : 0)};
     o.model = build(&o.scene->model);
     o.state = kn_state_create(o.model);
+    if (!o.state) fprintf(stderr, "no room for a state\n"), exit(1);
     return o;
 }
 

@@ -1,5 +1,4 @@
-# Sourced by the end-to-end tests that talk to a kneadd of their own (inside tests/netns, in an empty working
-# directory).
+# What scripts of several folders share; all run inside tests/netns, in an empty working directory.
 PATH=$KN_BUILD/tests/tools:$PATH
 failed=0
 check() { # check SENTENCE COMMAND...: one line, like tests/check.h; fails as the command does: check ... || cat what it judged
@@ -20,12 +19,21 @@ has() { # has WORD FILE: a line with it; the same
 }
 # expect PATTERN CODE COMMAND...: it ends with CODE and says one line, on stderr, in which PATTERN (extended) is found; without a fork
 expect() {
-    local pattern=$1 code=$2 got said told
+    local pattern=$1 code=$2 got said told good=no
     "${@:3}" >out 2>err
     got=$?
-    mapfile -t said <out
-    mapfile -t told <err
-    check "${told[*]-${*:3}}" eval '[ "$got ${#said[@]} ${#told[@]}" = "$code 0 1" ] && [[ ${told[0]} =~ $pattern ]]'
+    mapfile said <out
+    mapfile told <err
+    [ "$got ${#said[@]} ${#told[@]} ${told[0]: -1}" = "$code 0 1 "$'\n' ] && [[ ${told[0]%$'\n'} =~ $pattern ]] && good=yes
+    check "${told[*]%$'\n'}" [ $good = yes ] && return
+    echo "     ${*:3}: exit $got, expected $code and on stderr one line: $pattern"
+    cat out
+    return 1
+}
+ended() { # ended PID: with 0
+    wait "$1"
+    local got=$?
+    [ $got = 0 ] || { echo "     it ended with $got" && return 1; }
 }
 start_kneadd() { # start_kneadd SCENE OPTION...: a file here, or one of core/scenes; returns once it serves
     local tries scene=$KN_SOURCE/core/scenes/$1
@@ -52,20 +60,21 @@ stop_logger() {
     kill -INT "$logger"
     wait "$logger" 2>/dev/null
 }
-stop_kneadd() { # sets status to its exit code; its summary is in kneadd.log
+stop_kneadd() { # checks that it ends with 0, and sets status to its exit code; its summary is in kneadd.log
     kill -TERM "$server"
     wait "$server"
     status=$?
     grep kneadd: kneadd.log
-    check "kneadd lived and ended with 0" [ $status = 0 ]
+    check "kneadd lived and ended with 0" [ $status = 0 ] >&2
 }
-# of kneadd --control control
+# these four ask a kneadd that was started with --control control
 ctl() { knead ctl --control control "$@"; }
 field() { ctl --json status | python3 -c "import json, sys; print(json.load(sys.stdin)$1)"; } # field '["mode"]': of its status
 touching() { # until the hand is in the dough, or has ended
     until ctl --json status 2>/dev/null | grep -q '"in_contact":true' || ! kill -0 $hand 2>/dev/null; do pause 0.1; done
 }
 pressing() { touching && pause 0.4; }
+
 memory() { awk '/^VmRSS/ { print $2 }' "/proc/$server/status"; } # of kneadd, kB
 # verifies LOG [OPTION...]: it replays to the very forces that it holds
 verifies() { knead replay "$@" --verify >"$1.said" 2>"$1.err" || { cat "$1.said" "$1.err"; return 1; }; }

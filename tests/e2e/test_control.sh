@@ -149,7 +149,7 @@ for bits in ("degraded", "current_errors"): assert status[bits] == [] or all(isi
 END
 check "status for a reader: $(ctl status | tr -s ' \n' ' ' | cut -c1-60)" grep -q "^mode  *IDLE$" <(ctl status)
 expect 'stop: done' 0 sh -c 'knead ctl --control control stop >&2'
-check "as SIGTERM does" wait $server
+check "as SIGTERM does" ended $server
 
 # one whose reader leaves, as head does, serves on
 rm -f first

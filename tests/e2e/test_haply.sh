@@ -24,7 +24,7 @@ for _ in $(seq 800); do
     [ "$(last 1 | tr -dc 0-9)0" -gt 300000 ] && break
 done
 kill -INT $hand
-check "it ends well" wait $hand
+check "it ends well" ended $hand
 sleep 0.5
 kill $service $hear
 wait $service $hear 2>/dev/null

@@ -121,7 +121,7 @@ stop_kneadd
 stop_logger
 kill $hand
 last=$(ls state/*.knead | tail -1)
-expect 'snapshot' 2 knead replay life.lcmlog --verify
+expect 'expected --snapshot with that file or its directory$' 2 knead replay life.lcmlog --verify
 check "with the snapshot the log replays to the bit" verifies life.lcmlog --snapshot then
 start_kneadd dough-small.yaml --state-dir state
 check "the next start has what the orderly end left: $(grep restored kneadd.log)" grep -qF "restored $last" kneadd.log

@@ -76,7 +76,7 @@ check "and one that nobody answers" [ "$(told 'is kneadd running')" = 1 ]
 check "the motor was switched off" [ "$(tail -n 2 paddle.csv | head -n 1 | cut -d, -f5)" = 0 ]
 
 start_kneadd dough-small.yaml
-expect 'nothere' 3 knead hand paddle --tty nothere
-expect '/dev/null' 3 knead hand paddle --tty /dev/null
+expect 'nothere: No such file or directory; knead devices lists what is there$' 3 knead hand paddle --tty nothere
+expect '/dev/null: no serial line; ' 3 knead hand paddle --tty /dev/null
 stop_kneadd
 exit $failed

@@ -11,7 +11,7 @@ play() { $ahead knead probe "${@:2}" >"$1.txt" 2>"$1.err" || { cat "$1.err"; ret
 # A record verifies from an untouched object on. The hand waits for the scene, so it is there from the first tick.
 $ahead knead probe --hold '0.5 s' --record press.lcmlog --csv press.csv >press.txt 2>press.err & hand=$!
 start_kneadd dough-small.yaml --control control
-check "a press is played, and recorded" wait $hand
+check "a press is played, and recorded" ended $hand
 cat press.txt press.err
 check "its table says of what" grep -q '^press of dough-small.yaml, tool plate$' press.txt
 check "the force relaxes while the plate is held" \

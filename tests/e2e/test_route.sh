@@ -37,7 +37,7 @@ send plate <<<"poses 500 session=7 seq=1" >/dev/null
 stop_logger
 stop_kneadd
 sniff_stop
-check "with the cure it serves" [ "$status" = 0 -a "$(counter accepted)" = 500 ]
+check "with the cure it serves" [ "$(counter accepted)" = 500 ]
 check "and nothing leaves by the network card" [ "$left" = 0 ]
 
 ip route del 239.255.76.67/32 dev lo # last: IGMP repeats itself for seconds

@@ -62,7 +62,7 @@ check "without --once it serves on" grep -q 'serving a fresh block' up.log
 pressed up.log
 check "on the loopback route" [ "$(ip -4 route get 239.255.76.67 | grep -c 'dev lo')" = 1 ]
 kill -INT -- -$run
-check "Ctrl-C ends it with exit 0" wait $run
+check "Ctrl-C ends it with exit 0" ended $run
 check "having said what it has ended: $(tail -n 1 up.log)" \
     [ "$(tail -n 1 up.log)" = "stopped: the page has ended; kneadd has ended, forces at zero; the route is gone" ]
 check "and takes the route away" [ "$(routes)" = "$before" ]

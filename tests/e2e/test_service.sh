@@ -86,7 +86,7 @@ check "systemd hears of a load, and of its end: $(cat loaded)" \
 [ $mode = off ] || check "with all of real time again" [ "$(grep -c 'SCHED_FIFO, memory locked' kneadd.log)" = 2 ]
 setpriv --reuid 1234 --regid 1234 --groups 65534 ./knead ctl --control control stop >stop 2>&1
 check "a member by another of its groups may end it: $(cat stop)" grep -q '^stop: done' stop
-check "it ended well" wait $server
+check "it ended well" ended $server
 check "and said so" [ "$(heard STOPPING=1)" = 1 ]
 
 # stdout and stderr full, and nobody reads them

@@ -15,7 +15,7 @@ pause 0.4
 ctl snapshot >/dev/null
 cp "$(ls -t state/*.knead | head -1)" pressed.knead
 ctl set 'material.k1=600 gf/cm^3' 'device.clamp=2 N' >second
-check "the hand went on" wait $hand || cat hand.err
+check "the hand went on" ended $hand || cat hand.err
 pause 1 # a snapshot of it
 kill -KILL $server
 wait $server 2>/dev/null
@@ -106,7 +106,7 @@ ctl load "$KN_SOURCE/core/scenes/jelly.yaml" >loaded 2>&1 &
 loading=$!
 sleep 0.0$((RANDOM % 9 + 1))
 kill -TERM $server # before, between or after
-check "a stop while it loads is a stop" wait $server
+check "a stop while it loads is a stop" ended $server
 wait $loading
 
 if [ -n "${KN_NIGHT:-}" ]; then # that a tick would take too long is not said of a machine that has no time for whoever measures it

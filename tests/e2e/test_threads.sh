@@ -31,6 +31,6 @@ stop_kneadd
 
 expect 'sometimes: expected --realtime auto, require or off' 2 kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime sometimes
 if ! grep -q '; SCHED_FIFO' kneadd.log; then
-    expect 'kneadd: ' 3 kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime require
+    expect 'not real time: ' 3 kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime require
 fi
 exit $failed

@@ -20,8 +20,8 @@ start_kneadd dough-small.yaml --touch
 knead touch --probe plate --once --seconds 20 >once.txt 2>once.err & once=$!
 knead touch --json --seconds 9 >all.json 2>json.err & all=$!
 check "a hand presses" $ahead knead probe --path press --hold '0.5 s' --quiet --record press.lcmlog
-check "the first touch is told" wait $once
-check "and all of them, as JSON" wait $all
+check "the first touch is told" ended $once
+check "and all of them, as JSON" ended $all
 cat once.txt once.err json.err
 check "in one line" grep -qE '^[0-9.]+ s, plate: area [0-9.]+ cm2, peak [0-9.]+ kPa, centre .* slip .* mm/s$' once.txt
 check "and no more" [ "$(wc -l <once.txt)" = 1 ]

@@ -1,6 +1,6 @@
 #ifndef KN_TESTS_FUZZ_H
 #define KN_TESTS_FUZZ_H
-// What every target has.
+// libFuzzer's entries, and require().
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>

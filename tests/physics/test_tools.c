@@ -201,7 +201,7 @@ static void third_law(kn_probe_def tool, double above_m, kn_skin_form skin)
 
 TEST("what the object gains in momentum and spin is what the tool lost: Newton's third law, to rounding")
 {
-    AT_END(kn_shape_drop) kn_shape parts;
+    AT_END(kn_shape_drop) kn_shape parts = {0};
     third_law(finger(0.5), 0.008, KN_SKIN_SPLINE);
     third_law(finger(0.5), 0.008, KN_SKIN_BILINEAR);
     third_law(mallet(&parts), 0.002, KN_SKIN_SPLINE);
@@ -434,7 +434,7 @@ static void slide_along(kn_probe_def tool, double force_n[SLIDE])
 TEST("a ball of triangles slides as the ball does: force within 1 %, jumps per millisecond no larger by a tenth")
 {
     static double exact[SLIDE], own[SLIDE];
-    AT_END(kn_shape_drop) kn_shape parts;
+    AT_END(kn_shape_drop) kn_shape parts = {0};
     double mean = 0, off = 0, jump[2] = {0};
     slide_along(ball(0), exact);
     slide_along(of_field(surface_field(surface_ball(0.01, 40), 0.005 / 8), &parts), own);
@@ -456,7 +456,7 @@ TEST("a box of triangles presses as the box does within 1 %")
 {
     const double size[3] = {0.02, 0.02, 0.015}, edge = 0.003;
     press p = {.depth_m = 0.004, .hold_s = 0.2};
-    AT_END(kn_shape_drop) kn_shape parts;
+    AT_END(kn_shape_drop) kn_shape parts = {0};
     kn_model_def def = with_tool(press_def(2), (kn_probe_def){.name = "box", .shape = KN_PROBE_BOX,
                                                               .size_m = {size[0], size[1], size[2]},
                                                               .edge_m = edge});
@@ -528,7 +528,7 @@ static void turned_by_a_quarter(kn_probe_def tool, kn_skin_form skin)
 
 TEST("the whole scene and the hand turned by a quarter turn forces and torques with them, to rounding")
 {
-    AT_END(kn_shape_drop) kn_shape parts;
+    AT_END(kn_shape_drop) kn_shape parts = {0};
     turned_by_a_quarter((kn_probe_def){.name = "box", .shape = KN_PROBE_BOX, .size_m = {0.02, 0.014, 0.02},
                                        .edge_m = 0.002, .friction = 0.4, .coupling_n_m = 900, .coupling_n_s_m = 3},
                         KN_SKIN_SPLINE);

@@ -19,7 +19,7 @@ typedef struct kn_board {
 
 static pid_t kn_board_pids[4]; // those that run, else 0
 
-// A board that outlives its test holds the pipe of its output open, and ctest waits for that.
+// A board that outlives its test holds the test's stderr open, and ctest waits until that is closed.
 static inline void kn_board_kill_all(void)
 {
     for (int i = 0; i < 4; i++)
@@ -28,11 +28,10 @@ static inline void kn_board_kill_all(void)
 
 static inline void kn_board_replace(pid_t old, pid_t by)
 {
-    for (int i = 0; i < 4; i++) {
-        if (kn_board_pids[i] != old) continue;
-        kn_board_pids[i] = by;
-        return;
-    }
+    int i = 0;
+    while (i < 4 && kn_board_pids[i] != old) i++;
+    if (i == 4) fprintf(stderr, "more than 4 boards\n"), exit(1);
+    kn_board_pids[i] = by;
 }
 
 // argument: its options, NULL behind the last. Ends the program when there is none.

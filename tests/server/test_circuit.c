@@ -47,15 +47,26 @@ static object make(const char *file)
     return o;
 }
 
-// The object on the circuit at this address; a busy machine may not answer at once.
-static void attach(object *o, const char *uri)
+// The object on the circuit at this address, with a queue of at most so many bytes; a busy machine may not answer at
+// once. Returns the seconds that it took; -1: refused.
+static double attach_with(object *o, const char *uri, size_t room, char why[KN_LINK_WHY])
+{
+    bool device = true;
+    for (int tries = 0; device && tries < 20; tries++) {
+        const int64_t began_ns = kn_now_ns();
+        if (kn_backend_fpga(&o->backend, o->model, uri, room, why, &device))
+            return 1e-9 * (double)(kn_now_ns() - began_ns);
+    }
+    if (device) fprintf(stderr, "%s\n", why), exit(1);
+    return -1;
+}
+
+static double attach(object *o, const char *uri)
 {
     char why[KN_LINK_WHY] = "";
-    bool device;
-    for (int tries = 0; tries < 20; tries++)
-        if (kn_backend_fpga(&o->backend, o->model, uri, SIZE_MAX, why, &device)) return;
-    KN_TEST_FAIL("%s", why);
-    exit(1);
+    const double took_s = attach_with(o, uri, SIZE_MAX, why);
+    if (took_s < 0) fprintf(stderr, "%s\n", why), exit(1);
+    return took_s;
 }
 
 static void unmake(object *o)
@@ -124,9 +135,7 @@ TEST("a lattice whose load takes longer than a second over its line gets in step
     object o = make("dough.yaml");
     char why[KN_LINK_WHY] = "";
     kn_fpga_counts n;
-    int64_t began_ns = kn_now_ns();
-    attach(&o, b.uri);
-    const double load_s = 1e-9 * (double)(kn_now_ns() - began_ns);
+    const double load_s = attach(&o, b.uri);
     CHECK(load_s > 1.024); // as many ticks as the least queue holds
     for (int kill = 0; kill < 2; kill++) {
         int first = until_in_step(&o);
@@ -155,10 +164,8 @@ TEST("a queue is as long as a load takes, and refused by its number where there 
     kn_board b = start("1000000", NULL);
     object o = make("dough.yaml");
     char why[KN_LINK_WHY] = "";
-    bool device = true;
     kn_fpga_counts n;
-    CHECK(!kn_backend_fpga(&o.backend, o.model, b.uri, 1 << 20, why, &device));
-    CHECK(!device && strstr(why, "ticks") && strstr(why, "expected"));
+    CHECK(attach_with(&o, b.uri, 1 << 20, why) < 0 && strstr(why, "ticks") && strstr(why, "expected"));
     printf("     %s\n", why);
     attach(&o, b.uri);
     CHECK(kn_backend_fpga_counts(&o.backend, &n));

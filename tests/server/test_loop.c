@@ -125,7 +125,7 @@ TEST("where the scene asks, meshes tell stress and residual strain of the same t
         {"mesh.measures=none", false, false}, {"mesh.measures=stress", true, false},
         {"mesh.measures=residual", false, true}, {"mesh.measures=both", true, true}};
     for (size_t i = 0; i < sizeof asked / sizeof *asked; i++) {
-        AT_END(rig_close) rig r;
+        AT_END(rig_close) rig r = {0};
         rig_open(&r, asked[i].set);
         press(&r);
         show_now(&r);
@@ -161,7 +161,7 @@ TEST("an object that goes on in another material tells that one's stress, and wh
 
 TEST("resets asked for between two ticks are one, in the next one, and an event tells the untouched object's hash")
 {
-    AT_END(rig_close) rig r;
+    AT_END(rig_close) rig r = {0};
     rig_open(&r, NULL);
     uint64_t rest = kn_state_hash(r.lent.model, r.lent.backend.state(r.lent.backend.self));
     press(&r);
@@ -177,7 +177,7 @@ TEST("resets asked for between two ticks are one, in the next one, and an event 
 
 TEST("a reset under a hand fades what it felt, keeps it out until it is lifted, and then it feels new dough")
 {
-    AT_END(rig_close) rig r;
+    AT_END(rig_close) rig r = {0};
     rig_open(&r, NULL);
     press(&r);
     double first = given_n(&r), slope = kn_safety_slope(&r.lent.loop.servo.safety[0].limits), last = first;
@@ -197,7 +197,7 @@ TEST("a reset under a hand fades what it felt, keeps it out until it is lifted, 
 
 TEST("an emergency stop fades every force, holds off every session until a recover, and an order knows its tick")
 {
-    AT_END(rig_close) rig r;
+    AT_END(rig_close) rig r = {0};
     rig_open(&r, NULL);
     press(&r);
     double slope = kn_safety_slope(&r.lent.loop.servo.safety[0].limits), last = given_n(&r);
@@ -234,7 +234,7 @@ TEST("an emergency stop fades every force, holds off every session until a recov
 
 TEST("a recover while an emergency stop still fades gives nothing back before the tool was lifted")
 {
-    AT_END(rig_close) rig r;
+    AT_END(rig_close) rig r = {0};
     rig_open(&r, NULL);
     press(&r);
     kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0);
@@ -252,7 +252,7 @@ TEST("a recover while an emergency stop still fades gives nothing back before th
 
 TEST("meshes after a reset are of another generation, and the object at rest")
 {
-    AT_END(rig_close) rig r;
+    AT_END(rig_close) rig r = {0};
     rig_open(&r, NULL);
     hover(&r, 20);
     double rest = dent_m(&r);
@@ -300,7 +300,7 @@ TEST("what a tool touches is told every 4 ms where it was asked for, and changes
 
 TEST("checkpoints tell the audit: what is stored, the tools' work, what was dissipated; creation is counted and named")
 {
-    AT_END(rig_close) rig r;
+    AT_END(rig_close) rig r = {0};
     rig_open(&r, "material=jelly");
     press(&r);
     double work_j = r.lent.backend.state(r.lent.backend.self)->probe[0].work_j;

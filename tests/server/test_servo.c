@@ -277,7 +277,7 @@ static uint64_t object_hash(const rig *r) { return kn_state_hash(r->model, r->ba
 TEST("undo takes back one press after the other, a reset too; a press in air is none, and there is an end to it")
 {
     OWN(rig) *r = rig_make(NULL);
-    AT_END(kn_undo_free) kn_undo points;
+    AT_END(kn_undo_free) kn_undo points = {0};
     CHECK(kn_undo_init(&points, r->model));
     r->servo.undo = &points;
     r->in.undo = true;
@@ -313,7 +313,7 @@ TEST("undo takes back one press after the other, a reset too; a press in air is 
 TEST("sixteen presses are remembered, of a large object as many as fit, and the oldest go")
 {
     OWN(rig) *r = rig_make(NULL);
-    AT_END(kn_undo_free) kn_undo points;
+    AT_END(kn_undo_free) kn_undo points = {0};
     CHECK(kn_undo_init(&points, r->model) && points.room == KN_UNDO_POINTS);
     CHECK(kn_undo_bytes(r->model) == KN_UNDO_POINTS * kn_state_kept(r->model));
     OWN(kn_state) *state = kn_state_create(r->model);
