@@ -17,11 +17,11 @@ static inline kn_model *build(const kn_model_def *def)
     return model;
 }
 
-#ifdef KN_SOURCE_DIR // the tools are built without it
 static inline kn_scene *load_scene(const char *file, const char *const *sets, int count)
 {
     char path[512], error[512];
-    snprintf(path, sizeof path, KN_SOURCE_DIR "/core/scenes/%s", file);
+    const char *source = getenv("KN_SOURCE"); // ctest and tests/one set it
+    snprintf(path, sizeof path, "%s/core/scenes/%s", source ? source : ".", file);
     kn_scene *scene = kn_scene_load(path, sets, count, error, sizeof error);
     if (!scene) {
         fprintf(stderr, "%s\n", error);
@@ -29,6 +29,5 @@ static inline kn_scene *load_scene(const char *file, const char *const *sets, in
     }
     return scene;
 }
-#endif
 
 #endif

@@ -3,6 +3,7 @@
 // What kneadd lends a loop: small dough, the processor or a circuit, and a screen on a mesh bus that stays in memory.
 #include "server/backend/fpga.h"
 #include "server/loop.h"
+#include "tests/built.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -22,11 +23,10 @@ static inline void kn_lent_open_on(kn_lent *l, const char *const *sets, int coun
     char error[KN_LINK_WHY] = "";
     bool device;
     memset(l, 0, sizeof *l);
-    l->scene =
-        kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-small.yaml", sets, count, error, sizeof error);
-    l->model = l->scene ? kn_model_build(&l->scene->model, error, sizeof error) : NULL;
-    if (l->model) l->audit = kn_audit_create(l->model);
-    if (l->model && kn_backend_place(&l->backend, l->model, uri, false, SIZE_MAX, error, &device) &&
+    l->scene = load_scene("dough-small.yaml", sets, count);
+    l->model = build(&l->scene->model);
+    l->audit = kn_audit_create(l->model);
+    if (kn_backend_place(&l->backend, l->model, uri, false, SIZE_MAX, error, &device) &&
         kn_skin_open(&l->skin, "memq://", l->scene, l->model, error, sizeof error) && (l->audit || uri) &&
         kn_loop_init(&l->loop, l->scene, l->model, &l->backend, &l->skin, l->audit))
         return;
