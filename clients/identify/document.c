@@ -9,7 +9,7 @@
 #include <string.h>
 
 extern const char document_css[]; // a file of the source tree, part of the program
-__asm__(".section .rodata\ndocument_css: .incbin \"" KN_IDENTIFY_DIR "/document.css\"\n.byte 0\n.previous\n");
+__asm__(".section .rodata\ndocument_css: .incbin \"" KN_CLIENTS_DIR "/identify/document.css\"\n.byte 0\n.previous\n");
 
 bool kn_document_is_open(const kn_document *d)
 {

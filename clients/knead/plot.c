@@ -13,7 +13,7 @@
 #include <unistd.h>
 
 extern const char plot_gp[]; // a file of the source tree, part of the program
-__asm__(".section .rodata\nplot_gp: .incbin \"" KN_CLI_DIR "/plot.gp\"\n.byte 0\n.previous\n");
+__asm__(".section .rodata\nplot_gp: .incbin \"" KN_CLIENTS_DIR "/knead/plot.gp\"\n.byte 0\n.previous\n");
 
 const char *const kn_plot_colour[KN_PLOT_COLOURS] = {"0072b2", "d55e00", "000000", "009e73",
                                                      "e69f00", "cc79a7", "56b4e9", "777777"};

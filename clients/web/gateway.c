@@ -24,7 +24,7 @@ enum {
 // The files are part of the program: nothing to find at run time, nothing that a page could ask for beside them.
 #define EMBED(name, file)                                                                                              \
     extern const char name[], name##_end[];                                                                            \
-    __asm__(".section .rodata\n" #name ": .incbin \"" KN_WEB_DIR "/" file "\"\n" #name "_end: .byte 0\n.previous\n")
+    __asm__(".section .rodata\n" #name ": .incbin \"" KN_CLIENTS_DIR "/web/" file "\"\n" #name "_end: .byte 0\n.previous\n")
 EMBED(page_html, "page.html");
 EMBED(app_js, "app.js");
 EMBED(panels_js, "panels.js");
