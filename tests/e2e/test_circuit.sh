@@ -27,7 +27,7 @@ for ((kill = 1; kill <= kills; kill++)); do
     ctl --json status >"killed.$kill.json"
     board --uart --link "$PWD/board"
 done
-check "the hand pressed to the end" ended $probe
+check "the hand pressed to the end" wait $probe
 ctl status >status.txt
 ctl --json status >status.json
 check "knead ctl status tells of the circuit" grep -q circuit status.txt
@@ -48,7 +48,7 @@ END
 expect 'a circuit steps the object' 2 ctl set material.k1=30000
 get_in_step
 kill -INT $server
-check "kneadd stopped" ended $server
+check "kneadd stopped" wait $server
 grep 'on the circuit\|circuit answered' kneadd.err
 on=$(sed -n 's/^kneadd: \([0-9]*\) ticks on the circuit.*/\1/p' kneadd.err)
 lost=$(number lost kneadd.err)

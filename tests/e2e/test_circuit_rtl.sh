@@ -17,7 +17,7 @@ for ((kill = 1; kill <= kills; kill++)); do
     pause "0.$((100 + RANDOM % 400))"
     board --engine rtl --uart --link "$PWD/board"
 done
-check "the hand pressed to the end" ended $probe
+check "the hand pressed to the end" wait $probe
 stop_kneadd
 grep 'circuit' kneadd.err
 on=$(sed -n 's/^kneadd: \([0-9]*\) ticks on the circuit.*/\1/p' kneadd.err)

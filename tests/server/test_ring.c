@@ -6,7 +6,7 @@
 
 TEST("records come out in the order they went in; a full ring refuses and keeps what it has")
 {
-    AT_END(kn_ring_free) kn_ring ring = {0};
+    AT_END(kn_ring_free) kn_ring ring;
     CHECK(kn_ring_init(&ring, 4, sizeof(int)));
     CHECK(kn_ring_front(&ring) == NULL);
     for (int n = 0; n < 4; n++) CHECK(kn_ring_push(&ring, &n));
@@ -38,7 +38,7 @@ static void *push_records(void *ring)
 
 TEST("of a record's start alone that much is written")
 {
-    AT_END(kn_ring_free) kn_ring ring = {0};
+    AT_END(kn_ring_free) kn_ring ring;
     CHECK(kn_ring_init(&ring, 2, sizeof(record)));
     record r = {.n = 7, .copy = {7, 7}};
     for (int i = 0; i < 2; i++) {
@@ -51,7 +51,7 @@ TEST("of a record's start alone that much is written")
 
 TEST("between two threads every record arrives once, whole and in order")
 {
-    AT_END(kn_ring_free) kn_ring ring = {0};
+    AT_END(kn_ring_free) kn_ring ring;
     CHECK(kn_ring_init(&ring, 64, sizeof(record)));
     pthread_t writer;
     CHECK(pthread_create(&writer, NULL, push_records, &ring) == 0);
