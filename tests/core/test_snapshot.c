@@ -95,7 +95,7 @@ TEST("a state that was written, read and stepped has the bits of the one that we
             kn_state_copy(o.model, read, kept);
             OWN(kn_state) *fresh = kn_state_create(o.model);
             kn_state_copy(o.model, fresh, kept);
-            for (int n = 0; n < 40; n++)
+            for (int n = 0; n < KN_LENGTH(15, 40, 40); n++)
                 step(&o, &kinds[i], read), step(&o, &kinds[i], fresh), step(&o, &kinds[i], straight);
             bool same = kn_state_hash(o.model, read) == kn_state_hash(o.model, straight) &&
                         kn_state_hash(o.model, fresh) == kn_state_hash(o.model, straight);
@@ -158,7 +158,7 @@ TEST("every truncation is refused; of every single byte changed there comes a st
         CHECK(kn_snapshot_read(o.model, bytes, n, into) == KN_SNAPSHOT_SHORT);
     CHECK(kn_snapshot_read(o.model, bytes, size + 1, into) == KN_SNAPSHOT_SHORT);
     long refused = 0, taken = 0;
-    for (size_t n = 0; n < size; n += n < whole || n + whole > size ? 1 : 31) {
+    for (size_t n = 0; n < size; n += n < whole || n + whole > size ? 1 : (size_t)KN_LENGTH(311, 31, 31)) {
         bytes[n] ^= 0xff;
         bool fits = kn_snapshot_read(o.model, bytes, size, into) == KN_SNAPSHOT_FITS;
         if (fits)
