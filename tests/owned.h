@@ -1,6 +1,6 @@
 #ifndef KN_TESTS_OWNED_H
 #define KN_TESTS_OWNED_H
-// What a test makes ends where its block does, the last made first:
+// An object of a test is destroyed at the end of its block, the last made first:
 //
 //     OWN(kn_scene) *scene = load("dough.yaml");    then kn_scene_destroy(scene)
 //     AT_END(rig_free) rig r = rig_make();          then rig_free(&r)

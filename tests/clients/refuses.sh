@@ -1,5 +1,6 @@
-# Sourced by tests of programs: what has failed, and one line for whatever cannot be done.
-failed=0 program=knead # that refuses
+# Sourced by tests of programs that are called: counts failures, and checks that a refusal is one line.
+failed=0
+program=knead # refuses() calls it
 python3() { /usr/bin/python3 "$@"; } # Debian's, whatever comes first in PATH
 ok() { echo "ok   $1"; }
 fail() { echo "FAIL $1"; failed=1; }

@@ -1,4 +1,4 @@
-# What scripts of several folders share; all run inside tests/netns, in an empty working directory.
+# Sourced by scripts of several folders. All of them run inside tests/netns, in an empty working directory.
 PATH=$KN_BUILD/tests/tools:$PATH
 failed=0
 check() { # check SENTENCE COMMAND...: one line, like tests/check.h; fails as the command does: check ... || cat what it judged

@@ -47,8 +47,8 @@ static object make(const char *file)
     return o;
 }
 
-// The object on the circuit at this address, with a queue of at most so many bytes; a busy machine may not answer at
-// once. Returns the seconds that it took; -1: refused.
+// Puts the object on the circuit at this address; its queue may take `room` bytes. A busy machine may not answer at once,
+// so it tries twenty times. Returns the seconds of the try that succeeded; -1: refused.
 static double attach_with(object *o, const char *uri, size_t room, char why[KN_LINK_WHY])
 {
     bool device = true;
