@@ -298,9 +298,9 @@ TEST("a file of another scene, lattice, material or version is refused by name")
 TEST("the last eight generations stay; other lattices and scenes in the same directory are left alone and not taken")
 {
     OWN(rig) *r = rig_of("dough-small.yaml", NULL), *o = rig_of("dough-small.yaml", "object.spacing=5 mm"),
-             *j = rig_of("jelly.yaml", NULL);
+             *j = rig_of("jelly.yaml", NULL), *m = rig_of("dough-small.yaml", "material.k1=600 gf/cm^3");
     char why[200], name[256], path[400];
-    work(r, 500), work(o, 10), work(j, 10);
+    work(r, 500), work(o, 10), work(j, 10), work(m, 10);
     clear_directory(o->directory, true), clear_directory(j->directory, true);
     strcpy(o->directory, r->directory), strcpy(j->directory, r->directory);
     kn_store s = store_of(r);
@@ -340,8 +340,13 @@ TEST("the last eight generations stay; other lattices and scenes in the same dir
     for (int i = 0; i < 10; i++) CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why));
     CHECK(kn_store_load(&s, asked, &r->found, name, NULL, why, sizeof why));
     CHECK(!kn_store_load(&s, 12, &r->found, name, NULL, why, sizeof why));
+    int there = files_in(r->directory); // two materials in turn, as set at run time: two series
+    for (int i = 0; i < 12; i++) CHECK(kn_store_save(&s, i % 2 ? &r->saved : &m->saved, false, why, sizeof why));
+    CHECK(files_in(r->directory) == there);
+    CHECK(!kn_store_load(&s, r->saved.generation - 8, &r->found, name, NULL, why, sizeof why));
+    CHECK(kn_store_load(&s, r->saved.generation - 6, &r->found, name, NULL, why, sizeof why));
     for (int i = 1; i < KN_STORE_STAY; i++) CHECK(kn_store_save(&s, &r->saved, true, why, sizeof why));
-    int there = files_in(r->directory);
+    there = files_in(r->directory);
     CHECK(!kn_store_save(&s, &r->saved, true, why, sizeof why) && strstr(why, "100 that stay are there"));
     CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why) && files_in(r->directory) == there);
     kn_store_close(&s);
