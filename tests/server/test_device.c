@@ -8,12 +8,9 @@
 #include "tests/allocations.h"
 #include "tests/check.h"
 #include "tests/core/rig.h"
-#include <fcntl.h>
-#include <signal.h>
+#include "tests/server/board.h"
 #include <sys/mman.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 
 static int64_t after_ms(int64_t ms)
@@ -46,31 +43,13 @@ static bool nano(void)
 
 // ---- the simulated device
 
-typedef struct sim {
-    pid_t pid;
-    FILE *out;
-    char uri[128];
-} sim;
+typedef kn_board sim;
 
 static sim start(const char *const arguments[])
 {
-    const char *all[16] = {"bin/knead-simdev", "--engine", engine()};
-    int pipe_of[2], count = 3;
-    sim s = {0};
-    for (; arguments[count - 3]; count++) all[count] = arguments[count - 3];
-    if (pipe(pipe_of)) exit(1);
-    s.pid = fork();
-    if (s.pid == 0) {
-        dup2(pipe_of[1], 1);
-        close(pipe_of[0]);
-        execv(all[0], (char *const *)all);
-        _exit(70);
-    }
-    close(pipe_of[1]);
-    s.out = fdopen(pipe_of[0], "r");
-    if (!fgets(s.uri, 100, s.out)) KN_TEST_FAIL("knead-simdev says nothing");
-    s.uri[strcspn(s.uri, "\n")] = 0;
-    return s;
+    const char *all[16] = {"--engine", engine()};
+    for (int i = 0; arguments[i]; i++) all[i + 2] = arguments[i];
+    return kn_board_start(all);
 }
 
 static void stop(sim *s, int signal, char line[256])

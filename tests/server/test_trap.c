@@ -40,7 +40,6 @@ typedef struct rig {
     kn_board board; // of a circuit
     const char *const *how;
     int kills;
-    pthread_t replugs; // while kills > 0
     atomic_int tid;
     long faulted;
     kn_keeper keeper;
@@ -245,24 +244,14 @@ static void notify(void *arg)
     ev_async_send(events, arg);
 }
 
-// The circuit is lost and there again; by a thread of its own, since a device may take longer to start than a hand
-// may be silent.
-static void *replug_main(void *arg)
-{
-    rig *r = arg;
-    kn_board_kill(&r->board);
-    r->board = kn_board_start(r->how);
-    return NULL;
-}
-
+// The circuit is lost and there again. Nobody waits until it is ready: a hand would be silent for too long.
 static void replug(rig *r)
 {
-    pthread_attr_t small; // all memory is locked
-    pthread_attr_init(&small);
-    pthread_attr_setstacksize(&small, 1 << 18);
-    if (r->kills++ > 0) pthread_join(r->replugs, NULL);
-    if (pthread_create(&r->replugs, &small, replug_main, r) != 0) exit(1);
-    pthread_attr_destroy(&small);
+    kn_board_kill(&r->board);
+    kn_board again = kn_board_spawn(r->how);
+    memcpy(again.uri, r->board.uri, sizeof again.uri);
+    r->board = again;
+    r->kills++;
 }
 
 static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
@@ -310,7 +299,6 @@ static void run_live(rig *r, const char *const *how)
     ev_async_stop(events, &ticked);
     munlockall();
     rig_drain(r);
-    if (r->kills > 0) pthread_join(r->replugs, NULL);
     if (how) kn_board_end(&r->board);
     remove_saved(r);
     if (finished < 0) SKIP("no seccomp here: %s", strerror(errno));
