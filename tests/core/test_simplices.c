@@ -93,6 +93,10 @@ TEST("what no file can hold is refused too: a node that does not exist, one that
     twice->element_count = 0;
     CHECK(!kn_simplices_check(twice, error, sizeof error));
     CHECK_STR(error, "0 elements, expected 1 to 2097152");
+    twice->element_count = 1;
+    twice->node_count = 3;
+    CHECK(!kn_simplices_check(twice, error, sizeof error));
+    CHECK_STR(error, "3 nodes, expected 4 to 262144");
 }
 
 TEST("nodes in one place are found across the borders of whatever sorts them")

@@ -202,6 +202,7 @@ TEST("an URI that is none is refused in one line that says what was expected")
                                         "uart:",
                                         "uart:ttyUSB0",
                                         "uart:/dev/ttyUSB0?baud=",
+                                        "uart:/dev/ttyUSB0?baud",
                                         "uart:/dev/ttyUSB0?baud=3000001",
                                         "uart:/dev/ttyUSB0?speed=9600",
                                         "uart:/dev/ttyUSB0?baud=9600x",
