@@ -53,8 +53,10 @@ if [ -n "${KN_NIGHT:-}" ]; then
 fi
 
 # Up until Ctrl-C, which leaves nothing behind either.
+scene=()
+[ -n "${KN_NIGHT:-}" ] || scene=("$KN_SOURCE/core/scenes/dough-small.yaml") # whose tick is short beside others, too
 set -m # its own process group, as a terminal would give it; a background job would ignore Ctrl-C
-"$KN_SOURCE/server/run" --yes </dev/null >up.log 2>&1 &
+"$KN_SOURCE/server/run" --yes "${scene[@]}" </dev/null >up.log 2>&1 &
 run=$!
 set +m
 for _ in $(seq 300); do grep -q 'Ctrl-C ends it' up.log && break; sleep 0.2; done
