@@ -33,7 +33,8 @@ files >files.full
 for n in 1 2 3 4 5; do ctl snapshot >"asked.$n" 2>&1; echo $? >>"asked.$n"; done
 for ((tries = 0; tries < 300; tries++)); do # by itself, too
     look fuller
-    [ "$(grown full fuller 'state["snapshot_errors"]')" -lt 8 -o "$(of fuller 'state["snapshot_age_ms"]')" -lt 3500 ] || break
+    [ "$(of fuller '"snapshot_error" in current_errors')" = False ] || # of the last second
+        [ "$(grown full fuller 'state["snapshot_errors"]')" -lt 8 -o "$(of fuller 'state["snapshot_age_ms"]')" -lt 3500 ] || break
     pause 0.1
 done
 files >files.fuller
