@@ -48,20 +48,24 @@ start_kneadd() { # start_kneadd SCENE OPTION...: a file here, or one of core/sce
     done
     echo "FAIL kneadd did not come up:" && cat kneadd.log kneadd.err && exit 1
 }
-# Any processor may stand still for 100 ms. A hand runs on the last one, where kneadd ticks, or it would be spoilt by two of them; and
-# ahead of everything but kneadd, where the machine grants that.
-cpus=$(grep -oP 'Cpus_allowed_list:\s*\K.*' /proc/self/status)
-ahead="taskset -c ${cpus##*[-,]}"
-fifo=
-[ "$KN_REALTIME" = off ] || ! chrt -f 50 true 2>/dev/null || fifo="chrt -f 50"
-ahead+=" $fifo"
-# The thread of lcm-logger that receives has room for those 100 ms when told so, but queues no more than 30 for the one that logs: on one
-# processor, and behind it in priority, it never runs ahead of it.
+# what plays a hand or keeps a log is spoilt by a standstill of some ms: ahead of everything but kneadd, where the machine grants it
+ahead=
+[ "$KN_REALTIME" = off ] || ! chrt -f 51 true 2>/dev/null || ahead="chrt -f 50"
+# A processor may stand still for 100 ms, with one of lcm-logger's two threads on it: the other would go on and lose what the first has no
+# room for. On one processor both stand still; then the one that logs goes first, and the socket has room meanwhile.
 start_logger() { # start_logger FILE
-    taskset -c "${cpus%%[-,]*}" $fifo lcm-logger -q --lcm-url='udpm://239.255.76.67:7667?ttl=0&recv_buf_size=4194304' -f "$1" >/dev/null 2>&1 &
+    local where=() cpus tasks=(1)
+    cpus=$(taskset -cp $$)
+    cpus=${cpus##* }
+    [ -z "$ahead" ] || where=(taskset -c "${cpus%%[-,]*}" $ahead)
+    "${where[@]}" lcm-logger -q --lcm-url='udpm://239.255.76.67:7667?ttl=0&recv_buf_size=4194304' -f "$1" >/dev/null 2>&1 &
     logger=$!
-    sleep 0.3
-    [ -z "$fifo" ] || chrt -f -p 51 $logger
+    until [ ${#tasks[@]} -ge 3 ] || ! kill -0 $logger; do # it begins, receives and writes
+        pause 0.02
+        tasks=(/proc/$logger/task/*)
+    done
+    pause 0.1
+    [ -z "$ahead" ] || chrt -f -p 51 $logger
 }
 stop_logger() {
     kill -INT "$logger"

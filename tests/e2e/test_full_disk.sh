@@ -33,7 +33,7 @@ files >files.full
 for n in 1 2 3 4 5; do ctl snapshot >"asked.$n" 2>&1; echo $? >>"asked.$n"; done
 for ((tries = 0; tries < 300; tries++)); do # by itself, too
     look fuller
-    [ "$(of fuller '"snapshot_error" in current_errors')" = False ] || # of the last second
+    [ "$(of fuller '"snapshot_error" in current_errors')" = False ] || # those of the newest status
         [ "$(grown full fuller 'state["snapshot_errors"]')" -lt 8 -o "$(of fuller 'state["snapshot_age_ms"]')" -lt 3500 ] || break
     pause 0.1
 done
@@ -41,7 +41,7 @@ files >files.fuller
 rm kept/fill
 until_saves again fuller
 until_saves later again
-pause 1.2 # until a status has told it
+pause 2.2 # a status a second tells it
 kill $hand
 stop_kneadd
 stop_logger

@@ -54,7 +54,7 @@ fi
 
 # Up until Ctrl-C, which leaves nothing behind either.
 scene=()
-[ -n "${KN_NIGHT:-}" ] || scene=("$KN_SOURCE/core/scenes/dough-small.yaml") # whose tick is short beside others, too
+[ -n "${KN_NIGHT:-}" ] || scene=("$KN_SOURCE/core/scenes/dough-small.yaml") # its tick stays short on a busy machine
 set -m # its own process group, as a terminal would give it; a background job would ignore Ctrl-C
 "$KN_SOURCE/server/run" --yes "${scene[@]}" </dev/null >up.log 2>&1 &
 run=$!

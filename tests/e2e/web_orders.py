@@ -70,12 +70,15 @@ def back_to_back(page, server):
     page.send_request(21, "stop", value=2)
     check("stopped by its number", page.waits(21)["ok"] and page.hears(lambda: page.take(2).get("state") == "whole"),
           page.take(2))
-    page.send_request(22, "play", value=2)
-    page.send_request(23, "verify", value=2)
-    verify, play = page.waits(23), page.waits(22, 30)
-    check("play, then verify while the tool is let go: verify is told to wait",
-          verify and not verify["ok"] and "being replayed" in verify["words"], verify)
-    check("and play is answered at its end", play and (play["ok"] or "spoilt" in play["words"]), play)  # by a machine that stood still
+    for id in 22, 60, 62:
+        page.send_request(id, "play", value=2)
+        page.send_request(id + 1, "verify", value=2)
+        verify, play = page.waits(id + 1), page.waits(id, 30)
+        check("play, then verify while the tool is let go: verify is told to wait",
+              verify and not verify["ok"] and "being replayed" in verify["words"], verify)
+        if not play or "spoilt" not in play["words"]:  # as a machine does that stands still for 20 ms
+            break
+    check("and play is answered at its end", play and play["ok"], play)
     page.send_request(24, "verify", value=2)
     page.send_request(25, "play", value=2)
     play, verify = page.waits(25), page.waits(24, 40)
