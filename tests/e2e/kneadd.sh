@@ -51,16 +51,15 @@ start_kneadd() { # start_kneadd SCENE OPTION...: a file here, or one of core/sce
 # what plays a hand or keeps a log is spoilt by a standstill of some ms: ahead of everything but kneadd, where the machine grants it
 ahead=
 [ "$KN_REALTIME" = off ] || ! chrt -f 51 true 2>/dev/null || ahead="chrt -f 50"
-# A processor may stand still for 100 ms, with one of lcm-logger's two threads on it: the other would go on and lose what the first has no
-# room for. On one processor both stand still; then the one that logs goes first, and the socket has room meanwhile.
+# lcm-logger receives in one thread and logs in another, with room for 30 messages between them: when a processor stands still for 100 ms
+# with only the second one, messages are lost. So both run on one processor, logging comes first, and the socket has room for those 100 ms.
 start_logger() { # start_logger FILE
-    local where=() cpus tasks=(1)
+    local cpus tasks=()
     cpus=$(taskset -cp $$)
     cpus=${cpus##* }
-    [ -z "$ahead" ] || where=(taskset -c "${cpus%%[-,]*}" $ahead)
-    "${where[@]}" lcm-logger -q --lcm-url='udpm://239.255.76.67:7667?ttl=0&recv_buf_size=4194304' -f "$1" >/dev/null 2>&1 &
+    taskset -c "${cpus%%[-,]*}" $ahead lcm-logger -q --lcm-url='udpm://239.255.76.67:7667?ttl=0&recv_buf_size=4194304' -f "$1" >/dev/null 2>&1 &
     logger=$!
-    until [ ${#tasks[@]} -ge 3 ] || ! kill -0 $logger; do # it begins, receives and writes
+    until [ ${#tasks[@]} -ge 3 ] || ! kill -0 $logger; do # the main one logs; one receives, one writes
         pause 0.02
         tasks=(/proc/$logger/task/*)
     done

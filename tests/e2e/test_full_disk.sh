@@ -77,7 +77,7 @@ told=$(grep -oE '\([0-9]+ (more )?failed\)' kneadd.err | grep -oE '[0-9]+' | awk
 check "which tell every one of the $errors errors once" [ "$told" = "$errors" ]
 check "so does the summary" [ "$(counter errors)" = "$errors" ]
 check "KNEAD_HEALTH came with every KNEAD_STATUS" \
-    [ "$(number healths disk.txt)" -ge 5 -a "$(number paired disk.txt)" = "$(number healths disk.txt)" ]
+    [ "$(number healths disk.txt)" -ge 10 -a "$(number paired disk.txt)" = "$(number healths disk.txt)" ]
 check "with the newest generation" [ "$(number generation disk.txt)" -ge "$(of later 'state["snapshot_gen"]')" ]
 check "and KNEAD_STATUS with the error" [ $(($(number ever_errors disk.txt) & 256)) = 256 ]
 start_kneadd dough-small.yaml --control control --state-dir kept

@@ -76,7 +76,7 @@ def back_to_back(page, server):
         verify, play = page.waits(id + 1), page.waits(id, 30)
         check("play, then verify while the tool is let go: verify is told to wait",
               verify and not verify["ok"] and "being replayed" in verify["words"], verify)
-        if not play or "spoilt" not in play["words"]:  # as a machine does that stands still for 20 ms
+        if not play or "spoilt" not in play["words"]:  # a machine that stands still for 20 ms spoils it
             break
     check("and play is answered at its end", play and play["ok"], play)
     page.send_request(24, "verify", value=2)
