@@ -5,10 +5,11 @@ source "$KN_SOURCE/tests/clients/refuses.sh"
 program="timeout 5 knead-simdev"
 
 serves() { # serves ARGUMENT...: $pid, $uri
+    rm -f served # or the one before it would be heard
     knead-simdev "$@" >served 2>served.err &
     pid=$!
     for _ in {1..100}; do
-        uri=$(head -1 served) && [ -n "$uri" ] && return
+        uri=$(head -1 served 2>/dev/null) && [ -n "$uri" ] && return
         sleep 0.05
     done
     fail "$*: says nothing, $(cat served.err)"

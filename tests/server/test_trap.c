@@ -269,7 +269,8 @@ static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
     const int64_t kills = live_ticks / 1500;
     if (n.in_step && n.losses >= r->kills && r->kills < kills && r->ticks / 1500 > r->kills) replug(r); // in a press
     // A busy machine makes the hand fall silent, and a circuit that was lost come back late.
-    bool enough = r->ticks >= live_ticks && r->pressed > live_ticks / 8 && (!r->how || n.losses >= kills);
+    bool lost = !r->how || (r->kills == kills && n.losses >= kills);
+    bool enough = lost && r->ticks >= live_ticks && r->pressed > live_ticks / 8;
     if ((enough || r->ticks >= 10 * live_ticks) && !r->lent.loop.stop) {
         r->faulted = faults_of(r->tid) - r->faulted;
         r->lent.loop.stop = true;
