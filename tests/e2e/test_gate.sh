@@ -1,0 +1,71 @@
+#!/usr/bin/env bash
+# The verdict of tests/run: which results of tests, and which records of a night, let a change pass.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70 # check
+
+# one test of each result, played by ctest itself
+cat >CMakeLists.txt <<'END'
+cmake_minimum_required(VERSION 3.25)
+project(results NONE)
+enable_testing()
+add_test(NAME core.good COMMAND true)
+add_test(NAME core.bad COMMAND false)
+add_test(NAME core.long COMMAND sleep 60)
+add_test(NAME core.gone COMMAND ${CMAKE_BINARY_DIR}/none)
+add_test(NAME core.left COMMAND sh -c "echo 'skipped: <no card> here'; exit 77")
+set_tests_properties(core.left PROPERTIES SKIP_RETURN_CODE 77)
+set_tests_properties(core.long PROPERTIES TIMEOUT 1)
+END
+cmake -S . -B played >/dev/null && ctest --test-dir played --output-junit "$PWD/tests.xml" >/dev/null 2>&1
+"$KN_SOURCE/tests/rows" tests.xml >rows
+result() { awk -v t="core.$1" '$1 == t { $1 = $2 = ""; print substr($0, 3) }' rows; }
+check "a test that passed is passed" [ "$(result good)" = passed ]
+for test in bad long gone; do check "one that is $test is failed" grep -q '^failed' <(result $test); done
+check "one that cannot run here is skipped, with its reason" [ "$(result left)" = "skipped <no card> here" ]
+
+verdict() { # verdict SENTENCE EXIT STRICT LINE [ROW...]: of core.a, which passed, and e2e.b and core.c, of which there are these rows
+    printf 'release %s\n' core.a e2e.b core.c >wanted
+    printf 'release %s\n' "core.a 1.0 passed" "${@:5}" >rows
+    "$KN_SOURCE/tests/summary" wanted rows "$3" >said
+    check "$1" eval "[ $? = $2 ] && grep -qx '$4' said" || cat said
+}
+verdict "all that was wanted passed" 0 1 '3 passed, 0 failed, 0 skipped' "e2e.b 1.0 passed" "core.c 1.0 passed"
+verdict "a test that failed is a failure" 1 1 'failed  release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 failed why"
+verdict "so is one that was not played" 1 1 'not run release core.c' "e2e.b 1.0 passed"
+verdict "a second attempt counts, and is told" 0 1 'again   release e2e.b: passed in attempt 2' "e2e.b 1.0 failed" "e2e.b 1.0 passed" \
+    "core.c 1.0 passed"
+verdict "a skipped end-to-end test is none for a user" 0 0 'skipped release e2e.b: why' "e2e.b 1.0 skipped why" "core.c 1.0 passed"
+verdict "but for CI" 1 1 'skipped release e2e.b: why' "e2e.b 1.0 skipped why" "core.c 1.0 passed"
+verdict "any other is none for CI" 0 1 'skipped release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 skipped why"
+verdict "but for the night" 1 2 'skipped release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 skipped why"
+: >wanted
+: >rows
+"$KN_SOURCE/tests/summary" wanted rows 0 >said
+check "no test at all is a failure" [ $? = 1 ]
+
+# records, in a history of their own
+source "$KN_SOURCE/tests/record.sh"
+commit() { git add -A && git -c user.name=test -c user.email=test@localhost commit -q --allow-empty -m "$1"; }
+judged() { record_judge >said; }
+refused() { ! judged && grep -q "$1" said; }
+git init -q history && cd history || exit 70
+mkdir -p hdl server/backend tests/timed
+touch hdl/a server/backend/a tests/timed/a
+commit start
+check "no record is a failure" refused 'there is none'
+record_write "$(git rev-parse HEAD)" ../wanted ../rows red >/dev/null
+commit red
+check "a red one is, too" refused 'expected a green one'
+record_write "$(git rev-parse HEAD)" ../wanted ../rows green >/dev/null
+commit green
+check "a green one is none" judged
+for folder in "${record_covers[@]}"; do
+    echo changed >$folder/a
+    commit changed
+    check "it does not cover another state of $folder" refused 'changed since'
+    git reset -q --hard HEAD~
+done
+for ((i = 1; i < record_age_max; i++)); do commit $i; done
+check "a record $record_age_max commits old is good" judged
+commit last
+check "an older one is not: $(tail -1 said)" refused 'expected at most'
+exit $failed
