@@ -5,7 +5,7 @@ source "$KN_SOURCE/tests/clients/refuses.sh"
 program="timeout 5 knead-simdev"
 
 serves() { # serves ARGUMENT...: $pid, $uri
-    rm -f served # or the one before it would be heard
+    rm -f served # or the loop reads what the last one wrote
     knead-simdev "$@" >served 2>served.err &
     pid=$!
     for _ in {1..100}; do

@@ -30,26 +30,30 @@ verdict() { # verdict SENTENCE EXIT STRICT LINE [ROW...]: of core.a, which passe
 }
 verdict "all that was wanted passed" 0 1 '3 passed, 0 failed, 0 skipped' "e2e.b 1.0 passed" "core.c 1.0 passed"
 verdict "a test that failed is a failure" 1 1 'failed  release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 failed why"
-verdict "so is one that was not played" 1 1 'not run release core.c' "e2e.b 1.0 passed"
+verdict "so is one that failed twice" 1 0 'failed  release e2e.b' "e2e.b 1.0 failed" "e2e.b 1.0 failed" "core.c 1.0 passed"
+verdict "so is one that was not played" 1 0 'not run release core.c' "e2e.b 1.0 passed"
 verdict "a second attempt counts, and is told" 0 1 'again   release e2e.b: passed in attempt 2' "e2e.b 1.0 failed" "e2e.b 1.0 passed" \
     "core.c 1.0 passed"
-verdict "a skipped end-to-end test is none for a user" 0 0 'skipped release e2e.b: why' "e2e.b 1.0 skipped why" "core.c 1.0 passed"
-verdict "but for CI" 1 1 'skipped release e2e.b: why' "e2e.b 1.0 skipped why" "core.c 1.0 passed"
-verdict "any other is none for CI" 0 1 'skipped release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 skipped why"
-verdict "but for the night" 1 2 'skipped release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 skipped why"
-: >wanted
-: >rows
-"$KN_SOURCE/tests/summary" wanted rows 0 >said
+verdict "a skipped end-to-end test fails no run of a user" 0 0 'skipped release e2e.b: why' "e2e.b 1.0 skipped why" "core.c 1.0 passed"
+verdict "it fails CI" 1 1 'skipped release e2e.b: why' "e2e.b 1.0 skipped why" "core.c 1.0 passed"
+verdict "any other skipped test does not" 0 1 'skipped release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 skipped why"
+verdict "it fails the night" 1 2 'skipped release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 skipped why"
+"$KN_SOURCE/tests/summary" /dev/null /dev/null 0 >said
 check "no test at all is a failure" [ $? = 1 ]
+printf 'release %s\n' core.a e2e.b >wanted
+printf 'release core.a 1.0 %s\n' failed passed >rows
 
 # records, in a history of their own
+command -v git >/dev/null || { echo "no git here: records are left out" && exit $failed; }
+for name in "${!GIT_@}"; do unset "$name"; done
+export GIT_CONFIG_GLOBAL=/dev/null GIT_CONFIG_SYSTEM=/dev/null
 source "$KN_SOURCE/tests/record.sh"
 commit() { git add -A && git -c user.name=test -c user.email=test@localhost commit -q --allow-empty -m "$1"; }
 judged() { record_judge >said; }
 refused() { ! judged && grep -q "$1" said; }
 git init -q history && cd history || exit 70
-mkdir -p hdl server/backend tests/timed
-touch hdl/a server/backend/a tests/timed/a
+mkdir -p hdl server/backend tests/timed core
+touch {hdl,server/backend,tests/timed,core}/a
 commit start
 check "no record is a failure" refused 'there is none'
 record_write "$(git rev-parse HEAD)" ../wanted ../rows red >/dev/null
@@ -57,15 +61,20 @@ commit red
 check "a red one is, too" refused 'expected a green one'
 record_write "$(git rev-parse HEAD)" ../wanted ../rows green >/dev/null
 commit green
-check "a green one is none" judged
-for folder in "${record_covers[@]}"; do
+check "a green one passes" judged
+check "it counts attempts, and names what did not run" \
+    [ "$(tail -2 $record | tr '\n' ,)" = 'release core.a 1.0 2 passed,release e2e.b 0 0 missing,' ]
+for folder in hdl server/backend tests/timed; do
     echo changed >$folder/a
     commit changed
     check "it does not cover another state of $folder" refused 'changed since'
     git reset -q --hard HEAD~
 done
+echo changed >core/a
+check "what did not change since is the same" record_same hdl
+check "what did is not" eval '! record_same hdl core'
 for ((i = 1; i < record_age_max; i++)); do commit $i; done
 check "a record $record_age_max commits old is good" judged
 commit last
-check "an older one is not: $(tail -1 said)" refused 'expected at most'
+check "an older one is not" refused 'expected at most'
 exit $failed

@@ -11,7 +11,7 @@ ip addr add 10.9.0.1/24 dev card && ip link set card up
 ip link set cable up 2>/dev/null
 ip route add default via 10.9.0.2 dev card || exit 3
 sniff_start() {
-    rm -f sniffed # or the one before it would be heard
+    rm -f sniffed # or the loop reads what the last one wrote
     sniff card >sniffed &
     sniffer=$!
     for _ in $(seq 100); do grep -qs ready sniffed && return; sleep 0.05; done

@@ -32,7 +32,7 @@ END
 heard() { grep -c "$1" notified; }
 chmod 777 .
 /usr/bin/python3 listen.py >notified &
-sleep 0.5
+until [ "$(stat -c %a notify 2>/dev/null)" = 777 ]; do pause 0.02; done
 for scene in dough-small jelly; do cp "$KN_SOURCE/core/scenes/$scene.yaml" . && chmod 644 $scene.yaml; done
 cp "$KN_BUILD/bin/kneadd" "$KN_BUILD/bin/knead" . # the build may lie where nobody else may look
 limits="prlimit --rtprio=80 --memlock=unlimited" mode=require

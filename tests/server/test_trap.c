@@ -40,6 +40,7 @@ typedef struct rig {
     kn_board board; // of a circuit
     const char *const *how;
     int kills;
+    int64_t losses; // of the circuit, when it was last killed
     atomic_int tid;
     long faulted;
     kn_keeper keeper;
@@ -245,13 +246,14 @@ static void notify(void *arg)
 }
 
 // The circuit is lost and there again. Nobody waits until it is ready: a hand would be silent for too long.
-static void replug(rig *r)
+static void replug(rig *r, int64_t losses)
 {
     kn_board_kill(&r->board);
     kn_board again = kn_board_spawn(r->how);
     memcpy(again.uri, r->board.uri, sizeof again.uri);
     r->board = again;
     r->kills++;
+    r->losses = losses;
 }
 
 static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
@@ -267,10 +269,11 @@ static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
     kn_fpga_counts n = {0};
     if (r->how) kn_backend_fpga_counts(&r->lent.backend, &n);
     const int64_t kills = live_ticks / 1500;
-    if (n.in_step && n.losses >= r->kills && r->kills < kills && r->ticks / 1500 > r->kills) replug(r); // in a press
-    // A busy machine makes the hand fall silent, and a circuit that was lost come back late.
-    bool lost = !r->how || (r->kills == kills && n.losses >= kills);
-    bool enough = lost && r->ticks >= live_ticks && r->pressed > live_ticks / 8;
+    bool missed = r->kills == 0 || n.losses > r->losses; // the last kill has been noticed
+    if (n.in_step && missed && r->kills < kills && r->ticks / 1500 > r->kills) replug(r, n.losses); // in a press
+    // On a busy machine the hand falls silent, and a circuit that was lost comes back late.
+    bool all_killed = !r->how || (r->kills == kills && missed);
+    bool enough = all_killed && r->ticks >= live_ticks && r->pressed > live_ticks / 8;
     if ((enough || r->ticks >= 10 * live_ticks) && !r->lent.loop.stop) {
         r->faulted = faults_of(r->tid) - r->faulted;
         r->lent.loop.stop = true;
