@@ -1,0 +1,29 @@
+#!/usr/bin/env bash
+# knead latency starts a kneadd of its own or asks one that runs: it counts every pose, and writes what it measured. How
+# long a pose waits is told by timed.latency.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
+small=$KN_SOURCE/core/scenes/dough-small.yaml
+counted() { # counted FILE STAGES: 1000 poses, of which kneadd's stages saw those that had a tick, or with 0 none
+    python3 - "$@" <<'END'
+import json, sys
+series, own = json.load(open(sys.argv[1]))["series"], int(sys.argv[2])
+pose = series["pose_to_force"]
+assert pose["count"] == series["lcm_echo"]["count"] == series["udp_echo"]["count"] == 1000, pose
+for name in "receive", "wait", "step", "guard", "publish":
+    assert series[name]["count"] == own * (pose["count"] - pose["missed"]), (name, series[name], pose)
+END
+}
+expect 'knead latency: --slow: unknown option; knead latency --help lists them$' 2 knead latency "$small" --slow
+expect '--seconds 0: expected 1 to 3600$' 2 knead latency "$small" --seconds 0
+expect '--contract 60: expected two numbers of us, like 60,150, or none$' 2 knead latency "$small" --contract 60
+expect 'nope.yaml:1:1: ' 2 knead latency nope.yaml
+check "one second is measured" knead latency "$small" --seconds 1 --contract none --drift 500 --json own.json --plot own.png >out
+cat out
+check "every pose is counted" counted own.json 1
+check "the picture is a PNG" eval 'head -c 4 own.png | grep -q PNG'
+start_kneadd dough-small.yaml
+check "a kneadd that runs already is measured" \
+    knead latency --lcm-url 'udpm://239.255.76.67:7667?ttl=0' --seconds 1 --contract none --json there.json >out
+check "every pose of that, too, and none of its stages" counted there.json 0
+stop_kneadd
+exit $failed
