@@ -34,10 +34,10 @@ verdict "so is one that failed twice" 1 0 'failed  release e2e.b' "e2e.b 1.0 fai
 verdict "so is one that was not played" 1 0 'not run release core.c' "e2e.b 1.0 passed"
 verdict "a second attempt counts, and is told" 0 1 'again   release e2e.b: passed in attempt 2' "e2e.b 1.0 failed" "e2e.b 1.0 passed" \
     "core.c 1.0 passed"
-verdict "a skipped end-to-end test fails no run of a user" 0 0 'skipped release e2e.b: why' "e2e.b 1.0 skipped why" "core.c 1.0 passed"
-verdict "it fails CI" 1 1 'skipped release e2e.b: why' "e2e.b 1.0 skipped why" "core.c 1.0 passed"
-verdict "any other skipped test does not" 0 1 'skipped release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 skipped why"
-verdict "it fails the night" 1 2 'skipped release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 skipped why"
+verdict "a skipped end-to-end test does not fail a user's run" 0 0 'skipped release e2e.b: why' "e2e.b 1.0 skipped why" "core.c 1.0 passed"
+verdict "a skipped end-to-end test fails CI" 1 1 'skipped release e2e.b: why' "e2e.b 1.0 skipped why" "core.c 1.0 passed"
+verdict "any other skipped test does not fail CI" 0 1 'skipped release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 skipped why"
+verdict "any skipped test fails the night" 1 2 'skipped release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 skipped why"
 "$KN_SOURCE/tests/summary" /dev/null /dev/null 0 >said
 check "no test at all is a failure" [ $? = 1 ]
 printf 'release %s\n' core.a e2e.b >wanted
