@@ -12,6 +12,14 @@ check() { # check SENTENCE COMMAND...: one line, like tests/check.h; fails as th
 python3() { /usr/bin/python3 "$@"; } # Debian's, whatever comes first in PATH
 exec {never}<> <(:)
 pause() { read -rt "$1" -u "$never" || return 0; } # seconds, without the fork that sleep is
+await() { # await COMMAND...: until it succeeds, for half a minute
+    local tries
+    for ((tries = 0; tries < 600; tries++)); do
+        "$@" && return
+        pause 0.05
+    done
+    return 1
+}
 has() { # has WORD FILE: a line with it; the same
     local line
     while read -r line; do [[ $line != *"$1"* ]] || return 0; done <"$2"

@@ -104,7 +104,7 @@ for starts in 4 ${KN_NIGHT:+5 6}; do
     lines '{"command":"load"}
 {"command":"estop"}
 ' >answers
-    for _ in $(seq 100); do [ "$(served)" = $starts ] && break; sleep 0.1; done
+    await eval '[ "$(served)" = $starts ]'
     check "right behind a load it is answered, and stands in the next start: $(tail -1 answers)" \
         [ "$(grep -c '^{"ok":true' answers) $(mode)" = "2 ESTOP" ]
     ctl recover >/dev/null
@@ -155,9 +155,9 @@ check "as SIGTERM does" ended $server
 rm -f first
 (env --default-signal=PIPE kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime "$KN_REALTIME" --control control 2>err
     echo $? >code) | head -1 >first &
-for _ in $(seq 100); do [ -s first ] && break; sleep 0.05; done
+await [ -s first ]
 ctl load >loaded 2>&1
-for _ in $(seq 100); do ctl status >again 2>/dev/null && break; sleep 0.05; done
+await eval 'ctl status >again 2>/dev/null'
 check "a reader that has gone does not end it at a load: $(cat loaded)" grep -q '^scene  *dough-small.yaml' again
 ctl stop >/dev/null 2>&1
 wait $!
@@ -189,8 +189,7 @@ start_kneadd dough-small.yaml --control control
 (lines '{"command":"stop"}
 '"$(for _ in $(seq 99); do echo '{"command":"undo"}'; done)"'
 ' >/dev/null 2>&1 &)
-for _ in $(seq 60); do kill -0 $server 2>/dev/null || break; sleep 0.1; done
-check "stopped, with 99 commands behind the stop" sh -c "! kill -0 $server 2>/dev/null"
+check "stopped, with 99 commands behind the stop" await eval '! kill -0 $server 2>/dev/null'
 kill -KILL $server 2>/dev/null
 wait $server
 

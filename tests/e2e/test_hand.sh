@@ -17,12 +17,13 @@ check "that build it" sh -c "cd '$KN_SOURCE' && sh -e '$PWD/build.sh'"
 
 start_kneadd dough-small.yaml
 built/hand >hand.txt & hand=$!
-for _ in $(seq 150); do awk '$5 > 0.1 { n++ } END { exit n == 0 }' hand.txt && break; pause 0.2; done
+feels() { awk '$5 > 0.1 { n++ } END { exit n == 0 }' hand.txt; }
+await feels
 kill -KILL "$server"
-for _ in $(seq 150); do tail -1 hand.txt | grep -q 'no force' && break; pause 0.2; done
+await eval "tail -1 hand.txt | grep -q 'no force'"
 kill $hand
 wait "$server" $hand 2>/dev/null
 cat hand.txt
-check "it feels the dough" awk '$5 > 0.1 { n++ } END { exit n == 0 }' hand.txt
+check "it feels the dough" feels
 check "and knows when nobody answers" sh -c "tail -1 hand.txt | grep -q ' 0.00 N   no force from kneadd'"
 exit $failed

@@ -15,12 +15,10 @@ stop_hand() { kill -INT $hand; wait $hand; hand_status=$?; cat hand.txt hand.err
 
 start_kneadd dough-small.yaml --set device=unknown
 paddle tty 150 garbage=3000 flip=4500 hangup=6000:800 >paddle.csv 2>paddle.err & paddle=$!
-sleep 0.5
+await [ -e tty ]
 start_hand --force-limit '2.5 N'
-for _ in $(seq 100); do # until it has been pushed again after all that
-    sleep 1
-    [ "$(column '$1 > 8500 && $4 > 0.5' paddle.csv)" -gt 100 ] && break
-done
+pushed_again() { [ "$(column '$1 > 8500 && $4 > 0.5' paddle.csv)" -gt 100 ]; }
+await pushed_again
 kill -STOP $hand # the computer stands still, for the paddle's own watchdog
 sleep 0.5
 kill -CONT $hand
@@ -45,7 +43,7 @@ check "what the paddle heard was whole, but for frames that a cable or an openin
     [ "$(tail -n 2 paddle.csv | head -n 1 | cut -d, -f8)" -le 3 ]
 check "a cable that is out is one line" [ "$(told 'paddle lost: tty')" = 1 ]
 check "and one when it is back" [ "$(told 'paddle is back')" = 1 ]
-check "it is pushed again afterwards" [ "$(column '$1 > 8500 && $4 > 0.5' paddle.csv)" -gt 100 ]
+check "it is pushed again afterwards" pushed_again
 check "a computer that stood still knows it" [ "$(told 'this program did not run for')" -ge 1 ]
 check "the paddle's own watchdog trips while it does" [ "$(column '$6' paddle.csv)" -gt 300 ]
 check "and gives nothing then" [ "$(column '$6 && $4 != 0' paddle.csv)" = 0 ]
@@ -53,16 +51,15 @@ check "and gives nothing then" [ "$(column '$6 && $4 != 0' paddle.csv)" = 0 ]
 stop_kneadd
 start_kneadd dough-small.yaml # whose dough has no dent
 # kneadd dies in mid-press: by its own clock the paddle has no force 20 ms after the last one, and a bit for the way
+rm -f tty
 paddle tty 40 >paddle.csv 2>>paddle.err & paddle=$!
-sleep 0.2
+await [ -e tty ]
 start_hand
-for _ in $(seq 500); do # until it presses
-    pause 0.1
-    tail -n 2 paddle.csv | awk -F, 'NR == 1 { exit !($4 + 0 > 0.3) }' && break
-done
+pushed() { tail -n 2 paddle.csv | awk -F, 'NR == 1 { exit !($4 + 0 > 0.3) }'; }
+await pushed
 kill -KILL "$server"
 wait "$server" 2>/dev/null
-for _ in $(seq 150); do [ "$(told 'is kneadd running')" = 0 ] || break; pause 0.2; done
+await grep -q 'is kneadd running' hand.err
 stop_hand
 kill $paddle
 wait $paddle 2>/dev/null

@@ -14,7 +14,7 @@ sniff_start() {
     rm -f sniffed # or the loop reads what the last one wrote
     sniff card >sniffed &
     sniffer=$!
-    for _ in $(seq 100); do grep -qs ready sniffed && return; sleep 0.05; done
+    await grep -qs ready sniffed && return
     echo "skipped: this user may not listen to a network card" && exit 77
 }
 sniff_stop() { # sets left to the number of datagrams that left

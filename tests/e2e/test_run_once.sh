@@ -59,7 +59,7 @@ set -m # its own process group, as a terminal would give it; a background job wo
 "$KN_SOURCE/server/run" --yes "${scene[@]}" </dev/null >up.log 2>&1 &
 run=$!
 set +m
-for _ in $(seq 300); do grep -q 'Ctrl-C ends it' up.log && break; sleep 0.2; done
+await grep -q 'Ctrl-C ends it' up.log
 check "without --once it serves on" grep -q 'serving a fresh block' up.log
 pressed up.log
 check "on the loopback route" [ "$(ip -4 route get 239.255.76.67 | grep -c 'dev lo')" = 1 ]

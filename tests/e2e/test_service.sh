@@ -44,15 +44,14 @@ NOTIFY_SOCKET=$PWD/notify $limits setpriv --reuid 65534 --regid 65534 --clear-gr
     --no-new-privs --bounding-set=-all --inh-caps=-all --ambient-caps=-all \
     ./kneadd --scene dough-small.yaml --control "$PWD/control" --realtime $mode >kneadd.log 2>kneadd.err &
 server=$!
-for _ in $(seq 150); do [ "$(heard READY=1)" -gt 0 ] && break; pause 0.2; done
+await eval '[ "$(heard READY=1)" -gt 0 ]'
 check "it says when it serves" [ "$(heard 'READY=1 STATUS=serving dough-small.yaml')" = 1 ]
 [ $mode = off ] || check "with all of real time: $(cat kneadd.err)" grep -q 'SCHED_FIFO, memory locked' kneadd.log
 check "without a capability" [ "$(sed -n 's/^CapEff:\s*//p' /proc/$server/status)" = 0000000000000000 ]
 alive() { # alive N: until it has said so N times more
     local since
     since=$(heard WATCHDOG=1)
-    for _ in $(seq 150); do [ "$(heard WATCHDOG=1)" -ge $((since + $1)) ] && return; pause 0.2; done
-    return 1
+    await eval '[ "$(heard WATCHDOG=1)" -ge $((since + '"$1"')) ]'
 }
 check "and again and again that it is alive" alive 2
 kill -STOP $server
@@ -94,7 +93,7 @@ mkfifo full
 exec 7<>full
 NOTIFY_SOCKET=$PWD/notify ./kneadd --scene dough-small.yaml --control control --realtime "$KN_REALTIME" >full 2>&1 &
 server=$!
-for _ in $(seq 100); do [ -S control ] && ./knead ctl --control control status >/dev/null 2>&1 && break; sleep 0.05; done
+await eval './knead ctl --control control status >/dev/null 2>&1'
 python3 -c 'import os
 fd = os.open("full", os.O_WRONLY | os.O_NONBLOCK)
 for size in 1024, 1:
@@ -109,11 +108,10 @@ timeout 5 ./knead ctl --control control estop >stopped 2>&1
 check "unheard it is told to stop at once: $(cat stopped)" grep -q '^estop: tick' stopped
 check "and says again and again that it is alive" alive 2
 timeout 20 ./knead ctl --control control load >loaded 2>&1
-for _ in $(seq 100); do timeout 5 ./knead ctl --control control status >again 2>/dev/null && break; sleep 0.05; done
+await eval 'timeout 5 ./knead ctl --control control status >again 2>/dev/null'
 check "loads: $(cat loaded)" grep -q '^scene  *dough-small.yaml' again
 kill -TERM $server
-for _ in $(seq 40); do kill -0 $server 2>/dev/null || break; sleep 0.1; done
-check "and ends when it is told to" sh -c "! kill -0 $server 2>/dev/null"
+check "and ends when it is told to" await eval '! kill -0 $server 2>/dev/null'
 kill -KILL $server 2>/dev/null
 wait $server
 ended=$?

@@ -11,10 +11,7 @@ total=0
 stream() { # stream NAME LINE: what became of a subscriber of its own goes to NAME
     stock >"$1" 2>"$1.err" &
     local user=$! sent
-    for _ in $(seq 100); do
-        grep -qs ready "$1" && break
-        sleep 0.05
-    done
+    await grep -qs ready "$1"
     sent=$(send plate <<<"$2")
     total=$((total + sent))
     sleep 0.3

@@ -5,10 +5,8 @@ start_logger stop.lcmlog
 start_kneadd dough-small.yaml
 $ahead knead probe --path press --hold '20 s' --quiet >/dev/null 2>&1 &
 hand=$!
-for _ in $(seq 100); do # until the hand presses, by what the log holds
-    sleep 0.2
-    logcheck stop.lcmlog >so_far 2>/dev/null && [ "$(number peak_n so_far | cut -d. -f1)" -ge 5 ] && break
-done
+pressed() { logcheck stop.lcmlog >so_far 2>/dev/null && [ "$(number peak_n so_far | cut -d. -f1)" -ge 5 ]; } # by what the log holds
+await pressed
 stop_kneadd
 kill $hand
 sleep 0.2
@@ -24,7 +22,7 @@ check "it came down by at most 2.4 N/ms" holds "$(number steepest_n stopped) <= 
 # what is too large for this machine is served all the same, with a warning
 kneadd --scene "$KN_SOURCE/core/scenes/dough.yaml" --set object.spacing='1 mm' --realtime off >large 2>&1 &
 server=$!
-for _ in $(seq 200); do grep -q serving large && break; sleep 0.1; done
+await grep -q serving large
 sleep 0.3
 kill -TERM $server
 check "a scene beyond real time serves and ends well" ended $server
