@@ -21,9 +21,17 @@ check "one second is measured" knead latency "$small" --seconds 1 --contract non
 cat out
 check "every pose is counted" counted own.json 1
 check "the picture is a PNG" eval 'head -c 4 own.png | grep -q PNG'
-start_kneadd dough-small.yaml
+start_kneadd dough-small.yaml --trace trace.csv
 check "a kneadd that runs already is measured" \
     knead latency --lcm-url 'udpm://239.255.76.67:7667?ttl=0' --seconds 1 --contract none --json there.json >out
 check "every pose of that, too, and none of its stages" counted there.json 0
 stop_kneadd
+check "kneadd's trace has a row for each force, and what a tick did in the order it did it" python3 - <<'END'
+import csv
+rows = [{k: v if k == "probe" else int(v) for k, v in row.items()} for row in csv.DictReader(open("trace.csv"))]
+assert len(rows) >= 1000 and {row["probe"] for row in rows} == {"plate"}, len(rows)
+assert all(a["tick"] < b["tick"] and a["seq"] <= b["seq"] for a, b in zip(rows, rows[1:]))
+assert all(row["woke_ns"] <= row["stepped_ns"] <= row["guarded_ns"] for row in rows)
+END
+expect '--trace nowhere/trace.csv: No such file or directory' 3 kneadd --scene "$small" --trace nowhere/trace.csv
 exit $failed
