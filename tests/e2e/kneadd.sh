@@ -12,9 +12,9 @@ check() { # check SENTENCE COMMAND...: one line, like tests/check.h; fails as th
 python3() { /usr/bin/python3 "$@"; } # Debian's, whatever comes first in PATH
 exec {never}<> <(:)
 pause() { read -rt "$1" -u "$never" || return 0; } # seconds, without the fork that sleep is
-await() { # await COMMAND...: until it succeeds, for half a minute
+await() { # await COMMAND...: until it succeeds, for a minute, or for as many seconds as patience says
     local tries
-    for ((tries = 0; tries < 600; tries++)); do
+    for ((tries = 0; tries < 20 * ${patience:-60}; tries++)); do
         "$@" && return
         pause 0.05
     done

@@ -189,7 +189,7 @@ start_kneadd dough-small.yaml --control control
 (lines '{"command":"stop"}
 '"$(for _ in $(seq 99); do echo '{"command":"undo"}'; done)"'
 ' >/dev/null 2>&1 &)
-check "stopped, with 99 commands behind the stop" await eval '! kill -0 $server 2>/dev/null'
+patience=6 check "stopped, with 99 commands behind the stop" await eval '! kill -0 $server 2>/dev/null'
 kill -KILL $server 2>/dev/null
 wait $server
 

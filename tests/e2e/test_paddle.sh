@@ -56,17 +56,18 @@ paddle tty 40 >paddle.csv 2>>paddle.err & paddle=$!
 await [ -e tty ]
 start_hand
 pushed() { tail -n 2 paddle.csv | awk -F, 'NR == 1 { exit !($4 + 0 > 0.3) }'; }
-await pushed
+check "it pressed when kneadd was killed" await pushed
 kill -KILL "$server"
+since=$(tail -n 2 paddle.csv | head -n 1 | cut -d, -f1)
 wait "$server" 2>/dev/null
 await grep -q 'is kneadd running' hand.err
 stop_hand
 kill $paddle
 wait $paddle 2>/dev/null
-gone=$(awk -F, '$4 > 0 { last = $1 } END { print last + 0 }' paddle.csv)
-full=$(awk -F, -v gone="$gone" '$1 < gone - 20 { f = $4 } END { print (f > 0.25) }' paddle.csv)
-check "it pressed when kneadd was killed" [ "$full" = 1 ]
-check "the force faded, and in steps, not at once" [ "$(column "\$1 > $gone - 12 && \$1 <= $gone && \$4 > 0" paddle.csv)" -ge 3 ]
+gone=$(awk -F, -v since="$since" '$1 > since && $4 == 0 { print $1; exit }' paddle.csv)
+held=$(awk -F, -v since="$since" '$1 == since { print $4 }' paddle.csv)
+fading="\$1 > $since && \$1 < $gone && \$4 > 0.1 * $held && \$4 < 0.9 * $held"
+check "the force faded, and in steps, not at once" [ "$(column "$fading" paddle.csv)" -ge 3 ]
 check "and never came back" [ "$(column "\$1 > $gone && \$4 != 0" paddle.csv)" = 0 ]
 check "one line says so" [ "$(told 'no force from kneadd for')" -ge 1 ]
 check "and one that nobody answers" [ "$(told 'is kneadd running')" = 1 ]

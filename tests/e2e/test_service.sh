@@ -111,7 +111,7 @@ timeout 20 ./knead ctl --control control load >loaded 2>&1
 await eval 'timeout 5 ./knead ctl --control control status >again 2>/dev/null'
 check "loads: $(cat loaded)" grep -q '^scene  *dough-small.yaml' again
 kill -TERM $server
-check "and ends when it is told to" await eval '! kill -0 $server 2>/dev/null'
+patience=4 check "and ends when it is told to" await eval '! kill -0 $server 2>/dev/null'
 kill -KILL $server 2>/dev/null
 wait $server
 ended=$?

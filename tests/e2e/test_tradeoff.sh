@@ -7,7 +7,7 @@ command -v gnuplot >/dev/null || { echo "skipped: no gnuplot"; exit 77; }
 scene() { sed 's/^  size: .*/  size: [2 cm, 2 cm, 3 cm]/' "$KN_SOURCE/core/scenes/dough-small.yaml" >scene.yaml; }
 scene
 pressed scene.yaml press.lcmlog 4
-points=(scene.yaml press.lcmlog --quick --solver blend --iterations 2,4)
+points=(scene.yaml press.lcmlog --quick --solver blend,secant --iterations 2)
 sweep() { knead tradeoff "${points[@]}" "$@"; }
 errors() { cut -d, -f1-11,14-28 "$1" | sort; } # all but the times, and what follows from them: the fronts, the order
 

@@ -1,12 +1,14 @@
 // An Inverse Service that has no arm: its WebSocket, its JSON and its habits, made from Haply's documentation of 3.5,
 // with a simulated arm and a person behind it. For tests, and for whoever has no Inverse3.
 //
-//     haply PORT SECONDS [EVENT]...      times since the first client; CSV on stdout, one row per ms
-//     malformed=MS:MS   from, for so long: answers are no JSON      mute=MS:MS   there are no answers
-//     hangup=MS:MS      all are sent away                           gone=MS:MS   the arm is not in the list
-//     cold=MS:MS        the arm is not calibrated
+//     haply PORT SECONDS      since the first client; CSV on stdout, one row per ms
 //
-// Rows: ms, position, force that the arm gives, messages, messages that were wrong: no JSON, no force, another arm's.
+// A line on its stdin, TROUBLE 1, begins a trouble, and TROUBLE 0 ends it:
+//     malformed   answers are no JSON          mute   there are no answers         hangup   all are sent away
+//     gone        the arm is not in the list   cold   the arm is not calibrated
+//
+// Rows: ms, position, force that the arm gives, messages, messages that were wrong: no JSON, no force, another arm's;
+// greetings.
 #include "clients/knead/arm.h"
 #include "clients/knead/join.h"
 #include "tests/tactile/person.h"
@@ -17,19 +19,14 @@
 #include <sys/timerfd.h>
 #include <unistd.h>
 
-enum { MALFORMED, MUTE, HANGUP, GONE, COLD, SPANS, FORGET_MS = 20 };
-static const char *const span_name[SPANS] = {"malformed", "mute", "hangup", "gone", "cold"};
-static int from_ms[SPANS] = {-1, -1, -1, -1, -1}, for_ms[SPANS];
+enum { MALFORMED, MUTE, HANGUP, GONE, COLD, TROUBLES, FORGET_MS = 20 };
+static const char *const trouble[TROUBLES] = {"malformed", "mute", "hangup", "gone", "cold"};
+static int in[TROUBLES];
 
 static kn_arm arm;
 static double force_n[3];
 static int now_ms, force_age_ms, seconds, timer_fd, clients;
 static long long messages, wrong, greetings;
-
-static int in(int span)
-{
-    return from_ms[span] >= 0 && now_ms >= from_ms[span] && now_ms < from_ms[span] + for_ms[span];
-}
 
 static json_t *vec3(const double v[3]) { return json_pack("{s:f,s:f,s:f}", "x", v[0], "y", v[1], "z", v[2]); }
 
@@ -40,7 +37,7 @@ static char *state(int all)
         "{s:s, s:{s:o,s:o,s:{s:f,s:f,s:f,s:f},s:o,s:s,s:s}, s:{s:b,s:b,s:b}}", "device_id", "049D", "state",
         "cursor_position", vec3(arm.position_m), "cursor_velocity", vec3(arm.velocity_m_s), "body_orientation", "w",
         1.0, "x", 0.0, "y", 0.0, "z", 0.0, "current_cursor_force", vec3(all ? none : arm.force_n), "control_domain",
-        "cartesian", "control_mode", force_age_ms < FORGET_MS ? "force" : "idle", "status", "calibrated", !in(COLD),
+        "cartesian", "control_mode", force_age_ms < FORGET_MS ? "force" : "idle", "status", "calibrated", !in[COLD],
         "ready", 1, "in_use", 1);
     json_t *grip = json_pack("{s:s, s:{s:{s:f,s:f,s:f,s:f},s:{s:b,s:b,s:b},s:i}}", "device_id", "61548", "state",
                              "orientation", "w", 0.70711, "x", 0.0, "y", 0.0, "z", 0.70711, "buttons", "a", 0, "b",
@@ -48,7 +45,7 @@ static char *state(int all)
     if (all) json_object_set_new(one, "config", json_pack("{s:s,s:s}", "type", "inverse3", "preset", "defaults"));
     json_t *root = json_pack("{s:i, s:[], s:[o], s:[]}", "session_id", 7, "inverse3", "wireless_verse_grip", grip,
                              "verse_grip");
-    if (in(GONE)) json_decref(one);
+    if (in[GONE]) json_decref(one);
     else json_array_append_new(json_object_get(root, "inverse3"), one);
     char *text = json_dumps(root, JSON_COMPACT);
     json_decref(root);
@@ -57,7 +54,7 @@ static char *state(int all)
 
 static int say(struct lws *wsi, int all)
 {
-    char *text = in(MALFORMED) ? strdup("{\"inverse3\": [{\"device_id\": \"049D\", \"state\"") : state(all);
+    char *text = in[MALFORMED] ? strdup("{\"inverse3\": [{\"device_id\": \"049D\", \"state\"") : state(all);
     size_t size = strlen(text);
     unsigned char *buffer = malloc(LWS_PRE + size);
     memcpy(buffer + LWS_PRE, text, size);
@@ -95,7 +92,7 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
 {
     peer *p = user;
     switch ((int)reason) {
-    case LWS_CALLBACK_FILTER_NETWORK_CONNECTION: return in(HANGUP) ? -1 : 0;
+    case LWS_CALLBACK_FILTER_NETWORK_CONNECTION: return in[HANGUP] ? -1 : 0;
     case LWS_CALLBACK_ESTABLISHED:
         clients++;
         *p = (peer){.owed = 1, .all = 1};
@@ -103,13 +100,13 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
         return 0;
     case LWS_CALLBACK_CLOSED: return clients--, 0;
     case LWS_CALLBACK_RECEIVE:
-        if (in(HANGUP)) return -1;
+        if (in[HANGUP]) return -1;
         hear(data, size);
-        p->owed += !in(MUTE);
+        p->owed += !in[MUTE];
         lws_callback_on_writable(wsi);
         return 0;
     case LWS_CALLBACK_SERVER_WRITEABLE:
-        if (in(HANGUP)) return -1;
+        if (in[HANGUP]) return -1;
         if (p->owed == 0) return 0;
         p->owed--;
         if (p->owed) lws_callback_on_writable(wsi);
@@ -137,7 +134,7 @@ static void on_timer(struct ev_loop *ev, ev_io *watcher, int events)
         kn_arm_tick(&arm, force_age_ms <= FORGET_MS ? force_n : (double[3]){0}, path_m, path_m_s);
         now_ms += begun;
     }
-    if (in(HANGUP)) lws_callback_on_writable_all_protocol(watcher->data, &protocols[0]);
+    if (in[HANGUP]) lws_callback_on_writable_all_protocol(watcher->data, &protocols[0]);
     const double *x = arm.position_m, *f = arm.force_n;
     if (begun)
         printf("%d,%.6f,%.6f,%.6f,%.4f,%.4f,%.4f,%lld,%lld,%lld\n", now_ms, x[0], x[1], x[2], f[0], f[1], f[2],
@@ -145,13 +142,16 @@ static void on_timer(struct ev_loop *ev, ev_io *watcher, int events)
     if (now_ms >= 1000 * seconds) ev_break(ev, EVBREAK_ALL);
 }
 
-static int option(const char *text)
+static void on_line(struct ev_loop *ev, ev_io *watcher, int events)
 {
-    for (int i = 0; i < SPANS; i++) {
-        size_t n = strlen(span_name[i]);
-        if (!strncmp(text, span_name[i], n) && sscanf(text + n, "=%d:%d", &from_ms[i], &for_ms[i]) == 2) return 1;
+    (void)events;
+    char text[40] = {0};
+    for (size_t i = 0; i + 1 < sizeof text && read(STDIN_FILENO, text + i, 1) == 1 && text[i] != '\n';) i++;
+    if (!*text) ev_io_stop(ev, watcher); // its end
+    for (int i = 0; i < TROUBLES; i++) {
+        size_t n = strlen(trouble[i]);
+        if (!strncmp(text, trouble[i], n)) in[i] = text[n + 1] == '1';
     }
-    return 0;
 }
 
 int main(int argc, char **argv)
@@ -162,13 +162,11 @@ int main(int argc, char **argv)
     const struct itimerspec every = {{0, 1000000}, {0, 1000000}};
     struct ev_loop *ev = ev_default_loop(0);
     void *loops[1] = {ev};
-    ev_io timer;
+    ev_io timer, line;
     struct lws_context_creation_info info = {.port = argc > 2 ? atoi(argv[1]) : 0, .protocols = protocols,
                                              .iface = "lo", .foreign_loops = loops, .options = LWS_SERVER_OPTION_LIBEV};
     seconds = argc > 2 ? atoi(argv[2]) : 0;
-    for (int i = 3; i < argc; i++)
-        if (!option(argv[i])) return fprintf(stderr, "haply: %s?\n", argv[i]), 2;
-    if (seconds <= 0 || info.port <= 0) return fprintf(stderr, "usage: haply PORT SECONDS [EVENT]...\n"), 2;
+    if (seconds <= 0 || info.port <= 0) return fprintf(stderr, "usage: haply PORT SECONDS\n"), 2;
     lws_set_log_level(LLL_ERR, NULL);
     setvbuf(stdout, NULL, _IOLBF, 0);
     kn_join_priority(60);
@@ -179,6 +177,8 @@ int main(int argc, char **argv)
     ev_io_init(&timer, on_timer, timer_fd, EV_READ);
     timer.data = context;
     ev_io_start(ev, &timer);
+    ev_io_init(&line, on_line, STDIN_FILENO, EV_READ);
+    ev_io_start(ev, &line);
     puts("ms,x_m,y_m,z_m,fx_n,fy_n,fz_n,messages,wrong,greetings");
     ev_run(ev, 0);
     lws_context_destroy(context);

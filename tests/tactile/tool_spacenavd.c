@@ -1,10 +1,11 @@
 // A spacenavd that has no puck: its socket and its protocol, for the real libspnav to talk to.
 //
-//     spacenavd SOCKET SECONDS [EVENT]...        times since the first client came
-//     at=MS:X,Y,Z,RX,RY,RZ   the puck is pushed so, from then on   button=MS:N:0|1
-//     pull=MS                it is pulled out                      noise=MS       200 events of random bytes
-//     half=MS                half an event                         hangup=MS:MS   is away, for so long
-//     old                    protocol 0: says nothing to whoever asks for another
+//     spacenavd SOCKET SECONDS [old]      old: protocol 0, says nothing to whoever asks for another
+//
+// It does what lines on its stdin say:
+//     push X Y Z RX RY RZ   the puck is pushed so, from now on   button N 0|1
+//     pull                  it is pulled out                     noise   200 events of random bytes
+//     half                  half an event                        away, back   of the whole daemon
 #include "server/clock.h"
 #include <poll.h>
 #include <stdint.h>
@@ -17,17 +18,8 @@
 
 enum { MOTION, PRESS, RELEASE, DEVICE, CLIENTS = 8, ASK_PROTOCOL = 0x7faa5500 };
 
-static int64_t begin_ms;
-static int listener = -1, client[CLIENTS], clients, old;
+static int listener = -1, client[CLIENTS], clients, old, deaf;
 static const char *path;
-
-static int now_ms(void)
-{
-    int64_t ms = kn_now_ns() / 1000000;
-    if (clients == 0 && begin_ms == 0) return -1;
-    if (begin_ms == 0) begin_ms = ms;
-    return (int)(ms - begin_ms);
-}
 
 static void come(void)
 {
@@ -51,14 +43,45 @@ static void tell(const void *bytes, size_t size)
     for (int i = 0; i < clients; i++) send(client[i], bytes, size, MSG_NOSIGNAL | MSG_DONTWAIT);
 }
 
-static void listen_for(int ms)
+// A line that is there. False: not understood.
+static int obey(void)
 {
-    struct pollfd wait[1 + CLIENTS] = {{.fd = listener, .events = POLLIN}};
-    for (int i = 0; i < clients; i++) wait[1 + i] = (struct pollfd){.fd = client[i], .events = POLLIN};
-    if (poll(wait, 1 + (nfds_t)clients, ms) <= 0) return;
+    char text[80] = {0};
+    int32_t e[8] = {0};
+    int n, down;
+    for (size_t i = 0; i + 1 < sizeof text && read(STDIN_FILENO, text + i, 1) == 1 && text[i] != '\n';) i++;
+    if (!*text) return deaf = 1; // its end
+    if (sscanf(text, "push %d %d %d %d %d %d", e + 1, e + 2, e + 3, e + 4, e + 5, e + 6) == 6) {
+        e[7] = 16, tell(e, sizeof e);
+    } else if (sscanf(text, "button %d %d", &n, &down) == 2) {
+        e[0] = down ? PRESS : RELEASE, e[1] = n, tell(e, sizeof e);
+    } else if (!strncmp(text, "pull", 4)) {
+        e[0] = DEVICE, e[1] = 1, tell(e, sizeof e);
+    } else if (!strncmp(text, "noise", 5)) {
+        unsigned seed = 1;
+        for (int i = 0; i < 200; i++) {
+            for (int k = 0; k < 8; k++) e[k] = (int32_t)((unsigned)rand_r(&seed) << 16 ^ (unsigned)rand_r(&seed));
+            if (i % 4 == 0) e[0] &= 7; // of a known kind, or nearly
+            tell(e, sizeof e);
+        }
+        memset(e, 0, sizeof e), tell(e, sizeof e);
+    } else if (!strncmp(text, "half", 4)) {
+        tell(e, sizeof e / 2);
+    } else if (!strncmp(text, "away", 4)) {
+        go();
+    } else if (!strncmp(text, "back", 4)) {
+        come();
+    } else {
+        return fprintf(stderr, "spacenavd: %s?\n", text), 0;
+    }
+    return 1;
+}
+
+static void hear(const struct pollfd *wait)
+{
     for (int i = clients - 1; i >= 0; i--) {
         int32_t ask;
-        if (!wait[1 + i].revents) continue;
+        if (!wait[i].revents) continue;
         if (recv(client[i], &ask, sizeof ask, MSG_DONTWAIT) <= 0) {
             close(client[i]);
             client[i] = client[--clients];
@@ -67,53 +90,24 @@ static void listen_for(int ms)
             send(client[i], &ask, sizeof ask, MSG_NOSIGNAL);
         }
     }
-    if (wait[0].revents && clients < CLIENTS) client[clients++] = accept(listener, NULL, NULL);
-}
-
-// Does what is due in (last, now]. False: not understood.
-static int happen(const char *text, int last, int now)
-{
-    int32_t e[8] = {0};
-    int at, n, down, for_ms;
-    if (sscanf(text, "at=%d:%d,%d,%d,%d,%d,%d", &at, e + 1, e + 2, e + 3, e + 4, e + 5, e + 6) == 7) {
-        if (at > last && at <= now) e[7] = 16, tell(e, sizeof e);
-    } else if (sscanf(text, "button=%d:%d:%d", &at, &n, &down) == 3) {
-        if (at > last && at <= now) e[0] = down ? PRESS : RELEASE, e[1] = n, tell(e, sizeof e);
-    } else if (sscanf(text, "pull=%d", &at) == 1) {
-        if (at > last && at <= now) e[0] = DEVICE, e[1] = 1, tell(e, sizeof e);
-    } else if (sscanf(text, "noise=%d", &at) == 1) {
-        unsigned seed = 1;
-        for (int i = 0; i < 200 && at > last && at <= now; i++) {
-            for (int k = 0; k < 8; k++) e[k] = (int32_t)((unsigned)rand_r(&seed) << 16 ^ (unsigned)rand_r(&seed));
-            if (i % 4 == 0) e[0] &= 7; // of a known kind, or nearly
-            tell(e, sizeof e);
-        }
-        e[0] = e[1] = e[2] = e[3] = e[4] = e[5] = e[6] = 0;
-        if (at > last && at <= now) tell(e, sizeof e);
-    } else if (sscanf(text, "half=%d", &at) == 1) {
-        if (at > last && at <= now) tell(e, sizeof e / 2);
-    } else if (sscanf(text, "hangup=%d:%d", &at, &for_ms) == 2) {
-        if (at > last && at <= now) go();
-        if (at + for_ms > last && at + for_ms <= now) come();
-    } else {
-        return 0;
-    }
-    return 1;
+    if (wait[CLIENTS].revents && clients < CLIENTS) client[clients++] = accept(listener, NULL, NULL);
 }
 
 int main(int argc, char **argv)
 {
     int seconds = argc > 2 ? atoi(argv[2]) : 0;
-    if (seconds <= 0) return fprintf(stderr, "usage: spacenavd SOCKET SECONDS [EVENT]...\n"), 2;
+    if (seconds <= 0) return fprintf(stderr, "usage: spacenavd SOCKET SECONDS [old]\n"), 2;
     path = argv[1];
+    old = argc > 3;
     come();
-    for (int last = -1, now; (now = now_ms()) < 1000 * seconds; last = now) {
-        for (int i = 3; i < argc; i++) {
-            if (!strcmp(argv[i], "old")) old = 1;
-            else if (!happen(argv[i], last, now)) return fprintf(stderr, "spacenavd: %s?\n", argv[i]), 2;
-        }
-        if (listener >= 0) listen_for(5);
-        else usleep(5000);
+    for (int64_t end_ns = kn_now_ns() + 1000000000ll * seconds; kn_now_ns() < end_ns;) {
+        struct pollfd wait[CLIENTS + 2];
+        for (int i = 0; i < CLIENTS; i++) wait[i] = (struct pollfd){.fd = i < clients ? client[i] : -1, .events = POLLIN};
+        wait[CLIENTS] = (struct pollfd){.fd = listener, .events = POLLIN};
+        wait[CLIENTS + 1] = (struct pollfd){.fd = deaf ? -1 : STDIN_FILENO, .events = POLLIN};
+        if (poll(wait, CLIENTS + 2, 1000) <= 0) continue;
+        hear(wait);
+        if (wait[CLIENTS + 1].revents && !obey()) return 2;
     }
     if (listener >= 0) go();
     return 0;
