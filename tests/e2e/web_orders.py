@@ -7,7 +7,7 @@ import signal
 import sys
 import time
 from served import Served, check, until
-from web_wire import TEXT, Wire
+from web_wire import TEXT, Wire, get
 import served as results
 
 
@@ -88,6 +88,29 @@ def back_to_back(page, server):
     check("play, stopped before it begins: both are answered", page.waits(27)["ok"] and page.waits(26)["words"] == "Stopped.",
           page.of(26), page.of(27))
     check("every one once", [len(page.of(id)) for id in range(20, 28)] == [1] * 8, page.answers)
+
+
+def downloads(page, server):
+    bearer = f"Authorization: Bearer {server.token}"
+    page.send_request(28, "verify", value=2)
+    check("verified, a recording has a table, too", page.waits(28, 40)["ok"] and page.hears(lambda: page.take(2).get("csv")), page.take(2))
+    for name, begins in (("scene.yaml", b"version: 1"), ("recording/2.csv", b"tick,"), ("recording/2.lcmlog", b"\xed\xa1\xda\x01")):
+        status, _, body = get(server.port, "/get/" + name, bearer)
+        check(f"{name} can be taken home", status == 200 and begins in body, status, body[:80])
+    for name in "recording/2.png", "recording/7.csv", "picture.png":
+        status, _, body = get(server.port, "/get/" + name, bearer)
+        check(f"{name} is not there", status == 404, status, body[:80])
+
+
+def orders(page, server):
+    asked = (("set", {"name": "k1", "value": 9000}, True, "before."), ("reset", {}, True, "as new"), ("undo", {}, True, "Undone"),
+             ("snapshot", {}, True, "on disk"), ("restore", {}, True, "as in snapshot"), ("estop", {}, True, "Stopped"),
+             ("recover", {}, True, "Recovered"), ("quality", {"name": "own"}, True, "taken"),
+             ("measure", {"name": "none"}, True, "Coloured"), ("measure", {"name": "nosuch"}, False, "mesh.measures"))
+    for id, (do, fields, good, words) in enumerate(asked, 70):
+        page.send_request(id, do, **fields)
+        told = page.waits(id)
+        check(f"{do}: {told and told['words']}", told and told["ok"] == good and words in told["words"], told)
 
 
 def stop_of_others(page, server):
@@ -173,7 +196,7 @@ def main():
     server = Served("dough-small.yaml", "--scenes", "mine")
     server.folder = lambda: "tmp/" + os.listdir("tmp")[0]
     page = Page(server)
-    for part in stop_while_it_waits, back_to_back, stop_of_others, own_answers, scenes, picture_of_nothing:
+    for part in stop_while_it_waits, back_to_back, downloads, orders, stop_of_others, own_answers, scenes, picture_of_nothing:
         part(page, server)
     no_folder(server)
     sys.exit(results.failed)
