@@ -45,6 +45,18 @@ expect 2 "knead probe: --tries 4: expected 1 to 3" knead probe --tries 4
 expect 2 'knead probe: `press`: expected options only' knead probe press
 expect 2 'knead probe: --wood: unknown option' knead probe --wood
 expect 2 'knead probe: --hold: expected a value' knead probe --hold
+expect 2 'knead probe: --loss 1: expected a share below 1' knead probe --loss 1
+expect 2 'knead probe: --delay 1.5 ms: expected whole milliseconds, at most 255' knead probe --hand light --delay '1.5 ms'
+expect 2 'knead probe: --hand strong: expected none, light, normal or firm' knead probe --hand strong
+expect 2 'knead probe: --axes 2: expected 1 or 3' knead probe --axes 2
+expect 2 'knead probe: --held with --local' knead probe --hand light --local --held
+for alone in --device=touch --axes=1 --delay=0.001 --local --held --loss=0.1; do
+    expect 2 "knead probe: ${alone%%=*} without a hand on a device, expected --hand too" knead probe $alone
+done
+expect 2 'knead web: --rate 4: expected pictures per second, 5..60' knead web --rate 4
+expect 2 'knead web: --size 100x800: expected WxH, 160..1920 pixels' knead web --size 100x800
+expect 2 'knead web: --listen-fd 0: expected a socket that listens' knead web --listen-fd 0
+expect 2 'knead web: page: expected an option' knead web page
 expect 2 'knead probe: --path nope: expected press, sine, poke or a CSV file (No such file or directory)' knead probe --path nope
 printf 'time_s,x_m,y_m,z_m\n0,0,0,0.05\n1,0,zero,0.05\n' >bad.csv
 expect 2 'bad.csv:3:5: expected a finite number' knead probe --path bad.csv

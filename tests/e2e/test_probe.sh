@@ -31,25 +31,6 @@ for path in poke sine path.csv; do
     check "$path is played" play $path --path $path --hold '0.5 s'
     check "$path touches" holds "$(number contact $path.txt) > 0"
 done
-refused() { expect "^knead probe: $1" 2 knead probe "${@:2}"; } # refused PATTERN OPTION...
-refused "--hold x: expected something like '4 s'" --hold x
-refused "--depth 3: expected something like '10 mm'" --depth 3
-refused "--speed 0 m/s: expected something like '1 cm/s'" --speed '0 m/s'
-refused '--tries 4: expected 1 to 3' --tries 4
-refused '--drop-at 1: expected SECONDS:MILLISECONDS' --drop-at 1
-refused '--loss 1: expected a share below 1' --loss 1
-refused '--delay 1.5 ms: expected whole milliseconds, at most 255' --hand light --delay '1.5 ms'
-refused '--hand strong: expected none, light, normal or firm' --hand strong
-refused '--axes 2: expected 1 or 3' --axes 2
-refused '--held with --local' --hand light --local --held
-for alone in --device=touch --axes=1 --delay=0.001 --local --held --loss=0.1; do
-    refused "${alone%%=*} without a hand on a device, expected --hand too" "$alone"
-done
-refused '--path nowhere: expected press, sine, poke or a CSV file' --path nowhere
-refused '.*tcpq://a: expected udpm' --lcm-url tcpq://a
-refused '--slow: unknown option' --slow
-refused '--hold: expected a value' --hold
-refused '`press`: expected options only' press
 expect 'has no probe `spoon`; it has: plate finger' 2 knead probe --probe spoon
 expect 'expected at most 27.0 mm' 2 knead probe --depth '29 mm'
 expect 'is 3.14 m/s fast, expected at most 1.2 m/s: 382 Hz' 2 knead probe --path sine --frequency '1000 Hz'

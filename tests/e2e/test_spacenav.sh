@@ -83,11 +83,11 @@ kill -INT $hand
 stop_spacenavd
 
 start_spacenavd old
-knead hand spacenav --quiet --speed '2 cm/s' --basis -YXZ >hand.txt 2>hand.err & hand=$!
+script -qec "exec knead hand spacenav --seconds 4 --speed '2 cm/s' --basis -YXZ 2>hand.err" hand.txt >/dev/null & hand=$!
 comes "poses come" 1
 puck push 350 0 0 0 0 0
 comes "a spacenavd of the old protocol will do, at another speed, behind another basis" 'vy > 0.019 && vy < 0.0201'
-kill -INT $hand
 stop_spacenavd
+check "a terminal shows where the tool is" grep -qE ' mm  +[-0-9.]+ +[-0-9.]+ +[-0-9.]+ N ' hand.txt
 stop_kneadd
 exit $failed

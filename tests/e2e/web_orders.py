@@ -97,7 +97,12 @@ def downloads(page, server):
     for name, begins in (("scene.yaml", b"version: 1"), ("recording/2.csv", b"tick,"), ("recording/2.lcmlog", b"\xed\xa1\xda\x01")):
         status, _, body = get(server.port, "/get/" + name, bearer)
         check(f"{name} can be taken home", status == 200 and begins in body, status, body[:80])
-    for name in "recording/2.png", "recording/7.csv", "picture.png":
+    page.send_request(29, "measure", name="stress")
+    page.send_request(30, "picture")
+    told = page.waits(30)
+    status, _, body = get(server.port, "/get/picture.png", bearer)
+    check("so can a picture, coloured by stress", told["ok"] and status == 200 and b"\x89PNG" in body, told, status, body[:80])
+    for name in "recording/2.png", "recording/7.csv":
         status, _, body = get(server.port, "/get/" + name, bearer)
         check(f"{name} is not there", status == 404, status, body[:80])
 
@@ -115,7 +120,7 @@ def orders(page, server):
 
 def stop_of_others(page, server):
     other = Page(server)
-    recorded(page, 3, 1, 30)
+    recorded(page, 3, 1, 80)
     other.send_request(1, "verify", value=2)
     other.send_request(2, "stop", value=2)
     check("another page verifies, and stops that", other.waits(2)["ok"] and other.waits(1)["words"] == "Stopped.",
