@@ -36,6 +36,25 @@ knead check "$dough" --set object.spacing='3.3333333333333333 mm' | grep -q "16 
 knead check "$dough" --set probes.finger.radius='6 mm' | grep -q "^warning *finger is smaller than 1.5 spacings" ||
     fail "a small ball is not warned of"
 
+# every tool there is, a hand that is given half of the force, a mesh with gas, the solver of the circuit
+sed '/^probes:/,$d' "$KN_SOURCE/core/scenes/dough-small.yaml" >tools.yaml
+cat >>tools.yaml <<YAML
+probes:
+  - {name: brick, shape: box, extent: [1 cm, 1 cm, 1 cm]}
+  - {name: star, shape: cross, extent: [2 cm, 1 cm, 1 cm]}
+  - {name: pin, shape: cylinder, radius: 10 mm, length: 2 cm}
+  - {name: stamp, shape: mesh, mesh: $KN_SOURCE/tests/clients/surfaces/block.stl, mesh_unit: mm}
+YAML
+knead check tools.yaml --set device.force_scale=0.5 >out || fail "tools: $(cat out)"
+for line in 'brick: box 10 x 10 x 10 mm' 'star: cross 20 x 10 x 10 mm' 'pin: cylinder of radius 10 mm, 20 mm high' 'stamp: mesh of 12 triangles' \
+    'the hand is given 0.5 of the force'; do
+    grep -q "$line" out || fail "$line: $(cat out)"
+done
+knead check "$KN_SOURCE/core/scenes/bun.yaml" --set object.pressure=cells | grep -q "^pressure .* elements, each closed" || fail "a mesh with gas"
+knead check "$KN_SOURCE/core/scenes/dough-small.yaml" --set solver.kind=fixed --set solver.passes=1 --set solver.iterations=3 |
+    grep -q '^warning  *[0-9.]* % of the force is left unsolved' || fail "the circuit's solver is not warned of"
+knead check tools.yaml --set support=none --set gravity='9.8 m/s^2' | grep -q '^warning  *nothing holds the object' || fail "an object that falls"
+
 # two resolutions
 fine=$KN_SOURCE/core/scenes/dough-fine.yaml
 knead check "$fine" | grep -q "^accuracy *1 % of the force: spacing in a box x -10.5..10.5 y -10.5..10.5 z 15..24 mm, twice it outside: 3210 nodes" ||

@@ -34,6 +34,8 @@ refuses 2 "knead zwidth: --material cheese: expected wall, dough, clay, jelly or
 refuses 2 "knead zwidth: dough: without a hand the device only sinks in, expected --hand light, normal or firm" zwidth --material dough
 refuses 2 "knead zwidth: --set material.k1=1 Pa: expected a key of the device, device.KEY=VALUE" zwidth --set 'material.k1=1 Pa'
 refuses 2 "knead zwidth: device.profile: 'mouse' is unknown, expected touch|bench|falcon|omega|unknown" zwidth --device mouse
+refuses 2 "nope.yaml:1:1: No such file or directory, expected a scene file" zwidth --scene nope.yaml --hand light
+refuses 2 "knead zwidth: table: expected options only; --help lists them" zwidth table
 refuses 2 "knead zwidth: --slow: unknown option; --help lists them" zwidth --slow
 mkdir folder
 refuses 3 "knead zwidth: folder: Is a directory, expected a file that can be written" zwidth --csv folder

@@ -28,6 +28,7 @@ knead view --scene "$scene" --png rest.png 2>&1 | grep 'install the package lib'
 
 expect "a scene at rest" 0 '^$' knead view --scene "$scene" --png rest.png --size 320x180
 picture rest.png 320 180
+expect "its edges" 0 '^$' knead view --scene "$scene" --style edges --png edges.png --size 160x160
 if night; then
     cp "$scene" "$(printf 'd\377ugh.yaml')"
     expect "a scene whose name is no text" 0 '^$' knead view --scene "$(printf 'd\377ugh.yaml')" --png odd.png --size 320x180
