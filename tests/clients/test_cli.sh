@@ -45,6 +45,12 @@ expect 2 "knead probe: --tries 4: expected 1 to 3" knead probe --tries 4
 expect 2 'knead probe: `press`: expected options only' knead probe press
 expect 2 'knead probe: --wood: unknown option' knead probe --wood
 expect 2 'knead probe: --hold: expected a value' knead probe --hold
+expect 2 'kneadd: paper: expected --backend cpu, fixed, uart:, pty:, pcie: or shm:' kneadd --backend paper
+expect 2 'kneadd: best: expected fast, balanced, accurate or own' kneadd --quality best
+small=$KN_SOURCE/core/scenes/dough-small.yaml
+expect 2 "$small:1:1: solver.dt is 0.0007 s, expected the 1 ms tick divided by a whole number" kneadd --scene "$small" --set solver.dt='0.7 ms'
+expect 2 "$small: --local-model: expected solver.kind implicit" kneadd --scene "$small" --local-model --set solver.kind=rk4 --set solver.dt='0.1 us'
+[ "$(kneadd --version)" = "kneadd $(knead --version | cut -d' ' -f2)" ] || fail "kneadd --version: $(kneadd --version)"
 expect 2 'knead probe: --loss 1: expected a share below 1' knead probe --loss 1
 expect 2 'knead probe: --delay 1.5 ms: expected whole milliseconds, at most 255' knead probe --hand light --delay '1.5 ms'
 expect 2 'knead probe: --hand strong: expected none, light, normal or firm' knead probe --hand strong

@@ -14,11 +14,13 @@ board --uart --link "$PWD/board"
 check "it is in step again" await circuit 'c["state"] == "in_step" and c["loads"] > 1'
 check "the status that a person reads tells of it, too" eval 'ctl status | grep -q circuit'
 expect 'a circuit steps the object' 2 ctl set material.k1=30000
-check "the hand pressed to the end" ended $hand
+wait $hand
 kill -INT $server
 check "kneadd stopped" ended $server
 grep circuit kneadd.err
 check "it says why it was lost, and that it is back" eval 'grep -q "circuit lost, .* so far: \(removed\|timeout\): " kneadd.err && grep -q "circuit in step again\|, and in step again" kneadd.err'
 check "and at the end what it has done" grep -q 'ticks on the circuit, .* different 0, ' kneadd.err
 check "the forces are those of a run without it" verifies press.lcmlog
+expect 'a circuit takes one step a tick' 2 timeout 20 kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --backend "pty:$PWD/board" \
+    --set solver.dt='0.5 ms'
 exit $failed
