@@ -6,8 +6,8 @@ mkdir here there
 cp "$KN_SOURCE/core/scenes/meshes/block.msh" here/bread.msh
 start_kneadd dough-small.yaml --set object.mesh="$PWD/here/bread.msh" --set object.mesh_unit=mm --touch --local-model
 knead touch --probe finger --once --seconds 60 >once.txt 2>&1 & touch=$!
-check "a finger pokes it" $ahead knead probe --path poke --probe finger --quiet
-check "and it is told where and how hard it touches" ended $touch
+$ahead knead probe --path poke --probe finger --quiet
+check "a finger pokes it, and is told where and how hard it touches" ended $touch
 cat once.txt
 stop_kneadd
 pressed "$KN_SOURCE/core/scenes/dough-small.yaml" press.lcmlog 10 object.mesh="$PWD/here/bread.msh" object.mesh_unit=mm
