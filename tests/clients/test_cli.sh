@@ -1,21 +1,8 @@
-#!/bin/sh
+#!/usr/bin/env bash
 # The command line of `knead`: help for newcomers, one line for every mistake, the exit codes that are promised.
 # gate in release: many runs of programs that start slowly with the sanitizers
 set -u
-failures=0
-fail() { echo "FAIL $*"; failures=$((failures + 1)); }
-
-# expect CODE 'first words of the one line on stderr' COMMAND...
-expect() {
-    code=$1 words=$2
-    shift 2
-    "$@" >out 2>err
-    got=$?
-    [ $got -eq "$code" ] || fail "$*: exit $got, expected $code"
-    [ "$(wc -l <err)" -eq 1 ] || fail "$*: $(wc -l <err) lines on stderr, expected 1"
-    case $(cat err) in "$words"*) ;; *) fail "$*: said '$(cat err)', expected '$words...'" ;; esac
-    [ ! -s out ] || fail "$*: something on stdout"
-}
+source "$KN_SOURCE/tests/clients/refuses.sh"
 
 knead --help >help || fail "knead --help: exit $?"
 for name in $(sed -n 's/^  \([a-z]*\) .*/\1/p' help); do
@@ -33,54 +20,54 @@ done
 knead >out 2>err && fail "knead without a subcommand: exit 0"
 [ -s err ] && [ ! -s out ] || fail "knead without a subcommand: help belongs on stderr"
 
-expect 2 'knead: no subcommand `need`' knead need
-expect 2 'knead: no subcommand `need`' knead need --version
-expect 2 "knead probe: --depth 10: expected something like '10 mm'" knead probe --depth 10
-expect 2 "knead probe: --depth 5 s: expected something like '10 mm'" knead probe --depth '5 s'
-expect 2 "knead probe: --depth 0 mm: expected" knead probe --depth '0 mm'
-expect 2 "knead probe: --speed -1 cm/s: expected" knead probe --speed '-1 cm/s'
-expect 2 "knead probe: --hold 1e999 s: expected" knead probe --hold '1e999 s'
-expect 2 "knead probe: --drop-at 1.5: expected SECONDS:MILLISECONDS" knead probe --drop-at 1.5
-expect 2 "knead probe: --tries 4: expected 1 to 3" knead probe --tries 4
-expect 2 'knead probe: `press`: expected options only' knead probe press
-expect 2 'knead probe: --wood: unknown option' knead probe --wood
-expect 2 'knead probe: --hold: expected a value' knead probe --hold
-expect 2 'kneadd: paper: expected --backend cpu, fixed, uart:, pty:, pcie: or shm:' kneadd --backend paper
-expect 2 'kneadd: best: expected fast, balanced, accurate or own' kneadd --quality best
+begins 2 'knead: no subcommand `need`' knead need
+begins 2 'knead: no subcommand `need`' knead need --version
+begins 2 "knead probe: --depth 10: expected something like '10 mm'" knead probe --depth 10
+begins 2 "knead probe: --depth 5 s: expected something like '10 mm'" knead probe --depth '5 s'
+begins 2 "knead probe: --depth 0 mm: expected" knead probe --depth '0 mm'
+begins 2 "knead probe: --speed -1 cm/s: expected" knead probe --speed '-1 cm/s'
+begins 2 "knead probe: --hold 1e999 s: expected" knead probe --hold '1e999 s'
+begins 2 "knead probe: --drop-at 1.5: expected SECONDS:MILLISECONDS" knead probe --drop-at 1.5
+begins 2 "knead probe: --tries 4: expected 1 to 3" knead probe --tries 4
+begins 2 'knead probe: `press`: expected options only' knead probe press
+begins 2 'knead probe: --wood: unknown option' knead probe --wood
+begins 2 'knead probe: --hold: expected a value' knead probe --hold
+begins 2 'kneadd: paper: expected --backend cpu, fixed, uart:, pty:, pcie: or shm:' kneadd --backend paper
+begins 2 'kneadd: best: expected fast, balanced, accurate or own' kneadd --quality best
 small=$KN_SOURCE/core/scenes/dough-small.yaml
-expect 2 "$small:1:1: solver.dt is 0.0007 s, expected the 1 ms tick divided by a whole number" kneadd --scene "$small" --set solver.dt='0.7 ms'
-expect 2 "$small: --local-model: expected solver.kind implicit" kneadd --scene "$small" --local-model --set solver.kind=rk4 --set solver.dt='0.1 us'
+begins 2 "$small:1:1: solver.dt is 0.0007 s, expected the 1 ms tick divided by a whole number" kneadd --scene "$small" --set solver.dt='0.7 ms'
+begins 2 "$small: --local-model: expected solver.kind implicit" kneadd --scene "$small" --local-model --set solver.kind=rk4 --set solver.dt='0.1 us'
 [ "$(kneadd --version)" = "kneadd $(knead --version | cut -d' ' -f2)" ] || fail "kneadd --version: $(kneadd --version)"
-expect 2 'knead probe: --loss 1: expected a share below 1' knead probe --loss 1
-expect 2 'knead probe: --delay 1.5 ms: expected whole milliseconds, at most 255' knead probe --hand light --delay '1.5 ms'
-expect 2 'knead probe: --hand strong: expected none, light, normal or firm' knead probe --hand strong
-expect 2 'knead probe: --axes 2: expected 1 or 3' knead probe --axes 2
-expect 2 'knead probe: --held with --local' knead probe --hand light --local --held
+begins 2 'knead probe: --loss 1: expected a share below 1' knead probe --loss 1
+begins 2 'knead probe: --delay 1.5 ms: expected whole milliseconds, at most 255' knead probe --hand light --delay '1.5 ms'
+begins 2 'knead probe: --hand strong: expected none, light, normal or firm' knead probe --hand strong
+begins 2 'knead probe: --axes 2: expected 1 or 3' knead probe --axes 2
+begins 2 'knead probe: --held with --local' knead probe --hand light --local --held
 for alone in --device=touch --axes=1 --delay=0.001 --local --held --loss=0.1; do
-    expect 2 "knead probe: ${alone%%=*} without a hand on a device, expected --hand too" knead probe $alone
+    begins 2 "knead probe: ${alone%%=*} without a hand on a device, expected --hand too" knead probe $alone
 done
-expect 2 'knead web: --rate 4: expected pictures per second, 5..60' knead web --rate 4
-expect 2 'knead web: --size 100x800: expected WxH, 160..1920 pixels' knead web --size 100x800
-expect 2 'knead web: --listen-fd 0: expected a socket that listens' knead web --listen-fd 0
-expect 2 'knead web: page: expected an option' knead web page
-expect 2 'knead probe: --path nope: expected press, sine, poke or a CSV file (No such file or directory)' knead probe --path nope
+begins 2 'knead web: --rate 4: expected pictures per second, 5..60' knead web --rate 4
+begins 2 'knead web: --size 100x800: expected WxH, 160..1920 pixels' knead web --size 100x800
+begins 2 'knead web: --listen-fd 0: expected a socket that listens' knead web --listen-fd 0
+begins 2 'knead web: page: expected an option' knead web page
+begins 2 'knead probe: --path nope: expected press, sine, poke or a CSV file (No such file or directory)' knead probe --path nope
 printf 'time_s,x_m,y_m,z_m\n0,0,0,0.05\n1,0,zero,0.05\n' >bad.csv
-expect 2 'bad.csv:3:5: expected a finite number' knead probe --path bad.csv
+begins 2 'bad.csv:3:5: expected a finite number' knead probe --path bad.csv
 
 # a sweep looks at scene, log and lists before it plays anything
-expect 2 'knead tradeoff: expected SCENE LOG' knead tradeoff
-expect 2 'nope.yaml:1:1: No such file or directory, expected a scene file' knead tradeoff nope.yaml nope.lcmlog
-expect 2 'knead tradeoff: nope.lcmlog: No such file or directory, expected a log' knead tradeoff "$KN_SOURCE/core/scenes/dough-small.yaml" nope.lcmlog
-expect 2 'knead tradeoff: --dt 2 ms: expected' knead tradeoff --dt '2 ms' scene log
-expect 2 'knead tradeoff: bad.csv: no record of an LCM event log' knead tradeoff "$KN_SOURCE/core/scenes/dough-small.yaml" bad.csv
-expect 2 'knead tradeoff: nope.job: expected a job' knead tradeoff --job nope.job
+begins 2 'knead tradeoff: expected SCENE LOG' knead tradeoff
+begins 2 'nope.yaml:1:1: No such file or directory, expected a scene file' knead tradeoff nope.yaml nope.lcmlog
+begins 2 'knead tradeoff: nope.lcmlog: No such file or directory, expected a log' knead tradeoff "$KN_SOURCE/core/scenes/dough-small.yaml" nope.lcmlog
+begins 2 'knead tradeoff: --dt 2 ms: expected' knead tradeoff --dt '2 ms' scene log
+begins 2 'knead tradeoff: bad.csv: no record of an LCM event log' knead tradeoff "$KN_SOURCE/core/scenes/dough-small.yaml" bad.csv
+begins 2 'knead tradeoff: nope.job: expected a job' knead tradeoff --job nope.job
 
 # a circuit that is none is bad input, before a log or a scene is read; one that is not there is the machine's refusal
 for uri in uart: uart:ttyUSB0 'uart:/dev/null?baud=x' pty: pcie:../../x shm:a/b; do
-    expect 2 "kneadd: --backend $uri: expected uart:/dev/NAME" kneadd --scene nope.yaml --backend "$uri"
-    expect 2 "knead replay: --backend $uri: expected uart:/dev/NAME" knead replay --backend "$uri" nope.lcmlog
+    begins 2 "kneadd: --backend $uri: expected uart:/dev/NAME" kneadd --scene nope.yaml --backend "$uri"
+    begins 2 "knead replay: --backend $uri: expected uart:/dev/NAME" knead replay --backend "$uri" nope.lcmlog
 done
-expect 2 'kneadd: --backend baud=3000001: expected 9600' kneadd --scene nope.yaml --backend 'uart:/dev/null?baud=3000001'
+begins 2 'kneadd: --backend baud=3000001: expected 9600' kneadd --scene nope.yaml --backend 'uart:/dev/null?baud=3000001'
 for uri in uart:/dev/null uart:/dev/ttyNONE shm:knead-test-none; do
     kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime off --backend "$uri" >out 2>err
     got=$?
@@ -88,11 +75,10 @@ for uri in uart:/dev/null uart:/dev/ttyNONE shm:knead-test-none; do
 done
 
 # a bus of another kind is bad input; one that would leave the machine is the machine's refusal, before it is joined
-expect 2 'knead probe: tcpq://127.0.0.1:7700: expected udpm://GROUP:PORT' knead probe --lcm-url tcpq://127.0.0.1:7700
-expect 2 'knead probe: udpm://: expected udpm://GROUP:PORT' knead probe --mesh-url udpm://
-expect 2 'knead probe: file://x: expected udpm://GROUP:PORT' env LCM_DEFAULT_URL=file://x knead probe
+begins 2 'knead probe: tcpq://127.0.0.1:7700: expected udpm://GROUP:PORT' knead probe --lcm-url tcpq://127.0.0.1:7700
+begins 2 'knead probe: udpm://: expected udpm://GROUP:PORT' knead probe --mesh-url udpm://
+begins 2 'knead probe: file://x: expected udpm://GROUP:PORT' env LCM_DEFAULT_URL=file://x knead probe
 ip route del 224.0.0.0/4 dev lo
-expect 3 'knead probe: udpm://239.255.76.67:7667?ttl=0: the group' knead probe
+begins 3 'knead probe: udpm://239.255.76.67:7667?ttl=0: the group' knead probe
 
-[ $failures -eq 0 ] && echo "the command line is as promised"
-exit $((failures > 0))
+exit $failed

@@ -173,6 +173,7 @@ TEST("a range image is read as it was written; what is told beside the file goes
     CHECK(kn_image_write_gray16(path, 7, 5, level, 0.0001, 0, NULL, error, sizeof error));
     CHECK(!kn_range_load(path, &none, &back, &read, error, sizeof error) && !read);
     CHECK(strstr(error, "does not say "));
+    unlink(path);
 }
 
 TESTS_MAIN

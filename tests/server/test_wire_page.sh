@@ -1,9 +1,8 @@
-#!/bin/sh
+#!/usr/bin/env bash
 # proto/README.md tells the wire as it is: every type, constant, event and reason of rejection, with its number.
 set -u
 page=$KN_SOURCE/proto/README.md
-failures=0
-fail() { echo "FAIL $*"; failures=$((failures + 1)); }
+source "$KN_SOURCE/tests/clients/refuses.sh"
 
 for type in "$KN_SOURCE"/proto/*.lcm; do
     name=$(basename "$type" .lcm)
@@ -21,5 +20,4 @@ sed -n 's/^    X([A-Z_]*, "\([a-z_]*\)",.*/\1/p' "$KN_SOURCE/server/receiver.h" 
 sed -n '/^| n | name | why |/,/^$/s/^| \([0-9]*\) | \([a-z_]*\) |.*/\1 \2/p' "$page" >told
 diff reasons told || fail "the reasons of rejection differ from server/receiver.h (left)"
 
-[ $failures -eq 0 ] && echo "the page and the wire agree"
-exit $((failures > 0))
+exit $failed

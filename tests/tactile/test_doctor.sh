@@ -1,8 +1,7 @@
-#!/bin/sh
+#!/usr/bin/env bash
 # knead doctor: what is there is ok, what is not is named with a fix, and a fix that is carried out is one.
 set -u
-failures=0
-fail() { echo "FAIL $*"; failures=$((failures + 1)); }
+source "$KN_SOURCE/tests/clients/refuses.sh"
 knead doctor --seconds 1 >out 2>err
 [ $? -le 1 ] || fail "exit on this machine"
 [ ! -s err ] || fail "on stderr: $(cat err)"
@@ -73,4 +72,4 @@ for wrong in "--seconds 0" "--seconds 2x" "now" "--fast" "--root"; do
     knead doctor $wrong >out 2>err
     [ $? = 2 ] && [ "$(wc -l <err)" = 1 ] && [ ! -s out ] || fail "knead doctor $wrong: $(cat err)"
 done
-[ $failures = 0 ]
+exit $failed

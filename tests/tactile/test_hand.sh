@@ -1,18 +1,8 @@
-#!/bin/sh
+#!/usr/bin/env bash
 # The command line of `knead hand`: one line for every mistake, before any device or bus is touched.
 set -u
-failures=0
-expect() { # expect 'first words of the one line on stderr' OPTION...
-    words=$1
-    shift
-    knead hand "$@" >out 2>err
-    got=$?
-    case "$got $(wc -l <err) $(cat err)" in
-    "2 1 knead hand: $words"*) ;;
-    *) echo "FAIL knead hand $*: exit $got, said '$(cat err)', expected '$words...'" && failures=$((failures + 1)) ;;
-    esac
-    [ ! -s out ] || { echo "FAIL knead hand $*: something on stdout" && failures=$((failures + 1)); }
-}
+source "$KN_SOURCE/tests/clients/refuses.sh"
+expect() { begins 2 "knead hand: $1" knead hand "${@:2}"; } # expect WORDS OPTION...
 expect 'expected one device'
 expect 'expected one device' paddle paddle --tty x
 expect 'no device `glove`' glove
@@ -37,8 +27,5 @@ expect "--reach 8: expected something like '8 cm'" spacenav --reach 8
 expect '--url localhost: expected ws://HOST:PORT' haply --url localhost
 expect '--device a"b: expected an id' haply --device 'a"b'
 expect '--preset : expected a name' haply --preset ''
-if ! knead hand --help | grep -q 'UNTESTED ON HARDWARE'; then
-    echo "FAIL --help hides what is untested" && failures=$((failures + 1))
-fi
-[ $failures -eq 0 ] && echo "knead hand says what is wrong"
-exit $((failures > 0))
+knead hand --help | grep -q 'UNTESTED ON HARDWARE' || fail "--help hides what is untested"
+exit $failed
