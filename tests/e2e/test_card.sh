@@ -8,6 +8,8 @@ board --uart --link "$PWD/board"
 start_kneadd dough-small.yaml --backend "pty:$PWD/board" --control control
 $ahead knead probe --path press --hold '2 s' --quiet --record press.lcmlog & hand=$!
 check "it is in step" await circuit 'c["state"] == "in_step" and c["ok"] > 100'
+touching
+check "a hand presses" kill -0 $hand
 kill_board
 check "killed, it is not, and why is told" await circuit 'c["state"] != "in_step" and c["last_loss"] in ("timeout", "removed")'
 board --uart --link "$PWD/board"

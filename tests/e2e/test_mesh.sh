@@ -8,7 +8,7 @@ start_kneadd dough-small.yaml --set object.mesh="$PWD/here/bread.msh" --set obje
 knead touch --probe finger --once --seconds 60 >once.txt 2>&1 & touch=$!
 $ahead knead probe --path poke --probe finger --quiet
 check "a finger pokes it, and is told where and how hard it touches" ended $touch
-cat once.txt
+check "$(cat once.txt)" grep -q 'finger: area [0-9.]* cm2, peak [0-9.]* kPa' once.txt
 stop_kneadd
 pressed "$KN_SOURCE/core/scenes/dough-small.yaml" press.lcmlog 10 object.mesh="$PWD/here/bread.msh" object.mesh_unit=mm
 

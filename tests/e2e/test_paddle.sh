@@ -57,15 +57,15 @@ await [ -e tty ]
 start_hand
 pushed() { tail -n 2 paddle.csv | awk -F, 'NR == 1 { exit !($4 + 0 > 0.3) }'; }
 check "it pressed when kneadd was killed" await pushed
-kill -KILL "$server"
 since=$(tail -n 2 paddle.csv | head -n 1 | cut -d, -f1)
+kill -KILL "$server"
 wait "$server" 2>/dev/null
 await grep -q 'is kneadd running' hand.err
 stop_hand
 kill $paddle
 wait $paddle 2>/dev/null
 gone=$(awk -F, -v since="$since" '$1 > since && $4 == 0 { print $1; exit }' paddle.csv)
-held=$(awk -F, -v since="$since" '$1 == since { print $4 }' paddle.csv)
+held=$(awk -F, -v since="$since" 'NR > 1 && $1 >= since && $4 > most { most = $4 } END { print most + 0 }' paddle.csv)
 fading="\$1 > $since && \$1 < $gone && \$4 > 0.1 * $held && \$4 < 0.9 * $held"
 check "the force faded, and in steps, not at once" [ "$(column "$fading" paddle.csv)" -ge 3 ]
 check "and never came back" [ "$(column "\$1 > $gone && \$4 != 0" paddle.csv)" = 0 ]

@@ -99,9 +99,9 @@ def downloads(page, server):
         check(f"{name} can be taken home", status == 200 and begins in body, status, body[:80])
     page.send_request(29, "measure", name="stress")
     page.send_request(30, "picture")
-    told = page.waits(30)
+    told = page.waits(29)["ok"] and page.waits(30)
     status, _, body = get(server.port, "/get/picture.png", bearer)
-    check("so can a picture, coloured by stress", told["ok"] and status == 200 and b"\x89PNG" in body, told, status, body[:80])
+    check("so can a picture, coloured by stress", told and told["ok"] and status == 200 and body.startswith(b"\x89PNG"), told, status, body[:80])
     for name in "recording/2.png", "recording/7.csv":
         status, _, body = get(server.port, "/get/" + name, bearer)
         check(f"{name} is not there", status == 404, status, body[:80])
