@@ -3,7 +3,7 @@
 # within a second of processor time and 256 MB, and no file is made.
 # gate in release: many runs of programs that start slowly with the sanitizers; fuzz.scene looks into the parser
 set -u
-failed=0 count=0 every=8 # at night, all: kneadd reads a scene by the same parser
+failed=0 count=0 every=8 # kneadd has the parser of knead check: of the scenes it reads one in 8, at night each
 mkdir here files files/folder
 limit="ulimit -v 262144"
 grep -q __asan_init "$(command -v knead)" && limit=: # its shadow is larger than that

@@ -93,6 +93,27 @@ touching() { # until the hand is in the dough, or has ended
 }
 pressing() { touching && pause 0.4; }
 
+# a simulated device that does what lines on its stdin say; what it did is in its CSV
+start_device() { # start_device CSV COMMAND...
+    rm -f says && mkfifo says
+    "${@:2}" <says >"$1" & device=$!
+    exec {says}>says
+}
+bid() { (trap '' PIPE && echo "$*" >&$says); } # a line; one that has ended does not take this script with it
+stop_device() {
+    kill $device
+    wait $device 2>/dev/null
+    exec {says}>&-
+    cat hand.txt hand.err
+}
+fades() { # fades CSV COLUMN MS: after MS the force in that column goes from 90 to 10 % in three rows or more, then to 0, and stays there
+    awk -F, -v c="$2" -v since="$3" 'NR > 1 && $1 >= since { f[++n] = $c; if ($c > held) held = $c }
+        END { for (i = 1; i <= n && f[i] != 0; i++) steps += f[i] > 0.1 * held && f[i] < 0.9 * held
+              zero = i <= n
+              for (; i <= n; i++) back += f[i] != 0
+              exit !(zero && steps >= 3 && !back) }' "$1"
+}
+
 memory() { awk '/^VmRSS/ { print $2 }' "/proc/$server/status"; } # of kneadd, kB
 # verifies LOG [OPTION...]: it replays to the very forces that it holds
 verifies() { knead replay "$@" --verify >"$1.said" 2>"$1.err" || { cat "$1.said" "$1.err"; return 1; }; }

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # kneadd --backend pty on a simulated board that is killed once under a hand: what kneadd and knead ctl tell of it, and the forces of
-# a run without a board. What is left after many kills, and of the real circuit, is played by e2e.circuit and e2e.circuit_rtl.
+# a run without a board. Many kills are e2e.circuit's, the real circuit is e2e.circuit_rtl's.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" && source "$KN_SOURCE/tests/e2e/board.sh" || exit 70
 circuit() { ctl --json status | python3 -c "import json, sys; c = json.load(sys.stdin)['circuit']; sys.exit(not ($1))"; }
 
@@ -17,8 +17,7 @@ check "it is in step again" await circuit 'c["state"] == "in_step" and c["loads"
 check "the status that a person reads tells of it, too" eval 'ctl status | grep -q circuit'
 expect 'a circuit steps the object' 2 ctl set material.k1=30000
 wait $hand
-kill -INT $server
-check "kneadd stopped" ended $server
+stop_kneadd
 grep circuit kneadd.err
 check "it says why it was lost, and that it is back" eval 'grep -q "circuit lost, .* so far: \(removed\|timeout\): " kneadd.err && grep -q "circuit in step again\|, and in step again" kneadd.err'
 check "and at the end what it has done" grep -q 'ticks on the circuit, .* different 0, ' kneadd.err

@@ -64,11 +64,7 @@ await grep -q 'is kneadd running' hand.err
 stop_hand
 kill $paddle
 wait $paddle 2>/dev/null
-gone=$(awk -F, -v since="$since" '$1 > since && $4 == 0 { print $1; exit }' paddle.csv)
-held=$(awk -F, -v since="$since" 'NR > 1 && $1 >= since && $4 > most { most = $4 } END { print most + 0 }' paddle.csv)
-fading="\$1 > $since && \$1 < $gone && \$4 > 0.1 * $held && \$4 < 0.9 * $held"
-check "the force faded, and in steps, not at once" [ "$(column "$fading" paddle.csv)" -ge 3 ]
-check "and never came back" [ "$(column "\$1 > $gone && \$4 != 0" paddle.csv)" = 0 ]
+check "the force faded, in steps, and never came back" fades paddle.csv 4 "$since"
 check "one line says so" [ "$(told 'no force from kneadd for')" -ge 1 ]
 check "and one that nobody answers" [ "$(told 'is kneadd running')" = 1 ]
 check "the motor was switched off" [ "$(tail -n 2 paddle.csv | head -n 1 | cut -d, -f5)" = 0 ]

@@ -16,20 +16,17 @@ comes() { # comes SENTENCE AWK-CONDITION [N]: 100 poses, or N
 newest() { awk -F, '$1 == "pose" { last = $'"$1"' } END { print last }' hear.csv; } # newest COLUMN
 lines() { [ "$(grep -cE "$2" hand.err)" = "$1" ]; }
 felt() { [ "$(awk -F, '$1 == "force" && $7 > 0.5' hear.csv | wc -l)" -gt 30 ]; }
-puck() { echo "$*" >&$puck; }
 start_spacenavd() {
-    rm -f puck spnav.sock && mkfifo puck
-    spacenavd "$SPNAV_SOCKET" 100 "$@" <puck & daemon=$!
-    exec {puck}>puck
+    rm -f spnav.sock
+    start_device spacenavd.out spacenavd "$SPNAV_SOCKET" 200 "$@"
     await [ -S spnav.sock ]
-    hear finger 100 >hear.csv & hear=$!
+    hear finger 200 >hear.csv & hear=$!
 }
 stop_spacenavd() {
     check "it ends well" ended $hand
-    kill $daemon $hear
-    wait $daemon $hear 2>/dev/null
-    exec {puck}>&-
-    cat hand.txt hand.err
+    kill $hear
+    wait $hear 2>/dev/null
+    stop_device
 }
 export SPNAV_SOCKET=$PWD/spnav.sock
 
@@ -40,53 +37,56 @@ knead hand spacenav --quiet >hand.txt 2>hand.err & hand=$!
 comes "poses come" 1
 for way in '350 0 0 0 0 0:to the right:vx > 0.03:5' '0 0 350 0 0 0:forward:vy > 0.03:6'; do
     IFS=: read -r push where there column <<<"$way"
-    puck push "$push"
+    bid push "$push"
     comes "pushed, the tool goes $where" "$there" 300
-    puck push "${push/350/-350}"
+    bid push "${push/350/-350}"
     at_home() { holds "$(newest "$column") < 0.003"; }
     check "and back" await at_home
 done
-puck push 0 0 0 0 350 0
+bid push 0 0 0 0 350 0
 comes "twisted to the left, to the left about the vertical" 'qz > 0.2 && qx * qx + qy * qy < 1e-6'
-puck push 0 0 0 0 0 0
-for button in 0 2; do puck button $button 1; done
+bid push 0 0 0 0 0 0
+for button in 0 2; do bid button $button 1; done
 comes "its buttons are the pose's" 'b == 5'
-for button in 0 2; do puck button $button 0; done
-puck push 0 -200 0 0 0 0
+for button in 0 2; do bid button $button 0; done
+bid push 0 -200 0 0 0 0
 check "pushed down, the dough answers" await felt
-puck push 0 350 0 0 0 0
+bid push 0 350 0 0 0 0
 comes "pulled up, up" 'vz > 0.03' 500
-puck noise
+bid noise
 check "noise is told once" await lines 1 'spacenav: (an event of no|a button of)'
 since=$(newest 2)
-puck push 0 -100 0 0 0 0
+bid push 0 -100 0 0 0 0
 comes "pushed down once more, down" "t > $since && vz < -0.01"
-puck pull
-pause 0.5
+bid pull
+stands() { holds "($(newest 10)) ^ 2 < 1e-6"; }
+check "the puck is pulled out: the tool comes to a stop" await stands
 since=$(newest 2)
-comes "pulled out" "t > $since" 300
-check "the puck stops the tool" [ "$(poses "t > $since && vz * vz > 1e-6")" = 0 ]
+comes "it is told where it is all the same" "t > $since" 300
+check "and stays there" [ "$(poses "t > $since && vz * vz > 1e-6")" = 0 ]
 check "the tool has stayed above half of the dough" [ "$(poses 'z < 0.0299')" = 0 ]
 again() { # again N WORDS: they are told once, and then that it is back, for the Nth time, in a new session
     check "$2: one line" await lines 1 "spacenav lost: spacenavd: $2"
-    [ "$1" = 2 ] || puck back
+    [ "$1" = 2 ] || bid back
     check "it is found again" await lines "$1" 'spacenav is back'
     comes "in a new session" "t > $since && s != $session"
 }
 session=$(newest 3)
-puck away
+bid away
 again 1 "hung up"
 since=$(newest 2) session=$(newest 3)
-puck half
+bid half
 again 2 "half an event"
 kill -INT $hand
 stop_spacenavd
+check "poses, hundreds a second" awk -F, '$1 == "pose" { if (!n++) from = $2; to = $2 } END { exit !(n > 300 * (to - from)) }' hear.csv
+check "noise was told once, and each loss" eval 'lines 1 "spacenav: (an event of no|a button of)" && lines 2 "spacenav lost: "'
 check "nothing has moved it by more than its speed" [ "$(poses 'vx * vx + vy * vy + vz * vz > 3 * 0.0501 ^ 2')" = 0 ]
 
 start_spacenavd old
 script -qec "exec knead hand spacenav --seconds 4 --speed '2 cm/s' --basis -YXZ 2>hand.err" hand.txt >/dev/null & hand=$!
 comes "poses come" 1
-puck push 350 0 0 0 0 0
+bid push 350 0 0 0 0 0
 comes "a spacenavd of the old protocol will do, at another speed, behind another basis" 'vy > 0.019 && vy < 0.0201'
 stop_spacenavd
 check "a terminal shows where the tool is" grep -qE ' mm  +[-0-9.]+ +[-0-9.]+ +[-0-9.]+ N ' hand.txt

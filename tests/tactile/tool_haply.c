@@ -148,10 +148,14 @@ static void on_line(struct ev_loop *ev, ev_io *watcher, int events)
     char text[40] = {0};
     for (size_t i = 0; i + 1 < sizeof text && read(STDIN_FILENO, text + i, 1) == 1 && text[i] != '\n';) i++;
     if (!*text) ev_io_stop(ev, watcher); // its end
+    int known = !*text;
     for (int i = 0; i < TROUBLES; i++) {
         size_t n = strlen(trouble[i]);
-        if (!strncmp(text, trouble[i], n)) in[i] = text[n + 1] == '1';
+        if (strncmp(text, trouble[i], n) != 0) continue;
+        in[i] = text[n + 1] == '1';
+        known = 1;
     }
+    if (!known) fprintf(stderr, "haply: %s?\n", text), exit(2);
 }
 
 int main(int argc, char **argv)
