@@ -19,7 +19,8 @@ static int force_age_ms;            // since it came
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, const knead_contact_force_t *msg, void *session)
 {
     (void)buf, (void)channel;
-    if (msg->session != *(int64_t *)session) return; // somebody else has the tool
+    int again = msg->session == force.session && msg->tick <= force.tick; // no sign of life
+    if (msg->session != *(int64_t *)session || again) return;               // or somebody else has the tool
     force = *msg;
     force_age_ms = 0;
 }
@@ -38,7 +39,7 @@ int main(int argc, char **argv)
     snprintf(force_channel, sizeof force_channel, "KNEAD_FORCE_%s", argc > 1 ? argv[1] : "finger");
     lcm_t *lcm = lcm_create(NULL);
     if (!lcm) return fprintf(stderr, "hand: no LCM; is there a multicast route? README.md says how\n"), 3;
-    int64_t session = now_ns(CLOCK_REALTIME), tick_ns = now_ns(CLOCK_MONOTONIC);
+    int64_t session = now_ns(CLOCK_REALTIME), tick_ns = now_ns(CLOCK_MONOTONIC), wall_ns = session - tick_ns;
     knead_contact_force_t_subscription_set_queue_capacity( // LCM drops the newest when full: keep the queue short
         knead_contact_force_t_subscribe(lcm, force_channel, on_force, &session), 2);
     // (1) open your device here and enable its force output
@@ -56,14 +57,13 @@ int main(int argc, char **argv)
 
         if (silent_ms == 0) {
             pose.session = session, pose.seq = n + 1;
-            pose.utime = now_ns(CLOCK_REALTIME) / 1000;
             pose.sent_ns = now_ns(CLOCK_MONOTONIC);
+            pose.utime = (wall_ns + pose.sent_ns) / 1000; // no clock that may be set back
             knead_probe_pose_t_publish(lcm, pose_channel, &pose);
         }
         force_age_ms++;
         while (lcm_handle_timeout(lcm, 0) > 0); // everything that has come; the newest stays
-        // Own watchdog: a killed server cannot ramp anything down. Hold 3 ms, fade to 0 N by 20 ms, stay there; be
-        // silent until the session has ended and come back with a new one, which the server starts from zero force.
+        // Own watchdog: hold 3 ms, fade to 0 N by 20 ms; then silence, and a new session, which starts from zero force
         if (silent_ms > 0 && --silent_ms == 0) tripped = 0, session = now_ns(CLOCK_REALTIME);
         if (force_age_ms >= ZERO_MS && !tripped && force.session == session) tripped = 1, silent_ms = SILENCE_MS;
         double factor = tripped ? 0 : fmin(1, fmax(0, (double)(ZERO_MS - force_age_ms) / (ZERO_MS - HOLD_MS)));

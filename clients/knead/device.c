@@ -15,7 +15,7 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
     knead_contact_force_t f;
     if (!kn_join_heard(buf, channel)) return;
     if (knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &f) < 0) return;
-    if (f.session == d->force.session && f.seq < d->force.seq) return; // overtaken on its way
+    if (f.session == d->force.session && f.tick <= d->force.tick) return; // repeated, or overtaken on its way
     d->force.session = f.session;
     d->force.seq = f.seq;
     d->force.tick = f.tick;

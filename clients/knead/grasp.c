@@ -115,10 +115,12 @@ static void render(kn_grasp *g, const kn_hand_force *force, const kn_hand_out *o
     if (r->session != out->session) {
         kn_render_begin(r, out->session);
         g->answered = 0;
+        g->tick = -1;
     }
     kn_render_turn(r, out->point.orientation_wxyz);
     kn_render_pose(r, out->seq, g->arm.position_m, g->arm.velocity_m_s);
-    if (force && force->session == out->session) {
+    if (force && force->session == out->session && force->tick > g->tick) {
+        g->tick = force->tick;
         bool first = force->seq > g->answered;
         if (first) g->answered = force->seq;
         kn_render_force(r, force->force_n, first ? period_s * (double)(out->seq - force->seq) : -1.0);

@@ -43,6 +43,7 @@ typedef struct kn_grasp { // the device's thread's; news and arm: once that has 
     kn_arm arm;
     kn_render render;
     int64_t answered;    // newest pose of the session that a force has answered
+    int64_t tick;        // of its newest force
     kn_hand_force way[KN_GRASP_WAY]; // force that came in n ms ago
     bool came[KN_GRASP_WAY];
     int64_t ms;

@@ -6,7 +6,6 @@
 static const int answer_ms = 3000;  // engaging takes 0.4 s: 200 ms of poses, 200 ms of ramp
 static const int clear_ms = 1000;   // for a fault to be taken back after the lift
 static const int silence_ms = 1200; // a session ends after 1 s without poses
-static const char anew[] = "kneadd was started again: it gives no force until the tool is lifted";
 static kn_attempt *current(kn_hand *h) { return &h->attempt[h->tries - 1]; }
 
 static void enter(kn_hand *h, kn_hand_mode mode)
@@ -19,7 +18,7 @@ static void open_attempt(kn_hand *h)
 {
     h->tries++;
     current(h)->session = h->def.session + h->tries - 1;
-    h->force = (kn_hand_force){.session = current(h)->session};
+    h->force = (kn_hand_force){.session = current(h)->session, .tick = -1};
     h->engaged_n = 0.0;
     h->refusal = NULL;
     h->path_s = 0.0;
@@ -65,11 +64,10 @@ static void trip(kn_hand *h, int elapsed_ms)
     enter(h, KN_HAND_RETREAT);
 }
 
-// What the device does with the message, whatever the hand is doing.
+// What the device does with the message, whatever the hand is doing. Only a tick that rises is news to its watchdog.
 static void feel(kn_hand *h, const kn_hand_force *force, int elapsed_ms)
 {
-    bool fresh = force && force->session == current(h)->session;
-    if (fresh && force->seq > h->force.seq && force->tick < h->force.tick) kn_hand_refuse(h, anew, true);
+    bool fresh = force && force->session == current(h)->session && force->tick > h->force.tick;
     if (fresh) h->force = *force;
     if (fresh && (force->flags & KN_FLAG_ENGAGED)) h->engaged_n = norm(force->force_n);
     double factor = kn_watchdog_tick(&h->watchdog, fresh, elapsed_ms);

@@ -100,7 +100,8 @@ typedef struct kn_hand_out {
 
 void kn_hand_init(kn_hand *hand, const kn_hand_def *def);
 
-// One ms. force: the newest message since the last call, NULL when there was none; of another session counts as none.
+// One ms. force: the newest message since the last call, NULL when there was none; one of another session, or of
+// no newer tick, counts as none.
 // elapsed_ms: 1 + cycles that this process missed.
 kn_hand_out kn_hand_tick(kn_hand *hand, const kn_hand_force *force, int elapsed_ms);
 

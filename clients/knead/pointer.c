@@ -33,7 +33,7 @@ static void open_session(kn_pointer *p)
     p->session++;
     p->seq = 0;
     p->asked_event = 0;
-    p->force = (kn_hand_force){.session = p->session};
+    p->force = (kn_hand_force){.session = p->session, .tick = -1};
     kn_watchdog_rearm(&p->watchdog);
 }
 
@@ -41,7 +41,8 @@ static void feel(kn_pointer *p, const kn_hand_force *force, int elapsed_ms)
 {
     kn_pointer_news *n = &p->news;
     bool sane = force && isfinite(force->force_n[0] + force->force_n[1] + force->force_n[2]);
-    bool fresh = sane && force->session == p->session && p->mode != KN_POINTER_ABSENT && p->mode != KN_POINTER_SILENT;
+    bool fresh = sane && force->session == p->session && force->tick > p->force.tick &&
+                 p->mode != KN_POINTER_ABSENT && p->mode != KN_POINTER_SILENT;
     if (fresh) p->force = *force;
     double factor = kn_watchdog_tick(&p->watchdog, fresh, elapsed_ms), *f = p->force.force_n;
     if (fresh && p->asked_event && force->seq >= p->asked_seq) {

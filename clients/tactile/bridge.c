@@ -80,7 +80,7 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
     knead_contact_force_t f;
     if (!kn_join_heard(buf, channel)) return;
     if (knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &f) < 0) return;
-    kn_tether_force force = {.session = f.session, .seq = f.seq, .flags = f.flags, .fault = f.fault,
+    kn_tether_force force = {.session = f.session, .seq = f.seq, .tick = f.tick, .flags = f.flags, .fault = f.fault,
                              .age_s = 1e-9 * (double)(kn_now_ns() - f.sent_ns)};
     memcpy(force.force_n, f.force_n, sizeof force.force_n); // force_scale is in it already
     b->heard |= kn_tether_take(&b->now.tether, &force);

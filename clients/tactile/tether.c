@@ -6,7 +6,7 @@ static const int silence_ms = 1200; // a session ends after 1 s without poses
 
 void kn_tether_init(kn_tether *t, int64_t session, const kn_render_def *render)
 {
-    *t = (kn_tether){.session = session};
+    *t = (kn_tether){.session = session, .tick = -1};
     kn_render_init(&t->render, render);
     kn_render_begin(&t->render, session);
     kn_watchdog_init(&t->forces, render->local ? KN_RENDER_LOCAL_HOLD_MS : 0,
@@ -52,7 +52,7 @@ bool kn_tether_take(kn_tether *t, const kn_tether_force *force)
         t->foreign += force->session != t->session;
         return false;
     }
-    if (force->seq < t->answered) { // overtaken on its way
+    if (force->tick <= t->tick) {
         t->late++;
         return false;
     }
@@ -62,6 +62,7 @@ bool kn_tether_take(kn_tether *t, const kn_tether_force *force)
         return false;
     }
     if (first) t->answered = force->seq;
+    t->tick = force->tick;
     t->flags = force->flags;
     t->fault = force->fault;
     t->heard++;
@@ -81,6 +82,7 @@ static void begin_anew(kn_tether *t)
     t->mode = KN_TETHER_HELD;
     t->session++;
     t->seq = t->answered = 0;
+    t->tick = -1;
     kn_render_begin(&t->render, t->session);
     kn_watchdog_rearm(&t->forces);
     kn_watchdog_rearm(&t->poses);

@@ -31,9 +31,10 @@ typedef struct kn_tether { // read only for the caller
     bool given;            // since the last tick
     double given_s;        // when
     int64_t answered;      // newest pose of the session that a force has answered
+    int64_t tick;          // of its newest force, -1: none has come
     int64_t sent, heard;   // poses, forces of this device's sessions
     int64_t foreign;       // forces of somebody else's session: that one has the tool
-    int64_t late;          // forces that answer an older pose than one before did: not looked at
+    int64_t late;          // forces of no newer tick than one before: repeated or overtaken, and no sign of life
     int64_t refused;       // numbers that are none, either way
     int64_t faults;        // sessions given up because of one
 } kn_tether;
@@ -45,12 +46,12 @@ void kn_tether_init(kn_tether *tether, int64_t session, const kn_render_def *ren
 bool kn_tether_pose(kn_tether *tether, const double position_m[3], const double velocity_m_s[3]);
 
 typedef struct kn_tether_force { // of contact_force_t
-    int64_t session, seq;
+    int64_t session, seq, tick;
     double force_n[3], age_s; // in the scene; since its pose was sent
     int32_t flags, fault;
 } kn_tether_force;
 
-// A force has come. True: it is this session's.
+// A force has come. True: it is this session's, and of a newer tick. Only such a one feeds the watchdog.
 bool kn_tether_take(kn_tether *tether, const kn_tether_force *force);
 
 // Renews given_n at now_s, of any steady clock: after a force, or, of the local model, after a pose.

@@ -6,6 +6,7 @@
 static kn_tether tether;
 static double now_s, age_s = 1e-3; // of every force's pose
 static const double here[3], push_n[3] = {0, 0, 2};
+static int64_t ticks; // of the kneadd
 
 static kn_render_def upright(double force_limit_n)
 {
@@ -24,7 +25,7 @@ static void begin(void)
 
 static bool force(int64_t session, const double force_n[3], int32_t flags, int32_t fault)
 {
-    kn_tether_force f = {.session = session, .seq = tether.seq, .flags = flags, .fault = fault, .age_s = age_s};
+    kn_tether_force f = {.session = session, .seq = tether.seq, .tick = ++ticks, .flags = flags, .fault = fault, .age_s = age_s};
     memcpy(f.force_n, force_n, sizeof f.force_n);
     bool ours = kn_tether_take(&tether, &f);
     if (ours) kn_tether_give(&tether, now_s);
@@ -303,10 +304,31 @@ TEST("an older force that comes behind a newer one is not given")
 {
     begin();
     live(100, true, true);
-    kn_tether_force old = {.session = 100, .seq = 98, .force_n = {0, 0, 1}, .flags = KN_FLAG_ENGAGED, .age_s = age_s};
+    kn_tether_force old = {.session = 100, .seq = 98, .tick = ticks - 2, .force_n = {0, 0, 1}, .flags = KN_FLAG_ENGAGED, .age_s = age_s};
     CHECK(!kn_tether_take(&tether, &old) && tether.late == 1);
     tick(1);
     CHECK(given()[2] == 2.0 && tether.heard == 100);
+}
+
+TEST("one force that is repeated, or older ones, feed no watchdog: 0 N by 20 ms, then a new session")
+{
+    for (int back = 0; back < 3; back++) { // the newest, one before it, one of the first tick
+        begin();
+        ticks += INT64_C(86400000); // a day of them
+        live(100, true, true);
+        kn_tether_force again = {.session = 100, .seq = tether.seq, .tick = back == 2 ? 0 : ticks - back,
+                                 .force_n = {0, 0, 2}, .flags = KN_FLAG_ENGAGED, .age_s = age_s};
+        for (int ms = 1; ms <= 20; ms++) {
+            kn_tether_pose(&tether, here, here);
+            for (int n = 0; n < 3; n++) CHECK(!kn_tether_take(&tether, &again));
+            tick(1);
+        }
+        CHECK(given()[2] == 0.0 && tether.mode == KN_TETHER_SILENT && tether.forces.trips == 1 && tether.late == 60);
+        live(1200, true, false);
+        CHECK(tether.mode == KN_TETHER_HELD && tether.session == 101);
+        again.session = 101, again.seq = 0;
+        CHECK(kn_tether_take(&tether, &again)); // of a kneadd that began anew, at whatever tick
+    }
 }
 
 TEST("a force that fades for want of news does so by 0.5 N a ms at most, whatever the hand does and is damped for")

@@ -35,7 +35,7 @@ typedef struct paddle {
     kn_watchdog watchdog;
     double asked_n, given_n;
     bool enabled;
-    uint16_t seq;
+    uint16_t seq, heard; // of its own frames; of the newest command
     unsigned random;
 } paddle;
 
@@ -75,8 +75,11 @@ static void listen_to_computer(paddle *p, int elapsed_ms)
     ssize_t size = p->fd < 0 ? 0 : read(p->fd, bytes, sizeof bytes);
     for (ssize_t i = 0; i < size; i++) {
         if (!kn_deframer_push(&p->deframer, bytes[i], &f)) continue;
+        bool enable = f.flags & KN_FRAME_ENABLE, newer = (int16_t)(f.seq - p->heard) > 0;
+        if (enable && !newer) continue; // repeated, or of another run: no sign of life
         fresh = true;
-        p->enabled = f.flags & KN_FRAME_ENABLE;
+        p->heard = f.seq;
+        p->enabled = enable;
         p->asked_n = 1e-6 * f.force_un;
         if (!p->enabled && p->watchdog.tripped) kn_watchdog_rearm(&p->watchdog);
     }
