@@ -43,8 +43,8 @@ static inline void kn_mesh_free(kn_mesh *m)
 // False: nothing new (the same mesh again), malformed, or out of memory; the mesh is then as before.
 static inline bool kn_mesh_init(kn_mesh *m, const void *data, uint32_t size)
 {
-    enum { INDEX_COUNT = 8 + 24 + 8, TRIANGLES = INDEX_COUNT + 5, TAG = 16 }; // bytes; kneadd --key appends a tag
-    if (size < TRIANGLES || (size - TRIANGLES - 4 * kn_mesh_int(data, INDEX_COUNT)) & ~TAG) return false;
+    enum { INDEX_COUNT = 8 + 24 + 8, TRIANGLES = INDEX_COUNT + 5, TRAILER = 32 }; // bytes; kneadd --key appends a trailer
+    if (size < TRIANGLES || (size - TRIANGLES - 4 * kn_mesh_int(data, INDEX_COUNT)) & ~TRAILER) return false;
     knead_mesh_init_t msg;
     if (knead_mesh_init_t_decode(data, 0, (int)size, &msg) < 0) return false;
     bool fits = msg.vertex_count > 0 && msg.vertex_count <= KN_MESH_VERTICES_MAX && msg.triangle_count >= 0 &&
@@ -66,10 +66,10 @@ static inline bool kn_mesh_init(kn_mesh *m, const void *data, uint32_t size)
 // True: positions_m now is the tick whose last missing chunk this was. Other chunks change nothing that can be seen.
 static inline bool kn_mesh_update(kn_mesh *m, const void *data, uint32_t size)
 {
-    enum { COUNTS = 8 + 24 + 20, FLOATS = COUNTS + 13, TAG = 16 };
+    enum { COUNTS = 8 + 24 + 20, FLOATS = COUNTS + 13, TRAILER = 32 };
     if (size < FLOATS || !m->positions_m) return false;
     const int64_t n[3] = {kn_mesh_int(data, COUNTS), kn_mesh_int(data, COUNTS + 4), kn_mesh_int(data, COUNTS + 8)};
-    if (n[0] < 0 || n[1] < 0 || n[2] < 0 || (size - FLOATS - 4 * (n[0] + n[1] + n[2])) & ~TAG) return false;
+    if (n[0] < 0 || n[1] < 0 || n[2] < 0 || (size - FLOATS - 4 * (n[0] + n[1] + n[2])) & ~TRAILER) return false;
     knead_mesh_update_t msg;
     if (knead_mesh_update_t_decode(data, 0, (int)size, &msg) < 0) return false;
     const int64_t all = m->vertex_count, first = msg.first, at[3] = {3 * first, 3 * all + first, 4 * all + first};

@@ -190,7 +190,7 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
     account_trips(a, servo, out);
     if (execution_ns > KN_PERIOD_NS) {
         ADD(&a->overruns, 1);
-        SET(&a->overrun_us, kn_wall_us() - (kn_now_ns() - wake->now_ns) / 1000);
+        SET(&a->overrun_us, kn_stamp_us() - (kn_now_ns() - wake->now_ns) / 1000);
         errors |= KNEAD_STATUS_T_ERROR_OVERRUN;
     }
     if (faults > GET(&a->faults)) SET(&a->last_errors, errors);

@@ -1,5 +1,5 @@
 #include "server/auth.h"
-#include "server/wire.h"
+#include "server/clock.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <sodium.h>
@@ -38,26 +38,64 @@ bool kn_auth_load(kn_auth *auth, const char *path, char *error, size_t error_siz
     return !why;
 }
 
-static void make_tag(const kn_auth *auth, const char *channel, const unsigned char *payload, size_t size,
-                     unsigned char tag[KN_WIRE_MAC])
+static void put_64(unsigned char *bytes, int64_t value)
+{
+    for (int i = 0; i < 8; i++) bytes[i] = (unsigned char)((uint64_t)value >> (56 - 8 * i));
+}
+
+static int64_t get_64(const unsigned char *bytes)
+{
+    uint64_t value = 0;
+    for (int i = 0; i < 8; i++) value = value << 8 | bytes[i];
+    return (int64_t)value;
+}
+
+int64_t kn_auth_random(void)
+{
+    int64_t value = 0;
+    while (value == 0) randombytes_buf(&value, sizeof value);
+    return value;
+}
+
+void kn_auth_begin(kn_auth *auth)
+{
+    auth->life = kn_auth_random();
+    auth->born_ns = kn_now_ns();
+}
+
+kn_auth_stamp kn_auth_now(const kn_auth *auth, int64_t *last_us)
+{
+    int64_t age_us = (kn_now_ns() - auth->born_ns) / 1000;
+    *last_us = age_us > *last_us ? age_us : *last_us + 1;
+    return (kn_auth_stamp){auth->life, *last_us};
+}
+
+static void make_tag(const kn_auth *auth, const char *channel, const unsigned char *bytes, size_t size,
+                     unsigned char tag[KN_AUTH_TAG])
 {
     crypto_generichash_state state;
-    crypto_generichash_init(&state, auth->key, sizeof auth->key, KN_WIRE_MAC);
+    crypto_generichash_init(&state, auth->key, sizeof auth->key, KN_AUTH_TAG);
     crypto_generichash_update(&state, (const unsigned char *)channel, strlen(channel) + 1);
-    crypto_generichash_update(&state, payload, size);
-    crypto_generichash_final(&state, tag, KN_WIRE_MAC);
+    crypto_generichash_update(&state, bytes, size);
+    crypto_generichash_final(&state, tag, KN_AUTH_TAG);
 }
 
-size_t kn_auth_sign(const kn_auth *auth, const char *channel, unsigned char *payload, size_t size)
+size_t kn_auth_sign(const kn_auth *auth, const char *channel, unsigned char *payload, size_t size, kn_auth_stamp stamp)
 {
-    make_tag(auth, channel, payload, size, payload + size);
-    return size + KN_WIRE_MAC;
+    put_64(payload + size, stamp.life);
+    put_64(payload + size + 8, stamp.age_us);
+    make_tag(auth, channel, payload, size + 16, payload + size + 16);
+    return size + KN_AUTH_TRAILER;
 }
 
-bool kn_auth_check(const kn_auth *auth, const char *channel, const unsigned char *payload, size_t size)
+bool kn_auth_check(const kn_auth *auth, const char *channel, const unsigned char *payload, size_t size,
+                   kn_auth_stamp *stamp)
 {
-    unsigned char tag[KN_WIRE_MAC];
-    if (size < KN_WIRE_MAC) return false;
-    make_tag(auth, channel, payload, size - KN_WIRE_MAC, tag);
-    return sodium_memcmp(tag, payload + size - KN_WIRE_MAC, KN_WIRE_MAC) == 0;
+    unsigned char tag[KN_AUTH_TAG];
+    if (size < KN_AUTH_TRAILER) return false;
+    make_tag(auth, channel, payload, size - KN_AUTH_TAG, tag);
+    const unsigned char *trailer = payload + size - KN_AUTH_TRAILER;
+    *stamp = (kn_auth_stamp){get_64(trailer), get_64(trailer + 8)};
+    return sodium_memcmp(tag, trailer + 16, KN_AUTH_TAG) == 0;
 }
+

@@ -125,15 +125,13 @@ int kn_bus_claim(const kn_bus *bus, const char *option, char *error, size_t erro
     return -1;
 }
 
-// The largest buffer we can get: at 1 MiB it holds about 1 300 poses. Only root may pass net.core.rmem_max.
-static void enlarge_buffer(int fd)
+static void enlarge_buffer(int fd, int size)
 {
-    int size = 1 << 20;
     if (setsockopt(fd, SOL_SOCKET, SO_RCVBUFFORCE, &size, sizeof size) != 0)
         setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &size, sizeof size);
 }
 
-int kn_bus_listen(const kn_bus *bus, char *error, size_t error_size)
+int kn_bus_listen(const kn_bus *bus, int buffer_bytes, char *error, size_t error_size)
 {
     const int on = 1, off = 0;
     const struct ip_mreqn group = {.imr_multiaddr = bus->group.sin_addr, .imr_ifindex = bus->device};
@@ -143,7 +141,7 @@ int kn_bus_listen(const kn_bus *bus, char *error, size_t error_size)
         setsockopt(fd, IPPROTO_IP, IP_MULTICAST_ALL, &off, sizeof off) == 0 &&
         bind(fd, (const struct sockaddr *)&bus->group, sizeof bus->group) == 0 &&
         setsockopt(fd, IPPROTO_IP, IP_ADD_MEMBERSHIP, &group, sizeof group) == 0) {
-        enlarge_buffer(fd);
+        enlarge_buffer(fd, buffer_bytes);
         return fd;
     }
     snprintf(error, error_size, "%s: cannot listen: %s", bus->url, strerror(errno));
@@ -182,10 +180,55 @@ void kn_bus_read(const kn_bus *bus, int fd, int limit, kn_batch *batch)
     for (int i = 0; i < batch->count; i++) {
         kn_datagram *datagram = &batch->datagram[i];
         datagram->size = header[i].msg_len;
-        datagram->truncated = header[i].msg_hdr.msg_flags & MSG_TRUNC;
         datagram->here = device_of(&header[i].msg_hdr) == bus->device;
         datagram->from = from[i].sin_addr;
     }
+}
+
+ssize_t kn_bus_take(const kn_bus *bus, int fd, void *bytes, size_t room, bool *here)
+{
+    _Alignas(struct cmsghdr) char control[CMSG_SPACE(sizeof(struct in_pktinfo))];
+    struct iovec vector = {bytes, room};
+    struct msghdr header = {
+        .msg_iov = &vector, .msg_iovlen = 1, .msg_control = control, .msg_controllen = sizeof control};
+    ssize_t size = recvmsg(fd, &header, MSG_DONTWAIT);
+    *here = size >= 0 && device_of(&header) == bus->device;
+    return size;
+}
+
+static uint32_t big_endian_32(const unsigned char *bytes)
+{
+    return (uint32_t)bytes[0] << 24 | (uint32_t)bytes[1] << 16 | (uint32_t)bytes[2] << 8 | bytes[3];
+}
+
+kn_framing kn_bus_unpack(const unsigned char *bytes, size_t size, kn_packet *packet)
+{
+    enum { LC02 = 0x4c433032, LC03 = 0x4c433033, SHORT = 8, LONG = 20 };
+    *packet = (kn_packet){0};
+    if (size < SHORT) return KN_FRAME_RUNT;
+    uint32_t magic = big_endian_32(bytes);
+    if (magic != LC02 && magic != LC03) return KN_FRAME_MAGIC;
+    size_t at = magic == LC03 ? LONG : SHORT;
+    if (size < at) return KN_FRAME_RUNT;
+    packet->sequence = big_endian_32(bytes + 4);
+    packet->split = magic == LC03;
+    if (packet->split) {
+        packet->whole = big_endian_32(bytes + 8);
+        packet->offset = big_endian_32(bytes + 12);
+        packet->part = (uint16_t)(big_endian_32(bytes + 16) >> 16);
+        packet->parts = (uint16_t)big_endian_32(bytes + 16);
+    }
+    if (!packet->split || packet->part == 0) {
+        size_t left = size - at;
+        const char *name = (const char *)bytes + at;
+        const char *end = memchr(name, 0, left < KN_CHANNEL_MAX ? left : KN_CHANNEL_MAX);
+        if (!end) return KN_FRAME_CHANNEL_END;
+        packet->channel = name;
+        at += (size_t)(end - name) + 1;
+    }
+    packet->payload = bytes + at;
+    packet->size = size - at;
+    return KN_FRAMED;
 }
 
 uint32_t kn_bus_drops(int fd)

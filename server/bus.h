@@ -11,9 +11,11 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <sys/socket.h>
+#include <sys/types.h>
 
-#define KN_DATAGRAM_MAX 512 // bytes kept of one datagram: a pose has less than 200, what is larger is only counted
+#define KN_DATAGRAM_MAX 512 // bytes kept of one datagram: a pose has less than 300, what is larger is only counted
 #define KN_BATCH 32         // datagrams taken per wake
+#define KN_CHANNEL_MAX 64   // bytes of a channel's name with its NUL, LCM's own limit
 
 typedef struct kn_bus {
     const char *url; // borrowed
@@ -26,7 +28,6 @@ typedef struct kn_datagram {
     size_t size;    // bytes kept
     bool here;      // it arrived over the bus's device
     struct in_addr from;
-    bool truncated; // it was longer than KN_DATAGRAM_MAX
     unsigned char bytes[KN_DATAGRAM_MAX];
 } kn_datagram;
 
@@ -52,10 +53,33 @@ int kn_bus_claim(const kn_bus *bus, const char *option, char *error, size_t erro
 bool kn_bus_same(const kn_bus *a, const kn_bus *b);
 
 // A non-blocking socket that hears the group over that device, beside any number of others; -1 and one line in error.
-int kn_bus_listen(const kn_bus *bus, char *error, size_t error_size);
+// buffer_bytes: of its receive buffer, as far as the kernel allows; only root may pass net.core.rmem_max.
+int kn_bus_listen(const kn_bus *bus, int buffer_bytes, char *error, size_t error_size);
 
 // Takes what waits, at most limit (<= KN_BATCH) datagrams. Neither blocks nor allocates.
 void kn_bus_read(const kn_bus *bus, int fd, int limit, kn_batch *batch);
+
+// Take one datagram of at most `room` bytes; longer ones are cut. Return its size, -1 when none waits. *here: it arrived
+// over that device. Neither blocks nor allocates.
+ssize_t kn_bus_take(const kn_bus *bus, int fd, void *bytes, size_t room, bool *here);
+
+// An LCM datagram, its bounds checked:
+//
+//     "LC02" | sequence u32 | channel, NUL | payload
+//     "LC03" | sequence u32 | size of the message u32 | offset u32 | part u16 | parts u16 | channel, NUL in part 0 | payload
+typedef struct kn_packet {
+    bool split;          // LC03
+    const char *channel; // NULL in a later part of LC03
+    const unsigned char *payload;
+    size_t size;                // of payload
+    uint32_t sequence, whole, offset; // the last two of LC03
+    uint16_t part, parts;
+} kn_packet;
+
+typedef enum kn_framing { KN_FRAMED, KN_FRAME_RUNT, KN_FRAME_MAGIC, KN_FRAME_CHANNEL_END } kn_framing;
+
+// Point into bytes of a datagram. Pure.
+kn_framing kn_bus_unpack(const unsigned char *bytes, size_t size, kn_packet *packet);
 
 // Datagrams the kernel dropped because this socket's buffer was full, since it was opened, modulo 2^32: the number that
 // SO_RXQ_OVFL attaches to datagrams, asked for directly, so that drops after the last datagram count as well.

@@ -22,6 +22,18 @@ int64_t kn_wall_us(void)
     return t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000;
 }
 
+int64_t kn_stamp_us(void)
+{
+    static _Atomic int64_t start_us; // wall clock when the monotonic one was 0; two threads may find it at once
+    int64_t now_us = kn_now_ns() / 1000, at_us = atomic_load_explicit(&start_us, memory_order_relaxed);
+    if (handed) return now_us;
+    if (at_us == 0) {
+        int64_t none = 0, wall_us = kn_wall_us() - now_us;
+        at_us = atomic_compare_exchange_strong(&start_us, &none, wall_us) ? wall_us : none;
+    }
+    return at_us + now_us;
+}
+
 void kn_clock_start(kn_clock *clock, int64_t start_ns)
 {
     *clock = (kn_clock){.start_ns = start_ns, .tick = -1};

@@ -40,8 +40,11 @@ typedef struct kn_busy {
 void kn_busy_tell(kn_busy *busy, int64_t tick, int64_t from_ns, int64_t to_ns);
 int64_t kn_busy_within(const kn_busy *busy, int64_t from_ns, int64_t to_ns); // ns of that time
 
-int64_t kn_now_ns(void);  // CLOCK_MONOTONIC; no system call, as the next
-int64_t kn_wall_us(void); // us since 1970, CLOCK_REALTIME: a message's utime; may be set at any time
+int64_t kn_now_ns(void);  // CLOCK_MONOTONIC; no system call, as the next two
+int64_t kn_wall_us(void); // us since 1970, CLOCK_REALTIME; may be set at any time
+// us since 1970 when the process first asked, and CLOCK_MONOTONIC from there on: a message's utime. Setting the wall
+// clock moves none of them.
+int64_t kn_stamp_us(void);
 
 // A time that is handed in, for a process that plays server, link and hands in one thread (tests/rig.h). The two
 // functions above tell now_ns, and kn_clock_sleep calls sleep instead of the kernel.

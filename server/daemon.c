@@ -24,6 +24,7 @@
 #define START_DELAY_NS 20000000 // until tick 0: by then every thread has left the barrier and sleeps
 #define PATIENCE_NS 300000000   // timeout(1) and shells send the first signal twice; a stop takes 100 ms at most
 #define SIGNALS 3
+#define BUFFER_BYTES (1 << 20) // of the socket: about 1 300 poses
 #define SCENE_S 1 // between two messages with the scene; a new client waits at most that long
 #define CONTROL_TURN_MS 20 // how long a stop may wait for that thread
 #define REST_TICK_NS 500000 // in contact a tick takes about twice as long as at rest, and has 1 ms
@@ -58,6 +59,7 @@ typedef struct server {
     ev_timer status_due, scene_due;
     ev_signal signals[SIGNALS];
     int64_t stop_ns; // when the first signal came, 0: none has
+    unsigned refusals; // told: a bit per kn_verdict
     int budget;      // datagrams that may still be read in this tick
     int64_t start_ns;
     int32_t mode_told;
@@ -79,6 +81,18 @@ static void on_readable(struct ev_loop *ev, ev_io *w, int events)
     take_datagrams(d, d->budget);
     d->budget -= d->batch.count;
     if (d->budget <= 0) ev_io_stop(ev, w); // until the next tick
+}
+
+// Poses that never had a chance, for reasons that their sender cannot know: each reason once.
+static void tell_refusals(server *d)
+{
+    static const kn_verdict told[] = {KN_REJECT_PEER, KN_REJECT_MAC, KN_REJECT_REPLAYED, KN_REJECT_CLOCK, KN_REJECT_TYPE};
+    for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
+        if (d->exchange.receiver.rejected[told[i]] == 0 || d->refusals >> told[i] & 1) continue;
+        d->refusals |= 1u << told[i];
+        kn_say("kneadd: a pose was refused as %s: %s; 'knead ctl status' counts them", kn_verdict_name(told[i]),
+               kn_verdict_meaning(told[i]));
+    }
 }
 
 static void tell_status(server *d)
@@ -106,13 +120,14 @@ static void on_status_due(struct ev_loop *ev, ev_timer *w, int events)
 {
     (void)ev, (void)events;
     tell_status(w->data);
+    tell_refusals(w->data);
 }
 
 static void on_scene_due(struct ev_loop *ev, ev_timer *w, int events)
 {
     (void)ev, (void)events;
     server *d = w->data;
-    kn_publisher_scene(&d->exchange.publisher, kn_wall_us());
+    kn_publisher_scene(&d->exchange.publisher, kn_stamp_us());
 }
 
 static void stop(server *d)
@@ -335,7 +350,7 @@ static void *mesh_main(void *arg)
     while (!atomic_load_explicit(&d->ending, memory_order_relaxed)) {
         if (kn_now_ns() - second_ns >= 1000000000) {
             second_ns = kn_now_ns();
-            kn_skin_publish_topology(&d->skin, kn_wall_us());
+            kn_skin_publish_topology(&d->skin, kn_stamp_us());
             tell_alive(d, &tick_told, &unpublished_told);
             tell_losses(d, &lost_told);
             tell_overruns(d, &missed_told);
@@ -346,7 +361,7 @@ static void *mesh_main(void *arg)
         // until just before the next frame is due, however long this one took to measure, then every ms: on a grid of
         // its own it would be a period late
         const int64_t taken_ns = kn_now_ns();
-        bool published = kn_skin_publish(&d->skin, kn_wall_us());
+        bool published = kn_skin_publish(&d->skin, kn_stamp_us());
         kn_clock_sleep(taken_ns + (published ? rest_ns : KN_PERIOD_NS));
     }
     return NULL;
@@ -396,7 +411,7 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
     if (d->claim < 0) return false;
     bool own = !kn_bus_same(&d->bus, &d->mesh_bus);
     if (own && (d->mesh_claim = kn_bus_claim(&d->mesh_bus, "--mesh-url", error, error_size)) < 0) return false;
-    d->fd = kn_bus_listen(&d->bus, error, error_size);
+    d->fd = kn_bus_listen(&d->bus, BUFFER_BYTES, error, error_size);
     if (d->fd < 0) return false;
     uint64_t hash = kn_state_hash(d->on.model, d->on.backend.state(d->on.backend.self));
     kn_exchange *x = &d->exchange;
@@ -405,6 +420,7 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
     memcpy(x->receiver.peer, def->peer, sizeof def->peer);
     x->receiver.peers = def->peers;
     x->receiver.auth = def->key ? &d->auth : NULL;
+    if (def->key) kn_auth_begin(&d->auth);
     if (!kn_publisher_open(&x->publisher, d->bus.url, d->on.scene, hash, error, error_size) ||
         !kn_skin_open(&d->skin, d->mesh_bus.url, d->on.scene, d->on.model, error, error_size))
         return false;

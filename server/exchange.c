@@ -4,12 +4,12 @@
 void kn_exchange_hear(kn_exchange *x, const kn_batch *batch)
 {
     int64_t now_ns = kn_now_ns();
-    x->receiver.epoch_us = kn_wall_us() - now_ns / 1000; // anew: a wall clock may be set
     for (int i = 0; i < batch->count; i++) {
         int probe;
         kn_pose pose;
-        if (kn_receiver_judge(&x->receiver, &batch->datagram[i], now_ns, &probe, &pose) == KN_ACCEPTED)
-            kn_loop_post(x->loop, probe, &pose);
+        kn_verdict verdict = kn_receiver_judge(&x->receiver, &batch->datagram[i], now_ns, &probe, &pose);
+        if (verdict == KN_ACCEPTED) kn_loop_post(x->loop, probe, &pose);
+        if (verdict == KN_REJECT_HELLO) kn_publisher_answer(&x->publisher, x->receiver.nonce);
     }
 }
 
@@ -32,7 +32,7 @@ static void go_over(kn_exchange *x)
 {
     kn_change *changed = atomic_load_explicit(&x->loop->changed, memory_order_acquire);
     if (changed == x->told || !kn_publisher_go_over(&x->publisher, changed->scene)) return;
-    kn_publisher_scene(&x->publisher, kn_wall_us());
+    kn_publisher_scene(&x->publisher, kn_stamp_us());
     x->told = changed;
 }
 

@@ -29,7 +29,7 @@ static knead_status_t status_of(kn_checkup *c, const kn_fpga_counts *circuit)
 {
     const kn_receiver *r = c->receiver;
     const kn_model *model = c->served->model;
-    knead_status_t status = {.utime = kn_wall_us(), .uptime_ms = (kn_now_ns() - c->start_ns) / 1000000};
+    knead_status_t status = {.utime = kn_stamp_us(), .uptime_ms = (kn_now_ns() - c->start_ns) / 1000000};
     kn_account_status(&c->loop->account, &status);
     status.missed_explained = kn_sentinel_judge(c->sentinel, kn_now_ns());
     status.received = r->received;

@@ -1,4 +1,5 @@
 #include "server/log.h"
+#include "server/auth.h"
 #include "server/wire.h"
 #include <errno.h>
 #include <math.h>
@@ -106,11 +107,11 @@ static bool all_finite(const double *value, int count)
     return true;
 }
 
-// size is that of a fixed-size type, or that and a MAC.
+// size is that of a fixed-size type, or that and a trailer.
 static bool fits(const kn_log_record *r, int encoded_size, int64_t hash)
 {
     size_t size = (size_t)encoded_size;
-    return (r->size == size || r->size == size + KN_WIRE_MAC) && big_endian_64(r->data) == hash;
+    return kn_auth_fits(r->size, size) && big_endian_64(r->data) == hash;
 }
 
 static kn_log_kind read_force(kn_log_record *r)

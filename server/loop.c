@@ -163,7 +163,7 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
 
     if (!in.stop) loop->running_tick = wake->tick;
     bool last = record.out.stopped || wake->tick - loop->running_tick > KN_LOOP_STOP_TICKS;
-    record.utime = kn_wall_us();
+    record.utime = kn_stamp_us();
     record.guarded_ns = kn_now_ns();
     record.execution_ns = loop->execution_ns = record.guarded_ns - wake->now_ns;
     for (int p = 0; p < record.out.probes; p++) record.posted_ns[p] = arrival[p].arrived_ns;

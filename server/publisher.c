@@ -29,7 +29,7 @@ bool kn_publisher_go_over(kn_publisher *p, const kn_scene *scene)
     kn_wire_scene(&message, scene, p->initial_hash, 0);
     int room = ROOM_FIXED + knead_scene_t_encoded_size(&message);
     if (room > p->room) {
-        uint8_t *bytes = realloc(p->bytes, (size_t)room + KN_WIRE_MAC);
+        uint8_t *bytes = realloc(p->bytes, (size_t)room + KN_AUTH_TRAILER);
         if (!bytes) return false;
         p->bytes = bytes;
         p->room = room;
@@ -48,10 +48,17 @@ void kn_publisher_close(kn_publisher *p)
 
 static void send_bytes(kn_publisher *p, const char *channel, int size)
 {
-    if (size > 0 && p->auth) size = (int)kn_auth_sign(p->auth, channel, p->bytes, (size_t)size);
+    if (size > 0 && p->auth)
+        size = (int)kn_auth_sign(p->auth, channel, p->bytes, (size_t)size, kn_auth_now(p->auth, &p->signed_us));
     bool sent = size > 0 && lcm_publish(p->lcm, channel, p->bytes, (unsigned)size) == 0;
     p->published += sent;
     p->failed += !sent;
+}
+
+void kn_publisher_answer(kn_publisher *p, const unsigned char nonce[KN_AUTH_NONCE])
+{
+    memcpy(p->bytes, nonce, KN_AUTH_NONCE);
+    send_bytes(p, KN_LIFE_CHANNEL, KN_AUTH_NONCE);
 }
 
 void kn_publisher_record(kn_publisher *p, const kn_record *record)

@@ -13,12 +13,13 @@ typedef struct kn_publisher {
     lcm_t *lcm;
     const kn_scene *scene;
     const kn_auth *auth; // signs every message; NULL: nobody does
+    int64_t signed_us;   // age of the last one
     uint64_t initial_hash;
     char force_channel[KN_PROBES_MAX][64]; // KNEAD_FORCE_<probe>
     char contact_channel[KN_PROBES_MAX][64];
     char touch_channel[KN_PROBES_MAX][64];
     uint8_t *bytes;                        // room for the largest message, which is the scene
-    int room;                              // and KN_WIRE_MAC bytes more, for a tag
+    int room;                              // and KN_AUTH_TRAILER bytes more
     int64_t published; // datagrams handed to LCM
     int64_t failed;    // refused by it
 } kn_publisher;
@@ -31,6 +32,9 @@ void kn_publisher_close(kn_publisher *p);
 // Another scene with the same probes, told from now on. Borrows it. May allocate; false: there is no memory for it, and
 // it is not told.
 bool kn_publisher_go_over(kn_publisher *p, const kn_scene *scene);
+
+// Answer a listener's KNEAD_HELLO. Needs auth.
+void kn_publisher_answer(kn_publisher *p, const unsigned char nonce[KN_AUTH_NONCE]);
 
 // A tick: its events, in the order they were applied, then of every probe that has a session the force and, where they
 // are identified, the local model.

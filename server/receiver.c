@@ -5,10 +5,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#define LC02 0x4c433032u
-#define LC03 0x4c433033u
-#define HEADER_SIZE 8  // magic, sequence
-#define CHANNEL_MAX 64 // with its NUL, LCM's own limit
 #define CHANNEL_PREFIX "KNEAD_POSE_"
 
 #define QUATERNION_BOUND 1e-3 // of a device that sends floats; worse is not a rotation
@@ -18,7 +14,7 @@
     1000 // the servo looks once per ms, so a step below 5 mm is no jump however close its stamps are
 #define SILENCE_NS 1000000000
 #define LATE_NS 1000000         // a tick's
-#define CLOCK_APART_US 60000000 // two machines' clocks
+#define HELLO_NS 100000 // between two answers
 #define COST_NS 200000      // of one pose: 5 kHz
 #define CREDIT_NS 200000000 // 1 000 poses at once: a 1 kHz sender that was held up for as long as its session may live
 
@@ -32,6 +28,16 @@ const char *kn_verdict_name(kn_verdict verdict)
     return verdict == KN_ACCEPTED ? "accepted" : names[verdict];
 }
 
+const char *kn_verdict_meaning(kn_verdict verdict)
+{
+    static const char *const meanings[] = {
+#define KN_REJECT(name, text, meaning) meaning,
+        KN_REJECTS(KN_REJECT)
+#undef KN_REJECT
+    };
+    return meanings[verdict];
+}
+
 _Static_assert(KN_REJECT_COUNT <= 24, "status_t.rejected has 24 places");
 
 void kn_receiver_init(kn_receiver *r, const kn_model_def *def)
@@ -42,16 +48,6 @@ void kn_receiver_init(kn_receiver *r, const kn_model_def *def)
         snprintf(r->channel[p], sizeof r->channel[p], CHANNEL_PREFIX "%s", def->probe[p].name);
 }
 
-static uint32_t big_endian_32(const unsigned char *bytes)
-{
-    return (uint32_t)bytes[0] << 24 | (uint32_t)bytes[1] << 16 | (uint32_t)bytes[2] << 8 | bytes[3];
-}
-
-static int64_t big_endian_64(const unsigned char *bytes)
-{
-    return (int64_t)((uint64_t)big_endian_32(bytes) << 32 | big_endian_32(bytes + 4));
-}
-
 static bool known(const kn_receiver *r, struct in_addr from)
 {
     int i = 0;
@@ -59,32 +55,51 @@ static bool known(const kn_receiver *r, struct in_addr from)
     return r->peers == 0 || i < r->peers;
 }
 
-// The bounds, before any field is looked at.
-static kn_verdict unpack(const kn_receiver *r, const kn_datagram *datagram, int *probe, knead_probe_pose_t *message)
+// Check the tag, and that the message is of this life and of now.
+static kn_verdict authenticate(const kn_receiver *r, const kn_packet *packet, int64_t now_ns)
 {
-    const unsigned char *bytes = datagram->bytes;
+    kn_auth_stamp stamp;
+    if (!kn_auth_check(r->auth, packet->channel, packet->payload, packet->size, &stamp)) return KN_REJECT_MAC;
+    if (strcmp(packet->channel, KN_HELLO_CHANNEL) == 0) return KN_ACCEPTED;
+    int64_t age_us = (now_ns - r->auth->born_ns) / 1000;
+    bool now = stamp.age_us >= age_us - KN_AUTH_BEHIND_US && stamp.age_us <= age_us + KN_AUTH_AHEAD_US;
+    return stamp.life == r->auth->life && now ? KN_ACCEPTED : KN_REJECT_REPLAYED;
+}
+
+// A listener's nonce. Answers go out at 10 kHz at most: whoever records a hello can send it again.
+static kn_verdict take_hello(kn_receiver *r, const kn_packet *packet, int64_t now_ns)
+{
+    if (!r->auth || packet->size != KN_AUTH_NONCE + KN_AUTH_TRAILER) return KN_REJECT_CHANNEL;
+    kn_verdict verdict = authenticate(r, packet, now_ns);
+    if (verdict != KN_ACCEPTED) return verdict;
+    if (now_ns - r->greeted_ns < HELLO_NS) return KN_REJECT_RATE;
+    r->greeted_ns = now_ns;
+    memcpy(r->nonce, packet->payload, sizeof r->nonce);
+    return KN_REJECT_HELLO;
+}
+
+// Check the bounds before any field is looked at.
+static kn_verdict unpack(const kn_receiver *r, const kn_datagram *datagram, kn_packet *packet)
+{
+    static const kn_verdict of_frame[] = {KN_ACCEPTED, KN_REJECT_RUNT, KN_REJECT_MAGIC, KN_REJECT_CHANNEL_END};
     if (!datagram->here) return KN_REJECT_INTERFACE;
     if (!known(r, datagram->from)) return KN_REJECT_PEER;
-    if (datagram->size < HEADER_SIZE) return KN_REJECT_RUNT;
-    uint32_t magic = big_endian_32(bytes);
-    if (magic != LC02) return magic == LC03 ? KN_REJECT_FRAGMENT : KN_REJECT_MAGIC;
+    if (datagram->size >= 4 && memcmp(datagram->bytes, "LC03", 4) == 0) return KN_REJECT_FRAGMENT;
+    return of_frame[kn_bus_unpack(datagram->bytes, datagram->size, packet)];
+}
 
-    const char *channel = (const char *)bytes + HEADER_SIZE;
-    size_t left = datagram->size - HEADER_SIZE;
-    const char *end = memchr(channel, 0, left < CHANNEL_MAX ? left : CHANNEL_MAX);
-    if (!end) return KN_REJECT_CHANNEL_END;
-    if (strncmp(channel, CHANNEL_PREFIX, strlen(CHANNEL_PREFIX)) != 0) return KN_REJECT_CHANNEL;
-    for (*probe = 0; *probe < r->probes && strcmp(channel, r->channel[*probe]) != 0;) ++*probe;
+// Nothing of the payload is read before its tag has been found good.
+static kn_verdict decode(const kn_receiver *r, const kn_packet *packet, int64_t now_ns, int *probe,
+                         knead_probe_pose_t *message)
+{
+    if (strncmp(packet->channel, CHANNEL_PREFIX, strlen(CHANNEL_PREFIX)) != 0) return KN_REJECT_CHANNEL;
+    for (*probe = 0; *probe < r->probes && strcmp(packet->channel, r->channel[*probe]) != 0;) ++*probe;
     if (*probe == r->probes) return KN_REJECT_PROBE;
-
-    const unsigned char *payload = (const unsigned char *)end + 1;
-    size_t size = datagram->size - (size_t)(payload - bytes);
-    size_t wanted = (size_t)knead_probe_pose_t_encoded_size(message);
-    if (datagram->truncated || (size != wanted && size != wanted + KN_WIRE_MAC)) return KN_REJECT_LENGTH;
-    if (r->auth && (size == wanted || !kn_auth_check(r->auth, channel, payload, size))) return KN_REJECT_MAC;
-    size = wanted;
-    if (big_endian_64(payload) != __knead_probe_pose_t_get_hash()) return KN_REJECT_TYPE;
-    return knead_probe_pose_t_decode(payload, 0, (int)size, message) == (int)size ? KN_ACCEPTED : KN_REJECT_LENGTH;
+    int size = knead_probe_pose_t_encoded_size(message);
+    if (!kn_auth_fits(packet->size, (size_t)size)) return KN_REJECT_LENGTH;
+    kn_verdict verdict = r->auth ? authenticate(r, packet, now_ns) : KN_ACCEPTED;
+    if (verdict != KN_ACCEPTED) return verdict;
+    return knead_probe_pose_t_decode(packet->payload, 0, size, message) == size ? KN_ACCEPTED : KN_REJECT_TYPE;
 }
 
 static bool all_finite(const double *value, int count)
@@ -140,25 +155,6 @@ static bool afford(kn_source *source, int64_t now_ns)
     if (credit_ns < COST_NS) return false;
     source->credit_ns = credit_ns - COST_NS;
     return true;
-}
-
-// An authentic message proves its sender, not its time.
-static bool is_of_now(const kn_receiver *r, const knead_probe_pose_t *m, int64_t now_ns)
-{
-    int64_t now_us = r->epoch_us + now_ns / 1000;
-    return m->utime >= now_us - CLOCK_APART_US && m->utime <= now_us + CLOCK_APART_US;
-}
-
-// Where a session that opens is written down; NULL: it has been here before, or too many have.
-static struct kn_ended *place_of(kn_source *source, int64_t session, int64_t now_ns)
-{
-    struct kn_ended *place = NULL;
-    for (int i = 0; i < KN_ENDED_MAX; i++) {
-        struct kn_ended *e = &source->ended[i];
-        if (e->session == session && e->until_ns > now_ns) return NULL;
-        if (e->until_ns <= now_ns) place = e;
-    }
-    return place;
 }
 
 static bool expired(const kn_source *source, int64_t now_ns)
@@ -250,8 +246,8 @@ static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t 
     return KN_ACCEPTED;
 }
 
-// Without a key: what a session sends after its last pose is refused until it has sent nothing for a second.
-static kn_verdict admit_anybody(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns, kn_pose *pose)
+// Refuse what a session sends after its last pose until it has sent nothing for a second.
+static kn_verdict admit_present(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns, kn_pose *pose)
 {
     struct kn_ended *place = source->ended; // its own, or that which is forgotten first
     for (int i = 1; i < KN_ENDED_MAX && place->session != m->session; i++) {
@@ -269,29 +265,19 @@ static kn_verdict admit_anybody(kn_source *source, const knead_probe_pose_t *m, 
     return verdict;
 }
 
-static kn_verdict admit_authentic(const kn_receiver *r, kn_source *source, const knead_probe_pose_t *m, int64_t now_ns,
-                                  kn_pose *pose)
-{
-    if (!is_of_now(r, m, now_ns)) return KN_REJECT_REPLAYED;
-    bool goes_on = source->last.session == m->session && !expired(source, now_ns);
-    struct kn_ended *place = goes_on ? NULL : place_of(source, m->session, now_ns);
-    if (!goes_on && !place) return KN_REJECT_REPLAYED;
-    kn_verdict verdict = admit(source, m, now_ns, pose);
-    if (verdict != KN_ACCEPTED) return verdict;
-    for (int i = 0; i < KN_ENDED_MAX && goes_on; i++)
-        if (source->ended[i].session == m->session) place = &source->ended[i];
-    if (place) *place = (struct kn_ended){m->session, now_ns + INT64_C(2000) * CLOCK_APART_US}; // its poses are too old then
-    return KN_ACCEPTED;
-}
-
 kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_t now_ns, int *probe, kn_pose *pose)
 {
     knead_probe_pose_t message = {0};
-    kn_verdict verdict = unpack(r, datagram, probe, &message);
-    if (verdict == KN_ACCEPTED && (verdict = check_fields(&message)) != KN_ACCEPTED)
-        count_refused(&r->source[*probe], &message);
-    if (verdict == KN_ACCEPTED && r->auth) verdict = admit_authentic(r, &r->source[*probe], &message, now_ns, pose);
-    else if (verdict == KN_ACCEPTED) verdict = admit_anybody(&r->source[*probe], &message, now_ns, pose);
+    kn_packet packet;
+    kn_verdict verdict = unpack(r, datagram, &packet);
+    if (verdict == KN_ACCEPTED && strcmp(packet.channel, KN_HELLO_CHANNEL) == 0)
+        verdict = take_hello(r, &packet, now_ns);
+    else if (verdict == KN_ACCEPTED) {
+        verdict = decode(r, &packet, now_ns, probe, &message);
+        if (verdict == KN_ACCEPTED && (verdict = check_fields(&message)) != KN_ACCEPTED)
+            count_refused(&r->source[*probe], &message);
+        if (verdict == KN_ACCEPTED) verdict = admit_present(&r->source[*probe], &message, now_ns, pose);
+    }
     r->received++;
     if (verdict == KN_ACCEPTED)
         r->accepted++;
@@ -303,7 +289,9 @@ kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_
 kn_verdict kn_receiver_read(const kn_receiver *r, const kn_datagram *datagram, int *probe, kn_pose *pose)
 {
     knead_probe_pose_t message = {0};
-    kn_verdict verdict = unpack(r, datagram, probe, &message);
+    kn_packet packet;
+    kn_verdict verdict = unpack(r, datagram, &packet);
+    if (verdict == KN_ACCEPTED) verdict = decode(r, &packet, 0, probe, &message);
     if (verdict == KN_ACCEPTED) verdict = check_fields(&message);
     if (verdict == KN_ACCEPTED) *pose = pose_of(&message);
     return verdict;

@@ -15,11 +15,11 @@
 // session may come, the same number with a new seq included. sent_ns is never judged: a played log is old.
 //
 // A session may say that a pose is its last (KN_BUTTON_LEAVING). Whatever it sends after that is stale until it has been
-// silent for 1 s; with a key it is replayed, for two minutes. The probe is free as soon as the servo says that the
+// silent for 1 s. The probe is free as soon as the servo says that the
 // session has left.
 //
-// With a key, a pose must carry its tag (auth.h), and its utime lie within a minute of our own clock; a session that has
-// ended is not opened again while its poses could still do so. For what was recorded can be sent again by anybody.
+// With a key, a pose must be authentic, of this life and of now (auth.h): anybody can record a pose and send it again. A
+// KNEAD_HELLO is no pose either; the caller answers it.
 // Real-time safe.
 #include "server/auth.h"
 #include "server/bus.h"
@@ -48,7 +48,8 @@
     X(RATE, "rate", "more than 5 000 per second")                                                                       \
     X(PEER, "peer", "from an address that --peer does not name")                                                       \
     X(MAC, "mac", "without the key's authentication code, or with a wrong one")                                        \
-    X(REPLAYED, "replayed", "authentic, but not of now, or of a session that has ended")
+    X(REPLAYED, "replayed", "authentic, but of another life of kneadd, or not of now")                                 \
+    X(HELLO, "hello", "not a pose: a listener asks for this life's number, and is answered")
 
 typedef enum kn_verdict {
 #define KN_REJECT(name, text, meaning) KN_REJECT_##name,
@@ -58,9 +59,10 @@ typedef enum kn_verdict {
     KN_ACCEPTED = -1
 } kn_verdict;
 
-const char *kn_verdict_name(kn_verdict verdict); // "stale"; "accepted"
+const char *kn_verdict_name(kn_verdict verdict);    // "stale"; "accepted"
+const char *kn_verdict_meaning(kn_verdict verdict); // of a rejection, in words
 
-#define KN_ENDED_MAX 128 // with a key; no more sessions can be opened within two minutes
+#define KN_ENDED_MAX 16 // sessions that left within a second
 
 typedef struct kn_packets { // of one probe's sessions, as health_t has them
     int64_t accepted, lost, late, duplicate, reordered, lost_in_a_row_max;
@@ -70,7 +72,7 @@ typedef struct kn_source { // who moves one probe
     kn_pose last;          // accepted; session 0: nobody owns the probe
     kn_pose reference;     // accepted; speeds are measured from here. Moves on to last when that is >= 1 ms newer
     int64_t heard_ns;      // when last was accepted
-    struct kn_ended {      // ended sessions, remembered until then: with a key all, without one those that left
+    struct kn_ended {      // sessions that left, remembered until then
         int64_t session, until_ns;
     } ended[KN_ENDED_MAX];
     int64_t credit_ns;     // time not yet spent on poses, each of which costs 0.2 ms
@@ -86,7 +88,8 @@ typedef struct kn_receiver {
     char channel[KN_PROBES_MAX][64]; // KNEAD_POSE_<probe>
     kn_source source[KN_PROBES_MAX];
     const kn_auth *auth;          // borrowed; NULL: no key
-    int64_t epoch_us;             // us since 1970 when the monotonic clock was 0; only for a key
+    unsigned char nonce[KN_AUTH_NONCE]; // of the last KN_REJECT_HELLO
+    int64_t greeted_ns;                 // when that came
     struct in_addr peer[KN_PEERS_MAX]; // whom poses are taken from
     int peers;                    // 0: anybody
     int64_t received, accepted, rejected[KN_REJECT_COUNT];
@@ -94,7 +97,8 @@ typedef struct kn_receiver {
 
 void kn_receiver_init(kn_receiver *r, const kn_model_def *def);
 
-// Judges and counts one datagram that arrived at now_ns (monotonic). When accepted, *probe and *pose say what it was.
+// Judge and count one datagram that arrived at now_ns (monotonic). When accepted, *probe and *pose say what it was. After
+// KN_REJECT_HELLO the caller answers r->nonce.
 kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_t now_ns, int *probe, kn_pose *pose);
 
 // The same by its bytes alone, whatever came before it: KN_ACCEPTED, it is a pose. Counts nothing.

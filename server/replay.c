@@ -329,8 +329,7 @@ static kn_datagram datagram_of(const kn_log_record *record)
 {
     kn_datagram d = {.here = true};
     size_t name = strlen(record->channel) + 1, size = 8 + name + record->size;
-    d.truncated = size > sizeof d.bytes;
-    if (d.truncated) size = 8 + name;
+    if (size > sizeof d.bytes) size = 8 + name; // no pose has that length
     memcpy(d.bytes, "LC02\0\0\0\0", 8);
     memcpy(d.bytes + 8, record->channel, name);
     memcpy(d.bytes + 8 + name, record->data, size - 8 - name);

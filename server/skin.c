@@ -69,7 +69,7 @@ static bool open_topology(kn_skin *skin, uint64_t text_hash)
     skin->mesh_id = (int64_t)kn_hash_bytes(hash, &text_hash, sizeof text_hash);
     knead_mesh_init_t message = topology_message(skin, 0);
     skin->topology_size = knead_mesh_init_t_encoded_size(&message);
-    skin->topology = malloc((size_t)skin->topology_size + KN_WIRE_MAC);
+    skin->topology = malloc((size_t)skin->topology_size + KN_AUTH_TRAILER);
     return skin->topology;
 }
 
@@ -119,7 +119,8 @@ bool kn_skin_follows(const kn_skin *skin, const kn_model *model)
 
 static void send_bytes(kn_skin *skin, const char *channel, uint8_t *bytes, int size) // room for a tag behind them
 {
-    if (size > 0 && skin->auth) size = (int)kn_auth_sign(skin->auth, channel, bytes, (size_t)size);
+    if (size > 0 && skin->auth)
+        size = (int)kn_auth_sign(skin->auth, channel, bytes, (size_t)size, kn_auth_now(skin->auth, &skin->signed_us));
     if (size > 0) lcm_publish(skin->lcm, channel, bytes, (unsigned)size);
 }
 
@@ -174,7 +175,7 @@ static int encode_chunk(kn_skin *skin, const kn_skin_frame *frame, int64_t utime
                                    .positions_m = (float *)frame->xyz_m + 3 * first,
                                    .residual_strain = strain ? strain + first : NULL,
                                    .stress_pa = stress ? stress + first : NULL};
-    return knead_mesh_update_t_encode(skin->update, 0, sizeof skin->update - KN_WIRE_MAC, &message);
+    return knead_mesh_update_t_encode(skin->update, 0, sizeof skin->update - KN_AUTH_TRAILER, &message);
 }
 
 bool kn_skin_publish(kn_skin *skin, int64_t utime)

@@ -35,6 +35,7 @@ typedef struct kn_skin_gauge {
 typedef struct kn_skin {
     const kn_model *model; // at the start; those that come later have its lattice
     const kn_auth *auth; // signs every message; NULL: nobody does
+    int64_t signed_us;   // age of the last one
     kn_surface *surface;
     int period_ticks;
     int64_t next_tick; // the servo's

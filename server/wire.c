@@ -1,4 +1,5 @@
 #include "server/wire.h"
+#include "server/auth.h"
 #include <string.h>
 
 void kn_wire_force(knead_contact_force_t *message, const kn_tick_out *tick, int probe, int64_t utime,
@@ -136,5 +137,5 @@ bool kn_wire_scene_fits(const void *data, size_t size)
         if (memchr(bytes + at, 0, length) != bytes + at + length - 1) return false;
         at += length;
     }
-    return at == size || at + KN_WIRE_MAC == size;
+    return kn_auth_fits(size, at);
 }

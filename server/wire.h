@@ -26,8 +26,6 @@ void kn_wire_scene(knead_scene_t *message, const kn_scene *scene, uint64_t initi
 // And back, for a client: any message there can be. What is in it is the local model's to judge.
 void kn_wire_unit(kn_contact_unit *unit, const knead_contact_model_t *message);
 
-#define KN_WIRE_MAC 16 // bytes of a message authentication code that may follow a payload; decoders ignore them
-
 // Whether the bytes of a scene_t hold the strings they say. The generated decoder believes their lengths and crashes on
 // a negative one: ask first, in every program that hears a bus or reads a log.
 bool kn_wire_scene_fits(const void *data, size_t size);

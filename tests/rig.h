@@ -37,7 +37,7 @@ typedef struct kn_rig {
     kn_served on;
     kn_loop loop;
     kn_exchange exchange;
-    const kn_auth *auth;
+    kn_auth *auth; // NULL: no key
     bool serves;
     int64_t frozen_ns, thawed_ns;
     kn_rig_end end[KN_RIG_ENDS];
@@ -155,7 +155,7 @@ static inline void kn_rig_ticked(void *rig)
 static inline void kn_rig_subscribe(kn_rig_end *e, const char *probe)
 {
     char channels[80];
-    snprintf(channels, sizeof channels, "KNEAD_(FORCE|CONTACT)_%s", probe);
+    snprintf(channels, sizeof channels, "KNEAD_(FORCE|CONTACT)_%s|KNEAD_LIFE", probe);
     lcm_subscription_set_queue_capacity(lcm_subscribe(e->rig->exchange.publisher.lcm, channels, kn_rig_down, e), 64);
 }
 
@@ -170,7 +170,9 @@ static inline void kn_rig_serve(kn_rig *r, const kn_served_def *def)
 {
     char error[512] = "out of memory";
     kn_clock_hand(&r->time);
-    if (r->time.now_ns == 0) r->time = (kn_time){.now_ns = INT64_C(1000000000000), .sleep = kn_rig_sleep};
+    static int64_t rigs; // time never goes back: the devices of one process share what they know of kneadd's life
+    if (r->time.now_ns == 0) r->time = (kn_time){.now_ns = ++rigs * INT64_C(1000000000000), .sleep = kn_rig_sleep};
+    if (r->auth) kn_auth_begin(r->auth);
     memset(&r->exchange, 0, sizeof r->exchange);
     r->exchange.loop = &r->loop;
     if (kn_served_load(&r->on, def, error, sizeof error) != 0 ||
@@ -223,7 +225,7 @@ static inline void kn_rig_joined(kn_rig_end *e, bool opened, lcm_t *lcm, const c
     if (!opened) fprintf(stderr, "%s\n", error), exit(1);
     e->lcm = lcm;
     e->down.deliver = kn_rig_publish, e->down.to = lcm;
-    snprintf(channel, sizeof channel, "KNEAD_POSE_%s", kn_rig_probe(e));
+    snprintf(channel, sizeof channel, "KNEAD_POSE_%s|KNEAD_HELLO", kn_rig_probe(e));
     lcm_subscribe(lcm, channel, kn_rig_up, e);
     kn_rig_subscribe(e, kn_rig_probe(e));
 }

@@ -11,9 +11,9 @@ static const int device_priority = 60; // below kneadd's threads: a device has a
 
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
+    (void)channel;
     kn_device *d = self;
     knead_contact_force_t f;
-    if (!kn_join_heard(buf, channel)) return;
     if (knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &f) < 0) return;
     if (f.session == d->force.session && f.tick <= d->force.tick) return; // repeated, or overtaken on its way
     d->force.session = f.session;
@@ -30,10 +30,10 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 
 static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
+    (void)channel;
     kn_device *d = self;
     knead_contact_model_t message;
     kn_hand_force *f = &d->force;
-    if (!kn_join_heard(buf, channel)) return;
     if (knead_contact_model_t_decode(buf->data, 0, (int)buf->data_size, &message) < 0) return;
     if (f->units > 0 && (f->unit->utime != message.utime || f->units == KN_CONTACT_UNITS)) f->units = 0;
     kn_wire_unit(&f->unit[f->units++], &message);
@@ -42,14 +42,14 @@ static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *sel
 static void publish(kn_device *d, const kn_hand_out *out, int32_t buttons)
 {
     uint8_t bytes[256];
-    knead_probe_pose_t pose = {.utime = kn_wall_us(), .session = out->session, .seq = out->seq, .buttons = buttons};
+    knead_probe_pose_t pose = {.utime = kn_stamp_us(), .session = out->session, .seq = out->seq, .buttons = buttons};
     memcpy(pose.position_m, out->point.position_m, sizeof pose.position_m);
     memcpy(pose.velocity_m_s, out->point.velocity_m_s, sizeof pose.velocity_m_s);
     memcpy(pose.orientation_wxyz, out->point.orientation_wxyz, sizeof pose.orientation_wxyz);
     pose.frame = KNEAD_PROBE_POSE_T_FRAME_SCENE;
     pose.sent_ns = kn_now_ns();
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &pose);
-    kn_join_send(d->lcm, d->pose_channel, bytes, size); // a lost pose is what watchdogs are for
+    kn_join_send(d->bus, d->pose_channel, bytes, size); // a lost pose is what watchdogs are for
 }
 
 // Once.
@@ -63,23 +63,15 @@ static void say_leaving(kn_device *d)
 
 static bool open_bus(kn_device *d)
 {
-    d->lcm = kn_join(d->url, KN_FORCE_URL, d->error, d->error_size);
-    if (!d->lcm) return false;
-    lcm_subscription_t *forces = lcm_subscribe(d->lcm, d->force_channel, on_force, d);
-    if (!forces) {
-        snprintf(d->error, d->error_size, "LCM refuses the subscription to %s", d->force_channel);
-        return false;
-    }
-    lcm_subscription_set_queue_capacity(forces, 2); // a full queue drops the newest: keep it short, drain it every ms
-    lcm_subscription_t *contacts = lcm_subscribe(d->lcm, d->contact_channel, on_contact, d);
-    if (contacts) lcm_subscription_set_queue_capacity(contacts, 2 * KN_CONTACT_UNITS);
-    return true;
+    d->bus = kn_join_open(d->url, KN_FORCE_URL, d->error, d->error_size);
+    return d->bus && kn_join_hear(d->bus, d->force_channel, on_force, d) &&
+           kn_join_hear(d->bus, d->contact_channel, on_contact, d);
 }
 
 bool kn_device_tick(kn_device *d, int elapsed_ms)
 {
     d->fresh = false;
-    for (int n = 0; n < 2 + 2 * KN_CONTACT_UNITS && lcm_handle_timeout(d->lcm, 0) > 0; n++); // the newest stay
+    kn_join_handle(d->bus, 0); // the newest stay
     kn_hand_out out = d->hand(d->self, d->fresh ? &d->force : NULL, elapsed_ms);
     if (out.send) publish(d, &out, 0), d->last = out;
     if (out.end || out.leaves) say_leaving(d);
@@ -89,7 +81,7 @@ bool kn_device_tick(kn_device *d, int elapsed_ms)
 static void *run(void *self)
 {
     kn_device *d = self;
-    d->priority_error = kn_join_priority(device_priority); // before the subscription: LCM's receive thread inherits it
+    d->priority_error = kn_join_priority(device_priority);
     bool ok = open_bus(d);
     if (!ok) atomic_store(&d->stop, true);
     sem_post(&d->ready);
@@ -127,8 +119,9 @@ bool kn_device_join(kn_device *d, kn_device_hand *hand, void *self, const char *
 
 void kn_device_leave(kn_device *d)
 {
-    if (d->lcm) say_leaving(d), lcm_destroy(d->lcm);
-    d->lcm = NULL;
+    if (d->bus) say_leaving(d);
+    kn_join_close(d->bus);
+    d->bus = NULL;
 }
 
 bool kn_device_start(kn_device *d, kn_device_hand *hand, void *self, const char *url, const char *probe, char *error,

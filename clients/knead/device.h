@@ -1,9 +1,9 @@
 #ifndef KN_CLIENTS_DEVICE_H
 #define KN_CLIENTS_DEVICE_H
 // The virtual device: a real-time thread that asks a hand every millisecond where the tool is, publishes that pose and
-// gives the hand the newest force, through stock liblcm. Whose hand it is (a path's, a pointer's) it does not know.
+// gives the hand the newest force. Whose hand it is (a path's, a pointer's) it does not know.
 #include "clients/knead/hand.h"
-#include <lcm/lcm.h>
+#include "clients/knead/join.h"
 #include <pthread.h>
 #include <semaphore.h>
 #include <stdatomic.h>
@@ -25,7 +25,7 @@ typedef struct kn_device {
     kn_hand_force force;
     kn_hand_out last; // that was sent
     bool fresh;
-    lcm_t *lcm;
+    kn_join *bus;
     atomic_bool stop;
     sem_t ready;
     pthread_t thread;

@@ -1,25 +1,64 @@
 #include "clients/knead/join.h"
 #include "server/auth.h"
 #include "server/bus.h"
+#include "server/clock.h"
 #include "server/daemon.h"
+#include <poll.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
-static kn_auth auth;
-static bool keyed;
+#define HEARD_MAX 16
+#define DATAGRAM_MAX 65536   // UDP's own limit
+#define BUFFER_BYTES (4 << 20) // 1 s of meshes
+#define HELLO_NS 50000000    // between two hellos while no life is known
+#define SILENCE_NS 250000000 // without a believed message, a hello asks whether the life is still the same
+#define APART_US 5000000     // of a stamp from this machine's wall clock, for a mute listener
+#define POSES "KNEAD_POSE_"  // the one kind of message that another client signs
 
-static int buffer_bytes(void)
-{
-    int most = 4 << 20, allowed = most; // 4 MiB: 1 s of meshes; asking for more than allowed makes liblcm complain
-    FILE *f = fopen("/proc/sys/net/core/rmem_max", "r");
-    if (f) {
-        if (fscanf(f, "%d", &allowed) != 1) allowed = most;
-        fclose(f);
-    }
-    return allowed < most ? allowed : most;
-}
+typedef struct heard {
+    char channel[KN_CHANNEL_MAX];
+    size_t prefix; // bytes that decide; 0: the whole name
+    lcm_msg_handler_t handler;
+    void *user;
+} heard;
+
+struct kn_join {
+    kn_bus bus;
+    lcm_t *lcm;  // transmits; at KN_MEMORY_URL it hears, too
+    int fd;      // -1 there
+    bool trusts; // no key is asked for
+    bool hails;  // kneadd hears this bus
+    heard heard[HEARD_MAX];
+    int count, handed;
+    kn_auth_stamp last; // believed of kneadd
+    int64_t last_us;    // a mute listener's: utime of that
+    struct { // message in parts
+        char channel[KN_CHANNEL_MAX];
+        uint32_t sequence, whole, got, room;
+        uint16_t part;
+        unsigned char *bytes;
+    } long_message;
+    unsigned char datagram[DATAGRAM_MAX];
+};
+
+// Of the process: its key, and what it knows of the kneadd that holds the same one.
+static struct {
+    kn_auth auth;
+    bool keyed, mute;
+    _Atomic int64_t nonce;       // of the hello that waits for its answer, 0: none does
+    _Atomic int64_t life;        // 0: not known yet
+    _Atomic int64_t floor_us;    // kneadd's age when it answered
+    _Atomic int64_t ahead_us;    // kneadd's age less our monotonic clock, by the last message believed
+    _Atomic int64_t believed_ns; // when that was
+    _Atomic int64_t said_ns;     // when the last hello was
+    atomic_bool forged, old;     // heard: without the key's tag; with it, but not of now
+} own;
+
+// --- open and close -------------------------------------------------------------------------------------------------
 
 static const char *lan(void)
 {
@@ -37,8 +76,14 @@ static const char *choose(const char *url, const char *otherwise)
 
 static bool take_key(char *error, size_t error_size)
 {
-    const char *key = getenv("KNEAD_KEY");
-    return !key || !*key || keyed || (keyed = kn_auth_load(&auth, key, error, error_size));
+    const char *key = getenv("KNEAD_KEY"), *mute = getenv("KNEAD_MUTE");
+    if (!key || !*key || own.keyed) return true;
+    if (!kn_auth_load(&own.auth, key, error, error_size)) return false;
+    own.mute = mute && !strcmp(mute, "1");
+    if (own.mute)
+        fprintf(stderr, "knead: KNEAD_MUTE=1: no hello is said; messages are believed when they were stamped within %d s "
+                        "of this machine's clock\n", APART_US / 1000000);
+    return own.keyed = true;
 }
 
 static bool parse(kn_bus *bus, const char *url, char *error, size_t error_size)
@@ -51,29 +96,267 @@ bool kn_join_check(const char *url, const char *otherwise, char *error, size_t e
     return parse(&(kn_bus){0}, choose(url, otherwise), error, error_size);
 }
 
-lcm_t *kn_join(const char *url, const char *otherwise, char *error, size_t error_size)
+static int deliver(kn_join *j, const char *channel, const unsigned char *bytes, size_t size);
+
+static void on_memory(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
-    char full[256];
-    kn_bus bus;
+    kn_join *j = self;
+    j->handed += deliver(j, channel, buf->data, buf->data_size);
+}
+
+static bool open_memory(kn_join *j, char *error, size_t error_size)
+{
+    if (!take_key(error, error_size)) return false;
+    lcm_subscription_t *all = j->lcm ? lcm_subscribe(j->lcm, ".*", on_memory, j) : NULL;
+    if (all) lcm_subscription_set_queue_capacity(all, KN_JOIN_TURN);
+    return all;
+}
+
+static bool open_socket(kn_join *j, const char *url, char *error, size_t error_size)
+{
+    if (!parse(&j->bus, url, error, error_size) || !kn_bus_check_route(&j->bus, error, error_size)) return false;
+    j->fd = kn_bus_listen(&j->bus, BUFFER_BYTES, error, error_size);
+    return j->fd >= 0;
+}
+
+kn_join *kn_join_open(const char *url, const char *otherwise, char *error, size_t error_size)
+{
+    kn_join *j = calloc(1, sizeof *j);
     url = choose(url, otherwise);
-    if (!strcmp(url, KN_MEMORY_URL)) return take_key(error, error_size) ? lcm_create(url) : NULL;
-    if (!parse(&bus, url, error, error_size) || !kn_bus_check_route(&bus, error, error_size)) return NULL;
-    snprintf(full, sizeof full, strstr(url, "recv_buf_size=") ? "%s" : strchr(url, '?') ? "%s&recv_buf_size=%d" :
-             "%s?recv_buf_size=%d", url, buffer_bytes());
-    lcm_t *lcm = lcm_create(full);
-    if (!lcm) snprintf(error, error_size, "%s: LCM cannot join the group", url);
-    return lcm;
+    snprintf(error, error_size, "%s", j ? "" : "out of memory");
+    if (!j) return NULL;
+    j->fd = -1;
+    j->hails = strcmp(otherwise, KN_MESH_URL) != 0;
+    j->lcm = lcm_create(url);
+    bool opened = strcmp(url, KN_MEMORY_URL) ? open_socket(j, url, error, error_size) : open_memory(j, error, error_size);
+    if (opened && j->lcm) return j;
+    if (!*error) snprintf(error, error_size, "%s: LCM refuses this URL", url);
+    kn_join_close(j);
+    return NULL;
 }
 
-int kn_join_send(lcm_t *lcm, const char *channel, uint8_t *bytes, int size)
+void kn_join_close(kn_join *j)
 {
-    if (keyed) size = (int)kn_auth_sign(&auth, channel, bytes, (size_t)size);
-    return lcm_publish(lcm, channel, bytes, (unsigned)size);
+    if (!j) return;
+    if (j->lcm) lcm_destroy(j->lcm);
+    if (j->fd >= 0) close(j->fd);
+    free(j->long_message.bytes);
+    free(j);
 }
 
-bool kn_join_heard(const lcm_recv_buf_t *buf, const char *channel)
+bool kn_join_hear(kn_join *j, const char *channel, lcm_msg_handler_t handler, void *user)
 {
-    return !keyed || kn_auth_check(&auth, channel, buf->data, buf->data_size);
+    size_t size = strlen(channel);
+    if (j->count == HEARD_MAX || size >= KN_CHANNEL_MAX) return false;
+    heard *h = &j->heard[j->count++];
+    *h = (heard){.handler = handler, .user = user};
+    memcpy(h->channel, channel, size);
+    if (size > 0 && channel[size - 1] == '*') h->prefix = size - 1;
+    return true;
+}
+
+int kn_join_fd(const kn_join *j) { return j->fd >= 0 ? j->fd : lcm_get_fileno(j->lcm); }
+
+lcm_t *kn_join_memory(kn_join *j) { return j->lcm; }
+
+void kn_join_trust(kn_join *j) { j->trusts = true; }
+
+// --- belief ---------------------------------------------------------------------------------------------------------
+
+static int64_t now_us(void) { return kn_now_ns() / 1000; }
+
+static bool signs(const kn_join *j) { return own.keyed && !j->trusts; }
+
+static void say_hello(kn_join *j)
+{
+    uint8_t bytes[KN_AUTH_NONCE + KN_AUTH_TRAILER];
+    int64_t now_ns = kn_now_ns(), life = atomic_load(&own.life), said_ns = atomic_load(&own.said_ns);
+    bool due = life ? now_ns - atomic_load(&own.believed_ns) >= SILENCE_NS && now_ns - said_ns >= SILENCE_NS
+                    : now_ns - said_ns >= HELLO_NS || said_ns == 0;
+    if (!signs(j) || own.mute || !j->hails || !due) return;
+    int64_t nonce = kn_auth_random();
+    atomic_store(&own.said_ns, now_ns);
+    atomic_store(&own.nonce, nonce);
+    memcpy(bytes, &nonce, sizeof nonce);
+    size_t size = kn_auth_sign(&own.auth, KN_HELLO_CHANNEL, bytes, sizeof nonce, (kn_auth_stamp){0});
+    lcm_publish(j->lcm, KN_HELLO_CHANNEL, bytes, (unsigned)size);
+}
+
+static void note_age(int64_t age_us)
+{
+    atomic_store(&own.ahead_us, age_us - now_us());
+    atomic_store(&own.believed_ns, kn_now_ns());
+}
+
+// The answer to our own hello, once.
+static void hear_life(const unsigned char *bytes, size_t size, kn_auth_stamp stamp)
+{
+    int64_t nonce;
+    if (size != sizeof nonce || stamp.life == 0) return;
+    memcpy(&nonce, bytes, sizeof nonce);
+    if (nonce == 0 || !atomic_compare_exchange_strong(&own.nonce, &nonce, 0)) return;
+    bool same = atomic_load(&own.life) == stamp.life;
+    if (!same) atomic_store(&own.floor_us, stamp.age_us);
+    note_age(stamp.age_us);
+    atomic_store(&own.life, stamp.life);
+}
+
+// A listener that says no hello goes by the wall clock: every type of ours begins with its hash and utime.
+static bool is_recent(kn_join *j, const unsigned char *payload, size_t size, kn_auth_stamp stamp)
+{
+    uint64_t utime = 0;
+    for (size_t i = 8; i < 16 && i < size; i++) utime = utime << 8 | payload[i];
+    int64_t apart_us = (int64_t)(utime - (uint64_t)kn_wall_us());
+    bool newer = stamp.life == j->last.life ? stamp.age_us > j->last.age_us : (int64_t)utime > j->last_us;
+    if (size < 16 || !newer || apart_us < -APART_US || apart_us > APART_US) return false;
+    j->last = stamp;
+    j->last_us = (int64_t)utime;
+    atomic_store(&own.believed_ns, kn_now_ns());
+    return true;
+}
+
+static bool is_fresh(kn_join *j, const char *channel, kn_auth_stamp stamp)
+{
+    int64_t life = atomic_load(&own.life);
+    if (stamp.life != life || life == 0) return false;
+    if (!strncmp(channel, POSES, strlen(POSES))) { // of another client
+        int64_t apart_us = stamp.age_us - (now_us() + atomic_load(&own.ahead_us));
+        return apart_us >= -KN_AUTH_BEHIND_US && apart_us <= KN_AUTH_BEHIND_US;
+    }
+    if (j->last.life != life) j->last = (kn_auth_stamp){life, atomic_load(&own.floor_us)};
+    if (stamp.age_us <= j->last.age_us) return false;
+    j->last = stamp;
+    note_age(stamp.age_us);
+    return true;
+}
+
+// Whether a message is to be handed on; size becomes that of its payload.
+static bool believe(kn_join *j, const char *channel, const unsigned char *bytes, size_t *size)
+{
+    kn_auth_stamp stamp;
+    if (!signs(j)) return true;
+    if (!kn_auth_check(&own.auth, channel, bytes, *size, &stamp)) return atomic_store(&own.forged, true), false;
+    *size -= KN_AUTH_TRAILER;
+    if (!strcmp(channel, KN_LIFE_CHANNEL)) return hear_life(bytes, *size, stamp), false;
+    bool fresh = own.mute ? is_recent(j, bytes, *size, stamp) : is_fresh(j, channel, stamp);
+    if (!fresh && stamp.life) atomic_store(&own.old, true);
+    return fresh;
+}
+
+const char *kn_join_why(const char *otherwise)
+{
+    if (!own.keyed || atomic_load(&own.believed_ns)) return otherwise;
+    if (atomic_load(&own.old) && own.mute) return "what is heard was not stamped within 5 s of this machine's clock";
+    if (atomic_load(&own.old))
+        return "what is heard is signed with this KNEAD_KEY, but old: no kneadd that has it answers our hello";
+    return atomic_load(&own.forged) ? "what is heard is not signed with this KNEAD_KEY" : otherwise;
+}
+
+// --- hear -----------------------------------------------------------------------------------------------------------
+
+static bool matches(const heard *h, const char *channel)
+{
+    static const char letters[] = "abcdefghijklmnopqrstuvwxyz0123456789_";
+    if (!h->prefix) return !strcmp(h->channel, channel);
+    if (strncmp(h->channel, channel, h->prefix) != 0) return false;
+    const char *name = channel + h->prefix;
+    return *name && !name[strspn(name, letters)];
+}
+
+static bool wanted(const kn_join *j, const char *channel)
+{
+    bool any = signs(j) && !strcmp(channel, KN_LIFE_CHANNEL);
+    for (int i = 0; i < j->count && !any; i++) any = matches(&j->heard[i], channel);
+    return any;
+}
+
+static int deliver(kn_join *j, const char *channel, const unsigned char *bytes, size_t size)
+{
+    int handed = 0;
+    if (!wanted(j, channel) || !believe(j, channel, bytes, &size)) return 0;
+    const lcm_recv_buf_t buf = {
+        .data = (void *)bytes, .data_size = (uint32_t)size, .recv_utime = kn_stamp_us(), .lcm = j->lcm};
+    for (int i = 0; i < j->count; i++) {
+        if (!matches(&j->heard[i], channel)) continue;
+        j->heard[i].handler(&buf, channel, j->heard[i].user);
+        handed++;
+    }
+    return handed;
+}
+
+// The next part of a message; another one that begins ends it.
+static int take_part(kn_join *j, const kn_packet *p)
+{
+    typeof(j->long_message) *m = &j->long_message;
+    if (p->part == 0) {
+        m->whole = 0;
+        if (!wanted(j, p->channel) || p->parts < 2 || p->whole > KN_JOIN_LARGEST) return 0;
+        if (p->whole > m->room) {
+            unsigned char *bytes = realloc(m->bytes, p->whole);
+            if (!bytes) return 0;
+            m->bytes = bytes;
+            m->room = p->whole;
+        }
+        snprintf(m->channel, sizeof m->channel, "%s", p->channel);
+        m->sequence = p->sequence, m->whole = p->whole, m->got = 0, m->part = 0;
+    }
+    bool next = m->whole && p->sequence == m->sequence && p->whole == m->whole && p->part == m->part &&
+                p->offset == m->got && p->size <= m->whole - m->got;
+    if (!next) return 0;
+    memcpy(m->bytes + m->got, p->payload, p->size);
+    m->got += (uint32_t)p->size;
+    m->part++;
+    if (m->part < p->parts || m->got < m->whole) return 0;
+    size_t size = m->whole;
+    m->whole = 0;
+    return deliver(j, m->channel, m->bytes, size);
+}
+
+int kn_join_take(kn_join *j, const void *datagram, size_t size)
+{
+    kn_packet p;
+    if (kn_bus_unpack(datagram, size, &p) != KN_FRAMED) return 0;
+    return p.split ? take_part(j, &p) : deliver(j, p.channel, p.payload, p.size);
+}
+
+static int take_waiting(kn_join *j)
+{
+    int handed = 0;
+    bool here;
+    for (int n = 0; n < KN_JOIN_TURN && j->fd >= 0; n++) {
+        ssize_t size = kn_bus_take(&j->bus, j->fd, j->datagram, sizeof j->datagram, &here);
+        if (size < 0) break;
+        if (here) handed += kn_join_take(j, j->datagram, (size_t)size);
+    }
+    if (j->fd >= 0) return handed;
+    j->handed = 0;
+    for (int n = 0; n < KN_JOIN_TURN && lcm_handle_timeout(j->lcm, 0) > 0; n++);
+    return j->handed;
+}
+
+int kn_join_handle(kn_join *j, int timeout_ms)
+{
+    int64_t end_ns = kn_now_ns() + timeout_ms * INT64_C(1000000);
+    for (;;) {
+        say_hello(j);
+        int handed = take_waiting(j);
+        int64_t left_ms = (end_ns - kn_now_ns() + 999999) / 1000000;
+        if (handed > 0 || left_ms <= 0) return handed;
+        int slice_ms = left_ms < HELLO_NS / 1000000 ? (int)left_ms : HELLO_NS / 1000000;
+        poll(&(struct pollfd){.fd = kn_join_fd(j), .events = POLLIN}, 1, slice_ms);
+    }
+}
+
+void kn_join_send(kn_join *j, const char *channel, uint8_t *bytes, int size)
+{
+    int64_t life = atomic_load(&own.life);
+    say_hello(j);
+    if (signs(j) && life == 0) return;
+    if (signs(j)) {
+        kn_auth_stamp stamp = {life, now_us() + atomic_load(&own.ahead_us)};
+        size = (int)kn_auth_sign(&own.auth, channel, bytes, (size_t)size, stamp);
+    }
+    lcm_publish(j->lcm, channel, bytes, (unsigned)size);
 }
 
 int kn_join_priority(int priority)

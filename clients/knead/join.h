@@ -1,30 +1,69 @@
 #ifndef KN_CLIENTS_JOIN_H
 #define KN_CLIENTS_JOIN_H
-// A client's way onto an LCM bus: stock liblcm behind the same check of the route as the daemon's, because already the
-// joining of a group whose route is not loopback would go out to the network.
+// A client's place on an LCM bus: it hears through kneadd's own bounded receiver (server/bus.h), and liblcm only
+// transmits, because a datagram made for it writes out of the bounds of liblcm's receiving half.
+//
+//     kn_join_open -> kn_join_hear, once per channel -> kn_join_handle, as often as there is time -> kn_join_close
+//
+// With a key (KNEAD_KEY), the tag is checked before anything of a message is read, and only messages of the life of
+// kneadd that answered our hello are believed, each older than the next (server/auth.h).
+//
+// A message in parts (LC03) is put together when its parts come in order, one message at a time, of KN_JOIN_LARGEST
+// bytes at most. One thread uses a join; several joins of one process share a key and the life of kneadd.
 #include <lcm/lcm.h>
-#include <stdint.h>
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 #define KN_FORCE_URL "udpm://239.255.76.67:7667?ttl=0" // poses, forces, scene, events, status
-#define KN_MEMORY_URL "memq://" // no bus: a queue of this lcm_t, for whoever carries messages by hand (tests/rig.h)
+#define KN_MEMORY_URL "memq://" // no bus: a queue of this join, for whoever carries messages by hand (tests/rig.h)
 #define KN_MESH_URL "udpm://239.255.76.67:7668?ttl=0"
+#define KN_JOIN_LARGEST (16 << 20) // bytes of a message in parts: a mesh of 2^20 triangles has 12 MiB
+#define KN_JOIN_ASK "is kneadd running on this bus? (server/run, or kneadd --scene core/scenes/dough.yaml)"
+#define KN_JOIN_TURN 256           // datagrams taken by one call, so that a flood ends no millisecond
 
-// Whether kn_join would understand the URL; nothing is opened. False and one line in error: bad input, where a failing
-// kn_join is the machine's refusal.
+typedef struct kn_join kn_join;
+
+// Whether kn_join_open would understand the URL and the environment; nothing is opened. False and one line in error: bad
+// input, where a failing kn_join_open is the machine's refusal.
 bool kn_join_check(const char *url, const char *otherwise, char *error, size_t error_size);
 
-// url NULL: LCM_DEFAULT_URL if it is set and `otherwise` is KN_FORCE_URL, else `otherwise`. The receive buffer is as
-// large as the kernel allows, up to 4 MiB: what a full one loses is lost silently. NULL and one line in error.
-// LCM's hidden receive thread gets the scheduling class of the thread that makes the first subscription.
-lcm_t *kn_join(const char *url, const char *otherwise, char *error, size_t error_size);
+// Join a bus. url NULL: LCM_DEFAULT_URL if it is set and `otherwise` is KN_FORCE_URL, else `otherwise`. The receive
+// buffer is as large as the kernel allows, up to 4 MiB: what a full one loses is lost silently. NULL and one line in
+// error. From the environment:
+//     KNEAD_LAN     an interface in lo's place, for URLs with ttl=1 or more
+//     KNEAD_KEY     a file of server/auth.h: sign what is sent, believe what is signed with it and fresh
+//     KNEAD_MUTE=1  with a key: say no hello. Fresh is then what was stamped within 5 s of this machine's wall clock
+kn_join *kn_join_open(const char *url, const char *otherwise, char *error, size_t error_size);
+void kn_join_close(kn_join *join); // NULL is fine
 
-// Of the environment: KNEAD_LAN, an interface in lo's place, for URLs with ttl=1 or more; KNEAD_KEY, a file of
-// server/auth.h, which kn_join_check and kn_join read. Then what is sent is signed, and what was not signed with it was
-// not heard. bytes: size of them, and room for KN_WIRE_MAC more.
-int kn_join_send(lcm_t *lcm, const char *channel, uint8_t *bytes, int size);
-bool kn_join_heard(const lcm_recv_buf_t *buf, const char *channel);
+// Call handler for each message on a channel; a '*' at its end stands for any
+// name of a tool, [a-z0-9_]+. buf->data is the
+// payload alone, without a trailer, valid during the call. False: more than 16.
+bool kn_join_hear(kn_join *join, const char *channel, lcm_msg_handler_t handler, void *user);
+
+// Take what waits, KN_JOIN_TURN datagrams at most; when nothing does, wait timeout_ms for the first that is handed on.
+// Return the number of messages handed on. Says hello when it is time. Allocates for messages in parts alone.
+int kn_join_handle(kn_join *join, int timeout_ms);
+
+// Judge one datagram as if it had come over the bus. Return the number of handlers that were called.
+int kn_join_take(kn_join *join, const void *datagram, size_t size);
+
+// Return a descriptor that is readable when datagrams wait.
+int kn_join_fd(const kn_join *join);
+
+// Send `size` bytes, which have room for KN_AUTH_TRAILER more. With a key nothing is sent before a life is known.
+void kn_join_send(kn_join *join, const char *channel, uint8_t *bytes, int size);
+
+// Return why nothing of what this process has heard with a key is believed, for a line that tells it; `otherwise` when
+// something is, or nothing was heard, or there is no key.
+const char *kn_join_why(const char *otherwise);
+
+// Return the queue in memory of a join at KN_MEMORY_URL.
+lcm_t *kn_join_memory(kn_join *join);
+
+// Stop signing and checking: for messages that never meet kneadd (knead latency's echo).
+void kn_join_trust(kn_join *join);
 
 // SCHED_FIFO for the calling thread, or back to SCHED_OTHER for priority 0. 0, or the errno of the refusal.
 int kn_join_priority(int priority);

@@ -143,7 +143,7 @@ static kn_scene *ask_scene(const char *url, char *error, size_t size) // of a kn
     kn_scene *scene = NULL;
     if (!record) return NULL;
     if (!kn_record_scene(record, 4000))
-        snprintf(error, size, "no KNEAD_SCENE for 4 s: is kneadd running on this bus?");
+        snprintf(error, size, "no KNEAD_SCENE for 4 s: %s", kn_join_why("is kneadd running on this bus?"));
     else
         scene = kn_scene_parse(record->scene_name, record->scene_text, strlen(record->scene_text), NULL, 0, error,
                                size);

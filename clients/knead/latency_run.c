@@ -26,7 +26,7 @@ enum { HANDS_MAX = 100, MESSAGE_MAX = 512 };
 typedef struct run {
     kn_latency *l;
     const volatile int *stop;
-    lcm_t *ear_bus, *ear_echo, *echo_bus, *hand_bus, *hand_echo; // one lcm_t per thread and direction
+    kn_join *ear_bus, *ear_echo, *echo_bus, *hand_bus, *hand_echo; // one per thread and direction
     int ear_udp, echo_udp;
     struct sockaddr_in echo_address, ear_address;
     kn_flights answers[KN_LATENCY_PATHS]; // the ear's: session, seq, back_ns, execution_ns
@@ -38,7 +38,6 @@ typedef struct run {
     uint32_t echo_seq;
     atomic_bool done;
     atomic_int worked; // ms of the hand at work
-    atomic_int ready; // threads that have their sockets; < 0: one could not
 } run;
 
 static bool reserve(kn_flights *f, int capacity)
@@ -69,7 +68,7 @@ static void on_echo(const lcm_recv_buf_t *buf, const char *channel, void *self)
     (void)channel;
     uint8_t out[MESSAGE_MAX];
     int size = answer_to(buf->data, (int)buf->data_size, out);
-    if (size > 0) lcm_publish(((run *)self)->echo_bus, echo_back, out, (unsigned)size);
+    if (size > 0) kn_join_send(((run *)self)->echo_bus, echo_back, out, size);
 }
 
 static void echo_udp(run *r)
@@ -81,25 +80,14 @@ static void echo_udp(run *r)
         sendto(r->echo_udp, out, (size_t)size, 0, (struct sockaddr *)&r->ear_address, sizeof r->ear_address);
 }
 
-// A subscription's hidden thread inherits the priority of the thread that makes it: hence in here.
-static bool hear(lcm_t *lcm, const char *channel, lcm_msg_handler_t handler, run *r)
-{
-    lcm_subscription_t *s = lcm ? lcm_subscribe(lcm, channel, handler, r) : NULL;
-    return s && lcm_subscription_set_queue_capacity(s, 100) == 0 && lcm_get_fileno(lcm) >= 0;
-}
-
-static void tell_ready(run *r, bool ok) { atomic_fetch_add(&r->ready, ok ? 1 : -100); }
-
 static void *echo_main(void *self)
 {
     run *r = self;
     kn_join_priority(echo_priority);
-    bool ok = hear(r->echo_bus, echo_out, on_echo, r);
-    tell_ready(r, ok);
-    struct pollfd in[] = {{ok ? lcm_get_fileno(r->echo_bus) : -1, POLLIN, 0}, {r->echo_udp, POLLIN, 0}};
-    while (ok && !atomic_load(&r->done)) {
+    struct pollfd in[] = {{kn_join_fd(r->echo_bus), POLLIN, 0}, {r->echo_udp, POLLIN, 0}};
+    while (!atomic_load(&r->done)) {
         if (poll(in, 2, 100) <= 0) continue;
-        if (in[0].revents) lcm_handle(r->echo_bus);
+        if (in[0].revents) kn_join_handle(r->echo_bus, 0);
         if (in[1].revents) echo_udp(r);
     }
     return NULL;
@@ -133,17 +121,13 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 static void *ear_main(void *self)
 {
     run *r = self;
-    char channel[64];
-    snprintf(channel, sizeof channel, "KNEAD_FORCE_%s", r->l->probe);
     kn_join_priority(hand_priority);
-    bool ok = hear(r->ear_bus, channel, on_force, r) && hear(r->ear_echo, echo_back, on_force, r);
-    tell_ready(r, ok);
-    struct pollfd in[] = {{ok ? lcm_get_fileno(r->ear_bus) : -1, POLLIN, 0},
-                          {ok ? lcm_get_fileno(r->ear_echo) : -1, POLLIN, 0}, {r->ear_udp, POLLIN, 0}};
-    while (ok && !atomic_load(&r->done)) {
+    struct pollfd in[] = {{kn_join_fd(r->ear_bus), POLLIN, 0}, {kn_join_fd(r->ear_echo), POLLIN, 0},
+                          {r->ear_udp, POLLIN, 0}};
+    while (!atomic_load(&r->done)) {
         if (poll(in, 3, 100) <= 0) continue;
-        if (in[0].revents) lcm_handle(r->ear_bus);
-        if (in[1].revents) lcm_handle(r->ear_echo);
+        if (in[0].revents) kn_join_handle(r->ear_bus, 0);
+        if (in[1].revents) kn_join_handle(r->ear_echo, 0);
         uint8_t bytes[MESSAGE_MAX];
         ssize_t got = in[2].revents ? recv(r->ear_udp, bytes, sizeof bytes, MSG_DONTWAIT) : 0;
         if (got > 0) hear_force(r, KN_LATENCY_UDP, bytes, (int)got);
@@ -159,15 +143,15 @@ static void send_pose(run *r, int path, kn_pose *pose, bool counts)
     uint8_t bytes[MESSAGE_MAX];
     knead_probe_pose_t message;
     if (path == KN_LATENCY_POSE) snprintf(channel, sizeof channel, "KNEAD_POSE_%s", r->l->probe);
-    pose->utime = kn_wall_us();
+    pose->utime = kn_stamp_us();
     pose->sent_ns = kn_now_ns();
     note(&r->l->flights[path], &(kn_flight){.session = pose->session, .seq = pose->seq, .sent_ns = pose->sent_ns,
                                             .counts = counts});
     kn_wire_pose(&message, pose);
-    unsigned size = (unsigned)knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &message);
-    if (path == KN_LATENCY_POSE) lcm_publish(r->hand_bus, channel, bytes, size);
-    else if (path == KN_LATENCY_LCM) lcm_publish(r->hand_echo, echo_out, bytes, size);
-    else sendto(r->ear_udp, bytes, size, 0, (struct sockaddr *)&r->echo_address, sizeof r->echo_address);
+    int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &message);
+    if (path == KN_LATENCY_POSE) kn_join_send(r->hand_bus, channel, bytes, size);
+    else if (path == KN_LATENCY_LCM) kn_join_send(r->hand_echo, echo_out, bytes, size);
+    else sendto(r->ear_udp, bytes, (size_t)size, 0, (struct sockaddr *)&r->echo_address, sizeof r->echo_address);
 }
 
 static void take_hand(run *r)
@@ -253,11 +237,18 @@ static bool open_all(run *r)
         if (!reserve(&l->flights[p], capacity) || !reserve(&r->answers[p], capacity))
             return snprintf(error, size, "out of memory"), false;
     const char *echo = l->echo_url;
-    if (!(r->ear_bus = kn_join(l->url, KN_FORCE_URL, error, size))) return false;
-    if (!(r->hand_bus = kn_join(l->url, KN_FORCE_URL, error, size))) return false;
-    if (!(r->ear_echo = kn_join(echo, echo, error, size)) || !(r->echo_bus = kn_join(echo, echo, error, size)) ||
-        !(r->hand_echo = kn_join(echo, echo, error, size)))
-        return false;
+    if (!(r->ear_bus = kn_join_open(l->url, KN_FORCE_URL, error, size))) return false;
+    if (!(r->hand_bus = kn_join_open(l->url, KN_FORCE_URL, error, size))) return false;
+    kn_join **echoes[] = {&r->ear_echo, &r->echo_bus, &r->hand_echo};
+    for (int i = 0; i < 3; i++) {
+        if (!(*echoes[i] = kn_join_open(echo, echo, error, size))) return false;
+        kn_join_trust(*echoes[i]);
+    }
+    char channel[64];
+    snprintf(channel, sizeof channel, "KNEAD_FORCE_%s", l->probe);
+    kn_join_hear(r->ear_bus, channel, on_force, r);
+    kn_join_hear(r->ear_echo, echo_back, on_force, r);
+    kn_join_hear(r->echo_bus, echo_out, on_echo, r);
     r->ear_udp = open_udp(&r->ear_address);
     r->echo_udp = open_udp(&r->echo_address);
     if (r->ear_udp >= 0 && r->echo_udp >= 0) return true;
@@ -266,9 +257,8 @@ static bool open_all(run *r)
 
 static void close_all(run *r)
 {
-    lcm_t *bus[] = {r->ear_bus, r->hand_bus, r->ear_echo, r->echo_bus, r->hand_echo};
-    for (size_t i = 0; i < sizeof bus / sizeof *bus; i++)
-        if (bus[i]) lcm_destroy(bus[i]);
+    kn_join *bus[] = {r->ear_bus, r->hand_bus, r->ear_echo, r->echo_bus, r->hand_echo};
+    for (size_t i = 0; i < sizeof bus / sizeof *bus; i++) kn_join_close(bus[i]);
     if (r->ear_udp >= 0) close(r->ear_udp);
     if (r->echo_udp >= 0) close(r->echo_udp);
     for (int p = 0; p < KN_LATENCY_PATHS; p++) free(r->answers[p].list);
@@ -314,8 +304,7 @@ static bool run_threads(run *r)
     pthread_t hand, ear, echo;
     if (pthread_create(&ear, NULL, ear_main, r) != 0) return false;
     bool echoes = pthread_create(&echo, NULL, echo_main, r) == 0;
-    while (echoes && atomic_load(&r->ready) >= 0 && atomic_load(&r->ready) < 2) kn_clock_sleep(kn_now_ns() + 1000000);
-    bool moved = echoes && atomic_load(&r->ready) == 2 && pthread_create(&hand, NULL, hand_main, r) == 0;
+    bool moved = echoes && pthread_create(&hand, NULL, hand_main, r) == 0;
     if (moved) wait_for_hand(r, hand);
     if (moved) kn_clock_sleep(kn_now_ns() + straggler_ns);
     atomic_store(&r->done, true);
@@ -335,7 +324,7 @@ bool kn_latency_run(kn_latency *l, const volatile int *stop)
     if (!ok && !*l->error) snprintf(l->error, sizeof l->error, "LCM or the machine refuses the threads of the echo");
     if (ok && r.hand.trouble != KN_HAND_NO_TROUBLE) {
         snprintf(l->error, sizeof l->error, "%s",
-                 r.hand.trouble == KN_HAND_NO_ANSWER ? "no force for 3 s: is kneadd running on this bus?"
+                 r.hand.trouble == KN_HAND_NO_ANSWER ? kn_join_why("no force for 3 s: is kneadd running on this bus?")
                  : r.hand.trouble == KN_HAND_NOT_ENGAGED
                      ? "kneadd answers, but does not let the tool in: does another hand hold it?"
                      : "the machine stood still too often: the hand gave up");

@@ -22,7 +22,8 @@ static void on_scene(const lcm_recv_buf_t *buffer, const char *channel, void *us
 {
     kn_live *live = user;
     knead_scene_t message;
-    if (!kn_join_heard(buffer, channel) || !kn_wire_scene_fits(buffer->data, buffer->data_size)) return;
+    (void)channel;
+    if (!kn_wire_scene_fits(buffer->data, buffer->data_size)) return;
     if (knead_scene_t_decode(buffer->data, 0, (int)buffer->data_size, &message) < 0) return;
     live->heard[0]++;
     kn_scene *scene = NULL;
@@ -60,7 +61,6 @@ static void on_force(const lcm_recv_buf_t *buffer, const char *channel, void *us
 {
     kn_live *live = user;
     knead_contact_force_t force;
-    if (!kn_join_heard(buffer, channel)) return;
     if (knead_contact_force_t_decode(buffer->data, 0, (int)buffer->data_size, &force) < 0) return;
     live->heard[0]++;
     kn_live_probe *p = slot(live, channel + strlen(FORCE));
@@ -75,7 +75,6 @@ static void on_force(const lcm_recv_buf_t *buffer, const char *channel, void *us
 static void on_pose(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     knead_probe_pose_t pose;
-    if (!kn_join_heard(buffer, channel)) return;
     if (knead_probe_pose_t_decode(buffer->data, 0, (int)buffer->data_size, &pose) < 0) return;
     kn_live_probe *p = find(user, channel + strlen(POSE)); // of a tool that the server answers
     if (!p) return;
@@ -87,7 +86,7 @@ static void on_pose(const lcm_recv_buf_t *buffer, const char *channel, void *use
 static void on_mesh_init(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     kn_live *live = user;
-    if (!kn_join_heard(buffer, channel)) return;
+    (void)channel;
     live->heard[1]++;
     kn_mesh_init(&live->mesh, buffer->data, buffer->data_size);
 }
@@ -95,34 +94,36 @@ static void on_mesh_init(const lcm_recv_buf_t *buffer, const char *channel, void
 static void on_mesh_update(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     kn_live *live = user;
-    if (!kn_join_heard(buffer, channel)) return;
+    (void)channel;
     live->heard[1]++;
     live->meshes += kn_mesh_update(&live->mesh, buffer->data, buffer->data_size);
 }
 
 bool kn_live_open(kn_live *live, const char *url, const char *mesh_url, char *error, size_t error_size)
 {
-    *live = (kn_live){.bus = kn_join(url, KN_FORCE_URL, error, error_size)};
-    if (live->bus) live->mesh_bus = kn_join(mesh_url, KN_MESH_URL, error, error_size);
+    *live = (kn_live){.bus = kn_join_open(url, KN_FORCE_URL, error, error_size)};
+    if (live->bus) live->mesh_bus = kn_join_open(mesh_url, KN_MESH_URL, error, error_size);
     if (!live->mesh_bus) {
         kn_live_close(live);
         return false;
     }
-    lcm_subscribe(live->bus, "KNEAD_SCENE", on_scene, live);
-    lcm_subscribe(live->bus, FORCE "[a-z0-9_]+", on_force, live);
-    lcm_subscribe(live->bus, POSE "[a-z0-9_]+", on_pose, live);
-    lcm_subscribe(live->mesh_bus, "KNEAD_MESH_INIT", on_mesh_init, live);
-    lcm_subscribe(live->mesh_bus, "KNEAD_MESH_UPDATE", on_mesh_update, live);
+    kn_join_hear(live->bus, "KNEAD_SCENE", on_scene, live);
+    kn_join_hear(live->bus, FORCE "*", on_force, live);
+    kn_join_hear(live->bus, POSE "*", on_pose, live);
+    kn_join_hear(live->mesh_bus, "KNEAD_MESH_INIT", on_mesh_init, live);
+    kn_join_hear(live->mesh_bus, "KNEAD_MESH_UPDATE", on_mesh_update, live);
     return true;
 }
 
 void kn_live_listen(kn_live *live, int timeout_ms)
 {
-    struct pollfd wait[2] = {{.fd = lcm_get_fileno(live->bus), .events = POLLIN},
-                             {.fd = lcm_get_fileno(live->mesh_bus), .events = POLLIN}};
-    if (poll(wait, 2, timeout_ms) <= 0) return;
-    if (wait[0].revents & POLLIN) lcm_handle(live->bus);
-    if (wait[1].revents & POLLIN) lcm_handle(live->mesh_bus);
+    int64_t end_ms = kn_live_now_ms() + timeout_ms, left_ms = timeout_ms;
+    while (kn_join_handle(live->bus, 0) + kn_join_handle(live->mesh_bus, 0) == 0 && left_ms > 0) {
+        struct pollfd wait[2] = {{.fd = kn_join_fd(live->bus), .events = POLLIN},
+                                 {.fd = kn_join_fd(live->mesh_bus), .events = POLLIN}};
+        poll(wait, 2, left_ms < 50 ? (int)left_ms : 50); // a hello may be due
+        left_ms = end_ms - kn_live_now_ms();
+    }
 }
 
 const kn_live_probe *kn_live_find(const kn_live *live, const char *name)
@@ -137,8 +138,8 @@ bool kn_live_held(const kn_live_probe *p) { return p->hand_ms > 0 && kn_live_now
 
 void kn_live_close(kn_live *live)
 {
-    if (live->bus) lcm_destroy(live->bus);
-    if (live->mesh_bus) lcm_destroy(live->mesh_bus);
+    kn_join_close(live->bus);
+    kn_join_close(live->mesh_bus);
     kn_mesh_free(&live->mesh);
     kn_scene_destroy(live->scene);
     *live = (kn_live){0};

@@ -1,15 +1,12 @@
 #ifndef KN_CLIENTS_LIVE_H
 #define KN_CLIENTS_LIVE_H
 // What is being served right now, as somebody who looks on needs it: the scene, the newest whole mesh, where the probes
-// are and what their hands are given. Only listens; stock liblcm on both ports, every message held against its size
-// first.
+// are and what their hands are given. Every message is held against its size first.
 //
 //     kn_live_open -> kn_live_listen, as often as there is time -> look at the fields -> kn_live_close
 #include "clients/knead/join.h"
 #include "clients/knead_mesh.h"
 #include "core/scene/scene.h"
-#include <lcm/lcm.h>
-
 
 typedef struct kn_live_probe {
     char name[KN_NAME_MAX];
@@ -22,7 +19,7 @@ typedef struct kn_live_probe {
 } kn_live_probe;
 
 typedef struct kn_live {
-    lcm_t *bus, *mesh_bus;
+    kn_join *bus, *mesh_bus;
     kn_mesh mesh;    // .whole: positions are known
     kn_scene *scene; // NULL until heard
     char scene_error[300]; // "" or why the scene that was heard cannot be used
@@ -32,7 +29,7 @@ typedef struct kn_live {
     int64_t meshes;   // whole ones
 } kn_live;
 
-// URLs as kn_join takes them, NULL is fine. False and one line in error.
+// URLs as kn_join_open takes them, NULL is fine. False and one line in error.
 bool kn_live_open(kn_live *live, const char *url, const char *mesh_url, char *error, size_t error_size);
 
 // Takes what comes in the next timeout_ms, and returns early once something of ours has been taken.

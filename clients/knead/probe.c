@@ -4,6 +4,7 @@
 #include "clients/knead/dent.h"
 #include "clients/knead/foot.h"
 #include "clients/knead/grasp.h"
+#include "clients/knead/complain.h"
 #include "clients/knead/join.h"
 #include "clients/knead/player.h"
 #include "clients/knead/probe_options.h"
@@ -38,7 +39,7 @@ typedef struct probe {
     bool regenerate;
     bool no_way; // there is no path for the next try
     kn_record *record;
-    lcm_t *mesh_bus;
+    kn_join *mesh_bus;
     kn_mesh mesh;
     uint8_t *top; // vertices of the mesh's top face
     kn_player player;
@@ -99,8 +100,7 @@ static int find_scene(probe *p)
     p->record = kn_record_open(p->opt.lcm_url, p->error, sizeof p->error);
     if (!p->record) return complain(KN_EXIT_DEVICE, p->error);
     if (!kn_record_scene(p->record, scene_wait_ms))
-        return complain(KN_EXIT_DEVICE, "no KNEAD_SCENE for 4 s: is kneadd running on this bus? "
-                                        "(server/run, or kneadd --scene core/scenes/dough.yaml)");
+        return kn_complain("probe", KN_EXIT_DEVICE, "no KNEAD_SCENE for 4 s: %s", kn_join_why(KN_JOIN_ASK));
     const char *text = p->record->scene_text;
     p->scene = kn_scene_parse(p->record->scene_name, text, strlen(text), NULL, 0, p->error, sizeof p->error);
     return p->scene ? find_tool(p) : complain(KN_EXIT_USAGE, p->error);
@@ -109,7 +109,6 @@ static int find_scene(probe *p)
 static void on_mesh(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
     probe *p = self;
-    if (!kn_join_heard(buf, channel)) return;
     if (!strcmp(channel, "KNEAD_MESH_INIT")) kn_mesh_init(&p->mesh, buf->data, buf->data_size);
     else kn_mesh_update(&p->mesh, buf->data, buf->data_size);
 }
@@ -118,7 +117,7 @@ static void on_mesh(const lcm_recv_buf_t *buf, const char *channel, void *self)
 static bool look(probe *p, int64_t after_tick)
 {
     for (int64_t end_ns = kn_now_ns() + mesh_wait_ns; kn_now_ns() < end_ns && !interrupted;) {
-        lcm_handle_timeout(p->mesh_bus, 50);
+        kn_join_handle(p->mesh_bus, 50);
         if (p->mesh.whole && p->mesh.tick > after_tick) return true;
     }
     return false;
@@ -126,10 +125,10 @@ static bool look(probe *p, int64_t after_tick)
 
 static int open_mesh(probe *p)
 {
-    p->mesh_bus = kn_join(p->opt.mesh_url, KN_MESH_URL, p->error, sizeof p->error);
+    p->mesh_bus = kn_join_open(p->opt.mesh_url, KN_MESH_URL, p->error, sizeof p->error);
     if (!p->mesh_bus) return complain(KN_EXIT_DEVICE, p->error);
-    lcm_subscription_t *meshes = lcm_subscribe(p->mesh_bus, "KNEAD_MESH_(INIT|UPDATE)", on_mesh, p);
-    if (!meshes) return complain(KN_EXIT_DEVICE, "LCM refuses the subscription to meshes");
+    kn_join_hear(p->mesh_bus, "KNEAD_MESH_INIT", on_mesh, p);
+    kn_join_hear(p->mesh_bus, "KNEAD_MESH_UPDATE", on_mesh, p);
     if (!look(p, -1)) return complain(KN_EXIT_DEVICE, "no mesh for 3 s; is --mesh-url kneadd's?");
     int vertices = 0;
     p->top = kn_dent_top(&p->scene->model, &vertices);
@@ -304,7 +303,7 @@ static void attend(probe *p)
     bool bar = !p->opt.quiet && isatty(STDERR_FILENO);
     int told = 0, lifted = 0;
     for (bool done = false; !done && !interrupted && !p->no_way;) {
-        lcm_handle_timeout(p->mesh_bus, 50); // keeps the mesh young
+        kn_join_handle(p->mesh_bus, 50); // keeps the mesh young
         done = atomic_load(&p->device.done);
         int trips = atomic_load(&p->player.trips), mode = atomic_load(&p->player.mode);
         bool news = trips > told || (trips > lifted && mode != KN_HAND_RETREAT);
@@ -341,7 +340,14 @@ static bool write_motors(probe *p)
     return close_csv(p, out, p->opt.motors);
 }
 
-static int verdict(const probe *p)
+static const char *why_unanswered(probe *p)
+{
+    if (atomic_load(&p->record->felt)) return "another hand holds";
+    if (look(p, p->mesh.tick)) return "kneadd serves, but takes no pose of ours; its stderr says why:";
+    return kn_join_why("kneadd has ended; it served");
+}
+
+static int verdict(probe *p)
 {
     const kn_hand *h = &p->player.hand;
     const kn_trip *last = h->trips ? &h->trip[h->trips - 1] : NULL;
@@ -351,7 +357,7 @@ static int verdict(const probe *p)
         if (!p->no_way) fprintf(stderr, "knead probe: interrupted\n");
         break;
     case KN_HAND_NO_ANSWER:
-        fprintf(stderr, "knead probe: no force for 3 s: kneadd has ended, or another hand holds `%s`\n", p->tool->name);
+        fprintf(stderr, "knead probe: no force for 3 s: %s `%s`\n", why_unanswered(p), p->tool->name);
         break;
     case KN_HAND_NOT_ENGAGED:
         fprintf(stderr, "knead probe: kneadd answers but does not engage (%s): begin clear of the object\n",
@@ -462,7 +468,7 @@ int kn_probe_main(int argc, char **argv)
     if (!p) return complain(KN_EXIT_INTERNAL, "out of memory");
     int code = kn_probe_options_parse(&p->opt, argc, argv, &done);
     if (code == KN_EXIT_OK && !done) code = run(p);
-    if (p->mesh_bus) lcm_destroy(p->mesh_bus);
+    kn_join_close(p->mesh_bus);
     kn_mesh_free(&p->mesh);
     free(p->top);
     kn_record_destroy(p->record);

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const int reader_priority = 40; // of LCM's receive thread: below everything that has a deadline, above the rest
+static const int reader_priority = 40; // of its thread: below everything that has a deadline, above the rest
 static const int64_t last_words_ns = 50000000;
 
 static void write_log(kn_record *r, const char *channel, int64_t utime, void *data, int size)
@@ -38,7 +38,7 @@ static void hear_force(kn_record *r, const lcm_recv_buf_t *buf)
         return;
     }
     kn_heard_force *heard = &r->force[r->force_count];
-    heard->arrived_ns = buf->recv_utime * 1000 - r->clock_offset_ns;
+    heard->arrived_ns = kn_now_ns();
     r->force_count += knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &heard->force) >= 0;
 }
 
@@ -98,38 +98,31 @@ kn_record *kn_record_open(const char *url, char *error, size_t error_size)
         snprintf(error, error_size, "out of memory");
         return NULL;
     }
-    r->clock_offset_ns = 1000 * kn_wall_us() - kn_now_ns();
-    r->lcm = kn_join(url, KN_FORCE_URL, error, error_size);
-    if (!r->lcm) {
-        kn_record_destroy(r);
-        return NULL;
-    }
-    kn_join_priority(reader_priority); // refused: the buffer has to do
-    lcm_subscription_t *all = lcm_subscribe(r->lcm, "KNEAD_(SCENE|EVENT|POSE_.*|FORCE_.*|CONTACT_.*)", on_message, r);
-    kn_join_priority(0);
-    if (!all) {
-        snprintf(error, error_size, "LCM refuses the subscription");
-        kn_record_destroy(r);
-        return NULL;
-    }
-    lcm_subscription_set_queue_capacity(all, 0); // 0: no limit
-    return r;
+    static const char *const channels[] = {"KNEAD_SCENE", "KNEAD_EVENT", "KNEAD_POSE_*", "KNEAD_FORCE_*",
+                                           "KNEAD_CONTACT_*"};
+    r->bus = kn_join_open(url, KN_FORCE_URL, error, error_size);
+    for (size_t i = 0; r->bus && i < sizeof channels / sizeof *channels; i++)
+        kn_join_hear(r->bus, channels[i], on_message, r);
+    if (r->bus) return r;
+    kn_record_destroy(r);
+    return NULL;
 }
 
 bool kn_record_scene(kn_record *r, int timeout_ms)
 {
     int64_t end_ns = kn_now_ns() + (int64_t)timeout_ms * 1000000;
-    while (!r->scene_text && kn_now_ns() < end_ns) lcm_handle_timeout(r->lcm, 50);
+    while (!r->scene_text && kn_now_ns() < end_ns) kn_join_handle(r->bus, 50);
     return r->scene_text && r->scene_name && r->scene_bytes;
 }
 
 static void *run(void *self)
 {
     kn_record *r = self;
-    while (!atomic_load(&r->stop)) lcm_handle_timeout(r->lcm, 20);
+    kn_join_priority(reader_priority); // refused: the buffer has to do
+    while (!atomic_load(&r->stop)) kn_join_handle(r->bus, 20);
     // what is on its way; kneadd goes on answering the last pose, so there is no silence to wait for
     for (int64_t end_ns = kn_now_ns() + last_words_ns; kn_now_ns() < end_ns;)
-        lcm_handle_timeout(r->lcm, 5);
+        kn_join_handle(r->bus, 5);
     return NULL;
 }
 
@@ -137,7 +130,7 @@ bool kn_record_start(kn_record *r, const char *probe, const char *log_path, char
 {
     snprintf(r->force_channel, sizeof r->force_channel, "KNEAD_FORCE_%s", probe);
     snprintf(r->pose_channel, sizeof r->pose_channel, "KNEAD_POSE_%s", probe);
-    while (lcm_handle_timeout(r->lcm, 0) > 0); // what was said before is not part of it
+    while (kn_join_handle(r->bus, 0) > 0); // what was said before is not part of it
     if (log_path && !open_log(r, log_path, error, error_size)) return false;
     r->started = true;
     if (pthread_create(&r->thread, NULL, run, r) == 0) return true;
@@ -167,7 +160,7 @@ void kn_record_destroy(kn_record *r)
     char error[256];
     if (!r) return;
     kn_record_stop(r, error, sizeof error);
-    if (r->lcm) lcm_destroy(r->lcm);
+    kn_join_close(r->bus);
     free(r->scene_name);
     free(r->scene_text);
     free(r->scene_bytes);

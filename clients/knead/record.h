@@ -1,11 +1,12 @@
 #ifndef KN_CLIENTS_RECORD_H
 #define KN_CLIENTS_RECORD_H
-// All that a session says, heard on a thread of its own with a queue without limit: the hand wants the newest force and
+// All that a session says, heard on a thread of its own: the hand wants the newest force and
 // skips what it missed, a log and a force table want every one. Written as an LCM event log on the way, if asked:
 // KNEAD_SCENE first, then every pose, force and event from the moment the record starts. Only then is the file opened:
 // a record that never begins leaves an older one whole.
 //
 //     kn_record_open -> kn_record_scene -> kn_record_start -> ... the session ... -> kn_record_stop
+#include "clients/knead/join.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include <pthread.h>
@@ -15,7 +16,7 @@
 
 typedef struct kn_heard_force {
     knead_contact_force_t force;
-    int64_t arrived_ns; // CLOCK_MONOTONIC, at LCM's receive thread
+    int64_t arrived_ns; // CLOCK_MONOTONIC
 } kn_heard_force;
 
 typedef struct kn_record {
@@ -29,7 +30,7 @@ typedef struct kn_record {
     _Atomic(int64_t) logged; // bytes of messages in the log so far
     atomic_bool felt;        // the log holds a force of the probe
     // private
-    lcm_t *lcm;
+    kn_join *bus;
     struct _lcm_eventlog_t *log;
     const char *log_path; // borrowed
     void *scene_bytes; // the message as it came, first record of the log
@@ -38,7 +39,6 @@ typedef struct kn_record {
     char log_error[128]; // first failed write
     char force_channel[64], pose_channel[64];
     int force_room, pose_room;
-    int64_t clock_offset_ns; // real time - monotonic
     bool started;
     atomic_bool stop;
     pthread_t thread;

@@ -168,7 +168,7 @@ static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *us
     watch *w = user;
     knead_touch_patch_t patch;
     const char *name = channel + strlen(CHANNEL);
-    if (!kn_join_heard(buffer, channel) || (w->once && w->touched > 0)) return;
+    if (w->once && w->touched > 0) return;
     if (knead_touch_patch_t_decode(buffer->data, 0, (int)buffer->data_size, &patch) < 0 || !all_finite(&patch)) return;
     if (!*w->name) snprintf(w->name, sizeof w->name, "%s", name);
     if (strcmp(w->name, name) != 0) return;
@@ -188,12 +188,11 @@ static int64_t until_ms(const watch *w, int64_t start_ms)
     return w->heard ? INT64_MAX : start_ms + PATIENCE_MS;
 }
 
-static int look(watch *w, lcm_t *lcm)
+static int look(watch *w, kn_join *bus)
 {
     int64_t start_ms = kn_live_now_ms(), drawn_ms = 0, now_ms = start_ms;
-    struct pollfd bus = {.fd = lcm_get_fileno(lcm), .events = POLLIN};
     for (; now_ms < until_ms(w, start_ms) && !(w->once && w->touched) && !ferror(stdout); now_ms = kn_live_now_ms()) {
-        if (poll(&bus, 1, FRAME_MS) > 0) lcm_handle(lcm);
+        kn_join_handle(bus, FRAME_MS);
         bool stale = w->heard && now_ms - w->heard_ms > SILENCE_MS;
         if (!w->draws || now_ms - drawn_ms < FRAME_MS || (w->heard == w->drawn && !stale)) continue;
         draw(w);
@@ -203,8 +202,8 @@ static int look(watch *w, lcm_t *lcm)
     double waited_s = 1e-3 * (double)(now_ms - start_ms);
     if (w->heard == 0)
         return kn_complain("touch", KN_EXIT_DEVICE,
-                           "no " CHANNEL "%s for %.3g s: is kneadd running with --touch, and a hand at the tool?",
-                           w->probe ? w->probe : "*", waited_s);
+                           "no " CHANNEL "%s for %.3g s: %s", w->probe ? w->probe : "*", waited_s,
+                           kn_join_why("is kneadd running with --touch, and a hand at the tool?"));
     if (w->once && w->touched == 0)
         return kn_complain("touch", KN_EXIT_DEVICE, "%s touched nothing for %.3g s", w->name, waited_s);
     return KN_EXIT_OK;
@@ -218,11 +217,11 @@ int kn_touch_main(int argc, char **argv)
     if (code != KN_EXIT_OK) return code;
     if (w.help) return fputs(help, stdout), KN_EXIT_OK;
     w.draws = !w.json && isatty(STDOUT_FILENO);
-    snprintf(channel, sizeof channel, CHANNEL "%s", w.probe ? w.probe : "[a-z0-9_]+");
-    lcm_t *lcm = kn_join(w.url, KN_FORCE_URL, error, sizeof error);
-    if (!lcm) return kn_complain("touch", KN_EXIT_DEVICE, "%s", error);
-    lcm_subscribe(lcm, channel, on_touch, &w);
-    code = look(&w, lcm);
-    lcm_destroy(lcm);
+    snprintf(channel, sizeof channel, CHANNEL "%s", w.probe ? w.probe : "*");
+    kn_join *bus = kn_join_open(w.url, KN_FORCE_URL, error, sizeof error);
+    if (!bus) return kn_complain("touch", KN_EXIT_DEVICE, "%s", error);
+    kn_join_hear(bus, channel, on_touch, &w);
+    code = look(&w, bus);
+    kn_join_close(bus);
     return code;
 }

@@ -141,9 +141,8 @@ static int unheard(const kn_view_options *o, const kn_live *live)
 {
     const char *what = live->heard[0] ? "a server, but no mesh" : live->heard[1] ? "no whole mesh" : "nothing";
     return kn_complain("view", KN_EXIT_DEVICE,
-                       "heard %s in %g s: is kneadd running, in this network namespace, with these --lcm-url and "
-                       "--mesh-url?",
-                       what, o->wait_s);
+                       "heard %s in %g s: %s", what, o->wait_s,
+                       kn_join_why("is kneadd running, in this network namespace, with these --lcm-url and --mesh-url?"));
 }
 
 static int open_bus(kn_source *s, const kn_view_options *o)

@@ -45,10 +45,10 @@ static void answer(kn_bridge *b)
 static void send_pose(kn_bridge *b, knead_probe_pose_t *pose)
 {
     uint8_t bytes[256];
-    pose->utime = kn_wall_us();
+    pose->utime = kn_stamp_us();
     pose->sent_ns = kn_now_ns();
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, pose);
-    kn_join_send(b->lcm, b->pose_channel, bytes, size); // a lost pose is what watchdogs are for
+    kn_join_send(b->bus, b->pose_channel, bytes, size); // a lost pose is what watchdogs are for
 }
 
 void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
@@ -76,9 +76,9 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
 
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
+    (void)channel;
     kn_bridge *b = self;
     knead_contact_force_t f;
-    if (!kn_join_heard(buf, channel)) return;
     if (knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &f) < 0) return;
     kn_tether_force force = {.session = f.session, .seq = f.seq, .tick = f.tick, .flags = f.flags, .fault = f.fault,
                              .age_s = 1e-9 * (double)(kn_now_ns() - f.sent_ns)};
@@ -88,10 +88,10 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 
 static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
+    (void)channel;
     kn_bridge *b = self;
     knead_contact_model_t message;
     kn_contact_unit unit;
-    if (!kn_join_heard(buf, channel)) return;
     if (knead_contact_model_t_decode(buf->data, 0, (int)buf->data_size, &message) < 0) return;
     kn_wire_unit(&unit, &message);
     kn_render_contact(&b->now.tether.render, &unit);
@@ -109,7 +109,7 @@ static void close_lost(kn_bridge *b)
 
 void kn_bridge_hear(kn_bridge *b)
 {
-    for (int n = 0; n < 2 + 2 * KN_CONTACT_UNITS && lcm_handle_timeout(b->lcm, 0) > 0; n++); // the newest stay
+    kn_join_handle(b->bus, 0); // the newest stay
     if (b->heard && !b->now.tether.render.def.local) {
         kn_tether_give(&b->now.tether, now_s());
         answer(b);
@@ -167,23 +167,14 @@ static void on_stop(struct ev_loop *ev, ev_async *watcher, int events)
 
 static bool open_bus(kn_bridge *b)
 {
-    b->lcm = kn_join(b->url, KN_FORCE_URL, b->error, b->error_size);
-    if (!b->lcm) return false;
-    lcm_subscription_t *forces = lcm_subscribe(b->lcm, b->force_channel, on_force, b);
-    if (!forces) {
-        snprintf(b->error, b->error_size, "LCM refuses the subscription to %s", b->force_channel);
-        return false;
-    }
-    lcm_subscription_set_queue_capacity(forces, 2); // a full queue drops the newest: it is drained at once
-    lcm_subscription_t *contacts = NULL;
-    if (b->now.tether.render.def.local) contacts = lcm_subscribe(b->lcm, b->contact_channel, on_contact, b);
-    if (contacts) lcm_subscription_set_queue_capacity(contacts, 2 * KN_CONTACT_UNITS);
-    return true;
+    b->bus = kn_join_open(b->url, KN_FORCE_URL, b->error, b->error_size);
+    return b->bus && kn_join_hear(b->bus, b->force_channel, on_force, b) &&
+           (!b->now.tether.render.def.local || kn_join_hear(b->bus, b->contact_channel, on_contact, b));
 }
 
 static bool watch(kn_bridge *b)
 {
-    ev_io_init(&b->forces, on_forces, lcm_get_fileno(b->lcm), EV_READ);
+    ev_io_init(&b->forces, on_forces, kn_join_fd(b->bus), EV_READ);
     b->forces.data = b;
     ev_io_start(b->ev, &b->forces);
     // libev's own timers are as coarse as epoll's milliseconds
@@ -214,7 +205,7 @@ static void let_go(kn_bridge *b)
 static void *run(void *self)
 {
     kn_bridge *b = self;
-    b->priority_error = kn_join_priority(priority); // before the subscription: LCM's receive thread inherits it
+    b->priority_error = kn_join_priority(priority);
     bool ok = open_bus(b) && watch(b) && b->device->open(b->device, b, b->error, b->error_size);
     b->open = ok;
     atomic_store(&b->up, ok);
@@ -226,7 +217,7 @@ static void *run(void *self)
 
 static void close_all(kn_bridge *b)
 {
-    if (b->lcm) lcm_destroy(b->lcm);
+    kn_join_close(b->bus);
     if (b->timer_fd >= 0) close(b->timer_fd);
     if (b->ev) ev_loop_destroy(b->ev);
     sem_destroy(&b->ready);
@@ -256,7 +247,7 @@ bool kn_bridge_open(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device, 
 void kn_bridge_close(kn_bridge *b)
 {
     let_go(b);
-    if (b->lcm) lcm_destroy(b->lcm);
+    kn_join_close(b->bus);
 }
 
 bool kn_bridge_start(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size)

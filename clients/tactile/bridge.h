@@ -12,12 +12,12 @@
 //                                +-- 1 ms timer: watchdogs, a device that is to be opened again, the faded force
 //
 // The thread neither prints nor waits: what it has to tell lies in news, for another thread to look at.
+#include "clients/knead/join.h"
 #include "clients/tactile/tether.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include "server/mailbox.h"
 #include <ev.h>
-#include <lcm/lcm.h>
 #include <pthread.h>
 #include <semaphore.h>
 #include <stdatomic.h>
@@ -71,7 +71,7 @@ struct kn_bridge {
     kn_device_def mount;
     kn_bridge_news now, slots[3];
     kn_mailbox news;
-    lcm_t *lcm;
+    kn_join *bus;
     knead_probe_pose_t last; // that was sent; session 0: none
     ev_io forces, timer;
     ev_async stop;
@@ -86,7 +86,7 @@ struct kn_bridge {
 };
 
 typedef struct kn_bridge_def {
-    const char *url;   // as kn_join takes it
+    const char *url;   // as kn_join_open takes it
     const char *probe;
     kn_render_def render; // the device, how it stands, what is rendered
     int64_t session;   // random, not 0
@@ -99,7 +99,7 @@ int kn_bridge_priority_error(const kn_bridge *bridge);     // 0, or why there is
 void kn_bridge_stop(kn_bridge *bridge);                    // zero force, closes the device
 
 // The same without a thread and a timer of its own: the caller calls tick every ms, elapsed_ms after the last one, and
-// hear as soon as bridge->lcm has messages. A driver that watches bridge->ev cannot be opened so.
+// hear as soon as bridge->bus has messages. A driver that watches bridge->ev cannot be opened so.
 bool kn_bridge_open(kn_bridge *bridge, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size);
 void kn_bridge_hear(kn_bridge *bridge);
 void kn_bridge_tick(kn_bridge *bridge, int elapsed_ms);

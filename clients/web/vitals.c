@@ -1,5 +1,4 @@
 #include "clients/web/vitals.h"
-#include "clients/knead/join.h"
 #include "clients/knead/live.h"
 #include "proto/knead_event_t.h"
 #include <math.h>
@@ -8,9 +7,9 @@
 
 static void on_status(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
+    (void)channel;
     kn_vitals *v = user;
     knead_status_t heard;
-    if (!kn_join_heard(buffer, channel)) return;
     if (knead_status_t_decode(buffer->data, 0, (int)buffer->data_size, &heard) < 0) return;
     v->status = heard;
     v->status_ms = kn_live_now_ms();
@@ -18,9 +17,9 @@ static void on_status(const lcm_recv_buf_t *buffer, const char *channel, void *u
 
 static void on_health(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
+    (void)channel;
     kn_vitals *v = user;
     knead_health_t heard;
-    if (!kn_join_heard(buffer, channel)) return;
     if (knead_health_t_decode(buffer->data, 0, (int)buffer->data_size, &heard) < 0) return;
     v->health = heard;
     v->health_ms = kn_live_now_ms();
@@ -28,9 +27,9 @@ static void on_health(const lcm_recv_buf_t *buffer, const char *channel, void *u
 
 static void on_event(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
+    (void)channel;
     kn_vitals *v = user;
     knead_event_t e;
-    if (!kn_join_heard(buffer, channel)) return;
     if (knead_event_t_decode(buffer->data, 0, (int)buffer->data_size, &e) < 0) return;
     if (e.kind != KNEAD_EVENT_T_KIND_CHECKPOINT || !isfinite(e.arg[1]) || !isfinite(e.arg[2])) return;
     v->stored_j = e.arg[1];
@@ -42,7 +41,7 @@ static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *us
 {
     kn_vitals *v = user;
     knead_touch_patch_t heard;
-    if (strcmp(channel, v->touch_channel) != 0 || !kn_join_heard(buffer, channel)) return;
+    if (strcmp(channel, v->touch_channel) != 0) return;
     if (knead_touch_patch_t_decode(buffer->data, 0, (int)buffer->data_size, &heard) < 0) return;
     v->touch = heard;
     v->touch_ms = kn_live_now_ms();
@@ -50,15 +49,16 @@ static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *us
 
 static void on_mesh(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
-    if (kn_join_heard(buffer, channel)) ((kn_vitals *)user)->mesh_bytes += buffer->data_size;
+    (void)channel;
+    ((kn_vitals *)user)->mesh_bytes += buffer->data_size;
 }
 
-bool kn_vitals_open(kn_vitals *v, lcm_t *bus, lcm_t *mesh_bus)
+bool kn_vitals_open(kn_vitals *v, kn_join *bus, kn_join *mesh_bus)
 {
     *v = (kn_vitals){0};
-    return lcm_subscribe(mesh_bus, "KNEAD_MESH_UPDATE", on_mesh, v) &&
-           lcm_subscribe(bus, "KNEAD_STATUS", on_status, v) && lcm_subscribe(bus, "KNEAD_HEALTH", on_health, v) &&
-           lcm_subscribe(bus, "KNEAD_EVENT", on_event, v) && lcm_subscribe(bus, "KNEAD_TOUCH_[a-z0-9_]+", on_touch, v);
+    return kn_join_hear(mesh_bus, "KNEAD_MESH_UPDATE", on_mesh, v) &&
+           kn_join_hear(bus, "KNEAD_STATUS", on_status, v) && kn_join_hear(bus, "KNEAD_HEALTH", on_health, v) &&
+           kn_join_hear(bus, "KNEAD_EVENT", on_event, v) && kn_join_hear(bus, "KNEAD_TOUCH_*", on_touch, v);
 }
 
 void kn_vitals_touch(kn_vitals *v, const char *probe)

@@ -2,10 +2,10 @@
 #define KN_CLIENTS_VITALS_H
 // How kneadd is, by what it says on the bus: KNEAD_STATUS, KNEAD_HEALTH, the energies of KNEAD_EVENT, and what a tool
 // touches where kneadd --touch tells. The newest of each; a message that is not what its channel says is left out.
+#include "clients/knead/join.h"
 #include "proto/knead_health_t.h"
 #include "proto/knead_status_t.h"
 #include "proto/knead_touch_patch_t.h"
-#include <lcm/lcm.h>
 #include <stdbool.h>
 
 typedef struct kn_vitals {
@@ -18,8 +18,8 @@ typedef struct kn_vitals {
     char touch_channel[80];  // private
 } kn_vitals;
 
-// Subscribes on buses that somebody else listens to and ends. False: liblcm refuses.
-bool kn_vitals_open(kn_vitals *vitals, lcm_t *bus, lcm_t *mesh_bus);
+// Subscribes on buses that somebody else listens to and ends. False: too many.
+bool kn_vitals_open(kn_vitals *vitals, kn_join *bus, kn_join *mesh_bus);
 void kn_vitals_touch(kn_vitals *vitals, const char *probe); // whose patch is listened to; NULL: none's
 
 // us below which that share of the ticks took, 2^n; 0: none yet.

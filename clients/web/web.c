@@ -214,8 +214,8 @@ static void on_stop(struct ev_loop *ev, ev_signal *s, int events)
 static void watch(kn_web *w)
 {
     static const int signals[] = {SIGINT, SIGTERM, SIGHUP};
-    ev_io_init(&w->bus_readable, on_readable, lcm_get_fileno(w->live.bus), EV_READ);
-    ev_io_init(&w->mesh_readable, on_readable, lcm_get_fileno(w->live.mesh_bus), EV_READ);
+    ev_io_init(&w->bus_readable, on_readable, kn_join_fd(w->live.bus), EV_READ);
+    ev_io_init(&w->mesh_readable, on_readable, kn_join_fd(w->live.mesh_bus), EV_READ);
     ev_timer_init(&w->due, on_due, 0, 0.1);
     w->bus_readable.data = w->mesh_readable.data = w->due.data = w;
     ev_io_start(w->ev, &w->bus_readable);

@@ -66,7 +66,7 @@ static void join(const char *probe, const kn_path *path, const kn_grasp_def *def
     e->device = &p.device[n];
     e->sent = notice;
     bool opened = kn_device_join(e->device, tick, self, KN_MEMORY_URL, probe, error, sizeof error);
-    kn_rig_joined(e, opened, e->device->lcm, error);
+    kn_rig_joined(e, opened, kn_join_memory(e->device->bus), error);
 }
 
 static void play(void) // until every hand has ended

@@ -7,12 +7,14 @@
 //     forge COUNT seed=S [rate=50000]
 //     sleep MS
 //
-// poses: seq rises by step, utime is seq in ms; leave: the last one says that the session ends; with a KEY (a file) they are of now, signed and kept. flood: relatives
+// poses: seq rises by step, utime is seq in ms; leave: the last one says that the session ends; with a KEY (a file) they are
+// signed under the life of the kneadd that answers, and kept. flood: relatives
 // of poses (kn_random_datagram), each of its own session; rate=0: as fast as they are taken. stock: the same, and every
 // fourth of what liblcm does not expect (kn_lcm_datagram). leak: arrays that are not there. forge: what a holder of the
 // key never sends, or not now (kn_forged_datagram), of its own poses among others.
 // SIGTERM ends what is being sent. Prints how many datagrams it sent.
 #include "server/auth.h"
+#include "server/bus.h"
 #include "server/clock.h"
 #include "tests/server/datagram.h"
 #include <arpa/inet.h>
@@ -22,6 +24,7 @@
 #include <stdlib.h>
 #include <sys/socket.h>
 #include <time.h>
+#include <unistd.h>
 
 static int fd;
 static struct sockaddr_in group;
@@ -35,6 +38,36 @@ static void on_term(int number)
 {
     ended = number;
 }
+
+// The life of the kneadd that answers a hello, and when it began by our clock.
+static bool find_life(char *error, size_t error_size)
+{
+    kn_bus bus;
+    kn_packet p;
+    unsigned char bytes[KN_TEST_DATAGRAM], nonce[KN_AUTH_NONCE] = "a nonce";
+    if (!kn_bus_parse(&bus, "udpm://239.255.76.67:7667?ttl=0", NULL, error, error_size)) return false;
+    int ear = kn_bus_listen(&bus, 1 << 20, error, error_size);
+    for (int64_t end_ns = kn_now_ns() + 3000000000; ear >= 0 && kn_now_ns() < end_ns;) {
+        size_t size = kn_lc02(bytes, sizeof bytes, KN_HELLO_CHANNEL, nonce, sizeof nonce);
+        size = kn_sign_datagram(bytes, size, KN_HELLO_CHANNEL, &auth, (kn_auth_stamp){0, 0});
+        sendto(fd, bytes, size, 0, (const struct sockaddr *)&group, sizeof group);
+        nanosleep(&(struct timespec){.tv_nsec = 20000000}, NULL);
+        bool here;
+        for (ssize_t n; (n = kn_bus_take(&bus, ear, bytes, sizeof bytes, &here)) >= 0;) {
+            kn_auth_stamp stamp;
+            if (kn_bus_unpack(bytes, (size_t)n, &p) != KN_FRAMED || !p.channel || strcmp(p.channel, KN_LIFE_CHANNEL) ||
+                !kn_auth_check(&auth, p.channel, p.payload, p.size, &stamp))
+                continue;
+            auth.life = stamp.life;
+            auth.born_ns = kn_now_ns() - 1000 * stamp.age_us;
+            return close(ear) == 0;
+        }
+    }
+    snprintf(error, error_size, "no kneadd with this key answers");
+    return false;
+}
+
+static kn_auth_stamp now(void) { return (kn_auth_stamp){auth.life, (kn_now_ns() - auth.born_ns) / 1000}; }
 
 static void send_bytes(const unsigned char *bytes, size_t size)
 {
@@ -83,10 +116,9 @@ static void send_poses(const char *line, int64_t count)
         pose.seq = seq;
         pose.utime = utime ? utime : 1000 * seq; // not the clock's: a held-up sender would make other speeds
         pose.sent_ns = kn_now_ns();
-        if (keyed) pose.utime = kn_wall_us();
         if (n + 1 == count && strstr(line, " leave")) pose.buttons = KNEAD_PROBE_POSE_T_BUTTON_LEAVING;
-        size_t size = kn_pose_datagram(bytes, sizeof bytes - KN_WIRE_MAC, channel, &pose);
-        if (keyed) keep(bytes, size = kn_sign_datagram(bytes, size, channel, &auth));
+        size_t size = kn_pose_datagram(bytes, sizeof bytes - KN_AUTH_TRAILER, channel, &pose);
+        if (keyed) keep(bytes, size = kn_sign_datagram(bytes, size, channel, &auth, now()));
         send_bytes(bytes, size);
     }
 }
@@ -150,11 +182,11 @@ static size_t forged(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, in
 {
     knead_probe_pose_t pose = {.session = 1000000 + n,
                                .seq = n,
-                               .utime = kn_wall_us(),
+                               .utime = n,
                                .orientation_wxyz = {1, 0, 0, 0},
                                .position_m = {0, 0, 0.2}};
     const kn_recording *r = recorded > 0 ? &recording[kn_random_bits(random) % (size_t)recorded] : NULL;
-    return kn_forged_datagram(bytes, random, channel, pose, &auth, r ? r->bytes : NULL, r ? r->size : 0);
+    return kn_forged_datagram(bytes, random, channel, pose, &auth, now(), r ? r->bytes : NULL, r ? r->size : 0);
 }
 
 int main(int argc, char **argv)
@@ -170,6 +202,7 @@ int main(int argc, char **argv)
     inet_pton(AF_INET, "239.255.76.67", &group.sin_addr);
     fd = socket(AF_INET, SOCK_DGRAM, 0);
     if (fd < 0 || setsockopt(fd, IPPROTO_IP, IP_MULTICAST_TTL, &(unsigned char){0}, 1) != 0) return 3;
+    if (keyed && !find_life(error, sizeof error)) return fprintf(stderr, "%s\n", error), 3;
     static const struct {
         const char *verb;
         make *one;

@@ -39,7 +39,6 @@ static kn_datagram next_datagram(reader *in, unsigned control, int64_t seq)
         size_t at = take(in), run = 1 + take(in) % 8;
         for (size_t i = at; i < at + run && i < d.size; i++) d.bytes[i] = (unsigned char)take(in);
     }
-    d.truncated = take(in) == 255;
     return d;
 }
 

@@ -62,41 +62,43 @@ static inline size_t kn_random_datagram(unsigned char bytes[KN_TEST_DATAGRAM], u
 
 // --- with a key ---
 
-// Of a pose's datagram the signed one: there is room for KN_WIRE_MAC more.
-static inline size_t kn_sign_datagram(unsigned char *bytes, size_t size, const char *channel, const kn_auth *auth)
+// Sign a datagram, which has room for KN_AUTH_TRAILER more.
+static inline size_t kn_sign_datagram(unsigned char *bytes, size_t size, const char *channel, const kn_auth *auth,
+                                      kn_auth_stamp stamp)
 {
     size_t head = 8 + strlen(channel) + 1;
-    return head + kn_auth_sign(auth, channel, bytes + head, size - head);
+    return head + kn_auth_sign(auth, channel, bytes + head, size - head, stamp);
 }
 
-// Nothing that a server with this key may take, though all of it is well-formed: a pose (good, of now, of a session of
-// its own) without a tag, with a random one, another key's or another tool's; a true one with a bit of it flipped, from
-// an hour ago, or ahead by two minutes; what has been recorded of a holder (NULL: nothing), as it was or with another
-// session, seq or stamp.
+// Make what a server with this key may not take, though all of it is well-formed: a pose (good, of now, of a session of
+// its own) without a tag, with a random one, another key's or another tool's; a true one with a bit of it flipped, 0.9 s
+// late, 0.2 s early or of another life; what has been recorded of a holder (NULL: nothing), as it was or with another
+// session, seq or stamp. stamp: of now.
 static inline size_t kn_forged_datagram(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, const char *channel,
-                                        knead_probe_pose_t pose, const kn_auth *auth, const void *recorded,
-                                        size_t recorded_size)
+                                        knead_probe_pose_t pose, const kn_auth *auth, kn_auth_stamp stamp,
+                                        const void *recorded, size_t recorded_size)
 {
-    uint64_t bits = kn_random_bits(random), kind = bits % (recorded ? 10 : 7);
+    uint64_t bits = kn_random_bits(random), kind = bits % (recorded ? 11 : 8);
     kn_auth other = *auth;
     other.key[bits / 16 % KN_AUTH_KEY] ^= (unsigned char)(1u << bits / 1024 % 8);
-    if (kind == 5) pose.utime -= INT64_C(3600000000);
-    if (kind == 6) pose.utime += INT64_C(120000000);
+    if (kind == 5) stamp.age_us -= 900000;
+    if (kind == 6) stamp.age_us += 200000;
+    if (kind == 7) stamp.life ^= INT64_C(1) << bits / 16 % 63;
     size_t head = 8 + strlen(channel) + 1,
-           size = kn_pose_datagram(bytes, KN_TEST_DATAGRAM - KN_WIRE_MAC, channel, &pose);
+           size = kn_pose_datagram(bytes, KN_TEST_DATAGRAM - KN_AUTH_TRAILER, channel, &pose);
     if (kind == 0) return size; // no tag
-    if (kind >= 7) {
+    if (kind >= 8) {
         memcpy(bytes, recorded, recorded_size);
-        uint64_t at = kind == 8 ? 8 + bits / 16 % 24 : 0; // utime, session or seq: the payload's second to fourth word
-        if (kind > 7) bytes[head + at] ^= (unsigned char)(1u << bits / 1024 % 8);
+        uint64_t at = kind == 9 ? 8 + bits / 16 % 24 : 0; // utime, session or seq: the payload's second to fourth word
+        if (kind > 8) bytes[head + at] ^= (unsigned char)(1u << bits / 1024 % 8);
         return recorded_size;
     }
     if (kind == 1) {
-        for (int i = 0; i < KN_WIRE_MAC; i++) bytes[size++] = (unsigned char)kn_random_bits(random);
+        for (int i = 0; i < KN_AUTH_TRAILER; i++) bytes[size++] = (unsigned char)kn_random_bits(random);
         return size;
     }
-    if (kind == 3) return head + kn_auth_sign(auth, "KNEAD_POSE_another", bytes + head, size - head);
-    size = kn_sign_datagram(bytes, size, channel, kind == 2 ? &other : auth);
+    if (kind == 3) return head + kn_auth_sign(auth, "KNEAD_POSE_another", bytes + head, size - head, stamp);
+    size = kn_sign_datagram(bytes, size, channel, kind == 2 ? &other : auth, stamp);
     if (kind == 4) bytes[head + bits / 16 % (size - head)] ^= (unsigned char)(1u << bits / 65536 % 8);
     return size;
 }

@@ -1,5 +1,4 @@
 #include "server/auth.h"
-#include "server/wire.h"
 #include "tests/check.h"
 #include <string.h>
 #include <sys/stat.h>
@@ -39,20 +38,41 @@ TEST("a key is 64 hexadecimal digits that nobody else may read")
     CHECK(!kn_auth_load(&auth, ".", error, sizeof error) && strstr(error, "not a regular file"));
 }
 
-TEST("the tag is keyed BLAKE2b of 16 bytes over the channel, its NUL and the payload")
+TEST("the tag is keyed BLAKE2b of 16 bytes over the channel, its NUL, the payload, life and age")
 {
-    // python3: hashlib.blake2b(b"KNEAD_POSE_hand\0" + b"payload", key=bytes(range(32)), digest_size=16)
-    static const unsigned char tag[KN_WIRE_MAC] = {0xe2, 0xbd, 0x3c, 0xcb, 0x39, 0xe,  0x2b, 0xe0,
-                                                   0x8e, 0x76, 0x1c, 0x70, 0x59, 0xf0, 0xb9, 0xd6};
+    // python3: hashlib.blake2b(b"KNEAD_POSE_hand\0" + b"payload" + struct.pack(">qq", 7, 1000000), key=bytes(range(32)),
+    //                          digest_size=16)
+    static const unsigned char tag[KN_AUTH_TAG] = {0x69, 0xb4, 0xbc, 0xf9, 0x6a, 0x2f, 0x43, 0x25, 0xae, 0xee, 0x0f, 0x20, 0xd1, 0x66, 0x46, 0xbe};
     kn_auth auth;
+    kn_auth_stamp stamp;
     unsigned char bytes[64] = "payload";
     CHECK(load(&auth, DIGITS, 0600));
-    CHECK(kn_auth_sign(&auth, "KNEAD_POSE_hand", bytes, 7) == 7 + KN_WIRE_MAC);
-    CHECK(memcmp(bytes + 7, tag, sizeof tag) == 0);
-    CHECK(kn_auth_check(&auth, "KNEAD_POSE_hand", bytes, 7 + KN_WIRE_MAC));
-    CHECK(!kn_auth_check(&auth, "KNEAD_POSE_hane", bytes, 7 + KN_WIRE_MAC));
-    CHECK(!kn_auth_check(&auth, "KNEAD_POSE_hand", bytes, 6 + KN_WIRE_MAC));
-    for (size_t size = 0; size < KN_WIRE_MAC; size++) CHECK(!kn_auth_check(&auth, "KNEAD_POSE_hand", bytes, size));
+    CHECK(kn_auth_sign(&auth, "KNEAD_POSE_hand", bytes, 7, (kn_auth_stamp){7, 1000000}) == 7 + KN_AUTH_TRAILER);
+    CHECK(memcmp(bytes + 7 + 16, tag, sizeof tag) == 0);
+    CHECK(kn_auth_check(&auth, "KNEAD_POSE_hand", bytes, 7 + KN_AUTH_TRAILER, &stamp));
+    CHECK(stamp.life == 7 && stamp.age_us == 1000000);
+    CHECK(!kn_auth_check(&auth, "KNEAD_POSE_hane", bytes, 7 + KN_AUTH_TRAILER, &stamp));
+    CHECK(!kn_auth_check(&auth, "KNEAD_POSE_hand", bytes, 6 + KN_AUTH_TRAILER, &stamp));
+    for (size_t size = 0; size < KN_AUTH_TRAILER; size++)
+        CHECK(!kn_auth_check(&auth, "KNEAD_POSE_hand", bytes, size, &stamp));
+    for (int bit = 0; bit < 8 * (7 + KN_AUTH_TRAILER); bit++) {
+        bytes[bit / 8] ^= (unsigned char)(1 << bit % 8);
+        CHECK(!kn_auth_check(&auth, "KNEAD_POSE_hand", bytes, 7 + KN_AUTH_TRAILER, &stamp));
+        bytes[bit / 8] ^= (unsigned char)(1 << bit % 8);
+    }
+}
+
+TEST("lives differ, and the ages of a life rise, however often they are asked for")
+{
+    kn_auth auth = {0};
+    kn_auth_begin(&auth);
+    int64_t life = auth.life, last_us = 0, before_us = 0;
+    for (int i = 0; i < 100000; i++, before_us = last_us) {
+        kn_auth_stamp now = kn_auth_now(&auth, &last_us);
+        CHECK(now.life == life && now.age_us == last_us && last_us > before_us);
+    }
+    kn_auth_begin(&auth);
+    CHECK(life != 0 && auth.life != 0 && auth.life != life);
 }
 
 TESTS_MAIN

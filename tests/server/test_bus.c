@@ -105,7 +105,7 @@ TEST("what another interface brings is not of this bus, nor heard unless somebod
     if (kn_test_failures > 0) return; // which a skip would hide
     if (!enter_network()) SKIP("no network of its own, or no ip (package iproute2)");
     CHECK(kn_bus_parse(&bus, "udpm://239.255.76.67:7667?ttl=0", NULL, error, sizeof error));
-    int fd = kn_bus_listen(&bus, error, sizeof error);
+    int fd = kn_bus_listen(&bus, 1 << 20, error, sizeof error);
     if (fd < 0) KN_TEST_FAIL("%s", error);
     const struct ip_mreqn too = {.imr_multiaddr = bus.group.sin_addr, .imr_ifindex = (int)if_nametoindex("card")};
     int other = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0); // who has the group come over the card for himself

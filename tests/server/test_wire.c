@@ -1,6 +1,7 @@
 // What a scene message must hold before a decoder may see it.
 #include "proto/knead_health_t.h"
 #include "proto/knead_status_t.h"
+#include "server/auth.h"
 #include "server/wire.h"
 #include "tests/check.h"
 
@@ -16,7 +17,7 @@ TEST("a scene message that holds what it says fits, with and without a code behi
 {
     size_t size = encode();
     CHECK(kn_wire_scene_fits(bytes, size));
-    CHECK(kn_wire_scene_fits(bytes, size + KN_WIRE_MAC));
+    CHECK(kn_wire_scene_fits(bytes, size + KN_AUTH_TRAILER));
     CHECK(!kn_wire_scene_fits(bytes, size + 1));
 }
 
@@ -76,7 +77,7 @@ TEST("a touch patch stands on the wire as it was made, in the tool's frame")
 
 TEST("every message of a fixed size goes into one datagram, its code and the longest channel with it")
 {
-    const int room = 1435 - 8 - 64 - KN_WIRE_MAC; // LCM's, less its header and a channel's name
+    const int room = 1435 - 8 - 64 - KN_AUTH_TRAILER; // LCM's, less its header and a channel's name
     CHECK(knead_status_t_encoded_size(&(knead_status_t){0}) <= room);
     CHECK(knead_health_t_encoded_size(&(knead_health_t){0}) <= room);
     CHECK(knead_contact_force_t_encoded_size(&(knead_contact_force_t){0}) <= room);

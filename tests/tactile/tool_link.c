@@ -74,8 +74,8 @@ int main(int argc, char **argv)
     kn_join_priority(60);
     signal(SIGTERM, on_signal);
     bool known = argc >= 5 && take_faults(&f, argc - 5, argv + 5);
-    lcm_t *near = known ? kn_join(argv[1], KN_FORCE_URL, error, sizeof error) : NULL;
-    lcm_t *far = near ? kn_join(argv[2], KN_FORCE_URL, error, sizeof error) : NULL;
+    lcm_t *near = known ? lcm_create(argv[1]) : NULL, *far = near ? lcm_create(argv[2]) : NULL;
+    if (known && !far) snprintf(error, sizeof error, "LCM refuses the URL");
     if (!far) return fprintf(stderr, "link: %s\n", error), 2;
     double half_ms = 0.5 * atof(argv[3]);
     if (!open_way(&down, near, far, "KNEAD_(FORCE|CONTACT)_.*|KNEAD_SCENE", half_ms, &f, 1) ||

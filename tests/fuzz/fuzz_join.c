@@ -1,0 +1,64 @@
+// libFuzzer target: whatever a sequence of datagrams holds, a client's receiver hands on messages of a channel that it
+// hears, whole and within bounds, and what puts meshes and scenes together takes them or leaves them.
+//
+// A record of the input is a control byte, then a datagram: bits 0-1: as it is, LC02, LC03 of bounds that fit, LC03 of any
+// bounds; bits 2-4: the channel; bits 5-7: which part.
+#include "clients/knead/join.h"
+#include "clients/knead_mesh.h"
+#include "proto/knead_contact_force_t.h"
+#include "server/wire.h"
+#include "tests/fuzz/fuzz.h"
+#include "tests/server/datagram.h"
+
+static const char *const channels[] = {"KNEAD_FORCE_a", "KNEAD_SCENE",       "KNEAD_MESH_INIT", "KNEAD_MESH_UPDATE",
+                                       "KNEAD_STATUS",  "KNEAD_FORCE_\x1b", "KNEAD_FORCE_",    "KNEAD_POSE_b"};
+static kn_mesh mesh;
+static int handed;
+
+static void on_message(const lcm_recv_buf_t *buf, const char *channel, void *user)
+{
+    const uint8_t *bytes = buf->data;
+    unsigned sum = 0;
+    knead_contact_force_t force;
+    (void)user;
+    handed++;
+    require(strncmp(channel, "KNEAD_", 6) == 0 && buf->data_size <= KN_JOIN_LARGEST);
+    require(strcmp(channel, channels[5]) != 0 && strcmp(channel, channels[6]) != 0);
+    for (uint32_t i = 0; i < buf->data_size; i++) sum += bytes[i]; // all of it is there
+    if (sum == 1) handed++;
+    knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &force);
+    kn_wire_scene_fits(buf->data, buf->data_size);
+    kn_mesh_init(&mesh, buf->data, buf->data_size);
+    kn_mesh_update(&mesh, buf->data, buf->data_size);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    static unsigned char bytes[2048];
+    char error[200];
+    kn_join *join = kn_join_open(KN_MEMORY_URL, KN_FORCE_URL, error, sizeof error);
+    require(join);
+    kn_join_hear(join, "KNEAD_FORCE_*", on_message, NULL);
+    for (int i = 1; i < 5; i++) kn_join_hear(join, channels[i], on_message, NULL);
+    uint32_t offset = 0;
+    for (const uint8_t *at = data, *end = data + size; end - at > 3;) {
+        unsigned control = *at++, count = *at++, part = control >> 5;
+        const char *channel = channels[control >> 2 & 7];
+        size_t n = count < (size_t)(end - at) ? count : (size_t)(end - at), whole = 0;
+        uint32_t any = (uint32_t)at[0] << 24 | count;
+        if (part == 0) offset = 0;
+        if ((control & 3) == 0) memcpy(bytes, at, whole = n);
+        if ((control & 3) == 1) whole = kn_lc02(bytes, sizeof bytes, channel, at, n);
+        if ((control & 3) == 2) whole = kn_lc03(bytes, 7, 3 * count, offset, (uint16_t)part, 3, channel, n);
+        if ((control & 3) == 3) whole = kn_lc03(bytes, any, any, any >> part, (uint16_t)part, (uint16_t)any, channel, n);
+        if ((control & 3) == 2) offset += (uint32_t)n;
+        unsigned char *copy = malloc(whole ? whole : 1); // of that size: a byte beyond it is found
+        memcpy(copy, bytes, whole);
+        kn_join_take(join, copy, whole);
+        free(copy);
+        at += n;
+    }
+    kn_join_close(join);
+    kn_mesh_free(&mesh);
+    return 0;
+}
