@@ -39,7 +39,8 @@ static void answer(kn_bridge *b)
 {
     const kn_tether *t = &b->now.tether;
     b->answered = true;
-    if (b->open && b->device->give) b->device->give(b->device, t->render.given_n, kn_tether_live(t));
+    bool live = kn_tether_live(t) && b->device->watchdog == KN_OWN_TRUSTED;
+    if (b->open && b->device->give) b->device->give(b->device, t->render.given_n, live);
 }
 
 static void send_pose(kn_bridge *b, knead_probe_pose_t *pose)
@@ -145,6 +146,7 @@ void kn_bridge_tick(kn_bridge *b, int elapsed_ms)
     b->now.messages = d->messages;
     b->now.bad = d->bad;
     b->now.lost = d->lost;
+    b->now.watchdog = d->watchdog;
     memcpy(b->now.bad_why, d->why, sizeof d->why);
     memcpy(b->now.state, d->state, sizeof d->state);
     *(kn_bridge_news *)kn_mailbox_back(&b->news) = b->now;

@@ -29,6 +29,13 @@ typedef struct kn_tactile_pose { // in the device's own frame and metres
     int32_t buttons;
 } kn_tactile_pose;
 
+// A device's own watchdog, which takes its force away when this program stands still.
+typedef enum kn_own_watchdog {
+    KN_OWN_TRUSTED,  // seen to act, not asked for (--no-watchdog), or not needed: no motors
+    KN_OWN_UNPROVED, // the device has been opened, and gives no force before it has shown its watchdog
+    KN_OWN_MISSING   // it did not act
+} kn_own_watchdog;
+
 // One kind of device. Its own struct begins with this one. All calls come from the bridge's thread.
 typedef struct kn_tactile {
     const char *name; // "paddle"
@@ -42,6 +49,7 @@ typedef struct kn_tactile {
     // after every pose), and every ms without one. NULL: a device without motors.
     void (*give)(struct kn_tactile *device, const double force_n[3], bool live);
     bool answers; // says where it is only when it is given something: at a pose it is not, or the two would chase
+    kn_own_watchdog watchdog; // the driver's, from each opening on
     // what the driver counts
     int64_t messages;       // that said where the device is
     int64_t bad, lost;      // refused as malformed; told by numbers, never came
@@ -56,6 +64,7 @@ typedef struct kn_bridge_news {
     char why[160];         // of the last loss
     int64_t messages, bad, lost, late; // of the device; late: ms in which this thread did not run
     char bad_why[96], state[96];
+    kn_own_watchdog watchdog;
     double position_m[3];  // the tool's, in the scene
     int32_t buttons;
 } kn_bridge_news;

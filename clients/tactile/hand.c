@@ -110,8 +110,8 @@ static int look_at_scene(hand *h)
         kn_live_listen(&live, look_ms);
     int code = live.scene          ? use_scene(h, live.scene)
                : *live.scene_error ? complain(KN_EXIT_USAGE, live.scene_error)
-                                   : complain(KN_EXIT_DEVICE, "no KNEAD_SCENE for 4 s: is kneadd running on this bus? "
-                                                              "(server/run, or kneadd --scene core/scenes/dough.yaml)");
+                                   : kn_complain("hand", KN_EXIT_DEVICE, "no KNEAD_SCENE for 4 s: %s",
+                                                 kn_join_why(KN_JOIN_ASK));
     kn_live_close(&live);
     return code;
 }
@@ -182,7 +182,7 @@ static void tell_tether(told *t, const kn_bridge_news *n, const char *name, int6
     t->unanswered = true;
     fprintf(stderr, "knead hand: no force for 3 s: %s\n",
             r->foreign > t->foreign ? "another client holds the tool"
-            : n->there              ? "is kneadd running, and does it serve this probe?"
+            : n->there              ? kn_join_why("is kneadd running, and does it serve this probe?")
             : *n->state             ? n->state
                                     : "the device has not said where it is");
 }
@@ -221,7 +221,8 @@ static void summarise(const kn_bridge_news *n, const char *name, bool motors)
            n->arrivals, n->late, *n->bad_why ? "; last bad: " : "", n->bad_why, *n->state ? "; " : "", n->state);
 }
 
-static void watch(hand *h)
+// KN_EXIT_DEVICE: the device would keep a force that this program no longer renews.
+static int watch(hand *h)
 {
     const char *name = h->device.base.name;
     bool follow = !h->opt.quiet && isatty(STDOUT_FILENO);
@@ -231,11 +232,15 @@ static void watch(hand *h)
         kn_clock_sleep(kn_now_ns() + look_ms * 1000000);
         const kn_bridge_news *n = kn_bridge_latest(&h->bridge);
         now_ms = kn_live_now_ms();
+        if (n->watchdog == KN_OWN_MISSING)
+            return kn_complain("hand", KN_EXIT_DEVICE, "the %s does not take a force away that is no longer renewed: 100 ms "
+                               "of silence left it on. --no-watchdog accepts that", name);
         tell_tether(&h->told, n, name, now_ms);
         tell_device(&h->told, n, name, now_ms);
         if (follow) tell_tool(n);
     }
     if (follow) putchar('\n');
+    return KN_EXIT_OK;
 }
 
 static int run(hand *h)
@@ -243,9 +248,10 @@ static int run(hand *h)
     const kn_device_def *d = &h->render.device;
     kn_bridge_def def = {.url = h->opt.lcm_url, .probe = h->probe, .render = h->render};
     uint32_t random;
-    if (h->opt.kind == KN_HAND_PADDLE) kn_paddle_init(&h->device.paddle, h->opt.tty, h->opt.baud);
+    if (h->opt.kind == KN_HAND_PADDLE) kn_paddle_init(&h->device.paddle, h->opt.tty, h->opt.baud, h->opt.unwatched);
     else if (h->opt.kind == KN_HAND_SPACENAV) kn_spacenav_init(&h->device.spacenav, &h->opt.puck);
-    else kn_haply_init(&h->device.haply, h->opt.host, h->opt.port, h->opt.device_id, h->opt.preset);
+    else kn_haply_init(&h->device.haply, h->opt.host, h->opt.port, h->opt.device_id, h->opt.preset,
+                       h->opt.unwatched);
     if (getrandom(&random, sizeof random, 0) != sizeof random) return complain(KN_EXIT_DEVICE, "no random number");
     def.session = 1 + ((int64_t)random << 20); // room for the sessions that follow
     if (!kn_bridge_start(&h->bridge, &def, &h->device.base, h->error, sizeof h->error))
@@ -257,10 +263,10 @@ static int run(hand *h)
            h->device.base.name, h->probe, d->name, 1e3 * d->position_m[0], 1e3 * d->position_m[1],
            1e3 * d->position_m[2], d->force_limit_n);
     fflush(stdout);
-    watch(h);
+    int code = watch(h);
     kn_bridge_stop(&h->bridge);
     summarise(kn_bridge_latest(&h->bridge), h->device.base.name, h->device.base.give != NULL);
-    return KN_EXIT_OK;
+    return code;
 }
 
 int kn_hand_main(int argc, char **argv)

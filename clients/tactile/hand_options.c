@@ -46,6 +46,8 @@ static const char help[] =
     "  --local             paddle, haply: renders the contact that kneadd --local-model sends over the device's own\n"
     "                      poses, not kneadd's forces: for links above 5 ms of round trip, whose forces are refused\n"
     "  --force-limit F     most that the motors are asked for, like '3 N' (device.clamp, but 3.3 N for profile bench)\n"
+    "  --no-watchdog       paddle, haply: gives force though the device has not shown, when it was opened, that it takes\n"
+    "                      a force away by itself which this program no longer renews\n"
     "  --seconds N         ends after N seconds\n"
     "  --lcm-url URL       poses, forces, scene ($LCM_DEFAULT_URL, " KN_FORCE_URL ")\n"
     "  --mesh-url URL      (" KN_MESH_URL ")\n"
@@ -124,7 +126,7 @@ static int check(const kn_hand_options *o)
 }
 
 enum { TTY = 256, BAUD, SPEED, TURN, DEAD, REACH, URL, DEVICE, PRESET };
-enum { PROBE = PRESET + 1, ORIGIN, BASIS, SCALE, LIMIT, SECONDS, LCM_URL, MESH_URL, QUIET, LOCAL, HELP };
+enum { PROBE = PRESET + 1, ORIGIN, BASIS, SCALE, LIMIT, SECONDS, LCM_URL, MESH_URL, QUIET, LOCAL, UNWATCHED, HELP };
 
 static int take_of_device(kn_hand_options *o, int option, const char *text)
 {
@@ -170,6 +172,7 @@ static int take(kn_hand_options *o, int option, const char *text)
     case MESH_URL: o->mesh_url = text; break;
     case QUIET: o->quiet = true; break;
     case LOCAL: o->local = true; break;
+    case UNWATCHED: o->unwatched = true; break;
     default: return take_of_device(o, option, text);
     }
     return KN_EXIT_OK;
@@ -184,7 +187,8 @@ int kn_hand_options_parse(kn_hand_options *o, int argc, char **argv, bool *done)
         {"probe", 1, 0, PROBE},     {"origin", 1, 0, ORIGIN},     {"basis", 1, 0, BASIS},
         {"scale", 1, 0, SCALE},     {"force-limit", 1, 0, LIMIT}, {"seconds", 1, 0, SECONDS},
         {"lcm-url", 1, 0, LCM_URL}, {"mesh-url", 1, 0, MESH_URL}, {"quiet", 0, 0, QUIET},
-        {"local", 0, 0, LOCAL},     {"help", 0, 0, HELP},         {0, 0, 0, 0}};
+        {"local", 0, 0, LOCAL},     {"no-watchdog", 0, 0, UNWATCHED}, {"help", 0, 0, HELP},
+        {0, 0, 0, 0}};
     *o = (kn_hand_options){.baud = KN_PADDLE_BAUD, .puck.turn_rad_s = 1.0, .device_id = "", .preset = KN_HAPLY_PRESET};
     kn_haply_url(KN_HAPLY_URL, o->host, &o->port);
     optind = 1;

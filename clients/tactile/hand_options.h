@@ -14,7 +14,7 @@ typedef struct kn_hand_options {
     const char *origin, *basis; // NULL: the scene's device has it
     double origin_m[3], scale, force_limit_n; // 0: so
     double seconds;
-    bool local, quiet;
+    bool local, quiet, unwatched;
     const char *tty;     // paddle
     int baud;
     kn_puck_def puck;    // spacenav

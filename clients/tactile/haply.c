@@ -1,4 +1,5 @@
 #include "clients/tactile/haply.h"
+#include "server/clock.h"
 #include <errno.h>
 #include <libwebsockets.h>
 #include <netdb.h>
@@ -56,11 +57,22 @@ bool kn_haply_reach(const char *host, int port, char *error, size_t error_size)
     return ok;
 }
 
+// ---- the proof that a force is forgotten which is not renewed, from the greeting on:
+//
+//     0 ms  0 N, renewed   20 ms  silence   120 ms  asked for its state: control_mode is idle
+#define SILENT_NS 20000000
+#define ASKED_NS 120000000
+
+static bool proves(const kn_haply *h) { return h->base.watchdog == KN_OWN_UNPROVED && h->greeted_ns; }
+
+static int64_t proof_ns(const kn_haply *h) { return kn_now_ns() - h->greeted_ns; }
+
 // ---- the conversation
 
 static void send_next(kn_haply *h)
 {
     if (!h->connected || h->in_flight || !h->wsi) return;
+    if (proves(h) && proof_ns(h) > SILENT_NS && proof_ns(h) < ASKED_NS) return;
     h->in_flight = true; // from here on, so that nothing is asked for twice
     lws_callback_on_writable(h->wsi);
 }
@@ -69,9 +81,11 @@ static int write_message(kn_haply *h)
 {
     char buffer[LWS_PRE + KN_HAPLY_MESSAGE], *text = buffer + LWS_PRE;
     if (!h->in_flight) return 0;
-    int size = !*h->device_id ? kn_haply_ask(text)
+    h->asked = proves(h) && proof_ns(h) >= ASKED_NS;
+    int size = !*h->device_id || h->asked ? kn_haply_ask(text)
                : h->greeted   ? kn_haply_push(text, h->device_id, h->force_n)
                               : kn_haply_greet(text, h->device_id, h->preset);
+    if (*h->device_id && !h->greeted) h->greeted_ns = kn_now_ns();
     h->greeted = *h->device_id;
     h->wanted_force = false;
     return lws_write(h->wsi, (unsigned char *)text, (size_t)size, LWS_WRITE_TEXT) < size ? -1 : 0;
@@ -95,7 +109,8 @@ static void take(kn_haply *h)
         h->base.messages++;
         snprintf(h->base.state, sizeof h->base.state, "arm %s%s%s", s.device_id, s.grip ? " with a grip" : "",
                  s.calibrated ? "" : ", not calibrated: put its grip on the rest");
-        if (known && s.calibrated) kn_bridge_moved(h->bridge, &s.pose); // the inventory is from before the preset
+        if (h->asked && proves(h)) h->base.watchdog = s.idle ? KN_OWN_TRUSTED : KN_OWN_MISSING;
+        if (known && s.calibrated && !proves(h)) kn_bridge_moved(h->bridge, &s.pose); // the inventory is from before the preset
     }
     if (*h->device_id && h->wanted_force) send_next(h);
 }
@@ -161,6 +176,9 @@ static bool open_haply(kn_tactile *device, kn_bridge *bridge, char *error, size_
     h->length = 0;
     h->silent_ms = 0;
     *h->device_id = 0;
+    h->base.watchdog = h->unwatched ? KN_OWN_TRUSTED : KN_OWN_UNPROVED;
+    h->greeted_ns = 0;
+    h->asked = false;
     struct lws_client_connect_info to = {.context = h->context, .address = h->host, .port = h->port, .path = "/",
                                          .host = h->host, .ietf_version_or_minus_one = -1, .pwsi = &h->wsi,
                                          .local_protocol_name = "haply"};
@@ -200,10 +218,11 @@ static void tick(kn_tactile *device, int elapsed_ms)
     if (h->silent_ms >= patience_ms) kn_bridge_lost(h->bridge, "the Inverse Service has not answered for 1 s");
 }
 
-void kn_haply_init(kn_haply *h, const char *host, int port, const char *device_id, const char *preset)
+void kn_haply_init(kn_haply *h, const char *host, int port, const char *device_id, const char *preset, bool unwatched)
 {
     *h = (kn_haply){.base = {.name = "haply", .open = open_haply, .close = close_haply, .destroy = destroy_haply,
-                             .tick = tick, .give = give, .answers = true}, .port = port, .preset = preset};
+                             .tick = tick, .give = give, .answers = true}, .port = port, .preset = preset,
+                    .unwatched = unwatched};
     snprintf(h->host, sizeof h->host, "%s", host);
     snprintf(h->wanted, sizeof h->wanted, "%s", device_id);
 }

@@ -37,14 +37,18 @@ typedef struct kn_haply {
     size_t length;
     bool connected, greeted;
     bool in_flight, wanted_force; // a message has not been answered; there is a force to send
+    bool unwatched, asked;
+    int64_t greeted_ns; // 0: not yet
     int silent_ms;
     double force_n[3];
 } kn_haply;
 
 // ws://HOST:PORT. False for anything else.
 bool kn_haply_url(const char *url, char host[KN_HAPLY_HOST], int *port);
-// preset: borrowed. device_id: "" for the first arm.
-void kn_haply_init(kn_haply *haply, const char *host, int port, const char *device_id, const char *preset);
+// preset: borrowed. device_id: "" for the first arm. unwatched: give force though the service has not shown that it
+// forgets one.
+void kn_haply_init(kn_haply *haply, const char *host, int port, const char *device_id, const char *preset,
+                   bool unwatched);
 
 // Whether somebody listens there, asked for 300 ms at most. False and one line in error.
 bool kn_haply_reach(const char *host, int port, char *error, size_t error_size);

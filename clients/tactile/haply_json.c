@@ -77,6 +77,8 @@ static kn_haply_heard read_arm(const json_t *root, const char *device_id, kn_hap
         snprintf(error, size, "expected cursor_velocity x, y, z within 100 m/s");
         return KN_HAPLY_MALFORMED;
     }
+    const char *mode = json_string_value(json_object_get(state, "control_mode"));
+    s->idle = mode && !strcmp(mode, "idle");
     s->calibrated = !json_is_false(json_object_get(json_object_get(arm, "status"), "calibrated"));
     read_grip(root, s);
     return KN_HAPLY_STATE;

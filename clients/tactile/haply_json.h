@@ -18,6 +18,7 @@
 
 typedef struct kn_haply_state {
     char device_id[KN_HAPLY_ID];
+    bool idle;       // control_mode: it gives no force
     bool calibrated; // else its position means nothing yet
     bool grip;       // pose has a grip's orientation and buttons
     kn_tactile_pose pose;

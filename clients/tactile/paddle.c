@@ -1,4 +1,5 @@
 #include "clients/tactile/paddle.h"
+#include "server/clock.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/serial.h>
@@ -26,8 +27,26 @@ static speed_t speed_of(int baud)
 
 bool kn_paddle_baud_known(int baud) { return speed_of(baud) != B0; }
 
+// The proof of a paddle's own watchdog, from its opening on:
+//
+//     0 ms  commands without enable   10 ms  with enable, 0 N   30 ms  silence   60 ms  its watchdog has tripped
+#define ENABLED_NS 10000000
+#define SILENT_NS 30000000
+#define JUDGED_NS 130000000
+
+static void judge_watchdog(kn_paddle *p, const kn_frame *f)
+{
+    bool tripped = f->flags & KN_FRAME_TRIPPED;
+    int64_t age_ns = kn_now_ns() - p->opened_ns;
+    if (p->base.watchdog != KN_OWN_UNPROVED) return;
+    if (age_ns > ENABLED_NS && !tripped && f->flags & KN_FRAME_MOTOR) p->armed = true;
+    if (age_ns > SILENT_NS && p->armed && tripped) p->base.watchdog = KN_OWN_TRUSTED;
+    else if (age_ns > JUDGED_NS) p->base.watchdog = KN_OWN_MISSING;
+}
+
 static void take(kn_paddle *p, const kn_frame *f)
 {
+    judge_watchdog(p, f);
     kn_tactile_pose pose = {.orientation_wxyz = {1.0}, .buttons = f->flags >> 4};
     pose.position_m[2] = 1e-9 * f->position_nm;
     pose.velocity_m_s[2] = 1e-6 * f->velocity_um_s;
@@ -91,6 +110,9 @@ static bool open_paddle(kn_tactile *device, kn_bridge *bridge, char *error, size
         return false;
     }
     p->deframer.count = 0;
+    p->base.watchdog = p->unwatched ? KN_OWN_TRUSTED : KN_OWN_UNPROVED;
+    p->armed = false;
+    p->opened_ns = kn_now_ns();
     ev_io_init(&p->readable, on_readable, p->fd, EV_READ);
     p->readable.data = p;
     ev_io_start(bridge->ev, &p->readable);
@@ -109,6 +131,12 @@ static void give(kn_tactile *device, const double force_n[3], bool live)
     kn_paddle *p = (kn_paddle *)device;
     uint8_t bytes[KN_FRAME_SIZE];
     int waiting = 0;
+    if (p->base.watchdog == KN_OWN_UNPROVED) {
+        int64_t age_ns = kn_now_ns() - p->opened_ns;
+        if (age_ns > SILENT_NS) return;
+        force_n = (double[3]){0};
+        live = age_ns > ENABLED_NS;
+    }
     if (ioctl(p->fd, TIOCOUTQ, &waiting) == 0 && waiting > waiting_most) {
         p->held_back++;
         return;
@@ -119,8 +147,8 @@ static void give(kn_tactile *device, const double force_n[3], bool live)
         kn_bridge_lost(p->bridge, "%s: %s", p->tty, strerror(errno));
 }
 
-void kn_paddle_init(kn_paddle *p, const char *tty, int baud)
+void kn_paddle_init(kn_paddle *p, const char *tty, int baud, bool unwatched)
 {
     *p = (kn_paddle){.base = {.name = "paddle", .open = open_paddle, .close = close_paddle, .give = give},
-                     .tty = tty, .baud = baud, .fd = -1, .deframer.kind = KN_FRAME_STATE};
+                     .tty = tty, .baud = baud, .unwatched = unwatched, .fd = -1, .deframer.kind = KN_FRAME_STATE};
 }

@@ -18,13 +18,15 @@ typedef struct kn_paddle {
     ev_io readable;
     kn_deframer deframer;
     uint16_t seq;
+    bool unwatched, armed;
+    int64_t opened_ns;
     int64_t held_back; // commands that were not sent because older ones still waited in the line
 } kn_paddle;
 
 // A line that cannot carry 1 kHz of frames both ways is not known.
 bool kn_paddle_baud_known(int baud);
 
-// tty: borrowed.
-void kn_paddle_init(kn_paddle *paddle, const char *tty, int baud);
+// tty: borrowed. unwatched: give force though the paddle has not shown its own watchdog.
+void kn_paddle_init(kn_paddle *paddle, const char *tty, int baud, bool unwatched);
 
 #endif

@@ -5,7 +5,7 @@
 //
 // A line on its stdin, TROUBLE 1, begins a trouble, and TROUBLE 0 ends it:
 //     malformed   answers are no JSON          mute   there are no answers         hangup   all are sent away
-//     gone        the arm is not in the list   cold   the arm is not calibrated
+//     gone        the arm is not in the list   cold   the arm is not calibrated    sticky      a force is not forgotten
 //
 // Rows: ms, position, force that the arm gives, messages, messages that were wrong: no JSON, no force, another arm's;
 // greetings.
@@ -19,8 +19,8 @@
 #include <sys/timerfd.h>
 #include <unistd.h>
 
-enum { MALFORMED, MUTE, HANGUP, GONE, COLD, TROUBLES, FORGET_MS = 20 };
-static const char *const trouble[TROUBLES] = {"malformed", "mute", "hangup", "gone", "cold"};
+enum { MALFORMED, MUTE, HANGUP, GONE, COLD, STICKY, TROUBLES, FORGET_MS = 20 };
+static const char *const trouble[TROUBLES] = {"malformed", "mute", "hangup", "gone", "cold", "sticky"};
 static int in[TROUBLES];
 
 static kn_arm arm;
@@ -129,7 +129,7 @@ static void on_timer(struct ev_loop *ev, ev_io *watcher, int events)
     begun |= clients > 0;
     for (uint64_t n = 0; n < times; n++) { // the person and the mass go on, whatever this process missed
         double path_m[3] = {0}, path_m_s[3] = {0};
-        force_age_ms++;
+        force_age_ms += !in[STICKY];
         if (begun) path_m[2] = kn_person_z(now_ms, &path_m_s[2]);
         kn_arm_tick(&arm, force_age_ms <= FORGET_MS ? force_n : (double[3]){0}, path_m, path_m_s);
         now_ms += begun;

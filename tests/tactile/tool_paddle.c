@@ -9,6 +9,7 @@
 //     flip=MS         from then on one bit of every tenth frame is wrong
 //     mute=MS:MS      from, for so long: sends nothing
 //     hangup=MS:MS    the line is gone
+//     unwatched=0     it has no watchdog
 #include "clients/knead/arm.h"
 #include "clients/knead/join.h"
 #include "clients/tactile/frame.h"
@@ -29,7 +30,7 @@ typedef struct span {
 typedef struct paddle {
     const char *link;
     int fd, keep; // master; slave, held open so that a computer that leaves is no hang-up
-    span garbage, flip, mute, hangup;
+    span garbage, flip, mute, hangup, unwatched;
     kn_arm arm;
     kn_deframer deframer;
     kn_watchdog watchdog;
@@ -83,7 +84,7 @@ static void listen_to_computer(paddle *p, int elapsed_ms)
         p->asked_n = 1e-6 * f.force_un;
         if (!p->enabled && p->watchdog.tripped) kn_watchdog_rearm(&p->watchdog);
     }
-    double factor = kn_watchdog_tick(&p->watchdog, fresh, elapsed_ms);
+    double factor = kn_watchdog_tick(&p->watchdog, fresh || in(&p->unwatched, 0), elapsed_ms);
     p->given_n = p->enabled ? factor * p->asked_n : 0.0;
 }
 
@@ -106,7 +107,7 @@ static void tell_computer(paddle *p, int ms)
 static bool option(paddle *p, const char *text)
 {
     const struct { const char *name; span *span; } known[] = {
-        {"garbage", &p->garbage}, {"flip", &p->flip}, {"mute", &p->mute}, {"hangup", &p->hangup}};
+        {"garbage", &p->garbage}, {"flip", &p->flip}, {"mute", &p->mute}, {"hangup", &p->hangup}, {"unwatched", &p->unwatched}};
     for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
         size_t n = strlen(known[i].name);
         if (!strncmp(text, known[i].name, n) && text[n] == '=')
@@ -118,7 +119,7 @@ static bool option(paddle *p, const char *text)
 int main(int argc, char **argv)
 {
     const span never = {-1, 0};
-    paddle p = {.garbage = never, .flip = never, .mute = never, .hangup = never, .fd = -1, .random = 1,
+    paddle p = {.garbage = never, .flip = never, .mute = never, .hangup = never, .unwatched = never, .fd = -1, .random = 1,
                 .deframer.kind = KN_FRAME_COMMAND};
     // a Hapkit at the handle: some 40 g felt, little friction, an encoder step of 15 um, 5 N at most
     const kn_arm_def def = {.mass_kg = 0.04, .damping_n_s_m = 0.1, .coulomb_n = 0.05, .encoder_m = 15e-6,
