@@ -1,13 +1,16 @@
 #include "server/bus.h"
 #include <arpa/inet.h>
+#include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <linux/rtnetlink.h>
 #include <linux/sock_diag.h>
 #include <net/if.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/un.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 enum { LO = 1 }; // Linux gives lo this number in every namespace (LOOPBACK_IFINDEX)
@@ -108,19 +111,50 @@ bool kn_bus_same(const kn_bus *a, const kn_bus *b)
     return a->group.sin_addr.s_addr == b->group.sin_addr.s_addr && a->group.sin_port == b->group.sin_port;
 }
 
+// A directory in which nobody but us can make, change or remove a name; -1 for any other.
+static int open_own(int parent, const char *path)
+{
+    struct stat s;
+    int dir = path ? openat(parent, path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC) : -1;
+    if (dir < 0 || (fstat(dir, &s) == 0 && s.st_uid == geteuid() && !(s.st_mode & 022))) return dir;
+    close(dir);
+    return -1;
+}
+
+// Whoever has no runtime directory gets a folder in /tmp. Its name is not fixed, since another user could make it first.
+static int open_own_in_tmp(void)
+{
+    char fresh[] = "/tmp/kneadd-XXXXXX";
+    int own = -1;
+    DIR *tmp = opendir("/tmp");
+    for (struct dirent *e; own < 0 && tmp && (e = readdir(tmp));)
+        if (strncmp(e->d_name, fresh + 5, 7) == 0) own = open_own(dirfd(tmp), e->d_name);
+    if (tmp) closedir(tmp);
+    return own >= 0 || !mkdtemp(fresh) ? own : open_own(AT_FDCWD, fresh);
+}
+
 int kn_bus_claim(const kn_bus *bus, const char *option, char *error, size_t error_size)
 {
-    struct sockaddr_un name = {.sun_family = AF_UNIX}; // sun_path[0] == 0: abstract
-    char group[16];
+    char name[80], group[16], user[40];
+    struct stat net = {0};
+    stat("/proc/self/ns/net", &net); // every network namespace has a lo of its own
     inet_ntop(AF_INET, &bus->group.sin_addr, group, sizeof group);
-    int n = snprintf(name.sun_path + 1, sizeof name.sun_path - 1, "kneadd %s:%u", group, ntohs(bus->group.sin_port));
-    socklen_t size = (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + (size_t)n);
-    int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-    if (fd >= 0 && bind(fd, (const struct sockaddr *)&name, size) == 0) return fd;
-    if (fd >= 0 && errno == EADDRINUSE)
+    snprintf(name, sizeof name, "kneadd-%ju-%s:%u", (uintmax_t)net.st_ino, group, ntohs(bus->group.sin_port));
+    snprintf(user, sizeof user, "/run/user/%u", geteuid());
+    const char *const places[] = {getenv("RUNTIME_DIRECTORY"), "/run", getenv("XDG_RUNTIME_DIR"), user};
+    int fd = -1;
+    for (size_t i = 0; fd < 0 && i <= sizeof places / sizeof *places; i++) {
+        int dir = i < sizeof places / sizeof *places ? open_own(AT_FDCWD, places[i]) : open_own_in_tmp();
+        // sticky, so that nothing that tidies up old files removes it
+        fd = dir < 0 ? -1 : openat(dir, name, O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 01600);
+        if (dir >= 0) close(dir);
+    }
+    if (fd >= 0 && flock(fd, LOCK_EX | LOCK_NB) == 0) return fd;
+    if (fd >= 0 && errno == EWOULDBLOCK)
         snprintf(error, error_size, "another kneadd serves %s: expected %s with another port", bus->url, option);
     else
-        snprintf(error, error_size, "%s: cannot be claimed: %s", bus->url, strerror(errno));
+        snprintf(error, error_size, "%s: cannot be claimed: no lock in XDG_RUNTIME_DIR, /run or /tmp: %s", bus->url,
+                 strerror(errno));
     if (fd >= 0) close(fd);
     return -1;
 }
@@ -144,7 +178,8 @@ int kn_bus_listen(const kn_bus *bus, int buffer_bytes, char *error, size_t error
         enlarge_buffer(fd, buffer_bytes);
         return fd;
     }
-    snprintf(error, error_size, "%s: cannot listen: %s", bus->url, strerror(errno));
+    snprintf(error, error_size, "%s: cannot listen: %s%s", bus->url, strerror(errno),
+             errno == EADDRINUSE ? "; ss -uap tells which program does not share that port" : "");
     if (fd >= 0) close(fd);
     return -1;
 }

@@ -43,10 +43,12 @@ bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, si
 // Whether the kernel would route the group over the bus's device. False and one line in error that names the cure.
 bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size);
 
-// Takes the bus for one server: a second one would answer the same hands. The claim is an abstract AF_UNIX name, so the
-// kernel gives it back with the process, however that ends, and every network namespace has its own, as it has its own
-// lo. The descriptor that holds it; -1 and one line in error, with the option that names another bus, when another
-// server has it.
+// Takes the bus for one server: a second one would answer the same hands. The claim is a lock on a file that only our
+// user can make or open, so no other user can hold it: in $RUNTIME_DIRECTORY, which systemd gives, /run (root),
+// $XDG_RUNTIME_DIR, /run/user/UID, or a folder of ours in /tmp, the first that is ours. The kernel gives the lock back
+// with the process, however that ends; the empty file stays. The file's name has the network namespace in it, since each
+// has its own lo. A kneadd of another user has another directory and is not noticed. Returns the descriptor that holds
+// the claim; -1 and one line in error, with the option that names another bus, when another server has it.
 int kn_bus_claim(const kn_bus *bus, const char *option, char *error, size_t error_size);
 
 // Whether they are one group and one port.

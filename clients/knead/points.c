@@ -4,6 +4,7 @@
 #include "clients/knead/graft.h"
 #include "core/scene/words.h"
 #include <errno.h>
+#include <fcntl.h>
 #include <libgen.h>
 #include <limits.h>
 #include <stdlib.h>
@@ -91,8 +92,9 @@ static bool replace(const char *path, const char *text)
 {
     char half[PATH_MAX];
     struct stat old;
-    if (snprintf(half, sizeof half, "%s.%d", path, (int)getpid()) >= PATH_MAX || stat(path, &old) != 0) return false;
-    FILE *f = fopen(half, "w");
+    if (snprintf(half, sizeof half, "%s.XXXXXX", path) >= PATH_MAX || stat(path, &old) != 0) return false;
+    const int fd = mkostemp(half, O_CLOEXEC); // a name that nobody can have made before
+    FILE *f = fd >= 0 ? fdopen(fd, "w") : NULL;
     if (!f) return false;
     if (fchown(fileno(f), old.st_uid, old.st_gid) != 0) errno = 0; // only root can; then it is whose sweep it was
     bool ok =

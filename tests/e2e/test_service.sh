@@ -40,6 +40,12 @@ if ! $limits true 2>/dev/null; then
     echo "this root may not raise limits (no CAP_SYS_RESOURCE): what they grant is left out"
     limits= mode=off
 fi
+# another user was here first, with every name of a claim that can be guessed
+setpriv --reuid 1234 --clear-groups mkdir -m 777 /tmp/kneadd-000000
+setpriv --reuid 1234 --clear-groups /usr/bin/python3 -c 'import socket, time
+s = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+s.bind("\0kneadd 239.255.76.67:7667")
+time.sleep(600)' &
 NOTIFY_SOCKET=$PWD/notify $limits setpriv --reuid 65534 --regid 65534 --clear-groups \
     --no-new-privs --bounding-set=-all --inh-caps=-all --ambient-caps=-all \
     ./kneadd --scene dough-small.yaml --control "$PWD/control" --realtime $mode >kneadd.log 2>kneadd.err &
@@ -48,6 +54,10 @@ await eval '[ "$(heard READY=1)" -gt 0 ]'
 check "it says when it serves" [ "$(heard 'READY=1 STATUS=serving dough-small.yaml')" = 1 ]
 [ $mode = off ] || check "with all of real time: $(cat kneadd.err)" grep -q 'SCHED_FIFO, memory locked' kneadd.log
 check "without a capability" [ "$(sed -n 's/^CapEff:\s*//p' /proc/$server/status)" = 0000000000000000 ]
+expect "^kneadd: another kneadd serves udpm://239.255.76.67:7667[?]ttl=0: expected --lcm-url with another port$" 3 \
+    setpriv --reuid 65534 --regid 65534 --clear-groups ./kneadd --scene dough-small.yaml --realtime off
+check "its claim is where nobody else may look" \
+    [ "$(find /tmp/kneadd-?????? -maxdepth 0 -uid 65534 -perm 0700 | wc -l)$(ls -A /tmp/kneadd-000000)" = 1 ]
 alive() { # alive N: until it has said so N times more
     local since
     since=$(heard WATCHDOG=1)
@@ -87,6 +97,7 @@ setpriv --reuid 1234 --regid 1234 --groups 65534 ./knead ctl --control control s
 check "a member by another of its groups may end it: $(cat stop)" grep -q '^stop: done' stop
 check "it ended well" ended $server
 check "and said so" [ "$(heard STOPPING=1)" = 1 ]
+find /tmp/kneadd-?????? -maxdepth 0 \( -uid 65534 -o -uid 1234 \) -exec rm -r {} +
 
 # stdout and stderr full, and nobody reads them
 mkfifo full
