@@ -8,17 +8,18 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/random.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
-#define CONNECTIONS 256 // at once, idle ones included: libwebsockets ends those after half a minute
+#define GUEST_S 2           // how long a connection may stay without the token
+#define CLOSE_EVERY_S 0.004 // for newer ones: each has 64 ms, four round trips of a bad radio link, however many come
+#define DOWNLOADS 8 // connections with the token that are no pages
 #define PATIENCE_S 5
 #define AT_ONCE (1 << 24) // bytes to the kernel: as many as may be received is the default, a picture in 500 pieces
 enum {
     PROTOCOL = 1002,
     TOO_BIG = 1009,
     UNKNOWN = 4401,
-    FULL = 4429
+    OUSTED = 4429
 }; // WebSocket close codes; from 4000 on they are ours
 
 // The files are part of the program: nothing to find at run time, nothing that a page could ask for beside them.
@@ -40,7 +41,9 @@ static const struct {
              {"/style.css", "text/css; charset=utf-8", style_css, style_css_end}};
 
 typedef struct session { // libwebsockets keeps one per connection
-    int page;            // -1: the token has not been shown
+    bool socket;         // it is a WebSocket
+    bool admitted;       // it has had a place
+    int page;            // -1: none, since the token has not been shown or the place is a newer page's
     size_t length;
     uint8_t message[KN_REQUEST_MAX];
     bool closing;        // nothing may be written after the reason: it would end the connection before it is sent
@@ -53,6 +56,50 @@ static void tell_refusal(kn_gateway *g, const char *why)
     if (now_ms - g->told_ms < 1000) return; // at most a line per second: whoever knocks must not fill the log
     g->told_ms = now_ms;
     fprintf(stderr, "knead web: refused: %s (%lld so far)\n", why, (long long)g->refused);
+}
+
+// ---- guests: connections that have not shown the token, or have lost their place. The oldest is the first.
+
+static bool is_guest(const kn_gateway *g, const struct lws *wsi)
+{
+    for (int i = 0; i < g->guests; i++)
+        if (g->guest[i] == wsi) return true;
+    return false;
+}
+
+static void forget_guest(kn_gateway *g, const struct lws *wsi) // it has shown the token, or has ended
+{
+    int kept = 0;
+    for (int i = 0; i < g->guests; i++)
+        if (g->guest[i] != wsi) g->guest[kept++] = g->guest[i];
+    g->guests = kept;
+}
+
+static void close_oldest(kn_gateway *g)
+{
+    struct lws *oldest = g->guest[0];
+    forget_guest(g, oldest);
+    shutdown(lws_get_socket_fd(oldest), SHUT_RDWR); // or libwebsockets would wait for an answer to be read
+    lws_set_timeout(oldest, PENDING_TIMEOUT_USER_REASON_BASE, LWS_TO_KILL_SYNC);
+}
+
+static void pause_accepting(kn_gateway *g, double seconds, const char *why)
+{
+    tell_refusal(g, why);
+    ev_io_stop(g->ev, &g->acceptable);
+    g->pause.repeat = seconds;
+    ev_timer_again(g->ev, &g->pause);
+}
+
+// The newest has the place of the oldest: a page shows its token at once, whoever only holds a place does not.
+static void add_guest(kn_gateway *g, struct lws *wsi)
+{
+    if (g->guests == KN_GATEWAY_GUESTS) {
+        pause_accepting(g, CLOSE_EVERY_S, "too many connections without the token: the oldest is closed");
+        close_oldest(g);
+    }
+    g->guest[g->guests++] = wsi;
+    lws_set_timer_usecs(wsi, GUEST_S * LWS_USEC_PER_SEC);
 }
 
 // ---- HTTP
@@ -99,6 +146,9 @@ static int hand_out(kn_gateway *g, struct lws *wsi, const char *name)
     if (lws_hdr_copy(wsi, shown, sizeof shown, WSI_TOKEN_HTTP_AUTHORIZATION) != (int)sizeof shown - 1 ||
         strncmp(shown, scheme, sizeof scheme - 1) != 0 || !is_token(g, (const uint8_t *)shown + sizeof scheme - 1))
         return refuse(g, wsi, 401, "wrong token: expected Authorization: Bearer and the token of the address");
+    if (is_guest(g, wsi) && g->connections - g->guests - kn_gateway_pages(g) >= DOWNLOADS)
+        return refuse(g, wsi, 503, "eight downloads are under way already");
+    forget_guest(g, wsi);
     if (!g->fetch(g->arg, name, &file)) return refuse(g, wsi, 404, "no such download");
     if (file.path[0]) { // sent in pieces, on which this callback is not asked again
         int sent = lws_serve_http_file(wsi, file.path, file.type, NULL, 0);
@@ -141,18 +191,40 @@ static int hang_up(kn_gateway *g, struct lws *wsi, int code, const char *why)
     return -1;
 }
 
+// All places are taken: the page that came first gives up its own, unless it has the tool or gave the last order. It
+// becomes a guest, so that it cannot stay by not reading why.
+static int oust(kn_gateway *g)
+{
+    int first = -1;
+    for (int i = 0; i < KN_GATEWAY_PAGES; i++)
+        if (!g->stays(g->arg, i) && (first < 0 || g->page[i].came < g->page[first].came)) first = i;
+    struct lws *wsi = g->page[first].wsi;
+    ((session *)lws_wsi_user(wsi))->page = -1;
+    g->page[first].wsi = NULL;
+    g->on_gone(g->arg, first);
+    add_guest(g, wsi);
+    lws_callback_on_writable(wsi);
+    return first;
+}
+
+static int hang_up_ousted(kn_gateway *g, struct lws *wsi)
+{
+    return hang_up(g, wsi, OUSTED, "a newer page has taken this one's place: reload to have it back");
+}
+
 static int admit(kn_gateway *g, struct lws *wsi, session *s)
 {
+    if (s->admitted) return hang_up_ousted(g, wsi);
     if (s->length != KN_GATEWAY_TOKEN || lws_frame_is_binary(wsi) || !is_token(g, s->message))
         return hang_up(g, wsi, UNKNOWN, "wrong token: open the address that knead web printed");
-    for (int i = 0; i < KN_GATEWAY_PAGES; i++) {
-        if (g->page[i].wsi) continue;
-        g->page[i] = (kn_web_page){.wsi = wsi, .news = true};
-        s->page = i;
-        lws_callback_on_writable(wsi);
-        return 0;
-    }
-    return hang_up(g, wsi, FULL, "four pages are open already");
+    forget_guest(g, wsi);
+    int i = 0;
+    while (i < KN_GATEWAY_PAGES && g->page[i].wsi) i++;
+    s->page = i < KN_GATEWAY_PAGES ? i : oust(g);
+    s->admitted = true;
+    g->page[s->page] = (kn_web_page){.wsi = wsi, .came = ++g->admitted, .news = true};
+    lws_callback_on_writable(wsi);
+    return 0;
 }
 
 static uint32_t u32(const uint8_t *at)
@@ -212,11 +284,20 @@ static bool room(const kn_web_page *p) { return p->wsi && p->sent - p->seen < KN
 static int write_page(kn_gateway *g, struct lws *wsi, const session *s)
 {
     kn_web_page *page = &g->page[s->page < 0 ? 0 : s->page];
+    if (s->page < 0 && s->admitted && !s->closing) return hang_up_ousted(g, wsi);
     if (s->page < 0 || s->closing || !page->news || !room(page)) return 0;
     page->news = false;
     page->sent++;
     size_t size = g->write(g->arg, s->page, g->buffer + LWS_PRE, g->buffer_size);
     return lws_write(wsi, g->buffer + LWS_PRE, size, LWS_WRITE_BINARY) < (int)size ? -1 : 0;
+}
+
+// A guest has been here for GUEST_S. A session is NULL before the first request.
+static int send_away(kn_gateway *g, struct lws *wsi, session *s)
+{
+    if (s && s->socket && !s->closing) return hang_up(g, wsi, UNKNOWN, "no token: open the address that knead web printed");
+    shutdown(lws_get_socket_fd(wsi), SHUT_RDWR);
+    return -1;
 }
 
 static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in, size_t size)
@@ -225,16 +306,15 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
     session *s = user;
     switch ((int)reason) {
     case LWS_CALLBACK_WSI_CREATE: return g->connections++, 0;
-    case LWS_CALLBACK_WSI_DESTROY: return g->connections--, 0;
+    case LWS_CALLBACK_WSI_DESTROY: return g->connections--, forget_guest(g, wsi), 0;
     case LWS_CALLBACK_HTTP: return serve(g, wsi, in);
     case LWS_CALLBACK_HTTP_FILE_COMPLETION: return lws_http_transaction_completed(wsi) ? -1 : 0;
     case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE: return confirm(g, wsi);
     case LWS_CALLBACK_ESTABLISHED:
         s->page = -1;
-        lws_set_timer_usecs(wsi, PATIENCE_S * LWS_USEC_PER_SEC);
+        s->socket = true;
         return 0;
-    case LWS_CALLBACK_TIMER:
-        return s->page >= 0 ? 0 : hang_up(g, wsi, UNKNOWN, "no token: open the address that knead web printed");
+    case LWS_CALLBACK_TIMER: return is_guest(g, wsi) ? send_away(g, wsi, s) : 0;
     case LWS_CALLBACK_RECEIVE: return receive(g, wsi, s, in, size);
     case LWS_CALLBACK_SERVER_WRITEABLE: return write_page(g, wsi, s);
     case LWS_CALLBACK_CLOSED:
@@ -261,7 +341,7 @@ int kn_gateway_listen(const char *host, int port, char *error, size_t error_size
     kn_gateway_host(host, &at.sin_addr);
     int fd = socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0), on = 1;
     if (fd >= 0 && !setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) &&
-        !bind(fd, (struct sockaddr *)&at, sizeof at) && !listen(fd, 32))
+        !bind(fd, (struct sockaddr *)&at, sizeof at) && !listen(fd, SOMAXCONN))
         return fd;
     snprintf(error, error_size, "%s:%d: %s%s", host, port, strerror(errno),
              errno == EADDRINUSE && port ? "; --port 0 takes a free one"
@@ -276,19 +356,12 @@ static void on_acceptable(struct ev_loop *ev, ev_io *w, int events)
     (void)ev, (void)events;
     kn_gateway *g = w->data;
     int fd = accept4(g->fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC), on = 1;
-    if (fd < 0 && (errno == EMFILE || errno == ENFILE)) { // it would be asked again at once, and again
-        tell_refusal(g, "too many descriptors are open");
-        ev_io_stop(g->ev, &g->acceptable);
-        ev_timer_again(g->ev, &g->pause);
-    }
+    if (fd < 0 && (errno == EMFILE || errno == ENFILE)) // it would be asked again at once, and again
+        pause_accepting(g, 0.1, "too many descriptors are open");
     if (fd < 0) return;
     setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-    if (g->connections < CONNECTIONS) {
-        lws_adopt_socket(g->context, fd); // closes it when it fails
-        return;
-    }
-    tell_refusal(g, "too many connections");
-    close(fd);
+    struct lws *wsi = lws_adopt_socket(g->context, fd); // closes it when it fails
+    if (wsi) add_guest(g, wsi);
 }
 
 static void on_paused(struct ev_loop *ev, ev_timer *w, int events)
@@ -297,15 +370,6 @@ static void on_paused(struct ev_loop *ev, ev_timer *w, int events)
     kn_gateway *g = w->data;
     ev_timer_stop(ev, w);
     ev_io_start(ev, &g->acceptable);
-}
-
-// As many descriptors as connections may come, where that is allowed: a shell's limit may be lower.
-static void raise_limit(void)
-{
-    struct rlimit most;
-    if (getrlimit(RLIMIT_NOFILE, &most) != 0 || most.rlim_cur >= 4 * CONNECTIONS) return;
-    most.rlim_cur = most.rlim_max < 4 * CONNECTIONS ? most.rlim_max : 4 * CONNECTIONS;
-    setrlimit(RLIMIT_NOFILE, &most);
 }
 
 // The address as the kernel has it: whatever was meant, nobody must be able to connect at another one.
@@ -341,7 +405,6 @@ bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, const char *host, int po
         .options = LWS_SERVER_OPTION_LIBEV | LWS_SERVER_OPTION_DISABLE_IPV6 |
                    LWS_SERVER_OPTION_HTTP_HEADERS_SECURITY_BEST_PRACTICES_ENFORCE};
     g->ev = ev;
-    raise_limit(); // before libwebsockets sizes its table by it
     g->fd = fd >= 0 ? fd : kn_gateway_listen(host, port, error, error_size);
     if (g->fd < 0) return false;
     snprintf(error, error_size, "--listen-fd %d: expected a socket that listens on %s", fd, host);
@@ -353,7 +416,7 @@ bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, const char *host, int po
     snprintf(error, error_size, "libwebsockets does not start on libev: install the package libwebsockets-evlib-ev");
     if (!g->context) return false;
     ev_io_init(&g->acceptable, on_acceptable, g->fd, EV_READ);
-    ev_timer_init(&g->pause, on_paused, 0, 0.1);
+    ev_timer_init(&g->pause, on_paused, 0, 0);
     g->acceptable.data = g->pause.data = g;
     ev_io_start(ev, &g->acceptable);
     return true;

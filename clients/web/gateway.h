@@ -19,6 +19,7 @@
 #include <stdint.h>
 
 #define KN_GATEWAY_PAGES 4
+#define KN_GATEWAY_GUESTS 16 // connections without the token
 #define KN_GATEWAY_TOKEN 32 // hex digits
 #define KN_GATEWAY_IN_FLIGHT 2 // messages a page has not acknowledged: more would be an old picture waiting in a buffer
 
@@ -34,6 +35,7 @@ typedef struct kn_web_message { // checked: finite, u v 0..1, depth_m 0..0.1
 typedef struct kn_web_page { // one that has shown the token
     uint32_t sent, seen; // messages; sent - seen are in flight
     bool news;           // there is something to write
+    int64_t came;        // the how-manieth page it was
     uint32_t picture;    // the last one it was sent; the caller's
     uint32_t event;      // the last pointer event
     int64_t pointed_ms;  // when; CLOCK_MONOTONIC
@@ -57,6 +59,7 @@ typedef struct kn_gateway {
     void (*on_message)(void *arg, int page, const kn_web_message *message); // of POINTER
     void (*on_request)(void *arg, int page, const kn_request *request);
     void (*on_gone)(void *arg, int page);
+    bool (*stays)(void *arg, int page); // no newer page takes its place; at most KN_GATEWAY_PAGES - 1 of them
     // Of a path that begins with "/get/", without that. False: there is no such thing.
     bool (*fetch)(void *arg, const char *name, kn_web_file *file);
     // Fills the next message of a page: at most size bytes.
@@ -66,8 +69,10 @@ typedef struct kn_gateway {
     struct lws_context *context;
     struct ev_loop *ev;
     ev_io acceptable;
-    ev_timer pause; // without descriptors nobody is accepted for a moment
-    int fd, connections;
+    ev_timer pause; // nobody is accepted for a moment
+    struct lws *guest[KN_GATEWAY_GUESTS];
+    int64_t admitted; // pages so far
+    int fd, connections, guests;
     int64_t told_ms; // of the last refusal
     char token[KN_GATEWAY_TOKEN + 1], origin[40]; // http://HOST:PORT
     uint8_t *buffer;

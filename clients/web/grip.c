@@ -162,6 +162,12 @@ void kn_web_on_message(void *self, int page, const kn_web_message *m)
     point(self, page, m);
 }
 
+bool kn_web_stays(void *self, int page)
+{
+    const kn_web *w = self;
+    return page == w->owner || page == w->operator;
+}
+
 void kn_web_on_gone(void *self, int page)
 {
     kn_web *w = self;
@@ -172,6 +178,7 @@ void kn_web_on_gone(void *self, int page)
     for (int i = 0; i < KN_ASKER_CALLS; i++)
         if (w->asked[i].page == page) w->asked[i].page = -1;
     w->waiting[page].count = 0;
+    if (w->operator == page) w->operator = -1;
     if (w->owner != page) return;
     w->owner = -1;
     w->button = KN_BUTTON_UP;

@@ -259,6 +259,7 @@ static bool open_all(kn_web *w)
     w->gateway.on_message = kn_web_on_message;
     w->gateway.on_request = kn_web_on_request;
     w->gateway.on_gone = kn_web_on_gone;
+    w->gateway.stays = kn_web_stays;
     w->gateway.fetch = kn_web_fetch;
     w->gateway.write = kn_web_write;
     w->asker.path = w->control;
@@ -378,7 +379,7 @@ static int parse(kn_web *w, int argc, char **argv)
 
 int kn_web_main(int argc, char **argv)
 {
-    static kn_web w = {.width = 800, .height = 450, .listen_fd = -1, .rate_hz = 30, .owner = -1,
+    static kn_web w = {.width = 800, .height = 450, .listen_fd = -1, .rate_hz = 30, .owner = -1, .operator = -1,
                        .measure = -1, .png_page = -1, .replayed.page = -1,
                     .gateway.fd = -1, .host = "127.0.0.1"};
     int code = parse(&w, argc, argv);

@@ -72,6 +72,7 @@ typedef struct kn_web {
     kn_web_sample trace[KN_WEB_TRACE];
     uint64_t traced;
     int owner;                  // the page that has the tool, -1: none
+    int operator;               // the page that gave the last order, -1: none
     kn_button button;           // of that page
     bool turned;                // the picture, since this press began: where the pointer is in it says nothing
     struct { uint32_t number; int page; int64_t tick; } event[KN_WEB_EVENTS]; // tick of kneadd's answer, INT64_MAX:
@@ -130,6 +131,7 @@ void kn_web_take_samples(kn_web *w);
 bool kn_web_is_taken(const kn_web *w, int page); // the tool is another page's, which uses it
 void kn_web_on_message(void *web, int page, const kn_web_message *message);
 void kn_web_on_gone(void *web, int page);
+bool kn_web_stays(void *web, int page); // it has the tool or is the operator's
 
 // web.c
 void kn_web_png_path(const kn_web *w, char path[128]);
