@@ -43,7 +43,7 @@ function hear({ id, ok, words }) {
 function connect() {
     const token = location.hash.slice(1);
     if (!token) return say('fault', 'open the address that knead web printed: this one has no token');
-    const mine = socket = new WebSocket(`ws://${location.host}/ws`, 'knead');
+    const mine = socket = new WebSocket(`${location.protocol.replace('http', 'ws')}//${location.host}/ws`, 'knead');
     let drawn = 0; // frame number
     mine.binaryType = 'arraybuffer';
     mine.onopen = () => mine.send(token);

@@ -4,6 +4,7 @@
 #include <libwebsockets.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
+#include <openssl/x509v3.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -161,7 +162,7 @@ static int hand_out(kn_gateway *g, struct lws *wsi, const char *name)
 
 static int serve(kn_gateway *g, struct lws *wsi, const char *path)
 {
-    if (!header_is(wsi, WSI_TOKEN_HOST, g->origin + 7))
+    if (!header_is(wsi, WSI_TOKEN_HOST, g->site))
         return refuse(g, wsi, 403, "wrong Host: open the address that knead web printed");
     if (lws_hdr_total_length(wsi, WSI_TOKEN_GET_URI) == 0) return refuse(g, wsi, 405, "expected GET");
     for (size_t i = 0; i < sizeof files / sizeof *files; i++)
@@ -176,7 +177,7 @@ static int confirm(kn_gateway *g, struct lws *wsi)
     const char *why = NULL;
     if (!header_is(wsi, WSI_TOKEN_PROTOCOL, "knead")) why = "wrong subprotocol: expected knead";
     if (!header_is(wsi, WSI_TOKEN_ORIGIN, g->origin)) why = "wrong Origin: open the address that knead web printed";
-    if (!header_is(wsi, WSI_TOKEN_HOST, g->origin + 7)) why = "wrong Host: open the address that knead web printed";
+    if (!header_is(wsi, WSI_TOKEN_HOST, g->site)) why = "wrong Host: open the address that knead web printed";
     if (!why) return 0;
     return refuse(g, wsi, 403, why) ? -1 : 1;
 }
@@ -292,6 +293,40 @@ static int write_page(kn_gateway *g, struct lws *wsi, const session *s)
     return lws_write(wsi, g->buffer + LWS_PRE, size, LWS_WRITE_BINARY) < (int)size ? -1 : 0;
 }
 
+// ---- encryption
+
+// A certificate of this run, for this address, which only its fingerprint vouches for. Its serial number is random:
+// Firefox refuses two of one issuer and number.
+static bool certify(kn_gateway *g, SSL_CTX *tls)
+{
+    const long day_s = 86400;
+    char name[64];
+    uint8_t digest[SHA256_DIGEST_LENGTH];
+    uint64_t serial = 0;
+    snprintf(name, sizeof name, "IP:%.*s", (int)strcspn(g->site, ":"), g->site);
+    X509 *x = X509_new();
+    EVP_PKEY *key = EVP_EC_gen("P-256");
+    X509_EXTENSION *at = X509V3_EXT_conf_nid(NULL, NULL, NID_subject_alt_name, name);
+    const bool ok =
+        x && key && at && getrandom(&serial, sizeof serial, 0) == sizeof serial && X509_set_version(x, 2) &&
+        ASN1_INTEGER_set_uint64(X509_get_serialNumber(x), serial >> 1) &&
+        X509_gmtime_adj(X509_getm_notBefore(x), -day_s) && // a tablet's clock may be behind
+        X509_gmtime_adj(X509_getm_notAfter(x), 397 * day_s) && // the longest that browsers take
+        X509_NAME_add_entry_by_txt(X509_get_subject_name(x), "CN", MBSTRING_ASC, (uint8_t *)"knead web", -1, -1, 0) &&
+        X509_set_issuer_name(x, X509_get_subject_name(x)) && X509_add_ext(x, at, -1) && X509_set_pubkey(x, key) &&
+        X509_sign(x, key, EVP_sha256()) && X509_digest(x, EVP_sha256(), digest, NULL) &&
+        SSL_CTX_use_certificate(tls, x) == 1 && SSL_CTX_use_PrivateKey(tls, key) == 1 &&
+        SSL_CTX_set_min_proto_version(tls, TLS1_2_VERSION);
+    for (int i = 0; ok && i < SHA256_DIGEST_LENGTH; i++)
+        sprintf(g->fingerprint + 3 * i, i + 1 < SHA256_DIGEST_LENGTH ? "%02X:" : "%02X", digest[i]);
+    X509_EXTENSION_free(at);
+    EVP_PKEY_free(key);
+    X509_free(x);
+    return ok;
+}
+
+// ---- what libwebsockets tells
+
 // A guest has been here for GUEST_S. A session is NULL before the first request.
 static int send_away(kn_gateway *g, struct lws *wsi, session *s)
 {
@@ -307,6 +342,7 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
     switch ((int)reason) {
     case LWS_CALLBACK_WSI_CREATE: return g->connections++, 0;
     case LWS_CALLBACK_WSI_DESTROY: return g->connections--, forget_guest(g, wsi), 0;
+    case LWS_CALLBACK_OPENSSL_LOAD_EXTRA_SERVER_VERIFY_CERTS: return certify(g, user) ? 0 : -1;
     case LWS_CALLBACK_HTTP: return serve(g, wsi, in);
     case LWS_CALLBACK_HTTP_FILE_COMPLETION: return lws_http_transaction_completed(wsi) ? -1 : 0;
     case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE: return confirm(g, wsi);
@@ -384,9 +420,11 @@ static bool make_address(kn_gateway *g, const char *host)
         getrandom(random, sizeof random, 0) != sizeof random)
         return false;
     for (size_t i = 0; i < sizeof random; i++) sprintf(g->token + 2 * i, "%02x", random[i]);
-    int n = snprintf(g->origin, sizeof g->origin, "http://%s", inet_ntoa(at.sin_addr));
-    if (ntohs(at.sin_port) != 80) // which no browser says
+    g->encrypted = ntohl(at.sin_addr.s_addr) >> 24 != IN_LOOPBACKNET;
+    int n = snprintf(g->origin, sizeof g->origin, "http%s://%s", g->encrypted ? "s" : "", inet_ntoa(at.sin_addr));
+    if (ntohs(at.sin_port) != (g->encrypted ? 443 : 80)) // which no browser says
         snprintf(g->origin + n, sizeof g->origin - (size_t)n, ":%d", ntohs(at.sin_port));
+    g->site = strchr(g->origin, '/') + 2;
     snprintf(g->address, sizeof g->address, "%s/#%s", g->origin, g->token);
     return true;
 }
@@ -402,6 +440,7 @@ bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, const char *host, int po
     struct lws_context_creation_info info = {
         .port = CONTEXT_PORT_NO_LISTEN_SERVER, .protocols = protocols, .user = g, .foreign_loops = loops,
         .timeout_secs = PATIENCE_S, .keepalive_timeout = PATIENCE_S,
+        .alpn = "http/1.1", // a connection is one request at a time: no streams of HTTP/2 in one place
         .options = LWS_SERVER_OPTION_LIBEV | LWS_SERVER_OPTION_DISABLE_IPV6 |
                    LWS_SERVER_OPTION_HTTP_HEADERS_SECURITY_BEST_PRACTICES_ENFORCE};
     g->ev = ev;
@@ -409,6 +448,7 @@ bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, const char *host, int po
     if (g->fd < 0) return false;
     snprintf(error, error_size, "--listen-fd %d: expected a socket that listens on %s", fd, host);
     if (!make_address(g, host)) return false;
+    if (g->encrypted) info.options |= LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT | LWS_SERVER_OPTION_CREATE_VHOST_SSL_CTX;
     lws_set_log_level(LLL_ERR, NULL);
     g->buffer_size = largest;
     g->buffer = malloc(LWS_PRE + largest);

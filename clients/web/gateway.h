@@ -52,7 +52,8 @@ typedef struct kn_web_file { // a download
 } kn_web_file;
 
 typedef struct kn_gateway {
-    char address[96];    // http://HOST:PORT/#TOKEN
+    char address[96];    // http://HOST:PORT/#TOKEN; https, off loopback
+    char fingerprint[96]; // SHA-256 of the certificate, AB:CD:..; "" without encryption
     kn_web_page page[KN_GATEWAY_PAGES];
     int64_t refused;
     // the caller's
@@ -75,6 +76,8 @@ typedef struct kn_gateway {
     int fd, connections, guests;
     int64_t told_ms; // of the last refusal
     char token[KN_GATEWAY_TOKEN + 1], origin[40]; // http://HOST:PORT
+    const char *site;                             // HOST:PORT, in origin
+    bool encrypted;
     uint8_t *buffer;
     size_t buffer_size;
 } kn_gateway;

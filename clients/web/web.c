@@ -389,6 +389,9 @@ int kn_web_main(int argc, char **argv)
     code = open_all(&w) ? KN_EXIT_OK : fail(KN_EXIT_DEVICE, w.error);
     if (code == KN_EXIT_OK) {
         printf("knead web: open %s\n", w.gateway.address);
+        if (w.gateway.fingerprint[0])
+            printf("knead web: the browser warns of an unknown certificate; go on if its SHA-256 fingerprint is\n%s\n",
+                   w.gateway.fingerprint);
         if (fflush(stdout) != 0)
             code = fail(KN_EXIT_DEVICE, "nobody can read the page's address: standard output is broken");
     }
