@@ -178,6 +178,8 @@ static int confirm(kn_gateway *g, struct lws *wsi)
     if (!header_is(wsi, WSI_TOKEN_PROTOCOL, "knead")) why = "wrong subprotocol: expected knead";
     if (!header_is(wsi, WSI_TOKEN_ORIGIN, g->origin)) why = "wrong Origin: open the address that knead web printed";
     if (!header_is(wsi, WSI_TOKEN_HOST, g->site)) why = "wrong Host: open the address that knead web printed";
+    // HTTP/2 would bring many requests over the place of one
+    if (!header_is(wsi, WSI_TOKEN_UPGRADE, "websocket")) why = "wrong upgrade: expected websocket";
     if (!why) return 0;
     return refuse(g, wsi, 403, why) ? -1 : 1;
 }

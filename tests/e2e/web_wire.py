@@ -1,8 +1,11 @@
 # The wire of knead web, by hand: every refusal, every bad message, slow and idle clients. Driven by test_web_wire.sh;
 # web_wire.py --minutes N watches the memory for so long. At night it does so for 20 s, and asks whether the servo notices all this.
+import contextlib
+import hashlib
 import json
 import os
 import socket
+import ssl
 import struct
 import subprocess
 import sys
@@ -20,9 +23,18 @@ def message(kind, number=1, pressed=0, u=0.5, v=0.4, depth_m=0.005):
     return struct.pack("<IBBHfff", number, kind, pressed, 0, u, v, depth_m)
 
 
+TLS = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+TLS.check_hostname, TLS.verify_mode = False, ssl.CERT_NONE
+
+
+def join(port, address="127.0.0.1"):  # a connection, encrypted off loopback
+    s = socket.create_connection((address, port), timeout=10)
+    return s if address == "127.0.0.1" else TLS.wrap_socket(s)
+
+
 def get(port, path, *headers, address="127.0.0.1", host=None):  # (status, head in small letters, body)
     lines = [f"GET {path} HTTP/1.1", f"Host: {host or f'{address}:{port}'}", "Connection: close", *headers, "", ""]
-    with socket.create_connection((address, port), timeout=10) as s:
+    with join(port, address) as s:
         s.sendall("\r\n".join(lines).encode())
         got = b""
         while more := s.recv(65536):
@@ -34,12 +46,12 @@ def get(port, path, *headers, address="127.0.0.1", host=None):  # (status, head 
 class Wire:
     """A WebSocket that may do everything wrong. status: of the HTTP answer, 101 when it was let in."""
 
-    def __init__(self, server, token=None, host=None, origin=None, protocol="knead", path="/ws"):
-        good = f"127.0.0.1:{server.port}"
-        self.s = socket.create_connection(("127.0.0.1", server.port), timeout=10)
-        lines = [f"GET {path} HTTP/1.1", f"Host: {good if host is None else host}", "Upgrade: websocket",
+    def __init__(self, server, token=None, host=None, origin=None, protocol="knead", path="/ws", upgrade="websocket"):
+        scheme, good = server.address.split("/")[0], server.address.split("/")[2]
+        self.s = join(server.port, good.split(":")[0])
+        lines = [f"GET {path} HTTP/1.1", f"Host: {good if host is None else host}", f"Upgrade: {upgrade}",
                  "Connection: Upgrade", "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==", "Sec-WebSocket-Version: 13"]
-        lines += [f"Origin: {f'http://{good}' if origin is None else origin}"] if origin != "" else []
+        lines += [f"Origin: {f'{scheme}//{good}' if origin is None else origin}"] if origin != "" else []
         lines += [f"Sec-WebSocket-Protocol: {protocol}"] if protocol else []
         self.s.sendall("\r\n".join(lines + ["", ""]).encode())
         self.got, self.number, self.pings = b"", 0, 0
@@ -147,6 +159,7 @@ class Page(threading.Thread):
     def __init__(self, server, presses):
         super().__init__(daemon=True)
         self.wire, self.presses, self.frames, self.pictures, self.going = Wire(server), presses, 0, 0, True
+        self.lost = 0  # times that it was told that the tool is not its own, after it was
         self.start()
 
     def run(self):
@@ -156,6 +169,7 @@ class Page(threading.Thread):
             if now is None:
                 return
             self.frames, self.pictures = self.frames + 1, self.pictures + (picture > 0)
+            self.lost += self.frames > 30 and not now["mine"]
             elapsed = time.monotonic() - begin
             press = self.presses and elapsed % 4 > 2
             self.wire.point(pressed=int(press), u=0.45 + 0.02 * (int(elapsed / 4) % 6), depth_m=0.003)
@@ -184,11 +198,30 @@ def another_address(server):
         check(f"--address {host}: told in one line, with what was expected",
               run.returncode == code and f"expected {wanted} of this machine" in run.stderr and
               run.stderr.count("\n") == 1, run.returncode, run.stderr)
-    web = server.start("other", ["knead", "web", "--address", "192.0.2.5"], "http://192.0.2.5:")
-    port = int(open("other.log").read().split("192.0.2.5:")[1].split("/")[0])
-    check("told another address, it listens there alone", listens_on(port) == ["050200C0"], listens_on(port))
-    check("by that name, and no other", get(port, "/", address="192.0.2.5")[0] == 200 and
-          get(port, "/", address="192.0.2.5", host=f"127.0.0.1:{port}")[0] == 403)
+    web = server.start("other", ["knead", "web", "--address", "192.0.2.5"], "https://192.0.2.5:")
+    other, said = Few("other.log"), open("other.log").read()
+    check("told another address, it listens there alone", listens_on(other.port) == ["050200C0"], listens_on(other.port))
+    shown = ssl.PEM_cert_to_DER_cert(ssl.get_server_certificate(("192.0.2.5", other.port)))
+    shown = ":".join(f"{byte:02X}" for byte in hashlib.sha256(shown).digest())
+    check("encrypted, with the certificate whose fingerprint it told", said.endswith(f" is\n{shown}\n"), shown, said)
+    check("by that name, and no other", get(other.port, "/", address="192.0.2.5")[0] == 200 and
+          get(other.port, "/", address="192.0.2.5", host=f"127.0.0.1:{other.port}")[0] == 403)
+    bare = [socket.create_connection(("192.0.2.5", other.port), timeout=10) for _ in range(40)]
+    bare[-1].sendall(f"GET / HTTP/1.1\r\nHost: 192.0.2.5:{other.port}\r\n\r\n".encode())
+    try:
+        got = bare[-1].recv(99)
+    except ConnectionResetError:
+        got = b""
+    check("without encryption it gives nothing", got == b"", got)
+    wire, answers = Wire(other), set()
+    for i in range(40):
+        wire.send(TEXT, json.dumps({"id": i + 1, "do": "style", "name": "solid"}).encode())
+    while len(answers) < 16 and (now := wire.state()[0]):
+        answers.update(a["id"] for a in now["answers"])
+    check("beside 39 that never shake hands a page is served, whose requests come at once", len(answers) >= 16, answers)
+    for s in [*bare, wire]:
+        s.close()
+    check("and nobody filled its log", open("other.log").read().count("\n") < 6, open("other.log").read())
     web.terminate()
     check("and ends with 0", web.wait(10) == 0, web.returncode)
 
@@ -215,6 +248,7 @@ def refusals(server):
             ("no origin", {"origin": ""}, "wrong Origin"),
             ("another host", {"host": "evil.example"}, "wrong Host"),
             ("no port in the host", {"host": "127.0.0.1"}, "wrong Host"),
+            ("another upgrade", {"upgrade": "h2c"}, "wrong upgrade"),
             ("another subprotocol", {"protocol": "chat"}, "wrong subprotocol"),
             ("no subprotocol", {"protocol": ""}, "wrong subprotocol")]:
         wire = Wire(server, **how)
@@ -350,49 +384,84 @@ def crowds(server, page):
             break
     more = [Wire(server) for _ in range(3)]
     check("four pages at once are served", all(wire.state()[0] for wire in more))
-    beyond = [Wire(server) for _ in range(6)]
-    told = [wire.closed() for wire in beyond]
-    check("six more are told", all(code == 4429 and "four pages" in words for code, words in told), told)
+    check("one of them gives an order", more[1].ask("reset")["ok"])
+    beyond = []
+    for _ in range(6):
+        beyond += [Wire(server)]
+        check("another one has the place of the first", beyond[-1].state()[0] is not None)
+    told = [wire.closed() for wire in [more[0], more[2], *beyond[:4]]]
+    check("which is told", all(code == 4429 and "newer page" in words for code, words in told), told)
+    check("but not of the one that has the tool, nor of the one that gave the last order",
+          page.is_alive() and page.lost == 0 and more[1].state()[0] is not None, page.lost)
     for wire in [*more, *beyond]:
         wire.close()
-    idle = [socket.create_connection(("127.0.0.1", server.port), timeout=10) for _ in range(100)]
-    frames = page.frames
-    wire = Wire(server)
-    check("beside 100 idle connections a page gets in", wire.state()[0] is not None)
-    wire.close()
-    check("and the one that is there goes on", until(lambda: page.frames > frames + 15), frames, page.frames)
-    for s in idle:
-        s.close()
+
+
+def strangers(server, page):
+    """300 connections without the token; each comes again when it is closed. The last kind would never be idle."""
+    host = f"Host: 127.0.0.1:{server.port}\r\n"
+    kinds = ["", "GET / HTTP/1.1\r\nX", f"GET / HTTP/1.1\r\n{host}\r\n",
+             f"GET /ws HTTP/1.1\r\n{host}Origin: http://127.0.0.1:{server.port}\r\nUpgrade: websocket\r\n"
+             "Connection: Upgrade\r\nSec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\nSec-WebSocket-Version: 13\r\n"
+             "Sec-WebSocket-Protocol: knead\r\n\r\n"]
+    closed, going = [0] * 300, True
+
+    def knock(i):
+        while going:
+            with contextlib.suppress(OSError), join(server.port) as s:
+                s.settimeout(0.5)
+                while going:
+                    s.sendall(kinds[i % 4][:1 if i % 8 == 1 else None].encode())  # a byte, or all of it, twice a second
+                    with contextlib.suppress(TimeoutError):
+                        while s.recv(65536):
+                            pass
+                        break
+            closed[i] += 1
+
+    descriptors = lambda: len(os.listdir(f"/proc/{server.web.pid}/fd"))
+    before, pictures = descriptors(), page.pictures
+    threads = [threading.Thread(target=knock, args=[i], daemon=True) for i in range(300)]
+    for thread in threads:
+        thread.start()
+    wires = []
+
+    def served():  # as a page does it: again when it was cut off
+        with contextlib.suppress(OSError, IndexError):
+            wires.append(Wire(server))
+            return get(server.port, "/app.js")[0] == 200 and wires[-1].state()[0]
+    check("beside 300 connections without the token a page gets in", until(served, 30))
+    most = max(descriptors() for _ in range(100) if not time.sleep(0.01))
+    check("they share 16 places", most - before <= 16 + len(wires) + 2, most, before, len(wires))
+    check("each was closed, whatever it said", until(lambda: min(closed), 30), closed)
+    check("whoever has the tool keeps it, and is shown pictures",
+          page.is_alive() and page.lost == 0 and page.pictures > pictures + 30, page.lost, page.pictures - pictures)
+    going = False
+    for thread in threads:
+        thread.join()
+    for wire in wires:
+        wire.close()
 
 
 def few_descriptors(server):
-    for limits, count, sentence in [("64:4096", 100, "a shell that allows 64 descriptors"),
-                                    ("64:64", 70, "a machine that allows no more")]:
-        command = ["prlimit", f"--nofile={limits}", "knead", "web"]
-        server.start("few", command, "http://")
-        few = Few(open("few.log").read().split("http://127.0.0.1:")[1].split()[0])
-        idle = [socket.create_connection(("127.0.0.1", few.port), timeout=10) for _ in range(count)]
-        time.sleep(0.5)
-        begin = cpu_s(server.last.pid)
-        time.sleep(2)
-        busy = cpu_s(server.last.pid) - begin
-        check(f"{sentence}: {count} idle connections cost no time", busy < 0.6, busy)
-        if limits == "64:64":
-            for s in idle:
-                s.close()
-        wire = Wire(few)
-        check(f"{sentence}: a page gets in {'once they have gone' if limits == '64:64' else 'beside them'}",
-              wire.state()[0] is not None)
-        wire.close()
-        for s in idle:
-            s.close()
-        server.last.terminate()
-        check("and it ends with 0", server.last.wait(10) == 0, server.last.returncode)
+    server.start("few", ["prlimit", "--nofile=64:64", "knead", "web"], "http://")
+    few = Few("few.log")
+    idle = [join(few.port) for _ in range(70)]
+    begin = cpu_s(server.last.pid)
+    wire = Wire(few)
+    check("where 64 descriptors are all, a page gets in beside 70 idle connections", wire.state()[0] is not None)
+    check("which are closed", not any(s.recv(99) for s in idle))
+    busy = cpu_s(server.last.pid) - begin
+    check("and cost no time", busy < 1.5, busy)
+    for s in [wire, *idle]:
+        s.close()
+    server.last.terminate()
+    check("and it ends with 0", server.last.wait(10) == 0, server.last.returncode)
 
 
 class Few:  # where another knead web listens
-    def __init__(self, address):
-        self.port, self.token = int(address.split("/")[0]), address.split("#")[1]
+    def __init__(self, log):
+        self.address = next(word for word in open(log).read().split() if word.startswith("http"))
+        self.port, self.token = int(self.address.split(":")[2].split("/")[0]), self.address.split("#")[1]
 
 
 def generations(server, bus):
@@ -520,6 +589,7 @@ def main():
     frames, begin, calm, storm = page.frames, time.monotonic(), [0, 0], [0, 0]
     for trouble in ((lambda: files(server)), (lambda: refusals(server)), (lambda: bad_messages(server)),
                     (lambda: requests(server)), (lambda: downloads(server)), (lambda: crowds(server, page)),
+                    (lambda: strangers(server, page)),
                     (lambda: slow(server, bus))):
         if not night:
             trouble()
