@@ -11,9 +11,9 @@
 #include <sys/random.h>
 #include <unistd.h>
 
-#define GUEST_S 2           // how long a connection may stay without the token
-#define CLOSE_EVERY_S 0.004 // for newer ones: each has 64 ms, four round trips of a bad radio link, however many come
-#define DOWNLOADS 8 // connections with the token that are no pages
+#define GUEST_S 2           // a connection may stay so long without the token: a page shows it in a few round trips
+#define CLOSE_EVERY_S 0.004 // while more come than there are places, so that each has 64 ms, however many come
+#define DOWNLOADS 8         // connections with the token that are no pages; beyond, all would not fit into 64 descriptors
 #define PATIENCE_S 5
 #define AT_ONCE (1 << 24) // bytes to the kernel: as many as may be received is the default, a picture in 500 pieces
 enum {
@@ -210,14 +210,9 @@ static int oust(kn_gateway *g)
     return first;
 }
 
-static int hang_up_ousted(kn_gateway *g, struct lws *wsi)
-{
-    return hang_up(g, wsi, OUSTED, "a newer page has taken this one's place: reload to have it back");
-}
-
 static int admit(kn_gateway *g, struct lws *wsi, session *s)
 {
-    if (s->admitted) return hang_up_ousted(g, wsi);
+    if (s->admitted) return 0; // it has lost its place, and is about to be told
     if (s->length != KN_GATEWAY_TOKEN || lws_frame_is_binary(wsi) || !is_token(g, s->message))
         return hang_up(g, wsi, UNKNOWN, "wrong token: open the address that knead web printed");
     forget_guest(g, wsi);
@@ -287,7 +282,8 @@ static bool room(const kn_web_page *p) { return p->wsi && p->sent - p->seen < KN
 static int write_page(kn_gateway *g, struct lws *wsi, const session *s)
 {
     kn_web_page *page = &g->page[s->page < 0 ? 0 : s->page];
-    if (s->page < 0 && s->admitted && !s->closing) return hang_up_ousted(g, wsi);
+    if (s->page < 0 && s->admitted && !s->closing)
+        return hang_up(g, wsi, OUSTED, "a newer page has taken this one's place: reload to have it back");
     if (s->page < 0 || s->closing || !page->news || !room(page)) return 0;
     page->news = false;
     page->sent++;
@@ -332,7 +328,8 @@ static bool certify(kn_gateway *g, SSL_CTX *tls)
 // A guest has been here for GUEST_S. A session is NULL before the first request.
 static int send_away(kn_gateway *g, struct lws *wsi, session *s)
 {
-    if (s && s->socket && !s->closing) return hang_up(g, wsi, UNKNOWN, "no token: open the address that knead web printed");
+    if (s && s->socket && !s->closing)
+        return hang_up(g, wsi, UNKNOWN, "no token: open the address that knead web printed");
     shutdown(lws_get_socket_fd(wsi), SHUT_RDWR);
     return -1;
 }

@@ -162,12 +162,6 @@ void kn_web_on_message(void *self, int page, const kn_web_message *m)
     point(self, page, m);
 }
 
-bool kn_web_stays(void *self, int page)
-{
-    const kn_web *w = self;
-    return page == w->owner || page == w->operator;
-}
-
 void kn_web_on_gone(void *self, int page)
 {
     kn_web *w = self;

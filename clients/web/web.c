@@ -26,7 +26,8 @@ static const char help[] =
     "runs\n"
     "until SIGINT or SIGTERM. Only this machine reaches it (another one: ssh -L N:127.0.0.1:N), and only with the "
     "token in\n"
-    "the address. --address opens it to a network: without encryption, so let it be one of your own.\n\n"
+    "the address. --address opens it to a network, encrypted: a browser there warns of an unknown certificate, whose\n"
+    "fingerprint is printed with the address.\n\n"
     "  --probe NAME       the tool in hand (the scene's first round one, else its first probe)\n"
     "  --address HOST     an IPv4 address of this machine, at which alone the page is served (127.0.0.1)\n"
     "  --port N           0..65535; 0: a free one (0)\n"
@@ -240,6 +241,8 @@ static void make_folder(kn_web *w)
     w->folder[0] = 0;
 }
 
+static bool stays(void *self, int page) { return page == ((kn_web *)self)->owner || page == ((kn_web *)self)->operator; }
+
 static bool open_all(kn_web *w)
 {
     size_t largest = kn_painter_largest(w->width, w->height);
@@ -259,7 +262,7 @@ static bool open_all(kn_web *w)
     w->gateway.on_message = kn_web_on_message;
     w->gateway.on_request = kn_web_on_request;
     w->gateway.on_gone = kn_web_on_gone;
-    w->gateway.stays = kn_web_stays;
+    w->gateway.stays = stays;
     w->gateway.fetch = kn_web_fetch;
     w->gateway.write = kn_web_write;
     w->asker.path = w->control;

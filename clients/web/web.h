@@ -131,7 +131,6 @@ void kn_web_take_samples(kn_web *w);
 bool kn_web_is_taken(const kn_web *w, int page); // the tool is another page's, which uses it
 void kn_web_on_message(void *web, int page, const kn_web_message *message);
 void kn_web_on_gone(void *web, int page);
-bool kn_web_stays(void *web, int page); // it has the tool or is the operator's
 
 // web.c
 void kn_web_png_path(const kn_web *w, char path[128]);

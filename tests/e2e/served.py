@@ -25,6 +25,11 @@ def until(what, seconds=10):  # what()'s first true answer, or its last false on
     return got
 
 
+def opened(log):  # (address, port, token) that knead web told there
+    address = next(word for word in open(log).read().split() if word.startswith("http"))
+    return address, int(address.split(":")[2].split("/")[0]), address.split("#")[1]
+
+
 class Served:
     """kneadd on a scene of the source tree, and knead web beside it, joined by its control socket."""
 
@@ -33,9 +38,7 @@ class Served:
         self.serve(scene, ["--control", "control", "--state-dir", "state", "--touch", "--set", "mesh.measures=both"])
         scenes = f"{os.environ['KN_SOURCE']}/core/scenes"
         self.web = self.start("web", ["knead", "web", "--control", "control", "--scenes", scenes, *options], "http://")
-        self.address = next(word for word in open("web.log").read().split() if word.startswith("http://"))
-        self.port = int(self.address.split(":")[2].split("/")[0])
-        self.token = self.address.split("#")[1]
+        self.address, self.port, self.token = opened("web.log")
 
     def serve(self, scene, options=()):
         kneadd = ["kneadd", "--scene", f"{os.environ['KN_SOURCE']}/core/scenes/{scene}"]
@@ -132,6 +135,7 @@ class Browser:
         options = webdriver.ChromeOptions()
         options.binary_location = "/usr/bin/chromium"
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        options.accept_insecure_certs = True  # as whoever has compared the fingerprint
         for flag in ("headless=new", "no-sandbox", "disable-gpu", "disable-quic", "no-first-run", "disable-sync",
                      "disable-background-networking", "disable-component-update", "hide-scrollbars",
                      f"window-size={width},{height}", f"user-data-dir={os.getcwd()}/chromium"):

@@ -5,7 +5,7 @@ import struct
 import subprocess
 import sys
 import time
-from served import Browser, Bus, Served, check, until
+from served import Browser, Bus, Served, check, opened, until
 import served as results
 
 ARTEFACTS = os.environ.get("KN_ARTEFACTS", os.environ["KN_BUILD"] + "/tests")
@@ -434,7 +434,7 @@ def by_tab(page):  # what the focus comes by, and whether it is seen there
 def without_control(server, page):
     server.start("bare", ["knead", "web"], "http://")
     page.driver.switch_to.new_window("window")
-    page.open(next(word for word in open("bare.log").read().split() if word.startswith("http://")))
+    page.open(opened("bare.log")[0])
     disabled = lambda: page.run("return ['undo', 'reset', 'snapshot', 'restore', 'estop'].every((id) => $(id).disabled)")
     check("without --control: no button of an operator can be pressed", until(disabled))
     check("and the page says why", "without --control" in page.text("why"), page.text("why"))
@@ -519,10 +519,15 @@ def without_web(page, server):
     server.start("web", ["knead", "web", "--port", str(server.port)], "http://")
     check("started again at that port: the page is told that its token is of before",
           until(lambda: "token" in page.text("words")), page.text("words"))
-    page.open(next(word for word in open("web.log").read().split() if word.startswith("http://")))
+    page.open(opened("web.log")[0])
     check("and the new address opens", until(lambda: "waiting for kneadd" in page.text("words")), page.text("words"))
     enabled = lambda: not page.run("return document.getElementById('style').disabled")
     check("what is the page's own can be asked for again", until(enabled))
+    subprocess.run(["ip", "addr", "add", "192.0.2.5/32", "dev", "lo"], check=True)
+    server.start("lan", ["knead", "web", "--address", "192.0.2.5"], "https://")
+    page.open(opened("lan.log")[0])
+    check("encrypted, at another address, it opens", until(lambda: "waiting for kneadd" in page.text("words")),
+          page.text("words"))
     check("all with a clean console", not (log := complaints(page)), log)
     server.last.terminate()
     server.last.wait(10)

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 import time
-from served import Bus, Served, check, cpu_s, until
+from served import Bus, Served, check, cpu_s, opened, until
 import served as results
 
 MESA_KB = 1032  # OSMesa's buffer for uploads: when it is full another one is mapped, and for 40 ms there are two
@@ -460,8 +460,7 @@ def few_descriptors(server):
 
 class Few:  # where another knead web listens
     def __init__(self, log):
-        self.address = next(word for word in open(log).read().split() if word.startswith("http"))
-        self.port, self.token = int(self.address.split(":")[2].split("/")[0]), self.address.split("#")[1]
+        self.address, self.port, self.token = opened(log)
 
 
 def generations(server, bus):
@@ -588,9 +587,8 @@ def main():
     until(lambda: page.pictures > 10)
     frames, begin, calm, storm = page.frames, time.monotonic(), [0, 0], [0, 0]
     for trouble in ((lambda: files(server)), (lambda: refusals(server)), (lambda: bad_messages(server)),
-                    (lambda: requests(server)), (lambda: downloads(server)), (lambda: crowds(server, page)),
-                    (lambda: strangers(server, page)),
-                    (lambda: slow(server, bus))):
+                    (lambda: requests(server)), (lambda: strangers(server, page)), (lambda: downloads(server)),
+                    (lambda: crowds(server, page)), (lambda: slow(server, bus))):
         if not night:
             trouble()
             continue
