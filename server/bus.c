@@ -121,7 +121,7 @@ static int open_own(int parent, const char *path)
     return -1;
 }
 
-// Whoever has no runtime directory gets a folder in /tmp. Its name is not fixed, since another user could make it first.
+// A folder in /tmp for whoever has no runtime directory, of a name that no other user can guess and make first.
 static int open_own_in_tmp(void)
 {
     char fresh[] = "/tmp/kneadd-XXXXXX";

@@ -13,7 +13,7 @@
 
 #define GUEST_S 2           // a connection may stay so long without the token: a page shows it in a few round trips
 #define CLOSE_EVERY_S 0.004 // while more come than there are places, so that each has 64 ms, however many come
-#define DOWNLOADS 8         // connections with the token that are no pages; beyond, all would not fit into 64 descriptors
+#define DOWNLOADS 8 // connections with the token that are no pages; beyond, all would not fit into 64 descriptors
 #define PATIENCE_S 5
 #define AT_ONCE (1 << 24) // bytes to the kernel: as many as may be received is the default, a picture in 500 pieces
 enum {
@@ -308,7 +308,7 @@ static bool certify(kn_gateway *g, SSL_CTX *tls)
     const bool ok =
         x && key && at && getrandom(&serial, sizeof serial, 0) == sizeof serial && X509_set_version(x, 2) &&
         ASN1_INTEGER_set_uint64(X509_get_serialNumber(x), serial >> 1) &&
-        X509_gmtime_adj(X509_getm_notBefore(x), -day_s) && // a tablet's clock may be behind
+        X509_gmtime_adj(X509_getm_notBefore(x), -day_s) &&     // a tablet's clock may be behind
         X509_gmtime_adj(X509_getm_notAfter(x), 397 * day_s) && // the longest that browsers take
         X509_NAME_add_entry_by_txt(X509_get_subject_name(x), "CN", MBSTRING_ASC, (uint8_t *)"knead web", -1, -1, 0) &&
         X509_set_issuer_name(x, X509_get_subject_name(x)) && X509_add_ext(x, at, -1) && X509_set_pubkey(x, key) &&

@@ -172,7 +172,7 @@ void kn_web_on_gone(void *self, int page)
     for (int i = 0; i < KN_ASKER_CALLS; i++)
         if (w->asked[i].page == page) w->asked[i].page = -1;
     w->waiting[page].count = 0;
-    if (w->operator == page) w->operator = -1;
+    if (w->ordered_by == page) w->ordered_by = -1;
     if (w->owner != page) return;
     w->owner = -1;
     w->button = KN_BUTTON_UP;

@@ -377,7 +377,7 @@ void kn_web_on_request(void *self, int page, const kn_request *r)
     case KN_VERB_STOP: end_take(w, page, r); break;
     case KN_VERB_VERIFY: verify(w, page, r); break;
     case KN_VERB_PLAY: play(w, page, r); break;
-    default: w->operator = page; order(w, page, r); return;
+    default: w->ordered_by = page; order(w, page, r); return;
     }
     kn_web_refresh(w);
 }

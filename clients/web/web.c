@@ -241,7 +241,10 @@ static void make_folder(kn_web *w)
     w->folder[0] = 0;
 }
 
-static bool stays(void *self, int page) { return page == ((kn_web *)self)->owner || page == ((kn_web *)self)->operator; }
+static bool stays(void *self, int page) // it has the tool, or an operator uses it
+{
+    return page == ((kn_web *)self)->owner || page == ((kn_web *)self)->ordered_by;
+}
 
 static bool open_all(kn_web *w)
 {
@@ -382,7 +385,7 @@ static int parse(kn_web *w, int argc, char **argv)
 
 int kn_web_main(int argc, char **argv)
 {
-    static kn_web w = {.width = 800, .height = 450, .listen_fd = -1, .rate_hz = 30, .owner = -1, .operator = -1,
+    static kn_web w = {.width = 800, .height = 450, .listen_fd = -1, .rate_hz = 30, .owner = -1, .ordered_by = -1,
                        .measure = -1, .png_page = -1, .replayed.page = -1,
                     .gateway.fd = -1, .host = "127.0.0.1"};
     int code = parse(&w, argc, argv);

@@ -72,7 +72,7 @@ typedef struct kn_web {
     kn_web_sample trace[KN_WEB_TRACE];
     uint64_t traced;
     int owner;                  // the page that has the tool, -1: none
-    int operator;               // the page that gave the last order, -1: none
+    int ordered_by;             // the page that gave the last order, -1: none
     kn_button button;           // of that page
     bool turned;                // the picture, since this press began: where the pointer is in it says nothing
     struct { uint32_t number; int page; int64_t tick; } event[KN_WEB_EVENTS]; // tick of kneadd's answer, INT64_MAX:

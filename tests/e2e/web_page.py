@@ -519,13 +519,13 @@ def without_web(page, server):
     server.start("web", ["knead", "web", "--port", str(server.port)], "http://")
     check("started again at that port: the page is told that its token is of before",
           until(lambda: "token" in page.text("words")), page.text("words"))
-    page.open(opened("web.log")[0])
+    page.driver.get(opened("web.log")[0])
     check("and the new address opens", until(lambda: "waiting for kneadd" in page.text("words")), page.text("words"))
     enabled = lambda: not page.run("return document.getElementById('style').disabled")
     check("what is the page's own can be asked for again", until(enabled))
     subprocess.run(["ip", "addr", "add", "192.0.2.5/32", "dev", "lo"], check=True)
     server.start("lan", ["knead", "web", "--address", "192.0.2.5"], "https://")
-    page.open(opened("lan.log")[0])
+    page.driver.get(opened("lan.log")[0])  # no picture to wait for
     check("encrypted, at another address, it opens", until(lambda: "waiting for kneadd" in page.text("words")),
           page.text("words"))
     check("all with a clean console", not (log := complaints(page)), log)
