@@ -10,7 +10,10 @@
 // One address alone is listened on, 127.0.0.1 unless told, by a socket that is bound here and read back
 // (libwebsockets 4.1 ignores an interface given as an address and listens on all of them). The page must come from
 // there (Origin, Host) and must know the token, so that no other page and no other user of this machine gets at the
-// tool. Whoever is refused is told why, in words.
+// tool. Whoever is refused is told why, in words. Off loopback all of it is encrypted, with a certificate of this run.
+//
+// Places: KN_GATEWAY_PAGES for pages, KN_GATEWAY_GUESTS for connections that have not shown the token, which stay for 2 s
+// at most. The newest takes the place of the oldest; a page's place is never taken by a guest, nor while it `stays`.
 #include "clients/web/request.h"
 #include <ev.h>
 #include <netinet/in.h>
