@@ -297,7 +297,6 @@ static int write_page(kn_gateway *g, struct lws *wsi, const session *s)
 // Firefox refuses two of one issuer and number.
 static bool certify(kn_gateway *g, SSL_CTX *tls)
 {
-    const long day_s = 86400;
     char name[64];
     uint8_t digest[SHA256_DIGEST_LENGTH];
     uint64_t serial = 0;
@@ -308,8 +307,8 @@ static bool certify(kn_gateway *g, SSL_CTX *tls)
     const bool ok =
         x && key && at && getrandom(&serial, sizeof serial, 0) == sizeof serial && X509_set_version(x, 2) &&
         ASN1_INTEGER_set_uint64(X509_get_serialNumber(x), serial >> 1) &&
-        X509_gmtime_adj(X509_getm_notBefore(x), -day_s) &&     // a tablet's clock may be behind
-        X509_gmtime_adj(X509_getm_notAfter(x), 397 * day_s) && // the longest that browsers take
+        X509_gmtime_adj(X509_getm_notBefore(x), -86400) &&     // a day: a tablet's clock may be behind
+        X509_gmtime_adj(X509_getm_notAfter(x), 397 * 86400) && // the longest that browsers take
         X509_NAME_add_entry_by_txt(X509_get_subject_name(x), "CN", MBSTRING_ASC, (uint8_t *)"knead web", -1, -1, 0) &&
         X509_set_issuer_name(x, X509_get_subject_name(x)) && X509_add_ext(x, at, -1) && X509_set_pubkey(x, key) &&
         X509_sign(x, key, EVP_sha256()) && X509_digest(x, EVP_sha256(), digest, NULL) &&

@@ -42,10 +42,8 @@ if ! $limits true 2>/dev/null; then
 fi
 # another user was here first, with every name of a claim that can be guessed
 setpriv --reuid 1234 --clear-groups mkdir -m 777 /tmp/kneadd-000000
-setpriv --reuid 1234 --clear-groups /usr/bin/python3 -c 'import socket, time
-s = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-s.bind("\0kneadd 239.255.76.67:7667")
-time.sleep(600)' &
+setpriv --reuid 1234 --clear-groups /usr/bin/python3 -c \
+    'import socket, time; s = socket.socket(socket.AF_UNIX, 2); s.bind("\0kneadd 239.255.76.67:7667"); time.sleep(600)' &
 NOTIFY_SOCKET=$PWD/notify $limits setpriv --reuid 65534 --regid 65534 --clear-groups \
     --no-new-privs --bounding-set=-all --inh-caps=-all --ambient-caps=-all \
     ./kneadd --scene dough-small.yaml --control "$PWD/control" --realtime $mode >kneadd.log 2>kneadd.err &
