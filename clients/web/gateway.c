@@ -390,8 +390,10 @@ static void on_acceptable(struct ev_loop *ev, ev_io *w, int events)
     (void)ev, (void)events;
     kn_gateway *g = w->data;
     int fd = accept4(g->fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC), on = 1;
-    if (fd < 0 && (errno == EMFILE || errno == ENFILE)) // it would be asked again at once, and again
-        pause_accepting(g, 0.1, "too many descriptors are open");
+    if (fd < 0 && (errno == EMFILE || errno == ENFILE)) { // it would be asked again at once, and again
+        pause_accepting(g, g->guests ? CLOSE_EVERY_S : 0.1, "too many descriptors are open");
+        if (g->guests) close_oldest(g);
+    }
     if (fd < 0) return;
     setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
     struct lws *wsi = lws_adopt_socket(g->context, fd); // closes it when it fails
@@ -418,9 +420,9 @@ static bool make_address(kn_gateway *g, const char *host)
         getrandom(random, sizeof random, 0) != sizeof random)
         return false;
     for (size_t i = 0; i < sizeof random; i++) sprintf(g->token + 2 * i, "%02x", random[i]);
-    g->encrypted = ntohl(at.sin_addr.s_addr) >> 24 != IN_LOOPBACKNET;
-    int n = snprintf(g->origin, sizeof g->origin, "http%s://%s", g->encrypted ? "s" : "", inet_ntoa(at.sin_addr));
-    if (ntohs(at.sin_port) != (g->encrypted ? 443 : 80)) // which no browser says
+    const bool here = ntohl(at.sin_addr.s_addr) >> 24 == IN_LOOPBACKNET;
+    int n = snprintf(g->origin, sizeof g->origin, "%s://%s", here ? "http" : "https", inet_ntoa(at.sin_addr));
+    if (ntohs(at.sin_port) != (here ? 80 : 443)) // which no browser says
         snprintf(g->origin + n, sizeof g->origin - (size_t)n, ":%d", ntohs(at.sin_port));
     g->site = strchr(g->origin, '/') + 2;
     snprintf(g->address, sizeof g->address, "%s/#%s", g->origin, g->token);
@@ -446,7 +448,8 @@ bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, const char *host, int po
     if (g->fd < 0) return false;
     snprintf(error, error_size, "--listen-fd %d: expected a socket that listens on %s", fd, host);
     if (!make_address(g, host)) return false;
-    if (g->encrypted) info.options |= LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT | LWS_SERVER_OPTION_CREATE_VHOST_SSL_CTX;
+    if (strncmp(g->origin, "https", 5) == 0)
+        info.options |= LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT | LWS_SERVER_OPTION_CREATE_VHOST_SSL_CTX;
     lws_set_log_level(LLL_ERR, NULL);
     g->buffer_size = largest;
     g->buffer = malloc(LWS_PRE + largest);

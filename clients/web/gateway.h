@@ -80,7 +80,6 @@ typedef struct kn_gateway {
     int64_t told_ms; // of the last refusal
     char token[KN_GATEWAY_TOKEN + 1], origin[40]; // http://HOST:PORT
     const char *site;                             // HOST:PORT, in origin
-    bool encrypted;
     uint8_t *buffer;
     size_t buffer_size;
 } kn_gateway;

@@ -1,5 +1,6 @@
 # kneadd and knead web as a script needs them: started, listened to on LCM, and (Browser) looked at by Chromium. Inside
 # tests/netns, with the build's bin first in PATH, by /usr/bin/python3, whose modules come from Debian's packages.
+import collections
 import os
 import socket
 import struct
@@ -25,9 +26,12 @@ def until(what, seconds=10):  # what()'s first true answer, or its last false on
     return got
 
 
-def opened(log):  # (address, port, token) that knead web told there
+Address = collections.namedtuple("Address", "address port token")
+
+
+def opened(log):  # what knead web told there
     address = next(word for word in open(log).read().split() if word.startswith("http"))
-    return address, int(address.split(":")[2].split("/")[0]), address.split("#")[1]
+    return Address(address, int(address.split(":")[2].split("/")[0]), address.split("#")[1])
 
 
 class Served:
