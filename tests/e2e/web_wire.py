@@ -428,7 +428,7 @@ def strangers(server, page):
     check("they share 16 places", most - before <= 16 + len(wires) + 2, most, before, len(wires))
     check("each was closed, whatever it said", until(lambda: min(closed), 30), closed)
     check("whoever has the tool keeps it, and is shown pictures",
-          page.is_alive() and page.lost == 0 and page.pictures > pictures + 30, page.lost, page.pictures - pictures)
+          until(lambda: page.pictures > pictures + 30, 30) and page.lost == 0, page.lost, page.pictures - pictures)
     going = False
     for thread in threads:
         thread.join()
