@@ -266,6 +266,12 @@ def refusals(server):
     code, words = silent.closed()
     check("no token: closed in words after a while", code == 4401 and "token" in words, code, words)
     silent.close()
+    asker, asked, again = join(port), 0, f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode()
+    with contextlib.suppress(OSError):
+        while asked < 40 and not asker.sendall(again) and asker.recv(65536):
+            time.sleep(0.25)
+            asked += 1
+    check("one that asks for the page again and again is closed, too", 0 < asked < 40, asked)
 
 
 def bad_messages(server):
