@@ -2,16 +2,13 @@
 //
 //     poses COUNT session=S seq=Q [step=1] [rate=1000] [utime=U] [x=0] [z=0.2] [vz=0] [leave]
 //     flood COUNT seed=S [rate=50000]
-//     stock COUNT seed=S [rate=50000]
-//     leak COUNT [rate=50000]
 //     forge COUNT seed=S [rate=50000]
 //     sleep MS
 //
 // poses: seq rises by step, utime is seq in ms; leave: the last one says that the session ends; with a KEY (a file) they are
 // signed under the life of the kneadd that answers, and kept. flood: relatives
-// of poses (kn_random_datagram), each of its own session; rate=0: as fast as they are taken. stock: the same, and every
-// fourth of what liblcm does not expect (kn_lcm_datagram). leak: arrays that are not there. forge: what a holder of the
-// key never sends, or not now (kn_forged_datagram), of its own poses among others.
+// of poses (kn_random_datagram), each of its own session; rate=0: as fast as they are taken. forge: what a
+// holder of the key never sends, or not now (kn_forged_datagram), of its own poses among others.
 // SIGTERM ends what is being sent. Prints how many datagrams it sent.
 #include "server/auth.h"
 #include "server/bus.h"
@@ -167,17 +164,6 @@ static size_t relative(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, 
     return kn_random_datagram(bytes, random, channel, pose);
 }
 
-static size_t unexpected(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, int64_t n)
-{
-    return n % 4 == 3 ? kn_lcm_datagram(bytes, random, channel, (uint32_t)n) : relative(bytes, random, n);
-}
-
-static size_t absent(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, int64_t n)
-{
-    (void)random, (void)n;
-    return kn_mesh_datagram(bytes, 4096);
-}
-
 static size_t forged(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, int64_t n)
 {
     knead_probe_pose_t pose = {.session = 1000000 + n,
@@ -206,7 +192,7 @@ int main(int argc, char **argv)
     static const struct {
         const char *verb;
         make *one;
-    } many[] = {{"flood", relative}, {"stock", unexpected}, {"leak", absent}, {"forge", forged}};
+    } many[] = {{"flood", relative}, {"forge", forged}};
     for (char line[256]; fgets(line, sizeof line, stdin);) {
         char verb[16] = "";
         long count = 0;

@@ -1,7 +1,6 @@
 #ifndef KN_TESTS_DATAGRAM_H
 #define KN_TESTS_DATAGRAM_H
 // LC02 datagrams as any LCM sender makes them, and as none should: for the tests and the fuzz target of the receiver.
-#include "proto/knead_mesh_update_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include "server/auth.h"
 #include "server/wire.h"
@@ -103,21 +102,11 @@ static inline size_t kn_forged_datagram(unsigned char bytes[KN_TEST_DATAGRAM], u
     return size;
 }
 
-// --- for liblcm ---
+// --- messages in parts ---
 
 static inline void kn_put32(unsigned char *bytes, uint32_t value)
 {
     for (int i = 0; i < 4; i++) bytes[i] = (unsigned char)(value >> (24 - 8 * i));
-}
-
-// A mesh_update_t that says how many positions it has, and has none.
-static inline size_t kn_mesh_datagram(unsigned char bytes[KN_TEST_DATAGRAM], uint32_t positions)
-{
-    unsigned char payload[200];
-    const knead_mesh_update_t none = {.frame = 0};
-    int size = knead_mesh_update_t_encode(payload, 0, sizeof payload, &none);
-    kn_put32(payload + 8 + 24 + 20, positions);
-    return size < 0 ? 0 : kn_lc02(bytes, KN_TEST_DATAGRAM, "KNEAD_MESH_UPDATE", payload, (size_t)size);
 }
 
 // LC03: "LC03" | sequence | size of the message | offset of this part | number of it u16 | parts u16 | channel, NUL in
@@ -134,27 +123,6 @@ static inline size_t kn_lc03(unsigned char *bytes, uint32_t sequence, uint32_t w
     memcpy(bytes + 20, channel, name);
     memset(bytes + 20 + name, 0x5a, data);
     return 20 + name + data;
-}
-
-// What the stock receiver of LCM messages does not expect: a part of a message that lies before its beginning (by
-// 2^32), the same part twice, a channel without an end, an array whose size in bytes wraps, one that is not there.
-// n counts them: parts come in pairs.
-static inline size_t kn_lcm_datagram(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, const char *channel,
-                                     uint32_t n)
-{
-    uint32_t pair = n / 8, second = n / 4 % 2;
-    switch (pair % 4) {
-    case 0:
-        return kn_lc03(bytes, pair, 1000, second ? 0xffffff00u : 0, (uint16_t)second, 3, channel, second ? 400 : 200);
-    case 1:
-        return kn_lc03(bytes, pair, 1000, 0, 0, 2, channel, 300);
-    case 2:
-        memcpy(bytes, "LC02\0\0\0", 8);
-        memset(bytes + 8, 'K', 20);
-        return 28;
-    default:
-        return kn_mesh_datagram(bytes, second ? 0x40000001u : (uint32_t)(kn_random_bits(random) % 100000));
-    }
 }
 
 #endif

@@ -279,6 +279,20 @@ TEST("with a key nothing flipped is taken, and everything else is")
 
     run_row("worse, a key",
             &(kn_link_fault){.loss = 0.2, .burst = 20, .jitter = 4, .twice = 0.01, .swap = 0.01, .flip = 0.001}, &auth);
+
+    start(&(kn_link_fault){0}, 0, &auth); // and of another life nothing is, though the hands find the new one
+    kn_rig_run(&p.rig, 1500);
+    kn_batch recorded = {.count = 1, .datagram[0] = p.rig.inbox[0].datagram[0]};
+    int64_t life = auth.life, session = p.bridge[0].now.tether.session, pressed = p.near.rules.pressed;
+    kn_rig_kill(&p.rig);
+    kn_rig_run(&p.rig, 50);
+    serve(true);
+    kn_exchange_hear(&p.rig.exchange, &recorded);
+    CHECK(auth.life != life && r->rejected[KN_REJECT_REPLAYED] == 1 && r->accepted == 0);
+    kn_rig_run(&p.rig, 4000);
+    CHECK(p.bridge[0].now.tether.session == session + 1 && p.near.rules.pressed > pressed + 1000);
+    CHECK(r->rejected[KN_REJECT_HELLO] > 0 && r->rejected[KN_REJECT_MAC] == 0);
+    check_rules("another life");
     unlink(path);
 }
 
