@@ -342,9 +342,8 @@ static bool write_motors(probe *p)
 
 static const char *why_unanswered(probe *p)
 {
-    if (atomic_load(&p->record->felt)) return "another hand holds";
-    if (look(p, p->mesh.tick)) return "kneadd serves, but takes no pose of ours; its stderr says why:";
-    return kn_join_why("kneadd has ended; it served");
+    if (!look(p, p->mesh.tick)) return kn_join_why("kneadd has ended");
+    return "kneadd serves, but takes no pose of ours: another hand holds the tool, or kneadd's stderr says why";
 }
 
 static int verdict(probe *p)
@@ -357,7 +356,7 @@ static int verdict(probe *p)
         if (!p->no_way) fprintf(stderr, "knead probe: interrupted\n");
         break;
     case KN_HAND_NO_ANSWER:
-        fprintf(stderr, "knead probe: no force for 3 s: %s `%s`\n", why_unanswered(p), p->tool->name);
+        fprintf(stderr, "knead probe: no force for 3 s: %s\n", why_unanswered(p));
         break;
     case KN_HAND_NOT_ENGAGED:
         fprintf(stderr, "knead probe: kneadd answers but does not engage (%s): begin clear of the object\n",

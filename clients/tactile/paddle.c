@@ -38,6 +38,7 @@ static void judge_watchdog(kn_paddle *p, const kn_frame *f)
 {
     bool tripped = f->flags & KN_FRAME_TRIPPED;
     int64_t age_ns = kn_now_ns() - p->opened_ns;
+    p->armed &= tripped || p->base.watchdog == KN_OWN_UNPROVED; // proved: until a command without enable has rearmed it
     if (p->base.watchdog != KN_OWN_UNPROVED) return;
     if (age_ns > ENABLED_NS && !tripped && f->flags & KN_FRAME_MOTOR) p->armed = true;
     if (age_ns > SILENT_NS && p->armed && tripped) p->base.watchdog = KN_OWN_TRUSTED;
@@ -136,6 +137,8 @@ static void give(kn_tactile *device, const double force_n[3], bool live)
         if (age_ns > SILENT_NS) return;
         force_n = (double[3]){0};
         live = age_ns > ENABLED_NS;
+    } else if (p->armed) {
+        live = false;
     }
     if (ioctl(p->fd, TIOCOUTQ, &waiting) == 0 && waiting > waiting_most) {
         p->held_back++;
