@@ -38,6 +38,7 @@ typedef struct kn_replay_private { // `v` below
     int64_t group_tick;
 
     int64_t tick; // last one executed, -1: none
+    int64_t untold; // ticks that ran and have no record
     bool live[KN_PROBES_MAX];
     bool touched, resting; // a session has begun; none has and the object lies still
     uint64_t rest_hash;
@@ -390,6 +391,19 @@ static int32_t missed_before(const reading *v, int64_t tick)
     return (int32_t)missed;
 }
 
+// One more tick without a record, to be followed by so many at once. False: the log ends here, as it says more than its
+// records can tell.
+static bool afford(kn_replay *r, int64_t tick, int64_t more)
+{
+    reading *v = r->private;
+    const int64_t most = KN_SURVEY_LOST_MS + KN_SURVEY_RECORD_MS * v->found.told;
+    if (++v->untold + more <= most) return true;
+    snprintf(r->damage, sizeof r->damage,
+             "%lld ticks without a record up to tick %lld, expected at most 60 000 and 1 000 for each of %lld records",
+             (long long)(v->untold + more), (long long)(tick + more), (long long)v->found.told);
+    return false;
+}
+
 static bool anyone_live(const reading *v)
 {
     bool any = false;
@@ -413,7 +427,7 @@ static bool choose_tick(kn_replay *r, kn_tick_in *in)
     bool idle = v->tick >= 0 && v->tick + 1 + missed < known && !v->resting;
     in->tick = idle ? v->tick + 1 : known;
     in->missed = idle ? 0 : missed;
-    return true;
+    return !idle || afford(r, in->tick, v->touched ? known - missed - in->tick - 1 : 0); // untouched it may come to rest
 }
 
 static void count_gap(kn_replay *r, int64_t tick)
@@ -622,6 +636,8 @@ static bool step_by_time(kn_replay *r)
     r->tick.time_s = 1e-3 * (double)in->tick;
     // half a period after its own time, so that the jitter of a sender on the same period moves no pose to another tick
     int64_t until = r->tick.utime + 500;
+    const int64_t next = next_record(v) ? v->record.utime : v->found.last_utime;
+    if (next >= until && !afford(r, in->tick, (next - until) / 1000)) return false;
     for (; next_record(v) && v->record.utime < until; v->held = false) {
         int p;
         kn_pose pose;

@@ -46,6 +46,8 @@ int64_t kn_survey_missed(const knead_event_t *e)
     return (int64_t)fmin(e->arg[0], fmin((double)e->tick, KN_SURVEY_PAUSE_MS));
 }
 
+static int64_t span_ms(const kn_survey *s) { return KN_SURVEY_PAUSE_MS + KN_SURVEY_RECORD_MS * s->told; }
+
 // A tick number from a force or an event. Why the replay has to end before it, or NULL.
 static const char *see_tick(kn_survey *s, int64_t tick, int64_t missed, int64_t utime)
 {
@@ -55,7 +57,8 @@ static const char *see_tick(kn_survey *s, int64_t tick, int64_t missed, int64_t 
         s->origin_utime = utime - 1000 * tick;
     }
     if (tick == s->first_tick && tick - 1 - missed < s->before_tick) s->before_tick = tick - 1 - missed;
-    if (tick > s->last_tick + KN_SURVEY_PAUSE_MS) return "a jump of more than an hour";
+    if (tick - s->first_tick > span_ms(s)) return "more than an hour without records";
+    if (tick < s->last_tick - KN_SURVEY_RECORD_MS) return "a second run of the server, or ticks that go back";
     if (tick > s->last_tick) s->last_tick = tick;
     return NULL;
 }
@@ -72,23 +75,29 @@ static void keep_probe(kn_survey *s, const char *name)
 static const char *note(kn_survey *s, const kn_log_record *record)
 {
     bool first = s->first_tick < 0;
+    const char *ends = NULL;
+    if (s->records > 0 && record->utime - s->first_utime > 1000 * span_ms(s)) return "more than an hour without records";
+    s->told += record->kind == KN_LOG_POSE || record->kind == KN_LOG_FORCE || record->kind == KN_LOG_EVENT ||
+               record->kind == KN_LOG_SCENE;
     switch (record->kind) {
     case KN_LOG_FORCE:
+        if ((ends = see_tick(s, record->force.tick, record->force.missed_cycles, record->utime))) return ends;
         s->forces++;
         keep_probe(s, record->probe);
         if (s->first_force_tick < 0) s->first_force_tick = record->force.tick;
-        return see_tick(s, record->force.tick, record->force.missed_cycles, record->utime);
+        return NULL;
     case KN_LOG_EVENT:
         if (record->event.kind == KNEAD_EVENT_T_KIND_START) {
             if (!first) return "a second run of the server";
             s->started = true;
         }
+        ends = see_tick(s, record->event.tick, kn_survey_missed(&record->event), record->utime);
+        if (ends) return ends;
         if (record->event.kind == KNEAD_EVENT_T_KIND_RESTORE) {
             s->undoes |= record->event.arg[0] == 0;
             s->restores += record->event.arg[0] != 0;
         }
-        if (!keep_event(s, &record->event)) return "more events than memory";
-        return see_tick(s, record->event.tick, kn_survey_missed(&record->event), record->utime);
+        return keep_event(s, &record->event) ? NULL : "more events than memory";
     case KN_LOG_SCENE:
         if (s->scene_text && (uint64_t)record->scene.text_hash != s->scene_hash) {
             if (strcmp(record->scene.name, s->scene_name) != 0) return "a second scene";
@@ -116,8 +125,6 @@ bool kn_survey_log(kn_survey *survey, const char *path, char *error, size_t erro
     s->first_tick = s->last_tick = s->first_force_tick = s->first_pose_utime = -1;
     for (int64_t at = 0; kn_log_read(&log, &record) != KN_LOG_END; at = log.offset) {
         const char *ends = note(s, &record);
-        if (!ends && s->records > 0 && record.utime > s->last_utime + 1000 * (int64_t)KN_SURVEY_PAUSE_MS)
-            ends = "a jump of more than an hour";
         if (ends) {
             snprintf(s->damage, sizeof s->damage, "%s begins at byte %lld, after %lld records", ends, (long long)at,
                      (long long)s->records);

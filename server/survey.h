@@ -6,7 +6,10 @@
 #include "server/log.h"
 #include "server/servo.h"
 
-#define KN_SURVEY_PAUSE_MS 3600000 // the longest without a record that a replay steps through; more is a broken clock
+// A log is as long as it tells: kneadd records a checkpoint a second. What a few records say of a far tick is refused.
+#define KN_SURVEY_RECORD_MS 1000   // of ticks and of time for each record
+#define KN_SURVEY_PAUSE_MS 3600000 // beyond that, all pauses together: missed cycles, a clock that was set
+#define KN_SURVEY_LOST_MS 60000    // of these, ticks that ran and whose records were lost
 
 typedef struct kn_survey_scene {
     uint64_t hash;
@@ -21,6 +24,7 @@ typedef struct kn_survey {
     kn_survey_scene *others; // [other_count] that were changed to
     size_t other_count;
     int64_t forces, records, malformed;
+    int64_t told; // poses, forces, events and scenes among the records
     char felt[KN_PROBES_MAX][64]; // probes that have forces
     int64_t first_tick, last_tick, first_force_tick; // -1: none
     int64_t before_tick; // the last one the server ran before first_tick: first_tick - 1 unless it missed cycles

@@ -329,7 +329,8 @@ static int refuse_verify(const replay_run *run)
 {
     const char *log = run->opt->def.log_path;
     if (!run->replay->forces_logged)
-        return kn_complain("replay", KN_EXIT_FAILED, "%s: cannot be verified: the log holds no forces", log);
+        return kn_complain("replay", KN_EXIT_FAILED, "%s: cannot be verified: %s%sthe log holds no forces", log,
+                           run->replay->damage, run->replay->damage[0] ? "; " : "");
     if (!run->replay->same)
         return kn_complain("replay", KN_EXIT_USAGE,
                            "%s: --verify expects the log's own scene and computation, not what "
