@@ -332,7 +332,7 @@ static int bad_note(const kn_curve_file *f, const char *key)
     const kn_sheet *s = &f->sheet;
     int n = 0;
     while (strcmp(s->note[n].key, key) != 0) n++;
-    return kn_sheet_complain(s, s->note[n].line, s->note[n].at, "%s of %s, expected one above 0", key,
+    return kn_sheet_complain(s, s->note[n].line, s->note[n].at, "%s of %s, expected 1e-15 to 1e15 in SI units", key,
                              s->note[n].value);
 }
 

@@ -132,8 +132,9 @@ bool kn_press_path(kn_press *p, const kn_scene *scene, const kn_press_def *def, 
                                                            : 30};
     kn_path *path = kn_path_press(&shape);
     const double from_s = path ? begin_of(path, "press") - lead_s : 0;
-    if (path) p->ticks = (int64_t)ceil((path->duration_s - from_s) / period_s);
-    if (path && p->ticks <= LONGEST_TICKS) p->input = calloc((size_t)(p->ticks * p->probes), sizeof *p->input);
+    const double ticks = path ? ceil((path->duration_s - from_s) / period_s) : INFINITY;
+    if (ticks <= LONGEST_TICKS) p->ticks = (int64_t)ticks;
+    if (p->ticks > 0) p->input = calloc((size_t)(p->ticks * p->probes), sizeof *p->input);
     if (p->input) p->time_s = calloc((size_t)p->ticks, sizeof *p->time_s);
     const bool ok = p->time_s;
     if (ok) {

@@ -302,7 +302,8 @@ static int take_tick(run *r, kn_replay *replay, double *next_s)
     if (t < (one ? o->at_s : o->from_s) - KN_REPLAY_HALF_TICK_S) return KN_EXIT_OK;
     add_rows(r, replay);
     if (t < *next_s - KN_REPLAY_HALF_TICK_S) return KN_EXIT_OK;
-    while (!one && *next_s <= t + KN_REPLAY_HALF_TICK_S) *next_s += o->every_s;
+    const double due_s = t + KN_REPLAY_HALF_TICK_S;
+    while (!one && *next_s <= due_s) *next_s += o->every_s * fmax(1, floor((due_s - *next_s) / o->every_s)); // in one or two
     const kn_moment m = moment_of(replay);
     return add_moment(r, &m, replay->scene->name);
 }

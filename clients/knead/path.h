@@ -43,6 +43,7 @@ typedef struct kn_path_def { // 0 in a field = its default
     double frequency_hz; // sine: default KN_PATH_SWING_HZ
 } kn_path_def;
 
+#define KN_PATH_LONGEST_S 86400.0 // a day: whoever plays a path looks at every millisecond of it
 #define KN_PATH_RAMP_S 0.05
 #define KN_PATH_SWING_M 0.001
 #define KN_PATH_SWING_HZ 2.0

@@ -21,7 +21,7 @@ static const char help[] =
     "  --path sine      touch at rest, swing 1 mm deep\n"
     "  --path poke      3 mm deep at 5 cm/s and out again\n"
     "  --path FILE.csv  rows time_s,x_m,y_m,z_m or time_s,x_m,y_m,z_m,qw,qx,qy,qz under such a header; metres, z up,\n"
-    "                   origin under the object's centre; begin clear of the object\n"
+    "                   origin under the object's centre; begin clear of the object; a day at most\n"
     "  --probe NAME     tool of the scene (press: the first; else the first round one: dough is a wall to a fast plate)\n"
     "  --hold TIME      press: at the lowest point; sine: how long ('4 s' or 4)\n"
     "  --depth LENGTH   press: below the top of the untouched block; else below where the tool touches ('10 mm')\n"

@@ -184,12 +184,14 @@ static bool sensible(const kn_trace *t)
 static bool read_body(kn_trace *t, FILE *f, uint64_t hash)
 {
     size_t ticks = (size_t)t->ticks, forces = ticks * (size_t)t->probes, nodes = (size_t)t->nodes;
+    size_t size = sizeof(head) + forces * sizeof *t->force_n + ticks * sizeof *t->us + nodes * sizeof *t->shape_m;
+    if (fseek(f, 0, SEEK_END) != 0 || ftell(f) != (long)size || fseek(f, sizeof(head), SEEK_SET) != 0) return false;
     t->force_n = malloc(forces * sizeof *t->force_n);
     t->us = malloc(ticks * sizeof *t->us);
     t->shape_m = malloc(nodes * sizeof *t->shape_m);
     return t->force_n && t->us && t->shape_m && fread(t->force_n, sizeof *t->force_n, forces, f) == forces &&
            fread(t->us, sizeof *t->us, ticks, f) == ticks &&
-           fread(t->shape_m, sizeof *t->shape_m, nodes, f) == nodes && fgetc(f) == EOF && hash_of(t) == hash;
+           fread(t->shape_m, sizeof *t->shape_m, nodes, f) == nodes && hash_of(t) == hash;
 }
 
 kn_trace_found kn_trace_load(kn_trace *t, const char *path, uint64_t program)

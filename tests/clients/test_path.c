@@ -224,6 +224,8 @@ TEST("a bad CSV path is refused in one line that names file, line and column")
         {"time_s,x_m,y_m,z_m\n0,0,,0\n", ":2:5: expected a finite number"},
         {"time_s,x_m,y_m,z_m\n0,0 cm,0,0\n", ":2:5: expected a comma after the number"},
         {"time_s,x_m,y_m,z_m\n0,0,0,0\n0,0,0,0\n", ":3:1: time does not rise"},
+        {"time_s,x_m,y_m,z_m\n-1e308,0,0,0\n1e308,0,0,0\n", ":3:1: inf s after the first row, expected a day at most"},
+        {"time_s,x_m,y_m,z_m\n0,0,0,0\n86401,0,0,0\n", ":3:1: 8.64e+04 s after the first row, expected a day at most"},
         {"time_s,x_m,y_m,z_m\n0,0,0,30\n", ":2:3: further than 1 m from the origin; are these metres?"},
         {"time_s,x_m,y_m,z_m\n0,0,0,0\n1e-3,0,0.1,0\n", ":3:6: 100 m/s since the row before, expected at most 5"},
         {"time_s,x_m,y_m,z_m,qw,qx,qy,qz\n0,0,0,0,1,1,0,0\n",
