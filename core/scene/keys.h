@@ -104,8 +104,8 @@
     scene.limits.clamp_n, "most force a hand is given")                                                               \
   X(TORQUE_CLAMP, ALWAYS, "device.torque_clamp", REAL, 1, "N*m", 1e-3, 10, "(0.05 m * clamp)",                        \
     scene.limits.torque_clamp_n_m, "most torque a hand is given")                                                     \
-  X(GUARD, ALWAYS, "device.guard", REAL, 1, "N/ms", 0.1, 100, "4 N/ms",                                               \
-    scene.limits.guard_n_per_ms, "impulse guard: most change of force in a tick")                                     \
+  X(GUARD, ALWAYS, "device.guard", REAL, 1, "N/ms", 0.1, 100, "4 N/ms", scene.limits.guard_n_per_ms,                  \
+    "impulse guard: most change of force for each ms since the last tick with a pose, of at most device.hold")        \
   X(BRAKE_SPEED, ALWAYS, "device.brake_speed", REAL, 1, "m/s", 0.05, 5, "1.2 m/s",                                    \
     scene.limits.brake_m_s, "a faster hand is only damped")                                                           \
   X(BRAKE_DAMPING, ALWAYS, "device.brake_damping", REAL, 1, "N*s/m", 0.01, 10, "1.5 N*s/m",                           \
