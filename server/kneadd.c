@@ -110,6 +110,7 @@ static int run(int argc, char **argv, const char **sets) // sets: room for twice
         return bad("--lan", "--key FILE or --peer ADDRESS beside it: on a network anybody may move the tool");
     if (def.peers > 0 && !def.lan) return bad("--peer", "--lan IFACE beside it");
     if (!def.object.scene_path) return bad("no scene", "--scene FILE");
+    if (!kn_rt_files(why, sizeof why)) return fprintf(stderr, "kneadd: %s\n", why), 3;
     return kn_daemon_run(&def);
 }
 

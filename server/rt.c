@@ -5,11 +5,24 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/eventfd.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #define STACK_BYTES (512 << 10) // all of it gets locked; the tick needs less than 32 kB, its arrays are in the state
 #define TOUCHED_BYTES (128 << 10)
+
+bool kn_rt_files(char *error, size_t error_size)
+{
+    enum { FILES = 64 }; // kneadd with every option opens some 20, a page some 30
+    int fd[FILES], count = 0;
+    while (count < FILES && (fd[count] = eventfd(0, EFD_CLOEXEC)) >= 0) count++;
+    snprintf(error, error_size, "%s: %d more can be opened, expected %d: raise ulimit -n (LimitNOFILE= of a service)",
+             strerror(errno), count, FILES);
+    for (int i = 0; i < count; i++) close(fd[i]);
+    return count == FILES;
+}
 
 bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode)
 {

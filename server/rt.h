@@ -14,6 +14,7 @@
 // kernels of core keep out of denormals by themselves.
 #include <pthread.h>
 #include <stdbool.h>
+#include <stddef.h>
 
 typedef enum kn_rt_mode {
     KN_RT_AUTO,    // what the machine grants; what is missing is said
@@ -29,6 +30,10 @@ typedef struct kn_rt {
     bool locked;       // memory is locked
     char missing[256]; // what is not granted, why, and the cure; "" when nothing is missing or wanted
 } kn_rt;
+
+// Whether enough files can be opened for all buses, sockets and libraries of a program: liblcm and libev wait for ever
+// or abort where one is missing. False and one line in error. At the start.
+bool kn_rt_files(char *error, size_t error_size);
 
 bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode); // auto, require, off
 

@@ -128,6 +128,8 @@ static int open_directory(kn_store *s, char *error, size_t size)
     if (fstat(s->dir, &what) != 0) return refuse(3, error, size, s->path, strerror(errno), "one that can be looked at");
     if (what.st_uid != geteuid())
         return refuse(2, error, size, s->path, "somebody else's", "one of the user that serves");
+    if (faccessat(s->dir, ".", W_OK | X_OK, AT_EACCESS) != 0)
+        return refuse(2, error, size, s->path, strerror(errno), "a directory that can be written to");
     if (what.st_mode & S_IWOTH) return refuse(2, error, size, s->path, "everybody may write there", "chmod o-w");
     if (flock(s->dir, LOCK_EX | LOCK_NB) == 0) return 0;
     return refuse(3, error, size, s->path,

@@ -1,6 +1,7 @@
 // knead: everything around the daemon, one command with a file per subcommand. See commands.h.
 #include "clients/knead/commands.h"
 #include "clients/knead/result.h"
+#include "server/rt.h"
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
@@ -36,9 +37,10 @@ static int run(int argc, char **argv)
     for (const command *c = commands; c->name; c++) {
         if (strcmp(name, c->name)) continue;
         if (argc != 3 || strcmp(argv[2], "--version")) {
-            char full[32]; // what getopt begins its complaints with
+            char why[200], full[32]; // what getopt begins its complaints with
             snprintf(full, sizeof full, "knead %s", c->name);
             argv[1] = full;
+            if (!kn_rt_files(why, sizeof why)) return fprintf(stderr, "%s: %s\n", full, why), KN_EXIT_DEVICE;
             return c->main(argc - 1, argv + 1);
         }
         known = true;
