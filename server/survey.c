@@ -43,7 +43,7 @@ static bool keep_scene(kn_survey *s, const knead_scene_t *told)
 int64_t kn_survey_missed(const knead_event_t *e)
 {
     if (e->kind != KNEAD_EVENT_T_KIND_CHECKPOINT || !(e->arg[0] > 0)) return 0;
-    return (int64_t)fmin(e->arg[0], fmin((double)e->tick, KN_SURVEY_PAUSE_MS));
+    return (int64_t)fmin(e->arg[0], fmin((double)e->tick, INT32_MAX));
 }
 
 static int64_t span_ms(const kn_survey *s) { return KN_SURVEY_PAUSE_MS + KN_SURVEY_RECORD_MS * s->told; }
@@ -56,6 +56,7 @@ static const char *see_tick(kn_survey *s, int64_t tick, int64_t missed, int64_t 
         s->before_tick = tick - 1;
         s->origin_utime = utime - 1000 * tick;
     }
+    if (missed > KN_SURVEY_PAUSE_MS) missed = KN_SURVEY_PAUSE_MS;
     if (tick == s->first_tick && tick - 1 - missed < s->before_tick) s->before_tick = tick - 1 - missed;
     if (tick - s->first_tick > span_ms(s)) return "more than an hour without records";
     if (tick < s->last_tick - KN_SURVEY_RECORD_MS) return "a second run of the server, or ticks that go back";
@@ -76,7 +77,8 @@ static const char *note(kn_survey *s, const kn_log_record *record)
 {
     bool first = s->first_tick < 0;
     const char *ends = NULL;
-    if (s->records > 0 && record->utime - s->first_utime > 1000 * span_ms(s)) return "more than an hour without records";
+    if (s->records > 0 && llabs(record->utime - s->first_utime) > 1000 * span_ms(s))
+        return "more than an hour without records";
     s->told += record->kind == KN_LOG_POSE || record->kind == KN_LOG_FORCE || record->kind == KN_LOG_EVENT ||
                record->kind == KN_LOG_SCENE;
     switch (record->kind) {
