@@ -44,6 +44,8 @@ typedef struct kn_replay_private { // `v` below
     uint64_t rest_hash;
 } reading;
 
+static int64_t most_untold(const reading *v) { return KN_SURVEY_LOST_MS + KN_SURVEY_RECORD_MS * v->found.told; }
+
 // ---- what it is replayed on
 
 static bool look_through(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
@@ -268,6 +270,7 @@ static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t 
     int64_t before = r->resumed_tick >= 0 ? r->resumed_tick : v->found.before_tick;
     r->tally.ticks_total = r->forces_logged ? v->found.last_tick - before
                                             : (v->found.last_utime - v->found.first_pose_utime) / 1000 + 1;
+    if (!r->forces_logged && r->tally.ticks_total > most_untold(v)) r->tally.ticks_total = most_untold(v);
     return true;
 }
 
@@ -396,8 +399,7 @@ static int32_t missed_before(const reading *v, int64_t tick)
 static bool afford(kn_replay *r, int64_t tick, int64_t more)
 {
     reading *v = r->private;
-    const int64_t most = KN_SURVEY_LOST_MS + KN_SURVEY_RECORD_MS * v->found.told;
-    if (++v->untold + more <= most) return true;
+    if (++v->untold + more <= most_untold(v)) return true;
     snprintf(r->damage, sizeof r->damage,
              "%lld ticks without a record up to tick %lld, expected at most 60 000 and 1 000 for each of %lld records",
              (long long)(v->untold + more), (long long)(tick + more), (long long)v->found.told);

@@ -77,7 +77,8 @@ static const char *note(kn_survey *s, const kn_log_record *record)
 {
     bool first = s->first_tick < 0;
     const char *ends = NULL;
-    if (s->records > 0 && llabs(record->utime - s->first_utime) > 1000 * span_ms(s))
+    // a log with ticks is replayed by these, whatever the clock showed: a machine that slept counts none
+    if (first && s->records > 0 && llabs(record->utime - s->first_utime) > 1000 * span_ms(s))
         return "more than an hour without records";
     s->told += record->kind == KN_LOG_POSE || record->kind == KN_LOG_FORCE || record->kind == KN_LOG_EVENT ||
                record->kind == KN_LOG_SCENE;

@@ -316,6 +316,7 @@ TEST("a replay runs no more ticks than the log has records for, however far a ti
                {HOUR_MS - 1, 0, 0, 0, HAND_MS, "ticks without a record up to tick 36000"},
                {HOUR_MS - 1, 0, -1, 0, HAND_MS, "ticks without a record"},
                {HOUR_MS - 1, 0, HOUR_MS - 2, 0, HAND_MS + 1, ""}, // its server stood still for an hour
+               {1, 8 * HOUR_MS, 0, 0, HAND_MS + 1, ""},           // its machine slept for a night
                {0, HOUR_MS - 1, 0, 0, HAND_MS, "ticks without a record"},
                {0, 2 * HOUR_MS, 0, 0, HAND_MS, "more than an hour without records"}};
     scratch();
