@@ -15,12 +15,6 @@ static inline double clock_us(clockid_t clock)
 
 static inline double thread_us(void) { return clock_us(CLOCK_THREAD_CPUTIME_ID); }
 
-static inline int ascending(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static inline void print_machine(void)
 {
     char line[256], model[200] = "unknown processor";

@@ -2,6 +2,7 @@
 // this process together; wall: what a caller waits, which on a busy machine holds other people's work too.
 #include "bench/bench.h"
 #include "clients/viewer/renderer.h"
+#include "core/order.h"
 #include "core/surface.h"
 #include <string.h>
 #include <sys/utsname.h>
@@ -44,8 +45,8 @@ static void bench(int per_cm, int width, int height, int samples, double turn_de
         cpu[i] = clock_ms(CLOCK_PROCESS_CPUTIME_ID) - cpu_ms;
         wall[i] = clock_ms(CLOCK_MONOTONIC) - wall_ms;
     }
-    qsort(cpu, PICTURES, sizeof *cpu, ascending);
-    qsort(wall, PICTURES, sizeof *wall, ascending);
+    qsort(cpu, PICTURES, sizeof *cpu, kn_ascending);
+    qsort(wall, PICTURES, sizeof *wall, kn_ascending);
     printf("| %5d | %4d x %-4d | %7d | %6s | %6.1f | %6.1f | %6.1f | %6.1f |\n", model->grid.nodes, width, height, samples, turn_deg != 0 ? "turns" : "still",
            cpu[PICTURES / 2], cpu[PICTURES * 9 / 10], wall[PICTURES / 2], wall[PICTURES * 9 / 10]);
     fflush(stdout);

@@ -1,5 +1,6 @@
 #include "bench/turns.h"
 #include "bench/bench.h"
+#include "core/order.h"
 #include "tests/physics/press.h"
 
 enum { TURN = 20 };
@@ -43,7 +44,7 @@ summary turns_summary(const runner *r, int ticks)
     if (!us || !iterations) abort();
     memcpy(us, r->us, (size_t)ticks * sizeof *us);
     memcpy(iterations, r->iterations, (size_t)ticks * sizeof *iterations);
-    qsort(us, (size_t)ticks, sizeof *us, ascending);
+    qsort(us, (size_t)ticks, sizeof *us, kn_ascending);
     qsort(iterations, (size_t)ticks, sizeof *iterations, ascending_int);
     summary s = {.median_us = us[ticks / 2], .p90_us = us[ticks * 9 / 10], .median_iterations = iterations[ticks / 2]};
     for (int i = 0; i < ticks; i++) {

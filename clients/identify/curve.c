@@ -2,6 +2,7 @@
 #include "clients/identify/curve_parts.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "core/order.h"
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -31,12 +32,6 @@ void kn_curve_say(const kn_curve_file *f, const char *format, ...)
 // ---- noise
 
 enum { SAMPLES = 100000 }; // of triples: as good as all of ten million, and sorted in no time
-
-static int by_size(const void *a, const void *b)
-{
-    const double *p = a, *q = b;
-    return (*p > *q) - (*p < *q);
-}
 
 static double largest(int count, const double *value)
 {
@@ -86,7 +81,7 @@ static double noise_of(int count, const double *time_s, const double *value, con
     if (2 * same > pairs) {
         noise = gauge(count, value) / sqrt(12);
     } else if (n > 0) {
-        qsort(sizes, (size_t)n, sizeof *sizes, by_size);
+        qsort(sizes, (size_t)n, sizeof *sizes, kn_ascending);
         noise = 0.5 * (sizes[(n - 1) / 2] + sizes[n / 2]) / median_of_normal;
     }
     free(sizes);
@@ -332,7 +327,7 @@ static int bad_note(const kn_curve_file *f, const char *key)
     const kn_sheet *s = &f->sheet;
     int n = 0;
     while (strcmp(s->note[n].key, key) != 0) n++;
-    return kn_sheet_complain(s, s->note[n].line, s->note[n].at, "%s of %s, expected 1e-15 to 1e15 in SI units", key,
+    return kn_sheet_complain(s, s->note[n].line, s->note[n].at, "%s of %s, expected one above 0, 1e15 at most", key,
                              s->note[n].value);
 }
 

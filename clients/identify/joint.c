@@ -2,6 +2,7 @@
 #include "clients/identify/chain.h"
 #include "clients/identify/onset.h"
 #include "clients/identify/stages.h"
+#include "core/order.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -142,12 +143,6 @@ static bool misfit(void *of, const double *value, double *residual)
 
 // ---- what was measured
 
-static int by_size(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 // The middle one of the last readings up to a time: an outlier among them does not matter. 0 before the first.
 static double strain_at(const kn_curve *c, double until_s)
 {
@@ -156,7 +151,7 @@ static double strain_at(const kn_curve *c, double until_s)
     int n = 0, end = 0;
     while (end < c->count && c->time_s[end] <= until_s) end++;
     for (int i = end - 1; i >= 0 && n < LAST; i--) last[n++] = c->value[i];
-    qsort(last, (size_t)n, sizeof *last, by_size);
+    qsort(last, (size_t)n, sizeof *last, kn_ascending);
     return n ? last[n / 2] : 0;
 }
 
@@ -365,7 +360,7 @@ static bool deviations(const joint_work *w, const kn_fit *fit, int k, double *ou
         out[i] = (w->strain[i] - c->value[i]) * sqrt(c->weight[i]);
         size[i] = fabs(out[i]);
     }
-    if (ok) qsort(size, (size_t)c->count, sizeof *size, by_size);
+    if (ok) qsort(size, (size_t)c->count, sizeof *size, kn_ascending);
     double usual = ok ? fmax(1.4826 * size[c->count / 2], c->noise) : 1;
     for (int i = 0; ok && i < c->count; i++) out[i] /= usual;
     free(size);

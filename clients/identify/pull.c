@@ -1,5 +1,6 @@
 #include "clients/identify/pull.h"
 #include "clients/identify/curve.h"
+#include "core/order.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -56,12 +57,6 @@ static bool keep(kn_pull *p, const kn_press *press, int count, char *error, size
     return true;
 }
 
-static int ascending(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 // In order: the readings of up to `reach` to either side, as many near an end; with the one itself, or without.
 static int around(const kn_pull *p, int reading, int reach, bool itself, double sorted[2 * AROUND + 1])
 {
@@ -69,7 +64,7 @@ static int around(const kn_pull *p, int reading, int reach, bool itself, double 
     int n = 0;
     for (int i = first; i <= first + 2 * reach; i++)
         if (itself || i != reading) sorted[n++] = p->force_n[i];
-    qsort(sorted, (size_t)n, sizeof *sorted, ascending);
+    qsort(sorted, (size_t)n, sizeof *sorted, kn_ascending);
     return n;
 }
 

@@ -1,13 +1,8 @@
 #include "clients/identify/ramp.h"
+#include "core/order.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-
-static int by_size(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
 
 // Median of the strain in the later half of the time. NAN: no memory.
 static double held(const kn_curve *c)
@@ -18,7 +13,7 @@ static double held(const kn_curve *c)
     for (int i = 0; value && i < c->count; i++)
         if (c->time_s[i] >= half) value[n++] = c->other[i];
     if (value) {
-        qsort(value, (size_t)n, sizeof *value, by_size);
+        qsort(value, (size_t)n, sizeof *value, kn_ascending);
         median = (value[(n - 1) / 2] + value[n / 2]) / 2;
     }
     free(value);

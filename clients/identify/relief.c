@@ -1,5 +1,6 @@
 #include "clients/identify/relief.h"
 #include "clients/identify/relief_points.h"
+#include "core/order.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -114,12 +115,6 @@ static void choose_pixels(kn_relief *r, const kn_relief_box *hidden)
         }
 }
 
-static int ascending(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 // Standard deviation of independent noise on each pixel, from the median size of second differences along rows.
 static bool find_noise(kn_relief *r)
 {
@@ -133,7 +128,7 @@ static bool find_noise(kn_relief *r)
         if (!r->counts[at - 1] || !r->counts[at] || !r->counts[at + 1]) continue;
         difference[count++] = fabs(r->level[at - 1] - 2.0 * r->level[at] + r->level[at + 1]) * r->frame.step_m;
     }
-    qsort(difference, (size_t)count, sizeof *difference, ascending);
+    qsort(difference, (size_t)count, sizeof *difference, kn_ascending);
     const double median_m = count > 0 ? difference[count / 2] : 0;
     r->noise_m = fmax(median_m / (0.6745 * sqrt(6)), r->frame.step_m / sqrt(12));
     free(difference);

@@ -3,6 +3,7 @@
 #include "clients/knead/complain.h"
 #include "clients/knead/latency.h"
 #include "clients/knead/plot.h"
+#include "core/order.h"
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -49,12 +50,6 @@ static double value_us(const kn_flight *f, int which)
     }
 }
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 bool kn_latency_sort(kn_latency_report *r, const kn_latency *l)
 {
     for (int w = 0; w < KN_SERIES_COUNT; w++) {
@@ -68,7 +63,7 @@ bool kn_latency_sort(kn_latency_report *r, const kn_latency *l)
             s->us[s->count++] = us;
             s->missed += f->list[i].back_ns == 0;
         }
-        qsort(s->us, (size_t)s->count, sizeof *s->us, compare);
+        qsort(s->us, (size_t)s->count, sizeof *s->us, kn_ascending);
     }
     return true;
 }

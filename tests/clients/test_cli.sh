@@ -33,11 +33,8 @@ begins 2 'knead probe: `press`: expected options only' knead probe press
 begins 2 'knead probe: --wood: unknown option' knead probe --wood
 begins 2 'knead probe: --hold: expected a value' knead probe --hold
 begins 2 'kneadd: paper: expected --backend cpu, fixed, uart:, pty:, pcie: or shm:' kneadd --backend paper
-for n in 4 9 15 30; do
-    begins 3 'kneadd: Too many open files: ' bash -c "ulimit -n $n; exec kneadd --scene $KN_SOURCE/core/scenes/dough-small.yaml"
-    for command in probe hand view web touch ctl replay; do
-        begins 3 "knead $command: Too many open files: " bash -c "ulimit -n $n; exec knead $command"
-    done
+for command in 'kneadd --scene x' 'knead '{probe,hand,view,web,touch,ctl,replay}; do
+    for n in 10 15 30; do begins 3 "${command% --*}: Too many open files: " bash -c "ulimit -n $n; exec $command"; done
 done
 begins 2 'kneadd: best: expected fast, balanced, accurate or own' kneadd --quality best
 small=$KN_SOURCE/core/scenes/dough-small.yaml

@@ -2,6 +2,7 @@
 // deadline. KN_LOSSES=N: times that it is lost by each fault (5).
 // gate in release: a board in real time
 #include "core/scene/scene.h"
+#include "core/order.h"
 #include "hdl/registers.h"
 #include "server/backend/fpga.h"
 #include "server/clock.h"
@@ -228,12 +229,6 @@ TEST("a circuit that has another object than it was given is given all of it aga
     kn_board_end(&b);
 }
 
-static int by_size(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 // At 1 kHz, until it has come back so often from a loss for this reason: ms until it was in step again.
 static void be_lost(const char *const board[], kn_loss reason, const char *what, int times)
 {
@@ -257,7 +252,7 @@ static void be_lost(const char *const board[], kn_loss reason, const char *what,
         since_ns = 0;
     }
     CHECK(back == times && n.because[reason] >= times && n.different == 0);
-    qsort(lasted_ms, (size_t)back, sizeof *lasted_ms, by_size);
+    qsort(lasted_ms, (size_t)back, sizeof *lasted_ms, kn_ascending);
     printf("     %-20s lost %d times in %d ticks", what, back, o.ticks);
     if (back)
         printf(": in step again after p50 %.0f, p90 %.0f, at most %.0f ms; its state takes %.1f ms",
