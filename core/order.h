@@ -1,10 +1,17 @@
 #ifndef KN_CORE_ORDER_H
 #define KN_CORE_ORDER_H
+#include <stdint.h>
 
-// For qsort: doubles from the smallest on, none of them a NaN.
+// For qsort, from the smallest on. No double is a NaN.
 static inline int kn_ascending(const void *a, const void *b)
 {
     const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static inline int kn_ascending_i64(const void *a, const void *b)
+{
+    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
     return (x > y) - (x < y);
 }
 

@@ -94,8 +94,7 @@ static const char *note(kn_survey *s, const kn_log_record *record)
             if (!first) return "a second run of the server";
             s->started = true;
         }
-        ends = see_tick(s, record->event.tick, kn_survey_missed(&record->event), record->utime);
-        if (ends) return ends;
+        if ((ends = see_tick(s, record->event.tick, kn_survey_missed(&record->event), record->utime))) return ends;
         if (record->event.kind == KNEAD_EVENT_T_KIND_RESTORE) {
             s->undoes |= record->event.arg[0] == 0;
             s->restores += record->event.arg[0] != 0;

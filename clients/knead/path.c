@@ -6,7 +6,7 @@
 static const double rest_s = 1.0; // after a withdrawal: what comes back at once has come back
 static const double landing_m = 1e-3, landing_s = 1.0, settling_s = 0.2, flushing_m_s = 5e-4; // see add_landing
 
-static double distance(const double a[3], const double b[3])
+double kn_path_distance(const double a[3], const double b[3])
 {
     return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
 }
@@ -25,7 +25,7 @@ static kn_piece *add(kn_path *path, kn_piece_kind kind, const char *name, const 
 static void add_line(kn_path *path, const char *name, const kn_path_point *from, const kn_path_point *to,
                      double speed_m_s)
 {
-    double way_m = distance(from->position_m, to->position_m);
+    double way_m = kn_path_distance(from->position_m, to->position_m);
     double cruise_s = fmax(0.0, way_m / speed_m_s - KN_PATH_RAMP_S);
     add(path, KN_PIECE_LINE, name, from, way_m > 0.0 ? cruise_s + 2.0 * KN_PATH_RAMP_S : 0.0)->to = *to;
 }

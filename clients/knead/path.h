@@ -63,6 +63,7 @@ kn_path *kn_path_through(int count, const double time_s[], kn_path_point point[]
 // kn_path_through. NULL and one line `file:line:col: ...` in error.
 kn_path *kn_path_load(const char *file, char *error, size_t error_size);
 void kn_path_destroy(kn_path *path); // NULL is fine
+double kn_path_distance(const double a[3], const double b[3]);
 
 // Point at t_s from the path's begin, held at both ends. The piece it lies in is returned.
 const kn_piece *kn_path_at(const kn_path *path, double t_s, kn_path_point *point);

@@ -11,11 +11,6 @@
 static const double workspace_m = 1.0;   // kneadd refuses poses outside it,
 static const double speed_max_m_s = 5.0; // and faster ones
 
-static double distance(const double a[3], const double b[3])
-{
-    return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
-}
-
 typedef struct reader {
     const char *file;
     int line;
@@ -75,7 +70,7 @@ static bool take_row(const reader *r, rows *all, int fields, const double value[
     kn_path_point p = {.orientation_wxyz = {1, 0, 0, 0}};
     double length = 0.0;
     memcpy(p.position_m, value + 1, sizeof p.position_m);
-    if (distance(p.position_m, (const double[3]){0}) > workspace_m)
+    if (kn_path_distance(p.position_m, (const double[3]){0}) > workspace_m)
         return complain(r, column[1], "further than %g m from the origin; are these metres?", workspace_m);
     for (int i = 4; i < fields; i++) length += value[i] * value[i];
     if (fields == 8 && fabs(sqrt(length) - 1.0) > 1e-3)
@@ -83,7 +78,7 @@ static bool take_row(const reader *r, rows *all, int fields, const double value[
     for (int i = 4; i < fields; i++) p.orientation_wxyz[i - 4] = value[i] / sqrt(length);
     if (all->count > 0) {
         double span_s = value[0] - all->time_s[all->count - 1];
-        double way_m = distance(p.position_m, all->point[all->count - 1].position_m);
+        double way_m = kn_path_distance(p.position_m, all->point[all->count - 1].position_m);
         if (span_s <= 0.0) return complain(r, column[0], "time does not rise");
         if (value[0] - all->time_s[0] > KN_PATH_LONGEST_S)
             return complain(r, column[0], "%.3g s after the first row, expected a day at most", value[0] - all->time_s[0]);

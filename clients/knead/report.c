@@ -1,5 +1,6 @@
 #include "clients/knead/report.h"
 #include "clients/knead/rows.h"
+#include "core/order.h"
 #include <math.h>
 #include <stdlib.h>
 
@@ -35,12 +36,6 @@ static void add_to_table(kn_report *r, const kn_hand *hand, const kn_attempt *t,
     if (contact_n > r->peak_n) r->peak_n = contact_n, r->peak_s = s;
 }
 
-static int by_value(const void *a, const void *b)
-{
-    int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
-    return (x > y) - (x < y);
-}
-
 void kn_report_make(kn_report *r, const kn_hand *hand, const kn_record *record)
 {
     const kn_attempt *last = &hand->attempt[hand->tries - 1];
@@ -65,7 +60,7 @@ void kn_report_make(kn_report *r, const kn_hand *hand, const kn_record *record)
     }
     if (hand->def.path->hold_end_s == 0.0) r->hold_end_n = NAN;
     if (trips > 0) {
-        qsort(trip_ns, (size_t)trips, sizeof *trip_ns, by_value);
+        qsort(trip_ns, (size_t)trips, sizeof *trip_ns, kn_ascending_i64);
         r->round_trip_p50_ms = 1e-6 * (double)trip_ns[trips / 2];
         r->round_trip_p99_ms = 1e-6 * (double)trip_ns[trips * 99 / 100];
     }

@@ -1,12 +1,12 @@
 #include "clients/knead/view_source.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "core/scene/words.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 #define SETTLE_MS 50   // after the first whole mesh: the probes' forces, and a mesh that is not older than they are
 
@@ -43,17 +43,6 @@ static int open_scene(kn_source *s)
 
 // ---- a snapshot
 
-static uint8_t *read_whole(const char *path, size_t *size)
-{
-    struct stat there;
-    FILE *f = fopen(path, "rb");
-    const bool fits = f && fstat(fileno(f), &there) == 0 && there.st_size >= 0 && (size_t)there.st_size <= KN_SAVED_MAX;
-    uint8_t *bytes = fits ? malloc((size_t)there.st_size + 1) : NULL;
-    *size = bytes ? fread(bytes, 1, (size_t)there.st_size, f) : 0;
-    if (f) fclose(f);
-    return bytes;
-}
-
 // The scene as it was served: with what was set over it at run time, which the snapshot tells.
 static int open_saved(kn_source *s, const char *scene, const uint8_t *bytes, size_t size)
 {
@@ -77,8 +66,9 @@ static int open_saved(kn_source *s, const char *scene, const uint8_t *bytes, siz
 static int open_snapshot(kn_source *s, const char *scene)
 {
     size_t size;
-    uint8_t *bytes = read_whole(s->path, &size);
-    if (!bytes) return kn_complain("view", KN_EXIT_USAGE, "%s: cannot be read whole, expected a snapshot", s->path);
+    char error[400];
+    uint8_t *bytes = kn_words_load(s->path, &size, error, sizeof error);
+    if (!bytes) return kn_complain("view", KN_EXIT_USAGE, "%s", error);
     const int code = open_saved(s, scene, bytes, size);
     free(bytes);
     return code;

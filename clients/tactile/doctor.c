@@ -3,6 +3,7 @@
 #include "clients/knead/complain.h"
 #include "clients/tactile/devices.h"
 #include "core/model.h"
+#include "core/order.h"
 #include "server/bus.h"
 #include "server/clock.h"
 #include "server/daemon.h"
@@ -252,12 +253,6 @@ typedef struct wakes {
     int64_t count, missed, late_ns[]; // of each wake
 } wakes;
 
-static int by_size(const void *a, const void *b)
-{
-    int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
-    return (x > y) - (x < y);
-}
-
 static void *sleep_by_milliseconds(void *arg)
 {
     wakes *w = arg;
@@ -281,7 +276,7 @@ static void measure(findings *f, int seconds)
     kn_rt_enter(&rt, KN_RT_AUTO);
     if (kn_rt_thread(&rt, &thread, "doctor", KN_RT_SERVO, true, sleep_by_milliseconds, w) == 0) {
         pthread_join(thread, NULL);
-        qsort(w->late_ns, (size_t)w->count, sizeof w->late_ns[0], by_size);
+        qsort(w->late_ns, (size_t)w->count, sizeof w->late_ns[0], kn_ascending_i64);
         double p50 = 1e-3 * (double)w->late_ns[w->count / 2], p99 = 1e-3 * (double)w->late_ns[w->count * 99 / 100];
         double most = 1e-6 * (double)w->late_ns[w->count - 1];
         // of a millisecond a tick of ordinary objects leaves half
