@@ -429,7 +429,8 @@ static bool choose_tick(kn_replay *r, kn_tick_in *in)
     bool idle = v->tick >= 0 && v->tick + 1 + missed < known && !v->resting;
     in->tick = idle ? v->tick + 1 : known;
     in->missed = idle ? 0 : missed;
-    return !idle || afford(r, in->tick, v->touched ? known - missed - in->tick - 1 : 0); // untouched it may come to rest
+    // all of a gap is paid for at its begin, but where nobody has touched the object, which may come to rest
+    return !idle || afford(r, in->tick, v->touched ? known - missed - in->tick - 1 : 0);
 }
 
 static void count_gap(kn_replay *r, int64_t tick)

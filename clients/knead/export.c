@@ -303,7 +303,7 @@ static int take_tick(run *r, kn_replay *replay, double *next_s)
     add_rows(r, replay);
     if (t < *next_s - KN_REPLAY_HALF_TICK_S) return KN_EXIT_OK;
     const double due_s = t + KN_REPLAY_HALF_TICK_S;
-    while (!one && *next_s <= due_s) *next_s += o->every_s * fmax(1, floor((due_s - *next_s) / o->every_s)); // in one or two
+    while (!one && *next_s <= due_s) *next_s += o->every_s * fmax(1, floor((due_s - *next_s) / o->every_s));
     const kn_moment m = moment_of(replay);
     return add_moment(r, &m, replay->scene->name);
 }

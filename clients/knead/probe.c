@@ -184,7 +184,7 @@ static kn_path *generate(probe *p, bool again)
                     : !strcmp(p->opt.path, "sine") ? kn_path_sine(&shape) : kn_path_poke(&shape);
     if (!path) complain(KN_EXIT_INTERNAL, "out of memory");
     if (!path || path->duration_s <= KN_PATH_LONGEST_S) return path;
-    fprintf(stderr, "knead probe: --hold and --speed make a path of %.3g s, expected a day at most\n", path->duration_s);
+    fprintf(stderr, "knead probe: --hold, --speed: a path of %.3g s, expected a day at most\n", path->duration_s);
     kn_path_destroy(path);
     return NULL;
 }

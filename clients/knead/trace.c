@@ -190,8 +190,8 @@ static bool read_body(kn_trace *t, FILE *f, uint64_t hash)
     t->us = malloc(ticks * sizeof *t->us);
     t->shape_m = malloc(nodes * sizeof *t->shape_m);
     return t->force_n && t->us && t->shape_m && fread(t->force_n, sizeof *t->force_n, forces, f) == forces &&
-           fread(t->us, sizeof *t->us, ticks, f) == ticks &&
-           fread(t->shape_m, sizeof *t->shape_m, nodes, f) == nodes && hash_of(t) == hash;
+           fread(t->us, sizeof *t->us, ticks, f) == ticks && fread(t->shape_m, sizeof *t->shape_m, nodes, f) == nodes &&
+           hash_of(t) == hash;
 }
 
 kn_trace_found kn_trace_load(kn_trace *t, const char *path, uint64_t program)
