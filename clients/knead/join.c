@@ -107,6 +107,7 @@ static void on_memory(const lcm_recv_buf_t *buf, const char *channel, void *self
 static bool open_memory(kn_join *j, char *error, size_t error_size)
 {
     if (!take_key(error, error_size)) return false;
+    j->lcm = lcm_create(KN_MEMORY_URL);
     lcm_subscription_t *all = j->lcm ? lcm_subscribe(j->lcm, ".*", on_memory, j) : NULL;
     if (all) lcm_subscription_set_queue_capacity(all, KN_JOIN_TURN);
     return all;
@@ -116,7 +117,8 @@ static bool open_socket(kn_join *j, const char *url, char *error, size_t error_s
 {
     if (!parse(&j->bus, url, error, error_size) || !kn_bus_check_route(&j->bus, error, error_size)) return false;
     j->fd = kn_bus_listen(&j->bus, BUFFER_BYTES, error, error_size);
-    return j->fd >= 0;
+    if (j->fd >= 0) j->lcm = lcm_create(url);
+    return j->lcm;
 }
 
 kn_join *kn_join_open(const char *url, const char *otherwise, char *error, size_t error_size)
@@ -127,9 +129,7 @@ kn_join *kn_join_open(const char *url, const char *otherwise, char *error, size_
     if (!j) return NULL;
     j->fd = -1;
     j->hails = strcmp(otherwise, KN_MESH_URL) != 0;
-    j->lcm = lcm_create(url);
-    bool opened = strcmp(url, KN_MEMORY_URL) ? open_socket(j, url, error, error_size) : open_memory(j, error, error_size);
-    if (opened && j->lcm) return j;
+    if (strcmp(url, KN_MEMORY_URL) ? open_socket(j, url, error, error_size) : open_memory(j, error, error_size)) return j;
     if (!*error) snprintf(error, error_size, "%s: LCM refuses this URL", url);
     kn_join_close(j);
     return NULL;

@@ -443,12 +443,12 @@ def strangers(server, page):
 
 
 def few_descriptors(server):
-    server.start("few", ["prlimit", "--nofile=32:32", "knead", "web"], "http://")
+    server.start("few", ["prlimit", "--nofile=72:72", "knead", "web"], "http://")
     few = opened("few.log")
-    idle = [join(few.port) for _ in range(70)]
+    idle = [join(few.port) for _ in range(110)]
     begin = cpu_s(server.last.pid)
     wire = Wire(few)
-    check("where 32 descriptors are all, a page gets in beside 70 idle connections", wire.state()[0] is not None)
+    check("where 72 descriptors are all, a page gets in beside 110 idle connections", wire.state()[0] is not None)
     check("which are closed", not any(s.recv(99) for s in idle))
     busy = cpu_s(server.last.pid) - begin
     check("and cost no time", busy < 1.5, busy)
