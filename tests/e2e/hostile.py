@@ -1,5 +1,5 @@
 # hostile.py record FILE SECONDS      keep what is said on both ports
-# hostile.py send FILE COUNT SEED [replay]      to everybody who listens: datagrams that nobody should believe, 20 000 a second
+# hostile.py send FILE[,FILE] COUNT SEED [replay]      to everybody who listens: datagrams that nobody should believe, 20 000 a second
 #
 # Kinds, by turns: parts of a message (LC03) whose offset wraps, with interleaved numbers, sizes that lie; channel names of 0
 # to 1 000 bytes, with and without their NUL; recorded messages with flipped bits, cut, under another channel, with counts
@@ -67,7 +67,7 @@ def spoilt(dice, message):
 
 
 def send(path, count, seed, replay):
-    dice, messages = random.Random(seed), pickle.load(open(path, 'rb'))
+    dice, messages = random.Random(seed), [m for p in path.split(',') for m in pickle.load(open(p, 'rb'))]
     out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     out.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
     start, sent = time.time(), 0

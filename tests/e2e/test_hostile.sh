@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Every client of ours on a bus on which somebody else sends KN_HOSTILE (40000) datagrams that nobody should believe: hand,
 # web, view, probe, touch, with a key and without one. All live, none grows. With a key nothing is believed: what was
-# recorded yesterday, of another scene and another device and signed with the same key, is sent again, too.
+# recorded yesterday, of another scene and another device and signed with the same key, is sent again, as is what was said
+# a second ago.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 count=${KN_HOSTILE:-40000}
 head -c 32 /dev/urandom | od -An -tx1 | tr -d ' \n' >key && chmod 600 key
@@ -11,7 +12,7 @@ lives() { kill -0 "$1" 2>/dev/null; }
 round() { # round NAME KEY [replay]
     local name=$1 pid client before=() after=()
     export KNEAD_KEY=$2
-    start_kneadd dough-small.yaml --touch --set device=unknown ${2:+--key $2}
+    start_kneadd dough-small.yaml --touch --control control --set device=unknown ${2:+--key $2}
     rm -f tty && paddle tty 300 >paddle.csv 2>/dev/null & local paddle=$!
     await [ -e tty ]
     knead hand paddle --tty tty --quiet --force-limit '2 N' >hand.txt 2>hand.err & hand=$!
@@ -21,7 +22,8 @@ round() { # round NAME KEY [replay]
     await grep -q http web.txt
     await [ -s touch.txt ]
     for client in $hand $touch $web $probe; do before+=($(rss $client)); done
-    hostile send recorded $count 1 $3 >sent &
+    hostile record today 1 >/dev/null
+    hostile send recorded${3:+,today} $count 1 $3 >sent &
     pid=$!
     views=0 right=0
     while lives $pid; do
@@ -39,6 +41,7 @@ round() { # round NAME KEY [replay]
     kill -TERM $hand $touch $web
     wait $hand
     check "$name: the hand ends well" [ $? = 0 ]
+    poses=$(grep -oE '[0-9]+ poses' hand.txt) accepted=$(field '["probes"][1]["packets"]["accepted"]')
     wait $touch $web
     kill $paddle
     wait $paddle 2>/dev/null
@@ -53,6 +56,7 @@ knead probe --path poke --quiet --tries 1 >/dev/null 2>&1
 wait $recorder
 stop_kneadd
 round "with a key" key replay
+check "with a key no pose but the hand's own was accepted: $accepted of its $poses" [ "$accepted" -le $((${poses% *} + 1)) -a "$accepted" -gt 0 ]
 check "with a key every picture is of the kneadd that is there" [ "$right" = "$views" ]
 check "and nobody was told of another device" grep -q 'as device unknown, its zero at 0, 0, 65 mm' hand.txt
 check "and of no other tool" [ "$(grep -c '"probe":"finger"' touch.txt)" = "$(wc -l <touch.txt)" ]
