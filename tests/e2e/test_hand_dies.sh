@@ -18,7 +18,7 @@ begin() { # begin DEVICE OF-THE-DEVICE OPTION...: a simulated device, and knead 
     knead hand "$1" $([ "$1" = haply ] || echo --tty tty) --quiet --force-limit '3 N' --origin '0,0,5 cm' "${@:3}" >hand.txt 2>hand.err &
     hand=$!
 }
-pressed() { tail -n 2 device.csv | awk -F, -v c="${given[$1]}" 'NR == 1 { exit !($c + 0 > 2.9) }'; }
+pressed() { tail -n 2 device.csv | awk -F, -v c="${given[$1]}" 'NR == 1 && $c + 0 > 2.9 { ok = 1 } END { exit !ok }'; }
 lasts() { # lasts DEVICE: ms, by the device's clock, in which it gave a force after the last command before its longest silence
     awk -F, -v c="${given[$1]}" -v h="${heard[$1]}" 'function over() { if (forced && rows > longest) { longest = rows; ms = forced } rows = forced = 0 }
         NR > 1 && NF > h { if ($h != before) over(); before = $h; rows++; forced += $c != 0 }
