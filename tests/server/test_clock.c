@@ -1,8 +1,33 @@
 #include "server/clock.h"
 #include "tests/check.h"
+#include <stdlib.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
 
 #define MS KN_PERIOD_NS
 #define START (70 * (int64_t)MS)
+
+static int64_t step_s; // by which somebody has set the wall clock
+
+int clock_gettime(clockid_t clock, struct timespec *t)
+{
+    long failed = syscall(SYS_clock_gettime, clock, t);
+    if (clock == CLOCK_REALTIME) t->tv_sec += step_s;
+    return (int)failed;
+}
+
+TEST("a wall clock that is set back or ahead moves no stamp")
+{
+    int64_t first_us = kn_stamp_us(), wall_us = kn_wall_us(), last_us = first_us;
+    for (step_s = -3600; step_s <= 3600; step_s += 1200) {
+        int64_t now_us = kn_stamp_us();
+        CHECK(now_us >= last_us && now_us - first_us < 600000000);
+        CHECK(step_s == 0 || llabs(kn_wall_us() - wall_us) > 600000000);
+        last_us = now_us;
+    }
+    step_s = 0;
+}
 
 TEST("ticks on time follow one another and miss nothing")
 {
