@@ -17,7 +17,7 @@
 //        believes messages of this life alone, each older than the next
 //        KNEAD_POSE_*                 -->               takes poses of its own life, aged within 0.8 s of now
 //
-// So a recording of another life is worthless, and one of this life after a second, whatever any wall clock says.
+// A recording of another life is refused. One of this life is refused after 0.9 s. Wall clocks are not used.
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -30,7 +30,7 @@
 #define KN_LIFE_CHANNEL "KNEAD_LIFE"
 
 // A pose's age may lie so far behind kneadd's, us: less than the second of silence that ends a session, so that an ended
-// session cannot be played again. It may lie ahead by the difference of two crystals since the last message heard.
+// session cannot be played again. It may lie ahead by the drift of two clocks since the last message.
 #define KN_AUTH_BEHIND_US 800000
 #define KN_AUTH_AHEAD_US 100000
 
@@ -60,7 +60,8 @@ kn_auth_stamp kn_auth_now(const kn_auth *auth, int64_t *last_us);
 // Append stamp and tag to size bytes of payload, which has room for KN_AUTH_TRAILER more. Return the new size.
 size_t kn_auth_sign(const kn_auth *auth, const char *channel, unsigned char *payload, size_t size, kn_auth_stamp stamp);
 
-// Return whether the last KN_AUTH_TRAILER of size bytes are authentic, and read the stamp. In constant time.
+// Return whether the last KN_AUTH_TRAILER of size bytes are authentic, and read the stamp: 0 <= age_us < 2^62. In
+// constant time.
 bool kn_auth_check(const kn_auth *auth, const char *channel, const unsigned char *payload, size_t size,
                    kn_auth_stamp *stamp);
 

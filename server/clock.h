@@ -46,7 +46,7 @@ int64_t kn_wall_us(void); // us since 1970, CLOCK_REALTIME; may be set at any ti
 // clock moves none of them.
 int64_t kn_stamp_us(void);
 
-// A time that is handed in, for a process that plays server, link and hands in one thread (tests/rig.h). The two
+// A time that is handed in, for a process that plays server, link and hands in one thread (tests/rig.h). The three
 // functions above tell now_ns, and kn_clock_sleep calls sleep instead of the kernel.
 typedef struct kn_time {
     int64_t now_ns;

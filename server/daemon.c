@@ -83,14 +83,14 @@ static void on_readable(struct ev_loop *ev, ev_io *w, int events)
     if (d->budget <= 0) ev_io_stop(ev, w); // until the next tick
 }
 
-// Poses that never had a chance, for reasons that their sender cannot know: each reason once.
+// Report each reason once for which every message of a sender is refused.
 static void tell_refusals(server *d)
 {
     static const kn_verdict told[] = {KN_REJECT_PEER, KN_REJECT_MAC, KN_REJECT_REPLAYED, KN_REJECT_CLOCK, KN_REJECT_TYPE};
     for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
         if (d->exchange.receiver.rejected[told[i]] == 0 || d->refusals >> told[i] & 1) continue;
         d->refusals |= 1u << told[i];
-        kn_say("kneadd: a pose was refused as %s: %s; 'knead ctl status' counts them", kn_verdict_name(told[i]),
+        kn_say("kneadd: a message was refused as %s: %s; 'knead ctl status' counts them", kn_verdict_name(told[i]),
                kn_verdict_meaning(told[i]));
     }
 }

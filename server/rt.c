@@ -15,7 +15,7 @@
 
 bool kn_rt_files(char *error, size_t error_size)
 {
-    enum { FILES = 64 }; // kneadd with every option opens some 20, a page some 30
+    enum { FILES = 56 }; // kneadd with every option opens some 20, a page some 30
     int fd[FILES], count = 0;
     while (count < FILES && (fd[count] = eventfd(0, EFD_CLOEXEC)) >= 0) count++;
     snprintf(error, error_size, "%s: %d more can be opened, expected %d: raise ulimit -n (LimitNOFILE= of a service)",

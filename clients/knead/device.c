@@ -64,7 +64,7 @@ static void say_leaving(kn_device *d)
 static bool open_bus(kn_device *d)
 {
     d->bus = kn_join_open(d->url, KN_FORCE_URL, d->error, d->error_size);
-    return d->bus && kn_join_hear(d->bus, d->force_channel, on_force, d) &&
+    return d->bus && kn_join_speaks(d->error, d->error_size) && kn_join_hear(d->bus, d->force_channel, on_force, d) &&
            kn_join_hear(d->bus, d->contact_channel, on_contact, d);
 }
 

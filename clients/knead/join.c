@@ -16,12 +16,15 @@
 #define BUFFER_BYTES (4 << 20) // 1 s of meshes
 #define HELLO_NS 50000000    // between two hellos while no life is known
 #define SILENCE_NS 250000000 // without a believed message, a hello asks whether the life is still the same
+#define NONCE_NS 1000000000  // an answer may take so long
+#define LAG_US 200           // by which one message may set our idea of kneadd's age back
 #define APART_US 5000000     // of a stamp from this machine's wall clock, for a mute listener
 #define POSES "KNEAD_POSE_"  // the one kind of message that another client signs
 
 typedef struct heard {
     char channel[KN_CHANNEL_MAX];
     size_t prefix; // bytes that decide; 0: the whole name
+    size_t largest; // bytes of a message
     lcm_msg_handler_t handler;
     void *user;
 } heard;
@@ -45,7 +48,7 @@ struct kn_join {
     unsigned char datagram[DATAGRAM_MAX];
 };
 
-// Of the process: its key, and what it knows of the kneadd that holds the same one.
+// State that all joins of the process share: the key, and the kneadd that holds the same one.
 static struct {
     kn_auth auth;
     bool keyed, mute;
@@ -54,8 +57,9 @@ static struct {
     _Atomic int64_t floor_us;    // kneadd's age when it answered
     _Atomic int64_t ahead_us;    // kneadd's age less our monotonic clock, by the last message believed
     _Atomic int64_t believed_ns; // when that was
+    _Atomic int64_t asked_ns;    // when the nonce was made
     _Atomic int64_t said_ns;     // when the last hello was
-    atomic_bool forged, old;     // heard: without the key's tag; with it, but not of now
+    _Atomic int64_t forged_ns, old_ns; // last heard: without the key's tag; with it, but not of now
 } own;
 
 // --- open and close -------------------------------------------------------------------------------------------------
@@ -77,9 +81,12 @@ static const char *choose(const char *url, const char *otherwise)
 static bool take_key(char *error, size_t error_size)
 {
     const char *key = getenv("KNEAD_KEY"), *mute = getenv("KNEAD_MUTE");
+    bool muted = mute && *mute;
+    if (muted && (!key || !*key || strcmp(mute, "1") != 0))
+        return snprintf(error, error_size, "KNEAD_MUTE=%s: expected 1, beside KNEAD_KEY", mute), false;
     if (!key || !*key || own.keyed) return true;
     if (!kn_auth_load(&own.auth, key, error, error_size)) return false;
-    own.mute = mute && !strcmp(mute, "1");
+    own.mute = muted;
     if (own.mute)
         fprintf(stderr, "knead: KNEAD_MUTE=1: no hello is said; messages are believed when they were stamped within %d s "
                         "of this machine's clock\n", APART_US / 1000000);
@@ -144,12 +151,20 @@ void kn_join_close(kn_join *j)
     free(j);
 }
 
+// A device's thread hears forces and contacts alone: a forged message must not cost it a millisecond of hashing.
+static size_t largest_of(const char *channel)
+{
+    if (!strcmp(channel, "KNEAD_MESH_INIT")) return KN_JOIN_LARGEST;
+    if (!strcmp(channel, "KNEAD_SCENE")) return 2 << 20; // a scene's file has 1 MiB at most
+    return strcmp(channel, "KNEAD_MESH_UPDATE") ? 4096 : DATAGRAM_MAX;
+}
+
 bool kn_join_hear(kn_join *j, const char *channel, lcm_msg_handler_t handler, void *user)
 {
     size_t size = strlen(channel);
     if (j->count == HEARD_MAX || size >= KN_CHANNEL_MAX) return false;
     heard *h = &j->heard[j->count++];
-    *h = (heard){.handler = handler, .user = user};
+    *h = (heard){.largest = largest_of(channel), .handler = handler, .user = user};
     memcpy(h->channel, channel, size);
     if (size > 0 && channel[size - 1] == '*') h->prefix = size - 1;
     return true;
@@ -158,6 +173,12 @@ bool kn_join_hear(kn_join *j, const char *channel, lcm_msg_handler_t handler, vo
 int kn_join_fd(const kn_join *j) { return j->fd >= 0 ? j->fd : lcm_get_fileno(j->lcm); }
 
 lcm_t *kn_join_memory(kn_join *j) { return j->lcm; }
+
+bool kn_join_speaks(char *error, size_t error_size)
+{
+    if (own.mute) snprintf(error, error_size, "KNEAD_MUTE=1: a hand has to send");
+    return !own.mute;
+}
 
 void kn_join_trust(kn_join *j) { j->trusts = true; }
 
@@ -174,17 +195,23 @@ static void say_hello(kn_join *j)
     bool due = life ? now_ns - atomic_load(&own.believed_ns) >= SILENCE_NS && now_ns - said_ns >= SILENCE_NS
                     : now_ns - said_ns >= HELLO_NS || said_ns == 0;
     if (!signs(j) || own.mute || !j->hails || !due) return;
-    int64_t nonce = kn_auth_random();
+    int64_t nonce = atomic_load(&own.nonce);
+    if (nonce == 0 || now_ns - atomic_load(&own.asked_ns) > NONCE_NS) {
+        nonce = kn_auth_random();
+        atomic_store(&own.asked_ns, now_ns);
+        atomic_store(&own.nonce, nonce);
+    }
     atomic_store(&own.said_ns, now_ns);
-    atomic_store(&own.nonce, nonce);
     memcpy(bytes, &nonce, sizeof nonce);
     size_t size = kn_auth_sign(&own.auth, KN_HELLO_CHANNEL, bytes, sizeof nonce, (kn_auth_stamp){0});
     lcm_publish(j->lcm, KN_HELLO_CHANNEL, bytes, (unsigned)size);
 }
 
-static void note_age(int64_t age_us)
+// A message that has waited in a buffer says too little of kneadd's age.
+static void note_age(int64_t age_us, bool answer)
 {
-    atomic_store(&own.ahead_us, age_us - now_us());
+    int64_t ahead_us = age_us - now_us(), before_us = atomic_load(&own.ahead_us) - LAG_US;
+    atomic_store(&own.ahead_us, answer || ahead_us > before_us ? ahead_us : before_us);
     atomic_store(&own.believed_ns, kn_now_ns());
 }
 
@@ -197,7 +224,7 @@ static void hear_life(const unsigned char *bytes, size_t size, kn_auth_stamp sta
     if (nonce == 0 || !atomic_compare_exchange_strong(&own.nonce, &nonce, 0)) return;
     bool same = atomic_load(&own.life) == stamp.life;
     if (!same) atomic_store(&own.floor_us, stamp.age_us);
-    note_age(stamp.age_us);
+    note_age(stamp.age_us, true);
     atomic_store(&own.life, stamp.life);
 }
 
@@ -223,10 +250,13 @@ static bool is_fresh(kn_join *j, const char *channel, kn_auth_stamp stamp)
         int64_t apart_us = stamp.age_us - (now_us() + atomic_load(&own.ahead_us));
         return apart_us >= -KN_AUTH_BEHIND_US && apart_us <= KN_AUTH_BEHIND_US;
     }
-    if (j->last.life != life) j->last = (kn_auth_stamp){life, atomic_load(&own.floor_us)};
+    if (j->last.life != life) { // nothing from before it was opened
+        int64_t floor_us = atomic_load(&own.floor_us), opened_us = now_us() + atomic_load(&own.ahead_us) - KN_AUTH_BEHIND_US;
+        j->last = (kn_auth_stamp){life, opened_us > floor_us ? opened_us : floor_us};
+    }
     if (stamp.age_us <= j->last.age_us) return false;
     j->last = stamp;
-    note_age(stamp.age_us);
+    note_age(stamp.age_us, false);
     return true;
 }
 
@@ -235,21 +265,22 @@ static bool believe(kn_join *j, const char *channel, const unsigned char *bytes,
 {
     kn_auth_stamp stamp;
     if (!signs(j)) return true;
-    if (!kn_auth_check(&own.auth, channel, bytes, *size, &stamp)) return atomic_store(&own.forged, true), false;
+    if (!kn_auth_check(&own.auth, channel, bytes, *size, &stamp)) return atomic_store(&own.forged_ns, kn_now_ns()), false;
     *size -= KN_AUTH_TRAILER;
     if (!strcmp(channel, KN_LIFE_CHANNEL)) return hear_life(bytes, *size, stamp), false;
     bool fresh = own.mute ? is_recent(j, bytes, *size, stamp) : is_fresh(j, channel, stamp);
-    if (!fresh && stamp.life) atomic_store(&own.old, true);
+    if (!fresh && stamp.life) atomic_store(&own.old_ns, kn_now_ns());
     return fresh;
 }
 
 const char *kn_join_why(const char *otherwise)
 {
-    if (!own.keyed || atomic_load(&own.believed_ns)) return otherwise;
-    if (atomic_load(&own.old) && own.mute) return "what is heard was not stamped within 5 s of this machine's clock";
-    if (atomic_load(&own.old))
-        return "what is heard is signed with this KNEAD_KEY, but old: no kneadd that has it answers our hello";
-    return atomic_load(&own.forged) ? "what is heard is not signed with this KNEAD_KEY" : otherwise;
+    int64_t believed_ns = atomic_load(&own.believed_ns), old_ns = atomic_load(&own.old_ns);
+    if (!own.keyed) return otherwise;
+    if (old_ns > believed_ns && own.mute) return "messages come, but were not stamped within 5 s of this machine's clock";
+    if (old_ns > believed_ns)
+        return "messages come with this KNEAD_KEY, but are old: no kneadd that has it answers our hello";
+    return atomic_load(&own.forged_ns) > believed_ns ? "messages come, but not signed with this KNEAD_KEY" : otherwise;
 }
 
 // --- hear -----------------------------------------------------------------------------------------------------------
@@ -263,17 +294,18 @@ static bool matches(const heard *h, const char *channel)
     return *name && !name[strspn(name, letters)];
 }
 
-static bool wanted(const kn_join *j, const char *channel)
+// Return whether a message of that size on that channel is heard at all.
+static bool wanted(const kn_join *j, const char *channel, size_t size)
 {
-    bool any = signs(j) && !strcmp(channel, KN_LIFE_CHANNEL);
-    for (int i = 0; i < j->count && !any; i++) any = matches(&j->heard[i], channel);
+    bool any = signs(j) && !strcmp(channel, KN_LIFE_CHANNEL) && size == KN_AUTH_NONCE + KN_AUTH_TRAILER;
+    for (int i = 0; i < j->count && !any; i++) any = size <= j->heard[i].largest && matches(&j->heard[i], channel);
     return any;
 }
 
 static int deliver(kn_join *j, const char *channel, const unsigned char *bytes, size_t size)
 {
     int handed = 0;
-    if (!wanted(j, channel) || !believe(j, channel, bytes, &size)) return 0;
+    if (!wanted(j, channel, size) || !believe(j, channel, bytes, &size)) return 0;
     const lcm_recv_buf_t buf = {
         .data = (void *)bytes, .data_size = (uint32_t)size, .recv_utime = kn_stamp_us(), .lcm = j->lcm};
     for (int i = 0; i < j->count; i++) {
@@ -284,13 +316,13 @@ static int deliver(kn_join *j, const char *channel, const unsigned char *bytes, 
     return handed;
 }
 
-// The next part of a message; another one that begins ends it.
+// Take the next part of a message. Part 0 of another message discards the unfinished one.
 static int take_part(kn_join *j, const kn_packet *p)
 {
     typeof(j->long_message) *m = &j->long_message;
     if (p->part == 0) {
         m->whole = 0;
-        if (!wanted(j, p->channel) || p->parts < 2 || p->whole > KN_JOIN_LARGEST) return 0;
+        if (p->parts < 2 || !wanted(j, p->channel, p->whole)) return 0;
         if (p->whole > m->room) {
             unsigned char *bytes = realloc(m->bytes, p->whole);
             if (!bytes) return 0;
@@ -351,7 +383,7 @@ void kn_join_send(kn_join *j, const char *channel, uint8_t *bytes, int size)
 {
     int64_t life = atomic_load(&own.life);
     say_hello(j);
-    if (signs(j) && life == 0) return;
+    if (signs(j) && (life == 0 || own.mute)) return;
     if (signs(j)) {
         kn_auth_stamp stamp = {life, now_us() + atomic_load(&own.ahead_us)};
         size = (int)kn_auth_sign(&own.auth, channel, bytes, (size_t)size, stamp);

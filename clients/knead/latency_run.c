@@ -26,7 +26,7 @@ enum { HANDS_MAX = 100, MESSAGE_MAX = 512 };
 typedef struct run {
     kn_latency *l;
     const volatile int *stop;
-    kn_join *ear_bus, *ear_echo, *echo_bus, *hand_bus, *hand_echo; // one per thread and direction
+    kn_join *ear_bus, *ear_echo, *echo_bus; // the hand sends on the ear's
     int ear_udp, echo_udp;
     struct sockaddr_in echo_address, ear_address;
     kn_flights answers[KN_LATENCY_PATHS]; // the ear's: session, seq, back_ns, execution_ns
@@ -149,8 +149,8 @@ static void send_pose(run *r, int path, kn_pose *pose, bool counts)
                                             .counts = counts});
     kn_wire_pose(&message, pose);
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &message);
-    if (path == KN_LATENCY_POSE) kn_join_send(r->hand_bus, channel, bytes, size);
-    else if (path == KN_LATENCY_LCM) kn_join_send(r->hand_echo, echo_out, bytes, size);
+    if (path == KN_LATENCY_POSE) kn_join_send(r->ear_bus, channel, bytes, size);
+    else if (path == KN_LATENCY_LCM) kn_join_send(r->ear_echo, echo_out, bytes, size);
     else sendto(r->ear_udp, bytes, (size_t)size, 0, (struct sockaddr *)&r->echo_address, sizeof r->echo_address);
 }
 
@@ -238,9 +238,9 @@ static bool open_all(run *r)
             return snprintf(error, size, "out of memory"), false;
     const char *echo = l->echo_url;
     if (!(r->ear_bus = kn_join_open(l->url, KN_FORCE_URL, error, size))) return false;
-    if (!(r->hand_bus = kn_join_open(l->url, KN_FORCE_URL, error, size))) return false;
-    kn_join **echoes[] = {&r->ear_echo, &r->echo_bus, &r->hand_echo};
-    for (int i = 0; i < 3; i++) {
+    if (!kn_join_speaks(error, size)) return false;
+    kn_join **echoes[] = {&r->ear_echo, &r->echo_bus};
+    for (int i = 0; i < 2; i++) {
         if (!(*echoes[i] = kn_join_open(echo, echo, error, size))) return false;
         kn_join_trust(*echoes[i]);
     }
@@ -257,7 +257,7 @@ static bool open_all(run *r)
 
 static void close_all(run *r)
 {
-    kn_join *bus[] = {r->ear_bus, r->hand_bus, r->ear_echo, r->echo_bus, r->hand_echo};
+    kn_join *bus[] = {r->ear_bus, r->ear_echo, r->echo_bus};
     for (size_t i = 0; i < sizeof bus / sizeof *bus; i++) kn_join_close(bus[i]);
     if (r->ear_udp >= 0) close(r->ear_udp);
     if (r->echo_udp >= 0) close(r->echo_udp);

@@ -170,7 +170,7 @@ static void on_stop(struct ev_loop *ev, ev_async *watcher, int events)
 static bool open_bus(kn_bridge *b)
 {
     b->bus = kn_join_open(b->url, KN_FORCE_URL, b->error, b->error_size);
-    return b->bus && kn_join_hear(b->bus, b->force_channel, on_force, b) &&
+    return b->bus && kn_join_speaks(b->error, b->error_size) && kn_join_hear(b->bus, b->force_channel, on_force, b) &&
            (!b->now.tether.render.def.local || kn_join_hear(b->bus, b->contact_channel, on_contact, b));
 }
 
