@@ -39,7 +39,8 @@ static bool approach(double v[3], const double target[3], double step)
 
 const char *kn_fault_name(kn_fault fault)
 {
-    static const char *const names[] = {"none", "pose silence", "impulse", "non-finite", "emergency stop", "stopping"};
+    static const char *const names[] = {"none",           "pose silence", "impulse",        "non-finite",
+                                        "emergency stop", "stopping",     "kneadd too slow"};
     return (unsigned)fault < sizeof names / sizeof *names ? names[fault] : "unknown fault";
 }
 
@@ -52,6 +53,7 @@ const char *kn_fault_remedy(kn_fault fault)
         "reset the object, then lift the tool clear of it",
         "an operator's recover, then lift the tool clear of the object",
         "start the server again",
+        "lift the tool clear of the object while poses flow; if it comes back, take a lower quality or fewer nodes",
     };
     return (unsigned)fault < sizeof remedies / sizeof *remedies ? remedies[fault] : "restart the server";
 }
@@ -144,11 +146,22 @@ const char *kn_safety_raised(const kn_safety_limits *limits, const kn_safety_lim
     return a.flow_ms < b.flow_ms ? "device.flow" : NULL;
 }
 
+// Faults that lifting the tool clears.
+static bool lifting_clears(kn_fault fault)
+{
+    return fault == KN_FAULT_POSE_SILENCE || fault == KN_FAULT_OVERLOAD;
+}
+
+static bool outranks(kn_fault fault, kn_fault stands)
+{
+    return fault != KN_FAULT_OVERLOAD && (stands < fault || stands == KN_FAULT_OVERLOAD);
+}
+
 void kn_safety_trip(kn_safety *s, kn_fault fault)
 {
     bool news = fault == KN_FAULT_NONFINITE && !s->nonfinite; // under an emergency stop, too
     s->nonfinite |= news;
-    if (!s->latched || s->fault < fault) {
+    if (!s->latched || outranks(fault, s->fault)) {
         s->fault = fault;
         s->latched = true;
         news = true;
@@ -167,7 +180,7 @@ static void clear_fault(kn_safety *s)
 // A new hand starts without the faults of the last one; whatever still fades goes on fading.
 static void open_session(kn_safety *s)
 {
-    if (s->fault == KN_FAULT_POSE_SILENCE || s->fault == KN_FAULT_IMPULSE) clear_fault(s);
+    if (lifting_clears(s->fault) || s->fault == KN_FAULT_IMPULSE) clear_fault(s);
     s->attached = false;
     s->silent_ms = s->flowing_ms = 0;
 }
@@ -183,7 +196,8 @@ static int listen(kn_safety *s, bool fresh, bool leaving, int ms)
 
     if (silent >= l->zero_ms) { // the deadline wins over every ramp
         if (leaving) s->attached = false;
-        else if (s->attached) kn_safety_trip(s, KN_FAULT_POSE_SILENCE);
+        else if (s->attached)
+            kn_safety_trip(s, fresh ? KN_FAULT_OVERLOAD : KN_FAULT_POSE_SILENCE);
         s->gain = 0.0;
         zero(s->brake_n);
         s->flowing_ms = 0;
@@ -209,6 +223,7 @@ static void take_commands(kn_safety *s, const kn_safety_in *in)
         }
         s->attached = false; // while its force still fades, too: the way back begins in air
     }
+    if (in->overload && (s->attached || in->live)) kn_safety_trip(s, KN_FAULT_OVERLOAD);
     if (in->estop) kn_safety_trip(s, KN_FAULT_ESTOP);
     if (in->stop) kn_safety_trip(s, KN_FAULT_STOPPING);
     if (in->change || in->clutch) s->yielding = s->gain > 0.0 || in->clutch;
@@ -247,9 +262,10 @@ static void move_gain(kn_safety *s, bool clutch, int silence_ms, int ms)
 
 static bool may_engage(const kn_safety *s, const kn_safety_in *in)
 {
-    bool way_back = !s->latched || s->fault == KN_FAULT_POSE_SILENCE;
+    bool way_back = !s->latched || lifting_clears(s->fault);
     bool settled = s->gain == 0.0 && s->gain_drop == 0.0 && !braked(s) && !s->braking;
-    return way_back && settled && in->live && in->fresh && in->clear && !in->leaving && s->flowing_ms >= s->limits.flow_ms;
+    return way_back && settled && !in->overload && in->live && in->fresh && in->clear && !in->leaving &&
+           s->flowing_ms >= s->limits.flow_ms;
 }
 
 static void engage(kn_safety *s)
@@ -325,7 +341,7 @@ static bool brake(kn_safety *s, const kn_safety_in *in, double contact_n)
 static int flags_of(const kn_safety *s, const kn_safety_in *in)
 {
     int flags = 0;
-    bool lifting_helps = !s->latched || s->fault == KN_FAULT_POSE_SILENCE;
+    bool lifting_helps = !s->latched || lifting_clears(s->fault);
     if (s->attached && s->gain == 1.0 && !s->latched) flags |= KN_FLAG_ENGAGED;
     if (s->gain > 0.0 ? s->gain < 1.0 || s->latched : s->attached) flags |= KN_FLAG_RAMPING;
     if (s->latched) flags |= KN_FLAG_LATCHED;

@@ -39,14 +39,16 @@ enum {
     KN_FLAG_ENGAGED = 1, KN_FLAG_RAMPING = 2, KN_FLAG_LATCHED = 4, KN_FLAG_REENGAGE_LIFT = 8, KN_FLAG_CLAMPED = 16,
     KN_FLAG_GUARD = 32, KN_FLAG_BRAKE = 64, KN_FLAG_STALE = 128
 };
-typedef enum kn_fault { // a later one replaces an earlier one
+typedef enum kn_fault { // a later one replaces an earlier one; OVERLOAD replaces none
     KN_FAULT_NONE,
     KN_FAULT_POSE_SILENCE, // cleared by lifting with poses flowing, a new session, recover
     KN_FAULT_IMPULSE,      // cleared by a new session, the way back that needs no operator, or recover, then lifting
     KN_FAULT_NONFINITE,    // cleared by reset, then lifting
     KN_FAULT_ESTOP,        // an operator's; cleared by recover, then lifting
-    KN_FAULT_STOPPING
+    KN_FAULT_STOPPING,
+    KN_FAULT_OVERLOAD // poses flowed and ticks came too late for them; cleared as a pose silence
 } kn_fault;
+#define KN_FAULTS (KN_FAULT_OVERLOAD + 1)
 
 const char *kn_fault_name(kn_fault fault);   // "pose silence"
 const char *kn_fault_remedy(kn_fault fault); // "lift the tool clear of the object"
@@ -93,7 +95,7 @@ typedef struct kn_safety { // one probe's; plain data, part of the servo's state
     int64_t clamps, guards, faults; // counters since init
     int64_t slewed;                 // ticks in which a ramp or a slope held the force back; in no snapshot, as the next
     int64_t brakes;                 // ticks of braking
-    int64_t tripped[KN_FAULT_STOPPING]; // of the faults, by kn_fault
+    int64_t tripped[KN_FAULTS]; // of the faults, by kn_fault
 } kn_safety;
 
 typedef struct kn_safety_in {
@@ -106,6 +108,7 @@ typedef struct kn_safety_in {
     bool reset;   // the object is as new: the probe leaves the model at once, the force it gave fades
     bool recover; // operator's: a latched fault but NONFINITE is forgotten, one under an ESTOP stands again; the probe
                   // leaves the model
+    bool overload; // ticks go on taking longer than the time between them: fade and latch, whoever holds the probe
     bool estop;   // operator's: fade and latch, whoever holds the probe
     bool clutch;  // the hand lets go of the tool to move: what it feels fades and stays 0 meanwhile, the probe stays
     bool change;  // the physics is another from this tick on: what the hand feels goes through 0, the probe stays

@@ -2,6 +2,7 @@
 #define KN_CORE_SCRATCH_H
 // What the solvers keep between the two ends of a step, in the state's arena but neither saved nor hashed.
 #include "core/contact.h"
+#include "core/deadline.h"
 #include "core/kernel.h"
 #include "core/solver_rk4.h"
 
@@ -16,6 +17,7 @@ typedef struct kn_scratch {
     kn_work work; // implicit: first, kernels find it at state->scratch
     kn_contact contact;
     kn_effort effort; // implicit: of this step
+    kn_deadline deadline; // implicit: of this step
     kn_rigid rigid;   // implicit
     int *last_held; // implicit: nodes whose components the last step prescribed
     int last_held_count;

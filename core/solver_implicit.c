@@ -99,6 +99,10 @@ static double update(const kn_model *m, kn_state *state, kn_scratch *s, double a
     return rz + kn_rigid_add(m, s);
 }
 
+// A hurried line that others follow is solved to this share of the residual that it began with: the next one's law is
+// off by more. In 0.6 ms a plate's blow on dough with gas is off by 2.8 % so, by 3.7 % with 0.1, by 3.4 % with 0.3.
+#define HURRIED 0.2
+
 // From r.z of the residual in place; returns r.z at the end.
 static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double rz, int wanted, kn_output *output)
 {
@@ -106,9 +110,11 @@ static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double 
     double enough = solver->tolerance * solver->tolerance * state->residual_scale;
     double nothing = nothing_of(m, state);
     double beta = 0;
+    if (s->deadline.hurried && enough > 0) enough = fmax(enough, HURRIED * HURRIED * rz), wanted = 0;
     for (int i = 0; output->iterations < solver->iterations_max; i++, output->iterations++) {
         if ((i >= wanted && rz <= enough) || !(rz > nothing)) return rz;
         if (i >= wanted && solver->tolerance == 0) return rz;
+        if (!kn_deadline_spend(&s->deadline, s->deadline.iteration)) break;
         double dq = m->kernels->apply(m, state, beta) + kn_foundation_apply(m, s);
         if (!(dq > 0)) return rz;
         double next = update(m, state, s, rz / dq);
@@ -134,10 +140,12 @@ static double solve_linear(const kn_model *m, kn_state *state, kn_scratch *s, do
     int wanted = s->effort.iterations;
     if (first && wanted > 1) {
         rz = go_on(m, state, s, rz, output);
+        s->deadline.spent += s->deadline.iteration; // of the shortest step
         wanted--;
     }
     rz = iterate(m, state, s, rz, wanted, output);
     for (int again = 0; again < 2; again++) {
+        if (again > 0 && !kn_deadline_spend(&s->deadline, s->deadline.look)) break;
         if (kn_foundation_change(m, s) == 0) break;
         rz = iterate(m, state, s, update(m, state, s, 0), (wanted + 1) / 2, output);
     }
@@ -198,7 +206,12 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
     double rz = 0, start = 0;
     int least = kn_impact_lines(model), passes = s->effort.passes > least ? s->effort.passes : least;
     bool impact = false;
+    kn_deadline_begin(&s->deadline, model, &s->contact, input->deadline);
     for (int pass = 0; pass < passes; pass++) {
+        if (!kn_deadline_line(&s->deadline, pass == 0)) {
+            output->capped = true;
+            break;
+        }
         if (impact) let_go(model, state, s);
         add_external(model, s, input);
         kn_rigid_begin(model, state, s);
@@ -212,6 +225,8 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
         // the law itself is met, not only its straight line
         if (pass > 0 && rz <= s->effort.tolerance * s->effort.tolerance * start) break;
         output->iterations = 0;
+        if (input->deadline > 0) output->capped = false; // the last line tells
+        kn_deadline_share(&s->deadline, passes - pass, s->effort.iterations_max);
         rz = solve_linear(model, state, s, rz, pass == 0, output);
         output->passes = pass + 1;
     }
@@ -219,6 +234,7 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
     double scale = state->residual_scale > 0 ? state->residual_scale : rz;
     output->residual = rz == 0 ? 0 : sqrt(rz / scale);
     read_forces(model, s);
+    output->units = s->deadline.spent;
 }
 
 void kn_advance_implicit(const kn_model *model, kn_state *state) { model->kernels->integrate(model, state); }

@@ -15,6 +15,7 @@ typedef struct kn_input {
     kn_probe_input probe[KN_PROBES_MAX];
     double top_load_n; // dead load spread evenly over the top face, downwards (creep tests)
     kn_effort effort;  // IMPLICIT: what this step is given; zero: the model's own
+    int64_t deadline;  // IMPLICIT: units that it may take, see deadline.h; 0: as many as the effort asks for
 } kn_input;
 
 typedef struct kn_probe_output {
@@ -31,7 +32,8 @@ typedef struct kn_output {
     double residual; // |P^1/2 r| left / at start of the solve: how far the solver got
     int iterations;  // CG iterations used
     int passes;      // linearisations solved; fewer than asked for when the law was met within the tolerance
-    bool capped;     // stopped by iterations_max with the residual above the tolerance
+    int64_t units;   // that the step took, see deadline.h
+    bool capped;     // stopped by iterations_max or the deadline with the residual above the tolerance
     bool secant;     // the secant fallback was in force
 } kn_output;
 

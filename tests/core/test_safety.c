@@ -128,7 +128,29 @@ TEST("cycles that the server missed count as silence, and a stall past the deadl
     rig q = rig_pressing(40.0, 5.0);
     q.in.elapsed_ms = 50;
     tick(&q);
-    CHECK(q.s.fault == KN_FAULT_POSE_SILENCE && q.s.latched && length(q.out_n) == 0.0);
+    CHECK(q.s.fault == KN_FAULT_OVERLOAD && q.s.latched && length(q.out_n) == 0.0); // the hand was not silent
+    q.in.elapsed_ms = 1;
+    ticks(&q, 201);
+    CHECK(q.s.fault == KN_FAULT_NONE && (q.flags & KN_FLAG_ENGAGED) == 0 && q.s.attached);
+}
+
+TEST("being too slow fades a force as a silence does, and hides no fault that asks for more than lifting")
+{
+    rig r = rig_pressing(40.0, 5.0);
+    r.in.overload = true;
+    tick(&r);
+    CHECK(r.s.fault == KN_FAULT_OVERLOAD && r.s.latched && length(r.out_n) > 4.5);
+    ticks(&r, 17);
+    CHECK(length(r.out_n) == 0.0 && !r.s.attached);
+    ticks(&r, 500);
+    CHECK(r.s.fault == KN_FAULT_OVERLOAD && r.s.faults == 1); // lifted and in the air, but still too slow
+    r.in.overload = false;
+    tick(&r);
+    CHECK(r.s.fault == KN_FAULT_NONE && r.s.attached);
+    kn_safety_trip(&r.s, KN_FAULT_IMPULSE);
+    CHECK(r.s.fault == KN_FAULT_IMPULSE);
+    kn_safety_trip(&r.s, KN_FAULT_OVERLOAD);
+    CHECK(r.s.fault == KN_FAULT_IMPULSE && r.s.tripped[KN_FAULT_OVERLOAD] == 1);
 }
 
 TEST("a first touch of 1.2 N/ms, steeper than a dough press makes, never meets the guard")

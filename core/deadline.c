@@ -1,0 +1,83 @@
+#include "core/deadline.h"
+#include "core/composite.h"
+#include "core/kernel.h"
+#include "core/rigid.h"
+
+// Units of the parts: per lane of a lattice, edge of a net, sample of a tool. Measured in ns on a Sapphire Rapids, f32,
+// by fitting them to the ticks of bench_strike. Too small a number lets steps with much of that part take longer than
+// they are priced at; too large a one caps them early.
+enum {
+    STEP = 10000,
+    LANE_LINE = 45, LANE_ITERATION = 5,
+    EDGE_LINE = 44, EDGE_ITERATION = 4,
+    GAS_LINE = 20, GAS_ITERATION = 2,
+    TIE_LINE = 50, TIE_ITERATION = 15, // of a composite's node that follows others
+    RIGID_LINE = 30, RIGID_ITERATION = 12,
+    NEWTON_LINE = 1700, // of a lane whose law is solved edge by edge
+    F64_TIMES = 2,
+    SAMPLE_FIND = 100, SAMPLE_LINE = 120, SAMPLE_ITERATION = 35, SAMPLE_LOOK = 100, // a coupled tool's: twice that
+    HOLD_LINE = 20
+};
+
+// Iterations without which a line is not worth its price.
+#define LINE_ITERATIONS 4
+
+static kn_deadline of_lattice(const kn_model *m)
+{
+    const int64_t lanes = (int64_t)kn_model_field(m, 1), parts = m->def.mesh ? m->edge_count : lanes;
+    kn_deadline d = {.line = parts * (m->def.mesh ? EDGE_LINE : LANE_LINE),
+                     .iteration = parts * (m->def.mesh ? EDGE_ITERATION : LANE_ITERATION)};
+    if (m->def.pressure != KN_PRESSURE_NONE) d.line += parts * GAS_LINE, d.iteration += parts * GAS_ITERATION;
+    if (m->def.solver.precision == KN_PRECISION_F64) d.line *= F64_TIMES, d.iteration *= F64_TIMES;
+    if (m->law.kind == KN_LAW_EXACT) d.line += lanes * NEWTON_LINE;
+    if (m->composite) d.line += kn_composite_tied(m) * TIE_LINE, d.iteration += kn_composite_tied(m) * TIE_ITERATION;
+    if (kn_rigid_wanted(m)) d.line += lanes * RIGID_LINE, d.iteration += lanes * RIGID_ITERATION;
+    return d;
+}
+
+void kn_deadline_begin(kn_deadline *deadline, const kn_model *model, const kn_contact *contact, int64_t most)
+{
+    const int64_t samples = contact->sample_count * (int64_t)(1 + contact->coupled);
+    kn_deadline d = of_lattice(model);
+    d.most = most;
+    d.spent = STEP + samples * SAMPLE_FIND;
+    d.line += samples * SAMPLE_LINE + contact->hold_count * (int64_t)HOLD_LINE;
+    d.iteration += samples * SAMPLE_ITERATION;
+    if (samples > 0) d.look = samples * SAMPLE_LOOK + d.iteration; // what it has changed is a residual of its own
+    *deadline = d;
+}
+
+bool kn_deadline_line(kn_deadline *d, bool first)
+{
+    const int64_t price = d->line + d->look;
+    if (!first && d->most > 0 && d->spent + price + 2 * d->iteration > d->most) return false;
+    d->spent += price;
+    return true;
+}
+
+void kn_deadline_share(kn_deadline *d, int lines, int iterations)
+{
+    const int64_t room = d->most - d->spent, price = d->line + d->look, few = LINE_ITERATIONS * d->iteration;
+    const int64_t longest = d->look + iterations * d->iteration; // of a line that has begun: its contact changes once
+    d->line_most = d->most;
+    d->hurried = false;
+    if (d->most == 0 || lines == 1 || lines * longest + (lines - 1) * price <= room) return;
+    int64_t fitting = 1 + (room - few) / (price + few);
+    if (fitting > lines) fitting = lines;
+    if (fitting < 2) return;
+    d->line_most = d->spent + room / fitting; // the first lines need more than the last ones
+    d->hurried = true;
+}
+
+bool kn_deadline_spend(kn_deadline *d, int64_t units)
+{
+    if (d->most > 0 && d->spent + units > d->line_most) return false;
+    d->spent += units;
+    return true;
+}
+
+int64_t kn_deadline_least(const kn_model *model)
+{
+    const kn_deadline d = of_lattice(model);
+    return STEP + d.line + 2 * d.iteration; // one, and the look at a contact that is not there
+}

@@ -1,0 +1,99 @@
+// Steps that end by their deadline: what they take, and what the hand feels of what they leave out.
+#include "core/deadline.h"
+#include "tests/check.h"
+#include "tests/physics/press.h"
+
+enum { TICKS = 160, TURN = 40 };
+
+typedef struct stroke { // of a tool at 10 cm/s, 4 mm in and out
+    double force_n[TICKS][3];
+    int64_t units, over; // most of a step; how many took more than they may
+    int capped;
+    bool cap[TICKS];
+    uint64_t hash;
+} stroke;
+
+static stroke struck(const kn_model_def *def, int64_t deadline)
+{
+    OWN(kn_model) *model = build(def);
+    OWN(kn_state) *state = kn_state_create(model);
+    OWN(kn_state) *beside = kn_state_create(model);
+    stroke s = {0};
+    double z_m = model->rest_m[model->top[0]][2] + def->probe[0].radius_m;
+    for (int i = 0; i < TICKS; i++) {
+        kn_input in = {.deadline = deadline, .probe[0] = {.attached = true, .position_m = {0, 0, z_m}}};
+        kn_output out, shortest = {0};
+        in.probe[0].velocity_m_s[2] = i < TURN ? -0.1 : i < 2 * TURN ? 0.1 : 0;
+        z_m += 1e-3 * in.probe[0].velocity_m_s[2];
+        kn_input least = in;
+        least.deadline = 1;
+        if (deadline > 0) kn_state_copy(model, beside, state), kn_step(model, beside, &least, &shortest);
+        CHECK(kn_step(model, state, &in, &out) == KN_OK);
+        s.over += deadline > 0 && out.units > (deadline > shortest.units ? deadline : shortest.units);
+        if (out.units > s.units) s.units = out.units;
+        s.capped += s.cap[i] = out.capped;
+        memcpy(s.force_n[i], out.probe[0].force_n, sizeof s.force_n[i]);
+    }
+    s.hash = kn_state_hash(model, state);
+    return s;
+}
+
+static double size(const double a[3], const double b[3]) { return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]); }
+
+TEST("no step takes more units than its deadline, if that is above the shortest step's")
+{
+    const kn_model_def def[2] = {press_def(1), ball_def(1)};
+    for (int d = 0; d < 2; d++) {
+        int64_t whole = struck(&def[d], 0).units;
+        for (int share = 1; share <= 8; share++) {
+            stroke s = struck(&def[d], share * whole / 8);
+            CHECK(s.over == 0);
+            CHECK(share > 1 || s.capped > 0);
+        }
+    }
+}
+
+TEST("a deadline that no step reaches changes no bit, and one that many reach gives the same bits everywhere")
+{
+    kn_model_def def = ball_def(1);
+    stroke free = struck(&def, 0), wide = struck(&def, 1000000000);
+    CHECK(wide.hash == free.hash && memcmp(wide.force_n, free.force_n, sizeof wide.force_n) == 0);
+    def.solver.isa = KN_ISA_BASE;
+    stroke base = struck(&def, free.units / 3);
+    CHECK(base.capped > 10 && base.hash != free.hash);
+    for (int isa = KN_ISA_AVX2; isa <= KN_ISA_AVX512; isa++) {
+        def.solver.isa = (kn_isa)isa;
+        if (!kn_isa_supported(def.solver.isa)) continue;
+        stroke s = struck(&def, free.units / 3);
+        CHECK(s.hash == base.hash && s.units == base.units && s.capped == base.capped);
+    }
+}
+
+TEST("a ball whose blows end by a third of their time is felt within 3 % of the converged one, without a jump of its own")
+{
+    kn_model_def def = ball_def(1), exact = converged(def);
+    exact.solver.passes = 20;
+    stroke s = struck(&def, struck(&def, 0).units / 3), x = struck(&exact, 0);
+    double peak_n = 0, off_n = 0, jump_n = 0;
+    static const double none[3] = {0};
+    for (int i = 0; i < TICKS; i++) peak_n = fmax(peak_n, size(x.force_n[i], none));
+    for (int i = 2; i < TICKS; i++) {
+        double step_n = fmax(size(x.force_n[i], x.force_n[i - 1]), size(x.force_n[i - 1], x.force_n[i - 2]));
+        if (s.cap[i]) off_n = fmax(off_n, size(s.force_n[i], x.force_n[i]));
+        jump_n = fmax(jump_n, size(s.force_n[i], s.force_n[i - 1]) - step_n);
+    }
+    printf("     %d ticks capped; %.2f %% of %.1f N, %.3f N\n", s.capped, 100 * off_n / peak_n, peak_n, jump_n);
+    CHECK(s.capped > 20 && peak_n > 5 && off_n < 0.03 * peak_n && jump_n < 0.3);
+}
+
+TEST("what single lines leave out of a plate's blow, the next steps make up for: the force meets the converged one")
+{
+    kn_model_def def = press_def(1), exact = converged(def);
+    exact.solver.passes = 20;
+    stroke s = struck(&def, 42000), x = struck(&exact, 0);
+    CHECK(s.capped > 20);
+    CHECK(size(s.force_n[0], x.force_n[0]) > 0.1 * x.force_n[0][2]); // it is a blow that one line does not follow
+    CHECK_NEAR(s.force_n[TURN - 1][2] / x.force_n[TURN - 1][2], 1, 0.03);
+}
+
+TESTS_MAIN
