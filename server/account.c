@@ -29,6 +29,7 @@ static int32_t errors_of(const kn_force *force)
     if (force->flags & KNEAD_CONTACT_FORCE_T_FLAG_GUARD) errors |= KNEAD_STATUS_T_ERROR_FORCE_IMPULSE_LIMIT;
     if (force->flags & KNEAD_CONTACT_FORCE_T_FLAG_BRAKE) errors |= KNEAD_STATUS_T_ERROR_VELOCITY_LIMIT;
     if (force->fault == KNEAD_CONTACT_FORCE_T_FAULT_POSE_SILENCE) errors |= KNEAD_STATUS_T_ERROR_COMM_LOST;
+    if (force->fault == KNEAD_CONTACT_FORCE_T_FAULT_OVERLOAD) errors |= KNEAD_STATUS_T_ERROR_OVERRUN;
     if (force->fault == KNEAD_CONTACT_FORCE_T_FAULT_IMPULSE) errors |= KNEAD_STATUS_T_ERROR_FORCE_IMPULSE_LIMIT;
     if (force->fault == KNEAD_CONTACT_FORCE_T_FAULT_NONFINITE) errors |= KNEAD_STATUS_T_ERROR_PHYSICS;
     return errors;
@@ -144,6 +145,7 @@ static void account_trips(kn_account *a, const kn_servo *servo, const kn_tick_ou
         trips[KNEAD_HEALTH_T_TRIP_IMPULSE] += s->tripped[KN_FAULT_IMPULSE];
         trips[KNEAD_HEALTH_T_TRIP_NONFINITE] += s->tripped[KN_FAULT_NONFINITE];
         trips[KNEAD_HEALTH_T_TRIP_ESTOP] += s->tripped[KN_FAULT_ESTOP];
+        trips[KNEAD_HEALTH_T_TRIP_OVERLOAD] += s->tripped[KN_FAULT_OVERLOAD];
         SET(&a->fault[p], out->force[p].fault);
     }
     trips[KNEAD_HEALTH_T_TRIP_PASSIVITY] = GET(&a->created);

@@ -16,6 +16,7 @@ typedef struct kn_change {
     kn_model *model;
     kn_backend backend;
     kn_audit *audit;   // NULL: a solver without one
+    int64_t deadline;  // units of a step in it, as kn_served_deadline says; 0: as before
     kn_sets sets;      // that made scene of the one of the start
     kn_state *carried; // kept: what the tick found, in the new model
 } kn_change;

@@ -466,6 +466,7 @@ static bool open_control(server *d, const kn_daemon_def *def, char *error, size_
 
 static bool start_threads(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
+    d->loop.deadline = kn_served_deadline(&d->on.backend, d->on.model, d->on.scene->budget_s);
     kn_rt_enter(&d->rt, def->realtime); // not before: what is built takes longer than LimitRTTIME lets a thread run
     d->rest_ns = kn_served_measure(&d->on.backend, NULL);
     d->operator.served_ns = kn_served_measure(&d->on.backend, d->on.model);
@@ -528,6 +529,8 @@ static void tell_ready(server *d, FILE *out)
         fprintf(out, "kneadd: poses are taken from %d addresses; that is no authentication: an address can be forged\n",
                 d->exchange.receiver.peers);
     if (d->on.model->isa == KN_ISA_BASE) fprintf(out, "kneadd: not real time: fused multiply-add in software\n");
+    if (d->loop.deadline > 0)
+        fprintf(out, "kneadd: a step ends by its deadline of %" PRId64 " units of work\n", d->loop.deadline);
     const kn_fixed_model *fixed = d->on.model->fixed;
     if (fixed && fixed->error > KN_FIXED_ERROR)
         fprintf(out, "kneadd: not accurate: %d passes of %d iterations leave %.2g %% of the force of a press unsolved, "

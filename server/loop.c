@@ -88,7 +88,10 @@ static int64_t read_orders(kn_loop *loop, kn_tick_in *in)
     in->recover = orders >> KN_ORDER_RECOVER & 1;
     in->estop = orders >> KN_ORDER_ESTOP & 1;
     in->undo = orders >> KN_ORDER_UNDO & 1;
-    if (orders >> KN_ORDER_CHANGE & 1) in->change = loop->change;
+    if (orders >> KN_ORDER_CHANGE & 1) {
+        in->change = loop->change;
+        in->deadline = loop->deadline = loop->change->deadline;
+    }
     if (orders >> KN_ORDER_RESTORE & 1) {
         in->restore = loop->restore->state;
         in->restored_generation = loop->restore->generation;
@@ -149,6 +152,7 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
                      .execution_ns = loop->execution_ns,
                      .now_ns = kn_now_ns,
                      .deadline_ns = kn_wake_deadline(wake),
+                     .deadline = loop->deadline,
                      .stop = atomic_load_explicit(&loop->stop, memory_order_relaxed)};
     int64_t ordered = read_orders(loop, &in);
     kn_record record;

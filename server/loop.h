@@ -88,6 +88,7 @@ typedef struct kn_loop {
     _Atomic int64_t obeyed_tick[KN_LOOP_ORDERS]; // the tick that took order n, at n modulo that
     atomic_bool done;     // its last record is in the ring
     int64_t execution_ns; // of the last tick
+    int64_t deadline;     // units that a step may take, from the first tick on; 0: none. Before the start
     kn_busy busy;         // all of the latest ones, for the sentinel
     int64_t running_tick; // last one before stop was asked
 } kn_loop;

@@ -78,7 +78,8 @@ static json_t *trips(const knead_health_t *m)
                  {"impulse", KNEAD_HEALTH_T_TRIP_IMPULSE},
                  {"nonfinite", KNEAD_HEALTH_T_TRIP_NONFINITE},
                  {"estop", KNEAD_HEALTH_T_TRIP_ESTOP},
-                 {"passivity", KNEAD_HEALTH_T_TRIP_PASSIVITY}};
+                 {"passivity", KNEAD_HEALTH_T_TRIP_PASSIVITY},
+                 {"overload", KNEAD_HEALTH_T_TRIP_OVERLOAD}};
     json_t *object = json_object();
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         json_object_set_new(object, names[i].name, json_integer(m->trips[names[i].at]));
@@ -391,6 +392,7 @@ static bool too_slow(kn_operator *o, const json_t *values, kn_change *change, ch
         return true;
     }
     o->served_ns = now_ns;
+    change->deadline = kn_served_deadline(&change->backend, change->model, change->scene->budget_s);
     return false;
 }
 

@@ -249,6 +249,30 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
     return true;
 }
 
+// Another computation takes what it takes.
+static void apply_deadline(const kn_replay *r, kn_tick_in *in, const knead_event_t *e)
+{
+    if (r->same && e->arg[0] >= 1 && e->arg[0] < 0x1p53) in->deadline = (int64_t)e->arg[0];
+}
+
+// What stood when the log began, in mid-run, or where it goes on from a snapshot, which holds no more than the points.
+static void stand(kn_replay *r, const kn_survey *found)
+{
+    const kn_survey_stood *stood = &found->stood;
+    r->servo.deadline = stood->deadline;
+    r->servo.overloaded = stood->overloaded;
+    for (size_t i = 0; i < found->event_count && found->events[i].tick <= r->resumed_tick; i++) {
+        const knead_event_t *e = &found->events[i];
+        kn_tick_in then = {0};
+        if (e->kind == KNEAD_EVENT_T_KIND_DEADLINE) apply_deadline(r, &then, e);
+        if (then.deadline > 0) r->servo.deadline = then.deadline;
+        if (e->kind == KNEAD_EVENT_T_KIND_OVERLOAD) r->servo.overloaded = e->arg[0] != 0;
+    }
+    if (!stood->quality_told || r->resumed_tick >= 0 || !r->scene->point[stood->quality].live) return;
+    r->servo.quality = stood->quality;
+    r->servo.asked = stood->asked;
+}
+
 static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     reading *v = r->private;
@@ -266,6 +290,7 @@ static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t 
             return false;
         }
     }
+    if (r->same) stand(r, &v->found);
     r->tally.first_gap = r->tally.first_mismatch = -1;
     int64_t before = r->resumed_tick >= 0 ? r->resumed_tick : v->found.before_tick;
     r->tally.ticks_total = r->forces_logged ? v->found.last_tick - before
@@ -538,6 +563,12 @@ static void apply_events(kn_replay *r, kn_tick_in *in)
         case KNEAD_EVENT_T_KIND_STOP: in->stop = true; break;
         case KNEAD_EVENT_T_KIND_QUALITY: apply_quality(r, in, e); break;
         case KNEAD_EVENT_T_KIND_RESTORE: apply_restore(r, in, e); break;
+        case KNEAD_EVENT_T_KIND_OVERLOAD:
+            if (r->same) in->overload = e->arg[0] != 0 ? 1 : -1;
+            break;
+        case KNEAD_EVENT_T_KIND_DEADLINE:
+            apply_deadline(r, in, e);
+            break;
         case KNEAD_EVENT_T_KIND_SET:
             apply_set(r, in, e);
             break;
@@ -650,6 +681,7 @@ static bool step_by_time(kn_replay *r)
             in->estop |= v->record.event.kind == KNEAD_EVENT_T_KIND_ESTOP;
             if (v->record.event.kind == KNEAD_EVENT_T_KIND_QUALITY) apply_quality(r, in, &v->record.event);
             if (v->record.event.kind == KNEAD_EVENT_T_KIND_RESTORE) apply_restore(r, in, &v->record.event);
+            if (v->record.event.kind == KNEAD_EVENT_T_KIND_DEADLINE) apply_deadline(r, in, &v->record.event);
             if (v->record.event.kind == KNEAD_EVENT_T_KIND_SET) apply_set(r, in, &v->record.event);
         }
         if (v->record.kind != KN_LOG_POSE) continue;

@@ -29,6 +29,13 @@ int kn_served_load(kn_served *served, const kn_served_def *def, char *error, siz
 // ns that a tick takes here, while nothing touches the object or, of that model, while its tools press it; as new then.
 // Of this processor: its own time, whatever else runs; of a circuit: until it has answered.
 int64_t kn_served_measure(kn_backend *backend, const kn_model *pressed);
+// Units that a step may take here (core/deadline.h), to be done with it in KN_SERVED_SHARE of budget_s: by the time that
+// units of strokes of all tools of `model`, which the backend steps, take this processor, on one thread. Never below
+// the shortest step's. 0: a solver without a deadline. As new then.
+int64_t kn_served_deadline(kn_backend *backend, const kn_model *model, double budget_s);
+#define KN_SERVED_SHARE 0.7 // the rest is for what no step counts, and for a core whose other thread is busy
+// ns that the longest of those strokes takes here, by a deadline; 0: none.
+int64_t kn_served_worst(kn_backend *backend, const kn_model *model, int64_t deadline);
 void kn_served_free(kn_served *served); // one that is all 0 is fine
 
 #endif

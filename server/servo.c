@@ -5,6 +5,7 @@
 #include "proto/knead_event_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include "server/change.h"
+#include "server/clock.h"
 #include "server/clutch.h"
 #include <assert.h>
 #include <math.h>
@@ -31,7 +32,8 @@ SAME_FAULT(IMPULSE);
 SAME_FAULT(NONFINITE);
 SAME_FAULT(ESTOP);
 SAME_FAULT(STOPPING);
-static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 10, "every event of a tick has room");
+SAME_FAULT(OVERLOAD);
+static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 12, "every event of a tick has room");
 
 // A tool is lifted when it is this far above the object, m: a plate that lost its poses ran on for 3 ms, and dough
 // stays where it was pushed, so a tool that never moved would look clear by that way.
@@ -93,6 +95,7 @@ static void read_probe(tick *t, int p)
     w->reset = t->out->replaced;
     w->recover = t->in->recover;
     w->estop = t->in->estop;
+    w->overload = t->servo->overloaded;
     w->change = t->change;
     w->elapsed_ms = t->in->missed < 1000 ? 1 + t->in->missed : 1000;
     if (w->opened) kn_clutch_open(&t->servo->clutch[p]);
@@ -157,12 +160,42 @@ static void judge_time(tick *t)
     }
 }
 
+// Ends with the first tick in time: a rest tick is, unless the object alone is too much.
+static void judge_overload(tick *t)
+{
+    kn_servo *servo = t->servo;
+    const bool slow = t->in->execution_ns > KN_PERIOD_NS;
+    servo->slow_ns = slow ? servo->slow_ns + t->in->execution_ns : 0;
+    servo->slow = !slow ? 0 : servo->slow < KN_OVER_TICKS ? servo->slow + 1 : KN_OVER_TICKS;
+    const bool lasts = servo->slow == KN_OVER_TICKS && servo->slow_ns >= KN_OVERLOAD_NS;
+    bool now = servo->overloaded ? t->in->execution_ns == 0 || slow : lasts;
+    if (t->in->overload != 0) now = t->in->overload > 0;
+    if (now == servo->overloaded) return;
+    kn_event *e = tell(t, KNEAD_EVENT_T_KIND_OVERLOAD, -1);
+    e->arg[0] = now;
+    e->arg[1] = 1e-9 * (double)t->in->execution_ns;
+    servo->overloaded = now;
+}
+
+static void take_deadline(tick *t)
+{
+    const int64_t to = t->in->deadline;
+    if (to <= 0 || to == t->servo->deadline) return;
+    kn_event *e = tell(t, KNEAD_EVENT_T_KIND_DEADLINE, -1);
+    e->arg[0] = (double)to;
+    e->arg[1] = (double)t->servo->deadline;
+    t->servo->deadline = to;
+}
+
 // untold: a log must tell every executed tick; without a force record the checkpoint says what was skipped.
 static void tell_checkpoint(tick *t, bool untold)
 {
     const kn_audit_news *audit = t->servo->audit;
     kn_event *e = tell(t, KNEAD_EVENT_T_KIND_CHECKPOINT, -1);
     e->arg[0] = untold ? t->in->missed : 0;
+    e->arg[5] = (double)t->servo->deadline;
+    e->arg[6] = t->servo->overloaded;
+    e->arg[7] = 1 + (int)t->servo->quality + KN_QUALITIES * (int)t->servo->asked;
     if (!audit) return;
     e->arg[1] = kn_energy_sum(&audit->stored);
     e->arg[2] = audit->work_j;
@@ -255,6 +288,8 @@ static void read_all(tick *t)
     if (t->in->stop && !servo->stopping) tell(t, KNEAD_EVENT_T_KIND_STOP, -1);
     servo->stopping = t->in->stop;
     judge_time(t);
+    judge_overload(t);
+    take_deadline(t);
 
     bool any = false;
     for (int p = 0; p < t->out->probes; p++) {
@@ -309,6 +344,7 @@ static void step(tick *t)
     kn_backend *b = t->servo->backend;
     const kn_scene *scene = t->servo->scene; // whose model was built with its own point
     if (t->servo->quality != scene->quality) t->input.effort = scene->point[t->servo->quality].effort;
+    t->input.deadline = t->servo->deadline;
     b->submit(b->self, &t->input);
     t->stepped = true;
     switch (b->wait(b->self, t->in->deadline_ns, &t->output)) {
@@ -323,6 +359,7 @@ static void step(tick *t)
     }
     if (t->in->now_ns) t->out->stepped_ns = t->in->now_ns();
     t->out->capped = t->output.capped;
+    t->out->units = t->output.units;
     t->servo->capped += t->output.capped;
 }
 

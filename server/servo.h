@@ -9,9 +9,10 @@
 //     account  counters, events, histogram                                   (the caller publishes)
 //
 // A tick is a function of (state, tick number, missed cycles, the poses it used) and nothing else: a log that holds the
-// forces holds, by their echoes, all of these, and replays to the bit. One thing depends on a clock: KN_OVER_TICKS
+// forces holds, by their echoes, all of these, and replays to the bit. Two things depend on a clock: KN_OVER_TICKS
 // ticks running that took longer than the scene's budget_s make the next one take the next lower point of quality. That
-// tick says so in an event, by which a replay does the same without a clock. No point is taken back by itself.
+// tick says so in an event, by which a replay does the same without a clock. No point is taken back by itself. The same
+// holds for ticks that go on taking longer than a millisecond: what the hand feels fades, and the fault says why.
 #include "core/energy.h"
 #include "core/safety.h"
 #include "core/scene/scene.h"
@@ -37,6 +38,7 @@ typedef struct kn_clutch { // see clutch.h
 } kn_clutch;
 
 #define KN_OVER_TICKS 10 // a slow tick or two are the machine's; ten running are too much work for it
+#define KN_OVERLOAD_NS INT64_C(100000000) // that so many ticks running, each above its millisecond, must last in all
 
 typedef enum kn_take { // whether a tick is to take a point of quality
     KN_TAKE_NONE,
@@ -54,6 +56,8 @@ typedef struct kn_tick_in {
     bool undo;                    // the same of the newest point of servo->undo, if there is one
     struct kn_change *change;     // before this tick, after all these: the object goes on in that one's model; NULL: no
     bool recover, estop;          // an operator's, see kn_safety_in
+    int64_t deadline;             // units that a step may take from this tick on (core/deadline.h); 0: as before
+    int overload;                 // a log's: 1, from this tick on ticks took too long there; -1, no longer; 0: as before
     kn_take take;
     kn_quality quality;           // to take; one of the scene's live points
     int64_t execution_ns;         // of the last tick, read to publish; 0: no clock, nothing is judged by it
@@ -74,11 +78,11 @@ typedef struct kn_force { // one probe's answer; everything contact_force_t need
     int32_t contacts, flags, fault;
 } kn_force;
 
-#define KN_EVENTS_PER_TICK 30 // enough: 4 probes x (END, OPEN, DETACH, ATTACH, FAULT) and 10 of the tick itself
+#define KN_EVENTS_PER_TICK 32 // enough: 4 probes x (END, OPEN, DETACH, ATTACH, FAULT) and 12 of the tick itself
 typedef struct kn_event {
     int64_t tick, session;
     uint64_t state_hash; // before this tick's step; 0, not taken: a FAULT found after the step
-    double arg[8];       // CHECKPOINT: [0] cycles missed just before this tick, when no force record tells them
+    double arg[8];       // by kind, see proto/README.md
     int32_t kind, probe; // event_t's KIND_*; index in the scene, -1 none
 } kn_event;
 
@@ -91,6 +95,7 @@ typedef struct kn_tick_out {
     int event_count;
     kn_event event[KN_EVENTS_PER_TICK];
     int64_t stepped_ns; // when the backend had answered; 0: no clock
+    int64_t units; // that the step took
     bool capped;
     bool replaced;          // by reset, restore or undo
     struct kn_change *changed; // taken in this tick, NULL: none
@@ -111,6 +116,10 @@ typedef struct kn_servo { // plain data but for the backend
     kn_pose last[KN_PROBES_MAX]; // last pose used, session 0: none
     kn_pose tool[KN_PROBES_MAX]; // what the clutch made of it
     kn_clutch clutch[KN_PROBES_MAX];
+    int64_t deadline;            // units that every step may take; 0: none
+    int64_t slow_ns;             // that ticks running took, each above its millisecond
+    int slow;                    // how many
+    bool overloaded;             // so they have for KN_OVERLOAD_NS: no tool is in the model
     int64_t ticks;               // executed; the counters below are since init, too
     int64_t capped;              // solver stopped at its iteration cap
     int64_t late;                // backend missed its deadline

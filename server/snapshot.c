@@ -48,7 +48,7 @@ static void put_safety(kn_codec *c, kn_safety *s)
     kn_codec_bool(c, &s->yielding);
     kn_codec_bool(c, &s->rejoining);
     kn_codec_bool(c, &s->nonfinite);
-    kn_codec_i32(c, &fault, KN_FAULT_NONE, KN_FAULT_STOPPING);
+    kn_codec_i32(c, &fault, KN_FAULT_NONE, KN_FAULTS - 1);
     s->fault = (kn_fault)fault;
     put_counter(c, &s->clamps);
     put_counter(c, &s->guards);

@@ -72,6 +72,27 @@ static void keep_probe(kn_survey *s, const char *name)
     }
 }
 
+// The first event that tells decides: the start, a change, or a checkpoint, which repeats all.
+static void see_stood(kn_survey_stood *s, const knead_event_t *e)
+{
+    const bool start = e->kind == KNEAD_EVENT_T_KIND_START, all = start || e->kind == KNEAD_EVENT_T_KIND_CHECKPOINT;
+    if (!s->deadline_told && (all || e->kind == KNEAD_EVENT_T_KIND_DEADLINE)) {
+        const double units = start ? 0 : e->arg[all ? 5 : 1];
+        s->deadline_told = true;
+        if (units >= 1 && units < 0x1p53) s->deadline = (int64_t)units;
+    }
+    if (!s->overload_told && (all || e->kind == KNEAD_EVENT_T_KIND_OVERLOAD)) {
+        s->overload_told = true;
+        s->overloaded = !start && (all ? e->arg[6] != 0 : e->arg[0] == 0);
+    }
+    const double points = all && !start ? e->arg[7] : 0;
+    if (points >= 1 && points <= KN_QUALITIES * KN_QUALITIES && !s->quality_told) {
+        s->quality_told = true;
+        s->quality = (kn_quality)(((int)points - 1) % KN_QUALITIES);
+        s->asked = (kn_quality)(((int)points - 1) / KN_QUALITIES);
+    }
+}
+
 // Takes note of a record. Why the part that can be replayed ends before it, or NULL.
 static const char *note(kn_survey *s, const kn_log_record *record)
 {
@@ -99,6 +120,7 @@ static const char *note(kn_survey *s, const kn_log_record *record)
             s->undoes |= record->event.arg[0] == 0;
             s->restores += record->event.arg[0] != 0;
         }
+        see_stood(&s->stood, &record->event);
         return keep_event(s, &record->event) ? NULL : "more events than memory";
     case KN_LOG_SCENE:
         if (s->scene_text && (uint64_t)record->scene.text_hash != s->scene_hash) {

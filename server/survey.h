@@ -16,6 +16,13 @@ typedef struct kn_survey_scene {
     char *text;
 } kn_survey_scene;
 
+typedef struct kn_survey_stood { // what a server does when its log begins; as new where the log does not tell
+    bool deadline_told, overload_told, quality_told;
+    int64_t deadline; // units, 0: none
+    bool overloaded;
+    kn_quality quality, asked;
+} kn_survey_stood;
+
 typedef struct kn_survey {
     knead_event_t *events; // [event_count] in order
     size_t event_count, event_capacity;
@@ -32,6 +39,7 @@ typedef struct kn_survey {
     bool started;       // the log begins with the server's start
     bool undoes;        // something was undone
     int64_t restores;   // from a snapshot
+    kn_survey_stood stood;
     int64_t end_offset; // bytes: where the part ends that can be replayed
     char damage[160];   // "" or what is wrong with the file; what stands before it is told of
 } kn_survey;

@@ -12,6 +12,7 @@
 #include "core/shape.h"
 #include "core/solver_fixed.h"
 #include "core/tool.h"
+#include "server/served.h"
 #include <getopt.h>
 #include <math.h>
 #include <stdarg.h>
@@ -236,6 +237,26 @@ static void print_solver(const kn_model *model)
         warn("more than this machine's memory");
 }
 
+// The worst tick, played here: the prediction knows what a part costs, not how often a blow takes it.
+static void print_deadline(const kn_scene *scene, const kn_model *model)
+{
+    kn_backend b;
+    if (model->def.solver.kind != KN_SOLVER_IMPLICIT || model->def.probe_count == 0 || !kn_backend_cpu(&b, model))
+        return;
+    const int64_t units = kn_served_deadline(&b, model, scene->budget_s);
+    const double by_ms = 1e-6 * (double)kn_served_worst(&b, model, units),
+                 free_ms = 1e-6 * (double)kn_served_worst(&b, model, 0);
+    b.destroy(b.self);
+    printf(
+        "deadline  %lld units of work, %.2g ns each here: the worst tick of a stroke at 5 cm/s takes %.2g ms, %.2g ms "
+        "without it\n",
+        (long long)units, 1e9 * KN_SERVED_SHARE * scene->budget_s / (double)units, by_ms, free_ms);
+    kn_result_integer(kn_result(), "deadline_units", units);
+    kn_result_number(kn_result(), "worst_us", 1e3 * by_ms);
+    kn_result_number(kn_result(), "worst_free_us", 1e3 * free_ms);
+    if (by_ms > 1) warn("the shortest step takes longer than 1 ms here: kneadd takes every force to zero");
+}
+
 // The points of speed against accuracy that the scene names.
 static void print_quality(const kn_scene *scene, const kn_model *model)
 {
@@ -401,6 +422,7 @@ static void print_scene(const kn_scene *scene, const kn_model *model)
     print_material(model);
     print_sag(def);
     print_solver(model);
+    print_deadline(scene, model);
     print_quality(scene, model);
     print_device(scene);
     for (int p = 0; p < def->probe_count; p++) print_probe(model, p);

@@ -31,7 +31,7 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
     if (!kn_reach_fits(&w->reach, &w->live.mesh)) SAY("wait", "waiting for the mesh of this scene");
     if (kn_web_is_taken(w, page)) SAY("wait", "another page holds the tool");
     if (n->mode == KN_POINTER_SILENT) SAY("fault", "force is zero; a new session begins in a moment");
-    if (n->fault > KN_FAULT_IMPULSE) SAY_FAULT((kn_fault)n->fault);
+    if (n->fault > KN_FAULT_IMPULSE && n->fault != KN_FAULT_OVERLOAD) SAY_FAULT((kn_fault)n->fault);
     if (n->fault || n->mode == KN_POINTER_LET_GO)
         SAY("fault", "force taken to zero: %s. The tool lifts; let go, then press again",
             n->fault ? kn_fault_name((kn_fault)n->fault) : "none came for 20 ms");

@@ -614,6 +614,46 @@ TEST("points of quality are taken at the log's ticks and never by the time of th
     CHECK(taken == 4 && reduced > 500 && r->tally.checkpoints > 4 && r->tally.mismatches == 0); // the third: none below
 }
 
+// A hand that strikes under a deadline that most of its ticks end by; the logger runs from `from` ms on.
+static void tell_hurried_story(const char *path, int from)
+{
+    scratch();
+    recorder *r = record(path);
+    r->hand[1].session = 22;
+    r->in.deadline = 100000;
+    r->mute = from > 0;
+    quiet(r, from + 1);
+    r->mute = false;
+    move(r, 1, 0.047, 2000, 0.0);
+    for (int i = 0; i < 200; i++) {
+        r->hand[1].velocity_m_s[2] = i < 100 ? -0.05 : 0.05;
+        r->hand[1].position_m[2] += 1e-3 * r->hand[1].velocity_m_s[2];
+        kn_recorder_pose(r, 1);
+        tick(r);
+        if (i == 120) r->in.deadline = 60000;
+    }
+    CHECK(r->servo.capped > 20);
+    record_end(r);
+}
+
+TEST("a log has its deadlines: a replay takes them from it, one that begins in mid-run from its first checkpoint")
+{
+    for (int from = 0; from < 2000; from += 700) {
+        tell_hurried_story("hurried.lcmlog", from);
+        CHECK(REPLAY("hurried.lcmlog", "--verify") == KN_EXIT_OK && strstr(out, "verified "));
+        kn_replay_def def = {.log_path = "hurried.lcmlog"};
+        OWN(kn_replay) *r = kn_replay_create(&def, err, sizeof err);
+        CHECK(r && r->servo.deadline == (from > 0 ? 100000 : 0));
+        while (r && kn_replay_step(r)) CHECK(r->tick.out.units <= 100000);
+        CHECK(r && r->servo.deadline == 60000);
+        def.sets = (const char *const[]){"solver.tolerance=0.002"}, def.set_count = 1; // another computation
+        OWN(kn_replay) *free = kn_replay_create(&def, err, sizeof err);
+        int64_t most = 0;
+        for (; free && kn_replay_step(free);) most = free->tick.out.units > most ? free->tick.out.units : most;
+        CHECK(free && free->servo.deadline == 0 && most > 100000);
+    }
+}
+
 TEST("--quality replays a log with another of its points, and what its machine did is then not repeated")
 {
     static const char *const names[] = {"fast", "balanced", "accurate", "own"};

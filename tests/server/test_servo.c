@@ -12,7 +12,7 @@ typedef struct rig {
     kn_pose pose[KN_PROBES_MAX];
     kn_tick_in in;
     kn_tick_out out;
-    int kinds[16]; // events seen so far
+    int kinds[KNEAD_EVENT_T_KIND_OVERLOAD + 1]; // events seen so far
 } rig;
 
 static rig *rig_make(const char *set)
@@ -45,6 +45,7 @@ static void tick(rig *r)
     for (int i = 0; i < r->out.event_count; i++) r->kinds[r->out.event[i].kind]++;
     memset(r->in.fresh, 0, sizeof r->in.fresh);
     r->in.reset = r->in.recover = false;
+    r->in.overload = 0;
     r->in.missed = 0;
 }
 
@@ -688,6 +689,64 @@ TEST("a clutch: the force fades to 0 and stays there, the tool stays where it pr
     CHECK_NEAR(r->servo.tool[0].position_m[2], z, 1e-15);
     CHECK(before_n == pushed(r) && before_n > 0);
     CHECK(r->servo.safety[0].faults == 0);
+}
+
+TEST("a deadline is told when it changes and by every checkpoint, and each step keeps it")
+{
+    OWN(rig) *r = rig_make(NULL);
+    r->in.deadline = 100000;
+    r->pose[1].position_m[2] = 0.047;
+    hover(r, 1, 1);
+    const kn_event *e = &r->out.event[1];
+    CHECK(e->kind == KNEAD_EVENT_T_KIND_DEADLINE && e->arg[0] == 100000 && e->arg[1] == 0 && e->state_hash);
+    hover(r, 1, 450);
+    int capped = 0;
+    for (int i = 0; i < 200; i++) {
+        move(r, 1, i < 100 ? -0.05 : 0.05);
+        capped += (r->out.force[1].flags & KNEAD_CONTACT_FORCE_T_FLAG_CAPPED) != 0;
+        CHECK(r->out.units > 0 && r->out.units <= 100000);
+    }
+    CHECK(capped > 20 && r->kinds[KNEAD_EVENT_T_KIND_DEADLINE] == 1 && r->servo.safety[1].faults == 0);
+    while (r->kinds[KNEAD_EVENT_T_KIND_CHECKPOINT] < 2) hover(r, 1, 1);
+    CHECK(r->out.event[0].kind == KNEAD_EVENT_T_KIND_CHECKPOINT && r->out.event[0].arg[5] == 100000);
+}
+
+TEST("ticks of 9 ms, 0.1 s running, are a fault of their own: the hand fades, is told why, and comes back by lifting")
+{
+    OWN(rig) *r = rig_make(NULL), *log = rig_make(NULL);
+    press_and_rest(r);
+    press_and_rest(log);
+    for (int i = 0; i < 40; i++) {
+        r->in.execution_ns = 9000000;
+        move(r, 0, 0.0);
+        log->in.overload = r->kinds[KNEAD_EVENT_T_KIND_OVERLOAD] > log->kinds[KNEAD_EVENT_T_KIND_OVERLOAD];
+        move(log, 0, 0.0); // by the event alone, without a clock
+        CHECK(r->out.force[0].fault == (i < 11 ? KN_FAULT_NONE : KN_FAULT_OVERLOAD));
+        CHECK(memcmp(&r->out.force, &log->out.force, sizeof r->out.force) == 0);
+    }
+    CHECK(r->kinds[KNEAD_EVENT_T_KIND_OVERLOAD] == 1 && r->out.force[0].force_n[2] == 0 && !r->servo.safety[0].attached);
+    CHECK(kn_state_hash(r->model, r->backend.state(r->backend.self)) ==
+          kn_state_hash(log->model, log->backend.state(log->backend.self)));
+    r->pose[0].position_m[2] = 0.05;
+    hold(r, 300, 9000000);
+    CHECK(r->out.force[0].fault == KN_FAULT_OVERLOAD && r->servo.safety[0].faults == 1); // lifted, but still too slow
+    r->pose[0].position_m[2] = 0.026;
+    hold(r, 300, 500000);
+    CHECK(r->out.force[0].fault == KN_FAULT_OVERLOAD && r->kinds[KNEAD_EVENT_T_KIND_OVERLOAD] == 2); // not lifted
+    r->pose[0].position_m[2] = 0.05;
+    hover(r, 0, 201);
+    CHECK(r->out.force[0].fault == KN_FAULT_NONE && (r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_ENGAGED));
+}
+
+TEST("a tick or two that take long, or ten that end within 0.1 s, are no overload")
+{
+    OWN(rig) *r = rig_make(NULL);
+    press_and_rest(r);
+    hold(r, 9, 60000000), hold(r, 1, 500000);
+    hold(r, 50, 1900000), hold(r, 1, 500000);
+    CHECK(r->kinds[KNEAD_EVENT_T_KIND_OVERLOAD] == 0 && r->out.force[0].fault == KN_FAULT_NONE);
+    hold(r, 53, 1900000);
+    CHECK(r->kinds[KNEAD_EVENT_T_KIND_OVERLOAD] == 1);
 }
 
 TESTS_MAIN
