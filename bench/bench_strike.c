@@ -1,0 +1,171 @@
+// Strokes and stirring with every tool of every shipped scene, through the servo's own tick: whether any takes longer
+// than its millisecond, and what the deadline that prevents it costs in force.
+//
+//     bench_strike [--fine] [SCENE...]   core/scenes/*.yaml, and dough.yaml at 2.5 mm (--fine), where none is named
+//
+// A stroke goes 8 mm in and out at one speed, turning at once; stirring is a circle of 5 mm radius, 5 mm deep. The time
+// of a tick is this thread's, the least of three rounds of the same bits; the deadline is priced as kneadd does it. Errors
+// are the force's beside that of the same hand on the same object solved by 12 lines of 300 iterations; a jump is what
+// a millisecond changes the force by, less what it changes it by there within two ticks. Exit 1: a tick above 1 ms.
+#include "bench/bench.h"
+#include "core/deadline.h"
+#include "server/clock.h"
+#include "server/served.h"
+#include <glob.h>
+#include <math.h>
+#include <string.h>
+
+#define DEPTH_M 8e-3
+#define STIR_M 5e-3 // depth and radius
+#define AIR_M 2e-3
+#define ROUNDS 3
+enum { WARM = 450, TICKS = 2500 }; // WARM: in the air, where a tool engages and its gain rises
+
+static const struct stroke {
+    const char *name;
+    double speed_m_s, hz;
+} strokes[] = {{"1 cm/s", 0.01, 0}, {"2 cm/s", 0.02, 0}, {"5 cm/s", 0.05, 0}, {"10 cm/s", 0.1, 0},
+               {"20 cm/s", 0.2, 0}, {"30 cm/s", 0.3, 0}, {"stir 2 Hz", 0.05, 2}, {"stir 5 Hz", 0.05, 5}};
+enum { STROKES = sizeof strokes / sizeof *strokes };
+
+typedef struct track { // of one stroke
+    int ticks;
+    double force_n[TICKS][3], us[TICKS];
+    bool capped[TICKS];
+} track;
+
+typedef struct tally { // of a tool
+    int ticks, over, capped;
+    double worst_us, off, off_capped, jump_n;
+    const char *off_by;
+} tally;
+
+static double touch_height(const kn_served *on, int p)
+{
+    double low = 0, high = 0.3, at[3] = {0};
+    for (int i = 0; i < 50; i++) {
+        at[2] = 0.5 * (low + high);
+        bool clear = kn_clearance(on->model, on->backend.state(on->backend.self), p, at, (double[]){1, 0, 0, 0}) > 0;
+        *(clear ? &high : &low) = at[2];
+    }
+    return high;
+}
+
+// Where the tool is after t s, and how fast; false behind its end.
+static bool move(const struct stroke *s, double touch_m, double t, kn_pose *pose)
+{
+    const double depth_m = s->hz > 0 ? STIR_M : DEPTH_M, in_s = (AIR_M + depth_m) / s->speed_m_s, stir_s = s->hz > 0;
+    const double w = 2 * 3.14159265358979 * s->hz, a = w * (t - in_s);
+    double *x = pose->position_m, *v = pose->velocity_m_s;
+    memset(x, 0, sizeof pose->position_m), memset(v, 0, sizeof pose->velocity_m_s);
+    x[2] = touch_m + AIR_M;
+    if (t > 0 && t <= in_s) v[2] = -s->speed_m_s, x[2] += t * v[2];
+    if (t > in_s) x[2] = touch_m - depth_m;
+    if (t > in_s && t <= in_s + stir_s) {
+        x[0] = STIR_M * (1 - cos(a)), x[1] = STIR_M * sin(a);
+        v[0] = STIR_M * w * sin(a), v[1] = STIR_M * w * cos(a);
+    }
+    if (t > in_s + stir_s) v[2] = s->speed_m_s, x[2] += (t - in_s - stir_s) * v[2];
+    return t <= 2 * in_s + stir_s + 0.1;
+}
+
+static void run(kn_served *on, const struct stroke *s, int probe, int64_t deadline, track *to)
+{
+    static kn_servo servo;
+    static kn_tick_out out;
+    kn_pose pose = {.session = 1, .orientation_wxyz = {1}};
+    kn_tick_in in = {.tick = -1};
+    on->backend.reset(on->backend.self);
+    kn_servo_init(&servo, on->scene, on->model, &on->backend);
+    servo.deadline = deadline;
+    const double touch_m = touch_height(on, probe);
+    for (to->ticks = 0; to->ticks < TICKS;) {
+        in.tick++;
+        if (!move(s, touch_m, 1e-3 * (double)(in.tick - WARM), &pose)) break;
+        pose.seq++;
+        in.pose[probe] = &pose, in.fresh[probe] = true;
+        double from_us = thread_us();
+        kn_servo_tick(&servo, &in, &out);
+        double us = thread_us() - from_us;
+        if (in.tick < WARM) continue;
+        int n = to->ticks++;
+        to->us[n] = to->us[n] > 0 ? fmin(us, to->us[n]) : us;
+        to->capped[n] = out.capped;
+        memcpy(to->force_n[n], out.force[probe].contact_force_n, sizeof to->force_n[n]);
+    }
+}
+
+static double apart(const double a[3], const double b[3]) { return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]); }
+
+static void add(tally *sum, const struct stroke *s, const track *t, const track *exact)
+{
+    static const double none[3] = {0};
+    double peak_n = 0;
+    for (int i = 0; i < t->ticks; i++) peak_n = fmax(peak_n, apart(exact->force_n[i], none));
+    for (int i = 1; i < t->ticks; i++) {
+        double off = apart(t->force_n[i], exact->force_n[i]) / peak_n, step_n = 0;
+        for (int k = i > 2 ? i - 2 : 1; k <= i + 2 && k < t->ticks; k++)
+            step_n = fmax(step_n, apart(exact->force_n[k], exact->force_n[k - 1]));
+        if (t->capped[i] && off > sum->off_capped) sum->off_capped = off, sum->off_by = s->name;
+        sum->off = fmax(sum->off, off);
+        sum->jump_n = fmax(sum->jump_n, apart(t->force_n[i], t->force_n[i - 1]) - step_n);
+        sum->capped += t->capped[i];
+        sum->over += t->us[i] > 1000;
+        sum->worst_us = fmax(sum->worst_us, t->us[i]);
+        sum->ticks++;
+    }
+}
+
+static void load(kn_served *on, const char *path, const char *const *sets, int count)
+{
+    char error[400];
+    int code = kn_served_load(on, &(kn_served_def){.scene_path = path, .sets = sets, .set_count = count}, error,
+                              sizeof error);
+    if (code) fprintf(stderr, "bench_strike: %s\n", error), exit(code);
+}
+
+// exactly: beside the converged solution.
+static int strike(const char *path, const char *const *sets, int count, bool exactly)
+{
+    static track t, exact;
+    kn_served on, reference;
+    load(&on, path, sets, count);
+    load(&reference, path, (const char *const[]){"solver.iterations_max=300", "solver.tolerance=1e-5",
+                                                  "solver.passes=12"}, 3);
+    const int64_t deadline = kn_served_deadline(&on.backend, on.model, on.scene->budget_s);
+    int over = 0;
+    for (int p = 0; p < on.model->def.probe_count; p++) {
+        tally sum = {.off_by = ""};
+        for (int k = 0; k < STROKES; k++) {
+            memset(&t, 0, sizeof t);
+            if (exactly) run(&reference, &strokes[k], p, 0, &exact);
+            for (int r = 0; r < ROUNDS; r++) run(&on, &strokes[k], p, deadline, &t);
+            add(&sum, &strokes[k], &t, exactly ? &exact : &t);
+        }
+        printf("| %-13.*s | %-9s | %6d | %4.0f | %5d | %4d | %4.0f |", (int)strcspn(on.scene->name, "."), on.scene->name,
+               on.model->def.probe[p].name, on.model->node_count, 1e-3 * (double)deadline, sum.ticks, sum.over, sum.worst_us);
+        if (exactly) printf(" %5d | %6.2f %s | %6.2f | %5.2f |\n", sum.capped, 100 * sum.off_capped, sum.off_by, 100 * sum.off, sum.jump_n);
+        else printf(" %5d | | | |\n", sum.capped);
+        fflush(stdout);
+        over += sum.over;
+    }
+    kn_served_free(&reference);
+    kn_served_free(&on);
+    return over;
+}
+
+int main(int argc, char **argv)
+{
+    glob_t found;
+    glob(KN_SOURCE_DIR "/core/scenes/*.yaml", 0, NULL, &found);
+    const bool all = argc == 1, fine = all || !strcmp(argv[1], "--fine");
+    char **scene = all ? found.gl_pathv : argv + 1 + fine;
+    int over = 0, count = all ? (int)found.gl_pathc : argc - 1 - fine;
+    print_machine();
+    printf("\n| scene         | tool      |  nodes | k units | ticks | above 1 ms | worst us | capped | off %% of the peak "
+           "in capped ticks | in all | jump N |\n|---|---|--:|--:|--:|--:|--:|--:|---|--:|--:|\n");
+    for (int i = 0; i < count; i++) over += strike(scene[i], NULL, 0, true);
+    if (fine) over += strike(KN_SOURCE_DIR "/core/scenes/dough.yaml", (const char *const[]){"object.spacing=2.5mm"}, 1, false);
+    globfree(&found);
+    return over > 0;
+}
