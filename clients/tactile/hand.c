@@ -233,8 +233,8 @@ static int watch(hand *h)
         const kn_bridge_news *n = kn_bridge_latest(&h->bridge);
         now_ms = kn_live_now_ms();
         if (n->watchdog == KN_OWN_MISSING)
-            return kn_complain("hand", KN_EXIT_DEVICE, "the %s does not take a force away that is no longer renewed: 100 ms "
-                               "of silence left it on. --no-watchdog accepts that", name);
+            return kn_complain("hand", KN_EXIT_DEVICE, "the %s kept its motor on through 100 ms of silence: if this program "
+                               "dies, the force stays. --no-watchdog accepts that", name);
         tell_tether(&h->told, n, name, now_ms);
         tell_device(&h->told, n, name, now_ms);
         if (follow) tell_tool(n);

@@ -57,11 +57,11 @@ bool kn_haply_reach(const char *host, int port, char *error, size_t error_size)
     return ok;
 }
 
-// ---- the proof that a force is forgotten which is not renewed, from the greeting on:
+// ---- the proof that the service drops a force that is not renewed, from the greeting on:
 //
 //     0 ms  0 N, renewed   20 ms  silence   120 ms  asked for its state: control_mode is idle
 #define SILENT_NS 20000000
-#define ASKED_NS 120000000
+#define ASKED_NS 100000000 // after the last message
 
 static bool proves(const kn_haply *h) { return h->base.watchdog == KN_OWN_UNPROVED && h->greeted_ns; }
 
@@ -72,7 +72,7 @@ static int64_t proof_ns(const kn_haply *h) { return kn_now_ns() - h->greeted_ns;
 static void send_next(kn_haply *h)
 {
     if (!h->connected || h->in_flight || !h->wsi) return;
-    if (proves(h) && proof_ns(h) > SILENT_NS && proof_ns(h) < ASKED_NS) return;
+    if (proves(h) && proof_ns(h) > SILENT_NS && kn_now_ns() - h->sent_ns < ASKED_NS) return;
     h->in_flight = true; // from here on, so that nothing is asked for twice
     lws_callback_on_writable(h->wsi);
 }
@@ -81,7 +81,8 @@ static int write_message(kn_haply *h)
 {
     char buffer[LWS_PRE + KN_HAPLY_MESSAGE], *text = buffer + LWS_PRE;
     if (!h->in_flight) return 0;
-    h->asked = proves(h) && proof_ns(h) >= ASKED_NS;
+    h->asked = proves(h) && kn_now_ns() - h->sent_ns >= ASKED_NS;
+    h->sent_ns = kn_now_ns();
     int size = !*h->device_id || h->asked ? kn_haply_ask(text)
                : h->greeted   ? kn_haply_push(text, h->device_id, h->force_n)
                               : kn_haply_greet(text, h->device_id, h->preset);

@@ -38,15 +38,14 @@ typedef struct kn_haply {
     bool connected, greeted;
     bool in_flight, wanted_force; // a message has not been answered; there is a force to send
     bool unwatched, asked;
-    int64_t greeted_ns; // 0: not yet
+    int64_t greeted_ns, sent_ns; // 0: not yet; the last message
     int silent_ms;
     double force_n[3];
 } kn_haply;
 
 // ws://HOST:PORT. False for anything else.
 bool kn_haply_url(const char *url, char host[KN_HAPLY_HOST], int *port);
-// preset: borrowed. device_id: "" for the first arm. unwatched: give force though the service has not shown that it
-// forgets one.
+// preset: borrowed. device_id: "" for the first arm. unwatched: give force without that proof.
 void kn_haply_init(kn_haply *haply, const char *host, int port, const char *device_id, const char *preset,
                    bool unwatched);
 

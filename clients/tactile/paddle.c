@@ -29,20 +29,42 @@ bool kn_paddle_baud_known(int baud) { return speed_of(baud) != B0; }
 
 // The proof of a paddle's own watchdog, from its opening on:
 //
-//     0 ms  commands without enable   10 ms  with enable, 0 N   30 ms  silence   60 ms  its watchdog has tripped
+//     0 ms  commands without enable   10 ms  with enable, 0 N   30 ms  silence   50 ms  its watchdog has tripped
+//
+// It begins anew when this thread was late for it, or the motor has not shown that it was on.
 #define ENABLED_NS 10000000
 #define SILENT_NS 30000000
 #define JUDGED_NS 130000000
+#define LATE_NS 5000000
+#define PROOFS 5
+
+static void begin_proof(kn_paddle *p)
+{
+    p->armed = false;
+    p->proofs++;
+    p->begun_ns = p->given_ns = kn_now_ns();
+}
 
 static void judge_watchdog(kn_paddle *p, const kn_frame *f)
 {
     bool tripped = f->flags & KN_FRAME_TRIPPED;
-    int64_t age_ns = kn_now_ns() - p->opened_ns;
-    p->armed &= tripped || p->base.watchdog == KN_OWN_UNPROVED; // proved: until a command without enable has rearmed it
+    int64_t age_ns = kn_now_ns() - p->begun_ns;
+    p->armed &= tripped || p->base.watchdog == KN_OWN_UNPROVED; // after the proof, until a command has rearmed it
     if (p->base.watchdog != KN_OWN_UNPROVED) return;
-    if (age_ns > ENABLED_NS && !tripped && f->flags & KN_FRAME_MOTOR) p->armed = true;
+    if (age_ns > ENABLED_NS && age_ns <= SILENT_NS && !tripped && f->flags & KN_FRAME_MOTOR) p->armed = true;
     if (age_ns > SILENT_NS && p->armed && tripped) p->base.watchdog = KN_OWN_TRUSTED;
-    else if (age_ns > JUDGED_NS) p->base.watchdog = KN_OWN_MISSING;
+    else if (age_ns > JUDGED_NS && (p->armed || p->proofs == PROOFS)) p->base.watchdog = KN_OWN_MISSING;
+    else if (age_ns > JUDGED_NS) begin_proof(p);
+}
+
+// Whether a command of the proof is to be sent.
+static bool prove(kn_paddle *p, bool *live)
+{
+    int64_t now_ns = kn_now_ns(), age_ns = now_ns - p->begun_ns;
+    if (age_ns <= SILENT_NS && now_ns - p->given_ns > LATE_NS) begin_proof(p), age_ns = 0;
+    p->given_ns = now_ns;
+    *live = age_ns > ENABLED_NS;
+    return age_ns <= SILENT_NS;
 }
 
 static void take(kn_paddle *p, const kn_frame *f)
@@ -112,8 +134,8 @@ static bool open_paddle(kn_tactile *device, kn_bridge *bridge, char *error, size
     }
     p->deframer.count = 0;
     p->base.watchdog = p->unwatched ? KN_OWN_TRUSTED : KN_OWN_UNPROVED;
-    p->armed = false;
-    p->opened_ns = kn_now_ns();
+    p->proofs = 0;
+    begin_proof(p);
     ev_io_init(&p->readable, on_readable, p->fd, EV_READ);
     p->readable.data = p;
     ev_io_start(bridge->ev, &p->readable);
@@ -132,14 +154,9 @@ static void give(kn_tactile *device, const double force_n[3], bool live)
     kn_paddle *p = (kn_paddle *)device;
     uint8_t bytes[KN_FRAME_SIZE];
     int waiting = 0;
-    if (p->base.watchdog == KN_OWN_UNPROVED) {
-        int64_t age_ns = kn_now_ns() - p->opened_ns;
-        if (age_ns > SILENT_NS) return;
-        force_n = (double[3]){0};
-        live = age_ns > ENABLED_NS;
-    } else if (p->armed) {
-        live = false;
-    }
+    if (p->base.watchdog != KN_OWN_UNPROVED) live &= !p->armed;
+    else if (!prove(p, &live)) return;
+    else force_n = (double[3]){0};
     if (ioctl(p->fd, TIOCOUTQ, &waiting) == 0 && waiting > waiting_most) {
         p->held_back++;
         return;

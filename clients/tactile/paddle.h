@@ -18,8 +18,9 @@ typedef struct kn_paddle {
     ev_io readable;
     kn_deframer deframer;
     uint16_t seq;
-    bool unwatched, armed;
-    int64_t opened_ns;
+    bool unwatched, armed; // armed: its motor was on in this proof, or is still to be rearmed
+    int proofs;
+    int64_t begun_ns, given_ns; // of this proof; of the last command in it
     int64_t held_back; // commands that were not sent because older ones still waited in the line
 } kn_paddle;
 

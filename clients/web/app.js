@@ -74,7 +74,7 @@ function connect() {
         picture.classList.add('stale');
         for (const id of answers.keys()) hear({ id, ok: false, words: 'knead web has gone before it answered' });
         showAbout(null);
-        const again = code < 4401; // a wrong token stays wrong, and who has lost its place would take another's
+        const again = code < 4401; // a wrong token stays wrong, and a replaced page would replace another
         say(again ? 'wait' : 'fault', (reason || 'knead web has ended') + (again ? ': trying again every 2 s' : ''));
         if (again) setTimeout(connect, RETRY_MS);
     };

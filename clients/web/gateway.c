@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #define GUEST_S 2           // a connection may stay so long without the token: a page shows it in a few round trips
+#define EXPIRY_S 0.2        // between two looks
 #define CLOSE_EVERY_S 0.004 // while more come than there are places, so that each has 64 ms, however many come
 #define DOWNLOADS 8 // connections with the token that are no pages; beyond, all would not fit into 64 descriptors
 #define PATIENCE_S 5
@@ -72,7 +73,7 @@ static void forget_guest(kn_gateway *g, const struct lws *wsi) // it has shown t
 {
     int kept = 0;
     for (int i = 0; i < g->guests; i++)
-        if (g->guest[i] != wsi) g->guest[kept++] = g->guest[i];
+        if (g->guest[i] != wsi) g->guest_s[kept] = g->guest_s[i], g->guest[kept++] = g->guest[i];
     g->guests = kept;
 }
 
@@ -92,15 +93,24 @@ static void pause_accepting(kn_gateway *g, double seconds, const char *why)
     ev_timer_again(g->ev, &g->pause);
 }
 
-// The newest has the place of the oldest: a page shows its token at once, whoever only holds a place does not.
+// The newest takes the place of the oldest: a page shows its token at once.
 static void add_guest(kn_gateway *g, struct lws *wsi)
 {
     if (g->guests == KN_GATEWAY_GUESTS) {
         pause_accepting(g, CLOSE_EVERY_S, "too many connections without the token: the oldest is closed");
         close_oldest(g);
     }
+    g->guest_s[g->guests] = ev_now(g->ev);
     g->guest[g->guests++] = wsi;
     lws_set_timer_usecs(wsi, GUEST_S * LWS_USEC_PER_SEC);
+}
+
+// libwebsockets looks at its timers after events of its own alone: on an idle page nobody would be sent away.
+static void on_expiry(struct ev_loop *ev, ev_timer *w, int events)
+{
+    (void)events;
+    kn_gateway *g = w->data;
+    while (g->guests && ev_now(ev) - g->guest_s[0] > GUEST_S + EXPIRY_S) close_oldest(g);
 }
 
 // ---- HTTP
@@ -458,8 +468,10 @@ bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, const char *host, int po
     if (!g->context) return false;
     ev_io_init(&g->acceptable, on_acceptable, g->fd, EV_READ);
     ev_timer_init(&g->pause, on_paused, 0, 0);
-    g->acceptable.data = g->pause.data = g;
+    ev_timer_init(&g->expiry, on_expiry, EXPIRY_S, EXPIRY_S);
+    g->acceptable.data = g->pause.data = g->expiry.data = g;
     ev_io_start(ev, &g->acceptable);
+    ev_timer_start(ev, &g->expiry);
     return true;
 }
 
@@ -487,7 +499,7 @@ void kn_gateway_news(kn_gateway *g)
 
 void kn_gateway_close(kn_gateway *g)
 {
-    if (g->context) ev_io_stop(g->ev, &g->acceptable), ev_timer_stop(g->ev, &g->pause);
+    if (g->context) ev_io_stop(g->ev, &g->acceptable), ev_timer_stop(g->ev, &g->pause), ev_timer_stop(g->ev, &g->expiry);
     if (g->context) lws_context_destroy(g->context);
     if (g->fd >= 0) close(g->fd);
     free(g->buffer);

@@ -38,7 +38,7 @@ typedef struct kn_web_message { // checked: finite, u v 0..1, depth_m 0..0.1
 typedef struct kn_web_page { // one that has shown the token
     uint32_t sent, seen; // messages; sent - seen are in flight
     bool news;           // there is something to write
-    int64_t came;        // the how-manieth page it was
+    int64_t came;        // sequence number of the page
     uint32_t picture;    // the last one it was sent; the caller's
     uint32_t event;      // the last pointer event
     int64_t pointed_ms;  // when; CLOCK_MONOTONIC
@@ -74,7 +74,9 @@ typedef struct kn_gateway {
     struct ev_loop *ev;
     ev_io acceptable;
     ev_timer pause; // nobody is accepted for a moment
+    ev_timer expiry; // of guests
     struct lws *guest[KN_GATEWAY_GUESTS];
+    double guest_s[KN_GATEWAY_GUESTS]; // when each came
     int64_t admitted; // pages so far
     int fd, connections, guests;
     int64_t told_ms; // of the last refusal

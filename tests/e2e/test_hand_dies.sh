@@ -54,7 +54,7 @@ for kind in paddle haply; do
     begin $kind $([ $kind = paddle ] && echo unwatched=0 || echo sticky)
     wait $hand
     check "$kind: one without a watchdog is refused" [ $? = 3 ]
-    check "and told why" [ "$(told 'does not take a force away')" = 1 ]
+    check "and told why" [ "$(told 'kept its motor on')" = 1 ]
     check "and has given nothing" [ "$(awk -F, -v c="${given[$kind]}" 'NR > 1 && $c != 0' device.csv | wc -l)" = 0 ]
     stop_device >/dev/null
     begin $kind $([ $kind = paddle ] && echo unwatched=0 || echo sticky) --no-watchdog
