@@ -445,6 +445,8 @@ def strangers(server, page):
 def few_descriptors(server):
     server.start("few", ["prlimit", "--nofile=72:72", "knead", "web"], "http://")
     few = opened("few.log")
+    quiet = [join(few.port) for _ in range(12)]
+    check("on an idle page, too, silent connections are closed", not any(s.recv(99) for s in quiet))
     idle = [join(few.port) for _ in range(110)]
     begin = cpu_s(server.last.pid)
     wire = Wire(few)
