@@ -98,4 +98,3 @@ bool kn_auth_check(const kn_auth *auth, const char *channel, const unsigned char
     *stamp = (kn_auth_stamp){get_64(trailer), get_64(trailer + 8)};
     return sodium_memcmp(tag, trailer + 16, KN_AUTH_TAG) == 0 && stamp->age_us >= 0 && stamp->age_us < INT64_MAX / 2;
 }
-

@@ -65,7 +65,7 @@ size_t kn_auth_sign(const kn_auth *auth, const char *channel, unsigned char *pay
 bool kn_auth_check(const kn_auth *auth, const char *channel, const unsigned char *payload, size_t size,
                    kn_auth_stamp *stamp);
 
-// Whether size bytes are a payload of that many, with or without a trailer.
+// Return whether size bytes are a payload of that many, with or without a trailer.
 static inline bool kn_auth_fits(size_t size, size_t payload)
 {
     return size == payload || size == payload + KN_AUTH_TAG || size == payload + KN_AUTH_TRAILER;

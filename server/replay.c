@@ -255,7 +255,7 @@ static void apply_deadline(const kn_replay *r, kn_tick_in *in, const knead_event
     if (r->same && e->arg[0] >= 1 && e->arg[0] < 0x1p53) in->deadline = (int64_t)e->arg[0];
 }
 
-// What stood when the log began, in mid-run, or where it goes on from a snapshot, which holds no more than the points.
+// Take over deadline, overload and points that stood where the log begins in mid-run or goes on from a snapshot.
 static void stand(kn_replay *r, const kn_survey *found)
 {
     const kn_survey_stood *stood = &found->stood;

@@ -31,8 +31,8 @@ typedef struct kn_rt {
     char missing[256]; // what is not granted, why, and the cure; "" when nothing is missing or wanted
 } kn_rt;
 
-// Whether enough files can be opened for all buses, sockets and libraries of a program: liblcm and libev wait for ever
-// or abort where one is missing. False and one line in error. At the start.
+// Check at the start that a program can open the files of all its buses, sockets and libraries: liblcm and libev hang or
+// abort where one is missing. False and one line in error.
 bool kn_rt_files(char *error, size_t error_size);
 
 bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode); // auto, require, off

@@ -64,7 +64,7 @@ static void trip(kn_hand *h, int elapsed_ms)
     enter(h, KN_HAND_RETREAT);
 }
 
-// What the device does with the message, whatever the hand is doing. Only a tick that rises is news to its watchdog.
+// Take the message as the device does, in every mode of the hand. Only a tick that rises is news to its watchdog.
 static void feel(kn_hand *h, const kn_hand_force *force, int elapsed_ms)
 {
     bool fresh = force && force->session == current(h)->session && force->tick > h->force.tick;

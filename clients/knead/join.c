@@ -260,7 +260,7 @@ static bool is_fresh(kn_join *j, const char *channel, kn_auth_stamp stamp)
     return true;
 }
 
-// Whether a message is to be handed on; size becomes that of its payload.
+// Return whether a message is to be handed on; size becomes that of its payload.
 static bool believe(kn_join *j, const char *channel, const unsigned char *bytes, size_t *size)
 {
     kn_auth_stamp stamp;

@@ -57,7 +57,7 @@ static void judge_watchdog(kn_paddle *p, const kn_frame *f)
     else if (age_ns > JUDGED_NS) begin_proof(p);
 }
 
-// Whether a command of the proof is to be sent.
+// Return whether a command of the proof is to be sent.
 static bool prove(kn_paddle *p, bool *live)
 {
     int64_t now_ns = kn_now_ns(), age_ns = now_ns - p->begun_ns;
