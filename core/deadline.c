@@ -22,7 +22,8 @@ enum {
 // Iterations without which a line is not worth its price.
 #define LINE_ITERATIONS 4
 
-static kn_deadline of_lattice(const kn_model *m)
+// held: a plate holds nodes in this step, so the rigid motions are not solved (rigid.h).
+static kn_deadline of_lattice(const kn_model *m, bool held)
 {
     const int64_t lanes = (int64_t)kn_model_field(m, 1), parts = m->def.mesh ? m->edge_count : lanes;
     kn_deadline d = {.line = parts * (m->def.mesh ? EDGE_LINE : LANE_LINE),
@@ -31,14 +32,14 @@ static kn_deadline of_lattice(const kn_model *m)
     if (m->def.solver.precision == KN_PRECISION_F64) d.line *= F64_TIMES, d.iteration *= F64_TIMES;
     if (m->law.kind == KN_LAW_EXACT) d.line += lanes * NEWTON_LINE;
     if (m->composite) d.line += kn_composite_tied(m) * TIE_LINE, d.iteration += kn_composite_tied(m) * TIE_ITERATION;
-    if (kn_rigid_wanted(m)) d.line += lanes * RIGID_LINE, d.iteration += lanes * RIGID_ITERATION;
+    if (kn_rigid_wanted(m) && !held) d.line += lanes * RIGID_LINE, d.iteration += lanes * RIGID_ITERATION;
     return d;
 }
 
 void kn_deadline_begin(kn_deadline *deadline, const kn_model *model, const kn_contact *contact, int64_t most)
 {
     const int64_t samples = contact->sample_count * (int64_t)(1 + contact->coupled);
-    kn_deadline d = of_lattice(model);
+    kn_deadline d = of_lattice(model, contact->hold_count > 0);
     d.most = most;
     d.spent = STEP + samples * SAMPLE_FIND;
     d.line += samples * SAMPLE_LINE + contact->hold_count * (int64_t)HOLD_LINE;
@@ -78,6 +79,6 @@ bool kn_deadline_spend(kn_deadline *d, int64_t units)
 
 int64_t kn_deadline_least(const kn_model *model)
 {
-    const kn_deadline d = of_lattice(model);
+    const kn_deadline d = of_lattice(model, false);
     return STEP + d.line + 2 * d.iteration; // one, and the look at a contact that is not there
 }
