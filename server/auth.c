@@ -1,4 +1,5 @@
 #include "server/auth.h"
+#include "server/bytes.h"
 #include "server/clock.h"
 #include <errno.h>
 #include <fcntl.h>
@@ -38,18 +39,6 @@ bool kn_auth_load(kn_auth *auth, const char *path, char *error, size_t error_siz
     return !why;
 }
 
-static void put_64(unsigned char *bytes, int64_t value)
-{
-    for (int i = 0; i < 8; i++) bytes[i] = (unsigned char)((uint64_t)value >> (56 - 8 * i));
-}
-
-static int64_t get_64(const unsigned char *bytes)
-{
-    uint64_t value = 0;
-    for (int i = 0; i < 8; i++) value = value << 8 | bytes[i];
-    return (int64_t)value;
-}
-
 int64_t kn_auth_random(void)
 {
     int64_t value = 0;
@@ -82,8 +71,8 @@ static void make_tag(const kn_auth *auth, const char *channel, const unsigned ch
 
 size_t kn_auth_sign(const kn_auth *auth, const char *channel, unsigned char *payload, size_t size, kn_auth_stamp stamp)
 {
-    put_64(payload + size, stamp.life);
-    put_64(payload + size + 8, stamp.age_us);
+    kn_bytes_put_64(payload + size, stamp.life);
+    kn_bytes_put_64(payload + size + 8, stamp.age_us);
     make_tag(auth, channel, payload, size + 16, payload + size + 16);
     return size + KN_AUTH_TRAILER;
 }
@@ -95,6 +84,6 @@ bool kn_auth_check(const kn_auth *auth, const char *channel, const unsigned char
     if (size < KN_AUTH_TRAILER) return false;
     make_tag(auth, channel, payload, size - KN_AUTH_TAG, tag);
     const unsigned char *trailer = payload + size - KN_AUTH_TRAILER;
-    *stamp = (kn_auth_stamp){get_64(trailer), get_64(trailer + 8)};
+    *stamp = (kn_auth_stamp){kn_bytes_64(trailer), kn_bytes_64(trailer + 8)};
     return sodium_memcmp(tag, trailer + 16, KN_AUTH_TAG) == 0 && stamp->age_us >= 0 && stamp->age_us < INT64_MAX / 2;
 }

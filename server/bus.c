@@ -1,4 +1,5 @@
 #include "server/bus.h"
+#include "server/bytes.h"
 #include <arpa/inet.h>
 #include <dirent.h>
 #include <errno.h>
@@ -231,27 +232,22 @@ ssize_t kn_bus_take(const kn_bus *bus, int fd, void *bytes, size_t room, bool *h
     return size;
 }
 
-static uint32_t big_endian_32(const unsigned char *bytes)
-{
-    return (uint32_t)bytes[0] << 24 | (uint32_t)bytes[1] << 16 | (uint32_t)bytes[2] << 8 | bytes[3];
-}
-
 kn_framing kn_bus_unpack(const unsigned char *bytes, size_t size, kn_packet *packet)
 {
     enum { LC02 = 0x4c433032, LC03 = 0x4c433033, SHORT = 8, LONG = 20 };
     *packet = (kn_packet){0};
     if (size < SHORT) return KN_FRAME_RUNT;
-    uint32_t magic = big_endian_32(bytes);
+    uint32_t magic = kn_bytes_32(bytes);
     if (magic != LC02 && magic != LC03) return KN_FRAME_MAGIC;
     size_t at = magic == LC03 ? LONG : SHORT;
     if (size < at) return KN_FRAME_RUNT;
-    packet->sequence = big_endian_32(bytes + 4);
+    packet->sequence = kn_bytes_32(bytes + 4);
     packet->split = magic == LC03;
     if (packet->split) {
-        packet->whole = big_endian_32(bytes + 8);
-        packet->offset = big_endian_32(bytes + 12);
-        packet->part = (uint16_t)(big_endian_32(bytes + 16) >> 16);
-        packet->parts = (uint16_t)big_endian_32(bytes + 16);
+        packet->whole = kn_bytes_32(bytes + 8);
+        packet->offset = kn_bytes_32(bytes + 12);
+        packet->part = (uint16_t)(kn_bytes_32(bytes + 16) >> 16);
+        packet->parts = (uint16_t)kn_bytes_32(bytes + 16);
     }
     if (!packet->split || packet->part == 0) {
         size_t left = size - at;

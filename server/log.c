@@ -1,5 +1,6 @@
 #include "server/log.h"
 #include "server/auth.h"
+#include "server/bytes.h"
 #include "server/wire.h"
 #include <errno.h>
 #include <math.h>
@@ -12,16 +13,6 @@
 #define HEADER_SIZE 28
 #define CHANNEL_MAX 63         // LCM's
 #define DATA_MAX (1 << 28)     // LCM's largest message
-
-static uint32_t big_endian_32(const unsigned char *bytes)
-{
-    return (uint32_t)bytes[0] << 24 | (uint32_t)bytes[1] << 16 | (uint32_t)bytes[2] << 8 | bytes[3];
-}
-
-static int64_t big_endian_64(const unsigned char *bytes)
-{
-    return (int64_t)((uint64_t)big_endian_32(bytes) << 32 | big_endian_32(bytes + 4));
-}
 
 bool kn_log_open(kn_log *log, const char *path, char *error, size_t error_size)
 {
@@ -77,13 +68,13 @@ static bool fetch(kn_log *log, kn_log_record *r)
     int64_t left = log->size - log->offset;
     if (left == 0 || log->damage[0]) return false;
     size_t got = fread(h, 1, sizeof h, log->file);
-    if (got >= 4 && big_endian_32(h) != MAGIC) return damaged(log, "no record of an LCM event log");
+    if (got >= 4 && kn_bytes_32(h) != MAGIC) return damaged(log, "no record of an LCM event log");
     if (got < HEADER_SIZE) return damaged(log, "cut within a record");
-    int64_t channel = (int32_t)big_endian_32(h + 20), data = (int32_t)big_endian_32(h + 24);
+    int64_t channel = (int32_t)kn_bytes_32(h + 20), data = (int32_t)kn_bytes_32(h + 24);
     if (channel < 1 || channel > CHANNEL_MAX) return damaged(log, "channel name of a length that LCM does not have");
     if (data < 0 || data > DATA_MAX) return damaged(log, "message of a size that LCM does not have");
     if (HEADER_SIZE + channel + data > left) return damaged(log, "cut within a record");
-    r->utime = big_endian_64(h + 12);
+    r->utime = kn_bytes_64(h + 12);
     if (r->utime < 0 || r->utime > KN_LOG_UTIME_MAX) return damaged(log, "a time that no clock shows");
 
     if (!reserve(log, (size_t)(channel + 1 + data))) return damaged(log, "record larger than memory");
@@ -111,7 +102,7 @@ static bool all_finite(const double *value, int count)
 static bool fits(const kn_log_record *r, int encoded_size, int64_t hash)
 {
     size_t size = (size_t)encoded_size;
-    return kn_auth_fits(r->size, size) && big_endian_64(r->data) == hash;
+    return kn_auth_fits(r->size, size) && kn_bytes_64(r->data) == hash;
 }
 
 static kn_log_kind read_force(kn_log_record *r)

@@ -13,7 +13,7 @@
 #define SPEED_WINDOW_US                                                                                                \
     1000 // the servo looks once per ms, so a step below 5 mm is no jump however close its stamps are
 #define SILENCE_NS 1000000000
-#define LATE_NS 1000000         // a tick's
+#define LATE_NS 1000000     // a tick's
 #define HELLO_NS 100000     // between two answers
 #define COST_NS 200000      // of one pose: 5 kHz
 #define CREDIT_NS 200000000 // 1 000 poses at once: a 1 kHz sender that was held up for as long as its session may live

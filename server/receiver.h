@@ -15,8 +15,7 @@
 // session may come, the same number with a new seq included. sent_ns is never judged: a played log is old.
 //
 // A session may say that a pose is its last (KN_BUTTON_LEAVING). Whatever it sends after that is stale until it has been
-// silent for 1 s. The probe is free as soon as the servo says that the
-// session has left.
+// silent for 1 s. The probe is free as soon as the servo says that the session has left.
 //
 // With a key, a pose must be authentic, of this life and of now (auth.h): anybody can record a pose and send it again. A
 // KNEAD_HELLO is no pose either; the caller answers it.

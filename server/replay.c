@@ -419,8 +419,8 @@ static int32_t missed_before(const reading *v, int64_t tick)
     return (int32_t)missed;
 }
 
-// One more tick without a record, to be followed by so many at once. False: the log ends here, as it says more than its
-// records can tell.
+// Count one tick without a record, and charge `more` that follow at once. False: the log ends here, since its records are
+// too few for so many ticks.
 static bool afford(kn_replay *r, int64_t tick, int64_t more)
 {
     reading *v = r->private;
@@ -454,7 +454,7 @@ static bool choose_tick(kn_replay *r, kn_tick_in *in)
     bool idle = v->tick >= 0 && v->tick + 1 + missed < known && !v->resting;
     in->tick = idle ? v->tick + 1 : known;
     in->missed = idle ? 0 : missed;
-    // all of a gap is paid for at its begin, but where nobody has touched the object, which may come to rest
+    // charge a whole gap at its start, unless nobody has touched the object: it may come to rest
     return !idle || afford(r, in->tick, v->touched ? known - missed - in->tick - 1 : 0);
 }
 

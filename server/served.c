@@ -185,7 +185,7 @@ int64_t kn_served_measure(kn_backend *b, const kn_model *pressed)
 
 enum { STRIKES = 12, STRIKE_ROUNDS = 12, STRIKE_UNITS = 600000 };
 
-// Keep the best round of each stroke. A long stroke needs one round.
+// Keep the least time of each stroke over the rounds, which end after 0.1 s of processor time.
 static void strike_all(kn_backend *b, const kn_model *model, int64_t deadline, int64_t took_ns[STRIKES],
                        int64_t units[STRIKES])
 {

@@ -1,5 +1,6 @@
 #include "server/wire.h"
 #include "server/auth.h"
+#include "server/bytes.h"
 #include <string.h>
 
 void kn_wire_force(knead_contact_force_t *message, const kn_tick_out *tick, int probe, int64_t utime,
@@ -116,22 +117,16 @@ void kn_wire_scene(knead_scene_t *message, const kn_scene *scene, uint64_t initi
     };
 }
 
-static uint32_t big_endian_32(const unsigned char *bytes)
-{
-    return (uint32_t)bytes[0] << 24 | (uint32_t)bytes[1] << 16 | (uint32_t)bytes[2] << 8 | bytes[3];
-}
-
 // hash, three int64, one int32, then three strings: an int32 length that counts the closing NUL, and the bytes.
 bool kn_wire_scene_fits(const void *data, size_t size)
 {
     const unsigned char *bytes = data;
     size_t at = 8 + 3 * 8 + 4;
     if (size < at) return false;
-    uint64_t hash = (uint64_t)big_endian_32(bytes) << 32 | big_endian_32(bytes + 4);
-    if (hash != (uint64_t)__knead_scene_t_get_hash()) return false;
+    if (kn_bytes_64(bytes) != __knead_scene_t_get_hash()) return false;
     for (int i = 0; i < 3; i++) {
         if (size - at < 4) return false;
-        size_t length = big_endian_32(bytes + at);
+        size_t length = kn_bytes_32(bytes + at);
         at += 4;
         if (length < 1 || length > size - at) return false;
         if (memchr(bytes + at, 0, length) != bytes + at + length - 1) return false;

@@ -1,6 +1,7 @@
 #include "clients/knead/join.h"
 #include "server/auth.h"
 #include "server/bus.h"
+#include "server/bytes.h"
 #include "server/clock.h"
 #include "server/daemon.h"
 #include <poll.h>
@@ -231,13 +232,12 @@ static void hear_life(const unsigned char *bytes, size_t size, kn_auth_stamp sta
 // A listener that says no hello goes by the wall clock: every type of ours begins with its hash and utime.
 static bool is_recent(kn_join *j, const unsigned char *payload, size_t size, kn_auth_stamp stamp)
 {
-    uint64_t utime = 0;
-    for (size_t i = 8; i < 16 && i < size; i++) utime = utime << 8 | payload[i];
-    int64_t apart_us = (int64_t)(utime - (uint64_t)kn_wall_us());
-    bool newer = stamp.life == j->last.life ? stamp.age_us > j->last.age_us : (int64_t)utime > j->last_us;
-    if (size < 16 || !newer || apart_us < -APART_US || apart_us > APART_US) return false;
+    if (size < 16) return false;
+    int64_t utime = kn_bytes_64(payload + 8), apart_us = (int64_t)((uint64_t)utime - (uint64_t)kn_wall_us());
+    bool newer = stamp.life == j->last.life ? stamp.age_us > j->last.age_us : utime > j->last_us;
+    if (!newer || apart_us < -APART_US || apart_us > APART_US) return false;
     j->last = stamp;
-    j->last_us = (int64_t)utime;
+    j->last_us = utime;
     atomic_store(&own.believed_ns, kn_now_ns());
     return true;
 }
