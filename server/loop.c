@@ -1,5 +1,8 @@
 #include "server/loop.h"
+#include "core/deadline.h"
 #include "server/keeper.h"
+#include "server/served.h"
+#include <math.h>
 #include <stddef.h>
 #include <string.h>
 
@@ -90,7 +93,7 @@ static int64_t read_orders(kn_loop *loop, kn_tick_in *in)
     in->undo = orders >> KN_ORDER_UNDO & 1;
     if (orders >> KN_ORDER_CHANGE & 1) {
         in->change = loop->change;
-        in->deadline = loop->deadline = loop->change->deadline;
+        in->deadline = loop->deadline = loop->priced = loop->change->deadline;
     }
     if (orders >> KN_ORDER_RESTORE & 1) {
         in->restore = loop->restore->state;
@@ -145,6 +148,28 @@ static void go_over(kn_loop *loop, kn_change *change)
     atomic_store_explicit(&loop->changed, change, memory_order_release);
 }
 
+static void follow_price(kn_loop *loop, int64_t units)
+{
+    const double budget_ns = 1e9 * loop->servo.scene->budget_s, share = (double)loop->execution_ns / budget_ns;
+    if (loop->deadline <= 0 || 2 * units < loop->deadline) return;
+    if (loop->deadline > loop->priced) loop->priced = loop->deadline;
+    loop->dear = share > KN_LOOP_DEAR_SHARE ? loop->dear + 1 : 0;
+    loop->cheap = share < KN_LOOP_CHEAP_SHARE ? loop->cheap + 1 : 0;
+    int64_t to = loop->deadline;
+    if (loop->dear == KN_LOOP_DEAR) {
+        const int64_t least = kn_deadline_least(loop->servo.model);
+        to = (int64_t)((double)to * fmax(0.5, KN_SERVED_SHARE / share));
+        if (to < least) to = least < loop->deadline ? least : loop->deadline;
+    } else if (loop->cheap == KN_LOOP_CHEAP) {
+        to += to / 8;
+        if (to > loop->priced) to = loop->priced;
+    } else {
+        return;
+    }
+    loop->deadline = to;
+    loop->dear = loop->cheap = 0;
+}
+
 bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
 {
     kn_tick_in in = {.tick = wake->tick,
@@ -170,6 +195,7 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     record.utime = kn_stamp_us();
     record.guarded_ns = kn_now_ns();
     record.execution_ns = loop->execution_ns = record.guarded_ns - wake->now_ns;
+    follow_price(loop, record.out.units);
     for (int p = 0; p < record.out.probes; p++) record.posted_ns[p] = arrival[p].arrived_ns;
     size_t bytes = record.out.local ? sizeof record : offsetof(kn_record, out.contact);
     bool published = kn_ring_push_start(&loop->records, &record, bytes);

@@ -89,6 +89,8 @@ typedef struct kn_loop {
     atomic_bool done;     // its last record is in the ring
     int64_t execution_ns; // of the last tick
     int64_t deadline;     // units that a step may take, from the first tick on; 0: none. Before the start
+    int64_t priced;       // the most that it may grow to again: what it was given as
+    int dear, cheap;      // long steps in a row whose ticks took too long, and little
     kn_busy busy;         // all of the latest ones, for the sentinel
     int64_t running_tick; // last one before stop was asked
 } kn_loop;
@@ -103,6 +105,15 @@ bool kn_loop_touch(kn_loop *loop);
 
 // Tick 0 is at start_ns. Before kn_loop_run, and before anyone reads loop->start_ns.
 void kn_loop_start(kn_loop *loop, int64_t start_ns);
+
+// The deadline follows the processor: a price that was measured on a fast one is too high on a slow one. Of ticks whose step
+// took half of the deadline's units or more, KN_LOOP_DEAR in a row above KN_LOOP_DEAR_SHARE of the budget make it smaller,
+// by half at most, and KN_LOOP_CHEAP in a row below KN_LOOP_CHEAP_SHARE make it larger by an eighth, up to what it was
+// priced at. Each change is an event in the log, so the log replays to the bit.
+#define KN_LOOP_DEAR 3
+#define KN_LOOP_DEAR_SHARE 0.85
+#define KN_LOOP_CHEAP 1000
+#define KN_LOOP_CHEAP_SHARE 0.6
 
 // Main thread: the latest pose of a probe, NULL when its session has ended.
 void kn_loop_post(kn_loop *loop, int probe, const kn_pose *pose);

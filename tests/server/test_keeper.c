@@ -79,6 +79,7 @@ static void tick(rig *r, double z_m)
     kn_loop_post(&r->lent.loop, 1, &r->pose);
     kn_wake wake = {.tick = r->tick++, .now_ns = kn_now_ns()};
     kn_loop_tick(&r->lent.loop, &wake);
+    r->lent.loop.execution_ns = 0; // on a slow machine it would be an overload
     for (const kn_record *record; (record = kn_ring_front(&r->lent.loop.records)); kn_ring_pop(&r->lent.loop.records)) {
         r->out = record->out;
         for (int i = 0; i < r->out.event_count; i++) {

@@ -1,8 +1,10 @@
 #include "server/loop.h"
 #include "clients/knead_mesh.h"
+#include "core/deadline.h"
 #include "core/kernel.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
+#include "server/served.h"
 #include "tests/check.h"
 #include "tests/server/lent.h"
 
@@ -11,9 +13,9 @@ typedef struct rig {
     kn_lent lent;
     kn_mesh mesh;
     kn_pose pose;
-    int64_t tick;
+    int64_t tick, took_ns; // took_ns: that a tick seems to take
     kn_tick_out out;
-    int kinds[16]; // events seen so far
+    int kinds[KNEAD_EVENT_T_KIND_OVERLOAD + 1]; // events seen so far
     double audit[5]; // arg of the last checkpoint
 } rig;
 
@@ -46,8 +48,9 @@ static void move(rig *r, double vz_m_s)
     r->pose.position_m[2] += 1e-3 * vz_m_s;
     r->pose.velocity_m_s[2] = vz_m_s;
     kn_loop_post(&r->lent.loop, 0, &r->pose);
-    kn_wake wake = {.tick = r->tick++, .now_ns = kn_now_ns()};
+    kn_wake wake = {.tick = r->tick++, .now_ns = kn_now_ns() - r->took_ns};
     kn_loop_tick(&r->lent.loop, &wake);
+    r->lent.loop.execution_ns = 0; // on a slow machine it would be an overload
     for (const kn_record *record; (record = kn_ring_front(&r->lent.loop.records)); kn_ring_pop(&r->lent.loop.records)) {
         r->out = record->out;
         for (int i = 0; i < r->out.event_count; i++) {
@@ -157,6 +160,36 @@ TEST("an object that goes on in another material tells that one's stress, and wh
     CHECK(tells(&r, r.mesh.stress_pa, KN_MEASURE_STRESS) && tells(&r, r.mesh.residual_strain, KN_MEASURE_RESIDUAL));
     rig_close(&r);
     kn_change_destroy(change);
+}
+
+TEST("the deadline follows the processor, by events: down when three long steps in a row took too long, up by and by")
+{
+    AT_END(rig_close) rig r = {0};
+    rig_open(&r, NULL);
+    kn_time time = {.now_ns = 1000000000};
+    kn_clock_hand(&time);
+    kn_loop *loop = &r.lent.loop;
+    const double budget_ns = 1e9 * r.lent.scene->budget_s;
+    const int64_t least = kn_deadline_least(r.lent.model), given = 3 * least / 2; // which every step takes half of
+    loop->deadline = given;
+    move(&r, 0);
+    CHECK(r.kinds[KNEAD_EVENT_T_KIND_DEADLINE] == 1 && loop->servo.deadline == given);
+    r.took_ns = (int64_t)(0.9 * budget_ns);
+    move(&r, 0), move(&r, 0);
+    r.took_ns = 0;
+    move(&r, 0);
+    CHECK(loop->deadline == given); // two are none
+    r.took_ns = (int64_t)(0.9 * budget_ns);
+    for (int i = 0; i < 4; i++) move(&r, 0);
+    CHECK(loop->servo.deadline == (int64_t)((double)given * KN_SERVED_SHARE / 0.9) && r.kinds[KNEAD_EVENT_T_KIND_DEADLINE] == 2);
+    for (int i = 0; i < 40; i++) move(&r, 0);
+    CHECK(loop->servo.deadline == least); // and no less
+    r.took_ns = 0;
+    for (int i = 0; i < KN_LOOP_CHEAP + 1; i++) move(&r, 0);
+    CHECK(loop->servo.deadline == least + least / 8);
+    for (int i = 0; i < 8 * KN_LOOP_CHEAP; i++) move(&r, 0);
+    CHECK(loop->servo.deadline == given && loop->deadline == given); // nor more
+    kn_clock_hand(NULL);
 }
 
 TEST("resets asked for between two ticks are one, in the next one, and an event tells the untouched object's hash")
