@@ -16,7 +16,8 @@ enum {
     NEWTON_LINE = 1700, // of a lane whose law is solved edge by edge
     F64_TIMES = 2,
     SAMPLE_FIND = 100, SAMPLE_LINE = 120, SAMPLE_ITERATION = 35, SAMPLE_LOOK = 100, // a coupled tool's: twice that
-    HOLD_LINE = 20
+    HOLD_LINE = 20,
+    NODE_GUESS = 18
 };
 
 // Iterations without which a line is not worth its price.
@@ -54,6 +55,14 @@ bool kn_deadline_line(kn_deadline *d, bool first)
     if (!first && d->most > 0 && d->spent + price + 2 * d->iteration > d->most) return false;
     d->spent += price;
     return true;
+}
+
+// The law is evaluated twice along the line that follows.
+int64_t kn_deadline_guess(const kn_deadline *d, const kn_model *model, int lines, int iterations)
+{
+    if (d->most == 0 || d->spent + lines * (d->line + d->look + iterations * d->iteration) <= d->most) return 0;
+    const int64_t price = model->node_count * (int64_t)NODE_GUESS + d->line / 4;
+    return d->spent + price + d->line + d->look + 2 * d->iteration > d->most ? 0 : price;
 }
 
 void kn_deadline_share(kn_deadline *d, int lines, int iterations)

@@ -10,8 +10,9 @@
 // Every part of an implicit step is counted before it is begun. The shortest step is one line through the law, one
 // iteration along it and one look at the contact: it is taken even where the deadline is below it. Where a blow
 // (impact.h) asks for more lines than fit, the time is shared among as many as do fit with a few iterations each, and
-// all lines but the last are solved to a fifth only. What is left unsolved stays in the residual that the next step
-// starts from. Runge-Kutta's stages and the integers' passes are fixed by the model: they have no deadline.
+// all lines but the last are solved to a fifth only, and a plate's blow starts from a guess. What is left unsolved
+// stays in the residual that the next step starts from. Runge-Kutta's stages and the integers' passes are fixed by the
+// model: they have no deadline.
 #include "core/contact.h"
 
 typedef struct kn_deadline {
@@ -26,6 +27,10 @@ void kn_deadline_begin(kn_deadline *deadline, const kn_model *model, const kn_co
 
 // Begins a line with its look at the contact. False: there is no time for it and two iterations.
 bool kn_deadline_line(kn_deadline *deadline, bool first);
+
+// Units of a guess of a plate's blow (impact.h). 0: there is time for `lines` of so many iterations each, which need no
+// guess, or there is none for a guess, a line and two iterations.
+int64_t kn_deadline_guess(const kn_deadline *deadline, const kn_model *model, int lines, int iterations);
 
 // Gives the line that has begun its share; `lines`: this one and those that may follow, of at most `iterations` each.
 void kn_deadline_share(kn_deadline *deadline, int lines, int iterations);

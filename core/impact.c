@@ -2,11 +2,15 @@
 #include "core/kernel.h"
 
 #include <math.h>
+#include <string.h>
+
+// At which an edge begins to flow.
+static double flow_velocity(const kn_model *m) { return m->law.s1_pa / m->law.a_pa_s * m->gamma * m->def.spacing_m; }
 
 // A plate: how much faster or slower its nodes must go, and how far they go, of the limits.
 static double carried(const kn_model *m, const kn_state *state, const kn_contact *contact)
 {
-    double h = m->def.spacing_m, flow_m_s = m->law.s1_pa / m->law.a_pa_s * m->gamma * h, change = 0, way = 0;
+    double h = m->def.spacing_m, flow_m_s = flow_velocity(m), change = 0, way = 0;
     for (int i = 0; i < contact->hold_count; i++) {
         const kn_hold *hold = &contact->hold[i];
         double x[3], high = m->rest_m[hold->node][2], left = 1; // of the height below the node
@@ -57,4 +61,76 @@ bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *c
     double power = kn_impact_power(model);
     double least = state->residual_scale > KN_IMPACT_RECENT * power ? KN_IMPACT_AFTER : 1;
     return rz > least * power || carried(model, state, contact) > 1 || pressed(model, state, contact) > 1;
+}
+
+typedef struct punch { // a plate that comes down
+    double down_m_s, middle_m[2], half_m[2], top_m, a_m;
+    float rest; // share of its velocity below which the object does not flow
+} punch;
+
+static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact *contact, int probe, punch *plate)
+{
+    double low_m[2] = {INFINITY, INFINITY}, high_m[2] = {-INFINITY, -INFINITY}, change[3] = {0}, top_m = 0;
+    int count = 0;
+    for (int i = 0; i < contact->hold_count; i++) {
+        const kn_hold *hold = &contact->hold[i];
+        const double *rest_m = m->rest_m[hold->node];
+        if (hold->probe != probe) continue;
+        for (size_t k = 0; k < 3; k++)
+            change[k] += hold->velocity_m_s[k] - kn_real_get(m, state->velocity, m->offset[hold->node] + k * m->stride);
+        for (int k = 0; k < 2; k++) {
+            low_m[k] = fmin(low_m[k], rest_m[k]);
+            high_m[k] = fmax(high_m[k], rest_m[k]);
+        }
+        top_m += rest_m[2];
+        count++;
+    }
+    if (count == 0) return false;
+    for (int k = 0; k < 2; k++) {
+        plate->middle_m[k] = 0.5 * (low_m[k] + high_m[k]);
+        plate->half_m[k] = 0.5 * (high_m[k] - low_m[k] + m->def.spacing_m);
+    }
+    plate->a_m = sqrt(plate->half_m[0] * plate->half_m[1]);
+    plate->top_m = top_m / count;
+    plate->down_m_s = -change[2] / count;
+    plate->rest = (float)(KN_IMPACT_REST * flow_velocity(m) / m->def.spacing_m * plate->top_m / plate->down_m_s);
+    return plate->down_m_s > KN_IMPACT_BLOW * flow_velocity(m) && plate->rest < 1 &&
+           change[2] * change[2] > change[0] * change[0] + change[1] * change[1]; // not one that is drawn aside
+}
+
+static void punch_at(const punch *p, const double rest_m[3], float velocity_m_s[3])
+{
+    const float x = (float)(rest_m[0] - p->middle_m[0]), y = (float)(rest_m[1] - p->middle_m[1]);
+    const float d = fmaxf(0, (float)(p->top_m - rest_m[2])), a = (float)p->a_m, r2 = x * x + y * y + d * d + 1e-18f;
+    const float dx = fmaxf(0, fabsf(x) - (float)p->half_m[0]), dy = fmaxf(0, fabsf(y) - (float)p->half_m[1]);
+    const float beside2 = dx * dx + dy * dy, R = sqrtf(beside2 + d * d) + 1e-9f, r = sqrtf(r2) + 1e-9f;
+    const float surface = a / (a + 1.2f * sqrtf(R * a) + 0.8f * R), axis = a * a / (a * a + 0.15f * R * a + 0.22f * R * R);
+    const float fade = (float)rest_m[2] / ((float)p->top_m + sqrtf(beside2)), w = surface + (axis - surface) * d / R;
+    const float v = (float)p->down_m_s * fmaxf(0, fade * w - p->rest) / (w * (1 - p->rest));
+    const float out = a / r * (0.42f * d / r2 - 0.21f / (r + d));
+    velocity_m_s[0] = v * out * x;
+    velocity_m_s[1] = v * out * y;
+    velocity_m_s[2] = -v * w;
+}
+
+bool kn_impact_guess(const kn_model *model, const kn_state *state, const kn_contact *contact)
+{
+    const kn_work *work = kn_state_work(state);
+    bool any = false;
+    if (!(model->law.s1_pa > 0)) return false;
+    for (int p = 0; p < model->def.probe_count; p++) {
+        punch plate;
+        if (!punch_of(model, state, contact, p, &plate)) continue;
+        any = true;
+        for (int node = 0; node < model->node_count; node++) {
+            float v[3];
+            punch_at(&plate, model->rest_m[node], v);
+            for (size_t k = 0; k < 3; k++) {
+                const size_t o = model->offset[node] + k * model->stride;
+                if (kn_real_get(model, work->free, o) != 0) kn_real_add(model, work->guess, o, (double)v[k]);
+            }
+        }
+    }
+    if (any) memset(work->row_moved, 1, (size_t)model->row_count);
+    return any;
 }

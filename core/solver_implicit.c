@@ -207,6 +207,8 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
     int least = kn_impact_lines(model), passes = s->effort.passes > least ? s->effort.passes : least;
     bool impact = false;
     kn_deadline_begin(&s->deadline, model, &s->contact, input->deadline);
+    const int64_t guess = kn_deadline_guess(&s->deadline, model, KN_IMPACT_PASSES, s->effort.iterations_max);
+    if (guess > 0 && kn_impact_guess(model, state, &s->contact)) s->deadline.spent += guess;
     for (int pass = 0; pass < passes; pass++) {
         if (!kn_deadline_line(&s->deadline, pass == 0)) {
             output->capped = true;

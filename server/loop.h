@@ -106,10 +106,11 @@ bool kn_loop_touch(kn_loop *loop);
 // Tick 0 is at start_ns. Before kn_loop_run, and before anyone reads loop->start_ns.
 void kn_loop_start(kn_loop *loop, int64_t start_ns);
 
-// The deadline follows the processor: a price that was measured on a fast one is too high on a slow one. Of ticks whose step
-// took half of the deadline's units or more, KN_LOOP_DEAR in a row above KN_LOOP_DEAR_SHARE of the budget make it smaller,
-// by half at most, and KN_LOOP_CHEAP in a row below KN_LOOP_CHEAP_SHARE make it larger by an eighth, up to what it was
-// priced at. Each change is an event in the log, so the log replays to the bit.
+// The deadline follows the processor: a price that was measured while it was fast is too low when it is slow. Only steps
+// that took half of the deadline's units or more tell. KN_LOOP_DEAR in a row whose ticks took more than
+// KN_LOOP_DEAR_SHARE of the budget make the deadline smaller, by half at most. KN_LOOP_CHEAP in a row below
+// KN_LOOP_CHEAP_SHARE make it larger by an eighth, up to what it was at the start. Each change is an event in the log,
+// so the log replays to the bit.
 #define KN_LOOP_DEAR 3
 #define KN_LOOP_DEAR_SHARE 0.85
 #define KN_LOOP_CHEAP 1000

@@ -55,7 +55,8 @@ TEST("no step takes more units than its deadline, if that is above the shortest 
 
 TEST("a deadline that no step reaches changes no bit, and one that many reach gives the same bits everywhere")
 {
-    kn_model_def def = ball_def(1);
+    kn_model_def plate = press_def(1), def = ball_def(1);
+    CHECK(struck(&plate, 1000000000).hash == struck(&plate, 0).hash);
     stroke free = struck(&def, 0), wide = struck(&def, 1000000000);
     CHECK(wide.hash == free.hash && memcmp(wide.force_n, free.force_n, sizeof wide.force_n) == 0);
     def.solver.isa = KN_ISA_BASE;
@@ -86,13 +87,14 @@ TEST("a ball whose blows end by a third of their time is felt within 3 % of the 
     CHECK(s.capped > 20 && peak_n > 5 && off_n < 0.03 * peak_n && jump_n < 0.3);
 }
 
-TEST("what single lines leave out of a plate's blow, the next steps make up for: the force meets the converged one")
+TEST("a plate's blow that ends after one line is felt within a tenth at once, and within 3 % a while later")
 {
     kn_model_def def = press_def(1), exact = converged(def);
     exact.solver.passes = 20;
     stroke s = struck(&def, 42000), x = struck(&exact, 0);
+    printf("     %.2f N of %.2f N\n", s.force_n[0][2], x.force_n[0][2]);
     CHECK(s.capped > 20);
-    CHECK(size(s.force_n[0], x.force_n[0]) > 0.1 * x.force_n[0][2]); // it is a blow that one line does not follow
+    CHECK(size(s.force_n[0], x.force_n[0]) < 0.1 * x.force_n[0][2]); // from rest one line gives 1.5 times as much
     CHECK_NEAR(s.force_n[TURN - 1][2] / x.force_n[TURN - 1][2], 1, 0.03);
 }
 
