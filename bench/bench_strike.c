@@ -202,8 +202,10 @@ int main(int argc, char **argv)
 {
     glob_t found;
     glob(KN_SOURCE_DIR "/core/scenes/*.yaml", 0, NULL, &found);
-    const bool given = argc > 2 && !strcmp(argv[1], "--units"), all = argc == 1 + 2 * given;
-    const int64_t units = given ? atoll(argv[2]) : -1;
+    const bool given = argc > 1 && !strcmp(argv[1], "--units"), all = argc == 1 + 2 * given;
+    char *end = "x";
+    const int64_t units = argc > 2 && given ? strtoll(argv[2], &end, 10) : -1;
+    if (given && (*end || units < 0)) return fprintf(stderr, "bench_strike: --units: expected a whole number, 0 for none\n"), 2;
     char **scene = all ? found.gl_pathv : argv + 1 + 2 * given;
     int over = 0, count = all ? (int)found.gl_pathc : argc - 1 - 2 * given;
     print_machine();

@@ -85,7 +85,7 @@ static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact 
         top_m += rest_m[2];
         count++;
     }
-    if (count == 0) return false;
+    if (count == 0 || !(top_m > 0)) return false;
     for (int k = 0; k < 2; k++) {
         plate->middle_m[k] = 0.5 * (low_m[k] + high_m[k]);
         plate->half_m[k] = 0.5 * (high_m[k] - low_m[k] + m->def.spacing_m);
@@ -100,17 +100,19 @@ static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact 
 
 static void punch_at(const punch *p, const double rest_m[3], float velocity_m_s[3])
 {
+    const float a = (float)p->a_m, top = (float)p->top_m, d = fmaxf(0, (float)(p->top_m - rest_m[2]));
     const float x = (float)(rest_m[0] - p->middle_m[0]), y = (float)(rest_m[1] - p->middle_m[1]);
-    const float d = fmaxf(0, (float)(p->top_m - rest_m[2])), a = (float)p->a_m, r2 = x * x + y * y + d * d + 1e-18f;
-    const float dx = fmaxf(0, fabsf(x) - (float)p->half_m[0]), dy = fmaxf(0, fabsf(y) - (float)p->half_m[1]);
-    const float beside2 = dx * dx + dy * dy, R = sqrtf(beside2 + d * d) + 1e-9f, r = sqrtf(r2) + 1e-9f;
-    const float surface = a / (a + 1.2f * sqrtf(R * a) + 0.8f * R), axis = a * a / (a * a + 0.15f * R * a + 0.22f * R * R);
-    const float fade = (float)rest_m[2] / ((float)p->top_m + sqrtf(beside2)), w = surface + (axis - surface) * d / R;
-    const float v = (float)p->down_m_s * fmaxf(0, fade * w - p->rest) / (w * (1 - p->rest));
-    const float out = a / r * (0.42f * d / r2 - 0.21f / (r + d));
+    const float beside_x = fmaxf(0, fabsf(x) - (float)p->half_m[0]), beside_y = fmaxf(0, fabsf(y) - (float)p->half_m[1]);
+    const float beside2 = beside_x * beside_x + beside_y * beside_y, way = sqrtf(beside2 + d * d) + 1e-9f;
+    const float off2 = x * x + y * y + d * d + 1e-18f, off = sqrtf(off2);
+    const float surface = a / (a + 1.2f * sqrtf(way * a) + 0.8f * way);
+    const float axis = a * a / (a * a + 0.15f * way * a + 0.22f * way * way);
+    const float down = surface + (axis - surface) * d / way, share = down * (float)rest_m[2] / (top + sqrtf(beside2));
+    const float v = (float)p->down_m_s * fmaxf(0, share - p->rest) / (down * (1 - p->rest));
+    const float out = a / off * (0.42f * d / off2 - 0.21f / (off + d));
     velocity_m_s[0] = v * out * x;
     velocity_m_s[1] = v * out * y;
-    velocity_m_s[2] = -v * w;
+    velocity_m_s[2] = -v * down;
 }
 
 bool kn_impact_guess(const kn_model *model, const kn_state *state, const kn_contact *contact)

@@ -53,7 +53,7 @@ bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *c
 // What it moves more slowly than KN_IMPACT_REST times the object's height times the strain rate at which edges flow
 // stays behind, since it does not flow: the field is cut there. The slopes of the law are taken where this field leads.
 // It is far from exact, but most edges that will flow do so in it. With time for one line, a plate at 10 cm/s on dough
-// gives 2.3 times its force from rest, and less than 1.1 times from here (tests/physics/test_deadline.c).
+// gives more than twice its force from rest, and less than 1.1 times from here (tests/physics/test_deadline.c).
 #define KN_IMPACT_BLOW 100.0
 #define KN_IMPACT_REST 5.0
 

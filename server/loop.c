@@ -150,24 +150,19 @@ static void go_over(kn_loop *loop, kn_change *change)
 
 static void follow_price(kn_loop *loop, int64_t units)
 {
-    const double budget_ns = 1e9 * loop->servo.scene->budget_s, share = (double)loop->execution_ns / budget_ns;
     if (loop->deadline <= 0 || 2 * units < loop->deadline) return;
     if (loop->deadline > loop->priced) loop->priced = loop->deadline;
+    const double share = (double)loop->execution_ns / (1e9 * loop->servo.scene->budget_s);
     loop->dear = share > KN_LOOP_DEAR_SHARE ? loop->dear + 1 : 0;
     loop->cheap = share < KN_LOOP_CHEAP_SHARE ? loop->cheap + 1 : 0;
-    int64_t to = loop->deadline;
     if (loop->dear == KN_LOOP_DEAR) {
-        const int64_t least = kn_deadline_least(loop->servo.model);
-        to = (int64_t)((double)to * fmax(0.5, KN_SERVED_SHARE / share));
-        if (to < least) to = least < loop->deadline ? least : loop->deadline;
+        const double least = fmin((double)kn_deadline_least(loop->servo.model), (double)loop->deadline);
+        loop->deadline = (int64_t)fmax(least, (double)loop->deadline * fmax(0.5, KN_SERVED_SHARE / share));
+        loop->dear = 0;
     } else if (loop->cheap == KN_LOOP_CHEAP) {
-        to += to / 8;
-        if (to > loop->priced) to = loop->priced;
-    } else {
-        return;
+        loop->deadline = (int64_t)fmin((double)loop->priced, 1.125 * (double)loop->deadline);
+        loop->cheap = 0;
     }
-    loop->deadline = to;
-    loop->dear = loop->cheap = 0;
 }
 
 bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)

@@ -89,8 +89,8 @@ typedef struct kn_loop {
     atomic_bool done;     // its last record is in the ring
     int64_t execution_ns; // of the last tick
     int64_t deadline;     // units that a step may take, from the first tick on; 0: none. Before the start
-    int64_t priced;       // the most that it may grow to again: what it was given as
-    int dear, cheap;      // long steps in a row whose ticks took too long, and little
+    int64_t priced;       // the largest that it has been: what it may grow to again
+    int dear, cheap;      // long steps in a row whose ticks took too much of the budget, and little of it
     kn_busy busy;         // all of the latest ones, for the sentinel
     int64_t running_tick; // last one before stop was asked
 } kn_loop;

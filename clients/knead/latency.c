@@ -22,12 +22,11 @@ static const char help[] =
     "\n"
     "From a pose to the force that answers it: a hand presses the scene's first tool into the object, 1000 poses a\n"
     "second, on a kneadd that is started for it, with its own buses. In the same milliseconds the same messages go\n"
-    "there and back with nothing in between, over LCM and over bare UDP: what the machine does hits all three.\n"
+    "there and back with nothing in between: what the machine does hits both.\n"
     "\n"
     "  SCENE             default: dough.yaml, as installed or in the source tree; 847 nodes\n"
     "  --seconds N       of work, 1 to 3600; default 10\n"
     "  --phase MODE      lock (default) or free: kneadd's --phase\n"
-    "  --load            with stress-ng beside it: every processor busy\n"
     "  --lcm-url URL     measures the kneadd that serves URL instead. The tool stays in the air, 5 cm above; without\n"
     "                    stages, which only a kneadd of our own tells\n"
     "  --contract A,B    us; default 60,150: p50 may be at most the LCM echo's p50 + execution's p50 + A, p99 at\n"
@@ -38,7 +37,7 @@ static const char help[] =
     "  --help, --version\n"
     "\n"
     "A pose that no answer echoes is missed: the next one overtook it. It is as late as the answer to that.\n"
-    "Exit: 1 the contract is missed, 2 bad input, 3 kneadd, stress-ng or the bus cannot be had.\n";
+    "Exit: 1 the contract is missed, 2 bad input, 3 kneadd or the bus cannot be had.\n";
 
 static const double above_m = 0.05, years_s = 1e8;
 static const double deep = 0.3; // of the object's height
@@ -46,7 +45,7 @@ static const double deep = 0.3; // of the object's height
 typedef struct options {
     const char *scene, *phase, *url, *json, *plot;
     int seconds;
-    bool load, done;
+    bool done;
     double drift_ppm, contract_us[2];
 } options;
 
@@ -84,11 +83,10 @@ static int take_contract(const char *text, double us[2])
 
 static int parse(options *o, int argc, char **argv)
 {
-    enum { SECONDS = 256, PHASE, LOAD, LCM_URL, CONTRACT, DRIFT, JSON, PLOT, HELP };
-    static const struct option list[] = {{"seconds", 1, 0, SECONDS}, {"phase", 1, 0, PHASE}, {"load", 0, 0, LOAD},
-                                         {"lcm-url", 1, 0, LCM_URL}, {"contract", 1, 0, CONTRACT},
-                                         {"drift", 1, 0, DRIFT},     {"json", 1, 0, JSON},   {"plot", 1, 0, PLOT},
-                                         {"help", 0, 0, HELP},       {0, 0, 0, 0}};
+    enum { SECONDS = 256, PHASE, LCM_URL, CONTRACT, DRIFT, JSON, PLOT, HELP };
+    static const struct option list[] = {{"seconds", 1, 0, SECONDS},   {"phase", 1, 0, PHASE}, {"lcm-url", 1, 0, LCM_URL},
+                                         {"contract", 1, 0, CONTRACT}, {"drift", 1, 0, DRIFT}, {"json", 1, 0, JSON},
+                                         {"plot", 1, 0, PLOT},         {"help", 0, 0, HELP},   {0, 0, 0, 0}};
     double seconds = 10;
     int code = KN_EXIT_OK;
     *o = (options){.drift_ppm = KN_LATENCY_DRIFT_PPM, .contract_us = {60, 150}};
@@ -97,7 +95,6 @@ static int parse(options *o, int argc, char **argv)
         switch (c) {
         case SECONDS: code = take_number("seconds", optarg, 1, 3600, &seconds); break;
         case PHASE: o->phase = optarg; break;
-        case LOAD: o->load = true; break;
         case LCM_URL: o->url = optarg; break;
         case CONTRACT: code = take_contract(optarg, o->contract_us); break;
         case DRIFT: code = take_number("drift", optarg, -1000, 1000, &o->drift_ppm); break;
@@ -174,7 +171,7 @@ static kn_path *make_path(const kn_scene *scene, const options *o, const char **
 
 static int report(const options *o, const kn_scene *scene, const kn_latency *l)
 {
-    kn_latency_report r = {.scene = scene->name, .load = o->load};
+    kn_latency_report r = {.scene = scene->name};
     if (!o->url) r.phase = o->phase ? o->phase : "lock";
     memcpy(r.contract_us, o->contract_us, sizeof r.contract_us);
     char error[256];
@@ -200,11 +197,9 @@ static int measure(const options *o, const char *path, const kn_scene *scene, kn
     kn_path *way = make_path(scene, o, &l.work);
     l.path = way;
     int code = way ? KN_EXIT_OK : KN_EXIT_INTERNAL;
-    if (code == KN_EXIT_OK && o->load) code = kn_latency_served_load(served);
     if (code == KN_EXIT_OK && !o->url) code = kn_latency_served_start(served, path, o->phase ? o->phase : "lock");
     if (code == KN_EXIT_OK && !kn_latency_run(&l, &interrupted))
         code = kn_complain("latency", KN_EXIT_DEVICE, "%s", l.error);
-    kn_latency_served_stop_load(served);
     bool ended = kn_latency_served_stop(served, &l.flights[KN_LATENCY_POSE]);
     if (code == KN_EXIT_OK && !ended) code = kn_complain("latency", KN_EXIT_DEVICE, "kneadd did not end well");
     if (code == KN_EXIT_OK) code = report(o, scene, &l);

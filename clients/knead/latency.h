@@ -4,11 +4,10 @@
 // its answer cost without anything in between.
 //
 //     every ms   0 ms   pose ---------> kneadd ---------> force        of the same sizes, through the same
-//              0.5 ms   pose over LCM -> echo ----------> force        stock liblcm, into the same thread
-//             0.75 ms   pose over UDP -> echo ----------> force
+//              0.5 ms   pose ---------> echo ----------> force         receivers, into the same thread
 //
-// The three take turns within each millisecond, so that whatever else the machine does hits all of them alike, and only
-// their differences in one run are judged. The hand's clock is not the server's: it runs KN_LATENCY_DRIFT_PPM slow, as
+// The two take turns within each millisecond, so that whatever else the machine does hits both alike, and only their
+// difference in one run is judged. The hand's clock is not the server's: it runs KN_LATENCY_DRIFT_PPM slow, as
 // one crystal does beside another, so that a run meets every phase of a free grid.
 #include "clients/knead/path.h"
 #include "server/bus.h"
@@ -34,7 +33,7 @@ typedef struct kn_flights { // in the order of sending
     int count, capacity;
 } kn_flights;
 
-enum { KN_LATENCY_POSE, KN_LATENCY_LCM, KN_LATENCY_UDP, KN_LATENCY_PATHS };
+enum { KN_LATENCY_POSE, KN_LATENCY_ECHO, KN_LATENCY_PATHS };
 
 typedef struct kn_latency {
     // asked for
@@ -57,10 +56,10 @@ typedef struct kn_latency {
 bool kn_latency_run(kn_latency *l, const volatile int *stop);
 void kn_latency_free(kn_latency *l);
 
-// A kneadd and a stress-ng of our own; both end with this process, however it does.
+// A kneadd of our own; it ends with this process, however that does.
 typedef struct kn_latency_served {
-    int pid, load_pid, trace; // 0, 0, -1: none
-    FILE *said;               // what kneadd writes on its standard output
+    int pid, trace; // 0, -1: none
+    FILE *said;     // what kneadd writes on its standard output
     char url[KN_LATENCY_URL_SIZE], mesh_url[KN_LATENCY_URL_SIZE];
     char greeting[512]; // its first line
 } kn_latency_served;
@@ -70,16 +69,14 @@ void kn_latency_served_urls(kn_latency_served *s, char echo_url[KN_LATENCY_URL_S
 // Starts the kneadd beside this program, else that of PATH, and waits until it serves. An exit code, after a complaint
 // of its own or of ours.
 int kn_latency_served_start(kn_latency_served *s, const char *scene, const char *phase);
-int kn_latency_served_load(kn_latency_served *s); // stress-ng, the same
 // And gives the poses their stages; false: kneadd ended badly.
 bool kn_latency_served_stop(kn_latency_served *s, kn_flights *poses);
-void kn_latency_served_stop_load(kn_latency_served *s);
 
 // What is said about it. Microseconds. A pose that the next one overtook has no answer of its own and is missed; in the
 // percentiles it is as late as the answer to the next, infinitely when there is none.
 enum {
-    KN_SERIES_UDP, KN_SERIES_LCM, KN_SERIES_POSE, KN_SERIES_RECEIVE, KN_SERIES_WAIT, KN_SERIES_STEP, KN_SERIES_GUARD,
-    KN_SERIES_PUBLISH, KN_SERIES_EXECUTION, KN_SERIES_COUNT
+    KN_SERIES_ECHO, KN_SERIES_POSE, KN_SERIES_RECEIVE, KN_SERIES_WAIT, KN_SERIES_STEP, KN_SERIES_GUARD, KN_SERIES_PUBLISH,
+    KN_SERIES_EXECUTION, KN_SERIES_COUNT
 };
 typedef struct kn_series { // sorted
     double *us;
@@ -89,7 +86,6 @@ typedef struct kn_latency_report {
     const char *scene; // its name
     int nodes;
     const char *phase; // "lock", "free", NULL: not ours to say
-    bool load;
     double contract_us[2]; // p50 and p99 may be this much above echo and execution; < 0: none is stated
     kn_series series[KN_SERIES_COUNT];
 } kn_latency_report;

@@ -16,8 +16,7 @@ enum { SHARES = 5 };
 static const struct {
     const char *name, *key, *meaning;
 } series[KN_SERIES_COUNT] = {
-    [KN_SERIES_UDP] = {"UDP echo", "udp_echo", "the same bytes there and back, without LCM"},
-    [KN_SERIES_LCM] = {"LCM echo", "lcm_echo", "the same messages there and back, nothing in between"},
+    [KN_SERIES_ECHO] = {"LCM echo", "lcm_echo", "the same messages there and back, nothing in between"},
     [KN_SERIES_POSE] = {"pose to force", "pose_to_force", "from the hand's stamp until the hand has the force"},
     [KN_SERIES_RECEIVE] = {"  receive", "receive", "until the pose lies in its mailbox"},
     [KN_SERIES_WAIT] = {"  wait", "wait", "until the tick that uses it"},
@@ -29,8 +28,7 @@ static const struct {
 
 static const kn_flights *flights_of(const kn_latency *l, int which)
 {
-    if (which == KN_SERIES_UDP) return &l->flights[KN_LATENCY_UDP];
-    return &l->flights[which == KN_SERIES_LCM ? KN_LATENCY_LCM : KN_LATENCY_POSE];
+    return &l->flights[which == KN_SERIES_ECHO ? KN_LATENCY_ECHO : KN_LATENCY_POSE];
 }
 
 // NAN: it has none.
@@ -83,7 +81,7 @@ bool kn_latency_kept(const kn_latency_report *r, int n, double *is_us, double *a
 {
     double share = n ? 0.99 : 0.5;
     *is_us = kn_series_at(&r->series[KN_SERIES_POSE], share);
-    *allowed_us = kn_series_at(&r->series[KN_SERIES_LCM], share) +
+    *allowed_us = kn_series_at(&r->series[KN_SERIES_ECHO], share) +
                   kn_series_at(&r->series[KN_SERIES_EXECUTION], share) + r->contract_us[n];
     return *is_us <= *allowed_us;
 }
@@ -109,9 +107,9 @@ bool kn_latency_print(const kn_latency_report *r, const kn_latency *l)
 {
     double load[1] = {NAN};
     getloadavg(load, 1);
-    printf("%s, %d nodes, tool %s, %d poses of a 1 kHz hand%s%s%s; load average %.1f%s\n\n", r->scene, r->nodes,
+    printf("%s, %d nodes, tool %s, %d poses of a 1 kHz hand%s%s%s; load average %.1f\n\n", r->scene, r->nodes,
            l->probe, r->series[KN_SERIES_POSE].count, r->phase ? ", phase " : "", r->phase ? r->phase : "",
-           l->real_time ? "" : ", normal priority", load[0], r->load ? ", under stress-ng" : "");
+           l->real_time ? "" : ", normal priority", load[0]);
     printf("%-14s %8s %8s %8s %8s %8s %8s\n", "us", "p50", "p90", "p99", "p99.9", "max", "missed");
     for (int w = 0; w < KN_SERIES_COUNT; w++) print_row(r, w);
     int contacts = 0;
@@ -154,9 +152,9 @@ int kn_latency_json(const kn_latency_report *r, const kn_latency *l, const char 
     fputs("{\"scene\": ", f);
     put_text(f, r->scene);
     fprintf(f,
-            ", \"nodes\": %d, \"phase\": %s%s%s, \"load\": %s, \"real_time\": %s, \"drift_ppm\": %g,\n \"series\": {",
+            ", \"nodes\": %d, \"phase\": %s%s%s, \"real_time\": %s, \"drift_ppm\": %g,\n \"series\": {",
             r->nodes, r->phase ? "\"" : "", r->phase ? r->phase : "null", r->phase ? "\"" : "",
-            r->load ? "true" : "false", l->real_time ? "true" : "false", l->drift_ppm);
+            l->real_time ? "true" : "false", l->drift_ppm);
     for (int w = 0; w < KN_SERIES_COUNT; w++) {
         const kn_series *s = &r->series[w];
         fprintf(f, "%s\n  \"%s\": {\"count\": %d, \"missed\": %d", w ? "," : "", series[w].key, s->count, s->missed);
@@ -182,8 +180,8 @@ int kn_latency_json(const kn_latency_report *r, const kn_latency *l, const char 
 // Share against latency, the share in nines: a tail that matters once a second is not a pixel.
 int kn_latency_plot(const kn_latency_report *r, const char *path)
 {
-    static const int drawn[] = {KN_SERIES_UDP, KN_SERIES_LCM, KN_SERIES_EXECUTION, KN_SERIES_POSE};
-    static const int order[] = {8, 3, 2, 1}; // line types: what is measured in colour, what it is beside in black
+    static const int drawn[] = {KN_SERIES_ECHO, KN_SERIES_EXECUTION, KN_SERIES_POSE};
+    static const int order[] = {3, 2, 1}; // line types: what is measured in colour, what it is beside in black
     int code;
     FILE *f = kn_plot_open("latency", path, 900, 560, &code);
     if (!f) return code;
@@ -191,15 +189,14 @@ int kn_latency_plot(const kn_latency_report *r, const char *path)
           "set xlabel 'time, µs'\nset ylabel 'share of the poses'\nset yrange [0:4.2]\n"
           "set ytics ('0' 0, '50 %%' 0.30103, '90 %%' 1, '99 %%' 2, '99.9 %%' 3, '99.99 %%' 4)\nset title ", f);
     char title[256];
-    snprintf(title, sizeof title, "pose to force, %s, %d nodes%s", r->scene, r->nodes,
-             r->load ? ", under stress-ng" : "");
+    snprintf(title, sizeof title, "pose to force, %s, %d nodes", r->scene, r->nodes);
     kn_plot_quote(f, title);
     fputs("\nplot ", f);
-    for (int d = 0; d < 4; d++)
+    for (int d = 0; d < 3; d++)
         fprintf(f, "%s'-' with lines lt %d lw %g title '%s'", d ? ", " : "", order[d],
                 drawn[d] == KN_SERIES_POSE ? 3.0 : 2.0, series[drawn[d]].name);
     fputc('\n', f);
-    for (int d = 0; d < 4; d++) {
+    for (int d = 0; d < 3; d++) {
         const kn_series *s = &r->series[drawn[d]];
         for (double nines = 0; nines <= 4.2 && s->count; nines += 0.01) {
             double share = 1 - pow(10, -nines), us = kn_series_at(s, share);

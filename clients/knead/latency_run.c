@@ -7,7 +7,6 @@
 #include "server/clock.h"
 #include "server/mailbox.h"
 #include "server/wire.h"
-#include <arpa/inet.h>
 #include <poll.h>
 #include <pthread.h>
 #include <stdatomic.h>
@@ -18,7 +17,7 @@
 
 static const int hand_priority = 60; // as knead probe's device, below kneadd's threads
 static const int echo_priority = 70; // as kneadd's main thread, whose place it takes
-static const int64_t echo_at_ns[] = {[KN_LATENCY_LCM] = 500000, [KN_LATENCY_UDP] = 750000};
+static const int64_t echo_at_ns = 500000; // within the hand's millisecond
 static const int64_t straggler_ns = 100000000;
 static const char echo_out[] = "KNEAD_LATENCY_POSE", echo_back[] = "KNEAD_LATENCY_FORCE";
 enum { HANDS_MAX = 100, MESSAGE_MAX = 512 };
@@ -27,8 +26,6 @@ typedef struct run {
     kn_latency *l;
     const volatile int *stop;
     kn_join *ear_bus, *ear_echo, *echo_bus; // the hand sends on the ear's
-    int ear_udp, echo_udp;
-    struct sockaddr_in echo_address, ear_address;
     kn_flights answers[KN_LATENCY_PATHS]; // the ear's: session, seq, back_ns, execution_ns
     kn_mailbox forces; // from the ear to the hand
     kn_hand_force force_slots[3];
@@ -55,41 +52,22 @@ static void note(kn_flights *f, const kn_flight *flight)
 
 // --- echo: a pose in, a force out, nothing thought
 
-static int answer_to(const void *bytes, int size, uint8_t out[MESSAGE_MAX])
-{
-    knead_probe_pose_t pose;
-    if (knead_probe_pose_t_decode(bytes, 0, size, &pose) < 0) return -1;
-    knead_contact_force_t force = {.session = pose.session, .seq = pose.seq, .sent_ns = pose.sent_ns};
-    return knead_contact_force_t_encode(out, 0, MESSAGE_MAX, &force);
-}
-
 static void on_echo(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
     (void)channel;
+    knead_probe_pose_t pose;
+    if (knead_probe_pose_t_decode(buf->data, 0, (int)buf->data_size, &pose) < 0) return;
+    knead_contact_force_t force = {.session = pose.session, .seq = pose.seq, .sent_ns = pose.sent_ns};
     uint8_t out[MESSAGE_MAX];
-    int size = answer_to(buf->data, (int)buf->data_size, out);
+    int size = knead_contact_force_t_encode(out, 0, sizeof out, &force);
     if (size > 0) kn_join_send(((run *)self)->echo_bus, echo_back, out, size);
-}
-
-static void echo_udp(run *r)
-{
-    uint8_t in[MESSAGE_MAX], out[MESSAGE_MAX];
-    ssize_t got = recv(r->echo_udp, in, sizeof in, MSG_DONTWAIT);
-    int size = got > 0 ? answer_to(in, (int)got, out) : -1;
-    if (size > 0)
-        sendto(r->echo_udp, out, (size_t)size, 0, (struct sockaddr *)&r->ear_address, sizeof r->ear_address);
 }
 
 static void *echo_main(void *self)
 {
     run *r = self;
     kn_join_priority(echo_priority);
-    struct pollfd in[] = {{kn_join_fd(r->echo_bus), POLLIN, 0}, {r->echo_udp, POLLIN, 0}};
-    while (!atomic_load(&r->done)) {
-        if (poll(in, 2, 100) <= 0) continue;
-        if (in[0].revents) kn_join_handle(r->echo_bus, 0);
-        if (in[1].revents) echo_udp(r);
-    }
+    while (!atomic_load(&r->done)) kn_join_handle(r->echo_bus, 100);
     return NULL;
 }
 
@@ -115,22 +93,18 @@ static void hear_force(run *r, int path, const void *bytes, int size)
 
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
-    hear_force(self, strcmp(channel, echo_back) ? KN_LATENCY_POSE : KN_LATENCY_LCM, buf->data, (int)buf->data_size);
+    hear_force(self, strcmp(channel, echo_back) ? KN_LATENCY_POSE : KN_LATENCY_ECHO, buf->data, (int)buf->data_size);
 }
 
 static void *ear_main(void *self)
 {
     run *r = self;
     kn_join_priority(hand_priority);
-    struct pollfd in[] = {{kn_join_fd(r->ear_bus), POLLIN, 0}, {kn_join_fd(r->ear_echo), POLLIN, 0},
-                          {r->ear_udp, POLLIN, 0}};
+    struct pollfd in[] = {{kn_join_fd(r->ear_bus), POLLIN, 0}, {kn_join_fd(r->ear_echo), POLLIN, 0}};
     while (!atomic_load(&r->done)) {
-        if (poll(in, 3, 100) <= 0) continue;
+        if (poll(in, 2, 100) <= 0) continue;
         if (in[0].revents) kn_join_handle(r->ear_bus, 0);
         if (in[1].revents) kn_join_handle(r->ear_echo, 0);
-        uint8_t bytes[MESSAGE_MAX];
-        ssize_t got = in[2].revents ? recv(r->ear_udp, bytes, sizeof bytes, MSG_DONTWAIT) : 0;
-        if (got > 0) hear_force(r, KN_LATENCY_UDP, bytes, (int)got);
     }
     return NULL;
 }
@@ -150,8 +124,7 @@ static void send_pose(run *r, int path, kn_pose *pose, bool counts)
     kn_wire_pose(&message, pose);
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &message);
     if (path == KN_LATENCY_POSE) kn_join_send(r->ear_bus, channel, bytes, size);
-    else if (path == KN_LATENCY_LCM) kn_join_send(r->ear_echo, echo_out, bytes, size);
-    else sendto(r->ear_udp, bytes, (size_t)size, 0, (struct sockaddr *)&r->echo_address, sizeof r->echo_address);
+    else kn_join_send(r->ear_echo, echo_out, bytes, size);
 }
 
 static void take_hand(run *r)
@@ -202,30 +175,15 @@ static void *hand_main(void *self)
         if (!at_work) continue;
         atomic_store_explicit(&r->worked, ++worked, memory_order_relaxed);
         l->missed_ms += wake.missed;
-        int64_t due_ns = clock.start_ns + clock.tick * KN_PERIOD_NS;
-        r->echo_seq++;
-        for (int path = KN_LATENCY_LCM; path <= KN_LATENCY_UDP; path++) {
-            kn_clock_sleep(due_ns + echo_at_ns[path]);
-            send_pose(r, path, &(kn_pose){.session = 1, .seq = r->echo_seq, .orientation_wxyz = {1}}, true);
-        }
+        kn_clock_sleep(clock.start_ns + clock.tick * KN_PERIOD_NS + echo_at_ns);
+        kn_pose pose = {.session = 1, .seq = ++r->echo_seq, .orientation_wxyz = {1}};
+        send_pose(r, KN_LATENCY_ECHO, &pose, true);
     }
     l->interrupted += r->hand.trips;
     return NULL;
 }
 
 // --- together
-
-static int open_udp(struct sockaddr_in *address)
-{
-    socklen_t size = sizeof *address;
-    *address = (struct sockaddr_in){.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
-    int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-    if (fd >= 0 && bind(fd, (struct sockaddr *)address, size) == 0 &&
-        getsockname(fd, (struct sockaddr *)address, &size) == 0)
-        return fd;
-    if (fd >= 0) close(fd);
-    return -1;
-}
 
 static bool open_all(run *r)
 {
@@ -249,18 +207,13 @@ static bool open_all(run *r)
     kn_join_hear(r->ear_bus, channel, on_force, r);
     kn_join_hear(r->ear_echo, echo_back, on_force, r);
     kn_join_hear(r->echo_bus, echo_out, on_echo, r);
-    r->ear_udp = open_udp(&r->ear_address);
-    r->echo_udp = open_udp(&r->echo_address);
-    if (r->ear_udp >= 0 && r->echo_udp >= 0) return true;
-    return snprintf(error, size, "no UDP socket on lo"), false;
+    return true;
 }
 
 static void close_all(run *r)
 {
     kn_join *bus[] = {r->ear_bus, r->ear_echo, r->echo_bus};
     for (size_t i = 0; i < sizeof bus / sizeof *bus; i++) kn_join_close(bus[i]);
-    if (r->ear_udp >= 0) close(r->ear_udp);
-    if (r->echo_udp >= 0) close(r->echo_udp);
     for (int p = 0; p < KN_LATENCY_PATHS; p++) free(r->answers[p].list);
 }
 
@@ -316,7 +269,7 @@ static bool run_threads(run *r)
 bool kn_latency_run(kn_latency *l, const volatile int *stop)
 {
     static run r;
-    r = (run){.l = l, .stop = stop, .ear_udp = -1, .echo_udp = -1};
+    r = (run){.l = l, .stop = stop};
     kn_mailbox_init(&r.forces, r.force_slots, sizeof *r.force_slots);
     if (getrandom(&r.session, sizeof r.session, 0) != sizeof r.session) r.session = kn_now_ns();
     r.session = (r.session & (INT64_MAX >> 1)) | 1 << 8;

@@ -1,4 +1,4 @@
-// What knead latency runs beside itself: kneadd, and stress-ng for --load.
+// The kneadd that knead latency runs beside itself.
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/latency.h"
@@ -68,27 +68,6 @@ int kn_latency_served_start(kn_latency_served *s, const char *scene, const char 
     if (pid) waitpid(pid, &status, 0);
     if (pid && WIFEXITED(status) && WEXITSTATUS(status) != 127) return WEXITSTATUS(status); // it has said why
     return kn_complain("latency", KN_EXIT_DEVICE, "kneadd cannot be run: expected it beside knead, or in PATH");
-}
-
-int kn_latency_served_load(kn_latency_served *s)
-{
-    if (system("command -v stress-ng >/dev/null 2>&1") != 0)
-        return kn_complain("latency", KN_EXIT_DEVICE, "--load: stress-ng is not installed (package stress-ng)");
-    // every processor busy, memory mapped and unmapped, threads that switch: what a desktop does, without its disk
-    char *argv[] = {"stress-ng", "--quiet", "--cpu", "0", "--vm", "1", "--vm-bytes", "64m", "--switch", "1", NULL};
-    s->load_pid = spawn("stress-ng", argv, -1);
-    sleep(1); // until it is at work
-    if (s->load_pid && waitpid(s->load_pid, NULL, WNOHANG) == 0) return KN_EXIT_OK;
-    s->load_pid = 0;
-    return kn_complain("latency", KN_EXIT_DEVICE, "--load: stress-ng ended at once");
-}
-
-void kn_latency_served_stop_load(kn_latency_served *s)
-{
-    if (!s->load_pid) return;
-    kill(s->load_pid, SIGTERM);
-    waitpid(s->load_pid, NULL, 0);
-    s->load_pid = 0;
 }
 
 // Rows stand in the order of ticks, poses in that of sending: the same. A pose that served two ticks counts for the

@@ -186,7 +186,7 @@ TEST("the deadline follows the processor, by events: down when three long steps 
     CHECK(loop->servo.deadline == least); // and no less
     r.took_ns = 0;
     for (int i = 0; i < KN_LOOP_CHEAP + 1; i++) move(&r, 0);
-    CHECK(loop->servo.deadline == least + least / 8);
+    CHECK(loop->servo.deadline == (int64_t)(1.125 * (double)least));
     for (int i = 0; i < 8 * KN_LOOP_CHEAP; i++) move(&r, 0);
     CHECK(loop->servo.deadline == given && loop->deadline == given); // nor more
     kn_clock_hand(NULL);

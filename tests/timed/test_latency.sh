@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # knead latency: a pose waits much less for its tick when ticks follow the poses than on a grid of its own; everything is
-# counted; the contract, bad input and what is missing have their exit codes.
+# counted, and the contract has its exit codes. Bad input: e2e.latency.
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 small=$KN_SOURCE/core/scenes/dough-small.yaml
@@ -12,36 +12,15 @@ sound() { # counts agree, percentiles rise, stages do not exceed the whole
 import json, sys
 series = json.load(open(sys.argv[1]))["series"]
 pose, stages = series["pose_to_force"], ["receive", "wait", "step", "guard", "publish"]
-assert pose["count"] == series["lcm_echo"]["count"] == series["udp_echo"]["count"] > 0
+assert pose["count"] == series["lcm_echo"]["count"] > 0
 for name, s in series.items():
     shown = [s[k] for k in ("p50_us", "p90_us", "p99_us", "p99_9_us", "max_us")]
     assert all(a <= b for a, b in zip(shown, shown[1:]) if b is not None), name
 for name in stages + ["execution"]:
     assert series[name]["count"] == pose["count"] - pose["missed"], name
 assert 0.5 * pose["p50_us"] < sum(series[name]["p50_us"] for name in stages) < 1.5 * pose["p50_us"]
-assert series["udp_echo"]["p50_us"] < series["lcm_echo"]["p50_us"]
 END
 }
-refused() { # refused CODE WORDS OPTION...: one line on stderr
-    knead latency "${@:3}" >out 2>err
-    [ "$? $(wc -l <err) $(grep -c -e "$2" err)" = "$1 1 1" ] && [ ! -s out ] || { cat err; return 1; }
-}
-
-check "less than a second is refused" refused 2 'knead latency: --seconds 0: expected 1 to 3600' --seconds 0
-check "a phase of another name" refused 2 '--phase lose: expected lock or free' --phase lose
-check "a contract of one number" refused 2 '--contract 60: expected two numbers of us' --contract 60
-check "a scene that is not there" refused 2 'nope.yaml:1:1: ' nope.yaml
-check "a bus of another kind" refused 2 'tcpq://localhost: expected udpm' --lcm-url tcpq://localhost
-check "a file that cannot be written" refused 3 'no/where.json: ' --json no/where.json
-check "a bus that nobody serves" refused 3 'no KNEAD_SCENE for 4 s' --lcm-url 'udpm://239.255.76.67:7700?ttl=0'
-PATH=$KN_BUILD/bin "$KN_BUILD/bin/knead" latency --load "$small" >out 2>err
-check "load without stress-ng" [ "$? $(wc -l <err) $(grep -c 'stress-ng is not installed' err)" = "3 1 1" ]
-
-for option in '--phase maybe' '--trace no/where.csv'; do
-    kneadd --scene "$small" $option >out 2>err
-    echo "$? $(wc -l <err)" >>codes
-done
-check "kneadd refuses a phase of another name and a trace that cannot be written" [ "$(echo $(cat codes))" = "2 1 3 1" ]
 
 [ "$KN_REALTIME" != off ] && chrt -f 90 true 2>/dev/null || { echo "skipped: no SCHED_FIFO here" && exit 77; }
 
@@ -69,9 +48,4 @@ check "a kneadd that runs already is measured" \
 check "its forces echo" [ "$(of pose_to_force count there.json)" = 1000 ]
 check "its stages are its own" [ "$(of wait count there.json)" = 0 ]
 stop_kneadd
-
-if command -v stress-ng >/dev/null; then
-    check "under load" knead latency "$small" --load --seconds 1 --contract none
-    check "which ends with it" sh -c '! ps -e -o comm= | grep -q stress-ng'
-fi
 exit $failed

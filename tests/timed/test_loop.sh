@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # A simulated device in a hand on a real bus: calm near kneadd, refused its forces 20 ms away, calm there with the local model. What else
-# it feels is tests/clients/test_device.c's. And the options of `knead probe` for such a hand.
+# it feels is tests/clients/test_device.c's, and the options of such a hand clients.cli's.
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 
@@ -23,18 +23,4 @@ check "with the local model, a fifth of all lost, it is calm there" feel local -
 check "and every tick that came has one" holds "$(number 'local model' local.txt) > 1500"
 check "the hand gets no more back than it gave" holds "$(number 'energy given' local.txt) < 1"
 stop_kneadd
-
-knead probe --hand tight 2>tight.err
-check "a hand that nobody has is refused" [ $? = 2 ]
-check "with those there are" grep -q '^knead probe: --hand tight: expected none, light, normal or firm$' tight.err
-for option in "--device touch" "--axes 1" "--delay 5ms" "--loss 0.1" --local --held; do
-    knead probe $option 2>alone.err
-    check "$option is nothing without a hand" grep -q "^knead probe: ${option% *} without a hand on a device" alone.err
-done
-knead probe --hand light --local --held 2>both.err
-check "forces are held, or not rendered at all" grep -q '^knead probe: --held with --local, .*, expected one of them$' both.err
-knead probe --hand light --loss 2 2>loss.err
-check "more than all cannot be lost" grep -q '^knead probe: --loss 2: expected a share below 1, like 20%$' loss.err
-knead probe --hand light --delay 1.5ms 2>delay.err
-check "a delay is whole milliseconds" grep -q '^knead probe: --delay 1.5ms: expected whole milliseconds, at most 255$' delay.err
 exit $failed
