@@ -13,7 +13,8 @@ round() { # round NAME KEY [replay]
     local name=$1 pid client before=() after=()
     export KNEAD_KEY=$2
     start_kneadd dough-small.yaml --touch --control control --set device=unknown ${2:+--key $2}
-    rm -f tty && paddle tty 300 >paddle.csv 2>/dev/null & local paddle=$!
+    rm -f tty
+    paddle tty 300 >paddle.csv 2>/dev/null & local paddle=$!
     await [ -e tty ]
     knead hand paddle --tty tty --quiet --force-limit '2 N' >hand.txt 2>hand.err & hand=$!
     knead touch --json >touch.txt 2>touch.err & touch=$!

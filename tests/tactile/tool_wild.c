@@ -17,7 +17,7 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, const knead
     double newton = atof(wanted_n);
     if (f.force_n[2] < 0.3 || f.force_n[2] == newton) return; // the latter is our own
     f.force_n[2] = newton;
-    f.seq += 2; // an older one than was heard last is passed over
+    f.seq += 2, f.tick += 2; // no news, if it is not newer than what was heard last
     sent += knead_contact_force_t_publish(self, channel, &f) == 0;
 }
 
