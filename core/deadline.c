@@ -14,6 +14,7 @@ enum {
     TIE_LINE = 50, TIE_ITERATION = 15, // of a composite's node that follows others
     RIGID_LINE = 30, RIGID_ITERATION = 12,
     NEWTON_LINE = 1700, // of a lane whose law is solved edge by edge
+    LAW = 4,            // of a line without that, a fourth is the law
     F64_TIMES = 2,
     SAMPLE_FIND = 100, SAMPLE_LINE = 120, SAMPLE_ITERATION = 35, SAMPLE_LOOK = 100, // a coupled tool's: twice that
     HOLD_LINE = 20,
@@ -30,8 +31,11 @@ static kn_deadline of_lattice(const kn_model *m, bool held)
     kn_deadline d = {.line = parts * (m->def.mesh ? EDGE_LINE : LANE_LINE),
                      .iteration = parts * (m->def.mesh ? EDGE_ITERATION : LANE_ITERATION)};
     if (m->def.pressure != KN_PRESSURE_NONE) d.line += parts * GAS_LINE, d.iteration += parts * GAS_ITERATION;
-    if (m->def.solver.precision == KN_PRECISION_F64) d.line *= F64_TIMES, d.iteration *= F64_TIMES;
-    if (m->law.kind == KN_LAW_EXACT) d.line += lanes * NEWTON_LINE;
+    const bool f64 = m->def.solver.precision == KN_PRECISION_F64;
+    if (f64) d.line *= F64_TIMES, d.iteration *= F64_TIMES;
+    d.law = d.line / LAW;
+    if (m->law.kind == KN_LAW_EXACT && !(f64 && kn_law_in_lanes(&m->law)))
+        d.line += lanes * NEWTON_LINE, d.law += lanes * NEWTON_LINE;
     if (m->composite) d.line += kn_composite_tied(m) * TIE_LINE, d.iteration += kn_composite_tied(m) * TIE_ITERATION;
     if (kn_rigid_wanted(m) && !held) d.line += lanes * RIGID_LINE, d.iteration += lanes * RIGID_ITERATION;
     return d;
@@ -57,11 +61,11 @@ bool kn_deadline_line(kn_deadline *d, bool first)
     return true;
 }
 
-// The law is evaluated twice along the line that follows.
+// Of every plate. After a guess the first line evaluates the law twice.
 int64_t kn_deadline_guess(const kn_deadline *d, const kn_model *model, int lines, int iterations)
 {
     if (d->most == 0 || d->spent + lines * (d->line + d->look + iterations * d->iteration) <= d->most) return 0;
-    const int64_t price = model->node_count * (int64_t)NODE_GUESS + d->line / 4;
+    const int64_t price = model->def.probe_count * model->node_count * (int64_t)NODE_GUESS + d->law;
     return d->spent + price + d->line + d->look + 2 * d->iteration > d->most ? 0 : price;
 }
 

@@ -18,6 +18,7 @@
 typedef struct kn_deadline {
     int64_t most, spent;           // of the step; most 0: no deadline
     int64_t line, iteration, look; // price of each part in this step
+    int64_t law;                   // of a line
     int64_t line_most;             // what spent may come to in the line that is being solved
     bool hurried;                  // lines are cut short to make room for others
 } kn_deadline;
@@ -28,8 +29,8 @@ void kn_deadline_begin(kn_deadline *deadline, const kn_model *model, const kn_co
 // Begins a line with its look at the contact. False: there is no time for it and two iterations.
 bool kn_deadline_line(kn_deadline *deadline, bool first);
 
-// Units of a guess of a plate's blow (impact.h). 0: there is time for `lines` of so many iterations each, which need no
-// guess, or there is none for a guess, a line and two iterations.
+// Units of a guess of a plate's blow (impact.h). 0 where all `lines` of so many iterations fit, since then no guess is
+// needed. 0, too, where a guess, a line and two iterations do not fit.
 int64_t kn_deadline_guess(const kn_deadline *deadline, const kn_model *model, int lines, int iterations);
 
 // Gives the line that has begun its share; `lines`: this one and those that may follow, of at most `iterations` each.

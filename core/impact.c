@@ -64,7 +64,7 @@ bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *c
 }
 
 typedef struct punch { // a plate that comes down
-    double down_m_s, middle_m[2], half_m[2], top_m, a_m;
+    double down_m_s, middle_m[2], half_m[2], top_m, a_m, h_m;
     float rest; // share of its velocity below which the object does not flow
 } punch;
 
@@ -92,6 +92,7 @@ static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact 
     }
     plate->a_m = sqrt(plate->half_m[0] * plate->half_m[1]);
     plate->top_m = top_m / count;
+    plate->h_m = m->def.spacing_m;
     plate->down_m_s = -change[2] / count;
     plate->rest = (float)(KN_IMPACT_REST * flow_velocity(m) / m->def.spacing_m * plate->top_m / plate->down_m_s);
     return plate->down_m_s > KN_IMPACT_BLOW * flow_velocity(m) && plate->rest < 1 &&
@@ -100,11 +101,11 @@ static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact 
 
 static void punch_at(const punch *p, const double rest_m[3], float velocity_m_s[3])
 {
-    const float a = (float)p->a_m, top = (float)p->top_m, d = fmaxf(0, (float)(p->top_m - rest_m[2]));
+    const float h = (float)p->h_m, a = (float)p->a_m, top = (float)p->top_m, d = fmaxf(0, (float)(p->top_m - rest_m[2]));
     const float x = (float)(rest_m[0] - p->middle_m[0]), y = (float)(rest_m[1] - p->middle_m[1]);
     const float beside_x = fmaxf(0, fabsf(x) - (float)p->half_m[0]), beside_y = fmaxf(0, fabsf(y) - (float)p->half_m[1]);
     const float beside2 = beside_x * beside_x + beside_y * beside_y, way = sqrtf(beside2 + d * d) + 1e-9f;
-    const float off2 = x * x + y * y + d * d + 1e-18f, off = sqrtf(off2);
+    const float off2 = x * x + y * y + d * d + h * h, off = sqrtf(off2);
     const float surface = a / (a + 1.2f * sqrtf(way * a) + 0.8f * way);
     const float axis = a * a / (a * a + 0.15f * way * a + 0.22f * way * way);
     const float down = surface + (axis - surface) * d / way, share = down * (float)rest_m[2] / (top + sqrtf(beside2));

@@ -41,24 +41,24 @@ double kn_impact_power(const kn_model *model);
 // real-time safe.
 bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *contact, double rz);
 
-// Where a deadline leaves time for one or two lines, the first one must be good. A plate that comes down at
+// Where a deadline leaves time for one or two lines, the first one must be good. A plate that makes its nodes faster by
 // KN_IMPACT_BLOW times the velocity at which an edge flows brings on a field that is much the same for every material
 // that flows: the one under a rigid punch on an elastic half-space, less towards the base and the sides.
 //
 //          |  V  |            a: half width of the plate, d: depth, R: way from the plate, r: from its axis
 //     _____|_____|_____       down      V (surface + (axis - surface) d/R)
 //        <- : | : ->                    surface = 1/(1 + 1.2 sqrt(R/a) + 0.8 R/a), axis = 1/(1 + 0.15 R/a + 0.22 (R/a)^2)
-//           : v :             outwards  V (0.42 a d r/r'^3 - 0.21 a r/(r' (r' + d))), r'^2 = r^2 + d^2
+//           : v :             outwards  V (0.42 a d r/r'^3 - 0.21 a r/(r' (r' + d))), r'^2 = r^2 + d^2 + h^2
 //
-// What it moves more slowly than KN_IMPACT_REST times the object's height times the strain rate at which edges flow
-// stays behind, since it does not flow: the field is cut there. The slopes of the law are taken where this field leads.
-// It is far from exact, but most edges that will flow do so in it. With time for one line, a plate at 10 cm/s on dough
-// gives more than twice its force from rest, and less than 1.1 times from here (tests/physics/test_deadline.c).
+// Slow parts do not flow: below KN_IMPACT_REST x height x the strain rate at which edges flow, the field is zero. The law
+// is made straight at these velocities. The field is far from exact, but most edges that will flow do so in it. With time
+// for one line, a plate at 10 cm/s on dough gives more than twice its force from rest, and less than 1.1 times from here
+// (tests/physics/test_deadline.c).
 #define KN_IMPACT_BLOW 100.0
 #define KN_IMPACT_REST 5.0
 
-// Adds the fields of all plates that come down so to the guess, whose prescribed velocities are in place, and marks every
-// row as moved. Returns whether there are any. The prices of units are deadline.h's.
+// Adds the field of every such plate to the guess, and marks every row as moved. The held nodes' velocities must be in the
+// guess already. Returns whether there was such a plate.
 bool kn_impact_guess(const kn_model *model, const kn_state *state, const kn_contact *contact);
 
 #endif

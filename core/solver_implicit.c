@@ -114,7 +114,10 @@ static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double 
     for (int i = 0; output->iterations < solver->iterations_max; i++, output->iterations++) {
         if ((i >= wanted && rz <= enough) || !(rz > nothing)) return rz;
         if (i >= wanted && solver->tolerance == 0) return rz;
-        if (!kn_deadline_spend(&s->deadline, s->deadline.iteration)) break;
+        if (!kn_deadline_spend(&s->deadline, s->deadline.iteration)) {
+            output->capped = true;
+            return rz;
+        }
         double dq = m->kernels->apply(m, state, beta) + kn_foundation_apply(m, s);
         if (!(dq > 0)) return rz;
         double next = update(m, state, s, rz / dq);

@@ -529,8 +529,8 @@ static void tell_ready(server *d, FILE *out)
         fprintf(out, "kneadd: poses are taken from %d addresses; that is no authentication: an address can be forged\n",
                 d->exchange.receiver.peers);
     if (d->on.model->isa == KN_ISA_BASE) fprintf(out, "kneadd: not real time: fused multiply-add in software\n");
-    if (d->loop.deadline > 0)
-        fprintf(out, "kneadd: a step ends by its deadline of %" PRId64 " units of work\n", d->loop.deadline);
+    if (d->loop.priced > 0) // the servo runs already, and may make the deadline itself smaller
+        fprintf(out, "kneadd: a step ends by its deadline of %" PRId64 " units of work\n", d->loop.priced);
     const kn_fixed_model *fixed = d->on.model->fixed;
     if (fixed && fixed->error > KN_FIXED_ERROR)
         fprintf(out, "kneadd: not accurate: %d passes of %d iterations leave %.2g %% of the force of a press unsolved, "

@@ -46,6 +46,7 @@ bool kn_loop_touch(kn_loop *loop)
 void kn_loop_start(kn_loop *loop, int64_t start_ns)
 {
     kn_clock_start(&loop->clock, start_ns);
+    loop->priced = loop->deadline;
     atomic_store(&loop->start_ns, start_ns);
 }
 
@@ -93,7 +94,8 @@ static int64_t read_orders(kn_loop *loop, kn_tick_in *in)
     in->undo = orders >> KN_ORDER_UNDO & 1;
     if (orders >> KN_ORDER_CHANGE & 1) {
         in->change = loop->change;
-        in->deadline = loop->deadline = loop->priced = loop->change->deadline;
+        if (loop->change->deadline > 0) in->deadline = loop->deadline = loop->priced = loop->change->deadline;
+        loop->dear = loop->cheap = 0;
     }
     if (orders >> KN_ORDER_RESTORE & 1) {
         in->restore = loop->restore->state;
@@ -151,13 +153,13 @@ static void go_over(kn_loop *loop, kn_change *change)
 static void follow_price(kn_loop *loop, int64_t units)
 {
     if (loop->deadline <= 0 || 2 * units < loop->deadline) return;
-    if (loop->deadline > loop->priced) loop->priced = loop->deadline;
     const double share = (double)loop->execution_ns / (1e9 * loop->servo.scene->budget_s);
     loop->dear = share > KN_LOOP_DEAR_SHARE ? loop->dear + 1 : 0;
     loop->cheap = share < KN_LOOP_CHEAP_SHARE ? loop->cheap + 1 : 0;
+    loop->dear_share = loop->dear > 1 ? fmin(loop->dear_share, share) : share;
     if (loop->dear == KN_LOOP_DEAR) {
-        const double least = fmin((double)kn_deadline_least(loop->servo.model), (double)loop->deadline);
-        loop->deadline = (int64_t)fmax(least, (double)loop->deadline * fmax(0.5, KN_SERVED_SHARE / share));
+        const double least = (double)kn_deadline_least(loop->servo.model);
+        loop->deadline = (int64_t)fmax(least, (double)loop->deadline * fmax(0.5, KN_SERVED_SHARE / loop->dear_share));
         loop->dear = 0;
     } else if (loop->cheap == KN_LOOP_CHEAP) {
         loop->deadline = (int64_t)fmin((double)loop->priced, 1.125 * (double)loop->deadline);

@@ -89,8 +89,9 @@ typedef struct kn_loop {
     atomic_bool done;     // its last record is in the ring
     int64_t execution_ns; // of the last tick
     int64_t deadline;     // units that a step may take, from the first tick on; 0: none. Before the start
-    int64_t priced;       // the largest that it has been: what it may grow to again
-    int dear, cheap;      // long steps in a row whose ticks took too much of the budget, and little of it
+    int64_t priced;       // what it was at the start, or at the latest change that priced it anew
+    int dear, cheap;      // long steps in a row: above KN_LOOP_DEAR_SHARE, below KN_LOOP_CHEAP_SHARE
+    double dear_share;    // least share of the budget among the dear ones
     kn_busy busy;         // all of the latest ones, for the sentinel
     int64_t running_tick; // last one before stop was asked
 } kn_loop;
@@ -106,15 +107,16 @@ bool kn_loop_touch(kn_loop *loop);
 // Tick 0 is at start_ns. Before kn_loop_run, and before anyone reads loop->start_ns.
 void kn_loop_start(kn_loop *loop, int64_t start_ns);
 
-// The deadline follows the processor: a price that was measured while it was fast is too low when it is slow. Only steps
-// that took half of the deadline's units or more tell. KN_LOOP_DEAR in a row whose ticks took more than
-// KN_LOOP_DEAR_SHARE of the budget make the deadline smaller, by half at most. KN_LOOP_CHEAP in a row below
-// KN_LOOP_CHEAP_SHARE make it larger by an eighth, up to what it was at the start. Each change is an event in the log,
-// so the log replays to the bit.
+// The deadline follows the processor, which may become slower after the deadline was measured: the same units then take
+// longer. A step is long when it took half of the deadline's units or more; the others tell nothing. KN_LOOP_DEAR long
+// steps in a row whose ticks took more than KN_LOOP_DEAR_SHARE of the budget make the deadline smaller, by half at most.
+// KN_LOOP_CHEAP in a row below KN_LOOP_CHEAP_SHARE make it larger by an eighth, up to what it was priced at. A step that
+// takes just what it was priced at (KN_SERVED_SHARE) had CHEAP_SHARE before the last eighth, so it gets there. Each
+// change is an event in the log, so the log replays to the bit.
 #define KN_LOOP_DEAR 3
 #define KN_LOOP_DEAR_SHARE 0.85
 #define KN_LOOP_CHEAP 1000
-#define KN_LOOP_CHEAP_SHARE 0.6
+#define KN_LOOP_CHEAP_SHARE 0.65
 
 // Main thread: the latest pose of a probe, NULL when its session has ended.
 void kn_loop_post(kn_loop *loop, int probe, const kn_pose *pose);

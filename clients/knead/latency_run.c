@@ -13,7 +13,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/random.h>
-#include <unistd.h>
 
 static const int hand_priority = 60; // as knead probe's device, below kneadd's threads
 static const int echo_priority = 70; // as kneadd's main thread, whose place it takes

@@ -25,7 +25,7 @@ void kn_latency_served_urls(kn_latency_served *s, char echo_url[KN_LATENCY_URL_S
     snprintf(echo_url, KN_LATENCY_URL_SIZE, "udpm://239.255.76.67:%d?ttl=0", port + 2);
 }
 
-// A child that does not outlive us. out: its standard output, -1: ours. 0 when there can be none.
+// A child that does not outlive us. out: its standard output. 0 when there can be none.
 static int spawn(const char *path, char *const argv[], int out)
 {
     pid_t parent = getpid(), pid = fork();
@@ -34,7 +34,7 @@ static int spawn(const char *path, char *const argv[], int out)
     prctl(PR_SET_PDEATHSIG, SIGTERM);
     setpgid(0, 0); // a terminal's ^C is for us, and then we stop it
     if (getppid() != parent) _exit(KN_EXIT_DEVICE);
-    if (out >= 0) dup2(out, STDOUT_FILENO);
+    dup2(out, STDOUT_FILENO);
     execvp(path, argv);
     _exit(127);
 }

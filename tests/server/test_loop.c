@@ -151,9 +151,10 @@ TEST("an object that goes on in another material tells that one's stress, and wh
     CHECK(change);
     if (!change) return;
     r.lent.loop.change = change;
+    r.lent.loop.deadline = 1000000000; // this change has none of its own
     kn_loop_order(&r.lent.loop, KN_ORDER_CHANGE, 0);
     move(&r, 0.0);
-    CHECK(r.lent.loop.servo.model == change->model);
+    CHECK(r.lent.loop.servo.model == change->model && r.lent.loop.deadline == 1000000000);
     CHECK(kn_skin_follows(&r.lent.skin, r.lent.model) && !kn_skin_follows(&r.lent.skin, change->model));
     show_now(&r);
     CHECK(!kn_skin_follows(&r.lent.skin, r.lent.model) && kn_skin_follows(&r.lent.skin, change->model));
@@ -171,7 +172,7 @@ TEST("the deadline follows the processor, by events: down when three long steps 
     kn_loop *loop = &r.lent.loop;
     const double budget_ns = 1e9 * r.lent.scene->budget_s;
     const int64_t least = kn_deadline_least(r.lent.model), given = 3 * least / 2; // which every step takes half of
-    loop->deadline = given;
+    loop->deadline = loop->priced = given;
     move(&r, 0);
     CHECK(r.kinds[KNEAD_EVENT_T_KIND_DEADLINE] == 1 && loop->servo.deadline == given);
     r.took_ns = (int64_t)(0.9 * budget_ns);
@@ -184,7 +185,7 @@ TEST("the deadline follows the processor, by events: down when three long steps 
     CHECK(loop->servo.deadline == (int64_t)((double)given * KN_SERVED_SHARE / 0.9) && r.kinds[KNEAD_EVENT_T_KIND_DEADLINE] == 2);
     for (int i = 0; i < 40; i++) move(&r, 0);
     CHECK(loop->servo.deadline == least); // and no less
-    r.took_ns = 0;
+    r.took_ns = (int64_t)(0.64 * budget_ns);
     for (int i = 0; i < KN_LOOP_CHEAP + 1; i++) move(&r, 0);
     CHECK(loop->servo.deadline == (int64_t)(1.125 * (double)least));
     for (int i = 0; i < 8 * KN_LOOP_CHEAP; i++) move(&r, 0);
