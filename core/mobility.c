@@ -51,7 +51,9 @@ static void assemble(kn_mobility *m)
     memset(w->r, 0, bytes_of(model, 3));
     memset(w->p, 0, bytes_of(model, 6));
     model->kernels->edge(model, m->rest, KN_LINEARIZATION_TANGENT, false);
-    scale(model, w->g, 3 * model->edge_reals, sqrt(SLOWER / model->law.slope_rest));
+    const double softer = SLOWER / model->law.slope_rest; // g has stiffnesses, or vectors of their roots (kernel.h)
+    const size_t reals = (size_t)kn_work_edge(model);
+    scale(model, w->g, reals * model->edge_reals, reals == 1 ? softer : sqrt(softer));
     memset(m->rest->change, 0, bytes_of(model, 3));
 }
 
