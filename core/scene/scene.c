@@ -49,7 +49,8 @@ static char *load_file(const char *path, const char *kind, size_t *size, char *e
     FILE *file = open_file(path, &why);
     char *text = file ? malloc(FILE_MAX_BYTES + 1) : NULL;
     *size = text ? fread(text, 1, FILE_MAX_BYTES + 1, file) : 0;
-    if (!text || ferror(file)) {
+    if (text && *size > FILE_MAX_BYTES) why = "larger than 1 MiB";
+    if (!text || why || ferror(file)) {
         snprintf(error, error_size, "%s:1:1: %s, expected a %s file", path, why ? why : strerror(errno), kind);
         free(text);
         text = NULL;

@@ -61,7 +61,7 @@ for i in $(seq 20000); do echo "? k$i"; done >files/keys.yaml
 mkfifo files/fifo.yaml
 refuses "$made/folder" "$made/folder:1:1: Is a directory, expected a scene file"
 refuses "$made/missing.yaml" "$made/missing.yaml:1:1: No such file or directory, expected a scene file"
-refuses "$made/large.yaml" "$made/large.yaml:1:1: larger than 1 MiB, expected a scene"
+refuses "$made/large.yaml" "$made/large.yaml:1:1: larger than 1 MiB, expected a scene file"
 refuses "$made/deep.yaml" "$made/deep.yaml:1:1: a list, expected a scene that begins with 'version: 1'"
 refuses "$made/deep_mapping.yaml" "$made/deep_mapping.yaml:1:2: not a key, expected a short name"
 refuses "$made/quotes.yaml" "$made/quotes.yaml:1:1: a value, expected a scene that begins with 'version: 1'"
@@ -76,6 +76,8 @@ refuses "$made/fifo.yaml" "$made/fifo.yaml:1:1: not a regular file, expected a s
 refuses "$made/missing/scene.yaml" "$made/missing/scene.yaml:1:1: No such file or directory, expected a scene file"
 bytes lacking 'version: 1\nmaterial: missing.yaml\n' \
     "2:11: material: $made/missing.yaml:1:1: No such file or directory, expected a material file"
+bytes heavy 'version: 1\nmaterial: large.yaml\n' \
+    "2:11: material: $made/large.yaml:1:1: larger than 1 MiB, expected a material file"
 bytes empty '' "1:1: empty, expected a scene that begins with 'version: 1'"
 bytes newline '\n' "2:1: empty, expected a scene that begins with 'version: 1'"
 bytes not_utf8 'version: 1\ndensity: \xff\xfe\n' "2:10: not UTF-8 text: invalid leading UTF-8 octet, expected a scene"
