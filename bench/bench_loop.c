@@ -30,9 +30,9 @@ typedef struct block { // the object of a rig: the lattice, its tool, and perhap
     kn_state *state;
     kn_input input;
     kn_output output;
-    double touch_m;   // height at which the first tool just touches
+    double touch_m; // height at which the first tool just touches
     bool two;
-    kn_arm other;     // the second hand's device: it gets the force of the last tick, as from a server
+    kn_arm other; // the second hand's device: it gets the force of the last tick, as from a server
     kn_turns turns;
     long tick;
     bool diverged;
@@ -40,8 +40,11 @@ typedef struct block { // the object of a rig: the lattice, its tool, and perhap
 
 static kn_probe_def tool_of(int tool, const kn_coupling *coupling)
 {
-    kn_probe_def def = {.name = "first", .coupling_n_m = coupling->stiffness_n_m,
-                        .coupling_n_s_m = coupling->damping_n_s_m, .shape = KN_PROBE_SPHERE, .radius_m = 0.015};
+    kn_probe_def def = {.name = "first",
+                        .coupling_n_m = coupling->stiffness_n_m,
+                        .coupling_n_s_m = coupling->damping_n_s_m,
+                        .shape = KN_PROBE_SPHERE,
+                        .radius_m = 0.015};
     if (tool == BOX) def.shape = KN_PROBE_BOX, def.size_m[0] = def.size_m[1] = 0.02, def.size_m[2] = 0.01;
     if (tool == BOX) def.edge_m = 0.001, def.radius_m = 0;
     if (tool == PAIR) def.radius_m = 0.012;
@@ -124,17 +127,17 @@ static double touch(void *self, const double position_m[3], const double velocit
 // --- grid -----------------------------------------------------------------------------------------------------------
 
 typedef struct tally {
-    int runs, buzzes, gave; // gave: over a millijoule in a stroke
+    int runs, buzzes, gave;                      // gave: over a millijoule in a stroke
     double loudest_n, floors, returned_j, turns; // floors: loudest held force, in steps that the device resolves
-    char worst[80];         // the loudest that buzzes, or else the loudest
+    char worst[80];                              // the loudest that buzzes, or else the loudest
     double worst_n;
 } tally;
 
 static kn_rig_def rig_of(const kn_device_def *device, kn_coupling coupling, int trip_ms, kn_grip grip,
                          kn_rig_motion motion)
 {
-    kn_rig_def def = {.arm = kn_arm_of(device), .coupling = coupling, .trip_ms = trip_ms, .passivity = true,
-                      .motion = motion};
+    kn_rig_def def = {
+        .arm = kn_arm_of(device), .coupling = coupling, .trip_ms = trip_ms, .passivity = true, .motion = motion};
     def.arm.grip = grip;
     return def;
 }
@@ -241,7 +244,8 @@ int main(int argc, char **argv)
     bool quick = argc == 2 && !strcmp(argv[1], "--quick"), met = true;
     if (argc == 2 && !strcmp(argv[1], "--help"))
         return printf("usage: bench_loop [--quick]\nClosed loops in simulated time on 847 nodes, ten minutes; --quick: "
-                      "on 144, five. What it tells: bench/README.md\n"), 0;
+                      "on 144, five. What it tells: bench/README.md\n"),
+               0;
     if (argc > 1 && !quick) return fprintf(stderr, "bench_loop: %s: expected --quick, --help or nothing\n", argv[1]), 2;
     print_machine();
     printf("\nRound trips of 0 and 1 ms. floors: held force above 10 Hz, in steps that the device resolves; turns per "

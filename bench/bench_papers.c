@@ -65,10 +65,8 @@ static double determinant(const double e[3][3])
 
 static void place_of(const experiment *x, int node, bool now, double p[3])
 {
-    if (now)
-        kn_state_position(x->model, x->state, node, p);
-    else
-        memcpy(p, x->model->rest_m[node], 3 * sizeof *p);
+    if (now) kn_state_position(x->model, x->state, node, p);
+    else memcpy(p, x->model->rest_m[node], 3 * sizeof *p);
 }
 
 // Volume of a cell, or of an element of a net; of a flat net its area.
@@ -205,10 +203,8 @@ static void lean(experiment *x, double share)
     bool wide = x->model->def.solver.precision == KN_PRECISION_F64;
     for (int node = 0; node < x->model->node_count; node++) {
         double u = share * x->model->rest_m[node][2];
-        if (wide)
-            ((double *)x->state->displacement)[x->model->offset[node]] = u;
-        else
-            ((float *)x->state->displacement)[x->model->offset[node]] = (float)u;
+        if (wide) ((double *)x->state->displacement)[x->model->offset[node]] = u;
+        else ((float *)x->state->displacement)[x->model->offset[node]] = (float)u;
     }
 }
 
@@ -354,29 +350,17 @@ static options parse(int argc, char **argv)
             if (o.set_count == sizeof o.sets / sizeof *o.sets) fail("--set: too many");
             o.sets[o.set_count++] = optarg;
             break;
-        case 'd':
-            o.path.depth_m = atof(optarg);
-            break;
-        case 'o':
-            o.path.hold_s = atof(optarg);
-            break;
-        case 'r':
-            o.rest_s = atof(optarg);
-            break;
-        case 'l':
-            o.lean = atof(optarg);
-            break;
-        case 'p':
-            o.prefix = optarg;
-            break;
+        case 'd': o.path.depth_m = atof(optarg); break;
+        case 'o': o.path.hold_s = atof(optarg); break;
+        case 'r': o.rest_s = atof(optarg); break;
+        case 'l': o.lean = atof(optarg); break;
+        case 'p': o.prefix = optarg; break;
         case 'i':
             o.pictures = true;
             if (sscanf(optarg, "%lf,%lf", &o.look.azimuth_deg, &o.look.elevation_deg) != 2)
                 fail("--pictures: expected AZIMUTH,ELEVATION");
             break;
-        default:
-            fputs(usage, stdout);
-            exit(c == 'h' ? 0 : 2);
+        default: fputs(usage, stdout); exit(c == 'h' ? 0 : 2);
         }
     if (optind + 1 != argc) fail("expected one SCENE; --help tells the rest");
     if (o.pictures && !o.prefix) fail("--pictures: expected --prefix");

@@ -30,7 +30,7 @@ enum { WARM = 450, TICKS = 2500 }; // WARM: in the air, where a tool engages and
 static const struct stroke {
     const char *name;
     double speed_m_s, hz;
-} strokes[] = {{"1 cm/s", 0.01, 0}, {"2 cm/s", 0.02, 0}, {"5 cm/s", 0.05, 0}, {"10 cm/s", 0.1, 0},
+} strokes[] = {{"1 cm/s", 0.01, 0}, {"2 cm/s", 0.02, 0}, {"5 cm/s", 0.05, 0},    {"10 cm/s", 0.1, 0},
                {"20 cm/s", 0.2, 0}, {"30 cm/s", 0.3, 0}, {"stir 2 Hz", 0.05, 2}, {"stir 5 Hz", 0.05, 5}};
 enum { STROKES = sizeof strokes / sizeof *strokes };
 
@@ -63,7 +63,10 @@ static void keep_and_submit(void *self, const kn_input *input)
     last.submit(self, input);
 }
 
-static double apart(const double a[3], const double b[3]) { return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]); }
+static double apart(const double a[3], const double b[3])
+{
+    return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
+}
 
 static double off_n(int probe, const double force_n[3])
 {
@@ -115,8 +118,11 @@ static void run(kn_served *on, kn_served *reference, const struct stroke *s, int
     kn_backend backend = on->backend;
     backend.reset(backend.self);
     if (reference) {
-        last = (struct last){.model = on->model, .backend = &on->backend, .reference = &reference->backend,
-                             .submit = backend.submit, .from = kn_state_create(on->model)};
+        last = (struct last){.model = on->model,
+                             .backend = &on->backend,
+                             .reference = &reference->backend,
+                             .submit = backend.submit,
+                             .from = kn_state_create(on->model)};
         backend.submit = keep_and_submit;
     }
     kn_servo_init(&servo, on->scene, on->model, &backend);
@@ -132,7 +138,8 @@ static void run(kn_served *on, kn_served *reference, const struct stroke *s, int
         double us = thread_us() - from_us;
         if (in.tick < WARM) continue;
         int n = to->ticks++;
-        if (!reference) to->us[n] = to->us[n] > 0 ? fmin(us, to->us[n]) : us; // a copy and a second solver are beside it
+        if (!reference)
+            to->us[n] = to->us[n] > 0 ? fmin(us, to->us[n]) : us; // a copy and a second solver are beside it
         to->capped[n] = out.capped;
         memcpy(to->force_n[n], out.force[probe].contact_force_n, sizeof to->force_n[n]);
         if (reference && out.capped) to->off_n[n] = off_n(probe, to->force_n[n]);
@@ -165,8 +172,8 @@ static void add(tally *sum, const struct stroke *s, const track *t, const track 
 static void load(kn_served *on, const char *path, const char *const *sets, int count)
 {
     char error[400];
-    int code = kn_served_load(on, &(kn_served_def){.scene_path = path, .sets = sets, .set_count = count}, error,
-                              sizeof error);
+    int code =
+        kn_served_load(on, &(kn_served_def){.scene_path = path, .sets = sets, .set_count = count}, error, sizeof error);
     if (code) fprintf(stderr, "bench_strike: %s\n", error), exit(code);
 }
 
@@ -176,8 +183,10 @@ static int strike(const char *path, bool finer, int64_t units)
     static track t, exact;
     kn_served on, reference;
     load(&on, path, (const char *const[]){"device.guard=100 N/ms", "object.spacing=2.5mm"}, finer ? 2 : 1);
-    load(&reference, path, (const char *const[]){"device.guard=100 N/ms", "solver.iterations_max=300", "solver.tolerance=1e-5",
-                                                  "solver.passes=12"}, 4);
+    load(&reference, path,
+         (const char *const[]){"device.guard=100 N/ms", "solver.iterations_max=300", "solver.tolerance=1e-5",
+                               "solver.passes=12"},
+         4);
     const int64_t deadline = units < 0 ? kn_served_deadline(&on.backend, on.model, on.scene->budget_s) : units;
     int over = 0;
     for (int p = 0; p < on.model->def.probe_count; p++) {
@@ -186,12 +195,16 @@ static int strike(const char *path, bool finer, int64_t units)
         for (int k = 0; k < STROKES; k++) {
             memset(&t, 0, sizeof t);
             if (!finer) run(&reference, NULL, &strokes[k], p, 0, &exact);
-            for (int r = 0; r < ROUNDS + !finer; r++) run(&on, r == 0 && !finer ? &reference : NULL, &strokes[k], p, deadline, &t);
+            for (int r = 0; r < ROUNDS + !finer; r++)
+                run(&on, r == 0 && !finer ? &reference : NULL, &strokes[k], p, deadline, &t);
             add(&sum, &strokes[k], &t, finer ? &t : &exact, !finer && (strokes[k].hz == 0 || !rigid));
         }
-        printf("| %-13.*s | %-9s | %6d | %4.0f | %5d | %4d | %4.0f |", (int)strcspn(on.scene->name, "."), on.scene->name,
-               on.model->def.probe[p].name, on.model->node_count, 1e-3 * (double)deadline, sum.ticks, sum.over, sum.worst_us);
-        if (!finer) printf(" %5d | %6.2f %s | %6.2f | %5.2f |\n", sum.capped, 100 * sum.off_capped, sum.off_by, 100 * sum.off, sum.jump_n);
+        printf("| %-13.*s | %-9s | %6d | %4.0f | %5d | %4d | %4.0f |", (int)strcspn(on.scene->name, "."),
+               on.scene->name, on.model->def.probe[p].name, on.model->node_count, 1e-3 * (double)deadline, sum.ticks,
+               sum.over, sum.worst_us);
+        if (!finer)
+            printf(" %5d | %6.2f %s | %6.2f | %5.2f |\n", sum.capped, 100 * sum.off_capped, sum.off_by, 100 * sum.off,
+                   sum.jump_n);
         else printf(" %5d | | | |\n", sum.capped);
         fflush(stdout);
         over += sum.over;
@@ -208,11 +221,13 @@ int main(int argc, char **argv)
     const bool given = argc > 1 && !strcmp(argv[1], "--units"), all = argc == 1 + 2 * given;
     char *end = "x";
     const int64_t units = argc > 2 && given ? strtoll(argv[2], &end, 10) : -1;
-    if (given && (*end || units < 0)) return fprintf(stderr, "bench_strike: --units: expected a whole number, 0 for none\n"), 2;
+    if (given && (*end || units < 0))
+        return fprintf(stderr, "bench_strike: --units: expected a whole number, 0 for none\n"), 2;
     char **scene = all ? found.gl_pathv : argv + 1 + 2 * given;
     int over = 0, count = all ? (int)found.gl_pathc : argc - 1 - 2 * given;
     print_machine();
-    printf("\n| scene         | tool      |  nodes | k units | ticks | above 1 ms | worst us | capped | off %% of the peak "
+    printf("\n| scene         | tool      |  nodes | k units | ticks | above 1 ms | worst us | capped | off %% of the "
+           "peak "
            "in capped ticks | in all | jump N |\n|---|---|--:|--:|--:|--:|--:|--:|---|--:|--:|\n");
     for (int i = 0; i < count; i++) over += strike(scene[i], false, units);
     if (all) over += strike(KN_SOURCE_DIR "/core/scenes/dough.yaml", true, units);

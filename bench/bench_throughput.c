@@ -58,21 +58,21 @@ static int write_file(const char *path, void (*print)(FILE *))
 
 // --- the command ----------------------------------------------------------------------------------------------------
 
-static const char usage[] =
-    "usage: bench/throughput [options]\n"
-    "  --only TABLES  some of ceilings,lattices,nets,features,composite,integers,peer,errors\n"
-    "  --all          errors too, whose references take minutes\n"
-    "  --nodes N      leave out larger lattices and nets (20000)\n"
-    "  --quick        fewer rounds, and no more than 2560 nodes\n"
-    "  --csv FILE     every number of the tables, a line each\n"
-    "  --json FILE    the same\n";
+static const char usage[] = "usage: bench/throughput [options]\n"
+                            "  --only TABLES  some of ceilings,lattices,nets,features,composite,integers,peer,errors\n"
+                            "  --all          errors too, whose references take minutes\n"
+                            "  --nodes N      leave out larger lattices and nets (20000)\n"
+                            "  --quick        fewer rounds, and no more than 2560 nodes\n"
+                            "  --csv FILE     every number of the tables, a line each\n"
+                            "  --json FILE    the same\n";
 
 typedef struct options {
     throughput_options tables;
     const char *only, *csv, *json;
 } options;
 
-static const char *const table_name[] = {"ceilings", "lattices", "nets", "features", "composite", "integers", "peer", "errors"};
+static const char *const table_name[] = {"ceilings",  "lattices", "nets", "features",
+                                         "composite", "integers", "peer", "errors"};
 enum { TABLES = sizeof table_name / sizeof *table_name };
 
 static int bad(const char *what, const char *value, const char *expected)
@@ -94,16 +94,18 @@ static int check_only(const char *only)
     int known = 0, asked = 1;
     for (int i = 0; i < TABLES; i++) known += wanted(only, table_name[i]);
     for (const char *p = only; *p; p++) asked += *p == ',';
-    return known == asked ? 0 : bad("--only", only, "some of ceilings,lattices,nets,features,composite,integers,peer,errors");
+    return known == asked
+               ? 0
+               : bad("--only", only, "some of ceilings,lattices,nets,features,composite,integers,peer,errors");
 }
 
 // 0, or the exit code; -1 for help.
 static int parse(int argc, char **argv, options *o)
 {
-    static const struct option longs[] = {
-        {"only", required_argument, 0, 'o'}, {"nodes", required_argument, 0, 'n'}, {"quick", no_argument, 0, 'q'},
-        {"csv", required_argument, 0, 'c'},  {"json", required_argument, 0, 'j'},  {"help", no_argument, 0, 'h'},
-        {"all", no_argument, 0, 'a'},        {0, 0, 0, 0}};
+    static const struct option longs[] = {{"only", required_argument, 0, 'o'}, {"nodes", required_argument, 0, 'n'},
+                                          {"quick", no_argument, 0, 'q'},      {"csv", required_argument, 0, 'c'},
+                                          {"json", required_argument, 0, 'j'}, {"help", no_argument, 0, 'h'},
+                                          {"all", no_argument, 0, 'a'},        {0, 0, 0, 0}};
     char *end;
     *o = (options){.only = "ceilings,lattices,nets,features,composite,integers,peer", .tables.nodes_max = 20000};
     for (int c; (c = getopt_long(argc, argv, "", longs, NULL)) != -1;) switch (c) {

@@ -47,8 +47,9 @@ static void bench(int per_cm, int width, int height, int samples, double turn_de
     }
     qsort(cpu, PICTURES, sizeof *cpu, kn_ascending);
     qsort(wall, PICTURES, sizeof *wall, kn_ascending);
-    printf("| %5d | %4d x %-4d | %7d | %6s | %6.1f | %6.1f | %6.1f | %6.1f |\n", model->grid.nodes, width, height, samples, turn_deg != 0 ? "turns" : "still",
-           cpu[PICTURES / 2], cpu[PICTURES * 9 / 10], wall[PICTURES / 2], wall[PICTURES * 9 / 10]);
+    printf("| %5d | %4d x %-4d | %7d | %6s | %6.1f | %6.1f | %6.1f | %6.1f |\n", model->grid.nodes, width, height,
+           samples, turn_deg != 0 ? "turns" : "still", cpu[PICTURES / 2], cpu[PICTURES * 9 / 10], wall[PICTURES / 2],
+           wall[PICTURES * 9 / 10]);
     fflush(stdout);
     kn_renderer_close(r);
     free(xyz);
@@ -65,7 +66,8 @@ int main(void)
     setenv("LP_NUM_THREADS", "1", 0);
     printf("%s %s, compiler %s, LP_NUM_THREADS=%s\n\n", machine.sysname, machine.machine, __VERSION__,
            getenv("LP_NUM_THREADS"));
-    printf("| nodes | picture     | samples | camera | cpu ms | p90    | wall   | p90    |\n|---|---|---|---|---|---|---|---|\n");
+    printf("| nodes | picture     | samples | camera | cpu ms | p90    | wall   | p90    "
+           "|\n|---|---|---|---|---|---|---|---|\n");
     bench(1, 1280, 720, 4, 0);
     bench(2, 640, 360, 4, 0);
     bench(2, 1280, 720, 4, 0);

@@ -10,13 +10,13 @@ extern "C" {
 
 typedef struct peer_block {
     int node_count, link_count;
-    const double (*x_m)[3];   // [node_count]
-    const int (*link)[2];     // [link_count]
-    const bool *held;         // [node_count]
-    double mass_kg;           // of each node
-    double stiffness_n_m;     // of each link
+    const double (*x_m)[3]; // [node_count]
+    const int (*link)[2];   // [link_count]
+    const bool *held;       // [node_count]
+    double mass_kg;         // of each node
+    double stiffness_n_m;   // of each link
     double damping_n_s_m;
-    bool axial;               // damping along the link; else of the whole relative velocity
+    bool axial; // damping along the link; else of the whole relative velocity
     double dt_s;
 } peer_block;
 

@@ -88,7 +88,8 @@ static kn_model_def strip_of(kn_model_def def)
     double length = def.spacing_m * (def.nodes[1] - 1), top = def.spacing_m * (def.nodes[2] - 1);
     def.probe_count = 1;
     def.probe[0] = (kn_probe_def){.name = "strip", .shape = KN_PROBE_PLATE, .size_m = {0.01, length}};
-    kn_composite_box(&def, (double[3]){-0.005, -length, top - 0.0035}, (double[3]){0.005, length, top}, 0.007, def.fine);
+    kn_composite_box(&def, (double[3]){-0.005, -length, top - 0.0035}, (double[3]){0.005, length, top}, 0.007,
+                     def.fine);
     return def;
 }
 
@@ -107,11 +108,12 @@ void table_composite(const throughput_options *o)
         kn_scene_destroy(scene);
         return;
     }
-    printf("dough-fine.yaml against the same lattice fine everywhere; means over the press; errors relative L2 against\n"
-           "that lattice, force over all ticks, shape at all its nodes at the end. Not tuned: the scene's rule makes the "
-           "box.\n\n"
-           "| press                      | nodes | of    | its   | of    | us     | of     | ratio | force%% | shape%% |\n"
-           "|----------------------------|------:|------:|------:|------:|-------:|-------:|------:|-------:|-------:|\n");
+    printf(
+        "dough-fine.yaml against the same lattice fine everywhere; means over the press; errors relative L2 against\n"
+        "that lattice, force over all ticks, shape at all its nodes at the end. Not tuned: the scene's rule makes the "
+        "box.\n\n"
+        "| press                      | nodes | of    | its   | of    | us     | of     | ratio | force%% | shape%% |\n"
+        "|----------------------------|------:|------:|------:|------:|-------:|-------:|------:|-------:|-------:|\n");
     for (size_t i = 0; i < sizeof places / sizeof *places; i++) row(&places[i], &scene->model, o);
     kn_model_def def = strip_of(scene->model);
     row(&strip, &def, o);

@@ -33,7 +33,8 @@ static void measure(int per_cm, const throughput_options *o)
     summary real = turns_summary(&r[0], ticks), whole = turns_summary(&r[1], ticks);
     const kn_model *m = turns_model(&r[1]);
     const double clocks = clocks_of(m, 16);
-    printf("| %5d | %5d | %8.1f | %8.1f | %8.0f |", m->node_count, m->edge_count, real.median_us, whole.median_us, clocks);
+    printf("| %5d | %5d | %8.1f | %8.1f | %8.0f |", m->node_count, m->edge_count, real.median_us, whole.median_us,
+           clocks);
     for (size_t i = 0; i < sizeof mhz / sizeof *mhz; i++) printf(" %6.0f |", clocks / mhz[i]);
     puts("");
     char name[32];
@@ -47,9 +48,12 @@ static void measure(int per_cm, const throughput_options *o)
 
 void table_integers(const throughput_options *o)
 {
-    puts("\nIntegers: the step of core/fixed.h, two passes of eight iterations, on one core, beside the default step in f32;\n"
-         "clocks of a tick of the circuit with 16 nodes under a plate, and us at clocks that are assumed, not measured:\n"
-         "100 MHz for an ECP5, 150 for an Artix-7, 300 for an UltraScale+. Its memories hold 1024 nodes as synthesized.\n");
+    puts("\nIntegers: the step of core/fixed.h, two passes of eight iterations, on one core, beside the default step "
+         "in f32;\n"
+         "clocks of a tick of the circuit with 16 nodes under a plate, and us at clocks that are assumed, not "
+         "measured:\n"
+         "100 MHz for an ECP5, 150 for an Artix-7, 300 for an UltraScale+. Its memories hold 1024 nodes as "
+         "synthesized.\n");
     puts("| nodes | edges | f32 us   | fixed us | clocks   | at 100 |    150 |    300 |");
     puts("|------:|------:|---------:|---------:|---------:|-------:|-------:|-------:|");
     for (int per_cm = 1; per_cm <= 3; per_cm++)

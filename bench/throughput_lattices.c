@@ -131,9 +131,8 @@ static void print_work(const measured *m, int count)
     for (int i = 0; i < count && i < 2; i++) // by precision
         printf(" %s edge pass %.0f, %.0f, %.0f, iteration %.0f, %.0f, %.0f%s",
                m[i].def.solver.precision ? "f64" : "f32", m[i].edge.operations / m[i].lanes,
-               m[i].edge.flops / m[i].lanes, m[i].edge.bytes / m[i].lanes,
-               m[i].iteration.operations / m[i].lanes, m[i].iteration.flops / m[i].lanes,
-               m[i].iteration.bytes / m[i].lanes, i ? ".\n" : ";");
+               m[i].edge.flops / m[i].lanes, m[i].edge.bytes / m[i].lanes, m[i].iteration.operations / m[i].lanes,
+               m[i].iteration.flops / m[i].lanes, m[i].iteration.bytes / m[i].lanes, i ? ".\n" : ";");
 }
 
 static void print_pressed(const measured *m)
@@ -200,8 +199,9 @@ void table_lattices(const ceilings *c, const throughput_options *o)
         puts("\nNo lattice: this processor has no AVX2, or --nodes leaves none.");
         return;
     }
-    puts("\nA step taken apart: the edge pass, with all that is done once, and one iteration. ns per node, per lane\n"
-         "with padding, per edge; pipe: arithmetic operations against the ceiling's; GB/s: the state, once per loop.\n");
+    puts(
+        "\nA step taken apart: the edge pass, with all that is done once, and one iteration. ns per node, per lane\n"
+        "with padding, per edge; pipe: arithmetic operations against the ceiling's; GB/s: the state, once per loop.\n");
     puts("| nodes | kernel     |edge us|ns/node|ns/lane|pipe%|"
          "iter us|/node |/lane | /edge |pipe%|Gfl/s | GB/s | of       % |");
     puts("|------:|------------|------:|------:|------:|----:|"

@@ -8,7 +8,7 @@
 #include "bench/peer.h"
 #include "tests/physics/press.h"
 
-#define VISCOSITY_PA_S (2500 * GF_CM2) // the dough's c1
+#define VISCOSITY_PA_S (2500 * GF_CM2)          // the dough's c1
 enum { PEER_TICKS = 300, PEERS = 5, AIM = 10 }; // times as long as ours
 
 // Dough without its damper: what both can do. 1 kHz.
@@ -52,8 +52,12 @@ static void copy_lattice(rival *r, const kn_model *m)
         r->held[m->top[t]] = r->plate[m->top[t]] = fabs(m->rest_m[m->top[t]][0]) <= half_m;
     free(edges);
     // one stiffness for all links: the mean of ours, so that their sum is the same
-    r->block = (peer_block){.node_count = nodes, .link_count = links, .x_m = (const double(*)[3])r->x_m,
-                            .link = (const int(*)[2])r->link, .held = r->held, .mass_kg = kn_model_mass(m) / nodes,
+    r->block = (peer_block){.node_count = nodes,
+                            .link_count = links,
+                            .x_m = (const double(*)[3])r->x_m,
+                            .link = (const int(*)[2])r->link,
+                            .held = r->held,
+                            .mass_kg = kn_model_mass(m) / nodes,
                             .stiffness_n_m = m->def.material.k1_pa * m->kappa_m * weight};
 }
 

@@ -14,8 +14,8 @@ typedef struct runner {
     void *self;
     void (*rewind)(void *self);
     double (*step)(void *self, int tick, int *iterations); // returns us
-    double *us;      // [ticks] least of all rounds
-    int *iterations; // [ticks]
+    double *us;                                            // [ticks] least of all rounds
+    int *iterations;                                       // [ticks]
 } runner;
 
 typedef struct summary { // over the ticks

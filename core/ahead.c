@@ -20,8 +20,8 @@ struct kn_ahead {
     int probe, count, at; // nodes of the skin, how far the sweep is
     double reach_m;
     int *skin;
-    tangents *along;    // of each node of it
-    double *distance_m; // of every node, INFINITY: out of reach
+    tangents *along;                   // of each node of it
+    double *distance_m;                // of every node, INFINITY: out of reach
     int place[KN_PATCHES_MAX], places; // indices in skin
 };
 
@@ -55,8 +55,7 @@ static void list_skin(kn_ahead *s, bool *listed)
     for (int i = 0; i < m->face_count; i++) {
         const kn_face *f = &m->face[i];
         for (int v = 0; v < f->len[1]; v++)
-            for (int u = 0; u < f->len[0]; u++)
-                add_node(s, listed, node_of(f, u, v), along_face(m, f, u, v));
+            for (int u = 0; u < f->len[0]; u++) add_node(s, listed, node_of(f, u, v), along_face(m, f, u, v));
     }
     for (int i = 0; i < m->skin_count; i++)
         for (int k = 0; k < 3; k++)
@@ -66,10 +65,7 @@ static void list_skin(kn_ahead *s, bool *listed)
 
 // --- create ---------------------------------------------------------------------------------------------------------
 
-static bool convex(const kn_shape *shape)
-{
-    return shape->part_count == 1 && shape->part[0].kind != KN_SOLID_FIELD;
-}
+static bool convex(const kn_shape *shape) { return shape->part_count == 1 && shape->part[0].kind != KN_SOLID_FIELD; }
 
 kn_ahead *kn_ahead_create(const kn_model *model, const kn_patches *patches, int p, double reach_m)
 {

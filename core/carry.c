@@ -69,10 +69,7 @@ const char *kn_carry_misfit(const kn_model *from, const kn_model *to)
                : "contact that reaches farther, or less far";
 }
 
-static double gamma_of(const kn_model *m)
-{
-    return m->def.mesh ? m->gamma : m->grid.gamma;
-}
+static double gamma_of(const kn_model *m) { return m->def.mesh ? m->gamma : m->grid.gamma; }
 
 void kn_carry(const kn_model *from, const kn_state *now, const kn_model *to, kn_state *then)
 {

@@ -27,7 +27,7 @@ void kn_codec_u64(kn_codec *c, uint64_t *value);
 void kn_codec_i64(kn_codec *c, int64_t *value, int64_t least, int64_t most);
 void kn_codec_i32(kn_codec *c, int32_t *value, int32_t least, int32_t most); // 8 bytes as well
 void kn_codec_bool(kn_codec *c, bool *value);
-void kn_codec_f64(kn_codec *c, double *value, size_t count);                 // finite
-void kn_codec_reals(kn_codec *c, void *value, size_t count, bool single);    // finite; float where single, else double
+void kn_codec_f64(kn_codec *c, double *value, size_t count);              // finite
+void kn_codec_reals(kn_codec *c, void *value, size_t count, bool single); // finite; float where single, else double
 
 #endif

@@ -26,20 +26,20 @@
 typedef struct kn_tie { // a node that follows the mean of its masters
     size_t node;        // offsets of x components in a 3-component field
     size_t master[4];
-    int count;          // 1, 2 or 4
+    int count; // 1, 2 or 4
 } kn_tie;
 
 typedef struct kn_composite {
     kn_kernels kernels;       // of the model: those of the parts, tied
     const kn_kernels *inside; // of every part
     int part_count;
-    struct kn_model *part;    // [part_count] a regular block each: its grid, law and tables; no nodes of its own
+    struct kn_model *part; // [part_count] a regular block each: its grid, law and tables; no nodes of its own
     int corner[KN_COMPOSITE_PARTS][3]; // of each part, in fine cells
     int coarse[KN_COMPOSITE_PARTS];    // 2, of the box 1: cells of the fine lattice to a spacing
     int node_first[KN_COMPOSITE_PARTS + 1], row_first[KN_COMPOSITE_PARTS + 1];
-    kn_tie *tie;              // by the part of the node that is tied; masters are in earlier parts
+    kn_tie *tie; // by the part of the node that is tied; masters are in earlier parts
     int tie_first[KN_COMPOSITE_PARTS + 1];
-    int *place;               // node at every even place, x fastest, -1 inside the box: of the earliest part
+    int *place; // node at every even place, x fastest, -1 inside the box: of the earliest part
 } kn_composite;
 
 // Smallest box of even corners that holds the places low..high, m in the block's frame, and `margin` around and below
@@ -59,7 +59,7 @@ const char *kn_composite_check(const kn_model_def *def);
 
 // Fills the model's nodes, faces, kernels. NULL, or what went wrong.
 const char *kn_composite_build(kn_model *model);
-void kn_composite_kernels(kn_model *model); // composite_step.c: its last step
+void kn_composite_kernels(kn_model *model);         // composite_step.c: its last step
 void kn_composite_destroy(kn_composite *composite); // NULL is fine
 
 // Displacement, m, at a node of the lattice as if it were fine everywhere: means of coarse nodes outside of the box.

@@ -45,9 +45,9 @@ typedef struct kn_hold { // a node held by a plate in this step
 
 typedef struct kn_sample { // a point of the skin near a tool
     int probe, face;
-    int nodes;              // that it hangs on: 9, on a net 3, at the table 1
+    int nodes; // that it hangs on: 9, on a net 3, at the table 1
     int node[9];
-    size_t offset[9];       // of each node's x component, see kn_model.offset
+    size_t offset[9]; // of each node's x component, see kn_model.offset
     double weight[9];
     double normal[3];       // unit: the way the tool pushes
     double point_m[3];      // where it is now
@@ -60,14 +60,14 @@ typedef struct kn_sample { // a point of the skin near a tool
     double stretch_m[3];    // e, along the skin
     double rate_m_s[3];     // of the skin here, at the velocities last looked at
     struct kn_sample_line { // out of the solver
-        bool active;         // it presses, with slope_n_m depth + offset_n: k A and 0 of a straight law, else a tangent
+        bool active;        // it presses, with slope_n_m depth + offset_n: k A and 0 of a straight law, else a tangent
         double slope_n_m, offset_n;
-        double side_n_m;     // k A where it sticks, what leaves the cone's force where it slides
-    } line, last;            // and before it was judged last
-    double force_n[3];      // out of the solver: on the skin
-    double pressing_n;      // out of the solver: of it along normal; < 0 pulls
+        double side_n_m; // k A where it sticks, what leaves the cone's force where it slides
+    } line, last;        // and before it was judged last
+    double force_n[3];   // out of the solver: on the skin
+    double pressing_n;   // out of the solver: of it along normal; < 0 pulls
     uint64_t key;
-    bool bonds;             // touched in the last step
+    bool bonds; // touched in the last step
 } kn_sample;
 
 typedef struct kn_contact { // one step's contacts; lives in the state's scratch
@@ -77,7 +77,7 @@ typedef struct kn_contact { // one step's contacts; lives in the state's scratch
     int sample_count, sample_max;
     int64_t samples_lost; // did not fit: counted, never written out of bounds
     kn_tool_step tool[KN_PROBES_MAX];
-    bool coupled;         // any of them
+    bool coupled; // any of them
 } kn_contact;
 
 size_t kn_contact_bytes(const kn_model *model);

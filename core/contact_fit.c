@@ -17,10 +17,10 @@
 #define PLATE_M 0.01   // a plate's
 #define PROBE_M 1e-4   // of the gradient of the distance
 #define VALID_MS 100.0
-#define LATE_S 0.030   // of a link that a local model is for
-#define CLIENT_S 1e-3  // step that a client takes A for
+#define LATE_S 0.030  // of a link that a local model is for
+#define CLIENT_S 1e-3 // step that a client takes A for
 
-typedef struct pressed { // one contact: all that a tool touches, or one patch of it
+typedef struct pressed {        // one contact: all that a tool touches, or one patch of it
     double force_n, rate_m_s;   // t, w
     double normal[3], arm_m[3]; // out of the object; from the tool's position to where the force acts
     double layer_n_m;           // foundation along the normal; 0: rigid
@@ -29,14 +29,14 @@ typedef struct pressed { // one contact: all that a tool touches, or one patch o
     double loaded;              // its part of the pattern of the round that is running; 0: not in it
 } pressed;
 
-typedef struct fitted { // one probe's
+typedef struct fitted {         // one probe's
     bool touching, near, ahead; // near: touching, or ahead of a plane
     pressed all, patch[KN_PATCHES_MAX];
-    unsigned used;              // bit i: patch[i] is one of several
-    int only;                   // the number of the only one
+    unsigned used; // bit i: patch[i] is one of several
+    int only;      // the number of the only one
     kn_place place[KN_PATCHES_MAX];
-    int places;                 // beside what it touches, where it will
-    double side_n[3];           // force on the tool across the normal
+    int places;                           // beside what it touches, where it will
+    double side_n[3];                     // force on the tool across the normal
     double tool_m[3], gap_m, gradient[3]; // of the gap
 } fitted;
 
@@ -161,8 +161,8 @@ static int patch_of(const kn_contact_fit *fit, int p, const int node[], int node
 }
 
 typedef struct sums {
-    double force_n[3], torque_n_m[3], power_w;  // on the tool
-    double pressing_n, place_n_m[3]; // of the pressing alone; times the arms
+    double force_n[3], torque_n_m[3], power_w; // on the tool
+    double pressing_n, place_n_m[3];           // of the pressing alone; times the arms
 } sums;
 
 static void add_force(sums *s, const double normal[3], double pressing_n, double rate_m_s)
@@ -382,7 +382,8 @@ static void group_patches(kn_contact_fit *fit, const kn_state *state, int p)
         const kn_sample *s = &contact->sample[i];
         if (!presses(s, p)) continue;
         if (s->nodes == 9) kn_patches_press(fit->patches, s->node[4], s->pressing_n);
-        else for (int a = 0; a < s->nodes; a++) kn_patches_press(fit->patches, s->node[a], s->pressing_n / s->nodes);
+        else
+            for (int a = 0; a < s->nodes; a++) kn_patches_press(fit->patches, s->node[a], s->pressing_n / s->nodes);
     }
     for (int i = 0; i < contact->hold_count; i++)
         if (carries(&contact->hold[i], p))

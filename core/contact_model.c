@@ -2,20 +2,20 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAK_S 0.050          // the anchor's way to the device when no news comes
-#define LEAK_N_PER_S 16.0     // and no faster than a hand would call a jump
-#define RETURN_M_PER_S 0.020  // and its way back: power of at most |F| x that
-#define THERE_M 5e-6          // less than that of depth is none
-#define FORGET_S 0.5          // ten times LEAK_S: what is left then is a drag in free air
-#define FELT_N 0.02           // less than the resolution of the devices that this is for
-#define HOLD_S 0.003          // as the server's: silence of our own poses until the force fades
+#define LEAK_S 0.050         // the anchor's way to the device when no news comes
+#define LEAK_N_PER_S 16.0    // and no faster than a hand would call a jump
+#define RETURN_M_PER_S 0.020 // and its way back: power of at most |F| x that
+#define THERE_M 5e-6         // less than that of depth is none
+#define FORGET_S 0.5         // ten times LEAK_S: what is left then is a drag in free air
+#define FELT_N 0.02          // less than the resolution of the devices that this is for
+#define HOLD_S 0.003         // as the server's: silence of our own poses until the force fades
 #define FADE_S 0.017
 #define RAMP_S 0.200
-#define LAW_N 0.02            // smallest force of the law of c2
-#define LAW_STEP 1.189207115  // from one force of it to the next: a quarter of an octave, the largest is 17 N
-#define FAR_M 0.1             // of a contact from our own pose: such a message is not about us
-#define POSE_GAP_S 0.0005     // of poses that are remembered
-#define SWEEPS 12             // Gauss-Seidel over several units; one alone is solved at once
+#define LAW_N 0.02           // smallest force of the law of c2
+#define LAW_STEP 1.189207115 // from one force of it to the next: a quarter of an octave, the largest is 17 N
+#define FAR_M 0.1            // of a contact from our own pose: such a message is not about us
+#define POSE_GAP_S 0.0005    // of poses that are remembered
+#define SWEEPS 12            // Gauss-Seidel over several units; one alone is solved at once
 
 // --- vectors --------------------------------------------------------------------------------------------------------
 
@@ -599,8 +599,8 @@ static void ramp(kn_contact_model *m, double dt)
     m->gain = clip(m->gain + (engaged && !stop && posed ? dt / RAMP_S : -dt / FADE_S), 0.0, 1.0);
 }
 
-void kn_contact_model_render(kn_contact_model *m, double dt_s, const double position_m[3],
-                             const double velocity_m_s[3], double force_n[3])
+void kn_contact_model_render(kn_contact_model *m, double dt_s, const double position_m[3], const double velocity_m_s[3],
+                             double force_n[3])
 {
     double dt = clip(dt_s, 1e-4, 1e-2), turn[3];
     bool read = finite3(position_m) && finite3(velocity_m_s);
@@ -633,8 +633,8 @@ double kn_contact_model_energy(const kn_contact_model *m, const double position_
     double turn[3], l2 = m->body.arm_m * m->body.arm_m;
     turn_between(m->body.from_wxyz, m->orientation_wxyz, turn);
     for (int i = 0; i < 3; i++)
-        energy_j += 0.5 * m->body.k *
-                    (pow(position_m[i] - m->body.proxy_m[i], 2.0) + l2 * pow(turn[i] - m->body.turn[i], 2.0));
+        energy_j +=
+            0.5 * m->body.k * (pow(position_m[i] - m->body.proxy_m[i], 2.0) + l2 * pow(turn[i] - m->body.turn[i], 2.0));
     for (int c = 0; c < m->body.count; c++) {
         const kn_contact_plane *u = &m->body.plane[c];
         if (u->k1 > 0.0) energy_j += 0.5 * (u->h_n * u->h_n + dot(u->shear_n, u->shear_n)) / u->k1;

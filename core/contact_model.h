@@ -67,8 +67,10 @@ typedef struct kn_contact_unit { // contact_model_t; SI, scene frame
 } kn_contact_unit;
 
 enum { // of kn_contact_unit.flags; the same numbers as in contact_force_t
-    KN_CONTACT_ENGAGED = 1, KN_CONTACT_RAMPING = 2, // either: the server has the tool in its model
-    KN_CONTACT_LATCHED = 4, KN_CONTACT_STOPPING = 1024 // either: zero force within 20 ms
+    KN_CONTACT_ENGAGED = 1,
+    KN_CONTACT_RAMPING = 2, // either: the server has the tool in its model
+    KN_CONTACT_LATCHED = 4,
+    KN_CONTACT_STOPPING = 1024 // either: zero force within 20 ms
 };
 
 typedef struct kn_contact_model_def { // a field of 0 is its default
@@ -84,22 +86,22 @@ typedef struct kn_contact_model_def { // a field of 0 is its default
 } kn_contact_model_def;
 
 typedef struct kn_contact_plane { // private: a unit as it is rendered
-    double normal[3], level_m; // the surface is at normal . x + lever . turn = level_m
-    double arm_m[3], lever_m[3]; // from the proxy to where the force acts; arm x normal
-    double c1, k1, c2, mu;     // c2 at the force of now
-    double give_m_n, t_n;      // of the foundation before it, which is its own; force along the normal
-    double thick;              // it is so many times the law's
-    double h_n, shear_n[3];    // H along and across the normal
-    double force_n[3];         // on the tool
+    double normal[3], level_m;    // the surface is at normal . x + lever . turn = level_m
+    double arm_m[3], lever_m[3];  // from the proxy to where the force acts; arm x normal
+    double c1, k1, c2, mu;        // c2 at the force of now
+    double give_m_n, t_n;         // of the foundation before it, which is its own; force along the normal
+    double thick;                 // it is so many times the law's
+    double h_n, shear_n[3];       // H along and across the normal
+    double force_n[3];            // on the tool
 } kn_contact_plane;
 
 typedef struct kn_contact_body { // private: proxy and planes
     int count;
-    bool rigid;            // it turns as the device does, whatever the torque
+    bool rigid; // it turns as the device does, whatever the torque
     double k, b, arm_m, proxy_m[3], force_n[3];
-    double from_wxyz[4];   // the device's orientation under the message's pose
-    double turn[3];        // of the proxy since that, a rotation vector
-    double torque_n_m[3];  // about the proxy
+    double from_wxyz[4];            // the device's orientation under the message's pose
+    double turn[3];                 // of the proxy since that, a rotation vector
+    double torque_n_m[3];           // about the proxy
     double law_m_s[KN_CONTACT_LAW]; // flow of c2, at forces a quarter of an octave apart
     kn_contact_plane plane[KN_CONTACT_UNITS];
 } kn_contact_body;
@@ -114,20 +116,20 @@ typedef struct kn_contact_model { // plain data, read only for the caller; copyi
     kn_contact_body body;
     kn_contact_pose pose[KN_CONTACT_REPLAY]; // newest at (poses - 1) % KN_CONTACT_REPLAY
     int64_t poses;
-    double now_s, posed_s;            // time by render's steps; of the last pose, stored or not
+    double now_s, posed_s;                  // time by render's steps; of the last pose, stored or not
     kn_contact_unit unit[KN_CONTACT_UNITS]; // datagrams of the tick that is coming in
-    double c2[KN_CONTACT_LAW];        // as heard at those forces; 0: not yet
-    unsigned have;                    // bit i: unit[i] is there
-    int first;                        // the one that came first
-    int64_t utime, taken_seq;         // newest datagram; pose of the message in force, -1 none
+    double c2[KN_CONTACT_LAW];              // as heard at those forces; 0: not yet
+    unsigned have;                          // bit i: unit[i] is there
+    int first;                              // the one that came first
+    int64_t utime, taken_seq;               // newest datagram; pose of the message in force, -1 none
     int32_t generation, flags;
     double valid_s, taken_s, taken_m[3], taken_n; // of the message in force: its pose's time and place, |F0|
-    double stale_s;                   // since it was valid
-    bool returning;                   // after an outage
-    double lost;                      // of what is felt, 0 .. 1: the server has nothing within reach any more
-    double orientation_wxyz[4];       // of the device now
-    double torque_n_m[3];             // on the hand, about the tool's position, of the last render
-    double share;                     // of the body's force, what is rendered: 1, or rising to it
+    double stale_s;                               // since it was valid
+    bool returning;                               // after an outage
+    double lost;                // of what is felt, 0 .. 1: the server has nothing within reach any more
+    double orientation_wxyz[4]; // of the device now
+    double torque_n_m[3];       // on the hand, about the tool's position, of the last render
+    double share;               // of the body's force, what is rendered: 1, or rising to it
     double gain;
     int64_t taken, refused, replayed; // messages, datagrams, poses since init
 } kn_contact_model;
@@ -154,8 +156,8 @@ kn_contact_take kn_contact_model_take(kn_contact_model *m, const kn_contact_unit
 
 // One step of dt_s (0.1 .. 10 ms) of the device at that position and velocity: the force on the hand. A position that
 // is no number counts as a pose that did not come.
-void kn_contact_model_render(kn_contact_model *m, double dt_s, const double position_m[3],
-                             const double velocity_m_s[3], double force_n[3]);
+void kn_contact_model_render(kn_contact_model *m, double dt_s, const double position_m[3], const double velocity_m_s[3],
+                             double force_n[3]);
 
 // Whether the message in force is too old, or too far from here.
 bool kn_contact_model_stale(const kn_contact_model *m);

@@ -11,8 +11,8 @@ kn_coupling kn_coupling_default(double mass_kg, double damping_n_s_m, double per
 {
     kn_coupling c;
     c.damping_n_s_m = fmin(most.damping_n_s_m, lag * mass_kg / (round_trip_s + period_s + filter_s));
-    c.stiffness_n_m = fmin(most.stiffness_n_m,
-                           share * kn_coupling_delayed(damping_n_s_m, period_s, round_trip_s, c.damping_n_s_m));
+    c.stiffness_n_m =
+        fmin(most.stiffness_n_m, share * kn_coupling_delayed(damping_n_s_m, period_s, round_trip_s, c.damping_n_s_m));
     return c;
 }
 

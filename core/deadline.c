@@ -8,15 +8,23 @@
 // they are priced at; too large a one caps them early.
 enum {
     STEP = 10000,
-    LANE_LINE = 45, LANE_ITERATION = 5,
-    EDGE_LINE = 44, EDGE_ITERATION = 4,
-    GAS_LINE = 20, GAS_ITERATION = 2,
-    TIE_LINE = 50, TIE_ITERATION = 15, // of a composite's node that follows others
-    RIGID_LINE = 30, RIGID_ITERATION = 12,
+    LANE_LINE = 45,
+    LANE_ITERATION = 5,
+    EDGE_LINE = 44,
+    EDGE_ITERATION = 4,
+    GAS_LINE = 20,
+    GAS_ITERATION = 2,
+    TIE_LINE = 50,
+    TIE_ITERATION = 15, // of a composite's node that follows others
+    RIGID_LINE = 30,
+    RIGID_ITERATION = 12,
     NEWTON_LINE = 1700, // of a lane whose law is solved edge by edge
     LAW = 4,            // of a line without that, a fourth is the law
     F64_TIMES = 2,
-    SAMPLE_FIND = 100, SAMPLE_LINE = 120, SAMPLE_ITERATION = 35, SAMPLE_LOOK = 100, // a coupled tool's: twice that
+    SAMPLE_FIND = 100,
+    SAMPLE_LINE = 120,
+    SAMPLE_ITERATION = 35,
+    SAMPLE_LOOK = 100, // a coupled tool's: twice that
     HOLD_LINE = 20,
     NODE_GUESS = 18
 };

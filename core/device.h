@@ -15,23 +15,23 @@
 #include "core/coupling.h"
 
 typedef struct kn_device_def {
-    char name[16];              // of the profile: touch, falcon, omega, unknown, bench
-    double mass_kg;             // as felt at the tip
-    double damping_n_s_m;       // viscous friction of its mechanics
-    double friction_n;          // dry friction
-    double encoder_m;           // step of a position as read; 0: exact
-    double workspace_m[3];      // extent along its own axes
-    double force_limit_n;       // of |force|: the scene's clamp
-    double stiffness_limit_n_m; // what its makers or users call its stiffest clean wall, at 1 kHz
-    int force_axes, torque_axes; // actuated, 0 .. 3
-    double round_trip_s;        // from a pose going out to its force coming in, expected
-    kn_coupling hand;           // felt by the hand: see core/coupling.h
+    char name[16];                       // of the profile: touch, falcon, omega, unknown, bench
+    double mass_kg;                      // as felt at the tip
+    double damping_n_s_m;                // viscous friction of its mechanics
+    double friction_n;                   // dry friction
+    double encoder_m;                    // step of a position as read; 0: exact
+    double workspace_m[3];               // extent along its own axes
+    double force_limit_n;                // of |force|: the scene's clamp
+    double stiffness_limit_n_m;          // what its makers or users call its stiffest clean wall, at 1 kHz
+    int force_axes, torque_axes;         // actuated, 0 .. 3
+    double round_trip_s;                 // from a pose going out to its force coming in, expected
+    kn_coupling hand;                    // felt by the hand: see core/coupling.h
     double coupling_n_m, coupling_n_s_m; // of a proxy in the scene
-    double force_scale;         // of the hand's force to the object's
-    double basis[3];            // scene axis k is device axis |basis[k]|, 1 .. 3, backwards when negative
-    double position_m[3];       // of the device's origin
-    double rotation_wxyz[4];    // R
-    double scale;               // of lengths
+    double force_scale;                  // of the hand's force to the object's
+    double basis[3];                     // scene axis k is device axis |basis[k]|, 1 .. 3, backwards when negative
+    double position_m[3];                // of the device's origin
+    double rotation_wxyz[4];             // R
+    double scale;                        // of lengths
 } kn_device_def;
 
 // NULL, or what is wrong with the basis or the rotation, and what was expected.

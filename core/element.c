@@ -41,10 +41,7 @@ static int complain(parser *p, const char *at, const char *what, int length)
     return -1;
 }
 
-static void skip_spaces(parser *p)
-{
-    p->at += strspn(p->at, " \t");
-}
+static void skip_spaces(parser *p) { p->at += strspn(p->at, " \t"); }
 
 // Bytes of a name at the cursor. A hyphen belongs to it only where a known name has one, as in kelvin-voigt.
 static size_t name_size(const char *at, const char *letters)
@@ -106,8 +103,7 @@ static void add_child(kn_element *e, int group, int child)
 {
     kn_element_node *g = &e->node[group];
     const kn_element_node *c = &e->node[child];
-    if (c->kind != g->kind)
-        g->child[g->count++] = (unsigned char)child;
+    if (c->kind != g->kind) g->child[g->count++] = (unsigned char)child;
     else
         for (int i = 0; i < c->count; i++) g->child[g->count++] = c->child[i];
 }
@@ -131,14 +127,8 @@ static int read_group(parser *p, kn_element_kind kind, char mark, int (*read)(pa
     return group < 0 ? first : group;
 }
 
-static int read_series(parser *p)
-{
-    return read_group(p, KN_ELEMENT_SERIES, '-', read_unit);
-}
-static int read_parallel(parser *p)
-{
-    return read_group(p, KN_ELEMENT_PARALLEL, '|', read_series);
-}
+static int read_series(parser *p) { return read_group(p, KN_ELEMENT_SERIES, '-', read_unit); }
+static int read_parallel(parser *p) { return read_group(p, KN_ELEMENT_PARALLEL, '|', read_series); }
 
 bool kn_element_parse(kn_element *e, const char *text, char *error, size_t error_size)
 {

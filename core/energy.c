@@ -90,7 +90,8 @@ typedef struct sum { // of a state, part by part
 static bool sum_some(const lattice *l, const kn_state *state, sum *s, int count)
 {
     const kn_model *m = l->model;
-    for (; count > 0 && s->edge < l->springs.count; count--) s->energy.elastic += in_edge(&l->springs, state, s->edge++);
+    for (; count > 0 && s->edge < l->springs.count; count--)
+        s->energy.elastic += in_edge(&l->springs, state, s->edge++);
     for (; count > 0 && s->node < m->node_count; count--)
         s->energy.kinetic += in_node(m, state, s->node++, &s->energy.height);
     for (; count > 0 && s->cell < l->cells; count--) {
@@ -118,7 +119,7 @@ bool kn_energy_of(const kn_model *model, const kn_state *state, kn_energy *energ
 
 // --- audit ----------------------------------------------------------------------------------------------------------
 
-typedef struct moment { // a copy's account
+typedef struct moment {      // a copy's account
     double work_j, either_j; // done, and either way, since the last reset
     double contact_j;        // the most that the layers may give back
     double stored_j;
@@ -227,10 +228,7 @@ static void judge(kn_audit *a)
 
 void kn_audit_restart(kn_audit *audit) { begin(audit); }
 
-void kn_audit_follow(kn_audit *next, const kn_audit *last)
-{
-    next->news = last->news;
-}
+void kn_audit_follow(kn_audit *next, const kn_audit *last) { next->news = last->news; }
 
 void kn_audit_tick(kn_audit *audit, const kn_state *state)
 {

@@ -24,13 +24,13 @@ typedef struct kn_energy { // J, of the undeformed object at rest all 0
 static inline double kn_energy_sum(const kn_energy *e) { return e->kinetic + e->elastic + e->gas + e->height; }
 
 typedef struct kn_audit_news {
-    kn_energy stored;  // in the last copy
-    double work_j;     // of all tools since the last reset, up to it
-    double lost_j;     // dissipated from the copy before it on; < 0: created
-    double balance_j;  // work less what has been stored since the first copy of this object: dissipated; < 0: created
-    int64_t windows;   // between two copies, judged since the audit was made
-    int64_t created;   // of these: more came out than the share that is not told
-    double most_j;     // created in one of them
+    kn_energy stored; // in the last copy
+    double work_j;    // of all tools since the last reset, up to it
+    double lost_j;    // dissipated from the copy before it on; < 0: created
+    double balance_j; // work less what has been stored since the first copy of this object: dissipated; < 0: created
+    int64_t windows;  // between two copies, judged since the audit was made
+    int64_t created;  // of these: more came out than the share that is not told
+    double most_j;    // created in one of them
 } kn_audit_news;
 
 typedef struct kn_audit kn_audit;

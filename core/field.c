@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define RIM 2          // cells around the surface
-#define SHARPEN 0.125  // of a cell, see field.h
+#define RIM 2         // cells around the surface
+#define SHARPEN 0.125 // of a cell, see field.h
 
 // --- distance to a triangle -----------------------------------------------------------------------------------------
 
@@ -131,8 +131,8 @@ static bool fill_distances(kn_field *f)
 {
     enum { LEVELS = 24 }; // halvings of the longest side, and some
     size_t count = (size_t)f->triangle_count;
-    filler fill = {.field = f, .ball = malloc(count * sizeof *fill.ball),
-                   .distance = malloc(count * sizeof *fill.distance)};
+    filler fill = {
+        .field = f, .ball = malloc(count * sizeof *fill.ball), .distance = malloc(count * sizeof *fill.distance)};
     int *room = malloc((LEVELS + 1) * count * sizeof *room);
     bool ok = fill.ball && fill.distance && room;
     for (int t = 0; ok && t < f->triangle_count; t++) {

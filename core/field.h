@@ -15,22 +15,22 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define KN_FIELD_POINTS_MAX (1 << 21)     // 8 MiB
-#define KN_FIELD_TRIANGLES_MAX (1 << 17)  // some seconds
+#define KN_FIELD_POINTS_MAX (1 << 21)    // 8 MiB
+#define KN_FIELD_TRIANGLES_MAX (1 << 17) // some seconds
 
 typedef struct kn_field {
     int n[3];
     double low_m[3], cell_m;
-    float *value;          // [n[2]][n[1]][n[0]] coefficients, m
-    double box_m[2][3];    // around the surface
-    double ball_m;         // radius of the ball around it in the middle of the box
-    double bound_m;        // no point of it is farther from the origin
-    double fine_m;         // radius of the largest ball inside of it, to a cell
+    float *value;                     // [n[2]][n[1]][n[0]] coefficients, m
+    double box_m[2][3];               // around the surface
+    double ball_m;                    // radius of the ball around it in the middle of the box
+    double bound_m;                   // no point of it is farther from the origin
+    double fine_m;                    // radius of the largest ball inside of it, to a cell
     int vertex_count, triangle_count; // for drawing
     double (*x_m)[3];
     int (*triangle)[3];
-    uint64_t hash;         // of the triangles
-    int holders;           // who keeps it, in one thread
+    uint64_t hash; // of the triangles
+    int holders;   // who keeps it, in one thread
 } kn_field;
 
 // Points of the grid around a surface of that extent.

@@ -23,15 +23,15 @@ typedef struct share { // of a node: weighted sums over its edges
 
 struct kn_gauge {
     kn_springs springs;
-    share *node;          // [node_count]
-    int *master;          // [node_count] the node in the same place that keeps its sums
+    share *node;            // [node_count]
+    int *master;            // [node_count] the node in the same place that keeps its sums
     double stiffness[6][6]; // R <n n n n>
 };
 
 static void square_of(const kn_gauge *g, const kn_spring *e, double out[6]) // n n at rest
 {
     static const int a[6] = {0, 1, 2, 1, 0, 0}, b[6] = {0, 1, 2, 2, 2, 1};
-    const double (*x)[3] = (const double(*)[3])g->springs.model->rest_m;
+    const double(*x)[3] = (const double(*)[3])g->springs.model->rest_m;
     double n[3];
     for (int k = 0; k < 3; k++) n[k] = (x[e->j][k] - x[e->i][k]) / e->rest_m;
     for (int k = 0; k < 6; k++) out[k] = n[a[k]] * n[b[k]];
@@ -157,8 +157,7 @@ void kn_gauge_read_all(kn_gauge *g, const kn_state *state, double *const value[K
         const share *s = &g->node[g->master[i]];
         if (value[KN_MEASURE_DISPLACEMENT]) value[KN_MEASURE_DISPLACEMENT][i] = displacement(m, state, i);
         if (value[KN_MEASURE_STRESS]) value[KN_MEASURE_STRESS][i] = stress(g, s);
-        if (value[KN_MEASURE_RESIDUAL])
-            value[KN_MEASURE_RESIDUAL][i] = s->weight > 0 ? sqrt(s->square / s->weight) : 0;
+        if (value[KN_MEASURE_RESIDUAL]) value[KN_MEASURE_RESIDUAL][i] = s->weight > 0 ? sqrt(s->square / s->weight) : 0;
     }
 }
 

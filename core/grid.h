@@ -44,21 +44,21 @@ typedef struct kn_grid {
     bool flat;        // one layer across y, in plane stress
     double depth_m;   // of a cell along y: thickness of a flat object, else h
     double diagonal;  // e: stiffness of a diagonal / that of a side, 0 .. 1
-    int axis[3];     // world axis (0 x, 1 y, 2 z) that a (along the row), b (rows), c (planes) run along
-    int len[3];      // n along a, b, c
-    int vectors;     // K, vectors per row
-    int rows;        // len[1] * len[2]
-    int nodes;       // n[0] * n[1] * n[2]
-    double kappa_m;  // k of an inner side / E of the material
-    double gamma;    // stress area of an edge / (kappa L0)
+    int axis[3];      // world axis (0 x, 1 y, 2 z) that a (along the row), b (rows), c (planes) run along
+    int len[3];       // n along a, b, c
+    int vectors;      // K, vectors per row
+    int rows;         // len[1] * len[2]
+    int nodes;        // n[0] * n[1] * n[2]
+    double kappa_m;   // k of an inner side / E of the material
+    double gamma;     // stress area of an edge / (kappa L0)
 } kn_grid;
 
 // One edge of the lattice as a plain list sees it (RK4, tests, drawing).
 typedef struct kn_edge {
-    int i, j;       // node ids; the edge runs from i to j
-    int slot;       // index of its strain in the field [row][13][K][16]
-    double weight;  // share of an inner side, of a diagonal times e: scales k1, c1, c2 and the stress area alike
-    double rest_m;  // L0
+    int i, j;      // node ids; the edge runs from i to j
+    int slot;      // index of its strain in the field [row][13][K][16]
+    double weight; // share of an inner side, of a diagonal times e: scales k1, c1, c2 and the stress area alike
+    double rest_m; // L0
 } kn_edge;
 
 // Steps of forward edge e along a, b, c.

@@ -101,9 +101,11 @@ static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact 
 
 static void punch_at(const punch *p, const double rest_m[3], float velocity_m_s[3])
 {
-    const float h = (float)p->h_m, a = (float)p->a_m, top = (float)p->top_m, d = fmaxf(0, (float)(p->top_m - rest_m[2]));
+    const float h = (float)p->h_m, a = (float)p->a_m, top = (float)p->top_m,
+                d = fmaxf(0, (float)(p->top_m - rest_m[2]));
     const float x = (float)(rest_m[0] - p->middle_m[0]), y = (float)(rest_m[1] - p->middle_m[1]);
-    const float beside_x = fmaxf(0, fabsf(x) - (float)p->half_m[0]), beside_y = fmaxf(0, fabsf(y) - (float)p->half_m[1]);
+    const float beside_x = fmaxf(0, fabsf(x) - (float)p->half_m[0]),
+                beside_y = fmaxf(0, fabsf(y) - (float)p->half_m[1]);
     const float beside2 = beside_x * beside_x + beside_y * beside_y, way = sqrtf(beside2 + d * d) + 1e-9f;
     const float off2 = x * x + y * y + d * d + h * h, off = sqrtf(off2);
     const float surface = a / (a + 1.2f * sqrtf(way * a) + 0.8f * way);

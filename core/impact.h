@@ -19,10 +19,10 @@
 #include "core/contact.h"
 
 #define KN_IMPACT_PASSES 6
-#define KN_IMPACT_POWER 3.0 // r.z of the step's start per node; a gentle press has below 1
-#define KN_IMPACT_RATE 16.0 // a held node's change of velocity; there below 6
+#define KN_IMPACT_POWER 3.0  // r.z of the step's start per node; a gentle press has below 1
+#define KN_IMPACT_RATE 16.0  // a held node's change of velocity; there below 6
 #define KN_IMPACT_PRESS 0.08 // what a sphere's pressure changes by; there below 0.04
-#define KN_IMPACT_WAY 0.03  // of a compressed edge's length that a held node goes; there below 0.01
+#define KN_IMPACT_WAY 0.03   // of a compressed edge's length that a held node goes; there below 0.01
 #define KN_IMPACT_RECENT 0.9 // of the limit: the largest of the last second fades to it in a tenth of one
 #define KN_IMPACT_AFTER 0.1
 

@@ -3,20 +3,20 @@
 
 // Constants of a model in its precision. The same for every instruction set.
 typedef struct tables {
-    law_tables law; // first: its tables are 64-byte aligned with the block
-    real direction[KN_FORWARD][3]; // rest vector of forward edge e, m
-    real inverse[KN_FORWARD];      // 1/(gamma L0): rate to strain rate, 1/m
-    real area[KN_FORWARD];         // gamma kappa L0: stress to force, m^2
-    real root;                     // sqrt(kappa A): sqrt(ds/db) to sqrt of force per rate
-    real mass_dt, weight;          // of a whole share: kg/s; downward force, N
+    law_tables law;                       // first: its tables are 64-byte aligned with the block
+    real direction[KN_FORWARD][3];        // rest vector of forward edge e, m
+    real inverse[KN_FORWARD];             // 1/(gamma L0): rate to strain rate, 1/m
+    real area[KN_FORWARD];                // gamma kappa L0: stress to force, m^2
+    real root;                            // sqrt(kappa A): sqrt(ds/db) to sqrt of force per rate
+    real mass_dt, weight;                 // of a whole share: kg/s; downward force, N
     int vectors, rows, row_count, planes; // K, rows per plane, rows in all, planes
-    real *lane_share;      // [K][16] share along the row, 0 in padding
-    real *lane_mass;       // the same, 1 in padding so that no block is singular
-    real *lane_near[3];    // [K][16] weight of an edge shifted by -1, 0, +1: 1 (0: its share) where it exists
+    real *lane_share;                     // [K][16] share along the row, 0 in padding
+    real *lane_mass;                      // the same, 1 in padding so that no block is singular
+    real *lane_near[3]; // [K][16] weight of an edge shifted by -1, 0, +1: 1 (0: its share) where it exists
     real *lane_near_root[3];
-    real *lane_here[3];    // 1 where it exists, else 0
+    real *lane_here[3];                                    // 1 where it exists, else 0
     real *row_share, *row_root, *plane_share, *plane_root; // shares and their square roots across the row
-    real diagonal, diagonal_root; // stiffness of a diagonal / that of a side, and its root
+    real diagonal, diagonal_root;                          // stiffness of a diagonal / that of a side, and its root
     // pressure: cells; 1/h; P0 dV/dx, dt dJ/dt and sqrt(dt P0/V0) dV/dx of a unit slope; components and rows of a cell
     int cell_count;
     real cell_inverse_h, cell_push, cell_rate, cell_root;
@@ -303,8 +303,7 @@ LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *w
             r[i] = lanes_fma(mass, lanes_sub(lanes_load(f->v + o), lanes_load(f->guess + o)), r[i]);
         }
     if (work->row_held[row]) {
-        for (int i = 0; work->whole && i < 6; i++)
-            lanes_store((real *)work->whole + at(f->K, row, 6, i, k), m[i]);
+        for (int i = 0; work->whole && i < 6; i++) lanes_store((real *)work->whole + at(f->K, row, 6, i, k), m[i]);
         static const int diagonal[3] = {0, 3, 5}, pair[3][3] = {{1, 0, 1}, {2, 0, 2}, {4, 1, 2}};
         lanes loose[3], one = lanes_set(1);
         for (int i = 0; i < 3; i++) loose[i] = lanes_load(f->free + at(f->K, row, 3, i, k));
@@ -395,7 +394,8 @@ static double edge(const kn_model *model, kn_state *state, kn_linearization how,
     switch (kind) {
     case KN_LAW_VOIGT: return edge_voigt(model, state, how, again, K);
     case KN_LAW_LINEAR: return edge_linear(model, state, how, again, K);
-    case KN_LAW_TABLE: return K == 1 && !again ? edge_table_1(model, state, how) : edge_table(model, state, how, again, K);
+    case KN_LAW_TABLE:
+        return K == 1 && !again ? edge_table_1(model, state, how) : edge_table(model, state, how, again, K);
     default: return edge_exact(model, state, how, again, K);
     }
 }
@@ -438,8 +438,7 @@ LANES_INLINE void product_edges(const tables *t, const fields *f, int row, int t
 {
     lanes g[3], gap[3];
     for (int c = 0; c < 3; c++) {
-        if (LEAN)
-            g[c] = lanes_add(lanes_set(t->direction[e][c]), lanes_sub(near(f->K, f->x, to, c, k, s), own->x[c]));
+        if (LEAN) g[c] = lanes_add(lanes_set(t->direction[e][c]), lanes_sub(near(f->K, f->x, to, c, k, s), own->x[c]));
         else g[c] = lanes_load(f->g + at(f->K, row, 3 * KN_FORWARD, 3 * e + c, k));
         gap[c] = lanes_sub(own->d[c], near(f->K, f->d, to, c, k, s));
     }

@@ -264,8 +264,7 @@ static void object_add(const kn_model *model, kn_state *state)
                 lanes_store(here, g[i]);
             }
             for (int i = 0; i < 3; i++)
-                for (int e = i; e < 3; e++)
-                    store_add(f.p + at(f.K, row, 6, pair_of[i][e], k), lanes_mul(g[i], g[e]));
+                for (int e = i; e < 3; e++) store_add(f.p + at(f.K, row, 6, pair_of[i][e], k), lanes_mul(g[i], g[e]));
         }
 }
 

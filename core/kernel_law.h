@@ -45,11 +45,11 @@ enum { DEGREE = KN_LAW_FINE, SLOPE_DEGREE = 3 };
 typedef struct law_tables {
     real middle[KN_LAW_SEGMENTS]; // what y is counted from, 0 in f32. First: 64-byte aligned with the block
     real stress[DEGREE + 1][KN_LAW_SEGMENTS], slope[3][SLOPE_DEGREE + 1][KN_LAW_SEGMENTS];
-    kn_law_kind kind; // KN_LAW_TABLE in f64: by the fine table
+    kn_law_kind kind;            // KN_LAW_TABLE in f64: by the fine table
     real a, k1, keep, gain;      // A; k1; u <- keep u + gain s
     real dt, half_dt, shortest2; // shortest2: squared length below which n is no longer scaled up, m^2
     real inverse_b0, b0, yh, rest, flow, root_rest, root_flow; // the law's ends: slopes and their square roots
-    real inwards, outwards, stop_per_strain, stroke_ends; // z_in, z_out; A/dt; where a stroke counts as used up
+    real inwards, outwards, stop_per_strain, stroke_ends;      // z_in, z_out; A/dt; where a stroke counts as used up
     real gamma;
     int shift;
 } law_tables;

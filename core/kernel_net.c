@@ -4,24 +4,24 @@
 #include "core/kernel_law.h"
 
 typedef struct tables {
-    law_tables law;  // first: its tables are 64-byte aligned with the block
+    law_tables law; // first: its tables are 64-byte aligned with the block
     int nodes, edges, batches;
-    int (*ends)[2];  // [edges] lower node, upper node
-    int *first;      // [nodes + 1] first edge whose lower node is this one
-    real *rest;      // [batches][3][16] rest vector, m; a unit vector in the padding
-    real *scale;     // [batches][16] 1/(gamma L0), 1/m
-    real *area;      // gamma kappa weight L0: stress to force, m^2; 0 in the padding
-    real *root;      // sqrt(kappa weight A)
-    real *here;      // 1, in the padding 0
-    real *mass_dt;   // [nodes] m/dt, kg/s
-    real *weight;    // [nodes] downward force, N
+    int (*ends)[2]; // [edges] lower node, upper node
+    int *first;     // [nodes + 1] first edge whose lower node is this one
+    real *rest;     // [batches][3][16] rest vector, m; a unit vector in the padding
+    real *scale;    // [batches][16] 1/(gamma L0), 1/m
+    real *area;     // gamma kappa weight L0: stress to force, m^2; 0 in the padding
+    real *root;     // sqrt(kappa weight A)
+    real *here;     // 1, in the padding 0
+    real *mass_dt;  // [nodes] m/dt, kg/s
+    real *weight;   // [nodes] downward force, N
     // pressure, else no cells: corners of a cell, sides from its first corner at rest, 1/V0; P0; 1/6 or half the thickness
     int cells, sides;
     bool flat;
     int (*corner)[4];
     real *side, *inverse_volume;
     real outside, sixth;
-    double volume;   // of the whole object
+    double volume; // of the whole object
 } tables;
 
 static size_t padded(size_t bytes) { return (bytes + 63) / 64 * 64; }
@@ -29,10 +29,10 @@ static size_t padded(size_t bytes) { return (bytes + 63) / 64 * 64; }
 static size_t tables_size(const kn_model *m)
 {
     size_t nodes = (size_t)m->node_count;
-    return padded(sizeof(tables)) + padded((nodes + 1) * sizeof(int)) +
-           padded(m->edge_reals * 2 * sizeof(int)) + 7 * padded(m->edge_reals * sizeof(real)) +
-           2 * padded(nodes * sizeof(real)) + padded((size_t)m->cell_count * 4 * sizeof(int)) +
-           padded((size_t)m->cell_count * 9 * sizeof(real)) + padded((size_t)m->cell_count * sizeof(real));
+    return padded(sizeof(tables)) + padded((nodes + 1) * sizeof(int)) + padded(m->edge_reals * 2 * sizeof(int)) +
+           7 * padded(m->edge_reals * sizeof(real)) + 2 * padded(nodes * sizeof(real)) +
+           padded((size_t)m->cell_count * 4 * sizeof(int)) + padded((size_t)m->cell_count * 9 * sizeof(real)) +
+           padded((size_t)m->cell_count * sizeof(real));
 }
 
 static void *take(char **next, size_t bytes)
@@ -73,8 +73,7 @@ static void fill_cells(const kn_model *m, tables *t, char **next)
         for (int i = 0; i < 4; i++) t->corner[c][i] = m->cells[c].corner[i];
         for (int i = 0; i < t->sides; i++)
             for (int k = 0; k < 3; k++)
-                t->side[9 * c + 3 * i + k] =
-                    (real)(m->rest_m[t->corner[c][i + 1]][k] - m->rest_m[t->corner[c][0]][k]);
+                t->side[9 * c + 3 * i + k] = (real)(m->rest_m[t->corner[c][i + 1]][k] - m->rest_m[t->corner[c][0]][k]);
         t->inverse_volume[c] = (real)(1 / m->cell_volume[c]);
         t->volume += m->cell_volume[c];
     }

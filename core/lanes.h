@@ -126,7 +126,7 @@ typedef struct lanes {
 #define STORE(i) N(store)(p + W * i, a.p##i);
 LANES_INLINE lanes lanes_set(real a) { return (lanes){EACH(SET)}; }
 LANES_INLINE lanes lanes_load(const real *p) { return (lanes){EACH(LOAD)}; }
-LANES_INLINE void lanes_store(real *p, lanes a) { EACH(STORE) }
+LANES_INLINE void lanes_store(real *p, lanes a){EACH(STORE)}
 
 #define ADD(i) N(add)(a.p##i, b.p##i),
 #define SUB(i) N(sub)(a.p##i, b.p##i),
@@ -138,15 +138,18 @@ LANES_INLINE void lanes_store(real *p, lanes a) { EACH(STORE) }
 #define FNMA(i) N(fnmadd)(a.p##i, b.p##i, c.p##i),
 #define SQRT(i) N(sqrt)(a.p##i),
 #define LESS(i) N_LESS(a.p##i, b.p##i, x.p##i, y.p##i),
-LANES_INLINE lanes lanes_add(lanes a, lanes b) { return (lanes){EACH(ADD)}; }
+LANES_INLINE lanes lanes_add(lanes a, lanes b)
+{
+    return (lanes){EACH(ADD)};
+}
 LANES_INLINE lanes lanes_sub(lanes a, lanes b) { return (lanes){EACH(SUB)}; }
 LANES_INLINE lanes lanes_mul(lanes a, lanes b) { return (lanes){EACH(MUL)}; }
 LANES_INLINE lanes lanes_div(lanes a, lanes b) { return (lanes){EACH(DIV)}; }
 LANES_INLINE lanes lanes_min(lanes a, lanes b) { return (lanes){EACH(MIN)}; }
 LANES_INLINE lanes lanes_max(lanes a, lanes b) { return (lanes){EACH(MAX)}; }
 LANES_INLINE lanes lanes_sqrt(lanes a) { return (lanes){EACH(SQRT)}; }
-LANES_INLINE lanes lanes_fma(lanes a, lanes b, lanes c) { return (lanes){EACH(FMA)}; }   // a b + c
-LANES_INLINE lanes lanes_fnma(lanes a, lanes b, lanes c) { return (lanes){EACH(FNMA)}; } // c - a b
+LANES_INLINE lanes lanes_fma(lanes a, lanes b, lanes c) { return (lanes){EACH(FMA)}; }            // a b + c
+LANES_INLINE lanes lanes_fnma(lanes a, lanes b, lanes c) { return (lanes){EACH(FNMA)}; }          // c - a b
 LANES_INLINE lanes lanes_less(lanes a, lanes b, lanes x, lanes y) { return (lanes){EACH(LESS)}; } // a < b ? x : y
 
 // Lane l takes lane l+1 (next) or l-1 (prev); the row's end wraps, where the edge that uses it has weight 0.
@@ -157,14 +160,8 @@ LANES_INLINE lanes lanes_next(lanes a) { return (lanes){ROTATE(a, 1)}; }
 LANES_INLINE lanes lanes_prev(lanes a) { return (lanes){ROTATE(a, 15)}; }
 #elif KN_KERNEL_AVX512
 #define ROTATE(hi, lo, n) _mm512_castsi512_pd(_mm512_alignr_epi64(_mm512_castpd_si512(hi), _mm512_castpd_si512(lo), n))
-LANES_INLINE lanes lanes_next(lanes a)
-{
-    return (lanes){ROTATE(a.p1, a.p0, 1), ROTATE(a.p0, a.p1, 1)};
-}
-LANES_INLINE lanes lanes_prev(lanes a)
-{
-    return (lanes){ROTATE(a.p0, a.p1, 7), ROTATE(a.p1, a.p0, 7)};
-}
+LANES_INLINE lanes lanes_next(lanes a) { return (lanes){ROTATE(a.p1, a.p0, 1), ROTATE(a.p0, a.p1, 1)}; }
+LANES_INLINE lanes lanes_prev(lanes a) { return (lanes){ROTATE(a.p0, a.p1, 7), ROTATE(a.p1, a.p0, 7)}; }
 #elif KN_KERNEL_AVX2 && KN_KERNEL_F32
 LANES_INLINE lanes lanes_next(lanes a)
 {
@@ -231,18 +228,15 @@ LANES_INLINE double lanes_sum(lanes a)
 #endif
 #if KN_KERNEL_AVX512 && KN_KERNEL_F32
 typedef __m512i index_native;
-#define SEGMENT(i)                                                                                                     \
-    _mm512_srl_epi32(_mm512_sub_epi32(_mm512_castps_si512(y.p##i), _mm512_set1_epi32(TABLE_ONE)), by),
+#define SEGMENT(i) _mm512_srl_epi32(_mm512_sub_epi32(_mm512_castps_si512(y.p##i), _mm512_set1_epi32(TABLE_ONE)), by),
 #define LOOK(i) _mm512_permutexvar_ps(s.p##i, _mm512_load_ps(table)),
 #elif KN_KERNEL_AVX512
 typedef __m512i index_native;
-#define SEGMENT(i)                                                                                                     \
-    _mm512_srl_epi64(_mm512_sub_epi64(_mm512_castpd_si512(y.p##i), _mm512_set1_epi64(TABLE_ONE)), by),
+#define SEGMENT(i) _mm512_srl_epi64(_mm512_sub_epi64(_mm512_castpd_si512(y.p##i), _mm512_set1_epi64(TABLE_ONE)), by),
 #define LOOK(i) _mm512_permutex2var_pd(_mm512_load_pd(table), s.p##i, _mm512_load_pd(table + 8)),
 #elif KN_KERNEL_AVX2 && KN_KERNEL_F32
 typedef __m256i index_native;
-#define SEGMENT(i)                                                                                                     \
-    _mm256_srl_epi32(_mm256_sub_epi32(_mm256_castps_si256(y.p##i), _mm256_set1_epi32(TABLE_ONE)), by),
+#define SEGMENT(i) _mm256_srl_epi32(_mm256_sub_epi32(_mm256_castps_si256(y.p##i), _mm256_set1_epi32(TABLE_ONE)), by),
 // bit 3 of the index, moved to the sign, chooses the half
 #define LOOK(i)                                                                                                        \
     _mm256_blendv_ps(_mm256_permutevar8x32_ps(_mm256_load_ps(table), s.p##i),                                          \
@@ -250,8 +244,7 @@ typedef __m256i index_native;
                      _mm256_castsi256_ps(_mm256_slli_epi32(s.p##i, 28))),
 #elif KN_KERNEL_AVX2
 typedef __m256i index_native;
-#define SEGMENT(i)                                                                                                     \
-    _mm256_srl_epi64(_mm256_sub_epi64(_mm256_castpd_si256(y.p##i), _mm256_set1_epi64x(TABLE_ONE)), by),
+#define SEGMENT(i) _mm256_srl_epi64(_mm256_sub_epi64(_mm256_castpd_si256(y.p##i), _mm256_set1_epi64x(TABLE_ONE)), by),
 #define LOOK(i) _mm256_i64gather_pd(table, s.p##i, 8),
 #endif
 #if KN_KERNEL_AVX512 || KN_KERNEL_AVX2

@@ -70,10 +70,7 @@ static double fine_stress(const kn_law *law, double b)
     return law->b0_pa * fmax(law->slope_flow * y, fmin(law->slope_rest * y, p));
 }
 
-bool kn_law_in_lanes(const kn_law *law)
-{
-    return law->kind == KN_LAW_EXACT && law->seeded && law->fine_error <= 1e-10;
-}
+bool kn_law_in_lanes(const kn_law *law) { return law->kind == KN_LAW_EXACT && law->seeded && law->fine_error <= 1e-10; }
 
 double kn_law_slope(const kn_law *law, double stress_pa, kn_linearization how)
 {
@@ -118,10 +115,20 @@ static void lobatto(int degree, double y0, double y1, double *at)
 {
     static const double quadratic[3] = {-1, 0, 1}, cubic[4] = {-1, -0.5, 0.5, 1};
     // cos(pi i/13), written out: a compiler's cosine may not be the library's
-    static const double fine[KN_LAW_FINE + 1] = {
-        -1, -0.97094181742605202716, -0.88545602565320989590, -0.74851074817110109863, -0.56806474673115580251,
-        -0.35460488704253562597, -0.12053668025532305335, 0.12053668025532305335, 0.35460488704253562597,
-        0.56806474673115580251, 0.74851074817110109863, 0.88545602565320989590, 0.97094181742605202716, 1};
+    static const double fine[KN_LAW_FINE + 1] = {-1,
+                                                 -0.97094181742605202716,
+                                                 -0.88545602565320989590,
+                                                 -0.74851074817110109863,
+                                                 -0.56806474673115580251,
+                                                 -0.35460488704253562597,
+                                                 -0.12053668025532305335,
+                                                 0.12053668025532305335,
+                                                 0.35460488704253562597,
+                                                 0.56806474673115580251,
+                                                 0.74851074817110109863,
+                                                 0.88545602565320989590,
+                                                 0.97094181742605202716,
+                                                 1};
     const double *node = degree == 2 ? quadratic : degree == 3 ? cubic : fine;
     for (int i = 0; i <= degree; i++) at[i] = 0.5 * (y0 + y1) + 0.5 * (y1 - y0) * node[i];
 }
@@ -154,8 +161,7 @@ static void fit_fine(kn_law *law, int segment, double y0, double y1)
     double middle = law->middle[segment] = 0.5 * (y0 + y1);
     double at[KN_LAW_FINE + 1], value[KN_LAW_FINE + 1], monomial[KN_LAW_FINE + 1];
     lobatto(KN_LAW_FINE, y0 - middle, y1 - middle, at);
-    for (int i = 0; i <= KN_LAW_FINE; i++)
-        value[i] = kn_law_stress(law, (middle + at[i]) * law->b0_pa) / law->b0_pa;
+    for (int i = 0; i <= KN_LAW_FINE; i++) value[i] = kn_law_stress(law, (middle + at[i]) * law->b0_pa) / law->b0_pa;
     fit(KN_LAW_FINE, value, at, monomial);
     for (int k = 0; k <= KN_LAW_FINE; k++) law->fine[k][segment] = monomial[k];
     lobatto(3, y0 - middle, y1 - middle, at);

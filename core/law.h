@@ -48,20 +48,20 @@ typedef struct kn_law {
     kn_material mat;
     kn_law_kind kind;
     double dt_s;
-    double a_pa_s; // A
-    bool stroke;   // the damper has stops and can move between them
+    double a_pa_s;  // A
+    bool stroke;    // the damper has stops and can move between them
     double in, out; // gamma z_in, gamma z_out: residual strains, as kn_material_stroke has them
     // The two straight ends, where tangent and secant agree; one and the same for a linear law.
-    double slope_rest;    // ds/db for |b| <= b0
-    double slope_flow;    // ds/db for |b| >= bh
-    double s0_pa, b0_pa;  // end of the resting branch (p0 of the material; a small stress when p0 = 0)
-    double s1_pa, bh_pa;  // begin of the flowing branch (p1)
+    double slope_rest;   // ds/db for |b| <= b0
+    double slope_flow;   // ds/db for |b| >= bh
+    double s0_pa, b0_pa; // end of the resting branch (p0 of the material; a small stress when p0 = 0)
+    double s1_pa, bh_pa; // begin of the flowing branch (p1)
     // Table, in y = |b|/b0; the segment of y in [1, yh] is (bits(y) - bits(1)) >> shift of an IEEE f32.
     int shift;
     float cubic[4][KN_LAW_SEGMENTS];    // s/b0 = c0 + y (c1 + y (c2 + y c3))
     float slope[3][3][KN_LAW_SEGMENTS]; // [kn_linearization]: sqrt(ds/db) = c0 + y (c1 + y c2)
-    bool seeded;        // the table is good to 1e-3: the kernels may use it, and Newton starts from it
-    double table_error; // largest |table - exact|/exact of s over [b0, bh], measured when built
+    bool seeded;                        // the table is good to 1e-3: the kernels may use it, and Newton starts from it
+    double table_error;                 // largest |table - exact|/exact of s over [b0, bh], measured when built
     // For KN_LAW_EXACT in f64: in x = y - middle of the segment, so that a high degree loses no digits.
     double middle[KN_LAW_SEGMENTS], fine[KN_LAW_FINE + 1][KN_LAW_SEGMENTS];
     double fine_slope[3][4][KN_LAW_SEGMENTS]; // [kn_linearization]

@@ -25,8 +25,7 @@ double kn_material_c2(const kn_material *mat, double stress_pa)
     if (rigid(mat)) return INFINITY;
     if (mat->damper == KN_DAMPER_CONSTANT) return mat->c2_pa_s;
     double s = fmin(fmax(fabs(stress_pa), mat->p0_pa), mat->p1_pa);
-    if (mat->damper == KN_DAMPER_RAMP)
-        return mat->c_max_pa_s + (mat->c_min_pa_s - mat->c_max_pa_s) * along(mat, s);
+    if (mat->damper == KN_DAMPER_RAMP) return mat->c_max_pa_s + (mat->c_min_pa_s - mat->c_max_pa_s) * along(mat, s);
     return mat->alpha_pa_s * exp(-mat->beta_per_pa * s);
 }
 

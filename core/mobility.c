@@ -5,14 +5,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SLOWER 30      // S
-#define COLD 60        // iterations of a probe's first round
-#define WARM 12        // and of every other
-#define ENOUGH 1e-4    // residual, relative to the pattern: of Y its square
+#define SLOWER 30   // S
+#define COLD 60     // iterations of a probe's first round
+#define WARM 12     // and of every other
+#define ENOUGH 1e-4 // residual, relative to the pattern: of Y its square
 
 struct kn_mobility {
     const kn_model *model;
-    kn_state *rest;    // its scratch holds matrix and vectors, its `change` the pattern
+    kn_state *rest;             // its scratch holds matrix and vectors, its `change` the pattern
     void *field[KN_PROBES_MAX]; // answer of the last round
     bool warm[KN_PROBES_MAX];
     int probe, left;

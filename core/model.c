@@ -150,9 +150,12 @@ static void build_faces(kn_model *m)
     const int *n = m->grid.n, x = 1, y = n[0], z = n[0] * n[1];
     const double h = m->grid.spacing_m;
     const kn_face face[6] = {
-        {(n[2] - 1) * z, {x, y}, {n[0], n[1]}, h}, {(n[0] - 1) * x, {y, z}, {n[1], n[2]}, h},
-        {0, {z, y}, {n[2], n[1]}, h},              {(n[1] - 1) * y, {z, x}, {n[2], n[0]}, h},
-        {0, {x, z}, {n[0], n[2]}, h},              {0, {y, x}, {n[1], n[0]}, h},
+        {(n[2] - 1) * z, {x, y}, {n[0], n[1]}, h},
+        {(n[0] - 1) * x, {y, z}, {n[1], n[2]}, h},
+        {0, {z, y}, {n[2], n[1]}, h},
+        {(n[1] - 1) * y, {z, x}, {n[2], n[0]}, h},
+        {0, {x, z}, {n[0], n[2]}, h},
+        {0, {y, x}, {n[1], n[0]}, h},
     };
     memcpy(m->face, face, sizeof face);
     m->face_count = m->def.support >= KN_SUPPORT_NONE ? 6 : 5;
@@ -219,7 +222,7 @@ static bool build_block(kn_model *m)
         kn_grid_rest(g, i, m->rest_m[i]);
         m->node_mass_kg[i] = whole * kn_grid_share(g, i);
         if (i < g->n[0] * g->n[1]) m->support[i] = kn_support_mask(m->def.support); // ids count z slowest
-        if (g->flat) m->support[i] |= 2; // nothing leaves the plane
+        if (g->flat) m->support[i] |= 2;                                            // nothing leaves the plane
     }
     build_top(m);
     return true;
@@ -275,10 +278,7 @@ static bool build_edges(kn_model *m)
     return m->edges != NULL;
 }
 
-static bool build_gas(kn_model *m)
-{
-    return m->def.mesh || m->def.pressure == KN_PRESSURE_NONE || build_cells(m);
-}
+static bool build_gas(kn_model *m) { return m->def.mesh || m->def.pressure == KN_PRESSURE_NONE || build_cells(m); }
 
 static bool build_rk4(kn_model *m)
 {
@@ -329,8 +329,7 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
     char text[160];
     if (!wrong && def->solver.kind == KN_SOLVER_FIXED)
         wrong = build_edges(m) && build_gas(m) ? kn_fixed_build(m, text, sizeof text) : KN_NO_MEMORY;
-    else if (!wrong && (rk4 ? !build_rk4(m) : !build_tables(m)))
-        wrong = KN_NO_MEMORY;
+    else if (!wrong && (rk4 ? !build_rk4(m) : !build_tables(m))) wrong = KN_NO_MEMORY;
     if (wrong) return fail(error, size, wrong);
     if (!check_flattest(m, error, size)) return false;
     if (rk4 && def->solver.dt_s > m->rk4_limit_s) {

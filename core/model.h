@@ -26,8 +26,8 @@ typedef enum kn_support {
 } kn_support;
 
 typedef enum kn_skin_form { // of a block between its nodes, as every tool but a plate meets it: see contact.h
-    KN_SKIN_SPLINE,  // quadratic
-    KN_SKIN_BILINEAR // as good where tools are wide: radius of two spacings and more
+    KN_SKIN_SPLINE,         // quadratic
+    KN_SKIN_BILINEAR        // as good where tools are wide: radius of two spacings and more
 } kn_skin_form;
 
 typedef enum kn_probe_shape {
@@ -44,18 +44,19 @@ typedef enum kn_probe_shape {
 typedef struct kn_probe_def {
     char name[KN_NAME_MAX]; // channel suffix: KNEAD_POSE_<name>; [a-z0-9_]+
     kn_probe_shape shape;
-    double size_m[3];       // PLATE: extent along x and y; BOX: x, y, z; CROSS: arm length, arm width, height
-    double radius_m;        // SPHERE, CAPSULE, CYLINDER: >= spacing (refused below), >= 1.5 spacing advised
-    double length_m;        // CAPSULE, CYLINDER: along its axis, z
-    double edge_m;          // BOX, CROSS, CYLINDER: radius of its edges; 0: sharp
+    double size_m[3];             // PLATE: extent along x and y; BOX: x, y, z; CROSS: arm length, arm width, height
+    double radius_m;              // SPHERE, CAPSULE, CYLINDER: >= spacing (refused below), >= 1.5 spacing advised
+    double length_m;              // CAPSULE, CYLINDER: along its axis, z
+    double edge_m;                // BOX, CROSS, CYLINDER: radius of its edges; 0: sharp
     const struct kn_shape *parts; // UNION, MESH: what it is made of, in its frame, not owned: outlives the model
-    double foundation_n_m3; // contact stiffness per area; 0 = default (2.5e7, see contact.h)
-    double friction;        // of the contact, Coulomb's mu when it slips; 0: frictionless
-    double adhesion_pa;     // tension that the contact carries before it lets go; 0: none
-    double grip_n;          // force up to which `grip` ties the contact to the tool; 0: no grip
-    double coupling_n_m;    // virtual coupling between pose and tool; 0: the tool follows its pose rigidly (contact.h)
-    double coupling_n_s_m;  // its damping
-    double reach_m[2][2];   // of x, of y: between which its centre stays; all 0: anywhere. A scene's: the model asks `fine`
+    double foundation_n_m3;       // contact stiffness per area; 0 = default (2.5e7, see contact.h)
+    double friction;              // of the contact, Coulomb's mu when it slips; 0: frictionless
+    double adhesion_pa;           // tension that the contact carries before it lets go; 0: none
+    double grip_n;                // force up to which `grip` ties the contact to the tool; 0: no grip
+    double coupling_n_m;   // virtual coupling between pose and tool; 0: the tool follows its pose rigidly (contact.h)
+    double coupling_n_s_m; // its damping
+    double reach_m[2]
+                  [2]; // of x, of y: between which its centre stays; all 0: anywhere. A scene's: the model asks `fine`
 } kn_probe_def;
 
 typedef enum kn_solver { KN_SOLVER_IMPLICIT, KN_SOLVER_RK4, KN_SOLVER_FIXED } kn_solver;
@@ -87,22 +88,22 @@ typedef struct kn_effort {
 
 typedef struct kn_model_def {
     kn_material material;
-    double density_kg_m3; // > 0
-    double gravity_m_s2;  // downwards, >= 0
+    double density_kg_m3;     // > 0
+    double gravity_m_s2;      // downwards, >= 0
     const kn_simplices *mesh; // checked, in the scene's frame, not owned: outlives the model. NULL: a block
-    int nodes[3];         // of a block, along x, y, z
-    double spacing_m;     // of a mesh: its mean edge
-    double thickness_m;   // > 0: a flat object in the x-z plane, nodes[1] = 1, in plane stress; else 0
+    int nodes[3];             // of a block, along x, y, z
+    double spacing_m;         // of a mesh: its mean edge
+    double thickness_m;       // > 0: a flat object in the x-z plane, nodes[1] = 1, in plane stress; else 0
     kn_structure structure;
     double diagonal_stiffness; // of a diagonal / that of a side, in (0, 1]; ignored without diagonals
-    int fine[2][3];        // of a block: first and last corner of the box, in cells, that keeps its spacing; outside of it
-                           // cells are twice as wide (composite.h). All even; all 0: one lattice everywhere
+    int fine[2][3]; // of a block: first and last corner of the box, in cells, that keeps its spacing; outside of it
+                    // cells are twice as wide (composite.h). All even; all 0: one lattice everywhere
     kn_pressure pressure;
     double inside_pressure_pa; // absolute, at rest; > 0 with pressure
-    kn_skin_form skin; // of a block; a mesh's is its triangles
+    kn_skin_form skin;         // of a block; a mesh's is its triangles
     kn_support support;
     double support_friction; // FRICTION: Coulomb's mu on the table, >= 0
-    int probe_count; // 0 .. KN_PROBES_MAX
+    int probe_count;         // 0 .. KN_PROBES_MAX
     kn_probe_def probe[KN_PROBES_MAX];
     kn_solver_def solver;
 } kn_model_def;
@@ -127,7 +128,7 @@ struct kn_shape;
 
 typedef struct kn_model {
     kn_model_def def;
-    kn_grid grid; // of a composite: as if all of it were fine
+    kn_grid grid;                   // of a composite: as if all of it were fine
     struct kn_composite *composite; // else NULL
     kn_law law;
     // the lattice as solver, contact and drawing see it: a field of C components is [row][C][stride]
@@ -148,12 +149,12 @@ typedef struct kn_model {
     double creep_error;   // of a net: what the fit of gamma left, relative
     double gamma;         // stress area of an edge / (kappa weight L0)
     const struct kn_kernels *kernels;
-    kn_isa isa;          // what AUTO became
-    void *tables;        // constants of the kernels in the model's precision, one block
-    int skin_count;      // a net's outside, else 0
-    int (*skin)[3];      // [skin_count] triangles of nodes, counter-clockwise from outside
-    int face_count;      // faces that a probe can touch: top, four sides, base when the support is NONE
-    int outside_count;   // and those that it cannot, behind them
+    kn_isa isa;                 // what AUTO became
+    void *tables;               // constants of the kernels in the model's precision, one block
+    int skin_count;             // a net's outside, else 0
+    int (*skin)[3];             // [skin_count] triangles of nodes, counter-clockwise from outside
+    int face_count;             // faces that a probe can touch: top, four sides, base when the support is NONE
+    int outside_count;          // and those that it cannot, behind them
     kn_face face[KN_FACES_MAX]; // face[0] is the top, or a part of it
     struct kn_shape *shape;     // [probe_count] of every probe but plates
     int base_count;             // nodes of the outside that the table can push: see outside.h
@@ -161,12 +162,12 @@ typedef struct kn_model {
     double *base_area_m2;       // [base_count] the table's share of each
     kn_edge *edges;             // of a net, under RK4 and FIXED, else NULL
     int edge_count;
-    kn_cell *cells;       // with pressure, of a net or under RK4, else NULL
-    double *cell_volume;  // [cell_count] at rest, m^3
+    kn_cell *cells;      // with pressure, of a net or under RK4, else NULL
+    double *cell_volume; // [cell_count] at rest, m^3
     int cell_count;
     struct kn_fixed_model *fixed; // FIXED only, else NULL: solver_fixed.h
-    double rk4_limit_s;  // RK4 only: largest stable step at rest, 2.785 / lambda_max(C/M) by power iteration
-    size_t state_bytes;  // of one kn_state with its arrays
+    double rk4_limit_s;           // RK4 only: largest stable step at rest, 2.785 / lambda_max(C/M) by power iteration
+    size_t state_bytes;           // of one kn_state with its arrays
 } kn_model;
 
 // Defaults: dough of the first paper, 5 x 5 x 3 cm, h = 1 cm, bonded, no probe; implicit F32 blend, 1 ms, 4..24

@@ -304,8 +304,8 @@ static kn_simplices *middle_of(const kn_simplices *s)
 static kn_specimen specimen_of(const kn_model *m, const double (*area_m2)[3], double volume)
 {
     const kn_simplices *s = m->def.mesh;
-    return (kn_specimen){s->node_count, m->edge_count, s->dimension == 2, (const double(*)[3])s->x_m, area_m2,
-                         m->edges, m->kappa_m, volume};
+    return (kn_specimen){s->node_count, m->edge_count, s->dimension == 2, (const double(*)[3])s->x_m,
+                         area_m2,       m->edges,      m->kappa_m,        volume};
 }
 
 // E of the body is that of the material by one factor; gamma by creep, of a large body's middle.

@@ -100,12 +100,9 @@ static line compose(stage *g, int node)
             sum.offset += child.offset / child.slope;
         }
     }
-    if (n->kind < KN_ELEMENT_SERIES)
-        sum = leaf_line(g, n);
-    else if (held)
-        sum = rigid;
-    else if (n->kind == KN_ELEMENT_PARALLEL)
-        sum = (line){1 / sum.slope, sum.offset / sum.slope};
+    if (n->kind < KN_ELEMENT_SERIES) sum = leaf_line(g, n);
+    else if (held) sum = rigid;
+    else if (n->kind == KN_ELEMENT_PARALLEL) sum = (line){1 / sum.slope, sum.offset / sum.slope};
     return g->at[node] = sum;
 }
 

@@ -19,10 +19,7 @@ typedef struct ratio {
     poly n, d;
 } ratio;
 
-static uint64_t times(uint64_t a, uint64_t b)
-{
-    return a * b % PRIME;
-}
+static uint64_t times(uint64_t a, uint64_t b) { return a * b % PRIME; }
 
 // f += a b
 static void accumulate(poly *f, const poly *a, const poly *b)
@@ -56,10 +53,8 @@ static void connect(ratio *z, const ratio *with, kn_element_kind kind)
     poly *cross = kind == KN_ELEMENT_SERIES ? &sum.d : &sum.n;
     accumulate(cross, &z->n, &with->d);
     accumulate(cross, &with->n, &z->d);
-    if (kind == KN_ELEMENT_SERIES)
-        accumulate(&sum.n, &z->n, &with->n);
-    else
-        accumulate(&sum.d, &z->d, &with->d);
+    if (kind == KN_ELEMENT_SERIES) accumulate(&sum.n, &z->n, &with->n);
+    else accumulate(&sum.d, &z->d, &with->d);
     cancel(&sum);
     *z = sum;
 }

@@ -32,7 +32,7 @@ typedef struct kn_oneport {
     int retardation;        // times of creep: zeros of Z but the one at 0
     int degree_n, degree_d; // of numerator and denominator without common factor
     int parameters;         // how many numbers of the element can be found from its ends: rank of the Jacobian of Z's
-                    // coefficients by the parameters, at fixed arbitrary ones, in integers modulo a prime: no rounding
+        // coefficients by the parameters, at fixed arbitrary ones, in integers modulo a prime: no rounding
 } kn_oneport;
 
 // Of the element as it stands; parameters that cannot be told apart (s-s) count once.

@@ -24,28 +24,28 @@
 #include <stdint.h>
 
 typedef struct kn_passivity_def { // 0 in a field = its default
-    double mass_kg;           // of the device, > 0
-    double period_s;          // T, default 1 ms
-    double round_trip_s;      // t_d, >= 0
-    double velocity_hz;       // cut-off of the velocity that is given, default 100 Hz
-    double coupling_n_m;      // k_vc at the hand, > 0
-    double force_limit_n;     // of the device, > 0
+    double mass_kg;               // of the device, > 0
+    double period_s;              // T, default 1 ms
+    double round_trip_s;          // t_d, >= 0
+    double velocity_hz;           // cut-off of the velocity that is given, default 100 Hz
+    double coupling_n_m;          // k_vc at the hand, > 0
+    double force_limit_n;         // of the device, > 0
     double encoder_m;         // q, default 0: positions are exact. Without it light touches chatter, being damped for
                               // energy that there never was
     double reserve_j;         // default 1 mJ
     double damping_max_n_s_m; // default as above
 } kn_passivity_def;
 
-typedef struct kn_passivity { // read only for the caller
-    kn_passivity_def def;     // defaults filled in
-    double credit_j;          // that may be given to the hand; below 0 a debt
-    double given_j;           // net, since init; what the hand put in counts below 0
-    double forgiven_j;        // of debts, in air
-    int64_t acted;            // periods with damping
-    double damping_n_s_m;     // in this period
+typedef struct kn_passivity {         // read only for the caller
+    kn_passivity_def def;             // defaults filled in
+    double credit_j;                  // that may be given to the hand; below 0 a debt
+    double given_j;                   // net, since init; what the hand put in counts below 0
+    double forgiven_j;                // of debts, in air
+    int64_t acted;                    // periods with damping
+    double damping_n_s_m;             // in this period
     double position_m[3], force_n[3]; // at the last sample, and held since
-    double before_n[3];       // held before that
-    bool running;             // there was a sample
+    double before_n[3];               // held before that
+    bool running;                     // there was a sample
 } kn_passivity;
 
 void kn_passivity_init(kn_passivity *p, const kn_passivity_def *def);

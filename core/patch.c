@@ -5,17 +5,17 @@
 
 #define GROUPS_MAX 32 // looked at in a round; nodes beyond them join the last
 
-typedef struct group { // of nodes that hang together
+typedef struct group {                      // of nodes that hang together
     double force_n, from_n[KN_PATCHES_MAX]; // from_n: of it on nodes with these numbers
     int number;
 } group;
 
 struct kn_patches {
     const kn_model *model;
-    int *first, *near;  // neighbours of node i: near[first[i] .. first[i + 1] - 1]
-    double *force_n;    // of each node in this round; 0: not pressed
+    int *first, *near;   // neighbours of node i: near[first[i] .. first[i + 1] - 1]
+    double *force_n;     // of each node in this round; 0: not pressed
     int *pressed, *line; // nodes of this round; of them those to be visited
-    int8_t *member;     // group of a node
+    int8_t *member;      // group of a node
     int8_t *number[KN_PROBES_MAX];
     int *last[KN_PROBES_MAX], last_count[KN_PROBES_MAX]; // nodes that have a number
     int count, probe, groups;

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-static const int guard_window = 20;     // ticks in which three guard hits are a fault
+static const int guard_window = 20;      // ticks in which three guard hits are a fault
 static const double brake_release = 0.9; // braking ends below this share of brake_m_s, so that noise does not toggle it
 static const double ramp_up_ms = 200.0;  // of the device watchdog
 
@@ -120,15 +120,9 @@ void kn_safety_relimit(kn_safety *s, const kn_safety_limits *limits)
     s->relimiting = true;
 }
 
-static double ramp_down_ms(const kn_safety_limits *l)
-{
-    return (double)(l->zero_ms - l->hold_ms);
-}
+static double ramp_down_ms(const kn_safety_limits *l) { return (double)(l->zero_ms - l->hold_ms); }
 
-double kn_safety_slope(const kn_safety_limits *limits)
-{
-    return fmax(0.5, limits->clamp_n / ramp_down_ms(limits));
-}
+double kn_safety_slope(const kn_safety_limits *limits) { return fmax(0.5, limits->clamp_n / ramp_down_ms(limits)); }
 
 const char *kn_safety_raised(const kn_safety_limits *limits, const kn_safety_limits *than)
 {
@@ -147,10 +141,7 @@ const char *kn_safety_raised(const kn_safety_limits *limits, const kn_safety_lim
 }
 
 // Faults that lifting the tool clears.
-static bool lifting_clears(kn_fault fault)
-{
-    return fault == KN_FAULT_POSE_SILENCE || fault == KN_FAULT_OVERLOAD;
-}
+static bool lifting_clears(kn_fault fault) { return fault == KN_FAULT_POSE_SILENCE || fault == KN_FAULT_OVERLOAD; }
 
 static bool outranks(kn_fault fault, kn_fault stands)
 {
@@ -196,8 +187,7 @@ static int listen(kn_safety *s, bool fresh, bool leaving, int ms)
 
     if (silent >= l->zero_ms) { // the deadline wins over every ramp
         if (leaving) s->attached = false;
-        else if (s->attached)
-            kn_safety_trip(s, fresh ? KN_FAULT_OVERLOAD : KN_FAULT_POSE_SILENCE);
+        else if (s->attached) kn_safety_trip(s, fresh ? KN_FAULT_OVERLOAD : KN_FAULT_POSE_SILENCE);
         s->gain = 0.0;
         zero(s->brake_n);
         s->flowing_ms = 0;
@@ -320,8 +310,7 @@ static int render(kn_safety *s, const double force_n[3], const double torque_n_m
     if (s->rejoining) // together with the rising gain no faster than any other transition
         s->rejoining =
             !approach(s->force_n, force_n, kn_safety_slope(&s->limits) - s->limits.clamp_n / s->limits.ramp_up_ms);
-    else
-        flags = guard(s, force_n);
+    else flags = guard(s, force_n);
     if (flags == 0) memcpy(s->torque_n_m, torque_n_m, sizeof s->torque_n_m);
     s->gap_ms = 0;
     return flags;

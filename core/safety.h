@@ -22,22 +22,28 @@
 #include <stdint.h>
 
 typedef struct kn_safety_limits { // the scene's `device:` profile; 0 in a field = its default
-    double clamp_n;          // default 3.3 N (smallest common desktop devices): most of |force|
-    double torque_clamp_n_m; // default clamp_n * 0.05 m
-    double guard_n_per_ms;   // default 4 N/ms: impulse guard, above any first touch below 1 m/s
-    double brake_m_s;        // default 1.2 m/s: faster, the hand is only damped
-    double brake_n_s_per_m;  // default 1.5 N s/m: that damping
-    double force_scale;      // default 1: of what the hand is given to what the object feels, before guard and clamp
-    int hold_ms;             // default 3: the last force may stand this long without a pose
-    int zero_ms;             // default 20: force is zero this long after the last pose
-    int ramp_up_ms;          // default 200, never less
-    int flow_ms;             // default 200: poses must have flowed this long before an engagement
+    double clamp_n;               // default 3.3 N (smallest common desktop devices): most of |force|
+    double torque_clamp_n_m;      // default clamp_n * 0.05 m
+    double guard_n_per_ms;        // default 4 N/ms: impulse guard, above any first touch below 1 m/s
+    double brake_m_s;             // default 1.2 m/s: faster, the hand is only damped
+    double brake_n_s_per_m;       // default 1.5 N s/m: that damping
+    double force_scale; // default 1: of what the hand is given to what the object feels, before guard and clamp
+    int hold_ms;        // default 3: the last force may stand this long without a pose
+    int zero_ms;        // default 20: force is zero this long after the last pose
+    int ramp_up_ms;     // default 200, never less
+    int flow_ms;        // default 200: poses must have flowed this long before an engagement
 } kn_safety_limits;
 
 // Same numbers as contact_force_t's FLAG_* and FAULT_* (the server asserts it).
 enum {
-    KN_FLAG_ENGAGED = 1, KN_FLAG_RAMPING = 2, KN_FLAG_LATCHED = 4, KN_FLAG_REENGAGE_LIFT = 8, KN_FLAG_CLAMPED = 16,
-    KN_FLAG_GUARD = 32, KN_FLAG_BRAKE = 64, KN_FLAG_STALE = 128
+    KN_FLAG_ENGAGED = 1,
+    KN_FLAG_RAMPING = 2,
+    KN_FLAG_LATCHED = 4,
+    KN_FLAG_REENGAGE_LIFT = 8,
+    KN_FLAG_CLAMPED = 16,
+    KN_FLAG_GUARD = 32,
+    KN_FLAG_BRAKE = 64,
+    KN_FLAG_STALE = 128
 };
 typedef enum kn_fault { // a later one replaces an earlier one; OVERLOAD replaces none
     KN_FAULT_NONE,
@@ -73,45 +79,45 @@ void kn_guard_age(kn_guard *g, int ticks);             // of 1 ms, that have gon
 // asked_n, or what of it may be given. TRIPPED leaves it.
 kn_guard_result kn_guard_pass(kn_guard *g, const double asked_n[3], double allowed_n, double force_n[3]);
 
-typedef struct kn_safety { // one probe's; plain data, part of the servo's state
+typedef struct kn_safety {         // one probe's; plain data, part of the servo's state
     kn_safety_limits limits, next; // in force; to come into force when nothing is felt
     bool relimiting;               // they have not yet
-    double gain;            // 0..1
-    double gain_drop;       // how far it came down in this tick
-    double force_n[3];      // last scaled contact force past the guard, before clamp and gain; frozen if not rendering
+    double gain;                   // 0..1
+    double gain_drop;              // how far it came down in this tick
+    double force_n[3]; // last scaled contact force past the guard, before clamp and gain; frozen if not rendering
     double torque_n_m[3];
-    double brake_n[3];      // damping force that stands in for contact above brake_m_s
+    double brake_n[3]; // damping force that stands in for contact above brake_m_s
     kn_guard guard;
-    int silent_ms;          // since the last fresh pose
-    int flowing_ms;         // since the first pose after a silence of zero_ms; stops counting at flow_ms
-    int gap_ms;             // since force_n was last renewed
-    bool attached;          // the probe is in the model
-    bool latched;           // fault stands until its way back is taken; false while a silence is only fading
+    int silent_ms;  // since the last fresh pose
+    int flowing_ms; // since the first pose after a silence of zero_ms; stops counting at flow_ms
+    int gap_ms;     // since force_n was last renewed
+    bool attached;  // the probe is in the model
+    bool latched;   // fault stands until its way back is taken; false while a silence is only fading
     bool braking;
-    bool yielding;          // to a change of the physics or a clutch: the force fades to 0 and then comes back
-    bool rejoining;         // force_n was frozen longer than hold_ms and walks back to the contact's
-    bool nonfinite;         // that fault stands, or an emergency stop stands over it; until reset
-    kn_fault fault;         // why the force is latched or fading
+    bool yielding;                  // to a change of the physics or a clutch: the force fades to 0 and then comes back
+    bool rejoining;                 // force_n was frozen longer than hold_ms and walks back to the contact's
+    bool nonfinite;                 // that fault stands, or an emergency stop stands over it; until reset
+    kn_fault fault;                 // why the force is latched or fading
     int64_t clamps, guards, faults; // counters since init
     int64_t slewed;                 // ticks in which a ramp or a slope held the force back; in no snapshot, as the next
     int64_t brakes;                 // ticks of braking
-    int64_t tripped[KN_FAULTS]; // of the faults, by kn_fault
+    int64_t tripped[KN_FAULTS];     // of the faults, by kn_fault
 } kn_safety;
 
 typedef struct kn_safety_in {
-    bool live;    // a session owns the probe
-    bool opened;  // its first tick
-    bool fresh;   // a new pose arrived for this tick
-    bool clear;   // the pose is clear of the object; looked at only while the probe is not attached
-    bool leaving; // the last pose was the session's last: the force fades as in a silence, and no fault is latched
-    bool stop;    // the server is stopping: ramp down and latch
-    bool reset;   // the object is as new: the probe leaves the model at once, the force it gave fades
-    bool recover; // operator's: a latched fault but NONFINITE is forgotten, one under an ESTOP stands again; the probe
-                  // leaves the model
+    bool live;     // a session owns the probe
+    bool opened;   // its first tick
+    bool fresh;    // a new pose arrived for this tick
+    bool clear;    // the pose is clear of the object; looked at only while the probe is not attached
+    bool leaving;  // the last pose was the session's last: the force fades as in a silence, and no fault is latched
+    bool stop;     // the server is stopping: ramp down and latch
+    bool reset;    // the object is as new: the probe leaves the model at once, the force it gave fades
+    bool recover;  // operator's: a latched fault but NONFINITE is forgotten, one under an ESTOP stands again; the probe
+                   // leaves the model
     bool overload; // ticks go on taking longer than the time between them: fade and latch, whoever holds the probe
-    bool estop;   // operator's: fade and latch, whoever holds the probe
-    bool clutch;  // the hand lets go of the tool to move: what it feels fades and stays 0 meanwhile, the probe stays
-    bool change;  // the physics is another from this tick on: what the hand feels goes through 0, the probe stays
+    bool estop;    // operator's: fade and latch, whoever holds the probe
+    bool clutch;   // the hand lets go of the tool to move: what it feels fades and stays 0 meanwhile, the probe stays
+    bool change;   // the physics is another from this tick on: what the hand feels goes through 0, the probe stays
     int elapsed_ms;         // 1 + missed cycles: time since the last tick
     double velocity_m_s[3]; // of the tool
 } kn_safety_in;

@@ -43,7 +43,7 @@ typedef struct search { // of one tool
     const kn_probe_def *def;
     const kn_shape *shape;
     const kn_tool_step *tool;
-    const double *at_m; // of the tool
+    const double *at_m;      // of the tool
     const double (*turn)[3]; // NULL: level
     double relief_m;
     double margin_m; // a sample farther than this cannot touch in this step
@@ -355,8 +355,14 @@ void kn_sampling_table(const kn_model *model, const kn_state *state, kn_contact 
             continue;
         }
         kn_sample *s = &contact->sample[contact->sample_count++];
-        *s = (kn_sample){.probe = KN_TABLE, .nodes = 1, .node = {node}, .offset = {model->offset[node]}, .weight = {1},
-                         .normal = {0, 0, 1}, .depth_m = -x[2], .friction = model->def.support_friction};
+        *s = (kn_sample){.probe = KN_TABLE,
+                         .nodes = 1,
+                         .node = {node},
+                         .offset = {model->offset[node]},
+                         .weight = {1},
+                         .normal = {0, 0, 1},
+                         .depth_m = -x[2],
+                         .friction = model->def.support_friction};
         memcpy(s->point_m, x, sizeof s->point_m);
         s->layer_m = INFINITY;
         s->foundation_n_m = KN_TABLE_N_M3 * model->base_area_m2[i];

@@ -16,10 +16,10 @@ typedef struct kn_rigid { // of an object that nothing holds, see rigid.h
 typedef struct kn_scratch {
     kn_work work; // implicit: first, kernels find it at state->scratch
     kn_contact contact;
-    kn_effort effort; // implicit: of this step
+    kn_effort effort;     // implicit: of this step
     kn_deadline deadline; // implicit: of this step
-    kn_rigid rigid;   // implicit
-    int *last_held; // implicit: nodes whose components the last step prescribed
+    kn_rigid rigid;       // implicit
+    int *last_held;       // implicit: nodes whose components the last step prescribed
     int last_held_count;
     uint8_t *row_base;    // implicit: [rows] 1 where the support holds a node of the row
     kn_boundary boundary; // RK4: its arrays below

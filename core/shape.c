@@ -7,8 +7,8 @@
 
 static kn_solid part_of(kn_solid_kind kind, double radius_m, double length_m)
 {
-    return (kn_solid){.kind = kind, .radius_m = radius_m, .length_m = length_m,
-                     .turn = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    return (kn_solid){
+        .kind = kind, .radius_m = radius_m, .length_m = length_m, .turn = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
 }
 
 kn_solid kn_solid_sphere(double radius_m) { return part_of(KN_SOLID_SPHERE, radius_m, 0); }
@@ -175,8 +175,7 @@ double kn_shape_support(const kn_shape *shape, const double way[3])
     for (int i = 0; i < shape->part_count; i++) {
         const kn_solid *p = &shape->part[i];
         double own[3];
-        for (int k = 0; k < 3; k++)
-            own[k] = p->turn[0][k] * way[0] + p->turn[1][k] * way[1] + p->turn[2][k] * way[2];
+        for (int k = 0; k < 3; k++) own[k] = p->turn[0][k] * way[0] + p->turn[1][k] * way[1] + p->turn[2][k] * way[2];
         farthest = fmax(farthest, kn_dot(p->at_m, way) + support_of(p, own));
     }
     return farthest;

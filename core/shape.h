@@ -30,18 +30,18 @@ struct kn_field;
 
 typedef struct kn_solid {
     kn_solid_kind kind;
-    double half_m[3];  // BOX: half extents, without the rounding
-    double radius_m;   // of a ball, of an axis, or of rounded edges
-    double length_m;   // CAPSULE, CYLINDER: along z
-    double at_m[3];    // its origin in the tool frame
-    bool turned;       // whether it is at all
-    double turn[3][3]; // part to tool
+    double half_m[3];       // BOX: half extents, without the rounding
+    double radius_m;        // of a ball, of an axis, or of rounded edges
+    double length_m;        // CAPSULE, CYLINDER: along z
+    double at_m[3];         // its origin in the tool frame
+    bool turned;            // whether it is at all
+    double turn[3][3];      // part to tool
     struct kn_field *field; // FIELD: what it is, see field.h
 } kn_solid;
 
 typedef struct kn_shape {
     int part_count;
-    bool plain;             // one part as it is made, neither turned nor put elsewhere
+    bool plain; // one part as it is made, neither turned nor put elsewhere
     kn_solid part[KN_PARTS_MAX];
     double bound_m; // no point of it is farther from the origin
     double fine_m;  // smallest half width: a lattice must be finer

@@ -30,10 +30,7 @@ void kn_simplices_destroy(kn_simplices *s)
 
 // ---- one element
 
-static int corners(const kn_simplices *s)
-{
-    return s->dimension + 1;
-}
+static int corners(const kn_simplices *s) { return s->dimension + 1; }
 
 // Signed volume, or area in the x-z plane.
 static double volume_of(const kn_simplices *s, int e)
@@ -187,10 +184,7 @@ static int by_key(const void *a, const void *b)
     return p->owner < q->owner ? -1 : p->owner > q->owner; // equal keys in the order of the file
 }
 
-static bool same_key(const record *p, const record *q)
-{
-    return memcmp(p->key, q->key, sizeof p->key) == 0;
-}
+static bool same_key(const record *p, const record *q) { return memcmp(p->key, q->key, sizeof p->key) == 0; }
 
 // Sorts a few numbers; whether that took an odd number of exchanges.
 static bool sort_few(int *key, int count)
@@ -213,10 +207,8 @@ static int first_at(const record *r, int count, const int key[4])
     int low = 0;
     for (int high = count; low < high;) {
         int middle = low + (high - low) / 2;
-        if (by_key(&r[middle], &wanted) < 0)
-            low = middle + 1;
-        else
-            high = middle;
+        if (by_key(&r[middle], &wanted) < 0) low = middle + 1;
+        else high = middle;
     }
     return low;
 }

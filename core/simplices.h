@@ -30,10 +30,10 @@ void kn_simplices_destroy(kn_simplices *s);
 
 #define KN_SIMPLICES_NODES_MAX (1 << 18) // forty times what any processor steps in a millisecond
 #define KN_SIMPLICES_ELEMENTS_MAX (1 << 21)
-#define KN_SIMPLICES_QUALITY_MIN 0.01    // below it degenerate: a thousandth of the volume that its edges could hold
-#define KN_SIMPLICES_QUALITY_MEAN 0.25   // below it a net answers some directions too late, see knead stability: aspect
-#define KN_SIMPLICES_COINCIDENT 1e-9     // of the diagonal of the box: nodes that close are one node written twice
-#define KN_SIMPLICES_EXTENT_MAX_M 10.0   // a larger object is one whose unit was forgotten
+#define KN_SIMPLICES_QUALITY_MIN 0.01  // below it degenerate: a thousandth of the volume that its edges could hold
+#define KN_SIMPLICES_QUALITY_MEAN 0.25 // below it a net answers some directions too late, see knead stability: aspect
+#define KN_SIMPLICES_COINCIDENT 1e-9   // of the diagonal of the box: nodes that close are one node written twice
+#define KN_SIMPLICES_EXTENT_MAX_M 10.0 // a larger object is one whose unit was forgotten
 
 // Whether a lattice can be made of it. False, and one clause that names element numbers, for the first of: counts out
 // of their limits, node numbers that do not exist, coordinates that are no numbers, an element inverted or degenerate,
@@ -48,11 +48,11 @@ void kn_simplices_place(kn_simplices *s);
 
 typedef struct kn_simplices_measures {
     int edges;
-    double volume;                   // m^3; area of the triangles, m^2, in two dimensions
+    double volume; // m^3; area of the triangles, m^2, in two dimensions
     double edge_min_m, edge_mean_m, edge_max_m;
     double quality_min, quality_mean;
-    int worst;                       // element of quality_min
-    double low_m[3], high_m[3];      // corners of the box around it
+    int worst;                  // element of quality_min
+    double low_m[3], high_m[3]; // corners of the box around it
 } kn_simplices_measures;
 
 // Of a mesh that passed the check. False when memory is short.

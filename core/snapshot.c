@@ -12,8 +12,9 @@
 
 const char *kn_snapshot_fit_name(kn_snapshot_fit fit)
 {
-    static const char *const names[] = {"fits", "another version", "another lattice", "another material or structure",
-                                        "truncated", "a number out of its range"};
+    static const char *const names[] = {
+        "fits",      "another version",          "another lattice", "another material or structure",
+        "truncated", "a number out of its range"};
     return names[fit];
 }
 
@@ -33,11 +34,31 @@ uint64_t kn_model_hash(const kn_model *model)
 {
     const kn_model_def *d = &model->def;
     const kn_material *mat = &d->material;
-    const double said[] = {mat->k1_pa, mat->c1_pa_s, mat->damper, mat->c2_pa_s, mat->alpha_pa_s, mat->beta_per_pa,
-                           mat->p0_pa, mat->p1_pa, mat->c_max_pa_s, mat->c_min_pa_s, mat->ratio, mat->stroke[0],
-                           mat->stroke[1], d->gravity_m_s2, d->thickness_m, d->structure, d->diagonal_stiffness,
-                           d->pressure, d->inside_pressure_pa, d->support, d->support_friction, d->solver.kind,
-                           d->solver.precision, d->solver.dt_s, d->solver.mass_scale};
+    const double said[] = {mat->k1_pa,
+                           mat->c1_pa_s,
+                           mat->damper,
+                           mat->c2_pa_s,
+                           mat->alpha_pa_s,
+                           mat->beta_per_pa,
+                           mat->p0_pa,
+                           mat->p1_pa,
+                           mat->c_max_pa_s,
+                           mat->c_min_pa_s,
+                           mat->ratio,
+                           mat->stroke[0],
+                           mat->stroke[1],
+                           d->gravity_m_s2,
+                           d->thickness_m,
+                           d->structure,
+                           d->diagonal_stiffness,
+                           d->pressure,
+                           d->inside_pressure_pa,
+                           d->support,
+                           d->support_friction,
+                           d->solver.kind,
+                           d->solver.precision,
+                           d->solver.dt_s,
+                           d->solver.mass_scale};
     uint64_t h = kn_hash_bytes(lattice_hash(model), said, sizeof said);
     h = kn_hash_bytes(h, model->node_mass_kg, (size_t)model->node_count * sizeof *model->node_mass_kg);
     return kn_hash_bytes(h, model->support, (size_t)model->node_count);
@@ -53,8 +74,12 @@ typedef struct identity {
 
 static identity identity_of(const kn_model *m)
 {
-    return (identity){lattice_hash(m), kn_model_hash(m), (uint64_t)m->node_count, m->edge_reals,
-                      (uint64_t)m->def.solver.precision, KN_PROBES_MAX * (size_t)m->top_count};
+    return (identity){lattice_hash(m),
+                      kn_model_hash(m),
+                      (uint64_t)m->node_count,
+                      m->edge_reals,
+                      (uint64_t)m->def.solver.precision,
+                      KN_PROBES_MAX * (size_t)m->top_count};
 }
 
 static void put_identity(kn_codec *c, identity *i)

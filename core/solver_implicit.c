@@ -10,10 +10,7 @@ typedef struct node_at { // where a node's three components are
     size_t offset, stride;
 } node_at;
 
-static node_at locate(const kn_model *m, int node)
-{
-    return (node_at){m->offset[node], m->stride};
-}
+static node_at locate(const kn_model *m, int node) { return (node_at){m->offset[node], m->stride}; }
 
 // --- boundary -------------------------------------------------------------------------------------------------------
 

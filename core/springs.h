@@ -27,7 +27,7 @@ typedef struct kn_springs {
 
 // Allocates; false: memory is short.
 bool kn_springs_init(kn_springs *springs, const kn_model *model);
-void kn_springs_free(kn_springs *springs); // zeroed is fine
+void kn_springs_free(kn_springs *springs);      // zeroed is fine
 size_t kn_springs_bytes(const kn_model *model); // memory that init takes, what it frees again included
 
 // Real-time safe, some 100 ns; a law of force takes a Newton iteration.

@@ -32,8 +32,7 @@ static void layout_implicit(const kn_model *m, kn_arena *a, kn_scratch *s)
     struct {
         void **field;
         int components;
-    } list[] = {{&w->guess, 3},          {&w->r, 3},   {&w->q, 3}, {&w->d, 3}, {&w->z, 3}, {&w->p, 6},
-                {&w->free, 3}};
+    } list[] = {{&w->guess, 3}, {&w->r, 3}, {&w->q, 3}, {&w->d, 3}, {&w->z, 3}, {&w->p, 6}, {&w->free, 3}};
     for (size_t i = 0; i < sizeof list / sizeof list[0]; i++)
         *list[i].field = kn_arena_take(a, kn_model_field(m, list[i].components) * real_size(m));
     w->g = kn_arena_take(a, (size_t)kn_work_edge(m) * m->edge_reals * real_size(m));

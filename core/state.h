@@ -32,9 +32,9 @@ typedef struct kn_anchor {
 
 // Saved and hashed, in this order: name, type, components. Node fields have 3, edge fields 13 reals per lane.
 #define KN_STATE_FIELDS(X)                                                                                             \
-    X(displacement, 3) /* m, from rest: keeps 1e-9 m in f32 where a coordinate could not */                            \
-    X(velocity, 3)     /* m/s, over the last step */                                                                   \
-    X(change, 3)       /* m/s, of the velocity in the last step */                                                     \
+    X(displacement, 3)    /* m, from rest: keeps 1e-9 m in f32 where a coordinate could not */                         \
+    X(velocity, 3)        /* m/s, over the last step */                                                                \
+    X(change, 3)          /* m/s, of the velocity in the last step */                                                  \
     X(strain, KN_FORWARD) /* u of each forward edge, before the last step; absent (NULL) under KN_LAW_VOIGT */
 
 #define KN_SECANT_REST 500 // steps on the secant after chatter
@@ -53,18 +53,18 @@ typedef struct kn_state {
 #define KN_FIELD(name, components) void *name; // float or double, as the model's precision says
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
-    uint8_t *held; // [KN_PROBES_MAX][top_count] 1 where a plate holds the node
+    uint8_t *held;     // [KN_PROBES_MAX][top_count] 1 where a plate holds the node
     kn_anchor *anchor; // [of the contact's samples] when the model has contact that sticks, else NULL
-    void *scratch; // solver vectors; not saved, not hashed; NULL in one that is only kept
-    size_t bytes;  // of the arena that starts at this struct
+    void *scratch;     // solver vectors; not saved, not hashed; NULL in one that is only kept
+    size_t bytes;      // of the arena that starts at this struct
 } kn_state;
 
-size_t kn_state_size(const kn_model *model); // bytes of a state, arena and all; what kn_model_build stores
+size_t kn_state_size(const kn_model *model);      // bytes of a state, arena and all; what kn_model_build stores
 kn_state *kn_state_create(const kn_model *model); // reset already; NULL when memory is short
 // One to copy to and from, to read, write and hash, a tenth as large: without scratch it cannot be stepped or reset.
-kn_state *kn_state_keep(const kn_model *model); // all 0; NULL when memory is short
-size_t kn_state_kept(const kn_model *model);    // its bytes
-void kn_state_destroy(kn_state *state);           // NULL is fine
+kn_state *kn_state_keep(const kn_model *model);              // all 0; NULL when memory is short
+size_t kn_state_kept(const kn_model *model);                 // its bytes
+void kn_state_destroy(kn_state *state);                      // NULL is fine
 void kn_state_reset(const kn_model *model, kn_state *state); // object at rest, undeformed
 void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src);
 

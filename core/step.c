@@ -40,8 +40,8 @@ static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
 // --- watch ----------------------------------------------------------------------------------------------------------
 
 // A force that goes up and down by turns is the linearisation chattering: half a second of secants calms it.
-#define CHATTER_SHARE 24    // sign changes in the last 64 steps
-#define CHATTER_SIZE 0.005  // of the force: smaller ones are rounding
+#define CHATTER_SHARE 24   // sign changes in the last 64 steps
+#define CHATTER_SIZE 0.005 // of the force: smaller ones are rounding
 
 static void watch_chatter(const kn_model *m, kn_state *state, const kn_output *output)
 {
@@ -98,4 +98,3 @@ kn_status kn_step(const kn_model *model, kn_state *state, const kn_input *input,
     memset(output, 0, sizeof *output);
     return KN_DIVERGED;
 }
-

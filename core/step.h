@@ -4,9 +4,9 @@
 #include "core/state.h"
 
 typedef struct kn_probe_input {
-    bool attached;          // false: the probe is not in the model (no session, latched, fading finished)
-    double position_m[3];   // tool pose, scene frame
-    double velocity_m_s[3]; // as the device reports it, never a difference of poses
+    bool attached;              // false: the probe is not in the model (no session, latched, fading finished)
+    double position_m[3];       // tool pose, scene frame
+    double velocity_m_s[3];     // as the device reports it, never a difference of poses
     double orientation_wxyz[4]; // unit, tool to frame; all 0: identity. Plates stay level, spheres do not turn
     bool grip;                  // hold on to what is touched, up to the probe's grip_n
 } kn_probe_input;
@@ -19,12 +19,12 @@ typedef struct kn_input {
 } kn_input;
 
 typedef struct kn_probe_output {
-    double force_n[3];      // what the object does to the probe
-    double torque_n_m[3];   // about the probe's position
-    double position_m[3];   // of the model's probe (proxy)
+    double force_n[3];          // what the object does to the probe
+    double torque_n_m[3];       // about the probe's position
+    double position_m[3];       // of the model's probe (proxy)
     double orientation_wxyz[4]; // of the same; a plate's and a sphere's is identity
-    double work_j;          // done on the object since the probe was attached
-    int contacts;           // nodes (plate) or samples (sphere) under load
+    double work_j;              // done on the object since the probe was attached
+    int contacts;               // nodes (plate) or samples (sphere) under load
 } kn_probe_output;
 
 typedef struct kn_output {

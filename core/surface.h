@@ -7,9 +7,9 @@
 typedef struct kn_surface {
     int vertex_count;
     int triangle_count;
-    int *node;     // [vertex_count] node id of each vertex
+    int *node;        // [vertex_count] node id of each vertex
     double *across_m; // [vertex_count] from the node to the vertex, along y
-    int *triangle; // [triangle_count][3] vertex numbers, counter-clockwise from outside
+    int *triangle;    // [triangle_count][3] vertex numbers, counter-clockwise from outside
 } kn_surface;
 
 kn_surface *kn_surface_create(const kn_model *model); // NULL when memory is short

@@ -16,18 +16,18 @@
 // k, and free of the 500 Hz chatter that an explicit spring on the pose has on soft objects at any stiffness.
 #include "core/step.h"
 
-#define KN_FOLLOW_S 0.020    // time in which a rigid tool catches up with its pose
+#define KN_FOLLOW_S 0.020      // time in which a rigid tool catches up with its pose
 #define KN_COUPLING_ARM_M 0.03 // l: half a palm; makes of a coupling's N/m its N m/rad
-#define KN_RELIEF_M_S 0.020  // a tool that met the object from inside pushes its way out this fast
+#define KN_RELIEF_M_S 0.020    // a tool that met the object from inside pushes its way out this fast
 
 typedef struct kn_tool_step { // one tool in one step
     bool coupled;
     bool turned;
-    double turn[3][3];  // tool to frame, now, when turned
-    double velocity[6]; // v, w
-    double growth_m_s;  // of a relieved tool, everywhere outwards
-    double give[2];     // dt k + b, and of turns; what the coupling adds to the matrix
-    double drive[6];    // coupling at V = 0
+    double turn[3][3];   // tool to frame, now, when turned
+    double velocity[6];  // v, w
+    double growth_m_s;   // of a relieved tool, everywhere outwards
+    double give[2];      // dt k + b, and of turns; what the coupling adds to the matrix
+    double drive[6];     // coupling at V = 0
     double factor[6][6]; // Cholesky's, lower, of give and contact
 } kn_tool_step;
 

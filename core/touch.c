@@ -33,7 +33,7 @@ void kn_touch_face_of(const kn_model *model, int p, const double normal[3], kn_t
 
 // --- what touches ---------------------------------------------------------------------------------------------------
 
-typedef struct piece { // a sample or a held node, in the scene's frame
+typedef struct piece {          // a sample or a held node, in the scene's frame
     double arm_m[3], normal[3]; // from the tool; the way the object pushes there
     double force_n[3];          // on the tool
     double pressing_n;          // of it along normal
@@ -93,8 +93,7 @@ static bool next_piece(const kn_model *m, const kn_state *state, int p, int *at,
     const kn_contact *c = &kn_state_scratch(state)->contact;
     for (; *at < c->hold_count + c->sample_count; ++*at) {
         int i = *at - c->hold_count;
-        if (i < 0 ? piece_of_hold(m, state, p, &c->hold[*at], out)
-                  : piece_of_sample(m, p, &c->sample[i], out))
+        if (i < 0 ? piece_of_hold(m, state, p, &c->hold[*at], out) : piece_of_sample(m, p, &c->sample[i], out))
             return ++*at, true;
     }
     return false;

@@ -24,11 +24,11 @@
 
 #define KN_TOUCH_CELLS 8
 
-typedef struct kn_touch { // all 0: nothing touches
-    double area_m2;      // of skin, undeformed, that carries force
-    double centre_m[3];  // of pressure: a point of the skin on average, not of the face
-    double normal[3];    // n: unit, mean of the contact by its pressure, out of the object
-    double peak_pressure_pa; // of a sample; where the skin is curved more than any cell has
+typedef struct kn_touch {        // all 0: nothing touches
+    double area_m2;              // of skin, undeformed, that carries force
+    double centre_m[3];          // of pressure: a point of the skin on average, not of the face
+    double normal[3];            // n: unit, mean of the contact by its pressure, out of the object
+    double peak_pressure_pa;     // of a sample; where the skin is curved more than any cell has
     double slip_velocity_m_s[3]; // of the skin against the tool, along skin and face, mean by pressure: a tool that is
                                  // drawn along +x over what stays behind has -x. A plate sticks: 0
     double pressure_pa[KN_TOUCH_CELLS][KN_TOUCH_CELLS];

@@ -100,10 +100,7 @@ static void take(kn_spread *s, double value)
     s->square += off * (value - s->mean);
 }
 
-static double deviation(const kn_spread *s)
-{
-    return sqrt(s->square / (double)s->count);
-}
+static double deviation(const kn_spread *s) { return sqrt(s->square / (double)s->count); }
 
 // Rates of the periods: the mean is ticks over the time they took, which a short period after a long one does not
 // raise.
@@ -246,7 +243,4 @@ void kn_account_health(const kn_account *a, knead_health_t *health)
     health->audited_s = GET(&a->audited);
 }
 
-int32_t kn_account_take_errors(kn_account *a)
-{
-    return atomic_exchange_explicit(&a->errors, 0, memory_order_relaxed);
-}
+int32_t kn_account_take_errors(kn_account *a) { return atomic_exchange_explicit(&a->errors, 0, memory_order_relaxed); }

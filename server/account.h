@@ -9,8 +9,8 @@
 #include "server/servo.h"
 #include <stdatomic.h>
 
-#define KN_HISTOGRAM 32     // bucket n: < 2^n us; the last one holds all that is later
-#define KN_RECENT_TICKS 100 // that success_rate speaks of
+#define KN_HISTOGRAM 32      // bucket n: < 2^n us; the last one holds all that is later
+#define KN_RECENT_TICKS 100  // that success_rate speaks of
 #define KN_WINDOW_TICKS 1000 // that rates and times of a window are of
 #define KN_TRIPS 16          // places of health_t
 
@@ -24,7 +24,7 @@ typedef struct kn_account {
     _Atomic int64_t wakeup[KN_HISTOGRAM], execution[KN_HISTOGRAM];
     _Atomic int64_t late_loop_ns; // how long the latest loop that missed cycles took
     _Atomic double force_max_n, force_step_max_n, success_rate;
-    _Atomic double budget_s; // of a tick; the loop tells it
+    _Atomic double budget_s;                           // of a tick; the loop tells it
     _Atomic double periodicity_hz[4], execution_us[4]; // mean, std, min, max of the last window
     _Atomic int64_t overrun_us;                        // since 1970, when the latest one began; 0: none
     _Atomic double probe_success[KN_PROBES_MAX];
@@ -34,7 +34,7 @@ typedef struct kn_account {
     _Atomic int32_t mode;
     _Atomic int32_t quality, asked; // kn_quality: in force; asked for
     atomic_bool exhausted;          // over its budget at the lowest point
-    _Atomic int32_t errors; // ERROR_* bits since they were last taken
+    _Atomic int32_t errors;         // ERROR_* bits since they were last taken
     _Atomic int32_t last_errors;
     double last_force_n[KN_PROBES_MAX][3]; // the servo's own, as all below
     uint8_t good[KN_RECENT_TICKS];         // a bit per probe

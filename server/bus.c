@@ -57,8 +57,10 @@ bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, si
     if (hops < 0 || hops > 255)
         return snprintf(error, error_size, "%s: expected one ttl= at most, a number of 0 to 255", url), false;
     if (!lan != (hops == 0)) {
-        snprintf(error, error_size, lan ? "%s: expected ttl=1 or more: on %s nobody would hear it" :
-                 "%s: expected ttl=0: anyone who hears a bus can move the tool, so it stays on this machine", url, lan);
+        snprintf(error, error_size,
+                 lan ? "%s: expected ttl=1 or more: on %s nobody would hear it"
+                     : "%s: expected ttl=0: anyone who hears a bus can move the tool, so it stays on this machine",
+                 url, lan);
         return false;
     }
     bus->group.sin_family = AF_INET;

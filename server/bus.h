@@ -20,13 +20,13 @@
 typedef struct kn_bus {
     const char *url; // borrowed
     struct sockaddr_in group;
-    int device; // index of lo, or of the interface that was named
+    int device;      // index of lo, or of the interface that was named
     const char *lan; // its name, borrowed; NULL: lo
 } kn_bus;
 
 typedef struct kn_datagram {
-    size_t size;    // bytes kept
-    bool here;      // it arrived over the bus's device
+    size_t size; // bytes kept
+    bool here;   // it arrived over the bus's device
     struct in_addr from;
     unsigned char bytes[KN_DATAGRAM_MAX];
 } kn_datagram;
@@ -73,7 +73,7 @@ typedef struct kn_packet {
     bool split;          // LC03
     const char *channel; // NULL in a later part of LC03
     const unsigned char *payload;
-    size_t size;                // of payload
+    size_t size;                      // of payload
     uint32_t sequence, whole, offset; // the last two of LC03
     uint16_t part, parts;
 } kn_packet;

@@ -34,10 +34,7 @@ int64_t kn_stamp_us(void)
     return at_us + now_us;
 }
 
-void kn_clock_start(kn_clock *clock, int64_t start_ns)
-{
-    *clock = (kn_clock){.start_ns = start_ns, .tick = -1};
-}
+void kn_clock_start(kn_clock *clock, int64_t start_ns) { *clock = (kn_clock){.start_ns = start_ns, .tick = -1}; }
 
 kn_wake kn_clock_wake(kn_clock *clock, int64_t asked_ns, int64_t now_ns)
 {
@@ -54,10 +51,7 @@ kn_wake kn_clock_wake(kn_clock *clock, int64_t asked_ns, int64_t now_ns)
     return wake;
 }
 
-int64_t kn_wake_deadline(const kn_wake *wake)
-{
-    return wake->due_ns + (wake->missed + INT64_C(1)) * KN_PERIOD_NS;
-}
+int64_t kn_wake_deadline(const kn_wake *wake) { return wake->due_ns + (wake->missed + INT64_C(1)) * KN_PERIOD_NS; }
 
 void kn_clock_sleep(int64_t ns)
 {

@@ -21,14 +21,14 @@ typedef struct kn_clock {
 } kn_clock;
 
 typedef struct kn_wake {
-    int64_t tick;    // place on the grid
-    int32_t missed;  // cycles skipped just before it
-    bool overrun;    // the thread was still busy at the deadline: the misses are its own
-    int64_t due_ns;  // deadline that was slept for
+    int64_t tick;     // place on the grid
+    int32_t missed;   // cycles skipped just before it
+    bool overrun;     // the thread was still busy at the deadline: the misses are its own
+    int64_t due_ns;   // deadline that was slept for
     int64_t asked_ns; // when the thread was ready to: the tick before had ended
-    int64_t late_ns; // awake this long after it, or after the call when that came later: what the machine added
-    int64_t now_ns;  // when the tick began
-    int64_t held_ns; // that a tick was awake before that, waiting for its pose (phase.h)
+    int64_t late_ns;  // awake this long after it, or after the call when that came later: what the machine added
+    int64_t now_ns;   // when the tick began
+    int64_t held_ns;  // that a tick was awake before that, waiting for its pose (phase.h)
 } kn_wake;
 
 // When a thread was busy, for one that keeps watch beside it: the latest ticks.

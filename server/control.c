@@ -112,10 +112,8 @@ kn_control *kn_control_open(const char *path, const kn_control_def *def, char *e
         *c = (kn_control){.fd = -1, .at.sun_family = AF_UNIX, .def = *def, .job_peer = -1};
         for (int i = 0; i < KN_CONTROL_PEERS; i++) c->peers[i].fd = -1;
         c->done_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-        if (c->done_fd < 0 || sem_init(&c->given, 0, 0) != 0)
-            why = strerror(errno);
-        else if (!*path || strlen(path) > KN_CONTROL_PATH)
-            why = "expected a path of 1 to 107 bytes";
+        if (c->done_fd < 0 || sem_init(&c->given, 0, 0) != 0) why = strerror(errno);
+        else if (!*path || strlen(path) > KN_CONTROL_PATH) why = "expected a path of 1 to 107 bytes";
     }
     if (!why) {
         strcpy(c->at.sun_path, path);
@@ -245,13 +243,11 @@ static void tell_audit(const peer *p, const json_t *request, const json_t *answe
     char why[400], outcome[500] = "done";
     char *asked = json_dumps(request, JSON_COMPACT | JSON_ENSURE_ASCII);
     const char *rest = asked ? asked : "?", *more = "";
-    if (error)
-        snprintf(outcome, sizeof outcome, "refused: %s", legible(json_string_value(error), why, sizeof why));
+    if (error) snprintf(outcome, sizeof outcome, "refused: %s", legible(json_string_value(error), why, sizeof why));
     else if (json_integer_value(generation) > 0)
         snprintf(outcome, sizeof outcome, "tick %" PRId64 ", generation %" PRId64, (int64_t)json_integer_value(tick),
                  (int64_t)json_integer_value(generation));
-    else if (tick)
-        snprintf(outcome, sizeof outcome, "tick %" PRId64, (int64_t)json_integer_value(tick));
+    else if (tick) snprintf(outcome, sizeof outcome, "tick %" PRId64, (int64_t)json_integer_value(tick));
     for (; strlen(rest) > AUDIT_PIECE; rest += AUDIT_PIECE, more = "... ")
         kn_say("kneadd: control: uid %d pid %d: %s%.*s ...", (int)p->who.uid, (int)p->who.pid, more, AUDIT_PIECE, rest);
     kn_say("kneadd: control: uid %d pid %d: %s%s: %s", (int)p->who.uid, (int)p->who.pid, more, rest, outcome);
@@ -409,12 +405,9 @@ static void end(peer *p)
 static void listen_to(peer *p)
 {
     ssize_t size = recv(p->fd, p->line + p->length, sizeof p->line - p->length, 0);
-    if (size > 0)
-        p->length += (size_t)size;
-    else if (size == 0)
-        end(p);
-    else if (errno != EAGAIN && errno != EINTR)
-        p->request ? end(p) : hang_up(p); // its request may be at work
+    if (size > 0) p->length += (size_t)size;
+    else if (size == 0) end(p);
+    else if (errno != EAGAIN && errno != EINTR) p->request ? end(p) : hang_up(p); // its request may be at work
 }
 
 // --- slow requests: one at a time, while the others are heard ---

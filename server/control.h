@@ -20,12 +20,12 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#define KN_CONTROL_LINE 4096 // with its newline
+#define KN_CONTROL_LINE 4096   // with its newline
 #define KN_CONTROL_BRACKETS 64 // in a line, nested or not
-#define KN_CONTROL_PATH 107  // bytes of a path at most: sockaddr_un's
+#define KN_CONTROL_PATH 107    // bytes of a path at most: sockaddr_un's
 #define KN_CONTROL_PEERS 8
 #define KN_CONTROL_LAST_MS 1000 // for what is heard at the end
-#define KN_CONTROL_HZ 100 // after as many at once
+#define KN_CONTROL_HZ 100       // after as many at once
 
 typedef struct kn_control kn_control;
 

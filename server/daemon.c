@@ -25,17 +25,17 @@
 #define PATIENCE_NS 300000000   // timeout(1) and shells send the first signal twice; a stop takes 100 ms at most
 #define SIGNALS 3
 #define BUFFER_BYTES (1 << 20) // of the socket: about 1 300 poses
-#define SCENE_S 1 // between two messages with the scene; a new client waits at most that long
-#define CONTROL_TURN_MS 20 // how long a stop may wait for that thread
-#define REST_TICK_NS 500000 // in contact a tick takes about twice as long as at rest, and has 1 ms
+#define SCENE_S 1              // between two messages with the scene; a new client waits at most that long
+#define CONTROL_TURN_MS 20     // how long a stop may wait for that thread
+#define REST_TICK_NS 500000    // in contact a tick takes about twice as long as at rest, and has 1 ms
 
 typedef struct server {
     kn_served on;    // what it serves
     int64_t rest_ns; // that a tick takes here while nothing touches the object
     kn_bus bus, mesh_bus;
     int claim, mesh_claim, fd; // of the two buses; what is heard on the first
-    kn_exchange exchange; // of the main thread
-    kn_auth auth; // when a key was given
+    kn_exchange exchange;      // of the main thread
+    kn_auth auth;              // when a key was given
     kn_batch batch;
     kn_skin skin;
     kn_control *control; // NULL: nobody to listen to
@@ -47,20 +47,20 @@ typedef struct server {
     kn_rt rt;
     pthread_t servo_thread, sentinel_thread, mesh_thread, control_thread, worker_thread, keeper_thread;
     pthread_barrier_t go; // threads wait here until their stacks are locked with everything else
-    atomic_bool ending; // the threads of normal priority, too
+    atomic_bool ending;   // the threads of normal priority, too
     struct ev_loop *ev;
     ev_io readable;
     ev_async ticked, asked, leave, load;
     char *next, *next_text; // the scene that is to come next, the worker's until all threads have ended
     char next_name[sizeof((kn_scene *)0)->name];
     atomic_bool goes_on; // with that
-    bool stuck;      // the worker
-    bool estopped;   // from the first tick on
+    bool stuck;          // the worker
+    bool estopped;       // from the first tick on
     ev_timer status_due, scene_due;
     ev_signal signals[SIGNALS];
-    int64_t stop_ns; // when the first signal came, 0: none has
+    int64_t stop_ns;   // when the first signal came, 0: none has
     unsigned refusals; // told: a bit per kn_verdict
-    int budget;      // datagrams that may still be read in this tick
+    int budget;        // datagrams that may still be read in this tick
     int64_t start_ns;
     int32_t mode_told;
     kn_checkup checkup;
@@ -86,7 +86,8 @@ static void on_readable(struct ev_loop *ev, ev_io *w, int events)
 // Report each reason once for which every message of a sender is refused.
 static void tell_refusals(server *d)
 {
-    static const kn_verdict told[] = {KN_REJECT_PEER, KN_REJECT_MAC, KN_REJECT_REPLAYED, KN_REJECT_CLOCK, KN_REJECT_TYPE};
+    static const kn_verdict told[] = {KN_REJECT_PEER, KN_REJECT_MAC, KN_REJECT_REPLAYED, KN_REJECT_CLOCK,
+                                      KN_REJECT_TYPE};
     for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
         if (d->exchange.receiver.rejected[told[i]] == 0 || d->refusals >> told[i] & 1) continue;
         d->refusals |= 1u << told[i];
@@ -133,10 +134,8 @@ static void on_scene_due(struct ev_loop *ev, ev_timer *w, int events)
 static void stop(server *d)
 {
     atomic_store(&d->loop.stop, true);
-    if (d->goes_on)
-        sd_notifyf(0, "RELOADING=1\nMONOTONIC_USEC=%" PRId64, kn_now_ns() / 1000);
-    else
-        sd_notify(0, "STOPPING=1");
+    if (d->goes_on) sd_notifyf(0, "RELOADING=1\nMONOTONIC_USEC=%" PRId64, kn_now_ns() / 1000);
+    else sd_notify(0, "STOPPING=1");
 }
 
 static void on_asked(struct ev_loop *ev, ev_async *w, int events)
@@ -312,8 +311,7 @@ static void tell_quality(server *d, kn_quality *told, bool *told_exhausted)
     bool exhausted = atomic_load_explicit(&a->exhausted, memory_order_relaxed);
     double budget_ms = 1e3 * atomic_load_explicit(&a->budget_s, memory_order_relaxed);
     const char *before = kn_quality_name(*told), *name = kn_quality_name(now);
-    if (now != *told && now == asked)
-        kn_say("kneadd: quality %s -> %s, as commanded", before, name);
+    if (now != *told && now == asked) kn_say("kneadd: quality %s -> %s, as commanded", before, name);
     else if (now != *told)
         kn_say("kneadd: quality %s -> %s: %d ticks running took more than %g ms; 'knead ctl quality %s' goes back",
                before, name, KN_OVER_TICKS, budget_ms, kn_quality_name(asked));
@@ -435,9 +433,14 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
             kn_loop_order(&d->loop, KN_ORDER_ESTOP, 0);
             atomic_store(&d->loop.account.mode, KNEAD_STATUS_T_MODE_ESTOP);
         }
-        d->checkup = (kn_checkup){.served = &d->on, .loop = &d->loop, .receiver = &x->receiver,
-                                  .publisher = &x->publisher, .keeper = &d->keeper, .sentinel = &d->sentinel,
-                                  .rt = &d->rt, .fd = d->fd};
+        d->checkup = (kn_checkup){.served = &d->on,
+                                  .loop = &d->loop,
+                                  .receiver = &x->receiver,
+                                  .publisher = &x->publisher,
+                                  .keeper = &d->keeper,
+                                  .sentinel = &d->sentinel,
+                                  .rt = &d->rt,
+                                  .fd = d->fd};
         return true;
     }
     snprintf(error, error_size, "out of memory or file descriptors");
@@ -458,7 +461,7 @@ static bool open_control(server *d, const kn_daemon_def *def, char *error, size_
                       .load = load_next,
                       .built = lock,
                       .arg = d};
-    kn_operator_init(&d->operator, &on);
+    kn_operator_init(&d->operator, & on);
     kn_control_def control = kn_operator_control(&d->operator);
     if (def->control) d->control = kn_control_open(def->control, &control, error, error_size);
     return !def->control || d->control;
@@ -485,8 +488,7 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
     if (!failed && keeps)
         failed = kn_rt_thread(&d->rt, &d->keeper_thread, "keeper", KN_RT_NORMAL, false, keeper_main, d);
     if (!failed) kn_rt_lock_memory(&d->rt);
-    if (failed)
-        snprintf(error, error_size, "cannot start a thread: %s", strerror(failed));
+    if (failed) snprintf(error, error_size, "cannot start a thread: %s", strerror(failed));
     else if (d->rt.mode == KN_RT_REQUIRE && *d->rt.missing)
         snprintf(error, error_size, "not real time: %s", d->rt.missing);
     else {
@@ -533,8 +535,9 @@ static void tell_ready(server *d, FILE *out)
         fprintf(out, "kneadd: a step ends by its deadline of %" PRId64 " units of work\n", d->loop.priced);
     const kn_fixed_model *fixed = d->on.model->fixed;
     if (fixed && fixed->error > KN_FIXED_ERROR)
-        fprintf(out, "kneadd: not accurate: %d passes of %d iterations leave %.2g %% of the force of a press unsolved, "
-                     "expected %g %% at most\n",
+        fprintf(out,
+                "kneadd: not accurate: %d passes of %d iterations leave %.2g %% of the force of a press unsolved, "
+                "expected %g %% at most\n",
                 d->on.model->def.solver.passes, d->on.model->def.solver.iterations, 100 * fixed->error,
                 100 * KN_FIXED_ERROR);
     kn_fpga_counts circuit;
@@ -623,7 +626,7 @@ static void say_all(server *d, void (*tell)(server *, FILE *))
     free(text);
 }
 
-static int64_t stopping_ns; // since when signals end the process, as on_signal does
+static int64_t stopping_ns;               // since when signals end the process, as on_signal does
 static volatile sig_atomic_t told_to_end; // by a signal that came between two lives
 
 static void end_at_once(int number)

@@ -16,19 +16,19 @@
 typedef struct kn_daemon_def {
     const kn_safety_limits *limits; // that no scene which is loaded may raise, NULL: those of the first
     kn_served_def object;
-    const char *lcm_url;    // NULL: LCM_DEFAULT_URL of the environment, else KN_LCM_URL or KN_LCM_LAN_URL
-    const char *mesh_url;   // NULL: KN_MESH_URL or KN_MESH_LAN_URL
-    const char *control;    // path of the control socket (control.h), NULL: none
-    const char *lan;        // network interface of both buses, NULL: lo
+    const char *lcm_url;               // NULL: LCM_DEFAULT_URL of the environment, else KN_LCM_URL or KN_LCM_LAN_URL
+    const char *mesh_url;              // NULL: KN_MESH_URL or KN_MESH_LAN_URL
+    const char *control;               // path of the control socket (control.h), NULL: none
+    const char *lan;                   // network interface of both buses, NULL: lo
     struct in_addr peer[KN_PEERS_MAX]; // whom poses are taken from
-    int peers;              // 0: anybody
-    const char *key;        // file of auth.h, NULL: none
+    int peers;                         // 0: anybody
+    const char *key;                   // file of auth.h, NULL: none
     kn_rt_mode realtime;
-    const char *trace;      // a file for trace.h's rows, NULL: none
-    bool estopped;          // an emergency stop of the life before stands from the first tick on
-    bool later;             // not the first scene that it serves: rows go behind those of the one before
-    bool free;              // the servo's grid does not follow the poses
-    bool touch;             // publish KNEAD_TOUCH
+    const char *trace; // a file for trace.h's rows, NULL: none
+    bool estopped;     // an emergency stop of the life before stands from the first tick on
+    bool later;        // not the first scene that it serves: rows go behind those of the one before
+    bool free;         // the servo's grid does not follow the poses
+    bool touch;        // publish KNEAD_TOUCH
 } kn_daemon_def;
 
 // Serves until SIGINT or SIGTERM: forces ramp to zero, threads end, a summary is printed. A second signal, 0.3 s

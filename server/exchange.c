@@ -21,7 +21,8 @@ static void publish_records(kn_exchange *x)
         if (x->sentinel) kn_sentinel_hear(x->sentinel, &record->wake);
         memcpy(x->force, record->out.force, sizeof x->force);
         for (int p = 0; p < record->out.probes; p++)
-            if (x->force[p].left && kn_receiver_leave(&x->receiver, p, x->force[p].session)) kn_loop_post(x->loop, p, NULL);
+            if (x->force[p].left && kn_receiver_leave(&x->receiver, p, x->force[p].session))
+                kn_loop_post(x->loop, p, NULL);
     }
     const kn_touched *touched;
     for (; x->loop->touches.capacity && (touched = kn_ring_front(&x->loop->touches)); kn_ring_pop(&x->loop->touches))

@@ -22,19 +22,24 @@ static const char usage[] =
     "  --lcm-url URL     bus of poses, forces, status; default LCM_DEFAULT_URL, else " KN_LCM_URL "\n"
     "  --mesh-url URL    bus of meshes; default " KN_MESH_URL "\n"
     "  --realtime MODE   auto: what the machine grants, and say what is missing; require: all of it or exit 3; off\n"
-    "  --phase MODE      lock: ticks follow the poses of the first tool engaged, which then wait tens of us; free: on a\n"
+    "  --phase MODE      lock: ticks follow the poses of the first tool engaged, which then wait tens of us; free: on "
+    "a\n"
     "                    grid of their own\n"
     "  --backend WHERE   the lattice is stepped. cpu: as the scene says; fixed: in the integers of the circuit in hdl\n"
-    "                    uart:/dev/ttyUSB0?baud=3000000, pty:PATH, pcie:0000:01:00.0, shm:NAME: by that circuit, in step\n"
+    "                    uart:/dev/ttyUSB0?baud=3000000, pty:PATH, pcie:0000:01:00.0, shm:NAME: by that circuit, in "
+    "step\n"
     "                    with its twin here, which goes on with the same bits when it is lost\n"
     "  --local-model     publish the contact of every tool as KNEAD_CONTACT_<probe>, for clients behind a slow link\n"
     "  --touch           publish what every tool touches as KNEAD_TOUCH_<probe>, for fingertip displays; 250 Hz\n"
     "  --control PATH    a socket there for knead ctl: status, reset, snapshot, undo, set, load, emergency stop ...\n"
-    "  --state-dir DIR   keeps the object there, at most every 0.5 s, and goes on with the last one that fits; without it\n"
+    "  --state-dir DIR   keeps the object there, at most every 0.5 s, and goes on with the last one that fits; without "
+    "it\n"
     "                    nothing is saved or restored. An emergency stop, too: without it a restart ends one\n"
     "  --trace FILE      CSV: when the pose of each tick arrived, its tick woke, had stepped, had guarded the force\n"
-    "  --key FILE        only poses signed with that key (64 hexadecimal digits, mode 0600); forces are signed with it\n"
-    "  --lan IFACE       serves that network instead of this machine alone; wants --key or --peer, and URLs with ttl=1\n"
+    "  --key FILE        only poses signed with that key (64 hexadecimal digits, mode 0600); forces are signed with "
+    "it\n"
+    "  --lan IFACE       serves that network instead of this machine alone; wants --key or --peer, and URLs with "
+    "ttl=1\n"
     "  --peer ADDRESS    only poses from there (repeat it); no authentication: whoever forges the address is believed\n"
     "  --help, --version\n"
     "\n"
@@ -48,17 +53,25 @@ static int bad(const char *what, const char *expected)
 
 static int run(int argc, char **argv, const char **sets) // sets: room for twice argc
 {
-    static const struct option options[] = {
-        {"scene", required_argument, NULL, 's'},    {"set", required_argument, NULL, 'k'},
-        {"lcm-url", required_argument, NULL, 'l'},  {"mesh-url", required_argument, NULL, 'm'},
-        {"realtime", required_argument, NULL, 'r'}, {"backend", required_argument, NULL, 'b'},
-        {"control", required_argument, NULL, 'c'}, {"quality", required_argument, NULL, 'q'},
-        {"phase", required_argument, NULL, 'p'},   {"trace", required_argument, NULL, 't'},
-        {"state-dir", required_argument, NULL, 'd'},
-        {"key", required_argument, NULL, 'K'},      {"lan", required_argument, NULL, 'L'},
-        {"peer", required_argument, NULL, 'P'},
-        {"local-model", no_argument, NULL, 'o'},    {"touch", no_argument, NULL, 'T'},
-        {"help", no_argument, NULL, 'h'},           {"version", no_argument, NULL, 'v'}, {0}};
+    static const struct option options[] = {{"scene", required_argument, NULL, 's'},
+                                            {"set", required_argument, NULL, 'k'},
+                                            {"lcm-url", required_argument, NULL, 'l'},
+                                            {"mesh-url", required_argument, NULL, 'm'},
+                                            {"realtime", required_argument, NULL, 'r'},
+                                            {"backend", required_argument, NULL, 'b'},
+                                            {"control", required_argument, NULL, 'c'},
+                                            {"quality", required_argument, NULL, 'q'},
+                                            {"phase", required_argument, NULL, 'p'},
+                                            {"trace", required_argument, NULL, 't'},
+                                            {"state-dir", required_argument, NULL, 'd'},
+                                            {"key", required_argument, NULL, 'K'},
+                                            {"lan", required_argument, NULL, 'L'},
+                                            {"peer", required_argument, NULL, 'P'},
+                                            {"local-model", no_argument, NULL, 'o'},
+                                            {"touch", no_argument, NULL, 'T'},
+                                            {"help", no_argument, NULL, 'h'},
+                                            {"version", no_argument, NULL, 'v'},
+                                            {0}};
     kn_daemon_def def = {.realtime = KN_RT_AUTO, .object.sets = sets};
     char why[KN_LINK_WHY];
     for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {

@@ -11,8 +11,8 @@
 
 #define MAGIC 0xEDA1DA01u
 #define HEADER_SIZE 28
-#define CHANNEL_MAX 63         // LCM's
-#define DATA_MAX (1 << 28)     // LCM's largest message
+#define CHANNEL_MAX 63     // LCM's
+#define DATA_MAX (1 << 28) // LCM's largest message
 
 bool kn_log_open(kn_log *log, const char *path, char *error, size_t error_size)
 {

@@ -22,13 +22,13 @@
 #define KN_LOG_UTIME_MAX ((int64_t)1 << 52) // the year 2112
 
 typedef enum kn_log_kind {
-    KN_LOG_END,       // of the file, or of its undamaged part
-    KN_LOG_POSE,      // the bytes; the receiver judges them
-    KN_LOG_FORCE,     // .force, finite, tick 0 .. KN_LOG_TICK_MAX
-    KN_LOG_EVENT,     // .event, the same
-    KN_LOG_SCENE,     // .scene
-    KN_LOG_OTHER,     // a channel that a replay does not need
-    KN_LOG_MALFORMED  // one of the above by its channel, but not by its bytes
+    KN_LOG_END,      // of the file, or of its undamaged part
+    KN_LOG_POSE,     // the bytes; the receiver judges them
+    KN_LOG_FORCE,    // .force, finite, tick 0 .. KN_LOG_TICK_MAX
+    KN_LOG_EVENT,    // .event, the same
+    KN_LOG_SCENE,    // .scene
+    KN_LOG_OTHER,    // a channel that a replay does not need
+    KN_LOG_MALFORMED // one of the above by its channel, but not by its bytes
 } kn_log_kind;
 
 typedef struct kn_log_record { // valid until the next read

@@ -53,10 +53,8 @@ void kn_loop_start(kn_loop *loop, int64_t start_ns)
 void kn_loop_post(kn_loop *loop, int probe, const kn_pose *pose)
 {
     kn_posted *back = kn_mailbox_back(&loop->pose[probe]);
-    if (pose)
-        back->pose = *pose;
-    else
-        back->pose.session = 0;
+    if (pose) back->pose = *pose;
+    else back->pose.session = 0;
     back->before_ns = loop->posted_ns[probe];
     back->posted_ns = loop->posted_ns[probe] = kn_now_ns();
     kn_mailbox_post(&loop->pose[probe]);

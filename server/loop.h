@@ -24,16 +24,16 @@
 #include "server/skin.h"
 #include "server/snapshot.h"
 
-#define KN_LOOP_ORDERS 64 // whose ticks are remembered
+#define KN_LOOP_ORDERS 64      // whose ticks are remembered
 #define KN_LOOP_STOP_TICKS 100 // ms. Forces come down within 20; longer than this nobody waits
 
 typedef struct kn_record { // one tick, for whoever publishes it
     kn_wake wake;
-    int64_t utime;        // us since 1970, when the tick had its answer
-    int64_t execution_ns; // read to publish
-    int64_t guarded_ns;   // when the servo was done
+    int64_t utime;                    // us since 1970, when the tick had its answer
+    int64_t execution_ns;             // read to publish
+    int64_t guarded_ns;               // when the servo was done
     int64_t posted_ns[KN_PROBES_MAX]; // when the poses that it used came
-    kn_tick_out out;      // last: its contacts are in the ring only where out.local
+    kn_tick_out out;                  // last: its contacts are in the ring only where out.local
 } kn_record;
 
 #define KN_LOOP_TOUCH_TICKS 4 // 250 Hz
@@ -74,20 +74,20 @@ typedef struct kn_loop {
     kn_mailbox pose[KN_PROBES_MAX];
     kn_posted pose_slots[KN_PROBES_MAX][3];
     int64_t posted_ns[KN_PROBES_MAX]; // the latest of each probe; the main thread's
-    void (*notify)(void *arg); // called after each tick: wakes the main thread. Must be real-time safe
+    void (*notify)(void *arg);        // called after each tick: wakes the main thread. Must be real-time safe
     void *notify_arg;
-    atomic_bool stop;     // set by anyone: forces ramp to zero, then the thread ends
-    _Atomic int64_t orders;      // how many were given << 8, and bit kn_order of those that the next tick takes
-    atomic_int quality;          // of KN_ORDER_QUALITY
-    const kn_saved *restore;     // of KN_ORDER_RESTORE, to stay until that is obeyed
+    atomic_bool stop;        // set by anyone: forces ramp to zero, then the thread ends
+    _Atomic int64_t orders;  // how many were given << 8, and bit kn_order of those that the next tick takes
+    atomic_int quality;      // of KN_ORDER_QUALITY
+    const kn_saved *restore; // of KN_ORDER_RESTORE, to stay until that is obeyed
     struct kn_change
         *change; // of KN_ORDER_CHANGE, to stay until another one is taken, and whoever uses it has gone over
     _Atomic(struct kn_change *) changed; // the latest that was taken, NULL: none
-    _Atomic uint64_t restored;   // state hash of what the latest order to restore or undo put there; 0: nothing to undo
-    _Atomic int64_t obeyed;      // how many were taken
+    _Atomic uint64_t restored; // state hash of what the latest order to restore or undo put there; 0: nothing to undo
+    _Atomic int64_t obeyed;    // how many were taken
     _Atomic int64_t obeyed_tick[KN_LOOP_ORDERS]; // the tick that took order n, at n modulo that
-    atomic_bool done;     // its last record is in the ring
-    int64_t execution_ns; // of the last tick
+    atomic_bool done;                            // its last record is in the ring
+    int64_t execution_ns;                        // of the last tick
     int64_t deadline;     // units that a step may take, from the first tick on; 0: none. Before the start
     int64_t priced;       // what it was at the start, or at the latest change that priced it anew
     int dear, cheap;      // long steps in a row: above KN_LOOP_DEAR_SHARE, below KN_LOOP_CHEAP_SHARE

@@ -23,10 +23,7 @@ void kn_operator_free(kn_operator *o)
     o->before = o->now = NULL;
 }
 
-static void rest(void)
-{
-    kn_clock_sleep(kn_now_ns() + 500000);
-}
+static void rest(void) { kn_clock_sleep(kn_now_ns() + 500000); }
 
 // --- status ---
 
@@ -74,12 +71,9 @@ static json_t *trips(const knead_health_t *m)
     static const struct {
         const char *name;
         int at;
-    } names[] = {{"pose_silence", KNEAD_HEALTH_T_TRIP_POSE_SILENCE},
-                 {"impulse", KNEAD_HEALTH_T_TRIP_IMPULSE},
-                 {"nonfinite", KNEAD_HEALTH_T_TRIP_NONFINITE},
-                 {"estop", KNEAD_HEALTH_T_TRIP_ESTOP},
-                 {"passivity", KNEAD_HEALTH_T_TRIP_PASSIVITY},
-                 {"overload", KNEAD_HEALTH_T_TRIP_OVERLOAD}};
+    } names[] = {{"pose_silence", KNEAD_HEALTH_T_TRIP_POSE_SILENCE}, {"impulse", KNEAD_HEALTH_T_TRIP_IMPULSE},
+                 {"nonfinite", KNEAD_HEALTH_T_TRIP_NONFINITE},       {"estop", KNEAD_HEALTH_T_TRIP_ESTOP},
+                 {"passivity", KNEAD_HEALTH_T_TRIP_PASSIVITY},       {"overload", KNEAD_HEALTH_T_TRIP_OVERLOAD}};
     json_t *object = json_object();
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         json_object_set_new(object, names[i].name, json_integer(m->trips[names[i].at]));
@@ -195,18 +189,18 @@ static json_t *status_of(kn_operator *o, const kn_health *h)
                                   (json_int_t)s->guards, "slew_limited", (json_int_t)m->trips[KNEAD_HEALTH_T_TRIP_SLEW],
                                   "brakes", (json_int_t)m->trips[KNEAD_HEALTH_T_TRIP_BRAKE], "faults",
                                   (json_int_t)s->faults, "trips", trips(m)));
-    json_object_set_new(status, "energy",
-                        json_pack("{s:o, s:I}", "energy_balance_mj",
-                                  m->audited_s > 0 && isfinite(m->energy_balance_mj) ? json_real(m->energy_balance_mj)
-                                                                                   : json_null(), "audited_s",
-                                  (json_int_t)m->audited_s));
+    json_object_set_new(
+        status, "energy",
+        json_pack("{s:o, s:I}", "energy_balance_mj",
+                  m->audited_s > 0 && isfinite(m->energy_balance_mj) ? json_real(m->energy_balance_mj) : json_null(),
+                  "audited_s", (json_int_t)m->audited_s));
     json_object_set_new(status, "quality",
                         json_pack("{s:s, s:s}", "in_force", kn_quality_name((kn_quality)atomic_load(&a->quality)),
                                   "asked", kn_quality_name((kn_quality)atomic_load(&a->asked))));
     json_object_set_new(status, "state",
                         json_pack("{s:o, s:I, s:I, s:I, s:f, s:f, s:i}", "directory", directory(&o->on.keeper->store),
-                                  "snapshot_age_ms", (json_int_t)s->snapshot_age_ms,
-                                  "snapshot_gen", (json_int_t)m->snapshot_gen, "snapshots", (json_int_t)m->snapshots,
+                                  "snapshot_age_ms", (json_int_t)s->snapshot_age_ms, "snapshot_gen",
+                                  (json_int_t)m->snapshot_gen, "snapshots", (json_int_t)m->snapshots,
                                   "snapshot_ms_last", m->snapshot_ms_last, "snapshot_ms_max", m->snapshot_ms_max,
                                   "snapshot_errors", (int)s->snapshot_errors));
     if (m->circuit != KNEAD_HEALTH_T_CIRCUIT_NONE) json_object_set_new(status, "circuit", circuit(m));
@@ -286,26 +280,11 @@ static json_t *of_keeper(const kn_answer *a)
                      (json_int_t)a->generation, "state", hash);
 }
 
-static json_t *reset(kn_operator *o, const json_t *argument)
-{
-    return (void)argument, order(o, KN_ORDER_RESET, 0);
-}
-static json_t *recover(kn_operator *o, const json_t *argument)
-{
-    return (void)argument, hold(o, false);
-}
-static json_t *estop(kn_operator *o, const json_t *argument)
-{
-    return (void)argument, hold(o, true);
-}
-static json_t *status(kn_operator *o, const json_t *argument)
-{
-    return (void)argument, tell_status(o);
-}
-static json_t *quality(kn_operator *o, const json_t *argument)
-{
-    return take_quality(o, json_string_value(argument));
-}
+static json_t *reset(kn_operator *o, const json_t *argument) { return (void)argument, order(o, KN_ORDER_RESET, 0); }
+static json_t *recover(kn_operator *o, const json_t *argument) { return (void)argument, hold(o, false); }
+static json_t *estop(kn_operator *o, const json_t *argument) { return (void)argument, hold(o, true); }
+static json_t *status(kn_operator *o, const json_t *argument) { return (void)argument, tell_status(o); }
+static json_t *quality(kn_operator *o, const json_t *argument) { return take_quality(o, json_string_value(argument)); }
 
 static json_t *snapshot(kn_operator *o, const json_t *argument)
 {
@@ -417,17 +396,15 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
         return NULL;
     }
     char why[300];
-    kn_change *change = kn_change_create(scene, o->now ? o->now->scene : o->on.served->scene,
-                                         o->now ? o->now->model : o->on.served->model, o->on.def->local_model, why,
-                                         sizeof why);
+    kn_change *change =
+        kn_change_create(scene, o->now ? o->now->scene : o->on.served->scene,
+                         o->now ? o->now->model : o->on.served->model, o->on.def->local_model, why, sizeof why);
     if (change && too_slow(o, values, change, why, sizeof why)) {
         kn_change_destroy(change);
         change = NULL;
     }
-    if (change)
-        change->sets = sets;
-    else
-        snprintf(error, error_size, "set: %s", why);
+    if (change) change->sets = sets;
+    else snprintf(error, error_size, "set: %s", why);
     return change;
 }
 

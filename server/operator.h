@@ -37,12 +37,12 @@ typedef struct kn_operated {
     const kn_safety_limits *limits; // which no load may raise
     kn_loop *loop;
     kn_keeper *keeper;
-    const kn_skin *skin; // whose mesh thread runs
-    void (*ask)(void *arg); // makes the main thread post its health; thread-safe, as the next
+    const kn_skin *skin;        // whose mesh thread runs
+    void (*ask)(void *arg);     // makes the main thread post its health; thread-safe, as the next
     bool (*goes_on)(void *arg); // with another start, when the loop is done
     void (*stop)(void *arg);
     void (*load)(void *arg, const char *path, const kn_scene *scene); // ends, to start with that one, as it is
-    void (*built)(void *arg);                  // memory has been taken that ticks will use
+    void (*built)(void *arg);                                         // memory has been taken that ticks will use
     void *arg;
 } kn_operated;
 

@@ -3,14 +3,11 @@
 #include <stdlib.h>
 
 static const double period_ns = KN_PERIOD_NS;
-static const double outlier_ns = 100000;  // a pose further from the centre moves it by this much
-static const double settled_ns = 20000;   // nearer to its place, the margin is judged
-static const int64_t stall_ns = 500000;   // a tick this late says nothing of where the poses are
+static const double outlier_ns = 100000; // a pose further from the centre moves it by this much
+static const double settled_ns = 20000;  // nearer to its place, the margin is judged
+static const int64_t stall_ns = 500000;  // a tick this late says nothing of where the poses are
 
-void kn_phase_init(kn_phase *phase)
-{
-    *phase = (kn_phase){.probe = -1, .margin_ns = KN_PHASE_MARGIN_NS};
-}
+void kn_phase_init(kn_phase *phase) { *phase = (kn_phase){.probe = -1, .margin_ns = KN_PHASE_MARGIN_NS}; }
 
 static double clamp(double x, double limit) { return fmax(-limit, fmin(limit, x)); }
 

@@ -28,27 +28,28 @@
 // depend on any of this: its step is a period long, whatever the hardware's clock says. Pure; real-time safe.
 #include "server/clock.h"
 
-#define KN_PHASE_SLEW_NS 2000      // most per tick: a tenth of what waking up varies by, 0.2 % of a period
-#define KN_PHASE_LATE 0.004        // share of the poses that may come after their tick: they wait for the next
-#define KN_PHASE_LATE_HELD 0.2     // where the tick waits for them, which costs less than a wait of all others
-#define KN_PHASE_HOLD_NS 300000    // and no more than a third of the time that the last tick left of its period
-#define KN_PHASE_STEADY 4          // poses are, from this score on: one up per tick with a new one,
-#define KN_PHASE_STEADY_LOSS 2     // so much down per tick without: at 500 Hz they are not, with a fifth of them lost they are
-#define KN_PHASE_STEADY_MAX 12     // when poses stop, five ticks are held for nothing
-#define KN_PHASE_RUN_TICKS 2000    // half a period to begin with, and 500 ppm: worse than any crystal
+#define KN_PHASE_SLEW_NS 2000   // most per tick: a tenth of what waking up varies by, 0.2 % of a period
+#define KN_PHASE_LATE 0.004     // share of the poses that may come after their tick: they wait for the next
+#define KN_PHASE_LATE_HELD 0.2  // where the tick waits for them, which costs less than a wait of all others
+#define KN_PHASE_HOLD_NS 300000 // and no more than a third of the time that the last tick left of its period
+#define KN_PHASE_STEADY 4       // poses are, from this score on: one up per tick with a new one,
+#define KN_PHASE_STEADY_LOSS                                                                                           \
+    2 // so much down per tick without: at 500 Hz they are not, with a fifth of them lost they are
+#define KN_PHASE_STEADY_MAX 12  // when poses stop, five ticks are held for nothing
+#define KN_PHASE_RUN_TICKS 2000 // half a period to begin with, and 500 ppm: worse than any crystal
 #define KN_PHASE_RUN_NS 1500000
-#define KN_PHASE_MARGIN_NS 40000   // at the start
+#define KN_PHASE_MARGIN_NS 40000 // at the start
 #define KN_PHASE_MARGIN_MIN 10000
 #define KN_PHASE_MARGIN_MAX 200000 // more would cost every pose more than a late one now and then
 #define KN_PHASE_LOCK_NS 100000    // a rhythm: poses come this near to their mean place, on average; 0.25 ms is none
 #define KN_PHASE_LOSE_NS 150000
 
 typedef struct kn_arrival { // what a tick knows of one probe
-    int64_t session;    // 0: nobody moves it
-    int64_t arrived_ns; // its latest pose
-    int64_t earlier_ns; // the one before that
-    bool fresh;         // no earlier tick has used the latest
-    bool engaged;       // the probe is in the model
+    int64_t session;        // 0: nobody moves it
+    int64_t arrived_ns;     // its latest pose
+    int64_t earlier_ns;     // the one before that
+    bool fresh;             // no earlier tick has used the latest
+    bool engaged;           // the probe is in the model
 } kn_arrival;
 
 typedef struct kn_phase {
@@ -56,11 +57,11 @@ typedef struct kn_phase {
     int probe;   // whose poses it follows, -1: nobody's
     int64_t session;
     double centre_ns, spread_ns, margin_ns;
-    int steady;        // score, 0 .. KN_PHASE_STEADY_MAX
-    int64_t before_ns; // wake of the tick before, if it had no new pose; else 0
-    int64_t run_ns;    // that the grid has moved
-    int run;           // for so many poses
-    bool lost;         // it runs away, and is not followed
+    int steady;                     // score, 0 .. KN_PHASE_STEADY_MAX
+    int64_t before_ns;              // wake of the tick before, if it had no new pose; else 0
+    int64_t run_ns;                 // that the grid has moved
+    int run;                        // for so many poses
+    bool lost;                      // it runs away, and is not followed
     int64_t driven, followed, held; // ticks with a driver; of these: locked; held back
 } kn_phase;
 

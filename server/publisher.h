@@ -18,8 +18,8 @@ typedef struct kn_publisher {
     char force_channel[KN_PROBES_MAX][64]; // KNEAD_FORCE_<probe>
     char contact_channel[KN_PROBES_MAX][64];
     char touch_channel[KN_PROBES_MAX][64];
-    uint8_t *bytes;                        // room for the largest message, which is the scene
-    int room;                              // and KN_AUTH_TRAILER bytes more
+    uint8_t *bytes;    // room for the largest message, which is the scene
+    int room;          // and KN_AUTH_TRAILER bytes more
     int64_t published; // datagrams handed to LCM
     int64_t failed;    // refused by it
 } kn_publisher;

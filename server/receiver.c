@@ -279,10 +279,8 @@ kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_
         if (verdict == KN_ACCEPTED) verdict = admit_present(&r->source[*probe], &message, now_ns, pose);
     }
     r->received++;
-    if (verdict == KN_ACCEPTED)
-        r->accepted++;
-    else
-        r->rejected[verdict]++;
+    if (verdict == KN_ACCEPTED) r->accepted++;
+    else r->rejected[verdict]++;
     return verdict;
 }
 

@@ -26,7 +26,7 @@
 
 // One per line of status_t.rejected, same order; they stand in proto/README.md too. Append only: logs hold the indices.
 #define KN_REJECTS(X)                                                                                                  \
-    X(INTERFACE, "interface", "did not arrive over lo, or --lan's interface")                                                              \
+    X(INTERFACE, "interface", "did not arrive over lo, or --lan's interface")                                          \
     X(RUNT, "runt", "shorter than an LCM header")                                                                      \
     X(MAGIC, "magic", "neither LC02 nor LC03")                                                                         \
     X(FRAGMENT, "fragment", "LC03: part of a larger message")                                                          \
@@ -44,7 +44,7 @@
     X(STALE, "stale", "seq not above the last one: late, repeated or played again")                                    \
     X(CLOCK, "clock", "utime before the last one's")                                                                   \
     X(JUMP, "jump", "faster than 5 m/s, by its own velocity or by its way since the last pose")                        \
-    X(RATE, "rate", "more than 5 000 per second")                                                                       \
+    X(RATE, "rate", "more than 5 000 per second")                                                                      \
     X(PEER, "peer", "from an address that --peer does not name")                                                       \
     X(MAC, "mac", "without the key's authentication code, or with a wrong one")                                        \
     X(REPLAYED, "replayed", "authentic, but of another life of kneadd, or not of now")                                 \
@@ -54,7 +54,7 @@ typedef enum kn_verdict {
 #define KN_REJECT(name, text, meaning) KN_REJECT_##name,
     KN_REJECTS(KN_REJECT)
 #undef KN_REJECT
-    KN_REJECT_COUNT,
+        KN_REJECT_COUNT,
     KN_ACCEPTED = -1
 } kn_verdict;
 
@@ -74,7 +74,7 @@ typedef struct kn_source { // who moves one probe
     struct kn_ended {      // sessions that left, remembered until then
         int64_t session, until_ns;
     } ended[KN_ENDED_MAX];
-    int64_t credit_ns;     // time not yet spent on poses, each of which costs 0.2 ms
+    int64_t credit_ns; // time not yet spent on poses, each of which costs 0.2 ms
     kn_packets packets;
     uint64_t seen;    // bit n: last.seq - n has come
     uint64_t refused; // bit n: last.seq + 1 + n has come, and was not taken
@@ -86,11 +86,11 @@ typedef struct kn_receiver {
     int probes;
     char channel[KN_PROBES_MAX][64]; // KNEAD_POSE_<probe>
     kn_source source[KN_PROBES_MAX];
-    const kn_auth *auth;          // borrowed; NULL: no key
+    const kn_auth *auth;                // borrowed; NULL: no key
     unsigned char nonce[KN_AUTH_NONCE]; // of the last KN_REJECT_HELLO
     int64_t greeted_ns;                 // when that came
-    struct in_addr peer[KN_PEERS_MAX]; // whom poses are taken from
-    int peers;                    // 0: anybody
+    struct in_addr peer[KN_PEERS_MAX];  // whom poses are taken from
+    int peers;                          // 0: anybody
     int64_t received, accepted, rejected[KN_REJECT_COUNT];
 } kn_receiver;
 

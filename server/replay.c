@@ -22,8 +22,8 @@ typedef struct kn_replay_private { // `v` below
     kn_receiver receiver;
     kn_pose *poses[KN_PROBES_MAX]; // [POSES], slot seq % POSES
 
-    kn_survey found;   // by the first reading
-    size_t next_event; // of those found
+    kn_survey found;          // by the first reading
+    size_t next_event;        // of those found
     kn_change *change, *next; // in force, about to be; NULL: none
     kn_replay_def def;
 
@@ -37,7 +37,7 @@ typedef struct kn_replay_private { // `v` below
     bool grouped;
     int64_t group_tick;
 
-    int64_t tick; // last one executed, -1: none
+    int64_t tick;   // last one executed, -1: none
     int64_t untold; // ticks that ran and have no record
     bool live[KN_PROBES_MAX];
     bool touched, resting; // a session has begun; none has and the object lies still
@@ -162,10 +162,7 @@ static void resume(kn_replay *r)
     }
 }
 
-static bool of_that_hash(void *hash, const kn_saved *saved)
-{
-    return saved->state_hash == *(const uint64_t *)hash;
-}
+static bool of_that_hash(void *hash, const kn_saved *saved) { return saved->state_hash == *(const uint64_t *)hash; }
 
 static bool find_state(kn_replay *r, uint64_t hash, char *why, size_t why_size)
 {
@@ -293,8 +290,8 @@ static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t 
     if (r->same) stand(r, &v->found);
     r->tally.first_gap = r->tally.first_mismatch = -1;
     int64_t before = r->resumed_tick >= 0 ? r->resumed_tick : v->found.before_tick;
-    r->tally.ticks_total = r->forces_logged ? v->found.last_tick - before
-                                            : (v->found.last_utime - v->found.first_pose_utime) / 1000 + 1;
+    r->tally.ticks_total =
+        r->forces_logged ? v->found.last_tick - before : (v->found.last_utime - v->found.first_pose_utime) / 1000 + 1;
     if (!r->forces_logged && r->tally.ticks_total > most_untold(v)) r->tally.ticks_total = most_untold(v);
     return true;
 }
@@ -329,10 +326,7 @@ void kn_replay_destroy(kn_replay *r)
     free(r);
 }
 
-const kn_state *kn_replay_state(kn_replay *r)
-{
-    return r->servo.backend->state(r->servo.backend->self);
-}
+const kn_state *kn_replay_state(kn_replay *r) { return r->servo.backend->state(r->servo.backend->self); }
 
 double kn_replay_end_s(const kn_replay *r)
 {
@@ -566,12 +560,8 @@ static void apply_events(kn_replay *r, kn_tick_in *in)
         case KNEAD_EVENT_T_KIND_OVERLOAD:
             if (r->same) in->overload = e->arg[0] != 0 ? 1 : -1;
             break;
-        case KNEAD_EVENT_T_KIND_DEADLINE:
-            apply_deadline(r, in, e);
-            break;
-        case KNEAD_EVENT_T_KIND_SET:
-            apply_set(r, in, e);
-            break;
+        case KNEAD_EVENT_T_KIND_DEADLINE: apply_deadline(r, in, e); break;
+        case KNEAD_EVENT_T_KIND_SET: apply_set(r, in, e); break;
         case KNEAD_EVENT_T_KIND_SESSION_END:
             if (e->probe >= 0 && e->probe < KN_PROBES_MAX) v->live[e->probe] = false;
             break;
@@ -700,7 +690,8 @@ static bool step_by_time(kn_replay *r)
     }
     run_tick(r);
     for (int p = 0; p < r->model->def.probe_count; p++)
-        if (r->tick.out.force[p].left && kn_receiver_leave(&v->receiver, p, r->tick.out.force[p].session)) v->live[p] = false;
+        if (r->tick.out.force[p].left && kn_receiver_leave(&v->receiver, p, r->tick.out.force[p].session))
+            v->live[p] = false;
     return true;
 }
 

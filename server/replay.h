@@ -33,8 +33,8 @@ typedef struct kn_replay_def { // what it points at is borrowed as long as the r
     int set_count;
     bool afresh; // only the hand's poses count: the log's states and points of quality are not this run's to reproduce
     const char *snapshot_path; // a snapshot, or a directory of them as kneadd --state-dir keeps; NULL: none
-    const char *device; // URI of a circuit that steps the lattice, waited for as long as it takes; NULL: none
-    bool *device_failed; // NULL, or out: it is the circuit that kn_replay_create gave up for
+    const char *device;        // URI of a circuit that steps the lattice, waited for as long as it takes; NULL: none
+    bool *device_failed;       // NULL, or out: it is the circuit that kn_replay_create gave up for
 } kn_replay_def;
 
 typedef struct kn_replay_tick { // what the last step did
@@ -48,19 +48,19 @@ typedef struct kn_replay_tick { // what the last step did
 } kn_replay_tick;
 
 typedef struct kn_replay_tally { // honest about what could not be used
-    int64_t ticks;       // executed so far
-    int64_t ticks_total; // in the log, for a progress bar; an estimate without forces
-    int64_t forces;      // force records used
-    int64_t gaps;        // ticks that ran live and have no force record, or whose pose is missing
-    int64_t first_gap;   // tick number, -1: none
-    int64_t malformed;   // records of our channels that are not what their channel says
-    int64_t refused;     // poses that the receiver's rules refuse (only without forces)
-    int64_t checkpoints; // state hashes of the log that the replay met
-    int64_t mismatches;  // ... and did not reproduce
-    int64_t first_mismatch; // tick number, -1: none
-    int64_t outside;     // ticks in which a tool pressed on a block of two resolutions outside of its reach
-    double outside_m;    // how far at most
-    int outside_probe;   // which tool
+    int64_t ticks;               // executed so far
+    int64_t ticks_total;         // in the log, for a progress bar; an estimate without forces
+    int64_t forces;              // force records used
+    int64_t gaps;                // ticks that ran live and have no force record, or whose pose is missing
+    int64_t first_gap;           // tick number, -1: none
+    int64_t malformed;           // records of our channels that are not what their channel says
+    int64_t refused;             // poses that the receiver's rules refuse (only without forces)
+    int64_t checkpoints;         // state hashes of the log that the replay met
+    int64_t mismatches;          // ... and did not reproduce
+    int64_t first_mismatch;      // tick number, -1: none
+    int64_t outside;             // ticks in which a tool pressed on a block of two resolutions outside of its reach
+    double outside_m;            // how far at most
+    int outside_probe;           // which tool
 } kn_replay_tally;
 
 typedef struct kn_replay {
@@ -71,11 +71,11 @@ typedef struct kn_replay {
     kn_servo servo;
     kn_replay_tick tick;
     kn_replay_tally tally;
-    bool forces_logged; // the log holds forces: exact
-    bool same;          // scene and computation are the log's own, so its numbers can be demanded back
-    int64_t resumed_tick;          // of the snapshot that it goes on from, -1: from the log's beginning
+    bool forces_logged;   // the log holds forces: exact
+    bool same;            // scene and computation are the log's own, so its numbers can be demanded back
+    int64_t resumed_tick; // of the snapshot that it goes on from, -1: from the log's beginning
     const char *logged_name, *logged_text; // the scene that the log holds, NULL: none
-    char damage[160];   // "" or what is wrong with the file; what stands before it is used
+    char damage[160];                      // "" or what is wrong with the file; what stands before it is used
     struct kn_replay_private *private;
 } kn_replay;
 

@@ -118,10 +118,8 @@ int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int prior
     int error = pthread_create(thread, &attr, thread_main, start);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     pthread_attr_destroy(&attr);
-    if (error)
-        free(start);
-    else
-        pthread_setname_np(*thread, name);
+    if (error) free(start);
+    else pthread_setname_np(*thread, name);
     return error;
 }
 

@@ -99,7 +99,4 @@ void kn_say_lines(int fd, const char *text)
     }
 }
 
-bool kn_say_whole(int fd)
-{
-    return !atomic_load(&failed[fd]) && atomic_load(&dropped[fd]) == 0;
-}
+bool kn_say_whole(int fd) { return !atomic_load(&failed[fd]) && atomic_load(&dropped[fd]) == 0; }

@@ -6,10 +6,7 @@ bool kn_sentinel_init(kn_sentinel *s)
     return kn_ring_init(&s->stalls, KN_SENTINEL_RECENT, sizeof(kn_stall));
 }
 
-void kn_sentinel_free(kn_sentinel *s)
-{
-    kn_ring_free(&s->stalls);
-}
+void kn_sentinel_free(kn_sentinel *s) { kn_ring_free(&s->stalls); }
 
 int64_t kn_sentinel_stalled_ns(const kn_sentinel *s, const kn_wake *wake)
 {
@@ -74,10 +71,8 @@ int64_t kn_sentinel_judge(kn_sentinel *s, int64_t now_ns)
     take_stalls(s);
     for (int i = 0; i < s->pending_count; i++) {
         const kn_wake *wake = &s->pending[i];
-        if (now_ns - wake->now_ns <= KN_SENTINEL_MARGIN_NS)
-            s->pending[left++] = *wake;
-        else
-            take_verdict(s, wake, explained(s, wake));
+        if (now_ns - wake->now_ns <= KN_SENTINEL_MARGIN_NS) s->pending[left++] = *wake;
+        else take_verdict(s, wake, explained(s, wake));
     }
     s->pending_count = left;
     return s->explained;

@@ -36,7 +36,7 @@ typedef struct kn_sentinel {
     unsigned recent_count;
     kn_wake pending[KN_SENTINEL_RECENT]; // late wakes of the servo, not judged yet
     int pending_count;
-    int64_t explained; // missed cycles that a stall explains
+    int64_t explained;    // missed cycles that a stall explains
     kn_lates half, whole; // of the servo's wakes, but those after an overrun: late by KN_SENTINEL_LATE_NS, by a period
 } kn_sentinel;
 

@@ -83,10 +83,8 @@ static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size
         if (s->scene) break;
         kn_say("kneadd: of what was set before the last end %s is left out: %s",
                try == 0 ? "what is the device's" : "everything", why);
-        if (try == 0)
-            without_device(&s->sets);
-        else
-            s->sets = (kn_sets){0};
+        if (try == 0) without_device(&s->sets);
+        else s->sets = (kn_sets){0};
         s->scene = s->base;
     }
     return true;

@@ -11,8 +11,8 @@ typedef struct kn_served_def {
     int set_count;
     const char *name, *text; // of what was in that file, options and all, when it was checked; NULL: it is read
     const char *state_dir;   // where snapshots are kept and restored from, NULL: nowhere
-    const char *device;    // URI of a circuit that steps the object, NULL: this processor does
-    bool local_model;      // identify and publish KNEAD_CONTACT
+    const char *device;      // URI of a circuit that steps the object, NULL: this processor does
+    bool local_model;        // identify and publish KNEAD_CONTACT
 } kn_served_def;
 
 typedef struct kn_served {

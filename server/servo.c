@@ -50,7 +50,7 @@ typedef struct tick {
     kn_fault fault[KN_PROBES_MAX]; // that stood before the step
     bool stepped, diverged, hashed;
     bool shadowed; // by the twin of a circuit
-    bool change; // of the effort
+    bool change;   // of the effort
     uint64_t hash; // before the step, taken when the first event asks for it
 } tick;
 
@@ -317,9 +317,8 @@ static void watch_probe(tick *t, int p)
     bool was_attached = s->attached;
     kn_fault before = latched(s);
     if (t->watch[p].live && !s->attached)
-        t->watch[p].clear =
-            kn_clearance(servo->model, servo->backend->state(servo->backend->self), p, tool->position_m,
-                         tool->orientation_wxyz) > LIFTED_M;
+        t->watch[p].clear = kn_clearance(servo->model, servo->backend->state(servo->backend->self), p, tool->position_m,
+                                         tool->orientation_wxyz) > LIFTED_M;
 
     kn_probe_input *input = &t->input.probe[p];
     input->attached = kn_safety_watch(s, &t->watch[p]);

@@ -47,8 +47,10 @@ static bool open_frames(kn_skin *skin)
 
 static bool open_measures(kn_skin *skin)
 {
-    static const struct { int bit; kn_measure what; } asked[2] = {{KN_MESH_STRESS, KN_MEASURE_STRESS},
-                                                                  {KN_MESH_RESIDUAL, KN_MEASURE_RESIDUAL}};
+    static const struct {
+        int bit;
+        kn_measure what;
+    } asked[2] = {{KN_MESH_STRESS, KN_MEASURE_STRESS}, {KN_MESH_RESIDUAL, KN_MEASURE_RESIDUAL}};
     kn_skin_gauge *g = &skin->measured;
     size_t nodes = (size_t)skin->model->node_count, vertices = (size_t)skin->surface->vertex_count;
     if (!skin->measures) return true;

@@ -26,16 +26,16 @@ typedef struct kn_skin_frame {
 // What the mesh thread makes of a frame's state.
 typedef struct kn_skin_gauge {
     kn_gauge *gauge;
-    const kn_model *model;             // that gauge is of
-    double *node_value[KN_MEASURES];   // [node_count]; NULL: not asked for
-    float *vertex_value[KN_MEASURES];  // [vertex_count]
+    const kn_model *model;            // that gauge is of
+    double *node_value[KN_MEASURES];  // [node_count]; NULL: not asked for
+    float *vertex_value[KN_MEASURES]; // [vertex_count]
     double *memory;
 } kn_skin_gauge;
 
 typedef struct kn_skin {
     const kn_model *model; // at the start; those that come later have its lattice
-    const kn_auth *auth; // signs every message; NULL: nobody does
-    int64_t signed_us;   // age of the last one
+    const kn_auth *auth;   // signs every message; NULL: nobody does
+    int64_t signed_us;     // age of the last one
     kn_surface *surface;
     int period_ticks;
     int64_t next_tick; // the servo's
@@ -44,7 +44,7 @@ typedef struct kn_skin {
     int measures;                   // mesh.measures of the scene
     kn_skin_gauge measured;         // the mesh thread's
     _Atomic(const kn_model *) told; // whose frame it took last
-    lcm_t *lcm; // transmits only: such an lcm_t has no thread and hears nothing
+    lcm_t *lcm;                     // transmits only: such an lcm_t has no thread and hears nothing
     int64_t mesh_id, topology_hash;
     int topology_size;
     uint8_t *topology; // encoded once but for its utime

@@ -19,14 +19,8 @@ static const uint8_t magic[8] = {0x89, 'K', 'N', 'E', 'A', 'D', '\r', '\n'};
 static_assert(offsetof(kn_safety, slewed) == 312 && sizeof(kn_pose) == 120 && sizeof(kn_clutch) == 120,
               "all of it is below");
 
-static void put_counter(kn_codec *c, int64_t *value)
-{
-    kn_codec_i64(c, value, 0, INT64_MAX);
-}
-static void put_int(kn_codec *c, int *value)
-{
-    kn_codec_i32(c, value, INT32_MIN, INT32_MAX);
-}
+static void put_counter(kn_codec *c, int64_t *value) { kn_codec_i64(c, value, 0, INT64_MAX); }
+static void put_int(kn_codec *c, int *value) { kn_codec_i32(c, value, INT32_MIN, INT32_MAX); }
 
 static void put_safety(kn_codec *c, kn_safety *s)
 {
@@ -128,10 +122,8 @@ void kn_saved_resume(const kn_saved *saved, kn_servo *servo)
 
 static void digest(const uint8_t *bytes, size_t size, uint8_t out[DIGEST])
 {
-    if (sodium_init() < 0)
-        memset(out, 0, DIGEST); // then nothing fits
-    else
-        crypto_generichash(out, DIGEST, bytes, size, NULL, 0);
+    if (sodium_init() < 0) memset(out, 0, DIGEST); // then nothing fits
+    else crypto_generichash(out, DIGEST, bytes, size, NULL, 0);
 }
 
 static void put_head(kn_codec *c, kn_saved *s)

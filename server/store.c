@@ -19,18 +19,9 @@
 
 // --- the system -----------------------------------------------------------------------------------------------------
 
-static int system_open(int dir, const char *name, int flags, mode_t mode)
-{
-    return openat(dir, name, flags, mode);
-}
-static int system_rename(int dir, const char *from, const char *to)
-{
-    return renameat(dir, from, dir, to);
-}
-static int system_unlink(int dir, const char *name)
-{
-    return unlinkat(dir, name, 0);
-}
+static int system_open(int dir, const char *name, int flags, mode_t mode) { return openat(dir, name, flags, mode); }
+static int system_rename(int dir, const char *from, const char *to) { return renameat(dir, from, dir, to); }
+static int system_unlink(int dir, const char *name) { return unlinkat(dir, name, 0); }
 const kn_files kn_files_system = {system_open, read, write, fdatasync, close, system_rename, fsync, system_unlink};
 
 // --- names ----------------------------------------------------------------------------------------------------------
@@ -223,7 +214,8 @@ static bool write_all(const kn_files *f, int fd, const uint8_t *bytes, size_t si
 static const char *put_file(const kn_store *s, size_t size, bool stays)
 {
     const kn_files *f = s->files;
-    int fd = f->open(s->dir, TEMPORARY, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, stays ? 0400 : 0600);
+    int fd = f->open(s->dir, TEMPORARY, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC,
+                     stays ? 0400 : 0600);
     if (fd < 0) return "open";
     const char *failed = !write_all(f, fd, s->bytes, size) ? "write" : f->sync(fd) != 0 ? "fdatasync" : NULL;
     int why = errno;
@@ -263,10 +255,8 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
     if (!failed && !there) failed = "rename";
     if (there && s->files->sync_dir(s->dir) != 0) failed = "fsync of the directory";
     if (failed) snprintf(why, why_size, "%s: %s", failed, size == 0 ? "no room" : strerror(errno));
-    if (!there)
-        s->files->unlink(s->dir, TEMPORARY);
-    else if (failed)
-        s->generation = saved->generation; // it may be there or not: nothing is removed for it
+    if (!there) s->files->unlink(s->dir, TEMPORARY);
+    else if (failed) s->generation = saved->generation; // it may be there or not: nothing is removed for it
     if (failed) return false;
     s->generation = saved->generation;
     if (!stays) keep(s, saved->generation);
@@ -324,16 +314,11 @@ static uint8_t *get_file(const kn_files *f, int dir, const char *name, size_t *s
     uint8_t *bytes = NULL;
     const char *reason = NULL;
     int fd = f->open(dir, name, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0);
-    if (fd < 0 || fstat(fd, &what) != 0)
-        reason = strerror(errno);
-    else if (!S_ISREG(what.st_mode))
-        reason = "not a plain file";
-    else if (what.st_size < 0 || (uint64_t)what.st_size > KN_SAVED_MAX)
-        reason = "larger than any snapshot";
-    else if (!(bytes = malloc((size_t)what.st_size + 1)))
-        reason = "not enough memory";
-    else if (!read_all(f, fd, bytes, *size = (size_t)what.st_size))
-        reason = strerror(errno);
+    if (fd < 0 || fstat(fd, &what) != 0) reason = strerror(errno);
+    else if (!S_ISREG(what.st_mode)) reason = "not a plain file";
+    else if (what.st_size < 0 || (uint64_t)what.st_size > KN_SAVED_MAX) reason = "larger than any snapshot";
+    else if (!(bytes = malloc((size_t)what.st_size + 1))) reason = "not enough memory";
+    else if (!read_all(f, fd, bytes, *size = (size_t)what.st_size)) reason = strerror(errno);
     if (fd >= 0) f->close(fd);
     if (!reason) return bytes;
     snprintf(why, why_size, "%s", reason);

@@ -44,11 +44,11 @@ typedef struct kn_store {
     const kn_files *files; // replaced by tests
     const kn_scene *scene; // of the series that was saved last, as model
     const kn_model *model;
-    uint64_t text_hash;          // of that scene: what it points at comes and goes
-    const char *path;            // of the directory, as given
-    int dir;                     // locked; -1: not open
-    char series[96];             // "dough.1f0c9a7e"
-    int64_t generation;          // the highest of the scene, of any series; 0: none
+    uint64_t text_hash;               // of that scene: what it points at comes and goes
+    const char *path;                 // of the directory, as given
+    int dir;                          // locked; -1: not open
+    char series[96];                  // "dough.1f0c9a7e"
+    int64_t generation;               // the highest of the scene, of any series; 0: none
     kn_kept_file kept[KN_STORE_KEPT]; // ours, ascending: of one series at the start, of each that something was set to
     int kept_count;
     _Atomic int64_t pin[KN_STORE_PINS]; // restored last: they stay while the store is open, for whoever replays the log

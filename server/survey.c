@@ -25,10 +25,8 @@ static bool keep_other(kn_survey *s, const knead_scene_t *told)
     kn_survey_scene *more = realloc(s->others, (s->other_count + 1) * sizeof *more);
     char *text = strdup(told->text);
     if (more) s->others = more;
-    if (more && text)
-        more[s->other_count++] = (kn_survey_scene){(uint64_t)told->text_hash, text};
-    else
-        free(text);
+    if (more && text) more[s->other_count++] = (kn_survey_scene){(uint64_t)told->text_hash, text};
+    else free(text);
     return more && text;
 }
 

@@ -31,14 +31,14 @@ typedef struct kn_survey {
     kn_survey_scene *others; // [other_count] that were changed to
     size_t other_count;
     int64_t forces, records, malformed;
-    int64_t told; // poses, forces, events and scenes among the records
-    char felt[KN_PROBES_MAX][64]; // probes that have forces
+    int64_t told;                                    // poses, forces, events and scenes among the records
+    char felt[KN_PROBES_MAX][64];                    // probes that have forces
     int64_t first_tick, last_tick, first_force_tick; // -1: none
     int64_t before_tick; // the last one the server ran before first_tick: first_tick - 1 unless it missed cycles
     int64_t first_utime, last_utime, first_pose_utime, origin_utime; // us; of tick 0 the last, as if it had been told
-    bool started;       // the log begins with the server's start
-    bool undoes;        // something was undone
-    int64_t restores;   // from a snapshot
+    bool started;                                                    // the log begins with the server's start
+    bool undoes;                                                     // something was undone
+    int64_t restores;                                                // from a snapshot
     kn_survey_stood stood;
     int64_t end_offset; // bytes: where the part ends that can be replayed
     char damage[160];   // "" or what is wrong with the file; what stands before it is told of

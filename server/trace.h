@@ -27,7 +27,7 @@ typedef struct kn_trace {
 // path NULL: no trace. False and one line in error.
 bool kn_trace_open(kn_trace *trace, const char *path, bool append, char *error, size_t error_size);
 void kn_trace_record(kn_trace *trace, const kn_record *record, const kn_model_def *def); // real-time safe
-void kn_trace_drain(kn_trace *trace);                                                     // in one thread
+void kn_trace_drain(kn_trace *trace);                                                    // in one thread
 bool kn_trace_close(kn_trace *trace); // drains; false when the file took less than all; a zeroed one is fine
 
 #endif

@@ -6,10 +6,7 @@ static int room_of(const kn_model *model)
     return room < 1 ? 1 : room > KN_UNDO_POINTS ? KN_UNDO_POINTS : (int)room;
 }
 
-size_t kn_undo_bytes(const kn_model *model)
-{
-    return (size_t)room_of(model) * kn_state_kept(model);
-}
+size_t kn_undo_bytes(const kn_model *model) { return (size_t)room_of(model) * kn_state_kept(model); }
 
 bool kn_undo_init(kn_undo *undo, const kn_model *model)
 {
@@ -26,19 +23,14 @@ void kn_undo_free(kn_undo *undo)
     *undo = (kn_undo){0};
 }
 
-static kn_state *newest(const kn_undo *u)
-{
-    return u->point[(u->first + u->count - 1) % u->room];
-}
+static kn_state *newest(const kn_undo *u) { return u->point[(u->first + u->count - 1) % u->room]; }
 
 void kn_undo_keep(kn_undo *u, const kn_state *now)
 {
     if (now->bad) return;
     if (u->count == 0 || u->touched) {
-        if (u->count < u->room)
-            u->count++;
-        else
-            u->first = (u->first + 1) % u->room;
+        if (u->count < u->room) u->count++;
+        else u->first = (u->first + 1) % u->room;
     }
     kn_state_copy(u->model, newest(u), now);
     u->touched = false;

@@ -24,10 +24,7 @@ size_t kn_undo_bytes(const kn_model *model);
 // A point: the oldest goes when there is no room, the newest when nothing has touched the object since. Not of an
 // object gone bad. Real-time safe: one copy of the state.
 void kn_undo_keep(kn_undo *undo, const kn_state *now);
-static inline void kn_undo_touched(kn_undo *undo)
-{
-    undo->touched = true;
-}
+static inline void kn_undo_touched(kn_undo *undo) { undo->touched = true; }
 
 static inline void kn_undo_forget(kn_undo *undo)
 {

@@ -31,9 +31,12 @@ void kn_wire_force(knead_contact_force_t *message, const kn_tick_out *tick, int 
     memcpy(message->proxy_orientation_wxyz, f->proxy_orientation_wxyz, sizeof message->proxy_orientation_wxyz);
 }
 
+// Fields with the same name in kn_contact_unit and contact_model_t. One list serves both directions.
+// clang-format off
 #define SAME_FIELDS(X)                                                                                                 \
     X(session) X(pose_seq) X(generation) X(flags) X(contact_index) X(contact_count) X(force_n) X(proxy_velocity_m_s)   \
     X(a_n_s_per_m) X(h_n) X(c2_n_s_per_m) X(k1_n_per_m) X(k_vc_n_per_m) X(b_vc_n_s_per_m) X(friction) X(valid_ms)
+// clang-format on
 #define SAME_VECTORS(X) X(proxy_m) X(normal) X(friction_anchor_m)
 
 void kn_wire_contact(knead_contact_model_t *message, const kn_contact_unit *unit, int64_t utime)
@@ -105,7 +108,7 @@ void kn_wire_pose(knead_probe_pose_t *message, const kn_pose *pose)
 
 void kn_wire_scene(knead_scene_t *message, const kn_scene *scene, uint64_t initial_hash, int64_t utime)
 {
-    static char version[] = KN_VERSION; // lcm-gen's strings are not const, though encoding only reads them
+    static char version[] = KN_VERSION; // lcm-gen's strings are not const, although encoding only reads them
     *message = (knead_scene_t){
         .utime = utime,
         .text_hash = (int64_t)scene->text_hash,
@@ -117,7 +120,8 @@ void kn_wire_scene(knead_scene_t *message, const kn_scene *scene, uint64_t initi
     };
 }
 
-// hash, three int64, one int32, then three strings: an int32 length that counts the closing NUL, and the bytes.
+// Layout of a scene_t: hash, three int64, one int32, then three strings. A string is an int32 length, which counts the
+// closing NUL, and the bytes.
 bool kn_wire_scene_fits(const void *data, size_t size)
 {
     const unsigned char *bytes = data;
@@ -128,6 +132,7 @@ bool kn_wire_scene_fits(const void *data, size_t size)
         if (size - at < 4) return false;
         size_t length = kn_bytes_32(bytes + at);
         at += 4;
+        // the NUL must be the last byte of the string, and the only NUL
         if (length < 1 || length > size - at) return false;
         if (memchr(bytes + at, 0, length) != bytes + at + length - 1) return false;
         at += length;

@@ -34,7 +34,7 @@ static inline void kn_test_add(kn_test_case *t)
 #define KN_TEST_CAT(a, b) KN_TEST_CAT2(a, b)
 #define TEST(sentence_) KN_TEST_DEFINE(sentence_, __LINE__, false)
 #define NIGHT_TEST(sentence_) KN_TEST_DEFINE(sentence_, __LINE__, true)
-#define KN_TEST_DEFINE(sentence_, line, night)                                                                              \
+#define KN_TEST_DEFINE(sentence_, line, night)                                                                         \
     static void KN_TEST_CAT(kn_test_run_, line)(void);                                                                 \
     __attribute__((constructor)) static void KN_TEST_CAT(kn_test_register_, line)(void)                                \
     {                                                                                                                  \
@@ -85,7 +85,7 @@ static inline void kn_test_add(kn_test_case *t)
 #define KN_TEST_MAIN main
 #endif
 #define TESTS_MAIN                                                                                                     \
-    int KN_TEST_MAIN(void)                                                                                                     \
+    int KN_TEST_MAIN(void)                                                                                             \
     {                                                                                                                  \
         int failed = 0, count = 0;                                                                                     \
         for (kn_test_case *t = kn_test_first; t; t = t->next) {                                                        \

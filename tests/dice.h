@@ -10,10 +10,7 @@ static inline double kn_dice(uint64_t *seed) // [0, 1)
     return (double)(*seed >> 11) * 0x1p-53;
 }
 
-static inline double kn_dice_in(uint64_t *seed, double low, double high)
-{
-    return low + (high - low) * kn_dice(seed);
-}
+static inline double kn_dice_in(uint64_t *seed, double low, double high) { return low + (high - low) * kn_dice(seed); }
 
 static inline double kn_dice_normal(uint64_t *seed) // mean 0, deviation 1
 {

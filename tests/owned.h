@@ -15,10 +15,7 @@
 #define AT_END(end) __attribute__((unused, cleanup(end)))
 #define OWN(type) AT_END(type##_at_end) type
 #define OWNS(type, end)                                                                                                \
-    static inline void type##_at_end(type **owned)                                                                     \
-    {                                                                                                                  \
-        end(*owned);                                                                                                   \
-    }
+    static inline void type##_at_end(type **owned) { end(*owned); }
 
 OWNS(kn_scene, kn_scene_destroy)
 OWNS(kn_model, kn_model_destroy)

@@ -113,10 +113,8 @@ static inline int64_t kn_rig_next(kn_rig *r)
 static inline void kn_rig_move(kn_rig_end *e)
 {
     bool goes_on = true;
-    if (e->bridge)
-        kn_bridge_tick(e->bridge, 1);
-    else
-        goes_on = kn_device_tick(e->device, 1);
+    if (e->bridge) kn_bridge_tick(e->bridge, 1);
+    else goes_on = kn_device_tick(e->device, 1);
     kn_rig_pump(e->lcm);
     e->due_ns = goes_on ? e->due_ns + KN_PERIOD_NS : INT64_MAX;
 }
@@ -245,10 +243,8 @@ static inline void kn_rig_close(kn_rig *r)
 {
     kn_rig_kill(r);
     for (kn_rig_end *e = r->end; e < r->end + r->ends; e++) {
-        if (e->bridge)
-            kn_bridge_close(e->bridge);
-        else
-            kn_device_leave(e->device);
+        if (e->bridge) kn_bridge_close(e->bridge);
+        else kn_device_leave(e->device);
         while (e->up.count) free(e->up.list[--e->up.count].bytes);
         while (e->down.count) free(e->down.list[--e->down.count].bytes);
     }

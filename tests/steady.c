@@ -141,8 +141,7 @@ static void start_witnesses(void)
     if (refused)
         snprintf(blind, sizeof blind, " (no SCHED_FIFO: %s, %s)", strerror(refused),
                  counts ? "so some are not seen" : "nor does this kernel count waits: none is seen");
-    else if (!counts)
-        snprintf(blind, sizeof blind, " (this kernel does not count waits: load may be among it)");
+    else if (!counts) snprintf(blind, sizeof blind, " (this kernel does not count waits: load may be among it)");
 }
 
 static figures take_figures(int64_t since_ns)
@@ -218,10 +217,8 @@ static int run(char **command, int64_t timeout_ns)
     sleep_until(now_ns() + 5 * MS); // a witness of the end has its say
     figures f = take_figures(start_ns);
     double took_s = 1e-9 * (double)(now_ns() - start_ns);
-    if (code >= 0)
-        printf("steady: exit %d after %.1f s; ", code, took_s);
-    else
-        printf("steady: did not end in %.1f s; ", took_s);
+    if (code >= 0) printf("steady: exit %d after %.1f s; ", code, took_s);
+    else printf("steady: did not end in %.1f s; ", took_s);
     print_figures(&f);
     if (code != FAILED || f.standstills == 0) return code >= 0 ? code : FAILED;
     printf("skipped: the machine stood still while it failed: ");

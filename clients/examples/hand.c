@@ -20,7 +20,7 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, const knead
 {
     (void)buf, (void)channel;
     int again = msg->session == force.session && msg->tick <= force.tick; // no sign of life
-    if (msg->session != *(int64_t *)session || again) return;               // or somebody else has the tool
+    if (msg->session != *(int64_t *)session || again) return;             // or somebody else has the tool
     force = *msg;
     force_age_ms = 0;
 }
@@ -62,7 +62,8 @@ int main(int argc, char **argv)
             knead_probe_pose_t_publish(lcm, pose_channel, &pose);
         }
         force_age_ms++;
-        while (lcm_handle_timeout(lcm, 0) > 0); // everything that has come; the newest stays
+        while (lcm_handle_timeout(lcm, 0) > 0)
+            ; // everything that has come; the newest stays
         // Own watchdog: hold 3 ms, fade to 0 N by 20 ms; then silence, and a new session, which starts from zero force
         if (silent_ms > 0 && --silent_ms == 0) tripped = 0, session = now_ns(CLOCK_REALTIME);
         if (force_age_ms >= ZERO_MS && !tripped && force.session == session) tripped = 1, silent_ms = SILENCE_MS;
@@ -73,8 +74,9 @@ int main(int argc, char **argv)
 
         if (n % 500) continue;
         printf("z %5.1f mm   force %6.2f N%s\n", pose.position_m[2] * 1e3, given_n,
-               tripped || force_age_ms >= ZERO_MS ? "   no force from kneadd: is it running?" :
-               force.flags & KNEAD_CONTACT_FORCE_T_FLAG_LATCHED ? "   latched: lift the tool" : "");
+               tripped || force_age_ms >= ZERO_MS                 ? "   no force from kneadd: is it running?"
+               : force.flags & KNEAD_CONTACT_FORCE_T_FLAG_LATCHED ? "   latched: lift the tool"
+                                                                  : "");
         fflush(stdout);
     }
 }

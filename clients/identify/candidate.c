@@ -217,8 +217,7 @@ static bool press(void *of, const double value[KN_SEARCH_UNKNOWNS], double *resi
         c->found = true;
         c->sum = sum;
         memcpy(w->shift_m, shift_m, sizeof w->shift_m);
-    } else
-        kn_pressed_free(&x.pressed);
+    } else kn_pressed_free(&x.pressed);
     return ok;
 }
 
@@ -238,10 +237,8 @@ static kn_search plan_of(const kn_candidate *c, const kn_evidence *e)
     }
     for (int i = 0; i < s.starts; i++) {
         s.start[i][c->gas] = 1; // of gamma, where it is sought
-        if (c->gas)
-            s.start[i][0] = start_atm[i] * atm_pa;
-        else
-            s.start[i][0] = 1;
+        if (c->gas) s.start[i][0] = start_atm[i] * atm_pa;
+        else s.start[i][0] = 1;
     }
     return s;
 }

@@ -15,10 +15,8 @@ bool kn_cell_next(char separator, const char **at, kn_cell *c)
     c->text = p + c->quoted;
     if (c->quoted) { // up to the quote before the next separator: within it one may be doubled, or the sign of inches
         for (end = c->text; *end; end++)
-            if (*end == '"' && end[1] == '"')
-                end++;
-            else if (*end == '"' && (!end[1] || end[1] == separator || isspace((unsigned char)end[1])))
-                break;
+            if (*end == '"' && end[1] == '"') end++;
+            else if (*end == '"' && (!end[1] || end[1] == separator || isspace((unsigned char)end[1]))) break;
         c->length = (int)(end - c->text);
         p = *end ? end + 1 : end;
         while (*p && *p != separator) p++;
@@ -27,12 +25,9 @@ bool kn_cell_next(char separator, const char **at, kn_cell *c)
         c->length = (int)(p - c->text);
     }
     while (c->length > 0 && isspace((unsigned char)c->text[c->length - 1])) c->length--;
-    if (separator == ' ')
-        p += strspn(p, " \t");
-    else if (*p)
-        p++;
-    else
-        p = NULL;
+    if (separator == ' ') p += strspn(p, " \t");
+    else if (*p) p++;
+    else p = NULL;
     *at = p && (separator != ' ' || *p) ? p : NULL;
     return true;
 }
@@ -80,10 +75,8 @@ kn_cell_content kn_cell_read(const kn_cell *c, char separator, double *value, bo
         if (!strcasecmp(text, missing[i])) return KN_CELL_MISSING;
     if (strspn(text, "+-0123456789.,eE") != (size_t)c->length || !strpbrk(text, "0123456789")) return KN_CELL_TEXT;
     char *mark = may && !strchr(text, '.') ? strchr(text, ',') : NULL, *end;
-    if (mark)
-        *mark = '.', *comma = true;
-    else if (strchr(text, '.'))
-        *dot = true;
+    if (mark) *mark = '.', *comma = true;
+    else if (strchr(text, '.')) *dot = true;
     *value = strtod(text, &end);
     return *end == '\0' && isfinite(*value) ? KN_CELL_NUMBER : KN_CELL_TEXT;
 }

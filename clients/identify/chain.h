@@ -22,8 +22,8 @@ typedef struct kn_chain {
     double spring_pa; // 0: none
     int voigts;
     double k_pa[KN_CHAIN_VOIGTS], c_pa_s[KN_CHAIN_VOIGTS]; // k >= 0, c >= 0, not both 0
-    double alpha_pa_s; // 0: no damper
-    double beta_per_pa, p0_pa, p1_pa; // beta 0: constant
+    double alpha_pa_s;                                     // 0: no damper
+    double beta_per_pa, p0_pa, p1_pa;                      // beta 0: constant
 } kn_chain;
 
 typedef struct kn_chain_step {

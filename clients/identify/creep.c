@@ -42,8 +42,7 @@ static const char help[] =
     "  --constant-area        stress is load/S0; else the section grows as the height falls, S h = S0 h0\n"
     "  --late                 each load may have come, by up to the whole curve, and gone at other moments than\n"
     "                         its file says: fitted, too, as how late it came and how much longer it stayed;\n"
-    "                         all that follows counts time from there\n"
-    KN_IDENTIFY_OUTPUT_HELP
+    "                         all that follows counts time from there\n" KN_IDENTIFY_OUTPUT_HELP
     "\nTold are the best numbers over whole curves together, with intervals that hold the truth 95 times in 100 if\n"
     "the model is right and the noise independent; whether that is so; what these curves cannot tell; and beside it\n"
     "the first paper's way, in two stages.\n"
@@ -104,7 +103,8 @@ static void print_curves(const work *w)
         printf("\n");
     }
     printf("misfit: of the largest strain; runs: standard deviations fewer than noise has, above 3 the model bends "
-           "otherwise\nfitted in %.2g s, with intervals\n", w->took_s);
+           "otherwise\nfitted in %.2g s, with intervals\n",
+           w->took_s);
 }
 
 static void print_stages(const work *w)
@@ -161,14 +161,17 @@ static void doubt_curves(work *w)
     for (int k = 0; k < w->curves; k++) {
         const kn_curve *c = &w->curve[k];
         if (!isfinite(kn_joint_release(c)))
-            doubt(w, "%s: its load was never taken off, or the file does not say when: k1 and c1 rest on how it gave "
-                  "way, not on what came back", c->name);
+            doubt(w,
+                  "%s: its load was never taken off, or the file does not say when: k1 and c1 rest on how it gave "
+                  "way, not on what came back",
+                  c->name);
         // noise is known to 1.7/sqrt(n) of itself, by its median; far below it, what is left is nothing to anybody
         const double times = j->rms[k] / c->noise, sure = 1 + 5 / sqrt(c->count);
         if ((j->runs[k] > 3 && times > 0.5) || times > sure)
-            doubt(w, "%s: what is left after the fit is no noise (%.3g times as much, runs %.2g): the model, the "
-                  "moment of the load%s or a scale is wrong, and the intervals speak of noise alone", c->name, times,
-                  j->runs[k], w->opt.late ? "" : " (--late fits it)");
+            doubt(w,
+                  "%s: what is left after the fit is no noise (%.3g times as much, runs %.2g): the model, the "
+                  "moment of the load%s or a scale is wrong, and the intervals speak of noise alone",
+                  c->name, times, j->runs[k], w->opt.late ? "" : " (--late fits it)");
         if (under_load(c) == 0)
             doubt(w, "%s: no reading under its load: how it gave way is known from its end alone", c->name);
     }
@@ -182,11 +185,12 @@ static void doubt_all(work *w)
     if (!w->served) doubt(w, "no scene takes this material: %s", why);
     if (w->curves == 1 && j->material.damper == KN_DAMPER_EXPONENTIAL)
         doubt(w, "one load alone: the damper is known only for the stresses that it passed through, and beyond them "
-              "beta cannot be told from P0 and P1; another load would tell them apart");
+                 "beta cannot be told from P0 and P1; another load would tell them apart");
     if (fabs(j->alpha_beta) > 0.98)
-        doubt(w, "alpha and beta are known together, not apart (correlation %.3f): the stresses lie within %.3g to "
-              "%.3g kPa; a smaller and a larger load would part them", j->alpha_beta, j->lowest_pa / 1e3,
-              j->highest_pa / 1e3);
+        doubt(w,
+              "alpha and beta are known together, not apart (correlation %.3f): the stresses lie within %.3g to "
+              "%.3g kPa; a smaller and a larger load would part them",
+              j->alpha_beta, j->lowest_pa / 1e3, j->highest_pa / 1e3);
     for (int i = 0; i < j->outliers; i++) {
         const kn_joint_outlier *o = &j->outlier[i];
         const kn_curve *c = &w->curve[o->curve];
@@ -292,7 +296,7 @@ static int write_report(const work *w, kn_document *d)
 {
     char path[PATH_MAX];
     const kn_creep_found found = {w->opt.subcommand, w->curves, w->curve, &w->joint, w->compared ? &w->models : NULL,
-                                  w->notes, w->note, w->served};
+                                  w->notes,          w->note,   w->served};
     int code = w->served ? write_material(w, kn_document_file(d, "material.yaml", path)) : KN_EXIT_OK;
     return code == KN_EXIT_OK ? kn_creep_report(d, &found) : code;
 }

@@ -143,8 +143,7 @@ static int draw_paper(const char *subcommand, const char *path, const kn_curve *
     return kn_figure_draw(subcommand, path, c->name, p, 4, 2);
 }
 
-int kn_creep_figures_paper(const char *subcommand, const char *path, const kn_curve *curve,
-                           const kn_joint *joint)
+int kn_creep_figures_paper(const char *subcommand, const char *path, const kn_curve *curve, const kn_joint *joint)
 {
     numbers n;
     kn_stages stages;

@@ -10,8 +10,7 @@
 //     8  what came back, with its equation 5                    9  the damper by its two stages, with its law
 //
 // Of a curve that was never released, or is too short for the two stages, 6 and 7 alone.
-int kn_creep_figures_paper(const char *subcommand, const char *path, const kn_curve *curve,
-                           const kn_joint *joint);
+int kn_creep_figures_paper(const char *subcommand, const char *path, const kn_curve *curve, const kn_joint *joint);
 
 // All curves: strain with the fit, on linear and on logarithmic axes; what is left, means of neighbours over their own
 // standard deviation by the noise; the damper law over the stresses that were measured, with what the two stages make

@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define GF_CM2_PA 98.0665 // what the paper counts in
+#define GF_CM2_PA 98.0665   // what the paper counts in
 enum { PAPER_FIGURES = 8 }; // curves that get a picture of their own
 
 // ---- what was measured, what was found
@@ -30,7 +30,8 @@ static void curves(kn_document *d, const kn_creep_found *f)
         kn_document_row(d, "%s\t%.4g\t%d\t%.4g\t%.2g\t%.3g", c->name, c->step[0].stress_pa / 1e3, c->count, most,
                         100 * j->rms[k] / most, j->rms[k] / c->noise);
     }
-    kn_document_text(d, "Stress is the load over the area that the specimen has by then%s. Noise is what neighbouring "
+    kn_document_text(d,
+                     "Stress is the load over the area that the specimen has by then%s. Noise is what neighbouring "
                      "readings differ by, whatever the model.",
                      f->curve[0].constant_area ? ", taken as constant" : ", S h = S0 h0");
 }
@@ -50,7 +51,8 @@ static void numbers(kn_document *d, const kn_creep_found *f)
         kn_document_link(d, "material.yaml", "the material, for `material: material.yaml` of a scene");
         kn_document_link(d, "scene.yaml", "a block of it under a plate: kneadd --scene scene.yaml");
     }
-    kn_document_text(d, "Intervals hold the truth 95 times in 100 if the model is right and the noise independent. "
+    kn_document_text(d,
+                     "Intervals hold the truth 95 times in 100 if the model is right and the noise independent. "
                      "Stresses from %.4g to %.4g kPa were measured under load.",
                      f->joint->lowest_pa / 1e3, f->joint->highest_pa / 1e3);
 }
@@ -83,8 +85,10 @@ static int fits(kn_document *d, const kn_creep_found *f)
         if (code != KN_EXIT_OK) return code;
         snprintf(name, sizeof name, "figures-%d.png", k + 1);
         char caption[300];
-        snprintf(caption, sizeof caption, "%s, as figures 6 to 9 of Tomokuni, Sugiyama and Hirai: displacement, stress "
-                 "by equation 4, what came back with equation 5, the damper.", c->name);
+        snprintf(caption, sizeof caption,
+                 "%s, as figures 6 to 9 of Tomokuni, Sugiyama and Hirai: displacement, stress "
+                 "by equation 4, what came back with equation 5, the damper.",
+                 c->name);
         kn_document_picture(d, name, alt, caption);
     }
     return KN_EXIT_OK;
@@ -93,7 +97,8 @@ static int fits(kn_document *d, const kn_creep_found *f)
 static void two_stages(kn_document *d, const kn_creep_found *f)
 {
     kn_document_section(d, "The first paper's two stages beside it");
-    kn_document_text(d, "The paper finds k1 and c1 from what came back, then the damper from what is left. A curve at "
+    kn_document_text(d,
+                     "The paper finds k1 and c1 from what came back, then the damper from what is left. A curve at "
                      "a time, in %% off the joint fit; of dough k1 and c1 are 2.7 %% low even without noise, since the "
                      "stress falls while a specimen creeps.");
     kn_document_table(d, "Two stages, off the joint fit", "lrrrr", "curve\tk1\tc1\talpha\tbeta");
@@ -184,9 +189,8 @@ static int loops(kn_document *d, const kn_creep_found *f, const char *scene)
     for (int k = 0; k < f->curves && code == KN_EXIT_OK; k++) {
         code = kn_recreep_run(&back[k], f->subcommand, scene, &f->curve[k]);
         const double *data = back[k].from_data, *element = back[k].from_element;
-        kn_document_row(d, "%s\t%.3g\t%.3g\t%.3g\t%.3g\t%.3g\t%.3g", f->curve[k].name,
-                        kn_recreep_largest(&f->curve[k]), 100 * data[KN_RECREEP_ELEMENT],
-                        100 * data[KN_RECREEP_DIAGONALS], 100 * data[KN_RECREEP_GAS],
+        kn_document_row(d, "%s\t%.3g\t%.3g\t%.3g\t%.3g\t%.3g\t%.3g", f->curve[k].name, kn_recreep_largest(&f->curve[k]),
+                        100 * data[KN_RECREEP_ELEMENT], 100 * data[KN_RECREEP_DIAGONALS], 100 * data[KN_RECREEP_GAS],
                         100 * element[KN_RECREEP_DIAGONALS], 100 * element[KN_RECREEP_GAS]);
         for (int way = 0; way < KN_RECREEP_WAYS; way++) worst[way] = fmax(worst[way], element[way]);
         lay_over(panel, &f->curve[k], &back[k], k + 1);
@@ -214,13 +218,14 @@ static int pressed(kn_document *d, const kn_creep_found *f, const char *scene)
     kn_figure_panel panel = {.x_label = "time, s", .y_label = "force, N"};
     int code = kn_squeeze_run(&q, f->subcommand, scene, png);
     if (code == KN_EXIT_OK) {
-        kn_figure_add(&panel, (kn_figure_series){"plate", (int)q.ticks, q.time_s, q.force_n, .look = KN_FIGURE_LINE,
-                                                 .hue = 1});
-        code = kn_figure_draw(f->subcommand, kn_document_file(d, "press.png", path[2]), "the paper's press", &panel, 1,
-                              1);
+        kn_figure_add(&panel,
+                      (kn_figure_series){"plate", (int)q.ticks, q.time_s, q.force_n, .look = KN_FIGURE_LINE, .hue = 1});
+        code =
+            kn_figure_draw(f->subcommand, kn_document_file(d, "press.png", path[2]), "the paper's press", &panel, 1, 1);
     }
     if (code == KN_EXIT_OK) {
-        kn_document_text(d, "A block of it, 5 x 5 x 3 cm, under the paper's plate: 1 cm deep at 1 cm/s, 30 s of hold. "
+        kn_document_text(d,
+                         "A block of it, 5 x 5 x 3 cm, under the paper's plate: 1 cm deep at 1 cm/s, 30 s of hold. "
                          "It takes %.3g N at most and %.3g N at the end of the hold; of %.3g mm, %.3g mm stay.",
                          q.peak_n, q.held_n, 1e3 * q.pressed_m, 1e3 * q.left_m);
         kn_document_picture(d, "press.png", "Force of the plate over time", "The force that the plate meets.");
@@ -235,7 +240,8 @@ static int way_back(kn_document *d, const kn_creep_found *f)
 {
     char scene[PATH_MAX];
     kn_document_section(d, "The way back");
-    kn_document_text(d, "The material that was found creeps again under the same loads: as one element, integrated to "
+    kn_document_text(d,
+                     "The material that was found creeps again under the same loads: as one element, integrated to "
                      "a tolerance by code of its own, and as blocks of %d x %d x %d cells through the solver that "
                      "serves scenes. The edges of a lattice turn as it gives way, those of an element do not: the "
                      "larger the strain, the farther apart they are. With diagonals alone a block gives way more, with "

@@ -49,10 +49,7 @@ static double gauge(int count, const double *value)
     return isfinite(least) ? least : 0;
 }
 
-static double share(const double *weight, int i)
-{
-    return weight ? 1 / weight[i] : 1;
-}
+static double share(const double *weight, int i) { return weight ? 1 / weight[i] : 1; }
 
 // Of independent noise the middle one of three less the line through the others keeps 1 + a^2 + b^2 of its variance.
 static double bend(const double *t, const double *y, const double *weight)
@@ -317,10 +314,7 @@ int kn_curve_finish(kn_curve_file *f, kn_curve *c, kn_readings *r, int changes, 
 
 // ---- a file
 
-static double given(double option)
-{
-    return option > 0 ? option : NAN;
-}
+static double given(double option) { return option > 0 ? option : NAN; }
 
 static int bad_note(const kn_curve_file *f, const char *key)
 {

@@ -140,13 +140,10 @@ static void say_steps(const kn_curve_file *f, const kn_curve *c, const kn_readin
     if (last->stress_pa == 0 && last->late_s > last->early_s)
         snprintf(until, sizeof until, "taken off at %.5g s, between readings at %.5g and %.5g s", last->time_s,
                  last->early_s, last->late_s);
-    else if (last->stress_pa == 0)
-        snprintf(until, sizeof until, "taken off at %.5g s", last->time_s);
+    else if (last->stress_pa == 0) snprintf(until, sizeof until, "taken off at %.5g s", last->time_s);
     char stress[40];
-    if (what == KN_COMPLIANCE && c->step[0].stress_pa == 1)
-        snprintf(stress, sizeof stress, "stress unknown");
-    else
-        snprintf(stress, sizeof stress, "%.4g kPa of nominal stress", 1e-3 * c->step[0].stress_pa);
+    if (what == KN_COMPLIANCE && c->step[0].stress_pa == 1) snprintf(stress, sizeof stress, "stress unknown");
+    else snprintf(stress, sizeof stress, "%.4g kPa of nominal stress", 1e-3 * c->step[0].stress_pa);
     kn_curve_say(f, "%s: %d readings of %s, %s%s, %s", c->name, r->count, kn_role_name(what), stress,
                  c->steps > 1 + (last->stress_pa == 0) ? ", in steps" : "", until);
 }
@@ -171,8 +168,7 @@ static int begin_at_load(kn_curve_file *f, kn_readings *r, kn_curve *c, const ch
     return kn_curve_order(f, r, name);
 }
 
-static int add_curve(kn_curve_file *f, const columns *cols, int column, kn_readings *r, double load_n,
-                     const char *part)
+static int add_curve(kn_curve_file *f, const columns *cols, int column, kn_readings *r, double load_n, const char *part)
 {
     const char *name = kn_role_name(cols->what);
     kn_curve *c = kn_curve_add(f, KN_CURVE_CREEP, part);
@@ -283,8 +279,7 @@ static int add_long(kn_curve_file *f, const columns *c, int key)
                      next = largest(s, key, end, kn_curve_range_end(s, c->time, end));
         char part[32] = "";
         kn_readings r = {0};
-        if (end < s->rows && (key < 0 || fabs(next - here) <= 0.01 * here))
-            return refuse_second(f, c, begin, end);
+        if (end < s->rows && (key < 0 || fabs(next - here) <= 0.01 * here)) return refuse_second(f, c, begin, end);
         if (!only && key >= 0) name_part(s, key, begin, end, part);
         code = kn_curve_readings(f, &r, begin, end, c->time, c->value, -1, c->load, only);
         if (code == KN_EXIT_OK) code = add_curve(f, c, c->value, &r, NAN, part);
@@ -303,7 +298,8 @@ static bool has_numbers(const kn_sheet *s, int column)
 // Of two columns that say the same in other words one is used; which, is said.
 static void say_unused(kn_curve_file *f, const columns *c)
 {
-    static const kn_role values[] = {KN_STRAIN, KN_DISPLACEMENT, KN_HEIGHT, KN_COMPLIANCE}, loads[] = {KN_STRESS, KN_LOAD};
+    static const kn_role values[] = {KN_STRAIN, KN_DISPLACEMENT, KN_HEIGHT, KN_COMPLIANCE},
+                         loads[] = {KN_STRESS, KN_LOAD};
     for (int i = 0; i < 4 && c->value >= 0; i++) {
         const int other = values[i] == c->what ? -1 : kn_role_find(&f->sheet, values[i], NULL);
         if (other < 0 || other == c->value) continue;
@@ -316,7 +312,8 @@ static void say_unused(kn_curve_file *f, const columns *c)
     for (int i = 0; i < 2 && c->load >= 0; i++) {
         const int other = loads[i] == c->load_is ? -1 : kn_role_find(&f->sheet, loads[i], NULL);
         if (other >= 0 && other != c->load)
-            kn_curve_say(f, "the column of %s is used, not that of %s", kn_role_name(c->load_is), kn_role_name(loads[i]));
+            kn_curve_say(f, "the column of %s is used, not that of %s", kn_role_name(c->load_is),
+                         kn_role_name(loads[i]));
     }
     for (int i = 0; i < f->sheet.notes && c->load >= 0; i++)
         if (!strcmp(f->sheet.note[i].key, "load") || !strcmp(f->sheet.note[i].key, "stress"))

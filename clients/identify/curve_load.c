@@ -56,8 +56,10 @@ static void say_begin(const kn_curve_file *f, const kn_readings *r, const kn_cur
     double least_s;
     const double at_s = kn_onset(r->count, r->time_s, r->value, noise, &least_s);
     if (isfinite(f->begin_s) || !(least_s > (from_first ? fmax(begin, r->time_s[0]) : begin) + 1e-3 * span)) return;
-    kn_curve_say(f, "the strain begins at %.6g s, but the load is taken to have come at %.6g s, as nothing says when it "
-                    "did: a note '# begin: %.6g s' or --late", at_s, begin, at_s);
+    kn_curve_say(f,
+                 "the strain begins at %.6g s, but the load is taken to have come at %.6g s, as nothing says when it "
+                 "did: a note '# begin: %.6g s' or --late",
+                 at_s, begin, at_s);
 }
 
 static int take_steps(kn_curve_file *f, const kn_readings *r, const kn_load_steps *found, double noise, kn_curve *c)
@@ -131,9 +133,8 @@ static int bad_release(const kn_curve_file *f, double from_s, double to_s)
     int n = 0;
     while (n < s->notes && strcmp(s->note[n].key, "release") != 0) n++;
     char text[160];
-    snprintf(text, sizeof text,
-             "released at %g s, expected a time between the load, %g s, and the last reading, %g s", f->release_s,
-             from_s, to_s);
+    snprintf(text, sizeof text, "released at %g s, expected a time between the load, %g s, and the last reading, %g s",
+             f->release_s, from_s, to_s);
     if (n < s->notes) return kn_sheet_complain(s, s->note[n].line, s->note[n].at, "%s", text);
     return kn_complain(s->subcommand, KN_EXIT_USAGE, "%s: %s", s->file, text);
 }

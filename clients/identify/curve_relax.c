@@ -87,7 +87,8 @@ static int keep_hold(kn_curve_file *f, kn_readings *r, kn_curve *c)
     c->begin_s = isfinite(f->begin_s) ? f->begin_s
                  : reached > 0        ? ramp_end(r, reached, c->strain)
                                       : kn_curve_begin(f, r);
-    if (end < r->count) kn_curve_say(f, "%d reading%s after the strain was given up, left out", r->count - end,
+    if (end < r->count)
+        kn_curve_say(f, "%d reading%s after the strain was given up, left out", r->count - end,
                      r->count - end > 1 ? "s" : "");
     if (before > 0) kn_curve_say(f, "%d reading%s before the strain, left out", before, before > 1 ? "s" : "");
     r->count = end;
@@ -129,10 +130,7 @@ static int take_strain(kn_curve_file *f, kn_readings *r, const columns *cols, kn
 
 // ---- stress
 
-static double strain_of(const kn_readings *r, const kn_curve *c, int i)
-{
-    return r->other ? r->other[i] : c->strain;
-}
+static double strain_of(const kn_readings *r, const kn_curve *c, int i) { return r->other ? r->other[i] : c->strain; }
 
 static int to_stress(kn_curve_file *f, kn_readings *r, kn_role what, kn_curve *c)
 {
@@ -146,10 +144,8 @@ static int to_stress(kn_curve_file *f, kn_readings *r, kn_role what, kn_curve *c
                                  "grown, expected a line '# strain: 10 %%' or '# section: constant', --strain or "
                                  "--constant-area");
     for (int i = 0; i < r->count; i++) {
-        if (what == KN_LOAD)
-            r->value[i] *= (c->constant_area ? 1 : 1 - strain_of(r, c, i)) / f->area_m2;
-        else if (what == KN_MODULUS && c->strain > 0)
-            r->value[i] *= strain_of(r, c, i);
+        if (what == KN_LOAD) r->value[i] *= (c->constant_area ? 1 : 1 - strain_of(r, c, i)) / f->area_m2;
+        else if (what == KN_MODULUS && c->strain > 0) r->value[i] *= strain_of(r, c, i);
     }
     return KN_EXIT_OK;
 }

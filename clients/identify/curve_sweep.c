@@ -9,10 +9,7 @@ typedef struct columns {                                   // of the sheet; -1: 
     int frequency, storage, loss, modulus, tangent, phase; // modulus, tangent, phase: sought where G' or G'' is missing
 } columns;
 
-static bool is_whole(const columns *c)
-{
-    return c->storage >= 0 && c->loss >= 0;
-}
+static bool is_whole(const columns *c) { return c->storage >= 0 && c->loss >= 0; }
 
 static int choose(kn_curve_file *f, columns *c)
 {
@@ -42,8 +39,7 @@ static int check_phase(kn_curve_file *f, const kn_readings *r, const columns *c)
     const double right = acos(-1.0) / 2;
     for (int i = 0; i < r->count && c->phase >= 0; i++)
         if (r->other[i] <= 0 || r->other[i] >= right * (1 - 1e-9))
-            return kn_sheet_complain(&f->sheet, r->line[i], 1,
-                                     "phase angle of %.6g deg, expected one between 0 and 90",
+            return kn_sheet_complain(&f->sheet, r->line[i], 1, "phase angle of %.6g deg, expected one between 0 and 90",
                                      90 * r->other[i] / right);
     return KN_EXIT_OK;
 }

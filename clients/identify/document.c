@@ -11,10 +11,7 @@
 extern const char document_css[]; // a file of the source tree, part of the program
 __asm__(".section .rodata\ndocument_css: .incbin \"" KN_CLIENTS_DIR "/identify/document.css\"\n.byte 0\n.previous\n");
 
-bool kn_document_is_open(const kn_document *d)
-{
-    return d->body && !d->failed;
-}
+bool kn_document_is_open(const kn_document *d) { return d->body && !d->failed; }
 
 // ---- text
 
@@ -36,24 +33,16 @@ static void put(FILE *out, const char *text, size_t length)
     const unsigned char *p = (const unsigned char *)text, *end = p + length;
     for (int n; p < end; p += n) {
         n = utf8_length(p);
-        if (*p == '&')
-            fputs("&amp;", out);
-        else if (*p == '<')
-            fputs("&lt;", out);
-        else if (*p == '"')
-            fputs("&quot;", out);
-        else if (n == 0 || p + n > end || (*p < ' ' && *p != '\n'))
-            fputs("\xef\xbf\xbd", out);
-        else
-            fwrite(p, 1, (size_t)n, out);
+        if (*p == '&') fputs("&amp;", out);
+        else if (*p == '<') fputs("&lt;", out);
+        else if (*p == '"') fputs("&quot;", out);
+        else if (n == 0 || p + n > end || (*p < ' ' && *p != '\n')) fputs("\xef\xbf\xbd", out);
+        else fwrite(p, 1, (size_t)n, out);
         if (n == 0) n = 1;
     }
 }
 
-static void put_all(FILE *out, const char *text)
-{
-    put(out, text, strlen(text));
-}
+static void put_all(FILE *out, const char *text) { put(out, text, strlen(text)); }
 
 static void end_table(kn_document *d)
 {

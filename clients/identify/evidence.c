@@ -90,10 +90,8 @@ double kn_evidence_worth(const kn_evidence *e, const double *residual)
     double worth = 0;
     for (int i = 0; i < e->reliefs; i++) {
         const kn_relief *r = &e->relief[i];
-        if (r->points > 0)
-            worth += worth_of(r->points, residual);
-        else
-            worth += worth_of(r->rays, residual) + worth_of(r->patches, residual + r->rays);
+        if (r->points > 0) worth += worth_of(r->points, residual);
+        else worth += worth_of(r->rays, residual) + worth_of(r->patches, residual + r->rays);
         residual += r->readings;
     }
     return worth + (e->pulled ? worth_of(e->pull.bins, residual) : 0);

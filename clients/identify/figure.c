@@ -75,10 +75,8 @@ static void put_data(FILE *f, int number, const kn_figure_panel *p)
         fprintf(f, "$d%d_%d << END\n", number, s);
         for (int i = 0; i < p->of[s].count; i++) {
             double at[2];
-            if (point(p, &p->of[s], i, at))
-                fprintf(f, "%.9g %.9g\n", at[0], at[1]);
-            else if (p->of[s].look != KN_FIGURE_POINTS)
-                fputc('\n', f); // a gap in a line
+            if (point(p, &p->of[s], i, at)) fprintf(f, "%.9g %.9g\n", at[0], at[1]);
+            else if (p->of[s].look != KN_FIGURE_POINTS) fputc('\n', f); // a gap in a line
         }
         fprintf(f, "END\n");
     }

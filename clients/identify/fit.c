@@ -10,10 +10,10 @@ static const double wall = 1e3; // residual per unit of a logarithm beyond a bou
 
 typedef struct search {
     kn_fit *fit;
-    int count;                     // of unknowns that are free
-    int number[KN_FIT_UNKNOWNS];   // of them
-    double *ahead, *behind;        // residuals at two places
-    bool lost;                     // the model had no answer at the start
+    int count;                   // of unknowns that are free
+    int number[KN_FIT_UNKNOWNS]; // of them
+    double *ahead, *behind;      // residuals at two places
+    bool lost;                   // the model had no answer at the start
 } search;
 
 static double inwards(const kn_fit_unknown *u) { return u->linear ? u->value : log(u->value); }
@@ -129,8 +129,8 @@ static double descend(kn_fit *fit)
         double *residual = work, *jacobian = work + m, *wa4 = jacobian + m * n;
         if (s.count > 0) {
             for (int k = 0; k < s.count; k++) small[0][k] = 1; // the scale of every unknown: one logarithm
-            lmder(minpack_asks, &s, rows, s.count, x, residual, jacobian, rows, 1e-10, 1e-8, 1e-12, 200, small[0], 2,
-                  1, 0, &nfev, &njev, ipvt, small[1], small[2], small[3], small[4], wa4);
+            lmder(minpack_asks, &s, rows, s.count, x, residual, jacobian, rows, 1e-10, 1e-8, 1e-12, 200, small[0], 2, 1,
+                  0, &nfev, &njev, ipvt, small[1], small[2], small[3], small[4], wa4);
         }
         double value[KN_FIT_UNKNOWNS];
         values_at(&s, x, value);
@@ -262,8 +262,8 @@ double kn_fit_held(const kn_fit *fit, int unknown, double value)
 typedef struct side {
     kn_fit fit; // the unknown is fixed in it
     int unknown;
-    double base, unit; // S at the best; s^2
-    double best, t;    // where that is; how many standard deviations are sought
+    double base, unit;              // S at the best; s^2
+    double best, t;                 // where that is; how many standard deviations are sought
     double within[KN_FIT_UNKNOWNS]; // all values there
 } side;
 

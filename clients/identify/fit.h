@@ -39,12 +39,12 @@ typedef struct kn_fit {
     bool (*misfit)(void *of, const double value[KN_FIT_UNKNOWNS], double *residual);
     void *of;
     // of kn_fit_run:
-    double sum;       // S at the best
-    double scale;     // s; INFINITY without degrees of freedom
-    int freedom;      // n - p
-    long evaluations; // of misfit, so far
+    double sum;                                          // S at the best
+    double scale;                                        // s; INFINITY without degrees of freedom
+    int freedom;                                         // n - p
+    long evaluations;                                    // of misfit, so far
     double covariance[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS]; // C, of logarithms; a fixed one's row is 0
-    bool singular;    // J'J has no inverse: a combination of unknowns changes nothing
+    bool singular; // J'J has no inverse: a combination of unknowns changes nothing
 } kn_fit;
 
 // From the unknowns' values to the best near them. False: no memory, or no answer at the start.
@@ -59,7 +59,7 @@ typedef enum kn_fit_how { KN_FIT_CURVATURE, KN_FIT_PROFILE } kn_fit_how;
 
 typedef struct kn_fit_interval {
     kn_fit_how how;
-    double low, high;        // of the value itself
+    double low, high;         // of the value itself
     bool open_low, open_high; // the data do not close that side; low or high is then the bound
 } kn_fit_interval;
 

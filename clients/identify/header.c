@@ -93,10 +93,8 @@ bool kn_header_is_units(const char *line, char separator)
         if (c.length == 0 || (c.length == 2 && !strncmp(c.text, "[]", 2))) continue;
         if (strchr("([", *c.text) && c.length > 2) c.text++, c.length -= 2;
         snprintf(text, sizeof text, "%.*s", c.length, c.text);
-        if (kn_measure_parse(&m, text, NULL, 0))
-            units++;
-        else
-            others++;
+        if (kn_measure_parse(&m, text, NULL, 0)) units++;
+        else others++;
     }
     return units > 0 && units >= others;
 }
@@ -113,11 +111,8 @@ bool kn_header_find(kn_header *header, kn_lines *lines)
         if (kn_header_is_units(lines->text, found.separator)) units = found.header;
     }
     const bool below = units > 0 && units == found.header && before.header > 0;
-    if (below)
-        *header = (kn_header){before.header, units, before.separator, found.of_rows};
-    else if (found.header)
-        *header = (kn_header){found.header, 0, found.separator, found.of_rows};
-    else
-        *header = (kn_header){found.commented, 0, found.commented_separator, found.of_rows};
+    if (below) *header = (kn_header){before.header, units, before.separator, found.of_rows};
+    else if (found.header) *header = (kn_header){found.header, 0, found.separator, found.of_rows};
+    else *header = (kn_header){found.commented, 0, found.commented_separator, found.of_rows};
     return found.data > 0;
 }

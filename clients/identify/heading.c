@@ -84,8 +84,7 @@ static void tidy(char *to, size_t size, const char *text)
     respell(plain, sizeof plain, text, unit_spellings, sizeof unit_spellings / sizeof *unit_spellings);
     for (const char *p = plain; *p && n + 3 < size; p++) {
         const bool after_letter = p > plain && isalpha((unsigned char)p[-1]);
-        if (*p == '.' && after_letter && isalpha((unsigned char)p[1]))
-            to[n++] = '*';
+        if (*p == '.' && after_letter && isalpha((unsigned char)p[1])) to[n++] = '*';
         else {
             if (isdigit((unsigned char)*p) && after_letter) to[n++] = '^';
             to[n++] = *p;
@@ -116,10 +115,7 @@ bool kn_measure_is(const kn_measure *m, const char *unit)
     return measure_of(&other, unit, (char[100]){0}, 100) && kn_unit_same_dimension(&m->dimension, &other.dimension);
 }
 
-double kn_measure_si(const kn_measure *m, double number)
-{
-    return number * m->times / m->over;
-}
+double kn_measure_si(const kn_measure *m, double number) { return number * m->times / m->over; }
 
 // ---- headings
 
@@ -271,8 +267,7 @@ bool kn_heading_quantity(const char *text, const char *unit, double *value, char
         return snprintf(error, error_size, "'%.24s' has no unit, expected e.g. %.20s %s", text, number, unit), false;
     if (bare) return true;
     if (!kn_measure_parse(&m, text + n, error, error_size)) return false;
-    if (!strcmp(unit, "N") && kn_measure_is(&m, "kg"))
-        *value *= GRAVITY;
+    if (!strcmp(unit, "N") && kn_measure_is(&m, "kg")) *value *= GRAVITY;
     else if (!kn_measure_is(&m, unit))
         return snprintf(error, error_size, "'%.24s' is not in units of %s", text, unit), false;
     *value = kn_measure_si(&m, *value);

@@ -6,10 +6,7 @@
 enum { NEWTON_MAX = 60 };
 
 // exp(-beta clamp(P)), as a share of alpha.
-static double share(const kn_hold *h, double p)
-{
-    return exp(-h->beta_per_pa * fmin(fmax(p, h->p0_pa), h->p1_pa));
-}
+static double share(const kn_hold *h, double p) { return exp(-h->beta_per_pa * fmin(fmax(p, h->p0_pa), h->p1_pa)); }
 
 double kn_hold_time(const kn_hold *h, double p)
 {
@@ -54,10 +51,7 @@ static double between(const kn_hold *h, double from, double to)
     return h->alpha_s * e1_between(b * to, b * from) + h->c1_s * (log(from / to) + b * (from - to));
 }
 
-static double outside(const kn_hold *h, double clamped)
-{
-    return h->alpha_s * share(h, clamped) + h->c1_s;
-}
+static double outside(const kn_hold *h, double clamped) { return h->alpha_s * share(h, clamped) + h->c1_s; }
 
 double kn_hold_until(const kn_hold *h, double to)
 {
@@ -86,10 +80,8 @@ static double after(const kn_hold *h, double from, double wait, double least)
     for (int i = 0; i < NEWTON_MAX && low < high; i++) {
         if (!(u > low && u < high)) u = (low + high) / 2;
         const double p = exp(u), t = between(h, from, p), tau = kn_hold_time(h, p);
-        if (t > wait)
-            low = u;
-        else
-            high = u;
+        if (t > wait) low = u;
+        else high = u;
         const double step = t > 2 * wait ? t / tau * log(t / wait) : (t - wait) / tau;
         u += step;
         if (fabs(step) < 3e-7) return u; // its own error is some square of that

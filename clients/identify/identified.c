@@ -144,8 +144,10 @@ bool kn_material_served(const kn_material *material, char *why, size_t why_size)
     FILE *f = open_memstream(&text, &size);
     snprintf(why, why_size, "out of memory");
     if (!f) return false;
-    fprintf(f, "version: 1\nobject: {size: [1 cm, 1 cm, 1 cm], spacing: 1 cm}\ndensity: %d kg/m^3\nsupport: bonded\n"
-               "device: bench\n", DOUGH_KG_M3);
+    fprintf(f,
+            "version: 1\nobject: {size: [1 cm, 1 cm, 1 cm], spacing: 1 cm}\ndensity: %d kg/m^3\nsupport: bonded\n"
+            "device: bench\n",
+            DOUGH_KG_M3);
     print_material(f, material, 0, NULL);
     kn_scene *scene = fclose(f) == 0 ? kn_scene_parse("scene", text, size, NULL, 0, error, sizeof error) : NULL;
     if (!scene && size) { // without a place in a text that nobody sees, and another way to write it

@@ -14,7 +14,7 @@ static const experiment experiments[] = {
 #define KN_EXPERIMENT(name, summary) {#name, summary, kn_identify_##name##_main},
     KN_EXPERIMENTS(KN_EXPERIMENT)
 #undef KN_EXPERIMENT
-    {NULL, NULL, NULL}};
+        {NULL, NULL, NULL}};
 
 static void print_help(void)
 {

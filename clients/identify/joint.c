@@ -402,7 +402,7 @@ static void interval(kn_joint *j, kn_fit *fit, int i, const kn_joint_options *op
     static const char *const unit[] = {"Pa", "Pa*s", "Pa*s", "1/Pa", "Pa", "Pa"};
     const kn_fit_unknown *u = &fit->unknown[i];
     kn_fit_interval known = {.low = u->low, .high = u->high, .open_low = true, .open_high = true};
-    if (constant(j) && i >= KN_JOINT_BETA) { // not there
+    if (constant(j) && i >= KN_JOINT_BETA) {   // not there
     } else if (i == KN_JOINT_P0 && u->fixed) { // how high could it be?
         kn_fit free_of = *fit;
         free_of.unknown[i].fixed = false;
@@ -438,18 +438,16 @@ static void say(kn_joint *j)
                  j->highest_pa);
     for (int i = KN_JOINT_K1; i <= KN_JOINT_BETA; i++) {
         kn_identified *n = &j->number[i];
-        if (n->known == KN_AT_MOST)
-            snprintf(n->words, sizeof n->words, "these curves cannot tell it from 0");
+        if (n->known == KN_AT_MOST) snprintf(n->words, sizeof n->words, "these curves cannot tell it from 0");
         else if (n->known == KN_AT_LEAST)
             snprintf(n->words, sizeof n->words, "these curves cannot tell it from infinity");
-        else if (n->known == KN_UNKNOWN)
-            snprintf(n->words, sizeof n->words, "these curves do not depend on it alone");
+        else if (n->known == KN_UNKNOWN) snprintf(n->words, sizeof n->words, "these curves do not depend on it alone");
     }
 }
 
 static bool conclude(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_options *opt)
 {
-    double (*c)[KN_FIT_UNKNOWNS] = fit->covariance, value[KN_FIT_UNKNOWNS];
+    double(*c)[KN_FIT_UNKNOWNS] = fit->covariance, value[KN_FIT_UNKNOWNS];
     const int a = KN_JOINT_ALPHA, b = KN_JOINT_BETA;
     for (int i = 0; i < KN_JOINT_NUMBERS; i++) interval(j, fit, i, opt);
     values(fit, value);

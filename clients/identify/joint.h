@@ -46,7 +46,7 @@ typedef struct kn_joint {
     int readings, unknowns, outliers;
     kn_joint_outlier outlier[KN_JOINT_OUTLIERS];
     double sum, scale;
-    double alpha_beta;  // correlation of these two
+    double alpha_beta; // correlation of these two
     long evaluations;
 } kn_joint;
 

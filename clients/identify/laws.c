@@ -146,19 +146,14 @@ int kn_fit_law_unknowns(const kn_fit_law *law, int curves, const kn_fit_law_curv
     const double most = 1e4 * z.modulus_pa;
     int n = 0;
     switch (law->kind) {
-    case KN_FIT_LAW_UNITS:
-        return unknowns_of_units(law, &z, out);
-    case KN_FIT_LAW_DOUGH:
-        return unknowns_of_dough(law, &z, curves, out);
+    case KN_FIT_LAW_UNITS: return unknowns_of_units(law, &z, out);
+    case KN_FIT_LAW_DOUGH: return unknowns_of_dough(law, &z, curves, out);
     case KN_FIT_LAW_LOGARITHM:
         add(out, &n, law->relax ? "a" : "1/b", law->relax ? -most : 1e-6 * z.modulus_pa, most, law->relax);
-        if (law->relax)
-            add(out, &n, "b", -most, most, true);
-        else
-            add(out, &n, "tau", 1e-6 * z.first_s, 1e3 * z.last_s, false);
+        if (law->relax) add(out, &n, "b", -most, most, true);
+        else add(out, &n, "tau", 1e-6 * z.first_s, 1e3 * z.last_s, false);
         return n;
-    case KN_FIT_LAW_FRACTIONAL:
-        break;
+    case KN_FIT_LAW_FRACTIONAL: break;
     }
     add(out, &n, "V", 1e-6 * z.modulus_pa, 1e3 * most * z.last_s, false);
     add(out, &n, "a", 0.02, 1, true);
@@ -288,14 +283,10 @@ static bool predict_relax(const kn_fit_law *law, const double *v, const kn_fit_l
                           const double *t, double *out)
 {
     switch (law->kind) {
-    case KN_FIT_LAW_UNITS:
-        return units_relax(law, v, c, count, t, out);
-    case KN_FIT_LAW_DOUGH:
-        return dough_relax(law, v, number, count, t, out);
-    case KN_FIT_LAW_LOGARITHM:
-        return logarithm_relax(v, c, count, t, out);
-    case KN_FIT_LAW_FRACTIONAL:
-        return fractional_relax(v, c, count, t, out);
+    case KN_FIT_LAW_UNITS: return units_relax(law, v, c, count, t, out);
+    case KN_FIT_LAW_DOUGH: return dough_relax(law, v, number, count, t, out);
+    case KN_FIT_LAW_LOGARITHM: return logarithm_relax(v, c, count, t, out);
+    case KN_FIT_LAW_FRACTIONAL: return fractional_relax(v, c, count, t, out);
     }
     return false;
 }

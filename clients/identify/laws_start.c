@@ -107,15 +107,10 @@ static int starts_relax(const kn_fit_law *law, int curves, const kn_fit_law_curv
 {
     const look l = look_at(curves, curve);
     switch (law->kind) {
-    case KN_FIT_LAW_UNITS:
-        return start_units_relax(law, &l, start);
-    case KN_FIT_LAW_DOUGH:
-        return start_dough_relax(law, &l, curves, curve, start);
-    case KN_FIT_LAW_LOGARITHM:
-        start[0][0] = l.a, start[0][1] = l.b;
-        return 1;
-    case KN_FIT_LAW_FRACTIONAL:
-        break;
+    case KN_FIT_LAW_UNITS: return start_units_relax(law, &l, start);
+    case KN_FIT_LAW_DOUGH: return start_dough_relax(law, &l, curves, curve, start);
+    case KN_FIT_LAW_LOGARITHM: start[0][0] = l.a, start[0][1] = l.b; return 1;
+    case KN_FIT_LAW_FRACTIONAL: break;
     }
     return start_fractional_relax(&l, start);
 }

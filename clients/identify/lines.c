@@ -73,10 +73,8 @@ static void fill(kn_lines *l)
     memmove(l->buffer, l->buffer + l->begin, l->end - l->begin);
     l->end -= l->begin;
     l->begin = 0;
-    if (l->wide)
-        fill_wide(l);
-    else
-        fill_bytes(l);
+    if (l->wide) fill_wide(l);
+    else fill_bytes(l);
     if (!l->filled_once) recognise(l);
     l->filled_once = true;
     if (ferror(l->in)) fail(l, strerror(errno));

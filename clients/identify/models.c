@@ -45,8 +45,7 @@ static bool take_relax(kn_fit_law_curve *c, const kn_models_options *options, do
         c->strain = ramp.strain;
         c->ramp_s = ramp.end_s - ramp.start_s;
         if (c->ramp_s > 0) begin = ramp.end_s;
-    } else
-        c->strain = c->curve->strain > 0 ? c->curve->strain : 1;
+    } else c->strain = c->curve->strain > 0 ? c->curve->strain : 1;
     if (!kn_bins_make(&b, c->curve, begin)) return false;
     const bool ok = room(c, b.count);
     const double last = b.count ? b.time_s[b.count - 1] : 0;
@@ -125,14 +124,10 @@ static bool residuals(const work *w, const double *value, int part, bool scale, 
         const double unit = scale ? fmax(curve->curve->noise, KN_MODELS_COARSE * most) : most;
         if (!kn_fit_law_predict(w->law, value, w->m->curve, c, p->count, p->time_s, w->scratch)) return false;
         for (int i = 0; i < p->count; i++, n++) {
-            if (!w->m->relax)
-                residual[n] = (w->scratch[i] - p->value[i]) / unit;
-            else if (!scale)
-                residual[n] = w->scratch[i] / p->value[i] - 1;
-            else if (w->scratch[i] > 0)
-                residual[n] = log(w->scratch[i] / p->value[i]);
-            else
-                return false;
+            if (!w->m->relax) residual[n] = (w->scratch[i] - p->value[i]) / unit;
+            else if (!scale) residual[n] = w->scratch[i] / p->value[i] - 1;
+            else if (w->scratch[i] > 0) residual[n] = log(w->scratch[i] / p->value[i]);
+            else return false;
         }
     }
     return true;
@@ -202,8 +197,7 @@ static void keep(kn_models *m, const kn_models_row *row)
     kn_models_row *before = m->rows ? &m->row[m->rows - 1] : NULL;
     if (before && !strcmp(row->law.name, before->law.name)) {
         if (row->aicc < before->aicc) *before = *row;
-    } else if (m->rows < KN_MODELS_MAX)
-        m->row[m->rows++] = *row;
+    } else if (m->rows < KN_MODELS_MAX) m->row[m->rows++] = *row;
 }
 
 static bool fit_all(kn_models *m)

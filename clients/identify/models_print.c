@@ -18,10 +18,7 @@ int kn_models_best(const kn_models *m)
     return best;
 }
 
-static double held_of(const kn_models_row *row)
-{
-    return fmax(row->held, KN_MODELS_SAME);
-}
+static double held_of(const kn_models_row *row) { return fmax(row->held, KN_MODELS_SAME); }
 
 static int best_held(const kn_models *m, bool yardsticks)
 {
@@ -42,10 +39,8 @@ static void append(char *text, size_t size, const char *words)
 static void append_name(char *text, size_t size, const kn_models_row *row)
 {
     char name[100];
-    if (*row->law.letters)
-        snprintf(name, sizeof name, "%s (%s)", row->law.name, row->law.letters);
-    else
-        snprintf(name, sizeof name, "%s", row->law.name);
+    if (*row->law.letters) snprintf(name, sizeof name, "%s (%s)", row->law.name, row->law.letters);
+    else snprintf(name, sizeof name, "%s", row->law.name);
     append(text, size, name);
 }
 

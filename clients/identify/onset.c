@@ -49,7 +49,8 @@ double kn_onset(int count, const double *t, const double *x, double noise, doubl
     if (count < LEAST || x[0] - from.strain < -sure * noise) return best_s; // of a gauge that was not set to 0
     while (begin < count && x[begin] - from.strain <= fmax(sure * noise, 1e-3 * most)) begin++;
     for (int n = LEAST; begin + n <= count && x[begin + n - 1] - from.strain < 0.5 * most; n *= 2) {
-        if (!meets(n, t + begin, x + begin, from, noise, &at_s, &error_s) || at_s - sure * error_s <= *least_s) continue;
+        if (!meets(n, t + begin, x + begin, from, noise, &at_s, &error_s) || at_s - sure * error_s <= *least_s)
+            continue;
         *least_s = at_s - sure * error_s;
         best_s = at_s;
     }

@@ -11,19 +11,50 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LOAD = 256, STRESS, HEIGHT, AREA, RELEASE, STRAIN, UNITS, CONSTANT, LATE, SHEAR, NOISE, CUT, NO_MODELS, OUT,
-       DENSITY, REPORT, PNG, CSV, JSON, HELP };
+enum {
+    LOAD = 256,
+    STRESS,
+    HEIGHT,
+    AREA,
+    RELEASE,
+    STRAIN,
+    UNITS,
+    CONSTANT,
+    LATE,
+    SHEAR,
+    NOISE,
+    CUT,
+    NO_MODELS,
+    OUT,
+    DENSITY,
+    REPORT,
+    PNG,
+    CSV,
+    JSON,
+    HELP
+};
 
-static const struct option list[] = {{"load", 1, 0, LOAD},       {"stress", 1, 0, STRESS},
-                                     {"height", 1, 0, HEIGHT},   {"area", 1, 0, AREA},
-                                     {"release", 1, 0, RELEASE}, {"strain", 1, 0, STRAIN},
-                                     {"units", 1, 0, UNITS},     {"constant-area", 0, 0, CONSTANT},
-                                     {"late", 0, 0, LATE},       {"noise", 1, 0, NOISE},
-                                     {"cut", 1, 0, CUT},         {"no-models", 0, 0, NO_MODELS},
-                                     {"out", 1, 0, OUT},         {"density", 1, 0, DENSITY},
-                                     {"report", 1, 0, REPORT},   {"png", 1, 0, PNG},
-                                     {"csv", 1, 0, CSV},         {"json", 0, 0, JSON},
-                                     {"shear", 0, 0, SHEAR},     {"help", 0, 0, HELP},       {0, 0, 0, 0}};
+static const struct option list[] = {{"load", 1, 0, LOAD},
+                                     {"stress", 1, 0, STRESS},
+                                     {"height", 1, 0, HEIGHT},
+                                     {"area", 1, 0, AREA},
+                                     {"release", 1, 0, RELEASE},
+                                     {"strain", 1, 0, STRAIN},
+                                     {"units", 1, 0, UNITS},
+                                     {"constant-area", 0, 0, CONSTANT},
+                                     {"late", 0, 0, LATE},
+                                     {"noise", 1, 0, NOISE},
+                                     {"cut", 1, 0, CUT},
+                                     {"no-models", 0, 0, NO_MODELS},
+                                     {"out", 1, 0, OUT},
+                                     {"density", 1, 0, DENSITY},
+                                     {"report", 1, 0, REPORT},
+                                     {"png", 1, 0, PNG},
+                                     {"csv", 1, 0, CSV},
+                                     {"json", 0, 0, JSON},
+                                     {"shear", 0, 0, SHEAR},
+                                     {"help", 0, 0, HELP},
+                                     {0, 0, 0, 0}};
 
 // Whose these are; the others are everybody's.
 static bool has_option(char experiment, int option)
@@ -31,9 +62,8 @@ static bool has_option(char experiment, int option)
     static const struct {
         int option;
         const char *whose;
-    } own[] = {{LOAD, "c"},    {STRESS, "c"}, {RELEASE, "c"},   {LATE, "c"}, {HEIGHT, "cr"},
-               {AREA, "cr"},   {STRAIN, "r"}, {CONSTANT, "cr"}, {NOISE, "r"}, {CUT, "cr"},
-               {SHEAR, "s"},   {NO_MODELS, "cr"}};
+    } own[] = {{LOAD, "c"},   {STRESS, "c"},    {RELEASE, "c"}, {LATE, "c"}, {HEIGHT, "cr"}, {AREA, "cr"},
+               {STRAIN, "r"}, {CONSTANT, "cr"}, {NOISE, "r"},   {CUT, "cr"}, {SHEAR, "s"},   {NO_MODELS, "cr"}};
     for (size_t i = 0; i < sizeof own / sizeof *own; i++)
         if (own[i].option == option) return strchr(own[i].whose, experiment);
     return true;
@@ -117,7 +147,7 @@ static int take_option(kn_identify_options *opt, int option, const char *text)
 static int keep_apart(const kn_identify_options *opt)
 {
     const char *const name[] = {"out", "png", "csv", "report"}, *const output[] = {opt->out, opt->png, opt->csv,
-                                                                                    opt->report};
+                                                                                   opt->report};
     for (int i = 0; i < 4; i++)
         for (int k = 0; output[i] && k < opt->files; k++)
             if (kn_output_same(output[i], opt->file[k]))
@@ -126,8 +156,8 @@ static int keep_apart(const kn_identify_options *opt)
     for (int i = 0; i < 4; i++)
         for (int k = i + 1; output[i] && k < 4; k++)
             if (output[k] && (kn_output_holds(output[i], output[k]) || kn_output_holds(output[k], output[i])))
-                return kn_complain(opt->subcommand, KN_EXIT_USAGE, "--%s %s and --%s %s: expected names apart",
-                                   name[i], output[i], name[k], output[k]);
+                return kn_complain(opt->subcommand, KN_EXIT_USAGE, "--%s %s and --%s %s: expected names apart", name[i],
+                                   output[i], name[k], output[k]);
     for (int i = 0; i < opt->files; i++)
         for (int k = i + 1; k < opt->files; k++)
             if (kn_output_same(opt->file[i], opt->file[k]))

@@ -10,11 +10,11 @@ typedef struct kn_identify_options {
     int files;
     double density_kg_m3; // 0: not given
     const char *out, *png, *csv, *report;
-    bool no_models;       // no comparison with other models
-    bool late;            // creep: the moment of each load is fitted, too
-    bool shear;           // sweep: the moduli are of shear
-    bool constant_noise;  // relax: deviations of equal size, not of equal share
-    double cut_s;         // models are fitted before it and judged after it; 0: found
+    bool no_models;      // no comparison with other models
+    bool late;           // creep: the moment of each load is fitted, too
+    bool shear;          // sweep: the moduli are of shear
+    bool constant_noise; // relax: deviations of equal size, not of equal share
+    double cut_s;        // models are fitted before it and judged after it; 0: found
 } kn_identify_options;
 
 // experiment: 'c', 'r' or 's'. *done after --help, which prints `help`. An exit code; free in every case.

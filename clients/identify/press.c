@@ -30,18 +30,13 @@ int64_t kn_press_tick(const kn_press *p, double time_s)
     int64_t first = 0, last = p->ticks - 1;
     while (first < last) {
         const int64_t middle = (first + last) / 2;
-        if (p->time_s[middle] < time_s - KN_REPLAY_HALF_TICK_S)
-            first = middle + 1;
-        else
-            last = middle;
+        if (p->time_s[middle] < time_s - KN_REPLAY_HALF_TICK_S) first = middle + 1;
+        else last = middle;
     }
     return first;
 }
 
-static const kn_probe_input *tool_at(const kn_press *p, int64_t tick)
-{
-    return &p->input[tick * p->probes + p->probe];
-}
+static const kn_probe_input *tool_at(const kn_press *p, int64_t tick) { return &p->input[tick * p->probes + p->probe]; }
 
 // The tick from which on it rises to where it is in that one. What shakes by less than 1 um in 10 ms, 0.1 mm/s, has not
 // left yet; a slow withdrawal rises in every tick.
@@ -68,7 +63,8 @@ static void find_hold(kn_press *p)
     for (int64_t t = 0; t < p->ticks; t++)
         if (tool_at(p, t)->attached && tool_at(p, t)->position_m[2] <= lowest_m + still_m) last = t;
     const int64_t rise = begin_of_rise(p, last);
-    p->hold_end_s = p->time_s[rise > 0 ? rise - 1 : 0]; // in the tick itself its velocity says so, and the force is gone
+    p->hold_end_s =
+        p->time_s[rise > 0 ? rise - 1 : 0]; // in the tick itself its velocity says so, and the force is gone
     p->end_s = p->time_s[p->ticks - 1];
 }
 
@@ -181,8 +177,7 @@ static void heard(void *self, const kn_input *input)
     if (p->ticks < LONGEST_TICKS && grow(l)) {
         memcpy(&p->input[p->ticks * p->probes], input->probe, (size_t)p->probes * sizeof *p->input);
         p->logged_n[p->ticks++] = (double)NAN;
-    } else
-        l->short_of_memory = true;
+    } else l->short_of_memory = true;
     l->own.submit(l->own.self, input);
 }
 
@@ -192,14 +187,8 @@ static kn_backend_status waited(void *self, int64_t deadline_ns, kn_output *outp
     return l->own.wait(l->own.self, deadline_ns, output);
 }
 
-static const kn_state *looked(void *self)
-{
-    return ((listener *)self)->own.state(((listener *)self)->own.self);
-}
-static void as_new(void *self)
-{
-    ((listener *)self)->own.reset(((listener *)self)->own.self);
-}
+static const kn_state *looked(void *self) { return ((listener *)self)->own.state(((listener *)self)->own.self); }
+static void as_new(void *self) { ((listener *)self)->own.reset(((listener *)self)->own.self); }
 static void given_back(void *self, const kn_state *s)
 {
     ((listener *)self)->own.restore(((listener *)self)->own.self, s);
@@ -272,10 +261,8 @@ bool kn_press_log(kn_press *p, const kn_scene *scene, const kn_press_def *def, c
                  log, def->probe);
         good = false;
     }
-    if (good)
-        find_hold(p);
-    else
-        kn_press_free(p);
+    if (good) find_hold(p);
+    else kn_press_free(p);
     return good;
 }
 

@@ -29,8 +29,7 @@ int kn_readings_compact(kn_readings *r, int *first_line)
         if (isfinite(r->time_s[i]) && isfinite(r->value[i]) && (!r->other || isfinite(r->other[i])) &&
             (!r->load || isfinite(r->load[i])))
             move(r, kept++, i);
-        else if (kept == i)
-            *first_line = r->line[i];
+        else if (kept == i) *first_line = r->line[i];
     }
     int out = r->count - kept;
     r->count = kept;
@@ -72,10 +71,8 @@ static int longest_in_order(const place *order, int count, int *last)
         int low = 0, high = longest;
         while (low < high) {
             const int middle = low + (high - low) / 2;
-            if (last[middle] < order[i].index)
-                low = middle + 1;
-            else
-                high = middle;
+            if (last[middle] < order[i].index) low = middle + 1;
+            else high = middle;
         }
         last[low] = order[i].index; // ends the series of low + 1 that ends earliest
         longest += low == longest;
@@ -106,10 +103,7 @@ int kn_readings_sort(kn_readings *r)
     return moved;
 }
 
-static double weight(const kn_readings *r, int i)
-{
-    return r->weight ? r->weight[i] : 1;
-}
+static double weight(const kn_readings *r, int i) { return r->weight ? r->weight[i] : 1; }
 
 // One at `to` for those from..end-1; the variance of their times is returned.
 static double average(kn_readings *r, int to, int from, int end)
@@ -182,10 +176,8 @@ static int first_from(const kn_readings *r, int begin, int end, double time_s)
 {
     while (begin < end) {
         int middle = begin + (end - begin) / 2;
-        if (r->time_s[middle] < time_s)
-            begin = middle + 1;
-        else
-            end = middle;
+        if (r->time_s[middle] < time_s) begin = middle + 1;
+        else end = middle;
     }
     return begin;
 }
@@ -209,10 +201,8 @@ static double choose_factor(const kn_readings *r, const piece *p, int most)
     while (groups(r, p, exp(high), most) > most && high < 100) high *= 2;
     for (int i = 0; i < 40; i++) {
         double middle = 0.5 * (low + high);
-        if (groups(r, p, exp(middle), most) > most)
-            low = middle;
-        else
-            high = middle;
+        if (groups(r, p, exp(middle), most) > most) low = middle;
+        else high = middle;
     }
     return exp(high);
 }

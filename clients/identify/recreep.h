@@ -13,7 +13,10 @@
 enum { KN_RECREEP_CELLS = 2 }; // along each side of a block: it creeps evenly, more of them give the same four digits
 
 typedef enum kn_recreep_way {
-    KN_RECREEP_ELEMENT, KN_RECREEP_DIAGONALS, KN_RECREEP_GAS, KN_RECREEP_WAYS
+    KN_RECREEP_ELEMENT,
+    KN_RECREEP_DIAGONALS,
+    KN_RECREEP_GAS,
+    KN_RECREEP_WAYS
 } kn_recreep_way;
 extern const char *const kn_recreep_name[KN_RECREEP_WAYS]; // "element", ...
 

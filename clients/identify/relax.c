@@ -177,10 +177,11 @@ static int fit(work *w)
     if (!kn_relaxation_fit(&w->fit, w->curves, w->curve, &how, error, sizeof error))
         return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s", error);
     if (w->opt.out && w->fit.scale == KN_RELAXATION_MODULUS)
-        return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
-                           "--out %s: without the strain that was held there is no material, expected it in the file or "
-                           "by --strain",
-                           w->opt.out);
+        return kn_complain(
+            w->opt.subcommand, KN_EXIT_USAGE,
+            "--out %s: without the strain that was held there is no material, expected it in the file or "
+            "by --strain",
+            w->opt.out);
     return KN_EXIT_OK;
 }
 
@@ -193,8 +194,7 @@ static void compare(work *w)
     if (w->compared) {
         kn_models_print(&w->models);
         kn_models_tell(&w->models);
-    } else
-        printf("\nmodels      not compared: %s\n", error);
+    } else printf("\nmodels      not compared: %s\n", error);
 }
 
 static int write(const kn_relax_told *told, kn_document *d)

@@ -12,12 +12,10 @@
 const char *kn_relax_scale(const kn_relaxation *r)
 {
     switch (r->scale) {
-    case KN_RELAXATION_RISE:
-        return "The scale, k1, is in how the stress rose with the strain.";
+    case KN_RELAXATION_RISE: return "The scale, k1, is in how the stress rose with the strain.";
     case KN_RELAXATION_BOUND:
         return "A hold knows c1/k1, alpha/k1 and beta, not k1: that is at least this, c1 and alpha grow with it.";
-    case KN_RELAXATION_MODULUS:
-        break;
+    case KN_RELAXATION_MODULUS: break;
     }
     return "Stresses are in units of the modulus: beta, P0, P1 are those of the stress divided by the strain held, "
            "which "
@@ -164,8 +162,7 @@ int kn_relax_draw(const kn_relax_told *t, const char *path)
             add_curve(p, &t->fit->curve[c], left + n, c + 1);
         if (t->models) add_models(&p[2], d, t->models);
         code = kn_figure_draw(t->opt->subcommand, path, "relaxation, and the papers' element", p, t->models ? 3 : 2, 3);
-    } else
-        kn_complain(t->opt->subcommand, KN_EXIT_DEVICE, "out of memory");
+    } else kn_complain(t->opt->subcommand, KN_EXIT_DEVICE, "out of memory");
     free(left);
     free(p);
     free(d);
@@ -174,10 +171,7 @@ int kn_relax_draw(const kn_relax_told *t, const char *path)
 
 // ---- the report
 
-static void say_doubt(void *to, const char *words)
-{
-    kn_document_verdict(to, KN_DOCUMENT_BEWARE, "%s", words);
-}
+static void say_doubt(void *to, const char *words) { kn_document_verdict(to, KN_DOCUMENT_BEWARE, "%s", words); }
 
 static void tell_number(kn_document *d, const kn_identified *n)
 {

@@ -67,12 +67,9 @@ static bool difference(const work *w, const kn_relaxation_curve *c, const double
     for (int part = 0, n = 0; part < 2; part++) {
         const kn_bins *b = part ? &c->hold : &c->rise;
         for (int i = 0; i < b->count; i++, n++) {
-            if (w->constant_noise)
-                residual[n] = (fit[n] - b->value[i]) * sqrt(b->weight[i]) / c->curve->noise;
-            else if (fit[n] > 0)
-                residual[n] = log(fit[n] / b->value[i]);
-            else
-                return false;
+            if (w->constant_noise) residual[n] = (fit[n] - b->value[i]) * sqrt(b->weight[i]) / c->curve->noise;
+            else if (fit[n] > 0) residual[n] = log(fit[n] / b->value[i]);
+            else return false;
         }
     }
     return true;
@@ -189,10 +186,7 @@ static void let(kn_fit_unknown *u, double low, double high)
     u->high = high;
 }
 
-static double aicc_of(const kn_fit *fit)
-{
-    return kn_fit_aicc(fit->readings, fit->readings - fit->freedom, fit->sum);
-}
+static double aicc_of(const kn_fit *fit) { return kn_fit_aicc(fit->readings, fit->readings - fit->freedom, fit->sum); }
 
 // The element without P0 and P1, with c1 or without: from the holds' best, with k1 and c1 larger where a rise knows
 // them, and, with c1, from what was found without it.
@@ -411,8 +405,7 @@ static void know(work *w, const kn_relaxation_options *o)
         know_c1(w, o, "c1", "Pa*s", &n[C1]);
         kn_identified_take(&n[ALPHA], "alpha", "Pa*s", w->fit.unknown[ALPHA].value,
                            kn_fit_interval_of(&w->fit, ALPHA, o->confidence));
-    } else
-        know_without_rise(w, o);
+    } else know_without_rise(w, o);
     kn_identified_take(&n[BETA], "beta", "1/Pa", w->fit.unknown[BETA].value,
                        kn_fit_interval_of(&w->fit, BETA, o->confidence));
     know_dampers(w, o);
@@ -478,10 +471,8 @@ bool kn_relaxation_fit(kn_relaxation *r, int curves, const kn_curve *curve, cons
              curve->file);
     if (!choose(&w)) return false;
     judge(&w);
-    if (options->no_intervals)
-        know_values(&w);
-    else
-        know(&w, options);
+    if (options->no_intervals) know_values(&w);
+    else know(&w, options);
     make_material(r);
     return true;
 }

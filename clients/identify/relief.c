@@ -24,10 +24,7 @@ void kn_relief_free(kn_relief *r)
     memset(r, 0, sizeof *r);
 }
 
-static double angle_of(int subray)
-{
-    return (subray + 0.5) * 2 * M_PI / ALL_RAYS;
-}
+static double angle_of(int subray) { return (subray + 0.5) * 2 * M_PI / ALL_RAYS; }
 
 static bool inside(const kn_relief_box *b, double x_m, double y_m)
 {
@@ -210,8 +207,7 @@ static bool fits(const kn_relief *r, const double low_m[3], const double high_m[
     else if (r->rays < KN_RELIEF_RAYS / 6 || r->patches < 10)
         snprintf(error, error_size, "shows %d of %d rays of the outline and %d patches of the top, expected more of it",
                  r->rays, KN_RELIEF_RAYS, r->patches);
-    else
-        return true;
+    else return true;
     return false;
 }
 
@@ -228,10 +224,8 @@ bool kn_relief_image(kn_relief *r, const kn_range *frame, uint16_t *level, int v
     if (ok) choose_pixels(r, hidden);
     ok = ok && find_noise(r) && make_patches(r, fmax(high_m[0] - low_m[0], high_m[1] - low_m[1]));
     r->readings = r->rays + r->patches;
-    if (!ok)
-        snprintf(error, error_size, "out of memory");
-    else if (fits(r, (const double *)low_m, (const double *)high_m, error, error_size))
-        return true;
+    if (!ok) snprintf(error, error_size, "out of memory");
+    else if (fits(r, (const double *)low_m, (const double *)high_m, error, error_size)) return true;
     kn_relief_free(r);
     return false;
 }

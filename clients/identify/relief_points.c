@@ -3,10 +3,7 @@
 #include <math.h>
 #include <stdbool.h>
 
-static double length2(const double a[3])
-{
-    return kn_dot(a, a);
-}
+static double length2(const double a[3]) { return kn_dot(a, a); }
 
 // Nearest point of the side from a to b, seen from p.
 static void to_side(const double p[3], const double a[3], const double b[3], double near[3])

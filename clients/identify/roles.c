@@ -38,10 +38,7 @@ static const struct kind {
 #undef X
 };
 
-const char *kn_role_name(kn_role role)
-{
-    return kinds[role].name;
-}
+const char *kn_role_name(kn_role role) { return kinds[role].name; }
 
 // A weight in grams or kilograms is one in gf and kgf; a frequency in rad/s is one.
 static bool fits(const kn_heading *h, kn_role role)
@@ -109,10 +106,7 @@ static int twin(const kn_sheet *s, kn_role role, const char *name, int column)
     return -1;
 }
 
-bool kn_role_is_sure(const kn_sheet *s, kn_role role, int column)
-{
-    return is_sure(&s->column[column].heading, role);
-}
+bool kn_role_is_sure(const kn_sheet *s, kn_role role, int column) { return is_sure(&s->column[column].heading, role); }
 
 int kn_role_find(kn_sheet *s, kn_role role, int *code)
 {

@@ -54,10 +54,7 @@ static void choose_best(kn_search *s)
 
 // ---- the straight model
 
-static double cross(const double a[2], const double b[2])
-{
-    return a[0] * b[1] - a[1] * b[0];
-}
+static double cross(const double a[2], const double b[2]) { return a[0] * b[1] - a[1] * b[0]; }
 
 // The looks nearest to the best one that lie in as many directions as there are unknowns; their greatest distance,
 // INFINITY: there are none.
@@ -193,10 +190,8 @@ static bool step(kn_search *s, double *trust)
     const int next = look_at(s, to);
     if (next < 0) return false;
     const double kept = (before - s->at[next].sum) / fmax(before - fit.sum, 1e-300);
-    if (!(kept > 0.25))
-        *trust = 0.4 * way;
-    else if (kept > 0.75)
-        *trust = fmin(2 * fmax(*trust, way), most_trust);
+    if (!(kept > 0.25)) *trust = 0.4 * way;
+    else if (kept > 0.75) *trust = fmin(2 * fmax(*trust, way), most_trust);
     choose_best(s);
     return *trust > settled;
 }

@@ -163,10 +163,8 @@ static int identify(const kn_shape_options *o, kn_candidate *candidate, int coun
     if (code == KN_EXIT_OK) {
         kn_verdict_make(&v, count, candidate, &e);
         kn_shape_print(o, &e, candidate, count, &v);
-        if (v.best < 0)
-            code = kn_complain(me, KN_EXIT_USAGE, "%s", v.words);
-        else
-            code = write_files(o, &e, candidate, &v);
+        if (v.best < 0) code = kn_complain(me, KN_EXIT_USAGE, "%s", v.words);
+        else code = write_files(o, &e, candidate, &v);
         if (code == KN_EXIT_OK && o->finer) code = press_finer(o, &e, &candidate[v.best]);
     }
     kn_evidence_free(&e);

@@ -222,7 +222,8 @@ static int read_force(kn_sheet *s, const char *file, const char *probe, double *
         s->line[*count] = s->line[i];
         (*force_n)[(*count)++] = f;
     }
-    if (!sort_force(file, *count, *time_s, *force_n, s->line)) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
+    if (!sort_force(file, *count, *time_s, *force_n, s->line))
+        return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
     return KN_EXIT_OK;
 }
 
@@ -258,8 +259,7 @@ static int take_force(kn_evidence *e, const kn_shape_options *o, const kn_candid
         code = read_force(&s, o->force, c->scene->model.probe[e->press.probe].name, &time_s, &force_n, &count, told);
         kn_sheet_close(&s);
         for (int i = 0; i < count; i++) time_s[i] -= o->force_begin_s;
-    } else
-        code = logged_force(&e->press, &time_s, &force_n, &count);
+    } else code = logged_force(&e->press, &time_s, &force_n, &count);
     if (code != KN_EXIT_OK || (count == 0 && !o->force)) { // a log without forces has poses all the same
         free(time_s);
         free(force_n);
@@ -297,9 +297,7 @@ int kn_shape_measured(kn_evidence *e, const kn_shape_options *o, const kn_candid
     for (int i = 0; code == KN_EXIT_OK && i < o->depths; i++) code = take_image(e, o, c, i);
     if (code == KN_EXIT_OK && o->points) code = take_points(e, o, c, o->depths);
     if (code == KN_EXIT_OK && (o->force || o->log)) code = take_force(e, o, c);
-    if (code == KN_EXIT_OK)
-        kn_evidence_close(e);
-    else
-        kn_evidence_free(e);
+    if (code == KN_EXIT_OK) kn_evidence_close(e);
+    else kn_evidence_free(e);
     return code;
 }

@@ -143,12 +143,9 @@ static bool take_moments(const char *text, kn_shape_options *o)
         double *at_s = &o->at_s[o->moments++];
         if (n == 0 || n >= sizeof one) return false;
         snprintf(one, sizeof one, "%.*s", (int)n, text);
-        if (!strcmp(one, "hold"))
-            *at_s = KN_SHAPE_HOLD;
-        else if (!strcmp(one, "end"))
-            *at_s = INFINITY;
-        else if (!take_si(one, "s", 0, 3600, at_s))
-            return false;
+        if (!strcmp(one, "hold")) *at_s = KN_SHAPE_HOLD;
+        else if (!strcmp(one, "end")) *at_s = INFINITY;
+        else if (!take_si(one, "s", 0, 3600, at_s)) return false;
         if (!text[n]) return true;
         text += n + 1;
     }
@@ -171,73 +168,34 @@ static const char *take(kn_shape_options *o, int option, const char *text)
         if (o->depths == KN_PRESS_MOMENTS) return "at most 4 images";
         o->depth[o->depths++] = text;
         return NULL;
-    case POINTS:
-        o->points = text;
-        return NULL;
-    case AT:
-        return take_moments(text, o) ? NULL : "hold, end, or seconds from 0 to 3600; up to 4, with commas between";
-    case FORCE:
-        o->force = text;
-        return NULL;
-    case FORCE_BEGIN:
-        return take_si(text, "s", -1e6, 1e6, &o->force_begin_s) ? NULL : "seconds";
-    case ALIGN:
-        o->align = true;
-        return NULL;
-    case STEP:
-        return take_si(text, "m", 1e-9, 0.1, &o->given.step_m) ? NULL : "a height above 0 like '0.1 mm'";
-    case PIXEL:
-        return take_si(text, "m", 1e-7, 0.1, &o->given.pixel_m) ? NULL : "a length above 0 like '0.1 mm'";
-    case LEFT:
-        return take_si(text, "m", -10, 10, &o->given.left_m) ? NULL : "a place like '-32 mm'";
-    case TOP:
-        return take_si(text, "m", -10, 10, &o->given.top_m) ? NULL : "a place like '32 mm'";
-    case LOG:
-        o->log = text;
-        return NULL;
-    case DOWN:
-        return take_si(text, "m", 1e-5, 1, &o->press.depth_m) ? NULL : "a depth above 0 like '10 mm'";
-    case SPEED:
-        return take_si(text, "m/s", 1e-5, 1, &o->press.speed_m_s) ? NULL : "a speed above 0 like '10 mm/s'";
+    case POINTS: o->points = text; return NULL;
+    case AT: return take_moments(text, o) ? NULL : "hold, end, or seconds from 0 to 3600; up to 4, with commas between";
+    case FORCE: o->force = text; return NULL;
+    case FORCE_BEGIN: return take_si(text, "s", -1e6, 1e6, &o->force_begin_s) ? NULL : "seconds";
+    case ALIGN: o->align = true; return NULL;
+    case STEP: return take_si(text, "m", 1e-9, 0.1, &o->given.step_m) ? NULL : "a height above 0 like '0.1 mm'";
+    case PIXEL: return take_si(text, "m", 1e-7, 0.1, &o->given.pixel_m) ? NULL : "a length above 0 like '0.1 mm'";
+    case LEFT: return take_si(text, "m", -10, 10, &o->given.left_m) ? NULL : "a place like '-32 mm'";
+    case TOP: return take_si(text, "m", -10, 10, &o->given.top_m) ? NULL : "a place like '32 mm'";
+    case LOG: o->log = text; return NULL;
+    case DOWN: return take_si(text, "m", 1e-5, 1, &o->press.depth_m) ? NULL : "a depth above 0 like '10 mm'";
+    case SPEED: return take_si(text, "m/s", 1e-5, 1, &o->press.speed_m_s) ? NULL : "a speed above 0 like '10 mm/s'";
     case HOLD:
         if (!take_si(text, "s", 0, 3600, &o->press.hold_s)) return "a time from 0 to 3600 s";
         if (o->press.hold_s == 0) o->press.hold_s = -1;
         return NULL;
-    case PROBE:
-        o->press.probe = text;
-        return NULL;
-    case ONLY:
-        o->only = text;
-        return NULL;
-    case FINER:
-        o->finer = true;
-        return NULL;
-    case MESH:
-        o->scene.mesh = text;
-        return NULL;
-    case MESH_UNIT:
-        o->scene.mesh_unit = text;
-        return NULL;
-    case SET:
-        o->sets[o->scene.set_count++] = text;
-        return NULL;
-    case JOBS:
-        return take_jobs(text, &o->jobs) ? NULL : "a whole number from 1 to 64";
-    case OUT:
-        o->out = text;
-        return NULL;
-    case OUT_DEPTH:
-        o->out_depth = text;
-        return NULL;
-    case PNG:
-        o->png = text;
-        return NULL;
-    case JSON:
-        kn_result_open();
-        return NULL;
-    default:
-        o->help = true;
-        return NULL;
+    case PROBE: o->press.probe = text; return NULL;
+    case ONLY: o->only = text; return NULL;
+    case FINER: o->finer = true; return NULL;
+    case MESH: o->scene.mesh = text; return NULL;
+    case MESH_UNIT: o->scene.mesh_unit = text; return NULL;
+    case SET: o->sets[o->scene.set_count++] = text; return NULL;
+    case JOBS: return take_jobs(text, &o->jobs) ? NULL : "a whole number from 1 to 64";
+    case OUT: o->out = text; return NULL;
+    case OUT_DEPTH: o->out_depth = text; return NULL;
+    case PNG: o->png = text; return NULL;
+    case JSON: kn_result_open(); return NULL;
+    default: o->help = true; return NULL;
     }
 }
 
@@ -284,7 +242,4 @@ int kn_shape_options_parse(kn_shape_options *o, int argc, char **argv)
     return o->help ? KN_EXIT_OK : check(o, argc, argv);
 }
 
-void kn_shape_options_free(kn_shape_options *o)
-{
-    free(o->sets);
-}
+void kn_shape_options_free(kn_shape_options *o) { free(o->sets); }

@@ -21,25 +21,19 @@ void kn_shape_print_object(const kn_shape_options *o, const kn_candidate *c)
 static const char *number(const kn_identified *k, bool sought, double unit, char text[48])
 {
     const kn_fit_interval *i = &k->interval;
-    if (!sought)
-        snprintf(text, 48, "-");
+    if (!sought) snprintf(text, 48, "-");
     else if (k->known == KN_KNOWN)
         snprintf(text, 48, "%.4g [%.4g .. %.4g]", k->value / unit, i->low / unit, i->high / unit);
-    else if (k->known == KN_AT_MOST)
-        snprintf(text, 48, "< %.3g", i->high / unit);
-    else if (k->known == KN_AT_LEAST)
-        snprintf(text, 48, "> %.3g", i->low / unit);
-    else
-        snprintf(text, 48, "%.3g, unknown", k->value / unit);
+    else if (k->known == KN_AT_MOST) snprintf(text, 48, "< %.3g", i->high / unit);
+    else if (k->known == KN_AT_LEAST) snprintf(text, 48, "> %.3g", i->low / unit);
+    else snprintf(text, 48, "%.3g, unknown", k->value / unit);
     return text;
 }
 
 static const char *millimetres(double m, char text[16])
 {
-    if (isnan(m))
-        snprintf(text, 16, "-");
-    else
-        snprintf(text, 16, "%.3f", 1e3 * m);
+    if (isnan(m)) snprintf(text, 16, "-");
+    else snprintf(text, 16, "%.3f", 1e3 * m);
     return text;
 }
 
@@ -138,8 +132,7 @@ void kn_shape_print_finer(const kn_evidence *e, const kn_candidate *best, const 
     for (int i = 0; finer->found && i < e->readings; i++)
         sum += pow(finer->residual[i] - best->residual[i], 2) / e->readings;
     const double moved = sqrt(sum);
-    if (!finer->found)
-        printf("so nothing is known of the lattice's part.\n");
+    if (!finer->found) printf("so nothing is known of the lattice's part.\n");
     else if (moved > 0.5 * was)
         printf("Halving the cells moves what these numbers predict by %.1f times the noise: structure and numbers hold "
                "for "

@@ -183,10 +183,8 @@ int kn_sheet_open(kn_sheet *s, const char *file, const char *units, const char *
         const char *line = s->lines.text;
         if (s->lines.number == header.names && !take_names(s, line))
             return kn_sheet_complain(s, header.names, 1, "more than %d columns, expected fewer", KN_SHEET_COLUMNS);
-        else if (s->lines.number == header.units)
-            take_units(s, line);
-        else if (line[strspn(line, " \t")] == '#')
-            take_note(s);
+        else if (s->lines.number == header.units) take_units(s, line);
+        else if (line[strspn(line, " \t")] == '#') take_note(s);
     }
     return take_given(s, units);
 }

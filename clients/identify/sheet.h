@@ -48,8 +48,8 @@ typedef struct kn_sheet {
     kn_lines lines;
     char separator, of_rows;
     int room;
-    bool points; // were decimal ones
-    struct {     // text in a number's place, until it is known whether the names come again below it
+    bool points;             // were decimal ones
+    struct {                 // text in a number's place, until it is known whether the names come again below it
         int lines, line, at; // lines: without any number
         char text[32];
         const char *name; // of the column; NULL: nothing is strange

@@ -6,7 +6,7 @@
 #include <string.h>
 
 enum { STARTS = 16 };
-#define NONE 1e10 // a part so many times stiffer, or softer, than all that was measured is none
+#define NONE 1e10  // a part so many times stiffer, or softer, than all that was measured is none
 #define EXACT 1e-4 // no rheometer's moduli are that good: what is left below it is digits, and chooses no element
 
 typedef struct work {

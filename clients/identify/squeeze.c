@@ -94,8 +94,7 @@ static int play(kn_squeeze *q, const char *subcommand, const kn_scene *scene, co
         kn_progress_close(&b.progress);
         if (!ok) code = kn_complain(subcommand, KN_EXIT_FAILED, "the block of this material came apart under a plate");
     }
-    for (int m = 0; m < 2 && code == KN_EXIT_OK; m++)
-        code = draw(subcommand, model, rest, &press, &done, m, png[m]);
+    for (int m = 0; m < 2 && code == KN_EXIT_OK; m++) code = draw(subcommand, model, rest, &press, &done, m, png[m]);
     if (code == KN_EXIT_OK) {
         q->pressed_m = dent(model, surface, (const float(*)[3])done.shape_m[0]);
         q->left_m = dent(model, surface, (const float(*)[3])done.shape_m[1]);

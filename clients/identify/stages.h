@@ -15,8 +15,8 @@
 typedef struct kn_stages {
     kn_material material;
     double release_s, release_pa, release_strain; // tr, Pr, x(tr)
-    int count;                                     // of the readings under load; the caller frees with kn_stages_free
-    double *stress_pa, *voigt, *damper, *c2_pa_s;  // at each; c2: NAN where the slope is not positive
+    int count;                                    // of the readings under load; the caller frees with kn_stages_free
+    double *stress_pa, *voigt, *damper, *c2_pa_s; // at each; c2: NAN where the slope is not positive
 } kn_stages;
 
 // False: never released, fewer than 10 readings on either side, no slope; then nothing is to be freed.

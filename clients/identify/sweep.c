@@ -281,8 +281,7 @@ static int draw(const work *w, const char *path)
         if (w->found.material >= 0 && w->found.material != w->found.best)
             add_row(&p[0], d, &w->found.row[w->found.material], 1);
         code = kn_figure_draw(w->opt.subcommand, path, "storage and loss modulus", p, 2, 2);
-    } else
-        kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "out of memory");
+    } else kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "out of memory");
     if (d) free(d->left);
     free(p);
     free(d);

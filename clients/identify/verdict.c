@@ -56,10 +56,8 @@ static void tell_rival(kn_verdict *v, const kn_candidate *c)
         return;
     }
     add(v, " It cannot be told apart from %s (dAICc %.1f)", b->words, v->delta[v->rival]);
-    if (a->gas != b->gas)
-        add(v, ": so little gas hardly changes what was measured.");
-    else
-        add(v, ": a range image of the withdrawn tool's dent, or the force over the hold, may tell more.");
+    if (a->gas != b->gas) add(v, ": so little gas hardly changes what was measured.");
+    else add(v, ": a range image of the withdrawn tool's dent, or the force over the hold, may tell more.");
 }
 
 static void tell(kn_verdict *v, int count, const kn_candidate *c, const kn_evidence *e)

@@ -33,8 +33,10 @@ bool kn_grip_find(const char *name, kn_grip *grip)
 
 kn_arm_def kn_arm_of(const kn_device_def *device)
 {
-    return (kn_arm_def){.mass_kg = device->mass_kg, .damping_n_s_m = device->damping_n_s_m,
-                        .coulomb_n = device->friction_n, .encoder_m = device->encoder_m,
+    return (kn_arm_def){.mass_kg = device->mass_kg,
+                        .damping_n_s_m = device->damping_n_s_m,
+                        .coulomb_n = device->friction_n,
+                        .encoder_m = device->encoder_m,
                         .force_limit_n = device->force_limit_n};
 }
 

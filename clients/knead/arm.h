@@ -35,14 +35,14 @@ typedef struct kn_arm_def { // zero means default where there is one
     double velocity_hz;     // cut-off of the measured velocity, default 100 Hz
     int axes;               // 1: z moves and x, y follow the path; 3 (default): all
     kn_grip grip;
-    double bias_n[3];       // constant push on the device, whatever the hand
+    double bias_n[3]; // constant push on the device, whatever the hand
 } kn_arm_def;
 
 typedef struct kn_arm { // read only for the caller
     kn_arm_def def;
-    double position_m[3];   // as the encoder reads it at the last sample
-    double velocity_m_s[3]; // first-order filtered difference of those
-    double force_n[3];      // held during the last tick, after saturation
+    double position_m[3];          // as the encoder reads it at the last sample
+    double velocity_m_s[3];        // first-order filtered difference of those
+    double force_n[3];             // held during the last tick, after saturation
     double x_m[3], v_m_s[3];       // the device as it is
     double hand_m[3], hand_m_s[3]; // the hand as it is
 } kn_arm;
@@ -60,6 +60,6 @@ void kn_arm_tick(kn_arm *arm, const double force_n[3], const double path_m[3], c
 
 const char *kn_grip_name(kn_grip grip); // "none", "light", "normal", "firm"
 bool kn_grip_find(const char *name, kn_grip *grip);
-extern const char kn_grip_names[];      // "none, light, normal or firm"
+extern const char kn_grip_names[]; // "none, light, normal or firm"
 
 #endif

@@ -75,8 +75,7 @@ json_t *kn_ask(const char *path, const json_t *request, char *error, size_t erro
 int kn_ask_begin(const char *path, const json_t *request, char *error, size_t error_size)
 {
     int fd = dial(path, SOCK_NONBLOCK);
-    if (fd < 0)
-        tell_absence(path, error, error_size);
+    if (fd < 0) tell_absence(path, error, error_size);
     else if (!send_line(fd, request, MSG_DONTWAIT)) {
         snprintf(error, error_size, "%s: %s", path, strerror(errno));
         close(fd);

@@ -115,8 +115,7 @@ int kn_atlas_survey(kn_atlas *a, bool quick, const char *family, int jobs)
     size_t bytes = (size_t)cells_of(a) * sizeof *a->cell;
     a->cell = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     progress *p = mmap(NULL, sizeof *p, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-    if (a->cell == MAP_FAILED || p == MAP_FAILED)
-        return kn_complain("stability", KN_EXIT_DEVICE, "out of memory");
+    if (a->cell == MAP_FAILED || p == MAP_FAILED) return kn_complain("stability", KN_EXIT_DEVICE, "out of memory");
     for (int c = 0; c < cells_of(a); c++)
         for (int w = 0; w < KN_WAYS; w++) a->cell[c].score[w].verdict = KN_TRIAL_DIED;
     struct timespec begin, end;
@@ -336,9 +335,11 @@ static void draw_map(FILE *f, const kn_atlas *a, int map)
 // What the colours are, below the maps, and the marks that stand in the cells of all that is not right.
 static void write_legend(FILE *f, int columns, int high)
 {
-    fprintf(f, "set origin 0,0\nset size 1,%g\nset lmargin 0\nset rmargin 0\nset tmargin 0\nset bmargin 0\n"
-               "unset title\nunset xlabel\nunset ylabel\nunset tics\nunset border\nset xrange [0:1]\nset yrange [0:1]\n"
-               "set key center center maxrows %d samplen 1.5\nplot ", 60.0 / high, columns < 3 ? 2 : 1);
+    fprintf(f,
+            "set origin 0,0\nset size 1,%g\nset lmargin 0\nset rmargin 0\nset tmargin 0\nset bmargin 0\n"
+            "unset title\nunset xlabel\nunset ylabel\nunset tics\nunset border\nset xrange [0:1]\nset yrange [0:1]\n"
+            "set key center center maxrows %d samplen 1.5\nplot ",
+            60.0 / high, columns < 3 ? 2 : 1);
     for (int v = 0; v < KN_JUDGEMENTS; v++)
         fprintf(f, "NaN with points pt 5 ps 2.5 lc rgb '#%s' title '%s%s%.1s', ", colour[v], kn_judgement_name[v],
                 v ? "  " : "", v ? &mark[v] : "");
@@ -351,8 +352,10 @@ int kn_atlas_draw(const kn_atlas *a, const char *path)
     const int wide = 420 * columns < 840 ? 840 : 420 * columns, high = 320 * rows + 120;
     FILE *f = kn_plot_open("stability", path, wide, high, &code);
     if (!f) return code;
-    fprintf(f, "unset grid\nset border 0\nset tics scale 0\nunset colorbox\nset cbrange [0:%d]\n"
-               "set palette maxcolors %d defined (", KN_JUDGEMENTS - 1, KN_JUDGEMENTS);
+    fprintf(f,
+            "unset grid\nset border 0\nset tics scale 0\nunset colorbox\nset cbrange [0:%d]\n"
+            "set palette maxcolors %d defined (",
+            KN_JUDGEMENTS - 1, KN_JUDGEMENTS);
     for (int v = 0; v < KN_JUDGEMENTS; v++) fprintf(f, "%s%d '#%s'", v ? ", " : "", v, colour[v]);
     fprintf(f, ")\nset multiplot title 'the default solver at the extremes' font 'sans,14'\n");
     for (int m = 0; m < a->maps; m++) {

@@ -26,7 +26,8 @@ static kn_scene *load_scene(const kn_bench_options *opt, bool *other, char error
     if (file) return kn_scene_load(opt->specimen, opt->sets, opt->set_count, error, 512);
     int size = snprintf(text, sizeof text,
                         "version: 1\nobject: {size: [1 cm, 1 cm, 1 cm], spacing: 1 cm}\nmaterial: %.60s\n"
-                        "support: frictionless\ndevice: bench\n", opt->specimen);
+                        "support: frictionless\ndevice: bench\n",
+                        opt->specimen);
     return kn_scene_parse(opt->specimen, text, (size_t)size, opt->sets, opt->set_count, error, 512);
 }
 
@@ -87,10 +88,8 @@ static int read_param(kn_bench *b, const char *text, bool *given)
     for (int i = 0; equals && kn_element_leaf_name(&b->net.element, i, name); i++) {
         if (strlen(name) != (size_t)(equals - text) || strncmp(name, text, strlen(name)) != 0) continue;
         bool spring = name[0] == 's', exponential = !spring && !strncmp(equals + 1, "exp", 3), good;
-        if (exponential)
-            good = read_exponential(equals + 1, &b->net.part[i], why);
-        else
-            good = read_modulus(equals + 1, spring ? "Pa" : "Pa*s", &b->net.part[i].modulus, why);
+        if (exponential) good = read_exponential(equals + 1, &b->net.part[i], why);
+        else good = read_modulus(equals + 1, spring ? "Pa" : "Pa*s", &b->net.part[i].modulus, why);
         given[i] = true;
         if (good) return KN_EXIT_OK;
         return kn_complain(subcommand, KN_EXIT_USAGE, "--param %s: %s, expected something like %s='%s'", text, why,
@@ -238,10 +237,7 @@ void kn_bench_fresh(kn_bench *b)
 
 // ---- the experiment
 
-static double grown(const kn_bench *b)
-{
-    return b->opt->constant_area ? 1 : 1 - b->strain;
-} // S0/S
+static double grown(const kn_bench *b) { return b->opt->constant_area ? 1 : 1 - b->strain; } // S0/S
 
 static void read_element(kn_bench *b)
 {
@@ -293,8 +289,7 @@ static kn_input lattice_input(const kn_bench *b)
         in.probe[0].attached = true;
         in.probe[0].position_m[2] = KN_BENCH_HEIGHT_M * (1 - d->value - d->rate_per_s * (b->time_s - d->start_s));
         in.probe[0].velocity_m_s[2] = -KN_BENCH_HEIGHT_M * d->rate_per_s;
-    } else
-        in.top_load_n = d->value * area_m2(b) * (d->kind == KN_DRIVE_LOAD ? 1 - b->strain : 1);
+    } else in.top_load_n = d->value * area_m2(b) * (d->kind == KN_DRIVE_LOAD ? 1 - b->strain : 1);
     return in;
 }
 
@@ -346,10 +341,8 @@ void kn_bench_print(const kn_bench *b)
     const int *n = b->opt->lattice;
     kn_result_text(kn_result(), "specimen", b->title);
     printf("specimen  %s, ", b->title);
-    if (n[0] != n[2] || n[1] != n[2])
-        printf("%.3g x %.3g x 1 cm", (double)n[0] / n[2], (double)n[1] / n[2]);
-    else
-        printf("1 cm cube");
+    if (n[0] != n[2] || n[1] != n[2]) printf("%.3g x %.3g x 1 cm", (double)n[0] / n[2], (double)n[1] / n[2]);
+    else printf("1 cm cube");
     printf("%s\n", b->opt->constant_area ? ", constant area" : "; its section grows as its height falls");
     printf("parts    ");
     char name[8];

@@ -45,8 +45,8 @@ typedef struct kn_bench {
     kn_state *lattice;
     int64_t step;
     double time_s, strain, stress_pa, force_n; // what the instrument reads
-    kn_progress bar; // of steps of the lattice, while one is open
-    int64_t stepped; // since it was
+    kn_progress bar;                           // of steps of the lattice, while one is open
+    int64_t stepped;                           // since it was
 } kn_bench;
 
 // Reads the options that the subcommand has: letters of which option belongs to whom stand in one table. *done after

@@ -100,27 +100,35 @@ static int take_lattice(kn_bench_options *opt, const char *text)
     return bad(opt, "lattice", text, "cells along x, y, z like 4x4x4, at most 64 each");
 }
 
-enum { LOAD = 256, HOLD, REST, STRAIN, RAMP, FREQ, AMPLITUDE, SPEED, WAIT, PARAM, SET, AREA, LATTICE, CSV, PNG, JSON,
-       HELP };
+enum {
+    LOAD = 256,
+    HOLD,
+    REST,
+    STRAIN,
+    RAMP,
+    FREQ,
+    AMPLITUDE,
+    SPEED,
+    WAIT,
+    PARAM,
+    SET,
+    AREA,
+    LATTICE,
+    CSV,
+    PNG,
+    JSON,
+    HELP
+};
 
-static const struct option list[] = {{"load", 1, 0, LOAD},
-                                     {"hold", 1, 0, HOLD},
-                                     {"rest", 1, 0, REST},
-                                     {"strain", 1, 0, STRAIN},
-                                     {"ramp", 1, 0, RAMP},
-                                     {"freq", 1, 0, FREQ},
-                                     {"speed", 1, 0, SPEED},
-                                     {"amplitude", 1, 0, AMPLITUDE},
-                                     {"wait", 1, 0, WAIT},
-                                     {"param", 1, 0, PARAM},
-                                     {"set", 1, 0, SET},
-                                     {"area", 1, 0, AREA},
-                                     {"lattice", 1, 0, LATTICE},
-                                     {"csv", 1, 0, CSV},
-                                     {"png", 1, 0, PNG},
-                                     {"json", 0, 0, JSON},
-                                     {"help", 0, 0, HELP},
-                                     {0, 0, 0, 0}};
+static const struct option list[] = {{"load", 1, 0, LOAD},       {"hold", 1, 0, HOLD},
+                                     {"rest", 1, 0, REST},       {"strain", 1, 0, STRAIN},
+                                     {"ramp", 1, 0, RAMP},       {"freq", 1, 0, FREQ},
+                                     {"speed", 1, 0, SPEED},     {"amplitude", 1, 0, AMPLITUDE},
+                                     {"wait", 1, 0, WAIT},       {"param", 1, 0, PARAM},
+                                     {"set", 1, 0, SET},         {"area", 1, 0, AREA},
+                                     {"lattice", 1, 0, LATTICE}, {"csv", 1, 0, CSV},
+                                     {"png", 1, 0, PNG},         {"json", 0, 0, JSON},
+                                     {"help", 0, 0, HELP},       {0, 0, 0, 0}};
 
 // Which options an experiment has beside param, set, csv, png, json and help.
 static bool has_option(const char *subcommand, int option)
@@ -141,45 +149,25 @@ static bool has_option(const char *subcommand, int option)
 static int take_option(kn_bench_options *opt, int option, const char *value)
 {
     switch (option) {
-    case LOAD:
-        return take_loads(opt, value);
-    case HOLD:
-        return take_quantity(opt, "hold", value, "s", false, "a time like 60 or '1000 ms'", &opt->hold_s);
-    case REST:
-        return take_quantity(opt, "rest", value, "s", true, "a time like 70 or '1000 ms'", &opt->rest_s);
-    case WAIT:
-        return take_quantity(opt, "wait", value, "s", true, "a time like 5 or '1000 ms'", &opt->wait_s);
-    case SPEED:
-        return take_quantity(opt, "speed", value, "m/s", false, "a speed like '1 mm/s'", &opt->speed_m_s);
-    case STRAIN:
-        return take_share(opt, "strain", value, &opt->strain);
-    case AMPLITUDE:
-        return take_share(opt, "amplitude", value, &opt->amplitude);
-    case RAMP:
-        return take_ramp(opt, value);
-    case FREQ:
-        return take_frequencies(opt, value);
-    case LATTICE:
-        return take_lattice(opt, value);
+    case LOAD: return take_loads(opt, value);
+    case HOLD: return take_quantity(opt, "hold", value, "s", false, "a time like 60 or '1000 ms'", &opt->hold_s);
+    case REST: return take_quantity(opt, "rest", value, "s", true, "a time like 70 or '1000 ms'", &opt->rest_s);
+    case WAIT: return take_quantity(opt, "wait", value, "s", true, "a time like 5 or '1000 ms'", &opt->wait_s);
+    case SPEED: return take_quantity(opt, "speed", value, "m/s", false, "a speed like '1 mm/s'", &opt->speed_m_s);
+    case STRAIN: return take_share(opt, "strain", value, &opt->strain);
+    case AMPLITUDE: return take_share(opt, "amplitude", value, &opt->amplitude);
+    case RAMP: return take_ramp(opt, value);
+    case FREQ: return take_frequencies(opt, value);
+    case LATTICE: return take_lattice(opt, value);
     case AREA:
         opt->constant_area = !strcmp(value, "constant");
         return opt->constant_area || !strcmp(value, "grows") ? KN_EXIT_OK
                                                              : bad(opt, "area", value, "constant or grows");
-    case PARAM:
-        opt->params[opt->param_count++] = value;
-        return KN_EXIT_OK;
-    case SET:
-        opt->sets[opt->set_count++] = value;
-        return KN_EXIT_OK;
-    case CSV:
-        opt->csv = value;
-        return KN_EXIT_OK;
-    case JSON:
-        kn_result_open();
-        return KN_EXIT_OK;
-    default:
-        opt->png = value;
-        return KN_EXIT_OK;
+    case PARAM: opt->params[opt->param_count++] = value; return KN_EXIT_OK;
+    case SET: opt->sets[opt->set_count++] = value; return KN_EXIT_OK;
+    case CSV: opt->csv = value; return KN_EXIT_OK;
+    case JSON: kn_result_open(); return KN_EXIT_OK;
+    default: opt->png = value; return KN_EXIT_OK;
     }
 }
 

@@ -5,8 +5,8 @@ void kn_buzz_init(kn_buzz *buzz, double period_s, double first)
 {
     double w = tan(3.141592653589793 * KN_BUZZ_HZ * period_s), root2 = sqrt(2.0);
     double a0 = 1.0 + root2 * w + w * w;
-    *buzz = (kn_buzz){.b = 1.0 / a0, .a1 = 2.0 * (w * w - 1.0) / a0, .a2 = (1.0 - root2 * w + w * w) / a0,
-                      .x1 = first, .x2 = first};
+    *buzz = (kn_buzz){
+        .b = 1.0 / a0, .a1 = 2.0 * (w * w - 1.0) / a0, .a2 = (1.0 - root2 * w + w * w) / a0, .x1 = first, .x2 = first};
 }
 
 void kn_buzz_add(kn_buzz *buzz, double value)

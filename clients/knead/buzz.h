@@ -15,7 +15,7 @@ typedef struct kn_buzz { // read only but through the functions
 // first: the signal up to now, so that a constant is silence from the beginning.
 void kn_buzz_init(kn_buzz *buzz, double period_s, double first);
 void kn_buzz_add(kn_buzz *buzz, double value);
-void kn_buzz_reset(kn_buzz *buzz); // the sum, not the filter
+void kn_buzz_reset(kn_buzz *buzz);       // the sum, not the filter
 double kn_buzz_rms(const kn_buzz *buzz); // 0 of nothing
 
 // How often a signal turns round by more than a hysteresis: what a step or stroke leaves at one or two and a buzz does

@@ -62,8 +62,8 @@ static void print_lattice(const kn_front *front, const kn_row *r)
     if (r->run->spacing_m == 0) puts("; how far a mesh is from a finer one is not known");
     else if (r->force.lattice == 0) puts("; the finest here");
     else
-        printf("; force %.2f %%, shape %.2f %% from that of %.4g mm\n", 100 * r->force.lattice,
-               100 * r->shape.lattice, 1e3 * front->finest_m);
+        printf("; force %.2f %%, shape %.2f %% from that of %.4g mm\n", 100 * r->force.lattice, 100 * r->shape.lattice,
+               1e3 * front->finest_m);
 }
 
 void kn_chart_print(const kn_front *front, const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN])
@@ -218,13 +218,15 @@ static void write_panel(FILE *f, const picture *pic, int number)
     for (int l = 0; l < pic->lattices && !p->all; l++)
         fprintf(f,
                 "$points%d using ($3==%d ? $1 : NaN):2:($6-$1):(0) with vectors nohead lw 1.2 lc rgb '#b0%s' "
-                "notitle, ", number, l, kn_plot_colour[l]);
+                "notitle, ",
+                number, l, kn_plot_colour[l]);
     for (int l = 0; l < pic->lattices; l++)
         for (int m = 0; m < MARKERS; m++)
             if (pic->used[l][m])
                 fprintf(f,
                         "$points%d using ($3==%d && $4==%d ? $1 : NaN):2 with points pt %d ps 1.2 "
-                        "lc rgb '#%s' notitle, ", number, l, m, markers[m].type, kn_plot_colour[l]);
+                        "lc rgb '#%s' notitle, ",
+                        number, l, m, markers[m].type, kn_plot_colour[l]);
     if (pic->any_bad)
         fprintf(f, "$points%d using ($5==1 ? $1 : NaN):2 with points pt 2 ps 1.8 lw 2 lc rgb '#cc0000' notitle, ",
                 number);

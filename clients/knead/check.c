@@ -130,7 +130,8 @@ static void print_plastic(const kn_material *m)
     printf(depends ? ", c2 within %.2g %% at every stress\n" : "\n", 100 * off);
     if (depends && off > 0.05)
         warn("|c/c2 - 1| is up to %.2g %%, above 5 %%: c1 is not much larger than c2 at rest, it hides how c2 depends "
-             "on the stress", 100 * off);
+             "on the stress",
+             100 * off);
 }
 
 static void print_material(const kn_model *model)
@@ -144,8 +145,8 @@ static void print_material(const kn_model *model)
     if (m->damper == KN_DAMPER_NONE) printf("; no damper: nothing stays\n");
     else if (rigid) printf("; a damper without a way to go: nothing stays\n");
     else
-        printf("; c2 %.4g Pa s at rest, %.4g Pa s from %.4g Pa on\n", kn_material_c2(m, 0),
-               kn_material_c2(m, m->p1_pa), m->p1_pa);
+        printf("; c2 %.4g Pa s at rest, %.4g Pa s from %.4g Pa on\n", kn_material_c2(m, 0), kn_material_c2(m, m->p1_pa),
+               m->p1_pa);
     if (!rigid && m->stroke[1] > 0)
         printf("stroke    a %g to %g around %.3g: left alone an edge is %.4g to %.4g times as long as it was made\n",
                m->stroke[0], m->stroke[1], m->ratio, 1 + in, 1 + out);
@@ -181,8 +182,7 @@ static void print_cost(const kn_model *model)
     printf("          with one probe pressing: usually %.0f us, %.0f us at the cap of iterations, of %g us\n", us,
            kn_cost_us(model, &own, true), 1e6 * s->dt_s);
     double blow = kn_cost_blow_us(model, &own);
-    if (blow > 0)
-        printf("          in a blow up to %d times over: %.0f us at the cap\n", KN_IMPACT_PASSES, blow);
+    if (blow > 0) printf("          in a blow up to %d times over: %.0f us at the cap\n", KN_IMPACT_PASSES, blow);
     if (kn_cost_newton(model)) warn("each edge solves its damper by itself, at some 40 times the time");
     if (us > 1e6 * s->dt_s) warn("slower than real time");
 }
@@ -198,7 +198,7 @@ static void print_sag(const kn_model_def *def)
     kn_model_def_extent(def, extent_m);
     double weight_pa = def->density_kg_m3 * g * extent_m[2];
     double sag = base * 0.5 * weight_pa * kn_material_compliance(&def->material, seconds);
-    if (def->structure == KN_STRUCTURE_AXIS || def->support == KN_SUPPORT_NONE) return; // it falls
+    if (def->structure == KN_STRUCTURE_AXIS || def->support == KN_SUPPORT_NONE) return;      // it falls
     double flown = sag - base * 0.5 * weight_pa * kn_material_compliance(&def->material, 1); // what it goes on losing
     printf("sag       %s%.2g %% of its height in %g s under %.3g m/s^2%s\n", sag < 0.2 ? "about " : "more than ",
            100 * fmin(sag, 0.2), seconds, g, def->gravity_m_s2 > 0 ? "" : ", which this scene leaves out");
@@ -228,8 +228,7 @@ static void print_solver(const kn_model *model)
                s->passes > 1 ? "es" : "");
         printf("kernels   %s\n", model->kernels->name);
         print_cost(model);
-        if (model->isa == KN_ISA_BASE)
-            warn("no fused multiply-add: the same bits in software, far from real time");
+        if (model->isa == KN_ISA_BASE) warn("no fused multiply-add: the same bits in software, far from real time");
     }
     double bytes = (double)model->state_bytes + (double)model_bytes(model);
     printf("memory    state %zu bytes, model %zu bytes\n", model->state_bytes, model_bytes(model));
@@ -265,10 +264,8 @@ static void print_quality(const kn_scene *scene, const kn_model *model)
         if (!scene->point[q].defined) continue;
         printf("quality   %s: %d to %d CG iterations, %d pass%s", kn_quality_name((kn_quality)q), e->iterations,
                e->iterations_max, e->passes, e->passes > 1 ? "es" : "");
-        if (scene->point[q].live)
-            printf(", estimate %.0f us", kn_cost_us(model, e, false));
-        else
-            printf(", another lattice or precision: not while it runs");
+        if (scene->point[q].live) printf(", estimate %.0f us", kn_cost_us(model, e, false));
+        else printf(", another lattice or precision: not while it runs");
         printf(scene->quality == (kn_quality)q ? "; in force\n" : "\n");
     }
 }
@@ -278,8 +275,8 @@ static void print_coupling(const kn_scene *scene)
 {
     const kn_device_def *d = &scene->device;
     double bound = kn_coupling_delayed(d->damping_n_s_m, 1e-3, d->round_trip_s, d->hand.damping_n_s_m);
-    printf("          coupling %g N/m, %g N s/m at a round trip of %g ms", d->hand.stiffness_n_m,
-           d->hand.damping_n_s_m, 1e3 * d->round_trip_s);
+    printf("          coupling %g N/m, %g N s/m at a round trip of %g ms", d->hand.stiffness_n_m, d->hand.damping_n_s_m,
+           1e3 * d->round_trip_s);
     if (d->force_scale != 1.0 || d->scale != 1.0)
         printf("; in the scene %g N/m, %g N s/m", d->coupling_n_m, d->coupling_n_s_m);
     printf("\n");
@@ -317,9 +314,7 @@ static void print_size(const kn_probe_def *p)
     case KN_PROBE_SPHERE: printf("sphere of radius %g mm", r); return;
     case KN_PROBE_CAPSULE: printf("capsule of radius %g mm, axis %g mm", r, l); return;
     case KN_PROBE_CYLINDER: printf("cylinder of radius %g mm, %g mm high", r, l); return;
-    case KN_PROBE_MESH:
-        print_field(p->parts->part[0].field);
-        return;
+    case KN_PROBE_MESH: print_field(p->parts->part[0].field); return;
     case KN_PROBE_UNION:
         printf("union of %d part%s, %.4g x %.4g x %.4g mm", p->parts->part_count, p->parts->part_count > 1 ? "s" : "",
                1e3 * kn_shape_span(p->parts, 0), 1e3 * kn_shape_span(p->parts, 1), 1e3 * kn_shape_span(p->parts, 2));
@@ -396,8 +391,10 @@ static void tell_result(const kn_scene *scene, const kn_model *model)
     kn_result_text(to, "hash", hash);
     for (int k = 0; k < 3; k++) kn_result_number(to, (const char *[]){"x_m", "y_m", "z_m"}[k], extent_m[k]);
     kn_result_integer(to, "nodes", model->node_count - (model->composite ? kn_composite_tied(model) : 0));
-    kn_result_integer(to, "edges", model->def.mesh ? model->edge_count
-                                   : model->composite ? kn_composite_edges(model) : kn_grid_edges(&model->grid, NULL));
+    kn_result_integer(to, "edges",
+                      model->def.mesh    ? model->edge_count
+                      : model->composite ? kn_composite_edges(model)
+                                         : kn_grid_edges(&model->grid, NULL));
     kn_result_number(to, "mass_kg", kn_model_mass(model));
     kn_result_number(to, "k1_pa", model->law.mat.k1_pa);
     kn_result_number(to, "c1_pa_s", model->law.mat.c1_pa_s);
@@ -427,8 +424,7 @@ static void print_scene(const kn_scene *scene, const kn_model *model)
     print_device(scene);
     for (int p = 0; p < def->probe_count; p++) print_probe(model, p);
     if (def->probe_count == 0) warn("no probe: nothing can touch the object");
-    if (def->support == KN_SUPPORT_NONE && def->gravity_m_s2 > 0)
-        warn("nothing holds the object: it falls");
+    if (def->support == KN_SUPPORT_NONE && def->gravity_m_s2 > 0) warn("nothing holds the object: it falls");
     print_shear(def);
 }
 
@@ -448,14 +444,11 @@ static int check(const char *path, const char *const *sets, int count, bool text
 
 int kn_check_main(int argc, char **argv)
 {
-    static const struct option options[] = {{"help", no_argument, NULL, 'h'},
-                                            {"keys", no_argument, NULL, 'k'},
-                                            {"text", no_argument, NULL, 't'},
-                                            {"set", required_argument, NULL, 's'},
-                                            {"quality", required_argument, NULL, 'q'},
-                                            {"log", required_argument, NULL, 'l'},
-                                            {"json", no_argument, NULL, 'j'},
-                                            {0}};
+    static const struct option options[] = {
+        {"help", no_argument, NULL, 'h'},          {"keys", no_argument, NULL, 'k'},
+        {"text", no_argument, NULL, 't'},          {"set", required_argument, NULL, 's'},
+        {"quality", required_argument, NULL, 'q'}, {"log", required_argument, NULL, 'l'},
+        {"json", no_argument, NULL, 'j'},          {0}};
     const char **sets = calloc((size_t)argc + 1, sizeof *sets); // and one of ours
     int count = 0, status = -1;
     const char *log = NULL;
@@ -469,8 +462,7 @@ int kn_check_main(int argc, char **argv)
         else if (c == 'q') {
             if (!(sets[count++] = kn_quality_set(optarg)))
                 status = kn_complain("check", KN_EXIT_USAGE, "--quality %s: expected %s", optarg, kn_quality_names);
-        }
-        else if (c == 'h') {
+        } else if (c == 'h') {
             fputs(usage, stdout);
             status = KN_EXIT_OK;
         } else if (c == 'k') {

@@ -10,13 +10,13 @@
     X(check, "says what a scene is, what it costs, what to watch for; --keys: every key there is")                     \
     X(completion, "prints what bash or zsh completes knead, kneadd and knead-simdev by")                               \
     X(creep, "virtual rheometer: a weight on a specimen, then not; height, what comes back, what stays")               \
-    X(ctl, "an operator's word to a running kneadd: status, reset, quality, snapshot, restore, undo, estop ...")                      \
+    X(ctl, "an operator's word to a running kneadd: status, reset, quality, snapshot, restore, undo, estop ...")       \
     X(devices, "what could be a hand on this machine: how to use it, what it lacks, the fix; --json")                  \
-    X(doctor, "what this machine lacks for real time, LCM and devices, how late it wakes a thread; each with the fix")        \
+    X(doctor, "what this machine lacks for real time, LCM and devices, how late it wakes a thread; each with the fix") \
     X(element, "springs and dampers in series and parallel: what they do by the papers' rules, and what is so")        \
-    X(export, "a recording as files for ParaView, MeshLab and tables: shape, stress, forces through time")           \
+    X(export, "a recording as files for ParaView, MeshLab and tables: shape, stress, forces through time")             \
     X(hand, "a real device as the hand on a running kneadd: serial paddle, SpaceNavigator, Haply; untested")           \
-    X(identify, "measured creep, relaxation, sweep or shape -> material and structure, and how well they are known")     \
+    X(identify, "measured creep, relaxation, sweep or shape -> material and structure, and how well they are known")   \
     X(latency, "from a pose to its force through LCM on a real kneadd, stage by stage, beside a bare echo")            \
     X(mesh, "fills a closed surface, OBJ or STL, with tetrahedra for a scene; checks a mesh and says what it has")     \
     X(probe, "a virtual hand: press, poke or swing a tool on a running kneadd; force table, recording")                \
@@ -24,11 +24,11 @@
     X(replay, "plays a log through the daemon's own servo: the same forces, to the bit; CSV, hash, --verify")          \
     X(stability, "the solvers at the extremes, thousands of small scenes beside their converged answers")              \
     X(sweep, "virtual rheometer: a specimen is swung; storage and loss modulus against frequency")                     \
-    X(touch, "what a tool touches, drawn live: pressures, area, centre, slip; --json; needs kneadd --touch")            \
+    X(touch, "what a tool touches, drawn live: pressures, area, centre, slip; --json; needs kneadd --touch")           \
     X(tpa, "virtual rheometer: two bites; hardness, cohesiveness, springiness, resilience")                            \
     X(tradeoff, "speed against accuracy under a recorded hand; picks for a budget, finds fast, balanced, accurate")    \
-    X(view, "draws the object, live, recorded or at rest, without a screen: --png FILE, --video FILE")                               \
-    X(web, "a page that shows the object live, with a tool in the visitor's hand; prints its address")    \
+    X(view, "draws the object, live, recorded or at rest, without a screen: --png FILE, --video FILE")                 \
+    X(web, "a page that shows the object live, with a tool in the visitor's hand; prints its address")                 \
     X(zwidth, "how stiff a wall a device can hold: simulated, against delay and friction, beside the bounds")
 
 enum { // exit codes of every program of this project

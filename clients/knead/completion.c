@@ -7,7 +7,8 @@
 
 // A file of the source tree, part of the program; `cmake --install` copies the same one.
 extern const char completion_bash[];
-__asm__(".section .rodata\ncompletion_bash: .incbin \"" KN_CLIENTS_DIR "/knead/completion.bash\"\n.byte 0\n.previous\n");
+__asm__(".section .rodata\ncompletion_bash: .incbin \"" KN_CLIENTS_DIR
+        "/knead/completion.bash\"\n.byte 0\n.previous\n");
 
 static const char help[] =
     "usage: knead completion [bash|zsh]\n\n"

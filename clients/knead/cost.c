@@ -25,15 +25,24 @@ static const double iteration_ns[3][2] = {{100, 190}, {7.2, 18}, {4.3, 11}};
 #define NEWTON_NS 1700.0
 
 // Share of the edges' time that a law needs, and what gas adds per lane (by kn_pressure).
-static const double law_share[] = {[KN_LAW_VOIGT] = 0.85, [KN_LAW_LINEAR] = 0.8, [KN_LAW_TABLE] = 1,
-                                   [KN_LAW_EXACT] = 1};
+static const double law_share[] = {
+    [KN_LAW_VOIGT] = 0.85, [KN_LAW_LINEAR] = 0.8, [KN_LAW_TABLE] = 1, [KN_LAW_EXACT] = 1};
 static const double gas_ns[] = {0, 6, 4}, gas_iteration_ns[] = {0, 1.8, 0.5};
 
 // Operations and reals moved per edge and per node, counted in core/kernel*.[ch].
 enum {
-    EDGE_FLOPS = 95, LAW_FLOPS = 27, NODE_FLOPS = 60, EDGE_REALS = 2, NODE_REALS = 27,
-    EDGE_ITERATION_FLOPS = 17, DIRECTION_FLOPS = 7, NODE_ITERATION_FLOPS = 50, NODE_ITERATION_REALS = 42,
-    GAS_FLOPS = 420, GAS_ITERATION_FLOPS = 100, GAS_REALS = 24
+    EDGE_FLOPS = 95,
+    LAW_FLOPS = 27,
+    NODE_FLOPS = 60,
+    EDGE_REALS = 2,
+    NODE_REALS = 27,
+    EDGE_ITERATION_FLOPS = 17,
+    DIRECTION_FLOPS = 7,
+    NODE_ITERATION_FLOPS = 50,
+    NODE_ITERATION_REALS = 42,
+    GAS_FLOPS = 420,
+    GAS_ITERATION_FLOPS = 100,
+    GAS_REALS = 24
 };
 
 bool kn_cost_newton(const kn_model *model)
@@ -42,10 +51,7 @@ bool kn_cost_newton(const kn_model *model)
     return model->law.kind == KN_LAW_EXACT && !(f64 && kn_law_in_lanes(&model->law));
 }
 
-static int isa_of(const kn_model *m)
-{
-    return m->isa == KN_ISA_AVX512 ? 2 : m->isa == KN_ISA_AVX2 ? 1 : 0;
-}
+static int isa_of(const kn_model *m) { return m->isa == KN_ISA_AVX512 ? 2 : m->isa == KN_ISA_AVX2 ? 1 : 0; }
 
 static kn_cost_part edges(const kn_model *m)
 {

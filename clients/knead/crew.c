@@ -53,8 +53,11 @@ static int try_log(const kn_crew *c)
     char scene[PATH_MAX], error[512];
     kn_run_sets sets;
     kn_run_sets_make(&sets, &c->plan->run[0]);
-    kn_replay_def def = {.log_path = c->plan->log_path, .scene_path = in_folder(c, "scene.yaml", "", scene),
-                         .sets = sets.set, .set_count = sets.count, .afresh = true};
+    kn_replay_def def = {.log_path = c->plan->log_path,
+                         .scene_path = in_folder(c, "scene.yaml", "", scene),
+                         .sets = sets.set,
+                         .set_count = sets.count,
+                         .afresh = true};
     bool fit = kn_origin_check(&def, c->plan->scene_path, c->plan->scene, error, sizeof error);
     static const char ours[] = "scene.yaml: "; // to whom the command was given the scene has another name
     if (fit) return KN_EXIT_OK;
@@ -104,8 +107,11 @@ static int play_here(kn_crew *c, const kn_run *run, kn_trace *t)
     char scene[PATH_MAX], error[512];
     kn_run_sets sets;
     kn_run_sets_make(&sets, run);
-    kn_replay_def def = {.log_path = c->plan->log_path, .scene_path = in_folder(c, "scene.yaml", "", scene),
-                         .sets = sets.set, .set_count = sets.count, .afresh = true};
+    kn_replay_def def = {.log_path = c->plan->log_path,
+                         .scene_path = in_folder(c, "scene.yaml", "", scene),
+                         .sets = sets.set,
+                         .set_count = sets.count,
+                         .afresh = true};
     if (!kn_trace_play(t, &def, &stopped, error, sizeof error))
         return stopped ? KN_EXIT_DEVICE : kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
     t->sitting = c->sitting;
@@ -221,7 +227,7 @@ static void become_parallel(const kn_crew *c)
     if (c->jobs > 0) argv[n++] = "--jobs", argv[n++] = jobs;
     if (c->hosts) {
         static const char *const transfer[] = {"--basefile", "scene.yaml", "--basefile", "log.lcmlog", "--transferfile",
-                                               "{}", "--return", "{.}.trace", "--cleanup"};
+                                               "{}",         "--return",   "{.}.trace",  "--cleanup"};
         argv[n++] = "--sshlogin", argv[n++] = c->hosts;
         argv[n++] = "--workdir", argv[n++] = folder_there(c, folder);
         for (size_t i = 0; i < sizeof transfer / sizeof *transfer; i++) argv[n++] = transfer[i];
@@ -235,8 +241,9 @@ static void become_parallel(const kn_crew *c)
 static void clean_hosts(const kn_crew *c)
 {
     char folder[40];
-    const char *const argv[] = {"parallel", "--plain", "--will-cite", "--timeout", "20", "--nonall", "--sshlogin",
-                                c->hosts, "rm", "-rf", folder_there(c, folder), NULL};
+    const char *const argv[] = {
+        "parallel", "--plain", "--will-cite",           "--timeout", "20", "--nonall", "--sshlogin", c->hosts,
+        "rm",       "-rf",     folder_there(c, folder), NULL};
     pid_t child = fork();
     if (child == 0) {
         dup2(open("/dev/null", O_WRONLY), STDERR_FILENO); // what is wrong with a host has been said

@@ -17,9 +17,9 @@
 
 typedef struct kn_crew {
     const kn_plan *plan;
-    const char *resume;  // folder that stays; NULL: a temporary one
-    int jobs;            // processes here, or on each host; 0: parallel's default, as many as there are processors
-    const char *hosts;   // as parallel --sshlogin takes them, ":" is this machine; NULL: this machine alone
+    const char *resume; // folder that stays; NULL: a temporary one
+    int jobs;           // processes here, or on each host; 0: parallel's default, as many as there are processors
+    const char *hosts;  // as parallel --sshlogin takes them, ":" is this machine; NULL: this machine alone
     kn_folder folder;
     uint64_t program;
     int64_t sitting;

@@ -45,14 +45,10 @@ static int parse(options *o, int argc, char **argv)
     const char *environment = getenv("KNEAD_CONTROL");
     *o = (options){.path = environment && *environment ? environment : KN_ASK_PATH};
     for (int option; (option = getopt_long(argc, argv, "h", names, NULL)) != -1;) {
-        if (option == 'c')
-            o->path = optarg;
-        else if (option == 'j')
-            o->json = true;
-        else if (option == 'h')
-            o->help = true;
-        else
-            return KN_EXIT_USAGE; // getopt has said which
+        if (option == 'c') o->path = optarg;
+        else if (option == 'j') o->json = true;
+        else if (option == 'h') o->help = true;
+        else return KN_EXIT_USAGE; // getopt has said which
     }
     if (o->help || optind < argc) return KN_EXIT_OK;
     return kn_complain("ctl", KN_EXIT_USAGE,
@@ -96,20 +92,13 @@ static void print_value(const char *name, const json_t *value)
     const char *key, *between = "";
     json_t *member;
     size_t i;
-    if (json_is_string(value))
-        fputs(json_string_value(value), stdout);
-    else if (strncmp(name, "time_", 5) == 0)
-        print_time(json_number_value(value));
-    else if (strcmp(name, "snapshot_age_ms") == 0 && json_number_value(value) < 0)
-        fputs("nothing saved", stdout);
-    else if (json_is_integer(value))
-        printf("%" PRId64, (int64_t)json_integer_value(value));
-    else if (json_is_real(value))
-        printf(json_real_value(value) < 1000 ? "%.4g" : "%.0f", json_real_value(value));
-    else if (json_is_boolean(value))
-        fputs(json_is_true(value) ? "yes" : "no", stdout);
-    else if (json_is_array(value) && json_array_size(value) == 0)
-        fputs("none", stdout);
+    if (json_is_string(value)) fputs(json_string_value(value), stdout);
+    else if (strncmp(name, "time_", 5) == 0) print_time(json_number_value(value));
+    else if (strcmp(name, "snapshot_age_ms") == 0 && json_number_value(value) < 0) fputs("nothing saved", stdout);
+    else if (json_is_integer(value)) printf("%" PRId64, (int64_t)json_integer_value(value));
+    else if (json_is_real(value)) printf(json_real_value(value) < 1000 ? "%.4g" : "%.0f", json_real_value(value));
+    else if (json_is_boolean(value)) fputs(json_is_true(value) ? "yes" : "no", stdout);
+    else if (json_is_array(value) && json_array_size(value) == 0) fputs("none", stdout);
     json_array_foreach(value, i, member)
     {
         if (i > 0) fputs(json_is_number(member) ? " " : ", ", stdout);
@@ -193,14 +182,11 @@ static void add_argument(json_t *request, const char *command, const char *argum
 {
     long long number;
     char end;
-    if (strcmp(command, "load") == 0)
-        json_object_set_new(request, "scene", absolute(argument));
-    else if (strcmp(command, "restore") != 0)
-        json_object_set_new(request, "name", json_string(argument));
+    if (strcmp(command, "load") == 0) json_object_set_new(request, "scene", absolute(argument));
+    else if (strcmp(command, "restore") != 0) json_object_set_new(request, "name", json_string(argument));
     else if (sscanf(argument, "%18lld%c", &number, &end) == 1)
         json_object_set_new(request, "generation", json_integer(number));
-    else
-        json_object_set_new(request, "generation", json_string(argument));
+    else json_object_set_new(request, "generation", json_string(argument));
 }
 
 static int add_values(json_t *request, char **values)
@@ -244,20 +230,15 @@ int kn_ctl_main(int argc, char **argv)
     if (argument && argv[optind + 2] && !set)
         return kn_complain("ctl", KN_EXIT_USAGE, "%s: expected one argument", argv[optind + 2]);
     json_t *request = json_pack("{s:s}", "command", command);
-    if (request && set)
-        code = add_values(request, argv + optind + 1);
-    else if (request && argument)
-        add_argument(request, command, argument);
+    if (request && set) code = add_values(request, argv + optind + 1);
+    else if (request && argument) add_argument(request, command, argument);
     if (code != KN_EXIT_OK) return json_decref(request), code;
     double now_us = (double)kn_wall_us();
     json_t *answer = request ? kn_ask(o.path, request, error, sizeof error) : NULL;
     if (answer && load && json_is_true(json_object_get(answer, "ok"))) code = await_next(&o, now_us);
-    if (answer && code == KN_EXIT_OK)
-        code = tell(&o, command, answer);
-    else if (request && !answer)
-        code = kn_complain("ctl", KN_EXIT_DEVICE, "%s", error);
-    else if (!request)
-        code = kn_complain("ctl", KN_EXIT_USAGE, "%s: expected a command of UTF-8", command);
+    if (answer && code == KN_EXIT_OK) code = tell(&o, command, answer);
+    else if (request && !answer) code = kn_complain("ctl", KN_EXIT_DEVICE, "%s", error);
+    else if (!request) code = kn_complain("ctl", KN_EXIT_USAGE, "%s: expected a command of UTF-8", command);
     json_decref(answer);
     json_decref(request);
     return code;

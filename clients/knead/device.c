@@ -133,7 +133,8 @@ bool kn_device_start(kn_device *d, kn_device_hand *hand, void *self, const char 
         snprintf(error, error_size, "no thread for the device");
         return false;
     }
-    while (sem_wait(&d->ready) != 0); // a signal
+    while (sem_wait(&d->ready) != 0)
+        ; // a signal
     if (!atomic_load(&d->stop)) return true;
     kn_device_stop(d);
     return false;

@@ -62,25 +62,19 @@ static void explain_residual(const kn_element *e, int node)
     kn_element_print(e, node, false, text);
     bool yes = kn_element_residual(e, node);
     printf("            %-12s %s", text, yes ? "yes, " : "no, ");
-    if (g->kind == KN_ELEMENT_SPRING)
-        printf("a spring goes back\n");
-    else if (g->kind == KN_ELEMENT_DAMPER)
-        printf("a damper stays where it is\n");
+    if (g->kind == KN_ELEMENT_SPRING) printf("a spring goes back\n");
+    else if (g->kind == KN_ELEMENT_DAMPER) printf("a damper stays where it is\n");
     else if (yes == (g->kind == KN_ELEMENT_SERIES)) {
         printf(yes ? "in series one is enough (Table 1a): "
                    : "in parallel one that has none takes it back (Table 1b): ");
         list_parts(e, node, kn_element_residual, yes);
         printf("\n");
-    } else
-        printf(yes ? "in parallel, and all have it (Table 1b)\n" : "in series, and none has it (Table 1a)\n");
+    } else printf(yes ? "in parallel, and all have it (Table 1b)\n" : "in series, and none has it (Table 1a)\n");
     for (int i = 0; i < g->count; i++)
         if (e->node[g->child[i]].kind >= KN_ELEMENT_SERIES) explain_residual(e, g->child[i]);
 }
 
-static bool has_damper(const kn_element *e, int node)
-{
-    return kn_element_count(e, node, KN_ELEMENT_DAMPER) > 0;
-}
+static bool has_damper(const kn_element *e, int node) { return kn_element_count(e, node, KN_ELEMENT_DAMPER) > 0; }
 
 static void explain_vibration(const kn_element *e)
 {
@@ -103,15 +97,12 @@ static void print_rules(const kn_element *e)
     printf("residual    %s\n", residual ? "yes: something stays" : "no: everything goes back");
     explain_residual(e, e->root);
     printf("bouncing    %s\n", bouncing ? "yes: something comes back" : "no: nothing comes back");
-    if (bouncing)
-        printf("            a spring anywhere is enough (Table 2): it has %d\n", springs);
-    else
-        printf("            it has no spring (Table 2)\n");
+    if (bouncing) printf("            a spring anywhere is enough (Table 2): it has %d\n", springs);
+    else printf("            it has no spring (Table 2)\n");
     printf("vibration   %s\n", dies ? "decreases" : "remains");
     explain_vibration(e);
     printf("verdict     ");
-    if (residual && bouncing && dies)
-        printf("has all three properties of a rheological object\n");
+    if (residual && bouncing && dies) printf("has all three properties of a rheological object\n");
     else
         printf("not rheological: %s%s%s%s%s\n", residual ? "" : "no residual deformation",
                !residual && !bouncing ? ", " : "", bouncing ? "" : "no bouncing",
@@ -125,10 +116,8 @@ static void print_polynomial(char letter, int from, int degree)
     if (brackets) printf("(");
     for (int i = from; i <= degree; i++) {
         if (i > from) printf(" + ");
-        if (i > 0 || letter == 'b')
-            printf("%c%d", letter, i);
-        else
-            printf("1");
+        if (i > 0 || letter == 'b') printf("%c%d", letter, i);
+        else printf("1");
         if (i > 0) printf(i > 1 ? " p^%d" : " p", i);
     }
     if (brackets) printf(")");
@@ -180,12 +169,10 @@ static void print_vibration(const kn_element *e, const kn_oneport *o)
     if (kn_element_vibration_dies(&m, m.root) != dies) other = maxwell;
     if (kn_element_vibration_dies(&v, v.root) != dies) other = voigt;
     printf("vibration   ");
-    if (!has_damper(e, e->root))
-        printf("a mass on it swings for ever\n");
+    if (!has_damper(e, e->root)) printf("a mass on it swings for ever\n");
     else if (o->elastic)
         printf("a mass on it comes to rest, a light one after ringing: its loss falls as 1/frequency\n");
-    else
-        printf("a mass on it comes to rest, a light one without ringing: it meets the dashpot\n");
+    else printf("a mass on it comes to rest, a light one without ringing: it meets the dashpot\n");
     if (other)
         printf("            the rule says \"%s\" here and \"%s\" of %s, the same one-port: it speaks of the picture\n",
                dies ? "decreases" : "remains", dies ? "remains" : "decreases", other);
@@ -255,13 +242,11 @@ int kn_element_main(int argc, char **argv)
         {"help", no_argument, NULL, 'h'}, {"catalogue", no_argument, NULL, 'c'}, {0}};
     bool catalogue = false;
     for (int c; (c = getopt_long(argc, argv, "h", options, NULL)) != -1;) {
-        if (c == 'c')
-            catalogue = true;
+        if (c == 'c') catalogue = true;
         else if (c == 'h') {
             fputs(usage, stdout);
             return KN_EXIT_OK;
-        } else
-            return KN_EXIT_USAGE; // getopt has said what
+        } else return KN_EXIT_USAGE; // getopt has said what
     }
     if (argc - optind != !catalogue)
         return kn_complain("element", KN_EXIT_USAGE,

@@ -24,11 +24,13 @@
 static const char help[] =
     "usage: knead export LOG --vtk DIR [OPTION]...        a recording, stepped through the daemon's own servo\n"
     "       knead export --scene F --vtk DIR [OPTION]...  a scene's object at rest\n\n"
-    "Writes an object as files for other programs, in SI units; a name ends with its unit. Expected is at least one of\n\n"
+    "Writes an object as files for other programs, in SI units; a name ends with its unit. Expected is at least one "
+    "of\n\n"
     "  --vtk DIR          for ParaView and VTK: open DIR/object.pvd. Every node with its displacement, velocity, von\n"
     "                     Mises stress, residual strain and contact force, every cell with its volume, the tools with\n"
     "                     their forces; DIR/edges.pvd has every edge with its stress, strain and residual strain\n"
-    "  --ply PATH         for MeshLab and Open3D: the surface with normals, and --color as number (quality) and colour;\n"
+    "  --ply PATH         for MeshLab and Open3D: the surface with normals, and --color as number (quality) and "
+    "colour;\n"
     "                     with --at or --scene a file, else a folder with one for each moment\n"
     "  --csv FILE         a table: a row per tick and live probe of the same part of the recording, the columns of\n"
     "                     knead replay --csv\n\n"
@@ -36,7 +38,8 @@ static const char help[] =
     "  --every S          between two moments of it, 0.001 or more (0.1)\n"
     "  --at SECONDS|end   that moment alone\n"
     "  --color WHAT       displacement, stress (von Mises) or residual, of --ply (displacement)\n"
-    "  --top QUANTITY     end of its colour scale, e.g. '5 kPa', '2 mm', 0.1 (what the file needs; for a folder you say\n"
+    "  --top QUANTITY     end of its colour scale, e.g. '5 kPa', '2 mm', 0.1 (what the file needs; for a folder you "
+    "say\n"
     "                     it, so that a colour means the same in all)\n"
     "  --snapshot PATH    as knead replay's: where a log goes on that begins on a kneaded object\n\n"
     "DIR is new, or an empty folder; a FILE is replaced. All appear whole, or not at all.\n"
@@ -125,11 +128,11 @@ static int check(options *o)
 
 static int parse(int argc, char **argv, options *o)
 {
-    static const struct option names[] = {
-        {"vtk", 1, NULL, 'v'},   {"ply", 1, NULL, 'p'},   {"csv", 1, NULL, 'c'},      {"scene", 1, NULL, 'S'},
-        {"from", 1, NULL, 'f'},  {"to", 1, NULL, 't'},    {"every", 1, NULL, 'e'},    {"at", 1, NULL, 'a'},
-        {"color", 1, NULL, 'm'}, {"top", 1, NULL, 'T'},   {"snapshot", 1, NULL, 's'}, {"help", 0, NULL, 'h'},
-        {NULL, 0, NULL, 0}};
+    static const struct option names[] = {{"vtk", 1, NULL, 'v'},   {"ply", 1, NULL, 'p'},      {"csv", 1, NULL, 'c'},
+                                          {"scene", 1, NULL, 'S'}, {"from", 1, NULL, 'f'},     {"to", 1, NULL, 't'},
+                                          {"every", 1, NULL, 'e'}, {"at", 1, NULL, 'a'},       {"color", 1, NULL, 'm'},
+                                          {"top", 1, NULL, 'T'},   {"snapshot", 1, NULL, 's'}, {"help", 0, NULL, 'h'},
+                                          {NULL, 0, NULL, 0}};
     int option, which = 0;
     opterr = 0; // our own words
     while ((option = getopt_long(argc, argv, ":h", names, &which)) != -1) {
@@ -268,10 +271,8 @@ static int add_moment(run *r, const kn_moment *m, const char *scene)
 
 static kn_moment moment_of(kn_replay *r)
 {
-    kn_moment m = {.model = kn_replay_model(r),
-                   .models = r->changes,
-                   .state = kn_replay_state(r),
-                   .time_s = r->tick.time_s};
+    kn_moment m = {
+        .model = kn_replay_model(r), .models = r->changes, .state = kn_replay_state(r), .time_s = r->tick.time_s};
     for (int p = 0; p < r->tick.out.probes; p++) {
         const kn_force *f = &r->tick.out.force[p];
         struct kn_moment_tool *t = &m.tool[p];

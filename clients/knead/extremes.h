@@ -17,7 +17,7 @@ typedef struct kn_map {
     int variant;
 } kn_map;
 
-extern const char *const kn_families[]; // names, NULL-terminated, in the order of the maps
+extern const char *const kn_families[];  // names, NULL-terminated, in the order of the maps
 const char *kn_family_about(int family); // one line
 
 // Fills the maps; returns their number. quick: fewer cells of each.

@@ -13,7 +13,7 @@ enum { ARGS_MAX = 48, NICENESS = 10, EXIT_NO_PROGRAM = 127 }; // a servo beside 
 
 struct kn_film {
     kn_beside out;
-    FILE *said; // its stderr, a file without a name: a pipe that nobody reads would stop it
+    FILE *said;   // its stderr, a file without a name: a pipe that nobody reads would stop it
     pid_t ffmpeg; // 0: it has ended
     int pipe, status;
     bool broken; // a picture could not be handed over
@@ -33,14 +33,23 @@ static const format formats[] = {
     {".mov", {"-c:v", "libx264", "-crf", "18", "-movflags", "+faststart", "-f", "mov"}},
     {".mkv", {"-c:v", "libx264", "-crf", "18", "-f", "matroska"}},
     {".webm", {"-c:v", "libvpx-vp9", "-crf", "24", "-b:v", "0", "-cpu-used", "4", "-row-mt", "1", "-f", "webm"}},
-    {".gif",
-     {"-filter_complex", "split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1", "-f", "gif"}},
+    {".gif", {"-filter_complex", "split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1", "-f", "gif"}},
 };
 
 // From the renderer's sRGB to what players take a film's colours for.
-static const char *const yuv[] = {"-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p",
-                                  "-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709",
-                                  "-color_range", "tv", NULL};
+static const char *const yuv[] = {"-vf",
+                                  "scale=out_color_matrix=bt709:out_range=tv",
+                                  "-pix_fmt",
+                                  "yuv420p",
+                                  "-colorspace",
+                                  "bt709",
+                                  "-color_primaries",
+                                  "bt709",
+                                  "-color_trc",
+                                  "bt709",
+                                  "-color_range",
+                                  "tv",
+                                  NULL};
 
 static const format *format_of(const char *path)
 {
@@ -67,8 +76,9 @@ static void become(const kn_film *film, int from, const format *f, int width, in
     char size[32], rate[32];
     snprintf(size, sizeof size, "%dx%d", width, height);
     snprintf(rate, sizeof rate, "%.6g", fps);
-    const char *const head[] = {"ffmpeg", "-hide_banner", "-nostats", "-loglevel", "error", "-y", "-f", "rawvideo",
-                                "-pixel_format", "rgba", "-video_size", size, "-framerate", rate, "-i", "pipe:0", NULL};
+    const char *const head[] = {"ffmpeg",   "-hide_banner",  "-nostats", "-loglevel",   "error", "-y",         "-f",
+                                "rawvideo", "-pixel_format", "rgba",     "-video_size", size,    "-framerate", rate,
+                                "-i",       "pipe:0",        NULL};
     int n = add_all(argv, 0, head);
     if (strcmp(f->ending, ".gif") != 0) n = add_all(argv, n, yuv);
     n = add_all(argv, n, f->args);
@@ -93,8 +103,8 @@ bool kn_film_ready(char *error, size_t error_size)
     for (const char *p = path ? path : "/usr/bin:/bin"; *p;) {
         const size_t n = strcspn(p, ":");
         struct stat there;
-        if (snprintf(name, sizeof name, "%.*s/%s", (int)n, p, program) < (int)sizeof name &&
-            stat(name, &there) == 0 && S_ISREG(there.st_mode) && access(name, X_OK) == 0)
+        if (snprintf(name, sizeof name, "%.*s/%s", (int)n, p, program) < (int)sizeof name && stat(name, &there) == 0 &&
+            S_ISREG(there.st_mode) && access(name, X_OK) == 0)
             return true;
         p += n + (p[n] == ':');
     }

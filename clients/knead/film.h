@@ -15,7 +15,7 @@
 
 typedef struct kn_film kn_film;
 
-bool kn_film_knows(const char *path); // by its ending
+bool kn_film_knows(const char *path);               // by its ending
 bool kn_film_ready(char *error, size_t error_size); // ffmpeg is there, else one sentence
 
 // stopped: nonzero gives up what waits for ffmpeg. NULL and one sentence in error: ffmpeg is not there, or path cannot

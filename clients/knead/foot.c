@@ -2,10 +2,7 @@
 #include "core/shape.h"
 #include <math.h>
 
-bool kn_foot_flat(kn_probe_shape shape)
-{
-    return shape != KN_PROBE_SPHERE && shape != KN_PROBE_CAPSULE;
-}
+bool kn_foot_flat(kn_probe_shape shape) { return shape != KN_PROBE_SPHERE && shape != KN_PROBE_CAPSULE; }
 
 static bool covers(const kn_probe_def *tool, double x_m, double y_m) // of the flat ones
 {

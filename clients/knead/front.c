@@ -8,9 +8,8 @@
 
 #define SLACK 1.1 // over the least excess, where no point is within the bounds
 
-const kn_bound kn_front_bounds[KN_QUALITY_OWN] = {[KN_QUALITY_FAST] = {0.03, 0.03},
-                                                  [KN_QUALITY_BALANCED] = {0.005, 0.01},
-                                                  [KN_QUALITY_ACCURATE] = {0.001, 0.002}};
+const kn_bound kn_front_bounds[KN_QUALITY_OWN] = {
+    [KN_QUALITY_FAST] = {0.03, 0.03}, [KN_QUALITY_BALANCED] = {0.005, 0.01}, [KN_QUALITY_ACCURATE] = {0.001, 0.002}};
 
 typedef double (*measure)(const kn_trace *a, const kn_trace *b);
 
@@ -233,17 +232,43 @@ const kn_row *kn_front_elsewhere(const kn_front *front, const kn_plan *plan, con
 // ---- CSV
 
 #define NUMBERS 17
-static const char *const number_names[NUMBERS] = {
-    "median_us", "p90_us", "force_solver", "force_step", "force_lattice", "force_all", "shape_solver", "shape_step",
-    "shape_lattice", "shape_all", "peak", "lag_s", "depth_m", "jump_n_per_ms", "reference_jump_n_per_ms",
-    "variation_peaks", "reference_variation_peaks"};
+static const char *const number_names[NUMBERS] = {"median_us",
+                                                  "p90_us",
+                                                  "force_solver",
+                                                  "force_step",
+                                                  "force_lattice",
+                                                  "force_all",
+                                                  "shape_solver",
+                                                  "shape_step",
+                                                  "shape_lattice",
+                                                  "shape_all",
+                                                  "peak",
+                                                  "lag_s",
+                                                  "depth_m",
+                                                  "jump_n_per_ms",
+                                                  "reference_jump_n_per_ms",
+                                                  "variation_peaks",
+                                                  "reference_variation_peaks"};
 
 static void numbers_of(const kn_row *r, double to[NUMBERS])
 {
-    const double values[NUMBERS] = {
-        r->median_us,     r->p90_us,        r->force.solver, r->force.step, r->force.lattice,    r->force.all,
-        r->shape.solver,  r->shape.step,    r->shape.lattice, r->shape.all, r->peak,             r->lag_s,
-        r->depth_m,       r->jump_n,        r->reference_jump_n, r->variation, r->reference_variation};
+    const double values[NUMBERS] = {r->median_us,
+                                    r->p90_us,
+                                    r->force.solver,
+                                    r->force.step,
+                                    r->force.lattice,
+                                    r->force.all,
+                                    r->shape.solver,
+                                    r->shape.step,
+                                    r->shape.lattice,
+                                    r->shape.all,
+                                    r->peak,
+                                    r->lag_s,
+                                    r->depth_m,
+                                    r->jump_n,
+                                    r->reference_jump_n,
+                                    r->variation,
+                                    r->reference_variation};
     memcpy(to, values, sizeof values);
 }
 

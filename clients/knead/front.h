@@ -22,12 +22,12 @@ typedef struct kn_row {
     const kn_run *run;
     double median_us, p90_us;
     kn_errors force, shape;
-    double peak;                     // relative
-    double lag_s, depth_m;           // signed: later, deeper
+    double peak;                                  // relative
+    double lag_s, depth_m;                        // signed: later, deeper
     double jump_n, reference_jump_n, same_jump_n; // per ms; of SAME, whatever the reference is
-    double variation, reference_variation; // over the reference's peak
-    bool chatters, latched;          // more faults than the reference had
-    bool front, shape_front;         // no point is both faster and nearer to the best (force, shape)
+    double variation, reference_variation;        // over the reference's peak
+    bool chatters, latched;                       // more faults than the reference had
+    bool front, shape_front;                      // no point is both faster and nearer to the best (force, shape)
 } kn_row;
 
 typedef struct kn_front {

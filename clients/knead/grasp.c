@@ -3,8 +3,8 @@
 #include <string.h>
 
 static const double period_s = 1e-3, unheard_n = 2e-3; // as rig.c
-static const double lean_n = 1.0;                       // of nobody
-static const int buzz_turns = 20;                       // of the force in a second: 10 Hz
+static const double lean_n = 1.0;                      // of nobody
+static const int buzz_turns = 20;                      // of the force in a second: 10 Hz
 
 static void judge_afresh(kn_grasp *g)
 {
@@ -78,7 +78,7 @@ static void take_up(kn_grasp *g, const kn_path_point *point)
     kn_arm_def arm = kn_arm_of(&g->def.render.device);
     arm.axes = g->def.axes;
     arm.grip = g->def.grip;
-    if (arm.grip == KN_GRIP_NONE) arm.axes = 1; // else it would roll off
+    if (arm.grip == KN_GRIP_NONE) arm.axes = 1;              // else it would roll off
     if (arm.grip == KN_GRIP_NONE) arm.grip = KN_GRIP_NORMAL; // until it touches, see let_go
     kn_arm_init(&g->arm, &arm, point->position_m);
     judge_afresh(g);

@@ -20,21 +20,21 @@
 typedef struct kn_grasp_def {
     kn_render_def render; // its device stands in the scene's axes
     kn_grip grip;
-    int axes;           // 1 or 3, see arm.h
-    int delay_ms;       // that a simulated link adds to the round trip, 0 .. KN_GRASP_WAY - 1
-    double loss;        // share of the poses and of the forces that it loses, 0 .. 1
+    int axes;     // 1 or 3, see arm.h
+    int delay_ms; // that a simulated link adds to the round trip, 0 .. KN_GRASP_WAY - 1
+    double loss;  // share of the poses and of the forces that it loses, 0 .. 1
 } kn_grasp_def;
 
 // A calm loop gives nothing, to a millijoule; one that swings slowly for want of damping, a hundred of them and more.
 #define KN_GRASP_GIVEN_J 0.01
 
 typedef struct kn_grasp_news { // of the path of the last try
-    double loudest_n;    // rms of the force above 10 Hz, in the second in which that was most
-    int turns;           // of the force, in the second with most of them
-    double given_j;      // to the hand, net; below 0 the hand worked
-    int64_t acted;       // periods in which the passivity controller damped
+    double loudest_n;          // rms of the force above 10 Hz, in the second in which that was most
+    int turns;                 // of the force, in the second with most of them
+    double given_j;            // to the hand, net; below 0 the hand worked
+    int64_t acted;             // periods in which the passivity controller damped
     bool buzzes;
-    bool drives;         // it gave the hand more than KN_GRASP_GIVEN_J
+    bool drives; // it gave the hand more than KN_GRASP_GIVEN_J
 } kn_grasp_news;
 
 typedef struct kn_grasp { // the device's thread's; news and arm: once that has ended the caller's
@@ -42,23 +42,23 @@ typedef struct kn_grasp { // the device's thread's; news and arm: once that has 
     kn_player *player;
     kn_arm arm;
     kn_render render;
-    int64_t answered;    // newest pose of the session that a force has answered
-    int64_t tick;        // of its newest force
+    int64_t answered;                // newest pose of the session that a force has answered
+    int64_t tick;                    // of its newest force
     kn_hand_force way[KN_GRASP_WAY]; // force that came in n ms ago
     bool came[KN_GRASP_WAY];
     int64_t ms;
     uint64_t dice;
-    bool holding;       // the arm is where the hand's last pose was
-    bool alone;         // nobody's hand has let go of it
-    double left_z_m;    // there
+    bool holding;    // the arm is where the hand's last pose was
+    bool alone;      // nobody's hand has let go of it
+    double left_z_m; // there
     kn_buzz buzz;
     kn_turns turns;
     int second_ms;
-    bool busy;          // so was the last second
+    bool busy; // so was the last second
     kn_grasp_news news;
 } kn_grasp;
 
-void kn_grasp_init(kn_grasp *grasp, const kn_grasp_def *def, kn_player *player); // player is borrowed
+void kn_grasp_init(kn_grasp *grasp, const kn_grasp_def *def, kn_player *player);    // player is borrowed
 kn_hand_out kn_grasp_tick(void *grasp, const kn_hand_force *force, int elapsed_ms); // a kn_device_hand
 
 #endif

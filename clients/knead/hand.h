@@ -35,16 +35,16 @@ typedef enum kn_hand_trouble { // why it gave up
 } kn_hand_trouble;
 
 typedef struct kn_hand_def {
-    const kn_path *path; // borrowed
-    double clear_z_m;    // a retreat lifts to here before it goes sideways
-    int64_t session;     // of the first try; the next ones count up
-    int tries;           // 1 .. KN_HAND_TRIES, 0 = KN_HAND_TRIES
-    int drop_at_ms;      // fault injection: at this time of the first try's path no pose is sent
-    int drop_ms;         // for so long
+    const kn_path *path;  // borrowed
+    double clear_z_m;     // a retreat lifts to here before it goes sideways
+    int64_t session;      // of the first try; the next ones count up
+    int tries;            // 1 .. KN_HAND_TRIES, 0 = KN_HAND_TRIES
+    int drop_at_ms;       // fault injection: at this time of the first try's path no pose is sent
+    int drop_ms;          // for so long
     int hold_ms, zero_ms; // of its watchdog; 0: 3 and 20
 } kn_hand_def;
 
-typedef struct kn_hand_force { // of contact_force_t: the newest one
+typedef struct kn_hand_force {           // of contact_force_t: the newest one
     int64_t session, seq, tick, sent_ns; // the last as the pose had it: CLOCK_MONOTONIC of its sending
     double force_n[3], energy_j;
     int32_t flags, fault, contacts;
@@ -53,15 +53,15 @@ typedef struct kn_hand_force { // of contact_force_t: the newest one
 } kn_hand_force;
 
 typedef struct kn_trip {
-    const char *piece; // of the path, "engage" before it began
-    double time_s;     // of the path
-    double force_n;    // the last one given while all was well
+    const char *piece;   // of the path, "engage" before it began
+    double time_s;       // of the path
+    double force_n;      // the last one given while all was well
     const char *refusal; // the device refused, for this reason; NULL: not that
-    bool own;          // by the own watchdog: no force for silent_ms; else the server latched fault
+    bool own;            // by the own watchdog: no force for silent_ms; else the server latched fault
     int silent_ms;
-    int stalled_ms;    // of them this process itself did not run
+    int stalled_ms; // of them this process itself did not run
     kn_fault fault;
-    bool cleared;      // the server took the fault back when the tool was lifted
+    bool cleared; // the server took the fault back when the tool was lifted
 } kn_trip;
 
 typedef struct kn_attempt { // pose numbers, for whoever reads the forces' echoes

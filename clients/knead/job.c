@@ -67,8 +67,8 @@ int kn_job_play(const char *path)
         return kn_complain("tradeoff", KN_EXIT_USAGE, "%s: expected a job that knead tradeoff --jobs has written",
                            path);
     }
-    kn_replay_def def = {.log_path = j->log, .scene_path = j->scene, .sets = j->sets, .set_count = j->count,
-                         .afresh = true};
+    kn_replay_def def = {
+        .log_path = j->log, .scene_path = j->scene, .sets = j->sets, .set_count = j->count, .afresh = true};
     int code = KN_EXIT_OK;
     if (!kn_trace_play(&t, &def, &never, error, sizeof error))
         code = kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);

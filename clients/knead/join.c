@@ -13,18 +13,18 @@
 #include <unistd.h>
 
 #define HEARD_MAX 16
-#define DATAGRAM_MAX 65536   // UDP's own limit
+#define DATAGRAM_MAX 65536     // UDP's own limit
 #define BUFFER_BYTES (4 << 20) // 1 s of meshes
-#define HELLO_NS 50000000    // between two hellos while no life is known
-#define SILENCE_NS 250000000 // without a believed message, a hello asks whether the life is still the same
-#define NONCE_NS 1000000000  // an answer may take so long
-#define LAG_US 200           // by which one message may set our idea of kneadd's age back
-#define APART_US 5000000     // of a stamp from this machine's wall clock, for a mute listener
-#define POSES "KNEAD_POSE_"  // the one kind of message that another client signs
+#define HELLO_NS 50000000      // between two hellos while no life is known
+#define SILENCE_NS 250000000   // without a believed message, a hello asks whether the life is still the same
+#define NONCE_NS 1000000000    // an answer may take so long
+#define LAG_US 200             // by which one message may set our idea of kneadd's age back
+#define APART_US 5000000       // of a stamp from this machine's wall clock, for a mute listener
+#define POSES "KNEAD_POSE_"    // the one kind of message that another client signs
 
 typedef struct heard {
     char channel[KN_CHANNEL_MAX];
-    size_t prefix; // bytes that decide; 0: the whole name
+    size_t prefix;  // bytes that decide; 0: the whole name
     size_t largest; // bytes of a message
     lcm_msg_handler_t handler;
     void *user;
@@ -40,7 +40,7 @@ struct kn_join {
     int count, handed;
     kn_auth_stamp last; // believed of kneadd
     int64_t last_us;    // a mute listener's: utime of that
-    struct { // message in parts
+    struct {            // message in parts
         char channel[KN_CHANNEL_MAX];
         uint32_t sequence, whole, got, room;
         uint16_t part;
@@ -53,13 +53,13 @@ struct kn_join {
 static struct {
     kn_auth auth;
     bool keyed, mute;
-    _Atomic int64_t nonce;       // of the hello that waits for its answer, 0: none does
-    _Atomic int64_t life;        // 0: not known yet
-    _Atomic int64_t floor_us;    // kneadd's age when it answered
-    _Atomic int64_t ahead_us;    // kneadd's age less our monotonic clock, by the last message believed
-    _Atomic int64_t believed_ns; // when that was
-    _Atomic int64_t asked_ns;    // when the nonce was made
-    _Atomic int64_t said_ns;     // when the last hello was
+    _Atomic int64_t nonce;             // of the hello that waits for its answer, 0: none does
+    _Atomic int64_t life;              // 0: not known yet
+    _Atomic int64_t floor_us;          // kneadd's age when it answered
+    _Atomic int64_t ahead_us;          // kneadd's age less our monotonic clock, by the last message believed
+    _Atomic int64_t believed_ns;       // when that was
+    _Atomic int64_t asked_ns;          // when the nonce was made
+    _Atomic int64_t said_ns;           // when the last hello was
     _Atomic int64_t forged_ns, old_ns; // last heard: without the key's tag; with it, but not of now
 } own;
 
@@ -89,8 +89,10 @@ static bool take_key(char *error, size_t error_size)
     if (!kn_auth_load(&own.auth, key, error, error_size)) return false;
     own.mute = muted;
     if (own.mute)
-        fprintf(stderr, "knead: KNEAD_MUTE=1: no hello is said; messages are believed when they were stamped within %d s "
-                        "of this machine's clock\n", APART_US / 1000000);
+        fprintf(stderr,
+                "knead: KNEAD_MUTE=1: no hello is said; messages are believed when they were stamped within %d s "
+                "of this machine's clock\n",
+                APART_US / 1000000);
     return own.keyed = true;
 }
 
@@ -137,7 +139,8 @@ kn_join *kn_join_open(const char *url, const char *otherwise, char *error, size_
     if (!j) return NULL;
     j->fd = -1;
     j->hails = strcmp(otherwise, KN_MESH_URL) != 0;
-    if (strcmp(url, KN_MEMORY_URL) ? open_socket(j, url, error, error_size) : open_memory(j, error, error_size)) return j;
+    if (strcmp(url, KN_MEMORY_URL) ? open_socket(j, url, error, error_size) : open_memory(j, error, error_size))
+        return j;
     if (!*error) snprintf(error, error_size, "%s: LCM refuses this URL", url);
     kn_join_close(j);
     return NULL;
@@ -251,7 +254,8 @@ static bool is_fresh(kn_join *j, const char *channel, kn_auth_stamp stamp)
         return apart_us >= -KN_AUTH_BEHIND_US && apart_us <= KN_AUTH_BEHIND_US;
     }
     if (j->last.life != life) { // nothing from before it was opened
-        int64_t floor_us = atomic_load(&own.floor_us), opened_us = now_us() + atomic_load(&own.ahead_us) - KN_AUTH_BEHIND_US;
+        int64_t floor_us = atomic_load(&own.floor_us),
+                opened_us = now_us() + atomic_load(&own.ahead_us) - KN_AUTH_BEHIND_US;
         j->last = (kn_auth_stamp){life, opened_us > floor_us ? opened_us : floor_us};
     }
     if (stamp.age_us <= j->last.age_us) return false;
@@ -265,7 +269,8 @@ static bool believe(kn_join *j, const char *channel, const unsigned char *bytes,
 {
     kn_auth_stamp stamp;
     if (!signs(j)) return true;
-    if (!kn_auth_check(&own.auth, channel, bytes, *size, &stamp)) return atomic_store(&own.forged_ns, kn_now_ns()), false;
+    if (!kn_auth_check(&own.auth, channel, bytes, *size, &stamp))
+        return atomic_store(&own.forged_ns, kn_now_ns()), false;
     *size -= KN_AUTH_TRAILER;
     if (!strcmp(channel, KN_LIFE_CHANNEL)) return hear_life(bytes, *size, stamp), false;
     bool fresh = own.mute ? is_recent(j, bytes, *size, stamp) : is_fresh(j, channel, stamp);
@@ -277,7 +282,8 @@ const char *kn_join_why(const char *otherwise)
 {
     int64_t believed_ns = atomic_load(&own.believed_ns), old_ns = atomic_load(&own.old_ns);
     if (!own.keyed) return otherwise;
-    if (old_ns > believed_ns && own.mute) return "messages come, but were not stamped within 5 s of this machine's clock";
+    if (old_ns > believed_ns && own.mute)
+        return "messages come, but were not stamped within 5 s of this machine's clock";
     if (old_ns > believed_ns)
         return "messages come with this KNEAD_KEY, but are old: no kneadd that has it answers our hello";
     return atomic_load(&own.forged_ns) > believed_ns ? "messages come, but not signed with this KNEAD_KEY" : otherwise;
@@ -362,7 +368,8 @@ static int take_waiting(kn_join *j)
     }
     if (j->fd >= 0) return handed;
     j->handed = 0;
-    for (int n = 0; n < KN_JOIN_TURN && lcm_handle_timeout(j->lcm, 0) > 0; n++);
+    for (int n = 0; n < KN_JOIN_TURN && lcm_handle_timeout(j->lcm, 0) > 0; n++)
+        ;
     return j->handed;
 }
 

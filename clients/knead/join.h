@@ -20,7 +20,7 @@
 #define KN_MESH_URL "udpm://239.255.76.67:7668?ttl=0"
 #define KN_JOIN_LARGEST (16 << 20) // bytes of a message in parts: a mesh of 2^20 triangles has 12 MiB
 #define KN_JOIN_ASK "is kneadd running on this bus? (server/run, or kneadd --scene core/scenes/dough.yaml)"
-#define KN_JOIN_TURN 256           // datagrams taken by one call
+#define KN_JOIN_TURN 256 // datagrams taken by one call
 
 typedef struct kn_join kn_join;
 

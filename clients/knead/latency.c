@@ -84,9 +84,10 @@ static int take_contract(const char *text, double us[2])
 static int parse(options *o, int argc, char **argv)
 {
     enum { SECONDS = 256, PHASE, LCM_URL, CONTRACT, DRIFT, JSON, PLOT, HELP };
-    static const struct option list[] = {{"seconds", 1, 0, SECONDS},   {"phase", 1, 0, PHASE}, {"lcm-url", 1, 0, LCM_URL},
-                                         {"contract", 1, 0, CONTRACT}, {"drift", 1, 0, DRIFT}, {"json", 1, 0, JSON},
-                                         {"plot", 1, 0, PLOT},         {"help", 0, 0, HELP},   {0, 0, 0, 0}};
+    static const struct option list[] = {
+        {"seconds", 1, 0, SECONDS},   {"phase", 1, 0, PHASE}, {"lcm-url", 1, 0, LCM_URL},
+        {"contract", 1, 0, CONTRACT}, {"drift", 1, 0, DRIFT}, {"json", 1, 0, JSON},
+        {"plot", 1, 0, PLOT},         {"help", 0, 0, HELP},   {0, 0, 0, 0}};
     double seconds = 10;
     int code = KN_EXIT_OK;
     *o = (options){.drift_ppm = KN_LATENCY_DRIFT_PPM, .contract_us = {60, 150}};
@@ -100,7 +101,10 @@ static int parse(options *o, int argc, char **argv)
         case DRIFT: code = take_number("drift", optarg, -1000, 1000, &o->drift_ppm); break;
         case JSON: o->json = optarg; break;
         case PLOT: o->plot = optarg; break;
-        case HELP: fputs(help, stdout); o->done = true; return KN_EXIT_OK;
+        case HELP:
+            fputs(help, stdout);
+            o->done = true;
+            return KN_EXIT_OK;
         default:
             return kn_complain("latency", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],
                                c == ':' ? "expected a value" : "unknown option; knead latency --help lists them");
@@ -110,8 +114,7 @@ static int parse(options *o, int argc, char **argv)
     if (code != KN_EXIT_OK) return code;
     if (optind < argc) o->scene = argv[optind++];
     if (optind < argc) return kn_complain("latency", KN_EXIT_USAGE, "`%s`: expected one SCENE", argv[optind]);
-    if (o->phase && strcmp(o->phase, "lock") && strcmp(o->phase, "free"))
-        return bad("phase", o->phase, "lock or free");
+    if (o->phase && strcmp(o->phase, "lock") && strcmp(o->phase, "free")) return bad("phase", o->phase, "lock or free");
     if (o->url && (o->scene || o->phase))
         return kn_complain("latency", KN_EXIT_USAGE,
                            "--lcm-url: expected neither SCENE nor --phase with it; the kneadd there has its own");
@@ -142,8 +145,8 @@ static kn_scene *ask_scene(const char *url, char *error, size_t size) // of a kn
     if (!kn_record_scene(record, 4000))
         snprintf(error, size, "no KNEAD_SCENE for 4 s: %s", kn_join_why("is kneadd running on this bus?"));
     else
-        scene = kn_scene_parse(record->scene_name, record->scene_text, strlen(record->scene_text), NULL, 0, error,
-                               size);
+        scene =
+            kn_scene_parse(record->scene_name, record->scene_text, strlen(record->scene_text), NULL, 0, error, size);
     kn_record_destroy(record);
     return scene;
 }

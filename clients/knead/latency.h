@@ -20,9 +20,9 @@
 
 typedef struct kn_flight { // a pose and its answer; CLOCK_MONOTONIC, 0: never
     int64_t session, seq, sent_ns;
-    int64_t back_ns;      // the thread that waited for it had decoded the answer
-    int64_t newer_ns;     // the first answer to it or to a later one of its session
-    int64_t execution_ns; // as the answer tells
+    int64_t back_ns;                                     // the thread that waited for it had decoded the answer
+    int64_t newer_ns;                                    // the first answer to it or to a later one of its session
+    int64_t execution_ns;                                // as the answer tells
     int64_t arrived_ns, woke_ns, stepped_ns, guarded_ns; // from kneadd's trace
     int32_t contacts;
     bool counts; // the hand was at work
@@ -37,8 +37,8 @@ enum { KN_LATENCY_POSE, KN_LATENCY_ECHO, KN_LATENCY_PATHS };
 
 typedef struct kn_latency {
     // asked for
-    const char *url;                     // of the kneadd that is measured
-    char echo_url[KN_LATENCY_URL_SIZE];  // for the bare echo
+    const char *url;                    // of the kneadd that is measured
+    char echo_url[KN_LATENCY_URL_SIZE]; // for the bare echo
     const char *probe;
     const kn_path *path; // of the hand
     const char *work;    // the piece of it that counts
@@ -46,9 +46,9 @@ typedef struct kn_latency {
     double drift_ppm;
     // measured
     kn_flights flights[KN_LATENCY_PATHS];
-    int missed_ms;    // that the hand's own thread came too late for
-    int interrupted;  // times that the hand had to lift and begin anew
-    bool real_time;   // it had its priority
+    int missed_ms;   // that the hand's own thread came too late for
+    int interrupted; // times that the hand had to lift and begin anew
+    bool real_time;  // it had its priority
     char error[256];
 } kn_latency;
 
@@ -75,8 +75,15 @@ bool kn_latency_served_stop(kn_latency_served *s, kn_flights *poses);
 // What is said about it. Microseconds. A pose that the next one overtook has no answer of its own and is missed; in the
 // percentiles it is as late as the answer to the next, infinitely when there is none.
 enum {
-    KN_SERIES_ECHO, KN_SERIES_POSE, KN_SERIES_RECEIVE, KN_SERIES_WAIT, KN_SERIES_STEP, KN_SERIES_GUARD, KN_SERIES_PUBLISH,
-    KN_SERIES_EXECUTION, KN_SERIES_COUNT
+    KN_SERIES_ECHO,
+    KN_SERIES_POSE,
+    KN_SERIES_RECEIVE,
+    KN_SERIES_WAIT,
+    KN_SERIES_STEP,
+    KN_SERIES_GUARD,
+    KN_SERIES_PUBLISH,
+    KN_SERIES_EXECUTION,
+    KN_SERIES_COUNT
 };
 typedef struct kn_series { // sorted
     double *us;
@@ -85,14 +92,14 @@ typedef struct kn_series { // sorted
 typedef struct kn_latency_report {
     const char *scene; // its name
     int nodes;
-    const char *phase; // "lock", "free", NULL: not ours to say
+    const char *phase;     // "lock", "free", NULL: not ours to say
     double contract_us[2]; // p50 and p99 may be this much above echo and execution; < 0: none is stated
     kn_series series[KN_SERIES_COUNT];
 } kn_latency_report;
 
 bool kn_latency_sort(kn_latency_report *r, const kn_latency *l); // false when memory is short
 void kn_latency_report_free(kn_latency_report *r);
-double kn_series_at(const kn_series *s, double share); // nearest rank; NAN of none
+double kn_series_at(const kn_series *s, double share);                  // nearest rank; NAN of none
 bool kn_latency_print(const kn_latency_report *r, const kn_latency *l); // the table; whether the contract is kept
 bool kn_latency_kept(const kn_latency_report *r, int which, double *is_us, double *allowed_us);
 int kn_latency_json(const kn_latency_report *r, const kn_latency *l, const char *path); // an exit code

@@ -107,8 +107,8 @@ bool kn_latency_print(const kn_latency_report *r, const kn_latency *l)
 {
     double load[1] = {NAN};
     getloadavg(load, 1);
-    printf("%s, %d nodes, tool %s, %d poses of a 1 kHz hand%s%s%s; load average %.1f\n\n", r->scene, r->nodes,
-           l->probe, r->series[KN_SERIES_POSE].count, r->phase ? ", phase " : "", r->phase ? r->phase : "",
+    printf("%s, %d nodes, tool %s, %d poses of a 1 kHz hand%s%s%s; load average %.1f\n\n", r->scene, r->nodes, l->probe,
+           r->series[KN_SERIES_POSE].count, r->phase ? ", phase " : "", r->phase ? r->phase : "",
            l->real_time ? "" : ", normal priority", load[0]);
     printf("%-14s %8s %8s %8s %8s %8s %8s\n", "us", "p50", "p90", "p99", "p99.9", "max", "missed");
     for (int w = 0; w < KN_SERIES_COUNT; w++) print_row(r, w);
@@ -151,10 +151,9 @@ int kn_latency_json(const kn_latency_report *r, const kn_latency *l, const char 
     if (!f) return kn_complain("latency", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
     fputs("{\"scene\": ", f);
     put_text(f, r->scene);
-    fprintf(f,
-            ", \"nodes\": %d, \"phase\": %s%s%s, \"real_time\": %s, \"drift_ppm\": %g,\n \"series\": {",
-            r->nodes, r->phase ? "\"" : "", r->phase ? r->phase : "null", r->phase ? "\"" : "",
-            l->real_time ? "true" : "false", l->drift_ppm);
+    fprintf(f, ", \"nodes\": %d, \"phase\": %s%s%s, \"real_time\": %s, \"drift_ppm\": %g,\n \"series\": {", r->nodes,
+            r->phase ? "\"" : "", r->phase ? r->phase : "null", r->phase ? "\"" : "", l->real_time ? "true" : "false",
+            l->drift_ppm);
     for (int w = 0; w < KN_SERIES_COUNT; w++) {
         const kn_series *s = &r->series[w];
         fprintf(f, "%s\n  \"%s\": {\"count\": %d, \"missed\": %d", w ? "," : "", series[w].key, s->count, s->missed);
@@ -187,7 +186,8 @@ int kn_latency_plot(const kn_latency_report *r, const char *path)
     if (!f) return code;
     fputs("set logscale x\nset key bottom right\nset rmargin 4\nset xrange [5:*]\n"
           "set xlabel 'time, µs'\nset ylabel 'share of the poses'\nset yrange [0:4.2]\n"
-          "set ytics ('0' 0, '50 %%' 0.30103, '90 %%' 1, '99 %%' 2, '99.9 %%' 3, '99.99 %%' 4)\nset title ", f);
+          "set ytics ('0' 0, '50 %%' 0.30103, '90 %%' 1, '99 %%' 2, '99.9 %%' 3, '99.99 %%' 4)\nset title ",
+          f);
     char title[256];
     snprintf(title, sizeof title, "pose to force, %s, %d nodes", r->scene, r->nodes);
     kn_plot_quote(f, title);

@@ -14,8 +14,8 @@
 #include <string.h>
 #include <sys/random.h>
 
-static const int hand_priority = 60; // as knead probe's device, below kneadd's threads
-static const int echo_priority = 70; // as kneadd's main thread, whose place it takes
+static const int hand_priority = 60;      // as knead probe's device, below kneadd's threads
+static const int echo_priority = 70;      // as kneadd's main thread, whose place it takes
 static const int64_t echo_at_ns = 500000; // within the hand's millisecond
 static const int64_t straggler_ns = 100000000;
 static const char echo_out[] = "KNEAD_LATENCY_POSE", echo_back[] = "KNEAD_LATENCY_FORCE";
@@ -25,8 +25,8 @@ typedef struct run {
     kn_latency *l;
     const volatile int *stop;
     kn_join *ear_bus, *ear_echo, *echo_bus; // the hand sends on the ear's
-    kn_flights answers[KN_LATENCY_PATHS]; // the ear's: session, seq, back_ns, execution_ns
-    kn_mailbox forces; // from the ear to the hand
+    kn_flights answers[KN_LATENCY_PATHS];   // the ear's: session, seq, back_ns, execution_ns
+    kn_mailbox forces;                      // from the ear to the hand
     kn_hand_force force_slots[3];
     kn_hand hand;
     int64_t session; // of the next hand
@@ -80,12 +80,15 @@ static void hear_force(run *r, int path, const void *bytes, int size)
     kn_flights *heard = &r->answers[path];
     const kn_flight *last = heard->count ? &heard->list[heard->count - 1] : NULL;
     if (!last || last->session != f.session || last->seq != f.seq) // else the same pose again
-        note(heard, &(kn_flight){.session = f.session, .seq = f.seq, .back_ns = now_ns, .contacts = f.contacts,
+        note(heard, &(kn_flight){.session = f.session,
+                                 .seq = f.seq,
+                                 .back_ns = now_ns,
+                                 .contacts = f.contacts,
                                  .execution_ns = f.execution_ns});
     if (path != KN_LATENCY_POSE) return;
     kn_hand_force *force = kn_mailbox_back(&r->forces);
-    *force = (kn_hand_force){.session = f.session, .seq = f.seq, .tick = f.tick, .flags = f.flags, .fault = f.fault,
-                             .contacts = f.contacts};
+    *force = (kn_hand_force){
+        .session = f.session, .seq = f.seq, .tick = f.tick, .flags = f.flags, .fault = f.fault, .contacts = f.contacts};
     memcpy(force->force_n, f.force_n, sizeof force->force_n);
     kn_mailbox_post(&r->forces);
 }
@@ -118,8 +121,8 @@ static void send_pose(run *r, int path, kn_pose *pose, bool counts)
     if (path == KN_LATENCY_POSE) snprintf(channel, sizeof channel, "KNEAD_POSE_%s", r->l->probe);
     pose->utime = kn_stamp_us();
     pose->sent_ns = kn_now_ns();
-    note(&r->l->flights[path], &(kn_flight){.session = pose->session, .seq = pose->seq, .sent_ns = pose->sent_ns,
-                                            .counts = counts});
+    note(&r->l->flights[path],
+         &(kn_flight){.session = pose->session, .seq = pose->seq, .sent_ns = pose->sent_ns, .counts = counts});
     kn_wire_pose(&message, pose);
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &message);
     if (path == KN_LATENCY_POSE) kn_join_send(r->ear_bus, channel, bytes, size);

@@ -57,8 +57,8 @@ int kn_latency_served_start(kn_latency_served *s, const char *scene, const char 
     if (s->trace < 0 || pipe2(pipes, O_CLOEXEC) != 0)
         return kn_complain("latency", KN_EXIT_DEVICE, "no pipe to kneadd: %s", strerror(errno));
     snprintf(trace, sizeof trace, "/proc/self/fd/%d", s->trace);
-    char *argv[] = {"kneadd", "--scene", (char *)scene, "--lcm-url", s->url, "--mesh-url", s->mesh_url, "--phase",
-                    (char *)phase, "--trace", trace, NULL};
+    char *argv[] = {"kneadd",    "--scene", (char *)scene, "--lcm-url", s->url, "--mesh-url",
+                    s->mesh_url, "--phase", (char *)phase, "--trace",   trace,  NULL};
     s->pid = spawn(find_kneadd(program), argv, pipes[1]);
     close(pipes[1]);
     s->said = fdopen(pipes[0], "r");
@@ -77,8 +77,7 @@ static void take_stages(FILE *trace, kn_flights *poses)
     char line[512];
     kn_flight row;
     for (int at = 0; fgets(line, sizeof line, trace);) {
-        if (sscanf(line,
-                   "%*[^,],%*[^,],%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64,
+        if (sscanf(line, "%*[^,],%*[^,],%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64,
                    &row.session, &row.seq, &row.arrived_ns, &row.woke_ns, &row.stepped_ns, &row.guarded_ns) != 6)
             continue;
         int from = at;

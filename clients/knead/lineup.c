@@ -59,8 +59,9 @@ static int compare(kn_lineup *l)
     if (!copy(s, &l->still[1])) return kn_complain("view", KN_EXIT_DEVICE, "out of memory");
     if (s->view.style == KN_VIEW_EDGES) s->view.style = KN_VIEW_LINED;
     kn_match_distance(&l->match, &l->still[0], &l->still[1], s->value);
-    snprintf(s->caption, sizeof s->caption, l->match.same ? "the second, by its distance from the first"
-                                                          : "the second, by its distance from the first, another mesh");
+    snprintf(s->caption, sizeof s->caption,
+             l->match.same ? "the second, by its distance from the first"
+                           : "the second, by its distance from the first, another mesh");
     return KN_EXIT_OK;
 }
 

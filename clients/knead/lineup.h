@@ -37,7 +37,7 @@ int kn_lineup_stills(kn_lineup *lineup, kn_extent *extent);
 
 // framed: the extent's box is in the picture; else every object decides for itself. The stills are spent.
 int kn_lineup_shoot(kn_lineup *lineup, const kn_extent *extent, bool framed);
-void kn_lineup_drop(kn_lineup *lineup); // the stills
+void kn_lineup_drop(kn_lineup *lineup);  // the stills
 void kn_lineup_close(kn_lineup *lineup); // zeroed is fine
 
 #endif

@@ -13,10 +13,7 @@
 #define FORCE "KNEAD_FORCE_"
 #define POSE "KNEAD_POSE_"
 
-int64_t kn_live_now_ms(void)
-{
-    return kn_now_ns() / 1000000;
-}
+int64_t kn_live_now_ms(void) { return kn_now_ns() / 1000000; }
 
 static void on_scene(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
@@ -30,8 +27,7 @@ static void on_scene(const lcm_recv_buf_t *buffer, const char *channel, void *us
     if (!live->scene || strcmp(live->scene->text, message.text) != 0)
         scene = kn_scene_parse(message.name, message.text, strlen(message.text), NULL, 0, live->scene_error,
                                sizeof live->scene_error);
-    else
-        live->scene_error[0] = 0; // a bad one between has passed
+    else live->scene_error[0] = 0; // a bad one between has passed
     knead_scene_t_decode_cleanup(&message);
     if (!scene) return;
     live->scene_error[0] = 0;

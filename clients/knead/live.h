@@ -10,18 +10,18 @@
 
 typedef struct kn_live_probe {
     char name[KN_NAME_MAX];
-    double position_m[3], orientation_wxyz[4]; // of the model's tool
-    double force_n[3];    // what the hand is given
-    double gain;          // 0: not in the model
-    int64_t heard_ms;     // CLOCK_MONOTONIC
+    double position_m[3], orientation_wxyz[4];           // of the model's tool
+    double force_n[3];                                   // what the hand is given
+    double gain;                                         // 0: not in the model
+    int64_t heard_ms;                                    // CLOCK_MONOTONIC
     double hand_position_m[3], hand_orientation_wxyz[4]; // of the device that holds it
-    int64_t hand_ms;      // heard last
+    int64_t hand_ms;                                     // heard last
 } kn_live_probe;
 
 typedef struct kn_live {
     kn_join *bus, *mesh_bus;
-    kn_mesh mesh;    // .whole: positions are known
-    kn_scene *scene; // NULL until heard
+    kn_mesh mesh;          // .whole: positions are known
+    kn_scene *scene;       // NULL until heard
     char scene_error[300]; // "" or why the scene that was heard cannot be used
     int probe_count;
     kn_live_probe probe[KN_PROBES_MAX];

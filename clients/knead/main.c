@@ -15,7 +15,7 @@ static const command commands[] = {
 #define KN_COMMAND(name, summary) {#name, summary, kn_##name##_main},
     KN_COMMANDS(KN_COMMAND)
 #undef KN_COMMAND
-    {NULL, NULL, NULL}};
+        {NULL, NULL, NULL}};
 
 static void print_help(FILE *out)
 {
@@ -49,10 +49,8 @@ static int run(int argc, char **argv)
         printf("knead %s\n", KN_VERSION);
         return KN_EXIT_OK;
     }
-    if (!*name)
-        print_help(stderr);
-    else
-        fprintf(stderr, "knead: no subcommand `%s`; knead --help lists them\n", name);
+    if (!*name) print_help(stderr);
+    else fprintf(stderr, "knead: no subcommand `%s`; knead --help lists them\n", name);
     return KN_EXIT_USAGE;
 }
 

@@ -61,8 +61,7 @@ static double longest_side(const kn_still *s)
 static spot *sorted(const kn_still *s)
 {
     spot *out = malloc(((size_t)s->vertex_count + 1) * sizeof *out);
-    for (int v = 0; out && v < s->vertex_count; v++)
-        out[v] = (spot){{s->rest[v][0], s->rest[v][1], s->rest[v][2]}, v};
+    for (int v = 0; out && v < s->vertex_count; v++) out[v] = (spot){{s->rest[v][0], s->rest[v][1], s->rest[v][2]}, v};
     if (out) qsort(out, (size_t)s->vertex_count, sizeof *out, by_x);
     return out;
 }
@@ -90,8 +89,10 @@ bool kn_match_make(kn_match *m, const kn_still *first, const kn_still *second, c
               find_nearest(first, second, m->first, &m->apart_m) && find_nearest(second, first, NULL, &m->apart_m);
     m->same = ok && first->vertex_count == second->vertex_count && m->apart_m < SAME_M;
     if (ok && m->apart_m > COARSE * fmax(longest_side(first), longest_side(second))) {
-        snprintf(error, error_size, "at rest the two are up to %.3g mm apart, expected objects of one shape: "
-                 "compared are points that lie beside each other at rest", 1e3 * m->apart_m);
+        snprintf(error, error_size,
+                 "at rest the two are up to %.3g mm apart, expected objects of one shape: "
+                 "compared are points that lie beside each other at rest",
+                 1e3 * m->apart_m);
         ok = false;
     }
     if (!ok) kn_match_free(m);

@@ -6,9 +6,9 @@
 #include "clients/knead/still.h"
 
 typedef struct kn_match {
-    int count;   // of the second's vertices
-    int *first;  // [count]
-    bool same;   // each lies where the other one does
+    int count;      // of the second's vertices
+    int *first;     // [count]
+    bool same;      // each lies where the other one does
     double apart_m; // at rest, at most, from either to the other
 } kn_match;
 

@@ -95,12 +95,10 @@ static int check_options(const options *o)
 
 static int take_options(int argc, char **argv, options *o)
 {
-    static const struct option known[] = {{"help", no_argument, NULL, 'h'},
-                                          {"output", required_argument, NULL, 'o'},
-                                          {"size", required_argument, NULL, 's'},
-                                          {"tool", required_argument, NULL, 't'},
-                                          {"unit", required_argument, NULL, 'u'},
-                                          {0}};
+    static const struct option known[] = {
+        {"help", no_argument, NULL, 'h'},       {"output", required_argument, NULL, 'o'},
+        {"size", required_argument, NULL, 's'}, {"tool", required_argument, NULL, 't'},
+        {"unit", required_argument, NULL, 'u'}, {0}};
     for (int c; (c = getopt_long(argc, argv, "ho:", known, NULL)) != -1;) {
         if (c == 'h') o->help = true;
         else if (c == 'o') o->out = optarg;

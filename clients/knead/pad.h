@@ -14,8 +14,8 @@
 
 typedef struct kn_pad_def {
     const char *name;
-    double k1_n_m, c1_n_s_m;               // both 0: it does not give way, a wall
-    double c2_n_s_m, c2_least_n_s_m;       // 0: no c2. Between the two forces it falls exponentially
+    double k1_n_m, c1_n_s_m;         // both 0: it does not give way, a wall
+    double c2_n_s_m, c2_least_n_s_m; // 0: no c2. Between the two forces it falls exponentially
     double from_n, to_n;
 } kn_pad_def;
 

@@ -20,13 +20,13 @@ struct kn_paraview {
     kn_springs springs;
     kn_gauge *gauge;
     kn_tool_form tool[KN_PROBES_MAX];
-    double *measure, (*contact)[3];                 // [nodes]
-    float (*xyz)[3], (*moved)[3], (*velocity)[3];   // [nodes]
-    float *stress, *residual, (*force)[3];          // [nodes]
-    float *ratio;                                   // [cells]
-    float *edge_stress, *edge_strain, *edge_rest;   // [edges]
-    int32_t *line, *line_end;                       // [2 edges], [edges]
-    uint8_t *line_type;                             // [edges]
+    double *measure, (*contact)[3];               // [nodes]
+    float (*xyz)[3], (*moved)[3], (*velocity)[3]; // [nodes]
+    float *stress, *residual, (*force)[3];        // [nodes]
+    float *ratio;                                 // [cells]
+    float *edge_stress, *edge_strain, *edge_rest; // [edges]
+    int32_t *line, *line_end;                     // [2 edges], [edges]
+    uint8_t *line_type;                           // [edges]
 };
 
 static bool short_of_memory(char *error, size_t size)
@@ -41,9 +41,9 @@ static void forget_model(kn_paraview *p)
     kn_springs_free(&p->springs);
     kn_gauge_destroy(p->gauge);
     for (int i = 0; i < KN_PROBES_MAX; i++) kn_tool_form_free(&p->tool[i]);
-    void *arrays[] = {p->measure,   p->contact, p->xyz,         p->moved,       p->velocity,
-                      p->stress,    p->residual, p->force,      p->ratio,       p->edge_stress,
-                      p->edge_strain, p->edge_rest, p->line,    p->line_end,    p->line_type};
+    void *arrays[] = {p->measure,     p->contact,   p->xyz,   p->moved,    p->velocity,
+                      p->stress,      p->residual,  p->force, p->ratio,    p->edge_stress,
+                      p->edge_strain, p->edge_rest, p->line,  p->line_end, p->line_type};
     for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) free(arrays[i]);
     kn_paraview kept = {.object = p->object, .edges = p->edges, .moments = p->moments};
     memcpy(kept.folder, p->folder, sizeof kept.folder);
@@ -173,7 +173,7 @@ typedef struct tool_room {
 
 static void fill_tool(tool_room *r, const kn_tool_form *f, const struct kn_moment_tool *tool, const kn_probe_def *def)
 {
-    float (*vector)[3] = (float(*)[3])r->vector;
+    float(*vector)[3] = (float(*)[3])r->vector;
     kn_tool_form_place(f, def, tool->position_m, tool->orientation_wxyz, r->xyz);
     for (int k = 0; k < 3; k++) { // at its own point; the others are 0
         vector[0][k] = (float)tool->force_n[k];
@@ -195,8 +195,8 @@ static bool write_tool(kn_paraview *p, const kn_moment *m, int probe, char *erro
     const struct kn_moment_tool *tool = &m->tool[probe];
     const kn_tool_form *f = &p->tool[probe];
     const size_t points = (size_t)f->point_count, cells = (size_t)f->triangle_count + 1;
-    tool_room r = {calloc(points, sizeof *r.xyz), calloc(points, sizeof *r.vector),
-                   calloc(cells, 3 * sizeof *r.corner), calloc(cells, sizeof *r.end), calloc(cells, 1)};
+    tool_room r = {calloc(points, sizeof *r.xyz), calloc(points, sizeof *r.vector), calloc(cells, 3 * sizeof *r.corner),
+                   calloc(cells, sizeof *r.end), calloc(cells, 1)};
     bool fits = r.xyz && r.vector && r.corner && r.end && r.type;
     const float gain = (float)tool->gain;
     float turn[4];

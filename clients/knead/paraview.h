@@ -17,7 +17,7 @@
 
 typedef struct kn_moment { // borrows all
     const kn_model *model;
-    int models; // counts up where model is another than before: an address may come back
+    int models;            // counts up where model is another than before: an address may come back
     const kn_state *state; // without scratch: no forces on nodes are told
     double time_s;
     struct kn_moment_tool {

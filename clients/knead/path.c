@@ -117,9 +117,10 @@ kn_path *kn_path_through(int count, const double time_s[], kn_path_point point[]
     if (!path) return NULL;
     for (int n = 0; n < count; n++)
         for (int i = 0; i < 3; i++)
-            point[n].velocity_m_s[i] = n == 0 || n == count - 1 ? 0.0
-                                       : (point[n + 1].position_m[i] - point[n - 1].position_m[i]) /
-                                             (time_s[n + 1] - time_s[n - 1]);
+            point[n].velocity_m_s[i] =
+                n == 0 || n == count - 1
+                    ? 0.0
+                    : (point[n + 1].position_m[i] - point[n - 1].position_m[i]) / (time_s[n + 1] - time_s[n - 1]);
     for (int n = 0; n + 1 < count; n++)
         add(path, KN_PIECE_CURVE, "path", &point[n], time_s[n + 1] - time_s[n])->to = point[n + 1];
     return path;

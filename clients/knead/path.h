@@ -19,7 +19,7 @@ typedef enum kn_piece_kind { KN_PIECE_STAND, KN_PIECE_LINE, KN_PIECE_CURVE, KN_P
 
 typedef struct kn_piece {
     kn_piece_kind kind;
-    const char *name;   // what the hand is doing: "press"
+    const char *name; // what the hand is doing: "press"
     double start_s, duration_s;
     kn_path_point from; // velocity used by CURVE only
     kn_path_point to;   // SINE: the lowest point
@@ -34,10 +34,10 @@ typedef struct kn_path {
 } kn_path;
 
 typedef struct kn_path_def { // 0 in a field = its default
-    double touch_z_m;    // the tool's z when it just touches the top of the object
-    double uneven_m;     // >= 0: how much lower the lowest place under a flat tool is; it is reached slowly
-    double clear_m;      // default 20 mm: height above touch_z_m where a path begins and ends
-    double depth_m;      // default press 10 mm, poke 3 mm, sine KN_PATH_SWING_M
+    double touch_z_m;        // the tool's z when it just touches the top of the object
+    double uneven_m;         // >= 0: how much lower the lowest place under a flat tool is; it is reached slowly
+    double clear_m;          // default 20 mm: height above touch_z_m where a path begins and ends
+    double depth_m;          // default press 10 mm, poke 3 mm, sine KN_PATH_SWING_M
     double speed_m_s;    // default press 10 mm/s, poke 50 mm/s: in the object; through the air a path goes at 30 mm/s
     double hold_s;       // press: at the lowest point; sine: how long it swings. Here < 0 is the default, 4 s
     double frequency_hz; // sine: default KN_PATH_SWING_HZ

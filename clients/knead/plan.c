@@ -7,8 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define FINE_STEPS 16         // of the reference in one of the scene's steps
-#define FINE_TOLERANCE 1e-4   // of its CG: 1e-6 moves the force of a press by 1e-7
+#define FINE_STEPS 16       // of the reference in one of the scene's steps
+#define FINE_TOLERANCE 1e-4 // of its CG: 1e-6 moves the force of a press by 1e-7
 #define SAME_TOLERANCE 1e-8
 enum { SAME_PASSES = 5, LEAST = 2, CAP = 1000, CAP_TIMES = 3, CAP_LEAST = 24 };
 

@@ -40,7 +40,7 @@ typedef struct kn_axes_def { // 0 values of an axis: the scene's own
     int methods, precisions, counts, tolerances, passes, steps, spacings;
     kn_method method[4];
     kn_precision precision[2];
-    int count[KN_AXIS_MAX];        // CG iterations that every step gets
+    int count[KN_AXIS_MAX]; // CG iterations that every step gets
     double
         tolerance[KN_AXIS_MAX]; // 0: and no more; else up to three times as many, or 24, while the residual is above it
     int pass[KN_AXIS_MAX];

@@ -15,7 +15,7 @@ typedef struct kn_player {
     _Atomic(const kn_path *) next_path; // for the hand: taken before the next try begins, NULL then
 } kn_player;
 
-void kn_player_init(kn_player *player, const kn_hand_def *def); // player must be zeroed
+void kn_player_init(kn_player *player, const kn_hand_def *def);                       // player must be zeroed
 kn_hand_out kn_player_tick(void *player, const kn_hand_force *force, int elapsed_ms); // a kn_device_hand
 
 #endif

@@ -26,8 +26,8 @@ static int image = -1;      // where that goes
 static int find_gnuplot(const char *subcommand, const char *path)
 {
     if (system("command -v gnuplot >/dev/null 2>&1") == 0) return KN_EXIT_OK;
-    return kn_complain(subcommand, KN_EXIT_DEVICE,
-                       "%s: not drawn, gnuplot is not installed; --csv writes the numbers", path);
+    return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: not drawn, gnuplot is not installed; --csv writes the numbers",
+                       path);
 }
 
 int kn_plot_try(const char *subcommand, const char *path)

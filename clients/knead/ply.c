@@ -61,12 +61,15 @@ bool kn_ply_write(FILE *f, const kn_still *s, kn_measure what, double top, const
         for (int k = 0; k < 3; k++) v[i].rgb[k] = (uint8_t)lroundf(255 * srgb[k]);
     }
     add_normals(s, v);
-    fprintf(f, "ply\nformat binary_little_endian 1.0\ncomment knead: %s; metres\ncomment quality: %s%s%s, colours to %g\n",
+    fprintf(f,
+            "ply\nformat binary_little_endian 1.0\ncomment knead: %s; metres\ncomment quality: %s%s%s, colours to %g\n",
             about, name->words, *name->unit ? ", " : "", name->unit, top);
-    fprintf(f, "element vertex %d\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\n"
-               "property float ny\nproperty float nz\nproperty float quality\nproperty uchar red\n"
-               "property uchar green\nproperty uchar blue\nelement face %d\n"
-               "property list uchar int vertex_indices\nend_header\n", s->vertex_count, s->triangle_count);
+    fprintf(f,
+            "element vertex %d\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\n"
+            "property float ny\nproperty float nz\nproperty float quality\nproperty uchar red\n"
+            "property uchar green\nproperty uchar blue\nelement face %d\n"
+            "property list uchar int vertex_indices\nend_header\n",
+            s->vertex_count, s->triangle_count);
     fwrite(v, sizeof *v, (size_t)s->vertex_count, f);
     for (int t = 0; t < s->triangle_count; t++) {
         face c = {.count = 3};

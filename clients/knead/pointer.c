@@ -3,17 +3,17 @@
 #include <math.h>
 #include <string.h>
 
-static const double air_m_s = 0.15, sideways_m_s = 0.4;  // a hand's unhurried speeds
+static const double air_m_s = 0.15, sideways_m_s = 0.4; // a hand's unhurried speeds
 static const double air_m_s2 = 3.0, sideways_m_s2 = 6.0;
-static const double press_m_s[2] = {0.03, 0.01};         // round, flat
-static const double stroke_m_s[2] = {0.03, 0.004};       // sideways in a press
-static const double touch_m_s[2] = {0.03, 1e-4};         // see path.c's landing
-static const double object_m_s2 = 0.2;                   // 0 to 1 cm/s in 50 ms: dough's 1 kN s/m answers with 0.2 N/ms
-static const double flushing_m_s = 5e-4;                 // a flat one, from the first touch until it lies flat
+static const double press_m_s[2] = {0.03, 0.01};   // round, flat
+static const double stroke_m_s[2] = {0.03, 0.004}; // sideways in a press
+static const double touch_m_s[2] = {0.03, 1e-4};   // see path.c's landing
+static const double object_m_s2 = 0.2;             // 0 to 1 cm/s in 50 ms: dough's 1 kN s/m answers with 0.2 N/ms
+static const double flushing_m_s = 5e-4;           // a flat one, from the first touch until it lies flat
 static const double landing_m = 1e-3, landing_m_s2 = 2e-3; // a flat one's last millimetre takes a second
 static const double clear_m = 1e-3, there_m = 2e-4;
-static const int clear_ms = 300;    // for a fault to be taken back after the lift: 200 ms of poses and some
-static const int leaving_ms = 100;  // for the force to fade and the tool to be free
+static const int clear_ms = 300;   // for a fault to be taken back after the lift: 200 ms of poses and some
+static const int leaving_ms = 100; // for the force to fade and the tool to be free
 
 void kn_pointer_init(kn_pointer *p, kn_probe_shape shape, int64_t session)
 {
@@ -41,8 +41,8 @@ static void feel(kn_pointer *p, const kn_hand_force *force, int elapsed_ms)
 {
     kn_pointer_news *n = &p->news;
     bool sane = force && isfinite(force->force_n[0] + force->force_n[1] + force->force_n[2]);
-    bool fresh = sane && force->session == p->session && force->tick > p->force.tick &&
-                 p->mode != KN_POINTER_ABSENT && p->mode != KN_POINTER_SILENT;
+    bool fresh = sane && force->session == p->session && force->tick > p->force.tick && p->mode != KN_POINTER_ABSENT &&
+                 p->mode != KN_POINTER_SILENT;
     if (fresh) p->force = *force;
     double factor = kn_watchdog_tick(&p->watchdog, fresh, elapsed_ms), *f = p->force.force_n;
     if (fresh && p->asked_event && force->seq >= p->asked_seq) {

@@ -14,7 +14,7 @@
 #include "core/model.h"
 
 typedef struct kn_pointer_wish { // of the page; positions are the tool's
-    bool held;        // somebody uses it. Else the tool is lifted, and then it leaves
+    bool held;                   // somebody uses it. Else the tool is lifted, and then it leaves
     bool pressed;
     int32_t press;    // number of the press: another one while pressed means that the button came up in between
     double at_m[2];   // x and y; another one while pressed, once news.depth_m > 0: a stroke at the depth that it has
@@ -27,10 +27,10 @@ typedef struct kn_pointer_wish { // of the page; positions are the tool's
 } kn_pointer_wish;
 
 typedef enum kn_pointer_mode {
-    KN_POINTER_ABSENT,  // it has left: no poses
+    KN_POINTER_ABSENT, // it has left: no poses
     KN_POINTER_FOLLOW,
-    KN_POINTER_LET_GO,  // a fault: lifting, and waiting for it to clear
-    KN_POINTER_SILENT   // before a new session
+    KN_POINTER_LET_GO, // a fault: lifting, and waiting for it to clear
+    KN_POINTER_SILENT  // before a new session
 } kn_pointer_mode;
 
 typedef struct kn_pointer_news { // of one millisecond
@@ -38,10 +38,10 @@ typedef struct kn_pointer_news { // of one millisecond
     double force_n, depth_m; // magnitude given to the hand; below touch_z_m, 0 while not pressing
     int32_t flags, fault;    // of the newest force, 0 when there is none or it is over
     bool contact;
-    bool heard;              // kneadd answers
-    bool released;           // the fault has been met: false while the button must come up first
-    int32_t event;           // newest wish that kneadd has answered...
-    int64_t tick;            // ...in this tick
+    bool heard;    // kneadd answers
+    bool released; // the fault has been met: false while the button must come up first
+    int32_t event; // newest wish that kneadd has answered...
+    int64_t tick;  // ...in this tick
 } kn_pointer_news;
 
 typedef struct kn_pointer {
@@ -53,7 +53,7 @@ typedef struct kn_pointer {
     kn_path_point point;
     int64_t session, seq;
     int mode_ms;
-    double ground_m; // where this press has met the object, or has pushed it to; INFINITY: no press
+    double ground_m;     // where this press has met the object, or has pushed it to; INFINITY: no press
     bool placed, barred; // position is known; the button was down when a fault came
     int32_t asked_event; // wish of pose asked_seq, not answered yet; 0: none
     int64_t asked_seq;

@@ -28,7 +28,7 @@ static const double shallowest_m = 1e-4;        // less is no press
 static const double thinnest = 0.1;             // of the block's height must stay: thinner cells turn inside out
 static const double lift_m = 0.02;              // above the top: clear of whatever was pushed up there
 static const double even_m = 1e-5;              // less is no dent
-static const int trip_ms = 15000;            // engaging, a way out, a silence
+static const int trip_ms = 15000;               // engaging, a way out, a silence
 static const double most_uneven_m = 2e-3;       // 4 s of creeping into a dent are enough
 
 typedef struct probe {
@@ -45,8 +45,8 @@ typedef struct probe {
     kn_player player;
     kn_grasp grasp; // the player's hand with a device in it, if there is one
     kn_device device;
-    double x_m, y_m;  // where the path is deepest: the dent is measured there
-    double before_m;  // height of the object there; NAN: it is beside the object
+    double x_m, y_m; // where the path is deepest: the dent is measured there
+    double before_m; // height of the object there; NAN: it is beside the object
     char error[512];
 } probe;
 
@@ -180,8 +180,9 @@ static kn_path *generate(probe *p, bool again)
     }
     double uneven_m = shape.touch_z_m - lowest_touch_m;
     if (press && uneven_m > even_m) shape.uneven_m = fmin(fmin(uneven_m, most_uneven_m), 0.5 * shape.depth_m);
-    kn_path *path = press ? kn_path_press(&shape)
-                    : !strcmp(p->opt.path, "sine") ? kn_path_sine(&shape) : kn_path_poke(&shape);
+    kn_path *path = press                          ? kn_path_press(&shape)
+                    : !strcmp(p->opt.path, "sine") ? kn_path_sine(&shape)
+                                                   : kn_path_poke(&shape);
     if (!path) complain(KN_EXIT_INTERNAL, "out of memory");
     if (!path || path->duration_s <= KN_PATH_LONGEST_S) return path;
     fprintf(stderr, "knead probe: --hold, --speed: a path of %.3g s, expected a day at most\n", path->duration_s);
@@ -214,10 +215,13 @@ static int take_device(probe *p)
         fprintf(stderr, "knead probe: %s follows its pose rigidly: it may chatter where a coupled tool would not\n",
                 p->tool->name);
     kn_grasp_def def = {.grip = p->opt.grip, .axes = p->opt.axes, .delay_ms = p->opt.delay_ms, .loss = p->opt.loss};
-    def.render = (kn_render_def){.device = p->scene->device, .coupling_n_m = p->tool->coupling_n_m,
-                                 .coupling_n_s_m = p->tool->coupling_n_s_m, .radius_m = p->tool->radius_m,
+    def.render = (kn_render_def){.device = p->scene->device,
+                                 .coupling_n_m = p->tool->coupling_n_m,
+                                 .coupling_n_s_m = p->tool->coupling_n_s_m,
+                                 .radius_m = p->tool->radius_m,
                                  .level = p->tool->shape == KN_PROBE_PLATE,
-                                 .guard_n_per_ms = p->scene->limits.guard_n_per_ms, .local = p->opt.local,
+                                 .guard_n_per_ms = p->scene->limits.guard_n_per_ms,
+                                 .local = p->opt.local,
                                  .held = p->opt.held};
     kn_device_def *d = &def.render.device;
     int code = p->opt.device ? kn_profile_load(d, "probe", p->opt.device, NULL, 0) : KN_EXIT_OK;
@@ -237,8 +241,11 @@ static int start(probe *p)
     sigaction(SIGTERM, &action, NULL);
     kn_path_point begin;
     kn_path_at(p->path[0], 0.0, &begin);
-    kn_hand_def def = {.path = p->path[0], .session = random_session(), .tries = p->opt.tries,
-                       .drop_at_ms = p->opt.drop_at_ms, .drop_ms = p->opt.drop_ms};
+    kn_hand_def def = {.path = p->path[0],
+                       .session = random_session(),
+                       .tries = p->opt.tries,
+                       .drop_at_ms = p->opt.drop_at_ms,
+                       .drop_ms = p->opt.drop_ms};
     if (p->opt.local) def.hold_ms = KN_RENDER_LOCAL_HOLD_MS, def.zero_ms = KN_RENDER_LOCAL_ZERO_MS;
     double extent_m[3];
     kn_model_def_extent(&p->scene->model, extent_m);
@@ -254,8 +261,7 @@ static int start(probe *p)
     if (!kn_device_start(&p->device, hand, self, p->opt.lcm_url, p->tool->name, p->error, sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
     int refused = kn_device_priority_error(&p->device);
-    if (refused)
-        fprintf(stderr, "knead probe: no real-time priority (%s): poses may come late\n", strerror(refused));
+    if (refused) fprintf(stderr, "knead probe: no real-time priority (%s): poses may come late\n", strerror(refused));
     return KN_EXIT_OK;
 }
 
@@ -263,15 +269,12 @@ static void say_trip(probe *p, int n)
 {
     const kn_trip *t = &p->player.hand.trip[n];
     fprintf(stderr, "knead probe: %s, %.2f s, %.2f N taken to 0 N: ", t->piece, t->time_s, t->force_n);
-    if (t->refusal)
-        fprintf(stderr, "%s\n", t->refusal);
+    if (t->refusal) fprintf(stderr, "%s\n", t->refusal);
     else if (t->own && t->stalled_ms > 0)
         fprintf(stderr, "own watchdog: no force for %d ms, in %d of which this process did not run\n", t->silent_ms,
                 t->stalled_ms);
-    else if (t->own)
-        fprintf(stderr, "own watchdog: no force for %d ms\n", t->silent_ms);
-    else
-        fprintf(stderr, "kneadd latched: %s; way back: %s\n", kn_fault_name(t->fault), kn_fault_remedy(t->fault));
+    else if (t->own) fprintf(stderr, "own watchdog: no force for %d ms\n", t->silent_ms);
+    else fprintf(stderr, "kneadd latched: %s; way back: %s\n", kn_fault_name(t->fault), kn_fault_remedy(t->fault));
 }
 
 static void say_lifted(probe *p, int n)
@@ -358,17 +361,17 @@ static int verdict(probe *p)
     case KN_HAND_NO_TROUBLE:
         if (!p->no_way) fprintf(stderr, "knead probe: interrupted\n");
         break;
-    case KN_HAND_NO_ANSWER:
-        fprintf(stderr, "knead probe: no force for 3 s: %s\n", why_unanswered(p));
-        break;
+    case KN_HAND_NO_ANSWER: fprintf(stderr, "knead probe: no force for 3 s: %s\n", why_unanswered(p)); break;
     case KN_HAND_NOT_ENGAGED:
         fprintf(stderr, "knead probe: kneadd answers but does not engage (%s): begin clear of the object\n",
                 h->force.fault ? kn_fault_name((kn_fault)h->force.fault) : "no fault");
         break;
     case KN_HAND_SPOILT:
         fprintf(stderr, "knead probe: %s spoilt %d time%s, at last by %s\n", p->opt.path, h->trips,
-                h->trips == 1 ? "" : "s", last->refusal ? last->refusal : last->own ? "missing forces"
-                                                                                    : kn_fault_name(last->fault));
+                h->trips == 1 ? "" : "s",
+                last->refusal ? last->refusal
+                : last->own   ? "missing forces"
+                              : kn_fault_name(last->fault));
     }
     return KN_EXIT_DEVICE;
 }
@@ -380,7 +383,9 @@ static void print_grasp(const kn_grasp *g)
            kn_grip_name(g->def.grip), g->def.delay_ms, 100.0 * g->def.loss);
     printf("  buzz            %8.3f N    above 10 Hz in the loudest second; %d turns in the busiest: %s\n",
            n->loudest_n, n->turns,
-           n->buzzes ? "it buzzes" : n->drives ? "it drives the hand" : "calm");
+           n->buzzes   ? "it buzzes"
+           : n->drives ? "it drives the hand"
+                       : "calm");
     if (g->def.render.local)
         printf("  local model     %8lld      messages rendered, %lld not taken\n", (long long)g->render.model.taken,
                (long long)g->render.model.refused);
@@ -427,8 +432,7 @@ static int finish(probe *p)
     if (code == KN_EXIT_OK && !isnan(p->before_m)) {
         if (look(p, last_tick) && kn_dent_height(&p->mesh, p->x_m, p->y_m, &after_m))
             report.residual_m = p->before_m - after_m;
-        else
-            code = complain(KN_EXIT_DEVICE, "no mesh after the withdrawal: the depth of the dent is not known");
+        else code = complain(KN_EXIT_DEVICE, "no mesh after the withdrawal: the depth of the dent is not known");
     }
     if (p->player.hand.mode == KN_HAND_DONE && !p->opt.quiet) {
         printf("%s of %s, tool %s\n", p->opt.path, p->scene->name, p->tool->name);

@@ -22,7 +22,8 @@ static const char help[] =
     "  --path poke      3 mm deep at 5 cm/s and out again\n"
     "  --path FILE.csv  rows time_s,x_m,y_m,z_m or time_s,x_m,y_m,z_m,qw,qx,qy,qz under such a header; metres, z up,\n"
     "                   origin under the object's centre; begin clear of the object; a day at most\n"
-    "  --probe NAME     tool of the scene (press: the first; else the first round one: dough is a wall to a fast plate)\n"
+    "  --probe NAME     tool of the scene (press: the first; else the first round one: dough is a wall to a fast "
+    "plate)\n"
     "  --hold TIME      press: at the lowest point; sine: how long ('4 s' or 4)\n"
     "  --depth LENGTH   press: below the top of the untouched block; else below where the tool touches ('10 mm')\n"
     "  --speed SPEED    in the object ('1 cm/s')\n"
@@ -140,16 +141,15 @@ static bool device_is_whole(const kn_probe_options *opt)
         fprintf(stderr, "knead probe: --held with --local, which renders no force of kneadd's, expected one of them\n");
         return false;
     }
-    if (opt->gripped || !(opt->device || opt->axes || opt->delay_ms || opt->loss > 0.0 || opt->local ||
-                         opt->held))
+    if (opt->gripped || !(opt->device || opt->axes || opt->delay_ms || opt->loss > 0.0 || opt->local || opt->held))
         return true;
     fprintf(stderr, "knead probe: %s without a hand on a device, expected --hand too\n",
-            opt->device       ? "--device"
-            : opt->axes       ? "--axes"
-            : opt->delay_ms   ? "--delay"
-            : opt->local      ? "--local"
-            : opt->held       ? "--held"
-                              : "--loss");
+            opt->device     ? "--device"
+            : opt->axes     ? "--axes"
+            : opt->delay_ms ? "--delay"
+            : opt->local    ? "--local"
+            : opt->held     ? "--held"
+                            : "--loss");
     return false;
 }
 
@@ -184,16 +184,38 @@ static bool urls_are_known(const kn_probe_options *opt)
 
 int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *done)
 {
-    enum { PATH = 256, PROBE, HOLD, DEPTH, SPEED, FREQUENCY, RECORD, CSV, TRIES, DROP, LCM_URL, MESH_URL, QUIET, JSON, HELP,
-           HAND, DEVICE, AXES, DELAY, LOSS, LOCAL, HELD, MOTORS };
+    enum {
+        PATH = 256,
+        PROBE,
+        HOLD,
+        DEPTH,
+        SPEED,
+        FREQUENCY,
+        RECORD,
+        CSV,
+        TRIES,
+        DROP,
+        LCM_URL,
+        MESH_URL,
+        QUIET,
+        JSON,
+        HELP,
+        HAND,
+        DEVICE,
+        AXES,
+        DELAY,
+        LOSS,
+        LOCAL,
+        HELD,
+        MOTORS
+    };
     static const struct option list[] = {
-        {"path", 1, 0, PATH},       {"probe", 1, 0, PROBE},         {"hold", 1, 0, HOLD},       {"depth", 1, 0, DEPTH},
-        {"speed", 1, 0, SPEED},     {"frequency", 1, 0, FREQUENCY}, {"record", 1, 0, RECORD},   {"csv", 1, 0, CSV},
-        {"tries", 1, 0, TRIES},     {"drop-at", 1, 0, DROP},        {"lcm-url", 1, 0, LCM_URL}, {"quiet", 0, 0, QUIET}, {"json", 0, 0, JSON},
-        {"help", 0, 0, HELP},       {"mesh-url", 1, 0, MESH_URL},   {"hand", 1, 0, HAND},
-        {"device", 1, 0, DEVICE},   {"axes", 1, 0, AXES},           {"delay", 1, 0, DELAY},     {"loss", 1, 0, LOSS},
-        {"local", 0, 0, LOCAL},     {"held", 0, 0, HELD},         {"motors", 1, 0, MOTORS},
-        {0, 0, 0, 0}};
+        {"path", 1, 0, PATH},     {"probe", 1, 0, PROBE},         {"hold", 1, 0, HOLD},         {"depth", 1, 0, DEPTH},
+        {"speed", 1, 0, SPEED},   {"frequency", 1, 0, FREQUENCY}, {"record", 1, 0, RECORD},     {"csv", 1, 0, CSV},
+        {"tries", 1, 0, TRIES},   {"drop-at", 1, 0, DROP},        {"lcm-url", 1, 0, LCM_URL},   {"quiet", 0, 0, QUIET},
+        {"json", 0, 0, JSON},     {"help", 0, 0, HELP},           {"mesh-url", 1, 0, MESH_URL}, {"hand", 1, 0, HAND},
+        {"device", 1, 0, DEVICE}, {"axes", 1, 0, AXES},           {"delay", 1, 0, DELAY},       {"loss", 1, 0, LOSS},
+        {"local", 0, 0, LOCAL},   {"held", 0, 0, HELD},           {"motors", 1, 0, MOTORS},     {0, 0, 0, 0}};
     *opt = (kn_probe_options){.path = "press", .shape.hold_s = -1.0};
     optind = 1;
     bool ok = true;
@@ -221,7 +243,10 @@ int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *d
         case LOSS: ok = share(optarg, &opt->loss); break;
         case LOCAL: opt->local = true; break;
         case HELD: opt->held = true; break;
-        case HELP: *done = true; fputs(help, stdout); return KN_EXIT_OK;
+        case HELP:
+            *done = true;
+            fputs(help, stdout);
+            return KN_EXIT_OK;
         default:
             fprintf(stderr, "knead probe: %s: %s\n", argv[optind - 1],
                     c == ':' ? "expected a value" : "unknown option; knead probe --help lists them");

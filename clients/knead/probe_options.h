@@ -6,12 +6,12 @@
 #include <stdbool.h>
 
 typedef struct kn_probe_options {
-    const char *path;  // press, sine, poke, or a CSV file
-    const char *probe; // NULL: the scene's first
+    const char *path;                                       // press, sine, poke, or a CSV file
+    const char *probe;                                      // NULL: the scene's first
     const char *record, *csv, *motors, *lcm_url, *mesh_url; // NULL: none, or the default
-    kn_path_def shape;                             // touch_z_m is the scene's to say
+    kn_path_def shape;                                      // touch_z_m is the scene's to say
     int drop_at_ms, drop_ms, tries;
-    bool gripped;       // a simulated device in a hand goes where path and forces take it; else the path is the tool's
+    bool gripped; // a simulated device in a hand goes where path and forces take it; else the path is the tool's
     kn_grip grip;
     const char *device; // profile of it, NULL: the scene's
     int axes, delay_ms;

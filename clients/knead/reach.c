@@ -4,10 +4,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double hover_m = 0.004;  // above the highest point of the object
-static const double beside_m = 0.02;  // how far beside the object the tool may go
-static const double uneven_m = 2e-3;  // more of a dent is not waited for
-static const double thinnest = 0.5;   // of the block's height must stay under the tool: thinner cells turn inside out
+static const double hover_m = 0.004; // above the highest point of the object
+static const double beside_m = 0.02; // how far beside the object the tool may go
+static const double uneven_m = 2e-3; // more of a dent is not waited for
+static const double thinnest = 0.5;  // of the block's height must stay under the tool: thinner cells turn inside out
 
 bool kn_reach_open(kn_reach *r, const kn_model_def *def, const kn_probe_def *tool, const kn_camera_view *view)
 {

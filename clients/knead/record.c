@@ -13,8 +13,11 @@ static const int64_t last_words_ns = 50000000;
 static void write_log(kn_record *r, const char *channel, int64_t utime, void *data, int size)
 {
     if (!r->log || *r->log_error) return;
-    lcm_eventlog_event_t event = {.timestamp = utime, .channellen = (int32_t)strlen(channel), .datalen = size,
-                                  .channel = (char *)channel, .data = data};
+    lcm_eventlog_event_t event = {.timestamp = utime,
+                                  .channellen = (int32_t)strlen(channel),
+                                  .datalen = size,
+                                  .channel = (char *)channel,
+                                  .data = data};
     if (lcm_eventlog_write_event(r->log, &event) != 0)
         snprintf(r->log_error, sizeof r->log_error, "%s", strerror(errno));
     atomic_fetch_add(&r->logged, size);
@@ -121,8 +124,7 @@ static void *run(void *self)
     kn_join_priority(reader_priority); // refused: the buffer has to do
     while (!atomic_load(&r->stop)) kn_join_handle(r->bus, 20);
     // what is on its way; kneadd goes on answering the last pose, so there is no silence to wait for
-    for (int64_t end_ns = kn_now_ns() + last_words_ns; kn_now_ns() < end_ns;)
-        kn_join_handle(r->bus, 5);
+    for (int64_t end_ns = kn_now_ns() + last_words_ns; kn_now_ns() < end_ns;) kn_join_handle(r->bus, 5);
     return NULL;
 }
 
@@ -130,7 +132,8 @@ bool kn_record_start(kn_record *r, const char *probe, const char *log_path, char
 {
     snprintf(r->force_channel, sizeof r->force_channel, "KNEAD_FORCE_%s", probe);
     snprintf(r->pose_channel, sizeof r->pose_channel, "KNEAD_POSE_%s", probe);
-    while (kn_join_handle(r->bus, 0) > 0); // what was said before is not part of it
+    while (kn_join_handle(r->bus, 0) > 0)
+        ; // what was said before is not part of it
     if (log_path && !open_log(r, log_path, error, error_size)) return false;
     r->started = true;
     if (pthread_create(&r->thread, NULL, run, r) == 0) return true;

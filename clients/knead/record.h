@@ -33,7 +33,7 @@ typedef struct kn_record {
     kn_join *bus;
     struct _lcm_eventlog_t *log;
     const char *log_path; // borrowed
-    void *scene_bytes; // the message as it came, first record of the log
+    void *scene_bytes;    // the message as it came, first record of the log
     int scene_size;
     int64_t scene_utime;
     char log_error[128]; // first failed write

@@ -102,10 +102,8 @@ static void print_row(const char *name, const reading *r)
     for (int i = 0; i < 3; i++) kn_result_number(row, fallen[i], r->fallen_s[i]);
     printf("%-8s %11.5g %11.5g %11.5g", name, r->peak_pa, r->begin_pa, r->end_pa);
     for (int i = 0; i < 3; i++)
-        if (isnan(r->fallen_s[i]))
-            printf(" %9s", "-");
-        else
-            printf(" %9.4g", r->fallen_s[i]);
+        if (isnan(r->fallen_s[i])) printf(" %9s", "-");
+        else printf(" %9.4g", r->fallen_s[i]);
     printf("\n");
 }
 
@@ -117,8 +115,7 @@ static int run(kn_bench *b, kn_table *t)
     kn_bench_print(b);
     if (opt->ramp_per_s > 0)
         printf("test      to %g %% at %g %%/s, held %g s\n", 100 * opt->strain, 100 * opt->ramp_per_s, opt->hold_s);
-    else
-        printf("test      a step to %g %%, held %g s\n", 100 * opt->strain, opt->hold_s);
+    else printf("test      a step to %g %%, held %g s\n", 100 * opt->strain, opt->hold_s);
     printf("\n%8s %35s   s until it has fallen to\n%-8s %11s %11s %11s %9s %9s %9s\n", "", "stress, Pa", "",
            "at the end", "held", "at last", "1/2", "1/e", "1/10");
     for (int lattice = 0; lattice <= (model != NULL); lattice++) {

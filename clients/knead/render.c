@@ -26,7 +26,8 @@ void kn_render_init(kn_render *r, const kn_render_def *def)
     memset(r, 0, sizeof *r);
     r->def = *def;
     if (d->mass_kg > 0.0)
-        kn_passivity_init(&r->passivity, &(kn_passivity_def){.mass_kg = d->mass_kg, .round_trip_s = d->round_trip_s,
+        kn_passivity_init(&r->passivity, &(kn_passivity_def){.mass_kg = d->mass_kg,
+                                                             .round_trip_s = d->round_trip_s,
                                                              .velocity_hz = def->velocity_hz,
                                                              .encoder_m = d->encoder_m,
                                                              .coupling_n_m = fmax(coupling(def), lightest_n_m),
@@ -48,10 +49,13 @@ void kn_render_begin(kn_render *r, int64_t session)
     kn_guard_init(&r->guard, d->guard_n_per_ms);
     r->allowed_n = r->guard.most_n_per_ms;
     if (!d->local) return;
-    kn_contact_model_init(&r->model, &(kn_contact_model_def){
-        .session = session, .radius_m = d->radius_m, .force_scale = d->device.force_scale, .force_limit_n = any_n,
-        .stiffness_n_m = own ? d->coupling_n_m : d->device.coupling_n_m,
-        .damping_n_s_m = own ? d->coupling_n_s_m : d->device.coupling_n_s_m});
+    kn_contact_model_init(&r->model,
+                          &(kn_contact_model_def){.session = session,
+                                                  .radius_m = d->radius_m,
+                                                  .force_scale = d->device.force_scale,
+                                                  .force_limit_n = any_n,
+                                                  .stiffness_n_m = own ? d->coupling_n_m : d->device.coupling_n_m,
+                                                  .damping_n_s_m = own ? d->coupling_n_s_m : d->device.coupling_n_s_m});
 }
 
 static void to_scene(const kn_render *r, const double x[3], const double v[3], double scene_m[3], double scene_m_s[3])
@@ -149,7 +153,8 @@ void kn_render_give(kn_render *r, double dt_s, const double position_m[3], const
 {
     const double limit_n = r->def.device.force_limit_n;
     bool observed = r->passivity.def.mass_kg > 0.0, news = r->news || r->def.local;
-    double wanted_n[3], stored_j = -1.0; // what kneadd's object has stored is not on the wire: the cap without knowledge
+    double wanted_n[3],
+        stored_j = -1.0; // what kneadd's object has stored is not on the wire: the cap without knowledge
     dt_s = fmax(dt_s, 0.0);
     if (r->def.local) stored_j = replay(r, dt_s, position_m, velocity_m_s, wanted_n);
     else memcpy(wanted_n, r->heard_n, sizeof wanted_n);

@@ -35,25 +35,25 @@
 typedef enum kn_render_stop { KN_RENDER_RUNS, KN_RENDER_REFLEX, KN_RENDER_FAR } kn_render_stop;
 
 typedef struct kn_render_def { // zero means default where there is one
-    kn_device_def device;  // its numbers and how it stands; force_limit_n > 0. Without a mass no passivity controller
+    kn_device_def device; // its numbers and how it stands; force_limit_n > 0. Without a mass no passivity controller
     double coupling_n_m, coupling_n_s_m; // of the tool in the scene, default the device's
-    double radius_m;       // of the tool, for the local model
-    bool level;            // it does not turn, a plate
-    double guard_n_per_ms; // default 4
-    double velocity_hz;    // cut-off of the velocities, default 100
-    bool local;            // KNEAD_CONTACT is rendered, else KNEAD_FORCE
-    bool held;             // KNEAD_FORCE, however old it is: against the rule, to show why it is one
+    double radius_m;                     // of the tool, for the local model
+    bool level;                          // it does not turn, a plate
+    double guard_n_per_ms;               // default 4
+    double velocity_hz;                  // cut-off of the velocities, default 100
+    bool local;                          // KNEAD_CONTACT is rendered, else KNEAD_FORCE
+    bool held;                           // KNEAD_FORCE, however old it is: against the rule, to show why it is one
 } kn_render_def;
 
 typedef struct kn_render { // read only for the caller
     kn_render_def def;
     int64_t session;
     kn_render_stop stop;
-    double gain;           // down to 0 after a stop
-    double round_trip_s;   // smoothed; 0 at first
-    double given_n[3];     // what the motors are to give
-    double largest_n;      // |given_n|
-    int64_t clamped;       // news above force_limit_n
+    double gain;                        // down to 0 after a stop
+    double round_trip_s;                // smoothed; 0 at first
+    double given_n[3];                  // what the motors are to give
+    double largest_n;                   // |given_n|
+    int64_t clamped;                    // news above force_limit_n
     int64_t guards, reflexes, refusals; // hits of the guard; stops of either kind
     kn_passivity passivity;
     kn_contact_model model;

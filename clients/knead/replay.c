@@ -28,12 +28,15 @@ static const char help[] =
     "  --hash            print one number of all forces and the final state\n"
     "  --json            what is printed, and what could not be used of the log, as JSON\n"
     "  --verify          compare with the log's forces, bit for bit; exit 1 if one differs, or the log is not whole\n"
-    "  --snapshot PATH   a snapshot, or kneadd's --state-dir: what the log's server restored, or where a log goes on that\n"
+    "  --snapshot PATH   a snapshot, or kneadd's --state-dir: what the log's server restored, or where a log goes on "
+    "that\n"
     "                    begins on a kneaded object\n"
     "  --speed max|real  as fast as it goes (the default), or 1000 ticks per second\n"
     "another computation than the log's (and then no --verify):\n"
-    "  --backend WHERE   cpu: as the scene says; fixed: --solver fixed; uart:, pty:, pcie:, shm: on that circuit, each\n"
-    "                    tick of which is compared with those integers; exit 1 if one differs, or the state at the end\n"
+    "  --backend WHERE   cpu: as the scene says; fixed: --solver fixed; uart:, pty:, pcie:, shm: on that circuit, "
+    "each\n"
+    "                    tick of which is compared with those integers; exit 1 if one differs, or the state at the "
+    "end\n"
     "  --solver S        implicit, rk4, fixed (integers, as the circuit in hdl), blend, secant or tangent\n"
     "  --precision P     f32 or f64\n"
     "  --dt TIME         step, 1 ms divided by a whole number, e.g. '62.5 us'\n"
@@ -291,8 +294,8 @@ static void verify_force(replay_run *run, int p)
 
 static int complain_damage(const replay_run *run, const char *log)
 {
-    return kn_complain("replay", KN_EXIT_FAILED, "%s: cannot be verified whole: %s; %lld forces before it are equal", log,
-                       run->replay->damage, (long long)run->verified);
+    return kn_complain("replay", KN_EXIT_FAILED, "%s: cannot be verified whole: %s; %lld forces before it are equal",
+                       log, run->replay->damage, (long long)run->verified);
 }
 
 static int verdict(const replay_run *run)
@@ -370,19 +373,19 @@ static void tell(const replay_run *run)
         kn_complain("replay", KN_EXIT_OK, "%s: %lld poses were refused, as kneadd refuses them", log,
                     (long long)t->refused);
     if (t->outside)
-        kn_complain("replay", KN_EXIT_OK, "%s: %s pressed up to %.2g mm outside of its reach, for %lld ms in all: cells "
-                    "are coarse there", log, r->model->def.probe[t->outside_probe].name, 1e3 * t->outside_m,
-                    (long long)t->outside);
+        kn_complain("replay", KN_EXIT_OK,
+                    "%s: %s pressed up to %.2g mm outside of its reach, for %lld ms in all: cells "
+                    "are coarse there",
+                    log, r->model->def.probe[t->outside_probe].name, 1e3 * t->outside_m, (long long)t->outside);
     if (run->opt->verify) return; // and says the rest itself
     if (r->damage[0]) kn_complain("replay", KN_EXIT_OK, "%s: %s: what stands before it was used", log, r->damage);
     if (t->malformed)
         kn_complain("replay", KN_EXIT_OK, "%s: %lld malformed records were left out", log, (long long)t->malformed);
     if (t->gaps)
-        kn_complain(
-            "replay", KN_EXIT_OK,
-            "%s: %lld ticks ran whose force or pose is not in the log, the first is tick %lld: replayed "
-            "with the next pose",
-            log, (long long)t->gaps, (long long)t->first_gap);
+        kn_complain("replay", KN_EXIT_OK,
+                    "%s: %lld ticks ran whose force or pose is not in the log, the first is tick %lld: replayed "
+                    "with the next pose",
+                    log, (long long)t->gaps, (long long)t->first_gap);
     if (t->mismatches)
         kn_complain("replay", KN_EXIT_OK, "%s: %lld of %lld events have another state hash, the first at tick %lld",
                     log, (long long)t->mismatches, (long long)t->checkpoints, (long long)t->first_mismatch);
@@ -424,8 +427,8 @@ static int judge_circuit(replay_run *run)
     if (!kn_backend_fpga_counts(&run->replay->backend, &n)) return KN_EXIT_OK;
     bool agrees = kn_backend_fpga_agrees(&run->replay->backend, why, &link);
     printf("circuit: %lld of %lld ticks, each equal to its twin's; %lld others; lost %lld times; %s%s\n",
-           (long long)n.on_circuit, (long long)(n.on_circuit + n.shadowed), (long long)n.different,
-           (long long)n.losses, agrees ? "its state at the end is the twin's" : "", why);
+           (long long)n.on_circuit, (long long)(n.on_circuit + n.shadowed), (long long)n.different, (long long)n.losses,
+           agrees ? "its state at the end is the twin's" : "", why);
     return agrees && n.different == 0 ? KN_EXIT_OK : KN_EXIT_FAILED;
 }
 

@@ -11,7 +11,8 @@ static const kn_attempt *attempt_of(const kn_hand *hand, const knead_contact_for
 {
     for (int i = 0; i < hand->tries; i++) {
         const kn_attempt *t = &hand->attempt[i];
-        if (f->session == t->session && f->seq >= 1 && f->seq <= t->sent + 1) return t; // its last pose, which says that it leaves, is in no path
+        if (f->session == t->session && f->seq >= 1 && f->seq <= t->sent + 1)
+            return t; // its last pose, which says that it leaves, is in no path
     }
     return NULL;
 }

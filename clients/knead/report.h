@@ -14,11 +14,11 @@ typedef struct kn_report {
     double residual_m;                // depth of the dent, for the caller to fill in; NAN: not known
     // of all tries
     int64_t sent, forces;
-    int64_t matched;   // forces that echo a pose this hand sent
-    int64_t strange;   // forces that echo anything else
-    int64_t stale;     // matched, but no new pose had arrived for that tick, though one was sent after it
-    int64_t lost;      // ticks of a session without a record: tick - last tick > 1 + missed_cycles
-    int64_t missed;    // cycles that kneadd skipped
+    int64_t matched; // forces that echo a pose this hand sent
+    int64_t strange; // forces that echo anything else
+    int64_t stale;   // matched, but no new pose had arrived for that tick, though one was sent after it
+    int64_t lost;    // ticks of a session without a record: tick - last tick > 1 + missed_cycles
+    int64_t missed;  // cycles that kneadd skipped
     double round_trip_p50_ms, round_trip_p99_ms; // of forces that are not stale; NAN: none
 } kn_report;
 

@@ -11,7 +11,7 @@
 #include <stdint.h>
 
 void kn_result_open(void);
-json_t *kn_result(void);                // the object, borrowed; NULL: not asked for, and then all below do nothing
+json_t *kn_result(void);                 // the object, borrowed; NULL: not asked for, and then all below do nothing
 json_t *kn_result_add(const char *list); // a new object at the end of a list of that name; borrowed
 
 void kn_result_number(json_t *to, const char *name, double value);

@@ -18,8 +18,8 @@ typedef struct loop {
     kn_passivity passivity;
     double way_n[KN_RIG_TRIP_MAX_MS + 1][3];
     kn_buzz force, side, position;
-    kn_turns turns, side_turns;  // of the force: along z, along x
-    double stroke_j;             // given when the last stroke began
+    kn_turns turns, side_turns; // of the force: along z, along x
+    double stroke_j;            // given when the last stroke began
     bool air;
     kn_rig_result result;
 } loop;
@@ -63,11 +63,14 @@ static void start(loop *l, const kn_rig_def *def)
     double per_step_n_m = def->coupling.stiffness_n_m + def->coupling.damping_n_s_m * share / period_s;
     l->result.resolution_n = arm.encoder_m * per_step_n_m;
     l->side_turns.hysteresis = l->turns.hysteresis = 2.0 * (1.5 * l->result.resolution_n + unheard_n);
-    kn_passivity_init(&l->passivity, &(kn_passivity_def){
-        .mass_kg = arm.mass_kg, .period_s = period_s, .round_trip_s = def->trip_ms * period_s,
-        .velocity_hz = l->arm.def.velocity_hz, .encoder_m = arm.encoder_m,
-        .coupling_n_m = def->coupling.stiffness_n_m,
-        .force_limit_n = arm.force_limit_n > 0.0 ? arm.force_limit_n : 1e3});
+    kn_passivity_init(&l->passivity,
+                      &(kn_passivity_def){.mass_kg = arm.mass_kg,
+                                          .period_s = period_s,
+                                          .round_trip_s = def->trip_ms * period_s,
+                                          .velocity_hz = l->arm.def.velocity_hz,
+                                          .encoder_m = arm.encoder_m,
+                                          .coupling_n_m = def->coupling.stiffness_n_m,
+                                          .force_limit_n = arm.force_limit_n > 0.0 ? arm.force_limit_n : 1e3});
     kn_buzz_init(&l->force, period_s, 0.0);
     kn_buzz_init(&l->side, period_s, 0.0);
     kn_buzz_init(&l->position, period_s, at_m[2]);
@@ -130,8 +133,8 @@ kn_rig_result kn_rig_run(const kn_rig_def *def, kn_rig_object *object, void *sel
     r->position_rms_m = kn_buzz_rms(&l.position);
     r->turns = r->strokes ? (double)l.turns.count / r->strokes : 0.0;
     r->acted = l.passivity.acted;
-    bool rough = r->force_rms_n > 1.5 * r->resolution_n + unheard_n ||
-                 r->position_rms_m > 1.5 * l.arm.def.encoder_m + unseen_m;
+    bool rough =
+        r->force_rms_n > 1.5 * r->resolution_n + unheard_n || r->position_rms_m > 1.5 * l.arm.def.encoder_m + unseen_m;
     bool slide = def->motion == KN_RIG_SLIDE;
     if (slide) r->turns = fmax(l.turns.count, l.side_turns.count);
     r->buzzes = !r->finite || (tap ? r->turns > KN_RIG_TURNS : slide ? r->turns > 2.0 * KN_BUZZ_HZ : rough);

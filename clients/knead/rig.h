@@ -47,7 +47,7 @@ typedef struct kn_rig_result {
     double returned_j;                  // most energy that one stroke, from air to air, gave the hand; >= 0
     double peak_n;
     int strokes;
-    int64_t acted;                      // periods in which the controller damped
+    int64_t acted; // periods in which the controller damped
     bool finite, buzzes;
 } kn_rig_result;
 

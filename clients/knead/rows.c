@@ -3,7 +3,8 @@
 void kn_rows_head(FILE *out)
 {
     fputs("tick,time_s,probe,x_m,y_m,z_m,contact_fx_n,contact_fy_n,contact_fz_n,fx_n,fy_n,fz_n,tx_n_m,ty_n_m,tz_n_m,"
-          "contacts,residual,execution_ns,proxy_x_m,proxy_y_m,proxy_z_m\n", out);
+          "contacts,residual,execution_ns,proxy_x_m,proxy_y_m,proxy_z_m\n",
+          out);
 }
 
 void kn_rows_add(FILE *out, const kn_row_of_force *r)

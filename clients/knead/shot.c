@@ -80,8 +80,7 @@ bool kn_shot_take(kn_shot *shot, kn_still *s, const kn_scale *scale, kn_shot_wor
     kn_still_scale(s, scale ? scale->top : 1);
     s->view.xyz = (const float(*)[3])s->now;
     kn_renderer_draw(shot->renderer, &s->view, rgba);
-    return words == KN_SHOT_PLAIN ||
-           write_on(shot, s, words == KN_SHOT_LEGEND ? scale : NULL, rgba, error, error_size);
+    return words == KN_SHOT_PLAIN || write_on(shot, s, words == KN_SHOT_LEGEND ? scale : NULL, rgba, error, error_size);
 }
 
 void kn_shot_close(kn_shot *shot)

@@ -33,8 +33,8 @@ bool kn_slab_open(kn_slab *slab, const kn_scene *scene, const char *tool, const 
     const kn_probe_def *probe = find(&scene->model, tool);
     memset(slab, 0, sizeof *slab);
     if (!probe) {
-        snprintf(error, error_size, "%s has no tool%s%s that can be coupled to a device", scene->name,
-                 tool ? " " : "", tool ? tool : "");
+        snprintf(error, error_size, "%s has no tool%s%s that can be coupled to a device", scene->name, tool ? " " : "",
+                 tool ? tool : "");
         return false;
     }
     def.probe[0] = *probe;

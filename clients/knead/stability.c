@@ -62,12 +62,8 @@ static int take(options *opt, int option, const char *value)
 {
     char rest;
     switch (option) {
-    case 'q':
-        opt->quick = true;
-        return KN_EXIT_OK;
-    case 'J':
-        kn_result_open();
-        return KN_EXIT_OK;
+    case 'q': opt->quick = true; return KN_EXIT_OK;
+    case 'J': kn_result_open(); return KN_EXIT_OK;
     case 'f':
         opt->family = value;
         for (int f = 0; kn_families[f]; f++)
@@ -76,20 +72,16 @@ static int take(options *opt, int option, const char *value)
     case 'j':
         if (sscanf(value, "%d%c", &opt->jobs, &rest) == 1 && opt->jobs >= 1 && opt->jobs <= 256) return KN_EXIT_OK;
         return kn_complain("stability", KN_EXIT_USAGE, "--jobs %s: expected a number of processes, 1 to 256", value);
-    case 'c':
-        opt->csv = value;
-        return KN_EXIT_OK;
-    default:
-        opt->plot = value;
-        return KN_EXIT_OK;
+    case 'c': opt->csv = value; return KN_EXIT_OK;
+    default: opt->plot = value; return KN_EXIT_OK;
     }
 }
 
 static int parse(options *opt, int argc, char **argv, bool *done)
 {
-    static const struct option list[] = {{"quick", 0, 0, 'q'}, {"json", 0, 0, 'J'}, {"family", 1, 0, 'f'}, {"csv", 1, 0, 'c'},
-                                         {"plot", 1, 0, 'p'},  {"jobs", 1, 0, 'j'},   {"help", 0, 0, 'h'},
-                                         {0, 0, 0, 0}};
+    static const struct option list[] = {{"quick", 0, 0, 'q'}, {"json", 0, 0, 'J'}, {"family", 1, 0, 'f'},
+                                         {"csv", 1, 0, 'c'},   {"plot", 1, 0, 'p'}, {"jobs", 1, 0, 'j'},
+                                         {"help", 0, 0, 'h'},  {0, 0, 0, 0}};
     optind = 1;
     for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
         if (c == 'h') {

@@ -154,8 +154,8 @@ void kn_still_scale(kn_still *s, double top)
     s->view.edge_value = (const float(*)[2])s->edge_value;
 }
 
-void kn_still_probe(kn_still *s, const kn_probe_def *def, const double position_m[3],
-                    const double orientation_wxyz[4], const double force_n[3], double gain)
+void kn_still_probe(kn_still *s, const kn_probe_def *def, const double position_m[3], const double orientation_wxyz[4],
+                    const double force_n[3], double gain)
 {
     kn_shape *tool = &s->tool[s->view.probe_count];
     kn_view_probe *p = &s->view.probe[s->view.probe_count++];

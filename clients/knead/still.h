@@ -17,7 +17,7 @@ typedef struct kn_still {
     float *value;       // [vertex_count] of a measure, in its unit; NULL: none was asked for
     int edge_count;     // every edge of the lattice, when they were asked for
     float (*edge)[2][3], (*edge_value)[2]; // [edge_count] ends, m; their measure, or NULL
-    char caption[128];  // the caller's
+    char caption[128];                     // the caller's
 } kn_still;
 
 // All return false when memory is short. still: zeroed but for view.

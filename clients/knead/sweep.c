@@ -106,8 +106,7 @@ static int run(kn_bench *b, kn_table *t)
     kn_bench_print(b);
     if (opt->amplitude > 0)
         printf("test      swings of %g %%, the fundamental once it repeats within 1e-5\n", 100 * opt->amplitude);
-    else
-        printf("test      linear: dampers as at rest\n");
+    else printf("test      linear: dampers as at rest\n");
     printf("\n%12s %12s %12s %9s %s\n", "frequency Hz", "G' Pa", "G'' Pa", "G''/G'",
            opt->amplitude > 0 ? "harmonics" : "linear up to a strain of");
     kn_table_series(t, "G");
@@ -121,12 +120,9 @@ static int run(kn_bench *b, kn_table *t)
         row[3] = row[2] / row[1];
         kn_table_add(t, row);
         printf("%12.5g %12.5g %12.5g %9.4g ", row[0], row[1], row[2], row[3]);
-        if (opt->amplitude > 0)
-            printf("%.2g%s\n", row[5], repeats ? "" : "  not yet periodic after 500 swings");
-        else if (isfinite(row[4]))
-            printf("%.3g\n", row[4]);
-        else
-            printf("any\n");
+        if (opt->amplitude > 0) printf("%.2g%s\n", row[5], repeats ? "" : "  not yet periodic after 500 swings");
+        else if (isfinite(row[4])) printf("%.3g\n", row[4]);
+        else printf("any\n");
     }
     kn_result_table("frequencies", t);
     if (any_nonlinear && opt->amplitude == 0)

@@ -46,10 +46,7 @@ static double cell(const kn_table *t, int row, int column)
     return t->cell[(size_t)row * (size_t)t->width + (size_t)column];
 }
 
-static int end_of(const kn_table *t, int series)
-{
-    return series + 1 < t->series ? t->start[series + 1] : t->rows;
-}
+static int end_of(const kn_table *t, int series) { return series + 1 < t->series ? t->start[series + 1] : t->rows; }
 
 void kn_table_text(const char *text, FILE *f)
 {
@@ -149,9 +146,10 @@ static int legend_rows(const kn_table *t, int count)
 // Below the panels, of a plot without axes.
 static void write_legend(FILE *f, const kn_table *t, const kn_axes *a, int rows, int high)
 {
-    fprintf(f, "unset title\nunset xlabel\nunset ylabel\nunset border\nunset tics\nunset grid\nunset logscale\n"
-               "set lmargin 0\nset rmargin 0\nset tmargin 0\nset bmargin 0\nset origin 0,0\nset size 1,%g\n"
-               "set xrange [0:1]\nset yrange [0:1]\nset key noopaque inside center center maxrows %d\nplot ",
+    fprintf(f,
+            "unset title\nunset xlabel\nunset ylabel\nunset border\nunset tics\nunset grid\nunset logscale\n"
+            "set lmargin 0\nset rmargin 0\nset tmargin 0\nset bmargin 0\nset origin 0,0\nset size 1,%g\n"
+            "set xrange [0:1]\nset yrange [0:1]\nset key noopaque inside center center maxrows %d\nplot ",
             (double)(ROW * rows + 8) / high, rows);
     for (int s = 0; s < t->series; s++) {
         fprintf(f, "NaN with %s lt %d%s title ", a->points ? "linespoints" : "lines", hue(t, a, s, a->y),
@@ -170,8 +168,9 @@ static void write_script(FILE *f, const kn_table *t, const char *title, const kn
     kn_plot_quote(f, title);
     fprintf(f, " font 'sans,13'\n");
     for (int i = 0; i < count; i++) {
-        fprintf(f, "set lmargin at screen %g\nset rmargin at screen %g\nset bmargin at screen %g\n"
-                   "set tmargin at screen %g\n",
+        fprintf(f,
+                "set lmargin at screen %g\nset rmargin at screen %g\nset bmargin at screen %g\n"
+                "set tmargin at screen %g\n",
                 (double)(PANEL * i + LEFT) / wide, (double)(PANEL * (i + 1) - RIGHT) / wide,
                 (double)(FOOT + ROW * rows + (rows ? 8 : 0)) / high, 1 - (double)HEAD / high);
         write_axes(f, t, &axes[i]);

@@ -8,14 +8,14 @@
 #include <string.h>
 
 #define PLATE_THICKNESS_M 0.002
-#define STEPS 12                     // to a quarter of a turn
-#define AROUND (4 * (STEPS + 1))     // of a ring: every quarter has both of its ends
-#define RINGS (2 * (STEPS + 1))      // the lower and the upper half, likewise
-#define POINTS (RINGS * AROUND + 2)  // and the middles of both ends
+#define STEPS 12                    // to a quarter of a turn
+#define AROUND (4 * (STEPS + 1))    // of a ring: every quarter has both of its ends
+#define RINGS (2 * (STEPS + 1))     // the lower and the upper half, likewise
+#define POINTS (RINGS * AROUND + 2) // and the middles of both ends
 #define TRIANGLES (2 * AROUND * RINGS)
 
 // Every solid of shape.h but meshes is a ball that rolls within a smaller one: a box, a disc, a line, a point.
-typedef struct core { // about its middle
+typedef struct core {                       // about its middle
     double half_m[3], disc_m, roll_m, up_m; // half extents; radius of a disc; the ball; where the middle is
 } core;
 
@@ -24,8 +24,7 @@ static core core_of(const kn_solid *p)
     switch (p->kind) {
     case KN_SOLID_CAPSULE: return (core){{0, 0, 0.5 * p->length_m}, 0, p->radius_m, 0.5 * p->length_m};
     case KN_SOLID_CYLINDER: return (core){{0, 0, p->half_m[2]}, p->half_m[0], p->radius_m, 0.5 * p->length_m};
-    case KN_SOLID_BOX:
-        return (core){{p->half_m[0], p->half_m[1], p->half_m[2]}, 0, p->radius_m, 0.5 * p->length_m};
+    case KN_SOLID_BOX: return (core){{p->half_m[0], p->half_m[1], p->half_m[2]}, 0, p->radius_m, 0.5 * p->length_m};
     default: return (core){{0}, 0, p->radius_m, 0};
     }
 }

@@ -15,8 +15,8 @@
 
 #define CHANNEL "KNEAD_TOUCH_"
 #define CELLS 8
-#define FRAME_MS 40     // between two pictures: 25 per second
-#define SILENCE_MS 300  // patches come every 4 ms
+#define FRAME_MS 40      // between two pictures: 25 per second
+#define SILENCE_MS 300   // patches come every 4 ms
 #define PATIENCE_MS 4000 // for the first one
 
 static const char help[] =
@@ -36,8 +36,8 @@ typedef struct watch {
     const char *probe, *url;
     double seconds; // INFINITY: for ever
     bool json, once, draws, help;
-    char name[64];             // of the tool that is looked at; "": none yet
-    knead_touch_patch_t patch; // the newest
+    char name[64];                 // of the tool that is looked at; "": none yet
+    knead_touch_patch_t patch;     // the newest
     int64_t heard, drawn, touched; // messages; of them the last one drawn; those with something in them
     int64_t heard_ms, first_us;
     bool on_screen;
@@ -54,9 +54,9 @@ static bool seconds(const char *text, double *value)
 
 static int parse(watch *w, int argc, char **argv)
 {
-    static const struct option list[] = {{"probe", 1, 0, 'p'},   {"json", 0, 0, 'j'}, {"once", 0, 0, 'o'},
-                                         {"seconds", 1, 0, 's'}, {"lcm-url", 1, 0, 'u'}, {"help", 0, 0, 'h'},
-                                         {0, 0, 0, 0}};
+    static const struct option list[] = {
+        {"probe", 1, 0, 'p'},   {"json", 0, 0, 'j'}, {"once", 0, 0, 'o'}, {"seconds", 1, 0, 's'},
+        {"lcm-url", 1, 0, 'u'}, {"help", 0, 0, 'h'}, {0, 0, 0, 0}};
     char error[256];
     optind = 1;
     for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
@@ -91,8 +91,9 @@ static void print_words(const watch *w)
     if (!(t->area_m2 > 0)) printf("touches nothing");
     else
         printf("area %.2f cm2, peak %.2f kPa, centre %+.2f %+.2f %+.2f mm, normal %+.3f %+.3f %+.3f, slip %+.2f %+.2f "
-               "%+.2f mm/s", 1e4 * t->area_m2, 1e-3 * t->peak_pressure_pa, 1e3 * c[0], 1e3 * c[1], 1e3 * c[2], n[0],
-               n[1], n[2], 1e3 * s[0], 1e3 * s[1], 1e3 * s[2]);
+               "%+.2f mm/s",
+               1e4 * t->area_m2, 1e-3 * t->peak_pressure_pa, 1e3 * c[0], 1e3 * c[1], 1e3 * c[2], n[0], n[1], n[2],
+               1e3 * s[0], 1e3 * s[1], 1e3 * s[2]);
 }
 
 static void print_line(const watch *w)
@@ -201,9 +202,8 @@ static int look(watch *w, kn_join *bus)
     if (w->draws && w->heard) draw(w);
     double waited_s = 1e-3 * (double)(now_ms - start_ms);
     if (w->heard == 0)
-        return kn_complain("touch", KN_EXIT_DEVICE,
-                           "no " CHANNEL "%s for %.3g s: %s", w->probe ? w->probe : "*", waited_s,
-                           kn_join_why("is kneadd running with --touch, and a hand at the tool?"));
+        return kn_complain("touch", KN_EXIT_DEVICE, "no " CHANNEL "%s for %.3g s: %s", w->probe ? w->probe : "*",
+                           waited_s, kn_join_why("is kneadd running with --touch, and a hand at the tool?"));
     if (w->once && w->touched == 0)
         return kn_complain("touch", KN_EXIT_DEVICE, "%s touched nothing for %.3g s", w->name, waited_s);
     return KN_EXIT_OK;

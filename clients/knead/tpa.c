@@ -42,10 +42,7 @@ typedef struct plate {
     double peak_n, area_j, touched;   // of this stroke; strain at which it touched, negative before
 } plate;
 
-static double place(const plate *p, double t)
-{
-    return p->from + p->rate_per_s * (t - p->start_s);
-}
+static double place(const plate *p, double t) { return p->from + p->rate_per_s * (t - p->start_s); }
 
 static void add(plate *p)
 {
@@ -84,10 +81,8 @@ static int find_change(plate *p, const kn_bench *before)
         double middle = 0.5 * (low + high);
         *p->b = *before;
         code = kn_bench_advance(p->b, middle);
-        if (changes(p))
-            high = middle;
-        else
-            low = middle;
+        if (changes(p)) high = middle;
+        else low = middle;
     }
     *p->b = *before;
     return code == KN_EXIT_OK ? kn_bench_advance(p->b, high) : code;
@@ -122,8 +117,7 @@ static int stroke(plate *p, double from, double rate_per_s, double seconds)
     if (p->touches) { // it turns round
         code = kn_bench_strain(p->b, p->b->strain, rate_per_s);
         if (code == KN_EXIT_OK && changes(p)) code = let_go(p);
-    } else if (changes(p))
-        code = touch(p);
+    } else if (changes(p)) code = touch(p);
     if (code == KN_EXIT_OK) add(p);
     for (int i = 1; i <= SAMPLES && code == KN_EXIT_OK && seconds > 0; i++) {
         code = go(p, p->start_s + seconds * i / SAMPLES);

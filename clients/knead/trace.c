@@ -9,7 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#define MAGIC 0x656361727444424bu // "KBDtrace": with times of the ticks
+#define MAGIC 0x656361727444424bu                  // "KBDtrace": with times of the ticks
 enum { NODES_MAX = 1 << 22, TICKS_MAX = 1 << 24 }; // of a file that is believed: core/scene's lattice, 4.6 hours
 
 typedef struct head {

@@ -13,10 +13,10 @@ typedef struct kn_trace {
     double (*force_n)[3];   // [ticks * probes] contact force, before any device limit; 0 of a probe without a session
     int64_t nodes, grid[3]; // nodes along x, y, z, 0: a mesh
     double spacing_m;
-    double (*shape_m)[3];   // [nodes] displacement after the last tick
-    int64_t faults;         // latched: poses that stopped are in the log, a jump of the force is the computation's
+    double (*shape_m)[3]; // [nodes] displacement after the last tick
+    int64_t faults;       // latched: poses that stopped are in the log, a jump of the force is the computation's
     int64_t diverged;
-    kn_replay_tally tally; // of the replay, at its end
+    kn_replay_tally tally;    // of the replay, at its end
     float *us;                // [ticks] of this thread's processor time; 0: no tool touched the object
     double median_us, p90_us; // of those in which one did
     int64_t sitting; // which sweep's serial pass these times are of, 0: others ran beside it, they mean nothing

@@ -37,8 +37,13 @@ static const kn_axes_def usual[] = {
     {BLEND, F32, .counts = 1, .count = {2}, .tolerances = 2, .tolerance = {1e-2, 1e-4}},
     // more than one linearisation; double precision
     {BLEND, F32, .counts = 2, .count = {4, 8}, .tolerances = 3, .tolerance = {0, 1e-3, 1e-4}, .passes = 1, .pass = {2}},
-    {.methods = 2, .method = {KN_METHOD_BLEND, KN_METHOD_RK4}, .precisions = 1, .precision = {KN_PRECISION_F64},
-     .counts = 3, .count = {4, 8, 16}, ONE_TOLERANCE(0)}};
+    {.methods = 2,
+     .method = {KN_METHOD_BLEND, KN_METHOD_RK4},
+     .precisions = 1,
+     .precision = {KN_PRECISION_F64},
+     .counts = 3,
+     .count = {4, 8, 16},
+     ONE_TOLERANCE(0)}};
 
 static const kn_axes_def quick[] = {
     {BOTH, F32, .counts = 4, .count = {3, 4, 8, 16}, ONE_TOLERANCE(0)},
@@ -106,7 +111,8 @@ static void print_times(const sweep *s)
         several |= first && sitting != first;
         first = sitting;
     }
-    printf("times      processor time of a tick of the servo, one run at a time, of each tick the better of two rounds");
+    printf(
+        "times      processor time of a tick of the servo, one run at a time, of each tick the better of two rounds");
     if (several) printf("; NOT all of one sitting: compare with care");
     if (s->crew.unsteady > 0)
         printf("; %d of %d points took over 15 %% longer in the other: this machine has other work", s->crew.unsteady,
@@ -122,8 +128,7 @@ static void print_named(const sweep *s)
         char name[96];
         printf("%-10s ", kn_quality_name(q));
         if (!r) printf("none: no point's p90 is %g us or less", budget_us);
-        else if (q > 0 && r == s->named[q - 1])
-            printf("the same as %s: no other is between", kn_quality_name(q - 1));
+        else if (q > 0 && r == s->named[q - 1]) printf("the same as %s: no other is between", kn_quality_name(q - 1));
         else
             printf("%s: %.0f us, p90 %.0f us, force %.2g %%, shape %.2g %% of the solver", kn_run_name(r->run, name),
                    r->median_us, r->p90_us, 100 * r->force.solver, 100 * r->shape.solver);
@@ -181,8 +186,9 @@ static int write_csv(const sweep *s)
     FILE *f = fopen(s->opt.csv, "w");
     bool ok = f && kn_front_csv(&s->front, f);
     if (f && fclose(f) != 0) ok = false;
-    return ok ? KN_EXIT_OK : kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s, expected a file that can be written",
-                                         s->opt.csv, strerror(errno));
+    return ok ? KN_EXIT_OK
+              : kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", s->opt.csv,
+                            strerror(errno));
 }
 
 static int report(sweep *s)
@@ -194,7 +200,8 @@ static int report(sweep *s)
     kn_front_result(&s->front);
     for (int q = 0; q < KN_QUALITY_OWN; q++) {
         char name[96];
-        if (s->named[q]) kn_result_text(kn_result(), kn_quality_name((kn_quality)q), kn_run_name(s->named[q]->run, name));
+        if (s->named[q])
+            kn_result_text(kn_result(), kn_quality_name((kn_quality)q), kn_run_name(s->named[q]->run, name));
     }
     kn_chart_print(&s->front, &s->plan, s->named);
     print_times(s);

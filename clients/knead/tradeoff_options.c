@@ -217,18 +217,26 @@ static int check(const kn_tradeoff_options *opt)
 
 int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv, bool *done)
 {
-    static const struct option options[] = {
-        {"json", no_argument, NULL, 'o'},
-        {"quick", no_argument, NULL, 'q'},           {"budget-us", required_argument, NULL, 'b'},
-        {"write", no_argument, NULL, 'w'},           {"csv", required_argument, NULL, 'c'},
-        {"plot", required_argument, NULL, 'f'},      {"set", required_argument, NULL, 'k'},
-        {"solver", required_argument, NULL, 's'},    {"precision", required_argument, NULL, 'p'},
-        {"iterations", required_argument, NULL, 'i'}, {"tolerance", required_argument, NULL, 't'},
-        {"passes", required_argument, NULL, 'P'},    {"dt", required_argument, NULL, 'd'},
-        {"spacing", required_argument, NULL, 'x'},   {"resume", required_argument, NULL, 'r'},
-        {"jobs", required_argument, NULL, 'j'},      {"hosts", required_argument, NULL, 'H'},
-        {"job", required_argument, NULL, 'J'},       {"help", no_argument, NULL, 'h'},
-        {NULL, 0, NULL, 0}};
+    static const struct option options[] = {{"json", no_argument, NULL, 'o'},
+                                            {"quick", no_argument, NULL, 'q'},
+                                            {"budget-us", required_argument, NULL, 'b'},
+                                            {"write", no_argument, NULL, 'w'},
+                                            {"csv", required_argument, NULL, 'c'},
+                                            {"plot", required_argument, NULL, 'f'},
+                                            {"set", required_argument, NULL, 'k'},
+                                            {"solver", required_argument, NULL, 's'},
+                                            {"precision", required_argument, NULL, 'p'},
+                                            {"iterations", required_argument, NULL, 'i'},
+                                            {"tolerance", required_argument, NULL, 't'},
+                                            {"passes", required_argument, NULL, 'P'},
+                                            {"dt", required_argument, NULL, 'd'},
+                                            {"spacing", required_argument, NULL, 'x'},
+                                            {"resume", required_argument, NULL, 'r'},
+                                            {"jobs", required_argument, NULL, 'j'},
+                                            {"hosts", required_argument, NULL, 'H'},
+                                            {"job", required_argument, NULL, 'J'},
+                                            {"help", no_argument, NULL, 'h'},
+                                            {NULL, 0, NULL, 0}};
     memset(opt, 0, sizeof *opt);
     opt->jobs = 1;
     optind = 0; // a test calls this more than once

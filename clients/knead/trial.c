@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ERROR_MAX 0.05 // below what a hand feels, see trial.h
+#define ERROR_MAX 0.05  // below what a hand feels, see trial.h
 #define ERROR_MOST 0.07 // where the step itself costs that
 #define VARIATION_MAX 1.5
 #define BLOWN_UP 100.0
@@ -65,8 +65,7 @@ static kn_input input_at(const kn_trial *t, const kn_model *m, double time_s, do
     double depth = depth_at(t, time_s - dt), next = depth_at(t, time_s);
     const kn_probe_def *probe = &m->def.probe[0];
     in.probe[0].attached = true;
-    in.probe[0].position_m[2] =
-        m->rest_m[m->top[0]][2] + kn_foot_m(probe) - depth;
+    in.probe[0].position_m[2] = m->rest_m[m->top[0]][2] + kn_foot_m(probe) - depth;
     in.probe[0].velocity_m_s[2] = (depth - next) / dt;
     // never straight down: on a symmetric path rounding alone would decide which way a soft block buckles
     static const double aside[2] = {0.05, 0.03};

@@ -36,12 +36,12 @@ typedef enum kn_trial_hand {
 typedef struct kn_trial {
     kn_model_def def;
     kn_trial_hand hand;
-    int steps;           // of def.solver.dt_s
-    double depth_m;      // PRESS, JUMP: how far; less where the time is too short for it
-    double jump_m[3];    // JUMP
-    double strain;       // LOAD: what a body at rest would give way in that time
-    double squeezed;     // V/V0 that the object's topmost cells begin with, 1: at rest; negative: inside out
-    kn_simplices *mesh;  // owned; def.mesh points at it
+    int steps;          // of def.solver.dt_s
+    double depth_m;     // PRESS, JUMP: how far; less where the time is too short for it
+    double jump_m[3];   // JUMP
+    double strain;      // LOAD: what a body at rest would give way in that time
+    double squeezed;    // V/V0 that the object's topmost cells begin with, 1: at rest; negative: inside out
+    kn_simplices *mesh; // owned; def.mesh points at it
 } kn_trial;
 
 typedef enum kn_judgement {

@@ -59,8 +59,9 @@ static int range_image(const kn_view_options *o)
             code = kn_complain("view", KN_EXIT_DEVICE, "%s", error);
         else
             printf("%s: %d x %d, %s; height above the table = %g mm * (value - 1), 0: nothing there; pixel %g mm; "
-                   "%.3f .. %.3f mm high\n", o->depth, r.width, r.height, s->caption, 1e3 * r.step_m, 1e3 * r.pixel_m,
-                   1e3 * r.lowest_m, 1e3 * r.highest_m);
+                   "%.3f .. %.3f mm high\n",
+                   o->depth, r.width, r.height, s->caption, 1e3 * r.step_m, 1e3 * r.pixel_m, 1e3 * r.lowest_m,
+                   1e3 * r.highest_m);
     }
     free(level);
     kn_lineup_close(&l);

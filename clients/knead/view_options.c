@@ -48,7 +48,8 @@ const char kn_view_help[] =
     "  --speed X          of a recording: 2 is twice as fast, 0.01..1000 (1)\n"
     "  --orbit DEG        the camera goes round by so many degrees per second of the film (0)\n\n"
     "Range images: a PNG of 16-bit grey of the object without its tools, straight from above, x to the right, y up.\n"
-    "0 is nothing there, else the height above the table is (value - 1) times a step, 1 um for an object of up to 5 cm;\n"
+    "0 is nothing there, else the height above the table is (value - 1) times a step, 1 um for an object of up to 5 "
+    "cm;\n"
     "step and size of a pixel are told, also in the file's texts, in mm.\n\n"
     "Compared are points that lie beside each other at rest: the same vertices, or of another mesh the nearest.\n"
     "Squares on the table, and the black bar: 1 cm, for an object of 2 to 20 cm. Arrow: one square per 5 N.\n"
@@ -77,8 +78,8 @@ static bool camera(const char *text, kn_view_options *o)
     static const struct {
         const char *name;
         double azimuth_deg, elevation_deg;
-    } from[] = {{"front", 0, 14}, {"right", 90, 14}, {"back", 180, 14}, {"left", 270, 14},
-                {"top", 0, 90},   {"corner", 28, 27}};
+    } from[] = {{"front", 0, 14},  {"right", 90, 14}, {"back", 180, 14},
+                {"left", 270, 14}, {"top", 0, 90},    {"corner", 28, 27}};
     for (int i = 0; i < 6; i++) {
         if (strcmp(from[i].name, text) != 0) continue;
         o->look.azimuth_deg = from[i].azimuth_deg;
@@ -88,7 +89,7 @@ static bool camera(const char *text, kn_view_options *o)
     return false;
 }
 
-typedef struct asked { // what cannot be in options yet
+typedef struct asked {                 // what cannot be in options yet
     double azimuth_deg, elevation_deg; // NAN: as the camera
     bool sized;
     int moments; // of --at; 0: not given
@@ -298,9 +299,15 @@ int kn_view_parse(int argc, char **argv, kn_view_options *o)
         {"camera", 1, NULL, 'k'},    {"zoom", 1, NULL, 'z'},     {NULL, 0, NULL, 0}};
     asked a = {NAN, NAN, false, 0};
     int option, which = 0;
-    *o = (kn_view_options){.measure = -1, .at_s = {INFINITY, INFINITY, INFINITY, INFINITY}, .to_s = INFINITY,
-                           .wait_s = 6, .fps = 30, .speed = 1,
-                           .width = 1280, .height = 720, .look = kn_view_scene_default()};
+    *o = (kn_view_options){.measure = -1,
+                           .at_s = {INFINITY, INFINITY, INFINITY, INFINITY},
+                           .to_s = INFINITY,
+                           .wait_s = 6,
+                           .fps = 30,
+                           .speed = 1,
+                           .width = 1280,
+                           .height = 720,
+                           .look = kn_view_scene_default()};
     o->look.hands = true;
     opterr = 0; // our own words
     while ((option = getopt_long(argc, argv, ":h", names, &which)) != -1) {

@@ -13,10 +13,10 @@ typedef struct kn_view_options {
     int file_count;                  // what is drawn; 0: the bus
     const char *file[KN_VIEW_FILES_MAX];
     kn_view_kind kind[KN_VIEW_FILES_MAX]; // told by their first bytes
-    const char *scene; // that a snapshot is of, or NULL
+    const char *scene;                    // that a snapshot is of, or NULL
     const char *url, *mesh_url;
     double at_s[KN_VIEW_FILES_MAX]; // of each recording; INFINITY: end
-    double wait_s; // for a server
+    double wait_s;                  // for a server
     double from_s, to_s;            // a film's part of the recording; INFINITY: to its end
     double seconds;                 // a film of what is live; 0: not given
     double fps, speed, orbit_deg_s; // of a film

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SETTLE_MS 50   // after the first whole mesh: the probes' forces, and a mesh that is not older than they are
+#define SETTLE_MS 50 // after the first whole mesh: the probes' forces, and a mesh that is not older than they are
 
 static int no_memory(void) { return kn_complain("view", KN_EXIT_DEVICE, "out of memory"); }
 
@@ -36,10 +36,7 @@ static int load_scene(kn_source *s, const char *path, const char *const *sets, i
     return s->state ? KN_EXIT_OK : no_memory();
 }
 
-static int open_scene(kn_source *s)
-{
-    return load_scene(s, s->path, NULL, 0);
-}
+static int open_scene(kn_source *s) { return load_scene(s, s->path, NULL, 0); }
 
 // ---- a snapshot
 
@@ -130,9 +127,9 @@ static void tools_of_log(const kn_replay *r, kn_still *still)
 static int unheard(const kn_view_options *o, const kn_live *live)
 {
     const char *what = live->heard[0] ? "a server, but no mesh" : live->heard[1] ? "no whole mesh" : "nothing";
-    return kn_complain("view", KN_EXIT_DEVICE,
-                       "heard %s in %g s: %s", what, o->wait_s,
-                       kn_join_why("is kneadd running, in this network namespace, with these --lcm-url and --mesh-url?"));
+    return kn_complain(
+        "view", KN_EXIT_DEVICE, "heard %s in %g s: %s", what, o->wait_s,
+        kn_join_why("is kneadd running, in this network namespace, with these --lcm-url and --mesh-url?"));
 }
 
 static int open_bus(kn_source *s, const kn_view_options *o)
@@ -172,9 +169,11 @@ static int untold(const kn_live *live, kn_measure what)
     const char *name = kn_measure_names[what].name;
     if (what == KN_MEASURE_DISPLACEMENT) return no_memory();
     if (live->scene->mesh_measures & bit)
-        return kn_complain("view", KN_EXIT_DEVICE, "--color %s: kneadd tells none now, though its scene asks for it", name);
+        return kn_complain("view", KN_EXIT_DEVICE, "--color %s: kneadd tells none now, though its scene asks for it",
+                           name);
     return kn_complain("view", KN_EXIT_USAGE,
-                       "--color %s: the scene that is served has no such mesh.measures, expected a start with it", name);
+                       "--color %s: the scene that is served has no such mesh.measures, expected a start with it",
+                       name);
 }
 
 static int still_of_bus(kn_source *s, const kn_view_options *o, kn_still *still)

@@ -22,9 +22,9 @@ typedef struct kn_source { // read only
     kn_scene *scene;   // of a scene or a snapshot: these three
     kn_model *model;
     kn_state *state;
-    kn_saved *saved;   // of a snapshot
+    kn_saved *saved; // of a snapshot
     int64_t opened_ms;
-    bool told; // that its scene is not known
+    bool told;       // that its scene is not known
     kn_gauge *gauge; // while one is needed
     int gauged;      // of the model after so many changes in the recording
 } kn_source;

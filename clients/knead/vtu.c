@@ -17,10 +17,7 @@ typedef struct kn_pvd {
     char path[4096];
 } sheet;
 
-static int put(void *file, const char *bytes, int size)
-{
-    return (int)fwrite(bytes, 1, (size_t)size, file);
-}
+static int put(void *file, const char *bytes, int size) { return (int)fwrite(bytes, 1, (size_t)size, file); }
 
 static void say(sheet *s, int result) { s->failed |= result < 0; }
 
@@ -92,8 +89,8 @@ static void write_array(sheet *s, const char *name, const char *type, int compon
     if (block && text) {
         memcpy(block, &bytes, sizeof bytes);
         if (bytes > 0) memcpy(block + sizeof bytes, value, bytes);
-        say(s, xmlTextWriterWriteRaw(s->xml, TEXT(sodium_bin2base64(text, coded, block, plain,
-                                                                     sodium_base64_VARIANT_ORIGINAL))));
+        say(s, xmlTextWriterWriteRaw(
+                   s->xml, TEXT(sodium_bin2base64(text, coded, block, plain, sodium_base64_VARIANT_ORIGINAL))));
     } else s->failed = true;
     end(s);
     free(block);

@@ -7,7 +7,14 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { KN_VTK_VERTEX = 1, KN_VTK_LINE = 3, KN_VTK_TRIANGLE = 5, KN_VTK_QUAD = 9, KN_VTK_TETRA = 10, KN_VTK_HEXAHEDRON = 12 };
+enum {
+    KN_VTK_VERTEX = 1,
+    KN_VTK_LINE = 3,
+    KN_VTK_TRIANGLE = 5,
+    KN_VTK_QUAD = 9,
+    KN_VTK_TETRA = 10,
+    KN_VTK_HEXAHEDRON = 12
+};
 
 typedef struct kn_vtu_array {
     const char *name;   // with its unit: "velocity_m_s"
@@ -19,10 +26,10 @@ typedef struct kn_vtu_array {
 typedef struct kn_vtu { // borrows all
     double time_s;
     int point_count, cell_count;
-    const float (*xyz)[3];  // [point_count] m
-    const int32_t *corner;  // points of all cells, one cell after the other, in VTK's order
-    const int32_t *end;     // [cell_count] where a cell's end in them
-    const uint8_t *type;    // [cell_count] KN_VTK_*
+    const float (*xyz)[3]; // [point_count] m
+    const int32_t *corner; // points of all cells, one cell after the other, in VTK's order
+    const int32_t *end;    // [cell_count] where a cell's end in them
+    const uint8_t *type;   // [cell_count] KN_VTK_*
     int point_arrays, cell_arrays, field_arrays;
     kn_vtu_array point[KN_VTU_ARRAYS], cell[KN_VTU_ARRAYS], field[KN_VTU_ARRAYS]; // field: one tuple for the whole file
 } kn_vtu;

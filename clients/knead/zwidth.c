@@ -46,13 +46,13 @@ static const char help[] =
 enum { TRIPS = 6, FRICTIONS = 5, DAMPINGS = 4, SETS = 32 };
 static const int trip_ms[TRIPS] = {0, 1, 2, 5, 10, 20};
 static const double friction_share[FRICTIONS] = {0.5, 1.0, 2.0, 5.0, 10.0}; // --quick: the second
-static const double damping_share[DAMPINGS] = {1.0, 0.0, 0.5, 2.0}; // of the class's b_vc
+static const double damping_share[DAMPINGS] = {1.0, 0.0, 0.5, 2.0};         // of the class's b_vc
 static const double least_n_m = 10.0, most_n_m = 20000.0, ladder = 1.25;
 enum { HALVINGS = 4 };
 
-static const char *const columns[] = {"round_trip_ms", "friction_n_s_m", "largest_n_m", "largest_undamped_n_m",
-                                      "largest_half_n_m", "largest_double_n_m", "colgate_n_m", "delayed_n_m",
-                                      "default_n_m", "default_n_s_m", "default_buzzes", NULL};
+static const char *const columns[] = {
+    "round_trip_ms", "friction_n_s_m", "largest_n_m", "largest_undamped_n_m", "largest_half_n_m", "largest_double_n_m",
+    "colgate_n_m",   "delayed_n_m",    "default_n_m", "default_n_s_m",        "default_buzzes",   NULL};
 
 typedef struct zwidth {
     const char *device, *csv, *plot;
@@ -86,7 +86,9 @@ static kn_rig_result on_lattice(const zwidth *z, const kn_rig_def *def)
 static bool buzzes(const zwidth *z, double friction_n_s_m, int trip, kn_coupling coupling)
 {
     kn_pad_contact c = {.coupling = coupling};
-    kn_rig_def def = {.arm = kn_arm_of(&z->profile), .coupling = coupling, .trip_ms = trip,
+    kn_rig_def def = {.arm = kn_arm_of(&z->profile),
+                      .coupling = coupling,
+                      .trip_ms = trip,
                       .motion = z->grip == KN_GRIP_NONE ? KN_RIG_LEAN : KN_RIG_PRESS};
     def.arm.damping_n_s_m = friction_n_s_m;
     def.arm.grip = z->grip;
@@ -166,11 +168,28 @@ static int draw(const zwidth *z)
     snprintf(title, sizeof title, "%s: stiffest calm coupling, simulated; hand %s on %s", z->profile.name,
              kn_grip_name(z->grip), z->scene ? z->scene->name : z->material->name);
     snprintf(damped, sizeof damped, "k_vc, N/m, at b_vc %.3g N s/m", z->most.damping_n_s_m);
-    kn_axes axes[2] = {
-        {.x_label = "round trip, ms", .y_label = damped, .x = TRIP, .y = LARGEST, .y2 = DELAYED, .y_name = "measured",
-         .y2_name = "delayed bound", .x_scale = 1, .y_scale = 1, .log_y = true, .points = true},
-        {.x_label = "round trip, ms", .y_label = "k_vc, N/m, at b_vc 0", .x = TRIP, .y = UNDAMPED, .y2 = COLGATE,
-         .y_name = "measured", .y2_name = "Colgate", .x_scale = 1, .y_scale = 1, .log_y = true, .points = true}};
+    kn_axes axes[2] = {{.x_label = "round trip, ms",
+                        .y_label = damped,
+                        .x = TRIP,
+                        .y = LARGEST,
+                        .y2 = DELAYED,
+                        .y_name = "measured",
+                        .y2_name = "delayed bound",
+                        .x_scale = 1,
+                        .y_scale = 1,
+                        .log_y = true,
+                        .points = true},
+                       {.x_label = "round trip, ms",
+                        .y_label = "k_vc, N/m, at b_vc 0",
+                        .x = TRIP,
+                        .y = UNDAMPED,
+                        .y2 = COLGATE,
+                        .y_name = "measured",
+                        .y2_name = "Colgate",
+                        .x_scale = 1,
+                        .y_scale = 1,
+                        .log_y = true,
+                        .points = true}};
     return kn_table_draw(&z->table, "zwidth", z->plot, title, axes, 2);
 }
 
@@ -211,10 +230,10 @@ static int take(zwidth *z, int option, const char *value)
 
 static int parse(zwidth *z, int argc, char **argv, bool *done)
 {
-    static const struct option list[] = {{"device", 1, 0, 'd'}, {"set", 1, 0, 's'},  {"hand", 1, 0, 'h'},
+    static const struct option list[] = {{"device", 1, 0, 'd'},   {"set", 1, 0, 's'},   {"hand", 1, 0, 'h'},
                                          {"material", 1, 0, 'm'}, {"quick", 0, 0, 'q'}, {"csv", 1, 0, 'c'},
-                                         {"plot", 1, 0, 'p'}, {"json", 0, 0, 'j'},   {"scene", 1, 0, 'S'}, {"probe", 1, 0, 't'},
-                                         {"help", 0, 0, '!'}, {0, 0, 0, 0}};
+                                         {"plot", 1, 0, 'p'},     {"json", 0, 0, 'j'},  {"scene", 1, 0, 'S'},
+                                         {"probe", 1, 0, 't'},    {"help", 0, 0, '!'},  {0, 0, 0, 0}};
     optind = 1;
     for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
         if (c == '!') {
@@ -231,8 +250,10 @@ static int parse(zwidth *z, int argc, char **argv, bool *done)
     if (optind < argc)
         return kn_complain("zwidth", KN_EXIT_USAGE, "%s: expected options only; --help lists them", argv[optind]);
     if (z->grip == KN_GRIP_NONE && (z->scene_path || z->material != &kn_pads[0]))
-        return kn_complain("zwidth", KN_EXIT_USAGE, "%s: without a hand the device only sinks in, expected --hand "
-                           "light, normal or firm", z->scene_path ? z->scene_path : z->material->name);
+        return kn_complain("zwidth", KN_EXIT_USAGE,
+                           "%s: without a hand the device only sinks in, expected --hand "
+                           "light, normal or firm",
+                           z->scene_path ? z->scene_path : z->material->name);
     return KN_EXIT_OK;
 }
 

@@ -11,7 +11,7 @@
 #include <sys/timerfd.h>
 #include <unistd.h>
 
-static const int priority = 60;  // below kneadd's threads: a device has a processor of its own
+static const int priority = 60; // below kneadd's threads: a device has a processor of its own
 static const int retry_ms = 500;
 
 void kn_tactile_bad(kn_tactile *device, const char *format, ...)
@@ -81,7 +81,11 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
     kn_bridge *b = self;
     knead_contact_force_t f;
     if (knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &f) < 0) return;
-    kn_tether_force force = {.session = f.session, .seq = f.seq, .tick = f.tick, .flags = f.flags, .fault = f.fault,
+    kn_tether_force force = {.session = f.session,
+                             .seq = f.seq,
+                             .tick = f.tick,
+                             .flags = f.flags,
+                             .fault = f.fault,
                              .age_s = 1e-9 * (double)(kn_now_ns() - f.sent_ns)};
     memcpy(force.force_n, f.force_n, sizeof force.force_n); // force_scale is in it already
     b->heard |= kn_tether_take(&b->now.tether, &force);
@@ -266,7 +270,8 @@ bool kn_bridge_start(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device,
         close_all(b);
         return false;
     }
-    while (sem_wait(&b->ready) != 0); // a signal
+    while (sem_wait(&b->ready) != 0)
+        ; // a signal
     if (atomic_load(&b->up)) return true;
     pthread_join(b->thread, NULL);
     close_all(b);

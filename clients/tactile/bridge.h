@@ -42,7 +42,7 @@ typedef struct kn_tactile {
     // Reaches for the device, watchers go to bridge->ev. False and one line in error. A device that answers later says
     // kn_bridge_lost when it does not.
     bool (*open)(struct kn_tactile *device, kn_bridge *bridge, char *error, size_t error_size);
-    void (*close)(struct kn_tactile *device); // after a loss, too; not before open
+    void (*close)(struct kn_tactile *device);   // after a loss, too; not before open
     void (*destroy)(struct kn_tactile *device); // once, at the end, while bridge->ev still is; NULL: nothing to do
     void (*tick)(struct kn_tactile *device, int elapsed_ms); // every ms while open; NULL: not needed
     // What the motors are to give, N in the device's frame; not live: enable off. After every force (of the local model
@@ -51,21 +51,21 @@ typedef struct kn_tactile {
     bool answers; // says where it is only when it is given something: at a pose it is not, or the two would chase
     kn_own_watchdog watchdog; // the driver's, from each opening on
     // what the driver counts
-    int64_t messages;       // that said where the device is
-    int64_t bad, lost;      // refused as malformed; told by numbers, never came
-    char why[96];           // of the last bad one
-    char state[96];         // what the device says of itself; "": nothing worth telling
+    int64_t messages;  // that said where the device is
+    int64_t bad, lost; // refused as malformed; told by numbers, never came
+    char why[96];      // of the last bad one
+    char state[96];    // what the device says of itself; "": nothing worth telling
 } kn_tactile;
 
 typedef struct kn_bridge_news {
     kn_tether tether;
-    bool there;            // the device has said where it is since it was opened last
+    bool there; // the device has said where it is since it was opened last
     int64_t arrivals, losses;
-    char why[160];         // of the last loss
+    char why[160];                     // of the last loss
     int64_t messages, bad, lost, late; // of the device; late: ms in which this thread did not run
     char bad_why[96], state[96];
     kn_own_watchdog watchdog;
-    double position_m[3];  // the tool's, in the scene
+    double position_m[3]; // the tool's, in the scene
     int32_t buttons;
 } kn_bridge_news;
 
@@ -95,10 +95,10 @@ struct kn_bridge {
 };
 
 typedef struct kn_bridge_def {
-    const char *url;   // as kn_join_open takes it
+    const char *url; // as kn_join_open takes it
     const char *probe;
     kn_render_def render; // the device, how it stands, what is rendered
-    int64_t session;   // random, not 0
+    int64_t session;      // random, not 0
 } kn_bridge_def;
 
 // Joins the bus, opens the device, starts. False and one line in error. bridge: zeroed, and stays where it is.

@@ -216,8 +216,7 @@ static int print_json(const kn_found *found, int count)
 
 int kn_devices_main(int argc, char **argv)
 {
-    static const struct option list[] = {
-        {"json", 0, 0, 'j'}, {"root", 1, 0, 'r'}, {"help", 0, 0, 'h'}, {0, 0, 0, 0}};
+    static const struct option list[] = {{"json", 0, 0, 'j'}, {"root", 1, 0, 'r'}, {"help", 0, 0, 'h'}, {0, 0, 0, 0}};
     const char *root = "";
     bool json = false;
     optind = 1;

@@ -115,7 +115,8 @@ static void look_at_limits(findings *f)
     int error = attempt(take_priority);
     check *c = add(f, "priority", !error, error ? "no SCHED_FIFO %d: %s" : "SCHED_FIFO %d is granted", KN_RT_SERVO,
                    strerror(error));
-    fix(c, "in /etc/security/limits.d/knead.conf: @knead - rtprio %d; sudo groupadd -fr knead; sudo usermod -aG knead "
+    fix(c,
+        "in /etc/security/limits.d/knead.conf: @knead - rtprio %d; sudo groupadd -fr knead; sudo usermod -aG knead "
         "$USER; log in again",
         KN_RT_SERVO);
     error = attempt(lock_memory);
@@ -327,14 +328,10 @@ int kn_doctor_main(int argc, char **argv)
     char end;
     int seconds = 2, code = KN_EXIT_OK;
     for (int option; (option = getopt_long(argc, argv, "h", names, NULL)) != -1;) {
-        if (option == 'h')
-            return fputs(help, stdout), KN_EXIT_OK;
-        else if (option == 'j')
-            json = true;
-        else if (option == 'r')
-            root = optarg;
-        else if (option != 's')
-            return KN_EXIT_USAGE; // getopt has said which
+        if (option == 'h') return fputs(help, stdout), KN_EXIT_OK;
+        else if (option == 'j') json = true;
+        else if (option == 'r') root = optarg;
+        else if (option != 's') return KN_EXIT_USAGE; // getopt has said which
         else if (sscanf(optarg, "%4d%c", &seconds, &end) != 1 || seconds < 1 || seconds > 3600)
             return kn_complain("doctor", KN_EXIT_USAGE, "--seconds %s: expected 1 .. 3600", optarg);
     }
@@ -345,10 +342,8 @@ int kn_doctor_main(int argc, char **argv)
     look_at_processor(&f);
     look_at_devices(&f, root);
     measure(&f, seconds);
-    if (json)
-        code = print_json(&f);
-    else
-        print_lines(&f);
+    if (json) code = print_json(&f);
+    else print_lines(&f);
     for (int i = 0; i < f.count && code == KN_EXIT_OK; i++)
         if (!f.check[i].good) code = KN_EXIT_FAILED;
     return code;

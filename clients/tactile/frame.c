@@ -69,8 +69,12 @@ bool kn_deframer_push(kn_deframer *d, uint8_t byte, kn_frame *frame)
         skip(d);
         return false;
     }
-    *frame = (kn_frame){.kind = d->kind, .flags = b[3], .seq = get16(b + 4), .position_nm = get32(b + 6),
-                        .velocity_um_s = get32(b + 10), .force_un = get32(b + 14)};
+    *frame = (kn_frame){.kind = d->kind,
+                        .flags = b[3],
+                        .seq = get16(b + 4),
+                        .position_nm = get32(b + 6),
+                        .velocity_um_s = get32(b + 10),
+                        .force_un = get32(b + 14)};
     d->count = 0;
     uint16_t gap = (uint16_t)(frame->seq - d->seq - 1);
     if (d->frames++ > 0 && gap < 0x8000) d->lost += gap; // else it counts anew

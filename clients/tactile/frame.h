@@ -24,7 +24,7 @@ typedef enum kn_frame_kind {
     KN_FRAME_COMMAND = 2 // computer to paddle: force_un; position and velocity are 0
 } kn_frame_kind;
 
-enum { // flags of a state; bits 4..7 are buttons 0..3
+enum {                      // flags of a state; bits 4..7 are buttons 0..3
     KN_FRAME_MOTOR = 1,     // gives force
     KN_FRAME_TRIPPED = 2,   // its own watchdog has: no command for 20 ms; cleared by a command without KN_FRAME_ENABLE
     KN_FRAME_SATURATED = 4, // the motor cannot give what it was asked for
@@ -46,7 +46,7 @@ uint16_t kn_frame_crc(const uint8_t *bytes, size_t size);
 int32_t kn_frame_number(double value, double unit);
 
 typedef struct kn_deframer { // zeroed but for kind
-    kn_frame_kind kind; // which it hears; its own echo, or a paddle set up as a computer, is counted as bad
+    kn_frame_kind kind;      // which it hears; its own echo, or a paddle set up as a computer, is counted as bad
     int64_t frames;
     int64_t bad;     // 20 bytes that begin with K N and have a wrong checksum or kind
     int64_t skipped; // bytes that were in no frame

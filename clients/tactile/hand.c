@@ -21,12 +21,12 @@
 
 static const int scene_wait_ms = 4000; // KNEAD_SCENE comes every 1 s
 static const int look_ms = 50;
-static const int answer_ms = 3000;     // without a force, it is said that nobody answers
-static const int stalled_ms = 10;      // more than this and the silence is our own
-static const int bad_ms = 10000;       // a device that talks nonsense must not fill a terminal
+static const int answer_ms = 3000; // without a force, it is said that nobody answers
+static const int stalled_ms = 10;  // more than this and the silence is our own
+static const int bad_ms = 10000;   // a device that talks nonsense must not fill a terminal
 static const double above_m = 0.02;
-static const double cautious_n = 3.3;  // profile bench is a virtual hand's; the smallest of the common devices has this
-static const double thinnest = 0.5;    // of the object's height stays under a tool that no force stops
+static const double cautious_n = 3.3; // profile bench is a virtual hand's; the smallest of the common devices has this
+static const double thinnest = 0.5;   // of the object's height stays under a tool that no force stops
 
 typedef struct told { // of the bridge's news, so as to tell each thing once
     int64_t losses, arrivals, force_trips, pose_trips, faults, bad, reflexes, refusals, units;
@@ -73,10 +73,13 @@ static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
     kn_device_def *d = &h->render.device;
     const kn_hand_options *o = &h->opt;
     double extent_m[3], *at_m = d->position_m, axes[3][3];
-    h->render = (kn_render_def){.device = scene->device, .coupling_n_m = tool->coupling_n_m,
-                                .coupling_n_s_m = tool->coupling_n_s_m, .radius_m = tool->radius_m,
+    h->render = (kn_render_def){.device = scene->device,
+                                .coupling_n_m = tool->coupling_n_m,
+                                .coupling_n_s_m = tool->coupling_n_s_m,
+                                .radius_m = tool->radius_m,
                                 .level = tool->shape == KN_PROBE_PLATE,
-                                .guard_n_per_ms = scene->limits.guard_n_per_ms, .local = o->local,
+                                .guard_n_per_ms = scene->limits.guard_n_per_ms,
+                                .local = o->local,
                                 .held = o->kind == KN_HAND_SPACENAV}; // a puck has no motors for a late force
     kn_model_def_extent(&scene->model, extent_m);
     if (o->origin) memcpy(at_m, o->origin_m, sizeof d->position_m);
@@ -108,10 +111,10 @@ static int look_at_scene(hand *h)
         return complain(KN_EXIT_DEVICE, h->error);
     for (int64_t end_ms = kn_live_now_ms() + scene_wait_ms; !live.scene && kn_live_now_ms() < end_ms && !interrupted;)
         kn_live_listen(&live, look_ms);
-    int code = live.scene          ? use_scene(h, live.scene)
-               : *live.scene_error ? complain(KN_EXIT_USAGE, live.scene_error)
-                                   : kn_complain("hand", KN_EXIT_DEVICE, "no KNEAD_SCENE for 4 s: %s",
-                                                 kn_join_why(KN_JOIN_ASK));
+    int code = live.scene ? use_scene(h, live.scene)
+               : *live.scene_error
+                   ? complain(KN_EXIT_USAGE, live.scene_error)
+                   : kn_complain("hand", KN_EXIT_DEVICE, "no KNEAD_SCENE for 4 s: %s", kn_join_why(KN_JOIN_ASK));
     kn_live_close(&live);
     return code;
 }
@@ -135,8 +138,7 @@ static void tell_device(told *t, const kn_bridge_news *n, const char *name, int6
 static void tell_stop(told *t, const kn_tether *r, const char *then, int64_t now_ms)
 {
     const kn_render *n = &r->render;
-    if (n->reflexes > t->reflexes)
-        fprintf(stderr, "knead hand: %s: %s\n", kn_render_why(KN_RENDER_REFLEX), then);
+    if (n->reflexes > t->reflexes) fprintf(stderr, "knead hand: %s: %s\n", kn_render_why(KN_RENDER_REFLEX), then);
     if (n->refusals > t->refusals && (t->refusals == 0 || now_ms - t->far_ms >= bad_ms)) {
         fprintf(stderr, "knead hand: %s\n", kn_render_why(KN_RENDER_FAR));
         t->far_ms = now_ms;
@@ -160,8 +162,7 @@ static void tell_tether(told *t, const kn_bridge_news *n, const char *name, int6
     if ((force || pose) && r->stalled_ms >= stalled_ms)
         fprintf(stderr, "knead hand: this program did not run for %d ms: %s\n", r->stalled_ms, then);
     else if (force) fprintf(stderr, "knead hand: no force from kneadd for 20 ms: %s\n", then);
-    else if (pose && n->there)
-        fprintf(stderr, "knead hand: nothing from the %s for 20 ms: %s\n", name, then);
+    else if (pose && n->there) fprintf(stderr, "knead hand: nothing from the %s for 20 ms: %s\n", name, then);
     if (r->faults > t->faults) fprintf(stderr, "knead hand: kneadd's impulse guard has tripped: %s\n", then);
     t->force_trips = r->forces.trips;
     t->pose_trips = r->poses.trips;
@@ -175,8 +176,7 @@ static void tell_tether(told *t, const kn_bridge_news *n, const char *name, int6
                 kn_fault_remedy((kn_fault)r->fault));
     t->latched = latched;
     bool away = !n->there && n->arrivals > 0; // which was said already
-    if (r->heard > t->heard || away)
-        t->answer_ms = now_ms, t->unanswered = false, t->foreign = r->foreign;
+    if (r->heard > t->heard || away) t->answer_ms = now_ms, t->unanswered = false, t->foreign = r->foreign;
     t->heard = r->heard;
     if (t->unanswered || now_ms - t->answer_ms < answer_ms) return;
     t->unanswered = true;
@@ -191,13 +191,12 @@ static void tell_tool(const kn_bridge_news *n)
 {
     const double *x = n->position_m, *f = n->tether.render.given_n;
     printf("\r%6.1f %6.1f %6.1f mm  %6.2f %6.2f %6.2f N  %-28s", 1e3 * x[0], 1e3 * x[1], 1e3 * x[2], f[0], f[1], f[2],
-           !n->there                                   ? "no device"
-           : n->tether.mode == KN_TETHER_SILENT        ? "silent"
-           : n->tether.render.stop == KN_RENDER_FAR    ? "round trip above 5 ms: 0 N"
-           : n->tether.flags & KN_FLAG_REENGAGE_LIFT   ? "lift the tool"
-           : n->tether.flags & KN_FLAG_ENGAGED         ? n->tether.render.def.local ? "in the model, local"
-                                                                                    : "in the model"
-                                                       : n->state);
+           !n->there                                 ? "no device"
+           : n->tether.mode == KN_TETHER_SILENT      ? "silent"
+           : n->tether.render.stop == KN_RENDER_FAR  ? "round trip above 5 ms: 0 N"
+           : n->tether.flags & KN_FLAG_REENGAGE_LIFT ? "lift the tool"
+           : n->tether.flags & KN_FLAG_ENGAGED ? n->tether.render.def.local ? "in the model, local" : "in the model"
+                                               : n->state);
     fflush(stdout);
 }
 
@@ -207,18 +206,21 @@ static void summarise(const kn_bridge_news *n, const char *name, bool motors)
     printf("knead hand: %" PRId64 " poses, %" PRId64 " forces, largest %.3g N, clamped %" PRId64 "\n", t->sent,
            t->heard, t->render.largest_n, t->render.clamped);
     if (motors)
-        printf("knead hand: energy given to the hand %.3g mJ, damped for that in %" PRId64 " periods; impulse guard hit "
-               "%" PRId64 ", tripped %" PRId64 "; round trip %.1f ms%s\n", 1e3 * t->render.passivity.given_j,
-               t->render.passivity.acted, t->render.guards, t->render.reflexes, 1e3 * t->render.round_trip_s,
-               t->render.refusals ? ", refused" : "");
+        printf("knead hand: energy given to the hand %.3g mJ, damped for that in %" PRId64
+               " periods; impulse guard hit "
+               "%" PRId64 ", tripped %" PRId64 "; round trip %.1f ms%s\n",
+               1e3 * t->render.passivity.given_j, t->render.passivity.acted, t->render.guards, t->render.reflexes,
+               1e3 * t->render.round_trip_s, t->render.refusals ? ", refused" : "");
     if (t->render.def.local)
         printf("knead hand: local model, %" PRId64 " messages in the last session, not taken %" PRId64 "\n",
                t->render.model.taken, t->render.model.refused);
     printf("knead hand: tripped by kneadd's silence %" PRId64 ", by the device's %" PRId64 ", by faults %" PRId64
-           "; forces of others %" PRId64 "\n", t->forces.trips, t->poses.trips, t->faults, t->foreign);
+           "; forces of others %" PRId64 "\n",
+           t->forces.trips, t->poses.trips, t->faults, t->foreign);
     printf("knead hand: %s: %" PRId64 " messages, bad %" PRId64 ", never came %" PRId64 ", lost %" PRId64
-           ", there %" PRId64 ", late %" PRId64 " ms%s%s%s%s\n", name, n->messages, n->bad, n->lost, n->losses,
-           n->arrivals, n->late, *n->bad_why ? "; last bad: " : "", n->bad_why, *n->state ? "; " : "", n->state);
+           ", there %" PRId64 ", late %" PRId64 " ms%s%s%s%s\n",
+           name, n->messages, n->bad, n->lost, n->losses, n->arrivals, n->late, *n->bad_why ? "; last bad: " : "",
+           n->bad_why, *n->state ? "; " : "", n->state);
 }
 
 // KN_EXIT_DEVICE: the device would keep a force that this program no longer renews.
@@ -233,8 +235,10 @@ static int watch(hand *h)
         const kn_bridge_news *n = kn_bridge_latest(&h->bridge);
         now_ms = kn_live_now_ms();
         if (n->watchdog == KN_OWN_MISSING)
-            return kn_complain("hand", KN_EXIT_DEVICE, "the %s kept its motor on through 100 ms of silence: if this program "
-                               "dies, the force stays. --no-watchdog accepts that", name);
+            return kn_complain("hand", KN_EXIT_DEVICE,
+                               "the %s kept its motor on through 100 ms of silence: if this program "
+                               "dies, the force stays. --no-watchdog accepts that",
+                               name);
         tell_tether(&h->told, n, name, now_ms);
         tell_device(&h->told, n, name, now_ms);
         if (follow) tell_tool(n);
@@ -250,8 +254,7 @@ static int run(hand *h)
     uint32_t random;
     if (h->opt.kind == KN_HAND_PADDLE) kn_paddle_init(&h->device.paddle, h->opt.tty, h->opt.baud, h->opt.unwatched);
     else if (h->opt.kind == KN_HAND_SPACENAV) kn_spacenav_init(&h->device.spacenav, &h->opt.puck);
-    else kn_haply_init(&h->device.haply, h->opt.host, h->opt.port, h->opt.device_id, h->opt.preset,
-                       h->opt.unwatched);
+    else kn_haply_init(&h->device.haply, h->opt.host, h->opt.port, h->opt.device_id, h->opt.preset, h->opt.unwatched);
     if (getrandom(&random, sizeof random, 0) != sizeof random) return complain(KN_EXIT_DEVICE, "no random number");
     def.session = 1 + ((int64_t)random << 20); // room for the sessions that follow
     if (!kn_bridge_start(&h->bridge, &def, &h->device.base, h->error, sizeof h->error))

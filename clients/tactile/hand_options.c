@@ -18,7 +18,8 @@ static const char help[] =
     "A real device as the hand on what a running kneadd serves: its poses go out as they come, the force comes back\n"
     "as soon as kneadd has it. Own watchdog: 0 N 20 ms after the last force or the last pose, then 1.2 s of silence\n"
     "and a new session, which begins with the tool clear of the object; the same after forces that ask to jump by\n"
-    "more than the scene's device.guard. Forces of more than 5 ms ago are not given. A device that goes away is waited\n"
+    "more than the scene's device.guard. Forces of more than 5 ms ago are not given. A device that goes away is "
+    "waited\n"
     "for. Runs until SIGINT or SIGTERM, then prints what it has counted. UNTESTED ON HARDWARE: every one of these has\n"
     "met simulated devices only. Begin with a low --force-limit, and with a hand on the device's switch.\n\n"
     "  paddle    force-feedback paddle with one degree of freedom behind a serial line (Hapkit class): 20-byte\n"
@@ -102,8 +103,8 @@ static int origin(const char *text, double origin_m[3])
 
 static int device(kn_hand_options *o, int count, char **names)
 {
-    static const char *const known[] = {[KN_HAND_PADDLE] = "paddle", [KN_HAND_SPACENAV] = "spacenav",
-                                        [KN_HAND_HAPLY] = "haply"};
+    static const char *const known[] = {
+        [KN_HAND_PADDLE] = "paddle", [KN_HAND_SPACENAV] = "spacenav", [KN_HAND_HAPLY] = "haply"};
     if (count != 1)
         return kn_complain("hand", KN_EXIT_USAGE, "expected one device: " DEVICES "; knead hand --help tells the rest");
     for (int i = 0; i < (int)(sizeof known / sizeof *known); i++)
@@ -179,15 +180,17 @@ static int take(kn_hand_options *o, int option, const char *text)
 
 int kn_hand_options_parse(kn_hand_options *o, int argc, char **argv, bool *done)
 {
-    static const struct option list[] = {
-        {"tty", 1, 0, TTY},         {"baud", 1, 0, BAUD},         {"speed", 1, 0, SPEED},
-        {"turn", 1, 0, TURN},       {"dead", 1, 0, DEAD},         {"reach", 1, 0, REACH},
-        {"url", 1, 0, URL},         {"device", 1, 0, DEVICE},     {"preset", 1, 0, PRESET},
-        {"probe", 1, 0, PROBE},     {"origin", 1, 0, ORIGIN},     {"basis", 1, 0, BASIS},
-        {"scale", 1, 0, SCALE},     {"force-limit", 1, 0, LIMIT}, {"seconds", 1, 0, SECONDS},
-        {"lcm-url", 1, 0, LCM_URL}, {"mesh-url", 1, 0, MESH_URL}, {"quiet", 0, 0, QUIET},
-        {"local", 0, 0, LOCAL},     {"no-watchdog", 0, 0, UNWATCHED}, {"help", 0, 0, HELP},
-        {0, 0, 0, 0}};
+    static const struct option list[] = {{"tty", 1, 0, TTY},           {"baud", 1, 0, BAUD},
+                                         {"speed", 1, 0, SPEED},       {"turn", 1, 0, TURN},
+                                         {"dead", 1, 0, DEAD},         {"reach", 1, 0, REACH},
+                                         {"url", 1, 0, URL},           {"device", 1, 0, DEVICE},
+                                         {"preset", 1, 0, PRESET},     {"probe", 1, 0, PROBE},
+                                         {"origin", 1, 0, ORIGIN},     {"basis", 1, 0, BASIS},
+                                         {"scale", 1, 0, SCALE},       {"force-limit", 1, 0, LIMIT},
+                                         {"seconds", 1, 0, SECONDS},   {"lcm-url", 1, 0, LCM_URL},
+                                         {"mesh-url", 1, 0, MESH_URL}, {"quiet", 0, 0, QUIET},
+                                         {"local", 0, 0, LOCAL},       {"no-watchdog", 0, 0, UNWATCHED},
+                                         {"help", 0, 0, HELP},         {0, 0, 0, 0}};
     *o = (kn_hand_options){.baud = KN_PADDLE_BAUD, .puck.turn_rad_s = 1.0, .device_id = "", .preset = KN_HAPLY_PRESET};
     kn_haply_url(KN_HAPLY_URL, o->host, &o->port);
     optind = 1;

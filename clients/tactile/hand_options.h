@@ -9,15 +9,15 @@ typedef enum kn_hand_kind { KN_HAND_PADDLE, KN_HAND_SPACENAV, KN_HAND_HAPLY } kn
 
 typedef struct kn_hand_options {
     kn_hand_kind kind;
-    const char *probe;   // NULL: the scene's first round one, else its first probe
+    const char *probe; // NULL: the scene's first round one, else its first probe
     const char *lcm_url, *mesh_url;
-    const char *origin, *basis; // NULL: the scene's device has it
+    const char *origin, *basis;               // NULL: the scene's device has it
     double origin_m[3], scale, force_limit_n; // 0: so
     double seconds;
     bool local, quiet, unwatched;
-    const char *tty;     // paddle
+    const char *tty; // paddle
     int baud;
-    kn_puck_def puck;    // spacenav
+    kn_puck_def puck;         // spacenav
     char host[KN_HAPLY_HOST]; // haply
     int port;
     const char *device_id, *preset;

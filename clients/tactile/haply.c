@@ -84,8 +84,8 @@ static int write_message(kn_haply *h)
     h->asked = proves(h) && kn_now_ns() - h->sent_ns >= ASKED_NS;
     h->sent_ns = kn_now_ns();
     int size = !*h->device_id || h->asked ? kn_haply_ask(text)
-               : h->greeted   ? kn_haply_push(text, h->device_id, h->force_n)
-                              : kn_haply_greet(text, h->device_id, h->preset);
+               : h->greeted               ? kn_haply_push(text, h->device_id, h->force_n)
+                                          : kn_haply_greet(text, h->device_id, h->preset);
     if (*h->device_id && !h->greeted) h->greeted_ns = kn_now_ns();
     h->greeted = *h->device_id;
     h->wanted_force = false;
@@ -111,7 +111,8 @@ static void take(kn_haply *h)
         snprintf(h->base.state, sizeof h->base.state, "arm %s%s%s", s.device_id, s.grip ? " with a grip" : "",
                  s.calibrated ? "" : ", not calibrated: put its grip on the rest");
         if (h->asked && proves(h)) h->base.watchdog = s.idle ? KN_OWN_TRUSTED : KN_OWN_MISSING;
-        if (known && s.calibrated && !proves(h)) kn_bridge_moved(h->bridge, &s.pose); // the inventory is from before the preset
+        if (known && s.calibrated && !proves(h))
+            kn_bridge_moved(h->bridge, &s.pose); // the inventory is from before the preset
     }
     if (*h->device_id && h->wanted_force) send_next(h);
 }
@@ -157,8 +158,11 @@ static bool start_library(kn_haply *h)
     static const struct lws_protocols protocols[] = {{"haply", on_event, 0, 1 << 16, 0, NULL, 0},
                                                      {NULL, NULL, 0, 0, 0, NULL, 0}};
     void *loops[1] = {h->bridge->ev};
-    struct lws_context_creation_info info = {.port = CONTEXT_PORT_NO_LISTEN, .protocols = protocols, .user = h,
-                                             .foreign_loops = loops, .options = LWS_SERVER_OPTION_LIBEV};
+    struct lws_context_creation_info info = {.port = CONTEXT_PORT_NO_LISTEN,
+                                             .protocols = protocols,
+                                             .user = h,
+                                             .foreign_loops = loops,
+                                             .options = LWS_SERVER_OPTION_LIBEV};
     if (h->context) return true;
     lws_set_log_level(LLL_ERR, NULL);
     h->message = malloc(largest);
@@ -180,8 +184,13 @@ static bool open_haply(kn_tactile *device, kn_bridge *bridge, char *error, size_
     h->base.watchdog = h->unwatched ? KN_OWN_TRUSTED : KN_OWN_UNPROVED;
     h->greeted_ns = 0;
     h->asked = false;
-    struct lws_client_connect_info to = {.context = h->context, .address = h->host, .port = h->port, .path = "/",
-                                         .host = h->host, .ietf_version_or_minus_one = -1, .pwsi = &h->wsi,
+    struct lws_client_connect_info to = {.context = h->context,
+                                         .address = h->host,
+                                         .port = h->port,
+                                         .path = "/",
+                                         .host = h->host,
+                                         .ietf_version_or_minus_one = -1,
+                                         .pwsi = &h->wsi,
                                          .local_protocol_name = "haply"};
     snprintf(error, error_size, "the Inverse Service at %s:%d takes no connection", h->host, h->port);
     return lws_client_connect_via_info(&to) != NULL;
@@ -221,8 +230,15 @@ static void tick(kn_tactile *device, int elapsed_ms)
 
 void kn_haply_init(kn_haply *h, const char *host, int port, const char *device_id, const char *preset, bool unwatched)
 {
-    *h = (kn_haply){.base = {.name = "haply", .open = open_haply, .close = close_haply, .destroy = destroy_haply,
-                             .tick = tick, .give = give, .answers = true}, .port = port, .preset = preset,
+    *h = (kn_haply){.base = {.name = "haply",
+                             .open = open_haply,
+                             .close = close_haply,
+                             .destroy = destroy_haply,
+                             .tick = tick,
+                             .give = give,
+                             .answers = true},
+                    .port = port,
+                    .preset = preset,
                     .unwatched = unwatched};
     snprintf(h->host, sizeof h->host, "%s", host);
     snprintf(h->wanted, sizeof h->wanted, "%s", device_id);

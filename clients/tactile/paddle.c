@@ -161,8 +161,11 @@ static void give(kn_tactile *device, const double force_n[3], bool live)
         p->held_back++;
         return;
     }
-    kn_frame_encode(&(kn_frame){.kind = KN_FRAME_COMMAND, .flags = live ? KN_FRAME_ENABLE : 0, .seq = p->seq++,
-                                .force_un = kn_frame_number(force_n[2], 1e-6)}, bytes);
+    kn_frame_encode(&(kn_frame){.kind = KN_FRAME_COMMAND,
+                                .flags = live ? KN_FRAME_ENABLE : 0,
+                                .seq = p->seq++,
+                                .force_un = kn_frame_number(force_n[2], 1e-6)},
+                    bytes);
     if (write(p->fd, bytes, sizeof bytes) < 0 && errno != EAGAIN && errno != EINTR)
         kn_bridge_lost(p->bridge, "%s: %s", p->tty, strerror(errno));
 }
@@ -170,5 +173,9 @@ static void give(kn_tactile *device, const double force_n[3], bool live)
 void kn_paddle_init(kn_paddle *p, const char *tty, int baud, bool unwatched)
 {
     *p = (kn_paddle){.base = {.name = "paddle", .open = open_paddle, .close = close_paddle, .give = give},
-                     .tty = tty, .baud = baud, .unwatched = unwatched, .fd = -1, .deframer.kind = KN_FRAME_STATE};
+                     .tty = tty,
+                     .baud = baud,
+                     .unwatched = unwatched,
+                     .fd = -1,
+                     .deframer.kind = KN_FRAME_STATE};
 }

@@ -21,7 +21,7 @@ typedef struct kn_paddle {
     bool unwatched, armed; // armed: its motor was on in this proof, or is still to be rearmed
     int proofs;
     int64_t begun_ns, given_ns; // of this proof; of the last command in it
-    int64_t held_back; // commands that were not sent because older ones still waited in the line
+    int64_t held_back;          // commands that were not sent because older ones still waited in the line
 } kn_paddle;
 
 // A line that cannot carry 1 kHz of frames both ways is not known.

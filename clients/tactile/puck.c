@@ -25,10 +25,9 @@ static void turn(double q[4], const double w[3])
 {
     double speed = sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]), half = 0.5 * speed * dt_s;
     double s = speed > 0.0 ? sin(half) / speed : 0.0, d[4] = {cos(half), s * w[0], s * w[1], s * w[2]};
-    double out[4] = {d[0] * q[0] - d[1] * q[1] - d[2] * q[2] - d[3] * q[3],
-                     d[0] * q[1] + d[1] * q[0] + d[2] * q[3] - d[3] * q[2],
-                     d[0] * q[2] - d[1] * q[3] + d[2] * q[0] + d[3] * q[1],
-                     d[0] * q[3] + d[1] * q[2] - d[2] * q[1] + d[3] * q[0]};
+    double out[4] = {
+        d[0] * q[0] - d[1] * q[1] - d[2] * q[2] - d[3] * q[3], d[0] * q[1] + d[1] * q[0] + d[2] * q[3] - d[3] * q[2],
+        d[0] * q[2] - d[1] * q[3] + d[2] * q[0] + d[3] * q[1], d[0] * q[3] + d[1] * q[2] - d[2] * q[1] + d[3] * q[0]};
     double size = sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2] + out[3] * out[3]);
     for (int i = 0; i < 4; i++) q[i] = out[i] / size;
 }

@@ -15,11 +15,11 @@
 #define KN_PUCK_FULL 350 // counts at full deflection of a SpaceNavigator, with spacenavd's sensitivity 1
 
 typedef struct kn_puck_def { // zero means default, but for turn_rad_s and floor_m
-    double speed_m_s;   // at full deflection, default 0.05
-    double turn_rad_s;  // at full twist; 0: the tool keeps its orientation
-    int dead;           // counts, default 15; < KN_PUCK_FULL
-    double reach_m;     // default 0.08, along each axis
-    double floor_m;     // lowest z; -reach_m when that is higher
+    double speed_m_s;        // at full deflection, default 0.05
+    double turn_rad_s;       // at full twist; 0: the tool keeps its orientation
+    int dead;                // counts, default 15; < KN_PUCK_FULL
+    double reach_m;          // default 0.08, along each axis
+    double floor_m;          // lowest z; -reach_m when that is higher
 } kn_puck_def;
 
 typedef struct kn_puck {

@@ -10,7 +10,7 @@
 
 static const size_t event_bytes = 8 * sizeof(int32_t); // of spacenavd's protocol
 static const int events_most = 64;                     // taken per wake
-static const int buttons_most = 30; // the next one would be KN_BUTTON_LEAVING
+static const int buttons_most = 30;                    // the next one would be KN_BUTTON_LEAVING
 
 const char *kn_spacenav_socket(void)
 {

@@ -20,23 +20,23 @@ typedef enum kn_tether_mode { KN_TETHER_HELD, KN_TETHER_SILENT } kn_tether_mode;
 
 typedef struct kn_tether { // read only for the caller
     kn_tether_mode mode;
-    int64_t session, seq;  // of the poses that are sent now
+    int64_t session, seq;                  // of the poses that are sent now
     double position_m[3], velocity_m_s[3]; // newest of the device
-    kn_render render;      // .given_n: what the motors are to give now, in the device's frame
-    int32_t flags, fault;  // of the newest force
-    int silent_ms;         // SILENT: until it ends
-    int stalled_ms;        // of the tick that tripped: much more than 1, and it was this process that did not run
+    kn_render render;                      // .given_n: what the motors are to give now, in the device's frame
+    int32_t flags, fault;                  // of the newest force
+    int silent_ms;                         // SILENT: until it ends
+    int stalled_ms; // of the tick that tripped: much more than 1, and it was this process that did not run
     kn_watchdog forces, poses;
     bool fresh_force, fresh_pose; // since the last tick
-    bool given;            // since the last tick
-    double given_s;        // when
-    int64_t answered;      // newest pose of the session that a force has answered
-    int64_t tick;          // of its newest force, -1: none has come
-    int64_t sent, heard;   // poses, forces of this device's sessions
-    int64_t foreign;       // forces of somebody else's session: that one has the tool
-    int64_t late;          // forces of no newer tick than one before: repeated or overtaken, and no sign of life
-    int64_t refused;       // numbers that are none, either way
-    int64_t faults;        // sessions given up because of one
+    bool given;                   // since the last tick
+    double given_s;               // when
+    int64_t answered;             // newest pose of the session that a force has answered
+    int64_t tick;                 // of its newest force, -1: none has come
+    int64_t sent, heard;          // poses, forces of this device's sessions
+    int64_t foreign;              // forces of somebody else's session: that one has the tool
+    int64_t late;                 // forces of no newer tick than one before: repeated or overtaken, and no sign of life
+    int64_t refused;              // numbers that are none, either way
+    int64_t faults;               // sessions given up because of one
 } kn_tether;
 
 void kn_tether_init(kn_tether *tether, int64_t session, const kn_render_def *render);

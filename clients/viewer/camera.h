@@ -3,14 +3,15 @@
 // Where a picture is looked at from: far enough that a box is inside it, with some air above. Pure.
 #include <stdbool.h>
 
-#define KN_CAMERA_TAN_HALF 0.2217f // of the angle of view: 25 degrees from top to bottom, a telephoto's calm perspective
+#define KN_CAMERA_TAN_HALF                                                                                             \
+    0.2217f // of the angle of view: 25 degrees from top to bottom, a telephoto's calm perspective
 
 typedef struct kn_camera_view { // how to look at a box
-    double azimuth_deg;   // 0: from the front (-y), 90: from the right
-    double elevation_deg; // 0: level, 90: from above
-    double zoom;          // lens, not place: 2 shows half as much; 0: 1
-    bool turns;           // far enough for every azimuth, so that nothing breathes while it goes round
-    float aspect;         // width / height of the picture
+    double azimuth_deg;         // 0: from the front (-y), 90: from the right
+    double elevation_deg;       // 0: level, 90: from above
+    double zoom;                // lens, not place: 2 shows half as much; 0: 1
+    bool turns;                 // far enough for every azimuth, so that nothing breathes while it goes round
+    float aspect;               // width / height of the picture
 } kn_camera_view;
 
 typedef struct kn_camera {

@@ -4,8 +4,8 @@
 
 const char *kn_gl_load(kn_gl *gl, kn_gl_get_proc get_proc)
 {
-#define LOAD(type, name)                                                                                                \
-    gl->name = (type)get_proc("gl" #name);                                                                              \
+#define LOAD(type, name)                                                                                               \
+    gl->name = (type)get_proc("gl" #name);                                                                             \
     if (!gl->name) return "gl" #name;
     KN_GL_FUNCTIONS(LOAD)
 #undef LOAD

@@ -92,7 +92,7 @@ typedef struct kn_gl_region { // pixels, from the lower left corner of the pictu
 } kn_gl_region;
 
 bool kn_gl_target_create(const kn_gl *gl, kn_gl_target *target, int width, int height,
-                         int samples); // false: refused by the context
+                         int samples);                                   // false: refused by the context
 void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *target); // what is drawn from here on is the backdrop
 // Empties the region of the solids (several samples are the dearest part of a picture: no more of them than needed) and
 // makes the picture the backdrop or, not before_backdrop, empty; what is drawn from here on goes to the solids.

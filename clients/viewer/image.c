@@ -11,7 +11,9 @@ bool kn_image_write_png(const char *path, int width, int height, const uint8_t *
 {
     kn_beside out;
     if (!kn_beside_open(&out, path, error, error_size)) return false;
-    png_image image = {.version = PNG_IMAGE_VERSION, .width = (png_uint_32)width, .height = (png_uint_32)height,
+    png_image image = {.version = PNG_IMAGE_VERSION,
+                       .width = (png_uint_32)width,
+                       .height = (png_uint_32)height,
                        .format = PNG_FORMAT_RGBA};
     if (png_image_write_to_stdio(&image, out.file, 0, rgba, 0, NULL)) return kn_beside_keep(&out, error, error_size);
     snprintf(error, error_size, "%s: %s", path, image.message);
@@ -43,8 +45,10 @@ static void write_gray16(png_structp png, png_infop info, FILE *file, int width,
     if (per_m > 0) png_set_pHYs(png, info, per_m, per_m, PNG_RESOLUTION_METER);
     for (int i = 0; i < text_count; i++)
         png_set_text(png, info,
-                     &(png_text){.compression = PNG_TEXT_COMPRESSION_NONE, .key = (char *)(uintptr_t)text[i].key,
-                                 .text = (char *)(uintptr_t)text[i].text}, 1);
+                     &(png_text){.compression = PNG_TEXT_COMPRESSION_NONE,
+                                 .key = (char *)(uintptr_t)text[i].key,
+                                 .text = (char *)(uintptr_t)text[i].text},
+                     1);
     png_write_info(png, info);
 #if __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
     png_set_swap(png); // a PNG is big-endian
@@ -101,8 +105,7 @@ static bool fits(png_structp png, png_infop info, int most, char *words, size_t 
                                                   : "colour");
     else if (wide > (unsigned)most || high > (unsigned)most)
         snprintf(words, size, "%u x %u pixels, expected at most %d on a side", wide, high, most);
-    else
-        return true;
+    else return true;
     return false;
 }
 

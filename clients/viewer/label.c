@@ -6,20 +6,24 @@
 #include <string.h>
 
 #define INK 0.11, 0.12, 0.13
-#define HALO 1, 1, 1, 0.8 // round the letters: they are read on everything
+#define HALO 1, 1, 1, 0.8 // edge around the letters, which keeps them legible on any background
 
-// Loaded with the first picture that is written on: it brings a dozen libraries, which `knead probe` must neither wait for
-// nor lock into memory.
+// Functions of Cairo, loaded with the first label. Cairo brings a dozen libraries, and `knead probe` must neither wait
+// for them nor lock them into memory.
+// clang-format off
 #define FUNCTIONS(X)                                                                                                   \
     X(create) X(destroy) X(fill) X(image_surface_create_for_data) X(move_to) X(rectangle) X(select_font_face)          \
-    X(set_font_size) X(set_line_join) X(set_line_width) X(set_source_rgb) X(set_source_rgba) X(status) X(status_to_string) X(stroke)       \
-    X(stroke_preserve) X(surface_destroy) X(surface_finish) X(text_extents) X(text_path)
+    X(set_font_size) X(set_line_join) X(set_line_width) X(set_source_rgb) X(set_source_rgba) X(status)                 \
+    X(status_to_string) X(stroke) X(stroke_preserve) X(surface_destroy) X(surface_finish) X(text_extents) X(text_path)
+// clang-format on
 #define FIELD(name) __typeof__(cairo_##name) *name;
-static struct { FUNCTIONS(FIELD) } cairo;
+static struct {
+    FUNCTIONS(FIELD)
+} cairo;
 
 static bool load(char *error, size_t error_size)
 {
-    void *library = cairo.create ? NULL : dlopen("libcairo.so.2", RTLD_NOW | RTLD_LOCAL); // for good
+    void *library = cairo.create ? NULL : dlopen("libcairo.so.2", RTLD_NOW | RTLD_LOCAL); // never closed
     const char *missing = NULL;
     if (cairo.create) return true;
     if (!library) snprintf(error, error_size, "nothing can be written on pictures: install the package libcairo2");
@@ -34,21 +38,28 @@ static bool load(char *error, size_t error_size)
     return false;
 }
 
+// Drawing surface: its context, the letters' size and its own size.
 typedef struct sheet {
     cairo_t *to;
     double em, width, height; // pixels
 } sheet;
 
-// A file's name may be anything, and cut off in the middle of a letter; cairo draws UTF-8 only.
+// Copy words as valid UTF-8, which Cairo needs. A file name may hold any bytes, and may be cut off within a letter.
+// Each invalid byte becomes a question mark.
 static void legible(const char *words, char *out, size_t size)
 {
     size_t n = 0;
     while (*words && n + 5 < size) {
         const unsigned char c = (unsigned char)*words;
-        size_t length = c < 0x80 ? 1 : c >= 0xc2 && c < 0xe0 ? 2 : c >= 0xe0 && c < 0xf0 ? 3 : c >= 0xf0 && c < 0xf5 ? 4 : 0;
+        // Length of the letter by its first byte; 0 if no letter begins with this byte.
+        size_t length = c < 0x80                ? 1
+                        : c >= 0xc2 && c < 0xe0 ? 2
+                        : c >= 0xe0 && c < 0xf0 ? 3
+                        : c >= 0xf0 && c < 0xf5 ? 4
+                                                : 0;
         size_t k = 1;
         while (k < length && ((unsigned char)words[k] & 0xc0) == 0x80) k++;
-        // too long forms and surrogates are none either
+        // Overlong forms and surrogates are not valid either.
         bool whole = length > 0 && k == length && !(c == 0xe0 && (unsigned char)words[1] < 0xa0) &&
                      !(c == 0xed && (unsigned char)words[1] > 0x9f) && !(c == 0xf0 && (unsigned char)words[1] < 0x90) &&
                      !(c == 0xf4 && (unsigned char)words[1] > 0x8f) && c >= 0x20;
@@ -60,7 +71,8 @@ static void legible(const char *words, char *out, size_t size)
     out[n] = '\0';
 }
 
-// x: the left end, the middle or the right end of it, by align 0, 0.5, 1. y: the line that it stands on.
+// Draw a text with its edge. `x`: left end, middle or right end of the text for `align` 0, 0.5 or 1. `y`: baseline of
+// the text.
 static void text(const sheet *s, double x, double y, double align, const char *words)
 {
     cairo_text_extents_t e;
@@ -87,6 +99,7 @@ static double longest_tick(const sheet *s, const kn_scale *scale)
     return longest;
 }
 
+// Draw the legend: a column of colours, a frame, ticks with numbers, and the title.
 static void legend(const sheet *s, const kn_scale *scale)
 {
     const double right = s->width - s->em - longest_tick(s, scale) - 0.6 * s->em, wide = 1.1 * s->em;
@@ -110,7 +123,9 @@ static void legend(const sheet *s, const kn_scale *scale)
     text(s, s->width - s->em, top - 1.1 * s->em, 1, words);
 }
 
-static void swap(uint8_t *rgba, size_t pixels) // cairo's words are 0xAARRGGBB, and opaque ones are premultiplied
+// Convert between RGBA and Cairo's words 0xAARRGGBB; the same code works in both directions. Alpha is set to opaque, so
+// premultiplied colours equal plain ones.
+static void swap(uint8_t *rgba, size_t pixels)
 {
     for (size_t i = 0; i < pixels; i++) {
         uint8_t *p = rgba + 4 * i, red = p[0];
@@ -120,7 +135,7 @@ static void swap(uint8_t *rgba, size_t pixels) // cairo's words are 0xAARRGGBB, 
 
 void kn_label_bar(kn_label *label, char words[32], double bar_m, int width, int height)
 {
-    const bool mm = bar_m < 0.0099; // a float's 1 cm is a little less
+    const bool mm = bar_m < 0.0099; // 1 cm in a float is slightly less than 0.01
     const float *at = label->bar_at;
     snprintf(words, 32, "%.4g %s", bar_m * (mm ? 1e3 : 1e2), mm ? "mm" : "cm");
     if (at[0] > 0 && at[0] < (float)width && at[1] > 0 && at[1] < (float)height) label->bar = words;
@@ -130,12 +145,11 @@ bool kn_label_draw(const kn_label *label, int width, int height, uint8_t *rgba, 
 {
     if (!load(error, error_size)) return false;
     swap(rgba, (size_t)width * (size_t)height);
-    cairo_surface_t *surface =
-        cairo.image_surface_create_for_data(rgba, CAIRO_FORMAT_RGB24, width, height, 4 * width);
+    cairo_surface_t *surface = cairo.image_surface_create_for_data(rgba, CAIRO_FORMAT_RGB24, width, height, 4 * width);
     sheet s = {cairo.create(surface), fmax(10, fmin(height / 34.0, width / 40.0)), width, height};
     cairo.select_font_face(s.to, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
     cairo.set_font_size(s.to, s.em);
-    const bool room = width > 30 * s.em, high = height > 12 * s.em; // in a small picture there is none for all of it
+    const bool room = width > 30 * s.em, high = height > 12 * s.em; // a small picture has no room for all texts
     char caption[300];
     legible(label->caption ? label->caption : "", caption, sizeof caption);
     if (label->scale && high) legend(&s, label->scale);

@@ -35,8 +35,7 @@ static const kn_offscreen_backend *choose(char *error, size_t error_size)
     char later[300];
     setenv("LP_NUM_THREADS", "1", 0); // read once, when the first context is made
     for (int i = 0; asked && *asked && i < BACKENDS; i++)
-        if (strcmp(backends[i]->name, asked) == 0)
-            return backends[i]->load(error, error_size) ? backends[i] : NULL;
+        if (strcmp(backends[i]->name, asked) == 0) return backends[i]->load(error, error_size) ? backends[i] : NULL;
     if (asked && *asked) return snprintf(error, error_size, "KNEAD_GL=%s: expected osmesa or egl", asked), NULL;
     for (int i = 0; i < BACKENDS; i++)
         if (backends[i]->load(i == 0 ? error : later, i == 0 ? error_size : sizeof later)) return backends[i];

@@ -8,7 +8,7 @@ typedef struct kn_offscreen_backend {
     const char *name; // "osmesa", as KNEAD_GL says it
     // Loads the library, once; false and one sentence in error: it is not there, and which package brings it.
     bool (*load)(char *error, size_t error_size);
-    void *(*create)(void); // an OpenGL 3.3 core context, current; NULL: none to be had
+    void *(*create)(void);      // an OpenGL 3.3 core context, current; NULL: none to be had
     void (*use)(void *context); // makes it current
     void (*destroy)(void *context);
     kn_gl_proc (*get_proc)(const char *name);

@@ -14,7 +14,9 @@
 #define FUNCTIONS(X)                                                                                                   \
     X(BindAPI) X(ChooseConfig) X(CreateContext) X(DestroyContext) X(GetProcAddress) X(Initialize) X(MakeCurrent)
 #define FIELD(name) __typeof__(egl##name) *name;
-static struct { FUNCTIONS(FIELD) } egl;
+static struct {
+    FUNCTIONS(FIELD)
+} egl;
 static EGLDisplay display;
 static EGLConfig config;
 
@@ -37,8 +39,10 @@ static bool load(char *error, size_t error_size)
     setenv("LIBGL_ALWAYS_SOFTWARE", "1", 0);
     void *library = dlopen(LIBRARY, RTLD_NOW | RTLD_LOCAL); // never closed, as the other one
     if (!library) {
-        snprintf(error, error_size, "no pictures without " LIBRARY " (%s): install the packages libegl1 and "
-                 "libgl1-mesa-dri", dlerror());
+        snprintf(error, error_size,
+                 "no pictures without " LIBRARY " (%s): install the packages libegl1 and "
+                 "libgl1-mesa-dri",
+                 dlerror());
         return false;
     }
     const char *missing = NULL;
@@ -67,8 +71,9 @@ static void destroy(void *context)
 
 static void *create(void)
 {
-    static const EGLint attributes[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, 3,
-                                        EGL_CONTEXT_OPENGL_PROFILE_MASK, EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT, EGL_NONE};
+    static const EGLint attributes[] = {
+        EGL_CONTEXT_MAJOR_VERSION,           3,       EGL_CONTEXT_MINOR_VERSION, 3, EGL_CONTEXT_OPENGL_PROFILE_MASK,
+        EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT, EGL_NONE};
     egl.BindAPI(EGL_OPENGL_API);
     EGLContext context = egl.CreateContext(display, config, EGL_NO_CONTEXT, attributes);
     if (context == EGL_NO_CONTEXT) return NULL;

@@ -53,8 +53,15 @@ static void destroy(void *self)
 static void *create(void)
 {
     static const int attributes[] = {
-        OSMESA_FORMAT, OSMESA_RGBA, OSMESA_PROFILE, OSMESA_CORE_PROFILE,
-        OSMESA_CONTEXT_MAJOR_VERSION, 3, OSMESA_CONTEXT_MINOR_VERSION, 3, 0,
+        OSMESA_FORMAT,
+        OSMESA_RGBA,
+        OSMESA_PROFILE,
+        OSMESA_CORE_PROFILE,
+        OSMESA_CONTEXT_MAJOR_VERSION,
+        3,
+        OSMESA_CONTEXT_MINOR_VERSION,
+        3,
+        0,
     };
     context *c = calloc(1, sizeof *c);
     if (!c) return NULL;

@@ -8,10 +8,10 @@
 
 typedef struct kn_range {
     int width, height;
-    double pixel_m;         // side of a pixel: 1, 2 or 5 times a power of ten
-    double left_m, top_m;   // x of the middle of the first column, y of the middle of the first row
-    double step_m;          // height of a grey level: 1, 2 or 5 times a power of ten, 1 um at least
-    double table_m;         // z of the table
+    double pixel_m;             // side of a pixel: 1, 2 or 5 times a power of ten
+    double left_m, top_m;       // x of the middle of the first column, y of the middle of the first row
+    double step_m;              // height of a grey level: 1, 2 or 5 times a power of ten, 1 um at least
+    double table_m;             // z of the table
     double lowest_m, highest_m; // of what was seen, above the table; 0 when nothing was
 } kn_range;
 

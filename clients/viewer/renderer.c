@@ -13,8 +13,8 @@
 #include <string.h>
 
 #define SHADOW_SIZE(r) ((r)->samples > 1 ? 1024 : 512) // texels: 0.16 mm each on a 5 cm block, or twice that
-#define LIT_RADIUS 1.6f          // of the object's longest side, around it: where shadows are cast
-#define SHADOW_BIAS 3.0f         // 1.5 texels off the surface
+#define LIT_RADIUS 1.6f  // of the object's longest side, around it: where shadows are cast
+#define SHADOW_BIAS 3.0f // 1.5 texels off the surface
 #define HAND_LINE 0.008f // its width, of half the picture's height
 
 static const float table_color[3] = {0.925f, 0.93f, 0.935f}; // the background too: the table fades into it
@@ -43,8 +43,7 @@ struct kn_renderer {
 
 kn_view_scene kn_view_scene_default(void)
 {
-    return (kn_view_scene){
-        .color = {0.90f, 0.78f, 0.58f}, .azimuth_deg = 28, .elevation_deg = 27};
+    return (kn_view_scene){.color = {0.90f, 0.78f, 0.58f}, .azimuth_deg = 28, .elevation_deg = 27};
 }
 
 // ---- open, mesh, close
@@ -188,8 +187,7 @@ static void light_up(kn_renderer *r, const kn_view_scene *scene)
     float right[3], up[3], back[3], eye[3], view[16], box[16], radius = LIT_RADIUS * scale_of(r->skin);
     kn_camera_axes(scene->azimuth_deg - 52, 48, right, up, back);
     memcpy(r->key, back, sizeof r->key);
-    for (int i = 0; i < 3; i++)
-        eye[i] = 0.5f * (r->skin->rest_low[i] + r->skin->rest_high[i]) + 2 * radius * back[i];
+    for (int i = 0; i < 3; i++) eye[i] = 0.5f * (r->skin->rest_low[i] + r->skin->rest_high[i]) + 2 * radius * back[i];
     kn_mat_view(view, right, up, back, eye);
     kn_mat_orthographic(box, radius, 0.5f * radius, 4 * radius);
     kn_mat_mul(r->light, box, view);
@@ -555,7 +553,12 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     light_up(r, scene);
     float corner = footprint(r->skin, scene->xyz, foot);
     kn_gl_region region, table;
-    const kn_region_def seen = {&r->camera, r->key, r->width, r->height, level_of(r), r->square_m,
+    const kn_region_def seen = {&r->camera,
+                                r->key,
+                                r->width,
+                                r->height,
+                                level_of(r),
+                                r->square_m,
                                 0.6f * (r->skin->rest_high[2] - r->skin->rest_low[2])};
     kn_region_find(&seen, &r->tools, scene, r->skin->vertex_count, foot, &region, &table);
     upload(r, scene);
@@ -577,7 +580,11 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     if (soft) gl->Disable(GL_DEPTH_TEST);
     if (soft) gl->Enable(GL_BLEND);
     gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE); // behind what is there
-    draw_table_parts(r, !before_backdrop ? all : soft ? region : table, table, foot, corner); // elsewhere the backdrop is
+    draw_table_parts(r,
+                     !before_backdrop ? all
+                     : soft           ? region
+                                      : table,
+                     table, foot, corner); // elsewhere the backdrop is
     gl->Disable(GL_BLEND);
     gl->Enable(GL_CULL_FACE);
     gl->Scissor(region.x, region.y, region.width, region.height);

@@ -15,12 +15,12 @@
 typedef struct kn_renderer kn_renderer;
 
 typedef struct kn_view_probe {
-    kn_probe_def def;      // shape and size
-    double position_m[3];  // of its pose, see core/shape.h; plate: centre of the face that touches
+    kn_probe_def def;           // shape and size
+    double position_m[3];       // of its pose, see core/shape.h; plate: centre of the face that touches
     double orientation_wxyz[4]; // all 0: level
-    double force_n[3];     // on the tool; drawn beyond the tool, one square of the table per 5 N; none below 0.05 N
-    bool outside;          // not in the model (no session yet, or latched): drawn pale and without a shadow
-    bool held;             // hand_* say where the hand is that holds it
+    double force_n[3]; // on the tool; drawn beyond the tool, one square of the table per 5 N; none below 0.05 N
+    bool outside;      // not in the model (no session yet, or latched): drawn pale and without a shadow
+    bool held;         // hand_* say where the hand is that holds it
     double hand_position_m[3], hand_orientation_wxyz[4];
 } kn_view_probe;
 
@@ -32,23 +32,23 @@ typedef enum kn_view_style {
 } kn_view_style;
 
 typedef struct kn_view_scene {
-    const float (*xyz)[3];       // [vertex_count] m, now
-    const float *value;          // [vertex_count] place on the colour scale, 0..1; NaN: the object's colour. NULL: all
-    int edge_count;              // for KN_VIEW_EDGES, else 0
-    const float (*edge)[2][3];   // [edge_count] its ends, m
+    const float (*xyz)[3];        // [vertex_count] m, now
+    const float *value;           // [vertex_count] place on the colour scale, 0..1; NaN: the object's colour. NULL: all
+    int edge_count;               // for KN_VIEW_EDGES, else 0
+    const float (*edge)[2][3];    // [edge_count] its ends, m
     const float (*edge_value)[2]; // [edge_count] theirs on the scale; NULL: the object's colour
-    float color[3];              // of the object, sRGB 0..1
-    double thickness_m;          // of a flat object: to it a ball is a disc and a plate a line, 1 % less wide; 0: not flat
-    int probe_count;             // 0 .. KN_PROBES_MAX
+    float color[3];               // of the object, sRGB 0..1
+    double thickness_m; // of a flat object: to it a ball is a disc and a plate a line, 1 % less wide; 0: not flat
+    int probe_count;    // 0 .. KN_PROBES_MAX
     kn_view_probe probe[KN_PROBES_MAX];
-    double azimuth_deg;          // 0: from the front (-y), 90: from the right (+x)
-    double elevation_deg;        // 0: level, 90: from above
+    double azimuth_deg;   // 0: from the front (-y), 90: from the right (+x)
+    double elevation_deg; // 0: level, 90: from above
     kn_view_style style;
-    bool follow;                 // an object that has left its place, lifted or pushed, is in the picture with it
-    const float (*frame)[3];     // [2] low, high: this box is in the picture instead, whatever happens. NULL: none
-    double zoom;                 // 2 shows half as much; 0: 1
-    bool hands;                  // where a hand is 0.5 mm or 3 degrees away from its tool, its outline shows it
-    bool turns;                  // framed for every azimuth, so that an object that is gone round stays as large
+    bool follow;             // an object that has left its place, lifted or pushed, is in the picture with it
+    const float (*frame)[3]; // [2] low, high: this box is in the picture instead, whatever happens. NULL: none
+    double zoom;             // 2 shows half as much; 0: 1
+    bool hands;              // where a hand is 0.5 mm or 3 degrees away from its tool, its outline shows it
+    bool turns;              // framed for every azimuth, so that an object that is gone round stays as large
 } kn_view_scene;
 
 // Front above, so that both the top and the profile of a dent across the block show; dough's colour; lines; no probe.

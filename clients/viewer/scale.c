@@ -4,7 +4,10 @@
 #include <stdio.h>
 #include <string.h>
 
-#define HEX(rgb) {(float)((rgb) >> 16) / 255.0f, (float)((rgb) >> 8 & 255) / 255.0f, (float)((rgb)&255) / 255.0f}
+#define HEX(rgb)                                                                                                       \
+    {                                                                                                                  \
+        (float)((rgb) >> 16) / 255.0f, (float)((rgb) >> 8 & 255) / 255.0f, (float)((rgb)&255) / 255.0f                 \
+    }
 const float kn_scale_color[KN_SCALE_COLORS][3] = {HEX(0x440154), HEX(0x472d7b), HEX(0x3b528b),
                                                   HEX(0x2c728e), HEX(0x21918c), HEX(0x28ae80),
                                                   HEX(0x5ec962), HEX(0xaddc30), HEX(0xfde725)};

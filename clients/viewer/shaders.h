@@ -7,52 +7,53 @@
 
 // Key light: two taps of a shadow map that itself compares and interpolates; four cost 9 ms more per 720p picture in
 // software.
-#define KN_GLSL_SHADOW                                                                                                  \
-    "uniform sampler2DShadow u_shadow;\n"                                                                               \
-    "float lit(vec3 at)\n"                                                                                              \
-    "{\n"                                                                                                               \
-    "    vec3 d = vec3(0.6, 0.3, 0.0) / float(textureSize(u_shadow, 0).x);\n"                                           \
-    "    return 0.5 * (texture(u_shadow, at + d) + texture(u_shadow, at - d));\n"                                       \
+#define KN_GLSL_SHADOW                                                                                                 \
+    "uniform sampler2DShadow u_shadow;\n"                                                                              \
+    "float lit(vec3 at)\n"                                                                                             \
+    "{\n"                                                                                                              \
+    "    vec3 d = vec3(0.6, 0.3, 0.0) / float(textureSize(u_shadow, 0).x);\n"                                          \
+    "    return 0.5 * (texture(u_shadow, at + d) + texture(u_shadow, at - d));\n"                                      \
     "}\n"
 
-static const char *const kn_shader_depth_vertex = KN_GLSL
-    "layout(location = 0) in vec3 a_position;\n"
-    "uniform mat4 u_model, u_light;\n"
-    "void main() { gl_Position = u_light * u_model * vec4(a_position, 1.0); }\n";
+static const char *const kn_shader_depth_vertex =
+    KN_GLSL "layout(location = 0) in vec3 a_position;\n"
+            "uniform mat4 u_model, u_light;\n"
+            "void main() { gl_Position = u_light * u_model * vec4(a_position, 1.0); }\n";
 
 static const char *const kn_shader_depth_fragment = KN_GLSL "void main() {}\n";
 
 // u_light maps the world to the shadow map's 0..1
-static const char *const kn_shader_solid_vertex = KN_GLSL
-    "layout(location = 0) in vec3 a_position;\n"
-    "layout(location = 1) in vec3 a_normal;\n"
-    "layout(location = 2) in vec3 a_side;\n"
-    "layout(location = 3) in float a_value;\n"
-    "uniform mat4 u_model, u_camera, u_light;\n"
-    "uniform float u_bias, u_grow;\n"
-    "out vec3 v_position, v_normal, v_side, v_shadow;\n"
-    "out float v_value;\n"
-    "void main()\n"
-    "{\n"
-    "    v_value = a_value;\n"
-    "    vec4 p = u_model * vec4(a_position, 1.0);\n"
-    "    v_position = p.xyz;\n"
-    "    v_normal = normalize(mat3(u_model) * a_normal);\n"
-    "    v_side = a_side;\n"
-    "    v_shadow = (u_light * vec4(p.xyz + u_bias * v_normal, 1.0)).xyz;\n" // off the surface: no speckles of own shadow
-    "    gl_Position = u_camera * (p + vec4(u_grow * v_normal, 0.0));\n"
-    "}\n";
+static const char *const kn_shader_solid_vertex = KN_GLSL "layout(location = 0) in vec3 a_position;\n"
+                                                          "layout(location = 1) in vec3 a_normal;\n"
+                                                          "layout(location = 2) in vec3 a_side;\n"
+                                                          "layout(location = 3) in float a_value;\n"
+                                                          "uniform mat4 u_model, u_camera, u_light;\n"
+                                                          "uniform float u_bias, u_grow;\n"
+                                                          "out vec3 v_position, v_normal, v_side, v_shadow;\n"
+                                                          "out float v_value;\n"
+                                                          "void main()\n"
+                                                          "{\n"
+                                                          "    v_value = a_value;\n"
+                                                          "    vec4 p = u_model * vec4(a_position, 1.0);\n"
+                                                          "    v_position = p.xyz;\n"
+                                                          "    v_normal = normalize(mat3(u_model) * a_normal);\n"
+                                                          "    v_side = a_side;\n"
+                                                          "    v_shadow = (u_light * vec4(p.xyz + u_bias * v_normal, "
+                                                          "1.0)).xyz;\n" // off the surface: no speckles of own shadow
+                                                          "    gl_Position = u_camera * (p + vec4(u_grow * v_normal, "
+                                                          "0.0));\n"
+                                                          "}\n";
 
 // The colour of a number, 0..1: straight lines between the scale's colours, in linear light.
-#define KN_GLSL_SCALE                                                                                                   \
-    "uniform vec3 u_scale[9], u_color;\n"                                                                               \
-    "uniform float u_scaled;\n"                                                                                         \
-    "vec3 colored(float value)\n"                                                                                       \
-    "{\n"                                                                                                               \
-    "    if (u_scaled < 0.5 || !(value >= 0.0)) return u_color;\n"                                                      \
-    "    float x = min(value, 1.0) * 8.0;\n"                                                                            \
-    "    int i = int(min(x, 7.0));\n"                                                                                   \
-    "    return mix(u_scale[i], u_scale[i + 1], x - float(i));\n"                                                       \
+#define KN_GLSL_SCALE                                                                                                  \
+    "uniform vec3 u_scale[9], u_color;\n"                                                                              \
+    "uniform float u_scaled;\n"                                                                                        \
+    "vec3 colored(float value)\n"                                                                                      \
+    "{\n"                                                                                                              \
+    "    if (u_scaled < 0.5 || !(value >= 0.0)) return u_color;\n"                                                     \
+    "    float x = min(value, 1.0) * 8.0;\n"                                                                           \
+    "    int i = int(min(x, 7.0));\n"                                                                                  \
+    "    return mix(u_scale[i], u_scale[i + 1], x - float(i));\n"                                                      \
     "}\n"
 
 // v_side is the distance from each drawn side of the triangle in barycentric units; over its derivative: in pixels
@@ -78,30 +79,30 @@ static const char *const kn_shader_solid_fragment = KN_GLSL KN_GLSL_SHADOW KN_GL
     "}\n";
 
 // Edges of the lattice: bare lines, without light.
-static const char *const kn_shader_edge_vertex = KN_GLSL
-    "layout(location = 0) in vec3 a_position;\n"
-    "layout(location = 3) in float a_value;\n"
-    "uniform mat4 u_camera;\n"
-    "out float v_value;\n"
-    "void main() { v_value = a_value; gl_Position = u_camera * vec4(a_position, 1.0); }\n";
+static const char *const kn_shader_edge_vertex =
+    KN_GLSL "layout(location = 0) in vec3 a_position;\n"
+            "layout(location = 3) in float a_value;\n"
+            "uniform mat4 u_camera;\n"
+            "out float v_value;\n"
+            "void main() { v_value = a_value; gl_Position = u_camera * vec4(a_position, 1.0); }\n";
 
-static const char *const kn_shader_edge_fragment = KN_GLSL KN_GLSL_SCALE
-    "in float v_value;\n"
-    "out vec4 o_color;\n"
-    "void main() { o_color = vec4(sqrt(0.8 * colored(v_value)), 1.0); }\n";
+static const char *const kn_shader_edge_fragment =
+    KN_GLSL KN_GLSL_SCALE "in float v_value;\n"
+                          "out vec4 o_color;\n"
+                          "void main() { o_color = vec4(sqrt(0.8 * colored(v_value)), 1.0); }\n";
 
 // The table fills what the solids left of the picture: for every pixel, where its line of sight meets the height u_level.
 // Drawn behind what is resolved already, one sample per pixel: its lines have their own soft edges, and four samples cost
 // 20 ms more.
-static const char *const kn_shader_table_vertex = KN_GLSL
-    "layout(location = 0) in vec3 a_position;\n"
-    "uniform vec3 u_right, u_up, u_forward;\n" // of a line of sight through a corner of the picture
-    "out vec3 v_sight;\n"
-    "void main()\n"
-    "{\n"
-    "    v_sight = u_forward + a_position.x * u_right + a_position.y * u_up;\n"
-    "    gl_Position = vec4(a_position.xy, 0.999999, 1.0);\n" // behind everything
-    "}\n";
+static const char *const kn_shader_table_vertex =
+    KN_GLSL "layout(location = 0) in vec3 a_position;\n"
+            "uniform vec3 u_right, u_up, u_forward;\n" // of a line of sight through a corner of the picture
+            "out vec3 v_sight;\n"
+            "void main()\n"
+            "{\n"
+            "    v_sight = u_forward + a_position.x * u_right + a_position.y * u_up;\n"
+            "    gl_Position = vec4(a_position.xy, 0.999999, 1.0);\n" // behind everything
+            "}\n";
 
 // Squares of u_square metres, every fifth line stronger; a bar as long as one square; fades into the background. dim: what
 // the object takes from its light.
@@ -124,8 +125,9 @@ static const char *const kn_shader_table_vertex = KN_GLSL
     "    vec3 p = u_eye + v_sight * (u_level - u_eye.z) / min(v_sight.z, -1e-4);\n" /* beyond the horizon: far away */ \
     "    vec2 pixel = fwidth(p.xy) / u_square;\n"                                                                      \
     "    float fade = 1.0 - smoothstep(0.35, 1.0, length(p.xy) / u_reach);\n"                                          \
-    "    float lines = max(0.16 * grid(p.xy / u_square, pixel, 0.6), 0.30 * grid(p.xy / (5.0 * u_square), pixel / 5.0, 0.8));\n" \
-    "    float shade = (1.0 - lines) * dim(p);\n"                                                                          \
+    "    float lines = max(0.16 * grid(p.xy / u_square, pixel, 0.6), 0.30 * grid(p.xy / (5.0 * u_square), pixel / "    \
+    "5.0, 0.8));\n"                                                                                                    \
+    "    float shade = (1.0 - lines) * dim(p);\n"                                                                      \
     "    float bar = clamp(1.0 - away(p.xy, u_bar) / (u_square * max(pixel.x, pixel.y)), 0.0, 1.0);\n"                 \
     "    o_color = vec4(sqrt(u_color * mix(1.0, mix(shade, 0.03, bar), fade)), 1.0);\n"                                \
     "}\n"

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define CREASE_COS 0.766f   // cos 40 degrees: a block's edges are 90, a 16-sided cylinder's facets 22
+#define CREASE_COS 0.766f    // cos 40 degrees: a block's edges are 90, a 16-sided cylinder's facets 22
 #define COPLANAR_COS 0.9999f // 0.8 degrees
 
 typedef struct half_edge { // one side of one triangle

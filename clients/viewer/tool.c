@@ -76,12 +76,13 @@ static frame frame_within(const frame *tool, const kn_solid *part)
 // What a mesh tool looks like, when it is seen first. Out of memory: nothing is drawn.
 static void load_mesh(kn_tools *t, int probe, const kn_field *f)
 {
-    float (*x)[3] = malloc((size_t)f->vertex_count * sizeof *x);
+    float(*x)[3] = malloc((size_t)f->vertex_count * sizeof *x);
     float *corners = malloc((size_t)f->triangle_count * 18 * sizeof *corners);
     for (int i = 0; x && i < f->vertex_count; i++)
         for (int k = 0; k < 3; k++) x[i][k] = (float)f->x_m[i][k];
     kn_skin *skin = x && corners ? kn_skin_create(f->vertex_count, (const float(*)[3])x, f->triangle_count,
-                                                  (const int(*)[3])f->triangle) : NULL;
+                                                  (const int(*)[3])f->triangle)
+                                 : NULL;
     if (t->mesh[probe].array == 0) t->mesh[probe] = kn_form_create(t->gl);
     t->mesh[probe].corners = 0;
     t->hash[probe] = f->hash;

@@ -78,8 +78,7 @@ bool kn_web_fetch(void *self, const char *name, kn_web_file *file)
     }
     int number;
     char kind[8], end;
-    if (sscanf(name, "recording/%6d.%7[a-z]%c", &number, kind, &end) == 2)
-        return recording(w, number, kind, file);
+    if (sscanf(name, "recording/%6d.%7[a-z]%c", &number, kind, &end) == 2) return recording(w, number, kind, file);
     if (strcmp(name, "scene.yaml") == 0) return scene(w, file);
     return false;
 }

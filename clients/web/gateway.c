@@ -27,7 +27,8 @@ enum {
 // The files are part of the program: nothing to find at run time, nothing that a page could ask for beside them.
 #define EMBED(name, file)                                                                                              \
     extern const char name[], name##_end[];                                                                            \
-    __asm__(".section .rodata\n" #name ": .incbin \"" KN_CLIENTS_DIR "/web/" file "\"\n" #name "_end: .byte 0\n.previous\n")
+    __asm__(".section .rodata\n" #name ": .incbin \"" KN_CLIENTS_DIR "/web/" file "\"\n" #name                         \
+            "_end: .byte 0\n.previous\n")
 EMBED(page_html, "page.html");
 EMBED(app_js, "app.js");
 EMBED(panels_js, "panels.js");
@@ -48,7 +49,7 @@ typedef struct session { // libwebsockets keeps one per connection
     int page;            // -1: none, since the token has not been shown or the place is a newer page's
     size_t length;
     uint8_t message[KN_REQUEST_MAX];
-    bool closing;        // nothing may be written after the reason: it would end the connection before it is sent
+    bool closing; // nothing may be written after the reason: it would end the connection before it is sent
 } session;
 
 static void tell_refusal(kn_gateway *g, const char *why)
@@ -439,8 +440,8 @@ static bool make_address(kn_gateway *g, const char *host)
     return true;
 }
 
-bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, const char *host, int port, int fd, size_t largest,
-                     char *error, size_t error_size)
+bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, const char *host, int port, int fd, size_t largest, char *error,
+                     size_t error_size)
 {
     static const struct lws_protocols protocols[] = {
         {"http", on_event, sizeof(session), KN_REQUEST_MAX, 0, NULL, AT_ONCE},
@@ -448,8 +449,12 @@ bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, const char *host, int po
         {NULL, NULL, 0, 0, 0, NULL, 0}};
     void *loops[1] = {ev};
     struct lws_context_creation_info info = {
-        .port = CONTEXT_PORT_NO_LISTEN_SERVER, .protocols = protocols, .user = g, .foreign_loops = loops,
-        .timeout_secs = PATIENCE_S, .keepalive_timeout = PATIENCE_S,
+        .port = CONTEXT_PORT_NO_LISTEN_SERVER,
+        .protocols = protocols,
+        .user = g,
+        .foreign_loops = loops,
+        .timeout_secs = PATIENCE_S,
+        .keepalive_timeout = PATIENCE_S,
         .alpn = "http/1.1", // a connection is one request at a time: no streams of HTTP/2 in one place
         .options = LWS_SERVER_OPTION_LIBEV | LWS_SERVER_OPTION_DISABLE_IPV6 |
                    LWS_SERVER_OPTION_HTTP_HEADERS_SECURITY_BEST_PRACTICES_ENFORCE};
@@ -499,7 +504,8 @@ void kn_gateway_news(kn_gateway *g)
 
 void kn_gateway_close(kn_gateway *g)
 {
-    if (g->context) ev_io_stop(g->ev, &g->acceptable), ev_timer_stop(g->ev, &g->pause), ev_timer_stop(g->ev, &g->expiry);
+    if (g->context)
+        ev_io_stop(g->ev, &g->acceptable), ev_timer_stop(g->ev, &g->pause), ev_timer_stop(g->ev, &g->expiry);
     if (g->context) lws_context_destroy(g->context);
     if (g->fd >= 0) close(g->fd);
     free(g->buffer);

@@ -22,8 +22,8 @@
 #include <stdint.h>
 
 #define KN_GATEWAY_PAGES 4
-#define KN_GATEWAY_GUESTS 16 // connections without the token
-#define KN_GATEWAY_TOKEN 32 // hex digits
+#define KN_GATEWAY_GUESTS 16   // connections without the token
+#define KN_GATEWAY_TOKEN 32    // hex digits
 #define KN_GATEWAY_IN_FLIGHT 2 // messages a page has not acknowledged: more would be an old picture waiting in a buffer
 
 typedef enum kn_web_kind { KN_WEB_POINTER = 1, KN_WEB_SEEN } kn_web_kind;
@@ -36,26 +36,26 @@ typedef struct kn_web_message { // checked: finite, u v 0..1, depth_m 0..0.1
 } kn_web_message;
 
 typedef struct kn_web_page { // one that has shown the token
-    uint32_t sent, seen; // messages; sent - seen are in flight
-    bool news;           // there is something to write
-    int64_t came;        // sequence number of the page
-    uint32_t picture;    // the last one it was sent; the caller's
-    uint32_t event;      // the last pointer event
-    int64_t pointed_ms;  // when; CLOCK_MONOTONIC
-    uint64_t told;       // samples of the force it has been told
-    int about;           // what it has been told of the object, the caller's number of that
-    struct lws *wsi;     // NULL: free
+    uint32_t sent, seen;     // messages; sent - seen are in flight
+    bool news;               // there is something to write
+    int64_t came;            // sequence number of the page
+    uint32_t picture;        // the last one it was sent; the caller's
+    uint32_t event;          // the last pointer event
+    int64_t pointed_ms;      // when; CLOCK_MONOTONIC
+    uint64_t told;           // samples of the force it has been told
+    int about;               // what it has been told of the object, the caller's number of that
+    struct lws *wsi;         // NULL: free
 } kn_web_page;
 
 typedef struct kn_web_file { // a download
-    const char *type;  // MIME
-    char path[128];    // of a file; "": bytes instead
-    char *bytes;       // malloc'ed, the gateway's from then on
+    const char *type;        // MIME
+    char path[128];          // of a file; "": bytes instead
+    char *bytes;             // malloc'ed, the gateway's from then on
     size_t size;
 } kn_web_file;
 
 typedef struct kn_gateway {
-    char address[96];    // http://HOST:PORT/#TOKEN; https, off loopback
+    char address[96];     // http://HOST:PORT/#TOKEN; https, off loopback
     char fingerprint[96]; // SHA-256 of the certificate, AB:CD:..; "" without encryption
     kn_web_page page[KN_GATEWAY_PAGES];
     int64_t refused;
@@ -73,13 +73,13 @@ typedef struct kn_gateway {
     struct lws_context *context;
     struct ev_loop *ev;
     ev_io acceptable;
-    ev_timer pause; // nobody is accepted for a moment
+    ev_timer pause;  // nobody is accepted for a moment
     ev_timer expiry; // of guests
     struct lws *guest[KN_GATEWAY_GUESTS];
     double guest_s[KN_GATEWAY_GUESTS]; // when each came
-    int64_t admitted; // pages so far
+    int64_t admitted;                  // pages so far
     int fd, connections, guests;
-    int64_t told_ms; // of the last refusal
+    int64_t told_ms;                              // of the last refusal
     char token[KN_GATEWAY_TOKEN + 1], origin[40]; // http://HOST:PORT
     const char *site;                             // HOST:PORT, in origin
     uint8_t *buffer;

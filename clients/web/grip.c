@@ -157,10 +157,7 @@ static void point(kn_web *w, int page, const kn_web_message *m)
     kn_web_post_wish(w);
 }
 
-void kn_web_on_message(void *self, int page, const kn_web_message *m)
-{
-    point(self, page, m);
-}
+void kn_web_on_message(void *self, int page, const kn_web_message *m) { point(self, page, m); }
 
 void kn_web_on_gone(void *self, int page)
 {

@@ -8,10 +8,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STATUS_TAG KN_ASKER_CALLS       // of our own questions
+#define STATUS_TAG KN_ASKER_CALLS // of our own questions
 #define SAVE_TAG (KN_ASKER_CALLS + 1)
 #define PICTURE_MS 5000 // a picture that was asked for is not waited for longer
-#define LEAVING_MS 300 // after the tool was let go, until another hand takes it
+#define LEAVING_MS 300  // after the tool was let go, until another hand takes it
 
 void kn_web_answer_page(kn_web *w, int page, uint32_t id, bool ok, const char *format, ...)
 {
@@ -69,9 +69,10 @@ static json_t *scene_path(const kn_web *w, const char *name)
 
 static json_t *set_request(const kn_request *r)
 {
-    static const struct { const char *name, *unit; } keys[] = {
-        {"k1", "Pa"}, {"c1", "Pa*s"}, {"c2", "Pa*s"}, {"alpha", "Pa*s"}, {"beta", "1/Pa"}, {"c_max", "Pa*s"},
-        {"c_min", "Pa*s"}, {"p0", "Pa"}, {"p1", "Pa"}};
+    static const struct {
+        const char *name, *unit;
+    } keys[] = {{"k1", "Pa"},      {"c1", "Pa*s"},    {"c2", "Pa*s"}, {"alpha", "Pa*s"}, {"beta", "1/Pa"},
+                {"c_max", "Pa*s"}, {"c_min", "Pa*s"}, {"p0", "Pa"},   {"p1", "Pa"}};
     char text[96];
     for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
         if (strcmp(keys[i].name, r->name) != 0) continue;
@@ -133,13 +134,11 @@ static void order(kn_web *w, int page, const kn_request *r)
         kn_web_answer_page(w, page, r->id, false, "%s %s: there is no such name", kn_verb_word(r->verb), r->name);
         return;
     }
-    if (tag < KN_ASKER_CALLS &&
-        kn_asker_ask(&w->asker, tag, request, r->verb == KN_VERB_ESTOP, error, sizeof error)) {
+    if (tag < KN_ASKER_CALLS && kn_asker_ask(&w->asker, tag, request, r->verb == KN_VERB_ESTOP, error, sizeof error)) {
         w->asked[tag].page = page;
         w->asked[tag].id = r->id;
         w->asked[tag].verb = r->verb;
-    } else
-        kn_web_answer_page(w, page, r->id, false, "%s", tag < KN_ASKER_CALLS ? error : "too much is being asked");
+    } else kn_web_answer_page(w, page, r->id, false, "%s", tag < KN_ASKER_CALLS ? error : "too much is being asked");
     json_decref(request);
 }
 
@@ -246,8 +245,9 @@ static void take_measure(kn_web *w, int page, const kn_request *r)
 static void take_picture(kn_web *w, int page, const kn_request *r)
 {
     const bool now = w->png_page < 0 && w->folder[0];
-    if (!now) kn_web_answer_page(w, page, r->id, false, "%s", w->folder[0] ? "Another one is being made."
-                                                                          : "There is no folder to write it to.");
+    if (!now)
+        kn_web_answer_page(w, page, r->id, false, "%s",
+                           w->folder[0] ? "Another one is being made." : "There is no folder to write it to.");
     if (!now) return;
     w->png_page = page;
     w->png_id = r->id;
@@ -368,16 +368,17 @@ void kn_web_on_request(void *self, int page, const kn_request *r)
         look(w, r);
         kn_web_answer_page(w, page, r->id, true, "Looked at from there.");
         break;
-    case KN_VERB_STYLE:
-        kn_web_answer_page(w, page, r->id, take_style(w, r->name), "%s", r->name);
-        break;
+    case KN_VERB_STYLE: kn_web_answer_page(w, page, r->id, take_style(w, r->name), "%s", r->name); break;
     case KN_VERB_MEASURE: take_measure(w, page, r); break;
     case KN_VERB_PICTURE: take_picture(w, page, r); break;
     case KN_VERB_RECORD: record(w, page, r); break;
     case KN_VERB_STOP: end_take(w, page, r); break;
     case KN_VERB_VERIFY: verify(w, page, r); break;
     case KN_VERB_PLAY: play(w, page, r); break;
-    default: w->ordered_by = page; order(w, page, r); return;
+    default:
+        w->ordered_by = page;
+        order(w, page, r);
+        return;
     }
     kn_web_refresh(w);
 }

@@ -44,7 +44,7 @@ static void *run(void *self)
 {
     kn_painter *p = self;
     setpriority(PRIO_PROCESS, (id_t)gettid(), 5); // Linux: of this thread, and of Mesa's, which it starts
-    setenv("LP_NUM_THREADS", "2", 0); // beside a browser that draws in software, 5 ms sooner than with one
+    setenv("LP_NUM_THREADS", "2", 0);             // beside a browser that draws in software, 5 ms sooner than with one
     kn_renderer *r = kn_renderer_open(p->width, p->height, 1, p->error, p->error_size);
     tjhandle packer = tjInitCompress();
     uint8_t *rgba = malloc((size_t)p->width * (size_t)p->height * 4);
@@ -54,7 +54,8 @@ static void *run(void *self)
     if (!ok) atomic_store(&p->stop, true);
     sem_post(&p->opened);
     for (;;) {
-        while (sem_wait(&p->wake) != 0); // a signal
+        while (sem_wait(&p->wake) != 0)
+            ; // a signal
         if (atomic_load(&p->stop)) break;
         draw(p, r, packer, rgba);
         atomic_store(&p->drawn, true);
@@ -83,7 +84,8 @@ bool kn_painter_open(kn_painter *p, int width, int height, void (*done)(void *ar
         p->width = 0;
         return false;
     }
-    while (sem_wait(&p->opened) != 0); // a signal
+    while (sem_wait(&p->opened) != 0)
+        ; // a signal
     if (!atomic_load(&p->stop)) return true;
     kn_painter_close(p);
     return false;

@@ -57,7 +57,8 @@ static bool write_path(const char *log_path, const char *probe, const char *path
 static bool hear_scene(kn_takes *t, kn_take *one, kn_record *r)
 {
     const int64_t end_ns = kn_now_ns() + KN_TAKE_SCENE_MS * 1000000ll;
-    while (!kn_record_scene(r, HEED_MS) && !atomic_load(&t->end) && kn_now_ns() < end_ns);
+    while (!kn_record_scene(r, HEED_MS) && !atomic_load(&t->end) && kn_now_ns() < end_ns)
+        ;
     if (kn_record_scene(r, 0)) return !atomic_load(&t->end);
     snprintf(one->words, sizeof one->words, "No scene was heard for %d s.", KN_TAKE_SCENE_MS / 1000);
     return false;
@@ -117,10 +118,10 @@ bool kn_takes_begin(kn_takes *t, const char *probe, char *error, size_t error_si
 {
     kn_take *one = &t->take[t->count % KN_TAKES];
     kn_takes_tidy(t);
-    const char *why = kn_takes_busy(t)                          ? "A recording runs already."
-                      : !*t->folder                             ? "There is no folder to record to."
+    const char *why = kn_takes_busy(t)                             ? "A recording runs already."
+                      : !*t->folder                                ? "There is no folder to record to."
                       : t->child_pid && t->child_of == one->number ? "The oldest recording is in use."
-                                                                : NULL;
+                                                                   : NULL;
     if (why) {
         snprintf(error, error_size, "%s", why);
         return false;
@@ -234,9 +235,9 @@ static bool start(kn_takes *t, int number, bool plays, char *const argv[], char 
 
 static bool may_start(kn_takes *t, int number, char *error, size_t error_size)
 {
-    const char *why = t->child_pid                  ? "Another recording is being replayed."
+    const char *why = t->child_pid                ? "Another recording is being replayed."
                       : !kn_takes_find(t, number) ? "There is no such recording."
-                                                    : NULL;
+                                                  : NULL;
     if (why) snprintf(error, error_size, "%s", why);
     return !why;
 }

@@ -21,13 +21,13 @@ typedef enum kn_take_state { KN_TAKE_WAITS, KN_TAKE_RUNS, KN_TAKE_WHOLE, KN_TAKE
 // WAITS: for the scene, which kneadd tells every second; EMPTY: ended before it ran, and is tidied away
 
 typedef struct kn_take {
-    int number;         // 1 and up; 0: free
-    _Atomic int state;  // kn_take_state; whoever reads WHOLE or FAILED may read the rest
-    _Atomic int ms;     // its length so far
+    int number;        // 1 and up; 0: free
+    _Atomic int state; // kn_take_state; whoever reads WHOLE or FAILED may read the rest
+    _Atomic int ms;    // its length so far
     _Atomic int64_t bytes;
-    atomic_bool felt;   // the log holds a force: a replay can go on from any snapshot taken from now on
-    bool csv;           // forces.csv has been made
-    char words[200];    // what came of it, "" nothing yet
+    atomic_bool felt; // the log holds a force: a replay can go on from any snapshot taken from now on
+    bool csv;         // forces.csv has been made
+    char words[200];  // what came of it, "" nothing yet
 } kn_take;
 
 typedef struct kn_takes {
@@ -38,26 +38,26 @@ typedef struct kn_takes {
     kn_take take[KN_TAKES];
     // private
     int count;
-    kn_take *now;             // whose thread runs or has run, NULL: none
+    kn_take *now; // whose thread runs or has run, NULL: none
     atomic_bool end;
     pthread_t thread;
     char probe[64];
     ev_child child;
-    int child_pid, child_of;  // 0: none
+    int child_pid, child_of; // 0: none
     bool child_plays, child_stopped;
 } kn_takes;
 
 bool kn_takes_begin(kn_takes *takes, const char *probe, char *error, size_t error_size);
 // Of that number: its recording, if that waits or runs; the child that verifies or plays it. False: there is neither.
 bool kn_takes_end(kn_takes *takes, int number);
-bool kn_takes_tidy(kn_takes *takes);               // an EMPTY one goes; whether there was one
+bool kn_takes_tidy(kn_takes *takes);                 // an EMPTY one goes; whether there was one
 kn_take *kn_takes_find(kn_takes *takes, int number); // that is whole, or NULL
-bool kn_takes_busy(const kn_takes *takes);         // a take runs
+bool kn_takes_busy(const kn_takes *takes);           // a take runs
 // snapshots: kneadd's --state-dir, NULL: none, for a take that began on a kneaded object. Makes forces.csv, too.
 bool kn_takes_verify(kn_takes *takes, int number, const char *snapshots, char *error, size_t error_size);
 bool kn_takes_play(kn_takes *takes, int number, const char *probe, char *error, size_t error_size);
 // kind: "lcmlog", "csv" (forces), "path" (poses, as knead probe --path takes them).
 void kn_takes_path(const kn_takes *takes, int number, const char *kind, char path[128]);
-void kn_takes_close(kn_takes *takes);              // removes all of it
+void kn_takes_close(kn_takes *takes); // removes all of it
 
 #endif

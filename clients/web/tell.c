@@ -18,7 +18,7 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
 {
     const kn_pointer_news *n = &w->news;
 #define SAY(level, ...) return snprintf(words, size, __VA_ARGS__), level
-#define SAY_FAULT(fault) \
+#define SAY_FAULT(fault)                                                                                               \
     SAY("fault", "force taken to zero: %s. Way back: %s", kn_fault_name(fault), kn_fault_remedy(fault))
     if (w->live.scene_error[0]) SAY("fault", "the scene that is served cannot be read: %s", w->live.scene_error);
     if (kn_live_now_ms() - w->mesh_ms > KN_WEB_UNHEARD_MS) SAY("wait", "waiting for kneadd: nothing is served");
@@ -44,14 +44,16 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
     if (w->button == KN_BUTTON_BESIDE) SAY("wait", "nothing is under the tool here");
     if (n->flags & KN_FLAG_CLAMPED) SAY("ok", "in contact; the force is at the device's limit");
     if (n->contact) SAY("ok", "in contact");
-    SAY("ok", w->button == KN_BUTTON_UP  ? "ready: press on the object"
-              : n->depth_m > 0 ? "held: nothing pushes back"
-                               : "coming down");
+    SAY("ok", w->button == KN_BUTTON_UP ? "ready: press on the object"
+              : n->depth_m > 0          ? "held: nothing pushes back"
+                                        : "coming down");
 #undef SAY_FAULT
 #undef SAY
 }
 
-typedef struct json { char *at, *end; } json;
+typedef struct json {
+    char *at, *end;
+} json;
 
 __attribute__((format(printf, 2, 3))) static void put(json *t, const char *format, ...)
 {
@@ -121,8 +123,7 @@ static void put_touch(const kn_web *w, json *t)
     if (!w->vitals.touch_ms || kn_live_now_ms() - w->vitals.touch_ms > 500 ||
         !isfinite(p->area_m2 + p->peak_pressure_pa)) // JSON has no word for it
         return;
-    put(t, ",\"touch\":{\"area_mm2\":%.1f,\"peak_kpa\":%.2f,\"kpa\":[", 1e6 * p->area_m2,
-        1e-3 * p->peak_pressure_pa);
+    put(t, ",\"touch\":{\"area_mm2\":%.1f,\"peak_kpa\":%.2f,\"kpa\":[", 1e6 * p->area_m2, 1e-3 * p->peak_pressure_pa);
     for (int i = 0; i < 64; i++) {
         double x = p->pressure_pa[i / 8][i % 8];
         put(t, "%s%.2f", i ? "," : "", isfinite(x) ? 1e-3 * x : 0);
@@ -189,8 +190,8 @@ static json_t *rounded(double x) // so that what has not changed to the eye is n
 static json_t *material(const kn_material *m)
 {
     static const char *const dampers[] = {"none", "constant", "exponential", "ramp"};
-    json_t *o = json_pack("{s:s, s:o, s:o}", "damper", dampers[m->damper], "k1", rounded(m->k1_pa), "c1",
-                          rounded(m->c1_pa_s));
+    json_t *o =
+        json_pack("{s:s, s:o, s:o}", "damper", dampers[m->damper], "k1", rounded(m->k1_pa), "c1", rounded(m->c1_pa_s));
     switch (m->damper) {
     case KN_DAMPER_NONE: break;
     case KN_DAMPER_CONSTANT: json_object_set_new(o, "c2", rounded(m->c2_pa_s)); break;
@@ -263,7 +264,8 @@ static bool fault_of_another(const kn_web *w)
 {
     const json_t *probes = json_object_get(w->status, "probes"), *one;
     size_t i;
-    json_array_foreach(probes, i, one) {
+    json_array_foreach(probes, i, one)
+    {
         const char *name = json_string_value(json_object_get(one, "name"));
         const char *fault = json_string_value(json_object_get(one, "fault"));
         const bool own = w->tool && name && strcmp(name, w->tool->name) == 0;
@@ -277,20 +279,18 @@ static json_t *control(const kn_web *w)
 {
     const json_t *state = json_object_get(w->status, "state"), *quality = json_object_get(w->status, "quality");
     const char *mode = json_string_value(json_object_get(w->status, "mode"));
-    const char *why = !w->control ? "knead web was started without --control"
-                      : w->status ? NULL
-                      : *w->control_error ? w->control_error : "kneadd has not answered yet";
+    const char *why = !w->control         ? "knead web was started without --control"
+                      : w->status         ? NULL
+                      : *w->control_error ? w->control_error
+                                          : "kneadd has not answered yet";
     // a latched fault that a lift does not clear has the same way back
     // (but one that ends by itself, of a session that has fallen silent since nobody touches the page, is none)
-    const bool fault =
-        mode && strcmp(mode, "FAULT") == 0 && (w->news.mode != KN_POINTER_ABSENT || fault_of_another(w));
+    const bool fault = mode && strcmp(mode, "FAULT") == 0 && (w->news.mode != KN_POINTER_ABSENT || fault_of_another(w));
     const bool stopped = fault || (mode && strcmp(mode, "ESTOP") == 0);
-    return json_pack("{s:s?, s:b, s:b, s:I, s:s?, s:b, s:s?, s:s?}", "why", why, "orders",
-                     w->control != NULL, "saves",
+    return json_pack("{s:s?, s:b, s:b, s:I, s:s?, s:b, s:s?, s:s?}", "why", why, "orders", w->control != NULL, "saves",
                      json_is_string(json_object_get(state, "directory")), "snapshot",
-                     json_integer_value(json_object_get(state, "snapshot_gen")), "mode", mode, "stopped",
-                     stopped, "quality",
-                     json_string_value(json_object_get(quality, "in_force")), "asked",
+                     json_integer_value(json_object_get(state, "snapshot_gen")), "mode", mode, "stopped", stopped,
+                     "quality", json_string_value(json_object_get(quality, "in_force")), "asked",
                      json_string_value(json_object_get(quality, "asked")));
 }
 
@@ -302,11 +302,10 @@ static json_t *recordings(const kn_web *w)
         const kn_take *one = &w->takes.take[i];
         const int state = atomic_load(&one->state);
         if (!one->number || state == KN_TAKE_EMPTY) continue;
-        json_array_append_new(
-            list, json_pack("{s:i, s:s, s:f, s:f, s:b, s:s}", "number", one->number, "state", states[state], "s",
-                            floor(1e-2 * atomic_load(&one->ms)) / 10, "mb",
-                            floor(1e-5 * (double)atomic_load(&one->bytes)) / 10, "csv", one->csv, "words",
-                            state >= KN_TAKE_WHOLE ? one->words : ""));
+        json_array_append_new(list, json_pack("{s:i, s:s, s:f, s:f, s:b, s:s}", "number", one->number, "state",
+                                              states[state], "s", floor(1e-2 * atomic_load(&one->ms)) / 10, "mb",
+                                              floor(1e-5 * (double)atomic_load(&one->bytes)) / 10, "csv", one->csv,
+                                              "words", state >= KN_TAKE_WHOLE ? one->words : ""));
     }
     return list;
 }
@@ -316,8 +315,8 @@ static json_t *measures(const kn_web *w)
     json_t *names = json_array();
     for (int i = 0; i < KN_MEASURES; i++)
         if (kn_web_measured(w, i))
-            json_array_append_new(names, json_pack("{s:s, s:s}", "name", kn_measure_names[i].name, "words",
-                                                   kn_measure_names[i].words));
+            json_array_append_new(
+                names, json_pack("{s:s, s:s}", "name", kn_measure_names[i].name, "words", kn_measure_names[i].words));
     return names;
 }
 
@@ -325,9 +324,8 @@ static json_t *view(const kn_web *w)
 {
     static const char *const styles[] = {"lined", "solid", "wire"};
     return json_pack("{s:f, s:f, s:f, s:s, s:s, s:o}", "azimuth", w->look.azimuth_deg, "elevation",
-                     w->look.elevation_deg, "zoom", w->look.zoom > 0 ? w->look.zoom : 1, "style",
-                     styles[w->look.style], "measure", w->measure < 0 ? "none" : kn_measure_names[w->measure].name,
-                     "measures", measures(w));
+                     w->look.elevation_deg, "zoom", w->look.zoom > 0 ? w->look.zoom : 1, "style", styles[w->look.style],
+                     "measure", w->measure < 0 ? "none" : kn_measure_names[w->measure].name, "measures", measures(w));
 }
 
 static json_t *told(const char *words) // a name of the bus; "?" when it is no UTF-8
@@ -339,13 +337,13 @@ static json_t *told(const char *words) // a name of the bus; "?" when it is no U
 static json_t *about(const kn_web *w)
 {
     const kn_scene *s = w->live.scene;
-    json_t *all = json_pack(
-        "{s:o, s:o, s:o, s:o, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:i, s:i, s:i}", "scene", told(s ? s->name : ""),
-        "tool", told(w->tool ? w->tool->name : ""), "control", control(w), "scenes", scenes(w), "unlisted",
-        w->scenes_unlisted, "materials", materials(), "loop", loop(&w->vitals), "energy", energy(&w->vitals), "mesh",
-        mesh(w), "view", view(w), "recordings", recordings(w), "recording",
-        kn_takes_busy(&w->takes) ? w->takes.now->number : 0, "playing", w->lent, "replaying",
-        w->takes.child_pid ? w->takes.child_of : 0);
+    json_t *all =
+        json_pack("{s:o, s:o, s:o, s:o, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:i, s:i, s:i}", "scene",
+                  told(s ? s->name : ""), "tool", told(w->tool ? w->tool->name : ""), "control", control(w), "scenes",
+                  scenes(w), "unlisted", w->scenes_unlisted, "materials", materials(), "loop", loop(&w->vitals),
+                  "energy", energy(&w->vitals), "mesh", mesh(w), "view", view(w), "recordings", recordings(w),
+                  "recording", kn_takes_busy(&w->takes) ? w->takes.now->number : 0, "playing", w->lent, "replaying",
+                  w->takes.child_pid ? w->takes.child_of : 0);
     if (all && s) json_object_set_new(all, "material", material(&s->model.material));
     if (all && s) json_object_set_new(all, "points", points(s));
     return all;

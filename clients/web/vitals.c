@@ -56,9 +56,9 @@ static void on_mesh(const lcm_recv_buf_t *buffer, const char *channel, void *use
 bool kn_vitals_open(kn_vitals *v, kn_join *bus, kn_join *mesh_bus)
 {
     *v = (kn_vitals){0};
-    return kn_join_hear(mesh_bus, "KNEAD_MESH_UPDATE", on_mesh, v) &&
-           kn_join_hear(bus, "KNEAD_STATUS", on_status, v) && kn_join_hear(bus, "KNEAD_HEALTH", on_health, v) &&
-           kn_join_hear(bus, "KNEAD_EVENT", on_event, v) && kn_join_hear(bus, "KNEAD_TOUCH_*", on_touch, v);
+    return kn_join_hear(mesh_bus, "KNEAD_MESH_UPDATE", on_mesh, v) && kn_join_hear(bus, "KNEAD_STATUS", on_status, v) &&
+           kn_join_hear(bus, "KNEAD_HEALTH", on_health, v) && kn_join_hear(bus, "KNEAD_EVENT", on_event, v) &&
+           kn_join_hear(bus, "KNEAD_TOUCH_*", on_touch, v);
 }
 
 void kn_vitals_touch(kn_vitals *v, const char *probe)

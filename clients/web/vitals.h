@@ -14,8 +14,8 @@ typedef struct kn_vitals {
     knead_health_t health;
     double stored_j, work_j; // of the last audit: energy in the object, work of all tools since it was new
     knead_touch_patch_t touch;
-    int64_t mesh_bytes;      // of KNEAD_MESH_UPDATE, all of them
-    char touch_channel[80];  // private
+    int64_t mesh_bytes;     // of KNEAD_MESH_UPDATE, all of them
+    char touch_channel[80]; // private
 } kn_vitals;
 
 // Subscribes on buses that somebody else listens to and ends. False: too many.

@@ -17,7 +17,7 @@
 // of a message, beside the picture: about; 16 answers of 200 characters, which are 6 bytes each at most; the traces
 #define ROOM (KN_WEB_ABOUT + 40960)
 #define FOLDER_MAX 40 // characters of TMPDIR, with its NUL: w->folder has room for them and our own name
-#define MOVES_MS 200 // a pointer that was heard of so recently
+#define MOVES_MS 200  // a pointer that was heard of so recently
 
 static const char help[] =
     "usage: knead web [OPTION]...\n"
@@ -360,10 +360,10 @@ static const char *take(kn_web *w, int option, const char *text) // NULL, or wha
 static int parse(kn_web *w, int argc, char **argv)
 {
     static const struct option names[] = {
-        {"address", 1, NULL, 'a'},
-        {"probe", 1, NULL, 'P'}, {"port", 1, NULL, 'p'},       {"rate", 1, NULL, 'r'},     {"size", 1, NULL, 's'},
-        {"bind", 0, NULL, 'b'},  {"control", 1, NULL, 'c'}, {"lcm-url", 1, NULL, 'l'},  {"mesh-url", 1, NULL, 'm'},
-        {"help", 0, NULL, 'h'},  {"listen-fd", 1, NULL, 'f'},  {"scenes", 1, NULL, 'S'},  {NULL, 0, NULL, 0}};
+        {"address", 1, NULL, 'a'},  {"probe", 1, NULL, 'P'}, {"port", 1, NULL, 'p'},      {"rate", 1, NULL, 'r'},
+        {"size", 1, NULL, 's'},     {"bind", 0, NULL, 'b'},  {"control", 1, NULL, 'c'},   {"lcm-url", 1, NULL, 'l'},
+        {"mesh-url", 1, NULL, 'm'}, {"help", 0, NULL, 'h'},  {"listen-fd", 1, NULL, 'f'}, {"scenes", 1, NULL, 'S'},
+        {NULL, 0, NULL, 0}};
     opterr = 0; // our own words
     for (int option, which = 0; (option = getopt_long(argc, argv, "+:h", names, &which)) != -1;) {
         const char *word = argv[optind - 1], *expected = option == ':' ? "a value" : "an option of knead web --help";
@@ -385,9 +385,17 @@ static int parse(kn_web *w, int argc, char **argv)
 
 int kn_web_main(int argc, char **argv)
 {
-    static kn_web w = {.width = 800, .height = 450, .listen_fd = -1, .rate_hz = 30, .owner = -1, .ordered_by = -1,
-                       .measure = -1, .png_page = -1, .replayed.page = -1,
-                    .gateway.fd = -1, .host = "127.0.0.1"};
+    static kn_web w = {.width = 800,
+                       .height = 450,
+                       .listen_fd = -1,
+                       .rate_hz = 30,
+                       .owner = -1,
+                       .ordered_by = -1,
+                       .measure = -1,
+                       .png_page = -1,
+                       .replayed.page = -1,
+                       .gateway.fd = -1,
+                       .host = "127.0.0.1"};
     int code = parse(&w, argc, argv);
     if (code == KN_EXIT_OK && w.help) return fputs(help, stdout), KN_EXIT_OK;
     if (code != KN_EXIT_OK) return code;

@@ -51,80 +51,96 @@ typedef struct kn_web {
     kn_asker asker;
     kn_takes takes;
     char error[512];
-    char folder[64];            // for what is written, of this run alone; "": none
+    char folder[64]; // for what is written, of this run alone; "": none
 
     // grip.c
-    int64_t meshes, mesh_ms;    // seen; when the last came
-    const kn_scene *scene;      // that tool and reach are of; may be gone already
-    uint64_t scene_hash;        // its
+    int64_t meshes, mesh_ms; // seen; when the last came
+    const kn_scene *scene;   // that tool and reach are of; may be gone already
+    uint64_t scene_hash;     // its
     const kn_probe_def *tool;
-    kn_probe_def held;          // that tool, for comparison once its scene is gone
+    kn_probe_def held; // that tool, for comparison once its scene is gone
     double held_spacing_m;
     kn_reach reach;
     kn_device device;
-    bool moving;                // the device's thread runs
-    kn_pointer pointer;         // that thread's, as stale_ms: since the last wish
+    bool moving;        // the device's thread runs
+    kn_pointer pointer; // that thread's, as stale_ms: since the last wish
     int stale_ms;
-    kn_mailbox wishes;          // to it
+    kn_mailbox wishes; // to it
     kn_pointer_wish wish, wish_slots[3];
-    kn_ring samples;            // from it: kn_web_sample
-    kn_pointer_news news;       // the newest of them
+    kn_ring samples;      // from it: kn_web_sample
+    kn_pointer_news news; // the newest of them
     kn_web_sample trace[KN_WEB_TRACE];
     uint64_t traced;
-    int owner;                  // the page that has the tool, -1: none
-    int ordered_by;             // the page that gave the last order, -1: none
-    kn_button button;           // of that page
-    bool turned;                // the picture, since this press began: where the pointer is in it says nothing
-    struct { uint32_t number; int page; int64_t tick; } event[KN_WEB_EVENTS]; // tick of kneadd's answer, INT64_MAX:
-                                                                              // not yet
+    int owner;        // the page that has the tool, -1: none
+    int ordered_by;   // the page that gave the last order, -1: none
+    kn_button button; // of that page
+    bool turned;      // the picture, since this press began: where the pointer is in it says nothing
+    struct {
+        uint32_t number;
+        int page;
+        int64_t tick;
+    } event[KN_WEB_EVENTS]; // tick of kneadd's answer, INT64_MAX:
+                            // not yet
 
     // pictures
-    int64_t mesh_id;            // of the painter's still
-    int64_t frame_ms;           // when the last drawing began
-    double due_ms;              // when the next one should
-    uint8_t *jpeg;              // the newest picture: the painter is at the next one
+    int64_t mesh_id;  // of the painter's still
+    int64_t frame_ms; // when the last drawing began
+    double due_ms;    // when the next one should
+    uint8_t *jpeg;    // the newest picture: the painter is at the next one
     size_t jpeg_size;
-    double bar_m;               // on its table
+    double bar_m; // on its table
     uint32_t pictures;
-    int32_t painting, shown;    // newest event in the picture that is being drawn, that was drawn
-    bool drawing;               // from the painter's begin until its picture has been taken
-    kn_view_scene look;         // from where and in which style the next one is drawn
-    int measure;                // that it is coloured by, -1: none
-    double top;                 // of its scale
-    int png_page;               // that waits for the next picture as a file, -1: none; the answer's id
+    int32_t painting, shown; // newest event in the picture that is being drawn, that was drawn
+    bool drawing;            // from the painter's begin until its picture has been taken
+    kn_view_scene look;      // from where and in which style the next one is drawn
+    int measure;             // that it is coloured by, -1: none
+    double top;              // of its scale
+    int png_page;            // that waits for the next picture as a file, -1: none; the answer's id
     uint32_t png_id;
-    int64_t png_ms;             // since when
-    bool png_there;             // it has been made
+    int64_t png_ms;               // since when
+    bool png_there;               // it has been made
     double meshes_hz, mesh_bytes; // per second; of one
     int64_t counted_ms, counted_meshes, counted_bytes;
 
     // orders.c
-    struct { kn_web_answer answer[KN_WEB_ANSWERS]; int count; } waiting[KN_GATEWAY_PAGES]; // each page's own
-    struct { int page; uint32_t id; kn_verb verb; } asked[KN_ASKER_CALLS + 1]; // by tag; id 0: free
-    json_t *status;             // of kneadd, as its control socket told it last; NULL: it did not
-    int64_t status_ms;          // when it was asked for
-    char control_error[200];    // why there is none
-    int64_t snapshot;           // generation of the last that a page asked for, 0: none
-    char snapshot_of[400];      // its scene and directory
+    struct {
+        kn_web_answer answer[KN_WEB_ANSWERS];
+        int count;
+    } waiting[KN_GATEWAY_PAGES]; // each page's own
+    struct {
+        int page;
+        uint32_t id;
+        kn_verb verb;
+    } asked[KN_ASKER_CALLS + 1];                     // by tag; id 0: free
+    json_t *status;                                  // of kneadd, as its control socket told it last; NULL: it did not
+    int64_t status_ms;                               // when it was asked for
+    char control_error[200];                         // why there is none
+    int64_t snapshot;                                // generation of the last that a page asked for, 0: none
+    char snapshot_of[400];                           // its scene and directory
     char scene_file[KN_WEB_SCENES][KN_REQUEST_NAME]; // names in `scenes`
-    int scene_files, scenes_unlisted; // these: too many, or by names that no request may say
+    int scene_files, scenes_unlisted;                // these: too many, or by names that no request may say
 
-    int lent;                   // the recording that has the tool, 0: none
-    int64_t lent_ms;            // since when nobody has sent poses; 0: a child does
-    struct { int page, number; uint32_t id; } replayed; // who is told how it ended; page -1: nobody
-    int saved_of;               // the last recording that a snapshot was asked for, unless it was refused
-    int64_t saved_ms;           // when
+    int lent;        // the recording that has the tool, 0: none
+    int64_t lent_ms; // since when nobody has sent poses; 0: a child does
+    struct {
+        int page, number;
+        uint32_t id;
+    } replayed;       // who is told how it ended; page -1: nobody
+    int saved_of;     // the last recording that a snapshot was asked for, unless it was refused
+    int64_t saved_ms; // when
 
     // tell.c
-    char *about;                // the JSON that every page gets when it is another one than it had
-    int abouts;                 // its number, rising
-    struct { int nodes, edges, cells; } counts; // of the model
+    char *about; // the JSON that every page gets when it is another one than it had
+    int abouts;  // its number, rising
+    struct {
+        int nodes, edges, cells;
+    } counts; // of the model
 } kn_web;
 
 // grip.c
-void kn_web_take_scene(kn_web *w);   // when another one was heard: another tool, a hand that begins anew
+void kn_web_take_scene(kn_web *w); // when another one was heard: another tool, a hand that begins anew
 kn_camera_view kn_web_camera(const kn_web *w);
-void kn_web_let_go(kn_web *w);       // of the tool altogether: another hand may take it
+void kn_web_let_go(kn_web *w); // of the tool altogether: another hand may take it
 void kn_web_take_up(kn_web *w);
 void kn_web_post_wish(kn_web *w);
 void kn_web_take_samples(kn_web *w);
@@ -137,10 +153,10 @@ void kn_web_png_path(const kn_web *w, char path[128]);
 bool kn_web_measured(const kn_web *w, int measure); // whether the meshes tell it
 
 // orders.c
-void kn_web_list_scenes(kn_web *w);  // once a second: files come and go
+void kn_web_list_scenes(kn_web *w); // once a second: files come and go
 void kn_web_on_request(void *web, int page, const kn_request *request);
 void kn_web_on_replayed(void *web, int number, bool ok, const char *words);
-void kn_web_turn(kn_web *w);         // ten times a second: what recordings and pictures wait for
+void kn_web_turn(kn_web *w); // ten times a second: what recordings and pictures wait for
 void kn_web_on_answered(void *web, int tag, const json_t *answer);
 void kn_web_ask_status(kn_web *w); // once a second at most
 __attribute__((format(printf, 5, 6))) void kn_web_answer_page(kn_web *w, int page, uint32_t id, bool ok,
@@ -151,8 +167,8 @@ bool kn_web_fetch(void *web, const char *name, kn_web_file *file);
 
 // tell.c
 size_t kn_web_write(void *web, int page, uint8_t *bytes, size_t size);
-void kn_web_count(kn_web *w);        // nodes, edges and cells of the scene
-void kn_web_refresh(kn_web *w);      // about, when it has changed
-#define KN_WEB_ABOUT 24576           // bytes of it at most
+void kn_web_count(kn_web *w);   // nodes, edges and cells of the scene
+void kn_web_refresh(kn_web *w); // about, when it has changed
+#define KN_WEB_ABOUT 24576      // bytes of it at most
 
 #endif

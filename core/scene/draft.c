@@ -10,7 +10,7 @@
 // More nodes than any processor steps in a millisecond by a factor of 100, and their memory (below 4 GiB in f64) still
 // fits a workstation: beyond it a typing error is likelier than a wish.
 enum { NODES_MAX = 1 << 22 };
-#define BUDGET_S 0.8e-3        // of the 1 ms tick: the rest is for the poses, the surface and the machine
+#define BUDGET_S 0.8e-3 // of the 1 ms tick: the rest is for the poses, the surface and the machine
 #define LETTERS "abcdefghijklmnopqrstuvwxyz"
 #define SPACING_TOLERANCE 1e-6 // of a spacing, per extent: 5 cm / 3.3333333333333333 mm passes, / 3.333 mm does not
 
@@ -153,8 +153,7 @@ static bool relevant(kn_draft *draft, int slot, kn_key_id id)
     case KN_WHEN_PRESSURE: return def->pressure != KN_PRESSURE_NONE;
     case KN_WHEN_CONSTANT: return def->material.damper == KN_DAMPER_CONSTANT;
     case KN_WHEN_RAMP: return def->material.damper == KN_DAMPER_RAMP;
-    case KN_WHEN_FORCE:
-        return def->material.damper == KN_DAMPER_EXPONENTIAL || def->material.damper == KN_DAMPER_RAMP;
+    case KN_WHEN_FORCE: return def->material.damper == KN_DAMPER_EXPONENTIAL || def->material.damper == KN_DAMPER_RAMP;
     case KN_WHEN_EXPONENTIAL: return def->material.damper == KN_DAMPER_EXPONENTIAL;
     case KN_WHEN_TABLE: return def->support == KN_SUPPORT_FRICTION;
     case KN_WHEN_PLATE:
@@ -175,8 +174,8 @@ static bool require(kn_draft *draft, int slot, kn_key_id id)
     // the choice that made it necessary, when --set made it; else the mapping it is missing in
     bool chosen = kn_keys[id].when != KN_WHEN_ALWAYS && draft->at[slot][chooser(draft, id)].source >= 0;
     return kn_draft_complain(draft, chosen ? draft->at[slot][chooser(draft, id)] : draft->group[slot][id],
-                             "%s is missing, expected %s",
-                             kn_draft_path(draft, slot, id, path), kn_key_expects(&kn_keys[id], expects));
+                             "%s is missing, expected %s", kn_draft_path(draft, slot, id, path),
+                             kn_key_expects(&kn_keys[id], expects));
 }
 
 // What belongs to another damper or shape is an error in the file, and is dropped when --set made the choice; but not
@@ -194,8 +193,9 @@ static bool drop(kn_draft *draft, int slot, kn_key_id id)
         memset(kn_draft_field(draft, slot, id), 0, size);
     if (!given(draft, slot, id) || dropped) return true;
     if (by == KN_KEY_MESH)
-        return kn_draft_complain(draft, draft->at[slot][id], "%s means nothing with%s object.mesh, expected it left out",
-                                 kn_keys[id].path, *draft->mesh_path ? "" : "out");
+        return kn_draft_complain(draft, draft->at[slot][id],
+                                 "%s means nothing with%s object.mesh, expected it left out", kn_keys[id].path,
+                                 *draft->mesh_path ? "" : "out");
     const char *dot = strrchr(kn_keys[by].path, '.');
     return kn_draft_complain(draft, draft->at[slot][id], "%s means nothing with '%s: %s', expected it left out",
                              kn_draft_path(draft, slot, id, path), dot ? dot + 1 : kn_keys[by].path,
@@ -354,9 +354,11 @@ static bool finish_object(kn_draft *draft)
         }
         double cells = draft->size_m[k] / def->spacing_m, whole = round(cells);
         if (whole < 1 || !(fabs(cells - whole) <= SPACING_TOLERANCE))
-            return kn_draft_complain(draft, at, "object.size along %c, %g m, is %.8g spacings of %g m, "
-                                     "expected a whole number (%.10g m would be)", axis[k], draft->size_m[k], cells,
-                                     def->spacing_m, draft->size_m[k] / fmax(whole, 1));
+            return kn_draft_complain(draft, at,
+                                     "object.size along %c, %g m, is %.8g spacings of %g m, "
+                                     "expected a whole number (%.10g m would be)",
+                                     axis[k], draft->size_m[k], cells, def->spacing_m,
+                                     draft->size_m[k] / fmax(whole, 1));
         def->nodes[k] = whole > NODES_MAX ? NODES_MAX + 1 : (int)whole + 1;
         nodes *= def->nodes[k];
     }

@@ -24,15 +24,15 @@ static inline int kn_slot_of_part(int slot, int part) // part from 0, of the pro
 }
 
 typedef struct kn_draft_surface { // of a tool that is a mesh
-    char path[KN_PATH_MAX]; // as written; absolute once it has been read
-    int unit;               // number of the word in the key's table
+    char path[KN_PATH_MAX];       // as written; absolute once it has been read
+    int unit;                     // number of the word in the key's table
     uint64_t hash;
     double cell_m;
 } kn_draft_surface;
 
 typedef struct kn_draft_part { // of a union
-    int kind;        // number of the word in the key's table: kn_probe_shape without the plate
-    kn_probe_def as; // its size
+    int kind;                  // number of the word in the key's table: kn_probe_shape without the plate
+    kn_probe_def as;           // its size
     double at_m[3], turn_rad[3];
 } kn_draft_part;
 
@@ -48,25 +48,25 @@ typedef struct kn_draft {
     double size_m[3];
     double specimen_height_m;
     double margin_m;
-    int variant; // 0 rheological, 1 viscoelastic, 2 plastic
-    bool is_part; // it is the file of a material or a device that is read, not a scene
-    int profile;                            // of the device: number of the word in the key's table
-    bool device_whole;                      // the canonical text says all of the device, not its name and limits alone
-    int chosen;                             // kn_quality
+    int variant;       // 0 rheological, 1 viscoelastic, 2 plastic
+    bool is_part;      // it is the file of a material or a device that is read, not a scene
+    int profile;       // of the device: number of the word in the key's table
+    bool device_whole; // the canonical text says all of the device, not its name and limits alone
+    int chosen;        // kn_quality
     kn_draft_point fast, balanced, accurate;
-    kn_model_def built;                     // scene.model with the chosen point in its place
-    const char *point;                      // NULL, or name of the point that stands in scene.model
-    char mesh_path[KN_PATH_MAX];            // as written; absolute once it has been read. "": a block
-    int mesh_unit;                          // number of the word in the key's table
+    kn_model_def built;          // scene.model with the chosen point in its place
+    const char *point;           // NULL, or name of the point that stands in scene.model
+    char mesh_path[KN_PATH_MAX]; // as written; absolute once it has been read. "": a block
+    int mesh_unit;               // number of the word in the key's table
     uint64_t mesh_hash;
     kn_draft_part part[KN_PROBES_MAX * KN_PARTS_MAX]; // in the order of their slots
     int part_count[KN_PROBES_MAX];
     kn_draft_surface surface[KN_PROBES_MAX];
-    kn_mark parts_at[KN_PROBES_MAX];        // where a probe's list of parts was written
-    kn_mark at[KN_SLOTS][KN_KEY_COUNT];     // where each key's value was written
-    kn_mark group[KN_SLOTS][KN_KEY_COUNT];  // where the mapping stands that holds or should hold the key
-    const char *file;                       // for complaints; its folder is where a mesh is looked for
-    const char *beside;                     // another file in whose folder it may be, NULL: none
+    kn_mark parts_at[KN_PROBES_MAX];       // where a probe's list of parts was written
+    kn_mark at[KN_SLOTS][KN_KEY_COUNT];    // where each key's value was written
+    kn_mark group[KN_SLOTS][KN_KEY_COUNT]; // where the mapping stands that holds or should hold the key
+    const char *file;                      // for complaints; its folder is where a mesh is looked for
+    const char *beside;                    // another file in whose folder it may be, NULL: none
     const char *const *sets;
     char *error;
     size_t error_size;

@@ -48,8 +48,8 @@ static void couple(kn_draft *draft)
 {
     kn_device_def *d = &draft->scene.device;
     bool own_damping = said(draft, KN_KEY_DEVICE_COUPLING_DAMPING);
-    kn_coupling c = kn_coupling_default(own_damping ? INFINITY : d->mass_kg, d->damping_n_s_m, PERIOD_S,
-                                        d->round_trip_s, d->hand);
+    kn_coupling c =
+        kn_coupling_default(own_damping ? INFINITY : d->mass_kg, d->damping_n_s_m, PERIOD_S, d->round_trip_s, d->hand);
     if (!said(draft, KN_KEY_DEVICE_COUPLING)) d->hand.stiffness_n_m = c.stiffness_n_m;
     d->hand.damping_n_s_m = c.damping_n_s_m;
     double at_hand = d->force_scale * d->scale;

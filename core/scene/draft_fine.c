@@ -45,7 +45,7 @@ static bool check_reach(kn_draft *draft, int slot)
         if (probe->reach_m[k][0] > probe->reach_m[k][1])
             return kn_draft_complain(draft, draft->at[slot][KN_KEY_PROBE_REACH],
                                      "probes.%s.reach ends at %g m along %c, expected %g m or more", probe->name,
-                                     probe->reach_m[k][1], "xy"[k], probe->reach_m[k][0]);
+                                     probe->reach_m[k][1], "xy"[k], probe -> reach_m[k][0]);
     return true;
 }
 
@@ -84,8 +84,10 @@ bool kn_draft_fine(kn_draft *draft)
     }
     for (int k = 0; k < 3; k++)
         if (def->nodes[k] % 2 == 0)
-            return kn_draft_complain(draft, draft->at[0][KN_KEY_ACCURACY], "object.size along %c is %d spacings, "
-                                     "expected an even number with object.accuracy", "xyz"[k], def->nodes[k] - 1);
+            return kn_draft_complain(draft, draft->at[0][KN_KEY_ACCURACY],
+                                     "object.size along %c is %d spacings, "
+                                     "expected an even number with object.accuracy",
+                                     "xyz"[k], def -> nodes[k] - 1);
     if (def->probe_count > 0 && is_off(def, low_m, high_m))
         return kn_draft_complain(draft, draft->at[1][KN_KEY_PROBE_REACH],
                                  "probes.%s.reach and all others are beside the object, expected a reach on it",

@@ -64,8 +64,9 @@ static bool load(kn_draft *draft, const kn_draft_file *file, const char *path)
     uint64_t hash, *said = kn_draft_field(draft, file->slot, file->hash);
     if (!file->load(draft, file->slot, path, &hash)) return false;
     if (hash_counts(draft, file) && hash != *said)
-        return kn_draft_complain(draft, draft->at[file->slot][file->hash], "%s is %016" PRIx64 ", but the mesh is %016"
-                                 PRIx64 ": it was changed since, expected it as it was (there, or beside this file)",
+        return kn_draft_complain(draft, draft->at[file->slot][file->hash],
+                                 "%s is %016" PRIx64 ", but the mesh is %016" PRIx64
+                                 ": it was changed since, expected it as it was (there, or beside this file)",
                                  kn_draft_path(draft, file->slot, file->hash, name), *said, hash);
     *said = hash;
     draft->at[file->slot][file->hash] = mark_of(draft, file); // it is part of the canonical text
@@ -79,9 +80,9 @@ static bool make_absolute(kn_draft *draft, const kn_draft_file *file, const char
     bool fits = absolute && strlen(absolute) < KN_PATH_MAX && kn_key_quotable(absolute);
     if (fits) memcpy(path_of(draft, file), absolute, strlen(absolute) + 1);
     free(absolute);
-    return fits || kn_draft_complain(draft, mark_of(draft, file),
-                                     "%s: its whole path is no UTF-8 text of less than %d bytes",
-                                     kn_draft_path(draft, file->slot, file->path, name), KN_PATH_MAX);
+    return fits ||
+           kn_draft_complain(draft, mark_of(draft, file), "%s: its whole path is no UTF-8 text of less than %d bytes",
+                             kn_draft_path(draft, file->slot, file->path, name), KN_PATH_MAX);
 }
 
 bool kn_draft_read(kn_draft *draft, const kn_draft_file *file)
@@ -98,8 +99,8 @@ bool kn_draft_read(kn_draft *draft, const kn_draft_file *file)
         // the first complaint stands unless the file as it was is beside this one
         char first[512];
         snprintf(first, sizeof first, "%s", draft->error);
-        bool other = !why && hash_counts(draft, file) && strcmp(path, moved) != 0 && !no_file(moved) &&
-                     load(draft, file, moved);
+        bool other =
+            !why && hash_counts(draft, file) && strcmp(path, moved) != 0 && !no_file(moved) && load(draft, file, moved);
         if (!other) return snprintf(draft->error, draft->error_size, "%s", first), false;
         used = moved;
     }
@@ -126,8 +127,10 @@ static bool take_measures(kn_draft *draft)
     kn_mark at = draft->at[0][KN_KEY_MESH_UNIT];
     if (!kn_simplices_measure(scene->mesh, &m)) return kn_draft_complain(draft, at, "not enough memory for the mesh");
     if (m.edge_mean_m < EDGE_MIN_M)
-        return kn_draft_complain(draft, at, "object.mesh has edges of %.3g m in the mean, expected at least %g m: is "
-                                 "its unit right?", m.edge_mean_m, EDGE_MIN_M);
+        return kn_draft_complain(draft, at,
+                                 "object.mesh has edges of %.3g m in the mean, expected at least %g m: is "
+                                 "its unit right?",
+                                 m.edge_mean_m, EDGE_MIN_M);
     kn_simplices_place(scene->mesh);
     scene->model.mesh = scene->mesh;
     scene->model.spacing_m = m.edge_mean_m;

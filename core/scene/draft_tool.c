@@ -43,8 +43,8 @@ static bool make_union(kn_draft *draft, int slot)
         of->as.shape = kn_draft_shape(draft, part);
         if (!add_part(tool, of))
             return kn_draft_complain(draft, draft->at[part][KN_KEY_PART_SHAPE],
-                                     "probes.%s.parts are more than %d, a cross being two, expected fewer",
-                                     probe->name, KN_PARTS_MAX);
+                                     "probes.%s.parts are more than %d, a cross being two, expected fewer", probe->name,
+                                     KN_PARTS_MAX);
     }
     probe->parts = tool;
     return true;
@@ -76,9 +76,11 @@ static bool choose_cell(kn_draft *draft, int slot, const kn_shell *shell, double
     double points = kn_field_points(extent_m, *cell_m);
     if (points <= KN_FIELD_POINTS_MAX) return true;
     kn_mark at = draft->at[slot][surface->cell_m > 0 ? KN_KEY_SURFACE_CELL : KN_KEY_SURFACE_UNIT];
-    return kn_draft_complain(draft, at, "probes.%s.mesh is %.3g x %.3g x %.3g m: with cells of %.3g m it needs %.3g "
+    return kn_draft_complain(draft, at,
+                             "probes.%s.mesh is %.3g x %.3g x %.3g m: with cells of %.3g m it needs %.3g "
                              "MB, expected at most %.3g MB: wider cells, up to a third of the spacing, or a smaller "
-                             "tool", draft->scene.model.probe[slot - 1].name, extent_m[0], extent_m[1], extent_m[2], *cell_m,
+                             "tool",
+                             draft->scene.model.probe[slot - 1].name, extent_m[0], extent_m[1], extent_m[2], *cell_m,
                              4e-6 * points, 4e-6 * KN_FIELD_POINTS_MAX);
 }
 
@@ -100,12 +102,17 @@ static bool make_field(kn_draft *draft, int slot, kn_shell *shell)
         }
     if (!choose_cell(draft, slot, shell, &cell_m)) return false;
     if (far_m > FARTHEST_M)
-        return kn_draft_complain(draft, at, "probes.%s.mesh has a corner %.3g m from its origin, expected at most %g m: "
-                                 "are its origin and mesh_unit right?", name, far_m, FARTHEST_M);
+        return kn_draft_complain(draft, at,
+                                 "probes.%s.mesh has a corner %.3g m from its origin, expected at most %g m: "
+                                 "are its origin and mesh_unit right?",
+                                 name, far_m, FARTHEST_M);
     kn_field *field = kn_field_build(shell->vertex_count, (const double(*)[3])shell->x, shell->triangle_count,
                                      (const int(*)[3])shell->triangle, cell_m);
-    if (!field) return kn_draft_complain(draft, at, "probes.%s.mesh: no memory for its grid, or rounding leaves it "
-                                     "open", name);
+    if (!field)
+        return kn_draft_complain(draft, at,
+                                 "probes.%s.mesh: no memory for its grid, or rounding leaves it "
+                                 "open",
+                                 name);
     kn_shape_drop(tool); // what another file was
     *tool = (kn_shape){0};
     const kn_solid solid = kn_solid_field(field);
@@ -176,7 +183,8 @@ bool kn_draft_tool_fits(kn_draft *draft, int slot)
         kn_mark at = draft->at[part][KN_KEY_PART_SHAPE], spacing = draft->at[0][KN_KEY_SPACING];
         if (unfit)
             return kn_draft_complain(draft, spacing.source > at.source ? spacing : at,
-                                     "probes.%s.parts.%d: %s (spacing %g m)", def->probe[slot - 1].name, i + 1, unfit, def->spacing_m);
+                                     "probes.%s.parts.%d: %s (spacing %g m)", def->probe[slot - 1].name, i + 1, unfit,
+                                     def->spacing_m);
     }
     return true;
 }

@@ -10,14 +10,14 @@
 _Static_assert(sizeof(kn_damper) == sizeof(int) && sizeof(kn_solver) == sizeof(int), "a CHOICE is stored as an int");
 
 #define ROW(parent, id, when_, path_, type_, count_, unit_, least_, most_, fallback_, member, meaning_)                \
-    [KN_KEY_##id] = {KN_WHEN_##when_, path_, KN_TYPE_##type_, count_, unit_, least_, most_, fallback_,                 \
-                     offsetof(parent, member), meaning_},
+    [KN_KEY_##id] = {KN_WHEN_##when_, path_,     KN_TYPE_##type_,          count_,  unit_, least_,                     \
+                     most_,           fallback_, offsetof(parent, member), meaning_},
 #define SCENE_ROW(...) ROW(kn_draft, __VA_ARGS__)
 #define PROBE_ROW(...) ROW(kn_probe_def, __VA_ARGS__)
 #define SURFACE_ROW(...) ROW(kn_draft_surface, __VA_ARGS__)
 #define PART_ROW(...) ROW(kn_draft_part, __VA_ARGS__)
-const kn_key kn_keys[KN_KEY_COUNT] = {
-    KN_SCENE_KEYS(SCENE_ROW) KN_PROBE_KEYS(PROBE_ROW) KN_SURFACE_KEYS(SURFACE_ROW) KN_PART_KEYS(PART_ROW)};
+const kn_key kn_keys[KN_KEY_COUNT] = {KN_SCENE_KEYS(SCENE_ROW) KN_PROBE_KEYS(PROBE_ROW) KN_SURFACE_KEYS(SURFACE_ROW)
+                                          KN_PART_KEYS(PART_ROW)};
 
 static kn_unit unit_of(const kn_key *key)
 {
@@ -171,7 +171,9 @@ const char *kn_key_expects(const kn_key *key, char text[KN_LINE_MAX])
         snprintf(text, KN_LINE_MAX, "a list of 3 (2 for a flat object), each %s %s", range, key->unit);
         break;
     case KN_TYPE_REAL:
-        if (key->count > 1) snprintf(text, KN_LINE_MAX, "a list of %d, each %s%s%s", key->count, range, *key->unit ? " " : "", key->unit);
+        if (key->count > 1)
+            snprintf(text, KN_LINE_MAX, "a list of %d, each %s%s%s", key->count, range, *key->unit ? " " : "",
+                     key->unit);
         else snprintf(text, KN_LINE_MAX, "a number %s%s%s", range, *key->unit ? " " : "", key->unit);
         break;
     }
@@ -205,8 +207,9 @@ const char *kn_key_print(const kn_key *key, const void *field, char text[KN_LINE
         const double *value = field;
         int n = snprintf(text, KN_LINE_MAX, key->count > 1 ? "[" : "");
         for (int i = 0; i < key->count; i++)
-            if (key->type != KN_TYPE_EXTENT || value[i] != 0) n += snprintf(text + n, KN_LINE_MAX - (size_t)n, "%s%.*g%s%s", i ? ", " : "", digits_of(value[i]), value[i],
-                          space, unit);
+            if (key->type != KN_TYPE_EXTENT || value[i] != 0)
+                n += snprintf(text + n, KN_LINE_MAX - (size_t)n, "%s%.*g%s%s", i ? ", " : "", digits_of(value[i]),
+                              value[i], space, unit);
         if (key->count > 1) snprintf(text + n, KN_LINE_MAX - (size_t)n, "]");
     }
     return text;
@@ -300,19 +303,26 @@ const char *kn_key_suggest(const char *path, char text[KN_LINE_MAX])
 
 static void describe(const kn_key *key, char *line, size_t size)
 {
-    static const char *const required[] = {
-        [KN_WHEN_ALWAYS] = "required", [KN_WHEN_BLOCK] = "required if no mesh", [KN_WHEN_MESH] = "required if mesh",
-        [KN_WHEN_CONSTANT] = "required if constant", [KN_WHEN_EXPONENTIAL] = "required if exponential",
-        [KN_WHEN_RAMP] = "required if ramp", [KN_WHEN_FORCE] = "required if exp., ramp",
-        [KN_WHEN_PLATE] = "required if plate", [KN_WHEN_ROUND] = "required if round", [KN_WHEN_LONG] = "required if long",
-        [KN_WHEN_BOX] = "required if box, cross", [KN_WHEN_SURFACE] = "required if mesh"};
+    static const char *const required[] = {[KN_WHEN_ALWAYS] = "required",
+                                           [KN_WHEN_BLOCK] = "required if no mesh",
+                                           [KN_WHEN_MESH] = "required if mesh",
+                                           [KN_WHEN_CONSTANT] = "required if constant",
+                                           [KN_WHEN_EXPONENTIAL] = "required if exponential",
+                                           [KN_WHEN_RAMP] = "required if ramp",
+                                           [KN_WHEN_FORCE] = "required if exp., ramp",
+                                           [KN_WHEN_PLATE] = "required if plate",
+                                           [KN_WHEN_ROUND] = "required if round",
+                                           [KN_WHEN_LONG] = "required if long",
+                                           [KN_WHEN_BOX] = "required if box, cross",
+                                           [KN_WHEN_SURFACE] = "required if mesh"};
     char range[64] = "", value[64];
     const char *unit = key->type == KN_TYPE_CHOICE ? "" : key->unit;
     if (key->type == KN_TYPE_CHOICE) snprintf(value, sizeof value, "%s", key->unit);
     else if (key->type == KN_TYPE_NAME) snprintf(value, sizeof value, "a-z 0-9 _");
     else if (key->type == KN_TYPE_PATH) snprintf(value, sizeof value, "FILE%s", key->unit);
     else if (key->type == KN_TYPE_HASH) snprintf(value, sizeof value, "16 hexadecimal digits");
-    else if (key->type == KN_TYPE_EXTENT) snprintf(value, sizeof value, "%d or %d x %s", key->count - 1, key->count, unit);
+    else if (key->type == KN_TYPE_EXTENT)
+        snprintf(value, sizeof value, "%d or %d x %s", key->count - 1, key->count, unit);
     else if (key->count > 1) snprintf(value, sizeof value, "%d x %s", key->count, *unit ? unit : "number");
     else snprintf(value, sizeof value, "%s", *unit ? unit : "number");
     if (key->most > 0) snprintf(range, sizeof range, "%g .. %g", key->least, key->most);

@@ -32,15 +32,9 @@ const char *kn_library_names(char text[KN_LINE_MAX])
     return text;
 }
 
-static bool of_material(kn_key_id id)
-{
-    return strncmp(kn_keys[id].path, "material.", strlen("material.")) == 0;
-}
+static bool of_material(kn_key_id id) { return strncmp(kn_keys[id].path, "material.", strlen("material.")) == 0; }
 
-static bool given(const kn_draft *draft, kn_key_id id)
-{
-    return draft->at[0][id].source != KN_SOURCE_DEFAULT;
-}
+static bool given(const kn_draft *draft, kn_key_id id) { return draft->at[0][id].source != KN_SOURCE_DEFAULT; }
 
 static void take_key(kn_draft *draft, const kn_draft *from, kn_key_id id, kn_mark mark)
 {

@@ -372,10 +372,8 @@ static kn_simplices *build(reader *r, double units_per_m, kn_msh_facts *facts)
 {
     int dimension = choose_elements(r), *number = malloc(((size_t)r->node_count + 1) * sizeof *number);
     kn_simplices *s = NULL;
-    if (dimension == 0)
-        complain(r, 0, "neither tetrahedra nor triangles, expected a mesh: gmsh -3");
-    else if (number)
-        s = kn_simplices_create(dimension, number_nodes(r, number), r->found_count);
+    if (dimension == 0) complain(r, 0, "neither tetrahedra nor triangles, expected a mesh: gmsh -3");
+    else if (number) s = kn_simplices_create(dimension, number_nodes(r, number), r->found_count);
     if (dimension > 0 && !s) complain(r, 0, "not enough memory for the mesh");
     if (s) fill(r, s, number, units_per_m);
     free(number);

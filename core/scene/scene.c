@@ -327,7 +327,8 @@ static bool read_material(reader *r)
     if (entry) return take_material(r, entry->name, entry->text, strlen(entry->text), variant, mark);
     return kn_draft_complain(r->draft, mark,
                              "material: '%.40s' is unknown, expected a mapping, a file.yaml, or %s (with -rheological, "
-                             "-viscoelastic, -plastic)", name ? name : "", kn_library_names(names));
+                             "-viscoelastic, -plastic)",
+                             name ? name : "", kn_library_names(names));
 }
 
 // The list of what a union is made of; --set has one key of one of them at a time.
@@ -380,8 +381,7 @@ static bool read_document(reader *r, const char *path)
     if (r->event.type == YAML_STREAM_END_EVENT)
         return kn_draft_complain(r->draft, here(r), "empty, expected %s", expected);
     bool mapping = r->event.type == YAML_MAPPING_START_EVENT;
-    if (*path == '\0' && !mapping)
-        return kn_draft_complain(r->draft, here(r), "%s, expected %s", kind_of(r), expected);
+    if (*path == '\0' && !mapping) return kn_draft_complain(r->draft, here(r), "%s, expected %s", kind_of(r), expected);
     if (!(*path ? read_node(r, path) : read_mapping(r, path))) return false;
     if (!next(r) || !next(r)) return false; // document end, stream end
     return r->event.type == YAML_STREAM_END_EVENT ||

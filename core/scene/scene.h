@@ -22,24 +22,25 @@ typedef struct kn_point {
 #define KN_MESH_RESIDUAL 2
 
 typedef struct kn_scene {
-    char name[64];          // file name without folder
-    int version;            // the format's, 1
+    char name[64]; // file name without folder
+    int version;   // the format's, 1
     kn_model_def model;
-    kn_simplices *mesh;     // what model.mesh points at, owned; NULL: a block
+    kn_simplices *mesh;                   // what model.mesh points at, owned; NULL: a block
     struct kn_shape *tool[KN_PROBES_MAX]; // what a probe's parts point at, owned; NULL: it has none
     kn_point point[KN_QUALITIES];
-    kn_quality quality;     // the chosen one, which model is built with
-    double budget_s;        // of a tick, read to publish: see servo.h
-    double accuracy;        // of the force, that coarse cells away from the tools may cost; 0: there are none
-    kn_device_def device;   // the hand's: profile touch, falcon, omega, unknown, or bench, the virtual hand
+    kn_quality quality;   // the chosen one, which model is built with
+    double budget_s;      // of a tick, read to publish: see servo.h
+    double accuracy;      // of the force, that coarse cells away from the tools may cost; 0: there are none
+    kn_device_def device; // the hand's: profile touch, falcon, omega, unknown, or bench, the virtual hand
     kn_safety_limits limits;
-    double mesh_hz;         // 30..60
-    int mesh_measures;      // KN_MESH_STRESS, KN_MESH_RESIDUAL: what meshes tell beside places (gauge.h)
-    int solver_line, solver_col; // in the file, of what it says of solver's kind, dt, isa, mass_scale, the last of them;
-                            // 1, 1: nothing. That is what to point at when a model cannot be built or stepped
-    char *text;             // canonical YAML of the whole scene in SI, every default and override written out:
-                            // parsing it gives the same scene. Owned.
-    uint64_t text_hash;     // kn_hash_bytes of text but for the line that says where the mesh lies: text has its hash
+    double mesh_hz;    // 30..60
+    int mesh_measures; // KN_MESH_STRESS, KN_MESH_RESIDUAL: what meshes tell beside places (gauge.h)
+    int solver_line,
+        solver_col;     // in the file, of what it says of solver's kind, dt, isa, mass_scale, the last of them;
+                        // 1, 1: nothing. That is what to point at when a model cannot be built or stepped
+    char *text;         // canonical YAML of the whole scene in SI, every default and override written out:
+                        // parsing it gives the same scene. Owned.
+    uint64_t text_hash; // kn_hash_bytes of text but for the line that says where the mesh lies: text has its hash
 } kn_scene;
 
 // Loads a file, or parses text that a log or a test holds. sets[] are "key=value" as given to --set, applied over the

@@ -270,8 +270,10 @@ static bool check_edges(reader *r, const kn_shell *s, const edge *e, int *parent
         parent[root_of(parent, b)] = root_of(parent, a);
     }
     if (open == 0) return true;
-    return complain(r, r->place[first].at, "the surface has holes: %d edges belong to one triangle only, the first to "
-                    "triangle %d; expected a closed surface", open, r->place[first].number);
+    return complain(r, r->place[first].at,
+                    "the surface has holes: %d edges belong to one triangle only, the first to "
+                    "triangle %d; expected a closed surface",
+                    open, r->place[first].number);
 }
 
 static bool check_parts(reader *r, const kn_shell *s, int *parent)
@@ -281,8 +283,10 @@ static bool check_parts(reader *r, const kn_shell *s, int *parent)
         parts += parent[t] == t;
         if (other == 0 && root_of(parent, t) != root_of(parent, 0)) other = t;
     }
-    return parts == 1 || complain(r, r->place[other].at, "%d closed surfaces, expected one: triangle %d is not of the "
-                                  "first", parts, r->place[other].number);
+    return parts == 1 || complain(r, r->place[other].at,
+                                  "%d closed surfaces, expected one: triangle %d is not of the "
+                                  "first",
+                                  parts, r->place[other].number);
 }
 
 static bool check(reader *r, const kn_shell *s)
@@ -320,7 +324,8 @@ static void measure(kn_shell *s)
             c[k] = s->x[s->triangle[t][2]][k] - low[k];
         }
         s->volume += (a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) +
-                      a[2] * (b[0] * c[1] - b[1] * c[0])) / 6;
+                      a[2] * (b[0] * c[1] - b[1] * c[0])) /
+                     6;
     }
     s->volume = fabs(s->volume); // inside out is closed too
 }

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define GF_NEWTON 9.80665   // of 1 kgf, N: standard gravity, exact by definition
-#define ATM_PASCAL 1.01325 // of 1 atm, 1e5 Pa: exact by definition
+#define GF_NEWTON 9.80665               // of 1 kgf, N: standard gravity, exact by definition
+#define ATM_PASCAL 1.01325              // of 1 atm, 1e5 Pa: exact by definition
 #define DEG_RADIAN 0.017453292519943295 // of 1 deg
 
 enum { FACTORS_MAX = 8, EXPONENT_MAX = 9999 }; // far beyond any real quantity; they keep every int small

@@ -53,10 +53,7 @@ bool kn_words_complain(kn_words *w, size_t at, const char *format, ...)
     return false;
 }
 
-static bool is_space(unsigned char c)
-{
-    return c == ' ' || c == '\n' || c == '\t' || c == '\r';
-}
+static bool is_space(unsigned char c) { return c == ' ' || c == '\n' || c == '\t' || c == '\r'; }
 
 size_t kn_words_next(kn_words *w, char text[KN_WORD_MAX])
 {

@@ -16,9 +16,13 @@ static kn_curve creeps_of(const kn_material *material, double load_gf, double lo
     kn_network net = kn_network_of(material);
     kn_network_state s = {0};
     kn_drive d = {.kind = KN_DRIVE_LOAD, .value = load_gf * GF_CM2};
-    kn_curve c = {.kind = KN_CURVE_CREEP, .file = "creep.csv", .steps = rest_s > 0 ? 2 : 1,
-                  .step = {{.stress_pa = load_gf * GF_CM2}, {.time_s = loaded_s, .early_s = loaded_s, .late_s = loaded_s}},
-                  .height_m = 0.01, .area_m2 = 1e-4};
+    kn_curve c = {
+        .kind = KN_CURVE_CREEP,
+        .file = "creep.csv",
+        .steps = rest_s > 0 ? 2 : 1,
+        .step = {{.stress_pa = load_gf * GF_CM2}, {.time_s = loaded_s, .early_s = loaded_s, .late_s = loaded_s}},
+        .height_m = 0.01,
+        .area_m2 = 1e-4};
     size_t count = (size_t)((loaded_s + rest_s) / every_s + 0.5);
     snprintf(c.name, sizeof c.name, "%g gf", load_gf);
     c.count = (int)count;

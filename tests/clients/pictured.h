@@ -50,7 +50,7 @@ static inline kn_renderer *open_with(const block *b, int samples)
     char error[300];
     kn_renderer *r = kn_renderer_open(WIDTH, HEIGHT, samples, error, sizeof error);
     if (!r) SKIP("%s", error);
-    const float (*rest)[3] = (const float(*)[3])b->rest;
+    const float(*rest)[3] = (const float(*)[3])b->rest;
     CHECK(kn_renderer_mesh(r, b->surface->vertex_count, rest, b->surface->triangle_count, triangles(b)));
     return r;
 }

@@ -7,8 +7,13 @@
 
 enum { READINGS = 433 };
 
-static const kn_chain dough = {.voigts = 1, .k_pa = {470 * GF}, .c_pa_s = {2500 * GF}, .alpha_pa_s = 8.16e4 * GF,
-                               .beta_per_pa = 0.0815 / GF, .p0_pa = 9 * GF, .p1_pa = 80 * GF};
+static const kn_chain dough = {.voigts = 1,
+                               .k_pa = {470 * GF},
+                               .c_pa_s = {2500 * GF},
+                               .alpha_pa_s = 8.16e4 * GF,
+                               .beta_per_pa = 0.0815 / GF,
+                               .p0_pa = 9 * GF,
+                               .p1_pa = 80 * GF};
 
 // The same as a tree: damper 0 is the row's, then s, (s|d)...
 static kn_network network_of(const kn_chain *c, const char *expression)
@@ -18,8 +23,8 @@ static kn_network network_of(const kn_chain *c, const char *expression)
     CHECK(kn_element_parse(&net.element, expression, error, sizeof error));
     int leaf = 0;
     if (c->alpha_pa_s > 0)
-        net.part[leaf++] = (kn_part){
-            .modulus = c->alpha_pa_s, .beta_per_pa = c->beta_per_pa, .p0_pa = c->p0_pa, .p1_pa = c->p1_pa};
+        net.part[leaf++] =
+            (kn_part){.modulus = c->alpha_pa_s, .beta_per_pa = c->beta_per_pa, .p0_pa = c->p0_pa, .p1_pa = c->p1_pa};
     if (c->spring_pa > 0) net.part[leaf++].modulus = c->spring_pa;
     for (int i = 0; i < c->voigts; i++) {
         net.part[leaf++].modulus = c->k_pa[i];

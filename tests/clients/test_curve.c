@@ -41,10 +41,7 @@ static int load(kn_curve_kind kind)
     return code;
 }
 
-static bool said(const char *words)
-{
-    return strstr(kn_heard, words) != NULL;
-}
+static bool said(const char *words) { return strstr(kn_heard, words) != NULL; }
 
 // Refused in one line, at a line of the file or (0) of it as a whole, with these words.
 static bool refused(int line, const char *words)
@@ -105,7 +102,8 @@ TEST("a height and a load that was recorded: time and height count from the load
 TEST("where noise hides when the load came it is the middle between two readings")
 {
     begin("# area: 1 cm^2\n# height: 1 cm\ntime_s;displacement_mm;load_gf\n");
-    for (int i = 0; i <= 80; i++) row("%g;%.9g;%g\n", 0.5 * i, crept_mm(0.5 * i) + 0.05 * kn_dice_normal(&seed), i <= 40 ? 50.0 : 0);
+    for (int i = 0; i <= 80; i++)
+        row("%g;%.9g;%g\n", 0.5 * i, crept_mm(0.5 * i) + 0.05 * kn_dice_normal(&seed), i <= 40 ? 50.0 : 0);
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK);
     CHECK(curve->step[0].time_s == 0 && curve->step[1].time_s == 20.25);
 }
@@ -114,7 +112,9 @@ TEST("a load that is only near its value, and some time on its way, makes one st
 {
     begin("# area: 1 cm^2\n# height: 1 cm\ntime_s;displacement_mm;load_gf\n");
     for (int i = 0; i <= 80; i++) {
-        const double way = i == 9 || i == 10 ? 20.0 * (i - 8) : i > 10 ? 50 + 0.5 * kn_dice_normal(&seed) : 0.3 * kn_dice_normal(&seed);
+        const double way = i == 9 || i == 10 ? 20.0 * (i - 8)
+                           : i > 10          ? 50 + 0.5 * kn_dice_normal(&seed)
+                                             : 0.3 * kn_dice_normal(&seed);
         row("%g;%.9g;%g\n", 0.5 * i, crept_mm(0.5 * i - 5), way);
     }
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK);
@@ -135,10 +135,8 @@ TEST("columns with loads in their names are curves of their own, of different le
 {
     begin("# height: 1 cm\n# area: 1 cm^2\ntime_s\tdisplacement_mm 10 gf\t50 gf [mm]\tx (0.1 N) [mm]\n");
     for (int i = 0; i < 20; i++) {
-        if (i < 12)
-            row("%d\t%g\t%g\t%g\n", i, 0.01 * i, 0.1 * i, 0.02 * i);
-        else
-            row("%d\t%g\t\t%g\n", i, 0.01 * i, 0.02 * i);
+        if (i < 12) row("%d\t%g\t%g\t%g\n", i, 0.01 * i, 0.1 * i, 0.02 * i);
+        else row("%d\t%g\t\t%g\n", i, 0.01 * i, 0.02 * i);
     }
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curves == 3);
     CHECK(curve[0].count == 20 && curve[1].count == 12 && curve[2].count == 20);
@@ -352,8 +350,7 @@ TEST("a strain rate is no strain, nor a second column of one, and a strain with 
         row("%s", heads[k]);
         for (int i = 0; i <= 40; i++) {
             const double strain = 0.1 * crept_mm(i);
-            row("%d,%.9g,%.9g\n", i, k == 2 ? 7 : k ? 100 * strain : strain,
-                k == 2 ? 100 * strain : 7);
+            row("%d,%.9g,%.9g\n", i, k == 2 ? 7 : k ? 100 * strain : strain, k == 2 ? 100 * strain : 7);
         }
         CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK);
         CHECK_NEAR(curve->value[10], 0.1 * crept_mm(10), 1e-9);
@@ -406,10 +403,8 @@ TEST("a note knows the release better than the readings around it, where they ag
         row("# area: 1 cm^2\n# height: 1 cm\ntime_s;displacement_mm;load_gf\n");
         for (int i = 0; i <= 80; i++) row("%g;%.9g;%g\n", 0.5 * i, crept_mm(0.5 * i), i <= 40 ? 50.0 : 0);
         CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->steps == 2);
-        if (k)
-            CHECK(curve->step[1].time_s == 20.1 && curve->step[1].early_s == 20.1);
-        else
-            CHECK(said("not at 25 s") && curve->step[1].time_s < 20.5);
+        if (k) CHECK(curve->step[1].time_s == 20.1 && curve->step[1].early_s == 20.1);
+        else CHECK(said("not at 25 s") && curve->step[1].time_s < 20.5);
     }
 }
 
@@ -678,7 +673,8 @@ TEST("the noise of a sweep is relative, and a frequency that was measured again 
     for (int k = 0; k < 2; k++)
         for (int i = 0; i < 400; i++) {
             const double hz = 0.01 * exp(i * 0.02);
-            row("%.9g,%.9g,%.9g\n", hz, 1e3 * hz * (1 + 0.02 * kn_dice_normal(&seed)), 1e4 * sqrt(hz) * (1 + 0.02 * kn_dice_normal(&seed)));
+            row("%.9g,%.9g,%.9g\n", hz, 1e3 * hz * (1 + 0.02 * kn_dice_normal(&seed)),
+                1e4 * sqrt(hz) * (1 + 0.02 * kn_dice_normal(&seed)));
         }
     CHECK(load(KN_CURVE_SWEEP) == KN_EXIT_OK && curve->count == 400 && curve->weight[200] == 2);
     CHECK_NEAR(curve->noise, 0.02, 0.002); // of one reading

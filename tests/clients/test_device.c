@@ -95,10 +95,7 @@ static bool feel(const char *name, const kn_path *path, kn_grasp_def def)
     return done && !n->buzzes && !n->drives;
 }
 
-static double ramp(double t, double from, double to)
-{
-    return t < from ? 0 : t > to ? 1 : (t - from) / (to - from);
-}
+static double ramp(double t, double from, double to) { return t < from ? 0 : t > to ? 1 : (t - from) / (to - from); }
 
 // Press, slide 5 mm, lift, tap twice: the hand's way, which its grip follows by some mm less.
 static kn_path *way(void)

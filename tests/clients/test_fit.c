@@ -115,7 +115,9 @@ static bool two_valleys(void *of, const double *v, double *residual)
 
 TEST("of several starts the deepest valley is kept")
 {
-    kn_fit fit = {.unknowns = 1, .readings = 4, .misfit = two_valleys,
+    kn_fit fit = {.unknowns = 1,
+                  .readings = 4,
+                  .misfit = two_valleys,
                   .unknown = {{.name = "x", .low = -10, .high = 20, .linear = true}}};
     static const double starts[3][KN_FIT_UNKNOWNS] = {{12}, {-6}, {4.1}};
     CHECK(kn_fit_run_from(&fit, 3, starts));
@@ -131,8 +133,8 @@ static bool nowhere(void *of, const double *v, double *residual)
 
 TEST("a model without an answer is no fit")
 {
-    kn_fit fit = {.unknowns = 1, .readings = 2, .misfit = nowhere,
-                  .unknown = {{.name = "x", .value = 1, .low = 0.1, .high = 9}}};
+    kn_fit fit = {
+        .unknowns = 1, .readings = 2, .misfit = nowhere, .unknown = {{.name = "x", .value = 1, .low = 0.1, .high = 9}}};
     CHECK(!kn_fit_run(&fit));
 }
 

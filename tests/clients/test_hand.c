@@ -15,7 +15,10 @@ static bool serve(server *s, const kn_hand_out *pose, kn_hand_force *force)
 {
     if (pose->send && pose->session != s->session) {
         if (s->session && s->silent_ms < 1000) return false; // owned by the session before
-        *s = (server){.session = pose->session, .tick = s->tick, .dead = s->dead, .never_engages = s->never_engages,
+        *s = (server){.session = pose->session,
+                      .tick = s->tick,
+                      .dead = s->dead,
+                      .never_engages = s->never_engages,
                       .latch_next = s->latch_next};
     }
     s->tick++;
@@ -28,7 +31,9 @@ static bool serve(server *s, const kn_hand_out *pose, kn_hand_force *force)
     if (engaged && s->latch_next && z_m < 0.025)
         s->latched = true, s->fault = s->latch_next, s->latch_next = KN_FAULT_NONE;
     if (s->dead || !s->session || s->silent_ms >= 1000) return false;
-    *force = (kn_hand_force){.session = s->session, .seq = pose->seq, .tick = s->tick,
+    *force = (kn_hand_force){.session = s->session,
+                             .seq = pose->seq,
+                             .tick = s->tick,
                              .fault = s->latched ? (int32_t)s->fault : 0,
                              .force_n = {0, 0, s->latched || !engaged ? 0.0 : 5.0}};
     force->flags = s->latched ? KN_FLAG_LATCHED : engaged ? KN_FLAG_ENGAGED : KN_FLAG_RAMPING;

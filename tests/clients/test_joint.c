@@ -83,7 +83,9 @@ TEST("95 in 100 intervals hold the truth")
 {
     const char *asked = getenv("KN_SETS");
     int sets = asked ? atoi(asked) : KN_LENGTH(10, 10, 200);
-    double slack = sets >= 2000 ? 2 : sets >= 200 ? 5 : 25; // points: three standard deviations, and what a test may be off by
+    double slack = sets >= 2000  ? 2
+                   : sets >= 200 ? 5
+                                 : 25; // points: three standard deviations, and what a test may be off by
     static const double noise[] = {0.01, 0.03};
     kn_curve clean[5], noisy[5];
     five(clean);
@@ -153,7 +155,8 @@ TEST("outliers move no bound of P0; two beside each other are left out, too")
     CHECK_NEAR(with.material.p0_pa / GF_CM2, 26.3, 0.3);
 }
 
-TEST("a handful of readings without noise is enough, wherever they lie: the load's end is the element's, not the last reading's")
+TEST("a handful of readings without noise is enough, wherever they lie: the load's end is the element's, not the last "
+     "reading's")
 {
     static const double every_s[] = {3, 9, 13};
     for (int k = 0; k < 3; k++) {
@@ -167,7 +170,8 @@ TEST("a handful of readings without noise is enough, wherever they lie: the load
 
 TEST("ten loads, each late by a time of its own")
 {
-    static const double gf[] = {5, 10, 15, 20, 25, 30, 40, 50, 60, 70}; // below P1: what is beyond it looks like a delay
+    static const double gf[] = {5,  10, 15, 20, 25,
+                                30, 40, 50, 60, 70}; // below P1: what is beyond it looks like a delay
     kn_curve c[10];
     kn_joint j;
     for (int k = 0; k < 10; k++) {

@@ -7,8 +7,8 @@ static uint8_t datagram[1 << 16];
 static uint32_t encode_init(int64_t id, int32_t vertices, int32_t corner)
 {
     int32_t triangle[6] = {0, 1, 2, 0, 2, corner};
-    knead_mesh_init_t msg = {.mesh_id = id, .vertex_count = vertices, .triangle_count = 2, .index_count = 6,
-                             .triangles = triangle};
+    knead_mesh_init_t msg = {
+        .mesh_id = id, .vertex_count = vertices, .triangle_count = 2, .index_count = 6, .triangles = triangle};
     return (uint32_t)knead_mesh_init_t_encode(datagram, 0, sizeof datagram, &msg);
 }
 
@@ -16,19 +16,33 @@ static uint32_t encode_update(int64_t id, int64_t tick, int32_t first, int32_t c
 {
     float xyz[12];
     for (int i = 0; i < 12; i++) xyz[i] = value;
-    knead_mesh_update_t msg = {.mesh_id = id, .tick = tick, .chunks = 2, .first = first, .count = count,
-                               .position_count = 3 * count, .positions_m = xyz};
+    knead_mesh_update_t msg = {.mesh_id = id,
+                               .tick = tick,
+                               .chunks = 2,
+                               .first = first,
+                               .count = count,
+                               .position_count = 3 * count,
+                               .positions_m = xyz};
     return (uint32_t)knead_mesh_update_t_encode(datagram, 0, sizeof datagram, &msg);
 }
 
 // Residual strain value, stress 2 value; NULL arrays where a count is 0.
-static bool update_measured(kn_mesh *m, int64_t tick, int32_t first, int32_t count, bool strain, bool stress, float value)
+static bool update_measured(kn_mesh *m, int64_t tick, int32_t first, int32_t count, bool strain, bool stress,
+                            float value)
 {
     float xyz[12] = {0}, one[4], two[4];
     for (int i = 0; i < 4; i++) one[i] = value, two[i] = 2 * value;
-    knead_mesh_update_t msg = {.mesh_id = 7, .tick = tick, .chunks = 2, .first = first, .count = count,
-                               .position_count = 3 * count, .positions_m = xyz, .strain_count = strain ? count : 0,
-                               .residual_strain = one, .stress_count = stress ? count : 0, .stress_pa = two};
+    knead_mesh_update_t msg = {.mesh_id = 7,
+                               .tick = tick,
+                               .chunks = 2,
+                               .first = first,
+                               .count = count,
+                               .position_count = 3 * count,
+                               .positions_m = xyz,
+                               .strain_count = strain ? count : 0,
+                               .residual_strain = one,
+                               .stress_count = stress ? count : 0,
+                               .stress_pa = two};
     return kn_mesh_update(m, datagram, (uint32_t)knead_mesh_update_t_encode(datagram, 0, sizeof datagram, &msg));
 }
 

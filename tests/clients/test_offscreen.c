@@ -7,8 +7,8 @@ static kn_view_scene pressed(void)
 {
     kn_view_scene scene = kn_view_scene_default();
     scene.probe_count = 1;
-    scene.probe[0] = (kn_view_probe){.def = {.shape = KN_PROBE_SPHERE, .radius_m = 0.006}, .position_m = {0, 0, 0.027},
-                                     .force_n = {0, 0, 6}};
+    scene.probe[0] = (kn_view_probe){
+        .def = {.shape = KN_PROBE_SPHERE, .radius_m = 0.006}, .position_m = {0, 0, 0.027}, .force_n = {0, 0, 6}};
     return scene;
 }
 

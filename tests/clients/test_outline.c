@@ -10,8 +10,10 @@ static kn_view_scene held(double hand_x_m, double hand_z_m)
     scene.hands = true;
     scene.azimuth_deg = scene.elevation_deg = 0;
     scene.probe_count = 1;
-    scene.probe[0] = (kn_view_probe){.def = {.shape = KN_PROBE_SPHERE, .radius_m = 0.005}, .position_m = {0, 0, 0.035},
-                                     .held = true, .hand_position_m = {hand_x_m, 0, hand_z_m}};
+    scene.probe[0] = (kn_view_probe){.def = {.shape = KN_PROBE_SPHERE, .radius_m = 0.005},
+                                     .position_m = {0, 0, 0.035},
+                                     .held = true,
+                                     .hand_position_m = {hand_x_m, 0, hand_z_m}};
     return scene;
 }
 

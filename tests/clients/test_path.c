@@ -179,7 +179,8 @@ TEST("a CSV path goes smoothly through every row, at rest at both ends")
 {
     char error[256];
     OWN(kn_path) *path = load("time_s,x_m,y_m,z_m\n"
-                              "1,0,0,0.05\n1.5,0.01,0,0.04\r\n2.25, -0.01, 0.02, 0.03\n3,0,0,0.05\n", error);
+                              "1,0,0,0.05\n1.5,0.01,0,0.04\r\n2.25, -0.01, 0.02, 0.03\n3,0,0,0.05\n",
+                              error);
     CHECK_STR(error, "");
     if (!path) return;
     kn_path_point p;
@@ -195,7 +196,8 @@ TEST("orientations of a CSV path stay of length 1 and turn the short way")
 {
     char error[256];
     OWN(kn_path) *path = load("time_s,x_m,y_m,z_m,qw,qx,qy,qz\n"
-                              "0,0,0,0.05,1,0,0,0\n1,0,0,0.05,-0.7071068,0,0,-0.7071068\n", error);
+                              "0,0,0,0.05,1,0,0,0\n1,0,0,0.05,-0.7071068,0,0,-0.7071068\n",
+                              error);
     CHECK_STR(error, "");
     if (!path) return;
     kn_path_point p;

@@ -72,7 +72,8 @@ static uint8_t *drawn(const look *l)
     if (l->tool != NO_TOOL)
         scene.probe[0] = (kn_view_probe){.def = tools[l->tool],
                                          .position_m = {0, 0, l->tool == KN_PROBE_PLATE ? 0.02 : 0.034},
-                                         .force_n = {0, 0, l->force_n}, .held = l->hand_z_m > 0,
+                                         .force_n = {0, 0, l->force_n},
+                                         .held = l->hand_z_m > 0,
                                          .hand_position_m = {0, 0, l->hand_z_m}};
     kn_renderer_draw(renderer, &scene, rgba);
     return rgba;

@@ -17,7 +17,7 @@ TEST("the hold ends when the tool begins to rise: dough still presses then, at a
     must(kn_press_run(&press, &play, &pressed), "the press diverges");
     const double end_n = pressed.force_n[pressed.ticks - 1], before_n = pressed.force_n[pressed.ticks - 51];
     CHECK(end_n > 0.3);
-    CHECK_NEAR(end_n / before_n, 1, 0.02); // it relaxes still, and by no more in 50 ms
+    CHECK_NEAR(end_n / before_n, 1, 0.02);        // it relaxes still, and by no more in 50 ms
     CHECK_NEAR(press.hold_end_s, 1.05 + 1, 0.01); // down in 1 s, 50 ms to begin and to end it, of which half count
     kn_press_free(&press);
     const kn_press_def slow = {.speed_m_s = 1e-4, .depth_m = 1e-3, .hold_s = 1}, none = {.hold_s = -1};

@@ -101,13 +101,13 @@ TEST("a dent is as deep as the mesh has it: at its vertices, and half way betwee
 
 TEST("x is to the right and y up the picture; what is above hides what is below; no number is no surface")
 {
-    const float now[7][3] = {{0, 0, 0.001f}, {0.01f, 0, 0.001f}, {0, 0.01f, 0.001f}, {0, 0, 0.002f}, {0.01f, 0, 0.002f},
-                             {0, 0.01f, 0.002f}, {NAN, 0.05f, 0.1f}};
+    const float now[7][3] = {{0, 0, 0.001f},     {0.01f, 0, 0.001f}, {0, 0.01f, 0.001f}, {0, 0, 0.002f},
+                             {0.01f, 0, 0.002f}, {0, 0.01f, 0.002f}, {NAN, 0.05f, 0.1f}};
     const int triangle[3][3] = {{3, 4, 5}, {0, 1, 2}, {4, 5, 6}};
     static uint16_t level[100 * 100];
     kn_range r = kn_range_frame(100, 100, 6, now, now);
     kn_range_draw(&r, now, 3, triangle, level);
-    CHECK(level[70 * 100 + 30] > 0 && level[30 * 100 + 70] == 0); // below left, above right
+    CHECK(level[70 * 100 + 30] > 0 && level[30 * 100 + 70] == 0);       // below left, above right
     CHECK_NEAR((level[70 * 100 + 30] - 1) * r.step_m, 0.001, r.step_m); // above the lower one, which is the table
 }
 

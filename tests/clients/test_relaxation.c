@@ -178,7 +178,8 @@ TEST("two holds of one material share its numbers and know them better than one"
         CHECK(kn_network_advance(&net, &at, &held, 2 + b.time_s[i], 1e-10));
         b.value[i] = at.stress_pa;
     }
-    for (int i = 0; i < a.curve.count; i++) a.value[i] *= 1 + 0.003 * kn_dice_normal(&seed), b.value[i] *= 1 + 0.003 * kn_dice_normal(&seed);
+    for (int i = 0; i < a.curve.count; i++)
+        a.value[i] *= 1 + 0.003 * kn_dice_normal(&seed), b.value[i] *= 1 + 0.003 * kn_dice_normal(&seed);
     const kn_curve both[] = {a.curve, b.curve};
     AT_END(kn_relaxation_free) kn_relaxation one = fit(both, 1, false, false), two = fit(both, 2, false, false);
     const kn_fit_interval *i1 = &one.ratio[0].interval, *i2 = &two.ratio[0].interval;

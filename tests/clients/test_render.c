@@ -141,9 +141,17 @@ TEST("forces that answer poses of more than 5 ms ago fade and are not given, unl
     }
 }
 
-static const kn_contact_unit wall = {.utime = 1, .session = 7, .pose_seq = 1, .flags = KN_CONTACT_ENGAGED,
-                                     .contact_count = 1, .normal = {0, 0, 1}, .a_n_s_per_m = 1e4, .c2_n_s_per_m = 1e5,
-                                     .k_vc_n_per_m = 500.0, .b_vc_n_s_per_m = 1.5, .valid_ms = 100};
+static const kn_contact_unit wall = {.utime = 1,
+                                     .session = 7,
+                                     .pose_seq = 1,
+                                     .flags = KN_CONTACT_ENGAGED,
+                                     .contact_count = 1,
+                                     .normal = {0, 0, 1},
+                                     .a_n_s_per_m = 1e4,
+                                     .c2_n_s_per_m = 1e5,
+                                     .k_vc_n_per_m = 500.0,
+                                     .b_vc_n_s_per_m = 1.5,
+                                     .valid_ms = 100};
 
 // The device 1 mm deep in a wall at z = 0, told by messages of 1 kHz.
 static void press(double turned_z, int count)

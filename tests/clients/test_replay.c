@@ -27,10 +27,7 @@ static recorder *record_with(const char *path, const char *set)
     return r;
 }
 
-static recorder *record(const char *path)
-{
-    return record_with(path, NULL);
-}
+static recorder *record(const char *path) { return record_with(path, NULL); }
 
 static void record_end(recorder *r)
 {
@@ -56,10 +53,8 @@ static void move(recorder *r, int p, double z_m, int ms, double trouble)
         hand->position_m[2] += 1e-3 * v;
         hand->velocity_m_s[2] = v;
         if (kn_dice(&seed) < trouble) r->in.missed = 1 + (int)(3.0 * kn_dice(&seed));
-        if (kn_dice(&seed) < trouble)
-            hand->seq++; // lost on its way
-        else
-            kn_recorder_pose(r, p);
+        if (kn_dice(&seed) < trouble) hand->seq++; // lost on its way
+        else kn_recorder_pose(r, p);
         if (kn_dice(&seed) < trouble) kn_recorder_pose(r, p); // two in one tick: the later one counts
         tick(r);
     }
@@ -70,10 +65,7 @@ static void quiet(recorder *r, int ms)
     for (int i = 0; i < ms; i++) tick(r);
 }
 
-static void end_session(recorder *r, int p)
-{
-    r->in.pose[p] = NULL;
-}
+static void end_session(recorder *r, int p) { r->in.pose[p] = NULL; }
 
 // The story all tests tell. Plate presses, loses its poses, comes back as another session; finger, too; reset; stop.
 static void story(recorder *r, double trouble)

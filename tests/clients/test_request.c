@@ -41,14 +41,30 @@ TEST("fields are taken, each with its bounds")
 TEST("whatever else it is, it is refused in words that fit into a close reason")
 {
     static const char *const bad[] = {
-        "", "x", "[]", "null", "{}", "{\"id\":1}", "{\"do\":\"undo\"}", "{\"id\":0,\"do\":\"undo\"}",
-        "{\"id\":4294967296,\"do\":\"undo\"}", "{\"id\":1.0,\"do\":\"undo\"}", "{\"id\":\"1\",\"do\":\"undo\"}",
-        "{\"id\":1,\"do\":\"Undo\"}", "{\"id\":1,\"do\":7}", "{\"id\":1,\"do\":\"undo\",\"value\":1}",
+        "",
+        "x",
+        "[]",
+        "null",
+        "{}",
+        "{\"id\":1}",
+        "{\"do\":\"undo\"}",
+        "{\"id\":0,\"do\":\"undo\"}",
+        "{\"id\":4294967296,\"do\":\"undo\"}",
+        "{\"id\":1.0,\"do\":\"undo\"}",
+        "{\"id\":\"1\",\"do\":\"undo\"}",
+        "{\"id\":1,\"do\":\"Undo\"}",
+        "{\"id\":1,\"do\":7}",
+        "{\"id\":1,\"do\":\"undo\",\"value\":1}",
         "{\"id\":1,\"id\":1,\"do\":\"undo\"}",
-        "{\"id\":1,\"do\":\"undo\"} x", "{\"id\":1,\"do\":\"stop\"}", "{\"id\":1,\"do\":\"set\",\"name\":\"k1\"}",
-        "{\"id\":1,\"do\":\"set\",\"name\":\"k1\",\"value\":\"1\"}", "{\"id\":1,\"do\":\"scene\",\"name\":\"\"}",
-        "{\"id\":1,\"do\":\"scene\",\"name\":\"a/b\"}", "{\"id\":1,\"do\":\"scene\",\"name\":\"a\\u0000b\"}",
-        "{\"id\":1,\"do\":\"scene\",\"name\":\"a b\"}", "{\"id\":1,\"do\":\"scene\",\"name\":\"\xc3\xa4\"}",
+        "{\"id\":1,\"do\":\"undo\"} x",
+        "{\"id\":1,\"do\":\"stop\"}",
+        "{\"id\":1,\"do\":\"set\",\"name\":\"k1\"}",
+        "{\"id\":1,\"do\":\"set\",\"name\":\"k1\",\"value\":\"1\"}",
+        "{\"id\":1,\"do\":\"scene\",\"name\":\"\"}",
+        "{\"id\":1,\"do\":\"scene\",\"name\":\"a/b\"}",
+        "{\"id\":1,\"do\":\"scene\",\"name\":\"a\\u0000b\"}",
+        "{\"id\":1,\"do\":\"scene\",\"name\":\"a b\"}",
+        "{\"id\":1,\"do\":\"scene\",\"name\":\"\xc3\xa4\"}",
         "{\"id\":1,\"do\":\"scene\",\"name\":\"0123456789012345678901234567890123456789012345678901234567890123\"}"};
     kn_request r;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {

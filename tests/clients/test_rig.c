@@ -17,7 +17,10 @@ static kn_rig_result run(const char *name, int trip_ms, kn_grip grip, kn_rig_mot
     if (kn_profile_load(&device, "test", name, NULL, 0) != 0) KN_TEST_FAIL("no device %s", name);
     c.coupling = kn_coupling_default(device.mass_kg, device.damping_n_s_m, 1e-3, 1e-3 * trip_ms, device.hand);
     c.coupling.stiffness_n_m *= stiffer;
-    kn_rig_def def = {.arm = kn_arm_of(&device), .coupling = c.coupling, .trip_ms = trip_ms, .passivity = passivity,
+    kn_rig_def def = {.arm = kn_arm_of(&device),
+                      .coupling = c.coupling,
+                      .trip_ms = trip_ms,
+                      .passivity = passivity,
                       .motion = motion};
     def.arm.grip = grip;
     return kn_rig_run(&def, kn_pad_touch, &c);
@@ -65,7 +68,8 @@ static kn_rig_result on_lattice(const char *class, const char *material, kn_grip
     AT_END(kn_slab_close) kn_slab slab = {0};
     if (!scene || kn_profile_load(&device, "test", class, NULL, 0) != 0) fprintf(stderr, "%s\n", error), exit(1);
     kn_coupling coupling = kn_coupling_default(device.mass_kg, device.damping_n_s_m, 1e-3, 1e-3, device.hand);
-    kn_rig_def def = {.arm = kn_arm_of(&device), .coupling = coupling, .trip_ms = 1, .passivity = true, .motion = motion};
+    kn_rig_def def = {
+        .arm = kn_arm_of(&device), .coupling = coupling, .trip_ms = 1, .passivity = true, .motion = motion};
     def.arm.grip = grip;
     if (!kn_slab_open(&slab, scene, "finger", &coupling, error, sizeof error)) fprintf(stderr, "%s\n", error), exit(1);
     kn_rig_result r = kn_rig_run(&def, kn_slab_touch, &slab);
@@ -82,8 +86,8 @@ TEST("nor on the lattice itself, under a ball: nobody's hand, and the lightest, 
                 kn_grip grip = motion == KN_RIG_LEAN ? KN_GRIP_NONE : KN_GRIP_LIGHT;
                 kn_rig_result r = on_lattice(classes[c], materials[m], grip, (kn_rig_motion)motion);
                 if (r.buzzes || r.returned_j > 1e-3)
-                    KN_TEST_FAIL("%s on %s, motion %d: %.3f N above 10 Hz, %.1f turns, %.2f mJ", classes[c], materials[m],
-                                 motion, r.force_rms_n, r.turns, 1e3 * r.returned_j);
+                    KN_TEST_FAIL("%s on %s, motion %d: %.3f N above 10 Hz, %.1f turns, %.2f mJ", classes[c],
+                                 materials[m], motion, r.force_rms_n, r.turns, 1e3 * r.returned_j);
                 CHECK(r.peak_n > 0.05);
             }
 }
@@ -110,8 +114,8 @@ TEST("at a round trip of one period the controller has nothing to do: it is a gu
 
 TEST("under a held force the pad's springs and dampers are those of its definition")
 {
-    kn_pad_def def = {.name = "x", .k1_n_m = 200.0, .c1_n_s_m = 20.0, .c2_n_s_m = 5000.0, .c2_least_n_s_m = 5000.0,
-                      .to_n = 1.0};
+    kn_pad_def def = {
+        .name = "x", .k1_n_m = 200.0, .c1_n_s_m = 20.0, .c2_n_s_m = 5000.0, .c2_least_n_s_m = 5000.0, .to_n = 1.0};
     kn_coupling stiff = {1e6, 0.0};
     kn_pad pad;
     kn_pad_init(&pad, &def);
@@ -130,8 +134,8 @@ TEST("under a held force the pad's springs and dampers are those of its definiti
     CHECK_NEAR(pad.flow_m, 1.0 / 5000.0, 1e-7);
     CHECK_NEAR(kn_pad_stored_j(&pad), 0.5 * 200.0 * pad.voigt_m * pad.voigt_m, 1e-15);
     for (int n = 0; n < 20000; n++) kn_pad_tick(&pad, &stiff, dt, -0.01, 0.0);
-    CHECK_NEAR(pad.voigt_m, 0.0, 1e-6);  // comes back
-    CHECK_NEAR(pad.flow_m, 2e-4, 1e-7);  // stays
+    CHECK_NEAR(pad.voigt_m, 0.0, 1e-6); // comes back
+    CHECK_NEAR(pad.flow_m, 2e-4, 1e-7); // stays
 }
 
 TEST("a pad pushes and never pulls, and a wall does not give way")

@@ -58,10 +58,8 @@ static void write_image(const kn_surface *s, const float (*rest_m)[3], const flo
     kn_range_draw(&r, now_m, s->triangle_count, (const int(*)[3])s->triangle, level);
     for (int i = 0; i < PIXELS * PIXELS; i++) {
         const double noisy = level[i] + l->noise * tall_m / r.step_m * kn_dice_normal(&seed);
-        if (level[i] > 0)
-            level[i] = (uint16_t)fmin(fmax(round(noisy), 1), 65535);
-        else if (l->lost > 0 && kn_dice(&seed) < l->lost / 20)
-            level[i] = 15000;
+        if (level[i] > 0) level[i] = (uint16_t)fmin(fmax(round(noisy), 1), 65535);
+        else if (l->lost > 0 && kn_dice(&seed) < l->lost / 20) level[i] = 15000;
         if (l->lost > 0 && kn_dice(&seed) < l->lost) level[i] = 0;
     }
     r.left_m -= l->shift_m[0]; // it says it lies elsewhere
@@ -76,8 +74,8 @@ static void write_points(const kn_surface *s, const float (*now_m)[3])
     must(f, "points.csv cannot be written");
     fputs("x [mm];y [mm];z [mm]\n", f);
     for (int v = 0; v < s->vertex_count; v++)
-        fprintf(f, "%.4f;%.4f;%.4f\n", 1e3 * now_m[v][0] + 0.1 * kn_dice_normal(&seed), 1e3 * now_m[v][1] + 0.1 * kn_dice_normal(&seed),
-                1e3 * now_m[v][2] + 0.1 * kn_dice_normal(&seed));
+        fprintf(f, "%.4f;%.4f;%.4f\n", 1e3 * now_m[v][0] + 0.1 * kn_dice_normal(&seed),
+                1e3 * now_m[v][1] + 0.1 * kn_dice_normal(&seed), 1e3 * now_m[v][2] + 0.1 * kn_dice_normal(&seed));
     fclose(f);
 }
 
@@ -233,7 +231,8 @@ TEST("nine of ten blind cases: structure, and P0 within a tenth, from image and 
     CHECK(good * 10 >= count * 9);
 }
 
-NIGHT_TEST("a lump of finer cells than the model's: it is told that nothing explains it, and in such cells that all is well")
+NIGHT_TEST(
+    "a lump of finer cells than the model's: it is told that nothing explains it, and in such cells that all is well")
 {
     seed = 20261123; // the same lump after any number of blind cases
     const lump l = {.scene = SMALL,

@@ -20,15 +20,9 @@ static int read_bytes(const void *text, size_t size, const char *units, int colu
     return code;
 }
 
-static int read_text(const char *text, int columns)
-{
-    return read_bytes(text, strlen(text), NULL, columns);
-}
+static int read_text(const char *text, int columns) { return read_bytes(text, strlen(text), NULL, columns); }
 
-static double at(int column, int row)
-{
-    return row < s.rows ? s.column[column].value[row] : -999;
-}
+static double at(int column, int row) { return row < s.rows ? s.column[column].value[row] : -999; }
 
 // Whether what was heard is one line that begins with the file and this place, and has these words.
 static bool complained(const char *place, const char *words)

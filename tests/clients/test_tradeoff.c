@@ -191,7 +191,8 @@ TEST("a log that is cut, or of another scene, is refused in one line before anyt
 TEST("files that cannot be written are refused before anything is played, and what they hold stays")
 {
     record("tradeoff.lcmlog", 0.003);
-    CHECK(RUN(SMALL, "--csv", "/nosuch/t.csv") == KN_EXIT_DEVICE && said("/nosuch/t.csv: No such file") && !said("runs"));
+    CHECK(RUN(SMALL, "--csv", "/nosuch/t.csv") == KN_EXIT_DEVICE && said("/nosuch/t.csv: No such file") &&
+          !said("runs"));
     CHECK(RUN(SMALL, "--plot", "/nosuch/t.png") == KN_EXIT_DEVICE && said("/nosuch/t.png: ") && !said("runs"));
     CHECK(RUN(SMALL, "--csv", "tradeoff.lcmlog") == KN_EXIT_USAGE && said("tradeoff.lcmlog: is being read"));
     CHECK(system("rm -f new.csv && echo mine >old.csv && cp tradeoff.lcmlog whole && head -c 90001 whole "
@@ -252,8 +253,18 @@ TEST("a trace comes back as it was; damaged, foreign and missing ones are told a
 {
     double force[6][3] = {{1, 2, 3}, {4, 5, 6}}, shape[8][3] = {{7}};
     float us[3] = {0, 8, 9};
-    kn_trace t = {.ticks = 3, .probes = 2, .force_n = force, .us = us, .nodes = 8, .grid = {2, 2, 2}, .spacing_m = 0.01,
-                  .shape_m = shape, .faults = 1, .median_us = 5, .p90_us = 6}, back;
+    kn_trace t = {.ticks = 3,
+                  .probes = 2,
+                  .force_n = force,
+                  .us = us,
+                  .nodes = 8,
+                  .grid = {2, 2, 2},
+                  .spacing_m = 0.01,
+                  .shape_m = shape,
+                  .faults = 1,
+                  .median_us = 5,
+                  .p90_us = 6},
+             back;
     CHECK(kn_trace_save(&t, "one.trace", 77));
     CHECK(kn_trace_load(&back, "one.trace", 77) == KN_TRACE_FOUND && back.ticks == 3 && back.p90_us == 6);
     CHECK(!memcmp(back.force_n, force, sizeof force) && !memcmp(back.shape_m, shape, sizeof shape));
@@ -291,7 +302,10 @@ TEST("of two times of a tick the lesser counts: what disturbed other ticks in th
 
 static kn_row point(const kn_run *run, double us, double solver, double all)
 {
-    return (kn_row){.run = run, .median_us = us, .p90_us = 1.2 * us, .force = {.solver = solver, .all = all},
+    return (kn_row){.run = run,
+                    .median_us = us,
+                    .p90_us = 1.2 * us,
+                    .force = {.solver = solver, .all = all},
                     .shape = {.solver = solver, .all = all}};
 }
 
@@ -332,8 +346,12 @@ static kn_row *add(naming *n, int iterations, int most, double us, double solver
 {
     kn_run *run = &n->run[n->front.count];
     kn_row *row = &n->front.row[n->front.count++];
-    *run = (kn_run){.spacing_m = n->scene.model.spacing_m, .dt_s = n->scene.model.solver.dt_s, .passes = 1,
-                    .precision = n->scene.model.solver.precision, .iterations = iterations, .iterations_max = most};
+    *run = (kn_run){.spacing_m = n->scene.model.spacing_m,
+                    .dt_s = n->scene.model.solver.dt_s,
+                    .passes = 1,
+                    .precision = n->scene.model.solver.precision,
+                    .iterations = iterations,
+                    .iterations_max = most};
     *row = point(run, us, solver, solver);
     row->jump_n = row->same_jump_n = 1;
     return row;

@@ -128,7 +128,7 @@ TEST("with one sample per pixel nothing but outlines differs, shadows and table 
     }
 }
 
-static bool is_low(const uint8_t *p) { return p[2] > p[1] + 30 && p[0] > p[1] + 20; }  // the scale's violet, lit
+static bool is_low(const uint8_t *p) { return p[2] > p[1] + 30 && p[0] > p[1] + 20; }   // the scale's violet, lit
 static bool is_high(const uint8_t *p) { return p[0] > p[2] + 110 && p[1] > p[2] + 90; } // and its yellow
 
 // How many pixels are of the scale's low end and of its high one, with all numbers the same.
@@ -137,7 +137,8 @@ static void paint(kn_renderer *r, const block *b, kn_view_style style, float all
     const int edges = b->surface->triangle_count, vertices = b->surface->vertex_count;
     kn_view_scene scene = kn_view_scene_default();
     float *value = calloc((size_t)vertices, sizeof *value);
-    float (*edge)[2][3] = calloc((size_t)edges, sizeof *edge), (*edge_value)[2] = calloc((size_t)edges, sizeof *edge_value);
+    float(*edge)[2][3] = calloc((size_t)edges, sizeof *edge),
+    (*edge_value)[2] = calloc((size_t)edges, sizeof *edge_value);
     for (int v = 0; v < vertices; v++) value[v] = all;
     for (int t = 0; t < edges; t++)
         for (int end = 0; end < 2; end++) {
@@ -241,8 +242,8 @@ TEST("the same input gives the same bytes, in the next picture and in the next r
     AT_END(block_destroy) block b = block_create();
     kn_view_scene scene = kn_view_scene_default();
     scene.probe_count = 1;
-    scene.probe[0] = (kn_view_probe){.def = {.shape = KN_PROBE_SPHERE, .radius_m = 0.01}, .position_m = {0, 0, 0.04},
-                                     .force_n = {1, 0, 3}};
+    scene.probe[0] = (kn_view_probe){
+        .def = {.shape = KN_PROBE_SPHERE, .radius_m = 0.01}, .position_m = {0, 0, 0.04}, .force_n = {1, 0, 3}};
     OWN(kn_renderer) *r = open_renderer(&b), *other = open_renderer(&b);
     kn_view_scene elsewhere = kn_view_scene_default(); // another camera, too: the backdrop is drawn anew
     elsewhere.azimuth_deg = -40;
@@ -333,7 +334,8 @@ TEST("the arrow of a turned tool begins at its back")
     scene.azimuth_deg = scene.elevation_deg = 0;
     scene.probe_count = 1;
     scene.probe[0] = (kn_view_probe){.def = {.shape = KN_PROBE_CAPSULE, .radius_m = 0.004, .length_m = 0.006},
-                                     .position_m = {0.029, 0, 0.015}, .force_n = {5, 0, 0},
+                                     .position_m = {0.029, 0, 0.015},
+                                     .force_n = {5, 0, 0},
                                      .orientation_wxyz = {0.70710678, 0, 0.70710678, 0}};
     uint8_t *picture = draw(r, scene, b.rest);
     int tool = 0, arrow = WIDTH;
@@ -392,9 +394,9 @@ TEST("tools in a flat object do not shine through its sides")
     uint8_t *bare = draw(r, scene, b.rest);
     scene.probe_count = 1;
     for (int plate = 0; plate < 2; plate++) {
-        scene.probe[0] = (kn_view_probe){.def = {.shape = plate ? KN_PROBE_PLATE : KN_PROBE_SPHERE,
-                                                 .radius_m = 0.01, .size_m = {0.01, 0.01}},
-                                         .position_m = {0, 0, 0.015}};
+        scene.probe[0] = (kn_view_probe){
+            .def = {.shape = plate ? KN_PROBE_PLATE : KN_PROBE_SPHERE, .radius_m = 0.01, .size_m = {0.01, 0.01}},
+            .position_m = {0, 0, 0.015}};
         uint8_t *with = draw(r, scene, b.rest);
         CHECK(changed(bare, with, 0, 0, WIDTH, HEIGHT) == 0);
         free(with);

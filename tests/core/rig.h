@@ -73,10 +73,7 @@ static inline void unmake(rig *r)
 
 OWNS(rig, unmake)
 
-static inline void tick(rig *r, int count)
-{
-    kn_fixed_tick(&r->fixed, r->bound, count, r->reaction, &r->result);
-}
+static inline void tick(rig *r, int count) { kn_fixed_tick(&r->fixed, r->bound, count, r->reaction, &r->result); }
 
 // Every node held and moved at random.
 static inline void move_all(rig *r, uint64_t *seed, int32_t most)

@@ -64,7 +64,8 @@ static inline surface_of surface_ball(double radius_m, int n)
 
 static inline kn_field *surface_field(surface_of s, double cell_m) // takes the surface
 {
-    kn_field *f = kn_field_build(s.vertices, (const double(*)[3])s.x_m, s.triangles, (const int(*)[3])s.triangle, cell_m);
+    kn_field *f =
+        kn_field_build(s.vertices, (const double(*)[3])s.x_m, s.triangles, (const int(*)[3])s.triangle, cell_m);
     free(s.x_m);
     free(s.triangle);
     if (!f) exit(70);

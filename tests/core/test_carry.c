@@ -141,10 +141,8 @@ TEST("what an object cannot go on in is named")
     for (size_t t = 0; t < sizeof table / sizeof *table; t++) {
         AT_END(object_free) object a = object_of(table[t].scene, NULL), b = object_of(table[t].scene, table[t].set);
         const char *why = kn_carry_misfit(a.model, b.model);
-        if (table[t].why)
-            CHECK_STR(why ? why : "nothing", table[t].why);
-        else
-            CHECK(why == NULL);
+        if (table[t].why) CHECK_STR(why ? why : "nothing", table[t].why);
+        else CHECK(why == NULL);
     }
 }
 

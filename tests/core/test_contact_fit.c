@@ -9,7 +9,7 @@
 
 // The units that are identified in the real lattice, against what the real lattice does next.
 
-#define LAG 30       // ms between a pose and the unit that answers it
+#define LAG 30 // ms between a pose and the unit that answers it
 #define TOP_M 0.030
 #define RADIUS_M 0.015
 #define K_VC 800.0
@@ -26,8 +26,8 @@ static kn_model_def block(bool jelly)
         def.density_kg_m3 = 1020;
     }
     def.probe_count = 1;
-    def.probe[0] = (kn_probe_def){.name = "finger", .shape = KN_PROBE_SPHERE, .radius_m = RADIUS_M,
-                                  .coupling_n_m = K_VC, .coupling_n_s_m = B_VC};
+    def.probe[0] = (kn_probe_def){
+        .name = "finger", .shape = KN_PROBE_SPHERE, .radius_m = RADIUS_M, .coupling_n_m = K_VC, .coupling_n_s_m = B_VC};
     return def;
 }
 
@@ -50,8 +50,10 @@ static rig rig_of(kn_model_def def)
     rig r = {.model = build(&def)};
     r.state = kn_state_create(r.model);
     r.fit = kn_contact_fit_create(r.model, (kn_coupling){K_VC, B_VC});
-    kn_contact_model_init(&r.client, &(kn_contact_model_def){.session = 7, .radius_m = RADIUS_M, .force_limit_n = 20,
-                                                             .stiffness_n_m = K_VC, .damping_n_s_m = B_VC});
+    kn_contact_model_init(
+        &r.client,
+        &(kn_contact_model_def){
+            .session = 7, .radius_m = RADIUS_M, .force_limit_n = 20, .stiffness_n_m = K_VC, .damping_n_s_m = B_VC});
     r.in.probe[0].attached = true;
     return r;
 }
@@ -143,8 +145,10 @@ TEST("behind a coupling of a virtual hand, 50 kN/m, it is the foundation that gi
     def.probe[0].coupling_n_m = 5e4;
     def.probe[0].coupling_n_s_m = 50;
     AT_END(rig_free) rig r = rig_of(def);
-    kn_contact_model_init(&r.client, &(kn_contact_model_def){.session = 7, .radius_m = RADIUS_M, .force_limit_n = 20,
-                                                             .stiffness_n_m = 5e4, .damping_n_s_m = 50});
+    kn_contact_model_init(
+        &r.client,
+        &(kn_contact_model_def){
+            .session = 7, .radius_m = RADIUS_M, .force_limit_n = 20, .stiffness_n_m = 5e4, .damping_n_s_m = 50});
     double off = 0, all = 0, x[3], v[3], force[3];
     for (int n = 0; n < 2500; n++) {
         follow(PRESS, 1e-3 * n, x, v);
@@ -197,8 +201,8 @@ static loop close_loop(bool jelly, bool far, gesture what)
     AT_END(rig_free) rig r = rig_make(jelly);
     r.loss = far ? 0.2 : 0;
     kn_arm arm;
-    kn_arm_def def = {.mass_kg = 0.1, .damping_n_s_m = 0.2, .encoder_m = 20e-6, .force_limit_n = 12,
-                      .grip = KN_GRIP_NORMAL};
+    kn_arm_def def = {
+        .mass_kg = 0.1, .damping_n_s_m = 0.2, .encoder_m = 20e-6, .force_limit_n = 12, .grip = KN_GRIP_NORMAL};
     double force[3] = {0}, path[3], rate[3], work = 0, last_n = 0;
     bare b = bare_make(jelly);
     loop l = {0};
@@ -256,8 +260,8 @@ TEST("a rigid plate is told as all nodes that it will meet; 30 ms off it feeds n
         AT_END(rig_free) rig r = rig_of(def);
         r.loss = 0.2;
         kn_arm arm;
-        kn_arm_def device = {.mass_kg = 0.1, .damping_n_s_m = 0.2, .encoder_m = 20e-6, .force_limit_n = 12,
-                             .grip = KN_GRIP_NORMAL};
+        kn_arm_def device = {
+            .mass_kg = 0.1, .damping_n_s_m = 0.2, .encoder_m = 20e-6, .force_limit_n = 12, .grip = KN_GRIP_NORMAL};
         kn_arm_init(&arm, &device, (double[]){0, 0, TOP_M + 0.003});
         kn_contact_unit ahead = {0}, pressed = {0};
         double force[3] = {0}, work = 0, given_mj = 0;
@@ -312,7 +316,8 @@ TEST("a column without diagonals under a level load answers with A times its are
             kn_mobility_begin(m, 0);
             for (int t = 0; t < model->top_count; t++) kn_mobility_load(m, model->offset[model->top[t]], push);
             kn_mobility_start(m);
-            while (!kn_mobility_iterate(m, &a)) {}
+            while (!kn_mobility_iterate(m, &a)) {
+            }
             CHECK_NEAR(a, model->law.a_pa_s * 1e-4 / 0.04, 0.003 * a); // and a little inertia
         }
         kn_mobility_destroy(m);
@@ -335,4 +340,5 @@ TEST("a tool that comes near is told the plane that it will meet, one far off th
     r.in.probe[0].attached = false;
     step(&r, x, v, force);
     CHECK(r.unit[(r.tick - 1) % (LAG + 1)].contact_count == 0);
-} TESTS_MAIN
+}
+TESTS_MAIN

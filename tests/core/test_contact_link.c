@@ -16,8 +16,8 @@ typedef struct material { // N s/m, N/m; c2 falls from rest to flow between two 
 } material;
 
 static const material dough = {"dough", 1000, 188, 15700, 48, 0.044, 0.39},
-                      clay = {"clay", 300, 3000, 2e5, 150, 0.5, 2},
-                      soft = {"soft jelly", 0.5, 50, 1e9, 1e9, 1, 2}, stiff = {"stiff jelly", 2, 1000, 1e9, 1e9, 1, 2};
+                      clay = {"clay", 300, 3000, 2e5, 150, 0.5, 2}, soft = {"soft jelly", 0.5, 50, 1e9, 1e9, 1, 2},
+                      stiff = {"stiff jelly", 2, 1000, 1e9, 1e9, 1, 2};
 static const material *const all[] = {&dough, &clay, &soft, &stiff};
 
 static double c2_of(const material *m, double t)
@@ -33,9 +33,9 @@ static double c2_of(const material *m, double t)
 
 typedef struct server {
     const material *m;
-    bool rigid;               // no coupling: what the material itself answers
-    double wave_m, mu;        // amplitude of a surface that waves along x with 20 mm
-    double p[3], depth, h;    // proxy; of the surface below its rest; back stress
+    bool rigid;            // no coupling: what the material itself answers
+    double wave_m, mu;     // amplitude of a surface that waves along x with 20 mm
+    double p[3], depth, h; // proxy; of the surface below its rest; back stress
     double shear[3], anchor_m[3], t, force_n[3], normal[3], v_n;
 } server;
 
@@ -60,8 +60,7 @@ static void serve(server *s, const double x[3], const double v[3])
     bool rigid = s->rigid;
     double g = rigid ? 1e7 : B_VC + DT * K_VC, a = s->m->c1 + DT * s->m->k1, q[3], across[3], size = 0;
     double up = 1 / sqrt(1 + pow(slope(s, s->p[0]), 2)), n[3] = {-slope(s, s->p[0]) * up, 0, up};
-    for (int k = 0; k < 3; k++)
-        q[k] = rigid ? g / DT * (x[k] - s->p[k]) : K_VC * (x[k] - s->p[k]) + B_VC * v[k];
+    for (int k = 0; k < 3; k++) q[k] = rigid ? g / DT * (x[k] - s->p[k]) : K_VC * (x[k] - s->p[k]) + B_VC * v[k];
     double along = dot3(n, q), gap = (s->p[2] - height(s, s->p[0])) * up + s->depth;
     double t = load(s->h / a - along / g - gap / DT, g, a, s->m), c2 = c2_of(s->m, t);
     for (int k = 0; k < 3; k++) {
@@ -83,10 +82,21 @@ static void serve(server *s, const double x[3], const double v[3])
 
 static kn_contact_unit tell(const server *s, int64_t utime, int64_t seq, const double x[3])
 {
-    kn_contact_unit u = {.utime = utime, .session = 7, .pose_seq = seq, .generation = 1, .flags = KN_CONTACT_ENGAGED,
-                         .contact_count = 1, .force_n = s->t, .proxy_velocity_m_s = s->v_n,
-                         .a_n_s_per_m = s->m->c1 + DT * s->m->k1, .h_n = s->h, .c2_n_s_per_m = c2_of(s->m, s->t),
-                         .k1_n_per_m = s->m->k1, .k_vc_n_per_m = K_VC, .b_vc_n_s_per_m = B_VC, .friction = s->mu,
+    kn_contact_unit u = {.utime = utime,
+                         .session = 7,
+                         .pose_seq = seq,
+                         .generation = 1,
+                         .flags = KN_CONTACT_ENGAGED,
+                         .contact_count = 1,
+                         .force_n = s->t,
+                         .proxy_velocity_m_s = s->v_n,
+                         .a_n_s_per_m = s->m->c1 + DT * s->m->k1,
+                         .h_n = s->h,
+                         .c2_n_s_per_m = c2_of(s->m, s->t),
+                         .k1_n_per_m = s->m->k1,
+                         .k_vc_n_per_m = K_VC,
+                         .b_vc_n_s_per_m = B_VC,
+                         .friction = s->mu,
                          .valid_ms = 100};
     const double *at = s->t > 0 ? s->p : x;
     double up = 1 / sqrt(1 + pow(slope(s, at[0]), 2)), n[3] = {-slope(s, at[0]) * up, 0, up};
@@ -107,7 +117,11 @@ typedef struct link { // one way; bursts of loss of three on the average
     bool bad;
     uint64_t random;
     int count;
-    struct { int at; kn_contact_unit unit; double x[3], v[3]; } item[QUEUE];
+    struct {
+        int at;
+        kn_contact_unit unit;
+        double x[3], v[3];
+    } item[QUEUE];
 } link;
 
 static void put(link *l, int now, const kn_contact_unit *unit, const double x[3], const double v[3], bool down)
@@ -185,8 +199,8 @@ static result run(const trial *c)
     bare.rigid = true;
     there = (link){.delay_ms = c->rtt_ms / 2, .jitter_ms = c->jitter_ms, .loss = c->loss, .random = 5};
     back = (link){.delay_ms = c->rtt_ms - c->rtt_ms / 2, .jitter_ms = c->jitter_ms, .loss = c->loss, .random = 9};
-    kn_arm_def def = {.mass_kg = 0.1, .damping_n_s_m = 0.2, .encoder_m = 20e-6, .force_limit_n = 12,
-                      .grip = KN_GRIP_NORMAL};
+    kn_arm_def def = {
+        .mass_kg = 0.1, .damping_n_s_m = 0.2, .encoder_m = 20e-6, .force_limit_n = 12, .grip = KN_GRIP_NORMAL};
     kn_arm arm;
     kn_contact_model model;
     kn_contact_model_def model_def = {.session = 7, .stiffness_n_m = K_VC, .damping_n_s_m = B_VC, .force_limit_n = 12};
@@ -333,4 +347,5 @@ TEST("rendered four or ten times a millisecond it is the same contact")
             CHECK(r.buzz_n <= 1.2 * once.buzz_n);
         }
     }
-} TESTS_MAIN
+}
+TESTS_MAIN

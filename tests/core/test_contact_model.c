@@ -14,8 +14,8 @@ typedef struct rig {
 static rig rig_make(void)
 {
     rig r = {0};
-    kn_contact_model_init(&r.m, &(kn_contact_model_def){.session = 7, .stiffness_n_m = 800, .damping_n_s_m = 2,
-                                                        .force_limit_n = 12});
+    kn_contact_model_init(
+        &r.m, &(kn_contact_model_def){.session = 7, .stiffness_n_m = 800, .damping_n_s_m = 2, .force_limit_n = 12});
     return r;
 }
 
@@ -33,10 +33,20 @@ static void ticks(rig *r, int n)
 // A level plane of stiff jelly at height z that nothing presses, in answer to the newest pose.
 static kn_contact_unit plane(const rig *r, double z)
 {
-    return (kn_contact_unit){.utime = r->seq, .session = 7, .pose_seq = r->seq - 1, .generation = 1,
-                             .flags = KN_CONTACT_ENGAGED, .contact_count = 1, .proxy_m = {r->x[0], r->x[1], z},
-                             .normal = {0, 0, 1}, .a_n_s_per_m = 3, .c2_n_s_per_m = 1e5, .k1_n_per_m = 1000,
-                             .k_vc_n_per_m = 800, .b_vc_n_s_per_m = 2, .valid_ms = 100};
+    return (kn_contact_unit){.utime = r->seq,
+                             .session = 7,
+                             .pose_seq = r->seq - 1,
+                             .generation = 1,
+                             .flags = KN_CONTACT_ENGAGED,
+                             .contact_count = 1,
+                             .proxy_m = {r->x[0], r->x[1], z},
+                             .normal = {0, 0, 1},
+                             .a_n_s_per_m = 3,
+                             .c2_n_s_per_m = 1e5,
+                             .k1_n_per_m = 1000,
+                             .k_vc_n_per_m = 800,
+                             .b_vc_n_s_per_m = 2,
+                             .valid_ms = 100};
 }
 
 static void hear(rig *r, double z)
@@ -113,7 +123,7 @@ TEST("without news for 100 ms the surface gives way, gently, and comes back at 2
     CHECK(kn_contact_model_stale(&r.m));
     CHECK(r.force_n[2] < 0.1 * pressed_n);
     kn_contact_unit u = plane(&r, -0.003 + pressed_n / 800); // where the server's surface is
-    for (int i = 0; i < 200; i++) { // 3 mm of way
+    for (int i = 0; i < 200; i++) {                          // 3 mm of way
         u.utime = r.seq;
         u.pose_seq = r.seq - 1;
         u.force_n = u.h_n = pressed_n;
@@ -392,9 +402,9 @@ TEST("what is no number, no unit, not ours, from the future or too old is refuse
     rig r = rig_over(-0.001);
     tick(&r);
     kn_contact_unit good = plane(&r, 0), u = good;
-    double *number[] = {&u.force_n, &u.a_n_s_per_m, &u.h_n, &u.c2_n_s_per_m, &u.k1_n_per_m, &u.k_vc_n_per_m,
-                        &u.b_vc_n_s_per_m, &u.friction, &u.valid_ms, &u.proxy_m[1], &u.normal[2],
-                        &u.friction_anchor_m[0]};
+    double *number[] = {&u.force_n,      &u.a_n_s_per_m,         &u.h_n,      &u.c2_n_s_per_m, &u.k1_n_per_m,
+                        &u.k_vc_n_per_m, &u.b_vc_n_s_per_m,      &u.friction, &u.valid_ms,     &u.proxy_m[1],
+                        &u.normal[2],    &u.friction_anchor_m[0]};
     for (size_t i = 0; i < sizeof number / sizeof *number; i++)
         for (int sign = 0; sign < 3; sign++) {
             u = good;
@@ -430,8 +440,9 @@ TEST("whatever a message says, the force is finite and within the limit")
         tick(&r);
         for (int k = 0; k < 3; k++) {
             kn_contact_unit u = plane(&r, 0);
-            double *number[] = {&u.force_n, &u.a_n_s_per_m, &u.h_n, &u.c2_n_s_per_m, &u.k1_n_per_m, &u.k_vc_n_per_m,
-                                &u.b_vc_n_s_per_m, &u.friction, &u.valid_ms, &u.friction_anchor_m[0]};
+            double *number[] = {
+                &u.force_n,      &u.a_n_s_per_m,    &u.h_n,      &u.c2_n_s_per_m, &u.k1_n_per_m,
+                &u.k_vc_n_per_m, &u.b_vc_n_s_per_m, &u.friction, &u.valid_ms,     &u.friction_anchor_m[0]};
             for (size_t i = 0; i < sizeof number / sizeof *number; i++) {
                 random = random * 6364136223846793005u + 1442695040888963407u;
                 if (random >> 62) *number[i] = wild[(random >> 33) % (sizeof wild / sizeof *wild)];
@@ -455,4 +466,5 @@ TEST("the energy that it holds is that of the coupling's spring and of k1")
     ticks(&r, 60);
     double f = r.force_n[2];
     CHECK_NEAR(kn_contact_model_energy(&r.m, r.x), f * f / 2 * (1.0 / 800 + 1.0 / 1000), 2e-5);
-} TESTS_MAIN
+}
+TESTS_MAIN

@@ -30,7 +30,7 @@ typedef struct rig {
     kn_model *model;
     side near, far; // all poses at once; those that are not lost
     kn_contact_fit *fit;
-    kn_contact_model client[2]; // of the units, of their resultant
+    kn_contact_model client[2];                         // of the units, of their resultant
     kn_contact_unit unit[2][LAG + 1][KN_CONTACT_UNITS]; // under way
     int64_t tick, heard;
     double loss; // of poses and of units, in bursts of three on the average
@@ -73,9 +73,10 @@ static rig *rig_make(tool what)
     r->far.state = kn_state_create(r->model);
     r->fit = kn_contact_fit_create(r->model, (kn_coupling){K_VC, B_VC});
     for (int i = 0; i < 2; i++)
-        kn_contact_model_init(&r->client[i],
-                              &(kn_contact_model_def){.session = 7, .radius_m = 0.01, .force_limit_n = 40,
-                                                      .stiffness_n_m = K_VC, .damping_n_s_m = B_VC});
+        kn_contact_model_init(
+            &r->client[i],
+            &(kn_contact_model_def){
+                .session = 7, .radius_m = 0.01, .force_limit_n = 40, .stiffness_n_m = K_VC, .damping_n_s_m = B_VC});
     r->near.in.probe[0].attached = r->far.in.probe[0].attached = true;
     return r;
 }
@@ -96,10 +97,7 @@ static bool lose(rig *r, int way)
     return r->lost[way] = kn_dice(&r->random) < (r->lost[way] ? 2.0 / 3.0 : r->loss / (1 - r->loss) / 3.0);
 }
 
-static void serve(const rig *r, side *s)
-{
-    CHECK(kn_step(r->model, s->state, &s->in, &s->out) == KN_OK);
-}
+static void serve(const rig *r, side *s) { CHECK(kn_step(r->model, s->state, &s->in, &s->out) == KN_OK); }
 
 // A pose: height of the tool, along x, tilt about y; and its rates.
 typedef struct pose {
@@ -165,8 +163,8 @@ typedef struct off { // squares, N and N m; changes of the force in 1 ms
 } off;
 
 typedef struct played {
-    off off[3];           // of the units, of their resultant, of the last force held
-    double force, torque; // of the lattice, squares
+    off off[3];                     // of the units, of their resultant, of the last force held
+    double force, torque;           // of the lattice, squares
     int sets[KN_CONTACT_UNITS + 1]; // ticks with so many units
 } played;
 
@@ -215,9 +213,10 @@ static played play(tool what, double angle, double slide_m_s, double loss)
         all.off[i].torque = sqrt(all.off[i].torque / all.torque);
     }
     printf("     %s, %.1f rad, %.0f %% lost: force %.1f %% off, resultant %.1f, held %.1f; torque %.1f, %.1f, %.1f; "
-           "99 %% below %.3f, %.3f N/ms\n", names[what], angle, 100 * loss, 100 * all.off[0].force,
-           100 * all.off[1].force, 100 * all.off[2].force, 100 * all.off[0].torque, 100 * all.off[1].torque,
-           100 * all.off[2].torque, jump_of(&all.off[0], 0.99), jump_of(&all.off[1], 0.99));
+           "99 %% below %.3f, %.3f N/ms\n",
+           names[what], angle, 100 * loss, 100 * all.off[0].force, 100 * all.off[1].force, 100 * all.off[2].force,
+           100 * all.off[0].torque, 100 * all.off[1].torque, 100 * all.off[2].torque, jump_of(&all.off[0], 0.99),
+           jump_of(&all.off[1], 0.99));
     return all;
 }
 
@@ -333,4 +332,5 @@ TEST("a plate over two ridges is told as two units, beside each other")
     }
     CHECK(two > 50);
     kn_contact_fit_destroy(fit);
-} TESTS_MAIN
+}
+TESTS_MAIN

@@ -5,10 +5,14 @@ static const double period = 1e-3;
 
 TEST("the defaults for a round trip of a period or less are the ceilings of every class, and shrink as it grows")
 {
-    const struct { double mass, damping; kn_coupling most; double at_2_ms, at_10_ms; } row[] = {
+    const struct {
+        double mass, damping;
+        kn_coupling most;
+        double at_2_ms, at_10_ms;
+    } row[] = {
         {0.08, 0.1, {600, 1.5}, 384.0, 91.4}, // Touch
-        {0.2, 0.5, {1200, 3}, 840.0, 200.0},   // Falcon
-        {0.2, 0.5, {1500, 4}, 1080.0, 257.1},  // omega
+        {0.2, 0.5, {1200, 3}, 840.0, 200.0},  // Falcon
+        {0.2, 0.5, {1500, 4}, 1080.0, 257.1}, // omega
         {0.05, 0.05, {500, 1.5}, 372.0, 88.6} // unknown
     };
     for (size_t i = 0; i < sizeof row / sizeof *row; i++) {

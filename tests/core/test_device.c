@@ -64,7 +64,10 @@ TEST("a scene that says more has all of its device in its text, and reading that
 
 TEST("the coupling is the profile's, lowered by the round trip, divided for the scene by what the hand is given")
 {
-    const struct { const char *device; double hand_n_m, scene_n_m; } row[] = {
+    const struct {
+        const char *device;
+        double hand_n_m, scene_n_m;
+    } row[] = {
         {"touch", 600, 600},
         {"{profile: touch, round_trip: 2 ms}", 384, 384}, // 0.6 (0.1 + 1.5) / 2.5 ms
         {"{profile: touch, force_scale: 0.25}", 600, 2400},
@@ -108,8 +111,8 @@ TEST("a basis that is no permutation or left-handed, and a rotation that is none
 
 TEST("the scene's work on the device is its force there times the motion there, over the length scale")
 {
-    kn_device_def d = {.basis = {2, 3, 1}, .position_m = {0.1, -0.2, 0.3}, .rotation_wxyz = {0.5, 0.5, -0.5, 0.5},
-                       .scale = 2.5};
+    kn_device_def d = {
+        .basis = {2, 3, 1}, .position_m = {0.1, -0.2, 0.3}, .rotation_wxyz = {0.5, 0.5, -0.5, 0.5}, .scale = 2.5};
     const double from_m[3] = {0.01, 0.02, -0.03}, to_m[3] = {0.012, 0.015, -0.02}, force_n[3] = {1.0, -2.0, 0.5};
     double a[3], b[3], f[3], scene_j = 0.0, device_j = 0.0, size = 0.0;
     kn_device_position(&d, from_m, a);
@@ -127,7 +130,8 @@ TEST("the scene's work on the device is its force there times the motion there, 
     kn_device_axes(&d, axes);
     CHECK_NEAR(axes[0][0] * (axes[1][1] * axes[2][2] - axes[1][2] * axes[2][1]) -
                    axes[0][1] * (axes[1][0] * axes[2][2] - axes[1][2] * axes[2][0]) +
-                   axes[0][2] * (axes[1][0] * axes[2][1] - axes[1][1] * axes[2][0]), 1.0, 1e-12);
+                   axes[0][2] * (axes[1][0] * axes[2][1] - axes[1][1] * axes[2][0]),
+               1.0, 1e-12);
 }
 
 TESTS_MAIN

@@ -71,16 +71,16 @@ TEST("a text whose mesh has moved finds it beside the log, and is the same scene
     size_t size = strlen(scene->text);
     CHECK(!kn_scene_parse("scene.yaml", scene->text, size, NULL, 0, error, sizeof error));
     CHECK_STR(error, "scene.yaml:3:9: object.mesh: No such file or directory, expected a Gmsh mesh");
-    OWN(kn_scene) *moved = kn_scene_parse_beside(in_folder("moved/log"), "scene.yaml", scene->text, size, NULL, 0,
-                                                 error, sizeof error);
+    OWN(kn_scene) *moved =
+        kn_scene_parse_beside(in_folder("moved/log"), "scene.yaml", scene->text, size, NULL, 0, error, sizeof error);
     CHECK(same(scene, moved) && strcmp(scene->text, moved->text) != 0); // the text says where it is now
 
     // where it was there is another one now: that one is refused, the one beside the log is still the right one
     copy(TEXT_CUBE, in_folder("cube.msh"));
     CHECK(!kn_scene_parse("scene.yaml", scene->text, size, NULL, 0, error, sizeof error));
     CHECK(strncmp(error, "scene.yaml:5:14: object.mesh_hash is 050304b91b7c46d9, but the mesh is ", 71) == 0);
-    OWN(kn_scene) *beside = kn_scene_parse_beside(in_folder("moved/log"), "scene.yaml", scene->text, size, NULL, 0,
-                                                  error, sizeof error);
+    OWN(kn_scene) *beside =
+        kn_scene_parse_beside(in_folder("moved/log"), "scene.yaml", scene->text, size, NULL, 0, error, sizeof error);
     CHECK(same(scene, beside));
     unlink(in_folder("moved/cube.msh"));
     rmdir(in_folder("moved"));

@@ -34,8 +34,10 @@ static void write_box(const char *path, double x, double y, double z, int missin
 static kn_scene *parse(const char *keys, const char *const *sets, int count)
 {
     char text[1024];
-    snprintf(text, sizeof text, "version: 1\nobject: {size: [5 cm, 5 cm, 3 cm], spacing: 5 mm}\nmaterial: dough\n"
-             "support: bonded\ndevice: bench\nprobes:\n  - {name: stamp, shape: mesh, %s}\n", keys);
+    snprintf(text, sizeof text,
+             "version: 1\nobject: {size: [5 cm, 5 cm, 3 cm], spacing: 5 mm}\nmaterial: dough\n"
+             "support: bonded\ndevice: bench\nprobes:\n  - {name: stamp, shape: mesh, %s}\n",
+             keys);
     error[0] = '\0';
     return kn_scene_parse(in_folder("scene.yaml"), text, strlen(text), sets, count, error, sizeof error);
 }
@@ -73,8 +75,8 @@ TEST("the text of its scene is the scene from any folder; moved it is the same, 
     write_box(in_folder("stamp.stl"), 20, 15, 13, 0); // another one in its place
     CHECK(!kn_scene_parse("x.yaml", scene->text, size, NULL, 0, error, sizeof error));
     CHECK(strstr(error, ": probes.stamp.mesh_hash is ") && strstr(error, "it was changed since"));
-    OWN(kn_scene) *moved = kn_scene_parse_beside(in_folder("moved/log"), "x.yaml", scene->text, size, NULL, 0, error,
-                                                 sizeof error);
+    OWN(kn_scene) *moved =
+        kn_scene_parse_beside(in_folder("moved/log"), "x.yaml", scene->text, size, NULL, 0, error, sizeof error);
     CHECK(moved && moved->text_hash == scene->text_hash && strcmp(moved->text, scene->text) != 0);
     OWN(kn_scene) *other = parse("mesh: stamp.stl, mesh_unit: mm", NULL, 0);
     CHECK(other && other->text_hash != scene->text_hash);
@@ -91,13 +93,17 @@ static void refused(const char *keys, const char *const *sets, int count, const 
 TEST("a surface with a hole, one too thin for the lattice, one too large for its grid are refused with one line")
 {
     write_box(in_folder("open.stl"), 20, 15, 12, 1);
-    refused("mesh: open.stl, mesh_unit: mm", NULL, 0, "open.stl:212:1: the surface has holes: 3 edges belong to one "
+    refused("mesh: open.stl, mesh_unit: mm", NULL, 0,
+            "open.stl:212:1: the surface has holes: 3 edges belong to one "
             "triangle only, the first to triangle 31; expected a closed surface");
-    refused("mesh: stamp.stl, mesh_unit: um", NULL, 0, "scene.yaml:7:60: probes.stamp.mesh: every part of a tool must be "
+    refused("mesh: stamp.stl, mesh_unit: um", NULL, 0,
+            "scene.yaml:7:60: probes.stamp.mesh: every part of a tool must be "
             "at least a lattice spacing wide and high (spacing 0.005 m, half width 0 m): is its unit right?");
-    refused("mesh: stamp.stl, mesh_unit: m", NULL, 0, "probes.stamp.mesh is 20 x 15 x 13 m: with cells of 0.00167 m it needs");
-    refused("mesh: stamp.stl, mesh_unit: mm", (const char *[]){"probes.stamp.mesh_cell=0.05 mm"}, 1,
-            "--set probes.stamp.mesh_cell: probes.stamp.mesh is 0.02 x 0.015 x 0.013 m: with cells of 5e-05 m it needs");
+    refused("mesh: stamp.stl, mesh_unit: m", NULL, 0,
+            "probes.stamp.mesh is 20 x 15 x 13 m: with cells of 0.00167 m it needs");
+    refused(
+        "mesh: stamp.stl, mesh_unit: mm", (const char *[]){"probes.stamp.mesh_cell=0.05 mm"}, 1,
+        "--set probes.stamp.mesh_cell: probes.stamp.mesh is 0.02 x 0.015 x 0.013 m: with cells of 5e-05 m it needs");
     refused("mesh: stamp.stl, mesh_unit: mm", (const char *[]){"probes.stamp.mesh_cell=2 mm"}, 1,
             "--set probes.stamp.mesh_cell: probes.stamp.mesh_cell is 0.002 m, expected at most a third of the spacing, "
             "0.00167 m");

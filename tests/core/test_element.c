@@ -149,10 +149,7 @@ static bool all_three(const kn_element *e, int node)
     return kn_element_residual(e, node) && kn_element_bouncing(e, node) && kn_element_vibration_dies(e, node);
 }
 
-static bool all_three_with_fewest(const kn_element *e, int node)
-{
-    return all_three(e, node) && e->leaves == 3;
-}
+static bool all_three_with_fewest(const kn_element *e, int node) { return all_three(e, node) && e->leaves == 3; }
 
 TEST("the paper's rules give the paper's verdicts on its figure 2, and the smallest fitting elements are (d) and (f)")
 {
@@ -212,12 +209,9 @@ TEST("what the catalogue calls forced and what it calls reconstructed is what al
         bool own = false;
         int leaves = element(c->expression).leaves, count = candidates(c, leaves, &own);
         CHECK(own);
-        if (c->provenance == KN_PROVENANCE_PAIR)
-            CHECK(count == 2);
-        else if (c->provenance == KN_PROVENANCE_GUESS)
-            CHECK(count == 4);
-        else
-            CHECK(count == (c->residual && c->vibration_dies ? 2 : 1)); // (d) and (f): figure 3 tells them apart
+        if (c->provenance == KN_PROVENANCE_PAIR) CHECK(count == 2);
+        else if (c->provenance == KN_PROVENANCE_GUESS) CHECK(count == 4);
+        else CHECK(count == (c->residual && c->vibration_dies ? 2 : 1)); // (d) and (f): figure 3 tells them apart
     }
 }
 

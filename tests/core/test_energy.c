@@ -53,7 +53,6 @@ TEST("a press of every material, with the fast settings: no window gives more th
         }
 }
 
-
 TEST("so it is with balls, rough and sticky ones, coupled ones, and on a table")
 {
     for (int c = 0; c < 5; c++) {
@@ -116,7 +115,8 @@ static kn_energy pressed(const kn_scene *scene)
 
 static const char *const scenes[] = {"dough.yaml", "dough-pressure.yaml", "dough-fine.yaml", "bun.yaml"};
 
-TEST("blocks, composites and meshes: a damper that hardly moves stores what none does, by its strain, not by its length")
+TEST(
+    "blocks, composites and meshes: a damper that hardly moves stores what none does, by its strain, not by its length")
 {
     for (int c = 0; c < 4; c++) {
         OWN(kn_scene) *elastic = scene_of(scenes[c], 0), *stiff = scene_of(scenes[c], 1e8);

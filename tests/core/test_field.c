@@ -17,7 +17,7 @@ static kn_shape of(kn_solid part)
     return shape;
 }
 
-typedef struct error { // in cells
+typedef struct error {     // in cells
     double anywhere, near; // within the grid; within a cell of the surface
     double turned;         // of the gradient near the surface, at most
     double beyond;         // of the distance, relative, outside of the grid
@@ -57,7 +57,8 @@ static double chord_of(const kn_field *f, double radius_m)
     return most;
 }
 
-TEST("a ball of triangles is the ball: on its surface to s^3/4r^2 and the triangles' own error, nowhere wrong by a cell")
+TEST(
+    "a ball of triangles is the ball: on its surface to s^3/4r^2 and the triangles' own error, nowhere wrong by a cell")
 {
     const double r = 0.01, cell = 0.000625;
     for (int fine = 1; fine <= 2; fine++) {
@@ -125,9 +126,9 @@ TEST("what lies in two bodies that pass through each other lies inside; a surfac
     free(a.x_m), free(a.triangle), free(b.x_m), free(b.triangle);
     OWN(kn_field) *f = surface_field(both, 0.0007);
     double way[3];
-    CHECK(kn_field_distance(f, (double[]){0.001, 0.002, 0.01}, way) < -0.002);  // in both
-    CHECK(kn_field_distance(f, (double[]){0.008, 0.002, 0.01}, way) < -0.001);  // in one
-    CHECK(kn_field_distance(f, (double[]){0.001, 0.002, 0.05}, way) < -0.002);  // in the other
+    CHECK(kn_field_distance(f, (double[]){0.001, 0.002, 0.01}, way) < -0.002); // in both
+    CHECK(kn_field_distance(f, (double[]){0.008, 0.002, 0.01}, way) < -0.001); // in one
+    CHECK(kn_field_distance(f, (double[]){0.001, 0.002, 0.05}, way) < -0.002); // in the other
     CHECK(kn_field_distance(f, (double[]){0.008, 0.002, 0.05}, way) > 0.002);
 }
 
@@ -152,8 +153,8 @@ static surface_of prism(double radius_m, double height_m, int n)
     s.x_m[2 * n + 1][2] = height_m;
     for (int i = 0; i < n; i++) {
         double way = 6.283185307179586 * i / n;
-        int next = (i + 1) % n, sides[4][3] = {{i, next, n + next}, {i, n + next, n + i}, {2 * n, next, i},
-                                               {2 * n + 1, n + i, n + next}};
+        int next = (i + 1) % n,
+            sides[4][3] = {{i, next, n + next}, {i, n + next, n + i}, {2 * n, next, i}, {2 * n + 1, n + i, n + next}};
         for (int end = 0; end < 2; end++) {
             double *x = s.x_m[end * n + i];
             x[0] = radius_m * cos(way), x[1] = radius_m * sin(way), x[2] = end * height_m;
@@ -174,7 +175,7 @@ static double seconds_of(surface_of s, double cell_m, double middle_m[3])
 
 TEST("long thin triangles take no longer than even ones, but for a factor")
 {
-    double ball = seconds_of(surface_ball(0.01, 26), 1e-3, (double[]){0, 0, 0}); // 8 112 triangles
+    double ball = seconds_of(surface_ball(0.01, 26), 1e-3, (double[]){0, 0, 0});       // 8 112 triangles
     double strips = seconds_of(prism(0.01, 0.02, 2000), 1e-3, (double[]){0, 0, 0.01}); // 8 000
     printf("     %.3f s and %.3f s\n", ball, strips);
     CHECK(strips < 12 * ball + 0.2);

@@ -22,7 +22,8 @@ static void turn(const kn_model *m, kn_state *state, double e)
 {
     const double c = cos(M_PI / 6), s = sin(M_PI / 6);
     for (int i = 0; i < m->node_count; i++) {
-        const double *x = m->rest_m[i], a = (1 + e) * x[0], u[3] = {c * a - s * x[1] - x[0], s * a + c * x[1] - x[1], 0};
+        const double *x = m->rest_m[i], a = (1 + e) * x[0],
+                     u[3] = {c * a - s * x[1] - x[0], s * a + c * x[1] - x[1], 0};
         for (size_t k = 0; k < 3; k++) kn_real_set(m, state->displacement, m->offset[i] + k * m->stride, u[k]);
     }
 }

@@ -19,10 +19,8 @@ static double bisect(const kn_material *m, double a, double b)
     for (;;) {
         double s = 0.5 * (lo + hi);
         if (s <= lo || s >= hi) return copysign(s, b);
-        if (s + a * s / damper(m, s) > fabs(b))
-            hi = s;
-        else
-            lo = s;
+        if (s + a * s / damper(m, s) > fabs(b)) hi = s;
+        else lo = s;
     }
 }
 

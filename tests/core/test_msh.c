@@ -153,7 +153,8 @@ TEST("5 mm, 0.5 cm and 0.005 m are the same bits")
         char text[512];
         snprintf(text, sizeof text,
                  HEAD "$Nodes\n4\n1 0 0 0\n2 %s 0 0\n3 0 %s 0\n4 0 0 %s\n$EndNodes\n$Elements\n1\n1 4 0 1 2 3 4\n"
-                      "$EndElements\n", edge[i], edge[i], edge[i]);
+                      "$EndElements\n",
+                 edge[i], edge[i], edge[i]);
         OWN(kn_simplices) *s = kn_msh_read("t.msh", text, strlen(text), per_m[i], NULL, error, sizeof error);
         CHECK(s && s->x_m[1][0] == 0.005);
     }

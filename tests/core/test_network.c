@@ -35,10 +35,7 @@ static double voigt_creep(double s, double k, double c, double t, double hold)
     return t > hold ? loaded * exp(-k / c * (t - hold)) : loaded;
 }
 
-static double damper_creep(double s, double c, double t, double hold)
-{
-    return s / c * fmin(t, hold);
-}
+static double damper_creep(double s, double c, double t, double hold) { return s / c * fmin(t, hold); }
 
 static void check_creep(const char *text, const double *moduli,
                         double (*strain)(const double *, double, double, double))

@@ -112,4 +112,5 @@ TEST("a patch goes on over the edge of the block")
     kn_patches_press(r.patches, at(&r, 3, 0), 1);
     kn_patches_press(r.patches, below, 1);
     CHECK(bits(kn_patches_end(r.patches, r.share)) == 1);
-} TESTS_MAIN
+}
+TESTS_MAIN

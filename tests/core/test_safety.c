@@ -404,9 +404,8 @@ static void anything(double clamp_n, unsigned long long from)
         random_tick(&r, &burst);
         r.in.change = n % 997 == 0;
         kn_safety_watch(&r.s, &r.in);
-        bool live_contact =
-            r.s.attached && !r.s.latched && !r.s.braking && !braked(&r.s) && r.in.fresh && !r.s.rejoining &&
-            !r.s.yielding;
+        bool live_contact = r.s.attached && !r.s.latched && !r.s.braking && !braked(&r.s) && r.in.fresh &&
+                            !r.s.rejoining && !r.s.yielding;
         int gap = r.s.gap_ms < 1 ? 1 : r.s.gap_ms < l->hold_ms ? r.s.gap_ms : l->hold_ms;
         r.flags = kn_safety_filter(&r.s, &r.in, r.contact_n, r.torque_n_m, r.out_n, r.out_n_m);
 

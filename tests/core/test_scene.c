@@ -5,8 +5,8 @@
 #include "tests/check.h"
 
 #define SCENES KN_SOURCE_DIR "/core/scenes/"
-static const char *const scenes[] = {SCENES "dough.yaml", SCENES "dough-small.yaml", SCENES "jelly.yaml",
-                                     SCENES "clay.yaml", SCENES "dough-pressure.yaml", SCENES "pinch.yaml"};
+static const char *const scenes[] = {SCENES "dough.yaml", SCENES "dough-small.yaml",    SCENES "jelly.yaml",
+                                     SCENES "clay.yaml",  SCENES "dough-pressure.yaml", SCENES "pinch.yaml"};
 static const char pin[] = SCENES "rolling-pin.yaml";
 static char error[512];
 
@@ -325,7 +325,8 @@ TEST("the keys of structure and gas can be set, and a size of two values with a 
     CHECK(scene->model.nodes[0] == 13 && scene->model.nodes[1] == 1 && scene->model.nodes[2] == 7);
     CHECK(scene->model.thickness_m == 0.02 && scene->model.pressure == KN_PRESSURE_OBJECT);
     // read again it is the same; made a block by --set, its thickness goes; made of sides, its diagonals go
-    static const char *const back[] = {"object.size=[6 cm, 4 cm, 3 cm]", "object.structure=axis", "object.pressure=none"};
+    static const char *const back[] = {"object.size=[6 cm, 4 cm, 3 cm]", "object.structure=axis",
+                                       "object.pressure=none"};
     OWN(kn_scene) *again = parse(scene->text, NULL, 0), *block = parse(scene->text, back, 3);
     CHECK(again && again->text_hash == scene->text_hash);
     CHECK(block && block->model.nodes[1] == 9 && block->model.thickness_m == 0);
@@ -337,7 +338,7 @@ TEST("moduli per height are times the specimen's height, also one set later")
     static const char *const set[] = {"material.k1=470 gf/cm^3", "material.specimen_height=2 cm"};
     OWN(kn_scene) *scene = parse(in_cm, set, 2);
     CHECK_NEAR(scene->model.material.k1_pa, 470 * 9806.65 * 0.02, 1e-10);
-    CHECK(scene->model.material.c1_pa_s == 50); // a plain modulus is left alone
+    CHECK(scene->model.material.c1_pa_s == 50);    // a plain modulus is left alone
     const char *later = "material.k1=300 gf/cm^3"; // the canonical text still knows the height
     OWN(kn_scene) *dough = load(scenes[0], NULL), *softer = parse(dough->text, &later, 1);
     CHECK_NEAR(softer->model.material.k1_pa, 300 * 98.0665, 1e-10);
@@ -349,7 +350,8 @@ TEST("--set takes mappings, the short form of device, and the last of two")
     static const char *const set[] = {"device=bench", "device={clamp: 7 N, hold: 1 ms}", "material.k1=1 Pa",
                                       "material.k1=2 Pa"};
     OWN(kn_scene) *scene = parse(in_cm, set, 4);
-    CHECK(scene && scene->limits.clamp_n == 7 && scene->limits.hold_ms == 1 && strcmp(scene->device.name, "bench") == 0);
+    CHECK(scene && scene->limits.clamp_n == 7 && scene->limits.hold_ms == 1 &&
+          strcmp(scene->device.name, "bench") == 0);
     CHECK(scene && scene->model.material.k1_pa == 2);
 }
 
@@ -469,7 +471,8 @@ TEST("the text of a scene with a union is the scene; --set takes a key of one pa
     const char *sets[] = {"probes.hammer.parts.1.radius=6 mm", "probes.hammer.parts.2.turn=[1.5 rad, 0 rad, 0 rad]"};
     OWN(kn_scene) *scene = parse(hammer, sets, 2), *again = scene ? parse(scene->text, NULL, 0) : NULL;
     if (!scene) KN_TEST_FAIL("%s", error);
-    CHECK(scene && strstr(scene->text, "        radius: 0.006 m\n") && strstr(scene->text, "turn: [1.5 rad, 0 rad, 0 rad]"));
+    CHECK(scene && strstr(scene->text, "        radius: 0.006 m\n") &&
+          strstr(scene->text, "turn: [1.5 rad, 0 rad, 0 rad]"));
     CHECK(again && strcmp(scene->text, again->text) == 0 && scene->text_hash == again->text_hash);
     CHECK(again && again->tool[0]->part_count == scene->tool[0]->part_count &&
           again->tool[0]->bound_m == scene->tool[0]->bound_m && again->tool[0]->fine_m == scene->tool[0]->fine_m);

@@ -100,7 +100,8 @@ TEST("the gradient is the unit way out: finite differences agree, and along it l
                 double e[3] = {0};
                 e[k] = 1e-8;
                 slope[k] = (at(&shapes[s], p[0] + e[0], p[1] + e[1], p[2] + e[2]) -
-                            at(&shapes[s], p[0] - e[0], p[1] - e[1], p[2] - e[2])) / 2e-8;
+                            at(&shapes[s], p[0] - e[0], p[1] - e[1], p[2] - e[2])) /
+                           2e-8;
             }
             double off[3] = {slope[0] - way[0], slope[1] - way[1], slope[2] - way[2]};
             met += kn_dot(off, off) < 1e-10;
@@ -108,8 +109,8 @@ TEST("the gradient is the unit way out: finite differences agree, and along it l
             outside += d > 0;
             arrived += d > 0 && fabs(kn_shape_distance(&shapes[s], foot, back)) < 1e-12;
         }
-        CHECK(met > 3950);          // all but points whose nearest part or face changes within 1e-8 m
-        CHECK(arrived == outside);  // outside every one of them, for the distance is exact there
+        CHECK(met > 3950);         // all but points whose nearest part or face changes within 1e-8 m
+        CHECK(arrived == outside); // outside every one of them, for the distance is exact there
     }
 }
 

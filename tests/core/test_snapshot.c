@@ -82,7 +82,8 @@ TEST("a state that was written, read and stepped has the bits of the one that we
         OWN(kn_state) *straight = kn_state_create(o.model), *read = kn_state_create(o.model);
         OWN(kn_state) *kept = kn_state_keep(o.model);
         int contacts = 0, anchors = 0;
-        for (int at = 0; at < 300; at += KN_LENGTH(150, 60, 60)) { // before, on the way down, holding, on the way up, after
+        for (int at = 0; at < 300;
+             at += KN_LENGTH(150, 60, 60)) { // before, on the way down, holding, on the way up, after
             while (straight->tick < at) step(&o, &kinds[i], straight);
             for (int p = 0; p < KN_PROBES_MAX; p++) contacts += straight->probe[p].contacts;
             anchors += straight->anchor_count;
@@ -182,30 +183,14 @@ TEST("a state gone bad, a number that is none, anchors out of order: not read")
     for (int t = 0; t < 8; t++) {
         kn_state_copy(o.model, worse, state);
         switch (t) {
-        case 0:
-            worse->bad = 1;
-            break;
-        case 1:
-            ((float *)worse->displacement)[7] = NAN;
-            break;
-        case 2:
-            worse->probe[1].work_j = INFINITY;
-            break;
-        case 3:
-            worse->anchor[1].key = worse->anchor[0].key;
-            break;
-        case 4:
-            worse->anchor[0].flags = 4;
-            break;
-        case 5:
-            worse->secant_steps = KN_SECANT_REST + 1;
-            break;
-        case 6:
-            worse->held[3] = 2;
-            break;
-        case 7:
-            worse->probe[0].attached = 2;
-            break;
+        case 0: worse->bad = 1; break;
+        case 1: ((float *)worse->displacement)[7] = NAN; break;
+        case 2: worse->probe[1].work_j = INFINITY; break;
+        case 3: worse->anchor[1].key = worse->anchor[0].key; break;
+        case 4: worse->anchor[0].flags = 4; break;
+        case 5: worse->secant_steps = KN_SECANT_REST + 1; break;
+        case 6: worse->held[3] = 2; break;
+        case 7: worse->probe[0].attached = 2; break;
         }
         size_t size = kn_snapshot_write(o.model, worse, bytes, room);
         kn_snapshot_fit fit = kn_snapshot_read(o.model, bytes, size, into);
@@ -227,10 +212,8 @@ TEST("an object has moved when a node or an edge's strain has by as much as that
         kn_state_copy(o.model, before, state);
         CHECK(!kn_state_moved(o.model, state, before, 0));
         size_t last = o.model->edge_reals - 1;
-        if (i)
-            ((double *)state->strain)[last] += 2e-6 / o.model->def.spacing_m;
-        else
-            ((float *)state->strain)[last] += (float)(2e-6 / o.model->def.spacing_m);
+        if (i) ((double *)state->strain)[last] += 2e-6 / o.model->def.spacing_m;
+        else ((float *)state->strain)[last] += (float)(2e-6 / o.model->def.spacing_m);
         CHECK(kn_state_moved(o.model, state, before, 1e-6) && !kn_state_moved(o.model, state, before, 3e-6));
     }
 }

@@ -108,8 +108,7 @@ static double loaded_bar(kn_material material, kn_solver kind, double dt_s)
 
 TEST("in every limit of the law - no damper, k1 = 0, c1 = 0, thinning - it gives what the implicit step converges to")
 {
-    kn_material m[5] = {
-        jelly(), clay(), {.k1_pa = 2e4, .damper = KN_DAMPER_CONSTANT, .c2_pa_s = 5e3}, dough, dough};
+    kn_material m[5] = {jelly(), clay(), {.k1_pa = 2e4, .damper = KN_DAMPER_CONSTANT, .c2_pa_s = 5e3}, dough, dough};
     m[1].c1_pa_s = m[1].c2_pa_s = 4e3;
     m[4].c1_pa_s = 0;
     for (int t = 0; t < 5; t++) {

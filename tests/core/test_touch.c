@@ -100,10 +100,10 @@ TEST("the map integrates to the contact force: ball, held ball, box, cross, pill
     const struct {
         kn_probe_def tool;
         double low_m, degrees, axis[3];
-    } it[] = {{ball, 0.012, 0, {0, 0, 1}},        {box, 0, 0, {0, 0, 1}},    {star, 0, 0, {0, 0, 1}},
-              {pillar, 0, 0, {0, 0, 1}},          {finger, 0.008, 0, {0, 0, 1}}, {finger, 0.008, 90, {0, 1, 0}},
+    } it[] = {{ball, 0.012, 0, {0, 0, 1}},        {box, 0, 0, {0, 0, 1}},         {star, 0, 0, {0, 0, 1}},
+              {pillar, 0, 0, {0, 0, 1}},          {finger, 0.008, 0, {0, 0, 1}},  {finger, 0.008, 90, {0, 1, 0}},
               {finger, 0.008, 90, {0.6, 0.8, 0}}, {finger, 0.008, 50, {1, 0, 0}}, {box, 0.003, 15, {0, 1, 0}},
-              {box, 0.003, 25, {0.8, 0.6, 0}}, {held, 0.012, 0, {0, 0, 1}}};
+              {box, 0.003, 25, {0.8, 0.6, 0}},    {held, 0.012, 0, {0, 0, 1}}};
     for (int i = 0; i < (int)(sizeof it / sizeof *it); i++) {
         const double *axis = it[i].axis;
         AT_END(rig_close) rig r = pressed(it[i].tool, it[i].low_m, it[i].degrees, axis[0], axis[1], axis[2]);
@@ -148,7 +148,7 @@ TEST("what nodes feel adds up to what tools do: a plate's on the top, a rough ba
     for (int i = 0; i < 3; i++) {
         AT_END(rig_close) rig r = pressed(tool[i], low_m[i], degrees[i], 0, 1, 0);
         if (i == 1) go(&r, 0.02, 0.01, 0, 50);
-        double (*node)[3] = calloc((size_t)r.model->node_count, sizeof *node), sum[3] = {0};
+        double(*node)[3] = calloc((size_t)r.model->node_count, sizeof *node), sum[3] = {0};
         const double *f = r.output.probe[0].force_n;
         int loaded = 0, below = 0;
         kn_touch_nodes(r.model, r.state, node);

@@ -18,10 +18,13 @@ int main(int argc, char **argv)
     for (int64_t n = 1;; n++) {
         double s = fmod(1e-3 * (double)n, 1.4), round = floor(1e-3 * (double)n / 1.4);
         double down = s < 0.4 ? 0 : s < 1.0 ? (s - 0.4) / 0.6 : fmax(0, 1 - (s - 1.0) / 0.3), z_m = 0.05 - 0.013 * down;
-        knead_probe_pose_t m = {.utime = t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000, .session = 4711, .seq = n,
+        knead_probe_pose_t m = {.utime = t.tv_sec * INT64_C(1000000) + t.tv_nsec / 1000,
+                                .session = 4711,
+                                .seq = n,
                                 .sent_ns = t.tv_sec * INT64_C(1000000000) + t.tv_nsec,
                                 .position_m = {0.015 * sin(2.4 * round), 0.015 * cos(2.4 * round), z_m},
-                                .velocity_m_s = {0, 0, 1e3 * (z_m - last_m)}, .orientation_wxyz = {1}};
+                                .velocity_m_s = {0, 0, 1e3 * (z_m - last_m)},
+                                .orientation_wxyz = {1}};
         last_m = z_m;
         knead_probe_pose_t_publish(lcm, channel, &m);
         t.tv_nsec += 1000000;

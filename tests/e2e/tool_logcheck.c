@@ -120,10 +120,8 @@ static void take_event(const lcm_eventlog_event_t *e)
 static void take(const lcm_eventlog_event_t *e)
 {
     knead_scene_t scene;
-    if (begins(e, "KNEAD_FORCE_"))
-        take_force(e);
-    else if (begins(e, "KNEAD_EVENT"))
-        take_event(e);
+    if (begins(e, "KNEAD_FORCE_")) take_force(e);
+    else if (begins(e, "KNEAD_EVENT")) take_event(e);
     else if (begins(e, "KNEAD_STATUS")) {
         *(knead_status_t_decode(e->data, 0, e->datalen, &status) < 0 ? &undecodable : &statuses) += 1;
         ever_errors |= status.current_errors;
@@ -131,17 +129,12 @@ static void take(const lcm_eventlog_event_t *e)
         *(knead_health_t_decode(e->data, 0, e->datalen, &health) < 0 ? &undecodable : &healths) += 1;
         paired += health.utime == status.utime;
     } else if (begins(e, "KNEAD_SCENE")) {
-        if (knead_scene_t_decode(e->data, 0, e->datalen, &scene) < 0)
-            undecodable++;
-        else
-            scenes++, initial_hash = scene.initial_hash, knead_scene_t_decode_cleanup(&scene);
+        if (knead_scene_t_decode(e->data, 0, e->datalen, &scene) < 0) undecodable++;
+        else scenes++, initial_hash = scene.initial_hash, knead_scene_t_decode_cleanup(&scene);
     }
 }
 
-static int64_t sum(const int64_t of[4])
-{
-    return of[0] + of[1] + of[2] + of[3];
-}
+static int64_t sum(const int64_t of[4]) { return of[0] + of[1] + of[2] + of[3]; }
 
 static void tell_health(void)
 {
@@ -162,10 +155,8 @@ int main(int argc, char **argv)
         lcm_eventlog_t *log = argc == 2 ? lcm_eventlog_create(argv[1], "r") : NULL;
         if (!log) return 3;
         for (lcm_eventlog_event_t *e; (e = lcm_eventlog_read_next_event(log)); lcm_eventlog_free_event(e)) {
-            if (pass == 1)
-                take(e);
-            else if (begins(e, "KNEAD_POSE_"))
-                take_pose(e);
+            if (pass == 1) take(e);
+            else if (begins(e, "KNEAD_POSE_")) take_pose(e);
         }
         lcm_eventlog_destroy(log);
     }

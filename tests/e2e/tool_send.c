@@ -23,10 +23,7 @@ static char channel[64];
 static int64_t sent;
 static volatile sig_atomic_t ended;
 
-static void on_term(int number)
-{
-    ended = number;
-}
+static void on_term(int number) { ended = number; }
 
 static void send_bytes(const unsigned char *bytes, size_t size)
 {
@@ -130,14 +127,10 @@ int main(int argc, char **argv)
         size_t m = 0;
         if (sscanf(line, "%15s %ld", verb, &count) != 2) return 2;
         while (m < sizeof many / sizeof *many && strcmp(verb, many[m].verb) != 0) m++;
-        if (strcmp(verb, "poses") == 0)
-            send_poses(line, count);
-        else if (m < sizeof many / sizeof *many)
-            send_many(line, count, many[m].one);
-        else if (strcmp(verb, "sleep") == 0)
-            nanosleep(&(struct timespec){count / 1000, count % 1000 * 1000000}, NULL);
-        else
-            return 2;
+        if (strcmp(verb, "poses") == 0) send_poses(line, count);
+        else if (m < sizeof many / sizeof *many) send_many(line, count, many[m].one);
+        else if (strcmp(verb, "sleep") == 0) nanosleep(&(struct timespec){count / 1000, count % 1000 * 1000000}, NULL);
+        else return 2;
     }
     printf("%" PRId64 "\n", sent);
     return 0;

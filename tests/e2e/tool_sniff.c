@@ -10,10 +10,7 @@
 #include <sys/socket.h>
 
 static volatile sig_atomic_t stop;
-static void on_term(int number)
-{
-    stop = number;
-}
+static void on_term(int number) { stop = number; }
 
 int main(int argc, char **argv)
 {

@@ -29,14 +29,8 @@ static void ask(void *arg)
 
 static void stop(void *arg) { (void)arg, stops++; }
 static bool goes_on(void *arg) { return (void)arg, false; }
-static void load(void *arg, const char *path, const kn_scene *next)
-{
-    (void)arg, (void)path, (void)next, stops++;
-}
-static void built(void *arg)
-{
-    (void)arg;
-}
+static void load(void *arg, const char *path, const kn_scene *next) { (void)arg, (void)path, (void)next, stops++; }
+static void built(void *arg) { (void)arg; }
 
 int LLVMFuzzerInitialize(int *argc, char ***argv)
 {
@@ -47,9 +41,17 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
     if (!model || !kn_backend_cpu(&backend, model)) fprintf(stderr, "%s\n", error), abort();
     served = (kn_served){.base = scene, .scene = scene, .model = model, .backend = backend};
     static const kn_served_def how = {.scene_path = "fuzz.yaml"};
-    kn_operator_init(&operator, &(kn_operated){.served = &served, .def = &how, .limits = &scene->limits, .loop = &loop,
-                                               .keeper = &keeper, .skin = &skin, .ask = ask,
-                                               .goes_on = goes_on, .stop = stop, .load = load, .built = built});
+    kn_operator_init(&operator, &(kn_operated){.served = &served,
+                                               .def = &how,
+                                               .limits = &scene->limits,
+                                               .loop = &loop,
+                                               .keeper = &keeper,
+                                               .skin = &skin,
+                                               .ask = ask,
+                                               .goes_on = goes_on,
+                                               .stop = stop,
+                                               .load = load,
+                                               .built = built});
     def = kn_operator_control(&operator);
     return 0;
 }

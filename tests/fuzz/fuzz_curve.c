@@ -46,8 +46,11 @@ static void judge_curve(const kn_curve *c)
 static void judge(kn_curve_kind kind, const char *file, const char *units)
 {
     static kn_curve curve[KN_CURVES_MAX];
-    const kn_curve_options options = {.height_m = units ? 0.01 : 0, .area_m2 = units ? 1e-4 : 0,
-                                      .load_n = units ? 0.5 : 0, .units = units, .subcommand = "identify creep"};
+    const kn_curve_options options = {.height_m = units ? 0.01 : 0,
+                                      .area_m2 = units ? 1e-4 : 0,
+                                      .load_n = units ? 0.5 : 0,
+                                      .units = units,
+                                      .subcommand = "identify creep"};
     int count = 0;
     complaints = 0;
     int code = kn_curve_load(curve, &count, kind, file, &options);

@@ -12,7 +12,7 @@
 #include "tests/server/datagram.h"
 #include <unistd.h>
 
-static const char *const channels[] = {"KNEAD_FORCE_a", "KNEAD_SCENE",       "KNEAD_MESH_INIT", "KNEAD_MESH_UPDATE",
+static const char *const channels[] = {"KNEAD_FORCE_a", "KNEAD_SCENE",      "KNEAD_MESH_INIT", "KNEAD_MESH_UPDATE",
                                        "KNEAD_STATUS",  "KNEAD_FORCE_\x1b", "KNEAD_FORCE_",    "KNEAD_POSE_b"};
 static kn_mesh mesh;
 static int handed;
@@ -73,7 +73,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
             whole = kn_sign_datagram(bytes, whole, part == 6 ? KN_LIFE_CHANNEL : channel, &auth,
                                      (kn_auth_stamp){at[0] & 3, at[1]});
         if ((control & 3) == 2) whole = kn_lc03(bytes, 7, 3 * count, offset, (uint16_t)part, 3, channel, n);
-        if ((control & 3) == 3) whole = kn_lc03(bytes, any, any, any >> part, (uint16_t)part, (uint16_t)any, channel, n);
+        if ((control & 3) == 3)
+            whole = kn_lc03(bytes, any, any, any >> part, (uint16_t)part, (uint16_t)any, channel, n);
         if ((control & 3) == 2) offset += (uint32_t)n;
         unsigned char *copy = malloc(whole ? whole : 1); // of that size: a byte beyond it is found
         memcpy(copy, bytes, whole);

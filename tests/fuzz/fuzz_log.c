@@ -15,17 +15,10 @@ static void check(const kn_log_record *r)
         require(r->force.tick >= 0 && r->force.tick <= KN_LOG_TICK_MAX && *r->probe);
         for (int i = 0; i < 3; i++) require(isfinite(r->force.force_n[i]));
         break;
-    case KN_LOG_EVENT:
-        require(r->event.tick >= 0 && r->event.tick <= KN_LOG_TICK_MAX);
-        break;
-    case KN_LOG_SCENE:
-        require(strlen(r->scene.name) + strlen(r->scene.text) < r->size);
-        break;
-    case KN_LOG_POSE:
-        require(*r->probe);
-        break;
-    default:
-        break;
+    case KN_LOG_EVENT: require(r->event.tick >= 0 && r->event.tick <= KN_LOG_TICK_MAX); break;
+    case KN_LOG_SCENE: require(strlen(r->scene.name) + strlen(r->scene.text) < r->size); break;
+    case KN_LOG_POSE: require(*r->probe); break;
+    default: break;
     }
 }
 

@@ -35,7 +35,8 @@ static void judge(const char *file, const kn_range_given *given)
     }
     require(range.width > 0 && range.width <= KN_RANGE_MOST && range.height > 0 && range.height <= KN_RANGE_MOST);
     require(range.step_m > 0 && range.pixel_m > 0 && isfinite(range.left_m) && isfinite(range.top_m));
-    require(range.lowest_m >= 0 && range.highest_m >= range.lowest_m && range.highest_m <= 65534 * range.step_m * 1.0001);
+    require(range.lowest_m >= 0 && range.highest_m >= range.lowest_m &&
+            range.highest_m <= 65534 * range.step_m * 1.0001);
     int seen = 0;
     for (int i = 0; i < range.width * range.height; i++) seen += level[i] > 0; // every pixel is there
     require(seen > 0);

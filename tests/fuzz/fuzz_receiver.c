@@ -17,10 +17,7 @@ typedef struct reader {
     const uint8_t *at, *end;
 } reader;
 
-static unsigned take(reader *in)
-{
-    return in->at < in->end ? *in->at++ : 0;
-}
+static unsigned take(reader *in) { return in->at < in->end ? *in->at++ : 0; }
 
 // Control: bits 0-1 what, 2 over lo, 3 the other probe, 4-7 how long after the one before.
 static kn_datagram next_datagram(reader *in, unsigned control, int64_t seq)

@@ -19,8 +19,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     const uint8_t *nul = size > 0 ? memchr(data, 0, size) : NULL;
     size_t text = nul ? (size_t)(nul - data) : size;
     char *set = nul ? strndup((const char *)nul + 1, size - text - 1) : NULL;
-    kn_scene *scene = kn_scene_parse("f.yaml", (const char *)data, text, (const char *const *)&set, set != NULL, error,
-                                     sizeof error);
+    kn_scene *scene =
+        kn_scene_parse("f.yaml", (const char *)data, text, (const char *const *)&set, set != NULL, error, sizeof error);
     free(set);
     if (!scene) {
         check_complaint(error);

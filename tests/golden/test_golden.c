@@ -25,25 +25,13 @@ static void check_golden(const char *name, kn_model_def def, uint64_t expected)
                      (unsigned long long)expected);
 }
 
-TEST("dough-small (144 nodes) under a plate")
-{
-    check_golden("dough-small-plate", press_def(1), 0x2e7e723783abf25d);
-}
+TEST("dough-small (144 nodes) under a plate") { check_golden("dough-small-plate", press_def(1), 0x2e7e723783abf25d); }
 
-TEST("dough-small under a ball")
-{
-    check_golden("dough-small-ball", ball_def(1), 0x477e0228c20d9533);
-}
+TEST("dough-small under a ball") { check_golden("dough-small-ball", ball_def(1), 0x477e0228c20d9533); }
 
-TEST("dough (847 nodes) under a plate")
-{
-    check_golden("dough-plate", press_def(2), 0x82b99cdcf4f9705c);
-}
+TEST("dough (847 nodes) under a plate") { check_golden("dough-plate", press_def(2), 0x82b99cdcf4f9705c); }
 
-TEST("dough under a ball")
-{
-    check_golden("dough-ball", ball_def(2), 0xbcc1a338e632927a);
-}
+TEST("dough under a ball") { check_golden("dough-ball", ball_def(2), 0xbcc1a338e632927a); }
 
 TEST("dough-small under a plate in f64")
 {
@@ -112,8 +100,13 @@ TEST("a rubbing finger on a coupling, pressed askew into a block that lies on a 
     def.gravity_m_s2 = 9.81;
     def.support = KN_SUPPORT_FRICTION;
     def.support_friction = 0.5;
-    def.probe[0] = (kn_probe_def){.name = "finger", .shape = KN_PROBE_CAPSULE, .radius_m = 0.008, .length_m = 0.03,
-                                  .friction = 0.4, .coupling_n_m = 600, .coupling_n_s_m = 1.5};
+    def.probe[0] = (kn_probe_def){.name = "finger",
+                                  .shape = KN_PROBE_CAPSULE,
+                                  .radius_m = 0.008,
+                                  .length_m = 0.03,
+                                  .friction = 0.4,
+                                  .coupling_n_m = 600,
+                                  .coupling_n_s_m = 1.5};
     OWN(kn_model) *model = build(&def);
     OWN(kn_state) *state = kn_state_create(model);
     uint64_t hash = KN_HASH_SEED;

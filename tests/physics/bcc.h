@@ -11,10 +11,7 @@ typedef struct bcc {
     const int *n; // cubes along x, y, z
 } bcc;
 
-static inline int bcc_corner(const bcc *b, int x, int y, int z)
-{
-    return (z * (b->n[1] + 1) + y) * (b->n[0] + 1) + x;
-}
+static inline int bcc_corner(const bcc *b, int x, int y, int z) { return (z * (b->n[1] + 1) + y) * (b->n[0] + 1) + x; }
 
 static inline int bcc_centre(const bcc *b, int x, int y, int z)
 {
@@ -29,8 +26,8 @@ static inline void bcc_add(kn_simplices *s, int a, int b, int c, int d)
         v[k] = s->x_m[c][k] - s->x_m[a][k];
         w[k] = s->x_m[d][k] - s->x_m[a][k];
     }
-    double turn = u[0] * (v[1] * w[2] - v[2] * w[1]) + u[1] * (v[2] * w[0] - v[0] * w[2]) +
-                  u[2] * (v[0] * w[1] - v[1] * w[0]);
+    double turn =
+        u[0] * (v[1] * w[2] - v[2] * w[1]) + u[1] * (v[2] * w[0] - v[0] * w[2]) + u[2] * (v[0] * w[1] - v[1] * w[0]);
     int *e = s->element[s->element_count];
     s->tag[s->element_count] = s->element_count + 1;
     s->element_count++;

@@ -56,8 +56,8 @@ static balance strain(const double e[3][3])
         double size = 0, f;
         if (m->support[i]) continue; // tied
         bool outside = fabs(x[0]) > half - h / 2 || fabs(x[1]) > half - h / 2 || x[2] < h / 2 || x[2] > 11.5 * h;
-        bool corner = fabs(fabs(x[0]) - half / 2) < h / 2 && fabs(fabs(x[1]) - half / 2) < h / 2 &&
-                      fabs(x[2] - 6 * h) < h / 2;
+        bool corner =
+            fabs(fabs(x[0]) - half / 2) < h / 2 && fabs(fabs(x[1]) - half / 2) < h / 2 && fabs(x[2] - 6 * h) < h / 2;
         for (size_t k = 0; k < 3; k++) {
             f = kn_real_get(m, w->r, m->offset[i] + k * m->stride);
             b.sum[k] += f;
@@ -74,9 +74,10 @@ TEST("uniform stretches are in balance through every face, edge and corner of th
     static const double stretch[3][3] = {{1e-6, 0, 0}, {0, -2e-6, 0}, {0, 0, 3e-6}}, shear[3][3] = {{0, 1e-6, 0}},
                         mixed[3][3] = {{1e-6, 0, 5e-7}, {0, 0, 1e-6}, {0, 0, -1e-6}};
     balance a = strain(stretch), b = strain(shear), c = strain(mixed);
-    printf("     of the largest boundary force: stretch %.1e, shear %.1e and %.3f at the corners, mixed %.1e and %.3f\n",
-           fmax(a.inside, a.corners) / a.boundary, b.inside / b.boundary, b.corners / b.boundary,
-           c.inside / c.boundary, c.corners / c.boundary);
+    printf(
+        "     of the largest boundary force: stretch %.1e, shear %.1e and %.3f at the corners, mixed %.1e and %.3f\n",
+        fmax(a.inside, a.corners) / a.boundary, b.inside / b.boundary, b.corners / b.boundary, c.inside / c.boundary,
+        c.corners / c.boundary);
     CHECK(fmax(a.inside, a.corners) < 1e-5 * a.boundary); // lengths are not linear in the strain
     CHECK(b.inside < 1e-5 * b.boundary && c.inside < 1e-5 * c.boundary);
     CHECK(b.corners < 0.12 * b.boundary && c.corners < 0.12 * c.boundary);
@@ -165,11 +166,12 @@ TEST("a press is within 1 % of the uniform block's force and 2 % of its shape, w
             kn_model_def def[2] = {local(12, 0.0025, true), local(12, 0.0025, false)};
             for (int i = 0; i < 2 && ball; i++)
                 def[i].probe[0] = (kn_probe_def){.name = "ball", .shape = KN_PROBE_SPHERE, .radius_m = 0.005};
-            AT_END(played_free) played own = play(&def[0], at[t][0], at[t][1], 0, TICKS),
-                                       uniform = play(&def[1], at[t][0], at[t][1], 0, TICKS);
+            AT_END(played_free)
+            played own = play(&def[0], at[t][0], at[t][1], 0, TICKS),
+                   uniform = play(&def[1], at[t][0], at[t][1], 0, TICKS);
             double force = relative_error((const double(*)[3])own.force_n, (const double(*)[3])uniform.force_n, TICKS);
-            double shape = relative_error((const double(*)[3])own.shape_m, (const double(*)[3])uniform.shape_m,
-                                          25 * 25 * 13);
+            double shape =
+                relative_error((const double(*)[3])own.shape_m, (const double(*)[3])uniform.shape_m, 25 * 25 * 13);
             printf("     %s at %g, %g mm: force %.2f %%, shape %.2f %%\n", ball ? "ball" : "plate", 1e3 * at[t][0],
                    1e3 * at[t][1], 100 * force, 100 * shape);
             CHECK(force < 0.01 && shape < 0.02);
@@ -209,7 +211,10 @@ TEST("it gives the same bits on every instruction set, in both precisions")
 
 TEST("what cannot have a fine box is refused in words")
 {
-    static const struct { int low, high; const char *why; } bad[] = {
+    static const struct {
+        int low, high;
+        const char *why;
+    } bad[] = {
         {1, 8, "a fine box needs corners at even cells of the block, the first below the second"},
         {8, 8, "a fine box needs corners at even cells of the block, the first below the second"},
         {2, 18, "a fine box needs corners at even cells of the block, the first below the second"},
@@ -226,8 +231,7 @@ TEST("what cannot have a fine box is refused in words")
     CHECK(!kn_model_build(&def, error, sizeof error) && strcmp(error, "a fine box goes without pressure") == 0);
     def = local(8, 0.005, true);
     memcpy(def.fine, (int[2][3]){{0, 0, 0}, {16, 16, 12}}, sizeof def.fine);
-    CHECK(!kn_model_build(&def, error, sizeof error) &&
-          strcmp(error, "a fine box needs coarse cells around it") == 0);
+    CHECK(!kn_model_build(&def, error, sizeof error) && strcmp(error, "a fine box needs coarse cells around it") == 0);
 }
 
 TESTS_MAIN

@@ -35,10 +35,7 @@ typedef struct element {
     double voigt, damper; // strains, compression positive
 } element;
 
-static double oracle_height(const double y[2])
-{
-    return 1 - y[0] - y[1];
-}
+static double oracle_height(const double y[2]) { return 1 - y[0] - y[1]; }
 
 static double oracle_stress(const element *e, const double y[2])
 {

@@ -53,7 +53,10 @@ TEST("no step takes more units than its deadline, if that is above the shortest 
     }
 }
 
-enum { REST = 38000, GUESS = 42000 }; // of the plate: one line and five iterations, and a guess before them and one more
+enum {
+    REST = 38000,
+    GUESS = 42000
+}; // of the plate: one line and five iterations, and a guess before them and one more
 
 TEST("a deadline with room for every line changes no bit, and one that many steps reach gives the same bits everywhere")
 {
@@ -75,7 +78,8 @@ TEST("a deadline with room for every line changes no bit, and one that many step
     }
 }
 
-TEST("a ball whose blows end by a third of their time is felt within 3 % of the converged one, without a jump of its own")
+TEST("a ball whose blows end by a third of their time is felt within 3 % of the converged one, without a jump of its "
+     "own")
 {
     kn_model_def def = ball_def(1), exact = converged(def);
     exact.solver.passes = 20;
@@ -92,12 +96,14 @@ TEST("a ball whose blows end by a third of their time is felt within 3 % of the 
     CHECK(s.capped > 20 && peak_n > 5 && off_n < 0.03 * peak_n && jump_n < 0.3);
 }
 
-TEST("one line from rest gives twice the force of a plate's blow; from a guess it is within a tenth, a while later within 3 %")
+TEST("one line from rest gives twice the force of a plate's blow; from a guess it is within a tenth, a while later "
+     "within 3 %")
 {
     kn_model_def def = press_def(1), exact = converged(def);
     exact.solver.passes = 20;
     stroke rest = struck(&def, REST), s = struck(&def, GUESS), x = struck(&exact, 0);
-    printf("     %.1f N from rest, %.1f N from a guess, %.1f N converged\n", rest.force_n[0][2], s.force_n[0][2], x.force_n[0][2]);
+    printf("     %.1f N from rest, %.1f N from a guess, %.1f N converged\n", rest.force_n[0][2], s.force_n[0][2],
+           x.force_n[0][2]);
     CHECK(rest.force_n[0][2] > 2 * x.force_n[0][2]);
     CHECK(s.capped > 20);
     CHECK(size(s.force_n[0], x.force_n[0]) < 0.1 * x.force_n[0][2]);

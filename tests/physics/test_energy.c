@@ -10,9 +10,9 @@ typedef struct audit {
     int count;
     double *strain, *length;
     double work_j, dissipated_j;
-    double least_w, most_w;     // dissipation of an edge in a step
-    double shortest, longest;   // length that an edge would relax to, of its rest length
-    int stopped;                // edges whose damper stands at a stop in the last step
+    double least_w, most_w;   // dissipation of an edge in a step
+    double shortest, longest; // length that an edge would relax to, of its rest length
+    int stopped;              // edges whose damper stands at a stop in the last step
 } audit;
 
 static double edge_length(const audit *a, const kn_state *state, const kn_edge *e)
@@ -159,7 +159,8 @@ TEST("the work of the plate is stored or dissipated: 5e-4 is missing at 1 ms, ha
     CHECK_NEAR(whole / half, 2, 0.2);
 }
 
-NIGHT_TEST("with gas in the cells nothing is created either, and 5e-4 is missing of a press at 5 mm/s, half of it at half the step")
+NIGHT_TEST("with gas in the cells nothing is created either, and 5e-4 is missing of a press at 5 mm/s, half of it at "
+           "half the step")
 {
     const press slow = {.depth_m = 0.0055, .hold_s = 0.1, .pace = 0.5};
     kn_model_def def = converged(press_def(1));
@@ -170,7 +171,8 @@ NIGHT_TEST("with gas in the cells nothing is created either, and 5e-4 is missing
     CHECK_NEAR(whole / half, 2, 0.2);
 }
 
-TEST("so it is with dampers that come to their stops: no edge gives energy or leaves the limits of its permanent strain")
+TEST(
+    "so it is with dampers that come to their stops: no edge gives energy or leaves the limits of its permanent strain")
 {
     kn_model_def def = converged(press_def(1));
     def.material.ratio = 0.5;

@@ -127,7 +127,8 @@ TEST("internal forces add up to nothing: a free body thrown about keeps its mome
     OWN(kn_state) *state = kn_state_create(model);
     uint64_t seed = 7;
     for (int i = 0; i < model->grid.nodes; i++)
-        for (int k = 0; k < 3; k++) ((double *)state->velocity)[component(model, i, k)] = 0.05 * kn_dice_in(&seed, -1, 1);
+        for (int k = 0; k < 3; k++)
+            ((double *)state->velocity)[component(model, i, k)] = 0.05 * kn_dice_in(&seed, -1, 1);
     double p0[3], l0[3], p1[3], l1[3], size, ignored;
     momentum(model, state, p0, l0, &size);
     kn_input in = {0};

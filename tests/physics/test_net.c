@@ -55,8 +55,7 @@ static double strain_under(kn_model_def def, double stress_pa, double dt_s, int 
     kn_output out;
     for (int i = 0; i < steps; i++) CHECK(kn_step(model, state, &in, &out) == KN_OK);
     double third = extent[2] / 3, strain = 1 - top_height(model, state) / extent[2];
-    if (middle)
-        strain = 1 - (layer_height(model, state, 2 * third) - layer_height(model, state, third)) / third;
+    if (middle) strain = 1 - (layer_height(model, state, 2 * third) - layer_height(model, state, third)) / third;
     return strain;
 }
 
@@ -95,7 +94,8 @@ static double element_strain(const kn_material *m, double stress_pa)
     return stress_pa / m->k1_pa * -expm1(-60 * m->k1_pa / m->c1_pa_s) + 60 * kn_material_flow(m, stress_pa);
 }
 
-NIGHT_TEST("dough of tetrahedra creeps in 60 s as the element does, within 10 % at 20 and 30 gf/cm^2, in the middle of a block")
+NIGHT_TEST("dough of tetrahedra creeps in 60 s as the element does, within 10 % at 20 and 30 gf/cm^2, in the middle of "
+           "a block")
 {
     // Under a dead load the corners, which few springs hold, sink deeper than what is below them once their dampers
     // thin: with 1 cm between corners the whole height shrinks by a quarter more, and no gamma serves both.

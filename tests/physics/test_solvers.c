@@ -92,8 +92,8 @@ TEST("every instruction set here gives the same bits after 300 steps, under plat
         kn_material material;
         kn_precision precision;
     } cases[6] = {
-        {press_def(1), dough, KN_PRECISION_F32}, {press_def(1), dough, KN_PRECISION_F64},
-        {ball_def(1), dough, KN_PRECISION_F32},  {ball_def(1), dough, KN_PRECISION_F64},
+        {press_def(1), dough, KN_PRECISION_F32},   {press_def(1), dough, KN_PRECISION_F64},
+        {ball_def(1), dough, KN_PRECISION_F32},    {ball_def(1), dough, KN_PRECISION_F64},
         {press_def(1), jelly(), KN_PRECISION_F32}, {ball_def(1), clay(), KN_PRECISION_F32},
     };
     for (int t = 0; t < 6; t++) {

@@ -72,10 +72,7 @@ TEST("a ball of one cell's radius slides over dough without a jump of 0.5 % per 
     check_slide("dough, r = h", ball_def(2), 0.005, 0.10);
 }
 
-TEST("a ball of two cells' radius ripples less than 5 %")
-{
-    check_slide("dough, r = 2h", ball_def(2), 0.01, 0.05);
-}
+TEST("a ball of two cells' radius ripples less than 5 %") { check_slide("dough, r = 2h", ball_def(2), 0.01, 0.05); }
 
 TEST("jelly is smoother still")
 {

@@ -77,8 +77,8 @@ static shape press_shape(kn_model_def def, double hold_s)
     measure_cells(m, state, cells, count, &s);
     measure_sides(m, state, &s);
     free(cells);
-    printf("     peak %.2f N, end %.2f N, dip %.3f N; out by %.2f and %.2f mm; volume %+.2f %%, least V/V0 %.2f\n", s.peak_n,
-           s.end_n, s.dip_n, 1e3 * s.bulge_m[0], 1e3 * s.bulge_m[1], 100 * s.grown, s.least);
+    printf("     peak %.2f N, end %.2f N, dip %.3f N; out by %.2f and %.2f mm; volume %+.2f %%, least V/V0 %.2f\n",
+           s.peak_n, s.end_n, s.dip_n, 1e3 * s.bulge_m[0], 1e3 * s.bulge_m[1], 100 * s.grown, s.least);
     return s;
 }
 
@@ -104,7 +104,8 @@ TEST("one pressure for the whole object keeps its volume too, not that of the ce
     CHECK(s.least < 0.5);
 }
 
-TEST("a flat object bulges by its structure as a block does, stays in its plane, and feels twice as much twice as thick")
+TEST(
+    "a flat object bulges by its structure as a block does, stays in its plane, and feels twice as much twice as thick")
 {
     shape a = press_shape(flat(press_def(2)), 5);
     shape b = press_shape(with_gas(flat(press_def(2)), KN_PRESSURE_CELLS, 0.02), 5);
@@ -148,7 +149,8 @@ static run press_disc(double thickness_m, double aside_m)
     return r;
 }
 
-TEST("to a flat object a ball is a disc: it presses wherever along y it is held, twice as hard an object twice as thick")
+TEST(
+    "to a flat object a ball is a disc: it presses wherever along y it is held, twice as hard an object twice as thick")
 {
     AT_END(run_free) run thin = press_disc(0.01, 0), thick = press_disc(0.02, 0), aside = press_disc(0.01, 0.05);
     printf("     peak %.3f N, total variation %.2f of it\n", peak_n(&thin), variation(&thin));
@@ -248,7 +250,8 @@ static void rotate(const double x[3], double out[3])
     double along = axis[0] * x[0] + axis[1] * x[1] + axis[2] * x[2];
     for (int k = 0; k < 3; k++) {
         int u = (k + 1) % 3, v = (k + 2) % 3;
-        out[k] = cos(angle) * x[k] + sin(angle) * (axis[u] * x[v] - axis[v] * x[u]) + (1 - cos(angle)) * along * axis[k];
+        out[k] =
+            cos(angle) * x[k] + sin(angle) * (axis[u] * x[v] - axis[v] * x[u]) + (1 - cos(angle)) * along * axis[k];
     }
 }
 

@@ -22,8 +22,13 @@ static kn_probe_def ball(double friction)
 
 static kn_probe_def finger(double friction)
 {
-    return (kn_probe_def){.name = "finger", .shape = KN_PROBE_CAPSULE, .radius_m = 0.008, .length_m = 0.03,
-                          .friction = friction, .coupling_n_m = 600, .coupling_n_s_m = 1.5};
+    return (kn_probe_def){.name = "finger",
+                          .shape = KN_PROBE_CAPSULE,
+                          .radius_m = 0.008,
+                          .length_m = 0.03,
+                          .friction = friction,
+                          .coupling_n_m = 600,
+                          .coupling_n_s_m = 1.5};
 }
 
 typedef struct scene { // one object under one or two tools
@@ -90,8 +95,10 @@ TEST("a box on a stiff coupling presses as one that follows its pose within 1 %,
 {
     press p = {.depth_m = 0.005, .hold_s = 0.3};
     kn_model_def plate = press_def(2);
-    kn_model_def box = with_tool(press_def(2), (kn_probe_def){.name = "box", .shape = KN_PROBE_BOX,
-                                                              .size_m = {0.01, 0.06, 0.02}, .foundation_n_m3 = 1e9,
+    kn_model_def box = with_tool(press_def(2), (kn_probe_def){.name = "box",
+                                                              .shape = KN_PROBE_BOX,
+                                                              .size_m = {0.01, 0.06, 0.02},
+                                                              .foundation_n_m3 = 1e9,
                                                               .friction = 10});
     AT_END(run_free) run a = press_run(&plate, &p, 0.8, 0.001), rigid = press_run(&box, &p, 0.8, 0.001);
     box.probe[0].coupling_n_m = 1e7;
@@ -137,8 +144,12 @@ static kn_probe_def mallet(kn_shape *parts)
     memcpy(handle.turn, turn, sizeof turn);
     *parts = (kn_shape){0};
     CHECK(kn_shape_add(parts, &head) && kn_shape_add(parts, &handle));
-    return (kn_probe_def){.name = "mallet", .shape = KN_PROBE_UNION, .parts = parts, .friction = 0.4,
-                          .coupling_n_m = 900, .coupling_n_s_m = 3};
+    return (kn_probe_def){.name = "mallet",
+                          .shape = KN_PROBE_UNION,
+                          .parts = parts,
+                          .friction = 0.4,
+                          .coupling_n_m = 900,
+                          .coupling_n_s_m = 3};
 }
 
 static kn_probe_def of_field(kn_field *field, kn_shape *parts)
@@ -146,8 +157,12 @@ static kn_probe_def of_field(kn_field *field, kn_shape *parts)
     const kn_solid solid = kn_solid_field(field);
     *parts = (kn_shape){0};
     CHECK(kn_shape_add(parts, &solid));
-    return (kn_probe_def){.name = "mesh", .shape = KN_PROBE_MESH, .parts = parts, .friction = 0.4,
-                          .coupling_n_m = 900, .coupling_n_s_m = 3};
+    return (kn_probe_def){.name = "mesh",
+                          .shape = KN_PROBE_MESH,
+                          .parts = parts,
+                          .friction = 0.4,
+                          .coupling_n_m = 900,
+                          .coupling_n_s_m = 3};
 }
 
 // An egg that lies askew, of triangles, with its origin where a box has it.
@@ -255,7 +270,10 @@ TEST("a tool that sticks at half of its cone does not creep on what does not")
 // Most that a flat foot on jelly pulls with on its way up.
 static double pull(double adhesion_pa, double *left_at_m, double *work_j)
 {
-    kn_probe_def tool = {.name = "foot", .shape = KN_PROBE_BOX, .size_m = {0.015, 0.015, 0.02}, .edge_m = 0.001,
+    kn_probe_def tool = {.name = "foot",
+                         .shape = KN_PROBE_BOX,
+                         .size_m = {0.015, 0.015, 0.02},
+                         .edge_m = 0.001,
                          .adhesion_pa = adhesion_pa};
     kn_model_def def = with_tool(press_def(2), tool);
     def.material = jelly();
@@ -457,9 +475,9 @@ TEST("a box of triangles presses as the box does within 1 %")
     const double size[3] = {0.02, 0.02, 0.015}, edge = 0.003;
     press p = {.depth_m = 0.004, .hold_s = 0.2};
     AT_END(kn_shape_drop) kn_shape parts = {0};
-    kn_model_def def = with_tool(press_def(2), (kn_probe_def){.name = "box", .shape = KN_PROBE_BOX,
-                                                              .size_m = {size[0], size[1], size[2]},
-                                                              .edge_m = edge});
+    kn_model_def def = with_tool(
+        press_def(2),
+        (kn_probe_def){.name = "box", .shape = KN_PROBE_BOX, .size_m = {size[0], size[1], size[2]}, .edge_m = edge});
     AT_END(run_free) run exact = press_run(&def, &p, 0.7, 0.001);
     kn_probe_def tool = of_field(surface_field(surface_box(size, edge, 40), 0.005 / 8), &parts);
     tool.friction = tool.coupling_n_m = tool.coupling_n_s_m = 0;
@@ -529,8 +547,13 @@ static void turned_by_a_quarter(kn_probe_def tool, kn_skin_form skin)
 TEST("the whole scene and the hand turned by a quarter turn forces and torques with them, to rounding")
 {
     AT_END(kn_shape_drop) kn_shape parts = {0};
-    turned_by_a_quarter((kn_probe_def){.name = "box", .shape = KN_PROBE_BOX, .size_m = {0.02, 0.014, 0.02},
-                                       .edge_m = 0.002, .friction = 0.4, .coupling_n_m = 900, .coupling_n_s_m = 3},
+    turned_by_a_quarter((kn_probe_def){.name = "box",
+                                       .shape = KN_PROBE_BOX,
+                                       .size_m = {0.02, 0.014, 0.02},
+                                       .edge_m = 0.002,
+                                       .friction = 0.4,
+                                       .coupling_n_m = 900,
+                                       .coupling_n_s_m = 3},
                         KN_SKIN_SPLINE);
     if (getenv("KN_NIGHT")) turned_by_a_quarter(mallet(&parts), KN_SKIN_SPLINE);
     turned_by_a_quarter(mallet(&parts), KN_SKIN_BILINEAR);

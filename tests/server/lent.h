@@ -35,10 +35,7 @@ static inline void kn_lent_open_on(kn_lent *l, const char *const *sets, int coun
 }
 
 // set: of the scene, NULL: none.
-static inline void kn_lent_open(kn_lent *l, const char *set)
-{
-    kn_lent_open_on(l, &set, set ? 1 : 0, NULL);
-}
+static inline void kn_lent_open(kn_lent *l, const char *set) { kn_lent_open_on(l, &set, set ? 1 : 0, NULL); }
 
 static inline void kn_lent_close(kn_lent *l)
 {

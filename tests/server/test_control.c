@@ -387,10 +387,7 @@ static const char *await(kn_control *c, int fd, int lines)
     return all;
 }
 
-static void *work(void *control)
-{
-    return kn_control_work(control), NULL;
-}
+static void *work(void *control) { return kn_control_work(control), NULL; }
 
 TEST("everybody is heard in turn, a line each, and nobody waits for another one's slow request")
 {
@@ -419,7 +416,7 @@ TEST("everybody is heard in turn, a line each, and nobody waits for another one'
     CHECK(answered == 16);
     sem_post(&hurry);
     CHECK_STR(await(c, fd, 3), "{\"ok\":true,\"request\":{\"slow\":4}}\n{\"ok\":true,\"request\":{}}\n"
-                            "{\"ok\":true,\"request\":{\"urgent\":1}}\n");
+                               "{\"ok\":true,\"request\":{\"urgent\":1}}\n");
     CHECK(answered == 17);
     CHECK_STR(say(c, fd, "{\"slow\":5}\n{}\n"), "");
     CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
@@ -441,7 +438,8 @@ static const char *heard(int fd) // by who turns no more
     return text;
 }
 
-TEST("at its end what was said is answered, in order, but what is slow is refused; a slow answer that is there is given")
+TEST(
+    "at its end what was said is answered, in order, but what is slow is refused; a slow answer that is there is given")
 {
     static const char refused[] = "{\"ok\":false,\"error\":\"the server is ending: this is not done\"}\n";
     kn_control *c = start();

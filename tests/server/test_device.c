@@ -12,31 +12,15 @@
 #include <sys/mman.h>
 #include <sys/stat.h>
 
+static int64_t after_ms(int64_t ms) { return kn_now_ns() + 1000000 * ms; }
 
-static int64_t after_ms(int64_t ms)
-{
-    return kn_now_ns() + 1000000 * ms;
-}
+static int wanted(const char *name, int otherwise) { return getenv(name) ? atoi(getenv(name)) : otherwise; }
 
-static int wanted(const char *name, int otherwise)
-{
-    return getenv(name) ? atoi(getenv(name)) : otherwise;
-}
+static const char *engine(void) { return getenv("KN_ENGINE") ? getenv("KN_ENGINE") : "golden"; }
 
-static const char *engine(void)
-{
-    return getenv("KN_ENGINE") ? getenv("KN_ENGINE") : "golden";
-}
+static bool golden(void) { return strcmp(engine(), "golden") == 0; }
 
-static bool golden(void)
-{
-    return strcmp(engine(), "golden") == 0;
-}
-
-static bool nano(void)
-{
-    return strcmp(engine(), "nano") == 0;
-}
+static bool nano(void) { return strcmp(engine(), "nano") == 0; }
 
 #define NODES (nano() ? 12 : 60)
 #define EDGES (nano() ? 30 : 400)
@@ -566,11 +550,11 @@ TEST("why it was lost has a name")
         const char *fault;
         bool bar;
         kn_loss loss;
-    } runs[] = {{NULL, false, KN_LOSS_REMOVED},       {NULL, true, KN_LOSS_TIMEOUT},
-                {"hang=1", false, KN_LOSS_TIMEOUT},   {"blank=1", false, KN_LOSS_BLANK},
-                {"torn=1", false, KN_LOSS_SEQ_GAP},   {"hash", false, KN_LOSS_WRONG_HASH},
-                {"refuse=1", false, KN_LOSS_REFUSED},
-                {"disconnect=1", false, KN_LOSS_REMOVED}, {"disconnect=1", true, KN_LOSS_REMOVED}};
+    } runs[] = {{NULL, false, KN_LOSS_REMOVED},         {NULL, true, KN_LOSS_TIMEOUT},
+                {"hang=1", false, KN_LOSS_TIMEOUT},     {"blank=1", false, KN_LOSS_BLANK},
+                {"torn=1", false, KN_LOSS_SEQ_GAP},     {"hash", false, KN_LOSS_WRONG_HASH},
+                {"refuse=1", false, KN_LOSS_REFUSED},   {"disconnect=1", false, KN_LOSS_REMOVED},
+                {"disconnect=1", true, KN_LOSS_REMOVED}};
     if (!golden()) return;
     OWN(rig) *r = make(NODES, EDGES, 5);
     tick(r, 20);

@@ -132,10 +132,7 @@ TEST("no frame with one bit flipped and none that is cut off is taken; the next 
     printf("     %zu flips and cuts\n", tries);
 }
 
-static int64_t wanted(void)
-{
-    return getenv("KN_FRAMES") ? atoll(getenv("KN_FRAMES")) : 1000000;
-}
+static int64_t wanted(void) { return getenv("KN_FRAMES") ? atoll(getenv("KN_FRAMES")) : 1000000; }
 
 // A frame of bytes made another; its new size. What stands between its first byte and its 0x00 is what changes.
 enum { BITS, BURST, CUT, MORE, SPLICE, KINDS };

@@ -16,16 +16,14 @@ typedef struct rig {
     int64_t tick, took_ns; // took_ns: that a tick seems to take
     kn_tick_out out;
     int kinds[KNEAD_EVENT_T_KIND_OVERLOAD + 1]; // events seen so far
-    double audit[5]; // arg of the last checkpoint
+    double audit[5];                            // arg of the last checkpoint
 } rig;
 
 static void on_mesh(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
     rig *r = self;
-    if (!strcmp(channel, "KNEAD_MESH_INIT"))
-        kn_mesh_init(&r->mesh, buf->data, buf->data_size);
-    else
-        kn_mesh_update(&r->mesh, buf->data, buf->data_size);
+    if (!strcmp(channel, "KNEAD_MESH_INIT")) kn_mesh_init(&r->mesh, buf->data, buf->data_size);
+    else kn_mesh_update(&r->mesh, buf->data, buf->data_size);
 }
 
 static void rig_open(rig *r, const char *set)
@@ -76,10 +74,7 @@ static void press(rig *r)
     for (double v = 0.0; r->pose.position_m[2] > 0.025; v = fmax(v - 0.0002, -0.01)) move(r, v);
 }
 
-static double given_n(const rig *r)
-{
-    return r->out.force[0].force_n[2];
-}
+static double given_n(const rig *r) { return r->out.force[0].force_n[2]; }
 
 // Lowest of the object's upper side under the middle of the plate, as the screen has it.
 static double dent_m(rig *r)
@@ -124,9 +119,14 @@ static void show_now(rig *r)
 
 TEST("where the scene asks, meshes tell stress and residual strain of the same tick; else none")
 {
-    static const struct { const char *set; bool stress, residual; } asked[] = {{NULL, false, false},
-        {"mesh.measures=none", false, false}, {"mesh.measures=stress", true, false},
-        {"mesh.measures=residual", false, true}, {"mesh.measures=both", true, true}};
+    static const struct {
+        const char *set;
+        bool stress, residual;
+    } asked[] = {{NULL, false, false},
+                 {"mesh.measures=none", false, false},
+                 {"mesh.measures=stress", true, false},
+                 {"mesh.measures=residual", false, true},
+                 {"mesh.measures=both", true, true}};
     for (size_t i = 0; i < sizeof asked / sizeof *asked; i++) {
         AT_END(rig_close) rig r = {0};
         rig_open(&r, asked[i].set);
@@ -182,7 +182,8 @@ TEST("the deadline follows the processor, by events: down when three long steps 
     CHECK(loop->deadline == given); // two are none
     r.took_ns = (int64_t)(0.9 * budget_ns);
     for (int i = 0; i < 4; i++) move(&r, 0);
-    CHECK(loop->servo.deadline == (int64_t)((double)given * KN_SERVED_SHARE / 0.9) && r.kinds[KNEAD_EVENT_T_KIND_DEADLINE] == 2);
+    CHECK(loop->servo.deadline == (int64_t)((double)given * KN_SERVED_SHARE / 0.9) &&
+          r.kinds[KNEAD_EVENT_T_KIND_DEADLINE] == 2);
     for (int i = 0; i < 40; i++) move(&r, 0);
     CHECK(loop->servo.deadline == least); // and no less
     r.took_ns = (int64_t)(0.64 * budget_ns);

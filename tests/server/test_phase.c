@@ -14,7 +14,7 @@ typedef struct sender {
     double late_ns;                       // of the next one
     int64_t session, arrived_ns, earlier_ns, seq;
     double dropped, lost, repeated, waits, waited_ns; // counts since the run began; dropped: by the link
-    double loss;                          // share that it drops
+    double loss;                                      // share that it drops
     bool engaged;
 } sender;
 
@@ -59,7 +59,8 @@ static kn_arrival arrival(rig *r, sender *s, double now_ns)
         bool drop = s->loss > 0 && kn_dice(&r->random) < s->loss;
         if (!drop) s->earlier_ns = s->arrived_ns;
         if (!drop) s->arrived_ns = (int64_t)(s->next_ns + s->late_ns);
-        s->late_ns = s->jitter_ns * pow(kn_dice(&r->random), 6); // half of them within 2 % of it, 1 in 16 beyond two thirds
+        s->late_ns =
+            s->jitter_ns * pow(kn_dice(&r->random), 6); // half of them within 2 % of it, 1 in 16 beyond two thirds
         s->next_ns += s->period_ns;
         s->seq += !drop;
         s->dropped += drop;
@@ -74,7 +75,8 @@ static kn_arrival arrival(rig *r, sender *s, double now_ns)
 static void run(rig *r, int ticks)
 {
     for (int p = 0; p < 2; p++)
-        r->sender[p].dropped = r->sender[p].lost = r->sender[p].repeated = r->sender[p].waits = r->sender[p].waited_ns = 0;
+        r->sender[p].dropped = r->sender[p].lost = r->sender[p].repeated = r->sender[p].waits = r->sender[p].waited_ns =
+            0;
     for (int n = 0; n < ticks; n++, r->ticks++) {
         int64_t due_ns = r->clock.start_ns + (r->clock.tick + 1) * MS, tick = r->clock.tick;
         int64_t now_ns = due_ns + (int64_t)(5e3 + 25e3 * kn_dice(&r->random));

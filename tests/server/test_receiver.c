@@ -110,8 +110,7 @@ TEST("only the exact length of a pose will do")
     knead_probe_pose_t pose = good_pose(1, 1);
     kn_datagram good = datagram_of("KNEAD_POSE_hand", &pose), bad = good;
     for (bad.size = 8 + sizeof "KNEAD_POSE_hand"; bad.size <= KN_DATAGRAM_MAX; bad.size++)
-        if (bad.size != good.size && bad.size != good.size + KN_AUTH_TAG &&
-            bad.size != good.size + KN_AUTH_TRAILER)
+        if (bad.size != good.size && bad.size != good.size + KN_AUTH_TAG && bad.size != good.size + KN_AUTH_TRAILER)
             CHECK_VERDICT(judge(&bad), KN_REJECT_LENGTH);
     CHECK_VERDICT(judge(&good), KN_ACCEPTED);
 }
@@ -287,12 +286,14 @@ TEST("a second hand with the key, whatever its clock says, does not disturb the 
     for (int i = 0; i < 500; i++, now_ns += MS) {
         knead_probe_pose_t pose = good_pose(7, 1 + i), other = good_pose(8, 1 + i);
         other.utime += 40000000;
-        kn_datagram mine = signed_pose(&key, "KNEAD_POSE_hand", &pose), his = signed_pose(&key, "KNEAD_POSE_hand", &other);
+        kn_datagram mine = signed_pose(&key, "KNEAD_POSE_hand", &pose),
+                    his = signed_pose(&key, "KNEAD_POSE_hand", &other);
         CHECK_VERDICT(judge(&mine), KN_ACCEPTED);
         CHECK_VERDICT(judge(&his), KN_REJECT_SESSION);
     }
     now_ns += 1100 * MS;
-    for (int i = 0; i < 500; i++, now_ns += MS) { // once it has gone the other one has its turn, and the first comes back
+    for (int i = 0; i < 500;
+         i++, now_ns += MS) { // once it has gone the other one has its turn, and the first comes back
         knead_probe_pose_t pose = good_pose(8, 1000 + i);
         pose.utime += 40000000;
         kn_datagram d = signed_pose(&key, "KNEAD_POSE_hand", &pose);
@@ -493,8 +494,7 @@ TEST("whatever arrives, each datagram ends in one counter, and what is accepted 
         unsigned char bytes[KN_TEST_DATAGRAM];
         size_t size = kn_random_datagram(bytes, &random, n % 8 ? "KNEAD_POSE_hand" : "KNEAD_POSE_thumb",
                                          good_pose(n % 64 ? 1 : 2, n % 500));
-        kn_datagram d = {.size = size < sizeof d.bytes ? size : sizeof d.bytes,
-                         .here = n % 32 != 5};
+        kn_datagram d = {.size = size < sizeof d.bytes ? size : sizeof d.bytes, .here = n % 32 != 5};
         memcpy(d.bytes, bytes, d.size);
         int probe = -1;
         kn_pose pose;
@@ -508,7 +508,8 @@ TEST("whatever arrives, each datagram ends in one counter, and what is accepted 
     for (int i = 0; i < KN_REJECT_COUNT; i++) sum += receiver.rejected[i];
     CHECK(receiver.received == COUNT && sum == COUNT);
     CHECK(receiver.accepted > COUNT / 20);
-    for (int i = 0; i < KN_REJECT_COUNT; i++) // the mix reaches every reason; rate and what follows have tests of their own
+    for (int i = 0; i < KN_REJECT_COUNT;
+         i++) // the mix reaches every reason; rate and what follows have tests of their own
         if (i != KN_REJECT_RATE && i < KN_REJECT_PEER && receiver.rejected[i] == 0)
             KN_TEST_FAIL("the mix never reached '%s'", kn_verdict_name((kn_verdict)i));
 }

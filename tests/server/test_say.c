@@ -73,7 +73,7 @@ TEST("a pipe and a terminal that nobody reads hold up nobody, and what they held
         CHECK(ended(speak(to, STDERR_FILENO, says_much)) == 0);
         hear(to.reads);
         int lines = 0, next = 0, lost, told = 0; // a terminal may find room again, once its driver has made some
-        bool whole = false, counted = false;     // the line before; it may lack but its end, and be counted as lost, too
+        bool whole = false, counted = false; // the line before; it may lack but its end, and be counted as lost, too
         for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) {
             if (sscanf(line, "kneadd: %d lines", &lost) == 1 && strstr(line, "read them")) {
                 next += lost - told; // the one before lacked but its end, and is told again

@@ -724,7 +724,8 @@ TEST("ticks of 9 ms, 0.1 s running, are a fault of their own: the hand fades, is
         CHECK(r->out.force[0].fault == (i < 11 ? KN_FAULT_NONE : KN_FAULT_OVERLOAD));
         CHECK(memcmp(&r->out.force, &log->out.force, sizeof r->out.force) == 0);
     }
-    CHECK(r->kinds[KNEAD_EVENT_T_KIND_OVERLOAD] == 1 && r->out.force[0].force_n[2] == 0 && !r->servo.safety[0].attached);
+    CHECK(r->kinds[KNEAD_EVENT_T_KIND_OVERLOAD] == 1 && r->out.force[0].force_n[2] == 0 &&
+          !r->servo.safety[0].attached);
     CHECK(kn_state_hash(r->model, r->backend.state(r->backend.self)) ==
           kn_state_hash(log->model, log->backend.state(log->backend.self)));
     r->pose[0].position_m[2] = 0.05;

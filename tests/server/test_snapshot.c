@@ -82,10 +82,7 @@ static void work(rig *r, int ticks)
     take(r);
 }
 
-static uint64_t hash_of(const rig *r, const kn_state *state)
-{
-    return kn_state_hash(r->model, state);
-}
+static uint64_t hash_of(const rig *r, const kn_state *state) { return kn_state_hash(r->model, state); }
 
 static kn_store store_of(rig *r)
 {
@@ -413,26 +410,14 @@ static ssize_t bad_write(int fd, const void *bytes, size_t size)
 {
     return fails() ? -1 : kn_files_system.write(fd, bytes, size < disk.most ? size : disk.most);
 }
-static int bad_sync(int fd)
-{
-    return fails() ? -1 : kn_files_system.sync(fd);
-}
-static int bad_close(int fd)
-{
-    return kn_files_system.close(fd) | (fails() ? -1 : 0);
-}
+static int bad_sync(int fd) { return fails() ? -1 : kn_files_system.sync(fd); }
+static int bad_close(int fd) { return kn_files_system.close(fd) | (fails() ? -1 : 0); }
 static int bad_rename(int dir, const char *from, const char *to)
 {
     return fails() ? -1 : kn_files_system.rename(dir, from, to);
 }
-static int bad_sync_dir(int dir)
-{
-    return fails() ? -1 : kn_files_system.sync_dir(dir);
-}
-static int bad_unlink(int dir, const char *name)
-{
-    return fails() ? -1 : kn_files_system.unlink(dir, name);
-}
+static int bad_sync_dir(int dir) { return fails() ? -1 : kn_files_system.sync_dir(dir); }
+static int bad_unlink(int dir, const char *name) { return fails() ? -1 : kn_files_system.unlink(dir, name); }
 static const kn_files bad_files = {bad_open,  bad_read,   bad_write,    bad_sync,
                                    bad_close, bad_rename, bad_sync_dir, bad_unlink};
 
@@ -444,7 +429,8 @@ TEST("whatever call fails, and how: what there was is there, why is told, and th
     char why[200];
     work(r, 400);
     disk = (typeof(disk)){.most = 1 << 20};
-    for (int i = 0; i < KN_STORE_KEPT; i++) CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why)); // one goes with each
+    for (int i = 0; i < KN_STORE_KEPT; i++)
+        CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why)); // one goes with each
     int refused = 0, runs = 0;
     for (size_t e = 0; e < 4; e++)
         for (int most = 0; most < 2; most++)

@@ -241,10 +241,7 @@ static void *servo_main(void *arg)
     for (;;) clock_nanosleep(CLOCK_MONOTONIC, 0, &(struct timespec){.tv_sec = 1}, NULL); // it may not even end
 }
 
-static void notify(void *arg)
-{
-    ev_async_send(events, arg);
-}
+static void notify(void *arg) { ev_async_send(events, arg); }
 
 // The circuit is lost and there again. Nobody waits until it is ready: a hand would be silent for too long.
 static void replug(rig *r, int64_t losses)

@@ -43,14 +43,29 @@ TEST("strings of a negative, huge or empty length, or without their end, do not"
     CHECK(!kn_wire_scene_fits(bytes, size));
 }
 
-
 TEST("a contact comes out of the wire as it went in")
 {
-    kn_contact_unit in = {.utime = 1, .session = 2, .pose_seq = 3, .generation = 4, .flags = 5, .contact_index = 6,
-                          .contact_count = 7, .proxy_m = {8, 9, 10}, .normal = {11, 12, 13}, .force_n = 14,
-                          .proxy_velocity_m_s = 15, .a_n_s_per_m = 16, .h_n = 17, .c2_n_s_per_m = 18, .k1_n_per_m = 19,
-                          .k_vc_n_per_m = 20, .b_vc_n_s_per_m = 21, .friction = 22, .friction_anchor_m = {23, 24, 25},
-                          .valid_ms = 26}, out;
+    kn_contact_unit in = {.utime = 1,
+                          .session = 2,
+                          .pose_seq = 3,
+                          .generation = 4,
+                          .flags = 5,
+                          .contact_index = 6,
+                          .contact_count = 7,
+                          .proxy_m = {8, 9, 10},
+                          .normal = {11, 12, 13},
+                          .force_n = 14,
+                          .proxy_velocity_m_s = 15,
+                          .a_n_s_per_m = 16,
+                          .h_n = 17,
+                          .c2_n_s_per_m = 18,
+                          .k1_n_per_m = 19,
+                          .k_vc_n_per_m = 20,
+                          .b_vc_n_s_per_m = 21,
+                          .friction = 22,
+                          .friction_anchor_m = {23, 24, 25},
+                          .valid_ms = 26},
+                    out;
     knead_contact_model_t sent, heard;
     kn_wire_contact(&sent, &in, in.utime);
     int size = knead_contact_model_t_encode(bytes, 0, sizeof bytes, &sent);
@@ -61,7 +76,10 @@ TEST("a contact comes out of the wire as it went in")
 
 TEST("a touch patch stands on the wire as it was made, in the tool's frame")
 {
-    kn_touch touch = {.area_m2 = 1, .centre_m = {2, 3, 4}, .normal = {5, 6, 7}, .peak_pressure_pa = 8,
+    kn_touch touch = {.area_m2 = 1,
+                      .centre_m = {2, 3, 4},
+                      .normal = {5, 6, 7},
+                      .peak_pressure_pa = 8,
                       .slip_velocity_m_s = {9, 10, 11}};
     for (int i = 0; i < 64; i++) touch.pressure_pa[i / 8][i % 8] = 12 + i;
     knead_touch_patch_t sent, heard;

@@ -26,10 +26,7 @@ static inline bool kn_presser_open(kn_tactile *device, kn_bridge *bridge, char *
     return true;
 }
 
-static inline void kn_presser_close(kn_tactile *device)
-{
-    (void)device;
-}
+static inline void kn_presser_close(kn_tactile *device) { (void)device; }
 
 static inline double kn_presser_wanted_m(const kn_presser *p) // presses for 1.5 s of every 2
 {
@@ -38,10 +35,7 @@ static inline double kn_presser_wanted_m(const kn_presser *p) // presses for 1.5
     return 0.0385 + 1.5e-3 * sin(6.283185307179586 * 2e-3 * ms);
 }
 
-static inline double kn_presser_clamp(double x, double limit)
-{
-    return fmax(-limit, fmin(limit, x));
-}
+static inline double kn_presser_clamp(double x, double limit) { return fmax(-limit, fmin(limit, x)); }
 
 static inline void kn_presser_tick(kn_tactile *device, int elapsed_ms)
 {

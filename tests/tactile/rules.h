@@ -48,17 +48,13 @@ static inline double kn_rules_between(const double a[3], const double b[3])
 
 static inline void kn_rules_outage(kn_rules *r, const kn_given *g, double size_n, int deadline)
 {
-    if (g->heard)
-        r->at_last_n = size_n, r->at = -1;
-    else if (r->at < 0 && size_n == 0)
-        r->at = r->silent;
+    if (g->heard) r->at_last_n = size_n, r->at = -1;
+    else if (r->at < 0 && size_n == 0) r->at = r->silent;
     if (r->silent < deadline || r->silent - g->ms >= deadline) return;
     r->outages++;
     r->felt += r->at_last_n > 0.1;
-    if (r->at < 0)
-        r->zero_at = r->silent;
-    else if (r->at_last_n > 0.1 && r->at > r->zero_at)
-        r->zero_at = r->at;
+    if (r->at < 0) r->zero_at = r->silent;
+    else if (r->at_last_n > 0.1 && r->at > r->zero_at) r->zero_at = r->at;
 }
 
 static inline void kn_rules_take(kn_rules *r, const kn_given *g)

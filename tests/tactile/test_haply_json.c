@@ -38,30 +38,47 @@ TEST("or of the arm that was asked for, and one that is not there is not malform
 
 TEST("a grip turns the tool and presses its buttons, whichever of the two kinds it is")
 {
-    CHECK(hear("{\"inverse3\":[" ARM("A", "0", "true") "],\"wireless_verse_grip\":[{\"state\":{\"orientation\":"
-               "{\"w\":0.7113037,\"x\":-0.01940918,\"y\":0.7026367,\"z\":0.00048828125},"
-               "\"buttons\":{\"a\":true,\"b\":false,\"c\":true}}}]}", "") == KN_HAPLY_STATE);
+    CHECK(hear("{\"inverse3\":[" ARM("A", "0",
+                                     "true") "],\"wireless_verse_grip\":[{\"state\":{\"orientation\":"
+                                             "{\"w\":0.7113037,\"x\":-0.01940918,\"y\":0.7026367,\"z\":0.00048828125},"
+                                             "\"buttons\":{\"a\":true,\"b\":false,\"c\":true}}}]}",
+               "") == KN_HAPLY_STATE);
     const double *q = state.pose.orientation_wxyz;
     CHECK(state.grip && state.pose.buttons == 5);
     CHECK_NEAR(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3], 1.0, 1e-12);
     CHECK_NEAR(q[2], 0.7026, 1e-3);
-    CHECK(hear("{\"inverse3\":[" ARM("A", "0", "true") "],\"wireless_verse_grip\":[],\"verse_grip\":[{\"state\":"
-               "{\"orientation\":{\"w\":0,\"x\":0,\"y\":0,\"z\":1},\"button\":true}}]}", "") == KN_HAPLY_STATE);
+    CHECK(hear("{\"inverse3\":[" ARM("A", "0",
+                                     "true") "],\"wireless_verse_grip\":[],\"verse_grip\":[{\"state\":"
+                                             "{\"orientation\":{\"w\":0,\"x\":0,\"y\":0,\"z\":1},\"button\":true}}]}",
+               "") == KN_HAPLY_STATE);
     CHECK(state.grip && state.pose.buttons == 1 && state.pose.orientation_wxyz[3] == 1.0);
     CHECK(hear("{\"inverse3\":[" ARM("A", "0", "true") "],\"verse_grip\":[{\"state\":{\"orientation\":"
-               "{\"w\":0,\"x\":0,\"y\":0,\"z\":0}}}]}", "") == KN_HAPLY_STATE);
+                                                       "{\"w\":0,\"x\":0,\"y\":0,\"z\":0}}}]}",
+               "") == KN_HAPLY_STATE);
     CHECK(!state.grip && state.pose.orientation_wxyz[0] == 1.0);
 }
 
 TEST("what is no state is one line of plain letters, and nothing of it is used")
 {
-    const char *wrong[] = {
-        "", "[", "{", "null", "[]", "7", "{\"inverse3\":7}", "{\"inverse3\":[", "{\"inverse3\":[]}}", "\xff\xfe",
-        "{\"inverse3\":[" ARM("A", "\"0\"", "true") "]}", "{\"inverse3\":[" ARM("A", "1.5", "true") "]}",
-        "{\"inverse3\":[" ARM("A", "1e999", "true") "]}", "{\"inverse3\":[" ARM("A", "null", "true") "]}",
-        "{\"inverse3\":[{\"device_id\":\"A\"}]}", "{\"inverse3\":[{\"device_id\":\"A\",\"state\":{\"cursor_position\":"
-        "{\"x\":0,\"y\":0,\"z\":0},\"cursor_velocity\":{\"x\":0,\"y\":0,\"z\":1e6}}}]}",
-        "{\"inverse3\":[" ARM("A", "NaN", "true") "]}", "{\"inverse3\":[" ARM("A", "0", "true") "],\"inverse3\":[]}"};
+    const char *wrong[] = {"",
+                           "[",
+                           "{",
+                           "null",
+                           "[]",
+                           "7",
+                           "{\"inverse3\":7}",
+                           "{\"inverse3\":[",
+                           "{\"inverse3\":[]}}",
+                           "\xff\xfe",
+                           "{\"inverse3\":[" ARM("A", "\"0\"", "true") "]}",
+                           "{\"inverse3\":[" ARM("A", "1.5", "true") "]}",
+                           "{\"inverse3\":[" ARM("A", "1e999", "true") "]}",
+                           "{\"inverse3\":[" ARM("A", "null", "true") "]}",
+                           "{\"inverse3\":[{\"device_id\":\"A\"}]}",
+                           "{\"inverse3\":[{\"device_id\":\"A\",\"state\":{\"cursor_position\":"
+                           "{\"x\":0,\"y\":0,\"z\":0},\"cursor_velocity\":{\"x\":0,\"y\":0,\"z\":1e6}}}]}",
+                           "{\"inverse3\":[" ARM("A", "NaN", "true") "]}",
+                           "{\"inverse3\":[" ARM("A", "0", "true") "],\"inverse3\":[]}"};
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         if (hear(wrong[i], "") != KN_HAPLY_MALFORMED) KN_TEST_FAIL("taken: %s", wrong[i]);
         CHECK(*error);
@@ -108,8 +125,15 @@ TEST("an address is ws://HOST:PORT and nothing else")
     int port = 0;
     CHECK(kn_haply_url("ws://localhost:10001", host, &port) && !strcmp(host, "localhost") && port == 10001);
     CHECK(kn_haply_url("ws://127.0.0.1:10001/", host, &port) && !strcmp(host, "127.0.0.1"));
-    const char *wrong[] = {"", "localhost:10001", "http://localhost:10001", "ws://localhost", "ws://localhost:0",
-                           "ws://:10001", "ws://localhost:65536", "ws://localhost:10001/x", "ws://localhost:10001x",
+    const char *wrong[] = {"",
+                           "localhost:10001",
+                           "http://localhost:10001",
+                           "ws://localhost",
+                           "ws://localhost:0",
+                           "ws://:10001",
+                           "ws://localhost:65536",
+                           "ws://localhost:10001/x",
+                           "ws://localhost:10001x",
                            "wss://localhost:1"};
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++)
         if (kn_haply_url(wrong[i], host, &port)) KN_TEST_FAIL("taken: %s", wrong[i]);

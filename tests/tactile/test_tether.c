@@ -25,7 +25,8 @@ static void begin(void)
 
 static bool force(int64_t session, const double force_n[3], int32_t flags, int32_t fault)
 {
-    kn_tether_force f = {.session = session, .seq = tether.seq, .tick = ++ticks, .flags = flags, .fault = fault, .age_s = age_s};
+    kn_tether_force f = {
+        .session = session, .seq = tether.seq, .tick = ++ticks, .flags = flags, .fault = fault, .age_s = age_s};
     memcpy(f.force_n, force_n, sizeof f.force_n);
     bool ours = kn_tether_take(&tether, &f);
     if (ours) kn_tether_give(&tether, now_s);
@@ -214,7 +215,8 @@ TEST("a force that asks to jump fades from where it was, and a new session begin
     CHECK(given()[2] == 2.0);
 }
 
-TEST("forces that answer old poses are not given; the session goes on, and a new one begins when the link is near again")
+TEST(
+    "forces that answer old poses are not given; the session goes on, and a new one begins when the link is near again")
 {
     begin();
     age_s = 20e-3;
@@ -234,8 +236,14 @@ static double deep_m; // of the device in a wall at z = 0
 // ms of the same with the local model: contacts come with the forces
 static void live_local(int ms, bool poses, bool forces)
 {
-    kn_contact_unit unit = {.flags = KN_CONTACT_ENGAGED, .contact_count = 1, .normal = {0, 0, 1}, .a_n_s_per_m = 1e4,
-                            .c2_n_s_per_m = 1e5, .k_vc_n_per_m = 500.0, .b_vc_n_s_per_m = 1.5, .valid_ms = 100};
+    kn_contact_unit unit = {.flags = KN_CONTACT_ENGAGED,
+                            .contact_count = 1,
+                            .normal = {0, 0, 1},
+                            .a_n_s_per_m = 1e4,
+                            .c2_n_s_per_m = 1e5,
+                            .k_vc_n_per_m = 500.0,
+                            .b_vc_n_s_per_m = 1.5,
+                            .valid_ms = 100};
     const double x[3] = {0, 0, -deep_m};
     for (int i = 0; i < ms; i++) {
         bool sent = poses && kn_tether_pose(&tether, x, here);
@@ -304,7 +312,8 @@ TEST("an older force that comes behind a newer one is not given")
 {
     begin();
     live(100, true, true);
-    kn_tether_force old = {.session = 100, .seq = 98, .tick = ticks - 2, .force_n = {0, 0, 1}, .flags = KN_FLAG_ENGAGED, .age_s = age_s};
+    kn_tether_force old = {
+        .session = 100, .seq = 98, .tick = ticks - 2, .force_n = {0, 0, 1}, .flags = KN_FLAG_ENGAGED, .age_s = age_s};
     CHECK(!kn_tether_take(&tether, &old) && tether.late == 1);
     tick(1);
     CHECK(given()[2] == 2.0 && tether.heard == 100);
@@ -316,8 +325,12 @@ TEST("one force that is repeated, or older ones, feed no watchdog: 0 N by 20 ms,
         begin();
         ticks += INT64_C(86400000); // a day of them
         live(100, true, true);
-        kn_tether_force again = {.session = 100, .seq = tether.seq, .tick = back == 2 ? 0 : ticks - back,
-                                 .force_n = {0, 0, 2}, .flags = KN_FLAG_ENGAGED, .age_s = age_s};
+        kn_tether_force again = {.session = 100,
+                                 .seq = tether.seq,
+                                 .tick = back == 2 ? 0 : ticks - back,
+                                 .force_n = {0, 0, 2},
+                                 .flags = KN_FLAG_ENGAGED,
+                                 .age_s = age_s};
         for (int ms = 1; ms <= 20; ms++) {
             kn_tether_pose(&tether, here, here);
             for (int n = 0; n < 3; n++) CHECK(!kn_tether_take(&tether, &again));

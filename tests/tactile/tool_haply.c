@@ -33,18 +33,18 @@ static json_t *vec3(const double v[3]) { return json_pack("{s:f,s:f,s:f}", "x", 
 static char *state(int all)
 {
     static const double none[3];
-    json_t *one = json_pack(
-        "{s:s, s:{s:o,s:o,s:{s:f,s:f,s:f,s:f},s:o,s:s,s:s}, s:{s:b,s:b,s:b}}", "device_id", "049D", "state",
-        "cursor_position", vec3(arm.position_m), "cursor_velocity", vec3(arm.velocity_m_s), "body_orientation", "w",
-        1.0, "x", 0.0, "y", 0.0, "z", 0.0, "current_cursor_force", vec3(all ? none : arm.force_n), "control_domain",
-        "cartesian", "control_mode", force_age_ms < FORGET_MS ? "force" : "idle", "status", "calibrated", !in[COLD],
-        "ready", 1, "in_use", 1);
+    json_t *one = json_pack("{s:s, s:{s:o,s:o,s:{s:f,s:f,s:f,s:f},s:o,s:s,s:s}, s:{s:b,s:b,s:b}}", "device_id", "049D",
+                            "state", "cursor_position", vec3(arm.position_m), "cursor_velocity", vec3(arm.velocity_m_s),
+                            "body_orientation", "w", 1.0, "x", 0.0, "y", 0.0, "z", 0.0, "current_cursor_force",
+                            vec3(all ? none : arm.force_n), "control_domain", "cartesian", "control_mode",
+                            force_age_ms < FORGET_MS ? "force" : "idle", "status", "calibrated", !in[COLD], "ready", 1,
+                            "in_use", 1);
     json_t *grip = json_pack("{s:s, s:{s:{s:f,s:f,s:f,s:f},s:{s:b,s:b,s:b},s:i}}", "device_id", "61548", "state",
                              "orientation", "w", 0.70711, "x", 0.0, "y", 0.0, "z", 0.70711, "buttons", "a", 0, "b",
                              now_ms % 4000 > 2000, "c", 0, "hall", 0);
     if (all) json_object_set_new(one, "config", json_pack("{s:s,s:s}", "type", "inverse3", "preset", "defaults"));
-    json_t *root = json_pack("{s:i, s:[], s:[o], s:[]}", "session_id", 7, "inverse3", "wireless_verse_grip", grip,
-                             "verse_grip");
+    json_t *root =
+        json_pack("{s:i, s:[], s:[o], s:[]}", "session_id", 7, "inverse3", "wireless_verse_grip", grip, "verse_grip");
     if (in[GONE]) json_decref(one);
     else json_array_append_new(json_object_get(root, "inverse3"), one);
     char *text = json_dumps(root, JSON_COMPACT);
@@ -161,14 +161,22 @@ static void on_line(struct ev_loop *ev, ev_io *watcher, int events)
 int main(int argc, char **argv)
 {
     // an Inverse3 as felt at its cursor: 0.1 kg, little friction, 10 N at most
-    const kn_arm_def def = {.mass_kg = 0.1, .damping_n_s_m = 0.2, .coulomb_n = 0.05, .encoder_m = 20e-6,
-                            .force_limit_n = 10.0, .axes = 3, .grip = KN_GRIP_NORMAL};
+    const kn_arm_def def = {.mass_kg = 0.1,
+                            .damping_n_s_m = 0.2,
+                            .coulomb_n = 0.05,
+                            .encoder_m = 20e-6,
+                            .force_limit_n = 10.0,
+                            .axes = 3,
+                            .grip = KN_GRIP_NORMAL};
     const struct itimerspec every = {{0, 1000000}, {0, 1000000}};
     struct ev_loop *ev = ev_default_loop(0);
     void *loops[1] = {ev};
     ev_io timer, line;
-    struct lws_context_creation_info info = {.port = argc > 2 ? atoi(argv[1]) : 0, .protocols = protocols,
-                                             .iface = "lo", .foreign_loops = loops, .options = LWS_SERVER_OPTION_LIBEV};
+    struct lws_context_creation_info info = {.port = argc > 2 ? atoi(argv[1]) : 0,
+                                             .protocols = protocols,
+                                             .iface = "lo",
+                                             .foreign_loops = loops,
+                                             .options = LWS_SERVER_OPTION_LIBEV};
     seconds = argc > 2 ? atoi(argv[2]) : 0;
     if (seconds <= 0 || info.port <= 0) return fprintf(stderr, "usage: haply PORT SECONDS\n"), 2;
     lws_set_log_level(LLL_ERR, NULL);

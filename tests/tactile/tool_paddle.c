@@ -95,10 +95,13 @@ static void tell_computer(paddle *p, int ms)
     int flags = (p->enabled && !tripped ? KN_FRAME_MOTOR : 0) | (tripped ? KN_FRAME_TRIPPED : 0);
     size_t before = tenth && in(&p->garbage, ms) ? 7 : 0;
     for (size_t i = 0; i < before; i++) bytes[i] = (uint8_t)(rand_r(&p->random) >> 7);
-    kn_frame_encode(&(kn_frame){.kind = KN_FRAME_STATE, .seq = p->seq++, .flags = (uint8_t)flags,
+    kn_frame_encode(&(kn_frame){.kind = KN_FRAME_STATE,
+                                .seq = p->seq++,
+                                .flags = (uint8_t)flags,
                                 .position_nm = kn_frame_number(p->arm.position_m[2], 1e-9),
                                 .velocity_um_s = kn_frame_number(p->arm.velocity_m_s[2], 1e-6),
-                                .force_un = kn_frame_number(p->given_n, 1e-6)}, bytes + before);
+                                .force_un = kn_frame_number(p->given_n, 1e-6)},
+                    bytes + before);
     if (tenth && in(&p->flip, ms)) bytes[before + p->seq / 10 % KN_FRAME_SIZE] ^= (uint8_t)(1 << ms / 200 % 8);
     if (p->fd < 0 || in(&p->mute, ms)) return;
     if (write(p->fd, bytes, before + KN_FRAME_SIZE) < 0) return; // nobody reads: the line is full
@@ -106,8 +109,14 @@ static void tell_computer(paddle *p, int ms)
 
 static bool option(paddle *p, const char *text)
 {
-    const struct { const char *name; span *span; } known[] = {
-        {"garbage", &p->garbage}, {"flip", &p->flip}, {"mute", &p->mute}, {"hangup", &p->hangup}, {"unwatched", &p->unwatched}};
+    const struct {
+        const char *name;
+        span *span;
+    } known[] = {{"garbage", &p->garbage},
+                 {"flip", &p->flip},
+                 {"mute", &p->mute},
+                 {"hangup", &p->hangup},
+                 {"unwatched", &p->unwatched}};
     for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
         size_t n = strlen(known[i].name);
         if (!strncmp(text, known[i].name, n) && text[n] == '=')
@@ -119,11 +128,22 @@ static bool option(paddle *p, const char *text)
 int main(int argc, char **argv)
 {
     const span never = {-1, 0};
-    paddle p = {.garbage = never, .flip = never, .mute = never, .hangup = never, .unwatched = never, .fd = -1, .random = 1,
+    paddle p = {.garbage = never,
+                .flip = never,
+                .mute = never,
+                .hangup = never,
+                .unwatched = never,
+                .fd = -1,
+                .random = 1,
                 .deframer.kind = KN_FRAME_COMMAND};
     // a Hapkit at the handle: some 40 g felt, little friction, an encoder step of 15 um, 5 N at most
-    const kn_arm_def def = {.mass_kg = 0.04, .damping_n_s_m = 0.1, .coulomb_n = 0.05, .encoder_m = 15e-6,
-                            .force_limit_n = 5.0, .axes = 1, .grip = KN_GRIP_NORMAL};
+    const kn_arm_def def = {.mass_kg = 0.04,
+                            .damping_n_s_m = 0.1,
+                            .coulomb_n = 0.05,
+                            .encoder_m = 15e-6,
+                            .force_limit_n = 5.0,
+                            .axes = 1,
+                            .grip = KN_GRIP_NORMAL};
     int seconds = argc > 2 ? atoi(argv[2]) : 0;
     for (int i = 3; i < argc; i++)
         if (!option(&p, argv[i])) return fprintf(stderr, "paddle: %s?\n", argv[i]), 2;
@@ -143,7 +163,7 @@ int main(int argc, char **argv)
         if (in(&p.hangup, ms) && p.fd >= 0) plug_out(&p);
         if (!in(&p.hangup, ms) && p.fd < 0 && !plug_in(&p)) return 3;
         listen_to_computer(&p, elapsed_ms);
-        for (int n = 0; n < elapsed_ms; n++, ms += p.deframer.frames > 0) {
+        for (int n = 0; n<elapsed_ms; n++, ms += p.deframer.frames> 0) {
             double path_m[3] = {0}, path_m_s[3] = {0};
             path_m[2] = kn_person_z(ms, &path_m_s[2]);
             kn_arm_tick(&p.arm, (double[3]){0, 0, p.given_n}, path_m, path_m_s);

@@ -25,14 +25,10 @@ int main(int argc, char **argv)
     kn_bridge_def def = {.session = kn_wall_us(), .render.radius_m = 0.015};
     if (argc < 3) return fprintf(stderr, "%s\n", error), 2;
     for (int i = 3; i < argc; i++) {
-        if (!strcmp(argv[i], "local"))
-            def.render.local = true;
-        else if (!strncmp(argv[i], "x=", 2))
-            x_m = atof(argv[i] + 2);
-        else if (!strncmp(argv[i], "profile=", 8))
-            profile = argv[i] + 8;
-        else
-            return fprintf(stderr, "%s\n", error), 2;
+        if (!strcmp(argv[i], "local")) def.render.local = true;
+        else if (!strncmp(argv[i], "x=", 2)) x_m = atof(argv[i] + 2);
+        else if (!strncmp(argv[i], "profile=", 8)) profile = argv[i] + 8;
+        else return fprintf(stderr, "%s\n", error), 2;
     }
     def.probe = argv[1];
     if (kn_profile_load(&def.render.device, "presser", profile, NULL, 0) != 0) return 2;

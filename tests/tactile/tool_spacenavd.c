@@ -102,7 +102,8 @@ int main(int argc, char **argv)
     come();
     for (int64_t end_ns = kn_now_ns() + 1000000000ll * seconds; kn_now_ns() < end_ns;) {
         struct pollfd wait[CLIENTS + 2];
-        for (int i = 0; i < CLIENTS; i++) wait[i] = (struct pollfd){.fd = i < clients ? client[i] : -1, .events = POLLIN};
+        for (int i = 0; i < CLIENTS; i++)
+            wait[i] = (struct pollfd){.fd = i < clients ? client[i] : -1, .events = POLLIN};
         wait[CLIENTS] = (struct pollfd){.fd = listener, .events = POLLIN};
         wait[CLIENTS + 1] = (struct pollfd){.fd = deaf ? -1 : STDIN_FILENO, .events = POLLIN};
         if (poll(wait, CLIENTS + 2, 1000) <= 0) continue;
