@@ -7,22 +7,24 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define TICKS 8 // of a sweep
+#define TICKS 8 // ticks per sweep
 
-typedef struct tangents { // nodes that span the skin at a node: (x1 - x0) x (x3 - x2) looks outwards
+// Nodes that span the skin at one node: (x1 - x0) x (x3 - x2) points outwards.
+typedef struct tangents {
     int node[4];
-    bool bends[2]; // the skin passes the node by, towards the first two, the last two
+    // bends[i]: along node[2 i] .. node[2 i + 1], the skin is a spline, which passes beside the node
+    bool bends[2];
 } tangents;
 
 struct kn_ahead {
     const kn_model *model;
     const kn_patches *patches;
-    int probe, count, at; // nodes of the skin, how far the sweep is
+    int probe, count, at; // count: nodes of the skin; at: next node of the sweep
     double reach_m;
     int *skin;
-    tangents *along;                   // of each node of it
-    double *distance_m;                // of every node, INFINITY: out of reach
-    int place[KN_PATCHES_MAX], places; // indices in skin
+    tangents *along;                   // tangents at each node of the skin
+    double *distance_m;                // distance of every node from the tool; INFINITY: out of reach
+    int place[KN_PATCHES_MAX], places; // places, as indices in skin
 };
 
 // --- the skin -------------------------------------------------------------------------------------------------------
@@ -34,6 +36,7 @@ static int node_of(const kn_face *f, int u, int v)
     return f->origin + inside(u, f->len[0]) * f->step[0] + inside(v, f->len[1]) * f->step[1];
 }
 
+// Describe the skin at a face's node. A spline does not pass through inner nodes.
 static tangents along_face(const kn_model *m, const kn_face *f, int u, int v)
 {
     bool bends = m->def.skin == KN_SKIN_SPLINE;
@@ -41,6 +44,7 @@ static tangents along_face(const kn_model *m, const kn_face *f, int u, int v)
                       {bends && u > 0 && u < f->len[0] - 1, bends && v > 0 && v < f->len[1] - 1}};
 }
 
+// Add a node once, though it may lie on several faces.
 static void add_node(kn_ahead *s, bool *listed, int node, tangents along)
 {
     if (listed[node]) return;
@@ -65,6 +69,7 @@ static void list_skin(kn_ahead *s, bool *listed)
 
 // --- create ---------------------------------------------------------------------------------------------------------
 
+// A convex tool has one nearest place, for which kn_clearance is enough.
 static bool convex(const kn_shape *shape) { return shape->part_count == 1 && shape->part[0].kind != KN_SOLID_FIELD; }
 
 kn_ahead *kn_ahead_create(const kn_model *model, const kn_patches *patches, int p, double reach_m)
@@ -107,7 +112,7 @@ void kn_ahead_reset(kn_ahead *s)
 
 // --- distances ------------------------------------------------------------------------------------------------------
 
-// Of a point from the tool as it stands, and the way out of the tool there.
+// Compute the distance of a point from the tool at its present pose. `way`: direction out of the tool at the point.
 static double distance_of(const kn_ahead *s, const kn_state *state, const double turn[3][3], const double x[3],
                           double way[3])
 {
@@ -119,7 +124,8 @@ static double distance_of(const kn_ahead *s, const kn_state *state, const double
     return distance;
 }
 
-// The skin's point at node i of it, and its normal: on a spline 3/4 of the node and 1/8 of the two beside it, each way.
+// Compute the skin's point at node i of the skin, and its normal. Along each direction, the spline's point is 3/4 of
+// the node plus 1/8 of each neighbour.
 static void skin_at(const kn_ahead *s, const kn_state *state, int i, double x[3], double normal[3])
 {
     const tangents *t = &s->along[i];
@@ -140,7 +146,7 @@ static void skin_at(const kn_ahead *s, const kn_state *state, int i, double x[3]
 
 // --- a sweep --------------------------------------------------------------------------------------------------------
 
-// Neither it nor a neighbour is pressed.
+// Return whether neither a node nor one of its neighbours is pressed.
 static bool is_free(const kn_ahead *s, int node)
 {
     int count;
@@ -150,7 +156,8 @@ static bool is_free(const kn_ahead *s, int node)
     return free;
 }
 
-// Nearer than its neighbours.
+// Return whether a node is nearer to the tool than its neighbours. Among nodes at the same distance, the one with the
+// lowest id counts as nearest.
 static bool stands_out(const kn_ahead *s, int node)
 {
     double own = s->distance_m[node];
@@ -164,13 +171,14 @@ static bool stands_out(const kn_ahead *s, int node)
     return nearest;
 }
 
-// The nearest ones.
+// Choose the nearest local minima as the places of this sweep.
 static void choose(kn_ahead *s)
 {
     s->places = 0;
     for (int i = 0; i < s->count; i++) {
         if (!stands_out(s, s->skin[i]) || !is_free(s, s->skin[i])) continue;
         double own = s->distance_m[s->skin[i]];
+        // sort by insertion; when the list is full the farthest place drops out
         int at = s->places < KN_PATCHES_MAX ? s->places++ : KN_PATCHES_MAX;
         for (; at > 0 && s->distance_m[s->skin[s->place[at - 1]]] > own; at--)
             if (at < KN_PATCHES_MAX) s->place[at] = s->place[at - 1];
@@ -184,6 +192,7 @@ void kn_ahead_look(kn_ahead *s, const kn_state *state)
     double turn[3][3], x[3], way[3], normal[3], far = shape->bound_m + s->reach_m + s->model->def.spacing_m;
     const double *at = state->probe[s->probe].position_m;
     kn_tool_matrix(state->tool[s->probe].orientation_wxyz, turn);
+    // look at an eighth of the skin's nodes in this tick
     for (int n = s->count / TICKS + 1; n > 0 && s->at < s->count; n--, s->at++) {
         int node = s->skin[s->at];
         double d = 0;
@@ -194,6 +203,7 @@ void kn_ahead_look(kn_ahead *s, const kn_state *state)
         skin_at(s, state, s->at, x, normal);
         s->distance_m[node] = distance_of(s, state, (const double(*)[3])turn, x, way);
     }
+    // the sweep is complete: choose places and begin the next one
     if (s->at < s->count) return;
     choose(s);
     s->at = 0;
@@ -201,12 +211,14 @@ void kn_ahead_look(kn_ahead *s, const kn_state *state)
 
 // --- places ---------------------------------------------------------------------------------------------------------
 
+// Find the point of the skin nearest to the tool, starting at node i of the skin.
 static void place_at(const kn_ahead *s, const kn_state *state, const double turn[3][3], int i, kn_place *place)
 {
     double x[3], normal[3], way[3], fine = s->model->shape[s->probe].fine_m;
     place->node = s->skin[i];
     skin_at(s, state, i, x, normal);
     double distance = distance_of(s, state, turn, x, way), out = kn_dot(way, normal);
+    // move along the skin by (d + r) of the gradient's tangential part, at most one spacing: see ahead.h
     double far = fmax(0, distance) + fine, most = s->model->def.spacing_m, size = 0;
     for (int k = 0; k < 3; k++) way[k] -= out * normal[k], size += way[k] * way[k];
     far = fmin(far, size > 0 ? most / sqrt(size) : 0);
@@ -223,6 +235,7 @@ int kn_ahead_places(const kn_ahead *s, const kn_state *state, int most, kn_place
     double turn[3][3];
     int count = 0;
     kn_tool_matrix(state->tool[s->probe].orientation_wxyz, turn);
+    // leave out a place that contact has reached since the sweep
     for (int i = 0; i < s->places && count < most; i++) {
         if (!is_free(s, s->skin[s->place[i]])) continue;
         place_at(s, state, (const double(*)[3])turn, s->place[i], &place[count]);

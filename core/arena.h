@@ -1,6 +1,7 @@
 #ifndef KN_CORE_ARENA_H
 #define KN_CORE_ARENA_H
-// Hands out pieces of one block, 64-byte aligned. With base NULL it only measures.
+// An arena: it hands out pieces of one block, each aligned to 64 bytes. If `base` is NULL, the arena only adds up the
+// sizes.
 #include <stddef.h>
 
 typedef struct kn_arena {

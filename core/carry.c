@@ -7,6 +7,7 @@
 
 #include <string.h>
 
+// Return true if the two lattices have the same nodes and edges in the same places of memory.
 static bool same_lattice(const kn_model *a, const kn_model *b)
 {
     const kn_model_def *d = &a->def, *e = &b->def;
@@ -19,11 +20,13 @@ static bool same_lattice(const kn_model *a, const kn_model *b)
            memcmp(a->top, b->top, (size_t)a->top_count * sizeof *a->top) == 0;
 }
 
+// Compare the step methods. Settings of effort, such as iterations and tolerance, may differ.
 static bool same_method(const kn_solver_def *a, const kn_solver_def *b)
 {
     return a->kind == b->kind && a->precision == b->precision;
 }
 
+// Compare shapes by value. Fields may be large, so compare them by their hash.
 static bool same_solid(const kn_solid *a, const kn_solid *b)
 {
     bool fields = a->field && b->field;
@@ -63,7 +66,7 @@ const char *kn_carry_misfit(const kn_model *from, const kn_model *to)
     for (int p = 0; tools && p < d->probe_count; p++) tools = same_tool(from, to, p);
     if (!tools) return "another tool";
     if ((kn_contact_anchors(from) > 0) != (kn_contact_anchors(to) > 0)) return "contact that sticks where none did";
-    // adhesion and grip look farther, so there may be more samples
+    // adhesion and grip reach farther, so there may be more samples
     return kn_sampling_max(from) == kn_sampling_max(to) && kn_state_kept(from) == kn_state_kept(to)
                ? NULL
                : "contact that reaches farther, or less far";
@@ -75,6 +78,7 @@ void kn_carry(const kn_model *from, const kn_state *now, const kn_model *to, kn_
 {
     double share = gamma_of(from) / gamma_of(to);
     kn_state_copy(to, then, now);
+    // u gamma L0 is kept, so u changes by the ratio of the gammas
     for (size_t e = 0; share != 1 && then->strain && e < to->edge_reals; e++)
         kn_real_set(to, then->strain, e, share * kn_real_get(to, then->strain, e));
 }

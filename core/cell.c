@@ -19,7 +19,7 @@ int kn_grid_cells(const kn_grid *g, kn_cell *out)
     return count;
 }
 
-// Adds the tetrahedron of the origin and a triangle, 1/6 det(a, b, c), and its derivatives.
+// Return the volume of the tetrahedron of the origin and a triangle, 1/6 det(a, b, c), and add its derivatives.
 static double add_triangle(const double a[3], const double b[3], const double c[3], double da[3], double db[3],
                            double dc[3])
 {
@@ -35,9 +35,10 @@ static double add_triangle(const double a[3], const double b[3], const double c[
     return volume;
 }
 
+// Return the volume of a solid cell from four triangles per face, with gradients in d.
 static double block_volume(const double x[8][3], double d[8][3])
 {
-    // counter-clockwise from outside
+    // corners of the faces, counter-clockwise from outside
     static const int face[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
     double volume = 0;
     for (int f = 0; f < 6; f++) {
@@ -48,13 +49,15 @@ static double block_volume(const double x[8][3], double d[8][3])
             int a = face[f][i], b = face[f][(i + 1) % 4];
             volume += add_triangle(centre, x[a], x[b], pull, d[a], d[b]);
         }
+        // the face's centre is the mean of its corners, so each gets a fourth of the centre's gradient
         for (int i = 0; i < 4; i++)
             for (int k = 0; k < 3; k++) d[face[f][i]][k] += 0.25 * pull[k];
     }
     return volume;
 }
 
-// Area of the quadrilateral 0 1 3 2, half the cross product of its diagonals, times the thickness.
+// Return the volume of a flat cell: the area of the quadrilateral 0 1 3 2, half the cross product of its
+// diagonals, times the thickness.
 static double flat_volume(double depth_m, const double x[8][3], double d[8][3])
 {
     static const int ring[4] = {0, 1, 3, 2};
@@ -72,7 +75,7 @@ double kn_cell_volume(const kn_grid *g, const double corner_m[8][3], double grad
 {
     memset(gradient_m2, 0, 8 * sizeof gradient_m2[0]);
     if (g->flat) return flat_volume(g->depth_m, corner_m, gradient_m2);
-    double near_origin[8][3]; // no digits lost where the object has been carried
+    double near_origin[8][3]; // relative to the first corner: no digits are lost far from the origin
     for (int i = 0; i < 8; i++)
         for (int k = 0; k < 3; k++) near_origin[i][k] = corner_m[i][k] - corner_m[0][k];
     return block_volume((const double(*)[3])near_origin, gradient_m2);
@@ -84,8 +87,10 @@ double kn_simplex_volume(double depth_m, const double x[8][3], double d[8][3])
     memset(d, 0, 8 * sizeof d[0]);
     for (int i = 0; i < (depth_m > 0 ? 2 : 3); i++)
         for (int k = 0; k < 3; k++) side[i][k] = x[i + 1][k] - x[0][k];
-    if (depth_m > 0) side[2][1] = -3 * depth_m; // a third of a parallelepiped that deep; triangles turn from x to z
+    // a flat element is a third of a parallelepiped of its depth; triangles turn from x to z
+    if (depth_m > 0) side[2][1] = -3 * depth_m;
     double volume = 0;
+    // the gradient at a corner is a sixth of the cross product of the other two sides
     for (int i = 0; i < (depth_m > 0 ? 2 : 3); i++)
         for (int k = 0; k < 3; k++) {
             const double *a = side[(i + 1) % 3], *b = side[(i + 2) % 3];
@@ -98,6 +103,7 @@ double kn_simplex_volume(double depth_m, const double x[8][3], double d[8][3])
 
 double kn_cell_pressure(double j, double *slope)
 {
+    // below KN_CELL_LEAST the law continues along its tangent at KN_CELL_LEAST
     double held = fmax(j, KN_CELL_LEAST);
     *slope = 1 / (held * held);
     return (1 - held) / held + (held - j) / (held * held);

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-// Whether there is room, and where; NULL when it only measures.
+// Advance by `count` bytes. Return true if they can be copied, false if the codec only measures or the bytes end.
 static bool reach(kn_codec *c, size_t count)
 {
     bool fits = !(c->to || c->from) || (!c->ended && count <= c->size - c->at);
@@ -12,6 +12,7 @@ static bool reach(kn_codec *c, size_t count)
     return fits && (c->to || c->from);
 }
 
+// Copy bytes. Bytes read past the end become 0.
 void kn_codec_bytes(kn_codec *c, uint8_t *bytes, size_t count)
 {
     bool there = reach(c, count);
@@ -21,6 +22,7 @@ void kn_codec_bytes(kn_codec *c, uint8_t *bytes, size_t count)
     else memset(bytes, 0, count);
 }
 
+// Copy the low `size` bytes of a value, little-endian on every machine.
 static void word(kn_codec *c, uint64_t *value, size_t size)
 {
     uint8_t bytes[8] = {0};
@@ -40,6 +42,7 @@ void kn_codec_i64(kn_codec *c, int64_t *value, int64_t least, int64_t most)
     word(c, &bits, 8);
     if (!c->from) return;
     memcpy(value, &bits, sizeof bits);
+    // a value outside its range is replaced by the least value
     if (*value >= least && *value <= most) return;
     *value = least;
     c->wrong = true;

@@ -1,15 +1,15 @@
 #ifndef KN_CORE_CODEC_H
 #define KN_CORE_CODEC_H
 // Plain values as bytes, little-endian, in the order of the calls. One description of a layout measures, writes and
-// reads it, so that the three cannot differ:
+// reads it, so the three cannot differ:
 //
 //     kn_codec c = {0};                                  measures: c.at grows
 //     kn_codec c = {.to = bytes, .size = n};             writes
 //     kn_codec c = {.from = bytes, .size = n};           reads
 //     kn_codec_i64(&c, &s->tick), kn_codec_f64(&c, s->position_m, 3), ...
 //
-// Reading trusts nothing: past the end, or where a value is not what the call says, `wrong` is set and stays, and what
-// is read from then on is 0. Real-time safe.
+// A reader checks every value. It sets `wrong` if the bytes end too early, or if a value is outside the range that the
+// call allows. `wrong` is never cleared, and every further value is read as 0. Real-time safe.
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -18,16 +18,16 @@ typedef struct kn_codec {
     uint8_t *to;
     const uint8_t *from;
     size_t size, at;
-    bool ended; // there were not that many bytes
-    bool wrong; // ended, or a value out of its range
+    bool ended; // the bytes were too few
+    bool wrong; // ended, or a value was out of its range
 } kn_codec;
 
 void kn_codec_bytes(kn_codec *c, uint8_t *bytes, size_t count);
 void kn_codec_u64(kn_codec *c, uint64_t *value);
 void kn_codec_i64(kn_codec *c, int64_t *value, int64_t least, int64_t most);
-void kn_codec_i32(kn_codec *c, int32_t *value, int32_t least, int32_t most); // 8 bytes as well
+void kn_codec_i32(kn_codec *c, int32_t *value, int32_t least, int32_t most); // also 8 bytes
 void kn_codec_bool(kn_codec *c, bool *value);
-void kn_codec_f64(kn_codec *c, double *value, size_t count);              // finite
-void kn_codec_reals(kn_codec *c, void *value, size_t count, bool single); // finite; float where single, else double
+void kn_codec_f64(kn_codec *c, double *value, size_t count);              // finite values
+void kn_codec_reals(kn_codec *c, void *value, size_t count, bool single); // finite values; float if single, else double
 
 #endif

@@ -13,6 +13,7 @@ bool kn_composite_box(const kn_model_def *def, const double low_m[3], const doub
                       int fine[2][3])
 {
     bool whole = true;
+    // round the box outwards to even cells; it always reaches the top
     for (int k = 0; k < 3; k++) {
         int cells = def->nodes[k] - 1;
         double origin = k == 2 ? 0 : -0.5 * cells * def->spacing_m, pair = 2 * def->spacing_m;
@@ -56,13 +57,15 @@ const char *kn_composite_check(const kn_model_def *def)
     return whole ? "a fine box needs coarse cells around it" : NULL;
 }
 
-// The block without the box, cut along z, x, y, then the box: each part's two corners, in fine cells.
+// Cut the rest of the block, without the box, along z, x and y, then add the box. `part`: two corners of each part, in
+// fine cells. Return the number of parts.
 static int cut(const kn_model_def *def, int part[KN_COMPOSITE_PARTS][2][3])
 {
     static const int order[3] = {2, 0, 1};
     int left[2][3] = {{0}}, count = 0;
     for (int k = 0; k < 3; k++) left[1][k] = def->nodes[k] - 1;
     for (int i = 0; i < 3; i++)
+        // on either side of the box, cut off a part that spans the rest of the block
         for (int side = 0, k = order[i]; side < 2; side++) {
             if (left[side][k] == def->fine[side][k]) continue;
             memcpy(part[count], left, sizeof left);
@@ -84,7 +87,7 @@ int kn_composite_nodes(const kn_model_def *def)
     return sum;
 }
 
-// The row axis that leaves the fewest rows, of those that so many vectors hold; -1: none.
+// Return the longest axis whose nodes fit into `vectors` vectors: it leaves the fewest rows. -1: no axis fits.
 static int widest(const kn_grid *g, int vectors)
 {
     int best = -1;
@@ -93,7 +96,8 @@ static int widest(const kn_grid *g, int vectors)
     return best;
 }
 
-// Vectors to a row, the same in all parts (fields are rows of one length), that leave the fewest lanes in all.
+// Choose the number of vectors per row that leaves the fewest lanes in all. The number is the same in all parts,
+// because a field consists of rows of one length.
 static int choose_vectors(const kn_composite *c, int most)
 {
     int best = 0;
@@ -111,6 +115,7 @@ static int choose_vectors(const kn_composite *c, int most)
     return best;
 }
 
+// Make the parts: a regular block each, with its own grid, law and tables.
 static bool make_parts(kn_model *m, kn_composite *c)
 {
     int box[KN_COMPOSITE_PARTS][2][3], most = 1;
@@ -133,6 +138,7 @@ static bool make_parts(kn_model *m, kn_composite *c)
         part->isa = m->isa;
         most = part->grid.vectors > most ? part->grid.vectors : most;
     }
+    // lay out all parts with rows of one length, one part behind the other
     int vectors = choose_vectors(c, most);
     for (int p = 0; p < c->part_count; p++) {
         kn_grid *g = &c->part[p].grid;
@@ -148,19 +154,22 @@ static bool make_parts(kn_model *m, kn_composite *c)
 
 // --- places, in fine cells -------------------------------------------------------------------------------------------
 
+// Compute a node's place in fine cells of the whole block.
 static void place_of(const kn_composite *c, int part, int node, int at[3])
 {
     kn_grid_coords(&c->part[part].grid, node, at);
     for (int k = 0; k < 3; k++) at[k] = c->corner[part][k] + c->coarse[part] * at[k];
 }
 
+// Return the entry of kn_composite.place for an even place.
 static int *even_place(const kn_model *m, const int at[3])
 {
     const int *n = m->def.nodes;
     return &m->composite->place[(at[2] / 2 * (n[1] / 2 + 1) + at[1] / 2) * (n[0] / 2 + 1) + at[0] / 2];
 }
 
-static bool is_inside(const kn_model *m, const int at[3]) // of the box, and not on a face that coarse cells share
+// Return whether a place is inside the box, and not on a face that the box shares with coarse cells.
+static bool is_inside(const kn_model *m, const int at[3])
 {
     for (int k = 0; k < 3; k++) {
         if (at[k] < m->def.fine[0][k] || at[k] > m->def.fine[1][k]) return false;
@@ -170,13 +179,13 @@ static bool is_inside(const kn_model *m, const int at[3]) // of the box, and not
     return true;
 }
 
-// Coarse nodes around a place that is not inside the box: 1, 2, 4 or, in the middle of a coarse cell, 8.
+// List the coarse nodes around a place that is not inside the box: 1, 2, 4 or, in the middle of a coarse cell, 8.
 static int nodes_around(const kn_model *m, const int at[3], int node[8])
 {
     int count = 0;
     for (int i = 0; i < 8; i++) {
         int corner[3];
-        bool other = false; // the same as one before
+        bool other = false; // true if the node is already listed
         for (int k = 0; k < 3; k++) {
             other = other || (at[k] % 2 == 0 && i >> k & 1);
             corner[k] = at[k] + (at[k] % 2 == 0 ? 0 : i >> k & 1 ? 1 : -1);
@@ -188,18 +197,20 @@ static int nodes_around(const kn_model *m, const int at[3], int node[8])
 
 // --- ties ------------------------------------------------------------------------------------------------------------
 
+// Tie a node to its masters. Its share of the top load goes to the masters.
 static void tie_node(kn_model *m, int node, const int *master, int count)
 {
     kn_composite *c = m->composite;
     kn_tie *tie = &c->tie[c->tie_first[c->part_count]++];
     *tie = (kn_tie){.node = m->offset[node], .count = count};
     for (int i = 0; i < count; i++) tie->master[i] = m->offset[master[i]];
-    m->support[node] = 7; // it has no equation of its own
+    m->support[node] = 7; // a tied node has no equation of its own
     for (int i = 0; i < count; i++) m->top_share[master[i]] += m->top_share[node] / count;
     m->top_share[node] = 0;
 }
 
-// Every node after those it may follow. m->top_share is by nodes here.
+// Tie all nodes that share a place with an earlier node or lie on the box's faces. The ties of a node come after the
+// ties of its masters. During this function, m->top_share is indexed by node.
 static void tie_all(kn_model *m)
 {
     kn_composite *c = m->composite;
@@ -209,6 +220,8 @@ static void tie_all(kn_model *m)
             int at[3], node = c->node_first[p] + i, master[8];
             place_of(c, p, i, at);
             bool coarse = c->coarse[p] == 2;
+            // the first coarse node at a place stays free, and later coarse nodes there follow it; fine nodes on a
+            // shared face follow the coarse nodes around them
             if (coarse && *even_place(m, at) < 0) *even_place(m, at) = node;
             else if (coarse) tie_node(m, node, even_place(m, at), 1);
             else if (!is_inside(m, at)) tie_node(m, node, master, nodes_around(m, at, master));
@@ -251,15 +264,16 @@ int kn_composite_tied(const kn_model *model)
 
 // --- faces -----------------------------------------------------------------------------------------------------------
 
-// Sides of the parts that lie on side s of the block: 0 top, 1 +x, 2 -x, 3 +y, 4 -y, 5 base; u x v points outwards.
+// Add the sides of parts that lie on side s of the block: 0 top, 1 +x, 2 -x, 3 +y, 4 -y, 5 base. u x v points outwards.
 static void add_faces(kn_model *m, int s)
 {
     static const int axis[6] = {2, 0, 0, 1, 1, 2}, along[6][2] = {{0, 1}, {1, 2}, {2, 1}, {2, 0}, {0, 2}, {1, 0}};
     kn_composite *c = m->composite;
-    for (int p = c->part_count - 1; p >= 0; p--) { // the box's first
+    for (int p = c->part_count - 1; p >= 0; p--) { // the box first
         const int *n = c->part[p].grid.n, step[3] = {1, n[0], n[0] * n[1]}, k = axis[s];
         bool far = s == 0 || s == 1 || s == 3;
         int at = c->corner[p][k] + (far ? c->coarse[p] * (n[k] - 1) : 0);
+        // skip a part that does not reach this side of the block
         if (at != (far ? m->def.nodes[k] - 1 : 0)) continue;
         m->face[m->outside_count++] = (kn_face){
             .origin = c->node_first[p] + (far ? (n[k] - 1) * step[k] : 0),
@@ -270,6 +284,7 @@ static void add_faces(kn_model *m, int s)
     }
 }
 
+// List the faces, the base last. A probe can touch the base only if the object is free or lies on the table.
 static void build_faces(kn_model *m)
 {
     for (int s = 0; s < 5; s++) add_faces(m, s);
@@ -280,6 +295,7 @@ static void build_faces(kn_model *m)
 
 // --- nodes -----------------------------------------------------------------------------------------------------------
 
+// Place the nodes of all parts: offset, rest position, mass, support and share of the top.
 static void place_nodes(kn_model *m)
 {
     kn_composite *c = m->composite;
@@ -300,7 +316,7 @@ static void place_nodes(kn_model *m)
     }
 }
 
-// From shares by nodes to the list of those that have one.
+// Turn the shares by node into the list of top nodes with a share.
 static void list_top(kn_model *m)
 {
     double sum = 0;
@@ -325,6 +341,7 @@ const char *kn_composite_build(kn_model *m)
     m->gamma = m->grid.gamma;
     m->size_m = fmax(fmax(m->grid.n[0], m->grid.n[1]), m->grid.n[2]) * m->def.spacing_m;
     c->place = malloc(places * sizeof *c->place);
+    // parts and their layout, then the arrays of the whole model, then nodes and ties
     if (!c->place || !make_parts(m, c)) return KN_NO_MEMORY;
     memset(c->place, 0xff, places * sizeof *c->place); // -1
     int nodes = c->node_first[c->part_count];

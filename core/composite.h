@@ -1,7 +1,8 @@
 #ifndef KN_CORE_COMPOSITE_H
 #define KN_CORE_COMPOSITE_H
-// A block of two resolutions: cells of side h in a box under the tool, of 2h around it. Parts are blocks of the regular
-// lattice, each with its own kernels' tables; nodes that several of them have, or that hang on a coarse face, are tied:
+// A block of two resolutions: cells of side h in a box under the tool, cells of side 2h around the box. The block is
+// cut into parts. Each part is a block of the regular lattice with its own kernel tables. A node that several parts
+// share, or that hangs on a coarse face, is tied to master nodes:
 //
 //     +-----+-----+-+-+-+-+-----+-----+      parts   0 below, then beside it along x, along y, the box last
 //     |     |     +-f-f-f-+     |     |      o       follows one node of an earlier part (1 master, the same place)
@@ -10,72 +11,77 @@
 //     |     |     |     |     |       |
 //     +-----+-----+-----+-----+-------+
 //
-// With v = T y, y the velocities that are free, the step solves T'AT dy = T'r: products run part by part as if they
-// were alone, before them masters' directions go to the tied nodes, after them tied nodes' results go to the masters.
-// Every edge keeps kappa = h/2.7 of its own cell and the same gamma: the material is the same on both sides.
+// Let v = T y, where y holds the velocities of the free nodes. The step solves T'AT dy = T'r. The product of the matrix
+// A and a search direction is computed part by part, as if the parts were separate. Before the product, the masters'
+// directions are copied to the tied nodes. After the product, the tied nodes' results are added to the masters. Every
+// edge has kappa = h/2.7 of its own cell and the same gamma (grid.h), so the material is the same inside and outside
+// the box.
 //
-// What it costs in accuracy. A uniform strain is carried exactly through faces and edges of the box; in shear its
-// corners are not in balance, by up to a ninth of a boundary node's force: seven coarse cells meet one fine one there,
-// and the corner forces of body diagonals, which cancel between neighbours, grow with h^2. So corners belong where
-// little happens: core/scene/draft_fine.c keeps them 0.7 of a tool's width away from it. tests/physics/test_composite.c
-// measures.
+// Accuracy. A uniform strain passes exactly through the faces and edges of the box. In shear the box's corners are out
+// of balance by up to a ninth of a boundary node's force. At a corner of the box, seven coarse cells meet one fine
+// cell. The corner forces of body diagonals grow with h^2, and they cancel only between neighbours of equal size. So
+// the corners should lie where the object deforms little: core/scene/draft_fine.c keeps them 0.7 of a tool's width away
+// from the tool. tests/physics/test_composite.c measures the error.
 #include "core/kernel.h"
 
 #define KN_COMPOSITE_PARTS 7
 
 typedef struct kn_tie { // a node that follows the mean of its masters
-    size_t node;        // offsets of x components in a 3-component field
-    size_t master[4];
-    int count; // 1, 2 or 4
+    size_t node;        // offset of its x component in a 3-component field
+    size_t master[4];   // offsets of the masters' x components
+    int count;          // number of masters: 1, 2 or 4
 } kn_tie;
 
 typedef struct kn_composite {
-    kn_kernels kernels;       // of the model: those of the parts, tied
-    const kn_kernels *inside; // of every part
+    kn_kernels kernels;       // kernels of the whole model: the parts' kernels and the ties
+    const kn_kernels *inside; // kernels of every part
     int part_count;
     struct kn_model *part; // [part_count] a regular block each: its grid, law and tables; no nodes of its own
-    int corner[KN_COMPOSITE_PARTS][3]; // of each part, in fine cells
-    int coarse[KN_COMPOSITE_PARTS];    // 2, of the box 1: cells of the fine lattice to a spacing
+    int corner[KN_COMPOSITE_PARTS][3]; // first corner of each part, in fine cells
+    int coarse[KN_COMPOSITE_PARTS];    // spacing of each part, in fine cells: 1 in the box, else 2
     int node_first[KN_COMPOSITE_PARTS + 1], row_first[KN_COMPOSITE_PARTS + 1];
-    kn_tie *tie; // by the part of the node that is tied; masters are in earlier parts
+    kn_tie *tie; // ordered by the part of the tied node; masters are in earlier parts
     int tie_first[KN_COMPOSITE_PARTS + 1];
-    int *place; // node at every even place, x fastest, -1 inside the box: of the earliest part
+    int *place; // node of the earliest part at every even place, x fastest; -1 inside the box
 } kn_composite;
 
-// Smallest box of even corners that holds the places low..high, m in the block's frame, and `margin` around and below
-// them; it reaches the top. False when it would be as good as the whole block: then there is nothing to gain.
+// Find the smallest box with even corners that contains the points from low_m to high_m (block's frame) and a margin of
+// margin_m around and below them. The box reaches up to the top of the block. Return false if the box would be the
+// whole block, because a composite then saves nothing.
 bool kn_composite_box(const kn_model_def *def, const double low_m[3], const double high_m[3], double margin_m,
                       int fine[2][3]);
 
-// Whether it has a fine box at all.
+// Return true if the definition has a fine box.
 bool kn_composite_is(const kn_model_def *def);
 
-// Nodes of all its parts, those tied among them: what a state holds.
+// Return the number of nodes of all parts, tied nodes included. A state holds this many nodes.
 int kn_composite_nodes(const kn_model_def *def);
 
-// What keeps an object from having a fine box at all, and what is wrong with its own, in words; NULL: nothing.
+// kn_composite_unfit returns the reason why the object cannot have a fine box at all. kn_composite_check returns the
+// reason why the box of the definition is wrong. NULL: nothing is wrong.
 const char *kn_composite_unfit(const kn_model_def *def);
 const char *kn_composite_check(const kn_model_def *def);
 
-// Fills the model's nodes, faces, kernels. NULL, or what went wrong.
+// Fill in the model's nodes, faces and kernels. Return NULL, or what went wrong.
 const char *kn_composite_build(kn_model *model);
-void kn_composite_kernels(kn_model *model);         // composite_step.c: its last step
+void kn_composite_kernels(kn_model *model);         // last step of the build; in composite_step.c
 void kn_composite_destroy(kn_composite *composite); // NULL is fine
 
-// Displacement, m, at a node of the lattice as if it were fine everywhere: means of coarse nodes outside of the box.
-// For any block.
+// Store the displacement, m, at a node of the lattice as if it were fine everywhere. Outside the box the result is the
+// mean of coarse nodes. Works for any block.
 void kn_composite_displacement(const kn_model *model, const kn_state *state, const int ixyz[3], double u_m[3]);
 
-// Memory of its own, beside the model's.
+// Return the bytes that the composite takes in addition to the model.
 size_t kn_composite_bytes(const kn_model *model);
 
-// Edges of all parts; those in a face of two parts stand in both, half each.
+// Return the number of edges of all parts. An edge in the face between two parts is in the lists of both parts, with
+// half its weight in each.
 int kn_composite_edges(const kn_model *model);
 
-// The node itself, or the one that it follows when that is in the same place.
+// Return the master in the same place as the node, or the node itself if it has none.
 int kn_composite_master(const kn_model *model, int node);
 
-// Nodes that follow others and carry nothing themselves.
+// Return the number of tied nodes. A tied node follows its masters and carries no load itself.
 int kn_composite_tied(const kn_model *model);
 
 #endif

@@ -1,4 +1,4 @@
-// The kernels of a composite: those of its parts, and what goes to and fro between tied nodes and masters.
+// The kernels of a composite: the kernels of its parts, and the exchange between tied nodes and their masters.
 #include "core/composite.h"
 
 #define real float
@@ -14,6 +14,7 @@
 
 static bool single(const kn_model *m) { return m->def.solver.precision == KN_PRECISION_F32; }
 
+// Set tied nodes to the mean of their masters, in the model's precision.
 static void spread(const kn_model *m, void *field)
 {
     if (single(m)) spread_f32(m->composite, m->stride, field);
@@ -37,18 +38,20 @@ static void gather_blocks(const kn_model *m, const kn_work *w, int part)
     else gather_blocks_f64(m->composite, m->stride, w->p, w->whole, part);
 }
 
-// A part's own rows of a state.
+// The rows of one part, in the form of a separate state.
 typedef struct view {
     kn_state state;
     kn_work work;
 } view;
 
+// Return the address of a part's first row in a field.
 static void *rows_from(const kn_model *m, void *field, int components, int row)
 {
     size_t reals = (size_t)row * (size_t)components * m->stride;
     return field ? (char *)field + reals * m->kernels->real_size : NULL;
 }
 
+// Set up the view of one part.
 static void view_of(const kn_model *m, const kn_state *state, int part, view *v)
 {
     const kn_work *w = kn_state_work(state);
@@ -72,7 +75,8 @@ static void view_of(const kn_model *m, const kn_state *state, int part, view *v)
     v->state.scratch = &v->work;
 }
 
-// Where a master's prescribed velocity has changed, its followers' has.
+// Copy the masters' guess to their tied nodes. If a prescribed velocity of a master has changed, mark the rows of its
+// tied nodes as moved, too.
 static void follow(const kn_model *m, const kn_work *w)
 {
     const kn_composite *c = m->composite;
@@ -83,7 +87,8 @@ static void follow(const kn_model *m, const kn_work *w)
     spread(m, w->guess);
 }
 
-// The last part first: what its tied nodes have is with their masters before these are finished.
+// Run the edge pass part by part, the last part first: the sums of its tied nodes must reach their masters before the
+// masters' rows are finished.
 static double edge(const kn_model *m, kn_state *state, kn_linearization how, bool again)
 {
     const kn_composite *c = m->composite;
@@ -91,6 +96,7 @@ static double edge(const kn_model *m, kn_state *state, kn_linearization how, boo
     double rz = 0;
     view v;
     follow(m, w);
+    // every part adds its tied nodes' forces and blocks to earlier parts
     for (int p = c->part_count - 1; p >= 0; p--) {
         view_of(m, state, p, &v);
         rz += c->inside->edge(&c->part[p], &v.state, how, again);
@@ -100,6 +106,7 @@ static double edge(const kn_model *m, kn_state *state, kn_linearization how, boo
     return rz;
 }
 
+// The remaining kernels of kernel.h, run part by part.
 static double recall(const kn_model *m, kn_state *state)
 {
     const kn_composite *c = m->composite;
@@ -117,6 +124,7 @@ static double apply(const kn_model *m, kn_state *state, double beta)
     const kn_composite *c = m->composite;
     double dq = 0;
     view v;
+    // tied nodes get the direction of their masters; after the product, update gathers q
     spread(m, kn_state_work(state)->z);
     for (int p = 0; p < c->part_count; p++) {
         view_of(m, state, p, &v);
@@ -131,8 +139,9 @@ static double update(const kn_model *m, kn_state *state, double alpha)
     const kn_work *w = kn_state_work(state);
     double rz = 0;
     view v;
+    // add the products of tied nodes to their masters
     gather_all(m, w->q);
-    if (alpha == 0) gather_all(m, w->r); // contact has changed it
+    if (alpha == 0) gather_all(m, w->r); // alpha 0: contact has changed r
     for (int p = 0; p < c->part_count; p++) {
         view_of(m, state, p, &v);
         rz += c->inside->update(&c->part[p], &v.state, alpha);
@@ -148,7 +157,7 @@ static void integrate(const kn_model *m, kn_state *state)
         view_of(m, state, p, &v);
         c->inside->integrate(&c->part[p], &v.state);
     }
-    // tied nodes have moved likewise but for rounding, which would add up
+    // tied nodes moved like their masters except for rounding; copy again, so that rounding does not accumulate
     spread(m, state->displacement);
     spread(m, state->velocity);
     spread(m, state->change);

@@ -1,6 +1,7 @@
-// What goes to and fro between tied nodes and their masters, in one precision: `real`, and NAME makes its names.
+// Exchange between tied nodes and their masters, in one precision. The includer defines `real`, and NAME,
+// which makes the functions' names.
 
-// field of tied nodes = mean of their masters'
+// Set a field at tied nodes to the mean of their masters.
 static void NAME(spread)(const kn_composite *c, size_t stride, void *field)
 {
     real *v = field;
@@ -15,7 +16,7 @@ static void NAME(spread)(const kn_composite *c, size_t stride, void *field)
     }
 }
 
-// masters' forces += shares of what the nodes of a part have, which then have none
+// Add a part's forces at tied nodes to their masters, in equal shares, and clear them at the tied nodes.
 static void NAME(gather)(const kn_composite *c, size_t stride, void *field, int part)
 {
     real *v = field;
@@ -30,8 +31,8 @@ static void NAME(gather)(const kn_composite *c, size_t stride, void *field, int 
     }
 }
 
-// masters' diagonal blocks += share^2 of tied nodes'. Blocks between neighbours that share a master are left out, so
-// the sum is up to an eighth too stiff: for a preconditioner it will do.
+// Add share^2 of tied nodes' diagonal blocks to those of their masters. Blocks between neighbours that share a master
+// are left out. The sum is therefore up to an eighth too stiff, which is good enough for a preconditioner.
 static void NAME(gather_blocks)(const kn_composite *c, size_t stride, void *blocks, const void *whole, int part)
 {
     real *p = blocks;
@@ -40,6 +41,7 @@ static void NAME(gather_blocks)(const kn_composite *c, size_t stride, void *bloc
     for (int t = c->tie_first[part]; t < c->tie_first[part + 1]; t++) {
         const kn_tie *tie = &c->tie[t];
         const real share = tie->count == 1 ? (real)1 : tie->count == 2 ? (real)0.25 : (real)0.0625;
+        // blocks have 6 components per row, vectors 3
         const size_t from = tie->node / row * 2 * row + tie->node % row;
         for (int i = 0; i < tie->count; i++) {
             const size_t to = tie->master[i] / row * 2 * row + tie->master[i] % row;

@@ -11,33 +11,34 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ITERATIONS 2   // of the mobility per step
-#define MEMORY_S 0.020 // of c2's least squares
-#define REACH 3.0      // radii ahead of which a plane is told
-#define PLATE_M 0.01   // a plate's
-#define PROBE_M 1e-4   // of the gradient of the distance
+#define ITERATIONS 2   // iterations of the mobility per step
+#define MEMORY_S 0.020 // time constant of the least squares for c2, the damping of the force-dependent damper
+#define REACH 3.0      // a plane ahead of the tool is reported within this many radii
+#define PLATE_M 0.01   // radius used for a plate
+#define PROBE_M 1e-4   // step of the difference quotient for the gradient of the distance
 #define VALID_MS 100.0
-#define LATE_S 0.030  // of a link that a local model is for
-#define CLIENT_S 1e-3 // step that a client takes A for
+#define LATE_S 0.030  // round trip of the slowest link that a local model is meant for
+#define CLIENT_S 1e-3 // step of a client, for which A is reported
 
-typedef struct pressed {        // one contact: all that a tool touches, or one patch of it
-    double force_n, rate_m_s;   // t, w
+typedef struct pressed {        // one contact: everything that a tool touches, or one patch of it
+    double force_n, rate_m_s;   // contact force t; rate w at which the skin goes in
     double normal[3], arm_m[3]; // out of the object; from the tool's position to where the force acts
     double layer_n_m;           // foundation along the normal; 0: rigid
-    double a, k1, h_n;          // a 0: not known yet
-    double tt, tw, c2;          // sums of c2's least squares; c2
-    double loaded;              // its part of the pattern of the round that is running; 0: not in it
+    double a, k1, h_n;          // A, k1, H of contact_model.h; 0: not known yet
+    double tt, tw, c2;          // sums of the least squares for c2; c2
+    double loaded;              // share in the pattern of the round that is running; 0: not part of it
 } pressed;
 
-typedef struct fitted {         // one probe's
-    bool touching, near, ahead; // near: touching, or ahead of a plane
+typedef struct fitted {         // one probe's contact
+    bool touching, near, ahead; // near: touching, or a plane is ahead of the tool
     pressed all, patch[KN_PATCHES_MAX];
-    unsigned used; // bit i: patch[i] is one of several
-    int only;      // the number of the only one
+    unsigned used; // bit i: patch[i] is in use, several bits if there are several patches
+    int only;      // number of the patch when it is the only one
     kn_place place[KN_PATCHES_MAX];
-    int places;                           // beside what it touches, where it will
-    double side_n[3];                     // force on the tool across the normal
-    double tool_m[3], gap_m, gradient[3]; // of the gap
+    int places;       // places beside the contact where the tool will touch next
+    double side_n[3]; // force on the tool across the normal
+    // place of the tool; its distance from the object and the gradient of the distance
+    double tool_m[3], gap_m, gradient[3];
 } fitted;
 
 struct kn_contact_fit {
@@ -45,15 +46,16 @@ struct kn_contact_fit {
     kn_coupling device;
     kn_mobility *mobility;
     kn_patches *patches;
-    kn_ahead *ahead[KN_PROBES_MAX]; // NULL: of a tool of one convex part
+    kn_ahead *ahead[KN_PROBES_MAX]; // NULL for a tool of one convex part
     fitted probe[KN_PROBES_MAX];
-    int *skin; // nodes that a tool can meet
+    int *skin; // nodes of the skin that a tool can meet
     int skin_count;
-    int round; // probe of the round that is running, -1 none
+    int round; // probe whose round of mobility is running; -1: none
 };
 
 // --- the object's outside -------------------------------------------------------------------------------------------
 
+// Mark all nodes on faces that a tool can touch, or on the skin of a net.
 static void mark_skin(const kn_model *m, bool *mark)
 {
     for (int f = 0; f < m->face_count; f++)
@@ -78,6 +80,8 @@ static bool list_skin(kn_contact_fit *fit)
     return fit->skin_count > 0;
 }
 
+// Return the node of the skin nearest to a point. The search visits all nodes of the skin, once a round and only in
+// air.
 static int nearest_node(const kn_contact_fit *fit, const kn_state *state, const double at[3])
 {
     double best = INFINITY;
@@ -132,6 +136,7 @@ void kn_contact_fit_reset(kn_contact_fit *fit)
 
 // --- what the step did ----------------------------------------------------------------------------------------------
 
+// Return the velocity of the skin at a sample, along the direction in which the tool pushes.
 static double skin_rate(const kn_model *m, const kn_state *state, const kn_sample *s)
 {
     double rate = 0;
@@ -150,10 +155,11 @@ static int count_of(unsigned used)
     return count;
 }
 
-// The patch that a node belongs to; one that is pressed for the first time goes with its neighbours, or any.
+// Return the patch of a node. A node that is pressed for the first time gets the patch of a neighbour, or any patch if
+// no neighbour has one.
 static int patch_of(const kn_contact_fit *fit, int p, const int node[], int nodes)
 {
-    int number = kn_patches_at(fit->patches, p, node[nodes / 2]); // a spline's own is in the middle
+    int number = kn_patches_at(fit->patches, p, node[nodes / 2]); // a spline's own node is in the middle
     for (int a = 0; a < nodes && number < 0; a++) number = kn_patches_at(fit->patches, p, node[a]);
     for (int i = 0; number < 0; i++)
         if (fit->probe[p].used >> i & 1) number = i;
@@ -162,7 +168,8 @@ static int patch_of(const kn_contact_fit *fit, int p, const int node[], int node
 
 typedef struct sums {
     double force_n[3], torque_n_m[3], power_w; // on the tool
-    double pressing_n, place_n_m[3];           // of the pressing alone; times the arms
+    // sum of the normal forces alone; sum of the normal forces times their arms
+    double pressing_n, place_n_m[3];
 } sums;
 
 static void add_force(sums *s, const double normal[3], double pressing_n, double rate_m_s)
@@ -182,8 +189,10 @@ static void add_torque(sums *s, const double normal[3], double pressing_n, const
     s->pressing_n += pressing_n;
 }
 
-// Resultant normal, force along it, how fast the skin goes in (as the forces weigh it, so that t w is their power), and
-// the point where that force alone has the torque, less what turns about the normal; of a smooth ball its centre.
+// Compute the resultant of a contact: normal, force along it, the rate at which the skin goes in, and the point where
+// the force acts. The rate w is weighted by the forces, so that t w is their power. The point is chosen so that the
+// force acting there has the torque of all forces, except the part about the normal. For a smooth ball the point is its
+// centre.
 static void settle(const sums *s, pressed *c)
 {
     double t = sqrt(kn_dot(s->force_n, s->force_n)), across[3];
@@ -194,6 +203,7 @@ static void settle(const sums *s, pressed *c)
     c->rate_m_s = s->power_w / t;
     c->layer_n_m = 0;
     kn_cross(c->normal, s->torque_n_m, across);
+    // the torque does not determine the height along the normal: take the mean height of the samples
     double height = s->pressing_n > 0 ? kn_dot(s->place_n_m, c->normal) / s->pressing_n : 0;
     for (int k = 0; k < 3; k++) c->arm_m[k] = across[k] / t + height * c->normal[k];
 }
@@ -208,13 +218,14 @@ static void settle_all(const sums *all, const sums part[KN_PATCHES_MAX], fitted 
         if (f->used >> i & 1) settle(&part[i], &f->patch[i]);
 }
 
-// Of all samples that are in it, even those that do not press.
+// Add a sample to the foundation along the contact's normal. Samples that are in contact but do not press count too.
 static void add_layer(const kn_sample *s, pressed *c)
 {
     double along = kn_dot(s->normal, c->normal);
     c->layer_n_m += s->line.slope_n_m * along * along;
 }
 
+// Compute the resultants of all samples of a tool, and of those of each patch.
 static void look_at_samples(const kn_contact_fit *fit, const kn_state *state, int p, fitted *f)
 {
     const kn_contact *contact = &kn_state_scratch(state)->contact;
@@ -232,6 +243,7 @@ static void look_at_samples(const kn_contact_fit *fit, const kn_state *state, in
         add_force(own, s->normal, s->pressing_n, rate);
         if (turns) add_torque(own, s->normal, s->pressing_n, s->arm_m);
     }
+    // the foundation needs the resultant normal: add it in a second pass
     settle_all(&all, part, f);
     for (int i = 0; i < contact->sample_count && f->all.force_n > 0; i++) {
         const kn_sample *s = &contact->sample[i];
@@ -241,6 +253,7 @@ static void look_at_samples(const kn_contact_fit *fit, const kn_state *state, in
     }
 }
 
+// Compute the resultants of a plate's held nodes. All held nodes move at the plate's velocity.
 static void look_at_holds(const kn_contact_fit *fit, const kn_state *state, int p, const kn_output *output, fitted *f)
 {
     const kn_contact *contact = &kn_state_scratch(state)->contact;
@@ -269,6 +282,7 @@ static void look_at_holds(const kn_contact_fit *fit, const kn_state *state, int 
         if (f->used >> i & 1) settle(&part[i], &f->patch[i]);
 }
 
+// Compute the contact of a tool in the last step.
 static void look(const kn_contact_fit *fit, const kn_state *state, int p, const kn_output *output, fitted *f)
 {
     bool plate = fit->model->def.probe[p].shape == KN_PROBE_PLATE;
@@ -283,7 +297,8 @@ static void look(const kn_contact_fit *fit, const kn_state *state, int p, const 
         f->side_n[k] = f->touching && !plate ? output->probe[p].force_n[k] - along * f->all.normal[k] : 0;
 }
 
-// The plane that the tool would meet. Once near, one component of the gradient per step: distances are what costs here.
+// Find the plane that the tool would meet. While the tool is near, only one component of the gradient is computed per
+// step, because distances are expensive.
 static void look_ahead(const kn_contact_fit *fit, const kn_state *state, int p, const kn_input *input, fitted *f)
 {
     const kn_model *m = fit->model;
@@ -301,7 +316,7 @@ static void look_ahead(const kn_contact_fit *fit, const kn_state *state, int p, 
         f->gradient[k] = plate ? (k == 2) : (kn_clearance(m, state, p, at, turn) - f->gap_m) / PROBE_M;
     }
     double size = sqrt(kn_dot(f->gradient, f->gradient));
-    f->near &= size > 0.5 && isfinite(size); // 1 but where the nearest points of two sides are as far
+    f->near &= size > 0.5 && isfinite(size); // size is 1, except where two sides are equally near
     for (int k = 0; k < 3 && f->near; k++) f->all.normal[k] = f->gradient[k] / size;
 }
 
@@ -309,32 +324,35 @@ static void look_ahead(const kn_contact_fit *fit, const kn_state *state, int p, 
 
 static double clip(double v, double least, double most) { return fmin(fmax(v, least), most); }
 
-// What a damper of the material that stiff would be at the contact.
+// Return c2 of the contact if the material's damper is as stiff as at this stress. The ratio c2/A is that of an edge.
 static double c2_at(const kn_model *m, double a, double stress_pa)
 {
     double c2 = kn_material_c2(&m->def.material, stress_pa);
     return isfinite(c2) ? a * c2 / m->law.a_pa_s : 1e5;
 }
 
+// Advance the back stress: dH/dt = k1 (t - H)/A, the law of the Voigt element.
 static void follow_back_stress(const kn_model *m, pressed *c)
 {
     c->k1 = c->a * m->def.material.k1_pa / m->law.a_pa_s;
     c->h_n += m->def.solver.dt_s * c->k1 * (c->force_n - c->h_n) / c->a;
 }
 
+// Fit c2 by least squares over the recent past: the force over the damper's rate, which is w without the rate of A.
 static void follow_flow(const kn_model *m, pressed *c)
 {
     double fade = exp(-m->def.solver.dt_s / MEMORY_S), flow = c->rate_m_s - (c->force_n - c->h_n) / c->a;
     c->tt = fade * c->tt + c->force_n * c->force_n;
     c->tw = fade * c->tw + c->force_n * flow;
+    // clip c2 to the range between the material's damper at its stiffest and at its softest
     double stiff = c2_at(m, c->a, 0), soft = c2_at(m, c->a, 1e12);
     c->c2 = c->tw > 0 && c->tt > 0 ? clip(c->tt / c->tw, fmin(soft, stiff), stiff) : stiff;
 }
 
 // --- patches --------------------------------------------------------------------------------------------------------
 
-// What is remembered of a patch goes on in those that it has become, by their parts of its load: springs and dampers
-// side by side.
+// Compute the stored values of a new patch from the old patches that it grew out of, by shares of load. Springs and
+// dampers of the old patches are side by side, so their values add up.
 static void inherit(const fitted *f, const double share[KN_PATCHES_MAX], pressed *c)
 {
     double weight = 0;
@@ -343,7 +361,7 @@ static void inherit(const fitted *f, const double share[KN_PATCHES_MAX], pressed
         const pressed *was = &f->patch[j];
         if (!(share[j] > 0)) continue;
         c->h_n += share[j] * was->h_n;
-        if (!(was->loaded > 0)) continue; // nothing is known of it yet
+        if (!(was->loaded > 0)) continue; // no round has computed the old patch yet
         c->a += share[j] * was->a;
         c->c2 += share[j] * was->c2;
         c->loaded += share[j] * was->loaded;
@@ -353,12 +371,13 @@ static void inherit(const fitted *f, const double share[KN_PATCHES_MAX], pressed
     c->tw = c->c2 > 0 ? c->tt / c->c2 : 0;
 }
 
-// One alone is what all that the tool touches is.
+// Regroup the stored values when the patches change. If there is only one patch, it is the whole contact.
 static void regroup(fitted *f, unsigned used, double share[KN_PATCHES_MAX][KN_PATCHES_MAX])
 {
     bool were_several = several(f), same = used == f->used;
     for (int i = 0; i < KN_PATCHES_MAX && same; i++) same = !(used >> i & 1) || share[i][i] == 1;
     if (same) return;
+    // from one patch to several: copy the values of the whole contact to the one patch first
     if (!were_several && f->used) f->patch[f->only] = f->all, f->patch[f->only].loaded = 1;
     fitted now = *f;
     now.used = used;
@@ -367,12 +386,14 @@ static void regroup(fitted *f, unsigned used, double share[KN_PATCHES_MAX][KN_PA
         now.only = i;
         inherit(f, share[i], &now.patch[i]);
     }
+    // from several patches to one: copy the values of the remaining patch to the whole contact
     const pressed *one = &now.patch[now.only];
     if (were_several && used && !several(&now) && one->a > 0)
         now.all.a = one->a, now.all.h_n = one->h_n, now.all.tt = one->tt, now.all.tw = one->tw, now.all.c2 = one->c2;
     *f = now;
 }
 
+// Group the pressed nodes into patches, and regroup the stored values.
 static void group_patches(kn_contact_fit *fit, const kn_state *state, int p)
 {
     const kn_contact *contact = &kn_state_scratch(state)->contact;
@@ -381,6 +402,7 @@ static void group_patches(kn_contact_fit *fit, const kn_state *state, int p)
     for (int i = 0; i < contact->sample_count; i++) {
         const kn_sample *s = &contact->sample[i];
         if (!presses(s, p)) continue;
+        // a spline's sample counts for its middle node, a triangle's for its three corners
         if (s->nodes == 9) kn_patches_press(fit->patches, s->node[4], s->pressing_n);
         else
             for (int a = 0; a < s->nodes; a++) kn_patches_press(fit->patches, s->node[a], s->pressing_n / s->nodes);
@@ -394,7 +416,8 @@ static void group_patches(kn_contact_fit *fit, const kn_state *state, int p)
 
 // --- mobility -------------------------------------------------------------------------------------------------------
 
-// A level plate meets all nodes at once that are as high as the highest under it. Calls for each, or counts: share 0.
+// Load the nodes that a level plate will meet first, all at once: those as high as the highest under it. Return the
+// number of these nodes. With share_n 0 the function only counts.
 static int load_plate(const kn_contact_fit *fit, const kn_state *state, int p, double share_n)
 {
     const kn_model *m = fit->model;
@@ -413,7 +436,8 @@ static int load_plate(const kn_contact_fit *fit, const kn_state *state, int p, d
     return count;
 }
 
-// Calls for every force of the contact, by patch: its share of a unit force, per patch or of all.
+// Callback for every force of a contact. `force_n`: share of a unit force, which is that of each patch or of the whole
+// contact.
 typedef void kn_force_call(void *self, int patch, size_t offset, const double force_n[3]);
 
 static void each_force(const kn_contact_fit *fit, const kn_state *state, int p, bool by_patch, kn_force_call *call,
@@ -448,16 +472,19 @@ static void load_force(void *self, int patch, size_t offset, const double force_
     kn_mobility_load(self, offset, force_n);
 }
 
+// Load the pattern of forces whose mobility the round computes.
 static void load_pattern(kn_contact_fit *fit, const kn_state *state, int p)
 {
     const kn_model *m = fit->model;
     fitted *f = &fit->probe[p];
     double force[3];
+    // in air, a plate: load the nodes that the plate will meet
     if (!f->touching && m->def.probe[p].shape == KN_PROBE_PLATE) {
         int count = load_plate(fit, state, p, 0);
         if (count > 0) load_plate(fit, state, p, 1.0 / count);
         return;
     }
+    // in air, any other tool: load the nearest node
     if (!f->touching) {
         int node = nearest_node(fit, state, f->tool_m);
         for (int k = 0; k < 3; k++) force[k] = -f->all.normal[k];
@@ -468,7 +495,8 @@ static void load_pattern(kn_contact_fit *fit, const kn_state *state, int p)
     for (int i = 0; i < KN_PATCHES_MAX; i++) f->patch[i].loaded = f->patch[i].force_n / f->all.force_n;
 }
 
-typedef struct rates { // of patches under the pattern, m/s per N of it
+// Rates at which the patches go in under the whole pattern of forces, m/s per N of the pattern.
+typedef struct rates {
     const kn_mobility *mobility;
     int probe;
     double of[KN_PATCHES_MAX];
@@ -480,7 +508,8 @@ static void add_rate(void *self, int patch, size_t offset, const double force_n[
     r->of[patch] += kn_mobility_rate(r->mobility, r->probe, offset, force_n);
 }
 
-// Under all of the pattern patch i goes in by b_i'z, of which it carries w_i: A_i = w_i/(b_i'z).
+// Share the mobility among the patches. Under the whole pattern patch i goes in by b_i'z and carries w_i of
+// the load, so A_i = w_i/(b_i'z).
 static void share_mobility(kn_contact_fit *fit, const kn_state *state, int p)
 {
     fitted *f = &fit->probe[p];
@@ -494,7 +523,7 @@ static void share_mobility(kn_contact_fit *fit, const kn_state *state, int p)
     }
 }
 
-// The next probe that is near, in turn.
+// Begin a round for the next probe that is near, in turn.
 static void begin_round(kn_contact_fit *fit, const kn_state *state)
 {
     int probes = fit->model->def.probe_count, last = fit->round < 0 ? 0 : fit->round;
@@ -512,6 +541,7 @@ static void begin_round(kn_contact_fit *fit, const kn_state *state)
 
 void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state)
 {
+    // update patches and places ahead, then iterate on the mobility
     for (int p = 0; p < fit->model->def.probe_count; p++)
         if (fit->probe[p].touching || fit->probe[p].used) group_patches(fit, state, p);
     for (int p = 0; p < fit->model->def.probe_count; p++)
@@ -519,6 +549,7 @@ void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state)
     for (int i = 0; i < ITERATIONS && fit->round >= 0; i++) {
         double a;
         if (!kn_mobility_iterate(fit->mobility, &a)) continue;
+        // the round is over: use the new A and begin the next round
         if (a > 0) {
             fit->probe[fit->round].all.a = a;
             share_mobility(fit, state, fit->round);
@@ -539,28 +570,31 @@ void kn_contact_fit_step(kn_contact_fit *fit, const kn_state *state, const kn_in
             *f = (fitted){0};
             continue;
         }
+        // follow the contact in every step, independent of the progress of the round
         look(fit, state, p, output, f);
         look_ahead(fit, state, p, input, f);
         f->places = fit->ahead[p] && f->near ? kn_ahead_places(fit->ahead[p], state, KN_PATCHES_MAX, f->place) : 0;
         if (!(f->all.a > 0)) continue;
         follow_back_stress(fit->model, &f->all);
         follow_flow(fit->model, &f->all);
+        // a patch that is younger than a round has an equal share of A until a round computes its own A
         int known = 0;
         for (int i = 0; i < KN_PATCHES_MAX; i++) known += (f->used >> i & 1) && f->patch[i].a > 0;
         for (int i = 0; i < KN_PATCHES_MAX && several(f); i++) {
             if (!(f->used >> i & 1)) continue;
-            if (!(f->patch[i].a > 0)) f->patch[i].a = f->all.a / fmax(1, known); // as one of them, until a round has it
+            if (!(f->patch[i].a > 0)) f->patch[i].a = f->all.a / fmax(1, known);
             follow_back_stress(fit->model, &f->patch[i]);
             follow_flow(fit->model, &f->patch[i]);
         }
     }
 }
 
-// Springs in series; 0 is rigid.
+// Return the stiffness of two springs in series; 0 stands for rigid.
 static double series(double a, double b) { return a > 0 && b > 0 ? a * b / (a + b) : fmax(a, b); }
 
-// A foundation that nothing presses yet, or a few samples only, is told as what it comes to in some tens of ms: as
-// stiff as the coupling, or as on a third of the tool's half width. Told as it is, a first touch would be rendered at a
+// Return the least foundation stiffness that is reported to a client. If no sample or only a few samples press, the
+// stiffness some tens of ms later is reported instead: that of the coupling, or that of a circle whose radius is a
+// third of the tool's half width, whichever is less. With the present stiffness, a first touch would be rendered with a
 // third of its force.
 static double first_layer(const kn_model *m, int p, double coupling_n_m)
 {
@@ -568,7 +602,7 @@ static double first_layer(const kn_model *m, int p, double coupling_n_m)
     return fmin(coupling_n_m, kn_probe_foundation(&m->def.probe[p]) * 3.14 * third_m * third_m);
 }
 
-// Coupling and foundation of a contact; a tool that follows its pose rigidly has no coupling.
+// Set coupling and foundation of a unit. A tool that follows its pose rigidly has no coupling. Return the foundation.
 static double set_coupling(const kn_contact_fit *fit, int p, double layer_n_m, kn_contact_unit *unit)
 {
     const kn_probe_def *def = &fit->model->def.probe[p];
@@ -581,9 +615,10 @@ static double set_coupling(const kn_contact_fit *fit, int p, double layer_n_m, k
     return layer;
 }
 
-// A tool that follows its pose rigidly answers a new velocity at once, the client's behind its coupling when that is
-// stretched: after B (1/k - 1/layer), B of the object as it flows. Until then the client would give back the force of a
-// round trip ago against its motion of now.
+// Return the time for which a unit is valid, ms. On the server, a tool that follows its pose rigidly responds to a new
+// velocity at once. The client's model responds only after its coupling is stretched, which takes the time B
+// (1/k - 1/layer), where B is the damping of the flowing object. Until then the client would oppose its present motion
+// with the force of one round trip ago.
 static double valid_ms(const kn_contact_fit *fit, int p, const fitted *f, double layer)
 {
     if (fit->model->def.probe[p].coupling_n_m > 0) return VALID_MS;
@@ -592,9 +627,10 @@ static double valid_ms(const kn_contact_fit *fit, int p, const fitted *f, double
     return late_s > LATE_S ? VALID_MS * LATE_S / late_s : VALID_MS;
 }
 
-// at_m: where the tool would be if it carried no force.
+// Fill a unit's fields. `at_m`: position that the tool would have without force.
 static void set_unit(const kn_model *m, const pressed *c, const double at_m[3], kn_contact_unit *unit)
 {
+    // A for the client's step; proxy and anchor differ by the arm across the normal
     const kn_material *mat = &m->def.material;
     double height = kn_dot(c->arm_m, c->normal);
     unit->force_n = c->force_n;
@@ -610,7 +646,7 @@ static void set_unit(const kn_model *m, const pressed *c, const double at_m[3], 
     }
 }
 
-// A place that nothing presses yet is taken for one like those that are pressed.
+// Return the contact expected at a place that the tool does not touch yet. A is that of the pressed contacts.
 static pressed expected(const kn_model *m, const kn_place *place, double a)
 {
     pressed c = {.a = a, .k1 = a * m->def.material.k1_pa / m->law.a_pa_s, .c2 = c2_at(m, a, 0)};
@@ -619,8 +655,9 @@ static pressed expected(const kn_model *m, const kn_place *place, double a)
     return c;
 }
 
-// Of several each has its own foundation, and the tool's position is where it is; of one alone the foundation is its
-// coupling's, and the tool's position is without both.
+// Fill in one unit. If there are several units, each has its own foundation, and the reported position of the tool is
+// the true one. If there is a single unit, the foundation is part of its coupling, and the reported position is
+// corrected by the foundation's compression.
 static void tell(const kn_contact_fit *fit, int p, const pressed *c, double gap_m, bool alone, kn_contact_unit *unit)
 {
     const fitted *f = &fit->probe[p];
@@ -641,11 +678,12 @@ void kn_contact_fit_units(const kn_contact_fit *fit, int p, int most, kn_contact
     int patches = 0, count = 0;
     unit[0] = (kn_contact_unit){0};
     if (!f->near || !(f->all.a > 0)) return;
+    // choose the pressing patches, or their resultant if there is only one patch or too many; then the places ahead
     for (int i = 0; i < KN_PATCHES_MAX && several(f); i++)
         if ((f->used >> i & 1) && f->patch[i].force_n > 0) told[patches++] = &f->patch[i];
     if (patches < 2 || patches > most) told[0] = &f->all, patches = 1;
     int places = f->places < most - patches ? f->places : most - patches;
-    if (!f->touching && places > 0) patches = 0; // the nearest place is one of them
+    if (!f->touching && places > 0) patches = 0; // in air, f->all is the nearest place, which is already in f->place
     const bool alone = patches + places == 1;
     for (; count < patches; count++) {
         unit[count] = (kn_contact_unit){.contact_index = count};

@@ -1,57 +1,62 @@
 #ifndef KN_CORE_CONTACT_FIT_H
 #define KN_CORE_CONTACT_FIT_H
-// Identification of the local contact model: which three-element units, rendered by a client (core/contact_model.h),
-// answer like the lattice under a tool. Looks at steps from outside and changes nothing in them.
+// Identification of the local contact model: find the three-element units that answer like the lattice under a tool
+// when a client renders them (core/contact_model.h). The fit observes the steps and does not change them. Below, t is
+// the contact force along the normal n, and w is the speed at which the surface goes in. A round is one solve of
+// core/mobility.h, spread over several ticks.
 //
-//     A     mobility of the contact's own pattern of forces (core/mobility.h), a round at a time
-//     k1    A k1/(c1 + dt k1) of an edge: all edges are of one material
-//     H     dH/dt = k1 (t - H)/A: the Voigt part's force follows from that of the contact, whatever c2 does
-//     c2    t over the rate that A leaves to it, w - (t - H)/A, least squares over 20 ms; between what the material's
-//           own damper makes of A at its stiffest and at its softest
-//     k_vc  of the tool's coupling and of the foundation in series: the unit begins at the skin. 0 of a rigid plate
-//     valid_ms  100; less of a tool that follows its pose rigidly on what is too viscous for a device's coupling
+//     A     damping of the contact, from the mobility of the contact's own pattern of forces, one round at a time
+//     k1    stiffness: A k1/(c1 + dt k1) of an edge, since all edges have one material
+//     H     force of k1, dH/dt = k1 (t - H)/A: it follows from the contact force, whatever c2 is
+//     c2    damping of the force-dependent damper: t over its rate w - (t - H)/A, least squares over 20 ms; clipped to
+//           the range that the material's own damper gives for A between its stiffest and its softest
+//     k_vc  tool's coupling and foundation in series, since the unit begins at the skin; 0 for a rigid plate
+//     valid_ms  100; less for a tool that follows its pose rigidly on an object too viscous for a device's coupling
 //
-// With the tool off the object, within three of its radii: the plane it would meet, by the distance of the tool and the
-// gradient of that, and the unit of a node there; of a plate, that of all nodes that it meets at once.
+// If the tool is off the object but within three of its radii, the fit gives the plane that the tool would meet. The
+// plane comes from the tool's distance and the gradient of the distance. The unit of the plane comes from a node at
+// that place. A plate gets one unit for all nodes that it meets at once.
 //
-// Each patch of the skin that the tool presses apart from the others (patch.h) is a unit, one alone all that the tool
-// touches. What is found of all is found of each patch from its own samples: t, n, w, H, c2, its foundation, and its
-// place, where t n alone has the torque. Its A comes from the one round for all of them,
+// A unit is one contact as kn_contact_unit describes it. Each separate patch of pressed skin (patch.h) becomes one
+// unit. If there is only one patch, its unit covers everything that the tool touches. The values t, n, w, H, c2,
+// foundation and place come from the patch's own samples. The place of a unit is the point at which the force t n has
+// the patch's torque. A comes from one round for all patches together,
 //
-//     A_i = w_i/(b_i'z),   z = mobility of b = sum w_i b_i,   w_i = t_i/t,   between A/2N and A of all N together
+//     A_i = w_i/(b_i'z),   z = mobility of b = sum w_i b_i,   w_i = t_i/t,   clipped to A/2N .. A of all N patches
 //
-// so under the loads of the moment patches go in as they do in the lattice, each with what the others do to it. That
-// is exact while all loads change by one factor. Where one grows as another falls, as in rocking, the others' part has
-// the wrong sign: two balls 30 mm apart on dough 30 mm high have Y_ij = 0.4 Y_ii. A patch that is younger than a round
-// has the average's A. Patches that grow together or break have springs, dampers and back stress added up or shared out
-// by load, and the same generation.
+// So under the present loads, each patch goes in as fast as in the lattice, where the other patches also move it. This
+// is exact while all loads change by one factor. When one load grows as another falls, as in rocking, the part of the
+// others has the wrong sign: two balls 30 mm apart on dough 30 mm high have Y_ij = 0.4 Y_ii. A patch that is younger
+// than a round has the average A. When patches merge, the sums of their k1, A, c2 and H go on. When a patch breaks, the
+// parts share k1, A, c2 and H by load. The generation stays the same in both cases.
 //
-// A tool of several parts is also told the planes where another of them is about to touch (ahead.h).
+// A tool of several parts also gets the planes where another part is about to touch (ahead.h).
 //
-// Of a flat face that presses everywhere at once there is one unit: it has no stiffness against a turn but its place's.
-// Friction is one force for all, shared by load. A plate has neither friction nor foundation here. In contact the step
-// is 2 us, ahead of it two distances of the tool.
+// A flat face that presses everywhere at once is one unit. Only the arm of its place resists a turn of the tool.
+// Friction is one force for all units, shared by load. A plate has neither friction nor foundation here. In contact,
+// kn_contact_fit_step takes 2 us. Ahead of contact it takes two distance computations of the tool.
 #include "core/contact_model.h"
 #include "core/coupling.h"
 #include "core/step.h"
 
 typedef struct kn_contact_fit kn_contact_fit;
 
-// device: coupling of the client's device, of how long a rigid tool's unit is good for it. Borrows model. NULL: no
-// memory, or a model of Runge-Kutta.
+// Create a fit. `model` must outlive the fit. `device`: coupling of the client's device, which decides how long the
+// unit of a rigid tool stays valid. Return NULL if memory is short or the solver is not the implicit one.
 kn_contact_fit *kn_contact_fit_create(const kn_model *model, kn_coupling device);
 void kn_contact_fit_destroy(kn_contact_fit *fit); // NULL is fine
-void kn_contact_fit_reset(kn_contact_fit *fit);   // with the object
+void kn_contact_fit_reset(kn_contact_fit *fit);   // call when the object is reset
 
-// After every kn_step, with what went in and came out. Real-time safe, as the next.
+// Observe a step. Call after every kn_step with its input and output. Real-time safe.
 void kn_contact_fit_step(kn_contact_fit *fit, const kn_state *state, const kn_input *input, const kn_output *output);
 
-// Two iterations of the mobility, for the contact as it stands, and which nodes are one patch from the next step on:
-// once per tick, when its forces and units are on their way.
+// Do two iterations of the mobility for the present contact, and group the pressed nodes into patches for the next
+// step. Call once per tick, after the forces and units have been sent. Real-time safe.
 void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state);
 
-// The units of probe p as of the last step, their physical fields: unit[0 .. contact_count - 1], contact_count 0 when
-// nothing is within reach. Of more patches than most, 1 .. KN_CONTACT_UNITS, one unit is told, their resultant.
+// Store the units of probe p after the last step, physical fields only: unit[0 .. contact_count - 1]. contact_count is
+// 0 if nothing is within reach. `most`: 1 .. KN_CONTACT_UNITS. If there are more than `most` patches, one unit stands
+// for the resultant of all.
 void kn_contact_fit_units(const kn_contact_fit *fit, int p, int most, kn_contact_unit unit[]);
 
 #endif

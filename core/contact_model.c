@@ -2,20 +2,21 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAK_S 0.050         // the anchor's way to the device when no news comes
-#define LEAK_N_PER_S 16.0    // and no faster than a hand would call a jump
-#define RETURN_M_PER_S 0.020 // and its way back: power of at most |F| x that
-#define THERE_M 5e-6         // less than that of depth is none
-#define FORGET_S 0.5         // ten times LEAK_S: what is left then is a drag in free air
-#define FELT_N 0.02          // less than the resolution of the devices that this is for
-#define HOLD_S 0.003         // as the server's: silence of our own poses until the force fades
+#define LEAK_S 0.050         // time constant with which the surface moves to the device while no message arrives
+#define LEAK_N_PER_S 16.0    // fastest change of force during this fade; a faster change would feel like a jump
+#define RETURN_M_PER_S 0.020 // speed at which the force returns: the power is at most |F| times this
+#define THERE_M 5e-6         // least depth that counts
+// age at which a stale contact is dropped: ten times LEAK_S; an older contact only drags in free air
+#define FORGET_S 0.5
+#define FELT_N 0.02  // least force that is felt, below the resolution of the devices that this model is for
+#define HOLD_S 0.003 // time without a pose of this client after which the force fades; the same as in the server
 #define FADE_S 0.017
 #define RAMP_S 0.200
 #define LAW_N 0.02           // smallest force of the law of c2
-#define LAW_STEP 1.189207115 // from one force of it to the next: a quarter of an octave, the largest is 17 N
-#define FAR_M 0.1            // of a contact from our own pose: such a message is not about us
-#define POSE_GAP_S 0.0005    // of poses that are remembered
-#define SWEEPS 12            // Gauss-Seidel over several units; one alone is solved at once
+#define LAW_STEP 1.189207115 // ratio of the law's forces, a quarter of an octave; the largest is 17 N
+#define FAR_M 0.1            // a contact farther than this from the client's own pose is refused
+#define POSE_GAP_S 0.0005    // least time between remembered poses
+#define SWEEPS 12            // Gauss-Seidel sweeps over several units; a single unit is solved at once
 
 // --- vectors --------------------------------------------------------------------------------------------------------
 
@@ -38,7 +39,7 @@ static void cross(const double a[3], const double b[3], double out[3])
     for (int i = 0; i < 3; i++) out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
 }
 
-// Rotation vector from one orientation to another, unit quaternions, the short way round.
+// Compute the rotation vector from one orientation to another (unit quaternions), the short way round.
 static void turn_between(const double from[4], const double to[4], double turn[3])
 {
     double w = to[0] * from[0] + to[1] * from[1] + to[2] * from[2] + to[3] * from[3], d[3];
@@ -54,16 +55,17 @@ static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1])
 static double clip(double v, double least, double most) { return fmin(fmax(v, least), most); }
 static double positive_or(double v, double otherwise) { return v > 0.0 ? v : otherwise; }
 
-// --- how c2 falls with force ----------------------------------------------------------------------------------------
+// --- c2, the damping of the force-dependent damper, over the force --------------------------------------------------
 
-// A message holds c2 at one force; what it is at others, earlier messages have told. Forces are LAW_STEP apart.
+// Return the bin of a force in the law of c2. A message contains c2 at one force; c2 at other forces comes from earlier
+// messages.
 static int bin_of(double force_n)
 {
     return (int)clip(floor(0.5 + log(fmax(force_n, LAW_N) / LAW_N) / log(LAW_STEP)), 0, KN_CONTACT_LAW - 1);
 }
 
-// Flow at every force of the law: between those heard of by ln c2, beyond them by the nearest one's c2; never less at
-// a greater force.
+// Fill in the flow at every force of the law. Between forces with a received c2, ln c2 is interpolated. Beyond these
+// forces, the c2 of the nearest one is used. Flow never falls as force rises.
 static void fill(const double c2[KN_CONTACT_LAW], double flow_m_s[KN_CONTACT_LAW])
 {
     double at_n = LAW_N, least = 0.0;
@@ -77,6 +79,7 @@ static void fill(const double c2[KN_CONTACT_LAW], double flow_m_s[KN_CONTACT_LAW
     }
 }
 
+// Return c2 at a force, from the flow interpolated between the law's forces.
 static double c2_of(const double law_m_s[KN_CONTACT_LAW], double force_n)
 {
     double at_n = LAW_N, below_n = 0.0, below = 0.0;
@@ -89,9 +92,10 @@ static double c2_of(const double law_m_s[KN_CONTACT_LAW], double force_n)
     return force_n / (below + (law_m_s[i] - below) * (force_n - below_n) / (at_n - below_n));
 }
 
-// The force with p force + (flow of the law at it) / thick = rate, and that flow over thick.
+// Return the force f with p f + flow(f)/thick = rate, where flow is that of the law. Store flow(f)/thick in *flow_m_s.
 static double root(const double law_m_s[KN_CONTACT_LAW], double thick, double p, double rate, double *flow_m_s)
 {
+    // go up the law to the segment that contains the root, then interpolate
     double below_n = 0.0, below = 0.0, at_n = LAW_N, at = p * LAW_N + law_m_s[0] / thick;
     for (int i = 1; i < KN_CONTACT_LAW && at < rate; i++) {
         below_n = at_n;
@@ -99,7 +103,8 @@ static double root(const double law_m_s[KN_CONTACT_LAW], double thick, double p,
         at_n *= LAW_STEP;
         at = p * at_n + law_m_s[i] / thick;
     }
-    if (at < rate) below_n = below = 0.0; // beyond the law
+    // beyond the law: flow proportional to force
+    if (at < rate) below_n = below = 0.0;
     double force_n = below_n + (at_n - below_n) * fmax(0.0, rate - below) / (at - below);
     *flow_m_s = fmax(0.0, rate - p * force_n);
     return force_n;
@@ -107,12 +112,13 @@ static double root(const double law_m_s[KN_CONTACT_LAW], double thick, double p,
 
 // --- the contact: a proxy and up to 8 units -------------------------------------------------------------------------
 
-typedef struct load { // what acts on the proxy, about its position, and how it gives way
+// The load on the proxy about its position, and how the proxy gives way.
+typedef struct load {
     double force_n[3], torque_n_m[3];
-    double g, soft; // G; of turns 1/(l^2 G), 0: it turns as the device does
+    double g, soft; // G; compliance 1/(l^2 G) for turns, 0 if the proxy turns as the device does
 } load;
 
-// share of a force that acts at arm
+// Add a share of a force, which acts at the arm arm_m, to the load.
 static void press(load *all, double share, const double force_n[3], const double arm_m[3])
 {
     double torque[3];
@@ -121,24 +127,28 @@ static void press(load *all, double share, const double force_n[3], const double
     add(all->torque_n_m, share, torque);
 }
 
-// How far the proxy is off a surface: along the normal, at the arm that it has there.
+// Return the distance of the proxy from a surface along its normal, at the arm of its unit.
 static double gap_of(const kn_contact_body *b, const kn_contact_plane *u)
 {
     return dot(u->normal, b->proxy_m) + dot(u->lever_m, b->turn) - u->level_m;
 }
 
-// Force of one unit against the others' and the coupling's: along the normal what keeps the proxy out, or nothing;
-// across it what keeps the proxy where it is on the surface, or mu times the normal one.
+// Compute the force of one unit that balances the load of the other units and the coupling. Along the normal, the force
+// keeps the proxy outside the surface, or it is zero. Across the normal, the force keeps the proxy in its place on the
+// surface, or it is mu times the normal force.
 static void meet(const kn_contact_body *b, kn_contact_plane *u, const load *others, double dt)
 {
     double a = u->c1 + dt * u->k1, g = others->g, along = dot(u->normal, others->force_n), flow_m_s, across[3], way[3];
+    // along the normal: compliance p_n, and the rate rate_n at which the proxy would enter the surface
     double p = 1.0 / g + 1.0 / a, turning = others->soft * dot(u->lever_m, others->torque_n_m);
     double p_n = p + others->soft * dot(u->lever_m, u->lever_m) + u->give_m_n / dt;
     double rate_n = u->h_n / a - along / g - turning - (gap_of(b, u) - u->give_m_n * u->t_n) / dt;
     double t = root(b->law_m_s, u->thick, p_n, rate_n, &flow_m_s);
     if (flow_m_s > 0.0) u->c2 = t / flow_m_s;
+    // across the normal: the force that stops the proxy on the surface, cut to the friction cone
     cross(others->torque_n_m, u->arm_m, way);
-    double s = p + 1.0 / u->c2 + others->soft * dot(u->arm_m, u->arm_m); // across: at least as soft as it is
+    // the compliance across the normal is at least that along the normal
+    double s = p + 1.0 / u->c2 + others->soft * dot(u->arm_m, u->arm_m);
     for (int i = 0; i < 3; i++) {
         double rate = (others->force_n[i] - along * u->normal[i]) / g + others->soft * way[i];
         across[i] = (u->shear_n[i] / a - rate) / s;
@@ -148,7 +158,7 @@ static void meet(const kn_contact_body *b, kn_contact_plane *u, const load *othe
     for (int i = 0; i < 3; i++) u->force_n[i] = t * u->normal[i] + across[i];
 }
 
-// What a unit's force does to its surface and its back stress.
+// Move the surface and the back stress of a unit by its force.
 static void yield(kn_contact_plane *u, double dt)
 {
     double a = u->c1 + dt * u->k1, t = dot(u->normal, u->force_n);
@@ -169,18 +179,21 @@ static void sum_up(kn_contact_body *b)
     memcpy(b->torque_n_m, all.torque_n_m, sizeof b->torque_n_m);
 }
 
-// One step with the device at x, v, turned by turn since the message: backward Euler.
+// Take one backward Euler step with the device at position x and velocity v. `turn`: rotation of the device since the
+// message.
 static void advance(kn_contact_body *b, const double x[3], const double v[3], const double turn[3], double dt)
 {
     double l2 = b->arm_m * b->arm_m;
     load all = {.g = b->b + dt * b->k};
     all.soft = b->rigid ? 0.0 : 1.0 / (l2 * all.g);
     if (b->rigid) memcpy(b->turn, turn, sizeof b->turn);
+    // load of the coupling on the proxy, with the forces of the last step as a first guess
     for (int i = 0; i < 3; i++) {
         all.force_n[i] = b->k * (x[i] - b->proxy_m[i]) + b->b * v[i];
         all.torque_n_m[i] = l2 * b->k * (turn[i] - b->turn[i]);
     }
     for (int c = 0; c < b->count; c++) press(&all, 1.0, b->plane[c].force_n, b->plane[c].arm_m);
+    // Gauss-Seidel: take one unit out of the load, solve for it, put it back
     for (int sweep = 0; sweep < (b->count > 1 ? SWEEPS : 1); sweep++)
         for (int c = 0; c < b->count; c++) {
             kn_contact_plane *u = &b->plane[c];
@@ -188,18 +201,19 @@ static void advance(kn_contact_body *b, const double x[3], const double v[3], co
             meet(b, u, &all, dt);
             press(&all, 1.0, u->force_n, u->arm_m);
         }
+    // with these forces move surfaces and proxy
     sum_up(b);
     for (int c = 0; c < b->count; c++) yield(&b->plane[c], dt);
     add(b->proxy_m, dt / all.g, all.force_n);
     add(b->turn, dt * all.soft, all.torque_n_m);
 }
 
-// Where a surface would be without load: its dampers' ways are not undone.
+// Return the level that a surface would have without load: the springs return, the dampers do not.
 static double rest_of(const kn_contact_plane *u) { return u->k1 > 0.0 ? u->level_m + u->h_n / u->k1 : u->level_m; }
 
 static bool touches(const kn_contact_body *b, const kn_contact_plane *u) { return gap_of(b, u) <= 1e-9; }
 
-// How deep the device is in what presses it, as that would be without load.
+// Return the depth of the device in the pressing surfaces, each taken at its level without load.
 static double depth_of(const kn_contact_body *b, const double x[3], const double turn[3])
 {
     double depth_m = 0.0;
@@ -210,8 +224,8 @@ static double depth_of(const kn_contact_body *b, const double x[3], const double
     return depth_m;
 }
 
-// Scales the contact, share in [0, 1]: forces, back stresses and the coupling's stretch together, so that it remains a
-// solution of its own equations. Surfaces under load sink with the proxy towards the device.
+// Scale the contact by a share in [0, 1]. Forces, back stresses and the coupling's stretch change together, so that the
+// contact still solves its own equations. Surfaces under load sink with the proxy towards the device.
 static void scale(kn_contact_body *b, const double x[3], const double turn[3], double share)
 {
     kn_contact_body was = *b;
@@ -224,6 +238,7 @@ static void scale(kn_contact_body *b, const double x[3], const double turn[3], d
     for (int c = 0; c < b->count; c++) {
         kn_contact_plane *u = &b->plane[c];
         double gap_m = gap_of(b, u);
+        // a surface that touched the proxy stays in touch, and no surface ends up above the proxy
         if (touches(&was, u) || gap_m < 0.0) u->level_m += gap_m;
         u->h_n *= share;
         u->t_n *= share;
@@ -236,6 +251,7 @@ static void scale(kn_contact_body *b, const double x[3], const double turn[3], d
 
 // --- messages -------------------------------------------------------------------------------------------------------
 
+// Return true if all numbers of a message are finite, the indices are valid, and the normal is a unit vector.
 static bool sane(const kn_contact_unit *u)
 {
     double numbers = u->force_n + u->a_n_s_per_m + u->h_n + u->c2_n_s_per_m + u->k1_n_per_m + u->k_vc_n_per_m +
@@ -247,7 +263,7 @@ static bool sane(const kn_contact_unit *u)
            fabs(norm(u->normal) - 1.0) < 1e-3;
 }
 
-// The newest remembered pose that is not newer than seq; its number counted from the first pose ever, or -1.
+// Return the index of the newest stored pose that is not newer than `seq`, counted from the first pose ever, or -1.
 static int64_t find_pose(const kn_contact_model *m, int64_t seq)
 {
     int64_t oldest = m->poses > KN_CONTACT_REPLAY ? m->poses - KN_CONTACT_REPLAY : 0;
@@ -256,22 +272,27 @@ static int64_t find_pose(const kn_contact_model *m, int64_t seq)
     return -1;
 }
 
+// Set the plane `u` from a message, with every number clipped to its range.
 static void set_plane(const kn_contact_model *m, const kn_contact_body *b, const kn_contact_unit *from,
                       kn_contact_plane *u)
 {
     double size = norm(from->normal), dt = m->def.server_period_s;
     for (int i = 0; i < 3; i++) u->normal[i] = from->normal[i] / size;
     u->k1 = clip(from->k1_n_per_m, 0.0, 2.0 * b->k);
-    u->c1 = fmax(clip(from->a_n_s_per_m, 0.1, 1e4) - dt * u->k1, 1e-3 * b->b); // A at any other step: c1 + step k1
+    // the message has A = c1 + dt k1 for the server's step; c1 alone fits any step
+    u->c1 = fmax(clip(from->a_n_s_per_m, 0.1, 1e4) - dt * u->k1, 1e-3 * b->b);
     u->c2 = clip(from->c2_n_s_per_m, 10.0, 1e5);
+    // thick: ratio of this c2 to that of the law at the same force
     u->thick = u->c2 / c2_of(b->law_m_s, clip(from->force_n, 0.0, 1e3));
     u->h_n = clip(from->h_n, -u->k1 * FAR_M, u->k1 * FAR_M);
     u->mu = clip(from->friction, 0.0, 3.0);
     for (int i = 0; i < 3; i++) u->force_n[i] = clip(from->force_n, 0.0, 1e3) * u->normal[i];
 }
 
-// Behind a coupling softer than theirs, or a rigid tool's, the same depth has less of elastic force: rendered as it
-// is, a round trip late, it would feed the hand. Of what is viscous the message's validity decides.
+// Reduce the elastic force of a unit if this device's coupling is softer than the server's, or if the server's tool is
+// rigid. Behind a softer coupling, the same depth gives less elastic force. If the elastic force were rendered
+// unchanged, a round trip late, it would feed energy to the hand. The viscous part of the force is limited by the
+// message's validity. `theirs`: compliance of the server's coupling.
 static void soften(const kn_contact_body *b, double theirs, kn_contact_plane *u)
 {
     double t = dot(u->normal, u->force_n), k = b->k / (1.0 + b->k * u->give_m_n);
@@ -283,14 +304,17 @@ static void soften(const kn_contact_body *b, double theirs, kn_contact_plane *u)
 
 static double soft_of(const kn_contact_unit *unit) { return unit->k_vc_n_per_m > 0.0 ? 1.0 / unit->k_vc_n_per_m : 0.0; }
 
-// What their forces came through, ours being b->k at most: of one unit all of it is the coupling's, of several what is
-// more than ours is the unit's own.
+// Choose the coupling and the foundations. The forces of a message came through the message's k_vc. This device's
+// coupling is at most m->def.stiffness_n_m. With one unit, the whole k_vc of the message is the coupling. With several
+// units, the compliance beyond that of this device's coupling is the foundation of each unit. Return the compliance of
+// the server's coupling.
 static double set_coupling(const kn_contact_model *m, const kn_contact_unit *unit, kn_contact_body *b)
 {
-    // a coupling above our own would be above what this device is stable with
+    // this device is not stable with a coupling stiffer than its own
     const double most_n_m = m->def.stiffness_n_m, most_n_s_m = m->def.damping_n_s_m;
     double theirs = soft_of(unit), k = positive_or(unit->k_vc_n_per_m, most_n_m);
     b->k = unit->contact_count > 1 ? most_n_m : fmin(k, most_n_m);
+    // if this device's coupling is stiffer, scale the message's damping up by the square of the ratio
     b->b = fmin(positive_or(unit->b_vc_n_s_per_m * pow(fmax(1.0, b->k / k), 2.0), most_n_s_m), most_n_s_m);
     for (int c = 0; c < b->count && b->count > 1; c++) {
         theirs = fmin(theirs, soft_of(&unit[c]));
@@ -299,7 +323,7 @@ static double set_coupling(const kn_contact_model *m, const kn_contact_unit *uni
     return b->count > 1 ? fmin(theirs, 1.0 / b->k) : theirs;
 }
 
-// Where the tool has the surface under it when it stands as the message's did, and what it touches with.
+// Set the level of a surface for the tool's orientation in the message, and the arm to the point of contact.
 static void set_place(const kn_contact_unit *from, kn_contact_plane *u)
 {
     u->level_m = dot(u->normal, from->proxy_m);
@@ -308,8 +332,8 @@ static void set_place(const kn_contact_unit *from, kn_contact_plane *u)
     cross(u->arm_m, u->normal, u->lever_m);
 }
 
-// Proxy of the message: on the surfaces that it presses, across them where friction holds it; never inside of one.
-// In air it is with the device.
+// Set the proxy for the message's pose. It lies on the surfaces that it presses, at the place where friction holds it,
+// and never inside a surface. In air the proxy is at the device.
 static void set_proxy(const kn_contact_unit *unit, kn_contact_body *b, const double x[3])
 {
     memcpy(b->proxy_m, x, sizeof b->proxy_m);
@@ -318,6 +342,7 @@ static void set_proxy(const kn_contact_unit *unit, kn_contact_body *b, const dou
         bool pressed = dot(u->normal, u->force_n) > 0.0;
         double way[3];
         for (int i = 0; i < 3; i++) way[i] = unit[c].friction_anchor_m[i] - b->proxy_m[i];
+        // move along the surface to the friction anchor, then onto the surface
         add(way, -dot(u->normal, way), u->normal);
         if (pressed) add(b->proxy_m, 1.0, way);
         double gap = dot(u->normal, b->proxy_m) - u->level_m;
@@ -325,8 +350,8 @@ static void set_proxy(const kn_contact_unit *unit, kn_contact_body *b, const dou
     }
 }
 
-// Friction of the message is what the coupling carries across the normal, of several units by their load; of its back
-// stress nothing is told: the same share as along the normal.
+// Set the friction forces: the part of the coupling's force across the normal, shared among several units by their
+// load. The message does not contain the back stress across the normal, so the same share as along the normal is used.
 static void set_shear(kn_contact_body *b, const double x[3])
 {
     double load_n = 0.0;
@@ -343,7 +368,8 @@ static void set_shear(kn_contact_body *b, const double x[3])
     }
 }
 
-// What the tool's coupling is stretched by under the units' forces, along and across; that of ours, and of theirs.
+// Shift the surfaces by the difference between two stretches: that of this device's coupling under the reduced forces,
+// and that of the server's coupling under the forces of the message.
 static void stretch(const kn_contact_unit *unit, double theirs, kn_contact_body *b)
 {
     double told_n[3] = {0.0}, way[3];
@@ -356,7 +382,8 @@ static void stretch(const kn_contact_unit *unit, double theirs, kn_contact_body 
     for (int c = 0; c < b->count; c++) b->plane[c].level_m += dot(b->plane[c].normal, way);
 }
 
-// The proxy of a coupled tool is turned by what the contact has for it, and lags when the device turns at rate.
+// Turn the proxy of a coupled tool by the torque of the contact. The proxy lags behind a device that turns at
+// `rate_rad_s`.
 static void set_turn(kn_contact_body *b, const double rate_rad_s[3])
 {
     if (b->rigid) return;
@@ -366,7 +393,8 @@ static void set_turn(kn_contact_body *b, const double rate_rad_s[3])
     for (int c = 0; c < b->count; c++) b->plane[c].level_m += dot(b->plane[c].lever_m, b->turn);
 }
 
-// The contact as it was at the end of the step that used pose number at.
+// Set up the contact as it was at the end of the step that used pose number `at`. Return false if the contact is too
+// far from that pose.
 static bool set_up(const kn_contact_model *m, int64_t at, double c2[], kn_contact_body *b)
 {
     const kn_contact_unit *unit = m->unit;
@@ -376,12 +404,14 @@ static bool set_up(const kn_contact_model *m, int64_t at, double c2[], kn_contac
     double rate[3] = {0.0};
     memset(b, 0, sizeof *b);
     b->count = unit->contact_count;
+    // add the message's c2 to the law of c2
     for (int c = 0; c < b->count; c++) c2[bin_of(unit[c].force_n)] = clip(unit[c].c2_n_s_per_m, 10.0, 1e5);
     if (b->count > 0) fill(c2, b->law_m_s);
     double theirs = set_coupling(m, unit, b);
     b->arm_m = m->def.arm_m;
     b->rigid = !(unit->k_vc_n_per_m > 0.0);
     memcpy(b->from_wxyz, pose->orientation_wxyz, sizeof b->from_wxyz);
+    // set the surfaces of the units, then the proxy, friction and turn that fit the surfaces
     for (int c = 0; c < b->count; c++) {
         set_plane(m, b, &unit[c], &b->plane[c]);
         set_place(&unit[c], &b->plane[c]);
@@ -392,13 +422,14 @@ static bool set_up(const kn_contact_model *m, int64_t at, double c2[], kn_contac
     set_proxy(unit, b, x);
     set_shear(b, x);
     sum_up(b);
+    // rate of turning, from the difference to the pose before
     if (at > 0 && pose->at_s > before->at_s) turn_between(before->orientation_wxyz, pose->orientation_wxyz, rate);
     for (int i = 0; i < 3 && at > 0; i++) rate[i] /= fmax(pose->at_s - before->at_s, POSE_GAP_S);
     set_turn(b, rate);
     return true;
 }
 
-// Our own poses since then. Each was held until the next one; the last one until now.
+// Replay the client's own poses since that of the message. Each pose held until the next pose, the last one until now.
 static void replay(kn_contact_model *m, int64_t at, kn_contact_body *b)
 {
     for (int64_t i = at + 1; i < m->poses; i++) {
@@ -412,13 +443,15 @@ static void replay(kn_contact_model *m, int64_t at, kn_contact_body *b)
     }
 }
 
+// Return the force that the hand feels now, without gain and scale.
 static double felt_n(const kn_contact_model *m) { return (1.0 - m->lost) * m->share * norm(m->body.force_n); }
 
-// Takes a contact into use: at once, or, after an outage or a change of the object, with the force that the hand feels.
+// Start to use a contact. After an outage or a change of the object, start from the force that the hand feels.
+// Otherwise use the contact in full at once.
 static void join(kn_contact_model *m, const kn_contact_body *b, const kn_contact_pose *now)
 {
     double before_n = felt_n(m), turn[3];
-    kn_contact_body ahead = *b; // a surface that nothing pressed yet
+    kn_contact_body ahead = *b; // one step further, so that surfaces that were not pressed yet count, too
     m->returning |= m->lost > 0.0;
     m->body = *b;
     m->share = 1.0;
@@ -426,18 +459,21 @@ static void join(kn_contact_model *m, const kn_contact_body *b, const kn_contact
     if (!m->returning) return;
     turn_between(b->from_wxyz, now->orientation_wxyz, turn);
     advance(&ahead, now->position_m, now->velocity_m_s, turn, m->def.server_period_s);
+    // begin with the share of the full force that the hand already feels
     double full_n = fmax(norm(b->force_n), norm(ahead.force_n));
     if (before_n < full_n) m->share = before_n / full_n;
     m->returning = m->share < 1.0;
 }
 
+// Use a complete message: set up its contact, replay the later poses, and start to use the contact unless a number is
+// bad.
 static kn_contact_take complete(kn_contact_model *m, int64_t at)
 {
     const kn_contact_unit *unit = m->unit;
     const kn_contact_pose *pose = &m->pose[at % KN_CONTACT_REPLAY];
     const bool other = m->taken > 0 && unit->generation != m->generation;
     kn_contact_body b;
-    double c2[KN_CONTACT_LAW]; // what a message adds that is refused is forgotten
+    double c2[KN_CONTACT_LAW]; // a copy, so that a refused message adds nothing
     memcpy(c2, m->c2, sizeof c2);
     if (other) memset(c2, 0, sizeof c2);
     if (!set_up(m, at, c2, &b)) return KN_CONTACT_BAD;
@@ -446,6 +482,7 @@ static kn_contact_take complete(kn_contact_model *m, int64_t at)
     if (!finite3(b.force_n) || !finite3(b.proxy_m)) return KN_CONTACT_BAD;
     memcpy(m->c2, c2, sizeof c2);
     m->returning |= other;
+    // a pressed contact that is missing in the message is lost and fades: no hand can have left it so fast
     if (b.count == 0 && felt_n(m) > FELT_N) {
         m->lost = fmax(m->lost, 1e-9);
     } else {
@@ -462,17 +499,21 @@ static kn_contact_take complete(kn_contact_model *m, int64_t at)
     return KN_CONTACT_TAKEN;
 }
 
+// Check one datagram and store it. A message is used when all of its units have arrived.
 static kn_contact_take take(kn_contact_model *m, const kn_contact_unit *unit)
 {
     if (unit->session != m->def.session) return KN_CONTACT_FOREIGN;
     if (!sane(unit)) return KN_CONTACT_BAD;
     if (unit->utime < m->utime) return KN_CONTACT_LATE;
+    // a datagram of a newer tick discards an incomplete message
     if (unit->utime > m->utime) m->have = 0;
     m->utime = unit->utime;
     m->flags = unit->flags;
+    // a message must answer a pose that was sent and is still stored
     if (m->poses == 0 || unit->pose_seq > m->pose[(m->poses - 1) % KN_CONTACT_REPLAY].seq) return KN_CONTACT_BAD;
     int64_t at = find_pose(m, unit->pose_seq);
-    if (unit->pose_seq <= m->taken_seq || at < 0) return KN_CONTACT_LATE; // again the same pose: the first answer holds
+    // a second answer to the same pose counts as late: the first one stays in use
+    if (unit->pose_seq <= m->taken_seq || at < 0) return KN_CONTACT_LATE;
     const kn_contact_unit *other = &m->unit[m->first];
     if (m->have && (unit->contact_count != other->contact_count || unit->pose_seq != other->pose_seq))
         return KN_CONTACT_BAD;
@@ -534,6 +575,8 @@ void kn_contact_model_pose(kn_contact_model *m, int64_t seq, const double positi
     memcpy(pose->orientation_wxyz, m->orientation_wxyz, sizeof pose->orientation_wxyz);
 }
 
+// Return true if the tool has moved too far from the message's place, turned too much, or pressed too much harder for
+// the message to be valid.
 static bool too_far(const kn_contact_model *m)
 {
     const kn_contact_pose *now = &m->pose[(m->poses - 1) % KN_CONTACT_REPLAY];
@@ -542,12 +585,14 @@ static bool too_far(const kn_contact_model *m)
     turn_between(m->body.from_wxyz, now->orientation_wxyz, turn);
     for (int c = 0; c < m->body.count; c++) {
         double t = dot(m->body.plane[c].normal, m->body.plane[c].force_n);
+        // a turn counts as the path that it moves the point of contact
         if (norm(turn) * norm(m->body.plane[c].lever_m) > 0.5 * m->def.radius_m) return true;
         if (n && t <= most) continue;
         n = m->body.plane[c].normal;
         most = t;
     }
     if (!n) return false;
+    // the path across the normal of the unit that presses most
     for (int i = 0; i < 3; i++) way[i] = x[i] - m->taken_m[i];
     add(way, -dot(n, way), n);
     if (norm(way) > 0.5 * m->def.radius_m) return true;
@@ -559,7 +604,8 @@ bool kn_contact_model_stale(const kn_contact_model *m)
     return m->taken_seq < 0 || m->now_s - m->taken_s > m->valid_s || too_far(m);
 }
 
-// No news: the surface gives way towards the device, which is a damper in series and returns nothing.
+// Fade a stale contact: the surface gives way towards the device. The motion of the surface acts like a damper in
+// series, which returns no energy.
 static void leak(kn_contact_model *m, const double x[3], const double turn[3], double dt)
 {
     double force_n = m->share * norm(m->body.force_n), share = exp(-dt / LEAK_S);
@@ -568,11 +614,13 @@ static void leak(kn_contact_model *m, const double x[3], const double turn[3], d
     scale(&m->body, x, turn, m->share * share);
     m->share = 1.0;
     m->stale_s += dt;
+    // a contact stale for too long is dropped
     if (m->stale_s < FORGET_S) return;
     m->body.count = 0;
     m->returning = true;
 }
 
+// Fade a contact that no longer exists in the server, and drop it at the end.
 static void lose(kn_contact_model *m, double dt)
 {
     m->lost += dt / FADE_S;
@@ -583,14 +631,15 @@ static void lose(kn_contact_model *m, double dt)
     sum_up(&m->body);
 }
 
-// News after an outage: what presses rises to where the server has it. By a share of its force: were its surface itself
-// moved, what is viscous in it would end with a jump.
+// Let a contact return after an outage: the share of its force that is rendered rises. Moving the surface instead was
+// rejected: the viscous part of the force would end with a jump.
 static void come_back(kn_contact_model *m, const double x[3], const double turn[3], double dt)
 {
     m->share = fmin(1.0, m->share + dt * RETURN_M_PER_S / fmax(depth_of(&m->body, x, turn), THERE_M));
     m->returning = m->share < 1.0;
 }
 
+// Ramp the gain: up while the tool is engaged and the client sends poses, else down.
 static void ramp(kn_contact_model *m, double dt)
 {
     bool stop = (m->flags & (KN_CONTACT_LATCHED | KN_CONTACT_STOPPING)) != 0;
@@ -603,6 +652,7 @@ void kn_contact_model_render(kn_contact_model *m, double dt_s, const double posi
                              double force_n[3])
 {
     double dt = clip(dt_s, 1e-4, 1e-2), turn[3];
+    // a position that is not finite counts as a missing pose: keep the last force
     bool read = finite3(position_m) && finite3(velocity_m_s);
     if (m->body.count > 0 && read) {
         turn_between(m->body.from_wxyz, m->orientation_wxyz, turn);
@@ -615,11 +665,12 @@ void kn_contact_model_render(kn_contact_model *m, double dt_s, const double posi
     }
     ramp(m, dt);
     m->now_s += dt;
+    // scale to the hand and clamp; the torque is cut by the same factor
     double share = m->share * (1.0 - m->lost);
     for (int i = 0; i < 3; i++) force_n[i] = m->def.force_scale * share * m->body.force_n[i];
     double asked_n = norm(force_n);
     shorten(force_n, m->def.force_limit_n);
-    double limit = asked_n > m->def.force_limit_n ? m->def.force_limit_n / asked_n : 1.0; // of the torque, too
+    double limit = asked_n > m->def.force_limit_n ? m->def.force_limit_n / asked_n : 1.0;
     for (int i = 0; i < 3; i++) {
         force_n[i] *= m->gain;
         m->torque_n_m[i] = m->gain * limit * m->def.force_scale * share * m->body.torque_n_m[i];
@@ -628,6 +679,7 @@ void kn_contact_model_render(kn_contact_model *m, double dt_s, const double posi
 
 double kn_contact_model_energy(const kn_contact_model *m, const double position_m[3])
 {
+    // sum the energy of the coupling and of the units' springs
     double energy_j = 0.0;
     if (m->body.count == 0) return 0.0;
     double turn[3], l2 = m->body.arm_m * m->body.arm_m;

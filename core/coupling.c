@@ -1,9 +1,9 @@
 #include "core/coupling.h"
 #include <math.h>
 
-// Of the delayed bound: the velocity filter and the quantised encoder take the rest (core/coupling.h).
+// Share of the bound with delay (core/coupling.h). The rest is a margin for velocity filter and encoder steps.
 static const double share = 0.6;
-// b_vc (t_d + T + filter) / m: at 1.6 the damper itself is what oscillates, and from 0.5 on it takes of k_vc's room.
+// lag: b_vc (t_d + T + filter_s) / m. At 1.6 the damper itself oscillates. From 0.5 on it reduces the stable k_vc.
 static const double lag = 0.5, filter_s = 1.6e-3;
 
 kn_coupling kn_coupling_default(double mass_kg, double damping_n_s_m, double period_s, double round_trip_s,

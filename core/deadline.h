@@ -1,45 +1,49 @@
 #ifndef KN_CORE_DEADLINE_H
 #define KN_CORE_DEADLINE_H
-// The work that a step may take, in units that the step counts itself. The count depends on the input alone, so a step
-// that ends by its deadline ends with the same bits on every machine. A unit is about a nanosecond of one core with
-// AVX-512; what it takes here is measured by whoever gives the deadline (server/served.h).
+// Limit on the work of one step, in units of work that the step itself counts. The count depends on the input alone. So
+// a step that the deadline ends early has the same bits on every machine. A unit is about one nanosecond of one core
+// with AVX-512. The caller that sets the deadline measures the length of a unit on its own machine (server/served.h).
 //
 //     spent  |find|line i i i i|look|i i|line i i i i|look|i i        most
 //            '-----------------------------------------------------'   the next part would not fit: the step ends
 //
-// Every part of an implicit step is counted before it is begun. The shortest step is one line through the law, one
-// iteration along it and one look at the contact: it is taken even where the deadline is below it. Where a blow
-// (impact.h) asks for more lines than fit, the time is shared among as many as do fit with a few iterations each, and
-// all lines but the last are solved to a fifth only, and a plate's blow starts from a guess. What is left unsolved
-// stays in the residual that the next step starts from. Runge-Kutta's stages and the integers' passes are fixed by the
-// model: they have no deadline.
+// Terms: find is the search for contact, a line is one linearisation of the law, i an iteration along the line, a look
+// one evaluation of the contact. The work of each part of an implicit step is counted before the part begins. The
+// shortest step is one line, one iteration and one look. It is taken even if the deadline is shorter. A blow (impact.h)
+// may need more lines than fit. Then the units are shared among as many lines as fit with a few iterations each. All
+// lines but the last are solved only to a fifth of their initial residual. If a plate strikes, the step starts from a
+// guessed velocity field (kn_impact_guess). The unsolved part stays in the residual from which the next step starts.
+// The stages of Runge-Kutta and the passes of the integer solver are fixed by the model: they have no deadline.
 #include "core/contact.h"
 
 typedef struct kn_deadline {
-    int64_t most, spent;           // of the step; most 0: no deadline
-    int64_t line, iteration, look; // price of each part in this step
-    int64_t law;                   // of a line
-    int64_t line_most;             // what spent may come to in the line that is being solved
+    int64_t most, spent;           // units of the step: limit and count; most 0: no deadline
+    int64_t line, iteration, look; // estimated units of each part in this step
+    int64_t law;                   // estimated units of evaluating the law once, a part of a line
+    int64_t line_most;             // limit of `spent` for the line that is being solved
     bool hurried;                  // lines are cut short to make room for others
 } kn_deadline;
 
-// The contact search is done and spent.
+// Estimate the units of each part of this step, and count the contact search, which is already done. `most`: limit of
+// the step.
 void kn_deadline_begin(kn_deadline *deadline, const kn_model *model, const kn_contact *contact, int64_t most);
 
-// Begins a line with its look at the contact. False: there is no time for it and two iterations.
+// Begin a line and count it with its look at the contact. Return false if the line and two iterations do not fit; the
+// first line always begins.
 bool kn_deadline_line(kn_deadline *deadline, bool first);
 
-// Units of a guess of a plate's blow (impact.h). 0 where all `lines` of so many iterations fit, since then no guess is
-// needed. 0, too, where a guess, a line and two iterations do not fit.
+// Return the units that kn_impact_guess takes when a plate strikes. Return 0 if no guess is needed, because `lines`
+// lines of `iterations` iterations each fit. Return 0, too, if a guess, a line and two iterations do not fit.
 int64_t kn_deadline_guess(const kn_deadline *deadline, const kn_model *model, int lines, int iterations);
 
-// Gives the line that has begun its share; `lines`: this one and those that may follow, of at most `iterations` each.
+// Limit the line that has begun to its share of the remaining units. `lines`: this line and those that may follow, each
+// of at most `iterations` iterations.
 void kn_deadline_share(kn_deadline *deadline, int lines, int iterations);
 
-// Spends units of the line if there is room for them.
+// Count units in the present line and return true if there is room for them, else return false.
 bool kn_deadline_spend(kn_deadline *deadline, int64_t units);
 
-// Units of the shortest step while nothing touches.
+// Return the units of the shortest step while nothing touches.
 int64_t kn_deadline_least(const kn_model *model);
 
 #endif

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <stddef.h>
 
+// Compute the rotation matrix of a quaternion of any length.
 static void turn(const double q[4], double r[3][3])
 {
     double s = 2.0 / (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]), w = q[0], x = q[1], y = q[2], z = q[3];
@@ -10,6 +11,7 @@ static void turn(const double q[4], double r[3][3])
     r[2][0] = s * (x * z - w * y), r[2][1] = s * (y * z + w * x), r[2][2] = 1.0 - s * (x * x + y * y);
 }
 
+// Compute the signed permutation B from its short form.
 static void permute(const double basis[3], double b[3][3])
 {
     for (int i = 0; i < 3; i++)
@@ -19,6 +21,7 @@ static void permute(const double basis[3], double b[3][3])
 const char *kn_device_check(const kn_device_def *d)
 {
     double b[3][3], q2 = 0.0;
+    // check that B is a right-handed permutation and R a unit quaternion
     permute(d->basis, b);
     double det = b[0][0] * (b[1][1] * b[2][2] - b[1][2] * b[2][1]) - b[0][1] * (b[1][0] * b[2][2] - b[1][2] * b[2][0]) +
                  b[0][2] * (b[1][0] * b[2][1] - b[1][1] * b[2][0]);
@@ -54,6 +57,7 @@ void kn_device_position(const kn_device_def *device, const double device_m[3], d
 
 void kn_device_force(const kn_device_def *device, const double scene_n[3], double device_n[3])
 {
+    // the transposed matrix turns scene axes into device axes
     double a[3][3];
     kn_device_axes(device, a);
     for (int k = 0; k < 3; k++) device_n[k] = a[0][k] * scene_n[0] + a[1][k] * scene_n[1] + a[2][k] * scene_n[2];

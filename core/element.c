@@ -5,7 +5,7 @@
 
 static const struct {
     const char *name, *expression;
-    bool plain; // the name kn_element_name gives
+    bool plain; // true if kn_element_name returns this name
 } names[] = {
     {"s", "", false},
     {"spring", "", true},
@@ -33,6 +33,7 @@ typedef struct parser {
 
 static int read_parallel(parser *p);
 
+// Report the first error, with the column where it is.
 static int complain(parser *p, const char *at, const char *what, int length)
 {
     if (p->error_size && !*p->error)
@@ -43,7 +44,7 @@ static int complain(parser *p, const char *at, const char *what, int length)
 
 static void skip_spaces(parser *p) { p->at += strspn(p->at, " \t"); }
 
-// Bytes of a name at the cursor. A hyphen belongs to it only where a known name has one, as in kelvin-voigt.
+// Return the length of a name at the cursor. A hyphen is part of a name only in known names, such as kelvin-voigt.
 static size_t name_size(const char *at, const char *letters)
 {
     size_t size = strspn(at, letters);
@@ -62,7 +63,8 @@ static int add_leaf(parser *p, kn_element_kind kind, const char *at)
     return e->nodes++;
 }
 
-// What a name stands for is read as if it stood there; its places are not the user's.
+// Read the definition of a name as if it were written in the text. Its errors are reported at the name, because columns
+// within the definition would mean nothing to the user.
 static int read_definition(parser *p, const char *definition, const char *at)
 {
     char error[64] = "";
@@ -71,6 +73,7 @@ static int read_definition(parser *p, const char *definition, const char *at)
     return node >= 0 ? node : complain(p, at, "too many springs and dampers, expected at most 16", 0);
 }
 
+// Read a spring, a damper or a name.
 static int read_name(parser *p)
 {
     static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.";
@@ -86,6 +89,7 @@ static int read_name(parser *p)
     return complain(p, at, "unknown element '", size > 24 ? 24 : (int)size);
 }
 
+// Read a name or an expression in parentheses.
 static int read_unit(parser *p)
 {
     skip_spaces(p);
@@ -99,6 +103,7 @@ static int read_unit(parser *p)
     return node;
 }
 
+// Add a child to a group. If the child is a group of the same kind, add the children of that group instead.
 static void add_child(kn_element *e, int group, int child)
 {
     kn_element_node *g = &e->node[group];
@@ -108,8 +113,8 @@ static void add_child(kn_element *e, int group, int child)
         for (int i = 0; i < c->count; i++) g->child[g->count++] = c->child[i];
 }
 
-// One or more of what `read` reads, with `mark` between them. A group is made with its second member, so a tree of n
-// leaves has at most n - 1 of them.
+// Read one or more units with `mark` between them. A group is made with its second member, so a tree of n
+// leaves has at most n - 1 groups.
 static int read_group(parser *p, kn_element_kind kind, char mark, int (*read)(parser *))
 {
     int first = read(p), group = -1;
@@ -147,7 +152,7 @@ bool kn_element_parse(kn_element *e, const char *text, char *error, size_t error
 
 // ---- normal form
 
-// Groups before s before d; groups among themselves by their text.
+// Compare two nodes for sorting: groups before s before d, and groups by their text.
 static int compare(const kn_element *e, int a, int b)
 {
     static const int rank[] = {1, 2, 0, 0};
@@ -159,17 +164,20 @@ static int compare(const kn_element *e, int a, int b)
     return strcmp(one, two);
 }
 
-// Returns the node that stands for the group afterwards: itself, or the one primitive that is left of it.
+// Bring a group into normal form. Return the node that replaces the group: the group itself, or its one remaining
+// primitive.
 static int normalize(kn_element *e, int node)
 {
     kn_element_node *g = &e->node[node];
     if (g->kind < KN_ELEMENT_SERIES) return node;
-    for (int i = 0; i < g->count; i++) { // insertion sort: 16 at most
+    // sort the children by insertion: there are at most 16
+    for (int i = 0; i < g->count; i++) {
         unsigned char child = (unsigned char)normalize(e, g->child[i]);
         int at = i;
         for (; at > 0 && compare(e, g->child[at - 1], child) > 0; at--) g->child[at] = g->child[at - 1];
         g->child[at] = child;
     }
+    // all springs of a group act as one spring, all dampers as one damper: keep the first of each
     int kept = 0;
     for (int i = 0; i < g->count; i++) {
         kn_element_kind kind = e->node[g->child[i]].kind;
@@ -180,6 +188,7 @@ static int normalize(kn_element *e, int node)
     return kept == 1 ? g->child[0] : node;
 }
 
+// Number springs and dampers in order of appearance.
 static void number_leaves(kn_element *e, int node)
 {
     kn_element_node *g = &e->node[node];
@@ -196,6 +205,7 @@ void kn_element_normalize(kn_element *e)
 
 // ---- writing
 
+// Find a leaf by its number, counting springs and dampers on the way.
 static bool find_leaf(const kn_element *e, int node, int leaf, int *seen, kn_element_kind *kind)
 {
     const kn_element_node *g = &e->node[node];
@@ -237,7 +247,8 @@ static size_t print(const kn_element *e, int node, bool numbered, char *text, si
     return at;
 }
 
-// 16 primitives of at most 3 characters, 15 marks between them and 14 pairs of parentheses stay below 128.
+// KN_ELEMENT_TEXT is long enough: 16 primitives of at most 3 characters, 15 marks between them and 14 pairs of
+// parentheses need less than 128.
 void kn_element_print(const kn_element *e, int node, bool numbered, char text[KN_ELEMENT_TEXT])
 {
     print(e, node, numbered, text, 0);
@@ -255,6 +266,7 @@ const char *kn_element_name(const kn_element *normal)
 {
     char text[KN_ELEMENT_TEXT], known[KN_ELEMENT_TEXT], error[64];
     kn_element_print(normal, normal->root, false, text);
+    // compare with the normal form of every known name
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
         kn_element e;
         if (!names[i].plain || !kn_element_parse(&e, names[i].name, error, sizeof error)) continue;
@@ -267,7 +279,8 @@ const char *kn_element_name(const kn_element *normal)
 
 // ---- the paper's rules
 
-bool kn_element_residual(const kn_element *e, int node) // Table 1
+// Table 1, residual: in series one member with residual deformation is enough; in parallel all members must have it.
+bool kn_element_residual(const kn_element *e, int node)
 {
     const kn_element_node *g = &e->node[node];
     if (g->kind < KN_ELEMENT_SERIES) return g->kind == KN_ELEMENT_DAMPER;
@@ -276,7 +289,8 @@ bool kn_element_residual(const kn_element *e, int node) // Table 1
     return g->kind == KN_ELEMENT_SERIES ? with > 0 : with == g->count;
 }
 
-bool kn_element_bouncing(const kn_element *e, int node) // Table 2: the same for both connections
+// Table 2, bouncing: one member that bounces is enough, in series and in parallel.
+bool kn_element_bouncing(const kn_element *e, int node)
 {
     const kn_element_node *g = &e->node[node];
     bool bounces = g->kind == KN_ELEMENT_SPRING;
@@ -284,6 +298,7 @@ bool kn_element_bouncing(const kn_element *e, int node) // Table 2: the same for
     return bounces;
 }
 
+// Vibration dies down if every part in series involves a damper.
 bool kn_element_vibration_dies(const kn_element *e, int node)
 {
     const kn_element_node *g = &e->node[node];

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct lattice { // everything that stores, as lists
+typedef struct lattice { // lists of everything that stores energy
     const kn_model *model;
     kn_springs springs;
     kn_cell *cell;
@@ -17,6 +17,7 @@ typedef struct lattice { // everything that stores, as lists
 
 // --- lists ----------------------------------------------------------------------------------------------------------
 
+// List all cells with their volumes at rest.
 static bool list_cells(lattice *l)
 {
     const kn_model *m = l->model;
@@ -49,12 +50,14 @@ static bool lattice_init(lattice *l, const kn_model *model)
 
 // --- sums -----------------------------------------------------------------------------------------------------------
 
+// Return the energy stored in a Voigt element, J.
 static double in_edge(const kn_springs *s, const kn_state *state, int number)
 {
     double u = kn_spring_look(s, state, number).voigt;
     return 0.5 * s->law.mat.k1_pa * u * u * s->spring[number].volume_m3;
 }
 
+// Return the kinetic energy of a node, J, and add its potential energy of height.
 static double in_node(const kn_model *m, const kn_state *state, int i, double *height_j)
 {
     double x[3], v[3];
@@ -73,20 +76,20 @@ static double volume_of(const kn_model *m, const kn_state *state, const kn_cell 
     return kn_cell_volume(&m->grid, (const double(*)[3])x, gradient);
 }
 
-// In units of P0 V0: the integral of cell.h's law.
+// Return the energy of the gas at J = V/V0, in units of P0 V0: the integral of cell.h's law.
 static double gas(double j)
 {
     double slope, least = fmax(j, KN_CELL_LEAST), under = least - j, pressure = kn_cell_pressure(least, &slope);
     return least - 1 - log(least) + under * (pressure + 0.5 * slope * under);
 }
 
-typedef struct sum { // of a state, part by part
+typedef struct sum { // sums over a state, part by part
     kn_energy energy;
     double volume_m3, rest_m3; // of all cells
-    int edge, node, cell;      // where it has come to
+    int edge, node, cell;      // progress: the next edge, node, cell
 } sum;
 
-// The next few; true when there are none left.
+// Sum the next `count` edges, nodes and cells. Return true when none are left.
 static bool sum_some(const lattice *l, const kn_state *state, sum *s, int count)
 {
     const kn_model *m = l->model;
@@ -100,6 +103,7 @@ static bool sum_some(const lattice *l, const kn_state *state, sum *s, int count)
         s->volume_m3 += now;
         s->rest_m3 += rest;
     }
+    // one pressure for the whole object needs the whole volume first
     if (count == 0) return false;
     if (m->def.pressure == KN_PRESSURE_OBJECT)
         s->energy.gas = m->def.inside_pressure_pa * s->rest_m3 * gas(s->volume_m3 / s->rest_m3);
@@ -119,9 +123,9 @@ bool kn_energy_of(const kn_model *model, const kn_state *state, kn_energy *energ
 
 // --- audit ----------------------------------------------------------------------------------------------------------
 
-typedef struct moment {      // a copy's account
-    double work_j, either_j; // done, and either way, since the last reset
-    double contact_j;        // the most that the layers may give back
+typedef struct moment {      // the energies at one copy of the state
+    double work_j, either_j; // work done, and sum of its absolute values, since the last reset
+    double contact_j;        // the most that the contact layers may give back, J
     double stored_j;
 } moment;
 
@@ -129,9 +133,9 @@ struct kn_audit {
     lattice lattice;
     kn_state *copy;
     sum sum;
-    int at_once;          // edges to a tick
-    bool summing, closed; // copy is being summed; `first` and `last` hold a moment
-    int64_t ticks, steps; // since the last reset: audited; of the state when it was audited last
+    int at_once;          // edges summed per tick
+    bool summing, closed; // the copy is being summed; `first` and `last` hold a moment
+    int64_t ticks, steps; // since the last reset: ticks audited; steps of the state at the last audit
     moment now, taken, first, last;
     double probe_work_j[KN_PROBES_MAX];
     bool attached[KN_PROBES_MAX];
@@ -160,7 +164,8 @@ void kn_audit_destroy(kn_audit *audit)
     free(audit);
 }
 
-// A tool's work begins at 0 when it is attached, and nobody knows whether it is kept when it is not.
+// Add the tools' work of the last tick to the account. A tool's work begins at 0 when the tool is attached. The value
+// of a detached tool is not used.
 static void book_work(kn_audit *a, const kn_state *state)
 {
     for (int p = 0; p < a->lattice.model->def.probe_count; p++) {
@@ -173,6 +178,7 @@ static void book_work(kn_audit *a, const kn_state *state)
     }
 }
 
+// Return the most energy that contact may give back: half of force times deflection of every pressing sample.
 static double in_contact(const kn_state *state)
 {
     const kn_contact *c = &kn_state_scratch(state)->contact;
@@ -185,11 +191,13 @@ static double in_contact(const kn_state *state)
             side[k] = s->force_n[k] - s->pressing_n * s->normal[k];
             square += side[k] * side[k];
         }
-        most += 0.5 * (pressing * pressing + square) / s->foundation_n_m; // a layer gets stiffer: it stores less
+        // a layer gets stiffer with depth, so it stores less than this
+        most += 0.5 * (pressing * pressing + square) / s->foundation_n_m;
     }
     return most;
 }
 
+// Start a new account.
 static void begin(kn_audit *a)
 {
     a->ticks = a->steps = 0;
@@ -199,10 +207,13 @@ static void begin(kn_audit *a)
     memset(a->attached, 0, sizeof a->attached);
 }
 
+// Judge the window between the last two copies. The stored energy must not exceed the energy at the earlier copy plus
+// the work done since then.
 static void judge(kn_audit *a)
 {
     kn_audit_news *news = &a->news;
     a->taken.stored_j = kn_energy_sum(&a->sum.energy);
+    // a diverged state has no energy: start anew
     if (!isfinite(a->taken.stored_j)) {
         begin(a);
         return;
@@ -210,6 +221,7 @@ static void judge(kn_audit *a)
     news->stored = a->sum.energy;
     news->work_j = a->taken.work_j;
     if (a->closed) {
+        // most: the largest energy that may be stored now; created energy beyond the tolerance is counted
         double most = a->last.stored_j + a->last.contact_j + a->taken.work_j - a->last.work_j;
         double either = a->taken.either_j - a->last.either_j;
         news->lost_j = most - a->taken.stored_j;
@@ -233,10 +245,12 @@ void kn_audit_follow(kn_audit *next, const kn_audit *last) { next->news = last->
 void kn_audit_tick(kn_audit *audit, const kn_state *state)
 {
     kn_audit *a = audit;
+    // if the state's tick has gone back, the state was reset
     if (state->tick < a->steps || state->bad) begin(a);
     a->steps = state->tick;
-    if (state->bad) return; // its energies are no numbers; what was judged before stands
+    if (state->bad) return; // the energies are not finite; keep the earlier judgements
     book_work(a, state);
+    // copy the state at the start of a window, then sum the copy over the following ticks
     if (a->ticks++ % KN_AUDIT_TICKS == 0 && !a->summing) {
         kn_state_copy(a->lattice.model, a->copy, state);
         a->now.contact_j = in_contact(state);

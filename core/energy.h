@@ -1,56 +1,61 @@
 #ifndef KN_CORE_ENERGY_H
 #define KN_CORE_ENERGY_H
-// The audit of the lattice: nothing may come out of it that has not gone in.
+// The energy audit of the lattice: no energy may come out that has not gone in.
 //
 //     E(t2) <= E(t1) + contact(t1) + W(t1..t2),      E = kinetic + elastic + gas + height
 //
-// E is what the object stores, W the work of the tools (kn_probe_state.work_j), contact what tools' and table's layers
-// may still push with: at most half of force times depth, of stuck friction half of force times stretch. What E is less
-// than that has been dissipated. An edge stores k1 u^2/2 per volume, u at the end of the step (law.h (1), (2)), its
-// volume (gamma L0)^2 kappa weight; gas as cell.h says. Implicit Euler itself dissipates; its straight lines around the
-// guess and the gradients' remainder may create a little: KN_AUDIT_SHARE of the work done either way is not told.
+// E is the energy that the object stores. W is the work of the tools (kn_probe_state.work_j). `contact` is the energy
+// that the layers of tools and table may still return: at most half of force times depth, and for stuck friction half
+// of force times stretch. The difference between the two sides has been dissipated. An edge stores k1 u^2/2 per volume,
+// with u at the end of the step (law.h (1), (2)) and the volume (gamma L0)^2 kappa weight. Gas stores energy as in
+// cell.h. Implicit Euler itself dissipates. Its linearisation around the guess and the remaining residual of the
+// conjugate gradients may create a little energy. So KN_AUDIT_SHARE of the work done in either direction is tolerated.
 //
-// A large lattice takes longer to sum than a tick lasts. So the state is copied once in KN_AUDIT_TICKS, after the forces
-// have gone out (12 us of 847 nodes, 64 of 5 733), and the copy is summed edge by edge in the ticks that follow (1.5, 12).
+// Summing a large lattice takes longer than a tick. So the state is copied once in KN_AUDIT_TICKS, after the forces
+// have been sent. The copy takes 12 us for 847 nodes and 64 us for 5 733. The following ticks sum the copy edge by
+// edge, at 1.5 and 12 us each.
 #include "core/state.h"
 
 #define KN_AUDIT_TICKS 1000
 #define KN_AUDIT_SHARE 0.01
 
-typedef struct kn_energy { // J, of the undeformed object at rest all 0
+typedef struct kn_energy { // J; all 0 for the undeformed object at rest
     double kinetic, elastic, gas, height;
 } kn_energy;
 
 static inline double kn_energy_sum(const kn_energy *e) { return e->kinetic + e->elastic + e->gas + e->height; }
 
 typedef struct kn_audit_news {
-    kn_energy stored; // in the last copy
-    double work_j;    // of all tools since the last reset, up to it
-    double lost_j;    // dissipated from the copy before it on; < 0: created
-    double balance_j; // work less what has been stored since the first copy of this object: dissipated; < 0: created
-    int64_t windows;  // between two copies, judged since the audit was made
-    int64_t created;  // of these: more came out than the share that is not told
-    double most_j;    // created in one of them
+    kn_energy stored; // energy in the last copy
+    double work_j;    // work of all tools from the last reset to the last copy
+    double lost_j;    // energy dissipated between the last two copies; < 0: created
+    double balance_j; // energy dissipated since the first copy of this object, work minus storage; < 0: created
+    int64_t windows;  // number of windows (between two copies) judged since the audit was created
+    int64_t created;  // number of windows that created more energy than is tolerated
+    double most_j;    // most energy created in one of those windows
 } kn_audit_news;
 
 typedef struct kn_audit kn_audit;
 
-// Of an implicit model; borrows it. NULL: memory is short, or it is Runge-Kutta's.
+// Create an audit. `model` must outlive the audit. Return NULL if memory is short or the solver is not the implicit
+// one.
 kn_audit *kn_audit_create(const kn_model *model);
 void kn_audit_destroy(kn_audit *audit); // NULL is fine
 
-// The object has been replaced: what it stores is not the work of anybody. Real-time safe.
+// Start again after the object has been replaced: its stored energy is not the work of any tool. Real-time safe.
 void kn_audit_restart(kn_audit *audit);
 
-// The object goes on in another model, whose audit `next` is: with what `last` has counted. Real-time safe.
+// Copy the counts of the audit `last` to the audit `next`. Call when the object continues in another model, which
+// `next` audits. Real-time safe.
 void kn_audit_follow(kn_audit *next, const kn_audit *last);
 
-// After every tick, resets included. Real-time safe: every KN_AUDIT_TICKS a copy of the state, else some edges.
+// Call after every tick, resets included. Real-time safe: copies the state once in KN_AUDIT_TICKS, else sums some
+// edges.
 void kn_audit_tick(kn_audit *audit, const kn_state *state);
 
 const kn_audit_news *kn_audit_read(const kn_audit *audit);
 
-// All of it at once: not real-time safe. False when memory is short.
+// Sum the energy of a state at once. Not real-time safe. Return false if memory is short.
 bool kn_energy_of(const kn_model *model, const kn_state *state, kn_energy *energy);
 
 #endif

@@ -7,11 +7,11 @@
 #include <string.h>
 
 #define RIM 2         // cells around the surface
-#define SHARPEN 0.125 // of a cell, see field.h
+#define SHARPEN 0.125 // largest correction of a coefficient, in cells: see field.h
 
 // --- distance to a triangle -----------------------------------------------------------------------------------------
 
-// Square of the distance from p to the segment from a along u.
+// Return the square of the distance from p to the segment from a along u.
 static double to_segment(const double p[3], const double a[3], const double u[3])
 {
     double from[3], uu = kn_dot(u, u);
@@ -21,7 +21,8 @@ static double to_segment(const double p[3], const double a[3], const double u[3]
     return kn_dot(from, from);
 }
 
-// Above the inside of the triangle to its plane, else to its nearest side.
+// Return the square of the distance from p to a triangle: to the plane if p is above the inside of the triangle, else
+// to the nearest side.
 static double to_triangle(const double p[3], const double *const x[3])
 {
     double side[3][3], normal[3], from[3], across[3], nearest = INFINITY;
@@ -44,8 +45,8 @@ static double to_triangle(const double p[3], const double *const x[3])
 
 typedef struct filler {
     kn_field *field;
-    double (*ball)[4]; // around each triangle: middle, radius
-    double *distance;  // of the candidates' balls from the middle of one block
+    double (*ball)[4]; // ball around each triangle: centre and radius
+    double *distance;  // distances of the candidates' balls from the middle of one block
 } filler;
 
 static size_t place(const kn_field *f, const int at[3])
@@ -59,9 +60,10 @@ static double to_candidate(const kn_field *f, const double p[3], int candidate)
     return sqrt(to_triangle(p, (const double *const[3]){f->x_m[t[0]], f->x_m[t[1]], f->x_m[t[2]]}));
 }
 
-// Keeps those of a block's candidates that may be the nearest of one of its points: one that is farther from its middle
-// than another one, by more than its diagonal, is not. The balls spare most of the distances; by them alone a fan of long
-// triangles would stay whole. kept has room for all of them.
+// Keep the candidates that may be nearest to some point of a block. A triangle is dropped if it is farther from the
+// block's middle than the nearest one by more than the block's diagonal. A first test with the balls around the
+// triangles avoids most exact distances. The test with the balls alone would keep every triangle of a fan of long
+// triangles. `kept` has room for all candidates.
 static int keep_near(const filler *fill, const double middle[3], double diagonal, const int *candidate, int count,
                      int *kept)
 {
@@ -73,6 +75,7 @@ static int keep_near(const filler *fill, const double middle[3], double diagonal
         fill->distance[i] = sqrt(kn_dot(from, from)) - ball[3];
         if (fill->distance[i] < nearest) nearest = fmin(nearest, to_candidate(fill->field, middle, candidate[i]));
     }
+    // a point of the block is at most half a diagonal from the middle, so either distance changes by at most that much
     const double most = (nearest + diagonal) * (1 + 1e-12);
     for (int i = 0; i < count; i++)
         if (fill->distance[i] <= most && to_candidate(fill->field, middle, candidate[i]) <= most)
@@ -87,7 +90,8 @@ static double nearest_of(const kn_field *f, const double p[3], const int *candid
     return nearest;
 }
 
-// The points from low to high, each end included, by halves.
+// Fill the points from low to high, both ends included. A block is split into eight, with
+// fewer candidates for each part.
 static void fill_block(const filler *fill, const int low[3], const int high[3], const int *candidate, int count,
                        int *room)
 {
@@ -104,6 +108,7 @@ static void fill_block(const filler *fill, const int low[3], const int high[3], 
         f->value[place(f, low)] = (float)nearest_of(f, middle, room, kept);
         return;
     }
+    // split into halves along every axis; an axis of a single row is not split
     for (int part = 0; part < 8; part++) {
         int from[3], to[3];
         bool any = true;
@@ -129,7 +134,7 @@ static void ball_around(const kn_field *f, const int t[3], double ball[4])
 
 static bool fill_distances(kn_field *f)
 {
-    enum { LEVELS = 24 }; // halvings of the longest side, and some
+    enum { LEVELS = 24 }; // at least the number of halvings of the longest side
     size_t count = (size_t)f->triangle_count;
     filler fill = {
         .field = f, .ball = malloc(count * sizeof *fill.ball), .distance = malloc(count * sizeof *fill.distance)};
@@ -149,8 +154,8 @@ static bool fill_distances(kn_field *f)
 
 // --- inside or outside ----------------------------------------------------------------------------------------------
 
-// Twice the area of a, b, p in the y-z plane, by the same numbers whichever triangle of an edge asks: what one finds to
-// be on its side, the other finds on its own.
+// Return twice the area of a, b, p in the y-z plane. The numbers are combined in the same order for both triangles at
+// an edge, so a point on one side for one triangle is on the other side for the other.
 static double beside(const kn_field *f, int a, int b, const double p[2])
 {
     bool swap = a > b;
@@ -159,7 +164,7 @@ static double beside(const kn_field *f, int a, int b, const double p[2])
     return swap ? -area : area;
 }
 
-// Where the row through p crosses triangle t, if it does: the side that it comes from, -1 or 1; 0: it does not.
+// Find where the row through p crosses triangle t. Return the side that the row comes from, -1 or 1; 0: no crossing.
 static int crosses(const kn_field *f, const int t[3], const double p[2], double *x_m)
 {
     double area[3], sum = 0;
@@ -167,6 +172,7 @@ static int crosses(const kn_field *f, const int t[3], const double p[2], double 
     *x_m = 0;
     for (int c = 0; c < 3; c++) {
         area[c] = beside(f, t[(c + 1) % 3], t[(c + 2) % 3], p);
+        // a point on an edge counts for exactly one of the edge's triangles
         left += area[c] > 0 || (area[c] == 0 && t[(c + 1) % 3] < t[(c + 2) % 3]);
         sum += area[c];
     }
@@ -175,17 +181,17 @@ static int crosses(const kn_field *f, const int t[3], const double p[2], double 
     return left == 3 ? 1 : -1;
 }
 
-// First and last row of an axis between two places; none is first > last.
+// Find the first and last row of an axis between two places. If first > last, there is no row.
 static void rows_between(const kn_field *f, int k, double low, double high, int rows[2])
 {
     rows[0] = (int)fmax(0, floor((low - f->low_m[k]) / f->cell_m));
     rows[1] = (int)fmin(f->n[k] - 1, ceil((high - f->low_m[k]) / f->cell_m));
 }
 
-// Adds to `turns` what each point's row gains at it by crossing triangle t.
+// Add to `turns` the entries of rows into the surface through triangle t, each at the first point behind the crossing.
 static void cross_rows(const kn_field *f, const int t[3], int16_t *turns)
 {
-    // rows beside the points by less than matters, so that faces and edges along the grid are not met
+    // rows run slightly beside the points, by a negligible distance, so that they miss faces and edges along the grid
     const double off[2] = {1.234e-4 * f->cell_m, 5.678e-5 * f->cell_m};
     double x_m;
     int rows[2][2];
@@ -203,7 +209,8 @@ static void cross_rows(const kn_field *f, const int t[3], int16_t *turns)
         }
 }
 
-// Inside is where a row has gone in more often than out, or the other way when the surface is inside out.
+// Make distances inside negative. Inside is where a row has entered the surface more often than left it, or less often
+// if the surface is inside out. Return false if a row ends inside.
 static bool sign_distances(kn_field *f)
 {
     size_t count = (size_t)f->n[0] * (size_t)f->n[1] * (size_t)f->n[2];
@@ -225,7 +232,7 @@ static bool sign_distances(kn_field *f)
 
 // --- coefficients ---------------------------------------------------------------------------------------------------
 
-// d -> c of field.h; at the rim as it is.
+// Turn distances d into coefficients c, see field.h. The rim is left unchanged.
 static bool sharpen(kn_field *f)
 {
     const size_t step[3] = {1, (size_t)f->n[0], (size_t)f->n[0] * (size_t)f->n[1]}, count = step[2] * (size_t)f->n[2];
@@ -255,6 +262,7 @@ double kn_field_points(const double extent_m[3], double cell_m)
     return points;
 }
 
+// Measure the surface, and lay the grid around it.
 static void measure(kn_field *f)
 {
     for (int k = 0; k < 3; k++) f->box_m[0][k] = INFINITY, f->box_m[1][k] = -INFINITY;
@@ -294,6 +302,7 @@ kn_field *kn_field_build(int vertex_count, const double (*x_m)[3], int triangle_
         measure(f);
         f->value = malloc((size_t)f->n[0] * (size_t)f->n[1] * (size_t)f->n[2] * sizeof *f->value);
     }
+    // exact distances, then signs, then coefficients of the spline
     ok = ok && f->value && fill_distances(f) && sign_distances(f) && sharpen(f);
     if (ok) return f;
     kn_field_drop(f);
@@ -311,11 +320,12 @@ void kn_field_drop(kn_field *f)
 
 // --- looking up -----------------------------------------------------------------------------------------------------
 
-// Spline and its slope at u, in cells from the first point, within the grid.
+// Evaluate the spline and its slope at u, in cells from the first point, within the grid.
 static double look_up(const kn_field *f, const double u[3], double slope[3])
 {
     double w[3][3], dw[3][3], sum = 0;
     int at[3];
+    // weights of the three points around u along every axis, and their derivatives
     for (int k = 0; k < 3; k++) {
         at[k] = (int)(u[k] + 0.5);
         double t = u[k] - at[k];
@@ -342,6 +352,7 @@ static double look_up(const kn_field *f, const double u[3], double slope[3])
 double kn_field_distance(const kn_field *f, const double at[3], double gradient[3])
 {
     double u[3], over[3], beyond = 0;
+    // beyond the grid, look up the nearest point of its rim
     for (int k = 0; k < 3; k++) {
         double exact = (at[k] - f->low_m[k]) / f->cell_m;
         u[k] = fmin(fmax(exact, 0.75), f->n[k] - 1.75);
@@ -351,7 +362,8 @@ double kn_field_distance(const kn_field *f, const double at[3], double gradient[
     double distance = look_up(f, u, gradient), size = sqrt(kn_dot(gradient, gradient));
     for (int k = 0; k < 3; k++) gradient[k] = size > 0 ? gradient[k] / size : k == 2;
     if (beyond == 0) return distance;
-    for (int k = 0; k < 3; k++) gradient[k] = distance * gradient[k] + over[k]; // from the surface's point
+    // take the distance from the surface point that is nearest to the rim
+    for (int k = 0; k < 3; k++) gradient[k] = distance * gradient[k] + over[k];
     size = sqrt(kn_dot(gradient, gradient));
     for (int k = 0; k < 3; k++) gradient[k] = size > 0 ? gradient[k] / size : k == 2;
     return size;
@@ -359,6 +371,7 @@ double kn_field_distance(const kn_field *f, const double at[3], double gradient[
 
 double kn_field_support(const kn_field *f, const double way[3])
 {
+    // take the smaller of box and ball, both centred in the box
     double middle = 0, box = 0;
     for (int k = 0; k < 3; k++) {
         double half = 0.5 * (f->box_m[1][k] - f->box_m[0][k]);

@@ -1,52 +1,59 @@
 #ifndef KN_CORE_FIELD_H
 #define KN_CORE_FIELD_H
-// Signed distance of a closed surface of triangles, as a grid: what makes a tool of any file (shape.h).
+// Signed distance of a closed surface of triangles, stored as a grid. With such a grid, any surface file can be a tool
+// (shape.h).
 //
-// At the grid's points the distance is exact: to the nearest triangle, negative where a row of points has entered the
-// surface more often than left it, so that surfaces which pass through themselves have an inside, too. Between them a
-// quadratic B-spline, whose value and gradient are one polynomial with continuous slopes: a tool that slides does not
-// feel the cells. Its coefficients are c = d - (sum of second differences)/8, which is exact for quadratics, the second
-// term cut to an eighth of a cell: an edge stays as round as the spline makes it.
+// At the grid's points, the distance to the nearest triangle is exact. To find its sign, a row of grid points is
+// followed through the surface. The distance is negative where the row has entered the surface more often than it has
+// left the surface. For a surface that is inside out, the sign is reversed. So a surface that passes through itself has
+// an inside, too. Between the points, the distance is a quadratic B-spline. Its value and gradient come from one
+// polynomial with continuous slopes, so a tool that slides does not feel the cells. The coefficients are c = d - (sum
+// of second differences)/8, which is exact for quadratics. The correction is limited to an eighth of a cell, so an edge
+// stays as round as the spline makes it.
 //
-// Error: less than one cell s anywhere, since no distance changes faster than its place and the spline's points are at
-// most 0.87 s away in the mean; where the surface has a radius of curvature r > 4 s, less than s^3/(4 r^2). Beyond the
-// grid, which is two cells wider than the surface, the point of it that is nearest to the grid's rim counts.
+// The error is less than the side s of a cell anywhere, because a distance changes no faster than its place and the
+// spline's points are at most 0.87 s away in the mean. Where the surface has a radius of curvature r > 4 s, the error
+// is below s^3/(4 r^2). The grid is two cells wider than the surface. Beyond the grid, the distance is that to the
+// surface point which is nearest to the grid's rim.
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #define KN_FIELD_POINTS_MAX (1 << 21)    // 8 MiB
-#define KN_FIELD_TRIANGLES_MAX (1 << 17) // some seconds
+#define KN_FIELD_TRIANGLES_MAX (1 << 17) // building takes some seconds
 
 typedef struct kn_field {
     int n[3];
     double low_m[3], cell_m;
     float *value;                     // [n[2]][n[1]][n[0]] coefficients, m
-    double box_m[2][3];               // around the surface
-    double ball_m;                    // radius of the ball around it in the middle of the box
-    double bound_m;                   // no point of it is farther from the origin
-    double fine_m;                    // radius of the largest ball inside of it, to a cell
+    double box_m[2][3];               // box around the surface
+    double ball_m;                    // radius of the ball around the surface, centred in the box
+    double bound_m;                   // no point of the surface is farther from the origin
+    double fine_m;                    // radius of the largest ball inside the surface, to within a cell
     int vertex_count, triangle_count; // for drawing
     double (*x_m)[3];
     int (*triangle)[3];
-    uint64_t hash; // of the triangles
-    int holders;   // who keeps it, in one thread
+    uint64_t hash; // hash of vertices and triangles
+    int holders;   // number of users, all in one thread
 } kn_field;
 
-// Points of the grid around a surface of that extent.
+// Return the number of grid points for a surface of the extent extent_m.
 double kn_field_points(const double extent_m[3], double cell_m);
 
-// Closed and wound one way, see scene/shell.h; inside out is the same. At most the points and triangles above. One
-// holder. NULL: no memory, or rounding left a row of points inside at its end.
+// Build the grid of a closed surface whose triangles all run the same way round (scene/shell.h). An inside-out surface
+// is allowed. Points and triangles must not exceed the limits above. The new field has one holder. Return NULL if
+// memory is short, or if rounding leaves a row of points inside at its end.
 kn_field *kn_field_build(int vertex_count, const double (*x_m)[3], int triangle_count, const int (*triangle)[3],
                          double cell_m);
 
-// As kn_shape_distance, and as real-time safe.
+// Return the signed distance of the point `at`, like kn_shape_distance. Real-time safe.
 double kn_field_distance(const kn_field *field, const double at[3], double gradient[3]);
 
-// No less than it reaches that way, see kn_shape_support: by the smaller of the box around it and the ball around that.
+// Return an upper bound of the field's extent in a direction, see kn_shape_support. The bound is the smaller of the
+// extents of the box and the ball around the surface.
 double kn_field_support(const kn_field *field, const double way[3]);
 
-void kn_field_drop(kn_field *field); // one holder less; the last one frees it. NULL is fine
+// Remove one holder; the last one frees the field. NULL is fine.
+void kn_field_drop(kn_field *field);
 
 #endif

@@ -1,6 +1,6 @@
 #include "core/gas.h"
 
-// Corners of cell c at rest + x.
+// Compute the corners of cell c at rest + x.
 void kn_gas_corners(const kn_model *model, int c, const double *rest, const double *x, double corner[8][3])
 {
     for (int i = 0; i < 8; i++) {
@@ -15,7 +15,7 @@ double kn_gas_volume(const kn_model *model, const double corner[8][3], double gr
                            : kn_cell_volume(&model->grid, corner, gradient);
 }
 
-// Adds force_pa dV/dx of a cell's corners to f.
+// Add force_pa dV/dx to f at a cell's corners.
 static void push_corners(const kn_cell *cell, double force_pa, const double gradient[8][3], double *f)
 {
     for (int i = 0; i < 8 && cell->corner[i] >= 0; i++)
@@ -26,6 +26,7 @@ void kn_gas_push(const kn_model *model, const double *rest, const double *x, dou
 {
     double corner[8][3], gradient[8][3], slope, sum = 0, sum0 = 0;
     bool whole = model->def.pressure == KN_PRESSURE_OBJECT;
+    // pass 0 sums the volume of the whole object, pass 1 pushes
     for (int pass = whole ? 0 : 1; pass < 2; pass++)
         for (int c = 0; c < model->cell_count; c++) {
             kn_gas_corners(model, c, rest, x, corner);

@@ -13,22 +13,25 @@ const kn_measure_name kn_measure_names[KN_MEASURES] = {
     [KN_MEASURE_RESIDUAL] = {"residual", "residual strain", ""},
 };
 
-// Symmetric tensors are vectors: xx yy zz yz xz xy.
-typedef struct share { // of a node: weighted sums over its edges
+// Symmetric tensors are stored as vectors: xx yy zz yz xz xy.
+typedef struct share { // weighted sums over the edges of a node
     double weight;     // V_e
-    double fit[6][6];  // the normal equations of S, which directions at rest decide: their Cholesky factor
-    double against[6]; // their right side, and V_e r_e^2: of the state that is read
+    // normal equations of S, which depend on the directions at rest only: their Cholesky factor
+    double fit[6][6];
+    // right side of these equations, and sum of V_e r_e^2: both belong to the state that is read
+    double against[6];
     double square;
 } share;
 
 struct kn_gauge {
     kn_springs springs;
     share *node;            // [node_count]
-    int *master;            // [node_count] the node in the same place that keeps its sums
+    int *master;            // [node_count] node in the same place that stores the sums for this node
     double stiffness[6][6]; // R <n n n n>
 };
 
-static void square_of(const kn_gauge *g, const kn_spring *e, double out[6]) // n n at rest
+// Compute n n of an edge at rest.
+static void square_of(const kn_gauge *g, const kn_spring *e, double out[6])
 {
     static const int a[6] = {0, 1, 2, 1, 0, 0}, b[6] = {0, 1, 2, 2, 2, 1};
     const double(*x)[3] = (const double(*)[3])g->springs.model->rest_m;
@@ -37,8 +40,10 @@ static void square_of(const kn_gauge *g, const kn_spring *e, double out[6]) // n
     for (int k = 0; k < 6; k++) out[k] = n[a[k]] * n[b[k]];
 }
 
-static double twice(int k) { return k < 3 ? 1 : 2; } // how often a component stands in n.S.n
+// Return the number of times that a component appears in n.S.n.
+static double twice(int k) { return k < 3 ? 1 : 2; }
 
+// Compute R <n n n n>, the mean stiffness of all edges, once per model.
 static void average_stiffness(kn_gauge *g)
 {
     const kn_model *m = g->springs.model;
@@ -52,8 +57,8 @@ static void average_stiffness(kn_gauge *g)
     }
 }
 
-// What a node's edges say nothing of (a flat object's third direction, shear without diagonals) stays 0: a little
-// weight on S itself sees to it.
+// Factor the fit of every node. A small weight on S itself keeps those components at 0 that a node's edges do not
+// determine, such as the third direction of a flat object, or shear without diagonals.
 static void factor_fits(kn_gauge *g)
 {
     for (int e = 0; e < g->springs.count; e++) {
@@ -105,6 +110,7 @@ void kn_gauge_destroy(kn_gauge *gauge)
     free(gauge);
 }
 
+// Add one edge's pull and residual strain to both of its nodes.
 static void add_edge(kn_gauge *g, const kn_state *state, int number)
 {
     const kn_spring *e = &g->springs.spring[number];
@@ -125,6 +131,7 @@ static double von_mises(const double s[6])
     return sqrt(0.5 * normal + 3 * (s[3] * s[3] + s[4] * s[4] + s[5] * s[5]));
 }
 
+// Return von Mises' stress of a node: solve its fit for S, then sigma = R <n n n n> : S.
 static double stress(const kn_gauge *g, const share *s)
 {
     double x[6], sigma[6] = {0};

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-// Work for one row of len nodes, in lanes: what the choice of the row axis minimises.
+// Return the number of lanes, padding included, if rows run along an axis. The choice of the row axis minimises it.
 static long padded(const int n[3], int along)
 {
     long vectors = (n[along] + KN_LANES - 1) / KN_LANES;
@@ -21,22 +21,22 @@ void kn_grid_lay(kn_grid *g, int axis, int vectors)
 
 static void choose_axes(kn_grid *g)
 {
-    int best = 0; // ties go to x, then y: the same layout on every machine
+    int best = 0; // if equal, x is preferred, then y, so that the layout is the same on every machine
     for (int a = 1; a < 3; a++)
         if (padded(g->n, a) < padded(g->n, best)) best = a;
     kn_grid_lay(g, best, (g->n[best] + KN_LANES - 1) / KN_LANES);
 }
 
-// k of a side / E of the material.
+// Return kappa = k of a side / E of the material, m.
 static double side_per_modulus(double h, double thickness, double e)
 {
     if (thickness > 0) return thickness / ((1 + 2 * e) / (1 + e));
     return h / (3 * (1 + e) * (1 + 8 * e) / (3 + 17 * e));
 }
 
-// gamma by e, for the least of the worst creep errors of the first paper's dough at 20, 28, 50 and 70 gf/cm^2 (60 s
-// under load, 30 s of rest, small strains, relative L2 against the 1-D element). One factor cannot serve all loads,
-// least so where diagonals carry a part of them: the worst is, column by column,
+// Return gamma for diagonals of stiffness e. The table minimises the worst creep error of the first paper's dough at
+// 20, 28, 50 and 70 gf/cm^2 (60 s under load, 30 s of rest, small strains, relative L2 against the 1-D element). One
+// factor cannot fit all loads, least of all if diagonals carry a part of the load. The worst error, column by column:
 //     block  0  1  2  4  8  13  18  13  7 %        flat  0  1  1  1  2  3  5  11  4 %
 static double creep_area(double e, bool flat)
 {
@@ -44,6 +44,7 @@ static double creep_area(double e, bool flat)
     static const double at[ROWS] = {0, 0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1};
     static const double area[2][ROWS] = {{1, 0.99, 0.96, 0.925, 0.835, 0.725, 0.595, 0.505, 0.46},
                                          {1, 0.995, 0.99, 0.98, 0.955, 0.915, 0.845, 0.70, 0.72}};
+    // between the table's rows gamma is linear in log e
     int i = 0;
     while (i + 2 < ROWS && e > at[i + 1]) i++;
     if (e >= at[i + 1]) return area[flat][i + 1];
@@ -73,6 +74,7 @@ void kn_grid_coords(const kn_grid *g, int node, int ixyz[3])
     ixyz[2] = node / (g->n[0] * g->n[1]);
 }
 
+// Compute a node's place along a, b, c: along the row, row, plane.
 static void lattice_coords(const kn_grid *g, int node, int abc[3])
 {
     int ixyz[3];
@@ -80,6 +82,7 @@ static void lattice_coords(const kn_grid *g, int node, int abc[3])
     for (int k = 0; k < 3; k++) abc[k] = ixyz[g->axis[k]];
 }
 
+// Return the offset of a component of node a of a row: lane a / K of vector a % K.
 static size_t row_slot(const kn_grid *g, int row, int components, int component, int a)
 {
     size_t vector =
@@ -103,7 +106,8 @@ void kn_grid_rest(const kn_grid *g, int node, double x_m[3])
     x_m[2] = ixyz[2] * g->spacing_m;
 }
 
-// Share of a cell layer at index i of n along one axis: half at the ends. A single layer (bar, sheet) is whole.
+// Return the share of a cell that node i of n has along one axis: 0.5 at the ends, else 1. A single layer of nodes
+// (bar, sheet) has 1.
 static double end_share(int i, int n) { return n > 1 && (i == 0 || i == n - 1) ? 0.5 : 1.0; }
 
 double kn_grid_share(const kn_grid *g, int node)
@@ -127,7 +131,7 @@ static int node_at(const kn_grid *g, const int abc[3])
     return kn_grid_node(g, ixyz[0], ixyz[1], ixyz[2]);
 }
 
-// Fills *edge with forward edge e of a node; false when the lattice has no such edge.
+// Fill *edge with forward edge e of a node. Return false if the lattice has no such edge.
 static bool edge_at(const kn_grid *g, int node, int e, kn_edge *edge)
 {
     int abc[3], to[3], steps = 0;
@@ -137,7 +141,7 @@ static bool edge_at(const kn_grid *g, int node, int e, kn_edge *edge)
         to[k] = abc[k] + kn_grid_forward[e][k];
         if (to[k] < 0 || to[k] >= g->len[k]) return false;
         if (kn_grid_forward[e][k] != 0) steps++;
-        else weight *= end_share(abc[k], g->len[k]); // layers of cells on either side that hold this edge
+        else weight *= end_share(abc[k], g->len[k]); // layers of cells on either side that contain this edge
     }
     if (steps > 1 && g->diagonal == 0) return false;
     edge->i = node;

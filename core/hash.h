@@ -1,7 +1,7 @@
 #ifndef KN_CORE_HASH_H
 #define KN_CORE_HASH_H
-// 64-bit hash of plain bytes: four independent multiply lanes over 32-byte blocks, then a mix. About 8 bytes per ns,
-// so a whole state can be hashed inside a tick. Not cryptographic. Same value on every little-endian machine.
+// 64-bit hash of plain bytes: four independent multiply lanes over 32-byte blocks, then a mix. It hashes about 8 bytes
+// per ns, so a tick has time to hash a whole state. Not cryptographic. All little-endian machines give the same value.
 #include <stddef.h>
 #include <stdint.h>
 

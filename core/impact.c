@@ -4,16 +4,18 @@
 #include <math.h>
 #include <string.h>
 
-// At which an edge begins to flow.
+// Return the difference of velocity between the ends of an edge of one spacing at which the edge begins to flow, m/s.
 static double flow_velocity(const kn_model *m) { return m->law.s1_pa / m->law.a_pa_s * m->gamma * m->def.spacing_m; }
 
-// A plate: how much faster or slower its nodes must go, and how far they go, of the limits.
+// Compare the motion of the nodes under plates with its limits. Return the larger of two ratios: the change of velocity
+// to its limit, and the distance moved in this step to its limit. Above 1 the step is an impact.
 static double carried(const kn_model *m, const kn_state *state, const kn_contact *contact)
 {
     double h = m->def.spacing_m, flow_m_s = flow_velocity(m), change = 0, way = 0;
     for (int i = 0; i < contact->hold_count; i++) {
         const kn_hold *hold = &contact->hold[i];
-        double x[3], high = m->rest_m[hold->node][2], left = 1; // of the height below the node
+        // left: share of the height below the node that is not yet compressed
+        double x[3], high = m->rest_m[hold->node][2], left = 1;
         kn_state_position(m, state, hold->node, x);
         if (high > 0) left = fmin(1, fmax(0.02, x[2] / high));
         for (size_t k = 0; k < 3; k++) {
@@ -25,13 +27,15 @@ static double carried(const kn_model *m, const kn_state *state, const kn_contact
     return fmax(change / flow_m_s / KN_IMPACT_RATE, way / KN_IMPACT_WAY);
 }
 
-// A tool of another shape: what its pressure would change by, were the skin to go on as it does.
+// Return the ratio of a change of pressure to its limit, for tools other than plates. The change is the one that
+// follows if the skin keeps its present velocity. Above 1 the step is an impact.
 static double pressed(const kn_model *m, const kn_state *state, const kn_contact *contact)
 {
     double most = 0;
     for (int i = 0; i < contact->sample_count; i++) {
         const kn_sample *sample = &contact->sample[i];
         if (!sample->line.active || sample->probe == KN_TABLE) continue;
+        // the pressure changes by the foundation's stiffness times the velocity of the skin against the tool
         most = fmax(most, kn_probe_foundation(&m->def.probe[sample->probe]) *
                               fabs(kn_sample_gap_rate(m, contact, sample, state->velocity)));
     }
@@ -50,8 +54,9 @@ double kn_impact_power(const kn_model *model)
 {
     const kn_law *law = &model->law;
     if (!(law->s1_pa > 0)) return INFINITY;
-    double flow_n = law->s1_pa * model->gamma * model->def.spacing_m * model->kappa_m; // an edge that flows pulls so
-    double flow_w = flow_n * flow_n / (model->kappa_m * law->a_pa_s);                  // force^2 / damping
+    // flow_n: pull of an edge that begins to flow; flow_w: its power in the solver's norm, force^2 / damping
+    double flow_n = law->s1_pa * model->gamma * model->def.spacing_m * model->kappa_m;
+    double flow_w = flow_n * flow_n / (model->kappa_m * law->a_pa_s);
     return KN_IMPACT_POWER * model->node_count * flow_w;
 }
 
@@ -59,17 +64,20 @@ bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *c
 {
     if (!(model->law.s1_pa > 0)) return false;
     double power = kn_impact_power(model);
+    // soon after a blow, a tenth of the power is a blow too
     double least = state->residual_scale > KN_IMPACT_RECENT * power ? KN_IMPACT_AFTER : 1;
     return rz > least * power || carried(model, state, contact) > 1 || pressed(model, state, contact) > 1;
 }
 
 typedef struct punch { // a plate that comes down
     double down_m_s, middle_m[2], half_m[2], top_m, a_m, h_m;
-    float rest; // share of its velocity below which the object does not flow
+    float rest; // share of the plate's velocity below which the object does not flow
 } punch;
 
+// Measure the blow of one plate from the nodes that it holds. Return false if the plate does not come down fast enough.
 static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact *contact, int probe, punch *plate)
 {
+    // sum the change of velocity, the bounds and the height of the held nodes
     double low_m[2] = {INFINITY, INFINITY}, high_m[2] = {-INFINITY, -INFINITY}, change[3] = {0}, top_m = 0;
     int count = 0;
     for (int i = 0; i < contact->hold_count; i++) {
@@ -86,6 +94,7 @@ static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact 
         count++;
     }
     if (count == 0 || !(top_m > 0)) return false;
+    // a node stands for one spacing around it, so the plate reaches half a spacing beyond its outer nodes
     for (int k = 0; k < 2; k++) {
         plate->middle_m[k] = 0.5 * (low_m[k] + high_m[k]);
         plate->half_m[k] = 0.5 * (high_m[k] - low_m[k] + m->def.spacing_m);
@@ -94,24 +103,31 @@ static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact 
     plate->top_m = top_m / count;
     plate->h_m = m->def.spacing_m;
     plate->down_m_s = -change[2] / count;
+    // leave out the slow parts, whose strain rate stays below KN_IMPACT_REST times the rate at which edges flow
     plate->rest = (float)(KN_IMPACT_REST * flow_velocity(m) / m->def.spacing_m * plate->top_m / plate->down_m_s);
     return plate->down_m_s > KN_IMPACT_BLOW * flow_velocity(m) && plate->rest < 1 &&
-           change[2] * change[2] > change[0] * change[0] + change[1] * change[1]; // not one that is drawn aside
+           change[2] * change[2] > change[0] * change[0] + change[1] * change[1]; // mostly downwards
 }
 
+// Evaluate the guessed field of velocities at one rest position. The formulas and letters are those of impact.h.
 static void punch_at(const punch *p, const double rest_m[3], float velocity_m_s[3])
 {
     const float h = (float)p->h_m, a = (float)p->a_m, top = (float)p->top_m,
                 d = fmaxf(0, (float)(p->top_m - rest_m[2]));
     const float x = (float)(rest_m[0] - p->middle_m[0]), y = (float)(rest_m[1] - p->middle_m[1]);
+    // R: distance from the plate's rectangle; d: depth below the plate
     const float beside_x = fmaxf(0, fabsf(x) - (float)p->half_m[0]),
                 beside_y = fmaxf(0, fabsf(y) - (float)p->half_m[1]);
     const float beside2 = beside_x * beside_x + beside_y * beside_y, way = sqrtf(beside2 + d * d) + 1e-9f;
+    // r': distance from the centre of the plate; h keeps r' above zero
     const float off2 = x * x + y * y + d * d + h * h, off = sqrtf(off2);
+    // downward share of the velocity, interpolated between its values at the surface and on the axis
     const float surface = a / (a + 1.2f * sqrtf(way * a) + 0.8f * way);
     const float axis = a * a / (a * a + 0.15f * way * a + 0.22f * way * way);
+    // shrink the field towards the base and the sides; cut off the slow part, but keep the value 1 under the plate
     const float down = surface + (axis - surface) * d / way, share = down * (float)rest_m[2] / (top + sqrtf(beside2));
     const float v = (float)p->down_m_s * fmaxf(0, share - p->rest) / (down * (1 - p->rest));
+    // outward velocity per metre of distance from the axis
     const float out = a / off * (0.42f * d / off2 - 0.21f / (off + d));
     velocity_m_s[0] = v * out * x;
     velocity_m_s[1] = v * out * y;
@@ -127,6 +143,7 @@ bool kn_impact_guess(const kn_model *model, const kn_state *state, const kn_cont
         punch plate;
         if (!punch_of(model, state, contact, p, &plate)) continue;
         any = true;
+        // add the field to every free component of the guess
         for (int node = 0; node < model->node_count; node++) {
             float v[3];
             punch_at(&plate, model->rest_m[node], v);

@@ -1,4 +1,4 @@
-// Which kernels of kernel.h a model has, by processor, lattice and precision, and the tables that they read.
+// Choice of a model's kernels by processor, lattice and precision, and their tables.
 #include "core/kernel.h"
 
 #include <stdlib.h>

@@ -1,20 +1,23 @@
-// One source for three instruction sets and two precisions; kernel.h says what the loops do, grid.h the layout.
+// The kernels of a grid: one source for three instruction sets and two precisions. kernel.h says what the loops do,
+// grid.h describes the layout.
 #include "core/kernel_law.h"
 
-// Constants of a model in its precision. The same for every instruction set.
+// Constants of a model in its precision. They are equal for every instruction set.
 typedef struct tables {
-    law_tables law;                       // first: its tables are 64-byte aligned with the block
+    law_tables law;                       // first member: its tables are 64-byte aligned with the block
     real direction[KN_FORWARD][3];        // rest vector of forward edge e, m
     real inverse[KN_FORWARD];             // 1/(gamma L0): rate to strain rate, 1/m
     real area[KN_FORWARD];                // gamma kappa L0: stress to force, m^2
-    real root;                            // sqrt(kappa A): sqrt(ds/db) to sqrt of force per rate
-    real mass_dt, weight;                 // of a whole share: kg/s; downward force, N
+    real root;                            // sqrt(kappa A): turns sqrt(ds/db) into sqrt(force per rate)
+    real mass_dt, weight;                 // of a node with the whole share: mass over dt, kg/s; downward force, N
     int vectors, rows, row_count, planes; // K, rows per plane, rows in all, planes
-    real *lane_share;                     // [K][16] share along the row, 0 in padding
-    real *lane_mass;                      // the same, 1 in padding so that no block is singular
-    real *lane_near[3]; // [K][16] weight of an edge shifted by -1, 0, +1: 1 (0: its share) where it exists
+    real *lane_share;                     // [K][16] share of a node along the row, 0 in padding
+    real *lane_mass;                      // [K][16] equal to lane_share, but 1 in padding so that no block is singular
+    // [K][16] weight of an edge shifted by -1, 0, +1 along the row: 1 where the edge exists
+    // (the node's share for shift 0)
+    real *lane_near[3];
     real *lane_near_root[3];
-    real *lane_here[3];                                    // 1 where it exists, else 0
+    real *lane_here[3];                                    // 1 where the edge exists, else 0
     real *row_share, *row_root, *plane_share, *plane_root; // shares and their square roots across the row
     real diagonal, diagonal_root;                          // stiffness of a diagonal / that of a side, and its root
     // pressure: cells; 1/h; P0 dV/dx, dt dJ/dt and sqrt(dt P0/V0) dV/dx of a unit slope; components and rows of a cell
@@ -30,6 +33,7 @@ static size_t tables_size(const kn_model *model)
     return (sizeof(tables) + 63) / 64 * 64 + reals * sizeof(real) + 64;
 }
 
+// Take an array from the block behind the tables.
 static real *take(real **next, size_t count)
 {
     real *p = *next;
@@ -37,6 +41,7 @@ static real *take(real **next, size_t count)
     return p;
 }
 
+// Return the share of node i of n along one axis: a node at an end has half of the cells of an inner one.
 static double end_share(int i, int n) { return n > 1 && (i == 0 || i == n - 1) ? 0.5 : 1.0; }
 
 static void build_lanes(tables *t, const kn_grid *g, real **next)
@@ -51,11 +56,14 @@ static void build_lanes(tables *t, const kn_grid *g, real **next)
     }
     for (int k = 0; k < g->vectors; k++)
         for (int l = 0; l < KN_LANES; l++) {
+            // node a of the row is in lane l of vector k: neighbours along the row are in the next
+            // vector, not in the next lane
             int a = l * g->vectors + k, at = k * KN_LANES + l;
             double share = a < g->len[0] ? end_share(a, g->len[0]) : 0;
             t->lane_share[at] = (real)share;
             t->lane_mass[at] = (real)(share > 0 ? share : 1);
             for (int s = 0; s < 3; s++) {
+                // an edge exists if both ends are in the row
                 bool here = a < g->len[0] && a + s - 1 >= 0 && a + s - 1 < g->len[0];
                 double weight = !here ? 0 : s == 1 ? share : 1;
                 t->lane_near[s][at] = (real)weight;
@@ -94,6 +102,7 @@ static void tables_build(const kn_model *model, void *block)
     law_tables_build(&t->law, model);
     build_lanes(t, g, &next);
     build_rows(t, g, &next);
+    // per forward edge: rest vector, length scales, and the area that turns its stress into a force
     for (int e = 0; e < KN_FORWARD; e++) {
         const int *step = kn_grid_forward[e];
         double length = g->spacing_m * sqrt((double)(step[0] * step[0] + step[1] * step[1] + step[2] * step[2]));
@@ -114,22 +123,24 @@ static void tables_build(const kn_model *model, void *block)
 
 // --- addressing -----------------------------------------------------------------------------------------------------
 
-// Vector k of component c of a row, in a field of C components.
+// Return the offset of vector k of component c of a row, in a field with C components.
 LANES_INLINE size_t at(int K, int row, int C, int c, int k)
 {
     return (((size_t)row * (size_t)C + (size_t)c) * (size_t)K + (size_t)k) * KN_LANES;
 }
 
-// Component c of the nodes one step s (-1, 0, +1) along the row from those of vector k.
+// Load component c of the nodes that lie s steps (-1, 0, +1) along the row from those of vector k.
 LANES_INLINE lanes near(int K, const real *field, int row, int c, int k, int s)
 {
     int to = k + s;
     if (to >= 0 && to < K) return lanes_load(field + at(K, row, 3, c, to));
+    // the neighbour of the last vector is the first vector, shifted by one lane; the same holds the other way round
     if (s > 0) return lanes_next(lanes_load(field + at(K, row, 3, c, 0)));
     return lanes_prev(lanes_load(field + at(K, row, 3, c, K - 1)));
 }
 
-// Where the neighbours of vector k live, and the same turn for what is added to them.
+// near_vector returns the vector that holds the neighbours of vector k. turn moves values by lanes so that they can be
+// added to that vector.
 LANES_INLINE int near_vector(int K, int k, int s)
 {
     int to = k + s;
@@ -144,7 +155,8 @@ LANES_INLINE lanes turn(int K, lanes a, int k, int s)
 
 LANES_INLINE void store_add(real *p, lanes a) { lanes_store(p, lanes_add(lanes_load(p), a)); }
 
-// Rows of group g of a row, or -1: see the drawing in grid.h. Group -1 is the row itself.
+// Return the row of group g of a row's neighbours, or -1 if there is none: see the drawing in
+// grid.h. Group -1 is the row itself.
 LANES_INLINE int group_row(const tables *t, int row, int b, int c, int g)
 {
     switch (g) {
@@ -156,8 +168,8 @@ LANES_INLINE int group_row(const tables *t, int row, int b, int c, int g)
     }
 }
 
-// Share of the cells around an edge of group g and shift s that lies across the row, or its root. Of the groups 0 and 2
-// the edge without a shift is a side, the others and all of 1 and 3 are diagonals.
+// Return the share across the row of the cells around an edge of group g and shift s, or its root. In groups 0 and 2
+// (see grid.h) the edge without a shift is a side. All other edges of the groups 0 to 3 are diagonals.
 LANES_INLINE real group_share(real row, real plane, real diagonal, int g, int s)
 {
     switch (g) {
@@ -168,14 +180,16 @@ LANES_INLINE real group_share(real row, real plane, real diagonal, int g, int s)
     }
 }
 
-// f64's g would be more than half of the bytes that a product moves, and outgrow the cache: it keeps (root/length)^2 of
-// an edge and takes the direction off the displacements again. 5 us longer at 2 560 nodes, 25 us shorter at 5 733.
+// In f64, the vectors g of the edges would be more than half of the bytes that a product moves, and would not fit the
+// cache. So f64 stores only (root/length)^2 of an edge and computes the edge's direction again from the displacements.
+// Measured: 5 us longer at 2 560 nodes, 25 us shorter at 5 733.
 enum { LEAN = sizeof(real) == sizeof(double) };
 
 // --- the edge pass --------------------------------------------------------------------------------------------------
 
-typedef struct fields { // the arrays of a state, typed
-    int K; // vectors per row: a constant 1 where the caller knows it, which frees the loops of its branches
+typedef struct fields { // the arrays of a state, with their types
+    // K: vectors per row. A constant 1, where the caller knows it, removes the branches from the loops.
+    int K;
     const real *x, *v;
     real *u, *guess, *r, *q, *d, *z, *p, *g;
     const real *free;
@@ -188,17 +202,19 @@ LANES_INLINE fields fields_of(const kn_state *state, int K)
         K, state->displacement, state->velocity, state->strain, w->guess, w->r, w->q, w->d, w->z, w->p, w->g, w->free};
 }
 
-// Sixteen edges: nodes of vector k to their neighbours s along in another (or the same) row.
+// Sixteen edges: from the nodes of vector k of a row to the nodes of row `to` that lie s steps further along the row.
 typedef struct edges {
     int row, to, k, s, e; // from row, to row, vector, shift, forward edge number
-    bool moved;           // a prescribed velocity changed at either end
-    real share, root;     // across the row
+    bool moved;           // a prescribed velocity changed in the row of either end
+    real share, root;     // share across the row, and its root
 } edges;
 
-// Unit vectors, stress at the linearisation point and root of its slope; advances the strain unless `again`.
+// Compute unit vectors, the stress at the linearisation point and the root of its slope.
+// Advance the strain unless `again`.
 LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields *f, const edges *x, kn_law_kind kind,
                            bool stroke, kn_linearization how, bool again, bars *x16, lanes *stress, lanes *root)
 {
+    // differences, far end minus near end, of rest position, displacement and velocity
     x16->scale = lanes_set(t->inverse[x->e]);
     for (int c = 0; c < 3; c++) {
         x16->rest[c] = lanes_set(t->direction[x->e][c]);
@@ -208,6 +224,7 @@ LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields 
     }
     bars_direct(&t->law, x16);
     lanes wanted = x16->rate;
+    // if the guess differs from the last velocity, the edges' growth follows from the guess
     if (x->moved || again) {
         lanes dg[3];
         for (int c = 0; c < 3; c++)
@@ -220,17 +237,19 @@ LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields 
              t->lane_here[x->s + 1] + (size_t)x->k * KN_LANES, strain, stress, root);
 }
 
-typedef struct sums { // of the row's own ends, in registers until its edges are done
+// Sums for the row's own ends, kept in registers until all edges of the row are done.
+typedef struct sums {
     lanes pull[3], block[6];
 } sums;
 
-// Adds what the edges do to the residual and the diagonal blocks of both ends, and keeps g for the products.
+// Add the edges' forces and stiffness to the residual and the diagonal blocks of both ends. Keep g for the products.
 LANES_INLINE void edge_add(const kn_model *model, const tables *t, const fields *f, const edges *x, kn_law_kind kind,
                            bool stroke, kn_linearization how, bool again, sums *own)
 {
     bars x16;
     lanes stress, root;
     edge_law(model, t, f, x, kind, stroke, how, again, &x16, &stress, &root);
+    // weights of edges on the block's surface, 0 for edges that do not exist
     size_t lane = (size_t)x->k * KN_LANES;
     lanes tension =
         lanes_mul(stress, lanes_mul(lanes_set(t->area[x->e] * x->share), lanes_load(t->lane_near[x->s + 1] + lane)));
@@ -238,6 +257,7 @@ LANES_INLINE void edge_add(const kn_model *model, const tables *t, const fields 
     int to = near_vector(f->K, x->k, x->s);
     lanes g[3], far[3], over = lanes_mul(root, x16.inverse);
     if (LEAN) lanes_store(f->g + at(f->K, x->row, KN_FORWARD, x->e, x->k), lanes_mul(over, over));
+    // add forces: plus at the near end, minus at the far end, whose sums are in memory
     for (int c = 0; c < 3; c++) {
         g[c] = lanes_mul(root, x16.n[c]);
         if (!LEAN) lanes_store(f->g + at(f->K, x->row, 3 * KN_FORWARD, 3 * x->e + c, x->k), g[c]);
@@ -247,6 +267,7 @@ LANES_INLINE void edge_add(const kn_model *model, const tables *t, const fields 
         real *other = f->r + at(f->K, x->to, 3, c, to);
         lanes_store(other, lanes_sub(lanes_load(other), turn(f->K, pull, x->k, x->s)));
     }
+    // diagonal blocks: g g' at both ends
     for (int c = 0, m = 0; c < 3; c++)
         for (int k = c; k < 3; k++, m++) {
             real *other = f->p + at(f->K, x->to, 6, m, to);
@@ -255,6 +276,7 @@ LANES_INLINE void edge_add(const kn_model *model, const tables *t, const fields 
         }
 }
 
+// Compute z = P r for a symmetric block; return r.z.
 LANES_INLINE lanes multiply_block(const lanes p[6], const lanes r[3], lanes z[3])
 {
     z[0] = lanes_fma(p[2], r[2], lanes_fma(p[1], r[1], lanes_mul(p[0], r[0])));
@@ -263,7 +285,7 @@ LANES_INLINE lanes multiply_block(const lanes p[6], const lanes r[3], lanes z[3]
     return dot(r, z);
 }
 
-// Inverse of a symmetric 3x3 block by cofactors.
+// Invert a symmetric 3x3 block by its cofactors.
 LANES_INLINE void invert_block(const lanes m[6], lanes p[6])
 {
     p[0] = lanes_fnma(m[4], m[4], lanes_mul(m[3], m[5]));
@@ -283,10 +305,12 @@ LANES_INLINE lanes mass_of(const tables *t, int b, int c, int k)
                      lanes_load(t->lane_mass + (size_t)k * KN_LANES));
 }
 
-// A row whose edges are all in: mass, weight, constraints, inverse block, z. Returns r.z by lanes.
+// Finish a row when all of its edges are summed: add mass and weight, apply constraints, invert the blocks,
+// compute z. Return r.z by lanes.
 LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *work, int row, int b, int c, int k,
                               bool again)
 {
+    // mass on the diagonal of every block
     lanes m[6], p[6], r[3], z[3], mass = mass_of(t, b, c, k);
     for (int i = 0; i < 3; i++) r[i] = lanes_load(f->r + at(f->K, row, 3, i, k));
     for (int i = 0; i < 6; i++) m[i] = lanes_load(f->p + at(f->K, row, 6, i, k));
@@ -297,22 +321,26 @@ LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *w
         lanes share = lanes_load(t->lane_share + (size_t)k * KN_LANES);
         r[2] = lanes_fnma(lanes_set(t->weight * t->row_share[b] * t->plane_share[c]), share, r[2]);
     }
-    if (work->row_moved[row] || again) // inertia of a guess that is not the last velocity
+    // add inertia if the guess differs from the last velocity
+    if (work->row_moved[row] || again)
         for (int i = 0; i < 3; i++) {
             size_t o = at(f->K, row, 3, i, k);
             r[i] = lanes_fma(mass, lanes_sub(lanes_load(f->v + o), lanes_load(f->guess + o)), r[i]);
         }
     if (work->row_held[row]) {
+        // a composite needs the block without constraints for its ties
         for (int i = 0; work->whole && i < 6; i++) lanes_store((real *)work->whole + at(f->K, row, 6, i, k), m[i]);
         static const int diagonal[3] = {0, 3, 5}, pair[3][3] = {{1, 0, 1}, {2, 0, 2}, {4, 1, 2}};
         lanes loose[3], one = lanes_set(1);
         for (int i = 0; i < 3; i++) loose[i] = lanes_load(f->free + at(f->K, row, 3, i, k));
+        // cut the prescribed components out of the block, so that its inverse acts on the free ones only
         for (int i = 0; i < 3; i++) {
             int o = pair[i][0];
             m[o] = lanes_mul(m[o], lanes_mul(loose[pair[i][1]], loose[pair[i][2]]));
-            // 1 where prescribed, to the bit
+            // the diagonal is exactly 1 where a component is prescribed
             m[diagonal[i]] = lanes_less(loose[i], lanes_set((real)0.5), one, m[diagonal[i]]);
         }
+        // a prescribed component gets no direction: its diagonal in the inverse is 0
         invert_block(m, p);
         for (int i = 0; i < 3; i++) p[diagonal[i]] = lanes_mul(p[diagonal[i]], loose[i]);
     } else {
@@ -327,13 +355,14 @@ LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *w
     return rz;
 }
 
-// All forward edges of the nodes of vector k of a row.
+// Add all forward edges of the nodes in vector k of a row.
 LANES_INLINE void edge_row(const kn_model *model, const tables *t, const fields *f, const kn_work *work, int row, int b,
                            int c, int k, kn_law_kind kind, bool stroke, kn_linearization how, bool again)
 {
     sums own;
     for (int i = 0; i < 3; i++) own.pull[i] = lanes_set(0);
     for (int i = 0; i < 6; i++) own.block[i] = lanes_set(0);
+    // groups of rows that the forward edges lead to; the row itself has one forward edge, the other groups three
     for (int g = -1; g < 4; g++) {
         int to = group_row(t, row, b, c, g);
         if (to < 0) continue;
@@ -350,6 +379,8 @@ LANES_INLINE void edge_row(const kn_model *model, const tables *t, const fields 
     for (int i = 0; i < 6; i++) store_add(f->p + at(f->K, row, 6, i, k), own.block[i]);
 }
 
+// Run the edge pass over a whole block. A row is finished once its own edges are done, because all edges that end in a
+// row start in the same row or an earlier one. Sums are made plane by plane, in one fixed order.
 LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kind kind, bool stroke,
                               kn_linearization how, bool again, int K)
 {
@@ -368,7 +399,7 @@ LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kin
     return sum;
 }
 
-// One function for each kind of law: gcc -O3 takes twice as long for a single function that holds all of them.
+// One function for each kind of law. A single function with all kinds takes gcc -O3 twice as long to compile.
 #define EDGE_PASS(name, kind, stroke, again, K, ...)                                                                   \
     static __attribute__((noinline)) double edge_##name(__VA_ARGS__)                                                   \
     {                                                                                                                  \
@@ -388,7 +419,7 @@ static double edge(const kn_model *model, kn_state *state, kn_linearization how,
 {
     int K = model->grid.vectors;
     if (model->def.pressure != KN_PRESSURE_NONE) pressure_add(model, state);
-    // one loop for all laws
+    // each law has a loop of its own
     const kn_law_kind kind = ((const tables *)model->tables)->law.kind;
     if (model->law.stroke) return edge_stroke(model, state, how, again, K);
     switch (kind) {
@@ -402,6 +433,7 @@ static double edge(const kn_model *model, kn_state *state, kn_linearization how,
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
 
+// Set z to the last step's change of velocity at free components. Return r.z.
 static double recall(const kn_model *model, kn_state *state)
 {
     const tables *t = model->tables;
@@ -422,6 +454,7 @@ static double recall(const kn_model *model, kn_state *state)
     return total;
 }
 
+// Compute d = z + beta d of one row.
 LANES_INLINE void next_direction(const fields *f, int row, real beta)
 {
     for (int i = 0; i < 3 * f->K; i++) {
@@ -430,14 +463,18 @@ LANES_INLINE void next_direction(const fields *f, int row, real beta)
     }
 }
 
-typedef struct products { // of the row's own ends: where they stand, their direction, the product
+// Values at the row's own ends: positions x (f64 only), search direction d, product q.
+typedef struct products {
     lanes x[3], d[3], q[3];
 } products;
 
+// Add g (g . gap) to the product at both ends of sixteen edges; `gap` is the difference of the search direction d
+// between the two ends.
 LANES_INLINE void product_edges(const tables *t, const fields *f, int row, int to, int k, int s, int e, products *own)
 {
     lanes g[3], gap[3];
     for (int c = 0; c < 3; c++) {
+        // f64 computes the edge's direction from the positions; f32 loads g
         if (LEAN) g[c] = lanes_add(lanes_set(t->direction[e][c]), lanes_sub(near(f->K, f->x, to, c, k, s), own->x[c]));
         else g[c] = lanes_load(f->g + at(f->K, row, 3 * KN_FORWARD, 3 * e + c, k));
         gap[c] = lanes_sub(own->d[c], near(f->K, f->d, to, c, k, s));
@@ -453,13 +490,15 @@ LANES_INLINE void product_edges(const tables *t, const fields *f, int row, int t
     }
 }
 
+// Compute q = A d of the edges and the mass. Return d.q.
 LANES_INLINE double apply_rows(const kn_model *model, kn_state *state, double beta_, int K)
 {
     const tables *t = model->tables;
     fields f = fields_of(state, K);
     const real beta = (real)beta_;
     double total = 0;
-    int ready = 0; // rows whose direction is up to date: one plane and a row ahead of the products
+    // ready: number of rows whose direction d is up to date; it runs one plane and one row ahead of the products
+    int ready = 0;
     for (int c = 0, row = 0; c < t->planes; c++) {
         lanes plane = lanes_set(0);
         for (int b = 0; b < t->rows; b++, row++) {
@@ -471,6 +510,7 @@ LANES_INLINE double apply_rows(const kn_model *model, kn_state *state, double be
                     own.d[i] = lanes_load(f.d + at(f.K, row, 3, i, k));
                     own.q[i] = lanes_set(0);
                 }
+                // the one forward edge within the row, then three edges to each of four other rows
                 product_edges(t, &f, row, row, k, 1, 0, &own);
                 for (int g = 0; g < 4; g++) {
                     int to = group_row(t, row, b, c, g);
@@ -480,6 +520,7 @@ LANES_INLINE double apply_rows(const kn_model *model, kn_state *state, double be
                 }
                 for (int i = 0; i < 3; i++) store_add(f.q + at(f.K, row, 3, i, k), own.q[i]);
             }
+            // add the mass; the products of edges that end in this row are complete by now
             for (int k = 0; k < f.K; k++) {
                 lanes mass = mass_of(t, b, c, k);
                 for (int i = 0; i < 3; i++) {
@@ -502,6 +543,7 @@ static double apply(const kn_model *model, kn_state *state, double beta)
     return model->def.pressure == KN_PRESSURE_NONE ? dq : dq + pressure_product(model, state);
 }
 
+// Compute guess += alpha d, r -= alpha q, z = P r. Return r.z.
 LANES_INLINE double update_rows(const kn_model *model, kn_state *state, double alpha, int K)
 {
     const tables *t = model->tables;
@@ -519,7 +561,7 @@ LANES_INLINE double update_rows(const kn_model *model, kn_state *state, double a
                     lanes_store(f.guess + o, lanes_fma(a, lanes_load(f.d + o), lanes_load(f.guess + o)));
                     r[i] = lanes_fnma(a, lanes_load(f.q + o), lanes_load(f.r + o));
                     lanes_store(f.r + o, r[i]);
-                    lanes_store(f.q + o, zero); // ready to be summed into again
+                    lanes_store(f.q + o, zero); // ready for the next product
                 }
                 plane = lanes_add(plane, multiply_block(p, r, z));
                 for (int i = 0; i < 3; i++) lanes_store(f.z + at(f.K, row, 3, i, k), z[i]);
@@ -535,6 +577,7 @@ static double update(const kn_model *model, kn_state *state, double alpha)
     return K == 1 ? update_rows(model, state, alpha, 1) : update_rows(model, state, alpha, K);
 }
 
+// Advance displacements, velocities and the last change of velocity.
 static void integrate(const kn_model *model, kn_state *state)
 {
     const tables *t = model->tables;

@@ -1,33 +1,38 @@
-// Pressure in the cells, sixteen at a time: part of kernel.c, which includes it. core/cell.h has the equations.
+// Pressure in the cells, sixteen at a time. This file is part of kernel.c, which includes it. core/cell.h has the
+// equations.
 //
-// A cell is named after its lowest node and lies between the nodes a and a+1 of four rows (of two in a flat object), so
-// the lanes of a cell row are those of its first node row, and its far corners are a turn away as an edge's far end is.
+// A cell is named after its lowest node. It lies between the nodes a and a+1 of four rows (two in a flat object). The
+// lanes of a row of cells are those of its first row of nodes; far corners are one lane rotation away, as far ends of
+// edges are.
 //
 //     c ^   to[2] . . . to[3]         corners 2r (a) and 2r + 1 (a+1) on row to[r], i.e. da + 2 db + 4 dc
 //       |     .   cell   .            flat: rows to[0] and to[1]
 //       |   to[0] . . . to[1]
 //       +------------------> b
 //
-// All lengths are in spacings and all coordinates in the order a, b, c, in which the lattice is right-handed whatever
-// the world axes are: at rest everything is a small whole number, J is 1 to the bit, and nothing pushes.
+// All lengths are in spacings. All coordinates are in the order a, b, c, in which the lattice is right-handed whatever
+// the world axes are. At rest every number is a small whole number, J is exactly 1, and nothing pushes.
 
 typedef struct cells {
-    lanes slope[8][3]; // dJ/dX of each corner, times t->cell_whole
+    lanes slope[8][3]; // dJ/dX of each corner, times 36 (flat: 2)
     lanes j;           // V/V0
 } cells;
 
+// List the rows of a cell's corners. Return false if the cell would lie outside the lattice.
 LANES_INLINE bool cell_rows(const tables *t, int row, int b, int c, int to[4])
 {
     for (int r = 0; r < 4; r++) to[r] = row + t->cell_to[r];
     return (t->rows == 1 || b + 1 < t->rows) && (t->planes == 1 || c + 1 < t->planes);
 }
 
-// Component of a field at the two ends of a cell on one row.
+// Load a component of a field at one of the two ends of a cell on a row.
 LANES_INLINE lanes cell_end(int K, const real *field, int row, int component, int k, int end)
 {
     return end ? near(K, field, row, component, k, 1) : lanes_load(field + at(K, row, 3, component, k));
 }
 
+// Add values to the two ends of sixteen cells on a row. With one vector per row, one store is enough. With more
+// vectors, two stores are needed.
 LANES_INLINE void add_ends(int K, real *field, int row, int C, int component, int k, lanes own, lanes far)
 {
     if (K == 1) {
@@ -40,7 +45,7 @@ LANES_INLINE void add_ends(int K, real *field, int row, int C, int component, in
 
 LANES_INLINE lanes twice_and(lanes a, lanes b) { return lanes_fma(lanes_set(2), a, b); }
 
-// sum += or -= a x b
+// Add or subtract a x b.
 LANES_INLINE void add_cross(lanes sum[3], bool plus, const lanes a[3], const lanes b[3])
 {
     UNROLL(3)
@@ -51,7 +56,7 @@ LANES_INLINE void add_cross(lanes sum[3], bool plus, const lanes a[3], const lan
     }
 }
 
-// The corner's part of the flux through a bilinear face p0 p1 p2 p3, u x v outwards, is, for p0,
+// Add a bilinear face p0 p1 p2 p3 to the slopes of its corners; u x v points outwards. The flux's part for p0 is
 //     integral (1-u)(1-v) x_u cross x_v = (2 A + B) x (2 C + D)/36     A = p1-p0  B = p2-p3  C = p3-p0  D = p2-p1
 LANES_INLINE void add_face(lanes slope[8][3], lanes corner[8][3], int axis, int end)
 {
@@ -72,6 +77,7 @@ LANES_INLINE void add_face(lanes slope[8][3], lanes corner[8][3], int axis, int 
     add_cross(slope[p3], end, high, left);
 }
 
+// Compute slopes and J of solid cells from the positions of their corners.
 LANES_INLINE void block_shape(cells *x, lanes corner[8][3])
 {
     for (int i = 0; i < 8; i++)
@@ -81,13 +87,13 @@ LANES_INLINE void block_shape(cells *x, lanes corner[8][3])
         add_face(x->slope, corner, axis, 0);
         add_face(x->slope, corner, axis, 1);
     }
-    // V is of first degree in the coordinates along any one axis
+    // V is linear in the coordinates along any one axis, so J follows from the slopes along a
     lanes sum = lanes_mul(corner[1][0], x->slope[1][0]);
     for (int i = 2; i < 8; i++) sum = lanes_fma(corner[i][0], x->slope[i][0], sum);
     x->j = lanes_fma(lanes_sub(sum, lanes_set(36)), lanes_set((real)(1.0 / 36)), lanes_set(1));
 }
 
-// Half the cross product of the diagonals 0-3 and 1-2.
+// Compute slopes and J of flat cells: V is half the cross product of the diagonals 0-3 and 1-2.
 LANES_INLINE void flat_shape(cells *x, lanes corner[8][3])
 {
     const lanes *d1 = corner[3], d2[2] = {lanes_sub(corner[2][0], corner[1][0]), lanes_sub(corner[2][1], corner[1][1])};
@@ -109,7 +115,8 @@ LANES_INLINE void cell_shape(const tables *t, const fields *f, const int to[4], 
 {
     const int dims = flat ? 2 : 3;
     lanes corner[8][3], inverse = lanes_set(t->cell_inverse_h);
-    for (int c = 0; c < dims; c++) { // from the first corner, in spacings
+    // corners relative to the first one, in spacings
+    for (int c = 0; c < dims; c++) {
         lanes first = lanes_load(f->x + at(f->K, to[0], 3, t->cell_axis[c], k));
         corner[0][c] = lanes_set(0);
         for (int i = 1; i < 1 << dims; i++) {
@@ -121,24 +128,29 @@ LANES_INLINE void cell_shape(const tables *t, const fields *f, const int to[4], 
     else block_shape(x, corner);
 }
 
-static const int pair_of[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}}; // component of a block: xx xy xz yy yz zz
+// Component of a block for a pair of axes: xx xy xz yy yz zz.
+static const int pair_of[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
 
-// Pushes the corners by the pressure at the end of the step and puts its slope on their blocks.
+// Push the corners by the pressure at the end of the step. Add the pressure's slope to their
+// blocks and keep g for products.
 LANES_INLINE void cell_add(const tables *t, const fields *f, real *kept, int row, const int to[4], int k, bool flat)
 {
     const int dims = flat ? 2 : 3;
     cells x;
     cell_shape(t, f, to, k, flat, &x);
+    // rate: how fast J changes at the guess
     lanes rate = lanes_set(0);
     for (int i = 0; i < 1 << dims; i++)
         for (int c = 0; c < dims; c++)
             rate = lanes_fma(x.slope[i][c], cell_end(f->K, f->guess, to[i >> 1], t->cell_axis[c], k, i & 1), rate);
     const lanes one = lanes_set(1), here = lanes_load(t->lane_here[2] + (size_t)k * KN_LANES);
     lanes m = lanes_max(x.j, lanes_set((real)KN_CELL_LEAST)), i1 = lanes_div(one, m);
-    lanes over = lanes_mul(i1, lanes_fma(lanes_sub(m, x.j), i1, lanes_sub(one, m))); // (P - P0)/P0, see cell.h
+    // over = (P - P0)/P0 at the end of the step, see cell.h
+    lanes over = lanes_mul(i1, lanes_fma(lanes_sub(m, x.j), i1, lanes_sub(one, m)));
     over = lanes_fnma(lanes_mul(lanes_set(t->cell_rate), rate), lanes_mul(i1, i1), over);
     lanes push = lanes_mul(lanes_mul(lanes_set(t->cell_push), here), over);
     lanes root = lanes_mul(lanes_mul(lanes_set(t->cell_root), here), i1);
+    // forces, g and blocks, row by row of the cell's corners
     for (int r = 0; r < 1 << (dims - 1); r++) {
         lanes g[2][3];
         for (int c = 0; c < dims; c++) {
@@ -156,7 +168,7 @@ LANES_INLINE void cell_add(const tables *t, const fields *f, real *kept, int row
     }
 }
 
-// q += g (g.d) over the cells of a vector; returns (g.d)^2 by lanes.
+// Add g (g.d) of a vector of cells to q. Return (g.d)^2 by lanes.
 LANES_INLINE lanes cell_product(const tables *t, const fields *f, const real *kept, int row, const int to[4], int k,
                                 bool flat)
 {
@@ -176,6 +188,7 @@ LANES_INLINE lanes cell_product(const tables *t, const fields *f, const real *ke
     return lanes_mul(rate, rate);
 }
 
+// Visit all cells in memory order, either for a product or for the residual and the blocks.
 LANES_INLINE double cells_pass(const kn_model *model, kn_state *state, int K, bool flat, bool product)
 {
     const tables *t = model->tables;
@@ -199,7 +212,7 @@ LANES_INLINE double cells_pass(const kn_model *model, kn_state *state, int K, bo
 
 // --- one pressure for the whole object ------------------------------------------------------------------------------
 
-// dV/dx of every node into `kept`; returns the sum of J.
+// Sum dV/dx of every node into `kept`. Return the sum of J.
 static double object_shape(const kn_model *model, kn_state *state)
 {
     const tables *t = model->tables;
@@ -230,10 +243,11 @@ static double object_shape(const kn_model *model, kn_state *state)
     return sum;
 }
 
+// Return kept . field: how fast the volume changes at a field of velocities.
 static double object_rate(const kn_model *model, const real *kept, const real *field)
 {
     const tables *t = model->tables;
-    const size_t reals = (size_t)t->rows * 3 * model->stride; // of a plane
+    const size_t reals = (size_t)t->rows * 3 * model->stride; // in one plane
     double sum = 0;
     for (int c = 0; c < t->planes; c++, kept += reals, field += reals) {
         lanes plane = lanes_set(0);
@@ -250,10 +264,12 @@ static void object_add(const kn_model *model, kn_state *state)
     real *kept = kn_state_work(state)->cell;
     fields f = fields_of(state, model->grid.vectors);
     double count = t->cell_count, j = object_shape(model, state) / count, slope;
+    // (P - P0)/P0 of the whole object at the end of the step
     double over = kn_cell_pressure(j, &slope);
     over -= (double)t->cell_rate * object_rate(model, kept, f.guess) / count * slope;
     const lanes push = lanes_set((real)((double)t->cell_push * over));
     const lanes root = lanes_set((real)((double)t->cell_root * sqrt(slope / count)));
+    // push every node, turn dV/dx into g, and add the diagonal blocks of the one rank-one term
     for (int row = 0; row < t->row_count; row++)
         for (int k = 0; k < f.K; k++) {
             lanes g[3];
@@ -268,6 +284,7 @@ static void object_add(const kn_model *model, kn_state *state)
         }
 }
 
+// Add g (g.d) of the whole object to q. Return (g.d)^2.
 static double object_product(const kn_model *model, kn_state *state)
 {
     const kn_work *work = kn_state_work(state);
@@ -281,7 +298,7 @@ static double object_product(const kn_model *model, kn_state *state)
 
 // --- what edge and apply call ---------------------------------------------------------------------------------------
 
-// Adds to r and to the blocks of P.
+// Add the cells' pressure to r and to the blocks of P.
 static void pressure_add(const kn_model *model, kn_state *state)
 {
     int K = model->grid.vectors;
@@ -291,7 +308,7 @@ static void pressure_add(const kn_model *model, kn_state *state)
     else cells_pass(model, state, K, false, false);
 }
 
-// Adds to q; returns its share of d.q.
+// Add the cells' part to q. Return its share of d.q.
 static double pressure_product(const kn_model *model, kn_state *state)
 {
     int K = model->grid.vectors;
@@ -300,7 +317,7 @@ static double pressure_product(const kn_model *model, kn_state *state)
     return K == 1 ? cells_pass(model, state, 1, false, true) : cells_pass(model, state, K, false, true);
 }
 
-// Boyle's constants; lengths in spacings, so dV/dx = V0/(h whole) slope.
+// Set the constants of Boyle's law. Lengths are in spacings, so dV/dx = V0/(h whole) slope.
 static void build_cells(tables *t, const kn_model *model)
 {
     const kn_grid *g = &model->grid;
@@ -312,11 +329,13 @@ static void build_cells(tables *t, const kn_model *model)
     t->cell_push = (real)(gas * v0 / (h * whole));
     t->cell_rate = (real)(dt / (h * whole));
     t->cell_root = (real)(sqrt(dt * gas * v0) / (h * whole));
-    const bool upright = g->flat && g->len[1] == 1; // rows of a flat object follow one another along c, or along b
+    // rows of a flat object follow one another along c, or along b
+    const bool upright = g->flat && g->len[1] == 1;
     t->cell_axis[0] = g->axis[0];
     t->cell_axis[1] = g->axis[upright ? 2 : 1];
     t->cell_axis[2] = g->axis[2];
-    t->cell_to[1] = 1; // the row at b + 1; with one row in a plane it is the one at c + 1
+    // the row at b + 1; with one row in a plane it is the one at c + 1
+    t->cell_to[1] = 1;
     t->cell_to[2] = g->len[1];
     t->cell_to[3] = g->len[1] + 1;
 }

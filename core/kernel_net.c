@@ -1,21 +1,21 @@
-// The loops of kernel.h over an irregular lattice: sixteen edges at a time where the law is worked out, one at a time
-// where they are summed into nodes. Edges stand by their lower node, so half of every sum stays in registers.
-// Where there are no lanes all is plain arithmetic in a fixed order: the same bits everywhere.
+// The kernels of an irregular lattice. The law is evaluated for sixteen edges at a time; sums into nodes go edge by
+// edge. Edges are ordered by their lower node, so half of every sum stays in registers. Scalar parts are plain
+// arithmetic in a fixed order, so all machines give the same bits.
 #include "core/kernel_law.h"
 
 typedef struct tables {
-    law_tables law; // first: its tables are 64-byte aligned with the block
+    law_tables law; // first member: its tables are 64-byte aligned with the block
     int nodes, edges, batches;
     int (*ends)[2]; // [edges] lower node, upper node
-    int *first;     // [nodes + 1] first edge whose lower node is this one
-    real *rest;     // [batches][3][16] rest vector, m; a unit vector in the padding
+    int *first;     // [nodes + 1] first edge with this lower node
+    real *rest;     // [batches][3][16] rest vector, m; the padding repeats that of the first edge
     real *scale;    // [batches][16] 1/(gamma L0), 1/m
     real *area;     // gamma kappa weight L0: stress to force, m^2; 0 in the padding
     real *root;     // sqrt(kappa weight A)
-    real *here;     // 1, in the padding 0
+    real *here;     // 1 where there is an edge, 0 in the padding
     real *mass_dt;  // [nodes] m/dt, kg/s
     real *weight;   // [nodes] downward force, N
-    // pressure, else no cells: corners of a cell, sides from its first corner at rest, 1/V0; P0; 1/6 or half the thickness
+    // cells (0 without pressure): corners; sides from the first corner at rest; 1/V0; P0; 1/6 or half the thickness
     int cells, sides;
     bool flat;
     int (*corner)[4];
@@ -35,6 +35,7 @@ static size_t tables_size(const kn_model *m)
            padded((size_t)m->cell_count * sizeof(real));
 }
 
+// Take an array from the block behind the tables.
 static void *take(char **next, size_t bytes)
 {
     void *p = *next;
@@ -42,6 +43,7 @@ static void *take(char **next, size_t bytes)
     return p;
 }
 
+// Fill the tables of the edges. The padding repeats the first edge with no area, so that all lanes hold valid numbers.
 static void fill_edges(const kn_model *m, tables *t)
 {
     double a = m->law.a_pa_s;
@@ -59,6 +61,7 @@ static void fill_edges(const kn_model *m, tables *t)
     }
 }
 
+// Fill the tables of the cells.
 static void fill_cells(const kn_model *m, tables *t, char **next)
 {
     t->cells = m->cell_count;
@@ -99,6 +102,7 @@ static void tables_build(const kn_model *m, void *block)
     t->weight = take(&next, nodes * sizeof(real));
     fill_edges(m, t);
     fill_cells(m, t, &next);
+    // edges are in the order of their lower nodes
     for (int i = 0, e = 0; i <= m->node_count; i++) {
         while (e < m->edge_count && m->edges[e].i < i) e++;
         t->first[i] = e;
@@ -111,7 +115,7 @@ static void tables_build(const kn_model *m, void *block)
 
 // --- the edge pass --------------------------------------------------------------------------------------------------
 
-// Far end minus near end of a 3-component field, for sixteen edges.
+// Compute far end minus near end of a 3-component field, for sixteen edges.
 LANES_INLINE void gather(const int (*edge)[2], int count, const real *field, lanes out[3])
 {
     _Alignas(64) real gap[3][KN_LANES] = {{0}};
@@ -120,13 +124,15 @@ LANES_INLINE void gather(const int (*edge)[2], int count, const real *field, lan
     for (int k = 0; k < 3; k++) out[k] = lanes_load(gap[k]);
 }
 
+// Add g g' to a symmetric block.
 static void block_add(real p[6], const real g[3])
 {
     for (int c = 0, m = 0; c < 3; c++)
         for (int k = c; k < 3; k++, m++) p[m] += g[c] * g[k];
 }
 
-// What sixteen edges do to the residual and the diagonal blocks of both ends; keeps g for the products.
+// Add the forces and stiffness of sixteen edges to the residual and the diagonal blocks of both
+// ends. Keep g for the products.
 static void scatter(const kn_work *work, const int (*edge)[2], int count, int at, const lanes n[3], lanes tension,
                     lanes root)
 {
@@ -147,6 +153,7 @@ static void scatter(const kn_work *work, const int (*edge)[2], int count, int at
     }
 }
 
+// Linearise sixteen edges and add them to their nodes.
 LANES_INLINE void edge_batch(const kn_model *model, kn_state *state, const tables *t, int batch, kn_law_kind kind,
                              bool stroke, kn_linearization how, bool again)
 {
@@ -155,8 +162,10 @@ LANES_INLINE void edge_batch(const kn_model *model, kn_state *state, const table
     const int(*edge)[2] = (const int(*)[2])t->ends + at;
     int count = t->edges - (int)at < KN_LANES ? t->edges - (int)at : KN_LANES;
     bool afresh = again;
+    // the law is evaluated twice if the guess differs from the last velocity at any end
     for (int l = 0; l < count; l++) afresh = afresh || work->row_moved[edge[l][0]] || work->row_moved[edge[l][1]];
 
+    // gather the geometry, evaluate the law, scatter the results
     bars x16;
     x16.scale = lanes_load(t->scale + at);
     for (int k = 0; k < 3; k++) x16.rest[k] = lanes_load(t->rest + 3 * at + (size_t)k * KN_LANES);
@@ -184,7 +193,7 @@ static real multiply_block(const real p[6], const real r[3], real z[3])
     return z[0] * r[0] + z[1] * r[1] + z[2] * r[2];
 }
 
-// In place, by cofactors.
+// Invert a symmetric block in place, by its cofactors.
 static void invert_block(real m[6])
 {
     real p[6] = {m[3] * m[5] - m[4] * m[4], m[2] * m[4] - m[1] * m[5], m[1] * m[4] - m[2] * m[3],
@@ -193,7 +202,8 @@ static void invert_block(real m[6])
     for (int k = 0; k < 6; k++) m[k] = p[k] * inverse;
 }
 
-// A node whose edges are all in: mass, weight, constraints, inverse block, z. Returns r.z.
+// Finish a node when all of its edges are summed: add mass and weight, apply constraints, invert the
+// block, compute z. Return r.z.
 static double finish_node(const kn_state *state, const tables *t, int node, bool again)
 {
     static const int diagonal[3] = {0, 3, 5}, pair[3][3] = {{1, 0, 1}, {2, 0, 2}, {4, 1, 2}};
@@ -203,8 +213,10 @@ static double finish_node(const kn_state *state, const tables *t, int node, bool
     real *r = (real *)work->r + 3 * node, *z = (real *)work->z + 3 * node, *p = (real *)work->p + 6 * node;
     for (int k = 0; k < 3; k++) p[diagonal[k]] += t->mass_dt[node];
     r[2] -= t->weight[node];
-    if (work->row_moved[node] || again) // inertia of a guess that is not the last velocity
+    // inertia, when the guess differs from the last velocity
+    if (work->row_moved[node] || again)
         for (int k = 0; k < 3; k++) r[k] += t->mass_dt[node] * (v[k] - guess[k]);
+    // cut the prescribed components out of the block, so that its inverse acts on the free ones only
     if (work->row_held[node])
         for (int k = 0; k < 3; k++) {
             p[pair[k][0]] *= loose[pair[k][1]] * loose[pair[k][2]];
@@ -233,6 +245,7 @@ static double edge(const kn_model *model, kn_state *state, kn_linearization how,
     const tables *t = model->tables;
     if (model->def.pressure == KN_PRESSURE_CELLS) cells_add(kn_state_work(state), t, state->displacement);
     if (model->def.pressure == KN_PRESSURE_OBJECT) object_add(kn_state_work(state), t, state->displacement);
+    // each law has a loop of its own
     if (model->law.stroke) return edge_pass(model, state, t->law.kind, true, how, again);
     switch (t->law.kind) {
     case KN_LAW_VOIGT: return edge_pass(model, state, KN_LAW_VOIGT, false, how, again);
@@ -244,6 +257,7 @@ static double edge(const kn_model *model, kn_state *state, kn_linearization how,
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
 
+// Set z to the last step's change of velocity at free components. Return r.z.
 static double recall(const kn_model *model, kn_state *state)
 {
     const tables *t = model->tables;
@@ -266,6 +280,7 @@ static double apply(const kn_model *model, kn_state *state, double beta)
     const real *g = work->g, *z = work->z;
     for (int i = 0; i < 3 * t->nodes; i++) d[i] = z[i] + (real)beta * d[i];
     double sum = 0;
+    // add the products of the edges in node order: the lower end is summed in registers, the upper end in memory
     for (int i = 0; i < t->nodes; i++) {
         const real own[3] = {d[3 * i], d[3 * i + 1], d[3 * i + 2]};
         real mine[3] = {t->mass_dt[i] * own[0], t->mass_dt[i] * own[1], t->mass_dt[i] * own[2]};
@@ -278,7 +293,8 @@ static double apply(const kn_model *model, kn_state *state, double beta)
                 other[k] -= n[k] * force;
             }
         }
-        for (int k = 0; k < 3; k++) { // every lower node has been: this sum is whole
+        // all edges from lower nodes have been added: this node's sum is complete
+        for (int k = 0; k < 3; k++) {
             q[3 * i + k] += mine[k];
             sum += (double)(own[k] * q[3 * i + k]);
         }
@@ -298,7 +314,7 @@ static double update(const kn_model *model, kn_state *state, double alpha)
     for (int i = 0; i < 3 * t->nodes; i++) {
         guess[i] += a * d[i];
         r[i] -= a * q[i];
-        q[i] = 0; // ready to be summed into again
+        q[i] = 0; // ready for the next product
     }
     for (int i = 0; i < t->nodes; i++) sum += (double)multiply_block(p + 6 * i, r + 3 * i, z + 3 * i);
     return sum;

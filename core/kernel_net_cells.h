@@ -1,13 +1,15 @@
-// Pressure in the elements of a net, one at a time: part of kernel_net.c, which includes it. core/cell.h has the
-// equations. Volumes are products of an element's three sides, as edges are: rest vector plus what has changed.
+// Pressure in the elements of a net, one at a time. This file is part of kernel_net.c, which includes it.
+// core/cell.h has the equations. A volume is the product of an element's three sides. A side is its rest vector
+// plus its change, as for edges.
 #include "core/cell.h"
 
-typedef struct element { // of one cell as it stands
+typedef struct element { // one cell in its present shape
     real slope[4][3];    // dV/dx of its corners, m^2
     real j;              // V/V0
 } element;
 
-// sixth (a flat element: half the thickness) of a x b, written and subtracted from the first corner's.
+// Set a corner's slope to factor (a x b) and subtract it from the first corner's. `factor`: 1/6, or half the thickness
+// of a flat element.
 LANES_INLINE void add_slope(element *x, int corner, const real a[3], const real b[3], real factor)
 {
     for (int k = 0; k < 3; k++) {
@@ -17,9 +19,11 @@ LANES_INLINE void add_slope(element *x, int corner, const real a[3], const real 
     }
 }
 
+// Compute slopes and J of one cell.
 LANES_INLINE element element_of(const tables *t, const real *displacement, int cell)
 {
-    static const real across[3] = {0, -1, 0}; // a flat element's third side: triangles turn from x to z
+    // third side of a flat element: triangles turn from x to z
+    static const real across[3] = {0, -1, 0};
     const int *corner = t->corner[cell];
     real side[3][3];
     element x = {.slope = {{0}}};
@@ -37,7 +41,7 @@ LANES_INLINE element element_of(const tables *t, const real *displacement, int c
     return x;
 }
 
-// Pressure over that of the outside at the end of the step, and how it falls with J, both by P0.
+// Compute (P - P0)/P0 at the end of the step, and its slope -d(P/P0)/dJ.
 static void gas(const tables *t, real j, real rate, real *over, real *slope)
 {
     real held = j > (real)KN_CELL_LEAST ? j : (real)KN_CELL_LEAST;
@@ -45,7 +49,8 @@ static void gas(const tables *t, real j, real rate, real *over, real *slope)
     *over = (1 - held) / held + (held - j) * *slope - t->law.dt * rate * *slope;
 }
 
-// Pushes the corners by the pressure at the end of the step and puts its slope on their blocks; keeps the gradient.
+// Push the corners of every cell by the pressure at the end of the step, and add the slope to their
+// blocks. Keep g for the products.
 static void cells_add(const kn_work *work, const tables *t, const real *displacement)
 {
     real *r = work->r, *p = work->p, *kept = work->cell;
@@ -68,7 +73,8 @@ static void cells_add(const kn_work *work, const tables *t, const real *displace
     }
 }
 
-// One skin around all: volumes and gradients summed first, [nodes][3] in work->cell.
+// Like cells_add, but with one pressure in the whole object. Volumes and gradients are summed first, [nodes][3] in
+// work->cell.
 static void object_add(const kn_work *work, const tables *t, const real *displacement)
 {
     real *r = work->r, *p = work->p, *kept = work->cell;
@@ -82,6 +88,7 @@ static void object_add(const kn_work *work, const tables *t, const real *displac
         for (int i = 0; i <= t->sides; i++)
             for (int k = 0; k < 3; k++) kept[3 * t->corner[c][i] + k] += x.slope[i][k];
     }
+    // rate: how fast the volume changes at the guess
     for (int i = 0; i < 3 * t->nodes; i++) rate += (double)(kept[i] * guess[i]);
     gas(t, (real)(volume / t->volume), (real)(rate / t->volume), &over, &slope);
     real root = (real)sqrt((double)(t->law.dt * t->outside * slope) / t->volume);
@@ -92,7 +99,7 @@ static void object_add(const kn_work *work, const tables *t, const real *displac
     for (int i = 0; i < t->nodes; i++) block_add(p + 6 * i, kept + 3 * i);
 }
 
-// q += kept kept' d; returns its share of d.q.
+// Add g (g.d) of every cell to q. Return the cells' share of d.q.
 static double cells_product(const kn_work *work, const tables *t)
 {
     const real *d = work->d, *kept = work->cell;
@@ -110,6 +117,7 @@ static double cells_product(const kn_work *work, const tables *t)
     return sum;
 }
 
+// Like cells_product, but with one pressure in the whole object.
 static double object_product(const kn_work *work, const tables *t)
 {
     const real *d = work->d, *kept = work->cell;

@@ -1,9 +1,11 @@
 #ifndef KN_CORE_LANES_H
 #define KN_CORE_LANES_H
-// Sixteen lanes of float or double on whatever the file is compiled for. Private to kernel.c.
+// Vectors of sixteen lanes of float or double, for the instruction set that the file is compiled for. Private to
+// kernel.c.
 //
-// Every instruction set gets the same 16 logical lanes, IEEE division and square root, and fused operations only where
-// lanes_fma is written, so all of them give the same bits: a native vector N of W lanes is repeated PARTS = 16/W times.
+// Every instruction set has the same 16 logical lanes and IEEE division and square root. Operations are fused only
+// where lanes_fma is written. All instruction sets therefore give the same bits: a native vector N of W lanes is
+// repeated PARTS = 16/W times.
 //
 //     KN_KERNEL_AVX512  f32 1 x 16   f64 2 x 8        KN_KERNEL_BASE  1 x 16, fma() from libm: in software where the
 //     KN_KERNEL_AVX2    f32 2 x 8    f64 4 x 4                        processor has none (right, not real time)
@@ -22,7 +24,8 @@ typedef double real;
 #include <immintrin.h>
 #endif
 
-#if KN_KERNEL_BASE || KN_KERNEL_CHECKED // not fast anyway: inlined everywhere they would take a compiler minutes
+// BASE and CHECKED builds need not be fast, and inlining everywhere would take a compiler minutes.
+#if KN_KERNEL_BASE || KN_KERNEL_CHECKED
 #define LANES_INLINE static inline
 #else
 #define LANES_INLINE static inline __attribute__((always_inline))
@@ -57,10 +60,10 @@ typedef __m256d native;
 #define N_MAX(a, b) _mm256_max_pd(a, b)
 #define N_LESS(a, b, x, y) _mm256_blendv_pd(y, x, _mm256_cmp_pd(a, b, _CMP_LT_OQ))
 #else
-// GNU vectors of all 16 lanes: the compiler makes of them what the processor has. Fused operations and roots: by lane.
+// GNU vectors of all 16 lanes: the compiler maps them to the processor. Fused operations and roots go lane by lane.
 typedef real native __attribute__((vector_size(KN_LANES * sizeof(real)), may_alias));
 typedef __typeof__((native){0} < (native){0}) native_mask;
-// Blocks are aligned to 64 bytes, 16 doubles by themselves to 128.
+// Blocks are aligned to 64 bytes, while 16 doubles would ask for 128.
 typedef real stored __attribute__((vector_size(KN_LANES * sizeof(real)), may_alias, aligned(64)));
 #define PARTS 1
 #define N(op) base_##op
@@ -77,6 +80,7 @@ LANES_INLINE native base_sqrt(native a)
         a[i] = sizeof(real) == sizeof(float) ? (real)sqrtf((float)a[i]) : (real)sqrt((double)a[i]);
     return a;
 }
+// Fuse lane by lane with the library's fma().
 static __attribute__((noinline)) void base_fuse(const native *a, const native *b, native *c)
 {
     for (int i = 0; i < KN_LANES; i++)
@@ -94,16 +98,17 @@ LANES_INLINE native base_less(native a, native b, native x, native y)
     native_mask m = a < b;
     return (native)((m & (native_mask)x) | (~m & (native_mask)y));
 }
-#define N_MIN(a, b) base_less(a, b, a, b) // as minps: the second when unordered
+#define N_MIN(a, b) base_less(a, b, a, b) // like minps: the second operand if one is NaN
 #define N_MAX(a, b) base_less(b, a, a, b)
 #define N_LESS(a, b, x, y) base_less(a, b, x, y)
 #endif
 
+// Lanes of a native vector.
 #define W (KN_LANES / PARTS)
 
-// The parts are members, not an array, and never looped over: gcc keeps an array of vectors in memory unless it has
-// unrolled all loops around it before it looks for scalars, which it does not, and the edge pass took three times as
-// long.
+// The parts are members, not an array, and are never looped over. gcc keeps an array of vectors in memory unless it
+// unrolls all loops around the array before it looks for scalars. gcc does not do that, and the edge pass took three
+// times as long.
 #if PARTS == 1
 #define EACH(part) part(0)
 typedef struct lanes {
@@ -121,6 +126,7 @@ typedef struct lanes {
 } lanes;
 #endif
 
+// Each operation is written once for one part; EACH repeats it for all parts.
 #define SET(i) N(set1)(a),
 #define LOAD(i) N(load)(p + W * i),
 #define STORE(i) N(store)(p + W * i, a.p##i);
@@ -152,7 +158,8 @@ LANES_INLINE lanes lanes_fma(lanes a, lanes b, lanes c) { return (lanes){EACH(FM
 LANES_INLINE lanes lanes_fnma(lanes a, lanes b, lanes c) { return (lanes){EACH(FNMA)}; }          // c - a b
 LANES_INLINE lanes lanes_less(lanes a, lanes b, lanes x, lanes y) { return (lanes){EACH(LESS)}; } // a < b ? x : y
 
-// Lane l takes lane l+1 (next) or l-1 (prev); the row's end wraps, where the edge that uses it has weight 0.
+// Rotate: lane l takes the value of lane l+1 (next) or l-1 (prev). The row's end wraps; edges
+// that would use it have weight 0.
 #if KN_KERNEL_AVX512 && KN_KERNEL_F32
 #define ROTATE(v, n)                                                                                                   \
     _mm512_castsi512_ps(_mm512_alignr_epi32(_mm512_castps_si512((v).p0), _mm512_castps_si512((v).p0), n))
@@ -206,7 +213,7 @@ LANES_INLINE lanes lanes_prev(lanes a)
 }
 #endif
 
-// Sum of all lanes as a fixed tree in double: the same on every machine.
+// Sum all lanes in double, as a fixed tree, so that the result is the same on every machine.
 LANES_INLINE double lanes_sum(lanes a)
 {
     _Alignas(64) real lane[KN_LANES];
@@ -218,7 +225,8 @@ LANES_INLINE double lanes_sum(lanes a)
     return sum[0];
 }
 
-// Look-up in a table of 16 reals by (bits(y) - bits(1)) >> shift, y in [1, end of table]; shift is for a float's bits.
+// Look up a table of 16 reals by (bits(y) - bits(1)) >> shift, with y in [1, end of table]. `shift` counts the bits of
+// a float.
 #if KN_KERNEL_F32
 #define TABLE_ONE 0x3f800000
 #define TABLE_SHIFT(shift) (shift)
@@ -283,12 +291,13 @@ LANES_INLINE lanes lanes_table(const real *table, segment s)
 }
 #endif
 
-// 1/sqrt(a), a > 0.
+// Compute 1/sqrt(a), a > 0.
 #if KN_KERNEL_F32
 LANES_INLINE lanes lanes_inverse_root(lanes a) { return lanes_div(lanes_set(1), lanes_sqrt(a)); }
 #else
-// Halving the exponent by a shift gives it to 3.5 %, and two steps of the fourth order to a unit of the last place: a
-// third of the time of a root and a quotient, which keep the divider busy for 45 cycles per 8 lanes.
+// Halving the exponent by a shift gives 1/sqrt(a) to 3.5 %. Two steps of fourth order make it exact to a unit of the
+// last place. The method takes a third of the time of a root and a quotient, which keep the divider busy for 45 cycles
+// per 8 lanes.
 #define INVERSE_ROOT_BITS 0x5fe6eb50c7b537a9 // C. Lomont, Fast inverse square root (2003), for doubles
 #if KN_KERNEL_AVX512
 #define GUESS(i)                                                                                                       \
@@ -312,6 +321,7 @@ LANES_INLINE native base_guess(native a)
 LANES_INLINE lanes lanes_inverse_root(lanes a)
 {
     lanes root = {EACH(GUESS)};
+    // off = 1 - a root^2; root += root (off/2 + 3/8 off^2 + 5/16 off^3)
     for (int i = 0; i < 2; i++) {
         lanes off = lanes_fnma(a, lanes_mul(root, root), lanes_set(1));
         lanes series = lanes_fma(off, lanes_fma(off, lanes_set(5.0 / 16), lanes_set(3.0 / 8)), lanes_set(0.5));

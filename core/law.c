@@ -4,7 +4,7 @@
 #include <stdint.h>
 #include <string.h>
 
-// ds/db where the damper is a constant c2: 1/(1 + A/c2); 1/c2 = 0 needs no special case.
+// Return ds/db for a damper with constant c2: 1/(1 + A/c2). c2 = infinity needs no special case.
 static double slope_of(const kn_law *law, double c2) { return 1.0 / (1.0 + law->a_pa_s / c2); }
 
 static float float_of(unsigned bits)
@@ -23,9 +23,10 @@ static unsigned bits_of(float f)
 
 #define ONE_BITS 0x3f800000u // bits(1.0f)
 
-// The table as the kernels read it: measures its error and starts Newton.
+// Evaluate the table as the kernels do. Used to measure the table's error and to start Newton's method.
 static double table_stress(const kn_law *law, double b)
 {
+    // clamp to the table, find the segment from the float's bits, evaluate the cubic, and limit it by the straight ends
     float yh = (float)(law->bh_pa / law->b0_pa), y = (float)(b / law->b0_pa);
     float yc = fminf(fmaxf(y, 1.0f), yh);
     unsigned i = (bits_of(yc) - ONE_BITS) >> law->shift;
@@ -41,13 +42,15 @@ double kn_law_stress(const kn_law *law, double b_pa)
     } else if (b >= law->bh_pa) {
         s = law->slope_flow * b;
     } else {
-        // Newton on ln(s (1 + A/c2(s)) / b), nearly straight in ln s; it stays inside [lo, hi] whatever happens
+        // Newton on ln(s (1 + A/c2(s)) / b), which is nearly straight in ln s. The bracket [lo, hi]
+        // holds the root at all times.
         double lo = law->s0_pa, hi = law->s1_pa;
         s = fmin(fmax(law->seeded ? table_stress(law, b) : 0.5 * (law->slope_rest + law->slope_flow) * b, lo), hi);
         for (int i = 0; i < 60; i++) {
             double r = law->a_pa_s / kn_material_c2(&law->mat, s);
             double f = log(s * (1.0 + r) / b);
             if (fabs(f) <= 4e-16) break; // two roundings of the logarithm's argument
+            // narrow the bracket, then take Newton's step or, if it leaves the bracket, bisect
             if (f > 0) hi = s;
             else lo = s;
             double next = s - f / (1.0 / s + kn_material_thinning(&law->mat, s) * r / (1.0 + r));
@@ -59,12 +62,13 @@ double kn_law_stress(const kn_law *law, double b_pa)
     return copysign(s, b_pa);
 }
 
-// As the kernels read it in f64.
+// Evaluate the fine table as the kernels do in f64.
 static double fine_stress(const kn_law *law, double b)
 {
     double yh = law->bh_pa / law->b0_pa, y = b / law->b0_pa, yc = fmin(fmax(y, 1), yh), p = 0;
     uint64_t bits;
     memcpy(&bits, &yc, sizeof bits);
+    // reduce the double's exponent and top mantissa bits to those of a float
     uint64_t i = ((bits >> 29) - ((uint64_t)1023 << 23)) >> law->shift;
     for (int k = KN_LAW_FINE; k >= 0; k--) p = p * (yc - law->middle[i]) + law->fine[k][i];
     return law->b0_pa * fmax(law->slope_flow * y, fmin(law->slope_rest * y, p));
@@ -79,7 +83,8 @@ double kn_law_slope(const kn_law *law, double stress_pa, kn_linearization how)
     if (s >= law->s1_pa) return law->slope_flow;
     double r = law->a_pa_s / kn_material_c2(&law->mat, s);
     double secant = 1.0 / (1.0 + r);
-    double tangent = 1.0 / (1.0 + r * (1.0 + kn_material_thinning(&law->mat, s) * s)); // g' = (1 - s dlnc2/ds)/c2
+    // g' = (1 - s dlnc2/ds)/c2
+    double tangent = 1.0 / (1.0 + r * (1.0 + kn_material_thinning(&law->mat, s) * s));
     switch (how) {
     case KN_LINEARIZATION_SECANT: return secant;
     case KN_LINEARIZATION_TANGENT: return tangent;
@@ -95,13 +100,15 @@ double kn_law_stop(const kn_law *law, double stress_pa, double b_pa, double inwa
     return fmax(b_pa - out, fmin(stress_pa, b_pa + in));
 }
 
-// The polynomial of `degree` through (at, value), as monomials.
+// Find the coefficients of the polynomial of `degree` through (at, value).
 static void fit(int degree, const double *value, const double *at, double *monomial)
 {
     double newton[KN_LAW_FINE + 1], product[KN_LAW_FINE + 2] = {1};
+    // divided differences give Newton's form
     for (int i = 0; i <= degree; i++) newton[i] = value[i];
     for (int level = 1; level <= degree; level++)
         for (int i = degree; i >= level; i--) newton[i] = (newton[i] - newton[i - 1]) / (at[i] - at[i - level]);
+    // expand Newton's products into monomials
     for (int i = 0; i <= degree; i++) monomial[i] = 0;
     for (int i = 0; i <= degree; i++) {
         for (int k = 0; k <= i; k++) monomial[k] += newton[i] * product[k];
@@ -110,11 +117,11 @@ static void fit(int degree, const double *value, const double *at, double *monom
     }
 }
 
-// Chebyshev-Lobatto points of [y0, y1]: they hold both ends, so neighbouring segments join.
+// Fill `at` with the Chebyshev-Lobatto points of [y0, y1]. They include both ends, so neighbouring segments join.
 static void lobatto(int degree, double y0, double y1, double *at)
 {
     static const double quadratic[3] = {-1, 0, 1}, cubic[4] = {-1, -0.5, 0.5, 1};
-    // cos(pi i/13), written out: a compiler's cosine may not be the library's
+    // cos(pi i/13), written out, because a compiler and a library may compute a cosine differently
     static const double fine[KN_LAW_FINE + 1] = {-1,
                                                  -0.97094181742605202716,
                                                  -0.88545602565320989590,
@@ -133,7 +140,7 @@ static void lobatto(int degree, double y0, double y1, double *at)
     for (int i = 0; i <= degree; i++) at[i] = 0.5 * (y0 + y1) + 0.5 * (y1 - y0) * node[i];
 }
 
-// sqrt(ds/db) just inside the middle branch, whose slope jumps at both kinks.
+// Return sqrt(ds/db) just inside the middle branch. The slope jumps at both ends of that branch.
 static double root_at(const kn_law *law, double y, unsigned how)
 {
     double s = kn_law_stress(law, y * law->b0_pa);
@@ -141,6 +148,7 @@ static double root_at(const kn_law *law, double y, unsigned how)
     return sqrt(kn_law_slope(law, s, (kn_linearization)how));
 }
 
+// Fit one segment of the f32 table: a cubic for the stress, quadratics for the roots of the slopes.
 static void fit_segment(kn_law *law, int segment, double y0, double y1)
 {
     double at[4], value[4], monomial[4];
@@ -156,6 +164,8 @@ static void fit_segment(kn_law *law, int segment, double y0, double y1)
     }
 }
 
+// Fit one segment of the f64 table. The variable is y minus the middle of the segment, so that a high degree loses no
+// digits.
 static void fit_fine(kn_law *law, int segment, double y0, double y1)
 {
     double middle = law->middle[segment] = 0.5 * (y0 + y1);
@@ -172,7 +182,7 @@ static void fit_fine(kn_law *law, int segment, double y0, double y1)
     }
 }
 
-// Largest |table - exact|/exact of s over [b0, bh].
+// Return the largest |table - exact|/exact of s over [b0, bh].
 static double error_of(const kn_law *law, double (*table)(const kn_law *, double))
 {
     double worst = 0;
@@ -183,9 +193,11 @@ static double error_of(const kn_law *law, double (*table)(const kn_law *, double
     return worst;
 }
 
-// Half an octave a segment holds 8 octaves of b; wider laws take whole octaves, or two or four at a time.
+// Build the table. With half an octave per segment it covers 8 octaves of b. A wider law takes one, two or four octaves
+// per segment.
 static void build_table(kn_law *law, bool exact)
 {
+    // choose the width of the segments; a law too wide for four octaves each has no table
     float yh = (float)(law->bh_pa / law->b0_pa);
     law->shift = 22;
     while (law->shift < 25 && (bits_of(yh) - ONE_BITS) >> law->shift >= KN_LAW_SEGMENTS) law->shift++;
@@ -196,9 +208,11 @@ static void build_table(kn_law *law, bool exact)
     }
     for (unsigned i = 0; i < used; i++) {
         double y0 = float_of(ONE_BITS + (i << law->shift)), y1 = float_of(ONE_BITS + ((i + 1) << law->shift));
-        if (yh > y0) fit_segment(law, (int)i, y0, fmin(y1, yh)); // the table may end where a segment does
+        // false if the table ends exactly where the last segment begins
+        if (yh > y0) fit_segment(law, (int)i, y0, fmin(y1, yh));
         if (exact && yh > y0) fit_fine(law, (int)i, y0, fmin(y1, law->bh_pa / law->b0_pa));
     }
+    // the table is used only if its measured error is small enough
     law->table_error = error_of(law, table_stress);
     law->seeded = law->table_error <= 1e-3;
     if (exact) law->fine_error = error_of(law, fine_stress);
@@ -207,6 +221,7 @@ static void build_table(kn_law *law, bool exact)
 void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact)
 {
     *law = (kn_law){.mat = *mat, .dt_s = dt_s, .a_pa_s = mat->c1_pa_s + dt_s * mat->k1_pa};
+    // a law without damper or with a constant damper is a straight line
     law->slope_rest = law->slope_flow = slope_of(law, kn_material_c2(mat, 0));
     if (kn_material_stroke(mat, &law->in, &law->out)) {
         law->kind = KN_LAW_VOIGT;
@@ -219,10 +234,12 @@ void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact)
         return;
     }
     law->kind = KN_LAW_EXACT;
+    // the flowing branch begins at p1
     law->slope_flow = slope_of(law, kn_material_c2(mat, mat->p1_pa));
     law->s1_pa = mat->p1_pa;
     law->bh_pa = law->s1_pa / law->slope_flow;
-    // p0 = 0 leaves no straight branch; below beta s = 1e-4 the exponential is one to 1e-4
+    // The resting branch ends at p0. With p0 = 0 the law has no straight branch. A straight branch is then used where
+    // beta s is below 1e-4, because the exponential is 1 to within 1e-4 there.
     law->s0_pa = fmin(fmax(mat->p0_pa, 1e-4 / thinning), 0.5 * mat->p1_pa);
     if (mat->p0_pa >= law->s0_pa) law->s0_pa = mat->p0_pa;
     law->b0_pa = law->s0_pa / slope_of(law, kn_material_c2(mat, law->s0_pa));

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stddef.h>
 
+// The limits of a0/a - 1 follow from those of a. Stops without a distance between them make the damper rigid.
 bool kn_material_stroke(const kn_material *mat, double *in, double *out)
 {
     bool stops = mat->stroke[1] > 0;
@@ -11,13 +12,14 @@ bool kn_material_stroke(const kn_material *mat, double *in, double *out)
     return mat->damper == KN_DAMPER_NONE || (stops && mat->stroke[0] == mat->stroke[1]);
 }
 
+// Return whether the damper cannot move.
 static bool rigid(const kn_material *mat)
 {
     double in, out;
     return kn_material_stroke(mat, &in, &out);
 }
 
-// Where on the ramp a stress is, 0 at p0 to 1 at p1.
+// Return the place of a stress on the ramp: 0 at p0, 1 at p1.
 static double along(const kn_material *mat, double s) { return (s - mat->p0_pa) / (mat->p1_pa - mat->p0_pa); }
 
 double kn_material_c2(const kn_material *mat, double stress_pa)
@@ -43,6 +45,7 @@ double kn_material_thinning(const kn_material *mat, double stress_pa)
 
 double kn_material_compliance(const kn_material *mat, double seconds)
 {
+    // creep of the Voigt element, and flow of the damper at rest
     double voigt = mat->k1_pa > 0 ? 1 / mat->k1_pa : seconds / mat->c1_pa_s;
     if (mat->k1_pa > 0 && mat->c1_pa_s > 0) voigt *= -expm1(-mat->k1_pa / mat->c1_pa_s * seconds);
     return voigt + seconds / kn_material_c2(mat, 0);

@@ -5,31 +5,34 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SLOWER 30   // S
+#define SLOWER 30   // S of mobility.h
 #define COLD 60     // iterations of a probe's first round
-#define WARM 12     // and of every other
-#define ENOUGH 1e-4 // residual, relative to the pattern: of Y its square
+#define WARM 12     // iterations of every other round
+#define ENOUGH 1e-4 // residual, relative to the pattern, at which a round ends; the error of Y is the square of this
 
 struct kn_mobility {
     const kn_model *model;
-    kn_state *rest;             // its scratch holds matrix and vectors, its `change` the pattern
-    void *field[KN_PROBES_MAX]; // answer of the last round
+    // the object at rest; its scratch holds matrix and vectors, its field `change` holds the pattern
+    kn_state *rest;
+    void *field[KN_PROBES_MAX]; // solution z of the last round
     bool warm[KN_PROBES_MAX];
     int probe, left;
     double rz, beta, enough;
 };
 
+// Return the bytes of a field with the given number of components.
 static size_t bytes_of(const kn_model *m, int components)
 {
     return kn_model_field(m, components) * m->kernels->real_size;
 }
 
+// Scale the first reals of a field.
 static void scale(const kn_model *m, void *field, size_t reals, double by)
 {
     for (size_t i = 0; field && i < reals; i++) kn_real_set(m, field, i, by * kn_real_get(m, field, i));
 }
 
-// Nodes that lie on the table as the object was made; of the rest of the outside it may push any.
+// Hold the nodes that lie on the table at rest. Other nodes of the outside may reach the table later, but are not held.
 static void hold_table(kn_mobility *m)
 {
     const kn_model *model = m->model;
@@ -41,7 +44,8 @@ static void hold_table(kn_mobility *m)
     }
 }
 
-// The step's matrix of the object as it was made, with S times its stiffness: as much as inertia S times less.
+// Assemble the step's matrix of the object at rest, with S times its stiffness. The result is the same as with S times
+// less inertia, except for the factor S.
 static void assemble(kn_mobility *m)
 {
     const kn_model *model = m->model;
@@ -51,7 +55,9 @@ static void assemble(kn_mobility *m)
     memset(w->r, 0, bytes_of(model, 3));
     memset(w->p, 0, bytes_of(model, 6));
     model->kernels->edge(model, m->rest, KN_LINEARIZATION_TANGENT, false);
-    const double softer = SLOWER / model->law.slope_rest; // g has stiffnesses, or vectors of their roots (kernel.h)
+    // Remove the dampers' flow and multiply the stiffness by S. In f64 a lattice's g has the stiffness itself, else
+    // vectors of its root (kernel.h).
+    const double softer = SLOWER / model->law.slope_rest;
     const size_t reals = (size_t)kn_work_edge(model);
     scale(model, w->g, reals * model->edge_reals, reals == 1 ? softer : sqrt(softer));
     memset(m->rest->change, 0, bytes_of(model, 3));
@@ -88,6 +94,7 @@ void kn_mobility_begin(kn_mobility *m, int p)
     memset(m->rest->change, 0, bytes_of(m->model, 3));
 }
 
+// Add a force to the pattern. Held components carry no load, since they do not move.
 void kn_mobility_load(kn_mobility *m, size_t offset, const double force_n[3])
 {
     for (size_t k = 0; k < 3; k++)
@@ -102,16 +109,19 @@ static double product(const kn_model *m, const void *a, const void *b)
     return sum;
 }
 
-// r = b - A z for the last round's z, which costs one product; what is left of b then is what changed.
+// Start a round from the last round's solution z: r = b - A z, which costs one product. The residual r then is only the
+// change of the pattern since the last round.
 void kn_mobility_start(kn_mobility *m)
 {
     const kn_model *model = m->model;
     kn_work *w = kn_state_work(m->rest);
+    // first z = P b, whose size sets the threshold
     memcpy(w->r, m->rest->change, bytes_of(model, 3));
     memset(w->guess, 0, bytes_of(model, 3));
     memset(w->d, 0, bytes_of(model, 3));
     memset(w->q, 0, bytes_of(model, 3));
     m->enough = ENOUGH * ENOUGH * fabs(model->kernels->update(model, m->rest, 0)); // z = P b
+    // then one product with the last solution, which becomes the first guess
     memcpy(w->z, m->field[m->probe], bytes_of(model, 3));
     model->kernels->apply(model, m->rest, 0);
     m->rz = model->kernels->update(model, m->rest, 1);
@@ -119,6 +129,7 @@ void kn_mobility_start(kn_mobility *m)
     m->left = m->warm[m->probe] ? WARM : COLD;
 }
 
+// End a round: Y = b'z. A bad solution is dropped, so that the next round starts from zero.
 static bool finish(kn_mobility *m, double *a_n_s_per_m)
 {
     kn_work *w = kn_state_work(m->rest);
@@ -133,6 +144,7 @@ static bool finish(kn_mobility *m, double *a_n_s_per_m)
 
 bool kn_mobility_iterate(kn_mobility *m, double *a_n_s_per_m)
 {
+    // one iteration of conjugate gradients with the step's own kernels
     if (m->left-- <= 0 || !(m->rz > m->enough)) return finish(m, a_n_s_per_m);
     double dq = m->model->kernels->apply(m->model, m->rest, m->beta);
     if (!(dq > 0)) return finish(m, a_n_s_per_m);

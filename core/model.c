@@ -13,8 +13,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+// Longest step with gas, s. In a longer step, a press reduces a cell's volume too much at once.
 #define GAS_STEP_MOST_S 0.03
-#define NODES_MAX (1 << 22) // 4 M nodes: 3 GB of state; keeps every index far from overflow
+#define NODES_MAX (1 << 22) // 4 M nodes: 3 GB of state; every index is far from overflow
 
 kn_model_def kn_model_def_default(void)
 {
@@ -41,6 +42,8 @@ kn_model_def kn_model_def_default(void)
 void kn_model_def_extent(const kn_model_def *def, double extent_m[3])
 {
     for (int k = 0; k < 3; k++) {
+        // the extent of a block follows from its numbers of nodes; a mesh is centred over the origin and stands on
+        // z = 0
         extent_m[k] = def->mesh ? 0 : def->spacing_m * (def->nodes[k] - 1);
         for (int i = 0; def->mesh && i < def->mesh->node_count; i++)
             extent_m[k] = fmax(extent_m[k], (k == 2 ? 1 : 2) * fabs(def->mesh->x_m[i][k]));
@@ -50,6 +53,7 @@ void kn_model_def_extent(const kn_model_def *def, double extent_m[3])
 
 static bool is_real(double x) { return x >= 0 && isfinite(x); }
 
+// Check contact and coupling of one probe. All check functions return NULL or a sentence that says what is wrong.
 static const char *check_tool(const kn_model_def *def, const kn_probe_def *p)
 {
     const bool plate = p->shape == KN_PROBE_PLATE;
@@ -65,6 +69,7 @@ static const char *check_tool(const kn_model_def *def, const kn_probe_def *p)
     return NULL;
 }
 
+// Check shape and foundation of one probe.
 static const char *check_probe(const kn_model_def *def, const kn_probe_def *p)
 {
     const char *wrong = check_tool(def, p);
@@ -74,6 +79,7 @@ static const char *check_probe(const kn_model_def *def, const kn_probe_def *p)
     return wrong;
 }
 
+// Check the numbers that describe a block.
 static const char *check_block(const kn_model_def *def)
 {
     const bool flat = def->thickness_m > 0;
@@ -94,6 +100,7 @@ static const char *check_block(const kn_model_def *def)
     return NULL;
 }
 
+// Check the numbers that describe a net.
 static const char *check_mesh(const kn_model_def *def)
 {
     const bool flat = def->mesh->dimension == 2;
@@ -103,6 +110,7 @@ static const char *check_mesh(const kn_model_def *def)
     return NULL;
 }
 
+// Check everything about the object except the material.
 static const char *check_lattice(const kn_model_def *def)
 {
     const char *wrong = def->mesh ? check_mesh(def) : check_block(def);
@@ -131,6 +139,7 @@ static const char *check_solver(const kn_solver_def *s)
     return NULL;
 }
 
+// Check a whole definition: parts first, then how they fit together.
 static const char *check(const kn_model_def *def)
 {
     const char *wrong = kn_material_check(&def->material);
@@ -144,7 +153,7 @@ static const char *check(const kn_model_def *def)
     return wrong;
 }
 
-// The faces a probe can touch, each with u x v pointing outwards.
+// List the faces that a probe can touch: top, four sides, base. u x v points outwards on each of them.
 static void build_faces(kn_model *m)
 {
     const int *n = m->grid.n, x = 1, y = n[0], z = n[0] * n[1];
@@ -161,12 +170,14 @@ static void build_faces(kn_model *m)
     m->face_count = m->def.support >= KN_SUPPORT_NONE ? 6 : 5;
     m->outside_count = 6;
     if (!m->grid.flat) return;
-    m->face[2] = face[2]; // top and two ends: what lies along the plane is not touched
+    // a flat object: top and two ends; faces along its plane cannot be touched
+    m->face[2] = face[2];
     m->face[3] = face[5];
     m->face_count -= 2;
     m->outside_count -= 2;
 }
 
+// Allocate the arrays of nodes and of the top. A mesh and a composite call this function, too.
 bool kn_model_nodes(kn_model *m, int nodes, int top)
 {
     m->node_count = nodes;
@@ -188,11 +199,13 @@ bool kn_model_cells(kn_model *m, int cells)
     return m->cells && m->cell_volume;
 }
 
+// Return the components that a support holds, as bits.
 uint8_t kn_support_mask(kn_support support)
 {
     return support == KN_SUPPORT_BONDED ? 7 : support == KN_SUPPORT_FRICTIONLESS ? 4 : 0;
 }
 
+// List the nodes of the top and their shares of a dead load, which sum to 1.
 static void build_top(kn_model *m)
 {
     const kn_face *top = &m->face[0];
@@ -205,6 +218,7 @@ static void build_top(kn_model *m)
     for (int t = 0; t < m->top_count; t++) m->top_share[t] /= shares;
 }
 
+// Build the nodes of a plain block.
 static bool build_block(kn_model *m)
 {
     const kn_grid *g = &m->grid;
@@ -221,25 +235,29 @@ static bool build_block(kn_model *m)
         m->offset[i] = kn_grid_offset(g, i);
         kn_grid_rest(g, i, m->rest_m[i]);
         m->node_mass_kg[i] = whole * kn_grid_share(g, i);
-        if (i < g->n[0] * g->n[1]) m->support[i] = kn_support_mask(m->def.support); // ids count z slowest
-        if (g->flat) m->support[i] |= 2;                                            // nothing leaves the plane
+        // the base has the first ids, because ids count z slowest; nodes of a flat object stay in its plane
+        if (i < g->n[0] * g->n[1]) m->support[i] = kn_support_mask(m->def.support);
+        if (g->flat) m->support[i] |= 2;
     }
     build_top(m);
     return true;
 }
 
-// A sphere's foundation and gas against what the object's nodes at rest resist a step with. Gradients that know both
-// ends of a wider range to seven digits need more iterations than any step has (knead stability, family mixed). Gas is
-// stiff in one direction of each cell only.
+// Limits of the stiffness of tools' foundations and of gas, relative to the resistance of an object's node at rest in
+// one step. Beyond these limits, conjugate gradients in f32 (seven digits) need more iterations than any step has
+// (measured with `knead stability`, family mixed). Gas is stiff in only one direction of each cell.
 #define FOUNDATION_MOST 500.0
 #define GAS_MOST 1e4
-#define GAS_MOST_F32 1e4 // of what a sphere presses with, a spacing in: rounding of the gas is a hundredth of that
+// Limit of the gas in f32, relative to the pressure of a tool one spacing deep: the rounding of the gas is then a
+// hundredth of that pressure.
+#define GAS_MOST_F32 1e4
 
 static const char *check_stiffness(const kn_model *m)
 {
     const kn_model_def *def = &m->def;
     double h = def->spacing_m, dt = def->solver.dt_s, at_rest = m->law.kind == KN_LAW_VOIGT ? 1 : m->law.slope_rest;
-    double body = m->kappa_m * m->law.a_pa_s * at_rest + kn_model_mass(m) / m->node_count / dt; // a node's, kg/s
+    // body: resistance of one node to a change of velocity, kg/s
+    double body = m->kappa_m * m->law.a_pa_s * at_rest + kn_model_mass(m) / m->node_count / dt;
     double gas = def->pressure != KN_PRESSURE_NONE ? def->inside_pressure_pa : 0;
     if (def->solver.kind != KN_SOLVER_RK4 && gas * h * dt > GAS_MOST * body)
         return "the gas inside is more than 10000 times as stiff as the object around it";
@@ -271,7 +289,7 @@ static bool build_cells(kn_model *m)
 
 static bool build_edges(kn_model *m)
 {
-    if (m->def.mesh) return true; // its own
+    if (m->def.mesh) return true; // a mesh has its own nodes and faces
     m->edge_count = kn_grid_edges(&m->grid, NULL);
     m->edges = calloc((size_t)m->edge_count + 1, sizeof(kn_edge));
     if (m->edges) kn_grid_edges(&m->grid, m->edges);
@@ -293,10 +311,12 @@ static bool fail(char *error, size_t size, const char *text)
     return false;
 }
 
-// An element that a hand goes through in one step turns inside out and back with every step: directions are those of
-// the step's begin. The speed is a press's (knead stability, family sliver: calm at 2 cm/s, up and down at 7 mm/s).
+// Speed of a press for the check below. If a hand moves by an element's height in one step, the element turns inside
+// out and back in every step, because the step uses the edges' directions at its beginning. Measured with `knead
+// stability`, family sliver: the object is calm if the height over the step is 2 cm/s, and oscillates if it is 7 mm/s.
 #define HAND_M_S 0.01
 
+// Refuse a step that is too long for the flattest element of a mesh.
 static bool check_flattest(const kn_model *m, char *error, size_t size)
 {
     int element = 0;
@@ -314,24 +334,28 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
 {
     bool rk4 = def->solver.kind == KN_SOLVER_RK4;
     m->def = *def;
+    // lattice, law and kernels first: everything else depends on them
     if (!def->mesh)
         kn_grid_init(&m->grid, def->nodes, def->spacing_m, def->thickness_m,
                      def->structure == KN_STRUCTURE_AXIS ? 0 : def->diagonal_stiffness);
     kn_law_build(&m->law, &def->material, rk4 ? 0 : def->solver.dt_s, def->solver.precision == KN_PRECISION_F64);
     if (!kn_kernels_choose(m))
         return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
+    // then the nodes: of a mesh, of a block with a fine box, or of a plain block
     const char *wrong;
     if (def->mesh) wrong = kn_net_build(m);
     else if (kn_composite_is(def)) wrong = kn_composite_build(m);
     else wrong = build_block(m) ? NULL : KN_NO_MEMORY;
     if (!wrong && !kn_outside_build(m)) wrong = KN_NO_MEMORY;
     if (!wrong) wrong = check_stiffness(m);
+    // then the tables of the chosen solver
     char text[160];
     if (!wrong && def->solver.kind == KN_SOLVER_FIXED)
         wrong = build_edges(m) && build_gas(m) ? kn_fixed_build(m, text, sizeof text) : KN_NO_MEMORY;
     else if (!wrong && (rk4 ? !build_rk4(m) : !build_tables(m))) wrong = KN_NO_MEMORY;
     if (wrong) return fail(error, size, wrong);
     if (!check_flattest(m, error, size)) return false;
+    // an explicit step beyond its stability limit is refused, with the mass scale that would allow it
     if (rk4 && def->solver.dt_s > m->rk4_limit_s) {
         if (size > 0)
             snprintf(error, size,

@@ -13,12 +13,12 @@ static void difference(const double a[3], const double b[3], double out[3])
 
 // --- edges ----------------------------------------------------------------------------------------------------------
 
-typedef struct side { // of an element, or what merged ones share
+typedef struct side { // side of one element, or the sum of merged sides
     int i, j, element;
     double kappa_m;
 } side;
 
-// By ends, then by element: sums come out the same whatever qsort does with equals.
+// Sort by ends, then by element, so that sums do not depend on how qsort orders equal keys.
 static int by_ends(const void *a, const void *b)
 {
     const side *x = a, *y = b;
@@ -27,7 +27,7 @@ static int by_ends(const void *a, const void *b)
     return (x->element > y->element) - (x->element < y->element);
 }
 
-// Volume of an element, of a flat one with its thickness, m^3.
+// Return the volume of an element, m^3; a flat element's area times thickness.
 static double volume_of(const kn_model *m, const int element[4])
 {
     const kn_simplices *s = m->def.mesh;
@@ -40,6 +40,7 @@ static double volume_of(const kn_model *m, const int element[4])
     return kn_dot(ab, c) / 6;
 }
 
+// List all sides of all elements, with kappa = V/L^2 for each.
 static int list_sides(const kn_model *m, side *sides)
 {
     const kn_simplices *s = m->def.mesh;
@@ -57,6 +58,8 @@ static int list_sides(const kn_model *m, side *sides)
     return count;
 }
 
+// Merge the sides that elements share into edges. kappa of the model is the mean of the edges, and weights are relative
+// to this mean.
 static bool build_edges(kn_model *m)
 {
     const kn_simplices *s = m->def.mesh;
@@ -84,7 +87,8 @@ static bool build_edges(kn_model *m)
 
 // --- skin -----------------------------------------------------------------------------------------------------------
 
-typedef struct facet { // a face of one element: corners as they turn seen from outside; a flat one's third is -1
+// A face of one element. Corners turn counter-clockwise seen from outside; the third corner of a flat facet is -1.
+typedef struct facet {
     int corner[3], sorted[3];
 } facet;
 
@@ -93,6 +97,7 @@ static int by_corners(const void *a, const void *b)
     return memcmp(((const facet *)a)->sorted, ((const facet *)b)->sorted, sizeof((const facet *)a)->sorted);
 }
 
+// Make a facet, with its corners also sorted for comparison.
 static facet facet_of(int a, int b, int c)
 {
     facet f = {{a, b, c}, {a, b, c}};
@@ -106,7 +111,7 @@ static facet facet_of(int a, int b, int c)
     return f;
 }
 
-// The facets that only one element has; their number. NULL when memory is short.
+// Return the facets that belong to one element only, and their number. NULL when memory is short.
 static facet *outer_facets(const kn_simplices *s, int *count)
 {
     static const int solid[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}, flat[3][2] = {{0, 1}, {1, 2}, {2, 0}};
@@ -128,13 +133,14 @@ static facet *outer_facets(const kn_simplices *s, int *count)
     return f;
 }
 
-// Area of a facet as a vector outwards, m^2; a flat one's with the thickness.
+// Compute the area of a facet as a vector that points outwards, m^2; a flat facet's length times thickness.
 static void facet_area(const kn_model *m, const facet *f, double area_m2[3])
 {
     const kn_simplices *s = m->def.mesh;
     double a[3], b[3];
     difference(s->x_m[f->corner[1]], s->x_m[f->corner[0]], a);
-    if (s->dimension == 2) { // triangles turn from x to z, so outwards is right of the way
+    // triangles turn from x to z, so outwards is to the right of the direction along the side
+    if (s->dimension == 2) {
         area_m2[0] = a[2] * m->def.thickness_m;
         area_m2[1] = 0;
         area_m2[2] = -a[0] * m->def.thickness_m;
@@ -145,12 +151,14 @@ static void facet_area(const kn_model *m, const facet *f, double area_m2[3])
     for (int k = 0; k < 3; k++) area_m2[k] *= 0.5;
 }
 
-// Facets that look up by at least 30 degrees above the horizon are the top: a plate comes from above.
+// A facet belongs to the top if the cosine between its normal and the vertical is at least this. (Plates press from
+// above.)
 #define TOP_COSINE 0.5
 
+// List the top's nodes with their shares, by the horizontal area of their facets.
 static void build_top(kn_model *m, const facet *facets, int count)
 {
-    double *share = m->top_share, sum = 0; // by node until the top is listed
+    double *share = m->top_share, sum = 0; // indexed by node until the top is listed
     for (int f = 0; f < count; f++) {
         double area[3];
         facet_area(m, &facets[f], area);
@@ -166,7 +174,7 @@ static void build_top(kn_model *m, const facet *facets, int count)
     }
 }
 
-// A flat object shows its triangles on both sides.
+// Build the triangles of the outside. A flat object has its triangles on both sides.
 static bool build_skin(kn_model *m, const facet *facets, int count)
 {
     const kn_simplices *s = m->def.mesh;
@@ -186,6 +194,7 @@ static bool build_skin(kn_model *m, const facet *facets, int count)
 
 // --- nodes ----------------------------------------------------------------------------------------------------------
 
+// Give every node its share of the elements' masses.
 static void build_masses(kn_model *m)
 {
     const kn_simplices *s = m->def.mesh;
@@ -195,7 +204,7 @@ static void build_masses(kn_model *m)
     }
 }
 
-// The lowest nodes stand on the table; a flat object stays in its plane.
+// Hold the lowest nodes, which stand on the table, and keep a flat object in its plane.
 static void build_support(kn_model *m)
 {
     const kn_simplices *s = m->def.mesh;
@@ -210,7 +219,7 @@ static void build_support(kn_model *m)
     }
 }
 
-// Every element is a cell.
+// Make every element a cell of gas.
 static bool build_cells(kn_model *m)
 {
     const kn_simplices *s = m->def.mesh;
@@ -218,7 +227,7 @@ static bool build_cells(kn_model *m)
     if (!kn_model_cells(m, s->element_count)) return false;
     for (int c = 0; c < m->cell_count; c++) {
         for (int i = 0; i < 8; i++) m->cells[c].corner[i] = -1;
-        memcpy(m->cells[c].corner, s->element[c], sizeof s->element[c]); // a triangle's fourth is -1
+        memcpy(m->cells[c].corner, s->element[c], sizeof s->element[c]); // a triangle's fourth corner is -1
         m->cell_volume[c] = volume_of(m, s->element[c]);
     }
     return true;
@@ -226,9 +235,10 @@ static bool build_cells(kn_model *m)
 
 // --- fit ------------------------------------------------------------------------------------------------------------
 
-#define CREEP_NODES_MAX 1000 // of the part that creeps in the fit of gamma: some tenths of a second
+// Largest number of nodes of the specimen in the fit of gamma. The fit takes some tenths of a second.
+#define CREEP_NODES_MAX 1000
 
-// Outward area of the nodes of a specimen, and its volume.
+// Sum the outward area of every node of a specimen. Return the specimen's volume.
 static double areas(const kn_model *m, const facet *facets, int count, double (*area_m2)[3])
 {
     const kn_simplices *s = m->def.mesh;
@@ -255,7 +265,7 @@ static int by_distance(const void *a, const void *b)
     return (x->element > y->element) - (x->element < y->element);
 }
 
-// Elements in order of their distance from the middle.
+// Sort the elements by distance from the middle.
 static near *from_middle(const kn_simplices *s)
 {
     near *order = malloc((size_t)s->element_count * sizeof *order);
@@ -272,11 +282,11 @@ static near *from_middle(const kn_simplices *s)
     return order;
 }
 
-// The middle of a mesh, as many nodes as the fit can afford. NULL when memory is short.
+// Cut out the middle of a mesh, with as many nodes as the fit can afford. NULL when memory is short.
 static kn_simplices *middle_of(const kn_simplices *s)
 {
     near *order = from_middle(s);
-    int *number = calloc((size_t)s->node_count, sizeof *number); // from 1; 0: not taken
+    int *number = calloc((size_t)s->node_count, sizeof *number); // new number of a node, from 1; 0: not taken
     kn_simplices *part = kn_simplices_create(s->dimension, CREEP_NODES_MAX, s->element_count);
     if (order && number && part) {
         part->node_count = part->element_count = 0;
@@ -308,8 +318,8 @@ static kn_specimen specimen_of(const kn_model *m, const double (*area_m2)[3], do
                          area_m2,       m->edges,      m->kappa_m,        volume};
 }
 
-// E of the body is that of the material by one factor; gamma by creep, of a large body's middle.
-// NULL, or what is wrong.
+// Fit kappa and gamma. One factor on kappa makes the body's E equal to that of the material. gamma follows from a creep
+// test, unless the mesh is too large. Return NULL, or what is wrong.
 static const char *fit(kn_model *m, const facet *facets, int count)
 {
     const kn_simplices *s = m->def.mesh;
@@ -322,6 +332,7 @@ static const char *fit(kn_model *m, const facet *facets, int count)
     if (!wrong) {
         double mean = s->dimension == 3 ? (own->young[0] + own->young[1] + own->young[2]) / 3
                                         : (own->young[0] + own->young[2]) / 2;
+        // scale the springs, and with them the moduli, to a mean E of 1
         m->kappa_m /= mean;
         for (int k = 0; k < 3; k++) own->young[k] /= mean;
         own->shear /= mean;
@@ -334,7 +345,7 @@ static const char *fit(kn_model *m, const facet *facets, int count)
     return wrong;
 }
 
-// The middle of a large mesh stands for it in the fit of gamma.
+// Fit gamma of a large mesh with a specimen cut from its middle.
 static const char *fit_middle(kn_model *m)
 {
     kn_simplices *part = middle_of(m->def.mesh);
@@ -367,6 +378,7 @@ const char *kn_net_build(kn_model *m)
         m->row_count = s->node_count;
         m->stride = 1;
         m->edge_reals = (size_t)(m->edge_count + KN_LANES - 1) / KN_LANES * KN_LANES;
+        // nodes first, since support, top and fit need them
         for (int i = 0; i < s->node_count; i++) m->offset[i] = 3 * (size_t)i;
         memcpy(m->rest_m, s->x_m, (size_t)s->node_count * sizeof *m->rest_m);
         build_masses(m);

@@ -6,15 +6,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Vectors of a solve, three reals a node; and per edge its unit vector, its stiffness, and the strain u of its law.
+// Memory of the tests: vectors of three reals per node; per edge a unit vector, a stiffness, and the strain u of the
+// law.
 typedef struct bench {
     const kn_specimen *s;
     double *x, *r, *z, *d, *q, *jacobi, *f;
-    double *moved; // displacements of a creep
+    double *moved; // displacements of a creep test
     double *n, *k, *u;
     double *memory;
 } bench;
 
+// Allocate all vectors in one block, and compute the edges' unit vectors.
 static bool bench_open(bench *b, const kn_specimen *s)
 {
     size_t reals = 3 * (size_t)s->nodes, edges = (size_t)s->edges;
@@ -32,13 +34,14 @@ static bool bench_open(bench *b, const kn_specimen *s)
     return true;
 }
 
+// Return the growth of an edge under a field.
 static double growth(const bench *b, int e, const double *x)
 {
     const double *n = b->n + 3 * e, *i = x + 3 * b->s->edge[e].i, *j = x + 3 * b->s->edge[e].j;
     return n[0] * (j[0] - i[0]) + n[1] * (j[1] - i[1]) + n[2] * (j[2] - i[2]);
 }
 
-// Both ends of an edge get its pull.
+// Add an edge's pull to both of its ends.
 static void pull(const bench *b, int e, double tension, double *f)
 {
     const double *n = b->n + 3 * e;
@@ -62,7 +65,8 @@ static double precondition(bench *b)
     return inner(b->r, b->z, count);
 }
 
-// x += K^-1 r to a part of the residual at the start. K is singular against rigid motion, but loads are in balance.
+// Solve K x = r by conjugate gradients with a Jacobi preconditioner, and add the result to x. Stop at `part` of the
+// initial residual. K is singular for rigid motions, but the loads are in balance, so there is a solution.
 static void solve(bench *b, double part)
 {
     int count = 3 * b->s->nodes, most = 20 * (int)cbrt((double)count) + 200;
@@ -91,7 +95,7 @@ static void solve(bench *b, double part)
     }
 }
 
-// Traction of stress component (a, c), symmetric.
+// Set the loads to the traction of a stress component (a, c), symmetric.
 static void load(bench *b, int a, int c, double stress)
 {
     memset(b->f, 0, 3 * (size_t)b->s->nodes * sizeof *b->f);
@@ -101,7 +105,7 @@ static void load(bench *b, int a, int c, double stress)
     }
 }
 
-// Mean of a component of the strain that displacements x make.
+// Return the mean of a strain component of displacements x, read off the outside.
 static double strain(const bench *b, const double *x, int a, int c)
 {
     double sum = 0;
@@ -118,6 +122,7 @@ const char *kn_specimen_moduli(const kn_specimen *s, kn_net_moduli *out)
     *out = (kn_net_moduli){.poisson = 0};
     for (int e = 0; e < s->edges; e++) b.k[e] = s->kappa_m * s->edge[e].weight;
     bool ok = true;
+    // one test per stress component: tension along the axes gives E and Poisson's ratio, shear gives the shear modulus
     for (int a = 0; a < 3 && ok; a += step)
         for (int c = a; c < 3 && ok; c += step) {
             memset(b.x, 0, 3 * (size_t)s->nodes * sizeof *b.x);
@@ -143,7 +148,7 @@ const char *kn_specimen_moduli(const kn_specimen *s, kn_net_moduli *out)
 
 static double at(const bench *b, const double *centre, int i, int c) { return b->s->x_m[i][c] - centre[c]; }
 
-// x of m x = y, m symmetric 3 x 3, by cofactors; zero where m is singular.
+// Solve m x = y for a symmetric 3 x 3 matrix, by cofactors. x is zero if m is singular.
 static void solve3(double m[3][3], const double y[3], double x[3])
 {
     double inverse[3][3], det = 0;
@@ -156,26 +161,31 @@ static void solve3(double m[3][3], const double y[3], double x[3])
     for (int a = 0; a < 3; a++) x[a] = det > 0 ? inner(inverse[a], y, 3) / det : 0;
 }
 
-// Strain along z of the linear map that fits the displacements best. Nodes far from it count less: a node of the
-// outside that few springs hold runs away under its traction once they thin, and took the mean over the outside with
-// it. Between meshes of one block that differ by a few nodes, a gamma fitted to that mean went from 0.65 to 1.5.
+// Return the strain along z of the linear map that fits the displacements best. Nodes far from the map count less.
+// Rejected: the mean strain over the outside. A node of the outside that only a few springs hold moves far under its
+// traction when the dampers there soften, and the mean would follow this node. With the mean, gamma changed from 0.65
+// to 1.5 between meshes of one block that differ by a few nodes.
 static double stretch(bench *b)
 {
     int nodes = b->s->nodes;
     double *weight = b->z, slope[3] = {0}, centre[3], mean, scale = INFINITY;
     memset(b->q, 0, (size_t)nodes * sizeof *b->q);
+    // fit the map four times; each round weights the nodes by their distance from the last map
     for (int round = 0; round < 4; round++) {
         double m[3][3] = {{0}}, y[3] = {0}, sum = 0, off = 0;
         memset(centre, 0, sizeof centre);
         mean = 0;
         for (int i = 0; i < nodes; i++) {
-            double far = b->q[i] / (3 * scale); // 0 in the first round
+            // distance from the last map, relative to three times the mean; 0 in the first round
+            double far = b->q[i] / (3 * scale);
             sum += weight[i] = 1 / (1 + far * far);
         }
+        // weighted means of places and displacements
         for (int i = 0; i < nodes; i++) {
             for (int c = 0; c < 3; c++) centre[c] += weight[i] / sum * b->s->x_m[i][c];
             mean += weight[i] / sum * b->moved[3 * i + 2];
         }
+        // normal equations of the slope
         for (int i = 0; i < nodes; i++)
             for (int c = 0; c < 3; c++) {
                 y[c] += weight[i] * at(b, centre, i, c) * (b->moved[3 * i + 2] - mean);
@@ -183,6 +193,7 @@ static double stretch(bench *b)
             }
         if (b->s->flat) m[1][1] = m[0][0];
         solve3(m, y, slope);
+        // distance of every node from the map, and its mean as the scale of the next round
         for (int i = 0; i < nodes; i++) {
             b->q[i] = b->moved[3 * i + 2] - mean;
             for (int c = 0; c < 3; c++) b->q[i] -= slope[c] * at(b, centre, i, c);
@@ -193,14 +204,14 @@ static double stretch(bench *b)
     return slope[2];
 }
 
-// Stress of an edge at the velocities of now.
+// Return the stress of an edge at the present velocities.
 static double stress_of(const bench *b, const kn_law *law, double gamma, int e)
 {
     double rate = growth(b, e, b->x) / (gamma * b->s->edge[e].rest_m);
     return kn_law_stress(law, law->a_pa_s * rate + law->mat.k1_pa * b->u[e]);
 }
 
-// Adds the edges' pull to the residual and sets their stiffness.
+// Add the edges' forces to the residual, and set their stiffness.
 static void pull_all(bench *b, const kn_law *law, double gamma)
 {
     for (int e = 0; e < b->s->edges; e++) {
@@ -220,12 +231,14 @@ double kn_specimen_creep(const kn_specimen *s, const kn_material *mat, double ga
     load(&b, 2, 2, stress_pa);
     double whole = sqrt(inner(b.f, b.f, 3 * s->nodes));
     for (int step = 0; step < CREEP_STEPS; step++) {
-        for (int pass = 0; pass < 30; pass++) { // x: velocity; warm from the last step
+        // find the velocities x by repeated linearisation, starting from those of the last step
+        for (int pass = 0; pass < 30; pass++) {
             memcpy(b.r, b.f, 3 * (size_t)s->nodes * sizeof *b.r);
             pull_all(&b, &law, gamma);
             if (sqrt(inner(b.r, b.r, 3 * s->nodes)) < 1e-3 * whole) break;
             solve(&b, 0.05);
         }
+        // advance the edges' strains and the displacements
         for (int e = 0; e < s->edges; e++)
             b.u[e] += dt * (stress_of(&b, &law, gamma, e) - mat->k1_pa * b.u[e]) / law.a_pa_s;
         for (int k = 0; k < 3 * s->nodes; k++) b.moved[k] += dt * b.x[k];
@@ -249,7 +262,7 @@ bool kn_specimen_gamma(const kn_specimen *s, const kn_material *mat, double *gam
     if (mat->damper == KN_DAMPER_NONE || mat->damper == KN_DAMPER_CONSTANT) return true;
     double stress = mat->p0_pa > 0 ? sqrt(mat->p0_pa * mat->p1_pa) : 0.3 * mat->p1_pa;
     double target = kn_element_creep(mat, stress), low = 0.2, high = 1.5;
-    // the larger gamma, the less stress a damper sees, the less it creeps
+    // Bisect: the larger gamma is, the less stress a damper sees, and the less it creeps.
     for (int i = 0; i < 9; i++) {
         *gamma = sqrt(low * high);
         double crept = kn_specimen_creep(s, mat, *gamma, stress);

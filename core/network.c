@@ -9,7 +9,7 @@ enum { NODES = 2 * KN_ELEMENT_MAX, STAGES = 5, NEWTON_MAX = 80 };
 
 bool kn_part_thins(const kn_part *p) { return p->beta_per_pa > 0 || p->c_min_pa_s > 0; }
 
-// c at a stress, and how much its logarithm falls per stress there.
+// Return c of a damper at the stress a, and store -d ln c/da there.
 static double viscosity(const kn_part *p, double a, double *thinning)
 {
     *thinning = 0;
@@ -21,6 +21,7 @@ static double viscosity(const kn_part *p, double a, double *thinning)
     return c;
 }
 
+// Return the flow of a damper under a stress, and its slope.
 static double flow(const kn_part *p, double s, double *slope)
 {
     double thinning, c = viscosity(p, fabs(s), &thinning);
@@ -58,6 +59,7 @@ const char *kn_network_check(const kn_network *net, int *leaf)
 
 // ---- one stage: the tree as lines D = slope s + offset
 
+// A part, or a group of parts, in one stage: D = slope s + offset.
 typedef struct line {
     double slope, offset;
 } line;
@@ -66,13 +68,14 @@ typedef struct stage {
     const kn_network *net;
     double h;
     double base[KN_ELEMENT_MAX];  // x at the start of the stage
-    double guess[KN_ELEMENT_MAX]; // stress around which a damper is taken as straight
+    double guess[KN_ELEMENT_MAX]; // stress at which the damper is linearised
     double stress[KN_ELEMENT_MAX];
     double taken[KN_ELEMENT_MAX]; // D
     int8_t at_stop[KN_ELEMENT_MAX];
     line at[NODES];
 } stage;
 
+// Linearise one part, equation (1) of network.h. A damper at a stop does not move.
 static line leaf_line(const stage *g, const kn_element_node *n)
 {
     const kn_part *p = &g->net->part[n->leaf];
@@ -82,6 +85,8 @@ static line leaf_line(const stage *g, const kn_element_node *n)
     return (line){g->h * slope, g->h * (rate - slope * s)};
 }
 
+// Compose the tree upwards: in series the lines add up, in parallel their inverses add up. In parallel, a rigid member
+// makes the group rigid.
 static line compose(stage *g, int node)
 {
     const kn_element_node *n = &g->net->element.node[node];
@@ -106,6 +111,7 @@ static line compose(stage *g, int node)
     return g->at[node] = sum;
 }
 
+// Hand the stress down to the parts. In parallel each member's share follows from the common strain.
 static void hand_down(stage *g, int node, double s)
 {
     const kn_element_node *n = &g->net->element.node[node];
@@ -120,7 +126,7 @@ static void hand_down(stage *g, int node, double s)
         double share = s;
         if (n->kind == KN_ELEMENT_PARALLEL) {
             if (child.slope == 0 && rigid < 0) {
-                rigid = n->child[i]; // carries what the others leave
+                rigid = n->child[i]; // carries the rest of the stress
                 continue;
             }
             share = child.slope == 0 ? 0 : (taken - child.offset) / child.slope;
@@ -141,20 +147,22 @@ static double strain_of(const kn_element *e, int node, const double *x)
     return sum;
 }
 
-// Newton's next point. g is convex up to p1 and has a concave kink there; stepping over the kink from below would
-// cycle.
+// Return Newton's next guess. The flow g is convex up to p1 and has a concave kink at p1. A step over the kink from
+// below would make Newton's method cycle, so such a step stops at the kink.
 static double next_guess(const kn_part *p, double guess, double stress)
 {
     if (fabs(guess) < p->p1_pa && fabs(stress) > p->p1_pa) return copysign(p->p1_pa, stress);
     return stress;
 }
 
-// What the bench asks of one stage: stress = fixed - gives * D, or D = taken.
+// Condition of the bench on one stage: stress = fixed - gives * D, or D = taken.
 typedef struct demand {
     bool strain;
     double taken, fixed, gives;
 } demand;
 
+// Solve one stage: linearise, meet the bench's condition, hand the stresses down; repeat until the guesses agree with
+// the stresses.
 static bool solve(stage *g, const demand *want, double *root_stress)
 {
     const kn_element *e = &g->net->element;
@@ -162,7 +170,7 @@ static bool solve(stage *g, const demand *want, double *root_stress)
         line all = compose(g, e->root);
         double s = want->strain ? (want->taken - all.offset) / all.slope
                                 : (want->fixed - want->gives * all.offset) / (1 + want->gives * all.slope);
-        if (want->strain && all.slope == 0) s = 0; // rigid, and not to be moved
+        if (want->strain && all.slope == 0) s = 0; // rigid, and the prescribed strain does not move it
         if (!isfinite(s)) return false;
         hand_down(g, e->root, s);
         double change = 0, size = 0;
@@ -182,10 +190,10 @@ static bool solve(stage *g, const demand *want, double *root_stress)
 
 // ---- stops
 
-#define ARRIVED 1e-12 // of the specimen's height
+#define ARRIVED 1e-12 // share of the specimen's height
 
-// Share of a step after which the first damper would pass a stop, or its stress has turned while it stood at one; 1:
-// none.
+// Return the share of a step after which the first damper would pass a stop, or after which the stress of a damper at a
+// stop changes sign. 1: neither happens.
 static double first_event(const kn_network *net, const kn_network_state *from, const kn_network_state *to)
 {
     double first = 1;
@@ -200,7 +208,8 @@ static double first_event(const kn_network *net, const kn_network_state *from, c
     return fmax(first, 0);
 }
 
-// Dampers that have come to a stop stand there; those whose stress has turned are free. True when any did.
+// Update the stops: a damper that reached a stop is at the stop from now on, and a damper whose stress has changed sign
+// is free. Return true if any damper changed.
 static bool settle(const kn_network *net, kn_network_state *state)
 {
     bool changed = false;
@@ -231,8 +240,9 @@ static double drive_strain_rate(const kn_drive *d, double t)
     return d->rate_per_s + d->amplitude * d->omega * cos(d->omega * (t - d->start_s));
 }
 
-// A strain is prescribed by its rate: then the parts obey an ordinary differential equation whichever they are. By its
-// value, dashpots that answer at once would get their rates from differences, and the order would fall.
+// Return the condition that the drive sets at time t. A strain is prescribed by its rate, so that the parts always obey
+// an ordinary differential equation. If the strain were prescribed by its value, the rates of dashpots that respond at
+// once would come from differences, and the order would fall.
 static demand demand_at(const stage *g, const kn_drive *d, double t)
 {
     const kn_element *e = &g->net->element;
@@ -253,17 +263,17 @@ static stage stage_from(const kn_network *net, const kn_network_state *state, do
     return g;
 }
 
-// Strain and stress between the ends from the strains of the parts. Where a dashpot answers a strain at once the stress
-// belongs to the rate: a stage too short to change anything finds it.
+// Compute strain and stress between the ends from the strains of the parts. If a dashpot responds to a strain at once,
+// the stress depends on the rate. A stage that is too short to change anything gives this stress.
 static bool observe(const kn_network *net, kn_network_state *state, const kn_drive *drive)
 {
-    const double instant = 1e-15; // s: below 1e-9 of any time of a material, above what underflows
+    const double instant = 1e-15; // below 1e-9 of any time constant of a material, above underflow
     stage g = stage_from(net, state, instant);
     demand want = demand_at(&g, drive, state->time_s);
     state->strain = strain_of(&net->element, net->element.root, g.base);
     if (!solve(&g, &want, &state->stress_pa)) return false;
     for (int i = 0; i < net->element.leaves; i++)
-        if (net->part[i].stroke) state->part_stress[i] = g.stress[i]; // a new drive may have turned it
+        if (net->part[i].stroke) state->part_stress[i] = g.stress[i]; // a new drive may have changed its sign
     return true;
 }
 
@@ -273,11 +283,13 @@ bool kn_network_jump(const kn_network *net, kn_network_state *state, const kn_dr
     demand want = demand_at(&g, drive, state->time_s);
     kn_network_state before = *state;
     double s;
+    // a rigid element cannot follow a jump of strain
     bool rigid = compose(&g, net->element.root).slope == 0;
     if (rigid && want.strain && fabs(want.taken) > 1e-12) return false;
     if (!solve(&g, &want, &s)) return false;
     for (int i = 0; i < net->element.leaves; i++) state->part_strain[i] += g.taken[i];
     state->step_s = 0;
+    // the jump may bring dampers to a stop, or free them
     if (observe(net, state, drive) && (!settle(net, state) || observe(net, state, drive))) return true;
     *state = before;
     return false;
@@ -285,6 +297,7 @@ bool kn_network_jump(const kn_network *net, kn_network_state *state, const kn_dr
 
 // ---- time
 
+// Coefficients of the Runge-Kutta method, see network.h.
 #define GAMMA 0.25
 static const double along[STAGES] = {1. / 4, 3. / 4, 11. / 20, 1. / 2, 1};
 static const double row[STAGES][STAGES] = {{0},
@@ -292,9 +305,10 @@ static const double row[STAGES][STAGES] = {{0},
                                            {17. / 50, -1. / 25},
                                            {371. / 1360, -137. / 2720, 15. / 544},
                                            {25. / 24, -49. / 48, 125. / 16, -85. / 12}};
-static const double against[STAGES] = {-3. / 16, -27. / 32, 25. / 32, 0, 1. / 4}; // order 4 less order 3
+static const double against[STAGES] = {-3. / 16, -27. / 32, 25. / 32, 0, 1. / 4}; // order 4 minus order 3
 
-// The local error of what is integrated: the dampers' strains, and the prescribed one. Springs follow from these.
+// Return the local error of the integrated strains: those of the dampers, and the prescribed
+// one. Springs follow from them.
 static double error_of(const kn_network *net, const kn_network_state *state, kn_network_state *next,
                        const kn_drive *drive, double (*taken)[KN_ELEMENT_MAX])
 {
@@ -316,11 +330,12 @@ static double error_of(const kn_network *net, const kn_network_state *state, kn_
     return error > 0 ? error / next->largest : 0;
 }
 
-// One step of length h into next; returns its local error of the largest strain, infinite when Newton fails.
+// Take one step of length h into `next`. Return the local error relative to the largest strain, infinite if Newton's
+// method fails.
 static double step(const kn_network *net, const kn_network_state *state, const kn_drive *drive, double h,
                    kn_network_state *next)
 {
-    double taken[STAGES][KN_ELEMENT_MAX] = {0}; // GAMMA h times the rate of each stage
+    double taken[STAGES][KN_ELEMENT_MAX] = {0}; // D of each stage: GAMMA h times the rate
     stage g = stage_from(net, state, GAMMA * h);
     for (int j = 0; j < STAGES; j++) {
         for (int i = 0; i < net->element.leaves; i++) {
@@ -346,6 +361,7 @@ bool kn_network_advance(const kn_network *net, kn_network_state *state, const kn
         double h = fmin(state->step_s, until_s - state->time_s);
         kn_network_state next = *state;
         double error = step(net, state, drive, h, &next) / tolerance;
+        // choose the next step length by the error; repeat a step with too large an error
         double factor = fmin(fmax(0.9 * pow(error, -0.25), 0.1), 4);
         if (error > 1) {
             if (h <= shortest) return false;
@@ -353,13 +369,14 @@ bool kn_network_advance(const kn_network *net, kn_network_state *state, const kn
             state->rejected++;
             continue;
         }
+        // a step that passes a stop is repeated so that it ends there
         double event = first_event(net, state, &next);
         if (event < 1 - 1e-6 && h > shortest) {
             state->step_s = fmax(h * event, shortest);
             continue;
         }
         settle(net, &next);
-        // a step cut short by `until` says nothing against the longer one that was planned
+        // if `until` cut the step short, the longer step planned before is still allowed
         next.step_s = fmax(h * factor, h < state->step_s ? state->step_s : 0);
         next.steps = state->steps + 1;
         next.rejected = state->rejected;

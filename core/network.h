@@ -1,36 +1,39 @@
 #ifndef KN_CORE_NETWORK_H
 #define KN_CORE_NETWORK_H
-// Any element of springs and dampers on a bench, in one dimension: load it or stretch it, and see what it does.
+// Any element of springs and dampers on a bench, in one dimension: it is loaded or stretched, and its answer is
+// computed.
 //
-// The state is the strain x of every part. In a stage of length h a part takes up the strain D for the stress s,
+// The state is the strain x of every part. In a stage of length h, a part takes up the strain D under the stress s,
 //
 //     spring  s = k (x + D)              damper  D = h g(s),  g(s) = s / (c exp(-beta clamp(|s|, p0, p1)))          (1)
 //
-// (or a ramp from c to c_min between p0 and p1 for the exponential). A damper may have a stroke, x between two stops:
-// steps end where one is met, from then on it is rigid (D = 0), and steps end again where its stress turns.
+// (or a ramp from c to c_min between p0 and p1 in place of the exponential). A damper may have a stroke: x stays
+// between two stops. A step ends where x meets a stop. From then on the damper is rigid (D = 0). Another step ends
+// where the stress of the rigid damper changes sign.
 //
-// parts in a row carry one s and add their D, parts side by side share one D and add their s, and the bench prescribes
-// s, or D, or how they belong together. (1) is linear but for dampers with beta > 0, which Newton takes as straight
-// lines; so the tree is composed upwards to one line D = slope s + offset, met with the bench, and the stresses are
-// handed down. h = 0 is the jump: dampers are rigid, springs that nothing holds give way at once.
+// Parts in a row carry one s and add their D. Parts side by side share one D and add their s. The bench prescribes s,
+// or D, or a relation between them. (1) is linear except for force-dependent dampers, which Newton linearises. So the
+// tree is composed upwards to one line D = slope s + offset, which is solved with the bench, and the stresses are
+// handed down. h = 0 is the jump: dampers are rigid, and springs that nothing holds give way at once.
 //
-// In time: the singly diagonally implicit Runge-Kutta method of order 4 with embedded order 3 (Hairer and Wanner,
-// Solving ODEs II, table IV.6.5: L-stable, stiffly accurate, so the massless joints cost nothing), steps chosen by the
-// error. It shares no line with core/law.h and core/step.h: it is the oracle of the lattice. No allocation. Not for the
-// tick: the number of steps is what the tolerance asks for.
+// Time integration: the singly diagonally implicit Runge-Kutta method of order 4 with embedded order 3 (Hairer and
+// Wanner, Solving ODEs II, table IV.6.5). It is L-stable and stiffly accurate, so the massless joints cost nothing. The
+// estimated error sets the step length. The code shares nothing with core/law.h and core/step.h: the lattice is tested
+// against it. No allocation. Not for the tick, because the number of steps depends on the tolerance.
 //
 // Signs: compression is positive, as on a bench. The load of a creep test spreads over a section that grows as the
-// height falls and the volume stays: P = W h/(S0 h0), i.e. stress = load (1 - strain) (first paper, equation 4).
+// height falls and the volume stays: P = W h/(S0 h0), i.e. stress = load (1 - strain) (first paper, see element.h,
+// equation 4).
 #include "core/element.h"
 #include "core/material.h"
 #include <stdint.h>
 
 typedef struct kn_part {
-    double modulus;                   // > 0; spring: k, Pa. damper: c at no stress, Pa s
+    double modulus;                   // > 0; spring: k, Pa. damper: c at zero stress, Pa s
     double beta_per_pa, p0_pa, p1_pa; // damper: as in core/material.h; beta 0: constant
     double c_min_pa_s;                // damper: 0, or the end of a ramp from modulus, with beta 0
     bool stroke;                      // damper: it has stops
-    double stop[2];                   // least and most x, <= 0 and >= 0; x > 0 is compressed
+    double stop[2];                   // least x <= 0, largest x >= 0; x > 0 is compressed
 } kn_part;
 
 typedef struct kn_network {
@@ -55,33 +58,35 @@ typedef struct kn_network_state { // a plain value: a copy is a snapshot; all ze
     double strain, stress_pa;           // between the two ends, at time_s
     double part_strain[KN_ELEMENT_MAX]; // x
     double part_stress[KN_ELEMENT_MAX]; // at the end of the last stage; Newton starts from it
-    int8_t at_stop[KN_ELEMENT_MAX];     // 1: at its most compressed, -1: at its most drawn
-    double largest;                     // strain of a part so far, of which an error is a share
-    double step_s;                      // that the error allowed last
+    int8_t at_stop[KN_ELEMENT_MAX];     // 1: fully compressed, -1: fully drawn, 0: between the stops
+    double largest;                     // largest strain of a part so far; errors are relative to it
+    double step_s;                      // step length that the error allowed last
     long steps, rejected;
 } kn_network_state;
 
-// The element that a scene's material is: (s1|d1)-d2, less what is zero or rigid.
+// Return the element of a scene's material: (s1|d1)-d2 without the parts that are zero or rigid.
 kn_network kn_network_of(const kn_material *mat);
 
-// Whether a scene can be made of it: fills mat for s|d, s-d, d and (s|d)-d (in any order), else false. What only a
-// linear part may be must be linear: the force-dependent damper is the one in series.
+// Fill in mat and return true if a scene's material can be made of the element: s|d, s-d, d or (s|d)-d, in any order.
+// The force-dependent damper must be the one in series; all other parts must be linear.
 bool kn_network_material(const kn_network *net, kn_material *mat);
 
-// NULL, or one sentence about the part that cannot be simulated; *leaf is its number.
+// Return NULL, or one sentence about the part that cannot be simulated; *leaf becomes the number of that part.
 const char *kn_network_check(const kn_network *net, int *leaf);
 
-bool kn_part_thins(const kn_part *part); // whether it is a damper that depends on the stress
+bool kn_part_thins(const kn_part *part); // true if the part is a damper that depends on the stress
 
-// c of a damper at a stress of either sign, Pa s; k of a spring.
+// Return c of a damper at a stress of either sign, Pa s, or k of a spring.
 double kn_part_modulus(const kn_network *net, int leaf, double stress_pa);
 
-// A new drive takes over at state->time_s: what can give way at once does. Afterwards strain and stress are those just
-// after. False when a step of strain would need an infinite stress, and the state is as before.
+// Let a new drive take over at state->time_s. Parts that can give way at once do so. Afterwards, strain and stress are
+// those just after the jump. Return false if a step of strain would need an infinite stress; then the state is
+// unchanged.
 bool kn_network_jump(const kn_network *net, kn_network_state *state, const kn_drive *drive);
 
-// Follows the drive until a time. tolerance: local error of a step, of the largest strain of a part (1e-9 gives six
-// exact digits and more after thousands of seconds). False when no step converges, which needs absurd numbers.
+// Follow the drive until the time until_s. `tolerance`: local error of a step, relative to the largest strain of a
+// part. 1e-9 gives six exact digits and more after thousands of seconds. Return false if no step converges, which
+// happens only with absurd parameters.
 bool kn_network_advance(const kn_network *net, kn_network_state *state, const kn_drive *drive, double until_s,
                         double tolerance);
 

@@ -1,11 +1,11 @@
-// The papers' material as an element of the bench, and back.
+// Conversion of the papers' material to an element of the bench, and back.
 #include "core/network.h"
 
 static kn_network from_text(const char *text)
 {
     kn_network net = {0};
     char error[64];
-    kn_element_parse(&net.element, text, error, sizeof error); // one of the texts below
+    kn_element_parse(&net.element, text, error, sizeof error); // always one of the texts below
     return net;
 }
 
@@ -27,6 +27,7 @@ kn_network kn_network_of(const kn_material *mat)
         net.part[at] = (kn_part){
             .modulus = mat->c_max_pa_s, .p0_pa = mat->p0_pa, .p1_pa = mat->p1_pa, .c_min_pa_s = mat->c_min_pa_s};
     net.part[at].stroke = mat->stroke[1] > 0;
+    // compression is positive on the bench: the stops change sign and place
     if (net.part[at].stroke) net.part[at].stop[0] = -out, net.part[at].stop[1] = -in;
     return net;
 }
@@ -42,7 +43,7 @@ static void set_damper(kn_material *mat, const kn_part *p)
     mat->c_min_pa_s = p->c_min_pa_s;
 }
 
-// Takes a spring into k1 or a linear damper into c1, each once.
+// Take a spring as k1 or a linear damper as c1. Return false if the material already has such a part.
 static bool take_voigt(const kn_network *net, const kn_element_node *n, kn_material *mat)
 {
     double *to = n->kind == KN_ELEMENT_SPRING ? &mat->k1_pa : &mat->c1_pa_s;
@@ -51,7 +52,7 @@ static bool take_voigt(const kn_network *net, const kn_element_node *n, kn_mater
     return true;
 }
 
-// A spring, a linear damper, or the two side by side.
+// Take a spring, a linear damper, or both side by side.
 static bool take_part(const kn_network *net, int node, kn_material *mat)
 {
     const kn_element_node *n = &net->element.node[node];
@@ -68,7 +69,8 @@ bool kn_network_material(const kn_network *net, kn_material *mat)
     *mat = (kn_material){.damper = KN_DAMPER_NONE};
     if (n->kind != KN_ELEMENT_SERIES) return take_part(net, e->root, mat);
     if (n->count != 2) return false;
-    for (int last = 1; last >= 0; last--) { // the free damper is the last damper of the two that leaves the rest a part
+    // choose as c2 the last of the two members that is a damper and leaves a Voigt element as the rest
+    for (int last = 1; last >= 0; last--) {
         const kn_element_node *d = &e->node[n->child[last]];
         *mat = (kn_material){.damper = KN_DAMPER_NONE};
         if (d->kind != KN_ELEMENT_DAMPER || !take_part(net, n->child[!last], mat)) continue;

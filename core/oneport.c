@@ -6,9 +6,10 @@
 
 // ---- polynomials in p with the derivative by every parameter, in integers modulo a prime
 
-#define PRIME UINT64_C(2147483647) // 2^31 - 1: products fit 64 bits; a rank is missed with a chance of some 1e-8
+#define PRIME UINT64_C(2147483647) // 2^31 - 1: products fit 64 bits; the probability of a wrong rank is about 1e-8
 
-enum { TERMS = KN_ELEMENT_MAX + 1, DUALS = KN_ELEMENT_MAX + 1 }; // dual 0: the value; 1 + i: derivative by leaf i
+// Dual number: entry 0 is the value, entry 1 + i the derivative by leaf i.
+enum { TERMS = KN_ELEMENT_MAX + 1, DUALS = KN_ELEMENT_MAX + 1 };
 
 typedef struct poly {
     int degree; // -1: zero
@@ -21,7 +22,7 @@ typedef struct ratio {
 
 static uint64_t times(uint64_t a, uint64_t b) { return a * b % PRIME; }
 
-// f += a b
+// Add a b to f, derivatives included.
 static void accumulate(poly *f, const poly *a, const poly *b)
 {
     for (int i = 0; i <= a->degree; i++)
@@ -34,7 +35,7 @@ static void accumulate(poly *f, const poly *a, const poly *b)
     if (a->degree >= 0 && b->degree >= 0 && a->degree + b->degree > f->degree) f->degree = a->degree + b->degree;
 }
 
-// p is the only factor that two networks without a common parameter can share
+// Cancel common factors p. Networks without a common parameter have no other common factor.
 static void cancel(ratio *z)
 {
     while (z->n.c[0][0] == 0 && z->d.c[0][0] == 0) {
@@ -47,6 +48,7 @@ static void cancel(ratio *z)
     }
 }
 
+// Connect a second element to z, in series or in parallel.
 static void connect(ratio *z, const ratio *with, kn_element_kind kind)
 {
     ratio sum = {.n.degree = -1, .d.degree = -1};
@@ -59,10 +61,12 @@ static void connect(ratio *z, const ratio *with, kn_element_kind kind)
     *z = sum;
 }
 
+// Compute Z of the tree under a node. Every leaf gets an arbitrary value of its own.
 static void impedance(const kn_element *e, int node, ratio *z)
 {
     const kn_element_node *g = &e->node[node];
-    if (g->kind < KN_ELEMENT_SERIES) { // k, or c p, over 1
+    // a leaf: k, or c p, over 1
+    if (g->kind < KN_ELEMENT_SERIES) {
         int power = g->kind == KN_ELEMENT_DAMPER;
         *z = (ratio){.n.degree = power, .d.degree = 0};
         z->d.c[0][0] = 1;
@@ -80,7 +84,8 @@ static void impedance(const kn_element *e, int node, ratio *z)
 
 // ---- rank
 
-static uint64_t inverse(uint64_t a) // a^(PRIME - 2)
+// Return 1/a, which is a^(PRIME - 2) modulo the prime.
+static uint64_t inverse(uint64_t a)
 {
     uint64_t result = 1;
     for (uint64_t power = PRIME - 2; power; power >>= 1, a = times(a, a))
@@ -88,6 +93,7 @@ static uint64_t inverse(uint64_t a) // a^(PRIME - 2)
     return result;
 }
 
+// Return the rank of a matrix modulo the prime, by Gaussian elimination.
 static int rank(uint64_t (*row)[2 * TERMS], int rows)
 {
     int found = 0;
@@ -109,7 +115,7 @@ static int rank(uint64_t (*row)[2 * TERMS], int rows)
     return found;
 }
 
-// Directions in which N and D change with the parameters; to change both by one factor changes nothing.
+// Return the number of directions in which N and D change with the parameters. A common factor of both changes nothing.
 static int identifiable(const ratio *z, int leaves)
 {
     uint64_t row[DUALS][2 * TERMS];
@@ -150,7 +156,7 @@ static void append(char text[KN_ELEMENT_TEXT], char mark, const char *part)
 
 void kn_oneport_maxwell(const kn_oneport *o, char text[KN_ELEMENT_TEXT])
 {
-    bool alone = o->fluid && o->elastic && o->relaxation == 1; // one group needs no parentheses
+    bool alone = o->fluid && o->elastic && o->relaxation == 1; // a single group needs no parentheses
     *text = '\0';
     for (int i = 0; i < o->relaxation; i++) append(text, '|', alone ? "s-d" : "(s-d)");
     if (!o->fluid) append(text, '|', "s");
@@ -175,6 +181,7 @@ const char *kn_oneport_name(const kn_oneport *o)
     return o->relaxation < 3 ? name[o->relaxation][o->fluid][o->elastic] : NULL;
 }
 
+// Return Z at p = i omega of the tree under a node.
 static double complex modulus(const kn_element *e, int node, const double *moduli, double omega)
 {
     const kn_element_node *g = &e->node[node];

@@ -2,7 +2,7 @@
 #define KN_CORE_ORDER_H
 #include <stdint.h>
 
-// For qsort, from the smallest on. No double is a NaN.
+// Comparison functions for qsort, ascending. Doubles must not be NaN.
 static inline int kn_ascending(const void *a, const void *b)
 {
     const double x = *(const double *)a, y = *(const double *)b;

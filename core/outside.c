@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+// Return the reason why a box or cross is too small or too round, or NULL.
 static const char *unfit_box(const kn_probe_def *p, double spacing_m)
 {
     for (int k = 0; k < 3; k++)
@@ -14,6 +15,7 @@ static const char *unfit_box(const kn_probe_def *p, double spacing_m)
     return NULL;
 }
 
+// Refuse a shape smaller than the lattice's spacing, because it would fall between the nodes.
 const char *kn_outside_unfit(const kn_probe_def *p, double spacing_m)
 {
     const bool cylinder = p->shape == KN_PROBE_CYLINDER, long_one = cylinder || p->shape == KN_PROBE_CAPSULE;
@@ -32,6 +34,7 @@ const char *kn_outside_unfit(const kn_probe_def *p, double spacing_m)
     return NULL;
 }
 
+// Add the two boxes of a cross.
 static bool add_cross(kn_shape *shape, const kn_probe_def *def)
 {
     const double along[3] = {def->size_m[0], def->size_m[1], def->size_m[2]};
@@ -56,7 +59,8 @@ bool kn_outside_shape(const kn_probe_def *def, kn_shape *shape)
     return kn_shape_add(shape, &part);
 }
 
-// A node of an edge or corner of a block stands for its part of the largest face: the one it may lie on.
+// Compute the area that every node of a block's outside stands for. A node on an edge or corner belongs to several
+// faces. It stands for its part of the largest of them, because the object may lie on that face.
 static void face_areas(const kn_model *m, double *area)
 {
     for (int f = 0; f < m->outside_count; f++) {
@@ -65,6 +69,7 @@ static void face_areas(const kn_model *m, double *area)
             for (int u = 0; u < face->len[0]; u++) {
                 double share = face->spacing_m * face->spacing_m;
                 if (m->grid.flat) share *= m->grid.depth_m / face->spacing_m;
+                // a node at the rim of a face has half of the area of an inner one
                 if (face->len[0] > 1 && (u == 0 || u == face->len[0] - 1)) share *= 0.5;
                 if (face->len[1] > 1 && (v == 0 || v == face->len[1] - 1)) share *= 0.5;
                 int node = face->origin + u * face->step[0] + v * face->step[1];
@@ -84,12 +89,14 @@ double kn_outside_area(const kn_model *m, const int node[3])
     return 0.5 * sqrt(kn_dot(n, n));
 }
 
+// Compute the area that every node of a net's outside stands for: a third of each of its triangles.
 static void skin_areas(const kn_model *m, double *area)
 {
     for (int t = 0; t < m->skin_count; t++)
         for (int c = 0; c < 3; c++) area[m->skin[t][c]] += kn_outside_area(m, m->skin[t]) / 3;
 }
 
+// List the nodes that the table can push, with their areas.
 static bool build_base(kn_model *m)
 {
     double *area = calloc((size_t)m->node_count, sizeof *area);
@@ -97,7 +104,7 @@ static bool build_base(kn_model *m)
     if (m->skin_count > 0) skin_areas(m, area);
     else face_areas(m, area);
     for (int i = 0; i < m->node_count; i++) {
-        if (m->support[i] & 4) area[i] = 0; // it is on the table as it is
+        if (m->support[i] & 4) area[i] = 0; // the support already holds it on the table
         m->base_count += area[i] > 0;
     }
     m->base = calloc((size_t)m->base_count + 1, sizeof *m->base);
@@ -118,6 +125,7 @@ bool kn_outside_build(kn_model *model)
     bool table = model->def.support == KN_SUPPORT_FRICTION;
     for (int p = 0; p < model->def.probe_count; p++) {
         kn_outside_shape(&model->def.probe[p], &model->shape[p]);
+        // a coupled tool may drive the object against the table, whatever the support: the table must stop it
         table |= model->def.probe[p].coupling_n_m > 0 && model->def.support != KN_SUPPORT_NONE;
     }
     return !table || build_base(model);

@@ -3,9 +3,10 @@
 #include <math.h>
 #include <string.h>
 
-static const double damping_ceiling_n_s_m = 10.0; // more is sticky, and made a simulated 10 ms link chatter
+static const double damping_ceiling_n_s_m = 10.0; // more damping feels sticky, and made a simulated 10 ms link chatter
 static const double forgiving_s = 0.1;
-static const double unknown_cap_j = 5e-3; // jelly returns 3 to 6 mJ of its own: less acts on honest elasticity
+// jelly itself returns 3 to 6 mJ: with a smaller cap the controller would damp real elasticity
+static const double unknown_cap_j = 5e-3;
 #define TAU 6.283185307179586
 
 void kn_passivity_init(kn_passivity *p, const kn_passivity_def *def)
@@ -16,10 +17,12 @@ void kn_passivity_init(kn_passivity *p, const kn_passivity_def *def)
     if (!(d->period_s > 0.0)) d->period_s = 1e-3;
     if (!(d->velocity_hz > 0.0)) d->velocity_hz = 100.0;
     if (!(d->reserve_j > 0.0)) d->reserve_j = 1e-3;
+    // a stronger damper than this gives energy, because the velocity is late
     double late_s = d->period_s + d->round_trip_s + 1.0 / (TAU * d->velocity_hz);
     if (!(d->damping_max_n_s_m > 0.0)) d->damping_max_n_s_m = fmin(damping_ceiling_n_s_m, d->mass_kg / (2.0 * late_s));
 }
 
+// Return the largest credit: energy that coupling and object hold, and the reserve.
 static double cap(const kn_passivity *p, double stored_j, const double wanted_n[3])
 {
     const kn_passivity_def *d = &p->def;
@@ -28,7 +31,7 @@ static double cap(const kn_passivity *p, double stored_j, const double wanted_n[
     return force2 / (2.0 * d->coupling_n_m) + stored_j + d->reserve_j;
 }
 
-// Of the work in the period that ends, what the encoder's step leaves open.
+// Return the possible error of the last period's work due to the encoder's step, J.
 static double unseen(const kn_passivity *p)
 {
     double change = 0.0;
@@ -36,6 +39,7 @@ static double unseen(const kn_passivity *p)
     return p->running ? 0.5 * p->def.encoder_m * change : 0.0;
 }
 
+// Add the work of the last period to the account. The force was held while the position moved.
 static void observe(kn_passivity *p, const double position_m[3])
 {
     if (!isfinite(kn_dot(position_m, position_m))) return;
@@ -48,6 +52,7 @@ static void observe(kn_passivity *p, const double position_m[3])
     p->running = true;
 }
 
+// Let a debt fade in air, by the part of one period.
 static void forgive(kn_passivity *p)
 {
     double paid = p->credit_j * -expm1(-p->def.period_s / forgiving_s);
@@ -59,11 +64,13 @@ bool kn_passivity_filter(kn_passivity *p, const double position_m[3], const doub
                          const double wanted_n[3], double out_n[3])
 {
     const kn_passivity_def *d = &p->def;
+    // observe: add the work and limit the credit
     observe(p, position_m);
     p->credit_j = fmin(p->credit_j, cap(p, stored_j, wanted_n));
     bool air = kn_dot(wanted_n, wanted_n) == 0.0;
     if (air && p->credit_j < 0.0) forgive(p);
 
+    // damp: repay a debt within this period, as far as the largest damping allows
     double speed2 = kn_dot(velocity_m_s, velocity_m_s), a = 0.0;
     if (!air && p->credit_j < 0.0 && speed2 > 0.0)
         a = fmin(d->damping_max_n_s_m, -p->credit_j / (d->period_s * speed2));

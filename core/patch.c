@@ -3,18 +3,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define GROUPS_MAX 32 // looked at in a round; nodes beyond them join the last
+#define GROUPS_MAX 32 // most groups in a round; nodes beyond them join the last one
 
-typedef struct group {                      // of nodes that hang together
-    double force_n, from_n[KN_PATCHES_MAX]; // from_n: of it on nodes with these numbers
+typedef struct group {                      // nodes that are connected
+    double force_n, from_n[KN_PATCHES_MAX]; // from_n[j]: part of the force on nodes of old patch j
     int number;
 } group;
 
 struct kn_patches {
     const kn_model *model;
     int *first, *near;   // neighbours of node i: near[first[i] .. first[i + 1] - 1]
-    double *force_n;     // of each node in this round; 0: not pressed
-    int *pressed, *line; // nodes of this round; of them those to be visited
+    double *force_n;     // force on each node in this round; 0: not pressed
+    int *pressed, *line; // nodes of this round; stack of nodes to visit
     int8_t *member;      // group of a node
     int8_t *number[KN_PROBES_MAX];
     int *last[KN_PROBES_MAX], last_count[KN_PROBES_MAX]; // nodes that have a number
@@ -22,15 +22,16 @@ struct kn_patches {
     group group[GROUPS_MAX];
 };
 
-// --- who is next to whom --------------------------------------------------------------------------------------------
+// --- neighbours -----------------------------------------------------------------------------------------------------
 
-// Counts when near is NULL.
+// Add b to the neighbours of a, or only count it while near is NULL.
 static void link(kn_patches *s, int a, int b)
 {
     if (s->near) s->near[s->first[a]] = b;
     s->first[a]++;
 }
 
+// Link every node of a face with its up to eight neighbours.
 static void link_faces(kn_patches *s)
 {
     for (int f = 0; f < s->model->face_count; f++) {
@@ -45,6 +46,7 @@ static void link_faces(kn_patches *s)
     }
 }
 
+// Link all nodes of the skin: faces, and corners of a net's triangles.
 static void link_all(kn_patches *s)
 {
     link_faces(s);
@@ -55,10 +57,11 @@ static void link_all(kn_patches *s)
         }
 }
 
+// List the neighbours of all nodes in one array: count, sum up, fill.
 static bool list_neighbours(kn_patches *s)
 {
     int nodes = s->model->node_count, sum = 0;
-    link_all(s); // counts
+    link_all(s); // count
     for (int i = 0; i <= nodes; i++) {
         int own = i < nodes ? s->first[i] : 0;
         s->first[i] = sum;
@@ -66,7 +69,8 @@ static bool list_neighbours(kn_patches *s)
     }
     s->near = malloc((size_t)sum * sizeof *s->near + 1);
     if (!s->near || sum == 0) return false;
-    link_all(s); // moves each first to the next one's
+    link_all(s); // fill; moves every `first` to the next node's
+    // move the entries of `first` back
     for (int i = nodes; i > 0; i--) s->first[i] = s->first[i - 1];
     s->first[0] = 0;
     return true;
@@ -139,6 +143,7 @@ void kn_patches_press(kn_patches *s, int node, double force_n)
     s->force_n[node] += force_n;
 }
 
+// Add a node to a group. from_n records how much of the group's force is on nodes of each old patch.
 static void join(kn_patches *s, int node, int g)
 {
     int number = s->number[s->probe][node];
@@ -147,7 +152,7 @@ static void join(kn_patches *s, int node, int g)
     if (number >= 0) s->group[g].from_n[number] += s->force_n[node];
 }
 
-// All that hangs together with a node, over its pressed neighbours.
+// Collect all nodes connected with a node over pressed neighbours.
 static void visit(kn_patches *s, int node, int g)
 {
     int count = 1;
@@ -164,6 +169,7 @@ static void visit(kn_patches *s, int node, int g)
     }
 }
 
+// Return the old number, not yet taken, whose nodes carry most of a group's force; -1: none.
 static int most_of(const group *g, unsigned taken)
 {
     int most = -1;
@@ -172,7 +178,7 @@ static int most_of(const group *g, unsigned taken)
     return most;
 }
 
-// By insertion: qsort may allocate.
+// Sort the groups by force. Insertion sort, since qsort may allocate.
 static void sort_by_force(const kn_patches *s, int order[GROUPS_MAX])
 {
     for (int i = 0; i < s->groups; i++) {
@@ -189,7 +195,8 @@ static int first_free(unsigned taken)
     return number;
 }
 
-// Strongest first: the number of which they have most, else one that is free; what is too many shares the last.
+// Give numbers to the groups, the strongest first. A group keeps the old number whose nodes carry most of its force,
+// else it gets a free number. If there are more groups than numbers, the weakest groups share the last number.
 static unsigned give_numbers(kn_patches *s)
 {
     int order[GROUPS_MAX], own = s->groups < KN_PATCHES_MAX ? s->groups : KN_PATCHES_MAX;
@@ -209,6 +216,7 @@ static unsigned give_numbers(kn_patches *s)
     return taken;
 }
 
+// Compute how much of every old number's force each new number has taken over.
 static void share_out(const kn_patches *s, double share[KN_PATCHES_MAX][KN_PATCHES_MAX])
 {
     double all_n[KN_PATCHES_MAX] = {0};
@@ -226,6 +234,7 @@ static void share_out(const kn_patches *s, double share[KN_PATCHES_MAX][KN_PATCH
 unsigned kn_patches_end(kn_patches *s, double share[KN_PATCHES_MAX][KN_PATCHES_MAX])
 {
     int8_t *number = s->number[s->probe];
+    // find the connected groups, number them, and store every node's number for the next round
     for (int i = 0; i < s->count; i++) {
         if (s->member[s->pressed[i]] >= 0) continue;
         bool room = s->groups < GROUPS_MAX;
@@ -235,6 +244,7 @@ unsigned kn_patches_end(kn_patches *s, double share[KN_PATCHES_MAX][KN_PATCHES_M
     unsigned used = give_numbers(s);
     share_out(s, share);
     int *last = s->last[s->probe];
+    // first clear the numbers of the last round
     for (int i = 0; i < s->last_count[s->probe]; i++) number[last[i]] = -1;
     for (int i = 0; i < s->count; i++) {
         int node = s->pressed[i];

@@ -1,36 +1,38 @@
 #ifndef KN_CORE_PATCH_H
 #define KN_CORE_PATCH_H
-// Which nodes of the skin that a tool presses belong together: patches that lie apart, each of which is a contact.
+// Patches: groups of skin nodes that a tool presses. Patches lie apart, and each is one contact.
 //
-//     o o o o o o o o o     Two pressed nodes are one patch when they are neighbours, on a face also across a corner.
-//     o # # o o o 2 2 o     Patches are apart, then, where a node between them carries nothing, 1 to 2 spacings.
-//     o # # # o o 2 2 o     A patch keeps its number while its nodes are pressed on. Of two that have grown together
-//     o o # o o o o 2 o     one goes on; of one that has broken in two the part that has more of its load.
+//     o o o o o o o o o     Two pressed nodes belong to one patch if they are neighbours; on a face, also diagonally.
+//     o # # o o o 2 2 o     So two patches are apart if a node between them carries no load: 1 to 2 spacings.
+//     o # # # o o 2 2 o     A patch keeps its number while its nodes stay pressed. If two patches grow together, one
+//     o o # o o o o 2 o     number goes on. If a patch breaks in two, the part with more of its load keeps the number.
 //
-// There are KN_PATCHES_MAX numbers for each tool. Of more patches the strongest have one of their own, the rest share
-// one. Work is bounded by the pressed nodes, 8 neighbours each.
+// Each tool has KN_PATCHES_MAX numbers. If there are more patches, the strongest have their own numbers and the others
+// share the last one. The work is bounded by the pressed nodes, with 8 neighbours each.
 #include "core/model.h"
 
 #define KN_PATCHES_MAX 8
 
 typedef struct kn_patches kn_patches;
 
-kn_patches *kn_patches_create(const kn_model *model); // NULL: no memory, or an object without a skin
+kn_patches *kn_patches_create(const kn_model *model); // NULL: memory is short, or the object has no skin
 void kn_patches_destroy(kn_patches *patches);         // NULL is fine
-void kn_patches_reset(kn_patches *patches);           // no tool has any
+void kn_patches_reset(kn_patches *patches);           // afterwards no tool has a patch
 
-// A round for probe p: begin, press every node that carries load, end. Real-time safe, like all below.
+// Group the nodes under probe `p`. One round is: call begin, then press for every node that carries load, then end.
+// These and the functions below are real-time safe.
 void kn_patches_begin(kn_patches *patches, int p);
 void kn_patches_press(kn_patches *patches, int node, double force_n);
 
-// Bit i of the answer: number i is in use. share[i][j]: how much of what j carried i has taken over, of its nodes that
-// are still pressed, by their load now; 0 for a j that was not in use.
+// End the round. Bit i of the result: number i is in use. share[i][j]: the share of the old patch j that patch i has
+// taken over. Only those nodes of j that are still pressed count, by their present load. The share is 0 if j was not in
+// use.
 unsigned kn_patches_end(kn_patches *patches, double share[KN_PATCHES_MAX][KN_PATCHES_MAX]);
 
-// The number that a node had at the end of the last round of p, -1 none.
+// Return the number that a node had at the end of the last round of p, -1: none.
 int kn_patches_at(const kn_patches *patches, int p, int node);
 
-// The neighbours of a node, whatever is pressed.
+// Return the neighbours of a node, pressed or not, and store their count.
 const int *kn_patches_near(const kn_patches *patches, int node, int *count);
 
 #endif

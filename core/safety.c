@@ -3,19 +3,21 @@
 #include <math.h>
 #include <string.h>
 
-static const int guard_window = 20;      // ticks in which three guard hits are a fault
-static const double brake_release = 0.9; // braking ends below this share of brake_m_s, so that noise does not toggle it
-static const double ramp_up_ms = 200.0;  // of the device watchdog
+static const int guard_window = 20; // ticks in which three guard hits are a fault
+// share of brake_m_s below which braking ends, so that noise does not toggle it
+static const double brake_release = 0.9;
+static const double ramp_up_ms = 200.0; // of the device's watchdog
 
 static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 static void zero(double v[3]) { v[0] = v[1] = v[2] = 0.0; }
 static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
 
-// v shortened to at most limit; true if it had to be. The norm is rounded: a second look keeps |v| <= limit to the bit.
+// Shorten v to at most `limit`. Return whether v was longer. The norm is rounded, so a second check makes sure that
+// |v| <= limit holds exactly.
 static bool shorten(double v[3], double limit)
 {
     if (norm(v) <= limit) return false;
-    // scaled by the largest component first: the square of a wild value may overflow
+    // scale by the largest component first: the square of a wild value may overflow
     double m = fmax(fabs(v[0]), fmax(fabs(v[1]), fabs(v[2])));
     for (int i = 0; i < 3; i++) v[i] /= m;
     double n = norm(v);
@@ -25,7 +27,7 @@ static bool shorten(double v[3], double limit)
     return true;
 }
 
-// Moves v towards target by at most step; true when it has arrived.
+// Move v towards target by at most `step`. Return whether v has arrived.
 static bool approach(double v[3], const double target[3], double step)
 {
     double d[3] = {target[0] - v[0], target[1] - v[1], target[2] - v[2]};
@@ -79,9 +81,12 @@ kn_guard_result kn_guard_pass(kn_guard *g, const double asked_n[3], double allow
         memcpy(force_n, asked_n, 3 * sizeof *force_n);
         return KN_GUARD_FREE;
     }
+    // a second hit that points against the first, or a third hit in the window, is chatter; a
+    // huge step is no physics at all
     bool alternates = g->age[0] < guard_window && kn_dot(step, g->step_n) < 0.0, again = g->age[0] == 0;
-    bool wild = !(asked <= 2.0 * fmax(allowed_n, g->most_n_per_ms)); // NaN, too
+    bool wild = !(asked <= 2.0 * fmax(allowed_n, g->most_n_per_ms)); // true for NaN
     if (wild || alternates || (!again && g->age[1] < guard_window)) return KN_GUARD_TRIPPED;
+    // let through as much of the step as is allowed; a hit in consecutive ticks counts once
     approach(force_n, asked_n, allowed_n);
     if (again) return KN_GUARD_GOES_ON;
     memcpy(g->step_n, step, sizeof step);
@@ -130,7 +135,7 @@ const char *kn_safety_raised(const kn_safety_limits *limits, const kn_safety_lim
     if (a.clamp_n > b.clamp_n) return "device.clamp";
     if (a.torque_clamp_n_m > b.torque_clamp_n_m) return "device.torque_clamp";
     if (a.guard_n_per_ms > b.guard_n_per_ms) return "device.guard";
-    if (ramp_down_ms(&a) < ramp_down_ms(&b)) return "device.zero"; // the same force in less time
+    if (ramp_down_ms(&a) < ramp_down_ms(&b)) return "device.zero"; // the same force in less time is a steeper force
     if (a.brake_m_s > b.brake_m_s) return "device.brake_speed";
     if (a.brake_n_s_per_m > b.brake_n_s_per_m) return "device.brake_damping";
     if (a.force_scale > b.force_scale) return "device.force_scale";
@@ -140,9 +145,10 @@ const char *kn_safety_raised(const kn_safety_limits *limits, const kn_safety_lim
     return a.flow_ms < b.flow_ms ? "device.flow" : NULL;
 }
 
-// Faults that lifting the tool clears.
+// Return whether lifting the tool clears a fault.
 static bool lifting_clears(kn_fault fault) { return fault == KN_FAULT_POSE_SILENCE || fault == KN_FAULT_OVERLOAD; }
 
+// Return true if a fault replaces the present one. OVERLOAD replaces none, and any other fault replaces OVERLOAD.
 static bool outranks(kn_fault fault, kn_fault stands)
 {
     return fault != KN_FAULT_OVERLOAD && (stands < fault || stands == KN_FAULT_OVERLOAD);
@@ -150,13 +156,14 @@ static bool outranks(kn_fault fault, kn_fault stands)
 
 void kn_safety_trip(kn_safety *s, kn_fault fault)
 {
-    bool news = fault == KN_FAULT_NONFINITE && !s->nonfinite; // under an emergency stop, too
+    bool news = fault == KN_FAULT_NONFINITE && !s->nonfinite; // counted under an emergency stop, too
     s->nonfinite |= news;
     if (!s->latched || outranks(fault, s->fault)) {
         s->fault = fault;
         s->latched = true;
         news = true;
     }
+    // count every fault once, when it appears; stopping the server does not count as a fault
     if (!news || fault == KN_FAULT_STOPPING) return;
     s->faults++;
     s->tripped[fault]++;
@@ -168,7 +175,8 @@ static void clear_fault(kn_safety *s)
     s->latched = false;
 }
 
-// A new hand starts without the faults of the last one; whatever still fades goes on fading.
+// Begin a new session. The new hand starts without the faults of the last one. A force that is fading continues to
+// fade.
 static void open_session(kn_safety *s)
 {
     if (lifting_clears(s->fault) || s->fault == KN_FAULT_IMPULSE) clear_fault(s);
@@ -176,73 +184,84 @@ static void open_session(kn_safety *s)
     s->silent_ms = s->flowing_ms = 0;
 }
 
-// Counts silence and flow; returns how many of the elapsed ms the gain has to fade for want of poses.
+// Count silence and flow of poses. Return for how many of the elapsed ms the gain has to
+// fade because poses are missing.
 static int listen(kn_safety *s, bool fresh, bool leaving, int ms)
 {
     const kn_safety_limits *l = &s->limits;
     int before = s->silent_ms < l->zero_ms ? s->silent_ms : l->zero_ms;
-    int silent = before + ms - fresh; // a fresh pose came within the last ms, however late this tick is
+    int silent = before + ms - fresh; // a fresh pose arrived within the last ms, however late this tick is
     int faded_from = before > l->hold_ms ? before : l->hold_ms;
     s->silent_ms = fresh ? 0 : silent;
 
-    if (silent >= l->zero_ms) { // the deadline wins over every ramp
+    if (silent >= l->zero_ms) { // the force must be zero by now, whatever the ramps say
         if (leaving) s->attached = false;
         else if (s->attached) kn_safety_trip(s, fresh ? KN_FAULT_OVERLOAD : KN_FAULT_POSE_SILENCE);
         s->gain = 0.0;
         zero(s->brake_n);
         s->flowing_ms = 0;
     }
+    // flow is counted from the first pose after a silence
     if (s->flowing_ms > 0) s->flowing_ms += ms;
     else if (fresh) s->flowing_ms = 1;
     if (s->flowing_ms > l->flow_ms) s->flowing_ms = l->flow_ms;
     return silent > faded_from ? silent - faded_from : 0;
 }
 
+// Apply the commands of a session, an operator and the server.
 static void take_commands(kn_safety *s, const kn_safety_in *in)
 {
+    // a reset clears a non-finite fault, because the object starts anew
     if (in->reset) {
         s->attached = false;
         s->nonfinite = false;
         if (s->fault == KN_FAULT_NONFINITE) clear_fault(s);
     }
+    // an operator's recover clears every other fault except stopping
     if (in->recover && s->latched && s->fault != KN_FAULT_NONFINITE && s->fault != KN_FAULT_STOPPING) {
         clear_fault(s);
-        if (s->nonfinite) { // what the emergency stop stood over
+        // the emergency stop hid a non-finite fault, which is latched again
+        if (s->nonfinite) {
             s->fault = KN_FAULT_NONFINITE;
             s->latched = true;
         }
-        s->attached = false; // while its force still fades, too: the way back begins in air
+        // leave the model even while the force still fades: the tool must engage again in air
+        s->attached = false;
     }
     if (in->overload && (s->attached || in->live)) kn_safety_trip(s, KN_FAULT_OVERLOAD);
     if (in->estop) kn_safety_trip(s, KN_FAULT_ESTOP);
     if (in->stop) kn_safety_trip(s, KN_FAULT_STOPPING);
+    // a change of the physics, or a clutch, takes the force through zero
     if (in->change || in->clutch) s->yielding = s->gain > 0.0 || in->clutch;
 }
 
 static bool braked(const kn_safety *s) { return s->brake_n[0] != 0.0 || s->brake_n[1] != 0.0 || s->brake_n[2] != 0.0; }
 
-// Is contact what the hand is to feel in this tick? If not, the last force stands (hold) or fades.
+// Return whether the hand feels live contact in this tick. If not, the last force is held or fades.
 static bool rendering(const kn_safety *s)
 {
     return s->attached && !s->latched && !s->braking && !s->yielding && !braked(s) && s->silent_ms == 0;
 }
 
+// Ramp the gain down or up. When the gain reaches 0, a change of the physics is over, and new limits come into use.
 static void move_gain(kn_safety *s, bool clutch, int silence_ms, int ms)
 {
     const kn_safety_limits *l = &s->limits;
     int fade_ms = s->latched || s->braking || s->yielding || !s->attached ? ms : silence_ms;
     double before = s->gain;
+    // fade by the elapsed time, and rejoin the contact slowly afterwards
     if (fade_ms > 0) {
         s->gain -= fade_ms / ramp_down_ms(l);
         s->rejoining = true;
     } else if (rendering(s)) {
-        s->gain += 1.0 / l->ramp_up_ms; // not by ms: a skipped cycle was not felt
+        s->gain += 1.0 / l->ramp_up_ms; // one ms per tick, whatever has elapsed: the hand did not feel a skipped tick
     }
-    // 1/17 and 1/200 do not add up to 1 exactly
+    // 1/17 and 1/200 do not add up to exactly 1
     if (s->gain < 1e-9) s->gain = 0.0;
     if (s->gain > 1.0 - 1e-9) s->gain = 1.0;
     s->gain_drop = fmax(0.0, before - s->gain);
     if (s->gain == 0.0) s->yielding = clutch;
+    // new limits wait until the hand feels no force
     if (s->relimiting && s->gain == 0.0 && !braked(s)) {
         s->limits = s->next;
         s->guard.most_n_per_ms = s->limits.guard_n_per_ms;
@@ -250,6 +269,7 @@ static void move_gain(kn_safety *s, bool clutch, int silence_ms, int ms)
     }
 }
 
+// Return whether the probe may enter the model: it is clear of the object, poses flow, and the hand feels no force.
 static bool may_engage(const kn_safety *s, const kn_safety_in *in)
 {
     bool way_back = !s->latched || lifting_clears(s->fault);
@@ -258,6 +278,7 @@ static bool may_engage(const kn_safety *s, const kn_safety_in *in)
            s->flowing_ms >= s->limits.flow_ms;
 }
 
+// Attach the probe, starting from zero force.
 static void engage(kn_safety *s)
 {
     clear_fault(s);
@@ -272,29 +293,34 @@ static void engage(kn_safety *s)
 bool kn_safety_watch(kn_safety *s, const kn_safety_in *in)
 {
     const kn_safety_limits *l = &s->limits;
+    // a longer gap than zero_ms counts as zero_ms + 1: nothing more can happen in it
     int ms = in->elapsed_ms < 1 ? 1 : in->elapsed_ms < l->zero_ms + 1 ? in->elapsed_ms : l->zero_ms + 1;
     bool fresh = in->live && in->fresh;
     kn_guard_age(&s->guard, 1);
     s->gap_ms = s->gap_ms < l->zero_ms ? s->gap_ms + ms : l->zero_ms;
 
     if (in->opened) open_session(s);
+    // watch the poses, then take the commands
     int silence_ms = listen(s, fresh, in->leaving, ms);
     take_commands(s, in);
-    // a silence that only fades is named, too, and forgotten when the poses are back in time
+    // a silence in which the force only fades is also reported as a fault, but cleared if poses come back in time
     bool silent = s->attached && s->silent_ms > l->hold_ms && !in->leaving;
     if (!s->latched) s->fault = silent ? KN_FAULT_POSE_SILENCE : KN_FAULT_NONE;
+    // brake a tool that is too fast
     double brake_above = l->brake_m_s * (s->braking ? brake_release : 1.0);
     s->braking = !s->latched && in->live && s->flowing_ms >= l->flow_ms && norm(in->velocity_m_s) > brake_above;
 
+    // ramp the gain; detach when a latched fault has faded out, attach when the tool may engage
     move_gain(s, in->clutch, silence_ms, ms);
     if (s->gain == 0.0 && (s->latched || s->braking)) s->attached = false;
     if (!s->attached && may_engage(s, in)) engage(s);
     return s->attached;
 }
 
+// Pass the contact force through the impulse guard, and trip on chatter.
 static int guard(kn_safety *s, const double force_n[3])
 {
-    // after ticks without a pose the same slope spans a longer gap
+    // after ticks without a pose, the allowed change is that of the whole gap, at most hold_ms
     int ms = s->gap_ms < 1 ? 1 : s->gap_ms < s->limits.hold_ms ? s->gap_ms : s->limits.hold_ms;
     kn_guard_result result = kn_guard_pass(&s->guard, force_n, s->guard.most_n_per_ms * ms, s->force_n);
     if (result == KN_GUARD_FREE) return 0;
@@ -303,11 +329,12 @@ static int guard(kn_safety *s, const double force_n[3])
     return KN_FLAG_GUARD;
 }
 
-// Renews force_n and torque_n_m from the contact.
+// Copy force and torque of the contact to the stage, through the guard. Return the flags of the limits that acted.
 static int render(kn_safety *s, const double force_n[3], const double torque_n_m[3])
 {
     int flags = 0;
-    if (s->rejoining) // together with the rising gain no faster than any other transition
+    // approach the contact force: together with the rising gain, no faster than any other transition
+    if (s->rejoining)
         s->rejoining =
             !approach(s->force_n, force_n, kn_safety_slope(&s->limits) - s->limits.clamp_n / s->limits.ramp_up_ms);
     else flags = guard(s, force_n);
@@ -316,8 +343,8 @@ static int render(kn_safety *s, const double force_n[3], const double torque_n_m
     return flags;
 }
 
-// The damping force changes no faster than the room that the fading contact leaves under the common slope. Whether that
-// held it back.
+// Move the damping force towards its target. Damping force and fading contact together change no faster than the common
+// slope. Return true if the slope limited the damping force.
 static bool brake(kn_safety *s, const kn_safety_in *in, double contact_n)
 {
     double target[3] = {0};
@@ -344,7 +371,8 @@ int kn_safety_filter(kn_safety *s, const kn_safety_in *in, const double force_n[
                      double out_force_n[3], double out_torque_n_m[3])
 {
     int acted = 0;
-    double force[3], torque[3]; // first what the hand's share of the contact is, then what is left of it
+    // finite: scale the contact to the hand; a non-finite number latches a fault, and the last good force fades
+    double force[3], torque[3];
     for (int i = 0; i < 3; i++) {
         force[i] = s->limits.force_scale * force_n[i];
         torque[i] = s->limits.force_scale * torque_n_m[i];
@@ -352,6 +380,7 @@ int kn_safety_filter(kn_safety *s, const kn_safety_in *in, const double force_n[
     if (!finite3(force) || !finite3(torque)) kn_safety_trip(s, KN_FAULT_NONFINITE);
     else if (rendering(s)) acted = render(s, force, torque);
 
+    // clamp: shorten force and torque to their limits
     memcpy(force, s->force_n, sizeof force);
     memcpy(torque, s->torque_n_m, sizeof torque);
     bool clamped = shorten(force, s->limits.clamp_n);
@@ -360,11 +389,13 @@ int kn_safety_filter(kn_safety *s, const kn_safety_in *in, const double force_n[
         s->clamps++;
         acted |= KN_FLAG_CLAMPED;
     }
+    // account for ramps and braking
     bool slewed = s->gain > 0.0 && (s->rejoining || s->gain < 1.0) && norm(force) > 0.0;
     if (s->braking || braked(s)) slewed |= brake(s, in, norm(force));
     s->slewed += slewed;
     s->brakes += s->braking;
 
+    // gain: the output is the faded contact plus the brake, and never above the clamp
     for (int i = 0; i < 3; i++) {
         out_force_n[i] = s->gain * force[i] + s->brake_n[i];
         out_torque_n_m[i] = s->gain * torque[i];
@@ -390,6 +421,7 @@ void kn_watchdog_rearm(kn_watchdog *w)
 double kn_watchdog_tick(kn_watchdog *w, bool fresh, int elapsed_ms)
 {
     if (w->tripped) return 0.0;
+    // not armed: the first message arms the watchdog
     if (!w->armed) {
         w->armed = fresh;
         w->silent_ms = 0;
@@ -399,6 +431,7 @@ double kn_watchdog_tick(kn_watchdog *w, bool fresh, int elapsed_ms)
     int silent = w->silent_ms + ms - fresh;
     int faded_from = w->silent_ms > w->hold_ms ? w->silent_ms : w->hold_ms;
     w->silent_ms = fresh ? 0 : silent;
+    // silence: fade after hold_ms, trip at zero_ms; poses that come back in between ramp the factor up
     if (silent >= w->zero_ms) {
         w->tripped = true;
         w->trips++;

@@ -7,18 +7,21 @@
 #include <math.h>
 #include <string.h>
 
-// Samples per node patch and axis: spaced <= r/8 keeps the ripple of a sliding sphere at 0.3 % per ms, h/4 at most.
+// Return the samples per node patch and axis. A distance of at most r/8 between samples keeps the ripple of a sliding
+// sphere at 0.3 % per ms. Four samples per spacing is the largest number.
 static int samples_per_patch(double spacing_m, const kn_shape *shape) { return shape->fine_m > 4 * spacing_m ? 2 : 4; }
 
-#define GRIP_M 0.002 // what a grip's contact may stretch by before it is lost: beyond what any grip's force takes
+// Stretch beyond which a gripped contact is lost, m. No grip's force can stretch a contact as far.
+#define GRIP_M 0.002
 
-// How far off a sample may be and still matter, but for the tool's speed.
+// Return the distance up to which a sample may touch, m, if the tool does not move.
 static double still_margin(const kn_model *model, const kn_probe_def *def)
 {
     return 0.1 * model->def.spacing_m + def->adhesion_pa / kn_probe_foundation(def) + (def->grip_n > 0 ? GRIP_M : 0);
 }
 
-// A ball has its lower half pressed into the skin at most, and a patch around it; others as a ball around them.
+// At most the lower half of a ball is pressed into the skin, with one patch around it. Other shapes
+// count as the ball around them.
 int kn_sampling_max(const kn_model *model)
 {
     double count = model->base_count, h = model->def.spacing_m, patches = 0;
@@ -36,21 +39,23 @@ int kn_sampling_max(const kn_model *model)
 
 // --- one tool against one point -------------------------------------------------------------------------------------
 
-typedef struct search { // of one tool
+// The search for samples under one tool.
+typedef struct search {
     const kn_model *model;
     const kn_state *state;
     kn_contact *contact;
     const kn_probe_def *def;
     const kn_shape *shape;
     const kn_tool_step *tool;
-    const double *at_m;      // of the tool
+    const double *at_m;      // position of the tool
     const double (*turn)[3]; // NULL: level
     double relief_m;
-    double margin_m; // a sample farther than this cannot touch in this step
+    double margin_m; // a sample farther away cannot touch in this step
     double foundation_n_m3;
     int probe;
 } search;
 
+// Begin the search at the tool's present pose.
 static search begin(const kn_model *model, const kn_state *state, int p, kn_contact *contact)
 {
     const kn_probe_def *def = &model->def.probe[p];
@@ -62,21 +67,23 @@ static search begin(const kn_model *model, const kn_state *state, int p, kn_cont
     s.relief_m = state->tool[p].relief_m;
     s.foundation_n_m3 = kn_probe_foundation(def);
     s.margin_m = still_margin(model, def);
-    if (s.tool->coupled) { // it may be thrown at the object: as fast as its coupling takes it in the air
+    // a coupled tool may be thrown at the object: as fast as its coupling moves it in the air
+    if (s.tool->coupled) {
         double speed = sqrt(kn_dot(s.tool->drive, s.tool->drive)) / s.tool->give[0];
         s.margin_m += fmin(model->def.solver.dt_s * speed, s.shape->fine_m);
     }
     return s;
 }
 
-// From the tool to a point; what presses a flat object is a disc, wherever along y it is held.
+// Compute the vector from the tool to a point. A flat object is pressed by a disc, whatever the tool's y is.
 static void away_from(const kn_model *model, const double centre[3], const double point[3], double away[3])
 {
     for (int k = 0; k < 3; k++) away[k] = point[k] - centre[k];
     if (model->grid.flat) away[1] = 0;
 }
 
-// Signed distance of a point that lies `arm` from the tool, and the way the tool pushes there. turn NULL: level.
+// Return the signed distance of a point that lies `arm` from the tool, and the direction in which the tool
+// pushes there. turn NULL: level.
 static double distance_of(const kn_shape *shape, const double (*turn)[3], const double arm[3], double normal[3])
 {
     double own[3], way[3];
@@ -87,6 +94,7 @@ static double distance_of(const kn_shape *shape, const double (*turn)[3], const 
     return distance;
 }
 
+// Project the normal onto the plane of a flat object; straight up if nothing is left.
 static void stay_in_plane(double normal[3])
 {
     double size = hypot(normal[0], normal[2]);
@@ -95,8 +103,8 @@ static void stay_in_plane(double normal[3])
     normal[2] = size > 0 ? normal[2] / size : 1;
 }
 
-// The next sample's place, with all that its tool says of it; NULL where it is too far away, or on the far side of a
-// thin block, which looks away from the tool and is never touched.
+// Add a sample at a point and fill in the fields that depend on its tool. Return NULL if the point is too far away, or
+// if the skin there faces away from the tool: a tool never touches the far side of a thin block.
 static kn_sample *sample_at(const search *s, const double point[3], const double outwards[3], double area_m2)
 {
     double arm[3], normal[3];
@@ -118,7 +126,8 @@ static kn_sample *sample_at(const search *s, const double point[3], const double
     return sample;
 }
 
-// Keys ascend in the order in which samples are found: probe, face, patch of the face, place within the patch.
+// Return the key of a sample. Keys ascend in the order in which samples are found: probe, face, patch of the
+// face, place within the patch.
 static uint64_t key_of(int probe, int face, int patch, int place)
 {
     return ((uint64_t)(probe + 1) << 56) + ((uint64_t)face << 48) + ((uint64_t)patch << 8) + (uint64_t)place;
@@ -126,8 +135,9 @@ static uint64_t key_of(int probe, int face, int patch, int place)
 
 // --- skin of a block ------------------------------------------------------------------------------------------------
 
-// Quadratic B-spline weights of the nodes at -1, 0, +1 for t in [-1/2, 1/2] around node i of n. Where a neighbour is
-// missing the skin goes on straight (x_-1 = 2 x_0 - x_1), so it ends at the edge of the block.
+// Compute the quadratic B-spline weights of the nodes at -1, 0, +1 for t in [-1/2, 1/2] around node i of n. At the edge
+// of the block a neighbour is missing. The skin is continued straight there (x_-1 = 2 x_0 - x_1), so it ends at the
+// edge.
 static void spline(double t, int i, int n, double w[3])
 {
     w[0] = 0.5 * (0.5 - t) * (0.5 - t);
@@ -158,6 +168,7 @@ static void load_patch(const kn_model *model, const kn_state *state, patch *p)
         }
 }
 
+// Compute the weights of the nine nodes and the skin's point there, from the weights along u and v.
 static void blend(const patch *p, const double wu[3], const double wv[3], double weight[9], double point[3])
 {
     for (int k = 0; k < 3; k++) point[k] = 0;
@@ -167,7 +178,7 @@ static void blend(const patch *p, const double wu[3], const double wv[3], double
     }
 }
 
-// And of the bilinear skin, straight from node to node.
+// Compute the weights of the bilinear skin, which is straight from node to node.
 static void straight(double t, double w[3]) { w[0] = fmax(-t, 0), w[1] = 1 - fabs(t), w[2] = fmax(t, 0); }
 
 static void weights(const kn_model *model, double t, int i, int n, double w[3])
@@ -176,10 +187,10 @@ static void weights(const kn_model *model, double t, int i, int n, double w[3])
     else spline(t, i, n, w);
 }
 
-// Outside the block, where half a patch at the rim hangs over.
+// Return true if t lies outside the block: half of a patch at the rim overhangs.
 static bool overhangs(double t, int i, int n) { return (t < 0 && i == 0) || (t > 0 && i == n - 1); }
 
-// Point (tu, tv) of a patch; false where it overhangs.
+// Compute the point (tu, tv) of a patch. Return false where the patch overhangs.
 static bool patch_point(const kn_model *model, const patch *p, double tu, double tv, double weight[9], double point[3])
 {
     const int *len = p->face->len;
@@ -193,7 +204,7 @@ static bool patch_point(const kn_model *model, const patch *p, double tu, double
 
 #define PER_PATCH_MAX 4 // samples along a side of a patch
 
-// Weights of that many samples along one side; bit j of the answer: sample j is on the block.
+// Compute the weights of `per` samples along one side of a patch. Bit j of the result: sample j is on the block.
 static unsigned side_weights(const kn_model *model, int per, int i, int n, double w[PER_PATCH_MAX][3])
 {
     unsigned on = 0;
@@ -206,7 +217,8 @@ static unsigned side_weights(const kn_model *model, int per, int i, int n, doubl
     return on;
 }
 
-// Outward normal of the skin at a patch's node, not unit. A face of one node across goes straight along y.
+// Compute the outward normal of the skin at a patch's node, not unit. A face that is one node wide runs straight along
+// y.
 static void patch_normal(const patch *p, double normal[3])
 {
     double du[3], dv[3];
@@ -217,18 +229,21 @@ static void patch_normal(const patch *p, double normal[3])
     kn_cross(du, dv, normal);
 }
 
+// Add the samples of one patch.
 static void sample_patch(const search *s, const patch *p)
 {
     const kn_model *model = s->model;
     double h = p->face->spacing_m, outwards[3];
     int per = samples_per_patch(h, s->shape), per_u = per, per_v = per;
     double area = h * h / (per * per);
-    if (model->grid.flat) { // one across a flat object, for all of its thickness
+    // across a flat object one sample stands for the whole thickness
+    if (model->grid.flat) {
         area *= model->grid.depth_m / h * per;
         if (p->face->len[0] == 1) per_u = 1;
         else per_v = 1;
     }
     patch_normal(p, outwards);
+    // weights depend on u and v separately: compute them once per side, not once per sample
     double wu[PER_PATCH_MAX][3], wv[PER_PATCH_MAX][3];
     unsigned on_u = side_weights(model, per_u, p->u, p->face->len[0], wu);
     unsigned on_v = side_weights(model, per_v, p->v, p->face->len[1], wv);
@@ -247,6 +262,8 @@ static void sample_patch(const search *s, const patch *p)
     }
 }
 
+// Add the samples of a block's faces. Patches out of the tool's reach are skipped, first by the ball around
+// the tool, then by its distance.
 static void find_on_faces(const search *s)
 {
     for (int f = 0; f < s->model->face_count; f++) {
@@ -268,7 +285,7 @@ static void find_on_faces(const search *s)
 
 // --- skin of a net --------------------------------------------------------------------------------------------------
 
-// Corners of a triangle of the skin, and its normal, not unit; its size is twice the area.
+// Load the corners of a triangle of the skin, and its normal, not unit: its length is twice the area.
 static void load_triangle(const kn_model *model, const kn_state *state, const int node[3], double x[3][3],
                           double normal[3])
 {
@@ -278,18 +295,20 @@ static void load_triangle(const kn_model *model, const kn_state *state, const in
     kn_cross(u, v, normal);
 }
 
-// Barycentric weights of the centre of small triangle i of the per^2 that a triangle is cut into.
+// Compute the barycentric weights of the centre of small triangle i, when a triangle is cut into per^2 small ones.
 static void small_centre(int i, int per, double weight[3])
 {
     int row = 0;
     while ((row + 1) * (row + 1) <= i) row++;
-    int at = i - row * row, upward = at % 2 == 0; // a row holds 2 row + 1, in turn upright and upside down
+    // row r holds 2 r + 1 small triangles, upright and upside down by turns
+    int at = i - row * row, upward = at % 2 == 0;
     double third = upward ? 1.0 / 3 : 2.0 / 3;
     weight[1] = (at / 2 + third) / per;
     weight[2] = (per - 1 - row + (upward ? 1.0 / 3 : 2.0 / 3)) / per;
     weight[0] = 1 - weight[1] - weight[2];
 }
 
+// Add the samples of one triangle of a net's skin.
 static void sample_triangle(const search *s, int triangle)
 {
     const kn_model *model = s->model;
@@ -314,13 +333,15 @@ static void sample_triangle(const search *s, int triangle)
     }
 }
 
+// Add the samples of a net's skin. Triangles out of the tool's reach are skipped.
 static void find_on_net(const search *s)
 {
     const kn_model *model = s->model;
     for (int f = 0; f < model->skin_count; f++) {
         const int *node = model->skin[f];
         double x[3] = {0}, side = 0;
-        for (int k = 0; k < 3; k++) { // longest side as it is now bounds how far the triangle reaches from a corner
+        // the longest side bounds the extent of the triangle from a corner
+        for (int k = 0; k < 3; k++) {
             double a[3], b[3];
             kn_state_position(model, s->state, node[k], a);
             kn_state_position(model, s->state, node[(k + 1) % 3], b);
@@ -349,6 +370,7 @@ void kn_sampling_table(const kn_model *model, const kn_state *state, kn_contact 
         double x[3];
         const int node = model->base[i];
         kn_state_position(model, state, node, x);
+        // a node higher than a tenth of a spacing cannot touch in this step
         if (x[2] > 0.1 * model->def.spacing_m) continue;
         if (contact->sample_count >= contact->sample_max) {
             contact->samples_lost++;
@@ -372,7 +394,8 @@ void kn_sampling_table(const kn_model *model, const kn_state *state, kn_contact 
 
 // --- clearance ------------------------------------------------------------------------------------------------------
 
-// Signed distance of the skin from a tool there: negative where the skin is in it, or the tool under the skin.
+// Search for the point of the skin nearest to a tool. The distance is negative if the skin is inside the
+// tool, or the tool under the skin.
 typedef struct nearest {
     const kn_model *model;
     const kn_state *state;
@@ -380,9 +403,10 @@ typedef struct nearest {
     const double *at_m;
     double turn[3][3];
     double distance_m;
-    bool under; // the nearest point of the skin looks away from the tool
+    bool under; // the skin at the nearest point faces away from the tool
 } nearest;
 
+// Update the nearest point with a point of the skin.
 static void consider(nearest *n, const double point[3], const double outwards[3])
 {
     double arm[3], normal[3];
@@ -398,7 +422,8 @@ static void consider_net(nearest *n)
     for (int f = 0; f < n->model->skin_count; f++) {
         double x[3][3], outwards[3], point[3];
         load_triangle(n->model, n->state, n->model->skin[f], x, outwards);
-        for (int i = 0; i < 7; i++) { // corners, middles of the sides, centre
+        // corners, middles of the sides, centre
+        for (int i = 0; i < 7; i++) {
             for (int k = 0; k < 3; k++)
                 point[k] = i < 3   ? x[i][k]
                            : i < 6 ? 0.5 * (x[i - 3][k] + x[(i - 2) % 3][k])
@@ -417,6 +442,7 @@ static void consider_faces(nearest *n)
                 patch p = {.face = &n->model->face[f], .u = u, .v = v};
                 kn_state_position(n->model, n->state, face_node(p.face, u, v), point);
                 away_from(n->model, n->at_m, point, arm);
+                // a patch's points are within two spacings of its node
                 double far = distance_of(n->shape, (const double(*)[3])n->turn, arm, outwards);
                 if (far > n->distance_m + 2 * p.face->spacing_m) continue;
                 load_patch(n->model, n->state, &p);
@@ -427,7 +453,8 @@ static void consider_faces(nearest *n)
             }
 }
 
-// A ball's centre may be under the skin with all of the skin beyond its radius: then it is as deep as the skin is far.
+// If the tool is under the skin, the clearance is negative. A ball's centre may be under the skin with all of the skin
+// beyond its radius. The ball is then as deep as its centre is, plus its radius.
 double kn_sampling_clearance(const kn_model *model, const kn_state *state, int p, const double position_m[3],
                              const double turn[3][3])
 {

@@ -1,23 +1,23 @@
 #ifndef KN_CORE_SCRATCH_H
 #define KN_CORE_SCRATCH_H
-// What the solvers keep between the two ends of a step, in the state's arena but neither saved nor hashed.
+// The solvers' memory within a step. It lies in the state's arena, but it is neither saved nor hashed.
 #include "core/contact.h"
 #include "core/deadline.h"
 #include "core/kernel.h"
 #include "core/solver_rk4.h"
 
-typedef struct kn_rigid { // of an object that nothing holds, see rigid.h
+typedef struct kn_rigid { // rigid motions of an object that nothing holds, see rigid.h
     bool on;
-    float *arm; // 4 components: x - centre of every node, and 1 where there is one, 0 in padding
+    float *arm; // 4 components: x - centre of every node, and 1 for a node, 0 in padding
     double centre_m[3];
     double factor[6][6];
 } kn_rigid;
 
 typedef struct kn_scratch {
-    kn_work work; // implicit: first, kernels find it at state->scratch
+    kn_work work; // implicit: first member, because kernels find it at state->scratch
     kn_contact contact;
-    kn_effort effort;     // implicit: of this step
-    kn_deadline deadline; // implicit: of this step
+    kn_effort effort;     // implicit: effort of this step
+    kn_deadline deadline; // implicit: deadline of this step
     kn_rigid rigid;       // implicit
     int *last_held;       // implicit: nodes whose components the last step prescribed
     int last_held_count;
@@ -25,7 +25,7 @@ typedef struct kn_scratch {
     kn_boundary boundary; // RK4: its arrays below
     uint8_t *fixed;
     double (*velocity)[3], (*force)[3], (*reaction)[3];
-    void *stages; // RK4; FIXED: its own
+    void *stages; // RK4: stages; FIXED: its own scratch
 } kn_scratch;
 
 static inline kn_scratch *kn_state_scratch(const kn_state *state) { return state->scratch; }

@@ -1,6 +1,6 @@
 #ifndef KN_CORE_SHAPE_H
 #define KN_CORE_SHAPE_H
-// The shape of a rigid tool as a signed distance: how far a point is from it, < 0 inside, and which way is out.
+// The shape of a rigid tool as a signed distance: the distance of a point, < 0 inside, and the direction outwards.
 //
 // Tool frame, m: the origin is the pose's position, z points away from the object when the orientation is identity.
 //
@@ -9,11 +9,11 @@
 //     cylinder   lower face at the origin, axis up along z for `length`, edges rounded by `edge`
 //     box        lower face centred at the origin, x by y by z of `size`, edges rounded by `edge`
 //     cross      two such boxes across each other: size is arm length, arm width, height (first paper, Fig. 13)
-//     union      up to KN_PARTS_MAX of the others, each where its `at` and `turn` put it: the nearest counts
+//     union      up to KN_PARTS_MAX of the others, each placed by its `at` and `turn`: the nearest part counts
 //
 //     field      any closed surface, in the frame of its file, by a grid of distances (field.h)
 //
-// Exact but inside of unions (the nearest part's, as always), and fields.
+// The distance is exact, except for fields and inside unions, where it is that of the nearest part.
 #include <stdbool.h>
 
 #define KN_PARTS_MAX 8
@@ -31,43 +31,45 @@ struct kn_field;
 typedef struct kn_solid {
     kn_solid_kind kind;
     double half_m[3];       // BOX: half extents, without the rounding
-    double radius_m;        // of a ball, of an axis, or of rounded edges
-    double length_m;        // CAPSULE, CYLINDER: along z
-    double at_m[3];         // its origin in the tool frame
-    bool turned;            // whether it is at all
-    double turn[3][3];      // part to tool
-    struct kn_field *field; // FIELD: what it is, see field.h
+    double radius_m;        // radius of a ball, about an axis, or of rounded edges
+    double length_m;        // CAPSULE, CYLINDER: length along z
+    double at_m[3];         // origin of the part in the tool frame
+    bool turned;            // the part is turned
+    double turn[3][3];      // rotation from part to tool
+    struct kn_field *field; // FIELD only, see field.h
 } kn_solid;
 
 typedef struct kn_shape {
     int part_count;
-    bool plain; // one part as it is made, neither turned nor put elsewhere
+    bool plain; // one part at the origin, not turned
     kn_solid part[KN_PARTS_MAX];
-    double bound_m; // no point of it is farther from the origin
-    double fine_m;  // smallest half width: a lattice must be finer
+    double bound_m; // no point of the shape is farther from the origin
+    double fine_m;  // smallest half width: the lattice must be finer
 } kn_shape;
 
-// Parts at the origin, not turned.
+// Make a part at the origin, not turned.
 kn_solid kn_solid_sphere(double radius_m);
 kn_solid kn_solid_capsule(double radius_m, double length_m);
 kn_solid kn_solid_cylinder(double radius_m, double length_m, double edge_m);
 kn_solid kn_solid_box(const double size_m[3], double edge_m);
-kn_solid kn_solid_field(struct kn_field *field); // not taken over: it outlives the part
+kn_solid kn_solid_field(struct kn_field *field); // field must outlive the part
 
-// Adds a part and widens the bound. False when there are KN_PARTS_MAX already.
+// Add a part and widen bound_m. Return false if the shape already has KN_PARTS_MAX parts.
 bool kn_shape_add(kn_shape *shape, const kn_solid *part);
 
-// at: tool frame. gradient: unit, the way out of the shape. Real-time safe.
+// Return the signed distance of the point `at` in the tool frame, m. `gradient`: unit vector out of the shape.
+// Real-time safe.
 double kn_shape_distance(const kn_shape *shape, const double at[3], double gradient[3]);
 
-// How far it reaches that way, a unit vector of the tool frame, from its origin; of a mesh its grid. Real-time safe.
+// Return the extent of the shape from its origin in the direction `way`, a unit vector of the tool frame. For a field
+// it is an upper bound (kn_field_support). Real-time safe.
 double kn_shape_support(const kn_shape *shape, const double way[3]);
 
-// One more copy of a shape whose fields are kept as long as it; and its end.
+// Keep: add a holder to the shape's fields, for another copy of the shape. Drop: remove the holder when a copy ends.
 void kn_shape_keep(const kn_shape *shape);
 void kn_shape_drop(const kn_shape *shape);
 
-// From side to side, along an axis of the tool frame.
+// Return the extent from side to side along an axis of the tool frame.
 double kn_shape_span(const kn_shape *shape, int axis);
 
 #endif

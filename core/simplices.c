@@ -32,7 +32,7 @@ void kn_simplices_destroy(kn_simplices *s)
 
 static int corners(const kn_simplices *s) { return s->dimension + 1; }
 
-// Signed volume, or area in the x-z plane.
+// Return the signed volume of an element, or its signed area in the x-z plane.
 static double volume_of(const kn_simplices *s, int e)
 {
     double d[3][3] = {{0}};
@@ -55,13 +55,14 @@ static double square_of_edge(const kn_simplices *s, int i, int j)
     return sum;
 }
 
+// Return the quality of an element, see simplices.h; 0 if it is flat or inverted.
 static double quality_of(const kn_simplices *s, int e)
 {
     double squares = 0, volume = volume_of(s, e);
     const int *node = s->element[e];
     for (int a = 0; a < corners(s); a++)
         for (int b = 0; b < a; b++) squares += square_of_edge(s, node[a], node[b]);
-    if (!(volume > 0)) return 0; // squares is positive with it
+    if (!(volume > 0)) return 0; // if the volume is positive, `squares` is positive, too
     if (s->dimension == 2) return 4 * sqrt(3) * volume / squares;
     double root = cbrt(3 * volume);
     return 12 * root * root / squares;
@@ -81,12 +82,13 @@ static void box_of(const kn_simplices *s, double low[3], double high[3])
 
 typedef struct checker {
     const kn_simplices *s;
-    int *owner; // [node_count] an element that has the node, -1 none
+    int *owner; // an element that has the node, -1: none
     int blame;
     char *error;
     size_t size;
 } checker;
 
+// Set the error text and the element to blame. Return false.
 __attribute__((format(printf, 3, 4))) static bool fault(checker *c, int blame, const char *format, ...)
 {
     va_list args;
@@ -97,6 +99,7 @@ __attribute__((format(printf, 3, 4))) static bool fault(checker *c, int blame, c
     return false;
 }
 
+// Check dimension and counts against their limits. Later checks rely on these.
 static bool check_counts(checker *c)
 {
     const kn_simplices *s = c->s;
@@ -108,6 +111,7 @@ static bool check_counts(checker *c)
     return true;
 }
 
+// Check that nodes lie at finite places, in the plane if flat, and that the object is not too large.
 static bool check_nodes(checker *c)
 {
     const kn_simplices *s = c->s;
@@ -126,7 +130,7 @@ static bool check_nodes(checker *c)
                  KN_SIMPLICES_EXTENT_MAX_M);
 }
 
-// Node numbers that exist, each once in an element, and every node in one.
+// Check that node numbers exist, that an element has each only once, and that every node is in an element.
 static bool check_numbers(checker *c)
 {
     const kn_simplices *s = c->s;
@@ -147,6 +151,7 @@ static bool check_numbers(checker *c)
     return true;
 }
 
+// Check the quality of every element, and the mean.
 static bool check_shapes(checker *c)
 {
     const kn_simplices *s = c->s;
@@ -157,7 +162,8 @@ static bool check_shapes(checker *c)
         mean += quality / s->element_count;
         if (quality >= KN_SIMPLICES_QUALITY_MIN) continue;
         double edge = sqrt(square_of_edge(s, node[0], node[1])), flat = KN_SIMPLICES_QUALITY_MIN * edge * edge;
-        if (s->dimension == 3) flat *= 0.01 * edge; // rounding leaves a flat element a volume of either sign
+        // rounding gives a flat element a volume of either sign: do not call such an element inverted
+        if (s->dimension == 3) flat *= 0.01 * edge;
         if (volume < -flat)
             return fault(c, e,
                          "element %ld is inverted (%.3g %s), expected its nodes in the order that makes it positive",
@@ -170,7 +176,7 @@ static bool check_shapes(checker *c)
                  mean, KN_SIMPLICES_QUALITY_MEAN);
 }
 
-// What sorting brings together: cells of space, corners of elements, faces.
+// A record for sorting: equal keys come together. Keys are cells of space, corners of elements, or faces.
 typedef struct record {
     int key[4];
     int owner;
@@ -186,7 +192,7 @@ static int by_key(const void *a, const void *b)
 
 static bool same_key(const record *p, const record *q) { return memcmp(p->key, q->key, sizeof p->key) == 0; }
 
-// Sorts a few numbers; whether that took an odd number of exchanges.
+// Sort a few numbers. Return whether the number of exchanges was odd.
 static bool sort_few(int *key, int count)
 {
     bool odd = false;
@@ -200,6 +206,7 @@ static bool sort_few(int *key, int count)
     return odd;
 }
 
+// Return the index of the first record with a key, or where it would be.
 static int first_at(const record *r, int count, const int key[4])
 {
     record wanted = {.owner = -1};
@@ -213,7 +220,7 @@ static int first_at(const record *r, int count, const int key[4])
     return low;
 }
 
-// Nodes within the tolerance of node i, among those of one cell.
+// Return a node within the tolerance of node i, among those of one cell; -1: none.
 static int coincident(const kn_simplices *s, const record *r, int i, const int cell[4], double tolerance)
 {
     for (int k = first_at(r, s->node_count, cell); k < s->node_count && memcmp(r[k].key, cell, sizeof r[k].key) == 0;
@@ -222,8 +229,8 @@ static int coincident(const kn_simplices *s, const record *r, int i, const int c
     return -1;
 }
 
-// Cells of twice the tolerance: what is within the tolerance of a node is in the cells of its eight corners at that
-// distance, which mostly are one cell.
+// Check that no two nodes lie in the same place. Space is divided into cells of twice the tolerance. All nodes within
+// the tolerance of a node are in the cells of the eight corners at that distance, which usually fall into one cell.
 static bool check_places(checker *c, record *r)
 {
     const kn_simplices *s = c->s;
@@ -235,6 +242,7 @@ static bool check_places(checker *c, record *r)
         r[i] = (record){.owner = i};
         for (int k = 0; k < 3; k++) r[i].key[k] = (int)floor((s->x_m[i][k] - low[k]) / cell);
     }
+    // sort the nodes by cell, then search around every node
     qsort(r, (size_t)s->node_count, sizeof *r, by_key);
     for (int i = 0; i < s->node_count; i++)
         for (int corner = 0; corner < 8; corner++) {
@@ -251,9 +259,11 @@ static bool check_places(checker *c, record *r)
     return true;
 }
 
+// Check that no two elements have the same nodes.
 static bool check_twins(checker *c, record *r)
 {
     const kn_simplices *s = c->s;
+    // sorted corners are equal for equal elements
     for (int e = 0; e < s->element_count; e++) {
         memcpy(r[e].key, s->element[e], sizeof r[e].key);
         sort_few(r[e].key, corners(s));
@@ -267,8 +277,8 @@ static bool check_twins(checker *c, record *r)
     return true;
 }
 
-// The faces of every element, seen from outside: key holds their nodes, ascending; key[3] is 0, owner 2 element +
-// parity.
+// List the faces of every element, seen from outside. key holds the nodes in ascending order, key[3] is 0. owner is 2
+// element + parity of the order seen from outside.
 static int list_faces(const kn_simplices *s, record *r)
 {
     static const int of_tetrahedron[4][3] = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
@@ -286,12 +296,14 @@ static int list_faces(const kn_simplices *s, record *r)
     return count;
 }
 
+// Return the representative of an element's part (union-find with path halving).
 static int root_of(int *parent, int e)
 {
     while (parent[e] != e) e = parent[e] = parent[parent[e]];
     return e;
 }
 
+// Join elements that share a face. A third element at a face is an error, and so are two elements on one side of it.
 static bool join_faces(checker *c, const record *r, int count, int *parent)
 {
     const kn_simplices *s = c->s;
@@ -305,6 +317,7 @@ static bool join_faces(checker *c, const record *r, int count, int *parent)
             return fault(c, third, "elements %ld, %ld and %ld share one %s, expected two at most", s->tag[a], s->tag[b],
                          s->tag[third], face);
         }
+        // elements on opposite sides see their common face with opposite parities
         if (r[f].owner % 2 == r[f + 1].owner % 2)
             return fault(c, b, "elements %ld and %ld overlap: both lie on one side of their common %s", s->tag[a],
                          s->tag[b], face);
@@ -313,6 +326,7 @@ static bool join_faces(checker *c, const record *r, int count, int *parent)
     return true;
 }
 
+// Check that all elements form one part.
 static bool check_parts(checker *c, int *parent, int *members)
 {
     const kn_simplices *s = c->s;
@@ -322,7 +336,7 @@ static bool check_parts(checker *c, int *parent, int *members)
     for (int e = 0; e < s->element_count; e++) {
         if (members[e] == 0) continue;
         parts++;
-        if (least < 0 || members[e] <= members[least]) least = e; // of equals the later in the file
+        if (least < 0 || members[e] <= members[least]) least = e; // among equal parts the later one in the file
     }
     if (parts == 1) return true;
     return fault(
@@ -333,6 +347,7 @@ static bool check_parts(checker *c, int *parent, int *members)
 static bool check(checker *c)
 {
     const kn_simplices *s = c->s;
+    // all checks need sorted records, so they share one array
     if (!check_counts(c)) return false;
     size_t elements = (size_t)s->element_count, nodes = (size_t)s->node_count;
     size_t records = elements * (size_t)corners(s) > nodes ? elements * (size_t)corners(s) : nodes;
@@ -363,6 +378,7 @@ bool kn_simplices_check(const kn_simplices *s, char *error, size_t size)
 
 // ---- frame and measures
 
+// Move the centre of the box over the origin, and the lowest point to z = 0.
 void kn_simplices_place(kn_simplices *s)
 {
     double low[3], high[3];
@@ -372,6 +388,7 @@ void kn_simplices_place(kn_simplices *s)
         for (int c = 0; c < 3; c++) s->x_m[i][c] -= origin[c];
 }
 
+// List every edge once.
 static int list_edges(const kn_simplices *s, record *r)
 {
     int count = 0;
@@ -381,6 +398,7 @@ static int list_edges(const kn_simplices *s, record *r)
                 r[count] = (record){.key = {s->element[e][a], s->element[e][b]}};
                 sort_few(r[count++].key, 2);
             }
+    // duplicates are neighbours after sorting
     qsort(r, (size_t)count, sizeof *r, by_key);
     int kept = 0;
     for (int i = 0; i < count; i++)
@@ -419,8 +437,8 @@ bool kn_simplices_measure(const kn_simplices *s, kn_simplices_measures *m)
     return measure_edges(s, m);
 }
 
-// Square of a face's area, the one opposite to a corner, by Heron's formula; of a triangle's side the square of its
-// length.
+// Return the square of the area of the face opposite to a corner, by Heron's formula. For a triangle's side,
+// return the square of its length.
 static double square_of_face(const kn_simplices *s, int e, int corner)
 {
     const int *node = s->element[e];
@@ -440,6 +458,7 @@ double kn_simplices_lowest(const kn_simplices *s, int *element)
     for (int e = 0; e < s->element_count; e++) {
         double face = 0;
         for (int a = 0; a < corners(s); a++) face = fmax(face, square_of_face(s, e, a));
+        // the least height is that over the largest face
         double height = s->dimension * volume_of(s, e) / sqrt(face);
         if (height >= lowest) continue;
         lowest = height;

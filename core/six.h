@@ -1,9 +1,9 @@
 #ifndef KN_CORE_SIX_H
 #define KN_CORE_SIX_H
-// The motions of a rigid body are six, (v, w): their little symmetric positive systems, by Cholesky's.
+// The six motions (v, w) of a rigid body: Cholesky solver for small symmetric positive systems, velocities, wrenches.
 #include <math.h>
 
-// a: lower half, becomes the factor.
+// Factor the matrix `a` in place. Only the lower half is read; it becomes the factor.
 static inline void kn_six_factor(double a[6][6])
 {
     for (int i = 0; i < 6; i++)
@@ -14,6 +14,7 @@ static inline void kn_six_factor(double a[6][6])
         }
 }
 
+// Solve with the factor; b becomes the solution.
 static inline void kn_six_solve(const double factor[6][6], double b[6])
 {
     for (int i = 0; i < 6; i++) {
@@ -26,7 +27,7 @@ static inline void kn_six_solve(const double factor[6][6], double b[6])
     }
 }
 
-// Velocity of a point `arm` from the body's.
+// Compute the velocity of a point at `arm` from the body's reference point.
 static inline void kn_six_velocity(const double v[6], const double arm[3], double at[3])
 {
     at[0] = v[0] + (v[4] * arm[2] - v[5] * arm[1]);
@@ -34,7 +35,7 @@ static inline void kn_six_velocity(const double v[6], const double arm[3], doubl
     at[2] = v[2] + (v[3] * arm[1] - v[4] * arm[0]);
 }
 
-// wrench += sign (force, arm x force)
+// Add sign (force, arm x force) to the wrench.
 static inline void kn_six_wrench(const double arm[3], const double force[3], double sign, double wrench[6])
 {
     for (int k = 0; k < 3; k++) wrench[k] += sign * force[k];

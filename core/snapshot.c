@@ -20,6 +20,7 @@ const char *kn_snapshot_fit_name(kn_snapshot_fit fit)
 
 // --- identity -------------------------------------------------------------------------------------------------------
 
+// Hash places and order of the nodes, and the top.
 static uint64_t lattice_hash(const kn_model *m)
 {
     uint64_t h = kn_hash_bytes(KN_HASH_SEED, m->rest_m, (size_t)m->node_count * sizeof *m->rest_m);
@@ -34,6 +35,7 @@ uint64_t kn_model_hash(const kn_model *model)
 {
     const kn_model_def *d = &model->def;
     const kn_material *mat = &d->material;
+    // the numbers on which model and snapshot must agree; tools and quality are not among them
     const double said[] = {mat->k1_pa,
                            mat->c1_pa_s,
                            mat->damper,
@@ -68,6 +70,7 @@ uint64_t kn_model_hash(const kn_model *model)
 
 static bool single(const kn_model *m) { return m->def.solver.precision == KN_PRECISION_F32; }
 
+// The values that a snapshot and a model must agree on.
 typedef struct identity {
     uint64_t lattice, model, nodes, reals, precision, held;
 } identity;
@@ -88,6 +91,8 @@ static void put_identity(kn_codec *c, identity *i)
     for (size_t k = 0; k < sizeof value / sizeof *value; k++) kn_codec_u64(c, value[k]);
 }
 
+// Compare the identity in a snapshot with the model's own. Other nodes, edges or precision mean another lattice.
+// Otherwise only the material can differ.
 static kn_snapshot_fit judge(const identity *found, const identity *own)
 {
     bool lattice = found->lattice == own->lattice && found->nodes == own->nodes && found->reals == own->reals &&
@@ -95,6 +100,7 @@ static kn_snapshot_fit judge(const identity *found, const identity *own)
     return !lattice ? KN_SNAPSHOT_LATTICE : found->model != own->model ? KN_SNAPSHOT_MATERIAL : KN_SNAPSHOT_FITS;
 }
 
+// Write or read one probe.
 static void put_probe(const kn_model *m, kn_codec *c, kn_probe_state *p)
 {
     kn_codec_f64(c, p->position_m, 3);
@@ -112,6 +118,7 @@ static void put_tool(kn_codec *c, kn_tool_state *t)
     kn_codec_f64(c, &t->grip_n, 1);
 }
 
+// Write or read a field, preceded by its count.
 static void put_field(const kn_model *m, kn_codec *c, void *field, int components)
 {
     uint64_t count = components == KN_FORWARD ? m->edge_reals : kn_model_field(m, components), found = count;
@@ -121,7 +128,7 @@ static void put_field(const kn_model *m, kn_codec *c, void *field, int component
     if (field) kn_codec_reals(c, field, count, single(m));
 }
 
-// Ascending by their keys, as the contact looks for them.
+// Write or read the anchors. Keys must ascend, since the contact relies on that order.
 static void put_anchors(const kn_model *m, kn_codec *c, kn_state *s)
 {
     int64_t most = (int64_t)kn_contact_anchors(m);
@@ -143,6 +150,7 @@ static void put_held(const kn_model *m, kn_codec *c, kn_state *s)
     for (size_t i = 0; c->from && i < count; i++) c->wrong |= s->held[i] > 1;
 }
 
+// Describe the whole state once, for measuring, writing and reading.
 static void put_state(const kn_model *m, kn_codec *c, kn_state *s)
 {
     kn_codec_i64(c, &s->tick, 0, INT64_MAX / 2);
@@ -172,7 +180,7 @@ static void put_all(const kn_model *m, kn_codec *c, kn_state *s)
 
 // --- measure, write, read -------------------------------------------------------------------------------------------
 
-// A codec without `from` changes nothing of the state.
+// Measuring and writing do not change the state: a codec without `from` only reads it.
 size_t kn_snapshot_size(const kn_model *model, const kn_state *state)
 {
     kn_codec c = {0};
@@ -180,6 +188,7 @@ size_t kn_snapshot_size(const kn_model *model, const kn_state *state)
     return c.at;
 }
 
+// An upper bound: structs with their padding are larger than their bytes in the snapshot.
 size_t kn_snapshot_size_max(const kn_model *model)
 {
     size_t plain = sizeof(identity) + sizeof(kn_state) + 64;
@@ -202,6 +211,7 @@ kn_snapshot_fit kn_snapshot_read(const kn_model *model, const uint8_t *bytes, si
     identity found = {0}, own = identity_of(model);
     kn_codec_u64(&c, &layout);
     put_identity(&c, &found);
+    // compare the identity before anything else is read
     if (c.ended) return KN_SNAPSHOT_SHORT;
     if (layout != LAYOUT) return KN_SNAPSHOT_LAYOUT;
     kn_snapshot_fit fit = judge(&found, &own);
@@ -211,9 +221,9 @@ kn_snapshot_fit kn_snapshot_read(const kn_model *model, const uint8_t *bytes, si
     return c.wrong ? KN_SNAPSHOT_VALUE : KN_SNAPSHOT_FITS;
 }
 
-// --- what has changed -----------------------------------------------------------------------------------------------
+// --- differences of two states --------------------------------------------------------------------------------------
 
-// In pieces, so that a compiler may look at many reals at once.
+// Compare in pieces without a branch inside, so that the compiler can use vector instructions.
 #define PIECE 256
 
 static bool moved_f32(const float *a, const float *b, size_t count, double by)

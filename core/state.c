@@ -14,21 +14,24 @@ static size_t real_size(const kn_model *m)
 static size_t field_bytes(const kn_model *m, int components)
 {
     if (components != KN_FORWARD) return kn_model_field(m, components) * real_size(m);
-    // of edges; a Voigt part's strain is read off the length, but in integers, which add it up
+    // Edge fields: a Voigt element's strain follows from its length and is not stored. The integer solver sums up the
+    // strain step by step, so it needs the field.
     const bool read_off = m->law.kind == KN_LAW_VOIGT && m->def.solver.kind != KN_SOLVER_FIXED;
     return read_off ? 0 : m->edge_reals * real_size(m);
 }
 
-// Kept of the cells' pressure: see kn_work.cell.
+// Return the number of reals stored for the cells' pressure: see kn_work.cell.
 static size_t cell_reals(const kn_model *m)
 {
     if (m->def.pressure == KN_PRESSURE_OBJECT) return kn_model_field(m, 3);
     return m->def.mesh ? 12 * (size_t)m->cell_count : kn_model_field(m, m->grid.flat ? 8 : 24);
 }
 
+// Hand out the scratch of the implicit solver.
 static void layout_implicit(const kn_model *m, kn_arena *a, kn_scratch *s)
 {
     kn_work *w = &s->work;
+    // vectors first, then edges, blocks of held rows and cells
     struct {
         void **field;
         int components;
@@ -39,6 +42,7 @@ static void layout_implicit(const kn_model *m, kn_arena *a, kn_scratch *s)
     w->whole = m->composite ? kn_arena_take(a, kn_model_field(m, 6) * real_size(m)) : NULL;
     w->cell = NULL;
     if (m->def.pressure != KN_PRESSURE_NONE) w->cell = kn_arena_take(a, cell_reals(m) * real_size(m));
+    // then one byte per row, and the arrays of contact and rigid motion
     w->row_held = kn_arena_take(a, (size_t)m->row_count);
     w->row_moved = kn_arena_take(a, (size_t)m->row_count);
     s->row_base = kn_arena_take(a, (size_t)m->row_count);
@@ -46,6 +50,7 @@ static void layout_implicit(const kn_model *m, kn_arena *a, kn_scratch *s)
     s->last_held = kn_arena_take(a, (size_t)m->top_count * sizeof(int));
 }
 
+// Hand out the scratch of the Runge-Kutta solver.
 static void layout_rk4(const kn_model *m, kn_arena *a, kn_scratch *s)
 {
     size_t nodes = (size_t)m->node_count;
@@ -57,18 +62,21 @@ static void layout_rk4(const kn_model *m, kn_arena *a, kn_scratch *s)
     s->boundary = (kn_boundary){s->fixed, (const double(*)[3])s->velocity, (const double(*)[3])s->force, s->reaction};
 }
 
+// Hand out the scratch of the integer solver, which has a layout of its own.
 static void layout_fixed(const kn_model *m, kn_arena *a, kn_scratch *s)
 {
     s->stages = kn_arena_take(a, kn_fixed_scratch(m));
     if (s->stages) kn_fixed_scratch_init(m, s->stages);
 }
 
-// One description of the arena for measuring and for handing out; kept: all but the scratch.
+// Lay out the arena. One description serves to measure (base NULL) and to hand out memory. `kept`: leave out the
+// scratch.
 static size_t layout(const kn_model *m, char *base, bool kept)
 {
     kn_arena a = {.base = base};
     kn_state unused_state, *state = base ? (kn_state *)(void *)base : &unused_state;
     kn_scratch unused_scratch, *scratch = &unused_scratch;
+    // saved part: the struct, the fields, held nodes and anchors
     kn_arena_take(&a, sizeof *state);
 #define KN_FIELD(name, components)                                                                                     \
     state->name = kn_arena_take(&a, field_bytes(m, components));                                                       \
@@ -80,6 +88,7 @@ static size_t layout(const kn_model *m, char *base, bool kept)
     state->anchor = anchors > 0 ? kn_arena_take(&a, anchors * sizeof *state->anchor) : NULL;
     if (base) state->bytes = a.used;
     if (kept) return a.used;
+    // scratch: contact and the solver's vectors
     state->scratch = kn_arena_take(&a, sizeof *scratch);
     if (base) scratch = state->scratch;
     void *contact = kn_arena_take(&a, kn_contact_bytes(m));
@@ -98,7 +107,7 @@ static kn_state *allocate(const kn_model *m, size_t bytes, bool kept)
 {
     kn_state *state = aligned_alloc(64, bytes);
     if (!state) return NULL;
-    memset(state, 0, bytes); // touches every page before a tick does
+    memset(state, 0, bytes); // touches every page now, so that no tick causes a page fault
     layout(m, (char *)state, kept);
     return state;
 }
@@ -114,17 +123,19 @@ kn_state *kn_state_keep(const kn_model *model) { return allocate(model, kn_state
 
 void kn_state_destroy(kn_state *state) { free(state); }
 
+// Reset the implicit solver's scratch: zero vectors, and free components except those of the support.
 static void reset_implicit(const kn_model *m, kn_scratch *s)
 {
     kn_work *w = &s->work;
     memset(w->guess, 0, kn_model_field(m, 3) * real_size(m));
     memset(w->q, 0, kn_model_field(m, 3) * real_size(m));
     memset(w->d, 0, kn_model_field(m, 3) * real_size(m));
-    // edges that do not exist are never written
+    // edges that do not exist are never written, so their g must be 0
     memset(w->g, 0, (size_t)kn_work_edge(m) * m->edge_reals * real_size(m));
     memset(s->row_base, 0, (size_t)m->row_count);
     memset(w->row_moved, 0, (size_t)m->row_count);
     s->last_held_count = 0;
+    // free everything, then hold what the support holds
     for (size_t i = 0; i < kn_model_field(m, 3); i++) kn_real_set(m, w->free, i, 1);
     for (int node = 0; node < m->node_count; node++) {
         size_t o = m->offset[node];
@@ -136,6 +147,7 @@ static void reset_implicit(const kn_model *m, kn_scratch *s)
 
 void kn_state_reset(const kn_model *model, kn_state *state)
 {
+    // the plain part first, then the fields up to the held nodes; anchors are empty when their count is 0
     memset(state, 0, offsetof(kn_state, displacement));
 #define KN_FIELD(name, components)                                                                                     \
     if (state->name) memset(state->name, 0, field_bytes(model, components));
@@ -156,7 +168,7 @@ void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src)
     if (src->anchor) memcpy(dst->anchor, src->anchor, (size_t)src->anchor_count * sizeof *src->anchor);
 }
 
-// Tools that turn, are coupled or stick, and what sticks to them: nothing for a scene without them.
+// Hash tools that turn, are coupled or stick, and their anchors. A scene without such tools adds nothing to the hash.
 static uint64_t hash_tools(const kn_state *state, uint64_t h)
 {
     static const kn_tool_state none;
@@ -168,7 +180,7 @@ static uint64_t hash_tools(const kn_state *state, uint64_t h)
 
 uint64_t kn_state_hash(const kn_model *model, const kn_state *state)
 {
-    // the plain part runs from behind the tick to `bad`; what follows up to the first pointer is padding
+    // hash the plain members from behind `tick` up to `bad`; the fields and anchors follow below
     size_t from = offsetof(kn_state, probe), to = offsetof(kn_state, bad) + sizeof state->bad;
     uint64_t h = kn_hash_bytes(KN_HASH_SEED, (const char *)state + from, to - from);
 #define KN_FIELD(name, components)                                                                                     \

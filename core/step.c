@@ -8,6 +8,7 @@
 
 // --- RK4's boundary -------------------------------------------------------------------------------------------------
 
+// Set the boundary of the Runge-Kutta step: the support's constraints, zero velocities, and the dead load on the top.
 static void fill_boundary(const kn_model *m, const kn_input *input, kn_scratch *s)
 {
     memcpy(s->fixed, m->support, (size_t)m->node_count);
@@ -16,49 +17,60 @@ static void fill_boundary(const kn_model *m, const kn_input *input, kn_scratch *
     for (int t = 0; t < m->top_count; t++) s->force[m->top[t]][2] -= input->top_load_n * m->top_share[t];
 }
 
+// Take one Runge-Kutta step. Contact enters the step as prescribed velocities and as external forces.
 static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
 {
     kn_scratch *s = kn_state_scratch(state);
     fill_boundary(m, input, s);
+    // a held node moves with its plate, except in components that the support already fixes
     for (int i = 0; i < s->contact.hold_count; i++) {
         const kn_hold *hold = &s->contact.hold[i];
         for (int k = 0; k < 3; k++)
             if (!(s->fixed[hold->node] >> k & 1)) s->velocity[hold->node][k] = hold->velocity_m_s[k];
         s->fixed[hold->node] = 7;
     }
-    for (int i = 0; i < s->contact.sample_count; i++) { // explicit: pressure at the depth of now
+    // each sample pushes its nodes with the pressure at its present depth: contact is explicit here
+    for (int i = 0; i < s->contact.sample_count; i++) {
         kn_sample *sample = &s->contact.sample[i];
         kn_sample_push(sample);
         for (int a = 0; a < sample->nodes; a++)
             for (int k = 0; k < 3; k++) s->force[sample->node[a]][k] += sample->weight[a] * sample->force_n[k];
     }
     kn_rk4_step(m, state, &s->boundary, s->stages);
+    // the force on the plate is the reaction of the held node with the opposite sign
     for (int i = 0; i < s->contact.hold_count; i++)
         for (int k = 0; k < 3; k++) s->contact.hold[i].force_n[k] = -s->reaction[s->contact.hold[i].node][k];
 }
 
 // --- watch ----------------------------------------------------------------------------------------------------------
 
-// A force that goes up and down by turns is the linearisation chattering: half a second of secants calms it.
+// Chatter watch. If the contact force rises and falls alternately, the linearisation chatters. Half a second of secant
+// steps stops the chatter.
 #define CHATTER_SHARE 24   // sign changes in the last 64 steps
-#define CHATTER_SIZE 0.005 // of the force: smaller ones are rounding
+#define CHATTER_SIZE 0.005 // share of the force; smaller changes are rounding
 
+// Count the sign changes of the force's increment. Switch to the secant when there are too many.
 static void watch_chatter(const kn_model *m, kn_state *state, const kn_output *output)
 {
+    // one number, the sum of all force components, is enough to see an oscillation
     double force = 0;
     for (int p = 0; p < m->def.probe_count; p++)
         for (int k = 0; k < 3; k++) force += fabs(output->probe[p].force_n[k]);
+    // record one bit per step: 1 when the increment changed its sign by more than rounding
     double delta = force - state->last_force_n;
     bool turned = delta * state->last_delta_n < 0 && fabs(delta) > CHATTER_SIZE * force;
     state->chatter_bits = state->chatter_bits << 1 | turned;
     state->last_force_n = force;
     state->last_delta_n = delta;
     if (__builtin_popcountll(state->chatter_bits) < CHATTER_SHARE) return;
+    // too many sign changes in the last 64 steps: use the secant for a while and start to count anew
     state->secant_steps = KN_SECANT_REST;
     state->chatter_bits = 0;
 }
 
-// The implicit solve's residual sums every node; Runge-Kutta has none, so its velocities are summed.
+// Return whether the results of the step are finite. One sum is enough: any NaN or infinity makes the
+// sum non-finite. The implicit solver's residual already sums over all nodes. Runge-Kutta has no
+// residual, so its velocities are summed.
 static bool all_finite(const kn_model *m, const kn_state *state, const kn_output *output)
 {
     double sum = output->residual;
@@ -80,19 +92,21 @@ kn_status kn_step(const kn_model *model, kn_state *state, const kn_input *input,
     const kn_solver kind = model->def.solver.kind;
     const bool rk4 = kind == KN_SOLVER_RK4;
 
-    // who touches what, at the positions of now
+    // find which tool touches which nodes, at the present positions
     kn_contact_find(model, state, input, contact);
-    // velocities of the lattice under these constraints; forces on holds and samples
+    // solve for the lattice's velocities under these constraints, and for the forces on holds and samples
     if (rk4) solve_rk4(model, state, input);
     else if (kind == KN_SOLVER_FIXED) kn_solve_fixed(model, state, input, output);
     else kn_solve_implicit(model, state, input, output);
-    // forces on the probes; they move, and so does the lattice
+    // sum the forces on the probes, then move the probes and the lattice
     kn_contact_end(model, state, input, contact, output);
     if (kind == KN_SOLVER_IMPLICIT) kn_advance_implicit(model, state);
+    // watch the force for chatter
     if (state->secant_steps > 0) state->secant_steps--;
     watch_chatter(model, state, output);
     state->tick++;
 
+    // a non-finite number stops the physics until reset, with zero forces
     if (all_finite(model, state, output)) return KN_OK;
     state->bad = 1;
     memset(output, 0, sizeof *output);

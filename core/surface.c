@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Side of the block across axis a: u x v points outwards.
+// One side of the block across axis a; u x v points outwards.
 //
 //     v ^   3---2      counter-clockwise from outside; the diagonals of the quads alternate like a chequerboard,
 //       |   | / |      so no direction is favoured
@@ -16,6 +16,7 @@ typedef struct side {
     int at;      // index of the side's nodes along a
 } side;
 
+// Describe one of the six sides. Its two axes are in the order that makes u x v point outwards.
 static side side_of(const kn_grid *g, int number)
 {
     int a = number / 2, u = (a + 1) % 3, v = (a + 2) % 3; // u x v = +a
@@ -23,6 +24,7 @@ static side side_of(const kn_grid *g, int number)
     return (side){a, v, u, 0};
 }
 
+// Return a node of a side.
 static int side_node(const kn_grid *g, const side *s, int iu, int iv)
 {
     int ixyz[3];
@@ -32,9 +34,10 @@ static int side_node(const kn_grid *g, const side *s, int iu, int iv)
     return kn_grid_node(g, ixyz[0], ixyz[1], ixyz[2]);
 }
 
+// Two ways to split a quad along a diagonal.
 static const int split[2][2][3] = {{{0, 1, 2}, {0, 2, 3}}, {{0, 1, 3}, {1, 2, 3}}};
 
-// Writes every triangle as node ids when out is not NULL; returns their number.
+// List the triangles of a block as node ids, if out is not NULL. Return their number.
 static int triangles(const kn_grid *g, int (*out)[3])
 {
     int count = 0;
@@ -52,7 +55,8 @@ static int triangles(const kn_grid *g, int (*out)[3])
     return count;
 }
 
-// The same of the outsides of a composite's parts; tied nodes that are where their master is are left to it.
+// List the triangles on the outside of a composite's parts. A tied node in the same place as its
+// master is replaced by the master.
 static int composite_triangles(const kn_model *m, int (*out)[3])
 {
     int count = 0;
@@ -75,11 +79,12 @@ kn_surface *kn_surface_create(const kn_model *model)
 {
     kn_grid g = model->grid;
     bool block = model->skin_count == 0;
-    if (g.flat) g.n[1] = 2; // the front and the back of its one layer
+    if (g.flat) g.n[1] = 2; // front and back of its one layer
     size_t nodes = (size_t)model->node_count * (g.flat ? 2 : 1);
     kn_surface *s = calloc(1, sizeof *s);
-    int *vertex = calloc(nodes, sizeof *vertex); // of a node; 0: inside
+    int *vertex = calloc(nodes, sizeof *vertex); // vertex of each node; 0: the node is inside
     if (!s || !vertex) goto fail;
+    // count the triangles first, then list them as node ids
     s->triangle_count = model->composite ? composite_triangles(model, NULL)
                         : block          ? triangles(&g, NULL)
                                          : model->skin_count;
@@ -90,12 +95,14 @@ kn_surface *kn_surface_create(const kn_model *model)
     if (model->composite) composite_triangles(model, (int(*)[3])s->triangle);
     else if (block) triangles(&g, (int(*)[3])s->triangle);
     else memcpy(s->triangle, model->skin, (size_t)s->triangle_count * sizeof *model->skin);
+    // give numbers to the nodes that triangles use, and replace node ids by vertex numbers
     for (int i = 0; i < 3 * s->triangle_count; i++) vertex[s->triangle[i]] = 1;
     for (int node = 0; node < (int)nodes; node++)
         if (vertex[node]) {
             int v = vertex[node] = s->vertex_count++;
             s->node[v] = node;
-            if (!g.flat) continue; // a mesh has no rows
+            // a flat block: rows of front and back alternate, half its thickness apart from the nodes
+            if (!g.flat) continue;
             int row = node / g.n[0];
             s->node[v] = row / 2 * g.n[0] + node % g.n[0];
             s->across_m[v] = (row % 2 - 0.5) * g.depth_m;

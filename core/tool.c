@@ -7,7 +7,7 @@
 
 // --- orientation ----------------------------------------------------------------------------------------------------
 
-// Rotation vector from one orientation to another, the short way round.
+// Compute the rotation vector from one orientation to another, the short way round.
 static void turn_between(const double from[4], const double to[4], double turn[3])
 {
     double d[4];
@@ -17,6 +17,7 @@ static void turn_between(const double from[4], const double to[4], double turn[3
     for (int k = 0; k < 3; k++) turn[k] = sign * scale * d[k + 1];
 }
 
+// Turn an orientation by a rotation vector, in the scene's frame.
 static void turn_by(double q[4], const double turn[3])
 {
     double angle = sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2]);
@@ -41,6 +42,7 @@ bool kn_tool_turns(const kn_probe_def *def)
     return def->shape != KN_PROBE_SPHERE || def->friction > 0 || def->adhesion_pa > 0 || def->grip_n > 0;
 }
 
+// Attach a probe at its input pose, or detach it and clear its state.
 static void attach(const kn_model *m, kn_state *state, int p, const kn_probe_input *in)
 {
     kn_probe_state *probe = &state->probe[p];
@@ -55,7 +57,8 @@ static void attach(const kn_model *m, kn_state *state, int p, const kn_probe_inp
     if (kn_tool_turns(&m->def.probe[p])) kn_turn_unit(in->orientation_wxyz, state->tool[p].orientation_wxyz);
 }
 
-// Holding on begins when the button goes down and ends with it; what tore loose needs a new grip.
+// Update the grip. A grip begins when the button goes down and ends when the button goes up. If a grip was torn loose,
+// the button must be pressed again.
 static void take_grip(const kn_probe_def *def, const kn_probe_input *in, kn_tool_state *tool)
 {
     if (!in->grip) tool->grip_n = 0;
@@ -74,21 +77,26 @@ void kn_tool_begin(const kn_model *m, kn_state *state, int p, const kn_probe_inp
     if (!probe->attached) return;
     tool->coupled = def->coupling_n_m > 0;
     take_grip(def, in, own);
+    // a tool that entered inside the object grows back by at most KN_RELIEF_M_S
     tool->growth_m_s = fmin(KN_RELIEF_M_S, own->relief_m / dt);
     own->relief_m = fmax(0, own->relief_m - KN_RELIEF_M_S * dt);
     tool->turned = turns;
+    // turn: rotation from the tool's orientation to that of the pose
     if (turns) {
         double wanted[4];
         kn_turn_unit(in->orientation_wxyz, wanted);
         turn_between(own->orientation_wxyz, wanted, turn);
         kn_turn_matrix(own->orientation_wxyz, tool->turn);
     }
-    if (!tool->coupled) { // a step longer than the time to catch up takes it there at once, never past it
+    // A rigid tool follows the velocity of its pose and closes the distance to the pose within the time catch_up. A
+    // step longer than that time reaches the pose at once and never passes it.
+    if (!tool->coupled) {
         for (int k = 0; k < 3; k++) {
             probe->velocity_m_s[k] = in->velocity_m_s[k] + (in->position_m[k] - probe->position_m[k]) / catch_up;
             own->turn_rad_s[k] = turns ? turn[k] / catch_up : 0;
         }
     }
+    // the coupling's part of the tool's 6 x 6 system; turns use the arm l
     const double k_n_m = def->coupling_n_m, b_n_s_m = def->coupling_n_s_m, l2 = KN_COUPLING_ARM_M * KN_COUPLING_ARM_M;
     tool->give[0] = dt * k_n_m + b_n_s_m;
     tool->give[1] = l2 * tool->give[0];

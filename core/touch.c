@@ -10,6 +10,7 @@
 
 // --- face -----------------------------------------------------------------------------------------------------------
 
+// Return how far a tool reaches from its position in a direction of its frame, m.
 static double reach(const kn_model *model, int p, const double way[3])
 {
     const kn_probe_def *def = &model->def.probe[p];
@@ -19,11 +20,13 @@ static double reach(const kn_model *model, int p, const double way[3])
 
 void kn_touch_face_of(const kn_model *model, int p, const double normal[3], kn_touch_face *face)
 {
+    // turn the tool's x and y onto the face: see the formulas in touch.h
     static const double z[3] = {0, 0, 1};
     double up = 1 + normal[2], *axis[2] = {face->u, face->v};
     for (int i = 0; i < 2; i++) {
         double turn = up > 1e-6 ? normal[i] / up : 0, back[3];
         for (int k = 0; k < 3; k++) axis[i][k] = (k == i) - turn * (normal[k] + z[k]);
+        // n = -z has no shortest turn: u = x, v = -y by convention
         if (up <= 1e-6 && i == 1) axis[i][1] = -1;
         for (int k = 0; k < 3; k++) back[k] = -axis[i][k];
         face->low_m[i] = -reach(model, p, back);
@@ -31,17 +34,17 @@ void kn_touch_face_of(const kn_model *model, int p, const double normal[3], kn_t
     }
 }
 
-// --- what touches ---------------------------------------------------------------------------------------------------
+// --- pieces of the contact ------------------------------------------------------------------------------------------
 
 typedef struct piece {          // a sample or a held node, in the scene's frame
-    double arm_m[3], normal[3]; // from the tool; the way the object pushes there
-    double force_n[3];          // on the tool
-    double pressing_n;          // of it along normal
+    double arm_m[3], normal[3]; // vector from the tool's position; direction in which the object pushes there
+    double force_n[3];          // force on the tool
+    double pressing_n;          // part of the force along the normal
     double area_m2;
-    const kn_sample *sample; // NULL: a node
+    const kn_sample *sample; // NULL: a held node
 } piece;
 
-// Skin against tool, without what the contact is pressed or let go by.
+// Compute the skin's velocity relative to the tool, tangential part only.
 static void slip_of(const kn_model *m, const kn_state *state, const kn_sample *s, double slip[3])
 {
     kn_tool_velocity(&kn_state_scratch(state)->contact.tool[s->probe], s->arm_m, slip);
@@ -61,12 +64,14 @@ static bool piece_of_sample(const kn_model *m, int p, const kn_sample *s, piece 
     memcpy(out->arm_m, s->arm_m, sizeof out->arm_m);
     for (int k = 0; k < 3; k++) out->normal[k] = -s->normal[k], out->force_n[k] = -s->force_n[k];
     out->pressing_n = s->pressing_n;
+    // the sample's area follows from its stiffness k A
     out->area_m2 = s->foundation_n_m / (foundation > 0 ? foundation : KN_FOUNDATION_N_M3);
     out->sample = s;
     return true;
 }
 
-// How much of a node's cell lies under the plate, along one axis; the node itself may be just beside it.
+// Return the width of the part of a node's cell that lies under the plate, along one axis. The node itself may be just
+// beside the plate.
 static double under(double x, double size_m, double cell_m)
 {
     double half = 0.5 * size_m;
@@ -87,7 +92,7 @@ static bool piece_of_hold(const kn_model *m, const kn_state *state, int p, const
     return true;
 }
 
-// The next piece under probe p from *at on; false behind the last.
+// Get the next piece under probe p, starting at number *at. Return false behind the last piece.
 static bool next_piece(const kn_model *m, const kn_state *state, int p, int *at, piece *out)
 {
     const kn_contact *c = &kn_state_scratch(state)->contact;
@@ -101,7 +106,8 @@ static bool next_piece(const kn_model *m, const kn_state *state, int p, int *at,
 
 // --- patch ----------------------------------------------------------------------------------------------------------
 
-// Sums by |pressing|, so that adhesion turns no normal over and every mean stays within the contact.
+// Sum over the pieces, weighted by |pressing|. With this weight adhesion does not reverse the normal, and every mean
+// stays within the contact. Return the sum of the weights.
 static double sum_up(const kn_model *m, const kn_state *state, int p, kn_touch *t)
 {
     double sum = 0;
@@ -121,6 +127,7 @@ static double sum_up(const kn_model *m, const kn_state *state, int p, kn_touch *
     return sum;
 }
 
+// Rotate a vector into the tool's frame and scale it.
 static void into_tool(const double turn[3][3], double scale, double v[3])
 {
     double own[3];
@@ -128,12 +135,13 @@ static void into_tool(const double turn[3][3], double scale, double v[3])
     for (int k = 0; k < 3; k++) v[k] = scale * own[k];
 }
 
-typedef struct span { // of cells, first .. last
+typedef struct span { // a range of cells, first .. last
     int first, last;
     double share[CELLS];
 } span;
 
-// Their shares in what is spread evenly over `width` about x. What hangs over the face comes onto it.
+// Spread a load evenly over `width` about x, and compute the share of every cell. A load
+// beyond the face is moved onto it.
 static void spread(double x, double width, double low, double size, span *s)
 {
     double cell = size / CELLS, at = (x - low) / cell, half = 0.5 * width / cell;
@@ -144,6 +152,7 @@ static void spread(double x, double width, double low, double size, span *s)
         s->share[i] = ((to < i + 1 ? to : i + 1) - (from > i ? from : i)) / (to - from);
 }
 
+// Add one piece's pressure along the normal to the map.
 static void map_piece(const kn_touch_face *face, const double turn[3][3], piece *one, kn_touch *t)
 {
     span across, up;
@@ -165,14 +174,18 @@ void kn_touch_read(const kn_model *model, const kn_state *state, int p, kn_touch
     if (state->bad || !state->probe[p].attached) return;
     double sum = sum_up(model, state, p, touch);
     if (!(sum > 0)) return;
+    // means of the contact, in the tool's frame
     into_tool(turn, 1 / sum, touch->centre_m);
     into_tool(turn, 1 / sum, touch->slip_velocity_m_s);
     into_tool(turn, 1 / sum, touch->normal);
-    double size = sqrt(kn_dot(touch->normal, touch->normal)); // 0: the object is all around it
+    // size 0: the object surrounds the tool, and any normal will do
+    double size = sqrt(kn_dot(touch->normal, touch->normal));
     for (int k = 0; k < 3; k++) touch->normal[k] = size > 1e-6 ? touch->normal[k] / size : k == 2;
-    double along = kn_dot(touch->slip_velocity_m_s, touch->normal); // what a ball's flanks have in a press
+    // when a ball presses, the slips on its flanks have a mean along the mean normal: remove this part
+    double along = kn_dot(touch->slip_velocity_m_s, touch->normal);
     for (int k = 0; k < 3; k++) touch->slip_velocity_m_s[k] -= along * touch->normal[k];
 
+    // map: a second pass over the pieces, now that the face is known
     kn_touch_face face;
     piece one;
     kn_touch_face_of(model, p, touch->normal, &face);
@@ -185,6 +198,7 @@ void kn_touch_nodes(const kn_model *m, const kn_state *state, double (*force_n)[
 {
     const kn_contact *c = &kn_state_scratch(state)->contact;
     memset(force_n, 0, (size_t)m->node_count * sizeof *force_n);
+    // forces of the nodes on plates, then of samples, with the sign of the force on the node
     for (const kn_hold *hold = c->hold; hold < c->hold + c->hold_count; hold++)
         for (int k = 0; k < 3 && !hold->gone && hold->force_n[2] >= 0; k++) force_n[hold->node][k] -= hold->force_n[k];
     for (const kn_sample *s = c->sample; s < c->sample + c->sample_count; s++)

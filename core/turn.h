@@ -3,14 +3,14 @@
 // Orientations as quaternions w, x, y, z.
 #include <math.h>
 
-// Unit, and identity where nobody said anything (all 0).
+// Normalise a quaternion. If all components are 0, the result is identity.
 static inline void kn_turn_unit(const double q[4], double out[4])
 {
     double size = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
     for (int k = 0; k < 4; k++) out[k] = size > 0.5 ? q[k] / size : k == 0;
 }
 
-// out = a b: b first. out may be neither.
+// Compute out = a b, the turn b followed by a. out must be neither a nor b.
 static inline void kn_turn_multiply(const double a[4], const double b[4], double out[4])
 {
     out[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3];
@@ -19,14 +19,14 @@ static inline void kn_turn_multiply(const double a[4], const double b[4], double
     out[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0];
 }
 
-// The turn that takes `from` to `to`: out from = to.
+// Compute the turn that takes `from` to `to`: out from = to.
 static inline void kn_turn_between(const double from[4], const double to[4], double out[4])
 {
     const double back[4] = {from[0], -from[1], -from[2], -from[3]};
     kn_turn_multiply(to, back, out);
 }
 
-// Of a unit quaternion.
+// Compute the rotation matrix of a unit quaternion.
 static inline void kn_turn_matrix(const double q[4], double r[3][3])
 {
     const double w = q[0], x = q[1], y = q[2], z = q[3];

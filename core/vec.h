@@ -1,10 +1,10 @@
 #ifndef KN_CORE_VEC_H
 #define KN_CORE_VEC_H
-// Products of two vectors of three, summed from the first component on: the same bits wherever they are formed.
+// Products of two 3-vectors. They are summed from the first component on, so all callers get the same bits.
 
 static inline double kn_dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-// out may be neither.
+// Compute out = a x b. out must be neither a nor b.
 static inline void kn_cross(const double a[3], const double b[3], double out[3])
 {
     out[0] = a[1] * b[2] - a[2] * b[1];

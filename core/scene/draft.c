@@ -7,12 +7,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-// More nodes than any processor steps in a millisecond by a factor of 100, and their memory (below 4 GiB in f64) still
-// fits a workstation: beyond it a typing error is likelier than a wish.
+// Limit of the number of nodes: 100 times more than any processor steps in a millisecond. Their memory (below 4 GiB in
+// f64) still fits a workstation. A larger number is likelier a typing error than intended.
 enum { NODES_MAX = 1 << 22 };
-#define BUDGET_S 0.8e-3 // of the 1 ms tick: the rest is for the poses, the surface and the machine
+#define BUDGET_S 0.8e-3 // share of the 1 ms tick for the step; the rest is for poses, surface and machine
 #define LETTERS "abcdefghijklmnopqrstuvwxyz"
-#define SPACING_TOLERANCE 1e-6 // of a spacing, per extent: 5 cm / 3.3333333333333333 mm passes, / 3.333 mm does not
+// Largest deviation of an extent from a whole number of spacings, in spacings: 5 cm / 3.3333333333333333 mm passes,
+// 5 cm / 3.333 mm does not.
+#define SPACING_TOLERANCE 1e-6
 
 void *kn_draft_field(kn_draft *draft, int slot, kn_key_id id)
 {
@@ -23,7 +25,8 @@ void *kn_draft_field(kn_draft *draft, int slot, kn_key_id id)
     return base + kn_keys[id].offset;
 }
 
-static bool of_slot(int slot, kn_key_id id) // whether what is in the slot has such a key
+// Return true if the object in a slot (scene, probe or part) has that key.
+static bool of_slot(int slot, kn_key_id id)
 {
     if (slot == 0) return id < KN_KEY_PROBE_NAME;
     return (id >= KN_KEY_PROBE_NAME) && (id >= KN_KEY_PART_SHAPE) == (slot > KN_PROBES_MAX);
@@ -45,24 +48,26 @@ const char *kn_draft_path(kn_draft *draft, int slot, kn_key_id id, char path[KN_
 bool kn_draft_complain(kn_draft *draft, kn_mark mark, const char *format, ...)
 {
     char what[512];
+    // the message, after the name of the quality point if one is checked
     int used = draft->point ? snprintf(what, sizeof what, "quality.%s: ", draft->point) : 0;
     va_list args;
     va_start(args, format);
     vsnprintf(what + used, sizeof what - (size_t)used, format, args);
     va_end(args);
+    // the place: a line of the file, or the key of a --set
     if (mark.source < 0) {
         snprintf(draft->error, draft->error_size, "%s:%d:%d: %s", draft->file, mark.line, mark.col, what);
     } else {
         const char *set = draft->sets[mark.source];
         int size = 0;
         bool point = strncmp(set, "quality=", 8) == 0 && set[8] && set[8 + strspn(set + 8, LETTERS)] == '\0';
-        if (point) { // as it was given
+        if (point) { // show --quality NAME as the user gave it
             snprintf(draft->error, draft->error_size, "--quality %.24s: %s", set + 8, what);
             return false;
         }
         bool keyless = *set == '=';
         while (set[size] > ' ' && set[size] <= '~' && (set[size] != '=' || keyless) && size < 128) size++;
-        // a complaint that begins with the key itself need not say it twice
+        // do not print the key twice if the message begins with it
         bool twice = size > 0 && strncmp(what, set, (size_t)size) == 0 && what[size] == ':';
         snprintf(draft->error, draft->error_size, "--set %.*s%s", size, set, twice ? what + size : ": ");
         if (!twice) strncat(draft->error, what, draft->error_size - strlen(draft->error) - 1);
@@ -77,19 +82,23 @@ void kn_draft_init(kn_draft *draft, const char *file, const char *const *sets, c
         for (kn_key_id id = 0; id < KN_KEY_COUNT; id++) {
             const char *fallback = kn_keys[id].fallback;
             char problem[KN_LINE_MAX];
+            // until something is written, an error about the key points at the start of the file
             draft->at[slot][id] = (kn_mark){.source = KN_SOURCE_DEFAULT, .line = 1, .col = 1};
             draft->group[slot][id] = (kn_mark){.source = KN_SOURCE_FILE, .line = 1, .col = 1};
+            // read the default text, unless the key is required, optional or computed later
             if (!of_slot(slot, id) || !fallback || *fallback == '\0' || *fallback == '(') continue;
             kn_key_read(&kn_keys[id], kn_draft_field(draft, slot, id), &fallback, 1, NULL, problem);
         }
 }
 
+// Return true if the key was written in the file or a --set.
 static bool given(const kn_draft *draft, int slot, kn_key_id id)
 {
     return draft->at[slot][id].source != KN_SOURCE_DEFAULT;
 }
 
-// The mark to blame when two values do not fit: the one written last, in the file's order and then the --sets'.
+// Return the mark to report if two values do not fit together: that of the value written last. A --set counts as later
+// than the file.
 static kn_mark later_of(kn_mark x, kn_mark y)
 {
     if (x.source != y.source) return x.source > y.source ? x : y;
@@ -101,7 +110,7 @@ static kn_mark later(const kn_draft *draft, kn_key_id a, kn_key_id b)
     return later_of(draft->at[0][a], draft->at[0][b]);
 }
 
-// The key that says whether key id is relevant.
+// Return the key whose value decides whether key id is relevant.
 static kn_key_id chooser(const kn_draft *draft, kn_key_id id)
 {
     switch (kn_keys[id].when) {
@@ -127,6 +136,7 @@ kn_probe_shape kn_draft_shape(const kn_draft *draft, int slot)
     return (kn_probe_shape)(draft->part[slot - 1 - KN_PROBES_MAX].kind + KN_PROBE_SPHERE);
 }
 
+// Return true if a tool of that shape meets the condition.
 static bool of_shape(kn_key_when when, kn_probe_shape shape)
 {
     const bool edged = shape == KN_PROBE_BOX || shape == KN_PROBE_CROSS, cylinder = shape == KN_PROBE_CYLINDER;
@@ -142,10 +152,12 @@ static bool of_shape(kn_key_when when, kn_probe_shape shape)
     }
 }
 
+// Return true if the key is relevant for the present values of the draft.
 static bool relevant(kn_draft *draft, int slot, kn_key_id id)
 {
     const kn_model_def *def = &draft->scene.model;
     const bool mesh = *draft->mesh_path != '\0';
+    // shapes belong to a probe or part, all other conditions to the scene
     switch (kn_keys[id].when) {
     case KN_WHEN_BLOCK: return !mesh;
     case KN_WHEN_MESH: return mesh;
@@ -167,19 +179,21 @@ static bool relevant(kn_draft *draft, int slot, kn_key_id id)
     }
 }
 
+// Check that a relevant key without a default was written.
 static bool require(kn_draft *draft, int slot, kn_key_id id)
 {
     char path[KN_LINE_MAX], expects[KN_LINE_MAX];
     if (kn_keys[id].fallback || given(draft, slot, id)) return true;
-    // the choice that made it necessary, when --set made it; else the mapping it is missing in
+    // blame the choice that made the key necessary if a --set made it, else the mapping in which the key is missing
     bool chosen = kn_keys[id].when != KN_WHEN_ALWAYS && draft->at[slot][chooser(draft, id)].source >= 0;
     return kn_draft_complain(draft, chosen ? draft->at[slot][chooser(draft, id)] : draft->group[slot][id],
                              "%s is missing, expected %s", kn_draft_path(draft, slot, id, path),
                              kn_key_expects(&kn_keys[id], expects));
 }
 
-// What belongs to another damper or shape is an error in the file, and is dropped when --set made the choice; but not
-// an accuracy, which is a promise. One of 0 says nothing.
+// Drop an irrelevant key of a slot. If a later --set made the key irrelevant, drop the key silently, else report an
+// error. Never drop object.accuracy silently, because the user relies on it; only the value 0 has no effect and may be
+// dropped.
 static bool drop(kn_draft *draft, int slot, kn_key_id id)
 {
     char path[KN_LINE_MAX], choice[KN_LINE_MAX];
@@ -187,7 +201,8 @@ static bool drop(kn_draft *draft, int slot, kn_key_id id)
     size_t size = (size_t)kn_keys[id].count * (kn_keys[id].type == KN_TYPE_CHOICE ? sizeof(int) : sizeof(double));
     bool dropped = draft->at[slot][by].source > draft->at[slot][id].source;
     if (id == KN_KEY_ACCURACY) dropped = draft->scene.accuracy == 0;
-    bool either = id == KN_KEY_PROBE_SIZE || id == KN_KEY_PROBE_EXTENT; // one member, of a plate or of a box
+    // clear the member, but not a size that plate and box share
+    bool either = id == KN_KEY_PROBE_SIZE || id == KN_KEY_PROBE_EXTENT;
     kn_probe_shape shape = slot > 0 ? kn_draft_shape(draft, slot) : KN_PROBE_PLATE;
     if (!either || !(of_shape(KN_WHEN_PLATE, shape) || of_shape(KN_WHEN_BOX, shape)))
         memset(kn_draft_field(draft, slot, id), 0, size);
@@ -202,6 +217,7 @@ static bool drop(kn_draft *draft, int slot, kn_key_id id)
                              kn_key_print(&kn_keys[by], kn_draft_field(draft, slot, by), choice));
 }
 
+// Check every key of a slot: a relevant key must be there, an irrelevant one must not.
 static bool check_slot(kn_draft *draft, int slot)
 {
     for (kn_key_id id = 0; id < KN_KEY_COUNT; id++)
@@ -209,7 +225,7 @@ static bool check_slot(kn_draft *draft, int slot)
     return true;
 }
 
-// A union has parts, what is none has not, unless --set made it something else.
+// Check that a union has parts and that no other shape has any. If a --set changed the shape, drop the parts.
 static bool check_parts(kn_draft *draft, int slot)
 {
     const kn_probe_def *probe = &draft->scene.model.probe[slot - 1];
@@ -236,6 +252,7 @@ static bool check_presence(kn_draft *draft)
     return true;
 }
 
+// Multiply a modulus given per height by the height of its specimen, then check its range.
 static bool finish_modulus(kn_draft *draft, kn_key_id id)
 {
     char expects[KN_LINE_MAX];
@@ -251,15 +268,17 @@ static bool finish_modulus(kn_draft *draft, kn_key_id id)
                              kn_key_expects(key, expects));
 }
 
-// An exponential damper may be written by its ends: c_max and c_min for alpha and beta. Before anything is missed.
+// Compute alpha and beta of an exponential damper that is written by its ends c_max and c_min. This happens before the
+// check for missing keys.
 static bool take_ends(kn_draft *draft)
 {
     static const kn_key_id ends[2] = {KN_KEY_C_MAX, KN_KEY_C_MIN}, curve[2] = {KN_KEY_ALPHA, KN_KEY_BETA};
     kn_material *mat = &draft->scene.model.material;
     kn_mark at = later(draft, KN_KEY_C_MAX, KN_KEY_C_MIN);
     if (mat->damper != KN_DAMPER_EXPONENTIAL || !(given(draft, 0, ends[0]) || given(draft, 0, ends[1]))) return true;
-    if (!given(draft, 0, KN_KEY_P0) || !given(draft, 0, KN_KEY_P1)) // that is what is missing
+    if (!given(draft, 0, KN_KEY_P0) || !given(draft, 0, KN_KEY_P1)) // report the missing stress
         return require(draft, 0, given(draft, 0, KN_KEY_P0) ? KN_KEY_P1 : KN_KEY_P0);
+    // both ends must be there and no later alpha or beta; alpha and beta then count as written where the ends are
     for (int i = 0; i < 2; i++) {
         if (!given(draft, 0, ends[i]))
             return kn_draft_complain(draft, at, "%s is missing, expected it beside %s", kn_keys[ends[i]].path,
@@ -272,7 +291,8 @@ static bool take_ends(kn_draft *draft)
         draft->at[0][curve[i]].per_height = false;
         draft->at[0][ends[i]].source = KN_SOURCE_DEFAULT;
     }
-    bool rising = mat->p0_pa < mat->p1_pa; // else that is told later
+    // solve c_max = alpha exp(-beta p0), c_min = alpha exp(-beta p1)
+    bool rising = mat->p0_pa < mat->p1_pa; // finish_material reports p0 >= p1
     mat->beta_per_pa = rising ? log(mat->c_max_pa_s / mat->c_min_pa_s) / (mat->p1_pa - mat->p0_pa) : 0;
     mat->alpha_pa_s = mat->c_max_pa_s * exp(mat->beta_per_pa * mat->p0_pa);
     if (mat->c_min_pa_s <= mat->c_max_pa_s) return true;
@@ -280,8 +300,9 @@ static bool take_ends(kn_draft *draft)
                              mat->c_max_pa_s);
 }
 
-// The ratio that a stroke has by default: what keeps its shape as made (Voigt), or its ratio when pressed (two
-// dampers).
+// Check the stroke and set its default ratio. If a_min = a_max, the damper cannot move, and the ratio is that value:
+// the object keeps its shape as made. Else the ratio is 0.2 with a spring or a rigid damper. Without a spring it is
+// c2/(c1 + c2), the ratio that two dampers take when they are pressed.
 static bool finish_stroke(kn_draft *draft)
 {
     kn_material *mat = &draft->scene.model.material;
@@ -300,9 +321,11 @@ static bool finish_stroke(kn_draft *draft)
     return !problem || kn_draft_complain(draft, at, "material: %s", problem);
 }
 
+// Check the material's values against each other and turn them into those of the variant.
 static bool finish_material(kn_draft *draft)
 {
     const kn_material *mat = &draft->scene.model.material;
+    // moduli in SI
     for (kn_key_id id = 0; id < KN_KEY_COUNT; id++)
         if (kn_keys[id].type == KN_TYPE_MODULUS && relevant(draft, 0, id) && !finish_modulus(draft, id)) return false;
     if (relevant(draft, 0, KN_KEY_P0) && mat->p0_pa >= mat->p1_pa)
@@ -313,6 +336,7 @@ static bool finish_material(kn_draft *draft)
                                  "material.c_min is %g Pa s, expected at most c_max, %g Pa s", mat->c_min_pa_s,
                                  mat->c_max_pa_s);
     if (!kn_library_vary(draft)) return false;
+    // check the material without its stroke first, so that an error points at the right key
     kn_material bare = *mat;
     bare.stroke[0] = bare.stroke[1] = 0;
     const char *problem = kn_material_check(&bare);
@@ -320,7 +344,7 @@ static bool finish_material(kn_draft *draft)
     return finish_stroke(draft);
 }
 
-// A flat object, of two extents or of triangles, has a thickness; a solid one does not.
+// Check that a flat object (two extents, or triangles) has a thickness and that a solid object has none.
 static bool finish_thickness(kn_draft *draft, bool flat)
 {
     char expects[KN_LINE_MAX];
@@ -339,6 +363,7 @@ static bool finish_thickness(kn_draft *draft, bool flat)
                              by == KN_KEY_MESH ? "a mesh of tetrahedra" : "an object.size of three values");
 }
 
+// Read the mesh, or compute the numbers of nodes of a block.
 static bool finish_object(kn_draft *draft)
 {
     static const char axis[3] = {'x', 'y', 'z'};
@@ -352,6 +377,7 @@ static bool finish_object(kn_draft *draft)
             def->nodes[k] = 1; // across a flat object
             continue;
         }
+        // the extent must be a whole number of spacings
         double cells = draft->size_m[k] / def->spacing_m, whole = round(cells);
         if (whole < 1 || !(fabs(cells - whole) <= SPACING_TOLERANCE))
             return kn_draft_complain(draft, at,
@@ -368,6 +394,7 @@ static bool finish_object(kn_draft *draft)
     return true;
 }
 
+// Check the name and size of a probe.
 static bool finish_probe(kn_draft *draft, int slot)
 {
     const kn_model_def *def = &draft->scene.model;
@@ -377,7 +404,7 @@ static bool finish_probe(kn_draft *draft, int slot)
         if (strcmp(def->probe[other - 1].name, probe->name) == 0)
             return kn_draft_complain(draft, later_of(at[KN_KEY_PROBE_NAME], draft->at[other][KN_KEY_PROBE_NAME]),
                                      "probe '%s' is there already, expected another name", probe->name);
-    // a ball between the sample points of the surface would slip through it
+    // a smaller ball would slip through between the sample points of the surface
     if (of_shape(KN_WHEN_ROUND, probe->shape) && probe->radius_m < def->spacing_m)
         return kn_draft_complain(draft, later_of(at[KN_KEY_PROBE_RADIUS], draft->at[0][KN_KEY_SPACING]),
                                  "probes.%s.radius is %g m, expected at least %s, %g m", probe->name, probe->radius_m,
@@ -385,6 +412,7 @@ static bool finish_probe(kn_draft *draft, int slot)
     return kn_draft_tool_fits(draft, slot);
 }
 
+// Check the solver's values. Set the defaults of rk4 and fixed that differ from those in the key table.
 static bool finish_solver(kn_draft *draft)
 {
     kn_solver_def *solver = &draft->scene.model.solver;
@@ -405,13 +433,15 @@ static bool finish_solver(kn_draft *draft)
 
 bool kn_draft_finish_point(kn_draft *draft)
 {
-    if (!*draft->mesh_path && !finish_object(draft)) return false; // a mesh has been read, and no point changes it
+    // no quality point changes a mesh, which is already read
+    if (!*draft->mesh_path && !finish_object(draft)) return false;
     for (int slot = 1; slot <= draft->scene.model.probe_count; slot++)
         if (!finish_probe(draft, slot)) return false;
     return finish_solver(draft) && kn_draft_fine(draft);
 }
 
-// A hand's device needs a coupling; what a virtual hand or a script holds follows rigidly, as in the papers.
+// Set the coupling of a probe. A hand's device needs a coupling. The tool of a virtual hand or script (profile bench)
+// follows its pose rigidly, as in the papers.
 static void couple(kn_draft *draft, int slot)
 {
     const kn_device_def *device = &draft->scene.device;
@@ -428,6 +458,7 @@ static void couple(kn_draft *draft, int slot)
     }
 }
 
+// Store the place in the file that an error about the solver should point at.
 static void mark_solver(kn_draft *draft)
 {
     static const kn_key_id said[] = {KN_KEY_KIND, KN_KEY_ISA, KN_KEY_DT, KN_KEY_MASS_SCALE};
@@ -440,24 +471,28 @@ static void mark_solver(kn_draft *draft)
 bool kn_draft_finish(kn_draft *draft)
 {
     kn_model_def *def = &draft->scene.model;
+    // clear the defaults of probes that the scene does not have
     memset(&def->probe[def->probe_count], 0, sizeof def->probe[0] * (size_t)(KN_PROBES_MAX - def->probe_count));
+    // material and object come first, because tools are checked against the spacing
     if (!take_ends(draft) || !check_presence(draft) || !finish_material(draft) || !finish_object(draft)) return false;
     if (!kn_draft_tools(draft)) return false;
     for (int slot = 1; slot <= def->probe_count; slot++)
         if (!finish_probe(draft, slot)) return false;
+    // the device's coupling is the default of the probes' couplings
     if (!kn_draft_device(draft)) return false;
     for (int slot = 1; slot <= def->probe_count; slot++) couple(draft, slot);
     if (!given(draft, 0, KN_KEY_BUDGET)) draft->scene.budget_s = BUDGET_S;
     mark_solver(draft);
-    // the canonical size: equal lattices have equal texts, however the size was rounded in the file
+    // the canonical size follows from the nodes: equal lattices have equal texts, however the file rounded the size
     for (int k = 0; k < 3; k++) draft->size_m[k] = (def->nodes[k] - 1) * def->spacing_m;
     return finish_solver(draft) && kn_draft_fine(draft) && kn_draft_quality(draft);
 }
 
-typedef struct page { // the canonical text as it grows; about 2 kB, with four unions 10, with long paths 12 more
+// The canonical text while it is written: about 2 kB, 10 kB with four unions, 12 kB more with long paths.
+typedef struct page {
     char text[32768];
     size_t used;
-    char group[KN_LINE_MAX]; // mapping that is open, "quality.fast."
+    char group[KN_LINE_MAX]; // the open mapping, "quality.fast."
 } page;
 
 static void put(page *out, const char *format, ...) __attribute__((format(printf, 2, 3)));
@@ -470,7 +505,7 @@ static void put(page *out, const char *format, ...)
     out->used += (size_t)n;
 }
 
-// Between quotes, in which only the quote itself is doubled.
+// Print a path between single quotes; a quote within it is doubled.
 static void put_path(page *out, const char *path)
 {
     put(out, "'");
@@ -478,7 +513,7 @@ static void put_path(page *out, const char *path)
     put(out, "'\n");
 }
 
-// Opens the mappings above a key; returns how many there are.
+// Open the mappings above a key and return their number.
 static int open_groups(page *out, const char *path)
 {
     int depth = 0;
@@ -494,6 +529,7 @@ static int open_groups(page *out, const char *path)
     return depth;
 }
 
+// Print a key with its value, unless it is irrelevant, absent or not part of the canonical text.
 static void put_key(page *out, kn_draft *draft, int slot, kn_key_id id)
 {
     const kn_key *key = &kn_keys[id];
@@ -501,8 +537,9 @@ static void put_key(page *out, kn_draft *draft, int slot, kn_key_id id)
     const char *dot = strrchr(key->path, '.');
     bool optional = key->fallback && *key->fallback == '\0';
     if (!relevant(draft, slot, id) || (optional && !given(draft, slot, id))) return;
-    if (slot == 0 && id == KN_KEY_VARIANT) return; // it has been made
+    if (slot == 0 && id == KN_KEY_VARIANT) return; // the material's numbers are already those of the variant
     if (kn_draft_of_device(id) && !draft->device_whole) return;
+    // indentation, with "- " before the first key of a list item
     if (slot == 0) put(out, "%*s", 2 * open_groups(out, key->path), "");
     else if (slot <= KN_PROBES_MAX) put(out, id == KN_KEY_PROBE_NAME ? "  - " : "    ");
     else put(out, id == KN_KEY_PART_SHAPE ? "      - " : "        ");

@@ -4,17 +4,19 @@
 #include <math.h>
 #include <string.h>
 
-// Measured on dough at 16 000 nodes, spacing a sixth of the tool's width: force within 0.3 to 0.7 % of the uniform
-// lattice. Half of it costs 2.5 %.
+// Margin of fine cells around the tools' reach, in tool widths. Measured on dough at 16 000 nodes with a spacing of a
+// sixth of the tool's width: the force is within 0.3 to 0.7 % of that of a uniform lattice. Half the margin costs 2.5
+// %.
 #define MARGIN_WIDTHS 0.7
-#define BELOW 1.5 // margins below the top: with a tool pressed in by its width the box's floor is a width away
+#define BELOW 1.5 // depth of the box in margins: if a tool is pressed in by its width, the box's floor is a width away
 
 static bool given(const kn_draft *draft, int slot, kn_key_id id)
 {
     return draft->at[slot][id].source != KN_SOURCE_DEFAULT;
 }
 
-// Of what strains the object: a strip is as narrow as its narrow side, a ball's contact narrower than the ball.
+// Return the width of the contact that strains the object. It is the narrow side of a strip; the contact of a ball is
+// narrower than the ball.
 static double width_of(const kn_probe_def *probe)
 {
     if (probe->shape == KN_PROBE_PLATE) return fmin(probe->size_m[0], probe->size_m[1]);
@@ -23,7 +25,7 @@ static double width_of(const kn_probe_def *probe)
     return 1.5 * (probe->parts ? probe->parts->fine_m : probe->radius_m);
 }
 
-// How far it reaches from its centre along an axis, level or turned.
+// Return how far a tool reaches from its centre along an axis, level or turned.
 static double half_of(const kn_probe_def *probe, int k)
 {
     const double *size = probe->size_m;
@@ -35,6 +37,7 @@ static double half_of(const kn_probe_def *probe, int k)
     }
 }
 
+// Check that a probe has a reach with its ends in order.
 static bool check_reach(kn_draft *draft, int slot)
 {
     const kn_probe_def *probe = &draft->scene.model.probe[slot - 1];
@@ -49,6 +52,7 @@ static bool check_reach(kn_draft *draft, int slot)
     return true;
 }
 
+// Extend the range low..high by the reach of a probe.
 static void add_reach(const kn_probe_def *probe, double low_m[3], double high_m[3])
 {
     for (int k = 0; k < 2; k++) {
@@ -58,7 +62,7 @@ static void add_reach(const kn_probe_def *probe, double low_m[3], double high_m[
     }
 }
 
-// Whether the tools never come over the block.
+// Return true if the tools can never be above the block.
 static bool is_off(const kn_model_def *def, const double low_m[3], const double high_m[3])
 {
     bool off = false;
@@ -75,13 +79,17 @@ bool kn_draft_fine(kn_draft *draft)
     double low_m[3] = {INFINITY, INFINITY}, high_m[3] = {-INFINITY, -INFINITY}, width = 0;
     memset(def->fine, 0, sizeof def->fine);
     if (!given(draft, 0, KN_KEY_ACCURACY) || draft->scene.accuracy == 0) return true;
-    const char *unfit = kn_composite_unfit(def); // also where the tools' reach leaves no coarse cell: a promise is kept
+    // refuse an unfit object even if the tools' reach would leave no coarse cell, because the scene asks for this
+    // accuracy
+    const char *unfit = kn_composite_unfit(def);
     if (unfit) return kn_draft_complain(draft, draft->at[0][KN_KEY_ACCURACY], "object.accuracy: %s", unfit);
+    // range of all tools, and width of the widest tool
     for (int slot = 1; slot <= def->probe_count; slot++) {
         if (!check_reach(draft, slot)) return false;
         add_reach(&def->probe[slot - 1], low_m, high_m);
         width = fmax(width, width_of(&def->probe[slot - 1]));
     }
+    // coarse cells are two spacings wide, so every axis needs an even number of spacings
     for (int k = 0; k < 3; k++)
         if (def->nodes[k] % 2 == 0)
             return kn_draft_complain(draft, draft->at[0][KN_KEY_ACCURACY],
@@ -92,9 +100,11 @@ bool kn_draft_fine(kn_draft *draft)
         return kn_draft_complain(draft, draft->at[1][KN_KEY_PROBE_REACH],
                                  "probes.%s.reach and all others are beside the object, expected a reach on it",
                                  def->probe[0].name);
+    // the box: from the top down by BELOW margins, one of which kn_composite_box adds
     double margin = given(draft, 0, KN_KEY_MARGIN) ? draft->margin_m : MARGIN_WIDTHS * width;
     high_m[2] = (def->nodes[2] - 1) * def->spacing_m;
     low_m[2] = high_m[2] - (BELOW - 1) * margin;
+    // without probes or without coarse cells the whole block stays uniform
     if (def->probe_count == 0 || !kn_composite_box(def, low_m, high_m, margin, def->fine))
         memset(def->fine, 0, sizeof def->fine);
     const char *wrong = kn_composite_check(def);

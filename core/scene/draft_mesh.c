@@ -8,16 +8,18 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#define EDGE_MIN_M 1e-5 // mean; as for the spacing of a block
+#define EDGE_MIN_M 1e-5 // least mean edge; the same limit as for a block's spacing
 
 typedef char path_text[2 * KN_PATH_MAX];
 
+// Return the length of the folder part of a path, slash included.
 static size_t folder_of(const char *path)
 {
     const char *slash = strrchr(path, '/');
     return slash ? (size_t)(slash + 1 - path) : 0;
 }
 
+// Return the member that holds the path of a file.
 static char *path_of(kn_draft *draft, const kn_draft_file *file)
 {
     return kn_draft_field(draft, file->slot, file->path);
@@ -25,7 +27,7 @@ static char *path_of(kn_draft *draft, const kn_draft_file *file)
 
 static kn_mark mark_of(const kn_draft *draft, const kn_draft_file *file) { return draft->at[file->slot][file->path]; }
 
-// Where the file was written: from the scene's folder, or from the working directory when --set names it.
+// Compute the path as written: relative to the scene's folder, or to the working directory if a --set names the file.
 static void as_written(kn_draft *draft, const kn_draft_file *file, path_text path)
 {
     const char *name = path_of(draft, file);
@@ -34,7 +36,7 @@ static void as_written(kn_draft *draft, const kn_draft_file *file, path_text pat
     snprintf(path, sizeof(path_text), "%.*s%s", (int)(folder < KN_PATH_MAX ? folder : 0), draft->file, name);
 }
 
-// Beside the file that holds the text: a log and its mesh are moved together.
+// Compute the path in the folder of the file that holds the text, because a log and its mesh are moved together.
 static void as_moved(kn_draft *draft, const kn_draft_file *file, path_text path)
 {
     const char *name = path_of(draft, file);
@@ -43,7 +45,7 @@ static void as_moved(kn_draft *draft, const kn_draft_file *file, path_text path)
              draft->beside ? draft->beside : "", name + folder_of(name));
 }
 
-// A regular file: nobody may ever write into a pipe of that name. NULL, or what else is there.
+// Return NULL if the path is a regular file, else the reason. A pipe is refused: reading it might wait forever.
 static const char *no_file(const char *path)
 {
     struct stat what;
@@ -51,13 +53,14 @@ static const char *no_file(const char *path)
     return S_ISREG(what.st_mode) ? NULL : "not a regular file";
 }
 
-// The hash that the text holds counts unless --set has named another file since.
+// Return true if the text holds a hash that applies. The hash does not apply if a later --set names another file.
 static bool hash_counts(const kn_draft *draft, const kn_draft_file *file)
 {
     kn_mark hash = draft->at[file->slot][file->hash];
     return hash.source != KN_SOURCE_DEFAULT && hash.source >= mark_of(draft, file).source;
 }
 
+// Load a file and compare its hash with the one in the text.
 static bool load(kn_draft *draft, const kn_draft_file *file, const char *path)
 {
     char name[KN_LINE_MAX];
@@ -69,11 +72,11 @@ static bool load(kn_draft *draft, const kn_draft_file *file, const char *path)
                                  ": it was changed since, expected it as it was (there, or beside this file)",
                                  kn_draft_path(draft, file->slot, file->hash, name), *said, hash);
     *said = hash;
-    draft->at[file->slot][file->hash] = mark_of(draft, file); // it is part of the canonical text
+    draft->at[file->slot][file->hash] = mark_of(draft, file); // so that the canonical text holds the hash
     return true;
 }
 
-// The path in the canonical text, by which any program finds the file from any folder.
+// Make the path absolute. With the absolute path in the canonical text, any program finds the file from any folder.
 static bool make_absolute(kn_draft *draft, const kn_draft_file *file, const char *path)
 {
     char *absolute = realpath(path, NULL), name[KN_LINE_MAX];
@@ -89,6 +92,7 @@ bool kn_draft_read(kn_draft *draft, const kn_draft_file *file)
 {
     path_text path, moved;
     char name[KN_LINE_MAX];
+    // take the path as written if there is a regular file, else look beside the text
     as_written(draft, file, path);
     as_moved(draft, file, moved);
     const char *why = no_file(path), *used = why ? moved : path;
@@ -96,7 +100,7 @@ bool kn_draft_read(kn_draft *draft, const kn_draft_file *file)
         return kn_draft_complain(draft, mark_of(draft, file), "%s: %s, expected %s",
                                  kn_draft_path(draft, file->slot, file->path, name), why, file->kind);
     if (!load(draft, file, used)) {
-        // the first complaint stands unless the file as it was is beside this one
+        // the file has changed: look for the original beside the text, else keep the first error
         char first[512];
         snprintf(first, sizeof first, "%s", draft->error);
         bool other =
@@ -109,6 +113,7 @@ bool kn_draft_read(kn_draft *draft, const kn_draft_file *file)
 
 const double kn_draft_units_per_m[4] = {1, 1e2, 1e3, 1e6};
 
+// Load an object's mesh, as kn_draft_file.load.
 static bool load_mesh(kn_draft *draft, int slot, const char *path, uint64_t *hash)
 {
     kn_msh_facts facts;
@@ -120,6 +125,7 @@ static bool load_mesh(kn_draft *draft, int slot, const char *path, uint64_t *has
     return draft->scene.mesh != NULL;
 }
 
+// Check the unit by the mean edge, then take the mesh as the object.
 static bool take_measures(kn_draft *draft)
 {
     kn_scene *scene = &draft->scene;

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-// What a point may say, in the order of KN_QUALITY_KEYS.
+// The keys that a quality point (kn_quality) may override, in the order of KN_QUALITY_KEYS.
 static const kn_key_id overridden[] = {KN_KEY_ITERATIONS,    KN_KEY_ITERATIONS_MAX, KN_KEY_TOLERANCE, KN_KEY_PASSES,
                                        KN_KEY_LINEARIZATION, KN_KEY_PRECISION,      KN_KEY_SPACING};
 enum { KEYS = sizeof overridden / sizeof *overridden };
@@ -24,6 +24,7 @@ const char *kn_quality_set(const char *name)
     return NULL;
 }
 
+// Return key number `i` of a quality point.
 static kn_key_id key_of(kn_quality quality, int i)
 {
     return (kn_key_id)(KN_KEY_FAST_ITERATIONS + (int)quality * KEYS + i);
@@ -31,11 +32,13 @@ static kn_key_id key_of(kn_quality quality, int i)
 
 static bool given(const kn_draft *draft, kn_key_id id) { return draft->at[0][id].source != KN_SOURCE_DEFAULT; }
 
+// Return true if a quality point overrides key number `i`. A spacing does not apply to a mesh.
 static bool says(const kn_draft *draft, kn_quality quality, int i)
 {
     return given(draft, key_of(quality, i)) && !(overridden[i] == KN_KEY_SPACING && *draft->mesh_path);
 }
 
+// Return true if the scene defines the point, i.e. overrides at least one key. OWN is always defined.
 static bool defined(const kn_draft *draft, kn_quality quality)
 {
     bool any = quality == KN_QUALITY_OWN;
@@ -50,7 +53,7 @@ static void copy_value(kn_draft *draft, kn_key_id to, kn_key_id from)
     draft->at[0][to] = draft->at[0][from];
 }
 
-// A --set of a key that the chosen point has is meant: it is the point's, too, or it would do nothing.
+// Let a --set of a solver key override the chosen point, too. Otherwise the --set would have no effect.
 static void take_sets(kn_draft *draft, kn_quality chosen)
 {
     for (int i = 0; i < KEYS; i++)
@@ -58,7 +61,7 @@ static void take_sets(kn_draft *draft, kn_quality chosen)
             copy_value(draft, key_of(chosen, i), overridden[i]);
 }
 
-// The model that a point makes of the draft.
+// Compute the model of a point: copy the draft, override its keys, and check the rules again.
 static bool try_point(const kn_draft *draft, kn_quality quality, kn_model_def *made)
 {
     kn_draft copy = *draft;
@@ -84,15 +87,18 @@ bool kn_draft_quality(kn_draft *draft)
 {
     kn_model_def made[KN_QUALITIES];
     if (!given(draft, KN_KEY_CHOSEN)) draft->chosen = KN_QUALITY_OWN;
-    if (draft->chosen == KN_QUALITY_OWN) draft->at[0][KN_KEY_CHOSEN].source = KN_SOURCE_DEFAULT; // says nothing
+    // OWN is the default and does not appear in the canonical text
+    if (draft->chosen == KN_QUALITY_OWN) draft->at[0][KN_KEY_CHOSEN].source = KN_SOURCE_DEFAULT;
     else if (!defined(draft, (kn_quality)draft->chosen)) return complain_undefined(draft);
     else take_sets(draft, (kn_quality)draft->chosen);
 
+    // every defined point must be valid, not only the chosen one
     made[KN_QUALITY_OWN] = draft->scene.model;
     for (kn_quality q = 0; q < KN_QUALITY_OWN; q++)
         if (defined(draft, q) && !try_point(draft, q, &made[q])) return false;
     draft->scene.quality = (kn_quality)draft->chosen;
     draft->built = made[draft->chosen];
+    // a running server can switch to a point only if lattice and precision stay the same
     for (kn_quality q = 0; q < KN_QUALITIES; q++) {
         if (!defined(draft, q)) continue;
         const kn_solver_def *s = &made[q].solver;

@@ -9,7 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// About x, then y, then z of what stands still: Rz Ry Rx, as the roll, pitch and yaw of robot descriptions.
+// Compute the rotation about the fixed axes x, then y, then z: Rz Ry Rx, like roll, pitch and yaw in robot
+// descriptions.
 static void turn_of(const double rad[3], double turn[3][3])
 {
     const double c[3] = {cos(rad[0]), cos(rad[1]), cos(rad[2])}, s[3] = {sin(rad[0]), sin(rad[1]), sin(rad[2])};
@@ -19,6 +20,7 @@ static void turn_of(const double rad[3], double turn[3][3])
     memcpy(turn, of, sizeof of);
 }
 
+// Add a part of a union to the tool at its place. A cross adds two solids.
 static bool add_part(kn_shape *tool, const kn_draft_part *part)
 {
     kn_shape own = {0};
@@ -33,6 +35,7 @@ static bool add_part(kn_shape *tool, const kn_draft_part *part)
     return fits;
 }
 
+// Make a union of its parts.
 static bool make_union(kn_draft *draft, int slot)
 {
     kn_probe_def *probe = &draft->scene.model.probe[slot - 1];
@@ -50,15 +53,18 @@ static bool make_union(kn_draft *draft, int slot)
     return true;
 }
 
-#define CELLS_FINE 8 // in a spacing: a curved tool's grid is wrong by less than its contact's layer is pressed in
+// Cells of a field per lattice spacing, at best and at least. With 8, the error of a curved tool's grid is less than
+// the depth by which its contact's layer is pressed in.
+#define CELLS_FINE 8
 #define CELLS_COARSE 3
-#define FARTHEST_M 10.0 // from the tool's position; as a part's `at`
+#define FARTHEST_M 10.0 // largest coordinate of a corner, from the tool's position; the same limit as for a part's `at`
 
-// Side of the cells of its grid: as asked for, else as fine as the memory allows.
+// Choose the cell side of a surface's grid: as requested, else as fine as the memory allows.
 static bool choose_cell(kn_draft *draft, int slot, const kn_shell *shell, double *cell_m)
 {
     const kn_draft_surface *surface = &draft->surface[slot - 1];
     const double spacing_m = draft->scene.model.spacing_m, coarse_m = spacing_m / CELLS_COARSE;
+    // extent of the surface
     double extent_m[3] = {0};
     for (int k = 0; k < 3; k++) {
         double low = INFINITY, high = -INFINITY;
@@ -70,6 +76,7 @@ static bool choose_cell(kn_draft *draft, int slot, const kn_shell *shell, double
         return kn_draft_complain(draft, draft->at[slot][KN_KEY_SURFACE_CELL],
                                  "probes.%s.mesh_cell is %g m, expected at most a third of the spacing, %.3g m",
                                  draft->scene.model.probe[slot - 1].name, surface->cell_m, coarse_m);
+    // without a request, start fine and widen the cells until the grid fits
     *cell_m = surface->cell_m > 0 ? surface->cell_m : spacing_m / CELLS_FINE;
     while (surface->cell_m == 0 && *cell_m < coarse_m && kn_field_points(extent_m, *cell_m) > KN_FIELD_POINTS_MAX)
         *cell_m = fmin(1.05 * *cell_m, coarse_m);
@@ -84,7 +91,7 @@ static bool choose_cell(kn_draft *draft, int slot, const kn_shell *shell, double
                              4e-6 * points, 4e-6 * KN_FIELD_POINTS_MAX);
 }
 
-// The surface, in metres, as the tool of that slot.
+// Convert the surface to metres and make it the tool of a slot.
 static bool make_field(kn_draft *draft, int slot, kn_shell *shell)
 {
     const double units_per_m = kn_draft_units_per_m[draft->surface[slot - 1].unit];
@@ -113,12 +120,13 @@ static bool make_field(kn_draft *draft, int slot, kn_shell *shell)
                                  "probes.%s.mesh: no memory for its grid, or rounding leaves it "
                                  "open",
                                  name);
-    kn_shape_drop(tool); // what another file was
+    kn_shape_drop(tool); // drop the shape of a file that was loaded before
     *tool = (kn_shape){0};
     const kn_solid solid = kn_solid_field(field);
     return kn_shape_add(tool, &solid);
 }
 
+// Load a surface file, as kn_draft_file.load.
 static bool load_surface(kn_draft *draft, int slot, const char *path, uint64_t *hash)
 {
     size_t size;
@@ -150,7 +158,7 @@ bool kn_draft_tools(kn_draft *draft)
     return true;
 }
 
-// A tool of one solid, whatever its measures.
+// Check the measures of a tool that is not made of parts.
 static bool solid_fits(kn_draft *draft, int slot)
 {
     static const kn_key_id sizes[] = {KN_KEY_PROBE_EXTENT, KN_KEY_PROBE_RADIUS, KN_KEY_PROBE_LENGTH, KN_KEY_PROBE_EDGE};
@@ -159,6 +167,7 @@ static bool solid_fits(kn_draft *draft, int slot)
     if (probe->shape == KN_PROBE_UNION || probe->shape == KN_PROBE_MESH) return true;
     const char *unfit = kn_outside_unfit(probe, def->spacing_m);
     kn_mark at = draft->at[slot][KN_KEY_PROBE_SHAPE], spacing = draft->at[0][KN_KEY_SPACING];
+    // blame the measure that was written last
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
         kn_mark size = draft->at[slot][sizes[i]];
         if (size.source > at.source || (size.source == at.source && size.line >= at.line)) at = size;
@@ -172,11 +181,13 @@ bool kn_draft_tool_fits(kn_draft *draft, int slot)
     const kn_model_def *def = &draft->scene.model;
     const kn_probe_def *probe = &def->probe[slot - 1];
     if (!solid_fits(draft, slot)) return false;
+    // a surface that is too narrow usually has a wrong unit
     const char *wide = probe->shape == KN_PROBE_MESH ? kn_outside_unfit(probe, def->spacing_m) : NULL;
     if (wide)
         return kn_draft_complain(draft, draft->at[slot][KN_KEY_SURFACE_UNIT],
                                  "probes.%s.mesh: %s (spacing %g m, half width %.3g m): is its unit right?",
                                  probe->name, wide, def->spacing_m, probe->parts->fine_m);
+    // a union: every part by itself
     for (int i = 0; i < draft->part_count[slot - 1]; i++) {
         const int part = kn_slot_of_part(slot, i);
         const char *unfit = kn_outside_unfit(&draft->part[part - 1 - KN_PROBES_MAX].as, def->spacing_m);

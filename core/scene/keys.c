@@ -9,6 +9,7 @@
 
 _Static_assert(sizeof(kn_damper) == sizeof(int) && sizeof(kn_solver) == sizeof(int), "a CHOICE is stored as an int");
 
+// The key table. Each list of keys.h has its own struct, so each has its own row macro for offsetof.
 #define ROW(parent, id, when_, path_, type_, count_, unit_, least_, most_, fallback_, member, meaning_)                \
     [KN_KEY_##id] = {KN_WHEN_##when_, path_,     KN_TYPE_##type_,          count_,  unit_, least_,                     \
                      most_,           fallback_, offsetof(parent, member), meaning_},
@@ -19,6 +20,7 @@ _Static_assert(sizeof(kn_damper) == sizeof(int) && sizeof(kn_solver) == sizeof(i
 const kn_key kn_keys[KN_KEY_COUNT] = {KN_SCENE_KEYS(SCENE_ROW) KN_PROBE_KEYS(PROBE_ROW) KN_SURFACE_KEYS(SURFACE_ROW)
                                           KN_PART_KEYS(PART_ROW)};
 
+// Return the unit of a key; dimensionless if it has none.
 static kn_unit unit_of(const kn_key *key)
 {
     kn_unit unit = {0};
@@ -27,7 +29,7 @@ static kn_unit unit_of(const kn_key *key)
     return unit;
 }
 
-// Number of the word in "a|b|c", -1 if it is none of them.
+// Return the number of a word in "a|b|c", or -1 if it is not there.
 static int choice_of(const char *words, const char *word)
 {
     size_t size = strlen(word);
@@ -39,15 +41,19 @@ static int choice_of(const char *words, const char *word)
     }
 }
 
+// Read a quantity in the unit of the key and check dimension and range. The range of a modulus is checked later,
+// because a modulus may be given per height of a specimen.
 static bool read_number(const kn_key *key, double *value, const char *text, bool *per_height, char problem[KN_LINE_MAX])
 {
     kn_quantity q;
     kn_unit unit = unit_of(key), per_metre = unit;
     per_metre.m -= 1;
+    // read the number in the key's unit
     if (!kn_quantity_parse(&q, text, problem, KN_LINE_MAX)) return false;
     *value = kn_quantity_in(&q, &unit);
     bool modulus = key->type == KN_TYPE_MODULUS;
     if (modulus) *per_height = false;
+    // a zero needs no unit; any other number needs one of the key's dimension
     if (q.bare && *key->unit && *value != 0) {
         snprintf(problem, KN_LINE_MAX, "'%.24s' has no unit", text);
     } else if (modulus && !q.bare && kn_unit_same_dimension(&q.unit, &per_metre)) {
@@ -66,6 +72,7 @@ static bool read_number(const kn_key *key, double *value, const char *text, bool
     return false;
 }
 
+// Read the name of a probe, which becomes a part of channel names.
 static bool read_name(char *field, const char *text, char problem[KN_LINE_MAX])
 {
     size_t size = strlen(text);
@@ -75,11 +82,12 @@ static bool read_name(char *field, const char *text, char problem[KN_LINE_MAX])
     return fits;
 }
 
-// The code point at *s, which moves on to the next; 0 if it is no UTF-8.
+// Decode the UTF-8 code point at *s and advance *s to the next. Return 0 if the bytes are not valid UTF-8.
 static unsigned decode(const unsigned char **s)
 {
     static const unsigned least[] = {0, 0x80, 0x800, 0x10000};
     const unsigned char *p = *s;
+    // the number of further bytes follows from the leading bits of the first
     int more = *p < 0x80 ? 0 : *p >> 5 == 6 ? 1 : *p >> 4 == 14 ? 2 : *p >> 3 == 30 ? 3 : -1;
     if (more < 0) return 0;
     unsigned code = more == 0 ? *p : *p & (0x3fu >> more);
@@ -88,19 +96,21 @@ static unsigned decode(const unsigned char **s)
         code = code << 6 | (p[k] & 0x3fu);
     }
     *s = p + more + 1;
-    return code >= least[more] ? code : 0;
+    return code >= least[more] ? code : 0; // longer encodings than needed are invalid
 }
 
 bool kn_key_quotable(const char *text)
 {
     for (const unsigned char *s = (const unsigned char *)text; *s;) {
         unsigned c = decode(&s);
+        // control characters, line separators, byte order mark; then surrogates and code points that are no characters
         if (c < ' ' || (c >= 0x7f && c < 0xa0) || c == 0x2028 || c == 0x2029 || c == 0xfeff) return false;
         if ((c >= 0xd800 && c < 0xe000) || c == 0xfffe || c == 0xffff || c > 0x10ffff) return false;
     }
     return true;
 }
 
+// Read a file name with one of the key's endings, which have 4 characters.
 static bool read_path(const kn_key *key, char *field, const char *text, char problem[KN_LINE_MAX])
 {
     size_t size = strlen(text);
@@ -110,6 +120,7 @@ static bool read_path(const kn_key *key, char *field, const char *text, char pro
     return fits;
 }
 
+// Read the hash of a file.
 static bool read_hash(uint64_t *field, const char *text, char problem[KN_LINE_MAX])
 {
     bool fits = strlen(text) == 16 && strspn(text, "0123456789abcdef") == 16;
@@ -128,6 +139,7 @@ static bool read_choice(const kn_key *key, int *field, const char *text, char pr
 bool kn_key_read(const kn_key *key, void *field, const char *const *text, int count, bool *per_height,
                  char problem[KN_LINE_MAX])
 {
+    // a flat object has two extents, x and z
     bool flat = key->type == KN_TYPE_EXTENT && count == 2;
     if (count != key->count && !flat) {
         snprintf(problem, KN_LINE_MAX, "%d value%s given", count, count == 1 ? "" : "s");
@@ -180,7 +192,7 @@ const char *kn_key_expects(const kn_key *key, char text[KN_LINE_MAX])
     return text;
 }
 
-// Fewest digits that read back as the same bits.
+// Return the fewest digits, 15 or more, that read back as the same bits.
 static int digits_of(double value)
 {
     char text[40];
@@ -204,6 +216,7 @@ const char *kn_key_print(const kn_key *key, const void *field, char text[KN_LINE
         for (int i = *(const int *)field; i > 0; i--) unit += strcspn(unit, "|") + 1;
         snprintf(text, KN_LINE_MAX, "%.*s", (int)strcspn(unit, "|"), unit);
     } else {
+        // one number or a list; the zero of a flat object's y is left out
         const double *value = field;
         int n = snprintf(text, KN_LINE_MAX, key->count > 1 ? "[" : "");
         for (int i = 0; i < key->count; i++)
@@ -226,9 +239,10 @@ const kn_key *kn_key_find(const char *path, bool *is_group)
     return NULL;
 }
 
-// Edits that turn a into b (Levenshtein); names are short.
+// Return the number of edits that turn a into b (Levenshtein distance). One row is enough, because names are short.
 static int distance(const char *a, const char *b)
 {
+    // row[j]: edits from the part of a read so far to the first j characters of b
     int row[64];
     int n = (int)strlen(b);
     if (n >= 64) return 64;
@@ -245,9 +259,10 @@ static int distance(const char *a, const char *b)
     return row[n];
 }
 
+// Return the last name of a path.
 static const char *leaf_of(const char *path) { return strrchr(path, '.') ? strrchr(path, '.') + 1 : path; }
 
-// The names below a mapping, each once: "k1, c1, damper".
+// Print the names below a mapping, each once: "expected one of: k1, c1, damper". `size`: length of the mapping's path.
 static void list_below(const char *parent, size_t size, char text[KN_LINE_MAX])
 {
     const char *last = "";
@@ -262,6 +277,7 @@ static void list_below(const char *parent, size_t size, char text[KN_LINE_MAX])
     }
 }
 
+// Return the length of the common beginning of two texts.
 static size_t common(const char *a, const char *b)
 {
     size_t n = 0;
@@ -269,12 +285,15 @@ static size_t common(const char *a, const char *b)
     return n;
 }
 
-// Takes candidate as the best hint if it is fewer edits away than the best one so far, or as many and its path is nearer.
+// Take the path's last name as the best hint if it is fewer edits away than the best hint so far. If the number of
+// edits is equal, the path must have a longer beginning in common with the wrong path. `handicap`: edits added to the
+// candidate's.
 static void consider(const char *wrong, const char *path, size_t size, int handicap, int *least, size_t *near,
                      char text[KN_LINE_MAX])
 {
     const char *name = leaf_of(wrong);
     char candidate[KN_LINE_MAX];
+    // the last name of the candidate's path
     const char *last = path + size;
     while (last > path && last[-1] != '.') last--;
     snprintf(candidate, sizeof candidate, "%.*s", (int)(path + size - last), last);
@@ -289,18 +308,21 @@ const char *kn_key_suggest(const char *path, char text[KN_LINE_MAX])
 {
     const char *name = leaf_of(path);
     size_t parent = (size_t)(name - path);
-    const int another = strlen(name) > 4 ? 3 : 2; // edits from which on a name is another one
+    const int another = strlen(name) > 4 ? 3 : 2; // names that differ by this many edits or more are not similar
     int least = another;
-    size_t near = strlen(path); // nothing is as far away and nearer than that
+    size_t near = strlen(path); // a hint that needs as many edits can never have a longer common path
     for (const kn_key *key = kn_keys; key < kn_keys + KN_KEY_COUNT; key++) {
+        // names in the same mapping, and all keys of other mappings
         bool sibling = strncmp(key->path, path, parent) == 0;
         if (sibling) consider(path, key->path, parent + strcspn(key->path + parent, "."), 0, &least, &near, text);
-        consider(path, key->path, strlen(key->path), 1, &least, &near, text); // one of another mapping must fit better
+        consider(path, key->path, strlen(key->path), 1, &least, &near,
+                 text); // a key of another mapping must fit better
     }
     if (least == another) list_below(path, parent, text);
     return text;
 }
 
+// Print one line of the table for `knead check --keys`.
 static void describe(const kn_key *key, char *line, size_t size)
 {
     static const char *const required[] = {[KN_WHEN_ALWAYS] = "required",
@@ -315,6 +337,7 @@ static void describe(const kn_key *key, char *line, size_t size)
                                            [KN_WHEN_LONG] = "required if long",
                                            [KN_WHEN_BOX] = "required if box, cross",
                                            [KN_WHEN_SURFACE] = "required if mesh"};
+    // columns: path, value, range, default or requirement, meaning
     char range[64] = "", value[64];
     const char *unit = key->type == KN_TYPE_CHOICE ? "" : key->unit;
     if (key->type == KN_TYPE_CHOICE) snprintf(value, sizeof value, "%s", key->unit);
@@ -332,6 +355,7 @@ static void describe(const kn_key *key, char *line, size_t size)
 
 const char *const *kn_scene_keys(void)
 {
+    // built at every call in static memory, with a heading as the first line
     static char line[KN_KEY_COUNT + 1][KN_LINE_MAX];
     static const char *lines[KN_KEY_COUNT + 2];
     snprintf(line[0], KN_LINE_MAX, "%-24s %-26s %-15s %-23s %s", "key", "value", "range", "default", "meaning");

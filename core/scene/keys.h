@@ -1,22 +1,23 @@
 #ifndef KN_CORE_SCENE_KEYS_H
 #define KN_CORE_SCENE_KEYS_H
-// Every key of a scene in one table: it drives reading, checking, `knead check --keys` and the canonical text.
-// A new key is one line here; what a rule between keys needs stands in draft.c.
+// The table of all keys of a scene. It drives reading, checking, `knead check --keys` and the canonical text.
+// A new key is one line here. Rules between keys are in draft.c.
 //
 //     id, when, path, type, count, unit, least, most, default, member, meaning
 //
-// when     the object it belongs to: a damper's parameters mean nothing to another damper, a radius nothing to a plate
-// count    1, or the length of a list [a, b, c]; an EXTENT may leave out the one along y
-// unit     of the member and of the canonical text; any unit of the same dimension is read. "" is a bare number
-// default  text as a file would say it; NULL: required; "": may be absent; "(...)": worked out in draft.c
-// member   of kn_draft, of kn_probe_def for the keys of one probe, of kn_draft_surface for those of a tool's
+// when     condition under which the key is relevant: a damper's parameter needs that damper, a radius a round tool
+// count    1, or the length of a list [a, b, c]; an EXTENT may leave out the value along y
+// unit     unit of the member and of the canonical text; any unit of the same dimension can be read. "": a bare number
+// default  text as in a file; NULL: required; "": may be absent; "(...)": computed in draft.c
+// member   member of kn_draft; of kn_probe_def for the keys of a probe, of kn_draft_surface for those of a tool's
 //          file, of kn_draft_part for those of a union's part
 #include "core/scene/units.h"
 #include <stddef.h>
 #include <stdint.h>
 
 // clang-format off
-// A named point of speed against accuracy: what it says stands in the place of solver.KEY, and of object.spacing.
+// A quality point: a named setting between speed and accuracy. Its values replace those of solver.KEY and of
+// object.spacing.
 #define KN_QUALITY_KEYS(X, POINT, path, member)                                                                       \
   X(POINT##_ITERATIONS, ALWAYS, path "iterations", INTEGER, 1, "", 1, 1000, "",                                       \
     member.iterations, "instead of solver.iterations")                                                                \
@@ -212,7 +213,7 @@
   X(PROBE_REACH, ALWAYS, "probes.NAME.reach", REAL, 4, "m", -10, 10, "",                                              \
     reach_m, "[x, x, y, y] between which its centre stays: object.accuracy needs it")
 
-// A tool that is a file's closed surface.
+// Keys of a tool whose shape is the closed surface of a file.
 #define KN_SURFACE_KEYS(X)                                                                                            \
   X(SURFACE, SURFACE, "probes.NAME.mesh", PATH, 1, ".stl|.obj", 0, 0, NULL,                                           \
     path, "closed surface, in the tool's frame; seen from the scene's folder")                                        \
@@ -223,7 +224,7 @@
   X(SURFACE_CELL, SURFACE, "probes.NAME.mesh_cell", REAL, 1, "m", 1e-5, 1, "",                                        \
     cell_m, "side of the cells of its grid of distances; none: an eighth of the spacing, at most a third in 8 MiB")
 
-// One part of a union: the same shapes and sizes, and where they are in the tool.
+// Keys of one part of a union: shapes and sizes as for a probe, and the part's place in the tool.
 #define KN_PART_KEYS(X)                                                                                               \
   X(PART_SHAPE, ALWAYS, "probes.NAME.parts.N.shape", CHOICE, 1, "sphere|capsule|box|cross|cylinder", 0, 0, NULL,      \
     kind, "of part N of a union, from 1; a list of at most 8 mappings, a cross counts twice")                         \
@@ -256,10 +257,10 @@ typedef enum kn_key_when {
     KN_WHEN_CONSTANT,    // material.damper: constant
     KN_WHEN_EXPONENTIAL, // material.damper: exponential
     KN_WHEN_RAMP,        // material.damper: ramp
-    KN_WHEN_FORCE,       // either of the two
+    KN_WHEN_FORCE,       // material.damper: exponential or ramp
     KN_WHEN_TABLE,       // support: friction
     KN_WHEN_PLATE,       // shape: plate
-    KN_WHEN_TOOL,        // shape: any other
+    KN_WHEN_TOOL,        // shape: any but plate
     KN_WHEN_ROUND,       // shape: sphere, capsule, cylinder
     KN_WHEN_LONG,        // shape: capsule, cylinder
     KN_WHEN_BOX,         // shape: box, cross
@@ -269,12 +270,12 @@ typedef enum kn_key_when {
 
 typedef enum kn_key_type {
     KN_TYPE_REAL,    // double
-    KN_TYPE_MODULUS, // double; also read per metre of specimen height, and then its range is checked after multiplying
-    KN_TYPE_EXTENT,  // double[3]; read from two values x, z the y is 0
+    KN_TYPE_MODULUS, // double; may also be given per metre of specimen height; range checked after multiplying by it
+    KN_TYPE_EXTENT,  // double[3]; two values are x and z, with y = 0
     KN_TYPE_INTEGER, // int
     KN_TYPE_CHOICE,  // enum or int, the number of the word in unit
     KN_TYPE_NAME,    // char[KN_NAME_MAX], [a-z0-9_]+
-    KN_TYPE_PATH,    // char[KN_PATH_MAX], printable UTF-8 that ends as unit says: ".stl|.obj"
+    KN_TYPE_PATH,    // char[KN_PATH_MAX], printable UTF-8 with an ending listed in unit: ".stl|.obj"
     KN_TYPE_HASH     // uint64_t, 16 hexadecimal digits
 } kn_key_type;
 
@@ -283,7 +284,7 @@ typedef struct kn_key {
     const char *path;
     kn_key_type type;
     int count;
-    const char *unit; // of a CHOICE: its words, of a PATH: its endings
+    const char *unit; // CHOICE: its words, PATH: its endings
     double least, most;
     const char *fallback;
     size_t offset; // of the member
@@ -295,25 +296,28 @@ extern const kn_key kn_keys[KN_KEY_COUNT];
 #define KN_PATH_MAX 1024
 #define KN_LINE_MAX 256 // bytes of a clause or a key's description, with the NUL
 
-// Reads count texts into the member at field. On failure false and the problem without the expectation: "'7' has no
-// unit". per_height (MODULUS only, else may be NULL): whether the value must still be multiplied by the height.
+// Read count texts into the member at field. On failure, return false and store the problem without the expectation:
+// "'7' has no unit". per_height (MODULUS only, else may be NULL) becomes true if the value must still be multiplied by
+// the specimen height.
 bool kn_key_read(const kn_key *key, void *field, const char *const *text, int count, bool *per_height,
                  char problem[KN_LINE_MAX]);
 
-// Whether YAML holds the text between quotes as it is: UTF-8 without control characters and line breaks.
+// Return true if YAML can hold the text between quotes without change: UTF-8 without control characters and line
+// breaks.
 bool kn_key_quotable(const char *text);
 
-// "3 values in m, each from 1e-05 to 10": what the key expects.
+// Describe the values that the key expects: "a list of 3, each from 1e-05 to 10 m".
 const char *kn_key_expects(const kn_key *key, char text[KN_LINE_MAX]);
 
-// The member as canonical text: "[0.05 m, 0.05 m, 0.03 m]", with as many digits as give the same bits when read.
-// Not of a PATH, which may be longer.
+// Print the member as canonical text: "[0.05 m, 0.05 m, 0.03 m]". It has as many digits as are needed to read the same
+// bits back. Not for a PATH, which may be longer.
 const char *kn_key_print(const kn_key *key, const void *field, char text[KN_LINE_MAX]);
 
-// The key at a path ("material.k1"), NULL if there is none. is_group: becomes whether keys stand below that path.
+// Return the key at a path ("material.k1"), or NULL if there is none. is_group becomes true if keys exist below the
+// path.
 const kn_key *kn_key_find(const char *path, bool *is_group);
 
-// What the writer of an unknown path may have meant: "did you mean material.k1?" or "expected one of: k1, c1".
+// Suggest a correction of an unknown path: "did you mean material.k1?" or "expected one of: k1, c1".
 const char *kn_key_suggest(const char *path, char text[KN_LINE_MAX]);
 
 #endif

@@ -3,12 +3,13 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { RHEOLOGICAL, VISCOELASTIC, PLASTIC }; // the words of material.variant
+enum { RHEOLOGICAL, VISCOELASTIC, PLASTIC }; // numbers of the words of material.variant
 
 static const char *const suffixes[] = {"-rheological", "-viscoelastic", "-plastic"};
 
 const kn_library_entry *kn_library_find(const char *name, int *variant)
 {
+    // cut off the suffix of a variant
     size_t size = strlen(name);
     *variant = -1;
     for (int i = 0; i < 3; i++) {
@@ -36,6 +37,7 @@ static bool of_material(kn_key_id id) { return strncmp(kn_keys[id].path, "materi
 
 static bool given(const kn_draft *draft, kn_key_id id) { return draft->at[0][id].source != KN_SOURCE_DEFAULT; }
 
+// Copy the value of a key, and whether it was given, with the mark of the material's name.
 static void take_key(kn_draft *draft, const kn_draft *from, kn_key_id id, kn_mark mark)
 {
     const kn_key *key = &kn_keys[id];
@@ -45,11 +47,12 @@ static void take_key(kn_draft *draft, const kn_draft *from, kn_key_id id, kn_mar
     mark.library = true;
     draft->at[0][id] = mark;
     if (!given(from, id)) draft->at[0][id].source = KN_SOURCE_DEFAULT;
-    draft->group[0][id] = mark; // what is missing is missing there
+    draft->group[0][id] = mark; // a missing key is reported at the material's name
 }
 
 bool kn_library_take(kn_draft *draft, const kn_draft *from, int variant, kn_mark mark)
 {
+    // refuse anything but material and density
     for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++)
         if (given(from, id) && !of_material(id) && id != KN_KEY_DENSITY)
             return kn_draft_complain(draft, mark, "%s stands in %s, expected a material and its density alone",
@@ -59,6 +62,7 @@ bool kn_library_take(kn_draft *draft, const kn_draft *from, int variant, kn_mark
                                  from->file);
     for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++)
         if (of_material(id)) take_key(draft, from, id, mark);
+    // the scene's own density takes precedence
     bool own = given(draft, KN_KEY_DENSITY) && !draft->at[0][KN_KEY_DENSITY].library;
     if (!own && given(from, KN_KEY_DENSITY)) take_key(draft, from, KN_KEY_DENSITY, mark);
     if (variant < 0) return true;
@@ -67,7 +71,8 @@ bool kn_library_take(kn_draft *draft, const kn_draft *from, int variant, kn_mark
     return true;
 }
 
-// A pair of dampers that is one: equal when they are constant, else the constant one so stiff that it hardly counts.
+// Make a pair of dampers that acts as one. Constant dampers are equal, each twice c2. If c2 depends on force, c1 is so
+// stiff that it hardly counts.
 static void make_plastic(kn_material *mat)
 {
     mat->k1_pa = 0;
@@ -83,6 +88,7 @@ bool kn_library_vary(kn_draft *draft)
         return kn_draft_complain(draft, at, "material.variant is plastic, expected a damper that can move");
     if (draft->variant == PLASTIC) make_plastic(mat);
     if (draft->variant != VISCOELASTIC) return true;
+    // stops at one place: the damper cannot move
     mat->ratio = mat->stroke[0] = mat->stroke[1] = 1;
     draft->at[0][KN_KEY_STROKE] = draft->at[0][KN_KEY_RATIO] = at;
     return true;

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct tagged { // a node's number in the file, and where it is in memory
+typedef struct tagged { // a node's number in the file and its index in memory
     long tag;
     int index;
 } tagged;
@@ -16,7 +16,7 @@ typedef struct tagged { // a node's number in the file, and where it is in memor
 typedef struct found { // a triangle (node[3] is -1) or tetrahedron
     int node[4];
     long tag;
-    size_t at; // where the file has it
+    size_t at; // byte in the file
 } found;
 
 typedef struct reader {
@@ -30,10 +30,12 @@ typedef struct reader {
 
 #define complain(r, ...) kn_words_complain(&(r)->words, __VA_ARGS__)
 #define integer(r, ...) kn_words_integer(&(r)->words, __VA_ARGS__)
-static const kn_width INT = KN_WIDTH_INT, LONG = KN_WIDTH_LONG; // of the format's int and size_t
+static const kn_width INT = KN_WIDTH_INT, LONG = KN_WIDTH_LONG; // widths of the format's int and size_t
 
 // ---- sections
 
+// Read $MeshFormat: version, text or binary, bytes of a real. A binary file then holds the integer 1, which shows the
+// byte order.
 static bool read_format(reader *r)
 {
     char text[KN_WORD_MAX];
@@ -64,12 +66,14 @@ static bool read_format(reader *r)
     return kn_words_section_end(&r->words);
 }
 
+// Order nodes by their number in the file.
 static int by_tag(const void *a, const void *b)
 {
     const tagged *p = a, *q = b;
     return p->tag < q->tag ? -1 : p->tag > q->tag;
 }
 
+// Allocate room for the nodes. `each`: least bytes of a node in the file, so that a wrong count cannot allocate much.
 static bool make_nodes(reader *r, long count, size_t each)
 {
     if (!kn_words_room(&r->words, count, each, "nodes")) return false;
@@ -78,6 +82,7 @@ static bool make_nodes(reader *r, long count, size_t each)
     return (r->x && r->tag) || complain(r, r->words.begun, "not enough memory for %ld nodes", count);
 }
 
+// Read the coordinates of a node and skip its parameters.
 static bool take_place(reader *r, int node, int parameters)
 {
     double ignored;
@@ -86,17 +91,19 @@ static bool take_place(reader *r, int node, int parameters)
     return true;
 }
 
+// Read the number of a node.
 static bool take_node_tag(reader *r, kn_width width, int node)
 {
     r->tag[node].index = node;
     return integer(r, width, 0, LONG_MAX, &r->tag[node].tag, "a node's number");
 }
 
+// Read the nodes of version 2.2: a count, then number and coordinates of each node.
 static bool read_nodes_2(reader *r)
 {
     long count;
     bool binary = r->words.binary;
-    r->words.binary = false; // the count is a line of text in either
+    r->words.binary = false; // the count is a line of text, also in binary files
     bool counted = integer(r, INT, 1, KN_SIMPLICES_NODES_MAX, &count, "the number of nodes");
     r->words.binary = binary;
     if (!counted || !kn_words_line_end(&r->words) || !make_nodes(r, count, binary ? 28 : sizeof "1 0 0 0\n" - 1))
@@ -106,6 +113,7 @@ static bool read_nodes_2(reader *r)
     return true;
 }
 
+// Read the nodes of version 4.1: blocks per entity, each with all its numbers and then all its coordinates.
 static bool read_nodes_4(reader *r)
 {
     long blocks, count, least, most, dimension, entity, parametric, here;
@@ -115,6 +123,7 @@ static bool read_nodes_4(reader *r)
         !integer(r, LONG, 0, LONG_MAX, &least, "the least number of a node") ||
         !integer(r, LONG, 0, LONG_MAX, &most, "the largest number of a node"))
         return false;
+    // a block cannot have more nodes than are left of the declared count
     while (blocks-- > 0) {
         if (!integer(r, INT, 0, 3, &dimension, "a dimension") ||
             !integer(r, INT, LONG_MIN, LONG_MAX, &entity, "an entity's number") ||
@@ -131,10 +140,12 @@ static bool read_nodes_4(reader *r)
                     count);
 }
 
+// Read $Nodes and check that every node has its own number.
 static bool read_nodes(reader *r)
 {
     if (r->x) return complain(r, r->words.begun, "a second $Nodes, expected one");
     if (!(r->version == 2 ? read_nodes_2 : read_nodes_4)(r)) return false;
+    // sort by number, for find_node and to find duplicates
     qsort(r->tag, (size_t)r->node_count, sizeof *r->tag, by_tag);
     for (int i = 1; i < r->node_count; i++)
         if (r->tag[i - 1].tag == r->tag[i].tag)
@@ -142,7 +153,8 @@ static bool read_nodes(reader *r)
     return kn_words_section_end(&r->words);
 }
 
-// Index of the node with that number, -1 if there is none. Numbers mostly run from 1 without a gap.
+// Return the index of the node with a number, or -1 if there is none. Numbers mostly run from 1 without a gap, so try
+// that place first.
 static int find_node(const reader *r, long tag)
 {
     if (tag >= 1 && tag <= r->node_count && r->tag[tag - 1].tag == tag) return r->tag[tag - 1].index;
@@ -150,8 +162,9 @@ static int find_node(const reader *r, long tag)
     return t ? t->index : -1;
 }
 
-enum { LINE = 1, TRIANGLE = 2, TETRAHEDRON = 4, POINT = 15 };
+enum { LINE = 1, TRIANGLE = 2, TETRAHEDRON = 4, POINT = 15 }; // element types of the format
 
+// Report an element of a type that is not supported, by its name if it is known.
 static bool refuse_type(reader *r, size_t at, long tag, long type)
 {
     static const char *const solid[] = {[3] = "quadrangle", [5] = "hexahedron", [6] = "prism", [7] = "pyramid"};
@@ -167,7 +180,7 @@ static bool refuse_type(reader *r, size_t at, long tag, long type)
                     type);
 }
 
-// The nodes of element tag, which begins at byte at.
+// Read the nodes of element `tag`, which begins at byte `at`. Count points and lines, but do not keep them.
 static bool take_element(reader *r, kn_width width, size_t at, long tag, long type)
 {
     static const int nodes[] = {[LINE] = 2, [TRIANGLE] = 3, [TETRAHEDRON] = 4, [POINT] = 1};
@@ -186,6 +199,7 @@ static bool take_element(reader *r, kn_width width, size_t at, long tag, long ty
     return true;
 }
 
+// Allocate room for the elements. `each`: least bytes of an element in the file.
 static bool make_elements(reader *r, long count, size_t each)
 {
     if (!kn_words_room(&r->words, count, each, "elements")) return false;
@@ -193,7 +207,8 @@ static bool make_elements(reader *r, long count, size_t each)
     return r->found || complain(r, r->words.begun, "not enough memory for %ld elements", count);
 }
 
-// 2.2: text has  number type tags... nodes  per element; binary has blocks of  type count tags, then elements.
+// Read the elements of version 2.2. Text has "number type tags... nodes" per element. Binary has blocks that begin with
+// "type count tags", followed by the elements.
 static bool read_elements_2(reader *r)
 {
     long total, tag = 0, type, tags, ignored;
@@ -203,6 +218,7 @@ static bool read_elements_2(reader *r)
     r->words.binary = binary;
     if (!counted || !kn_words_line_end(&r->words) || !make_elements(r, total, binary ? 8 : sizeof "1 15 0 1\n" - 1))
         return false;
+    // text: one element per turn; binary: one block per turn
     for (long count = 1; total > 0; total -= count) {
         if (!binary && !integer(r, INT, 0, LONG_MAX, &tag, "an element's number")) return false;
         size_t at = r->words.begun;
@@ -221,6 +237,7 @@ static bool read_elements_2(reader *r)
     return true;
 }
 
+// Read the elements of version 4.1: blocks of one type each.
 static bool read_elements_4(reader *r)
 {
     long blocks, total, least, most, dimension, entity, type, here, tag, done = 0;
@@ -246,6 +263,7 @@ static bool read_elements_4(reader *r)
            complain(r, r->words.at, "the blocks have %ld elements, expected the %ld that were declared", done, total);
 }
 
+// Read $Elements. It must follow $Nodes, because elements refer to nodes.
 static bool read_elements(reader *r)
 {
     if (!r->x) return complain(r, r->words.begun, "$Elements before $Nodes, expected it after");
@@ -253,7 +271,7 @@ static bool read_elements(reader *r)
     return (r->version == 2 ? read_elements_2 : read_elements_4)(r) && kn_words_section_end(&r->words);
 }
 
-// Past the end of a section that has no say here: $PhysicalNames, $Entities, $Periodic, ...
+// Skip a section that is not needed: $PhysicalNames, $Entities, $Periodic, ...
 static bool skip_section(reader *r, const char *name)
 {
     char end[KN_WORD_MAX + 4];
@@ -266,6 +284,7 @@ static bool skip_section(reader *r, const char *name)
     return complain(r, begin, "a section without its end, expected $End... with the same name");
 }
 
+// Read all sections. $MeshFormat must be the first; $Nodes and $Elements must be there.
 static bool read_sections(reader *r)
 {
     char name[KN_WORD_MAX];
@@ -287,9 +306,10 @@ static bool read_sections(reader *r)
     return (r->found != NULL) || complain(r, r->words.size, "the file has no %s", r->x ? "$Elements" : "$Nodes");
 }
 
-// ---- what was read -> simplices
+// ---- conversion to simplices
 
-// Tetrahedra make triangles mere skin. Returns the dimension, 0 when there is neither.
+// Keep the tetrahedra, or the triangles if there is no tetrahedron: beside tetrahedra, triangles are only the skin.
+// Return the dimension, 0 if there is neither.
 static int choose_elements(reader *r)
 {
     int kept = 0, solid = 0;
@@ -301,7 +321,7 @@ static int choose_elements(reader *r)
     return kept == 0 ? 0 : solid > 0 ? 3 : 2;
 }
 
-// Numbers the nodes that elements have, in the order of the file; returns how many there are.
+// Number the nodes that belong to elements, in the order of the file, and return their count.
 static int number_nodes(const reader *r, int *number)
 {
     int count = 0, corners = r->found[0].node[3] < 0 ? 3 : 4;
@@ -313,7 +333,7 @@ static int number_nodes(const reader *r, int *number)
     return count;
 }
 
-// The spread of the nodes along an axis.
+// Return the extent of the nodes along an axis.
 static double spread(const kn_simplices *s, int axis)
 {
     double low = INFINITY, high = -INFINITY;
@@ -324,7 +344,7 @@ static double spread(const kn_simplices *s, int axis)
     return high - low;
 }
 
-// Into the x-z plane, turned so that most triangles are positive.
+// Move a flat mesh into the x-z plane and reverse all triangles if most of them are negative.
 static bool lay_flat(reader *r, kn_simplices *s)
 {
     double wide[3] = {spread(s, 0), spread(s, 1), spread(s, 2)}, area = 0;
@@ -333,10 +353,12 @@ static bool lay_flat(reader *r, kn_simplices *s)
         return complain(r, r->found[0].at,
                         "triangles alone, and not in one plane: expected tetrahedra (knead mesh fills a "
                         "closed surface with them), or a plane z = const or y = const");
+    // a plane z = const: y becomes z
     for (int i = 0; i < s->node_count; i++) {
         if (wide[2] <= thin) s->x_m[i][2] = s->x_m[i][1];
         s->x_m[i][1] = 0;
     }
+    // count positive against negative triangles
     for (int e = 0; e < s->element_count; e++) {
         const double *a = s->x_m[s->element[e][0]], *b = s->x_m[s->element[e][1]], *c = s->x_m[s->element[e][2]];
         double twice = (b[0] - a[0]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[0] - a[0]);
@@ -350,6 +372,7 @@ static bool lay_flat(reader *r, kn_simplices *s)
     return true;
 }
 
+// Copy nodes and elements into the simplices, in metres.
 static void fill(const reader *r, kn_simplices *s, const int *number, double units_per_m)
 {
     for (int i = 0; i < r->node_count; i++)
@@ -360,6 +383,7 @@ static void fill(const reader *r, kn_simplices *s, const int *number, double uni
     }
 }
 
+// Check the simplices; report a problem at the element that has it.
 static bool check(reader *r, const kn_simplices *s)
 {
     char what[256];
@@ -368,6 +392,7 @@ static bool check(reader *r, const kn_simplices *s)
     return complain(r, blame >= 0 ? r->found[blame].at : 0, "%s", what);
 }
 
+// Build the simplices from the read sections. Return NULL after an error.
 static kn_simplices *build(reader *r, double units_per_m, kn_msh_facts *facts)
 {
     int dimension = choose_elements(r), *number = malloc(((size_t)r->node_count + 1) * sizeof *number);

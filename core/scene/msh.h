@@ -1,29 +1,32 @@
 #ifndef KN_CORE_SCENE_MSH_H
 #define KN_CORE_SCENE_MSH_H
-// Meshes as Gmsh writes them: .msh 2.2 and 4.1, ASCII and binary, https://gmsh.info/doc/texinfo/gmsh.html#MSH-file-format
+// Reader of Gmsh meshes: .msh 2.2 and 4.1, ASCII and binary.
+// https://gmsh.info/doc/texinfo/gmsh.html#MSH-file-format
 //
-// Four-node tetrahedra make an object in three dimensions; the points, lines and surface triangles that Gmsh saves
-// beside them are left out. Three-node triangles alone make one in two: all in a plane z = const, whose y becomes our z,
-// or in a plane y = const; seen from behind they are turned round together. Other elements are refused by name.
-// Nodes that no element has (centres of arcs) are left out. What is left passes kn_simplices_check.
+// Four-node tetrahedra make an object in three dimensions. The points, lines and surface triangles that Gmsh saves with
+// them are left out. Three-node triangles alone make an object in two dimensions. They must lie in a plane z = const,
+// whose y becomes the scene's z, or in a plane y = const. Triangles that are seen from behind are reversed together.
+// For any other kind of element, the file is refused and the error names the kind. Nodes without an element (centres of
+// arcs) are left out. The result passes kn_simplices_check.
 //
-// Every complaint is one line, `file:line:col: what is wrong, what was expected`; in a binary file it is
-// `file:1:1: byte N: ...`. Memory and time are bounded by the size of the file, whatever counts it declares.
+// Every error is one line, `file:line:col: what is wrong, what was expected`, or `file:1:1: byte N: ...` in a binary
+// file. Memory and time are bounded by the size of the file, whatever counts the file declares.
 #include "core/simplices.h"
 #include <stdint.h>
 
 typedef struct kn_msh_facts {
     const char *format; // "2.2 ASCII", "4.1 binary", ...
     int left_out;       // elements of lower dimension
-    int loose;          // nodes without element
+    int loose;          // nodes without an element
     uint64_t hash;      // kn_hash_bytes of the file
 } kn_msh_facts;
 
-// Coordinates are in units of which units_per_m make a metre: 1000 for millimetres. They are divided by it, so that
-// 5 mm and 0.005 m are the same bits. facts may be NULL. NULL and one line in error when anything is wrong.
+// Read a mesh from bytes. `units_per_m`: file units per metre, 1000 for millimetres. Coordinates are divided by
+// units_per_m, so that 5 mm and 0.005 m give the same bits. facts may be NULL. Return NULL with one line in error if
+// anything is wrong.
 kn_simplices *kn_msh_read(const char *name, const void *bytes, size_t size, double units_per_m, kn_msh_facts *facts,
                           char *error, size_t error_size);
-// The same of a file of at most 256 MiB.
+// Read a mesh from a file of at most 256 MiB.
 kn_simplices *kn_msh_load(const char *path, double units_per_m, kn_msh_facts *facts, char *error, size_t error_size);
 
 #endif

@@ -10,17 +10,17 @@
 #include <sys/stat.h>
 #include <yaml.h>
 
-#define PATH_CHARACTERS "abcdefghijklmnopqrstuvwxyz0123456789_." // of the key in --set key=value
+#define PATH_CHARACTERS "abcdefghijklmnopqrstuvwxyz0123456789_." // characters of the key in --set key=value
 enum { FILE_MAX_BYTES = 1 << 20, NAME_MAX_BYTES = 32, VALUE_MAX_BYTES = 64 };
 
-// One pass over the events of libyaml. Keys decide what may follow, so nothing nests deeper than the table does and an
-// unknown key ends the reading: no input makes this slow or large.
+// A reader makes one pass over the events of libyaml. The keys decide what may follow. So nothing nests deeper than the
+// key table, and an unknown key ends the reading: no input can make the reader slow or large.
 typedef struct reader {
     kn_draft *draft;
     int source; // KN_SOURCE_FILE or number of the --set
-    int slot;   // 0, or 1 + the probe whose mapping is read
+    int slot;   // slot of the scene, probe or part that is read
     yaml_parser_t parser;
-    yaml_event_t event; // the one being looked at
+    yaml_event_t event; // the current event
     const char *text;
     size_t size;
 } reader;
@@ -31,7 +31,8 @@ static const char *base_name(const char *path)
     return slash ? slash + 1 : path;
 }
 
-// A regular file: a pipe that nobody fills would be waited for. NULL, and in *why the reason.
+// Open a regular file. Return NULL with the reason in *why if it cannot be opened. A pipe is refused, because reading
+// it might wait forever.
 static FILE *open_file(const char *path, const char **why)
 {
     struct stat there;
@@ -42,7 +43,8 @@ static FILE *open_file(const char *path, const char **why)
     return file;
 }
 
-// The bytes of a file of that kind, one more than are read of any if it is too large. NULL and one line in error.
+// Return the bytes of a file; kind: for the error message. A file that is too large gives one byte more than the limit.
+// Return NULL with one line in error if it cannot be read.
 static char *load_file(const char *path, const char *kind, size_t *size, char *error, size_t error_size)
 {
     const char *why = NULL;
@@ -64,9 +66,10 @@ static kn_mark mark_of(const reader *r, yaml_mark_t m)
     return (kn_mark){.source = r->source, .line = (int)m.line + 1, .col = (int)m.column + 1};
 }
 
+// Return the place of the current event.
 static kn_mark here(const reader *r) { return mark_of(r, r->event.start_mark); }
 
-// libyaml gives no mark for bytes it cannot decode, only their offset
+// Return the place of a byte. For bytes that libyaml cannot decode, it gives only their offset, no mark.
 static kn_mark mark_at(const reader *r, size_t offset)
 {
     kn_mark mark = {.source = r->source, .line = 1, .col = 1};
@@ -77,6 +80,7 @@ static kn_mark mark_at(const reader *r, size_t offset)
     return mark;
 }
 
+// Report an error of libyaml.
 static bool complain_yaml(reader *r)
 {
     const yaml_parser_t *p = &r->parser;
@@ -87,7 +91,8 @@ static bool complain_yaml(reader *r)
                              p->problem ? p->problem : "out of memory");
 }
 
-// Aliases, anchors and tags have no use in a scene and are refused before they can multiply.
+// Return true if an event has no alias, anchor or tag. They have no use in a scene, and aliases could multiply the
+// input.
 static bool plain(const yaml_event_t *e)
 {
     switch (e->type) {
@@ -99,7 +104,7 @@ static bool plain(const yaml_event_t *e)
     }
 }
 
-// Moves on to the next event.
+// Move on to the next event.
 static bool next(reader *r)
 {
     yaml_event_delete(&r->event);
@@ -108,13 +113,14 @@ static bool next(reader *r)
            kn_draft_complain(r->draft, here(r), "anchors, aliases and tags are not read, expected a plain value");
 }
 
+// Name the kind of the current event for error messages.
 static const char *kind_of(const reader *r)
 {
     if (r->event.type == YAML_MAPPING_START_EVENT) return "a mapping";
     return r->event.type == YAML_SEQUENCE_START_EVENT ? "a list" : "a value";
 }
 
-// The scalar at hand, if it is short printable ASCII; else NULL.
+// Return the current scalar if it is short printable ASCII, else NULL.
 static const char *scalar(const reader *r, size_t most)
 {
     if (r->event.type != YAML_SCALAR_EVENT || r->event.data.scalar.length >= most) return NULL;
@@ -124,6 +130,7 @@ static const char *scalar(const reader *r, size_t most)
     return s;
 }
 
+// Report a problem with the value of a key, with the values that the key expects.
 static bool complain_key(reader *r, kn_mark mark, const kn_key *key, const char *problem)
 {
     char path[KN_LINE_MAX], expects[KN_LINE_MAX];
@@ -132,7 +139,7 @@ static bool complain_key(reader *r, kn_mark mark, const kn_key *key, const char 
                              kn_key_expects(key, expects));
 }
 
-// Copies the scalar at hand into text.
+// Copy the current scalar into text.
 static bool take_value(reader *r, const kn_key *key, char text[VALUE_MAX_BYTES])
 {
     const char *s = scalar(r, VALUE_MAX_BYTES);
@@ -142,7 +149,7 @@ static bool take_value(reader *r, const kn_key *key, char text[VALUE_MAX_BYTES])
     return true;
 }
 
-// A path may be longer than other values, and have letters beyond ASCII.
+// Read a path. A path may be longer than other values and may have characters beyond ASCII.
 static bool read_path(reader *r, const kn_key *key)
 {
     char path[KN_PATH_MAX], problem[KN_LINE_MAX];
@@ -153,13 +160,14 @@ static bool read_path(reader *r, const kn_key *key)
     if (size >= sizeof path) return complain_key(r, mark, key, "too long");
     memcpy(path, r->event.data.scalar.value, size + 1);
     kn_key_id id = (kn_key_id)(key - kn_keys);
-    if (strlen(path) != size) return complain_key(r, mark, key, "not text");
+    if (strlen(path) != size) return complain_key(r, mark, key, "not text"); // a NUL within
     if (!kn_key_read(key, kn_draft_field(r->draft, r->slot, id), &text, 1, NULL, problem))
         return complain_key(r, mark, key, problem);
     r->draft->at[r->slot][id] = mark;
     return true;
 }
 
+// Read the value of a key: one scalar, or a list of scalars.
 static bool read_leaf(reader *r, const kn_key *key)
 {
     if (key->type == KN_TYPE_PATH) return read_path(r, key);
@@ -178,6 +186,7 @@ static bool read_leaf(reader *r, const kn_key *key)
     } else if (!take_value(r, key, text[count++])) {
         return false;
     }
+    // store the value and its place
     kn_key_id id = (kn_key_id)(key - kn_keys);
     if (!kn_key_read(key, kn_draft_field(r->draft, r->slot, id), texts, count, &mark.per_height, problem))
         return complain_key(r, mark, key, problem);
@@ -188,7 +197,7 @@ static bool read_leaf(reader *r, const kn_key *key)
 static bool read_node(reader *r, const char *path);
 static bool read_text(kn_draft *draft, int source, int slot, const char *path, const char *text, size_t size);
 
-// Remembers where the mapping of a group stands: a key missing in it is reported there.
+// Store the place of a mapping for all keys below it: a key that is missing in it is reported there.
 static void mark_group(reader *r, const char *path)
 {
     size_t size = strlen(path);
@@ -197,6 +206,7 @@ static void mark_group(reader *r, const char *path)
             r->draft->group[r->slot][id] = here(r);
 }
 
+// Read a mapping. Its keys must exist in the key table, and each may occur once.
 static bool read_mapping(reader *r, const char *path)
 {
     char seen[KN_KEY_COUNT][NAME_MAX_BYTES], below[KN_LINE_MAX], hint[KN_LINE_MAX];
@@ -208,11 +218,13 @@ static bool read_mapping(reader *r, const char *path)
         kn_mark mark = here(r);
         const char *name = scalar(r, NAME_MAX_BYTES);
         if (!name) return kn_draft_complain(r->draft, mark, "not a key, expected a short name");
+        // refuse a key that is there twice
         for (int i = 0; i < count; i++)
             if (strcmp(seen[i], name) == 0)
                 return kn_draft_complain(r->draft, mark, "'%s' is there already, in line %d, expected it once", name,
                                          lines[i]);
         snprintf(below, sizeof below, "%s%s%s", path, *path ? "." : "", name);
+        // refuse an unknown key, with a suggestion
         bool is_group;
         if (strchr(name, '.'))
             return kn_draft_complain(r->draft, mark, "'%s' has a dot, expected a mapping (dots are for --set)", name);
@@ -224,6 +236,7 @@ static bool read_mapping(reader *r, const char *path)
     }
 }
 
+// Read the list of probes. A --set can change only one key of one probe.
 static bool read_probes(reader *r)
 {
     if (r->source >= 0)
@@ -244,6 +257,7 @@ static bool read_probes(reader *r)
     }
 }
 
+// Parse the text of a material's file and copy its values into the draft.
 static bool take_material(reader *r, const char *file, const char *text, size_t size, int variant, kn_mark mark)
 {
     kn_draft material;
@@ -253,8 +267,8 @@ static bool take_material(reader *r, const char *file, const char *text, size_t 
            kn_library_take(r->draft, &material, variant, mark);
 }
 
-// The text of a file of the user's, seen from the scene's folder, or from the working directory when --set names it, and
-// its path. NULL after a complaint.
+// Load a user's file of a material or device, and store its path. The name is relative to the scene's folder, or to the
+// working directory if a --set names the file. Return NULL after an error.
 static char *load_part(reader *r, const char *name, const char *kind, kn_mark mark,
                        char path[KN_PATH_MAX + VALUE_MAX_BYTES], size_t *size)
 {
@@ -277,13 +291,13 @@ static bool read_material_file(reader *r, const char *name, kn_mark mark)
     return ok;
 }
 
-// The rest of what the profile's file says of a device.
+// Take the keys that the scene does not give from the file of the device's profile.
 static bool read_profile(kn_draft *draft)
 {
     char name[KN_LINE_MAX];
     kn_draft profile;
     kn_mark mark = draft->at[0][KN_KEY_PROFILE];
-    if (mark.source == KN_SOURCE_DEFAULT) return true; // that is what is missing
+    if (mark.source == KN_SOURCE_DEFAULT) return true; // kn_draft_finish reports the missing profile
     mark.library = true;
     kn_key_print(&kn_keys[KN_KEY_PROFILE], &draft->profile, name);
     const kn_library_entry *e = kn_devices;
@@ -294,7 +308,7 @@ static bool read_profile(kn_draft *draft)
            kn_draft_take_device(draft, &profile, mark);
 }
 
-// A device by the name of its profile, or of a file of the user's.
+// Read a device that is given by the name of its profile or of a user's file.
 static bool read_device(reader *r)
 {
     kn_mark mark = here(r);
@@ -310,12 +324,13 @@ static bool read_device(reader *r)
     part.is_part = true;
     bool ok = read_text(&part, KN_SOURCE_FILE, 0, "", text, size) && kn_draft_take_device(r->draft, &part, mark);
     free(text);
+    // a key that is missing in the file is reported at the file's name
     for (kn_key_id id = 0; ok && id < KN_KEY_PROBE_NAME; id++)
-        if (strncmp(kn_keys[id].path, "device.", 7) == 0) r->draft->group[0][id] = mark; // what is missing is there
+        if (strncmp(kn_keys[id].path, "device.", 7) == 0) r->draft->group[0][id] = mark;
     return ok;
 }
 
-// A material by its name.
+// Read a material that is given by its name or by a user's file.
 static bool read_material(reader *r)
 {
     int variant;
@@ -331,9 +346,10 @@ static bool read_material(reader *r)
                              name ? name : "", kn_library_names(names));
 }
 
-// The list of what a union is made of; --set has one key of one of them at a time.
+// Read the list of a union's parts. A --set can change only one key of one part.
 static bool read_parts(reader *r)
 {
+    // r->slot is the slot of the part while a part is read, else that of the probe
     const int slot = r->slot, probe = slot - 1;
     if (r->source >= 0)
         return kn_draft_complain(r->draft, here(r), "expected one key of one part, e.g. probes.pin.parts.1.radius");
@@ -353,7 +369,8 @@ static bool read_parts(reader *r)
     }
 }
 
-// Reads what stands at a path that exists: a value, a mapping, the list of probes.
+// Read the node at an existing path: a value, a mapping, a list of probes or parts, or a short form. The short forms
+// are one word for device, quality or material.
 static bool read_node(reader *r, const char *path)
 {
     bool is_group;
@@ -369,6 +386,7 @@ static bool read_node(reader *r, const char *path)
     return kn_draft_complain(r->draft, here(r), "%s: %s, expected a mapping", path, kind_of(r));
 }
 
+// Read a whole text: a scene, part of a scene, or the value of a --set at a path.
 static bool read_document(reader *r, const char *path)
 {
     do // stream start, document start
@@ -380,6 +398,7 @@ static bool read_document(reader *r, const char *path)
         r->draft->is_part ? "keys of a material or a device" : "a scene that begins with 'version: 1'";
     if (r->event.type == YAML_STREAM_END_EVENT)
         return kn_draft_complain(r->draft, here(r), "empty, expected %s", expected);
+    // the one document, and nothing after it
     bool mapping = r->event.type == YAML_MAPPING_START_EVENT;
     if (*path == '\0' && !mapping) return kn_draft_complain(r->draft, here(r), "%s, expected %s", kind_of(r), expected);
     if (!(*path ? read_node(r, path) : read_mapping(r, path))) return false;
@@ -388,6 +407,7 @@ static bool read_document(reader *r, const char *path)
            kn_draft_complain(r->draft, here(r), "a second document, expected one scene per file");
 }
 
+// Parse a text into a slot of the draft. `path`: "" for a scene, else the key or group that a --set names.
 static bool read_text(kn_draft *draft, int source, int slot, const char *path, const char *text, size_t size)
 {
     reader r = {.draft = draft, .source = source, .slot = slot, .text = text, .size = size};
@@ -401,7 +421,7 @@ static bool read_text(kn_draft *draft, int source, int slot, const char *path, c
     return ok;
 }
 
-// ".parts.2.radius" of the probe in *slot -> ".parts.N.radius" and the slot of that part. Other text stays.
+// Turn ".parts.2.radius" of the probe in *slot into ".parts.N.radius" and the slot of that part. Copy any other text.
 static bool find_part(kn_draft *draft, kn_mark mark, const char *rest, char generic[KN_LINE_MAX], int *slot)
 {
     const char *number = rest + strlen(".parts."), *end = number;
@@ -416,7 +436,7 @@ static bool find_part(kn_draft *draft, kn_mark mark, const char *rest, char gene
     return true;
 }
 
-// "probes.plate.size" -> "probes.NAME.size" and the slot of that probe or part.
+// Turn "probes.plate.size" into "probes.NAME.size" and the slot of that probe or part.
 static bool find_probe(kn_draft *draft, kn_mark mark, char path[KN_LINE_MAX], int *slot)
 {
     const kn_model_def *def = &draft->scene.model;
@@ -433,6 +453,7 @@ static bool find_probe(kn_draft *draft, kn_mark mark, char path[KN_LINE_MAX], in
     return true;
 }
 
+// Apply one --set: find its key, then parse its value as YAML.
 static bool read_set(kn_draft *draft, int number)
 {
     const char *set = draft->sets[number], *equals = strchr(set, '=');
@@ -449,7 +470,8 @@ static bool read_set(kn_draft *draft, int number)
     return read_text(draft, number, slot, path, equals + 1, strlen(equals + 1));
 }
 
-// Of the text without the lines that say where meshes lie: the object's, and those of tools.
+// Hash the canonical text without the lines that tell where meshes are, those of the object and of tools. So a scene
+// keeps its hash when its files move.
 static uint64_t hash_text(const char *text)
 {
     uint64_t hash = KN_HASH_SEED;
@@ -464,6 +486,7 @@ static uint64_t hash_text(const char *text)
     }
 }
 
+// Free the mesh and the tools that a scene owns.
 static void release(kn_scene *scene)
 {
     kn_simplices_destroy(scene->mesh);
@@ -485,6 +508,7 @@ kn_scene *kn_scene_parse_beside(const char *beside, const char *name, const char
     kn_draft draft;
     kn_draft_init(&draft, name, sets, error, error_size);
     draft.beside = beside;
+    // read the file first, then the --sets, which replace the file's values, then the profile for the remaining keys
     kn_mark start = draft.group[0][KN_KEY_VERSION];
     bool ok = size <= FILE_MAX_BYTES || kn_draft_complain(&draft, start, "larger than 1 MiB, expected a scene");
     ok = ok && read_text(&draft, KN_SOURCE_FILE, 0, "", text, size);

@@ -8,12 +8,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct corner { // of the soup of triangles that a file is
+typedef struct corner { // corner of a triangle in the file, before equal corners are merged
     double x[3];
     int number; // 3 triangle + k
 } corner;
 
-typedef struct place { // of a triangle in the file
+typedef struct place { // place of a triangle in the file
     size_t at;
     int number; // from 1
 } place;
@@ -27,6 +27,7 @@ typedef struct reader {
 
 #define complain(r, ...) kn_words_complain(&(r)->words, __VA_ARGS__)
 
+// Return true if the path has the ending, in upper or lower case.
 static bool ends_in(const char *path, const char *end)
 {
     size_t size = strlen(path), tail = strlen(end);
@@ -37,10 +38,12 @@ static bool ends_in(const char *path, const char *end)
 
 bool kn_shell_named(const char *path) { return ends_in(path, ".obj") || ends_in(path, ".stl"); }
 
+// Add a triangle that begins at byte `at`.
 static bool add(reader *r, size_t at, const double x[3][3])
 {
     if (r->triangles == KN_SHELL_TRIANGLES_MAX)
         return complain(r, at, "more triangles than %d, expected a coarser surface", KN_SHELL_TRIANGLES_MAX);
+    // double the room; both arrays grow together
     if (r->triangles == r->room) {
         int room = r->room ? 2 * r->room : 1024;
         corner *more = realloc(r->corner, 3 * (size_t)room * sizeof *more);
@@ -53,7 +56,7 @@ static bool add(reader *r, size_t at, const double x[3][3])
     for (int k = 0; k < 3; k++) {
         corner *c = &r->corner[3 * r->triangles + k];
         c->number = 3 * r->triangles + k;
-        for (int i = 0; i < 3; i++) c->x[i] = x[k][i] + 0.0; // no -0: it is where 0 is
+        for (int i = 0; i < 3; i++) c->x[i] = x[k][i] + 0.0; // -0 becomes 0, so that memcmp finds equal corners
     }
     r->place[r->triangles] = (place){at, r->triangles + 1};
     r->triangles++;
@@ -62,11 +65,13 @@ static bool add(reader *r, size_t at, const double x[3][3])
 
 // ---- STL
 
-enum { STL_HEAD = 84, STL_EACH = 50 }; // 80 bytes of anything and a count; normal, three corners, two bytes
+enum { STL_HEAD = 84, STL_EACH = 50 }; // head: 80 free bytes and a count; each: normal, three corners, two bytes
 
-// Text has no NUL; 80 bytes of anything may well begin with the word by which text begins.
+// Return true if the file is a binary STL. Text has no NUL byte. The first word is no test, because the free bytes of a
+// binary file may begin with "solid", too.
 static bool is_binary_stl(const kn_words *w) { return memchr(w->bytes, 0, w->size < STL_HEAD ? w->size : STL_HEAD); }
 
+// Read a binary STL. Its size must match its count; the normals are ignored.
 static bool read_binary_stl(reader *r)
 {
     uint32_t count = 0;
@@ -88,6 +93,7 @@ static bool read_binary_stl(reader *r)
     return true;
 }
 
+// Read a text STL. Only facet, vertex and endfacet matter; other words are skipped.
 static bool read_text_stl(reader *r)
 {
     char text[KN_WORD_MAX];
@@ -97,7 +103,7 @@ static bool read_text_stl(reader *r)
     r->words.section = "a facet";
     if (kn_words_next(&r->words, text) == 0 || strcmp(text, "solid") != 0)
         return complain(r, r->words.begun, "no STL: neither binary nor text, expected 'solid'");
-    while (r->words.at < r->words.size && r->words.bytes[r->words.at] != '\n') r->words.at++; // its name
+    while (r->words.at < r->words.size && r->words.bytes[r->words.at] != '\n') r->words.at++; // skip the solid's name
     while (kn_words_next(&r->words, text) > 0) {
         if (strcmp(text, "facet") == 0) at = r->words.begun, corners = 0;
         if (strcmp(text, "endfacet") == 0 && corners != 3)
@@ -114,17 +120,19 @@ static bool read_text_stl(reader *r)
 
 // ---- OBJ
 
-typedef struct points { // of an OBJ file, as far as it has been read
+typedef struct points { // points of an OBJ file that have been read so far
     double (*x)[3];
     long count, room;
 } points;
 
+// Return true if another word follows on the same line.
 static bool more_on_line(kn_words *w)
 {
     while (w->at < w->size && (w->bytes[w->at] == ' ' || w->bytes[w->at] == '\t' || w->bytes[w->at] == '\r')) w->at++;
     return w->at < w->size && w->bytes[w->at] != '\n' && w->bytes[w->at] != '#';
 }
 
+// Read the coordinates of a point.
 static bool add_point(reader *r, points *p)
 {
     if (p->count == p->room) {
@@ -137,7 +145,7 @@ static bool add_point(reader *r, points *p)
     return kn_words_real(&r->words, &x[0]) && kn_words_real(&r->words, &x[1]) && kn_words_real(&r->words, &x[2]);
 }
 
-// "7", "7/1/2" or "-1", the last one.
+// Read a corner of a face: "7" or "7/1/2" for point 7, "-1" for the last point so far.
 static bool take_corner(reader *r, const points *p, double x[3])
 {
     char text[KN_WORD_MAX], *end;
@@ -150,11 +158,13 @@ static bool take_corner(reader *r, const points *p, double x[3])
     return true;
 }
 
+// Read a face and split it into a fan of triangles about its first corner.
 static bool take_face(reader *r, const points *p)
 {
     size_t at = r->words.begun;
     double x[3][3];
     int corners = 0;
+    // x[0] is the first corner, x[1] the previous one, x[2] the new one
     for (; more_on_line(&r->words); corners++) {
         if (!take_corner(r, p, x[corners < 2 ? corners : 2])) return false;
         if (corners < 2) continue;
@@ -164,6 +174,7 @@ static bool take_face(reader *r, const points *p)
     return corners >= 3 || complain(r, at, "a face of %d corners, expected 3 or more", corners);
 }
 
+// Read the points and faces of an OBJ file; ignore all other lines.
 static bool read_obj_lines(reader *r, points *p)
 {
     char text[KN_WORD_MAX];
@@ -184,8 +195,9 @@ static bool read_obj(reader *r)
     return good;
 }
 
-// ---- soup -> surface
+// ---- triangles to surface
 
+// Order corners by their coordinates, equal ones by their number.
 static int by_place(const void *a, const void *b)
 {
     const corner *p = a, *q = b;
@@ -194,7 +206,7 @@ static int by_place(const void *a, const void *b)
     return p->number - q->number;
 }
 
-// Corners in one place are one vertex; a triangle that has one twice is dropped.
+// Merge corners in one place into one vertex. Drop triangles that then have a vertex twice.
 static kn_shell *weld(reader *r)
 {
     size_t corners = 3 * (size_t)r->triangles;
@@ -203,6 +215,7 @@ static kn_shell *weld(reader *r)
     s->x = malloc((corners + 1) * sizeof *s->x);
     s->triangle = malloc((corners / 3 + 1) * sizeof *s->triangle);
     if (!s->x || !s->triangle) return kn_shell_destroy(s), NULL;
+    // after sorting, equal corners are neighbours
     qsort(r->corner, corners, sizeof *r->corner, by_place);
     for (size_t i = 0; i < corners; i++) {
         const corner *c = &r->corner[i];
@@ -219,10 +232,10 @@ static kn_shell *weld(reader *r)
     return s;
 }
 
-typedef struct edge {
-    int low, high; // vertices
+typedef struct edge { // a side of a triangle
+    int low, high;    // vertices
     int triangle;
-    bool forward; // runs from low to high
+    bool forward; // the triangle runs along it from low to high
 } edge;
 
 static int by_vertices(const void *a, const void *b)
@@ -235,6 +248,7 @@ static int by_vertices(const void *a, const void *b)
 
 static bool same_edge(const edge *p, const edge *q) { return p->low == q->low && p->high == q->high; }
 
+// List the three sides of every triangle.
 static void list_edges(const kn_shell *s, edge *e)
 {
     for (int t = 0; t < s->triangle_count; t++)
@@ -245,18 +259,20 @@ static void list_edges(const kn_shell *s, edge *e)
         }
 }
 
+// Return the representative of a triangle's part (union-find with path halving).
 static int root_of(int *parent, int t)
 {
     while (parent[t] != t) t = parent[t] = parent[parent[t]];
     return t;
 }
 
-// Two triangles at every edge, in opposite directions; joins them into parts.
+// Check that every edge has two triangles, in opposite directions. Join the triangles into connected parts.
 static bool check_edges(reader *r, const kn_shell *s, const edge *e, int *parent)
 {
     int count = 3 * s->triangle_count, open = 0, first = -1;
     for (int t = 0; t < s->triangle_count; t++) parent[t] = t;
     for (int i = 0, n; i < count; i += n) {
+        // n triangles share this edge
         for (n = 1; i + n < count && same_edge(&e[i], &e[i + n]);) n++;
         int a = e[i].triangle, b = e[i + (n > 1)].triangle;
         const place *p = &r->place[a], *q = &r->place[b];
@@ -266,6 +282,7 @@ static bool check_edges(reader *r, const kn_shell *s, const edge *e, int *parent
         if (n == 2 && e[i].forward == e[i + 1].forward)
             return complain(r, q->at, "triangles %d and %d face opposite ways, expected all to face outwards",
                             p->number, q->number);
+        // an open edge is reported at the end, with the first triangle that has one
         if (n == 1 && (open++ == 0 || a < first)) first = a;
         parent[root_of(parent, b)] = root_of(parent, a);
     }
@@ -276,6 +293,7 @@ static bool check_edges(reader *r, const kn_shell *s, const edge *e, int *parent
                     open, r->place[first].number);
 }
 
+// Check that all triangles belong to one part.
 static bool check_parts(reader *r, const kn_shell *s, int *parent)
 {
     int parts = 0, other = 0;
@@ -289,6 +307,7 @@ static bool check_parts(reader *r, const kn_shell *s, int *parent)
                                   parts, r->place[other].number);
 }
 
+// Check that the surface is closed, consistently wound and one part.
 static bool check(reader *r, const kn_shell *s)
 {
     if (s->triangle_count == 0) return complain(r, 0, "no triangles, expected a closed surface");
@@ -307,6 +326,8 @@ static bool check(reader *r, const kn_shell *s)
     return good;
 }
 
+// Compute extent and volume. The volume is the sum of signed tetrahedra between the triangles and one corner of the
+// box.
 static void measure(kn_shell *s)
 {
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
@@ -317,7 +338,7 @@ static void measure(kn_shell *s)
         }
     s->extent = fmax(high[0] - low[0], fmax(high[1] - low[1], high[2] - low[2]));
     for (int t = 0; t < s->triangle_count; t++) {
-        double a[3], b[3], c[3]; // corners seen from the box: the triangle's tetrahedron with its low corner
+        double a[3], b[3], c[3]; // corners of the triangle, from the low corner of the box
         for (int k = 0; k < 3; k++) {
             a[k] = s->x[s->triangle[t][0]][k] - low[k];
             b[k] = s->x[s->triangle[t][1]][k] - low[k];
@@ -327,9 +348,10 @@ static void measure(kn_shell *s)
                       a[2] * (b[0] * c[1] - b[1] * c[0])) /
                      6;
     }
-    s->volume = fabs(s->volume); // inside out is closed too
+    s->volume = fabs(s->volume); // a surface that is inside out is closed, too
 }
 
+// Read the triangles in the format that the name's ending tells.
 static bool read_file(reader *r)
 {
     if (ends_in(r->words.name, ".obj")) return read_obj(r);
@@ -346,6 +368,7 @@ kn_shell *kn_shell_read(const char *name, const void *bytes, size_t size, char *
         kn_shell_destroy(s);
         s = NULL;
     }
+    // a closed surface without volume is flat
     if (s) measure(s);
     if (s && !(s->volume > 1e-9 * s->extent * s->extent * s->extent)) {
         complain(&r, 0, "the surface encloses nothing, expected a body of some volume");
@@ -374,8 +397,9 @@ void kn_shell_destroy(kn_shell *shell)
     free(shell);
 }
 
-// ---- for the programs
+// ---- output for gmsh and tetgen
 
+// Close the file and return true if everything was written.
 static bool finish(FILE *f)
 {
     bool good = f && !ferror(f);

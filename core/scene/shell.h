@@ -1,11 +1,12 @@
 #ifndef KN_CORE_SCENE_SHELL_H
 #define KN_CORE_SCENE_SHELL_H
-// The closed surface of a solid as triangles, from an OBJ or STL file (text or binary): what `knead mesh` fills with
-// tetrahedra, and a tool's shape (core/field.h). Corners in one place become one vertex, polygons become fans, triangles without area are dropped.
+// The closed surface of a solid as triangles, from an OBJ or STL file (text or binary). `knead mesh` fills it with
+// tetrahedra, and a tool may have it as its shape (core/field.h). Corners in one place become one vertex. Polygons
+// become fans of triangles. Triangles in which two corners are one vertex are dropped.
 //
-// It must hold water: every edge belongs to two triangles that see it in opposite directions, and there is one such
-// surface, since what lies between two of them is a matter of opinion. What is wrong is said with the place of a
-// triangle in the file, `file:line:col: what is wrong, what was expected`; triangles are counted from 1.
+// The surface must be watertight: every edge belongs to two triangles, which run along it in opposite directions. There
+// must be only one closed surface, because it is unclear whether the space between two of them is solid. An error names
+// the place of a triangle in the file, `file:line:col: what is wrong, what was expected`. Triangles count from 1.
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -14,21 +15,22 @@ typedef struct kn_shell {
     double (*x)[3]; // in the file's unit
     int triangle_count;
     int (*triangle)[3];
-    double volume; // inside; unit cubed
+    double volume; // enclosed volume, unit cubed
     double extent; // longest side of the box around it
 } kn_shell;
 
 #define KN_SHELL_TRIANGLES_MAX (1 << 20)
 
-// Whether the name ends in .obj or .stl, in either case.
+// Return true if the name ends in .obj or .stl, in upper or lower case.
 bool kn_shell_named(const char *path);
 
-// NULL and one line in error when anything is wrong. The name says which format it is.
+// Read a surface from bytes or from a file. The name's ending tells the format. Return NULL with one line in error if
+// anything is wrong.
 kn_shell *kn_shell_read(const char *name, const void *bytes, size_t size, char *error, size_t error_size);
 kn_shell *kn_shell_load(const char *path, char *error, size_t error_size);
 void kn_shell_destroy(kn_shell *shell); // NULL is fine
 
-// For gmsh and for tetgen. False when the file cannot be written.
+// Write a surface for gmsh (STL) or for tetgen (OFF). Return false if the file cannot be written.
 bool kn_shell_write_stl(const kn_shell *shell, const char *path);
 bool kn_shell_write_off(const kn_shell *shell, const char *path);
 

@@ -6,11 +6,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define GF_NEWTON 9.80665               // of 1 kgf, N: standard gravity, exact by definition
-#define ATM_PASCAL 1.01325              // of 1 atm, 1e5 Pa: exact by definition
-#define DEG_RADIAN 0.017453292519943295 // of 1 deg
+// Factors that are no powers of ten. They are multiplied in once, in kn_quantity_in.
+#define GF_NEWTON 9.80665               // 1 kgf in N: standard gravity, exact by definition
+#define ATM_PASCAL 1.01325              // 1 atm in 1e5 Pa: exact by definition
+#define DEG_RADIAN 0.017453292519943295 // 1 deg in rad
 
-enum { FACTORS_MAX = 8, EXPONENT_MAX = 9999 }; // far beyond any real quantity; they keep every int small
+enum { FACTORS_MAX = 8, EXPONENT_MAX = 9999 }; // far beyond any real quantity; they keep all integers small
 
 static const struct {
     const char *name;
@@ -39,6 +40,7 @@ static const struct {
     {"deg", {.rad = 1, .deg = 1}},
 };
 
+// Multiply a unit by a power of another one.
 static void multiply(kn_unit *u, const kn_unit *by, int power)
 {
     u->m += by->m * power;
@@ -51,6 +53,7 @@ static void multiply(kn_unit *u, const kn_unit *by, int power)
     u->deg += by->deg * power;
 }
 
+// Return the unit of a name, or NULL. "1" is a unit, too, as in "1/Pa".
 static const kn_unit *find(const char *name, size_t size)
 {
     static const kn_unit one = {0};
@@ -60,13 +63,14 @@ static const kn_unit *find(const char *name, size_t size)
     return NULL;
 }
 
+// Print an error that quotes at most 24 characters of the text. Always return false.
 static bool fail(char *error, size_t size, const char *format, const char *text, int length)
 {
     snprintf(error, size, format, length > 24 ? 24 : length, text);
     return false;
 }
 
-// Reads "^-2" at *p if it is there; leaves *power at 1 if not.
+// Read a power such as "^-2" at *p. Without one, *power is 1. A power has one digit.
 static bool read_power(const char **p, int *power)
 {
     *power = 1;
@@ -86,6 +90,7 @@ bool kn_unit_parse(kn_unit *unit, const char *text, char *error, size_t error_si
     const char *p = text + strspn(text, " ");
     int sign = 1;
     for (int factor = 0;; factor++) {
+        // a name with its power
         size_t size = 0;
         while (isalnum((unsigned char)p[size])) size++;
         if (*p == '%') size = 1;
@@ -98,6 +103,7 @@ bool kn_unit_parse(kn_unit *unit, const char *text, char *error, size_t error_si
         p += size;
         if (!read_power(&p, &power)) return fail(error, error_size, "no one-digit power after '%.*s'", name, (int)size);
         multiply(unit, found, sign * power);
+        // the operator before the next factor: "/", "*" or a space, but no space after an earlier "/"
         size_t spaces = strspn(p, " ");
         p += spaces;
         if (*p == '\0') return true;
@@ -110,7 +116,7 @@ bool kn_unit_parse(kn_unit *unit, const char *text, char *error, size_t error_si
     }
 }
 
-// Digits with one optional point; returns how many characters, 0 if there is no digit.
+// Scan digits with one optional point. Return the number of characters, 0 if there is no digit.
 static size_t scan_digits(const char *p)
 {
     size_t n = strspn(p, "0123456789"), fraction = 0;
@@ -121,11 +127,13 @@ static size_t scan_digits(const char *p)
 
 bool kn_quantity_parse(kn_quantity *q, const char *text, char *error, size_t error_size)
 {
+    // the digits stay text, so that kn_quantity_in rounds only once
     *q = (kn_quantity){.bare = true};
     const char *p = text + (*text == '-' || *text == '+');
     size_t size = scan_digits(p);
     if (size == 0) return fail(error, error_size, "'%.*s' is not a finite number", text, 24);
     p += size;
+    // sign and digits, then the exponent, then the unit
     if (p - text >= (int)sizeof q->digits) return fail(error, error_size, "'%.*s...' has too many digits", text, 24);
     memcpy(q->digits, text, (size_t)(p - text));
     if (*p == 'e' || *p == 'E') {
@@ -150,9 +158,11 @@ bool kn_unit_same_dimension(const kn_unit *a, const kn_unit *b)
 
 double kn_quantity_in(const kn_quantity *q, const kn_unit *unit)
 {
+    // all powers of ten go into the exponent before the one rounding of strtod
     char number[sizeof q->digits + 16];
     snprintf(number, sizeof number, "%se%d", q->digits, q->exponent + q->unit.ten - unit->ten);
     double value = strtod(number, NULL);
+    // the other factors, by the difference of their powers
     for (int i = q->unit.gf - unit->gf; i > 0; i--) value *= GF_NEWTON;
     for (int i = q->unit.gf - unit->gf; i < 0; i++) value /= GF_NEWTON;
     for (int i = q->unit.atm - unit->atm; i > 0; i--) value *= ATM_PASCAL;

@@ -1,17 +1,19 @@
 #ifndef KN_CORE_SCENE_UNITS_H
 #define KN_CORE_SCENE_UNITS_H
-// Quantities as people write them: "470 gf/cm^3", "2500 gf s/cm^3", "5 mm", "9.81 m/s^2", "8.3e-4 1/Pa".
+// Quantities in ordinary notation: "470 gf/cm^3", "2500 gf s/cm^3", "5 mm", "9.81 m/s^2", "8.3e-4 1/Pa".
 //
 //     quantity = number [unit]
 //     unit     = factor { ("*" | " " | "/") factor }        left to right: "gf/cm^2*s" is (gf/cm^2) s
 //     factor   = ("1" | name) ["^" integer]
 //
-// A space multiplies only before the first "/": "kg/m s^2" means two things to two readers and is refused.
-// Names, case-sensitive: m cm mm um, s ms us, Hz, kg g, N mN gf kgf, Pa kPa MPa atm, rad deg.
-// 1 gf = 9.80665e-3 N, 1 atm = 101325 Pa exactly. An angle is a dimension of its own: no friction is 30 deg.
+// A space multiplies only before the first "/": "kg/m s^2" is ambiguous and is refused.
+// Names, case-sensitive: m cm mm um, s ms us, Hz, kg g, N mN gf kgf, Pa kPa MPa atm, rad deg, %.
+// 1 gf = 9.80665e-3 N, 1 atm = 101325 Pa exactly. An angle is a dimension of its own, so a friction of 30 deg is
+// refused.
 //
-// Every unit but gf, kgf, atm and deg is a power of ten of its SI unit, so the power is added to the number's exponent before the
-// one rounding of strtod: "5 mm", "0.5 cm" and "0.005 m" are the same bits, and so are files in cm and in m.
+// Every unit except gf, kgf, atm and deg is its SI unit times a power of ten. The power is added to the number's
+// exponent before strtod rounds once. So "5 mm", "0.5 cm" and "0.005 m" give the same bits, and files in cm and in m
+// do, too.
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -23,18 +25,19 @@ typedef struct kn_unit { // 10^ten 9.80665^gf 1.01325^atm (pi/180)^deg  m^m kg^k
 
 typedef struct kn_quantity {
     char digits[48]; // sign, digits, point; without the exponent
-    int exponent;    // of ten, as written
-    bool bare;       // a number without a unit
-    kn_unit unit;    // dimensionless when bare
+    int exponent;    // exponent of ten, as written
+    bool bare;       // the number has no unit
+    kn_unit unit;    // dimensionless if bare
 } kn_quantity;
 
-// False and one clause in error, e.g. "unknown unit 'kpa'": what is wrong with the text.
+// Parse a text. On failure return false with one clause in error, e.g. "unknown unit 'kpa'".
 bool kn_unit_parse(kn_unit *unit, const char *text, char *error, size_t error_size);
 bool kn_quantity_parse(kn_quantity *q, const char *text, char *error, size_t error_size);
 
 bool kn_unit_same_dimension(const kn_unit *a, const kn_unit *b);
 
-// The quantity in multiples of unit, which must have its dimension (or q is bare). Infinite beyond a double's range.
+// Return the quantity in multiples of unit. unit must have q's dimension unless q is bare. Infinite beyond a double's
+// range.
 double kn_quantity_in(const kn_quantity *q, const kn_unit *unit);
 
 #endif

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Grows with what there is to read: the size of a pipe is not known.
+// Read a whole file. The buffer grows while reading, because the size of a pipe is not known.
 static unsigned char *read_all(FILE *file, size_t *size)
 {
     unsigned char *bytes = NULL;
@@ -22,6 +22,7 @@ static unsigned char *read_all(FILE *file, size_t *size)
         *size += fread(bytes + *size, 1, room - *size, file);
     }
     if (feof(file) && *size <= KN_WORDS_MAX_BYTES) return bytes;
+    // set errno for the message: too large, or memory is short
     if (!ferror(file)) errno = *size > KN_WORDS_MAX_BYTES ? EFBIG : ENOMEM;
     free(bytes);
     return NULL;
@@ -40,6 +41,7 @@ bool kn_words_complain(kn_words *w, size_t at, const char *format, ...)
 {
     char what[512], byte[40] = "";
     int line = 1, col = 1;
+    // text: count lines up to the byte
     for (size_t i = 0; i < at && i < w->size && !w->binary; i++) {
         col = w->bytes[i] == '\n' ? 1 : col + 1;
         line += w->bytes[i] == '\n';
@@ -59,6 +61,7 @@ size_t kn_words_next(kn_words *w, char text[KN_WORD_MAX])
 {
     while (w->at < w->size && is_space(w->bytes[w->at])) w->at++;
     w->begun = w->at;
+    // a word that is too long is cut, but its whole length is returned
     while (w->at < w->size && !is_space(w->bytes[w->at])) w->at++;
     size_t length = w->at - w->begun, kept = length < KN_WORD_MAX ? length : KN_WORD_MAX - 1;
     memcpy(text, w->bytes + w->begun, kept);
@@ -66,11 +69,13 @@ size_t kn_words_next(kn_words *w, char text[KN_WORD_MAX])
     return length;
 }
 
+// Report that the file ends too early.
 static bool ended(kn_words *w, const char *what)
 {
     return kn_words_complain(w, w->size, "the file ends within %s, expected %s", w->section, what);
 }
 
+// Read bytes as they are in a binary file.
 static bool raw(kn_words *w, void *value, size_t bytes, const char *what)
 {
     w->begun = w->at;
@@ -80,6 +85,7 @@ static bool raw(kn_words *w, void *value, size_t bytes, const char *what)
     return true;
 }
 
+// Read an integer that is written as text, of at most 18 digits, so that it fits a long.
 static bool written_integer(kn_words *w, long *value, const char *what)
 {
     char text[KN_WORD_MAX];
@@ -92,6 +98,7 @@ static bool written_integer(kn_words *w, long *value, const char *what)
     return true;
 }
 
+// Read an integer of a binary file, of 4 or 8 bytes.
 static bool raw_integer(kn_words *w, kn_width width, long *value, const char *what)
 {
     int32_t narrow = 0;
@@ -117,6 +124,7 @@ bool kn_words_real(kn_words *w, double *value)
     } else {
         size_t length = kn_words_next(w, text);
         if (length == 0) return ended(w, "a coordinate");
+        // text that is no number, or longer than a word may be, counts as NaN
         *value = length < KN_WORD_MAX ? strtod(text, &end) : NAN;
         if (end == text || *end != '\0') *value = NAN;
     }
@@ -125,6 +133,7 @@ bool kn_words_real(kn_words *w, double *value)
 
 bool kn_words_room(kn_words *w, long count, size_t each, const char *what)
 {
+    // a division, because count * each might overflow
     size_t left = (w->size - w->at) / each;
     if (count >= 0 && (size_t)count <= left) return true;
     return kn_words_complain(w, w->begun, "%ld %s are declared, but the file has room for %zu at most", count, what,
@@ -134,6 +143,7 @@ bool kn_words_room(kn_words *w, long count, size_t each, const char *what)
 bool kn_words_line_end(kn_words *w)
 {
     if (!w->binary) return true;
+    // "\n" or "\r\n"; binary data may begin with white space, so only one line end is taken
     if (w->at < w->size && w->bytes[w->at] == '\r') w->at++;
     if (w->at < w->size && w->bytes[w->at++] == '\n') return true;
     return kn_words_complain(w, w->at, "expected the end of the line here");
@@ -141,6 +151,7 @@ bool kn_words_line_end(kn_words *w)
 
 bool kn_words_section_end(kn_words *w)
 {
+    // the end of "$Nodes" is "$EndNodes"
     char text[KN_WORD_MAX], end[KN_WORD_MAX];
     snprintf(end, sizeof end, "$End%s", w->section + 1);
     if (kn_words_next(w, text) > 0 && strcmp(text, end) == 0) return true;
