@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-// One writer: a load and a store are enough, and cheaper than a locked add.
+// There is one writer, so a load and a store are enough. They are cheaper than a locked add.
 #define ADD(counter, n)                                                                                                \
     atomic_store_explicit(counter, atomic_load_explicit(counter, memory_order_relaxed) + (n), memory_order_relaxed)
 #define SET(value, to) atomic_store_explicit(value, to, memory_order_relaxed)
@@ -15,6 +15,7 @@ void kn_account_init(kn_account *a)
     SET(&a->success_rate, 1.0);
 }
 
+// Count a time in the histogram. The bucket number is the bit length of the time in us, up to the last bucket.
 static void count(_Atomic int64_t *histogram, int64_t ns)
 {
     int bucket = 0;
@@ -22,6 +23,7 @@ static void count(_Atomic int64_t *histogram, int64_t ns)
     ADD(&histogram[bucket], 1);
 }
 
+// Translate the flags and the fault of one probe into ERROR_* bits.
 static int32_t errors_of(const kn_force *force)
 {
     int32_t errors = 0;
@@ -35,7 +37,7 @@ static int32_t errors_of(const kn_force *force)
     return errors;
 }
 
-// The worst of all probes.
+// Return the worst mode of all probes.
 static int32_t mode_of(const kn_tick_in *in, const kn_tick_out *out)
 {
     int32_t mode = KNEAD_STATUS_T_MODE_IDLE, flags = 0;
@@ -45,12 +47,14 @@ static int32_t mode_of(const kn_tick_in *in, const kn_tick_out *out)
         mode = KNEAD_STATUS_T_MODE_RUNNING;
         flags |= out->force[p].flags;
     }
+    // The modes in falling order of severity. An emergency stop was returned above.
     if (in->stop) return KNEAD_STATUS_T_MODE_STOPPING;
     if (flags & KNEAD_CONTACT_FORCE_T_FLAG_LATCHED) return KNEAD_STATUS_T_MODE_FAULT;
     if (flags & KNEAD_CONTACT_FORCE_T_FLAG_REENGAGE_LIFT) return KNEAD_STATUS_T_MODE_RECOVERING;
     return flags & KNEAD_CONTACT_FORCE_T_FLAG_BRAKE ? KNEAD_STATUS_T_MODE_BRAKE : mode;
 }
 
+// Update the largest force and the largest change of force between two ticks, over all probes.
 static void account_forces(kn_account *a, const kn_tick_out *out)
 {
     for (int p = 0; p < out->probes; p++) {
@@ -68,7 +72,8 @@ static void account_forces(kn_account *a, const kn_tick_out *out)
 
 #define ALL_GOOD ((1 << KN_PROBES_MAX) - 1)
 
-// good: a bit per probe.
+// Shift one tick into the ring of the last KN_RECENT_TICKS ticks and update the sums over the ring. `good` has one bit
+// per probe. The bit is set if the tick was on time, and the probe had a fresh pose or no session.
 static void remember(kn_account *a, int good)
 {
     int before = a->good[a->next];
@@ -78,19 +83,21 @@ static void remember(kn_account *a, int good)
     a->next = (a->next + 1) % KN_RECENT_TICKS;
 }
 
+// Update the success rates. A missed cycle counts as a failure of every probe.
 static void account_success(kn_account *a, const kn_tick_in *in, const kn_wake *wake, int64_t ticks)
 {
     int fresh = 0;
     for (int p = 0; p < KN_PROBES_MAX; p++) fresh |= (!in->pose[p] || in->fresh[p]) << p;
     for (int i = 0; i < wake->missed && i < KN_RECENT_TICKS; i++) remember(a, 0);
     remember(a, fresh);
+    // Until the ring is full, the rates refer to the cycles since the start.
     int64_t cycles = ticks + GET(&a->missed);
     double of = (double)(cycles < KN_RECENT_TICKS ? cycles : KN_RECENT_TICKS);
     SET(&a->success_rate, (double)a->good_count / of);
     for (int p = 0; p < KN_PROBES_MAX; p++) SET(&a->probe_success[p], (double)a->probe_good[p] / of);
 }
 
-// Welford's sums.
+// Add a value to the statistics by Welford's method, which needs no second pass and loses no digits.
 static void take(kn_spread *s, double value)
 {
     double off = value - s->mean;
@@ -102,25 +109,29 @@ static void take(kn_spread *s, double value)
 
 static double deviation(const kn_spread *s) { return sqrt(s->square / (double)s->count); }
 
-// Rates of the periods: the mean is ticks over the time they took, which a short period after a long one does not
-// raise.
+// Publish the statistics of the window. The mean rate is the number of ticks divided by their total time, so that a
+// short period after a long one does not raise the mean.
 static void tell_window(kn_account *a)
 {
     const kn_spread *s = &a->busy_us, *t = &a->period_s;
     const double busy[4] = {s->mean, deviation(s), s->min, s->max};
     for (int i = 0; i < 4; i++) SET(&a->execution_us[i], busy[i]);
     if (t->count == 0) return;
+    // The deviation of 1/t follows from that of t to first order: std(1/t) = std(t) / mean(t)^2.
     const double rate[4] = {1 / t->mean, deviation(t) / (t->mean * t->mean), 1 / t->max, 1 / t->min};
     for (int i = 0; i < 4; i++) SET(&a->periodicity_hz[i], rate[i]);
 }
 
-// Windows end where the grid's number passes a whole thousand; the first one is told while it lasts.
+// Update the window statistics. A window ends where the tick number passes a multiple of KN_WINDOW_TICKS. The first
+// window is also published while it is still open, so that a reader does not see zeros for a second.
 static void account_window(kn_account *a, const kn_wake *wake, int64_t execution_ns)
 {
+    // Measure the period from the start of one tick to the start of the next.
     int64_t since_ns = wake->now_ns - a->began_ns;
     if (a->began_ns && since_ns > 0) take(&a->period_s, 1e-9 * (double)since_ns);
     take(&a->busy_us, 1e-3 * (double)execution_ns);
     a->began_ns = wake->now_ns;
+    // Missed cycles may jump over the end of a window, so compare the window numbers and not the remainder.
     bool whole = (wake->tick + 1) / KN_WINDOW_TICKS != (wake->tick - wake->missed) / KN_WINDOW_TICKS;
     if (!whole && a->windowed) return;
     tell_window(a);
@@ -129,6 +140,7 @@ static void account_window(kn_account *a, const kn_wake *wake, int64_t execution
     a->period_s = a->busy_us = (kn_spread){0};
 }
 
+// Sum the counters of the safety stage over all probes.
 static void account_trips(kn_account *a, const kn_servo *servo, const kn_tick_out *out)
 {
     int64_t trips[KN_TRIPS] = {0};
@@ -149,7 +161,7 @@ static void account_trips(kn_account *a, const kn_servo *servo, const kn_tick_ou
     for (int i = 0; i < KN_TRIPS; i++) SET(&a->trips[i], trips[i]);
 }
 
-// What the audit has found out; whether the object has created energy since the last tick.
+// Copy the counters of the energy audit. Return true if the object has created energy since the last tick.
 static bool account_audit(kn_account *a, const kn_audit_news *audit)
 {
     if (!audit) return false;
@@ -167,6 +179,7 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
     ADD(&a->ticks, 1);
     ADD(&a->missed, wake->missed);
     ADD(&a->unpublished, !published);
+    // The loop began one period before the deadline that it missed.
     if (wake->missed) SET(&a->late_loop_ns, wake->now_ns - wake->due_ns + KN_PERIOD_NS);
     count(a->wakeup, wake->late_ns);
     count(a->execution, execution_ns);
@@ -174,6 +187,7 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
     account_success(a, in, wake, GET(&a->ticks));
     account_forces(a, out);
 
+    // Collect the errors of this tick and the counters of all probes.
     int32_t errors = 0;
     int64_t clamps = 0, guards = 0, faults = 0;
     for (int p = 0; p < out->probes; p++) {
@@ -182,16 +196,19 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
         guards += servo->safety[p].guards;
         faults += servo->safety[p].faults;
     }
+    // A passivity error is no fault of a probe, so it is added to the last errors here.
     if (account_audit(a, servo->audit)) {
         errors |= KNEAD_STATUS_T_ERROR_PASSIVITY;
         SET(&a->last_errors, GET(&a->last_errors) | KNEAD_STATUS_T_ERROR_PASSIVITY);
     }
     account_trips(a, servo, out);
+    // Date the overrun back to the start of the tick.
     if (execution_ns > KN_PERIOD_NS) {
         ADD(&a->overruns, 1);
         SET(&a->overrun_us, kn_stamp_us() - (kn_now_ns() - wake->now_ns) / 1000);
         errors |= KNEAD_STATUS_T_ERROR_OVERRUN;
     }
+    // A new fault replaces the errors of the previous fault.
     if (faults > GET(&a->faults)) SET(&a->last_errors, errors);
     SET(&a->clamps, clamps);
     SET(&a->guards, guards);

@@ -1,60 +1,62 @@
 #ifndef KN_SERVER_ACCOUNT_H
 #define KN_SERVER_ACCOUNT_H
-// What the servo did, in numbers: written by the servo thread in its tick, readable from any thread at any time.
-// Plain stores of one writer through relaxed atomics: a reader may see one counter a tick ahead of another, never
-// half a number. Fields are those of status_t and health_t, where their meaning stands.
+// Counters and rates of the servo loop. The servo thread writes them in its tick; any thread may read them at any time.
+// There is one writer, which uses plain stores through relaxed atomics. A reader may see one counter a tick ahead of
+// another, but it never sees a half-written number. The fields mirror those of the messages status_t and health_t; see
+// proto/ for their meaning.
 #include "proto/knead_health_t.h"
 #include "proto/knead_status_t.h"
 #include "server/clock.h"
 #include "server/servo.h"
 #include <stdatomic.h>
 
-#define KN_HISTOGRAM 32      // bucket n: < 2^n us; the last one holds all that is later
-#define KN_RECENT_TICKS 100  // that success_rate speaks of
-#define KN_WINDOW_TICKS 1000 // that rates and times of a window are of
-#define KN_TRIPS 16          // places of health_t
+#define KN_HISTOGRAM 32      // bucket n counts times < 2^n us; the last bucket also holds everything later
+#define KN_RECENT_TICKS 100  // the window of success_rate, in ticks
+#define KN_WINDOW_TICKS 1000 // the window of periodicity_hz and execution_us, in ticks
+#define KN_TRIPS 16          // length of trips[] in health_t
 
-typedef struct kn_spread { // of a value over a window
+typedef struct kn_spread { // statistics of one value over a window
     int64_t count;
-    double mean, square, min, max; // square: sum of squares about the mean
+    double mean, square, min, max; // square: sum of squared deviations from the mean
 } kn_spread;
 
 typedef struct kn_account {
     _Atomic int64_t tick, ticks, missed, overruns, unpublished, clamps, guards, faults, capped, created;
     _Atomic int64_t wakeup[KN_HISTOGRAM], execution[KN_HISTOGRAM];
-    _Atomic int64_t late_loop_ns; // how long the latest loop that missed cycles took
+    _Atomic int64_t late_loop_ns; // length of the latest loop that missed cycles
     _Atomic double force_max_n, force_step_max_n, success_rate;
-    _Atomic double budget_s;                           // of a tick; the loop tells it
+    _Atomic double budget_s;                           // time that a tick may take, s; set by the loop
     _Atomic double periodicity_hz[4], execution_us[4]; // mean, std, min, max of the last window
-    _Atomic int64_t overrun_us;                        // since 1970, when the latest one began; 0: none
+    _Atomic int64_t overrun_us;                        // start of the latest overrun, us since 1970; 0: none
     _Atomic double probe_success[KN_PROBES_MAX];
-    _Atomic int64_t trips[KN_TRIPS], audited;
+    _Atomic int64_t trips[KN_TRIPS], audited; // audited: seconds judged by the energy audit
     _Atomic double balance_j;
     _Atomic int32_t fault[KN_PROBES_MAX];
     _Atomic int32_t mode;
-    _Atomic int32_t quality, asked; // kn_quality: in force; asked for
-    atomic_bool exhausted;          // over its budget at the lowest point
-    _Atomic int32_t errors;         // ERROR_* bits since they were last taken
+    _Atomic int32_t quality, asked; // quality: kn_quality in use; asked: kn_quality that was requested
+    atomic_bool exhausted;          // ticks exceed budget_s although the lowest quality is in use
+    _Atomic int32_t errors;         // ERROR_* bits since kn_account_take_errors
     _Atomic int32_t last_errors;
-    double last_force_n[KN_PROBES_MAX][3]; // the servo's own, as all below
-    uint8_t good[KN_RECENT_TICKS];         // a bit per probe
+    double last_force_n[KN_PROBES_MAX][3]; // this field and all below: used by the servo thread only
+    uint8_t good[KN_RECENT_TICKS];         // ring of the last ticks, one bit per probe
     int good_count, probe_good[KN_PROBES_MAX], next;
-    int64_t began_ns; // of the last tick; 0: there was none
+    int64_t began_ns; // start of the last tick; 0: no tick yet
     kn_spread period_s, busy_us;
-    bool windowed; // a whole window has been
+    bool windowed; // at least one whole window has been completed
 } kn_account;
 
 void kn_account_init(kn_account *a);
 
-// After a tick: published says whether its record was queued, execution_ns how long all of it took. Real-time safe.
+// Account for one tick, after the tick. `execution_ns`: time that the whole tick took. `published`: whether the tick's
+// record was queued. Real-time safe.
 void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in, const kn_tick_out *out,
                      const kn_wake *wake, int64_t execution_ns, bool published);
 
-// Fills the servo's fields.
+// Fill in the message fields that this account counts, and leave the others alone.
 void kn_account_status(const kn_account *a, knead_status_t *status);
 void kn_account_health(const kn_account *a, knead_health_t *health);
 
-// The errors since the last such call, so that each is told once.
+// Return the ERROR_* bits since the last call and clear them, so that each error is reported once.
 int32_t kn_account_take_errors(kn_account *a);
 
 #endif

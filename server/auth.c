@@ -11,20 +11,23 @@
 
 #define DIGITS (2 * KN_AUTH_KEY)
 
-// What is wrong with it, or NULL.
+// Read the key from an open file. Return NULL on success, or else the reason why the file is refused.
 static const char *read_key(kn_auth *auth, int fd)
 {
     struct stat file;
     char text[DIGITS + 2];
     size_t bytes = 0;
     if (fd < 0 || fstat(fd, &file) != 0) return strerror(errno);
+    // Refuse a file that another user can read or may have written.
     if (!S_ISREG(file.st_mode)) return "not a regular file";
     if (file.st_uid != geteuid() && file.st_uid != 0) return "another user's, expected our own or root's";
     if (file.st_mode & 077) return "others may read or write it, expected mode 0600";
+    // Read at most one byte more than the digits and a newline, so that a longer file is noticed.
     ssize_t size = read(fd, text, sizeof text);
     if (size == DIGITS + 1 && text[DIGITS] == '\n') size--;
     bool hex = size == DIGITS && sodium_hex2bin(auth->key, sizeof auth->key, text, DIGITS, NULL, &bytes, NULL) == 0 &&
                bytes == sizeof auth->key;
+    // Leave no copy of the key on the stack.
     sodium_memzero(text, sizeof text);
     return hex ? NULL : "expected 64 hexadecimal digits, as openssl rand -hex 32 gives them";
 }
@@ -32,6 +35,7 @@ static const char *read_key(kn_auth *auth, int fd)
 bool kn_auth_load(kn_auth *auth, const char *path, char *error, size_t error_size)
 {
     if (sodium_init() < 0) return snprintf(error, error_size, "%s: libsodium does not start", path), false;
+    // O_NONBLOCK: opening a FIFO must not wait for a writer. read_key refuses anything but a regular file.
     int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     const char *why = read_key(auth, fd);
     if (fd >= 0) close(fd);
@@ -59,6 +63,8 @@ kn_auth_stamp kn_auth_now(const kn_auth *auth, int64_t *last_us)
     return (kn_auth_stamp){auth->life, *last_us};
 }
 
+// Compute the tag over the channel name with its NUL, and over payload, life and age. The NUL separates name and
+// payload.
 static void make_tag(const kn_auth *auth, const char *channel, const unsigned char *bytes, size_t size,
                      unsigned char tag[KN_AUTH_TAG])
 {
@@ -85,5 +91,6 @@ bool kn_auth_check(const kn_auth *auth, const char *channel, const unsigned char
     make_tag(auth, channel, payload, size - KN_AUTH_TAG, tag);
     const unsigned char *trailer = payload + size - KN_AUTH_TRAILER;
     *stamp = (kn_auth_stamp){kn_bytes_64(trailer), kn_bytes_64(trailer + 8)};
+    // The range of age_us leaves room to add or subtract two ages without overflow.
     return sodium_memcmp(tag, trailer + 16, KN_AUTH_TAG) == 0 && stamp->age_us >= 0 && stamp->age_us < INT64_MAX / 2;
 }

@@ -1,71 +1,76 @@
 #ifndef KN_SERVER_AUTH_H
 #define KN_SERVER_AUTH_H
-// Authentic and fresh messages between holders of one key. A trailer stands behind the payload, where decoders that know
-// nothing of it do not look:
+// Authentication of messages between holders of one key, with proof that a message is recent. A trailer follows the
+// payload. A decoder that does not know the trailer stops at the end of the payload.
 //
 //     payload | life i64 | age_us i64 | tag, 16 bytes        big-endian; KN_AUTH_TRAILER = 32 bytes
 //
-// The tag is BLAKE2b (libsodium's crypto_generichash), keyed, over channel, payload, life and age. A message costs one
-// microsecond. Nothing is secret.
+// The tag is a keyed BLAKE2b hash (libsodium's crypto_generichash) over channel, payload, life and age. Signing or
+// checking a message takes one microsecond. Nothing is encrypted.
 //
-// A life is one run of kneadd, or what follows one `load`: a random number, and microseconds since its start. A tag
-// proves that a holder of the key made the message; life and age prove when:
+// A life is one run of kneadd, or the part of a run that follows a `load` command. A stamp names the life by a random
+// number and gives the microseconds since the life began (age). The tag proves that a holder of the key made the
+// message; life and age prove when:
 //
 //     listener                                          kneadd
 //        KNEAD_HELLO: nonce           -->                   signed; life and age are 0
 //                                     <--               KNEAD_LIFE: the same nonce; life and age of now
-//        believes messages of this life alone, each older than the next
-//        KNEAD_POSE_*                 -->               takes poses of its own life, aged within 0.8 s of now
+//        accepts only messages of this life, each with a greater age than the last
+//        KNEAD_POSE_*                 -->               accepts poses of its own life, at most 0.8 s old
 //
-// A recording of another life is refused. One of this life is refused after 0.9 s. Wall clocks are not used.
+// A recording from another life is refused. A recording from the same life is refused after 0.9 s. Wall clocks are not
+// used.
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #define KN_AUTH_KEY 32     // bytes
-#define KN_AUTH_TAG 16     // bytes; the whole trailer of messages in logs of version 0.1.0
+#define KN_AUTH_TAG 16     // bytes; in logs of version 0.1.0 the trailer is the tag alone
 #define KN_AUTH_TRAILER 32 // bytes
-#define KN_AUTH_NONCE 8    // bytes: the payload of the next two
+#define KN_AUTH_NONCE 8    // bytes; a nonce is the payload of KNEAD_HELLO and KNEAD_LIFE
 #define KN_HELLO_CHANNEL "KNEAD_HELLO"
 #define KN_LIFE_CHANNEL "KNEAD_LIFE"
 
-// A pose's age may lie so far behind kneadd's, us: less than the second of silence that ends a session, so that an ended
-// session cannot be played again. It may lie ahead by the drift of two clocks since the last message.
+// A pose's age may be smaller than the age of kneadd's life by at most KN_AUTH_BEHIND_US. This bound is shorter than
+// the second of silence that ends a session, so that a session that has ended cannot be replayed. A pose's age may be
+// greater by at most KN_AUTH_AHEAD_US, to allow for the drift between two clocks since the last message. Both bounds
+// are in us.
 #define KN_AUTH_BEHIND_US 800000
 #define KN_AUTH_AHEAD_US 100000
 
 typedef struct kn_auth {
     unsigned char key[KN_AUTH_KEY];
-    int64_t life, born_ns; // kneadd's own: not 0; CLOCK_MONOTONIC when it began
+    int64_t life, born_ns; // life: number of kneadd's own life, never 0; born_ns: CLOCK_MONOTONIC when it began
 } kn_auth;
 
 typedef struct kn_auth_stamp {
     int64_t life, age_us;
 } kn_auth_stamp;
 
-// Read a file of 64 hexadecimal digits (openssl rand -hex 32), ours or root's, that nobody else may read. False and one
-// line in error.
+// Read the key from a file of 64 hexadecimal digits (openssl rand -hex 32). The file must belong to the user of this
+// process or to root, and nobody else may have access to it. On failure return false and put one line in error.
 bool kn_auth_load(kn_auth *auth, const char *path, char *error, size_t error_size);
 
-// Begin a life of kneadd.
+// Begin a new life of kneadd.
 void kn_auth_begin(kn_auth *auth);
 
-// Return a random number that is not 0.
+// Return a random number other than 0.
 int64_t kn_auth_random(void);
 
-// Return the stamp of now, older than the last one of this sender: *last_us, which is 0 at first. Real-time safe, as are
-// sign and check.
+// Return a stamp of the present moment. Its age exceeds *last_us, the age of the sender's last stamp, and *last_us is
+// updated. Set *last_us to 0 before the first call. Real-time safe, as are kn_auth_sign and kn_auth_check.
 kn_auth_stamp kn_auth_now(const kn_auth *auth, int64_t *last_us);
 
-// Append stamp and tag to size bytes of payload, which has room for KN_AUTH_TRAILER more. Return the new size.
+// Append stamp and tag to a payload of `size` bytes. The buffer must have room for KN_AUTH_TRAILER more bytes. Return
+// the new size.
 size_t kn_auth_sign(const kn_auth *auth, const char *channel, unsigned char *payload, size_t size, kn_auth_stamp stamp);
 
-// Return whether the last KN_AUTH_TRAILER of size bytes are authentic, and read the stamp: 0 <= age_us < 2^62. In
-// constant time.
+// Check a message of `size` bytes, whose last KN_AUTH_TRAILER bytes are the trailer, and read its stamp. Return whether
+// the tag is right and 0 <= age_us < 2^62. The comparison of the tags takes constant time.
 bool kn_auth_check(const kn_auth *auth, const char *channel, const unsigned char *payload, size_t size,
                    kn_auth_stamp *stamp);
 
-// Return whether size bytes are a payload of that many, with or without a trailer.
+// Return whether a message of `size` bytes can hold exactly `payload` bytes, with or without a trailer.
 static inline bool kn_auth_fits(size_t size, size_t payload)
 {
     return size == payload || size == payload + KN_AUTH_TAG || size == payload + KN_AUTH_TRAILER;

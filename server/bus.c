@@ -16,8 +16,10 @@
 
 enum { LO = 1 }; // Linux gives lo this number in every namespace (LOOPBACK_IFINDEX)
 
-// Of KEY=VALUE fields behind a '?', between '&' as liblcm has them, or ',', lest anything be hidden there; of a key
-// said twice liblcm takes the last. 0 where there is none; -1: said twice, or no number but to liblcm (" 1", "0x1").
+// Return the value of the field ttl among the KEY=VALUE fields that follow the '?' of a URL, or 0 if there is no ttl.
+// liblcm separates fields at '&'. This function also separates at ',', so that no field can be hidden behind a comma.
+// Return -1 if ttl is given twice (liblcm would take the last value), or if only liblcm accepts the value as a number
+// (" 1", "0x1").
 static long ttl_of(const char *fields)
 {
     long hops = 0;
@@ -43,6 +45,7 @@ bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, si
     bus->device = lan ? (int)if_nametoindex(lan) : LO;
     if (bus->device == 0) return snprintf(error, error_size, "%s: no such network interface", lan), false;
     if (lan && bus->device == LO) return snprintf(error, error_size, "%s: expected a network's interface", lan), false;
+    // Accept a multicast group and a port only. %c matches only if something follows the port.
     int fields = sscanf(url, "udpm://%15[0-9.]:%5u%c", address, &port, &end);
     if (fields < 2 || (fields == 3 && end != '?') || inet_pton(AF_INET, address, &bus->group.sin_addr) != 1 ||
         !IN_MULTICAST(ntohl(bus->group.sin_addr.s_addr)) || port == 0 || port > 65535) {
@@ -56,6 +59,7 @@ bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, si
     long hops = ttl_of(query ? query + 1 : "");
     if (hops < 0 || hops > 255)
         return snprintf(error, error_size, "%s: expected one ttl= at most, a number of 0 to 255", url), false;
+    // Without a LAN interface no message may leave the machine, so ttl must be 0. With one, ttl 0 would reach nobody.
     if (!lan != (hops == 0)) {
         snprintf(error, error_size,
                  lan ? "%s: expected ttl=1 or more: on %s nobody would hear it"
@@ -68,9 +72,9 @@ bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, si
     return true;
 }
 
-// The kernel's own answer, as `ip route get` has it. Connecting a socket and asking for its source address tells
-// less: on a route over lo that was added with link scope the source is 0.0.0.0, as on a card without address.
-// Returns 0 when there is no route.
+// Return the index of the device over which the kernel would route the group, or 0 if there is no route. This function
+// asks the kernel, as `ip route get` does. To connect a socket and read its source address would tell less: the source
+// is 0.0.0.0 both for a link-scope route over lo and for a card without an address.
 static int route_device(struct in_addr group)
 {
     struct {
@@ -82,6 +86,7 @@ static int route_device(struct in_addr group)
              .route = {.rtm_family = AF_INET, .rtm_dst_len = 32},
              .attribute = {.rta_len = RTA_LENGTH(sizeof group), .rta_type = RTA_DST},
              .destination = group};
+    // Send one netlink request and read one reply.
     _Alignas(struct nlmsghdr) char answer[2048];
     int device = 0, fd = socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC, NETLINK_ROUTE);
     if (fd < 0) return 0;
@@ -89,6 +94,7 @@ static int route_device(struct in_addr group)
     close(fd);
     const struct nlmsghdr *header = (const struct nlmsghdr *)answer;
     if (size < (ssize_t)NLMSG_LENGTH(sizeof ask.route) || header->nlmsg_type != RTM_NEWROUTE) return 0;
+    // Find the output interface among the attributes of the route.
     unsigned left = header->nlmsg_len - (unsigned)NLMSG_LENGTH(sizeof ask.route);
     for (struct rtattr *a = RTM_RTA((struct rtmsg *)NLMSG_DATA(header)); RTA_OK(a, left); a = RTA_NEXT(a, left))
         if (a->rta_type == RTA_OIF) memcpy(&device, RTA_DATA(a), sizeof device);
@@ -114,7 +120,8 @@ bool kn_bus_same(const kn_bus *a, const kn_bus *b)
     return a->group.sin_addr.s_addr == b->group.sin_addr.s_addr && a->group.sin_port == b->group.sin_port;
 }
 
-// A directory in which nobody but us can make, change or remove a name; -1 for any other.
+// Open a directory in which only the user of this process can create, change or remove a name. Return -1 for any other
+// directory.
 static int open_own(int parent, const char *path)
 {
     struct stat s;
@@ -124,12 +131,14 @@ static int open_own(int parent, const char *path)
     return -1;
 }
 
-// A folder in /tmp for whoever has no runtime directory, of a name that no other user can guess and make first.
+// Open a folder of this user in /tmp, for users without a runtime directory. The folder has a random name, so that no
+// other user can guess the name and create the folder first. A folder that an earlier kneadd made is used again.
 static int open_own_in_tmp(void)
 {
     char fresh[] = "/tmp/kneadd-XXXXXX";
     int own = -1;
     DIR *tmp = opendir("/tmp");
+    // Look for an existing folder of this user.
     for (struct dirent *e; own < 0 && tmp && (e = readdir(tmp));)
         if (strncmp(e->d_name, fresh + 5, 7) == 0) own = open_own(dirfd(tmp), e->d_name);
     if (tmp) closedir(tmp);
@@ -140,15 +149,16 @@ int kn_bus_claim(const kn_bus *bus, const char *option, char *error, size_t erro
 {
     char name[80], group[16], user[40];
     struct stat net = {0};
-    stat("/proc/self/ns/net", &net); // every network namespace has a lo of its own
+    stat("/proc/self/ns/net", &net); // every network namespace has its own lo
     inet_ntop(AF_INET, &bus->group.sin_addr, group, sizeof group);
     snprintf(name, sizeof name, "kneadd-%ju-%s:%u", (uintmax_t)net.st_ino, group, ntohs(bus->group.sin_port));
     snprintf(user, sizeof user, "/run/user/%u", geteuid());
     const char *const places[] = {getenv("RUNTIME_DIRECTORY"), "/run", getenv("XDG_RUNTIME_DIR"), user};
     int fd = -1;
+    // Try one directory after the other. The last resort is a folder in /tmp.
     for (size_t i = 0; fd < 0 && i <= sizeof places / sizeof *places; i++) {
         int dir = i < sizeof places / sizeof *places ? open_own(AT_FDCWD, places[i]) : open_own_in_tmp();
-        // sticky, so that nothing that tidies up old files removes it
+        // With the sticky bit set, programs that tidy up old files do not remove this one.
         fd = dir < 0 ? -1 : openat(dir, name, O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 01600);
         if (dir >= 0) close(dir);
     }
@@ -162,6 +172,7 @@ int kn_bus_claim(const kn_bus *bus, const char *option, char *error, size_t erro
     return -1;
 }
 
+// Set the size of the receive buffer, beyond the system's limit if the process runs as root.
 static void enlarge_buffer(int fd, int size)
 {
     if (setsockopt(fd, SOL_SOCKET, SO_RCVBUFFORCE, &size, sizeof size) != 0)
@@ -172,6 +183,8 @@ int kn_bus_listen(const kn_bus *bus, int buffer_bytes, char *error, size_t error
 {
     const int on = 1, off = 0;
     const struct ip_mreqn group = {.imr_multiaddr = bus->group.sin_addr, .imr_ifindex = bus->device};
+    // IP_PKTINFO reports the device of each datagram. Without IP_MULTICAST_ALL the socket receives only the groups that
+    // it joined itself.
     int fd = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (fd >= 0 && setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) == 0 &&
         setsockopt(fd, IPPROTO_IP, IP_PKTINFO, &on, sizeof on) == 0 &&
@@ -187,6 +200,7 @@ int kn_bus_listen(const kn_bus *bus, int buffer_bytes, char *error, size_t error
     return -1;
 }
 
+// Return the index of the device over which a datagram arrived, 0 if the kernel did not say.
 static int device_of(struct msghdr *header)
 {
     for (struct cmsghdr *c = CMSG_FIRSTHDR(header); c; c = CMSG_NXTHDR(header, c)) {
@@ -204,6 +218,7 @@ void kn_bus_read(const kn_bus *bus, int fd, int limit, kn_batch *batch)
     struct iovec vector[KN_BATCH];
     struct sockaddr_in from[KN_BATCH] = {0};
     _Alignas(struct cmsghdr) char control[KN_BATCH][CMSG_SPACE(sizeof(struct in_pktinfo))];
+    // Prepare one header for each datagram, so that one system call reads all datagrams.
     for (int i = 0; i < limit; i++) {
         vector[i] = (struct iovec){batch->datagram[i].bytes, KN_DATAGRAM_MAX};
         header[i].msg_hdr = (struct msghdr){.msg_name = &from[i],
@@ -241,6 +256,7 @@ kn_framing kn_bus_unpack(const unsigned char *bytes, size_t size, kn_packet *pac
     if (size < SHORT) return KN_FRAME_RUNT;
     uint32_t magic = kn_bytes_32(bytes);
     if (magic != LC02 && magic != LC03) return KN_FRAME_MAGIC;
+    // An LC03 header is 12 bytes longer than an LC02 header.
     size_t at = magic == LC03 ? LONG : SHORT;
     if (size < at) return KN_FRAME_RUNT;
     packet->sequence = kn_bytes_32(bytes + 4);
@@ -251,6 +267,7 @@ kn_framing kn_bus_unpack(const unsigned char *bytes, size_t size, kn_packet *pac
         packet->part = (uint16_t)(kn_bytes_32(bytes + 16) >> 16);
         packet->parts = (uint16_t)kn_bytes_32(bytes + 16);
     }
+    // Only the first part of a split message carries the channel name.
     if (!packet->split || packet->part == 0) {
         size_t left = size - at;
         const char *name = (const char *)bytes + at;

@@ -1,11 +1,12 @@
 #ifndef KN_SERVER_BUS_H
 #define KN_SERVER_BUS_H
-// A bus: an LCM URL, the multicast group behind it, and a socket that hears it.
+// A bus: an LCM URL, its multicast group, and a socket that receives the group.
 //
-// Everything stays on this machine, or on one interface that was named. A group whose route leaves by another is refused
-// before anything joins it, because the join itself (IGMP) would already leave through the network card, even with
-// ttl 0. The socket is bound to the group's own address (stock liblcm binds any address and hears every group of its
-// port), joins it on that one interface, and tells of each datagram whether it came over it, and from where.
+// All traffic stays on this machine, or on the one network interface that was named. If the route of a group leaves
+// through another interface, the group is refused before any socket joins it, because joining already sends a packet
+// (IGMP) through the network card, even with ttl 0. The socket is bound to the group's own address and joins the group
+// on that one interface. (Stock liblcm binds any address and hears every group on its port.) The socket reports for
+// each datagram its sender, and whether it arrived over that interface.
 #include <netinet/in.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -13,78 +14,83 @@
 #include <sys/socket.h>
 #include <sys/types.h>
 
-#define KN_DATAGRAM_MAX 512 // bytes kept of one datagram: a pose has less than 300, what is larger is only counted
-#define KN_BATCH 32         // datagrams taken per wake
-#define KN_CHANNEL_MAX 64   // bytes of a channel's name with its NUL, LCM's own limit
+#define KN_DATAGRAM_MAX 512 // bytes kept of one datagram. A pose has fewer than 300; longer datagrams are only counted
+#define KN_BATCH 32         // most datagrams taken per wake
+#define KN_CHANNEL_MAX 64   // LCM's own limit for a channel name, bytes with its NUL
 
 typedef struct kn_bus {
     const char *url; // borrowed
     struct sockaddr_in group;
-    int device;      // index of lo, or of the interface that was named
-    const char *lan; // its name, borrowed; NULL: lo
+    int device;      // index of lo or of the named interface
+    const char *lan; // name of the interface, borrowed; NULL: lo
 } kn_bus;
 
 typedef struct kn_datagram {
     size_t size; // bytes kept
-    bool here;   // it arrived over the bus's device
+    bool here;   // arrived over the bus's device
     struct in_addr from;
     unsigned char bytes[KN_DATAGRAM_MAX];
 } kn_datagram;
 
-typedef struct kn_batch { // what one wake brought
+typedef struct kn_batch { // the datagrams of one wake
     int count;
     kn_datagram datagram[KN_BATCH];
 } kn_batch;
 
-// udpm://GROUP:PORT[?ttl=0&recv_buf_size=N] on lo; with lan, the name of an interface, ttl is 1 or more. False and one
-// line in error for anything else.
+// Parse udpm://GROUP:PORT[?ttl=0&recv_buf_size=N]. If `lan` is NULL, the bus is on lo and ttl must be 0. Otherwise
+// `lan` names an interface and ttl must be 1 or more. For any other URL return false and put one line in error.
 bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, size_t error_size);
 
-// Whether the kernel would route the group over the bus's device. False and one line in error that names the cure.
+// Return whether the kernel would route the group over the bus's device. If not, put one line in error that names the
+// remedy.
 bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size);
 
-// Takes the bus for one server: a second one would answer the same hands. The claim is a lock on a file that only our
-// user can make or open, so no other user can hold it: in $RUNTIME_DIRECTORY, which systemd gives, /run (root),
-// $XDG_RUNTIME_DIR, /run/user/UID, or a folder of ours in /tmp, the first that is ours. The kernel gives the lock back
-// with the process, however that ends; the empty file stays. The file's name has the network namespace in it, since each
-// has its own lo. A kneadd of another user has another directory and is not noticed. Returns the descriptor that holds
-// the claim; -1 and one line in error, with the option that names another bus, when another server has it.
+// Claim the bus for this server, because a second server on the bus would answer the same poses. The claim is a lock on
+// a file that only this user can create or open, so no other user can hold the lock. The file lies in the first of
+// these directories that belongs to the user of this process: $RUNTIME_DIRECTORY (set by systemd), /run (root),
+// $XDG_RUNTIME_DIR, /run/user/UID, a folder of this user in /tmp. The kernel releases the lock when the process ends,
+// however it ends; the empty file stays. The file name contains the network namespace, since each namespace has its own
+// lo. A kneadd of another user claims in another directory and is therefore not noticed.
+// Return the descriptor that holds the claim. If another server holds it, return -1 and put one line in error. The line
+// names `option`, with which the operator selects another bus.
 int kn_bus_claim(const kn_bus *bus, const char *option, char *error, size_t error_size);
 
-// Whether they are one group and one port.
+// Return whether a and b have the same group and the same port.
 bool kn_bus_same(const kn_bus *a, const kn_bus *b);
 
-// A non-blocking socket that hears the group over that device, beside any number of others; -1 and one line in error.
-// buffer_bytes: of its receive buffer, as far as the kernel allows; only root may pass net.core.rmem_max.
+// Return a non-blocking socket that receives the group over the bus's device. Other sockets may receive the group as
+// well. On failure return -1 and put one line in error. `buffer_bytes` is the wanted size of the receive buffer. The
+// kernel may allow less: only root may exceed net.core.rmem_max.
 int kn_bus_listen(const kn_bus *bus, int buffer_bytes, char *error, size_t error_size);
 
-// Takes what waits, at most limit (<= KN_BATCH) datagrams. Neither blocks nor allocates.
+// Read the waiting datagrams, at most `limit` (<= KN_BATCH) of them. Neither blocks nor allocates.
 void kn_bus_read(const kn_bus *bus, int fd, int limit, kn_batch *batch);
 
-// Take one datagram of at most `room` bytes; longer ones are cut. Return its size, -1 when none waits. *here: it arrived
-// over that device. Neither blocks nor allocates.
+// Read one datagram of at most `room` bytes; a longer one is cut. Return its size, or -1 when none waits. *here says
+// whether it arrived over the bus's device. Neither blocks nor allocates.
 ssize_t kn_bus_take(const kn_bus *bus, int fd, void *bytes, size_t room, bool *here);
 
-// An LCM datagram, its bounds checked:
+// An LCM datagram after its bounds were checked:
 //
 //     "LC02" | sequence u32 | channel, NUL | payload
-//     "LC03" | sequence u32 | size of the message u32 | offset u32 | part u16 | parts u16 | channel, NUL in part 0 | payload
+//     "LC03" | sequence u32 | message size u32 | offset u32 | part u16 | parts u16 | channel, NUL in part 0 | payload
 typedef struct kn_packet {
-    bool split;          // LC03
-    const char *channel; // NULL in a later part of LC03
+    bool split;          // an LC03 datagram: one part of a message
+    const char *channel; // NULL in an LC03 part other than part 0
     const unsigned char *payload;
-    size_t size;                      // of payload
-    uint32_t sequence, whole, offset; // the last two of LC03
+    size_t size;                      // bytes of payload
+    uint32_t sequence, whole, offset; // whole: size of the message; `whole` and `offset`: LC03 only
     uint16_t part, parts;
 } kn_packet;
 
 typedef enum kn_framing { KN_FRAMED, KN_FRAME_RUNT, KN_FRAME_MAGIC, KN_FRAME_CHANNEL_END } kn_framing;
 
-// Point into bytes of a datagram. Pure.
+// Parse a datagram. The packet points into `bytes`. Pure function.
 kn_framing kn_bus_unpack(const unsigned char *bytes, size_t size, kn_packet *packet);
 
-// Datagrams the kernel dropped because this socket's buffer was full, since it was opened, modulo 2^32: the number that
-// SO_RXQ_OVFL attaches to datagrams, asked for directly, so that drops after the last datagram count as well.
+// Return how many datagrams the kernel has dropped since the socket was opened because its buffer was full, modulo
+// 2^32. SO_RXQ_OVFL attaches the same number to each datagram. Asking for it directly also counts the drops after the
+// last datagram.
 uint32_t kn_bus_drops(int fd);
 
 #endif

@@ -1,6 +1,6 @@
 #ifndef KN_SERVER_BYTES_H
 #define KN_SERVER_BYTES_H
-// Big-endian integers, as LCM has them. The caller checks the bounds.
+// Big-endian integers, as LCM encodes them. The caller checks the bounds.
 #include <stdint.h>
 
 static inline uint32_t kn_bytes_32(const unsigned char *bytes)

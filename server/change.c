@@ -4,13 +4,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-// NULL: what every thread but the servo's goes on with is the same in both.
+// Compare the parts of the two scenes that threads other than the servo keep using. Return the difference, or NULL if
+// the parts are equal.
 static const char *misfit(const kn_scene *scene, const kn_scene *now)
 {
     const kn_model_def *d = &scene->model, *e = &now->model;
     bool same = !d->mesh == !e->mesh &&
                 (d->mesh || (memcmp(d->nodes, e->nodes, sizeof d->nodes) == 0 && d->spacing_m == e->spacing_m));
-    if (!same) return "another lattice"; // seen before it is built
+    if (!same) return "another lattice"; // noticed before anything is built
     bool points = scene->quality == now->quality;
     for (int q = 0; q < KN_QUALITIES; q++) points &= scene->point[q].live == now->point[q].live;
     if (!points) return "other points of quality";
@@ -19,6 +20,7 @@ static const char *misfit(const kn_scene *scene, const kn_scene *now)
     return d->solver.dt_s != e->solver.dt_s ? "another solver.dt" : NULL;
 }
 
+// Build the model, the backend and the audit of the change. Return NULL on success, or else the reason of the failure.
 static const char *build(kn_change *c, const kn_scene *now, const kn_model *model, bool identify, char *why,
                          size_t why_size)
 {
@@ -26,11 +28,14 @@ static const char *build(kn_change *c, const kn_scene *now, const kn_model *mode
     if (wrong) return wrong;
     c->model = kn_model_build(&c->scene->model, why, why_size);
     if (!c->model) return why;
+    // Check that the state can be carried over.
     wrong = kn_carry_misfit(model, c->model);
     if (wrong) return wrong;
     kn_coupling coupling = {c->scene->device.coupling_n_m, c->scene->device.coupling_n_s_m};
+    // Allocate everything that the servo will need, because a tick must not allocate.
     bool fits = kn_backend_cpu(&c->backend, c->model) && (c->carried = kn_state_keep(c->model)) &&
                 (!identify || kn_backend_cpu_identify(&c->backend, coupling));
+    // Only the implicit solver has an energy audit.
     bool audits = c->scene->model.solver.kind == KN_SOLVER_IMPLICIT;
     if (fits && audits) c->audit = kn_audit_create(c->model);
     return fits && (c->audit || !audits) ? NULL : "not enough memory";

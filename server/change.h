@@ -1,10 +1,11 @@
 #ifndef KN_SERVER_CHANGE_H
 #define KN_SERVER_CHANGE_H
-// Another scene for the object that is being served: the same lattice and tools of another material, other forces,
-// other effort. All of it is built aside; then one tick of the servo goes over to it (kn_tick_in.change), and keeps
-// what the object is (core/carry.h). What the hand feels goes through zero.
+// A change: the replacement of the scene that is being served. The new scene has the same lattice and tools but another
+// material, other forces or another solver effort. Everything is built on a worker thread. Then one tick of the servo
+// adopts the change (kn_tick_in.change) and carries the object's state over to the new model (core/carry.h). The force
+// on the hand fades to zero and comes back.
 //
-//     worker thread   parse . build . fit ----+                   energy before and after . free the one before
+//     worker thread   parse . build . fit ----+                   energy before and after . free the old one
 //     servo thread    ..tick....tick....tick..v carry, step ..tick....tick....tick..
 //     gain            --------------------------.                                 .  '  ------
 //                                                '._____________________ .  '
@@ -15,14 +16,16 @@ typedef struct kn_change {
     kn_scene *scene;
     kn_model *model;
     kn_backend backend;
-    kn_audit *audit;   // NULL: a solver without one
-    int64_t deadline;  // units of a step in it, as kn_served_deadline says; 0: as before
-    kn_sets sets;      // that made scene of the one of the start
-    kn_state *carried; // kept: what the tick found, in the new model
+    kn_audit *audit;   // NULL: the solver has no audit
+    int64_t deadline;  // units of work that a step may take in the new model (kn_served_deadline); 0: unchanged
+    kn_sets sets;      // settings that turn the scene of the start into `scene`
+    kn_state *carried; // the object's state in the new model, as of the tick that adopted the change; no solver scratch
 } kn_change;
 
-// Takes scene over. now, model: what is served; identify: local models, with the coupling of scene's device. NULL and
-// one line in error: it cannot be built, or the object cannot go on in it.
+// Build a change to `scene`, and take ownership of `scene`, also on failure. `now` and `model` are being served. If
+// `identify` is true, the new backend identifies local contact models (core/contact_model.h) with the virtual coupling
+// of the new scene's device. If the scene cannot be built, or the object cannot continue in it, return NULL and put one
+// line in error.
 kn_change *kn_change_create(kn_scene *scene, const kn_scene *now, const kn_model *model, bool identify, char *error,
                             size_t error_size);
 void kn_change_destroy(kn_change *change); // NULL is fine

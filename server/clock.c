@@ -2,7 +2,7 @@
 #include <errno.h>
 #include <time.h>
 
-static kn_time *handed; // NULL: the kernel's clocks
+static kn_time *handed; // NULL: use the kernel's clocks
 
 void kn_clock_hand(kn_time *time) { handed = time; }
 
@@ -24,9 +24,10 @@ int64_t kn_wall_us(void)
 
 int64_t kn_stamp_us(void)
 {
-    static _Atomic int64_t start_us; // wall clock when the monotonic one was 0; two threads may find it at once
+    static _Atomic int64_t start_us; // wall clock minus monotonic clock, us; 0: not measured yet
     int64_t now_us = kn_now_ns() / 1000, at_us = atomic_load_explicit(&start_us, memory_order_relaxed);
     if (handed) return now_us;
+    // Two threads may measure the offset at once. The first to store it wins, and the other takes the stored value.
     if (at_us == 0) {
         int64_t none = 0, wall_us = kn_wall_us() - now_us;
         at_us = atomic_compare_exchange_strong(&start_us, &none, wall_us) ? wall_us : none;
@@ -38,6 +39,7 @@ void kn_clock_start(kn_clock *clock, int64_t start_ns) { *clock = (kn_clock){.st
 
 kn_wake kn_clock_wake(kn_clock *clock, int64_t asked_ns, int64_t now_ns)
 {
+    // A wake is at or after its deadline. Each whole period of lateness is a missed cycle.
     int64_t due_ns = clock->start_ns + (clock->tick + 1) * KN_PERIOD_NS;
     int64_t late_ns = now_ns - due_ns;
     kn_wake wake = {.tick = clock->tick + 1 + late_ns / KN_PERIOD_NS,
@@ -59,6 +61,7 @@ void kn_clock_sleep(int64_t ns)
     else if (handed && ns > handed->now_ns) handed->now_ns = ns;
     if (handed) return;
     struct timespec due = {.tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000};
+    // A signal may interrupt the sleep. The deadline is absolute, so sleep on until the same time.
     while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL) == EINTR) {
     }
 }
@@ -67,6 +70,7 @@ kn_wake kn_clock_wait(kn_clock *clock)
 {
     int64_t asked_ns = kn_now_ns(), now_ns;
     int64_t due_ns = clock->start_ns + (clock->tick + 1) * KN_PERIOD_NS;
+    // Sleep again if the supplied clock or the kernel returns early.
     do {
         kn_clock_sleep(due_ns);
         now_ns = kn_now_ns();
@@ -80,6 +84,7 @@ void kn_busy_tell(kn_busy *busy, int64_t tick, int64_t from_ns, int64_t to_ns)
     atomic_store_explicit(&busy->to_ns[tick % KN_BUSY], to_ns, memory_order_relaxed);
 }
 
+// Sum the overlap of each recorded tick with the interval.
 int64_t kn_busy_within(const kn_busy *busy, int64_t from_ns, int64_t to_ns)
 {
     int64_t all_ns = 0;

@@ -1,14 +1,15 @@
 #ifndef KN_SERVER_CLOCK_H
 #define KN_SERVER_CLOCK_H
-// The 1 ms grid of a periodic thread, on CLOCK_MONOTONIC with absolute deadlines: no drift, whatever a tick takes.
+// The 1 ms grid of a periodic thread. Deadlines are absolute times of CLOCK_MONOTONIC, so the grid does not drift,
+// however long a tick takes.
 //
 //     due(n) = start + n * period        |----n----|---n+1---|---n+2---|---n+3---|
 //                                        run n           woken here: tick n+2, missed 1, late_ns from due(n+1)
 //
-// Whoever owns the clock may move the whole grid a little between two ticks (phase.h).
+// The owner of the clock may move the whole grid a little between two ticks (phase.h).
 //
-// A tick's number is its place on the grid. Cycles that passed while the thread could not run are counted and skipped,
-// never caught up: two ticks at once would push the hand twice.
+// A tick's number is its place on the grid. Cycles that pass while the thread cannot run are counted and skipped, never
+// caught up, because two ticks at once would push the hand twice.
 #include <stdatomic.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -16,53 +17,63 @@
 #define KN_PERIOD_NS 1000000
 
 typedef struct kn_clock {
-    int64_t start_ns; // of tick 0, as if the grid had always stood where it stands now
-    int64_t tick;     // of the last wake, -1 before the first
+    int64_t start_ns; // time of tick 0 on the present grid
+    int64_t tick;     // number of the last wake, -1 before the first
 } kn_clock;
 
 typedef struct kn_wake {
     int64_t tick;     // place on the grid
-    int32_t missed;   // cycles skipped just before it
-    bool overrun;     // the thread was still busy at the deadline: the misses are its own
-    int64_t due_ns;   // deadline that was slept for
-    int64_t asked_ns; // when the thread was ready to: the tick before had ended
-    int64_t late_ns;  // awake this long after it, or after the call when that came later: what the machine added
-    int64_t now_ns;   // when the tick began
-    int64_t held_ns;  // that a tick was awake before that, waiting for its pose (phase.h)
+    int32_t missed;   // cycles skipped just before this tick
+    bool overrun;     // the thread was still busy at the deadline, so it caused the missed cycles itself
+    int64_t due_ns;   // deadline of the sleep
+    int64_t asked_ns; // start of the wait, when the previous tick had ended
+    int64_t late_ns;  // delay added by the machine: from the later of due_ns and asked_ns to the wake
+    int64_t now_ns;   // start of the tick
+    int64_t held_ns;  // how long the thread, already awake, waited for a pose before now_ns (phase.h)
 } kn_wake;
 
-// When a thread was busy, for one that keeps watch beside it: the latest ticks.
+// The times at which a thread was busy in its latest KN_BUSY ticks. A second thread, the sentinel, reads them.
 #define KN_BUSY 4
 typedef struct kn_busy {
     _Atomic int64_t from_ns[KN_BUSY], to_ns[KN_BUSY];
 } kn_busy;
-// tick: one after the other. Real-time safe.
+// Record that the thread was busy with a tick from `from_ns` to `to_ns`. Each call passes the next value of `tick`.
+// Real-time safe.
 void kn_busy_tell(kn_busy *busy, int64_t tick, int64_t from_ns, int64_t to_ns);
-int64_t kn_busy_within(const kn_busy *busy, int64_t from_ns, int64_t to_ns); // ns of that time
+// Return for how many ns between from_ns and to_ns the thread was busy.
+int64_t kn_busy_within(const kn_busy *busy, int64_t from_ns, int64_t to_ns);
 
-int64_t kn_now_ns(void);  // CLOCK_MONOTONIC; no system call, as the next two
-int64_t kn_wall_us(void); // us since 1970, CLOCK_REALTIME; may be set at any time
-// us since 1970 when the process first asked, and CLOCK_MONOTONIC from there on: a message's utime. Setting the wall
-// clock moves none of them.
+// Return CLOCK_MONOTONIC, ns. This function and the next two make no system call.
+int64_t kn_now_ns(void);
+// Return CLOCK_REALTIME, us since 1970. The wall clock may be set at any time.
+int64_t kn_wall_us(void);
+// Return the utime of a message, us since 1970. The first call in the process reads the wall clock; from then on the
+// time follows CLOCK_MONOTONIC. Setting the wall clock does not change it.
 int64_t kn_stamp_us(void);
 
-// A time that is handed in, for a process that plays server, link and hands in one thread (tests/rig.h). The three
-// functions above tell now_ns, and kn_clock_sleep calls sleep instead of the kernel.
+// A clock supplied by the caller, for a test that simulates server, link and hands in one thread (tests/rig.h). The
+// three functions above then return now_ns (or now_ns / 1000), and kn_clock_sleep calls sleep instead of the kernel.
 typedef struct kn_time {
     int64_t now_ns;
-    void (*sleep)(struct kn_time *time, int64_t until_ns); // sets now_ns to until_ns or later; NULL: to until_ns
+    // Set now_ns to until_ns or later. NULL: now_ns becomes until_ns.
+    void (*sleep)(struct kn_time *time, int64_t until_ns);
 } kn_time;
-void kn_clock_hand(kn_time *time); // borrowed until the next call; NULL: the kernel's clocks again
+// Use `time` as the clock from now on. `time` must live until the next call. NULL: use the kernel's clocks again.
+void kn_clock_hand(kn_time *time);
 
+// Put tick 0 at start_ns.
 void kn_clock_start(kn_clock *clock, int64_t start_ns);
-// Sleeps until the next deadline; until ns. Real-time safe.
+// Sleep until the next deadline of the grid. Return the tick to run, with its missed cycles and times. Real-time safe.
 kn_wake kn_clock_wait(kn_clock *clock);
+// Sleep until CLOCK_MONOTONIC is `ns`. Real-time safe.
 void kn_clock_sleep(int64_t ns);
 
-// When the tick that woke has to be over: where the grid has the next one, however late this one is.
+// Return the time by which the tick must be over: the first deadline of the grid after the wake, however late the wake
+// was.
 int64_t kn_wake_deadline(const kn_wake *wake);
 
-// The arithmetic of wait, apart from the sleep: what waking at now_ns means to a thread that asked at asked_ns.
+// Compute a wake without sleeping: the thread began to wait at `asked_ns` and woke at `now_ns`. kn_clock_wait calls
+// this function.
 kn_wake kn_clock_wake(kn_clock *clock, int64_t asked_ns, int64_t now_ns);
 
 #endif

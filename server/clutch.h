@@ -1,13 +1,14 @@
 #ifndef KN_SERVER_CLUTCH_H
 #define KN_SERVER_CLUTCH_H
-// A device's workspace is smaller than the scene: while the clutch is held the hand moves and the tool stays, and from
-// there on the tool is offset from the device by that much. What the hand feels fades meanwhile (core/safety.h).
+// The clutch lets a device reach a scene that is larger than the device's workspace. While the clutch is held, the hand
+// moves and the tool stays. Afterwards the tool is offset from the device by the hand's motion. The force on the hand
+// fades while the clutch is held (core/safety.h).
 #include "server/servo.h"
 
-// A new hand: no offset.
+// Reset the clutch to no offset, for a new session.
 void kn_clutch_open(kn_clutch *clutch);
 
-// The pose of the tool, from that of the device.
+// Compute the pose of the tool from the pose of the device.
 void kn_clutch_move(kn_clutch *clutch, const kn_pose *device, kn_pose *tool);
 
 #endif

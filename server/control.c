@@ -16,22 +16,22 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#define CREDIT_NS (1000000000 / KN_CONTROL_HZ) // of one command
+#define CREDIT_NS (1000000000 / KN_CONTROL_HZ) // ns of credit that one command uses
 #define GROUPS_MAX 256
-#define AUDIT_PIECE 3000 // bytes of a request in a line of the log
+#define AUDIT_PIECE 3000 // bytes of a request in one line on stderr
 
 typedef struct peer {
-    int fd; // -1: nobody
+    int fd; // -1: free place
     struct ucred who;
-    int64_t paid_ns;  // up to when the time has been spent on commands
-    int64_t heard_ns; // the latest whole line, or since when it is here
-    json_t *request;  // a slow one that waits for its answer: meanwhile nothing more is heard; NULL: none
-    bool ended;       // it says nothing more; what it said is still answered
-    bool passing;     // over the rest of a line that was too long
-    size_t length;    // of what has been read and not heard yet
-    size_t hastened;  // of that: looked through for what is urgent
-    json_t *done;     // the answer to what was urgent in there, until it is its turn; NULL: nothing was
-    int64_t told_ns;  // when something urgent last left a line
+    int64_t paid_ns;  // rate limit: time up to which the credit is used up
+    int64_t heard_ns; // time of the latest whole line, or of the connection
+    json_t *request;  // slow request without an answer yet; no other line is served until then; NULL: none
+    bool ended;       // the peer sends nothing more; its lines are still answered
+    bool passing;     // skipping the rest of a line that was too long
+    size_t length;    // bytes in `line` that were read and not served yet
+    size_t hastened;  // bytes of these that were already searched for urgent requests
+    json_t *done;     // answer to the urgent requests in `line`, kept until their turn; NULL: none
+    int64_t told_ns;  // time of the last stderr line about an urgent request
     char line[KN_CONTROL_LINE];
 } peer;
 
@@ -39,22 +39,23 @@ typedef enum job { JOB_NONE, JOB_GIVEN, JOB_DONE } job;
 
 struct kn_control {
     int fd;
-    struct stat own; // of the socket's file
+    struct stat own; // the socket's file
     struct sockaddr_un at;
     kn_control_def def;
     peer peers[KN_CONTROL_PEERS];
-    // the slow request at work: the control thread's until it is given, then the worker's until it is done
+    // The slow request that the worker is answering. These fields belong to the control thread while `job` is JOB_NONE
+    // or JOB_DONE, and to the worker while `job` is JOB_GIVEN.
     _Atomic job job;
     int job_peer; // -1: none
     const json_t *job_request;
     json_t *job_answer;
     sem_t given;
     atomic_bool ending;
-    int done_fd; // an eventfd, which ends the control thread's wait
-    // lines without one of their own, since the one that told of them
+    int done_fd; // eventfd that ends the control thread's wait
+    // Number of lines since the last report that were only counted, not logged one by one.
     int untold;
-    struct ucred untold_of; // the latest
-    int64_t untold_ns;      // of that one
+    struct ucred untold_of; // sender of the latest of these lines
+    int64_t untold_ns;      // time of the last report
 };
 
 json_t *kn_control_error(const char *format, ...)
@@ -66,9 +67,9 @@ json_t *kn_control_error(const char *format, ...)
     return json_pack("{s:b, s:o}", "ok", 0, "error", error ? error : json_string("out of memory, or no UTF-8"));
 }
 
-// --- lines that get none of their own in the log ---
+// --- lines that are only counted in the log ---
 
-// One line a second, which counts all since the one before.
+// Report the number of lines counted since the last report, at most once a second.
 static void tell_untold(kn_control *c, int64_t now_ns)
 {
     if (c->untold == 0 || now_ns - c->untold_ns < 1000000000) return;
@@ -86,7 +87,8 @@ static void count_untold(kn_control *c, const peer *p)
 
 // --- the socket ---
 
-static bool serves(const struct sockaddr_un *at) // whether somebody accepts there
+// Return whether a server accepts connections at this address. EAGAIN means that the server's queue is full.
+static bool serves(const struct sockaddr_un *at)
 {
     int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     bool yes = fd >= 0 && (connect(fd, (const struct sockaddr *)at, sizeof *at) == 0 || errno == EAGAIN);
@@ -94,7 +96,8 @@ static bool serves(const struct sockaddr_un *at) // whether somebody accepts the
     return yes;
 }
 
-// Why the path cannot be bound, NULL when it is free now.
+// Remove a dead socket from the path. Return NULL if the path is then free, or else the reason why the path cannot be
+// bound.
 static const char *make_room(const struct sockaddr_un *at)
 {
     struct stat there;
@@ -120,7 +123,7 @@ kn_control *kn_control_open(const char *path, const kn_control_def *def, char *e
         why = make_room(&c->at);
     }
     if (!why) {
-        mode_t mask = umask(0117); // nobody else may connect, not even before a chmod
+        mode_t mask = umask(0117); // only user and group may connect, from bind on
         c->fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
         if (c->fd < 0 || bind(c->fd, (const struct sockaddr *)&c->at, sizeof c->at) != 0 ||
             listen(c->fd, KN_CONTROL_PEERS) != 0 || lstat(path, &c->own) != 0)
@@ -151,6 +154,7 @@ void kn_control_close(kn_control *c)
     if (atomic_load(&c->job) == JOB_DONE) json_decref(c->job_answer);
     for (int i = 0; i < KN_CONTROL_PEERS; i++)
         if (c->peers[i].fd >= 0) hang_up(&c->peers[i]);
+    // Another server may have replaced the socket's file. Remove only our own.
     if (lstat(c->at.sun_path, &now) == 0 && now.st_dev == c->own.st_dev && now.st_ino == c->own.st_ino)
         unlink(c->at.sun_path);
     sem_destroy(&c->given);
@@ -159,14 +163,16 @@ void kn_control_close(kn_control *c)
     free(c);
 }
 
-// --- who is heard ---
+// --- who may send commands ---
 
+// Return whether the peer is root, the user of this process or a member of the socket's group.
 static bool may_command(const kn_control *c, int fd, struct ucred *who)
 {
     gid_t groups[GROUPS_MAX];
     socklen_t size = sizeof *who;
     if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, who, &size) != 0) return false;
     if (who->uid == 0 || who->uid == geteuid() || who->gid == c->own.st_gid) return true;
+    // Check the supplementary groups.
     size = sizeof groups;
     if (getsockopt(fd, SOL_SOCKET, SO_PEERGROUPS, groups, &size) != 0) return false;
     for (size_t i = 0; i < size / sizeof *groups; i++)
@@ -174,24 +180,29 @@ static bool may_command(const kn_control *c, int fd, struct ucred *who)
     return false;
 }
 
+// Send a reply without waiting. A peer that has not read its earlier replies is disconnected. Takes ownership of
+// `answer`.
 static void send_reply(peer *p, json_t *answer)
 {
     char *text = answer ? json_dumps(answer, JSON_COMPACT | JSON_ENSURE_ASCII) : NULL;
     size_t size = text ? strlen(text) : 0;
-    if (text) text[size++] = '\n'; // in the NUL's place
-    if (!text || send(p->fd, text, size, MSG_NOSIGNAL | MSG_DONTWAIT) != (ssize_t)size) hang_up(p); // nobody reads
+    if (text) text[size++] = '\n'; // replaces the NUL
+    // A reply that cannot be sent at once means that the peer does not read.
+    if (!text || send(p->fd, text, size, MSG_NOSIGNAL | MSG_DONTWAIT) != (ssize_t)size) hang_up(p);
     free(text);
     json_decref(answer);
 }
 
-// A place for one more: a free one, else that of who has said nothing for longest, else of who waits behind another's
-// slow request. Nobody who keeps all places silent keeps an emergency stop out.
+// Return a place for one more peer. A free place is best. Otherwise take the place of the peer that was silent for
+// longest. A peer that waits for the answer to a slow request is replaced only if there is no other. So silent peers
+// that fill all places cannot keep out an emergency stop.
 static peer *make_place(kn_control *c)
 {
     peer *place = NULL;
     for (int i = 0; i < KN_CONTROL_PEERS; i++) {
         peer *p = &c->peers[i];
         if (p->fd < 0) return p;
+        // The worker's answer will come back to this place.
         if (i == c->job_peer) continue;
         bool sooner = !place || (!p->request && place->request) ||
                       (!p->request == !place->request && p->heard_ns < place->heard_ns);
@@ -202,6 +213,7 @@ static peer *make_place(kn_control *c)
     return place;
 }
 
+// Accept one connection.
 static void greet(kn_control *c)
 {
     peer one = {.fd = accept4(c->fd, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK), .heard_ns = kn_now_ns()};
@@ -217,6 +229,9 @@ static void greet(kn_control *c)
 
 // --- lines ---
 
+// Charge one command to the peer. Return false if the peer exceeds its rate. The credit is the time between paid_ns and
+// the present, one second at most, which allows a burst of KN_CONTROL_HZ commands. Each command moves paid_ns on by
+// CREDIT_NS.
 static bool afford(peer *p)
 {
     int64_t now_ns = kn_now_ns(), earliest_ns = now_ns - (int64_t)KN_CONTROL_HZ * CREDIT_NS;
@@ -226,7 +241,7 @@ static bool afford(peer *p)
     return true;
 }
 
-// A line stays one, and no terminal is told anything.
+// Copy text without control characters, so that one line stays one line and no escape sequence reaches a terminal.
 static const char *legible(const char *text, char *room, size_t size)
 {
     snprintf(room, size, "%s", text);
@@ -235,7 +250,7 @@ static const char *legible(const char *text, char *room, size_t size)
     return room;
 }
 
-// All of it, in lines of what one takes.
+// Log a request and its outcome. A long request is split into several lines, so that none of it is cut.
 static void tell_audit(const peer *p, const json_t *request, const json_t *answer)
 {
     const json_t *tick = json_object_get(answer, "tick"), *generation = json_object_get(answer, "generation");
@@ -254,7 +269,7 @@ static void tell_audit(const peer *p, const json_t *request, const json_t *answe
     free(asked);
 }
 
-// Reader and writer of JSON go down a level of the stack for each of these.
+// Count the opening brackets. The JSON reader and writer use one level of the stack for each nested bracket.
 static int brackets(const char *line, size_t length)
 {
     int count = 0;
@@ -262,7 +277,7 @@ static int brackets(const char *line, size_t length)
     return count;
 }
 
-// A new reference; NULL, and the reply in *refusal.
+// Parse one line. Return a new reference, or NULL with the reply in *refusal.
 static json_t *parse(const char *line, size_t length, json_t **refusal)
 {
     json_error_t why;
@@ -286,6 +301,7 @@ json_t *kn_control_judge(const kn_control_def *def, const char *line, size_t len
     return *request ? def->answer(def->self, *request) : refusal;
 }
 
+// Log the request if def.audits says so, and send the reply. Takes ownership of `reply`.
 static void answer(const kn_control *c, peer *p, const json_t *request, json_t *reply)
 {
     if (c->def.audits(c->def.self, request)) tell_audit(p, request, reply);
@@ -298,6 +314,7 @@ static void forget_done(peer *p)
     p->done = NULL;
 }
 
+// Return whether a line is a well-formed urgent request.
 static bool is_urgent(const kn_control *c, const char *line, size_t length)
 {
     json_t *refusal, *request = parse(line, length, &refusal);
@@ -307,7 +324,7 @@ static bool is_urgent(const kn_control *c, const char *line, size_t length)
     return urgent;
 }
 
-// What was urgent among the lines read has been done; here is its turn to be answered.
+// Answer an urgent request that was carried out ahead of its turn. Return false if the line is not an urgent request.
 static bool answer_done(const kn_control *c, peer *p, size_t length)
 {
     if (!p->done || length >= p->hastened || !is_urgent(c, p->line, length)) return false;
@@ -315,6 +332,7 @@ static bool answer_done(const kn_control *c, peer *p, size_t length)
     return true;
 }
 
+// Serve one line of `length` bytes.
 static void hear_line(kn_control *c, peer *p, size_t length)
 {
     json_t *refusal, *request;
@@ -328,14 +346,17 @@ static void hear_line(kn_control *c, peer *p, size_t length)
         count_untold(c, p);
         send_reply(p, refusal);
     } else if (c->def.slow && c->def.slow(c->def.self, request)) {
-        p->request = request; // given, or refused by kn_control_drain
+        p->request = request; // given to the worker by give(), or refused by kn_control_drain()
     } else {
-        if (c->def.audits(c->def.self, request)) forget_done(p); // it may have taken it back
+        // This request may have revoked the urgent one (recover after estop), so an urgent line that comes later must
+        // be carried out again.
+        if (c->def.audits(c->def.self, request)) forget_done(p);
         answer(c, p, request, c->def.answer(c->def.self, request));
         json_decref(request);
     }
 }
 
+// Carry out an urgent request and keep its answer. Log it at most KN_CONTROL_HZ times a second.
 static void do_urgent(kn_control *c, peer *p, const json_t *request)
 {
     int64_t now_ns = kn_now_ns();
@@ -349,13 +370,14 @@ static void do_urgent(kn_control *c, peer *p, const json_t *request)
     }
 }
 
-// What is urgent passes the lines before it, one of them that is at work, too, and the limit of commands a second. It
-// is done once for all such lines that came at once, so that nobody can keep this thread, and answered when it is its
-// turn.
+// Carry out urgent requests ahead of the peer's earlier lines, even while a slow request of the peer is being answered,
+// and regardless of the limit of commands a second. All urgent lines that arrived together are carried out once, so
+// that no peer can occupy this thread. Each of them is answered in its turn.
 static void hasten(kn_control *c, peer *p)
 {
     json_t *urgent = NULL, *refusal;
     const char *end;
+    // The first line in the buffer may be the rest of a line that was too long. This rest is not parsed.
     bool passing = p->passing && p->hastened == 0;
     for (; (end = memchr(p->line + p->hastened, '\n', p->length - p->hastened)); passing = false) {
         const char *line = p->line + p->hastened;
@@ -373,7 +395,7 @@ static void hasten(kn_control *c, peer *p)
     json_decref(urgent);
 }
 
-// One line of what has been read, so that everybody is heard in turn.
+// Serve only one of the peer's lines, so that each peer gets its turn.
 static void hear(kn_control *c, peer *p)
 {
     char *end = memchr(p->line, '\n', p->length);
@@ -389,33 +411,36 @@ static void hear(kn_control *c, peer *p)
     } else {
         return;
     }
-    if (p->fd < 0) return; // it did not read the reply
+    if (p->fd < 0) return; // the peer did not read the reply, and was disconnected
     p->length -= size;
     p->hastened -= size < p->hastened ? size : p->hastened;
     memmove(p->line, p->line + size, p->length);
 }
 
-// What stands without a newline at the end is a line, too.
+// Record that the peer has finished sending. Its last line counts even without a newline.
 static void end(peer *p)
 {
     p->ended = true;
     if (p->length > 0 && p->line[p->length - 1] != '\n') p->line[p->length++] = '\n';
 }
 
+// Read what a peer has sent.
 static void listen_to(peer *p)
 {
     ssize_t size = recv(p->fd, p->line + p->length, sizeof p->line - p->length, 0);
     if (size > 0) p->length += (size_t)size;
     else if (size == 0) end(p);
-    else if (errno != EAGAIN && errno != EINTR) p->request ? end(p) : hang_up(p); // its request may be at work
+    else if (errno != EAGAIN && errno != EINTR) p->request ? end(p) : hang_up(p); // the worker may hold its request
 }
 
-// --- slow requests: one at a time, while the others are heard ---
+// --- slow requests: one at a time, while the other peers are served ---
 
+// Take the answer from the worker and send it.
 static void collect(kn_control *c)
 {
     uint64_t count;
     if (atomic_load(&c->job) != JOB_DONE) return;
+    // Reset the eventfd.
     ssize_t woken = read(c->done_fd, &count, sizeof count);
     (void)woken;
     peer *p = &c->peers[c->job_peer];
@@ -427,6 +452,7 @@ static void collect(kn_control *c)
     atomic_store(&c->job, JOB_NONE);
 }
 
+// Give the worker the slow request that has waited for longest.
 static void give(kn_control *c)
 {
     int next = -1;
@@ -443,11 +469,11 @@ void kn_control_work(kn_control *c)
 {
     for (;;) {
         while (sem_wait(&c->given) != 0)
-            ; // a signal
+            ; // interrupted by a signal
         if (atomic_load(&c->job) == JOB_GIVEN) {
             c->job_answer = c->def.answer(c->def.self, c->job_request);
             atomic_store(&c->job, JOB_DONE);
-            ssize_t woken = write(c->done_fd, &(uint64_t){1}, sizeof(uint64_t)); // else its wait ends by itself
+            ssize_t woken = write(c->done_fd, &(uint64_t){1}, sizeof(uint64_t)); // if this fails, the wait times out
             (void)woken;
         }
         if (atomic_load(&c->ending)) return;
@@ -464,13 +490,17 @@ void kn_control_turn(kn_control *c, int timeout_ms)
 {
     struct pollfd polled[2 + KN_CONTROL_PEERS] = {{.fd = c->fd, .events = POLLIN},
                                                   {.fd = c->done_fd, .events = POLLIN}};
+    // Wait for a connection, an answer of the worker, or bytes of a peer whose buffer has room. Do not wait if a whole
+    // line has been read already.
     for (int i = 0; i < KN_CONTROL_PEERS; i++) {
         const peer *p = &c->peers[i];
         bool full = p->length == sizeof p->line, waits = p->request != NULL;
         polled[2 + i] = (struct pollfd){.fd = full || p->ended ? -1 : p->fd, .events = POLLIN};
-        if (p->fd >= 0 && !waits && (full || memchr(p->line, '\n', p->length))) timeout_ms = 0; // has been read already
+        if (p->fd >= 0 && !waits && (full || memchr(p->line, '\n', p->length))) timeout_ms = 0; // read already
     }
     if (poll(polled, 2 + KN_CONTROL_PEERS, timeout_ms) < 0) return;
+    // For each peer: read, carry out urgent lines, then serve one line. Disconnect a peer that has finished sending and
+    // has been answered.
     for (int i = 0; i < KN_CONTROL_PEERS; i++) {
         peer *p = &c->peers[i];
         if (polled[2 + i].revents) listen_to(p);
@@ -484,6 +514,7 @@ void kn_control_turn(kn_control *c, int timeout_ms)
     tell_untold(c, kn_now_ns());
 }
 
+// Refuse the slow request of a peer, because no worker will answer it.
 static void refuse_slow(const kn_control *c, peer *p)
 {
     if (!p->request) return;
@@ -495,11 +526,12 @@ static void refuse_slow(const kn_control *c, peer *p)
 void kn_control_drain(kn_control *c)
 {
     int64_t end_ns = kn_now_ns() + KN_CONTROL_LAST_MS * INT64_C(1000000);
+    // Send the worker's last answer, and accept the connections that wait.
     collect(c);
     for (int i = 0; i < KN_CONTROL_PEERS; i++) greet(c);
     for (int i = 0; i < KN_CONTROL_PEERS; i++) {
         peer *p = &c->peers[i];
-        if (p->fd < 0 || i == c->job_peer) continue; // its request is still at work
+        if (p->fd < 0 || i == c->job_peer) continue; // the worker still has this peer's request
         refuse_slow(c, p);
         while (p->fd >= 0 && kn_now_ns() < end_ns) {
             if (!p->ended && p->length < sizeof p->line) listen_to(p);

@@ -1,66 +1,77 @@
 #ifndef KN_SERVER_CONTROL_H
 #define KN_SERVER_CONTROL_H
-// The control socket: an AF_UNIX stream, on which an operator sends one JSON object per line and gets one per line.
+// The control socket: an AF_UNIX stream. An operator sends one JSON object per line and gets one JSON object per line
+// back.
 //
 //     {"command": "quality", "name": "fast"}      -->      {"ok": true, "tick": 4711}
 //     {"command": "qualty"}                       -->      {"ok": false, "error": "command 'qualty': expected ..."}
 //
-// Commands never come over LCM, where anyone may speak. The socket has mode 0660, and the kernel says who is at its
-// other end (SO_PEERCRED): root, the user that kneadd runs as, and members of the socket's group are heard. What a line
-// means is its owner's (operator.h); here it is bytes, peers and limits: KN_CONTROL_LINE bytes a line, KN_CONTROL_PEERS
-// at once (the one that was silent for longest gives way), KN_CONTROL_HZ commands a second of each, and no reply is
-// waited for that nobody reads. Everybody is heard in turn, a line at a time, whatever another one waits for. What is
-// urgent, an emergency stop, is held up by none of these limits: it is done as soon as it has been read, ahead of the
-// same peer's other lines, and answered when it is its turn. What stands without a newline when a peer has said all is
-// a line, too.
+// Commands are never accepted over LCM, where any program may send. The socket has mode 0660. The kernel identifies the
+// peer (SO_PEERCRED). Commands are accepted from root, from the user that kneadd runs as, and from members of the
+// socket's group.
 //
-// On stderr: changes and who made them, all of each request, in lines of 3000 bytes of it; and once a second at most
-// how many lines were no requests, or too many.
+// This module handles bytes, peers and limits; operator.h gives the lines their meaning. A line has at most
+// KN_CONTROL_LINE bytes. At most KN_CONTROL_PEERS peers are connected; a further peer replaces the one that was silent
+// for longest. Each peer may send KN_CONTROL_HZ commands a second. A peer that does not read its replies is
+// disconnected. Peers are served in turn, one line each, also while one of them waits for a slow request. The last line
+// of a peer that has finished sending counts even without a newline.
+//
+// None of these limits delays an urgent request, that is, an emergency stop. An urgent request is carried out as soon
+// as it has been read, ahead of the peer's other lines, and answered in its turn.
+//
+// stderr gets one entry for each change: the peer that made it and the whole request. A long request is split into
+// lines of 3000 bytes. Malformed and rate-limited lines are counted and reported at most once a second.
 #include <jansson.h>
 #include <stdbool.h>
 #include <stddef.h>
 
-#define KN_CONTROL_LINE 4096   // with its newline
-#define KN_CONTROL_BRACKETS 64 // in a line, nested or not
-#define KN_CONTROL_PATH 107    // bytes of a path at most: sockaddr_un's
+#define KN_CONTROL_LINE 4096   // bytes of a line, with its newline
+#define KN_CONTROL_BRACKETS 64 // largest number of [ and { in a line, nested or not
+#define KN_CONTROL_PATH 107    // largest length of a path, bytes (limit of sockaddr_un)
 #define KN_CONTROL_PEERS 8
-#define KN_CONTROL_LAST_MS 1000 // for what is heard at the end
-#define KN_CONTROL_HZ 100       // after as many at once
+#define KN_CONTROL_LAST_MS 1000 // time limit for answering the last requests (kn_control_drain)
+#define KN_CONTROL_HZ 100       // commands a second of one peer; also the largest burst
 
 typedef struct kn_control kn_control;
 
 typedef struct kn_control_def {
     void *self;
-    // The reply to one request, a JSON object: a new reference, never NULL.
+    // Return the reply to one request, a JSON object: a new reference, never NULL.
     json_t *(*answer)(void *self, const json_t *request);
-    bool (*audits)(void *self, const json_t *request); // whether it is worth a line on stderr
-    // Whether its answer may take longer than some ticks: then it is asked for in kn_control_work's thread, and the
-    // other peers are heard meanwhile. NULL: none.
+    // Return whether the request gets an entry on stderr.
+    bool (*audits)(void *self, const json_t *request);
+    // Return whether the answer may take longer than a few ticks. A slow request is answered in kn_control_work's
+    // thread, and the other peers are served meanwhile. NULL: no request is slow.
     bool (*slow)(void *self, const json_t *request);
-    // Whether it waits for nothing. It is no slow one, takes about a tick and what the disk takes for an empty file, and
-    // may come twice. NULL: none.
+    // Return whether the request is urgent. An urgent request must not be slow: it may take about a tick, plus the time
+    // in which the disk creates an empty file. It must be safe to repeat, because it may be carried out twice. NULL: no
+    // request is urgent.
     bool (*urgent)(void *self, const json_t *request);
 } kn_control_def;
 
-// {"ok": false, "error": "..."}
+// Return the reply {"ok": false, "error": "..."}.
 json_t *kn_control_error(const char *format, ...) __attribute__((format(printf, 1, 2)));
 
-// The reply to one line without its newline, whatever its bytes: a new reference, never NULL. *request: what it asked,
-// a new reference; NULL: it is no request.
+// Return the reply to one line, given without its newline: a new reference, never NULL. The line may hold any bytes.
+// *request becomes the parsed request, a new reference, or NULL if the line is not a request.
 json_t *kn_control_judge(const kn_control_def *def, const char *line, size_t length, json_t **request);
 
-// Binds path, replacing a socket there that nobody serves. NULL and one line in error.
+// Bind the socket to path. An existing socket that no server accepts on is replaced. On failure return NULL and put one
+// line in error.
 kn_control *kn_control_open(const char *path, const kn_control_def *def, char *error, size_t error_size);
-void kn_control_close(kn_control *control); // removes the path while it is still ours; NULL is fine. After its threads
+// Close after both threads have ended. Remove the path if it is still this socket. NULL is fine.
+void kn_control_close(kn_control *control);
 
-// Hears one line of everybody who has said one, for timeout_ms at most while nobody has. One thread, not real-time.
+// Serve one line of every peer that has sent one. If no peer has, wait at most timeout_ms for one. Called by one
+// thread, not real-time.
 void kn_control_turn(kn_control *control, int timeout_ms);
 
-// Another thread's body: the slow requests, one at a time. Returns after kn_control_end, which any thread may call.
+// Body of another thread: answer the slow requests, one at a time. Returns after kn_control_end, which any thread may
+// call.
 void kn_control_work(kn_control *control);
 void kn_control_end(kn_control *control);
-// After both threads: what has been said by now is answered, but slow requests are refused; KN_CONTROL_LAST_MS at most.
-// Whoever says something later is hung up on without an answer.
+// Call this after both threads have ended: answer the requests sent until now, but refuse slow ones. Takes at most
+// KN_CONTROL_LAST_MS. A peer that sends something later is disconnected without an answer.
 void kn_control_drain(kn_control *control);
 
 #endif

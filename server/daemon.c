@@ -20,25 +20,27 @@
 #include <time.h>
 #include <unistd.h>
 
-#define DATAGRAMS_PER_TICK 256  // 256 kHz; at 1-2 us each a flood takes at most half of this thread's millisecond
-#define START_DELAY_NS 20000000 // until tick 0: by then every thread has left the barrier and sleeps
-#define PATIENCE_NS 300000000   // timeout(1) and shells send the first signal twice; a stop takes 100 ms at most
+#define DATAGRAMS_PER_TICK 256  // = 256 kHz; at 1-2 us each, a flood takes at most half of every millisecond
+#define START_DELAY_NS 20000000 // time to tick 0; by then every thread has left the barrier and sleeps
+// A second signal counts as a request of its own only after this time. timeout(1) and shells send the first signal
+// twice, and a stop takes 100 ms at most.
+#define PATIENCE_NS 300000000
 #define SIGNALS 3
-#define BUFFER_BYTES (1 << 20) // of the socket: about 1 300 poses
-#define SCENE_S 1              // between two messages with the scene; a new client waits at most that long
-#define CONTROL_TURN_MS 20     // how long a stop may wait for that thread
-#define REST_TICK_NS 500000    // in contact a tick takes about twice as long as at rest, and has 1 ms
+#define BUFFER_BYTES (1 << 20) // receive buffer of the socket: about 1 300 poses
+#define SCENE_S 1              // period of the scene message; a new client waits at most that long
+#define CONTROL_TURN_MS 20     // longest time that a stop waits for the control thread
+#define REST_TICK_NS 500000    // longest good tick at rest: in contact it takes twice as long, and has 1 ms
 
 typedef struct server {
-    kn_served on;    // what it serves
-    int64_t rest_ns; // that a tick takes here while nothing touches the object
+    kn_served on;    // the scene being served
+    int64_t rest_ns; // time of a tick while nothing touches the object
     kn_bus bus, mesh_bus;
-    int claim, mesh_claim, fd; // of the two buses; what is heard on the first
-    kn_exchange exchange;      // of the main thread
-    kn_auth auth;              // when a key was given
+    int claim, mesh_claim, fd; // descriptors: the claims on the two buses; the socket of the first bus
+    kn_exchange exchange;      // used by the main thread
+    kn_auth auth;              // used if a key was given
     kn_batch batch;
     kn_skin skin;
-    kn_control *control; // NULL: nobody to listen to
+    kn_control *control; // NULL: no control socket
     kn_operator operator;
     kn_trace trace;
     kn_loop loop;
@@ -46,21 +48,21 @@ typedef struct server {
     kn_sentinel sentinel;
     kn_rt rt;
     pthread_t servo_thread, sentinel_thread, mesh_thread, control_thread, worker_thread, keeper_thread;
-    pthread_barrier_t go; // threads wait here until their stacks are locked with everything else
-    atomic_bool ending;   // the threads of normal priority, too
+    pthread_barrier_t go; // threads wait here until their stacks are locked with all other memory
+    atomic_bool ending;   // ends the threads of normal priority; the keeper has its own flag
     struct ev_loop *ev;
     ev_io readable;
     ev_async ticked, asked, leave, load;
-    char *next, *next_text; // the scene that is to come next, the worker's until all threads have ended
+    char *next, *next_text; // path and text of the scene to load next; used by the worker until all threads end
     char next_name[sizeof((kn_scene *)0)->name];
-    atomic_bool goes_on; // with that
-    bool stuck;          // the worker
-    bool estopped;       // from the first tick on
+    atomic_bool goes_on; // serve the scene `next` after the end
+    bool stuck;          // the worker thread did not end in time
+    bool estopped;       // an emergency stop is in force from the first tick on
     ev_timer status_due, scene_due;
     ev_signal signals[SIGNALS];
-    int64_t stop_ns;   // when the first signal came, 0: none has
-    unsigned refusals; // told: a bit per kn_verdict
-    int budget;        // datagrams that may still be read in this tick
+    int64_t stop_ns;   // time of the first signal; 0: none yet
+    unsigned refusals; // reasons of refusal already reported, a bit per kn_verdict
+    int budget;        // datagrams that may still be read before the next tick
     int64_t start_ns;
     int32_t mode_told;
     kn_checkup checkup;
@@ -68,22 +70,25 @@ typedef struct server {
 
 // --- main thread ---
 
+// Read at most `limit` datagrams and pass them to the exchange.
 static void take_datagrams(server *d, int limit)
 {
     kn_bus_read(&d->bus, d->fd, limit < KN_BATCH ? limit : KN_BATCH, &d->batch);
     kn_exchange_hear(&d->exchange, &d->batch);
 }
 
+// Read no more datagrams than d->budget allows before the next tick, so that a flood of datagrams cannot delay the
+// forces.
 static void on_readable(struct ev_loop *ev, ev_io *w, int events)
 {
     (void)events;
     server *d = w->data;
     take_datagrams(d, d->budget);
     d->budget -= d->batch.count;
-    if (d->budget <= 0) ev_io_stop(ev, w); // until the next tick
+    if (d->budget <= 0) ev_io_stop(ev, w); // pause reading until the next tick
 }
 
-// Report each reason once for which every message of a sender is refused.
+// Report each reason for which every message of a sender is refused. Each reason is reported once.
 static void tell_refusals(server *d)
 {
     static const kn_verdict told[] = {KN_REJECT_PEER, KN_REJECT_MAC, KN_REJECT_REPLAYED, KN_REJECT_CLOCK,
@@ -96,6 +101,7 @@ static void tell_refusals(server *d)
     }
 }
 
+// Publish the status and the health.
 static void tell_status(server *d)
 {
     kn_health health;
@@ -105,6 +111,8 @@ static void tell_status(server *d)
     kn_publisher_health(&d->exchange.publisher, &health.more);
 }
 
+// Called after each tick of the servo: publish its records, and read datagrams again. Publish the status at once when
+// the mode has changed. End the main loop after the last tick.
 static void on_ticked(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)events;
@@ -117,6 +125,7 @@ static void on_ticked(struct ev_loop *ev, ev_async *w, int events)
     if (done) ev_break(ev, EVBREAK_ALL);
 }
 
+// Every second: publish the status, and report refused senders.
 static void on_status_due(struct ev_loop *ev, ev_timer *w, int events)
 {
     (void)ev, (void)events;
@@ -131,6 +140,7 @@ static void on_scene_due(struct ev_loop *ev, ev_timer *w, int events)
     kn_publisher_scene(&d->exchange.publisher, kn_stamp_us());
 }
 
+// Ask the servo to ramp the forces to zero and stop. systemd is told whether a reload or an end follows.
 static void stop(server *d)
 {
     atomic_store(&d->loop.stop, true);
@@ -138,6 +148,7 @@ static void stop(server *d)
     else sd_notify(0, "STOPPING=1");
 }
 
+// Post the health to the operator module, which has asked for it.
 static void on_asked(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)ev, (void)events;
@@ -148,6 +159,7 @@ static void on_asked(struct ev_loop *ev, ev_async *w, int events)
     kn_mailbox_post(&d->operator.health);
 }
 
+// The operator has asked for the end: stop, without another scene.
 static void on_leave(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)ev, (void)events;
@@ -156,28 +168,31 @@ static void on_leave(struct ev_loop *ev, ev_async *w, int events)
     stop(d);
 }
 
+// The operator has asked for another scene: stop, and then serve the new scene.
 static void on_load(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)ev, (void)events;
     server *d = w->data;
-    if (atomic_load(&d->loop.stop)) return; // an end has been asked for
+    if (atomic_load(&d->loop.stop)) return; // an end has already been requested
     d->goes_on = true;
     stop(d);
 }
 
-static void ask(void *arg) // in the control thread, as the next
+// Ask the main thread to post the health. Runs in the control thread, as do goes_on() and leave().
+static void ask(void *arg)
 {
     server *d = arg;
     ev_async_send(d->ev, &d->asked);
 }
 
-static void lock(void *arg) // in the worker thread, as the next
+// Lock the memory that a change has allocated. Runs in the worker thread, as does load_next().
+static void lock(void *arg)
 {
     server *d = arg;
     kn_rt_lock_more(&d->rt);
 }
 
-// The text that was checked, whatever becomes of the file.
+// Keep a copy of the text that was checked, so that a later change of the file has no effect.
 static void load_next(void *arg, const char *path, const kn_scene *scene)
 {
     server *d = arg;
@@ -202,13 +217,14 @@ static void leave(void *arg)
     ev_async_send(d->ev, &d->leave);
 }
 
+// Handle SIGINT, SIGTERM and SIGHUP: stop, and do not load another scene afterwards.
 static void on_signal(struct ev_loop *ev, ev_signal *w, int events)
 {
     (void)ev, (void)events;
     server *d = w->data;
     int64_t now_ns = kn_now_ns();
     d->goes_on = false;
-    if (d->stop_ns && now_ns - d->stop_ns > PATIENCE_NS) { // meant: at once, as if we had never caught it
+    if (d->stop_ns && now_ns - d->stop_ns > PATIENCE_NS) { // deliberate: end at once, as without a handler
         signal(w->signum, SIG_DFL);
         raise(w->signum);
     }
@@ -216,12 +232,14 @@ static void on_signal(struct ev_loop *ev, ev_signal *w, int events)
     stop(d);
 }
 
-static void notify(void *arg) // in the servo thread: one write to an eventfd, and none while one is pending
+// Wake the main thread. Runs in the servo thread: one write to an eventfd, and none while one is pending.
+static void notify(void *arg)
 {
     server *d = arg;
     ev_async_send(d->ev, &d->ticked);
 }
 
+// Register the events of the main loop.
 static bool watch_events(server *d)
 {
     static const int signals[SIGNALS] = {SIGINT, SIGTERM, SIGHUP};
@@ -236,7 +254,7 @@ static bool watch_events(server *d)
     ev_timer_init(&d->scene_due, on_scene_due, 0, SCENE_S);
     d->readable.data = d->ticked.data = d->asked.data = d->leave.data = d->load.data = d->status_due.data =
         d->scene_due.data = d;
-    ev_set_priority(&d->ticked, EV_MAXPRI); // forces before whatever else is due
+    ev_set_priority(&d->ticked, EV_MAXPRI); // publish forces before handling any other event
     ev_async_start(d->ev, &d->ticked);
     ev_async_start(d->ev, &d->asked);
     ev_async_start(d->ev, &d->leave);
@@ -268,7 +286,8 @@ static void *sentinel_main(void *arg)
     return kn_sentinel_run(&d->sentinel);
 }
 
-// In ros2_control's words, which operators and their scripts know. At most one line per second, which counts all.
+// Report missed cycles in the words of ros2_control, which operators and their scripts know. Print at most one line a
+// second, with the number of misses since the last line.
 static void tell_overruns(server *d, int64_t *told)
 {
     int64_t missed = atomic_load_explicit(&d->loop.account.missed, memory_order_relaxed);
@@ -280,7 +299,8 @@ static void tell_overruns(server *d, int64_t *told)
     *told = missed;
 }
 
-// Numbers went wrong, nobody felt it: what the hand is given stays within its own client's passivity.
+// Report that the object created energy. The simulation went wrong, but the hand did not feel it, because the passivity
+// controller of each client keeps the force on the hand passive.
 static void tell_audit(server *d, int64_t *told)
 {
     int64_t created = atomic_load_explicit(&d->loop.account.created, memory_order_relaxed);
@@ -291,7 +311,7 @@ static void tell_audit(server *d, int64_t *told)
     *told = created;
 }
 
-// The watchdog of kneadd.service, once a second: the servo ticks, and the main thread takes what it says.
+// Feed the systemd watchdog of kneadd.service, once a second, if the servo ticks and the main thread takes its records.
 static void tell_alive(server *d, int64_t *tick, int64_t *unpublished)
 {
     const kn_account *a = &d->loop.account;
@@ -302,7 +322,8 @@ static void tell_alive(server *d, int64_t *tick, int64_t *unpublished)
     *unpublished = lost;
 }
 
-// A point taken, or that there is none left to take; what the log says in KNEAD_EVENT.
+// Report that the quality has changed, or that no lower quality is left. A log has the same information from
+// KNEAD_EVENT.
 static void tell_quality(server *d, kn_quality *told, bool *told_exhausted)
 {
     kn_account *a = &d->loop.account;
@@ -322,7 +343,8 @@ static void tell_quality(server *d, kn_quality *told, bool *told_exhausted)
     *told_exhausted = exhausted;
 }
 
-// One line a second at most; of a circuit that is lost and back in between, with its count.
+// Report that the circuit was lost or is in step again, at most one line a second. If the circuit was lost and came
+// back within this second, one line reports both, with the number of losses.
 static void tell_losses(server *d, bool *told_lost)
 {
     char line[KN_FPGA_LINE];
@@ -337,6 +359,7 @@ static void tell_losses(server *d, bool *told_lost)
     *told_lost = (lost || *told_lost) && !n.in_step;
 }
 
+// The mesh thread: publish surface meshes, and report once a second what the real-time threads have counted.
 static void *mesh_main(void *arg)
 {
     server *d = arg;
@@ -356,8 +379,8 @@ static void *mesh_main(void *arg)
             tell_quality(d, &quality_told, &exhausted_told);
         }
         kn_trace_drain(&d->trace);
-        // until just before the next frame is due, however long this one took to measure, then every ms: on a grid of
-        // its own it would be a period late
+        // Sleep until just before the next frame is due, however long this frame took to measure. Then look for the
+        // frame every millisecond. With a fixed sleep period the thread could be late by a whole period.
         const int64_t taken_ns = kn_now_ns();
         bool published = kn_skin_publish(&d->skin, kn_stamp_us());
         kn_clock_sleep(taken_ns + (published ? rest_ns : KN_PERIOD_NS));
@@ -390,9 +413,10 @@ static void *keeper_main(void *arg)
 
 // --- start and stop ---
 
+// Parse the two URLs, and load the key if there is one.
 static bool choose_buses(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
-    const char *url = def->lcm_url ? def->lcm_url : getenv("LCM_DEFAULT_URL"); // as every LCM client has it
+    const char *url = def->lcm_url ? def->lcm_url : getenv("LCM_DEFAULT_URL"); // as every LCM client does
     const char *own = def->lan ? KN_LCM_LAN_URL : KN_LCM_URL, *own_mesh = def->lan ? KN_MESH_LAN_URL : KN_MESH_URL;
     if (!kn_bus_parse(&d->bus, url && *url ? url : own, def->lan, error, error_size) ||
         !kn_bus_parse(&d->mesh_bus, def->mesh_url ? def->mesh_url : own_mesh, def->lan, error, error_size) ||
@@ -401,18 +425,21 @@ static bool choose_buses(server *d, const kn_daemon_def *def, char *error, size_
     return true;
 }
 
+// Claim and open both buses, then set up the modules that use them.
 static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
     if (!kn_bus_check_route(&d->bus, error, error_size) || !kn_bus_check_route(&d->mesh_bus, error, error_size))
         return false;
     d->claim = kn_bus_claim(&d->bus, "--lcm-url", error, error_size);
     if (d->claim < 0) return false;
+    // Two URLs with the same group and port are one bus, which is claimed once.
     bool own = !kn_bus_same(&d->bus, &d->mesh_bus);
     if (own && (d->mesh_claim = kn_bus_claim(&d->mesh_bus, "--mesh-url", error, error_size)) < 0) return false;
     d->fd = kn_bus_listen(&d->bus, BUFFER_BYTES, error, error_size);
     if (d->fd < 0) return false;
     uint64_t hash = kn_state_hash(d->on.model, d->on.backend.state(d->on.backend.self));
     kn_exchange *x = &d->exchange;
+    // Set up the exchange: receiver, publisher and mesh publisher, with the key if there is one.
     *x = (kn_exchange){.loop = &d->loop, .trace = &d->trace, .sentinel = &d->sentinel};
     kn_receiver_init(&x->receiver, &d->on.model->def);
     memcpy(x->receiver.peer, def->peer, sizeof def->peer);
@@ -425,11 +452,12 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
     x->publisher.auth = d->skin.auth = x->receiver.auth;
     if (kn_loop_init(&d->loop, d->on.scene, d->on.model, &d->on.backend, &d->skin, d->on.audit) &&
         (!def->touch || kn_loop_touch(&d->loop)) && kn_sentinel_init(&d->sentinel) && watch_events(d)) {
+        // Set up the loop, the restored state and an emergency stop that is still in force.
         d->loop.servo.sets = &d->on.sets;
         kn_keeper_start(&d->keeper, &d->loop);
         bool kept = d->keeper.store.dir >= 0 && kn_store_estopped(&d->keeper.store);
         d->estopped = def->estopped || kept;
-        if (d->estopped) { // tick 0 takes it, and tells the log
+        if (d->estopped) { // tick 0 takes the order and publishes an event for the log
             kn_loop_order(&d->loop, KN_ORDER_ESTOP, 0);
             atomic_store(&d->loop.account.mode, KNEAD_STATUS_T_MODE_ESTOP);
         }
@@ -447,6 +475,7 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
     return false;
 }
 
+// Set up the operator, and open the control socket if there is one.
 static bool open_control(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
     kn_operated on = {.served = &d->on,
@@ -467,16 +496,20 @@ static bool open_control(server *d, const kn_daemon_def *def, char *error, size_
     return !def->control || d->control;
 }
 
+// Measure the object, create the threads, lock the memory and let the threads run.
 static bool start_threads(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
     d->loop.deadline = kn_served_deadline(&d->on.backend, d->on.model, d->on.scene->budget_s);
-    kn_rt_enter(&d->rt, def->realtime); // not before: what is built takes longer than LimitRTTIME lets a thread run
+    // Enter real-time priority only now: to build a scene takes longer than LimitRTTIME allows a real-time thread to
+    // run.
+    kn_rt_enter(&d->rt, def->realtime);
     d->rest_ns = kn_served_measure(&d->on.backend, NULL);
     d->operator.served_ns = kn_served_measure(&d->on.backend, d->on.model);
     d->loop.free = def->free;
     d->loop.notify = notify;
     d->loop.notify_arg = d;
     bool keeps = d->keeper.store.dir >= 0;
+    // The barrier's count: main, servo, sentinel and mesh; control and worker; keeper.
     pthread_barrier_init(&d->go, NULL, 4u + 2u * !!d->control + keeps);
     int failed = kn_rt_thread(&d->rt, &d->servo_thread, "servo", KN_RT_SERVO, true, servo_main, d);
     if (!failed) failed = kn_rt_thread(&d->rt, &d->sentinel_thread, "sentinel", KN_RT_SENTINEL, true, sentinel_main, d);
@@ -487,11 +520,13 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
         failed = kn_rt_thread(&d->rt, &d->worker_thread, "worker", KN_RT_NORMAL, false, worker_main, d);
     if (!failed && keeps)
         failed = kn_rt_thread(&d->rt, &d->keeper_thread, "keeper", KN_RT_NORMAL, false, keeper_main, d);
+    // Lock the memory now that all stacks exist and no thread runs yet.
     if (!failed) kn_rt_lock_memory(&d->rt);
     if (failed) snprintf(error, error_size, "cannot start a thread: %s", strerror(failed));
     else if (d->rt.mode == KN_RT_REQUIRE && *d->rt.missing)
         snprintf(error, error_size, "not real time: %s", d->rt.missing);
     else {
+        // Start the grids of servo and sentinel, then release the threads.
         d->start_ns = d->checkup.start_ns = kn_now_ns() + START_DELAY_NS;
         kn_loop_start(&d->loop, d->start_ns);
         d->sentinel.beside = &d->loop.start_ns;
@@ -501,9 +536,10 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
         pthread_barrier_wait(&d->go);
         return true;
     }
-    return false; // whatever waits at the barrier ends with the process
+    return false; // threads that wait at the barrier end with the process
 }
 
+// Print the settings that were restored from the last run.
 static void tell_sets(FILE *out, const kn_sets *sets)
 {
     char room[KN_SETS_BYTES];
@@ -513,6 +549,7 @@ static void tell_sets(FILE *out, const kn_sets *sets)
     if (count > 0) fputc('\n', out);
 }
 
+// Print what is being served, and everything that prevents real-time operation, accuracy or authentication.
 static void tell_ready(server *d, FILE *out)
 {
     fprintf(out, "kneadd: serving %s, %d nodes", d->on.scene->name,
@@ -531,7 +568,8 @@ static void tell_ready(server *d, FILE *out)
         fprintf(out, "kneadd: poses are taken from %d addresses; that is no authentication: an address can be forged\n",
                 d->exchange.receiver.peers);
     if (d->on.model->isa == KN_ISA_BASE) fprintf(out, "kneadd: not real time: fused multiply-add in software\n");
-    if (d->loop.priced > 0) // the servo runs already, and may make the deadline itself smaller
+    // The servo is already running and may lower the deadline, so print the deadline of the start.
+    if (d->loop.priced > 0)
         fprintf(out, "kneadd: a step ends by its deadline of %" PRId64 " units of work\n", d->loop.priced);
     const kn_fixed_model *fixed = d->on.model->fixed;
     if (fixed && fixed->error > KN_FIXED_ERROR)
@@ -557,6 +595,7 @@ static void tell_ready(server *d, FILE *out)
             1e-6 * (double)d->rest_ns, 1e-6 * REST_TICK_NS);
 }
 
+// Print the counters of the circuit. The circuit's final state is compared with its twin's.
 static void tell_circuit(server *d)
 {
     kn_fpga_counts n;
@@ -575,6 +614,7 @@ static void tell_circuit(server *d)
                (long long)(link.link.crc + link.link.coding));
 }
 
+// Print the totals of the run.
 static void tell_summary(server *d, FILE *out)
 {
     kn_account *a = &d->loop.account;
@@ -613,7 +653,7 @@ static void tell_summary(server *d, FILE *out)
                 d->loop.phase.driven, d->loop.phase.followed, d->loop.phase.held);
 }
 
-// Whole, however it was put together.
+// Print a text in whole lines, even if tell() writes a line in several pieces.
 static void say_all(server *d, void (*tell)(server *, FILE *))
 {
     char *text = NULL;
@@ -626,9 +666,10 @@ static void say_all(server *d, void (*tell)(server *, FILE *))
     free(text);
 }
 
-static int64_t stopping_ns;               // since when signals end the process, as on_signal does
-static volatile sig_atomic_t told_to_end; // by a signal that came between two lives
+static int64_t stopping_ns;               // time from which signals end the process, as in on_signal; 0: not yet
+static volatile sig_atomic_t told_to_end; // set by a signal that came between two lives (auth.h)
 
+// Signal handler from the end of one life to the start of the next, when libev's handlers are not installed.
 static void end_at_once(int number)
 {
     told_to_end = 1;
@@ -637,7 +678,7 @@ static void end_at_once(int number)
     raise(number);
 }
 
-// A request that waits for a disk or a file that does not answer keeps nobody from what is saved at the end.
+// Wait at most 2 s for the worker to end. A request that hangs on a disk or a file must not prevent the final save.
 static void join_worker(server *d)
 {
     struct timespec until;
@@ -647,11 +688,11 @@ static void join_worker(server *d)
     if (d->stuck) kn_say("kneadd: ends without the answer to a request that takes too long");
 }
 
-// False when the object as it is could not be saved.
+// Stop all threads and save the object. Return false if the object could not be saved.
 static bool stop_threads(server *d)
 {
     stopping_ns = d->stop_ns ? d->stop_ns : kn_now_ns();
-    for (int i = 0; i < SIGNALS; i++) { // nobody waits for libev's any more
+    for (int i = 0; i < SIGNALS; i++) { // nobody calls libev's handlers any more
         int number = d->signals[i].signum;
         ev_signal_stop(d->ev, &d->signals[i]);
         signal(number, end_at_once);
@@ -667,16 +708,18 @@ static bool stop_threads(server *d)
         join_worker(d);
         kn_control_drain(d->control);
     }
-    atomic_store(&d->keeper.ending, true); // after whoever may ask for a snapshot
+    // The keeper ends last, because control and worker may ask it for snapshots.
+    atomic_store(&d->keeper.ending, true);
     if (d->keeper.store.dir >= 0) pthread_join(d->keeper_thread, NULL);
     bool kept = kn_keeper_finish(&d->keeper, &d->loop.servo, d->loop.clock.tick);
     pthread_barrier_destroy(&d->go);
+    // Publish the final counters. Then read the remaining datagrams, so that the counts add up.
     tell_status(d);
-    for (int i = 0; i < 1000 && (i == 0 || d->batch.count > 0); i++)
-        take_datagrams(d, KN_BATCH); // so that the counts close
+    for (int i = 0; i < 1000 && (i == 0 || d->batch.count > 0); i++) take_datagrams(d, KN_BATCH);
     return kept;
 }
 
+// Release everything that a life has allocated. Parts that were never opened are skipped.
 static void free_all(server *d)
 {
     if (d->ev) ev_loop_destroy(d->ev);
@@ -694,11 +737,13 @@ static void free_all(server *d)
     kn_served_free(&d->on);
 }
 
-// One life of it; goes on with d->next when d->goes_on.
+// Run one life of the server, from loading a scene to the end of its threads. Afterwards d->goes_on tells whether
+// another life follows, with the scene d->next.
 static int serve(server *d, const kn_daemon_def *def)
 {
     char error[512];
     *d = (server){.claim = -1, .mesh_claim = -1, .fd = -1, .keeper.store.dir = -1};
+    // Load the scene, then the snapshots. Bad input (exit code 2) is found before anything is opened.
     bool heard = choose_buses(d, def, error, sizeof error);
     int code = heard ? kn_served_load(&d->on, &def->object, error, sizeof error) : 2;
     if (code == 0)
@@ -710,6 +755,7 @@ static int serve(server *d, const kn_daemon_def *def)
             start_threads(d, def, error, sizeof error)) {
             say_all(d, tell_ready);
             sd_notifyf(0, "READY=1\nSTATUS=serving %s", d->on.scene->name);
+            // A signal that came between two lives still counts.
             if (told_to_end) stop(d);
             ev_run(d->ev, 0);
             code = stop_threads(d) ? 0 : 3;
@@ -725,7 +771,7 @@ static int serve(server *d, const kn_daemon_def *def)
             }
         }
     }
-    if (code) kn_say("%s%s", code == 2 ? "" : "kneadd: ", error); // bad input: its file or URL stands first
+    if (code) kn_say("%s%s", code == 2 ? "" : "kneadd: ", error); // for bad input the line begins with its file or URL
     return code;
 }
 
@@ -735,18 +781,19 @@ int kn_daemon_run(const kn_daemon_def *def)
     static char name[sizeof d.next_name];
     kn_daemon_def life = *def;
     kn_safety_limits limits;
-    char *path = NULL, *text = NULL; // of the scene that is served, after the first
+    char *path = NULL, *text = NULL; // of the scene being served; NULL in the first life
     kn_say_start();
     for (;;) {
         int code = serve(&d, &life);
         bool goes_on = code == 0 && d.goes_on && !told_to_end;
-        if (d.stuck) return code;        // whoever still waits goes with the process
-        if (d.on.base && !life.limits) { // of the first life, which no other one may raise
+        if (d.stuck) return code;        // the stuck worker ends with the process
+        if (d.on.base && !life.limits) { // no later life may exceed the limits of the first
             limits = d.on.base->limits;
             life.limits = &limits;
         }
         free(path);
         free(text);
+        // The next life serves the scene that was loaded. An emergency stop that is in force is kept.
         memcpy(name, d.next_name, sizeof name);
         life.object.scene_path = path = d.next;
         life.object.text = text = d.next_text;

@@ -1,39 +1,39 @@
 #ifndef KN_SERVER_DAEMON_H
 #define KN_SERVER_DAEMON_H
-// The threads of kneadd put together: main (poses in, forces out, on libev), servo, sentinel, mesh, control. From
-// start to the end of the last thread; every other module is told here what it is
-// lent.
+// The daemon creates the threads of kneadd and connects its modules: main (receives poses and publishes forces, on
+// libev), servo, sentinel, mesh, control, worker (slow control requests) and keeper (snapshots). It owns everything
+// from the start to the end of the last thread, and each module borrows from it.
 #include "server/auth.h"
 #include "server/receiver.h"
 #include "server/rt.h"
 #include "server/served.h"
 
 #define KN_LCM_URL "udpm://239.255.76.67:7667?ttl=0"  // LCM's own group
-#define KN_MESH_URL "udpm://239.255.76.67:7668?ttl=0" // by port: stock liblcm hears every group of its port
+#define KN_MESH_URL "udpm://239.255.76.67:7668?ttl=0" // another port: stock liblcm hears every group on its port
 #define KN_LCM_LAN_URL "udpm://239.255.76.67:7667?ttl=1"
 #define KN_MESH_LAN_URL "udpm://239.255.76.67:7668?ttl=1"
 
 typedef struct kn_daemon_def {
-    const kn_safety_limits *limits; // that no scene which is loaded may raise, NULL: those of the first
+    const kn_safety_limits *limits; // limits that no scene loaded later may exceed; NULL: those of the first scene
     kn_served_def object;
-    const char *lcm_url;               // NULL: LCM_DEFAULT_URL of the environment, else KN_LCM_URL or KN_LCM_LAN_URL
+    const char *lcm_url;               // NULL: environment variable LCM_DEFAULT_URL, else KN_LCM_URL or KN_LCM_LAN_URL
     const char *mesh_url;              // NULL: KN_MESH_URL or KN_MESH_LAN_URL
-    const char *control;               // path of the control socket (control.h), NULL: none
-    const char *lan;                   // network interface of both buses, NULL: lo
-    struct in_addr peer[KN_PEERS_MAX]; // whom poses are taken from
-    int peers;                         // 0: anybody
-    const char *key;                   // file of auth.h, NULL: none
+    const char *control;               // path of the control socket (control.h); NULL: none
+    const char *lan;                   // network interface of both buses; NULL: lo
+    struct in_addr peer[KN_PEERS_MAX]; // addresses that poses are accepted from
+    int peers;                         // 0: any address
+    const char *key;                   // key file (auth.h); NULL: none
     kn_rt_mode realtime;
-    const char *trace; // a file for trace.h's rows, NULL: none
-    bool estopped;     // an emergency stop of the life before stands from the first tick on
-    bool later;        // not the first scene that it serves: rows go behind those of the one before
-    bool free;         // the servo's grid does not follow the poses
+    const char *trace; // path of the trace file (trace.h); NULL: none
+    bool estopped;     // an emergency stop of the previous life (auth.h) is in force from the first tick on
+    bool later;        // this is not the first scene of the process: append to the trace file
+    bool free;         // the servo's tick grid does not follow the poses (phase.h)
     bool touch;        // publish KNEAD_TOUCH
 } kn_daemon_def;
 
-// Serves until SIGINT or SIGTERM: forces ramp to zero, threads end, a summary is printed. A second signal, 0.3 s
-// later or more, ends the process at once. Returns the exit code: 0, 2 bad input, 3 the machine refuses (said in one
-// line).
+// Serve until SIGINT, SIGTERM or SIGHUP. Then the forces ramp to zero, the threads end and a summary is printed. A
+// second signal, more than 0.3 s later, ends the process at once. Return the exit code: 0, 2 for bad input, 3 if the
+// machine refuses. An error is reported in one line.
 int kn_daemon_run(const kn_daemon_def *def);
 
 #endif

@@ -13,6 +13,7 @@ void kn_exchange_hear(kn_exchange *x, const kn_batch *batch)
     }
 }
 
+// Publish the records of all ticks since the last call, in order.
 static void publish_records(kn_exchange *x)
 {
     for (const kn_record *record; (record = kn_ring_front(&x->loop->records)); kn_ring_pop(&x->loop->records)) {
@@ -20,6 +21,7 @@ static void publish_records(kn_exchange *x)
         if (x->trace) kn_trace_record(x->trace, record, &x->publisher.scene->model);
         if (x->sentinel) kn_sentinel_hear(x->sentinel, &record->wake);
         memcpy(x->force, record->out.force, sizeof x->force);
+        // A session has sent its last pose and its force is zero: free its probe.
         for (int p = 0; p < record->out.probes; p++)
             if (x->force[p].left && kn_receiver_leave(&x->receiver, p, x->force[p].session))
                 kn_loop_post(x->loop, p, NULL);
@@ -29,6 +31,7 @@ static void publish_records(kn_exchange *x)
         kn_publisher_touch(&x->publisher, touched);
 }
 
+// Publish the new scene after a tick has adopted a change.
 static void go_over(kn_exchange *x)
 {
     kn_change *changed = atomic_load_explicit(&x->loop->changed, memory_order_acquire);
@@ -39,10 +42,12 @@ static void go_over(kn_exchange *x)
 
 bool kn_exchange_ticked(kn_exchange *x)
 {
-    bool done = atomic_load_explicit(&x->loop->done, memory_order_acquire); // first: then the records hold the last one
-    go_over(x); // before the event of it, for whoever hears both
+    // Read this first, so that the records below include the last one.
+    bool done = atomic_load_explicit(&x->loop->done, memory_order_acquire);
+    go_over(x); // publish the scene before the event of the change, for clients that receive both
     publish_records(x);
     if (x->sentinel) kn_sentinel_judge(x->sentinel, kn_now_ns());
+    // End the sessions that fell silent.
     unsigned ended = kn_receiver_expire(&x->receiver, kn_now_ns());
     for (int p = 0; ended >> p; p++)
         if (ended >> p & 1) kn_loop_post(x->loop, p, NULL);

@@ -3,19 +3,22 @@
 #include "server/bus.h"
 #include <string.h>
 
+// The reasons for the loss of a circuit have the same numbers in the code and on the wire.
 #define SAME_LOSS(name, word, what)                                                                                    \
     _Static_assert((int)KN_LOSS_##name == KNEAD_HEALTH_T_LOSS_##name, "reasons of a circuit's loss on the wire");
 KN_LOSSES(SAME_LOSS)
 
 int64_t kn_checkup_drops(kn_checkup *c)
 {
+    // The kernel's counter wraps at 2^32; the difference does not.
     uint32_t now = kn_bus_drops(c->fd);
     c->kernel_drops += (uint32_t)(now - c->drops_seen);
     c->drops_seen = now;
     return c->kernel_drops;
 }
 
-// Those that the servo does not see, since they were told last; kept among the last ones until there is a fault.
+// Return the errors of disk and circuit since the last published status; the servo does not see these errors. They are
+// kept in service_errors until the next fault.
 static int32_t service_errors(kn_checkup *c, const kn_fpga_counts *circuit)
 {
     int32_t errors = 0;
@@ -30,6 +33,7 @@ static knead_status_t status_of(kn_checkup *c, const kn_fpga_counts *circuit)
     const kn_receiver *r = c->receiver;
     const kn_model *model = c->served->model;
     knead_status_t status = {.utime = kn_stamp_us(), .uptime_ms = (kn_now_ns() - c->start_ns) / 1000000};
+    // Collect the counters of servo, sentinel, receiver, publisher and keeper.
     kn_account_status(&c->loop->account, &status);
     status.missed_explained = kn_sentinel_judge(c->sentinel, kn_now_ns());
     status.received = r->received;
@@ -43,10 +47,12 @@ static knead_status_t status_of(kn_checkup *c, const kn_fpga_counts *circuit)
     status.backend = circuit->there ? KNEAD_STATUS_T_BACKEND_FPGA
                      : model->fixed ? KNEAD_STATUS_T_BACKEND_FIXED
                                     : KNEAD_STATUS_T_BACKEND_CPU;
+    // List what keeps the server from its full quality.
     if (!c->rt->fifo) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FIFO;
     if (!c->rt->locked) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_MLOCK;
     if (model->isa == KN_ISA_BASE) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FMA;
     if (circuit->there && !circuit->in_step) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FPGA;
+    // A new fault makes the last errors obsolete.
     if (status.faults > c->faults_seen) c->service_errors = 0;
     c->faults_seen = status.faults;
     status.current_errors |= service_errors(c, circuit);
@@ -54,6 +60,7 @@ static knead_status_t status_of(kn_checkup *c, const kn_fpga_counts *circuit)
     return status;
 }
 
+// Copy the counters of the circuit. circuit_last is -1 if there is no circuit or the circuit was never lost.
 static void tell_circuit(const kn_fpga_counts *n, knead_health_t *health)
 {
     health->circuit_last = -1;
@@ -79,6 +86,7 @@ static knead_health_t health_of(const kn_checkup *c, const kn_fpga_counts *circu
 {
     knead_health_t health = {.utime = utime, .monotonic_us = kn_now_ns() / 1000};
     kn_account_health(&c->loop->account, &health);
+    // The link of each probe.
     for (int p = 0; p < c->receiver->probes; p++) {
         const kn_source *source = &c->receiver->source[p];
         const kn_packets *n = &source->packets;
@@ -99,7 +107,7 @@ static knead_health_t health_of(const kn_checkup *c, const kn_fpga_counts *circu
     return health;
 }
 
-// Of one look at the circuit, so that both say the same of it.
+// Fill in both messages from one reading of the circuit's counters, so that the messages agree.
 static void look(kn_checkup *c, kn_health *health, kn_fpga_counts *circuit)
 {
     kn_backend_fpga_counts(&c->served->backend, circuit);
@@ -118,11 +126,14 @@ void kn_checkup_tell(kn_checkup *c, kn_health *health)
 {
     kn_fpga_counts circuit;
     look(c, health, &circuit);
+    // Add the errors that no tick sees: poses that were refused because of their values, and errors of disk and
+    // circuit.
     const int64_t *rejected = c->receiver->rejected;
     int64_t invalid = rejected[KN_REJECT_NONFINITE] + rejected[KN_REJECT_QUATERNION] + rejected[KN_REJECT_WORKSPACE] +
                       rejected[KN_REJECT_JUMP];
     int32_t errors = kn_account_take_errors(&c->loop->account) | service_errors(c, &circuit);
     if (invalid > c->invalid_told) errors |= KNEAD_STATUS_T_ERROR_POSE_INVALID;
+    // Remember the counts that have been reported.
     c->invalid_told = invalid;
     c->saves_failed_told = atomic_load(&c->keeper->errors);
     c->circuit_failed_told = circuit.reasons;

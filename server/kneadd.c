@@ -1,4 +1,4 @@
-// kneadd: serves one object to hands. The command line; everything else is daemon.h's.
+// kneadd serves one object to haptic devices. This file parses the command line; daemon.h does the rest.
 #include "core/scene/scene.h"
 #include "server/control.h"
 #include "server/backend/fpga.h"
@@ -51,7 +51,8 @@ static int bad(const char *what, const char *expected)
     return 2;
 }
 
-static int run(int argc, char **argv, const char **sets) // sets: room for twice argc
+// Parse the options and run the daemon. `sets` has room for 2 * argc entries, because one option may add two settings.
+static int run(int argc, char **argv, const char **sets)
 {
     static const struct option options[] = {{"scene", required_argument, NULL, 's'},
                                             {"set", required_argument, NULL, 'k'},
@@ -96,6 +97,7 @@ static int run(int argc, char **argv, const char **sets) // sets: room for twice
                 def.object.device = optarg;
             } else if (strcmp(optarg, "cpu") != 0 && strcmp(optarg, "fixed") != 0)
                 return bad(optarg, "--backend cpu, fixed, uart:, pty:, pcie: or shm:");
+            // The circuit and --backend fixed need the same settings of the scene: the integers of the circuit.
             for (int i = 0; i < KN_FIXED_SETS && strcmp(optarg, "cpu") != 0; i++)
                 sets[def.object.set_count++] = kn_fixed_set[i];
             break;
@@ -115,9 +117,10 @@ static int run(int argc, char **argv, const char **sets) // sets: room for twice
             break;
         case 'h': fputs(usage, stdout); return 0;
         case 'v': puts("kneadd " KN_VERSION); return 0;
-        default: return 2; // getopt has said which
+        default: return 2; // getopt has already reported the bad option
         }
     }
+    // Check combinations of options before anything is opened.
     if (optind < argc) return bad(argv[optind], "options only, the scene as --scene FILE");
     if (def.lan && !def.key && def.peers == 0)
         return bad("--lan", "--key FILE or --peer ADDRESS beside it: on a network anybody may move the tool");
@@ -132,7 +135,7 @@ int main(int argc, char **argv)
     const char **sets = calloc(2 * (size_t)argc, sizeof *sets);
     int code = sets ? run(argc, argv, sets) : 70;
     free(sets);
-    // all: what failed on the way is not told by the last flush
+    // Evaluate both: fflush alone does not report an earlier error.
     if (!(fflush(stdout) | ferror(stdout)) && kn_say_whole(STDOUT_FILENO)) return code;
     kn_say("kneadd: standard output could not be written to its end");
     return code ? code : 3;

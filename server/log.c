@@ -11,7 +11,7 @@
 
 #define MAGIC 0xEDA1DA01u
 #define HEADER_SIZE 28
-#define CHANNEL_MAX 63     // LCM's
+#define CHANNEL_MAX 63     // LCM's limit
 #define DATA_MAX (1 << 28) // LCM's largest message
 
 bool kn_log_open(kn_log *log, const char *path, char *error, size_t error_size)
@@ -30,6 +30,7 @@ bool kn_log_open(kn_log *log, const char *path, char *error, size_t error_size)
     return true;
 }
 
+// Free the strings of the last scene that was read.
 static void forget_scene(kn_log *log)
 {
     if (log->has_scene) knead_scene_t_decode_cleanup(&log->scene);
@@ -44,6 +45,7 @@ void kn_log_close(kn_log *log)
     memset(log, 0, sizeof *log);
 }
 
+// Record the damage and its offset in the file. Always return false.
 static bool damaged(kn_log *log, const char *what)
 {
     snprintf(log->damage, sizeof log->damage, "%s at byte %lld of %lld, after %lld complete records", what,
@@ -51,6 +53,7 @@ static bool damaged(kn_log *log, const char *what)
     return false;
 }
 
+// Enlarge the buffer to at least `size` bytes.
 static bool reserve(kn_log *log, size_t size)
 {
     if (size <= log->capacity) return true;
@@ -61,15 +64,18 @@ static bool reserve(kn_log *log, size_t size)
     return true;
 }
 
-// The next record's bytes: channel, a NUL of ours, data. Sizes are checked against the file first.
+// Read the next record into the buffer: channel, an added NUL, data. All sizes are checked against the file first.
 static bool fetch(kn_log *log, kn_log_record *r)
 {
     unsigned char h[HEADER_SIZE];
     int64_t left = log->size - log->offset;
+    // Read the header. Wrong first four bytes mean that the record is damaged or that the file is not a log. An
+    // incomplete header means that the file was cut.
     if (left == 0 || log->damage[0]) return false;
     size_t got = fread(h, 1, sizeof h, log->file);
     if (got >= 4 && kn_bytes_32(h) != MAGIC) return damaged(log, "no record of an LCM event log");
     if (got < HEADER_SIZE) return damaged(log, "cut within a record");
+    // Check the sizes before they are used.
     int64_t channel = (int32_t)kn_bytes_32(h + 20), data = (int32_t)kn_bytes_32(h + 24);
     if (channel < 1 || channel > CHANNEL_MAX) return damaged(log, "channel name of a length that LCM does not have");
     if (data < 0 || data > DATA_MAX) return damaged(log, "message of a size that LCM does not have");
@@ -77,6 +83,7 @@ static bool fetch(kn_log *log, kn_log_record *r)
     r->utime = kn_bytes_64(h + 12);
     if (r->utime < 0 || r->utime > KN_LOG_UTIME_MAX) return damaged(log, "a time that no clock shows");
 
+    // Read channel and data, and terminate the channel name.
     if (!reserve(log, (size_t)(channel + 1 + data))) return damaged(log, "record larger than memory");
     unsigned char *body = log->buffer + channel + 1;
     bool whole = fread(log->buffer, 1, (size_t)channel, log->file) == (size_t)channel &&
@@ -98,13 +105,14 @@ static bool all_finite(const double *value, int count)
     return true;
 }
 
-// size is that of a fixed-size type, or that and a trailer.
+// Return whether the record has the size of a fixed-size type, with or without a trailer, and the type's hash.
 static bool fits(const kn_log_record *r, int encoded_size, int64_t hash)
 {
     size_t size = (size_t)encoded_size;
     return kn_auth_fits(r->size, size) && kn_bytes_64(r->data) == hash;
 }
 
+// Decode and check a force record. The checks bound the numbers with which a replay calculates.
 static kn_log_kind read_force(kn_log_record *r)
 {
     int size = knead_contact_force_t_encoded_size(&r->force);
@@ -125,6 +133,7 @@ static kn_log_kind read_event(kn_log_record *r)
     return sane ? KN_LOG_EVENT : KN_LOG_MALFORMED;
 }
 
+// Decode a scene. Its counts are checked first, because the decoder trusts them.
 static kn_log_kind read_scene(kn_log *log, kn_log_record *r)
 {
     if (!kn_wire_scene_fits(r->data, r->size)) return KN_LOG_MALFORMED;
@@ -133,16 +142,18 @@ static kn_log_kind read_scene(kn_log *log, kn_log_record *r)
     return log->has_scene ? KN_LOG_SCENE : KN_LOG_MALFORMED;
 }
 
+// Return the part of the channel name after the prefix, or NULL if the prefix does not match or nothing follows it.
 static const char *after(const char *channel, const char *prefix)
 {
     size_t n = strlen(prefix);
     return strncmp(channel, prefix, n) == 0 && channel[n] ? channel + n : NULL;
 }
 
+// Determine the kind of a record by its channel, and decode it.
 static kn_log_kind classify(kn_log *log, kn_log_record *r)
 {
     bool ours = after(r->channel, "KNEAD_") != NULL;
-    if (ours && r->size < 8) return KN_LOG_MALFORMED; // not even a type hash
+    if (ours && r->size < 8) return KN_LOG_MALFORMED; // too short even for a type hash
     if ((r->probe = after(r->channel, "KNEAD_POSE_"))) return KN_LOG_POSE;
     if ((r->probe = after(r->channel, "KNEAD_FORCE_"))) return read_force(r);
     if (strcmp(r->channel, "KNEAD_EVENT") == 0) return read_event(r);

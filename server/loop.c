@@ -6,13 +6,13 @@
 #include <stddef.h>
 #include <string.h>
 
-#define RECORDS 512 // half a second: longer the main thread is not held up by anything but a stopped machine
+#define RECORDS 512 // half a second; the main thread is only later than that if the machine stops
 
-#define ORDER_BITS 8 // the low ones of loop->orders
+#define ORDER_BITS 8 // low bits of loop->orders
 
-static const int64_t look_ns = 15000; // between two looks for a late pose: waking up takes as long
-// After a tick that took more than its millisecond: what never sleeps takes its processor from all others, the sentinel
-// first, and is ended by LimitRTTIME.
+static const int64_t look_ns = 15000; // sleep between two checks for a late pose; to wake up takes about as long
+// Sleep after a tick that took longer than 1 ms. A thread that never sleeps takes the processor from all other threads,
+// the sentinel first, and the kernel ends the process by LimitRTTIME.
 static const int64_t breath_ns = 50000;
 
 bool kn_loop_init(kn_loop *loop, const kn_scene *scene, const kn_model *model, kn_backend *backend, kn_skin *skin,
@@ -40,7 +40,8 @@ void kn_loop_free(kn_loop *loop)
 
 bool kn_loop_touch(kn_loop *loop)
 {
-    return kn_ring_init(&loop->touches, 16 * KN_PROBES_MAX, sizeof(kn_touched)); // 64 ms; a later one is worth nothing
+    // Room for 64 ms; older patches are useless.
+    return kn_ring_init(&loop->touches, 16 * KN_PROBES_MAX, sizeof(kn_touched));
 }
 
 void kn_loop_start(kn_loop *loop, int64_t start_ns)
@@ -60,11 +61,13 @@ void kn_loop_post(kn_loop *loop, int probe, const kn_pose *pose)
     kn_mailbox_post(&loop->pose[probe]);
 }
 
+// The number of orders and their kinds share one word, so that no tick sees one without the other.
 int64_t kn_loop_order(kn_loop *loop, kn_order order, kn_quality quality)
 {
     if (order == KN_ORDER_QUALITY) atomic_store(&loop->quality, (int)quality);
-    int64_t given = atomic_load(&loop->orders), more; // count and kind in one word: no tick sees one without the other
-    int64_t ends = order == KN_ORDER_RECOVER ? INT64_C(1) << KN_ORDER_ESTOP : 0; // whichever is said later stands
+    int64_t given = atomic_load(&loop->orders), more;
+    // A recover cancels an emergency stop that no tick has taken yet: the later order counts.
+    int64_t ends = order == KN_ORDER_RECOVER ? INT64_C(1) << KN_ORDER_ESTOP : 0;
     do more = ((given & ~ends) | INT64_C(1) << order) + (1 << ORDER_BITS);
     while (!atomic_compare_exchange_weak(&loop->orders, &given, more));
     return more >> ORDER_BITS;
@@ -82,7 +85,7 @@ bool kn_loop_estopped(const kn_loop *loop)
     return loop->servo.estopped || (atomic_load(&loop->orders) >> KN_ORDER_ESTOP & 1);
 }
 
-// Returns how many have been given.
+// Take the orders that were given since the last tick. Return the total number of orders given so far.
 static int64_t read_orders(kn_loop *loop, kn_tick_in *in)
 {
     int64_t orders = atomic_fetch_and(&loop->orders, ~((INT64_C(1) << ORDER_BITS) - 1));
@@ -90,6 +93,8 @@ static int64_t read_orders(kn_loop *loop, kn_tick_in *in)
     in->recover = orders >> KN_ORDER_RECOVER & 1;
     in->estop = orders >> KN_ORDER_ESTOP & 1;
     in->undo = orders >> KN_ORDER_UNDO & 1;
+    // A change brings its own deadline, unless that is 0. The counts of long steps of the old model do not apply to the
+    // new one.
     if (orders >> KN_ORDER_CHANGE & 1) {
         in->change = loop->change;
         if (loop->change->deadline > 0) in->deadline = loop->deadline = loop->priced = loop->change->deadline;
@@ -107,6 +112,7 @@ static int64_t read_orders(kn_loop *loop, kn_tick_in *in)
     return orders >> ORDER_BITS;
 }
 
+// Read the latest pose of each probe, and note when it arrived.
 static void read_poses(kn_loop *loop, kn_tick_in *in, kn_arrival arrival[])
 {
     for (int p = 0; p < loop->servo.model->def.probe_count; p++) {
@@ -116,6 +122,7 @@ static void read_poses(kn_loop *loop, kn_tick_in *in, kn_arrival arrival[])
     }
 }
 
+// Move the grid towards the arrival of the poses (phase.h).
 static void follow_poses(kn_loop *loop, kn_arrival arrival[], const kn_wake *wake)
 {
     int probes = loop->servo.model->def.probe_count;
@@ -124,9 +131,11 @@ static void follow_poses(kn_loop *loop, kn_arrival arrival[], const kn_wake *wak
     atomic_store_explicit(&loop->start_ns, loop->clock.start_ns, memory_order_relaxed);
 }
 
-// Once the forces are out: a display can wait that long, and the main thread is woken for it once more.
+// Queue the touch patches, every KN_LOOP_TOUCH_TICKS ticks. Called after the forces have been queued, because a touch
+// display can wait longer than a hand. The main thread is woken once more for the patches.
 static void tell_touches(kn_loop *loop, const kn_record *record)
 {
+    // Missed ticks may skip the tick of a patch, so compare quotients instead of testing the remainder.
     int64_t tick = record->out.tick, before = tick - 1 - record->out.missed;
     if (tick / KN_LOOP_TOUCH_TICKS == before / KN_LOOP_TOUCH_TICKS) return;
     kn_backend *backend = loop->servo.backend;
@@ -140,6 +149,7 @@ static void tell_touches(kn_loop *loop, const kn_record *record)
     if (loop->notify) loop->notify(loop->notify_arg);
 }
 
+// Continue with the audit and the budget of a change that the servo has adopted.
 static void go_over(kn_loop *loop, kn_change *change)
 {
     if (loop->audit && change->audit) kn_audit_follow(change->audit, loop->audit);
@@ -148,17 +158,22 @@ static void go_over(kn_loop *loop, kn_change *change)
     atomic_store_explicit(&loop->changed, change, memory_order_release);
 }
 
+// Adapt the deadline to the speed of the processor; see KN_LOOP_DEAR in loop.h.
 static void follow_price(kn_loop *loop, int64_t units)
 {
+    // A step that used less than half of its units says little about the time of a unit.
     if (loop->deadline <= 0 || 2 * units < loop->deadline) return;
     const double share = (double)loop->execution_ns / (1e9 * loop->servo.scene->budget_s);
     loop->dear = share > KN_LOOP_DEAR_SHARE ? loop->dear + 1 : 0;
     loop->cheap = share < KN_LOOP_CHEAP_SHARE ? loop->cheap + 1 : 0;
     loop->dear_share = loop->dear > 1 ? fmin(loop->dear_share, share) : share;
+    // Steps take too long. Scale the deadline so that the fastest of these steps would take KN_SERVED_SHARE of the
+    // budget, but at most to half, and not below the units of the shortest step.
     if (loop->dear == KN_LOOP_DEAR) {
         const double least = (double)kn_deadline_least(loop->servo.model);
         loop->deadline = (int64_t)fmax(least, (double)loop->deadline * fmax(0.5, KN_SERVED_SHARE / loop->dear_share));
         loop->dear = 0;
+        // Steps are fast again: raise the deadline by an eighth, up to its measured value.
     } else if (loop->cheap == KN_LOOP_CHEAP) {
         loop->deadline = (int64_t)fmin((double)loop->priced, 1.125 * (double)loop->deadline);
         loop->cheap = 0;
@@ -167,6 +182,7 @@ static void follow_price(kn_loop *loop, int64_t units)
 
 bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
 {
+    // Gather the input of the tick: time, orders, poses.
     kn_tick_in in = {.tick = wake->tick,
                      .missed = wake->missed,
                      .execution_ns = loop->execution_ns,
@@ -176,7 +192,7 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
                      .stop = atomic_load_explicit(&loop->stop, memory_order_relaxed)};
     int64_t ordered = read_orders(loop, &in);
     kn_record record;
-    memset(&record, 0, offsetof(kn_record, out)); // the servo sets what is out
+    memset(&record, 0, offsetof(kn_record, out)); // the servo fills in out
     record.wake = *wake;
     kn_arrival arrival[KN_PROBES_MAX];
 
@@ -185,8 +201,10 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     if (record.out.changed) go_over(loop, record.out.changed);
     kn_backend *backend = loop->servo.backend;
 
+    // End after the tick that has brought every gain to zero, or after KN_LOOP_STOP_TICKS.
     if (!in.stop) loop->running_tick = wake->tick;
     bool last = record.out.stopped || wake->tick - loop->running_tick > KN_LOOP_STOP_TICKS;
+    // The forces are ready. Complete the record and queue it, without the contacts if nobody identifies local models.
     record.utime = kn_stamp_us();
     record.guarded_ns = kn_now_ns();
     record.execution_ns = loop->execution_ns = record.guarded_ns - wake->now_ns;
@@ -194,6 +212,8 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     for (int p = 0; p < record.out.probes; p++) record.posted_ns[p] = arrival[p].arrived_ns;
     size_t bytes = record.out.local ? sizeof record : offsetof(kn_record, out.contact);
     bool published = kn_ring_push_start(&loop->records, &record, bytes);
+    // Tell the threads that gave orders which tick took their orders. After a long wait only the last KN_LOOP_ORDERS
+    // are kept.
     if (in.restore || in.undo) atomic_store(&loop->restored, record.out.restored_hash);
     int64_t n = atomic_load(&loop->obeyed);
     if (ordered - n > KN_LOOP_ORDERS) n = ordered - KN_LOOP_ORDERS;
@@ -202,6 +222,7 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     if (last) atomic_store_explicit(&loop->done, true, memory_order_release);
     if (loop->notify) loop->notify(loop->notify_arg);
 
+    // The main thread now publishes the forces. Do everything else in the rest of the tick.
     if (loop->touches.capacity) tell_touches(loop, &record);
     if (backend->afterwards) backend->afterwards(backend->self);
     if (loop->audit && record.out.replaced) kn_audit_restart(loop->audit);
@@ -210,6 +231,7 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     if (loop->skin)
         kn_skin_capture(loop->skin, loop->servo.model, backend->state(backend->self), wake->tick,
                         loop->servo.generation);
+    // Account for the whole tick, then move the grid for the next one.
     int64_t end_ns = kn_now_ns();
     kn_busy_tell(&loop->busy, loop->servo.ticks, wake->now_ns, end_ns);
     kn_account_tick(&loop->account, &loop->servo, &in, &record.out, wake, end_ns - wake->now_ns, published);
@@ -217,7 +239,8 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
     return !last;
 }
 
-// A pose that is on its way is waited for, a little.
+// Wait a short time for a late pose, so that the pose does not have to wait for the next tick. Do not wait after missed
+// cycles. Wait at most a third of the part of the period that the last tick did not use.
 static void await_pose(kn_loop *loop, kn_wake *wake)
 {
     int probe = loop->free || wake->missed ? -1 : kn_phase_awaits(&loop->phase);

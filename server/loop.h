@@ -1,6 +1,6 @@
 #ifndef KN_SERVER_LOOP_H
 #define KN_SERVER_LOOP_H
-// The servo thread: kn_servo_tick on a real clock, with the poses that came in and the answers going out.
+// The servo thread: kn_servo_tick on a real clock, with incoming poses and outgoing forces.
 //
 //     main thread --- kn_loop_post ---> mailbox per probe --+
 //     one operator -- kn_loop_order --> flags --------------+
@@ -10,10 +10,11 @@
 //                                                           |
 //     main thread <-- records (every tick, in order) -------+-------> skin (latest surface) --> mesh thread
 //                                                           |
-//                                  in what is left of the tick: local models, the audit of the lattice, a copy of it
+//                                  in the rest of the tick: local contact models, audit, a copy of the lattice
 //                                  for the keeper
 //
-// Between start and stop the thread allocates nothing, takes no lock and calls the kernel only to sleep and to notify.
+// Between start and stop the thread allocates nothing and takes no lock. It calls the kernel only to sleep and to
+// notify.
 #include "core/touch.h"
 #include "server/account.h"
 #include "server/change.h"
@@ -24,113 +25,120 @@
 #include "server/skin.h"
 #include "server/snapshot.h"
 
-#define KN_LOOP_ORDERS 64      // whose ticks are remembered
-#define KN_LOOP_STOP_TICKS 100 // ms. Forces come down within 20; longer than this nobody waits
+#define KN_LOOP_ORDERS 64      // number of latest orders whose ticks can be asked for
+#define KN_LOOP_STOP_TICKS 100 // a stop ends the loop after this many ticks at the latest; forces fade within 20
 
-typedef struct kn_record { // one tick, for whoever publishes it
+typedef struct kn_record { // one tick, for the publisher
     kn_wake wake;
-    int64_t utime;                    // us since 1970, when the tick had its answer
-    int64_t execution_ns;             // read to publish
-    int64_t guarded_ns;               // when the servo was done
-    int64_t posted_ns[KN_PROBES_MAX]; // when the poses that it used came
-    kn_tick_out out;                  // last: its contacts are in the ring only where out.local
+    int64_t utime;                    // us since 1970, when the forces were ready
+    int64_t execution_ns;             // time from reading the poses to publishing
+    int64_t guarded_ns;               // CLOCK_MONOTONIC when the servo was done
+    int64_t posted_ns[KN_PROBES_MAX]; // arrival of the poses that the tick used
+    kn_tick_out out;                  // must be the last member: its contacts are queued only if out.local
 } kn_record;
 
-#define KN_LOOP_TOUCH_TICKS 4 // 250 Hz
+#define KN_LOOP_TOUCH_TICKS 4 // ticks between two touch patches: 250 Hz
 
-typedef struct kn_touched { // what a probe with a session touches
+typedef struct kn_touched { // touch patch of one probe with a session
     int64_t utime, session, pose_seq;
     int probe;
     kn_touch touch;
 } kn_touched;
 
-typedef struct kn_posted { // what lies in a mailbox
+typedef struct kn_posted { // content of a pose mailbox
     kn_pose pose;
-    int64_t posted_ns, before_ns; // when; the one before it
+    int64_t posted_ns, before_ns; // arrival of this pose, and of the one before
 } kn_posted;
 
-typedef enum kn_order { // of an operator; several of the same kind before a tick are one
-    KN_ORDER_RESET,     // the object is as new
-    KN_ORDER_QUALITY,   // a live point of the scene's; of several the last
-    KN_ORDER_RECOVER,   // latched faults are forgotten, an ESTOP that waits for a tick, too; tools engage once lifted
+typedef enum kn_order { // an operator's order; several of the same kind before a tick count as one
+    KN_ORDER_RESET,     // restore the object to its initial state
+    KN_ORDER_QUALITY,   // change to another quality of the scene (kn_point.live); the last order counts
+    KN_ORDER_RECOVER,   // clear latched faults, and an ESTOP that no tick has taken yet; lift a tool to engage it
     KN_ORDER_ESTOP,     // forces fade and stay 0 until recover
-    KN_ORDER_RESTORE,   // the object is as in loop->restore
-    KN_ORDER_UNDO,      // the object is as before it was kneaded last
-    KN_ORDER_CHANGE     // the object goes on in loop->change
+    KN_ORDER_RESTORE,   // replace the object by loop->restore
+    KN_ORDER_UNDO,      // return the object to its state before it was last kneaded, reset or restored
+    KN_ORDER_CHANGE     // continue the object in loop->change
 } kn_order;
 
 typedef struct kn_loop {
     kn_servo servo;
     kn_clock clock;
     kn_phase phase;
-    bool free;                // the clock's grid stands still instead of following the poses; before the start
-    _Atomic int64_t start_ns; // of the clock, for whoever keeps beside its ticks
+    bool free;                // the grid stands still instead of following the poses; set before the start
+    _Atomic int64_t start_ns; // start of the clock's grid, for threads that keep in step with it
     kn_account account;
-    kn_ring records; // of kn_record; the other end is the main thread's
-    kn_ring touches; // of kn_touched, as the above; no capacity: nobody asked
+    kn_ring records; // of kn_record; read by the main thread
+    kn_ring touches; // of kn_touched; read by the main thread; capacity 0: not wanted
     kn_skin *skin;
     kn_audit *audit;
-    struct kn_keeper *keeper; // NULL: nobody
+    struct kn_keeper *keeper; // NULL: no keeper
     kn_mailbox pose[KN_PROBES_MAX];
     kn_posted pose_slots[KN_PROBES_MAX][3];
-    int64_t posted_ns[KN_PROBES_MAX]; // the latest of each probe; the main thread's
-    void (*notify)(void *arg);        // called after each tick: wakes the main thread. Must be real-time safe
+    int64_t posted_ns[KN_PROBES_MAX]; // arrival of the latest pose of each probe; the main thread's
+    void (*notify)(void *arg);        // called after each tick to wake the main thread; must be real-time safe
     void *notify_arg;
-    atomic_bool stop;        // set by anyone: forces ramp to zero, then the thread ends
-    _Atomic int64_t orders;  // how many were given << 8, and bit kn_order of those that the next tick takes
-    atomic_int quality;      // of KN_ORDER_QUALITY
-    const kn_saved *restore; // of KN_ORDER_RESTORE, to stay until that is obeyed
-    struct kn_change
-        *change; // of KN_ORDER_CHANGE, to stay until another one is taken, and whoever uses it has gone over
-    _Atomic(struct kn_change *) changed; // the latest that was taken, NULL: none
-    _Atomic uint64_t restored; // state hash of what the latest order to restore or undo put there; 0: nothing to undo
-    _Atomic int64_t obeyed;    // how many were taken
-    _Atomic int64_t obeyed_tick[KN_LOOP_ORDERS]; // the tick that took order n, at n modulo that
-    atomic_bool done;                            // its last record is in the ring
+    atomic_bool stop;        // set by any thread: forces ramp to zero, then the thread ends
+    _Atomic int64_t orders;  // number of orders given << 8 | bits 1 << kn_order for the next tick
+    atomic_int quality;      // argument of KN_ORDER_QUALITY
+    const kn_saved *restore; // argument of KN_ORDER_RESTORE; must stay until the order is obeyed
+    // Argument of KN_ORDER_CHANGE. It must stay until another change has been taken and every thread that uses it has
+    // moved on to that one.
+    struct kn_change *change;
+    _Atomic(struct kn_change *) changed;         // latest change that a tick has taken; NULL: none
+    _Atomic uint64_t restored;                   // state hash after the latest restore or undo; 0: nothing to undo
+    _Atomic int64_t obeyed;                      // number of orders taken by ticks
+    _Atomic int64_t obeyed_tick[KN_LOOP_ORDERS]; // the tick that took order n, at index n % KN_LOOP_ORDERS
+    atomic_bool done;                            // the last record is in the ring
     int64_t execution_ns;                        // of the last tick
-    int64_t deadline;     // units that a step may take, from the first tick on; 0: none. Before the start
-    int64_t priced;       // what it was at the start, or at the latest change that priced it anew
-    int dear, cheap;      // long steps in a row: above KN_LOOP_DEAR_SHARE, below KN_LOOP_CHEAP_SHARE
-    double dear_share;    // least share of the budget among the dear ones
-    kn_busy busy;         // all of the latest ones, for the sentinel
-    int64_t running_tick; // last one before stop was asked
+    int64_t deadline;     // units of work that a step may take, from the first tick on; 0: none; set before the start
+    int64_t priced;       // deadline as measured for the present model, at the start or with a change
+    int dear, cheap;      // long steps in a row; dear: above KN_LOOP_DEAR_SHARE; cheap: below KN_LOOP_CHEAP_SHARE
+    double dear_share;    // smallest share of the budget that one of the `dear` steps took
+    kn_busy busy;         // times at which the thread was busy in its latest ticks, for the sentinel
+    int64_t running_tick; // last tick before the stop was asked for
 } kn_loop;
 
-// Borrows all; skin and audit may be NULL. False when memory is short.
+// Initialise the loop. Borrows all arguments; `skin` and `audit` may be NULL. Return false when memory is short.
 bool kn_loop_init(kn_loop *loop, const kn_scene *scene, const kn_model *model, kn_backend *backend, kn_skin *skin,
                   kn_audit *audit);
 void kn_loop_free(kn_loop *loop);
 
-// Has touch patches made of the contacts, into touches. Before the start; false when memory is short.
+// Make the loop compute touch patches from the contacts and queue them in loop->touches. Call before the start. Return
+// false when memory is short.
 bool kn_loop_touch(kn_loop *loop);
 
-// Tick 0 is at start_ns. Before kn_loop_run, and before anyone reads loop->start_ns.
+// Put tick 0 at start_ns. Call before kn_loop_run, and before any thread reads loop->start_ns.
 void kn_loop_start(kn_loop *loop, int64_t start_ns);
 
-// The deadline follows the processor, which may become slower after the deadline was measured: the same units then take
-// longer. A step is long when it took half of the deadline's units or more; the others tell nothing. KN_LOOP_DEAR long
-// steps in a row whose ticks took more than KN_LOOP_DEAR_SHARE of the budget make the deadline smaller, by half at most.
-// KN_LOOP_CHEAP in a row below KN_LOOP_CHEAP_SHARE make it larger by an eighth, up to what it was priced at. A step that
-// takes just what it was priced at (KN_SERVED_SHARE) had CHEAP_SHARE before the last eighth, so it gets there. Each
-// change is an event in the log, so the log replays to the bit.
+// The deadline, in units of work, follows the speed of the processor. The processor may become slower after the
+// deadline was measured, and the same units then take longer. Only long steps are judged, that is, steps that took at
+// least half of the deadline's units.
+// After KN_LOOP_DEAR long steps in a row, whose ticks took more than KN_LOOP_DEAR_SHARE of the budget, the deadline is
+// reduced, at most to half. After KN_LOOP_CHEAP long steps in a row below KN_LOOP_CHEAP_SHARE the deadline is raised by
+// an eighth, up to its measured value (loop->priced). A step that uses the measured deadline takes KN_SERVED_SHARE of
+// the budget. A step that uses an eighth less takes less than KN_LOOP_CHEAP_SHARE, so the deadline can return to its
+// measured value. Each change is an event in the log, so that a replay gives the same bits.
 #define KN_LOOP_DEAR 3
 #define KN_LOOP_DEAR_SHARE 0.85
 #define KN_LOOP_CHEAP 1000
 #define KN_LOOP_CHEAP_SHARE 0.65
 
-// Main thread: the latest pose of a probe, NULL when its session has ended.
+// Post the latest pose of a probe, or NULL when the probe's session has ended. Called by the main thread.
 void kn_loop_post(kn_loop *loop, int probe, const kn_pose *pose);
 
-// The next tick takes the order. Returns its number. Any thread; QUALITY from one only.
+// Give an order to the next tick, and return the order's number. Any thread may call this, but KN_ORDER_QUALITY must
+// always come from the same thread.
 int64_t kn_loop_order(kn_loop *loop, kn_order order, kn_quality quality);
-// Whether a tick has taken it, and which. Any thread, before KN_LOOP_ORDERS others have been taken.
+// Return whether a tick has taken the order with this number, and put that tick in *tick. Any thread may call this.
+// Call it before ticks have taken KN_LOOP_ORDERS later orders.
 bool kn_loop_obeyed(const kn_loop *loop, int64_t number, int64_t *tick);
-// After every thread: whether an emergency stop stands, one that no tick took any more, too.
+// Return whether an emergency stop is in force or ordered. Call after all threads have ended.
 bool kn_loop_estopped(const kn_loop *loop);
 
-void *kn_loop_run(void *loop); // thread body
-// One turn of it: the wait for the next tick and for a pose that is on its way, then the tick. False when the loop may
-// end.
+// Body of the servo thread: wait and tick until the loop ends.
+void *kn_loop_run(void *loop);
+// One turn of the thread. kn_loop_wait waits until the next tick is due, and then briefly for a late pose (phase.h).
+// kn_loop_tick runs the tick, and returns false when the loop may end.
 kn_wake kn_loop_wait(kn_loop *loop);
 bool kn_loop_tick(kn_loop *loop, const kn_wake *wake);
 

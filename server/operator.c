@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SECRET 64       // bytes, of what stands in the place of a quotation
-#define PATIENCE_MS 500 // for a tick or the main thread: longer, and this is no running server
+#define SECRET 64       // room for the text that replaces a quotation (keep_secret), bytes
+#define PATIENCE_MS 500 // longest wait for a tick or the main thread; a running server answers far sooner
 
 void kn_operator_init(kn_operator *o, const kn_operated *on)
 {
@@ -23,10 +23,12 @@ void kn_operator_free(kn_operator *o)
     o->before = o->now = NULL;
 }
 
+// Sleep 0.5 ms before checking again for an answer.
 static void rest(void) { kn_clock_sleep(kn_now_ns() + 500000); }
 
 // --- status ---
 
+// List the names of the bits that are set.
 static json_t *names_of(int32_t bits, const char *const names[], int count)
 {
     json_t *array = json_array();
@@ -35,7 +37,7 @@ static json_t *names_of(int32_t bits, const char *const names[], int count)
     return array;
 }
 
-// Upper bounds of the buckets, us: what share of the ticks took less.
+// Return the percentiles of a histogram of times. A percentile is given as the upper bound of its bucket, us.
 static json_t *histogram(const int64_t count[KN_HISTOGRAM])
 {
     static const struct {
@@ -45,6 +47,7 @@ static json_t *histogram(const int64_t count[KN_HISTOGRAM])
     json_t *object = json_object();
     int64_t all = 0;
     for (int i = 0; i < KN_HISTOGRAM; i++) all += count[i];
+    // walk up the buckets until they hold the wanted share of all counts
     for (size_t w = 0; w < sizeof wanted / sizeof *wanted; w++) {
         int64_t least = (int64_t)ceil(wanted[w].share * (double)all), seen = 0;
         int bucket = 0;
@@ -66,6 +69,7 @@ static json_t *spread(const double of[4])
     return json_pack("{s:f, s:f, s:f, s:f}", "mean", of[0], "std", of[1], "min", of[2], "max", of[3]);
 }
 
+// Count why probes were latched, and the seconds in which the object created energy.
 static json_t *trips(const knead_health_t *m)
 {
     static const struct {
@@ -80,6 +84,7 @@ static json_t *trips(const knead_health_t *m)
     return object;
 }
 
+// Describe the circuit of --backend DEVICE: state, counters, reasons of losses, round trip.
 static json_t *circuit(const knead_health_t *m)
 {
     static const char *const states[] = {"none", "in_step", "behind", "lost"};
@@ -95,6 +100,7 @@ static json_t *circuit(const knead_health_t *m)
                      m->circuit_rtt_us[0], "p99", m->circuit_rtt_us[1], "max", m->circuit_rtt_us[2]);
 }
 
+// Report the link counters of a probe's poses.
 static json_t *packets(const knead_health_t *m, int p)
 {
     return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I}", "accepted", (json_int_t)m->accepted[p], "lost",
@@ -111,13 +117,14 @@ static json_t *rejections(const knead_status_t *s)
     return object;
 }
 
+// Describe every probe of the scene: session, force, fault and the way back, link.
 static json_t *probes(const kn_operator *o, const kn_health *h)
 {
     json_t *array = json_array();
     for (int p = 0; p < o->on.served->scene->model.probe_count; p++) {
         const kn_force *f = &h->force[p];
         char session[24];
-        snprintf(session, sizeof session, "%" PRId64, f->session); // JSON's numbers have 53 bits
+        snprintf(session, sizeof session, "%" PRId64, f->session); // as text: JSON numbers hold only 53 bits
         kn_fault fault = (kn_fault)f->fault;
         json_t *probe = json_pack(
             "{s:s, s:b, s:s, s:b, s:f, s:[f,f,f], s:s, s:f, s:o}", "name", o->on.served->scene->model.probe[p].name,
@@ -130,6 +137,7 @@ static json_t *probes(const kn_operator *o, const kn_health *h)
     return array;
 }
 
+// List the settings made at run time. The worker thread writes them, hence the lock.
 static json_t *settings(kn_operator *o)
 {
     char room[KN_SETS_BYTES];
@@ -142,7 +150,7 @@ static json_t *settings(kn_operator *o)
     return array;
 }
 
-// As every other process knows it; null: nothing is saved.
+// Return the absolute path of the snapshot directory, or null when nothing is saved.
 static json_t *directory(const kn_store *store)
 {
     char *whole = store->dir < 0 ? NULL : realpath(store->path, NULL);
@@ -151,6 +159,7 @@ static json_t *directory(const kn_store *store)
     return text ? text : json_null();
 }
 
+// Build the answer to `status` from one health report. Quality and settings are read at the time of the call.
 static json_t *status_of(kn_operator *o, const kn_health *h)
 {
     static const char *const modes[] = {"IDLE", "RUNNING", "FAULT", "BRAKE", "ESTOP", "STOPPING", "RECOVERING"},
@@ -162,12 +171,14 @@ static json_t *status_of(kn_operator *o, const kn_health *h)
     const knead_status_t *s = &h->status;
     const knead_health_t *m = &h->more;
     kn_account *a = &o->on.loop->account;
+    // identity, time, mode and errors
     json_t *status = json_pack(
         "{s:b, s:s, s:s, s:s, s:I, s:I, s:f, s:I, s:s, s:o, s:o, s:o}", "ok", 1, "version", KN_VERSION, "scene",
         o->on.served->scene->name, "backend", backends[s->backend], "time_us", (json_int_t)s->utime, "monotonic_us",
         (json_int_t)m->monotonic_us, "uptime_s", 1e-3 * (double)s->uptime_ms, "tick", (json_int_t)s->tick, "mode",
         modes[s->mode], "degraded", names_of(s->degraded, degraded, 5), "current_errors",
         names_of(h->error_bits, errors, 10), "last_errors", names_of(s->last_errors, errors, 10));
+    // timing of the servo loop
     json_object_set_new(status, "loop",
                         json_pack("{s:o, s:o, s:I, s:I, s:I, s:I, s:o, s:o, s:o, s:o, s:I}", "periodicity_hz",
                                   spread(m->periodicity_hz), "execution_time_us", spread(m->execution_us),
@@ -177,18 +188,21 @@ static json_t *status_of(kn_operator *o, const kn_health *h)
                                   histogram(s->wakeup_hist), "execution_us_below", histogram(s->execution_hist),
                                   "wakeup_latency_hist", counts(s->wakeup_hist), "execution_time_hist",
                                   counts(s->execution_hist), "solver_capped", (json_int_t)s->solver_capped));
+    // datagrams in and out
     json_object_set_new(status, "link",
                         json_pack("{s:f, s:I, s:I, s:o, s:I, s:I, s:I}", "control_command_success_rate",
                                   s->success_rate, "received", (json_int_t)s->received, "accepted",
                                   (json_int_t)s->accepted, "rejected", rejections(s), "kernel_drops",
                                   (json_int_t)s->kernel_drops, "published", (json_int_t)s->published, "publish_drops",
                                   (json_int_t)s->publish_drops));
+    // forces, and how often each limit acted
     json_object_set_new(status, "force",
                         json_pack("{s:f, s:f, s:I, s:I, s:I, s:I, s:I, s:o}", "force_max_n", s->force_max_n,
                                   "force_step_max_n", s->force_step_max_n, "clamps", (json_int_t)s->clamps, "guards",
                                   (json_int_t)s->guards, "slew_limited", (json_int_t)m->trips[KNEAD_HEALTH_T_TRIP_SLEW],
                                   "brakes", (json_int_t)m->trips[KNEAD_HEALTH_T_TRIP_BRAKE], "faults",
                                   (json_int_t)s->faults, "trips", trips(m)));
+    // energy audit; null before the first audited second
     json_object_set_new(
         status, "energy",
         json_pack("{s:o, s:I}", "energy_balance_mj",
@@ -197,6 +211,7 @@ static json_t *status_of(kn_operator *o, const kn_health *h)
     json_object_set_new(status, "quality",
                         json_pack("{s:s, s:s}", "in_force", kn_quality_name((kn_quality)atomic_load(&a->quality)),
                                   "asked", kn_quality_name((kn_quality)atomic_load(&a->asked))));
+    // snapshots on disk
     json_object_set_new(status, "state",
                         json_pack("{s:o, s:I, s:I, s:I, s:f, s:f, s:i}", "directory", directory(&o->on.keeper->store),
                                   "snapshot_age_ms", (json_int_t)s->snapshot_age_ms, "snapshot_gen",
@@ -211,11 +226,12 @@ static json_t *status_of(kn_operator *o, const kn_health *h)
 
 static const char ending[] = "the server is ending: no tick comes any more";
 
+// Ask the main thread for a health report, wait for it and answer with it.
 static json_t *tell_status(kn_operator *o)
 {
     bool fresh = false;
     if (atomic_load(&o->on.loop->done)) return kn_control_error("%s", ending);
-    const kn_health *h = kn_mailbox_latest(&o->health, &fresh); // that of an earlier question
+    const kn_health *h = kn_mailbox_latest(&o->health, &fresh); // drop the answer to an earlier request
     o->on.ask(o->on.arg);
     for (int i = 0; i < 2 * PATIENCE_MS; i++) {
         h = kn_mailbox_latest(&o->health, &fresh);
@@ -227,13 +243,16 @@ static json_t *tell_status(kn_operator *o)
 
 // --- changes ---
 
+// Give the servo loop an order, wait until a tick has taken the order, and answer with that tick.
 static json_t *order(kn_operator *o, kn_order kind, kn_quality quality)
 {
     int64_t tick, number = kn_loop_order(o->on.loop, kind, quality);
     for (int i = 0; i < 2 * PATIENCE_MS; i++) {
-        bool done = atomic_load(&o->on.loop->done); // first: its last tick may have taken it
+        bool done = atomic_load(&o->on.loop->done); // read this first: the last tick may still have taken the order
         if (kn_loop_obeyed(o->on.loop, number, &tick))
             return json_pack("{s:b, s:I}", "ok", 1, "tick", (json_int_t)tick);
+        // an emergency stop that no tick took comes into force at the next start, if one follows or the stop is kept on
+        // disk
         if (done && kind == KN_ORDER_ESTOP && (o->on.goes_on(o->on.arg) || o->on.keeper->store.dir >= 0))
             return json_pack("{s:b}", "ok", 1);
         if (done) return kn_control_error("%s", ending);
@@ -242,15 +261,17 @@ static json_t *order(kn_operator *o, kn_order kind, kn_quality quality)
     return kn_control_error("no tick came for %d ms", PATIENCE_MS);
 }
 
-// An emergency stop or the end of it, for every start to come, too. What fails leaves the hand the safer of both.
+// Begin or end an emergency stop, for every later start as well. If one part fails, the safer state remains: a stop
+// begins in the loop before it is on disk, and the mark on disk is removed only after a tick has ended the stop.
 static json_t *hold(kn_operator *o, bool estopped)
 {
     char why[300];
     json_t *answer = order(o, estopped ? KN_ORDER_ESTOP : KN_ORDER_RECOVER, 0);
     const json_t *tick = json_object_get(answer, "tick");
-    if (!estopped && !tick) return answer;
+    if (!estopped && !tick) return answer; // no tick ended the stop: keep its mark on disk
     bool marked = kn_keeper_mark(o->on.keeper, estopped, why, sizeof why);
     if (marked || json_object_get(answer, "error")) return answer;
+    // the loop obeyed, but the disk failed: report the present state and the possible state after a restart
     char at[40] = "";
     if (tick) snprintf(at, sizeof at, " since tick %" PRId64, (int64_t)json_integer_value(tick));
     json_decref(answer);
@@ -258,6 +279,7 @@ static json_t *hold(kn_operator *o, bool estopped)
                     : kn_control_error("recover: done%s, but the next start may begin stopped: %s", at, why);
 }
 
+// Order another quality, if the servo can change to that quality without a new start.
 static json_t *take_quality(kn_operator *o, const char *name)
 {
     for (kn_quality q = 0; q < KN_QUALITIES; q++) {
@@ -271,6 +293,7 @@ static json_t *take_quality(kn_operator *o, const char *name)
     return kn_control_error("quality '%s': expected %s", name, kn_quality_names);
 }
 
+// Turn an answer of the keeper into JSON.
 static json_t *of_keeper(const kn_answer *a)
 {
     char hash[20];
@@ -295,7 +318,7 @@ static json_t *snapshot(kn_operator *o, const json_t *argument)
 
 static json_t *restore(kn_operator *o, const json_t *argument)
 {
-    int64_t generation = json_integer_value(argument); // 0 of none: the newest
+    int64_t generation = json_integer_value(argument); // 0 if there is no argument: the newest
     if (argument && generation < 1)
         return kn_control_error("restore: generation %" PRId64 ": expected 1 or more", generation);
     const kn_scene *scene = o->now ? o->now->scene : o->on.served->scene;
@@ -313,6 +336,7 @@ static json_t *undo(kn_operator *o, const json_t *argument)
 
 // --- another scene ---
 
+// Parse the scene of the start again, overridden by these settings.
 static kn_scene *parse(const kn_operator *o, const kn_sets *sets, char *error, size_t error_size)
 {
     char room[KN_SETS_BYTES], why[400];
@@ -321,11 +345,13 @@ static kn_scene *parse(const kn_operator *o, const kn_sets *sets, char *error, s
     const kn_scene *base = o->on.served->base;
     kn_scene *scene = kn_scene_parse_beside(o->on.def->scene_path, base->name, base->text, strlen(base->text), list,
                                             count, why, sizeof why);
-    // what --set has done wrong is what set has
+    // the parser names the option --set; here it is the command `set`
     if (!scene) snprintf(error, error_size, "%s", strncmp(why, "--set ", 6) == 0 ? why + 2 : why);
     return scene;
 }
 
+// Name a thread that may still use the object from before the latest change. Return NULL if every thread uses the new
+// object.
 static const char *user_of_the_last(kn_operator *o)
 {
     int64_t tick;
@@ -336,7 +362,8 @@ static const char *user_of_the_last(kn_operator *o)
     return written ? "the disk is slow with what was before the last one" : NULL;
 }
 
-// Whoever used the change before the last one has gone over. NULL, or what has not.
+// Free the change before the latest one, as soon as no thread uses it. Return NULL on success, or else the name of a
+// thread that still uses it.
 static const char *retire(kn_operator *o)
 {
     const char *user = user_of_the_last(o);
@@ -350,18 +377,20 @@ static const char *retire(kn_operator *o)
     return NULL;
 }
 
-// The limits of a hand, and nothing that is stepped.
+// Return whether the settings change only limits of the hand, and nothing that affects the physics.
 static bool only_limits(const kn_operator *o, const json_t *values, const kn_change *change)
 {
     const kn_device_def *now = o->now ? &o->now->scene->device : &o->on.served->scene->device,
                         *next = &change->scene->device;
     const json_t *value;
     size_t i;
+    // the virtual coupling is a key of the device, too, but it affects the physics
     json_array_foreach(values, i, value) if (strncmp(json_string_value(value), "device", 6) != 0) return false;
     return next->coupling_n_m == now->coupling_n_m && next->coupling_n_s_m == now->coupling_n_s_m;
 }
 
-// A tick that takes longer than the time it has, where it did not before.
+// Return whether ticks of the new model would take longer than 1 ms, and more than twice as long as before. If not,
+// measure the deadline of the new model's steps.
 static bool too_slow(kn_operator *o, const json_t *values, kn_change *change, char *why, size_t why_size)
 {
     if (only_limits(o, values, change)) return false;
@@ -375,6 +404,8 @@ static bool too_slow(kn_operator *o, const json_t *values, kn_change *change, ch
     return false;
 }
 
+// Build the change that the settings ask for, without touching the object. On failure return NULL and put one line in
+// error.
 static kn_change *prepare(kn_operator *o, const json_t *values, char *error, size_t error_size)
 {
     kn_sets sets = o->sets;
@@ -384,10 +415,12 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
         snprintf(error, error_size, "set: a circuit steps the object: expected kneadd without one, or knead ctl load");
         return NULL;
     }
+    // add the new settings to those in force
     json_array_foreach(values, i, value) if (!kn_sets_add(&sets, json_is_string(value) ? json_string_value(value) : "",
                                                           error, (int)error_size)) return NULL;
     kn_scene *scene = parse(o, &sets, error, error_size);
     if (!scene) return NULL;
+    // at run time the safety limits of a hand must not exceed those of the start
     const char *raised = kn_safety_raised(&scene->limits, &o->on.served->base->limits);
     if (raised) {
         kn_scene_destroy(scene);
@@ -395,6 +428,7 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
                  raised);
         return NULL;
     }
+    // build the model and its backend, while ticks continue with the old ones
     char why[300];
     kn_change *change =
         kn_change_create(scene, o->now ? o->now->scene : o->on.served->scene,
@@ -408,7 +442,8 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
     return change;
 }
 
-// What the object stores, before and after: the lattice that was left is stepped by nobody any more.
+// Add the energy that the object stores before and after the change. The old lattice can be read here, since nothing
+// steps it any more.
 static void add_energies(json_t *answer, const kn_model *model, kn_backend *left, const kn_change *change)
 {
     kn_energy before, after;
@@ -419,23 +454,27 @@ static void add_energies(json_t *answer, const kn_model *model, kn_backend *left
     json_object_set_new(answer, "stored_after_j", json_real(kn_energy_sum(&after)));
 }
 
+// Run `set`: build a change, have a tick take it, and answer with the tick and the energies.
 static json_t *set(kn_operator *o, const json_t *argument)
 {
     char error[400];
     int64_t tick;
     if (json_array_size(argument) == 0) return kn_control_error("set: expected KEY=VALUE");
+    // only two changes are kept, so first free the one before the latest
     const char *busy = retire(o);
     if (busy) return kn_control_error("set: %s, expected another try", busy);
     kn_change *change = prepare(o, argument, error, sizeof error);
     if (!change) return kn_control_error("%s", error);
     const kn_model *model = o->now ? o->now->model : o->on.served->model;
     kn_backend *left = o->now ? &o->now->backend : &o->on.served->backend;
+    // lock the new memory before a tick uses it, then hand the change to the loop
     o->on.built(o->on.arg);
     o->before = o->now;
     o->now = o->on.loop->change = change;
     pthread_mutex_lock(&o->setting);
     o->sets = change->sets;
     pthread_mutex_unlock(&o->setting);
+    // from here on the change counts as made, even if no tick takes it in time
     o->ordered = kn_loop_order(o->on.loop, KN_ORDER_CHANGE, 0);
     for (int i = 0; !kn_loop_obeyed(o->on.loop, o->ordered, &tick); i++) {
         if (i == 2 * PATIENCE_MS)
@@ -447,12 +486,15 @@ static json_t *set(kn_operator *o, const json_t *argument)
     return answer;
 }
 
-// kneadd may read files that whoever commands it may not: it quotes nothing but what looks like a scene's words.
-// size: of what why could hold, and SECRET bytes less than there are; a quotation that was cut off has no end.
+// Hide a quotation in an error message unless it looks like words of a scene. kneadd can read files that the peer must
+// not read, and an error message would quote these files. `size`: room that the message had; the buffer has SECRET
+// bytes more. A message that fills the room was cut off and its quotation may have no end, so the quotation is hidden,
+// too.
 static void keep_secret(char *why, size_t size, const char *path)
 {
     size_t skipped = strncmp(why, path, strlen(path)) == 0 ? strlen(path) : 0, word = 0;
     char *quoted = strchr(why + skipped, '\''), *last = strrchr(why + skipped, '\'');
+    // plain words: at most 20 characters, small letters, digits and some punctuation
     bool plain = !quoted || (quoted < last && strlen(why) + 1 < size);
     for (const char *c = quoted; c && c < last; c++) {
         word = strchr(" '", *c) ? 0 : word + 1;
@@ -462,15 +504,16 @@ static void keep_secret(char *why, size_t size, const char *path)
     if (!plain) strcpy(quoted, "... (knead check tells whoever may read it)");
 }
 
-// As the start will do it, so that a scene that cannot be served ends nothing.
+// Run `load`. First load the scene on trial, as the next start will, so that a scene that cannot be served does not end
+// the present one.
 static json_t *load(kn_operator *o, const json_t *argument)
 {
     char error[512 + SECRET];
     kn_served trial;
     kn_served_def def = *o->on.def;
-    def.name = def.text = NULL; // read anew
+    def.name = def.text = NULL; // read the file again, not the text that was checked before
     if (argument) def.scene_path = json_string_value(argument);
-    def.device = NULL; // it serves the object of now
+    def.device = NULL; // the circuit is busy with the object being served
     if (kn_served_load(&trial, &def, error, sizeof error - SECRET) != 0) {
         keep_secret(error, sizeof error - SECRET, def.scene_path);
         return kn_control_error("%s", error);
@@ -494,8 +537,8 @@ static json_t *stop(kn_operator *o, const json_t *argument)
 
 static const struct command {
     const char *name;
-    json_t *(*run)(kn_operator *o, const json_t *argument); // NULL: left out
-    const char *argument;                                   // its one field, NULL: none
+    json_t *(*run)(kn_operator *o, const json_t *argument); // `argument` is NULL if the request has none
+    const char *argument;                                   // name of the command's only field; NULL: it has none
     json_type type;
     bool needed;
 } commands[] = {{"status", status, NULL, JSON_NULL, false},
@@ -519,7 +562,8 @@ static json_t *no_command(const char *name)
     return kn_control_error("command '%s': expected one of %s", name ? name : "", names);
 }
 
-static const struct command *command_of(const json_t *request) // NULL: none
+// Return the command of a request, or NULL if there is no such command.
+static const struct command *command_of(const json_t *request)
 {
     const char *name = json_string_value(json_object_get(request, "command"));
     for (size_t c = 0; name && c < COMMANDS; c++)
@@ -527,6 +571,7 @@ static const struct command *command_of(const json_t *request) // NULL: none
     return NULL;
 }
 
+// Return true for every request but `status`, unknown commands included. Such a request gets an entry on stderr.
 static bool audits(void *op, const json_t *request)
 {
     (void)op;
@@ -534,7 +579,7 @@ static bool audits(void *op, const json_t *request)
     return !c || c->run != status;
 }
 
-// Those that wait for the disk, for what was read from it, or for a model.
+// Return true for commands that wait for the disk, for a restored state or for a model. They run on the worker thread.
 static bool is_slow(void *op, const json_t *request)
 {
     (void)op;
@@ -542,6 +587,7 @@ static bool is_slow(void *op, const json_t *request)
     return c && (c->run == snapshot || c->run == restore || c->run == undo || c->run == set || c->run == load);
 }
 
+// Return true for an emergency stop, which is carried out before everything else.
 static bool is_urgent(void *op, const json_t *request)
 {
     (void)op;
@@ -549,6 +595,7 @@ static bool is_urgent(void *op, const json_t *request)
     return c && c->run == estop;
 }
 
+// Check a request against the table of commands, then run its command.
 static json_t *answer(void *op, const json_t *request)
 {
     const struct command *c = command_of(request);
@@ -560,6 +607,7 @@ static json_t *answer(void *op, const json_t *request)
                                 c->type == JSON_STRING  ? "a string"
                                 : c->type == JSON_ARRAY ? "a list of KEY=VALUE"
                                                         : "a whole number");
+    // refuse any other field, so that a typing error does not carry out half a request
     if (json_object_size(request) != (argument ? 2 : 1))
         return c->argument ? kn_control_error("%s: expected nothing but \"%s\"", name, c->argument)
                            : kn_control_error("%s: expected nothing else", name);

@@ -3,17 +3,19 @@
 #include <stdlib.h>
 
 static const double period_ns = KN_PERIOD_NS;
-static const double outlier_ns = 100000; // a pose further from the centre moves it by this much
-static const double settled_ns = 20000;  // nearer to its place, the margin is judged
-static const int64_t stall_ns = 500000;  // a tick this late says nothing of where the poses are
+static const double outlier_ns = 100000; // limit of the distance by which one pose pulls the centre
+static const double settled_ns = 20000;  // the margin is adapted only while centre and margin differ by less
+static const int64_t stall_ns = 500000;  // a tick later than this says nothing about the arrival of poses
 
 void kn_phase_init(kn_phase *phase) { *phase = (kn_phase){.probe = -1, .margin_ns = KN_PHASE_MARGIN_NS}; }
 
 static double clamp(double x, double limit) { return fmax(-limit, fmin(limit, x)); }
 
-// Onto the circle of one period, -period/2 .. period/2.
+// Map a time onto the circle of one period, -period/2 .. period/2.
 static double wrap(double ns) { return ns - period_ns * rint(ns / period_ns); }
 
+// Choose the driver. Keep the present driver while it is engaged, or while no probe is engaged and it is live.
+// Otherwise take the first engaged probe, else the first live one.
 static int choose(const kn_phase *phase, const kn_arrival *arrival, int probes)
 {
     int live = -1, engaged = -1;
@@ -26,6 +28,7 @@ static int choose(const kn_phase *phase, const kn_arrival *arrival, int probes)
     return stays ? now : engaged >= 0 ? engaged : live;
 }
 
+// Start anew if the driver or its session has changed. Keep the margin learned so far.
 static void take_driver(kn_phase *phase, int probe, int64_t session)
 {
     if (probe == phase->probe && session == phase->session) return;
@@ -36,11 +39,11 @@ static void take_driver(kn_phase *phase, int probe, int64_t session)
     phase->steady = 0;
     phase->run_ns = phase->run = 0;
     phase->lost = false;
-    phase->spread_ns = period_ns / 4; // no rhythm until it has shown one: 0.12 s
-    phase->centre_ns = NAN;           // the first pose's
+    phase->spread_ns = period_ns / 4; // large at first: a regular sender brings it down in 0.12 s
+    phase->centre_ns = NAN;           // the first pose sets it
 }
 
-// Where the poses are, from one of them.
+// Update centre and spread with the wait of one pose, and decide whether the poses have a rhythm.
 static void observe(kn_phase *phase, double wait_ns)
 {
     if (isnan(phase->centre_ns)) phase->centre_ns = wait_ns;
@@ -50,12 +53,12 @@ static void observe(kn_phase *phase, double wait_ns)
     phase->locked = !phase->lost && phase->spread_ns < (phase->locked ? KN_PHASE_LOSE_NS : KN_PHASE_LOCK_NS);
 }
 
-// A quantile of the waits without their histogram: up for what came too late, down for all others, in such a ratio
-// that both even out where the wanted share of them is late.
+// Learn the margin as a quantile of the waits, without a histogram. The margin goes up for a late pose and down for any
+// other. The two step sizes cancel out when the wanted share of the poses is late.
 static void judge_margin(kn_phase *phase, double wait_ns)
 {
     if (!phase->locked || fabs(wrap(phase->centre_ns - phase->margin_ns)) > settled_ns) return;
-    if (wait_ns < -KN_PHASE_MARGIN_MAX) return; // no margin that we would grant had caught it
+    if (wait_ns < -KN_PHASE_MARGIN_MAX) return; // no allowed margin would have caught this pose
     double late = phase->steady >= KN_PHASE_STEADY ? KN_PHASE_LATE_HELD : KN_PHASE_LATE;
     double margin_ns = phase->margin_ns + 1000 * (wait_ns < 0 ? 1 - late : -late);
     phase->margin_ns = fmax(KN_PHASE_MARGIN_MIN, fmin(KN_PHASE_MARGIN_MAX, margin_ns));
@@ -68,6 +71,7 @@ static void take_wait(kn_phase *phase, int64_t ns)
     judge_margin(phase, wait_ns);
 }
 
+// Return the move of the grid that brings the centre to the margin, and watch for a session that runs away.
 static int64_t move_grid(kn_phase *phase)
 {
     int64_t move_ns = llrint(clamp(wrap(phase->margin_ns - phase->centre_ns), KN_PHASE_SLEW_NS));
@@ -86,20 +90,25 @@ int kn_phase_awaits(const kn_phase *phase)
 
 int64_t kn_phase_tick(kn_phase *phase, const kn_arrival *arrival, int probes, const kn_wake *wake)
 {
+    // find the driver; without one the grid stands still
     int driver = choose(phase, arrival, probes);
     take_driver(phase, driver, driver < 0 ? 0 : arrival[driver].session);
     if (driver < 0) return 0;
     phase->driven++;
     phase->followed += phase->locked;
     phase->held += wake->held_ns > 0;
+    // waits are measured from the wake, not from the end of a hold, because a hold must not move the grid
     int64_t woke_ns = wake->now_ns - wake->held_ns;
     int64_t before_ns = phase->before_ns;
     phase->before_ns = arrival[driver].fresh ? 0 : woke_ns;
+    // score how steadily poses come, and learn nothing from a tick without a new pose or after a stall
     phase->steady += arrival[driver].fresh ? 1 : -KN_PHASE_STEADY_LOSS;
     if (phase->steady > KN_PHASE_STEADY_MAX) phase->steady = KN_PHASE_STEADY_MAX;
     if (phase->steady < 0) phase->steady = 0;
     if (!arrival[driver].fresh || wake->missed || wake->late_ns > stall_ns) return 0;
 
+    // If two poses came since a tick without a new one, the earlier pose was late for that tick and was then replaced
+    // by the later one.
     const kn_arrival *a = &arrival[driver];
     if (before_ns && a->earlier_ns > before_ns) take_wait(phase, before_ns - a->earlier_ns);
     take_wait(phase, woke_ns - a->arrived_ns);

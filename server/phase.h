@@ -1,77 +1,86 @@
 #ifndef KN_SERVER_PHASE_H
 #define KN_SERVER_PHASE_H
-// Phase lock: the servo's grid moves to where the driving probe's poses arrive, so that a pose waits tens of us for its
-// tick. On a grid of its own it waits half a period on average, and as two crystals differ, any wait up to a whole one
-// comes round every few seconds, with a pose left out or used twice each time.
+// Phase lock: shift the servo's tick grid so that a tick begins just after the driving probe's pose arrives. The pose
+// then waits tens of us for its tick. On a free grid a pose waits half a period on average. The clock crystals of
+// sender and server also differ slightly, so on a free grid the wait runs through a whole period every few seconds.
+// Each time, one pose is left out or used twice.
 //
-//     poses      |     . |       . |     .   |      .  |      arrive with jitter around a place in the period
-//     ticks      #       #         #         #                just behind most of them, and held back for the others
+//     poses      |     . |       . |     .   |      .  |      arrive with jitter around one place in the period
+//     ticks      #       #         #         #                just after most of the poses, held back for the others
 //
 // For each pose that came since the last tick:
-//     wait = tick's wake - pose's arrival, on the circle of one period         how late ticks wake is part of it
-//     centre += (wait - centre) / 32, spread += (|wait - centre| - spread) / 128      outliers count for 0.1 ms
-//     margin += 1 us (1 - late) when the pose came after its tick was awake, else -= 1 us * late
-//     the grid moves by margin - centre, at most KN_PHASE_SLEW_NS, and the centre with it
-// The margin comes to rest where the share `late` of the poses is late. Two crystals 100 ppm apart are 0.1 us per tick:
-// the centre trails by 3 us. An arrival half a period off takes 0.25 s.
+//     wait = tick's wake - pose's arrival, modulo one period        (includes the lateness of the wake)
+//     centre += (wait - centre) / 32, spread += (|wait - centre| - spread) / 128      (centre moves <= 0.1 ms / 32)
+//     margin += 1 us * (1 - late) if the pose came after its tick was awake, else margin -= 1 us * late
+//     shift = margin - centre, limited to +- KN_PHASE_SLEW_NS: move the grid by it, and centre += shift
+// The margin settles where the share `late` (KN_PHASE_LATE) of the poses is late. Two crystals 100 ppm apart drift 0.1
+// us per tick, and the centre trails by 3 us. If the arrivals jump by half a period, the grid needs 0.25 s to follow.
 //
-// A late pose would wait a whole period, and mostly the next one overtakes it, so that it is never answered. A margin
-// for all of them (99.6 % need 0.1 ms on a busy machine) costs every pose that much. So a tick that is awake before its
-// pose is held back for it, at most KN_PHASE_HOLD_NS; the grid does not move for it, the next tick is on time. This only
-// while poses come steadily, one per tick; then far more of them may be late.
+// A late pose would wait a whole period. Usually the next pose arrives in the meantime and replaces the late one, which
+// is then never answered. A margin large enough for nearly all poses (0.1 ms for 99.6 % of them on a busy machine)
+// would delay every pose by that much. Instead, a tick that is awake before its pose waits for the pose, at most
+// KN_PHASE_HOLD_NS. This hold does not move the grid, and the next tick is on time. Ticks are held only while poses
+// come steadily, one per tick. While ticks are held, a far larger share of the poses may be late (KN_PHASE_LATE_HELD).
 //
-// A sender that answers forces follows the grid itself, and both would run off together, 0.2 % fast or slow. Whoever
-// takes the grid further than KN_PHASE_RUN_NS in KN_PHASE_RUN_TICKS is not followed any more in that session.
+// A sender that sends each pose in answer to a force follows the grid. Sender and grid would then follow each other and
+// run 0.2 % fast or slow. Therefore a session that moves the grid by more than KN_PHASE_RUN_NS within
+// KN_PHASE_RUN_TICKS is not followed any more.
 //
-// Where poses stop, come without a rhythm (spread) or with the machine's stalls, the grid stands still: a free clock.
-// Ticks are never dropped or doubled, and due never closer than the period less the slew. What a tick computes does not
-// depend on any of this: its step is a period long, whatever the hardware's clock says. Pure; real-time safe.
+// The grid stands still, as a free clock, when poses stop or come irregularly (large spread), or when the machine
+// stalls. Ticks are never dropped or doubled, and two ticks are due at least one period minus KN_PHASE_SLEW_NS apart.
+// The result of a tick does not depend on the phase: a step is one period long, whatever the hardware's clock says. All
+// functions are pure and real-time safe.
 #include "server/clock.h"
 
-#define KN_PHASE_SLEW_NS 2000   // most per tick: a tenth of what waking up varies by, 0.2 % of a period
-#define KN_PHASE_LATE 0.004     // share of the poses that may come after their tick: they wait for the next
-#define KN_PHASE_LATE_HELD 0.2  // where the tick waits for them, which costs less than a wait of all others
-#define KN_PHASE_HOLD_NS 300000 // and no more than a third of the time that the last tick left of its period
-#define KN_PHASE_STEADY 4       // poses are, from this score on: one up per tick with a new one,
+#define KN_PHASE_SLEW_NS 2000   // largest shift per tick, ns: a tenth of the variation of wakes, 0.2 % of a period
+#define KN_PHASE_LATE 0.004     // share of the poses that may come after their tick and wait for the next one
+#define KN_PHASE_LATE_HELD 0.2  // the same while ticks are held for late poses: better than delaying all poses
+#define KN_PHASE_HOLD_NS 300000 // longest hold, ns; also limited to a third of the last tick's unused time
+#define KN_PHASE_STEADY 4       // poses are steady from this score on; a tick with a new pose adds 1
 #define KN_PHASE_STEADY_LOSS                                                                                           \
-    2 // so much down per tick without: at 500 Hz they are not, with a fifth of them lost they are
-#define KN_PHASE_STEADY_MAX 12  // when poses stop, five ticks are held for nothing
-#define KN_PHASE_RUN_TICKS 2000 // half a period to begin with, and 500 ppm: worse than any crystal
+    2 // a tick without a new pose subtracts this: 500 Hz is not steady, 1 kHz with a fifth of the poses lost is
+#define KN_PHASE_STEADY_MAX 12 // largest score: when poses stop, five ticks are held in vain
+// A session runs away when it moves the grid by more than KN_PHASE_RUN_NS in KN_PHASE_RUN_TICKS poses. The limit is
+// half a period for the first approach, plus 500 ppm of KN_PHASE_RUN_TICKS periods. No crystal is off by that much.
+#define KN_PHASE_RUN_TICKS 2000
 #define KN_PHASE_RUN_NS 1500000
-#define KN_PHASE_MARGIN_NS 40000 // at the start
+#define KN_PHASE_MARGIN_NS 40000 // margin at the start, ns
 #define KN_PHASE_MARGIN_MIN 10000
-#define KN_PHASE_MARGIN_MAX 200000 // more would cost every pose more than a late one now and then
-#define KN_PHASE_LOCK_NS 100000    // a rhythm: poses come this near to their mean place, on average; 0.25 ms is none
+#define KN_PHASE_MARGIN_MAX 200000 // a larger margin delays all poses more than it helps the late ones
+// Poses have a rhythm once their mean distance from the centre (spread) falls below KN_PHASE_LOCK_NS, and until it
+// exceeds KN_PHASE_LOSE_NS. Random arrivals have a spread of 0.25 ms.
+#define KN_PHASE_LOCK_NS 100000
 #define KN_PHASE_LOSE_NS 150000
 
-typedef struct kn_arrival { // what a tick knows of one probe
-    int64_t session;        // 0: nobody moves it
-    int64_t arrived_ns;     // its latest pose
-    int64_t earlier_ns;     // the one before that
-    bool fresh;             // no earlier tick has used the latest
+typedef struct kn_arrival { // arrivals of the poses of one probe, as a tick sees them
+    int64_t session;        // 0: the probe has no session
+    int64_t arrived_ns;     // arrival of the latest pose
+    int64_t earlier_ns;     // arrival of the pose before
+    bool fresh;             // no earlier tick has used the latest pose
     bool engaged;           // the probe is in the model
 } kn_arrival;
 
 typedef struct kn_phase {
-    bool locked; // the grid follows
-    int probe;   // whose poses it follows, -1: nobody's
+    bool locked; // the grid follows the poses
+    int probe;   // driver: the probe whose poses count; -1: none
     int64_t session;
     double centre_ns, spread_ns, margin_ns;
     int steady;                     // score, 0 .. KN_PHASE_STEADY_MAX
-    int64_t before_ns;              // wake of the tick before, if it had no new pose; else 0
-    int64_t run_ns;                 // that the grid has moved
-    int run;                        // for so many poses
-    bool lost;                      // it runs away, and is not followed
-    int64_t driven, followed, held; // ticks with a driver; of these: locked; held back
+    int64_t before_ns;              // wake of the previous tick if that tick had no new pose; else 0
+    int64_t run_ns;                 // sum of the grid's moves in this run
+    int run;                        // poses in this run, 0 .. KN_PHASE_RUN_TICKS
+    bool lost;                      // the session runs away, and is not followed
+    int64_t driven, followed, held; // ticks: with a driver; with a driver and locked; held
 } kn_phase;
 
 void kn_phase_init(kn_phase *phase);
 
-// Before a tick that is due: the probe whose pose it is to be held back for, -1: nobody's.
+// Return the probe whose pose the tick that is due should wait for, or -1.
 int kn_phase_awaits(const kn_phase *phase);
 
-// After a tick. How far the grid is to move, > 0: later. Drives: the probe that was engaged first, as long as it is;
-// while none is engaged, the first that has a session, so that the phase stands when it touches.
+// Learn from a tick that has run. Return the shift of the grid, ns; a positive shift makes ticks later. The driver is
+// the probe that engaged first, as long as it is engaged. While no probe is engaged, the driver is the first probe with
+// a session, so that the grid is in place when that probe touches.
 int64_t kn_phase_tick(kn_phase *phase, const kn_arrival *arrival, int probes, const kn_wake *wake);
 
 #endif

@@ -4,13 +4,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ROOM_FIXED 2048 // status_t, the largest of the fixed types, has about 1 kB
+#define ROOM_FIXED 2048 // bytes for any type of fixed size; the largest, status_t, has about 1 kB
 _Static_assert(sizeof(knead_status_t) + 64 <= ROOM_FIXED, "a status fits");
 
 bool kn_publisher_open(kn_publisher *p, const char *url, const kn_scene *scene, uint64_t initial_hash, char *error,
                        size_t error_size)
 {
     *p = (kn_publisher){.scene = scene, .initial_hash = initial_hash};
+    // format the channel names once, not for every force
     for (int i = 0; i < scene->model.probe_count; i++) {
         snprintf(p->force_channel[i], sizeof p->force_channel[i], "KNEAD_FORCE_%s", scene->model.probe[i].name);
         snprintf(p->touch_channel[i], sizeof p->touch_channel[i], "KNEAD_TOUCH_%s", scene->model.probe[i].name);
@@ -26,6 +27,7 @@ bool kn_publisher_open(kn_publisher *p, const char *url, const kn_scene *scene, 
 bool kn_publisher_go_over(kn_publisher *p, const kn_scene *scene)
 {
     knead_scene_t message;
+    // the scene is the only message whose size varies: allocate room for it now, not while publishing
     kn_wire_scene(&message, scene, p->initial_hash, 0);
     int room = ROOM_FIXED + knead_scene_t_encoded_size(&message);
     if (room > p->room) {
@@ -46,10 +48,12 @@ void kn_publisher_close(kn_publisher *p)
     p->bytes = NULL;
 }
 
+// Sign and send the message that is encoded in p->bytes. `size` <= 0: encoding has failed.
 static void send_bytes(kn_publisher *p, const char *channel, int size)
 {
     if (size > 0 && p->auth)
         size = (int)kn_auth_sign(p->auth, channel, p->bytes, (size_t)size, kn_auth_now(p->auth, &p->signed_us));
+    // a message that does not fit or is refused counts as failed; later messages are not affected
     bool sent = size > 0 && lcm_publish(p->lcm, channel, p->bytes, (unsigned)size) == 0;
     p->published += sent;
     p->failed += !sent;
@@ -70,10 +74,12 @@ void kn_publisher_record(kn_publisher *p, const kn_record *record)
     }
     for (int i = 0; i < record->out.probes; i++) {
         if (!record->out.force[i].live) continue;
+        // publish the force first, because a hand waits for it
         knead_contact_force_t message;
         kn_wire_force(&message, &record->out, i, record->utime, record->execution_ns);
         send_bytes(p, p->force_channel[i], knead_contact_force_t_encode(p->bytes, 0, p->room, &message));
         if (!record->out.local) continue;
+        // one datagram per unit; a probe that touches nothing sends one with contact_count 0
         const kn_contact_unit *unit = record->out.contact[i];
         for (int c = 0; c == 0 || c < unit->contact_count; c++) {
             knead_contact_model_t contact;

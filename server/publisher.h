@@ -1,8 +1,8 @@
 #ifndef KN_SERVER_PUBLISHER_H
 #define KN_SERVER_PUBLISHER_H
-// What leaves on the bus of poses: forces, events, the scene, the status. One thread, one lcm_t, which only transmits
-// (liblcm's receiving half is not to be trusted with the bus, see receiver.h). Messages are encoded into memory of
-// our own; lcm-gen's X_publish would allocate for each.
+// The publisher: forces, events, scene, status and health on the bus on which poses arrive. The publisher belongs to
+// one thread and has one lcm_t, which only transmits (liblcm must not receive from the bus, see receiver.h). Messages
+// are encoded into the publisher's own memory. The X_publish functions of lcm-gen would allocate for each message.
 #include "proto/knead_health_t.h"
 #include "proto/knead_status_t.h"
 #include "server/auth.h"
@@ -12,32 +12,33 @@
 typedef struct kn_publisher {
     lcm_t *lcm;
     const kn_scene *scene;
-    const kn_auth *auth; // signs every message; NULL: nobody does
-    int64_t signed_us;   // age of the last one
+    const kn_auth *auth; // signs every message; NULL: messages are not signed
+    int64_t signed_us;   // age of the last signed message, us
     uint64_t initial_hash;
     char force_channel[KN_PROBES_MAX][64]; // KNEAD_FORCE_<probe>
     char contact_channel[KN_PROBES_MAX][64];
     char touch_channel[KN_PROBES_MAX][64];
-    uint8_t *bytes;    // room for the largest message, which is the scene
-    int room;          // and KN_AUTH_TRAILER bytes more
+    uint8_t *bytes; // buffer of `room` bytes for the largest message (the scene) and its KN_AUTH_TRAILER bytes
+    int room;
     int64_t published; // datagrams handed to LCM
-    int64_t failed;    // refused by it
+    int64_t failed;    // messages that could not be encoded, or that LCM refused
 } kn_publisher;
 
-// initial_hash: of the object before anything touched it. Borrows scene. False and one line in error.
+// Open the bus at an LCM URL. initial_hash: state hash of the object before anything touched it. Borrows `scene`. On
+// failure return false and put one line in error.
 bool kn_publisher_open(kn_publisher *p, const char *url, const kn_scene *scene, uint64_t initial_hash, char *error,
                        size_t error_size);
 void kn_publisher_close(kn_publisher *p);
 
-// Another scene with the same probes, told from now on. Borrows it. May allocate; false: there is no memory for it, and
-// it is not told.
+// From now on publish `scene`, which must have the same probes. Borrows `scene`. May allocate. If memory is short,
+// return false and keep publishing the previous scene.
 bool kn_publisher_go_over(kn_publisher *p, const kn_scene *scene);
 
-// Answer a listener's KNEAD_HELLO. Needs auth.
+// Answer a listener's KNEAD_HELLO with KNEAD_LIFE. Needs auth.
 void kn_publisher_answer(kn_publisher *p, const unsigned char nonce[KN_AUTH_NONCE]);
 
-// A tick: its events, in the order they were applied, then of every probe that has a session the force and, where they
-// are identified, the local model.
+// Publish a tick: its events in the order they were applied, then the force of every probe that has a session. If local
+// contact models are identified, the probe's contact model (KNEAD_CONTACT) follows its force.
 void kn_publisher_record(kn_publisher *p, const kn_record *record);
 void kn_publisher_touch(kn_publisher *p, const kn_touched *touched);
 void kn_publisher_scene(kn_publisher *p, int64_t utime);

@@ -7,16 +7,16 @@
 
 #define CHANNEL_PREFIX "KNEAD_POSE_"
 
-#define QUATERNION_BOUND 1e-3 // of a device that sends floats; worse is not a rotation
+#define QUATERNION_BOUND 1e-3 // limit of | |q| - 1 |: a device that sends floats stays below; more is no rotation
 #define WORKSPACE_M 1.0       // no haptic device reaches further
 #define SPEED_MAX_M_S 5.0     // no hand on a device is faster; from 1.2 m/s on the servo only damps
 #define SPEED_WINDOW_US                                                                                                \
-    1000 // the servo looks once per ms, so a step below 5 mm is no jump however close its stamps are
-#define SILENCE_NS 1000000000
-#define LATE_NS 1000000     // a tick's
-#define HELLO_NS 100000     // between two answers
-#define COST_NS 200000      // of one pose: 5 kHz
-#define CREDIT_NS 200000000 // 1 000 poses at once: a 1 kHz sender that was held up for as long as its session may live
+    1000 // us, one tick: the servo reads one pose per ms, so a distance below 5 mm is no jump, whatever the stamps
+#define SILENCE_NS 1000000000 // silence that ends a session
+#define LATE_NS 1000000       // delay from which a pose counts as late: one tick
+#define HELLO_NS 100000       // shortest time between two answers to hello messages
+#define COST_NS 200000        // credit that one pose uses: allows 5 kHz
+#define CREDIT_NS 200000000   // largest credit, 1 000 poses: a 1 kHz sender may send 1 s of poses at once after a stall
 
 const char *kn_verdict_name(kn_verdict verdict)
 {
@@ -48,6 +48,7 @@ void kn_receiver_init(kn_receiver *r, const kn_model_def *def)
         snprintf(r->channel[p], sizeof r->channel[p], CHANNEL_PREFIX "%s", def->probe[p].name);
 }
 
+// Return whether poses are accepted from this address.
 static bool known(const kn_receiver *r, struct in_addr from)
 {
     int i = 0;
@@ -55,7 +56,8 @@ static bool known(const kn_receiver *r, struct in_addr from)
     return r->peers == 0 || i < r->peers;
 }
 
-// Check the tag, and that the message is of this life and of now.
+// Check that the tag is right, and that the message is of this life and recent. The sender of a hello message does not
+// know the life yet, so only the tag of a hello is checked.
 static kn_verdict authenticate(const kn_receiver *r, const kn_packet *packet, int64_t now_ns)
 {
     kn_auth_stamp stamp;
@@ -66,7 +68,8 @@ static kn_verdict authenticate(const kn_receiver *r, const kn_packet *packet, in
     return stamp.life == r->auth->life && now ? KN_ACCEPTED : KN_REJECT_REPLAYED;
 }
 
-// A listener's nonce. Answers go out at 10 kHz at most: whoever records a hello can send it again.
+// Keep a listener's nonce for the answer. Answers are limited to 10 kHz, because anybody can record a hello message and
+// repeat it.
 static kn_verdict take_hello(kn_receiver *r, const kn_packet *packet, int64_t now_ns)
 {
     if (!r->auth || packet->size != KN_AUTH_NONCE + KN_AUTH_TRAILER) return KN_REJECT_CHANNEL;
@@ -78,7 +81,7 @@ static kn_verdict take_hello(kn_receiver *r, const kn_packet *packet, int64_t no
     return KN_REJECT_HELLO;
 }
 
-// Check the bounds before any field is looked at.
+// Split a datagram into channel and payload. All bounds are checked before any field is read.
 static kn_verdict unpack(const kn_receiver *r, const kn_datagram *datagram, kn_packet *packet)
 {
     static const kn_verdict of_frame[] = {KN_ACCEPTED, KN_REJECT_RUNT, KN_REJECT_MAGIC, KN_REJECT_CHANNEL_END};
@@ -88,10 +91,11 @@ static kn_verdict unpack(const kn_receiver *r, const kn_datagram *datagram, kn_p
     return of_frame[kn_bus_unpack(datagram->bytes, datagram->size, packet)];
 }
 
-// Nothing of the payload is read before its tag has been found good.
+// Decode the payload of a pose and find its probe. The tag is checked before any part of the payload is read.
 static kn_verdict decode(const kn_receiver *r, const kn_packet *packet, int64_t now_ns, int *probe,
                          knead_probe_pose_t *message)
 {
+    // channel and length tell whether the message can be a pose at all
     if (strncmp(packet->channel, CHANNEL_PREFIX, strlen(CHANNEL_PREFIX)) != 0) return KN_REJECT_CHANNEL;
     for (*probe = 0; *probe < r->probes && strcmp(packet->channel, r->channel[*probe]) != 0;) ++*probe;
     if (*probe == r->probes) return KN_REJECT_PROBE;
@@ -113,9 +117,10 @@ static double length(const double *value, int count)
 {
     double sum = 0;
     for (int i = 0; i < count; i++) sum += value[i] * value[i];
-    return sqrt(sum); // of huge values infinite, and so out of every bound
+    return sqrt(sum); // huge values give infinity, which exceeds every bound
 }
 
+// Check the values that can be judged without knowing the session.
 static kn_verdict check_fields(const knead_probe_pose_t *m)
 {
     if (m->frame != KNEAD_PROBE_POSE_T_FRAME_SCENE) return KN_REJECT_FRAME;
@@ -127,27 +132,29 @@ static kn_verdict check_fields(const knead_probe_pose_t *m)
     return KN_ACCEPTED;
 }
 
-// Against what the session sent before. A rejected jump does not become the new place to measure from, but the time
-// since the old one grows, so that a tool that really is elsewhere is believed once its way there could have been
-// walked.
+// Check a pose against the earlier poses of its session. A rejected jump does not become the new reference. The time
+// since the old reference grows, however. So a tool that really is elsewhere is accepted after the time in which it
+// could have moved there.
 static kn_verdict check_motion(const kn_source *source, const knead_probe_pose_t *m)
 {
     bool goes_on = source->last.session != 0;
     const kn_pose *last = &source->last;
     if (goes_on && (m->seq <= last->seq || last->buttons & KN_BUTTON_LEAVING)) return KN_REJECT_STALE;
-    if (!goes_on && m->buttons & KN_BUTTON_LEAVING) return KN_REJECT_STALE; // of a session that has ended by itself
+    if (!goes_on && m->buttons & KN_BUTTON_LEAVING) return KN_REJECT_STALE; // this session has already ended
     if (length(m->velocity_m_s, 3) > SPEED_MAX_M_S) return KN_REJECT_JUMP;
     if (!goes_on) return KN_ACCEPTED;
     if (m->utime < source->last.utime) return KN_REJECT_CLOCK;
 
+    // speed since the reference pose, over at least SPEED_WINDOW_US
     double way_m[3];
     for (int i = 0; i < 3; i++) way_m[i] = m->position_m[i] - source->reference.position_m[i];
-    // not signed: stamps may lie further apart than an int64_t reaches
+    // unsigned, because the difference of two stamps may overflow an int64_t
     uint64_t elapsed_us = (uint64_t)m->utime - (uint64_t)source->reference.utime;
     if (elapsed_us < SPEED_WINDOW_US) elapsed_us = SPEED_WINDOW_US;
     return length(way_m, 3) > SPEED_MAX_M_S * 1e-6 * (double)elapsed_us ? KN_REJECT_JUMP : KN_ACCEPTED;
 }
 
+// Subtract one pose from the credit, which grows with time (a token bucket). Return false if the sender exceeds 5 kHz.
 static bool afford(kn_source *source, int64_t now_ns)
 {
     int64_t credit_ns = source->heard_ns == 0 ? CREDIT_NS : source->credit_ns + (now_ns - source->heard_ns);
@@ -157,13 +164,15 @@ static bool afford(kn_source *source, int64_t now_ns)
     return true;
 }
 
+// Return whether the session that owns the probe has been silent for 1 s.
 static bool expired(const kn_source *source, int64_t now_ns)
 {
     return source->last.session != 0 && now_ns - source->heard_ns >= SILENCE_NS;
 }
 
-// --- what became of a session's numbers: seen goes back from the last pose, refused ahead of it ----------------------
+// --- lost, late and reordered poses by seq: `seen` covers seqs up to the last, `refused` later ones ------------------
 
+// Count the bits that are set.
 static int ones(uint64_t bits)
 {
     int count = 0;
@@ -171,22 +180,25 @@ static int ones(uint64_t bits)
     return count;
 }
 
-// Not newer than the last one: come again, or overtaken.
+// Count a pose that is not newer than the last one: a duplicate, or a pose that arrived after a later one.
 static void count_stale(kn_source *source, const knead_probe_pose_t *m)
 {
-    if (m->session != source->last.session || m->seq > source->last.seq) return; // sent after its session's last pose
+    // a newer pose, of a session that has left, is neither of them
+    if (m->session != source->last.session || m->seq > source->last.seq) return;
     kn_packets *n = &source->packets;
+    // seen reaches 64 numbers back: an older pose counts as a duplicate
     uint64_t behind = (uint64_t)source->last.seq - (uint64_t)m->seq, bit = behind < 64 ? UINT64_C(1) << behind : 0;
     if (bit == 0 || source->seen & bit) {
         n->duplicate++;
         return;
     }
+    // the pose was counted as lost when a later one came: subtract it again
     source->seen |= bit;
     n->reordered++;
     n->lost -= n->lost > 0;
 }
 
-// Newer, and not taken: it has come, so it is not lost.
+// Remember a newer pose that was refused: it arrived, so it is not lost.
 static void count_refused(kn_source *source, const knead_probe_pose_t *m)
 {
     uint64_t ahead = (uint64_t)m->seq - (uint64_t)source->last.seq - 1;
@@ -194,22 +206,26 @@ static void count_refused(kn_source *source, const knead_probe_pose_t *m)
         source->refused |= UINT64_C(1) << ahead;
 }
 
-// To be the last one, of a session that goes on or opens.
+// Count an accepted pose, just before it becomes the last one. The session of the pose continues or begins.
 static void count_new(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns)
 {
     const kn_pose *last = &source->last;
     kn_packets *n = &source->packets;
     n->accepted++;
-    uint64_t between = (uint64_t)m->seq - (uint64_t)last->seq - 1; // numbers
+    uint64_t between = (uint64_t)m->seq - (uint64_t)last->seq - 1; // number of poses left out
     if (last->session == 0 || between > (uint64_t)(64 + (now_ns - source->heard_ns) / COST_NS)) {
-        source->seen = 1; // more than could have been taken in that time: a sender that begins its numbers anew
+        // a new session, or a gap larger than the rate limit allows: the sender has restarted its numbers
+        source->seen = 1;
     } else {
+        // lost: numbers left out, except those that came as refused poses
         uint64_t come = between < 64 ? source->refused & ((UINT64_C(1) << between) - 1) : source->refused;
         int64_t lost = (int64_t)between - ones(come);
         n->lost += lost;
         if (lost > n->lost_in_a_row_max) n->lost_in_a_row_max = lost;
+        // late: the time between the arrivals exceeds the time between the sendings
         double sent_ns = 1e3 * (double)((uint64_t)m->utime - (uint64_t)last->utime);
         n->late += (double)(now_ns - source->heard_ns) - sent_ns >= LATE_NS;
+        // shift the window to the new pose, and mark the refused poses in it
         source->seen = between < 63 ? source->seen << (between + 1) | 1 : 1;
         for (uint64_t i = 0; i < between && i < 64; i++)
             if (come >> i & 1 && between - i < 64) source->seen |= UINT64_C(1) << (between - i);
@@ -227,6 +243,8 @@ static kn_pose pose_of(const knead_probe_pose_t *m)
     return pose;
 }
 
+// Judge session, motion and rate of a pose whose own values are valid. If the pose is accepted, it becomes the last
+// pose.
 static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns, kn_pose *pose)
 {
     if (expired(source, now_ns)) source->last.session = 0;
@@ -237,6 +255,7 @@ static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t 
     else if (verdict != KN_ACCEPTED) count_refused(source, m);
     if (verdict != KN_ACCEPTED) return verdict;
 
+    // change the reference for speeds only after a whole window, so that many small steps count together
     count_new(source, m, now_ns);
     *pose = pose_of(m);
     if (source->last.session == 0 || (uint64_t)m->utime - (uint64_t)source->reference.utime >= SPEED_WINDOW_US)
@@ -246,10 +265,10 @@ static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t 
     return KN_ACCEPTED;
 }
 
-// Refuse what a session sends after its last pose until it has sent nothing for a second.
+// Judge a pose, but refuse all poses of a session that has left, until that session has sent nothing for a second.
 static kn_verdict admit_present(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns, kn_pose *pose)
 {
-    struct kn_ended *place = source->ended; // its own, or that which is forgotten first
+    struct kn_ended *place = source->ended; // the session's own entry, or the one that expires first
     for (int i = 1; i < KN_ENDED_MAX && place->session != m->session; i++) {
         struct kn_ended *e = &source->ended[i];
         if (e->session == m->session || e->until_ns < place->until_ns) place = e;
@@ -278,6 +297,7 @@ kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_
             count_refused(&r->source[*probe], &message);
         if (verdict == KN_ACCEPTED) verdict = admit_present(&r->source[*probe], &message, now_ns, pose);
     }
+    // exactly one counter per datagram
     r->received++;
     if (verdict == KN_ACCEPTED) r->accepted++;
     else r->rejected[verdict]++;

@@ -1,30 +1,31 @@
 #ifndef KN_SERVER_RECEIVER_H
 #define KN_SERVER_RECEIVER_H
-// Bytes of a datagram -> a pose the servo may trust, or the reason why not. Pure: the socket is bus.h's, the time
-// comes in.
+// The receiver: turn the bytes of a datagram into a pose that the servo may trust, or return the reason for a
+// rejection. The receiver is pure: bus.h owns the socket, and the caller passes the time in.
 //
-// Any LCM sender works unchanged: one LC02 message per datagram, which is
+// Any LCM sender works unchanged. A datagram is one LC02 message:
 //     "LC02" | sequence u32 | channel, NUL | type hash i64 | fields of probe_pose_t, big-endian
-// We do not receive through liblcm: its reassembly and its variable-length decoders write out of bounds on datagrams
-// made for it (1.3.1 and 1.5 alike), and multicast on lo is open to every user of the machine. Here the bounds come
-// first, every type has a fixed size, fragments are refused, and nothing is allocated. Each datagram ends in exactly
-// one counter:
+// kneadd does not receive through liblcm, whose reassembly and variable-length decoders write out of bounds on crafted
+// datagrams (in 1.3.1 and in 1.5), and multicast on lo is open to every user of the machine. Here the bounds are
+// checked first, every type has a fixed size, fragments are refused, and nothing is allocated. Each datagram ends in
+// exactly one counter:
 //     received = accepted + sum(rejected)
 //
-// A probe belongs to the first session that sends it a good pose, until that session has been silent for 1 s; then any
-// session may come, the same number with a new seq included. sent_ns is never judged: a played log is old.
+// A probe belongs to the first session that sends it a good pose, until that session has been silent for 1 s. After
+// this silence any session may take the probe, also one with the old session number and a new seq. sent_ns is never
+// judged, because the times in a played log are old.
 //
-// A session may say that a pose is its last (KN_BUTTON_LEAVING). Whatever it sends after that is stale until it has been
-// silent for 1 s. The probe is free as soon as the servo says that the session has left.
+// A session may say that a pose is its last (KN_BUTTON_LEAVING). All later poses of that session are stale until the
+// session has been silent for 1 s. The probe is free as soon as the servo says that the session has left.
 //
-// With a key, a pose must be authentic, of this life and of now (auth.h): anybody can record a pose and send it again. A
-// KNEAD_HELLO is no pose either; the caller answers it.
-// Real-time safe.
+// With a key, a pose must be authentic, of this life of kneadd and recent (auth.h), because anybody can record a pose
+// and send it again. KNEAD_HELLO is not a pose: the caller answers it. Real-time safe.
 #include "server/auth.h"
 #include "server/bus.h"
 #include "server/servo.h"
 
-// One per line of status_t.rejected, same order; they stand in proto/README.md too. Append only: logs hold the indices.
+// Reasons of rejection, in the order of status_t.rejected and of the table in proto/README.md. Append only: logs hold
+// the indices.
 #define KN_REJECTS(X)                                                                                                  \
     X(INTERFACE, "interface", "did not arrive over lo, or --lan's interface")                                          \
     X(RUNT, "runt", "shorter than an LCM header")                                                                      \
@@ -58,26 +59,26 @@ typedef enum kn_verdict {
     KN_ACCEPTED = -1
 } kn_verdict;
 
-const char *kn_verdict_name(kn_verdict verdict);    // "stale"; "accepted"
-const char *kn_verdict_meaning(kn_verdict verdict); // of a rejection, in words
+const char *kn_verdict_name(kn_verdict verdict);    // for example "stale"; "accepted" for KN_ACCEPTED
+const char *kn_verdict_meaning(kn_verdict verdict); // the rejection in words; not for KN_ACCEPTED
 
-#define KN_ENDED_MAX 16 // sessions that left within a second
+#define KN_ENDED_MAX 16 // sessions that are remembered after they left, for 1 s of silence each
 
-typedef struct kn_packets { // of one probe's sessions, as health_t has them
+typedef struct kn_packets { // link counters of one probe, over all its sessions; as in health_t
     int64_t accepted, lost, late, duplicate, reordered, lost_in_a_row_max;
 } kn_packets;
 
-typedef struct kn_source { // who moves one probe
-    kn_pose last;          // accepted; session 0: nobody owns the probe
-    kn_pose reference;     // accepted; speeds are measured from here. Moves on to last when that is >= 1 ms newer
-    int64_t heard_ns;      // when last was accepted
-    struct kn_ended {      // sessions that left, remembered until then
+typedef struct kn_source { // the sender that moves one probe
+    kn_pose last;          // last accepted pose; session 0: nobody owns the probe
+    kn_pose reference;     // accepted pose from which speeds are measured; becomes `last` when that is >= 1 ms newer
+    int64_t heard_ns;      // time at which `last` was accepted
+    struct kn_ended {      // sessions that left; their poses are stale until until_ns
         int64_t session, until_ns;
     } ended[KN_ENDED_MAX];
-    int64_t credit_ns; // time not yet spent on poses, each of which costs 0.2 ms
+    int64_t credit_ns; // rate limit: unused time; each pose uses 0.2 ms of it
     kn_packets packets;
-    uint64_t seen;    // bit n: last.seq - n has come
-    uint64_t refused; // bit n: last.seq + 1 + n has come, and was not taken
+    uint64_t seen;    // bit n: number last.seq - n has come
+    uint64_t refused; // bit n: number last.seq + 1 + n has come, and was refused
 } kn_source;
 
 #define KN_PEERS_MAX 16
@@ -87,26 +88,27 @@ typedef struct kn_receiver {
     char channel[KN_PROBES_MAX][64]; // KNEAD_POSE_<probe>
     kn_source source[KN_PROBES_MAX];
     const kn_auth *auth;                // borrowed; NULL: no key
-    unsigned char nonce[KN_AUTH_NONCE]; // of the last KN_REJECT_HELLO
-    int64_t greeted_ns;                 // when that came
-    struct in_addr peer[KN_PEERS_MAX];  // whom poses are taken from
-    int peers;                          // 0: anybody
+    unsigned char nonce[KN_AUTH_NONCE]; // nonce of the last KN_REJECT_HELLO
+    int64_t greeted_ns;                 // time at which that hello message came
+    struct in_addr peer[KN_PEERS_MAX];  // addresses from which poses are accepted
+    int peers;                          // number of entries in `peer`; 0: any address is accepted
     int64_t received, accepted, rejected[KN_REJECT_COUNT];
 } kn_receiver;
 
 void kn_receiver_init(kn_receiver *r, const kn_model_def *def);
 
-// Judge and count one datagram that arrived at now_ns (monotonic). When accepted, *probe and *pose say what it was. After
-// KN_REJECT_HELLO the caller answers r->nonce.
+// Judge and count one datagram that arrived at now_ns (monotonic). If the datagram is accepted, set *probe and *pose.
+// After KN_REJECT_HELLO the caller answers r->nonce.
 kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_t now_ns, int *probe, kn_pose *pose);
 
-// The same by its bytes alone, whatever came before it: KN_ACCEPTED, it is a pose. Counts nothing.
+// Judge a datagram by its bytes alone, without the checks of session, motion and rate. Return KN_ACCEPTED if it is a
+// pose, and set *probe and *pose. Counts nothing.
 kn_verdict kn_receiver_read(const kn_receiver *r, const kn_datagram *datagram, int *probe, kn_pose *pose);
 
-// Ends sessions that have been silent for 1 s; returns a bit per probe whose session ended by this call.
+// End sessions that have been silent for 1 s. Return a bit per probe whose session this call has ended.
 unsigned kn_receiver_expire(kn_receiver *r, int64_t now_ns);
 
-// Ends a session of which kn_force.left is told. Returns whether it had the probe until now.
+// End a session that has left (kn_force.left). Return whether it owned the probe until now.
 bool kn_receiver_leave(kn_receiver *r, int probe, int64_t session);
 
 #endif

@@ -13,41 +13,43 @@
 #include <string.h>
 #include <time.h>
 
-#define POSES 4096 // remembered per probe, a power of two: a force may come this many poses after its own
+#define POSES 4096 // poses remembered per probe, a power of two: a force may follow its pose after this many poses
 
-typedef struct kn_replay_private { // `v` below
+typedef struct kn_replay_private { // reader of the log; named `v` in the functions below
     kn_log log;
     kn_log_record record;
-    bool held; // record has been read and not been used yet
+    bool held; // `record` was read ahead and is not used yet
     kn_receiver receiver;
     kn_pose *poses[KN_PROBES_MAX]; // [POSES], slot seq % POSES
 
-    kn_survey found;          // by the first reading
-    size_t next_event;        // of those found
-    kn_change *change, *next; // in force, about to be; NULL: none
+    kn_survey found;          // result of the first reading
+    size_t next_event;        // index in found.events
+    kn_change *change, *next; // latest change taken; change that the next tick takes; NULL: none
     kn_replay_def def;
 
     const char *snapshot_path;
-    kn_saved saved; // read last
+    kn_saved saved; // snapshot that was read last
     kn_undo undo;
 
     // forces of one tick
     knead_contact_force_t force[KN_PROBES_MAX];
-    bool has[KN_PROBES_MAX];
-    bool grouped;
+    bool has[KN_PROBES_MAX]; // force[p] is set
+    bool grouped;            // all forces of group_tick have been read
     int64_t group_tick;
 
-    int64_t tick;   // last one executed, -1: none
-    int64_t untold; // ticks that ran and have no record
+    int64_t tick;   // last tick executed, -1: none
+    int64_t untold; // ticks without a record that were executed or counted in advance (afford)
     bool live[KN_PROBES_MAX];
-    bool touched, resting; // a session has begun; none has and the object lies still
+    bool touched, resting; // touched: a session has begun; resting: no session yet and the object lies still
     uint64_t rest_hash;
 } reading;
 
+// Return the largest number of ticks without a record that a replay runs for this log.
 static int64_t most_untold(const reading *v) { return KN_SURVEY_LOST_MS + KN_SURVEY_RECORD_MS * v->found.told; }
 
-// ---- what it is replayed on
+// ---- what the log is replayed on
 
+// First reading: survey the log.
 static bool look_through(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     reading *v = r->private;
@@ -59,6 +61,7 @@ static bool look_through(kn_replay *r, const kn_replay_def *def, char *error, si
     return found;
 }
 
+// Parse the scene: the named file, or the text in the log. Decide whether the replay is exact (`same`).
 static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     reading *v = r->private;
@@ -72,6 +75,7 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
                                          strlen(v->found.scene_text), def->sets, def->set_count, error, error_size);
     if (!r->scene) return false;
     r->same = !def->afresh && v->found.scene_text && r->scene->text_hash == v->found.scene_hash;
+    // another scene than the log's is a mistake, unless settings show that a difference is intended
     if (r->same || !v->found.scene_text || def->set_count > 0) return true;
     if (!def->scene_path) {
         snprintf(error, error_size, "%s: its scene '%s' means something else to this version", def->log_path,
@@ -85,6 +89,7 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
     return false;
 }
 
+// Build the model, its backend and the servo.
 static bool build(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     char why[200];
@@ -109,6 +114,7 @@ static bool build(kn_replay *r, const kn_replay_def *def, char *error, size_t er
     return true;
 }
 
+// Return the index of the probe with this name, or -1.
 static int probe_of(const kn_replay *r, const char *name)
 {
     for (int p = 0; p < r->model->def.probe_count; p++)
@@ -116,7 +122,7 @@ static int probe_of(const kn_replay *r, const char *name)
     return -1;
 }
 
-// Another scene than the log's must keep its probes: their forces could only be called malformed.
+// If the scene is not the log's, check that it has the log's probes. Otherwise their forces would count as malformed.
 static bool check_probes(const kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     const char *set = NULL;
@@ -134,7 +140,7 @@ static bool check_probes(const kn_replay *r, const kn_replay_def *def, char *err
 
 // ---- snapshots
 
-// Whether it is one of the log's run, after whose tick the log goes on.
+// Return whether a snapshot was made in the log's run, and the log continues after the snapshot's tick.
 static bool of_the_run(void *replay, const kn_saved *saved)
 {
     const kn_replay *r = replay;
@@ -142,12 +148,14 @@ static bool of_the_run(void *replay, const kn_saved *saved)
     if (saved->text_hash != r->scene->text_hash || saved->tick < v->found.before_tick ||
         saved->tick >= v->found.last_tick)
         return false;
-    // ticks follow the poses by two in a thousand, and the logger's clock is set now and then
+    // Compare tick and wall clock, with a tolerance: ticks that follow poses may run 0.2 % fast or slow, and the
+    // logger's clock may be set.
     double ran_us = 1e3 * (double)(saved->tick - v->found.first_tick);
     double apart_us = (double)(saved->utime - v->found.origin_utime) - 1e3 * (double)saved->tick;
     return fabs(apart_us) <= 2e6 + 3e-3 * fabs(ran_us);
 }
 
+// Continue from the snapshot that was read last: object, servo and the sessions that were open.
 static void resume(kn_replay *r)
 {
     reading *v = r->private;
@@ -164,6 +172,7 @@ static void resume(kn_replay *r)
 
 static bool of_that_hash(void *hash, const kn_saved *saved) { return saved->state_hash == *(const uint64_t *)hash; }
 
+// Read the snapshot with this state hash into v->saved.
 static bool find_state(kn_replay *r, uint64_t hash, char *why, size_t why_size)
 {
     reading *v = r->private;
@@ -171,14 +180,14 @@ static bool find_state(kn_replay *r, uint64_t hash, char *why, size_t why_size)
                            why_size);
 }
 
-// Every state that the log's server took from a snapshot has to be there.
+// Check that there is a snapshot for every restore in the log, before any tick is run.
 static bool check_restores(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     reading *v = r->private;
     char why[200] = "no such snapshot";
     for (size_t i = 0; i < v->found.event_count && v->found.restores > 0; i++) {
         const knead_event_t *e = &v->found.events[i];
-        if (e->kind == KNEAD_EVENT_T_KIND_SET) break; // of another material from here on: seen when it is there
+        if (e->kind == KNEAD_EVENT_T_KIND_SET) break; // later states belong to another model: found when needed
         if (e->kind != KNEAD_EVENT_T_KIND_RESTORE || e->arg[0] == 0) continue;
         if (def->snapshot_path && find_state(r, (uint64_t)e->state_hash, why, sizeof why)) continue;
         snprintf(error, error_size,
@@ -193,6 +202,7 @@ static bool check_restores(kn_replay *r, const kn_replay_def *def, char *error, 
     return true;
 }
 
+// Allocate what undos and snapshots need.
 static bool prepare_snapshots(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     reading *v = r->private;
@@ -207,7 +217,8 @@ static bool prepare_snapshots(kn_replay *r, const kn_replay_def *def, char *erro
     return false;
 }
 
-// A log that does not begin with the server's start must begin with an untouched object, or go on from a snapshot.
+// Choose where the replay begins. A log that does not begin with the server's start must begin with an untouched
+// object, or continue from a snapshot.
 static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     reading *v = r->private;
@@ -229,12 +240,14 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
         return false;
     }
     if (!r->same || v->found.started) return true;
+    // The first event with a state hash tells whether the object was as new. A reset or restore before the first force
+    // makes the past irrelevant.
     for (size_t i = 0; i < v->found.event_count; i++) {
         const knead_event_t *e = &v->found.events[i];
         bool undone = e->kind == KNEAD_EVENT_T_KIND_RESTORE && e->arg[0] == 0;
         bool replaced = e->kind == KNEAD_EVENT_T_KIND_RESET || e->kind == KNEAD_EVENT_T_KIND_RESTORE;
         bool first = v->found.first_force_tick < 0 || e->tick <= v->found.first_force_tick;
-        if (replaced && !undone && first) return true; // whatever had been there
+        if (replaced && !undone && first) return true;
         if (replaced || e->state_hash == 0) continue;
         if ((uint64_t)e->state_hash == kn_state_hash(r->model, kn_replay_state(r))) return true;
         snprintf(error, error_size,
@@ -246,18 +259,19 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
     return true;
 }
 
-// Another computation takes what it takes.
+// Take the deadline of steps from the log. A replay that does not reproduce the log (same is false) runs without one.
 static void apply_deadline(const kn_replay *r, kn_tick_in *in, const knead_event_t *e)
 {
     if (r->same && e->arg[0] >= 1 && e->arg[0] < 0x1p53) in->deadline = (int64_t)e->arg[0];
 }
 
-// Take over deadline, overload and points that stood where the log begins in mid-run or goes on from a snapshot.
+// Take over the deadline, overload and quality that were in force where the replay begins, in mid-run or at a snapshot.
 static void stand(kn_replay *r, const kn_survey *found)
 {
     const kn_survey_stood *stood = &found->stood;
     r->servo.deadline = stood->deadline;
     r->servo.overloaded = stood->overloaded;
+    // a snapshot holds neither deadline nor overload: apply the events up to its tick
     for (size_t i = 0; i < found->event_count && found->events[i].tick <= r->resumed_tick; i++) {
         const knead_event_t *e = &found->events[i];
         kn_tick_in then = {0};
@@ -265,6 +279,7 @@ static void stand(kn_replay *r, const kn_survey *found)
         if (then.deadline > 0) r->servo.deadline = then.deadline;
         if (e->kind == KNEAD_EVENT_T_KIND_OVERLOAD) r->servo.overloaded = e->arg[0] != 0;
     }
+    // a snapshot holds the quality itself
     if (!stood->quality_told || r->resumed_tick >= 0 || !r->scene->point[stood->quality].live) return;
     r->servo.quality = stood->quality;
     r->servo.asked = stood->asked;
@@ -289,6 +304,7 @@ static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t 
     }
     if (r->same) stand(r, &v->found);
     r->tally.first_gap = r->tally.first_mismatch = -1;
+    // compute or estimate the number of ticks, for a progress bar
     int64_t before = r->resumed_tick >= 0 ? r->resumed_tick : v->found.before_tick;
     r->tally.ticks_total =
         r->forces_logged ? v->found.last_tick - before : (v->found.last_utime - v->found.first_pose_utime) / 1000 + 1;
@@ -339,7 +355,8 @@ const kn_model *kn_replay_model(const kn_replay *r) { return r->servo.model; }
 
 // ---- second reading: tick by tick
 
-// The next record of the part that is replayed, until it is used up; false at the end.
+// Read the next record of the part that is replayed, unless a record read ahead is not used yet. Return false at the
+// end.
 static bool next_record(reading *v)
 {
     if (v->held) return true;
@@ -347,12 +364,12 @@ static bool next_record(reading *v)
     return v->held = true;
 }
 
-// As it was on the bus; one that is longer than a pose can be is cut.
+// Rebuild the datagram of a record as it was on the bus. Leave the payload out if it is too long for a pose.
 static kn_datagram datagram_of(const kn_log_record *record)
 {
     kn_datagram d = {.here = true};
     size_t name = strlen(record->channel) + 1, size = 8 + name + record->size;
-    if (size > sizeof d.bytes) size = 8 + name; // no pose has that length
+    if (size > sizeof d.bytes) size = 8 + name; // then the receiver refuses its length
     memcpy(d.bytes, "LC02\0\0\0\0", 8);
     memcpy(d.bytes + 8, record->channel, name);
     memcpy(d.bytes + 8 + name, record->data, size - 8 - name);
@@ -360,7 +377,8 @@ static kn_datagram datagram_of(const kn_log_record *record)
     return d;
 }
 
-// With forces: the daemon has judged in its time; here a pose has only to be one.
+// Remember a pose of a log with forces. The daemon has already judged the pose, so check only that the bytes are a
+// pose.
 static void remember_pose(kn_replay *r)
 {
     reading *v = r->private;
@@ -372,13 +390,14 @@ static void remember_pose(kn_replay *r)
     else if (verdict == KN_REJECT_LENGTH || verdict == KN_REJECT_TYPE) r->tally.malformed++;
 }
 
+// Return the remembered pose with this session and seq, or NULL.
 static const kn_pose *find_pose(const reading *v, int p, int64_t session, int64_t seq)
 {
     const kn_pose *pose = &v->poses[p][(uint64_t)seq % POSES];
     return session != 0 && pose->session == session && pose->seq == seq ? pose : NULL;
 }
 
-// Reads on until all forces of the next tick are together.
+// Read records until all forces of the next tick are collected. The first force of a later tick stays in `record`.
 static void gather(kn_replay *r)
 {
     reading *v = r->private;
@@ -390,6 +409,7 @@ static void gather(kn_replay *r)
         int p = probe_of(r, v->record.probe);
         if (f->tick <= r->resumed_tick) continue;
         if (v->grouped && f->tick > v->group_tick) return;
+        // tick numbers rise in a log, so a force of an earlier tick, or a second force of one probe, cannot be used
         bool late = f->tick <= v->tick || (v->grouped && f->tick < v->group_tick);
         if (p < 0 || f->session == 0 || late || v->has[p]) {
             r->tally.malformed++;
@@ -402,7 +422,7 @@ static void gather(kn_replay *r)
     }
 }
 
-// Cycles that were skipped just before a tick, by its forces or else by its checkpoint.
+// Return the cycles skipped just before a tick, as told by the tick's forces or else by its checkpoint.
 static int32_t missed_before(const reading *v, int64_t tick)
 {
     for (int p = 0; v->grouped && v->group_tick == tick && p < KN_PROBES_MAX; p++)
@@ -413,8 +433,9 @@ static int32_t missed_before(const reading *v, int64_t tick)
     return (int32_t)missed;
 }
 
-// Count one tick without a record, and charge `more` that follow at once. False: the log ends here, since its records are
-// too few for so many ticks.
+// Count one tick without a record, and check that the log allows `more` that follow. Return false if the log has too
+// few records for so many ticks; the replay then ends here. This check bounds the time that a damaged or forged log may
+// take.
 static bool afford(kn_replay *r, int64_t tick, int64_t more)
 {
     reading *v = r->private;
@@ -432,23 +453,26 @@ static bool anyone_live(const reading *v)
     return any;
 }
 
-// Number of the tick to run and cycles missed before it; false at the end of the log.
+// Choose the number of the next tick to run, and the cycles missed before it. Return false at the end of the log.
 static bool choose_tick(kn_replay *r, kn_tick_in *in)
 {
     reading *v = r->private;
     gather(r);
     while (v->next_event < v->found.event_count && v->found.events[v->next_event].tick <= v->tick) v->next_event++;
+    // the next tick that is known to have run: the next one with a force or an event
     bool event = v->next_event < v->found.event_count;
     if (!v->grouped && !event) return false;
     int64_t known = v->grouped ? v->group_tick : v->found.events[v->next_event].tick;
     if (event && v->found.events[v->next_event].tick < known) known = v->found.events[v->next_event].tick;
     int32_t missed = missed_before(v, known);
 
-    // between two ticks that left a trace every other one ran, too; an untouched one that lies still can be left alone
+    // All ticks between two known ones ran, too, so replay them. They can be left out only while an untouched object
+    // lies still.
     bool idle = v->tick >= 0 && v->tick + 1 + missed < known && !v->resting;
     in->tick = idle ? v->tick + 1 : known;
     in->missed = idle ? 0 : missed;
-    // charge a whole gap at its start, unless nobody has touched the object: it may come to rest
+    // Count a whole gap at its start. If nothing has touched the object, it may come to rest within the gap: then count
+    // tick by tick.
     return !idle || afford(r, in->tick, v->touched ? known - missed - in->tick - 1 : 0);
 }
 
@@ -457,7 +481,7 @@ static void count_gap(kn_replay *r, int64_t tick)
     if (r->tally.gaps++ == 0) r->tally.first_gap = tick;
 }
 
-// No force tells which pose this tick used: most likely the next one.
+// Guess the pose of a tick without a force record. Most likely the tick used the next pose in sequence.
 static void guess_pose(kn_replay *r, int p)
 {
     reading *v = r->private;
@@ -468,6 +492,7 @@ static void guess_pose(kn_replay *r, int p)
     if (next) *pose = *next;
 }
 
+// Take the pose that the tick's force record echoes.
 static void take_pose(kn_replay *r, int p)
 {
     reading *v = r->private;
@@ -475,6 +500,7 @@ static void take_pose(kn_replay *r, int p)
     kn_pose *pose = &r->tick.pose[p];
     r->tally.forces++;
     const kn_pose *found = find_pose(v, p, f->session, f->seq);
+    // a pose that is not remembered any more may still be the one that the previous tick used
     bool held = v->live[p] && pose->session == f->session && pose->seq == f->seq;
     r->tick.in.fresh[p] = !(f->flags & KNEAD_CONTACT_FORCE_T_FLAG_STALE);
     v->live[p] = v->live[p] || found;
@@ -482,7 +508,7 @@ static void take_pose(kn_replay *r, int p)
     else if (!held) guess_pose(r, p);
 }
 
-// A log's machine was too slow for its point, or an operator chose; another computation has a choice of its own.
+// Repeat a change of the quality. A replay that does not reproduce the log (same is false) ignores the change.
 static void apply_quality(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
 {
     double to = e->arg[1];
@@ -497,7 +523,8 @@ static void apply_quality(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
              (long long)e->tick);
 }
 
-// The object as in a snapshot, which create has seen, or undone as the server did it.
+// Repeat an undo or a restore. kn_replay_create has already seen the snapshot, but the file may have been removed
+// since.
 static void apply_restore(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
 {
     reading *v = r->private;
@@ -515,11 +542,13 @@ static void apply_restore(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
     }
 }
 
-// The scene that was changed to, with what is different here.
+// Repeat a setting: find the scene's text by its hash, and build the change with that text, overridden by this replay's
+// own sets.
 static void apply_set(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
 {
     reading *v = r->private;
     char why[300] = "its scene is not in the log";
+    // the hash comes in two halves, since a double holds 53 bits
     double high = e->arg[0], low = e->arg[1];
     bool is_hash = high >= 0 && high <= UINT32_MAX && low >= 0 && low <= UINT32_MAX;
     uint64_t hash = is_hash ? (uint64_t)high << 32 | (uint64_t)low : 0;
@@ -535,6 +564,7 @@ static void apply_set(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
         snprintf(why, sizeof why, "it means something else to this version");
         scene = NULL;
     }
+    // build the change; it replaces an earlier one that no tick has taken
     kn_change *change = scene ? kn_change_create(scene, r->servo.scene, r->servo.model, false, why, sizeof why) : NULL;
     if (change) {
         kn_change_destroy(v->next);
@@ -545,6 +575,8 @@ static void apply_set(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
     snprintf(r->damage, sizeof r->damage, "a change at tick %lld: %.100s", (long long)e->tick, why);
 }
 
+// Apply the events of this tick to its input. Events that a tick produces (faults, attaching) need no input: the
+// replayed tick produces them again.
 static void apply_events(kn_replay *r, kn_tick_in *in)
 {
     reading *v = r->private;
@@ -565,7 +597,7 @@ static void apply_events(kn_replay *r, kn_tick_in *in)
         case KNEAD_EVENT_T_KIND_SESSION_END:
             if (e->probe >= 0 && e->probe < KN_PROBES_MAX) v->live[e->probe] = false;
             break;
-        default: // a change that this version does not make cannot be made again
+        default: // unknown to this version, so its change cannot be repeated
             if (e->kind < KNEAD_EVENT_T_KIND_ESTOP) break;
             r->same = false;
             snprintf(r->damage, sizeof r->damage, "an event of unknown kind %d at tick %lld", e->kind,
@@ -574,7 +606,7 @@ static void apply_events(kn_replay *r, kn_tick_in *in)
     }
 }
 
-// The log's state hashes against those of the events that this tick told by itself.
+// Compare the state hashes of the log's events with those of the events that this tick produced.
 static void check_hashes(kn_replay *r)
 {
     reading *v = r->private;
@@ -598,6 +630,7 @@ static int64_t read_ns(clockid_t clock)
     return 1000000000 * (int64_t)t.tv_sec + t.tv_nsec;
 }
 
+// Run the servo tick, and measure the time it takes.
 static void run_tick(kn_replay *r)
 {
     int64_t start_ns = read_ns(CLOCK_MONOTONIC), start_cpu_ns = read_ns(CLOCK_THREAD_CPUTIME_ID);
@@ -605,18 +638,19 @@ static void run_tick(kn_replay *r)
     r->tick.cpu_ns = read_ns(CLOCK_THREAD_CPUTIME_ID) - start_cpu_ns;
     r->tick.execution_ns = read_ns(CLOCK_MONOTONIC) - start_ns;
     r->private->tick = r->tick.in.tick;
-    if (r->tick.out.changed) { // the one before is nobody's any more
+    if (r->tick.out.changed) { // nothing uses the previous change any more
         kn_change_destroy(r->private->change);
         r->private->change = r->private->next;
         r->private->next = NULL;
         r->changes++;
     }
     if (!r->tick.in.undo || r->tick.out.restored_hash != 0 || !r->same) return;
-    r->same = false; // its points are the server's alone, in no snapshot
+    r->same = false; // undo points from before the log are lost: no snapshot holds them
     snprintf(r->damage, sizeof r->damage, "an undo of what was kneaded before this log begins, at tick %lld",
              (long long)r->private->tick);
 }
 
+// Run the next tick of a log with forces.
 static bool step_by_forces(kn_replay *r)
 {
     reading *v = r->private;
@@ -626,6 +660,7 @@ static bool step_by_forces(kn_replay *r)
     memset(r->tick.logged, 0, sizeof r->tick.logged);
     if (!choose_tick(r, in)) return false;
 
+    // commands come from the events, poses from the forces
     bool grouped = v->grouped && v->group_tick == in->tick;
     apply_events(r, in);
     for (int p = 0; p < r->model->def.probe_count; p++) {
@@ -643,12 +678,14 @@ static bool step_by_forces(kn_replay *r)
     run_tick(r);
     check_hashes(r);
 
+    // an untouched object lies still if a tick has not changed the state hash
     uint64_t hash = v->touched ? 0 : kn_state_hash(r->model, kn_replay_state(r));
     v->resting = !v->touched && !anyone_live(v) && v->rest_hash == hash;
     v->rest_hash = hash;
     return true;
 }
 
+// Run the next tick of a log without forces.
 static bool step_by_time(kn_replay *r)
 {
     reading *v = r->private;
@@ -658,8 +695,10 @@ static bool step_by_time(kn_replay *r)
     *in = (kn_tick_in){.tick = v->tick + 1};
     r->tick.utime = utime;
     r->tick.time_s = 1e-3 * (double)in->tick;
-    // half a period after its own time, so that the jitter of a sender on the same period moves no pose to another tick
+    // A tick takes all records up to half a period after its own time. With this rule the jitter of a sender with the
+    // same period moves no pose to another tick.
     int64_t until = r->tick.utime + 500;
+    // count a tick that has no record in the log
     const int64_t next = next_record(v) ? v->record.utime : v->found.last_utime;
     if (next >= until && !afford(r, in->tick, (next - until) / 1000)) return false;
     for (; next_record(v) && v->record.utime < until; v->held = false) {
@@ -683,6 +722,7 @@ static bool step_by_time(kn_replay *r)
         r->tick.pose[p] = pose;
         in->fresh[p] = v->live[p] = true;
     }
+    // end the sessions that fell silent, then run
     unsigned ended = kn_receiver_expire(&v->receiver, 1000 * until);
     for (int p = 0; p < r->model->def.probe_count; p++) {
         if (ended >> p & 1) v->live[p] = false;
@@ -695,10 +735,11 @@ static bool step_by_time(kn_replay *r)
     return true;
 }
 
-// A tool in the air may be anywhere: it is under its pressing that cells should be small.
+// Count ticks in which a tool presses outside its allowed reach. There a block of two resolutions has coarse cells. A
+// tool that touches nothing may be anywhere.
 static void look_outside(kn_replay *r)
 {
-    double most_m = 1e-6; // less is rounding
+    double most_m = 1e-6; // a smaller distance is rounding
     int probe = -1;
     for (int p = 0; r->model->composite && p < r->model->def.probe_count; p++) {
         const double *x = r->tick.pose[p].position_m, (*reach)[2] = r->model->def.probe[p].reach_m;

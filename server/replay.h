@@ -1,95 +1,102 @@
 #ifndef KN_SERVER_REPLAY_H
 #define KN_SERVER_REPLAY_H
-// A log, tick by tick, through the very servo that the daemon runs, under a virtual clock.
+// A replay runs a log tick by tick through the same servo code as the daemon, under a virtual clock.
 //
 //     kn_replay_def def = {.log_path = "press.lcmlog"};
 //     kn_replay *r = kn_replay_create(&def, error, sizeof error);
 //     while (kn_replay_step(r)) use(r->tick.out.force[0], kn_replay_state(r));
 //     kn_replay_destroy(r);
 //
-// With forces in the log, a tick used exactly the poses that its force records echo (session, seq), fresh or stale as
-// FLAG_STALE says, after the missed_cycles they tell; resets, stops, points of quality and the ends of sessions come
-// from the events, never from how long a tick takes here. That
-// is all a tick depends on, so the replay gives the same bits. A tick that must have run and has no record is a gap: it
-// is counted, and replayed with the next pose in sequence. Without forces, poses are judged and assigned to 1 ms ticks
-// by log time, as the receiver would have done it.
+// A log with forces is replayed exactly. Each force record echoes the pose that its tick used (session, seq), tells
+// whether that pose was fresh (FLAG_STALE), and how many cycles were missed before the tick (missed_cycles). Resets,
+// stops, changes of quality and the ends of sessions come from the events, never from the time that a tick takes here.
+// A tick depends on no other input, so the replay gives the same bits. A tick that must have run but has no record is a
+// gap. A gap is counted, and its tick is replayed with the next pose in sequence.
 //
-// What was set is set here, by the scene's text, which the log holds again; what was undone is undone here by the same
-// rule; what a server restored comes from its snapshots, by the state's hash. A log that begins on a kneaded object
-// goes on from a snapshot of that run, taken at a tick that is in it, and so does any other that restores none, from
-// the first such.
+// In a log without forces, poses are judged as the receiver would have judged them, and assigned to 1 ms ticks by log
+// time.
 //
-// Reads the log twice and keeps only the last poses in memory, so a log may be larger. Allocates in create, and where a
-// snapshot is restored.
+// Settings that an operator made at run time (event KIND_SET) are applied here, too, because the log holds the scene's
+// new text. Undos are repeated by the server's own rule. Restored objects come from the server's snapshots, found by
+// state hash.
+//
+// If the object was already kneaded when the log begins, the replay needs a snapshot of the same run, taken at a tick
+// within the log, and starts there. With --snapshot, the replay of any other log without restores also starts at the
+// first snapshot of its run.
+//
+// The log is read twice, and only the last poses are kept in memory, so a log may be larger than memory. Memory is
+// allocated in kn_replay_create, when a snapshot is restored, and when a setting is applied.
 #include "proto/knead_contact_force_t.h"
 #include "server/servo.h"
 
-#define KN_REPLAY_HALF_TICK_S 0.0005 // times that are apart by less are one tick's
+#define KN_REPLAY_HALF_TICK_S 0.0005 // two times that differ by less belong to the same tick
 
-typedef struct kn_replay_def { // what it points at is borrowed as long as the replay lives
+typedef struct kn_replay_def { // the data behind all pointers must outlive the replay
     const char *log_path;
-    const char *scene_path;  // NULL: the scene that the log holds. Another scene than the log's is refused without sets
-    const char *const *sets; // "key=value" over the scene, as --set gives them; 0: the computation of the log
+    const char *scene_path;  // NULL: the scene in the log. Without `sets` it must be the log's
+    const char *const *sets; // "key=value" settings that override the scene's, as --set does; none: the log's
     int set_count;
-    bool afresh; // only the hand's poses count: the log's states and points of quality are not this run's to reproduce
+    bool afresh;               // use the poses alone: do not reproduce the log's state hashes and qualities
     const char *snapshot_path; // a snapshot, or a directory of them as kneadd --state-dir keeps; NULL: none
-    const char *device;        // URI of a circuit that steps the lattice, waited for as long as it takes; NULL: none
-    bool *device_failed;       // NULL, or out: it is the circuit that kn_replay_create gave up for
+    const char *device;        // URI of a circuit that steps the lattice, without a time limit; NULL: none
+    bool *device_failed;       // NULL, or set when kn_replay_create fails: true if the circuit is the reason
 } kn_replay_def;
 
-typedef struct kn_replay_tick { // what the last step did
+typedef struct kn_replay_tick { // input and result of the last tick
     kn_tick_in in;
     kn_tick_out out;
     kn_pose pose[KN_PROBES_MAX];                        // in.pose points here
-    const knead_contact_force_t *logged[KN_PROBES_MAX]; // the log's force of this tick, NULL: none
+    const knead_contact_force_t *logged[KN_PROBES_MAX]; // force of this tick in the log; NULL: none
     int64_t utime;                                      // log time of this tick, us
-    double time_s;                                      // since the first tick with a session (negative before)
-    int64_t execution_ns, cpu_ns; // of the servo, here and now, by the clock and of this thread; nothing depends on it
+    // Time since the first force, negative before it. In a log without forces: time since the first pose.
+    double time_s;
+    int64_t execution_ns, cpu_ns; // elapsed and CPU time of the servo tick in this replay; for information
 } kn_replay_tick;
 
-typedef struct kn_replay_tally { // honest about what could not be used
-    int64_t ticks;               // executed so far
-    int64_t ticks_total;         // in the log, for a progress bar; an estimate without forces
+typedef struct kn_replay_tally { // counts of the replay, and of records that it could not use
+    int64_t ticks;               // ticks executed so far
+    int64_t ticks_total;         // ticks in the log, for a progress bar; an estimate if the log has no forces
     int64_t forces;              // force records used
-    int64_t gaps;                // ticks that ran live and have no force record, or whose pose is missing
-    int64_t first_gap;           // tick number, -1: none
-    int64_t malformed;           // records of our channels that are not what their channel says
-    int64_t refused;             // poses that the receiver's rules refuse (only without forces)
-    int64_t checkpoints;         // state hashes of the log that the replay met
-    int64_t mismatches;          // ... and did not reproduce
-    int64_t first_mismatch;      // tick number, -1: none
-    int64_t outside;             // ticks in which a tool pressed on a block of two resolutions outside of its reach
-    double outside_m;            // how far at most
-    int outside_probe;           // which tool
+    int64_t gaps;                // ticks that ran live but have no force record, or whose pose is missing
+    int64_t first_gap;           // tick number of the first gap, -1: none
+    int64_t malformed;           // records on Knead's channels with the wrong content
+    int64_t refused;             // poses that the receiver's rules refuse (only in logs without forces)
+    int64_t checkpoints;         // state hashes of the log that were compared
+    int64_t mismatches;          // state hashes that the replay did not reproduce
+    int64_t first_mismatch;      // tick number of the first mismatch, -1: none
+    int64_t outside;             // two-resolution block: ticks in which a tool pressed outside its allowed reach
+    double outside_m;            // largest distance from that reach, m
+    int outside_probe;           // probe with that distance
 } kn_replay_tally;
 
 typedef struct kn_replay {
     kn_scene *scene;
-    kn_model *model; // of the log's beginning; kn_replay_model is the one in force
-    int changes;     // of the model in force: counts up with each, an address may come back
+    kn_model *model; // model at the log's beginning; kn_replay_model returns the present one
+    int changes;     // number of model changes so far; compare it, since a new model may reuse an address
     kn_backend backend;
     kn_servo servo;
     kn_replay_tick tick;
     kn_replay_tally tally;
-    bool forces_logged;   // the log holds forces: exact
-    bool same;            // scene and computation are the log's own, so its numbers can be demanded back
-    int64_t resumed_tick; // of the snapshot that it goes on from, -1: from the log's beginning
-    const char *logged_name, *logged_text; // the scene that the log holds, NULL: none
-    char damage[160];                      // "" or what is wrong with the file; what stands before it is used
+    bool forces_logged;   // the log holds forces: the replay is exact
+    bool same;            // scene and settings are the log's own, so the replay must reproduce its numbers
+    int64_t resumed_tick; // tick of the snapshot from which the replay continues; -1: from the log's beginning
+    const char *logged_name, *logged_text; // the scene that the log holds; NULL: none
+    char damage[160];                      // fault of the file, "" if none; the log is used up to the fault
     struct kn_replay_private *private;
 } kn_replay;
 
-// NULL and one line in error: no such log, no scene in it, another scene, an object kneaded before the log began, or
-// a snapshot that it needs and is not there.
+// Open a log and prepare its replay. Return NULL and put one line in error if the log does not exist, holds no scene or
+// another scene, or needs a snapshot that is missing.
 kn_replay *kn_replay_create(const kn_replay_def *def, char *error, size_t error_size);
 
-// Runs one tick; false at the end of the log, where tick.out, .pose and .time_s remain those of the last one.
+// Run one tick. Return false at the end of the log; tick.out, tick.pose and tick.time_s then still hold the last tick.
 bool kn_replay_step(kn_replay *replay);
 
-// The object now and what it is made of now: both are another's once a step has gone over to what was set.
+// Return the present object and its model. A step that applies a setting may replace both.
 const kn_state *kn_replay_state(kn_replay *replay);
 const kn_model *kn_replay_model(const kn_replay *replay);
-// tick.time_s of the last tick that the log tells of, tally.ticks_total of them being run at most.
+// Return tick.time_s of the last tick in the log. If the log has no forces, the time is an estimate from
+// tally.ticks_total.
 double kn_replay_end_s(const kn_replay *replay);
 void kn_replay_destroy(kn_replay *replay); // NULL is fine
 

@@ -10,12 +10,13 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#define STACK_BYTES (512 << 10) // all of it gets locked; the tick needs less than 32 kB, its arrays are in the state
-#define TOUCHED_BYTES (128 << 10)
+#define STACK_BYTES (512 << 10)   // stack of a thread, wholly locked; a tick needs < 32 kB, its arrays are in the state
+#define TOUCHED_BYTES (128 << 10) // part touched before the thread runs, so that a tick has no page fault
 
 bool kn_rt_files(char *error, size_t error_size)
 {
-    enum { FILES = 56 }; // kneadd with every option opens some 20, a page some 30
+    enum { FILES = 56 }; // kneadd with every option opens about 20, a web page about 30
+    // open as many descriptors as will be needed, then close them again
     int fd[FILES], count = 0;
     while (count < FILES && (fd[count] = eventfd(0, EFD_CLOEXEC)) >= 0) count++;
     snprintf(error, error_size, "%s: %d more can be opened, expected %d: raise ulimit -n (LimitNOFILE= of a service)",
@@ -35,6 +36,7 @@ bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode)
     return false;
 }
 
+// Add a refused request to rt->missing, with its reason and remedy.
 static void add_missing(kn_rt *rt, const char *what, const char *why, const char *cure)
 {
     size_t used = strlen(rt->missing);
@@ -52,7 +54,7 @@ void kn_rt_enter(kn_rt *rt, kn_rt_mode mode)
 {
     *rt = (kn_rt){.mode = mode};
     if (mode == KN_RT_OFF) return;
-    int error = set_priority(KN_RT_SERVO); // the highest first: RLIMIT_RTPRIO may grant only a part
+    int error = set_priority(KN_RT_SERVO); // try the highest first: RLIMIT_RTPRIO may grant only lower ones
     if (!error) error = set_priority(KN_RT_MAIN);
     rt->fifo = !error;
     if (error) add_missing(rt, "no SCHED_FIFO", strerror(error), "root, CAP_SYS_NICE or ulimit -r 80");
@@ -68,13 +70,15 @@ typedef struct thread_start {
     void *arg;
 } thread_start;
 
-// Touched once, the pages are there before the first deadline. volatile: or the compiler removes it.
+// Touch the pages of the stack, so that they are mapped before the first deadline. volatile keeps the compiler from
+// removing the writes.
 static void touch_stack(void)
 {
     volatile char page[TOUCHED_BYTES];
     for (size_t i = 0; i < sizeof page; i += 4096) page[i] = 0;
 }
 
+// Body of every thread: prepare its stack, then run the caller's function.
 static void *thread_main(void *memory)
 {
     thread_start start = *(thread_start *)memory;
@@ -83,7 +87,7 @@ static void *thread_main(void *memory)
     return start.run(start.arg);
 }
 
-// The last one: interrupts and the kernel's own work gather on the first.
+// Pin a thread to the last processor that the process may use. Most interrupts and kernel work run on the first one.
 static void pin(pthread_attr_t *attr)
 {
     cpu_set_t may, last;
@@ -105,14 +109,16 @@ int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int prior
     if (!start) return ENOMEM;
     *start = (thread_start){run, arg};
     pthread_attr_init(&attr);
-#ifndef KN_SANITIZED // which keep hundreds of kB of their own there
+#ifndef KN_SANITIZED // sanitizers need hundreds of kB of stack themselves
     pthread_attr_setstacksize(&attr, STACK_BYTES);
 #endif
+    // take policy and priority from here, not from the creating thread
     pthread_attr_setinheritsched(&attr, PTHREAD_EXPLICIT_SCHED);
     pthread_attr_setschedpolicy(&attr, fifo ? SCHED_FIFO : SCHED_OTHER);
     pthread_attr_setschedparam(&attr, &param);
     if (pinned) pin(&attr);
-    sigset_t all, before; // signals are the main thread's: none may interrupt a tick
+    // block all signals, because a new thread inherits the signal mask and only the main thread may receive signals
+    sigset_t all, before;
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
     int error = pthread_create(thread, &attr, thread_main, start);
@@ -124,6 +130,7 @@ int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int prior
 }
 
 #ifndef KN_SANITIZED
+// Lock all present memory. Lock future memory only if RLIMIT_MEMLOCK is unlimited; otherwise a later mmap could fail.
 static bool lock_all(void)
 {
     struct rlimit limit;

@@ -1,24 +1,25 @@
 #ifndef KN_SERVER_RT_H
 #define KN_SERVER_RT_H
-// Real-time priority and locked memory: asked for, never silently done without.
+// Real-time priority and locked memory. kneadd asks for both, and reports what the machine refuses.
 //
 //     thread     policy          why
 //     servo      SCHED_FIFO 80   a tick must start within the millisecond
-//     sentinel   SCHED_FIFO 79   one below, on the same core: sees the machine's stalls, never delays a tick
-//     main       SCHED_FIFO 70   poses in, forces out
-//     mesh       normal          may be late
-//     control    normal          an operator's lines; worker: those of them that wait for the disk
+//     sentinel   SCHED_FIFO 79   one below the servo, on its core: sees stalls, never delays a tick
+//     main       SCHED_FIFO 70   receives poses, publishes forces
+//     mesh       normal          meshes may be late
+//     control    normal          an operator's requests
+//     worker     normal          the requests that wait for the disk
 //     keeper     normal          snapshots
 //
-// Flush-to-zero and denormals-are-zero stay off: replay, tests and the circuit's twin must get the same bits, and the
-// kernels of core keep out of denormals by themselves.
+// The processor's modes flush-to-zero and denormals-are-zero stay off, because replay, tests and the circuit's twin
+// (the same computation on this processor) must get the same bits. The kernels of core avoid denormals by themselves.
 #include <pthread.h>
 #include <stdbool.h>
 #include <stddef.h>
 
 typedef enum kn_rt_mode {
-    KN_RT_AUTO,    // what the machine grants; what is missing is said
-    KN_RT_REQUIRE, // all of it or nothing
+    KN_RT_AUTO,    // take what the machine grants, and report what is missing
+    KN_RT_REQUIRE, // start only if the machine grants everything
     KN_RT_OFF      // normal priority, memory not locked
 } kn_rt_mode;
 
@@ -26,29 +27,31 @@ enum { KN_RT_NORMAL = 0, KN_RT_MAIN = 70, KN_RT_SENTINEL = 79, KN_RT_SERVO = 80 
 
 typedef struct kn_rt {
     kn_rt_mode mode;
-    bool fifo;         // threads get their real-time priority
+    bool fifo;         // the machine granted the real-time priorities
     bool locked;       // memory is locked
-    char missing[256]; // what is not granted, why, and the cure; "" when nothing is missing or wanted
+    char missing[256]; // refused requests, each with reason and remedy; "" if none was refused
 } kn_rt;
 
-// Check at the start that a program can open the files of all its buses, sockets and libraries: liblcm and libev hang or
-// abort where one is missing. False and one line in error.
+// Check at the start that the process can open as many files as its buses, sockets and libraries need. liblcm and libev
+// hang or abort when they cannot open a file. On failure return false and put one line in error.
 bool kn_rt_files(char *error, size_t error_size);
 
-bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode); // auto, require, off
+bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode); // "auto", "require" or "off"; false: another word
 
-// Moves the calling thread to KN_RT_MAIN if priorities up to KN_RT_SERVO are granted. Before the threads.
+// Move the calling thread to KN_RT_MAIN if priorities up to KN_RT_SERVO are granted. Call it before creating threads.
 void kn_rt_enter(kn_rt *rt, kn_rt_mode mode);
-void kn_rt_leave(const kn_rt *rt); // and back, when they have ended
+void kn_rt_leave(const kn_rt *rt); // undo kn_rt_enter, when the other threads have ended
 
-// A thread with a small stack, touched before run is called, and without signals. pinned: on the last processor we
-// may use. name: what ps and top -H show, <= 15 bytes. Returns pthread_create's error.
+// Create a thread with a small stack, touched before `run` is called, and with all signals blocked. `pinned`: run the
+// thread on the last processor that the process may use. `name`: shown by ps and top -H, <= 15 bytes. Return
+// pthread_create's error.
 int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int priority, bool pinned, void *(*run)(void *),
                  void *arg);
 
-// Locks what is mapped now, and what will be when memlock is unlimited: below a limit every later mmap could fail
-// instead. Sanitizer builds never lock: their shadow memory is terabytes. After all allocations and thread creations.
+// Lock all memory that is mapped now. If RLIMIT_MEMLOCK is unlimited, also lock memory that is mapped later. With a
+// limit, this would make every later mmap liable to fail. Sanitizer builds never lock, since their shadow memory is
+// terabytes. Call this function after all allocations and thread creations.
 void kn_rt_lock_memory(kn_rt *rt);
-void kn_rt_lock_more(const kn_rt *rt); // what has been allocated since, too. Any thread
+void kn_rt_lock_more(const kn_rt *rt); // lock memory allocated since, if memory is locked; any thread
 
 #endif

@@ -15,6 +15,8 @@
 
 _Static_assert(KN_SAY_LINE <= PIPE_BUF, "a pipe that is ready takes that much at once");
 
+// Four values per descriptor: the descriptor to write to; lines dropped since the last report; whether a write failed;
+// whether the last write ended within a line.
 static int own[STDERR_FILENO + 1] = {-1, STDOUT_FILENO, STDERR_FILENO};
 static _Atomic int64_t dropped[STDERR_FILENO + 1];
 static atomic_bool failed[STDERR_FILENO + 1], torn[STDERR_FILENO + 1];
@@ -22,6 +24,7 @@ static atomic_bool failed[STDERR_FILENO + 1], torn[STDERR_FILENO + 1];
 void kn_say_start(void)
 {
     signal(SIGPIPE, SIG_IGN);
+    // open pipes and terminals anew: O_NONBLOCK on the old descriptor would change it for everyone who shares it
     for (int fd = STDOUT_FILENO; fd <= STDERR_FILENO; fd++) {
         char name[32];
         struct stat as;
@@ -32,17 +35,18 @@ void kn_say_start(void)
     }
 }
 
-// Whether the line stands there.
+// Write a line without waiting. Return whether all of it was written.
 static bool put(int fd, const char *line, size_t size)
 {
     struct pollfd ready = {.fd = own[fd], .events = POLLOUT};
     if (poll(&ready, 1, 0) != 1) return false;
     ssize_t written = write(own[fd], line, size);
     if (written < 0 && errno != EAGAIN && errno != EINTR) atomic_store(&failed[fd], true);
-    if (written > 0) atomic_store(&torn[fd], line[written - 1] != '\n'); // of a terminal, or a disk that is full
+    if (written > 0) atomic_store(&torn[fd], line[written - 1] != '\n'); // only a part was written
     return written == (ssize_t)size;
 }
 
+// Report the lines dropped so far. Return false if there is no room for the report either; the count then continues.
 static bool tell_dropped(int fd)
 {
     char line[160];
@@ -57,6 +61,7 @@ static bool tell_dropped(int fd)
     return false;
 }
 
+// Write a line. If lines before it were dropped, first report them, so that the reader sees where the gap is.
 static void say(int fd, const char *line, size_t size)
 {
     if (!tell_dropped(fd) || !put(fd, line, size)) atomic_fetch_add(&dropped[fd], 1);
@@ -69,7 +74,7 @@ static void say_formatted(int fd, const char *format, va_list arguments)
     int size = vsnprintf(line, sizeof line, format, arguments);
     if (size < 0) return;
     if (size > KN_SAY_LINE - 1) size = KN_SAY_LINE - 1;
-    line[size] = '\n'; // in the NUL's place
+    line[size] = '\n'; // replaces the NUL
     say(fd, line, (size_t)size + 1);
 }
 

@@ -1,28 +1,28 @@
 #ifndef KN_SERVER_SAY_H
 #define KN_SERVER_SAY_H
-// What a running kneadd says on stdout and stderr. A reader that does not read, a pipe that is full or a terminal that
-// is stopped, holds up no thread: a line that finds no room is dropped and counted, and the next one that finds some is
-// preceded by
+// Lines on stdout and stderr of a running kneadd. A reader that does not read (a full pipe, a stopped terminal) never
+// blocks a thread. A line for which there is no room is dropped and counted. The next line that is written is preceded
+// by
 //
 //     kneadd: 12 lines before this one were not written: nobody read them
 //
-// A line goes out by one write of at most PIPE_BUF bytes, after a poll without waiting: pipes that are ready take as
-// many, and never a part of them. Pipes and terminals are opened once more where the kernel lets us, to be written to
-// without blocking, and without changing the flags that others share. Files take everything. Any thread, none of them
-// real-time.
+// A line is written by one write() of at most PIPE_BUF bytes, after a poll() that does not wait. A pipe that is ready
+// takes that many bytes at once, never a part of them. Pipes and terminals are opened once more where the kernel allows
+// it. The new descriptor is non-blocking, and the flags that other processes share stay as they are. Regular files
+// accept every line. Any thread but a real-time one may call these functions.
 #include <stdbool.h>
 
-#define KN_SAY_LINE 4096 // with its newline: PIPE_BUF; what is longer is cut
+#define KN_SAY_LINE 4096 // bytes of a line with its newline (= PIPE_BUF); a longer line is cut
 
-// Once, before the threads: takes stdout and stderr as they are, and from then on a reader that leaves ends no process
-// (SIGPIPE). Before it lines go out all the same.
+// Prepare stdout and stderr as they are now. Call it once, before creating threads. From then on SIGPIPE is ignored: a
+// reader that closes its end does not end the process. Lines buffered before the call are still written.
 void kn_say_start(void);
 
-void kn_say(const char *format, ...) __attribute__((format(printf, 1, 2)));     // a line on stderr; adds the newline
-void kn_say_out(const char *format, ...) __attribute__((format(printf, 1, 2))); // on stdout
-void kn_say_lines(int fd, const char *text); // whole lines on STDOUT_FILENO or STDERR_FILENO
+void kn_say(const char *format, ...) __attribute__((format(printf, 1, 2)));     // write one line to stderr; adds \n
+void kn_say_out(const char *format, ...) __attribute__((format(printf, 1, 2))); // write one line to stdout
+void kn_say_lines(int fd, const char *text); // write whole lines to STDOUT_FILENO or STDERR_FILENO
 
-// Whether all that was said there stands there, but for what a later line has told of.
+// Return whether every line to this descriptor was written, or its loss reported by a later line.
 bool kn_say_whole(int fd);
 
 #endif

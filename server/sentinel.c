@@ -18,12 +18,14 @@ void *kn_sentinel_run(void *sentinel)
 {
     kn_sentinel *s = sentinel;
     while (!atomic_load_explicit(&s->stop, memory_order_relaxed)) {
+        // keep the deadlines half a period after the servo's, whose grid may move
         if (s->beside)
             s->clock.start_ns = atomic_load_explicit(s->beside, memory_order_relaxed) + KN_SENTINEL_OFFSET_NS;
         kn_wake wake = kn_clock_wait(&s->clock);
         kn_stall stall = {wake.due_ns, wake.now_ns};
         int64_t stalled_ns = kn_sentinel_stalled_ns(s, &wake);
-        if (stalled_ns >= KN_SENTINEL_STALL_NS) kn_ring_push(&s->stalls, &stall); // full: the oldest do
+        // If the ring is full, the older stalls suffice.
+        if (stalled_ns >= KN_SENTINEL_STALL_NS) kn_ring_push(&s->stalls, &stall);
         s->wakes++;
         s->late += stalled_ns >= KN_SENTINEL_LATE_NS;
         s->later += stalled_ns >= KN_PERIOD_NS;
@@ -31,12 +33,14 @@ void *kn_sentinel_run(void *sentinel)
     return NULL;
 }
 
+// Move the reported stalls into the ring of recent ones.
 static void take_stalls(kn_sentinel *s)
 {
     for (const kn_stall *stall; (stall = kn_ring_front(&s->stalls)); kn_ring_pop(&s->stalls))
         s->recent[s->recent_count++ % KN_SENTINEL_RECENT] = *stall;
 }
 
+// Return whether a recent stall is close enough to a late wake to explain it. An overrun is kneadd's own fault.
 static bool explained(const kn_sentinel *s, const kn_wake *wake)
 {
     if (wake->overrun) return false;
@@ -51,10 +55,11 @@ static bool explained(const kn_sentinel *s, const kn_wake *wake)
 void kn_sentinel_hear(kn_sentinel *s, const kn_wake *wake)
 {
     if (!wake->missed && wake->late_ns < KN_SENTINEL_LATE_NS) return;
-    if (s->pending_count == KN_SENTINEL_RECENT) kn_sentinel_judge(s, INT64_MAX);
+    if (s->pending_count == KN_SENTINEL_RECENT) kn_sentinel_judge(s, INT64_MAX); // no room: judge all pending wakes now
     s->pending[s->pending_count++] = *wake;
 }
 
+// Count a wake that has been judged.
 static void take_verdict(kn_sentinel *s, const kn_wake *wake, bool explained)
 {
     bool half = !wake->overrun && wake->late_ns >= KN_SENTINEL_LATE_NS, whole = half && wake->late_ns >= KN_PERIOD_NS;
@@ -67,6 +72,7 @@ static void take_verdict(kn_sentinel *s, const kn_wake *wake, bool explained)
 
 int64_t kn_sentinel_judge(kn_sentinel *s, int64_t now_ns)
 {
+    // judge the wakes older than the margin, and keep the others in order
     int left = 0;
     take_stalls(s);
     for (int i = 0; i < s->pending_count; i++) {

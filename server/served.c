@@ -13,7 +13,8 @@
 #include <string.h>
 #include <time.h>
 
-// /proc/meminfo's MemAvailable: what may be had without swapping. SIZE_MAX where it is not told.
+// Return the memory available without swapping (MemAvailable of /proc/meminfo), bytes. Return SIZE_MAX if it is
+// unknown.
 static size_t memory_available(void)
 {
     unsigned long long kib = 0;
@@ -24,7 +25,8 @@ static size_t memory_available(void)
     return kib ? (size_t)kib * 1024 : SIZE_MAX;
 }
 
-// Linux grants what it does not have and kills whoever touches it; a locked state is touched at once.
+// Refuse an object that does not fit into memory. Linux grants more memory than it has, and kills a process that then
+// uses it. Locked memory is used at once.
 static bool check_memory(size_t bytes, const char *what, const char *path, char *error, size_t error_size)
 {
     size_t available = memory_available();
@@ -34,7 +36,8 @@ static bool check_memory(size_t bytes, const char *what, const char *path, char 
     return false;
 }
 
-// A node has at least its mass in the model, and position and velocity in the state.
+// Return a lower bound of the object's bytes before the model is built: each node has a mass in the model, and position
+// and velocity in the state.
 static size_t least_bytes(const kn_model_def *def)
 {
     size_t nodes = def->mesh ? (size_t)def->mesh->node_count
@@ -43,7 +46,8 @@ static size_t least_bytes(const kn_model_def *def)
     return nodes * (sizeof(double) + 6 * sizeof(float));
 }
 
-// With what was set, unless that is nothing any more, or allows a hand more than the scene now does: NULL.
+// Parse the scene with the restored settings. Return NULL and put the reason in `why` if the settings do not fit the
+// scene any more, or if a safety limit of the hand would exceed the scene's.
 static kn_scene *with_sets(const kn_served *s, const kn_served_def *def, char *why, size_t why_size)
 {
     char room[KN_SETS_BYTES];
@@ -58,6 +62,7 @@ static kn_scene *with_sets(const kn_served *s, const kn_served_def *def, char *w
     return NULL;
 }
 
+// Remove the settings of the device from the list.
 static void without_device(kn_sets *sets)
 {
     char room[KN_SETS_BYTES], error[200];
@@ -68,7 +73,8 @@ static void without_device(kn_sets *sets)
         if (strncmp(list[i], "device", 6) != 0) kn_sets_add(sets, list[i], error, (int)sizeof error);
 }
 
-// The file as the options say; and if the newest snapshot is of an object over which more was set, with that.
+// Load the scene of the file and the options. If the newest snapshot of this scene has settings, apply them, too. If
+// the scene no longer allows the settings, drop those of the device; if that does not help, drop all settings.
 static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size_t error_size)
 {
     char why[400];
@@ -90,6 +96,7 @@ static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size
     return true;
 }
 
+// Choose the backend. A circuit that cannot be used is exit code 3.
 static bool place(kn_served *s, const kn_served_def *def, size_t room, int *code, char *error, size_t error_size)
 {
     char why[KN_LINK_WHY];
@@ -100,6 +107,7 @@ static bool place(kn_served *s, const kn_served_def *def, size_t room, int *code
     return false;
 }
 
+// Build scene, model, backend and audit, and check at each stage that the next one fits into memory.
 static bool build(kn_served *s, const kn_served_def *def, int *code, char *error, size_t error_size)
 {
     if (!load_scene(s, def, error, error_size)) return false;
@@ -109,17 +117,21 @@ static bool build(kn_served *s, const kn_served_def *def, int *code, char *error
         return false;
     }
     if (!check_memory(least_bytes(&s->scene->model), "the object", def->scene_path, error, error_size)) return false;
+    // build the model, and report a failure at the solver's line of the scene
     char why[256];
     s->model = kn_model_build(&s->scene->model, why, sizeof why);
     if (!s->model) {
         snprintf(error, error_size, "%s:%d:%d: %s", def->scene_path, s->scene->solver_line, s->scene->solver_col, why);
         return false;
     }
+    // check the state, and its copies for undo, snapshots and mesh
     size_t bytes = s->model->state_bytes + kn_state_kept(s->model) + kn_keeper_bytes(s->model, def->state_dir) +
                    kn_skin_bytes(s->scene, s->model);
     if (!check_memory(bytes, "the object's state and its copies", def->scene_path, error, error_size)) return false;
+    // a circuit's queue of ticks may use the remaining memory
     const size_t free_bytes = memory_available();
     if (!place(s, def, free_bytes > bytes ? free_bytes - bytes : 0, code, error, error_size)) return false;
+    // build the audit, and prepare local contact models; only the implicit solver has them
     s->audit = kn_audit_create(s->model);
     if (!s->audit && s->scene->model.solver.kind == KN_SOLVER_IMPLICIT) {
         snprintf(error, error_size, "%s: not enough memory for the object's audit", def->scene_path);
@@ -145,7 +157,8 @@ static int64_t read_ns(clockid_t clock)
     return t.tv_sec * INT64_C(1000000000) + t.tv_nsec;
 }
 
-// All tools into the top at 5 cm/s.
+// Fill in the input of one tick of a blow: all tools move into the top of the object at 5 cm/s, deeper with each
+// `tick`.
 static void strike(const kn_model *model, int tick, kn_input *input)
 {
     double extent[3];
@@ -156,6 +169,7 @@ static void strike(const kn_model *model, int tick, kn_input *input)
     }
 }
 
+// Run one tick of the backend, and return its time by the given clock, ns.
 static int64_t step(kn_backend *b, clockid_t clock, const kn_input *input, kn_output *output)
 {
     int64_t from_ns = read_ns(clock);
@@ -164,9 +178,10 @@ static int64_t step(kn_backend *b, clockid_t clock, const kn_input *input, kn_ou
     return read_ns(clock) - from_ns;
 }
 
-// The best of a few: what the machine did meanwhile is not the scene's. Of one that takes long, one is enough.
+// Take the shortest of a few ticks, because delays by other processes say nothing about the scene. Stop after 20 ms.
 int64_t kn_served_measure(kn_backend *b, const kn_model *pressed)
 {
+    // a circuit works while this thread waits, so its time is elapsed time, not processor time
     kn_fpga_counts circuit;
     const clockid_t clock = kn_backend_fpga_counts(b, &circuit) ? CLOCK_MONOTONIC : CLOCK_THREAD_CPUTIME_ID;
     int64_t start_ns = read_ns(clock), best_ns = INT64_MAX;
@@ -181,9 +196,12 @@ int64_t kn_served_measure(kn_backend *b, const kn_model *pressed)
     return best_ns;
 }
 
+// Ticks of a blow (all tools hit the object); repetitions of the blow; deadline of a step during the measurement, in
+// units of work (core/deadline.h).
 enum { STRIKES = 12, STRIKE_ROUNDS = 12, STRIKE_UNITS = 600000 };
 
-// Keep the least time of each stroke over the rounds, which end after 0.1 s of processor time.
+// Measure the time and the units of work of each tick of a blow. Repeat the blow, and keep the shortest time of each
+// tick. Stop after 0.1 s of processor time.
 static void strike_all(kn_backend *b, const kn_model *model, int64_t deadline, int64_t took_ns[STRIKES],
                        int64_t units[STRIKES])
 {
@@ -210,9 +228,11 @@ int64_t kn_served_deadline(kn_backend *b, const kn_model *model, double budget_s
     int64_t sum_ns = 0, sum = 0, longest = 0;
     if (model->def.solver.kind != KN_SOLVER_IMPLICIT) return 0;
     strike_all(b, model, least > STRIKE_UNITS ? least : STRIKE_UNITS, took_ns, units);
+    // use only the long steps: a short one mostly consists of work that a deadline does not shorten
     for (int i = 0; i < STRIKES; i++) longest = units[i] > longest ? units[i] : longest;
-    for (int i = 0; i < STRIKES; i++) // a short one is mostly what no deadline makes shorter
+    for (int i = 0; i < STRIKES; i++)
         if (4 * units[i] >= 3 * longest) sum_ns += took_ns[i], sum += units[i];
+    // number of units that fit into KN_SERVED_SHARE of the budget
     const int64_t most = (int64_t)(1e9 * KN_SERVED_SHARE * budget_s * (double)sum / fmax((double)sum_ns, 1));
     return most > least ? most : least;
 }

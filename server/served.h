@@ -1,41 +1,47 @@
 #ifndef KN_SERVER_SERVED_H
 #define KN_SERVER_SERVED_H
-// What is served: a scene, the lattice that it means, and where that is stepped; from a file, and from what an operator had
-// set over it when it was saved last. Nothing is served that does not fit into memory. Not real-time.
+// The served object: a scene, its model, and the backend that steps the model. They are built from a scene file and
+// from the settings in force when the object was last saved. An operator makes these settings at run time. An object
+// that does not fit into memory is refused. Not real-time.
 #include "core/energy.h"
 #include "server/servo.h"
 
 typedef struct kn_served_def {
     const char *scene_path;
-    const char *const *sets; // "key=value" over the scene
+    const char *const *sets; // "key=value" settings that override the scene's
     int set_count;
-    const char *name, *text; // of what was in that file, options and all, when it was checked; NULL: it is read
-    const char *state_dir;   // where snapshots are kept and restored from, NULL: nowhere
-    const char *device;      // URI of a circuit that steps the object, NULL: this processor does
-    bool local_model;        // identify and publish KNEAD_CONTACT
+    const char *name, *text; // name and checked text of the scene with all options; NULL: read scene_path
+    const char *state_dir;   // directory of snapshots; NULL: nothing is saved or restored
+    const char *device;      // URI of a circuit that steps the object; NULL: this processor does
+    bool local_model;        // identify local contact models and publish them as KNEAD_CONTACT
 } kn_served_def;
 
 typedef struct kn_served {
-    kn_scene *base;  // as its file and the options say
-    kn_scene *scene; // and what was set over it before; the same one, where nothing was
-    kn_sets sets;
-    kn_model *model; // of scene
+    kn_scene *base;  // scene of the file and the options
+    kn_scene *scene; // base with the restored settings; base itself when there are none
+    kn_sets sets;    // restored settings
+    kn_model *model; // of `scene`
     kn_backend backend;
-    kn_audit *audit; // NULL: a solver without one
+    kn_audit *audit; // NULL: the solver has none
 } kn_served;
 
-// Not 0, and one line in error, `path: why` or the scene's own; then there is nothing to free. 2: the scene, 3: the device.
+// Load the object that `def` describes. Return 0 on success. Otherwise put one line in error (`path: why`, or with the
+// scene's line number) and return an exit code: 2 if the scene is bad or does not fit into memory, 3 if the circuit
+// cannot be used. After a failure there is nothing to free.
 int kn_served_load(kn_served *served, const kn_served_def *def, char *error, size_t error_size);
-// ns that a tick takes here, while nothing touches the object or, of that model, while its tools press it; as new then.
-// Of this processor: its own time, whatever else runs; of a circuit: until it has answered.
+// Measure the time of one tick on this machine, ns. If `pressed` is NULL, nothing touches the object. Otherwise
+// `pressed` must be the model that the backend steps, and all tools press the object. A step on this processor is
+// measured in processor time, which other processes do not lengthen. A step on a circuit is measured until the answer
+// arrives. The object is reset afterwards.
 int64_t kn_served_measure(kn_backend *backend, const kn_model *pressed);
-// Units that a step may take here (core/deadline.h), to be done with it in KN_SERVED_SHARE of budget_s: by the time that
-// units of strokes of all tools of `model`, which the backend steps, take this processor, on one thread. Never below
-// the shortest step's. 0: a solver without a deadline. As new then.
+// Return the deadline of a step, in units of work (core/deadline.h), such that a step ends within KN_SERVED_SHARE of
+// `budget_s` on this machine. The time of a unit is measured in a blow: all tools of `model` hit the object at 5 cm/s,
+// on one thread of this processor. `model` must be the model that the backend steps. The deadline is never below the
+// units of the shortest step. 0: the solver has no deadline. The object is reset afterwards.
 int64_t kn_served_deadline(kn_backend *backend, const kn_model *model, double budget_s);
-#define KN_SERVED_SHARE 0.7 // the rest is for what no step counts, and for a core whose other thread is busy
-// ns that the longest of those strokes takes here, by a deadline; 0: none.
+#define KN_SERVED_SHARE 0.7 // the rest is for work that the units do not count, and for a busy hyperthread
+// Return the time of the longest tick of the same blow, ns. `deadline`: units of work of a step; 0: no deadline.
 int64_t kn_served_worst(kn_backend *backend, const kn_model *model, int64_t deadline);
-void kn_served_free(kn_served *served); // one that is all 0 is fine
+void kn_served_free(kn_served *served); // a zeroed object is fine
 
 #endif

@@ -35,11 +35,12 @@ SAME_FAULT(STOPPING);
 SAME_FAULT(OVERLOAD);
 static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 12, "every event of a tick has room");
 
-// A tool is lifted when it is this far above the object, m: a plate that lost its poses ran on for 3 ms, and dough
-// stays where it was pushed, so a tool that never moved would look clear by that way.
+// A tool counts as lifted when its clearance from the object is more than this, m. A plate whose poses stop is moved on
+// for 3 ms, and dough stays where it was pushed. The dough is then slightly away from a tool that the hand never moved,
+// and this gap must not count as lifting.
 #define LIFTED_M 5e-4
 
-// What one tick works on. Lives on the stack of kn_servo_tick.
+// Working data of one tick, on the stack of kn_servo_tick.
 typedef struct tick {
     kn_servo *servo;
     const kn_tick_in *in;
@@ -47,11 +48,11 @@ typedef struct tick {
     kn_safety_in watch[KN_PROBES_MAX];
     kn_input input;
     kn_output output;
-    kn_fault fault[KN_PROBES_MAX]; // that stood before the step
+    kn_fault fault[KN_PROBES_MAX]; // latched fault before the step
     bool stepped, diverged, hashed;
-    bool shadowed; // by the twin of a circuit
-    bool change;   // of the effort
-    uint64_t hash; // before the step, taken when the first event asks for it
+    bool shadowed; // the circuit was late, and its twin's result is used
+    bool change;   // effort or material change in this tick: forces fade to 0 and return
+    uint64_t hash; // state hash before the step, taken when the first event needs it
 } tick;
 
 void kn_servo_init(kn_servo *servo, const kn_scene *scene, const kn_model *model, kn_backend *backend)
@@ -64,9 +65,11 @@ void kn_servo_init(kn_servo *servo, const kn_scene *scene, const kn_model *model
     for (int p = 0; p < KN_PROBES_MAX; p++) kn_safety_init(&servo->safety[p], &scene->limits);
 }
 
+// Append an event to the tick's output. The caller may fill in its arguments.
 static kn_event *tell(tick *t, int kind, int probe)
 {
     kn_servo *servo = t->servo;
+    // compute the hash once per tick, and only for ticks with an event; after the step the state is another one
     if (!t->hashed && !t->stepped) {
         t->hash = kn_state_hash(servo->model, servo->backend->state(servo->backend->self));
         t->hashed = true;
@@ -77,17 +80,19 @@ static kn_event *tell(tick *t, int kind, int probe)
     return e;
 }
 
-// Who holds which probe in this tick, and what was commanded.
+// Read the pose and session of a probe, and fill the input of its safety watch.
 static void read_probe(tick *t, int p)
 {
     kn_pose *last = &t->servo->last[p];
     const kn_pose *pose = t->in->pose[p];
     kn_safety_in *w = &t->watch[p];
     bool same = pose && pose->session == last->session;
+    // end the old session before a new one opens
     if (last->session && !same) {
         tell(t, KNEAD_EVENT_T_KIND_SESSION_END, p);
-        last->session = 0; // its position stays: the probe may still be fading in the model
+        last->session = 0; // keep the position: the probe may still be in the model while its force fades
     }
+    // input of the safety watch
     w->live = pose != NULL;
     w->opened = pose && !same;
     w->fresh = pose && (t->in->fresh[p] || w->opened);
@@ -98,6 +103,7 @@ static void read_probe(tick *t, int p)
     w->overload = t->servo->overloaded;
     w->change = t->change;
     w->elapsed_ms = t->in->missed < 1000 ? 1 + t->in->missed : 1000;
+    // take the new pose, and move the tool to it unless the clutch is held
     if (w->opened) kn_clutch_open(&t->servo->clutch[p]);
     if (w->fresh) {
         *last = *pose;
@@ -109,7 +115,8 @@ static void read_probe(tick *t, int p)
     memcpy(w->velocity_m_s, t->servo->tool[p].velocity_m_s, sizeof w->velocity_m_s);
 }
 
-// A tolerance decides what a step takes between its least and its most iterations: neither may be more.
+// A step stops between its smallest and its largest number of iterations, where the tolerance is met. So neither bound
+// may rise.
 bool kn_servo_cheaper(const kn_effort *a, const kn_effort *b)
 {
     int least = a->passes * a->iterations - b->passes * b->iterations;
@@ -117,7 +124,8 @@ bool kn_servo_cheaper(const kn_effort *a, const kn_effort *b)
     return least <= 0 && most <= 0 && (least < 0 || most < 0);
 }
 
-// The next point below that costs less and keeps lattice and precision; the one in force when there is none.
+// Return the next lower point of quality that takes less work and keeps lattice and precision. Return the present point
+// if there is none.
 static kn_quality next_lower(const kn_servo *servo)
 {
     const kn_point *point = servo->scene->point;
@@ -132,6 +140,8 @@ static bool has_points(const kn_scene *scene)
            scene->point[KN_QUALITY_ACCURATE].defined;
 }
 
+// Change to the point of quality `to`, and record the change as an event. If `to` is the present point, the event
+// records that there is no lower one.
 static void take_point(tick *t, kn_quality to, bool commanded)
 {
     kn_servo *servo = t->servo;
@@ -146,28 +156,36 @@ static void take_point(tick *t, kn_quality to, bool commanded)
     servo->over = 0;
 }
 
+// Take the point of quality that was commanded or logged. Otherwise take a lower point after KN_OVER_TICKS ticks above
+// the budget.
 static void judge_time(tick *t)
 {
     kn_servo *servo = t->servo;
+    // count the ticks in a row above the budget
     bool over = (double)t->in->execution_ns > 1e9 * servo->scene->budget_s;
     if (!over) servo->over = 0;
     else if (servo->over < KN_OVER_TICKS) servo->over++;
     if (t->in->take != KN_TAKE_NONE) {
         take_point(t, t->in->quality, t->in->take == KN_TAKE_COMMAND);
     } else if (servo->over == KN_OVER_TICKS && !t->in->stop && has_points(servo->scene)) {
+        // the same point means that there is none below; record this only once
         kn_quality to = next_lower(servo);
         if (to != servo->quality || !servo->exhausted) take_point(t, to, false);
     }
 }
 
-// Ends with the first tick in time: a rest tick is, unless the object alone is too much.
+// Begin an overload after KN_OVER_TICKS or more slow ticks in a row that together took KN_OVERLOAD_NS. End the overload
+// with the first tick in time. During an overload no tool is in the model, so ticks are in time unless the object alone
+// takes too long.
 static void judge_overload(tick *t)
 {
     kn_servo *servo = t->servo;
+    // sum and count the slow ticks in a row
     const bool slow = t->in->execution_ns > KN_PERIOD_NS;
     servo->slow_ns = slow ? servo->slow_ns + t->in->execution_ns : 0;
     servo->slow = !slow ? 0 : servo->slow < KN_OVER_TICKS ? servo->slow + 1 : KN_OVER_TICKS;
     const bool lasts = servo->slow == KN_OVER_TICKS && servo->slow_ns >= KN_OVERLOAD_NS;
+    // without a clock (execution_ns is 0, a replay) only an event of the log ends an overload
     bool now = servo->overloaded ? t->in->execution_ns == 0 || slow : lasts;
     if (t->in->overload != 0) now = t->in->overload > 0;
     if (now == servo->overloaded) return;
@@ -177,6 +195,7 @@ static void judge_overload(tick *t)
     servo->overloaded = now;
 }
 
+// Take a new deadline for the steps, in units of work, and record it as an event.
 static void take_deadline(tick *t)
 {
     const int64_t to = t->in->deadline;
@@ -187,12 +206,15 @@ static void take_deadline(tick *t)
     t->servo->deadline = to;
 }
 
-// untold: a log must tell every executed tick; without a force record the checkpoint says what was skipped.
+// Record a checkpoint with the energy audit and the servo's settings, so that a replay can start here. `untold`: cycles
+// were missed, and no force record tells how many because no probe has a session. The checkpoint then gives the number,
+// because a log must account for every tick.
 static void tell_checkpoint(tick *t, bool untold)
 {
     const kn_audit_news *audit = t->servo->audit;
     kn_event *e = tell(t, KNEAD_EVENT_T_KIND_CHECKPOINT, -1);
     e->arg[0] = untold ? t->in->missed : 0;
+    // present settings; values of arg[7] begin at 1, because 0 means not set
     e->arg[5] = (double)t->servo->deadline;
     e->arg[6] = t->servo->overloaded;
     e->arg[7] = 1 + (int)t->servo->quality + KN_QUALITIES * (int)t->servo->asked;
@@ -203,7 +225,7 @@ static void tell_checkpoint(tick *t, bool untold)
     e->arg[4] = (double)audit->created;
 }
 
-// What is there can be had back, but for what a server starts with.
+// Prepare to replace the object. Save an undo point, except at start-up.
 static void replaces(tick *t)
 {
     kn_servo *servo = t->servo;
@@ -216,6 +238,7 @@ static void replaces(tick *t)
     t->hashed = false;
 }
 
+// Replace the object by `state`, and record an event with the hash of that state. `generation` 0: an undo.
 static void restore(tick *t, const kn_state *state, int64_t generation, int64_t from_tick)
 {
     kn_backend *b = t->servo->backend;
@@ -227,7 +250,7 @@ static void restore(tick *t, const kn_state *state, int64_t generation, int64_t 
     t->out->restored_hash = t->hash;
 }
 
-// Not undone itself: one undo after the other goes on into the past.
+// Replace the object by the newest undo point. An undo saves no undo point, so repeated undos go further back.
 static void undo(tick *t)
 {
     kn_servo *servo = t->servo;
@@ -238,6 +261,7 @@ static void undo(tick *t)
     restore(t, point, 0, 0);
 }
 
+// Apply reset, restore and undo, in this order.
 static void replace(tick *t)
 {
     kn_backend *b = t->servo->backend;
@@ -253,11 +277,12 @@ static void replace(tick *t)
     if (t->in->undo) undo(t);
 }
 
-// Points to undo to are of another material than the object is now.
+// Continue the object in the model of a change.
 static void exchange(tick *t)
 {
     kn_servo *servo = t->servo;
     kn_change *c = t->in->change;
+    // carry positions, velocities and the stretch of every Voigt element over to the new model
     kn_carry(servo->model, servo->backend->state(servo->backend->self), c->model, c->carried);
     c->backend.restore(c->backend.self, c->carried);
     servo->scene = c->scene;
@@ -265,16 +290,20 @@ static void exchange(tick *t)
     servo->backend = &c->backend;
     servo->sets = &c->sets;
     servo->audit = c->audit ? kn_audit_read(c->audit) : NULL;
+    // undo points are states of the old material
     if (servo->undo) kn_undo_forget(servo->undo);
+    // the force fades under the old limits, and comes back under the new ones
     for (int p = 0; p < t->out->probes; p++) kn_safety_relimit(&servo->safety[p], &c->scene->limits);
     t->change = true;
     t->out->changed = c;
     t->hashed = false;
+    // send the hash in two halves, because a double holds only 53 bits
     kn_event *e = tell(t, KNEAD_EVENT_T_KIND_SET, -1);
     e->arg[0] = (double)(c->scene->text_hash >> 32);
     e->arg[1] = (double)(c->scene->text_hash & UINT32_MAX);
 }
 
+// Read all input of the tick: first commands, then the times of the last ticks, then poses.
 static void read_all(tick *t)
 {
     kn_servo *servo = t->servo;
@@ -287,6 +316,7 @@ static void read_all(tick *t)
     servo->estopped = t->in->estop || (servo->estopped && !t->in->recover);
     if (t->in->stop && !servo->stopping) tell(t, KNEAD_EVENT_T_KIND_STOP, -1);
     servo->stopping = t->in->stop;
+    // quality, overload and deadline must be settled before the probes are watched and the lattice is stepped
     judge_time(t);
     judge_overload(t);
     take_deadline(t);
@@ -296,6 +326,7 @@ static void read_all(tick *t)
         read_probe(t, p);
         any |= t->watch[p].live;
     }
+    // make a checkpoint each second, at tick 0, and if no other record would tell missed cycles
     bool untold = t->in->missed > 0 && !any;
     if (t->in->tick / 1000 != before / 1000 || t->in->tick == 0 || untold) tell_checkpoint(t, untold);
 }
@@ -309,6 +340,7 @@ static bool any_attached(const tick *t)
 
 static kn_fault latched(const kn_safety *s) { return s->latched ? s->fault : KN_FAULT_NONE; }
 
+// Decide whether a probe is in the model, and fill the probe's input of the step.
 static void watch_probe(tick *t, int p)
 {
     kn_servo *servo = t->servo;
@@ -316,13 +348,14 @@ static void watch_probe(tick *t, int p)
     const kn_pose *tool = &servo->tool[p];
     bool was_attached = s->attached;
     kn_fault before = latched(s);
+    // only a probe that may engage needs its clearance from the object
     if (t->watch[p].live && !s->attached)
         t->watch[p].clear = kn_clearance(servo->model, servo->backend->state(servo->backend->self), p, tool->position_m,
                                          tool->orientation_wxyz) > LIFTED_M;
 
     kn_probe_input *input = &t->input.probe[p];
     input->attached = kn_safety_watch(s, &t->watch[p]);
-    // without a pose the hand is taken to move on for as long as its force stands; then it stays where it got to
+    // Without a pose, extrapolate the tool for as long as the last force is held (hold_ms). Then leave it there.
     bool held = s->silent_ms <= s->limits.hold_ms;
     double ahead_s = 1e-3 * (held ? s->silent_ms : s->limits.hold_ms);
     for (int i = 0; i < 3; i++) {
@@ -332,20 +365,24 @@ static void watch_probe(tick *t, int p)
     input->grip = t->watch[p].live && tool->buttons & KN_BUTTON_GRIP;
     memcpy(input->orientation_wxyz, tool->orientation_wxyz, sizeof input->orientation_wxyz);
 
+    // record the decision of the watch
     if (was_attached && !s->attached) tell(t, KNEAD_EVENT_T_KIND_DETACH, p);
     if (!was_attached && s->attached) tell(t, KNEAD_EVENT_T_KIND_ATTACH, p);
     t->fault[p] = latched(s);
     if (t->fault[p] && t->fault[p] != before) tell(t, KNEAD_EVENT_T_KIND_FAULT, p)->arg[0] = t->fault[p];
 }
 
+// Step the lattice by one tick, and count the ticks that were late, capped or diverged.
 static void step(tick *t)
 {
     kn_backend *b = t->servo->backend;
-    const kn_scene *scene = t->servo->scene; // whose model was built with its own point
+    const kn_scene *scene = t->servo->scene;
+    // the model was built with the scene's own quality, so only another quality needs an effort
     if (t->servo->quality != scene->quality) t->input.effort = scene->point[t->servo->quality].effort;
     t->input.deadline = t->servo->deadline;
     b->submit(b->self, &t->input);
     t->stepped = true;
+    // wait() returns by the deadline in every case
     switch (b->wait(b->self, t->in->deadline_ns, &t->output)) {
     case KN_BACKEND_OK: break;
     case KN_BACKEND_SHADOWED: t->shadowed = true; break;
@@ -369,6 +406,7 @@ static bool at_rest(const kn_safety *s)
 
 static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
 
+// Filter a probe's contact force through the output stage, and fill the probe's answer.
 static void guard_probe(tick *t, int p)
 {
     static const double none[3] = {0};
@@ -376,12 +414,14 @@ static void guard_probe(tick *t, int p)
     const kn_probe_output *contact = &t->output.probe[p];
     const kn_pose *last = &t->servo->last[p], *tool = &t->servo->tool[p];
     kn_force *f = &t->out->force[p];
-    // the filter sees what came, the wire only what is a number
+    // The output stage gets the force unchanged, because the stage must notice a NaN. The message gets finite numbers
+    // only.
     bool sane = !t->diverged && finite3(contact->force_n) && finite3(contact->torque_n_m) &&
                 finite3(contact->position_m) && finite3(contact->orientation_wxyz) && isfinite(contact->work_j);
     const double *force = t->diverged ? none : contact->force_n, *torque = t->diverged ? none : contact->torque_n_m;
     f->flags = kn_safety_filter(s, &t->watch[p], force, torque, f->force_n, f->torque_n_m);
     if (latched(s) && latched(s) != t->fault[p]) tell(t, KNEAD_EVENT_T_KIND_FAULT, p)->arg[0] = s->fault;
+    // echo the pose that the tick used; the session may end once its force is 0
     f->live = t->watch[p].live;
     f->left = t->watch[p].leaving && !s->attached && at_rest(s);
     f->session = last->session;
@@ -389,6 +429,7 @@ static void guard_probe(tick *t, int p)
     f->sent_ns = last->sent_ns;
     f->gain = s->gain;
     f->fault = (int32_t)s->fault;
+    // the proxy of a detached probe is at the position of its tool
     memcpy(f->proxy_position_m, tool->position_m, sizeof f->proxy_position_m);
     kn_turn_unit(tool->orientation_wxyz, f->proxy_orientation_wxyz);
     if (s->attached && sane) {
@@ -401,6 +442,7 @@ static void guard_probe(tick *t, int p)
     }
     f->residual = isfinite(t->output.residual) ? t->output.residual : 0.0;
     if (f->contacts > 0 && t->servo->undo) kn_undo_touched(t->servo->undo);
+    // add the flags of the solver and the server to the safety flags
     if (t->output.secant) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_SECANT;
     if (t->output.capped) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_CAPPED;
     if (t->servo->quality != t->servo->asked) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_REDUCED;
@@ -408,12 +450,13 @@ static void guard_probe(tick *t, int p)
     if (t->in->stop) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_STOPPING;
 }
 
-// What a client replays: the physics by the backend, whose answer it is by us.
+// Fill the local contact model of a probe. The backend gives the physics; the servo adds session, pose and flags.
 static void tell_contact(tick *t, int p)
 {
     kn_backend *b = t->servo->backend;
     kn_contact_unit *unit = t->out->contact[p];
     const kn_force *f = &t->out->force[p];
+    // a probe that touches nothing still sends one empty unit, with its session and flags
     unit[0] = (kn_contact_unit){0};
     if (t->servo->safety[p].attached && !t->diverged) b->contact(b->self, p, unit);
     for (int c = 0; c == 0 || c < unit[0].contact_count; c++) {
@@ -426,7 +469,7 @@ static void tell_contact(tick *t, int p)
 
 void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out)
 {
-    memset(out, 0, offsetof(kn_tick_out, contact));
+    memset(out, 0, offsetof(kn_tick_out, contact)); // contacts are large, so they are set only where used
     out->tick = in->tick;
     out->missed = in->missed;
     out->probes = servo->model->def.probe_count;
@@ -436,6 +479,7 @@ void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out)
     read_all(&t);
     bool pressed = any_attached(&t);
     for (int p = 0; p < out->probes; p++) watch_probe(&t, p);
+    // save an undo point in the tick in which the first tool enters the model
     if (servo->undo && !pressed && any_attached(&t))
         kn_undo_keep(servo->undo, servo->backend->state(servo->backend->self));
     step(&t);

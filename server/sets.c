@@ -6,6 +6,7 @@
 int kn_sets_list(const kn_sets *sets, char room[KN_SETS_BYTES], const char *list[KN_SETS_MAX])
 {
     int count = 0;
+    // cut the copy into strings at its newlines
     memcpy(room, sets->text, KN_SETS_BYTES);
     room[KN_SETS_BYTES - 1] = '\0';
     for (char *line = room, *end; count < KN_SETS_MAX && (end = strchr(line, '\n')); line = end + 1) {
@@ -15,6 +16,7 @@ int kn_sets_list(const kn_sets *sets, char room[KN_SETS_BYTES], const char *list
     return count;
 }
 
+// Return whether a text is KEY=VALUE without control characters, which would break the lines.
 static bool is_set(const char *set)
 {
     const char *equals = strchr(set, '=');
@@ -34,10 +36,11 @@ bool kn_sets_add(kn_sets *sets, const char *set, char *error, int error_size)
         snprintf(error, (size_t)error_size, "set '%.100s': expected KEY=VALUE", set);
         return false;
     }
+    // copy all settings of other keys, then append the new one
     int count = kn_sets_list(sets, room, list), kept = 0;
     for (int i = 0; i < count; i++) {
         if (strncmp(list[i], set, key) == 0) continue;
-        at += (size_t)sprintf(more.text + at, "%s\n", list[i]); // no longer than it was
+        at += (size_t)sprintf(more.text + at, "%s\n", list[i]); // fits, because the text does not get longer
         kept++;
     }
     if (kept == KN_SETS_MAX || at + strlen(set) + 2 > sizeof more.text) {

@@ -24,12 +24,14 @@ static knead_mesh_init_t topology_message(const kn_skin *skin, int64_t utime)
                                .triangles = s->triangle};
 }
 
+// If the scene asks for measures: a state per mailbox slot, the gauge, and two measures for each node and vertex.
 size_t kn_skin_bytes(const kn_scene *scene, const kn_model *model)
 {
     const size_t values = 2 * (sizeof(double) + sizeof(float)) * (size_t)model->node_count;
     return scene->mesh_measures ? 3 * kn_state_kept(model) + kn_gauge_bytes(model) + values : 0;
 }
 
+// Allocate the three frames of the mailbox, each on its own cache lines.
 static bool open_frames(kn_skin *skin)
 {
     size_t bytes = sizeof(kn_skin_frame) + 3 * sizeof(float) * (size_t)skin->surface->vertex_count;
@@ -45,6 +47,7 @@ static bool open_frames(kn_skin *skin)
     return true;
 }
 
+// Allocate the values of the measures that the scene asks for, in one block.
 static bool open_measures(kn_skin *skin)
 {
     static const struct {
@@ -63,9 +66,11 @@ static bool open_measures(kn_skin *skin)
     return g->memory;
 }
 
+// Hash the topology, and allocate room for its message, which is sent every second.
 static bool open_topology(kn_skin *skin, uint64_t text_hash)
 {
     const kn_surface *s = skin->surface;
+    // mesh_id depends on the topology and on the scene's text
     uint64_t hash = kn_hash_bytes(KN_HASH_SEED, s->triangle, 3 * sizeof(int) * (size_t)s->triangle_count);
     skin->topology_hash = (int64_t)hash;
     skin->mesh_id = (int64_t)kn_hash_bytes(hash, &text_hash, sizeof text_hash);
@@ -81,6 +86,7 @@ bool kn_skin_open(kn_skin *skin, const char *url, const kn_scene *scene, const k
     *skin = (kn_skin){.model = model, .measures = scene->mesh_measures};
     skin->period_ticks = (int)(1000.0 / scene->mesh_hz + 0.5);
     skin->surface = kn_surface_create(model);
+    // allocate everything before any thread runs: the servo copies into this memory
     bool fits = skin->surface && open_frames(skin) && open_measures(skin) && open_topology(skin, scene->text_hash);
     if (fits) skin->lcm = lcm_create(url);
     if (skin->lcm) return true;
@@ -105,6 +111,7 @@ void kn_skin_capture(kn_skin *skin, const kn_model *model, const kn_state *state
 {
     if (tick < skin->next_tick) return;
     skin->next_tick = tick + skin->period_ticks;
+    // fill the back slot of the mailbox; a frame that the mesh thread has not taken yet is overwritten
     kn_skin_frame *frame = kn_mailbox_back(&skin->frames);
     frame->tick = tick;
     frame->generation = generation;
@@ -116,10 +123,12 @@ void kn_skin_capture(kn_skin *skin, const kn_model *model, const kn_state *state
 
 bool kn_skin_follows(const kn_skin *skin, const kn_model *model)
 {
+    // without measures the mesh thread never looks at a model
     return !skin->measures || atomic_load(&skin->told) == model;
 }
 
-static void send_bytes(kn_skin *skin, const char *channel, uint8_t *bytes, int size) // room for a tag behind them
+// Sign and send a message. The buffer must have room for the trailer after the message.
+static void send_bytes(kn_skin *skin, const char *channel, uint8_t *bytes, int size)
 {
     if (size > 0 && skin->auth)
         size = (int)kn_auth_sign(skin->auth, channel, bytes, (size_t)size, kn_auth_now(skin->auth, &skin->signed_us));
@@ -129,15 +138,18 @@ static void send_bytes(kn_skin *skin, const char *channel, uint8_t *bytes, int s
 void kn_skin_publish_topology(kn_skin *skin, int64_t utime)
 {
     knead_mesh_init_t message = topology_message(skin, utime);
+    // encode the message again each time, because utime differs
     int size = knead_mesh_init_t_encode(skin->topology, 0, skin->topology_size, &message);
     send_bytes(skin, "KNEAD_MESH_INIT", skin->topology, size);
 }
 
-// False: nothing is told beside places: none is asked for, memory is short, or it is no number.
+// Measure a frame's state at the nodes, and copy the values to the vertices. Return false if no measure is asked for,
+// memory is short, or a value is not finite; then only positions are published.
 static bool measure(kn_skin *skin, const kn_skin_frame *frame)
 {
     kn_skin_gauge *g = &skin->measured;
     if (!frame->state) return false;
+    // a gauge belongs to one model, so create a new gauge after a change
     if (g->model != frame->model) {
         kn_gauge_destroy(g->gauge);
         g->gauge = kn_gauge_create(frame->model);
@@ -146,7 +158,7 @@ static bool measure(kn_skin *skin, const kn_skin_frame *frame)
     }
     if (!g->gauge) return false;
     kn_gauge_read_all(g->gauge, frame->state, g->node_value);
-    bool finite = true; // an object gone bad has places, perhaps, but no stress
+    bool finite = true; // an object with bad numbers may have finite positions, but no finite stress
     for (int m = 0; m < KN_MEASURES; m++)
         for (int v = 0; g->node_value[m] && v < skin->surface->vertex_count; v++) {
             g->vertex_value[m][v] = (float)g->node_value[m][skin->surface->node[v]];
@@ -155,6 +167,7 @@ static bool measure(kn_skin *skin, const kn_skin_frame *frame)
     return finite;
 }
 
+// Encode at most `size` vertices, from chunk * size on. Return the size of the message, bytes.
 static int encode_chunk(kn_skin *skin, const kn_skin_frame *frame, int64_t utime, int chunk, int size, bool measured)
 {
     int vertices = skin->surface->vertex_count, first = chunk * size;
@@ -173,7 +186,7 @@ static int encode_chunk(kn_skin *skin, const kn_skin_frame *frame, int64_t utime
                                    .strain_count = strain ? count : 0,
                                    .stress_count = stress ? count : 0,
                                    .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE,
-                                   // lcm-gen's arrays are not const; encoding only reads
+                                   // arrays of lcm-gen are not const, though encoding only reads them
                                    .positions_m = (float *)frame->xyz_m + 3 * first,
                                    .residual_strain = strain ? strain + first : NULL,
                                    .stress_pa = stress ? stress + first : NULL};
@@ -185,12 +198,13 @@ bool kn_skin_publish(kn_skin *skin, int64_t utime)
     bool fresh;
     const kn_skin_frame *frame = kn_mailbox_latest(&skin->frames, &fresh);
     if (!fresh) return false;
+    // from here on the mesh thread uses no older model
     atomic_store(&skin->told, frame->model);
     bool measured = measure(skin, frame);
     int told = measured ? __builtin_popcount((unsigned)skin->measures) : 0;
-    int size = KN_SKIN_BYTES / (12 + 4 * told); // vertices of a chunk
+    int size = KN_SKIN_BYTES / (12 + 4 * told); // number of vertices in a chunk
     for (int i = 0; i * size < skin->surface->vertex_count; i++) {
-        // back to back, larger meshes would overflow the usual 208 kB receive buffer of the screens
+        // pause 1 ms: without pauses, large meshes would overflow the usual 208 kB receive buffer of a viewer
         if (i > 0) kn_clock_sleep(kn_now_ns() + 1000000);
         send_bytes(skin, "KNEAD_MESH_UPDATE", skin->update, encode_chunk(skin, frame, utime, i, size, measured));
     }

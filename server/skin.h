@@ -1,10 +1,12 @@
 #ifndef KN_SERVER_SKIN_H
 #define KN_SERVER_SKIN_H
-// The object's surface on its way to the screens: KNEAD_MESH_INIT and KNEAD_MESH_UPDATE on the mesh bus. The servo
-// copies positions into a mailbox at the mesh rate, and the whole state where the scene's mesh.measures ask for what only
-// that tells; measuring, encoding and sending happen in the mesh thread, which may be late and then shows the latest
-// surface only. Meshes have a port of their own, so that their bulk never fills the socket
-// buffers in which poses and forces wait.
+// The skin (surface mesh) of the object, published as KNEAD_MESH_INIT and KNEAD_MESH_UPDATE on the mesh bus, an LCM bus
+// of its own.
+//
+// At the mesh rate the servo copies the vertex positions into a mailbox. It copies the whole state as well if the
+// scene's mesh.measures ask for stress or residual strain. Measuring, encoding and sending happen in the mesh thread.
+// The mesh thread may be late, and then sends only the latest skin. The mesh bus has its own port, so that large meshes
+// never fill the socket buffers of poses and forces.
 #include "core/gauge.h"
 #include "core/scene/scene.h"
 #include "core/surface.h"
@@ -13,61 +15,63 @@
 #include <lcm/lcm.h>
 #include <stdint.h>
 
-#define KN_SKIN_BYTES 58800 // of a chunk's vertices, 12 to 20 each: with a header below 60 kB, which LCM does not split
+// Bytes of the vertices in one chunk, 12 to 20 per vertex. A chunk with its header stays below 60 kB, so that LCM does
+// not split the message.
+#define KN_SKIN_BYTES 58800
 
-typedef struct kn_skin_frame {
+typedef struct kn_skin_frame { // a copy that the servo hands to the mesh thread
     int64_t tick;
     int32_t generation;
-    const kn_model *model; // that the state is of
+    const kn_model *model; // model of the state
     kn_state *state;       // NULL: nothing is measured
     float xyz_m[];         // [vertex_count][3]
 } kn_skin_frame;
 
-// What the mesh thread makes of a frame's state.
-typedef struct kn_skin_gauge {
+typedef struct kn_skin_gauge { // measures (stress, residual strain) of the latest frame, for the mesh thread
     kn_gauge *gauge;
-    const kn_model *model;            // that gauge is of
+    const kn_model *model;            // model that the gauge was made for
     double *node_value[KN_MEASURES];  // [node_count]; NULL: not asked for
     float *vertex_value[KN_MEASURES]; // [vertex_count]
     double *memory;
 } kn_skin_gauge;
 
 typedef struct kn_skin {
-    const kn_model *model; // at the start; those that come later have its lattice
-    const kn_auth *auth;   // signs every message; NULL: nobody does
-    int64_t signed_us;     // age of the last one
+    const kn_model *model; // model at the start; later ones have the same lattice
+    const kn_auth *auth;   // signs every message; NULL: messages are not signed
+    int64_t signed_us;     // age of the last signed message, us
     kn_surface *surface;
-    int period_ticks;
-    int64_t next_tick; // the servo's
+    int period_ticks;  // ticks from one frame to the next
+    int64_t next_tick; // tick of the next frame; used by the servo thread
     kn_mailbox frames;
     void *memory;
     int measures;                   // mesh.measures of the scene
-    kn_skin_gauge measured;         // the mesh thread's
-    _Atomic(const kn_model *) told; // whose frame it took last
-    lcm_t *lcm;                     // transmits only: such an lcm_t has no thread and hears nothing
+    kn_skin_gauge measured;         // used by the mesh thread only
+    _Atomic(const kn_model *) told; // model of the frame that the mesh thread took last
+    lcm_t *lcm;                     // transmits only: such an lcm_t has no thread and receives nothing
     int64_t mesh_id, topology_hash;
     int topology_size;
-    uint8_t *topology; // encoded once but for its utime
+    uint8_t *topology; // room for the encoded KNEAD_MESH_INIT and its trailer
     uint8_t update[64 * 1024];
 } kn_skin;
 
-// scene: its mesh.rate and mesh.measures; its text_hash tells scenes apart, so that a mesh_id never means two things.
-// Borrows model. False and one line in error.
+// Open the mesh bus. The scene gives mesh.rate and mesh.measures. The scene's text_hash is part of mesh_id, so that two
+// scenes never share a mesh_id. Borrows `model`. On failure return false and put one line in error.
 bool kn_skin_open(kn_skin *skin, const char *url, const kn_scene *scene, const kn_model *model, char *error,
                   size_t error_size);
 void kn_skin_close(kn_skin *skin);
-size_t kn_skin_bytes(const kn_scene *scene, const kn_model *model); // memory that measuring takes
+size_t kn_skin_bytes(const kn_scene *scene, const kn_model *model); // memory for measuring, bytes; 0 without measures
 
-// Servo thread, every tick; copies when a frame is due. generation is the servo's: it tells the surfaces before and
-// after a reset apart. model: that is served, with the lattice of the first. Real-time safe.
+// Copy a frame if one is due. Called by the servo thread in every tick. `model`: the model being served, which has the
+// same lattice as the first one. `generation`: kn_servo.generation, by which a viewer distinguishes the skins before
+// and after a reset. Real-time safe.
 void kn_skin_capture(kn_skin *skin, const kn_model *model, const kn_state *state, int64_t tick, int32_t generation);
 
-// Any thread: whether the mesh thread looks at no model before that one any more. Where something is measured that is
-// when it has taken a frame of it.
+// Return whether the mesh thread no longer uses any model before this one. If the scene asks for measures, this holds
+// once the mesh thread has taken a frame of this model. Any thread may call this.
 bool kn_skin_follows(const kn_skin *skin, const kn_model *model);
 
-// Mesh thread.
+// Publish the topology, or the latest frame. The mesh thread calls both functions.
 void kn_skin_publish_topology(kn_skin *skin, int64_t utime);
-bool kn_skin_publish(kn_skin *skin, int64_t utime); // false: no new frame is there
+bool kn_skin_publish(kn_skin *skin, int64_t utime); // false: there is no new frame
 
 #endif

@@ -7,18 +7,21 @@
 #include <stdio.h>
 #include <string.h>
 
-#define FORMAT 3
-#define DIGEST 32
-#define HEAD 24 // magic, format, bytes in all
+#define FORMAT 3  // version of the file layout; change it with every change of the layout
+#define DIGEST 32 // bytes of the checksum
+#define HEAD 24   // bytes of magic, format and total size
 static const uint8_t magic[8] = {0x89, 'K', 'N', 'E', 'A', 'D', '\r', '\n'};
 
-// --- the servo's own part -------------------------------------------------------------------------------------------
+// --- plain part of the servo -----------------------------------------------------------------------------------------
 
-// What has grown has to be saved, too, or a replay that goes on from a file does not have its bits; then change FORMAT.
-// What counts and decides nothing (slewed and behind it) need not.
+// A new field of these structs must be saved, too, and FORMAT must change. Otherwise a replay that continues from a
+// snapshot does not give the same bits. Counters that affect nothing (slewed and the fields after it) need not be
+// saved.
 static_assert(offsetof(kn_safety, slewed) == 312 && sizeof(kn_pose) == 120 && sizeof(kn_clutch) == 120,
               "all of it is below");
 
+// Each put_ function measures, writes or reads, depending on the codec. So one description of the layout serves all
+// three.
 static void put_counter(kn_codec *c, int64_t *value) { kn_codec_i64(c, value, 0, INT64_MAX); }
 static void put_int(kn_codec *c, int *value) { kn_codec_i32(c, value, INT32_MIN, INT32_MAX); }
 
@@ -68,6 +71,7 @@ static void put_clutch(kn_codec *c, kn_clutch *l)
     kn_codec_f64(c, l->stays_wxyz, 4);
 }
 
+// The plain part of the servo. Pointers, deadline, overload and `estopped` are not saved.
 static void put_servo(kn_codec *c, kn_servo *s)
 {
     int32_t quality = (int32_t)s->quality, asked = (int32_t)s->asked;
@@ -94,18 +98,21 @@ static void put_servo(kn_codec *c, kn_servo *s)
 void kn_saved_resume(const kn_saved *saved, kn_servo *servo)
 {
     const kn_servo *from = &saved->servo;
+    // poses and clutches of the sessions that were open
     memcpy(servo->last, from->last, sizeof servo->last);
     memcpy(servo->tool, from->tool, sizeof servo->tool);
     memcpy(servo->clutch, from->clutch, sizeof servo->clutch);
     for (int p = 0; p < KN_PROBES_MAX; p++) {
         kn_safety *s = &servo->safety[p];
+        // the safety limits come from the scene being served now, not from the file
         kn_safety_limits limits = s->limits;
         double guard = s->guard.most_n_per_ms;
         *s = from->safety[p];
         s->limits = limits;
-        s->relimiting = false; // no copy is made meanwhile
+        s->relimiting = false; // no snapshot is made while new limits are pending
         s->guard.most_n_per_ms = guard;
     }
+    // copy counters and quality; keep the pointers of `servo`
     servo->ticks = from->ticks;
     servo->capped = from->capped;
     servo->late = from->late;
@@ -120,12 +127,15 @@ void kn_saved_resume(const kn_saved *saved, kn_servo *servo)
 
 // --- the file -------------------------------------------------------------------------------------------------------
 
+// Compute the checksum of some bytes.
 static void digest(const uint8_t *bytes, size_t size, uint8_t out[DIGEST])
 {
-    if (sodium_init() < 0) memset(out, 0, DIGEST); // then nothing fits
+    // sodium_init may be called more than once
+    if (sodium_init() < 0) memset(out, 0, DIGEST); // on failure no file is accepted
     else crypto_generichash(out, DIGEST, bytes, size, NULL, 0);
 }
 
+// The head: identity, settings and time, before any field that depends on the model.
 static void put_head(kn_codec *c, kn_saved *s)
 {
     kn_codec_bytes(c, (uint8_t *)s->version, sizeof s->version);
@@ -140,6 +150,7 @@ static void put_head(kn_codec *c, kn_saved *s)
 
 size_t kn_saved_size_max(const kn_model *model)
 {
+    // a codec without memory only measures; the head and the servo's part have fixed sizes
     kn_codec c = {0};
     kn_saved none = {0};
     put_head(&c, &none);
@@ -152,6 +163,7 @@ size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *s
     kn_codec c = {.to = bytes, .size = size};
     uint64_t format = FORMAT, whole = 0, lattice = kn_snapshot_size(model, saved->state);
     uint8_t start[8];
+    // fill in identity and hashes
     memset(saved->scene, 0, sizeof saved->scene);
     memset(saved->version, 0, sizeof saved->version);
     snprintf(saved->scene, sizeof saved->scene, "%s", scene->name);
@@ -159,6 +171,7 @@ size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *s
     saved->text_hash = scene->text_hash;
     saved->sets = saved->servo.sets ? *saved->servo.sets : (kn_sets){0};
     saved->state_hash = kn_state_hash(model, saved->state);
+    // the parts of the file in order; the total size is not known yet
     memcpy(start, magic, sizeof start);
     kn_codec_bytes(&c, start, sizeof start);
     kn_codec_u64(&c, &format);
@@ -169,6 +182,7 @@ size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *s
     c.at += kn_snapshot_write(model, saved->state, bytes + c.at, lattice);
     put_servo(&c, &saved->servo);
     if (c.ended || DIGEST > size - c.at) return 0;
+    // put the total size into its place in the head, then the checksum over all
     whole = c.at + DIGEST;
     kn_codec again = {.to = bytes + HEAD - 8, .size = 8};
     kn_codec_u64(&again, &whole);
@@ -176,7 +190,8 @@ size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *s
     return whole;
 }
 
-// What anybody can tell who knows nothing of the scene. NULL: the bytes are as they were written.
+// Check magic, size and checksum. Return NULL if the bytes are as they were written, or else the reason. Needs no
+// scene.
 static const char *damage(const uint8_t *bytes, size_t size, uint64_t *format, char *text, size_t text_size)
 {
     uint64_t whole = 0;
@@ -195,7 +210,7 @@ static const char *damage(const uint8_t *bytes, size_t size, uint64_t *format, c
     return memcmp(found, bytes + size - DIGEST, DIGEST) == 0 ? NULL : "checksum: damaged since it was written";
 }
 
-// It is going to be told: closed, and no control character in it but the end of `lines`.
+// Check a text that messages may show: it has a NUL, and no control characters but the newlines of `lines`.
 static bool legible(const char *text, size_t size, bool lines)
 {
     size_t n = strnlen(text, size);
@@ -210,6 +225,8 @@ static bool head_legible(const kn_saved *s)
            legible(s->sets.text, sizeof s->sets.text, true);
 }
 
+// Decode everything after magic, format and size. Return NULL on success, or else the reason why the file does not fit
+// scene and model.
 static const char *misfit(const kn_scene *scene, const kn_model *model, kn_codec *c, kn_saved *s, char *text,
                           size_t text_size)
 {
@@ -218,6 +235,7 @@ static const char *misfit(const kn_scene *scene, const kn_model *model, kn_codec
     put_head(c, s);
     kn_codec_u64(c, &lattice);
     if (c->wrong || !head_legible(s)) return range;
+    // version and scene of the file
     if (strcmp(s->version, KN_VERSION) != 0) {
         snprintf(text, text_size, "another version: of knead %s, expected %s", s->version, KN_VERSION);
         return text;
@@ -226,6 +244,7 @@ static const char *misfit(const kn_scene *scene, const kn_model *model, kn_codec
         snprintf(text, text_size, "another scene: of %s, expected %s", s->scene, scene->name);
         return text;
     }
+    // decode the lattice, which core checks, then the servo, up to the last byte
     if (lattice > c->size - c->at) return "truncated: within the lattice";
     kn_snapshot_fit fit = kn_snapshot_read(model, c->from + c->at, lattice, s->state);
     if (fit != KN_SNAPSHOT_FITS) return kn_snapshot_fit_name(fit);
@@ -238,6 +257,7 @@ static const char *misfit(const kn_scene *scene, const kn_model *model, kn_codec
 bool kn_saved_decode(const kn_scene *scene, const kn_model *model, const uint8_t *bytes, size_t size, kn_saved *saved,
                      char *why, size_t why_size)
 {
+    // check size and checksum first, so that a damaged file is not reported as one of another scene
     char text[160];
     uint64_t format = 0;
     const char *reason = damage(bytes, size, &format, text, sizeof text);

@@ -1,48 +1,51 @@
 #ifndef KN_SERVER_SNAPSHOT_H
 #define KN_SERVER_SNAPSHOT_H
-// A snapshot file: all that a served object needs to go on to the bit, and whose it is.
+// A snapshot file holds everything that a served object needs to continue with the same bits, and identifies the scene.
 //
-//     magic | format | bytes in all | knead's version | scene's name | hash of its text | state hash
-//     what was set over it at run time | generation | tick | utime |
-//     bytes of the lattice | the lattice (core/snapshot.h) | the servo's own part BLAKE2b-256
+//     magic | format | file size | knead's version | scene's name | hash of its text | state hash
+//     settings made at run time | generation | tick | utime |
+//     size of the lattice | the lattice (core/snapshot.h) | plain part of the servo | BLAKE2b-256
 //
-// Little-endian. The checksum is over everything before it, in every format there will be, so that a file of a later
-// version can be told from a damaged one. A file is refused with a reason: not a snapshot, truncated, checksum,
-// another version, another scene, another lattice or material, a number out of its range.
+// Little-endian. In every format, present or future, the checksum covers everything before it. So a file of a later
+// version can be distinguished from a damaged file. A file is refused with a reason: not a snapshot, truncated,
+// checksum, another version, another scene, another lattice or material, a number out of its range.
 //
-// The scene is the same when its name and what the lattice is made of are (kn_model_hash): with another tool, device or
-// point of quality the object can be gone on with. The bits of the forces need the whole text: `text_hash` tells.
+// A snapshot fits a scene with the same name and the same lattice and material (kn_model_hash). Tools, device and point
+// of quality may differ. The forces have the same bits only if the whole text of the scene is the same. Compare
+// `text_hash` to find out.
 #include "server/servo.h"
 
-#define KN_SAVED_MAX ((size_t)256 << 20) // bytes of a file: a million nodes take 100 MB
+#define KN_SAVED_MAX ((size_t)256 << 20) // largest file, bytes; a million nodes take 100 MB
 
 typedef struct kn_saved {
-    char scene[64], version[32]; // as kn_scene.name and KN_VERSION
+    char scene[64], version[32]; // kn_scene.name and KN_VERSION
     uint64_t text_hash, state_hash;
-    kn_sets sets;       // that made the text of the one that the server was started with
-    int64_t generation; // of the file, 1, 2, ...
-    int64_t tick;       // the last one executed; the state is that before the next one's step
-    int64_t utime;      // us since 1970, when that had been
-    kn_state *state;    // kept; the caller's
-    kn_servo servo;     // its plain part: safety, poses, clutches, quality, counters
+    kn_sets sets;       // run-time settings that turn the scene of the server's start into the saved one
+    int64_t generation; // number of the file: 1, 2, ...
+    int64_t tick;       // last tick executed before the state was saved
+    int64_t utime;      // time of that tick, us since 1970
+    kn_state *state;    // without solver scratch (kn_state_keep); the caller owns it
+    kn_servo servo;     // plain part of the servo: safety, poses, clutches, quality, counters
 } kn_saved;
 
-size_t kn_saved_size_max(const kn_model *model);
+size_t kn_saved_size_max(const kn_model *model); // largest file of this model, bytes
 
-// state, servo (its sets, too), generation, tick and utime are given; fills in the rest. Bytes written, 0: more than
-// size.
+// Encode a snapshot. The caller sets state, servo (with its sets), generation, tick and utime of `saved`; this function
+// sets the rest. Return the number of bytes written, or 0 if `size` bytes are not enough.
 size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *saved, uint8_t *bytes, size_t size);
 
-// Into saved, whose state is of this model and whose servo kn_servo_init has made; of a refused file they hold
-// anything. False and the reason in why.
+// Decode a snapshot into `saved`. saved->state must be a state of this model, and kn_servo_init must have initialised
+// saved->servo. If the file is refused, return false and put the reason in `why`; the contents of `saved` are then
+// undefined.
 bool kn_saved_decode(const kn_scene *scene, const kn_model *model, const uint8_t *bytes, size_t size, kn_saved *saved,
                      char *why, size_t why_size);
 
-// What was set over a scene of this name, by the head of a whole file, whatever its lattice. False: the file
-// is not one of that scene.
+// Read only the settings of a file; its lattice may be any. Return false if the file is damaged, of another version, or
+// of a scene with another name.
 bool kn_saved_peek(const char *scene, const uint8_t *bytes, size_t size, kn_sets *sets);
 
-// A servo that goes on as the saved one did: its plain part; the backend's lattice is the caller's to restore.
+// Copy the saved plain part into `servo`, which then continues as the saved servo did. The caller restores the lattice
+// of the backend.
 void kn_saved_resume(const kn_saved *saved, kn_servo *servo);
 
 #endif

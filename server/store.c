@@ -12,10 +12,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define TEMPORARY ".tmp" // one is enough: the directory is locked
-#define ESTOP "estop"
+#define TEMPORARY ".tmp" // one name is enough, because the directory is locked
+#define ESTOP "estop"    // file of an emergency stop
 #define SUFFIX ".knead"
-#define GENERATION_MAX 999999999 // nine digits: sixteen years of two a second
+#define GENERATION_MAX 999999999 // nine digits: lasts sixteen years at two snapshots a second
 
 // --- the system -----------------------------------------------------------------------------------------------------
 
@@ -26,7 +26,7 @@ const kn_files kn_files_system = {system_open, read, write, fdatasync, close, sy
 
 // --- names ----------------------------------------------------------------------------------------------------------
 
-// "dough" of "dough.yaml", in letters that mean nothing to anybody.
+// Return "dough" for "dough.yaml", with only letters, digits, - and _, which have no special meaning in a shell.
 static void plain_name(const char *scene, char *name, size_t size)
 {
     size_t n = 0;
@@ -35,6 +35,7 @@ static void plain_name(const char *scene, char *name, size_t size)
     name[n] = '\0';
 }
 
+// Put the series of a scene in `series`: the scene's name, and a hash of lattice, material and version.
 static void series_of(const kn_scene *scene, const kn_model *model, char *series, size_t size)
 {
     char name[sizeof scene->name];
@@ -43,6 +44,7 @@ static void series_of(const kn_scene *scene, const kn_model *model, char *series
     snprintf(series, size, "%s.%08" PRIx32, name, (uint32_t)(hash ^ hash >> 32));
 }
 
+// Put a placeholder of the same length in `series`, to find files of the scene with any hash.
 static void any_series_of(const kn_scene *scene, char *series, size_t size)
 {
     char name[sizeof scene->name];
@@ -55,9 +57,11 @@ static void file_name(const char *series, int64_t generation, char name[256])
     snprintf(name, 256, "%.200s.%08" PRId64 SUFFIX, series, generation);
 }
 
-// Generation of a file of this series, or (series NULL) of any of the scene's; 0: it is none.
+// Return the generation in a file's name if the file belongs to this series, or, if `any_series` is true, to any series
+// of the scene. Return 0 for other files.
 static int64_t generation_of(const kn_store *s, const char *name, bool any_series)
 {
+    // for any series, the last eight characters (the hash) need not agree
     size_t same = strlen(s->series) - (any_series ? 8 : 0), at = strlen(s->series);
     char *end;
     if (strncmp(name, s->series, same) != 0 || strlen(name) < at + 2 || name[at] != '.' ||
@@ -79,7 +83,7 @@ static int by_generation(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-// The scene's files, ascending; of a store that is not the scene's (scene NULL) all snapshots. Owned by the caller.
+// List the snapshots of the scene, of any series, by ascending generation. The caller owns the list.
 static found *list(const kn_store *s, int dir, size_t *count)
 {
     found *all = NULL;
@@ -87,6 +91,7 @@ static found *list(const kn_store *s, int dir, size_t *count)
     int fd = openat(dir, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     DIR *stream = fd < 0 ? NULL : fdopendir(fd);
     if (!stream && fd >= 0) close(fd);
+    // if memory is short, the list has only the files found so far
     for (struct dirent *e; stream && (e = readdir(stream));) {
         int64_t generation = generation_of(s, e->d_name, true);
         if (generation == 0) continue;
@@ -105,12 +110,14 @@ static found *list(const kn_store *s, int dir, size_t *count)
 
 // --- open -----------------------------------------------------------------------------------------------------------
 
+// Put one line in `error`, and return the exit code `code`.
 static int refuse(int code, char *error, size_t size, const char *path, const char *why, const char *expected)
 {
     snprintf(error, size, "--state-dir %s: %s, expected %s", path, why, expected);
     return code;
 }
 
+// Open, check and lock the directory. If others could write to the directory, they could replace the object.
 static int open_directory(kn_store *s, char *error, size_t size)
 {
     struct stat what;
@@ -139,15 +146,16 @@ void kn_store_pin(kn_store *store, int64_t generation)
     atomic_store(&store->pin[atomic_fetch_add(&store->pins, 1) % KN_STORE_PINS], generation);
 }
 
+// Add a generation to the kept files. Remove the oldest one that is not pinned if there is no room.
 static void keep(kn_store *s, int64_t generation)
 {
     char name[256];
     kn_kept_file *kept = s->kept;
     if (s->kept_count == KN_STORE_KEPT) {
-        int oldest = 0; // there are fewer pins than are kept
+        int oldest = 0; // fewer files can be pinned than are kept, so the search finds one
         while (pinned(s, kept[oldest].generation)) oldest++;
         file_name(kept[oldest].series, kept[oldest].generation, name);
-        s->files->unlink(s->dir, name); // one that stays is removed at the next start
+        s->files->unlink(s->dir, name); // if this fails, the next start removes the file
         memmove(kept + oldest, kept + oldest + 1, sizeof *kept * (size_t)(KN_STORE_KEPT - 1 - oldest));
         s->kept_count--;
     }
@@ -155,12 +163,14 @@ static void keep(kn_store *s, int64_t generation)
     memcpy(kept[s->kept_count++].series, s->series, sizeof s->series);
 }
 
+// Return whether a file stays, that is, is read-only.
 static bool stays(const kn_store *s, const char *name)
 {
     struct stat what;
     return fstatat(s->dir, name, &what, AT_SYMLINK_NOFOLLOW) == 0 && !(what.st_mode & S_IWUSR);
 }
 
+// Find the files of the series and the highest generation of the scene. Remove files beyond KN_STORE_KEPT.
 static void take_series(kn_store *s)
 {
     size_t count;
@@ -184,14 +194,14 @@ int kn_store_open(kn_store *store, const char *path, const kn_scene *scene, cons
     s->room = kn_saved_size_max(model);
     s->bytes = malloc(s->room);
     if (!s->bytes) return refuse(3, error, error_size, path, "not enough memory for a snapshot", "a smaller object");
-    s->files->unlink(s->dir, TEMPORARY);
+    s->files->unlink(s->dir, TEMPORARY); // remains of an interrupted save
     take_series(s);
     return 0;
 }
 
 void kn_store_close(kn_store *store)
 {
-    if (store->dir >= 0) close(store->dir); // and the lock
+    if (store->dir >= 0) close(store->dir); // releases the lock
     free(store->bytes);
     *store = (kn_store){.dir = -1};
 }
@@ -210,7 +220,8 @@ static bool write_all(const kn_files *f, int fd, const uint8_t *bytes, size_t si
     return true;
 }
 
-// NULL, or what could not be done; errno says why.
+// Write the temporary file and sync it. Return NULL on success, or else the name of the call that failed, with errno
+// set.
 static const char *put_file(const kn_store *s, size_t size, bool stays)
 {
     const kn_files *f = s->files;
@@ -224,6 +235,7 @@ static const char *put_file(const kn_store *s, size_t size, bool stays)
     return failed;
 }
 
+// Count the scene's read-only files.
 static int count_staying(const kn_store *s)
 {
     size_t count;
@@ -242,6 +254,7 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
         snprintf(why, why_size, "%d that stay are there, expected some of them removed", KN_STORE_STAY);
         return false;
     }
+    // a setting may have changed the scene, and so the series
     s->scene = saved->servo.scene;
     s->model = saved->servo.model;
     if (s->scene->text_hash != s->text_hash) series_of(s->scene, s->model, s->series, sizeof s->series);
@@ -249,6 +262,7 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
     saved->generation = s->generation + 1;
     if (saved->generation > GENERATION_MAX) return snprintf(why, why_size, "no generation number is left"), false;
     file_name(s->series, saved->generation, name);
+    // Write the temporary file, rename it, then sync the directory. So one whole file exists at every moment.
     size_t size = kn_saved_encode(s->scene, s->model, saved, s->bytes, s->room);
     const char *failed = size == 0 ? "encode" : put_file(s, size, stays);
     bool there = !failed && s->files->rename(s->dir, TEMPORARY, name) == 0;
@@ -256,7 +270,7 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
     if (there && s->files->sync_dir(s->dir) != 0) failed = "fsync of the directory";
     if (failed) snprintf(why, why_size, "%s: %s", failed, size == 0 ? "no room" : strerror(errno));
     if (!there) s->files->unlink(s->dir, TEMPORARY);
-    else if (failed) s->generation = saved->generation; // it may be there or not: nothing is removed for it
+    else if (failed) s->generation = saved->generation; // the file may exist: do not reuse its number
     if (failed) return false;
     s->generation = saved->generation;
     if (!stays) keep(s, saved->generation);
@@ -271,7 +285,8 @@ bool kn_store_estopped(const kn_store *store)
     return fstatat(store->dir, ESTOP, &what, AT_SYMLINK_NOFOLLOW) == 0 || errno != ENOENT;
 }
 
-// NULL, or what could not be done; errno says why.
+// Create the file `estop` and sync it. Return NULL on success, or else the name of the call that failed, with errno
+// set.
 static const char *put_estop(const kn_store *s)
 {
     int fd = s->files->open(s->dir, ESTOP, O_WRONLY | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0600);
@@ -300,14 +315,15 @@ static bool read_all(const kn_files *f, int fd, uint8_t *bytes, size_t size)
     for (size_t at = 0; at < size;) {
         ssize_t n = f->read(fd, bytes + at, size - at);
         if (n < 0 && errno == EINTR) continue;
-        if (n == 0) errno = EIO; // shorter than it was
+        if (n == 0) errno = EIO; // the file has become shorter
         if (n <= 0) return false;
         at += (size_t)n;
     }
     return true;
 }
 
-// The bytes of a plain file, owned by the caller; NULL and the reason in why.
+// Read a regular file. The caller owns the bytes. Links and devices are refused. On failure return NULL and put the
+// reason in `why`.
 static uint8_t *get_file(const kn_files *f, int dir, const char *name, size_t *size, char *why, size_t why_size)
 {
     struct stat what;
@@ -326,6 +342,7 @@ static uint8_t *get_file(const kn_files *f, int dir, const char *name, size_t *s
     return NULL;
 }
 
+// Read and decode one file.
 static bool read_saved(const kn_store *s, int dir, const char *name, kn_saved *saved, char *why, size_t why_size)
 {
     size_t size = 0;
@@ -343,6 +360,7 @@ void kn_store_sets(const char *path, const kn_scene *scene, kn_sets *sets)
     *sets = (kn_sets){0};
     int dir = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (dir < 0) return;
+    // try the files of every series, newest first
     any_series_of(scene, s.series, sizeof s.series);
     found *all = list(&s, dir, &count);
     bool said = false;
@@ -361,6 +379,7 @@ bool kn_store_load(const kn_store *store, int64_t generation, kn_saved *saved, c
     const kn_servo *servo = &saved->servo;
     kn_store s = {.files = store->files, .scene = servo->scene, .model = servo->model, .path = store->path};
     size_t count;
+    // use a local copy of the store, because another thread may be saving
     any_series_of(s.scene, s.series, sizeof s.series);
     found *all = list(&s, store->dir, &count);
     bool fits = false;
@@ -376,6 +395,7 @@ bool kn_store_load(const kn_store *store, int64_t generation, kn_saved *saved, c
     return fits;
 }
 
+// Pass a snapshot to the caller's function `look`.
 static bool show(const kn_saved *saved, kn_store_look look, void *look_arg, char *why, size_t why_size)
 {
     bool said = look(look_arg, saved);
@@ -389,6 +409,7 @@ bool kn_store_browse(const char *path, const kn_scene *scene, const kn_model *mo
     kn_store s = {.files = &kn_files_system, .scene = scene, .model = model, .path = path};
     snprintf(why, why_size, "holds no snapshot of %s", scene->name);
     series_of(scene, model, s.series, sizeof s.series);
+    // a path that is not a directory is one snapshot file
     int dir = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (dir < 0)
         return read_saved(&s, AT_FDCWD, path, saved, why, why_size) && show(saved, look, look_arg, why, why_size);

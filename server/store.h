@@ -1,33 +1,34 @@
 #ifndef KN_SERVER_STORE_H
 #define KN_SERVER_STORE_H
-// A directory of snapshots, a file per generation, of which the last KN_STORE_KEPT stay, and those that are read-only:
+// A store: a directory of snapshots, one file per generation. The last KN_STORE_KEPT files and all read-only files are
+// kept. A file name looks like this:
 //
 //     dough.1f0c9a7e.00000012.knead
 //
-// scene, a hash of what its lattice is made of and of knead's version, generation. Another lattice or version is
-// another series: it is never read as ours, and never removed by us.
+// The parts of the name are the scene, a hash of its lattice, material and knead's version, and the generation. Scene
+// and hash name a series. Files of another series are never read as if they belonged to this one, and never removed.
 //
 //     .tmp  write .. write  fdatasync  close  rename  fsync(directory)  remove the oldest
 //
-// so that at every moment, a power cut included, the newest whole file is the one before or the new one. A store is
-// locked: two daemons that write alternately would each restore the other's object. Not real-time: a save takes 5 ms
-// and more.
+// With this order, the newest whole file is at every moment either the previous one or the new one, even after a power
+// cut. A store is locked, because two daemons that write alternately would each restore the other's object. Not
+// real-time: a save takes 5 ms and more.
 #include "server/snapshot.h"
 #include <stdatomic.h>
 #include <stdio.h>
 #include <sys/types.h>
 
-#define KN_STORE_KEPT 8
-#define KN_STORE_PINS 4
-#define KN_STORE_STAY 100 // read-only ones of a scene: more are refused until their owner has removed some
+#define KN_STORE_KEPT 8   // number of latest files that are kept
+#define KN_STORE_PINS 4   // number of restored files that are kept, too; fewer than KN_STORE_KEPT
+#define KN_STORE_STAY 100 // limit of read-only files of a scene; more are refused until the owner removes some
 
-// Every call that a save or a load makes of the disk, so that a test can have any of them fail. As the system's, which
-// kn_files_system are; dir: of openat.
+// The system calls of a save or a load, so that a test can make any of them fail. They behave like the system's calls,
+// which kn_files_system holds; `dir` is a directory descriptor, as in openat.
 typedef struct kn_files {
     int (*open)(int dir, const char *name, int flags, mode_t mode);
     ssize_t (*read)(int fd, void *bytes, size_t size);
     ssize_t (*write)(int fd, const void *bytes, size_t size);
-    int (*sync)(int fd); // its data
+    int (*sync)(int fd); // data only: fdatasync
     int (*close)(int fd);
     int (*rename)(int dir, const char *from, const char *to);
     int (*sync_dir)(int dir);
@@ -41,61 +42,63 @@ typedef struct kn_kept_file {
 } kn_kept_file;
 
 typedef struct kn_store {
-    const kn_files *files; // replaced by tests
-    const kn_scene *scene; // of the series that was saved last, as model
+    const kn_files *files; // system calls; tests replace them
+    const kn_scene *scene; // scene and model of the latest save; before the first save, of the start
     const kn_model *model;
-    uint64_t text_hash;               // of that scene: what it points at comes and goes
-    const char *path;                 // of the directory, as given
-    int dir;                          // locked; -1: not open
+    uint64_t text_hash;               // text hash of `scene`, since another scene may reuse the address
+    const char *path;                 // path of the directory, as given
+    int dir;                          // descriptor of the directory, locked; -1: not open
     char series[96];                  // "dough.1f0c9a7e"
-    int64_t generation;               // the highest of the scene, of any series; 0: none
-    kn_kept_file kept[KN_STORE_KEPT]; // ours, ascending: of one series at the start, of each that something was set to
+    int64_t generation;               // highest generation of any series of the scene; 0: none
+    kn_kept_file kept[KN_STORE_KEPT]; // files, oldest first, to be removed; settings may add a series
     int kept_count;
-    _Atomic int64_t pin[KN_STORE_PINS]; // restored last: they stay while the store is open, for whoever replays the log
+    _Atomic int64_t pin[KN_STORE_PINS]; // latest restored generations: their files are kept for replays
     atomic_int pins;
-    uint8_t *bytes; // of one file
+    uint8_t *bytes; // room for one file
     size_t room;
 } kn_store;
 
-// Borrows all. Expects a directory of ours that not everybody may write to; takes the lock, removes what a save that
-// was cut off has left, and generations beyond the last. 0, or an exit code and one line in error: 2 no such directory
-// or not ours, 3 another daemon's or the machine refuses.
+// Open and lock a directory. The directory must belong to the user of this process, and must not be writable by
+// everybody. Remove the remains of an interrupted save, and the oldest generations. Borrows path, scene and model.
+// Return 0 on success. Otherwise put one line in error and return an exit code: 2 if the directory does not exist or is
+// not suitable, 3 if another daemon uses it or the machine refuses.
 int kn_store_open(kn_store *store, const char *path, const kn_scene *scene, const kn_model *model, char *error,
                   size_t error_size);
-void kn_store_close(kn_store *store); // one that was not opened is fine when dir is -1
+void kn_store_close(kn_store *store); // a store that was not opened is fine if its dir is -1
 
-// What was set at run time over the scene of the newest whole snapshot that is of it, whatever its lattice; none when
-// there is none. Before the store is open: of its directory, as kn_store_open takes it; says nothing of one that it
-// refuses.
+// Read the settings of the newest whole snapshot of this scene; its lattice may be any. The settings are empty if there
+// is no snapshot. Call this before kn_store_open, with the same path. A bad directory is reported only by
+// kn_store_open.
 void kn_store_sets(const char *path, const kn_scene *scene, kn_sets *sets);
 
-// saved: as kn_saved_encode wants it, but for the generation, which is the next; of the scene and the model that its
-// servo has, which may be others than before, and then another series. False and the reason in why: nothing of what
-// there was is lost, and the next one can be tried. stays: an operator's, a read-only file, which nobody removes but
-// its owner.
+// Save a snapshot as the next generation. `saved`: filled in as for kn_saved_encode, but without the generation. Scene
+// and model of saved->servo may differ from those of the last save; the file may then begin another series. `stays`:
+// make the file read-only, so that only its owner removes it (an operator's snapshot). On failure return false and put
+// the reason in `why`; older files are still there, and the next save may succeed.
 bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size_t why_size);
 
-// It has been restored: it is not removed before KN_STORE_PINS others have been. Any thread.
+// Keep a restored generation until KN_STORE_PINS others have been restored. Any thread.
 void kn_store_pin(kn_store *store, int64_t generation);
 
-// The newest that fits the scene and model of saved's servo, and saved (as kn_saved_decode wants it); told: one line
-// for every newer one that was refused, NULL: nobody. generation: that one or none; 0: the newest. name: of its file,
-// 256 bytes. False when there is none, and in why what became of the last one looked at, "none" if there was none at
-// all. Another thread may be saving.
+// Load the newest snapshot that fits the scene and model of saved->servo. `saved`: prepared as for kn_saved_decode.
+// `generation`: load only this one; 0: the newest. `told`: receives one line for each newer snapshot that was refused;
+// may be NULL. `name`: receives the file name, 256 bytes. Return false if no snapshot fits; `why` is then the fault of
+// the last one, or "none" if there was no snapshot at all. Another thread may be saving.
 bool kn_store_load(const kn_store *store, int64_t generation, kn_saved *saved, char *name, FILE *told, char *why,
                    size_t why_size);
 
-// An operator's emergency stop, which outlives the process: an empty file `estop`. Whether one stands there; where that
-// cannot be told, too.
+// Return whether an emergency stop is in force. The stop is stored as an empty file `estop`, so that it outlives the
+// process. If the file cannot be looked for, return true.
 bool kn_store_estopped(const kn_store *store);
-// Creates or removes it, on disk when this returns. False and the reason in why: either may be there by the next start.
+// Create or remove the file `estop`. The change is on disk when this function returns. On failure return false and put
+// the reason in `why`; the next start may then find the file or not.
 bool kn_store_estop(const kn_store *store, bool stands, char *why, size_t why_size);
 
 typedef bool (*kn_store_look)(void *arg, const kn_saved *saved);
 
-// For replays. Every snapshot in a directory, or the one file, that fits this scene and model, by ascending generation,
-// to `look` until it says true; saved and look_arg are handed to it. No lock. What look said at last; in why, when it
-// never did, why the last one did not fit: "another state" when nothing but look was against it.
+// For replays: pass every snapshot that fits scene and model to `look`, by ascending generation, until `look` returns
+// true. `path`: a directory, or one file. Takes no lock. Return the last answer of `look`. After false, `why` is the
+// reason why the last snapshot did not fit, or "another state" if only `look` refused it.
 bool kn_store_browse(const char *path, const kn_scene *scene, const kn_model *model, kn_saved *saved,
                      kn_store_look look, void *look_arg, char *why, size_t why_size);
 

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+// Append an event. Return false when memory is short.
 static bool keep_event(kn_survey *s, const knead_event_t *e)
 {
     if (s->event_count == s->event_capacity) {
@@ -17,7 +18,8 @@ static bool keep_event(kn_survey *s, const knead_event_t *e)
     return true;
 }
 
-// Told again every few seconds.
+// Keep the text of another scene, but only once, because kneadd repeats it every second. Return false when memory is
+// short.
 static bool keep_other(kn_survey *s, const knead_scene_t *told)
 {
     for (size_t i = 0; i < s->other_count; i++)
@@ -30,6 +32,7 @@ static bool keep_other(kn_survey *s, const knead_scene_t *told)
     return more && text;
 }
 
+// Keep the first scene of the log. Return false when memory is short.
 static bool keep_scene(kn_survey *s, const knead_scene_t *told)
 {
     s->scene_name = strdup(told->name);
@@ -40,13 +43,15 @@ static bool keep_scene(kn_survey *s, const knead_scene_t *told)
 
 int64_t kn_survey_missed(const knead_event_t *e)
 {
+    // the log is not trusted: there cannot be more missed cycles than earlier ticks
     if (e->kind != KNEAD_EVENT_T_KIND_CHECKPOINT || !(e->arg[0] > 0)) return 0;
     return (int64_t)fmin(e->arg[0], fmin((double)e->tick, INT32_MAX));
 }
 
+// Return the longest span that the number of records so far allows, ms.
 static int64_t span_ms(const kn_survey *s) { return KN_SURVEY_PAUSE_MS + KN_SURVEY_RECORD_MS * s->told; }
 
-// A tick number from a force or an event. Why the replay has to end before it, or NULL.
+// Record the tick number of a force or an event. Return NULL, or the reason why the replay must end before this record.
 static const char *see_tick(kn_survey *s, int64_t tick, int64_t missed, int64_t utime)
 {
     if (s->first_tick < 0) {
@@ -54,6 +59,7 @@ static const char *see_tick(kn_survey *s, int64_t tick, int64_t missed, int64_t 
         s->before_tick = tick - 1;
         s->origin_utime = utime - 1000 * tick;
     }
+    // records of the first tick tell which tick ran before it
     if (missed > KN_SURVEY_PAUSE_MS) missed = KN_SURVEY_PAUSE_MS;
     if (tick == s->first_tick && tick - 1 - missed < s->before_tick) s->before_tick = tick - 1 - missed;
     if (tick - s->first_tick > span_ms(s)) return "more than an hour without records";
@@ -62,6 +68,7 @@ static const char *see_tick(kn_survey *s, int64_t tick, int64_t missed, int64_t 
     return NULL;
 }
 
+// Keep the name of a probe that has forces, but only once.
 static void keep_probe(kn_survey *s, const char *name)
 {
     for (int i = 0; i < KN_PROBES_MAX; i++) {
@@ -70,10 +77,12 @@ static void keep_probe(kn_survey *s, const char *name)
     }
 }
 
-// The first event that tells decides: the start, a change, or a checkpoint, which repeats all.
+// Find the settings in force where the log begins. For each setting, the first event that tells it decides: the start,
+// a change, or a checkpoint, which repeats all settings.
 static void see_stood(kn_survey_stood *s, const knead_event_t *e)
 {
     const bool start = e->kind == KNEAD_EVENT_T_KIND_START, all = start || e->kind == KNEAD_EVENT_T_KIND_CHECKPOINT;
+    // a change implies the value before it; a checkpoint tells the value in force
     if (!s->deadline_told && (all || e->kind == KNEAD_EVENT_T_KIND_DEADLINE)) {
         const double units = start ? 0 : e->arg[all ? 5 : 1];
         s->deadline_told = true;
@@ -83,6 +92,7 @@ static void see_stood(kn_survey_stood *s, const knead_event_t *e)
         s->overload_told = true;
         s->overloaded = !start && (all ? e->arg[6] != 0 : e->arg[0] == 0);
     }
+    // arg[7] packs both points of quality; 0: not set
     const double points = all && !start ? e->arg[7] : 0;
     if (points >= 1 && points <= KN_QUALITIES * KN_QUALITIES && !s->quality_told) {
         s->quality_told = true;
@@ -91,12 +101,13 @@ static void see_stood(kn_survey_stood *s, const knead_event_t *e)
     }
 }
 
-// Takes note of a record. Why the part that can be replayed ends before it, or NULL.
+// Enter a record into the survey. Return NULL, or the reason why the part that can be replayed ends before this record.
 static const char *note(kn_survey *s, const kn_log_record *record)
 {
     bool first = s->first_tick < 0;
     const char *ends = NULL;
-    // a log with ticks is replayed by these, whatever the clock showed: a machine that slept counts none
+    // Check log times only until the first tick. A log with ticks is replayed by its ticks, whatever the clock showed,
+    // because a machine that was suspended ran no ticks.
     if (first && s->records > 0 && llabs(record->utime - s->first_utime) > 1000 * span_ms(s))
         return "more than an hour without records";
     s->told += record->kind == KN_LOG_POSE || record->kind == KN_LOG_FORCE || record->kind == KN_LOG_EVENT ||
@@ -145,6 +156,7 @@ bool kn_survey_log(kn_survey *survey, const char *path, char *error, size_t erro
     *s = (kn_survey){0};
     if (!kn_log_open(&log, path, error, error_size)) return false;
     s->first_tick = s->last_tick = s->first_force_tick = s->first_pose_utime = -1;
+    // read until the log ends, or a record does not belong to one run of a server
     for (int64_t at = 0; kn_log_read(&log, &record) != KN_LOG_END; at = log.offset) {
         const char *ends = note(s, &record);
         if (ends) {

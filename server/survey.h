@@ -1,53 +1,61 @@
 #ifndef KN_SERVER_SURVEY_H
 #define KN_SERVER_SURVEY_H
-// What is in a log, by one reading from end to end: its scenes, its events, whose forces it has, from which tick to
-// which; and where the part ends that one run of a server said, whole. replay.h steps it in a second reading.
+// A survey reads a log once from beginning to end and collects scenes, events, probes with forces, and the range of
+// ticks. The survey also finds the end of the part that one run of a server recorded without damage. replay.h replays
+// that part in a second reading.
 #include "proto/knead_event_t.h"
 #include "server/log.h"
 #include "server/servo.h"
 
-// A log is as long as it tells: kneadd records a checkpoint a second. What a few records say of a far tick is refused.
-#define KN_SURVEY_RECORD_MS 1000   // of ticks and of time for each record
-#define KN_SURVEY_PAUSE_MS 3600000 // beyond that, all pauses together: missed cycles, a clock that was set
-#define KN_SURVEY_LOST_MS 60000    // of these, ticks that ran and whose records were lost
+// kneadd records a checkpoint every second, so the number of records limits the span of a log. This limit prevents a
+// few records with a very large tick number from making a replay run for ever.
+#define KN_SURVEY_RECORD_MS 1000   // span that each record allows, in ticks and in log time, ms
+#define KN_SURVEY_PAUSE_MS 3600000 // additional span for all pauses together (missed cycles, a clock that was set), ms
+#define KN_SURVEY_LOST_MS 60000    // part of it for ticks that a replay runs although their records were lost, ms
 
 typedef struct kn_survey_scene {
     uint64_t hash;
     char *text;
 } kn_survey_scene;
 
-typedef struct kn_survey_stood { // what a server does when its log begins; as new where the log does not tell
+// Settings of the server that were in force when its log begins. A setting that the log does not tell has its value at
+// a server's start.
+typedef struct kn_survey_stood {
     bool deadline_told, overload_told, quality_told;
-    int64_t deadline; // units, 0: none
+    int64_t deadline; // limit of a step, units of work (core/deadline.h); 0: none
     bool overloaded;
     kn_quality quality, asked;
 } kn_survey_stood;
 
 typedef struct kn_survey {
-    knead_event_t *events; // [event_count] in order
+    knead_event_t *events; // [event_count], in the order of the log
     size_t event_count, event_capacity;
-    char *scene_name, *scene_text; // of the first scene, NULL: none
+    char *scene_name, *scene_text; // first scene; NULL: none
     uint64_t scene_hash;
-    kn_survey_scene *others; // [other_count] that were changed to
+    kn_survey_scene *others; // [other_count] later scenes, made by settings
     size_t other_count;
     int64_t forces, records, malformed;
-    int64_t told;                                    // poses, forces, events and scenes among the records
-    char felt[KN_PROBES_MAX][64];                    // probes that have forces
+    int64_t told;                                    // number of poses, forces, events and scenes among the records
+    char felt[KN_PROBES_MAX][64];                    // names of the probes that have forces
     int64_t first_tick, last_tick, first_force_tick; // -1: none
-    int64_t before_tick; // the last one the server ran before first_tick: first_tick - 1 unless it missed cycles
-    int64_t first_utime, last_utime, first_pose_utime, origin_utime; // us; of tick 0 the last, as if it had been told
-    bool started;                                                    // the log begins with the server's start
-    bool undoes;                                                     // something was undone
-    int64_t restores;                                                // from a snapshot
+    int64_t before_tick; // last tick run before first_tick: first_tick - 1 unless cycles were missed
+    // Log times, us. first_pose_utime: -1 if there is no pose. origin_utime: time of tick 0, extrapolated from
+    // first_tick.
+    int64_t first_utime, last_utime, first_pose_utime, origin_utime;
+    bool started;     // the log begins with the server's start
+    bool undoes;      // the log contains an undo
+    int64_t restores; // number of restores from a snapshot
     kn_survey_stood stood;
-    int64_t end_offset; // bytes: where the part ends that can be replayed
-    char damage[160];   // "" or what is wrong with the file; what stands before it is told of
+    int64_t end_offset; // end of the part that can be replayed, bytes
+    char damage[160];   // fault of the file, "" if none; the survey covers the part before it
 } kn_survey;
 
-int64_t kn_survey_missed(const knead_event_t *e); // cycles missed just before its tick, which no force reports; 0: none
+// Return the number of cycles missed just before the event's tick if only this checkpoint reports them, else 0.
+int64_t kn_survey_missed(const knead_event_t *e);
 
-// False and one line in error when it cannot be read, or holds no hand's poses or forces; free it all the same.
+// Survey a log. If the log cannot be read, or holds neither poses nor forces, return false and put one line in error.
+// Free the survey in both cases.
 bool kn_survey_log(kn_survey *survey, const char *path, char *error, size_t error_size);
-void kn_survey_free(kn_survey *survey); // one that is all 0 is fine
+void kn_survey_free(kn_survey *survey); // a zeroed survey is fine
 
 #endif

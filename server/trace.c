@@ -3,7 +3,7 @@
 #include <inttypes.h>
 #include <string.h>
 
-#define ROWS 4096 // a second of four probes: a disk under load may take as long
+#define ROWS 4096 // rows in the ring: one second of four probes, the longest wait for a busy disk
 
 typedef struct row {
     char probe[KN_NAME_MAX];
@@ -13,6 +13,7 @@ typedef struct row {
 bool kn_trace_open(kn_trace *trace, const char *path, bool append, char *error, size_t error_size)
 {
     *trace = (kn_trace){0};
+    // a second scene of the same process appends, without a second header
     if (!path) return true;
     trace->file = fopen(path, append ? "ae" : "we");
     if (trace->file && kn_ring_init(&trace->rows, ROWS, sizeof(row))) {
@@ -31,6 +32,7 @@ void kn_trace_record(kn_trace *trace, const kn_record *record, const kn_model_de
     for (int p = 0; trace->file && p < record->out.probes; p++) {
         const kn_force *force = &record->out.force[p];
         if (!force->live) continue;
+        // the fields have the names of the columns
         row r = {.tick = record->out.tick,
                  .session = force->session,
                  .seq = force->seq,
@@ -48,6 +50,7 @@ void kn_trace_record(kn_trace *trace, const kn_record *record, const kn_model_de
 
 void kn_trace_drain(kn_trace *trace)
 {
+    // a failed write is reported at the end, and does not stop the server
     for (const row *r; trace->file && (r = kn_ring_front(&trace->rows)); kn_ring_pop(&trace->rows))
         trace->failed |= fprintf(trace->file,
                                  "%" PRId64 ",%s,%" PRId64 ",%" PRId64 ",%" PRId64 ",%" PRId64 ",%" PRId64 ",%" PRId64

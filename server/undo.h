@@ -1,39 +1,44 @@
 #ifndef KN_SERVER_UNDO_H
 #define KN_SERVER_UNDO_H
-// What the object was before it was kneaded: a point before every press (the tick in which a tool enters the model
-// while none is in it), every reset and every restore; the last KN_UNDO_POINTS of them, fewer of a large object; none
-// from before a change of the material. In memory alone, and a function of the ticks: a replay has the same points.
-// Dough moves by itself, so it is not by the states that two points are told apart, but by whether anything pressed or
-// replaced the object in between.
+// Undo points: copies of the object from before it was kneaded. A point is saved before every press, that is, in the
+// tick in which a tool enters the model while no other tool is in the model. A point is also saved before every reset
+// and restore. The last KN_UNDO_POINTS are kept, or fewer if the object is large. A change of the material drops all
+// points.
+//
+// Points are kept in memory only. They depend on the ticks alone, so a replay has the same points. Dough moves by
+// itself, so comparing the states of two points would not show whether anything touched the object. A new point is
+// added only if something pressed or replaced the object since the newest one.
 #include "core/state.h"
 
-#define KN_UNDO_POINTS 16
-#define KN_UNDO_BYTES ((size_t)64 << 20) // of all of them
+#define KN_UNDO_POINTS 16                // largest number of points
+#define KN_UNDO_BYTES ((size_t)64 << 20) // limit for all points, bytes; one point is always kept
 
 typedef struct kn_undo {
     const kn_model *model;
     kn_state *point[KN_UNDO_POINTS]; // a ring
     int room, first, count;
-    bool touched; // since the newest was kept
+    bool touched; // the object has been pressed or replaced since the newest point
 } kn_undo;
 
 bool kn_undo_init(kn_undo *undo, const kn_model *model); // borrows model; false when memory is short
-void kn_undo_free(kn_undo *undo);                        // one that is all 0 is fine
-size_t kn_undo_bytes(const kn_model *model);
+void kn_undo_free(kn_undo *undo);                        // a zeroed kn_undo is fine
+size_t kn_undo_bytes(const kn_model *model);             // memory of all points, bytes
 
-// A point: the oldest goes when there is no room, the newest when nothing has touched the object since. Not of an
-// object gone bad. Real-time safe: one copy of the state.
+// Save a point. It replaces the newest one if nothing has touched the object since, else the oldest one if there is no
+// room. An object with non-finite numbers is not saved. Real-time safe: copies one state.
 void kn_undo_keep(kn_undo *undo, const kn_state *now);
+// Record that something presses or replaces the object.
 static inline void kn_undo_touched(kn_undo *undo) { undo->touched = true; }
 
+// Drop all points.
 static inline void kn_undo_forget(kn_undo *undo)
 {
     undo->count = 0;
     undo->touched = true;
 }
 
-// The newest point since which the object has been touched; it is dropped. NULL: none. Valid until the next keep.
-// Real-time safe.
+// Return the newest point after which the object was touched, and remove the point. Return NULL if there is none. The
+// state stays valid until the next kn_undo_keep. Real-time safe.
 const kn_state *kn_undo_take(kn_undo *undo);
 
 #endif
